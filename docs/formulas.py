@@ -1,4 +1,6 @@
-"""Hook of mkdocs: formulas as MathML, which browsers show without a script and without a network."""
+"""Hook of mkdocs: formulas as MathML, which browsers show without a script and without a
+network.
+"""
 
 import html
 import re

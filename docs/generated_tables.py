@@ -1,4 +1,5 @@
-"""Hook of mkdocs: writes into the pages what the code itself says, in place of marks such as `<!-- effects -->`.
+"""Hook of mkdocs: writes into the pages what the code itself says, in place of marks such as `<!--
+effects -->`.
 
 `page(text)` returns the text of a page as the built site has it.
 """
@@ -40,7 +41,13 @@ def parameters() -> str:
         for identifier, effect in effects_for("rotor_speed", neighbours=True).items()
         for figures, alike in groupby(effect.parameters, _figures)
     ]
-    return "\n".join(["| effect | parameter | unit | neutral | range | typical |", "|---|---|---|---|---|---|", *rows])
+    return "\n".join(
+        [
+            "| effect | parameter | unit | neutral | range | typical |",
+            "|---|---|---|---|---|---|",
+            *rows,
+        ]
+    )
 
 
 def _section(effect: type[Effect]) -> str:
@@ -50,7 +57,9 @@ def _section(effect: type[Effect]) -> str:
     texts += [ROTORS_ONLY] if effect.identifier in MEASURED_ROTORS else []
     texts += [NEIGHBOURS_ONLY] if effect.identifier in BESIDE_NEIGHBOURS else []
     seen = "; ".join(f"*{name}*: {_plain(fact)}" for name, fact in facts.items() if fact)
-    return "\n\n".join([f"### `{effect.identifier}`", *map(_plain, texts), *([seen] if seen else [])])
+    return "\n\n".join(
+        [f"### `{effect.identifier}`", *map(_plain, texts), *([seen] if seen else [])]
+    )
 
 
 def _figures(p: Parameter) -> str:
@@ -61,4 +70,6 @@ def _figures(p: Parameter) -> str:
 def _plain(text: str) -> str:
     """Return text in which Markdown sees no sign of its own, but for code marks."""
     parts = re.split(r"(`[^`]*`)", " ".join(text.split()))
-    return "".join(part if part[:1] == "`" else re.sub(r"([*_<|\[\]\\])", r"\\\1", part) for part in parts)
+    return "".join(
+        part if part[:1] == "`" else re.sub(r"([*_<|\[\]\\])", r"\\\1", part) for part in parts
+    )

@@ -1,4 +1,6 @@
-"""Docstrings on the API pages: two units in brackets, one after the other, are no link of Markdown's."""
+"""Docstrings on the API pages: two units in brackets, one after the other, are no link of
+Markdown's.
+"""
 
 import re
 from typing import Any

@@ -27,7 +27,10 @@ def loop_graph() -> str:
         text = re.sub(rf"^{node[1]}:.*\n|^.*-> {node[1]}:.*\n", "", text, flags=re.M)
     text = re.sub(r"<B>systems\.\w+\.(\w+)</B>", r"<B>\1</B>", text)  # the class without its module
     text = re.sub(r"digraph _\d+ \{", "digraph loop {", text)
-    return text.replace("rankdir=LR", 'rankdir=LR ranksep=1.1 nodesep=0.4 bgcolor=white\nnode [fontname="sans-serif"]')
+    return text.replace(
+        "rankdir=LR",
+        'rankdir=LR ranksep=1.1 nodesep=0.4 bgcolor=white\nnode [fontname="sans-serif"]',
+    )
 
 
 def _name(node: str) -> str:
@@ -36,5 +39,7 @@ def _name(node: str) -> str:
 
 
 if __name__ == "__main__":
-    svg = subprocess.run(["dot", "-Tsvg"], input=loop_graph(), capture_output=True, text=True, check=True).stdout
+    svg = subprocess.run(
+        ["dot", "-Tsvg"], input=loop_graph(), capture_output=True, text=True, check=True
+    ).stdout
     FILE.write_text(svg)

@@ -26,7 +26,7 @@ traceback of an error before its line.
 
 | verb | does | page |
 |---|---|---|
-"""
+"""  # noqa: E501
 PAGES = {  # verb -> the page that shows its use; a verb without one has an empty cell
     "demo": "guide/install.md",
     "fly": "guide/fly.md",
@@ -71,8 +71,12 @@ def _row(name: str, command: Any) -> str:
 
 
 def _first_sentence(text: str) -> str:
-    """Return the first sentence, such that neither a table nor Markdown mistakes it for something of its own."""
-    plain = re.split(r"(?<=\.)\s|[:;]\s|\n\s*\n", " ".join(text.split("\n\n")[0].split()))[0].rstrip(":.")
+    """Return the first sentence, such that neither a table nor Markdown mistakes it for something
+    of its own.
+    """
+    plain = re.split(r"(?<=\.)\s|[:;]\s|\n\s*\n", " ".join(text.split("\n\n")[0].split()))[
+        0
+    ].rstrip(":.")
     for sign, written in {"|": "\\|", "<": "&lt;", "*": "\\*", "_": "\\_"}.items():
         plain = plain.replace(sign, written)
     return plain + "."

@@ -1,6 +1,8 @@
-"""Models, estimation, diagnosis and control without a simulator: no Diagram, LeafSystem or MultibodyPlant.
+"""Models, estimation, diagnosis and control without a simulator: no Diagram, LeafSystem or
+MultibodyPlant.
 
-The names below are the public interface; each is imported when it is first used. Effects are in `np_drake.effects`.
+The names below are the public interface; each is imported when it is first used. Effects are in
+`np_drake.effects`.
 """
 
 from np_drake.lazy_names import lazy_names

@@ -8,7 +8,9 @@ def main() -> None:
     end_at_once()
     from importlib.metadata import distribution
 
-    (script,) = distribution("np_drake").entry_points.select(group="console_scripts", name="np-drake")
+    (script,) = distribution("np_drake").entry_points.select(
+        group="console_scripts", name="np-drake"
+    )
     script.load()()
 
 

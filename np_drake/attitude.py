@@ -41,7 +41,9 @@ def _entries(w, x, y, z) -> tuple:
 
 
 def body_z(q: np.ndarray) -> np.ndarray:
-    """Return the body z axis in W (..., 3) of quaternions (..., 4), quadratic in q and without normalisation."""
+    """Return the body z axis in W (..., 3) of quaternions (..., 4), quadratic in q and without
+    normalisation.
+    """
     w, x, y, z = _components(q)
     return _vector(2 * (x * z + w * y), 2 * (y * z - w * x), w * w - x * x - y * y + z * z)
 
@@ -72,7 +74,9 @@ def quaternion_rate(q: np.ndarray, w_WB_B: np.ndarray) -> np.ndarray:
     """
     w, x, y, z = _components(q)
     a, b, c = _components(w_WB_B)
-    return 0.5 * _vector(-x * a - y * b - z * c, w * a + y * c - z * b, w * b + z * a - x * c, w * c + x * b - y * a)
+    return 0.5 * _vector(
+        -x * a - y * b - z * c, w * a + y * c - z * b, w * b + z * a - x * c, w * c + x * b - y * a
+    )
 
 
 def skew(r: np.ndarray) -> np.ndarray:
@@ -137,7 +141,9 @@ def quaternion_from_axes(z_B_W: np.ndarray, yaw: np.ndarray | float) -> np.ndarr
 
 
 def rotation_vector(q: np.ndarray) -> np.ndarray:
-    """Return the rotation vector (..., 3) [rad] of a unit quaternion (..., 4), of at most half a turn."""
+    """Return the rotation vector (..., 3) [rad] of a unit quaternion (..., 4), of at most half a
+    turn.
+    """
     q = np.where(q[..., :1] < 0, -q, q)
     sine = np.linalg.norm(q[..., 1:], axis=-1, keepdims=True)
     angle = 2 * np.arctan2(sine, q[..., :1])

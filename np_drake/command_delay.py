@@ -8,17 +8,24 @@ from np_drake import attitude, rigid_body
 from np_drake.compiled import finite
 from np_drake.residual_model import Memory
 from np_drake.rotor_input import rotor_decay, rotor_speed, rotor_wrench
-from np_drake.scaling import ratios
 from np_drake.vehicle import Vehicle
+from np_drake.vehicle.scaling import ratios
 
 LONGEST_DELAY = 6  # delay that is looked for [periods]
 FINE = 4  # delays tried in a period [1]
-KEPT = LONGEST_DELAY + 2  # commands that are kept: of the longest delay, and the one that acted before [1]
-WINDOW = 2.0  # over which evidence is averaged, at the paper's vehicle's pace [s]; source: stated prior
-CHANGED = 1e-3  # prior probability that the delay is not the one believed so far [1]; source: stated prior
-# Two steps share a reading, so that n of them tell less: 1 + 2 rho² of the squares of differenced white noise [1].
+KEPT = (
+    LONGEST_DELAY + 2
+)  # commands that are kept: of the longest delay, and the one that acted before [1]
+WINDOW = (
+    2.0  # over which evidence is averaged, at the paper's vehicle's pace [s]; source: stated prior
+)
+# prior probability that the delay is not the one believed so far [1]; source: stated prior
+CHANGED = 1e-3
+# Two steps share a reading, so that n of them tell less: 1 + 2 rho² of the squares of differenced
+# white noise [1].
 SHARED = 1.5
-# Lags that are tried where none is known, at the paper's vehicle's pace [s]; source: own choice, small to large motors.
+# Lags that are tried where none is known, at the paper's vehicle's pace [s]; source: own choice,
+# small to large motors.
 LAGS = (0.0, 0.01, 0.02, 0.03, 0.045, 0.065, 0.09)
 CHANNELS = (0, 1, 2)  # of [f_u, tau_m] that tell a delay: thrust, roll, pitch; yaw hardly moves
 
@@ -26,32 +33,37 @@ CHANNELS = (0, 1, 2)  # of [f_u, tau_m] that tell a delay: thrust, roll, pitch; 
 class DelayFilter:
     """Bayesian choice among delays of whole and broken periods, `FINE` in each.
 
-    The wrench that acts differs from the command, delayed and passed through the rotors' lag, by external wrenches
-    and noise. External wrenches change slowly, so that the step of that difference from sample to sample is smallest
-    for the true delay. Steps are taken as normal with unknown variance over a sliding window: n samples have the log
-    likelihood -n/2 times the sum over thrust, roll and pitch of the log mean square. Where no lag of the rotors is
-    known, several are tried with every delay, and the likeliest counts: a lag must not be taken for a delay.
+    The wrench that acts differs from the command, delayed and passed through the rotors' lag, by
+    external wrenches and noise. External wrenches change slowly, so that the step of that
+    difference from sample to sample is smallest for the true delay. Steps are taken as normal with
+    unknown variance over a sliding window: n samples have the log likelihood -n/2 times the sum
+    over thrust, roll and pitch of the log mean square. Where no lag of the rotors is known, several
+    are tried with every delay, and the likeliest counts: a lag must not be taken for a delay.
 
     Args:
         vehicle: with the rotors' lag, 0 where it is not known.
         step: between samples and commands [s].
         known: delay that training has shown, or that is given [s].
-        track: whether other delays are looked for.
     Source: own choice; the criterion is that of `actuator_timing.learned_timing`.
 
-    Memory, of l lags and d delays: sent (KEPT, 4) commands, the newest first; rotor (l, 4) lagged rotor speed; acting
-    (l, d, 4) what acts by each delay; error (l, d, 3) measured less acting; squares (l, d, 3) mean squares of its
-    steps; seen (1,) steps; delay (1,) that is believed [periods / FINE]. Samples with NaN leave the estimate.
+    Memory, of l lags and d delays: sent (KEPT, 4) commands, the newest first; rotor (l, 4) lagged
+    rotor speed; acting (l, d, 4) what acts by each delay; error (l, d, 3) measured less acting;
+    squares (l, d, 3) mean squares of its steps; seen (1,) steps; delay (1,) that is believed
+    [periods / FINE]. Samples with NaN leave the estimate.
     """
 
     def __init__(self, vehicle: Vehicle, *, step: float, known: float = 0.0, track: bool = True):
         if not 0 <= known <= LONGEST_DELAY * step:
-            raise ValueError(f"DelayFilter: the delay must be 0 to {LONGEST_DELAY * step:g} s; got {known:g} s.")
+            raise ValueError(
+                f"DelayFilter: the delay must be 0 to {LONGEST_DELAY * step:g} s; got {known:g} s."
+            )
         self.step, self.track, self._vehicle = step, track, vehicle
         self._known = round(FINE * known / step)
         pace, own = ratios(vehicle).clock, vehicle.rotor_time_constant
         lags = (own,) if own > 0 else tuple(pace * lag for lag in LAGS)
-        decay = [rotor_decay(dc.replace(vehicle, rotor_time_constant=lag), step / FINE) for lag in lags]
+        decay = [
+            rotor_decay(dc.replace(vehicle, rotor_time_constant=lag), step / FINE) for lag in lags
+        ]
         # Of the fine steps of a period, the newest first, (l, FINE, 1).
         self._shares = np.array(decay)[:, None, None] ** np.arange(FINE, 0, -1)[:, None]
         self._window = WINDOW * pace / step  # [samples]
@@ -69,11 +81,12 @@ class DelayFilter:
             "delay": np.array([float(self._known)]),
         }
 
-    def update(self, memory: Memory, *, x: np.ndarray, acceleration: np.ndarray, u: np.ndarray) -> Memory:
+    def update(
+        self, memory: Memory, *, x: np.ndarray, acceleration: np.ndarray, u: np.ndarray
+    ) -> Memory:
         """Return the memory after one more sample.
 
         Args:
-            memory: of the samples before.
             x: (13,) state.
             acceleration: (6,) [a in W, al in B] [m/s², rad/s²].
             u: (4,) command up to now.
@@ -81,15 +94,24 @@ class DelayFilter:
         sent = newest_first(memory["sent"], u)
         target = rotor_speed(self._vehicle, sent[0])
         rotor = target + self._shares * (memory["rotor"][:, None] - target)
-        acting = np.concatenate([rotor_wrench(self._vehicle, rotor), memory["acting"][:, :-FINE]], axis=1)
+        acting = np.concatenate(
+            [rotor_wrench(self._vehicle, rotor), memory["acting"][:, :-FINE]], axis=1
+        )
         new = {**memory, "sent": sent, "rotor": rotor[:, 0], "acting": acting}
         return new | self._evidence(memory, self._measured(x, acceleration) - acting[..., CHANNELS])
 
     def _measured(self, x: np.ndarray, acceleration: np.ndarray) -> np.ndarray:
-        """Return thrust, roll and pitch torque that explain the motion, were there nothing else (3,) [N, N·m]."""
+        """Return thrust, roll and pitch torque that explain the motion, were there nothing else
+        (3,) [N, N·m].
+        """
         q = x[rigid_body.Q]
         wrench = rigid_body.residual_wrench(
-            self._vehicle, q=q, w=x[rigid_body.W], a=acceleration[:3], al=acceleration[3:], u=np.zeros(4)
+            self._vehicle,
+            q=q,
+            w=x[rigid_body.W],
+            a=acceleration[:3],
+            al=acceleration[3:],
+            u=np.zeros(4),
         )
         return np.array([wrench[:3] @ attitude.body_z(q), wrench[3], wrench[4]])
 
@@ -103,13 +125,16 @@ class DelayFilter:
         squares = memory["squares"] + blend * (change**2 - memory["squares"])
         new = {"error": error, "squares": squares, "seen": seen}
         if self.track:
-            new["delay"] = self._likeliest(squares, min(seen[0], self._window), int(memory["delay"][0]))
+            new["delay"] = self._likeliest(
+                squares, min(seen[0], self._window), int(memory["delay"][0])
+            )
         return new
 
     @staticmethod
     def _likeliest(squares: np.ndarray, samples: float, believed: int) -> np.ndarray:
         """Return the delay of the highest posterior probability (1,) [periods / FINE]."""
-        # Log likelihood of normal steps with these mean squares, each channel's variance unknown; the likeliest lag.
+        # Log likelihood of normal steps with these mean squares, each channel's variance unknown;
+        # the likeliest lag.
         logarithm = (-0.5 * (samples / SHARED) * np.log(squares + 1e-300).sum(axis=-1)).max(axis=0)
         logarithm[believed] += believed_before(len(logarithm))
         return np.array([float(np.argmax(logarithm))])
@@ -120,7 +145,9 @@ class DelayFilter:
 
 
 def believed_before(count: int) -> float:
-    """Return the logarithm of the prior odds of the delay believed so far over another one of `count` [1]."""
+    """Return the logarithm of the prior odds of the delay believed so far over another one of
+    `count` [1].
+    """
     return float(np.log((1 - CHANGED) * max(count - 1, 1) / CHANGED))
 
 
@@ -149,7 +176,8 @@ def acting_command(sent: np.ndarray, delay: float) -> np.ndarray:
 
 
 def commands_under_way(sent: np.ndarray, parts: int) -> np.ndarray:
-    """Return the commands that will act before the next one does, one each `FINE`-th of a period, (parts, 4).
+    """Return the commands that will act before the next one does, one each `FINE`-th of a period,
+    (parts, 4).
 
     Args:
         sent: (KEPT, 4) commands, the newest first [N, N·m].

@@ -21,7 +21,8 @@ FLOORS = ("np_drake", "systems", "diagrams")  # packages whose loops these are
 class Notice(event.Listener):
     """Says once why the user waits, where loops of this project are compiled.
 
-    On a terminal it is a warning; elsewhere, where stderr is for errors alone, information, which the verbs print.
+    On a terminal it is a warning; elsewhere, where stderr is for errors alone, information, which
+    the verbs print.
     """
 
     def __init__(self) -> None:
@@ -57,24 +58,21 @@ class _CheckedFile(caching.IndexDataCacheFile):
 
 
 class Cache(caching.FunctionCache):
-    """Cache of one compiled function. Damaged files are thrown away; where none can be written, there is no cache.
-
-    Args:
-        function: whose machine code it keeps.
+    """Cache of one compiled function. Damaged files are thrown away; where none can be written,
+    there is no cache.
     Raises: RuntimeError: if no folder takes it.
     """
 
     def __init__(self, function: Callable[..., Any]):
         super().__init__(function)
         file = self._cache_file
-        self._cache_file = _CheckedFile(self._cache_path, self._impl.filename_base, file._source_stamp)
+        self._cache_file = _CheckedFile(
+            self._cache_path, self._impl.filename_base, file._source_stamp
+        )
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """Return the compiled function for a signature; None where there is none, or its files are damaged.
-
-        Args:
-            sig: the signature.
-            target_context: of the machine.
+        """Return the compiled function for a signature; None where there is none, or its files are
+        damaged.
         """
         try:
             return super().load_overload(sig, target_context)
@@ -87,12 +85,7 @@ class Cache(caching.FunctionCache):
         return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
-        """Keep the compiled function, where the disk takes it.
-
-        Args:
-            sig: the signature.
-            data: of the compiler.
-        """
+        """Keep the compiled function, where the disk takes it."""
         try:
             super().save_overload(sig, data)
         except OSError as error:
@@ -101,7 +94,9 @@ class Cache(caching.FunctionCache):
 
 
 def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Return the function compiled, once for all processes; where no cache can be written, once for each."""
+    """Return the function compiled, once for all processes; where no cache can be written, once for
+    each.
+    """
     dispatcher: Any = njit(error_model="numpy")(function)
     try:
         dispatcher._cache = Cache(function)
@@ -121,16 +116,10 @@ def finite(values):
 
 @compiled
 def turned(w, x, y, z, a, b, c):
-    """Return a vector in B turned to W; the conjugate quaternion turns back.
-
-    Args:
-        w: scalar part of a unit quaternion.
-        x: its first vector part.
-        y: second.
-        z: third.
-        a: first component of the vector in B.
-        b: second.
-        c: third.
-    """
+    """Return a vector in B turned to W; the conjugate quaternion turns back."""
     i, j, k = y * c - z * b, z * a - x * c, x * b - y * a
-    return (a + 2 * (w * i + y * k - z * j), b + 2 * (w * j + z * i - x * k), c + 2 * (w * k + x * j - y * i))
+    return (
+        a + 2 * (w * i + y * k - z * j),
+        b + 2 * (w * j + z * i - x * k),
+        c + 2 * (w * k + x * j - y * i),
+    )

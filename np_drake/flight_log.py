@@ -7,7 +7,7 @@ import numpy as np
 
 from np_drake.files.notebook import data_frame, html_table
 from np_drake.neighbour import Neighbour
-from np_drake.rotor_layout import RotorLayout
+from np_drake.vehicle.rotor_layout import RotorLayout
 
 MOST_NOTES = 5  # that a notebook shows
 COLUMNS: dict[str, tuple[str, ...]] = {  # field of FlightLog: columns of the file
@@ -29,23 +29,35 @@ COLUMNS: dict[str, tuple[str, ...]] = {  # field of FlightLog: columns of the fi
 
 @dc.dataclass(repr=False)
 class FlightLog:
-    """One flight in SI units, W z up, quaternions w, x, y, z body to world (docs/reference/flight-log.md).
+    """One flight in SI units, W z up, quaternions w, x, y, z body to world
+    (docs/reference/flight-log.md).
 
-    Row k's command acts from t_k until t_(k+1); a and al are those at t_k with row k's command acting.
-    t: (n,) [s].   p, v: (n, 3) position and velocity of the logged point in W [m, m/s].   q: (n, 4).   w: (n, 3)
-    body rates [rad/s].   u: (n, 4) commanded [f_u, tau_m] after saturation [N, N·m].   a: (n, 3) dv/dt in W
-    without gravity [m/s²].   al: (n, 3) dw/dt in B [rad/s²].   rotor: (n, 4) measured rotor speed [rad/s].
-    throttle: (n, 1) collective or (n, 4) of the rotors, normalised, of unknown scale [1].   voltage: (n,) of the
-    battery [V].   commanded_rates: (n, 3) body rates that an autopilot was asked for [rad/s].   bridged: (n,) bool,
-    rows that a reader put into gaps; None: none.
-    input: what thrust and torque come from: `command` (thrust and torque), `rotor_speed`, `thrust_only` (torque is
+    Row k's command acts from t_k until t_(k+1); a and al are those at t_k with row k's command
+    acting.
+    t: (n,) [s].
+    p, v: (n, 3) position and velocity of the logged point in W [m, m/s].
+    q: (n, 4).
+    w: (n, 3) body rates [rad/s].
+    u: (n, 4) commanded [f_u, tau_m] after saturation [N, N·m].
+    a: (n, 3) dv/dt in W without gravity [m/s²].
+    al: (n, 3) dw/dt in B [rad/s²].
+    rotor: (n, 4) measured rotor speed [rad/s]. throttle: (n, 1) collective or (n, 4) of the rotors,
+        normalised, of unknown scale [1].
+    voltage: (n,) of the battery [V].
+    commanded_rates: (n, 3) body rates that an autopilot was asked for [rad/s].
+    bridged: (n,) bool, rows that a reader put into gaps; None: none. input: what thrust and torque
+        come from: `command` (thrust and torque), `rotor_speed`,
+        `thrust_only` (torque is
     NaN), `normalised` (throttle; thrust and torque by an estimated map).
-    timing: standard deviation of the time at which a row's command acts [s]; 0 where it is held from its row.
+    timing: standard deviation of the time at which a row's command acts [s]; 0 where it is held
+        from its row.
     start: time of its recording's clock at t = 0; logs of clocks that agree are aligned by it [s].
     neighbours: vehicles that flew nearby, on the clock of t.
     layout: where the rotors of `rotor` and `throttle` are; None: in the order of the vehicle file.
-    lacks: what was not logged and is integrated: `attitude`, `velocity`, `height` (position); keys of
-    `library.REQUIREMENTS`. The specific force in B, R^T (a + g), is that of the accelerometer all the same.
+    lacks: what was not logged and is integrated: `attitude`, `velocity`, `height` (position); keys
+        of
+    `library.REQUIREMENTS`. The specific force in B, R^T (a + g), is that of the accelerometer all
+    the same.
     """
 
     t: np.ndarray
@@ -68,7 +80,9 @@ class FlightLog:
     lacks: tuple[str, ...] = ()
     start: float = 0.0
     neighbours: tuple[Neighbour, ...] = ()
-    notes: list[str] = dc.field(default_factory=list)  # what a reader derived, differentiated or repaired
+    notes: list[str] = dc.field(
+        default_factory=list
+    )  # what a reader derived, differentiated or repaired
 
     def __len__(self) -> int:
         return len(self.t)
@@ -88,7 +102,10 @@ class FlightLog:
         span = float(self.t[-1] - self.t[0]) if len(self) else 0.0
         rate = f" at {1 / self.step:.0f} Hz" if len(self) > 1 else ""
         lacks = f", without {', '.join(self.lacks)}" if self.lacks else ""
-        return f"FlightLog({self.name!r}: {len(self)} rows, {span:.1f} s{rate}, input {self.input}{lacks})"
+        return (
+            f"FlightLog({self.name!r}: {len(self)} rows, {span:.1f} s{rate}, input "
+            f"{self.input}{lacks})"
+        )
 
     def _repr_html_(self) -> str:
         """Return what a notebook shows: ranges of the quantities, and the notes of the reader."""
@@ -108,7 +125,9 @@ class FlightLog:
         return html_table(repr(self), ("", "range"), rows, self.notes[:MOST_NOTES])
 
     def columns(self) -> dict[str, np.ndarray]:
-        """Return columns (n,) by the names of a flight log's file (docs/reference/flight-log.md)."""
+        """Return columns (n,) by the names of a flight log's file
+        (docs/reference/flight-log.md).
+        """
         found: dict[str, np.ndarray] = {}
         for field, names in COLUMNS.items():
             value = getattr(self, "throttle" if field == "throttles" else field)
@@ -117,21 +136,29 @@ class FlightLog:
         return found
 
     def to_dataframe(self) -> Any:
-        """Return the log as a pandas DataFrame, with the times as its index and the columns of its file.
+        """Return the log as a pandas DataFrame, with the times as its index and the columns of its
+        file.
 
         Raises: ImportError: where pandas is not installed.
         """
         return data_frame(self.columns(), index="t")
 
     def plot(self) -> Any:
-        """Return a Figure of the track from above, and of position, speed and thrust against time."""
+        """Return a Figure of the track from above, and of position, speed and thrust against
+        time.
+        """
         from np_drake.files.figure_file import PALETTE, new_mosaic
 
-        panels = {"height": ("z [m]", self.p[:, 2]), "speed": ("speed [m/s]", np.linalg.norm(self.v, axis=1))}
+        panels = {
+            "height": ("z [m]", self.p[:, 2]),
+            "speed": ("speed [m/s]", np.linalg.norm(self.v, axis=1)),
+        }
         panels["thrust"] = ("thrust [N]", self.u[:, 0])
         figure, axes = new_mosaic([["track", name] for name in panels], width=10.0, height=4.8)
         axes["track"].plot(self.p[:, 0], self.p[:, 1], color=PALETTE[0], linewidth=1.2)
-        axes["track"].set(xlabel="x [m]", ylabel="y [m]", title=self.name, aspect="equal", adjustable="datalim")
+        axes["track"].set(
+            xlabel="x [m]", ylabel="y [m]", title=self.name, aspect="equal", adjustable="datalim"
+        )
         for name, (label, values) in panels.items():
             axes[name].plot(self.t, values, color=PALETTE[0], linewidth=1.0)
             axes[name].set(ylabel=label)
@@ -149,6 +176,8 @@ class FlightLog:
             stop: the one after the last.
         """
         cut: dict[str, Any] = {
-            name: value[start:stop] for name, value in vars(self).items() if isinstance(value, np.ndarray)
+            name: value[start:stop]
+            for name, value in vars(self).items()
+            if isinstance(value, np.ndarray)
         }
         return dc.replace(self, **cut, notes=list(self.notes))

@@ -1,9 +1,9 @@
 """Wrench labels: eq. (1) inverted from measured motion, and a causal low-pass.
 
-Raw label = rigid_body.residual_wrench(q, w, a, al, command); chi = low-pass(raw label), force and torque
-with a bandwidth each. Where the vehicle file has a `rotor_time_constant`, the command goes through that lag
-first, on rotor speed. A row with NaN gets a NaN label and leaves the memory as it was, so that the next good row
-continues from it.
+Raw label = rigid_body.residual_wrench(q, w, a, al, command); chi = low-pass(raw label), force and
+torque with a bandwidth each. Where the vehicle file has a `rotor_time_constant`, the command goes
+through that lag first, on rotor speed. A row with NaN gets a NaN label and leaves the memory as it
+was, so that the next good row continues from it.
 """
 
 import dataclasses as dc
@@ -18,8 +18,8 @@ from np_drake.compiled import compiled, finite
 from np_drake.flight_log import FlightLog
 from np_drake.residual_model import KnowsRotorLag, Memory
 from np_drake.rotor_input import acting_command, rotor_decay, rotor_speed, rotor_wrench
-from np_drake.scaling import ratios
 from np_drake.vehicle import Vehicle
+from np_drake.vehicle.scaling import ratios
 
 FORCE, TORQUE = slice(0, 3), slice(3, 6)  # within chi
 
@@ -28,8 +28,8 @@ FORCE, TORQUE = slice(0, 3), slice(3, 6)  # within chi
 class LabelConfig:
     """Causal low-pass on the raw labels.
 
-    Source: own choice, the bandwidths with the best tracking; motor lag corrupts torque labels above 2 Hz, so that
-    their bandwidth is lower.
+    Source: own choice, the bandwidths with the best tracking; motor lag corrupts torque labels
+    above 2 Hz, so that their bandwidth is lower.
     """
 
     force_bandwidth: float = 4.0  # -3 dB; inf for labels as they are [Hz]
@@ -43,18 +43,24 @@ class LabelConfig:
         """
         for name in ("force_bandwidth", "torque_bandwidth"):
             if not getattr(self, name) > 0:
-                raise ValueError(f"LabelConfig: {name} must be positive [Hz]; got {getattr(self, name)}.")
+                raise ValueError(
+                    f"LabelConfig: {name} must be positive [Hz]; got {getattr(self, name)}."
+                )
         if self.order not in (1, 2, 3, 4):
             raise ValueError(f"LabelConfig: order must be 1 … 4; got {self.order}.")
         return self
 
     @property
     def force_delay(self) -> float:
-        """Delay of slow forces through the low-pass, the group delay of a Butterworth filter at frequency zero [s]."""
+        """Delay of slow forces through the low-pass, the group delay of a Butterworth filter at
+        frequency zero [s].
+        """
         return 1.0 / (2 * np.pi * self.force_bandwidth * np.sin(0.5 * np.pi / self.order))
 
     def filters(self, step: float) -> list[tuple[slice, np.ndarray]]:
-        """Return (channels, second-order sections) of force and torque at a sampling interval [s]."""
+        """Return (channels, second-order sections) of force and torque at a sampling interval
+        [s].
+        """
         bands = ((FORCE, self.force_bandwidth), (TORQUE, self.torque_bandwidth))
         return [(channels, self._sections(bandwidth, step)) for channels, bandwidth in bands]
 
@@ -78,19 +84,18 @@ class ReadsLabels(Protocol):
 
 
 def default_labels(vehicle: Vehicle) -> LabelConfig:
-    """Return the low-pass for `vehicle`: that of the paper's at the pace of its own sampling (`Scales.clock`)."""
+    """Return the low-pass for `vehicle`: that of the paper's at the pace of its own sampling
+    (`Scales.clock`).
+    """
     pace, paper = ratios(vehicle).clock, LabelConfig()
     return LabelConfig(paper.force_bandwidth / pace, paper.torque_bandwidth / pace, paper.order)
 
 
 def labelled(vehicle: Vehicle, model: object) -> Vehicle:
-    """Return the vehicle that the labels for `model` assume, with the rotor lag that the model has learned.
+    """Return the vehicle that the labels for `model` assume, with the rotor lag that the model has
+    learned.
 
     A lag named in the vehicle's file takes precedence.
-
-    Args:
-        vehicle: nominal vehicle.
-        model: residual model that reads labels.
     """
     lag = model.rotor_lag if isinstance(model, KnowsRotorLag) else 0.0
     return dc.replace(vehicle, rotor_time_constant=vehicle.rotor_time_constant or lag)
@@ -100,8 +105,6 @@ class LabelFilter:
     """Streaming form of the labels: one sample at a time, all memory in the caller's dictionary.
 
     Args:
-        vehicle: nominal vehicle, whose rotor lag the command passes.
-        config: low-pass; default: that of the vehicle.
         step: time between samples [s].
     """
 
@@ -119,7 +122,11 @@ class LabelFilter:
         started: (1,) 0 or 1.   rotor: (4,) lagged rotor speed [rad/s], NaN before the first sample.
         state: (sections, 2, 6) of the filters.
         """
-        return {"started": np.zeros(1), "rotor": np.full(4, np.nan), "state": np.zeros((self._sections, 2, 6))}
+        return {
+            "started": np.zeros(1),
+            "rotor": np.full(4, np.nan),
+            "state": np.zeros((self._sections, 2, 6)),
+        }
 
     def step(
         self, memory: Memory, *, x: np.ndarray, a: np.ndarray, al: np.ndarray, u: np.ndarray
@@ -127,16 +134,19 @@ class LabelFilter:
         """Return the memory after one sample, and the label of that sample.
 
         Args:
-            memory: of the samples before.
             x: (13,) state.
             a: (3,) dv/dt in W, without gravity [m/s²].
             al: (3,) dw/dt in B [rad/s²].
-            u: (4,) command that a and al show the effect of: online, the one that acted up to now [N, N·m].
+            u: (4,) command that a and al show the effect of: online, the one that acted up to now
+                [N, N·m].
         Returns:
-            The memory after this sample, and chi (6,) [N, N·m], NaN where an entry of the sample is.
+            The memory after this sample, and chi (6,) [N, N·m], NaN where an entry of the sample
+            is.
         """
         rotor, u = self._lagged(memory["rotor"], np.asarray(u, float))
-        raw = rigid_body.residual_wrench(self._vehicle, q=x[rigid_body.Q], w=x[rigid_body.W], a=a, al=al, u=u)
+        raw = rigid_body.residual_wrench(
+            self._vehicle, q=x[rigid_body.Q], w=x[rigid_body.W], a=a, al=al, u=u
+        )
         if not finite(raw):
             return {**memory, "rotor": rotor}, np.full(6, np.nan)
         state, chi = memory["state"].copy(), np.empty(6)
@@ -147,7 +157,9 @@ class LabelFilter:
         return {"started": np.ones(1), "rotor": rotor, "state": state}, chi
 
     def _lagged(self, rotor: np.ndarray, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return rotor speed and wrench after `u` acted for one step; a NaN command leaves the speed."""
+        """Return rotor speed and wrench after `u` acted for one step; a NaN command leaves the
+        speed.
+        """
         if self._decay == 0.0:
             return rotor, u
         if not finite(u):
@@ -159,7 +171,8 @@ class LabelFilter:
 
 @compiled
 def _filter_once(sos, value, state, out):
-    """Pass one sample value (c,) through second-order sections (s, 6), whose state (s, 2, c) moves on, to out (c,).
+    """Pass one sample value (c,) through second-order sections (s, 6), whose state (s, 2, c) moves
+    on, to out (c,).
 
     The transposed direct form II, as of `scipy.signal.sosfilt`.
     """
@@ -174,15 +187,15 @@ def _filter_once(sos, value, state, out):
 
 
 def raw_labels(log: FlightLog, vehicle: Vehicle) -> np.ndarray:
-    """Return unfiltered labels (n, 6), row k's command (through the lag) with row k's acceleration [N, N·m].
-
-    Args:
-        log: with accelerations.
-        vehicle: nominal vehicle.
-    Raises: ValueError: where the log has no acceleration (see `logs.accelerations.with_accelerations`).
+    """Return unfiltered labels (n, 6), row k's command (through the lag) with row k's acceleration
+    [N, N·m].
+    Raises: ValueError: where the log has no acceleration (see
+        `logs.accelerations.with_accelerations`).
     """
     if log.a is None or log.al is None:
-        raise ValueError(f"labels: {log.name} must have acceleration columns; differentiate the log first.")
+        raise ValueError(
+            f"labels: {log.name} must have acceleration columns; differentiate the log first."
+        )
     u = acting_command(log, vehicle)
     return rigid_body.residual_wrench(vehicle, q=log.q, w=log.w, a=log.a, al=log.al, u=u)
 
@@ -191,11 +204,6 @@ def labels(log: FlightLog, vehicle: Vehicle, config: LabelConfig | None = None) 
     """Return causal low-passed labels chi (n, 6) [N, N·m].
 
     A row with NaN gets NaN, and the filter continues after it.
-
-    Args:
-        log: with accelerations.
-        vehicle: nominal vehicle.
-        config: low-pass; default: that of the vehicle.
     """
 
     def forward(sos: np.ndarray, raw: np.ndarray, good: np.ndarray) -> np.ndarray:
@@ -205,27 +213,32 @@ def labels(log: FlightLog, vehicle: Vehicle, config: LabelConfig | None = None) 
     return _filtered(log, vehicle, config, forward)
 
 
-def smooth_labels(log: FlightLog, vehicle: Vehicle, config: LabelConfig | None = None) -> np.ndarray:
-    """Return zero-phase labels (n, 6), as targets for training and truth for plots, never for a controller [N, N·m].
+def smooth_labels(
+    log: FlightLog, vehicle: Vehicle, config: LabelConfig | None = None
+) -> np.ndarray:
+    """Return zero-phase labels (n, 6), as targets for training and truth for plots, never for a
+    controller [N, N·m].
 
-    The low-pass runs forward and backward (-6 dB at the bandwidth). NaN rows are bridged by a line, and stay NaN.
-
-    Args:
-        log: with accelerations.
-        vehicle: nominal vehicle.
-        config: low-pass; default: that of the vehicle.
+    The low-pass runs forward and backward (-6 dB at the bandwidth). NaN rows are bridged by a line,
+    and stay NaN.
     """
 
     def both_ways(sos: np.ndarray, raw: np.ndarray, good: np.ndarray) -> np.ndarray:
-        bridged = np.stack([np.interp(log.t, log.t[good], column[good]) for column in raw.T], axis=1)
+        bridged = np.stack(
+            [np.interp(log.t, log.t[good], column[good]) for column in raw.T], axis=1
+        )
         padding = min(len(bridged) - 1, 3 * (2 * len(sos) + 1))
         return signal.sosfiltfilt(sos, bridged, axis=0, padlen=padding)[good]
 
     return _filtered(log, vehicle, config, both_ways)
 
 
-def _filtered(log: FlightLog, vehicle: Vehicle, config: LabelConfig | None, run: Callable) -> np.ndarray:
-    """Return labels (n, 6) that `run` takes from sections, raw labels of a group of channels and their good rows."""
+def _filtered(
+    log: FlightLog, vehicle: Vehicle, config: LabelConfig | None, run: Callable
+) -> np.ndarray:
+    """Return labels (n, 6) that `run` takes from sections, raw labels of a group of channels and
+    their good rows.
+    """
     raw = raw_labels(log, vehicle)
     good = np.all(np.isfinite(raw), axis=1)
     chi = np.full_like(raw, np.nan)

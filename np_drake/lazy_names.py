@@ -6,8 +6,11 @@ from importlib import import_module
 from typing import Any
 
 
-def lazy_names(package: str, names: Mapping[str, str]) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
-    """Return `__getattr__` and `__dir__` of a package; a name that is asked for is imported once and kept there.
+def lazy_names(
+    package: str, names: Mapping[str, str]
+) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
+    """Return `__getattr__` and `__dir__` of a package; a name that is asked for is imported once
+    and kept there.
 
     The first raises AttributeError for what is none of the public names.
 
@@ -18,7 +21,10 @@ def lazy_names(package: str, names: Mapping[str, str]) -> tuple[Callable[[str], 
 
     def get(name: str) -> Any:
         if name not in names:
-            raise AttributeError(f"module {package!r} has no attribute {name!r}; it offers {', '.join(sorted(names))}.")
+            raise AttributeError(
+                f"module {package!r} has no attribute {name!r}; it offers "
+                f"{', '.join(sorted(names))}."
+            )
         module = import_module(names[name])
         value = module if names[name] == f"{package}.{name}" else getattr(module, name)
         setattr(sys.modules[package], name, value)

@@ -22,7 +22,8 @@ def tracking_errors(p: np.ndarray, p_ref: np.ndarray) -> dict[str, float]:
 
 
 def error_growth(p: np.ndarray, p_ref: np.ndarray) -> float:
-    """Return E_xy of the last third of a flight over that of its first third [1]; above 1 where a swing grows.
+    """Return E_xy of the last third of a flight over that of its first third [1]; above 1 where a
+    swing grows.
 
     Args:
         p: (n, 3) positions flown [m].
@@ -50,7 +51,11 @@ def wrench_rmse(chi_hat: np.ndarray, chi: np.ndarray) -> dict[str, float]:
 def solve_times_ms(seconds: np.ndarray) -> dict[str, float]:
     """Return median, p95 and max of solve times given in [s], in [ms]."""
     ms = 1e3 * np.asarray(seconds, float)
-    return {"median": float(np.median(ms)), "p95": float(np.quantile(ms, 0.95)), "max": float(np.max(ms))}
+    return {
+        "median": float(np.median(ms)),
+        "p95": float(np.quantile(ms, 0.95)),
+        "max": float(np.max(ms)),
+    }
 
 
 FLOOR = 0.02  # peaks below it are noise and residual motion of the vehicle, no swing [m]
@@ -74,7 +79,8 @@ def peaks(t: np.ndarray, distance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def decay_rate(t: np.ndarray, distance: np.ndarray) -> float:
-    """Return the slope of the logarithm of the peaks, negative for a decaying swing [1/s]; NaN with fewer than three.
+    """Return the slope of the logarithm of the peaks, negative for a decaying swing [1/s]; NaN with
+    fewer than three.
 
     Args:
         t: (n,) at even steps [s].
@@ -85,7 +91,8 @@ def decay_rate(t: np.ndarray, distance: np.ndarray) -> float:
 
 
 def settling_time(t: np.ndarray, distance: np.ndarray) -> float:
-    """Return the time from t[0] until the distance stays below `SETTLED` [s]; inf if above it in the last second.
+    """Return the time from t[0] until the distance stays below `SETTLED` [s]; inf if above it in
+    the last second.
 
     Args:
         t: (n,) at even steps [s].
@@ -98,7 +105,9 @@ def settling_time(t: np.ndarray, distance: np.ndarray) -> float:
 
 
 def half_width(values: np.ndarray) -> float:
-    """Return half the width of the 95 % interval of the mean (Student); NaN for one value or non-finite values."""
+    """Return half the width of the 95 % interval of the mean (Student); NaN for one value or
+    non-finite values.
+    """
     n = len(values)
     if n < 2 or not np.isfinite(values).all():
         return float("nan")

@@ -1,7 +1,8 @@
 """Interface of every residual model.
 
-A residual model keeps its memory in a dictionary of arrays that the caller owns (a LeafSystem's Context, or a
-benchmark's loop), takes one sample every `step` seconds, and answers with a `WrenchForecast` over a horizon.
+A residual model keeps its memory in a dictionary of arrays that the caller owns (a LeafSystem's
+Context, or a benchmark's loop), takes one sample every `step` seconds, and answers with a
+`WrenchForecast` over a horizon.
 """
 
 import dataclasses as dc
@@ -32,7 +33,9 @@ class Plan:
 
 
 class Reaction(Protocol):
-    """Wrench as a function g of the motion at the same instant: vectorised, differentiable, without memory."""
+    """Wrench as a function g of the motion at the same instant: vectorised, differentiable, without
+    memory.
+    """
 
     def __call__(self, zeta: np.ndarray) -> np.ndarray:
         """Return chi (..., 6) [N, N·m] at zeta (..., 6) [m/s, rad/s]."""
@@ -68,11 +71,12 @@ class WrenchForecast:
 
         chi_i = C z_i + offset_i + g(zeta_i),  z_(i+1) = A z_i + B zeta_i,  i = 0 … N-1
 
-    chi_i acts from t_(k+i) to t_(k+i+1); zeta_i is the predicted [v_WB, w_WB_B] at t_(k+i). A model without
-    feedback from the motion has K = 0 and uses `offset` alone.
+    chi_i acts from t_(k+i) to t_(k+i+1); zeta_i is the predicted [v_WB, w_WB_B] at t_(k+i). A model
+    without feedback from the motion has K = 0 and uses `offset` alone.
 
-    zeta: (6,) measured now; used by g alone [m/s, rad/s].   start: (13,) state at t_k where that lies ahead, as
-    commands are on their way until then; None: t_k is now.
+    zeta: (6,) measured now; used by g alone [m/s, rad/s].
+    start: (13,) state at t_k where that lies ahead, as commands are on their way until then; None:
+        t_k is now.
     """
 
     A: np.ndarray  # (K, K)
@@ -130,9 +134,17 @@ class FlightForecasts:
     z: np.ndarray  # (o, K), one a sample
     offset: np.ndarray  # (o, 6) held over the horizon [N, N·m]
 
-    def at(self, horizons: list[int], origins: np.ndarray, zeta: np.ndarray, *, zeta_known: bool) -> np.ndarray:
-        """Return chi_hat of the forecasts at `origins`, see `FlightCourse`, (o, len(horizons), 6) [N, N·m]."""
-        z, offset, now = self.z[origins - self.first], self.offset[origins - self.first], zeta[origins]
+    def at(
+        self, horizons: list[int], origins: np.ndarray, zeta: np.ndarray, *, zeta_known: bool
+    ) -> np.ndarray:
+        """Return chi_hat of the forecasts at `origins`, see `FlightCourse`, (o, len(horizons), 6)
+        [N, N·m].
+        """
+        z, offset, now = (
+            self.z[origins - self.first],
+            self.offset[origins - self.first],
+            zeta[origins],
+        )
         chi_hat = np.empty((len(origins), len(horizons), 6))
         markov: list[np.ndarray] = []
         CA, summed = self.C, np.zeros((6, 6))
@@ -159,7 +171,9 @@ class FlightCourse(Protocol):
 
     first: int
 
-    def at(self, horizons: list[int], origins: np.ndarray, zeta: np.ndarray, *, zeta_known: bool) -> np.ndarray:
+    def at(
+        self, horizons: list[int], origins: np.ndarray, zeta: np.ndarray, *, zeta_known: bool
+    ) -> np.ndarray:
         """Return chi_hat (o, len(horizons), 6) [N, N·m].
 
         Args:
@@ -173,7 +187,9 @@ class FlightCourse(Protocol):
 
 @runtime_checkable
 class ForecastsWholeFlights(Protocol):
-    """A residual model that can forecast all samples of a flight at once, with the results of one by one."""
+    """A residual model that can forecast all samples of a flight at once, with the results of one
+    by one.
+    """
 
     def along(self, chi: np.ndarray, zeta: np.ndarray) -> FlightCourse | None:
         """Return the forecasts of a flight without gaps; None where this model cannot.
@@ -194,7 +210,9 @@ class KnowsRotorLag(Protocol):
 
 @runtime_checkable
 class KnowsDelay(Protocol):
-    """A residual model whose training has shown how long commands are on their way; it is followed in flight."""
+    """A residual model whose training has shown how long commands are on their way; it is followed
+    in flight.
+    """
 
     delay: float  # [s]
 
@@ -203,7 +221,9 @@ class KnowsDelay(Protocol):
 class ReadsPlan(Protocol):
     """A residual model that forecasts the wrench along an intended motion."""
 
-    def forecast_along(self, memory: Memory, plan: Plan, *, horizon: int, stride: int) -> WrenchForecast:
+    def forecast_along(
+        self, memory: Memory, plan: Plan, *, horizon: int, stride: int
+    ) -> WrenchForecast:
         """Return the forecast that is best where a plan is flown.
 
         Args:

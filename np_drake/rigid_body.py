@@ -1,7 +1,8 @@
 """Rigid-body dynamics of equation (1) of the paper, forward and inverse.
 
 State x (13,) = [p_WB, q_WB (w, x, y, z), v_WB, w_WB_B]; input u (4,) = [f_u, tau_m] as commanded;
-residual wrench chi (6,) = [f_e in W (N), tau_e in B (N·m)]. All functions are vectorised over leading axes.
+residual wrench chi (6,) = [f_e in W (N), tau_e in B (N·m)]. All functions are vectorised over
+leading axes.
 """
 
 import numpy as np
@@ -15,7 +16,9 @@ STATE_SIZE, INPUT_SIZE, WRENCH_SIZE = 13, 4, 6  # of x, u and chi [1]
 
 
 def zeta(x: np.ndarray) -> np.ndarray:
-    """Return zeta = [v_WB, w_WB_B] (..., 6) of a state x (..., 13), linear in the state [m/s, rad/s]."""
+    """Return zeta = [v_WB, w_WB_B] (..., 6) of a state x (..., 13), linear in the state [m/s,
+    rad/s].
+    """
     return x[..., 7:13]
 
 
@@ -23,7 +26,6 @@ def state_derivative(vehicle: Vehicle, x: np.ndarray, u: np.ndarray, chi: np.nda
     """Return dx/dt (..., 13) of eq. (1).
 
     Args:
-        vehicle: nominal vehicle.
         x: (..., 13) state.
         u: (..., 4) [N, N·m].
         chi: (..., 6) residual wrench [N, N·m].
@@ -43,10 +45,11 @@ def residual_wrench(
 ) -> np.ndarray:
     """Return the wrench that eq. (1) needs, besides the commanded input, to explain the motion.
 
-    f_e = m (a + g z) - R f_u z;   tau_e = J al + w x J w - tau_m.       Source: Jin et al. 2025, eq. (1) inverted.
+    f_e = m (a + g z) - R f_u z;
+    tau_e = J al + w x J w - tau_m.
+    Source: Jin et al. 2025, eq. (1) inverted.
 
     Args:
-        vehicle: nominal vehicle.
         q: (..., 4) attitude, body to world.
         w: (..., 3) body rates [rad/s].
         a: (..., 3) dv/dt of the centre of mass in W, gravity not in it [m/s²].

@@ -1,4 +1,6 @@
-"""Input that acts on the rotors: from measured rotor speed, or from the command through the vehicle file's lag."""
+"""Input that acts on the rotors: from measured rotor speed, or from the command through the vehicle
+file's lag.
+"""
 
 import dataclasses as dc
 
@@ -6,33 +8,31 @@ import numpy as np
 from scipy import signal
 
 from np_drake.flight_log import FlightLog
-from np_drake.vehicle import Vehicle
+from np_drake.vehicle.vehicle import Vehicle
 
 
 def with_rotor_input(log: FlightLog, vehicle: Vehicle) -> FlightLog:
     """Return the log with u from measured rotor speed and the vehicle file (`input: rotor_speed`).
-
-    Args:
-        log: with measured rotor speed.
-        vehicle: that turns it into thrust and torque.
     Raises: ValueError: where the log has no rotor columns.
     """
     if log.rotor is None:
-        raise ValueError(f"with_rotor_input: {log.name} must have columns rotor1 … rotor4; got none.")
-    note = f"no command: thrust and torque from rotor speed and vehicle {vehicle.name!r} (input: rotor_speed)"
+        raise ValueError(
+            f"with_rotor_input: {log.name} must have columns rotor1 … rotor4; got none."
+        )
+    note = (
+        f"no command: thrust and torque from rotor speed and vehicle {vehicle.name!r} "
+        f"(input: rotor_speed)"
+    )
     u = rotor_wrench(vehicle, log.rotor)
     return dc.replace(log, u=u, input="rotor_speed", notes=[*log.notes, note])
 
 
 def acting_command(log: FlightLog, vehicle: Vehicle) -> np.ndarray:
-    """Return the command that acts on the rotors at t_k by the vehicle file, right-sided, (n, 4) [N, N·m].
+    """Return the command that acts on the rotors at t_k by the vehicle file, right-sided, (n, 4)
+    [N, N·m].
 
     Without lag: row k's command. With lag: rotor speed is continuous, so row k shows commands
     0 … k-1. Measured rotor speed (`log.input`) needs no lag.
-
-    Args:
-        log: of one flight.
-        vehicle: with the rotors' lag.
     """
     decay = rotor_decay(vehicle, log.step)
     if decay == 0.0 or log.input == "rotor_speed":
@@ -54,7 +54,6 @@ def rotor_decay(vehicle: Vehicle, step: float) -> float:
     """Return exp(-step / rotor_time_constant), 0 without lag [1].
 
     Args:
-        vehicle: with the rotors' lag.
         step: between samples [s].
     """
     # Exact discretisation of the first-order lag under a held command.
@@ -66,7 +65,6 @@ def rotor_speed(vehicle: Vehicle, u: np.ndarray) -> np.ndarray:
     """Return the rotor speed (..., 4) that gives an input; no rotor pulls downwards [rad/s].
 
     Args:
-        vehicle: nominal vehicle.
         u: (..., 4) [f_u, tau_m] [N, N·m].
     """
     return np.sqrt(np.maximum(u @ vehicle.unmixer.T, 0.0) / vehicle.thrust_coefficient)
@@ -76,7 +74,6 @@ def rotor_wrench(vehicle: Vehicle, speed: np.ndarray) -> np.ndarray:
     """Return u = [f_u, tau_m] (..., 4) of rotor speeds [N, N·m].
 
     Args:
-        vehicle: nominal vehicle.
         speed: (..., 4) [rad/s].
     """
     return (vehicle.thrust_coefficient * np.square(speed)) @ vehicle.mixer.T

@@ -17,7 +17,8 @@ ALWAYS: Mapping[ActuatorEffect, Span] = {}
 class ActuatorEffects(LeafSystem):
     """Chain of actuator effects through which rotor thrust passes, first to last.
 
-    Their dead times are not in it: they belong on the command (`CommandBuffer`), of which all of them only see more.
+    Their dead times are not in it: they belong on the command (`CommandBuffer`), of which all of
+    them only see more.
 
     .. pydrake_system::
 
@@ -36,8 +37,8 @@ class ActuatorEffects(LeafSystem):
     | nominal_thrust | 4 | what a nominal rotor would give at the actual rotor speed | N |
     | rotor_rate | 4 | time derivative of rotor speed; zero where nothing lags | rad/s² |
 
-    Continuous state: the effects' states one after the other; it starts at rest under hover thrust. The state of the
-    last effect that turns the rotors and has four states is rotor speed.
+    Continuous state: the effects' states one after the other; it starts at rest under hover thrust.
+    The state of the last effect that turns the rotors and has four states is rotor speed.
     """
 
     def __init__(
@@ -54,8 +55,8 @@ class ActuatorEffects(LeafSystem):
             vehicle: nominal.
             effects: first to last.
             hover_thrust: (4,) command at which the states start at rest [N].
-            spans: begin and end of effects that do not act all the time [s]; an idle one hands the thrust on, and its
-                state follows.
+            spans: begin and end of effects that do not act all the time [s]; an idle one hands the
+                thrust on, and its state follows.
         """
         super().__init__()
         self._vehicle = vehicle
@@ -85,7 +86,9 @@ class ActuatorEffects(LeafSystem):
         """
         context.SetContinuousState(self._resting_state(thrust))
 
-    def _passed(self, stages: Sequence["Stage"], state: np.ndarray, thrust: np.ndarray, t: float) -> np.ndarray:
+    def _passed(
+        self, stages: Sequence["Stage"], state: np.ndarray, thrust: np.ndarray, t: float
+    ) -> np.ndarray:
         """Return the thrust (4,) [N] after these stages."""
         for stage in stages:
             if stage.acts(t):

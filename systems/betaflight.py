@@ -32,14 +32,16 @@ class BetaflightAutopilot(LeafSystem):
     | u | 4 | thrust and torque of the rotors at the motor outputs, before the rotors' own effects | N, N·m |
     | motors | 4 | motor outputs | 1 |
 
-    State: motors (4). Event: periodic, every millisecond. The firmware's own state is in its process, not in the
-    Context: one system flies one flight, forward in time. It is armed at hover by the initialization event. An input
+    State: motors (4). Event: periodic, every millisecond. The firmware's own state is in its
+    process, not in the
+    Context: one system flies one flight, forward in time. It is armed at hover by the
+        initialization event. An input
     that is not finite raises RuntimeError.
 
     Args:
         vehicle: that flies.
         firmware: set up for it; whoever made it closes it.
-    """
+    """  # noqa: E501
 
     def __init__(self, vehicle: Vehicle, firmware: Betaflight):
         super().__init__()
@@ -66,7 +68,9 @@ class BetaflightAutopilot(LeafSystem):
         f = attitude.rotate_back(q, a + [0.0, 0.0, self._vehicle.gravity])
         command = self._command_port.Eval(context)
         if not (np.isfinite(x).all() and np.isfinite(f).all() and np.isfinite(command).all()):
-            raise RuntimeError("BetaflightAutopilot: x, acceleration and rates_thrust must be finite; one is NaN.")
+            raise RuntimeError(
+                "BetaflightAutopilot: x, acceleration and rates_thrust must be finite; one is NaN."
+            )
         discrete_state.set_value(self.firmware.step(Sensed(x[W], f, q, x[P], x[V]), command))
 
     def _calc_u(self, context, output) -> None:

@@ -35,7 +35,7 @@ class Cable(LeafSystem):
 
     State: 1 while the cable holds, 0 before and after. Events: at `tied_at` and `cut_at`.
     line: hook (3,), length, stiffness and damping, in the order of `cable_force`.
-    """
+    """  # noqa: E501
 
     def __init__(
         self,

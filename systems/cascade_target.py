@@ -27,7 +27,9 @@ class FlatTarget(LeafSystem):
         super().__init__()
         self._vehicle = vehicle
         self._flat_port = self.DeclareVectorInputPort("flat", 15)
-        self.DeclareVectorOutputPort("target", TARGET_SIZE, self._calc_target, {self._flat_port.ticket()})
+        self.DeclareVectorOutputPort(
+            "target", TARGET_SIZE, self._calc_target, {self._flat_port.ticket()}
+        )
 
     def _calc_target(self, context, output) -> None:
         flat = self._flat_port.Eval(context).reshape(5, 1, 3)

@@ -25,9 +25,9 @@ class CascadedController(LeafSystem):
     | target | 16 | p, v, a in W, w, dw/dt in B, heading | m … rad |
     | u | 4 | command after saturation | N, N·m |
 
-    Discrete state: u (4), integrals (6) of the errors [m·s, rad·s], time of the last update (1) [s].
-    Event: periodic every `period` [s] and, for loops with instants of their own, forced. A state with NaN leaves
-    command and integrals as they were.
+    Discrete state: u (4), integrals (6) of the errors [m·s, rad·s], time of the last update (1)
+    [s]. Event: periodic every `period` [s] and, for loops with instants of their own, forced. A
+    state with NaN leaves command and integrals as they were.
 
     Args:
         vehicle: nominal.
@@ -35,7 +35,9 @@ class CascadedController(LeafSystem):
         period: of the updates [s]; None: forced ones alone.
     """
 
-    def __init__(self, vehicle: Vehicle, gains: CascadeGains | None = None, *, period: float | None = 0.01):
+    def __init__(
+        self, vehicle: Vehicle, gains: CascadeGains | None = None, *, period: float | None = 0.01
+    ):
         super().__init__()
         self._vehicle, self._gains = vehicle, gains or CascadeGains()
         self._x_port = self.DeclareVectorInputPort("x", 13)

@@ -7,7 +7,8 @@ from pydrake.systems.framework import BasicVector, LeafSystem
 
 # A command is read this long after it may change, and no later than this before it may again.
 SOONEST = 1e-5  # [s]
-# Drake may lose an event whose time is one rounding error from another's: readings keep off all decimal times.
+# Drake may lose an event whose time is one rounding error from another's: readings keep off all
+# decimal times.
 _OFF_GRID = 3.7e-7  # [s]
 
 
@@ -15,8 +16,10 @@ class CommandBuffer(LeafSystem):
     """Delay that outputs what came in `dead_time` ago.
 
     Reads at k period + offset and hands on what it read `periods` readings before, with
-    dead_time = periods * period + offset: exact for a command that changes at multiples of `period` only, else late
-    by up to one period. Before the start `resting` holds.        Source: own choice; one event a period.
+    dead_time = periods * period + offset: exact for a command that changes at multiples of `period`
+    only, else late
+    by up to one period. Before the start `resting` holds.
+    Source: own choice; one event a period.
 
     .. pydrake_system::
 
@@ -33,7 +36,9 @@ class CommandBuffer(LeafSystem):
     Discrete state: the readings, oldest first. Event: every `period` from `offset` on.
     """
 
-    def __init__(self, resting: np.ndarray, *, dead_time: float, period: float, onset: float = -math.inf):
+    def __init__(
+        self, resting: np.ndarray, *, dead_time: float, period: float, onset: float = -math.inf
+    ):
         """Declare ports and state.
 
         Args:
@@ -46,7 +51,8 @@ class CommandBuffer(LeafSystem):
         self._onset = onset
         if not dead_time >= SOONEST or not period > 2 * SOONEST:
             raise ValueError(
-                f"CommandBuffer: dead_time must be at least {SOONEST:g} and period above {2 * SOONEST:g} [s]; "
+                f"CommandBuffer: dead_time must be at least {SOONEST:g} and period above "
+                f"{2 * SOONEST:g} [s]; "
                 f"got {dead_time} and {period}."
             )
         self._size = len(resting)
@@ -54,7 +60,9 @@ class CommandBuffer(LeafSystem):
         offset = min(max(dead_time - periods * period, SOONEST), period - SOONEST) + _OFF_GRID
         self._command_port = self.DeclareVectorInputPort("command", self._size)
         state = self.DeclareDiscreteState(BasicVector(np.tile(resting, periods + 1)))
-        self.DeclareVectorOutputPort("delayed", self._size, self._calc_delayed, self._prerequisites(state))
+        self.DeclareVectorOutputPort(
+            "delayed", self._size, self._calc_delayed, self._prerequisites(state)
+        )
         self.DeclarePeriodicDiscreteUpdateEvent(period, offset, self._update_readings)
 
     def _prerequisites(self, state) -> set:

@@ -1,4 +1,6 @@
-"""Several quadrotors with one payload: a single plant with rotors, cable and effects of each vehicle."""
+"""Several quadrotors with one payload: a single plant with rotors, cable and effects of each
+vehicle.
+"""
 
 from collections.abc import Sequence
 
@@ -17,7 +19,13 @@ from systems.plant_readings import BodyAcceleration, VehicleState
 from systems.rotors import add_propellers, add_rotor_chain
 from systems.wrench_effects import WrenchEffects
 
-PORTS = ("x", "acceleration", "rotor_thrust", "nominal_rotor_thrust", "tether_wrench")  # of every vehicle
+PORTS = (
+    "x",
+    "acceleration",
+    "rotor_thrust",
+    "nominal_rotor_thrust",
+    "tether_wrench",
+)  # of every vehicle
 
 
 def _make_cooperative_plant(vehicle: Vehicle, payload: PayloadConfig, count: int) -> MultibodyPlant:
@@ -41,9 +49,11 @@ def make_cooperative_quadrotors(
     actuator_effects: Sequence[ActuatorEffect] = (),
     command_period: float = 0.001,
 ) -> Diagram:
-    """Return a Diagram of `count` equal vehicles on one payload, each with a cable and effects of its own.
+    """Return a Diagram of `count` equal vehicles on one payload, each with a cable and effects of
+    its own.
 
-    Ports of vehicle i carry its number: `u_0` in, `x_0` out, …; sizes and units as `make_tethered_quadrotor`.
+    Ports of vehicle i carry its number: `u_0` in, `x_0` out, …; sizes and units as
+    `make_tethered_quadrotor`.
 
     | port | size | meaning | unit |
     |---|---|---|---|
@@ -59,19 +69,23 @@ def make_cooperative_quadrotors(
         wrench_effects: on every vehicle.
         actuator_effects: on every vehicle.
         command_period: as of `make_tethered_quadrotor` [s].
-    Raises: ValueError: if there is no vehicle, or the payload is impossible or does not hang on cables.
+    Raises: ValueError: if there is no vehicle, or the payload is impossible or does not hang on
+        cables.
     """
     payload.check()
     if count < 1:
         raise ValueError(f"make_cooperative_quadrotors: count must be at least 1; got {count}.")
     if payload.tether != "cable":
         raise ValueError(
-            f"make_cooperative_quadrotors: several vehicles share a payload on cables; got a {payload.tether}."
+            f"make_cooperative_quadrotors: several vehicles share a payload on cables; got "
+            f"a {payload.tether}."
         )
     builder = DiagramBuilder()
     plant = builder.AddSystem(_make_cooperative_plant(vehicle, payload, count))
     total = builder.AddNamedSystem("forces", Adder(count, plant.num_velocities()))
-    propellers = builder.AddNamedSystem("propellers", ExternallyAppliedSpatialForceMultiplexer(count))
+    propellers = builder.AddNamedSystem(
+        "propellers", ExternallyAppliedSpatialForceMultiplexer(count)
+    )
     builder.Connect(total.get_output_port(), plant.get_applied_generalized_force_input_port())
     builder.Connect(propellers.get_output_port(), plant.get_applied_spatial_force_input_port())
     share = vehicle.mass + payload.mass / count
@@ -104,7 +118,14 @@ def make_cooperative_quadrotors(
 
 
 def _make_one(
-    plant, vehicle: Vehicle, payload: PayloadConfig, *, number: int, effects, hover_thrust, command_period
+    plant,
+    vehicle: Vehicle,
+    payload: PayloadConfig,
+    *,
+    number: int,
+    effects,
+    hover_thrust,
+    command_period,
 ) -> Diagram:
     """Return rotors, cable, effects and readings of one vehicle; the plant itself lies outside."""
     wrench_effects, actuator_effects = effects
@@ -117,12 +138,20 @@ def _make_one(
     propellers = add_propellers(builder, plant, vehicle, rotors.thrust, body=body)
     pair = builder.AddNamedSystem("pair", MatrixGain(pair_state(plant, body)))
     cable = builder.AddNamedSystem(
-        "cable", Cable(length=payload.length, hook=payload.hook, stiffness=payload.stiffness, damping=payload.damping)
+        "cable",
+        Cable(
+            length=payload.length,
+            hook=payload.hook,
+            stiffness=payload.stiffness,
+            damping=payload.damping,
+        ),
     )
     builder.Connect(pair.get_output_port(), cable.get_input_port())
     forces = [cable.GetOutputPort("generalized_force")]
     if wrench_effects:
-        pushes = builder.AddNamedSystem("wrench_effects", WrenchEffects(vehicle, wrench_effects, 12))
+        pushes = builder.AddNamedSystem(
+            "wrench_effects", WrenchEffects(vehicle, wrench_effects, 12)
+        )
         builder.Connect(state.get_output_port(), pushes.GetInputPort("x"))
         builder.Connect(rotors.thrust, pushes.GetInputPort("rotor_thrust"))
         if rotors.rate is not None and any(effect.feels_rotor_rate for effect in wrench_effects):
@@ -171,7 +200,9 @@ def pair_state(plant: MultibodyPlant, body: str) -> np.ndarray:
 
 
 def _pair_velocities(plant: MultibodyPlant, body: str) -> np.ndarray:
-    """Return the matrix that selects [V_WB, V_WP], (12, nv); its transpose maps the pair's generalized forces back."""
+    """Return the matrix that selects [V_WB, V_WP], (12, nv); its transpose maps the pair's
+    generalized forces back.
+    """
     rows = np.zeros((12, plant.num_velocities()))
     for k, name in enumerate((body, "payload")):
         start = plant.GetJointByName(name).velocity_start()

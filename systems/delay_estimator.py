@@ -47,7 +47,9 @@ class DelayEstimator(MemorySystem):
         self.DeclarePeriodicDiscreteUpdateEvent(delay_filter.step, 0.0, self._update_memory)
 
     def _sent(self, context) -> np.ndarray:
-        """Return the commands sent up to now, the newest first, (KEPT, 4); see `newest_first` for NaN."""
+        """Return the commands sent up to now, the newest first, (KEPT, 4); see `newest_first` for
+        NaN.
+        """
         return newest_first(self.memory(context)["sent"], self._u_port.Eval(context))
 
     def _calc_acting(self, context, output) -> None:

@@ -2,14 +2,23 @@
 
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import QuaternionFloatingJoint, RigidBody, RotationalInertia, SpatialInertia, UnitInertia
+from pydrake.multibody.tree import (
+    QuaternionFloatingJoint,
+    RigidBody,
+    RotationalInertia,
+    SpatialInertia,
+    UnitInertia,
+)
 
 from np_drake.effects.base import MassProperties
 from systems.payload_config import PayloadConfig
 
 
-def add_free_body(plant: MultibodyPlant, name: str, inertia: SpatialInertia, *, drag: float = 0.0) -> RigidBody:
-    """Add a body on a floating joint of its own name and return it; states follow in the order of the calls.
+def add_free_body(
+    plant: MultibodyPlant, name: str, inertia: SpatialInertia, *, drag: float = 0.0
+) -> RigidBody:
+    """Add a body on a floating joint of its own name and return it; states follow in the order of
+    the calls.
 
     Args:
         plant: not finalized.

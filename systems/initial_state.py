@@ -32,7 +32,8 @@ def set_hover(plant: MultibodyPlant, context: Context, payload: PayloadConfig, p
 
 
 def set_formation(plant: MultibodyPlant, context: Context, payload: PayloadConfig, p_WB) -> None:
-    """Set the quadrotors level and at rest on a regular polygon, with the payload at rest on equally taut cables.
+    """Set the quadrotors level and at rest on a regular polygon, with the payload at rest on
+    equally taut cables.
 
     Args:
         plant: with quadrotors and payload.
@@ -46,13 +47,17 @@ def set_formation(plant: MultibodyPlant, context: Context, payload: PayloadConfi
     radius = float(np.linalg.norm(p_WB[0] - center))
     weight = payload.mass * -plant.gravity_field().gravity_vector()[2]
     length = payload.length
-    for _ in range(4):  # the stretch changes the cable's angle, by which it is found, in the fifth digit only
+    for _ in range(
+        4
+    ):  # the stretch changes the cable's angle, by which it is found, in the fifth digit only
         cosine = -payload_drop(radius, length, 0.0) / length
         length = payload.length + weight / (len(p_WB) * cosine * payload.stiffness)
     drop = payload_drop(radius, length, payload.hook[2])
     for i, p in enumerate(p_WB):
         plant.SetFreeBodyPose(context, plant.GetBodyByName(f"quadrotor_{i}"), RigidTransform(p))
-    plant.SetFreeBodyPose(context, plant.GetBodyByName("payload"), RigidTransform(center + [0.0, 0.0, drop]))
+    plant.SetFreeBodyPose(
+        context, plant.GetBodyByName("payload"), RigidTransform(center + [0.0, 0.0, drop])
+    )
 
 
 def set_vehicle_mass(plant: MultibodyPlant, context: Context, properties: MassProperties) -> None:
@@ -63,10 +68,14 @@ def set_vehicle_mass(plant: MultibodyPlant, context: Context, properties: MassPr
         context: the plant's own.
         properties: the new ones.
     """
-    plant.GetBodyByName("quadrotor").SetSpatialInertiaInBodyFrame(context, spatial_inertia(properties))
+    plant.GetBodyByName("quadrotor").SetSpatialInertiaInBodyFrame(
+        context, spatial_inertia(properties)
+    )
 
 
-def set_payload_mass(plant: MultibodyPlant, context: Context, payload: PayloadConfig, mass: float) -> None:
+def set_payload_mass(
+    plant: MultibodyPlant, context: Context, payload: PayloadConfig, mass: float
+) -> None:
     """Replace the payload's mass [kg] in a context.
 
     Args:

@@ -1,4 +1,6 @@
-"""Change of mass properties in flight, as the force that makes a plant of constant mass move accordingly."""
+"""Change of mass properties in flight, as the force that makes a plant of constant mass move
+accordingly.
+"""
 
 from collections.abc import Callable, Sequence
 
@@ -19,8 +21,8 @@ Change = tuple[float, Callable[[MultibodyPlant, Context], None]]
 class MassChange(LeafSystem):
     """Applied force under which the plant accelerates as it would with the mass properties of now.
 
-    The masses of a plant are parameters, which no event may change. With M and b of the plant's own mass properties,
-    M_now and b_now of those of now, and the force tau that acts:
+    The masses of a plant are parameters, which no event may change. With M and b of the plant's own
+    mass properties, M_now and b_now of those of now, and the force tau that acts:
         M_now dv/dt + b_now = tau,   M dv/dt + b = tau + correction.
     Source: own choice; inverse dynamics of the acceleration that is wanted.
 
@@ -42,7 +44,7 @@ class MassChange(LeafSystem):
     | generalized_force (out) | nv | to be applied; the same as what comes in before the first change | N·m, N |
 
     State: number of changes so far. Events: one at the time of each change.
-    """
+    """  # noqa: E501
 
     def __init__(self, plant: MultibodyPlant, vehicle: Vehicle, changes: Sequence[Change]):
         """Declare ports, state and events.
@@ -54,7 +56,9 @@ class MassChange(LeafSystem):
         """
         super().__init__()
         self._plant, self._vehicle, self._forces = plant, vehicle, MultibodyForces(plant)
-        self._contexts = [plant.CreateDefaultContext()]  # workspace: the state is set before each use
+        self._contexts = [
+            plant.CreateDefaultContext()
+        ]  # workspace: the state is set before each use
         size = plant.num_velocities()
         self._state_port = self.DeclareVectorInputPort("plant_state", plant.num_multibody_states())
         self._force_port = self.DeclareVectorInputPort("generalized_force", size)
@@ -68,7 +72,10 @@ class MassChange(LeafSystem):
             declare_event_at(self, time, setting(float(count)))
 
     def _calc_force(self, context, output) -> None:
-        force, count = self._force_port.Eval(context), int(context.get_discrete_state(0).GetAtIndex(0))
+        force, count = (
+            self._force_port.Eval(context),
+            int(context.get_discrete_state(0).GetAtIndex(0)),
+        )
         if count:
             state = self._state_port.Eval(context)
             rotors = self._rotor_force(context, state)
@@ -82,7 +89,9 @@ class MassChange(LeafSystem):
         output.SetFromVector(force)
 
     def _inverse_dynamics(self, workspace: Context, rates: np.ndarray) -> np.ndarray:
-        """Return the force (nv,) besides gravity and damping under which the plant has these `rates` (nv,)."""
+        """Return the force (nv,) besides gravity and damping under which the plant has these
+        `rates` (nv,).
+        """
         self._plant.CalcForceElementsContribution(workspace, self._forces)
         return self._plant.CalcInverseDynamics(workspace, rates, self._forces)
 
@@ -92,6 +101,8 @@ class MassChange(LeafSystem):
         if not self._thrust_port.HasValue(context):
             return force
         total, *moments = self._vehicle.mixer @ self._thrust_port.Eval(context)
-        x[3:7] = state[0:4] / np.linalg.norm(state[0:4])  # the integrator lets it drift off the unit sphere
+        x[3:7] = state[0:4] / np.linalg.norm(
+            state[0:4]
+        )  # the integrator lets it drift off the unit sphere
         generalized_force(x, np.concatenate([total * attitude.body_z(x[3:7]), moments]), force)
         return force

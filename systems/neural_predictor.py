@@ -9,7 +9,8 @@ from systems.residual_predictor import ResidualPredictor
 
 
 class NeuralPredictor(ResidualPredictor):
-    """Neural Predictor in the loop, z = Phi(chi) or E window, z+ = A z + B zeta, chi_hat = C z, for any configuration.
+    """Neural Predictor in the loop, z = Phi(chi) or E window, z+ = A z + B zeta, chi_hat = C z, for
+    any configuration.
 
     .. pydrake_system::
 
@@ -34,25 +35,39 @@ class NeuralPredictor(ResidualPredictor):
     | lifted_linear_system | LiftedLinearSystem | A, B, C at the predictor's own step, as of the last event | |
 
     State: a discrete group each for z, window, lowpass and count, whose indices are public, as in
-    `context.get_discrete_state(predictor.z_index).value()`; likewise, sorted by name, what else the model keeps (see
-    its class): counters, A, B and rows of a refit, the groups of a trust; then chi_hat (6).
-    Event: periodic, every `model.step`. Before the window is full, on NaN and on dropped samples: see the model.
+    `context.get_discrete_state(predictor.z_index).value()`; likewise, sorted by name, what else the
+    model keeps (see its class): counters, A, B and rows of a refit, the groups of a trust; then
+    chi_hat (6). Event: periodic, every `model.step`. Before the window is full, on NaN and on
+    dropped samples: see the model.
 
     Args:
         model: of any configuration.
         horizon, stride, vehicle: as of `ResidualPredictor`.
-    """
+    """  # noqa: E501
 
-    def __init__(self, model: NeuralPredictorModel, *, horizon: int, stride: int, vehicle: Vehicle | None = None):
+    def __init__(
+        self,
+        model: NeuralPredictorModel,
+        *,
+        horizon: int,
+        stride: int,
+        vehicle: Vehicle | None = None,
+    ):
         super().__init__(model, horizon=horizon, stride=stride, vehicle=vehicle)
         self._np = model
-        self.DeclareAbstractOutputPort("lifted_linear_system", Value[object], self._calc_system, {self.xd_ticket()})
+        self.DeclareAbstractOutputPort(
+            "lifted_linear_system", Value[object], self._calc_system, {self.xd_ticket()}
+        )
 
     def _declare_memory(self, initial: Memory) -> None:
         self.z_index = self._declare_group("z", initial)  # (K,) lifted vector
-        self.window_index = self._declare_group("window", initial)  # (W, 12) last [chi, zeta], oldest first
+        self.window_index = self._declare_group(
+            "window", initial
+        )  # (W, 12) last [chi, zeta], oldest first
         self.lowpass_index = self._declare_group("lowpass", initial)  # (6,) of the labels [N, N·m]
-        self.count_index = self._declare_group("count", initial)  # samples in the window, up to W [1]
+        self.count_index = self._declare_group(
+            "count", initial
+        )  # samples in the window, up to W [1]
         super()._declare_memory(initial)
 
     def _calc_system(self, context, output) -> None:

@@ -39,9 +39,9 @@ class NpMpc(LeafSystem):
     | solve_time | 1 | wall time of the last event | s |
     | plan_u, plan_x, plan_chi | 4 N, 13 (N+1), 6 N | the last plan: inputs, states, chi_hat | |
 
-    State: plan_u, plan_x, plan_chi, [status, solve time, has a plan]. Event: periodic, every `period`.
-    Before the first event the output is the hover input.
-    """
+    State: plan_u, plan_x, plan_chi, [status, solve time, has a plan]. Event: periodic, every
+    `period`. Before the first event the output is the hover input.
+    """  # noqa: E501
 
     def __init__(self, controller: MpcController):
         super().__init__()
@@ -69,7 +69,9 @@ class NpMpc(LeafSystem):
         return ControllerMemory(u, x, chi, flags=values[3])
 
     def _update_plan(self, context, discrete_state) -> None:
-        forecast = self._forecast_port.Eval(context) if self._forecast_port.HasValue(context) else None
+        forecast = (
+            self._forecast_port.Eval(context) if self._forecast_port.HasValue(context) else None
+        )
         memory = self.controller.step(
             self._memory(context),
             x=self._x_port.Eval(context),

@@ -7,11 +7,13 @@ from np_drake.offboard.autopilot import SimulatedAutopilot
 from np_drake.offboard.link import Link
 from np_drake.vehicle import Vehicle
 
-PERIOD = 0.0025  # between two looks at the link [s]; source: own choice, 400 Hz as of an autopilot's attitude loop
+# between two looks at the link [s]; source: own choice, 400 Hz as of an autopilot's attitude loop
+PERIOD = 0.0025
 
 
 class OffboardAutopilot(LeafSystem):
-    """LeafSystem that sends the vehicle's state and takes commands, with the modes of `SimulatedAutopilot`.
+    """LeafSystem that sends the vehicle's state and takes commands, with the modes of
+    `SimulatedAutopilot`.
 
     .. pydrake_system::
 
@@ -28,8 +30,8 @@ class OffboardAutopilot(LeafSystem):
     | acceleration | 6 | measured [a in W, al in B] | m/s², rad/s² |
     | rates_thrust | 4 | collective thrust and body rates in force | N, rad/s |
 
-    State: rates_thrust (4). Event: periodic, every 2.5 ms. Its modes and the link are outside the Context: one system
-    flies one flight, forward in time.
+    State: rates_thrust (4). Event: periodic, every 2.5 ms. Its modes and the link are outside the
+    Context: one system flies one flight, forward in time.
 
     Args:
         vehicle: that flies, with a `rate_loop`.

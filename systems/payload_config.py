@@ -26,36 +26,50 @@ class PayloadConfig:
         Raises: ValueError: on an unknown tether or an impossible size.
         """
         if self.tether not in ("cable", "rod", "none"):
-            raise ValueError(f"PayloadConfig: tether must be cable, rod or none; got {self.tether!r}.")
+            raise ValueError(
+                f"PayloadConfig: tether must be cable, rod or none; got {self.tether!r}."
+            )
         for name in ("mass", "length", "radius", "stiffness"):
             if not 0 < getattr(self, name) < np.inf:
-                raise ValueError(f"PayloadConfig: {name} must be positive and finite; got {getattr(self, name)}.")
+                raise ValueError(
+                    f"PayloadConfig: {name} must be positive and finite; got {getattr(self, name)}."
+                )
         if not self.damping >= 0 or np.shape(self.hook) != (3,):
-            raise ValueError("PayloadConfig: damping must not be negative and hook must be (3,) [m].")
+            raise ValueError(
+                "PayloadConfig: damping must not be negative and hook must be (3,) [m]."
+            )
         if not 0 <= self.air_damping < np.inf:
             raise ValueError(
-                f"PayloadConfig: air_damping must be finite and not negative [1/s]; got {self.air_damping}."
+                f"PayloadConfig: air_damping must be finite and not negative [1/s]; got "
+                f"{self.air_damping}."
             )
         if self.tether == "rod" and self.air_damping:
             raise ValueError(
-                f"PayloadConfig: air_damping must be 0 on a rod [1/s]; got {self.air_damping}. Use a cable."
+                f"PayloadConfig: air_damping must be 0 on a rod [1/s]; got "
+                f"{self.air_damping}. Use a cable."
             )
         return self
 
 
 def payload_config(effect: SuspendedPayload | None) -> PayloadConfig:
-    """Return the body that the effect stands for; no tether where there is no payload or it weighs nothing."""
+    """Return the body that the effect stands for; no tether where there is no payload or it weighs
+    nothing.
+    """
     if effect is None or effect.mass == 0.0:
         return PayloadConfig(tether="none")
     hook = [effect.hook_x, effect.hook_y, effect.hook_z]
-    return PayloadConfig("cable", effect.mass, effect.length, hook, air_damping=effect.damping).check()
+    return PayloadConfig(
+        "cable", effect.mass, effect.length, hook, air_damping=effect.damping
+    ).check()
 
 
 def as_light(payload: PayloadConfig) -> PayloadConfig:
-    """Return the payload with stiffness and damping of its cable reduced for a mass below the default.
+    """Return the payload with stiffness and damping of its cable reduced for a mass below the
+    default.
 
     A light payload on the usual cable would need tiny steps.
-    Source: own choice: stiffness and damping over mass stay, and with them the stretch under its weight.
+    Source: own choice: stiffness and damping over mass stay, and with them the stretch under its
+        weight.
     """
     share = min(payload.mass / PayloadConfig.mass, 1.0)
     return dc.replace(payload, stiffness=share * payload.stiffness, damping=share * payload.damping)

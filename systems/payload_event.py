@@ -12,10 +12,14 @@ KINDS = ("attach", "impulse", "release")
 class PayloadEvent:
     """Instantaneous change of a payload on a cable."""
 
-    kind: str = "impulse"  # attach: more is hung on | impulse: it is pushed | release: the cable is cut
+    kind: str = (
+        "impulse"  # attach: more is hung on | impulse: it is pushed | release: the cable is cut
+    )
     time: float = 0.0  # at which it happens [s]
     mass: float = 0.0  # of kind attach: what is hung on the payload and moves with it [kg]
-    impulse: list[float] = dc.field(default_factory=lambda: [0.0, 0.0, 0.0])  # of kind impulse, in W [N·s]
+    impulse: list[float] = dc.field(
+        default_factory=lambda: [0.0, 0.0, 0.0]
+    )  # of kind impulse, in W [N·s]
 
     def check(self) -> "PayloadEvent":
         """Return self after checking kind, time and size.
@@ -27,12 +31,18 @@ class PayloadEvent:
         if not 0 < self.time < np.inf:
             raise ValueError(f"events: time must be positive and finite [s]; got {self.time}.")
         if not 0 <= self.mass < np.inf or (self.kind == "attach") != (self.mass > 0):
-            raise ValueError(f"events: mass must be positive for kind attach and 0 for another [kg]; got {self.mass}.")
+            raise ValueError(
+                f"events: mass must be positive for kind attach and 0 for another [kg]; "
+                f"got {self.mass}."
+            )
         if np.shape(self.impulse) != (3,) or not np.isfinite(self.impulse).all():
-            raise ValueError(f"events: impulse must be three finite values [N·s]; got {self.impulse}.")
+            raise ValueError(
+                f"events: impulse must be three finite values [N·s]; got {self.impulse}."
+            )
         if (self.kind == "impulse") != bool(np.any(self.impulse)):
             raise ValueError(
-                f"events: impulse must be given for kind impulse alone [N·s]; got {self.impulse} for {self.kind}."
+                f"events: impulse must be given for kind impulse alone [N·s]; got "
+                f"{self.impulse} for {self.kind}."
             )
         return self
 

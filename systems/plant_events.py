@@ -1,6 +1,8 @@
-"""Events of a plant at given times, declared on the plant itself: an impulse on its payload, a payload that is hung on.
+"""Events of a plant at given times, declared on the plant itself: an impulse on its payload, a
+payload that is hung on.
 
-A plain `Simulator` triggers them, each before the discrete updates of its instant, such as the controller's.
+A plain `Simulator` triggers them, each before the discrete updates of its instant, such as the
+controller's.
 """
 
 from collections.abc import Callable
@@ -16,7 +18,8 @@ _ONCE = 1e9  # period of an event that is to happen once: Drake's scheduled even
 
 
 def declare_event_at(system: LeafSystem, time: float, update: Update) -> None:
-    """Declare an unrestricted update of `system` at one time; nothing where it is infinite or not after the start.
+    """Declare an unrestricted update of `system` at one time; nothing where it is infinite or not
+    after the start.
 
     Args:
         system: whose state is updated.
@@ -24,7 +27,9 @@ def declare_event_at(system: LeafSystem, time: float, update: Update) -> None:
         update: of the state.
     """
     if 0.0 < time < np.inf:
-        system.DeclarePeriodicUnrestrictedUpdateEvent(period_sec=_ONCE, offset_sec=time, update=update)
+        system.DeclarePeriodicUnrestrictedUpdateEvent(
+            period_sec=_ONCE, offset_sec=time, update=update
+        )
 
 
 def setting(value: float) -> Update:
@@ -67,7 +72,8 @@ def declare_impulse(plant: MultibodyPlant, time: float, impulse, mass: float) ->
 
 
 def declare_hanging(plant: MultibodyPlant, time: float, payload: PayloadConfig) -> None:
-    """Declare that the payload is put vertically under the hook, at the tether's length, moving with the hook.
+    """Declare that the payload is put vertically under the hook, at the tether's length, moving
+    with the hook.
 
     Args:
         plant: with the free bodies `quadrotor` and `payload`.
@@ -78,12 +84,18 @@ def declare_hanging(plant: MultibodyPlant, time: float, payload: PayloadConfig) 
     q_start, v_start = joint.position_start(), plant.num_positions() + joint.velocity_start()
 
     def update(context: Context, state: State) -> None:
-        X, V = plant.EvalBodyPoseInWorld(context, B), plant.EvalBodySpatialVelocityInWorld(context, B)
+        X, V = (
+            plant.EvalBodyPoseInWorld(context, B),
+            plant.EvalBodySpatialVelocityInWorld(context, B),
+        )
         hook = X.rotation() @ np.asarray(payload.hook, float)
         p_WP = X.translation() + hook - [0.0, 0.0, payload.length]
         v_WP = V.translational() + np.cross(V.rotational(), hook)
         vector = state.get_mutable_continuous_state().get_mutable_vector()
-        for start, values in ((q_start, [1.0, 0.0, 0.0, 0.0, *p_WP]), (v_start, [0.0, 0.0, 0.0, *v_WP])):
+        for start, values in (
+            (q_start, [1.0, 0.0, 0.0, 0.0, *p_WP]),
+            (v_start, [0.0, 0.0, 0.0, *v_WP]),
+        ):
             for k, value in enumerate(values):
                 vector.SetAtIndex(start + k, value)
 

@@ -63,11 +63,15 @@ class VehicleState(LeafSystem):
 
 @compiled
 def _body_acceleration(s, q_start, rates, v_start, out):
-    """Write [a in W, al in B] (6,) from the plant's state and rates of its velocities; places as there."""
+    """Write [a in W, al in B] (6,) from the plant's state and rates of its velocities; places as
+    there.
+    """
     for k in range(3):
         out[k] = rates[v_start + 3 + k]
     w, x, y, z = s[q_start], s[q_start + 1], s[q_start + 2], s[q_start + 3]
-    out[3], out[4], out[5] = turned(w, -x, -y, -z, rates[v_start], rates[v_start + 1], rates[v_start + 2])
+    out[3], out[4], out[5] = turned(
+        w, -x, -y, -z, rates[v_start], rates[v_start + 1], rates[v_start + 2]
+    )
 
 
 class BodyAcceleration(LeafSystem):
@@ -98,7 +102,9 @@ class BodyAcceleration(LeafSystem):
         joint = plant.GetJointByName(body)
         self._starts = joint.position_start(), joint.velocity_start()
         self._state_port = self.DeclareVectorInputPort("plant_state", plant.num_multibody_states())
-        self._rates_port = self.DeclareVectorInputPort("generalized_acceleration", plant.num_velocities())
+        self._rates_port = self.DeclareVectorInputPort(
+            "generalized_acceleration", plant.num_velocities()
+        )
         prerequisites = {self._state_port.ticket(), self._rates_port.ticket()}
         self.DeclareVectorOutputPort("acceleration", 6, self._calc_acceleration, prerequisites)
 
@@ -130,7 +136,7 @@ class RodWrench(LeafSystem):
     Args:
         plant: finalized.
         joint: name of the rod's joint.
-    """
+    """  # noqa: E501
 
     def __init__(self, plant: MultibodyPlant, joint: str):
         super().__init__()
@@ -139,8 +145,12 @@ class RodWrench(LeafSystem):
         self._parent, self._child = int(rod.parent_body().index()), int(rod.child_body().index())
         self._X_PM = rod.frame_on_child().GetFixedPoseInBodyFrame()
         self._p_BoTo_B = rod.frame_on_parent().GetFixedPoseInBodyFrame().translation()
-        self._forces_port = self.DeclareAbstractInputPort("reaction_forces", Value[list[SpatialForce]]())
-        self._poses_port = self.DeclareAbstractInputPort("body_poses", Value[list[RigidTransform]]())
+        self._forces_port = self.DeclareAbstractInputPort(
+            "reaction_forces", Value[list[SpatialForce]]()
+        )
+        self._poses_port = self.DeclareAbstractInputPort(
+            "body_poses", Value[list[RigidTransform]]()
+        )
         prerequisites = {self._forces_port.ticket(), self._poses_port.ticket()}
         self.DeclareVectorOutputPort("tether_wrench", 6, self._calc_wrench, prerequisites)
 

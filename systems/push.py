@@ -18,7 +18,7 @@ class Push(LeafSystem):
     | generalized_force | nv | [moment, force] on B, then on P, all in W; zeros for other joints | N·m, N |
 
     Parameter: the forces (6,) on B and P in W [N], zero at the start.
-    """
+    """  # noqa: E501
 
     def __init__(self, num_velocities: int, *, payload: bool):
         """Declare port and parameter.
@@ -31,7 +31,9 @@ class Push(LeafSystem):
         self._size, self._payload = num_velocities, payload
         self.DeclareNumericParameter(BasicVector(np.zeros(6)))
         prerequisites = {self.all_parameters_ticket()}
-        self.DeclareVectorOutputPort("generalized_force", num_velocities, self._calc_force, prerequisites)
+        self.DeclareVectorOutputPort(
+            "generalized_force", num_velocities, self._calc_force, prerequisites
+        )
 
     def set_force(self, context, vehicle: np.ndarray, payload: np.ndarray) -> None:
         """Set the forces between two AdvanceTo.
@@ -43,7 +45,9 @@ class Push(LeafSystem):
         Raises: ValueError: on a force on a payload that there is not.
         """
         if np.any(payload) and not self._payload:
-            raise ValueError(f"Push: there must be a payload on a cable to be pushed; got {payload} N on none.")
+            raise ValueError(
+                f"Push: there must be a payload on a cable to be pushed; got {payload} N on none."
+            )
         context.get_mutable_numeric_parameter(0).SetFromVector(np.concatenate([vehicle, payload]))
 
     def _calc_force(self, context, output) -> None:

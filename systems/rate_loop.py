@@ -1,4 +1,6 @@
-"""Rate loop of an autopilot: the torque that a controller assumes of it, and an ideal autopilot that follows it."""
+"""Rate loop of an autopilot: the torque that a controller assumes of it, and an ideal autopilot
+that follows it.
+"""
 
 import numpy as np
 from pydrake.systems.framework import LeafSystem
@@ -8,7 +10,8 @@ from np_drake.vehicle import Vehicle
 
 
 class RateLoopTorque(LeafSystem):
-    """Thrust and torque that an estimator assumes, of a vehicle whose autopilot follows its file's rate loop.
+    """Thrust and torque that an estimator assumes, of a vehicle whose autopilot follows its file's
+    rate loop.
 
     .. pydrake_system::
 
@@ -33,7 +36,10 @@ class RateLoopTorque(LeafSystem):
     def __init__(self, vehicle: Vehicle):
         super().__init__()
         if vehicle.rate_loop is None:
-            raise ValueError(f"{type(self).__name__}: vehicle {vehicle.name!r} must have a rate_loop; it has none.")
+            raise ValueError(
+                f"{type(self).__name__}: vehicle {vehicle.name!r} must have a rate_loop; "
+                f"it has none."
+            )
         self._J, self._loop = vehicle.J, vehicle.rate_loop
         self._x_port = self.DeclareVectorInputPort("x", 13)
         self._command_port = self.DeclareVectorInputPort("rates_thrust", 4)
@@ -51,10 +57,12 @@ class RateLoopAutopilot(RateLoopTorque):
 
     Ports are those of `RateLoopTorque`. Continuous state: w_r (3,) [rad/s], s (3,) [rad], with
 
-        dw_r/dt = (gain w_c - w_r) / lag,   ds/dt = w_r - w,   al = (gain w_c - w) / lag + s / (4 lag²)
+        dw_r/dt = (gain w_c - w_r) / lag,
+        ds/dt = w_r - w,
+        al = (gain w_c - w) / lag + s / (4 lag²)
 
-    Undisturbed w is w_r, and s is zero; a steady torque is made up for with both poles at -1 / (2 lag). Source: own
-    choice, model following with critical damping.
+    Undisturbed w is w_r, and s is zero; a steady torque is made up for with both poles at -1 / (2
+    lag). Source: own choice, model following with critical damping.
     """
 
     def __init__(self, vehicle: Vehicle):

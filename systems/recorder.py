@@ -4,8 +4,8 @@ import numpy as np
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, LeafSystem, OutputPort
 from pydrake.systems.primitives import LogVectorOutput, ZeroOrderHold
 
-# Row k of a log carries the command that acts from t_k on, and the acceleration under it. Events at t_k have run
-# a microsecond later, and nothing else has moved.
+# Row k of a log carries the command that acts from t_k on, and the acceleration under it. Events at
+# t_k have run a microsecond later, and nothing else has moved.
 _AFTER = 1e-6  # [s]
 
 
@@ -26,7 +26,10 @@ class Recorder(LeafSystem):
             period: sampling time [s].
         """
         super().__init__()
-        self._period, self._signals = period, [self.DeclareVectorInputPort(*item) for item in sizes.items()]
+        self._period, self._signals = (
+            period,
+            [self.DeclareVectorInputPort(*item) for item in sizes.items()],
+        )
         self.DeclareVectorOutputPort("all", sum(sizes.values()), self._calc_all)
 
     def _calc_all(self, context, output) -> None:
@@ -40,7 +43,8 @@ class Recorder(LeafSystem):
             context: the root context of the simulation so far.
         """
         log = diagram.GetSubsystemByName("record").FindLog(context)
-        # The hold passes row k on at t_(k+1), before it samples again; the first entry is its initial value.
+        # The hold passes row k on at t_(k+1), before it samples again; the first entry is its
+        # initial value.
         data = log.data().T[1:]
         ends = np.cumsum([port.size() for port in self._signals])[:-1]
         parts = np.split(data, ends, axis=1)
@@ -48,7 +52,9 @@ class Recorder(LeafSystem):
         return {"t": self._period * np.arange(len(data)), **rows}
 
 
-def add_recorder(builder: DiagramBuilder, signals: dict[str, OutputPort], *, period: float) -> Recorder:
+def add_recorder(
+    builder: DiagramBuilder, signals: dict[str, OutputPort], *, period: float
+) -> Recorder:
     """Add one log of signals and return its subsystem `recorder`.
 
     Args:
@@ -58,7 +64,9 @@ def add_recorder(builder: DiagramBuilder, signals: dict[str, OutputPort], *, per
     """
     sizes = {name: port.size() for name, port in signals.items()}
     recorder = builder.AddNamedSystem("recorder", Recorder(sizes, period=period))
-    hold = builder.AddNamedSystem("recorder_hold", ZeroOrderHold(period, sum(sizes.values()), _AFTER))
+    hold = builder.AddNamedSystem(
+        "recorder_hold", ZeroOrderHold(period, sum(sizes.values()), _AFTER)
+    )
     for name, port in signals.items():
         builder.Connect(port, recorder.GetInputPort(name))
     builder.Connect(recorder.get_output_port(), hold.get_input_port())

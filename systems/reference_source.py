@@ -40,7 +40,9 @@ class ReferenceSource(LeafSystem):
 
     def _calc_flat(self, context, output) -> None:
         lead = self._lead_port.Eval(context)[0] if self._lead_port.HasValue(context) else 0.0
-        output.SetFromVector(self._reference.sample(context.get_time() + lead + self._times).ravel())
+        output.SetFromVector(
+            self._reference.sample(context.get_time() + lead + self._times).ravel()
+        )
 
     def _calc_position(self, context, output) -> None:
         output.SetFromVector(self._reference.sample(np.array([context.get_time()]))[0, 0])

@@ -43,15 +43,19 @@ class ResidualPredictor(MemorySystem):
     | forecast | WrenchForecast | from `delay` on, with the sample at hand taken in; feeds through | |
     | chi_hat | 6 | the forecast's first wrench, `delay` later, as of the last event | N, N·m |
 
-    State: one discrete group for each array of the model's memory, sorted by name, then chi_hat (6).
+    State: one discrete group for each array of the model's memory, sorted by name, then chi_hat
+    (6).
     Event: periodic, every `model.step`.
 
     Args:
         horizon: N of the forecast.   stride: model steps in one step of the forecast.
-        vehicle: nominal, predicts the motion until the next command acts; None: commands act at once.
-    """
+        vehicle: nominal, predicts the motion until the next command acts; None: commands act at
+            once.
+    """  # noqa: E501
 
-    def __init__(self, model: ResidualModel, *, horizon: int, stride: int, vehicle: Vehicle | None = None):
+    def __init__(
+        self, model: ResidualModel, *, horizon: int, stride: int, vehicle: Vehicle | None = None
+    ):
         super().__init__()
         self._model, self._span = model, {"horizon": horizon, "stride": stride}
         self._x_port = self.DeclareVectorInputPort("x", 13)
@@ -59,7 +63,10 @@ class ResidualPredictor(MemorySystem):
         self._label_port = self.DeclareVectorInputPort("label", 6)
         self._reads_plan: tuple[ReadsPlan, PlanPorts] | None = None
         if isinstance(model, ReadsPlan):
-            self._reads_plan = (model, PlanPorts(self, horizon=horizon, step=stride * model.step, age=model.step))
+            self._reads_plan = (
+                model,
+                PlanPorts(self, horizon=horizon, step=stride * model.step, age=model.step),
+            )
         self._look_ahead = None if vehicle is None else LookAhead(model, vehicle)
         if self._look_ahead is not None:
             self._sent_port = self.DeclareVectorInputPort("sent", 4 * KEPT)
@@ -69,12 +76,16 @@ class ResidualPredictor(MemorySystem):
         first = model.forecast(initial, **self._span).first
         self._chi_index = self.DeclareDiscreteState(BasicVector(first))
         self._step = self._declare_step(self._take_sample)
-        self.DeclareAbstractOutputPort("forecast", Value[object], self._calc_forecast, {self._step.ticket()})
+        self.DeclareAbstractOutputPort(
+            "forecast", Value[object], self._calc_forecast, {self._step.ticket()}
+        )
         self.DeclareStateOutputPort("chi_hat", self._chi_index)
         self.DeclarePeriodicDiscreteUpdateEvent(model.step, 0.0, self._update_memory)
 
     def _take_sample(self, context):
-        sample = Sample(self._x_port.Eval(context), self._u_port.Eval(context), self._label_port.Eval(context))
+        sample = Sample(
+            self._x_port.Eval(context), self._u_port.Eval(context), self._label_port.Eval(context)
+        )
         memory = self._model.update(self.memory(context), sample)
         if self._look_ahead is None or not self._delay_port.HasValue(context):
             return memory, self._forecast(context, memory)

@@ -46,9 +46,15 @@ class RotorSpeed(Integrator):
 
 
 def add_rotor_lag(
-    builder: DiagramBuilder, vehicle: Vehicle, lag: MotorLag, target: OutputPort, *, hover_thrust: np.ndarray
+    builder: DiagramBuilder,
+    vehicle: Vehicle,
+    lag: MotorLag,
+    target: OutputPort,
+    *,
+    hover_thrust: np.ndarray,
 ) -> OutputPort:
-    """Add rotors that follow their commanded speed, T d omega/dt = omega_command - omega, and return their speed.
+    """Add rotors that follow their commanded speed, T d omega/dt = omega_command - omega, and
+    return their speed.
 
     Args:
         builder: of the diagram.

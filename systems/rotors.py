@@ -35,7 +35,8 @@ def add_rotors(
     command_period: float,
     onsets: Onsets = NO_ONSETS,
 ) -> RotorPorts:
-    """Add mixer, saturation, dead time, actuator effects and propellers on the plant's body `quadrotor`.
+    """Add mixer, saturation, dead time, actuator effects and propellers on the plant's body
+    `quadrotor`.
 
     Exports the input `u`.
 
@@ -49,11 +50,18 @@ def add_rotors(
         onsets: of effects that begin in flight [s].
     """
     ports = add_rotor_chain(
-        builder, vehicle, effects, hover_thrust=hover_thrust, command_period=command_period, onsets=onsets
+        builder,
+        vehicle,
+        effects,
+        hover_thrust=hover_thrust,
+        command_period=command_period,
+        onsets=onsets,
     )
     propellers = add_propellers(builder, plant, vehicle, ports.thrust, body="quadrotor")
     builder.Connect(plant.get_body_poses_output_port(), propellers.get_body_poses_input_port())
-    builder.Connect(propellers.get_spatial_forces_output_port(), plant.get_applied_spatial_force_input_port())
+    builder.Connect(
+        propellers.get_spatial_forces_output_port(), plant.get_applied_spatial_force_input_port()
+    )
     return ports
 
 
@@ -78,7 +86,12 @@ def add_rotor_chain(
     """
     chain, spans = with_nominal_lag(vehicle, effects, onsets)
     command = add_commanded_thrust(
-        builder, vehicle, chain, hover_thrust=hover_thrust, command_period=command_period, onsets=onsets
+        builder,
+        vehicle,
+        chain,
+        hover_thrust=hover_thrust,
+        command_period=command_period,
+        onsets=onsets,
     )
     ports = RotorPorts(command, command, None)
     if chain:
@@ -99,7 +112,8 @@ def add_commanded_thrust(
     command_period: float,
     onsets: Onsets = NO_ONSETS,
 ) -> OutputPort:
-    """Add mixer, saturation and dead times behind the command `u`, which is exported, and return the port (4,) [N].
+    """Add mixer, saturation and dead times behind the command `u`, which is exported, and return
+    the port (4,) [N].
 
     Args:
         builder: of the diagram.
@@ -110,12 +124,16 @@ def add_commanded_thrust(
         onsets: of effects that begin in flight [s].
     """
     mixer = builder.AddNamedSystem("mixer", MatrixGain(vehicle.unmixer))
-    limit = builder.AddNamedSystem("saturation", Saturation(np.zeros(4), np.full(4, vehicle.max_rotor_thrust)))
+    limit = builder.AddNamedSystem(
+        "saturation", Saturation(np.zeros(4), np.full(4, vehicle.max_rotor_thrust))
+    )
     builder.ExportInput(mixer.get_input_port(), "u")
     builder.Connect(mixer.get_output_port(), limit.get_input_port())
     command = limit.get_output_port()
     for onset, dead_time in _dead_times(chain, onsets):
-        buffer = CommandBuffer(hover_thrust, dead_time=dead_time, period=command_period, onset=onset)
+        buffer = CommandBuffer(
+            hover_thrust, dead_time=dead_time, period=command_period, onset=onset
+        )
         name = "command_buffer" if onset == -np.inf else f"command_buffer_from_{onset:g}"
         builder.AddNamedSystem(name, buffer)
         builder.Connect(command, buffer.get_input_port())
@@ -126,7 +144,8 @@ def add_commanded_thrust(
 def with_nominal_lag(
     vehicle: Vehicle, effects: Sequence[ActuatorEffect], onsets: Onsets
 ) -> tuple[list[ActuatorEffect], dict[ActuatorEffect, Span]]:
-    """Return the effects that do something, after the vehicle file's nominal lag, and when those act that do at times.
+    """Return the effects that do something, after the vehicle file's nominal lag, and when those
+    act that do at times.
 
     The nominal lag acts until the effects have a lag of their own.
 
@@ -142,7 +161,8 @@ def with_nominal_lag(
     if nominal in chain:  # it goes on as it was
         spans.pop(nominal, None)
     elif vehicle.rotor_time_constant > 0 and own > 0:
-        # After the other lag, whose state then follows the command, as that of a lag that acts all the time.
+        # After the other lag, whose state then follows the command, as that of a lag that acts all
+        # the time.
         lags = [k for k, effect in enumerate(chain) if isinstance(effect, MotorLag)]
         chain.insert(1 + lags[-1] if lags else 0, nominal)
         spans |= {nominal: (-np.inf, own)} if own < np.inf else {}
@@ -155,11 +175,18 @@ def _dead_times(chain: Sequence[ActuatorEffect], onsets: Onsets) -> list[tuple[f
     for effect in chain:
         onset = onsets.get(effect, -np.inf)
         total[onset] = total.get(onset, 0.0) + effect.dead_time
-    return [(onset, dead_time) for onset, dead_time in sorted(total.items()) if dead_time >= SOONEST]
+    return [
+        (onset, dead_time) for onset, dead_time in sorted(total.items()) if dead_time >= SOONEST
+    ]
 
 
 def add_propellers(
-    builder: DiagramBuilder, plant: MultibodyPlant, vehicle: Vehicle, thrust: OutputPort, *, body: str
+    builder: DiagramBuilder,
+    plant: MultibodyPlant,
+    vehicle: Vehicle,
+    thrust: OutputPort,
+    *,
+    body: str,
 ) -> Propeller:
     """Add propellers to a body of the plant, with body poses and forces left to connect.
 

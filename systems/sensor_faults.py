@@ -31,19 +31,23 @@ class SensorFaults(LeafSystem):
     | acceleration (in, out) | 6 | [a in W, al in B] | m/s², rad/s² |
     | rotor_speed (in, out) | 4 | | rad/s |
 
-    State: the last readings (depth, 23), the newest first, and the number of the newest (1), -1 before any.
-    Event: periodic, every `period`. Between two events the input of now passes for the sample of the last.
+    State: the last readings (depth, 23), the newest first, and the number of the newest (1), -1
+    before any.
+    Event: periodic, every `period`. Between two events the input of now passes for the sample of
+        the last.
 
     Args:
         faults: first to last.
         period: between samples [s].
-    """
+    """  # noqa: E501
 
     def __init__(self, faults: Sequence[MeasurementFault], *, period: float):
         super().__init__()
         self._faults, self._period = tuple(faults), period
         self._depth = 2 + max((fault.oldest(period) for fault in self._faults), default=0)
-        self._input_ports = {name: self.DeclareVectorInputPort(name, size) for name, size in _SIZES.items()}
+        self._input_ports = {
+            name: self.DeclareVectorInputPort(name, size) for name, size in _SIZES.items()
+        }
         self.DeclareDiscreteState(BasicVector(np.zeros(self._depth * READING_SIZE)))
         self.DeclareDiscreteState(BasicVector([-1.0]))
         held = {self.xd_ticket(), self.time_ticket()}
@@ -68,7 +72,9 @@ class SensorFaults(LeafSystem):
         if newest < 0:
             return now[columns]
         back = min(max(newest - max(k, 0), 0), newest, self._depth - 1)
-        return context.get_discrete_state(0).value().reshape(self._depth, READING_SIZE)[back, columns]
+        return (
+            context.get_discrete_state(0).value().reshape(self._depth, READING_SIZE)[back, columns]
+        )
 
     def _delivered(self, context, now: np.ndarray) -> np.ndarray:
         t = context.get_time()

@@ -1,4 +1,5 @@
-"""Sensor model of motion capture and IMU: measurement effects and their noise sources as one subsystem.
+"""Sensor model of motion capture and IMU: measurement effects and their noise sources as one
+subsystem.
 
 Without effects the sensors are ideal and the true motion passes.
 """
@@ -14,7 +15,8 @@ from pydrake.systems.primitives import ConstantVectorSource, RandomSource, ZeroO
 from np_drake.effects.base import Measurement, MeasurementEffect
 from np_drake.vehicle import Vehicle
 
-# The draw changes between two sampling instants, so that controller and log read the same noise at an instant.
+# The draw changes between two sampling instants, so that controller and log read the same noise at
+# an instant.
 _DRAW_OFFSET = 0.4  # of a period
 
 
@@ -53,7 +55,8 @@ class MeasurementEffects(LeafSystem):
         shifted = [e.identifier for e in effects if getattr(e, "clock_shift", 0.0) != 0.0]
         if shifted:
             raise ValueError(
-                f"MeasurementEffects: a reading must not look into the future; got {', '.join(shifted)}. "
+                f"MeasurementEffects: a reading must not look into the future; got "
+                f"{', '.join(shifted)}. "
                 "Shift the recorded log instead (np_drake.logs.clock.shift_state)."
             )
         self._vehicle, self._effects = vehicle, list(effects)
@@ -78,12 +81,18 @@ class MeasurementEffects(LeafSystem):
         reading = Measurement(self._x_port.Eval(context), rest[:3], rest[3:], rotor)
         white, start = self._white_port.Eval(context), 0
         for effect in self._effects:
-            reading = effect.measure(self._vehicle, reading, white[start : start + effect.white_size])
+            reading = effect.measure(
+                self._vehicle, reading, white[start : start + effect.white_size]
+            )
             start += effect.white_size
         return reading
 
     def _calc_reading(self, context, value) -> None:
-        value.set_value(self._measure(context, self._acceleration_port.Eval(context), self._thrust_port.Eval(context)))
+        value.set_value(
+            self._measure(
+                context, self._acceleration_port.Eval(context), self._thrust_port.Eval(context)
+            )
+        )
 
     def _calc_x(self, context, output) -> None:
         output.SetFromVector(self._measure(context, np.zeros(6), np.zeros(4)).x)
@@ -96,11 +105,13 @@ class MeasurementEffects(LeafSystem):
         output.SetFromVector(self._reading.Eval(context).rotor)
 
 
-def make_sensor_model(vehicle: Vehicle, effects: Sequence[MeasurementEffect], *, period: float) -> Diagram:
+def make_sensor_model(
+    vehicle: Vehicle, effects: Sequence[MeasurementEffect], *, period: float
+) -> Diagram:
     """Return the sensors, with the ports of `MeasurementEffects` except `white`.
 
-    The noise is drawn by the diagram's random seed, which `diagram.SetRandomContext(context, RandomGenerator(seed))`
-    sets.
+    The noise is drawn by the diagram's random seed, which `diagram.SetRandomContext(context,
+    RandomGenerator(seed))` sets.
 
     Args:
         vehicle: whose thrust coefficient turns thrust into rotor speed.
@@ -111,7 +122,9 @@ def make_sensor_model(vehicle: Vehicle, effects: Sequence[MeasurementEffect], *,
     readings = builder.AddNamedSystem("readings", MeasurementEffects(vehicle, effects))
     size = readings.white_size
     if size:
-        source = builder.AddNamedSystem("white", RandomSource(RandomDistribution.kGaussian, size, period))
+        source = builder.AddNamedSystem(
+            "white", RandomSource(RandomDistribution.kGaussian, size, period)
+        )
         hold = builder.AddNamedSystem("draw", ZeroOrderHold(period, size, _DRAW_OFFSET * period))
         builder.Connect(source.get_output_port(), hold.get_input_port())
         builder.Connect(hold.get_output_port(), readings.GetInputPort("white"))

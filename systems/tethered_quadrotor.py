@@ -1,4 +1,6 @@
-"""Quadrotor with its payload: plant, rotors, tether and the effects that the nominal model leaves out."""
+"""Quadrotor with its payload: plant, rotors, tether and the effects that the nominal model leaves
+out.
+"""
 
 from collections.abc import Sequence
 from functools import partial
@@ -29,8 +31,11 @@ from systems.vehicle_forces import SteadyEffects, add_vehicle_forces
 from systems.wrench_effects import WrenchEffects
 
 
-def make_plant(vehicle: Vehicle, payload: PayloadConfig, mass_effects: Sequence[MassEffect] = ()) -> MultibodyPlant:
-    """Return a continuous MultibodyPlant with the bodies `quadrotor` and, unless there is no tether, `payload`.
+def make_plant(
+    vehicle: Vehicle, payload: PayloadConfig, mass_effects: Sequence[MassEffect] = ()
+) -> MultibodyPlant:
+    """Return a continuous MultibodyPlant with the bodies `quadrotor` and, unless there is no
+    tether, `payload`.
 
     The air brakes a payload on a cable by the damping of its floating joint.
 
@@ -77,8 +82,8 @@ def make_tethered_quadrotor(
         wrench_effects: act as force and torque on the body.
         actuator_effects: act between command and thrust, in this order.
         mass_effects: change the mass properties.
-        command_period: `u` changes at multiples of it; matters to delayed commands alone, and the longer the faster
-            (`CommandBuffer`) [s].
+        command_period: `u` changes at multiples of it; matters to delayed commands alone, and the
+            longer the faster (`CommandBuffer`) [s].
         onsets: when effects begin that do not act from the start [s].
         hangs_at: when the payload is hung on the cable; it has fallen freely until then [s].
         events: of a payload on a cable.
@@ -95,11 +100,14 @@ def make_tethered_quadrotor(
     | tether_wrench | 6 | true wrench of cable or rod on B, chi order (with a payload only) | N, N·m |
 
     `x` and `acceleration` are those of Bo, wherever the centre of mass is.
-    Raises: ValueError: if a payload is among the wrench effects, events lack a cable, or a value is impossible.
-    """
+    Raises: ValueError: if a payload is among the wrench effects, events lack a cable, or a value is
+        impossible.
+    """  # noqa: E501
     payload.check()
     if events and payload.tether != "cable":
-        raise ValueError(f"make_tethered_quadrotor: events need a payload on a cable; got {payload.tether}.")
+        raise ValueError(
+            f"make_tethered_quadrotor: events need a payload on a cable; got {payload.tether}."
+        )
     if any(isinstance(effect, SuspendedPayload) for effect in wrench_effects):
         raise ValueError(
             "make_tethered_quadrotor: suspended_payload must be a body here, not a wrench effect; "
@@ -121,16 +129,24 @@ def make_tethered_quadrotor(
         cable = builder.AddNamedSystem("cable", _make_cable(payload, hangs_at, events))
         builder.Connect(plant.get_state_output_port(), cable.get_input_port())
     changes = _declare_events(plant, vehicle, payload, mass_effects, onsets, hangs_at, events)
-    steady = SteadyEffects.of(vehicle, actuator_effects, wrench_effects, onsets) if payload.tether != "rod" else None
+    steady = (
+        SteadyEffects.of(vehicle, actuator_effects, wrench_effects, onsets)
+        if payload.tether != "rod"
+        else None
+    )
     if steady is not None:
         rotors, force = add_vehicle_forces(builder, plant, vehicle, steady, cable, **start)
         forces = [force]
     else:
         rotors = add_rotors(builder, plant, vehicle, actuator_effects, onsets=onsets, **start)
-        forces = _add_effects(builder, vehicle, wrench_effects, onsets, plant=plant, state=state, rotors=rotors)
+        forces = _add_effects(
+            builder, vehicle, wrench_effects, onsets, plant=plant, state=state, rotors=rotors
+        )
         forces += [] if cable is None else [cable.GetOutputPort("generalized_force")]
     if pushed:
-        push = builder.AddNamedSystem("push", Push(plant.num_velocities(), payload=cable is not None))
+        push = builder.AddNamedSystem(
+            "push", Push(plant.num_velocities(), payload=cable is not None)
+        )
         forces.append(push.get_output_port())
     force = _sum_forces(builder, plant, forces) if forces or changes else None
     if changes:
@@ -145,7 +161,8 @@ def make_tethered_quadrotor(
     acceleration = builder.AddNamedSystem("acceleration", BodyAcceleration(plant))
     builder.Connect(plant.get_state_output_port(), acceleration.GetInputPort("plant_state"))
     builder.Connect(
-        plant.get_generalized_acceleration_output_port(), acceleration.GetInputPort("generalized_acceleration")
+        plant.get_generalized_acceleration_output_port(),
+        acceleration.GetInputPort("generalized_acceleration"),
     )
     builder.ExportOutput(state.get_output_port(), "x")
     builder.ExportOutput(acceleration.get_output_port(), "acceleration")
@@ -156,7 +173,9 @@ def make_tethered_quadrotor(
         builder.ExportOutput(cable.GetOutputPort("tether_wrench"), "tether_wrench")
     elif payload.tether == "rod":
         rod = builder.AddNamedSystem("rod_wrench", RodWrench(plant, "rod"))
-        builder.Connect(plant.get_reaction_forces_output_port(), rod.GetInputPort("reaction_forces"))
+        builder.Connect(
+            plant.get_reaction_forces_output_port(), rod.GetInputPort("reaction_forces")
+        )
         builder.Connect(plant.get_body_poses_output_port(), rod.GetInputPort("body_poses"))
         builder.ExportOutput(rod.get_output_port(), "tether_wrench")
     diagram = builder.Build()
@@ -175,12 +194,15 @@ def _make_cable(payload: PayloadConfig, hangs_at: float, events: Sequence[Payloa
     )
 
 
-def _add_effects(builder: DiagramBuilder, vehicle: Vehicle, wrench_effects, onsets, *, plant, state, rotors):
+def _add_effects(
+    builder: DiagramBuilder, vehicle: Vehicle, wrench_effects, onsets, *, plant, state, rotors
+):
     """Add the wrench effects, if any, and return the ports of their generalized force."""
     if not wrench_effects:
         return []
     effects = builder.AddNamedSystem(
-        "wrench_effects", WrenchEffects(vehicle, wrench_effects, plant.num_velocities(), onsets=onsets)
+        "wrench_effects",
+        WrenchEffects(vehicle, wrench_effects, plant.num_velocities(), onsets=onsets),
     )
     builder.Connect(state.get_output_port(), effects.GetInputPort("x"))
     builder.Connect(rotors.thrust, effects.GetInputPort("rotor_thrust"))
@@ -189,8 +211,12 @@ def _add_effects(builder: DiagramBuilder, vehicle: Vehicle, wrench_effects, onse
     return [effects.GetOutputPort("generalized_force")]
 
 
-def _declare_events(plant, vehicle, payload, mass_effects, onsets, hangs_at, events) -> list[Change]:
-    """Declare what changes the plant's state in flight, and return the changes of mass properties by time."""
+def _declare_events(
+    plant, vehicle, payload, mass_effects, onsets, hangs_at, events
+) -> list[Change]:
+    """Declare what changes the plant's state in flight, and return the changes of mass properties
+    by time.
+    """
     changes: list[Change] = []
     for t in sorted({onsets[e] for e in mass_effects if onsets.get(e, 0.0) > 0.0}):
         properties = mass_properties(vehicle, acting(mass_effects, onsets, t))
@@ -209,7 +235,9 @@ def _declare_events(plant, vehicle, payload, mass_effects, onsets, hangs_at, eve
     return sorted(changes, key=lambda change: change[0])
 
 
-def _sum_forces(builder: DiagramBuilder, plant: MultibodyPlant, forces: list[OutputPort]) -> OutputPort:
+def _sum_forces(
+    builder: DiagramBuilder, plant: MultibodyPlant, forces: list[OutputPort]
+) -> OutputPort:
     """Return the port of the sum of generalized forces."""
     if len(forces) == 1:
         return forces[0]

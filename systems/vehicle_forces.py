@@ -24,7 +24,8 @@ from systems.rotors import RotorPorts, add_commanded_thrust, with_nominal_lag
 
 @dc.dataclass(frozen=True)
 class SteadyEffects:
-    """Effects that the compiled function knows: a lag of the rotors, then a scale of thrust, and drag in still air.
+    """Effects that the compiled function knows: a lag of the rotors, then a scale of thrust, and
+    drag in still air.
 
     chain: the actuators' effects that do something, dead times among them.   scale: of thrust [1].
     drag: (3,) coefficients along the body axes [N·s/m].
@@ -55,7 +56,12 @@ class SteadyEffects:
         acting = [effect for effect in chain if type(effect) is not CommandDelay]
         kinds = [type(effect) for effect in acting]
         drags = [effect for effect in wrench_effects if type(effect) is LinearDrag]
-        if onsets or kinds != [MotorLag, ThrustScale][: len(kinds)] or not kinds or len(drags) < len(wrench_effects):
+        if (
+            onsets
+            or kinds != [MotorLag, ThrustScale][: len(kinds)]
+            or not kinds
+            or len(drags) < len(wrench_effects)
+        ):
             return None
         lag, *scales = acting
         assert isinstance(lag, MotorLag)
@@ -94,7 +100,7 @@ class VehicleForces(LeafSystem):
     | nominal_thrust | 4 | what a nominal rotor would give at the actual rotor speed | N |
 
     No state.
-    """
+    """  # noqa: E501
 
     def __init__(self, vehicle: Vehicle, effects: SteadyEffects, cable: Cable | None):
         """Declare ports.
@@ -108,7 +114,11 @@ class VehicleForces(LeafSystem):
         self._vehicle, self._lag, self._scale = vehicle, effects.lag, effects.scale
         self._size = 6 if cable is None else 12
         hover = float(np.sqrt(vehicle.mass * vehicle.gravity / 4))
-        rotors = vehicle.thrust_coefficient, effects.scale, np.ascontiguousarray(vehicle.mixer, float)
+        rotors = (
+            vehicle.thrust_coefficient,
+            effects.scale,
+            np.ascontiguousarray(vehicle.mixer, float),
+        )
         line = (np.zeros(3), 1.0, 0.0, 0.0) if cable is None else cable.line
         self._constants = (*rotors, effects.drag, hover, *line)
         self._state_port = self.DeclareVectorInputPort("plant_state", 13 * self._size // 6)
@@ -116,7 +126,9 @@ class VehicleForces(LeafSystem):
         self._speed_port = self.DeclareVectorInputPort("rotor_speed", 4)
         self._holds_port = None if cable is None else self.DeclareVectorInputPort("holds", 1)
         speed = {self._speed_port.ticket()}
-        needed = speed | {port.ticket() for port in (self._state_port, self._holds_port) if port is not None}
+        needed = speed | {
+            port.ticket() for port in (self._state_port, self._holds_port) if port is not None
+        }
         self.DeclareVectorOutputPort("target", 4, self._calc_target, {self._command_port.ticket()})
         self.DeclareVectorOutputPort("generalized_force", self._size, self._calc_force, needed)
         self.DeclareVectorOutputPort("thrust", 4, self._calc_thrust, speed)
@@ -129,7 +141,13 @@ class VehicleForces(LeafSystem):
     def _calc_force(self, context, output) -> None:
         holds = 0.0 if self._holds_port is None else self._holds_port.Eval(context)[0]
         force = np.zeros(self._size)
-        _total(self._state_port.Eval(context), self._speed_port.Eval(context), holds, *self._constants, force)
+        _total(
+            self._state_port.Eval(context),
+            self._speed_port.Eval(context),
+            holds,
+            *self._constants,
+            force,
+        )
         output.SetFromVector(force)
 
     def _calc_thrust(self, context, output) -> None:
@@ -144,7 +162,8 @@ class VehicleForces(LeafSystem):
 
 @compiled
 def _total(s, speed, holds, k, scale, mixer, drag, hover, hook, length, stiffness, damping, out):
-    """Write the generalized force of rotors, drag and a cable that holds to out (6,) or (12,), which comes zeroed.
+    """Write the generalized force of rotors, drag and a cable that holds to out (6,) or (12,),
+    which comes zeroed.
 
     Args:
         s: state of the plant, (13,) or (26,).
@@ -177,7 +196,9 @@ def _total(s, speed, holds, k, scale, mixer, drag, hover, hook, length, stiffnes
 def _add_rotors(x, thrust, mixer, out):
     """Add the force of the rotors along body z, and their torque turned to W, to out[:6]."""
     w, i, j, k = x[3], x[4], x[5], x[6]
-    size = math.sqrt(w * w + i * i + j * j + k * k)  # the integrator lets the quaternion drift off the unit sphere
+    size = math.sqrt(
+        w * w + i * i + j * j + k * k
+    )  # the integrator lets the quaternion drift off the unit sphere
     w, i, j, k = w / size, i / size, j / size, k / size
     total, moment = 0.0, np.zeros(3)
     for r in range(4):
@@ -200,7 +221,8 @@ def add_vehicle_forces(
     hover_thrust: np.ndarray,
     command_period: float,
 ) -> tuple[RotorPorts, OutputPort]:
-    """Add what lies between the command `u`, which is exported, and the plant; return rotors and generalized force.
+    """Add what lies between the command `u`, which is exported, and the plant; return rotors and
+    generalized force.
 
     Args:
         builder: of the diagram.
@@ -215,7 +237,9 @@ def add_vehicle_forces(
         builder, vehicle, effects.chain, hover_thrust=hover_thrust, command_period=command_period
     )
     forces = builder.AddNamedSystem("vehicle_forces", VehicleForces(vehicle, effects, cable))
-    speed = add_rotor_lag(builder, vehicle, effects.lag, forces.GetOutputPort("target"), hover_thrust=hover_thrust)
+    speed = add_rotor_lag(
+        builder, vehicle, effects.lag, forces.GetOutputPort("target"), hover_thrust=hover_thrust
+    )
     builder.Connect(command, forces.GetInputPort("command"))
     builder.Connect(speed, forces.GetInputPort("rotor_speed"))
     builder.Connect(plant.get_state_output_port(), forces.GetInputPort("plant_state"))

@@ -35,7 +35,12 @@ class WrenchEffects(LeafSystem):
     """
 
     def __init__(
-        self, vehicle: Vehicle, effects: Sequence[WrenchEffect], num_velocities: int, *, onsets: Onsets = NO_ONSETS
+        self,
+        vehicle: Vehicle,
+        effects: Sequence[WrenchEffect],
+        num_velocities: int,
+        *,
+        onsets: Onsets = NO_ONSETS,
     ):
         """Declare ports.
 
@@ -50,12 +55,16 @@ class WrenchEffects(LeafSystem):
         require_complete(effects)
         self._vehicle, self._effects, self._onsets = vehicle, list(effects), onsets
         self._reads_rate = any(effect.feels_rotor_rate for effect in effects)
-        self._force = np.zeros(num_velocities)  # workspace; only the first six entries are ever written
+        self._force = np.zeros(
+            num_velocities
+        )  # workspace; only the first six entries are ever written
         self._x_port = self.DeclareVectorInputPort("x", 13)
         self._thrust_port = self.DeclareVectorInputPort("rotor_thrust", 4)
         self._rate_port = self.DeclareVectorInputPort("rotor_rate", 4)
         prerequisites = {self.all_input_ports_ticket(), self.time_ticket()}
-        self.DeclareVectorOutputPort("generalized_force", num_velocities, self._calc_force, prerequisites)
+        self.DeclareVectorOutputPort(
+            "generalized_force", num_velocities, self._calc_force, prerequisites
+        )
         self.DeclareVectorOutputPort("chi", 6, self._calc_chi, prerequisites)
 
     def _motion(self, context) -> Motion:
@@ -73,7 +82,9 @@ class WrenchEffects(LeafSystem):
         output.SetFromVector(self._total(self._motion(context)))
 
     def _total(self, motion: Motion) -> np.ndarray:
-        return total_wrench(self._vehicle, acting(self._effects, self._onsets, float(motion.t)), motion)
+        return total_wrench(
+            self._vehicle, acting(self._effects, self._onsets, float(motion.t)), motion
+        )
 
 
 @compiled

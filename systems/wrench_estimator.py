@@ -36,7 +36,7 @@ class WrenchEstimator(MemorySystem):
         vehicle: nominal.
         config: low-pass of the labels.
         step: between samples [s].
-    """
+    """  # noqa: E501
 
     def __init__(self, vehicle: Vehicle, config: LabelConfig, *, step: float):
         super().__init__()

@@ -63,13 +63,18 @@ class WrenchOracle(LeafSystem):
         self._sent_port = self.DeclareVectorInputPort("sent", 4 * KEPT)
         self._delay_port = self.DeclareVectorInputPort("delay", 1)
         self.DeclareAbstractOutputPort(
-            "forecast", Value[object], self._calc_forecast, {self.all_input_ports_ticket(), self.time_ticket()}
+            "forecast",
+            Value[object],
+            self._calc_forecast,
+            {self.all_input_ports_ticket(), self.time_ticket()},
         )
 
     def _calc_forecast(self, context, output) -> None:
         plan = self._plan.read(context)
         delay = self._delay_port.Eval(context)[0] if self._delay_port.HasValue(context) else 0.0
-        output.set_value(self._now(context, plan) if delay == 0.0 else self._later(context, plan, delay))
+        output.set_value(
+            self._now(context, plan) if delay == 0.0 else self._later(context, plan, delay)
+        )
 
     def _now(self, context, plan: Plan) -> WrenchForecast:
         chi = self._wrench(context, plan.x, plan.u, self._config.step)
@@ -124,7 +129,9 @@ class WrenchOracle(LeafSystem):
 
 
 def _finer(x: np.ndarray, parts: int) -> np.ndarray:
-    """Return states (N+1, 13) with `parts` steps in each of theirs, interpolated, (parts N + 1, 13)."""
+    """Return states (N+1, 13) with `parts` steps in each of theirs, interpolated, (parts N + 1,
+    13).
+    """
     share = (np.arange(parts) / parts)[:, None]
     between = (1 - share) * x[:-1, None] + share * x[1:, None]
     states = np.vstack([between.reshape(-1, 13), x[-1:]])

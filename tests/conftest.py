@@ -17,7 +17,9 @@ from hypothesis import HealthCheck, settings
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # before NumPy is loaded; its threads only cost here
 
 # How fast examples are drawn and tried is the machine's, and no law.
-settings.register_profile("any machine", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.register_profile(
+    "any machine", deadline=None, suppress_health_check=[HealthCheck.too_slow]
+)
 settings.load_profile("any machine")
 
 ROOT = Path(__file__).parents[1]
@@ -26,14 +28,23 @@ OPTION = "--require-real-flights"
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    parser.addoption(OPTION, action="store_true", help="fail where a test on real flights does not run")
+    parser.addoption(
+        OPTION, action="store_true", help="fail where a test on real flights does not run"
+    )
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    for number, handler in ((signal.SIGINT, signal.default_int_handler), (signal.SIGHUP, signal.SIG_DFL)):
-        if signal.getsignal(number) == signal.SIG_IGN:  # as nohup and jobs in the background leave it to children
+    for number, handler in (
+        (signal.SIGINT, signal.default_int_handler),
+        (signal.SIGHUP, signal.SIG_DFL),
+    ):
+        if (
+            signal.getsignal(number) == signal.SIG_IGN
+        ):  # as nohup and jobs in the background leave it to children
             signal.signal(number, handler)
-    config.addinivalue_line("markers", f"{MARKER}: needs the folder of real flights (set by the fixture)")
+    config.addinivalue_line(
+        "markers", f"{MARKER}: needs the folder of real flights (set by the fixture)"
+    )
     if config.getoption(OPTION) and not hasattr(config, "workerinput"):
         config.pluginmanager.register(RealFlightsRan(), "real_flights_ran")
 
@@ -54,7 +65,9 @@ def neurobem() -> Path:
     """The folder of real flights with csv/ and npy/."""
     folder = neurobem_folder()
     if not ((folder / "csv").is_dir() and (folder / "npy").is_dir()):
-        pytest.skip(f"no real flights in {folder}: set NP_DRAKE_NEUROBEM to the folder of csv/ and npy/")
+        pytest.skip(
+            f"no real flights in {folder}: set NP_DRAKE_NEUROBEM to the folder of csv/ and npy/"
+        )
     return folder
 
 
@@ -68,13 +81,17 @@ def real_flights() -> Path:
     """The folder of real flights with imrc/, neural_fly/ and ulog/."""
     folder = real_flights_folder()
     if not all((folder / name).is_dir() for name in ("imrc", "neural_fly", "ulog")):
-        pytest.skip(f"no real flights in {folder}: set NP_DRAKE_REAL to the folder of imrc/, neural_fly/ and ulog/")
+        pytest.skip(
+            f"no real flights in {folder}: set NP_DRAKE_REAL to the folder of imrc/, "
+            f"neural_fly/ and ulog/"
+        )
     return folder
 
 
 @pytest.fixture(scope="session")
 def forked() -> Callable[..., BaseProcess]:
-    """Return a function that runs another in a child of this process, which has imported all that it needs.
+    """Return a function that runs another in a child of this process, which has imported all that
+    it needs.
 
     A run that is killed and begun anew then costs its work alone, and no imports.
     """

@@ -1,7 +1,8 @@
-"""Which tests reach a place in the source: calls of `hit` are written into a copy, and the suite runs there once.
+"""Which tests reach a place in the source: calls of `hit` are written into a copy, and the suite
+runs there once.
 
-Loaded as a pytest plugin it notes the outcome and duration of every test beside the hits. The environment names the
-folder: MUTANT_PROBE.
+Loaded as a pytest plugin it notes the outcome and duration of every test beside the hits. The
+environment names the folder: MUTANT_PROBE.
 """
 
 import json
@@ -20,21 +21,29 @@ def hit(*places: int) -> None:
     for place in places:
         if (place, running) not in _seen:
             _seen.add((place, running))
-            with open(Path(os.environ[FOLDER]) / f"{os.getpid()}.hits", "a", encoding="utf-8") as stream:
+            with open(
+                Path(os.environ[FOLDER]) / f"{os.getpid()}.hits", "a", encoding="utf-8"
+            ) as stream:
                 stream.write(json.dumps([place, running]) + "\n")
 
 
 def pytest_runtest_logreport(report: Any) -> None:
-    """Note how a test ended and how long it took; the controller of parallel workers gets every report once."""
+    """Note how a test ended and how long it took; the controller of parallel workers gets every
+    report once.
+    """
     if "PYTEST_XDIST_WORKER" not in os.environ:
         with open(Path(os.environ[FOLDER]) / "tests.reports", "a", encoding="utf-8") as stream:
-            stream.write(json.dumps([report.nodeid, report.when, report.outcome, report.duration]) + "\n")
+            stream.write(
+                json.dumps([report.nodeid, report.when, report.outcome, report.duration]) + "\n"
+            )
 
 
 def reached(folder: Path) -> dict[int, dict[str, float]]:
-    """Return for each place the tests that passed and reached it with their durations [s], fastest first.
+    """Return for each place the tests that passed and reached it with their durations [s], fastest
+    first.
 
-    What a fixture reaches is reached by every test of its file: the fixture may be shared. So its time counts for each.
+    What a fixture reaches is reached by every test of its file: the fixture may be shared. So its
+    time counts for each.
 
     Args:
         folder: With the notes of one run of the suite.

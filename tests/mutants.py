@@ -2,9 +2,10 @@
 
     python tests/mutants.py --count 50 --seed 0 [--only np_drake/effects]
 
-A mutant changes one operator, comparison, constant or sign of `np_drake/` or `systems/`. The suite runs once on a copy
-of the repository, to see which tests reach which mutant. Those run on each mutant, nearest first, until one fails. What
-none notices is printed: such a line lacks a law, or the change is equivalent. Exit code 1 below `--asked` killed.
+A mutant changes one operator, comparison, constant or sign of `np_drake/` or `systems/`. The suite
+runs once on a copy of the repository, to see which tests reach which mutant. Those run on each
+mutant, nearest first, until one fails. What none notices is printed: such a line lacks a law, or
+the change is equivalent. Exit code 1 below `--asked` killed.
 """
 
 import argparse
@@ -26,9 +27,23 @@ from queue import Queue
 from mutant_probe import FOLDER, reached
 
 ROOT = Path(__file__).resolve().parent.parent
-COPIED = ("np_drake", "systems", "diagrams", "tests", "docs", "pyproject.toml", "README.md", "Makefile")
+COPIED = (
+    "np_drake",
+    "systems",
+    "diagrams",
+    "tests",
+    "docs",
+    "pyproject.toml",
+    "README.md",
+    "Makefile",
+)
 # Rooms without formulas: readers, texts and tables have tests of their own kind.
-LEFT_OUT = ("np_drake/files", "np_drake/logs/formats", "np_drake/diagnosis/report", "np_drake/__main__.py")
+LEFT_OUT = (
+    "np_drake/files",
+    "np_drake/logs/formats",
+    "np_drake/diagnosis/report",
+    "np_drake/__main__.py",
+)
 SWAPS: dict[type, str] = {
     **{ast.Add: "-", ast.Sub: "+", ast.Mult: "/", ast.Div: "*", ast.Pow: "*"},
     **{ast.Lt: ">=", ast.LtE: ">", ast.Gt: "<=", ast.GtE: "<", ast.Eq: "!=", ast.NotEq: "=="},
@@ -47,7 +62,9 @@ HANGS = 10.0  # times as long, and a minute to begin: a mutant that hangs is not
 
 @dc.dataclass(frozen=True)
 class Mutant:
-    """A change of one file: the text `old` at (line, column), counted from 1 and 0, becomes `new`."""
+    """A change of one file: the text `old` at (line, column), counted from 1 and 0, becomes
+    `new`.
+    """
 
     path: Path
     line: int
@@ -69,11 +86,15 @@ class Mutant:
 
 
 def mutants_of(path: Path) -> Iterator[Mutant]:
-    """Yield every mutant of a file; texts of messages, type annotations and docstrings have none."""
+    """Yield every mutant of a file; texts of messages, type annotations and docstrings have
+    none.
+    """
     text = (ROOT / path).read_text()
     lines = text.splitlines()
     tree = ast.parse(text)
-    skipped = {id(n) for top in ast.walk(tree) for part in _without_effect(top) for n in ast.walk(part)}
+    skipped = {
+        id(n) for top in ast.walk(tree) for part in _without_effect(top) for n in ast.walk(part)
+    }
 
     def between(a: ast.expr, b: ast.expr, operator: type) -> Iterator[Mutant]:
         old = TEXT[operator]
@@ -91,9 +112,15 @@ def mutants_of(path: Path) -> Iterator[Mutant]:
             yield from between(node.values[0], node.values[1], type(node.op))
         elif isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):
             yield Mutant(path, node.lineno, node.col_offset, "-", "+")
-        elif isinstance(node, ast.Constant) and type(node.value) in (int, float) and lines[node.lineno - 1].isascii():
+        elif (
+            isinstance(node, ast.Constant)
+            and type(node.value) in (int, float)
+            and lines[node.lineno - 1].isascii()
+        ):
             old = lines[node.lineno - 1][node.col_offset : node.end_col_offset]
-            new = str(node.value + 1) if isinstance(node.value, int) else repr(2 * node.value + 1e-3)
+            new = (
+                str(node.value + 1) if isinstance(node.value, int) else repr(2 * node.value + 1e-3)
+            )
             yield Mutant(path, node.lineno, node.col_offset, old, new)
 
 
@@ -102,7 +129,10 @@ def _without_effect(node: ast.AST) -> list[ast.AST]:
     if isinstance(node, ast.Raise | ast.JoinedStr):
         return [node]
     if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
-        found: list[ast.AST | None] = [node.returns, *(a.annotation for a in [*node.args.args, *node.args.kwonlyargs])]
+        found: list[ast.AST | None] = [
+            node.returns,
+            *(a.annotation for a in [*node.args.args, *node.args.kwonlyargs]),
+        ]
         return [f for f in found if f is not None]
     return [node.annotation] if isinstance(node, ast.AnnAssign) else []
 
@@ -110,7 +140,8 @@ def _without_effect(node: ast.AST) -> list[ast.AST]:
 def probes_of(path: Path, mutants: dict[int, Mutant]) -> str:
     """Return the text of a file with a probe before the statement of each mutant.
 
-    A statement outside functions, or in a compiled function, is reached by whatever runs a plain function of its file.
+    A statement outside functions, or in a compiled function, is reached by whatever runs a plain
+    function of its file.
 
     Args:
         path: Of the file.
@@ -121,12 +152,19 @@ def probes_of(path: Path, mutants: dict[int, Mutant]) -> str:
     compiled = {
         id(n)
         for f in ast.walk(tree)
-        if isinstance(f, ast.FunctionDef) and any("compiled" in ast.unparse(d) for d in f.decorator_list)
+        if isinstance(f, ast.FunctionDef)
+        and any("compiled" in ast.unparse(d) for d in f.decorator_list)
         for n in ast.walk(f)
     }
-    functions = [n for n in ast.walk(tree) if isinstance(n, ast.FunctionDef) and id(n) not in compiled]
+    functions = [
+        n for n in ast.walk(tree) if isinstance(n, ast.FunctionDef) and id(n) not in compiled
+    ]
     within = [
-        n for f in functions for s in f.body for n in ast.walk(s) if isinstance(n, ast.stmt) and not _is_text(n, s, f)
+        n
+        for f in functions
+        for s in f.body
+        for n in ast.walk(s)
+        if isinstance(n, ast.stmt) and not _is_text(n, s, f)
     ]
     first = [next((s for s in f.body if not _is_text(s, s, f)), None) for f in functions]
     at: dict[tuple[int, int], list[int]] = {}
@@ -138,7 +176,11 @@ def probes_of(path: Path, mutants: dict[int, Mutant]) -> str:
             and not lines[n.lineno - 1].lstrip().startswith("elif")
             and (n.lineno, n.col_offset) <= (mutant.line, mutant.column)
         ]
-        places = [max(around, key=lambda n: (n.lineno, n.col_offset))] if around else [n for n in first if n]
+        places = (
+            [max(around, key=lambda n: (n.lineno, n.col_offset))]
+            if around
+            else [n for n in first if n]
+        )
         for place in places:
             above = min([place.lineno, *(d.lineno for d in getattr(place, "decorator_list", ()))])
             at.setdefault((above, place.col_offset), []).append(number)
@@ -150,7 +192,11 @@ def probes_of(path: Path, mutants: dict[int, Mutant]) -> str:
 
 def _is_text(node: ast.AST, statement: ast.stmt, function: ast.FunctionDef) -> bool:
     """Return whether a node is the docstring of a function."""
-    return node is statement is function.body[0] and isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
+    return (
+        node is statement is function.body[0]
+        and isinstance(node, ast.Expr)
+        and isinstance(node.value, ast.Constant)
+    )
 
 
 def run_probed(drawn: list[Mutant], root: Path, workers: int, notes: Path) -> None:
@@ -171,7 +217,18 @@ def run_probed(drawn: list[Mutant], root: Path, workers: int, notes: Path) -> No
         (root / path).write_text(text)
     notes.mkdir(parents=True)
     environment = _environment(root) | {FOLDER: str(notes)}
-    command = [sys.executable, "-m", "pytest", "-q", "-p", "mutant_probe", "-n", str(workers), "--dist", "worksteal"]
+    command = [
+        sys.executable,
+        "-m",
+        "pytest",
+        "-q",
+        "-p",
+        "mutant_probe",
+        "-n",
+        str(workers),
+        "--dist",
+        "worksteal",
+    ]
     subprocess.run([*command, "tests"], cwd=root, env=environment, capture_output=True, check=False)
     for path in by_file:
         shutil.copyfile(ROOT / path, root / path)
@@ -190,14 +247,19 @@ def files_naming(path: Path, *, importing: bool) -> dict[str, float]:
         path: Of the module.
         importing: Whether files that import it count.
     """
-    module, every = ".".join(path.with_suffix("").parts), sorted((ROOT / "tests").rglob("test_*.py"))
+    module, every = (
+        ".".join(path.with_suffix("").parts),
+        sorted((ROOT / "tests").rglob("test_*.py")),
+    )
     named = [p for p in every if p.name in (f"test_{path.name}", f"test_{path.parent.name}.py")]
     found = [*named, *(p for p in every if importing and module in p.read_text())]
     return {str(p.relative_to(ROOT)): UNKNOWN for p in dict.fromkeys(found)}
 
 
 def _distance(path: Path, test: str) -> int:
-    """Return how near a test lies to a source file: 0 in the test of its name, 1 in its room, 2 elsewhere."""
+    """Return how near a test lies to a source file: 0 in the test of its name, 1 in its room, 2
+    elsewhere.
+    """
     file = Path(test.partition("::")[0])
     room = file.parent == Path("tests") / path.parent or file.name == f"test_{path.parent.name}.py"
     return 0 if file.name == f"test_{path.name}" else 1 if room else 2
@@ -208,29 +270,46 @@ def killer_of(mutant: Mutant, tests: dict[str, float], root: Path) -> str:
 
     Args:
         mutant: The change.
-        tests: What reaches it, with the usual durations [s]; the first MOST_TESTS run, as far as MOST_SECONDS go.
+        tests: What reaches it, with the usual durations [s]; the first MOST_TESTS run, as far as
+            MOST_SECONDS go.
         root: A copy of the repository, left as it was.
     """
     if not tests:
         return ""
     nearest = sorted(tests, key=lambda name: (_distance(mutant.path, name), tests[name]))
     until = itertools.accumulate(tests[name] for name in nearest)
-    chosen = [n for n, spent in zip(nearest, until, strict=True) if spent <= MOST_SECONDS][:MOST_TESTS] or nearest[:1]
+    chosen = [n for n, spent in zip(nearest, until, strict=True) if spent <= MOST_SECONDS][
+        :MOST_TESTS
+    ] or nearest[:1]
     limit = 60 + HANGS * sum(tests[name] for name in chosen)
     mutant.write(root)
-    # A cache by file would let a caller in another file keep the function with which it was compiled.
-    fresh = {"NUMBA_CACHE_DIR": str(root / "cache")} if "@compiled" in (ROOT / mutant.path).read_text() else {}
+    # A cache by file would let a caller in another file keep the function with which it was
+    # compiled.
+    fresh = (
+        {"NUMBA_CACHE_DIR": str(root / "cache")}
+        if "@compiled" in (ROOT / mutant.path).read_text()
+        else {}
+    )
     shutil.rmtree(root / "cache", ignore_errors=True)
     command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", *chosen]
     try:
         done = subprocess.run(
-            command, cwd=root, env=_environment(root) | fresh, capture_output=True, timeout=limit, text=True
+            command,
+            cwd=root,
+            env=_environment(root) | fresh,
+            capture_output=True,
+            timeout=limit,
+            text=True,
         )
     except subprocess.TimeoutExpired:
         return "time"
     finally:
         shutil.copyfile(ROOT / mutant.path, root / mutant.path)
-    failed = [line.split()[1] for line in done.stdout.splitlines() if line.startswith(("FAILED ", "ERROR "))]
+    failed = [
+        line.split()[1]
+        for line in done.stdout.splitlines()
+        if line.startswith(("FAILED ", "ERROR "))
+    ]
     return (failed or [f"code {done.returncode}"])[0] if done.returncode else ""
 
 
@@ -248,14 +327,24 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--count", type=int, default=50, help="mutants drawn")
     parser.add_argument("--seed", type=int, default=0, help="of the draw")
-    parser.add_argument("--only", action="append", default=[], help="files or folders to draw from; repeatable")
+    parser.add_argument(
+        "--only", action="append", default=[], help="files or folders to draw from; repeatable"
+    )
     parser.add_argument("--line", help="only mutants of this line: PATH:LINE")
     parser.add_argument("--jobs", type=int, default=1, help="mutants at once")
-    parser.add_argument("--numbers", help="of the draw, from 1 on, with commas: only these are tried")
-    parser.add_argument("--notes", type=Path, help="folder of the suite's run, kept for another run of this draw")
+    parser.add_argument(
+        "--numbers", help="of the draw, from 1 on, with commas: only these are tried"
+    )
+    parser.add_argument(
+        "--notes", type=Path, help="folder of the suite's run, kept for another run of this draw"
+    )
     parser.add_argument("--asked", type=float, default=0.9, help="least share killed")
     options = parser.parse_args()
-    paths = [p.relative_to(ROOT) for top in ("np_drake", "systems") for p in sorted((ROOT / top).rglob("*.py"))]
+    paths = [
+        p.relative_to(ROOT)
+        for top in ("np_drake", "systems")
+        for p in sorted((ROOT / top).rglob("*.py"))
+    ]
     paths = [p for p in paths if not str(p).startswith(LEFT_OUT) and p.name != "__init__.py"]
     only = [options.line.rpartition(":")[0]] if options.line else options.only
     paths = [p for p in paths if not only or str(p).startswith(tuple(only))]
@@ -263,7 +352,10 @@ def main() -> int:
     if options.line:
         every = [m for m in every if m.line == int(options.line.rpartition(":")[2])]
     drawn = random.Random(options.seed).sample(every, min(options.count, len(every)))
-    print(f"seed {options.seed}: {len(drawn)} of {len(every)} mutants in {len(paths)} files.", flush=True)
+    print(
+        f"seed {options.seed}: {len(drawn)} of {len(every)} mutants in {len(paths)} files.",
+        flush=True,
+    )
     alive = []
     with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(options.jobs) as pool:
         roots: Queue[Path] = Queue()
@@ -280,19 +372,29 @@ def main() -> int:
             try:
                 reaching = tests.get(number, {})
                 whole = files_naming(drawn[number].path, importing=not reaching)
-                apart = {name: t for name, t in reaching.items() if name.partition("::")[0] not in whole}
+                apart = {
+                    name: t for name, t in reaching.items() if name.partition("::")[0] not in whole
+                }
                 return killer_of(drawn[number], whole | apart, root), time.monotonic() - start
             finally:
                 roots.put(root)
 
-        some = [int(k) - 1 for k in options.numbers.split(",")] if options.numbers else [*range(len(drawn))]
+        some = (
+            [int(k) - 1 for k in options.numbers.split(",")]
+            if options.numbers
+            else [*range(len(drawn))]
+        )
         for i, (killer, spent) in zip(some, pool.map(tried, some), strict=True):
             mutant = drawn[i]
             alive += [] if killer else [mutant]
             said = f"killed by {killer}" if killer else "SURVIVES"
             print(f"{i + 1:3d}/{len(drawn)}  {spent:4.0f} s  {said}  {mutant}", flush=True)
     killed = 1 - len(alive) / max(1, len(some))
-    print(f"{len(some) - len(alive)} of {len(some)} killed; survivors:", *(alive or ["none"]), sep="\n  ")
+    print(
+        f"{len(some) - len(alive)} of {len(some)} killed; survivors:",
+        *(alive or ["none"]),
+        sep="\n  ",
+    )
     return int(killed < options.asked)
 
 

@@ -1,4 +1,6 @@
-"""An effect is one file and one registration: the whole package works with it, and no other file names it."""
+"""An effect is one file and one registration: the whole package works with it, and no other file
+names it.
+"""
 
 import ast
 import importlib
@@ -51,14 +53,20 @@ class ElasticCord(WrenchEffect):
     def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
         force = -self.stiffness * motion.x[..., 0:3]
         return np.concatenate([force, np.zeros_like(force)], axis=-1)
-'''
-MOST_STRINGS = 20  # of the library's identifiers in the diagnosis, which asks the effects themselves
+'''  # noqa: E501
+MOST_STRINGS = (
+    20  # of the library's identifiers in the diagnosis, which asks the effects themselves
+)
 
 
 def flown(entry, track, speed, seed):
     """Return the log of a short flight in Drake with this effect and no other."""
     reality = RealityConfig(
-        PayloadConfig(tether="none"), rotor_drag=0.0, motor_lag=0.0, thrust_scale=1.0, effects=[entry]
+        PayloadConfig(tether="none"),
+        rotor_drag=0.0,
+        motor_lag=0.0,
+        thrust_scale=1.0,
+        effects=[entry],
     )
     reference = ReferenceConfig(track, speed=speed, ramp=3.0, dither=[0.08, 0.08, 0.08])
     config = FlightConfig(name=track, duration=6.0, reality=reality, reference=reference)
@@ -79,7 +87,9 @@ def test_a_new_effect_is_simulated_found_reported_corrected_and_exported(tmp_pat
         assert 0.0 < drawn.stiffness <= 5.0
 
         entry = EffectEntry("elastic_cord", {"stiffness": 0.5})
-        found = diagnose(vehicle, [flown(entry, "circle", 1.5, 0)], [flown(entry, "lemniscate", 2.0, 1)])
+        found = diagnose(
+            vehicle, [flown(entry, "circle", 1.5, 0)], [flown(entry, "lemniscate", 2.0, 1)]
+        )
         assert [cause.identifier for cause in found.causes] == ["elastic_cord"]
         stiffness = found.causes[0].parameters["stiffness"]
         assert stiffness.ci95[0] <= 0.5 <= stiffness.ci95[1]  # [N/m]

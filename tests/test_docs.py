@@ -1,4 +1,6 @@
-"""The examples in README and docs run as they stand (those of docs/guide in the order of their page: tests/docs)."""
+"""The examples in README and docs run as they stand (those of docs/guide in the order of their
+page: tests/docs).
+"""
 
 import re
 from pathlib import Path
@@ -34,13 +36,17 @@ def test_every_link_leads_somewhere(page):
 
 
 def test_the_readmes_example_shows_thirty_lines_or_fewer():
-    block = re.search(r"^```python\n(.*?)^```", (ROOT / "README.md").read_text(), re.S | re.M).group(1)
+    block = re.search(
+        r"^```python\n(.*?)^```", (ROOT / "README.md").read_text(), re.S | re.M
+    ).group(1)
     assert len([line for line in block.splitlines() if line.strip()]) <= 30
 
 
 def test_the_readmes_diagnosis_is_ten_lines_and_finds_what_it_says(tmp_path, monkeypatch, capsys):
     page = (ROOT / "README.md").read_text()
-    block = next(b for b in re.findall(r"^```python\n(.*?)^```", page, re.S | re.M) if "diagnose(" in b)
+    block = next(
+        b for b in re.findall(r"^```python\n(.*?)^```", page, re.S | re.M) if "diagnose(" in b
+    )
     assert len([line for line in block.splitlines() if line.strip()]) <= 10
     monkeypatch.chdir(tmp_path)
     example: dict = {"__name__": "example"}
@@ -77,7 +83,9 @@ def test_the_tolerances_in_the_docs_are_those_of_the_code():
         "velocity": ("velocity", 1, "m/s"),
     }
     for name, (field, factor, unit) in rows.items():
-        figures = [f"{round(factor * getattr(t, field), 6):g} {unit}" for t in (Tolerance(), IDEAL_SENSORS)]
+        figures = [
+            f"{round(factor * getattr(t, field), 6):g} {unit}" for t in (Tolerance(), IDEAL_SENSORS)
+        ]
         assert f"| {name} | {' | '.join(figures)} |" in page
     assert (Tolerance().mass, IDEAL_SENSORS.mass) == (Tolerance().thrust, IDEAL_SENSORS.thrust)
 
@@ -101,7 +109,10 @@ def test_the_constants_of_the_decision_in_the_docs_are_those_of_the_code():
         f"leave {t.misfit_ratio:g} ({fine.misfit_ratio:g}) times the noise",
         f"gain {p.onset_gain:g} in log likelihood, or {p.new_onset_gain:g}",
         f"an effect, log | −{-p.effect:g};",
-        f"generic structure, log | −{-p.of_effect('unknown:rates'):g}; {100 * p.generic_size:g} % of weight",
+        (
+            f"generic structure, log | −{-p.of_effect('unknown:rates'):g}; "
+            f"{100 * p.generic_size:g} % of weight"
+        ),
         f"{t.slow_torque_ratio:g} ({fine.slow_torque_ratio:g}) times what gyro noise implies",
     ):
         assert text in page, text
@@ -110,12 +121,16 @@ def test_the_constants_of_the_decision_in_the_docs_are_those_of_the_code():
 @pytest.mark.parametrize("page, fewest", [("docs/theory.md", 25), ("README.md", 8)])
 def test_every_function_that_a_page_names_is_in_its_file(page, fewest):
     text = " ".join((ROOT / page).read_text().split())
-    named = re.findall(r"`(\w+)`(?: of `\w+`)? in `((?:np_drake|systems|diagrams)/[\w/]+\.py)`", text)
+    named = re.findall(
+        r"`(\w+)`(?: of `\w+`)? in `((?:np_drake|systems|diagrams)/[\w/]+\.py)`", text
+    )
     assert len(named) > fewest
     for name, file in named:
         assert re.search(rf"(def|class) {name}\b", (ROOT / file).read_text()), f"{name} in {file}"
 
 
 def test_every_figure_is_on_a_page():
-    shown = {name for page in PAGES for name in re.findall(r"figures/([\w.-]+)\)", page.read_text())}
+    shown = {
+        name for page in PAGES for name in re.findall(r"figures/([\w.-]+)\)", page.read_text())
+    }
     assert {file.name for file in (ROOT / "docs" / "figures").iterdir()} == shown

@@ -1,4 +1,6 @@
-"""The three floors: diagrams -> systems -> np_drake, never back; inside a floor, rooms in the order given here."""
+"""The three floors: diagrams -> systems -> np_drake, never back; inside a floor, rooms in the order
+given here.
+"""
 
 import ast
 import subprocess
@@ -31,21 +33,18 @@ DIAGNOSIS = (
     ),
 )
 GROUND = (
-    *("lazy_names", "attitude", "compiled", "files", "rotor_layout", "neighbour", "flight_log", "metrics"),
+    *("lazy_names", "attitude", "compiled", "files", "metrics", "vehicle", "neighbour"),
     *(
-        "vehicle_physics",
-        "vehicle_calibration",
-        "vehicle_sources",
-        "rate_loop",
-        "vehicle",
-        "vehicle_text",
-        "vehicle_table",
-        "published_vehicles",
+        "flight_log",
+        "rigid_body",
+        "rotor_input",
+        "autopilot",
+        "residual_model",
+        "command_delay",
+        "labels",
     ),
-    *("rigid_body", "rotor_input", "scaling", "vehicle_estimate", "autopilot"),
-    *("residual_model", "command_delay", "labels"),
-    *("training_data", "identification", "effects", "logs", "references", "control", "diagnosis", "flight_design"),
-    *("mpc", "estimation", "faults", "offboard"),
+    *("training_data", "identification", "effects", "logs", "references", "control", "diagnosis"),
+    *("flight_design", "mpc", "estimation", "faults", "offboard"),
     *("lifting", "payload_filter", "residual_models", "skill", "__main__"),
 )
 EXPERIMENTS = (
@@ -53,12 +52,18 @@ EXPERIMENTS = (
     *("prediction", "tracking", "payload", "robustness", "gap", "demo", "challenge"),
     *("identification", "performance", "exports", "offboard", "cli"),
 )
-MOST_IMPORTS = 10  # modules of the diagnosis that one of them imports; `diagnose` strings the steps together
+MOST_IMPORTS = (
+    10  # modules of the diagnosis that one of them imports; `diagnose` strings the steps together
+)
 SIMULATOR = ("pydrake.systems", "pydrake.multibody", "pydrake.geometry", "pydrake.visualization")
 
 
 def test_any_module_of_the_logs_can_be_the_first_that_is_imported():
-    names = [str(path.with_suffix("")).replace("/", ".") for path in FILES if path.parts[:2] == ("np_drake", "logs")]
+    names = [
+        str(path.with_suffix("")).replace("/", ".")
+        for path in FILES
+        if path.parts[:2] == ("np_drake", "logs")
+    ]
     code = (
         "import importlib, sys\n"
         f"for name in {[name for name in names if not name.endswith('__init__')]}:\n"
@@ -98,7 +103,11 @@ def faults(path: Path, source: str) -> list[str]:
     forbidden = [*FLOORS[floor + 1 :], "pydrake.all", "tests"]
     if floor == 0:
         forbidden += SIMULATOR
-    return sorted(name for name in names if name.startswith(".") or any(within(name, package) for package in forbidden))
+    return sorted(
+        name
+        for name in names
+        if name.startswith(".") or any(within(name, package) for package in forbidden)
+    )
 
 
 def test_there_are_files_on_the_ground_floor():
@@ -130,7 +139,10 @@ def test_the_law_sees_a_breach(path, source):
     "path, source",
     [
         ("np_drake/x.py", "from pydrake.solvers import MathematicalProgram"),
-        ("systems/x.py", "import np_drake.labels\nfrom pydrake.systems.framework import LeafSystem"),
+        (
+            "systems/x.py",
+            "import np_drake.labels\nfrom pydrake.systems.framework import LeafSystem",
+        ),
         ("diagrams/x.py", "from systems.rotors import Rotors\nimport np_drake"),
     ],
 )
@@ -139,7 +151,9 @@ def test_the_law_allows_what_is_right(path, source):
 
 
 def test_no_room_is_called_utils():
-    assert [path for path in FILES if path.stem in ("utils", "util", "helpers", "misc", "common")] == []
+    assert [
+        path for path in FILES if path.stem in ("utils", "util", "helpers", "misc", "common")
+    ] == []
 
 
 def modules(package: str) -> dict[str, Path]:
@@ -155,7 +169,11 @@ def arrows(package: str) -> dict[str, set[str]]:
     for name, path in known.items():
         taken = imports(source_of(path))
         direct = {other for other in taken if other in known}
-        found[name] = direct - {other for other in direct if any(d.startswith(f"{other}.") for d in direct)} - {name}
+        found[name] = (
+            direct
+            - {other for other in direct if any(d.startswith(f"{other}.") for d in direct)}
+            - {name}
+        )
     return found
 
 
@@ -164,7 +182,8 @@ def room(module: str, package: str) -> str:
 
 
 @pytest.mark.parametrize(
-    "package, order", [("np_drake", GROUND), ("np_drake.diagnosis", DIAGNOSIS), ("diagrams", EXPERIMENTS)]
+    "package, order",
+    [("np_drake", GROUND), ("np_drake.diagnosis", DIAGNOSIS), ("diagrams", EXPERIMENTS)],
 )
 def test_inside_a_floor_imports_run_downwards(package, order):
     upward = [

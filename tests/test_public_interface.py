@@ -33,12 +33,16 @@ def test_an_unknown_name_is_refused_with_those_there_are(package):
 def test_importing_a_package_loads_neither_drake_nor_torch(package):
     code = f"import sys, {package}; print(not {{'pydrake', 'torch', 'numpy'}} & set(sys.modules))"
     start = time.perf_counter()
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT, check=True)
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT, check=True
+    )
     assert done.stdout == "True\n"
     assert time.perf_counter() - start < 3.0  # [s]; a tenth of it on a quiet machine
 
 
 def test_the_first_diagram_of_the_readme_needs_five_imports():
     code = next(re.finditer(r"```python\n(.*?)```", (ROOT / "README.md").read_text(), re.S))[1]
-    imports = [node for node in ast.walk(ast.parse(code)) if isinstance(node, ast.Import | ast.ImportFrom)]
+    imports = [
+        node for node in ast.walk(ast.parse(code)) if isinstance(node, ast.Import | ast.ImportFrom)
+    ]
     assert len(imports) <= 5

@@ -15,7 +15,7 @@ from np_drake.effects.library import LIBRARY, effects_for, in_scenarios
 from np_drake.files.yaml_file import fields_of
 from np_drake.logs.columns import NAMES
 from np_drake.logs.importing.log_map import UNITS, LogMap, Source, load_map_file
-from np_drake.vehicle import MeasurementNoise, Vehicle
+from np_drake.vehicle.vehicle import MeasurementNoise, Vehicle
 
 ROOT = Path(__file__).parents[1]
 REFERENCE = ROOT / "docs" / "reference"
@@ -33,7 +33,9 @@ PLACES = {
 def sections(page: Path) -> dict[str, str]:
     """Heading of second level, without code marks -> text below it."""
     parts = re.split(r"^## (.*)$", page.read_text(encoding="utf-8"), flags=re.M)[1:]
-    return {title.replace("`", ""): text for title, text in zip(parts[::2], parts[1::2], strict=True)}
+    return {
+        title.replace("`", ""): text for title, text in zip(parts[::2], parts[1::2], strict=True)
+    }
 
 
 def rows(text: str) -> dict[str, str]:
@@ -43,7 +45,9 @@ def rows(text: str) -> dict[str, str]:
 
 
 def nested(config: object, name: str) -> dict[str, object]:
-    """Name of a section -> the dataclass or Drake record that it documents, `config` under `name` first."""
+    """Name of a section -> the dataclass or Drake record that it documents, `config` under `name`
+    first.
+    """
     found = {name: config}
     for field in fields_of(type(config)):
         value = getattr(config, field)
@@ -58,7 +62,9 @@ SCENARIO = [
     for name, config in nested(FlightConfig(), "Top level").items()
     if not isinstance(config, MeasurementNoise)  # whose table is that of the vehicle file
 ]
-VEHICLE = [("vehicle-file.md", name, config) for name, config in nested(Vehicle(), "Fields").items()]
+VEHICLE = [
+    ("vehicle-file.md", name, config) for name, config in nested(Vehicle(), "Fields").items()
+]
 
 
 @pytest.mark.parametrize("page, name, config", SCENARIO + VEHICLE, ids=lambda part: str(part)[:24])
@@ -96,7 +102,9 @@ def test_a_scenarios_noise_is_a_vehicle_files_but_for_what_the_page_says():
 
 def test_the_page_of_the_flight_log_names_every_column():
     text = (REFERENCE / "flight-log.md").read_text(encoding="utf-8")
-    text = re.sub(r"`(\w+)1` … `\w+4`", lambda m: " ".join(f"`{m[1]}{i}`" for i in (1, 2, 3, 4)), text)
+    text = re.sub(
+        r"`(\w+)1` … `\w+4`", lambda m: " ".join(f"`{m[1]}{i}`" for i in (1, 2, 3, 4)), text
+    )
     table = re.findall(r"^\| (.*?) \|", text, re.M)
     documented = [name for cell in table for name in re.findall(r"`(\w+)`", cell)]
     assert [name for name in NAMES if name not in documented] == []
@@ -114,7 +122,9 @@ def script(name: str) -> ModuleType:
 
 def test_the_page_of_the_commands_is_what_the_script_writes():
     commands = script("make_commands")
-    assert commands.PAGE.read_text(encoding="utf-8") == commands.page(), "run `make docs` and commit the page"
+    assert commands.PAGE.read_text(encoding="utf-8") == commands.page(), (
+        "run `make docs` and commit the page"
+    )
 
 
 def test_the_page_of_the_effects_lists_each_by_the_place_where_it_acts():
@@ -129,7 +139,9 @@ def test_the_built_page_of_the_effects_states_each_with_its_parameters():
     text = script("generated_tables").page((REFERENCE / "effects.md").read_text(encoding="utf-8"))
     assert re.findall(r"^### `(\w+)`$", text, re.M) == list(in_scenarios())
     ranges = text[text.index("## Range and prior") :].replace("−", "-")
-    rows = re.findall(r"^\| `(\w+)` \| (.*?) \| (.*?) \| (.*?) \| (.*?) to (.*?) \| (.*?) \|$", ranges, re.M)
+    rows = re.findall(
+        r"^\| `(\w+)` \| (.*?) \| (.*?) \| (.*?) \| (.*?) to (.*?) \| (.*?) \|$", ranges, re.M
+    )
     stated = {
         (effect, name): (unit, *map(float, figures))
         for effect, names, unit, *figures in rows
@@ -144,7 +156,9 @@ def test_the_built_page_of_the_effects_states_each_with_its_parameters():
 
 @pytest.mark.parametrize("mark", ["effects", "parameters", "exports"])
 def test_what_the_code_says_is_on_one_page_of_the_site(mark):
-    marked = [page for page in (ROOT / "docs").rglob("*.md") if f"<!-- {mark} -->" in page.read_text()]
+    marked = [
+        page for page in (ROOT / "docs").rglob("*.md") if f"<!-- {mark} -->" in page.read_text()
+    ]
     assert len(marked) == 1
     assert "<!--" not in script("generated_tables").page(marked[0].read_text(encoding="utf-8"))
 
@@ -178,7 +192,9 @@ def test_the_page_of_the_log_map_names_every_unit():
 
 
 def test_the_examples_of_the_log_map_are_maps_of_at_most_20_lines(tmp_path):
-    examples = re.findall(r"```yaml\n(.*?)```", (REFERENCE / "log-map.md").read_text(encoding="utf-8"), re.S)
+    examples = re.findall(
+        r"```yaml\n(.*?)```", (REFERENCE / "log-map.md").read_text(encoding="utf-8"), re.S
+    )
     assert examples
     for example in examples:
         assert len(example.splitlines()) <= 20

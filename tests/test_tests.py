@@ -1,6 +1,7 @@
 """Laws of tests: a name is short enough to be read, and no constant is replaced.
 
-What a test must steer is a parameter with a default. Functions, as those of time and network, may be replaced.
+What a test must steer is a parameter with a default. Functions, as those of time and network, may
+be replaced.
 """
 
 import ast
@@ -63,7 +64,12 @@ def test_the_law_sees_a_replaced_constant(source):
 
 
 @pytest.mark.parametrize(
-    "source", ["monkeypatch.setattr(time, 'sleep', f)", "setattr(config, name, 1)", "patch.setattr('a.B', f)"]
+    "source",
+    [
+        "monkeypatch.setattr(time, 'sleep', f)",
+        "setattr(config, name, 1)",
+        "patch.setattr('a.B', f)",
+    ],
 )
 def test_the_law_allows_what_is_no_constant(source):
     assert replaced_constants(source) == []

@@ -16,14 +16,17 @@ PATIENCE = 10.0  # until a scheduler that does not answer counts as unreachable 
 def require_cluster(address: str) -> None:
     """Check before long work that a cluster takes cases.
 
-    Raises: ValueError: without the extra, where no scheduler answers, or where a worker has several threads.
+    Raises: ValueError: without the extra, where no scheduler answers, or where a worker has several
+    threads.
     """
     with client(address) as connected:
         _require_one_thread(connected)
 
 
 def _require_one_thread(connected: Any) -> None:
-    """Check that every worker has one thread: cases would share its processor time, and all die with one of them."""
+    """Check that every worker has one thread: cases would share its processor time, and all die
+    with one of them.
+    """
     for worker, threads in connected.nthreads().items():
         if threads > 1:
             raise ValueError(
@@ -37,13 +40,14 @@ def client(address: str, patience: float = PATIENCE) -> Iterator[Any]:
     """Yield a `distributed.Client`.
 
     Args:
-        address: of the scheduler.
         patience: until it counts as unreachable [s].
 
     Raises: ValueError: without the extra, or where no scheduler answers.
     """
     if find_spec("distributed") is None:
-        raise ValueError("--scheduler: its packages must be installed; pip install 'np_drake[cluster]'.")
+        raise ValueError(
+            "--scheduler: its packages must be installed; pip install 'np_drake[cluster]'."
+        )
     from distributed import Client
 
     try:
@@ -60,7 +64,8 @@ def client(address: str, patience: float = PATIENCE) -> Iterator[Any]:
 async def _reach(address: str, patience: float) -> None:
     """Connect to the address and close the connection.
 
-    Raises: OSError, ValueError, TypeError: where nothing listens, or does not answer within `patience` [s].
+    Raises: OSError, ValueError, TypeError: where nothing listens, or does not answer within
+    `patience` [s].
     """
     from distributed.comm import connect
 
@@ -68,18 +73,17 @@ async def _reach(address: str, patience: float) -> None:
     await (await asyncio.wait_for(connect(address, timeout=patience), patience)).close()
 
 
-def on_cluster(work: Callable[[Any], Any], cases: Sequence[Any], address: str) -> Iterator[tuple[int, Any]]:
-    """Yield (number of the case, what `work` returns, or the error of a lost case), in the order in which they finish.
+def on_cluster(
+    work: Callable[[Any], Any], cases: Sequence[Any], address: str
+) -> Iterator[tuple[int, Any]]:
+    """Yield (number of the case, what `work` returns, or the error of a lost case), in the order in
+    which they finish.
 
-    Dask gives a case whose worker dies to another (`allowed-failures` of its configuration, three times at its own
-    default; `retries` of `submit` counts raised errors alone). It then runs once more, alone, before it counts as lost.
-    Workers under a nanny come back.
-
-    Args:
-        work: function of a case that never raises.
-        cases: anything that can be pickled.
-        address: of the scheduler.
-    Raises: ValueError: as `require_cluster`; FailedRun: where the connection to the scheduler is lost.
+    Dask gives a case whose worker dies to another (`allowed-failures` of its configuration, three
+    times at its own default; `retries` of `submit` counts raised errors alone). It then runs once
+    more, alone, before it counts as lost. Workers under a nanny come back.
+    Raises: ValueError: as `require_cluster`; FailedRun: where the connection to the scheduler is
+        lost.
     """
     from distributed import as_completed
 
@@ -94,7 +98,8 @@ def on_cluster(work: Callable[[Any], Any], cases: Sequence[Any], address: str) -
                 suspects.append(number)
             else:
                 yield number, outcome
-        # Dask reports all cases of a dead worker; run alone, only the one that killed it does so again.
+        # Dask reports all cases of a dead worker; run alone, only the one that killed it does so
+        # again.
         for number in suspects:
             alone = connected.submit(work, cases[number], pure=False)
             alone.exception()  # waits for its end
@@ -111,7 +116,9 @@ def _outcome(future: Any) -> Any:
     if future.status in ("lost", "pending"):
         return DeadProcess("lost: its worker died with the answer, twice.")
     if future.status not in ("finished", "error"):
-        raise FailedRun(f"the scheduler gave a case up ({future.status}); is the cluster still there?")
+        raise FailedRun(
+            f"the scheduler gave a case up ({future.status}); is the cluster still there?"
+        )
     try:
         return future.result()
     except KilledWorker:

@@ -15,23 +15,22 @@ def tabulate(title: str, lines: Iterable[Any], columns: Iterable[Column]) -> Tab
     """Return title, header and a row for every line.
 
     Args:
-        title: above the table.
-        lines: a row each.
         columns: header, and key of the line or function of it.
     """
     columns = list(columns)
-    rows = [tuple(line[cell] if isinstance(cell, str) else cell(line) for _, cell in columns) for line in lines]
+    rows = [
+        tuple(line[cell] if isinstance(cell, str) else cell(line) for _, cell in columns)
+        for line in lines
+    ]
     return title, [header for header, _ in columns], rows
 
 
 def fixed(key: str, digits: int, *, factor: float = 1.0, unit: str = "") -> Callable[[Line], str]:
-    """Return a cell of `factor` times the value with fixed digits; a dash where a line has no such key.
+    """Return a cell of `factor` times the value with fixed digits; a dash where a line has no such
+    key.
 
     Args:
-        key: of the value.
-        digits: behind the point.
         factor: to another unit [1].
-        unit: behind the number.
     """
     return lambda line: f"{factor * line[key]:.{digits}f}{unit}" if key in line else NOTHING
 
@@ -41,7 +40,6 @@ def percent(key: str, digits: int = 0) -> Callable[[Line], str]:
 
     Args:
         key: of the share [1].
-        digits: behind the point.
     """
     return fixed(key, digits, factor=100.0, unit=" %")
 
@@ -49,14 +47,11 @@ def percent(key: str, digits: int = 0) -> Callable[[Line], str]:
 def spread(
     key: str, digits: int = 2, *, factor: float = 100.0, by: str = "ci95", lost: str = "lost"
 ) -> Callable[[Line], str]:
-    """Return a cell `value ± spread`, in cm unless told; without the spread where that is not a number.
+    """Return a cell `value ± spread`, in cm unless told; without the spread where that is not a
+    number.
 
     Args:
-        key: of the value.
-        digits: behind the point.
         factor: to another unit [1].
-        by: suffix of the spread's key.
-        lost: what stands for an infinite value.
     """
 
     def cell(line: Line) -> str:
@@ -69,12 +64,8 @@ def spread(
 
 
 def grouped(title: str, header: Iterable[str], groups: Mapping[str, Iterable[tuple]]) -> Table:
-    """Return a table of blocks: a row with the name of a group alone, then the rows of that group.
-
-    Args:
-        title: above the table.
-        header: name of each column.
-        groups: rows by the name of their group.
+    """Return a table of blocks: a row with the name of a group alone, then the rows of that
+    group.
     """
     header = list(header)
     blank = [""] * (len(header) - 1)

@@ -11,7 +11,10 @@ class FailedRun(RuntimeError):
 def one_line(error: Exception) -> str:
     """Return what went wrong, and where if the error was not expected."""
     text = " ".join(str(error).split()) or "no message"
-    foreseen = isinstance(error, FailedRun | ValueError | OSError) and type(error) is not UnicodeDecodeError
+    foreseen = (
+        isinstance(error, FailedRun | ValueError | OSError)
+        and type(error) is not UnicodeDecodeError
+    )
     if foreseen or error.__traceback__ is None:
         return text
     last = traceback.extract_tb(error.__traceback__)[-1]

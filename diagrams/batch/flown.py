@@ -28,12 +28,7 @@ class FlownRun(Run):
 
     @classmethod
     def of(cls, run: Run, options: FlownOptions) -> Self:
-        """Return the run with the seeds and the solver of these options.
-
-        Args:
-            run: run with the training seed.
-            options: number of evaluation flights a row, and solver.
-        """
+        """Return the run with the seeds and the solver of these options."""
         shared = {field.name: getattr(run, field.name) for field in dc.fields(Run)}
         return cls(**shared, count=options.seeds, solver=options.solver)
 
@@ -51,7 +46,6 @@ class FlownRun(Run):
         """Return the title of a table: flights, seeds, training seed and solver.
 
         Args:
-            flights: what is flown so often.
             learner: what is trained, with a blank behind it; empty where that is plain.
         """
         return (
@@ -62,14 +56,13 @@ class FlownRun(Run):
 
 def require_rows(names: Collection[str], known: Collection[str]) -> None:
     """Check the names given as `--only`.
-
-    Args:
-        names: given names.
-        known: names of the rows that there are.
     Raises: ValueError: on an unknown name.
     """
     if unknown := set(names) - set(known):
-        raise ValueError(f"--only: must name rows of the table ({'; '.join(known)}); got {', '.join(sorted(unknown))}.")
+        raise ValueError(
+            f"--only: must name rows of the table ({'; '.join(known)}); got "
+            f"{', '.join(sorted(unknown))}."
+        )
 
 
 def _present(row: str) -> str:
@@ -80,13 +73,13 @@ def _present(row: str) -> str:
     return present
 
 
-def choose_rows(rows: tuple, only: Collection[str] | None, always: Collection[str] = ("nominal",)) -> tuple:
+def choose_rows(
+    rows: tuple, only: Collection[str] | None, always: Collection[str] = ("nominal",)
+) -> tuple:
     """Return the rows of these names, all where there are none.
 
     Args:
-        rows: rows of the table.
         only: names; None or empty: all.
-        always: rows that are never left out.
     Raises: ValueError: on an unknown name.
     """
     only = [_present(name) for name in only or ()]

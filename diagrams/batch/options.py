@@ -8,19 +8,32 @@ from typer import Argument, Option
 
 DEFAULT_SOLVER = "sqp"  # of every verb that flies
 Solver = Annotated[str, Option("--solver", help="sqp | ipopt (MathematicalProgram, the reference)")]
-Seeds = Annotated[int, Option("--seeds", min=1, max=10_000, help="Evaluation flights a row, of seeds seed + 1, …")]
-Only = Annotated[list[str] | None, Option("--only", help="Only rows of these names (nominal is always flown).")]
-Group = Annotated[list[str] | None, Option("--only", metavar="GROUP", help="Only cases of this group; repeatable.")]
+Seeds = Annotated[
+    int, Option("--seeds", min=1, max=10_000, help="Evaluation flights a row, of seeds seed + 1, …")
+]
+Only = Annotated[
+    list[str] | None, Option("--only", help="Only rows of these names (nominal is always flown).")
+]
+Group = Annotated[
+    list[str] | None,
+    Option("--only", metavar="GROUP", help="Only cases of this group; repeatable."),
+]
 Reality = Annotated[
     Path | None,
     Option(
         "--reality",
         metavar="FILE",
-        help="Fly in the simulator of this scenario: corrected.yaml of a diagnosis, or paper_vehicle.",
+        help=(
+            "Fly in the simulator of this scenario: corrected.yaml of a diagnosis, or "
+            "paper_vehicle."
+        ),
     ),
 ]
 Neurobem = Annotated[
-    Path | None, Option("--neurobem", metavar="DIR", envvar="NP_DRAKE_NEUROBEM", help="Folder of the real flights.")
+    Path | None,
+    Option(
+        "--neurobem", metavar="DIR", envvar="NP_DRAKE_NEUROBEM", help="Folder of the real flights."
+    ),
 ]
 RealFlights = Annotated[
     Path | None,
@@ -39,7 +52,6 @@ def required(option: Path | None, message: str) -> Path:
 
     Args:
         option: its value; None: it is not given.
-        message: what is said then.
     Raises: ValueError: if it is not given.
     """
     if option is None:
@@ -61,4 +73,6 @@ class RealFlightOptions:
         Args: study: its name.
         Raises: ValueError: if none is given.
         """
-        return required(self.folder, f"{study}: give the folder of the real flights as DIR or NP_DRAKE_REAL.")
+        return required(
+            self.folder, f"{study}: give the folder of the real flights as DIR or NP_DRAKE_REAL."
+        )

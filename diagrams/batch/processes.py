@@ -1,4 +1,6 @@
-"""Cases in processes of this machine, by joblib; a process that dies costs only the case that killed it."""
+"""Cases in processes of this machine, by joblib; a process that dies costs only the case that
+killed it.
+"""
 
 import re
 import threading
@@ -12,19 +14,23 @@ from diagrams.batch.failed_run import FailedRun
 
 
 class DeadProcess(FailedRun):
-    """Loss of a case with the process that worked on it, twice: out of memory, a fault in native code, or an exit."""
+    """Loss of a case with the process that worked on it, twice: out of memory, a fault in native
+    code, or an exit.
+    """
 
 
-def as_they_finish(work: Callable[[Any], Any], cases: Sequence[Any], jobs: int) -> Iterator[tuple[int, Any]]:
-    """Yield (number of the case, what `work` returns, or DeadProcess), in the order in which they finish.
+def as_they_finish(
+    work: Callable[[Any], Any], cases: Sequence[Any], jobs: int
+) -> Iterator[tuple[int, Any]]:
+    """Yield (number of the case, what `work` returns, or DeadProcess), in the order in which they
+    finish.
 
-    The work never runs in this process. joblib gives up all that it has taken when a process dies, at most twice as
-    many cases as there are jobs: these run once more, each in a process of its own, and what dies again is lost.
+    The work never runs in this process. joblib gives up all that it has taken when a process dies,
+    at most twice as many cases as there are jobs: these run once more, each in a process of its
+    own, and what dies again is lost.
 
     Args:
         work: function of a case alone; what it raises ends all.
-        cases: anything that can be pickled.
-        jobs: processes.
     """
     waiting = iter(enumerate(cases))
     suspects: dict[int, Any] | None = None
@@ -40,11 +46,13 @@ def _until_one_dies(
 ) -> Generator[tuple[int, Any], None, tuple[dict[int, Any], str]]:
     """Take numbered cases from `waiting` until none is left or a process dies.
 
-    Returns: the cases that were taken and have no outcome, by number, and what is known about the process's end.
+    Returns: the cases that were taken and have no outcome, by number, and what is known about the
+    process's end.
     """
     from joblib import Parallel, delayed, parallel_config  # takes a while: not where nothing is run
 
-    # Of processes that have grown and are replaced between two cases, and of a campaign that ends early.
+    # Of processes that have grown and are replaced between two cases, and of a campaign that ends
+    # early.
     warnings.filterwarnings("ignore", module="joblib")
     taken: dict[int, Any] = {}
 
@@ -55,7 +63,9 @@ def _until_one_dies(
 
     with parallel_config("loky", inner_max_num_threads=1):
         parallel = Parallel(
-            max(jobs, 2),  # of which one idles where jobs is 1: Parallel(1) would work in this process
+            max(
+                jobs, 2
+            ),  # of which one idles where jobs is 1: Parallel(1) would work in this process
             pre_dispatch=jobs,
             batch_size=1,
             max_nbytes=None,
@@ -76,11 +86,15 @@ def _until_one_dies(
 
 @contextmanager
 def _quiet_threads() -> Iterator[None]:
-    """Drop what joblib's managing thread raises: it may look for a case that is gone when its pool ends early."""
+    """Drop what joblib's managing thread raises: it may look for a case that is gone when its pool
+    ends early.
+    """
     from joblib.externals.loky.process_executor import _ExecutorManagerThread
 
     before = threading.excepthook
-    threading.excepthook = lambda failed: None if isinstance(failed.thread, _ExecutorManagerThread) else before(failed)
+    threading.excepthook = lambda failed: (
+        None if isinstance(failed.thread, _ExecutorManagerThread) else before(failed)
+    )
     try:
         yield
     finally:
@@ -92,7 +106,9 @@ def _numbered(work: Callable[[Any], Any], number: int, case: Any) -> tuple[int, 
 
 
 def _reason(error: BrokenProcessPool) -> str:
-    """Return the exit code where there is one, in one line; a process with an unreadable answer counts as dead too."""
+    """Return the exit code where there is one, in one line; a process with an unreadable answer
+    counts as dead too.
+    """
     text = " ".join(str(error).split())
     code = re.search(r"exit codes? of the workers? (?:are|is) \{(.*?)\}", text)
     why = f"({code[1]}); is the memory exhausted?" if code else f"({text})."

@@ -1,4 +1,5 @@
-"""Run and report of a study: a module with `Options`, its options, and `run(run, options) -> Report`.
+"""Run and report of a study: a module with `Options`, its options, and `run(run, options) ->
+Report`.
 
 A study knows neither console nor files of its report. Called from Python it is silent:
 
@@ -32,7 +33,6 @@ def silent(description: str, total: float) -> Iterator[Advance]:
     """Yield an `advance(done, text)` that shows nothing.
 
     Args:
-        description: what is worked on.
         total: value of `done` at the end [1].
     """
     yield lambda done, text="": None
@@ -42,7 +42,8 @@ def silent(description: str, total: float) -> Iterator[Advance]:
 class Run:
     """Seed, folders, workers and progress bar of one run.
 
-    out: folder for figures and models; None: `scratch`.   bar: shows progress, as `silent` does not.
+    out: folder for figures and models; None: `scratch`.
+    bar: shows progress, as `silent` does not.
     """
 
     seed: int = 0
@@ -54,39 +55,37 @@ class Run:
 
     @property
     def folder(self) -> Path:
-        """Folder of `--out`, created on first use; without it a scratch folder that ends with the run."""
+        """Folder of `--out`, created on first use; without it a scratch folder that ends with the
+        run.
+        """
         return make_folder(self.out) if self.out else self.scratch
 
     def progress(self, title: str, total: float = 1.0) -> AbstractContextManager[Advance]:
         """Show a progress bar and yield `advance(done, text)`.
 
         Args:
-            title: what is worked on.
             total: value of `done` at the end [1].
         """
         return self.bar(title, total)
 
     @contextmanager
     def counting(self, title: str, what: str = "") -> Iterator[Callable[[int, int], None]]:
-        """Show a progress bar and yield `on_progress(done, total)`.
-
-        Args:
-            title: what is worked on.
-            what: what is counted, below the bar.
-        """
+        """Show a progress bar and yield `on_progress(done, total)`."""
         with self.bar(title, 1.0) as advance:
             yield counted(advance, what)
 
     def cases(
-        self, title: str, what: str, work: "Callable[[Case], dict]", cases: "Sequence[Case]", **more: Any
+        self,
+        title: str,
+        what: str,
+        work: "Callable[[Case], dict]",
+        cases: "Sequence[Case]",
+        **more: Any,
     ) -> "list[Record]":
-        """Return the records of the cases, worked on behind a progress bar; without any, nothing is shown.
+        """Return the records of the cases, worked on behind a progress bar; without any, nothing is
+        shown.
 
         Args:
-            title: what is worked on.
-            what: what is counted.
-            work: case -> result.
-            cases: cases, plain data that differ from each other.
             more: `config`, `part` and `keep` of `Workers.run`.
         """
         if not cases:
@@ -110,18 +109,15 @@ class Report:
     lines: Sequence[str] = ()  # printed above the tables
     summary: Sequence[str] = ()  # printed below the tables, and in the Markdown file
     notes: Sequence[str] = ()  # printed below the tables only
-    figures: Mapping[str, Callable[[], "Figure"]] = dc.field(default_factory=dict)  # by file name in --out
+    figures: Mapping[str, Callable[[], "Figure"]] = dc.field(
+        default_factory=dict
+    )  # by file name in --out
     write: Callable[[Path], None] | None = None  # writes further files into the folder of --out
     failure: Exception | None = None  # raised when all is written and printed
 
 
 def counted(advance: Advance, what: str = "") -> Callable[[int, int], None]:
-    """Return an `on_progress(done, total)` that moves a bar of total 1.
-
-    Args:
-        advance: moves the bar.
-        what: what is counted, below the bar.
-    """
+    """Return an `on_progress(done, total)` that moves a bar of total 1."""
     return lambda done, total: advance(done / total, f"{done} of {total} {what}".rstrip())
 
 

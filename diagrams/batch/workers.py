@@ -16,8 +16,9 @@ MINUTE, HOUR = 60.0, 3600.0  # [s]
 class Workers:
     """Local processes or a Dask cluster, and the folder that cases are resumed from.
 
-    jobs, scheduler: as of `run_campaign`.   folder: takes a file for every case; None: nothing is kept.
-    finished: records of all campaigns that ran here.
+    jobs, scheduler: as of `run_campaign`.
+    folder: takes a file for every case; None: nothing is kept. finished: records of all campaigns
+        that ran here.
     """
 
     jobs: int = 1
@@ -47,12 +48,8 @@ class Workers:
         """Return the records of the cases; other arguments as of `run_campaign`.
 
         Args:
-            work: case -> result.
-            cases: plain data that differ from each other.
-            config: all else that results depend on.
             part: folder inside the folder, for a campaign of another configuration.
             keep: takes every new result and returns what its record holds.
-            on_progress: called with cases done and all.
         """
         records = run_campaign(
             work,
@@ -118,10 +115,18 @@ def every_result(records: Sequence[Record]) -> list[dict]:
 
 def failures(records: Sequence[Record]) -> list[str]:
     """Return a line for every case without a result: what it was, and why."""
-    return [f"{_named(record['case'])}: {record['error']}" for record in records if "error" in record]
+    return [
+        f"{_named(record['case'])}: {record['error']}" for record in records if "error" in record
+    ]
 
 
 def _named(case: Case) -> str:
     """Return the values of a case that are no list; a lone number with its name."""
-    known = {key: value for key, value in case.items() if isinstance(value, str | int | float) and value != ""}
-    return ", ".join(value if isinstance(value, str) else f"{key} {value:g}" for key, value in known.items())
+    known = {
+        key: value
+        for key, value in case.items()
+        if isinstance(value, str | int | float) and value != ""
+    }
+    return ", ".join(
+        value if isinstance(value, str) else f"{key} {value:g}" for key, value in known.items()
+    )

@@ -31,24 +31,23 @@ def solve(
     again: bool = False,
     on_progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> dict[str, Any]:
-    """Write <answers>/<case>/diagnosis.json for every case folder; whole answers that are there stay.
+    """Write <answers>/<case>/diagnosis.json for every case folder; whole answers that are there
+    stay.
 
     Args:
         cases: folder of case folders, under the same path on every worker.
-        answers: folder for the answers.
-        workers: where cases are solved; default: in this process.
-        replay: whether held-out flights are replayed in Drake.
-        again: whether what is solved is solved again.
         on_progress: called with the number of cases done and that of all.
-    Returns: {"cases": all, "skipped": solved before, "solved": [{"case", "wall" [s], "peak_memory" [byte]}],
-        "failed": [{"case", "error": one line}]}, sorted by case.
-    Raises: ValueError: if `cases` holds no case folder, or a file is in an answer's place; OSError: if an answer
-        cannot be written.
+    Returns: {"cases": all, "skipped": solved before, "solved": [{"case", "wall" [s], "peak_memory"
+        [byte]}], "failed": [{"case", "error": one line}]}, sorted by case.
+    Raises: ValueError: if `cases` holds no case folder, or a file is in an answer's place; OSError:
+        if an answer cannot be written.
     """
     folders = case_folders(cases)
     for out in (answers / folder.name for folder in folders):
         if out.exists() and not out.is_dir():
-            raise NotADirectoryError(f"{out}: must be a folder for the answer; it is a file. Move it away.")
+            raise NotADirectoryError(
+                f"{out}: must be a folder for the answer; it is a file. Move it away."
+            )
     left = [f for f in folders if again or kept_json(answers / f.name / ANSWER_FILE) is None]
 
     def keep(case: Case, result: dict) -> dict:
@@ -77,13 +76,16 @@ def case_folders(cases: Path) -> list[Path]:
     folders = [path for path in cases.iterdir() if path.is_dir() and not path.name.startswith(".")]
     found = sorted(f for f in folders if (f / VEHICLE).is_file() or any(f.glob(f"{TRAIN}*")))
     if not found:
-        raise ValueError(f"{cases}: must hold case folders, each with {VEHICLE} and flights; got none.")
+        raise ValueError(
+            f"{cases}: must hold case folders, each with {VEHICLE} and flights; got none."
+        )
     return found
 
 
 @dc.dataclass(frozen=True)
 class Solving:
-    """Work of a case {"case": folder's name} -> {"answer": content of diagnosis.json, "cost"}; writes nothing.
+    """Work of a case {"case": folder's name} -> {"answer": content of diagnosis.json, "cost"};
+    writes nothing.
 
     The peak of memory is of the process, which may have solved other cases before.
     """
@@ -96,14 +98,16 @@ class Solving:
         start = time.perf_counter()
         answer = diagnose_folder(self.cases / case["case"], self.replay)
         wall = time.perf_counter() - start
-        return {"answer": answer, "cost": {"wall": wall, "peak_memory": peak_memory(), "replay": self.replay}}
+        return {
+            "answer": answer,
+            "cost": {"wall": wall, "peak_memory": peak_memory(), "replay": self.replay},
+        }
 
 
 def write_answer(out: Path, result: dict) -> dict:
     """Write answer and cost of a case, the answer last, and return the cost.
 
     Args:
-        out: folder of the case's answer.
         result: of `Solving`.
     """
     out.mkdir(parents=True, exist_ok=True)
@@ -113,7 +117,9 @@ def write_answer(out: Path, result: dict) -> dict:
 
 
 def peak_memory() -> int:
-    """Return the most that this process has held [byte]; where the system says no more, its parent's before too."""
+    """Return the most that this process has held [byte]; where the system says no more, its
+    parent's before too.
+    """
     if STATUS.is_file():
         line = next(line for line in STATUS.read_text().splitlines() if line.startswith("VmHWM:"))
         return int(line.split()[1]) * KIBIBYTE
@@ -121,13 +127,11 @@ def peak_memory() -> int:
 
 
 def diagnose_folder(folder: Path, replay: bool) -> dict[str, Any]:
-    """Return the content of diagnosis.json: of the second answer where there is one, else of the first.
+    """Return the content of diagnosis.json: of the second answer where there is one, else of the
+    first.
 
-    A second answer knows half of every held-out flight that shows what training flights do not (`Diagnosis.refit`).
-
-    Args:
-        folder: of the case.
-        replay: whether held-out flights are replayed in Drake.
+    A second answer knows half of every held-out flight that shows what training flights do not
+    (`Diagnosis.refit`).
     """
     vehicle, train, held_out = open_case(folder)
     simulator = None

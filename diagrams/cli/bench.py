@@ -20,12 +20,21 @@ RECORDED = {"mpc": "np, K = 22", "mpc_refit": "paper, K = 24"}  # key of --json:
 def bench(
     run: Run,
     problems: Annotated[int, Option(min=10, max=100_000, help="Recorded NP-MPC problems.")] = 200,
-    seconds: Annotated[float, Option(min=1.0, max=3600.0, help="Simulated time of the simulator [s].")] = 40.0,
-    predictor: Annotated[bool, Option("--predictor", help="Only the predictors, against the pseudo-inverse.")] = False,
+    seconds: Annotated[
+        float, Option(min=1.0, max=3600.0, help="Simulated time of the simulator [s].")
+    ] = 40.0,
+    predictor: Annotated[
+        bool, Option("--predictor", help="Only the predictors, against the pseudo-inverse.")
+    ] = False,
 ) -> Report:
-    """Time solvers, predictor, simulator and training; peers: CasADi + IPOPT (extra `bench`), acados."""
+    """Time solvers, predictor, simulator and training; peers: CasADi + IPOPT (extra `bench`),
+    acados.
+    """
     if os.environ.get("OMP_NUM_THREADS") != "1":
-        tell("OMP_NUM_THREADS is not 1: small matrices run two to three times slower on several threads.")
+        tell(
+            "OMP_NUM_THREADS is not 1: small matrices run two to three times slower on "
+            "several threads."
+        )
     if predictor:
         lines, table = _against_the_pseudo_inverse(run.seed)
         return Report([table], config={}, metrics={"predictor": {"against_pseudo_inverse": lines}})
@@ -49,9 +58,16 @@ def bench(
             progress=on_progress,
         )
     content, tables = _others(measure, config, run, walls, seconds)
-    growth = [{"N": n, "K": K, "solver": r.name, **dc.asdict(r)} for n, K in GROWTH for r in found[growth_name(n, K)]]
+    growth = [
+        {"N": n, "K": K, "solver": r.name, **dc.asdict(r)}
+        for n, K in GROWTH
+        for r in found[growth_name(n, K)]
+    ]
     starts = {name: [dc.asdict(r) for r in rows] for name, rows in found.items() if "start" in name}
-    timed = {key: {r.name: {"N": mpc.horizon, **dc.asdict(r)} for r in found[name]} for key, name in RECORDED.items()}
+    timed = {
+        key: {r.name: {"N": mpc.horizon, **dc.asdict(r)} for r in found[name]}
+        for key, name in RECORDED.items()
+    }
     return Report(
         [*_solver_tables(found), *tables],
         config=dc.asdict(mpc),
@@ -85,7 +101,9 @@ def _solver_tables(found: "dict[str, list[SolverReport]]") -> list[Table]:
     )
     return [
         tabulate("NP-MPC solvers; to …: ratio of medians in this run; gap: median", lines, times),
-        tabulate("NP-MPC solvers, answers; feedback: phase after the measurement, median", lines, answers),
+        tabulate(
+            "NP-MPC solvers, answers; feedback: phase after the measurement, median", lines, answers
+        ),
     ]
 
 
@@ -95,7 +113,10 @@ def _against_the_pseudo_inverse(seed: int) -> tuple[list[dict], Table]:
 
     with progress("predictors", 1.0):
         lines = [dc.asdict(timing) for timing in predictor_timings(seed)]
-    title = "one sample: refit, lift and 20 steps; ratio: to the pseudo-inverse of 40 samples in this run"
+    title = (
+        "one sample: refit, lift and 20 steps; ratio: to the pseudo-inverse of 40 samples "
+        "in this run"
+    )
     columns = (("", "name"), ("median [ms]", "median_ms"), ("p95", "p95_ms"), ("ratio", "ratio"))
     return lines, tabulate(title, lines, columns)
 
@@ -109,12 +130,17 @@ def _others(
     span = {"horizon": config.controller.mpc.horizon, "stride": config.controller.stride}
     with progress("predictor, simulator", 1.0):
         update = {
-            name: measure.time_predictor(NeuralPredictor.load(measure.model_file(run.folder, name)), **span)
+            name: measure.time_predictor(
+                NeuralPredictor.load(measure.model_file(run.folder, name)), **span
+            )
             for name in ("lifted", "paper")
         }
         factors = measure.real_time_factors(seconds=seconds, seed=run.seed)
     rows: list[tuple] = [
-        *((f"predictor `{n}`: lift, refit, forecast", v["median"], "ms (median)") for n, v in update.items()),
+        *(
+            (f"predictor `{n}`: lift, refit, forecast", v["median"], "ms (median)")
+            for n, v in update.items()
+        ),
         *((f"simulator: {name}", value, "x real time") for name, value in factors.items()),
         *((f"training `{name}`, 3000 points", value, "s") for name, value in walls.items()),
     ]

@@ -1,4 +1,6 @@
-"""`np-drake challenge`: sets of flights with an effect that whoever diagnoses them does not know."""
+"""`np-drake challenge`: sets of flights with an effect that whoever diagnoses them does not
+know.
+"""
 
 import math
 from pathlib import Path
@@ -38,23 +40,35 @@ def _make(
     out: Annotated[Path, Option(metavar="DIR", help="Folder for the case folders.")],
     truth: Annotated[Path, Option(metavar="DIR", help="Folder for their truth; not inside --out.")],
     simulator: Annotated[str, Option(metavar="NAME", help="Who flies: drake | rotorpy.")] = "drake",
-    quality: Annotated[str, Option(metavar="NAME", help="Sensors: clean (ideal) | real | wild.")] = "clean",
+    quality: Annotated[
+        str, Option(metavar="NAME", help="Sensors: clean (ideal) | real | wild.")
+    ] = "clean",
     cases: Annotated[int, Option(min=0, max=100_000, help="Cases with effects.")] = 44,
     clean: Annotated[int, Option(min=0, max=100_000, help="Clean controls: cases without.")] = 20,
     seconds: Annotated[float, Option(help="Length of every flight [s].")] = 20.0,
-    unseen: Annotated[bool, Option("--unseen", help="Out-of-library effects alone, of kinds in no other set.")] = False,
+    unseen: Annotated[
+        bool, Option("--unseen", help="Out-of-library effects alone, of kinds in no other set.")
+    ] = False,
 ) -> Report:
-    """Fly and write a set: about half single effects, then pairs, triples, onsets in flight, out-of-library effects.
+    """Fly and write a set: about half single effects, then pairs, triples, onsets in flight,
+    out-of-library effects.
 
     Cases of the same request that are there already stay, so that an interrupted run goes on.
     """
     from diagrams.challenge.generate.make import check_request, make
 
-    config: dict[str, Any] = {"simulator": simulator, "quality": quality, "cases": cases, "clean": clean}
+    config: dict[str, Any] = {
+        "simulator": simulator,
+        "quality": quality,
+        "cases": cases,
+        "clean": clean,
+    }
     config |= {"seconds": seconds, "unseen": unseen}
     check_request(out, truth, simulator, quality, cases + clean, seconds, run.seed)
     with counting("flying", "cases") as on_progress:
-        result = make(out, truth, seed=run.seed, workers=run.workers, on_progress=on_progress, **config)
+        result = make(
+            out, truth, seed=run.seed, workers=run.workers, on_progress=on_progress, **config
+        )
     kinds = ", ".join(f"{count} {kind}" for kind, count in result["kinds"].items())
     said = f"cases: {out} ({kinds}); truth: {truth}; redrawn: {result['redrawn']}"
     return Report([], config=config, metrics=result, lines=[said])
@@ -67,7 +81,9 @@ def _solve(
     cases: Annotated[Path, Argument(metavar="CASES", help="Folder of case folders.")],
     out: Annotated[Path, Option(metavar="ANSWERS", help="Folder for <case>/diagnosis.json.")],
     replay: options.Replay = False,
-    again: Annotated[bool, Option("--again", help="Also where there is an answer already.")] = False,
+    again: Annotated[
+        bool, Option("--again", help="Also where there is an answer already.")
+    ] = False,
 ) -> Report:
     """Diagnose every case folder in parallel; answers that are there already are kept.
 
@@ -79,7 +95,9 @@ def _solve(
 
     case_folders(cases)  # asks before the bar appears
     with counting("diagnosing", "cases") as on_progress:
-        result = solve(cases, out, workers=run.workers, replay=replay, again=again, on_progress=on_progress)
+        result = solve(
+            cases, out, workers=run.workers, replay=replay, again=again, on_progress=on_progress
+        )
         on_progress(result["cases"], result["cases"])
     say(*(f"{row['case']}: {row['error']}" for row in result["failed"]))
     failed, walls = result["failed"], [row["wall"] for row in result["solved"]]
@@ -99,14 +117,26 @@ def _solve(
 @reports("challenge_score", seed=0, out=options.Out)
 def _score(
     run: Run,
-    answers: Annotated[Path, Argument(metavar="ANSWERS", help="Folder of <case>/diagnosis.json, or of sets.")],
-    truth: Annotated[Path, Argument(metavar="TRUTH", help="Folder of <case>/truth.json, or of sets.")],
+    answers: Annotated[
+        Path, Argument(metavar="ANSWERS", help="Folder of <case>/diagnosis.json, or of sets.")
+    ],
+    truth: Annotated[
+        Path, Argument(metavar="TRUTH", help="Folder of <case>/truth.json, or of sets.")
+    ],
     visible: Annotated[
-        float, Option(metavar="RATIO", min=1.0, max=1e6, help="Visibility from which a case must be found [1].")
+        float,
+        Option(
+            metavar="RATIO",
+            min=1.0,
+            max=1e6,
+            help="Visibility from which a case must be found [1].",
+        ),
     ] = 1.5,
     misses: Annotated[bool, Option("--misses", help="List every miss.")] = False,
 ) -> Report:
-    """Score the answers to a challenge set; with --out: figures. A case without an answer is a miss."""
+    """Score the answers to a challenge set; with --out: figures. A case without an answer is a
+    miss.
+    """
     if not math.isfinite(visible):
         raise ValueError(f"--visible must be finite; got {visible}.")
     for folder in (answers, truth):
@@ -120,7 +150,11 @@ def _score(
 
     result = score(read_answered_cases(answers, truth, visible), seed=run.seed)
     return Report(
-        [*asked_tables(result), *tables(result, visible), *([miss_table(result)] if misses else [])],
+        [
+            *asked_tables(result),
+            *tables(result, visible),
+            *([miss_table(result)] if misses else []),
+        ],
         config={"answers": answers, "truth": truth, "visible": visible},
         metrics=result,
         summary=set_lines(result),

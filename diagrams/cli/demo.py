@@ -15,12 +15,18 @@ from diagrams.cli.runner import Report, Run, reports
 if TYPE_CHECKING:
     from diagrams.demo.story import Demo
 
-Out = Annotated[Path, Option("--out", metavar="DIR", help="Folder for model, log, figures, replay.")]
+Out = Annotated[
+    Path, Option("--out", metavar="DIR", help="Folder for model, log, figures, replay.")
+]
 
 
 @reports("demo", seed=0, out=Out, folder=Path("out/demo"), markdown=False)
-def demo(run: Run, solver: options.Solver = options.DEFAULT_SOLVER, jobs: options.Jobs = 2) -> Report:
-    """Fly, learn, fly again, diagnose these flights, correct the simulator and compare it with them: index.html."""
+def demo(
+    run: Run, solver: options.Solver = options.DEFAULT_SOLVER, jobs: options.Jobs = 2
+) -> Report:
+    """Fly, learn, fly again, diagnose these flights, correct the simulator and compare it with
+    them: index.html.
+    """
     from np_drake.mpc.solvers import require_solver
 
     require_solver(solver)
@@ -37,7 +43,12 @@ def demo(run: Run, solver: options.Solver = options.DEFAULT_SOLVER, jobs: option
         say(f"{result.seeds}; {wall:.0f} s. Start with {write_demo(result, folder)}")
 
     return Report(
-        [flights_table(result.flights), _reduction_table(result), _causes_table(result), _meeting_table(result)],
+        [
+            flights_table(result.flights),
+            _reduction_table(result),
+            _causes_table(result),
+            _meeting_table(result),
+        ],
         config=as_config(result.flights[-1].config),
         metrics={
             "runs": [flight.summary() for flight in result.flights],
@@ -57,7 +68,9 @@ def _reduction_table(result: "Demo") -> Table:
 
     lines = []
     for track, cut in result.reduction().items():
-        xy, z = (1 - n / m for n, m in zip(PAPER["np"][track], PAPER["nominal"][track], strict=True))
+        xy, z = (
+            1 - n / m for n, m in zip(PAPER["np"][track], PAPER["nominal"][track], strict=True)
+        )
         lines.append({"track": track, **cut, "paper_xy": xy, "paper_z": z})
     columns = (
         ("track", "track"),
@@ -66,14 +79,20 @@ def _reduction_table(result: "Demo") -> Table:
         ("E_z cut, ours", percent("E_z")),
         ("paper", percent("paper_z")),
     )
-    return tabulate("NP-MPC against nominal MPC (the paper: its own vehicle, real flights)", lines, columns)
+    return tabulate(
+        "NP-MPC against nominal MPC (the paper: its own vehicle, real flights)", lines, columns
+    )
 
 
 def _causes_table(result: "Demo") -> Table:
     from diagrams.demo.page import cause_rows
 
     header = ["effect", "probability", "parameter", "found", "95 % interval", "true"]
-    return "what the diagnosis finds in the flights of the nominal MPC", header, list(cause_rows(result))
+    return (
+        "what the diagnosis finds in the flights of the nominal MPC",
+        header,
+        list(cause_rows(result)),
+    )
 
 
 def _meeting_table(result: "Demo") -> Table:

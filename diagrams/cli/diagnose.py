@@ -1,4 +1,6 @@
-"""`np-drake diagnose`: where simulator and flights part, which effect causes it, how far it shrinks."""
+"""`np-drake diagnose`: where simulator and flights part, which effect causes it, how far it
+shrinks.
+"""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -16,7 +18,9 @@ if TYPE_CHECKING:
     from np_drake.logs.case_folder import CaseFiles
     from np_drake.vehicle import Vehicle
 
-Out = Annotated[Path | None, Option("--out", metavar="DIR", help="Folder for report, figures and JSON.")]
+Out = Annotated[
+    Path | None, Option("--out", metavar="DIR", help="Folder for report, figures and JSON.")
+]
 LOG_HELP = "Flight log (CSV, .csv.gz, Parquet) or NeuroBEM CSV; repeatable."
 
 
@@ -24,28 +28,39 @@ LOG_HELP = "Flight log (CSV, .csv.gz, Parquet) or NeuroBEM CSV; repeatable."
 def diagnose(
     run: Run,
     case: Annotated[
-        Path | None, Argument(metavar="CASE", help="Folder of vehicle.yaml, train_* and heldout* logs.")
+        Path | None,
+        Argument(metavar="CASE", help="Folder of vehicle.yaml, train_* and heldout* logs."),
     ] = None,
     vehicle: Annotated[
         Path | None,
         Option(
             "--vehicle",
             metavar="VEHICLE",
-            help="Vehicle file (YAML) or a name of `np-drake vehicle list`; default: neurobem for its flights, "
+            help="Vehicle file (YAML) or a name of `np-drake vehicle list`; default: neurobem "
+            "for its flights, "
             "else paper.",
         ),
     ] = None,
-    train: Annotated[list[Path] | None, Option(metavar="LOG", help=f"To fit effects to. {LOG_HELP}")] = None,
-    held_out: Annotated[list[Path] | None, Option(metavar="LOG", help=f"To judge them. {LOG_HELP}")] = None,
-    no_replay: Annotated[bool, Option("--no-replay", help="Leave out the open-loop replay in the simulator.")] = False,
+    train: Annotated[
+        list[Path] | None, Option(metavar="LOG", help=f"To fit effects to. {LOG_HELP}")
+    ] = None,
+    held_out: Annotated[
+        list[Path] | None, Option(metavar="LOG", help=f"To judge them. {LOG_HELP}")
+    ] = None,
+    no_replay: Annotated[
+        bool, Option("--no-replay", help="Leave out the open-loop replay in the simulator.")
+    ] = False,
     no_second_look: Annotated[
-        bool, Option("--no-second-look", help="No second answer with halves of the held-out flights.")
+        bool,
+        Option("--no-second-look", help="No second answer with halves of the held-out flights."),
     ] = False,
     rig: Annotated[
         bool | None,
         Option(
             "--rig/--laboratory",
-            help="Tolerances of vehicle file and logs: real or ideal sensors; default: as logs look.",
+            help=(
+                "Tolerances of vehicle file and logs: real or ideal sensors; default: as logs look."
+            ),
         ),
     ] = None,
     material: Annotated[
@@ -54,7 +69,8 @@ def diagnose(
             metavar="METRES",
             min=1e-4,
             max=1e3,
-            help="Position error after 1 s from which what is left is material [m], and force in proportion; "
+            help="Position error after 1 s from which what is left is material [m], and force "
+            "in proportion; "
             "default: 0.05, and 2 % of weight.",
         ),
     ] = None,
@@ -62,19 +78,30 @@ def diagnose(
         list[str] | None,
         Option(
             metavar="LOG[=OF]",
-            help="Log of a vehicle that flew beside the flight of the log OF, whose downwash is then tried; without "
+            help="Log of a vehicle that flew beside the flight of the log OF, whose downwash is "
+            "then tried; without "
             "OF, their times tell. Repeatable.",
         ),
     ] = None,
     repair: options.Repair = False,
 ) -> Report:
-    """Diagnose the gap between the nominal simulator and flights; with --out: report, replay, figures, JSON."""
+    """Diagnose the gap between the nominal simulator and flights; with --out: report, replay,
+    figures, JSON.
+    """
     files = _choose_files(case, vehicle, list(train or ()), list(held_out or ()))
     nominal = nominal_vehicle(files)
     logs = files.open(nominal, repair=repair)
-    tell(*(f"{log.name}: {note}" for flights in logs for log in flights for note in log.notes), indent="  ")
+    tell(
+        *(f"{log.name}: {note}" for flights in logs for log in flights for note in log.notes),
+        indent="  ",
+    )
     beside = files.open_neighbours(neighbour or (), logs)
-    how: dict[str, Any] = {"replay": not no_replay, "second_look": not no_second_look, "rig": rig, "material": material}
+    how: dict[str, Any] = {
+        "replay": not no_replay,
+        "second_look": not no_second_look,
+        "rig": rig,
+        "material": material,
+    }
     found = diagnose_logs(nominal, *logs, **how, neighbours=beside)
     nominal = found.nominal or nominal
     if run.folder is not None:
@@ -83,7 +110,11 @@ def diagnose(
         with progress("trying the corrected simulator", 1.0) as advance:
             found = with_trial(found, nominal)
             advance(1.0)
-    config: dict[str, Any] = {"vehicle": nominal.name, "train": files.train, "held_out": files.held_out}
+    config: dict[str, Any] = {
+        "vehicle": nominal.name,
+        "train": files.train,
+        "held_out": files.held_out,
+    }
     config |= {**how, "repair": repair, **({"neighbour": neighbour} if neighbour else {})}
 
     def write(folder: Path) -> None:
@@ -100,12 +131,18 @@ def diagnose(
     content = found.as_json()
     del content["schema"]  # the head says it
     return Report(
-        tables(found), config=config, metrics=content, lines=judgement(found), notes=notes(found), write=write
+        tables(found),
+        config=config,
+        metrics=content,
+        lines=judgement(found),
+        notes=notes(found),
+        write=write,
     )
 
 
 def _write_simulators(found: "Diagnosis", vehicle: "Vehicle", folder: Path) -> dict[str, str]:
-    """Write the corrected simulator of each answer to a folder, and return the texts of links by file.
+    """Write the corrected simulator of each answer to a folder, and return the texts of links by
+    file.
 
     Raises: OSError: if one cannot be written.
     """
@@ -128,8 +165,11 @@ def _write_simulators(found: "Diagnosis", vehicle: "Vehicle", folder: Path) -> d
     return links
 
 
-def _write_overlay(found: "Diagnosis", vehicle: "Vehicle", held_out: "list[FlightLog]", folder: Path) -> Path | None:
-    """Write `replay.html` to a folder and print where it is, or why there is none; without flights say nothing.
+def _write_overlay(
+    found: "Diagnosis", vehicle: "Vehicle", held_out: "list[FlightLog]", folder: Path
+) -> Path | None:
+    """Write `replay.html` to a folder and print where it is, or why there is none; without flights
+    say nothing.
 
     Raises: OSError: if it cannot be written.
     """
@@ -141,20 +181,28 @@ def _write_overlay(found: "Diagnosis", vehicle: "Vehicle", held_out: "list[Fligh
     if not held_out:
         return None
     try:
-        driven = [with_rotor_input(log, vehicle) if log.input == "rotor_speed" else log for log in held_out]
+        driven = [
+            with_rotor_input(log, vehicle) if log.input == "rotor_speed" else log
+            for log in held_out
+        ]
         beside = side_by_side(found, vehicle, driven)
     except NoReplay as reason:
         tell(f"no {FILE}: {reason}")
         return None
     write_side_by_side(beside, vehicle, path)
     if beside.missing:
-        say(f"flight beside the nominal simulator alone: {path}", f"  the corrected one: {beside.missing}")
+        say(
+            f"flight beside the nominal simulator alone: {path}",
+            f"  the corrected one: {beside.missing}",
+        )
     else:
         say(f"flight beside its simulators: {path}")
     return path
 
 
-def _choose_files(case: Path | None, vehicle: Path | None, train: list[Path], held_out: list[Path]) -> "CaseFiles":
+def _choose_files(
+    case: Path | None, vehicle: Path | None, train: list[Path], held_out: list[Path]
+) -> "CaseFiles":
     """Return the files of a case folder, or those given one by one.
 
     Raises: ValueError: if both or neither are given, or the folder is no case.
@@ -163,17 +211,22 @@ def _choose_files(case: Path | None, vehicle: Path | None, train: list[Path], he
 
     if case is None:
         if not train or not held_out:
-            raise ValueError("give a case folder, or at least one --train LOG and one --held-out LOG.")
+            raise ValueError(
+                "give a case folder, or at least one --train LOG and one --held-out LOG."
+            )
         return CaseFiles(vehicle, tuple(train), tuple(held_out))
     if case.is_file():
-        raise ValueError(f"{case}: CASE must be a folder; name every log behind its own --train or --held-out.")
+        raise ValueError(
+            f"{case}: CASE must be a folder; name every log behind its own --train or --held-out."
+        )
     if train or held_out:
         raise ValueError("give either a case folder or --train and --held-out, not both.")
     return find_case(case, vehicle)
 
 
 def nominal_vehicle(files: "CaseFiles") -> "Vehicle":
-    """Return the nominal vehicle; without a file the published one where all flights are NeuroBEM's.
+    """Return the nominal vehicle; without a file the published one where all flights are
+    NeuroBEM's.
 
     Raises: ValueError: on a bad vehicle file; OSError: if a flight cannot be opened.
     """
@@ -193,11 +246,14 @@ def vehicle_of(path: Path) -> "Vehicle":
 
     Raises: ValueError: on a bad vehicle file.
     """
-    from np_drake.vehicle import left_out, load_vehicle
+    from np_drake.vehicle.vehicle import left_out, load_vehicle
 
     vehicle = load_vehicle(path)
     if missing := left_out(path):
-        tell(f"{path}: {', '.join(missing)} not named: those of the paper's vehicle are taken.", indent="  ")
+        tell(
+            f"{path}: {', '.join(missing)} not named: those of the paper's vehicle are taken.",
+            indent="  ",
+        )
     return vehicle
 
 
@@ -215,11 +271,6 @@ def diagnose_logs(
     """Run the five steps behind a progress bar.
 
     Args:
-        vehicle: nominal vehicle.
-        train: flights to which effects are fitted.
-        held_out: flights that judge the fit.
-        replay: whether Drake replays flights too.
-        second_look: whether held-out flights may give a second answer.
         rig: whether sensors are real or ideal; None: as the logs look.
         material: position error from which what is left is material [m]; None: the usual one.
         neighbours: by name of a flight, logs of vehicles that flew beside it.
@@ -233,7 +284,13 @@ def diagnose_logs(
     with progress("diagnosing", 1.0) as advance:
         simulator = DrakeReplay(vehicle) if replay else None
         tolerance = {None: None, True: Tolerance(), False: IDEAL_SENSORS}[rig]
-        how: dict[str, Any] = {"adaptive_split": second_look, "tolerance": tolerance, "material": material}
-        found = five_steps(vehicle, train, held_out, simulator, **how, neighbours=neighbours, on_progress=advance)
+        how: dict[str, Any] = {
+            "adaptive_split": second_look,
+            "tolerance": tolerance,
+            "material": material,
+        }
+        found = five_steps(
+            vehicle, train, held_out, simulator, **how, neighbours=neighbours, on_progress=advance
+        )
         advance(1.0)
     return found

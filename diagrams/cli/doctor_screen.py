@@ -1,4 +1,6 @@
-"""The one screen of `np-drake doctor`: lines of at most `WIDTH` columns from a report, broken between words."""
+"""The one screen of `np-drake doctor`: lines of at most `WIDTH` columns from a report, broken
+between words.
+"""
 
 from diagrams.cli.table_text import wrapped
 from np_drake.diagnosis.doctor.log_report import NEVER, YES, Answer, FlightFacts, LogReport
@@ -21,10 +23,18 @@ def screen(report: LogReport) -> list[str]:
     lines = [] if len(report.flights) == 1 else _flights(report)
     first = report.flights[0]
     head = first.name[:36] if len(report.flights) == 1 else f"{len(report.flights)} flights"
-    verdict = "usable: no" if not report.usable else "usable: with limits" if report.problems else "usable: yes"
+    verdict = (
+        "usable: no"
+        if not report.usable
+        else "usable: with limits"
+        if report.problems
+        else "usable: yes"
+    )
     title = head + (f", {report.vehicle[:16]}, {report.sensors} sensors" if report.sensors else "")
     room = WIDTH - len(title)
-    body = [f"{title}{verdict:>{room}}"] if room > len(verdict) + 1 else [title, f"{verdict:>{WIDTH}}"]
+    body = (
+        [f"{title}{verdict:>{room}}"] if room > len(verdict) + 1 else [title, f"{verdict:>{WIDTH}}"]
+    )
     for problem in report.problems[:MOST_PROBLEMS]:
         body += _labelled("!", problem, whole=True)
     if len(report.problems) > MOST_PROBLEMS:
@@ -47,8 +57,13 @@ def _labelled(label: str, text: str, *, whole: bool = False) -> list[str]:
         return []
     lines = wrapped(text, WIDTH - LABEL)
     if len(lines) > MOST_LINES and not whole:
-        lines = [*lines[: MOST_LINES - 1], wrapped(lines[MOST_LINES - 1], WIDTH - LABEL - 2)[0] + " …"]
-    shown = [line if len(line) <= WIDTH - LABEL else f"{line[: WIDTH - LABEL - 1]}…" for line in lines]  # a path
+        lines = [
+            *lines[: MOST_LINES - 1],
+            wrapped(lines[MOST_LINES - 1], WIDTH - LABEL - 2)[0] + " …",
+        ]
+    shown = [
+        line if len(line) <= WIDTH - LABEL else f"{line[: WIDTH - LABEL - 1]}…" for line in lines
+    ]  # a path
     return [f"  {label if i == 0 else '':<{LABEL - 2}}{line}" for i, line in enumerate(shown)]
 
 
@@ -57,21 +72,34 @@ def _flights(report: LogReport) -> list[str]:
     lines = []
     for f in report.flights[:MOST_FLIGHTS]:
         test = tests.get(f.name)
-        swings = "" if test is None else f", swings: {'yes' if test.swings else 'no'} ({test.log_bayes_factor:.0f})"
+        swings = (
+            ""
+            if test is None
+            else f", swings: {'yes' if test.swings else 'no'} ({test.log_bayes_factor:.0f})"
+        )
         text = f"{number(f.duration)} s at {number(1 / f.step)} Hz, {_gaps(f)}{swings}"
-        lines += [f"  {f.name[:22] if i == 0 else '':<23}{line}" for i, line in enumerate(wrapped(text, WIDTH - 25))]
+        lines += [
+            f"  {f.name[:22] if i == 0 else '':<23}{line}"
+            for i, line in enumerate(wrapped(text, WIDTH - 25))
+        ]
     if len(report.flights) > MOST_FLIGHTS:
         lines.append(f"  … and {len(report.flights) - MOST_FLIGHTS} more (--json has all)")
     return lines
 
 
 def _facts(f: FlightFacts) -> list[str]:
-    lines = _labelled("rows", f"{number(f.duration)} s, {f.rows} rows at {number(1 / f.step)} Hz, {_gaps(f)}")
+    lines = _labelled(
+        "rows", f"{number(f.duration)} s, {f.rows} rows at {number(1 / f.step)} Hz, {_gaps(f)}"
+    )
     timing = f", its time known to {number(1e3 * f.timing, 2)} ms" if f.timing else ""
     lines += _labelled(
         "input",
         f"{f.input}{timing}"
-        + ("" if f.saturated is None else f"; a rotor at its limit in {percent(f.saturated)} of the rows"),
+        + (
+            ""
+            if f.saturated is None
+            else f"; a rotor at its limit in {percent(f.saturated)} of the rows"
+        ),
     )
     sheet = f.imported
     if sheet:
@@ -81,7 +109,9 @@ def _facts(f: FlightFacts) -> list[str]:
 
 
 def _gaps(f: FlightFacts) -> str:
-    gaps = f"{f.gaps} gap{'s' * (f.gaps != 1)} up to {number(f.longest, 2)} s" if f.gaps else "no gaps"
+    gaps = (
+        f"{f.gaps} gap{'s' * (f.gaps != 1)} up to {number(f.longest, 2)} s" if f.gaps else "no gaps"
+    )
     return gaps + (f", {f.bridged} rows bridged" if f.bridged else "")
 
 
@@ -90,7 +120,10 @@ def _conventions(f: FlightFacts) -> str:
         return "not checked: too short, or no two quantities can be compared"
     worst = max(f.misfits, key=lambda law: f.misfits[law])
     own = f"{f.imported['frames'].split(';')[0]}; " if f.imported else ""
-    return f"{own}{len(f.misfits)} checks, worst misfit {number(f.misfits[worst], 2)} ({worst}; {SCALE})"
+    return (
+        f"{own}{len(f.misfits)} checks, worst misfit {number(f.misfits[worst], 2)} ({worst}; "
+        f"{SCALE})"
+    )
 
 
 def _noise(f: FlightFacts) -> str:
@@ -103,7 +136,9 @@ def _noise(f: FlightFacts) -> str:
             notes.append(f"{percent(s.repeated)} of the rows repeat")
         if s.resolution > s.white:
             notes.append(f"rounded to {_si(s.resolution, s.unit)}")
-        parts.append(f"{s.name} {_si(s.white, s.unit)}" + (f" ({', '.join(notes)})" if notes else ""))
+        parts.append(
+            f"{s.name} {_si(s.white, s.unit)}" + (f" ({', '.join(notes)})" if notes else "")
+        )
     return ", ".join([*parts, f"attitude {_si(f.attitude_noise, 'rad')}"]) + ", white, per row"
 
 
@@ -117,31 +152,46 @@ def _motion(report: LogReport) -> str:
     own = every[0] | m
     fastest = max(motion["fastest [m/s]"] for motion in every)
     lowest = min(x["lowest [m]"] for x in every)
-    parts = [f"rates {number(own['rate [rad/s]'], 2)} rad/s", f"tilt {number(own['tilt [deg]'], 2)} deg"]
+    parts = [
+        f"rates {number(own['rate [rad/s]'], 2)} rad/s",
+        f"tilt {number(own['tilt [deg]'], 2)} deg",
+    ]
     if fastest:  # 0 where no velocity is logged
         parts.insert(0, f"speed {number(own['speed [m/s]'], 2)} m/s (at most {number(fastest, 2)})")
     if own["height span [m]"]:
-        parts.append(f"height from {number(lowest, 2)} m over {number(own['height span [m]'], 2)} m")
-    return ", ".join(parts) + (f"; thrust varies by {percent(m['thrust variation [1]'])}" if m else "")
+        parts.append(
+            f"height from {number(lowest, 2)} m over {number(own['height span [m]'], 2)} m"
+        )
+    return ", ".join(parts) + (
+        f"; thrust varies by {percent(m['thrust variation [1]'])}" if m else ""
+    )
 
 
 def _residual(report: LogReport) -> str:
     floor, shares = report.noise_floor, [100 * value for value in report.residual_force.values()]
     force = max(floor[f"force {axis}"] for axis in "xyz")
     torques = [floor[f"torque {axis}"] for axis in "xyz"]
-    turning = f", torque up to {_si(max(torques), 'N·m')}" if max(torques) > 0 else ", torque not known"
+    turning = (
+        f", torque up to {_si(max(torques), 'N·m')}" if max(torques) > 0 else ", torque not known"
+    )
     before = ", ".join(fixed(share, 1) for share in shares)
-    return f"force x, y, z {before} % of weight (RMS); when every effect helps up to {_si(force, 'N')}{turning}"
+    return (
+        f"force x, y, z {before} % of weight (RMS); when every effect helps up to "
+        f"{_si(force, 'N')}{turning}"
+    )
 
 
 def _swings(report: LogReport) -> str:
     best = max(report.swings, key=lambda test: test.log_bayes_factor)
     factor = (
-        f"(log Bayes factor of a pendulum {fixed(best.log_bayes_factor, 0)}; evident from {fixed(best.evident, 1)})"
+        f"(log Bayes factor of a pendulum {fixed(best.log_bayes_factor, 0)}; evident from "
+        f"{fixed(best.evident, 1)})"
     )
     if not report.something_swings:
         return f"nothing does {factor}"
-    return f"SOMETHING SWINGS, as {measure(best.mass, 'kg')} on {measure(best.length, 'm')} {factor}"
+    return (
+        f"SOMETHING SWINGS, as {measure(best.mass, 'kg')} on {measure(best.length, 'm')} {factor}"
+    )
 
 
 def _effects(report: LogReport) -> list[str]:
@@ -158,7 +208,11 @@ def _effects(report: LogReport) -> list[str]:
     if rest:
         lines += _row("cannot be told", "but from this size", "usual", "why")
         for name, answers in rest.items():
-            why = "like " + answers[0].beside[0] if answers[0].reason.startswith("it cannot") else "no clear trace"
+            why = (
+                "like " + answers[0].beside[0]
+                if answers[0].reason.startswith("it cannot")
+                else "no clear trace"
+            )
             lines += _row(f"  {name}", _sizes(answers), number(answers[0].typical, 2), why)
         todo: dict[str, list[str]] = {}
         for name, answers in rest.items():
@@ -197,7 +251,9 @@ def _row(name: str, size: str, usual: str, note: str) -> list[str]:
     """Return the lines of a row; a size or a note that is too long goes on below."""
     sizes = wrapped(size, SIZE - 1)
     room = WIDTH - NAME - SIZE - USUAL
-    first, *more = wrapped(note, room) if len(note) <= room else ["", *wrapped(f"({note})", SIZE + USUAL)]
+    first, *more = (
+        wrapped(note, room) if len(note) <= room else ["", *wrapped(f"({note})", SIZE + USUAL)]
+    )
     head = f"{name[: NAME - 1]:<{NAME}}{sizes[0]:<{SIZE}}{usual:<{USUAL}}{first}".rstrip()
     return [head, *(f"{'':<{NAME}}{line}" for line in (*sizes[1:], *more))]
 

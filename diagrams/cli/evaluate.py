@@ -41,17 +41,20 @@ def evaluate(
         Path | None, Option(metavar="FILE", help="Model file; default: the one in the package.")
     ] = None,
     train: Annotated[
-        list[Path] | None, Option(metavar="LOG", help="Train both configurations on it; repeatable.")
+        list[Path] | None,
+        Option(metavar="LOG", help="Train both configurations on it; repeatable."),
     ] = None,
     neurobem: options.Neurobem = None,
     leave_one_out: Annotated[
         bool, Option("--leave-one-out", help="Score every LOG by models trained on all the others.")
     ] = False,
     only: Annotated[
-        list[str] | None, Option(help="Train only this one: a configuration of np, or payload_filter; repeatable.")
+        list[str] | None,
+        Option(help="Train only this one: a configuration of np, or payload_filter; repeatable."),
     ] = None,
     also: Annotated[
-        list[str] | None, Option(help="Rows of these as well, trained likewise: gp | knode; repeatable.")
+        list[str] | None,
+        Option(help="Rows of these as well, trained likewise: gp | knode; repeatable."),
     ] = None,
     horizons: Annotated[str, Option(help="Steps ahead, comma-separated.")] = HORIZONS,
     epochs: options.Epochs = None,
@@ -60,15 +63,19 @@ def evaluate(
     repair: options.Repair = False,
     force: Force = False,
 ) -> Report:
-    """Score predictors on flights; without any: train on the paper's segment, score on race track 1.
+    """Score predictors on flights; without any: train on the paper's segment, score on race track
+    1.
 
-    Twice: with the coming motion (zeta) held at its last value, as a predictor alone would have to, and known.
+    Twice: with the coming motion (zeta) held at its last value, as a predictor alone would have to,
+    and known.
     """
     steps = parse_horizons(horizons)
     names = _choose_configurations(only)
     _require_reactions(also or (), predictor)
     if leave_one_out and (predictor or train or len(logs or ()) < 2):
-        raise ValueError("--leave-one-out: give two LOG or more, and neither --predictor nor --train.")
+        raise ValueError(
+            "--leave-one-out: give two LOG or more, and neither --predictor nor --train."
+        )
     train, logs = _choose_flights(list(train or ()), list(logs or ()), predictor, neurobem)
     if not train and not leave_one_out:
         predictor = predictor or _packaged_model()
@@ -79,9 +86,14 @@ def evaluate(
     training = open_flights(train, vehicle, repair=repair)
     require_one_frame([*training, *tests])
     from diagrams.cli.scoring import distance_text, ending, stability_text, tables
-    from np_drake.scaling import sampling_period
-    from np_drake.skill.flight_skill import diverged, flight_stability, label_distances, score_flights
+    from np_drake.skill.flight_skill import (
+        diverged,
+        flight_stability,
+        label_distances,
+        score_flights,
+    )
     from np_drake.training_data.training_segments import require_motion
+    from np_drake.vehicle.scaling import sampling_period
 
     step = step or sampling_period(tests[0].vehicle)
     folds = [([other for other in tests if other is not test], [test]) for test in tests]
@@ -94,18 +106,25 @@ def evaluate(
         known = _train_baselines(learned, steps, step, also or (), run.seed)
         for zeta in MOTIONS:
             with run.counting(f"scoring, coming motion {zeta}") as on_model:
-                rows += score_flights(models, held_out, steps, zeta=zeta, on_model=on_model, **known)
+                rows += score_flights(
+                    models, held_out, steps, zeta=zeta, on_model=on_model, **known
+                )
         windows += flight_stability(models, held_out)
         distances += label_distances(models, held_out)
     settings = {"configurations": list(models), "horizons": steps, "step": step}
-    settings |= {"leave_one_out": leave_one_out, "training": [flight.data.name for flight in training]}
+    settings |= {
+        "leave_one_out": leave_one_out,
+        "training": [flight.data.name for flight in training],
+    }
     lost = diverged(rows) or [line["flight"] for line in windows if line["unstable"]]
     return Report(
         [table for zeta in MOTIONS for table in tables(rows, zeta, mean=leave_one_out)],
         config=settings,
         metrics={"rows": rows, "stability": windows, "label_distances": distances},
         notes=[*stability_text(windows, rows), *distance_text(distances), ending(rows, models)],
-        failure=FailedRun(f"a forecast diverged on {', '.join(sorted(set(lost)))}.") if lost else None,
+        failure=FailedRun(f"a forecast diverged on {', '.join(sorted(set(lost)))}.")
+        if lost
+        else None,
     )
 
 
@@ -117,7 +136,8 @@ def parse_horizons(text: str) -> list[int]:
     parts = [part.strip() for part in text.split(",")]
     if not all(part.isdecimal() and 0 < int(part) <= FARTHEST for part in parts):
         raise ValueError(
-            f"--horizons: must be positive whole numbers of steps, at most {FARTHEST}, as {HORIZONS}; got {text!r}."
+            f"--horizons: must be positive whole numbers of steps, at most {FARTHEST}, as "
+            f"{HORIZONS}; got {text!r}."
         )
     return sorted({int(part) for part in parts})
 
@@ -134,12 +154,17 @@ def _choose_flights(
     if logs:
         named = [path.resolve() for path in (*train, *logs)]
         if twice := [path for path in (*train, *logs) if named.count(path.resolve()) > 1]:
-            raise ValueError(f"{twice[0]}: must be given once; a flight to score must be held out of training.")
+            raise ValueError(
+                f"{twice[0]}: must be given once; a flight to score must be held out of training."
+            )
         return train, logs
     if predictor or train:
         raise ValueError("give the flights to score: np-drake evaluate LOG….")
     if neurobem is None:
-        raise ValueError("give flights, or the folder of the NeuroBEM flights as --neurobem DIR or NP_DRAKE_NEUROBEM.")
+        raise ValueError(
+            "give flights, or the folder of the NeuroBEM flights as --neurobem DIR or "
+            "NP_DRAKE_NEUROBEM."
+        )
     from np_drake.logs.formats.neurobem_wrenches import RACE_TRACK, TRAINING
 
     say("the paper prints 0.057 N and 0.006 N·m for race track 1 (one step ahead).")
@@ -165,9 +190,13 @@ def _require_reactions(names: Sequence[str], predictor: Path | None) -> None:
     from np_drake.residual_models.motion_model import REACTIONS
 
     if unknown := set(names) - set(REACTIONS):
-        raise ValueError(f"--also: must be {' | '.join(REACTIONS)}; got {', '.join(sorted(unknown))}.")
+        raise ValueError(
+            f"--also: must be {' | '.join(REACTIONS)}; got {', '.join(sorted(unknown))}."
+        )
     if names and predictor:
-        raise ValueError("--also: gp and knode are trained beside the others; leave out --predictor.")
+        raise ValueError(
+            "--also: gp and knode are trained beside the others; leave out --predictor."
+        )
 
 
 def _train_baselines(
@@ -203,12 +232,15 @@ def _packaged_model() -> Path:
     from diagrams.loop.controller_config import NP_MODEL
 
     if not NP_MODEL.is_file():
-        raise ValueError("the package holds no model; give --predictor FILE, or --train LOG to train on.")
+        raise ValueError(
+            "the package holds no model; give --predictor FILE, or --train LOG to train on."
+        )
     return NP_MODEL
 
 
 def load(path: Path) -> dict[str, "Model"]:
-    """Load the model of a file, lifted linear system or payload filter; return it by its configuration.
+    """Load the model of a file, lifted linear system or payload filter; return it by its
+    configuration.
 
     Raises: ValueError: on a bad file.
     """

@@ -22,11 +22,16 @@ def export(
         str,
         Argument(
             metavar="FILE",
-            help="Scenario as corrected.yaml of a diagnosis, vehicle file, or a name of `np-drake vehicle list`.",
+            help=(
+                "Scenario as corrected.yaml of a diagnosis, vehicle file, or a name of "
+                "`np-drake vehicle list`."
+            ),
         ),
     ],
     to: Annotated[str, Option("--format", metavar="FORMAT", help=f"{' | '.join(NAMES)}.")],
-    out: Annotated[Path, Option("--out", metavar="FILE", help="File to write; never the one that is read.")],
+    out: Annotated[
+        Path, Option("--out", metavar="FILE", help="File to write; never the one that is read.")
+    ],
 ) -> Report:
     """Write a vehicle as SDF (Gazebo, Drake) or MJCF (MuJoCo), and say what it leaves out."""
     if to not in NAMES:
@@ -36,7 +41,8 @@ def export(
 
 
 def read_corrected(file: str) -> tuple["Vehicle", list[Any]]:
-    """Return vehicle and effects of a scenario file, vehicle file or preset: the one place where FILE is read.
+    """Return vehicle and effects of a scenario file, vehicle file or preset: the one place where
+    FILE is read.
 
     The effects of the vehicle's calibration come first.
 
@@ -44,7 +50,7 @@ def read_corrected(file: str) -> tuple["Vehicle", list[Any]]:
     Raises: ValueError: one line on bad content.
     """
     from np_drake.effects.calibration import in_flight
-    from np_drake.vehicle import load_vehicle, vehicle_file
+    from np_drake.vehicle.vehicle import load_vehicle, vehicle_file
 
     source = vehicle_file(file)
     if not _is_scenario(source):
@@ -54,13 +60,18 @@ def read_corrected(file: str) -> tuple["Vehicle", list[Any]]:
 
     config = load_flight(str(source))
     for effect, onset in config.reality.onsets.items():
-        say(f"{effect.identifier}: begins at {onset:g} s in the scenario, and acts from the start here.")
+        say(
+            f"{effect.identifier}: begins at {onset:g} s in the scenario, and acts from "
+            f"the start here."
+        )
     every = config.reality.everything()
     return config.vehicle, [*in_flight(config.vehicle, beside=every), *every]
 
 
 def _is_scenario(path: Path) -> bool:
-    """Return whether a file names a part that a vehicle file has not; what is wrong in it is left to its reader."""
+    """Return whether a file names a part that a vehicle file has not; what is wrong in it is left
+    to its reader.
+    """
     from np_drake.files.yaml_text import read_yaml
 
     try:
@@ -73,12 +84,6 @@ def _is_scenario(path: Path) -> bool:
 
 def export_corrected(vehicle: "Vehicle", effects: Sequence[Any], to: str, out: Path) -> Report:
     """Write vehicle and effects, and return the account of each effect.
-
-    Args:
-        vehicle: nominal vehicle.
-        effects: that act on it.
-        to: name of the format.
-        out: file to write.
     Raises: ValueError: if the format cannot hold the vehicle.
     """
     import dataclasses as dc
@@ -94,7 +99,11 @@ def export_corrected(vehicle: "Vehicle", effects: Sequence[Any], to: str, out: P
     return Report(
         [table] if rows else [],
         config={"vehicle": vehicle.name, "format": to},
-        metrics={"carried": [dc.asdict(line) for line in account], "shape": form.shape, "files": [str(out)]},
+        metrics={
+            "carried": [dc.asdict(line) for line in account],
+            "shape": form.shape,
+            "files": [str(out)],
+        },
         summary=[] if rows else [nothing],
         notes=[f"shape: {form.shape}.", f"{to}: {out}"],
     )

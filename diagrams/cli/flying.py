@@ -11,12 +11,12 @@ if TYPE_CHECKING:
     from diagrams.loop.flight_result import FlightResult
 
 
-def fly_all(configs: "list[FlightConfig]", seed: int, lost: list[FailedRun] | None) -> "list[FlightResult]":
+def fly_all(
+    configs: "list[FlightConfig]", seed: int, lost: list[FailedRun] | None
+) -> "list[FlightResult]":
     """Simulate scenarios that begin and end alike, one after the other, behind one progress bar.
 
     Args:
-        configs: of the flights.
-        seed: of each.
         lost: takes what ended a flight early; None: nothing may.
     Raises: FailedRun: where nothing may end one early, or no flight is left; it names all.
     """
@@ -48,11 +48,6 @@ def all_lost(lost: Sequence[FailedRun]) -> FailedRun:
 
 def fly_linked(config: "FlightConfig", seed: int, address: str) -> "tuple[FlightResult, Table]":
     """Simulate in real time a vehicle that a process outside commands by MAVLink, until its end.
-
-    Args:
-        config: of the flight, with an autopilot.
-        seed: of its noise.
-        address: of the link.
     Raises: ValueError: where the link cannot be opened.
     """
     from diagrams.loop.flight_result import fly as simulate
@@ -75,11 +70,8 @@ def fly_linked(config: "FlightConfig", seed: int, address: str) -> "tuple[Flight
 
 
 def fly_live(config: "FlightConfig", seed: int) -> "FlightResult":
-    """Simulate in real time before a browser's eyes, until the end, `stop`, Ctrl-C or the loss of the vehicle.
-
-    Args:
-        config: of the flight.
-        seed: of its noise.
+    """Simulate in real time before a browser's eyes, until the end, `stop`, Ctrl-C or the loss of
+    the vehicle.
     Raises: LostVehicle: where it was lost before anything was recorded.
     """
     from diagrams.loop.flight_result import FlightResult, LostVehicle
@@ -90,9 +82,14 @@ def fly_live(config: "FlightConfig", seed: int) -> "FlightResult":
         payload = ", P the payload" if view.has_payload else ""
         say(f"watch it at {view.meshcat.web_url()}: V pushes{payload}; Esc or Ctrl-C ends it.")
         try:
-            with progress(f"flying {config.name} with {config.controller.name}", config.end) as advance:
+            with progress(
+                f"flying {config.name} with {config.controller.name}", config.end
+            ) as advance:
                 flight = simulate(
-                    config, seed=seed, monitor=lambda t: advance(t, f"{100 * view.error:.1f} cm off"), watch=view
+                    config,
+                    seed=seed,
+                    monitor=lambda t: advance(t, f"{100 * view.error:.1f} cm off"),
+                    watch=view,
                 )
         except LostVehicle as lost:
             if not len(lost.signals["t"]):

@@ -9,7 +9,14 @@ from typer import Argument, Option
 
 from diagrams.batch.failed_run import FailedRun
 from diagrams.cli import output
-from diagrams.cli.identify_inputs import READ, fit_to_judge, open_logs, prior_of, require_different, split
+from diagrams.cli.identify_inputs import (
+    READ,
+    fit_to_judge,
+    open_logs,
+    prior_of,
+    require_different,
+    split,
+)
 from diagrams.cli.identify_tables import as_json, judged, rate_loop, table
 from diagrams.cli.output import progress, say, tell
 from diagrams.cli.runner import Report, Run, reports
@@ -18,7 +25,10 @@ if TYPE_CHECKING:
     from np_drake.identification.identify import Identification
     from np_drake.vehicle import Vehicle
 
-Out = Annotated[Path | None, Option("--out", metavar="DIR", help="Folder for vehicle.yaml, page, figures and JSON.")]
+Out = Annotated[
+    Path | None,
+    Option("--out", metavar="DIR", help="Folder for vehicle.yaml, page, figures and JSON."),
+]
 FILE, JSON, SCHEMA = "vehicle.yaml", "identification.json", "identification"
 FITTED = 0.8  # share of the bar
 
@@ -26,36 +36,64 @@ FITTED = 0.8  # share of the bar
 @reports(SCHEMA, seed=None, out=Out)
 def identify(
     run: Run,
-    logs: Annotated[list[Path], Argument(metavar="LOG...", help="Flights of one vehicle, of any format of `import`.")],
+    logs: Annotated[
+        list[Path],
+        Argument(metavar="LOG...", help="Flights of one vehicle, of any format of `import`."),
+    ],
     vehicle: Annotated[
         Path | None,
-        Option("--vehicle", metavar="VEHICLE", help="File or preset with rotors' places, directions, radius and mass."),
+        Option(
+            "--vehicle",
+            metavar="VEHICLE",
+            help="File or preset with rotors' places, directions, radius and mass.",
+        ),
     ] = None,
-    mass: Annotated[float | None, Option(help="Mass with battery [kg]; default: the vehicle file's.")] = None,
+    mass: Annotated[
+        float | None, Option(help="Mass with battery [kg]; default: the vehicle file's.")
+    ] = None,
     trust: Annotated[
-        str, Option(metavar="WHICH", help="mass | thrust (logged newtons, or the file's coefficient, tell the mass).")
+        str,
+        Option(
+            metavar="WHICH",
+            help="mass | thrust (logged newtons, or the file's coefficient, tell the mass).",
+        ),
     ] = "mass",
-    wheelbase: Annotated[float | None, Option(help="Without a file: from motor to motor, across [m].")] = None,
-    propeller: Annotated[float | None, Option(help="Without a file: propeller diameter [m].")] = None,
+    wheelbase: Annotated[
+        float | None, Option(help="Without a file: from motor to motor, across [m].")
+    ] = None,
+    propeller: Annotated[
+        float | None, Option(help="Without a file: propeller diameter [m].")
+    ] = None,
     order: Annotated[
         str | None,
         Option(
-            metavar="AUTOPILOT", help="Without a file: order of the rotors: px4 | ardupilot | betaflight | crazyflie."
+            metavar="AUTOPILOT",
+            help="Without a file: order of the rotors: px4 | ardupilot | betaflight | crazyflie.",
         ),
     ] = None,
     held_out: Annotated[
         list[Path] | None,
-        Option(metavar="LOG", help="To judge by; default: the last, or the last third of a single one. Repeatable."),
+        Option(
+            metavar="LOG",
+            help="To judge by; default: the last, or the last third of a single one. Repeatable.",
+        ),
     ] = None,
     input: Annotated[
-        str, Option(metavar="KIND", help="rotor_speed | throttle | command; default: the first that all logs hold.")
+        str,
+        Option(
+            metavar="KIND",
+            help="rotor_speed | throttle | command; default: the first that all logs hold.",
+        ),
     ] = "",
     log_map: Annotated[
-        Path | None, Option("--map", metavar="FILE", help="Map of columns and conventions, as for `import`.")
+        Path | None,
+        Option("--map", metavar="FILE", help="Map of columns and conventions, as for `import`."),
     ] = None,
     name: Annotated[str, Option(help="Name of the vehicle.")] = "identified",
 ) -> Report:
-    """Identify mass or thrust, inertia, motors, delays and sensors of a vehicle from its flights."""
+    """Identify mass or thrust, inertia, motors, delays and sensors of a vehicle from its
+    flights.
+    """
     with _earlier_named(run.out), progress("identifying", 1.0) as advance:
         from np_drake.identification.drives import common_drive
         from np_drake.identification.identify import identify as identified
@@ -67,25 +105,38 @@ def identify(
         opened, notes = open_logs([*logs, *(held_out or [])], prior, log_map, advance)
         judging = [log for found in opened[len(logs) :] for log in found]
         drive = common_drive([log for found in opened for log in found], input)
-        if trust == "thrust" and (drive == "throttle" or (drive == "rotor_speed" and vehicle is None)):
-            raise ValueError(f"--trust thrust: {drive} tells no newtons without a measured coefficient; give --mass.")
+        if trust == "thrust" and (
+            drive == "throttle" or (drive == "rotor_speed" and vehicle is None)
+        ):
+            raise ValueError(
+                f"--trust thrust: {drive} tells no newtons without a measured coefficient; "
+                f"give --mass."
+            )
         fitted, judging, parts, left_out = split(opened[: len(logs)], judging)
         judging, unfit = fit_to_judge(judging, parts, prior, drive)
         advance(READ, f"{len(fitted)} flight{'s' * (len(fitted) > 1)}")
         stop = parts[0][0] if parts else 1.0
-        found = identified(fitted, prior, mass=mass, trusted=trust == "thrust", drive=drive, stop=stop)
+        found = identified(
+            fitted, prior, mass=mass, trusted=trust == "thrust", drive=drive, stop=stop
+        )
         advance(FITTED, "judging")
         rows = errors_on(found, judging, parts, plain=True)
         advance(1.0)
     tell(*notes, *left_out, *unfit, *found.notes, indent="  ")
-    config: dict[str, Any] = {"logs": logs, "vehicle": prior.name, "mass": mass, "trust": trust, "input": drive}
+    config: dict[str, Any] = {
+        "logs": logs,
+        "vehicle": prior.name,
+        "mass": mass,
+        "trust": trust,
+        "input": drive,
+    }
     config |= {"held_out": [log.name for log in judging], "map": log_map}
     own, failure = _vehicle(found, name)
     metrics = as_json(found, rows)
 
     def write(folder: Path) -> None:
         from diagrams.identification.page import write_page
-        from np_drake.vehicle_text import save_vehicle
+        from np_drake.vehicle.text import save_vehicle
 
         (folder / FILE).unlink(missing_ok=True)  # of an earlier identification
         if own is not None:

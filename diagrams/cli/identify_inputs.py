@@ -1,4 +1,6 @@
-"""What `np-drake identify` takes: the vehicle whose geometry is given, and the flights of logs, to fit and to judge."""
+"""What `np-drake identify` takes: the vehicle whose geometry is given, and the flights of logs, to
+fit and to judge.
+"""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,22 +12,23 @@ if TYPE_CHECKING:
 
 READ = 0.3  # share of the bar
 LAST = 2 / 3  # share of a single flight that is fitted; own choice
-DENSITY = 370.0  # mass over the cube of the arm [kg/m³], where the mass is not known; nothing but ratios is told then
+# mass over the cube of the arm [kg/m³], where the mass is not known; nothing but ratios is told
+# then
+DENSITY = 370.0
 
 
 def require_different(logs: list[Path], judging: list[Path]) -> None:
     """Check that no log is given twice.
-
-    Args:
-        logs: to fit.
-        judging: held out.
     Raises: ValueError: where one is.
     """
     fitted, held = ([path.resolve() for path in paths] for paths in (logs, judging))
     for path in [*logs, *judging]:
         if [*fitted, *held].count(path.resolve()) > 1:
             both = path.resolve() in fitted and path.resolve() in held
-            raise ValueError(f"{path}: must be given once; got it {'as LOG and as --held-out' if both else 'twice'}.")
+            raise ValueError(
+                f"{path}: must be given once; got it "
+                f"{'as LOG and as --held-out' if both else 'twice'}."
+            )
 
 
 def prior_of(
@@ -36,20 +39,19 @@ def prior_of(
     order: str | None,
     trust: str,
 ) -> "tuple[Vehicle, float | None]":
-    """Return the vehicle whose geometry is given, and its mass; None where it is to be told or is not known.
+    """Return the vehicle whose geometry is given, and its mass; None where it is to be told or is
+    not known.
 
     Args:
-        vehicle: file or preset.
         mass: given [kg].
         wheelbase: without a file: from motor to motor, across [m].
         propeller: without a file: diameter [m].
         order: without a file: an autopilot of `rotor_layout.FIRMWARE`.
-        trust: "mass" or "thrust".
     Raises: ValueError: where they do not go together.
     """
-    from np_drake.rotor_layout import FIRMWARE
     from np_drake.vehicle import load_vehicle
-    from np_drake.vehicle_estimate import HEAVIEST, LIGHTEST, Measured, estimate
+    from np_drake.vehicle.estimate import HEAVIEST, LIGHTEST, Measured, estimate
+    from np_drake.vehicle.rotor_layout import FIRMWARE
 
     if trust not in ("mass", "thrust"):
         raise ValueError(f"--trust must be mass or thrust; got {trust!r}.")
@@ -65,11 +67,16 @@ def prior_of(
         return prior, None if trust == "thrust" else mass or prior.mass
     if wheelbase is None:
         raise ValueError(
-            "needs the rotors' places: give --vehicle FILE, or --wheelbase M (motor to motor) and --order."
+            "needs the rotors' places: give --vehicle FILE, or --wheelbase M (motor to "
+            "motor) and --order."
         )
     if order is None:
         raise ValueError(f"give --order {'|'.join(FIRMWARE)} (whose logs you have) as well.")
-    guess = min(max(DENSITY * (0.5 * wheelbase) ** 3, LIGHTEST), HEAVIEST) if wheelbase > 0 else LIGHTEST
+    guess = (
+        min(max(DENSITY * (0.5 * wheelbase) ** 3, LIGHTEST), HEAVIEST)
+        if wheelbase > 0
+        else LIGHTEST
+    )
     diameter = 0.5 * wheelbase if propeller is None else propeller
     measured = Measured(guess if mass is None else mass, wheelbase, diameter, 0.5, order=order)
     frame = estimate(measured, f"frame of {wheelbase:g} m")
@@ -94,13 +101,8 @@ def _over_mass(vehicle: "Vehicle") -> "Vehicle":
 def open_logs(
     paths: list[Path], vehicle: "Vehicle", log_map: Path | None, advance: Any
 ) -> "tuple[list[list[FlightLog]], list[str]]":
-    """Return the flights of each log, with rotors in the order of the vehicle, and what readers derived.
-
-    Args:
-        paths: of the logs.
-        vehicle: whose rotors turn.
-        log_map: file of columns and conventions.
-        advance: of the progress bar.
+    """Return the flights of each log, with rotors in the order of the vehicle, and what readers
+    derived.
     """
     from np_drake.logs.importing.log_map import load_map_file
     from np_drake.logs.opening import read_as_logged, with_vehicle
@@ -128,31 +130,42 @@ def _require_turning(opened: "Opened") -> None:
 
     inputs = [log.rotor if log.rotor is not None else log.throttle for log in opened.flights]
     if all(values is not None and not (values > 0).any() for values in inputs):
-        raise ValueError(f"{opened.path}: its rotors do not turn, as on a desk, so that it tells nothing. {REMEDY}")
+        raise ValueError(
+            f"{opened.path}: its rotors do not turn, as on a desk, so that it tells "
+            f"nothing. {REMEDY}"
+        )
 
 
 def split(
     logs: "list[list[FlightLog]]", judging: "list[FlightLog]"
 ) -> "tuple[list[FlightLog], list[FlightLog], list[tuple[float, float]], list[str]]":
-    """Return flights to fit, those to judge by, the shares of these that count (none: whole), and what is left out.
+    """Return flights to fit, those to judge by, the shares of these that count (none: whole), and
+    what is left out.
 
     Args:
         logs: flights of each log to fit; a log with gaps has several.
-        judging: of those that are held out; none: the last log, or the last third of a single flight.
+        judging: of those that are held out; none: the last log, or the last third of a single
+            flight.
     """
     from np_drake.identification.identify import SHORTEST, lasts
 
     flights = [log for found in logs for log in found]
     said = [
-        f"{log.name}: shorter than {SHORTEST:g} s; left out" for log in [*flights, *judging] if lasts(log) < SHORTEST
+        f"{log.name}: shorter than {SHORTEST:g} s; left out"
+        for log in [*flights, *judging]
+        if lasts(log) < SHORTEST
     ]
     judges = [log for log in judging if lasts(log) >= SHORTEST]
     if judging and not judges:
-        raise ValueError(f"--held-out: must last {SHORTEST:g} s at least; got {lasts(judging[0]):.2g} s.")
+        raise ValueError(
+            f"--held-out: must last {SHORTEST:g} s at least; got {lasts(judging[0]):.2g} s."
+        )
     long = [kept for found in logs if (kept := [log for log in found if lasts(log) >= SHORTEST])]
     if not long:
         most = max(map(lasts, flights))
-        raise ValueError(f"needs a flight of {SHORTEST:g} s at least; the longest lasts {most:.2g} s.")
+        raise ValueError(
+            f"needs a flight of {SHORTEST:g} s at least; the longest lasts {most:.2g} s."
+        )
     every = [log for kept in long for log in kept]
     if judges:
         return every, judges, [], said
@@ -167,14 +180,7 @@ def split(
 def fit_to_judge(
     judging: "list[FlightLog]", parts: list[tuple[float, float]], vehicle: "Vehicle", drive: str
 ) -> "tuple[list[FlightLog], list[str]]":
-    """Return the flights that can judge, and a line for each other.
-
-    Args:
-        judging: held-out flights.
-        parts: shares that count; none: whole flights.
-        vehicle: that flew.
-        drive: what turns its rotors.
-    """
+    """Return the flights that can judge, and a line for each other."""
     from np_drake.identification.identify import unfit
     from np_drake.identification.signals import signals
 

@@ -14,10 +14,16 @@ def table(found: "Identification") -> Table:
     from diagrams.identification.text import agreement, half_width, interval
 
     rows = [
-        (q.name, interval(found, q)[0], half_width(found, q, q.low, q.high), half_width(found, q, *q.prior),
-         "flights" if q.told else "prior", agreement(q))
+        (
+            q.name,
+            interval(found, q)[0],
+            half_width(found, q, q.low, q.high),
+            half_width(found, q, *q.prior),
+            "flights" if q.told else "prior",
+            agreement(q),
+        )
         for q in found.quantities
-    ]  # fmt: skip
+    ]
     several = len(found.models) > 1
     header = ["quantity", "value", "95 %", "prior", "told by", *["flights"] * several]
     return "vehicle", header, [row[: len(header)] for row in rows]
@@ -26,12 +32,22 @@ def table(found: "Identification") -> Table:
 def rate_loop(found: "Identification") -> Table:
     """Return the table of an autopilot's rate loop."""
     rows = [
-        (axis, 1e3 * one.lag, _ends(1e3 * one.lag_interval[0], 1e3 * one.lag_interval[1]), one.gain,
-         _ends(*one.gain_interval), f"{100 * one.share:.0f} %")
+        (
+            axis,
+            1e3 * one.lag,
+            _ends(1e3 * one.lag_interval[0], 1e3 * one.lag_interval[1]),
+            one.gain,
+            _ends(*one.gain_interval),
+            f"{100 * one.share:.0f} %",
+        )
         for axis, one in zip(("roll", "pitch", "yaw"), found.rate_loop, strict=True)
-    ]  # fmt: skip
+    ]
     header = ["axis", "lag [ms]", "95 %", "gain [1]", "95 %", "explains"]
-    return "rate loop: when 63 % of a step of the command is followed, and rate over command", header, rows
+    return (
+        "rate loop: when 63 % of a step of the command is followed, and rate over command",
+        header,
+        rows,
+    )
 
 
 def _ends(low: float, high: float) -> str:
@@ -39,12 +55,7 @@ def _ends(low: float, high: float) -> str:
 
 
 def judged(found: "Identification", rows: "list[HeldOut]") -> Table:
-    """Return the table of errors on what was not fitted.
-
-    Args:
-        found: the identification.
-        rows: errors by flight and model.
-    """
+    """Return the table of errors on what was not fitted."""
     import numpy as np
 
     def size(values: Any) -> float:
@@ -56,7 +67,9 @@ def judged(found: "Identification", rows: "list[HeldOut]") -> Table:
     for row in rows:
         angles = np.rad2deg(row.open_loop[:, 2])
         first = [row.flight] * several
-        cells.append((*first, row.model, size(row.force), size(row.torque), *row.open_loop[:, 0], *angles))
+        cells.append(
+            (*first, row.model, size(row.force), size(row.torque), *row.open_loop[:, 0], *angles)
+        )
     errors = ["0.1 s [m]", "0.5 s [m]", "0.1 s [deg]", "0.5 s [deg]"]
     over = "/kg" if found.basis.ratios else ""
     header = [*["flight"] * several, "model", f"force [N{over}]", f"torque [N·m{over}]", *errors]
@@ -65,12 +78,7 @@ def judged(found: "Identification", rows: "list[HeldOut]") -> Table:
 
 
 def as_json(found: "Identification", rows: "list[HeldOut]") -> dict[str, Any]:
-    """Return the values of `--json`.
-
-    Args:
-        found: the identification.
-        rows: errors on what was not fitted.
-    """
+    """Return the values of `--json`."""
     from diagrams.identification.text import not_told, unit_of
     from np_drake.identification.flight_agreement import flight_values, own_values
 
@@ -91,7 +99,10 @@ def as_json(found: "Identification", rows: "list[HeldOut]") -> dict[str, Any]:
                 "agreement": _finite(q.p),
                 "flights": []
                 if told is None
-                else [[_finite(v) for v in row] for row in zip(told.value, told.low, told.high, strict=True)],
+                else [
+                    [_finite(v) for v in row]
+                    for row in zip(told.value, told.low, told.high, strict=True)
+                ],
                 "apart": [] if told is None else list(told.apart),
                 "moves_with": "" if told is None else told.moves_with,
             }
@@ -101,23 +112,44 @@ def as_json(found: "Identification", rows: "list[HeldOut]") -> dict[str, Any]:
         "fitted": [model.flight.name for model in found.models],
         "quantities": quantities,
         "by_flight": [
-            {"name": own.quantity.name, "unit": own.quantity.quantity.unit, "agreement": own.quantity.p,
-             "flights": [list(map(float, row)) for row in zip(own.value, own.low, own.high, strict=True)],
-             "apart": list(own.apart), "moves_with": own.moves_with}
+            {
+                "name": own.quantity.name,
+                "unit": own.quantity.quantity.unit,
+                "agreement": own.quantity.p,
+                "flights": [
+                    list(map(float, row)) for row in zip(own.value, own.low, own.high, strict=True)
+                ],
+                "apart": list(own.apart),
+                "moves_with": own.moves_with,
+            }
             for own in own_values(found)
         ],
         "rate_loop": [
-            {"axis": axis, "lag": one.lag, "lag95": list(one.lag_interval), "gain": one.gain,
-             "gain95": list(one.gain_interval), "share": one.share}
+            {
+                "axis": axis,
+                "lag": one.lag,
+                "lag95": list(one.lag_interval),
+                "gain": one.gain,
+                "gain95": list(one.gain_interval),
+                "share": one.share,
+            }
             for axis, one in zip("xyz", found.rate_loop, strict=False)
         ],
-        "not_told": [{"names": names, "because": why, "manoeuvre": way} for way, names, why in not_told(found)],
+        "not_told": [
+            {"names": names, "because": why, "manoeuvre": way}
+            for way, names, why in not_told(found)
+        ],
         "held_out": [
-            {"flight": r.flight, "model": r.model, "force": list(map(float, r.force)),
-             "torque": list(map(float, r.torque)), "open_loop": [[_finite(x) for x in row] for row in r.open_loop]}
+            {
+                "flight": r.flight,
+                "model": r.model,
+                "force": list(map(float, r.force)),
+                "torque": list(map(float, r.torque)),
+                "open_loop": [[_finite(x) for x in row] for row in r.open_loop],
+            }
             for r in rows
         ],
-    }  # fmt: skip
+    }
 
 
 def _finite(value: float) -> float | None:

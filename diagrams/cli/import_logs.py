@@ -1,4 +1,6 @@
-"""`np-drake import`: flight logs of other formats become logs of ours, each with a sheet that says what was done."""
+"""`np-drake import`: flight logs of other formats become logs of ours, each with a sheet that says
+what was done.
+"""
 
 import dataclasses as dc
 from pathlib import Path
@@ -15,7 +17,9 @@ if TYPE_CHECKING:
     from np_drake.logs.importing.log_map import MapFile
 
 SUFFIXES = (".csv", ".csv.gz", ".parquet")
-Out = Annotated[Path | None, Option("--out", metavar="DIR", help="Folder for the logs and their sheets.")]
+Out = Annotated[
+    Path | None, Option("--out", metavar="DIR", help="Folder for the logs and their sheets.")
+]
 
 
 @reports("import", seed=None, out=Out, folder=Path("out/import"), markdown=False)
@@ -25,7 +29,8 @@ def import_logs(
         list[Path],
         Argument(
             metavar="LOG...",
-            help="Logs: PX4 ULog, ROS bag or MCAP, Crazyflie micro-SD, ArduPilot DataFlash, Betaflight blackbox, "
+            help="Logs: PX4 ULog, ROS bag or MCAP, Crazyflie micro-SD, ArduPilot DataFlash, "
+            "Betaflight blackbox, "
             "Neural-Fly, CSV, Parquet.",
         ),
     ],
@@ -34,26 +39,43 @@ def import_logs(
         Option(
             "--map",
             metavar="FILE",
-            help="Map of columns and conventions (YAML), or a public data set: idsia, nanobench; default: by the log's "
+            help="Map of columns and conventions (YAML), or a public data set: idsia, "
+            "nanobench; default: by the log's "
             "own names.",
         ),
     ] = None,
     rate: Annotated[
-        float, Option(metavar="HZ", min=0, max=20_000, help="Rate of the rows; 0: of the fastest signal that is used.")
+        float,
+        Option(
+            metavar="HZ",
+            min=0,
+            max=20_000,
+            help="Rate of the rows; 0: of the fastest signal that is used.",
+        ),
     ] = 0.0,
     start: Annotated[
         float,
-        Option(metavar="SECONDS", min=0, max=1e9, help="Of what is imported, from the log's first attitude on [s]."),
+        Option(
+            metavar="SECONDS",
+            min=0,
+            max=1e9,
+            help="Of what is imported, from the log's first attitude on [s].",
+        ),
     ] = 0.0,
-    stop: Annotated[float, Option(metavar="SECONDS", min=0, max=1e9, help="Its end; 0: the log's [s].")] = 0.0,
+    stop: Annotated[
+        float, Option(metavar="SECONDS", min=0, max=1e9, help="Its end; 0: the log's [s].")
+    ] = 0.0,
     adopt: Annotated[
-        bool, Option("--adopt", help="Where a log fits other conventions than declared, take those.")
+        bool,
+        Option("--adopt", help="Where a log fits other conventions than declared, take those."),
     ] = False,
     suffix: Annotated[
         str, Option(metavar="SUFFIX", help=f"Of the files that are written: {', '.join(SUFFIXES)}.")
     ] = ".csv",
 ) -> Report:
-    """Import flight logs of other formats, with a sheet beside each: what was mapped, turned, aligned and left out."""
+    """Import flight logs of other formats, with a sheet beside each: what was mapped, turned,
+    aligned and left out.
+    """
     from np_drake.logs.errors import LogError
     from np_drake.logs.importing.log_map import load_map_file
 
@@ -68,10 +90,16 @@ def import_logs(
     with progress("importing", len(logs)) as advance:
         for number, path in enumerate(logs):
             try:
-                found = _imported(path, declared, how, lambda share, k=number: advance(k + share, ""))
+                found = _imported(
+                    path, declared, how, lambda share, k=number: advance(k + share, "")
+                )
                 written += _write(found, run.folder, suffix, written)
             except (LogError, OSError) as error:
-                failures.append(str(error) if isinstance(error, LogError) else f"{path}: {error.strerror or error}.")
+                failures.append(
+                    str(error)
+                    if isinstance(error, LogError)
+                    else f"{path}: {error.strerror or error}."
+                )
                 continue
             left += [f"{path.name}: {note}" for note in _told(found)]
             rows += [_row(flight, found) for flight in found.flights]
@@ -82,7 +110,13 @@ def import_logs(
         more = f" ({len(failures)} of {len(logs)} logs failed)" if len(logs) > 1 else ""
         failure = LogError(failures[0] + more)
     return Report(
-        [("imported flights", ["flight", "s", "Hz", "input", "timing [ms]", "rows bridged or left out"], rows)]
+        [
+            (
+                "imported flights",
+                ["flight", "s", "Hz", "input", "timing [ms]", "rows bridged or left out"],
+                rows,
+            )
+        ]
         if rows
         else [],
         config={"logs": logs, "map": log_map, **how},
@@ -105,16 +139,15 @@ def _imported(path: Path, declared: "MapFile | None", how: dict[str, Any], tell:
 
 def _told(found: "Imported") -> list[str]:
     """Return the notes that belong on the screen: what must be known, and what is left out."""
-    return [note for note in found.sheet.content["notes"] if note in found.said or "left out" in note]
+    return [
+        note for note in found.sheet.content["notes"] if note in found.said or "left out" in note
+    ]
 
 
 def _write(found: "Imported", folder: Path, suffix: str, before: list[str]) -> list[str]:
     """Write the flights of one log and their sheets, and return the files.
 
     Args:
-        found: flights of one log, and their sheet.
-        folder: that takes them.
-        suffix: of the flights' files.
         before: files that this command has written of other logs.
     Raises: LogError: if a file is there already.
     """
@@ -127,7 +160,8 @@ def _write(found: "Imported", folder: Path, suffix: str, before: list[str]) -> l
     for path in (p for target in targets for p in (target, sheet_path(target))):
         if path.exists() and str(path) in before:
             raise LogError(
-                f"{path}: must not be there; another log of this command has the same name. Import it by itself, with "
+                f"{path}: must not be there; another log of this command has the same "
+                f"name. Import it by itself, with "
                 "another --out."
             )
         if path.exists():

@@ -1,7 +1,8 @@
 """Entry point `np-drake`: signals and streams first, then the verbs.
 
-Exit code 0; 2 for bad input (one clear line on stderr, nothing half-written); 1 for a failed run; 70 for a fault of
-the program; 128 + number for a signal. `--debug` prints the traceback before the line.
+Exit code 0; 2 for bad input (one clear line on stderr, nothing half-written); 1 for a failed run;
+70 for a fault of the program; 128 + number for a signal. `--debug` prints the traceback before the
+line.
 """
 
 import codecs
@@ -36,13 +37,17 @@ def main(arguments: Sequence[str] | None = None) -> None:
     code = run_app(app, arguments)
     end_at_once()
     if (failure := failure_of(outlets)) is not None:
-        print(f"np-drake: standard output: {failure.strerror}. Print somewhere else.", file=sys.stderr)
+        print(
+            f"np-drake: standard output: {failure.strerror}. Print somewhere else.", file=sys.stderr
+        )
         code = code or BAD_INPUT
     sys.exit(code)
 
 
 def _require_utf8() -> None:
-    """Start again in Python's UTF-8 mode where the locale is none: Drake and the files of a run are read as text."""
+    """Start again in Python's UTF-8 mode where the locale is none: Drake and the files of a run are
+    read as text.
+    """
     if not sys.flags.utf8_mode and codecs.lookup(locale.getencoding()).name != "utf-8":
         command = [sys.executable, "-X", "utf8", "-m", "np_drake", *sys.argv[1:]]
         os.execve(sys.executable, command, os.environ | {"PYTHONUTF8": "1"})

@@ -1,4 +1,6 @@
-"""`np-drake next-flight`: a flight within limits, and what it tells of the explanations that stand."""
+"""`np-drake next-flight`: a flight within limits, and what it tells of the explanations that
+stand.
+"""
 
 import dataclasses as dc
 from collections.abc import Mapping, Sequence
@@ -26,21 +28,32 @@ SHORTEST, LONGEST = 5.0, 120.0  # flight [s]
 def next_flight(
     run: Run,
     report: Annotated[Path, Argument(metavar="REPORT", help="Folder of np-drake diagnose --out.")],
-    box: Annotated[Box, Option("--box", metavar="X Y Z", help="Room [m]: floor at z = 0, x = y = 0 amid.")],
-    seconds: Annotated[float, Option("--seconds", min=SHORTEST, max=LONGEST, help="Length [s].")] = 20.0,
-    controller: Annotated[str, Option("--controller", help="Kind that will fly it, as of np-drake fly.")] = "hold",
+    box: Annotated[
+        Box, Option("--box", metavar="X Y Z", help="Room [m]: floor at z = 0, x = y = 0 amid.")
+    ],
+    seconds: Annotated[
+        float, Option("--seconds", min=SHORTEST, max=LONGEST, help="Length [s].")
+    ] = 20.0,
+    controller: Annotated[
+        str, Option("--controller", help="Kind that will fly it, as of np-drake fly.")
+    ] = "hold",
     speed: Annotated[
-        float | None, Option("--speed", help="Largest speed [m/s]; default: 0.6 of the controller's.")
+        float | None,
+        Option("--speed", help="Largest speed [m/s]; default: 0.6 of the controller's."),
     ] = None,
     tilt: Annotated[
         float | None, Option("--tilt", help="Largest tilt [rad]; default: 0.6 of the controller's.")
     ] = None,
-    evaluations: Annotated[int | None, Option("--evaluations", min=10, max=1_000_000, hidden=True)] = None,
+    evaluations: Annotated[
+        int | None, Option("--evaluations", min=10, max=1_000_000, hidden=True)
+    ] = None,
     no_fly: Annotated[
         bool, Option("--no-fly", help="Leave out the flights in the simulator, and so their check.")
     ] = False,
 ) -> Report:
-    """Write a flight that tells the explanations of a diagnosis apart; fly it in the simulator first."""
+    """Write a flight that tells the explanations of a diagnosis apart; fly it in the simulator
+    first.
+    """
     from diagrams.cli.next_flight_tables import finding, hopeless, sentence, tables, verdict
     from diagrams.gap.limits_check import CannotFly, InSimulator, keep_limits
     from diagrams.gap.next_flight import RATE, TRACK, read_report, track_figure, write_scenario
@@ -65,7 +78,9 @@ def next_flight(
     name = _ahead(told)
     if not no_fly and not hopeless(told):
         in_simulator = InSimulator(config, found, limits, run.scratch, run.seed)
-        while name not in checked:  # what the limits make smaller tells less, and another may then be ahead
+        while (
+            name not in checked
+        ):  # what the limits make smaller tells less, and another may then be ahead
             try:
                 with progress(f"flying {name} with {controller}", 1.0) as advance:
                     motions[name], checked[name] = keep_limits(
@@ -81,7 +96,9 @@ def next_flight(
                 left_out[name] = str(error)
                 if len(left_out) == len(motions):
                     raise
-            name = _ahead({kind: prediction for kind, prediction in told.items() if kind not in left_out})
+            name = _ahead(
+                {kind: prediction for kind, prediction in told.items() if kind not in left_out}
+            )
     motion, flown = motions[name], checked.get(name, [])
     usage = {kind: candidate.usage(limits) for kind, candidate in motions.items()}
     order = [name, *(kind for kind in told if kind != name)]
@@ -96,12 +113,17 @@ def next_flight(
     return Report(
         tables(explanations, {kind: told[kind] for kind in order}, flown, left_out),
         config=settings,
-        metrics=content(explanations, {kind: told[kind] for kind in order}, usage, flown) | {"left_out": left_out},
+        metrics=content(explanations, {kind: told[kind] for kind in order}, usage, flown)
+        | {"left_out": left_out},
         lines=[sentence(explanations), finding(explanations, told, flown, name), ""],
         summary=[verdict(flown, usage[name])],
         notes=[
             *(f"{kind} is left out: {why}" for kind, why in left_out.items()),
-            *([] if evaluations is None else ["warning: --evaluations has no effect: nothing is searched for."]),
+            *(
+                []
+                if evaluations is None
+                else ["warning: --evaluations has no effect: nothing is searched for."]
+            ),
         ],
         figures={"next_flight.png": lambda: track_figure(motion, limits)},
         write=write,
@@ -117,10 +139,6 @@ def _ahead(told: "Mapping[str, Prediction]") -> str:
 
 def with_controller(config: "FlightConfig", kind: str) -> "FlightConfig":
     """Return the scenario with another kind of controller and the solver of all verbs.
-
-    Args:
-        config: the scenario.
-        kind: of controller, as of np-drake fly.
     Raises: ValueError: on an unknown kind, or one that cannot fly this vehicle.
     """
     from diagrams.loop.controller_models import make_residual_model
@@ -139,26 +157,32 @@ def content(
     """Return the values of `--json` (docs/reference/files.md).
 
     Args:
-        explanations: that stand.
         told: by manoeuvre, what it tells; the proposed one first.
         usage: by manoeuvre, share of each limit that it uses [1].
-        flown: flights of the proposed one in the simulator.
     """
     candidates = [_candidate(explanations, name, told[name], usage[name]) for name in told]
-    flights = [{"explanation": f.explanation.label, "usage": f.usage, "posterior": f.posterior.tolist()} for f in flown]
+    flights = [
+        {"explanation": f.explanation.label, "usage": f.usage, "posterior": f.posterior.tolist()}
+        for f in flown
+    ]
     stand = [{"named": list(e.named), "probability": e.probability} for e in explanations]
     return {"explanations": stand, "candidates": candidates, "flown": flights}
 
 
 def _candidate(
-    explanations: "Sequence[Explanation]", name: str, prediction: "Prediction", usage: Mapping[str, float]
+    explanations: "Sequence[Explanation]",
+    name: str,
+    prediction: "Prediction",
+    usage: Mapping[str, float],
 ) -> dict[str, Any]:
     told = prediction.information
     return {
         "name": name,
         "entropy": told.outlook.entropy,
         "named": told.outlook.named,
-        "weakest": None if (pair := told.weakest) is None else [explanations[k].label for k in pair],
+        "weakest": None
+        if (pair := told.weakest) is None
+        else [explanations[k].label for k in pair],
         "distances": told.distances.tolist(),
         "parameters": [told.parameters(k) for k in range(len(explanations))],
         "intervals": list(prediction.intervals),

@@ -1,4 +1,6 @@
-"""A proposed flight on the terminal: what it finds in a sentence, manoeuvres, pairs, intervals, and its check."""
+"""A proposed flight on the terminal: what it finds in a sentence, manoeuvres, pairs, intervals, and
+its check.
+"""
 
 from collections.abc import Collection, Mapping, Sequence
 from itertools import combinations
@@ -23,7 +25,9 @@ def rank(prediction: Prediction) -> tuple[float, float]:
     told = prediction.information
     if told.weakest is None:
         return 0.0, round(told.parameters(0), 1)
-    return round(100 * told.outlook.worst, 0), float(f"{min(told.distances[told.weakest], SURE):.2g}")
+    return round(100 * told.outlook.worst, 0), float(
+        f"{min(told.distances[told.weakest], SURE):.2g}"
+    )
 
 
 def hopeless(told: Mapping[str, Prediction]) -> bool:
@@ -41,35 +45,52 @@ def sentence(explanations: Sequence[Explanation]) -> str:
 
 
 def finding(
-    explanations: Sequence[Explanation], told: Mapping[str, Prediction], flown: Sequence[Flown], name: str
+    explanations: Sequence[Explanation],
+    told: Mapping[str, Prediction],
+    flown: Sequence[Flown],
+    name: str,
 ) -> str:
-    """Return what the flight is expected to tell, in one sentence; or that none will, and what to measure instead.
+    """Return what the flight is expected to tell, in one sentence; or that none will, and what to
+    measure instead.
 
     Args:
-        explanations: that stand.
-        told: by manoeuvre, what it tells.
-        flown: flights of the proposed one in the simulator, under each explanation; none where it was not flown.
-        name: of the proposed one.
+        flown: flights of the proposed one in the simulator, under each explanation; none where it
+            was not flown.
     """
     best = told[name].information
     if best.weakest is None:
-        return f"Fly the {name}: it brings {number(best.parameters(0), 2)} nat about the parameters."
+        return (
+            f"Fly the {name}: it brings {number(best.parameters(0), 2)} nat about the parameters."
+        )
     named = {int(f.posterior.argmax()) for f in flown}
     if flown and len(named) == 1:
         always = explanations[named.pop()].label
-        return f"No flight will tell these apart: whatever is true, the log names {always}.{_instead(explanations)}"
+        return (
+            f"No flight will tell these apart: whatever is true, the log names "
+            f"{always}.{_instead(explanations)}"
+        )
     if hopeless(told):
         each = best.outlook.each
         always = explanations[each.index(max(each))].label
-        why = f"the log would most likely name {always}" if max(each) >= EVEN else "the log would name none alone"
+        why = (
+            f"the log would most likely name {always}"
+            if max(each) >= EVEN
+            else "the log would name none alone"
+        )
         return f"No flight will tell these apart: whatever is true, {why}.{_instead(explanations)}"
     if best.outlook.worst < EVEN:
         a, b = (explanations[k] for k in best.weakest)
         others = ", and tells the others" if len(explanations) > 2 else ""
         apart = number(float(best.distances[best.weakest]), 2)
-        return f"Fly the {name}: it hardly tells {a.label} from {b.label}, {apart} nat{others}.{_instead([a, b])}"
+        return (
+            f"Fly the {name}: it hardly tells {a.label} from {b.label}, {apart} "
+            f"nat{others}.{_instead([a, b])}"
+        )
     chance = of_at_least(best.outlook.worst)
-    return f"Fly the {name}: whichever explanation is true, it alone is left with a probability {chance}."
+    return (
+        f"Fly the {name}: whichever explanation is true, it alone is left with a probability "
+        f"{chance}."
+    )
 
 
 def _instead(explanations: Sequence[Explanation]) -> str:
@@ -92,7 +113,8 @@ def verdict(flown: Sequence[Flown], usage: Mapping[str, float]) -> str:
         return f"Limits: not flown in the simulator; the plan uses {_most(usage)}."
     worst = max(flown, key=lambda f: f.worst)
     return (
-        f"Limits: kept in the simulator under each of {len(flown)} explanations that stand; most used: "
+        f"Limits: kept in the simulator under each of {len(flown)} explanations that "
+        f"stand; most used: "
         f"{_most(worst.usage)}, under {worst.explanation.brief}."
     )
 
@@ -111,15 +133,14 @@ def tables(
     """Return the tables of manoeuvres, of pairs, of intervals, and of the flights in the simulator.
 
     Args:
-        explanations: that stand, the best first.
         told: by manoeuvre, what it tells; the proposed one first.
-        flown: its flights in the simulator.
-        left_out: manoeuvres that cannot be flown.
     """
     prediction = next(iter(told.values()))
     found: list[Table] = [_manoeuvres(told, left_out)]
     if pairs := _pairs(explanations, prediction):
-        found.append(("what the flight tells apart", ["pair", "distance [nat]", "told apart"], pairs))
+        found.append(
+            ("what the flight tells apart", ["pair", "distance [nat]", "told apart"], pairs)
+        )
     if rows := _intervals(explanations[0], prediction.intervals[0]):
         header = ["if it is " + explanations[0].label, "value", "± now", "± after the flight"]
         found.append(("intervals of 95 %", header, rows))
@@ -138,12 +159,17 @@ def _manoeuvres(told: Mapping[str, Prediction], left_out: Collection[str]) -> Ta
     title = "manoeuvres, each as large as the limits allow"
     known = {name: prediction.information for name, prediction in told.items()}
     if next(iter(known.values())).weakest is None:
-        told_of = [(name, LEFT if name in left_out else number(i.parameters(0), 2)) for name, i in known.items()]
+        told_of = [
+            (name, LEFT if name in left_out else number(i.parameters(0), 2))
+            for name, i in known.items()
+        ]
         return title, ["manoeuvre", "about the parameters [nat]"], told_of
     pairs = {name: float(i.distances[i.weakest]) for name, i in known.items()}
     cells = {name: number(d, 2) if d < SURE else f"> {SURE:g}" for name, d in pairs.items()}
     rows = [
-        (name, LEFT, NOTHING) if name in left_out else (name, probability(i.outlook.worst), cells[name])
+        (name, LEFT, NOTHING)
+        if name in left_out
+        else (name, probability(i.outlook.worst), cells[name])
         for name, i in known.items()
     ]
     return title, ["manoeuvre", "the right one is left alone, at least", "weakest pair [nat]"], rows
@@ -153,15 +179,25 @@ def _pairs(explanations: Sequence[Explanation], prediction: Prediction) -> list[
     """Return a row for each pair of explanations, the least separated first."""
     distances = prediction.information.distances
     pairs = sorted(combinations(range(len(explanations)), 2), key=lambda ij: distances[ij])
-    said = [(f"{explanations[i].label} – {explanations[j].label}", distances[i, j]) for i, j in pairs]
+    said = [
+        (f"{explanations[i].label} – {explanations[j].label}", distances[i, j]) for i, j in pairs
+    ]
     return [(pair, number(d, 2), "hardly" if d < HARDLY else "yes") for pair, d in said]
 
 
-def _intervals(explanation: Explanation, intervals: Mapping[str, tuple[float, float]]) -> list[tuple[str, ...]]:
+def _intervals(
+    explanation: Explanation, intervals: Mapping[str, tuple[float, float]]
+) -> list[tuple[str, ...]]:
     """Return a row for each parameter of the effects that an explanation names."""
-    values = {f"{e.identifier}.{name}": v for e in explanation.effects for name, v in e.values.items()}
-    named = {name: pair for name, pair in intervals.items() if name.split(".")[0] in explanation.named}
-    return [(name, number(values[name]), number(a, 2), number(b, 2)) for name, (a, b) in named.items()]
+    values = {
+        f"{e.identifier}.{name}": v for e in explanation.effects for name, v in e.values.items()
+    }
+    named = {
+        name: pair for name, pair in intervals.items() if name.split(".")[0] in explanation.named
+    }
+    return [
+        (name, number(values[name]), number(a, 2), number(b, 2)) for name, (a, b) in named.items()
+    ]
 
 
 def _named(flown: Flown, k: int) -> str:

@@ -19,42 +19,65 @@ if TYPE_CHECKING:
     from diagrams.offboard.node import Node
 
 DEADLINE = 1.0  # of a solve, over the controller's period, where the scenario names none [1]
-TOLD = 0.8  # share of the rate of the vehicle's clock that was told last, below which it is told again [1]
+# share of the rate of the vehicle's clock that was told last, below which it is told again [1]
+TOLD = 0.8
 
 
 @reports("node", seed=None, out=options.Out, markdown=False)
 def node(
     run: Run,
-    experiment: Annotated[str, Argument(help="circle, lemniscate, hover, … or a scenario file (YAML).")],
+    experiment: Annotated[
+        str, Argument(help="circle, lemniscate, hover, … or a scenario file (YAML).")
+    ],
     link: Annotated[
         str,
         Option(
-            metavar="ADDRESS", help="udp:HOST:PORT listens, udpout:HOST:PORT calls; tcp:HOST:PORT; or a serial device."
+            metavar="ADDRESS",
+            help=(
+                "udp:HOST:PORT listens, udpout:HOST:PORT calls; tcp:HOST:PORT; or a serial device."
+            ),
         ),
     ] = "udp:127.0.0.1:14540",
-    baud: Annotated[int, Option(min=1200, max=10_000_000, help="Of a serial device [1/s].")] = 921600,
+    baud: Annotated[
+        int, Option(min=1200, max=10_000_000, help="Of a serial device [1/s].")
+    ] = 921600,
     rate: Annotated[
-        float | None, Option(min=2.0, max=500.0, metavar="HZ", help="Of commands; default: the scenario's, or 100 Hz.")
+        float | None,
+        Option(
+            min=2.0,
+            max=500.0,
+            metavar="HZ",
+            help="Of commands; default: the scenario's, or 100 Hz.",
+        ),
     ] = None,
     controller: Annotated[
         str | None,
-        Option(metavar="KIND", help="nominal | hold | observer | np | payload_filter | gp | knode. Default: np."),
+        Option(
+            metavar="KIND",
+            help="nominal | hold | observer | np | payload_filter | gp | knode. Default: np.",
+        ),
     ] = None,
     solver: Annotated[
         str | None,
         Option(
-            help="sqp | ipopt (MathematicalProgram, the reference); default: the scenario file's, or "
+            help="sqp | ipopt (MathematicalProgram, the reference); default: the scenario "
+            "file's, or "
             f"{options.DEFAULT_SOLVER}."
         ),
     ] = None,
-    predictor: Annotated[Path | None, Option(help="Model file of controller np, payload_filter, gp or knode.")] = None,
+    predictor: Annotated[
+        Path | None, Option(help="Model file of controller np, payload_filter, gp or knode.")
+    ] = None,
     duration: Annotated[float | None, Option(help="Time after the ramp [s].")] = None,
     wait: Annotated[
-        float | None, Option(min=1.0, max=86_400.0, help="Longest wait for the pilot; default: without end [s].")
+        float | None,
+        Option(min=1.0, max=86_400.0, help="Longest wait for the pilot; default: without end [s]."),
     ] = None,
     vehicle: options.VehicleFile = None,
 ) -> Report:
-    """Fly an experiment on a vehicle: state in and body rates out by MAVLink, while all is in order."""
+    """Fly an experiment on a vehicle: state in and body rates out by MAVLink, while all is in
+    order.
+    """
     import dataclasses as dc
 
     from diagrams.loop.own_controller import is_own
@@ -64,13 +87,25 @@ def node(
     from np_drake.offboard.link import MavlinkLink
 
     if controller is not None and is_own(controller):
-        raise ValueError(f"--controller: must be one of this project's; got {controller}. Simulate your own.")
+        raise ValueError(
+            f"--controller: must be one of this project's; got {controller}. Simulate your own."
+        )
     config = scenarios(
-        experiment, [controller] if controller else [], vehicle=vehicle, reality=None, solver=solver,
-        predictor=predictor, told_mass=False, autopilot="rate_loop", numbers=Numbers(duration=duration),
-    )[0]  # fmt: skip
+        experiment,
+        [controller] if controller else [],
+        vehicle=vehicle,
+        reality=None,
+        solver=solver,
+        predictor=predictor,
+        told_mass=False,
+        autopilot="rate_loop",
+        numbers=Numbers(duration=duration),
+    )[0]
     if is_own(config.controller.kind):
-        raise ValueError(f"controller: must be one of this project's; got {config.controller.kind}. Name --controller.")
+        raise ValueError(
+            f"controller: must be one of this project's; got {config.controller.kind}. "
+            f"Name --controller."
+        )
     if rate is not None:
         config = dc.replace(config, offboard=dc.replace(config.offboard, rate=rate)).check()
     if config.controller.deadline == float("inf"):
@@ -78,15 +113,25 @@ def node(
     port, worker = MavlinkLink(link, baud), SolverThread()
     try:
         flying = Node(config, port, worker)
-        say(f"{config.name} with {config.controller.name} at {config.offboard.rate:g} Hz on {link}; Ctrl-C ends it.")
-        with real_time.Ended() as ended, progress(f"flying {config.name}", config.end) as advance, _Told() as told:
+        say(
+            f"{config.name} with {config.controller.name} at {config.offboard.rate:g} Hz "
+            f"on {link}; Ctrl-C ends it."
+        )
+        with (
+            real_time.Ended() as ended,
+            progress(f"flying {config.name}", config.end) as advance,
+            _Told() as told,
+        ):
 
             def monitor(now: "Node", t: float) -> None:
                 told.show(now)
                 advance(t, f"{now.phase.value}{_pose(now.x)}")
 
             real_time.fly(
-                flying, wait=float("inf") if wait is None else wait, ended=lambda: ended.asked, monitor=monitor
+                flying,
+                wait=float("inf") if wait is None else wait,
+                ended=lambda: ended.asked,
+                monitor=monitor,
             )
             told.show(flying)
     finally:
@@ -121,8 +166,13 @@ def _pose(x: "np.ndarray") -> str:
 
     if not np.isfinite(x).all():
         return ""
-    roll, pitch, yaw = np.degrees(RollPitchYaw(Quaternion(x[3:7] / np.linalg.norm(x[3:7]))).vector())
-    return f": right down {roll:+.0f}, nose up {-pitch:+.0f}, left of east {yaw:+.0f} deg, height {x[2]:.2f} m"
+    roll, pitch, yaw = np.degrees(
+        RollPitchYaw(Quaternion(x[3:7] / np.linalg.norm(x[3:7]))).vector()
+    )
+    return (
+        f": right down {roll:+.0f}, nose up {-pitch:+.0f}, left of east {yaw:+.0f} deg, "
+        f"height {x[2]:.2f} m"
+    )
 
 
 class _Told:
@@ -146,7 +196,9 @@ class _Told:
         for event in node.events[self._shown :]:
             self._lines.put(f"{event.time:8.2f} s  {event.phase.value}: {event.reason}")
         self._shown = len(node.events)
-        lacks = [word for word in node.lacks.split() if word.isalpha()]  # numbers change at every look
+        lacks = [
+            word for word in node.lacks.split() if word.isalpha()
+        ]  # numbers change at every look
         if lacks and lacks != self._lacks:
             self._lines.put(f"{node.phase.value}: {node.lacks}")
         self._lacks = lacks

@@ -1,4 +1,6 @@
-"""Outcome of a run: an exit code and, for every failure, one line on stderr; the one place that catches all errors."""
+"""Outcome of a run: an exit code and, for every failure, one line on stderr; the one place that
+catches all errors.
+"""
 
 import errno
 import os
@@ -19,40 +21,49 @@ BAD_INPUT, FAILED, FAULT, INTERRUPTED = 2, 1, 70, 130
 DEBUG = "--debug"  # anywhere on the command line
 CASE_FILES = ("vehicle.yaml", "train_*", "heldout*")  # that a verb reads of a case folder
 OUTPUTS = ("--out", "--json", "--markdown", "--mcap")  # options whose file is written
-REPORT = "Please report it with this line and the command to the maintainers; --debug shows the traceback"
+REPORT = (
+    "Please report it with this line and the command to the maintainers; --debug shows the "
+    "traceback"
+)
 
 
 def run_app(app: typer.Typer, arguments: list[str]) -> int:
-    """Run an application and return its exit code; every failure is one line on stderr.
-
-    Args:
-        app: with all verbs.
-        arguments: words of the command line.
-    """
+    """Run an application and return its exit code; every failure is one line on stderr."""
     debug = DEBUG in arguments or bool(os.environ.get("NP_DRAKE_TRACEBACK"))
     arguments = [argument for argument in arguments if argument != DEBUG]
     empty = _empty(arguments)
     if empty is not None:
-        say = f"an argument must not be empty; got {empty}. Name a file, a folder or a value, or leave it out."
+        say = (
+            f"an argument must not be empty; got {empty}. Name a file, a folder or a value, "
+            f"or leave it out."
+        )
         return _report(app, arguments, say, BAD_INPUT)
     try:
         with guard_inputs(inputs_of(arguments)):
             code = app(arguments, prog_name=PROGRAM, standalone_mode=False)
-        return _report(app, arguments, "interrupted.", code) if code == INTERRUPTED else int(code or 0)
+        return (
+            _report(app, arguments, "interrupted.", code) if code == INTERRUPTED else int(code or 0)
+        )
     except SystemExit as leaving:
         return leaving.code if isinstance(leaving.code, int) else FAILED
-    except BaseException as error:  # MemoryError, RecursionError and panics of native code among them
+    except (
+        BaseException
+    ) as error:  # MemoryError, RecursionError and panics of native code among them
         if debug:
             traceback.print_exc()
         return _report(app, arguments, *_line_of(error))
 
 
 def inputs_of(arguments: list[str]) -> list[Path]:
-    """Return the files that are named on the command line, and those of case folders, but for options that write."""
+    """Return the files that are named on the command line, and those of case folders, but for
+    options that write.
+    """
     before = [PROGRAM, *arguments]
     found: list[Path] = []
     for option, argument in zip(before, arguments, strict=False):
-        name, _, value = argument.partition("=") if argument.startswith("--") else ("", "", argument)
+        name, _, value = (
+            argument.partition("=") if argument.startswith("--") else ("", "", argument)
+        )
         if not value or option in OUTPUTS or name in OUTPUTS:
             continue
         if os.path.isdir(value):
@@ -63,8 +74,12 @@ def inputs_of(arguments: list[str]) -> list[Path]:
 
 
 def _case_files(folder: Path) -> list[Path]:
-    """Return the files of a case folder, or of all case folders in a folder; processes of their own may read them."""
-    return [path for name in CASE_FILES for depth in ("", "*/") for path in folder.glob(depth + name)]
+    """Return the files of a case folder, or of all case folders in a folder; processes of their own
+    may read them.
+    """
+    return [
+        path for name in CASE_FILES for depth in ("", "*/") for path in folder.glob(depth + name)
+    ]
 
 
 def _line_of(error: BaseException) -> tuple[str, int]:
@@ -86,7 +101,9 @@ def _line_of(error: BaseException) -> tuple[str, int]:
 
 
 def _empty(arguments: list[str]) -> str | None:
-    """Return the first empty argument and where it stands; as a path it would be the current folder."""
+    """Return the first empty argument and where it stands; as a path it would be the current
+    folder.
+    """
     for before, argument in zip([PROGRAM, *arguments], arguments, strict=False):
         if not argument:
             return f"'' behind {before}"
@@ -98,7 +115,11 @@ def _empty(arguments: list[str]) -> str | None:
 def text_of(error: Exception) -> str:
     """Return the message; for a bare operating-system error, the file and the reason."""
     if isinstance(error, OSError) and error.strerror:
-        remedy = " Free some room, or choose another folder." if error.errno in (*FULL, errno.EFBIG) else ""
+        remedy = (
+            " Free some room, or choose another folder."
+            if error.errno in (*FULL, errno.EFBIG)
+            else ""
+        )
         return f"{error.filename or 'writing'}: {error.strerror}.{remedy}"
     return str(error) or type(error).__name__
 
@@ -108,7 +129,9 @@ def _report(app: typer.Typer, arguments: list[str], message: str, code: int) -> 
     groups = {group.name: group.typer_instance for group in app.registered_groups}
     within = groups.get(verbs[0]) if verbs else None
     if within is not None and len(arguments) > 1:
-        verbs += [command.name for command in within.registered_commands if command.name == arguments[1]]
+        verbs += [
+            command.name for command in within.registered_commands if command.name == arguments[1]
+        ]
     if verbs == [VERB] and arguments[1:2] and arguments[1] in STUDIES:
         verbs.append(arguments[1])
     message = " ".join(message.split())

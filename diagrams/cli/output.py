@@ -23,11 +23,17 @@ from np_drake.files.interruption import raise_again
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-WIDTH, NARROW, LEAST = 100, 80, 40  # columns that a table may take: at most, where no terminal tells, at least
+WIDTH, NARROW, LEAST = (
+    100,
+    80,
+    40,
+)  # columns that a table may take: at most, where no terminal tells, at least
 
 
 def console(*, stderr: bool = False) -> Console:
-    """Return a console at most `WIDTH` columns wide, and that wide where the output is no terminal."""
+    """Return a console at most `WIDTH` columns wide, and that wide where the output is no
+    terminal.
+    """
     stream = sys.stderr if stderr else sys.stdout
     width = min(WIDTH, Console(file=stream).width) if stream.isatty() else WIDTH
     return Console(file=stream, width=width, highlight=False)
@@ -37,7 +43,9 @@ def say(*lines: str) -> None:
     """Print plain lines on stdout."""
     for line in lines:
         if sys.stdout.isatty():
-            sys.stdout.write(f"{line}\n")  # above a progress bar: a console of its own would write into it
+            sys.stdout.write(
+                f"{line}\n"
+            )  # above a progress bar: a console of its own would write into it
         else:
             console().print(line, markup=False, soft_wrap=True)
 
@@ -46,17 +54,20 @@ class _Bar(Progress):
     """Progress bars with their texts below, which break where a line ends."""
 
     def get_renderables(self) -> list[RenderableType]:
-        return [self.make_tasks_table(self.tasks), *(Text(t.fields["text"]) for t in self.tasks if t.fields["text"])]
+        return [
+            self.make_tasks_table(self.tasks),
+            *(Text(t.fields["text"]) for t in self.tasks if t.fields["text"]),
+        ]
 
 
 @contextmanager
 def progress(description: str, total: float) -> Iterator[Advance]:
     """Show a progress bar on stderr and yield `advance(done, text)`.
 
-    `text` stands below the bar. Where stderr is no terminal nothing is shown: the one line of an error stands alone.
+    `text` stands below the bar. Where stderr is no terminal nothing is shown: the one line of an
+    error stands alone.
 
     Args:
-        description: what stands before the bar.
         total: value of `done` at the end.
     """
     columns = (
@@ -78,30 +89,23 @@ def progress(description: str, total: float) -> Iterator[Advance]:
 
 
 def screen_width() -> int:
-    """Return the columns that tables and sentences may take: those of the terminal, `WIDTH` at most; else `NARROW`."""
+    """Return the columns that tables and sentences may take: those of the terminal, `WIDTH` at
+    most; else `NARROW`.
+    """
     if not sys.stdout.isatty():
         return NARROW
     return max(min(WIDTH, Console(file=sys.stdout).width), LEAST)
 
 
 def tell(*lines: str, indent: str = "") -> None:
-    """Print sentences on stdout in the columns of tables, broken between words.
-
-    Args:
-        lines: a sentence or more each.
-        indent: in front of what goes on below.
-    """
+    """Print sentences on stdout in the columns of tables, broken between words."""
     for line in lines:
         say(*wrapped(line, screen_width(), indent=indent))
 
 
 def print_table(title: str, header: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
-    """Print a table in the columns of the terminal: text to the left, numbers to the right with three digits.
-
-    Args:
-        title: above the table.
-        header: name of each column.
-        rows: a value a column each.
+    """Print a table in the columns of the terminal: text to the left, numbers to the right with
+    three digits.
     """
     say(*table_lines(title, header, rows, screen_width()), "")
 
@@ -111,15 +115,16 @@ def write_markdown(path: Path | None, *tables: Table, lines: Sequence[str] = ())
 
     Args:
         path: of the file; None where none was asked for: nothing is written.
-        tables: title, header and rows.
-        lines: of the list.
     """
     if path is None:
         return
     blocks = []
     for title, header, rows in tables:
         body = ["| " + " | ".join(header) + " |", "|---" * len(header) + "|"]
-        body += ["| " + " | ".join(cell_text(v).strip().replace("|", "\\|") for v in row) + " |" for row in rows]
+        body += [
+            "| " + " | ".join(cell_text(v).strip().replace("|", "\\|") for v in row) + " |"
+            for row in rows
+        ]
         blocks.append("\n".join([f"{title}:", "", *body]))
     blocks += ["\n".join(f"- {line}" for line in lines)] if lines else []
     write_text(path, "\n\n".join(blocks) + "\n")
@@ -131,25 +136,21 @@ def write_metrics(path: Path | None, verb: str, *, seed: int, config: dict, **co
 
     Args:
         path: of the file; None where none was asked for: nothing is written.
-        verb: in the name of the schema.
-        seed: of the run.
-        config: all else that the values depend on.
-        content: the values.
     """
     if path is None:
         return
-    head = {"schema": f"np_drake.{verb}/1", "version": version("np_drake"), "seed": seed, "config": config}
+    head = {
+        "schema": f"np_drake.{verb}/1",
+        "version": version("np_drake"),
+        "seed": seed,
+        "config": config,
+    }
     write_json(path, {**head, **content})
     say(f"metrics: {path}")
 
 
 def save_figure(figure: "Figure", path: Path) -> None:
-    """Write a figure and print where it is.
-
-    Args:
-        figure: that is drawn.
-        path: of a PNG file.
-    """
+    """Write a figure and print where it is."""
     from np_drake.files.figure_file import save
 
     save(figure, path)
@@ -161,7 +162,6 @@ def require_outputs(*files: Path | None, folder: Path | None = None) -> None:
 
     Args:
         files: that are written; None for one that is not asked for.
-        folder: that is written to.
     Raises: OSError: if one cannot be written; ValueError: if two are one.
     """
     named = [path for path in files if path is not None]
@@ -169,7 +169,9 @@ def require_outputs(*files: Path | None, folder: Path | None = None) -> None:
         require_writable(path)
     ordinary = [path.resolve() for path in named if is_regular(path)]
     if twice := [path for path in ordinary if ordinary.count(path) > 1]:
-        raise ValueError(f"{twice[0]}: must be named by one option alone; two files are to be written there.")
+        raise ValueError(
+            f"{twice[0]}: must be named by one option alone; two files are to be written there."
+        )
     if folder is not None:
         require_folder(folder)
 
@@ -179,7 +181,9 @@ def require_folder(path: Path) -> None:
 
     Raises: OSError: if it will not.
     """
-    there = next(folder for folder in (path.absolute(), *path.absolute().parents) if lexists(folder))
+    there = next(
+        folder for folder in (path.absolute(), *path.absolute().parents) if lexists(folder)
+    )
     if not there.is_dir():
         raise NotADirectoryError(f"{there}: must be a folder; it is a file, or a link to nothing.")
     require_writable(there / "any")

@@ -1,7 +1,7 @@
 """`np-drake reproduce STUDY`: a table of the paper or of the docs, made anew.
 
-A study is a module with `Options`, a dataclass of its options, and `run(run, options) -> Report`. What all of them
-share (seed, processes, cluster, files) is added by `reports`.
+A study is a module with `Options`, a dataclass of its options, and `run(run, options) -> Report`.
+What all of them share (seed, processes, cluster, files) is added by `reports`.
 """
 
 import dataclasses as dc
@@ -26,7 +26,8 @@ VERB = "reproduce"
 class Study:
     """Study by the name of its module; the module is loaded on use.
 
-    seed: default of `--seed`; None: nothing is drawn.   many: works on many cases, in several processes.
+    seed: default of `--seed`; None: nothing is drawn.
+    many: works on many cases, in several processes.
     """
 
     module: str
@@ -41,9 +42,14 @@ class Study:
         def body(run: Run, **given: Any) -> Report:
             return module.run(run, module.Options(**given))
 
-        keyword, hints = inspect.Parameter.KEYWORD_ONLY, get_type_hints(module.Options, include_extras=True)
+        keyword, hints = (
+            inspect.Parameter.KEYWORD_ONLY,
+            get_type_hints(module.Options, include_extras=True),
+        )
         own = [
-            inspect.Parameter(field.name, keyword, default=field.default, annotation=hints[field.name])
+            inspect.Parameter(
+                field.name, keyword, default=field.default, annotation=hints[field.name]
+            )
             for field in dc.fields(module.Options)
         ]
         run = inspect.Parameter("run", inspect.Parameter.POSITIONAL_OR_KEYWORD, annotation=Run)
@@ -61,37 +67,63 @@ class Study:
 
 STUDIES = {
     "tracking": Study("tracking.study", "Every controller on circle and lemniscate."),
-    "configurations": Study("tracking.configurations", "Every configuration of the predictor in the loop."),
+    "configurations": Study(
+        "tracking.configurations", "Every configuration of the predictor in the loop."
+    ),
     "weights": Study("tracking.tuning", "How the MPC's weights were chosen."),
     "gap": Study("gap.real_flights", "The diagnosis on agile real flights.", seed=None),
-    "mhe": Study("prediction.mhe_flights", "A moving-horizon estimator on real flights.", seed=None),
+    "mhe": Study(
+        "prediction.mhe_flights", "A moving-horizon estimator on real flights.", seed=None
+    ),
     "theorem": Study("prediction.theorem", "Theorem 1, corrected: bound against error."),
     "tether": Study("payload.tether", "The tether's length from the payload's mode."),
     "estimation": Study("prediction.estimation", "The paper's table, one step ahead."),
     "sample-efficiency": Study("prediction.sample_efficiency", "Error against training samples."),
-    "envelope": Study("prediction.envelope_study", "What the network adds on fresh simulated payloads."),
+    "envelope": Study(
+        "prediction.envelope_study", "What the network adds on fresh simulated payloads."
+    ),
     "response": Study("prediction.response", "How late the prediction is."),
     "hover": Study("payload.hover_study", "Hover while the payload swings."),
-    "attach": Study("payload.attach_study", "The payload changes in flight: attached, cut off, taut."),
-    "autopilot": Study("gap.autopilot_study", "Controllers on Betaflight's firmware; predicted errors."),
-    "blackbox": Study("gap.blackbox_study", "The firmware's own log identified and diagnosed.", 7100),
+    "attach": Study(
+        "payload.attach_study", "The payload changes in flight: attached, cut off, taut."
+    ),
+    "autopilot": Study(
+        "gap.autopilot_study", "Controllers on Betaflight's firmware; predicted errors."
+    ),
+    "blackbox": Study(
+        "gap.blackbox_study", "The firmware's own log identified and diagnosed.", 7100
+    ),
     "node": Study("offboard.study", "Faults while a node flies: what is sent, when it stops."),
     "timing": Study("performance.timing", "What a period costs.", many=False),
-    "robustness": Study("robustness.study", "Payload, tether, speed, air, noise, lag, delay, battery."),
-    "margins": Study("robustness.margins", "Largest delay and loop gain that each controller bears."),
-    "real": Study("challenge.real.study", "The diagnosis on real flights with known causes.", seed=None),
+    "robustness": Study(
+        "robustness.study", "Payload, tether, speed, air, noise, lag, delay, battery."
+    ),
+    "margins": Study(
+        "robustness.margins", "Largest delay and loop gain that each controller bears."
+    ),
+    "real": Study(
+        "challenge.real.study", "The diagnosis on real flights with known causes.", seed=None
+    ),
     "payload-flights": Study(
-        "challenge.real.forecast.payload_flights", "Forecasts on real flights with a payload.", seed=None
+        "challenge.real.forecast.payload_flights",
+        "Forecasts on real flights with a payload.",
+        seed=None,
     ),
     "vehicles": Study("robustness.vehicles.study", "35 g, 2 kg and 6 kg on four tracks."),
     "models": Study("tracking.packaged", "The packaged model files, made anew.", seed=None),
-    "closing": Study("challenge.transfer.study", "Transfer of the controller from the corrected simulator."),
+    "closing": Study(
+        "challenge.transfer.study", "Transfer of the controller from the corrected simulator."
+    ),
     "replay": Study("challenge.real.replay", "Real flights replayed open loop.", seed=None),
-    "identification": Study("identification.study", "Simulated vehicles identified from their logs.", 5800),
+    "identification": Study(
+        "identification.study", "Simulated vehicles identified from their logs.", 5800
+    ),
     "identification-flights": Study(
         "identification.real_study", "Real vehicles from two halves of their flights.", seed=None
     ),
-    "deadlines": Study("performance.deadlines", "Deadlines of the loop on this machine.", 9800, many=False),
+    "deadlines": Study(
+        "performance.deadlines", "Deadlines of the loop on this machine.", 9800, many=False
+    ),
 }
 RETIRED = {
     "pendulum": "it is called tether now: `np-drake reproduce tether`",
@@ -105,13 +137,16 @@ def reproduce(
     study: Annotated[str | None, Argument(metavar="STUDY", help="Name of the study.")] = None,
     listed: Annotated[bool, Option("--list", help="List the studies and leave.")] = False,
 ) -> int | None:
-    """Make a table or figure of the paper or of the docs anew. `reproduce STUDY --help` shows the study's options.
+    """Make a table or figure of the paper or of the docs anew. `reproduce STUDY --help` shows the
+    study's options.
 
-    Training flights draw --seed, evaluation flights the next ones. Without STUDY, or with --list, the studies are
-    listed.
+    Training flights draw --seed, evaluation flights the next ones. Without STUDY, or with --list,
+    the studies are listed.
     """
     if study is None or listed:
-        print_table("studies", ["STUDY", "what it shows"], [(n, s.summary) for n, s in STUDIES.items()])
+        print_table(
+            "studies", ["STUDY", "what it shows"], [(n, s.summary) for n, s in STUDIES.items()]
+        )
         say(f"np-drake {VERB} STUDY --help shows the options of a study.")
         return None
     command = find(study).command(study)

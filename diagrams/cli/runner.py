@@ -3,8 +3,9 @@
     @reports("reproduce", seed=1000, out=options.Out)
     def verb(run: Run, spacing: ... = 1) -> Report: ...
 
-adds `--seed`, `--out`, `--json` and `--markdown` behind the verb's own options. `many=True` adds `--jobs` and
-`--scheduler`, by which the cases of `run.cases(…)` are worked on, and prints their processor time at the end.
+adds `--seed`, `--out`, `--json` and `--markdown` behind the verb's own options. `many=True` adds
+`--jobs` and `--scheduler`, by which the cases of `run.cases(…)` are worked on, and prints their
+processor time at the end.
 """
 
 import dataclasses as dc
@@ -51,7 +52,11 @@ def reports(
     """
     last: list[Shared] = [
         ("seed", options.Undrawn if seed is None else options.Seed, seed or 0),
-        *([("jobs", options.Jobs, options.DEFAULT_JOBS), ("scheduler", options.Scheduler, "")] if many else []),
+        *(
+            [("jobs", options.Jobs, options.DEFAULT_JOBS), ("scheduler", options.Scheduler, "")]
+            if many
+            else []
+        ),
         *([("out", out, folder)] if out is not None else []),
         ("json", options.Json, None),
         *([("markdown", options.Markdown, None)] if markdown else []),
@@ -61,7 +66,9 @@ def reports(
         @functools.wraps(body)
         def verb(**given: Any) -> None:
             files = {name: given.pop(name) for name, *_ in last}
-            written = {name: given[name] for name in (*WRITTEN, *holds) if given.get(name) is not None}
+            written = {
+                name: given[name] for name in (*WRITTEN, *holds) if given.get(name) is not None
+            }
             paths = [path for name, path in written.items() if name in own_files]
             folders = [path for name, path in written.items() if name not in own_files]
             folders += [files["out"]] if files.get("out") else []
@@ -69,13 +76,17 @@ def reports(
             for folder in folders:
                 output.require_outputs(folder=folder)
             workers = _workers(files.pop("jobs", 1), files.pop("scheduler", ""), files.get("out"))
-            asked = {name: files[name] for name in ("json", "markdown") if files.get(name) is not None}
+            asked = {
+                name: files[name] for name in ("json", "markdown") if files.get(name) is not None
+            }
             before = _versions(asked)
             held = lock_outputs(folders, [path for path in paths if is_regular(path)])
             with tempfile.TemporaryDirectory() as scratch, held:
                 paths_of_run = (files.get("out"), files["json"], Path(scratch))
                 with _removed_at_failure(None if many else files.get("out")):
-                    report = body(Run(files["seed"], *paths_of_run, workers, output.progress), **given)
+                    report = body(
+                        Run(files["seed"], *paths_of_run, workers, output.progress), **given
+                    )
                     _show(dc.replace(report, notes=[*report.notes, *workers.cost()]))
                     _write_folder(report, files.get("out"))
                 _require_unchanged(asked, before)
@@ -97,7 +108,8 @@ def reports(
 
 @contextmanager
 def held_output(file: Path) -> Iterator[None]:
-    """Check the file that a verb without a report writes, and hold it for itself until the end of the block.
+    """Check the file that a verb without a report writes, and hold it for itself until the end of
+    the block.
 
     Raises: as `output.require_outputs` and `lock_outputs`.
     """
@@ -115,16 +127,22 @@ def _workers(jobs: int, scheduler: str, out: Path | None) -> Workers:
 
 
 def _metavar(parameter: inspect.Parameter) -> str | None:
-    return next((option.metavar for option in getattr(parameter.annotation, "__metadata__", ())), None)
+    return next(
+        (option.metavar for option in getattr(parameter.annotation, "__metadata__", ())), None
+    )
 
 
 def _parameters(shared: Sequence[Shared]) -> list[inspect.Parameter]:
-    return [inspect.Parameter(name, KEYWORD, default=value, annotation=kind) for name, kind, value in shared]
+    return [
+        inspect.Parameter(name, KEYWORD, default=value, annotation=kind)
+        for name, kind, value in shared
+    ]
 
 
 @contextmanager
 def _removed_at_failure(folder: Path | None) -> Iterator[None]:
-    """Remove what a run that fails has itself added to its folder; finished cases stay, for the next run to go on from.
+    """Remove what a run that fails has itself added to its folder; finished cases stay, for the
+    next run to go on from.
 
     What others put there meanwhile stays as well.
     """
@@ -165,12 +183,19 @@ def _write_folder(report: Report, out: Path | None) -> None:
 
 
 def _versions(files: Mapping[str, Path]) -> dict[str, tuple[int, int] | None]:
-    """Return what tells a version of each file from the next; None where there is none, and for a device."""
+    """Return what tells a version of each file from the next; None where there is none, and for a
+    device.
+    """
     found = {name: path.stat() if path.is_file() else None for name, path in files.items()}
-    return {name: None if stat is None else (stat.st_ino, stat.st_mtime_ns) for name, stat in found.items()}
+    return {
+        name: None if stat is None else (stat.st_ino, stat.st_mtime_ns)
+        for name, stat in found.items()
+    }
 
 
-def _require_unchanged(files: Mapping[str, Path], before: Mapping[str, tuple[int, int] | None]) -> None:
+def _require_unchanged(
+    files: Mapping[str, Path], before: Mapping[str, tuple[int, int] | None]
+) -> None:
     """Check that a run has not written to a file that an option asks for.
 
     Raises: ValueError: where it has; its own file stays.
@@ -178,17 +203,13 @@ def _require_unchanged(files: Mapping[str, Path], before: Mapping[str, tuple[int
     for name, now in _versions(files).items():
         if now != before[name]:
             raise ValueError(
-                f"--{name}: {files[name]} is a file that this verb writes itself, and is kept as such; name another."
+                f"--{name}: {files[name]} is a file that this verb writes itself, and is "
+                f"kept as such; name another."
             )
 
 
 @contextmanager
 def counting(description: str, what: str = "") -> Iterator[Callable[[int, int], None]]:
-    """Show a progress bar and yield `on_progress(done, total)`.
-
-    Args:
-        description: what stands before the bar.
-        what: what is counted, below the bar.
-    """
+    """Show a progress bar and yield `on_progress(done, total)`."""
     with output.progress(description, 1.0) as advance:
         yield counted(advance, what)

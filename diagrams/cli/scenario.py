@@ -1,4 +1,6 @@
-"""The scenarios that the options of `fly` name: one a controller, with the common numbers changed."""
+"""The scenarios that the options of `fly` name: one a controller, with the common numbers
+changed.
+"""
 
 import copy
 import dataclasses as dc
@@ -28,9 +30,16 @@ class Numbers:
 
         Raises: ValueError: on an impossible one.
         """
-        from diagrams.loop.common_numbers import require_clearance, with_payload, with_speed, with_wind
+        from diagrams.loop.common_numbers import (
+            require_clearance,
+            with_payload,
+            with_speed,
+            with_wind,
+        )
 
-        config = config if self.duration is None else dc.replace(config, duration=self.duration).check()
+        config = (
+            config if self.duration is None else dc.replace(config, duration=self.duration).check()
+        )
         if self.payload is not None or self.length is not None:
             config = with_payload(config, mass=self.payload, length=self.length)
             require_clearance(config)
@@ -52,7 +61,9 @@ def _vector(text: str) -> tuple[float, float, float]:
     except ValueError:
         values = []
     if len(values) not in (1, 3):
-        raise ValueError(f"--wind: must be a speed along x, as 2, or three, as 2,0,-1 [m/s]; got {text!r}.")
+        raise ValueError(
+            f"--wind: must be a speed along x, as 2, or three, as 2,0,-1 [m/s]; got {text!r}."
+        )
     x, y, z = values if len(values) == 3 else [*values, 0.0, 0.0]
     return x, y, z
 
@@ -69,18 +80,13 @@ def scenarios(
     autopilot: str | None = None,
     numbers: Numbers,
 ) -> "list[FlightConfig]":
-    """Return a checked scenario for every controller; what cannot be flown is refused before any work.
+    """Return a checked scenario for every controller; what cannot be flown is refused before any
+    work.
 
     Args:
-        experiment: name, or scenario file.
-        controllers: kinds; none: the scenario's, or the default.
         vehicle: file or preset; None: the scenario's.
-        reality: scenario file in whose reality it flies.
         solver: None: the scenario's, or the default.
-        predictor: model file.
-        told_mass: whether the controllers know the payload's mass.
         autopilot: that stands before the rotors; None: the scenario's.
-        numbers: that are changed.
     Raises: ValueError: on bad input.
     """
     from diagrams.loop.experiments import EXPERIMENTS, load_experiment
@@ -89,17 +95,25 @@ def scenarios(
     if reality is not None and vehicle is not None:
         raise ValueError("give either --reality, which has a vehicle of its own, or --vehicle.")
     if twice := [kind for kind in controllers if list(controllers).count(kind) > 1]:
-        raise ValueError(f"--controller: must name each once; {twice[0]} stands {len(twice)} times.")
+        raise ValueError(
+            f"--controller: must name each once; {twice[0]} stands {len(twice)} times."
+        )
     first = load_experiment(experiment, None if vehicle is None else load_vehicle(vehicle), reality)
     first = numbers.applied(first)
     if autopilot is not None:
         first = _with_autopilot(first, autopilot)
     first.controller.solver = solver or named_solver(experiment) or options.DEFAULT_SOLVER
     if told_mass:
-        first.controller.extra_mass = 0.0 if first.reality.hung.tether == "none" else first.reality.hung.mass
+        first.controller.extra_mass = (
+            0.0 if first.reality.hung.tether == "none" else first.reality.hung.mass
+        )
     kinds = list(controllers)
     if not kinds:
-        kinds = [_default_controller(first, predictor)] if experiment in EXPERIMENTS else [first.controller.kind]
+        kinds = (
+            [_default_controller(first, predictor)]
+            if experiment in EXPERIMENTS
+            else [first.controller.kind]
+        )
     configs = [_flown_with(first, kind) for kind in kinds]
     if predictor is not None:
         _give(predictor, configs)
@@ -107,13 +121,17 @@ def scenarios(
         _require(config)
     names = [config.controller.name for config in configs]
     if twice := [name for name in names if names.count(name) > 1]:
-        raise ValueError(f"--controller: two are called {twice[0]}, and so would their files be. Rename one.")
+        raise ValueError(
+            f"--controller: two are called {twice[0]}, and so would their files be. Rename one."
+        )
     return configs
 
 
 def _with_autopilot(config: "FlightConfig", kind: str) -> "FlightConfig":
-    """Return the scenario with an autopilot, by the loop of a usual tune where the vehicle's file names none."""
-    from np_drake.scaling import usual_rate_loop
+    """Return the scenario with an autopilot, by the loop of a usual tune where the vehicle's file
+    names none.
+    """
+    from np_drake.vehicle.scaling import usual_rate_loop
 
     config = config.with_autopilot(kind)
     config.autopilot.check()
@@ -121,14 +139,17 @@ def _with_autopilot(config: "FlightConfig", kind: str) -> "FlightConfig":
         loop = usual_rate_loop(config.vehicle)
         lags = ", ".join(f"{1e3 * lag:.0f}" for lag in loop.lag)
         tell(
-            f"vehicle {config.vehicle.name!r} names no rate_loop; lags of {lags} ms are taken. identify LOG tells them."
+            f"vehicle {config.vehicle.name!r} names no rate_loop; lags of {lags} ms are "
+            f"taken. identify LOG tells them."
         )
         config = dc.replace(config, vehicle=dc.replace(config.vehicle, rate_loop=loop))
     return config
 
 
 def _flown_with(config: "FlightConfig", kind: str) -> "FlightConfig":
-    """Return a copy of the scenario with a controller; one of another kind has not the parameters of the scenario's."""
+    """Return a copy of the scenario with a controller; one of another kind has not the parameters
+    of the scenario's.
+    """
     config = copy.deepcopy(config)
     if kind != config.controller.kind:
         config.controller.parameters, config.controller.predictor = {}, ""
@@ -149,9 +170,14 @@ def _give(predictor: Path, configs: "Sequence[FlightConfig]") -> None:
         raise ValueError(f"--predictor: is for {', '.join(LEARNED)}; none of them flies.")
     kind = kind_of_model(str(predictor))
     fits = [one for one in controllers if one.kind == kind]
-    if not fits and [one.kind for one in controllers] != ["np"]:  # which flies a payload filter, as it once did
+    if not fits and [one.kind for one in controllers] != [
+        "np"
+    ]:  # which flies a payload filter, as it once did
         kinds = " and ".join(one.kind for one in controllers)
-        raise ValueError(f"--predictor: {predictor} is for {kind}; {kinds} cannot fly it. Name --controller {kind}.")
+        raise ValueError(
+            f"--predictor: {predictor} is for {kind}; {kinds} cannot fly it. Name "
+            f"--controller {kind}."
+        )
     (fits or controllers)[0].predictor = str(predictor)
 
 
@@ -174,7 +200,8 @@ def _require(config: "FlightConfig") -> None:
 
 
 def _default_controller(config: "FlightConfig", predictor: Path | None) -> str:
-    """Return the kind of the model file; without one `np`, or `hold`, which needs no model, and say so.
+    """Return the kind of the model file; without one `np`, or `hold`, which needs no model, and say
+    so.
 
     The packaged model knows the paper's vehicle.
     """

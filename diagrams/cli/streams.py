@@ -10,13 +10,24 @@ import unicodedata
 from typing import TextIO
 
 PLAIN = "np_drake.plain"  # name of the error handler
-WORDS = {"–": "-", "…": "...", "·": ".", "±": "+-", "−": "-", "×": "x", "│": "|", "━": "-", "τ": "tau"}
+WORDS = {
+    "–": "-",
+    "…": "...",
+    "·": ".",
+    "±": "+-",
+    "−": "-",
+    "×": "x",
+    "│": "|",
+    "━": "-",
+    "τ": "tau",
+}
 
 
 class Outlet(io.FileIO):
     """File descriptor whose failure to write ends no run; `failure` is the first one.
 
-    Whoever closes a pipe, as `head` does, wants no more lines; the files of the run are still wanted.
+    Whoever closes a pipe, as `head` does, wants no more lines; the files of the run are still
+    wanted.
     """
 
     failure: OSError | None = None
@@ -59,14 +70,18 @@ def open_streams() -> list[Outlet]:
         before.flush()
         outlet = Outlet(number, "w", closefd=False)
         buffered = before.isatty() or number == 2
-        text = io.TextIOWrapper(io.BufferedWriter(outlet), before.encoding, errors=PLAIN, line_buffering=buffered)
+        text = io.TextIOWrapper(
+            io.BufferedWriter(outlet), before.encoding, errors=PLAIN, line_buffering=buffered
+        )
         setattr(sys, name, text)
         outlets.append(outlet)
     return outlets
 
 
 def failure_of(outlets: list[Outlet]) -> OSError | None:
-    """Return why an outlet could not be written, after flushing; None where its reader only went away."""
+    """Return why an outlet could not be written, after flushing; None where its reader only went
+    away.
+    """
     for stream in (sys.stdout, sys.stderr):
         stream.flush()
     failures = [outlet.failure for outlet in outlets if outlet.failure is not None]
@@ -74,7 +89,8 @@ def failure_of(outlets: list[Outlet]) -> OSError | None:
 
 
 def plain_characters(error: UnicodeError) -> tuple[str, int]:
-    """Return ASCII for the characters that an encoding lacks, and where encoding goes on: an error handler.
+    """Return ASCII for the characters that an encoding lacks, and where encoding goes on: an error
+    handler.
 
     Raises: UnicodeError: if the error is not one of encoding.
     """

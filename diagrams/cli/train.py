@@ -25,12 +25,23 @@ T = TypeVar("T")
 LOG_HELP = "Flight logs (CSV, .csv.gz, Parquet), NeuroBEM CSV, or NeuroBEM arrays (.npy)."
 Envelope = Annotated[
     int | None,
-    Option(metavar="N", min=0, max=10_000, help="Fly N simulated payloads and learn from them too; 0: the logs alone."),
+    Option(
+        metavar="N",
+        min=0,
+        max=10_000,
+        help="Fly N simulated payloads and learn from them too; 0: the logs alone.",
+    ),
 ]
 Prior = Annotated[
-    Path | None, Option(metavar="FILE", help="Family that the logs place; by default the packaged one where it fits.")
+    Path | None,
+    Option(
+        metavar="FILE",
+        help="Family that the logs place; by default the packaged one where it fits.",
+    ),
 ]
-Force = Annotated[bool, Option("--force", help="Train though the vehicle moves in none of the logs.")]
+Force = Annotated[
+    bool, Option("--force", help="Train though the vehicle moves in none of the logs.")
+]
 
 
 @reports("train", seed=0, markdown=False, many=True)
@@ -63,11 +74,13 @@ def train(
     from np_drake.lifting.training.train import CONFIGURATIONS, TrainingResult, make_config
     from np_drake.residual_models.motion_model import KNODE, REACTIONS
     from np_drake.residual_models.predictor_training import train_on_flights
-    from np_drake.scaling import sampling_period
     from np_drake.training_data.training_segments import require_motion
     from np_drake.vehicle import Vehicle, load_vehicle
+    from np_drake.vehicle.scaling import sampling_period
 
-    name = asked_configuration(configuration, "--configuration", (*CONFIGURATIONS, PAYLOAD_FILTER, *REACTIONS))
+    name = asked_configuration(
+        configuration, "--configuration", (*CONFIGURATIONS, PAYLOAD_FILTER, *REACTIONS)
+    )
     logs = logs or []
     if not (logs or envelope):
         raise ValueError("train: must have something to learn from; give LOG, or --envelope N.")
@@ -87,7 +100,9 @@ def train(
         name = family.configuration
     configuration = configuration_for(name, frame)
     if configuration not in FAMILIES and (envelope or prior):
-        raise ValueError(f"--envelope and --prior: must be of {' | '.join(FAMILIES)}; got {configuration}.")
+        raise ValueError(
+            f"--envelope and --prior: must be of {' | '.join(FAMILIES)}; got {configuration}."
+        )
     if configuration == PAYLOAD_FILTER:
         return _payload_filter_report(flights, out, step=step)
     if configuration in REACTIONS:
@@ -103,8 +118,12 @@ def train(
         config = make_config(configuration, frame=frame, seed=run.seed, epochs=epochs)
         start = time.perf_counter()
         if configuration in FAMILIES and envelope:
-            result = train_on_envelope(envelope, config, run=run, vehicle=flown, flights=flights, step=step)
-            result = dc.replace(result, model=flown_share(result.model, envelope, run=run, vehicle=flown))
+            result = train_on_envelope(
+                envelope, config, run=run, vehicle=flown, flights=flights, step=step
+            )
+            result = dc.replace(
+                result, model=flown_share(result.model, envelope, run=run, vehicle=flown)
+            )
             wall = time.perf_counter() - start
         elif family is not None:
             result, wall = TrainingResult(family, []), time.perf_counter() - start
@@ -116,7 +135,10 @@ def train(
         head = {"configuration": configuration, "step": step, **dc.asdict(config)}
         lag = rotor_lag_of(result.model)
         if lag > 0:
-            tell(f"rotors: {1e3 * lag:.0f} ms behind the command; in flight the labels of this model allow for it.")
+            tell(
+                f"rotors: {1e3 * lag:.0f} ms behind the command; in flight the labels of "
+                f"this model allow for it."
+            )
         lines, tables = [], [_loss_table(summary, wall)]
         notes = [f"model: {out}", *([f"loss curve: {curve}"] if loss else [])]
     if loss:
@@ -130,12 +152,15 @@ def train(
     )
 
 
-def _placed(flights: "Sequence[Flight]", prior: Path | None, step: float, envelope: int | None) -> "LiftedModel | None":
-    """Return a family as the logs place it, and say which; None where they are to be learnt from alone.
+def _placed(
+    flights: "Sequence[Flight]", prior: Path | None, step: float, envelope: int | None
+) -> "LiftedModel | None":
+    """Return a family as the logs place it, and say which; None where they are to be learnt from
+    alone.
 
     Args:
-        flights: opened logs.
-        prior: its file; None for the packaged one, where that is of this vehicle and foresees the logs.
+        prior: its file; None for the packaged one, where that is of this vehicle and foresees the
+            logs.
         step: time between samples [s].
         envelope: 0 where the logs alone count.
     """
@@ -162,8 +187,6 @@ def asked_configuration(name: str | None, option: str, known: Sequence[str]) -> 
 
     Args:
         name: of the configuration, or None.
-        option: that gives it.
-        known: names that there are.
     Raises: ValueError: on an unknown name.
     """
     from np_drake.payload_filter.model_file import OLD_NAME
@@ -202,16 +225,27 @@ def _payload_filter_report(flights: "Sequence[Flight]", out: Path, *, step: floa
     start = time.perf_counter()
     with progress("training payload_filter", 1.0) as advance:
         model = train_payload_filter(
-            logs, step=step, on_pass=lambda done, total: advance(done / total, f"pass {done} of {total}")
+            logs,
+            step=step,
+            on_pass=lambda done, total: advance(done / total, f"pass {done} of {total}"),
         )
     wall = time.perf_counter() - start
     model.save(out)
     hook = ", ".join(f"{1e3 * value:.1f}" for value in model.hook)
     rows: list[tuple] = [
-        ("thrust error [%]", f"{100 * model.thrust_error:.2f} ± {100 * model.thrust_error_deviation:.2f}"),
-        ("drag [N·s/m]", f"{model.mass * model.drag:.3f} ± {model.mass * model.drag_deviation:.3f}"),
+        (
+            "thrust error [%]",
+            f"{100 * model.thrust_error:.2f} ± {100 * model.thrust_error_deviation:.2f}",
+        ),
+        (
+            "drag [N·s/m]",
+            f"{model.mass * model.drag:.3f} ± {model.mass * model.drag_deviation:.3f}",
+        ),
         ("hook x, y, z [mm]", hook),
-        ("torque over velocity, roll, pitch [mN·s]", ", ".join(f"{1e3 * c:.3g}" for c in model.speed_torque)),
+        (
+            "torque over velocity, roll, pitch [mN·s]",
+            ", ".join(f"{1e3 * c:.3g}" for c in model.speed_torque),
+        ),
         ("rotor lag [ms]", f"{1e3 * model.rotor_lag:.1f}"),
         ("delay of commands [ms]", f"{1e3 * model.delay:.1f}"),
     ]
@@ -229,10 +263,7 @@ def train_reaction(
     """Train gp or knode.
 
     Args:
-        name: gp | knode.
-        flights: to train on, of one vehicle.
         step: of the model [s].
-        settings: of the training by name.
     Returns: the model, its loss, and how long the training took [s].
     Raises: ValueError: if `flights` do not serve.
     """
@@ -240,7 +271,9 @@ def train_reaction(
 
     vehicle = flights[0].vehicle
     if any(flight.vehicle != vehicle for flight in flights):
-        raise ValueError(f"{name}: all flights must be of one vehicle; give them one --vehicle FILE.")
+        raise ValueError(
+            f"{name}: all flights must be of one vehicle; give them one --vehicle FILE."
+        )
     data = [flight.data for flight in flights]
     learn = partial(train_motion_model, name, data, vehicle, step=step, **settings)
     (model, loss), wall = behind_bar(f"training {name}", learn)
@@ -248,15 +281,14 @@ def train_reaction(
 
 
 def behind_bar(description: str, learn: Callable[..., T]) -> tuple[T, float]:
-    """Call `learn(on_epoch=…)` behind a progress bar; return its result and how long it took [s].
-
-    Args:
-        description: what stands before the bar.
-        learn: the training.
+    """Call `learn(on_epoch=…)` behind a progress bar; return its result and how long it took
+    [s].
     """
     start = time.perf_counter()
     with progress(description, 1.0) as advance:
-        result = learn(on_epoch=lambda epoch, total, loss: advance(epoch / total, f"loss {loss:.4g}"))
+        result = learn(
+            on_epoch=lambda epoch, total, loss: advance(epoch / total, f"loss {loss:.4g}")
+        )
         advance(1.0)
     return result, time.perf_counter() - start
 

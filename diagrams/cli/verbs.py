@@ -1,4 +1,6 @@
-"""What holds for every verb: `-h` prints its help, and an option that takes one value stands once."""
+"""What holds for every verb: `-h` prints its help, and an option that takes one value stands
+once.
+"""
 
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -14,10 +16,6 @@ class _Once:
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Parse the words behind a verb or a group.
-
-        Args:
-            ctx: of this call.
-            args: words.
         Raises: ValueError: where an option of one value stands twice.
         """
         _require_once(self.make_parser(ctx), args)  # type: ignore[attr-defined]
@@ -36,7 +34,11 @@ class Verbs(typer.Typer):
     """Application, or a group of one, whose verbs keep to the rules of this file."""
 
     def __init__(self, **settings: Any):
-        plain = {"cls": Group, "rich_markup_mode": None, "pretty_exceptions_enable": False}  # markup would swallow [m]
+        plain = {
+            "cls": Group,
+            "rich_markup_mode": None,
+            "pretty_exceptions_enable": False,
+        }  # markup would swallow [m]
         super().__init__(**(plain | {"context_settings": HELP} | settings))
 
     def command(  # type: ignore[override]
@@ -45,21 +47,24 @@ class Verbs(typer.Typer):
         """Return a decorator that registers a verb.
 
         Args:
-            name: of the verb.
-            context_settings: beside those of every verb.
             settings: passed to `Typer.command`.
         """
-        return super().command(name, cls=Verb, context_settings=HELP | (context_settings or {}), **settings)
+        return super().command(
+            name, cls=Verb, context_settings=HELP | (context_settings or {}), **settings
+        )
 
 
 def _require_once(parser: Any, args: Sequence[str]) -> None:
     """Check that no option of one value stands twice.
 
-    Raises: ValueError: where one does; usage errors of the parser, which would refuse the words later as well.
+    Raises: ValueError: where one does; usage errors of the parser, which would refuse the words
+    later as well.
     """
     _, _, order = parser.parse_args(args=list(args))
     for parameter in order:
         several = getattr(parameter, "multiple", False) or getattr(parameter, "count", False)
         if order.count(parameter) > 1 and not several:
             name, times = max(parameter.opts, key=len), order.count(parameter)
-            raise ValueError(f"{name} must stand once; it stands {times} times. Leave all but one out.")
+            raise ValueError(
+                f"{name} must stand once; it stands {times} times. Leave all but one out."
+            )

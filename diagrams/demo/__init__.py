@@ -1,1 +1,3 @@
-"""Demo: fly, learn, fly again, diagnose what the model lacks, correct the simulator, compare it with the flights."""
+"""Demo: fly, learn, fly again, diagnose what the model lacks, correct the simulator, compare it
+with the flights.
+"""

@@ -7,7 +7,12 @@ from diagrams.demo.story import FORETOLD, HELD_OUT, SIMULATORS, Demo, until
 from diagrams.loop.flight_result import FlightResult
 from np_drake.files.figure_file import DASHES, PALETTE, new_figure
 
-LABELS = {"nominal": "nominal MPC", "hold": "hold", "np": "NP-MPC (np)", "payload_filter": "MPC with payload_filter"}
+LABELS = {
+    "nominal": "nominal MPC",
+    "hold": "hold",
+    "np": "NP-MPC (np)",
+    "payload_filter": "MPC with payload_filter",
+}
 COLOURS = dict(zip(SIMULATORS, (PALETTE[1], PALETTE[0]), strict=True))
 
 
@@ -19,12 +24,20 @@ def foretold(demo: Demo) -> Figure:
         ax.plot(*_error(flight), color="0.1", linewidth=2.2, alpha=0.55, label="flight")
         for k, name in enumerate(SIMULATORS):
             curve = _error(demo.simulated[name, row.kind])
-            ax.plot(*curve, color=COLOURS[name], linestyle=DASHES[1 - k], linewidth=1.2, label=f"{name} simulator")
+            ax.plot(
+                *curve,
+                color=COLOURS[name],
+                linestyle=DASHES[1 - k],
+                linewidth=1.2,
+                label=f"{name} simulator",
+            )
         ax.set(ylabel="position error [cm]", title=LABELS[row.kind], ylim=(0, None))
         ax.grid(alpha=0.3)
         ax.margins(x=0)
     grid[-1, 0].set_xlabel("time [s]")
-    figure.legend(*grid[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=3, frameon=False)
+    figure.legend(
+        *grid[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=3, frameon=False
+    )
     return figure
 
 

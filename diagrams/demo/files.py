@@ -1,4 +1,6 @@
-"""Files of the demo: logs, figures, replay pages, report, corrected simulator, and the page that shows them."""
+"""Files of the demo: logs, figures, replay pages, report, corrected simulator, and the page that
+shows them.
+"""
 
 from pathlib import Path
 
@@ -17,10 +19,6 @@ from np_drake.logs.formats.log_file import write_log
 
 def write_demo(demo: Demo, folder: Path) -> Path:
     """Write everything to a folder, and return the path of the page to begin with.
-
-    Args:
-        demo: the results.
-        folder: that takes the files.
     Raises: OSError: if a file cannot be written.
     """
     pictures = _pictures(demo)
@@ -53,7 +51,10 @@ def _write_simulators(demo: Demo, folder: Path) -> dict[str, str]:
     config = corrected.corrected_simulator(demo.diagnosis, vehicle)
     corrected.write_corrected(config, demo.diagnosis, folder / corrected.FILE)
     side_by_side.write_side_by_side(demo.beside, vehicle, folder / side_by_side.FILE)
-    return {side_by_side.FILE: f"The {HELD_OUT} beside its simulators", corrected.FILE: "Corrected simulator"}
+    return {
+        side_by_side.FILE: f"The {HELD_OUT} beside its simulators",
+        corrected.FILE: "Corrected simulator",
+    }
 
 
 def _write_replays(demo: Demo, folder: Path) -> dict[str, str]:

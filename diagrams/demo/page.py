@@ -18,19 +18,21 @@ FILE, TEMPLATE = "index.html", Path(__file__).with_name("index.html.j2")
 FARTHEST = -1  # horizon of the replay that the page states: the last
 
 
-def write_index(demo: Demo, pictures: Mapping[str, bytes], links: Mapping[str, str], folder: Path) -> Path:
+def write_index(
+    demo: Demo, pictures: Mapping[str, bytes], links: Mapping[str, str], folder: Path
+) -> Path:
     """Write the page, and return its path.
 
     Args:
-        demo: the results.
         pictures: PNG bytes by name: of the held-out track its errors and track, and "foretold".
         links: texts of links by the names of files in the same folder.
-        folder: takes the page.
     Raises: OSError: if it cannot be written.
     """
     template = template_of(TEMPLATE.read_text("utf-8"))
     shown = {name: embedded(picture) for name, picture in pictures.items()}
-    write_text(folder / FILE, template.render(**content(demo), figures=shown, links=links, style=style()))
+    write_text(
+        folder / FILE, template.render(**content(demo), figures=shown, links=links, style=style())
+    )
     return folder / FILE
 
 
@@ -44,7 +46,8 @@ def content(demo: Demo) -> dict[str, Any]:
         "held_out": HELD_OUT,
         "errors": error_rows(demo),
         "cut": [
-            (track, words.percent(cut["E_xy"]), words.percent(cut["E_z"])) for track, cut in demo.reduction().items()
+            (track, words.percent(cut["E_xy"]), words.percent(cut["E_z"]))
+            for track, cut in demo.reduction().items()
         ],
         "causes": cause_rows(demo),
         "meeting": meeting_rows(demo),
@@ -62,10 +65,13 @@ def headline(demo: Demo) -> str:
     cut, found = demo.reduction()[HELD_OUT]["E_xy"], demo.diagnosis.verdict
     right = sum(name in found for name in demo.withheld)
     wrong = len([name for name in found if name not in demo.withheld])
-    others = f" and {wrong} that {'is' if wrong == 1 else 'are'} not there" if wrong else " and no other"
+    others = (
+        f" and {wrong} that {'is' if wrong == 1 else 'are'} not there" if wrong else " and no other"
+    )
     off = max(abs(line["corrected"] / line["flight"] - 1.0) for line in demo.meeting())
     return (
-        f"The error falls by {words.percent(cut)}; {right} of {len(demo.withheld)} missing effects are named{others}; "
+        f"The error falls by {words.percent(cut)}; {right} of {len(demo.withheld)} missing "
+        f"effects are named{others}; "
         f"simulator and flight meet within {words.percent(off)}"
     )
 
@@ -76,12 +82,16 @@ def error_rows(demo: Demo) -> list[tuple[str, ...]]:
     for track in TRACKS:
         for flight in [f for f in demo.flights if f.config.name == track]:
             m = flight.metrics()
-            rows.append((track, LABELS[flight.config.controller.kind], _cm(m["E_xy"]), _cm(m["E_z"])))
+            rows.append(
+                (track, LABELS[flight.config.controller.kind], _cm(m["E_xy"]), _cm(m["E_z"]))
+            )
     return rows
 
 
 def cause_rows(demo: Demo) -> list[tuple[str, ...]]:
-    """Return (effect, probability, parameter, found, 95 % interval, withheld), a row for every parameter."""
+    """Return (effect, probability, parameter, found, 95 % interval, withheld), a row for every
+    parameter.
+    """
     causes = {cause.identifier: cause for cause in named_causes(demo.diagnosis)}
     rows: list[tuple[str, ...]] = []
     for name, cause in causes.items():
@@ -91,13 +101,26 @@ def cause_rows(demo: Demo) -> list[tuple[str, ...]]:
             if estimate is None or (true == 0.0 and estimate.ci95[0] <= 0.0 <= estimate.ci95[1]):
                 continue
             unit = words.unit_of(cause, estimate)
-            told = words.NOTHING if true is None else words.estimate(_exact(true, estimate), unit)[0]
+            told = (
+                words.NOTHING if true is None else words.estimate(_exact(true, estimate), unit)[0]
+            )
             rows.append((*first, parameter, *words.estimate(estimate, unit), told))
             first = ("", "")
     if UNKNOWN in demo.diagnosis.verdict:
-        rows.append((UNKNOWN, words.probability(demo.diagnosis.unknown_probability), "", "", "", words.NOTHING))
+        rows.append(
+            (
+                UNKNOWN,
+                words.probability(demo.diagnosis.unknown_probability),
+                "",
+                "",
+                "",
+                words.NOTHING,
+            )
+        )
     missed = [name for name in demo.withheld if name not in causes]
-    return rows + [(words.capital(words.bare_name(name)), "not named", "", "", "", "acts") for name in missed]
+    return rows + [
+        (words.capital(words.bare_name(name)), "not named", "", "", "", "acts") for name in missed
+    ]
 
 
 def _exact(true: float, estimate: Estimate) -> Estimate:
@@ -108,7 +131,9 @@ def _exact(true: float, estimate: Estimate) -> Estimate:
 
 
 def meeting_rows(demo: Demo) -> list[tuple[str, ...]]:
-    """Return (controller, error, flight, nominal simulator, corrected simulator, its difference)."""
+    """Return (controller, error, flight, nominal simulator, corrected simulator, its
+    difference).
+    """
     return [
         (
             LABELS[line["controller"]],

@@ -1,4 +1,6 @@
-"""Steps of the demo: flights, training, diagnosis of these flights, and flights in the corrected simulator."""
+"""Steps of the demo: flights, training, diagnosis of these flights, and flights in the corrected
+simulator.
+"""
 
 import dataclasses as dc
 from collections.abc import Callable, Mapping, Sequence
@@ -41,9 +43,12 @@ _SHARES = (0.6, 0.4)  # of the time, by round
 class Demo:
     """Results of the demo.
 
-    training: the training flight.   trained: what the model was trained on.   model: file of the Neural Predictor.
-    flights: by track and controller.   diagnosis: of the flights of the nominal MPC.   beside: the held-out flight and
-    its replays.   simulated: flights of the held-out track by (simulator, kind of controller).
+    training: the training flight.
+    trained: what the model was trained on.
+    model: file of the Neural Predictor. flights: by track and controller.
+    diagnosis: of the flights of the nominal MPC.
+    beside: the held-out flight and its replays.
+    simulated: flights of the held-out track by (simulator, kind of controller).
     """
 
     seed: int
@@ -64,7 +69,10 @@ class Demo:
     @property
     def seeds(self) -> str:
         """Seeds of the noise, and what each is of."""
-        return f"seed {self.seed} of the training, {self.seed + 1} of the flights, {self.seed + 2} of the simulators"
+        return (
+            f"seed {self.seed} of the training, {self.seed + 1} of the flights, "
+            f"{self.seed + 2} of the simulators"
+        )
 
     @property
     def simulated_seconds(self) -> float:
@@ -72,13 +80,10 @@ class Demo:
         return next(iter(self.simulated.values())).config.duration
 
     def flown(self, track: str, kind: str) -> FlightResult:
-        """Return the flight of a controller on a track.
-
-        Args:
-            track: name of the experiment.
-            kind: of the controller.
-        """
-        return next(f for f in self.flights if f.config.name == track and f.config.controller.kind == kind)
+        """Return the flight of a controller on a track."""
+        return next(
+            f for f in self.flights if f.config.name == track and f.config.controller.kind == kind
+        )
 
     def reduction(self) -> dict[str, dict[str, float]]:
         """Return the relative reduction of the nominal MPC's error by NP-MPC, by track [1]."""
@@ -89,7 +94,9 @@ class Demo:
         return cuts
 
     def meeting(self) -> list[dict[str, Any]]:
-        """Return errors on the held-out track, in flight and as either simulator foretells them, by controller [m]."""
+        """Return errors on the held-out track, in flight and as either simulator foretells them, by
+        controller [m].
+        """
         lines = []
         for row in FORETOLD:
             flight = until(self.flown(HELD_OUT, row.kind), self.simulated_seconds).metrics()
@@ -111,25 +118,28 @@ def run_demo(
 ) -> Demo:
     """Run all steps; those that do not depend on each other run side by side.
 
-    The nominal MPC flies the training circle (noise of `seed`), on which both predictors are trained. Nominal MPC,
-    hold, NP-MPC and the MPC with the payload filter fly both tracks (seed + 1). The flights of the nominal MPC are
-    diagnosed: training circle and circle to fit, the lemniscate to judge. Nominal and corrected simulator fly the
-    lemniscate (seed + 2). Writes the models into `folder`.
+    The nominal MPC flies the training circle (noise of `seed`), on which both predictors are
+    trained. Nominal MPC, hold, NP-MPC and the MPC with the payload filter fly both tracks (seed +
+    1). The flights of the nominal MPC are diagnosed: training circle and circle to fit, the
+    lemniscate to judge. Nominal and corrected simulator fly the lemniscate (seed + 2). Writes the
+    models into `folder`.
 
     Args:
-        folder: for the models.
-        seed: of the noise, and of the training.
-        solver: of the MPC.
-        jobs: processes.
-        simulated: length of the flights in either simulator, after the ramp, at most that of a flight [s].
+        simulated: length of the flights in either simulator, after the ramp, at most that of a
+            flight [s].
         on_progress: is told the share that is done and what is done next.
     """
-    models = {LEARNED.kind: folder / "predictor.safetensors", FILTER.kind: folder / "payload_filter.safetensors"}
+    models = {
+        LEARNED.kind: folder / "predictor.safetensors",
+        FILTER.kind: folder / "payload_filter.safetensors",
+    }
     practice = training_config(TRAINING, solver=solver)
     vehicle = dc.replace(practice.vehicle, command_timing="held")  # as a simulator logs them
     nominal = practice.reality.nominal()
     tracked = {
-        (track, row.kind): Trip(configure(track, row, solver=solver, model=str(models.get(row.kind, ""))), seed + 1)
+        (track, row.kind): Trip(
+            configure(track, row, solver=solver, model=str(models.get(row.kind, ""))), seed + 1
+        )
         for track in TRACKS
         for row in ROWS
     }
@@ -139,7 +149,9 @@ def run_demo(
 
     steps = _Steps(jobs, on_progress)
     unlearned = {key: trip for key, trip in tracked.items() if key[1] not in TRAINED}
-    done = steps.run("training and flights", {"learned": partial(_learn, practice, seed, models), **unlearned})
+    done = steps.run(
+        "training and flights", {"learned": partial(_learn, practice, seed, models), **unlearned}
+    )
     training, trained = done.pop("learned")
     train = [diagnosed(training), diagnosed(done[TRACKS[0], NOMINAL.kind])]
     held_out = [diagnosed(done[HELD_OUT, NOMINAL.kind])]
@@ -195,7 +207,9 @@ def _call(work: Callable[[], Any]) -> Any:
     return work()
 
 
-def _learn(config: FlightConfig, seed: int, models: Mapping[str, Path]) -> tuple[FlightResult, dict[str, Any]]:
+def _learn(
+    config: FlightConfig, seed: int, models: Mapping[str, Path]
+) -> tuple[FlightResult, dict[str, Any]]:
     """Return the training flight and what the models, which are written, were trained on."""
     flight = fly(config, seed=seed)
     train_payload_filter_model(flight, models[FILTER.kind])
@@ -208,12 +222,18 @@ def _diagnose(
     held_out: Sequence[FlightLog],
     in_simulator: Callable[[RealityConfig, str], Trip],
 ) -> tuple[Diagnosis, SideBySide, dict[tuple[str, str], FlightResult]]:
-    """Return the diagnosis, the held-out flight beside its simulators, and flights in the corrected one."""
+    """Return the diagnosis, the held-out flight beside its simulators, and flights in the corrected
+    one.
+    """
     replay = DrakeReplay(vehicle)
     found = diagnose(vehicle, train, held_out, replay, adaptive_split=False)
     beside = side_by_side(found, vehicle, held_out, replay)
     world = corrected_simulator(found, vehicle).reality
-    return found, beside, {("corrected", row.kind): in_simulator(world, row.kind)() for row in FORETOLD}
+    return (
+        found,
+        beside,
+        {("corrected", row.kind): in_simulator(world, row.kind)() for row in FORETOLD},
+    )
 
 
 def diagnosed(flight: FlightResult) -> FlightLog:
@@ -227,11 +247,12 @@ def until(flight: FlightResult, seconds: float) -> FlightResult:
     """Return the flight up to some time after its ramp.
 
     Args:
-        flight: whole.
         seconds: after the ramp [s].
     """
     rows = flight.signals["t"] < flight.config.reference.lead + seconds - 1e-9
-    return dc.replace(flight, signals={name: signal[rows] for name, signal in flight.signals.items()})
+    return dc.replace(
+        flight, signals={name: signal[rows] for name, signal in flight.signals.items()}
+    )
 
 
 def _within(world: RealityConfig, config: FlightConfig, longest: float) -> FlightConfig:

@@ -7,7 +7,9 @@ from typing import Any
 from np_drake.vehicle import Vehicle
 
 EXACT, APPROXIMATE, LEFT_OUT = "exact", "approximate", "left out"
-Law = Mapping[str, tuple[str, str]]  # identifier or place of an effect -> how a format carries it, and in words
+Law = Mapping[
+    str, tuple[str, str]
+]  # identifier or place of an effect -> how a format carries it, and in words
 _SENSOR = (LEFT_OUT, "an error of the sensors, not of the motion")
 _UNKNOWN = (LEFT_OUT, "this export does not know it")
 
@@ -17,7 +19,7 @@ class Carried:
     """One line of the account.
 
     identifier: of the effect, or `gravity`.   how: exact | approximate | left out.   note: by what, or why not.
-    """
+    """  # noqa: E501
 
     identifier: str
     how: str
@@ -25,12 +27,7 @@ class Carried:
 
 
 def carried(effects: Iterable[Any], law: Law) -> list[Carried]:
-    """Return a line for every effect, in the given order: none is left out in silence.
-
-    Args:
-        effects: that act on the vehicle.
-        law: of the format.
-    """
+    """Return a line for every effect, in the given order: none is left out in silence."""
     return [Carried(effect.identifier, *how_carried(effect, law)) for effect in effects]
 
 
@@ -45,11 +42,6 @@ def not_carried(vehicle: Vehicle) -> list[Carried]:
 
 
 def how_carried(effect: Any, law: Law) -> tuple[str, str]:
-    """Return how a format carries an effect, and in words.
-
-    Args:
-        effect: object or class.
-        law: of the format.
-    """
+    """Return how a format carries an effect, and in words."""
     rest = _SENSOR if hasattr(effect, "measure") else _UNKNOWN
     return law.get(effect.identifier) or law.get(getattr(effect, "place", ""), rest)

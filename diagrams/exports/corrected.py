@@ -1,4 +1,6 @@
-"""Corrected vehicle: what the nominal model becomes with its effects, as coefficients that simulators take."""
+"""Corrected vehicle: what the nominal model becomes with its effects, as coefficients that
+simulators take.
+"""
 
 import dataclasses as dc
 from collections.abc import Sequence
@@ -28,7 +30,8 @@ from np_drake.vehicle import Vehicle
 
 @dc.dataclass(frozen=True)
 class Corrected:
-    """A vehicle with its effects. Forces act at Bo, in body axes B; v is the air speed of Bo in B [m/s].
+    """A vehicle with its effects. Forces act at Bo, in body axes B; v is the air speed of Bo in B
+    [m/s].
 
     Effects of one kind add up; factors multiply. Sensor errors have no part in it.
     Own choices: a thrust that drifts has its value at the start; a gusty wind is its mean.
@@ -41,8 +44,12 @@ class Corrected:
     time_constant: float  # of rotor speed; the vehicle file's where no effect has one [s]
     time_constant_down: float  # of a rotor that slows down [s]
     dead_time: float  # of commands [s]
-    torque_share: np.ndarray  # (3,) share of the rotors' torque about Bo that acts, axis by axis [1]
-    linear: np.ndarray  # (3,) d of f = -s d v, s = mean rotor speed over nominal hover speed [N·s/m]
+    torque_share: (
+        np.ndarray
+    )  # (3,) share of the rotors' torque about Bo that acts, axis by axis [1]
+    linear: (
+        np.ndarray
+    )  # (3,) d of f = -s d v, s = mean rotor speed over nominal hover speed [N·s/m]
     quadratic: np.ndarray  # (3,) c of f = -c |v| v, axis by axis [N·s²/m²]
     lift: float  # of f_z = lift (v_x² + v_y²) [N·s²/m²]
     flapping: float  # of tau = flapping [v_y, -v_x, 0] [N·m·s/m]
@@ -59,7 +66,9 @@ class Corrected:
 
     @property
     def hover_command(self) -> np.ndarray:
-        """Commanded thrusts (4,) at which every rotor gives `hover_thrust`, as far as it can [N]."""
+        """Commanded thrusts (4,) at which every rotor gives `hover_thrust`, as far as it can
+        [N].
+        """
         command = self.hover_thrust / (self.scale * np.maximum(self.rotor_share, 1e-9))
         return np.minimum(command, self.vehicle.max_rotor_thrust)
 
@@ -75,16 +84,22 @@ class Corrected:
 
     @cached_property
     def rotor_positions(self) -> np.ndarray:
-        """Points (4, 3) in B, at which thrust has the roll and pitch torque after `torque_share` [m]."""
+        """Points (4, 3) in B, at which thrust has the roll and pitch torque after `torque_share`
+        [m].
+        """
         share = np.array([self.torque_share[1], self.torque_share[0], 1.0])
         return np.array(self.vehicle.rotor_positions, float) * share
 
     @cached_property
     def drag_in_hover(self) -> np.ndarray:
-        """Linear drag (3,) d of f = -d v at the rotor speed that hovers, part of `rotor_inflow` included [N·s/m]."""
+        """Linear drag (3,) d of f = -d v at the rotor speed that hovers, part of `rotor_inflow`
+        included [N·s/m].
+        """
         nominal = self.vehicle.mass * self.vehicle.gravity / 4
         drag = self.linear * np.sqrt(self.hover_thrust / nominal)
-        drag[2] += 4 * 0.5 * self.inflow * np.sqrt(self.hover_thrust / self.vehicle.thrust_coefficient)
+        drag[2] += (
+            4 * 0.5 * self.inflow * np.sqrt(self.hover_thrust / self.vehicle.thrust_coefficient)
+        )
         return drag
 
 
@@ -92,16 +107,16 @@ def corrected(vehicle: Vehicle, effects: Sequence[Any]) -> Corrected:
     """Return the vehicle corrected by effects.
 
     Args:
-        vehicle: nominal vehicle.
         effects: objects of `np_drake.effects`.
-    Raises: ValueError: if two payloads or two motor lags are given, the rotors give nothing, or no rigid body can have
-        the mass properties.
+    Raises: ValueError: if two payloads or two motor lags are given, the rotors give nothing, or no
+        rigid body can have the mass properties.
     """
     parts = split_effects(effects)
     mass = mass_properties(vehicle, parts.mass)
     if not mass.rigid:
         raise ValueError(
-            f"corrected: the effects must leave a rigid body; got {mass.mass:g} kg and {mass.J.diagonal()} kg·m²."
+            f"corrected: the effects must leave a rigid body; got {mass.mass:g} kg and "
+            f"{mass.J.diagonal()} kg·m²."
         )
     lags = _of(MotorLag, effects) or [MotorLag(vehicle.rotor_time_constant)]
     if len(lags) > 1:
@@ -143,7 +158,9 @@ def _total(rows: list[list[float]]) -> np.ndarray:
 
 
 def _gain(vehicle: Vehicle, effects: list[Any]) -> np.ndarray:
-    """Return the thrusts (4,) of memoryless effects over a command of 1 N, when the flight begins [1]."""
+    """Return the thrusts (4,) of memoryless effects over a command of 1 N, when the flight begins
+    [1].
+    """
     thrust = np.ones(4)
     for effect in effects:
         thrust = effect.thrust(vehicle, np.zeros(0), thrust, 0.0)

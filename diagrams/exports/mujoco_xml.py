@@ -1,10 +1,11 @@
 """Export to MJCF, the model format of MuJoCo.
 
-Body `quadrotor` (body axes B, origin Bo) on a free joint, with sites `rotor_1` to `rotor_4`, `origin` and `hook`.
-Motors have the names of the rotors; their `ctrl` is commanded thrust [N]. The payload is a free body on a limited
-spatial tendon, which pulls and never pushes. The keyframe `hover` is level flight at rest.
-A box as wide as the rotors reach collides (group 3, which is not drawn); body, arms and rotor discs are seen.
-Drag is an actuator at `origin` whose force is -d times its own velocity, which for a site is that along its axis in B.
+Body `quadrotor` (body axes B, origin Bo) on a free joint, with sites `rotor_1` to `rotor_4`,
+`origin` and `hook`. Motors have the names of the rotors; their `ctrl` is commanded thrust [N]. The
+payload is a free body on a limited spatial tendon, which pulls and never pushes. The keyframe
+`hover` is level flight at rest. A box as wide as the rotors reach collides (group 3, which is not
+drawn); body, arms and rotor discs are seen. Drag is an actuator at `origin` whose force is -d times
+its own velocity, which for a site is that along its axis in B.
 Source: MuJoCo's XML reference.
 """
 
@@ -23,19 +24,28 @@ from systems.payload_config import payload_config
 
 STEP = 0.002  # of the integrator, runge_kutta4 [s]
 FINEST_STEP = 0.0005  # for which the memory of delayed commands suffices [s]
-LIMIT = (0.004, 1.0)  # of the tether: time constant [s] and damping ratio [1]; it stretches by some 0.01 mm
+LIMIT = (
+    0.004,
+    1.0,
+)  # of the tether: time constant [s] and damping ratio [1]; it stretches by some 0.01 mm
 _DRAG = "actuators whose force is -d times velocity"
 _CROSS = "no actuator turns a velocity into a force across it"
 
 LAW: Law = {
     "mass": (EXACT, "in the inertial element"),
-    "suspended_payload": (EXACT, "a limited tendon, which may go slack; air damping in the free joint"),
+    "suspended_payload": (
+        EXACT,
+        "a limited tendon, which may go slack; air damping in the free joint",
+    ),
     "thrust_scale": (EXACT, "gain of the motors"),
     "thrust_drift": (APPROXIMATE, "its start, gain of the motors; the rate is left out"),
     "weak_rotor": (EXACT, "gain of the motor"),
     "motor_lag": (APPROXIMATE, "a first-order lag of thrust, not of rotor speed"),
     "uneven_lag": (APPROXIMATE, "the lag of a rotor that speeds up, both ways"),
-    "command_delay": (EXACT, "delay of the actuators (MuJoCo 3.5 or later), whose memory starts at zero"),
+    "command_delay": (
+        EXACT,
+        "delay of the actuators (MuJoCo 3.5 or later), whose memory starts at zero",
+    ),
     "linear_drag": (APPROXIMATE, f"{_DRAG}, at the rotor speed that hovers"),
     "quadratic_drag": (LEFT_OUT, "no actuator has a force over speed squared"),
     "blade_flapping": (LEFT_OUT, _CROSS),
@@ -54,9 +64,7 @@ def write_mujoco(vehicle: Vehicle, effects: Sequence[Any], path: str | Path) -> 
     """Write an MJCF model of the vehicle with its effects, and return how each is carried.
 
     Args:
-        vehicle: nominal vehicle.
         effects: objects of `np_drake.effects`.
-        path: of the file.
     Raises: ValueError: as `corrected`.
     """
     c = corrected(vehicle, effects)
@@ -74,7 +82,9 @@ def write_mujoco(vehicle: Vehicle, effects: Sequence[Any], path: str | Path) -> 
         if drag:
             _drag(actuators, axis, drag)
     _hover(root, c, drags=int(np.count_nonzero(c.drag_in_hover)))
-    write_xml(root, path, "np_drake export: ctrl of rotor_1 to rotor_4 is commanded thrust [N]; SI units")
+    write_xml(
+        root, path, "np_drake export: ctrl of rotor_1 to rotor_4 is commanded thrust [N]; SI units"
+    )
     return carried(effects, LAW)
 
 
@@ -99,11 +109,22 @@ def _shape(body: Element, vehicle: Vehicle) -> None:
     only = {"contype": 0, "conaffinity": 0, "group": 2}
     for part in seen(vehicle):
         place = {"pos": part.center, "quat": [np.cos(0.5 * part.yaw), 0, 0, np.sin(0.5 * part.yaw)]}
-        put(body, "geom", name=part.name, type="box", size=0.5 * part.size, rgba=DARK, **place, **only)
+        put(
+            body,
+            "geom",
+            name=part.name,
+            type="box",
+            size=0.5 * part.size,
+            rgba=DARK,
+            **place,
+            **only,
+        )
     radius, thickness = disc(vehicle)
     for i, p in enumerate(np.array(vehicle.rotor_positions, float)):
         size = [radius, 0.5 * thickness]
-        put(body, "geom", name=f"disc_{i + 1}", type="cylinder", pos=p, size=size, rgba=PALE, **only)
+        put(
+            body, "geom", name=f"disc_{i + 1}", type="cylinder", pos=p, size=size, rgba=PALE, **only
+        )
 
 
 def _payload(root: Element, world: Element, c: Corrected) -> None:
@@ -116,17 +137,24 @@ def _payload(root: Element, world: Element, c: Corrected) -> None:
     put(body, "inertial", pos=np.zeros(3), mass=config.mass, diaginertia=[moment] * 3)
     put(body, "geom", name="payload", type="sphere", size=config.radius)
     put(body, "site", name="payload", pos=np.zeros(3))
-    tendon = put(put(root, "tendon"), "spatial", name="tether", range=[0, config.length], solreflimit=LIMIT)
+    tendon = put(
+        put(root, "tendon"), "spatial", name="tether", range=[0, config.length], solreflimit=LIMIT
+    )
     put(tendon, "site", site="hook")
     put(tendon, "site", site="payload")
 
 
 def _motor(actuators: Element, c: Corrected, i: int) -> None:
-    """Add the motor of rotor i (from 0): gear of thrust and of torque in B, gain of thrust over command."""
+    """Add the motor of rotor i (from 0): gear of thrust and of torque in B, gain of thrust over
+    command.
+    """
     x, y, _ = c.vehicle.rotor_positions[i]
     roll, pitch, yaw = c.torque_share
     gear = [0, 0, 1, (roll - 1) * y, (1 - pitch) * x, yaw * c.kappa * c.vehicle.rotor_directions[i]]
-    given: dict[str, Any] = {"gainprm": c.scale * c.rotor_share[i], "ctrlrange": [0, c.vehicle.max_rotor_thrust]}
+    given: dict[str, Any] = {
+        "gainprm": c.scale * c.rotor_share[i],
+        "ctrlrange": [0, c.vehicle.max_rotor_thrust],
+    }
     if c.time_constant > 0:
         given |= {"dyntype": "filter", "dynprm": c.time_constant}
     if c.dead_time > 0:
@@ -147,6 +175,8 @@ def _hover(root: Element, c: Corrected, *, drags: int) -> None:
         config = payload_config(c.payload)
         pose += [*(np.array(config.hook) - [0, 0, config.length]), 1, 0, 0, 0]
     command = c.hover_command
-    key = put(put(root, "keyframe"), "key", name="hover", qpos=pose, ctrl=[*command, *np.zeros(drags)])
+    key = put(
+        put(root, "keyframe"), "key", name="hover", qpos=pose, ctrl=[*command, *np.zeros(drags)]
+    )
     if c.time_constant > 0:
         key.set("act", " ".join(f"{f:.15g}" for f in command))

@@ -1,11 +1,15 @@
 """Export to SDF, the model format of Gazebo, which Drake's parser reads too.
 
-Links `quadrotor` (body axes B, origin Bo), `rotor_1` to `rotor_4` on revolute joints, and `payload`. Forces are those
-of two plugins of gz-sim 7.2 (Garden) and later, which Drake ignores:
-    MulticopterMotorModel, one a rotor: thrust motorConstant omega² on the rotor, and torque -turningDirection
-        momentConstant thrust about its axis on the body; omega follows the command by a first-order lag.
-    Hydrodynamics: force and torque at a link's origin in its axes, linear and quadratic in the velocity [u, v, w]
-        through a current: X = xU u + xUabsU |u| u + …; its water and added mass are off. Here it is the air.
+Links `quadrotor` (body axes B, origin Bo), `rotor_1` to `rotor_4` on revolute joints, and
+`payload`. Forces are those of two plugins of gz-sim 7.2 (Garden) and later, which Drake ignores:
+    MulticopterMotorModel, one a rotor: thrust motorConstant omega² on the rotor, and torque
+    -turningDirection
+        momentConstant thrust about its axis on the body; omega follows the command by a first-order
+        lag.
+    Hydrodynamics: force and torque at a link's origin in its axes, linear and quadratic in the
+        velocity [u, v, w]
+        through a current: X = xU u + xUabsU |u| u + …; its water and added mass are off. Here it is
+            the air.
 A box as wide as the rotors reach collides; body, arms, rotor discs and payload are seen.
 Source: sdformat.org, specification 1.9; gz-sim, MulticopterMotorModel.cc and Hydrodynamics.{hh,cc}.
 """
@@ -32,7 +36,10 @@ _AIR = "in a Hydrodynamics plugin"
 
 LAW: Law = {
     "mass": (EXACT, "in the inertial elements"),
-    "suspended_payload": (APPROXIMATE, "a rod on a ball joint, which pushes too; air damping exact"),
+    "suspended_payload": (
+        APPROXIMATE,
+        "a rod on a ball joint, which pushes too; air damping exact",
+    ),
     "thrust_scale": (EXACT, "in motorConstant"),
     "thrust_drift": (APPROXIMATE, "its start, in motorConstant; the rate is left out"),
     "weak_rotor": (EXACT, "in the rotor's motorConstant"),
@@ -56,12 +63,11 @@ LAW: Law = {
 def write_sdf(vehicle: Vehicle, effects: Sequence[Any], path: str | Path) -> list[Carried]:
     """Write an SDF model of the vehicle with its effects, and return how each is carried.
 
-    Commands are rotor speeds [rad/s] on the topic `/<model>/command/motor_speed` (gz.msgs.Actuators).
+    Commands are rotor speeds [rad/s] on the topic `/<model>/command/motor_speed`
+    (gz.msgs.Actuators).
 
     Args:
-        vehicle: nominal vehicle.
         effects: objects of `np_drake.effects`.
-        path: of the file.
     Raises: ValueError: as `corrected`, or if the rotor links have more inertia than the vehicle.
     """
     c = corrected(vehicle, effects)
@@ -75,7 +81,10 @@ def write_sdf(vehicle: Vehicle, effects: Sequence[Any], path: str | Path) -> lis
     for i in range(4):
         _motor(model, c, i)
     _air(model, c)
-    comment = "np_drake export: motorConstant [N/(rad/s)^2], momentConstant [m]; commands are rotor speeds [rad/s]"
+    comment = (
+        "np_drake export: motorConstant [N/(rad/s)^2], momentConstant [m]; commands are "
+        "rotor speeds [rad/s]"
+    )
     write_xml(root, path, comment)
     return _account(c, effects)
 
@@ -113,7 +122,8 @@ def _body(model: Element, c: Corrected) -> None:
     if not (mass > 0 and moments[0] > 0 and moments[2] <= moments[:2].sum()):
         raise ValueError(
             "write_sdf: the rotor links must leave a rigid body; they take "
-            f"{4 * m_r:g} kg and {4 * I_r[2]:g} kg·m² from {c.mass.mass:g} kg and {c.mass.J.diagonal()} kg·m²."
+            f"{4 * m_r:g} kg and {4 * I_r[2]:g} kg·m² from {c.mass.mass:g} kg and "
+            f"{c.mass.J.diagonal()} kg·m²."
         )
     link = put(model, "link", name="quadrotor")
     _inertial(link, mass, p_cm, J)
@@ -146,7 +156,9 @@ def _inertial(link: Element, mass: float, p_cm: np.ndarray, J: np.ndarray) -> No
 
 
 def _rotor(model: Element, c: Corrected, i: int) -> None:
-    """Add rotor i (from 0) as a link on a revolute joint about body z, for the motor plugin to turn."""
+    """Add rotor i (from 0) as a link on a revolute joint about body z, for the motor plugin to
+    turn.
+    """
     mass, moments = _rotor_inertia(c)
     name = f"rotor_{i + 1}"
     link = put(model, "link", name=name)
@@ -225,8 +237,6 @@ def _hydrodynamics(model: Element, link: str, terms: dict[str, float], wind: np.
     """Add the air of a link, where a term is not zero.
 
     Args:
-        model: that the link is of.
-        link: its name.
         terms: by the plugin's names [N·s/m, N·s²/m², N·m·s/m].
         wind: (3,) in W [m/s].
     """

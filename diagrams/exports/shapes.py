@@ -1,4 +1,6 @@
-"""Shape of a vehicle for other simulators: one box that collides; body, arms and rotor discs that are seen."""
+"""Shape of a vehicle for other simulators: one box that collides; body, arms and rotor discs that
+are seen.
+"""
 
 import dataclasses as dc
 
@@ -25,7 +27,10 @@ def hull(vehicle: Vehicle) -> Box:
     """Return the box that collides: as wide as the rotor discs reach, as high as the body."""
     p, height = np.array(vehicle.rotor_positions, float), HEIGHT * arm(vehicle)
     lower, upper = p.min(axis=0) - vehicle.rotor_radius, p.max(axis=0) + vehicle.rotor_radius
-    lower[2], upper[2] = min(p[:, 2].min(), 0.0) - 0.5 * height, max(p[:, 2].max(), 0.0) + 0.5 * height
+    lower[2], upper[2] = (
+        min(p[:, 2].min(), 0.0) - 0.5 * height,
+        max(p[:, 2].max(), 0.0) + 0.5 * height,
+    )
     return Box("hull", 0.5 * (lower + upper), upper - lower)
 
 
@@ -37,7 +42,14 @@ def seen(vehicle: Vehicle) -> list[Box]:
         length = float(np.hypot(p[0], p[1]))
         thick = ARM * size
         center = p * [0.5, 0.5, 1.0]
-        boxes.append(Box(f"arm_{i + 1}", center, np.array([length, thick, thick]), float(np.arctan2(p[1], p[0]))))
+        boxes.append(
+            Box(
+                f"arm_{i + 1}",
+                center,
+                np.array([length, thick, thick]),
+                float(np.arctan2(p[1], p[0])),
+            )
+        )
     return boxes
 
 

@@ -23,12 +23,11 @@ def put(parent: Element, tag: str, content: Any = None, **attributes: Any) -> El
     """Add an element and return it.
 
     Args:
-        parent: of the element.
-        tag: its name.
         content: number, numbers or text; None for none.
-        attributes: numbers or text.
     """
-    element = ElementTree.SubElement(parent, tag, {name: words(value) for name, value in attributes.items()})
+    element = ElementTree.SubElement(
+        parent, tag, {name: words(value) for name, value in attributes.items()}
+    )
     if content is not None:
         element.text = words(content)
     return element
@@ -40,13 +39,7 @@ def plain_name(name: str) -> str:
 
 
 def write_xml(root: Element, path: str | Path, comment: str) -> None:
-    """Write an XML file, whole or not at all.
-
-    Args:
-        root: element that holds all others.
-        path: of the file.
-        comment: at its head.
-    """
+    """Write an XML file, whole or not at all."""
     ElementTree.indent(root)
     head = f'<?xml version="1.0"?>\n<!-- {comment.replace("--", "- -")} -->\n'
     write_text(path, head + ElementTree.tostring(root, encoding="unicode") + "\n")

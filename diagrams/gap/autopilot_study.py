@@ -1,4 +1,6 @@
-"""Study `autopilot`: controllers on the firmware, its rate loop, and what simulators predict of them."""
+"""Study `autopilot`: controllers on the firmware, its rate loop, and what simulators predict of
+them.
+"""
 
 import dataclasses as dc
 from typing import Any
@@ -21,15 +23,18 @@ from np_drake.autopilot.firmware import find_firmware
 from np_drake.diagnosis.diagnose import diagnose
 from np_drake.identification.rate_loop import AxisLoop, identify_rate_loop
 from np_drake.metrics import half_width
-from np_drake.rate_loop import RateLoop
 from np_drake.vehicle import Vehicle
+from np_drake.vehicle.rate_loop import RateLoop
 
 ROWS = ("nominal", "hold", "observer", "np", "payload_filter")
 EXPERIMENTS = ("circle", "lemniscate", "hover", "attach")
 FIRMWARE, NOMINAL, CORRECTED = "firmware", "nominal simulator", "corrected simulator"
 PREDICTED = ("circle", "lemniscate")  # experiments that simulators predict
 BESIDE = 3  # flights at most of the experiments in which the vehicle stands [1]
-LEARNED_FROM = ("training_circle", 60.0)  # experiment and its time [s] from which loop and causes are found
+LEARNED_FROM = (
+    "training_circle",
+    60.0,
+)  # experiment and its time [s] from which loop and causes are found
 DIAGNOSED = 2  # flights, beside the one that judges [1]
 
 
@@ -41,18 +46,19 @@ class Options(FlownOptions):
     duration: Duration = 20.0
 
 
-def flight(experiment: str, controller: str, where: str, *, loop: RateLoop, duration: float) -> FlightConfig:
+def flight(
+    experiment: str, controller: str, where: str, *, loop: RateLoop, duration: float
+) -> FlightConfig:
     """Return a flight of the paper's vehicle with its payload.
 
     Args:
-        experiment: name.
-        controller: kind.
         where: `FIRMWARE`, or a simulator, in which the loop flies in the firmware's place.
-        loop: that the vehicle file names.
         duration: after the ramp [s].
     """
     config = load_experiment(experiment, dc.replace(Vehicle(), rate_loop=loop))
-    config = dc.replace(config, duration=duration).with_autopilot("betaflight" if where == FIRMWARE else "rate_loop")
+    config = dc.replace(config, duration=duration).with_autopilot(
+        "betaflight" if where == FIRMWARE else "rate_loop"
+    )
     config.controller.kind = controller
     return config.check_and_step()
 
@@ -61,7 +67,9 @@ def flight(experiment: str, controller: str, where: str, *, loop: RateLoop, dura
 class Flying:
     """Work of a flight: {"experiment", "row", "where", "seed"} -> errors.
 
-    loop: of the vehicle file.   reality: by simulator, what acts beyond the file.   duration: after the ramp [s].
+    loop: of the vehicle file.
+    reality: by simulator, what acts beyond the file.
+    duration: after the ramp [s].
     """
 
     loop: RateLoop
@@ -71,7 +79,9 @@ class Flying:
     def __call__(self, case: Case) -> dict:
         """Fly the case."""
         where = case["where"]
-        config = flight(case["experiment"], case["row"], where, loop=self.loop, duration=self.duration)
+        config = flight(
+            case["experiment"], case["row"], where, loop=self.loop, duration=self.duration
+        )
         if where in self.reality:
             config = dc.replace(config, reality=self.reality[where]).check_and_step()
         measured = fly(config, seed=case["seed"]).metrics()
@@ -80,11 +90,8 @@ class Flying:
 
 
 def run(run: Run, options: Options) -> Report:
-    """Every controller on Betaflight's firmware; its rate loop identified; E_xy predicted by simulators.
-
-    Args:
-        run: seed, folders, workers and progress.
-        options: of the study.
+    """Every controller on Betaflight's firmware; its rate loop identified; E_xy predicted by
+    simulators.
     Raises: ValueError: where there is no firmware.
     """
     find_firmware()
@@ -111,10 +118,18 @@ def run(run: Run, options: Options) -> Report:
     ]
     work = Flying(loop, {NOMINAL: nominal, CORRECTED: corrected}, options.duration)
     causes = [{"effect": c.identifier, "probability": c.probability} for c in found.causes]
-    config = {**run.settings, "duration": options.duration, "loop": dc.asdict(loop), "causes": causes}
+    config = {
+        **run.settings,
+        "duration": options.duration,
+        "loop": dc.asdict(loop),
+        "causes": causes,
+    }
     records = run.cases("autopilot", "flights", work, cases, config=config)
     lines = _lines(results(records))
-    title = f"{run.count} flights a row of {options.duration:g} s, seeds {run.seeds[0]} … {run.seeds[-1]}"
+    title = (
+        f"{run.count} flights a row of {options.duration:g} s, seeds {run.seeds[0]} … "
+        f"{run.seeds[-1]}"
+    )
     lost = failures(run.workers.finished)
     return Report(
         [_loops(loops, steps), _errors(lines, title), _predicted(lines)],
@@ -130,7 +145,9 @@ def _learned(seed: int) -> FlightResult:
 
 
 def _lines(flown: list[dict]) -> list[dict[str, Any]]:
-    """Return mean errors with the half width of their interval, a line for every experiment, controller and place."""
+    """Return mean errors with the half width of their interval, a line for every experiment,
+    controller and place.
+    """
     lines = []
     for key in dict.fromkeys((f["where"], f["experiment"], f["row"]) for f in flown):
         own = [f for f in flown if (f["where"], f["experiment"], f["row"]) == key]
@@ -138,23 +155,51 @@ def _lines(flown: list[dict]) -> list[dict[str, Any]]:
         for name in ("E_xy", "E_z"):
             values = np.array([f[name] for f in own])
             line |= {name: float(values.mean()), f"{name}_ci95": half_width(values)}
-        lines.append(line | {"flights": len(own), "solve_failures": sum(f["solve_failures"] for f in own)})
+        lines.append(
+            line | {"flights": len(own), "solve_failures": sum(f["solve_failures"] for f in own)}
+        )
     for line in lines:
-        same = [one for one in lines if (one["where"], one["experiment"]) == (line["where"], line["experiment"])]
-        line["over_nominal"] = line["E_xy"] / next((one["E_xy"] for one in same if one["row"] == "nominal"), np.nan)
+        same = [
+            one
+            for one in lines
+            if (one["where"], one["experiment"]) == (line["where"], line["experiment"])
+        ]
+        line["over_nominal"] = line["E_xy"] / next(
+            (one["E_xy"] for one in same if one["row"] == "nominal"), np.nan
+        )
     return lines
 
 
 def _loops(loops: tuple[AxisLoop, ...], steps: list) -> Table:
     rows = [
-        (axis, round(1e3 * one.lag, 1), round(1e3 * step.lag, 1), f"{100 * (one.lag / step.lag - 1):+.0f} %",
-         round(one.gain, 3), round(step.gain, 3), f"{100 * (one.gain / step.gain - 1):+.0f} %", round(step.largest, 2))
+        (
+            axis,
+            round(1e3 * one.lag, 1),
+            round(1e3 * step.lag, 1),
+            f"{100 * (one.lag / step.lag - 1):+.0f} %",
+            round(one.gain, 3),
+            round(step.gain, 3),
+            f"{100 * (one.gain / step.gain - 1):+.0f} %",
+            round(step.largest, 2),
+        )
         for axis, one, step in zip(("roll", "pitch", "yaw"), loops, steps, strict=True)
-    ]  # fmt: skip
-    header = ["axis", "lag [ms]", "of a step", "off", "gain [1]", "of a step", "off", "overshoot to"]
+    ]
+    header = [
+        "axis",
+        "lag [ms]",
+        "of a step",
+        "off",
+        "gain [1]",
+        "of a step",
+        "off",
+        "overshoot to",
+    ]
     experiment, seconds = LEARNED_FROM
     return (
-        f"rate loop of the firmware, identified from {seconds:g} s of {experiment}, and its step response",
+        (
+            f"rate loop of the firmware, identified from {seconds:g} s of {experiment}, and "
+            f"its step response"
+        ),
         header,
         rows,
     )
@@ -170,7 +215,9 @@ def _errors(lines: list[dict], title: str) -> Table:
         ("flights", "flights"),
         ("failed solves", "solve_failures"),
     )
-    return tabulate(f"with the firmware; {title}", [one for one in lines if one["where"] == FIRMWARE], columns)
+    return tabulate(
+        f"with the firmware; {title}", [one for one in lines if one["where"] == FIRMWARE], columns
+    )
 
 
 def _predicted(lines: list[dict]) -> Table:

@@ -1,4 +1,6 @@
-"""Study `blackbox`: what `identify` and `diagnose` find in the log that Betaflight's firmware writes itself."""
+"""Study `blackbox`: what `identify` and `diagnose` find in the log that Betaflight's firmware
+writes itself.
+"""
 
 import dataclasses as dc
 import tempfile
@@ -22,10 +24,13 @@ from np_drake.diagnosis.diagnose import diagnose
 from np_drake.flight_log import FlightLog
 from np_drake.identification.identify import identify
 from np_drake.logs.opening import open_flights
-from np_drake.rate_loop import RateLoop
 from np_drake.vehicle import Vehicle
+from np_drake.vehicle.rate_loop import RateLoop
 
-FILTERS = {"as delivered": [], "acc_lpf_hz = 0": ["set acc_lpf_hz = 0"]}  # lines of the firmware's command line
+FILTERS = {
+    "as delivered": [],
+    "acc_lpf_hz = 0": ["set acc_lpf_hz = 0"],
+}  # lines of the firmware's command line
 PAYLOADS = {"no payload": 0.0, "payload": None}  # mass [kg]; None: the experiment's
 FLIGHTS = 3  # with a payload, the last of which judges the diagnosis [1]
 IDLE = 0.055  # motor output at no throttle; source: the firmware's default of motor_idle [1]
@@ -47,7 +52,9 @@ def flight(filters: str, payload: str, duration: float) -> FlightConfig:
         duration: after the ramp [s].
     """
     config = load_experiment("training_circle", dc.replace(Vehicle(), rate_loop=RateLoop()))
-    config = with_payload(dc.replace(config, duration=duration), mass=PAYLOADS[payload]).with_autopilot("betaflight")
+    config = with_payload(
+        dc.replace(config, duration=duration), mass=PAYLOADS[payload]
+    ).with_autopilot("betaflight")
     config.controller.kind, config.autopilot.betaflight.lines = "hold", FILTERS[filters]
     return config.check_and_step()
 
@@ -69,12 +76,18 @@ class Finding:
         logs = [_opened(box, f"flight {k + 1}") for k, box in enumerate(boxes)]
         found = identify(logs[:1], Vehicle(), mass=Vehicle().mass, drive="throttle")
         values = {q.name: q.value for q in found.quantities}
-        values |= {f"rate loop {axis}": one.lag for axis, one in zip("xyz", found.rate_loop, strict=False)}
+        values |= {
+            f"rate loop {axis}": one.lag for axis, one in zip("xyz", found.rate_loop, strict=False)
+        }
         causes = []
         if count > 1:
             result = diagnose(Vehicle(), logs[:-1], logs[-1:])
             causes = [{"effect": c.identifier, "probability": c.probability} for c in result.causes]
-        return {**{name: case[name] for name in ("filters", "payload")}, "values": values, "causes": causes}
+        return {
+            **{name: case[name] for name in ("filters", "payload")},
+            "values": values,
+            "causes": causes,
+        }
 
 
 def _opened(box: bytes, name: str) -> FlightLog:
@@ -85,12 +98,17 @@ def _opened(box: bytes, name: str) -> FlightLog:
 
 
 def settings() -> dict[str, float]:
-    """Return what is set of vehicle and firmware, by the name of the quantity that tells it [SI]."""
+    """Return what is set of vehicle and firmware, by the name of the quantity that tells it
+    [SI].
+    """
     vehicle, reality = Vehicle(), RealityConfig()
     full = vehicle.max_rotor_thrust * reality.thrust_scale
     speed = np.sqrt(0.25 * vehicle.mass * vehicle.gravity / full)  # over that at full throttle
     u = (speed - IDLE) / (1 - IDLE)  # throttle of the log, from idle
-    loops = {f"rate loop {axis}": one.lag for axis, one in zip("xyz", step_responses(vehicle, reality), strict=True)}
+    loops = {
+        f"rate loop {axis}": one.lag
+        for axis, one in zip("xyz", step_responses(vehicle, reality), strict=True)
+    }
     return {
         **{f"inertia {axis}{axis}": vehicle.J[k, k] for k, axis in enumerate("xyz")},
         "torque over thrust": vehicle.torque_coefficient / vehicle.thrust_coefficient,
@@ -105,10 +123,6 @@ def settings() -> dict[str, float]:
 
 def run(run: Run, options: Options) -> Report:
     """What identify and diagnose find in the firmware's own log, beside what is set.
-
-    Args:
-        run: seed, folders, workers and progress.
-        options: of the study.
     Raises: ValueError: where there is no firmware.
     """
     find_firmware()
@@ -145,7 +159,13 @@ def _causes(found: list[dict[str, Any]]) -> Table:
     names = sorted({cause["effect"] for one in diagnosed for cause in one["causes"]})
     rows = []
     for name in names:
-        of = [next((c["probability"] for c in one["causes"] if c["effect"] == name), None) for one in diagnosed]
+        of = [
+            next((c["probability"] for c in one["causes"] if c["effect"] == name), None)
+            for one in diagnosed
+        ]
         rows.append((name, *("–" if p is None else f"{p:.2f}" for p in of)))
-    title = f"causes that diagnose names in {FLIGHTS - 1} flights with the payload, and their probability"
+    title = (
+        f"causes that diagnose names in {FLIGHTS - 1} flights with the payload, and their "
+        f"probability"
+    )
     return (title, ["effect", *(one["filters"] for one in diagnosed)], rows)

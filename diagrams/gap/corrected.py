@@ -1,4 +1,6 @@
-"""Corrected simulator of a diagnosis: a scenario with its causes, draws from their posterior, and its file."""
+"""Corrected simulator of a diagnosis: a scenario with its causes, draws from their posterior, and
+its file.
+"""
 
 import dataclasses as dc
 import math
@@ -38,15 +40,12 @@ USE = """\
 
 
 def corrected_simulator(diagnosis: Diagnosis, vehicle: Vehicle) -> FlightConfig:
-    """Return the scenario of `vehicle` with the causes of a diagnosis and the disturbance that remains.
+    """Return the scenario of `vehicle` with the causes of a diagnosis and the disturbance that
+    remains.
 
-    They are the causes that its verdict names, but for a `downwash`: a flight to come has no neighbour. A second
-    answer (`Diagnosis.refit`) has a simulator of its own. The reference is the default circle of the vehicle, the noise
-    that of its sensors in the simulator.
-
-    Args:
-        diagnosis: the result.
-        vehicle: the nominal vehicle.
+    They are the causes that its verdict names, but for a `downwash`: a flight to come has no
+    neighbour. A second answer (`Diagnosis.refit`) has a simulator of its own. The reference is the
+    default circle of the vehicle, the noise that of its sensors in the simulator.
     """
     config = default_flight(vehicle)
     reality = dc.replace(
@@ -59,7 +58,9 @@ def corrected_simulator(diagnosis: Diagnosis, vehicle: Vehicle) -> FlightConfig:
 
 
 def _entry(cause: Cause) -> EffectEntry | None:
-    """Return the entry of a cause; None for one that is absent from all flights, or needs a neighbour."""
+    """Return the entry of a cause; None for one that is absent from all flights, or needs a
+    neighbour.
+    """
     if cause.effect is None or cause.effect.lacking():
         return None
     onsets = {flight: 0.0 if t is None else float(t) for flight, t in cause.onset.items()}
@@ -71,23 +72,23 @@ def _entry(cause: Cause) -> EffectEntry | None:
 
 
 def _onset(seen: list[float]) -> float | None:
-    """Return when an effect begins in a flight to come: in mid-flight only if it did in every flight that shows it."""
+    """Return when an effect begins in a flight to come: in mid-flight only if it did in every
+    flight that shows it.
+    """
     return float(np.median(seen)) if seen and min(seen) > 0 else None
 
 
 def drawn(config: FlightConfig, count: int, seed: int) -> list[FlightConfig]:
-    """Return simulators drawn from the posterior of a corrected one, each with a disturbance of its own.
-
-    Args:
-        config: the corrected simulator.
-        count: of draws.
-        seed: of the draws.
-    Raises: ValueError: if the scenario has no posterior and no uncertain effect, so that all draws were the same.
+    """Return simulators drawn from the posterior of a corrected one, each with a disturbance of its
+    own.
+    Raises: ValueError: if the scenario has no posterior and no uncertain effect, so that all draws
+        were the same.
     """
     reality = config.reality
     if not reality.posterior.parameters and all(e.probability == 1.0 for e in reality.effects):
         raise ValueError(
-            f"{config.name}: there must be a posterior to draw from; name reality.posterior, or take the "
+            f"{config.name}: there must be a posterior to draw from; name "
+            f"reality.posterior, or take the "
             "corrected.yaml of a diagnosis."
         )
     generator, found = np.random.default_rng(seed), []
@@ -95,12 +96,16 @@ def drawn(config: FlightConfig, count: int, seed: int) -> list[FlightConfig]:
         effects = reality.posterior.draw(reality.effects, generator)
         disturbance = dc.replace(reality.disturbance, seed=int(generator.integers(2**31)))
         own = dc.replace(reality, effects=effects, disturbance=disturbance)
-        found.append(dc.replace(config, name=f"{config.name}_{k + 1}", reality=own).check_and_step())
+        found.append(
+            dc.replace(config, name=f"{config.name}_{k + 1}", reality=own).check_and_step()
+        )
     return found
 
 
 def remaining_disturbance(where: Localisation) -> DisturbanceConfig:
-    """Return deviation and correlation time of the residual after the causes, less the noise floor, in body axes."""
+    """Return deviation and correlation time of the residual after the causes, less the noise floor,
+    in body axes.
+    """
     size = [float(np.sqrt(max(c.after**2 - c.noise_floor**2, 0.0))) for c in where.channels]
     if len(size) != 6:  # no channel was judged
         return DisturbanceConfig()
@@ -110,7 +115,8 @@ def remaining_disturbance(where: Localisation) -> DisturbanceConfig:
 
 
 def _correlation_time(where: Localisation, channel: int) -> float:
-    """Return the lag at which the autocovariance of a channel has fallen to 1/e of that at the first lag [s].
+    """Return the lag at which the autocovariance of a channel has fallen to 1/e of that at the
+    first lag [s].
 
     White noise of the sensors is in the variance alone, and so left out.
     """
@@ -131,7 +137,8 @@ def _autocovariance(where: Localisation, channel: int) -> tuple[float, np.ndarra
     step = flights[0][0]
     lags = min(int(LONGEST / step), min(len(series) for _, series in flights) // 2)
     total = sum(
-        np.array([series[:-k] @ series[k:] / (len(series) - k) for k in range(1, lags)]) for _, series in flights
+        np.array([series[:-k] @ series[k:] / (len(series) - k) for k in range(1, lags)])
+        for _, series in flights
     )
     return step, np.asarray(total) / len(flights)
 
@@ -144,17 +151,20 @@ def _series(where: Localisation, channel: int) -> Iterator[tuple[float, np.ndarr
 
 def write_corrected(config: FlightConfig, diagnosis: Diagnosis, path: Path) -> None:
     """Write the scenario with the 95 % interval of every parameter beside its value.
-
-    Args:
-        config: the corrected simulator.
-        diagnosis: that it is of.
-        path: of the file.
     Raises: OSError: if the file cannot be written.
     """
-    said = textwrap.wrap(f"{headline(diagnosis)}.", 110, break_long_words=False, break_on_hyphens=False)
-    for name in (c.identifier for c in diagnosis.causes if c.effect is not None and c.effect.lacking()):
+    said = textwrap.wrap(
+        f"{headline(diagnosis)}.", 110, break_long_words=False, break_on_hyphens=False
+    )
+    for name in (
+        c.identifier for c in diagnosis.causes if c.effect is not None and c.effect.lacking()
+    ):
         said.append(f"Left out: {name}, which acts only beside a neighbour.")
-    use = f"# Do not fly it: {diagnosis.not_flyable}." if diagnosis.not_flyable else USE.format(file=path.name)
+    use = (
+        f"# Do not fly it: {diagnosis.not_flyable}."
+        if diagnosis.not_flyable
+        else USE.format(file=path.name)
+    )
     head = HEAD.format(use=use, headline="\n".join(f"# {line}" for line in said).replace(NBSP, " "))
     reality, posterior = config.reality, config.reality.posterior
     plain = {
@@ -189,7 +199,9 @@ def _plain(value: Any) -> Any:
 
 
 def _entry_text(entry: EffectEntry, posterior: Posterior) -> str:
-    """Return the lines of an effect; numbers as Python writes them, so that reading gives the same ones."""
+    """Return the lines of an effect; numbers as Python writes them, so that reading gives the same
+    ones.
+    """
     deviations = posterior.deviations
     lines = [f"  - effect: {entry.effect}"]
     lines += [f"    probability: {entry.probability!r}"]

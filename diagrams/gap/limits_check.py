@@ -1,4 +1,6 @@
-"""Next flight in the simulator under each explanation that stands: limits that it keeps, and what its log tells."""
+"""Next flight in the simulator under each explanation that stands: limits that it keeps, and what
+its log tells.
+"""
 
 import copy
 import dataclasses as dc
@@ -56,8 +58,9 @@ class Flown:
 class InSimulator:
     """Flies a motion under an explanation, along the trajectory `TRACK` that it writes.
 
-    config: corrected simulator, with the controller that will fly.   report: whose explanations the log is to tell.
-    folder: of the trajectory file.   seed: of the noise.
+    config: corrected simulator, with the controller that will fly.
+    report: whose explanations the log is to tell. folder: of the trajectory file.
+    seed: of the noise.
     """
 
     config: FlightConfig
@@ -67,32 +70,31 @@ class InSimulator:
     seed: int = 0
 
     def __call__(self, motion: FadedMultisine, explanation: Explanation) -> Flown:
-        """Return the flight of a motion under an explanation.
-
-        Args:
-            motion: that is flown.
-            explanation: whose effects act.
-        """
+        """Return the flight of a motion under an explanation."""
         track, report = self.folder / TRACK, self.report
         write_trajectory(motion, track, RATE, duration=motion.end, vehicle=self.limits.vehicle)
         try:
             flight = fly(scenario_of(self.config, explanation, track, motion.end), seed=self.seed)
         except LostVehicle as error:
-            return Flown(explanation, {}, np.full(len(report.explanations), np.nan), lost=str(error))
-        residuals = make_flight_residuals(flight.log(), flight.config.vehicle, report.readings.noise.step)
+            return Flown(
+                explanation, {}, np.full(len(report.explanations), np.nan), lost=str(error)
+            )
+        residuals = make_flight_residuals(
+            flight.log(), flight.config.vehicle, report.readings.noise.step
+        )
         residuals = with_fixed_effects(residuals)
         told = predict(residuals, report.explanations, report.readings)
         posterior = np.exp(told.information.log_posterior(told.seen))
         return Flown(explanation, flown_usage(flight, self.limits), posterior)
 
 
-def scenario_of(config: FlightConfig, explanation: Explanation, track: Path, seconds: float) -> FlightConfig:
-    """Return the scenario of a corrected simulator with another explanation, along the track of a file.
+def scenario_of(
+    config: FlightConfig, explanation: Explanation, track: Path, seconds: float
+) -> FlightConfig:
+    """Return the scenario of a corrected simulator with another explanation, along the track of a
+    file.
 
     Args:
-        config: corrected simulator.
-        explanation: whose effects act.
-        track: trajectory file.
         seconds: length of the flight [s].
     """
     effects = [EffectEntry.of(effect) for effect in explanation.effects]
@@ -105,12 +107,7 @@ def scenario_of(config: FlightConfig, explanation: Explanation, track: Path, sec
 
 
 def flown_usage(flight: FlightResult, limits: Limits) -> dict[str, float]:
-    """Return the share of each limit that a flight used in truth, by name [1].
-
-    Args:
-        flight: in the simulator.
-        limits: of room, vehicle and payload.
-    """
+    """Return the share of each limit that a flight used in truth, by name [1]."""
     x, u = flight.signals["x_true"], flight.config.vehicle.saturate(flight.signals["u"])
     up = attitude.rotate(x[:, 3:7], np.tile([0.0, 0.0, 1.0], (len(x), 1)))
     found = {
@@ -121,7 +118,9 @@ def flown_usage(flight: FlightResult, limits: Limits) -> dict[str, float]:
     }
     payload = flight.payload_position
     if payload is not None:
-        hook = x[:, :3] + attitude.rotate(x[:, 3:7], np.tile(flight.config.reality.hung.hook, (len(x), 1)))
+        hook = x[:, :3] + attitude.rotate(
+            x[:, 3:7], np.tile(flight.config.reality.hung.hook, (len(x), 1))
+        )
         tether = payload - hook
         angle = np.arctan2(np.linalg.norm(tether[:, :2], axis=1), -tether[:, 2])
         found["swing"] = float(angle.max()) / limits.swing
@@ -140,11 +139,6 @@ def keep_limits(
     """Fly a motion under every explanation, made smaller until every flight keeps the limits.
 
     Args:
-        motion: the largest that the plan allows.
-        explanations: that stand.
-        fly_one: flies a motion under an explanation.
-        controller: kind that flies, for the message.
-        limits: that are kept, for the message.
         tell: called with the share done [1].
     Raises: CannotFly: if even the smallest motion tried breaks a limit.
     """
@@ -189,14 +183,19 @@ def _breaks(flown: Flown, controller: str, limits: Limits) -> CannotFly:
     """Return the error of a flight that breaks a limit however small its motion is."""
     most = max(flown.usage, key=lambda name: flown.usage[name], default="")
     why = flown.lost.rstrip(".") or f"{most} is {number(flown.usage[most])} of its limit"
-    remedy = "Name another --controller" + (", give --no-fly" if flown.lost else _wider(most, limits))
+    remedy = "Name another --controller" + (
+        ", give --no-fly" if flown.lost else _wider(most, limits)
+    )
     return CannotFly(
-        f"limits: no motion keeps them with controller {controller}: {why} under {flown.explanation.brief}. {remedy}."
+        f"limits: no motion keeps them with controller {controller}: {why} under "
+        f"{flown.explanation.brief}. {remedy}."
     )
 
 
 def _wider(name: str, limits: Limits) -> str:
-    """Return which option widens a limit, and its present value; empty where none does, as of the thrust."""
+    """Return which option widens a limit, and its present value; empty where none does, as of the
+    thrust.
+    """
     now = {
         "room": f"--box (now {' '.join(number(side) for side in limits.box)} m)",
         "speed": f"--speed (now {number(limits.speed)} m/s)",

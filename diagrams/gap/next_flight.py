@@ -1,4 +1,6 @@
-"""Files of the next flight: the report of a diagnosis that it starts from, its scenario and its figure."""
+"""Files of the next flight: the report of a diagnosis that it starts from, its scenario and its
+figure.
+"""
 
 import dataclasses as dc
 from collections.abc import Sequence
@@ -24,7 +26,8 @@ from np_drake.flight_design.prediction import Prediction, nominal_residuals, pre
 REPORT = "diagnosis.json"
 SCENARIO = "next_flight.yaml"
 TRACK = "next_flight.csv"
-MOST_EXPLANATIONS = 100  # of a report; a diagnosis leaves those within a factor of 20 of the best, at most a few dozen
+# of a report; a diagnosis leaves those within a factor of 20 of the best, at most a few dozen
+MOST_EXPLANATIONS = 100
 RATE = 100.0  # of the trajectory file [Hz]
 HEAD = """\
 # Next flight, to separate {explanations}.
@@ -36,9 +39,9 @@ HEAD = """\
 class DiagnosisReport:
     """What a diagnosis left in its folder.
 
-    corrected, simulator: file and content of the corrected one.   explanations: that still stand, best first.
-    readings: how residuals are read.
-    accelerations: whether its logs had them.
+    corrected, simulator: file and content of the corrected one.
+    explanations: that still stand, best first. readings: how residuals are read. accelerations:
+        whether its logs had them.
     """
 
     corrected: Path
@@ -52,26 +55,27 @@ class DiagnosisReport:
         return bool(self.readings.noise.active[9:12].any())
 
     def predicted(self, motion: FadedMultisine, limits: Limits) -> Prediction:
-        """Return what a flight would tell of the explanations.
-
-        Args:
-            motion: that the nominal vehicle follows exactly.
-            limits: whose vehicle flies.
-        """
+        """Return what a flight would tell of the explanations."""
         step = self.readings.noise.step
         t = step * np.arange(round(motion.end / step) + 1)
-        planned = nominal_residuals(limits.vehicle, t, motion.sample(t), accelerations=self.accelerations)
+        planned = nominal_residuals(
+            limits.vehicle, t, motion.sample(t), accelerations=self.accelerations
+        )
         return predict(planned, self.explanations, self.readings)
 
 
 def read_report(folder: Path) -> DiagnosisReport:
-    """Read `diagnosis.json` and `corrected.yaml` of a folder; a second answer counts where there is one.
+    """Read `diagnosis.json` and `corrected.yaml` of a folder; a second answer counts where there is
+    one.
 
-    Raises: ValueError: if the folder holds none, or they do not tell what stands; one line with the remedy.
+    Raises: ValueError: if the folder holds none, or they do not tell what stands; one line with the
+    remedy.
     """
     path = folder / REPORT
     if not path.is_file():
-        raise ValueError(f"{folder}: must be the folder of np-drake diagnose --out; it holds no {REPORT}.")
+        raise ValueError(
+            f"{folder}: must be the folder of np-drake diagnose --out; it holds no {REPORT}."
+        )
     try:
         content = read_json(path)
     except ValueError as error:
@@ -80,11 +84,17 @@ def read_report(folder: Path) -> DiagnosisReport:
         raise ValueError(f"{path}: must be the report of np-drake diagnose; got other JSON.")
     answer = content.get("refit") or content
     if answer.get("cannot_tell"):
-        raise ValueError(f"{path}: the logs excite nothing; fly with more motion and diagnose again.")
+        raise ValueError(
+            f"{path}: the logs excite nothing; fly with more motion and diagnose again."
+        )
     if not answer.get("explanations") or not answer.get("readings"):
-        raise ValueError(f"{path}: must tell the explanations that stand; diagnose again with this version.")
+        raise ValueError(
+            f"{path}: must tell the explanations that stand; diagnose again with this version."
+        )
     if len(answer["explanations"]) > MOST_EXPLANATIONS:
-        raise ValueError(f"{path}: must hold at most {MOST_EXPLANATIONS} explanations. Is it damaged?")
+        raise ValueError(
+            f"{path}: must hold at most {MOST_EXPLANATIONS} explanations. Is it damaged?"
+        )
     try:
         explanations = tuple(Explanation.of_json(e) for e in answer["explanations"])
         readings = Readings.of_json(answer["readings"])
@@ -97,13 +107,12 @@ def read_report(folder: Path) -> DiagnosisReport:
     return DiagnosisReport(corrected, load_flight(str(corrected)), explanations, readings)
 
 
-def write_scenario(config: FlightConfig, explanations: Sequence[Explanation], folder: Path, corrected: Path) -> Path:
+def write_scenario(
+    config: FlightConfig, explanations: Sequence[Explanation], folder: Path, corrected: Path
+) -> Path:
     """Write the scenario that flies the track `TRACK` of the same folder, and return its path.
 
     Args:
-        config: vehicle and controller that will fly.
-        explanations: that stand.
-        folder: to write to.
         corrected: file of the corrected simulator, in which it flies.
     Raises: OSError: if it cannot be written.
     """
@@ -125,12 +134,7 @@ def _named(values: dict[str, Any]) -> dict[str, Any]:
 
 
 def track_figure(motion: FadedMultisine, limits: Limits) -> Figure:
-    """Return the figure of a flight: from above in its room, and position and speed over time.
-
-    Args:
-        motion: of the flight.
-        limits: whose room is drawn.
-    """
+    """Return the figure of a flight: from above in its room, and position and speed over time."""
     t = np.linspace(0.0, motion.end, round(motion.end * RATE) + 1)
     flat = motion.sample(t)
     figure, ((above, moved, fast),) = new_figure(1, 3, width=11.0, height=4.0)
@@ -139,7 +143,14 @@ def track_figure(motion: FadedMultisine, limits: Limits) -> Figure:
     above.plot([x, x_, x_, x, x], [y, y, y_, y_, y], "k--", linewidth=0.8, label="limit")
     above.set(xlabel="x [m]", ylabel="y [m]", aspect="equal")
     for axis, colour, dash in zip("xyz", PALETTE, DASHES, strict=False):
-        moved.plot(t, flat[0, :, "xyz".index(axis)], color=colour, linestyle=dash, linewidth=0.9, label=axis)
+        moved.plot(
+            t,
+            flat[0, :, "xyz".index(axis)],
+            color=colour,
+            linestyle=dash,
+            linewidth=0.9,
+            label=axis,
+        )
     moved.set(xlabel="time [s]", ylabel="position [m]")
     fast.plot(t, np.linalg.norm(flat[1], axis=1), color=PALETTE[0], linewidth=0.8)
     fast.axhline(limits.speed, color="k", linestyle="--", linewidth=0.8, label="limit")

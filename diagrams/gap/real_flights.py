@@ -22,7 +22,11 @@ from np_drake.logs.formats.neurobem import AGILE, published_vehicle
 from np_drake.logs.opening import open_flights
 from np_drake.vehicle import Vehicle
 
-GROUPS = {"lateral force": (0, 1), "vertical force": (2,), "torque": (3, 4, 5)}  # channels of the residual
+GROUPS = {
+    "lateral force": (0, 1),
+    "vertical force": (2,),
+    "torque": (3, 4, 5),
+}  # channels of the residual
 POOLED = "all four, pooled"  # name of the row over all flights
 
 
@@ -30,8 +34,8 @@ POOLED = "all four, pooled"  # name of the row over all flights
 class Fold:
     """Result on one held-out flight.
 
-    before, after: (m, 6) residual [N, N·m].   zero, mean: (m, 3) total torque, and total torque less its mean in the
-    training flights [N·m].
+    before, after: (m, 6) residual [N, N·m].
+    zero, mean: (m, 3) total torque, and total torque less its mean in the training flights [N·m].
     """
 
     name: str  # of the held-out flight
@@ -54,11 +58,6 @@ def fold(vehicle: Vehicle, train: Sequence[FlightLog], held_out: FlightLog) -> F
     """Diagnose on `train` and evaluate on `held_out`, to which nothing is fitted.
 
     `mean`: of the total torque in the training flights [N·m].
-
-    Args:
-        vehicle: the nominal vehicle.
-        train: training flights.
-        held_out: the flight held out.
     """
     answer = diagnose(vehicle, train, [held_out], adaptive_split=False)
     unseen = make_flight_residuals(held_out, vehicle)
@@ -72,7 +71,8 @@ def fold(vehicle: Vehicle, train: Sequence[FlightLog], held_out: FlightLog) -> F
 
 @dc.dataclass(frozen=True)
 class HoldingOut:
-    """Work of a case {"flight": name of the held-out one} -> its `Fold`, the others as training flights.
+    """Work of a case {"flight": name of the held-out one} -> its `Fold`, the others as training
+    flights.
 
     folder: of the data set, under the same path on every worker.
     """
@@ -94,19 +94,24 @@ def _opened(folder: Path) -> list[FlightLog]:
 
 
 def leave_one_out(
-    folder: Path, *, workers: Workers | None = None, on_progress: Callable[[int, int], None] = lambda done, total: None
+    folder: Path,
+    *,
+    workers: Workers | None = None,
+    on_progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> list[Fold]:
     """Return a fold for every agile flight, held out in turn, with the others as training flights.
 
     Args:
-        folder: of the data set.
-        workers: on which the diagnoses run.
         on_progress: called with the number done and the number of all.
-    Raises: OSError, LogError: where a flight is missing or cannot be read; FailedRun: where a fold has no result.
+    Raises: OSError, LogError: where a flight is missing or cannot be read; FailedRun: where a fold
+        has no result.
     """
     cases = [{"flight": log.name} for log in agile_flights(folder)]
     records = (workers or Workers()).run(
-        HoldingOut(folder.resolve()), cases, config={"neurobem": folder.name}, on_progress=on_progress
+        HoldingOut(folder.resolve()),
+        cases,
+        config={"neurobem": folder.name},
+        on_progress=on_progress,
     )
     return [
         Fold(case["flight"], tuple(result["verdict"]), **unpacked(result["arrays"]))
@@ -122,8 +127,16 @@ def rows(folds: Sequence[Fold]) -> list[dict]:
     out = []
     for name, some in [*((f.name, [f]) for f in folds), (POOLED, list(folds))]:
         for group, channels in GROUPS.items():
-            before, after = (_rms([getattr(f, key) for f in some], channels) for key in ("before", "after"))
-            line = {"flight": name, "group": group, "nominal": before, "after": after, "cut": 1 - after / before}
+            before, after = (
+                _rms([getattr(f, key) for f in some], channels) for key in ("before", "after")
+            )
+            line = {
+                "flight": name,
+                "group": group,
+                "nominal": before,
+                "after": after,
+                "cut": 1 - after / before,
+            }
             if group == "torque":
                 line["zero"] = _rms([f.zero for f in some], (0, 1, 2))
                 line["mean"] = _rms([f.mean for f in some], (0, 1, 2))
@@ -145,17 +158,15 @@ class Options:
 
 
 def run(run: Run, options: Options) -> Report:
-    """The diagnosis on agile real flights. Each is held out in turn.
-
-    Args:
-        run: seed, folders, workers and progress.
-        options: of the study.
-    """
+    """The diagnosis on agile real flights. Each is held out in turn."""
     folder = neurobem_folder("gap", options.neurobem)
     with run.counting("real flights") as on_progress:
         folds = leave_one_out(folder, workers=run.workers, on_progress=on_progress)
     lines, verdicts = rows(folds), {f.name: f.verdict for f in folds}
-    title = "Real flights, each held out in turn; force [N], torque [N·m]; zero, mean: what predicting these leaves"
+    title = (
+        "Real flights, each held out in turn; force [N], torque [N·m]; zero, mean: what "
+        "predicting these leaves"
+    )
     columns = (
         ("held out", "flight"),
         ("RMS of", "group"),
@@ -169,5 +180,8 @@ def run(run: Run, options: Options) -> Report:
         [tabulate(title, lines, columns)],
         config={"flights": list(verdicts)},
         metrics={"table": lines, "verdicts": verdicts},
-        lines=[f"{name}: {', '.join(verdict) or 'nothing missing'}" for name, verdict in verdicts.items()],
+        lines=[
+            f"{name}: {', '.join(verdict) or 'nothing missing'}"
+            for name, verdict in verdicts.items()
+        ],
     )

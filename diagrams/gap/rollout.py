@@ -1,4 +1,6 @@
-"""Open-loop flight of the Drake vehicle from a given state along given commands, built once and started often."""
+"""Open-loop flight of the Drake vehicle from a given state along given commands, built once and
+started often.
+"""
 
 import dataclasses as dc
 import itertools
@@ -32,7 +34,9 @@ class Commands:
     u: np.ndarray
 
     def at(self, time: float) -> np.ndarray:
-        """Return the command (4,) that acts just after `time` [s]; the first row before the first."""
+        """Return the command (4,) that acts just after `time` [s]; the first row before the
+        first.
+        """
         return self.u[max(int(np.searchsorted(self.t, time + 1e-9, side="right")) - 1, 0)]
 
     def changes(self, start: float, stop: float) -> np.ndarray:
@@ -53,7 +57,9 @@ class Commands:
 class Swing(NamedTuple):
     """State of the payload at the hook, in W.
 
-    r: (3,) payload from hook [m].   r_rate: its rate (3,) [m/s].   a_hook: (3,) acceleration of the hook [m/s²].
+    r: (3,) payload from hook [m].
+    r_rate: its rate (3,) [m/s].
+    a_hook: (3,) acceleration of the hook [m/s²].
     """
 
     r: np.ndarray
@@ -65,10 +71,6 @@ class Rollout:
     """One vehicle with one set of effects, each by its wrapper, and the payload as a body.
 
     Sensors are not part of it.
-
-    Args:
-        vehicle: the nominal vehicle.
-        effects: that act on the vehicle.
     """
 
     def __init__(self, vehicle: Vehicle, effects: Sequence[Effect]):
@@ -79,7 +81,9 @@ class Rollout:
         config = as_light(payload_config(hung))
         self._stiffness = config.stiffness
         self._dead_time = sum(e.delay for e in parts.actuator if isinstance(e, CommandDelay))  # [s]
-        actuators = [e for e in parts.actuator if not isinstance(e, CommandDelay) and not at_once(e)]
+        actuators = [
+            e for e in parts.actuator if not isinstance(e, CommandDelay) and not at_once(e)
+        ]
         self._diagram = make_tethered_quadrotor(
             vehicle,
             config,
@@ -99,15 +103,17 @@ class Rollout:
         self._u = self._diagram.GetInputPort("u")
         self._x = self._diagram.GetOutputPort("x")
 
-    def fly(self, x: np.ndarray, commands: Commands, times: np.ndarray, swing: Swing | None = None) -> np.ndarray:
-        """Return state and payload (len(times) - 1, 16) at times[1:] [s] of a flight that is in `x` (13,) at times[0].
+    def fly(
+        self, x: np.ndarray, commands: Commands, times: np.ndarray, swing: Swing | None = None
+    ) -> np.ndarray:
+        """Return state and payload (len(times) - 1, 16) at times[1:] [s] of a flight that is in `x`
+        (13,) at times[0].
 
-        The last three columns are p_WP [m], NaN without a payload. Motors and delays have run on the commands before
-        times[0] for `lead` seconds. NaN once the vehicle is lost.
+        The last three columns are p_WP [m], NaN without a payload. Motors and delays have run on
+        the commands before times[0] for `lead` seconds. NaN once the vehicle is lost.
 
         Args:
             x: (13,) state at times[0].
-            commands: of the flight.
             times: increasing [s].
             swing: state of the payload at times[0]; None without one.
         """
@@ -132,12 +138,16 @@ class Rollout:
 
     def _advance(self, commands: Commands, start: float, stop: float) -> None:
         """Advance from start to stop, the command held between its rows."""
-        for time, until in itertools.pairwise([start, *commands.changes(start, stop).tolist(), stop]):
+        for time, until in itertools.pairwise(
+            [start, *commands.changes(start, stop).tolist(), stop]
+        ):
             self._u.FixValue(self._root, commands.at(time))
             self._simulator.AdvanceTo(until)
 
     def _place(self, x: np.ndarray, swing: Swing | None) -> None:
-        """Set the vehicle to x (13,) and the payload to its swing; motors and delays are left as they are."""
+        """Set the vehicle to x (13,) and the payload to its swing; motors and delays are left as
+        they are.
+        """
         positions, velocities = [x[Q], x[P]], [attitude.rotate(x[Q], x[W]), x[V]]
         if self._payload is not None and swing is not None:
             hook = attitude.rotate(x[Q], np.array(self._payload.hook))
@@ -146,11 +156,15 @@ class Rollout:
             stretch = 1.0 + np.linalg.norm(pull) / (self._stiffness * self._payload.length)
             positions += [np.array([1.0, 0.0, 0.0, 0.0]), x[P] + hook + stretch * swing.r]
             velocities += [np.zeros(3), x[V] + rate + swing.r_rate]
-        self._plant.SetPositionsAndVelocities(self._plant_context, np.concatenate([*positions, *velocities]))
+        self._plant.SetPositionsAndVelocities(
+            self._plant_context, np.concatenate([*positions, *velocities])
+        )
 
 
 def _steady(effect: WrenchEffect) -> WrenchEffect:
-    """Return the mean wind for a gusty wind, since the flight's gusts are unknown, and any other effect as it is."""
+    """Return the mean wind for a gusty wind, since the flight's gusts are unknown, and any other
+    effect as it is.
+    """
     return dc.replace(effect, deviation=0.0) if isinstance(effect, GustyWind) else effect
 
 
@@ -161,5 +175,7 @@ def _integrator(vehicle: Vehicle, payload: PayloadConfig, lags: Sequence[float])
         reduced = payload.mass * vehicle.mass / (payload.mass + vehicle.mass)
         rates += [np.sqrt(payload.stiffness / reduced), payload.damping / reduced]
     return SimulatorConfig(
-        integration_scheme="runge_kutta3", max_step_size=float(1.7 / max(rates)), use_error_control=False
+        integration_scheme="runge_kutta3",
+        max_step_size=float(1.7 / max(rates)),
+        use_error_control=False,
     )

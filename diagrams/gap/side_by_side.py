@@ -1,4 +1,6 @@
-"""Replay of a held-out flight in the nominal and in the corrected simulator beside the flight itself, as a 3-D page."""
+"""Replay of a held-out flight in the nominal and in the corrected simulator beside the flight
+itself, as a 3-D page.
+"""
 
 import dataclasses as dc
 import math
@@ -11,15 +13,27 @@ from pydrake.geometry import Rgba
 from diagrams.gap.drake_replay import DrakeReplay
 from diagrams.loop.replay.film import FRAME_RATE, Film, frames
 from diagrams.loop.replay.page import Page, ReadOut, Trail, write_page
-from diagrams.loop.replay.scene import DARK, GREEN, RED, add_payload, add_quadrotor, add_trail, arm_length, new_scene
+from diagrams.loop.replay.scene import (
+    DARK,
+    GREEN,
+    RED,
+    add_payload,
+    add_quadrotor,
+    add_trail,
+    arm_length,
+    new_scene,
+)
 from np_drake.diagnosis.gap.gap_reduction import LEAD
 from np_drake.diagnosis.result import HORIZONS, Diagnosis
 from np_drake.effects.base import Effect
 from np_drake.flight_log import FlightLog
 from np_drake.vehicle import Vehicle
 
-RESTART = HORIZONS[-1]  # time after which a simulator starts anew from the flight, as in the replay error [s]
-LONGEST = 20.0  # part of the flight that is shown [s]; own choice: a page stays small and is made in seconds
+RESTART = HORIZONS[
+    -1
+]  # time after which a simulator starts anew from the flight, as in the replay error [s]
+# part of the flight that is shown [s]; own choice: a page stays small and is made in seconds
+LONGEST = 20.0
 BEFORE = 5.0  # shown before a cause begins [s]
 SHORTEST = 2.0  # part of a flight that is worth a look [s]
 FILE = "replay.html"
@@ -34,7 +48,8 @@ class NoReplay(ValueError):
 
 @dc.dataclass(frozen=True)
 class Ghost:
-    """Replay in one simulator: x (frames, 13), payload p_WP (frames, 3) [m] and distance from the flight [m].
+    """Replay in one simulator: x (frames, 13), payload p_WP (frames, 3) [m] and distance from the
+    flight [m].
 
     The payload is NaN where none hangs; a distance is infinite where the vehicle was lost.
     """
@@ -48,8 +63,10 @@ class Ghost:
 class SideBySide:
     """Part of a flight and its replays, frame by frame.
 
-    x: (frames, 13) as logged.   start: flight time of the first frame [s].   restarted: (frames,) frame at which the
-    simulators last started from the flight.   corrected: None where no cause was found.
+    x: (frames, 13) as logged.
+    start: flight time of the first frame [s].
+    restarted: (frames,) frame at which the simulators last started from the flight.
+    corrected: None where no cause was found.
     """
 
     flight: str
@@ -63,24 +80,26 @@ class SideBySide:
 
 
 def side_by_side(
-    diagnosis: Diagnosis, vehicle: Vehicle, held_out: Sequence[FlightLog], replay: DrakeReplay | None = None
+    diagnosis: Diagnosis,
+    vehicle: Vehicle,
+    held_out: Sequence[FlightLog],
+    replay: DrakeReplay | None = None,
 ) -> SideBySide:
     """Return the first held-out flight that can be replayed, in both simulators.
 
-    The corrected simulator has the causes that the verdict names. Of a flight whose first half joined the fit, the
-    second half is shown.
+    The corrected simulator has the causes that the verdict names. Of a flight whose first half
+    joined the fit, the second half is shown.
 
     Args:
-        diagnosis: the result.
-        vehicle: the nominal vehicle.
-        held_out: logs of held-out flights.
         replay: of the nominal vehicle, with what it has built; None: a new one.
     Raises: NoReplay: where no flight can be replayed.
     """
     replay = replay or DrakeReplay(vehicle)
     flights = [_rebased(log, diagnosis) for log in held_out if np.isfinite(log.u).all()]
     if not flights:
-        raise NoReplay("the held-out logs do not tell the torque of the rotors, and a simulator needs it.")
+        raise NoReplay(
+            "the held-out logs do not tell the torque of the rotors, and a simulator needs it."
+        )
     for log, effects in flights:
         rows = _shown(log, effects, joined=log.name in diagnosis.joined)
         if len(rows) >= SHORTEST * FRAME_RATE:
@@ -102,7 +121,9 @@ def side_by_side(
 
 
 def _rebased(log: FlightLog, answer: Diagnosis) -> tuple[FlightLog, Effects]:
-    """Return the flight on a clock that starts with it, and the effects of the causes with their onset on it."""
+    """Return the flight on a clock that starts with it, and the effects of the causes with their
+    onset on it.
+    """
     zero, effects = float(log.t[0]), []
     for cause in answer.causes:
         onset = cause.onset.get(log.name)
@@ -113,8 +134,15 @@ def _rebased(log: FlightLog, answer: Diagnosis) -> tuple[FlightLog, Effects]:
 
 
 def _shown(log: FlightLog, effects: Effects, *, joined: bool) -> np.ndarray:
-    """Return the rows of the frames: from shortly before a cause begins, or from where the fit knows nothing."""
-    onsets = [t for _, by_flight in effects for t in by_flight.values() if t is not None and math.isfinite(t)]
+    """Return the rows of the frames: from shortly before a cause begins, or from where the fit
+    knows nothing.
+    """
+    onsets = [
+        t
+        for _, by_flight in effects
+        for t in by_flight.values()
+        if t is not None and math.isfinite(t)
+    ]
     first = max(LEAD, min(onsets, default=0.0) - BEFORE, 0.5 * log.t[-1] if joined else 0.0)
     kept = np.flatnonzero((log.t >= first) & (log.t <= first + LONGEST))
     return kept[0] + frames(log.t[kept]) if len(kept) > 2 else np.zeros(0, int)
@@ -126,12 +154,8 @@ def _ghost(replay: DrakeReplay, log: FlightLog, effects: Effects, legs: list[np.
 
 
 def write_side_by_side(found: SideBySide, vehicle: Vehicle, path: str | Path) -> None:
-    """Write an HTML page that plays the flight (solid) and its replays (ghosts), with the distance of each from it.
-
-    Args:
-        found: flight and replays.
-        vehicle: the nominal vehicle.
-        path: of the file.
+    """Write an HTML page that plays the flight (solid) and its replays (ghosts), with the distance
+    of each from it.
     Raises: OSError: if it cannot be written.
     """
     meshcat, film, size = new_scene(), Film(), arm_length(vehicle)
@@ -162,7 +186,10 @@ def write_side_by_side(found: SideBySide, vehicle: Vehicle, path: str | Path) ->
         read_outs=tuple(read_outs),
         trails=tuple(trails),
         legend=((DARK, "the flight, as logged"),),
-        note=f"Each simulator starts from the logged state every {RESTART:g} s and follows the logged commands.",
+        note=(
+            f"Each simulator starts from the logged state every {RESTART:g} s and follows the "
+            f"logged commands."
+        ),
         follow=("flight", (0.35 * away, -0.8 * away, 0.45 * away)),
     )
     write_page(meshcat, page, path)

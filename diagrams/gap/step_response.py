@@ -28,8 +28,11 @@ FOLLOWED = 1 - np.exp(-1)  # of a step, after which its lag is over [1]
 class StepResponse:
     """Response of one body axis to a step of its commanded rate.
 
-    t: (n,) since the step [s].   rate: (n,) over the step [1].   lag: until 63 % of the step are followed [s].   gain:
-    rate over command at rest [1].   largest: of the response [1].
+    t: (n,) since the step [s].
+    rate: (n,) over the step [1].
+    lag: until 63 % of the step are followed [s].
+    gain: rate over command at rest [1].
+    largest: of the response [1].
     """
 
     t: np.ndarray
@@ -40,15 +43,16 @@ class StepResponse:
 
 
 def step_response(
-    vehicle: Vehicle, axis: int, *, config: BetaflightConfig | None = None, effects: tuple[ActuatorEffect, ...] = ()
+    vehicle: Vehicle,
+    axis: int,
+    *,
+    config: BetaflightConfig | None = None,
+    effects: tuple[ActuatorEffect, ...] = (),
 ) -> StepResponse:
     """Return how the firmware follows a step of the commanded rate in hover, without a payload.
 
     Args:
-        vehicle: that hovers.
         axis: 0 roll, 1 pitch, 2 yaw.
-        config: of the firmware.
-        effects: between motor outputs and thrust.
     Raises: ValueError: where there is no firmware.
     """
     with Betaflight(vehicle, config) as firmware:
@@ -83,7 +87,6 @@ def step_responses(vehicle: Vehicle, reality: RealityConfig) -> list[StepRespons
     """Return the responses of roll, pitch and yaw, with the lag and thrust of a reality's rotors.
 
     Args:
-        vehicle: that hovers.
         reality: whose rotors it has; dead times are left out.
     Raises: ValueError: where there is no firmware.
     """

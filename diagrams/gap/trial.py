@@ -1,4 +1,6 @@
-"""Trial of a corrected simulator: whether a plain controller keeps its vehicle in the air, and else what to do."""
+"""Trial of a corrected simulator: whether a plain controller keeps its vehicle in the air, and else
+what to do.
+"""
 
 import dataclasses as dc
 
@@ -14,11 +16,8 @@ SECONDS = 2.0  # of the trial behind its ramp [s]; own choice: what falls has fa
 
 
 def with_trial(diagnosis: Diagnosis, vehicle: Vehicle) -> Diagnosis:
-    """Return the diagnosis, and its second answer, with why nothing flies in its corrected simulator, if so.
-
-    Args:
-        diagnosis: the result.
-        vehicle: the nominal vehicle.
+    """Return the diagnosis, and its second answer, with why nothing flies in its corrected
+    simulator, if so.
     """
     if diagnosis.cannot_tell:
         return diagnosis
@@ -31,13 +30,15 @@ def _why_not(diagnosis: Diagnosis, vehicle: Vehicle) -> str:
         config = corrected_simulator(diagnosis, vehicle)
     except ValueError as error:
         return (
-            f"no simulator can be made of these causes: {' '.join(str(error).split()).rstrip('.')}; check them by hand"
+            f"no simulator can be made of these causes: "
+            f"{' '.join(str(error).split()).rstrip('.')}; check them by hand"
         )
     return not_flyable(config)
 
 
 def not_flyable(config: FlightConfig) -> str:
-    """Return why no plain controller flies a corrected simulator, and what to do; empty where one does.
+    """Return why no plain controller flies a corrected simulator, and what to do; empty where one
+    does.
 
     Args: config: the corrected simulator.
     """
@@ -72,4 +73,6 @@ def _without(config: FlightConfig, k: int) -> FlightConfig:
     """Return the simulator without effect k, nor what is known of it."""
     reality = config.reality
     rest = [entry for i, entry in enumerate(reality.effects) if i != k]
-    return dc.replace(config, reality=dc.replace(reality, effects=rest, posterior=type(reality.posterior)()))
+    return dc.replace(
+        config, reality=dc.replace(reality, effects=rest, posterior=type(reality.posterior)())
+    )

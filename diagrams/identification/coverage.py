@@ -1,4 +1,6 @@
-"""Tables of the identification of simulated vehicles: intervals, errors, and what was asked of them."""
+"""Tables of the identification of simulated vehicles: intervals, errors, and what was asked of
+them.
+"""
 
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -35,9 +37,11 @@ Result = dict[str, Any]
 
 
 def quantity_lines(results: Sequence[Result]) -> list[dict[str, Any]]:
-    """Return a line for every kind of quantity: how often told, share of intervals with the truth, median errors.
+    """Return a line for every kind of quantity: how often told, share of intervals with the truth,
+    median errors.
 
-    Errors are medians over the vehicles of which the quantity is told. `count`: vehicles times quantities of the kind.
+    Errors are medians over the vehicles of which the quantity is told. `count`: vehicles times
+    quantities of the kind.
 
     Args: results: of `VehicleCase`.
     """
@@ -46,15 +50,24 @@ def quantity_lines(results: Sequence[Result]) -> list[dict[str, Any]]:
     for name in dict.fromkeys(LINE_OF.get(q["name"], q["name"]) for q in rows):
         own = [q for q in rows if LINE_OF.get(q["name"], q["name"]) == name]
         told = [q for q in own if q["told"]]
-        line = {"name": name, "unit": own[0]["unit"], "air": own[0]["air"], "count": len(own), "told": len(told)}
+        line = {
+            "name": name,
+            "unit": own[0]["unit"],
+            "air": own[0]["air"],
+            "count": len(own),
+            "told": len(told),
+        }
         line["within"] = _mean([q["within"] for q in told])
-        line |= {key: _median([q[key] for q in told]) for key in ("error", "prior_error", "plain_error")}
+        line |= {
+            key: _median([q[key] for q in told]) for key in ("error", "prior_error", "plain_error")
+        }
         lines.append(line)
     return lines
 
 
 def pooled_lines(results: Sequence[Result]) -> list[dict[str, Any]]:
-    """Return a line for all vehicles and for those of each input: shares of intervals with the truth, and cost.
+    """Return a line for all vehicles and for those of each input: shares of intervals with the
+    truth, and cost.
 
     Args: results: of `VehicleCase`, each with its "kind".
     """
@@ -63,7 +76,11 @@ def pooled_lines(results: Sequence[Result]) -> list[dict[str, Any]]:
         own = [r for r in results if kind in ("all", r["kind"])]
         if not own:
             continue
-        line: dict[str, Any] = {"input": kind, "vehicles": len(own), "refused": sum(r["refused"] for r in own)}
+        line: dict[str, Any] = {
+            "input": kind,
+            "vehicles": len(own),
+            "refused": sum(r["refused"] for r in own),
+        }
         for air, key in ((False, "vehicle"), (True, "air")):
             line[key], line[f"{key}_ci95"], line[f"{key}_told"] = _covered(own, air)
         line["processor_time"] = _median([r["processor_time"] for r in own])
@@ -80,19 +97,40 @@ def asked_lines(results: Sequence[Result]) -> list[dict[str, Any]]:
     rows = [q for result in results for q in result["quantities"]]
     share = f"{100 * COVERED[0]:.0f} to {100 * COVERED[1]:.0f} %"
     lines = [
-        {"figure": f"95 % interval holds the truth, {of}", "asked": share, "seen": _percent(pooled[key]),
-         "met": pooled[key] is not None and COVERED[0] <= pooled[key] <= COVERED[1]}
+        {
+            "figure": f"95 % interval holds the truth, {of}",
+            "asked": share,
+            "seen": _percent(pooled[key]),
+            "met": pooled[key] is not None and COVERED[0] <= pooled[key] <= COVERED[1],
+        }
         for key, of in (("vehicle", "quantities of the vehicle file"), ("air", "drag and lift"))
-    ]  # fmt: skip
+    ]
     for figure, names, bound, unit in ASKED:
         own = [q for q in rows if q["name"] in names]
-        told, every = _median([q["error"] for q in own if q["told"]]), _median([q["error"] for q in own])
-        seen = NOTHING if every is None else f"{_number(told)} (all vehicles {_number(every)}) {unit}"
+        told, every = (
+            _median([q["error"] for q in own if q["told"]]),
+            _median([q["error"] for q in own]),
+        )
+        seen = (
+            NOTHING if every is None else f"{_number(told)} (all vehicles {_number(every)}) {unit}"
+        )
         met = told is not None and told <= bound
-        lines.append({"figure": f"{figure}, median error", "asked": f"≤ {bound:g} {unit}", "seen": seen, "met": met})
+        lines.append(
+            {
+                "figure": f"{figure}, median error",
+                "asked": f"≤ {bound:g} {unit}",
+                "seen": seen,
+                "met": met,
+            }
+        )
     spent = pooled["processor_time"]
     lines.append(
-        {"figure": "processor time, median", "asked": f"≤ {QUICK:g} s", "seen": f"{spent:.1f} s", "met": spent <= QUICK}
+        {
+            "figure": "processor time, median",
+            "asked": f"≤ {QUICK:g} s",
+            "seen": f"{spent:.1f} s",
+            "met": spent <= QUICK,
+        }
     )
     return lines
 
@@ -102,7 +140,6 @@ def printed(results: Sequence[Result], title: str) -> list[Table]:
 
     Args:
         results: of `VehicleCase`, each with its "kind".
-        title: vehicles, seeds, flights.
     """
 
     def number(key: str) -> Callable[[dict[str, Any]], str]:
@@ -124,24 +161,42 @@ def printed(results: Sequence[Result], title: str) -> list[Table]:
     pooled = tabulate(
         "truth inside its 95 % interval",
         pooled_lines(results),
-        [("input", "input"), ("vehicles", "vehicles"), ("vehicle file", share("vehicle")),
-         ("drag and lift", share("air")), ("draws not flyable", "refused"),
-         ("processor time [s]", lambda line: f"{line['processor_time']:.1f}")],
-    )  # fmt: skip
+        [
+            ("input", "input"),
+            ("vehicles", "vehicles"),
+            ("vehicle file", share("vehicle")),
+            ("drag and lift", share("air")),
+            ("draws not flyable", "refused"),
+            ("processor time [s]", lambda line: f"{line['processor_time']:.1f}"),
+        ],
+    )
     each = tabulate(
         "a quantity: where it is told, truth inside its interval, and median error",
         quantity_lines(results),
-        [("quantity", "name"), ("told", lambda line: f"{line['told']} of {line['count']}"),
-         ("inside", lambda line: _percent(line["within"])), ("error", number("error")),
-         ("prior alone", number("prior_error")), ("least squares", number("plain_error")), ("unit", "unit")],
-    )  # fmt: skip
+        [
+            ("quantity", "name"),
+            ("told", lambda line: f"{line['told']} of {line['count']}"),
+            ("inside", lambda line: _percent(line["within"])),
+            ("error", number("error")),
+            ("prior alone", number("prior_error")),
+            ("least squares", number("plain_error")),
+            ("unit", "unit"),
+        ],
+    )
     return [asked, pooled, each]
 
 
 def _covered(results: Sequence[Result], air: bool) -> tuple[float | None, float | None, int]:
-    """Return the share of intervals with the truth, half its 95 % interval by vehicles, and the number of intervals."""
-    counts = [[q["within"] for q in r["quantities"] if q["told"] and q["air"] == air] for r in results]
-    inside, told = np.array([sum(c) for c in counts], float), np.array([len(c) for c in counts], float)
+    """Return the share of intervals with the truth, half its 95 % interval by vehicles, and the
+    number of intervals.
+    """
+    counts = [
+        [q["within"] for q in r["quantities"] if q["told"] and q["air"] == air] for r in results
+    ]
+    inside, told = (
+        np.array([sum(c) for c in counts], float),
+        np.array([len(c) for c in counts], float),
+    )
     if not told.sum():
         return None, None, 0
     share = float(inside.sum() / told.sum())

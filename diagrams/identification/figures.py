@@ -1,4 +1,6 @@
-"""Figures of an identification: intervals beside the prior, agreement of flights, residuals of held-out flights."""
+"""Figures of an identification: intervals beside the prior, agreement of flights, residuals of
+held-out flights.
+"""
 
 import math
 from collections.abc import Sequence
@@ -19,19 +21,39 @@ from np_drake.identification.validation import HeldOut
 TOLD, OTHER, PRIOR = PALETTE[0], PALETTE[1], "0.85"
 REACH = 2.2  # of the axis, in half widths of the prior [1]
 ACROSS = 3  # panels beside each other
-MARKS = {"vehicle file": ("o", PALETTE[1]), "identified": ("s", PALETTE[0]), "least squares": ("^", PALETTE[2])}
+MARKS = {
+    "vehicle file": ("o", PALETTE[1]),
+    "identified": ("s", PALETTE[0]),
+    "least squares": ("^", PALETTE[2]),
+}
 
 
 def interval_figure(found: Identification) -> Figure:
-    """Return value and 95 % interval of each quantity on the scale of its prior's, with its numbers beside."""
+    """Return value and 95 % interval of each quantity on the scale of its prior's, with its numbers
+    beside.
+    """
     shown = found.quantities
     figure, grid = new_figure(1, 1, width=9.6, height=1.3 + 0.27 * len(shown))
     ax = grid[0, 0]
     for place, q in enumerate(shown):
         value, low, high = (place_in_prior(q, v) for v in (q.value, q.low, q.high))
         colour = TOLD if q.told else OTHER
-        ax.plot([-1, 1], [place, place], color=PRIOR, linewidth=9, solid_capstyle="butt", label="prior, 95 %", zorder=1)
-        ax.plot(np.clip([low, high], -REACH, REACH), [place, place], color=colour, linewidth=2.4, zorder=2)
+        ax.plot(
+            [-1, 1],
+            [place, place],
+            color=PRIOR,
+            linewidth=9,
+            solid_capstyle="butt",
+            label="prior, 95 %",
+            zorder=1,
+        )
+        ax.plot(
+            np.clip([low, high], -REACH, REACH),
+            [place, place],
+            color=colour,
+            linewidth=2.4,
+            zorder=2,
+        )
         ax.plot(
             np.clip(value, -REACH, REACH),
             place,
@@ -48,7 +70,9 @@ def interval_figure(found: Identification) -> Figure:
     ax.set_yticks(range(len(shown)), [q.name for q in shown], fontsize=8.5)
     ax.set(xlim=(-REACH, REACH), ylim=(len(shown) - 0.4, -0.6))
     ax.set_xticks([-2, -1, 0, 1, 2])
-    ax.set_xlabel("place in the prior: 0 its middle, ±1 its 95 % (of logarithms where a quantity is positive)")
+    ax.set_xlabel(
+        "place in the prior: 0 its middle, ±1 its 95 % (of logarithms where a quantity is positive)"
+    )
     ax.axvline(0.0, color="0.6", linewidth=0.7, zorder=0)
     ax.tick_params(axis="y", length=0)
     ax.spines[["top", "right", "left"]].set_visible(False)
@@ -57,12 +81,7 @@ def interval_figure(found: Identification) -> Figure:
 
 
 def place_in_prior(q: Identified, value: float) -> float:
-    """Return where a value lies in the prior: 0 in its middle, -1 and 1 at the ends of its 95 %.
-
-    Args:
-        q: the quantity.
-        value: in its own unit.
-    """
+    """Return where a value lies in the prior: 0 in its middle, -1 and 1 at the ends of its 95 %."""
     low, high = q.prior
     if q.quantity.positive:
         value, low, high = math.log(value), math.log(low), math.log(high)
@@ -70,12 +89,7 @@ def place_in_prior(q: Identified, value: float) -> float:
 
 
 def agreement_figure(found: Identification, each: Sequence[FlightValues]) -> Figure:
-    """Return what each flight tells alone of each quantity, beside what all tell together.
-
-    Args:
-        found: the identification.
-        each: quantities with the values of the flights.
-    """
+    """Return what each flight tells alone of each quantity, beside what all tell together."""
     rows = math.ceil(len(each) / ACROSS)
     count = len(found.models)
     figure, grid = new_figure(rows, ACROSS, width=10.5, height=0.9 + 1.75 * rows)
@@ -84,7 +98,11 @@ def agreement_figure(found: Identification, each: Sequence[FlightValues]) -> Fig
     for ax in grid.ravel()[len(each) :]:
         ax.set_visible(False)
     for ax in grid.ravel()[: len(each)]:
-        ax.set_xticks(range(count), [str(i + 1) for i in range(count)] if count <= 15 else [""] * count, fontsize=8)
+        ax.set_xticks(
+            range(count),
+            [str(i + 1) for i in range(count)] if count <= 15 else [""] * count,
+            fontsize=8,
+        )
         ax.set_xlim(-0.6, count - 0.4)
     for ax in grid.ravel()[max(len(each) - ACROSS, 0) : len(each)]:
         ax.set_xlabel("flight, in the order given")
@@ -101,7 +119,12 @@ def _flights(ax, found: Identification, told: FlightValues) -> None:
         if not np.isfinite(told.value[i]):
             continue
         out = name in told.apart
-        ax.plot([i, i], factor * np.array([told.low[i], told.high[i]]), color=OTHER if out else TOLD, linewidth=1.6)
+        ax.plot(
+            [i, i],
+            factor * np.array([told.low[i], told.high[i]]),
+            color=OTHER if out else TOLD,
+            linewidth=1.6,
+        )
         ax.plot(
             i,
             factor * told.value[i],
@@ -124,12 +147,7 @@ def _flights(ax, found: Identification, told: FlightValues) -> None:
 
 
 def residual_figure(rows: Sequence[HeldOut], *, per_mass: bool = False) -> Figure:
-    """Return the RMS of held-out force and torque by axis, a mark a model and flight.
-
-    Args:
-        rows: errors on held-out flights.
-        per_mass: whether they are over the mass.
-    """
+    """Return the RMS of held-out force and torque by axis, a mark a model and flight."""
     over = "/kg" if per_mass else ""
     figure, grid = new_figure(1, 2, width=9.0, height=3.0)
     for ax, (name, unit) in zip(grid[0], (("force", "N"), ("torque", "N·m")), strict=True):
@@ -139,7 +157,11 @@ def residual_figure(rows: Sequence[HeldOut], *, per_mass: bool = False) -> Figur
         for row in rows:
             mark, colour = MARKS[row.model]
             shift = 0.18 * (models.index(row.model) - 0.5 * (len(models) - 1))
-            shift += 0.1 * (flights.index(row.flight) / max(len(flights) - 1, 1) - 0.5) if len(flights) > 1 else 0.0
+            shift += (
+                0.1 * (flights.index(row.flight) / max(len(flights) - 1, 1) - 0.5)
+                if len(flights) > 1
+                else 0.0
+            )
             ax.plot(
                 np.arange(3) + shift,
                 factor * getattr(row, name),
@@ -165,4 +187,6 @@ def residual_figure(rows: Sequence[HeldOut], *, per_mass: bool = False) -> Figur
 
 def flights_line(found: Identification) -> str:
     """Return the numbers of the flights with their names."""
-    return ", ".join(f"{i + 1} {plain_name(model.flight.name)}" for i, model in enumerate(found.models))
+    return ", ".join(
+        f"{i + 1} {plain_name(model.flight.name)}" for i, model in enumerate(found.models)
+    )

@@ -1,4 +1,6 @@
-"""Open-loop predictions of a held-out flight from many starts: the identified vehicle beside the file as it was."""
+"""Open-loop predictions of a held-out flight from many starts: the identified vehicle beside the
+file as it was.
+"""
 
 import dataclasses as dc
 from collections.abc import Mapping
@@ -15,7 +17,8 @@ from np_drake.identification.identify import Identification
 from np_drake.identification.prediction import Prediction, predict
 from np_drake.identification.validation import adapted, values_of_file
 
-HORIZON = 0.5  # length of a prediction, and time between those that are drawn [s]; that of the open-loop table
+# length of a prediction, and time between those that are drawn [s]; that of the open-loop table
+HORIZON = 0.5
 WINDOW = 8.0  # shown against time [s]; own choice: a swing of a small vehicle stays readable
 EVERY = 0.1  # between the starts of the errors [s]
 FILE, FOUND = "vehicle file", "identified"
@@ -35,8 +38,10 @@ QUANTITIES = (
 class Ghosts:
     """Predictions of one flight by model.
 
-    rows: (first, last) of the log that are judged.   window: (start, stop) of what is drawn against time [s].
-    drawn: predictions one behind the other.   many: those from many starts.
+    rows: (first, last) of the log that are judged.
+    window: (start, stop) of what is drawn against time [s]. drawn: predictions one behind the
+        other.
+    many: those from many starts.
     """
 
     log: FlightLog
@@ -46,19 +51,23 @@ class Ghosts:
     many: Mapping[str, Prediction]
 
 
-def ghosts_of(found: Identification, log: FlightLog, part: tuple[float, float] = (0.0, 1.0)) -> Ghosts:
+def ghosts_of(
+    found: Identification, log: FlightLog, part: tuple[float, float] = (0.0, 1.0)
+) -> Ghosts:
     """Return the ghosts of a flight.
 
     Args:
-        found: the identification.
-        log: the flight, with position, velocity and attitude.
         part: share of the flight that counts, first and last [1].
     Raises: ValueError: where no stretch is long enough, in one line.
     """
     rows = {FILE: values_of_file(found), FOUND: found.estimate.layout.values(found.estimate.z)}
     model, values = adapted(found, log, part, rows)
-    drawn = {name: predict(model, log, v, seconds=HORIZON, every=HORIZON) for name, v in values.items()}
-    many = {name: predict(model, log, v, seconds=HORIZON, every=EVERY) for name, v in values.items()}
+    drawn = {
+        name: predict(model, log, v, seconds=HORIZON, every=HORIZON) for name, v in values.items()
+    }
+    many = {
+        name: predict(model, log, v, seconds=HORIZON, every=EVERY) for name, v in values.items()
+    }
     edges = model.flight.edges
     bins = np.flatnonzero(model.flight.good)
     judged = (int(edges[bins[0]]), int(edges[bins[-1] + 1]))
@@ -86,7 +95,9 @@ def path_figure(ghosts: Ghosts) -> Figure:
     figure, grid = new_figure(1, 2, width=9.0, height=min(height, 6.5), sharex=True, sharey=True)
     for ax, (name, prediction) in zip(grid[0], ghosts.drawn.items(), strict=True):
         ax.plot(*log.p[first : last + 1, :2].T, color="0.8", linewidth=0.9, label="whole flight")
-        ax.plot(*log.p[inside, :2].T, color=LOGGED, linewidth=1.6, label="logged, as shown against time")
+        ax.plot(
+            *log.p[inside, :2].T, color=LOGGED, linewidth=1.6, label="logged, as shown against time"
+        )
         for k in _shown(ghosts, prediction):
             track = prediction.x[:, k, :2]
             ax.plot(*track.T, color=COLOURS[name], linewidth=1.5, label=name)
@@ -104,7 +115,9 @@ def motion_figure(ghosts: Ghosts) -> Figure:
     log = ghosts.log
     inside = (log.t >= ghosts.window[0]) & (log.t <= ghosts.window[1])
     names = (("roll", "pitch", "yaw"), ("roll rate", "pitch rate", "yaw rate"))
-    figure, axes = new_mosaic([[names[0][i], names[1][i]] for i in range(3)], width=11.0, height=6.4, sharex=True)
+    figure, axes = new_mosaic(
+        [[names[0][i], names[1][i]] for i in range(3)], width=11.0, height=6.4, sharex=True
+    )
     near = np.unwrap(_angles(log.q), axis=0)
     for i in range(3):
         for kind, logged in ((0, np.rad2deg(near[:, i])), (1, log.w[:, i])):
@@ -118,7 +131,14 @@ def motion_figure(ghosts: Ghosts) -> Figure:
                         y = np.rad2deg(own - 2 * np.pi * turns)
                     else:
                         y = prediction.x[:, k, 10 + i]
-                    ax.plot(log.t[rows], y, color=COLOURS[name], linestyle=STYLES[name], linewidth=1.3, label=name)
+                    ax.plot(
+                        log.t[rows],
+                        y,
+                        color=COLOURS[name],
+                        linestyle=STYLES[name],
+                        linewidth=1.3,
+                        label=name,
+                    )
                     ax.plot(log.t[rows[0]], y[0], marker="o", markersize=3.0, color=LOGGED)
             ax.plot(log.t[inside], logged[inside], color=LOGGED, linewidth=1.0, label="logged")
             ax.set_ylim(*_limits(logged[inside], MARGIN))
@@ -132,14 +152,18 @@ def motion_figure(ghosts: Ghosts) -> Figure:
 
 
 def error_figure(ghosts: Ghosts) -> Figure:
-    """Return the error of the predictions against the time ahead: median and the middle half of the starts."""
+    """Return the error of the predictions against the time ahead: median and the middle half of the
+    starts.
+    """
     figure, grid = new_figure(1, 4, width=11.0, height=2.9)
     for name, prediction in ghosts.many.items():
         errors, t = prediction.errors(ghosts.log), prediction.t
         for c, (ax, (quantity, unit, factor)) in enumerate(zip(grid[0], QUANTITIES, strict=True)):
             low, middle, high = factor * np.quantile(errors[..., c], [0.25, 0.5, 0.75], axis=1)
             ax.fill_between(t, low, high, color=COLOURS[name], alpha=0.2, linewidth=0)
-            ax.plot(t, middle, color=COLOURS[name], linestyle=STYLES[name], linewidth=1.6, label=name)
+            ax.plot(
+                t, middle, color=COLOURS[name], linestyle=STYLES[name], linewidth=1.6, label=name
+            )
             ax.set(xlabel="time ahead [s]", ylabel=f"{quantity} [{unit}]", xlim=(0.0, t[-1]))
             ax.set_ylim(bottom=0.0)
             _tidy(ax)

@@ -26,7 +26,9 @@ class HalfCase:
         """
         name = case["set"]
         parts = halves(self.folders.files(name))
-        fitted, judging = (open_set(name, part) for part in (parts[case["half"]], parts[1 - case["half"]]))
+        fitted, judging = (
+            open_set(name, part) for part in (parts[case["half"]], parts[1 - case["half"]])
+        )
         start = time.process_time()
         found = identify(fitted, SETS[name].nominal, mass=stated_mass(name))
         quantities = found.quantities
@@ -39,22 +41,34 @@ class HalfCase:
             "ratios": found.basis.ratios,
             "processor_time": spent,
             "quantities": [
-                {"name": q.name, "unit": q.quantity.unit, "positive": q.quantity.positive, "value": q.value,
-                 "ci95": [q.low, q.high], "told": q.told, "p": q.p}
+                {
+                    "name": q.name,
+                    "unit": q.quantity.unit,
+                    "positive": q.quantity.positive,
+                    "value": q.value,
+                    "ci95": [q.low, q.high],
+                    "told": q.told,
+                    "p": q.p,
+                }
                 for q in quantities
             ],
             "held_out": [
-                _errors(row, weight, found.basis.frame.arm) for row in held_out(found, judging, plain=True)
+                _errors(row, weight, found.basis.frame.arm)
+                for row in held_out(found, judging, plain=True)
             ],
-        }  # fmt: skip
+        }
 
 
 def _errors(row: HeldOut, weight: float, arm: float) -> dict[str, Any]:
-    """Return force over weight, torque over weight times arm [1], and open-loop errors by horizon."""
+    """Return force over weight, torque over weight times arm [1], and open-loop errors by
+    horizon.
+    """
     return {
         "flight": row.flight,
         "model": row.model,
         "force": float(np.linalg.norm(row.force)) / weight,
         "torque": float(np.linalg.norm(row.torque)) / (weight * arm),
-        "open_loop": {f"{horizon:g}": list(e) for horizon, e in zip(HORIZONS, row.open_loop, strict=True)},
+        "open_loop": {
+            f"{horizon:g}": list(e) for horizon, e in zip(HORIZONS, row.open_loop, strict=True)
+        },
     }

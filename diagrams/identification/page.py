@@ -1,4 +1,6 @@
-"""Page of an identification: what the flights tell of a vehicle, how sure, and how well it predicts another flight."""
+"""Page of an identification: what the flights tell of a vehicle, how sure, and how well it predicts
+another flight.
+"""
 
 from collections.abc import Sequence
 from importlib.metadata import version
@@ -7,8 +9,20 @@ from typing import Any
 
 import numpy as np
 
-from diagrams.identification.figures import agreement_figure, flights_line, interval_figure, residual_figure
-from diagrams.identification.ghosts import HORIZON, error_figure, ghosts_of, motion_figure, path_figure, title_of
+from diagrams.identification.figures import (
+    agreement_figure,
+    flights_line,
+    interval_figure,
+    residual_figure,
+)
+from diagrams.identification.ghosts import (
+    HORIZON,
+    error_figure,
+    ghosts_of,
+    motion_figure,
+    path_figure,
+    title_of,
+)
 from diagrams.identification.text import (
     KINDS,
     RATIOS,
@@ -46,10 +60,8 @@ def write_page(
     """Write `identification.html` and its figures to a folder, and return the path of the page.
 
     Args:
-        found: the identification.
-        rows: errors on the held-out flights.
-        judging: these flights; the first that holds position, velocity and attitude gives the ghosts.
-        folder: existing folder.
+        judging: these flights; the first that holds position, velocity and attitude gives the
+            ghosts.
         parts: share of each that counts, first and last [1]; default: whole flights.
     Raises: OSError: if the folder cannot be written.
     """
@@ -63,7 +75,10 @@ def write_page(
     ghosts, why = None, "No flight was held out."
     for number, log in enumerate(judging):
         if log.lacks:
-            why = f"{log.name} holds no {listed([{'height': 'position'}.get(w, w) for w in log.lacks])}: no ghosts."
+            why = (
+                f"{log.name} holds no "
+                f"{listed([{'height': 'position'}.get(w, w) for w in log.lacks])}: no ghosts."
+            )
             continue
         try:
             ghosts = ghosts_of(found, log, parts[number] if parts else (0.0, 1.0))
@@ -93,14 +108,10 @@ def write_page(
     return folder / PAGE
 
 
-def content(found: Identification, rows: Sequence[HeldOut], each: Sequence[FlightValues]) -> dict[str, Any]:
-    """Return the values that the template uses, with numbers formatted as text.
-
-    Args:
-        found: the identification.
-        rows: errors on held-out flights.
-        each: what each flight tells alone.
-    """
+def content(
+    found: Identification, rows: Sequence[HeldOut], each: Sequence[FlightValues]
+) -> dict[str, Any]:
+    """Return the values that the template uses, with numbers formatted as text."""
     drive = KINDS[found.basis.drive]
     units = ("N/kg", "N·m/kg") if found.basis.ratios else ("N", "N·m")
     return {
@@ -110,7 +121,14 @@ def content(found: Identification, rows: Sequence[HeldOut], each: Sequence[Fligh
         "ratios": capital(RATIOS) + "." if found.basis.ratios else "",
         "file": "" if found.basis.ratios else VEHICLE,
         "not_told": [(capital(listed(names)), why, way) for way, names, why in not_told(found)],
-        "header": ["quantity", "value", "95 %", "prior, 95 %", "told by", *(["flights"] if each else [])],
+        "header": [
+            "quantity",
+            "value",
+            "95 %",
+            "prior, 95 %",
+            "told by",
+            *(["flights"] if each else []),
+        ],
         "quantities": [
             [
                 q.name,
@@ -124,9 +142,17 @@ def content(found: Identification, rows: Sequence[HeldOut], each: Sequence[Fligh
         "agreeing": [told.quantity.name for told in each if not told.differ],
         "differing": [f"{capital(sentence)}." for sentence in differences(each)],
         "numbers": flights_line(found),
-        "residual_header": ["flight", "model", *(f"{kind} {axis}" for kind in ("force", "torque") for axis in "xyz")],
+        "residual_header": [
+            "flight",
+            "model",
+            *(f"{kind} {axis}" for kind in ("force", "torque") for axis in "xyz"),
+        ],
         "residuals": [_residual(row, units) for row in rows],
-        "open_header": ["flight", "model", *(f"{name}, {h:g} s" for h in HORIZONS for name in _OPEN)],
+        "open_header": [
+            "flight",
+            "model",
+            *(f"{name}, {h:g} s" for h in HORIZONS for name in _OPEN),
+        ],
         "open_loop": [_open_loop(row) for row in rows if np.isfinite(row.open_loop).any()],
         "horizon": f"{HORIZON:g}",
         "flights": [
@@ -143,12 +169,21 @@ def content(found: Identification, rows: Sequence[HeldOut], each: Sequence[Fligh
     }
 
 
-_OPEN = {"position": ("m", 1.0), "velocity": ("m/s", 1.0), "attitude": ("°", 180 / np.pi), "rates": ("rad/s", 1.0)}
+_OPEN = {
+    "position": ("m", 1.0),
+    "velocity": ("m/s", 1.0),
+    "attitude": ("°", 180 / np.pi),
+    "rates": ("rad/s", 1.0),
+}
 
 
 def _residual(row: HeldOut, units: tuple[str, str]) -> list[str]:
     both = zip((row.force, row.torque), units, strict=True)
-    return [row.flight, row.model, *(measure(float(v), unit) for values, unit in both for v in values)]
+    return [
+        row.flight,
+        row.model,
+        *(measure(float(v), unit) for values, unit in both for v in values),
+    ]
 
 
 def _open_loop(row: HeldOut) -> list[str]:
@@ -171,4 +206,8 @@ def _mass(found: Identification) -> str:
         return f"{measure(basis.mass, 'kg', 3)}, given"
     if basis.newtons:
         return "from commanded thrust, which counts as right"
-    return "not known" if basis.ratios else "from the thrust coefficient of the file, which counts as right"
+    return (
+        "not known"
+        if basis.ratios
+        else "from the thrust coefficient of the file, which counts as right"
+    )

@@ -1,4 +1,6 @@
-"""Public sets of real flights of one vehicle each: campaigns in which nothing is attached, and two halves of each."""
+"""Public sets of real flights of one vehicle each: campaigns in which nothing is attached, and two
+halves of each.
+"""
 
 import dataclasses as dc
 from collections.abc import Collection, Sequence
@@ -10,11 +12,12 @@ from diagrams.challenge.real.truth import Truth
 from np_drake.flight_log import FlightLog
 from np_drake.logs.importing.log_map import load_map_file
 from np_drake.logs.opening import read_as_logged, with_vehicle
-from np_drake.vehicle_estimate import Measured, estimate
+from np_drake.vehicle.estimate import Measured, estimate
 
 BENCHMARK = "idsia"  # has a benchmark of open-loop prediction
-# A quadrotor of three-inch propellers; neither wheelbase nor mass is stated with the logs: a guess, and all is told
-# over the mass. What acts on these flights is not known either, so that they give no case of the diagnosis.
+# A quadrotor of three-inch propellers; neither wheelbase nor mass is stated with the logs: a guess,
+# and all is told over the mass. What acts on these flights is not known either, so that they give
+# no case of the diagnosis.
 INDIFLIGHT = Campaign(
     "indiflight",
     "indiflight",
@@ -33,7 +36,9 @@ SETS = {
 
 
 def stated_mass(name: str) -> float | None:
-    """Return the mass that the documents of a set state [kg]; None: they do not, so that all is told over it."""
+    """Return the mass that the documents of a set state [kg]; None: they do not, so that all is
+    told over it.
+    """
     return None if SETS[name] is INDIFLIGHT else SETS[name].nominal.mass
 
 
@@ -51,10 +56,6 @@ class Folders:
 
 def present_sets(folders: Folders, only: Collection[str] = ()) -> list[str]:
     """Return the names of the sets of which two flights at least are there.
-
-    Args:
-        folders: of the flights.
-        only: names; empty: all.
     Raises: ValueError: if a folder is missing, a name unknown, or no set is there.
     """
     names = list(SETS)
@@ -65,7 +66,9 @@ def present_sets(folders: Folders, only: Collection[str] = ()) -> list[str]:
             raise ValueError(f"{folder}: must be a folder of real flights; it is not there.")
     found = [name for name in names if (not only or name in only) and len(folders.files(name)) > 1]
     if not found:
-        raise ValueError(f"{folders.real}: must hold two flights of {', '.join(only or names)}; got none.")
+        raise ValueError(
+            f"{folders.real}: must hold two flights of {', '.join(only or names)}; got none."
+        )
     return found
 
 
@@ -76,10 +79,6 @@ def halves(files: Sequence[Path]) -> tuple[list[Path], list[Path]]:
 
 def open_set(name: str, files: Sequence[Path]) -> list[FlightLog]:
     """Return the flights of logs of a set.
-
-    Args:
-        name: of the set.
-        files: its logs.
     Raises: LogError: one line with file and reason; OSError: if one cannot be opened.
     """
     chosen = SETS[name]

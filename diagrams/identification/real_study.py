@@ -15,20 +15,23 @@ Options = RealFlightOptions
 
 
 def run(run: Run, options: Options) -> Report:
-    """Real vehicles, each identified from two halves of its flights. --out DIR: cases to resume from.
-
-    Args:
-        run: seed, folders, workers and progress.
-        options: of the study.
+    """Real vehicles, each identified from two halves of its flights. --out DIR: cases to resume
+    from.
     """
     real = options.given("identification-flights")
     folders = Folders(real.resolve(), options.neurobem and options.neurobem.resolve())
     names = present_sets(folders, options.only or ())
-    config: dict[str, Any] = {"folder": real.name, "neurobem": options.neurobem and options.neurobem.name}
+    config: dict[str, Any] = {
+        "folder": real.name,
+        "neurobem": options.neurobem and options.neurobem.name,
+    }
     cases = [{"set": name, "half": half} for name in names for half in (0, 1)]
     records = run.cases("identifying", "halves", HalfCase(folders), cases, config=config)
     require_result(records)
-    of_set = {name: [r["result"] for r in records if r["case"]["set"] == name and "result" in r] for name in names}
+    of_set = {
+        name: [r["result"] for r in records if r["case"]["set"] == name and "result" in r]
+        for name in names
+    }
     sets = {name: two for name, two in of_set.items() if len(two) == 2}
     judged = _benchmark(run, folders, names, config)
     return Report(
@@ -44,11 +47,15 @@ def run(run: Run, options: Options) -> Report:
     )
 
 
-def _benchmark(run: Run, folders: Folders, names: list[str], config: dict[str, Any]) -> list[dict[str, Any]]:
+def _benchmark(
+    run: Run, folders: Folders, names: list[str], config: dict[str, Any]
+) -> list[dict[str, Any]]:
     """Return the result of the benchmark, in a list; none where its flights are not there."""
     judging = [f.name.startswith(JUDGING) for f in folders.files(BENCHMARK)]
     if BENCHMARK not in names or not any(judging) or all(judging):
         return []
     cases = [{"set": BENCHMARK, "judging": JUDGING}]
-    records = run.cases("predicting", "", BenchmarkCase(folders), cases, config=config, part="benchmark")
+    records = run.cases(
+        "predicting", "", BenchmarkCase(folders), cases, config=config, part="benchmark"
+    )
     return [r["result"] for r in records if "result" in r]

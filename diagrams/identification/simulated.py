@@ -1,11 +1,19 @@
-"""Random vehicles flown in Drake, with logs as real sensors write them: the truth against which to identify."""
+"""Random vehicles flown in Drake, with logs as real sensors write them: the truth against which to
+identify.
+"""
 
 import dataclasses as dc
 
 import numpy as np
 
 from diagrams.batch.failed_run import FailedRun
-from diagrams.challenge.generate.sensor_quality import REAL, draw_sensor_quality, kept_rows, rows_of, with_sensor_noise
+from diagrams.challenge.generate.sensor_quality import (
+    REAL,
+    draw_sensor_quality,
+    kept_rows,
+    rows_of,
+    with_sensor_noise,
+)
 from diagrams.challenge.generate.trajectories import draw_plans
 from diagrams.challenge.simulators.drake.simulator import fly
 from np_drake import attitude
@@ -14,16 +22,19 @@ from np_drake.effects.calibration import effects_of
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.translational_lift import TranslationalLift
 from np_drake.flight_log import FlightLog
-from np_drake.published_vehicles import LogNormal, published_priors
-from np_drake.vehicle import MeasurementNoise, Vehicle
-from np_drake.vehicle_calibration import Calibration, ThrottleMap
-from np_drake.vehicle_physics import AIR, least_torque_over_thrust
+from np_drake.vehicle.calibration import Calibration, ThrottleMap
+from np_drake.vehicle.physics import AIR, least_torque_over_thrust
+from np_drake.vehicle.published import LogNormal, published_priors
+from np_drake.vehicle.vehicle import MeasurementNoise, Vehicle
 
 INPUTS = ("rotor_speed", "throttle", "command")
 LIGHTEST, HEAVIEST = 0.03, 20.0  # [kg]
 G = 9.81
-TACHOMETER = 0.002  # white noise of rotor speed, of hover [1]; that of telemetry of the flights by IMRCLab is 0.001
-SATURATED = 0.005  # share of rotor commands at a limit, from which a loop oscillates [1]; own choice
+# white noise of rotor speed, of hover [1]; that of telemetry of the flights by IMRCLab is 0.001
+TACHOMETER = 0.002
+SATURATED = (
+    0.005  # share of rotor commands at a limit, from which a loop oscillates [1]; own choice
+)
 ATTEMPTS = 40  # draws of a vehicle until its controller flies it
 
 
@@ -31,9 +42,11 @@ ATTEMPTS = 40  # draws of a vehicle until its controller flies it
 class Truth:
     """A simulated vehicle.
 
-    vehicle: its true parameters, calibration included.   throttle: its map.   imu: (3,) the accelerometer from Bo [m].
-    drag, flapping, lift: of the air.   input: what its logs hold.
-    known: what its owner knows: geometry and mass, with guesses for the rest.
+    vehicle: its true parameters, calibration included.
+    throttle: its map.
+    imu: (3,) the accelerometer from Bo [m]. drag, flapping, lift: of the air.
+    input: what its logs hold. known: what its owner knows: geometry and mass, with guesses for the
+        rest.
     """
 
     vehicle: Vehicle
@@ -60,7 +73,8 @@ class Truth:
             "lift of lateral speed": self.lift.lift / v.mass,
         }
         found |= {
-            f"inertia {a}{b}": v.J["xyz".index(a), "xyz".index(b)] for a, b in ("xx", "yy", "zz", "xy", "xz", "yz")
+            f"inertia {a}{b}": v.J["xyz".index(a), "xyz".index(b)]
+            for a, b in ("xx", "yy", "zz", "xy", "xz", "yz")
         }
         found |= {f"centre of mass {a}": c.center_of_mass[i] for i, a in enumerate("xy")}
         found |= {f"gain of rotor {i + 1}": gain for i, gain in enumerate(c.rotor_gains)}
@@ -96,7 +110,6 @@ def draw_truth(rng: np.random.Generator, kind: str) -> Truth:
     """Draw a vehicle.
 
     Args:
-        rng: source of the draw.
         kind: of input, one of `INPUTS`.
     """
     mass = float(np.exp(rng.uniform(np.log(LIGHTEST), np.log(HEAVIEST))))
@@ -125,7 +138,9 @@ def draw_truth(rng: np.random.Generator, kind: str) -> Truth:
         imu_tilt=[_spread(rng, 0.0, 0.015) for _ in range(3)],
     )
     strongest = float(rng.uniform(1.9, 3.5)) * 0.25 * mass * G
-    throttle = ThrottleMap(strongest, float(rng.uniform(0.0, 0.4)), 0.0, 3.7, float(rng.uniform(1.0, 2.0)))
+    throttle = ThrottleMap(
+        strongest, float(rng.uniform(0.0, 0.4)), 0.0, 3.7, float(rng.uniform(1.0, 2.0))
+    )
     lag = float(np.clip(_drawn(rng, told.time_constant), 0.012, 0.07))
     directions = [1.0, -1.0, 1.0, -1.0] if rng.integers(2) else [-1.0, 1.0, -1.0, 1.0]
     positions = [[x, y, 0.0], [x, -y, 0.0], [-x, -y, 0.0], [-x, y, 0.0]]
@@ -162,13 +177,12 @@ def draw_truth(rng: np.random.Generator, kind: str) -> Truth:
     return Truth(vehicle, throttle, imu, dragging, flapping, lift, kind, known)
 
 
-def fly_truth(truth: Truth, rng: np.random.Generator, flights: int, seconds: float) -> list[FlightLog]:
+def fly_truth(
+    truth: Truth, rng: np.random.Generator, flights: int, seconds: float
+) -> list[FlightLog]:
     """Return logs of ordinary flights.
 
     Args:
-        truth: the vehicle.
-        rng: source of plans and noise.
-        flights: how many.
         seconds: length of each [s].
     """
     v = truth.vehicle
@@ -177,26 +191,33 @@ def fly_truth(truth: Truth, rng: np.random.Generator, flights: int, seconds: flo
     logs, white = [], v.measurement_noise
     for number, plan in enumerate(draw_plans(rng, v, seconds, flights)):
         # The accelerometer's reading is turned to W by the attitude of the log.
-        quality = dc.replace(draw_sensor_quality(REAL, rng, spin), rotor=TACHOMETER * spin, turned=True)
+        quality = dc.replace(
+            draw_sensor_quality(REAL, rng, spin), rotor=TACHOMETER * spin, turned=True
+        )
         seen = np.array([0.002] * 3 + [0.0, *[0.003] * 3] + [0.02] * 3 + [white.rate] * 3)
         exact = fly(
-            v, plan, (*effects, truth.drag, truth.flapping, truth.lift), t=quality.instants(rng, seconds), noise=seen
+            v,
+            plan,
+            (*effects, truth.drag, truth.flapping, truth.lift),
+            t=quality.instants(rng, seconds),
+            noise=seen,
         )
         thrust = exact.u @ v.unmixer.T
         limited = (thrust < 0.01 * v.max_rotor_thrust) | (thrust > 0.99 * v.max_rotor_thrust)
         if np.mean(limited) > SATURATED:
-            raise FailedRun("identification: no ordinary flight: the loop of this vehicle oscillates.")
+            raise FailedRun(
+                "identification: no ordinary flight: the loop of this vehicle oscillates."
+            )
         logs.append(_as_logged(exact, truth, quality, rng, f"flight{number}"))
     return logs
 
 
-def draw_and_fly(seed: int, kind: str, flights: int, seconds: float) -> tuple[Truth, list[FlightLog]]:
+def draw_and_fly(
+    seed: int, kind: str, flights: int, seconds: float
+) -> tuple[Truth, list[FlightLog]]:
     """Return a vehicle and its logs, drawn until its controller flies it without oscillation.
 
     Args:
-        seed: of the draw.
-        kind: of input.
-        flights: how many.
         seconds: length of each [s].
     Raises: FailedRun: if no draw can be flown.
     """
@@ -210,13 +231,17 @@ def draw_and_fly(seed: int, kind: str, flights: int, seconds: float) -> tuple[Tr
     raise FailedRun(f"identification: no vehicle of seed {seed} could be flown.")
 
 
-def _as_logged(exact: FlightLog, truth: Truth, quality, rng: np.random.Generator, name: str) -> FlightLog:
+def _as_logged(
+    exact: FlightLog, truth: Truth, quality, rng: np.random.Generator, name: str
+) -> FlightLog:
     """Return a flight as the sensors of the vehicle log it."""
     v, g = truth.vehicle, np.array([0.0, 0.0, G])
     # The accelerometer averages over the interval after a row: the change of its velocity.
     velocity = exact.v + attitude.rotate(exact.q, np.cross(exact.w, truth.imu))
     rate = np.diff(velocity, axis=0) / np.diff(exact.t)[:, None]
-    half = attitude.rotation_vector(attitude.multiply(attitude.conjugate(exact.q[:-1]), exact.q[1:]))
+    half = attitude.rotation_vector(
+        attitude.multiply(attitude.conjugate(exact.q[:-1]), exact.q[1:])
+    )
     middle = attitude.multiply(exact.q[:-1], attitude.from_rotation_vector(0.5 * half))
     force = attitude.rotate_back(middle, rate + g)
     force = np.concatenate([force, force[-1:]])
@@ -225,7 +250,13 @@ def _as_logged(exact: FlightLog, truth: Truth, quality, rng: np.random.Generator
     turn = attitude.from_rotation_vector(np.array([v.calibration.imu_tilt]))[0]
     turns = np.broadcast_to(turn, log.q.shape)
     force = attitude.rotate_back(turns, attitude.rotate_back(log.q, log.a + g))
-    log = dc.replace(log, a=attitude.rotate(log.q, force) - g, w=attitude.rotate_back(turns, log.w), al=None, name=name)
+    log = dc.replace(
+        log,
+        a=attitude.rotate(log.q, force) - g,
+        w=attitude.rotate_back(turns, log.w),
+        al=None,
+        name=name,
+    )
     log = rows_of(log, kept_rows(rng, quality, len(log)))
     if truth.input == "rotor_speed":
         return dc.replace(log, input="rotor_speed")

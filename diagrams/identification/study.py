@@ -16,18 +16,18 @@ class Options:
     """Options of the study."""
 
     vehicles: Annotated[
-        int, Option(min=1, max=10_000, help="Vehicles; their input in turn: rotor speed, throttle, thrust.")
+        int,
+        Option(
+            min=1, max=10_000, help="Vehicles; their input in turn: rotor speed, throttle, thrust."
+        ),
     ] = 200
     flights: Annotated[int, Option(min=1, max=100, help="Flights of each vehicle.")] = 3
     seconds: Annotated[float, Option(min=5.0, max=600.0, help="Length of a flight [s].")] = 30.0
 
 
 def run(run: Run, options: Options) -> Report:
-    """Simulated vehicles of 30 g to 20 kg, identified from their logs. --out DIR: cases to resume from.
-
-    Args:
-        run: seed, folders, workers and progress.
-        options: of the study.
+    """Simulated vehicles of 30 g to 20 kg, identified from their logs. --out DIR: cases to resume
+    from.
     """
     cases = make_cases(options.vehicles, run.seed)
     flown: dict[str, Any] = {"flights": options.flights, "seconds": options.seconds}

@@ -1,4 +1,6 @@
-"""Identified quantities as text: values with 95 % intervals, and what flights do not tell with what would."""
+"""Identified quantities as text: values with 95 % intervals, and what flights do not tell with what
+would.
+"""
 
 import math
 from collections.abc import Sequence
@@ -13,51 +15,47 @@ from np_drake.identification.identify import Identification
 from np_drake.identification.quantities import Identified
 from np_drake.identification.validation import HeldOut
 
-RATIOS = "the mass is not known, so that all values are over it (kg counts as 1); give --mass for a vehicle file"
+RATIOS = (
+    "the mass is not known, so that all values are over it (kg counts as 1); give --mass "
+    "for a vehicle file"
+)
 # (factor, unit) in which a vehicle's lengths and small angles are read best; a drag is no share.
-SHOWN = {"m": (1e3, "mm"), "m/s": (1e3, "mm/s"), "rad": (float(np.degrees(1.0)), "°"), "1/s": (1.0, "s⁻¹")}
+SHOWN = {
+    "m": (1e3, "mm"),
+    "m/s": (1e3, "mm/s"),
+    "rad": (float(np.degrees(1.0)), "°"),
+    "1/s": (1.0, "s⁻¹"),
+}
 RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
-KINDS = {"rotor_speed": "measured rotor speed", "throttle": "throttle of each motor", "command": "thrust and torque"}
+KINDS = {
+    "rotor_speed": "measured rotor speed",
+    "throttle": "throttle of each motor",
+    "command": "thrust and torque",
+}
 
 
 def unit_of(found: Identification, q: Identified) -> str:
-    """Return the unit of a quantity, over the mass where only ratios are told.
-
-    Args:
-        found: the identification.
-        q: one of its quantities.
-    """
-    return f"{q.quantity.unit}/kg" if found.basis.ratios and q.quantity.per_mass else q.quantity.unit
+    """Return the unit of a quantity, over the mass where only ratios are told."""
+    return (
+        f"{q.quantity.unit}/kg" if found.basis.ratios and q.quantity.per_mass else q.quantity.unit
+    )
 
 
 def interval(found: Identification, q: Identified) -> tuple[str, str]:
-    """Return value and 95 % interval of a quantity as text, with the digits that the interval tells.
-
-    Args:
-        found: the identification.
-        q: one of its quantities.
+    """Return value and 95 % interval of a quantity as text, with the digits that the interval
+    tells.
     """
     return _text(shown_in(found, q), q.value, q.low, q.high)
 
 
 def prior_interval(found: Identification, q: Identified) -> str:
-    """Return the 95 % interval of the prior as text, in the unit of the value.
-
-    Args:
-        found: the identification.
-        q: one of its quantities.
-    """
+    """Return the 95 % interval of the prior as text, in the unit of the value."""
     low, high = q.prior
     return _text(shown_in(found, q), 0.5 * (low + high), low, high, brief=True)[1]
 
 
 def shown_in(found: Identification, q: Identified) -> tuple[float, str]:
-    """Return the factor and the name of the unit in which a quantity is shown.
-
-    Args:
-        found: the identification.
-        q: one of its quantities.
-    """
+    """Return the factor and the name of the unit in which a quantity is shown."""
     unit, largest = unit_of(found, q), max(abs(q.value), abs(q.low), abs(q.high))
     if unit in SHOWN:
         return SHOWN[unit]
@@ -67,19 +65,18 @@ def shown_in(found: Identification, q: Identified) -> tuple[float, str]:
     return suited(largest, unit)
 
 
-def _text(shown: tuple[float, str], value: float, low: float, high: float, *, brief: bool = False) -> tuple[str, str]:
+def _text(
+    shown: tuple[float, str], value: float, low: float, high: float, *, brief: bool = False
+) -> tuple[str, str]:
     factor, unit = shown
-    return estimate(Estimate(factor * value, unit, (factor * low, factor * high)), unit, brief=brief)
+    return estimate(
+        Estimate(factor * value, unit, (factor * low, factor * high)), unit, brief=brief
+    )
 
 
 def half_width(found: Identification, q: Identified, low: float, high: float) -> str:
-    """Return half of an interval: relative where a quantity is positive, else in the unit of its value.
-
-    Args:
-        found: the identification.
-        q: one of its quantities.
-        low: end of the interval.
-        high: likewise.
+    """Return half of an interval: relative where a quantity is positive, else in the unit of its
+    value.
     """
     if not q.quantity.positive:
         return f"± {number(0.5 * shown_in(found, q)[0] * (high - low), 2)}"
@@ -88,13 +85,19 @@ def half_width(found: Identification, q: Identified, low: float, high: float) ->
 
 
 def not_told(found: Identification) -> list[tuple[str, list[str], str]]:
-    """Return (manoeuvre, names, why) of what the flights do not tell, a manoeuvre each that would tell it."""
+    """Return (manoeuvre, names, why) of what the flights do not tell, a manoeuvre each that would
+    tell it.
+    """
     ways: dict[str, list[Identified]] = {}
     for q in found.quantities:
         if not q.told and q.quantity.manoeuvre:
             ways.setdefault(q.quantity.manoeuvre, []).append(q)
     return [
-        (way, [q.name for q in names], "; ".join(dict.fromkeys(q.quantity.why for q in names if q.quantity.why)))
+        (
+            way,
+            [q.name for q in names],
+            "; ".join(dict.fromkeys(q.quantity.why for q in names if q.quantity.why)),
+        )
         for way, names in ways.items()
     ]
 
@@ -102,8 +105,12 @@ def not_told(found: Identification) -> list[tuple[str, list[str], str]]:
 def summary(found: Identification) -> list[str]:
     """Return what a reader must know, a sentence each."""
     lines = [headline(found)]
-    lines += [f"not told: {', '.join(names)}; {way} would tell" for way, names, _ in not_told(found)]
-    lines += [f"not told: {q.name}" for q in found.quantities if not q.told and not q.quantity.manoeuvre]
+    lines += [
+        f"not told: {', '.join(names)}; {way} would tell" for way, names, _ in not_told(found)
+    ]
+    lines += [
+        f"not told: {q.name}" for q in found.quantities if not q.told and not q.quantity.manoeuvre
+    ]
     if differing := differences([*own_values(found), *flight_values(found)]):
         lines += [*differing, "where flights differ, intervals hold the spread between them"]
     if found.basis.ratios:
@@ -112,15 +119,15 @@ def summary(found: Identification) -> list[str]:
 
 
 def differences(each: Sequence[FlightValues]) -> list[str]:
-    """Return what flights differ in: a sentence for what stands out or moves with something, one for all else.
-
-    Args:
-        each: quantities with the values of the flights.
+    """Return what flights differ in: a sentence for what stands out or moves with something, one
+    for all else.
     """
     differing = [told for told in each if told.differ]
     plain = [told.quantity.name for told in differing if not told.apart and not told.moves_with]
-    return [*([f"flights differ in: {'; '.join(plain)}"] if plain else []),
-            *(told.text for told in differing if told.quantity.name not in plain)]  # fmt: skip
+    return [
+        *([f"flights differ in: {'; '.join(plain)}"] if plain else []),
+        *(told.text for told in differing if told.quantity.name not in plain),
+    ]
 
 
 def agreement(q: Identified) -> str:
@@ -142,17 +149,22 @@ def headline(found: Identification) -> str:
 
 
 def lead(found: Identification, rows: Sequence[HeldOut]) -> str:
-    """Return the leading values, and how the held-out residual changes.
-
-    Args:
-        found: the identification.
-        rows: errors on held-out flights.
-    """
-    leading = ("mass", "thrust coefficient", "thrust at full throttle", "inertia xx", "inertia yy", "inertia zz",
-               "time constant up", "transport delay")  # fmt: skip
+    """Return the leading values, and how the held-out residual changes."""
+    leading = (
+        "mass",
+        "thrust coefficient",
+        "thrust at full throttle",
+        "inertia xx",
+        "inertia yy",
+        "inertia zz",
+        "time constant up",
+        "transport delay",
+    )
     known = {q.name: q for q in found.quantities if q.told}
     first = [known[name] for name in leading if name in known and known[name].quantity.positive]
-    values = [f"{q.name} {interval(found, q)[0]} ({half_width(found, q, q.low, q.high)})" for q in first]
+    values = [
+        f"{q.name} {interval(found, q)[0]} ({half_width(found, q, q.low, q.high)})" for q in first
+    ]
     said = [f"{listed(values)}."] if values else []
     said[:1] = [said[0][:1].upper() + said[0][1:]] if said else []
     if text := change(rows):
@@ -161,7 +173,9 @@ def lead(found: Identification, rows: Sequence[HeldOut]) -> str:
 
 
 def change(rows: Sequence[HeldOut]) -> str:
-    """Return how far the residual of held-out flights changes from the vehicle file to the identified one."""
+    """Return how far the residual of held-out flights changes from the vehicle file to the
+    identified one.
+    """
     names = list(dict.fromkeys(row.flight for row in rows))
     both = []
     for kind in ("force", "torque"):

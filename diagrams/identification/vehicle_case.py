@@ -1,4 +1,6 @@
-"""A simulated vehicle, identified: what is told of each quantity, beside the truth and two naive answers."""
+"""A simulated vehicle, identified: what is told of each quantity, beside the truth and two naive
+answers.
+"""
 
 import dataclasses as dc
 import time
@@ -18,13 +20,10 @@ SMALL = 1e-6  # move of a parameter that shows whether a quantity depends on it 
 
 
 def make_cases(vehicles: int, seed: int) -> list[Case]:
-    """Return the cases: a seed each, the kinds of input in turn.
-
-    Args:
-        vehicles: their number.
-        seed: of the study.
-    """
-    return [{"seed": seed + number, "kind": INPUTS[number % len(INPUTS)]} for number in range(vehicles)]
+    """Return the cases: a seed each, the kinds of input in turn."""
+    return [
+        {"seed": seed + number, "kind": INPUTS[number % len(INPUTS)]} for number in range(vehicles)
+    ]
 
 
 @dc.dataclass(frozen=True)
@@ -51,26 +50,27 @@ class VehicleCase:
             "refused": refused_draws(case["seed"], truth),
             "processor_time": spent,
             "quantities": [
-                _beside_truth(q, known[q.name], truth, found.basis, plain) for q in quantities if q.name in known
+                _beside_truth(q, known[q.name], truth, found.basis, plain)
+                for q in quantities
+                if q.name in known
             ],
         }
 
 
 def refused_draws(seed: int, truth: Truth) -> int:
-    """Return how many vehicles were drawn before the one that its controller flies.
-
-    Args:
-        seed: of the draws.
-        truth: the vehicle that was flown.
-    """
+    """Return how many vehicles were drawn before the one that its controller flies."""
     for attempt in range(ATTEMPTS):
         drawn = draw_truth(np.random.default_rng((seed, attempt)), truth.input)
         if drawn.vehicle.mass == truth.vehicle.mass:
             return attempt
-    raise ValueError(f"identification: vehicle of {truth.vehicle.mass:g} kg is none of seed {seed}.")
+    raise ValueError(
+        f"identification: vehicle of {truth.vehicle.mass:g} kg is none of seed {seed}."
+    )
 
 
-def _beside_truth(q: Identified, true: float, truth: Truth, basis: Basis, plain: Values) -> dict[str, Any]:
+def _beside_truth(
+    q: Identified, true: float, truth: Truth, basis: Basis, plain: Values
+) -> dict[str, Any]:
     low, high = q.prior
     guess = float(np.sqrt(low * high)) if q.quantity.positive else 0.5 * (low + high)
     naive = q.quantity.of(plain, basis) if _moves(q.quantity, basis, plain) else None
@@ -100,13 +100,8 @@ def _moves(quantity: Quantity, basis: Basis, values: Values) -> bool:
 def error_of(quantity: Quantity, value: float, true: float, truth: Truth) -> tuple[str, float]:
     """Return the unit in which a quantity is judged, and the error.
 
-    A share of the truth where the quantity is positive, of the inertia it belongs to where it is a product of inertia.
-
-    Args:
-        quantity: what it is.
-        value: told.
-        true: truth.
-        truth: the vehicle.
+    A share of the truth where the quantity is positive, of the inertia it belongs to where it is a
+    product of inertia.
     """
     off = abs(value - true)
     if quantity.unit == "s":

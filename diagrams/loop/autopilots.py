@@ -30,7 +30,9 @@ class AutopilotConfig:
         Raises: ValueError: where one is impossible.
         """
         if self.kind not in AUTOPILOTS:
-            raise ValueError(f"autopilot: must be one of {', '.join(AUTOPILOTS)}; got {self.kind!r}.")
+            raise ValueError(
+                f"autopilot: must be one of {', '.join(AUTOPILOTS)}; got {self.kind!r}."
+            )
         self.betaflight.check()
         return self
 
@@ -41,16 +43,16 @@ class AutopilotConfig:
 
 
 def add_autopilot(
-    builder: DiagramBuilder, config: AutopilotConfig, vehicle: Vehicle, real: Diagram, rates_thrust: OutputPort
+    builder: DiagramBuilder,
+    config: AutopilotConfig,
+    vehicle: Vehicle,
+    real: Diagram,
+    rates_thrust: OutputPort,
 ) -> LeafSystem:
     """Add the autopilot of a flight, and return it; its port `u` drives the rotors.
 
     Args:
-        builder: of the flight's Diagram.
-        config: of the autopilot.
-        vehicle: as its file says.
         real: the vehicle that flies, whose true motion the autopilot's sensors see.
-        rates_thrust: commanded collective thrust and body rates.
     Raises: ValueError: where the firmware is missing or refuses its settings.
     """
     system: LeafSystem
@@ -66,13 +68,11 @@ def add_autopilot(
     return system
 
 
-def as_flown(config: AutopilotConfig, vehicle: Vehicle, reality: RealityConfig) -> tuple[Vehicle, RealityConfig]:
-    """Return the vehicle and what acts on it behind an autopilot; lag and delay of the rotors are within a rate loop.
-
-    Args:
-        config: of the autopilot.
-        vehicle: as its file says.
-        reality: what acts on it besides.
+def as_flown(
+    config: AutopilotConfig, vehicle: Vehicle, reality: RealityConfig
+) -> tuple[Vehicle, RealityConfig]:
+    """Return the vehicle and what acts on it behind an autopilot; lag and delay of the rotors are
+    within a rate loop.
     """
     if config.kind != "rate_loop":
         return vehicle, reality

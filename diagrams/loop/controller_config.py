@@ -26,12 +26,15 @@ CONTROLLERS = ("nominal", "hold", "observer", "oracle", "cascade", *LEARNED)  # 
 class ControllerConfig:
     """Kind of controller, its residual model, solver and timing."""
 
-    # nominal | hold | observer | oracle | cascade | np | payload_filter | gp | knode, or one's own: MODULE:NAME
+    # nominal | hold | observer | oracle | cascade | np | payload_filter | gp | knode, or one's own:
+    # MODULE:NAME
     kind: str = "nominal"
     parameters: dict[str, float] = dc.field(default_factory=dict)  # of one's own, by name
     extra_mass: float = 0.0  # that controller and estimator add to the vehicle's [kg]
     hold_bandwidth: float = np.inf  # of kind hold: a low-pass on top of the labels' own [Hz]
-    predictor: str = ""  # model file of a learned kind; np, payload_filter: empty for the packaged one
+    predictor: str = (
+        ""  # model file of a learned kind; np, payload_filter: empty for the packaged one
+    )
     period: float = 0.02  # between solves, and between samples of the predictor [s]
     command_delay: float = 0.0  # of commands before the rotors' lag; 0: as trained [s]
     track_delay: bool = False  # follow the delay in flight; a model that knows its own always does
@@ -49,24 +52,36 @@ class ControllerConfig:
         self.label.check()
         if self.kind not in CONTROLLERS and not is_own(self.kind):
             raise ValueError(
-                f"controller: must be one of {', '.join(CONTROLLERS)}, or MODULE:NAME of your own; got {self.kind!r}."
+                f"controller: must be one of {', '.join(CONTROLLERS)}, or MODULE:NAME of "
+                f"your own; got {self.kind!r}."
             )
         if self.parameters and not is_own(self.kind):
-            raise ValueError(f"controller: parameters are of one of your own (MODULE:NAME); got kind {self.kind}.")
+            raise ValueError(
+                f"controller: parameters are of one of your own (MODULE:NAME); got kind "
+                f"{self.kind}."
+            )
         require_solver(self.solver)
         if not SHORTEST_PERIOD <= self.period < np.inf:
-            raise ValueError(f"controller: period must be at least {SHORTEST_PERIOD:g} s; got {self.period}.")
+            raise ValueError(
+                f"controller: period must be at least {SHORTEST_PERIOD:g} s; got {self.period}."
+            )
         if not self.deadline > 0 or not self.hold_bandwidth > 0:
             raise ValueError("controller: deadline [s] and hold_bandwidth [Hz] must be positive.")
         if not 0 <= self.command_delay <= LONGEST_DELAY * self.period:
             raise ValueError(
-                f"controller: command_delay must be 0 to {LONGEST_DELAY} periods, {LONGEST_DELAY * self.period:g} s "
+                f"controller: command_delay must be 0 to {LONGEST_DELAY} periods, "
+                f"{LONGEST_DELAY * self.period:g} s "
                 f"for this vehicle; got {self.command_delay:g} s."
             )
         if not 0 <= self.extra_mass < np.inf:
-            raise ValueError(f"controller: extra_mass must be finite and not negative [kg]; got {self.extra_mass}.")
+            raise ValueError(
+                f"controller: extra_mass must be finite and not negative [kg]; got "
+                f"{self.extra_mass}."
+            )
         if self.predictor and self.kind not in LEARNED:
-            raise ValueError(f"controller: a predictor is for kind {', '.join(LEARNED)}; got {self.kind}.")
+            raise ValueError(
+                f"controller: a predictor is for kind {', '.join(LEARNED)}; got {self.kind}."
+            )
         if self.kind in REACTIONS and not self.predictor:
             raise ValueError(
                 f"controller: kind {self.kind} needs its model file (predictor); "
@@ -74,7 +89,8 @@ class ControllerConfig:
             )
         if abs(self.stride * self.period - self.mpc.step) > 1e-9:
             raise ValueError(
-                f"controller: mpc.step must be a whole multiple of period; got {self.mpc.step}, {self.period}."
+                f"controller: mpc.step must be a whole multiple of period; got "
+                f"{self.mpc.step}, {self.period}."
             )
         return self
 

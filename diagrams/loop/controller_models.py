@@ -14,18 +14,15 @@ from np_drake.residual_models.hold import Hold
 from np_drake.residual_models.motion_model import REACTIONS, MotionModel
 from np_drake.residual_models.motion_model import SCHEMA as MOTION_MODEL
 from np_drake.residual_models.neural_predictor import NeuralPredictor as NeuralPredictorModel
-from np_drake.scaling import ratios
 from np_drake.vehicle import Vehicle
+from np_drake.vehicle.scaling import ratios
 
 _log = logging.getLogger(__name__)
 
 
 def make_residual_model(config: ControllerConfig, vehicle: Vehicle) -> ResidualModel | None:
-    """Return the residual model of a controller; None for nominal, cascade, and the oracle, which is no model.
-
-    Args:
-        config: kind, model file and timing.
-        vehicle: that the controller assumes.
+    """Return the residual model of a controller; None for nominal, cascade, and the oracle, which
+    is no model.
     """
     if config.kind == "hold":
         band = config.hold_bandwidth
@@ -33,7 +30,10 @@ def make_residual_model(config: ControllerConfig, vehicle: Vehicle) -> ResidualM
     if config.kind == "observer":
         time_unit = ratios(vehicle).clock
         return DisturbanceObserver(
-            vehicle, step=config.period, force_bandwidth=5.0 / time_unit, torque_bandwidth=1.0 / time_unit
+            vehicle,
+            step=config.period,
+            force_bandwidth=5.0 / time_unit,
+            torque_bandwidth=1.0 / time_unit,
         )
     if config.kind == PAYLOAD_FILTER:
         return _load_payload_filter(config, vehicle)
@@ -64,7 +64,9 @@ def _load_predictor(config: ControllerConfig, vehicle: Vehicle) -> ResidualModel
     """Return the Neural Predictor, of the configuration that its file holds."""
     path = config.predictor or NP_MODEL
     if schema_of(path) in SCHEMAS:
-        _log.warning("%s holds a payload filter, which is no longer flown as np; use payload_filter.", path)
+        _log.warning(
+            "%s holds a payload filter, which is no longer flown as np; use payload_filter.", path
+        )
         return _load_payload_filter(config, vehicle)
     predictor = NeuralPredictorModel.load(path)
     _require_fit(predictor.model, predictor.step, config, vehicle)
@@ -79,7 +81,11 @@ def _load_payload_filter(config: ControllerConfig, vehicle: Vehicle) -> PayloadF
 
 
 def _require_fit(
-    model: Trained, step: float, config: ControllerConfig, vehicle: Vehicle, label: LabelConfig | None = None
+    model: Trained,
+    step: float,
+    config: ControllerConfig,
+    vehicle: Vehicle,
+    label: LabelConfig | None = None,
 ) -> None:
     """Check that the model was trained for these axes, labels (default: those of config) and steps.
 
@@ -89,7 +95,8 @@ def _require_fit(
     require_origin(model, origin_of("world", vehicle, label or config.label))
     if abs(step - config.period) > 1e-9:
         raise ValueError(
-            f"controller: the predictor's step must equal the period; got {step}, {config.period} [s]. "
+            f"controller: the predictor's step must equal the period; got {step}, "
+            f"{config.period} [s]. "
             f"Train it with --step {config.period:g}."
         )
 
@@ -97,13 +104,14 @@ def _require_fit(
 def _require_world_axes(model: Trained) -> None:
     """Check that the predictor's wrenches are in world axes.
 
-    In body axes its zeta would be R^T v, which is not linear in the predicted state: the lifted linear system could not
-    be eliminated exactly.
+    In body axes its zeta would be R^T v, which is not linear in the predicted state: the lifted
+    linear system could not be eliminated exactly.
     Raises: ValueError: on a predictor of wrenches in body axes.
     """
     frame = model.summary.get("origin", {}).get("frame", "world")
     if frame != "world":
         raise ValueError(
-            f"controller: the predictor must be trained on wrenches in world axes; its are in {frame} axes. "
+            f"controller: the predictor must be trained on wrenches in world axes; its are "
+            f"in {frame} axes. "
             "Train it on a flight log."
         )

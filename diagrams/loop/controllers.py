@@ -8,7 +8,13 @@ from pydrake.systems.primitives import ConstantVectorSource
 
 from diagrams.loop.controller_config import ControllerConfig
 from diagrams.loop.controller_models import make_residual_model
-from diagrams.loop.own_controller import Factory, add_own_controller, is_own, load_factory, make_own_controller
+from diagrams.loop.own_controller import (
+    Factory,
+    add_own_controller,
+    is_own,
+    load_factory,
+    make_own_controller,
+)
 from np_drake.command_delay import DelayFilter
 from np_drake.faults.solver import FaultySolver, SolverFault
 from np_drake.labels import ReadsLabels, labelled
@@ -48,7 +54,8 @@ def add_controller(
     factory: Factory | None = None,
     in_force: OutputPort | None = None,
 ) -> dict[str, OutputPort]:
-    """Add reference source, estimator, predictor and MPC, and return their vector ports by signal name.
+    """Add reference source, estimator, predictor and MPC, and return their vector ports by signal
+    name.
 
     Args:
         builder: of the flight's Diagram.
@@ -61,8 +68,10 @@ def add_controller(
         model: used in place of the one that `config` names.
         solver_faults: while which solves have no answer.
         factory: makes a controller in the place of the one that `config` names.
-        in_force: collective thrust and body rates that an autopilot follows; None: those of the MPC.
-    Raises: ValueError: if an oracle lacks the real vehicle, or a controller of one's own does not fit.
+        in_force: collective thrust and body rates that an autopilot follows; None: those of the
+            MPC.
+    Raises: ValueError: if an oracle lacks the real vehicle, or a controller of one's own does not
+        fit.
     """
     believed = config.believed(vehicle)
     if factory is not None or is_own(config.kind):
@@ -83,15 +92,20 @@ def add_controller(
         return _add_cascade(builder, believed, reference, rig, period=config.period)
     N, period = config.mpc.horizon, config.period
     model = model or make_residual_model(config, believed)
-    source = builder.AddNamedSystem("reference", ReferenceSource(reference, horizon=N, step=config.mpc.step))
+    source = builder.AddNamedSystem(
+        "reference", ReferenceSource(reference, horizon=N, step=config.mpc.step)
+    )
     label = model.label if isinstance(model, ReadsLabels) else config.label
     estimator = builder.AddNamedSystem(
         "wrench_estimator", WrenchEstimator(labelled(believed, model), label, step=period)
     )
-    solver = make_solver(config.solver, believed, config.mpc, time_limit=SOLVER_SHARE * config.deadline)
+    solver = make_solver(
+        config.solver, believed, config.mpc, time_limit=SOLVER_SHARE * config.deadline
+    )
     solver = FaultySolver(solver, solver_faults) if solver_faults else solver
     mpc = builder.AddNamedSystem(
-        "np_mpc", NpMpc(MpcController(believed, config.mpc, solver, period=period, deadline=config.deadline))
+        "np_mpc",
+        NpMpc(MpcController(believed, config.mpc, solver, period=period, deadline=config.deadline)),
     )
     builder.Connect(rig.GetOutputPort("x"), mpc.GetInputPort("x"))
     builder.Connect(source.GetOutputPort("flat"), mpc.GetInputPort("flat"))
@@ -118,7 +132,9 @@ def add_controller(
     elif model is not None or delay is not None:
         model = model or Constant(np.zeros(6), step=period, name="nominal")
         system = _make_predictor(model, config, believed if delay else None)
-        predictor = _add_predictor(builder, system, model, acting, rig=rig, estimator=estimator, mpc=mpc)
+        predictor = _add_predictor(
+            builder, system, model, acting, rig=rig, estimator=estimator, mpc=mpc
+        )
         _connect_delay(builder, delay, predictor)
         ports["chi_hat"] = predictor.GetOutputPort("chi_hat")
     ports |= {name: mpc.GetOutputPort(name) for name in ("status", "solve_time")}
@@ -131,7 +147,9 @@ def add_controller(
 def _add_cascade(
     builder: DiagramBuilder, vehicle: Vehicle, reference: Reference, rig, *, period: float
 ) -> dict[str, OutputPort]:
-    """Add reference source and cascaded controller, which runs twice a `period` [s]; nothing is solved or predicted."""
+    """Add reference source and cascaded controller, which runs twice a `period` [s]; nothing is
+    solved or predicted.
+    """
     source = builder.AddNamedSystem("reference", ReferenceSource(reference, horizon=0, step=period))
     target = builder.AddNamedSystem("target", FlatTarget(vehicle))
     cascade = builder.AddNamedSystem("cascade", CascadedController(vehicle, period=0.5 * period))
@@ -144,11 +162,15 @@ def _add_cascade(
 
 
 def delay_filter(
-    config: ControllerConfig, vehicle: Vehicle, model: ResidualModel | None, true_model: TrueModel | None
+    config: ControllerConfig,
+    vehicle: Vehicle,
+    model: ResidualModel | None,
+    true_model: TrueModel | None,
 ) -> DelayFilter | None:
     """Return what tells which command acts; None where all act at once.
 
-    The oracle knows the delay. Others are given it, or have learned it; whoever has learned one follows it.
+    The oracle knows the delay. Others are given it, or have learned it; whoever has learned one
+    follows it.
 
     Args:
         config: of the controller.
@@ -159,7 +181,9 @@ def delay_filter(
     lagged = labelled(vehicle, model)
     if config.kind == "oracle" and model is None:
         known = true_model.delay if true_model is not None else 0.0
-        return DelayFilter(lagged, step=config.period, known=known, track=False) if known > 0 else None
+        return (
+            DelayFilter(lagged, step=config.period, known=known, track=False) if known > 0 else None
+        )
     learns = isinstance(model, KnowsDelay)
     known = config.command_delay or (model.delay if isinstance(model, KnowsDelay) else 0.0)
     if known == 0.0 and not (config.track_delay or learns):
@@ -167,7 +191,9 @@ def delay_filter(
     return DelayFilter(lagged, step=config.period, known=known, track=config.track_delay or learns)
 
 
-def _add_delay_estimator(builder, timing: DelayFilter, rig, u: OutputPort, source) -> DelayEstimator:
+def _add_delay_estimator(
+    builder, timing: DelayFilter, rig, u: OutputPort, source
+) -> DelayEstimator:
     """Add the estimator of the delay between sensors, controller and reference."""
     system = builder.AddNamedSystem("delay_estimator", DelayEstimator(timing))
     for name in ("x", "acceleration"):
@@ -178,7 +204,9 @@ def _add_delay_estimator(builder, timing: DelayFilter, rig, u: OutputPort, sourc
 
 
 def _connect_delay(builder, delay: DelayEstimator | None, system, rig=None) -> None:
-    """Tell `system` which commands are on their way, and the measured state where a rig is given."""
+    """Tell `system` which commands are on their way, and the measured state where a rig is
+    given.
+    """
     if delay is None:
         return
     for name in ("sent", "delay"):
@@ -187,7 +215,9 @@ def _connect_delay(builder, delay: DelayEstimator | None, system, rig=None) -> N
         builder.Connect(rig.GetOutputPort("x"), system.GetInputPort("x"))
 
 
-def _make_predictor(model: ResidualModel, config: ControllerConfig, vehicle: Vehicle | None) -> ResidualPredictor:
+def _make_predictor(
+    model: ResidualModel, config: ControllerConfig, vehicle: Vehicle | None
+) -> ResidualPredictor:
     """Return the LeafSystem of a model; see it for `vehicle`."""
     horizon, stride = config.mpc.horizon, config.stride
     if isinstance(model, NeuralPredictorModel):
@@ -196,7 +226,14 @@ def _make_predictor(model: ResidualModel, config: ControllerConfig, vehicle: Veh
 
 
 def _add_predictor(
-    builder, system: ResidualPredictor, model: ResidualModel, acting: OutputPort, *, rig, estimator, mpc
+    builder,
+    system: ResidualPredictor,
+    model: ResidualModel,
+    acting: OutputPort,
+    *,
+    rig,
+    estimator,
+    mpc,
 ) -> ResidualPredictor:
     """Add the residual model between estimator and MPC."""
     predictor = builder.AddNamedSystem("predictor", system)
@@ -209,7 +246,9 @@ def _add_predictor(
     return predictor
 
 
-def _add_oracle(builder, model: TrueModel, config: ControllerConfig, truth: Diagram, mpc) -> WrenchOracle:
+def _add_oracle(
+    builder, model: TrueModel, config: ControllerConfig, truth: Diagram, mpc
+) -> WrenchOracle:
     """Add the oracle between the real vehicle and the MPC."""
     oracle = builder.AddNamedSystem("oracle", WrenchOracle(model, config.mpc, period=config.period))
     for name in ("plant_state", "rotor_thrust"):

@@ -32,9 +32,9 @@ from systems.payload_event import PayloadEvent
 MOST_ROWS = 10**6  # of a record, at one a period, which takes 700 MB; own choice: 5 hours at 50 Hz
 FINEST_STEP = 1e-6  # of the simulator [s]; own choice
 LOOKS = 0.01  # between two looks at a motion [s]
-LEAST_PULL = (
-    0.2  # of a cable that is to stay taut, over the payload's weight; own choice: below it gusts slacken it [1]
-)
+# of a cable that is to stay taut, over the payload's weight; own choice: below it gusts slacken it
+# [1]
+LEAST_PULL = 0.2
 LIFTED = 0.9  # of the rotors' thrust that may hang on them; own choice: the rest steers [1]
 ARENA = 50.0  # farther than this from the origin a vehicle counts as lost [m]
 
@@ -45,13 +45,21 @@ class FlightConfig:
 
     name: str = "circle"  # of the experiment and of its files
     duration: float = 50.0  # scored, after the ramp [s]
-    scaled: bool = False  # the file's values are those for the paper's vehicle and scale with this one
+    scaled: bool = (
+        False  # the file's values are those for the paper's vehicle and scale with this one
+    )
     vehicle: Vehicle = dc.field(default_factory=Vehicle)  # as the controller believes it
     reality: RealityConfig = dc.field(default_factory=RealityConfig)  # what acts beyond that
     reference: ReferenceConfig = dc.field(default_factory=ReferenceConfig)  # motion to follow
-    controller: ControllerConfig = dc.field(default_factory=ControllerConfig)  # its kind, MPC and timing
-    autopilot: AutopilotConfig = dc.field(default_factory=AutopilotConfig)  # between controller and rotors
-    offboard: OffboardConfig = dc.field(default_factory=OffboardConfig)  # of `np-drake node`; a simulation has none
+    controller: ControllerConfig = dc.field(
+        default_factory=ControllerConfig
+    )  # its kind, MPC and timing
+    autopilot: AutopilotConfig = dc.field(
+        default_factory=AutopilotConfig
+    )  # between controller and rotors
+    offboard: OffboardConfig = dc.field(
+        default_factory=OffboardConfig
+    )  # of `np-drake node`; a simulation has none
     # What happens to the payload in flight, at times of their own.
     events: list[PayloadEvent] = dc.field(default_factory=list)
     # Drake's integrator and its step.
@@ -66,15 +74,27 @@ class FlightConfig:
 
         Raises: ValueError: where one is impossible.
         """
-        for part in (self.vehicle, self.reality, self.reference, self.controller, self.autopilot, self.offboard):
+        for part in (
+            self.vehicle,
+            self.reality,
+            self.reference,
+            self.controller,
+            self.autopilot,
+            self.offboard,
+        ):
             part.check()
         if not re.fullmatch(r"\w[\w.-]*", self.name):
-            raise ValueError(f"FlightConfig: name must be letters, digits, '_', '-' and '.'; got {self.name!r}.")
+            raise ValueError(
+                f"FlightConfig: name must be letters, digits, '_', '-' and '.'; got {self.name!r}."
+            )
         if not 0 < self.duration < np.inf:
-            raise ValueError(f"FlightConfig: duration must be positive and finite [s]; got {self.duration}.")
+            raise ValueError(
+                f"FlightConfig: duration must be positive and finite [s]; got {self.duration}."
+            )
         if self.end > MOST_ROWS * self.controller.period:
             raise ValueError(
-                f"FlightConfig: duration must be at most {MOST_ROWS * self.controller.period:g} s with the ramp and at "
+                f"FlightConfig: duration must be at most "
+                f"{MOST_ROWS * self.controller.period:g} s with the ramp and at "
                 f"a period of {self.controller.period:g} s; got {self.end:g}. Fly it in parts."
             )
         self._check_events()
@@ -83,7 +103,8 @@ class FlightConfig:
             self._check_oracle()
         if self.carried_mass * self.vehicle.gravity > LIFTED * self.lift:
             raise ValueError(
-                f"FlightConfig: {self.carried_mass:.4g} kg are more than the rotors can carry ({self.lift:.3g} N). "
+                f"FlightConfig: {self.carried_mass:.4g} kg are more than the rotors can "
+                f"carry ({self.lift:.3g} N). "
                 "Name a lighter payload, or none, for the default scales with the vehicle."
             )
         self._check_simulator()
@@ -96,22 +117,31 @@ class FlightConfig:
     def _check_events(self) -> None:
         times = [event.check().time for event in self.events]
         if len({*times}) < len(times) or not all(t < self.end for t in times):
-            raise ValueError(f"{self.name}: events must have times of their own within the flight; got {times} [s].")
+            raise ValueError(
+                f"{self.name}: events must have times of their own within the flight; got "
+                f"{times} [s]."
+            )
         if times and self.reality.hung.tether != "cable":
-            raise ValueError(f"{self.name}: events need a payload on a cable; got {self.reality.hung.tether}.")
+            raise ValueError(
+                f"{self.name}: events need a payload on a cable; got {self.reality.hung.tether}."
+            )
 
     def _check_autopilot(self) -> None:
         rates, kind = self.controller.mpc.command == "rates", self.controller.kind
         if rates != self.autopilot.flies:
             raise ValueError(
-                f"{self.name}: controller.mpc.command must be rates with an autopilot and rotors without; got "
+                f"{self.name}: controller.mpc.command must be rates with an autopilot and "
+                f"rotors without; got "
                 f"{self.controller.mpc.command} and autopilot {self.autopilot.kind}."
             )
         if rates and kind in ("oracle", "cascade"):
-            raise ValueError(f"{self.name}: autopilot: {kind} commands torque, which an autopilot does not take.")
+            raise ValueError(
+                f"{self.name}: autopilot: {kind} commands torque, which an autopilot does not take."
+            )
         if rates and self.vehicle.rate_loop is None:
             raise ValueError(
-                f"{self.name}: vehicle {self.vehicle.name!r} must have a rate_loop for an autopilot; it has none."
+                f"{self.name}: vehicle {self.vehicle.name!r} must have a rate_loop for an "
+                f"autopilot; it has none."
             )
 
     def with_autopilot(self, kind: str) -> "FlightConfig":
@@ -121,7 +151,10 @@ class FlightConfig:
             kind: of `AUTOPILOTS`.
         """
         mpc = dc.replace(self.controller.mpc, command="rates" if kind != NONE else "rotors")
-        autopilot, controller = dc.replace(self.autopilot, kind=kind), dc.replace(self.controller, mpc=mpc)
+        autopilot, controller = (
+            dc.replace(self.autopilot, kind=kind),
+            dc.replace(self.controller, mpc=mpc),
+        )
         return dc.replace(self, autopilot=autopilot, controller=controller)
 
     def _check_oracle(self) -> None:
@@ -129,31 +162,42 @@ class FlightConfig:
         if reality.payload.tether == "rod":
             raise ValueError("FlightConfig: the oracle knows cable and no tether; got a rod.")
         if reality.dead_time > longest:
-            raise ValueError(f"FlightConfig: the oracle knows delays up to {longest:g} s; got {reality.dead_time:g}.")
+            raise ValueError(
+                f"FlightConfig: the oracle knows delays up to {longest:g} s; got "
+                f"{reality.dead_time:g}."
+            )
 
     def _check_followed(self) -> None:
         if self.reality.hung.tether != "cable":
             raise ValueError(
-                f"{self.name}: reference.follow: payload needs a payload on a cable; got {self.reality.hung.tether}."
+                f"{self.name}: reference.follow: payload needs a payload on a cable; got "
+                f"{self.reality.hung.tether}."
             )
         released = [f"released at {t:g} s" for t in [self.cut_at] if t < np.inf]
         hung = [f"hung on at {t:g} s" for t in [self.reality.hangs_at] if t > 0]
         if told := " and ".join([*hung, *released]):
             raise ValueError(
-                f"{self.name}: reference.follow: payload needs a payload that hangs all the time; it is {told}. "
+                f"{self.name}: reference.follow: payload needs a payload that hangs all "
+                f"the time; it is {told}. "
                 "Follow the vehicle, or leave that out."
             )
         pull = self._payload_track.least_pull(np.arange(0.0, self.end, LOOKS))
         if pull < LEAST_PULL:
             raise ValueError(
-                f"{self.name}: must keep the cable taut; its pull falls to {pull:.2g} of the payload's weight, and at "
+                f"{self.name}: must keep the cable taut; its pull falls to {pull:.2g} of "
+                f"the payload's weight, and at "
                 f"least {LEAST_PULL:g} is needed. Take a lower speed."
             )
 
     def _check_track(self) -> None:
-        vehicle, thrust = (self.vehicle.with_mass(self.carried_mass), self.reality.thrust_at(self.vehicle, self.end))
+        vehicle, thrust = (
+            self.vehicle.with_mass(self.carried_mass),
+            self.reality.thrust_at(self.vehicle, self.end),
+        )
         try:
-            require_flyable(self.motion, vehicle, self.controller.mpc, end=self.end, arena=ARENA, thrust=thrust)
+            require_flyable(
+                self.motion, vehicle, self.controller.mpc, end=self.end, arena=ARENA, thrust=thrust
+            )
         except ValueError as error:
             raise ValueError(f"{self.reference.track}: {error}") from error
 
@@ -161,12 +205,14 @@ class FlightConfig:
         scheme, step = self.simulator.integration_scheme, self.simulator.max_step_size
         if scheme not in GetIntegrationSchemes() or not FINEST_STEP <= step < np.inf:
             raise ValueError(
-                f"FlightConfig: simulator must name a scheme of Drake's and a step of at least {FINEST_STEP:g} s; "
+                f"FlightConfig: simulator must name a scheme of Drake's and a step of at "
+                f"least {FINEST_STEP:g} s; "
                 f"got {scheme}, {step}."
             )
         if not self.simulator.use_error_control and step > self.largest_step:
             raise ValueError(
-                f"FlightConfig: simulator.max_step_size must be at most {self.largest_step:.2g} s for this cable and "
+                f"FlightConfig: simulator.max_step_size must be at most "
+                f"{self.largest_step:.2g} s for this cable and "
                 f"these motors; got {step}. Take a smaller step or error control."
             )
 
@@ -207,22 +253,28 @@ class FlightConfig:
 
     @property
     def lift(self) -> float:
-        """Thrust of all rotors at the end; what fails in flight may fail altogether, and does not count [N]."""
+        """Thrust of all rotors at the end; what fails in flight may fail altogether, and does not
+        count [N].
+        """
         share = self.reality.thrust_at(self.vehicle, self.end, failing=False)
         return 4 * self.vehicle.max_rotor_thrust * share
 
     @property
     def largest_step(self) -> float:
-        """Stability limit of a fixed-step runge_kutta3: 1.7 over the fastest rate of cable and motors [s].
+        """Stability limit of a fixed-step runge_kutta3: 1.7 over the fastest rate of cable and
+        motors [s].
 
-        The cable moves the payload against the quadrotor, which yields by its mass and, where the cable pulls across
+        The cable moves the payload against the quadrotor, which yields by its mass and, where the
+        cable pulls across
         the hook's lever, by turning: 1 / reduced = 1 / m_P + 1 / m + |p_BoTo_B|² / J.
         """
         payload, rates = self.reality.hung, [1e-3]
         if payload.tether == "cable":
             reduced = 1 / (1 / payload.mass + _hook_mobility(self.vehicle, payload.hook))
             rates += [np.sqrt(payload.stiffness / reduced), payload.damping / reduced]
-        rates += [1 / lag for lag in (*self.reality.lags, self.vehicle.rotor_time_constant) if lag > 0]
+        rates += [
+            1 / lag for lag in (*self.reality.lags, self.vehicle.rotor_time_constant) if lag > 0
+        ]
         return float(1.7 / max(rates))
 
     def true_model(self) -> TrueModel:
@@ -262,7 +314,9 @@ class FlightConfig:
         return min((event.time for event in self.events if event.kind == "release"), default=np.inf)
 
     def warnings(self) -> list[str]:
-        """Return sentences on waypoints that the track does not pass, and on legs that it leaves."""
+        """Return sentences on waypoints that the track does not pass, and on legs that it
+        leaves.
+        """
         return warnings(self.reference, self.track, end=self.end)
 
     def check_and_step(self) -> "FlightConfig":
@@ -278,12 +332,15 @@ class FlightConfig:
 
 
 def _hook_mobility(vehicle: Vehicle, hook: Sequence[float]) -> float:
-    """Return the acceleration of the hook over a pull across its lever, 1 / m + |p_BoTo_B|² / J [1/kg]."""
+    """Return the acceleration of the hook over a pull across its lever, 1 / m + |p_BoTo_B|² / J
+    [1/kg].
+    """
     return float(1 / vehicle.mass + np.sum(np.square(hook)) / np.linalg.eigvalsh(vehicle.J)[0])
 
 
 def flown_by(config: FlightConfig, factory: Factory | None) -> FlightConfig:
-    """Return the scenario with the kind of the controller that `factory` makes; as it is where that is None.
+    """Return the scenario with the kind of the controller that `factory` makes; as it is where that
+    is None.
 
     Args:
         config: of the experiment.
@@ -295,15 +352,18 @@ def flown_by(config: FlightConfig, factory: Factory | None) -> FlightConfig:
 
 
 def default_flight(vehicle: Vehicle) -> FlightConfig:
-    """Return the default scenario of `vehicle`: that of the paper's, scaled by size, mass and time."""
+    """Return the default scenario of `vehicle`: that of the paper's, scaled by size, mass and
+    time.
+    """
     return scaled(FlightConfig(vehicle=vehicle))
 
 
 def load_flight(filename: str, vehicle: Vehicle | None = None) -> FlightConfig:
     """Read a scenario file (YAML).
 
-    Defaults scale with the vehicle, and what the file names stands in SI, unless it says `scaled: true`. The CSV file
-    of a track lies relative to the scenario file; where the latter names no duration, the flight has the track's own.
+    Defaults scale with the vehicle, and what the file names stands in SI, unless it says `scaled:
+    true`. The CSV file of a track lies relative to the scenario file; where the latter names no
+    duration, the flight has the track's own.
 
     Args:
         filename: of the scenario.

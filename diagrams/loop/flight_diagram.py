@@ -34,8 +34,8 @@ RECORDER = "recorder"  # its name as a subsystem of a flight
 class Faults:
     """Faults of what the controller reads and computes.
 
-    Those of rotors and air are effects with an onset (`RealityConfig.effects`), those of the payload are events
-    (`FlightConfig.events`).
+    Those of rotors and air are effects with an onset (`RealityConfig.effects`), those of the
+    payload are events (`FlightConfig.events`).
     """
 
     measurement: tuple[MeasurementFault, ...] = ()  # between the sensors and all that reads them
@@ -67,7 +67,8 @@ def make_flight_diagram(
     builder = DiagramBuilder()
     behind, reality = as_flown(config.autopilot, config.vehicle, config.reality)
     vehicle = builder.AddNamedSystem(
-        REAL_VEHICLE, real.make(behind, reality, command_period=period, pushed=pushed, events=config.events)
+        REAL_VEHICLE,
+        real.make(behind, reality, command_period=period, pushed=pushed, events=config.events),
     )
     tilt: list[Any] = [e for e in in_flight(config.vehicle) if isinstance(e, ImuMounting)]
     sensors = [*tilt, *config.reality.sensor_effects()]
@@ -87,9 +88,13 @@ def make_flight_diagram(
     )
     driven, autopilot = ports["u"], {}
     if config.autopilot.flies:
-        system = add_autopilot(builder, config.autopilot, config.vehicle, vehicle, ports["rates_thrust"])
+        system = add_autopilot(
+            builder, config.autopilot, config.vehicle, vehicle, ports["rates_thrust"]
+        )
         driven = system.GetOutputPort("u")
-        autopilot = {"motors": system.GetOutputPort("motors")} if system.HasOutputPort("motors") else {}
+        autopilot = (
+            {"motors": system.GetOutputPort("motors")} if system.HasOutputPort("motors") else {}
+        )
     builder.Connect(driven, vehicle.GetInputPort("u"))
     signals = {
         "x": rig.GetOutputPort("x"),
@@ -109,7 +114,12 @@ def make_flight_diagram(
 
 
 def set_initial_state(
-    diagram: Diagram, context: Context, config: FlightConfig, *, seed: int = 0, real: RealVehicle = DRAKE
+    diagram: Diagram,
+    context: Context,
+    config: FlightConfig,
+    *,
+    seed: int = 0,
+    real: RealVehicle = DRAKE,
 ) -> None:
     """Set the seed of the noise, and hover at the start of the reference motion.
 

@@ -14,7 +14,13 @@ from pydrake.systems.framework import Context, Diagram
 from diagrams.batch.failed_run import FailedRun, one_line
 from diagrams.loop.autopilots import firmware_of
 from diagrams.loop.flight import ARENA, FlightConfig, flown_by
-from diagrams.loop.flight_diagram import NO_FAULTS, Faults, make_flight_diagram, recorded, set_initial_state
+from diagrams.loop.flight_diagram import (
+    NO_FAULTS,
+    Faults,
+    make_flight_diagram,
+    recorded,
+    set_initial_state,
+)
 from diagrams.loop.own_controller import Factory, is_own
 from diagrams.loop.real_vehicle import DRAKE, REAL_VEHICLE, RealVehicle
 from diagrams.loop.track_limits import missed
@@ -28,8 +34,13 @@ from np_drake.rotor_input import acting_command
 from np_drake.training_data.actuator_timing import delayed
 
 WRENCH = ("fx", "fy", "fz", "taux", "tauy", "tauz")  # columns of a wrench [N, N·m]
-LEARNED_WRENCHES = (("label", "label"), ("chi_hat", "predicted"))  # signals of a wrench, and the ends of their columns
-GROUND = 0.0  # height below which a vehicle counts as lost: the simulator has no ground, flights do [m]
+LEARNED_WRENCHES = (
+    ("label", "label"),
+    ("chi_hat", "predicted"),
+)  # signals of a wrench, and the ends of their columns
+GROUND = (
+    0.0  # height below which a vehicle counts as lost: the simulator has no ground, flights do [m]
+)
 
 
 class LostVehicle(FailedRun):
@@ -42,9 +53,11 @@ class LostVehicle(FailedRun):
 
 
 class Watch(Protocol):
-    """Viewer that looks at a flight while it is simulated, may push the vehicle, and may end the flight.
+    """Viewer that looks at a flight while it is simulated, may push the vehicle, and may end the
+    flight.
 
-    period: time between two looks [s].   rate: real-time rate at which the flight runs; 0 for as fast as possible [1].
+    period: time between two looks [s].
+    rate: real-time rate at which the flight runs; 0 for as fast as possible [1].
     """
 
     period: float
@@ -81,20 +94,27 @@ def simulate(
         seed: of the noise.
         monitor: called with the flight's time [s] about every second, for progress.
         faults: of sensors and solver.
-        tolerance: distance from the reference beyond which the flight ends, looked at about every second [m].
+        tolerance: distance from the reference beyond which the flight ends, looked at about every
+            second [m].
         watch: looks at the flight, sets its pace and may end it early.
         real: makes the vehicle that flies.
         controller: makes a controller of one's own, in the place of the one that `config` names.
         blackbox: file to which an autopilot's own log goes, where it writes one.
-    Raises: LostVehicle: if the integrator gives up, or the vehicle leaves arena or tolerance, or is below ground;
-    FailedRun: if a controller of one's own fails; ValueError: on what `real` cannot do, or if such a controller
+    Raises: LostVehicle: if the integrator gives up, or the vehicle leaves arena or tolerance, or is
+        below ground;
+    FailedRun: if a controller of one's own fails; ValueError: on what `real` cannot do, or if such
+        a controller
     does not fit.
     """
     config = flown_by(config, controller)
-    diagram = make_flight_diagram(config, pushed=watch is not None, faults=faults, real=real, controller=controller)
+    diagram = make_flight_diagram(
+        config, pushed=watch is not None, faults=faults, real=real, controller=controller
+    )
     firmware = firmware_of(diagram)
     try:
-        signals = _advance(diagram, config, seed=seed, monitor=monitor, tolerance=tolerance, watch=watch, real=real)
+        signals = _advance(
+            diagram, config, seed=seed, monitor=monitor, tolerance=tolerance, watch=watch, real=real
+        )
         if firmware is not None and blackbox is not None:
             firmware.keep_blackbox(blackbox)
         return signals
@@ -103,7 +123,9 @@ def simulate(
             firmware.close()
 
 
-def _advance(diagram: Diagram, config: FlightConfig, *, seed, monitor, tolerance, watch, real) -> dict[str, np.ndarray]:
+def _advance(
+    diagram: Diagram, config: FlightConfig, *, seed, monitor, tolerance, watch, real
+) -> dict[str, np.ndarray]:
     """Fly the diagram to its end; arguments as of `simulate`."""
     simulator = Simulator(diagram)
     ApplySimulatorConfig(config.simulator, simulator)
@@ -124,14 +146,19 @@ def _advance(diagram: Diagram, config: FlightConfig, *, seed, monitor, tolerance
             simulator.AdvanceTo(t)
         except RuntimeError as error:
             if is_own(config.controller.kind) and "NaN" in str(error):
-                raise lost(f"{config.controller.name} commanded what is not a number before {t:.1f} s.") from error
+                raise lost(
+                    f"{config.controller.name} commanded what is not a number before {t:.1f} s."
+                ) from error
             raise lost(f"the simulation ended before {t:.1f} s: {error}") from error
         except Exception as error:
             if not is_own(config.controller.kind):
                 raise
             who = f"{config.name}: {config.controller.name}"
-            raise FailedRun(f"{who} failed at {context.get_time():.2f} s: {one_line(error)}.") from error
-        simulator.ResetStatistics()  # where it is to run in real time, time that was lost is not caught up with
+            raise FailedRun(
+                f"{who} failed at {context.get_time():.2f} s: {one_line(error)}."
+            ) from error
+        # where it is to run in real time, time that was lost is not caught up with
+        simulator.ResetStatistics()
         p_WB = vehicle.GetOutputPort("x").Eval(vehicle.GetMyContextFromRoot(context))[:3]
         if not np.linalg.norm(p_WB) < ARENA:
             raise lost(f"{config.controller.name} lost the vehicle before {t:.1f} s.")
@@ -179,28 +206,48 @@ class FlightResult:
         m = self.metrics()
         rows = [(name, f"{100 * m[name]:.2f} cm") for name in ("E_xy", "E_z")]
         if "payload" in m:
-            rows += [(f"payload {name}", f"{100 * m['payload'][name]:.2f} cm") for name in ("E_xy", "E_z")]
-        rows += [("median time of a solve", f"{m['solve_ms']['median']:.2f} ms"), ("failed", str(m["solve_failures"]))]
+            rows += [
+                (f"payload {name}", f"{100 * m['payload'][name]:.2f} cm")
+                for name in ("E_xy", "E_z")
+            ]
+        rows += [
+            ("median time of a solve", f"{m['solve_ms']['median']:.2f} ms"),
+            ("failed", str(m["solve_failures"])),
+        ]
         title = f"{self.config.name} with {self.label}, seed {self.seed}: {self.config.end:g} s"
         return html_table(title, (), rows, self.warnings())
 
     def to_dataframe(self) -> Any:
         """Return the flight as a pandas DataFrame with the times as its index.
 
-        It holds the columns of the log, the reference (`px_ref` …), and of the truth state (`px_true` …) and residual
-        wrench (`fx_true` …).
+        It holds the columns of the log, the reference (`px_ref` …), and of the truth state
+        (`px_true` …) and residual wrench (`fx_true` …).
         Raises: ImportError: where pandas is not installed.
         """
         state = [name for field in ("p", "q", "v", "w") for name in COLUMNS[field]]
-        names = {"p_ref": COLUMNS["p"], "x_true": state, "chi_true": WRENCH, "label": WRENCH, "chi_hat": WRENCH}
+        names = {
+            "p_ref": COLUMNS["p"],
+            "x_true": state,
+            "chi_true": WRENCH,
+            "label": WRENCH,
+            "chi_hat": WRENCH,
+        }
         known = {**self.signals, "chi_true": self.chi_true}
         more: dict[str, np.ndarray] = {}
-        for signal, end in (("p_ref", "ref"), ("x_true", "true"), ("chi_true", "true"), *LEARNED_WRENCHES):
-            more |= {f"{name}_{end}": v for name, v in flattened({signal: names[signal]}, known).items()}
+        for signal, end in (
+            ("p_ref", "ref"),
+            ("x_true", "true"),
+            ("chi_true", "true"),
+            *LEARNED_WRENCHES,
+        ):
+            more |= {
+                f"{name}_{end}": v for name, v in flattened({signal: names[signal]}, known).items()
+            }
         return data_frame({**self._rows().columns(), **more}, index="t")
 
     def plot(self, what: str = "track") -> Any:
-        """Return a Figure: `track` from above and height, `errors` against time, or the residual `wrench`.
+        """Return a Figure: `track` from above and height, `errors` against time, or the residual
+        `wrench`.
 
         Raises: ValueError: on another word.
         """
@@ -251,7 +298,9 @@ class FlightResult:
 
     @cached_property
     def scored(self) -> np.ndarray:
-        """Whether each row is after the ramp, (n,); all rows of a flight that was stopped before its end."""
+        """Whether each row is after the ramp, (n,); all rows of a flight that was stopped before
+        its end.
+        """
         after = self.signals["t"] >= self.config.reference.lead - 1e-9
         return after if after.any() else ~after
 
@@ -260,34 +309,44 @@ class FlightResult:
         """Rows of the last lap, or the scored rows of a motion that has none, (n,)."""
         rows = np.flatnonzero(self.scored)
         rate = getattr(self.config.track, "rate", None)
-        return rows[-(int(2 * np.pi / rate / self.config.controller.period) + 1) :] if rate else rows
+        return (
+            rows[-(int(2 * np.pi / rate / self.config.controller.period) + 1) :] if rate else rows
+        )
 
     @cached_property
     def chi_true(self) -> np.ndarray:
-        """True wrench (n, 6): eq. (1) inverted from the true motion and the command, for the controller's mass.
+        """True wrench (n, 6): eq. (1) inverted from the true motion and the command, for the
+        controller's mass.
 
-        The command goes through the delay that the controller believed at the end, and through the vehicle file's
-        lag, as in the labels [N, N·m].
+        The command goes through the delay that the controller believed at the end, and through the
+        vehicle file's lag, as in the labels [N, N·m].
         """
         s = self.signals
         x, a = s["x_true"], s["acceleration_true"]
         believed = self.config.controller.believed(self.config.vehicle)
         u = acting_command(delayed(self._rows(), self.delay), believed)
-        return rigid_body.residual_wrench(believed, q=x[:, 3:7], w=x[:, 10:13], a=a[:, :3], al=a[:, 3:], u=u)
+        return rigid_body.residual_wrench(
+            believed, q=x[:, 3:7], w=x[:, 10:13], a=a[:, :3], al=a[:, 3:], u=u
+        )
 
     @property
     def delay(self) -> float:
-        """Delay of commands that the controller believed at the end; 0 where it looks not ahead [s]."""
+        """Delay of commands that the controller believed at the end; 0 where it looks not ahead
+        [s].
+        """
         return float(self.signals["delay"][-1, 0]) if "delay" in self.signals else 0.0
 
     @property
     def wrench_label(self) -> np.ndarray | None:
-        """Wrench measured from the motion, (n, 6) [N, N·m]; None of a controller that takes none."""
+        """Wrench measured from the motion, (n, 6) [N, N·m]; None of a controller that takes
+        none.
+        """
         return self.signals.get("label")
 
     @cached_property
     def chi_foreseen(self) -> np.ndarray | None:
-        """Wrench that the controller foresaw for each row, (n, 6) [N, N·m]; None without a prediction.
+        """Wrench that the controller foresaw for each row, (n, 6) [N, N·m]; None without a
+        prediction.
 
         `chi_hat` of a row is that of the time at which its command acts: `delay` later.
         """
@@ -318,14 +377,20 @@ class FlightResult:
 
     @cached_property
     def waypoint_distances(self) -> np.ndarray | None:
-        """How near the flight came to each waypoint of the track, (k,) [m]; None of a track without any."""
+        """How near the flight came to each waypoint of the track, (k,) [m]; None of a track without
+        any.
+        """
         points = self.config.reference.waypoints
         return None if points is None else nearest(points, self.followed)
 
     def warnings(self) -> list[str]:
         """Return sentences on waypoints that track or flight do not pass."""
         flown = self.waypoint_distances
-        found = [] if flown is None else missed(flown, self.config.reference.within, f"the flight with {self.label}")
+        found = (
+            []
+            if flown is None
+            else missed(flown, self.config.reference.within, f"the flight with {self.label}")
+        )
         return [*self.config.warnings(), *found]
 
     def metrics(self) -> dict:
@@ -345,7 +410,9 @@ class FlightResult:
         if self.waypoint_distances is not None:
             result["waypoint_distances"] = self.waypoint_distances.tolist()
         if self.chi_foreseen is not None:
-            result["wrench_rmse"] = metrics.wrench_rmse(self.chi_foreseen[rows], self.chi_true[rows])
+            result["wrench_rmse"] = metrics.wrench_rmse(
+                self.chi_foreseen[rows], self.chi_true[rows]
+            )
         if "delay" in s:
             result["command_delay"] = self.delay
         return result
@@ -375,7 +442,12 @@ def fly(
         real: makes the vehicle that flies.
         controller: makes a controller of one's own, in the place of the one that `config` names.
     """
-    how: dict[str, Any] = {"monitor": monitor, "watch": watch, "real": real, "controller": controller}
+    how: dict[str, Any] = {
+        "monitor": monitor,
+        "watch": watch,
+        "real": real,
+        "controller": controller,
+    }
     if config.autopilot.kind != "betaflight":
         return FlightResult(flown_by(config, controller), seed, simulate(config, seed=seed, **how))
     with tempfile.TemporaryDirectory() as folder:

@@ -40,16 +40,16 @@ _DEAD = 0.1  # of a gamepad's stick [1]
 class LiveView:
     """Meshcat server that shows a flight, a `Watch` of `diagrams.loop.flight`.
 
-    Sliders set a force; a button or its key lets it act on vehicle or payload for `PUSH` seconds. The left stick of a
-    gamepad pushes the vehicle along x and y for as long as it is held, with its first button the payload. The button
-    `stop` or SIGINT ends the flight. Use it as a context manager, for SIGINT.
+    Sliders set a force; a button or its key lets it act on vehicle or payload for `PUSH` seconds.
+    The left stick of a gamepad pushes the vehicle along x and y for as long as it is held, with its
+    first button the payload. The button `stop` or SIGINT ends the flight. Use it as a context
+    manager, for SIGINT.
     """
 
     def __init__(self, config: FlightConfig, *, rate: float | None = None):
         """Start the server.
 
         Args:
-            config: of the flight.
             rate: real-time rate; 0 for as fast as possible; None: `REALTIME` [1].
         """
         self.period, self.rate = PERIOD, REALTIME if rate is None else rate
@@ -63,7 +63,10 @@ class LiveView:
         self._until = dict.fromkeys(pushes, -np.inf)  # when a push ends [s]
         self._clicks = dict.fromkeys(pushes, 0)
         gravity = config.vehicle.gravity
-        self._weight = {VEHICLE: config.vehicle.mass * gravity, PAYLOAD: config.reality.hung.mass * gravity}  # [N]
+        self._weight = {
+            VEHICLE: config.vehicle.mass * gravity,
+            PAYLOAD: config.reality.hung.mass * gravity,
+        }  # [N]
         self._add_objects()
         self._add_controls()
 
@@ -79,7 +82,6 @@ class LiveView:
 
         Args:
             diagram: of `make_flight_diagram`.
-            context: its root context.
         """
         self._vehicle = diagram.GetSubsystemByName("tethered_quadrotor")
         self._push = self._vehicle.GetSubsystemByName("push")
@@ -114,7 +116,9 @@ class LiveView:
         return more
 
     def _stick(self) -> tuple[np.ndarray, bool]:
-        """Return a gamepad's left stick as a push (3,) in W over the weight [1], and whether it is the payload's."""
+        """Return a gamepad's left stick as a push (3,) in W over the weight [1], and whether it is
+        the payload's.
+        """
         pad = self.meshcat.GetGamepad()
         if pad.index is None or len(pad.axes) < 2:
             return np.zeros(3), False
@@ -150,13 +154,18 @@ class LiveView:
         """Move all objects to where they are, with the pushes that act."""
         inner = self._vehicle.GetMyContextFromRoot(context)
         x, thrust, plant = (
-            self._vehicle.GetOutputPort(name).Eval(inner) for name in ("x", "rotor_thrust", "plant_state")
+            self._vehicle.GetOutputPort(name).Eval(inner)
+            for name in ("x", "rotor_thrust", "plant_state")
         )
-        scale = 3 * arm_length(self._config.vehicle) / self._weight[VEHICLE]  # as on the replay page [m/N]
+        scale = (
+            3 * arm_length(self._config.vehicle) / self._weight[VEHICLE]
+        )  # as on the replay page [m/N]
         self.meshcat.SetTransform("quadrotor", pose(x))
         self._show_arrow("thrust", x[:3], scale * thrust.sum() * attitude.body_z(x[3:7]))
         start, push = x[:3], np.zeros(3) if forces is None else forces[0]
-        if self.has_payload:  # a push on the payload is drawn as long as one of that share of weight on the vehicle
+        if (
+            self.has_payload
+        ):  # a push on the payload is drawn as long as one of that share of weight on the vehicle
             hung = self._config.reality.hung
             X, length = tether_pose(x, np.array(hung.hook), plant[11:14])
             self.meshcat.SetTransform("payload", RigidTransform(plant[11:14]))

@@ -1,4 +1,6 @@
-"""Flight as an MCAP file for Foxglove and PlotJuggler: frames, scene, path, and all that is plotted."""
+"""Flight as an MCAP file for Foxglove and PlotJuggler: frames, scene, path, and all that is
+plotted.
+"""
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -16,15 +18,16 @@ DARK, RED, BLUE, GREY = (0.2, 0.2, 0.22), (0.84, 0.37, 0.0), (0.0, 0.45, 0.7), (
 XYZ = ("x", "y", "z")
 INPUT = ("thrust", "tau_x", "tau_y", "tau_z")
 WRENCH = ("f_x", "f_y", "f_z", "tau_x", "tau_y", "tau_z")
-MEASURED = (*(f"p_{c}" for c in XYZ), *(f"q_{c}" for c in "wxyz"), *(f"v_{c}" for c in XYZ), *(f"w_{c}" for c in XYZ))
+MEASURED = (
+    *(f"p_{c}" for c in XYZ),
+    *(f"q_{c}" for c in "wxyz"),
+    *(f"v_{c}" for c in XYZ),
+    *(f"w_{c}" for c in XYZ),
+)
 
 
 def write_flight_mcap(flight: FlightResult, path: str | Path) -> None:
     """Write a flight as an MCAP file (docs/guide/fly.md); times count from its start.
-
-    Args:
-        flight: that was simulated.
-        path: of the file.
     Raises: LogError: if the package is not installed; OSError: if the file cannot be written.
     """
     write_mcap(path, channels(flight))
@@ -38,9 +41,17 @@ def channels(flight: FlightResult) -> list[Channel]:
     return [
         Channel("/tf", foxglove.FRAME_TRANSFORMS, zip(times, _frames(flight, times), strict=True)),
         Channel("/scene", foxglove.SCENE_UPDATE, [(when, _scene(flight, when)) for when in start]),
-        Channel("/reference/path", foxglove.POSES_IN_FRAME, [(when, _path(flight, when)) for when in start]),
+        Channel(
+            "/reference/path",
+            foxglove.POSES_IN_FRAME,
+            [(when, _path(flight, when)) for when in start],
+        ),
         Channel("/reference/pose", foxglove.POSE_IN_FRAME, _poses(times, s["p_ref"])),
-        Channel("/quadrotor/pose", foxglove.POSE_IN_FRAME, _poses(times, s["x_true"][:, :3], s["x_true"][:, 3:7])),
+        Channel(
+            "/quadrotor/pose",
+            foxglove.POSE_IN_FRAME,
+            _poses(times, s["x_true"][:, :3], s["x_true"][:, 3:7]),
+        ),
         *_tether(flight, times),
         *(_numeric(times, *signal) for signal in _signals(flight)),
     ]
@@ -76,7 +87,9 @@ def _numeric(times: list[int], topic: str, names: Sequence[str], values: np.ndar
 
 
 def _poses(times: list[int], p: np.ndarray, q: np.ndarray | None = None) -> Iterator[Message]:
-    """Yield poses in the world of positions (n, 3) and quaternions (n, 4), level where there are none."""
+    """Yield poses in the world of positions (n, 3) and quaternions (n, 4), level where there are
+    none.
+    """
     for k, when in enumerate(times):
         pose = foxglove.pose(p[k]) if q is None else foxglove.pose(p[k], q[k])
         yield when, {"timestamp": foxglove.time(when), "frame_id": WORLD, "pose": pose}
@@ -102,16 +115,27 @@ def _tether(flight: FlightResult, times: list[int]) -> list[Channel]:
 
     def update(k: int, when: int) -> Json:
         strip = foxglove.line(np.stack([p_WT[k], p_WP[k]]), GREY, thickness=0.01)
-        return {"deletions": [], "entities": [foxglove.entity(when, WORLD, "tether", lines=[strip])]}
+        return {
+            "deletions": [],
+            "entities": [foxglove.entity(when, WORLD, "tether", lines=[strip])],
+        }
 
-    return [Channel("/tether", foxglove.SCENE_UPDATE, ((when, update(k, when)) for k, when in enumerate(times)))]
+    return [
+        Channel(
+            "/tether",
+            foxglove.SCENE_UPDATE,
+            ((when, update(k, when)) for k, when in enumerate(times)),
+        )
+    ]
 
 
 def _scene(flight: FlightResult, when: int) -> Json:
     """Return vehicle, payload and the line of the reference."""
     vehicle = flight.config.vehicle
     rotors = [
-        foxglove.solid(p, [2 * vehicle.rotor_radius] * 2 + [0.01], color, bottom_scale=1.0, top_scale=1.0)
+        foxglove.solid(
+            p, [2 * vehicle.rotor_radius] * 2 + [0.01], color, bottom_scale=1.0, top_scale=1.0
+        )
         for p in vehicle.rotor_positions
         for color in [BLUE if p[0] > 0 else GREY]
     ]
@@ -136,4 +160,6 @@ def _path(flight: FlightResult, when: int) -> Json:
 
 def _points(flight: FlightResult) -> np.ndarray:
     """Return points along the reference, (n, 3) [m]."""
-    return flight.signals["p_ref"][:: max(1, round(1 / PATH_RATE / flight.config.controller.period))]
+    return flight.signals["p_ref"][
+        :: max(1, round(1 / PATH_RATE / flight.config.controller.period))
+    ]

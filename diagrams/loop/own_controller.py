@@ -25,14 +25,24 @@ from systems.wrench_estimator import WrenchEstimator
 
 Factory = Callable[..., System]
 """Maker of a new system a flight: called with those of `vehicle` (that the controller assumes), `reference` (the motion
-to follow) and `period` [s] that it names, and with its own parameters."""
+to follow) and `period` [s] that it names, and with its own parameters."""  # noqa: E501
 
 SYSTEM = "own_controller"  # its name as a subsystem of a flight
-INPUTS = {"x": 13, "acceleration": 6, "rotor_speed": 4, "label": 6, "flat": 15}  # that it may have, and their sizes
+INPUTS = {
+    "x": 13,
+    "acceleration": 6,
+    "rotor_speed": 4,
+    "label": 6,
+    "flat": 15,
+}  # that it may have, and their sizes
 # That it may have: the command, or that of an autopilot, must be there; the others are recorded.
 OUTPUTS = {"u": 4, "rates_thrust": 4, "chi_hat": 6, "status": 1, "solve_time": 1}
-COMMANDS = {"u": "the command [f_u, tau_m]", "rates_thrust": "collective thrust and body rates for the autopilot"}
-# A command that feeds through is read just after the events of an instant and just before the recorder looks at it.
+COMMANDS = {
+    "u": "the command [f_u, tau_m]",
+    "rates_thrust": "collective thrust and body rates for the autopilot",
+}
+# A command that feeds through is read just after the events of an instant and just before the
+# recorder looks at it.
 _AFTER = 5e-7  # [s]
 _PRIVATE = re.compile(r"own_[0-9a-f]{32}\.?")  # name of the package of a file, in messages
 
@@ -50,12 +60,7 @@ def kind_of(factory: Factory) -> str:
 
 
 def beside(kind: str, folder: Path) -> str:
-    """Return the kind with its file, where that lies in `folder`.
-
-    Args:
-        kind: MODULE:NAME, or FILE.py:NAME relative to the folder.
-        folder: of the scenario file that names it.
-    """
+    """Return the kind with its file, where that lies in `folder`."""
     module, _, name = kind.rpartition(":")
     stem = module.replace(".", "/")
     names = (module,) if module.endswith(".py") else (f"{stem}.py", f"{stem}/__init__.py")
@@ -69,25 +74,42 @@ def load_factory(kind: str) -> Factory:
     """
     place, _, name = beside(kind, Path()).rpartition(":")
     if not place or not name.isidentifier():
-        raise ValueError(f"controller: must be MODULE:NAME or FILE.py:NAME of one of your own; got {kind!r}.")
+        raise ValueError(
+            f"controller: must be MODULE:NAME or FILE.py:NAME of one of your own; got {kind!r}."
+        )
     if place.endswith(".py") and not Path(place).is_file():
-        raise ValueError(f"controller: there is no file {place}. Name it relative to the current folder.")
+        raise ValueError(
+            f"controller: there is no file {place}. Name it relative to the current folder."
+        )
     try:
-        module = _module_of_file(place, Path(place).stat().st_mtime_ns) if place.endswith(".py") else _installed(place)
+        module = (
+            _module_of_file(place, Path(place).stat().st_mtime_ns)
+            if place.endswith(".py")
+            else _installed(place)
+        )
     except Exception as error:  # whatever the user's module raises
-        raise ValueError(f"controller: {place} cannot be imported: {_PRIVATE.sub('', one_line(error))}.") from error
+        raise ValueError(
+            f"controller: {place} cannot be imported: {_PRIVATE.sub('', one_line(error))}."
+        ) from error
     factory = getattr(module, name, None)
     if factory is None:
-        near = difflib.get_close_matches(name, [n for n in vars(module) if not n.startswith("_")], n=1)
-        raise ValueError(f"controller: {place} has no {name}{f'; did you mean {near[0]}' if near else ''}.")
+        near = difflib.get_close_matches(
+            name, [n for n in vars(module) if not n.startswith("_")], n=1
+        )
+        raise ValueError(
+            f"controller: {place} has no {name}{f'; did you mean {near[0]}' if near else ''}."
+        )
     if not callable(factory):
-        raise ValueError(f"controller: {kind} must be a class or a function; got {type(factory).__name__}.")
+        raise ValueError(
+            f"controller: {kind} must be a class or a function; got {type(factory).__name__}."
+        )
     return factory
 
 
 @lru_cache
 def _module_of_file(file: str, version: int) -> ModuleType:
-    """Return the module of a file as of its `version`, within its package; its neighbours can be imported meanwhile.
+    """Return the module of a file as of its `version`, within its package; its neighbours can be
+    imported meanwhile.
 
     It stands in a package of its own name, so that the user's may be called like an installed one.
     """
@@ -130,22 +152,24 @@ def _installed(name: str) -> ModuleType:
         if error.name is None or name.split(".")[0] != error.name.split(".")[0]:
             raise
         raise ValueError(
-            f"there is no {name.replace('.', '/')}.py beside the scenario or in the current folder, and no installed "
+            f"there is no {name.replace('.', '/')}.py beside the scenario or in the "
+            f"current folder, and no installed "
             f"module {name}"
         ) from error
 
 
 def make_own_controller(
-    factory: Factory, parameters: Mapping[str, float], *, vehicle: Vehicle, reference: Reference, period: float,
+    factory: Factory,
+    parameters: Mapping[str, float],
+    *,
+    vehicle: Vehicle,
+    reference: Reference,
+    period: float,
     command: str = "u",
-) -> System:  # fmt: skip
+) -> System:
     """Return the system that a factory makes, with its ports checked.
 
     Args:
-        factory: of the controller.
-        parameters: of its own, by name.
-        vehicle: that the controller assumes.
-        reference: motion to follow.
         period: at whose multiples the command is recorded [s].
         command: its port, u or that of an autopilot, rates_thrust.
     Raises: ValueError: one line, where it makes none, or its ports do not fit.
@@ -153,11 +177,13 @@ def make_own_controller(
     who = f"controller {kind_of(factory).rpartition(':')[2]}"
     if isinstance(factory, str):
         raise ValueError(
-            f"controller: must be a class or function; got {factory!r}. Name it in config.controller.kind."
+            f"controller: must be a class or function; got {factory!r}. Name it in "
+            f"config.controller.kind."
         )
     if isinstance(factory, System) or not callable(factory):
         raise ValueError(
-            f"{who}: must be a class or function that makes a new system each flight; got {type(factory).__name__}. "
+            f"{who}: must be a class or function that makes a new system each flight; got "
+            f"{type(factory).__name__}. "
             "Name the class, or write lambda: Mine(…)."
         )
     offered = {"vehicle": vehicle, "reference": reference, "period": period}
@@ -165,11 +191,21 @@ def make_own_controller(
         known = inspect.signature(factory).parameters.values()
     except ValueError:  # of compiled code
         known = {}.values()  # type: ignore[assignment]
-    own = [p.name for p in known if p.kind in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY) and p.name not in offered]
-    if not any(p.kind == p.VAR_KEYWORD for p in known) and (strange := sorted(set(parameters) - {*own})):
-        raise ValueError(f"{who}: has no parameter {', '.join(strange)}; it has {', '.join(own) or 'none'}.")
+    own = [
+        p.name
+        for p in known
+        if p.kind in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY) and p.name not in offered
+    ]
+    if not any(p.kind == p.VAR_KEYWORD for p in known) and (
+        strange := sorted(set(parameters) - {*own})
+    ):
+        raise ValueError(
+            f"{who}: has no parameter {', '.join(strange)}; it has {', '.join(own) or 'none'}."
+        )
     try:
-        system = factory(**{p.name: offered[p.name] for p in known if p.name in offered}, **parameters)
+        system = factory(
+            **{p.name: offered[p.name] for p in known if p.name in offered}, **parameters
+        )
     except Exception as error:  # whatever the user's code raises
         raise ValueError(f"{who}: cannot be made: {one_line(error)}.") from error
     if not isinstance(system, System):
@@ -183,8 +219,13 @@ def _check_ports(who: str, system: System, command: str) -> None:
 
     Raises: ValueError: where one does not fit.
     """
-    inputs = {p.get_name(): p.size() for p in map(system.get_input_port, range(system.num_input_ports()))}
-    outputs = {p.get_name(): p.size() for p in map(system.get_output_port, range(system.num_output_ports()))}
+    inputs = {
+        p.get_name(): p.size() for p in map(system.get_input_port, range(system.num_input_ports()))
+    }
+    outputs = {
+        p.get_name(): p.size()
+        for p in map(system.get_output_port, range(system.num_output_ports()))
+    }
     if command not in outputs:
         found, what = ", ".join(outputs) or "none", COMMANDS[command]
         raise ValueError(f"{who}: must have an output port {command} of 4, {what}; it has {found}.")
@@ -196,34 +237,49 @@ def _check_ports(who: str, system: System, command: str) -> None:
             raise ValueError(f"{who}: input port {name} must have size {sizes}; got {size}.")
     for name, size in outputs.items():
         if size != OUTPUTS.get(name, size):
-            raise ValueError(f"{who}: output port {name} must have size {OUTPUTS[name]}; got {size}.")
+            raise ValueError(
+                f"{who}: output port {name} must have size {OUTPUTS[name]}; got {size}."
+            )
 
 
 def add_own_controller(
-    builder: DiagramBuilder, system: System, vehicle: Vehicle, reference: Reference, rig: Diagram,
-    *, label: LabelConfig, period: float, step: float, command: str = "u",
-) -> dict[str, OutputPort]:  # fmt: skip
-    """Add a controller with reference source and estimator of wrenches, and return its ports by signal name.
+    builder: DiagramBuilder,
+    system: System,
+    vehicle: Vehicle,
+    reference: Reference,
+    rig: Diagram,
+    *,
+    label: LabelConfig,
+    period: float,
+    step: float,
+    command: str = "u",
+) -> dict[str, OutputPort]:
+    """Add a controller with reference source and estimator of wrenches, and return its ports by
+    signal name.
 
     Args:
-        builder: of the flight's Diagram.
         system: of `make_own_controller`.
-        vehicle: that the controller assumes.
-        reference: motion to follow.
         rig: has the measured `x`, `acceleration` and `rotor_speed`.
-        label: low-pass of the wrench labels.
         period: at whose multiples a command that feeds through is read, and held [s].
         step: between the points of a horizon [s].
         command: its port, u or that of an autopilot, rates_thrust.
     """
     controller = builder.AddNamedSystem(SYSTEM, system)
-    inputs = {p.get_name(): p for p in map(controller.get_input_port, range(controller.num_input_ports()))}
+    inputs = {
+        p.get_name(): p for p in map(controller.get_input_port, range(controller.num_input_ports()))
+    }
     points = inputs["flat"].size() // INPUTS["flat"] if "flat" in inputs else 1
-    source = builder.AddNamedSystem("reference", ReferenceSource(reference, horizon=points - 1, step=step))
-    estimator = builder.AddNamedSystem("wrench_estimator", WrenchEstimator(vehicle, label, step=period))
+    source = builder.AddNamedSystem(
+        "reference", ReferenceSource(reference, horizon=points - 1, step=step)
+    )
+    estimator = builder.AddNamedSystem(
+        "wrench_estimator", WrenchEstimator(vehicle, label, step=period)
+    )
     u = own = controller.GetOutputPort(command)
     if controller.HasDirectFeedthrough(own.get_index()):
-        hold = builder.AddNamedSystem("held_command", ZeroOrderHold(period, OUTPUTS[command], _AFTER))
+        hold = builder.AddNamedSystem(
+            "held_command", ZeroOrderHold(period, OUTPUTS[command], _AFTER)
+        )
         builder.Connect(own, hold.get_input_port())
         u = own = hold.get_output_port()
     if command == "rates_thrust":
@@ -238,7 +294,9 @@ def add_own_controller(
         read = {"flat": source, "label": estimator}.get(name, rig)
         builder.Connect(read.GetOutputPort("last_label" if name == "label" else name), port)
     zero = builder.AddNamedSystem("nothing_solved", ConstantVectorSource([0.0])).get_output_port()
-    given = {name: controller.GetOutputPort(name) for name in OUTPUTS if controller.HasOutputPort(name)}
+    given = {
+        name: controller.GetOutputPort(name) for name in OUTPUTS if controller.HasOutputPort(name)
+    }
     more = {command: own, "u": u, "label": estimator.GetOutputPort("last_label")}
     more |= {"p_ref": source.GetOutputPort("position")}
     return {"status": zero, "solve_time": zero} | given | more

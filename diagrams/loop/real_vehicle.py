@@ -29,23 +29,21 @@ class RealVehicle(Protocol):
         pushed: bool = False,
         events: Sequence[PayloadEvent] = (),
     ) -> Diagram:
-        """Return the vehicle with the ports of `make_tethered_quadrotor`; `tether_wrench` may be missing.
+        """Return the vehicle with the ports of `make_tethered_quadrotor`; `tether_wrench` may be
+        missing.
 
         Args:
-            vehicle: as its file says.
-            reality: what acts on it besides.
             command_period: at whose multiples alone the command changes [s].
-            pushed: whether forces from outside may act.
-            events: of the payload in flight.
         Raises: ValueError: on what the simulator does not know.
         """
 
-    def hover(self, system: Diagram, root: Context, reality: RealityConfig, p_WB: np.ndarray) -> None:
+    def hover(
+        self, system: Diagram, root: Context, reality: RealityConfig, p_WB: np.ndarray
+    ) -> None:
         """Set the made vehicle level and at rest, with the payload hanging still.
 
         Args:
             system: that `make` returned.
-            root: context of the whole flight.
             reality: of `make`.
             p_WB: (3,) in W [m].
         """
@@ -63,14 +61,11 @@ class DrakeVehicle(RealVehicle):
         pushed: bool = False,
         events: Sequence[PayloadEvent] = (),
     ) -> Diagram:
-        """Return the plant with the calibration of its file and the effects that `reality` switches on.
+        """Return the plant with the calibration of its file and the effects that `reality` switches
+        on.
 
         Args:
-            vehicle: as its file says.
-            reality: what acts on it besides.
             command_period: at whose multiples alone the command changes [s].
-            pushed: whether forces from outside may act.
-            events: of the payload in flight.
         """
         own = split_effects(in_flight(vehicle, beside=reality.actuator_effects()))
         return make_tethered_quadrotor(
@@ -86,12 +81,13 @@ class DrakeVehicle(RealVehicle):
             pushed=pushed,
         )
 
-    def hover(self, system: Diagram, root: Context, reality: RealityConfig, p_WB: np.ndarray) -> None:
+    def hover(
+        self, system: Diagram, root: Context, reality: RealityConfig, p_WB: np.ndarray
+    ) -> None:
         """Set the vehicle level and at rest, with the payload at its static stretch.
 
         Args:
             system: that `make` returned.
-            root: context of the whole flight.
             reality: of `make`.
             p_WB: (3,) in W [m].
         """

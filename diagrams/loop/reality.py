@@ -1,10 +1,18 @@
-"""What acts on the simulated vehicle and its sensors beyond the model that the controller assumes."""
+"""What acts on the simulated vehicle and its sensors beyond the model that the controller
+assumes.
+"""
 
 import dataclasses as dc
 
 import numpy as np
 
-from np_drake.effects.base import ActuatorEffect, Effect, MassEffect, MeasurementEffect, WrenchEffect
+from np_drake.effects.base import (
+    ActuatorEffect,
+    Effect,
+    MassEffect,
+    MeasurementEffect,
+    WrenchEffect,
+)
 from np_drake.effects.combine import acting, require_complete, split_effects
 from np_drake.effects.command_delay import CommandDelay
 from np_drake.effects.disturbance import Disturbance, DisturbanceConfig
@@ -17,7 +25,7 @@ from np_drake.effects.sensor_noise import SensorNoise
 from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.effects.thrust_drift import ThrustDrift
 from np_drake.effects.thrust_scale import ThrustScale
-from np_drake.vehicle import MeasurementNoise, Vehicle
+from np_drake.vehicle.vehicle import MeasurementNoise, Vehicle
 from systems.payload_config import PayloadConfig, as_light, payload_config
 
 
@@ -28,17 +36,28 @@ class RealityConfig:
     payload: PayloadConfig = dc.field(default_factory=PayloadConfig)
     rotor_drag: float = 0.25  # on each body axis; 0 for none [N·s/m]
     motor_lag: float = 0.03  # time constant of the rotor speed; 0 for none [s]
-    command_delay: float = 0.0  # time from a command to its effect on the rotors, beyond their lag [s]
+    command_delay: float = (
+        0.0  # time from a command to its effect on the rotors, beyond their lag [s]
+    )
     thrust_scale: float = 0.96  # real over nominal thrust at the start [1]
-    thrust_loss: float = 0.0  # share of the starting thrust that a falling battery takes each second [1/s]
+    thrust_loss: float = (
+        0.0  # share of the starting thrust that a falling battery takes each second [1/s]
+    )
     noise: MeasurementNoise = dc.field(default_factory=lambda: MeasurementNoise(attitude=0.003))
-    wind: list[float] = dc.field(default_factory=lambda: [0.0, 0.0, 0.0])  # mean, in W; the drag feels it [m/s]
+    wind: list[float] = dc.field(
+        default_factory=lambda: [0.0, 0.0, 0.0]
+    )  # mean, in W; the drag feels it [m/s]
     gust: float = 0.0  # standard deviation of each axis of the wind, correlated over 1 s [m/s]
     gust_seed: int = 0  # of the wind's gusts
-    # Act besides all of these, each from its onset on; a suspended payload here needs `payload: {tether: none}`.
+    # Act besides all of these, each from its onset on; a suspended payload here needs `payload:
+    # {tether: none}`.
     effects: list[EffectEntry] = dc.field(default_factory=list)
-    disturbance: DisturbanceConfig = dc.field(default_factory=DisturbanceConfig)  # random, none unless named
-    posterior: Posterior = dc.field(default_factory=Posterior)  # joint, of the parameters of `effects`
+    disturbance: DisturbanceConfig = dc.field(
+        default_factory=DisturbanceConfig
+    )  # random, none unless named
+    posterior: Posterior = dc.field(
+        default_factory=Posterior
+    )  # joint, of the parameters of `effects`
 
     def check(self) -> "RealityConfig":
         """Return self after checking all values.
@@ -49,13 +68,21 @@ class RealityConfig:
         self.noise.check()
         for name in ("rotor_drag", "motor_lag", "command_delay", "thrust_loss", "gust"):
             if not 0 <= getattr(self, name) < np.inf:
-                raise ValueError(f"RealityConfig: {name} must not be negative; got {getattr(self, name)}.")
+                raise ValueError(
+                    f"RealityConfig: {name} must not be negative; got {getattr(self, name)}."
+                )
         if not self.thrust_scale > 0:
-            raise ValueError(f"RealityConfig: thrust_scale must be positive; got {self.thrust_scale}.")
+            raise ValueError(
+                f"RealityConfig: thrust_scale must be positive; got {self.thrust_scale}."
+            )
         if np.shape(self.wind) != (3,) or not np.isfinite(self.wind).all():
-            raise ValueError(f"RealityConfig: wind must be three finite speeds [m/s]; got {self.wind}.")
+            raise ValueError(
+                f"RealityConfig: wind must be three finite speeds [m/s]; got {self.wind}."
+            )
         if self.blows and not self.rotor_drag > 0:
-            raise ValueError("RealityConfig: wind acts through rotor_drag, which must then be positive.")
+            raise ValueError(
+                "RealityConfig: wind acts through rotor_drag, which must then be positive."
+            )
         for entry in self.effects:
             entry.check()
         require_complete(self.added)
@@ -64,15 +91,22 @@ class RealityConfig:
         hung = split_effects(self.added).payload
         if hung is not None and self.payload.tether != "none":
             raise ValueError(
-                "RealityConfig: there must be one payload; got `payload` and the effect suspended_payload. Write "
+                "RealityConfig: there must be one payload; got `payload` and the effect "
+                "suspended_payload. Write "
                 "payload: {tether: none} beside the effect."
             )
         return self
 
     def nominal(self) -> "RealityConfig":
-        """Return the vehicle as its file says, with the same noise of the sensors: the nominal simulator."""
+        """Return the vehicle as its file says, with the same noise of the sensors: the nominal
+        simulator.
+        """
         return RealityConfig(
-            payload=PayloadConfig(tether="none"), rotor_drag=0.0, motor_lag=0.0, thrust_scale=1.0, noise=self.noise
+            payload=PayloadConfig(tether="none"),
+            rotor_drag=0.0,
+            motor_lag=0.0,
+            thrust_scale=1.0,
+            noise=self.noise,
         )
 
     @property
@@ -82,7 +116,9 @@ class RealityConfig:
 
     @property
     def by_flight(self) -> list[tuple[Effect, dict[str, float | None]]]:
-        """The effects of `effects` with their onsets by flight of the diagnosis, as `DrakeReplay` takes them."""
+        """The effects of `effects` with their onsets by flight of the diagnosis, as `DrakeReplay`
+        takes them.
+        """
         return [(entry.made, {**entry.onsets}) for entry in self.effects]
 
     @property
@@ -125,11 +161,17 @@ class RealityConfig:
             x, y, z = self.wind
             effects.append(GustyWind(x, y, z, deviation=self.gust, seed=self.gust_seed))
         effects += split_effects(self.added).wrench
-        return [*effects, Disturbance.of_config(self.disturbance)] if self.disturbance.acts else effects
+        return (
+            [*effects, Disturbance.of_config(self.disturbance)]
+            if self.disturbance.acts
+            else effects
+        )
 
     def actuator_effects(self) -> list[ActuatorEffect]:
         """Return the effects between command and thrust, in the order of action."""
-        effects: list[ActuatorEffect] = [CommandDelay(self.command_delay)] if self.command_delay > 0 else []
+        effects: list[ActuatorEffect] = (
+            [CommandDelay(self.command_delay)] if self.command_delay > 0 else []
+        )
         effects += [MotorLag(self.motor_lag)] if self.motor_lag > 0 else []
         effects += [ThrustScale(self.thrust_scale)] if self.thrust_scale != 1.0 else []
         effects += [ThrustDrift(1.0, -self.thrust_loss)] if self.thrust_loss > 0 else []
@@ -164,9 +206,7 @@ class RealityConfig:
         """Return real over nominal thrust, mean of the rotors [1].
 
         Args:
-            vehicle: nominal vehicle.
             t: time since the start [s].
-            failing: whether effects count that begin in flight.
         """
         thrust = np.ones(4)
         for effect in acting(self.actuator_effects(), self.onsets, t if failing else 0.0):

@@ -1,4 +1,6 @@
-"""Scenarios for any vehicle: the sizes, times and forces of one for the paper's vehicle, scaled to another."""
+"""Scenarios for any vehicle: the sizes, times and forces of one for the paper's vehicle, scaled to
+another.
+"""
 
 import copy
 import dataclasses as dc
@@ -6,10 +8,10 @@ from collections.abc import Iterable
 from typing import Any
 
 from np_drake.command_delay import LONGEST_DELAY
-from np_drake.scaling import Scales, payload_ratio, ratios, times
+from np_drake.vehicle.scaling import Scales, payload_ratio, ratios, times
 
-# Powers of length, mass and time in the unit of each field. Angles, shares, seeds, names and the noise of sensors have
-# none: a sensor does not shrink with the vehicle that carries it.
+# Powers of length, mass and time in the unit of each field. Angles, shares, seeds, names and the
+# noise of sensors have none: a sensor does not shrink with the vehicle that carries it.
 FLIGHT = {"duration": (0, 0, 1)}
 REALITY = {
     "rotor_drag": (0, 1, -1),
@@ -23,8 +25,9 @@ REFERENCE = {
     **dict.fromkeys(("ramp", "rest"), (0, 0, 1)),
     "dither_frequencies": (0, 0, -1),
 }
-# The mass here is the payload's own (`payload_ratio`), so that the cable stretches by the same share of its length
-# under the payload's weight, and its axial oscillation takes the same share of the unit of time.
+# The mass here is the payload's own (`payload_ratio`), so that the cable stretches by the same
+# share of its length under the payload's weight, and its axial oscillation takes the same share of
+# the unit of time.
 PAYLOAD = {
     **dict.fromkeys(("length", "hook", "radius"), (1, 0, 0)),
     "mass": (0, 1, 0),
@@ -44,34 +47,45 @@ MPC = {  # a cost has no unit: a weight is the inverse square of what it weighs
     "slack_weight": (-1, 0, 0),  # the unit of the ellipsoid, of the three sets
 }
 FIRMWARE = {"bandwidth": (0, 0, -1)}
-CLOCK = {"period": 1, "hold_bandwidth": -1}  # powers of the sampling period in the controller's fields
+CLOCK = {
+    "period": 1,
+    "hold_bandwidth": -1,
+}  # powers of the sampling period in the controller's fields
 LABEL = {"force_bandwidth": -1, "torque_bandwidth": -1}
 
 
 def scaled(config: Any) -> Any:
-    """Return the scenario `config`, which stands in SI for the paper's vehicle, for its own vehicle.
+    """Return the scenario `config`, which stands in SI for the paper's vehicle, for its own
+    vehicle.
 
-    Every field is multiplied by the ratio of the two vehicles' units, which is exactly 1 for the paper's.
+    Every field is multiplied by the ratio of the two vehicles' units, which is exactly 1 for the
+    paper's.
     Raises: ValueError: on the track of a file, which stands in SI.
     """
     if config.reference.is_file:
         raise ValueError(
-            "FlightConfig: scaled must be false for the track of a CSV file, which stands in SI; got true. "
+            "FlightConfig: scaled must be false for the track of a CSV file, which stands "
+            "in SI; got true. "
             "Leave it out."
         )
     unit = ratios(config.vehicle)
-    carried = Scales(unit.length, payload_ratio(config.vehicle, type(config.reality.payload)().mass), unit.time)
+    carried = Scales(
+        unit.length, payload_ratio(config.vehicle, type(config.reality.payload)().mass), unit.time
+    )
     controller, mpc = config.controller, _times(config.controller.mpc, MPC, unit)
     thrust, *torques = mpc.weight_input
     weights = [thrust / unit.force**2, *(t / unit.torque**2 for t in torques)]
     # Of the vehicle's calibration the controller knows the delay of commands.
-    known = min(config.vehicle.calibration.command_delay, LONGEST_DELAY * controller.period * unit.clock)
+    known = min(
+        config.vehicle.calibration.command_delay, LONGEST_DELAY * controller.period * unit.clock
+    )
     simulator = copy.copy(config.simulator)
     simulator.max_step_size *= unit.time
     return dc.replace(
         _times(config, FLIGHT, unit),
         reality=dc.replace(
-            _times(config.reality, REALITY, unit), payload=_times(config.reality.payload, PAYLOAD, carried)
+            _times(config.reality, REALITY, unit),
+            payload=_times(config.reality.payload, PAYLOAD, carried),
         ),
         reference=_times(config.reference, REFERENCE, unit),
         controller=dc.replace(
@@ -81,7 +95,9 @@ def scaled(config: Any) -> Any:
             mpc=dc.replace(mpc, weight_input=weights, step=mpc.step * unit.clock),
             label=_paced(controller.label, LABEL, unit),
         ),
-        autopilot=dc.replace(config.autopilot, betaflight=_times(config.autopilot.betaflight, FIRMWARE, unit)),
+        autopilot=dc.replace(
+            config.autopilot, betaflight=_times(config.autopilot.betaflight, FIRMWARE, unit)
+        ),
         events=[_times(event, EVENT, carried) for event in config.events],
         simulator=simulator,
         scaled=False,
@@ -89,14 +105,26 @@ def scaled(config: Any) -> Any:
 
 
 def _times(part: Any, powers: dict[str, tuple[int, int, int]], unit: Scales) -> Any:
-    """Return a copy of a dataclass, each field of `powers` multiplied by these powers of the units."""
-    return _replaced(part, ((name, unit.length**a * unit.mass**b * unit.time**c) for name, (a, b, c) in powers.items()))
+    """Return a copy of a dataclass, each field of `powers` multiplied by these powers of the
+    units.
+    """
+    return _replaced(
+        part,
+        (
+            (name, unit.length**a * unit.mass**b * unit.time**c)
+            for name, (a, b, c) in powers.items()
+        ),
+    )
 
 
 def _paced(part: Any, powers: dict[str, int], unit: Scales) -> Any:
-    """Return a copy of a dataclass, each field of `powers` multiplied by this power of the sampling period."""
+    """Return a copy of a dataclass, each field of `powers` multiplied by this power of the sampling
+    period.
+    """
     return _replaced(part, ((name, unit.clock**power) for name, power in powers.items()))
 
 
 def _replaced(part: Any, factors: Iterable[tuple[str, float]]) -> Any:
-    return dc.replace(part, **{name: times(getattr(part, name), factor) for name, factor in factors})
+    return dc.replace(
+        part, **{name: times(getattr(part, name), factor) for name, factor in factors}
+    )

@@ -15,14 +15,17 @@ MOST_INSTANTS = 200_000  # that are looked at
 
 
 def require_flyable(
-    reference: Reference, vehicle: Vehicle, mpc: MpcConfig, *, end: float, arena: float, thrust: float
+    reference: Reference,
+    vehicle: Vehicle,
+    mpc: MpcConfig,
+    *,
+    end: float,
+    arena: float,
+    thrust: float,
 ) -> None:
     """Check a motion up to its end against ground, arena, the controller's bounds and the rotors.
 
     Args:
-        reference: motion of the file.
-        vehicle: with the mass that it carries.
-        mpc: bounds of speed and tilt.
         end: of the flight [s].
         arena: largest distance from the origin [m].
         thrust: real over nominal thrust [1].
@@ -32,8 +35,12 @@ def require_flyable(
     flat = reference.sample(t)
     p, speed = flat[0], np.abs(flat[1]).max(axis=1)
     force = flat[2] + [0.0, 0.0, vehicle.gravity]
-    tilt = np.arccos(np.clip(force[:, 2] / np.maximum(np.linalg.norm(force, axis=1), 1e-9), -1.0, 1.0))
-    _require(t, -p[:, 2], 0.0, "must stay above the ground; is {:.3g} m below it", "Raise its points.")
+    tilt = np.arccos(
+        np.clip(force[:, 2] / np.maximum(np.linalg.norm(force, axis=1), 1e-9), -1.0, 1.0)
+    )
+    _require(
+        t, -p[:, 2], 0.0, "must stay above the ground; is {:.3g} m below it", "Raise its points."
+    )
     _require(
         t,
         np.linalg.norm(p, axis=1),
@@ -42,23 +49,30 @@ def require_flyable(
         "Move it.",
     )
     slower = "Take a lower speed, or more time between the rows."
-    bound = f"must be within controller.mpc.max_speed, {mpc.max_speed:.3g} m/s; demands {{:.3g}} m/s"
+    bound = (
+        f"must be within controller.mpc.max_speed, {mpc.max_speed:.3g} m/s; demands {{:.3g}} m/s"
+    )
     _require(t, speed, mpc.max_speed, bound, slower)
     rotors = targets(vehicle, flat, np.zeros((len(t), 6)))[1] @ vehicle.unmixer.T / thrust
-    most, remedy = vehicle.max_rotor_thrust, "Take a lower speed, or smoother positions with more digits."
+    most, remedy = (
+        vehicle.max_rotor_thrust,
+        "Take a lower speed, or smoother positions with more digits.",
+    )
     bound = f"must be within max_rotor_thrust, {most:.3g} N; demands {{:.3g}} N of a rotor"
     _require(t, rotors.max(axis=1), most, bound, remedy)
     bound = f"must be within controller.mpc.max_tilt, {mpc.max_tilt:.3g} rad; demands {{:.3g}} rad"
     _require(t, tilt, mpc.max_tilt, bound, slower)
-    _require(t, -rotors.min(axis=1), 0.0, "must pull no rotor down; demands {:.3g} N of one", remedy)
+    _require(
+        t, -rotors.min(axis=1), 0.0, "must pull no rotor down; demands {:.3g} N of one", remedy
+    )
 
 
 def warnings(config: ReferenceConfig, track: Reference, *, end: float) -> list[str]:
-    """Return a sentence on the waypoints that a track does not pass, and one on how far it leaves their legs.
+    """Return a sentence on the waypoints that a track does not pass, and one on how far it leaves
+    their legs.
 
     Args:
         config: with the waypoints, and the distance that is allowed.
-        track: that it describes.
         end: of the flight [s].
     """
     points = config.waypoints
@@ -69,19 +83,20 @@ def warnings(config: ReferenceConfig, track: Reference, *, end: float) -> list[s
     off, leg = off_legs(points, p)
     if config.is_file and off > config.within:
         said.append(
-            f"the track leaves the straight leg from waypoint {leg + 1} to {leg + 2} by {off:.2f} m; "
+            f"the track leaves the straight leg from waypoint {leg + 1} to {leg + 2} by "
+            f"{off:.2f} m; "
             "reference.corners: stop keeps to the legs."
         )
     return said
 
 
 def missed(distances: np.ndarray, within: float, who: str) -> list[str]:
-    """Return a sentence on the waypoints that were not passed within a distance; none where all were.
+    """Return a sentence on the waypoints that were not passed within a distance; none where all
+    were.
 
     Args:
         distances: how near each was passed (k,) [m].
         within: the distance [m].
-        who: passed them.
     """
     rows = np.flatnonzero(distances > within)
     if not len(rows):

@@ -1,4 +1,6 @@
-"""Node in real time on a vehicle that another process simulates, beside the same flight in one Diagram."""
+"""Node in real time on a vehicle that another process simulates, beside the same flight in one
+Diagram.
+"""
 
 import dataclasses as dc
 import socket
@@ -19,30 +21,50 @@ from diagrams.offboard.solver_thread import SolverThread
 from np_drake import metrics
 from np_drake.offboard.link import MavlinkLink
 
-BEFORE, AFTER = 60.0, 20.0  # time that a vehicle may take to be flown, and that it flies after the node [s]
+BEFORE, AFTER = (
+    60.0,
+    20.0,
+)  # time that a vehicle may take to be flown, and that it flies after the node [s]
 VEHICLE = "hover"  # experiment of the vehicle until its node commands it
 
 
-def flown_beside(config: FlightConfig, *, seed: int, monitor: Callable[[float], None]) -> dict[str, Any]:
+def flown_beside(
+    config: FlightConfig, *, seed: int, monitor: Callable[[float], None]
+) -> dict[str, Any]:
     """Return deadlines and errors of a node in real time, with those of the Diagram's own flight.
 
     Args:
         config: of the flight, whose vehicle and reality are those of the experiment `VEHICLE`.
-        seed: of the vehicle's noise.
         monitor: is called with the time flown [s].
     Raises: ValueError: where the vehicle does not come up.
     """
     address = f"127.0.0.1:{_free_port()}"
     command = [
-        sys.executable, "-m", "np_drake", "fly", VEHICLE, "--link", f"udpout:{address}", "--seed", str(seed),
-        "--duration", f"{config.end + BEFORE + AFTER:g}",
-    ]  # fmt: skip
+        sys.executable,
+        "-m",
+        "np_drake",
+        "fly",
+        VEHICLE,
+        "--link",
+        f"udpout:{address}",
+        "--seed",
+        str(seed),
+        "--duration",
+        f"{config.end + BEFORE + AFTER:g}",
+    ]
     link, worker = MavlinkLink(f"udp:{address}"), SolverThread()
     with tempfile.TemporaryFile("w+") as said:
-        vehicle = subprocess.Popen(command, stdout=said, stderr=subprocess.STDOUT, cwd=Path(__file__).parents[2])
+        vehicle = subprocess.Popen(
+            command, stdout=said, stderr=subprocess.STDOUT, cwd=Path(__file__).parents[2]
+        )
         try:
             node = Node(config, link, worker)
-            real_time.fly(node, wait=BEFORE, monitor=lambda _, t: monitor(t), ended=lambda: vehicle.poll() is not None)
+            real_time.fly(
+                node,
+                wait=BEFORE,
+                monitor=lambda _, t: monitor(t),
+                ended=lambda: vehicle.poll() is not None,
+            )
         finally:
             vehicle.kill()
             vehicle.wait()

@@ -1,4 +1,6 @@
-"""Estimator, predictor and MPC as they run beside a vehicle: the systems of a flight's Diagram, without its vehicle."""
+"""Estimator, predictor and MPC as they run beside a vehicle: the systems of a flight's Diagram,
+without its vehicle.
+"""
 
 import dataclasses as dc
 
@@ -18,7 +20,9 @@ class Answer:
     """What the controller says of one instant."""
 
     rates_thrust: np.ndarray  # (4,) collective thrust and body rates [N, rad/s]
-    force: np.ndarray  # (3,) residual force that is predicted; zero of a model that predicts none [N]
+    force: (
+        np.ndarray
+    )  # (3,) residual force that is predicted; zero of a model that predicts none [N]
     status: MpcStatus
     solve_time: float  # [s]
     generation: int = 0  # of the memory that it is of [1]
@@ -33,13 +37,12 @@ def make_companion_diagram(config: FlightConfig) -> Diagram:
     | acceleration | 6 | measured [a in W, al in B] | m/s², rad/s² |
     | in_force | 4 | collective thrust and body rates that the autopilot follows | N, rad/s |
     | rates_thrust | 4 | what it is to follow | N, rad/s |
-
-    Args:
-        config: of the flight, whose controller commands body rates.
     Raises: ValueError: where it does not.
     """
     if config.controller.mpc.command != "rates":
-        raise ValueError(f"{config.name}: controller.mpc.command must be rates beside an autopilot; got rotors.")
+        raise ValueError(
+            f"{config.name}: controller.mpc.command must be rates beside an autopilot; got rotors."
+        )
     builder, sensors = DiagramBuilder(), DiagramBuilder()
     for name in ("x", "acceleration"):
         wire = sensors.AddNamedSystem(name, PassThrough(INPUTS[name]))
@@ -48,7 +51,12 @@ def make_companion_diagram(config: FlightConfig) -> Diagram:
     rig = builder.AddNamedSystem("sensors", sensors.Build())
     in_force = builder.AddNamedSystem("in_force", PassThrough(INPUTS["in_force"]))
     ports = add_controller(
-        builder, config.controller, config.vehicle, config.motion, rig, in_force=in_force.get_output_port()
+        builder,
+        config.controller,
+        config.vehicle,
+        config.motion,
+        rig,
+        in_force=in_force.get_output_port(),
     )
     for name in ("x", "acceleration"):
         builder.ExportInput(rig.GetInputPort(name), name)
@@ -61,11 +69,7 @@ def make_companion_diagram(config: FlightConfig) -> Diagram:
 
 
 class Companion:
-    """Controller that is stepped by the clock of its caller, without a Simulator.
-
-    Args:
-        config: of the flight.
-    """
+    """Controller that is stepped by the clock of its caller, without a Simulator."""
 
     def __init__(self, config: FlightConfig):
         self._diagram = make_companion_diagram(config)
@@ -76,7 +80,13 @@ class Companion:
         self.context = self._diagram.CreateDefaultContext()
 
     def step(
-        self, t: float, *, x: np.ndarray, acceleration: np.ndarray, in_force: np.ndarray, context: Context | None = None
+        self,
+        t: float,
+        *,
+        x: np.ndarray,
+        acceleration: np.ndarray,
+        in_force: np.ndarray,
+        context: Context | None = None,
     ) -> Answer:
         """Take the measurements of an instant and return what to do.
 

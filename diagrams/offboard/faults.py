@@ -34,7 +34,14 @@ KINDS: dict[str, tuple[str, tuple[float, float] | None]] = {
     "failing solve": ("the controller fails", None),
     "command not finite": ("the controller's command is NaN", None),
 }
-STATE_LOST = ("silence", "frozen clock", "autopilot restart", "state not finite", "no attitude", "no inertial sensor")
+STATE_LOST = (
+    "silence",
+    "frozen clock",
+    "autopilot restart",
+    "state not finite",
+    "no attitude",
+    "no inertial sensor",
+)
 SOLVER = ("hanging solve", "failing solve", "command not finite")
 
 
@@ -54,13 +61,18 @@ class Fault:
 
         Args:
             kind: of `KINDS`.
-            seed: of the draw.
             begin: earliest and latest beginning [s].
         """
         rng = np.random.default_rng([seed, *kind.encode()])
         span = KINDS[kind][1] or (0.0, 0.0)
         lasts = float(np.exp(rng.uniform(np.log(0.05), np.log(3.0))))
-        return cls(kind, round(float(rng.uniform(*begin)), 2), round(lasts, 2), float(rng.uniform(*span)), seed)
+        return cls(
+            kind,
+            round(float(rng.uniform(*begin)), 2),
+            round(lasts, 2),
+            float(rng.uniform(*span)),
+            seed,
+        )
 
     def acts(self, t: float) -> bool:
         """Return whether it acts at a time [s]."""
@@ -108,12 +120,7 @@ class _FaultyWorker(AtOnce):
 
 
 class FaultyAutopilot(SimulatedAutopilot):
-    """Autopilot whose messages have a fault.
-
-    Args:
-        vehicle: that it flies.
-        fault: of its messages.
-    """
+    """Autopilot whose messages have a fault."""
 
     def __init__(self, vehicle: Vehicle, fault: Fault):
         super().__init__(vehicle)
@@ -127,7 +134,6 @@ class FaultyAutopilot(SimulatedAutopilot):
         """Take what has come; an autopilot that restarts hears nothing.
 
         Args:
-            data: of any length.
             t: [s].
         """
         if not (self._fault.kind == "autopilot restart" and self._fault.acts(t)):
@@ -156,7 +162,11 @@ class FaultyAutopilot(SimulatedAutopilot):
         elif fault.kind == "frozen clock":
             self.boot = BOOT + (fault.begin - t if acts else 0.0)
         out = super().messages(t, *(self._absurd(x, acceleration) if acts else (x, acceleration)))
-        return out + self._rng.bytes(int(self._rng.integers(1, 400))) if acts and fault.kind == "noise" else out
+        return (
+            out + self._rng.bytes(int(self._rng.integers(1, 400)))
+            if acts and fault.kind == "noise"
+            else out
+        )
 
     def _absurd(self, x: np.ndarray, acceleration: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         fault, x, acceleration = self._fault, x.copy(), acceleration.copy()

@@ -32,7 +32,9 @@ class Counts:
     late: int = 0  # of them without an answer until the next
     errors: int = 0  # ticks that failed
     solves: deque[float] = dc.field(default_factory=lambda: deque(maxlen=KEPT))  # times [s]
-    delays: deque[float] = dc.field(default_factory=lambda: deque(maxlen=KEPT))  # of ticks after their time [s]
+    delays: deque[float] = dc.field(
+        default_factory=lambda: deque(maxlen=KEPT)
+    )  # of ticks after their time [s]
 
 
 @dc.dataclass(frozen=True)
@@ -56,18 +58,21 @@ class FlightRecord:
             self._rows.append(row)
 
     def flown(self, vehicle: Vehicle, name: str) -> Flown | None:
-        """Return the flight; None where there are no two rows.
-
-        Args:
-            vehicle: nominal.
-            name: of the flight.
-        """
+        """Return the flight; None where there are no two rows."""
         if len(self._rows) < 2:
             return None
         ends = np.cumsum([*PARTS.values()])[:-1]
         t, x, acceleration, u, rates, reference = np.split(np.array(self._rows), ends, axis=1)
         log = FlightLog(
-            t=t[:, 0], p=x[:, :3], q=x[:, 3:7], v=x[:, 7:10], w=x[:, 10:13], u=vehicle.saturate(u),
-            a=acceleration[:, :3], al=acceleration[:, 3:], commanded_rates=rates, name=name,
-        )  # fmt: skip
+            t=t[:, 0],
+            p=x[:, :3],
+            q=x[:, 3:7],
+            v=x[:, 7:10],
+            w=x[:, 10:13],
+            u=vehicle.saturate(u),
+            a=acceleration[:, :3],
+            al=acceleration[:, 3:],
+            commanded_rates=rates,
+            name=name,
+        )
         return Flown(log, reference)

@@ -40,11 +40,7 @@ class RealTime(Watch):
 
 
 class CommandedByLink:
-    """Maker of the controller of a flight that takes its commands from a link.
-
-    Args:
-        link: to the node; whoever made it closes it.
-    """
+    """Maker of the controller of a flight that takes its commands from a link."""
 
     def __init__(self, link: Link):
         self.__name__ = "mavlink"  # of the controller, in the flight's files

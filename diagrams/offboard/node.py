@@ -18,12 +18,15 @@ from np_drake.offboard.link import Link
 from np_drake.offboard.message_clock import NodeClock
 from np_drake.offboard.phases import Phase, Phases
 from np_drake.offboard.readings import Reading, Readings
-from np_drake.rate_loop import RateLoop
 from np_drake.rigid_body import Q, V, W
+from np_drake.vehicle.rate_loop import RateLoop
 
 # Asked of the autopilot, at the node's rate.
 ASKED = ("ODOMETRY", "LOCAL_POSITION_NED", "ATTITUDE_QUATERNION", "HIGHRES_IMU", "ATTITUDE_TARGET")
-HEARTBEAT, HEARTBEATS = 1.0, 10.0  # between two of the node's own [s]; asked of the autopilot's [Hz]
+HEARTBEAT, HEARTBEATS = (
+    1.0,
+    10.0,
+)  # between two of the node's own [s]; asked of the autopilot's [Hz]
 LEAVING, LEAVES = 0.2, 3.0  # between two requests to hold, and how long they are made [s]
 SLOW = 0.5  # speed above which nothing begins [m/s]; source: own choice
 WARM_UP = 5  # steps before the first message [1]
@@ -36,17 +39,22 @@ class Node:
 
     Args:
         config: of the flight: reference, controller that commands body rates, vehicle, limits.
-        link: to the autopilot; whoever made it closes it.
-        worker: steps the controller.
-    Raises: ValueError: on a controller that does not command body rates, or whose period is no multiple of a tick.
+    Raises: ValueError: on a controller that does not command body rates, or whose period is no
+        multiple of a tick.
     """
 
     def __init__(self, config: FlightConfig, link: Link, worker: Worker):
-        self.config, self._limits, self._link, self._worker = config, config.offboard.check(), link, worker
+        self.config, self._limits, self._link, self._worker = (
+            config,
+            config.offboard.check(),
+            link,
+            worker,
+        )
         ticks = config.controller.period * config.offboard.rate
         if abs(ticks - round(ticks)) > 1e-6 or ticks < 1 - 1e-6:
             raise ValueError(
-                f"offboard: rate must be a whole multiple of the controller's, {1 / config.controller.period:g} Hz; "
+                f"offboard: rate must be a whole multiple of the controller's, "
+                f"{1 / config.controller.period:g} Hz; "
                 f"got {config.offboard.rate:g}."
             )
         vehicle = config.controller.believed(config.vehicle)
@@ -54,8 +62,17 @@ class Node:
         self._loop = vehicle.rate_loop or RateLoop()
         self._motion, self._track = config.motion, config.motion.sample(np.zeros(1))[0, 0]
         self._codec, self._companion = Codec(COMPANION, self._limits.system), Companion(config)
-        self.readings, self.clock, self._heard = Readings(self._limits, vehicle.gravity), NodeClock(), list[Said]()
-        self.phases, self.events, self.counts, self._record = Phases(), list[Event](), Counts(), FlightRecord()
+        self.readings, self.clock, self._heard = (
+            Readings(self._limits, vehicle.gravity),
+            NodeClock(),
+            list[Said](),
+        )
+        self.phases, self.events, self.counts, self._record = (
+            Phases(),
+            list[Event](),
+            Counts(),
+            FlightRecord(),
+        )
         self.x = np.full(13, np.nan)  # state in the autopilot's local frame, z up
         self._begin: float | None = None  # time of the first tick [s]
         self._anchor: Anchor | None = None
@@ -63,7 +80,9 @@ class Node:
         self._left_at = np.inf  # when the autopilot was asked to hold its place [s]
         self._answer: Answer | None = None
         self._generation = 0  # of the controller's memory [1]
-        self._is_known = self._is_trusted = False  # the state of this tick: whether it is, and within limits
+        self._is_known = self._is_trusted = (
+            False  # the state of this tick: whether it is, and within limits
+        )
         self._is_owed = False  # an answer, since the period began
         self._without_answer = 0  # periods in succession [1]
         self._sent = np.array([self._weight, 0.0, 0.0, 0.0])
@@ -79,8 +98,13 @@ class Node:
     @property
     def lacks(self) -> str:
         """What it waits for before it flies; empty once it does."""
-        waiting = self._problem or f"in order, and not in offboard, for less than {self._limits.settle:g} s"
-        return {Phase.WAITING: waiting, Phase.READY: "the pilot has not handed over"}.get(self.phase, "")
+        waiting = (
+            self._problem
+            or f"in order, and not in offboard, for less than {self._limits.settle:g} s"
+        )
+        return {Phase.WAITING: waiting, Phase.READY: "the pilot has not handed over"}.get(
+            self.phase, ""
+        )
 
     @property
     def leaves(self) -> bool:
@@ -117,7 +141,8 @@ class Node:
         return self._heard
 
     def tick(self, now: float, patience: float = 0.0) -> None:
-        """Read what has come, and send what follows; a tick that fails sends nothing, and counts as a problem.
+        """Read what has come, and send what follows; a tick that fails sends nothing, and counts as
+        a problem.
 
         Args:
             now: our time, not before that of the last tick [s].
@@ -147,14 +172,21 @@ class Node:
             self._anchor = Anchor.at(reading.x, self._track)
             self._companion.reset()
             self._generation += 1
-            self._answer, self._without_answer, self._is_owed, self._next_step = None, 0, False, -np.inf
+            self._answer, self._without_answer, self._is_owed, self._next_step = (
+                None,
+                0,
+                False,
+                -np.inf,
+            )
         elif self.phase is Phase.FLYING and before is Phase.READY:
             self._handed_over = now
         elif self.phase is Phase.LEVEL:
             self._answer = None
         if self._anchor is not None and self.phase.sends:
             x = self._anchor.seen(reading.x)
-            a = np.concatenate([self._anchor.turned(reading.acceleration[:3]), reading.acceleration[3:]])
+            a = np.concatenate(
+                [self._anchor.turned(reading.acceleration[:3]), reading.acceleration[3:]]
+            )
             self._solve(now, reading, x, a, patience)
             self._send(now, x, a)
         self._say_hello(now)
@@ -185,11 +217,15 @@ class Node:
 
     def _change(self, now: float, problem: str, engaged: bool) -> None:
         before, self._problem = self.phase, problem
-        self.phases = self.phases.advanced(now, problem=problem, engaged=engaged, config=self._limits)
+        self.phases = self.phases.advanced(
+            now, problem=problem, engaged=engaged, config=self._limits
+        )
         if self.phase is not before:
             self.events.append(Event(self._since_start(now), self.phase, self.phases.reason))
 
-    def _solve(self, now: float, reading: Reading, x: np.ndarray, a: np.ndarray, patience: float) -> None:
+    def _solve(
+        self, now: float, reading: Reading, x: np.ndarray, a: np.ndarray, patience: float
+    ) -> None:
         """Step the controller where a period begins, and take its answer where there is one."""
         if now >= self._next_step - 1e-9:
             period = self.config.controller.period
@@ -220,14 +256,18 @@ class Node:
         companion, context = self._companion, self._companion.context
 
         def step() -> Answer:
-            found = companion.step(t, x=measured, acceleration=a, in_force=in_force, context=context)
+            found = companion.step(
+                t, x=measured, acceleration=a, in_force=in_force, context=context
+            )
             return dc.replace(found, generation=generation)
 
         self._worker.submit(step, now)
         self.counts.periods += 1
 
     def _found(self, now: float, patience: float) -> Answer | None:
-        """Return the controller's answer; None where there is none, it has failed, or it is of an earlier memory."""
+        """Return the controller's answer; None where there is none, it has failed, or it is of an
+        earlier memory.
+        """
         try:
             found = self._worker.answer(now, patience)
         except Exception:  # whatever a controller raises: it counts as no answer
@@ -246,7 +286,9 @@ class Node:
             t = self.flown_for(now)
             u = np.array([command[0], *self._loop.torque(self._vehicle.J, x[W], command[1:])])
             reference = self._motion.sample(np.array([t]))[0, 0]
-            self._record.add(t=np.array(t), x=x, acceleration=a, u=u, rates=command[1:], reference=reference)
+            self._record.add(
+                t=np.array(t), x=x, acceleration=a, u=u, rates=command[1:], reference=reference
+            )
 
     def _level(self, x: np.ndarray) -> np.ndarray:
         """Return level thrust (4,), with the residual force that was predicted last [N, rad/s]."""
@@ -272,7 +314,9 @@ class Node:
         return now - (now if self._begin is None else self._begin)
 
     def _warm_up(self) -> None:
-        """Step the controller a few times at rest: what is compiled or built on first use is done before it matters."""
+        """Step the controller a few times at rest: what is compiled or built on first use is done
+        before it matters.
+        """
         x = np.array([*self._track, 1.0, *np.zeros(9)])
         for _ in range(WARM_UP):
             self._companion.step(0.0, x=x, acceleration=np.zeros(6), in_force=self._sent)

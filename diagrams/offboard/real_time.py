@@ -43,15 +43,15 @@ def fly(
     ended: Callable[[], bool] = lambda: False,
     monitor: Callable[[Node, float], None] | None = None,
 ) -> None:
-    """Tick a node in real time until it has stopped; at the end of its motion the autopilot is asked to hold its place.
+    """Tick a node in real time until it has stopped; at the end of its motion the autopilot is
+    asked to hold its place.
 
     On a simulated vehicle the time is the vehicle's (`NodeClock`).
 
     Args:
-        node: that has not ticked yet.
         wait: longest time until the autopilot hands over, by our clock [s].
-        ended: whether to end at once.
-        monitor: is shown the node every half a second of our clock, and the time on its reference [s].
+        monitor: is shown the node every half a second of our clock, and the time on its reference
+            [s].
     """
     period, end = 1 / node.config.offboard.rate, node.config.end
     begin = planned = time.monotonic()
@@ -65,7 +65,9 @@ def fly(
         if not node.leaves and (flown >= end or ended()):
             node.leave(now)
         is_idle = node.phase in (Phase.WAITING, Phase.READY)
-        if node.phase is Phase.STOPPED or (is_idle and (node.leaves or time.monotonic() - begin > wait)):
+        if node.phase is Phase.STOPPED or (
+            is_idle and (node.leaves or time.monotonic() - begin > wait)
+        ):
             return
         if monitor is not None and time.monotonic() - looked >= LOOKS:
             looked = time.monotonic()

@@ -11,12 +11,7 @@ from np_drake import metrics
 
 
 def flight_metrics(node: Node, flown: Flown) -> dict[str, Any]:
-    """Return time and errors of a flight, without the ramp where it lasted longer.
-
-    Args:
-        node: that flew it.
-        flown: the flight.
-    """
+    """Return time and errors of a flight, without the ramp where it lasted longer."""
     t = flown.log.t
     scored = t >= node.config.reference.lead
     scored = scored if scored.any() else ~scored
@@ -25,15 +20,23 @@ def flight_metrics(node: Node, flown: Flown) -> dict[str, Any]:
 
 
 def deadlines(node: Node) -> dict[str, Any]:
-    """Return counts and times of a node: ticks, late solves, jitter, ages, messages that were not taken."""
+    """Return counts and times of a node: ticks, late solves, jitter, ages, messages that were not
+    taken.
+    """
     counts, ages = node.counts, np.array(node.readings.ages or [np.nan])
     solves, delays = np.array(counts.solves or [np.nan]), np.array(counts.delays or [np.nan])
     return {
-        "ticks": counts.ticks, "skipped": counts.skipped, "periods": counts.periods, "late": counts.late,
-        "solve_ms": metrics.solve_times_ms(solves), "jitter_ms": metrics.solve_times_ms(delays),
-        "state_age_ms": metrics.solve_times_ms(ages), "refused": dict(node.readings.refused),
-        "restarts": node.readings.restarts, "errors": counts.errors,
-    }  # fmt: skip
+        "ticks": counts.ticks,
+        "skipped": counts.skipped,
+        "periods": counts.periods,
+        "late": counts.late,
+        "solve_ms": metrics.solve_times_ms(solves),
+        "jitter_ms": metrics.solve_times_ms(delays),
+        "state_age_ms": metrics.solve_times_ms(ages),
+        "refused": dict(node.readings.refused),
+        "restarts": node.readings.restarts,
+        "errors": counts.errors,
+    }
 
 
 def tables(node: Node) -> list[Table]:

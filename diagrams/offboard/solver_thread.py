@@ -17,7 +17,6 @@ class Worker(Protocol):
         """Begin a step; nothing is begun while the last goes on.
 
         Args:
-            step: of the controller.
             now: time [s].
         """
 
@@ -35,7 +34,9 @@ class Worker(Protocol):
 
 
 class SolverThread(Worker):
-    """Steps in a thread, so that a solve that takes too long stops nothing else, nor the end of the process."""
+    """Steps in a thread, so that a solve that takes too long stops nothing else, nor the end of the
+    process.
+    """
 
     def __init__(self) -> None:
         self._steps: SimpleQueue[Step | None] = SimpleQueue()
@@ -54,7 +55,9 @@ class SolverThread(Worker):
         if not self._is_busy:
             return None
         try:
-            found = self._answers.get(timeout=patience) if patience > 0 else self._answers.get_nowait()
+            found = (
+                self._answers.get(timeout=patience) if patience > 0 else self._answers.get_nowait()
+            )
         except Empty:
             return None
         self._is_busy = False

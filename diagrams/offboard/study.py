@@ -18,7 +18,7 @@ from diagrams.offboard.beside import flown_beside
 from diagrams.offboard.faults import KINDS, SOLVER, STATE_LOST, Fault, FaultyAutopilot
 from diagrams.offboard.virtual_flight import VirtualFlight
 from np_drake.offboard.phases import Phase
-from np_drake.scaling import usual_rate_loop
+from np_drake.vehicle.scaling import usual_rate_loop
 
 BEGIN = (4.0, 6.0)  # of a fault, in the ramp of the circle [s]
 AFTER = 4.0  # flown after it [s]
@@ -33,16 +33,15 @@ class Options(FlownOptions):
 
     seeds: Seeds = 11
     real_time: Annotated[
-        float, Option("--real-time", min=0.0, max=86_400.0, help="Time of a flight in real time; 0: none [s].")
+        float,
+        Option(
+            "--real-time", min=0.0, max=86_400.0, help="Time of a flight in real time; 0: none [s]."
+        ),
     ] = 0.0
 
 
 def flight(controller: str = "np") -> FlightConfig:
-    """Return the circle of the paper's vehicle with its payload, for a node.
-
-    Args:
-        controller: kind.
-    """
+    """Return the circle of the paper's vehicle with its payload, for a node."""
     config = load_experiment("circle")
     vehicle = dc.replace(config.vehicle, rate_loop=usual_rate_loop(config.vehicle))
     config = dc.replace(config, vehicle=vehicle).with_autopilot("rate_loop")
@@ -51,16 +50,17 @@ def flight(controller: str = "np") -> FlightConfig:
 
 
 def stated_time(fault: Fault, config: FlightConfig) -> float | None:
-    """Return the longest time from the beginning of a fault to the last command; None where it need not stop [s].
-
-    Args:
-        fault: of this flight.
-        config: of the flight.
+    """Return the longest time from the beginning of a fault to the last command; None where it need
+    not stop [s].
     """
     limits = config.offboard
     if fault.kind not in (*STATE_LOST, *SOLVER):
         return None
-    noticed = limits.stale_after if fault.kind in STATE_LOST else (limits.late_solves + 1) * config.controller.period
+    noticed = (
+        limits.stale_after
+        if fault.kind in STATE_LOST
+        else (limits.late_solves + 1) * config.controller.period
+    )
     longest = noticed + limits.level + SLACK
     return longest if fault.lasts > longest else None
 
@@ -100,28 +100,33 @@ class Flying:
         later = [event for event in (node.events if node else []) if event not in events]
         finite = all(np.isfinite([*one.rates, one.thrust]).all() for _, one in flight.sent)
         return {
-            "fault": fault.kind, "seed": case["seed"], "size": fault.size, "lasts": fault.lasts,
-            "handed_over": handed_over, "kept": kept, "finite": finite,
+            "fault": fault.kind,
+            "seed": case["seed"],
+            "size": fault.size,
+            "lasts": fault.lasts,
+            "handed_over": handed_over,
+            "kept": kept,
+            "finite": finite,
             "levelled": any(event.phase is Phase.LEVEL for event in later),
             "stopped": any(event.phase is Phase.STOPPED for event in later),
             "flies": bool(node is not None and node.phase is Phase.FLYING),
-            "stop": _stop(flight, begin), "stated": stated_time(fault, self.config),
-        }  # fmt: skip
+            "stop": _stop(flight, begin),
+            "stated": stated_time(fault, self.config),
+        }
 
 
 def _stop(flight: VirtualFlight, begin: float) -> float | None:
-    """Return the time from a fault's beginning to the last command before a gap; None where there is none [s]."""
+    """Return the time from a fault's beginning to the last command before a gap; None where there
+    is none [s].
+    """
     times = np.array([t for t, _ in flight.sent if t >= begin - GAP] + [flight.time])
     gaps = np.flatnonzero(np.diff(times) > GAP)
     return float(max(times[gaps[0]] - begin, 0.0)) if len(gaps) else None
 
 
 def run(run: Run, options: Options) -> Report:
-    """Faults of link, state, solver and processes while a node flies: what it sends, and when it stops.
-
-    Args:
-        run: seed, folders, workers and progress.
-        options: of the study.
+    """Faults of link, state, solver and processes while a node flies: what it sends, and when it
+    stops.
     """
     run = FlownRun.of(run, options)
     config = flight()
@@ -132,10 +137,15 @@ def run(run: Run, options: Options) -> Report:
     lines = [_line(kind, [one for one in flown if one["fault"] == kind]) for kind in KINDS]
     title = f"{len(cases)} faults, seeds {run.seeds[0]} … {run.seeds[-1]}"
     columns = (
-        ("fault", "fault"), ("flights", "flights"), ("levelled", "levelled"), ("stopped", "stopped"),
-        ("slowest stop [s]", lambda line: _time(line["slowest"])), ("stated [s]", lambda line: _time(line["stated"])),
-        ("flies on", "flies"), ("kept", "kept"),
-    )  # fmt: skip
+        ("fault", "fault"),
+        ("flights", "flights"),
+        ("levelled", "levelled"),
+        ("stopped", "stopped"),
+        ("slowest stop [s]", lambda line: _time(line["slowest"])),
+        ("stated [s]", lambda line: _time(line["stated"])),
+        ("flies on", "flies"),
+        ("kept", "kept"),
+    )
     beside = _beside(run, config, options.real_time) if options.real_time > 0 else None
     bound = [one for one in flown if one["stated"] is not None]
     late = sum(one["stop"] is None or one["stop"] > one["stated"] for one in bound)
@@ -177,7 +187,11 @@ def _real_time(beside: dict[str, Any]) -> Table:
         ("E_xy of the node, of the Diagram [cm]", _both(beside, "E_xy")),
         ("E_z of the node, of the Diagram [cm]", _both(beside, "E_z")),
     ]
-    return ("a node in real time, on a vehicle in another process, by UDP; errors as measured", ["of", "value"], rows)
+    return (
+        "a node in real time, on a vehicle in another process, by UDP; errors as measured",
+        ["of", "value"],
+        rows,
+    )
 
 
 def _both(beside: dict[str, Any], name: str) -> str:
@@ -187,8 +201,13 @@ def _both(beside: dict[str, Any], name: str) -> str:
 def _line(kind: str, flown: list[dict]) -> dict[str, Any]:
     bound = [one for one in flown if one["stated"] is not None]
     stops = [one["stop"] for one in bound if one["stop"] is not None]
-    counted = {name: sum(one[name] for one in flown) for name in ("levelled", "stopped", "flies", "kept")}
-    times = {"slowest": max(stops, default=None), "stated": max((one["stated"] for one in bound), default=None)}
+    counted = {
+        name: sum(one[name] for one in flown) for name in ("levelled", "stopped", "flies", "kept")
+    }
+    times = {
+        "slowest": max(stops, default=None),
+        "stated": max((one["stated"] for one in bound), default=None),
+    }
     return {"fault": kind, "what": KINDS[kind][0], "flights": len(flown), **counted, **times}
 
 

@@ -1,4 +1,6 @@
-"""Vehicle and node in one process, in the time of the simulation: for tests, and for faults by the hundred."""
+"""Vehicle and node in one process, in the time of the simulation: for tests, and for faults by the
+hundred.
+"""
 
 import dataclasses as dc
 from collections.abc import Callable
@@ -26,7 +28,6 @@ class _Tap(Link):
     """Link whose commands are noted.
 
     Args:
-        link: that carries them.
         clock: time [s].
     """
 
@@ -51,11 +52,7 @@ class VirtualFlight:
     """A vehicle that hovers with its payload behind its autopilot, and a node that is to fly it.
 
     Args:
-        config: of the flight: reality, reference, controller, limits.
-        seed: of the vehicle's noise.
         passes: returns when what is sent at a time arrives, infinite for never [s].
-        autopilot: makes the vehicle's autopilot.
-        worker: of the node.
     """
 
     def __init__(
@@ -80,7 +77,9 @@ class VirtualFlight:
         diagram = make_flight_diagram(hover, controller=make)
         self._simulator = Simulator(diagram)
         ApplySimulatorConfig(config.simulator, self._simulator)
-        set_initial_state(diagram, self._simulator.get_mutable_context(), flown_by(hover, make), seed=seed)
+        set_initial_state(
+            diagram, self._simulator.get_mutable_context(), flown_by(hover, make), seed=seed
+        )
         self._vehicle = diagram.GetSubsystemByName(REAL_VEHICLE)
         self.node: Node | None = self.new_node()  # None: its process is dead
 
@@ -106,7 +105,9 @@ class VirtualFlight:
     def position(self) -> np.ndarray:
         """True position (3,) [m]."""
         context = self._simulator.get_context()
-        return self._vehicle.GetOutputPort("x").Eval(self._vehicle.GetMyContextFromRoot(context))[:3]
+        return self._vehicle.GetOutputPort("x").Eval(self._vehicle.GetMyContextFromRoot(context))[
+            :3
+        ]
 
 
 def _hover(start: np.ndarray) -> ReferenceConfig:

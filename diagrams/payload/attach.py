@@ -31,10 +31,14 @@ from systems.payload_event import PayloadEvent, push, release
 
 AFTER = 2.0  # from here on after the event the new level counts as reached [s]
 TOSS = 0.3  # impulse upwards on the payload that makes the cable slack [N·s]
-PAPER = {"step": 0.96, "deviation": 0.004}  # [N]. Source: Jin et al. 2025, payload attached in flight
+PAPER = {
+    "step": 0.96,
+    "deviation": 0.004,
+}  # [N]. Source: Jin et al. 2025, payload attached in flight
 BESIDE = 5  # flights at most of the events that the paper does not test [1]
 SIGNALS = ("chi_hat", "label")  # whose step response is measured
-# Each at the time of the experiment's own event; of the first two, the change of the hanging mass can be seen.
+# Each at the time of the experiment's own event; of the first two, the change of the hanging mass
+# can be seen.
 EVENTS: dict[str, Callable[[PayloadEvent], PayloadEvent]] = {
     "attach": lambda own: own,
     "release": lambda own: release(own.time),
@@ -54,9 +58,6 @@ def attach_config(
     """Return the experiment `attach` under NP-MPC.
 
     Args:
-        row: of the table.
-        solver: of the MPC.
-        model: file of the row's predictor.
         event: one of `EVENTS`.
         reality: scenario file that it is flown in, see `load_experiment`.
     """
@@ -67,14 +68,15 @@ def attach_config(
 def expected_step(event: str, config: FlightConfig) -> float:
     """Return the change of f_z that a label from commanded thrust sees [N].
 
-    It is the change of weight over the real thrust scale: in hover the real thrust, scale times the command, carries
-    everything, and the label is the nominal weight less the command.
+    It is the change of weight over the real thrust scale: in hover the real thrust, scale times the
+    command, carries everything, and the label is the nominal weight less the command.
 
     Args:
         event: one of `EVENTS`.
-        config: of its flight.
     """
-    change = {"attach": -config.events[0].mass, "release": config.reality.payload.mass}.get(event, 0.0)
+    change = {"attach": -config.events[0].mass, "release": config.reality.payload.mass}.get(
+        event, 0.0
+    )
     return change * config.vehicle.gravity / config.reality.thrust_scale
 
 
@@ -85,12 +87,15 @@ def slack_time(flight: FlightResult) -> float:
     hook = attitude.rotate(x[:, 3:7], np.array(payload.hook))
     slack = np.linalg.norm(p_WP - x[:, :3] - hook, axis=1) < payload.length
     since = slack[s["t"] > flight.config.events[0].time]
-    return float(flight.config.controller.period * (np.argmin(since) if not since.all() else len(since)))
+    return float(
+        flight.config.controller.period * (np.argmin(since) if not since.all() else len(since))
+    )
 
 
 @dc.dataclass(frozen=True)
 class Flying:
-    """Work of a flight: {"event", "row", "seed", …} -> courses of f_z [N] and height [m], and counts.
+    """Work of a flight: {"event", "row", "seed", …} -> courses of f_z [N] and height [m], and
+    counts.
 
     reality: scenario file that all is flown in, see `load_experiment`.
     """
@@ -104,7 +109,9 @@ class Flying:
         event, seed = case["event"], case["seed"]
         row = named(ROWS, case["row"])
         with model_path(self.models[key_of(row)]) as model:
-            config = attach_config(row, solver=self.solver, model=model, event=event, reality=self.reality)
+            config = attach_config(
+                row, solver=self.solver, model=model, event=event, reality=self.reality
+            )
             flight = fly(config, seed=seed)
         s, counts = flight.signals, flight.metrics()
         return {
@@ -122,10 +129,10 @@ class Flying:
 
 
 def train_rows(run: FlownRun, reality: Path | None = None) -> Models:
-    """Train what `ROWS` need, write the model files into the folder of the run and return their content.
+    """Train what `ROWS` need, write the model files into the folder of the run and return their
+    content.
 
     Args:
-        run: seed, solver, folder, workers and progress.
         reality: scenario file of the training flights, see `load_experiment`.
     """
     config = campaign_config(run.seed, run.solver, reality)
@@ -133,12 +140,13 @@ def train_rows(run: FlownRun, reality: Path | None = None) -> Models:
 
 
 def run_attach(run: FlownRun, models: Models, reality: Path | None = None) -> list[dict]:
-    """Fly every event and seed, of release and snap the first `BESIDE`, and return their time histories.
+    """Fly every event and seed, of release and snap the first `BESIDE`, and return their time
+    histories.
 
-    Time counts from the event. Flights without a result are missing; the records of the run's workers say why.
+    Time counts from the event. Flights without a result are missing; the records of the run's
+    workers say why.
 
     Args:
-        run: seeds, solver, workers and progress.
         models: of `train_rows`.
         reality: scenario file that all is flown in, see `load_experiment`.
     Raises: FailedRun: if no flight has a result.
@@ -150,34 +158,43 @@ def run_attach(run: FlownRun, models: Models, reality: Path | None = None) -> li
         for seed in (run.seeds if event == "attach" else run.seeds[:BESIDE])
     ]
     config = campaign_config(run.seed, run.solver, reality)
-    records = run.cases("attach", "flights", Flying(models, run.solver, reality), cases, config=config)
+    records = run.cases(
+        "attach", "flights", Flying(models, run.solver, reality), cases, config=config
+    )
     courses = ("t", "height", *SIGNALS)
-    return [flown | {name: np.array(flown[name], float) for name in courses} for flown in results(records)]
+    return [
+        flown | {name: np.array(flown[name], float) for name in courses}
+        for flown in results(records)
+    ]
 
 
 def campaign_config(training_seed: int, solver: str, reality: Path | None = None) -> dict:
     """Return all that the results depend on other than the case itself.
 
     Args:
-        training_seed: of training flights and trainings.
-        solver: of every controller.
         reality: scenario file that all is flown in; None for none.
     """
     return {
-        "solver": solver, "training_seed": training_seed, "toss": TOSS,
-        "attach": settings_of(attach_config(Row("", "nominal"), solver=solver, model="", reality=reality)),
+        "solver": solver,
+        "training_seed": training_seed,
+        "toss": TOSS,
+        "attach": settings_of(
+            attach_config(Row("", "nominal"), solver=solver, model="", reality=reality)
+        ),
         "training": settings_of(training_config(TRAINING, solver=solver, reality=reality)),
-    }  # fmt: skip
+    }
 
 
 @dc.dataclass(frozen=True)
 class Step:
     """Response of a signal to a step.
 
-    size: with half width size_ci95 of its 95 % interval [N].   scatter: of the steps of single flights [N].
-    rise: until 90 % of the step on the mean response [s].   overshoot, dip: extremes of the mean response within 2 s,
-    above the new level, and below it once 90 % are reached [1, of the step].   deviation: of one flight over time in
-    steady hover before the event, mean over flights [N].
+    size: with half width size_ci95 of its 95 % interval [N].
+    scatter: of the steps of single flights [N]. rise: until 90 % of the step on the mean response
+        [s].
+    overshoot, dip: extremes of the mean response within 2 s, above the new level, and below it once
+        90 % are reached [1, of the step].
+    deviation: of one flight over time in steady hover before the event, mean over flights [N].
     """
 
     size: float
@@ -215,7 +232,9 @@ def step_response(t: np.ndarray, courses: np.ndarray) -> Step:
 
 
 def _crossing(t: np.ndarray, y: np.ndarray, level: float) -> float:
-    """Return where y first reaches `level`, on the line between two samples; inf where it never does."""
+    """Return where y first reaches `level`, on the line between two samples; inf where it never
+    does.
+    """
     k = int(np.argmax(y >= level))
     if y[k] < level:
         return float("inf")
@@ -231,7 +250,6 @@ def attach_table(runs: list[dict], config: FlightConfig) -> list[dict]:
 
     Args:
         runs: time histories of `run_attach`.
-        config: of a flight.
     """
     lines = []
     for event, row in dict.fromkeys((run["event"], run["row"]) for run in runs):

@@ -1,6 +1,8 @@
-"""Cooperative transport: three quadrotors carry one payload, each with its own controller and no view of the others.
+"""Cooperative transport: three quadrotors carry one payload, each with its own controller and no
+view of the others.
 
-An example of a Diagram with several vehicles: `python -m diagrams.payload.cooperative` flies it and prints the errors.
+An example of a Diagram with several vehicles: `python -m diagrams.payload.cooperative` flies it and
+prints the errors.
 """
 
 import numpy as np
@@ -29,19 +31,15 @@ START, TRANSPORT, END = 5.0, 9.0, 15.0  # the transport begins, lasts; the fligh
 
 
 def center_of_formation() -> Reference:
-    """Return the motion of the formation's centre: 2 m along x, from rest to rest, at a height of 2 m."""
+    """Return the motion of the formation's centre: 2 m along x, from rest to rest, at a height of 2
+    m.
+    """
     ends = np.array([[-1.0, 0.0, 2.0], [1.0, 0.0, 2.0]])
     return Stops(ends, np.array([START]), np.array([TRANSPORT]))
 
 
 def make_pilot(config: ControllerConfig, reference: Reference, number: int) -> Diagram:
-    """Return sensors, reference, estimator, predictor and MPC of one vehicle.
-
-    Args:
-        config: of the controller.
-        reference: motion of this vehicle.
-        number: of the vehicle, for the name.
-    """
+    """Return sensors, reference, estimator, predictor and MPC of one vehicle."""
     builder = DiagramBuilder()
     rig = builder.AddSystem(make_sensor_model(VEHICLE, [SensorNoise()], period=PERIOD))
     ports = add_controller(builder, config, VEHICLE, reference, rig)
@@ -56,7 +54,9 @@ def make_pilot(config: ControllerConfig, reference: Reference, number: int) -> D
 
 
 def make_cooperative_diagram(kind: str = "payload_filter") -> tuple[Diagram, Recorder]:
-    """Return the Diagram of all vehicles and their payload, and its recorder; `kind` is that of the controllers."""
+    """Return the Diagram of all vehicles and their payload, and its recorder; `kind` is that of the
+    controllers.
+    """
     builder = DiagramBuilder()
     fleet = builder.AddSystem(make_cooperative_quadrotors(VEHICLE, PAYLOAD, count=len(CORNERS)))
     config, center = ControllerConfig(kind=kind, period=PERIOD), center_of_formation()
@@ -66,18 +66,20 @@ def make_cooperative_diagram(kind: str = "payload_filter") -> tuple[Diagram, Rec
         for name in ("x", "acceleration", "nominal_rotor_thrust"):
             builder.Connect(fleet.GetOutputPort(f"{name}_{i}"), pilot.GetInputPort(name))
         builder.Connect(pilot.GetOutputPort("u"), fleet.GetInputPort(f"u_{i}"))
-        signals |= {f"x_{i}": fleet.GetOutputPort(f"x_{i}"), f"p_ref_{i}": pilot.GetOutputPort("p_ref")}
+        signals |= {
+            f"x_{i}": fleet.GetOutputPort(f"x_{i}"),
+            f"p_ref_{i}": pilot.GetOutputPort("p_ref"),
+        }
     recorder = add_recorder(builder, signals, period=PERIOD)
     return builder.Build(), recorder
 
 
 def set_initial_state(diagram: Diagram, context: Context, *, seed: int = 0) -> None:
-    """Set the noise seed, the vehicles level at their corners, and the payload hanging between them.
+    """Set the noise seed, the vehicles level at their corners, and the payload hanging between
+    them.
 
     Args:
         diagram: of `make_cooperative_diagram`.
-        context: of the diagram; changed.
-        seed: of the sensors' noise.
     """
     diagram.SetRandomContext(context, RandomGenerator(seed))
     plant = diagram.GetSubsystemByName("cooperative_quadrotors").GetSubsystemByName("plant")
@@ -86,12 +88,11 @@ def set_initial_state(diagram: Diagram, context: Context, *, seed: int = 0) -> N
 
 
 def fly(kind: str = "payload_filter", *, end: float = END, seed: int = 0) -> dict[str, np.ndarray]:
-    """Simulate the transport with a plain `Simulator` and return the recorded signals (see `Recorder.read`).
+    """Simulate the transport with a plain `Simulator` and return the recorded signals (see
+    `Recorder.read`).
 
     Args:
-        kind: of the controllers.
         end: of the flight [s].
-        seed: of the sensors' noise.
     """
     diagram, recorder = make_cooperative_diagram(kind)
     simulator = Simulator(diagram)
@@ -102,11 +103,15 @@ def fly(kind: str = "payload_filter", *, end: float = END, seed: int = 0) -> dic
 
 
 def main() -> None:
-    """Print the position errors of every vehicle after 3 s, with and without a model of the payload [m]."""
+    """Print the position errors of every vehicle after 3 s, with and without a model of the payload
+    [m].
+    """
     for kind in ("nominal", "payload_filter"):
         rows = fly(kind)
         p = np.stack([rows[f"x_{i}"][:, :3] for i in range(len(CORNERS))])
-        errors = [tracking_errors(p[i, 150:], rows[f"p_ref_{i}"][150:]) for i in range(len(CORNERS))]
+        errors = [
+            tracking_errors(p[i, 150:], rows[f"p_ref_{i}"][150:]) for i in range(len(CORNERS))
+        ]
         print(kind, errors, f"closest approach {closest_approach(p):.2f} m")
 
 

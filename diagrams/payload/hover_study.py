@@ -24,12 +24,7 @@ class Options(FlownOptions):
 
 
 def run(run: Run, options: Options) -> Report:
-    """Hover while the payload swings. --out DIR: models, and the payload's distance as a figure.
-
-    Args:
-        run: seed, folders, workers and progress.
-        options: of the study.
-    """
+    """Hover while the payload swings. --out DIR: models, and the payload's distance as a figure."""
     run = FlownRun.of(run, options)
     rows = choose_rows(hover_swing.ROWS, options.only)
     runs = hover_swing.run_hover(run, rows, options.reality)
@@ -37,7 +32,9 @@ def run(run: Run, options: Options) -> Report:
     said = verdict(lines)
     named = {row.name: f"trained on {row.training}" if row.training else "" for row in rows}
     configs = {
-        row.name: hover_swing.hover_config(row, solver=run.solver, model=named[row.name], reality=options.reality)
+        row.name: hover_swing.hover_config(
+            row, solver=run.solver, model=named[row.name], reality=options.reality
+        )
         for row in rows
     }
     controllers = {name: dc.asdict(config.controller) for name, config in configs.items()}
@@ -61,7 +58,6 @@ def hover_printed(lines: list[dict], title: str) -> Table:
 
     Args:
         lines: of `hover_table`.
-        title: what was flown.
     """
 
     def paper(line: dict) -> str:
@@ -92,24 +88,31 @@ def _sign(line: dict) -> str:
 
 
 def verdict(lines: list[dict]) -> list[str]:
-    """Return the findings of the table in words: reductions, growing swings, and the effect of active damping."""
+    """Return the findings of the table in words: reductions, growing swings, and the effect of
+    active damping.
+    """
     by = {line["row"]: line for line in lines}
     said = []
     if "np" in by and "nominal" in by:
         cut, plane = by["np"]["position_rmse_cut"], by["np"]["E_xy_cut"]
         late = by["np"]["late_cut"]
         said.append(
-            f"np against nominal: position RMSE cut by {100 * cut:.1f} % ({100 * late:.1f} % from {EARLY:.0f} s "
+            f"np against nominal: position RMSE cut by {100 * cut:.1f} % ({100 * late:.1f} "
+            f"% from {EARLY:.0f} s "
             f"after the impulse on), E_xy by {100 * plane:.1f} %."
         )
     signs = ", ".join(f"{name} {_sign(line)}" for name, line in by.items())
     said.append(f"rate of the swing, interval against zero: {signs}.")
-    growing = [name for name, line in by.items() if line["rate"] - np.nan_to_num(line["rate_ci95"]) > 0]
+    growing = [
+        name for name, line in by.items() if line["rate"] - np.nan_to_num(line["rate_ci95"]) > 0
+    ]
     said.append(f"swing grows (interval above zero) with: {', '.join(growing) or 'no controller'}.")
     if DAMPED in by and "nominal" in by:
         damped, nominal = by[DAMPED], by["nominal"]
         said.append(
-            f"active damping: below {100 * metrics.SETTLED:.0f} cm after {damped['settling']:.1f} s, "
-            f"nominal after {nominal['settling']:.1f} s; position RMSE {damped['position_rmse']:.4f} m."
+            f"active damping: below {100 * metrics.SETTLED:.0f} cm after "
+            f"{damped['settling']:.1f} s, "
+            f"nominal after {nominal['settling']:.1f} s; position RMSE "
+            f"{damped['position_rmse']:.4f} m."
         )
     return said

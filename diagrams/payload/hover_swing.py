@@ -28,9 +28,14 @@ from np_drake.payload_filter.model_file import PAYLOAD_FILTER
 from np_drake.residual_models.motion_model import GP, KNODE
 
 TRAINING = "training_circle"  # experiment that predictors are trained on
-PAPER = {"nominal": 0.242, "np": 0.064}  # position RMSE [m]. Source: Jin et al. 2025, hovering experiment
+PAPER = {
+    "nominal": 0.242,
+    "np": 0.064,
+}  # position RMSE [m]. Source: Jin et al. 2025, hovering experiment
 KEYS = ("position_rmse", "early", "late", "E_xy", "E_z", "amplitude", "rate", "settling")
-EARLY = 2.0  # after the impulse: what comes later is a swing that every predictor has seen begin [s]
+EARLY = (
+    2.0  # after the impulse: what comes later is a swing that every predictor has seen begin [s]
+)
 
 
 @dc.dataclass(frozen=True)
@@ -51,10 +56,14 @@ ROWS = (
     HoverRow("knode", "knode", training=TRAINING, configuration=KNODE),
     HoverRow("np: paper, plain circle", "np", training=PLAIN, configuration="paper"),
     HoverRow("np", "np", training=TRAINING, configuration=NEURAL),
-    # The weight on the body rates keeps tilting as slow as the swing; without it motor lag makes pitch oscillate.
-    HoverRow(DAMPED, "np", training=TRAINING, configuration=NEURAL, weight_swing=10.0, weight_rate=3.0),
+    # The weight on the body rates keeps tilting as slow as the swing; without it motor lag makes
+    # pitch oscillate.
+    HoverRow(
+        DAMPED, "np", training=TRAINING, configuration=NEURAL, weight_swing=10.0, weight_rate=3.0
+    ),
     HoverRow("payload_filter", PAYLOAD_FILTER, training=TRAINING, configuration=PAYLOAD_FILTER),
-    # Three times the weight: what the vehicle can do against the swing is less than the lifted model makes of it.
+    # Three times the weight: what the vehicle can do against the swing is less than the lifted
+    # model makes of it.
     HoverRow(
         FILTER_DAMPED,
         PAYLOAD_FILTER,
@@ -67,13 +76,12 @@ ROWS = (
 )
 
 
-def hover_config(row: HoverRow, *, solver: str, model: str = "", reality: Path | None = None) -> FlightConfig:
+def hover_config(
+    row: HoverRow, *, solver: str, model: str = "", reality: Path | None = None
+) -> FlightConfig:
     """Return the hover in which the payload gets its impulse, with the controller of `row`.
 
     Args:
-        row: of the table.
-        solver: of the MPC.
-        model: file of the row's predictor.
         reality: scenario file that it is flown in, see `load_experiment`.
     """
     return configure_row("hover_swing", row, solver=solver, model=model, reality=reality)
@@ -85,10 +93,6 @@ def configure_row(
     """Return any experiment with the controller of `row` and its weight on the swing.
 
     Args:
-        experiment: its name.
-        row: of the table.
-        solver: of the MPC.
-        model: file of the row's predictor.
         reality: scenario file that it is flown in, see `load_experiment`.
     """
     config = configure(experiment, row, solver=solver, model=model, reality=reality)
@@ -98,21 +102,20 @@ def configure_row(
     return config.check()
 
 
-def fly_hover(row: HoverRow, *, model: str, seed: int, solver: str, reality: Path | None = None) -> FlightResult:
+def fly_hover(
+    row: HoverRow, *, model: str, seed: int, solver: str, reality: Path | None = None
+) -> FlightResult:
     """Fly the hover in which the payload gets its impulse where scoring begins.
 
     Args:
-        row: of the table.
-        model: file of the row's predictor.
-        seed: of the noise.
-        solver: of the MPC.
         reality: scenario file that it is flown in, see `load_experiment`.
     """
     return fly(hover_config(row, solver=solver, model=model, reality=reality), seed=seed)
 
 
 def swing_course(flight: FlightResult) -> tuple[np.ndarray, np.ndarray]:
-    """Return the time since the impulse [s] and the payload's horizontal distance from the origin [m], (n,) each.
+    """Return the time since the impulse [s] and the payload's horizontal distance from the origin
+    [m], (n,) each.
 
     Raises: ValueError: if the payload does not hang on a cable.
     """
@@ -128,7 +131,8 @@ def hover_metrics(flight: FlightResult, early: float = EARLY) -> dict:
 
     Args:
         flight: with its impulse at the end of the ramp.
-        early: time after the impulse that parts the metrics "early" and "late", both position RMSE [s].
+        early: time after the impulse that parts the metrics "early" and "late", both position RMSE
+            [s].
     """
     t, distance = swing_course(flight)
     s, rows = flight.signals, flight.scored
@@ -152,7 +156,8 @@ def _rmse(error: np.ndarray, part: np.ndarray) -> float:
 
 @dc.dataclass(frozen=True)
 class Flying:
-    """Work of a flight: {"row", "seed", …} -> metrics and the payload's course, or why the vehicle was lost.
+    """Work of a flight: {"row", "seed", …} -> metrics and the payload's course, or why the vehicle
+    was lost.
 
     reality: scenario file that all is flown in, see `load_experiment`.
     """
@@ -168,7 +173,9 @@ class Flying:
         flown = {"row": row.name, "seed": case["seed"]}
         with model_path(self.models.get(key_of(row))) as model:
             try:
-                flight = fly_hover(row, model=model, seed=case["seed"], solver=self.solver, reality=self.reality)
+                flight = fly_hover(
+                    row, model=model, seed=case["seed"], solver=self.solver, reality=self.reality
+                )
             except FailedRun as error:
                 return {**flown, "lost": str(error)}
         return {**flown, "metrics": hover_metrics(flight), "course": swing_course(flight)}
@@ -182,7 +189,9 @@ def read_run(result: dict) -> dict:
     if "lost" in result:
         lost = {**dict.fromkeys(KEYS, np.inf), "solve_failures": 0, "fallbacks": 0}
         return {**result, "metrics": lost, "course": None}
-    metrics = {name: np.nan if value is None else value for name, value in result["metrics"].items()}
+    metrics = {
+        name: np.nan if value is None else value for name, value in result["metrics"].items()
+    }
     if result["metrics"]["settling"] is None:
         metrics["settling"] = np.inf
     t, distance = map(np.array, result["course"])
@@ -192,33 +201,37 @@ def read_run(result: dict) -> dict:
 def run_hover(run: FlownRun, rows: tuple[HoverRow, ...], reality: Path | None = None) -> list[dict]:
     """Fly all rows and seeds and return row, seed, metrics and course (t, distance) of each.
 
-    They are in the order of `rows`, then of the seeds. Flights without a result are missing; the records of the run's
-    workers say why.
+    They are in the order of `rows`, then of the seeds. Flights without a result are missing; the
+    records of the run's workers say why.
 
     Args:
         run: seeds, solver, folder of the model files, workers and progress.
-        rows: of the table.
         reality: scenario file that all is flown in, see `load_experiment`.
     Raises: FailedRun: if no flight has a result.
     """
     reality = reality and scenario_file(reality).resolve()
     config = {
-        "solver": run.solver, "training_seed": run.seed, "early": EARLY,
+        "solver": run.solver,
+        "training_seed": run.seed,
+        "early": EARLY,
         "hover": settings_of(hover_config(ROWS[0], solver=run.solver, reality=reality)),
         "training": settings_of(training_config(TRAINING, solver=run.solver, reality=reality)),
-    }  # fmt: skip
+    }
     models = trained_models(run, rows, Training(run.seed, run.solver, reality), config)
     cases = [
         {"row": row.name, "model": digest_of(models.get(key_of(row))), "seed": seed}
         for row in rows_with_models(rows, models)
         for seed in run.seeds
     ]
-    records = run.cases("hover", "flights", Flying(rows, models, run.solver, reality), cases, config=config)
+    records = run.cases(
+        "hover", "flights", Flying(rows, models, run.solver, reality), cases, config=config
+    )
     return [read_run(result) for result in results(records)]
 
 
 def hover_table(runs: list[dict]) -> list[dict]:
-    """Return one line a row: the mean of every metric over the seeds, half width of its 95 % interval, and reductions.
+    """Return one line a row: the mean of every metric over the seeds, half width of its 95 %
+    interval, and reductions.
 
     Reductions are relative to nominal.
     """

@@ -14,13 +14,14 @@ LENGTHS = (0.5, 0.8, 1.2)  # [m]
 EXPERIMENTS = ("training_circle", "plain_circle")  # that are flown
 
 
-def fly_and_read(experiment: str, *, length: float, seed: int, duration: float | None = None) -> Pendulum:
-    """Fly the experiment on a tether of `length` [m] with the nominal MPC and identify the length from its labels.
+def fly_and_read(
+    experiment: str, *, length: float, seed: int, duration: float | None = None
+) -> Pendulum:
+    """Fly the experiment on a tether of `length` [m] with the nominal MPC and identify the length
+    from its labels.
 
     Args:
-        experiment: its name.
         length: of the tether [m].
-        seed: of the noise.
         duration: after the ramp; None: the experiment's [s].
     """
     config = load_experiment(experiment)
@@ -30,7 +31,10 @@ def fly_and_read(experiment: str, *, length: float, seed: int, duration: float |
     flight = fly(config, seed=seed)
     log, start = flight.log(), int(flight.scored.argmax())
     segments = training_segments(
-        log.rows(start, len(log)), config.vehicle, config.controller.label, step=config.controller.period
+        log.rows(start, len(log)),
+        config.vehicle,
+        config.controller.label,
+        step=config.controller.period,
     )
     return pendulum_length(segments, gravity=config.vehicle.gravity, seed=seed)
 
@@ -39,22 +43,22 @@ def _line_of(case: Case) -> dict:
     """Return the line of the case {"flight", "length", "seed"}."""
     found = fly_and_read(case["flight"], length=case["length"], seed=case["seed"])
     return {
-        "flight": case["flight"], "length": case["length"], "found": found.length if found.shown else None,
+        "flight": case["flight"],
+        "length": case["length"],
+        "found": found.length if found.shown else None,
         "frequency": found.mode.frequency if found.mode else None,
         "damping": found.mode.damping if found.mode else None,
-        "motion": found.motion, "text": found.text,
-    }  # fmt: skip
+        "motion": found.motion,
+        "text": found.text,
+    }
 
 
 def run(run: Run, options: Options) -> Report:
-    """The tether's length from the payload's mode. For circles with and without dither.
-
-    Args:
-        run: seed, folders, workers and progress.
-        options: of the study.
-    """
+    """The tether's length from the payload's mode. For circles with and without dither."""
     cases = [
-        {"flight": experiment, "length": length, "seed": run.seed} for experiment in EXPERIMENTS for length in LENGTHS
+        {"flight": experiment, "length": length, "seed": run.seed}
+        for experiment in EXPERIMENTS
+        for length in LENGTHS
     ]
     config = {name: settings_of(load_experiment(name)) for name in EXPERIMENTS}
     lines = results(run.cases("flights", "", _line_of, cases, config=config))

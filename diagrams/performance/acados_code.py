@@ -1,8 +1,8 @@
 """Compiled solvers of acados: generated once, kept in a cache folder, loaded again later.
 
-`comma-deps-acados` brings a `casadi` of its own, which lies over an installed one. So acados may stand in a folder of
-its own (`pip install --no-deps --target DIR comma-deps-acados`) that NP_DRAKE_ACADOS names; nothing here puts that
-folder on the path of this process.
+`comma-deps-acados` brings a `casadi` of its own, which lies over an installed one. So acados may
+stand in a folder of its own (`pip install --no-deps --target DIR comma-deps-acados`) that
+NP_DRAKE_ACADOS names; nothing here puts that folder on the path of this process.
 """
 
 import ctypes
@@ -25,7 +25,13 @@ from np_drake.mpc.problem import MpcConfig
 from np_drake.vehicle import Vehicle
 
 FOLDER = "NP_DRAKE_ACADOS"  # environment variable: folder that holds the package `acados`
-FLAGS = ["-O2", "-march=native", "-fPIC", "-shared", "-w"]  # for this machine, as numba compiles too
+FLAGS = [
+    "-O2",
+    "-march=native",
+    "-fPIC",
+    "-shared",
+    "-w",
+]  # for this machine, as numba compiles too
 _LIBRARIES = ("blasfeo", "hpipm", "qpOASES_e", "acados")  # each needs those before it
 _STEP = Path(__file__).with_name("acados_step.c")
 _log = logging.getLogger(__name__)
@@ -41,11 +47,14 @@ def find_acados() -> Path:
         package = Path(named).resolve() / "acados"
         if (package / "install").is_dir():
             return package
-        raise ImportError(f"AcadosSolver: {FOLDER} must name a folder that holds `acados`; got {named}.")
+        raise ImportError(
+            f"AcadosSolver: {FOLDER} must name a folder that holds `acados`; got {named}."
+        )
     spec = importlib.util.find_spec("acados")
     if spec is None or not spec.origin or not Path(spec.origin).with_name("install").is_dir():
         raise ImportError(
-            "AcadosSolver: acados must be installed: pip install --no-deps --target DIR comma-deps-acados, "
+            "AcadosSolver: acados must be installed: pip install --no-deps --target DIR "
+            "comma-deps-acados, "
             f"and {FOLDER}=DIR."
         )
     return Path(spec.origin).parent
@@ -62,7 +71,8 @@ def find_compiler() -> str:
         if found:
             return found
     raise FileNotFoundError(
-        f"AcadosSolver: a C compiler must be on the PATH (cc, gcc or clang), or named by CC; got {named}."
+        f"AcadosSolver: a C compiler must be on the PATH (cc, gcc or clang), or named by "
+        f"CC; got {named}."
     )
 
 
@@ -75,12 +85,10 @@ def load(vehicle: Vehicle, config: MpcConfig, K: int, options: Mapping[str, Any]
     """Return the compiled solver for lifted states of K entries, from the cache where it is there.
 
     Args:
-        vehicle: nominal vehicle.
-        config: of the MPC.
-        K: size of the lifted state.
         options: of acados' solver, as `acados_model.solver_options` gives them.
-    Raises: ImportError: without acados or CasADi.   FileNotFoundError: without a C compiler.   RuntimeError: if code
-    generation or compilation fails.
+    Raises: ImportError: without acados or CasADi.
+    FileNotFoundError: without a C compiler.
+    RuntimeError: if code generation or compilation fails.
     """
     package = find_acados()
     target = cache_folder() / _key(package, vehicle, config, K, options) / "peer.so"
@@ -92,13 +100,17 @@ def load(vehicle: Vehicle, config: MpcConfig, K: int, options: Mapping[str, Any]
     return ctypes.CDLL(str(target))
 
 
-def _key(package: Path, vehicle: Vehicle, config: MpcConfig, K: int, options: Mapping[str, Any]) -> str:
+def _key(
+    package: Path, vehicle: Vehicle, config: MpcConfig, K: int, options: Mapping[str, Any]
+) -> str:
     """Return a hash of all that the compiled solver depends on."""
     code = [Path(__file__), Path(acados_model.__file__), _STEP]
     library = (package / "install" / "lib" / "libacados.so").read_bytes()
     content = [dc.asdict(vehicle), dc.asdict(config), K, dict(options), FLAGS, _processor()]
     parts = [repr(content).encode(), library, *(file.read_bytes() for file in code)]
-    return hashlib.sha256(b"".join(hashlib.sha256(part).digest() for part in parts)).hexdigest()[:20]
+    return hashlib.sha256(b"".join(hashlib.sha256(part).digest() for part in parts)).hexdigest()[
+        :20
+    ]
 
 
 def _processor() -> str:
@@ -120,12 +132,24 @@ def _build(target: Path, package: Path, job: dict[str, Any]) -> None:
         sources = [file for file in code.rglob("*.c") if _needed(file)]
         include = package / "install" / "include"
         folders = [code, include, include / "blasfeo" / "include", include / "hpipm" / "include"]
-        _run([compiler, *FLAGS, *(f"-I{f}" for f in folders), *sources, _STEP, "-o", folder / "peer.so"])
+        _run(
+            [
+                compiler,
+                *FLAGS,
+                *(f"-I{f}" for f in folders),
+                *sources,
+                _STEP,
+                "-o",
+                folder / "peer.so",
+            ]
+        )
         os.replace(folder / "peer.so", target)
 
 
 def _needed(file: Path) -> bool:
-    """Return whether the solver is made of this file; the rest are examples, a simulator, and exact Hessians."""
+    """Return whether the solver is made of this file; the rest are examples, a simulator, and exact
+    Hessians.
+    """
     example = file.name.startswith(("main_", "acados_sim_"))
     return not example and not (file.stem.endswith("_hess") and "_cost_" not in file.stem)
 
@@ -161,7 +185,9 @@ def _run(command: list[Any], **options: Any) -> None:
 
     Raises: RuntimeError: with the last line that it wrote, if it fails.
     """
-    done = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, check=False, **options)
+    done = subprocess.run(
+        command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, check=False, **options
+    )
     if done.returncode:
         said = done.stdout.decode(errors="replace").strip().splitlines() or ["nothing"]
         raise RuntimeError(f"AcadosSolver: {command[0]} must succeed; it says: {said[-1]}")

@@ -1,11 +1,15 @@
 """Problem (nmpc) in acados' terms; run as a module it writes the C code of the solver.
 
-    states [x (13), z (K)]   inputs T (4) [N]   x+ = RK4(x, mixer T, C z + offset; step),   z+ = A z + B zeta
+    states [x (13), z (K)]
+    inputs T (4) [N]
+    x+ = RK4(x, mixer T, C z + offset; step),
+    z+ = A z + B zeta
 
-Parameters of a stage: A, B, C (column by column), offset (6,); of the end: P (column by column), x_ref_N (13,). acados
-scales the cost of a stage by its time step; the dynamics are discrete, so every time step is 1 and nothing is scaled.
-acados' templates change the working directory, read environment variables and print: they run in a process of their
-own, which appends the folder of acados to the path, so that an installed casadi goes before the one in that folder.
+Parameters of a stage: A, B, C (column by column), offset (6,); of the end: P (column by column),
+x_ref_N (13,). acados scales the cost of a stage by its time step; the dynamics are discrete, so
+every time step is 1 and nothing is scaled. acados' templates change the working directory, read
+environment variables and print: they run in a process of their own, which appends the folder of
+acados to the path, so that an installed casadi goes before the one in that folder.
 """
 
 import itertools
@@ -20,11 +24,16 @@ from diagrams.performance.casadi_peer import ProblemInCasadi
 from np_drake.mpc.objective import QUADRATIC
 from np_drake.mpc.problem import MpcConfig
 from np_drake.rigid_body import INPUT_SIZE, STATE_SIZE, WRENCH_SIZE
-from np_drake.vehicle import MeasurementNoise, Vehicle
+from np_drake.vehicle.vehicle import MeasurementNoise, Vehicle
 
 NAME = "np_drake_peer"
-# With the blocks of `solver_options` the fastest of eleven settings for N = 10, 20, 40 and K = 24; own measurement.
-_OPTIONS: Mapping[str, Any] = {"qp_solver": "PARTIAL_CONDENSING_HPIPM", "hpipm_mode": "SPEED", "qp_solver_iter_max": 50}
+# With the blocks of `solver_options` the fastest of eleven settings for N = 10, 20, 40 and K = 24;
+# own measurement.
+_OPTIONS: Mapping[str, Any] = {
+    "qp_solver": "PARTIAL_CONDENSING_HPIPM",
+    "hpipm_mode": "SPEED",
+    "qp_solver_iter_max": 50,
+}
 _BLOCK = 10  # stages that are condensed into one [1]
 _FAR = 100.0  # bound that no soft row reaches, for rows with one side [1, m]
 VELOCITIES = [7, 8, 9]  # states with a soft box
@@ -40,15 +49,13 @@ def solver_options(horizon: int) -> dict[str, Any]:
     return {**_OPTIONS, "qp_solver_cond_N": max(horizon // _BLOCK, 1)}
 
 
-def make_ocp(template: Any, vehicle: Vehicle, config: MpcConfig, K: int, options: Mapping[str, Any]) -> Any:
+def make_ocp(
+    template: Any, vehicle: Vehicle, config: MpcConfig, K: int, options: Mapping[str, Any]
+) -> Any:
     """Return the `AcadosOcp` of the problem.
 
     Args:
         template: the module `acados_template`.
-        vehicle: nominal vehicle.
-        config: of the MPC.
-        K: size of the lifted state.
-        options: of acados' solver.
     """
     ocp = template.AcadosOcp()
     ocp.dims.N = config.horizon
@@ -81,7 +88,10 @@ def _set_model(ocp: Any, vehicle: Vehicle, config: MpcConfig, K: int) -> tuple[A
     ocp.model.disc_dyn_expr = ca.vertcat(x_next, z_next)
     P, x_ref = (p[a:b] for a, b in _spans([STATE_SIZE**2, STATE_SIZE]))
     _, far = parts.end(x - x_ref, ca.reshape(P, STATE_SIZE, STATE_SIZE))
-    ocp.model.con_h_expr, ocp.model.con_h_expr_e = parts.upright(x), ca.vertcat(parts.upright(x), far)
+    ocp.model.con_h_expr, ocp.model.con_h_expr_e = (
+        parts.upright(x),
+        ca.vertcat(parts.upright(x), far),
+    )
     return state, T, chi[0:2]
 
 
@@ -91,7 +101,8 @@ def _spans(sizes: list[int]) -> list[tuple[int, int]]:
 
 
 def _set_cost(ocp: Any, vehicle: Vehicle, config: MpcConfig, symbols: tuple[Any, Any, Any]) -> None:
-    """Set half the squares of [x, u] (17,), where the swing is priced [x, u, f_x, f_y] (19,), and of x_N.
+    """Set half the squares of [x, u] (17,), where the swing is priced [x, u, f_x, f_y] (19,), and
+    of x_N.
 
     References and the terminal weight are given at every solve.
     """
@@ -119,7 +130,9 @@ def _set_cost(ocp: Any, vehicle: Vehicle, config: MpcConfig, symbols: tuple[Any,
 
 
 def _set_sets(ocp: Any, vehicle: Vehicle, config: MpcConfig, K: int) -> None:
-    """Set the hard thrust box and the soft rows: three velocities and tilt a stage, the ellipsoid at the end."""
+    """Set the hard thrust box and the soft rows: three velocities and tilt a stage, the ellipsoid
+    at the end.
+    """
     c = ocp.constraints
     c.x0 = np.zeros(STATE_SIZE + K)
     c.idxbu = np.arange(INPUT_SIZE)
@@ -135,11 +148,15 @@ def _set_sets(ocp: Any, vehicle: Vehicle, config: MpcConfig, K: int) -> None:
     for suffix, rows in (("", 4), ("_e", 5)):
         for side in "lu":
             setattr(ocp.cost, f"z{side}{suffix}", np.full(rows, config.slack_weight))
-            setattr(ocp.cost, f"Z{side}{suffix}", np.full(rows, 2 * QUADRATIC * config.slack_weight))
+            setattr(
+                ocp.cost, f"Z{side}{suffix}", np.full(rows, 2 * QUADRATIC * config.slack_weight)
+            )
 
 
 def main() -> None:
-    """Write the code of the problem that stands as JSON on standard input, to the working directory."""
+    """Write the code of the problem that stands as JSON on standard input, to the working
+    directory.
+    """
     job = json.load(sys.stdin)
     sys.path.append(job["packages"])
     from acados import acados_template

@@ -1,8 +1,9 @@
 """Peer of the benchmark: problem (nmpc) in acados, SQP-RTI with HPIPM (optional extra `acados`).
 
-Multiple shooting over (T, x, z) with the data of every stage as parameters, Gauss-Newton Hessian, warm start from
-the shifted plan. Used by the benchmark only. One difference from problem (nmpc): acados has a slack for every soft row,
-not one for every kind of set, with the same price s + s² / 10 each; where no set is left, both have the same optimum.
+Multiple shooting over (T, x, z) with the data of every stage as parameters, Gauss-Newton Hessian,
+warm start from the shifted plan. Used by the benchmark only. One difference from problem (nmpc):
+acados has a slack for every soft row, not one for every kind of set, with the same price s + s² /
+10 each; where no set is left, both have the same optimum.
 """
 
 import ctypes
@@ -30,7 +31,8 @@ _COLD_STEPS = 8  # iterations after a cold start, as `SqpSolver` takes at most [
 class AcadosTimes(PhaseTimes):
     """Times of the last solve [s], each phase summed over the iterations.
 
-    setting: of handing over parameters, references, weight and initial guess, one call from C-contiguous arrays.
+    setting: of handing over parameters, references, weight and initial guess, one call from
+    C-contiguous arrays.
     packing: of writing those arrays in NumPy, which no solve time counts.
     """
 
@@ -41,21 +43,25 @@ class AcadosTimes(PhaseTimes):
 class AcadosSolver:
     """Solver on acados, with one compiled problem for each size K of the lifted state.
 
-    `steps` real-time iterations from a warm start, at least eight from a cold one, each with a full step.
-    The solve time is that of acados in C: setting the data, preparation, feedback; `times` has the parts. What this
-    project adds (checks, the rollout of the guess and of the answer) is not counted.
+    `steps` real-time iterations from a warm start, at least eight from a cold one, each with a full
+    step. The solve time is that of acados in C: setting the data, preparation, feedback; `times`
+    has the parts. What this project adds (checks, the rollout of the guess and of the answer) is
+    not counted.
     """
 
     name = "acados"
 
     def __init__(
-        self, vehicle: Vehicle, config: MpcConfig, *, steps: int = 1, options: Mapping[str, Any] | None = None
+        self,
+        vehicle: Vehicle,
+        config: MpcConfig,
+        *,
+        steps: int = 1,
+        options: Mapping[str, Any] | None = None,
     ):
         """Find acados and a compiler; a problem is compiled when the first of its size comes.
 
         Args:
-            vehicle: nominal vehicle.
-            config: of the MPC.
             steps: real-time iterations from a warm start [1].
             options: of acados' solver, instead of those of `acados_model.solver_options`.
         Raises: ImportError: if acados is missing.   FileNotFoundError: if there is no C compiler.
@@ -94,7 +100,9 @@ class AcadosSolver:
     def _program(self, K: int) -> "_Program":
         if K not in self._programs:
             vehicle, config = self.condensed.vehicle, self.condensed.config
-            self._programs[K] = _Program(acados_code.load(vehicle, config, K, self._options), config, K)
+            self._programs[K] = _Program(
+                acados_code.load(vehicle, config, K, self._options), config, K
+            )
         return self._programs[K]
 
 
@@ -116,14 +124,19 @@ class _Program:
         self._y_ref = np.zeros((n, 19 if config.weight_swing > 0 else 17))
         self._stage, self._end = np.zeros(count), np.zeros(count)
 
-    def solve(self, h: Horizon, t: Trajectory, forecast: WrenchForecast, steps: int) -> tuple[np.ndarray, AcadosTimes]:
+    def solve(
+        self, h: Horizon, t: Trajectory, forecast: WrenchForecast, steps: int
+    ) -> tuple[np.ndarray, AcadosTimes]:
         """Return the thrusts (N, 4) [N] after real-time iterations from t, and their times.
 
         Raises: SolverFailure: if HPIPM fails.
         """
         start = time.perf_counter()
         self._pack(h, t, forecast)
-        offset, y_end = np.ascontiguousarray(forecast.offset, float), np.ascontiguousarray(h.x_ref[-1])
+        offset, y_end = (
+            np.ascontiguousarray(forecast.offset, float),
+            np.ascontiguousarray(h.x_ref[-1]),
+        )
         W_end, x0 = np.asfortranarray(2 * h.P), self._x[0].copy()
         seconds, packing = np.zeros(3), time.perf_counter() - start
         lib = self._library
@@ -134,7 +147,9 @@ class _Program:
             *(_pointer(a) for a in (offset, self._end, seconds)),
         )
         for _ in range(steps):
-            status = lib.np_drake_step(self._capsule, _pointer(x0), _pointer(self._T), _pointer(seconds))
+            status = lib.np_drake_step(
+                self._capsule, _pointer(x0), _pointer(self._T), _pointer(seconds)
+            )
             if status:
                 raise SolverFailure(f"MPC: acados: status {status} of the QP.")
         return self._T.copy(), AcadosTimes(seconds[1], seconds[2], seconds[0], packing)

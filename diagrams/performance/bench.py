@@ -33,23 +33,27 @@ class RecordingSolver:
         """Keep the problem and return the wrapped solver's solution.
 
         Args:
-            problem: of this instant.
             warm_start: an earlier plan, shifted to now; None: there is none.
         """
         self.problems.append(problem)
         return self._solver.solve(problem, warm_start)
 
 
-def record_problems(count: int, *, seed: int, predictor: str = "") -> tuple[FlightConfig, list[MpcProblem]]:
-    """Return the NP-MPC problems of `count` periods in a row on the lemniscate, from the end of the ramp on.
+def record_problems(
+    count: int, *, seed: int, predictor: str = ""
+) -> tuple[FlightConfig, list[MpcProblem]]:
+    """Return the NP-MPC problems of `count` periods in a row on the lemniscate, from the end of the
+    ramp on.
 
     Args:
-        count: number of problems.
-        seed: of the noise.
         predictor: model file; the one that ships with the package by default.
     """
     config = load_experiment("lemniscate")
-    config.controller.kind, config.controller.solver, config.controller.predictor = "np", "sqp", predictor
+    config.controller.kind, config.controller.solver, config.controller.predictor = (
+        "np",
+        "sqp",
+        predictor,
+    )
     config.duration = count * config.controller.period
     simulator = _ready(config, seed)
     controller = simulator.get_system().GetSubsystemByName("np_mpc").controller
@@ -67,14 +71,14 @@ def _ready(config: FlightConfig, seed: int) -> Simulator:
     return simulator
 
 
-def time_predictor(model: NeuralPredictor, *, horizon: int, stride: int, repeats: int = 500) -> dict[str, float]:
+def time_predictor(
+    model: NeuralPredictor, *, horizon: int, stride: int, repeats: int = 500
+) -> dict[str, float]:
     """Return median and p95 of one sample: lift, refit where there is one, and forecast [ms].
 
     Args:
-        model: that is timed.
         horizon: steps of the MPC [1].
         stride: steps of the predictor in one of them [1].
-        repeats: samples that count.
     """
     rng, memory, spent = np.random.default_rng(0), model.initial_memory(), []
     for _ in range(repeats + model.model.window):
@@ -95,10 +99,11 @@ def real_time_factors(*, seconds: float, seed: int) -> dict[str, float]:
 
     Args:
         seconds: simulated time of each [s].
-        seed: of the noise.
     """
     config = load_experiment("circle")
-    bare = dc.replace(config, reality=dc.replace(config.reality, rotor_drag=0.0, motor_lag=0.0, thrust_scale=1.0))
+    bare = dc.replace(
+        config, reality=dc.replace(config.reality, rotor_drag=0.0, motor_lag=0.0, thrust_scale=1.0)
+    )
     config.controller.kind, config.controller.solver = "np", "sqp"
     config.duration = max(seconds / 4, 1.0)
     return {
@@ -139,19 +144,17 @@ def _plant_factor(config: FlightConfig, seconds: float) -> float:
 
 
 def time_training(folder: Path, *, seed: int) -> dict[str, float]:
-    """Return the wall time of both configurations on the 3000 points of one training flight [s].
-
-    Args:
-        folder: takes their model files.
-        seed: of flight and training.
-    """
+    """Return the wall time of both configurations on the 3000 points of one training flight [s]."""
     flight = training_flight("training_circle", seed=seed, solver="sqp")
     walls = {}
     for configuration in ("lifted", "paper"):
         start = time.perf_counter()
         config, loop = make_config(configuration, seed=seed), flight.config.controller
         learnt = train_on_flights(
-            [Flight(flight.log(), flight.config.vehicle)], config, step=loop.period, label=loop.label
+            [Flight(flight.log(), flight.config.vehicle)],
+            config,
+            step=loop.period,
+            label=loop.label,
         )
         save_model(learnt.model, model_file(folder, configuration))
         walls[configuration] = time.perf_counter() - start
@@ -163,6 +166,5 @@ def model_file(folder: Path, configuration: str) -> Path:
 
     Args:
         folder: as of `time_training`.
-        configuration: of the model.
     """
     return folder / f"{configuration}.safetensors"

@@ -1,7 +1,7 @@
 """Baseline of the benchmark: problem (nmpc) in CasADi (optional extra `bench`).
 
-Multiple shooting over (T, x, z), exact Hessian, IPOPT with MUMPS, data as parameters, warm start from the
-last answer. Used by the benchmark only.
+Multiple shooting over (T, x, z), exact Hessian, IPOPT with MUMPS, data as parameters, warm start
+from the last answer. Used by the benchmark only.
 """
 
 import importlib
@@ -42,16 +42,14 @@ class CasadiSolver:
 
     def __init__(self, vehicle: Vehicle, config: MpcConfig):
         """Load CasADi; a problem is built when the first of its size comes.
-
-        Args:
-            vehicle: nominal vehicle.
-            config: of the MPC.
         Raises: ImportError: without CasADi, or without its IPOPT.
         """
         try:
             self._casadi: Any = importlib.import_module("casadi")
         except ImportError as error:
-            raise ImportError("CasadiSolver: casadi must be installed: pip install 'np_drake[bench]'.") from error
+            raise ImportError(
+                "CasadiSolver: casadi must be installed: pip install 'np_drake[bench]'."
+            ) from error
         if not self._casadi.has_nlpsol("ipopt"):
             raise ImportError(
                 "CasadiSolver: casadi must come with IPOPT; that of comma-deps-acados does not: "
@@ -67,7 +65,8 @@ class CasadiSolver:
         Args:
             problem: with a forecast that is linear in the motion.
             warm_start: plan to begin at; None for a cold start.
-        Raises: SolverFailure: if IPOPT does not converge, or the forecast is not linear in the motion.
+        Raises: SolverFailure: if IPOPT does not converge, or the forecast is not linear in the
+            motion.
         """
         f = problem.forecast
         if f.reaction is not None:
@@ -84,7 +83,14 @@ class CasadiSolver:
         lbx, ubx = np.full(len(x_init), -np.inf), np.full(len(x_init), np.inf)
         lbx[: 4 * n], ubx[: 4 * n] = 0.0, self.condensed.vehicle.max_rotor_thrust
         lbx[-3:] = 0.0
-        given = {"x0": x_init, "p": self._parameters(h, problem), "lbx": lbx, "ubx": ubx, "lbg": lower, "ubg": upper}
+        given = {
+            "x0": x_init,
+            "p": self._parameters(h, problem),
+            "lbx": lbx,
+            "ubx": ubx,
+            "lbg": lower,
+            "ubg": upper,
+        }
         start = time.perf_counter()  # the time of this project's own preparation is not counted
         answer = solver(**given)
         spent = time.perf_counter() - start
@@ -105,7 +111,12 @@ class CasadiSolver:
         ca, config, vehicle = self._casadi, self.condensed.config, self.condensed.vehicle
         n, SX = config.horizon, self._casadi.SX
         T, X, Z, s = SX.sym("T", 4, n), SX.sym("X", 13, n), SX.sym("Z", K, n), SX.sym("s", 3)
-        x0, x_ref, u_ref, P = (SX.sym("x0", 13), SX.sym("xr", 13, n + 1), SX.sym("ur", 4, n), SX.sym("P", 13, 13))
+        x0, x_ref, u_ref, P = (
+            SX.sym("x0", 13),
+            SX.sym("xr", 13, n + 1),
+            SX.sym("ur", 4, n),
+            SX.sym("P", 13, 13),
+        )
         A, B, C = SX.sym("A", K, K), SX.sym("B", K, 6), SX.sym("C", 6, K)
         z0, offset = SX.sym("z0", K), SX.sym("o", 6, n)
         min_cosine = self.condensed.objective.min_cosine
@@ -137,14 +148,15 @@ class CasadiSolver:
 
 
 class ProblemInCasadi:
-    """The parts of problem (nmpc) in CasADi's symbols: eq. (1), a stage, and the sets; acados builds on them too."""
+    """The parts of problem (nmpc) in CasADi's symbols: eq. (1), a stage, and the sets; acados
+    builds on them too.
+    """
 
     def __init__(self, vehicle: Vehicle, config: MpcConfig):
         """Load CasADi.
 
         Args:
             vehicle: of eq. (1).
-            config: of the MPC.
         """
         self._casadi: Any = importlib.import_module("casadi")
         self._vehicle, self._config = vehicle, config
@@ -210,7 +222,10 @@ class ProblemInCasadi:
         dw = ca.DM(np.linalg.inv(vehicle.J)) @ (u[1:4] + chi[3:6] - ca.cross(rate, J @ rate))
         a, b, c = rate[0], rate[1], rate[2]
         dq = 0.5 * ca.vertcat(
-            -x * a - y * b - z * c, w * a + y * c - z * b, w * b + z * a - x * c, w * c + x * b - y * a
+            -x * a - y * b - z * c,
+            w * a + y * c - z * b,
+            w * b + z * a - x * c,
+            w * c + x * b - y * a,
         )
         return ca.vertcat(v, dq, dv, dw)
 
@@ -219,7 +234,6 @@ def lifted(forecast: WrenchForecast, x: np.ndarray) -> np.ndarray:
     """Return the lifted states (n, K) along a trajectory.
 
     Args:
-        forecast: linear in the motion.
         x: (n, 13).
     """
     z = np.empty((len(x), len(forecast.z)))

@@ -13,20 +13,19 @@ from np_drake.residual_model import Memory, Sample, WrenchForecast
 
 
 class ControlLoop:
-    """Label filter, residual model and MPC of a recorded flight, fed with its readings outside a simulator."""
+    """Label filter, residual model and MPC of a recorded flight, fed with its readings outside a
+    simulator.
+    """
 
     def __init__(self, flight: FlightResult, solver: str = "sqp"):
-        """Make the parts of a recorded flight's controller.
-
-        Args:
-            flight: whose readings are fed.
-            solver: of the MPC.
-        """
+        """Make the parts of a recorded flight's controller."""
         config, self._s = flight.config, flight.signals
         believed, period = config.controller.believed(config.vehicle), config.controller.period
         mpc = config.controller.mpc
         self._config, self._model = config, make_residual_model(config.controller, believed)
-        self._labels = LabelFilter(labelled(believed, self._model), config.controller.label, step=period)
+        self._labels = LabelFilter(
+            labelled(believed, self._model), config.controller.label, step=period
+        )
         self._mpc = MpcController(believed, mpc, make_solver(solver, believed, mpc), period=period)
         self._reference = config.motion
         self._ahead = mpc.step * np.arange(mpc.horizon + 1)
@@ -35,20 +34,26 @@ class ControlLoop:
         self.periods = len(self._s["t"])
 
     def predict(self, k: int) -> WrenchForecast | None:
-        """Take in the reading of period k > 0 and return the forecast; None where nothing is learned."""
+        """Take in the reading of period k > 0 and return the forecast; None where nothing is
+        learned.
+        """
         if self._model is None:
             return None
         x, acceleration, u = self._s["x"][k], self._s["acceleration"][k], self._s["u"][k - 1]
-        self._kept, chi = self._labels.step(self._kept, x=x, a=acceleration[:3], al=acceleration[3:], u=u)
+        self._kept, chi = self._labels.step(
+            self._kept, x=x, a=acceleration[:3], al=acceleration[3:], u=u
+        )
         self._memory = self._model.update(self._memory, Sample(x, u, chi))
-        span = {"horizon": self._config.controller.mpc.horizon, "stride": self._config.controller.stride}
+        span = {
+            "horizon": self._config.controller.mpc.horizon,
+            "stride": self._config.controller.stride,
+        }
         return self._model.forecast(self._memory, **span)
 
     def solve(self, k: int, forecast: WrenchForecast | None) -> float:
         """Compute the plan of period k and return the status of its solver.
 
         Args:
-            k: number of the period.
             forecast: of `predict`.
         """
         flat = self._reference.sample(self._s["t"][k] + self._ahead)
@@ -66,15 +71,14 @@ def replayed(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Replay the periods from `first` > 0 on.
 
-    The readings are those of the flight, so that a command of the replay has no effect on what comes after.
+    The readings are those of the flight, so that a command of the replay has no effect on what
+    comes after.
 
     Args:
-        loop: of the flight.
-        first: number of the first period.
         clock: that measures [s].
         before: called with the number of each period that begins; not measured.
-        after: likewise at its end.
-    Returns: when each began, had its forecast and had its plan, (n, 3) [s], and the status of its solver (n,).
+    Returns: when each began, had its forecast and had its plan, (n, 3) [s], and the status of its
+        solver (n,).
     """
     times, status = np.zeros((loop.periods, 3)), np.zeros(loop.periods)
     for k in range(first, loop.periods):

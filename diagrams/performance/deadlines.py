@@ -1,7 +1,8 @@
 """Deadlines of the control loop on this machine: a recorded flight, replayed at its own pace.
 
-Every period the loop waits for its instant, takes in the reading, predicts and solves. The response is the time from
-that instant to the command: late waking counts. A period whose response is longer than the period is missed.
+Every period the loop waits for its instant, takes in the reading, predicts and solves. The response
+is the time from that instant to the command: late waking counts. A period whose response is longer
+than the period is missed.
 """
 
 import contextlib
@@ -30,7 +31,8 @@ RATES = (50, 100, 200)  # of the loop [1/s]
 COLLECTORS = ("by itself", "after")  # when Python's garbage collector runs
 PREDICTOR = "payload_filter"  # configuration that is flown
 WARM_UP = 50  # periods that are not counted: compiled code is loaded, the solver starts cold [1]
-SPIN = 3e-4  # the loop sleeps until so long before its instant and then watches the clock; own choice [s]
+# the loop sleeps until so long before its instant and then watches the clock; own choice [s]
+SPIN = 3e-4
 EDGES = np.geomspace(0.1, 100.0, 61)  # of the histogram of responses [ms]
 
 
@@ -52,7 +54,9 @@ class Paced:
 
 
 def _flight_config(kind: str, experiment: str, rate: float, seconds: float) -> FlightConfig:
-    """Return an experiment flown for `seconds` after its ramp, by a loop of `rate` [1/s], with SQP."""
+    """Return an experiment flown for `seconds` after its ramp, by a loop of `rate` [1/s], with
+    SQP.
+    """
     config = load_experiment(experiment)
     config.controller.kind, config.controller.solver = kind, "sqp"
     config.controller.period, config.duration = 1.0 / rate, seconds
@@ -85,7 +89,6 @@ def paced(
     A loop that falls behind goes on at once and keeps its instants.
 
     Args:
-        flight: that was recorded.
         collector: one of `COLLECTORS`.
         clock: of the real time [s].
         sleep: waits for so long [s].
@@ -114,9 +117,13 @@ def paced(
 
 @contextlib.contextmanager
 def _collection(collector: str) -> Iterator[None]:
-    """Keep the garbage collector out of the periods, unless it runs by itself; afterwards it is as before."""
+    """Keep the garbage collector out of the periods, unless it runs by itself; afterwards it is as
+    before.
+    """
     if collector not in COLLECTORS:
-        raise ValueError(f"deadlines: collector must be one of {', '.join(COLLECTORS)}; got {collector!r}.")
+        raise ValueError(
+            f"deadlines: collector must be one of {', '.join(COLLECTORS)}; got {collector!r}."
+        )
     if collector == COLLECTORS[0]:
         yield
         return
@@ -138,7 +145,6 @@ def deadline_line(rate: float, collector: str, times: Paced) -> dict:
     Args:
         rate: of the loop [1/s].
         collector: one of `COLLECTORS`.
-        times: of the periods.
     """
     response, late = 1e3 * times.response, 1e3 * times.late
     counts, _ = np.histogram(response, EDGES)
@@ -148,7 +154,10 @@ def deadline_line(rate: float, collector: str, times: Paced) -> dict:
         "periods": len(response),
         "missed": times.missed,
         "response": float(np.median(response)),
-        **{f"response_p{q:g}".replace(".", "_"): float(np.percentile(response, q)) for q in (99, 99.9)},
+        **{
+            f"response_p{q:g}".replace(".", "_"): float(np.percentile(response, q))
+            for q in (99, 99.9)
+        },
         "response_max": float(response.max()),
         "late_p99": float(np.percentile(late, 99)),
         "late_max": float(late.max()),
@@ -160,17 +169,16 @@ def deadline_line(rate: float, collector: str, times: Paced) -> dict:
 class Options:
     """Options of the study."""
 
-    minutes: Annotated[float, Option(min=0.05, max=60.0, help="Of flight at every rate [min].")] = 10.0
-    rates: Annotated[list[float] | None, Option("--rate", min=10.0, max=500.0, help="Of the loop [1/s].")] = None
+    minutes: Annotated[float, Option(min=0.05, max=60.0, help="Of flight at every rate [min].")] = (
+        10.0
+    )
+    rates: Annotated[
+        list[float] | None, Option("--rate", min=10.0, max=500.0, help="Of the loop [1/s].")
+    ] = None
 
 
 def run(run: Run, options: Options) -> Report:
-    """Deadlines of the loop on this machine, at its own pace. --out DIR: a histogram.
-
-    Args:
-        run: seed, folders and progress.
-        options: of the study.
-    """
+    """Deadlines of the loop on this machine, at its own pace. --out DIR: a histogram."""
     chosen, lines = options.rates or list(RATES), []
     runs = [(rate, collector) for rate in chosen for collector in COLLECTORS]
     with run.progress("deadlines") as advance:
@@ -183,14 +191,25 @@ def run(run: Run, options: Options) -> Report:
                 advance((number + done / total) / len(runs), f"{rate:g} Hz, {collector}")
 
             lines.append(deadline_line(rate, collector, paced(flight, collector, on_progress=tell)))
-    title = f"{options.minutes:g} min of the {TRACK} at every rate, np: {PREDICTOR}, sqp, seed {run.seed + 1}"
-    config = {"track": TRACK, "minutes": options.minutes, "rates": chosen, "training_seed": run.seed}
+    title = (
+        f"{options.minutes:g} min of the {TRACK} at every rate, np: {PREDICTOR}, sqp, seed "
+        f"{run.seed + 1}"
+    )
+    config = {
+        "track": TRACK,
+        "minutes": options.minutes,
+        "rates": chosen,
+        "training_seed": run.seed,
+    }
     return Report(
         [_printed(lines, title)],
         config=config | {"flight_seed": run.seed + 1},
         metrics={"table": lines, "histogram_edges_ms": EDGES.tolist()},
         notes=[
-            "response: from a period's instant to its command; late: to waking; missed: response longer than a period",
+            (
+                "response: from a period's instant to its command; late: to waking; missed: "
+                "response longer than a period"
+            ),
             "collector: Python's garbage collector runs by itself, or after each command",
         ],
         figures={"deadlines.png": lambda: response_histogram(lines)},
@@ -233,7 +252,13 @@ def response_histogram(lines: Sequence[dict]) -> Figure:
                 label=f"collector {line['collector']}",
             )
         ax.axvline(1e3 / rate, color="0.4", linewidth=0.8, label="period")
-        ax.set(xscale="log", yscale="log", xlabel="response [ms]", title=f"{rate:g} Hz", ylim=(0.5, None))
+        ax.set(
+            xscale="log",
+            yscale="log",
+            xlabel="response [ms]",
+            title=f"{rate:g} Hz",
+            ylim=(0.5, None),
+        )
     axes.ravel()[0].set_ylabel("periods")
     axes.ravel()[-1].legend(fontsize=7)
     return figure

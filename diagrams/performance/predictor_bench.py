@@ -26,8 +26,8 @@ REFERENCE, STABLE_REFERENCE = "pseudo-inverse", "pseudo-inverse, made stable"
 class Timing:
     """Run time of one predictor.
 
-    median_ms, p95_ms: of one sample, refit (where there is one), lift and 20 steps [ms].   ratio: of medians, to the
-    pseudo-inverse in the same run [1].
+    median_ms, p95_ms: of one sample, refit (where there is one), lift and 20 steps [ms].
+    ratio: of medians, to the pseudo-inverse in the same run [1].
     """
 
     name: str  # of the predictor
@@ -37,14 +37,17 @@ class Timing:
 
 
 class PseudoInverse:
-    """Least squares [A B] = Z+ pinv([Z, zeta]) of the newest 40 samples, Z = Phi(chi), as in the paper, no prior."""
+    """Least squares [A B] = Z+ pinv([Z, zeta]) of the newest 40 samples, Z = Phi(chi), as in the
+    paper, no prior.
+    """
 
     def __init__(self, model: LiftedModel, *, stable: bool):
         """Take encoder and output matrix of a model.
 
         Args:
             model: of configuration `paper`.
-            stable: with A then pulled into the unit circle, as `paper` does; without, it diverges on real flights.
+            stable: with A then pulled into the unit circle, as `paper` does; without, it diverges
+                on real flights.
         """
         assert isinstance(model.encoder, Phi)
         self._phi, self._C, self._stable = model.encoder, model.system.C, stable
@@ -87,20 +90,24 @@ class InFlight:
 
 
 def synthetic_flight(samples: int, seed: int) -> Segment:
-    """Return smooth force and torque driven by a smooth motion, with windows as singular as those of real flights.
+    """Return smooth force and torque driven by a smooth motion, with windows as singular as those
+    of real flights.
 
     Args:
         samples: of the flight [1].
-        seed: of the motion.
     """
     draw, t = np.random.default_rng(seed), STEP * np.arange(samples)[:, None, None]
     rate, phase = draw.uniform(2.0, 25.0, (12, 8)), draw.uniform(0, 2 * np.pi, (12, 8))
     waves = np.sin(rate * t + phase).sum(axis=2)
-    return Segment(waves[:, :6] * np.repeat([1.0, 0.05], 3), waves[:, 6:] + 0.2 * waves[:, :6], STEP)
+    return Segment(
+        waves[:, :6] * np.repeat([1.0, 0.05], 3), waves[:, 6:] + 0.2 * waves[:, :6], STEP
+    )
 
 
 def models(seed: int) -> dict[str, LiftedModel]:
-    """Return all configurations, trained briefly, since run time does not depend on how well they predict."""
+    """Return all configurations, trained briefly, since run time does not depend on how well they
+    predict.
+    """
     segment = synthetic_flight(SAMPLES, seed)
     configs = {
         "paper": make_config(PAPER, seed=seed, epochs=1),
@@ -111,11 +118,8 @@ def models(seed: int) -> dict[str, LiftedModel]:
 
 
 def predictor_timings(seed: int, *, repeats: int = 1000) -> list[Timing]:
-    """Time all predictors and the pseudo-inverse, taking turns at blocks of one synthetic flight.
-
-    Args:
-        seed: of trainings and flight.
-        repeats: samples that count.
+    """Time all predictors and the pseudo-inverse, taking turns at blocks of one synthetic
+    flight.
     """
     trained = models(seed)
     paper = trained["paper"]
@@ -125,7 +129,10 @@ def predictor_timings(seed: int, *, repeats: int = 1000) -> list[Timing]:
         **{name: InFlight(model) for name, model in trained.items()},
     }
     warm = max(model.window for model in trained.values())
-    flight, spent = synthetic_flight(repeats + warm, seed + 1), {name: list[float]() for name in duts}
+    flight, spent = (
+        synthetic_flight(repeats + warm, seed + 1),
+        {name: list[float]() for name in duts},
+    )
     with np.errstate(all="ignore"):  # the plain reference may overflow
         for block in range(0, len(flight), BLOCK):
             for name, dut in duts.items():
@@ -137,6 +144,11 @@ def predictor_timings(seed: int, *, repeats: int = 1000) -> list[Timing]:
     tails = {name: np.array(values[-repeats:]) for name, values in spent.items()}
     base = float(np.median(tails[REFERENCE]))
     return [
-        Timing(name, float(np.median(tail)), float(np.quantile(tail, 0.95)), float(np.median(tail)) / base)
+        Timing(
+            name,
+            float(np.median(tail)),
+            float(np.quantile(tail, 0.95)),
+            float(np.median(tail)) / base,
+        )
         for name, tail in tails.items()
     ]

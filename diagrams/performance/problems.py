@@ -16,20 +16,21 @@ _TRUE_WRENCH = np.array([0.4, -0.3, -2.0, 0.01, -0.01, 0.002])  # that pulls at 
 
 
 def tracking_problems(
-    vehicle: Vehicle, config: MpcConfig, *, count: int = 200, period: float = 0.02, lifted: int = 24, seed: int = 0
+    vehicle: Vehicle,
+    config: MpcConfig,
+    *,
+    count: int = 200,
+    period: float = 0.02,
+    lifted: int = 24,
+    seed: int = 0,
 ) -> list[MpcProblem]:
     """Return the problems of a closed loop on the circle.
 
-    The vehicle is 5 % heavier than the controller's and pulled by an oscillating wrench. Every problem has its own
-    stable A, B, C (K = `lifted`), whose forecast starts at the true wrench.
+    The vehicle is 5 % heavier than the controller's and pulled by an oscillating wrench. Every
+    problem has its own stable A, B, C (K = `lifted`), whose forecast starts at the true wrench.
 
     Args:
-        vehicle: nominal vehicle.
-        config: of the MPC.
-        count: number of problems.
         period: time between them [s].
-        lifted: size K of the lifted state.
-        seed: of the draws.
     """
     rng = np.random.default_rng(seed)
     plant = DiscreteDynamics(vehicle.with_mass(1.05 * vehicle.mass), period)
@@ -51,12 +52,8 @@ def tracking_problems(
 
 
 def cold_problems(vehicle: Vehicle, config: MpcConfig, count: int) -> list[MpcProblem]:
-    """Return scattered starts within the sets: about 0.3 m, 0.5 m/s, 15 deg, 0.5 rad/s from the circle.
-
-    Args:
-        vehicle: nominal vehicle.
-        config: of the MPC.
-        count: number of problems.
+    """Return scattered starts within the sets: about 0.3 m, 0.5 m/s, 15 deg, 0.5 rad/s from the
+    circle.
     """
     rng = np.random.default_rng(1)
     problems = tracking_problems(vehicle, config, count=count, seed=1)
@@ -64,13 +61,7 @@ def cold_problems(vehicle: Vehicle, config: MpcConfig, count: int) -> list[MpcPr
 
 
 def infeasible_problems(vehicle: Vehicle, config: MpcConfig, count: int) -> list[MpcProblem]:
-    """Return starts far outside every soft set: 9 m/s, 80 deg of tilt, metres away, tumbling.
-
-    Args:
-        vehicle: nominal vehicle.
-        config: of the MPC.
-        count: number of problems.
-    """
+    """Return starts far outside every soft set: 9 m/s, 80 deg of tilt, metres away, tumbling."""
     rng = np.random.default_rng(2)
     problems = []
     for p in tracking_problems(vehicle, config, count=count, seed=2):
@@ -89,7 +80,6 @@ def circle(vehicle: Vehicle, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return x_ref (n, 13) and u_ref (n, 4) on a circle of 1 m at 1.5 m/s, 1.6 m high.
 
     Args:
-        vehicle: that flies it.
         t: (n,) times [s].
     """
     c, s, zero = np.cos(1.5 * t), np.sin(1.5 * t), np.zeros_like(t)
@@ -103,11 +93,17 @@ def circle(vehicle: Vehicle, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _base_model(rng: np.random.Generator, K: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return A with spectral radius 0.97, B, C, for wrenches of newtons and hundredths of newton metres."""
+    """Return A with spectral radius 0.97, B, C, for wrenches of newtons and hundredths of newton
+    metres.
+    """
     A = rng.normal(size=(K, K))
     A *= 0.97 / np.abs(np.linalg.eigvals(A)).max() if K else 1.0
     scale = np.array([1.0, 1.0, 1.0, 0.02, 0.02, 0.02])
-    return A, 0.05 * rng.normal(size=(K, 6)), scale[:, None] * rng.normal(size=(6, K)) / np.sqrt(max(K, 1))
+    return (
+        A,
+        0.05 * rng.normal(size=(K, 6)),
+        scale[:, None] * rng.normal(size=(6, K)) / np.sqrt(max(K, 1)),
+    )
 
 
 def _forecast(rng: np.random.Generator, base, chi: np.ndarray, horizon: int) -> WrenchForecast:
@@ -123,7 +119,9 @@ def _forecast(rng: np.random.Generator, base, chi: np.ndarray, horizon: int) -> 
 
 
 def _scatter(rng: np.random.Generator, x: np.ndarray, size: list[float]) -> np.ndarray:
-    """Return the state x moved by normal errors of position [m], velocity [m/s], attitude [rad] and rate [rad/s]."""
+    """Return the state x moved by normal errors of position [m], velocity [m/s], attitude [rad] and
+    rate [rad/s].
+    """
     x = x.copy()
     x[0:3] += size[0] * rng.normal(size=3)
     x[7:10] += size[1] * rng.normal(size=3)

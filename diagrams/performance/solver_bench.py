@@ -13,7 +13,14 @@ from diagrams.performance.problems import cold_problems, infeasible_problems, tr
 from diagrams.performance.split_sqp import PhaseTimes, SplitSqpSolver
 from np_drake.mpc.ipopt import IpoptCondensedSolver
 from np_drake.mpc.plan import shift
-from np_drake.mpc.problem import MpcConfig, MpcProblem, MpcSolution, MpcSolver, MpcStatus, SolverFailure
+from np_drake.mpc.problem import (
+    MpcConfig,
+    MpcProblem,
+    MpcSolution,
+    MpcSolver,
+    MpcStatus,
+    SolverFailure,
+)
 from np_drake.mpc.sqp import SqpSolver
 from np_drake.vehicle import Vehicle
 
@@ -21,7 +28,9 @@ _BLOCK = 20  # problems that a solver takes in a row [1]
 _WARM_UP = 3  # untimed solves of the first problem
 PEERS = ("casadi", "acados")  # names of the solvers that ratios refer to
 GROWTH = ((10, 24), (20, 24), (40, 24), (20, 12), (20, 0))  # (N, K) of the generated problems [1]
-START_LIMIT = 0.015  # wall time that a cold or infeasible start may take; tracking is not limited [s]
+START_LIMIT = (
+    0.015  # wall time that a cold or infeasible start may take; tracking is not limited [s]
+)
 Progress = Callable[[int, int], None]
 _log = logging.getLogger(__name__)
 
@@ -31,10 +40,11 @@ class SolverReport:
     """Results of one solver on one set of problems.
 
     problems: number of problems.   median_ms, p95_ms, p99_ms, max_ms: solve time [ms].
-    failures: problems without a usable answer.   fallbacks: problems with an answer that is not the method's own.
-    gap_median, gap_max: relative cost above the best known optimum, over answered problems [1].
-    violation_max: of the soft sets [in each set's unit].
-    ratio_to_casadi, ratio_to_acados: of median times [1]; None where that peer did not run.
+    failures: problems without a usable answer.
+    fallbacks: problems with an answer that is not the method's own. gap_median, gap_max: relative
+        cost above the best known optimum, over answered problems [1]. violation_max: of the soft
+        sets [in each set's unit]. ratio_to_casadi, ratio_to_acados: of median times [1]; None where
+        that peer did not run.
     """
 
     name: str  # of the solver
@@ -50,15 +60,18 @@ class SolverReport:
     violation_max: float
     ratio_to_casadi: float | None = None
     ratio_to_acados: float | None = None
-    feedback_ms: float | None = None  # median of the phase after the measurement, of solvers in two phases
+    feedback_ms: float | None = (
+        None  # median of the phase after the measurement, of solvers in two phases
+    )
 
 
-def make_solvers(vehicle: Vehicle, config: MpcConfig, *, time_limit: float = np.inf) -> list[MpcSolver]:
-    """Return IPOPT, SQP with one and two steps and in two phases, and the peers that can run on this machine.
+def make_solvers(
+    vehicle: Vehicle, config: MpcConfig, *, time_limit: float = np.inf
+) -> list[MpcSolver]:
+    """Return IPOPT, SQP with one and two steps and in two phases, and the peers that can run on
+    this machine.
 
     Args:
-        vehicle: nominal vehicle.
-        config: of the MPC.
         time_limit: of a solve, but not of the peers' [s].
     """
     two = SqpSolver(vehicle, config, steps=2, time_limit=time_limit)
@@ -88,16 +101,15 @@ def run(
 ) -> list[SolverReport]:
     """Solve every problem with every solver and return a report a solver.
 
-    The solvers take turns, in rotating order, at blocks of problems: short enough that noise meets all alike, long
-    enough that each runs with its own warm caches.
+    The solvers take turns, in rotating order, at blocks of problems: short enough that noise meets
+    all alike, long enough that each runs with its own warm caches.
 
     Args:
-        solvers: that take turns.
-        problems: of one set, in their order.
         step: the MPC's step [s].
-        period: time between problems, each solver starting from its own last plan, shifted; None: from none [s].
-        optimum: a solver without time limit for the gap, run untimed; without it the best answer counts as optimum.
-        progress: called with problems done and all.
+        period: time between problems, each solver starting from its own last plan, shifted; None:
+            from none [s].
+        optimum: a solver without time limit for the gap, run untimed; without it the best answer
+            counts as optimum.
     """
     for solver in solvers:
         for _ in range(_WARM_UP):
@@ -106,19 +118,30 @@ def run(
     seconds = np.zeros((len(problems), len(solvers)))
     feedback = np.full((len(problems), len(solvers)), np.nan)
     answers: list[list[MpcSolution | None]] = [[None] * len(solvers) for _ in problems]
-    for turn, block in enumerate(np.array_split(np.arange(len(problems)), max(len(problems) // _BLOCK, 1))):
+    for turn, block in enumerate(
+        np.array_split(np.arange(len(problems)), max(len(problems) // _BLOCK, 1))
+    ):
         for j in np.roll(np.arange(len(solvers)), turn).tolist():
             for i in block.tolist():
                 last = plans[j]
-                warm = shift(last, elapsed=period, step=step) if period is not None and last is not None else None
+                warm = (
+                    shift(last, elapsed=period, step=step)
+                    if period is not None and last is not None
+                    else None
+                )
                 answers[i][j], seconds[i, j] = _attempt(solvers[j], problems[i], warm)
                 plans[j] = answers[i][j] or warm
                 if isinstance(times := getattr(solvers[j], "times", None), PhaseTimes):
                     feedback[i, j] = times.feedback
         if progress:
             progress(int(block[-1]) + 1, len(problems))
-    best = np.array([_best_cost(problem, row, optimum) for problem, row in zip(problems, answers, strict=True)])
-    reports = [_report(s.name, seconds[:, j], [row[j] for row in answers], best) for j, s in enumerate(solvers)]
+    best = np.array(
+        [_best_cost(problem, row, optimum) for problem, row in zip(problems, answers, strict=True)]
+    )
+    reports = [
+        _report(s.name, seconds[:, j], [row[j] for row in answers], best)
+        for j, s in enumerate(solvers)
+    ]
     for report, after in zip(reports, np.median(feedback, axis=0).tolist(), strict=True):
         report.feedback_ms = None if np.isnan(after) else 1e3 * after
     medians = {r.name: r.median_ms for r in reports}
@@ -128,8 +151,12 @@ def run(
     return reports
 
 
-def _best_cost(problem: MpcProblem, row: list[MpcSolution | None], optimum: MpcSolver | None) -> float:
-    """Return the least cost known, of the answers and of a solver without time limit from the best of them."""
+def _best_cost(
+    problem: MpcProblem, row: list[MpcSolution | None], optimum: MpcSolver | None
+) -> float:
+    """Return the least cost known, of the answers and of a solver without time limit from the best
+    of them.
+    """
     given = min((a for a in row if a), key=lambda a: a.cost, default=None)
     patient = _attempt(optimum, problem, given)[0] if optimum else None
     return min((a.cost for a in (given, patient) if a), default=np.inf)
@@ -146,18 +173,15 @@ def suite(
 ) -> dict[str, list[SolverReport]]:
     """Run the whole benchmark and return the reports by name of the problem set.
 
-    The sets are recorded (or generated) tracking by name, generated tracking of growing size, cold and infeasible
-    starts.
+    The sets are recorded (or generated) tracking by name, generated tracking of growing size, cold
+    and infeasible starts.
 
     Args:
-        vehicle: nominal vehicle.
-        config: of the MPC.
-        recorded: name -> problems of a recorded flight.
         period: between problems [s].
-        count: problems of a set.
-        progress: called with problems done and all.
     """
-    tracking = recorded or {"tracking": tracking_problems(vehicle, config, count=count, period=period)}
+    tracking = recorded or {
+        "tracking": tracking_problems(vehicle, config, count=count, period=period)
+    }
     sets: dict[str, tuple[MpcConfig, Sequence[MpcProblem], float | None]] = {
         name: (config, problems, period) for name, problems in tracking.items()
     }
@@ -166,7 +190,11 @@ def suite(
         generated = tracking_problems(vehicle, other, count=count, period=period, lifted=K)
         sets[growth_name(n, K)] = (other, generated, period)
     sets["cold start"] = (config, cold_problems(vehicle, config, max(count // 5, 2)), None)
-    sets["infeasible start"] = (config, infeasible_problems(vehicle, config, max(count // 5, 2)), None)
+    sets["infeasible start"] = (
+        config,
+        infeasible_problems(vehicle, config, max(count // 5, 2)),
+        None,
+    )
     total, done = sum(len(problems) for _, problems, _ in sets.values()), 0
     reports = {}
     for name, (c, problems, pause) in sets.items():
@@ -186,16 +214,13 @@ def suite(
 
 
 def growth_name(n: int, K: int) -> str:
-    """Return the name of generated problems.
-
-    Args:
-        n: horizon N.
-        K: size of the lifted state.
-    """
+    """Return the name of generated problems."""
     return f"N = {n}, K = {K}"
 
 
-def _attempt(solver: MpcSolver, problem: MpcProblem, warm: MpcSolution | None) -> tuple[MpcSolution | None, float]:
+def _attempt(
+    solver: MpcSolver, problem: MpcProblem, warm: MpcSolution | None
+) -> tuple[MpcSolution | None, float]:
     """Return the answer and its own solve time [s]; for a failure, all that was spent."""
     start = time.perf_counter()
     try:
@@ -205,9 +230,15 @@ def _attempt(solver: MpcSolver, problem: MpcProblem, warm: MpcSolution | None) -
     return answer, answer.solve_time
 
 
-def _report(name: str, seconds: np.ndarray, answers: list[MpcSolution | None], best: np.ndarray) -> SolverReport:
+def _report(
+    name: str, seconds: np.ndarray, answers: list[MpcSolution | None], best: np.ndarray
+) -> SolverReport:
     given = [(a, b) for a, b in zip(answers, best, strict=True) if a is not None]
-    gaps = np.array([(a.cost - b) / max(abs(b), 1e-6) for a, b in given]) if given else np.array([np.nan])
+    gaps = (
+        np.array([(a.cost - b) / max(abs(b), 1e-6) for a, b in given])
+        if given
+        else np.array([np.nan])
+    )
     ms = 1e3 * seconds
     return SolverReport(
         name=name,

@@ -1,4 +1,6 @@
-"""Real-time iteration in two phases, one before the measurement and one after it, with the time of each."""
+"""Real-time iteration in two phases, one before the measurement and one after it, with the time of
+each.
+"""
 
 import dataclasses as dc
 import time
@@ -12,14 +14,17 @@ from np_drake.vehicle import Vehicle
 
 @dc.dataclass
 class PhaseTimes:
-    """Times of the last solve [s]: preparation, which ends before the measurement, and feedback, which is delay."""
+    """Times of the last solve [s]: preparation, which ends before the measurement, and feedback,
+    which is delay.
+    """
 
     preparation: float = 0.0
     feedback: float = 0.0
 
 
 class SplitSqpSolver:
-    """Solver that prepares at the state the last plan predicts, and takes one step from the measured one.
+    """Solver that prepares at the state the last plan predicts, and takes one step from the
+    measured one.
 
     Without a plan nothing can be prepared: the whole solve counts as feedback.
     Source: Diehl, Bock, Schlöder 2005, SIAM J. Control Optim. 43(5), the real-time iteration.
@@ -31,8 +36,6 @@ class SplitSqpSolver:
         """Make the SQP of both phases.
 
         Args:
-            vehicle: nominal vehicle.
-            config: of the MPC.
             time_limit: of a solve [s].
         """
         self._sqp = SqpSolver(vehicle, config, time_limit=time_limit)
@@ -42,7 +45,6 @@ class SplitSqpSolver:
         """Solve one problem; its solve time is that of both phases.
 
         Args:
-            problem: at the measured state.
             warm_start: plan that the first phase prepares at; None for a cold start.
         Raises: SolverFailure: on NaN, wrong shapes or a forecast that overflows.
         """

@@ -1,6 +1,7 @@
 """Run time of one period of every controller: recorded flights, replayed with a clock.
 
-The clock is the process's own processor time, which other programs on the same machine influence least.
+The clock is the process's own processor time, which other programs on the same machine influence
+least.
 """
 
 import dataclasses as dc
@@ -25,7 +26,10 @@ from np_drake.mpc.problem import MpcStatus
 TRACK = "lemniscate"  # experiment that is flown
 TRAINING = "training_circle"  # experiment that predictors are trained on
 RATES = (50, 100)  # of the control loop [1/s]
-PAPER = {"predict": 5.0, "solve": 10.0}  # upper limits on an i5-1135G7 [ms]. Source: Jin et al. 2025
+PAPER = {
+    "predict": 5.0,
+    "solve": 10.0,
+}  # upper limits on an i5-1135G7 [ms]. Source: Jin et al. 2025
 SOLVERS = ("sqp", "ipopt")  # that are timed
 _WARM_UP = 20  # periods that are replayed and not counted [1]
 _BLOCK = 20  # periods between two runs of the reference calculation [1]
@@ -57,7 +61,9 @@ _WINDOW = np.random.default_rng(0).normal(size=(40, 30))  # samples, columns
 
 
 def _reference_time() -> float:
-    """Return the processor time of a pseudo-inverse of the window, the cost of an unoptimised refit [s]."""
+    """Return the processor time of a pseudo-inverse of the window, the cost of an unoptimised refit
+    [s].
+    """
     start = time.process_time()
     np.linalg.pinv(_WINDOW)
     return time.process_time() - start
@@ -67,10 +73,7 @@ def timing_config(row: HoverRow, *, periods: int, solver: str, model: str = "") 
     """Return the lemniscate from the end of the ramp on.
 
     Args:
-        row: of the table.
         periods: of the controller that are flown [1].
-        solver: of the MPC.
-        model: file of the row's predictor.
     """
     config = configure_row(TRACK, row, solver=solver, model=model)
     config.duration = periods * config.controller.period
@@ -81,20 +84,14 @@ def record(row: HoverRow, *, periods: int, model: str, seed: int) -> FlightResul
     """Fly the flight that is replayed, with SQP.
 
     Args:
-        row: of the table.
         periods: of the controller that are flown [1].
-        model: file of the row's predictor.
-        seed: of the noise.
     """
     return fly(timing_config(row, periods=periods, solver="sqp", model=model), seed=seed)
 
 
 def replay(flight: FlightResult, solver: str) -> Spent:
-    """Feed the recorded readings to label filter, residual model and MPC, one period after the other.
-
-    Args:
-        flight: that was recorded.
-        solver: of the MPC.
+    """Feed the recorded readings to label filter, residual model and MPC, one period after the
+    other.
     """
     scored = int(np.argmax(flight.scored))
     first = max(scored - _WARM_UP, 1)
@@ -112,21 +109,26 @@ def replay(flight: FlightResult, solver: str) -> Spent:
 
 
 def timing_line(row: str, solver: str, spent: Spent) -> dict:
-    """Return one line of the table: medians and 95 % quantiles [ms], CPU load by rate [1], ratios to the reference [1].
-
-    Args:
-        row: name of the controller.
-        solver: of its MPC.
-        spent: its processor times.
+    """Return one line of the table: medians and 95 % quantiles [ms], CPU load by rate [1], ratios
+    to the reference [1].
     """
     total, base = spent.predict + spent.solve, float(np.median(spent.reference))
-    line: dict = {"row": row, "solver": solver, "periods": len(total), "failures": spent.failures, "reference": base}
+    line: dict = {
+        "row": row,
+        "solver": solver,
+        "periods": len(total),
+        "failures": spent.failures,
+        "reference": base,
+    }
     for name, values in (("predict", spent.predict), ("solve", spent.solve)):
         line[name], line[f"{name}_p95"] = float(np.median(values)), float(np.quantile(values, 0.95))
         line[f"{name}_ratio"] = line[name] / base
     for rate in RATES:
         load = total * rate / 1e3
-        line[f"load_{rate}"], line[f"load_{rate}_p95"] = (float(np.median(load)), float(np.quantile(load, 0.95)))
+        line[f"load_{rate}"], line[f"load_{rate}_p95"] = (
+            float(np.median(load)),
+            float(np.quantile(load, 0.95)),
+        )
     return line
 
 
@@ -143,13 +145,12 @@ def timing_table(
     Args:
         models: files by (training, configuration).
         periods: that are replayed, of each [1].
-        seed: of the flights.
-        rows: of the table.
-        on_progress: called with controllers done and all.
     """
     lines = []
     for number, row in enumerate(rows):
-        flight = record(row, periods=periods, model=models.get((row.training, row.configuration), ""), seed=seed)
+        flight = record(
+            row, periods=periods, model=models.get((row.training, row.configuration), ""), seed=seed
+        )
         lines += [timing_line(row.name, solver, replay(flight, solver)) for solver in SOLVERS]
         on_progress(number + 1, len(rows))
     return lines
@@ -166,16 +167,13 @@ class Options:
 
 
 def run(run: Run, options: Options) -> Report:
-    """What a period costs. As ratios to a reference calculation in the same run.
-
-    Args:
-        run: seed, folders and progress.
-        options: of the study.
-    """
+    """What a period costs. As ratios to a reference calculation in the same run."""
     rows, flight_seed = choose_rows(ROWS, options.only), run.seed + 1
     with run.counting("timing", "controllers") as on_progress:
         models = train_models(rows, run.folder, seed=run.seed, solver="sqp")
-        lines = timing_table(models, periods=PERIODS, seed=flight_seed, rows=rows, on_progress=on_progress)
+        lines = timing_table(
+            models, periods=PERIODS, seed=flight_seed, rows=rows, on_progress=on_progress
+        )
     mpc = dc.asdict(timing_config(rows[0], periods=PERIODS, solver="sqp").controller.mpc)
     title = f"{PERIODS} periods of the {TRACK}, seed {flight_seed}, np trained on seed {run.seed}"
     config = {"track": TRACK, "periods": PERIODS, "mpc": mpc}
@@ -184,7 +182,8 @@ def run(run: Run, options: Options) -> Report:
         config=config | {"training_seed": run.seed, "flight_seed": flight_seed},
         metrics={"table": lines},
         notes=[
-            "processor time of one process; ratio: to the pseudo-inverse of a 40 x 30 matrix in the same run "
+            "processor time of one process; ratio: to the pseudo-inverse of a 40 x 30 "
+            "matrix in the same run "
             f"({lines[0]['reference']:.3f} ms); paper: lift and refit < {PAPER['predict']:g} ms, "
             f"solve < {PAPER['solve']:g} ms on an i5-1135G7.",
             f"MPC of the first row: {mpc}",
@@ -193,15 +192,12 @@ def run(run: Run, options: Options) -> Report:
 
 
 def timing_printed(lines: list[dict], title: str) -> Table:
-    """Return the table of the lines that `timing_table` gives.
-
-    Args:
-        lines: of the table.
-        title: what was timed.
-    """
+    """Return the table of the lines that `timing_table` gives."""
 
     def pair(key: str, digits: int, factor: float = 1.0):
-        return lambda line: f"{factor * line[key]:.{digits}f} / {factor * line[f'{key}_p95']:.{digits}f}"
+        return lambda line: (
+            f"{factor * line[key]:.{digits}f} / {factor * line[f'{key}_p95']:.{digits}f}"
+        )
 
     columns = (
         ("controller", "row"),

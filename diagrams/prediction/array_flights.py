@@ -10,7 +10,13 @@ from diagrams.batch.options import required
 from diagrams.batch.run import Advance, Run
 from np_drake.lifting.model.lifted_model import BY_AXES, PAPER, LiftedModel
 from np_drake.lifting.training.train import Config, make_config, train
-from np_drake.logs.formats.neurobem_wrenches import MASS, SUBTRACTED, read_training, read_wrenches, table_files
+from np_drake.logs.formats.neurobem_wrenches import (
+    MASS,
+    SUBTRACTED,
+    read_training,
+    read_wrenches,
+    table_files,
+)
 from np_drake.residual_model import FlightForecasts
 from np_drake.residual_models.neural_predictor import NeuralPredictor, PredictorOptions
 from np_drake.skill.response import jerk
@@ -50,24 +56,21 @@ def flights(folder: Path) -> list[Flight]:
 
 def named(found: list[Flight], name: str, study: str) -> Flight:
     """Return the flight of that name.
-
-    Args:
-        found: flights.
-        name: in the paper's table.
-        study: name of the study that asks.
     Raises: ValueError: if it is not among them.
     """
     for flight in found:
         if flight.name == name:
             return flight
-    raise ValueError(f"{study}: the folder must hold {name}; it has {', '.join(flight.name for flight in found)}.")
+    raise ValueError(
+        f"{study}: the folder must hold {name}; it has "
+        f"{', '.join(flight.name for flight in found)}."
+    )
 
 
 def arrays(study: str, neurobem: Path | None) -> list[Flight]:
     """Return the arrays of the real flights, the training segment first.
 
     Args:
-        study: name of the study that asks.
         neurobem: folder of the flights; None: it was not given.
     Raises: ValueError: if the folder is not given, or a flight is not usable.
     """
@@ -78,7 +81,6 @@ def neurobem_folder(study: str, neurobem: Path | None) -> Path:
     """Return the folder of the NeuroBEM flights.
 
     Args:
-        study: name of the study that asks.
         neurobem: folder; None: it was not given.
     Raises: ValueError: if it is not given.
     """
@@ -87,32 +89,17 @@ def neurobem_folder(study: str, neurobem: Path | None) -> Path:
 
 
 def configs(names: Iterable[str], seed: int) -> dict[str, Config]:
-    """Return the configurations with their usual settings for these arrays, by name.
-
-    Args:
-        names: of the configurations.
-        seed: of the training.
-    """
+    """Return the configurations with their usual settings for these arrays, by name."""
     return {name: make_config(name, frame="body", seed=seed) for name in names}
 
 
 def part(segment: Segment, start: int, stop: int) -> Segment:
-    """Return the samples from `start` up to `stop`.
-
-    Args:
-        segment: that they are of.
-        start: first sample.
-        stop: sample after the last.
-    """
+    """Return the samples from `start` up to `stop`."""
     return Segment(segment.chi[start:stop], segment.zeta[start:stop], segment.step)
 
 
 def trained(run: Run, training: Flight) -> tuple[dict[str, LiftedModel], dict[str, dict]]:
     """Train our rows on ten seconds of one segment.
-
-    Args:
-        run: seed and progress bar.
-        training: training segment.
     Returns: the models and their settings, by configuration.
     """
     models, settings = {}, {}
@@ -135,13 +122,11 @@ def settings_lines(settings: dict[str, dict]) -> list[str]:
 
 def forecasts(model: LiftedModel, flight: Flight) -> FlightForecasts:
     """Return all forecasts of a model on a flight, force and torque predicted.
-
-    Args:
-        model: trained model.
-        flight: that it forecasts.
     Raises: ValueError: if it is too short.
     """
-    course = NeuralPredictor(model, PredictorOptions(torque="predict")).along(flight.segment.chi, flight.segment.zeta)
+    course = NeuralPredictor(model, PredictorOptions(torque="predict")).along(
+        flight.segment.chi, flight.segment.zeta
+    )
     if course is None or len(flight.segment) < model.warm_up + 2:
         raise ValueError(f"{flight.name}: at least {model.warm_up + 2} samples are needed.")
     return course

@@ -1,7 +1,9 @@
-"""Simulated flights over the envelope of a vehicle, from which a family of lifted linear systems is learnt.
+"""Simulated flights over the envelope of a vehicle, from which a family of lifted linear systems is
+learnt.
 
-Payload, tether, track, speed, dither, thrust and wind of each flight are drawn at random. Sizes stand for the paper's
-vehicle and scale with another. Labels are made from what a vehicle measures, as those of a real flight.
+Payload, tether, track, speed, dither, thrust and wind of each flight are drawn at random. Sizes
+stand for the paper's vehicle and scale with another. Labels are made from what a vehicle measures,
+as those of a real flight.
 """
 
 import dataclasses as dc
@@ -19,11 +21,15 @@ from diagrams.loop.reality import RealityConfig
 from diagrams.loop.scaled import scaled
 from np_drake.lifting.training.train import Config, TrainingResult
 from np_drake.references.config import ReferenceConfig
-from np_drake.residual_models.predictor_training import place_on_flights, rotor_lag_in, train_on_flights
-from np_drake.scaling import ratios, sampling_period
+from np_drake.residual_models.predictor_training import (
+    place_on_flights,
+    rotor_lag_in,
+    train_on_flights,
+)
 from np_drake.training_data.segments import Segment
 from np_drake.training_data.training_segments import Flight
 from np_drake.vehicle import Vehicle
+from np_drake.vehicle.scaling import ratios, sampling_period
 from systems.payload_config import PayloadConfig
 
 DURATION = 14.0  # of a flight after its ramp [s]
@@ -38,9 +44,12 @@ THRUST = (0.92, 1.02)  # real over nominal thrust [1]
 WIND = 4.0  # standard deviation of the wind in x and y, in one flight of three [m/s]
 GUST = 0.4  # largest standard deviation of its gusts [m/s]
 HEIGHT = 2.5  # of the track, room for the longest tether [m]
-CABLE_STEP = 0.0015  # of the simulator, or less where a short cable with a light payload is stiffer [s]
+CABLE_STEP = (
+    0.0015  # of the simulator, or less where a short cable with a light payload is stiffer [s]
+)
 TRACKS, HOW_OFTEN = ("circle", "lemniscate", "hover"), (0.6, 0.3, 0.1)
-# The oracle keeps fast flights with heavy payloads on the track; holding the last wrench lets them swing.
+# The oracle keeps fast flights with heavy payloads on the track; holding the last wrench lets them
+# swing.
 CONTROLLERS, HOW_OFTEN_FLOWN = ("oracle", "hold", "nominal"), (0.6, 0.3, 0.1)
 
 
@@ -49,8 +58,6 @@ def envelope_flight(number: int, *, seed: int, vehicle: Vehicle) -> FlightConfig
 
     Args:
         number: of the flight, from 0 on.
-        seed: of what is drawn.
-        vehicle: that flies.
     Raises: ValueError: where this vehicle cannot fly what was drawn.
     """
     rng = np.random.default_rng([seed, number])
@@ -62,13 +69,17 @@ def envelope_flight(number: int, *, seed: int, vehicle: Vehicle) -> FlightConfig
         reference = dc.replace(reference, speed=speed, ramp=ramp)
     if track == "circle":
         reference = dc.replace(reference, radius=radius)
-    payload = PayloadConfig(mass=float(rng.uniform(*MASS)), length=float(np.exp(rng.uniform(*np.log(LENGTH)))))
+    payload = PayloadConfig(
+        mass=float(rng.uniform(*MASS)), length=float(np.exp(rng.uniform(*np.log(LENGTH))))
+    )
     payload = PayloadConfig(tether="none") if rng.random() < BARE else payload
     reality = RealityConfig(payload=payload, thrust_scale=float(rng.uniform(*THRUST)))
     if rng.random() < 1 / 3:
         reality.wind = [*(WIND * rng.standard_normal(2)).tolist(), 0.0]
         reality.gust, reality.gust_seed = float(rng.uniform(0, GUST)), number
-    controller = ControllerConfig(kind=str(rng.choice(CONTROLLERS, p=HOW_OFTEN_FLOWN)), solver="sqp")
+    controller = ControllerConfig(
+        kind=str(rng.choice(CONTROLLERS, p=HOW_OFTEN_FLOWN)), solver="sqp"
+    )
     config = FlightConfig("envelope", DURATION, True, vehicle, reality, reference, controller)
     config.simulator.max_step_size = CABLE_STEP
     config = scaled(config)
@@ -100,12 +111,8 @@ def motor_lag(vehicle: Vehicle) -> float:
 
 
 def envelope_segments(count: int, *, run: Run, vehicle: Vehicle) -> list[Segment]:
-    """Fly `count` flights of the envelope and return what can be learnt from; a lost vehicle teaches nothing.
-
-    Args:
-        count: of flights.
-        run: seed, workers and progress.
-        vehicle: that flies.
+    """Fly `count` flights of the envelope and return what can be learnt from; a lost vehicle
+    teaches nothing.
     """
     step = sampling_period(vehicle)
     config = {"study": "envelope", "vehicle": dc.asdict(vehicle), "seed": run.seed}
@@ -121,16 +128,18 @@ def envelope_segments(count: int, *, run: Run, vehicle: Vehicle) -> list[Segment
 
 
 def train_on_envelope(
-    count: int, config: Config, *, run: Run, vehicle: Vehicle, flights: Sequence[Flight] = (), step: float | None = None
+    count: int,
+    config: Config,
+    *,
+    run: Run,
+    vehicle: Vehicle,
+    flights: Sequence[Flight] = (),
+    step: float | None = None,
 ) -> TrainingResult:
-    """Fly the envelope and train on it and on further flights; where there are some, theta starts where they leave it.
+    """Fly the envelope and train on it and on further flights; where there are some, theta starts
+    where they leave it.
 
     Args:
-        count: of flights of the envelope.
-        config: of the predictor.
-        run: seed, workers and progress.
-        vehicle: that flies.
-        flights: of the real vehicle, opened ones.
         step: time between samples, None for that of the vehicle [s].
     Raises: ValueError: where a flight is unusable.
     """
@@ -138,7 +147,16 @@ def train_on_envelope(
     how: dict = {"step": step or sampling_period(vehicle), "label": None}
     with run.progress("training") as advance:
         result = train_on_flights(
-            flights, config, vehicle=vehicle, envelope=envelope, rotor_lag=rotor_lag_in(flights) or motor_lag(vehicle),
-            on_epoch=lambda epoch, total, loss: advance(epoch / total, f"loss {loss:.4g}"), **how,
-        )  # fmt: skip
-    return dc.replace(result, model=place_on_flights(flights, result.model, **how)) if flights else result
+            flights,
+            config,
+            vehicle=vehicle,
+            envelope=envelope,
+            rotor_lag=rotor_lag_in(flights) or motor_lag(vehicle),
+            on_epoch=lambda epoch, total, loss: advance(epoch / total, f"loss {loss:.4g}"),
+            **how,
+        )
+    return (
+        dc.replace(result, model=place_on_flights(flights, result.model, **how))
+        if flights
+        else result
+    )

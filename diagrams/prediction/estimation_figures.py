@@ -32,12 +32,13 @@ class Window:
     ahead: float
 
 
-def window(models: dict[str, LiftedModel], flight: Flight, span: tuple[float, float] = SPAN) -> Window:
-    """Return the forecasts of all models and of the naive rows, made `FAR` steps before each instant of a span.
+def window(
+    models: dict[str, LiftedModel], flight: Flight, span: tuple[float, float] = SPAN
+) -> Window:
+    """Return the forecasts of all models and of the naive rows, made `FAR` steps before each
+    instant of a span.
 
     Args:
-        models: that are trained, by row.
-        flight: that is forecast.
         span: first and last instant [s].
     Raises: ValueError: if the flight does not reach so far.
     """
@@ -64,23 +65,24 @@ def rows_of(flight: Flight, span: tuple[float, float] = SPAN) -> np.ndarray:
     """Return the samples of a time span, (m,).
 
     Args:
-        flight: that they are of.
         span: first and last instant [s].
     Raises: ValueError: if the flight does not reach so far.
     """
     rows = np.arange(*np.rint(np.array(span) / flight.segment.step).astype(int))
     if len(rows) == 0 or rows[-1] >= len(flight.segment):
         end = flight.segment.step * len(flight.segment)
-        raise ValueError(f"{flight.name}: must reach from {span[0]:g} s to {span[1]:g} s; it ends at {end:g} s.")
+        raise ValueError(
+            f"{flight.name}: must reach from {span[0]:g} s to {span[1]:g} s; it ends at {end:g} s."
+        )
     return rows
 
 
 def window_figure(shown: Window, title: str) -> Figure:
-    """Plot six channels: the whole span on the left, the surroundings of the largest jerk on the right.
+    """Plot six channels: the whole span on the left, the surroundings of the largest jerk on the
+    right.
 
     Args:
         shown: of `window`.
-        title: above the left column.
     """
     figure, axes = new_figure(6, 2, width=9.0, height=9.5, width_ratios=(1.5, 1.0), sharex="col")
     peak = shown.t[np.argmax(shown.jerk)]
@@ -93,11 +95,18 @@ def window_figure(shown: Window, title: str) -> Figure:
                 if ax is axes[c, 0] and name in NAIVE:  # the left column has room for two
                     continue
                 ax.plot(
-                    shown.t[rows], course[rows, c], color=PALETTE[k], linestyle=DASHES[k], linewidth=1.0, label=name
-                )  # fmt: skip
+                    shown.t[rows],
+                    course[rows, c],
+                    color=PALETTE[k],
+                    linestyle=DASHES[k],
+                    linewidth=1.0,
+                    label=name,
+                )
             ax.grid(alpha=0.3)
             ax.margins(x=0)
-            reach = np.abs(shown.label[:, c]).max()  # a line that shoots beyond would flatten all others
+            reach = np.abs(
+                shown.label[:, c]
+            ).max()  # a line that shoots beyond would flatten all others
             ax.set_ylim(*np.clip(ax.get_ylim(), -1.5 * reach, 1.5 * reach))
         axes[c, 0].axvspan(low, low + ZOOM, color="0.9", zorder=0)
         axes[c, 0].set_ylabel(f"${_NAMES[c]}$ [{'N' if c < 3 else 'N·m'}]")
@@ -107,6 +116,10 @@ def window_figure(shown: Window, title: str) -> Figure:
         ax.set_xlabel("time [s]")
     handles, names = axes[0, 1].get_legend_handles_labels()
     figure.legend(
-        handles, [_with_errors(name, shown) for name in names], loc="outside lower center", ncols=3, fontsize=8
+        handles,
+        [_with_errors(name, shown) for name in names],
+        loc="outside lower center",
+        ncols=3,
+        fontsize=8,
     )
     return figure

@@ -22,22 +22,20 @@ from np_drake.training_data.training_segments import Flight
 from np_drake.vehicle import Vehicle
 
 
-def train_predictor(flight: FlightResult, path: Path, *, configuration: str = NEURAL, seed: int = 0) -> TrainingResult:
+def train_predictor(
+    flight: FlightResult, path: Path, *, configuration: str = NEURAL, seed: int = 0
+) -> TrainingResult:
     """Train on the flight's log after the ramp and write the model file.
 
-    `neural` places the packaged family, see `placed_family`, and `lifted` does so without its network; where there is
-    none, `lifted` learns from the flight alone.
-
-    Args:
-        flight: to train on.
-        path: of the model file.
-        configuration: of the predictor.
-        seed: of the training.
+    `neural` places the packaged family, see `placed_family`, and `lifted` does so without its
+    network; where there is none, `lifted` learns from the flight alone.
     Raises: ValueError: on an unknown configuration.
     """
     controller, vehicle = flight.config.controller, flight.config.vehicle
     flights, step, label = [Flight(_scored(flight), vehicle)], controller.period, controller.label
-    family = placed_family(flights, step=step, label=label)[0] if configuration in FAMILIES else None
+    family = (
+        placed_family(flights, step=step, label=label)[0] if configuration in FAMILIES else None
+    )
     if family is not None and configuration == LIFTED:
         family = family.without_network
     if family is None:
@@ -57,28 +55,47 @@ def placed_family(
     None where it is not of their vehicle, or foresees them no better than persistence.
 
     Args:
-        flights: opened ones.
         step: time between samples [s].
         label: low-pass of the labels, None for that of the vehicle.
     """
     prior = packaged_family(flights[0].vehicle, step=step, label=label)
     if prior is None or flights[0].frame != "world":
-        return None, f"prior: none, as the packaged family is not of {flights[0].vehicle.name} at this step."
+        return (
+            None,
+            (
+                f"prior: none, as the packaged family is not of {flights[0].vehicle.name} at "
+                f"this step."
+            ),
+        )
     try:
         model = place_on_flights(flights, prior, step=step, label=label)
     except ValueError as error:
         return None, f"{error} No prior is used."
     share = model.summary["placed"]["foresight"]
     if share >= 1.0:
-        return None, f"prior: none, as the packaged family errs {share:.2g} times as much here as persistence."
-    return model, f"prior: the packaged family, which errs at most {share:.2g} times as much here as persistence."
+        return (
+            None,
+            (
+                f"prior: none, as the packaged family errs {share:.2g} times as much here as "
+                f"persistence."
+            ),
+        )
+    return (
+        model,
+        (
+            f"prior: the packaged family, which errs at most {share:.2g} times as much here as "
+            f"persistence."
+        ),
+    )
 
 
-def packaged_family(vehicle: Vehicle, *, step: float, label: LabelConfig | None = None) -> LiftedModel | None:
-    """Return the packaged family of systems; None where it is of another vehicle, or of other labels.
+def packaged_family(
+    vehicle: Vehicle, *, step: float, label: LabelConfig | None = None
+) -> LiftedModel | None:
+    """Return the packaged family of systems; None where it is of another vehicle, or of other
+    labels.
 
     Args:
-        vehicle: as the controller believes it.
         step: time between samples [s].
         label: low-pass of the labels, None for that of the vehicle.
     """
@@ -92,29 +109,23 @@ def packaged_family(vehicle: Vehicle, *, step: float, label: LabelConfig | None 
 
 def train_reaction(flight: FlightResult, path: Path, *, name: str, seed: int = 0) -> MotionModel:
     """Train a model without memory on the flight's log after the ramp and write the model file.
-
-    Args:
-        flight: to train on.
-        path: of the model file.
-        name: gp | knode.
-        seed: of the training.
     Raises: ValueError: on another name.
     """
     controller = flight.config.controller
     model, _ = train_motion_model(
-        name, [_scored(flight)], flight.config.vehicle, step=controller.period, label=controller.label, seed=seed
+        name,
+        [_scored(flight)],
+        flight.config.vehicle,
+        step=controller.period,
+        label=controller.label,
+        seed=seed,
     )
     model.save(path)
     return model
 
 
 def train_payload_filter_model(flight: FlightResult, path: Path) -> PayloadFilterModel:
-    """Train a payload filter on the flight's log after the ramp and write the model file.
-
-    Args:
-        flight: to train on.
-        path: of the model file.
-    """
+    """Train a payload filter on the flight's log after the ramp and write the model file."""
     config = flight.config
     model = train_payload_filter([(_scored(flight), config.vehicle)], step=config.controller.period)
     model.save(path)

@@ -21,7 +21,13 @@ from np_drake.estimation.moving_horizon_program import ProgramWindow
 from np_drake.estimation.wrench_table import COLUMNS, PUBLISHED, column_rmse
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.neurobem import published_vehicle
-from np_drake.logs.formats.neurobem_wrenches import TRAINING, csv_of, read_training, read_wrenches, table_files
+from np_drake.logs.formats.neurobem_wrenches import (
+    TRAINING,
+    csv_of,
+    read_training,
+    read_wrenches,
+    table_files,
+)
 from np_drake.logs.opening import open_flights
 from np_drake.training_data.segments import WrenchSequence
 
@@ -36,9 +42,10 @@ _TIMED_ROWS = 400  # steps of the program that are timed and compared on each fl
 class MheTable:
     """Errors of the estimator and run times of its two solvers.
 
-    rows: flight, row, the ten columns, and of our rows `held`.   step_time: median of the program on
-    MathematicalProgram [s].   exact_step_time: of the closed form [s].   disagreement: the largest between the two
-    [N, N·m].
+    rows: flight, row, the ten columns, and of our rows `held`.
+    step_time: median of the program on MathematicalProgram [s].
+    exact_step_time: of the closed form [s].
+    disagreement: the largest between the two [N, N·m].
     """
 
     rows: list[dict]
@@ -60,13 +67,14 @@ def mhe_table(run: Run, folder: Path, config: MheConfig, names: Sequence[str] = 
     """Return the errors of every test flight: published, ours, persistence.
 
     Args:
-        run: workers and progress.
-        folder: of the NeuroBEM flights.
-        config: weights of the estimator.
         names: of the flights; none: all, see `table_files`.
     Raises: OSError, LogError: where a flight cannot be read; FailedRun: where one has no result.
     """
-    files = {name: path for name, path in table_files(folder.resolve()).items() if not names or name in names}
+    files = {
+        name: path
+        for name, path in table_files(folder.resolve()).items()
+        if not names or name in names
+    }
     for path in files.values():  # before the long work
         _motions(path, read_wrenches(path))
     work, cases = Estimating(files, config), [{"flight": name} for name in files]
@@ -82,7 +90,8 @@ def mhe_table(run: Run, folder: Path, config: MheConfig, names: Sequence[str] = 
 
 @dc.dataclass(frozen=True)
 class Estimating:
-    """Work of a case {"flight": name} -> its rows, the times of both solvers and their disagreement.
+    """Work of a case {"flight": name} -> its rows, the times of both solvers and their
+    disagreement.
 
     files: of the flights, by name, under the same path on every worker.
     """
@@ -98,7 +107,13 @@ class Estimating:
         name, rows, exact = case["flight"], [], []
         sequence = read_wrenches(self.files[name])
         if name in PUBLISHED:
-            rows.append(_row(name, PUBLISHED_ROW, dict(zip(COLUMNS, PUBLISHED[name][PUBLISHED_ROW], strict=True))))
+            rows.append(
+                _row(
+                    name,
+                    PUBLISHED_ROW,
+                    dict(zip(COLUMNS, PUBLISHED[name][PUBLISHED_ROW], strict=True)),
+                )
+            )
         for row, motion in _motions(self.files[name], sequence).items():
             run = run_mhe(motion, self.config)
             exact.append(run.step_time)
@@ -115,7 +130,9 @@ def _row(flight: str, row: str, columns: dict[str, float], **rest: int) -> dict:
 
 
 def _motions(file: Path, sequence: WrenchSequence) -> dict[str, Motion]:
-    """Return motions by the name of the row; with the logged attitude where the flight's CSV is there."""
+    """Return motions by the name of the row; with the logged attitude where the flight's CSV is
+    there.
+    """
     vehicle = published_vehicle()
     motions = {RATES_ROW: motion_from_rates(sequence, vehicle)}
     path = csv_of(file)
@@ -135,12 +152,7 @@ class Options:
 
 
 def run(run: Run, options: Options) -> Report:
-    """A moving-horizon estimator on real flights. Those of the paper's estimation table.
-
-    Args:
-        run: seed, folders, workers and progress.
-        options: of the study.
-    """
+    """A moving-horizon estimator on real flights. Those of the paper's estimation table."""
     folder = neurobem_folder("mhe", options.neurobem)
     with run.progress("tuning the weights") as advance:
         config = tuned_config(folder)
@@ -148,7 +160,9 @@ def run(run: Run, options: Options) -> Report:
     table = mhe_table(run, folder, config)
     of_flight = {
         flight: [
-            (line["row"], *(f"{line[name]:.3f}" for name in COLUMNS)) for line in table.rows if line["flight"] == flight
+            (line["row"], *(f"{line[name]:.3f}" for name in COLUMNS))
+            for line in table.rows
+            if line["flight"] == flight
         ]
         for flight in dict.fromkeys(line["flight"] for line in table.rows)
     }
@@ -161,6 +175,7 @@ def run(run: Run, options: Options) -> Report:
         lines=[
             f"no random draw; tuned on the training segment: {config}",
             f"median time of a step: {1e3 * table.step_time:.3g} ms on MathematicalProgram, "
-            f"{1e3 * table.exact_step_time:.2g} ms in closed form; they differ by {table.disagreement:.1g} at most",
+            f"{1e3 * table.exact_step_time:.2g} ms in closed form; they differ by "
+            f"{table.disagreement:.1g} at most",
         ],
     )

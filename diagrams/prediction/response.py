@@ -9,7 +9,15 @@ from diagrams.batch.campaign import Case
 from diagrams.batch.options import Neurobem
 from diagrams.batch.run import Report, Run
 from diagrams.batch.workers import every_result
-from diagrams.prediction.array_flights import NAIVE, OURS, Flight, arrays, forecasts, settings_lines, trained
+from diagrams.prediction.array_flights import (
+    NAIVE,
+    OURS,
+    Flight,
+    arrays,
+    forecasts,
+    settings_lines,
+    trained,
+)
 from np_drake.lifting.model.lifted_model import BY_AXES, LiftedModel
 from np_drake.lifting.training.train import Config, make_config, train
 from np_drake.residual_model import FlightForecasts
@@ -34,14 +42,10 @@ def response_lines(
 ) -> list[dict]:
     """Return one line a flight, row and horizon.
 
-    Its fields are force_lag and torque_lag [s] (NaN: none), force_correlation, torque_correlation [1].
+    Its fields are force_lag and torque_lag [s] (NaN: none), force_correlation, torque_correlation
+    [1].
 
     Args:
-        run: workers and progress.
-        models: configuration -> trained on the training segment.
-        training: the training segment.
-        tests: test flights.
-        config: of the row trained on all other flights.
         settings: what the models depend on, as `config` of `run_campaign`.
         horizons: [steps].
     Raises: FailedRun: where a flight has no result.
@@ -94,8 +98,12 @@ def _read(line: dict) -> dict:
     return {name: np.nan if value is None else value for name, value in line.items()}
 
 
-def _lags(chi_hat: np.ndarray, instants: np.ndarray, flight: Flight, wanted: np.ndarray, h: int) -> dict:
-    """Return the lags of predictions (o, 6) for the `instants` (o,) among the `wanted` (n,) samples of a flight."""
+def _lags(
+    chi_hat: np.ndarray, instants: np.ndarray, flight: Flight, wanted: np.ndarray, h: int
+) -> dict:
+    """Return the lags of predictions (o, 6) for the `instants` (o,) among the `wanted` (n,) samples
+    of a flight.
+    """
     prediction = np.full_like(flight.segment.chi, np.nan)
     prediction[instants] = chi_hat
     rows = instants[wanted[instants]]
@@ -110,7 +118,8 @@ def _lags(chi_hat: np.ndarray, instants: np.ndarray, flight: Flight, wanted: np.
 def printed(lines: list[dict]) -> tuple[str, list[str], list[tuple]]:
     """Return title, header and rows of the table.
 
-    They hold the mean over flights, its 95 % interval, and the number of flights where there is a lag at all.
+    They hold the mean over flights, its 95 % interval, and the number of flights where there is a
+    lag at all.
     """
     rows, horizons = [], sorted({line["horizon"] for line in lines})
     for row in dict.fromkeys(line["row"] for line in lines):
@@ -121,7 +130,10 @@ def printed(lines: list[dict]) -> tuple[str, list[str], list[tuple]]:
                 cells.append(_cell(of, kind))
         rows.append((row, *cells))
     header = ["", *(f"{kind}, {1e3 * h:.3g} ms ahead" for kind in GROUPS for h in horizons)]
-    title = "lag behind the label [ms] where jerk is in its top decile (correlation at that lag), mean over flights"
+    title = (
+        "lag behind the label [ms] where jerk is in its top decile (correlation at that "
+        "lag), mean over flights"
+    )
     return title, header, rows
 
 
@@ -145,12 +157,7 @@ class Options:
 
 
 def run(run: Run, options: Options) -> Report:
-    """How late the prediction is. Its lag behind the label where jerk is largest.
-
-    Args:
-        run: seed, folders, workers and progress.
-        options: of the study.
-    """
+    """How late the prediction is. Its lag behind the label where jerk is largest."""
     training, *tests = arrays("response", options.neurobem)
     models, settings = trained(run, training)
     config = make_config(BY_AXES["body"], frame="body", seed=run.seed)

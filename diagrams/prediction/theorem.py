@@ -1,4 +1,6 @@
-"""Theorem 1 on real flights: the bound, computed first, against the error that followed, in every window."""
+"""Theorem 1 on real flights: the bound, computed first, against the error that followed, in every
+window.
+"""
 
 import dataclasses as dc
 from typing import Annotated
@@ -47,14 +49,12 @@ def broken_models(model: LiftedModel) -> dict[str, tuple[LiftedModel, dict]]:
 def bound_table(
     run: Run, models: dict[str, LiftedModel], flown: list[Flight], *, spacing: int, config: dict
 ) -> list[dict]:
-    """Return one line for every model, flight and source of the alphas, and one for every broken model.
+    """Return one line for every model, flight and source of the alphas, and one for every broken
+    model.
 
     Lines without a result are missing; the records of the run's workers say why.
 
     Args:
-        run: workers and progress.
-        models: configuration -> trained model.
-        flown: flights.
         spacing: samples between windows; 1 is every window.
         config: what the models depend on, as of `run_campaign`.
     Raises: FailedRun: if no line has a result.
@@ -80,7 +80,9 @@ class _Checking:
 
     def __call__(self, case: Case) -> dict:
         named = (case["model"], case["flight"], case["alpha"])
-        return _line(next(task for task in self.tasks if (task.model, task.flight, task.alpha) == named))
+        return _line(
+            next(task for task in self.tasks if (task.model, task.flight, task.alpha) == named)
+        )
 
 
 def _read(line: dict) -> dict:
@@ -123,13 +125,24 @@ def _arrays(flight: Flight) -> dict[str, np.ndarray]:
 def _line(task: _Task) -> dict:
     found: BoundCheck = check_flight(**task.arguments)
     line = {
-        "model": task.model, "flight": task.flight, "alpha": task.alpha, "windows": found.windows,
-        "holds": found.holds, "premise": found.premise, "holds_on_premise": found.holds_on_premise,
-        "c": float(np.median(found.c)), "residual": float(np.median(found.residual)),
-        "alpha_chi": found.alpha_chi, "alpha_zeta": found.alpha_zeta, "lipschitz": found.lipschitz,
-        "spectral_radius": found.spectral_radius, "violated": found.violated,
-    }  # fmt: skip
-    return line | {"tightness": {kind: {n: found.tightness(kind, n) for n in STEPS} for kind in found.ratio}}
+        "model": task.model,
+        "flight": task.flight,
+        "alpha": task.alpha,
+        "windows": found.windows,
+        "holds": found.holds,
+        "premise": found.premise,
+        "holds_on_premise": found.holds_on_premise,
+        "c": float(np.median(found.c)),
+        "residual": float(np.median(found.residual)),
+        "alpha_chi": found.alpha_chi,
+        "alpha_zeta": found.alpha_zeta,
+        "lipschitz": found.lipschitz,
+        "spectral_radius": found.spectral_radius,
+        "violated": found.violated,
+    }
+    return line | {
+        "tightness": {kind: {n: found.tightness(kind, n) for n in STEPS} for kind in found.ratio}
+    }
 
 
 def assumption_lines(lines: list[dict]) -> list[str]:
@@ -137,10 +150,18 @@ def assumption_lines(lines: list[dict]) -> list[str]:
     said = []
     for name in dict.fromkeys(line["model"] for line in lines):
         of = [line for line in lines if line["model"] == name]
-        L, radius = max(line["lipschitz"] for line in of), max(line["spectral_radius"] for line in of)
-        said.append(f"{name}: Lipschitz constant {L:.4g}, largest spectral radius of a window's A {radius:.6f}.")
+        L, radius = (
+            max(line["lipschitz"] for line in of),
+            max(line["spectral_radius"] for line in of),
+        )
+        said.append(
+            f"{name}: Lipschitz constant {L:.4g}, largest spectral radius of a window's A "
+            f"{radius:.6f}."
+        )
         for line in (line for line in of if line["violated"]):
-            parts = ", ".join(f"{what} in {_percent(share)} %" for what, share in line["violated"].items())
+            parts = ", ".join(
+                f"{what} in {_percent(share)} %" for what, share in line["violated"].items()
+            )
             said.append(f"  {line['flight']}, alphas {line['alpha']}: violated: {parts} of windows")
     return said
 
@@ -149,7 +170,9 @@ def printed(lines: list[dict]) -> tuple[str, list[str], list[tuple]]:
     """Return title, header and rows of the table; every model has a line before its flights."""
 
     def ratio(line: dict, kind: str, n: int) -> str:
-        return " / ".join(f"{v:.3g}" if v < 1000 else f"{v:.0f}" for v in line["tightness"][kind][n])
+        return " / ".join(
+            f"{v:.3g}" if v < 1000 else f"{v:.0f}" for v in line["tightness"][kind][n]
+        )
 
     rows: list[tuple] = []
     model = None
@@ -159,11 +182,16 @@ def printed(lines: list[dict]) -> tuple[str, list[str], list[tuple]]:
             rows.append((model, *("" for _ in range(7))))
         rows.append(
             (
-                f"  {line['flight']}", line["alpha"], str(line["windows"]),
-                f"{_percent(line['premise'])} / {_percent(line['holds_on_premise'])}", f"{line['c']:.3g}",
-                ratio(line, "z", STEPS[0]), ratio(line, "z", STEPS[-1]), ratio(line, "chi", STEPS[-1]),
+                f"  {line['flight']}",
+                line["alpha"],
+                str(line["windows"]),
+                f"{_percent(line['premise'])} / {_percent(line['holds_on_premise'])}",
+                f"{line['c']:.3g}",
+                ratio(line, "z", STEPS[0]),
+                ratio(line, "z", STEPS[-1]),
+                ratio(line, "chi", STEPS[-1]),
             )
-        )  # fmt: skip
+        )
     ends = [f"E_{STEPS[0]}", f"E_{STEPS[-1]}", f"chi_{STEPS[-1]}"]
     header = ["model, flight", "alphas", "windows", "premise / holds %", "c", *ends]
     return "bound over error, median / 95 %", header, rows
@@ -178,16 +206,13 @@ class Options:
     """Options of the study."""
 
     neurobem: Neurobem = None
-    spacing: Annotated[int, Option(min=1, max=1_000_000, help="Samples between windows; 1: all.")] = 1
+    spacing: Annotated[
+        int, Option(min=1, max=1_000_000, help="Samples between windows; 1: all.")
+    ] = 1
 
 
 def run(run: Run, options: Options) -> Report:
-    """Theorem 1, corrected: bound against error. In every window of the real flights.
-
-    Args:
-        run: seed, folders, workers and progress.
-        options: of the study.
-    """
+    """Theorem 1, corrected: bound against error. In every window of the real flights."""
     flights = arrays("theorem", options.neurobem)
     models, settings = trained(run, flights[0])
     lines = bound_table(run, models, flights, spacing=options.spacing, config=settings)
@@ -196,6 +221,9 @@ def run(run: Run, options: Options) -> Report:
         [printed(lines)],
         config=settings,
         metrics={"table": lines},
-        lines=[f"seed {run.seed}, trained on {flights[0].name}; {horizon}", *assumption_lines(lines)],
+        lines=[
+            f"seed {run.seed}, trained on {flights[0].name}; {horizon}",
+            *assumption_lines(lines),
+        ],
         notes=failures(run.workers.finished),
     )

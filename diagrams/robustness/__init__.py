@@ -1,1 +1,3 @@
-"""Sweeps over payload, motion, air, sensors and actuators, their joint grid, and margins of delay and gain."""
+"""Sweeps over payload, motion, air, sensors and actuators, their joint grid, and margins of delay
+and gain.
+"""

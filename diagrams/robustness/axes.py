@@ -1,4 +1,6 @@
-"""Axes of the robustness sweep, and the settings at which it flies: along every axis, and on the grid of three."""
+"""Axes of the robustness sweep, and the settings at which it flies: along every axis, and on the
+grid of three.
+"""
 
 import dataclasses as dc
 import itertools
@@ -57,10 +59,13 @@ class Grid:
         if not 2 <= count <= most:
             raise ValueError(f"grid: must have 2 to {most} values of each quantity; got {count}.")
         at = np.linspace(0, most - 1, count).round().astype(int)
-        return Grid(*(tuple(values[i] for i in at) for values in (self.mass, self.length, self.speed)))
+        return Grid(
+            *(tuple(values[i] for i in at) for values in (self.mass, self.length, self.speed))
+        )
 
     def setting(self, mass: float, length: float, speed: float) -> Setting:
-        """Return what is flown at a point; without payload the tether's base, since there is none to differ.
+        """Return what is flown at a point; without payload the tether's base, since there is none
+        to differ.
 
         Args:
             mass: of the payload [kg].
@@ -72,7 +77,9 @@ class Grid:
 
     def settings(self) -> list[Setting]:
         """Return the setting of every point; points without payload share theirs."""
-        return [self.setting(*point) for point in itertools.product(self.mass, self.length, self.speed)]
+        return [
+            self.setting(*point) for point in itertools.product(self.mass, self.length, self.speed)
+        ]
 
 
 def axis_settings(axes: Sequence[Axis]) -> list[Setting]:

@@ -20,11 +20,12 @@ def robustness_figure(lines: Sequence[dict], title: str = "") -> Figure:
 
     Args:
         lines: of `robustness_table`.
-        title: above all panels.
     """
     varied = axes_of(lines)
     blocks, columns = -(-len(varied) // COLUMNS), min(COLUMNS, len(varied))
-    figure, axes = new_figure(2 * blocks, columns, width=1.5 + 1.9 * columns, height=0.6 + 4.8 * blocks, sharey="row")
+    figure, axes = new_figure(
+        2 * blocks, columns, width=1.5 + 1.9 * columns, height=0.6 + 4.8 * blocks, sharey="row"
+    )
     rows = list(dict.fromkeys(line["row"] for line in lines))
     for number, axis in enumerate(varied):
         block, column = divmod(number, COLUMNS)
@@ -38,7 +39,9 @@ def robustness_figure(lines: Sequence[dict], title: str = "") -> Figure:
         panels[0].tick_params(labelbottom=False)
         unit = "×" if axis.unit == "1" else axis.unit
         panels[1].set_xlabel(f"{axis.title} [{unit}]")
-    for ax in axes.T.reshape(columns, blocks, 2)[len(varied) - (blocks - 1) * COLUMNS :, -1].ravel():
+    for ax in axes.T.reshape(columns, blocks, 2)[
+        len(varied) - (blocks - 1) * COLUMNS :, -1
+    ].ravel():
         ax.remove()
     figure.suptitle(title, fontsize=9)
     figure.legend(

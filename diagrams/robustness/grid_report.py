@@ -22,7 +22,8 @@ from np_drake.files.number_text import NOTHING
 
 # Key of the ratio, what it is divided by, and the ratio that is drawn white.
 RATIOS = (("over_oracle", "oracle", NEAR), ("over_naive", "best naive", 1.0))
-COLOURS = "PuOr_r"  # diverging, and distinguishable for colour-blind readers: violet is low, orange is high
+# diverging, and distinguishable for colour-blind readers: violet is low, orange is high
+COLOURS = "PuOr_r"
 SPAN = 3.0  # octaves from white to the darkest colour
 
 
@@ -31,7 +32,6 @@ def grid_printed(points: Sequence[dict], title: str) -> list[Table]:
 
     Args:
         points: of `grid_points`; empty without a grid, which has no table.
-        title: what was flown.
     """
     if not points:
         return []
@@ -55,8 +55,10 @@ def grid_printed(points: Sequence[dict], title: str) -> list[Table]:
         ("lost", lambda line: f"{line['lost']} of {line['flights']}"),
     ]
     said = (
-        f"grid, shares of {lines[0]['points']} points in E_xy; near oracle: at most {NEAR:g} times its error and "
-        f"{100 * FLOOR:g} cm; against: better / worse by the 95 % interval of paired differences; growing: error or "
+        f"grid, shares of {lines[0]['points']} points in E_xy; near oracle: at most "
+        f"{NEAR:g} times its error and "
+        f"{100 * FLOOR:g} cm; against: better / worse by the 95 % interval of paired "
+        f"differences; growing: error or "
         f"swing of the last third above {GROWING:g} times that of the first"
     )
     return [_by_speed(grid_by_speed(points), title), tabulate(f"{said}; {title}", lines, columns)]
@@ -75,7 +77,11 @@ def _by_speed(lines: Sequence[dict], title: str) -> Table:
 
     columns: list[Column] = [("controller", "row")]
     columns += [(f"{speed:g} m/s", cell(speed)) for speed in lines[0]["speeds"]]
-    return tabulate(f"grid, E_xy [cm] by speed: median (smallest–largest) of its points; {title}", lines, columns)
+    return tabulate(
+        f"grid, E_xy [cm] by speed: median (smallest–largest) of its points; {title}",
+        lines,
+        columns,
+    )
 
 
 def _percent(share: float) -> str:
@@ -90,13 +96,14 @@ def _worst(line: dict) -> str:
     return f"{line['worst']:.3g} ({at['mass']:g} kg{tether}, {at['speed']:g} m/s)"
 
 
-def grid_figures(points: Sequence[dict], grid: Grid | None, title: str) -> dict[str, Callable[[], Figure]]:
+def grid_figures(
+    points: Sequence[dict], grid: Grid | None, title: str
+) -> dict[str, Callable[[], Figure]]:
     """Return the maps of every controller with a Neural Predictor, by file name.
 
     Args:
         points: of `grid_points`.
         grid: that was flown; None for none, which has no map.
-        title: what was flown.
     """
     if grid is None:
         return {}
@@ -111,16 +118,16 @@ def grid_figures(points: Sequence[dict], grid: Grid | None, title: str) -> dict[
 
 
 def grid_figure(points: Sequence[dict], grid: Grid, *, row: str, title: str = "") -> Figure:
-    """Plot the ratios of `row` as maps, one row of panels a ratio, with a cross where a flight is lost.
+    """Plot the ratios of `row` as maps, one row of panels a ratio, with a cross where a flight is
+    lost.
 
     Args:
         points: of `grid_points`.
-        grid: that was flown.
-        row: whose E_xy is divided.
-        title: above all panels.
     """
     mine = {(p["mass"], p["length"], p["speed"]): p for p in points if p["row"] == row}
-    shown = [ratio for ratio in RATIOS if any(p[ratio[0]] is not None for p in mine.values())] or RATIOS[1:]
+    shown = [
+        ratio for ratio in RATIOS if any(p[ratio[0]] is not None for p in mine.values())
+    ] or RATIOS[1:]
     figure, axes = new_figure(
         len(shown),
         len(grid.speed),
@@ -157,7 +164,12 @@ def _map(ax, points: dict, grid: Grid, speed: float, *, key: str, white: float):
                 values[i, j] = np.log2(point[key] / white)
             _write(ax, j, i, point, key, dark=abs(np.nan_to_num(values[i, j])) > 0.6 * SPAN)
     image = ax.imshow(
-        values, origin="lower", aspect="auto", cmap=COLOURS, norm=Normalize(-SPAN, SPAN), interpolation="none"
+        values,
+        origin="lower",
+        aspect="auto",
+        cmap=COLOURS,
+        norm=Normalize(-SPAN, SPAN),
+        interpolation="none",
     )
     ax.set_xticks(range(len(grid.mass)), [f"{mass:g}" for mass in grid.mass], fontsize=8)
     ax.set_yticks(range(len(grid.length)), [f"{length:g}" for length in grid.length], fontsize=8)

@@ -1,4 +1,6 @@
-"""Tables of the grid of payload, tether and speed: how near a controller is to the oracle and to naive ones."""
+"""Tables of the grid of payload, tether and speed: how near a controller is to the oracle and to
+naive ones.
+"""
 
 from collections.abc import Sequence
 
@@ -12,21 +14,19 @@ from diagrams.robustness.measures import GROWING
 from diagrams.robustness.robustness import ROWS
 
 ORACLE = "oracle"  # row that knows everything
-NAIVE = tuple(row.name for row in ROWS if row.kind not in (*LEARNED, ORACLE))  # rows that learn nothing
+NAIVE = tuple(
+    row.name for row in ROWS if row.kind not in (*LEARNED, ORACLE)
+)  # rows that learn nothing
 NEAR, FLOOR = 2.0, 0.001  # near the oracle: at most NEAR times its E_xy [1] and FLOOR more [m]
 E_XY = "E_xy"
 
 
 def grid_points(records: Sequence[Record], grid: Grid) -> list[dict]:
     """Return one line a row and setting of the grid; without payload, one for all tethers.
-
-    Args:
-        records: of the flights.
-        grid: that was flown.
-    Returns: {"row", "mass" [kg], "length" [m], "speed" [m/s], what `summary` returns, "over_oracle", "over_naive":
-        E_xy over that of the oracle and of the best naive row [1], None where either is lost, "near": whether it is
-        near the oracle, "grows": whether error or swing grows by more than `GROWING`, "against": result of `compare`
-        by naive row}.
+    Returns: {"row", "mass" [kg], "length" [m], "speed" [m/s], what `summary` returns,
+        "over_oracle", "over_naive": E_xy over that of the oracle and of the best naive row [1],
+        None where either is lost, "near": whether it is near the oracle, "grows": whether error or
+        swing grows by more than `GROWING`, "against": result of `compare` by naive row}.
     """
     cells, lines = Cells(records), []
     for setting in distinct(grid.settings()):
@@ -34,7 +34,10 @@ def grid_points(records: Sequence[Record], grid: Grid) -> list[dict]:
         naive = [means[row][E_XY] for row in NAIVE if row in means and means[row][E_XY] is not None]
         ideal = means[ORACLE][E_XY] if ORACLE in means else None
         for row in cells.rows:
-            line: dict = {"row": row, **{name: setting[name] for name in ("mass", "length", "speed")}}
+            line: dict = {
+                "row": row,
+                **{name: setting[name] for name in ("mass", "length", "speed")},
+            }
             line |= means[row]
             line["over_oracle"] = _ratio(line[E_XY], ideal)
             line["over_naive"] = _ratio(line[E_XY], min(naive, default=None))
@@ -61,9 +64,11 @@ def _near(error: float | None, ideal: float) -> bool:
 def grid_table(points: Sequence[dict]) -> list[dict]:
     """Return one line a row that flew, in the order of `ROWS`.
 
-    Returns: {"row", "points", "near": share of the points near the oracle [1], None without oracle, "worst": largest
-        E_xy over the oracle's [1], "worst_at": its point, "better", "worse": shares of the points by naive row [1],
-        "growing": points where error or swing grows, "lost": lost or failed flights, "flights"}.
+    Returns: {"row", "points", "near": share of the points near the oracle [1], None without oracle,
+    "worst": largest
+        E_xy over the oracle's [1], "worst_at": its point, "better", "worse": shares of the points
+        by naive row [1], "growing": points where error or swing grows, "lost": lost or failed
+        flights, "flights"}.
     """
     lines = []
     for row in (row.name for row in ROWS):
@@ -71,7 +76,11 @@ def grid_table(points: Sequence[dict]) -> list[dict]:
         if not mine:
             continue
         judged = [point for point in mine if point["near"] is not None]
-        worst = max((p for p in mine if p["over_oracle"] is not None), key=lambda p: p["over_oracle"], default=None)
+        worst = max(
+            (p for p in mine if p["over_oracle"] is not None),
+            key=lambda p: p["over_oracle"],
+            default=None,
+        )
         others = mine[0]["against"]
         lines.append(
             {

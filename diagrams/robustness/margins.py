@@ -1,6 +1,8 @@
-"""Margins of every controller: the largest delay and the widest loop gain that its flight on the circle bears.
+"""Margins of every controller: the largest delay and the widest loop gain that its flight on the
+circle bears.
 
-A margin is found by bisection, a flight a step. It presumes that a flight which fails stays a failure further out.
+A margin is found by bisection, a flight a step. It presumes that a flight which fails stays a
+failure further out.
 """
 
 import dataclasses as dc
@@ -47,11 +49,11 @@ MARGINS = (
 
 
 def last_that_holds(holds: Callable[[float], bool], values: Sequence[float]) -> float | None:
-    """Return the last of `values` at which `holds` is true, None where it is false at the first; by bisection.
+    """Return the last of `values` at which `holds` is true, None where it is false at the first; by
+    bisection.
 
     Args:
         holds: must not become true again where it was false before.
-        values: from the base outward.
     """
     if not holds(values[0]):
         return None
@@ -65,7 +67,9 @@ def last_that_holds(holds: Callable[[float], bool], values: Sequence[float]) -> 
 
 
 def stable(result: dict) -> bool:
-    """Return whether a flight stays near its reference and its error does not grow (`LOST`, `GROWING`)."""
+    """Return whether a flight stays near its reference and its error does not grow (`LOST`,
+    `GROWING`).
+    """
     return result["lost_at"] is None and result["growth"] <= GROWING
 
 
@@ -90,31 +94,26 @@ class Searching:
 
 
 def margin_cases(rows: Sequence[Row], seeds: Sequence[int], models: dict[str, bytes]) -> list[Case]:
-    """Return every margin of every row at every speed with every seed.
-
-    Args:
-        rows: that can fly.
-        seeds: of the flights.
-        models: content of the model files by configuration.
-    """
+    """Return every margin of every row at every speed with every seed."""
     return [
         {
-            "row": row.name, "model": digest_of(models.get(row.configuration)), "margin": margin.name,
-            "values": list(margin.values), "growing": GROWING, "speed": speed, "seed": seed,
+            "row": row.name,
+            "model": digest_of(models.get(row.configuration)),
+            "margin": margin.name,
+            "values": list(margin.values),
+            "growing": GROWING,
+            "speed": speed,
+            "seed": seed,
         }
         for seed in seeds
         for speed in SPEEDS
         for margin in MARGINS
         for row in rows
-    ]  # fmt: skip
+    ]
 
 
 def run_margins(sweep: Sweep, rows: Sequence[Row]) -> tuple[list[Record], list[Record]]:
     """Train what `rows` need, then find every margin.
-
-    Args:
-        sweep: seeds, workers and progress.
-        rows: of the table.
     Returns: the records of the trainings and of the margins. Rows whose training failed do not fly.
     """
     trainings, models, able = sweep.train(rows)
@@ -126,15 +125,21 @@ def run_margins(sweep: Sweep, rows: Sequence[Row]) -> tuple[list[Record], list[R
 def margin_table(records: Sequence[Record]) -> list[dict]:
     """Return one line a row and speed that flew, in the order of `ROWS`.
 
-    Returns: {"row", "speed" [m/s], "margins": by name {"values": of the seeds, None where the search failed or the
-        first flight does not hold, "mean" and its half 95 % interval "ci95", None where one is missing, "end": whether
-        every seed holds at the last value that was tried}}.
+    Returns: {"row", "speed" [m/s], "margins": by name {"values": of the seeds, None where the
+    search failed or the
+        first flight does not hold, "mean" and its half 95 % interval "ci95", None where one is
+        missing, "end": whether every seed holds at the last value that was tried}}.
     """
     lines = []
     for speed in SPEEDS:
         for row in ROWS:
-            mine = [r for r in records if (r["case"]["row"], r["case"]["speed"]) == (row.name, speed)]
-            found = {m.name: _margin(m, [r for r in mine if r["case"]["margin"] == m.name]) for m in MARGINS}
+            mine = [
+                r for r in records if (r["case"]["row"], r["case"]["speed"]) == (row.name, speed)
+            ]
+            found = {
+                m.name: _margin(m, [r for r in mine if r["case"]["margin"] == m.name])
+                for m in MARGINS
+            }
             if mine:
                 lines.append({"row": row.name, "speed": speed, "margins": found})
     return lines
@@ -167,11 +172,8 @@ class Options(FlownOptions):
 
 
 def run(run: Run, options: Options) -> Report:
-    """Largest delay and loop gain that each controller bears. With the --out DIR of robustness: its models.
-
-    Args:
-        run: seed, folders, workers and progress.
-        options: of the study.
+    """Largest delay and loop gain that each controller bears. With the --out DIR of robustness: its
+    models.
     """
     run = sweep_of(run, options, options.duration)
     trainings, records = run_margins(run, choose_rows(ROWS, options.only))
@@ -187,16 +189,26 @@ def run(run: Run, options: Options) -> Report:
 
 
 def _printed(lines: list[dict], title: str) -> Table:
-    """Return the table of margins: mean and 95 % interval over the seeds, and every seed's value."""
-    columns: list[Column] = [("controller", "row"), ("speed [m/s]", lambda line: f"{line['speed']:g}")]
+    """Return the table of margins: mean and 95 % interval over the seeds, and every seed's
+    value.
+    """
+    columns: list[Column] = [
+        ("controller", "row"),
+        ("speed [m/s]", lambda line: f"{line['speed']:g}"),
+    ]
     for margin in MARGINS:
         columns.append((f"{margin.title} [{margin.unit}]", _cell(margin)))
-    said = "last value at which the vehicle stays within 1 m of the reference and its error does not grow"
+    said = (
+        "last value at which the vehicle stays within 1 m of the reference and its error "
+        "does not grow"
+    )
     return tabulate(f"{said}; {title}", lines, columns)
 
 
 def _cell(margin: Margin):
-    """Return the cell of a margin: `mean ± half interval (value of every seed)`; `≥`, `≤` at the end of the search."""
+    """Return the cell of a margin: `mean ± half interval (value of every seed)`; `≥`, `≤` at the
+    end of the search.
+    """
     outward = "≥ " if margin.values[-1] > margin.values[0] else "≤ "
 
     def cell(line: dict) -> str:

@@ -1,7 +1,8 @@
-"""Robustness of every controller: the circle with payload, motion, air, sensors or actuators changed.
+"""Robustness of every controller: the circle with payload, motion, air, sensors or actuators
+changed.
 
-Models are trained once, on the standard training flight, and flown everywhere, so that their generalisation is
-tested.
+Models are trained once, on the standard training flight, and flown everywhere, so that their
+generalisation is tested.
 """
 
 import dataclasses as dc
@@ -25,17 +26,27 @@ SCORED = 20.0  # flight after the ramp [s]
 HEIGHT = 2.4  # of the circle: room for the longest tether [m]
 GUSTS = 0.25  # standard deviation of each axis of the wind, over its mean speed [1]
 # Rows of the tracking comparison that are flown.
-SHOWN = ("nominal", "hold", "hold + total mass", "gp", "knode", "np: lifted", "np", "payload_filter", "oracle")
+SHOWN = (
+    "nominal",
+    "hold",
+    "hold + total mass",
+    "gp",
+    "knode",
+    "np: lifted",
+    "np",
+    "payload_filter",
+    "oracle",
+)
 ROWS = tuple(named(TRACKING_ROWS, name) for name in SHOWN)
 
 
-def flight_config(case: Case, *, solver: str, model: str = "", duration: float = SCORED) -> FlightConfig:
+def flight_config(
+    case: Case, *, solver: str, model: str = "", duration: float = SCORED
+) -> FlightConfig:
     """Return the circle as the case has it.
 
     Args:
         case: row, value of every axis, and seed.
-        solver: of the controller.
-        model: file of the row's model.
         duration: after the ramp [s].
     """
     row = named(ROWS, case["row"])
@@ -51,7 +62,11 @@ def flight_config(case: Case, *, solver: str, model: str = "", duration: float =
     reality.gust, reality.gust_seed = GUSTS * case["wind"] + case["gust"], case["seed"]
     reality.motor_lag, reality.command_delay = case["lag"], case["delay"]
     reality.thrust_scale, reality.thrust_loss = case["gain"] * reality.thrust_scale, case["loss"]
-    config.reference.speed, config.reference.height, config.duration = case["speed"], HEIGHT, duration
+    config.reference.speed, config.reference.height, config.duration = (
+        case["speed"],
+        HEIGHT,
+        duration,
+    )
     config.controller.extra_mass = case["mass"] if row.known_mass else 0.0
     return config.check()
 
@@ -62,7 +77,6 @@ def flown(configure: Callable[[str], FlightConfig], model: bytes | None, seed: i
     Args:
         configure: path of a model file -> what is flown.
         model: content of that file; None where there is none.
-        seed: of the noise.
     """
     why = ""
     with model_path(model) as path:
@@ -100,20 +114,23 @@ def flight_cases(
     axes: Sequence[Axis] = FLOWN,
     grid: Grid | None = None,
 ) -> list[Case]:
-    """Return every row at every setting of axes and grid with every seed; a setting that they share, once.
+    """Return every row at every setting of axes and grid with every seed; a setting that they
+    share, once.
 
-    A case names its model by the digest of its file, so that no result of another one is taken for it.
+    A case names its model by the digest of its file, so that no result of another one is taken for
+    it.
 
     Args:
-        rows: that can fly.
-        seeds: of the flights.
-        models: content of the model files by configuration.
-        axes: along which is flown.
         grid: that is flown besides; None for none.
     """
     settings = distinct([*axis_settings(axes), *(grid.settings() if grid else [])])
     return [
-        {"row": row.name, "model": digest_of(models.get(row.configuration)), **setting, "seed": seed}
+        {
+            "row": row.name,
+            "model": digest_of(models.get(row.configuration)),
+            **setting,
+            "seed": seed,
+        }
         for seed in seeds
         for setting in settings
         for row in rows
@@ -122,7 +139,9 @@ def flight_cases(
 
 @dc.dataclass(frozen=True, kw_only=True)
 class Sweep(FlownRun):
-    """Run of a sweep, whose flights last `duration` after the ramp [s]; its seed draws all trainings."""
+    """Run of a sweep, whose flights last `duration` after the ramp [s]; its seed draws all
+    trainings.
+    """
 
     duration: float = SCORED
 
@@ -139,8 +158,13 @@ class Sweep(FlownRun):
         return f"{seeds}, {self.duration:g} s, trained on seed {self.seed}, {self.solver}"
 
     def train(self, rows: Sequence[Row]) -> tuple[list[Record], dict[str, bytes], list[Row]]:
-        """Train what `rows` need; return the records, the model files by configuration, and the rows that can fly."""
-        work, cases = Training(self.seed, self.solver), [training_case(name) for name in configurations(rows)]
+        """Train what `rows` need; return the records, the model files by configuration, and the
+        rows that can fly.
+        """
+        work, cases = (
+            Training(self.seed, self.solver),
+            [training_case(name) for name in configurations(rows)],
+        )
         trainings = self.cases("training", "models", work, cases, config=self.config)
         models = {r["case"]["model"]: model_of(r) for r in trainings if "result" in r}
         able = [row for row in rows if not row.configuration or row.configuration in models]
@@ -151,8 +175,6 @@ def sweep_of(run: Run, options: FlownOptions, duration: float) -> Sweep:
     """Return the sweep of a study.
 
     Args:
-        run: training seed, folders, workers and progress.
-        options: number of evaluation flights, and solver.
         duration: of a flight, after the ramp [s].
     Raises: ValueError: on an unknown solver; before any work.
     """
@@ -171,14 +193,14 @@ def run_robustness(
     """Train what `rows` need, then fly every case of the axes and the grid.
 
     Args:
-        sweep: seeds, workers and progress.
-        rows: of the table.
-        axes: along which is flown.
         grid: that is flown besides; None for none.
     Returns: the records of the trainings and of the flights. Rows whose training failed do not fly.
     """
     trainings, models, able = sweep.train(rows)
-    work, cases = (Flying(models, sweep.solver, sweep.duration), flight_cases(able, sweep.seeds, models, axes, grid))
+    work, cases = (
+        Flying(models, sweep.solver, sweep.duration),
+        flight_cases(able, sweep.seeds, models, axes, grid),
+    )
     return trainings, sweep.cases("robustness", "flights", work, cases, config=sweep.config)
 
 
@@ -186,13 +208,18 @@ def campaign_config(training_seed: int, solver: str, duration: float = SCORED) -
     """Return all that the results depend on other than the case itself.
 
     Args:
-        training_seed: of training flight and training.
-        solver: of every controller.
         duration: of a flight, after the ramp [s].
     """
     base = flight_config({"row": "nominal", "seed": 0, **BASE}, solver=solver, duration=duration)
     return {
-        "solver": solver, "training": TRAINING, "training_seed": training_seed, "mpc": frozen_weights(),
-        "reality": dc.asdict(base.reality), "reference": dc.asdict(base.reference),
-        "scored": duration, "settling": SETTLING, "lost": LOST, "gusts": GUSTS,
-    }  # fmt: skip
+        "solver": solver,
+        "training": TRAINING,
+        "training_seed": training_seed,
+        "mpc": frozen_weights(),
+        "reality": dc.asdict(base.reality),
+        "reference": dc.asdict(base.reference),
+        "scored": duration,
+        "settling": SETTLING,
+        "lost": LOST,
+        "gusts": GUSTS,
+    }

@@ -1,4 +1,6 @@
-"""Study `robustness`: where each controller stops being better than nominal, and where it is lost."""
+"""Study `robustness`: where each controller stops being better than nominal, and where it is
+lost.
+"""
 
 import dataclasses as dc
 from typing import Annotated
@@ -29,23 +31,30 @@ class Options(FlownOptions):
     only: Only = None
     axis: Annotated[
         list[str] | None,
-        Option(help="Only these axes: mass | length | speed | wind | gust | noise | lag | delay | loss."),
+        Option(
+            help=(
+                "Only these axes: mass | length | speed | wind | gust | noise | lag | delay | loss."
+            )
+        ),
     ] = None
     grid: Annotated[
-        bool, Option("--grid", help="Also fly every payload mass with every tether length at every speed.")
+        bool,
+        Option(
+            "--grid", help="Also fly every payload mass with every tether length at every speed."
+        ),
     ] = False
     grid_values: Annotated[
-        int | None, Option(min=2, max=5, help="Evenly spaced values of each quantity of the grid; default: all.")
+        int | None,
+        Option(
+            min=2, max=5, help="Evenly spaced values of each quantity of the grid; default: all."
+        ),
     ] = None
     duration: Duration = 20.0
 
 
 def run(run: Run, options: Options) -> Report:
-    """Payload, tether, speed, wind, noise, motors, delay and battery. --out DIR: figures, and cases to resume from.
-
-    Args:
-        run: seed, folders, workers and progress.
-        options: of the study.
+    """Payload, tether, speed, wind, noise, motors, delay and battery. --out DIR: figures, and cases
+    to resume from.
     """
     run = sweep_of(run, options, options.duration)
     rows, axes = choose_rows(experiment.ROWS, options.only), _axes(options.axis or [])
@@ -65,7 +74,10 @@ def run(run: Run, options: Options) -> Report:
             "grid": {"points": points, "table": grid_table(points)},
             "runs": [*trainings, *flights],
         },
-        notes=[*_notes(trainings, flights, lines), *(f"{name}: {value}" for name, value in config.items())],
+        notes=[
+            *_notes(trainings, flights, lines),
+            *(f"{name}: {value}" for name, value in config.items()),
+        ],
         figures=figures | grid_figures(points, grid, f"circle, {title}"),
     )
 
@@ -89,16 +101,24 @@ def _axes(names: list[str]) -> list[Axis]:
     """
     known = [axis.name for axis in FLOWN]
     if unknown := set(names) - set(known):
-        raise ValueError(f"--axis: must be one of {', '.join(known)}; got {', '.join(sorted(unknown))}.")
+        raise ValueError(
+            f"--axis: must be one of {', '.join(known)}; got {', '.join(sorted(unknown))}."
+        )
     return [axis for axis in FLOWN if not names or axis.name in names]
 
 
 def _notes(trainings: list[Record], flights: list[Record], lines: list[dict]) -> list[str]:
-    """Return the lines under the tables: lost flights, the rotors' room, spread over seeds, cost."""
+    """Return the lines under the tables: lost flights, the rotors' room, spread over seeds,
+    cost.
+    """
     lost = lost_lines(flights)
     points = [point for line in lines for point in line["points"]]
     spread = [p["spread"] for p in points if p["spread"] and p["flights"] > 1]
-    said = [f"E_xy of a seed is at most {100 * max(spread):.0f} % off the mean of its cell"] if spread else []
+    said = (
+        [f"E_xy of a seed is at most {100 * max(spread):.0f} % off the mean of its cell"]
+        if spread
+        else []
+    )
     return [
         f"{len(flights)} flights, lost or failed: {len(lost)}; failed solves: "
         f"{sum(r['result']['solve_failures'] for r in flights if 'result' in r)}",
@@ -113,7 +133,9 @@ def _limits(lines: list[dict], title: str) -> Table:
     """Return the table of where each controller is better than nominal, and where it is lost."""
 
     def lost(line: dict) -> str:
-        found = [f"{p['value']:g} ({p['lost']} of {p['flights']})" for p in line["points"] if p["lost"]]
+        found = [
+            f"{p['value']:g} ({p['lost']} of {p['flights']})" for p in line["points"] if p["lost"]
+        ]
         return ", ".join(found) or "none"
 
     def growth(line: dict) -> str:
@@ -146,7 +168,9 @@ def _intervals(line: dict, key: str, values: tuple[float, ...]) -> str:
 
 
 def _errors(lines: list[dict], key: str, title: str) -> Table:
-    """Return the table of the error `key` in cm: a block for every axis, whose first row has the values."""
+    """Return the table of the error `key` in cm: a block for every axis, whose first row has the
+    values.
+    """
     axes, value = axes_of(lines), spread(key)
     header = [""] * (1 + max((len(axis.values) for axis in axes), default=0))
     rows: list[tuple] = []
@@ -156,5 +180,13 @@ def _errors(lines: list[dict], key: str, title: str) -> Table:
 
     for axis in axes:
         rows.append((f"{axis.title} [{axis.unit}]", *(f"{value:g}" for value in axis.values)))
-        rows += [(line["row"], *map(error, line["points"])) for line in lines if line["axis"] == axis.name]
-    return (f"{key} [cm], mean and 95 % interval; {title}", header, [(*row, *header[len(row) :]) for row in rows])
+        rows += [
+            (line["row"], *map(error, line["points"]))
+            for line in lines
+            if line["axis"] == axis.name
+        ]
+    return (
+        f"{key} [cm], mean and 95 % interval; {title}",
+        header,
+        [(*row, *header[len(row) :]) for row in rows],
+    )

@@ -1,4 +1,6 @@
-"""Tables of the robustness sweep: errors along every axis, and the range in which a controller beats nominal."""
+"""Tables of the robustness sweep: errors along every axis, and the range in which a controller
+beats nominal.
+"""
 
 from collections.abc import Sequence
 
@@ -15,15 +17,15 @@ Interval = tuple[float, float]
 
 def _along(cells: Cells, axis: Axis, row: str) -> list[dict]:
     """Return one line a value of the axis: {"value", and what `summary` returns}."""
-    return [{"value": value, **summary(cells.flights(row, BASE | {axis.name: value}))} for value in axis.values]
+    return [
+        {"value": value, **summary(cells.flights(row, BASE | {axis.name: value}))}
+        for value in axis.values
+    ]
 
 
 def robustness_table(records: Sequence[Record], axes: Sequence[Axis] = FLOWN) -> list[dict]:
-    """Return one line an axis and row that flew: `points`, a `summary` a value, and `better`, intervals by error.
-
-    Args:
-        records: of the flights.
-        axes: that were flown.
+    """Return one line an axis and row that flew: `points`, a `summary` a value, and `better`,
+    intervals by error.
     """
     cells, lines = Cells(records), []
     flown = [row.name for row in ROWS if row.name in cells.rows]
@@ -39,13 +41,12 @@ def robustness_table(records: Sequence[Record], axes: Sequence[Axis] = FLOWN) ->
 def better_than(points: Sequence[dict], base: Sequence[dict], key: str) -> list[Interval]:
     """Return the intervals of the axis in which the error `key` is below that of `base`.
 
-    Between values the logarithm of the ratio is interpolated linearly. No line leads to or from a lost flight: it is
-    never better, and where only `base` is lost, `points` is.
+    Between values the logarithm of the ratio is interpolated linearly. No line leads to or from a
+    lost flight: it is never better, and where only `base` is lost, `points` is.
 
     Args:
         points: of a controller, by value of the axis.
         base: of the controller that it is compared with, at the same values.
-        key: of the error.
     """
     values = [point["value"] for point in points]
     ratio = [_log_ratio(point[key], other[key]) for point, other in zip(points, base, strict=True)]
@@ -62,14 +63,18 @@ def better_than(points: Sequence[dict], base: Sequence[dict], key: str) -> list[
 
 
 def _log_ratio(error: float | None, base: float | None) -> float:
-    """Return the log ratio, infinite where the flight is lost and minus infinite where only the base is."""
+    """Return the log ratio, infinite where the flight is lost and minus infinite where only the
+    base is.
+    """
     if error is None:
         return np.inf
     return float(np.log(error / base)) if base is not None else -np.inf
 
 
 def _edge(values: list[float], ratio: list[float], inside: int, outside: int) -> float:
-    """Return where the line from `inside`, which is better, to its neighbour meets zero; else the point itself."""
+    """Return where the line from `inside`, which is better, to its neighbour meets zero; else the
+    point itself.
+    """
     if not 0 <= outside < len(values) or not np.isfinite([ratio[inside], ratio[outside]]).all():
         return values[inside]
     if ratio[outside] < 0:
@@ -91,7 +96,11 @@ def lost_lines(records: Sequence[Record]) -> list[str]:
 
 def _off_base(case: Case) -> str:
     """Return the quantities of a case that are off their base."""
-    off = [f"{axis.title} {axis.says(case[axis.name])}" for axis in FLOWN if case[axis.name] != axis.base]
+    off = [
+        f"{axis.title} {axis.says(case[axis.name])}"
+        for axis in FLOWN
+        if case[axis.name] != axis.base
+    ]
     return ", ".join(off) or "base"
 
 
@@ -101,12 +110,7 @@ def axes_of(lines: Sequence[dict]) -> list[Axis]:
 
 
 def extremes(records: Sequence[Record], axes: Sequence[Axis]) -> list[str]:
-    """Return, for each axis, a line on the flight that came nearest to a rotor's limit.
-
-    Args:
-        records: of the flights.
-        axes: that were flown.
-    """
+    """Return, for each axis, a line on the flight that came nearest to a rotor's limit."""
     said = []
     for axis in axes:
         off = BASE.keys() - {axis.name}
@@ -115,8 +119,10 @@ def extremes(records: Sequence[Record], axes: Sequence[Axis]) -> list[str]:
             most = max(mine, key=lambda record: record["result"]["thrust"])
             case, result = most["case"], most["result"]
             said.append(
-                f"{axis.title}: the largest rotor command is {100 * result['thrust']:.0f} % of its limit "
-                f"({case['row']}, {axis.says(case[axis.name])}, seed {case['seed']}); {_angles(result)}"
+                f"{axis.title}: the largest rotor command is {100 * result['thrust']:.0f} "
+                f"% of its limit "
+                f"({case['row']}, {axis.says(case[axis.name])}, seed {case['seed']}); "
+                f"{_angles(result)}"
             )
     return said
 

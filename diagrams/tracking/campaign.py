@@ -22,16 +22,31 @@ from diagrams.tracking.model_files import (
     rows_with_models,
     trained_models,
 )
-from diagrams.tracking.tracking import PROTOCOLS, ROWS, TRACKS, Row, configure, named, training_config
+from diagrams.tracking.tracking import (
+    PROTOCOLS,
+    ROWS,
+    TRACKS,
+    Row,
+    configure,
+    named,
+    training_config,
+)
 
-LOST = {"E_xy": np.inf, "E_z": np.inf, "growth": np.inf, "solve_failures": 0}  # metrics of a lost vehicle
+LOST = {
+    "E_xy": np.inf,
+    "E_z": np.inf,
+    "growth": np.inf,
+    "solve_failures": 0,
+}  # metrics of a lost vehicle
 
 
 @dc.dataclass(frozen=True)
 class Flying:
-    """Work of a flight: {"row", "track", "seed", …} -> its `fly` summary and last lap, or why it was lost.
+    """Work of a flight: {"row", "track", "seed", …} -> its `fly` summary and last lap, or why it
+    was lost.
 
-    rows: those that cases name.   reality: scenario file that all is flown in, see `load_experiment`.
+    rows: those that cases name.
+    reality: scenario file that all is flown in, see `load_experiment`.
     """
 
     rows: tuple[Row, ...]
@@ -42,9 +57,16 @@ class Flying:
     def __call__(self, case: Case) -> dict:
         """Fly the case. A lost vehicle is a result: another try would lose it too."""
         row = named(self.rows, case["row"])
-        flown = {"experiment": case["track"], "controller": row.kind, "seed": case["seed"], "row": row.name}
+        flown = {
+            "experiment": case["track"],
+            "controller": row.kind,
+            "seed": case["seed"],
+            "row": row.name,
+        }
         with model_path(self.models.get(key_of(row))) as model:
-            config = configure(case["track"], row, solver=self.solver, model=model, reality=self.reality)
+            config = configure(
+                case["track"], row, solver=self.solver, model=model, reality=self.reality
+            )
             try:
                 flight = fly(config, seed=case["seed"])
             except FailedRun as error:
@@ -56,12 +78,8 @@ class Flying:
 def flight_cases(rows: list[Row], seeds: list[int], models: Models) -> list[Case]:
     """Return every row on every track with every seed.
 
-    A case names its model by the digest of its file, so that no result of another one is taken for it.
-
-    Args:
-        rows: that can fly.
-        seeds: of the flights.
-        models: content of the model files.
+    A case names its model by the digest of its file, so that no result of another one is taken for
+    it.
     """
     return [
         {"row": row.name, "model": digest_of(models.get(key_of(row))), "track": track, "seed": seed}
@@ -79,14 +97,13 @@ def run_tracking(
     reality: Path | None = None,
     on_lap: Callable[[dict, dict[str, np.ndarray]], None] = lambda summary, lap: None,
 ) -> list[dict]:
-    """Fly all rows on all tracks and seeds and return the `fly` summaries, each with its row's name.
+    """Fly all rows on all tracks and seeds and return the `fly` summaries, each with its row's
+    name.
 
     Flights without a result are missing; the records of the run's workers say why.
 
     Args:
         run: seeds, solver, folder of the model files, workers and progress.
-        rows: of the table.
-        title: of the progress.
         reality: scenario file that all is flown in, see `load_experiment`.
         on_lap: called with a summary and the x_true, p_ref (n, 2) [m] of that flight's last lap.
     Raises: FailedRun: if no flight has a result.
@@ -95,7 +112,9 @@ def run_tracking(
     config = campaign_config(run.seed, run.solver, reality)
     models = trained_models(run, rows, Training(run.seed, run.solver, reality), config)
     cases = flight_cases(rows_with_models(rows, models), run.seeds, models)
-    records = run.cases(title, "flights", Flying(rows, models, run.solver, reality), cases, config=config)
+    records = run.cases(
+        title, "flights", Flying(rows, models, run.solver, reality), cases, config=config
+    )
     summaries = [read_summary(result) for result in results(records)]
     for summary in summaries:
         if (lap := summary.pop("lap", None)) is not None:
@@ -107,8 +126,6 @@ def campaign_config(training_seed: int, solver: str, reality: Path | None) -> di
     """Return all that the results depend on other than the case itself.
 
     Args:
-        training_seed: of training flights and trainings.
-        solver: of every controller.
         reality: scenario file that all is flown in; None for none.
     """
     nominal = ROWS[0]
@@ -116,14 +133,24 @@ def campaign_config(training_seed: int, solver: str, reality: Path | None) -> di
     return {
         "solver": solver,
         "training_seed": training_seed,
-        "tracks": {track: settings_of(configure(track, nominal, solver=solver, reality=reality)) for track in TRACKS},
-        "training": {name: settings_of(training_config(name, solver=solver, reality=reality)) for name in trainings},
+        "tracks": {
+            track: settings_of(configure(track, nominal, solver=solver, reality=reality))
+            for track in TRACKS
+        },
+        "training": {
+            name: settings_of(training_config(name, solver=solver, reality=reality))
+            for name in trainings
+        },
     }
 
 
 def read_summary(result: dict[str, Any]) -> dict[str, Any]:
-    """Return a summary as flown from a record: infinite errors for a lost vehicle, NaN for what has no value."""
+    """Return a summary as flown from a record: infinite errors for a lost vehicle, NaN for what has
+    no value.
+    """
     if "lost" in result:
         return {**result, "metrics": dict(LOST)}
-    metrics = {name: np.nan if value is None else value for name, value in result["metrics"].items()}
+    metrics = {
+        name: np.nan if value is None else value for name, value in result["metrics"].items()
+    }
     return {**result, "metrics": metrics}

@@ -1,4 +1,6 @@
-"""Page that compares the flights of several controllers: one table, one figure, and the replay of each."""
+"""Page that compares the flights of several controllers: one table, one figure, and the replay of
+each.
+"""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -25,7 +27,9 @@ def sentence(flights: Sequence[FlightResult]) -> str:
 
 def models(flights: Sequence[FlightResult]) -> str:
     """Return which model file each learned controller flew; empty where all are packaged."""
-    own = [flight.config.controller for flight in flights if flight.config.controller.kind in LEARNED]
+    own = [
+        flight.config.controller for flight in flights if flight.config.controller.kind in LEARNED
+    ]
     if not any(one.predictor for one in own):
         return ""
     told = [f"{one.name} flew {one.predictor or 'the packaged one'}" for one in own]
@@ -43,13 +47,13 @@ def stem(flight: FlightResult) -> str:
     return f"{flight.config.name}_{flight.label.replace(' + ', '_').replace(' ', '_')}"
 
 
-def write_comparison(flights: Sequence[FlightResult], folder: Path, *, lost: Sequence[str] = ()) -> Path:
+def write_comparison(
+    flights: Sequence[FlightResult], folder: Path, *, lost: Sequence[str] = ()
+) -> Path:
     """Write figure and page of a comparison, and return the page's path.
 
     Args:
-        flights: a controller each, of one scenario.
         folder: that takes the files, and holds those of every flight.
-        lost: what ended the flights of further controllers early.
     Raises: OSError: if a file cannot be written.
     """
     first = flights[0]
@@ -78,7 +82,9 @@ def conditions(flight: FlightResult) -> str:
     config = flight.config
     hung, reference, wind = config.reality.hung, config.reference, config.reality.wind
     carried = (
-        f"{hung.mass * 1e3:.4g} g on {hung.length:.3g} m of {hung.tether}" if hung.tether != "none" else "no payload"
+        f"{hung.mass * 1e3:.4g} g on {hung.length:.3g} m of {hung.tether}"
+        if hung.tether != "none"
+        else "no payload"
     )
     blown = f", wind {', '.join(f'{value:g}' for value in wind)} m/s" if any(wind) else ""
     moved = "" if reference.track == "hover" else f" at {reference.speed:.3g} m/s"

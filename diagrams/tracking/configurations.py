@@ -1,4 +1,6 @@
-"""Comparison of all configurations of the Neural Predictor in flight, trained on one flight, in the same loop."""
+"""Comparison of all configurations of the Neural Predictor in flight, trained on one flight, in the
+same loop.
+"""
 
 import dataclasses as dc
 
@@ -27,20 +29,29 @@ ROWS = (
 
 
 def ranking(summaries: list[dict]) -> list[tuple[str, float, float]]:
-    """Return (row, mean, standard deviation over seeds) of the error in space [m], mean over the tracks, best first.
+    """Return (row, mean, standard deviation over seeds) of the error in space [m], mean over the
+    tracks, best first.
 
-    The error in space of a flight is sqrt(E_xy² + E_z²). A lost flight counts as infinite; the deviation of a single
-    seed, or with a lost flight, is NaN.
+    The error in space of a flight is sqrt(E_xy² + E_z²). A lost flight counts as infinite; the
+    deviation of a single seed, or with a lost flight, is NaN.
     """
     places = []
     for row in dict.fromkeys(s["row"] for s in summaries):
         mine = [s for s in summaries if s["row"] == row]
         by_seed = [
-            np.mean([np.hypot(s["metrics"]["E_xy"], s["metrics"]["E_z"]) for s in mine if s["seed"] == seed])
+            np.mean(
+                [
+                    np.hypot(s["metrics"]["E_xy"], s["metrics"]["E_z"])
+                    for s in mine
+                    if s["seed"] == seed
+                ]
+            )
             for seed in sorted({s["seed"] for s in mine})
         ]
         known = len(by_seed) > 1 and bool(np.isfinite(by_seed).all())
-        places.append((row, float(np.mean(by_seed)), float(np.std(by_seed, ddof=1)) if known else np.nan))
+        places.append(
+            (row, float(np.mean(by_seed)), float(np.std(by_seed, ddof=1)) if known else np.nan)
+        )
     return sorted(places, key=lambda place: place[1])
 
 
@@ -67,17 +78,18 @@ class Options(FlownOptions):
 
 
 def run(run: Run, options: Options) -> Report:
-    """Every configuration of the predictor in the loop. All are trained on one flight; --out DIR: models.
-
-    Args:
-        run: seed, folders, workers and progress.
-        options: of the study.
+    """Every configuration of the predictor in the loop. All are trained on one flight; --out DIR:
+    models.
     """
     run = FlownRun.of(run, options)
     rows = choose_rows(ROWS, options.only)
     summaries = flights.run_tracking(run, rows, title="configurations")
     lines, places = tracking.table(summaries, rows), ranking(summaries)
-    used = {row.configuration: make_config(row.configuration, seed=run.seed) for row in rows if row.configuration}
+    used = {
+        row.configuration: make_config(row.configuration, seed=run.seed)
+        for row in rows
+        if row.configuration
+    }
     configs = {name: dc.asdict(c) for name, c in used.items()}
     best = [{"row": name, "mean": mean, "sd": sd} for name, mean, sd in places]
     return Report(

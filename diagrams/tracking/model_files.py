@@ -39,7 +39,9 @@ def digest_of(content: bytes | None) -> str:
 
 @contextmanager
 def model_path(content: bytes | None) -> Iterator[str]:
-    """Yield the path of a file with the content, for as long as the context lasts; empty without content."""
+    """Yield the path of a file with the content, for as long as the context lasts; empty without
+    content.
+    """
     if content is None:
         yield ""
         return
@@ -50,11 +52,8 @@ def model_path(content: bytes | None) -> Iterator[str]:
 
 
 def training_case(configuration: str, **more: str) -> Case:
-    """Return the case of a training; one that places the packaged family names its file by its digest.
-
-    Args:
-        configuration: of the model.
-        more: experiment, vehicle.
+    """Return the case of a training; one that places the packaged family names its file by its
+    digest.
     """
     prior = {"prior": digest_of(NP_MODEL.read_bytes())} if configuration in FAMILIES else {}
     return {"model": configuration, **more, **prior}
@@ -68,10 +67,12 @@ def file_name(key: Key) -> str:
 
 @dc.dataclass(frozen=True)
 class Training:
-    """Work of a training case: {"model": configuration, "training": experiment} -> {"file": model file in base 64}.
+    """Work of a training case: {"model": configuration, "training": experiment} -> {"file": model
+    file in base 64}.
 
-    A case may leave out the experiment, `DITHERED`, and may name a vehicle.   reality: scenario file of the training
-    flight.   vehicles: those that cases name.
+    A case may leave out the experiment, `DITHERED`, and may name a vehicle.
+    reality: scenario file of the training flight.
+    vehicles: those that cases name.
     """
 
     seed: int
@@ -85,26 +86,38 @@ class Training:
         vehicle = self.vehicles.get(case.get("vehicle", ""))
         with tempfile.TemporaryDirectory() as folder:
             files = train_models(
-                (row,), Path(folder), seed=self.seed, solver=self.solver, vehicle=vehicle, reality=self.reality
+                (row,),
+                Path(folder),
+                seed=self.seed,
+                solver=self.solver,
+                vehicle=vehicle,
+                reality=self.reality,
             )
             return {"file": base64.b64encode(Path(*files.values()).read_bytes()).decode()}
 
 
-def trained_models(run: Run, rows: Sequence[Row], training: Callable[[Case], dict], config: dict) -> Models:
-    """Train what `rows` need, write the model files into the folder of the run and return their content.
+def trained_models(
+    run: Run, rows: Sequence[Row], training: Callable[[Case], dict], config: dict
+) -> Models:
+    """Train what `rows` need, write the model files into the folder of the run and return their
+    content.
 
     A model whose training failed is missing.
 
     Args:
-        run: workers, folder and progress.
-        rows: of the table.
         training: the work, a `Training`.
         config: as of `run_campaign`.
     """
     keys = list(dict.fromkeys(key_of(row) for row in rows if row.training))
-    cases = [training_case(configuration, training=experiment) for experiment, configuration in keys]
+    cases = [
+        training_case(configuration, training=experiment) for experiment, configuration in keys
+    ]
     records = run.cases("training", "models", training, cases, config=config)
-    models = {key: model_of(record) for key, record in zip(keys, records, strict=True) if "result" in record}
+    models = {
+        key: model_of(record)
+        for key, record in zip(keys, records, strict=True)
+        if "result" in record
+    }
     for key, content in models.items():
         with atomic_path(run.folder / file_name(key)) as path:
             path.write_bytes(content)
@@ -112,10 +125,5 @@ def trained_models(run: Run, rows: Sequence[Row], training: Callable[[Case], dic
 
 
 def rows_with_models(rows: Sequence[Row], models: Models) -> list:
-    """Return the rows that can fly: those without training, and those whose model is there.
-
-    Args:
-        rows: of the table.
-        models: content of the model files.
-    """
+    """Return the rows that can fly: those without training, and those whose model is there."""
     return [row for row in rows if not row.training or key_of(row) in models]

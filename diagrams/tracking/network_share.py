@@ -1,6 +1,7 @@
 """Share of a network's correction that flies best, on simulated flights over the envelope.
 
-A network that foresees flights better, the coming motion known, does not always fly better. So it is flown.
+A network that foresees flights better, the coming motion known, does not always fly better. So it
+is flown.
 """
 
 import dataclasses as dc
@@ -47,10 +48,7 @@ def flown_share(model: LiftedModel, first: int, *, run: Run, vehicle: Vehicle) -
     """Return the model with the share of its network that flies best; one without network as it is.
 
     Args:
-        model: that flies.
         first: number of the first flight; as many, those before it, are of the training.
-        run: seed, folder, workers and progress.
-        vehicle: that flies.
     """
     family, count = model.encoder, min(FLOWN, first // PART)
     if not isinstance(family, NeuralFamily) or count == 0:
@@ -59,16 +57,24 @@ def flown_share(model: LiftedModel, first: int, *, run: Run, vehicle: Vehicle) -
     for share in SHARES:
         network = dc.replace(family.network, share=share * family.network.share)
         choices[share] = dc.replace(model, encoder=with_network(family, network))
-    cases = [{"flight": first + number, "share": share} for number in range(count) for share in SHARES]
+    cases = [
+        {"flight": first + number, "share": share} for number in range(count) for share in SHARES
+    ]
     contents = {share: _content(choice) for share, choice in choices.items()}
     trained = digest_of(contents[SHARES[-1]])
-    config = {"study": "network share", "seed": run.seed, "vehicle": dc.asdict(vehicle), "trained": trained}
+    config = {
+        "study": "network share",
+        "seed": run.seed,
+        "vehicle": dc.asdict(vehicle),
+        "trained": trained,
+    }
     work = Flying(contents, run.seed, vehicle)
     records = run.cases("network", "flights", work, cases, config=config, part="network")
     errors = [record["result"]["error"] if "result" in record else np.inf for record in records]
     if not np.any(np.isfinite(errors)):
         raise ValueError(
-            f"network: none of {len(cases)} flights was flown to its end; the first: {records[0]['error']}"
+            f"network: none of {len(cases)} flights was flown to its end; the first: "
+            f"{records[0]['error']}"
         )
     share = best_share(np.reshape(errors, (count, len(SHARES))))
     told = {**model.summary.get("network", {}), "flown_share": share, "flights_flown": count}
@@ -84,7 +90,8 @@ def _content(model: LiftedModel) -> bytes:
 
 
 def best_share(errors: np.ndarray) -> float:
-    """Return the share with the least mean logarithm of the error, among those that lose fewest vehicles.
+    """Return the share with the least mean logarithm of the error, among those that lose fewest
+    vehicles.
 
     Args:
         errors: (flights, shares) of `SHARES` [m]; infinite where the vehicle was lost.

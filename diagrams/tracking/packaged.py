@@ -1,4 +1,6 @@
-"""The models that ship with the package, made anew: a family of systems with its network, and a payload filter."""
+"""The models that ship with the package, made anew: a family of systems with its network, and a
+payload filter.
+"""
 
 import dataclasses as dc
 from pathlib import Path
@@ -23,12 +25,7 @@ FLIGHTS = 1000  # of the envelope
 
 
 def make_packaged_models(run: Run, flights: int = FLIGHTS) -> list[Path]:
-    """Fly and train, write both models into the folder of the run and return their files.
-
-    Args:
-        run: folder, workers and progress.
-        flights: of the envelope.
-    """
+    """Fly and train, write both models into the folder of the run and return their files."""
     family, run = run.folder / NP_MODEL.name, dc.replace(run, seed=SEED)
     result = train_on_envelope(flights, make_config(NEURAL, seed=SEED), run=run, vehicle=Vehicle())
     save_model(flown_share(result.model, flights, run=run, vehicle=Vehicle()), family)
@@ -45,7 +42,8 @@ def make_filter(folder: Path) -> Path:
 class Difference(NamedTuple):
     """Largest difference of two model files.
 
-    relative: of a tensor, over its largest number [1].   from_zero: of a tensor that is zero in the packaged file [SI].
+    relative: of a tensor, over its largest number [1].
+    from_zero: of a tensor that is zero in the packaged file [SI].
     """
 
     relative: float
@@ -53,12 +51,12 @@ class Difference(NamedTuple):
 
 
 def difference(path: Path, packaged: Path | None = None) -> Difference:
-    """Return the largest difference of a model file from the packaged one of its name, tensor by tensor.
+    """Return the largest difference of a model file from the packaged one of its name, tensor by
+    tensor.
 
     It is infinite where tensors or shapes differ.
 
     Args:
-        path: of the model file.
         packaged: that it is compared with; None: the packaged one of its name.
     Raises: ValueError: on a bad file.
     """
@@ -66,7 +64,9 @@ def difference(path: Path, packaged: Path | None = None) -> Difference:
     if schema_of(path) != schema_of(packaged):
         return Difference(np.inf, np.inf)
     a, b = (read_tensors(file, schema_of(packaged))[0] for file in (path, packaged))
-    if {name: value.shape for name, value in a.items()} != {name: value.shape for name, value in b.items()}:
+    if {name: value.shape for name, value in a.items()} != {
+        name: value.shape for name, value in b.items()
+    }:
         return Difference(np.inf, np.inf)
     return tensor_difference(a, b)
 
@@ -75,7 +75,6 @@ def tensor_difference(a: dict[str, np.ndarray], b: dict[str, np.ndarray]) -> Dif
     """Return the largest difference of tensors; NaN differs without bound.
 
     Args:
-        a: tensors by name.
         b: those of the packaged file, of the same names and shapes.
     """
     relative, from_zero = [0.0], [0.0]
@@ -90,20 +89,30 @@ def tensor_difference(a: dict[str, np.ndarray], b: dict[str, np.ndarray]) -> Dif
 
 
 def run(run: Run, options: Options) -> Report:
-    """Make the packaged model files anew, and compare them with those in the package. --out DIR: the files.
-
-    Args:
-        run: seed, folders, workers and progress.
-        options: of the study.
+    """Make the packaged model files anew, and compare them with those in the package. --out DIR:
+    the files.
     """
     files = make_packaged_models(run)
-    lines = [{"file": file.name, "bytes": file.stat().st_size, **difference(file)._asdict()} for file in files]
-    rows: list[tuple] = [
-        (line["file"], line["bytes"], f"{line['relative']:.2g}", f"{line['from_zero']:.2g}") for line in lines
+    lines = [
+        {"file": file.name, "bytes": file.stat().st_size, **difference(file)._asdict()}
+        for file in files
     ]
-    title = f"largest differences from the packaged files; {FLIGHTS} flights of the envelope, seed {SEED}, {SOLVER}"
+    rows: list[tuple] = [
+        (line["file"], line["bytes"], f"{line['relative']:.2g}", f"{line['from_zero']:.2g}")
+        for line in lines
+    ]
+    title = (
+        f"largest differences from the packaged files; {FLIGHTS} flights of the envelope, "
+        f"seed {SEED}, {SOLVER}"
+    )
     return Report(
-        [(title, ["file", "size [B]", "over the packaged one [1]", "where that is zero [SI]"], rows)],
+        [
+            (
+                title,
+                ["file", "size [B]", "over the packaged one [1]", "where that is zero [SI]"],
+                rows,
+            )
+        ],
         config={"seed": SEED, "solver": SOLVER, "flights": FLIGHTS},
         metrics={"models": lines},
     )

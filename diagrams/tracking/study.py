@@ -24,7 +24,12 @@ from np_drake.payload_filter.model_file import PAYLOAD_FILTER
 from np_drake.payload_filter.predictor import DEFAULT_BANK
 from np_drake.residual_models.motion_training import CONFIGURATIONS
 
-FOUR = {"nominal": "", "gp": "gp", "knode": "knode", "np": NEURAL}  # the paper's: kind, configuration
+FOUR = {
+    "nominal": "",
+    "gp": "gp",
+    "knode": "knode",
+    "np": NEURAL,
+}  # the paper's: kind, configuration
 
 
 @dc.dataclass(frozen=True)
@@ -32,17 +37,14 @@ class Options(FlownOptions):
     """Options of the study."""
 
     only: Only = None
-    training: Annotated[str, Option(help="Circle that learned rows train on: plain | dithered | both.")] = "both"
+    training: Annotated[
+        str, Option(help="Circle that learned rows train on: plain | dithered | both.")
+    ] = "both"
     reality: Reality = None
 
 
 def run(run: Run, options: Options) -> Report:
-    """Every controller on circle and lemniscate. --out DIR: models and figure.
-
-    Args:
-        run: seed, folders, workers and progress.
-        options: of the study.
-    """
+    """Every controller on circle and lemniscate. --out DIR: models and figure."""
     run = FlownRun.of(run, options)
     rows = _rows(options.only or [], options.training)
     world = load_experiment("circle", None, options.reality).check()
@@ -55,7 +57,11 @@ def run(run: Run, options: Options) -> Report:
     summaries = flights.run_tracking(run, rows, on_lap=keep, reality=options.reality)
     lines = tracking.table(summaries, rows)
     notes, config = _notes(rows, run, options.training, world)
-    lost = [f"{s['row']}, {s['experiment']}, seed {s['seed']}: {s['lost']}" for s in summaries if "lost" in s]
+    lost = [
+        f"{s['row']}, {s['experiment']}, seed {s['seed']}: {s['lost']}"
+        for s in summaries
+        if "lost" in s
+    ]
     failed = sum(line["solve_failures"] for line in lines)
     counts = f"failed solves: {failed} in {len(summaries)} flights; lost flights: {len(lost)}"
     of_figure = f"last lap, seed {run.seeds[0]}"
@@ -79,12 +85,15 @@ def _rows(only: list[str], training: str) -> tuple[Row, ...]:
     rows = tuple(row for row in choose_rows(ROWS, only) if row.training in circles)
     if left_out := set(only) - {row.name for row in rows}:
         raise ValueError(
-            f"--only: {', '.join(sorted(left_out))} is not trained on the {training} circle; leave out --training."
+            f"--only: {', '.join(sorted(left_out))} is not trained on the {training} "
+            f"circle; leave out --training."
         )
     return rows
 
 
-def _notes(rows: tuple[Row, ...], run: FlownRun, training: str, world: FlightConfig) -> tuple[list[str], dict]:
+def _notes(
+    rows: tuple[Row, ...], run: FlownRun, training: str, world: FlightConfig
+) -> tuple[list[str], dict]:
     """Return the lines under the table, and the configuration of the metrics file."""
     reality, weights = dc.asdict(world.reality), dc.asdict(world.controller.mpc)
     seed, names = run.seed, dict.fromkeys(row.configuration for row in rows if row.configuration)
@@ -100,7 +109,9 @@ def _notes(rows: tuple[Row, ...], run: FlownRun, training: str, world: FlightCon
 
 
 def _settings(name: str, seed: int) -> Any:
-    """Return the settings of a configuration, a dataclass: of the training, or what a pendulum believes before it."""
+    """Return the settings of a configuration, a dataclass: of the training, or what a pendulum
+    believes before it.
+    """
     if name == PAYLOAD_FILTER:
         return DEFAULT_BANK
     known = CONFIGURATIONS.get(name)
@@ -109,8 +120,17 @@ def _settings(name: str, seed: int) -> Any:
 
 def _four(laps: dict, rows: tuple[Row, ...]) -> dict:
     """Return the laps of the paper's four controllers: of two trainings, the last in the table."""
-    shown = {row.kind: row.name for row in rows if FOUR.get(row.kind) == row.configuration and not row.known_mass}
-    return {(track, name): lap for name in shown.values() for (track, row), lap in laps.items() if row == name}
+    shown = {
+        row.kind: row.name
+        for row in rows
+        if FOUR.get(row.kind) == row.configuration and not row.known_mass
+    }
+    return {
+        (track, name): lap
+        for name in shown.values()
+        for (track, row), lap in laps.items()
+        if row == name
+    }
 
 
 def printed(lines: list[dict], title: str) -> Table:
@@ -118,7 +138,6 @@ def printed(lines: list[dict], title: str) -> Table:
 
     Args:
         lines: of `tracking.table`.
-        title: what was flown.
     """
     published = {row.name: row.published for row in ROWS}
 
@@ -127,8 +146,15 @@ def printed(lines: list[dict], title: str) -> Table:
         return f"{100 * pair[0]:.1f} / {100 * pair[1]:.1f}" if pair else NOTHING
 
     def paper_cut(line: dict) -> str:
-        pair, base = published.get(line["row"], {}).get(line["track"]), PAPER["nominal"][line["track"]]
-        return " / ".join(f"{100 * (1 - of / b):.0f} %" for of, b in zip(pair, base, strict=True)) if pair else NOTHING
+        pair, base = (
+            published.get(line["row"], {}).get(line["track"]),
+            PAPER["nominal"][line["track"]],
+        )
+        return (
+            " / ".join(f"{100 * (1 - of / b):.0f} %" for of, b in zip(pair, base, strict=True))
+            if pair
+            else NOTHING
+        )
 
     columns = (
         ("track", "track"),

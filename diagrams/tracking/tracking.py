@@ -1,4 +1,6 @@
-"""Tracking comparison: every controller on circle and lemniscate, several seeds, one trained model a row."""
+"""Tracking comparison: every controller on circle and lemniscate, several seeds, one trained model
+a row.
+"""
 
 import dataclasses as dc
 from collections.abc import Sequence
@@ -35,7 +37,8 @@ PAPER = {
 class Row:
     """One row of the table: a controller, what it is given, and what its predictor was trained on.
 
-    kind: see `ControllerConfig`.   known_mass: whether controller and estimator know the payload's mass.
+    kind: see `ControllerConfig`.
+    known_mass: whether controller and estimator know the payload's mass.
     """
 
     name: str  # of the row
@@ -47,7 +50,9 @@ class Row:
 
     @property
     def published(self) -> dict[str, tuple[float, float]]:
-        """Errors of this controller in the paper by track, (E_xy, E_z) [m]; empty where it has none."""
+        """Errors of this controller in the paper by track, (E_xy, E_z) [m]; empty where it has
+        none.
+        """
         return {} if self.known_mass else PAPER.get(self.kind, {})
 
 
@@ -66,7 +71,9 @@ ROWS = (
     Row("knode", "knode", training=DITHERED, configuration=KNODE),
     Row("np: paper, plain circle", "np", training=PLAIN, configuration="paper"),
     Row("np: plain circle", "np", training=PLAIN, configuration=NEURAL),
-    Row("payload_filter: plain circle", PAYLOAD_FILTER, training=PLAIN, configuration=PAYLOAD_FILTER),
+    Row(
+        "payload_filter: plain circle", PAYLOAD_FILTER, training=PLAIN, configuration=PAYLOAD_FILTER
+    ),
     Row("np: paper, dithered circle", "np", training=DITHERED, configuration="paper"),
     Row("np: lifted", "np", training=DITHERED, configuration=LIFTED),
     Row("np", "np", training=DITHERED, configuration=NEURAL),
@@ -76,25 +83,22 @@ ROWS = (
 
 
 def named(rows: Sequence[AnyRow], name: str) -> AnyRow:
-    """Return the row of that name.
-
-    Args:
-        rows: of a table.
-        name: of one of them.
-    """
+    """Return the row of that name."""
     return next(row for row in rows if row.name == name)
 
 
 def configure(
-    track: str, row: Row, *, solver: str, model: str = "", vehicle: Vehicle | None = None, reality: Path | None = None
+    track: str,
+    row: Row,
+    *,
+    solver: str,
+    model: str = "",
+    vehicle: Vehicle | None = None,
+    reality: Path | None = None,
 ) -> FlightConfig:
     """Return the experiment `track` with the controller of `row`.
 
     Args:
-        track: name of the experiment.
-        row: of the table.
-        solver: of the MPC.
-        model: file of the row's predictor.
         vehicle: to which it is scaled; None: the paper's.
         reality: scenario file that it is flown in, see `load_experiment`.
     """
@@ -109,14 +113,16 @@ def configure(
 
 
 def training_flight(
-    experiment: str, *, seed: int, solver: str, vehicle: Vehicle | None = None, reality: Path | None = None
+    experiment: str,
+    *,
+    seed: int,
+    solver: str,
+    vehicle: Vehicle | None = None,
+    reality: Path | None = None,
 ) -> FlightResult:
     """Fly the experiment that a predictor learns from with the nominal MPC: 60 s of any vehicle.
 
     Args:
-        experiment: its name.
-        seed: of the noise.
-        solver: of the MPC.
         vehicle: to which it is scaled; None: the paper's.
         reality: scenario file that it is flown in, see `load_experiment`.
     """
@@ -130,8 +136,6 @@ def training_config(
     """Return the settings of `training_flight`.
 
     Args:
-        experiment: its name.
-        solver: of the MPC.
         vehicle: to which it is scaled; None: the paper's.
         reality: scenario file that it is flown in, see `load_experiment`.
     """
@@ -150,13 +154,10 @@ def train_models(
     vehicle: Vehicle | None = None,
     reality: Path | None = None,
 ) -> dict[tuple[str, str], str]:
-    """Train one model for every (training experiment, configuration) of `rows` and return their files.
+    """Train one model for every (training experiment, configuration) of `rows` and return their
+    files.
 
     Args:
-        rows: of the table.
-        folder: takes the model files.
-        seed: of training flights and trainings.
-        solver: of the training flights' controller.
         vehicle: to which they are scaled; None: the paper's.
         reality: scenario file that they are flown in, see `load_experiment`.
     """
@@ -184,12 +185,8 @@ def train_models(
 def table(summaries: list[dict], rows: tuple[Row, ...] = ROWS) -> list[dict]:
     """Return E_xy and E_z [m] by row (in the order of `rows`) and track.
 
-    They are means over seeds with 95 % interval (Student) and standard deviation, and the reduction relative to
-    nominal.
-
-    Args:
-        summaries: of the flights.
-        rows: of the table.
+    They are means over seeds with 95 % interval (Student) and standard deviation, and the reduction
+    relative to nominal.
     """
     order = {row.name: number for number, row in enumerate(rows)}
     lines = []
@@ -197,7 +194,11 @@ def table(summaries: list[dict], rows: tuple[Row, ...] = ROWS) -> list[dict]:
         for track in TRACKS:
             line: dict = {"row": row, "track": track}
             mine = [s["metrics"] for s in summaries if s["row"] == row and s["experiment"] == track]
-            base = [s["metrics"] for s in summaries if s["row"] == "nominal" and s["experiment"] == track]
+            base = [
+                s["metrics"]
+                for s in summaries
+                if s["row"] == "nominal" and s["experiment"] == track
+            ]
             for key in ("E_xy", "E_z"):
                 values = np.array([m[key] for m in mine])
                 line[key], line[f"{key}_ci95"] = float(values.mean()), half_width(values)

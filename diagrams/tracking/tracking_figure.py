@@ -14,7 +14,6 @@ def plane_tracks(laps: dict[tuple[str, str], dict[str, np.ndarray]], title: str 
 
     Args:
         laps: (track, row): x_true, p_ref (n, 2) [m].
-        title: above both panels.
     """
     figure, axes = new_figure(1, len(TRACKS), width=10.0, height=4.6)
     rows = list(dict.fromkeys(row for _, row in laps))
@@ -27,5 +26,7 @@ def plane_tracks(laps: dict[tuple[str, str], dict[str, np.ndarray]], title: str 
         ax.set(xlabel="x [m]", ylabel="y [m]", title=track, aspect="equal")
         ax.grid(alpha=0.3)
     figure.suptitle(title, fontsize=9)
-    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=5, fontsize=8)
+    figure.legend(
+        *axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=5, fontsize=8
+    )
     return figure

@@ -16,17 +16,19 @@ from diagrams.loop.flight_result import fly
 
 POSITION = (0.25, 0.5, 1.0, 2.0, 4.0)  # factors on weight_position [1]
 TORQUE = (0.1, 0.3, 1.0, 3.0, 10.0)  # factors on the torque part of weight_input [1]
-EFFORT = 0.035  # RMS roll and pitch torque that may be spent on noise and tracking; own choice [N·m]
+EFFORT = (
+    0.035  # RMS roll and pitch torque that may be spent on noise and tracking; own choice [N·m]
+)
 LAG = 0.06  # of the motors: twice what flies, so that the loop keeps its margin; own choice [s]
 
 
 def score(case: Case) -> dict:
-    """Return error and effort of the nominal MPC on the lemniscate without payload and with slower motors.
-
-    Args:
-        case: {"position", "torque": factors, "seed", "duration"}.
+    """Return error and effort of the nominal MPC on the lemniscate without payload and with slower
+    motors.
     """
-    position, torque, seed, duration = (case[key] for key in ("position", "torque", "seed", "duration"))
+    position, torque, seed, duration = (
+        case[key] for key in ("position", "torque", "seed", "duration")
+    )
     config = load_experiment("lemniscate")
     config.duration, config.reality.payload.tether = duration, "none"
     config.reality.motor_lag = LAG
@@ -42,19 +44,27 @@ def score(case: Case) -> dict:
     effort = np.sqrt(np.mean(np.sum(flight.signals["u"][rows, 1:3] ** 2, axis=1)))
     allowed = bool(effort <= EFFORT)
     named = {"position": position, "torque": torque}
-    return {**named, "E_xy": m["E_xy"], "E_z": m["E_z"], "torque_rms": float(effort), "allowed": allowed}
+    return {
+        **named,
+        "E_xy": m["E_xy"],
+        "E_z": m["E_z"],
+        "torque_rms": float(effort),
+        "allowed": allowed,
+    }
 
 
 def weight_table(
-    run: Run, duration: float = 20.0, position: Sequence[float] = POSITION, torque: Sequence[float] = TORQUE
+    run: Run,
+    duration: float = 20.0,
+    position: Sequence[float] = POSITION,
+    torque: Sequence[float] = TORQUE,
 ) -> list[dict]:
     """Return every combination of the factors, best first: least E_xy within the effort allowed.
 
-    Factors 1, 1 are those of `MpcConfig`. Flights without a result are missing; the records of the run's workers say
-    why.
+    Factors 1, 1 are those of `MpcConfig`. Flights without a result are missing; the records of the
+    run's workers say why.
 
     Args:
-        run: seed of the noise, workers and progress.
         duration: of a flight, after the ramp [s].
         position: factors on `weight_position` [1].
         torque: factors on the torque part of `weight_input` [1].
@@ -64,20 +74,21 @@ def weight_table(
         {"position": p, "torque": t, "seed": run.seed, "duration": duration}
         for p, t in itertools.product(position, torque)
     ]
-    config = {"motor_lag": LAG, "allowed": EFFORT, "lemniscate": settings_of(load_experiment("lemniscate"))}
+    config = {
+        "motor_lag": LAG,
+        "allowed": EFFORT,
+        "lemniscate": settings_of(load_experiment("lemniscate")),
+    }
     records = run.cases("weights", "", score, cases, config=config)
     return sorted(results(records), key=lambda line: (not line["allowed"], line["E_xy"]))
 
 
 def run(run: Run, options: Options) -> Report:
-    """How the MPC's weights were chosen. On the vehicle without payload.
-
-    Args:
-        run: seed, folders, workers and progress.
-        options: of the study.
-    """
+    """How the MPC's weights were chosen. On the vehicle without payload."""
     lines = weight_table(run)
-    title = f"factors on the frozen weights; lemniscate, no payload, motor lag {LAG} s, seed {run.seed}"
+    title = (
+        f"factors on the frozen weights; lemniscate, no payload, motor lag {LAG} s, seed {run.seed}"
+    )
     columns = (
         ("position", "position"),
         ("torque", "torque"),
@@ -88,5 +99,8 @@ def run(run: Run, options: Options) -> Report:
     )
     config = {"allowed_torque_rms": EFFORT, "motor_lag": LAG}
     return Report(
-        [tabulate(title, lines, columns)], config=config, metrics={"table": lines}, notes=failures(run.workers.finished)
+        [tabulate(title, lines, columns)],
+        config=config,
+        metrics={"table": lines},
+        notes=failures(run.workers.finished),
     )

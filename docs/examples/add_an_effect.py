@@ -1,7 +1,7 @@
 """Adds an effect, flies with it in Drake, and finds it again in the flight logs.
 
-Shows: one frozen dataclass serves the simulator and the diagnosis. `register` puts it into the list of effects that the
-diagnosis tries and a scenario may name.
+Shows: one frozen dataclass serves the simulator and the diagnosis. `register` puts it into the list
+of effects that the diagnosis tries and a scenario may name.
 """
 
 import dataclasses as dc
@@ -36,17 +36,23 @@ class GroundSpring(WrenchEffect):
 
 
 def main() -> None:
-    """Flies a circle and a lemniscate with the cord, diagnoses them, prints the verdict and the stiffness."""
+    """Flies a circle and a lemniscate with the cord, diagnoses them, prints the verdict and the
+    stiffness.
+    """
     cord = EffectEntry.of(GroundSpring(0.5))
     nothing = PayloadConfig(tether="none")
-    reality = RealityConfig(nothing, rotor_drag=0.0, motor_lag=0.0, thrust_scale=1.0, effects=[cord])
+    reality = RealityConfig(
+        nothing, rotor_drag=0.0, motor_lag=0.0, thrust_scale=1.0, effects=[cord]
+    )
     logs: list[FlightLog] = []
     for track, speed in (("circle", 1.5), ("lemniscate", 2.0)):
         reference = ReferenceConfig(track, speed=speed, ramp=3.0, dither=[0.08, 0.08, 0.08])
         config = FlightConfig(name=track, duration=7.0, reality=reality, reference=reference)
         config.controller.solver = "sqp"
         logs.append(fly(config, seed=len(logs)).log())
-    vehicle = dc.replace(config.vehicle, command_timing="held")  # a simulator logs commands as they act
+    vehicle = dc.replace(
+        config.vehicle, command_timing="held"
+    )  # a simulator logs commands as they act
     found = diagnose(vehicle, logs[:1], logs[1:])
     print(found.verdict, found.causes[0].parameters["stiffness"])
 

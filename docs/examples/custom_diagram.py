@@ -1,7 +1,7 @@
 """Wires a Drake diagram of its own: vehicle, sensors, controller, recorder.
 
-Shows: `make_tethered_quadrotor` with effects that the controller does not know, `add_sensor_model`, `add_controller`,
-and how the recorded signals are read after the simulation.
+Shows: `make_tethered_quadrotor` with effects that the controller does not know, `add_sensor_model`,
+`add_controller`, and how the recorded signals are read after the simulation.
 """
 
 import numpy as np
@@ -10,7 +10,13 @@ from pydrake.systems.framework import Diagram, DiagramBuilder
 
 from diagrams import ControllerConfig, add_controller
 from np_drake import Vehicle, effects, lemniscate, tracking_errors
-from systems import PayloadConfig, add_recorder, add_sensor_model, make_tethered_quadrotor, set_hover
+from systems import (
+    PayloadConfig,
+    add_recorder,
+    add_sensor_model,
+    make_tethered_quadrotor,
+    set_hover,
+)
 from systems.recorder import Recorder
 
 VEHICLE, PAYLOAD = Vehicle(), PayloadConfig(mass=0.3, length=0.7)
@@ -19,7 +25,9 @@ PERIOD = 0.02  # of controller and recorder [s]
 
 
 def make_diagram(kind: str) -> tuple[Diagram, Recorder]:
-    """The closed loop of the controller `kind` on a vehicle with drag, in a wind of 1 m/s along x."""
+    """The closed loop of the controller `kind` on a vehicle with drag, in a wind of 1 m/s along
+    x.
+    """
     builder = DiagramBuilder()
     acting = [effects.LinearDrag(0.3, 0.3, 0.2), effects.ConstantWind(1.0, 0.0, 0.0)]
     quadrotor = builder.AddSystem(make_tethered_quadrotor(VEHICLE, PAYLOAD, wrench_effects=acting))
@@ -37,10 +45,17 @@ def main() -> None:
     for kind in ("nominal", "np"):
         diagram, recorder = make_diagram(kind)
         simulator = Simulator(diagram)
-        ApplySimulatorConfig(SimulatorConfig(max_step_size=0.004, use_error_control=False), simulator)
+        ApplySimulatorConfig(
+            SimulatorConfig(max_step_size=0.004, use_error_control=False), simulator
+        )
         plant = diagram.GetSubsystemByName("tethered_quadrotor").GetSubsystemByName("plant")
         context = simulator.get_mutable_context()
-        set_hover(plant, plant.GetMyMutableContextFromRoot(context), PAYLOAD, TRACK.sample(np.zeros(1))[0, 0])
+        set_hover(
+            plant,
+            plant.GetMyMutableContextFromRoot(context),
+            PAYLOAD,
+            TRACK.sample(np.zeros(1))[0, 0],
+        )
         simulator.AdvanceTo(8.0)
         rows = recorder.read(diagram, context)
         print(kind, tracking_errors(rows["x"][150:, :3], rows["p_ref"][150:]))

@@ -1,7 +1,8 @@
 """Diagnoses the gap between a vehicle file and flight logs.
 
-Shows: a case folder (here one that is simulated with a payload of which the vehicle file says nothing), `diagnose` with
-the open-loop replay in Drake, and the parts of its answer. With a folder of your own logs, call `answer` alone.
+Shows: a case folder (here one that is simulated with a payload of which the vehicle file says
+nothing), `diagnose` with the open-loop replay in Drake, and the parts of its answer. With a folder
+of your own logs, call `answer` alone.
 """
 
 from pathlib import Path
@@ -20,17 +21,28 @@ def answer(folder: Path) -> Diagnosis:
 
 
 def main() -> None:
-    """Makes a case, diagnoses it, prints verdict, parameters, gap reduction and what these logs cannot tell."""
+    """Makes a case, diagnoses it, prints verdict, parameters, gap reduction and what these logs
+    cannot tell.
+    """
     make(Path("cases"), Path("truth"), cases=1, clean=0, seconds=10.0, seed=47)
     found = answer(next(Path("cases").iterdir()))
-    print("verdict:", found.verdict, " probability of something unknown:", round(found.unknown_probability, 2))
+    print(
+        "verdict:",
+        found.verdict,
+        " probability of something unknown:",
+        round(found.unknown_probability, 2),
+    )
     for cause in found.causes:
         for name, parameter in cause.parameters.items():
             low, high = parameter.ci95
-            print(f"  {cause.identifier} {name} {parameter.value:.4f} [{low:.4f}, {high:.4f}] {parameter.unit}")
+            print(
+                f"  {cause.identifier} {name} {parameter.value:.4f} [{low:.4f}, "
+                f"{high:.4f}] {parameter.unit}"
+            )
     gap_reduction = found.gap_reduction
     print(
-        f"held-out residual: {gap_reduction.before:.2f} -> {gap_reduction.after:.2f} (noise: {gap_reduction.floor:.2f})"
+        f"held-out residual: {gap_reduction.before:.2f} -> {gap_reduction.after:.2f} "
+        f"(noise: {gap_reduction.floor:.2f})"
     )
     for item in found.identifiability.not_identifiable[:3]:
         print("not told apart:", " | ".join(item.effects), "; fly", item.manoeuvre)

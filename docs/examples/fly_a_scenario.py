@@ -1,7 +1,7 @@
 """Flies one scenario with two controllers and compares their tracking errors.
 
-Shows: a scenario file that names only what differs from the defaults, `load_flight`, `fly`, and the metrics and the
-flight log of the result.
+Shows: a scenario file that names only what differs from the defaults, `load_flight`, `fly`, and the
+metrics and the flight log of the result.
 """
 
 import dataclasses as dc

@@ -1,4 +1,6 @@
-"""Learns a correction of the cascaded controller in Drake's `DrakeGymEnv`, 15 s on one core; needs gymnasium."""
+"""Learns a correction of the cascaded controller in Drake's `DrakeGymEnv`, 15 s on one core; needs
+gymnasium.
+"""
 
 import numpy as np
 from gymnasium.spaces import Box
@@ -16,11 +18,19 @@ ERROR = np.eye(3, 16, 13) - np.eye(3, 16)  # position error in an observation [m
 
 
 def make_env(payload: float) -> DrakeGymEnv:
-    """A circle with a payload [kg] that the cascaded controller, to which the action is added, does not know."""
+    """A circle with a payload [kg] that the cascaded controller, to which the action is added, does
+    not know.
+    """
     config = load_experiment("circle")
-    config.reality.payload.mass, config.reference.ramp, config.controller.kind = payload, 2.0, "cascade"
+    config.reality.payload.mass, config.reference.ramp, config.controller.kind = (
+        payload,
+        2.0,
+        "cascade",
+    )
     builder = DiagramBuilder()
-    vehicle = builder.AddNamedSystem(REAL_VEHICLE, make_real_vehicle(config.vehicle, config.reality))
+    vehicle = builder.AddNamedSystem(
+        REAL_VEHICLE, make_real_vehicle(config.vehicle, config.reality)
+    )
     cascade = add_controller(builder, config.controller, config.vehicle, config.motion, vehicle)
     command, seen = builder.AddSystem(Adder(2, 4)), builder.AddSystem(Multiplexer([13, 3]))
     builder.Connect(cascade["u"], command.get_input_port(0))
@@ -36,8 +46,12 @@ def make_env(payload: float) -> DrakeGymEnv:
         time_step=STEP,
         action_space=Box(-SPAN, SPAN, dtype=np.float64),
         observation_space=Box(-np.inf, np.inf, (16,), np.float64),
-        reward=lambda root, context: STEP / (1.0 + 100.0 * sum((ERROR @ root.get_output_port().Eval(context)) ** 2)),
-        reset_handler=lambda own, context, seed: set_initial_state(own.get_system(), context, config),
+        reward=lambda root, context: (
+            STEP / (1.0 + 100.0 * sum((ERROR @ root.get_output_port().Eval(context)) ** 2))
+        ),
+        reset_handler=lambda own, context, seed: set_initial_state(
+            own.get_system(), context, config
+        ),
     )
 
 
@@ -46,17 +60,24 @@ def fly(env: DrakeGymEnv, gains: np.ndarray) -> float:
     (seen, _), total = env.reset(), 0.0
     for _ in range(150):
         x, y, z = ERROR @ seen
-        seen, reward, *_ = env.step(np.clip([gains[0] + gains[1] * z, -gains[2] * y, gains[2] * x, 0.0], -SPAN, SPAN))
+        seen, reward, *_ = env.step(
+            np.clip([gains[0] + gains[1] * z, -gains[2] * y, gains[2] * x, 0.0], -SPAN, SPAN)
+        )
         total += reward
     return total
 
 
 def main(policies: int = 60) -> None:
     """Chooses the best of random policies on one payload and flies it with another."""
-    drawn = np.random.default_rng(0).uniform(0.0, [4.0, 20.0, 0.4], (policies, 3))  # [N, N/m, N·m/m]
+    drawn = np.random.default_rng(0).uniform(
+        0.0, [4.0, 20.0, 0.4], (policies, 3)
+    )  # [N, N/m, N·m/m]
     env, other = make_env(0.26), make_env(0.32)
     best = max(drawn, key=lambda gains: fly(env, gains))
-    print(f"cascade: {fly(other, 0.0 * best):.2f} of 6 s; cascade + correction: {fly(other, best):.2f} s")
+    print(
+        f"cascade: {fly(other, 0.0 * best):.2f} of 6 s; cascade + correction: "
+        f"{fly(other, best):.2f} s"
+    )
 
 
 if __name__ == "__main__":

@@ -1,7 +1,9 @@
-"""Flies a controller of one's own, a LeafSystem, in the place of the project's, and compares it with nominal MPC.
+"""Flies a controller of one's own, a LeafSystem, in the place of the project's, and compares it
+with nominal MPC.
 
-Shows: the ports and parameters that a controller may have, and `fly(config, controller=…)`; what comes back is like
-every other flight. `np-drake fly circle --controller own_controller.py:Feedback` flies it too.
+Shows: the ports and parameters that a controller may have, and `fly(config, controller=…)`; what
+comes back is like every other flight. `np-drake fly circle --controller own_controller.py:Feedback`
+flies it too.
 """
 
 import numpy as np
@@ -11,10 +13,11 @@ from diagrams import fly, load_experiment
 
 
 class Feedback(LeafSystem):
-    """Thrust towards the reference, torque against tilt and body rate, both against the measured wrench.
+    """Thrust towards the reference, torque against tilt and body rate, both against the measured
+    wrench.
 
-    Inputs x (13,) [p_WB, q_WB, v_WB, w_WB_B], flat (15,) [p, v, a, jerk, snap of the reference] and label (6,)
-    [f_e, tau_e as measured]; output u (4,) [f_u, tau_m] [N, N·m].
+    Inputs x (13,) [p_WB, q_WB, v_WB, w_WB_B], flat (15,) [p, v, a, jerk, snap of the reference] and
+    label (6,) [f_e, tau_e as measured]; output u (4,) [f_u, tau_m] [N, N·m].
     """
 
     def __init__(self, vehicle, stiffness=6.0):
@@ -37,7 +40,9 @@ class Feedback(LeafSystem):
 
 
 def main() -> None:
-    """Flies the circle, with a payload that neither controller knows, and prints E_xy and E_z [cm]."""
+    """Flies the circle, with a payload that neither controller knows, and prints E_xy and E_z
+    [cm].
+    """
     config = load_experiment("circle")
     config.duration = 2.0
     for flight in (fly(config, seed=1), fly(config, seed=1, controller=Feedback)):

@@ -1,7 +1,8 @@
 """Trains the Neural Predictor on one flight and scores it on another.
 
-Shows: training segments from a flight log, `train`, the three matrices of the lifted linear system, and its forecast
-error against holding the last label. `np-drake train` and `np-drake evaluate` do the same on files.
+Shows: training segments from a flight log, `train`, the three matrices of the lifted linear system,
+and its forecast error against holding the last label. `np-drake train` and `np-drake evaluate` do
+the same on files.
 """
 
 from diagrams.loop.experiments import load_experiment
@@ -26,17 +27,27 @@ def flight(name: str, duration: float, seed: int) -> Segment:
 
 
 def main() -> None:
-    """Trains on 10 s of a dithered circle, prints the force error on a lemniscate that it was not trained on."""
+    """Trains on 10 s of a dithered circle, prints the force error on a lemniscate that it was not
+    trained on.
+    """
     learned, unseen = flight("training_circle", 10.0, seed=0), flight("lemniscate", 4.0, seed=1)
     model = train([learned], make_config("lifted", seed=0)).model
     A, B, C = model.system.A, model.system.B, model.system.C
-    print(f"lifted linear system: A {A.shape}, B {B.shape}, C {C.shape}, {model.summary['samples']} samples")
+    print(
+        f"lifted linear system: A {A.shape}, B {B.shape}, C {C.shape}, "
+        f"{model.summary['samples']} samples"
+    )
     models: dict[str, ResidualModel] = {"np": NeuralPredictor(model)}
     mean = learned.goal.mean(axis=0)
-    table = skill_table(models, unseen.chi, unseen.zeta, horizons=HORIZONS, mean=mean, target=unseen.goal)
+    table = skill_table(
+        models, unseen.chi, unseen.zeta, horizons=HORIZONS, mean=mean, target=unseen.goal
+    )
     for row in table:
         if row.model in ("persistence", "np"):
-            print(f"{row.model:12} {row.horizon * learned.step:.1f} s ahead: force RMSE {row.force_rmse:.3f} N")
+            print(
+                f"{row.model:12} {row.horizon * learned.step:.1f} s ahead: force RMSE "
+                f"{row.force_rmse:.3f} N"
+            )
 
 
 if __name__ == "__main__":

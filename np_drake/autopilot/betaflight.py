@@ -10,26 +10,42 @@ import numpy as np
 
 from np_drake.autopilot.command_line import CommandLine
 from np_drake.autopilot.firmware import AutopilotError, Firmware, Sensed
-from np_drake.rotor_layout import FIRMWARE
-from np_drake.scaling import usual_rate_loop
 from np_drake.vehicle import Vehicle
-from np_drake.vehicle_calibration import ThrottleMap
+from np_drake.vehicle.calibration import ThrottleMap
+from np_drake.vehicle.rotor_layout import FIRMWARE
+from np_drake.vehicle.scaling import usual_rate_loop
 
 PERIOD = 0.001  # between states of the vehicle that the firmware gets [s]
 LEAST_THROTTLE, MOST, MIDDLE, HALF = 1010, 2000, 1500, 500  # pulse widths of the receiver [µs]
 RATE_STEP = 10.0  # of the firmware's largest rates [deg/s]
 RESERVED = (  # settings by which the sticks are rates and thrust
-    *("min_check", "rates_type", "deadband", "yaw_deadband", "blackbox_device", "yaw_motors_reversed"),
-    *(f"{axis}_{name}" for axis in ("roll", "pitch", "yaw") for name in ("rc_rate", "srate", "expo")),
+    *(
+        "min_check",
+        "rates_type",
+        "deadband",
+        "yaw_deadband",
+        "blackbox_device",
+        "yaw_motors_reversed",
+    ),
+    *(
+        f"{axis}_{name}"
+        for axis in ("roll", "pitch", "yaw")
+        for name in ("rc_rate", "srate", "expo")
+    ),
 )
 STICK_EVERY = 5  # periods, while it is held [1]
 WARM_UP, SETTLED = 6.0, 0.5  # calibration of the gyro, and what it takes to arm [s]
 FASTEST = 200.0  # bandwidth beyond which no rotor follows [rad/s]; source: own choice
-INTEGRAL, DAMPED = 20.0, 0.5  # bandwidth over that of I; share of the rotors' lag that D makes up for [1]; own choice
+INTEGRAL, DAMPED = (
+    20.0,
+    0.5,
+)  # bandwidth over that of I; share of the rotors' lag that D makes up for [1]; own choice
 ROTOR_LAG = 0.03  # of a vehicle whose file names none [s]; source: own choice, as the simulator's
 # Units of the firmware's gains: outputs per thousand over deg/s, deg and deg/s². Source: its pid.h.
 P_UNIT, I_UNIT, D_UNIT, OUTPUT, MOST_GAIN = 0.032029, 0.244381, 0.000529, 1000.0, 250
-_LOW = np.array([MIDDLE, MIDDLE, 1000.0, MIDDLE, 1000.0])  # roll, pitch, throttle, yaw, arming: disarmed [µs]
+_LOW = np.array(
+    [MIDDLE, MIDDLE, 1000.0, MIDDLE, 1000.0]
+)  # roll, pitch, throttle, yaw, arming: disarmed [µs]
 _ARMED = np.array([0.0, 0.0, 0.0, 0.0, 1000.0])  # more [µs]
 
 
@@ -37,9 +53,12 @@ _ARMED = np.array([0.0, 0.0, 0.0, 0.0, 1000.0])  # more [µs]
 class BetaflightConfig:
     """What a user sets of the firmware; everything else is as it is delivered."""
 
-    # Of roll, pitch and yaw, for which the gains are computed from the vehicle; empty: gains as delivered [rad/s].
+    # Of roll, pitch and yaw, for which the gains are computed from the vehicle; empty: gains as
+    # delivered [rad/s].
     bandwidth: list[float] = dc.field(default_factory=lambda: [20.0, 20.0, 5.0])
-    lines: list[str] = dc.field(default_factory=list)  # of its command line, after those that are needed here
+    lines: list[str] = dc.field(
+        default_factory=list
+    )  # of its command line, after those that are needed here
     stick_rate: float = 150.0  # at which the receiver gets its channels [Hz]
 
     def check(self) -> "BetaflightConfig":
@@ -48,49 +67,67 @@ class BetaflightConfig:
         Raises: ValueError: where one is impossible.
         """
         if not 10 <= self.stick_rate <= 1 / PERIOD:
-            raise ValueError(f"betaflight: stick_rate must be 10 to {1 / PERIOD:g} Hz; got {self.stick_rate}.")
+            raise ValueError(
+                f"betaflight: stick_rate must be 10 to {1 / PERIOD:g} Hz; got {self.stick_rate}."
+            )
         for line in self.lines:
             words = line.split("=")[0].split()
-            if not words or words[-1] in RESERVED or words[0] in ("save", "exit", "defaults", "mixer", "aux", "batch"):
-                raise ValueError(f"betaflight: lines must not hold {line!r}, which is set here; leave it out.")
+            if (
+                not words
+                or words[-1] in RESERVED
+                or words[0] in ("save", "exit", "defaults", "mixer", "aux", "batch")
+            ):
+                raise ValueError(
+                    f"betaflight: lines must not hold {line!r}, which is set here; leave it out."
+                )
         if len(self.bandwidth) not in (0, 3) or not all(0 < w < FASTEST for w in self.bandwidth):
             raise ValueError(
-                f"betaflight: bandwidth must be three values up to {FASTEST:g} rad/s, or none; got {self.bandwidth}."
+                f"betaflight: bandwidth must be three values up to {FASTEST:g} rad/s, or "
+                f"none; got {self.bandwidth}."
             )
         return self
 
 
 def thrust_map(vehicle: Vehicle) -> ThrottleMap:
-    """Return the thrust of a rotor over its motor output: that of the vehicle file, quadratic where it names none."""
+    """Return the thrust of a rotor over its motor output: that of the vehicle file, quadratic where
+    it names none.
+    """
     return vehicle.throttle or ThrottleMap(full_thrust=vehicle.max_rotor_thrust)
 
 
 def gain_lines(vehicle: Vehicle, bandwidth: Sequence[float]) -> list[str]:
     """Return the settings of a rate controller whose loop has a bandwidth on each axis.
 
-    The loop is P over the vehicle's angular acceleration per motor output at hover; I is slower by `INTEGRAL`, D makes
-    up for the lag of the rotors in roll and pitch. Feed-forward, which assumes a stick that a hand moves, is off.
+    The loop is P over the vehicle's angular acceleration per motor output at hover; I is slower by
+    `INTEGRAL`, D makes up for the lag of the rotors in roll and pitch. Feed-forward, which assumes
+    a stick that a hand moves, is off.
 
     Args:
-        vehicle: its inertia, rotors and thrust map.
         bandwidth: of roll, pitch and yaw [rad/s].
     Raises: ValueError: where a gain is larger than the firmware takes.
     """
     curve, hover = thrust_map(vehicle), vehicle.mass * vehicle.gravity / 4
     output = float(curve.throttle(hover))
-    slope = float(curve.thrust(output + 0.01) - curve.thrust(output - 0.01)) / 0.02  # [N per output]
-    reach = np.abs(vehicle.mixer[1:]).sum(axis=1) * slope / np.diag(vehicle.J)  # [rad/s² per output]
+    slope = (
+        float(curve.thrust(output + 0.01) - curve.thrust(output - 0.01)) / 0.02
+    )  # [N per output]
+    reach = (
+        np.abs(vehicle.mixer[1:]).sum(axis=1) * slope / np.diag(vehicle.J)
+    )  # [rad/s² per output]
     lines = []
     for axis, wanted, each in zip(("roll", "pitch", "yaw"), bandwidth, reach, strict=True):
         gain = OUTPUT * wanted / each / np.degrees(1.0)  # thousandths of an output per deg/s
-        damping = 0.0 if axis == "yaw" else gain * (vehicle.rotor_time_constant or ROTOR_LAG) * DAMPED
+        damping = (
+            0.0 if axis == "yaw" else gain * (vehicle.rotor_time_constant or ROTOR_LAG) * DAMPED
+        )
         p, i, d = gain / P_UNIT, gain * wanted / INTEGRAL / I_UNIT, damping / D_UNIT
         for letter, value in (("p", p), ("i", i), ("d", d), ("d_max", d), ("f", 0.0)):
             if letter in ("d", "d_max") and axis == "yaw":
                 continue
             if round(value) > MOST_GAIN:
                 raise ValueError(
-                    f"betaflight: bandwidth of {axis} must be lower for this vehicle; {wanted:g} rad/s needs a gain "
+                    f"betaflight: bandwidth of {axis} must be lower for this vehicle; "
+                    f"{wanted:g} rad/s needs a gain "
                     f"{letter} of {value:.0f}, and {MOST_GAIN} is the firmware's largest."
                 )
             lines.append(f"set {letter}_{axis} = {round(value)}")
@@ -101,10 +138,10 @@ class Betaflight:
     """Firmware that holds body rates at a collective thrust.
 
     Args:
-        vehicle: with four rotors in an X, in any order; its `rate_loop` names the largest rates and its `throttle` the
-            thrust over motor output.
-        config: of the firmware.
-    Raises: AutopilotError: where there is no firmware or it refuses a setting. ValueError: on another layout.
+        vehicle: with four rotors in an X, in any order; its `rate_loop` names the largest rates and
+            its `throttle` the thrust over motor output.
+    Raises: AutopilotError: where there is no firmware or it refuses a setting. ValueError: on
+        another layout.
     """
 
     def __init__(self, vehicle: Vehicle, config: BetaflightConfig | None = None):
@@ -124,10 +161,10 @@ class Betaflight:
             raise
 
     def arm(self, at_rest: Sensed, thrust: float) -> np.ndarray:
-        """Arm the firmware at rest, and bring the motors to a collective thrust; return their outputs (4,) [1].
+        """Arm the firmware at rest, and bring the motors to a collective thrust; return their
+        outputs (4,) [1].
 
         Args:
-            at_rest: readings of the level vehicle.
             thrust: collective [N].
         Raises: AutopilotError: where it refuses to arm, with its reasons.
         """
@@ -143,7 +180,6 @@ class Betaflight:
         """Return the motor outputs (4,) after one more period [1].
 
         Args:
-            seen: what the sensors see at its beginning.
             command: (4,) collective thrust and body rates [N, rad/s].
         Raises: AutopilotError: where the firmware has ended or hangs.
         """
@@ -159,7 +195,8 @@ class Betaflight:
         return self._map.thrust(motors)
 
     def keep_blackbox(self, filename: Path) -> None:
-        """Disarm, which ends the blackbox file of the flight, and copy it to `filename`, where there is one.
+        """Disarm, which ends the blackbox file of the flight, and copy it to `filename`, where
+        there is one.
 
         Sticks and sensors stay as they are until then, so that the file holds nothing but flight.
         """
@@ -204,7 +241,9 @@ class Betaflight:
                     *self.config.lines,
                 ]
             )
-            idle = float(line.ask("get motor_idle").partition("motor_idle = ")[2].split()[0]) / 10000
+            idle = (
+                float(line.ask("get motor_idle").partition("motor_idle = ")[2].split()[0]) / 10000
+            )
             line.save()
         return idle
 
@@ -233,11 +272,16 @@ class Betaflight:
 
 
 def _motors_of(vehicle: Vehicle) -> tuple[list[int], bool]:
-    """Return the firmware's motor of each rotor, from 0, and whether all turn the other way than by default.
+    """Return the firmware's motor of each rotor, from 0, and whether all turn the other way than by
+    default.
 
     Raises: ValueError: where the vehicle is no X whose opposite rotors turn alike.
     """
-    layout, positions, directions = FIRMWARE["betaflight"], vehicle.rotor_positions, vehicle.rotor_directions
+    layout, positions, directions = (
+        FIRMWARE["betaflight"],
+        vehicle.rotor_positions,
+        vehicle.rotor_directions,
+    )
     try:
         return layout.order_of(positions, directions), False
     except ValueError as error:

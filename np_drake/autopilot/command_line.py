@@ -1,4 +1,6 @@
-"""Betaflight's own command line, by which it is set up, and the messages that tell why it does not arm."""
+"""Betaflight's own command line, by which it is set up, and the messages that tell why it does not
+arm.
+"""
 
 import contextlib
 import socket
@@ -13,18 +15,38 @@ CALL, CALLS = 1.0, 10  # after which it is called again [s], and how often [1]
 STATUS = 150  # message MSP_STATUS_EX
 # Reasons not to arm, in the order of the firmware's bits.
 REASONS = (
-    "no gyro", "failsafe", "no receiver", "not disarmed", "failsafe switch", "runaway", "crash", "throttle not low",
-    "not level", "boot grace time", "no prearm", "system load", "calibrating", "command line open", "menu open",
-    "blackbox transfer", "MSP", "paralysed", "GPS rescue", "rescue switch", "motor telemetry", "reboot required",
-    "motor protocol", "crash flip", "altitude hold", "position hold", "arm switch",
-)  # fmt: skip
+    "no gyro",
+    "failsafe",
+    "no receiver",
+    "not disarmed",
+    "failsafe switch",
+    "runaway",
+    "crash",
+    "throttle not low",
+    "not level",
+    "boot grace time",
+    "no prearm",
+    "system load",
+    "calibrating",
+    "command line open",
+    "menu open",
+    "blackbox transfer",
+    "MSP",
+    "paralysed",
+    "GPS rescue",
+    "rescue switch",
+    "motor telemetry",
+    "reboot required",
+    "motor protocol",
+    "crash flip",
+    "altitude hold",
+    "position hold",
+    "arm switch",
+)
 
 
 class CommandLine:
     """One connection to the command line of a firmware.
-
-    Args:
-        firmware: that runs.
     Raises: AutopilotError: where it does not answer.
     """
 
@@ -43,9 +65,13 @@ class CommandLine:
             try:
                 answer = self.ask(line)
             except (AutopilotError, ConnectionError) as error:
-                raise AutopilotError(f"betaflight: ends, or does not answer, at `{line}`; leave it out.") from error
+                raise AutopilotError(
+                    f"betaflight: ends, or does not answer, at `{line}`; leave it out."
+                ) from error
             if "###ERROR" in answer:
-                reason = answer.partition("###ERROR")[2].strip(" :#\r\n").splitlines()[0].strip(" #")
+                reason = (
+                    answer.partition("###ERROR")[2].strip(" :#\r\n").splitlines()[0].strip(" #")
+                )
                 raise AutopilotError(f"betaflight: refuses `{line}`: {reason}.")
 
     def save(self) -> None:
@@ -58,14 +84,17 @@ class CommandLine:
         self._firmware.start()
 
     def ask(self, line: str) -> str:
-        """Return what the firmware answers to one line; the command line stays open until the next start.
+        """Return what the firmware answers to one line; the command line stays open until the next
+        start.
 
         Raises: AutopilotError: where it does not answer.
         """
         if not self._asked:
             self._open()
         self._asked += 1
-        mark = f"# asked {self._asked}"  # a comment, which is echoed once the line before it is done
+        mark = (
+            f"# asked {self._asked}"  # a comment, which is echoed once the line before it is done
+        )
         self._socket.sendall(f"{line}\n{mark}\n".encode())
         answer = self._read(lambda text: mark in text and text.rstrip(" ").endswith("#"))
         if answer is None:
@@ -106,7 +135,9 @@ class CommandLine:
         raise AutopilotError("betaflight: its command line does not open.")
 
     def _read(self, done: Callable[[str], bool], seconds: float = BOOT) -> str | None:
-        """Return the answer once it is `done`; None where it is not after a time of the firmware [s]."""
+        """Return the answer once it is `done`; None where it is not after a time of the firmware
+        [s].
+        """
         answer, begin = b"", self._firmware.time
         while self._firmware.time - begin < seconds:
             answer += self._receive()
@@ -126,7 +157,9 @@ def _connect(firmware: Firmware) -> socket.socket:
     begin = firmware.time
     while firmware.time - begin < BOOT:
         try:
-            connection = socket.create_connection(("127.0.0.1", COMMAND_LINE + firmware.offset), 1.0)
+            connection = socket.create_connection(
+                ("127.0.0.1", COMMAND_LINE + firmware.offset), 1.0
+            )
         except OSError:
             firmware.advance(TICK)
             continue

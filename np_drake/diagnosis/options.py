@@ -1,4 +1,6 @@
-"""What a diagnosis takes as given: tolerances, bounds of what matters, priors and thresholds, as documented fields."""
+"""What a diagnosis takes as given: tolerances, bounds of what matters, priors and thresholds, as
+documented fields.
+"""
 
 import dataclasses as dc
 import math
@@ -13,7 +15,9 @@ REAL_ATTITUDE = 0.002  # tolerance of the attitude above which sensors are real 
 
 @dc.dataclass(frozen=True)
 class Tolerance:
-    """Standard deviations. Source: own choice: a kitchen scale, motion capture, a MEMS sensor, a Kalman filter."""
+    """Standard deviations. Source: own choice: a kitchen scale, motion capture, a MEMS sensor, a
+    Kalman filter.
+    """
 
     mass: float = 0.005  # [1]
     thrust: float = 0.005  # [1]
@@ -21,12 +25,14 @@ class Tolerance:
     attitude: float = 0.008  # from flight to flight [rad]
     rate: float = 0.01  # from flight to flight [rad/s]
     velocity: float = 0.02  # from flight to flight [m/s]
-    # What the input of the logs leaves open; 0 where it is a command in newtons that is held from its row.
+    # What the input of the logs leaves open; 0 where it is a command in newtons that is held from
+    # its row.
     timing: float = 0.0  # time at which a row's command acts [s]
     throttle_curve: float = 0.0  # exponent of thrust over throttle [1]
     mounting: float = 0.0  # axes of an autopilot against those of the rotors [rad]
     latency: float = 0.0  # of an estimator's attitude against its velocity [s]
-    # Whether the vehicle that flew was never measured: it is as healthy vehicles differ from their files.
+    # Whether the vehicle that flew was never measured: it is as healthy vehicles differ from their
+    # files.
     unmeasured: bool = False
 
     @property
@@ -50,7 +56,9 @@ class Tolerance:
         return float(getattr(self, effect.tolerance)) if sensor else 0.0
 
     def with_vehicle(self, vehicle: Vehicle) -> "Tolerance":
-        """Return the tolerance whose mass and thrust are at least what the vehicle file states for its own."""
+        """Return the tolerance whose mass and thrust are at least what the vehicle file states for
+        its own.
+        """
         return dc.replace(
             self,
             mass=max(self.mass, vehicle.mass_uncertainty or 0.0),
@@ -63,7 +71,8 @@ IDEAL_SENSORS = Tolerance(0.0005, 0.0005, 0.003, 0.0004, 0.0001, 0.0001)
 
 @dc.dataclass(frozen=True)
 class Materiality:
-    """Bounds of the region of practical equivalence with no effect; the defaults are those of real sensors.
+    """Bounds of the region of practical equivalence with no effect; the defaults are those of real
+    sensors.
 
     Source: own choice, where a field names none.
     """
@@ -75,8 +84,8 @@ class Materiality:
     still_air: float = 0.25  # mean level wind [m/s]; source: draught in rooms, ISO 7730
     sensor: float = 1.5  # size of a sensor error over the tolerance of that sensor [1]
     structure_share: float = 0.03  # of a channel's power, for a spectral line [1]
-    # Of what the causes leave: position error of a simulator after 1 s [m]; ideal sensors: 0.02. RMS force over weight
-    # [1]; ideal sensors: 0.008.
+    # Of what the causes leave: position error of a simulator after 1 s [m]; ideal sensors: 0.02.
+    # RMS force over weight [1]; ideal sensors: 0.008.
     position: float = 0.05
     remaining_force: float = 0.02
 
@@ -86,8 +95,10 @@ class Size:
     """Size of a term.
 
     Args:
-        force: over weight [1].   torque: over RMS commanded torque [1].   gap: share of the gap above the noise [1].
-        sensor: of a sensor error, its size over the tolerance [1].
+        force: over weight [1].
+        torque: over RMS commanded torque [1].
+        gap: share of the gap above the noise [1]. sensor: of a sensor error, its size over the
+            tolerance [1].
     """
 
     force: float
@@ -99,9 +110,7 @@ class Size:
         """Return whether the size is material.
 
         Args:
-            materiality: bounds below which a size does not matter.
             calibration: whether the term is what a vehicle file may be off by.
-            sensor: whether it is a sensor error.
         """
         if calibration:
             return self.force >= materiality.calibration_force
@@ -123,10 +132,14 @@ class Priors:
     # Effects and structure.
     effect: float = -3.0  # log prior of every effect named: about one in twenty
     generic: float = 3.0  # less in log prior, for structure that is no effect
-    generic_size: float = 0.04  # deviation of its force over weight, of its torque over weight times arm [1]
+    generic_size: float = (
+        0.04  # deviation of its force over weight, of its torque over weight times arm [1]
+    )
     twist_torque: float = 0.3  # deviation of a twist's torque over the commanded one [1]
     # Onsets.
-    onset: float = math.log(1 / 4)  # log prior of an onset in a flight, and of absence beside an onset
+    onset: float = math.log(
+        1 / 4
+    )  # log prior of an onset in a flight, and of absence beside an onset
     onset_gain: float = 8.0  # log likelihood that a known onset must bring on a held-out flight
     new_onset_gain: float = 30.0  # the same where no training flight has an onset
     # Payloads.
@@ -135,13 +148,25 @@ class Priors:
     length: float = 0.05  # deviation of the length about a guess, relative [1]
     damping: float = 0.15  # deviation of the damping [1/s]; source: `SuspendedPayload`
     swing: float = 0.15  # deviation of an initial swing [rad]
-    # Relative model error of a pendulum's mass [1]; ideal sensors: 0.006. Source: simulated flights.
+    # Relative model error of a pendulum's mass [1]; ideal sensors: 0.006. Source: simulated
+    # flights.
     pendulum: float = 0.02
     # Slow forces: what sensors do alone, and gusts.
-    attitude_drift: tuple[float, float] = (10.0, 0.45)  # correlation time [s] and its deviation [e-folds]
-    attitude_spread: float = 0.25  # deviation of an attitude error's size about the tolerance [e-folds]
-    accelerometer_flicker: tuple[float, float] = (0.55, 0.4)  # tolerances a root e-fold, deviation [e-folds]
-    gust_time: tuple[float, float] = (1.0, 0.6)  # correlation time of gusts [s] and its deviation [e-folds]
+    attitude_drift: tuple[float, float] = (
+        10.0,
+        0.45,
+    )  # correlation time [s] and its deviation [e-folds]
+    attitude_spread: float = (
+        0.25  # deviation of an attitude error's size about the tolerance [e-folds]
+    )
+    accelerometer_flicker: tuple[float, float] = (
+        0.55,
+        0.4,
+    )  # tolerances a root e-fold, deviation [e-folds]
+    gust_time: tuple[float, float] = (
+        1.0,
+        0.6,
+    )  # correlation time of gusts [s] and its deviation [e-folds]
 
     def of_effect(self, identifier: str) -> float:
         """Return the log prior of one effect or generic structure (`unknown:…`)."""
@@ -157,54 +182,74 @@ class Thresholds:
 
     # A cause.
     cause_probability: float = 0.5  # least probability; ideal sensors: 0.75
-    indistinguishable_evidence: float = 3.5  # difference of log evidence below which two effects are indistinguishable
+    indistinguishable_evidence: float = (
+        3.5  # difference of log evidence below which two effects are indistinguishable
+    )
     # Second answer.
-    misfit_ratio: float = 1.6  # held-out residual over noise, for a second answer; ideal sensors: 1.25
+    misfit_ratio: float = (
+        1.6  # held-out residual over noise, for a second answer; ideal sensors: 1.25
+    )
     # Tests of what is left.
     burst_ratio: float = 8.0  # of a slow force over its usual deviation
     line_ratio: float = 20.0  # power of a spectral line over its neighbourhood
     slow_torque_ratio: float = 12.0  # over that of gyro noise; ideal sensors: 9
-    # Share of a threshold that held-out flights must show, and of slow power that a swing which was lost leaves.
+    # Share of a threshold that held-out flights must show, and of slow power that a swing which was
+    # lost leaves.
     held_out_share: float = 0.5
     # Gusts.
     slow_force_evidence: float = 5.0  # log evidence of a slow force at even odds
-    position_p_value: float = 1e-3  # probability below which a slow force does not follow the place by chance
+    position_p_value: float = (
+        1e-3  # probability below which a slow force does not follow the place by chance
+    )
 
 
 @dc.dataclass(frozen=True)
 class Spread:
     """Standard deviations of healthy vehicles and of their flights.
 
-    Source: the priors of the identification (`np_drake.identification.priors`) where a field names none.
+    Source: the priors of the identification (`np_drake.identification.priors`) where a field names
+    none.
     """
 
     # Of a vehicle about its file.
     rotor_gain: float = 0.03  # thrust of one rotor [1]
     center_of_mass: float = 0.05  # in the plane of the rotors [arm]
     center_of_mass_height: float = 0.1  # [arm]
-    # Torque about each axis: rotors trim moments that no model has, sampled commands miss most of it, and arms, torque
-    # over thrust and inertia are known by their ratio [1]; source: the usual size of `mixer_gain`.
+    # Torque about each axis: rotors trim moments that no model has, sampled commands miss most of
+    # it, and arms, torque over thrust and inertia are known by their ratio [1]; source: the usual
+    # size of `mixer_gain`.
     torque_gain: float = 0.5
     flapping: float = 0.2  # moment against velocity [arm/s]
     lift: float = 0.03  # thrust against velocity squared, over mass [1/m]
     mounting: float = 0.02  # of the IMU against the rotors [rad]; source: one degree
-    accelerometer_offset: float = 0.2  # of any accelerometer [m/s²]; source: data sheet of the BMI088, 20 mg
+    accelerometer_offset: float = (
+        0.2  # of any accelerometer [m/s²]; source: data sheet of the BMI088, 20 mg
+    )
     latency: float = 0.01  # of attitude against velocity [s]
     command_time: float = 0.01  # at which a command acts [s]
     rotor_speed_time: float = 0.005  # at which measured rotor speed acts [s]
-    lags: tuple[float, ...] = (0.01, 0.03, 0.08)  # of rotors, each of which may act whole or not [s]
+    lags: tuple[float, ...] = (
+        0.01,
+        0.03,
+        0.08,
+    )  # of rotors, each of which may act whole or not [s]
     # Of a flight about its vehicle.
-    tilt: float = 0.02  # of the frame of the motion capture, or of an estimator [rad]; source: one degree
+    tilt: float = (
+        0.02  # of the frame of the motion capture, or of an estimator [rad]; source: one degree
+    )
     gyro: float = 0.02  # bias [rad/s]
     velocity: float = 0.02  # bias [m/s]
     accelerometer: float = 0.1  # bias [m/s²]
     rotor_trim: float = 0.015  # thrust of one rotor, as a battery moves the centre of mass [1]
     charge: float = 0.03  # thrust over throttle and voltage [1]
-    # Thrust over throttle, the voltage not known [1]; source: a cell at 3.6 to 4.1 V, thrust with its power 1.5.
+    # Thrust over throttle, the voltage not known [1]; source: a cell at 3.6 to 4.1 V, thrust with
+    # its power 1.5.
     unknown_charge: float = 0.06
     known_charge: float = 0.01  # thrust over rotor speed, or over a command in newtons [1]
     sag: float = 0.002  # rate of the thrust over throttle [1/s]
-    known_sag: float = 0.0005  # over throttle and voltage, rotor speed or a command in newtons [1/s]
+    known_sag: float = (
+        0.0005  # over throttle and voltage, rotor speed or a command in newtons [1/s]
+    )
     # Slow changes within a flight.
     drift_time: float = 5.0  # between independent values [s]
     tilt_drift: float = 0.008  # of the attitude [rad]
@@ -225,24 +270,30 @@ class Options:
     thresholds: Thresholds  # of the decision
 
     def with_material(self, position: float) -> "Options":
-        """Return the options by which a remainder is material from this position error on, and a force in proportion.
+        """Return the options by which a remainder is material from this position error on, and a
+        force in proportion.
 
         Args:
             position: of a simulator after 1 s [m].
         Raises: ValueError: if it is not positive.
         """
         if not 0 < position < math.inf:
-            raise ValueError(f"diagnose: a material position error must be positive and finite [m]; got {position}.")
+            raise ValueError(
+                f"diagnose: a material position error must be positive and finite [m]; got "
+                f"{position}."
+            )
         force = self.materiality.remaining_force * position / self.materiality.position
-        return dc.replace(self, materiality=dc.replace(self.materiality, position=position, remaining_force=force))
+        return dc.replace(
+            self, materiality=dc.replace(self.materiality, position=position, remaining_force=force)
+        )
 
     @classmethod
     def for_sensors(cls, real: bool, tolerance: Tolerance | None = None) -> "Options":
         """Return the options for real or ideal sensors.
 
         Args:
-            real: whether logs come from real sensors.
-            tolerance: of vehicle file and sensors; default: `Tolerance()` where real, else `IDEAL_SENSORS`.
+            tolerance: of vehicle file and sensors; default: `Tolerance()` where real, else
+                `IDEAL_SENSORS`.
         """
         if real:
             return cls(tolerance or Tolerance(), Materiality(), Priors(), Thresholds())

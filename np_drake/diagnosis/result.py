@@ -1,4 +1,6 @@
-"""Result of a diagnosis as dataclasses; `as_json` gives the file `diagnosis.json` (docs/reference/files.md)."""
+"""Result of a diagnosis as dataclasses; `as_json` gives the file `diagnosis.json`
+(docs/reference/files.md).
+"""
 
 import dataclasses as dc
 from collections.abc import Callable, Iterable
@@ -40,12 +42,14 @@ class Estimate:
 class Cause:
     """Unmodelled effect that the logs show.
 
-    onset: by flight, the time at which it begins [s]; None: from the start; infinite: absent from the flight.
-    share: power of its own predicted residual over that of the gap above the noise, in the flights of the fit [1]; NaN
-        for gusts, which have none there. Predicted residuals overlap, so that shares need not add up to one.
+    onset: by flight, the time at which it begins [s]; None: from the start; infinite: absent from
+    the flight.
+    share: power of its own predicted residual over that of the gap above the noise, in the flights
+        of the fit [1]; NaN for gusts, which have none there. Predicted residuals overlap, so that
+        shares need not add up to one.
     effect: the fitted object.
-    held_out_gain: share of the held-out gap above the noise that comes back without it [1]; negative: flights
-        contradict it.
+    held_out_gain: share of the held-out gap above the noise that comes back without it [1];
+        negative: flights contradict it.
     """
 
     identifier: str
@@ -60,10 +64,12 @@ class Cause:
 
 @dc.dataclass(frozen=True)
 class Difference:
-    """What a vehicle differs by from its file, or a flight from others of its vehicle: calibration, and no cause.
+    """What a vehicle differs by from its file, or a flight from others of its vehicle: calibration,
+    and no cause.
 
-    value: departure from the file [unit], in the flight that the text names.   deviation: of healthy vehicles [unit].
-    by_flight: value in every flight of the fit; empty: the same in all.
+    value: departure from the file [unit], in the flight that the text names.
+    deviation: of healthy vehicles [unit]. by_flight: value in every flight of the fit; empty: the
+        same in all.
     """
 
     name: str
@@ -119,7 +125,9 @@ class Identifiability:
 
 @dc.dataclass(frozen=True)
 class Rung:
-    """Rung of the ladder: pooled held-out residual in noise units once the effects so far are added."""
+    """Rung of the ladder: pooled held-out residual in noise units once the effects so far are
+    added.
+    """
 
     name: str
     residual: float
@@ -143,9 +151,12 @@ class ReplayGap:
 class Remainder:
     """What causes and calibration leave of the held-out gap beyond the noise.
 
-    share: of the gap [1], the median of its posterior, and its 95 % interval; NaN where the gap is immaterial.
-    force [N], torque [N·m]: RMS.   position: error that they cause in a simulator after 1 s, RMS [m].
-    position_before: the same of the gap [m].   probability: that it is material [1].
+    share: of the gap [1], the median of its posterior, and its 95 % interval; NaN where the gap is
+    immaterial.
+    force [N], torque [N·m]: RMS.
+    position: error that they cause in a simulator after 1 s, RMS [m]. position_before: the same of
+        the gap [m].
+    probability: that it is material [1].
     """
 
     share: float
@@ -164,7 +175,8 @@ NO_REMAINDER = Remainder(float("nan"), (float("nan"), float("nan")), 0.0, 0.0, 0
 class GapReduction:
     """Held-out residual in noise units before and after the causes are added.
 
-    fraction: share of the gap beyond the noise that causes and calibration close [1], at least -1, with its interval;
+    fraction: share of the gap beyond the noise that causes and calibration close [1], at least -1,
+    with its interval;
     0 where the gap is immaterial.   left: the rest.
     """
 
@@ -190,22 +202,31 @@ class Diagnosis:
     """Result of all five steps of a diagnosis.
 
     verdict: identifiers of effects, possibly with `unknown`; empty: nothing is missing.
-    joined: held-out flights whose first half joined the fit, so that only their second half judges (adaptive split).
+    joined: held-out flights whose first half joined the fit, so that only their second half judges
+        (adaptive split).
     cannot_tell: the logs excite nothing, and there is no verdict.
-    below_threshold: effects of the best model that are immaterial or not probable enough for a cause.
+    below_threshold: effects of the best model that are immaterial or not probable enough for a
+        cause.
     unexplained: signs of structure that no effect of the library explains.
-    unknown_probability: probability that a material residual remains that no effect of the library explains [1].
-    refit: second answer, with the first halves of held-out flights in its fit, where these show more than the others.
+    unknown_probability: probability that a material residual remains that no effect of the library
+        explains [1].
+    refit: second answer, with the first halves of held-out flights in its fit, where these show
+        more than the others.
     new_on_held_out: what held-out flights show that the training flights do not.
     judged_as: tolerance used: `rig` (real sensors) or `laboratory` (ideal sensors); empty: neither.
     coverage: sentences on what the held-out flights test; empty: not computed.
     posterior: joint, of the parameters of the causes.
-    explanations: that still stand, best first; the verdict names the material effects of the first that are probable.
+    explanations: that still stand, best first; the verdict names the material effects of the first
+        that are probable.
     readings: noise and tolerances by which another flight is read.
-    doubts: what stands against any answer from these flights, as `np-drake doctor` finds it; said before the answer.
-    not_flyable: why no plain controller flies the corrected simulator, and what to do; empty: one does, or none tried.
-    calibration: by what an unmeasured vehicle and its flights differ, largest first; empty: the file describes it.
-    nominal: vehicle that was judged, that of the file unless a guess in it gave way; None: read from a report.
+    doubts: what stands against any answer from these flights, as `np-drake doctor` finds it; said
+        before the answer.
+    not_flyable: why no plain controller flies the corrected simulator, and what to do; empty: one
+        does, or none tried.
+    calibration: by what an unmeasured vehicle and its flights differ, largest first; empty: the
+        file describes it.
+    nominal: vehicle that was judged, that of the file unless a guess in it gave way; None: read
+        from a report.
     """
 
     vehicle: str
@@ -234,17 +255,25 @@ class Diagnosis:
     not_flyable: str = ""
     nominal: Vehicle | None = None
     calibration: tuple[Difference, ...] = ()
-    headline: ClassVar[Callable[["Diagnosis"], str]] = lambda diagnosis: ", ".join(diagnosis.verdict)
-    """The answer in one sentence: `report.headline`, which needs this module, and puts itself here."""
+    headline: ClassVar[Callable[["Diagnosis"], str]] = lambda diagnosis: ", ".join(
+        diagnosis.verdict
+    )
+    """The answer in one sentence: `report.headline`, which needs this module, and puts itself here."""  # noqa: E501
 
     def __repr__(self) -> str:
         """Return vehicle and headline in a line."""
         return f"Diagnosis({self.vehicle}: {self.headline()})"
 
     def _repr_html_(self) -> str:
-        """Return what a notebook shows: the headline, a row for every parameter of a cause, and the first warnings."""
+        """Return what a notebook shows: the headline, a row for every parameter of a cause, and the
+        first warnings.
+        """
         rows = [
-            (c.identifier, probability(c.probability), ", ".join(f"{n} {_shown(e)}" for n, e in c.parameters.items()))
+            (
+                c.identifier,
+                probability(c.probability),
+                ", ".join(f"{n} {_shown(e)}" for n, e in c.parameters.items()),
+            )
             for c in self.causes
         ]
         header = ("cause", "probability", "parameters, ± half of the 95 % interval")
@@ -253,7 +282,12 @@ class Diagnosis:
     def table(self) -> list[dict[str, Any]]:
         """Return a row for every parameter of a cause: its value, 95 % interval and unit."""
         return [
-            {"cause": cause.identifier, "probability": cause.probability, "parameter": name, "value": found.value}
+            {
+                "cause": cause.identifier,
+                "probability": cause.probability,
+                "parameter": name,
+                "value": found.value,
+            }
             | {"lower": found.ci95[0], "upper": found.ci95[1], "unit": found.unit}
             for cause in self.causes
             for name, found in cause.parameters.items()
@@ -268,7 +302,8 @@ class Diagnosis:
         return data_frame({name: [line[name] for line in self.table()] for name in names})
 
     def as_json(self) -> dict[str, Any]:
-        """Return the content of `diagnosis.json` in plain types, without residual series and fitted objects.
+        """Return the content of `diagnosis.json` in plain types, without residual series and fitted
+        objects.
 
         Values that are not finite become None.
         """
@@ -276,7 +311,9 @@ class Diagnosis:
         return plain(
             {
                 "schema": SCHEMA,
-                **_named(self, "vehicle", "train", "held_out", "joined", "judged_as", "doubts", "verdict"),
+                **_named(
+                    self, "vehicle", "train", "held_out", "joined", "judged_as", "doubts", "verdict"
+                ),
                 **_named(self, "cannot_tell", "unknown_probability"),
                 "calibration": [_difference(difference) for difference in self.calibration],
                 "causes": [_cause(cause) for cause in self.causes],
@@ -316,7 +353,7 @@ Replay = Callable[[list[FlightLog], list[tuple[Effect, dict[str, float | None]]]
 """Replay of held-out logs in a simulator: (logs, effects with their onset by flight) -> error; [] is nominal.
 
 Times of logs and onsets count from the flight's first row.
-"""
+"""  # noqa: E501
 
 
 def _named(item: Any, *names: str) -> dict[str, Any]:
@@ -328,7 +365,9 @@ def _fields(items: Iterable[Any]) -> list[dict[str, Any]]:
 
 
 def _difference(difference: Difference) -> dict[str, Any]:
-    return {name: value for name, value in dc.asdict(difference).items() if name != "by_flight" or value}
+    return {
+        name: value for name, value in dc.asdict(difference).items() if name != "by_flight" or value
+    }
 
 
 def _cause(cause: Cause) -> dict[str, Any]:
@@ -343,19 +382,29 @@ def _cause(cause: Cause) -> dict[str, Any]:
 
 
 def _gap(localisation: Localisation, replay: ReplayGap | None) -> dict[str, Any]:
-    """Return the gap by kind and axis, the replay's medians, and its parts in time, regime and frequency."""
+    """Return the gap by kind and axis, the replay's medians, and its parts in time, regime and
+    frequency.
+    """
     gap: dict[str, Any] = {"force": {}, "torque": {}}
     for channel in localisation.channels:
         kind, axis = channel.channel.split()
         gap[kind][axis] = _named(channel, "unit", "rms", "noise_floor", "after", "explained")
-    medians = {} if replay is None else {name: of[:, 0].tolist() for name, of in _quantities(replay).items()}
+    medians = (
+        {}
+        if replay is None
+        else {name: of[:, 0].tolist() for name, of in _quantities(replay).items()}
+    )
     gap["kinds"] = _fields(gap_kinds(localisation.channels))
     gap["replay"] = None if replay is None else {"horizon": replay.horizon, **medians}
-    return gap | {name: _fields(getattr(localisation, name)) for name in ("segments", "regimes", "bands")}
+    return gap | {
+        name: _fields(getattr(localisation, name)) for name in ("segments", "regimes", "bands")
+    }
 
 
 def _both_replays(before: ReplayGap | None, after: ReplayGap | None) -> dict[str, Any] | None:
-    """Return medians (h,) and 95 % intervals (h, 2) of the replay [m], [m/s], [deg], nominal and with the causes."""
+    """Return medians (h,) and 95 % intervals (h, 2) of the replay [m], [m/s], [deg], nominal and
+    with the causes.
+    """
     known = before or after
     if known is None:
         return None

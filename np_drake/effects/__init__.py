@@ -1,4 +1,5 @@
-"""Physical effects that the nominal model leaves out, for simulation and for fitting; one pure object a file.
+"""Physical effects that the nominal model leaves out, for simulation and for fitting; one pure
+object a file.
 
 `LIBRARY` holds those that the diagnosis searches, by identifier.
 """
@@ -11,7 +12,14 @@ _FILES = (  # in the order of the search; each holds the class that is named as 
     *("linear_drag", "quadratic_drag", "blade_flapping", "translational_lift", "rotor_inflow"),
     *("constant_wind", "gusty_wind", "ground_effect", "rotor_gyroscopic"),
     *("accelerometer_bias", "gyro_bias", "velocity_bias", "attitude_bias", "clock_offset"),
-    *("mixer_gain", "thrust_ceiling", "battery_sag", "throttle_curve", "imu_mounting", "attitude_latency"),
+    *(
+        "mixer_gain",
+        "thrust_ceiling",
+        "battery_sag",
+        "throttle_curve",
+        "imu_mounting",
+        "attitude_latency",
+    ),
     *("downwash", "disturbance", "sensor_noise"),
 )
 NAMES = {file.title().replace("_", ""): f"np_drake.effects.{file}" for file in _FILES}

@@ -30,7 +30,15 @@ class AccelerometerBias(SensorEffect):
     tolerance = "acceleration"
     corrupts = ("ax", "ay", "az")
     parameters = tuple(
-        Parameter(axis, "m/s²", 0.0, -3.0, 3.0, 0.3, departure=f"accelerometer reads {{signed}} along {axis}")
+        Parameter(
+            axis,
+            "m/s²",
+            0.0,
+            -3.0,
+            3.0,
+            0.3,
+            departure=f"accelerometer reads {{signed}} along {axis}",
+        )
         for axis in "xyz"
     )
 

@@ -5,8 +5,9 @@ import numpy as np
 from np_drake.effects.base import Motion
 from np_drake.rigid_body import V
 
-# Prior correlation of drag coefficients along x, y, z: the two level axes of a multirotor see nearly the same airframe
-# and rotors (within some 30 %), the rotor axis another. Source: own choice.
+# Prior correlation of drag coefficients along x, y, z: the two level axes of a multirotor see
+# nearly the same airframe and rotors (within some 30 %), the rotor axis another. Source: own
+# choice.
 ALIKE = ((1.0, 0.95, 0.5), (0.95, 1.0, 0.5), (0.5, 0.5, 1.0))
 
 
@@ -22,7 +23,6 @@ def chi_from_body(motion: Motion, f_B: np.ndarray, tau_B: np.ndarray | None = No
     """Return chi = [f in W, tau in B] (..., 6) of a wrench in body axes [N, N·m].
 
     Args:
-        motion: whose attitude turns the force.
         f_B: (..., 3) force at Bo in B [N].
         tau_B: (..., 3) torque in B [N·m]; None: none.
     """

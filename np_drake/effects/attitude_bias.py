@@ -28,12 +28,16 @@ class AttitudeBias(SensorEffect):
     drawn = (0.003, 0.08)
     bench_check = "level the IMU, or the frame of the motion capture"
     excited_by = "hover with two opposite headings, and sprints"
-    told_from = {"accelerometer_bias": "fly at several thrusts: tilt scales with thrust, a bias stays"}
+    told_from = {
+        "accelerometer_bias": "fly at several thrusts: tilt scales with thrust, a bias stays"
+    }
     tolerance = "attitude"
     linear = False
     corrupts = ("qw", "qx", "qy", "qz")
     parameters = tuple(
-        Parameter(name, "rad", 0.0, -0.4, 0.4, 0.03, departure=f"attitude reads {{signed}} of {name}")
+        Parameter(
+            name, "rad", 0.0, -0.4, 0.4, 0.03, departure=f"attitude reads {{signed}} of {name}"
+        )
         for name in ("roll", "pitch", "yaw")
     )
 

@@ -1,8 +1,9 @@
 """Interfaces of effects, by the place where an effect acts.
 
-An effect is a frozen dataclass of its parameters (names and units of its own file). The simulator adds it through
-one of the wrappers in `systems/`; a diagnosis fits the same object to logs. All functions are vectorised over
-leading axes. An effect acts at one of four places: wrench, actuator, mass, measurement.
+An effect is a frozen dataclass of its parameters (names and units of its own file). The simulator
+adds it through one of the wrappers in `systems/`; a diagnosis fits the same object to logs. All
+functions are vectorised over leading axes. An effect acts at one of four places: wrench, actuator,
+mass, measurement.
 """
 
 import dataclasses as dc
@@ -26,28 +27,37 @@ _STEADY = np.zeros(4)  # constant rotor speed [rad/s²]
 class Effect:
     """Base class of all effects: all that simulator, diagnosis and report know of one.
 
-    A subclass is a frozen dataclass whose fields carry the parameters' names. It states `identifier`, `parameters` and
-    its function; everything else has a default.
+    A subclass is a frozen dataclass whose fields carry the parameters' names. It states
+    `identifier`, `parameters` and its function; everything else has a default.
     """
 
     identifier: ClassVar[str]
     place: ClassVar[str]  # wrench | actuator | mass | measurement
     parameters: ClassVar[tuple[Parameter, ...]]
-    # cause: the diagnosis searches it.   mixer: only on logs of measured rotor speed, where a command's mixer is known.
-    # neighbour: only on logs beside which that of a vehicle nearby is given.
-    # simulated: in scenarios alone.   nuisance: an error of file or input that every model holds, never a cause.
+    # cause: the diagnosis searches it.   mixer: only on logs of measured rotor speed, where a
+    # command's mixer is known. neighbour: only on logs beside which that of a vehicle nearby is
+    # given. simulated: in scenarios alone.   nuisance: an error of file or input that every model
+    # holds, never a cause.
     role: ClassVar[str] = "cause"
 
     # Its mathematics.
     linear: ClassVar[bool] = True  # in all parameters
     begins: ClassVar[bool] = True  # may begin in mid-flight
-    sudden: ClassVar[bool] = False  # what happens to a healthy vehicle in flight: a load, a broken rotor, a wind
+    sudden: ClassVar[bool] = (
+        False  # what happens to a healthy vehicle in flight: a load, a broken rotor, a wind
+    )
     needs: ClassVar[tuple[str, ...]] = ()  # it acts through one of these (wind through a drag)
     # Prior correlation of its continuous parameters; (): none [1].
     prior_correlation: ClassVar[tuple[tuple[float, ...], ...]] = ()
-    widens: ClassVar[bool] = False  # its prior widens to the size of its estimate: usual sizes are not known
-    has_hidden_state: ClassVar[bool] = False  # a motion of its own, which no log holds (a payload's swing)
-    shifts_commands: ClassVar[bool] = False  # in time against the state: a lag, a delay, another clock
+    widens: ClassVar[bool] = (
+        False  # its prior widens to the size of its estimate: usual sizes are not known
+    )
+    has_hidden_state: ClassVar[bool] = (
+        False  # a motion of its own, which no log holds (a payload's swing)
+    )
+    shifts_commands: ClassVar[bool] = (
+        False  # in time against the state: a lag, a delay, another clock
+    )
     pure_delay: ClassVar[bool] = False  # it does nothing but that
     requires: ClassVar[tuple[str, ...]] = ()  # what a log must tell: keys of `library.REQUIREMENTS`
     tolerance: ClassVar[str] = ""  # field of `Tolerance`: how far vehicle file or sensor may be off
@@ -63,8 +73,12 @@ class Effect:
     shares: ClassVar[bool] = False  # its dimensionless parameters are shown in per cent
     bench_check: ClassVar[str] = ""  # how to see it without a flight
     excited_by: ClassVar[str] = ""  # manoeuvre that shows it
-    told_from: ClassVar[Mapping[str, str]] = {}  # identifier of another effect: manoeuvre that tells the two
-    grows_with: ClassVar[str] = ""  # speed | rate | torque | duration, without which it leaves no trace
+    told_from: ClassVar[
+        Mapping[str, str]
+    ] = {}  # identifier of another effect: manoeuvre that tells the two
+    grows_with: ClassVar[str] = (
+        ""  # speed | rate | torque | duration, without which it leaves no trace
+    )
 
     @property
     def values(self) -> dict[str, float]:
@@ -73,11 +87,15 @@ class Effect:
 
     @property
     def predicted(self) -> "Effect":
-        """Effect that is predicted for another flight: the effect itself without what is drawn anew each time."""
+        """Effect that is predicted for another flight: the effect itself without what is drawn anew
+        each time.
+        """
         return self
 
     def time_shift(self, vehicle: Vehicle) -> float:
-        """Return the time by which commands act later on the state, beyond what the vehicle file says [s]."""
+        """Return the time by which commands act later on the state, beyond what the vehicle file
+        says [s].
+        """
         return 0.0
 
     def possible(self, vehicle: Vehicle, height: float) -> bool:
@@ -100,7 +118,9 @@ class Effect:
 
     @classmethod
     def grid(cls, vehicle: Vehicle) -> list[dict[str, float]]:
-        """Return the values of its parameters at which a search linearises it; [] where it is linear enough."""
+        """Return the values of its parameters at which a search linearises it; [] where it is
+        linear enough.
+        """
         if cls.linear or cls.needs or cls.place in ("mass", "measurement"):
             return []
         free = [p for p in cls.parameters if not p.choices]
@@ -110,23 +130,38 @@ class Effect:
     def draw(cls, rng: np.random.Generator, vehicle: Vehicle, seconds: float) -> dict[str, float]:
         """Return random parameters of a simulated case, log-uniform from invisible to strong.
 
-        A `drawn` size is that of the only parameter, or of three along a random direction; without, each has its own.
+        A `drawn` size is that of the only parameter, or of three along a random direction; without,
+        each has its own.
 
         Args:
             rng: source of the draw.
             vehicle: on which the effect acts.
             seconds: duration of the flights [s].
-        Source: own choice: the weak end drowns in sensor noise, the strong end is what a controller still flies.
+        Source: own choice: the weak end drowns in sensor noise, the strong end is what a controller
+            still flies.
         """
         if cls.drawn is not None:
             size = (signed if cls.either_sign else log_uniform)(rng, *cls.drawn)
             along = direction(rng, cls.rise) if len(cls.parameters) == 3 else np.ones(1)
-            return {p.name: float(p.neutral + size * n) for p, n in zip(cls.parameters, along, strict=True)}
+            return {
+                p.name: float(p.neutral + size * n)
+                for p, n in zip(cls.parameters, along, strict=True)
+            }
         drawn = {}
         for p in cls.parameters:
             away = usual_size(p, vehicle) * log_uniform(rng, 0.1, 3.0)
-            sign = 1.0 if p.lower == p.neutral else -1.0 if p.upper == p.neutral else rng.choice([-1.0, 1.0])
-            value = rng.choice(p.choices) if p.choices else np.clip(p.neutral + sign * away, p.lower, p.upper)
+            sign = (
+                1.0
+                if p.lower == p.neutral
+                else -1.0
+                if p.upper == p.neutral
+                else rng.choice([-1.0, 1.0])
+            )
+            value = (
+                rng.choice(p.choices)
+                if p.choices
+                else np.clip(p.neutral + sign * away, p.lower, p.upper)
+            )
             drawn[p.name] = float(value)
         return drawn
 
@@ -137,7 +172,9 @@ class Effect:
 
     @classmethod
     def of(cls, values: Mapping[str, float]) -> "Effect":
-        """Return the effect with these values of parameters by name, the others at their defaults."""
+        """Return the effect with these values of parameters by name, the others at their
+        defaults.
+        """
         return cls(**values)
 
 
@@ -145,8 +182,11 @@ class Effect:
 class Motion:
     """State, rotor thrust and air on which a wrench effect may depend.
 
-    t: (...,) [s].   x: (..., 13).   rotor_thrust: (..., 4) [N].   wind: (..., 3) velocity of the air in W [m/s].
-    rotor_rate: (..., 4) time derivative of rotor speed [rad/s²].
+    t: (...,) [s].
+    x: (..., 13).
+    rotor_thrust: (..., 4) [N].
+    wind: (..., 3) velocity of the air in W [m/s]. rotor_rate: (..., 4) time derivative of rotor
+        speed [rad/s²].
     """
 
     t: np.ndarray | float
@@ -162,11 +202,13 @@ class Motion:
 
 
 class WrenchEffect(Effect):
-    """Effect that adds a wrench to the body, or moves the air (`air_velocity`) that the drags of the model feel.
+    """Effect that adds a wrench to the body, or moves the air (`air_velocity`) that the drags of
+    the model feel.
 
-    pushes, turns: whether it has a force, a torque; the fit sets those to zero for an effect that declares none.
-    feels_rotor_rate: whether it depends on the rotors' acceleration; the simulator passes none to one that does not.
-    They are true of a class with its own `wrench` unless it says otherwise, and false of a wind, which has none.
+    pushes, turns: whether it has a force, a torque; the fit sets those to zero for an effect that
+    declares none. feels_rotor_rate: whether it depends on the rotors' acceleration; the simulator
+    passes none to one that does not. They are true of a class with its own `wrench` unless it says
+    otherwise, and false of a wind, which has none.
     """
 
     place = "wrench"
@@ -182,7 +224,8 @@ class WrenchEffect(Effect):
                 setattr(cls, flag, True)
 
     def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
-        """Return the effect's part of chi = [f in W, tau in B] (..., 6) [N, N·m]; the force acts at Bo.
+        """Return the effect's part of chi = [f in W, tau in B] (..., 6) [N, N·m]; the force acts at
+        Bo.
 
         Args:
             vehicle: nominal vehicle.
@@ -200,9 +243,11 @@ class WrenchEffect(Effect):
 
 
 class ActuatorEffect(Effect):
-    """Effect between commanded and actual rotor thrust; without memory it has state_size 0 and no delay.
+    """Effect between commanded and actual rotor thrust; without memory it has state_size 0 and no
+    delay.
 
-    turns_rotor: whether it changes how fast the rotor turns (a motor), or what a turning rotor gives (a propeller).
+    turns_rotor: whether it changes how fast the rotor turns (a motor), or what a turning rotor
+    gives (a propeller).
     """
 
     place = "actuator"
@@ -270,7 +315,9 @@ class ActuatorEffect(Effect):
 class MassProperties:
     """Mass properties of the rigid vehicle.
 
-    mass: [kg].   p_BoBcm_B: (3,) centre of mass [m].   J: (3, 3) about the centre of mass in body axes [kg·m²].
+    mass: [kg].
+    p_BoBcm_B: (3,) centre of mass [m].
+    J: (3, 3) about the centre of mass in body axes [kg·m²].
     """
 
     mass: float
@@ -284,7 +331,9 @@ class MassProperties:
 
     @property
     def rigid(self) -> bool:
-        """Whether a rigid body can have them: no principal moment exceeds the sum of the two others."""
+        """Whether a rigid body can have them: no principal moment exceeds the sum of the two
+        others.
+        """
         least, _, most = moments = np.linalg.eigvalsh(self.J)
         return bool(self.mass > 0 and least > 0 and 2 * most <= moments.sum() * (1 + 1e-9))
 
@@ -312,7 +361,10 @@ class MassEffect(Effect):
 class Measurement:
     """Reading of the sensors.
 
-    x: (..., 13) state.   a: (..., 3) in W [m/s²].   al: (..., 3) in B [rad/s²].   rotor: (..., 4) rotor speed [rad/s].
+    x: (..., 13) state.
+    a: (..., 3) in W [m/s²].
+    al: (..., 3) in B [rad/s²].
+    rotor: (..., 4) rotor speed [rad/s].
     """
 
     x: np.ndarray
@@ -342,9 +394,11 @@ class MeasurementEffect(Protocol):
 
 
 class SensorEffect(Effect):
-    """Systematic error of a sensor: a MeasurementEffect without random draws, so that it can be fitted.
+    """Systematic error of a sensor: a MeasurementEffect without random draws, so that it can be
+    fitted.
 
-    corrupts: columns of a flight log that it changes.   clock_shift: by which state rows run ahead of the commands [s].
+    corrupts: columns of a flight log that it changes.
+    clock_shift: by which state rows run ahead of the commands [s].
     """
 
     place = "measurement"

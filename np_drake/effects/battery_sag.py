@@ -22,7 +22,12 @@ class BatterySag(ActuatorEffect):
     bench_check = "log the battery's voltage"
     parameters = (
         Parameter(
-            *("rate", "1/s", 0.0, -0.1, 0.1, 0.002),
+            "rate",
+            "1/s",
+            0.0,
+            -0.1,
+            0.1,
+            0.002,
             departure="thrust grows by {size} a minute|thrust falls by {size} a minute",
         ),
     )

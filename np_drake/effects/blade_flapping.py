@@ -28,8 +28,16 @@ class BladeFlapping(WrenchEffect):
     pushes = False
     parameters = (
         Parameter(
-            *("moment", "N·m·s/m", 0.0, -0.2, 0.2, 0.02),
-            departure="nose-up moment in forward flight, {size}|nose-down moment in forward flight, {size}",
+            "moment",
+            "N·m·s/m",
+            0.0,
+            -0.2,
+            0.2,
+            0.02,
+            departure=(
+                "nose-up moment in forward flight, {size}|nose-down moment in forward "
+                "flight, {size}"
+            ),
         ),
     )
 
@@ -41,5 +49,7 @@ class BladeFlapping(WrenchEffect):
     def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
         """Return chi of the moment, (..., 6) [N, N·m]."""
         v_B = air_velocity_B(motion)
-        tau_B = self.moment * np.stack([v_B[..., 1], -v_B[..., 0], np.zeros_like(v_B[..., 0])], axis=-1)
+        tau_B = self.moment * np.stack(
+            [v_B[..., 1], -v_B[..., 0], np.zeros_like(v_B[..., 0])], axis=-1
+        )
         return chi_from_body(motion, np.zeros_like(v_B), tau_B)

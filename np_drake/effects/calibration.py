@@ -1,4 +1,6 @@
-"""Effects of what a healthy vehicle differs by from its drawing, so that a simulator flies the calibrated vehicle."""
+"""Effects of what a healthy vehicle differs by from its drawing, so that a simulator flies the
+calibrated vehicle.
+"""
 
 from collections.abc import Iterable
 from typing import Any
@@ -13,34 +15,37 @@ from np_drake.effects.rotor_gyroscopic import RotorGyroscopic
 from np_drake.effects.uneven_lag import UnevenLag
 from np_drake.effects.weak_rotor import WeakRotor
 from np_drake.vehicle import Vehicle
-from np_drake.vehicle_calibration import Calibration
+from np_drake.vehicle.calibration import Calibration
 
 FASTEST = 1e-3  # time constant below which a lag only makes an integrator stiff [s]; own choice
 
 
-def in_flight(vehicle: Vehicle, *, measured: bool = False, beside: Iterable[Any] = ()) -> tuple[Effect, ...]:
+def in_flight(
+    vehicle: Vehicle, *, measured: bool = False, beside: Iterable[Any] = ()
+) -> tuple[Effect, ...]:
     """Return the effects of the calibration of a vehicle file that act in a flight.
 
     Args:
-        vehicle: with its calibration.
         measured: whether thrust is that of measured rotor speed, which the motors have behind them.
         beside: further effects; a lag among them takes the place of that of the file.
     """
     motors = (
-        (UnevenLag, CommandDelay) if measured else (UnevenLag,) if any(isinstance(e, MotorLag) for e in beside) else ()
+        (UnevenLag, CommandDelay)
+        if measured
+        else (UnevenLag,)
+        if any(isinstance(e, MotorLag) for e in beside)
+        else ()
     )
     return tuple(e for e in effects_of(vehicle.calibration, vehicle) if not isinstance(e, motors))
 
 
 def effects_of(calibration: Calibration, vehicle: Vehicle) -> tuple[Effect, ...]:
-    """Return the effects that add the calibration to the nominal model of the vehicle; none for the default.
+    """Return the effects that add the calibration to the nominal model of the vehicle; none for the
+    default.
 
-    No effect has the position of the IMU: the simulated accelerometer is at Bo. `clock_offset` and `imu_tilt` change
-    the log alone, and a sensor model refuses a clock offset (`np_drake.logs.clock.shift_state` applies it to the log).
-
-    Args:
-        calibration: usually that of the vehicle.
-        vehicle: with the rotors' own time constant.
+    No effect has the position of the IMU: the simulated accelerometer is at Bo. `clock_offset` and
+    `imu_tilt` change the log alone, and a sensor model refuses a clock offset
+    (`np_drake.logs.clock.shift_state` applies it to the log).
     """
     c, up = calibration, vehicle.rotor_time_constant
     effects: list[Effect] = []

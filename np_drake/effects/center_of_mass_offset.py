@@ -1,4 +1,6 @@
-"""Effect `center_of_mass_offset`: a centre of mass beside the point where the vehicle file has it."""
+"""Effect `center_of_mass_offset`: a centre of mass beside the point where the vehicle file has
+it.
+"""
 
 import dataclasses as dc
 
@@ -11,11 +13,13 @@ from np_drake.vehicle import Vehicle
 
 @dc.dataclass(frozen=True)
 class CenterOfMassOffset(MassEffect):
-    """Shift of the centre of mass, p_BoBcm_B = nominal + [x, y, z]; J stays about the new centre of mass.
+    """Shift of the centre of mass, p_BoBcm_B = nominal + [x, y, z]; J stays about the new centre of
+    mass.
 
     With c = p_BoBcm_B and F the force on the body, all at Bo, which stays the logged point:
         m (a_Bo + R (al x c + w x (w x c)) + g z) = F,    J al + w x J w = tau_Bo - c x R^T F.
-    Source: Newton and Euler about the centre of mass. In measured motion the torque has a term of second order in c.
+    Source: Newton and Euler about the centre of mass. In measured motion the torque has a term of
+        second order in c.
     """
 
     x: float = 0.01  # [m], body axes
@@ -30,9 +34,19 @@ class CenterOfMassOffset(MassEffect):
     linear = False
     parameters = tuple(
         Parameter(
-            axis, "m", 0.0, -0.15, 0.15, 0.01, departure=f"centre of mass {{size}} {p}|centre of mass {{size}} {m}"
+            axis,
+            "m",
+            0.0,
+            -0.15,
+            0.15,
+            0.01,
+            departure=f"centre of mass {{size}} {p}|centre of mass {{size}} {m}",
         )
-        for axis, p, m in (("x", "ahead", "behind"), ("y", "to the left", "to the right"), ("z", "higher", "lower"))
+        for axis, p, m in (
+            ("x", "ahead", "behind"),
+            ("y", "to the left", "to the right"),
+            ("z", "higher", "lower"),
+        )
     )
 
     @classmethod

@@ -12,7 +12,8 @@ from np_drake.vehicle import Vehicle
 class ClockOffset(SensorEffect):
     """Clock offset of the state: the columns p, q, v, w, a, al of row t are those of t + offset.
 
-    Commands and rotor speed keep time. No reading at an instant can show it: `np_drake.logs.clock.shift_state` applies
+    Commands and rotor speed keep time. No reading at an instant can show it:
+    `np_drake.logs.clock.shift_state` applies
     it to a log.   Source: own choice: motion capture and autopilot on separate clocks.
     """
 
@@ -35,14 +36,23 @@ class ClockOffset(SensorEffect):
     )
     parameters = (
         Parameter(
-            *("offset", "s", 0.0, 0.0, 0.3, 0.02),
-            departure="motion logged {size} before the commands|motion logged {size} behind the commands",
+            "offset",
+            "s",
+            0.0,
+            0.0,
+            0.3,
+            0.02,
+            departure=(
+                "motion logged {size} before the commands|motion logged {size} behind the commands"
+            ),
         ),
     )
 
     @classmethod
     def grid(cls, vehicle: Vehicle) -> list[dict[str, float]]:
-        """Return the offsets; the other way it is a delay of the commands, at which a search linearises it."""
+        """Return the offsets; the other way it is a delay of the commands, at which a search
+        linearises it.
+        """
         return [{"offset": float(v)} for v in np.geomspace(0.003, 0.06, 10)]
 
     def time_shift(self, vehicle: Vehicle) -> float:

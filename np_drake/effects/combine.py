@@ -18,7 +18,9 @@ from np_drake.effects.base import (
 from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.vehicle import Vehicle
 
-Onsets = Mapping[Effect, float]  # when an effect begins [s]; one that is not named acts from the start
+Onsets = Mapping[
+    Effect, float
+]  # when an effect begins [s]; one that is not named acts from the start
 NO_ONSETS: Onsets = {}
 Acting = TypeVar("Acting", bound=Effect)
 
@@ -27,7 +29,6 @@ def acting(effects: Sequence[Acting], onsets: Onsets, t: float) -> Sequence[Acti
     """Return the effects that have begun.
 
     Args:
-        effects: in any order.
         onsets: when they begin [s].
         t: time [s].
     """
@@ -41,8 +42,12 @@ class EffectsByPlace:
     The payload has a field of its own, because it is a body.
     """
 
-    wrench: list[WrenchEffect] = dc.field(default_factory=list)  # act as force and torque on the body
-    actuator: list[ActuatorEffect] = dc.field(default_factory=list)  # act between command and thrust
+    wrench: list[WrenchEffect] = dc.field(
+        default_factory=list
+    )  # act as force and torque on the body
+    actuator: list[ActuatorEffect] = dc.field(
+        default_factory=list
+    )  # act between command and thrust
     mass: list[MassEffect] = dc.field(default_factory=list)  # change the mass properties
     measurement: list[MeasurementEffect] = dc.field(default_factory=list)  # change the reading
     payload: SuspendedPayload | None = None
@@ -57,7 +62,9 @@ def split_effects(effects: Iterable[Any]) -> EffectsByPlace:
     for effect in effects:
         if isinstance(effect, SuspendedPayload):
             if out.payload is not None:
-                raise ValueError("split_effects: there must be one suspended_payload at most; got two.")
+                raise ValueError(
+                    "split_effects: there must be one suspended_payload at most; got two."
+                )
             out.payload = effect
         elif isinstance(effect, WrenchEffect):
             out.wrench.append(effect)
@@ -68,7 +75,9 @@ def split_effects(effects: Iterable[Any]) -> EffectsByPlace:
         elif hasattr(effect, "measure"):
             out.measurement.append(effect)
         else:
-            raise ValueError(f"split_effects: an effect must be of a class of effects.base; got {effect!r}.")
+            raise ValueError(
+                f"split_effects: an effect must be of a class of effects.base; got {effect!r}."
+            )
     return out
 
 
@@ -79,15 +88,15 @@ def require_complete(effects: Iterable[Effect]) -> None:
     """
     for effect in effects:
         if lacking := effect.lacking():
-            raise ValueError(f"effects: {effect.identifier} must have {lacking}. Or leave the effect out.")
+            raise ValueError(
+                f"effects: {effect.identifier} must have {lacking}. Or leave the effect out."
+            )
 
 
 def total_wrench(vehicle: Vehicle, effects: Sequence[WrenchEffect], motion: Motion) -> np.ndarray:
     """Return chi of all effects, (..., 6) [N, N·m], each in the air moved by all.
 
     Args:
-        vehicle: nominal vehicle.
-        effects: that act.
         motion: over any leading axes.
     """
     for effect in effects:
@@ -100,12 +109,7 @@ def total_wrench(vehicle: Vehicle, effects: Sequence[WrenchEffect], motion: Moti
 
 
 def mass_properties(vehicle: Vehicle, effects: Iterable[MassEffect]) -> MassProperties:
-    """Return the vehicle's mass properties with all effects applied, first to last.
-
-    Args:
-        vehicle: nominal vehicle.
-        effects: in the order in which they are applied.
-    """
+    """Return the vehicle's mass properties with all effects applied, first to last."""
     properties = MassProperties.of(vehicle)
     for effect in effects:
         properties = effect.properties(properties)

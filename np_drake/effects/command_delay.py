@@ -30,7 +30,13 @@ class CommandDelay(ActuatorEffect):
     linear = False
     parameters = (
         Parameter(
-            *("delay", "s", 0.0, 0.0, 0.3, 0.02), departure="commands act {size} later|commands act {size} earlier"
+            "delay",
+            "s",
+            0.0,
+            0.0,
+            0.3,
+            0.02,
+            departure="commands act {size} later|commands act {size} earlier",
         ),
     )
     turns_rotor = True

@@ -30,7 +30,9 @@ class ConstantWind(WrenchEffect):
     grows_with = "speed"
     needs = ("linear_drag", "quadratic_drag")
     linear = False
-    parameters = tuple(Parameter(axis, "m/s", 0.0, -15.0, 15.0, 0.5 if axis == "z" else 2.0) for axis in "xyz")
+    parameters = tuple(
+        Parameter(axis, "m/s", 0.0, -15.0, 15.0, 0.5 if axis == "z" else 2.0) for axis in "xyz"
+    )
 
     def air_velocity(self, t: np.ndarray | float) -> np.ndarray:
         """Return the wind in W, (..., 3) [m/s]."""

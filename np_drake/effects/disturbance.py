@@ -27,13 +27,18 @@ class DisturbanceConfig:
         Raises: ValueError: on one that is no deviation or no time.
         """
         for name in ("force", "torque"):
-            if np.shape(getattr(self, name)) != (3,) or not all(0 <= v < np.inf for v in getattr(self, name)):
+            if np.shape(getattr(self, name)) != (3,) or not all(
+                0 <= v < np.inf for v in getattr(self, name)
+            ):
                 raise ValueError(
-                    f"disturbance: {name} must be three deviations, none negative; got {getattr(self, name)}."
+                    f"disturbance: {name} must be three deviations, none negative; got "
+                    f"{getattr(self, name)}."
                 )
             times = getattr(self, f"{name}_time")
             if np.shape(times) != (3,) or not all(0 < v < np.inf for v in times):
-                raise ValueError(f"disturbance: {name}_time must be three positive times [s]; got {times}.")
+                raise ValueError(
+                    f"disturbance: {name}_time must be three positive times [s]; got {times}."
+                )
         return self
 
     @property
@@ -46,8 +51,9 @@ class DisturbanceConfig:
 class Disturbance(WrenchEffect):
     """First-order Gauss-Markov force and torque on each body axis.
 
-    Spectrum of an axis 2 deviation² T / (1 + w² T²), as a sum of sinusoids with phases by `seed`, so that it can be
-    evaluated at any t. No part of the library: it is what remains once its effects are found.
+    Spectrum of an axis 2 deviation² T / (1 + w² T²), as a sum of sinusoids with phases by `seed`,
+    so that it can be evaluated at any t. No part of the library: it is what remains once its
+    effects are found.
 
     deviation: (6,) force, torque [N, N·m].   time: (6,) correlation times T [s].
     """
@@ -64,7 +70,9 @@ class Disturbance(WrenchEffect):
     @staticmethod
     def of_config(config: DisturbanceConfig) -> "Disturbance":
         """Return the disturbance of a scenario."""
-        return Disturbance((*config.force, *config.torque), (*config.force_time, *config.torque_time), config.seed)
+        return Disturbance(
+            (*config.force, *config.torque), (*config.force_time, *config.torque_time), config.seed
+        )
 
     def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
         """Return chi = [f in W, tau in B] (..., 6) [N, N·m]."""

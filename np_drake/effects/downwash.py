@@ -13,8 +13,9 @@ from np_drake.neighbour import Neighbour
 from np_drake.rigid_body import P
 from np_drake.vehicle import Vehicle
 
-# Growth of the width over the way. Half of the centreline velocity is at 0.094 to 0.1 of the distance from the axis of
-# a round jet, sqrt(ln 2) of the width. Source: Pope, Turbulent Flows (2000), section 5.1.
+# Growth of the width over the way. Half of the centreline velocity is at 0.094 to 0.1 of the
+# distance from the axis of a round jet, sqrt(ln 2) of the width. Source: Pope, Turbulent Flows
+# (2000), section 5.1.
 SPREADING = 0.114  # [1]
 SLOPE = RotorInflow().slope  # lift slope times solidity of a rotor, the prior of `rotor_inflow` [1]
 
@@ -23,18 +24,20 @@ SLOPE = RotorInflow().slope  # lift slope times solidity of a rotor, the prior o
 class Downwash(WrenchEffect):
     """Push of the jets of neighbours that hover above: `strength` (drag + loss of thrust).
 
-    Jet of a neighbour, straight down from its p, z below it and r from its axis: w = w_c exp(-(r / b)²) with
-    b = b_0 + 0.114 z and w_c = sqrt(2 T / (pi rho)) / b, so that the momentum pi rho b² w_c² / 2 is its thrust T at
-    every z. b_0² = 2 arm² + R²: at z = 0 the momentum has the second moment about the axis of that of four rotors, each
-    of radius R. Jets add up.
-    Drag: 0.5 rho S w² down in W at Bo, S = arm². Loss of thrust of a rotor in the jet at its place, as of a climb:
-    k omega_i (w / 2 + sqrt(w² / 4 + v_h²) - v_h) with k and v_h of `rotor_inflow` at its usual slope; it levers roll
-    and pitch.
+    Jet of a neighbour, straight down from its p, z below it and r from its axis: w = w_c exp(-(r /
+    b)²) with b = b_0 + 0.114 z and w_c = sqrt(2 T / (pi rho)) / b, so that the momentum pi rho b²
+    w_c² / 2 is its thrust T at every z. b_0² = 2 arm² + R²: at z = 0 the momentum has the second
+    moment about the axis of that of four rotors, each of radius R. Jets add up. Drag: 0.5 rho S w²
+    down in W at Bo, S = arm². Loss of thrust of a rotor in the jet at its place, as of a climb: k
+    omega_i (w / 2 + sqrt(w² / 4 + v_h²) - v_h) with k and v_h of `rotor_inflow` at its usual slope;
+    it levers roll and pitch.
 
     Prior: a strength of one, the theory.
-    Source: momentum theory; round turbulent jet (Pope, Turbulent Flows, 2000); that a quadrotor's flow becomes one some
-    diameters below: Bauersfeld et al., Robotics Meets Fluid Dynamics, 2025. Own choices: the neighbour is built as this
-    vehicle and hovers; its jet follows at once; a flat plate of area S; nothing above a rotor.
+    Source: momentum theory; round turbulent jet (Pope, Turbulent Flows, 2000); that a quadrotor's
+        flow becomes one some
+    diameters below: Bauersfeld et al., Robotics Meets Fluid Dynamics, 2025. Own choices: the
+    neighbour is built as this vehicle and hovers; its jet follows at once; a flat plate of area S;
+    nothing above a rotor.
     """
 
     strength: float = 1.0  # [1]
@@ -58,7 +61,9 @@ class Downwash(WrenchEffect):
 
     def lacking(self) -> str:
         """Return what a simulation lacks: a neighbour."""
-        return "" if self.neighbours else "the path of a neighbour; Downwash.beside adds it in Python"
+        return (
+            "" if self.neighbours else "the path of a neighbour; Downwash.beside adds it in Python"
+        )
 
     def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
         """Return chi of the push, (..., 6) [N, N·m]."""
@@ -79,7 +84,6 @@ class Downwash(WrenchEffect):
         """Return the velocity of all jets downwards (..., m) [m/s]; 0 where no neighbour is known.
 
         Args:
-            vehicle: of which kind the neighbours are.
             t: (...,) [s].
             p_WP: (..., m, 3) points in W [m].
         """
@@ -91,23 +95,25 @@ class Downwash(WrenchEffect):
 
 
 def jet_velocity(vehicle: Vehicle, below: np.ndarray, aside: np.ndarray) -> np.ndarray:
-    """Return the velocity (...) in the jet of a hovering vehicle, downwards [m/s]; 0 above it, or where NaN is given.
+    """Return the velocity (...) in the jet of a hovering vehicle, downwards [m/s]; 0 above it, or
+    where NaN is given.
 
     Args:
-        vehicle: that hovers.
         below: (...) distance below it [m].
         aside: (...) distance from its axis [m].
     """
-    width = np.sqrt(2.0 * arm(vehicle) ** 2 + vehicle.rotor_radius**2) + SPREADING * np.maximum(below, 0.0)
+    width = np.sqrt(2.0 * arm(vehicle) ** 2 + vehicle.rotor_radius**2) + SPREADING * np.maximum(
+        below, 0.0
+    )
     centre = np.sqrt(2.0 * vehicle.mass * vehicle.gravity / (np.pi * AIR_DENSITY)) / width
     return np.where(below > 0, centre * np.exp(-((aside / width) ** 2)), 0.0)
 
 
 def thrust_loss(vehicle: Vehicle, thrust: np.ndarray, w: np.ndarray) -> np.ndarray:
-    """Return the loss (...) of thrust of rotors with this thrust (...) in a flow w (...) down through their discs [N].
+    """Return the loss (...) of thrust of rotors with this thrust (...) in a flow w (...) down
+    through their discs [N].
 
     Args:
-        vehicle: whose rotors they are.
         thrust: without the flow, not negative [N].
         w: velocity of the flow [m/s].
     """

@@ -1,4 +1,6 @@
-"""Explanation of the logs: a set of effects with values and their joint uncertainty, one of those that stand."""
+"""Explanation of the logs: a set of effects with values and their joint uncertainty, one of those
+that stand.
+"""
 
 import dataclasses as dc
 from collections.abc import Mapping, Sequence
@@ -10,7 +12,9 @@ from np_drake.effects.base import Effect
 from np_drake.effects.effect_entry import EffectEntry
 from np_drake.files.stored_number import stored_numbers
 
-STANDS = 20.0  # ratio of probabilities to the best explanation, beyond which one no longer stands [1]
+STANDS = (
+    20.0  # ratio of probabilities to the best explanation, beyond which one no longer stands [1]
+)
 LARGEST = 1e12  # entry of a stored covariance [SI]; own choice: beyond it a file is damaged
 MOST_NAMED = 3  # effects of an explanation in a sentence
 ROUNDING = 1e-6  # of stored numbers [1]
@@ -62,19 +66,30 @@ class Explanation:
     def of_json(cls, content: Mapping[str, Any]) -> "Explanation":
         """Return the explanation that `as_json` wrote.
 
-        Raises: ValueError: on an unknown effect, or what is no probability or no covariance of its parameters.
+        Raises: ValueError: on an unknown effect, or what is no probability or no covariance of its
+        parameters.
         """
         for key in ("named", "parameters"):
-            if not isinstance(content[key], list | tuple) or not all(isinstance(name, str) for name in content[key]):
-                raise ValueError(f"explanation: {key} must be a list of names; got {content[key]!r:.40}.")
+            if not isinstance(content[key], list | tuple) or not all(
+                isinstance(name, str) for name in content[key]
+            ):
+                raise ValueError(
+                    f"explanation: {key} must be a list of names; got {content[key]!r:.40}."
+                )
         names = tuple(content["parameters"])
         probability = float(stored_numbers(content["probability"], "explanation: probability"))
         if not 0 <= probability <= 1 + ROUNDING:
             raise ValueError(f"explanation: probability must be 0 to 1; got {probability:g}.")
         found = stored_numbers(content["covariance"], "explanation: covariance")
         covariance = found if names else np.zeros((0, 0))
-        if covariance.shape != (len(names), len(names)) or not (np.abs(covariance) <= LARGEST).all():
-            raise ValueError(f"explanation: covariance must be {len(names)} by {len(names)}, of at most {LARGEST:g}.")
+        if (
+            covariance.shape != (len(names), len(names))
+            or not (np.abs(covariance) <= LARGEST).all()
+        ):
+            raise ValueError(
+                f"explanation: covariance must be {len(names)} by {len(names)}, of at most "
+                f"{LARGEST:g}."
+            )
         scale = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
         if names and np.linalg.eigvalsh(covariance / np.outer(scale, scale)).min() < -ROUNDING:
             raise ValueError("explanation: covariance must be positive semidefinite.")
@@ -96,7 +111,10 @@ def _read(entries: Sequence[Mapping[str, Any]]) -> tuple[Effect, ...]:
         for p in effect.parameters:
             value, edge = effect.values[p.name], ROUNDING * (p.upper - p.lower)
             if not p.lower - edge <= value <= p.upper + edge:
-                raise ValueError(f"{effect.identifier}: {p.name} must be {p.lower:g} to {p.upper:g}; got {value:g}.")
+                raise ValueError(
+                    f"{effect.identifier}: {p.name} must be {p.lower:g} to {p.upper:g}; "
+                    f"got {value:g}."
+                )
     return effects
 
 

@@ -15,11 +15,14 @@ _LARGEST_SHARE = 1 / 3  # of (R / 4h)²: thrust at most 1.5 times; the formula d
 
 @dc.dataclass(frozen=True)
 class GroundEffect(WrenchEffect):
-    """Thrust and reaction torque of every rotor times 1 / (1 - (R / 4h)²), R = effective_radius, h = p_z.
+    """Thrust and reaction torque of every rotor times 1 / (1 - (R / 4h)²), R = effective_radius, h
+    = p_z.
 
     Prior: about two rotor radii, and no wider, as the size of the vehicle is known (own choice).
-    The ground is z = 0; all rotors are at the height of Bo (own choice: no levelling torque of a tilted vehicle).
-    Source: method of images (Cheeseman and Bennett 1955); ratio held at 1.5 from h = 0.43 R downwards.
+    The ground is z = 0; all rotors are at the height of Bo (own choice: no levelling torque of a
+    tilted vehicle).
+    Source: method of images (Cheeseman and Bennett 1955); ratio held at 1.5 from h = 0.43 R
+        downwards.
     """
 
     effective_radius: float = 0.25  # [m]
@@ -36,7 +39,9 @@ class GroundEffect(WrenchEffect):
     @classmethod
     def draw(cls, rng: np.random.Generator, vehicle: Vehicle, seconds: float) -> dict[str, float]:
         """Return random parameters of a simulated case."""
-        return {"effective_radius": float(vehicle.rotor_radius * log_uniform(rng, 1.0, _LARGEST_RADIUS))}
+        return {
+            "effective_radius": float(vehicle.rotor_radius * log_uniform(rng, 1.0, _LARGEST_RADIUS))
+        }
 
     @classmethod
     def grid(cls, vehicle: Vehicle) -> list[dict[str, float]]:
@@ -44,12 +49,7 @@ class GroundEffect(WrenchEffect):
         return [{"effective_radius": v * vehicle.rotor_radius} for v in (1.0, 1.6, 2.4, 3.5, 5.0)]
 
     def possible(self, vehicle: Vehicle, height: float) -> bool:
-        """Return whether a vehicle of this size can have the radius.
-
-        Args:
-            vehicle: the nominal vehicle.
-            height: not used.
-        """
+        """Return whether a vehicle of this size can have the radius."""
         return self.effective_radius <= _LARGEST_RADIUS * vehicle.rotor_radius
 
     def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:

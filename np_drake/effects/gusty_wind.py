@@ -14,7 +14,8 @@ from np_drake.vehicle import Vehicle
 class GustyWind(WrenchEffect):
     """Wind mean + gust(t) in W; every axis of the gust is a first-order Gauss-Markov process.
 
-    Spectrum 2 deviation² T / (1 + w² T²), T = correlation_time; a sum of sinusoids with phases by `seed`, so that
+    Spectrum 2 deviation² T / (1 + w² T²), T = correlation_time; a sum of sinusoids with phases by
+    `seed`, so that
     the wind can be evaluated at any t.   Source: own choice: Ornstein-Uhlenbeck, not Dryden.
     """
 

@@ -29,7 +29,15 @@ class GyroBias(SensorEffect):
     tolerance = "rate"
     corrupts = ("wx", "wy", "wz")
     parameters = tuple(
-        Parameter(axis, "rad/s", 0.0, -1.0, 1.0, 0.05, departure=f"gyroscope reads {{signed}} about {axis}")
+        Parameter(
+            axis,
+            "rad/s",
+            0.0,
+            -1.0,
+            1.0,
+            0.05,
+            departure=f"gyroscope reads {{signed}} about {axis}",
+        )
         for axis in "xyz"
     )
 

@@ -29,7 +29,9 @@ class ImuMounting(SensorEffect):
     small = True
     corrupts = ("qw", "qx", "qy", "qz", "wx", "wy", "wz")
     parameters = tuple(
-        Parameter(name, "rad", 0.0, -0.2, 0.2, 0.02, departure=f"IMU mounted with {{signed}} of {name}")
+        Parameter(
+            name, "rad", 0.0, -0.2, 0.2, 0.02, departure=f"IMU mounted with {{signed}} of {name}"
+        )
         for name in ("roll", "pitch", "yaw")
     )
 

@@ -28,7 +28,13 @@ class InertiaError(MassEffect):
     requires = ("torque",)
     parameters = tuple(
         Parameter(
-            f"scale_{axis}{axis}", "1", 1.0, 0.3, 3.0, 0.15, departure=f"moment of inertia about {axis} {{signed}}"
+            f"scale_{axis}{axis}",
+            "1",
+            1.0,
+            0.3,
+            3.0,
+            0.15,
+            departure=f"moment of inertia about {axis} {{signed}}",
         )
         for axis in "xyz"
     )

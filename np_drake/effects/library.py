@@ -1,6 +1,7 @@
 """All effects by identifier, as the diagnosis searches them.
 
-A new effect is one file, and one registration: `@register` on its class, or its name in `effects/__init__.py`.
+A new effect is one file, and one registration: `@register` on its class, or its name in
+`effects/__init__.py`.
 """
 
 from collections.abc import Collection
@@ -44,7 +45,9 @@ def effects_for(log_input: str, *, neighbours: bool = False) -> dict[str, type[E
 
 
 def effect_of(identifier: str) -> type[Effect]:
-    """Return the class of an effect; for what is none, as a structure `unknown:…`, the defaults of all effects."""
+    """Return the class of an effect; for what is none, as a structure `unknown:…`, the defaults of
+    all effects.
+    """
     for known in (LIBRARY, MEASURED_ROTORS, BESIDE_NEIGHBOURS, SIMULATED, NUISANCES):
         if identifier in known:
             return known[identifier]
@@ -61,7 +64,12 @@ REQUIREMENTS = {
     "velocity": "the log has no velocity",
     "attitude": "the log has no attitude",
 }
-_MISSING = {"command": (), "rotor_speed": ("commands",), "thrust_only": ("torque",), "normalised": ("thrust",)}
+_MISSING = {
+    "command": (),
+    "rotor_speed": ("commands",),
+    "thrust_only": ("torque",),
+    "normalised": ("thrust",),
+}
 
 
 def unobservable(
@@ -71,11 +79,15 @@ def unobservable(
 
     Args:
         log_input: as `FlightLog.input`.
-        accelerations: whether the log has an accelerometer's reading.
         torque: whether a torque is known, also where the input is `normalised`.
         lacks: as `FlightLog.lacks`.
     """
-    absent = [*_MISSING[log_input], *["torque"] * (not torque), *["accelerations"] * (not accelerations), *lacks]
+    absent = [
+        *_MISSING[log_input],
+        *["torque"] * (not torque),
+        *["accelerations"] * (not accelerations),
+        *lacks,
+    ]
     return {
         identifier: REQUIREMENTS[quantity]
         for quantity in absent
@@ -85,26 +97,39 @@ def unobservable(
 
 
 def _required(effect: type[Effect]) -> tuple[str, ...]:
-    """Return what a log must tell for an effect: what it states, and what follows from where it acts."""
+    """Return what a log must tell for an effect: what it states, and what follows from where it
+    acts.
+    """
     torque = issubclass(effect, WrenchEffect) and effect.turns and not effect.pushes
     accelerations = issubclass(effect, SensorEffect) and set(effect.corrupts) == {"ax", "ay", "az"}
     pose = issubclass(effect, SensorEffect) and "qw" in effect.corrupts
-    return (*effect.requires, *["torque"] * torque, *["accelerations"] * accelerations, *["attitude"] * pose)
+    return (
+        *effect.requires,
+        *["torque"] * torque,
+        *["accelerations"] * accelerations,
+        *["attitude"] * pose,
+    )
 
 
 def register(effect: type[Effect]) -> type[Effect]:
     """Add a user's own effect to the library; a class decorator.
 
-    Raises: ValueError: where the identifier is taken by another class, a parameter has no field, or the effect acts
-        only through another one, as a wind through a drag; the search supports this for the library's winds alone.
+    Raises: ValueError: where the identifier is taken by another class, a parameter has no field, or
+    the effect acts
+        only through another one, as a wind through a drag; the search supports this for the
+        library's winds alone.
     """
     known = LIBRARY.get(effect.identifier)
     if known is not None and known is not effect:
-        raise ValueError(f"register: {effect.identifier!r} must be a new identifier; it is taken by {known}.")
+        raise ValueError(
+            f"register: {effect.identifier!r} must be a new identifier; it is taken by {known}."
+        )
     if known is None and _acts_through_others(effect):
         raise ValueError(
-            f"register: {effect.__name__} must act by itself; what is felt through another effect, as a wind through "
-            "a drag, is never tried. Leave `needs` empty and give it a `wrench`: all the force, by a drag of its own."
+            f"register: {effect.__name__} must act by itself; what is felt through another "
+            f"effect, as a wind through "
+            "a drag, is never tried. Leave `needs` empty and give it a `wrench`: all the "
+            "force, by a drag of its own."
         )
     neutral = effect.neutral()
     for parameter in effect.parameters:
@@ -121,4 +146,7 @@ def _acts_through_others(effect: type[Effect]) -> bool:
     """
     if effect.needs or not issubclass(effect, WrenchEffect):
         return bool(effect.needs)
-    return effect.air_velocity is not WrenchEffect.air_velocity and effect.wrench is WrenchEffect.wrench
+    return (
+        effect.air_velocity is not WrenchEffect.air_velocity
+        and effect.wrench is WrenchEffect.wrench
+    )

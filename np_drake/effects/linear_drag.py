@@ -16,7 +16,8 @@ from np_drake.vehicle import Vehicle
 class LinearDrag(WrenchEffect):
     """Drag f_B = -s diag(d) R^T (v - wind), with s = mean rotor speed / hover rotor speed.
 
-    Source: blade-flapping and induced drag, lumped; the induced part grows with rotor speed (own choice: linearly).
+    Source: blade-flapping and induced drag, lumped; the induced part grows with rotor speed (own
+    choice: linearly).
     """
 
     d_x: float = 0.25  # [N·s/m], at hover rotor speed
@@ -31,19 +32,25 @@ class LinearDrag(WrenchEffect):
     feels_rotor_rate = False
     turns = False
     prior_correlation = ALIKE
-    parameters = tuple(Parameter(name, "N·s/m", 0.0, 0.0, 3.0, 0.3) for name in ("d_x", "d_y", "d_z"))
+    parameters = tuple(
+        Parameter(name, "N·s/m", 0.0, 0.0, 3.0, 0.3) for name in ("d_x", "d_y", "d_z")
+    )
 
     @classmethod
     def draw(cls, rng: np.random.Generator, vehicle: Vehicle, seconds: float) -> dict[str, float]:
         """Return random parameters of a simulated case: a heavy vehicle has more drag."""
-        return dict(zip(("d_x", "d_y", "d_z"), drag_coefficients(rng, vehicle, 0.01, 0.3), strict=True))
+        return dict(
+            zip(("d_x", "d_y", "d_z"), drag_coefficients(rng, vehicle, 0.01, 0.3), strict=True)
+        )
 
     def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
         """Return chi of the drag, (..., 6) [N, N·m]; it acts at the centre of mass."""
         hover = math.sqrt(vehicle.mass * vehicle.gravity / 4)
         if motion.x.ndim == 1:  # one instant of the simulator
             chi = np.zeros(6)
-            drag_force(motion.x, motion.rotor_thrust, motion.wind, self.d_x, self.d_y, self.d_z, hover, chi)
+            drag_force(
+                motion.x, motion.rotor_thrust, motion.wind, self.d_x, self.d_y, self.d_z, hover, chi
+            )
             return chi
         speed = np.sqrt(np.maximum(motion.rotor_thrust, 0.0)).sum(axis=-1) / (4 * hover)
         drag = -np.array((self.d_x, self.d_y, self.d_z))
@@ -59,8 +66,6 @@ def drag_force(x, rotor_thrust, wind, d_x, d_y, d_z, hover, chi):
         rotor_thrust: (4,) [N].
         wind: (3,) velocity of the air in W [m/s].
         d_x: coefficient along body x [N·s/m].
-        d_y: along y.
-        d_z: along z.
         hover: root of a rotor's thrust in hover [N^0.5].
         chi: (6,) to be written.
     """

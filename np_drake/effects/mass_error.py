@@ -22,8 +22,12 @@ class MassError(MassEffect):
     sudden = True
     named = "a mass error"
     bench_check = "weigh the vehicle with its battery"
-    excited_by = "steep climbs and descents with roll and pitch doublets (torque tells thrust from mass)"
-    told_from = {"thrust_scale": "fast roll and pitch doublets: torque scales with thrust, not with mass"}
+    excited_by = (
+        "steep climbs and descents with roll and pitch doublets (torque tells thrust from mass)"
+    )
+    told_from = {
+        "thrust_scale": "fast roll and pitch doublets: torque scales with thrust, not with mass"
+    }
     requires = ("thrust",)
     tolerance = "mass"
     parameters = (Parameter("delta_mass", "kg", 0.0, -1.0, 2.0, 0.2, departure="mass {signed}"),)

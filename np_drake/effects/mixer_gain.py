@@ -13,10 +13,11 @@ from np_drake.vehicle import Vehicle
 class MixerGain(WrenchEffect):
     """Gain on the rotors' torque, tau_B = (gain - 1) times the torque of the mixer, axis by axis.
 
-    Errors of the arms, of torque over thrust and of the inertia by a factor are not distinguishable from it: flight
-    shows only their ratio. A fitted gain is not that ratio alone: rotor thrust that trims aerodynamic moments outside
-    the library is an error in the regressor and pulls the gain towards zero (regression dilution).   Source: own
-    choice.
+    Errors of the arms, of torque over thrust and of the inertia by a factor are not distinguishable
+    from it: flight shows only their ratio. A fitted gain is not that ratio alone: rotor thrust that
+    trims aerodynamic moments outside
+    the library is an error in the regressor and pulls the gain towards zero (regression dilution).
+    Source: own choice.
     """
 
     roll: float = 0.7  # [1]
@@ -32,7 +33,9 @@ class MixerGain(WrenchEffect):
     feels_rotor_rate = False
     pushes = False
     parameters = tuple(
-        Parameter(name, "1", 1.0, 0.0, 2.0, 0.5, departure=f"{name} torque of the rotors {{signed}}")
+        Parameter(
+            name, "1", 1.0, 0.0, 2.0, 0.5, departure=f"{name} torque of the rotors {{signed}}"
+        )
         for name in ("roll", "pitch", "yaw")
     )
 

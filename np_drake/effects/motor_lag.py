@@ -29,7 +29,13 @@ class MotorLag(ActuatorEffect):
     linear = False
     parameters = (
         Parameter(
-            *("time_constant", "s", 0.0, 0.0, 0.3, 0.03), departure="rotors lag {size} more|rotors lag {size} less"
+            "time_constant",
+            "s",
+            0.0,
+            0.0,
+            0.3,
+            0.03,
+            departure="rotors lag {size} more|rotors lag {size} less",
         ),
     )
     state_size = 4
@@ -67,7 +73,9 @@ class MotorLag(ActuatorEffect):
         return vehicle.thrust_coefficient * state**2
 
     def respond(self, vehicle: Vehicle, t: np.ndarray, command: np.ndarray) -> np.ndarray:
-        """Return the mean thrusts (n, 4) [N]; the lag is exact between rows, the mean is Simpson's."""
+        """Return the mean thrusts (n, 4) [N]; the lag is exact between rows, the mean is
+        Simpson's.
+        """
         if self.time_constant <= 0 or len(t) < 2:
             return command
         target = self.state_at(vehicle, command)

@@ -13,9 +13,11 @@ class Parameter:
     """Range and scale of one parameter of an effect.
 
     neutral: value at which the effect vanishes, if `vanishes`.   lower, upper: bounds of a fit.
-    typical: usual distance from neutral: the deviation of the prior, and the scale of finite differences.
+    typical: usual distance from neutral: the deviation of the prior, and the scale of finite
+        differences.
     choices: the only values, where it is not continuous.
-    departure: how a vehicle or sensor differs that has another value than neutral, as "rotor {rotor}: thrust {signed}";
+    departure: how a vehicle or sensor differs that has another value than neutral, as "rotor
+        {rotor}: thrust {signed}";
         where the sign decides the words, "{size} ahead|{size} behind", of more and of less.
     """
 
@@ -31,14 +33,16 @@ class Parameter:
 
 
 def usual_size(parameter: Parameter, vehicle: Vehicle) -> float:
-    """Return the usual size of a parameter; the library's is for the paper's vehicle.
-
-    Args:
-        parameter: of an effect.
-        vehicle: whose mass and arm scale it.
-    """
+    """Return the usual size of a parameter; the library's is for the paper's vehicle."""
     mass = vehicle.mass / PAPER.mass
     span = arm(vehicle) / arm(PAPER)
-    scale = {"kg": mass, "N": mass, "N·s/m": mass, "N·s²/m²": mass, "N·m·s/m": mass * span, "kg·m²": mass * span**2}
+    scale = {
+        "kg": mass,
+        "N": mass,
+        "N·s/m": mass,
+        "N·s²/m²": mass,
+        "N·m·s/m": mass * span,
+        "kg·m²": mass * span**2,
+    }
     longer = {"m": span} if parameter.name != "length" else {}
     return parameter.typical * (scale | longer).get(parameter.unit, 1.0)

@@ -8,11 +8,8 @@ from np_drake.vehicle import Vehicle
 
 
 def prior_root(effect: type[Effect], vehicle: Vehicle) -> np.ndarray:
-    """Return the lower root (k, k) of the prior covariance of an effect's k continuous parameters, in their units.
-
-    Args:
-        effect: class of the library.
-        vehicle: whose size scales the prior.
+    """Return the lower root (k, k) of the prior covariance of an effect's k continuous parameters,
+    in their units.
     """
     free = [p for p in effect.parameters if not p.choices]
     sizes = np.array([usual_size(p, vehicle) for p in free])
@@ -21,6 +18,12 @@ def prior_root(effect: type[Effect], vehicle: Vehicle) -> np.ndarray:
 
 
 def correlation_root(effect: type[Effect]) -> np.ndarray:
-    """Return the lower root (k, k) of the prior correlation of an effect's k continuous parameters [1]."""
+    """Return the lower root (k, k) of the prior correlation of an effect's k continuous parameters
+    [1].
+    """
     size = sum(not p.choices for p in effect.parameters)
-    return np.linalg.cholesky(np.array(effect.prior_correlation)) if effect.prior_correlation else np.eye(size)
+    return (
+        np.linalg.cholesky(np.array(effect.prior_correlation))
+        if effect.prior_correlation
+        else np.eye(size)
+    )

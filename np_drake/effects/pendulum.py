@@ -33,10 +33,10 @@ def tether_force(
 ) -> np.ndarray:
     """Return the force on the hook in W, (..., 3) [N]; zero where the tether would have to push.
 
-    With r = p_ToPo_W, |r| = L, the constraint r · r'' = -|r'|² gives T/m = |r'|²/L - (r/L) · (g z + a_hook + c v_hook).
+    With r = p_ToPo_W, |r| = L, the constraint r · r'' = -|r'|² gives T/m = |r'|²/L - (r/L) · (g z +
+    a_hook + c v_hook).
 
     Args:
-        payload: that pulls.
         r: (..., 3) payload from hook [m].
         r_rate: (..., 3) its rate [m/s].
         a_hook: (..., 3) acceleration of the hook [m/s²].
@@ -62,13 +62,16 @@ def swing_many(
     damping: float | np.ndarray = 0.0,
     v_hook: np.ndarray | None = None,
 ) -> np.ndarray:
-    """Return the force on the hook per mass of the payload, (n, m, 3) [m/s²], in the middle of n steps, of m pendulums.
+    """Return the force on the hook per mass of the payload, (n, m, 3) [m/s²], in the middle of n
+    steps, of m pendulums.
 
     With c the damping:  r'' = -g z - a_hook - c (r' + v_hook) - (T/m) r/|r|.
-    Leapfrog: positions in the middle of steps, velocities between; the tether's pull along r is the least that keeps
-    the next position within |r| <= L, so a slack payload flies freely and a tether that snaps taut takes the outward
-    speed. Second order in the step; without damping no drift of energy.   Source: SHAKE, its quadratic solved in closed
-    form; the drag of a step is that of the mean of its two velocities (implicit midpoint).
+    Leapfrog: positions in the middle of steps, velocities between; the tether's pull along r is the
+        least that keeps
+    the next position within |r| <= L, so a slack payload flies freely and a tether that snaps taut
+    takes the outward speed. Second order in the step; without damping no drift of energy.
+    Source: SHAKE, its quadratic solved in closed form; the drag of a step is that of the mean of
+        its two velocities (implicit midpoint).
 
     Args:
         lengths: (m,) [m].
@@ -77,9 +80,11 @@ def swing_many(
         a_hook: (n, 3) of the one hook, or (n, m, 3), held over each step [m/s²].
         step: [s].
         gravity: [m/s²].
-        jumps: before these steps the swing jumps by (m, 4) angles [rad] and rates [rad/s] about the axes of `across`.
+        jumps: before these steps the swing jumps by (m, 4) angles [rad] and rates [rad/s] about the
+            axes of `across`.
         damping: of all or of each, (m,) [1/s].
-        v_hook: (n, 3) or (n, m, 3) velocity of the hook in W in the middle of each step [m/s]; default: at rest.
+        v_hook: (n, 3) or (n, m, 3) velocity of the hook in W in the middle of each step [m/s];
+            default: at rest.
     """
     now, move = _start(lengths, np.transpose(r), np.transpose(r_rate), step)
     swings = _Swings(lengths, a_hook, step, gravity, damping, v_hook)
@@ -95,8 +100,9 @@ def swing_many(
 class Path(NamedTuple):
     """Motion of m pendulums over n steps, from the hook in W.
 
-    r: (n + 1, m, 3) at the ends of the steps [m].   r_rate: (m, 3) at the end of the last [m/s].   pull: (n, m, 3) on
-    the hook per mass of the payload, in the middle of the steps [m/s²].
+    r: (n + 1, m, 3) at the ends of the steps [m].
+    r_rate: (m, 3) at the end of the last [m/s].
+    pull: (n, m, 3) on the hook per mass of the payload, in the middle of the steps [m/s²].
     """
 
     r: np.ndarray
@@ -117,7 +123,8 @@ def path_many(
 ) -> Path:
     """Return positions and pulls of m pendulums, integrated as by `swing_many`.
 
-    The position at the end of a step is the mean of those in the middle of the steps around it: second order too.
+    The position at the end of a step is the mean of those in the middle of the steps around it:
+    second order too.
 
     Args:
         lengths: (m,) of the tethers [m].
@@ -139,7 +146,9 @@ def path_many(
 
 
 class _Swings:
-    """What drives m pendulums over n steps, in the form that `leapfrog` takes, and `pulls` (n, 3, m) [m]."""
+    """What drives m pendulums over n steps, in the form that `leapfrog` takes, and `pulls` (n, 3,
+    m) [m].
+    """
 
     def __init__(self, lengths, a_hook, step, gravity, damping, v_hook):
         self._limit = np.square(lengths)
@@ -148,9 +157,22 @@ class _Swings:
         self._drift = _by_axis(step * (np.zeros((len(a_hook), 3)) if v_hook is None else v_hook))
         self.pulls = np.empty((len(a_hook), 3, len(self._limit)))
 
-    def run(self, now: np.ndarray, move: np.ndarray, some: slice, at: np.ndarray = _NOWHERE) -> None:
-        """Take some of the steps; changes now and move (3, m) [m], fills their pulls and `at` (n, 3, m), if any."""
-        leapfrog(self._limit, self._half, now, move, self._kicks[some], self._drift[some], self.pulls[some], at)
+    def run(
+        self, now: np.ndarray, move: np.ndarray, some: slice, at: np.ndarray = _NOWHERE
+    ) -> None:
+        """Take some of the steps; changes now and move (3, m) [m], fills their pulls and `at` (n,
+        3, m), if any.
+        """
+        leapfrog(
+            self._limit,
+            self._half,
+            now,
+            move,
+            self._kicks[some],
+            self._drift[some],
+            self.pulls[some],
+            at,
+        )
 
 
 def _by_axis(values: np.ndarray) -> np.ndarray:
@@ -159,7 +181,8 @@ def _by_axis(values: np.ndarray) -> np.ndarray:
 
 
 def _start(lengths, r, r_rate, step) -> tuple[np.ndarray, np.ndarray]:
-    """Return the position half a step later, within reach, and the displacement per step, (3, m) each [m].
+    """Return the position half a step later, within reach, and the displacement per step, (3, m)
+    each [m].
 
     A taut tether takes up outward speed.
     """
@@ -173,14 +196,18 @@ def _start(lengths, r, r_rate, step) -> tuple[np.ndarray, np.ndarray]:
 
 
 def across(n: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return two unit vectors (..., 3) across n (..., 3) and each other, x and y of W where n points down."""
+    """Return two unit vectors (..., 3) across n (..., 3) and each other, x and y of W where n
+    points down.
+    """
     e_x = np.cross([0.0, 1.0, 0.0], -n)
     e_x = e_x / np.maximum(np.linalg.norm(e_x, axis=-1, keepdims=True), 1e-9)
     return e_x, np.cross(-n, e_x)
 
 
 def _jump(now, move, jump, step) -> None:
-    """Change position (3, m) and displacement per step (3, m) by a jump (m, 4); the length stays."""
+    """Change position (3, m) and displacement per step (3, m) by a jump (m, 4); the length
+    stays.
+    """
     span = np.maximum(np.linalg.norm(now, axis=0), 1e-12)
     e_x, e_y = (e.T for e in across((now / span).T))
     a, b, a_rate, b_rate = jump.T
@@ -191,7 +218,8 @@ def _jump(now, move, jump, step) -> None:
 
 @compiled
 def leapfrog(limit, half, now, move, kicks, drift, pulls, at):
-    """Write pull = (1 + d) mu now, the least mu >= 0 with |b - mu now|² <= limit = L², step by step.
+    """Write pull = (1 + d) mu now, the least mu >= 0 with |b - mu now|² <= limit = L², step by
+    step.
 
     With d = half = c step / 2 and b = now + ((1 - d) move + kick - 2 d drift) / (1 + d):
     mu = (b² - L²) / (now·b + sqrt((now·b)² - now² (b² - L²))).
@@ -234,7 +262,9 @@ def leapfrog(limit, half, now, move, kicks, drift, pulls, at):
         move[0, i], move[1, i], move[2, i] = u, v, w
 
 
-def hanging(offset: np.ndarray, rate: np.ndarray, length: float | np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def hanging(
+    offset: np.ndarray, rate: np.ndarray, length: float | np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Return p_ToPo_W and its rate (m, 3) of taut tethers [m, m/s].
 
     Args:
@@ -259,10 +289,10 @@ def swing(
     gravity: float,
     v_hook: np.ndarray | None = None,
 ) -> np.ndarray:
-    """Return the force on the hook (n, 3) [N] in the middle of n steps: `swing_many` of one pendulum.
+    """Return the force on the hook (n, 3) [N] in the middle of n steps: `swing_many` of one
+    pendulum.
 
     Args:
-        payload: that swings.
         r: (3,) p_ToPo_W at the start [m].
         r_rate: (3,) its rate [m/s].
         a_hook: (n, 3) [m/s²].
@@ -296,14 +326,15 @@ def hook_acceleration(hook, x: np.ndarray, a: np.ndarray, al: np.ndarray) -> np.
         al: (..., 3) in B [rad/s²].
     """
     p_BoTo_B, w = np.asarray(hook, float), x[..., W]
-    return a + attitude.rotate(x[..., Q], np.cross(al, p_BoTo_B) + np.cross(w, np.cross(w, p_BoTo_B)))
+    return a + attitude.rotate(
+        x[..., Q], np.cross(al, p_BoTo_B) + np.cross(w, np.cross(w, p_BoTo_B))
+    )
 
 
 def hook_wrench(payload: Payload, q: np.ndarray, force_W: np.ndarray) -> np.ndarray:
     """Return chi (..., 6) of a force at the hook [N, N·m].
 
     Args:
-        payload: whose hook it is.
         q: (..., 4) attitudes.
         force_W: (..., 3) in W [N].
     """

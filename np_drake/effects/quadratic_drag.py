@@ -30,14 +30,20 @@ class QuadraticDrag(WrenchEffect):
     feels_rotor_rate = False
     turns = False
     prior_correlation = ALIKE
-    parameters = tuple(Parameter(name, "N·s²/m²", 0.0, 0.0, 2.0, 0.08) for name in ("c_x", "c_y", "c_z"))
+    parameters = tuple(
+        Parameter(name, "N·s²/m²", 0.0, 0.0, 2.0, 0.08) for name in ("c_x", "c_y", "c_z")
+    )
 
     @classmethod
     def draw(cls, rng: np.random.Generator, vehicle: Vehicle, seconds: float) -> dict[str, float]:
         """Return random parameters of a simulated case: a heavy vehicle has more drag."""
-        return dict(zip(("c_x", "c_y", "c_z"), drag_coefficients(rng, vehicle, 0.003, 0.08), strict=True))
+        return dict(
+            zip(("c_x", "c_y", "c_z"), drag_coefficients(rng, vehicle, 0.003, 0.08), strict=True)
+        )
 
     def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
         """Return chi of the drag, (..., 6) [N, N·m]."""
         v_B = air_velocity_B(motion)
-        return chi_from_body(motion, np.array([-self.c_x, -self.c_y, -self.c_z]) * np.abs(v_B) * v_B)
+        return chi_from_body(
+            motion, np.array([-self.c_x, -self.c_y, -self.c_z]) * np.abs(v_B) * v_B
+        )

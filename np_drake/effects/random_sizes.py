@@ -6,24 +6,12 @@ from np_drake.vehicle import Vehicle
 
 
 def log_uniform(rng: np.random.Generator, low: float, high: float) -> float:
-    """Draw a number, every decade as likely.
-
-    Args:
-        rng: source of the draw.
-        low: least, positive.
-        high: largest.
-    """
+    """Draw a number, every decade as likely."""
     return float(np.exp(rng.uniform(np.log(low), np.log(high))))
 
 
 def signed(rng: np.random.Generator, low: float, high: float) -> float:
-    """Draw a log-uniform number of either sign.
-
-    Args:
-        rng: source of the draw.
-        low: least magnitude, positive.
-        high: largest.
-    """
+    """Draw a log-uniform number of either sign."""
     return float(rng.choice([-1.0, 1.0])) * log_uniform(rng, low, high)
 
 
@@ -36,7 +24,6 @@ def direction(rng: np.random.Generator, rise: float | None = None) -> np.ndarray
     """Draw a unit vector (3,).
 
     Args:
-        rng: source of the draw.
         rise: deviation of its slope, where it is about level [1]; None: in all directions.
     """
     n = rng.normal(size=3)
@@ -45,14 +32,11 @@ def direction(rng: np.random.Generator, rise: float | None = None) -> np.ndarray
     return n / np.linalg.norm(n)
 
 
-def drag_coefficients(rng: np.random.Generator, vehicle: Vehicle, low: float, high: float) -> np.ndarray:
-    """Draw drag coefficients (3,) in body axes: a heavy vehicle has more drag, and the level axes about the same.
-
-    Args:
-        rng: source of the draw.
-        vehicle: whose mass scales them.
-        low: least lateral coefficient over mass.
-        high: largest.
+def drag_coefficients(
+    rng: np.random.Generator, vehicle: Vehicle, low: float, high: float
+) -> np.ndarray:
+    """Draw drag coefficients (3,) in body axes: a heavy vehicle has more drag, and the level axes
+    about the same.
     """
     lateral = log_uniform(rng, low, high) * vehicle.mass
     return lateral * rng.uniform([0.8, 0.8, 0.3], [1.2, 1.2, 1.2])

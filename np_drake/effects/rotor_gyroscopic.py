@@ -12,7 +12,8 @@ from np_drake.vehicle import Vehicle
 
 @dc.dataclass(frozen=True)
 class RotorGyroscopic(WrenchEffect):
-    """Torque tau_B = -w x h - dh/dt with h = -I_r sum_i(direction_i omega_i) z_B, omega_i = sqrt(f_i / k).
+    """Torque tau_B = -w x h - dh/dt with h = -I_r sum_i(direction_i omega_i) z_B, omega_i =
+    sqrt(f_i / k).
 
     A rotor turns against its reaction torque, whose sign the vehicle file gives; hence the minus.
     Source: rate of change of the rotors' angular momentum, seen from the turning body.
@@ -25,7 +26,11 @@ class RotorGyroscopic(WrenchEffect):
     excited_by = "roll and pitch doublets while yawing hard"
     grows_with = "rate"
     pushes = False
-    parameters = (Parameter("rotor_inertia", "kg·m²", 0.0, 0.0, 3e-3, 1e-4, departure="inertia of a rotor {signed}"),)
+    parameters = (
+        Parameter(
+            "rotor_inertia", "kg·m²", 0.0, 0.0, 3e-3, 1e-4, departure="inertia of a rotor {signed}"
+        ),
+    )
 
     @classmethod
     def draw(cls, rng: np.random.Generator, vehicle: Vehicle, seconds: float) -> dict[str, float]:

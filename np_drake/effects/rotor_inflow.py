@@ -9,7 +9,9 @@ from np_drake.effects.base import Motion, Parameter, WrenchEffect
 from np_drake.vehicle import Vehicle
 
 AIR_DENSITY = 1.2  # at 20 °C near sea level [kg/m³]
-_NEWTON_STEPS = 8  # from above, where Glauert's equation is convex; five reach 1e-11 down to a descent at v_h
+_NEWTON_STEPS = (
+    8  # from above, where Glauert's equation is convex; five reach 1e-11 down to a descent at v_h
+)
 
 
 @dc.dataclass(frozen=True)
@@ -17,13 +19,13 @@ class RotorInflow(WrenchEffect):
     """Change of thrust df_i = k omega_i (v_h - v_i - v_z) of every rotor, k = slope rho A R / 4.
 
     v_h: induced velocity of the rotor at rest, of thrust f_i = 2 rho A v_h². v_i: that in the flow
-    v = R^T (v_WB - wind), with Glauert's v_i sqrt(v_x² + v_y² + (v_z + v_i)²) = v_h². Climbing lowers thrust, flying
-    ahead raises it. `slope` is the slope of the blades' lift times the solidity of the rotor.
-    Own choices: v_h is that of the thrust at rest; all rotors are in the flow at Bo, so that there is no torque.
-    Descent faster than v_h is outside of the theory.
+    v = R^T (v_WB - wind), with Glauert's v_i sqrt(v_x² + v_y² + (v_z + v_i)²) = v_h². Climbing
+    lowers thrust, flying ahead raises it. `slope` is the slope of the blades' lift times the
+    solidity of the rotor. Own choices: v_h is that of the thrust at rest; all rotors are in the
+    flow at Bo, so that there is no torque. Descent faster than v_h is outside of the theory.
 
-    Source: blade element and momentum theory, Leishman, Principles of Helicopter Aerodynamics, ch. 2 and 3; blades of
-    ideal twist. Prior: a slope of 4 to 6 and a solidity of 0.08 to 0.2.
+    Source: blade element and momentum theory, Leishman, Principles of Helicopter Aerodynamics, ch.
+    2 and 3; blades of ideal twist. Prior: a slope of 4 to 6 and a solidity of 0.08 to 0.2.
     """
 
     slope: float = 0.6  # [1]

@@ -8,12 +8,13 @@ import numpy as np
 from np_drake import attitude
 from np_drake.compiled import compiled, turned
 from np_drake.effects.base import Measurement
-from np_drake.vehicle import MeasurementNoise, Vehicle
+from np_drake.vehicle.vehicle import MeasurementNoise, Vehicle
 
 
 @dc.dataclass(frozen=True)
 class SensorNoise:
-    """Independent white noise on every reading; accelerometer noise and attitude error both reach `a`.
+    """Independent white noise on every reading; accelerometer noise and attitude error both reach
+    `a`.
 
     An IMU reads specific force in body axes; turning it into `a` takes the *measured* attitude:
     a_meas = R_meas (R^T (a + g z) + n_a) - g z.        Source: own choice: white at the log's rate.
@@ -39,7 +40,10 @@ class SensorNoise:
         x[..., 7:10] += n.velocity * white[..., 6:9]
         x[..., 10:13] += n.rate * white[..., 9:12]
         g = np.array([0.0, 0.0, vehicle.gravity])
-        specific = attitude.rotate_back(truth.x[..., 3:7], truth.a + g) + n.acceleration * white[..., 12:15]
+        specific = (
+            attitude.rotate_back(truth.x[..., 3:7], truth.a + g)
+            + n.acceleration * white[..., 12:15]
+        )
         return Measurement(
             x=x,
             a=attitude.rotate(x[..., 3:7], specific) - g,

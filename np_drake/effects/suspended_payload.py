@@ -15,19 +15,23 @@ from np_drake.vehicle import Vehicle
 class SuspendedPayload(WrenchEffect):
     """Point mass on a massless, inextensible tether that may go slack; the hook is p_BoTo_B.
 
-    With r = p_ToPo_W, |r| = L, z up, and c the damping:  r'' = -g z - a_hook - c (r' + v_hook) - (T/m) r/L,
-    T/m = |r'|²/L - (r/L) · (g z + a_hook + c v_hook); the force on the hook is T r/L, and the tether is taut only where
-    T > 0: else there is no force, and the payload falls through the air.
+    With r = p_ToPo_W, |r| = L, z up, and c the damping:  r'' = -g z - a_hook - c (r' + v_hook) -
+    (T/m) r/L, T/m = |r'|²/L - (r/L) · (g z + a_hook + c v_hook); the force on the hook is T r/L,
+    and the tether is taut only where T > 0: else there is no force, and the payload falls through
+    the air.
 
-    The drag -m c v_WP is that in still air, linear in the payload's velocity: it damps a swing (energy as exp(-c t)),
-    and the payload hangs back by atan(c v/g) in steady flight at v. Drag grows with the square of speed; c stands for
-    the slope in a downwash w: rho Cd A w / m along it, half of that across.
-    Prior: a smooth sphere (Cd 0.47, rho 1.2 kg/m³) of 5 g and 2 to 3 cm under 3 to 4 m/s has c = 0.05 to 0.16 1/s
-    across and twice that along the flow; one of 260 g and 6 cm under 5 m/s 0.015 to 0.03. Hence a deviation of 0.15.
-    Neglected: the steady push of the downwash (it counts as weight), wind, drag of the tether, added mass.
+    The drag -m c v_WP is that in still air, linear in the payload's velocity: it damps a swing
+    (energy as exp(-c t)), and the payload hangs back by atan(c v/g) in steady flight at v. Drag
+    grows with the square of speed; c stands for the slope in a downwash w: rho Cd A w / m along it,
+    half of that across. Prior: a smooth sphere (Cd 0.47, rho 1.2 kg/m³) of 5 g and 2 to 3 cm under
+    3 to 4 m/s has c = 0.05 to 0.16 1/s across and twice that along the flow; one of 260 g and 6 cm
+    under 5 m/s 0.015 to 0.03. Hence a deviation of 0.15. Neglected: the steady push of the downwash
+    (it counts as weight), wind, drag of the tether, added mass.
 
-    The effect has a hidden state, (r, r') of the payload from the hook in W, and so no momentary wrench. Over a log the
-    measured motion of the hook drives it (`wrench_along`). In a diagram it is a body.   Source: Newton on the payload.
+    The effect has a hidden state, (r, r') of the payload from the hook in W, and so no momentary
+    wrench. Over a log the
+    measured motion of the hook drives it (`wrench_along`). In a diagram it is a body.
+    Source: Newton on the payload.
     """
 
     mass: float = 0.26  # [kg]
@@ -69,7 +73,6 @@ class SuspendedPayload(WrenchEffect):
         """Return whether the payload is ever clear of the ground.
 
         Args:
-            vehicle: not used.
             height: largest above the ground; infinite: not known [m].
         """
         return self.length <= height
@@ -77,7 +80,9 @@ class SuspendedPayload(WrenchEffect):
     @property
     def payload(self) -> Payload:
         """Payload in the form that the functions of `pendulum` take."""
-        return Payload(self.mass, self.length, (self.hook_x, self.hook_y, self.hook_z), self.damping)
+        return Payload(
+            self.mass, self.length, (self.hook_x, self.hook_y, self.hook_z), self.damping
+        )
 
     def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
         """Not available, because the wrench depends on the payload's own motion.
@@ -100,7 +105,6 @@ class SuspendedPayload(WrenchEffect):
         """Return chi in the middle of each step that begins at a row of a log, (n, 6) [N, N·m].
 
         Args:
-            vehicle: nominal vehicle.
             x: (n, 13) states.
             a: (n, 3) in W [m/s²].
             al: (n, 3) in B [rad/s²].
@@ -111,4 +115,6 @@ class SuspendedPayload(WrenchEffect):
         payload = self.payload
         a_hook = hook_acceleration(payload.hook, x, a, al)
         v_hook = hook_velocity(payload.hook, x)
-        return hook_wrench(payload, x[:, Q], swing(payload, r, r_rate, a_hook, step, vehicle.gravity, v_hook))
+        return hook_wrench(
+            payload, x[:, Q], swing(payload, r, r_rate, a_hook, step, vehicle.gravity, v_hook)
+        )

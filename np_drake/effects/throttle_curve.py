@@ -12,8 +12,8 @@ from np_drake.vehicle import Vehicle
 class ThrottleCurve(ActuatorEffect):
     """Thrust f = f_h (f_command / f_h)^(1 + curve) on every rotor, with f_h the thrust that hovers.
 
-    A nuisance of logs whose input is a throttle: never a cause.   Source: own choice; motors lie between a linear and a
-    quadratic map.
+    A nuisance of logs whose input is a throttle: never a cause.
+    Source: own choice; motors lie between a linear and a quadratic map.
     """
 
     curve: float = 0.2  # [1]
@@ -23,7 +23,11 @@ class ThrottleCurve(ActuatorEffect):
     turns_rotor = True
     named = "the throttle curve"
     linear = False
-    parameters = (Parameter("curve", "1", 0.0, -0.9, 2.0, 0.1, departure="exponent of thrust over throttle {signed}"),)
+    parameters = (
+        Parameter(
+            "curve", "1", 0.0, -0.9, 2.0, 0.1, departure="exponent of thrust over throttle {signed}"
+        ),
+    )
 
     def thrust(
         self, vehicle: Vehicle, state: np.ndarray, command: np.ndarray, t: np.ndarray | float = 0.0

@@ -12,7 +12,8 @@ from np_drake.vehicle import Vehicle
 class ThrustCeiling(ActuatorEffect):
     """Thrust f = min(f_command, share * max_rotor_thrust) on every rotor.
 
-    For simulators: the diagnosis does not look for it.   Source: own choice: a current limit or a hot speed controller.
+    For simulators: the diagnosis does not look for it.
+    Source: own choice: a current limit or a hot speed controller.
     """
 
     share: float = 0.7  # of the vehicle's largest rotor thrust [1]

@@ -26,7 +26,10 @@ class ThrustDrift(ActuatorEffect):
     excited_by = "the same manoeuvre at the start and at the end of a longer flight"
     grows_with = "duration"
     requires = ("thrust",)
-    parameters = (Parameter("start", "1", 1.0, 0.4, 1.6, 0.1), Parameter("rate", "1/s", 0.0, -0.1, 0.1, 0.005))
+    parameters = (
+        Parameter("start", "1", 1.0, 0.4, 1.6, 0.1),
+        Parameter("rate", "1/s", 0.0, -0.1, 0.1, 0.005),
+    )
 
     @classmethod
     def draw(cls, rng: np.random.Generator, vehicle: Vehicle, seconds: float) -> dict[str, float]:

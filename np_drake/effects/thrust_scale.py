@@ -26,7 +26,9 @@ class ThrustScale(ActuatorEffect):
     excited_by = "fast roll and pitch doublets: torque scales with thrust, weight does not"
     requires = ("thrust",)
     tolerance = "thrust"
-    parameters = (Parameter("scale", "1", 1.0, 0.4, 3.0, 0.1, departure="thrust of all rotors {signed}"),)
+    parameters = (
+        Parameter("scale", "1", 1.0, 0.4, 3.0, 0.1, departure="thrust of all rotors {signed}"),
+    )
 
     def thrust_gain(self, t: np.ndarray | float) -> np.ndarray | float:
         """Return the actual over the commanded thrust."""

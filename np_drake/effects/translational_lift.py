@@ -14,7 +14,8 @@ from np_drake.vehicle import Vehicle
 class TranslationalLift(WrenchEffect):
     """Additional thrust f_B = lift (v_x² + v_y²) z_B with v = R^T (v_WB - wind).
 
-    Source: lateral flow lowers the induced velocity of a rotor; own choice: the leading, quadratic term.
+    Source: lateral flow lowers the induced velocity of a rotor; own choice: the leading, quadratic
+    term.
     """
 
     lift: float = 0.05  # [N·s²/m²]
@@ -28,8 +29,16 @@ class TranslationalLift(WrenchEffect):
     turns = False
     parameters = (
         Parameter(
-            *("lift", "N·s²/m²", 0.0, 0.0, 1.0, 0.05),
-            departure="thrust rises with speed squared by {size}|thrust falls with speed squared by {size}",
+            "lift",
+            "N·s²/m²",
+            0.0,
+            0.0,
+            1.0,
+            0.05,
+            departure=(
+                "thrust rises with speed squared by {size}|thrust falls with speed "
+                "squared by {size}"
+            ),
         ),
     )
 

@@ -1,4 +1,6 @@
-"""Effect `uneven_lag`: first-order lag of rotors that slow down at another pace than they speed up."""
+"""Effect `uneven_lag`: first-order lag of rotors that slow down at another pace than they speed
+up.
+"""
 
 import dataclasses as dc
 
@@ -11,9 +13,11 @@ from np_drake.vehicle import Vehicle
 
 @dc.dataclass(frozen=True)
 class UnevenLag(MotorLag):
-    """First-order lag of rotor speed as `motor_lag`, with the time constant `down` while the command is below it.
+    """First-order lag of rotor speed as `motor_lag`, with the time constant `down` while the
+    command is below it.
 
-    It is of a vehicle's calibration, and no cause.   Source: an ESC drives a rotor up, and drag slows it.
+    It is of a vehicle's calibration, and no cause.
+    Source: an ESC drives a rotor up, and drag slows it.
     """
 
     time_constant: float = 0.03  # of a rotor that speeds up [s]
@@ -33,7 +37,9 @@ class UnevenLag(MotorLag):
         return missing / np.where(missing < 0, self.down, self.time_constant)
 
     def respond(self, vehicle: Vehicle, t: np.ndarray, command: np.ndarray) -> np.ndarray:
-        """Return the mean thrusts (n, 4) [N]; the lag is exact between rows, the mean is Simpson's."""
+        """Return the mean thrusts (n, 4) [N]; the lag is exact between rows, the mean is
+        Simpson's.
+        """
         if len(t) < 2:
             return command
         target, step = self.state_at(vehicle, command), t[1] - t[0]

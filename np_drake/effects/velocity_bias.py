@@ -29,7 +29,9 @@ class VelocityBias(SensorEffect):
     tolerance = "velocity"
     corrupts = ("vx", "vy", "vz")
     parameters = tuple(
-        Parameter(axis, "m/s", 0.0, -3.0, 3.0, 0.2, departure=f"velocity reads {{signed}} along {axis}")
+        Parameter(
+            axis, "m/s", 0.0, -3.0, 3.0, 0.2, departure=f"velocity reads {{signed}} along {axis}"
+        )
         for axis in "xyz"
     )
 

@@ -29,7 +29,9 @@ class WeakRotor(ActuatorEffect):
     requires = ("torque",)
     parameters = (
         Parameter("rotor", "", 1.0, 1.0, 4.0, 1.0, choices=(1.0, 2.0, 3.0, 4.0)),
-        Parameter("efficiency", "1", 1.0, 0.0, 1.5, 0.1, departure="rotor {rotor}: thrust {signed}"),
+        Parameter(
+            "efficiency", "1", 1.0, 0.0, 1.5, 0.1, departure="rotor {rotor}: thrust {signed}"
+        ),
     )
 
     @classmethod

@@ -1,4 +1,6 @@
-"""Tuning of the weights by gradient: the estimate is a linear recursion whose gains are smooth in the weights."""
+"""Tuning of the weights by gradient: the estimate is a linear recursion whose gains are smooth in
+the weights.
+"""
 
 import dataclasses as dc
 import logging
@@ -15,26 +17,30 @@ _LEAST = 0.2  # least forgetting factor: below it a window forgets all but its l
 _LOG = logging.getLogger(__name__)
 
 
-def tune(motion: Motion, wrench: np.ndarray, config: MheConfig | None = None, *, iterations: int = 20) -> MheConfig:
-    """Return the configuration whose estimates fit the labels of a training flight best, starting from `config`.
+def tune(
+    motion: Motion, wrench: np.ndarray, config: MheConfig | None = None, *, iterations: int = 20
+) -> MheConfig:
+    """Return the configuration whose estimates fit the labels of a training flight best, starting
+    from `config`.
 
-    Loss: mean over the six channels of squared error over that of `config`. `measurement` stays, since only
-    ratios within a channel matter. L-BFGS, each weight within a factor of 1000 of where it starts; the
-    best weights found on the way are returned, hence never worse ones than `config`.
+    Loss: mean over the six channels of squared error over that of `config`. `measurement` stays,
+    since only ratios within a channel matter. L-BFGS, each weight within a factor of 1000 of where
+    it starts; the best weights found on the way are returned, hence never worse ones than `config`.
 
     Args:
-        motion: of the training flight, without gaps.
         wrench: (n, 6) labels [N, N·m].
-        config: where to start; default: the default weights.
-        iterations: of L-BFGS at most.
     Raises:  ValueError: if the flight has gaps, or no more samples than a window.
     """
     config = (config or MheConfig()).check()
-    if len(wrench) <= config.horizon + 1 or not (np.isfinite(motion.y).all() and np.isfinite(wrench).all()):
+    if len(wrench) <= config.horizon + 1 or not (
+        np.isfinite(motion.y).all() and np.isfinite(wrench).all()
+    ):
         raise ValueError("tune: the training flight must be longer than a window and without gaps.")
     parameters = _Parameters(config)
     data = _Data(motion, wrench, config.horizon)
-    optimizer = torch.optim.LBFGS(parameters.leaves, max_iter=iterations, line_search_fn="strong_wolfe")
+    optimizer = torch.optim.LBFGS(
+        parameters.leaves, max_iter=iterations, line_search_fn="strong_wolfe"
+    )
     with torch.no_grad():
         before = data.errors(MheWeights.of(config))
     best = [(1.0, config)]
@@ -60,7 +66,9 @@ class _Parameters:
 
     def __init__(self, config: MheConfig):
         self._start, self._weights = config, MheWeights.of(config)
-        factors = torch.stack([self._weights.forgetting_measurement, self._weights.forgetting_process])
+        factors = torch.stack(
+            [self._weights.forgetting_measurement, self._weights.forgetting_process]
+        )
         share = ((factors - _LEAST) / (1 - _LEAST)).clamp(0.01, 0.99)
         start = torch.zeros(2, 2), torch.zeros(2), share.logit()
         self.leaves = [value.double().requires_grad_() for value in start]
@@ -94,7 +102,9 @@ class _Data:
         known = np.concatenate([np.zeros((1, 6)), motion.step * np.cumsum(motion.u[:-1], axis=0)])
         y = torch.as_tensor(motion.y - known)
         d = torch.as_tensor(motion.acceleration(wrench))
-        self._start = torch.stack([y[0], d[0]], dim=1)  # (6, 2), as published: training starts at the label
+        self._start = torch.stack(
+            [y[0], d[0]], dim=1
+        )  # (6, 2), as published: training starts at the label
         self._windows = y.unfold(0, horizon + 1, 1)  # (n - N, 6, N + 1)
         self._d = d[horizon:]
 
@@ -102,8 +112,14 @@ class _Data:
         """Return the mean squared error of d, (6,)."""
         n = self._n
         from_arrival, from_samples = window_gains(weights, self._step, n)
-        second, last = [1, n + 2], 2 * n + 1  # [y_1, d_1] is the arrival of the next window; d_n the estimate
-        A, drive = (from_arrival[:, second], torch.einsum("crk,tck->tcr", from_samples[:, second], self._windows))
+        second, last = (
+            [1, n + 2],
+            2 * n + 1,
+        )  # [y_1, d_1] is the arrival of the next window; d_n the estimate
+        A, drive = (
+            from_arrival[:, second],
+            torch.einsum("crk,tck->tcr", from_samples[:, second], self._windows),
+        )
         arrival, arrivals = self._start, []
         for term in drive.unbind():
             arrivals.append(arrival)

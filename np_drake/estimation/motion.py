@@ -1,9 +1,10 @@
 """Samples and known inputs of the estimator, from a flight of the twelve-column arrays.
 
-The arrays hold velocity and force in body axes and no attitude, but dv/dt is only simple in axes that do not
-turn: v_I = R v_B, dv_I/dt = R s + g_I with the specific force s, and the force column is m (s - g z). Hence
-R and g_I are needed. They come from a logged attitude (as in NeuroMHE), or from the arrays alone: R by
-integrating the body rates, g_I as the remainder of the same equation over past samples.
+The arrays hold velocity and force in body axes and no attitude, but dv/dt is only simple in axes
+that do not turn: v_I = R v_B, dv_I/dt = R s + g_I with the specific force s, and the force column
+is m (s - g z). Hence R and g_I are needed. They come from a logged attitude (as in NeuroMHE), or
+from the arrays alone: R by integrating the body rates, g_I as the remainder of the same equation
+over past samples.
 """
 
 import dataclasses as dc
@@ -23,8 +24,11 @@ ARRAY_GRAVITY = 9.8  # the force columns are 0.752 (specific force - [0, 0, 9.8]
 class Motion:
     """Samples of one flight for the estimator.
 
-    step: [s].   y: (n, 6) [v_I, omega_B], NaN where missing [m/s, rad/s].   R: (n, 3, 3) body to inertial axes I.
-    gravity: (n, 3) in I [m/s²].   mass: [kg].   inertia: (3, 3) [kg·m²].
+    step: [s].
+    y: (n, 6) [v_I, omega_B], NaN where missing [m/s, rad/s].
+    R: (n, 3, 3) body to inertial axes I. gravity: (n, 3) in I [m/s²].
+    mass: [kg].
+    inertia: (3, 3) [kg·m²].
     """
 
     step: float
@@ -36,14 +40,18 @@ class Motion:
 
     @property
     def u(self) -> np.ndarray:
-        """Known inputs (n, 6): gravity, and the gyroscopic term at the measured rates [m/s², rad/s²]."""
+        """Known inputs (n, 6): gravity, and the gyroscopic term at the measured rates [m/s²,
+        rad/s²].
+        """
         w = self.y[:, 3:]
         gyroscopic = -np.cross(w, w @ self.inertia.T) @ np.linalg.inv(self.inertia).T
         return np.concatenate([self.gravity, gyroscopic], axis=1)
 
     @property
     def hover(self) -> np.ndarray:
-        """Acceleration d (6,) of a hover at the first row: the weight is carried, no torque [m/s², rad/s²]."""
+        """Acceleration d (6,) of a hover at the first row: the weight is carried, no torque [m/s²,
+        rad/s²].
+        """
         return np.concatenate([-self.gravity[0], np.zeros(3)])
 
     def first(self, n: int) -> "Motion":
@@ -67,34 +75,43 @@ def motion_from_attitude(sequence: WrenchSequence, vehicle: Vehicle, q: np.ndarr
 
     Args:
         sequence: wrench and motion in body axes.
-        vehicle: nominal vehicle.
         q: (n, 4) body to world, without gaps.
     """
     gravity = np.tile([0.0, 0.0, -vehicle.gravity], (len(sequence), 1))
     return _motion(sequence, vehicle, attitude.rotation_matrix(q), gravity)
 
 
-def motion_from_rates(sequence: WrenchSequence, vehicle: Vehicle, *, settling: float = 0.5) -> Motion:
-    """Return the motion from the arrays alone: R by the body rates from the first row on, gravity from the past.
+def motion_from_rates(
+    sequence: WrenchSequence, vehicle: Vehicle, *, settling: float = 0.5
+) -> Motion:
+    """Return the motion from the arrays alone: R by the body rates from the first row on, gravity
+    from the past.
 
-    gravity(k) = -(low-pass of R s - dv_I/dt up to row k - 1), with the length of the vehicle's gravity; the first
-    `settling` seconds take the value at their end. Differences of neighbours do no harm: their low-pass telescopes.
-    The force of row k itself is never used for row k.
+    gravity(k) = -(low-pass of R s - dv_I/dt up to row k - 1), with the length of the vehicle's
+    gravity; the first `settling` seconds take the value at their end. Differences of neighbours do
+    no harm: their low-pass telescopes. The force of row k itself is never used for row k.
 
     Args:
         sequence: wrench and motion in body axes.
-        vehicle: nominal vehicle.
-        settling: time constant of the low-pass [s]. Own choice: long beside the horizon, short beside drift.
+        settling: time constant of the low-pass [s]. Own choice: long beside the horizon, short
+            beside drift.
     Raises: ValueError: if the flight has gaps.
     """
     if not (np.isfinite(sequence.zeta).all() and np.isfinite(sequence.chi).all()):
-        raise ValueError(f"motion: {sequence.name} must be without gaps to be integrated; give a logged attitude.")
+        raise ValueError(
+            f"motion: {sequence.name} must be without gaps to be integrated; give a logged "
+            f"attitude."
+        )
     R = _integrated(sequence.zeta[:, 3:], sequence.step)
     motion = _motion(sequence, vehicle, R, np.zeros((len(sequence), 3)))
     v, force = motion.y[:, :3], motion.acceleration(sequence.chi)[:, :3]
-    fall = 0.5 * (force[1:] + force[:-1]) - np.diff(v, axis=0) / sequence.step  # -g_I and noise, step by step
+    fall = (
+        0.5 * (force[1:] + force[:-1]) - np.diff(v, axis=0) / sequence.step
+    )  # -g_I and noise, step by step
     gain = sequence.step / (sequence.step + settling)
-    shares = signal.lfilter([gain], [1, gain - 1], np.ones(len(fall)))  # of a low-pass that starts empty
+    shares = signal.lfilter(
+        [gain], [1, gain - 1], np.ones(len(fall))
+    )  # of a low-pass that starts empty
     gravity = -signal.lfilter([gain], [1, gain - 1], fall, axis=0) / shares[:, None]
     gravity = np.concatenate([gravity[:1], gravity])
     start = min(round(settling / sequence.step), len(gravity) - 1)
@@ -103,7 +120,9 @@ def motion_from_rates(sequence: WrenchSequence, vehicle: Vehicle, *, settling: f
     return dc.replace(motion, gravity=gravity)
 
 
-def _motion(sequence: WrenchSequence, vehicle: Vehicle, R: np.ndarray, gravity: np.ndarray) -> Motion:
+def _motion(
+    sequence: WrenchSequence, vehicle: Vehicle, R: np.ndarray, gravity: np.ndarray
+) -> Motion:
     """Return the motion in inertial axes; ValueError if the sequence is not in body axes."""
     if sequence.frame != "body" or not sequence.total:
         raise ValueError(f"motion: {sequence.name} must hold the total wrench in body axes.")

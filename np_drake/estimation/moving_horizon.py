@@ -3,10 +3,11 @@
     min  |x_0 - x_bar|²_P + sum_k g1^(n-k) |y_k - Y_k|²_R + sum_k g2^(n-1-k) |w_k|²_Q
     s.t. y_(k+1) = y_k + h (d_k + u_k) + h²/2 w_k,   d_(k+1) = d_k + h w_k,   x = [y, d]
 
-y: velocity in an inertial frame and body rates; d: the acceleration that the wrench causes in them, a random
-walk; u: the known inputs, gravity and the gyroscopic term. x_bar is the estimate of the last window for the first
-sample of this one. Source: Wang et al. 2024 (NeuroMHE), eq. (4) and section VII-A, with fixed weights; their
-F = m d and tau = J d, and exact integration of the chain is their Runge-Kutta step.
+y: velocity in an inertial frame and body rates; d: the acceleration that the wrench causes in them,
+a random walk; u: the known inputs, gravity and the gyroscopic term. x_bar is the estimate of the
+last window for the first sample of this one. Source: Wang et al. 2024 (NeuroMHE), eq. (4) and
+section VII-A, with fixed weights; their F = m d and tau = J d, and exact integration of the chain
+is their Runge-Kutta step.
 """
 
 import dataclasses as dc
@@ -57,7 +58,6 @@ class LeastSquaresWindow:
     """Exact solver of a window by gains that depend only on which samples are missing.
 
     Args:
-        config: horizon and weights.
         step: between samples [s].
     """
 
@@ -67,7 +67,8 @@ class LeastSquaresWindow:
 
     def solve(self, arrival: np.ndarray, y: np.ndarray, u: np.ndarray) -> np.ndarray | None:
         """Return the trajectory, see `WindowSolver`."""
-        # Superposition: the known inputs' part of y is taken out of the samples, and added to the trajectory again.
+        # Superposition: the known inputs' part of y is taken out of the samples, and added to the
+        # trajectory again.
         known = np.concatenate([np.zeros((1, CHANNELS)), self._step * np.cumsum(u, axis=0)])
         seen = np.isfinite(y)
         from_arrival, from_samples = self._of(seen)
@@ -80,7 +81,9 @@ class LeastSquaresWindow:
     def _of(self, seen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         key = seen.tobytes()
         if key not in self._gains:
-            gains = window_gains(self._weights, self._step, len(seen) - 1, torch.as_tensor(seen).double())
+            gains = window_gains(
+                self._weights, self._step, len(seen) - 1, torch.as_tensor(seen).double()
+            )
             if len(self._gains) > 500:  # a stream of ever new gaps
                 self._gains.clear()
             self._gains[key] = (gains[0].numpy(), gains[1].numpy())
@@ -88,14 +91,14 @@ class LeastSquaresWindow:
 
 
 class MovingHorizonEstimator:
-    """Moving-horizon estimator that takes one sample at a time and keeps all memory in the caller's dictionary.
+    """Moving-horizon estimator that takes one sample at a time and keeps all memory in the caller's
+    dictionary.
 
-    A NaN in y takes that channel's sample out of the cost; a NaN in u stands for the input of the step before.
+    A NaN in y takes that channel's sample out of the cost; a NaN in u stands for the input of the
+    step before.
 
     Args:
-        config: horizon and weights.
         step: between samples [s].
-        solver: of a window; default: exact.
     """
 
     def __init__(self, config: MheConfig, step: float, solver: WindowSolver | None = None):
@@ -110,13 +113,17 @@ class MovingHorizonEstimator:
         Args:
             y: (6,) [m/s, rad/s].
             d: (6,) [m/s², rad/s²].
-        Returns: x: (N + 1, 2, 6) last trajectory, the newest last.   arrival: (2, 6) x_bar.   y, u: (N + 1, 6) samples
-        and inputs.   count: (1,) samples in the window.
+        Returns: x: (N + 1, 2, 6) last trajectory, the newest last.
+        arrival: (2, 6) x_bar.
+        y, u: (N + 1, 6) samples and inputs.
+        count: (1,) samples in the window.
         Raises: ValueError: if a guess is not finite.
         """
         guess = np.array([y, d], float)
         if not np.isfinite(guess).all():
-            raise ValueError(f"MovingHorizonEstimator: the first guesses must be finite; got {guess.tolist()}.")
+            raise ValueError(
+                f"MovingHorizonEstimator: the first guesses must be finite; got {guess.tolist()}."
+            )
         return {
             "x": np.repeat(guess[None], self._samples, axis=0),
             "arrival": guess,
@@ -129,7 +136,6 @@ class MovingHorizonEstimator:
         """Return (memory, estimate) after the sample y (6,) of now.
 
         Args:
-            memory: of the samples before.
             y: (6,) sample [m/s, rad/s].
             u: (6,) known input that acts from now on [m/s², rad/s²].
         """
@@ -152,7 +158,9 @@ class MovingHorizonEstimator:
         return memory, MheEstimate(x, held)
 
     def _held(self, x: np.ndarray, u: np.ndarray, *, first: bool) -> np.ndarray:
-        """Return the last trajectory one step on, by the model without noise; at first, the guess."""
+        """Return the last trajectory one step on, by the model without noise; at first, the
+        guess.
+        """
         if first:
             return x
         y, d = x[-1]
@@ -163,8 +171,8 @@ class MovingHorizonEstimator:
 class MheRun:
     """Estimates of one flight.
 
-    wrench: (n, 6) estimate at each row from the rows up to it [N, N·m].   held: rows without an answer of the solver.
-    step_time: median of a step [s].
+    wrench: (n, 6) estimate at each row from the rows up to it [N, N·m].
+    held: rows without an answer of the solver. step_time: median of a step [s].
     """
 
     wrench: np.ndarray
@@ -176,11 +184,6 @@ def run_mhe(motion: Motion, config: MheConfig, solver: WindowSolver | None = Non
     """Run the estimator over a flight, from the first sample of each channel in a hover.
 
     Source of the start: the published evaluation of Wang et al. 2024.
-
-    Args:
-        motion: of the flight.
-        config: horizon and weights.
-        solver: of a window; default: exact.
     Raises: ValueError: if a channel has no sample at all.
     """
     dut = MovingHorizonEstimator(config, motion.step, solver)

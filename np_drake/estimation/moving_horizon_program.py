@@ -1,4 +1,6 @@
-"""The window's quadratic program on MathematicalProgram, with trajectory and noise as its variables."""
+"""The window's quadratic program on MathematicalProgram, with trajectory and noise as its
+variables.
+"""
 
 from typing import Any
 
@@ -9,17 +11,20 @@ from np_drake.estimation.mhe_config import CHANNELS, MheConfig
 from np_drake.mpc.drake_solvers import expected_early_ends, new_program, solver_options
 
 _STATE = 2 * CHANNELS  # entries of x = [y, d] [1]
-_TOLERANCES = {"tol_gap_abs": 1e-11, "tol_gap_rel": 1e-11, "tol_feas": 1e-11}  # of the scaled problem
+_TOLERANCES = {
+    "tol_gap_abs": 1e-11,
+    "tol_gap_rel": 1e-11,
+    "tol_feas": 1e-11,
+}  # of the scaled problem
 
 
 class ProgramWindow:
     """Solver of a window by one program a window length, built once and updated.
 
-    Clarabel works on the sparse rows: 0.2 ms for 192 variables, OSQP twice as much and far less exact, Drake's
-    dense equality-constrained solver 7 ms.
+    Clarabel works on the sparse rows: 0.2 ms for 192 variables, OSQP twice as much and far less
+    exact, Drake's dense equality-constrained solver 7 ms.
 
     Args:
-        config: horizon and weights.
         step: between samples [s].
     """
 
@@ -43,9 +48,9 @@ class ProgramWindow:
 class _Program:
     """Program of a window of n steps with variables x_k = [y_k, d_k] (12,) and h w_k (6,).
 
-    x_k counts from the prediction of the model without noise from the arrival, and everything is over the deviation
-    of its weight: then costs are near the identity and answers near zero. Otherwise, a window that forgets is solved
-    to two digits only.
+    x_k counts from the prediction of the model without noise from the arrival, and everything is
+    over the deviation of its weight: then costs are near the identity and answers near zero.
+    Otherwise, a window that forgets is solved to two digits only.
     """
 
     def __init__(self, config: MheConfig, step: float, n: int):
@@ -58,7 +63,9 @@ class _Program:
         self._scale = np.repeat(scale[None], n + 1, axis=0)  # (n + 1, 2, 6), as the trajectory
         self._x = self.prog.NewContinuousVariables(self._scale.size, "x")
         size = len(self._x)
-        self._tracking = self.prog.AddQuadraticCost(np.eye(size), np.zeros(size), self._x, is_convex=True).evaluator()
+        self._tracking = self.prog.AddQuadraticCost(
+            np.eye(size), np.zeros(size), self._x, is_convex=True
+        ).evaluator()
         if n:
             weight = np.array(config.process) / step**2 * config.forgetting_process ** age[1:]
             self._add_dynamics(1 / np.sqrt(weight.ravel()))
@@ -87,7 +94,9 @@ class _Program:
         target[:, 0] = np.where(seen, self._measured * (y - self._foretold[:, 0]), 0.0)
         weight[0] += self._arrival
         quadratic, linear = weight * self._scale**2, target * self._scale
-        self._tracking.UpdateCoefficients(np.diag(2 * quadratic.ravel()), -2 * linear.ravel(), 0.0, is_convex=True)
+        self._tracking.UpdateCoefficients(
+            np.diag(2 * quadratic.ravel()), -2 * linear.ravel(), 0.0, is_convex=True
+        )
 
     def trajectory(self, result: Any) -> np.ndarray:
         """Return the trajectory (n + 1, 2, 6) of a solution."""

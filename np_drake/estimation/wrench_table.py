@@ -1,8 +1,9 @@
 """Columns and published rows of the paper's estimation table.
 
-Source of the values: Jin et al. 2025, table of estimation errors on 6 held-out flights (label MRFsum), as
-printed; the NeuroMHE and NeuroBEM rows, of 13 flights, are those of Wang et al. 2024, as the evaluation script in the
-authors' repository (NPU-RCIR/Neural-Predictor) has them. RMSE [N, N·m].
+Source of the values: Jin et al. 2025, table of estimation errors on 6 held-out flights (label
+MRFsum), as printed; the NeuroMHE and NeuroBEM rows, of 13 flights, are those of Wang et al. 2024,
+as the evaluation script in the authors' repository (NPU-RCIR/Neural-Predictor) has them. RMSE [N,
+N·m].
 """
 
 import numpy as np
@@ -13,7 +14,9 @@ CHANNELS = {  # of chi, in each column
 }
 COLUMNS = tuple(CHANNELS)  # in the order of the table
 
-PUBLISHED: dict[str, dict[str, tuple[float, ...]]] = {  # flight: method: the ten columns, NP on six flights
+PUBLISHED: dict[
+    str, dict[str, tuple[float, ...]]
+] = {  # flight: method: the ten columns, NP on six flights
     "3D circle 1": {
         "NeuroBEM": (0.196, 0.211, 0.215, 0.005, 0.006, 0.003, 0.288, 0.008, 0.360, 0.009),
         "NeuroMHE": (0.258, 0.269, 0.108, 0.003, 0.002, 0.003, 0.373, 0.004, 0.388, 0.005),

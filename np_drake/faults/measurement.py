@@ -1,6 +1,7 @@
 """Faults of a sampled measurement: which sample is delivered, and what is wrong with its content.
 
-A reading is the vector (23,) of x (13), acceleration (6) and rotor speed (4), in the order of `READING`.
+A reading is the vector (23,) of x (13), acceleration (6) and rotor speed (4), in the order of
+`READING`.
 """
 
 import dataclasses as dc
@@ -52,7 +53,6 @@ class MeasurementFault:
         """Return the sample that is delivered in place of another.
 
         Args:
-            k: sample that is asked for.
             period: between samples [s].
         """
         return k

@@ -26,7 +26,10 @@ class LateSolves(SolverFault):
 
     The time is log-normal, independent from solve to solve: no wall clock enters.
 
-    median: of the time [s].   spread: standard deviation of its logarithm [1].   deadline: [s].   seed: of the draws.
+    median: of the time [s].
+    spread: standard deviation of its logarithm [1].
+    deadline: [s].
+    seed: of the draws.
     """
 
     median: float
@@ -45,12 +48,7 @@ class LateSolves(SolverFault):
 
 
 class FaultySolver:
-    """Solver that answers as another does, except while one of its faults acts.
-
-    Args:
-        solver: that answers.
-        faults: that act on it.
-    """
+    """Solver that answers as another does, except while one of its faults acts."""
 
     def __init__(self, solver: MpcSolver, faults: Sequence[SolverFault]):
         self.name = solver.name
@@ -59,7 +57,8 @@ class FaultySolver:
     def solve(self, problem: MpcProblem, warm_start: MpcSolution | None = None) -> MpcSolution:
         """Solve one problem.
 
-        Raises: SolverFailure: where a fault acts at the problem's time, or the solver fails of its own.
+        Raises: SolverFailure: where a fault acts at the problem's time, or the solver fails of its
+        own.
         """
         for fault in self._faults:
             if fault.spoils(problem.t):

@@ -1,4 +1,6 @@
-"""Files written whole or not at all: beside the target under a temporary name, to the disk, then renamed."""
+"""Files written whole or not at all: beside the target under a temporary name, to the disk, then
+renamed.
+"""
 
 import errno
 import json
@@ -18,13 +20,16 @@ FULL = (errno.ENOSPC, errno.EDQUOT)  # what a system says where no room is left
 
 
 class DiskFull(OSError):
-    """Lack of room on the disk, in one line: which file, how much it needs, what is free, and the remedy."""
+    """Lack of room on the disk, in one line: which file, how much it needs, what is free, and the
+    remedy.
+    """
 
 
 def require_writable(path: str | Path) -> Path:
     """Return the path if a file can be written there, so that a caller can check before long work.
 
-    Raises: OSError: if it is a folder, a device or an input, or its folder does not exist or cannot be written.
+    Raises: OSError: if it is a folder, a device or an input, or its folder does not exist or cannot
+    be written.
     """
     path = Path(path)
     if _is_sink(path):
@@ -33,9 +38,13 @@ def require_writable(path: str | Path) -> Path:
         raise IsADirectoryError(f"{path}: must be a file to write; it is a folder.")
     folder = _resolved(path).parent  # of the file itself, where the path is a link
     if not folder.is_dir():
-        raise FileNotFoundError(f"{path}: the folder {folder} must exist; create it or choose another.")
+        raise FileNotFoundError(
+            f"{path}: the folder {folder} must exist; create it or choose another."
+        )
     if path.exists() and not stat.S_ISREG(path.stat().st_mode):
-        raise PermissionError(f"{path}: must be an ordinary file to write; it is a device. Choose another.")
+        raise PermissionError(
+            f"{path}: must be an ordinary file to write; it is a device. Choose another."
+        )
     require_no_input(path)
     probe = folder / f".{secrets.token_hex(4)}"
     try:
@@ -51,10 +60,13 @@ def require_writable(path: str | Path) -> Path:
 
 @contextmanager
 def atomic_path(path: str | Path) -> Iterator[Path]:
-    """Yield a temporary path beside `path` with the same suffixes, renamed on success and removed on failure.
+    """Yield a temporary path beside `path` with the same suffixes, renamed on success and removed
+    on failure.
 
-    Where `path` is a link to a file, that file is replaced. What is written to /dev/null is discarded.
-    Raises: OSError: as `require_writable`; DiskFull: if there is no room, with the size that was written until then.
+    Where `path` is a link to a file, that file is replaced. What is written to /dev/null is
+    discarded.
+    Raises: OSError: as `require_writable`; DiskFull: if there is no room, with the size that was
+        written until then.
     """
     path = require_writable(path)
     if _is_sink(path):
@@ -83,10 +95,6 @@ def atomic_path(path: str | Path) -> Iterator[Path]:
 
 def write_bytes(path: str | Path, content: bytes) -> None:
     """Write a binary file, whole or not at all.
-
-    Args:
-        path: of the file.
-        content: of it.
     Raises: OSError: as `atomic_path`; DiskFull: before anything is written where it does not fit.
     """
     with atomic_path(path) as temporary:
@@ -96,12 +104,7 @@ def write_bytes(path: str | Path, content: bytes) -> None:
 
 
 def write_text(path: str | Path, text: str) -> None:
-    """Write a UTF-8 text file, whole or not at all.
-
-    Args:
-        path: of the file.
-        text: of it.
-    """
+    """Write a UTF-8 text file, whole or not at all."""
     write_bytes(path, text.encode("utf-8"))
 
 
@@ -109,7 +112,6 @@ def write_json(path: str | Path, content: Any) -> None:
     """Write indented JSON; NumPy numbers and arrays become lists, NaN and infinity become null.
 
     Args:
-        path: of the file.
         content: of any types that `plain` takes.
     """
     write_text(path, json.dumps(plain(content), indent=2, allow_nan=False) + "\n")
@@ -142,7 +144,9 @@ def _resolved(path: Path) -> Path:
 
 
 def _is_sink(path: Path) -> bool:
-    """Return whether a path is /dev/null, also by another name; a rename would replace the device by a file."""
+    """Return whether a path is /dev/null, also by another name; a rename would replace the device
+    by a file.
+    """
     try:
         found = path.stat()
     except OSError:

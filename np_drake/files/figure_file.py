@@ -9,9 +9,18 @@ from matplotlib.figure import Figure
 
 from np_drake.files.atomic_file import write_bytes
 
-# Okabe and Ito's palette: distinguishable for colour-blind readers and, with the dashes, in grey print.
+# Okabe and Ito's palette: distinguishable for colour-blind readers and, with the dashes, in grey
+# print.
 PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
-DASHES = ("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1)), (0, (8, 2)), "-")  # one a colour of the palette
+DASHES = (
+    "-",
+    "--",
+    "-.",
+    ":",
+    (0, (5, 1, 1, 1, 1, 1)),
+    (0, (8, 2)),
+    "-",
+)  # one a colour of the palette
 SCREEN = 90  # of a picture in a notebook [dots an inch]
 RESOLUTION = 150  # of a picture [dots an inch]
 
@@ -28,7 +37,6 @@ def new_figure(rows: int, columns: int, *, width: float, height: float, **layout
 
     Args:
         rows: of axes.
-        columns: beside each other.
         width: of the figure [inch].
         height: likewise [inch].
         layout: passed to `Figure.subplots`.
@@ -56,7 +64,6 @@ def png(figure: Figure, resolution: float = RESOLUTION) -> bytes:
     """Return the figure as a PNG.
 
     Args:
-        figure: to be drawn.
         resolution: [dots an inch].
     """
     stream = io.BytesIO()
@@ -65,10 +72,5 @@ def png(figure: Figure, resolution: float = RESOLUTION) -> bytes:
 
 
 def save(figure: Figure, path: str | Path) -> None:
-    """Write a PNG, whole or not at all.
-
-    Args:
-        path: of the picture.
-        figure: to be drawn.
-    """
+    """Write a PNG, whole or not at all."""
     write_bytes(path, png(figure))

@@ -1,4 +1,5 @@
-"""Reading of input files within budgets: what a file may ask of its reader, checked before memory is taken.
+"""Reading of input files within budgets: what a file may ask of its reader, checked before memory
+is taken.
 
 A file of 10 MB, whatever it holds, is read or refused within 1 GB of memory.
 """
@@ -23,17 +24,20 @@ logger = logging.getLogger(__name__)
 MAX_JSON = 200 * 10**6  # [byte]
 GZIP = b"\x1f\x8b"  # first bytes
 LEAST_CELLS = 4 * 10**6  # numbers that any table may hold: 20 minutes of 30 columns at 100 Hz
-CELLS_A_BYTE = 1  # further numbers a byte of the file; plain text has less, compressed logs 0.1 to 0.5
+CELLS_A_BYTE = (
+    1  # further numbers a byte of the file; plain text has less, compressed logs 0.1 to 0.5
+)
 LEAST_TEXT = 10**8  # [byte] that any file may hold after decompression
-TEXT_A_BYTE = 50  # further ones a byte of the file; compressed logs have 2 to 20, gzip's limit is 1032
+TEXT_A_BYTE = (
+    50  # further ones a byte of the file; compressed logs have 2 to 20, gzip's limit is 1032
+)
 
 
 def read_bytes(path: str | Path, most: int, *, kept: bool = False) -> bytes:
-    """Return the content of a file of at most `most` bytes; a device that never ends is refused too.
+    """Return the content of a file of at most `most` bytes; a device that never ends is refused
+    too.
 
     Args:
-        path: of the file.
-        most: bytes that it may hold.
         kept: whether it is a result of an earlier run, which may be written again, and no input.
     Raises: ValueError: if it holds more, or is a pipe; OSError: if it cannot be read.
     """
@@ -48,7 +52,8 @@ def read_bytes(path: str | Path, most: int, *, kept: bool = False) -> bytes:
 
 
 def require_plain_file(path: str | Path) -> None:
-    """Check that reading a path can end: a named pipe without a writer blocks at its opening, and a socket has no end.
+    """Check that reading a path can end: a named pipe without a writer blocks at its opening, and a
+    socket has no end.
 
     Raises: ValueError: if it is one.
     """
@@ -58,19 +63,24 @@ def require_plain_file(path: str | Path) -> None:
         return  # whoever opens it says why it cannot
     if stat.S_ISFIFO(mode) or stat.S_ISSOCK(mode):
         kind = "named pipe" if stat.S_ISFIFO(mode) else "socket"
-        raise ValueError(f"{path}: must be a file or a folder; got a {kind}, which may never end. Save it as a file.")
+        raise ValueError(
+            f"{path}: must be a file or a folder; got a {kind}, which may never end. Save "
+            f"it as a file."
+        )
 
 
 def read_json(path: str | Path) -> Any:
     """Return the content of a JSON file.
 
-    Raises: ValueError: if it is none, nested too deeply, or beyond `MAX_JSON`; OSError: if it cannot be read.
+    Raises: ValueError: if it is none, nested too deeply, or beyond `MAX_JSON`; OSError: if it
+    cannot be read.
     """
     return parse_json(read_bytes(path, MAX_JSON))
 
 
 def kept_json(path: str | Path) -> Any | None:
-    """Return the result of an earlier run; None where there is none or it was cut off, so that it is made again.
+    """Return the result of an earlier run; None where there is none or it was cut off, so that it
+    is made again.
 
     Raises: OSError: if it cannot be read.
     """
@@ -105,7 +115,9 @@ def text_budget(path: str | Path) -> int:
 
 
 def decompressed_start(start: bytes) -> bytes:
-    """Return the first bytes of a file, decompressed where they are those of gzip; empty if they are damaged."""
+    """Return the first bytes of a file, decompressed where they are those of gzip; empty if they
+    are damaged.
+    """
     if not start.startswith(GZIP):
         return start
     try:
@@ -117,7 +129,8 @@ def decompressed_start(start: bytes) -> bytes:
 def open_compressed(path: str | Path) -> BinaryIO:
     """Open a binary file, which is decompressed into memory where it is of gzip.
 
-    Raises: ValueError: if it is damaged, or holds more than `block_budget`; OSError: if it cannot be opened.
+    Raises: ValueError: if it is damaged, or holds more than `block_budget`; OSError: if it cannot
+    be opened.
     """
     with Path(path).open("rb") as file:
         compressed = file.read(len(GZIP)) == GZIP
@@ -129,12 +142,16 @@ def open_compressed(path: str | Path) -> BinaryIO:
     except (EOFError, zlib.error, gzip.BadGzipFile) as error:
         raise ValueError(f"{path}: must be a whole gzip file; copy it again.") from error
     if len(content) > block_budget(path):
-        raise ValueError(f"{path}: must hold at most {block_budget(path) / 1e6:.0f} MB. Is it the right file?")
+        raise ValueError(
+            f"{path}: must hold at most {block_budget(path) / 1e6:.0f} MB. Is it the right file?"
+        )
     return io.BytesIO(content)
 
 
 def block_budget(path: str | Path) -> int:
-    """Return how many bytes of a file may be in memory at once after decompression, from its size."""
+    """Return how many bytes of a file may be in memory at once after decompression, from its
+    size.
+    """
     return LEAST_TEXT + size_of(path)
 
 
@@ -150,7 +167,9 @@ Identity = tuple[int, int]  # device and inode of a file, the same for all its l
 
 @dc.dataclass
 class _Guard:
-    """Files that are read, that are to be written, and that this run has written itself and may write again."""
+    """Files that are read, that are to be written, and that this run has written itself and may
+    write again.
+    """
 
     inputs: dict[Identity, Path] = dc.field(default_factory=dict)
     outputs: set[str] = dc.field(default_factory=set)
@@ -162,7 +181,9 @@ _guard: ContextVar[_Guard | None] = ContextVar("guard", default=None)
 
 @contextmanager
 def guard_inputs(paths: Iterable[str | Path]) -> Iterator[None]:
-    """Protect files, and those that `note_input` adds, from being written until the end of the block."""
+    """Protect files, and those that `note_input` adds, from being written until the end of the
+    block.
+    """
     token = _guard.set(_Guard())
     try:
         for path in paths:
@@ -173,9 +194,11 @@ def guard_inputs(paths: Iterable[str | Path]) -> Iterator[None]:
 
 
 def note_input(path: str | Path) -> None:
-    """Add a file that is read; without effect outside `guard_inputs` and for a file of this run's own.
+    """Add a file that is read; without effect outside `guard_inputs` and for a file of this run's
+    own.
 
-    Raises: FileExistsError: if it is to be written, so that a run ends here, and not after its work; ValueError: if it
+    Raises: FileExistsError: if it is to be written, so that a run ends here, and not after its
+    work; ValueError: if it
         is a pipe or a socket.
     """
     require_plain_file(path)
@@ -216,7 +239,9 @@ def require_no_input(path: str | Path) -> None:
 
 
 def _is_read(path: str | Path, source: str | Path) -> FileExistsError:
-    also = "" if os.path.abspath(source) == os.path.abspath(path) else f" (the same file as {source})"
+    also = (
+        "" if os.path.abspath(source) == os.path.abspath(path) else f" (the same file as {source})"
+    )
     return FileExistsError(f"{path}: must not be a file that is read{also}. Choose another.")
 
 

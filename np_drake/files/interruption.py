@@ -1,4 +1,6 @@
-"""Signals that end a run: one line on stderr and exit code 128 + number, also while modules are being imported."""
+"""Signals that end a run: one line on stderr and exit code 128 + number, also while modules are
+being imported.
+"""
 
 import os
 import signal
@@ -7,7 +9,9 @@ import threading
 from types import FrameType
 from typing import Any, NoReturn
 
-ENDING = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
+ENDING = tuple(
+    getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
+)
 PATIENCE = 3  # signals after which a run ends without clearing up
 AGAIN = 0.02  # after which a lost signal comes again [s]; own choice
 _seen: list[int] = []  # numbers of the signals of this process
@@ -23,12 +27,16 @@ def line(number: int) -> str:
 
 
 def end_at_once() -> None:
-    """Let signals end the process at once: nothing is open yet, and an exception would end in half an import."""
+    """Let signals end the process at once: nothing is open yet, and an exception would end in half
+    an import.
+    """
     _handle(_leave)
 
 
 def end_in_order() -> None:
-    """Let signals raise in the main thread, so that temporary files and processes are cleared away."""
+    """Let signals raise in the main thread, so that temporary files and processes are cleared
+    away.
+    """
     _seen.clear()
     _handle(_raise)
     sys.unraisablehook = _without_signals
@@ -43,13 +51,17 @@ def last_signal() -> int | None:
 
 
 def raise_again() -> None:
-    """Raise for a signal whose exception was lost, as one raised inside a finaliser is; call it as work goes on."""
+    """Raise for a signal whose exception was lost, as one raised inside a finaliser is; call it as
+    work goes on.
+    """
     if _seen:
         raise _exception(_seen[-1])
 
 
 def _without_signals(lost: Any) -> None:
-    """Report an exception that nothing can catch; a signal that is lost in a callback or finaliser comes again."""
+    """Report an exception that nothing can catch; a signal that is lost in a callback or finaliser
+    comes again.
+    """
     if not isinstance(lost.exc_value, KeyboardInterrupt | Ended) or not _seen:
         sys.__unraisablehook__(lost)
         return

@@ -9,18 +9,18 @@ import numpy as np
 SHOWN = "padding: 2px 12px 2px 0; text-align: left"
 
 
-def html_table(title: str, header: Sequence[str], rows: Sequence[Sequence[str]], notes: Sequence[str] = ()) -> str:
+def html_table(
+    title: str, header: Sequence[str], rows: Sequence[Sequence[str]], notes: Sequence[str] = ()
+) -> str:
     """Return a short HTML fragment: title, table and notes, in the colours of the notebook.
 
     Args:
-        title: above the table.
         header: name of each column; none: a table without a head.
-        rows: cells of text.
-        notes: below the table.
     """
     head = "".join(f'<th style="{SHOWN}">{escape(name)}</th>' for name in header)
     body = "".join(
-        "<tr>" + "".join(f'<td style="{SHOWN}">{escape(str(cell))}</td>' for cell in row) + "</tr>" for row in rows
+        "<tr>" + "".join(f'<td style="{SHOWN}">{escape(str(cell))}</td>' for cell in row) + "</tr>"
+        for row in rows
     )
     table = f"<table>{f'<tr>{head}</tr>' if header else ''}{body}</table>" if rows else ""
     below = "".join(f"<p>{escape(note)}</p>" for note in notes)
@@ -39,18 +39,17 @@ def data_frame(columns: Mapping[str, Any], *, index: str | None = None) -> Any:
         import pandas
     except ImportError as error:
         remedy = "pip install 'np_drake[notebook]'"
-        raise ImportError(f"to_dataframe: needs pandas, which is not installed; {remedy}.") from error
+        raise ImportError(
+            f"to_dataframe: needs pandas, which is not installed; {remedy}."
+        ) from error
     frame = pandas.DataFrame(dict(columns))
     return frame if index is None else frame.set_index(index)
 
 
-def flattened(names: Mapping[str, Sequence[str]], values: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Return columns (n,) by their own names of arrays (n, k) that are there.
-
-    Args:
-        names: of the columns by array.
-        values: arrays by name.
-    """
+def flattened(
+    names: Mapping[str, Sequence[str]], values: Mapping[str, np.ndarray]
+) -> dict[str, np.ndarray]:
+    """Return columns (n,) by their own names of arrays (n, k) that are there."""
     found: dict[str, np.ndarray] = {}
     for name, columns in names.items():
         if name in values:

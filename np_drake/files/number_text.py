@@ -6,10 +6,20 @@ import sys
 
 NOTHING = "–"
 NBSP = "\u00a0"  # a number and its unit stay on one line
-_UNIT = re.compile(r"(?<=[\d.]) (?=(?:%|[cmµk]?(?:N|m|s|g|V|A|rad|Hz)|deg|nat)(?:[·/²³]\S*)?(?:[\s,;:.)]|$))")
+_UNIT = re.compile(
+    r"(?<=[\d.]) (?=(?:%|[cmµk]?(?:N|m|s|g|V|A|rad|Hz)|deg|nat)(?:[·/²³]\S*)?(?:[\s,;:.)]|$))"
+)
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
-_THOUSANDTHS = {"N", "N·m", "N·s/m", "N·m·s/m", "N·s²/m²", "s", "rad/s"}  # units with the prefixes m and µ
+_THOUSANDTHS = {
+    "N",
+    "N·m",
+    "N·s/m",
+    "N·m·s/m",
+    "N·s²/m²",
+    "s",
+    "rad/s",
+}  # units with the prefixes m and µ
 UNITS = {  # SI unit: (from this size on [SI], factor, unit shown), the largest first
     "kg": ((1.0, 1.0, "kg"), (0.0, 1e3, "g")),
     "m": ((0.1, 1.0, "m"), (0.0, 1e2, "cm")),
@@ -32,16 +42,18 @@ _DEPARTURES = {  # SI unit: (factor, unit shown) of a small departure
 
 
 def departure_unit(unit: str) -> tuple[float, str]:
-    """Return the factor and the unit in which a small departure [SI unit] is read: degrees, mm, share in a minute."""
+    """Return the factor and the unit in which a small departure [SI unit] is read: degrees, mm,
+    share in a minute.
+    """
     return _DEPARTURES.get(unit, (1.0, unit))
 
 
 def number(value: float | None, digits: int = 3) -> str:
-    """Return a number with significant digits, or with a power of ten where that is shorter; a dash if not finite.
+    """Return a number with significant digits, or with a power of ten where that is shorter; a dash
+    if not finite.
 
     Args:
         value: to write; None: a dash.
-        digits: significant ones.
     """
     if value is None or not math.isfinite(value):
         return NOTHING
@@ -54,33 +66,18 @@ def number(value: float | None, digits: int = 3) -> str:
 
 
 def fixed(value: float, decimals: int) -> str:
-    """Return a number with these decimals, a true minus, and no minus before zero.
-
-    Args:
-        value: to write.
-        decimals: their number.
-    """
+    """Return a number with these decimals, a true minus, and no minus before zero."""
     text = f"{value:.{decimals}f}"
     return text.lstrip("-") if float(text) == 0 else text.replace("-", "−")
 
 
 def with_unit(text: str, unit: str) -> str:
-    """Return a number with its unit behind it, on one line; the unit 1 is not written.
-
-    Args:
-        text: the number.
-        unit: behind it; may be empty.
-    """
+    """Return a number with its unit behind it, on one line; the unit 1 is not written."""
     return f"{text}{'' if unit in ('', '1', '°') else NBSP}{'' if unit == '1' else unit}"
 
 
 def with_sign(size: str, value: float) -> str:
-    """Return a size as text with the sign of a value before it.
-
-    Args:
-        size: of the value, without a sign.
-        value: whose sign it is.
-    """
+    """Return a size as text with the sign of a value before it."""
     return f"{'−' if value < 0 else '+'}{size}"
 
 
@@ -105,7 +102,9 @@ def probability(value: float) -> str:
 
 
 def of_at_least(value: float) -> str:
-    """Return a least probability as text behind 'a probability': 'of 98 % or more', or 'above 99.9 %'."""
+    """Return a least probability as text behind 'a probability': 'of 98 % or more', or 'above 99.9
+    %'.
+    """
     text = probability(value)
     return f"above {text[2:]}" if text.startswith(">") else f"of {text} or more"
 
@@ -120,8 +119,6 @@ def measure(value: float | None, unit: str, digits: int = 2) -> str:
 
     Args:
         value: size in SI units; None: a dash.
-        unit: its SI unit.
-        digits: significant ones.
     """
     if value is None or not math.isfinite(value):
         return NOTHING
@@ -130,11 +127,6 @@ def measure(value: float | None, unit: str, digits: int = 2) -> str:
 
 
 def suited(size: float, unit: str) -> tuple[float, str]:
-    """Return the factor and the name of the unit in which a size [SI unit] is read best.
-
-    Args:
-        size: in SI units.
-        unit: its SI unit.
-    """
+    """Return the factor and the name of the unit in which a size [SI unit] is read best."""
     every = UNITS.get(unit, ((0.0, 1.0, unit),))
     return next((factor, shown) for least, factor, shown in every if size >= least)

@@ -1,4 +1,6 @@
-"""Lock of a run's output: a second run into the same file or folder is refused, and mixes nothing."""
+"""Lock of a run's output: a second run into the same file or folder is refused, and mixes
+nothing.
+"""
 
 import errno
 import fcntl
@@ -20,13 +22,11 @@ class Occupied(OSError):
 def lock_outputs(folders: Iterable[Path], files: Iterable[Path] = ()) -> Iterator[None]:
     """Hold the outputs of a run for itself until the end of the block; the lock files go with it.
 
-    A folder is made where it is missing, and removed where it is still empty at the end. The system drops the lock of a
-    process that dies, however it dies: the lock file that it leaves behind holds nobody up.
-
-    Args:
-        folders: of results.
-        files: of results, each beside its lock file.
-    Raises: Occupied: if another run holds one of them; OSError: if there is no place for the lock file.
+    A folder is made where it is missing, and removed where it is still empty at the end. The system
+    drops the lock of a process that dies, however it dies: the lock file that it leaves behind
+    holds nobody up.
+    Raises: Occupied: if another run holds one of them; OSError: if there is no place for the lock
+        file.
     """
     with ExitStack() as held:
         for folder in {folder.resolve(): folder for folder in folders}.values():
@@ -69,7 +69,9 @@ def _acquired(path: Path, output: Path) -> int:
         except FileNotFoundError:
             if path.parent != output:
                 raise
-            output.mkdir(parents=True, exist_ok=True)  # a run that ended without results has removed it
+            output.mkdir(
+                parents=True, exist_ok=True
+            )  # a run that ended without results has removed it
             continue
         try:
             fcntl.flock(number, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -78,7 +80,8 @@ def _acquired(path: Path, output: Path) -> int:
             if error.errno in BUSY:
                 os.close(number)
                 raise Occupied(
-                    f"{output}: another run ({holder}) writes here. Wait for its end, or choose another --out."
+                    f"{output}: another run ({holder}) writes here. Wait for its end, or "
+                    f"choose another --out."
                 ) from error
             # A file system without locks: the run goes on unguarded.
         if _is_still(number, path):

@@ -19,7 +19,12 @@ Read = Callable[[Any], Any]  # from defaults to what the file makes of them
 
 
 def load_checked(
-    schema: type, path: str | Path, kind: str, complete: Callable[[Read], Any] | None = None, *, part: str | None = None
+    schema: type,
+    path: str | Path,
+    kind: str,
+    complete: Callable[[Read], Any] | None = None,
+    *,
+    part: str | None = None,
 ) -> Any:
     """Return a `schema` read from the YAML file at `path` and checked by its `check()`.
 
@@ -27,10 +32,8 @@ def load_checked(
 
     Args:
         schema: dataclass with a `check`.
-        path: of the file.
-        kind: of file, for messages.
-        complete: makes the object of a function that reads the file over given defaults, where these depend on other
-            fields; None: read once, over the defaults of `schema`.
+        complete: makes the object of a function that reads the file over given defaults, where
+            these depend on other fields; None: read once, over the defaults of `schema`.
         part: field of the file in which the object stands, where the file has it.
     Raises: ValueError: one line with file, field and reason, as "<path>: not a <kind>: …".
     """
@@ -54,11 +57,15 @@ def load_checked(
         *(AssertionError, ArithmeticError),
     ) as error:
         reason = " ".join(str(error).removeprefix(f"{path}: ").split()) or "it cannot be read."
-        raise ValueError(f"{path}: not a {kind}: {reason[:300]}{_remedy(schema, reason)}") from error
+        raise ValueError(
+            f"{path}: not a {kind}: {reason[:300]}{_remedy(schema, reason)}"
+        ) from error
 
 
 def _require_once(root: yaml.Node | None) -> None:
-    """Check that no field stands twice, since a reader would take the last; ValueError if one does."""
+    """Check that no field stands twice, since a reader would take the last; ValueError if one
+    does.
+    """
     left: list[tuple[str, yaml.Node | None]] = [("", root)]
     seen: set[int] = set()
     while left:
@@ -73,7 +80,8 @@ def _require_once(root: yaml.Node | None) -> None:
 
 
 def _fields_once(name: str, node: yaml.MappingNode) -> list[tuple[str, yaml.Node]]:
-    """Return name and value of every field of `name`, empty for the whole file; merge keys may stand twice.
+    """Return name and value of every field of `name`, empty for the whole file; merge keys may
+    stand twice.
 
     Raises: ValueError: if another field stands twice.
     """
@@ -82,14 +90,17 @@ def _fields_once(name: str, node: yaml.MappingNode) -> list[tuple[str, yaml.Node
     for key, value in node.value:
         field, line = f"{name}.{key.value}" if name else str(key.value), key.start_mark.line + 1
         if field in lines and key.tag != "tag:yaml.org,2002:merge":
-            raise ValueError(f"{field} must stand once; it stands in lines {lines[field]} and {line}.")
+            raise ValueError(
+                f"{field} must stand once; it stands in lines {lines[field]} and {line}."
+            )
         lines[field] = line
         found.append((field, value))
     return found
 
 
 def _require_kinds(schema: type, content: Any, default: Any) -> None:
-    """Check the kinds of all values before Drake reads them, whose errors do not always name the field.
+    """Check the kinds of all values before Drake reads them, whose errors do not always name the
+    field.
 
     Raises: ValueError: if a value does not suit its field.
     """
@@ -101,7 +112,9 @@ def _require_kinds(schema: type, content: Any, default: Any) -> None:
 
 
 def _remedy(schema: type, reason: str) -> str:
-    """Return a remedy for an unknown field: fields like it, else all of the schema; empty for another reason."""
+    """Return a remedy for an unknown field: fields like it, else all of the schema; empty for
+    another reason.
+    """
     unknown = re.search(r"fields \[(.*?)\] were unknown", reason)
     if unknown is None:
         return ""
@@ -123,7 +136,9 @@ def _fields(schema: Any) -> list[str]:
     return found
 
 
-LARGEST = 1e15  # finite number that a field may hold in any unit; own choice: beyond it squares overflow
+LARGEST = (
+    1e15  # finite number that a field may hold in any unit; own choice: beyond it squares overflow
+)
 LONGEST = 60  # characters of a value that are quoted
 PLAIN: dict[Any, str] = {
     float: "a number",
@@ -136,14 +151,8 @@ PLAIN: dict[Any, str] = {
 def misfit(kind: Any, value: Any, name: str, default: Any = None) -> str | None:
     """Return one sentence on why `value` does not suit `kind`, None where it does.
 
-    It names the field, what it must be, and what it is. Unknown fields, and kinds other than numbers, text, lists and
-    records, are left to the reader.
-
-    Args:
-        kind: of the field.
-        value: as YAML reads it.
-        name: of the field, empty for the whole file.
-        default: a value that suits.
+    It names the field, what it must be, and what it is. Unknown fields, and kinds other than
+    numbers, text, lists and records, are left to the reader.
     """
     if type(None) in typing.get_args(kind):  # may be nothing
         if value is None:
@@ -152,9 +161,17 @@ def misfit(kind: Any, value: Any, name: str, default: Any = None) -> str | None:
     fields, item = fields_of(kind), _item(kind)
     if fields and isinstance(value, dict):
         for strange in [field for field in value if not isinstance(field, str)]:
-            return f"the name of a field{f' of {name}' if name else ''} must be text; got {shown(strange)}."
+            return (
+                f"the name of a field{f' of {name}' if name else ''} must be text; got "
+                f"{shown(strange)}."
+            )
         return _first(
-            misfit(fields[field], inner, f"{name}.{field}" if name else field, getattr(default, field, None))
+            misfit(
+                fields[field],
+                inner,
+                f"{name}.{field}" if name else field,
+                getattr(default, field, None),
+            )
             for field, inner in value.items()
             if field in fields
         )
@@ -162,7 +179,9 @@ def misfit(kind: Any, value: Any, name: str, default: Any = None) -> str | None:
         return _misfit_of_names(typing.get_args(kind)[1], value, name)
     if fields_of(item) and isinstance(value, list):
         return _first(misfit(item, inner, f"{name}[{i}]") for i, inner in enumerate(value))
-    if not fields and _suits(kind, value, infinite=isinstance(default, float) and math.isinf(default)):
+    if not fields and _suits(
+        kind, value, infinite=isinstance(default, float) and math.isinf(default)
+    ):
         return None
     return f"{name or 'it'} must be {_expected(kind, default)}; got {shown(value)}."
 
@@ -178,7 +197,9 @@ def _misfit_of_names(kind: Any, value: Any, name: str) -> str | None:
 
 
 def fields_of(kind: Any) -> dict[str, Any]:
-    """Return fields and their kinds of a dataclass or of a Drake class that lists them; empty for other kinds."""
+    """Return fields and their kinds of a dataclass or of a Drake class that lists them; empty for
+    other kinds.
+    """
     if dc.is_dataclass(kind):
         return typing.get_type_hints(kind)
     return {field.name: field.type for field in getattr(kind, "__fields__", ())}
@@ -212,9 +233,11 @@ def _suits(kind: Any, value: Any, *, infinite: bool = False) -> bool:
 
 
 def _is_number(value: Any, *, whole: bool, infinite: bool) -> bool:
-    """Return whether the value is a number, also as text, for YAML 1.1 takes 1e-5, without a point, for text.
+    """Return whether the value is a number, also as text, for YAML 1.1 takes 1e-5, without a point,
+    for text.
 
-    NaN and numbers that no quantity has are none; infinity is one of a field whose default is infinite, and of names.
+    NaN and numbers that no quantity has are none; infinity is one of a field whose default is
+    infinite, and of names.
     """
     if isinstance(value, bool) or not isinstance(value, (int, float, str)):
         return False

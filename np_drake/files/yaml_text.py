@@ -1,4 +1,6 @@
-"""Text of YAML files within budgets: size, nodes with all aliases expanded, depth, and no tags of other programs."""
+"""Text of YAML files within budgets: size, nodes with all aliases expanded, depth, and no tags of
+other programs.
+"""
 
 from pathlib import Path
 from typing import Any
@@ -7,24 +9,24 @@ import yaml
 
 from np_drake.files.input_file import read_bytes
 
-# Budgets, own choice; the largest file that the package writes, a corrected simulator, has 20 kB and 2,000 nodes.
+# Budgets, own choice; the largest file that the package writes, a corrected simulator, has 20 kB
+# and 2,000 nodes.
 MAX_BYTES = 10**6
 MAX_NODES = 50_000  # values, with those that aliases repeat
 MAX_DEPTH = 50
 MAX_SCALAR = 10_000  # characters of a value
 STANDARD = "tag:yaml.org,2002:"
-TAGS = {f"{STANDARD}{name}" for name in ("str", "int", "float", "bool", "null", "map", "seq", "merge")}
+TAGS = {
+    f"{STANDARD}{name}" for name in ("str", "int", "float", "bool", "null", "map", "seq", "merge")
+}
 # The first needs no recursion and a twentieth of the time.
 PARSER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
 def read_yaml_text(path: str | Path, *, longest: int = MAX_SCALAR) -> str:
     """Return the text of a YAML file that any reader may take in.
-
-    Args:
-        path: of the file.
-        longest: characters that a value may have.
-    Raises: ValueError: if it is no UTF-8 text, no YAML or beyond the budgets; OSError: if it cannot be read.
+    Raises: ValueError: if it is no UTF-8 text, no YAML or beyond the budgets; OSError: if it cannot
+        be read.
     """
     try:
         text = read_bytes(path, MAX_BYTES).decode("utf-8-sig")
@@ -39,7 +41,6 @@ def read_yaml(path: str | Path, *, longest: int = MAX_SCALAR) -> Any:
 
     Args:
         path: of the file; errors are those of `read_yaml_text`.
-        longest: characters that a value may have.
     """
     return yaml.safe_load(read_yaml_text(path, longest=longest))
 
@@ -51,14 +52,13 @@ def quoted(text: str) -> str:
 
 def require_modest(text: str, *, longest: int = MAX_SCALAR) -> None:
     """Check a YAML text event by event, before anything is made of it.
-
-    Args:
-        text: of the file.
-        longest: characters that a value may have.
-    Raises: ValueError: if it is no YAML, beyond the budgets, or has a tag that is not of YAML's own values.
+    Raises: ValueError: if it is no YAML, beyond the budgets, or has a tag that is not of YAML's own
+        values.
     """
     sizes: dict[str, int] = {}  # of what an anchor names, aliases expanded
-    parts: list[tuple[str | None, int]] = [(None, 0)]  # open collections: anchor, and nodes until now
+    parts: list[tuple[str | None, int]] = [
+        (None, 0)
+    ]  # open collections: anchor, and nodes until now
     try:
         for event in yaml.parse(text, Loader=PARSER):
             if isinstance(event, yaml.NodeEvent):
@@ -78,7 +78,9 @@ def require_modest(text: str, *, longest: int = MAX_SCALAR) -> None:
                 sizes[anchor] = size
             parts[-1] = parts[-1][0], parts[-1][1] + size
             if parts[-1][1] > MAX_NODES:
-                raise ValueError(f"must hold at most {MAX_NODES} values, aliases expanded{_at(event)}.")
+                raise ValueError(
+                    f"must hold at most {MAX_NODES} values, aliases expanded{_at(event)}."
+                )
     except yaml.YAMLError as error:
         words = str(error).replace('in "<unicode string>", ', "in ").split()
         raise ValueError(" ".join(words)) from error
@@ -90,7 +92,9 @@ def _require_event(event: Any, depth: int, longest: int) -> None:
     tag = getattr(event, "tag", None)
     if tag is not None and tag not in TAGS and tag != "!":
         short = tag.replace(STANDARD, "!!")
-        raise ValueError(f"must hold plain values; got the tag {short[:40]}{_at(event)}. Leave it out.")
+        raise ValueError(
+            f"must hold plain values; got the tag {short[:40]}{_at(event)}. Leave it out."
+        )
     if len(getattr(event, "value", "")) > longest:
         raise ValueError(f"must hold values of at most {longest} characters{_at(event)}.")
 

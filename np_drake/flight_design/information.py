@@ -1,8 +1,9 @@
 """Information of a flight about explanations, from the inner products of whitened columns alone.
 
-Under explanation i the whitened residual is y = r_i + A_i z + D s + n with z, s and n standard normal: its predicted
-residual r_i, how its parameters move that (A_i), and sensor errors (D) that every explanation has. So y is normal with
-mean r_i and covariance S_i = 1 + A_i A_i^T + D D^T, of which all that follows needs only C^T C, C = [r, A, D].
+Under explanation i the whitened residual is y = r_i + A_i z + D s + n with z, s and n standard
+normal: its predicted residual r_i, how its parameters move that (A_i), and sensor errors (D) that
+every explanation has. So y is normal with mean r_i and covariance S_i = 1 + A_i A_i^T + D D^T, of
+which all that follows needs only C^T C, C = [r, A, D].
 """
 
 import dataclasses as dc
@@ -32,7 +33,9 @@ class Outlook:
 
     @property
     def worst(self) -> float:
-        """Probability that only the right one stands, whichever explanation is true, at least [1]."""
+        """Probability that only the right one stands, whichever explanation is true, at least
+        [1].
+        """
         return min(self.each)
 
 
@@ -61,8 +64,10 @@ class Information:
     def distances(self) -> np.ndarray:
         """(n, n) Bhattacharyya distance of each pair [nat]; 0: they expect the same.
 
-        The probability to name the wrong one of a pair that is as probable is at most exp(-distance) / 2.
-        Source: Kailath, T.: The divergence and Bhattacharyya distance measures in signal selection, 1967.
+        The probability to name the wrong one of a pair that is as probable is at most
+        exp(-distance) / 2.
+        Source: Kailath, T.: The divergence and Bhattacharyya distance measures in signal selection,
+            1967.
         """
         n = len(self.sizes)
         out = np.zeros((n, n))
@@ -71,14 +76,17 @@ class Information:
         return out
 
     def _distance(self, i: int, j: int) -> float:
-        """Return 1/8 d^T S^-1 d + 1/2 ln(|S| / sqrt(|S_i| |S_j|)), S the mean of the covariances S_i and S_j."""
+        """Return 1/8 d^T S^-1 d + 1/2 ln(|S| / sqrt(|S_i| |S_j|)), S the mean of the covariances
+        S_i and S_j.
+        """
         own = [self.spread(i), self.spread(j), self.drift]
         columns = np.concatenate(own)
         scale = np.repeat([np.sqrt(0.5), np.sqrt(0.5), 1.0], [len(part) for part in own])
         M = self.gram[np.ix_(columns, columns)] * np.outer(scale, scale) + np.eye(len(columns))
         b = (self.gram[columns, i] - self.gram[columns, j]) * scale
         square = self.gram[i, i] - 2 * self.gram[i, j] + self.gram[j, j]
-        # Woodbury's identity and the determinant lemma: S^-1 and |S| from M, a matrix of a few columns.
+        # Woodbury's identity and the determinant lemma: S^-1 and |S| from M, a matrix of a few
+        # columns.
         apart = square - b @ np.linalg.solve(M, b)
         volume = _logdet(M) - 0.5 * (self._volume(i) + self._volume(j))
         return float(max(0.0, 0.125 * apart + 0.5 * volume))
@@ -92,11 +100,14 @@ class Information:
         return np.eye(len(columns)) + self.gram[np.ix_(columns, columns)]
 
     def posterior(self, i: int) -> np.ndarray:
-        """Return the covariance (k_i, k_i) of z under explanation i after the flight; before it is 1."""
+        """Return the covariance (k_i, k_i) of z under explanation i after the flight; before it is
+        1.
+        """
         return np.linalg.inv(self._posterior_precision(i))[: self.sizes[i], : self.sizes[i]]
 
     def parameters(self, i: int) -> float:
-        """Return the information about the parameters of explanation i: 1/2 ln of prior over posterior volume [nat].
+        """Return the information about the parameters of explanation i: 1/2 ln of prior over
+        posterior volume [nat].
 
         Source: Fisher information of the linear model, sensor errors marginalised.
         """

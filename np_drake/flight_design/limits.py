@@ -15,7 +15,10 @@ from np_drake.vehicle import Vehicle
 
 WALL = 0.3  # distance that Bo keeps from walls, floor and ceiling [m]; own choice
 CLEAR = 0.15  # distance of a hanging payload from the floor [m]; own choice
-MOST_THRUST, LEAST_THRUST = 0.95, 0.05  # of a rotor, over its largest and over that of hover [1]; own choice
+MOST_THRUST, LEAST_THRUST = (
+    0.95,
+    0.05,
+)  # of a rotor, over its largest and over that of hover [1]; own choice
 MOST_SWING = 0.8  # angle of a payload's tether from vertical [rad]; own choice
 DAMPING = 0.02  # damping ratio of a payload's swing [1]; own choice: hardly any
 
@@ -54,7 +57,8 @@ class Limits:
         return np.array([*(self.upper - self.lower)[:2] + 2 * WALL, self.upper[2] + WALL])
 
     def usage(self, t: np.ndarray, flat: np.ndarray) -> dict[str, float]:
-        """Return the share of each limit that a motion uses, by name; at most 1 where it is kept [1].
+        """Return the share of each limit that a motion uses, by name; at most 1 where it is kept
+        [1].
 
         The swing is that of a pendulum, linear about hanging, under the motion's acceleration.
 
@@ -64,41 +68,57 @@ class Limits:
         """
         force = flat[2] + [0.0, 0.0, self.vehicle.gravity]
         rotors = targets(self.vehicle, flat, np.zeros((len(t), 6)))[1] @ self.vehicle.unmixer.T
-        swings = [np.abs(swing_of(p.length, self.vehicle.gravity, t, flat[2])).max() for p in self.payloads]
+        swings = [
+            np.abs(swing_of(p.length, self.vehicle.gravity, t, flat[2])).max()
+            for p in self.payloads
+        ]
         return {
             "room": self.room(flat[0]),
             "speed": float(np.linalg.norm(flat[1], axis=1).max()) / self.speed,
-            "tilt": float(np.arctan2(np.linalg.norm(force[:, :2], axis=1), force[:, 2]).max()) / self.tilt,
+            "tilt": float(np.arctan2(np.linalg.norm(force[:, :2], axis=1), force[:, 2]).max())
+            / self.tilt,
             "thrust": max(self.thrust(load * rotors) for load in self.load),
             **({"swing": float(max(swings)) / self.swing} if swings else {}),
         }
 
     def room(self, p: np.ndarray) -> float:
-        """Return the largest distance of positions p (n, 3) from the middle over the room there is [1]."""
+        """Return the largest distance of positions p (n, 3) from the middle over the room there is
+        [1].
+        """
         return float(np.max(np.abs(p - self.center) / self.half))
 
     def thrust(self, rotors: np.ndarray) -> float:
-        """Return the share of the way from hover to the limits that rotor thrusts (n, 4) [N] go [1]."""
+        """Return the share of the way from hover to the limits that rotor thrusts (n, 4) [N] go
+        [1].
+        """
         hover = 0.25 * self.vehicle.mass * self.vehicle.gravity
         up = (rotors.max() - hover) / (MOST_THRUST * self.vehicle.max_rotor_thrust - hover)
         return float(max(up, (hover - rotors.min()) / (hover * (1.0 - LEAST_THRUST))))
 
 
 def limits_for(
-    vehicle: Vehicle, explanations: Sequence[Explanation], *, box: Sequence[float], speed: float, tilt: float
+    vehicle: Vehicle,
+    explanations: Sequence[Explanation],
+    *,
+    box: Sequence[float],
+    speed: float,
+    tilt: float,
 ) -> Limits:
     """Return the limits of a flight in a room under any of the explanations.
 
     Args:
-        vehicle: the nominal vehicle.
         explanations: that stand; the heaviest and the weakest set the thrust, payloads the floor.
-        box: (3,) size of the room along x, y, z [m]; its floor lies at z = 0, in the middle of x and y.
+        box: (3,) size of the room along x, y, z [m]; its floor lies at z = 0, in the middle of x
+            and y.
         speed: largest speed [m/s].
         tilt: largest tilt [rad].
-    Raises: ValueError: if speed or tilt are impossible, the room is too small, or the vehicle cannot carry its load.
+    Raises: ValueError: if speed or tilt are impossible, the room is too small, or the vehicle
+        cannot carry its load.
     """
     if not (0 < speed < np.inf and 0 < tilt < 0.5 * np.pi):
-        raise ValueError(f"limits: speed [m/s] must be positive, tilt below pi/2 [rad]; got {speed:g}, {tilt:g}.")
+        raise ValueError(
+            f"limits: speed [m/s] must be positive, tilt below pi/2 [rad]; got {speed:g}, {tilt:g}."
+        )
     hung = [split_effects(x.effects).payload for x in explanations]
     payloads = tuple(effect.payload for effect in hung if effect is not None)
     below = max((p.length - p.hook[2] + CLEAR for p in payloads), default=WALL)
@@ -120,14 +140,11 @@ def limits_for(
 
 
 def load_of(vehicle: Vehicle, explanation: Explanation) -> float:
-    """Return the command that hover needs under an explanation over the nominal one [1].
-
-    Args:
-        vehicle: the nominal vehicle.
-        explanation: whose effects act.
-    """
+    """Return the command that hover needs under an explanation over the nominal one [1]."""
     parts = split_effects(explanation.effects)
-    mass = mass_properties(vehicle, parts.mass).mass + (parts.payload.mass if parts.payload else 0.0)
+    mass = mass_properties(vehicle, parts.mass).mass + (
+        parts.payload.mass if parts.payload else 0.0
+    )
     thrust = np.full(4, 0.25 * vehicle.mass * vehicle.gravity)
     real = thrust
     for effect in parts.actuator:
@@ -136,7 +153,8 @@ def load_of(vehicle: Vehicle, explanation: Explanation) -> float:
 
 
 def swing_of(length: float, gravity: float, t: np.ndarray, a: np.ndarray) -> np.ndarray:
-    """Return the angles (n, 2) from vertical of a pendulum whose hook accelerates [rad]; linear, from rest.
+    """Return the angles (n, 2) from vertical of a pendulum whose hook accelerates [rad]; linear,
+    from rest.
 
     Args:
         length: of the tether [m].

@@ -1,4 +1,6 @@
-"""Random multisine of a room: tones with random phases on each axis, from rest to rest, as large as limits allow."""
+"""Random multisine of a room: tones with random phases on each axis, from rest to rest, as large as
+limits allow.
+"""
 
 import dataclasses as dc
 from math import comb
@@ -8,7 +10,11 @@ import numpy as np
 from np_drake.flight_design.limits import Limits
 from np_drake.references.ramp import rest_to_rest
 
-LOWEST, HIGHEST, TONES = 0.1, 1.8, 8  # of x; the tones of y and z lie between them [Hz, Hz, 1]; own choice
+LOWEST, HIGHEST, TONES = (
+    0.1,
+    1.8,
+    8,
+)  # of x; the tones of y and z lie between them [Hz, Hz, 1]; own choice
 CORNER = 0.3  # above which amplitudes fall [Hz]; own choice
 FADE = 2.0  # in which the tones fade in and out [s]
 SHARE = 0.8  # of the limits that a plan uses, as a vehicle overshoots its reference [1]; own choice
@@ -18,10 +24,13 @@ FINEST = 1e-3  # of the largest size, at which the bisection ends [1]
 
 @dc.dataclass(frozen=True)
 class FadedMultisine:
-    """Reference motion: a sum of sines on each axis about `center`, faded in and out; at rest outside.
+    """Reference motion: a sum of sines on each axis about `center`, faded in and out; at rest
+    outside.
 
-    center: (3,) in W [m].   amplitude: (k, 3) of each tone [m].   frequency: (k, 3) [Hz].   phase: (k, 3) [rad].
-    end: length of the motion [s].
+    center: (3,) in W [m].
+    amplitude: (k, 3) of each tone [m].
+    frequency: (k, 3) [Hz].
+    phase: (k, 3) [rad]. end: length of the motion [s].
     """
 
     center: np.ndarray
@@ -44,8 +53,12 @@ class FadedMultisine:
         t = np.clip(t, 0.0, self.end)
         rate = 2 * np.pi * self.frequency
         angle = t[:, None, None] * rate + self.phase
-        # The k-th derivative of a sine is rate^k times the sine a quarter of a turn, k times, ahead.
-        sines = [np.sum(self.amplitude * rate**k * np.sin(angle + 0.5 * k * np.pi), axis=1) for k in range(5)]
+        # The k-th derivative of a sine is rate^k times the sine a quarter of a turn, k times,
+        # ahead.
+        sines = [
+            np.sum(self.amplitude * rate**k * np.sin(angle + 0.5 * k * np.pi), axis=1)
+            for k in range(5)
+        ]
         fade = min(FADE, 0.4 * self.end)
         rise, fall = _step(t, fade), _step(self.end - t, fade) * (-1.0) ** np.arange(5)[:, None]
         flat = _product(_product(rise, fall)[..., None], np.stack(sines))
@@ -53,22 +66,23 @@ class FadedMultisine:
         return flat
 
 
-def random_multisine(limits: Limits, seconds: float, *, seed: int, share: float = SHARE) -> FadedMultisine:
+def random_multisine(
+    limits: Limits, seconds: float, *, seed: int, share: float = SHARE
+) -> FadedMultisine:
     """Return the largest multisine of random phases that keeps the limits.
 
-    Source: own study: random motion within the limits separates explanations as well as an optimised one.
+    Source: own study: random motion within the limits separates explanations as well as an
+    optimised one.
 
     Args:
-        limits: of room, vehicle and payload.
         seconds: length of the flight [s].
-        seed: of the phases.
         share: of each limit that may be used [1].
     """
     ratio = (HIGHEST / LOWEST) ** (1 / (TONES - 1))
     tone = LOWEST * ratio ** (np.arange(TONES)[:, None] + np.arange(3) / 3)
     phase = np.random.default_rng(seed).uniform(0.0, 2 * np.pi, tone.shape)
-    # Amplitudes fall with the cube of frequency above the corner, acceleration as its inverse: fast tones, which take
-    # tilt and thrust, then leave some of both for the speed that drag needs.
+    # Amplitudes fall with the cube of frequency above the corner, acceleration as its inverse: fast
+    # tones, which take tilt and thrust, then leave some of both for the speed that drag needs.
     amplitude = limits.half * np.minimum(1.0, CORNER / tone) ** 3
     return largest(FadedMultisine(limits.center, amplitude, tone, phase, seconds), limits, share)
 
@@ -77,8 +91,6 @@ def largest(motion: FadedMultisine, limits: Limits, share: float) -> FadedMultis
     """Return the motion scaled to the largest size that uses at most a share of each limit.
 
     Args:
-        motion: of any size.
-        limits: of room, vehicle and payload.
         share: of each limit that may be used [1].
     """
     motion = motion.scaled(share / motion.usage(limits)["room"])  # no limit allows more
@@ -91,7 +103,9 @@ def largest(motion: FadedMultisine, limits: Limits, share: float) -> FadedMultis
 
 
 def _step(t: np.ndarray, duration: float) -> np.ndarray:
-    """Return a step from 0 to 1 over `duration` [s] and its four derivatives, (5, n), which are zero outside."""
+    """Return a step from 0 to 1 over `duration` [s] and its four derivatives, (5, n), which are
+    zero outside.
+    """
     step = rest_to_rest(t / duration, duration)
     step[1:, (t <= 0.0) | (t >= duration)] = 0.0
     return step

@@ -1,4 +1,6 @@
-"""What a flight would tell of the explanations that stand, from the columns of the diagnosis' own residual model."""
+"""What a flight would tell of the explanations that stand, from the columns of the diagnosis' own
+residual model.
+"""
 
 import dataclasses as dc
 from collections.abc import Sequence
@@ -27,9 +29,11 @@ NAME = "next"  # of the flight
 class Expected:
     """Residual that an explanation expects in a flight, and how far its parameters move that.
 
-    mean: (m, 15) predicted residual.   spread: (m, 15, k) its change by each of k independent standard normal
-    deviations z of parameters and hidden states.   names: (p,) of the parameters.   root: (p, p) their change by the
-    first p of z, in SI.
+    mean: (m, 15) predicted residual.
+    spread: (m, 15, k) its change by each of k independent standard normal deviations z of
+        parameters and hidden states.
+    names: (p,) of the parameters.
+    root: (p, p) their change by the first p of z, in SI.
     """
 
     mean: np.ndarray
@@ -38,7 +42,8 @@ class Expected:
     root: np.ndarray
 
     def intervals(self, covariance: np.ndarray) -> dict[str, tuple[float, float]]:
-        """Return half-widths of 95 % intervals of each parameter, before and after a flight, by name [SI].
+        """Return half-widths of 95 % intervals of each parameter, before and after a flight, by
+        name [SI].
 
         Args: covariance: (k, k) of z after the flight.
         """
@@ -54,7 +59,8 @@ class Prediction:
     """What a flight tells.
 
     information: about the explanations.   intervals: of each explanation, `Expected.intervals`.
-    seen: (K,) products of the whitened columns with the readings of the flight, for `Information.log_posterior`.
+    seen: (K,) products of the whitened columns with the readings of the flight, for
+        `Information.log_posterior`.
     """
 
     information: Information
@@ -65,15 +71,15 @@ class Prediction:
 def nominal_residuals(
     vehicle: Vehicle, t: np.ndarray, flat: np.ndarray, *, accelerations: bool = True
 ) -> FlightResiduals:
-    """Return the residuals of the nominal vehicle that follows a motion exactly; their regressors are what counts.
+    """Return the residuals of the nominal vehicle that follows a motion exactly; their regressors
+    are what counts.
 
-    Source: differential flatness of eq. (1) gives state and command (`references.flatness.targets`).
+    Source: differential flatness of eq. (1) gives state and command
+    (`references.flatness.targets`).
 
     Args:
-        vehicle: the nominal vehicle.
         t: (m,) equally spaced times of the rows [s].
         flat: (5, m, 3) position and its four derivatives in W at these times.
-        accelerations: whether the log of the flight has them.
     """
     x, u = targets(vehicle, flat, np.zeros((len(t), 6)))
     a = flat[2] if accelerations else None
@@ -81,13 +87,16 @@ def nominal_residuals(
     return make_flight_residuals(log, vehicle, float(t[1] - t[0]), since=float(t[0]))
 
 
-def predict(flight: FlightResiduals, explanations: Sequence[Explanation], readings: Readings) -> Prediction:
+def predict(
+    flight: FlightResiduals, explanations: Sequence[Explanation], readings: Readings
+) -> Prediction:
     """Return what a flight tells about the explanations.
 
     Args:
-        flight: residuals of the flight, planned or flown.
-        explanations: that stand, each linear about its values, with its posterior as the prior of the flight.
-        readings: noise that whitens, and tolerances of the sensors, whose errors are new in every flight.
+        explanations: that stand, each linear about its values, with its posterior as the prior of
+            the flight.
+        readings: noise that whitens, and tolerances of the sensors, whose errors are new in every
+            flight.
     """
     options = Options.for_sensors(readings.tolerance.real, readings.tolerance)
     expected = [expected_residual(flight, explanation, options) for explanation in explanations]
@@ -95,7 +104,9 @@ def predict(flight: FlightResiduals, explanations: Sequence[Explanation], readin
     drifting = np.zeros((*flight.y.shape, 0)) if not drift else drift[0].columns[flight.name]
     columns = [*(e.mean[..., None] for e in expected), *(e.spread for e in expected), drifting]
     # Inner products of the whitened columns; the last row and column are those of the readings.
-    gram = readings.noise.products([flight.bridged(X) for X in (*columns, flight.y[..., None])], flight.name)
+    gram = readings.noise.products(
+        [flight.bridged(X) for X in (*columns, flight.y[..., None])], flight.name
+    )
     gram = gram / options.priors.temperature
     sizes = tuple(e.spread.shape[-1] for e in expected)
     prior = np.array([e.probability for e in explanations])
@@ -104,13 +115,13 @@ def predict(flight: FlightResiduals, explanations: Sequence[Explanation], readin
     return Prediction(information, intervals, gram[:-1, -1])
 
 
-def expected_residual(flight: FlightResiduals, explanation: Explanation, options: Options) -> Expected:
+def expected_residual(
+    flight: FlightResiduals, explanation: Explanation, options: Options
+) -> Expected:
     """Return the residual that an explanation expects in a flight.
 
     Args:
         flight: residuals of the flight, of which motion and commands count.
-        explanation: linear about its values.
-        options: priors of hidden states.
     """
     terms = [Term(effect) for effect in (*explanation.effects, *explanation.calibration)]
     free = free_parameters(terms, [flight], {}, options.priors)
@@ -118,16 +129,22 @@ def expected_residual(flight: FlightResiduals, explanation: Explanation, options
     deviation = np.sqrt(np.maximum(np.diag(explanation.covariance), 1e-300))
     known = {name: k for k, name in enumerate(explanation.parameters)}
     own = [
-        dc.replace(f, scale=float(deviation[known[name]])) for f, name in zip(free, names, strict=True) if name in known
+        dc.replace(f, scale=float(deviation[known[name]]))
+        for f, name in zip(free, names, strict=True)
+        if name in known
     ]
     hidden = [f for f in free if f.flight]
     J = scaled_jacobian(terms, [*own, *hidden], flight)
     listed = tuple(name for name in names if name in known)
     order = [known[name] for name in listed]
     # Correlated parameters as a linear map of independent ones, correlation = root root^T.
-    root = square_root((explanation.covariance / np.outer(deviation, deviation))[np.ix_(order, order)])
+    root = square_root(
+        (explanation.covariance / np.outer(deviation, deviation))[np.ix_(order, order)]
+    )
     spread = np.concatenate([J[..., : len(own)] @ root, J[..., len(own) :]], axis=-1)
-    return Expected(predicted_residual(flight, terms), spread, listed, deviation[order][:, None] * root)
+    return Expected(
+        predicted_residual(flight, terms), spread, listed, deviation[order][:, None] * root
+    )
 
 
 def _name(f: Free, terms: Sequence[Term], effects: int) -> str:

@@ -1,4 +1,5 @@
-"""Differences between flights: whether they agree on a parameter, and what that adds to its variance.
+"""Differences between flights: whether they agree on a parameter, and what that adds to its
+variance.
 
 Source: DerSimonian and Laird 1986 (variance between studies).
 """
@@ -17,8 +18,10 @@ PRIOR_FLIGHTS = 2  # that the variance between flights is worth before any is se
 class Agreement:
     """Whether flights tell the same of one parameter.
 
-    values, sd: (f,) what each flight tells alone and its deviation, in z; NaN where it tells nothing.
-    variance: between flights, beside that within them.   p: probability of a larger disagreement by chance [1].
+    values, sd: (f,) what each flight tells alone and its deviation, in z; NaN where it tells
+    nothing.
+    variance: between flights, beside that within them.
+    p: probability of a larger disagreement by chance [1].
     """
 
     values: np.ndarray
@@ -55,12 +58,7 @@ def random_effect(values: np.ndarray, sd: np.ndarray) -> tuple[float, float]:
 
 
 def between_flights(agreement: dict[str, Agreement], layout: Layout) -> np.ndarray:
-    """Return what the variance between flights adds to the variances of z (k,).
-
-    Args:
-        agreement: of the flights, by parameter.
-        layout: of the parameters.
-    """
+    """Return what the variance between flights adds to the variances of z (k,)."""
     out = np.zeros(layout.size)
     for i, name in enumerate(layout.names):
         if name in agreement:
@@ -69,13 +67,13 @@ def between_flights(agreement: dict[str, Agreement], layout: Layout) -> np.ndarr
 
 
 def spread_of_own(covariance: np.ndarray, layout: Layout, z: np.ndarray) -> np.ndarray:
-    """Return what to add to the variances (k,) of flights' own parameters, by how much flights differ beyond them.
+    """Return what to add to the variances (k,) of flights' own parameters, by how much flights
+    differ beyond them.
 
     A mean over flights is then that of any flight, not of these alone.
 
     Args:
         covariance: (k, k) of z.
-        layout: of the parameters.
         z: (k,) the estimate.
     """
     out = np.zeros(layout.size)
@@ -88,7 +86,9 @@ def spread_of_own(covariance: np.ndarray, layout: Layout, z: np.ndarray) -> np.n
 
 
 def _between(agreement: Agreement) -> float:
-    """Return what the variance between flights adds to that of their mean, with Student's t for their number."""
+    """Return what the variance between flights adds to that of their mean, with Student's t for
+    their number.
+    """
     here = np.isfinite(agreement.sd)
     weight = 1.0 / agreement.sd[here] ** 2  # as flights count in the common estimate
     share = float((weight**2).sum() / weight.sum() ** 2)

@@ -1,6 +1,7 @@
 """Flights that tell something else of a vehicle than the others, and what a quantity moves with.
 
-Source: DerSimonian and Laird 1986 (variance between studies); Thompson and Sharp 1999 (regression on a covariate).
+Source: DerSimonian and Laird 1986 (variance between studies); Thompson and Sharp 1999 (regression
+on a covariate).
 """
 
 import dataclasses as dc
@@ -16,16 +17,19 @@ from np_drake.identification.quantities import SURE, TOLD, Basis, Identified, Qu
 
 DIFFER = 0.01  # probability below which flights differ by more than chance [1]; own choice
 MOVES = 0.05  # probability below which a quantity moves with a covariate [1]; the usual level
-FEWEST = 4  # flights from which a trend is tested; own choice: a line through three has one degree of freedom
+# flights from which a trend is tested; own choice: a line through three has one degree of freedom
+FEWEST = 4
 
 
 @dc.dataclass(frozen=True)
 class FlightValues:
     """What each flight tells alone of one quantity.
 
-    quantity: as all flights together tell it.   names: (f,) of the flights.   value, low, high: (f,) with 95 %
-    intervals; NaN where a flight tells nothing.   apart: names of flights that stand out.   moves_with: covariate that
-    a difference follows; empty: none.
+    quantity: as all flights together tell it.
+    names: (f,) of the flights.
+    value, low, high: (f,) with 95 % intervals; NaN where a flight tells nothing.
+    apart: names of flights that stand out.
+    moves_with: covariate that a difference follows; empty: none.
     """
 
     quantity: Identified
@@ -51,12 +55,17 @@ class FlightValues:
             return f"{said}; it moves with {self.moves_with}"
         others = len(self.names) - len(self.apart)
         if self.apart and others > 1:
-            return f"{said}; {', '.join(self.apart)} {'stands' if len(self.apart) == 1 else 'stand'} out"
+            return (
+                f"{said}; {', '.join(self.apart)} "
+                f"{'stands' if len(self.apart) == 1 else 'stand'} out"
+            )
         return said
 
 
 def flight_values(found: Identification) -> list[FlightValues]:
-    """Return what flights tell alone of each quantity that they tell; one quantity for each parameter of the model."""
+    """Return what flights tell alone of each quantity that they tell; one quantity for each
+    parameter of the model.
+    """
     estimate, shown = found.estimate, []
     seen: set[str] = set()
     for quantity in found.quantities:
@@ -73,15 +82,20 @@ def flight_values(found: Identification) -> list[FlightValues]:
             return quantity.quantity.of(estimate.layout.values(z), found.basis)
 
         ends = np.array([agreement.values + k * SURE * agreement.sd for k in (0, -1, 1)])
-        value, *both = (np.array([of(c) if np.isfinite(c) else np.nan for c in row]) for row in ends)
+        value, *both = (
+            np.array([of(c) if np.isfinite(c) else np.nan for c in row]) for row in ends
+        )
         names = tuple(model.flight.name for model in found.models)
         apart = tuple(names[i] for i in outlying(agreement)) if quantity.p < DIFFER else ()
         moves = moves_with(agreement, covariates(found)) if quantity.p < DIFFER else ""
-        shown.append(FlightValues(quantity, names, value, np.minimum(*both), np.maximum(*both), apart, moves))
+        shown.append(
+            FlightValues(quantity, names, value, np.minimum(*both), np.maximum(*both), apart, moves)
+        )
     return shown
 
 
-# What each flight has of its own, by parameter: name, unit, and value from that of the parameter and the mean arm [m].
+# What each flight has of its own, by parameter: name, unit, and value from that of the parameter
+# and the mean arm [m].
 OWN: dict[str, tuple[str, str, Callable[[float, float], float]]] = {
     "charge": ("thrust of a flight", "1", lambda value, arm: value),
     "shift_x": ("centre of mass x of a flight", "m", lambda value, arm: arm * value),
@@ -93,9 +107,11 @@ OWN: dict[str, tuple[str, str, Callable[[float, float], float]]] = {
 
 
 def own_values(found: Identification) -> list[FlightValues]:
-    """Return what each of several flights has of its own, with the interval of its difference to their mean.
+    """Return what each of several flights has of its own, with the interval of its difference to
+    their mean.
 
-    Innovations count as white, for the covariance of the estimate holds the spread that is tested here.
+    Innovations count as white, for the covariance of the estimate holds the spread that is tested
+    here.
     """
     e, layout = found.estimate, found.estimate.layout
     covariance = np.linalg.inv(e.information + np.eye(layout.size))
@@ -120,17 +136,23 @@ def own_values(found: Identification) -> list[FlightValues]:
         each, *both = (np.array([value(c) for c in z + k * SURE * sd]) for k in (0, -1, 1))
         prior = (min(low, high), max(low, high))
         p = float(stats.chi2.sf(Q, count - 1))
-        quantity = Identified(Quantity(name, "", unit, _constant(mean)), mean, mean, mean, prior, True, p)
+        quantity = Identified(
+            Quantity(name, "", unit, _constant(mean)), mean, mean, mean, prior, True, p
+        )
         told = Agreement(z, sd, 0.0, p)
         names = tuple(model.flight.name for model in found.models)
         apart = tuple(names[i] for i in outlying(told)) if p < DIFFER else ()
         moves = moves_with(told, covariates(found)) if p < DIFFER else ""
-        shown.append(FlightValues(quantity, names, each, np.minimum(*both), np.maximum(*both), apart, moves))
+        shown.append(
+            FlightValues(quantity, names, each, np.minimum(*both), np.maximum(*both), apart, moves)
+        )
     return shown
 
 
 def covariates(found: Identification) -> dict[str, np.ndarray]:
-    """Return by name what differs from flight to flight (f,): their order and the median voltage [V]."""
+    """Return by name what differs from flight to flight (f,): their order and the median voltage
+    [V].
+    """
     along = {"the order of the flights": np.arange(len(found.models), dtype=float)}
     volts = [model.flight.voltage for model in found.models]
     known = [float(np.median(v)) for v in volts if v is not None]
@@ -140,7 +162,8 @@ def covariates(found: Identification) -> dict[str, np.ndarray]:
 
 
 def outlying(agreement: Agreement) -> list[int]:
-    """Return the places of flights that differ from the mean of the others by more than these do among themselves.
+    """Return the places of flights that differ from the mean of the others by more than these do
+    among themselves.
 
     The level is shared by all flights (Bonferroni).
     """
@@ -152,7 +175,9 @@ def outlying(agreement: Agreement) -> list[int]:
             continue
         mean, variance, between = _mean(agreement.values[others], agreement.sd[others])
         spread = np.sqrt(agreement.sd[i] ** 2 + variance + between)
-        p = 2.0 * stats.t.sf(abs(agreement.values[i] - mean) / spread, len(others) - 1 if between > 0 else np.inf)
+        p = 2.0 * stats.t.sf(
+            abs(agreement.values[i] - mean) / spread, len(others) - 1 if between > 0 else np.inf
+        )
         if p < DIFFER / len(here):
             found.append(int(i))
     return found
@@ -162,7 +187,6 @@ def moves_with(agreement: Agreement, along: Mapping[str, np.ndarray]) -> str:
     """Return the covariate on which a line explains best how flights differ; empty where none does.
 
     Args:
-        agreement: what flights tell alone.
         along: covariates (f,) by name.
     """
     here = np.isfinite(agreement.values)
@@ -186,7 +210,9 @@ def moves_with(agreement: Agreement, along: Mapping[str, np.ndarray]) -> str:
 
 
 def _mean(values: np.ndarray, sd: np.ndarray) -> tuple[float, float, float]:
-    """Return weighted mean, its variance, and the variance between flights beside that within them."""
+    """Return weighted mean, its variance, and the variance between flights beside that within
+    them.
+    """
     between, _ = random_effect(values, sd)
     weight = 1.0 / (sd**2 + between)
     return float(weight @ values / weight.sum()), float(1.0 / weight.sum()), between

@@ -1,4 +1,6 @@
-"""Geometry and inertia of a quadrotor in the units of its identification: mean arms, and mass times squared arm."""
+"""Geometry and inertia of a quadrotor in the units of its identification: mean arms, and mass times
+squared arm.
+"""
 
 import dataclasses as dc
 from functools import cached_property
@@ -15,9 +17,11 @@ FLATTEST = 0.995  # of Jzz over Jxx + Jyy, whose bound is 1 [1]
 class Frame:
     """What is given of the vehicle: geometry and units of length.
 
-    positions: (4, 3) rotors from Bo [m].   directions: (4,) signs of their reaction torques.   radius: of a rotor [m].
-    unit: of inputs in hover: rotor speed [rad/s], throttle [1] or thrust [N] of one rotor.   volts: reference [V].
-    throttle: throttle in hover [1].
+    positions: (4, 3) rotors from Bo [m].
+    directions: (4,) signs of their reaction torques.
+    radius: of a rotor [m]. unit: of inputs in hover: rotor speed [rad/s], throttle [1] or thrust
+        [N] of one rotor.
+    volts: reference [V]. throttle: throttle in hover [1].
     """
 
     positions: np.ndarray
@@ -41,11 +45,7 @@ class Frame:
 
 
 def inertia(v: Values) -> np.ndarray:
-    """Return the inertia (3, 3) over mass and squared arm [1].
-
-    Args:
-        v: parameters by name.
-    """
+    """Return the inertia (3, 3) over mass and squared arm [1]."""
     xx, yy = v["jxx"], v["jxx"] * v["jyy"]
     xy, xz, yz = (-0.5 * (xx + yy) * v[name] for name in ("jxy", "jxz", "jyz"))
     return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, min(v["jzz"], FLATTEST) * (xx + yy)]])

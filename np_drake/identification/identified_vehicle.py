@@ -7,30 +7,38 @@ import numpy as np
 
 from np_drake.identification.identify import Identification
 from np_drake.identification.quantities import SURE, Identified
-from np_drake.rate_loop import RateLoop
 from np_drake.vehicle import Vehicle
-from np_drake.vehicle_calibration import Calibration, ThrottleMap
+from np_drake.vehicle.calibration import Calibration, ThrottleMap
+from np_drake.vehicle.rate_loop import RateLoop
 
-SHAPES = {"inertia": (3, 3), "calibration.center_of_mass": (3,), "calibration.rotor_gains": (4,),
-          "calibration.imu_position": (3,), "calibration.imu_tilt": (3,)}  # fmt: skip
-HEIGHT = 0.1  # 95 % of the height of a centre of mass, in arms [1]; own choice: that of a battery above or below
+SHAPES = {
+    "inertia": (3, 3),
+    "calibration.center_of_mass": (3,),
+    "calibration.rotor_gains": (4,),
+    "calibration.imu_position": (3,),
+    "calibration.imu_tilt": (3,),
+}
+# 95 % of the height of a centre of mass, in arms [1]; own choice: that of a battery above or below
+HEIGHT = 0.1
 DIGITS = 6
-VAGUE = 0.4  # largest uncertainty that a file states [1]; own choice: that of a coefficient of no flight
-SCALE_OF = {"rotor_speed": "thrust_coefficient", "throttle": "throttle.full_thrust"}  # thrust from what turns rotors
-FLATTEST = 1e-3  # least second moment of mass over the largest [1]; own choice: a sheet of 3 % of its length
+# largest uncertainty that a file states [1]; own choice: that of a coefficient of no flight
+VAGUE = 0.4
+SCALE_OF = {
+    "rotor_speed": "thrust_coefficient",
+    "throttle": "throttle.full_thrust",
+}  # thrust from what turns rotors
+# least second moment of mass over the largest [1]; own choice: a sheet of 3 % of its length
+FLATTEST = 1e-3
 
 
 def identified_vehicle(found: Identification, name: str) -> Vehicle:
     """Return the vehicle as flights tell it.
-
-    Args:
-        found: the identification.
-        name: of the vehicle.
     Raises: ValueError: where only ratios to the mass are told, or the values are no vehicle's.
     """
     if found.basis.ratios:
         raise ValueError(
-            "identify: a vehicle file needs the mass, for flights tell thrust and inertia over it. Give --mass KG."
+            "identify: a vehicle file needs the mass, for flights tell thrust and inertia "
+            "over it. Give --mass KG."
         )
     prior = found.prior
     fields: dict[str, list[Identified]] = {}
@@ -50,7 +58,9 @@ def identified_vehicle(found: Identification, name: str) -> Vehicle:
         sources["inertia"] += "; zz lowered to the largest that a body can have"
     coefficient = values.get("thrust_coefficient", prior.thrust_coefficient)
     if "torque_coefficient" in values:
-        intervals["torque_coefficient"] = [[_rounded(coefficient * end) for end in intervals["torque_coefficient"][0]]]
+        intervals["torque_coefficient"] = [
+            [_rounded(coefficient * end) for end in intervals["torque_coefficient"][0]]
+        ]
         values["torque_coefficient"] = _rounded(coefficient * values["torque_coefficient"])
     throttle = None
     if "throttle.full_thrust" in values:
@@ -60,33 +70,52 @@ def identified_vehicle(found: Identification, name: str) -> Vehicle:
             float(np.clip(values.get("throttle.linear", 0.0), -0.5, 1.5)),
             0.0,
             volts,
-            float(np.clip(values.get("throttle.voltage_exponent", 0.0), 0.0, 4.0)) if volts else 0.0,
+            float(np.clip(values.get("throttle.voltage_exponent", 0.0), 0.0, 4.0))
+            if volts
+            else 0.0,
         )
         if volts is None:
             intervals.pop("throttle.voltage_exponent", None)
             sources.pop("throttle.voltage_exponent", None)
         intervals["max_rotor_thrust"] = intervals["throttle.full_thrust"]
         sources["max_rotor_thrust"] = sources["throttle.full_thrust"]
-    # Thrust is told over the mass: an error of a given mass is one of thrust by the same share, and cancels in flight.
-    for field, of in (("mass_uncertainty", "mass"), ("thrust_uncertainty", SCALE_OF.get(found.basis.drive))):
+    # Thrust is told over the mass: an error of a given mass is one of thrust by the same share, and
+    # cancels in flight.
+    for field, of in (
+        ("mass_uncertainty", "mass"),
+        ("thrust_uncertainty", SCALE_OF.get(found.basis.drive)),
+    ):
         if of in intervals:
             low, high = intervals[of][0]
-            values[field], sources[field] = min(_rounded(np.log(high / low) / (2 * SURE)), VAGUE), sources[of]
-    own = {field.partition(".")[2]: value for field, value in values.items() if field.startswith("calibration.")}
+            values[field], sources[field] = (
+                min(_rounded(np.log(high / low) / (2 * SURE)), VAGUE),
+                sources[of],
+            )
+    own = {
+        field.partition(".")[2]: value
+        for field, value in values.items()
+        if field.startswith("calibration.")
+    }
     if "rotor_gains" in own:
-        own["rotor_gains"] = [_rounded(gain / float(np.mean(own["rotor_gains"]))) for gain in own["rotor_gains"]]
+        own["rotor_gains"] = [
+            _rounded(gain / float(np.mean(own["rotor_gains"]))) for gain in own["rotor_gains"]
+        ]
     if "command_delay" in own:
         own["command_delay"] = max(own["command_delay"], 0.0)
     calibration = Calibration(**own)
     loop = None
     if found.rate_loop:
-        lags, gains = ([_rounded(getattr(axis, of)) for axis in found.rate_loop] for of in ("lag", "gain"))
+        lags, gains = (
+            [_rounded(getattr(axis, of)) for axis in found.rate_loop] for of in ("lag", "gain")
+        )
         most = np.maximum([axis.max_rate for axis in found.rate_loop], RateLoop().max_rate)
         loop = RateLoop(lags, gains, [_rounded(float(rate)) for rate in most])
         for of in ("lag", "gain"):
             ends = (getattr(axis, f"{of}_interval") for axis in found.rate_loop)
             intervals[f"rate_loop.{of}"] = [[_rounded(low), _rounded(high)] for low, high in ends]
-            sources[f"rate_loop.{of}"] = f"identified from {len(found.models)} flight{'s' * (len(found.models) > 1)}"
+            sources[f"rate_loop.{of}"] = (
+                f"identified from {len(found.models)} flight{'s' * (len(found.models) > 1)}"
+            )
     plain = {f: v for f, v in values.items() if "." not in f and f != "mass"}
     return dc.replace(
         prior,
@@ -103,7 +132,8 @@ def identified_vehicle(found: Identification, name: str) -> Vehicle:
 
 
 def _possible(J: np.ndarray) -> np.ndarray | None:
-    """Return the inertia (3, 3) with zz, which flights tell least, lowered until it is one of a body; None where it is.
+    """Return the inertia (3, 3) with zz, which flights tell least, lowered until it is one of a
+    body; None where it is.
 
     Of a body, tr(J)/2 - J is the second moment of its mass, which no direction has below zero.
     """
@@ -138,7 +168,9 @@ def _rounded(value: float) -> float:
 
 
 def _array(field: str, own: Sequence[Identified], prior: Vehicle, of) -> np.ndarray:
-    """Return an array of the field's shape with `of` of each quantity; what flights do not tell is the prior's."""
+    """Return an array of the field's shape with `of` of each quantity; what flights do not tell is
+    the prior's.
+    """
     out = np.array(prior.inertia, float) if field == "inertia" else np.zeros(SHAPES[field])
     for quantity in own:
         out[quantity.quantity.index] = out[quantity.quantity.index[::-1]] = _rounded(of(quantity))

@@ -28,8 +28,11 @@ STEP = 1e-4  # of a finite difference, in standard deviations of the prior
 class Identification:
     """Vehicle as its flights tell it.
 
-    basis: what turns parameters into those of the vehicle.   estimate: joint posterior.   parts: what the logs hold.
-    models: of the flights.   prior: vehicle whose geometry was given.   notes: what was left out.
+    basis: what turns parameters into those of the vehicle.
+    estimate: joint posterior.
+    parts: what the logs hold. models: of the flights.
+    prior: vehicle whose geometry was given.
+    notes: what was left out.
     """
 
     basis: Basis
@@ -38,7 +41,9 @@ class Identification:
     models: tuple[FlightModel, ...]
     prior: Vehicle
     notes: tuple[str, ...] = ()
-    rate_loop: tuple[AxisLoop, ...] = ()  # of an autopilot; empty: logs hold no commanded rates, or show no loop
+    rate_loop: tuple[
+        AxisLoop, ...
+    ] = ()  # of an autopilot; empty: logs hold no commanded rates, or show no loop
 
     @cached_property
     def quantities(self) -> tuple[Identified, ...]:
@@ -58,14 +63,24 @@ class Identification:
             before, slope = of(zero), _gradient(of, zero)
             sd = float(np.sqrt(e.variance(gradient)))
             prior = float(np.linalg.norm(_of_one_flight(slope, layout)))
-            bounds = np.array([here, here - SURE * sd, here + SURE * sd, before - SURE * prior, before + SURE * prior])
+            bounds = np.array(
+                [
+                    here,
+                    here - SURE * sd,
+                    here + SURE * sd,
+                    before - SURE * prior,
+                    before + SURE * prior,
+                ]
+            )
             value, low, high, *both = np.exp(bounds) if q.positive else bounds
             told = bool(0.0 < sd < TOLD * prior)
             steepest = int(np.argmax(np.abs(_of_one_flight(gradient, layout))))
             follows = layout.names[steepest] if steepest < len(layout.shared) else ""
             p = e.agreement[follows].p if follows in e.agreement else float("nan")
             of_prior = (float(both[0]), float(both[1]))
-            found.append(Identified(q, float(value), float(low), float(high), of_prior, told, p, follows))
+            found.append(
+                Identified(q, float(value), float(low), float(high), of_prior, told, p, follows)
+            )
         return tuple(found)
 
     def __getitem__(self, name: str) -> Identified:
@@ -88,17 +103,25 @@ def identify(
         flights: of one vehicle, with the same input.
         prior: vehicle whose rotor positions, directions and radius are given.
         mass: with battery [kg]; None: not known.
-        trusted: whether logged thrust [N], or the prior's thrust coefficient, is right, so that the mass is told.
+        trusted: whether logged thrust [N], or the prior's thrust coefficient, is right, so that the
+            mass is told.
         drive: what turns the rotors, of `drives.DRIVES`; empty: the first that all logs hold.
         stop: share of each flight that is used, from its beginning [1].
-    Raises: ValueError: one line, where flights tell nothing of the vehicle or differ in what they hold.
+    Raises: ValueError: one line, where flights tell nothing of the vehicle or differ in what they
+        hold.
     """
     drive = common_drive(flights, drive)
-    notes = [f"{log.name}: shorter than {SHORTEST:g} s; left out" for log in flights if lasts(log) < SHORTEST]
+    notes = [
+        f"{log.name}: shorter than {SHORTEST:g} s; left out"
+        for log in flights
+        if lasts(log) < SHORTEST
+    ]
     long = [log for log in flights if lasts(log) >= SHORTEST]
     if not long:
         most = max(map(lasts, flights), default=0.0)
-        raise ValueError(f"identify: needs a flight of {SHORTEST:g} s at least; the longest lasts {most:.2g} s.")
+        raise ValueError(
+            f"identify: needs a flight of {SHORTEST:g} s at least; the longest lasts {most:.2g} s."
+        )
     seen, kept = [], []
     for log in long:
         flight = signals(log, prior.unmixer, drive).part(0.0, stop)
@@ -108,26 +131,37 @@ def identify(
             seen.append(flight)
             kept.append(log)
     if not seen:
-        raise ValueError(f"identify: no flight tells anything of the vehicle. {'; '.join(notes)}. {REMEDY}")
+        raise ValueError(
+            f"identify: no flight tells anything of the vehicle. {'; '.join(notes)}. {REMEDY}"
+        )
     if any(flight.command is None for flight in seen):
         seen = [dc.replace(flight, command=None) for flight in seen]
     frame = _frame(seen, prior, drive)
     parts = _parts(seen, drive)
-    coefficient = prior.thrust_coefficient if trusted and mass is None and drive == "rotor_speed" else None
+    coefficient = (
+        prior.thrust_coefficient if trusted and mass is None and drive == "rotor_speed" else None
+    )
     newtons = trusted and mass is None and drive == "command"
     known = set(parts) | (set() if coefficient is not None or newtons else {"mass"})
     known |= {"trusted"} if coefficient is not None or newtons else set()
-    spin = frame.unit if drive == "rotor_speed" else float(
-        np.sqrt(0.25 * (mass or prior.mass) * G / prior.thrust_coefficient)
-    )  # fmt: skip
+    spin = (
+        frame.unit
+        if drive == "rotor_speed"
+        else float(np.sqrt(0.25 * (mass or prior.mass) * G / prior.thrust_coefficient))
+    )
     step = max(float(np.median(np.diff(log.t))) for log in kept)
     layout = Layout.of(parameters(spin, step), parts, len(seen))
     models = tuple(FlightModel(flight, frame) for flight in seen)
     basis = Basis(frame, drive, mass, coefficient, spin, newtons)
     loops = identify_rate_loop(kept) or ()
     if not loops and all(log.commanded_rates is not None for log in kept):
-        notes.append("rate loop: no body rate follows its command as a loop would, or flights are short; none is told")
-    return Identification(basis, estimate(models, layout), frozenset(known), models, prior, tuple(notes), loops)
+        notes.append(
+            "rate loop: no body rate follows its command as a loop would, or flights are "
+            "short; none is told"
+        )
+    return Identification(
+        basis, estimate(models, layout), frozenset(known), models, prior, tuple(notes), loops
+    )
 
 
 def lasts(log: FlightLog) -> float:
@@ -162,7 +196,9 @@ def _gradient(of: Callable[[np.ndarray], float], z: np.ndarray) -> np.ndarray:
 
 
 def _of_one_flight(gradient: np.ndarray, layout: Layout) -> np.ndarray:
-    """Return derivatives by the shared parameters, and by a flight's own where those of all flights move together."""
+    """Return derivatives by the shared parameters, and by a flight's own where those of all flights
+    move together.
+    """
     own = gradient[len(layout.shared) :].reshape(layout.flights, len(layout.own))
     return np.concatenate([gradient[: len(layout.shared)], own.sum(axis=0)])
 
@@ -195,7 +231,13 @@ def _frame(flights: Sequence[Signals], prior: Vehicle, drive: str) -> Frame:
     else:
         unit = float(np.median(inputs))
     commands = [s.command[s.edges[:-1]][s.good] for s in flights if s.command is not None]
-    throttle = float(np.median(np.concatenate(commands))) if commands else unit if drive == "throttle" else 0.0
+    throttle = (
+        float(np.median(np.concatenate(commands)))
+        if commands
+        else unit
+        if drive == "throttle"
+        else 0.0
+    )
     volts = [np.median(s.voltage) for s in flights if s.voltage is not None]
     return Frame(
         np.array(prior.rotor_positions, float),

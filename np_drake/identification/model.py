@@ -1,8 +1,11 @@
-"""Grey-box model of a quadrotor: specific force, angular acceleration and rotor speed from what turns its rotors.
+"""Grey-box model of a quadrotor: specific force, angular acceleration and rotor speed from what
+turns its rotors.
 
-All wrenches are per mass, so that a flight tells thrust over mass and inertia over mass. Axes are those of the vehicle
-file, with Bo as origin. Channels are measured less predicted values of a bin:
-    0-2 specific force [m/s²]    3-5 angular acceleration [rad/s²]    6-9 rotor speed over hover speed [1]
+All wrenches are per mass, so that a flight tells thrust over mass and inertia over mass. Axes are
+those of the vehicle file, with Bo as origin. Channels are measured less predicted values of a bin:
+    0-2 specific force [m/s²]
+    3-5 angular acceleration [rad/s²]
+    6-9 rotor speed over hover speed [1]
 The last four exist where a log holds rotor speed and throttle.
 Source: Newton and Euler for a rigid body whose sensors, rotors and centre of mass are not at Bo.
 """
@@ -27,12 +30,7 @@ RESPONSE = ("lag", "lag_ratio", "curve", "idle", "sag")  # of a rotor to its com
 
 
 class FlightModel:
-    """Residual channels of one flight. What its parameters leave unchanged is kept.
-
-    Args:
-        flight: signals of the flight.
-        frame: what is given of the vehicle.
-    """
+    """Residual channels of one flight. What its parameters leave unchanged is kept."""
 
     def __init__(self, flight: Signals, frame: Frame):
         self.flight, self.frame = flight, frame
@@ -41,14 +39,12 @@ class FlightModel:
         self._relative = flight.input / frame.unit
         self._time = flight.instants - flight.t[0]
         self._euler = euler_of_moments(flight.spread)
-        self._rates = CubicSpline(self._time, flight.smooth[flight.edges])  # body rates at a time [rad/s]
+        self._rates = CubicSpline(
+            self._time, flight.smooth[flight.edges]
+        )  # body rates at a time [rad/s]
 
     def residual(self, v: Values) -> np.ndarray:
-        """Return the channels (m, 6 or 10), measured less predicted.
-
-        Args:
-            v: parameters by name.
-        """
+        """Return the channels (m, 6 or 10), measured less predicted."""
         s, frame = self.flight, self.frame
         rotors, gains, center = self._rotors(v), self.gains(v), self.center(v)
         # Small angles: vectors in the sensor's axes are those in the body's less tilt x vector.
@@ -79,13 +75,11 @@ class FlightModel:
         return e
 
     def smooth(self, v: Values) -> None:
-        """Take for the angular acceleration that moves the accelerometer what model and gyro tell together.
+        """Take for the angular acceleration that moves the accelerometer what model and gyro tell
+        together.
 
-        It is that of the model and, of the gyro's difference to it, what stands above white noise. Measured rotor speed
-        is not better than the gyro, which is then taken alone.
-
-        Args:
-            v: parameters by name.
+        It is that of the model and, of the gyro's difference to it, what stands above white noise.
+        Measured rotor speed is not better than the gyro, which is then taken alone.
         """
         s = self.flight
         if s.drive == "rotor_speed":
@@ -99,40 +93,39 @@ class FlightModel:
         self._kept.pop("lever", None)
 
     def gains(self, v: Values) -> np.ndarray:
-        """Return thrust over mass (4,) of the rotors at the unit of input [m/s²].
-
-        Args:
-            v: parameters by name.
-        """
-        patterns = np.array([v["gain_roll"], v["gain_pitch"], v["gain_yaw"] + v["shift_yaw"]]) @ self.frame.patterns
+        """Return thrust over mass (4,) of the rotors at the unit of input [m/s²]."""
+        patterns = (
+            np.array([v["gain_roll"], v["gain_pitch"], v["gain_yaw"] + v["shift_yaw"]])
+            @ self.frame.patterns
+        )
         return 0.25 * G * v["scale"] * v["charge"] * (1.0 + patterns)
 
     def center(self, v: Values) -> np.ndarray:
-        """Return the centre of mass (3,) from Bo [m].
-
-        Args:
-            v: parameters by name.
-        """
-        return self.frame.arm * np.array([v["com_x"] + v["shift_x"], v["com_y"] + v["shift_y"], 0.0])
+        """Return the centre of mass (3,) from Bo [m]."""
+        return self.frame.arm * np.array(
+            [v["com_x"] + v["shift_x"], v["com_y"] + v["shift_y"], 0.0]
+        )
 
     def arms(self, v: Values) -> np.ndarray:
-        """Return the map (3, 4) from relative thrusts to torque over mass about the centre of mass [m²/s²].
-
-        Args:
-            v: parameters by name.
+        """Return the map (3, 4) from relative thrusts to torque over mass about the centre of mass
+        [m²/s²].
         """
         frame, arms = self.frame, self.frame.positions - self.center(v)
         # A motor that leans turns the vehicle about z, too.
         lean = frame.directions + v["lean_x"] * frame.patterns[0] + v["lean_y"] * frame.patterns[1]
-        return self.gains(v) * np.stack([arms[:, 1], -arms[:, 0], v["torque"] * frame.radius * lean])
+        return self.gains(v) * np.stack(
+            [arms[:, 1], -arms[:, 0], v["torque"] * frame.radius * lean]
+        )
 
-    def air_wrench(self, v: Values, u: np.ndarray | None, spin: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return force (m, 3) at Bo and torque (m, 3) about the centre of mass of the air [m/s², m²/s²].
+    def air_wrench(
+        self, v: Values, u: np.ndarray | None, spin: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return force (m, 3) at Bo and torque (m, 3) about the centre of mass of the air [m/s²,
+        m²/s²].
 
         Drag grows with rotor speed, as the effect `linear_drag`.
 
         Args:
-            v: parameters by name.
             u: (m, 3) velocity in body axes [m/s]; None: not known, and no wrench.
             spin: (m,) mean relative rotor speed [1].
         """
@@ -147,10 +140,8 @@ class FlightModel:
 
     def wrench(self, v: Values) -> tuple[np.ndarray, tuple[np.ndarray, ...]]:
         """Return what the rotors do in the bins.
-
-        Args:
-            v: parameters by name.
-        Returns: collective thrust (m,) and, in a tuple, torque (m, 3) over mass, and their summed relative speed (m,)
+        Returns: collective thrust (m,) and, in a tuple, torque (m, 3) over mass, and their summed
+            relative speed (m,)
         by direction with its rate of change (m,), and their mean (m,).
         """
         rotors, d = self._rotors(v), self.frame.directions
@@ -162,7 +153,9 @@ class FlightModel:
         )
 
     def _keep(self, stage: str, key: tuple, make: Callable[[], Any]) -> Any:
-        """Return a stage for this key. The two last are kept, for finite differences move one parameter at a time."""
+        """Return a stage for this key. The two last are kept, for finite differences move one
+        parameter at a time.
+        """
         kept = self._kept.setdefault(stage, {})
         value = kept.pop(key, None)
         if value is None:
@@ -173,14 +166,21 @@ class FlightModel:
         return value
 
     def _window(self, v: Values) -> tuple[np.ndarray, np.ndarray]:
-        """Return begin and end (m,) of the times over which the accelerometer's readings are means [s]."""
+        """Return begin and end (m,) of the times over which the accelerometer's readings are means
+        [s].
+        """
         # Whether an accelerometer of one reading a bin averages over it is not known.
         share = float(np.clip(v["window"], 0.1, 1.0)) if self.flight.single else 1.0
-        middle, half = 0.5 * (self._time[1:] + self._time[:-1]) - v["force_late"], 0.5 * share * np.diff(self._time)
+        middle, half = (
+            0.5 * (self._time[1:] + self._time[:-1]) - v["force_late"],
+            0.5 * share * np.diff(self._time),
+        )
         return middle - half, middle + half
 
     def _lever(self, v: Values) -> np.ndarray:
-        """Return the map (m, 3, 3) from a place to its acceleration at the accelerometer's time [1/s²]."""
+        """Return the map (m, 3, 3) from a place to its acceleration at the accelerometer's time
+        [1/s²].
+        """
 
         def make() -> np.ndarray:
             starts, stops = self._window(v)
@@ -199,7 +199,12 @@ class FlightModel:
         """Return what the rotors do in the bins."""
         measured = self.flight.drive == "rotor_speed"
         late = v["clock"] if measured else v["delay"]
-        key = (late, v["force_late"], v["window"], *(() if measured else (v[name] for name in RESPONSE)))
+        key = (
+            late,
+            v["force_late"],
+            v["window"],
+            *(() if measured else (v[name] for name in RESPONSE)),
+        )
 
         def make() -> Rotors:
             t, speed = self._measured if measured else self._driven(v)
@@ -215,7 +220,9 @@ class FlightModel:
         return self._keep("rotors", key, make)
 
     def _driven(self, v: Values) -> tuple[np.ndarray, np.ndarray]:
-        """Return the fine grid (k,) [s] and the relative speeds (k, 4) there by the command, without dead time."""
+        """Return the fine grid (k,) [s] and the relative speeds (k, 4) there by the command,
+        without dead time.
+        """
         s, grid = self.flight, self.flight.substeps
 
         def make() -> tuple[np.ndarray, np.ndarray]:
@@ -227,7 +234,13 @@ class FlightModel:
                 wanted = v["full_speed"] * target_speed(throttle, v["curve"], v["idle"]) / hover
             if s.voltage is not None and self.frame.volts > 0:
                 wanted = wanted * ((s.voltage / self.frame.volts) ** (0.5 * v["sag"]))[:, None]
-            speed = lagged(np.ascontiguousarray(wanted), grid.row, grid.step, v["lag"], v["lag"] * v["lag_ratio"])
+            speed = lagged(
+                np.ascontiguousarray(wanted),
+                grid.row,
+                grid.step,
+                v["lag"],
+                v["lag"] * v["lag_ratio"],
+            )
             return self._fine, speed
 
         return self._keep("driven", tuple(v[name] for name in (*RESPONSE, "full_speed")), make)
@@ -241,7 +254,9 @@ class FlightModel:
     def _measured(self) -> tuple[np.ndarray, np.ndarray]:
         """Measured relative speeds (k, 4) on the fine grid (k,) [s]."""
         own = self.flight.t - self.flight.t[0]
-        return self._fine, np.stack([np.interp(self._fine, own, column) for column in self._relative.T], axis=1)
+        return self._fine, np.stack(
+            [np.interp(self._fine, own, column) for column in self._relative.T], axis=1
+        )
 
     @cached_property
     def _measured_speed(self) -> np.ndarray:
@@ -261,8 +276,10 @@ class FlightModel:
 class Rotors:
     """Relative speeds of the rotors in the bins, (m, 4).
 
-    speed: mean [1].   thrust: mean square [1].   late: the same at the accelerometer's time [1].   rate: of its change
-    [1/s].
+    speed: mean [1].
+    thrust: mean square [1].
+    late: the same at the accelerometer's time [1].
+    rate: of its change [1/s].
     """
 
     speed: np.ndarray

@@ -1,4 +1,6 @@
-"""Whitening of residual channels by an autoregressive model of each, and weights against outliers."""
+"""Whitening of residual channels by an autoregressive model of each, and weights against
+outliers.
+"""
 
 import dataclasses as dc
 
@@ -7,16 +9,18 @@ from scipy import linalg, signal
 
 ORDER = 16  # of the autoregressive model; own choice: 0.16 s at 100 Hz
 OUTLYING = 3.0  # standard deviations from which a whitened residual counts less; Huber's bend
-LEAST = 1e-4  # noise below which no channel is [m/s², rad/s², 1]; source: sensors have ten times as much
-IMPOSSIBLE = 8.0  # from which it does not count; own choice: a Gaussian has none in a thousand years of flight
+# noise below which no channel is [m/s², rad/s², 1]; source: sensors have ten times as much
+LEAST = 1e-4
+# from which it does not count; own choice: a Gaussian has none in a thousand years of flight
+IMPOSSIBLE = 8.0
 
 
 @dc.dataclass(frozen=True)
 class Whitening:
     """Filters of the channels of one flight.
 
-    taps: (c, p + 1) filter of each channel that maps it to unit white noise.   good: (m,) rows that count.
-    weight: (m, c) square root of Huber's weights [1].
+    taps: (c, p + 1) filter of each channel that maps it to unit white noise.
+    good: (m,) rows that count. weight: (m, c) square root of Huber's weights [1].
     """
 
     taps: np.ndarray
@@ -30,11 +34,14 @@ class Whitening:
         Args:
             e: (m, c) residuals.
             good: (m,) rows that count.
-            order: of the autoregressive models.
         """
         # A constant is what parameters are to explain, not noise.
         deviation = np.where(good[:, None], e - (e[good].mean(axis=0) if good.any() else 0.0), 0.0)
-        usual = np.median(np.abs(deviation[good]), axis=0) / 0.6745 if good.any() else np.ones(e.shape[1])
+        usual = (
+            np.median(np.abs(deviation[good]), axis=0) / 0.6745
+            if good.any()
+            else np.ones(e.shape[1])
+        )
         bounded = np.clip(deviation, -IMPOSSIBLE * usual, IMPOSSIBLE * usual)
         taps = np.stack([_filter(column, good, order) for column in bounded.T])
         reach = np.convolve(~good, np.ones(order + 1))[: len(good)]
@@ -66,7 +73,6 @@ def _filter(x: np.ndarray, good: np.ndarray, order: int) -> np.ndarray:
     Args:
         x: (m,) the channel, zero where rows do not count.
         good: (m,) rows that count.
-        order: of the model.
     """
     n = max(int(good.sum()), 1)
     r = np.array([x[: len(x) - k] @ x[k:] for k in range(order + 1)]) / n

@@ -10,9 +10,10 @@ import numpy as np
 class Parameter:
     """One coordinate of the model.
 
-    name: as the model reads it.   mean, sd: of its prior, in its own unit or, with `log`, of its logarithm.
-    flight: whether each flight has its own.   needs: what a log must hold for it, of `parts`; without it stays at its
-    mean.
+    name: as the model reads it.
+    mean, sd: of its prior, in its own unit or, with `log`, of its logarithm. flight: whether each
+        flight has its own.
+    needs: what a log must hold for it, of `parts`; without it stays at its mean.
     """
 
     name: str
@@ -32,8 +33,10 @@ class Parameter:
 class Layout:
     """Places of the parameters in the vector z of standardised coordinates, theta = mean + sd z.
 
-    shared: parameters of all flights.   own: parameters of each flight.   flights: their number.   fixed: values of
-    those that these logs cannot tell.
+    shared: parameters of all flights.
+    own: parameters of each flight.
+    flights: their number.
+    fixed: values of those that these logs cannot tell.
     """
 
     shared: tuple[Parameter, ...]
@@ -43,16 +46,15 @@ class Layout:
 
     @classmethod
     def of(cls, parameters: Sequence[Parameter], parts: set[str], flights: int) -> "Layout":
-        """Return the layout of the parameters that logs can tell.
-
-        Args:
-            parameters: all of the model.
-            parts: what the logs hold.
-            flights: number of flights.
-        """
+        """Return the layout of the parameters that logs can tell."""
         acting = [p for p in parameters if parts.issuperset(p.needs)]
         fixed = {p.name: p.value(0.0) for p in parameters if p not in acting}
-        return cls(tuple(p for p in acting if not p.flight), tuple(p for p in acting if p.flight), flights, fixed)
+        return cls(
+            tuple(p for p in acting if not p.flight),
+            tuple(p for p in acting if p.flight),
+            flights,
+            fixed,
+        )
 
     @property
     def size(self) -> int:

@@ -1,4 +1,6 @@
-"""Open-loop prediction: the identified model from logged states on, driven by what turned the rotors."""
+"""Open-loop prediction: the identified model from logged states on, driven by what turned the
+rotors.
+"""
 
 import dataclasses as dc
 
@@ -9,7 +11,8 @@ from np_drake.flight_log import FlightLog
 from np_drake.identification.frame import G, Values, inertia
 from np_drake.identification.model import FlightModel
 
-SUBSTEPS = 2  # of a bin; own choice: half of 10 ms, at which the fourth-order rule is exact for a rigid body
+# of a bin; own choice: half of 10 ms, at which the fourth-order rule is exact for a rigid body
+SUBSTEPS = 2
 ERRORS = ("position", "velocity", "attitude", "rates")  # [m, m/s, rad, rad/s]
 
 
@@ -17,8 +20,9 @@ ERRORS = ("position", "velocity", "attitude", "rates")  # [m, m/s, rad, rad/s]
 class Prediction:
     """Predictions from several starts of one flight.
 
-    t: (k + 1,) time from the start [s].   first: (s,) rows of the log at which they start.   x: (k + 1, s, 13) states.
-    rows: (k + 1, s) rows of the log at these times.
+    t: (k + 1,) time from the start [s].
+    first: (s,) rows of the log at which they start.
+    x: (k + 1, s, 13) states. rows: (k + 1, s) rows of the log at these times.
     """
 
     t: np.ndarray
@@ -27,11 +31,7 @@ class Prediction:
     rows: np.ndarray
 
     def errors(self, log: FlightLog) -> np.ndarray:
-        """Return the errors (k + 1, s, 4), of `ERRORS`.
-
-        Args:
-            log: the flight.
-        """
+        """Return the errors (k + 1, s, 4), of `ERRORS`."""
         true = log.x[self.rows]
         between = attitude.multiply(attitude.conjugate(true[..., 3:7]), self.x[..., 3:7])
         return np.stack(
@@ -45,13 +45,12 @@ class Prediction:
         )
 
 
-def predict(model: FlightModel, log: FlightLog, v: Values, *, seconds: float, every: float = 0.1) -> Prediction:
+def predict(
+    model: FlightModel, log: FlightLog, v: Values, *, seconds: float, every: float = 0.1
+) -> Prediction:
     """Return open-loop predictions.
 
     Args:
-        model: of the flight.
-        log: the flight, whose states the predictions start from.
-        v: parameters by name.
         seconds: length of a prediction [s].
         every: between starts [s].
     """
@@ -108,4 +107,6 @@ def _rate(model: FlightModel, v: Values, x: np.ndarray, held: tuple) -> np.ndarr
     total[:, 0] += w[:, 1] * h
     total[:, 1] -= w[:, 0] * h
     total[:, 2] += v["rotor_momentum"] * j[2, 2] * change
-    return np.concatenate([x[:, 7:10], attitude.quaternion_rate(q, w), a, total @ np.linalg.inv(j).T], axis=1)
+    return np.concatenate(
+        [x[:, 7:10], attitude.quaternion_rate(q, w), a, total @ np.linalg.inv(j).T], axis=1
+    )

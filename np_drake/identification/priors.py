@@ -3,7 +3,7 @@
 import numpy as np
 
 from np_drake.identification.parameters import Parameter
-from np_drake.published_vehicles import published_priors
+from np_drake.vehicle.published import published_priors
 
 MOTORS, BOTH, SPEED = ("motors",), ("motors", "speed"), ("speed",)
 AIR = ("velocity",)
@@ -23,7 +23,9 @@ def parameters(spin: float, step: float) -> tuple[Parameter, ...]:
     moment, yaw = known.inertia, known.inertia_yaw
     zz = moment.mean + ln(1.0 + known.inertia_pitch.median) + yaw.mean
     return (
-        Parameter("scale", 0.0, 1.0, log=True),  # thrust over mass, over that which hovers on the mean input
+        Parameter(
+            "scale", 0.0, 1.0, log=True
+        ),  # thrust over mass, over that which hovers on the mean input
         # Gains of the rotors against each other: left to right, front to rear, by direction.
         Parameter("gain_roll", 0.0, 0.03),
         Parameter("gain_pitch", 0.0, 0.03),
@@ -31,8 +33,12 @@ def parameters(spin: float, step: float) -> tuple[Parameter, ...]:
         Parameter("com_x", 0.0, 0.05),
         Parameter("com_y", 0.0, 0.05),
         Parameter("jxx", moment.mean, moment.deviation, log=True),
-        Parameter("jyy", known.inertia_pitch.mean, known.inertia_pitch.deviation, log=True),  # over jxx
-        Parameter("jzz", yaw.mean, yaw.deviation, log=True),  # over jxx + jyy, which a flat vehicle reaches
+        Parameter(
+            "jyy", known.inertia_pitch.mean, known.inertia_pitch.deviation, log=True
+        ),  # over jxx
+        Parameter(
+            "jzz", yaw.mean, yaw.deviation, log=True
+        ),  # over jxx + jyy, which a flat vehicle reaches
         Parameter("jxy", 0.0, 0.03),  # products over the mean of jxx and jyy
         Parameter("jxz", 0.0, 0.03),
         Parameter("jyz", 0.0, 0.03),
@@ -41,7 +47,12 @@ def parameters(spin: float, step: float) -> tuple[Parameter, ...]:
         Parameter("lean_x", 0.0, 0.2),  # yaw of motors that lean, over their torque
         Parameter("lean_y", 0.0, 0.2),
         # Angular momentum of a rotor in hover, over jzz [rad/s].
-        Parameter("rotor_momentum", known.rotor_inertia.mean - zz + ln(spin), known.rotor_inertia.deviation, log=True),
+        Parameter(
+            "rotor_momentum",
+            known.rotor_inertia.mean - zz + ln(spin),
+            known.rotor_inertia.deviation,
+            log=True,
+        ),
         Parameter("imu_x", 0.0, 0.2, needs=("accelerometer",)),
         Parameter("imu_y", 0.0, 0.2, needs=("accelerometer",)),
         Parameter("imu_z", 0.0, 0.2, needs=("accelerometer",)),
@@ -61,10 +72,18 @@ def parameters(spin: float, step: float) -> tuple[Parameter, ...]:
         # Times [s]: command to body, accelerometer after gyro, first-order lags.
         Parameter("delay", 0.005, 0.01, needs=MOTORS),
         Parameter("force_late", 0.0, 0.005 + 0.3 * step),
-        Parameter("window", 0.5, 0.3, needs=("accelerometer",)),  # over which it averages, of the interval of rows
-        Parameter("lag", known.time_constant.mean, known.time_constant.deviation, log=True, needs=MOTORS),
         Parameter(
-            "lag_ratio", known.time_constant_down.mean, known.time_constant_down.deviation, log=True, needs=MOTORS
+            "window", 0.5, 0.3, needs=("accelerometer",)
+        ),  # over which it averages, of the interval of rows
+        Parameter(
+            "lag", known.time_constant.mean, known.time_constant.deviation, log=True, needs=MOTORS
+        ),
+        Parameter(
+            "lag_ratio",
+            known.time_constant_down.mean,
+            known.time_constant_down.deviation,
+            log=True,
+            needs=MOTORS,
         ),
         Parameter("curve", 0.2, 0.3, needs=("throttle",)),
         Parameter("idle", 0.05, 0.04, needs=("throttle",)),
@@ -76,7 +95,9 @@ def parameters(spin: float, step: float) -> tuple[Parameter, ...]:
         Parameter("shift_y", 0.0, 0.02, flight=True),
         Parameter("shift_yaw", 0.0, 0.02, flight=True),  # gain about z against that of all flights
         Parameter("clock", 0.0, 0.01, flight=True, needs=SPEED),  # rotor speed to body [s]
-        Parameter("heading", 0.0, 0.02, flight=True, needs=AIR),  # of the attitude against the sensors [rad]
+        Parameter(
+            "heading", 0.0, 0.02, flight=True, needs=AIR
+        ),  # of the attitude against the sensors [rad]
         Parameter("bias_x", 0.0, 0.3, flight=True),
         Parameter("bias_y", 0.0, 0.3, flight=True),
         Parameter("bias_z", 0.0, 0.1, flight=True),

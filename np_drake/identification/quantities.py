@@ -1,4 +1,6 @@
-"""Quantities of a vehicle file that the parameters of the model tell, with intervals and what told them."""
+"""Quantities of a vehicle file that the parameters of the model tell, with intervals and what told
+them.
+"""
 
 import dataclasses as dc
 from collections.abc import Callable
@@ -8,7 +10,8 @@ import numpy as np
 from np_drake.identification.frame import Frame, G, Values, inertia
 from np_drake.identification.rotor_response import target_speed
 
-TOLD = 0.5  # deviation over that of the prior below which flights tell a quantity [1]; own choice: two bits
+# deviation over that of the prior below which flights tell a quantity [1]; own choice: two bits
+TOLD = 0.5
 SURE = 1.959964  # standard deviations of 95 %
 
 
@@ -16,9 +19,12 @@ SURE = 1.959964  # standard deviations of 95 %
 class Basis:
     """What turns quantities over mass into those of a vehicle.
 
-    frame: what is given.   drive: what turned the rotors.   mass: given [kg]; None: not.   coefficient: of thrust,
-    where it is trusted and the mass is not given [N/(rad/s)²].   spin: rotor speed in hover, or an estimate [rad/s].
-    newtons: whether the mass follows from commanded thrust.
+    frame: what is given.
+    drive: what turned the rotors.
+    mass: given [kg]; None: not.
+    coefficient: of thrust, where it is trusted and the mass is not given [N/(rad/s)²].
+    spin: rotor speed in hover, or an estimate [rad/s]. newtons: whether the mass follows from
+        commanded thrust.
     """
 
     frame: Frame
@@ -43,7 +49,9 @@ class Basis:
         return 1.0 if self.coefficient is None else self.coefficient * self.frame.unit**2 / per_mass
 
     def hover_thrust(self, v: Values) -> float:
-        """Return the thrust of one rotor at the unit of input [N, or N/kg where only ratios are told]."""
+        """Return the thrust of one rotor at the unit of input [N, or N/kg where only ratios are
+        told].
+        """
         return self.mass_of(v) * 0.25 * G * v["scale"] * v["charge"]
 
     def coefficient_of(self, v: Values) -> float:
@@ -55,10 +63,13 @@ class Basis:
 class Quantity:
     """One number of a vehicle file.
 
-    field: of the vehicle file; empty: of none.   index: place in a vector or matrix.   unit: as printed; over mass
-    where only ratios are told.   of: from the parameters.   positive: whether its interval is one of ratios.
-    needs: what a log must hold.   per_mass: whether it scales with the mass.   why: what a flight that does not tell it
-    lacks, and `manoeuvre`: what would tell it.
+    field: of the vehicle file; empty: of none.
+    index: place in a vector or matrix.
+    unit: as printed; over mass where only ratios are told.
+    of: from the parameters.
+    positive: whether its interval is one of ratios. needs: what a log must hold.
+    per_mass: whether it scales with the mass.
+    why: what a flight that does not tell it lacks, and `manoeuvre`: what would tell it.
     """
 
     name: str
@@ -108,7 +119,9 @@ def _full(v: Values, b: Basis) -> float:
 
 
 def _linear(v: Values, b: Basis) -> float:
-    """Return the linear share of the vehicle file's curve, which has no idle speed, that gives the thrust of hover."""
+    """Return the linear share of the vehicle file's curve, which has no idle speed, that gives the
+    thrust of hover.
+    """
     u = float(np.clip(b.frame.throttle, 0.05, 0.95))
     return (float(target_speed(np.array(u), v["curve"], v["idle"])) ** 2 - u * u) / (u - u * u)
 
@@ -120,71 +133,260 @@ MOTORS, SPEED, THROTTLE = ("motors",), ("speed",), ("throttle",)
 
 QUANTITIES: tuple[Quantity, ...] = (
     Quantity("mass", "mass", "kg", lambda v, b: b.mass_of(v), positive=True, needs=("trusted",)),
-    Quantity("thrust coefficient", "thrust_coefficient", "N/(rad/s)²", lambda v, b: b.coefficient_of(v), positive=True,
-             needs=("speed", "mass"), per_mass=True, why="the vehicle hardly flies", manoeuvre=BLIPS),
-    Quantity("logged thrust, true over logged", "", "1", lambda v, b: b.hover_thrust(v) / b.frame.unit, positive=True,
-             needs=("newtons", "mass"), per_mass=True),
-    *(Quantity(f"inertia {a}", "inertia", "kg·m²", _moment(i, k), (i, k), positive=i == k, per_mass=True,
-               why=f"the vehicle hardly {w}", manoeuvre=m)
-      for a, i, k, w, m in (("xx", 0, 0, "rolls", ROLL), ("yy", 1, 1, "pitches", ROLL),
-                            ("zz", 2, 2, "turns fast about two axes at once", f"{ROLL} while turning"),
-                            ("xy", 0, 1, "rolls and pitches", ROLL), ("xz", 0, 2, "rolls and yaws", ROLL),
-                            ("yz", 1, 2, "pitches and yaws", ROLL))),
-    *(Quantity(f"centre of mass {a}", "calibration.center_of_mass", "m", _center(a), (i,),
-               why="rotors that are unequal look the same", manoeuvre=BLIPS) for i, a in enumerate("xy")),
-    *(Quantity(f"gain of rotor {i + 1}", "calibration.rotor_gains", "1", _gain(i), (i,),
-               why="a centre of mass beside the middle looks the same", manoeuvre=f"{BLIPS} and {ROLL}")
-      for i in range(4)),
-    Quantity("torque over thrust", "torque_coefficient", "m", lambda v, b: v["torque"] * b.frame.radius, positive=True,
-             why="only its ratio to inertia zz shows", manoeuvre=f"{ROLL} while turning"),
-    Quantity("inertia of a rotor", "calibration.rotor_inertia", "kg·m²",
-             lambda v, b: v["rotor_momentum"] * _moment(2, 2)(v, b) / b.spin, positive=True, per_mass=True,
-             needs=SPEED, why="the heading is hardly accelerated", manoeuvre=YAW),
-    Quantity("time constant up", "rotor_time_constant", "s", _plain("lag"), positive=True, needs=MOTORS,
-             why="commands change slowly", manoeuvre=f"{ROLL}, {BLIPS}"),
-    Quantity("time constant down", "calibration.rotor_time_constant_down", "s", lambda v, b: v["lag"] * v["lag_ratio"],
-             positive=True, needs=MOTORS, why="commands change slowly", manoeuvre=f"{ROLL}, {BLIPS}"),
-    Quantity("transport delay", "calibration.command_delay", "s", _plain("delay"), needs=MOTORS,
-             why="commands change slowly", manoeuvre=ROLL),
-    Quantity("clock of the state", "calibration.clock_offset", "s", lambda v, b: -v["clock"], needs=SPEED,
-             why="rotor speed changes slowly", manoeuvre=ROLL),
-    Quantity("thrust at full throttle", "throttle.full_thrust", "N", _full, positive=True, needs=("throttle", "mass"),
-             per_mass=True, why="throttle stays near hover", manoeuvre="climbs at full throttle"),
-    Quantity("rotor speed at full throttle", "", "rad/s",
-             lambda v, b: b.spin * _full_over_hover(v, b),
-             positive=True, needs=("throttle", "speed"), why="throttle stays near hover",
-             manoeuvre="climbs at full throttle"),
-    Quantity("linear share of throttle", "throttle.linear", "1", _linear, needs=THROTTLE,
-             why="throttle stays near hover", manoeuvre="climbs and descents"),
-    Quantity("idle speed over full speed", "", "1", _plain("idle"), needs=THROTTLE,
-             why="throttle stays near hover", manoeuvre="descents with idle motors"),
-    Quantity("power of the voltage", "throttle.voltage_exponent", "1", _plain("sag"), needs=("throttle", "voltage"),
-             why="the voltage hardly falls", manoeuvre="a flight until the battery is low"),
-    *(Quantity(f"IMU {a}", "calibration.imu_position", "m", _length(f"imu_{a}"), (i,), needs=("accelerometer",),
-               why="the vehicle hardly turns", manoeuvre=m)
-      for i, (a, m) in enumerate((("x", YAW), ("y", YAW), ("z", ROLL)))),
-    *(Quantity(f"IMU tilt {a}", "calibration.imu_tilt", "rad", _plain(f"tilt_{a}"), (i,), needs=("accelerometer",),
-               why="a bias of the accelerometer looks the same", manoeuvre=BLIPS) for i, a in enumerate("xyz")),
-    Quantity("drag, lateral", "", "1/s", _plain("drag"), needs=("velocity",), why="it flies slowly",
-             manoeuvre="speed"),
-    Quantity("drag, vertical", "", "1/s", _plain("climb"), needs=("velocity",), why="it climbs slowly",
-             manoeuvre=BLIPS),
-    Quantity("lift of lateral speed", "", "1/m", _plain("lift"), needs=("velocity",), why="it flies slowly",
-             manoeuvre="speed"),
-    Quantity("pitch moment of forward speed", "", "m/s", _length("flap_x"), needs=("velocity",), why="it flies slowly",
-             manoeuvre="speed"),
-    Quantity("roll moment of lateral speed", "", "m/s", _length("flap_y"), needs=("velocity",), why="it flies slowly",
-             manoeuvre="speed"),
-)  # fmt: skip
+    Quantity(
+        "thrust coefficient",
+        "thrust_coefficient",
+        "N/(rad/s)²",
+        lambda v, b: b.coefficient_of(v),
+        positive=True,
+        needs=("speed", "mass"),
+        per_mass=True,
+        why="the vehicle hardly flies",
+        manoeuvre=BLIPS,
+    ),
+    Quantity(
+        "logged thrust, true over logged",
+        "",
+        "1",
+        lambda v, b: b.hover_thrust(v) / b.frame.unit,
+        positive=True,
+        needs=("newtons", "mass"),
+        per_mass=True,
+    ),
+    *(
+        Quantity(
+            f"inertia {a}",
+            "inertia",
+            "kg·m²",
+            _moment(i, k),
+            (i, k),
+            positive=i == k,
+            per_mass=True,
+            why=f"the vehicle hardly {w}",
+            manoeuvre=m,
+        )
+        for a, i, k, w, m in (
+            ("xx", 0, 0, "rolls", ROLL),
+            ("yy", 1, 1, "pitches", ROLL),
+            ("zz", 2, 2, "turns fast about two axes at once", f"{ROLL} while turning"),
+            ("xy", 0, 1, "rolls and pitches", ROLL),
+            ("xz", 0, 2, "rolls and yaws", ROLL),
+            ("yz", 1, 2, "pitches and yaws", ROLL),
+        )
+    ),
+    *(
+        Quantity(
+            f"centre of mass {a}",
+            "calibration.center_of_mass",
+            "m",
+            _center(a),
+            (i,),
+            why="rotors that are unequal look the same",
+            manoeuvre=BLIPS,
+        )
+        for i, a in enumerate("xy")
+    ),
+    *(
+        Quantity(
+            f"gain of rotor {i + 1}",
+            "calibration.rotor_gains",
+            "1",
+            _gain(i),
+            (i,),
+            why="a centre of mass beside the middle looks the same",
+            manoeuvre=f"{BLIPS} and {ROLL}",
+        )
+        for i in range(4)
+    ),
+    Quantity(
+        "torque over thrust",
+        "torque_coefficient",
+        "m",
+        lambda v, b: v["torque"] * b.frame.radius,
+        positive=True,
+        why="only its ratio to inertia zz shows",
+        manoeuvre=f"{ROLL} while turning",
+    ),
+    Quantity(
+        "inertia of a rotor",
+        "calibration.rotor_inertia",
+        "kg·m²",
+        lambda v, b: v["rotor_momentum"] * _moment(2, 2)(v, b) / b.spin,
+        positive=True,
+        per_mass=True,
+        needs=SPEED,
+        why="the heading is hardly accelerated",
+        manoeuvre=YAW,
+    ),
+    Quantity(
+        "time constant up",
+        "rotor_time_constant",
+        "s",
+        _plain("lag"),
+        positive=True,
+        needs=MOTORS,
+        why="commands change slowly",
+        manoeuvre=f"{ROLL}, {BLIPS}",
+    ),
+    Quantity(
+        "time constant down",
+        "calibration.rotor_time_constant_down",
+        "s",
+        lambda v, b: v["lag"] * v["lag_ratio"],
+        positive=True,
+        needs=MOTORS,
+        why="commands change slowly",
+        manoeuvre=f"{ROLL}, {BLIPS}",
+    ),
+    Quantity(
+        "transport delay",
+        "calibration.command_delay",
+        "s",
+        _plain("delay"),
+        needs=MOTORS,
+        why="commands change slowly",
+        manoeuvre=ROLL,
+    ),
+    Quantity(
+        "clock of the state",
+        "calibration.clock_offset",
+        "s",
+        lambda v, b: -v["clock"],
+        needs=SPEED,
+        why="rotor speed changes slowly",
+        manoeuvre=ROLL,
+    ),
+    Quantity(
+        "thrust at full throttle",
+        "throttle.full_thrust",
+        "N",
+        _full,
+        positive=True,
+        needs=("throttle", "mass"),
+        per_mass=True,
+        why="throttle stays near hover",
+        manoeuvre="climbs at full throttle",
+    ),
+    Quantity(
+        "rotor speed at full throttle",
+        "",
+        "rad/s",
+        lambda v, b: b.spin * _full_over_hover(v, b),
+        positive=True,
+        needs=("throttle", "speed"),
+        why="throttle stays near hover",
+        manoeuvre="climbs at full throttle",
+    ),
+    Quantity(
+        "linear share of throttle",
+        "throttle.linear",
+        "1",
+        _linear,
+        needs=THROTTLE,
+        why="throttle stays near hover",
+        manoeuvre="climbs and descents",
+    ),
+    Quantity(
+        "idle speed over full speed",
+        "",
+        "1",
+        _plain("idle"),
+        needs=THROTTLE,
+        why="throttle stays near hover",
+        manoeuvre="descents with idle motors",
+    ),
+    Quantity(
+        "power of the voltage",
+        "throttle.voltage_exponent",
+        "1",
+        _plain("sag"),
+        needs=("throttle", "voltage"),
+        why="the voltage hardly falls",
+        manoeuvre="a flight until the battery is low",
+    ),
+    *(
+        Quantity(
+            f"IMU {a}",
+            "calibration.imu_position",
+            "m",
+            _length(f"imu_{a}"),
+            (i,),
+            needs=("accelerometer",),
+            why="the vehicle hardly turns",
+            manoeuvre=m,
+        )
+        for i, (a, m) in enumerate((("x", YAW), ("y", YAW), ("z", ROLL)))
+    ),
+    *(
+        Quantity(
+            f"IMU tilt {a}",
+            "calibration.imu_tilt",
+            "rad",
+            _plain(f"tilt_{a}"),
+            (i,),
+            needs=("accelerometer",),
+            why="a bias of the accelerometer looks the same",
+            manoeuvre=BLIPS,
+        )
+        for i, a in enumerate("xyz")
+    ),
+    Quantity(
+        "drag, lateral",
+        "",
+        "1/s",
+        _plain("drag"),
+        needs=("velocity",),
+        why="it flies slowly",
+        manoeuvre="speed",
+    ),
+    Quantity(
+        "drag, vertical",
+        "",
+        "1/s",
+        _plain("climb"),
+        needs=("velocity",),
+        why="it climbs slowly",
+        manoeuvre=BLIPS,
+    ),
+    Quantity(
+        "lift of lateral speed",
+        "",
+        "1/m",
+        _plain("lift"),
+        needs=("velocity",),
+        why="it flies slowly",
+        manoeuvre="speed",
+    ),
+    Quantity(
+        "pitch moment of forward speed",
+        "",
+        "m/s",
+        _length("flap_x"),
+        needs=("velocity",),
+        why="it flies slowly",
+        manoeuvre="speed",
+    ),
+    Quantity(
+        "roll moment of lateral speed",
+        "",
+        "m/s",
+        _length("flap_y"),
+        needs=("velocity",),
+        why="it flies slowly",
+        manoeuvre="speed",
+    ),
+)
 
 
 @dc.dataclass(frozen=True)
 class Identified:
     """One quantity as flights and prior tell it.
 
-    value, low, high: with its 95 % interval.   prior: (low, high) of the prior.   told: whether flights tell it.
-    p: probability that flights which agree differ as much as these do [1]; NaN: not tested.   follows: parameter of the
-    model on which the value depends most.
+    value, low, high: with its 95 % interval.
+    prior: (low, high) of the prior.
+    told: whether flights tell it. p: probability that flights which agree differ as much as these
+        do [1]; NaN: not tested.
+    follows: parameter of the model on which the value depends most.
     """
 
     quantity: Quantity

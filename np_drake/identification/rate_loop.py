@@ -1,4 +1,6 @@
-"""Rate loop of an autopilot, identified from the rates that it was asked for and those that were flown."""
+"""Rate loop of an autopilot, identified from the rates that it was asked for and those that were
+flown.
+"""
 
 import dataclasses as dc
 from collections.abc import Sequence
@@ -8,24 +10,30 @@ from scipy.optimize import least_squares
 from scipy.signal import cont2discrete, lfilter, ss2tf, step
 
 from np_drake.flight_log import FlightLog
-from np_drake.rate_loop import GAINS, SLOWEST
+from np_drake.vehicle.rate_loop import GAINS, SLOWEST
 
-# Frequency [rad/s], damping [1] and delay [s] of a loop: where they are looked for, and from where; own choice.
+# Frequency [rad/s], damping [1] and delay [s] of a loop: where they are looked for, and from where;
+# own choice.
 BOUNDS = ((1.0, 300.0), (0.2, 5.0), (1e-4, 0.15))
 STARTS = ((8.0, 1.0, 0.02), (20.0, 1.0, 0.02), (50.0, 1.0, 0.02))
 TINY = 1e-12
-FORGOTTEN = 1.0  # time after which the start of a block is left out [s]; own choice: several lags of a slow loop
-BLOCK = 5.0  # of a flight, of which one is left out at a time [s]; own choice: several turns of a slow loop
+# time after which the start of a block is left out [s]; own choice: several lags of a slow loop
+FORGOTTEN = 1.0
+# of a flight, of which one is left out at a time [s]; own choice: several turns of a slow loop
+BLOCK = 5.0
 FEWEST = 4  # blocks that give an interval [1]
 SURE = 1.96  # standard deviations of a 95 % interval
-LEAST = 0.3  # correlation of command and rate below which a loop is not shown [1]; source: own choice
+LEAST = (
+    0.3  # correlation of command and rate below which a loop is not shown [1]; source: own choice
+)
 
 
 @dc.dataclass(frozen=True)
 class AxisLoop:
     """Loop of one body axis."""
 
-    lag: float  # time at which the rate has followed 63 % of a step of its command, delays among it [s]
+    # time at which the rate has followed 63 % of a step of its command, delays among it [s]
+    lag: float
     gain: float  # rate over command, at rest [1]
     lag_interval: tuple[float, float]  # 95 % [s]
     gain_interval: tuple[float, float]  # 95 % [1]
@@ -43,10 +51,12 @@ class _Block:
 
 
 def identify_rate_loop(flights: Sequence[FlightLog]) -> tuple[AxisLoop, AxisLoop, AxisLoop] | None:
-    """Return the loops of roll, pitch and yaw; None where a flight has no commanded rates, or shows no loop.
+    """Return the loops of roll, pitch and yaw; None where a flight has no commanded rates, or shows
+    no loop.
 
-    For each axis a second-order loop behind a delay, with an offset for each block of 5 s, is fitted to the measured
-    rate by least squares; its lag is read from its step response. Intervals are those of the jackknife over blocks.
+    For each axis a second-order loop behind a delay, with an offset for each block of 5 s, is
+    fitted to the measured rate by least squares; its lag is read from its step response. Intervals
+    are those of the jackknife over blocks.
 
     Args:
         flights: of one vehicle, whose rows hold the commanded rates.
@@ -89,7 +99,8 @@ def _axis(blocks: Sequence[_Block]) -> AxisLoop | None:
 
 
 def _fit(blocks: Sequence[_Block], *starts: np.ndarray) -> tuple[np.ndarray, float, float]:
-    """Return z = log of [frequency [rad/s], damping, delay [s]], gain, and the share of the mean square explained.
+    """Return z = log of [frequency [rad/s], damping, delay [s]], gain, and the share of the mean
+    square explained.
 
     The gain is eliminated: for given z it is a linear least squares.
     """
@@ -106,13 +117,18 @@ def _fit(blocks: Sequence[_Block], *starts: np.ndarray) -> tuple[np.ndarray, flo
         return (w - gain * y) / np.sqrt(square), gain, gain * float(y @ w) / square
 
     low, high = np.log(BOUNDS).T
-    found = [least_squares(lambda z: at(z)[0], np.clip(z, low + 1e-6, high - 1e-6), bounds=(low, high)) for z in starts]
+    found = [
+        least_squares(lambda z: at(z)[0], np.clip(z, low + 1e-6, high - 1e-6), bounds=(low, high))
+        for z in starts
+    ]
     best = min(found, key=lambda one: one.cost)
     return best.x, *at(best.x)[1:]
 
 
 def _response(block: _Block, z: np.ndarray) -> np.ndarray:
-    """Return the rate (n,) of a loop of gain 1 that starts settled; the command is held from row to row [rad/s]."""
+    """Return the rate (n,) of a loop of gain 1 that starts settled; the command is held from row to
+    row [rad/s].
+    """
     frequency, damping, delay = np.exp(z)
     a = np.array([[0.0, 1.0], [-(frequency**2), -2 * damping * frequency]])
     b, c = np.array([[0.0], [frequency**2]]), np.array([[1.0, 0.0]])

@@ -1,8 +1,11 @@
-"""Response of rotors to their commands: throttle curve, battery voltage, first-order lag up and down, dead time.
+"""Response of rotors to their commands: throttle curve, battery voltage, first-order lag up and
+down, dead time.
 
 Rotor speeds are relative to that of hover, so that a thrust needs no thrust coefficient:
-f / f_hover = speed², with T d speed/dt = target(throttle) - speed and T another where the speed falls.
-Source: first-order ESC and motor; the curve is that of PX4's thrust model, u -> (1 - c) u² + c u, on a speed at which
+f / f_hover = speed², with T d speed/dt = target(throttle) - speed and T another where the speed
+falls.
+Source: first-order ESC and motor; the curve is that of PX4's thrust model, u -> (1 - c) u² + c u,
+    on a speed at which
 idle motors turn.
 """
 
@@ -12,14 +15,17 @@ import numpy as np
 
 from np_drake.compiled import compiled
 
-FINEST = 2.5e-3  # longest substep of a lag [s]; own choice: a tenth of the time constant of a small motor
+# longest substep of a lag [s]; own choice: a tenth of the time constant of a small motor
+FINEST = 2.5e-3
 
 
 @dc.dataclass(frozen=True)
 class Substeps:
     """Uniform fine grid of a flight, and the row whose command is held in each of its steps.
 
-    t: (m,) starts of the steps, from the first row on [s].   row: (m,) index of the row.   step: [s].
+    t: (m,) starts of the steps, from the first row on [s].
+    row: (m,) index of the row.
+    step: [s].
     """
 
     t: np.ndarray

@@ -1,4 +1,6 @@
-"""What the estimator takes from a flight: specific force, angular acceleration and rotor inputs in bins of its rows."""
+"""What the estimator takes from a flight: specific force, angular acceleration and rotor inputs in
+bins of its rows.
+"""
 
 import dataclasses as dc
 from functools import cached_property
@@ -14,25 +16,33 @@ from np_drake.identification.rotor_response import Substeps
 from np_drake.training_data.noise_removal import most_likely
 from np_drake.training_data.segments import white_noise
 
-BIN = 0.009  # least length of a bin [s]; own choice: motors answer below 15 Hz, and a log at 100 Hz keeps its rows
+# least length of a bin [s]; own choice: motors answer below 15 Hz, and a log at 100 Hz keeps its
+# rows
+BIN = 0.009
 SPIKE = 12.0  # deviations from the median of neighbours from which a reading is a fault; own choice
-CARRIED = 0.25  # input over force, of what it is in flight, below which the ground carries [1]; own choice
-FLYING = 0.3  # specific force over gravity below which a vehicle is thrown, held or falls [1]; own choice
+# input over force, of what it is in flight, below which the ground carries [1]; own choice
+CARRIED = 0.25
+# specific force over gravity below which a vehicle is thrown, held or falls [1]; own choice
+FLYING = 0.3
 
 
 @dc.dataclass(frozen=True)
 class Signals:
     """One flight, in bins between rows `edges`.
 
-    smooth: (n, 3) body rates of the rows without white noise [rad/s].   What enters the model as an input is such a
-    conditional mean: its error is independent of it, and parameters are not drawn to zero (Berkson's model).
-    force: (m, 3) mean specific force in the sensor's axes [m/s²].   alpha: (m, 3) change of the body rates over the
-    bin, over its length [rad/s²].   rate: (m, 3) mean body rates [rad/s].   spread: (m, 3, 3) mean of w w' [rad²/s²].
-    velocity: (m, 3) mean velocity in body axes [m/s]; None: not logged.   good: (m,) bins that count.
-    drive: what turns the rotors, of `drives.DRIVES`.   input: (n, 4) rotor speed [rad/s], throttle [1] or commanded
-    rotor thrust [N] of the rows.   command: (n, 4) throttle where rotor speed is logged as well [1].
-    voltage: (n,) [V].
-    accelerometer: whether the force is an accelerometer's; else it is that of the logged velocities, at Bo.
+    smooth: (n, 3) body rates of the rows without white noise [rad/s].
+    What enters the model as an input is such a conditional mean: its error is independent of it,
+        and parameters are not drawn to zero (Berkson's model). force: (m, 3) mean specific force in
+        the sensor's axes [m/s²].
+    alpha: (m, 3) change of the body rates over the bin, over its length [rad/s²].
+    rate: (m, 3) mean body rates [rad/s].
+    spread: (m, 3, 3) mean of w w' [rad²/s²]. velocity: (m, 3) mean velocity in body axes [m/s];
+        None: not logged.
+    good: (m,) bins that count. drive: what turns the rotors, of `drives.DRIVES`.
+    input: (n, 4) rotor speed [rad/s], throttle [1] or commanded rotor thrust [N] of the rows.
+    command: (n, 4) throttle where rotor speed is logged as well [1]. voltage: (n,) [V].
+        accelerometer: whether the force is an accelerometer's; else it is that of the logged
+        velocities, at Bo.
     """
 
     name: str
@@ -89,15 +99,17 @@ def signals(log: FlightLog, unmixer: np.ndarray, drive: str = "") -> Signals:
     """Return what the estimator takes from a flight.
 
     Args:
-        log: the flight.
         unmixer: (4, 4) map from thrust and torque to rotor thrusts [N, N·m].
-        drive: of `drives.DRIVES`; empty: measured rotor speed, else throttle of four rotors, else thrust and torque.
+        drive: of `drives.DRIVES`; empty: measured rotor speed, else throttle of four rotors, else
+            thrust and torque.
     Raises: ValueError: where the log tells nothing of its four rotors.
     """
     drive = drive or drives_of(log)[0]
     for field in ("t", "q", "v", "w", "a"):
         if not np.isfinite(0.0 if getattr(log, field) is None else getattr(log, field)).all():
-            raise ValueError(f"{log.name}: {field} must be numbers in every row; fill or cut those that are not.")
+            raise ValueError(
+                f"{log.name}: {field} must be numbers in every row; fill or cut those that are not."
+            )
     rows = len(log)
     each = max(1, int(np.ceil(BIN / log.step - 0.1)))
     edges = np.arange(0, rows, each)
@@ -109,19 +121,31 @@ def signals(log: FlightLog, unmixer: np.ndarray, drive: str = "") -> Signals:
     if log.a is not None:
         force = _mean_after(attitude.rotate_back(log.q, log.a + g), dt, edges)
     else:
-        middle = attitude.rotation_vector(attitude.multiply(attitude.conjugate(log.q[:-1]), log.q[1:]))
+        middle = attitude.rotation_vector(
+            attitude.multiply(attitude.conjugate(log.q[:-1]), log.q[1:])
+        )
         half = attitude.multiply(log.q[:-1], attitude.from_rotation_vector(0.5 * middle))
-        force = _mean_after(attitude.rotate_back(half, np.diff(log.v, axis=0) / dt[:, None] + g), dt, edges)
+        force = _mean_after(
+            attitude.rotate_back(half, np.diff(log.v, axis=0) / dt[:, None] + g), dt, edges
+        )
     good = np.isfinite(force).all(axis=1)
     good &= np.linalg.norm(force, axis=1) > FLYING * G
-    source = {"rotor_speed": log.rotor, "throttle": log.throttle, "command": np.maximum(log.u @ unmixer.T, 0.0)}[drive]
+    source = {
+        "rotor_speed": log.rotor,
+        "throttle": log.throttle,
+        "command": np.maximum(log.u @ unmixer.T, 0.0),
+    }[drive]
     if not of_four_rotors(source):
-        raise ValueError(f"{log.name}: identification needs the {drive.replace('_', ' ')} of four rotors in every row.")
+        raise ValueError(
+            f"{log.name}: identification needs the {drive.replace('_', ' ')} of four "
+            f"rotors in every row."
+        )
     source = np.asarray(source, float)
     logged = log.throttle if drive == "throttle" else source
     spikes = _spikes(np.concatenate([logged, log.w], axis=1))
     w = _across(log.w, spikes)
-    # Readings of rotor speed have noise. A command that changes between rows is noise to them, a held one is exact.
+    # Readings of rotor speed have noise. A command that changes between rows is noise to them, a
+    # held one is exact.
     if drive == "rotor_speed":
         source = np.sqrt(_likely(np.square(_across(source, spikes)), unmixer, log.step))
     elif log.timing > 0:
@@ -167,7 +191,8 @@ def _carried(lift: np.ndarray, force: np.ndarray, good: np.ndarray) -> np.ndarra
 
 
 def _spikes(values: np.ndarray) -> np.ndarray:
-    """Return which rows (n,) of readings (n, c) stand out of their neighbours, which a step does not.
+    """Return which rows (n,) of readings (n, c) stand out of their neighbours, which a step does
+    not.
 
     Source: Hampel's identifier, with the median of seven rows and the deviation of all.
     """
@@ -187,14 +212,18 @@ def _across(values: np.ndarray, bad: np.ndarray) -> np.ndarray:
 
 
 def _likely(values: np.ndarray, unmixer: np.ndarray, step: float) -> np.ndarray:
-    """Return values of rotors (n, 4) without white noise; their sum and differences have spectra of their own."""
+    """Return values of rotors (n, 4) without white noise; their sum and differences have spectra of
+    their own.
+    """
     # Columns of the unmixer span thrust and torques; their scale does not matter.
     channels = values @ np.linalg.inv(unmixer).T
     return np.maximum(most_likely(channels, white_noise([channels]), step) @ unmixer.T, 0.0)
 
 
 def _mean_after(values: np.ndarray, dt: np.ndarray, edges: np.ndarray) -> np.ndarray:
-    """Return the means (m, c) of values (n, c) that are each the mean over the interval after their row."""
+    """Return the means (m, c) of values (n, c) that are each the mean over the interval after their
+    row.
+    """
     weighted = values[: len(dt)] * dt[:, None]
     return (
         np.add.reduceat(weighted[: edges[-1]], edges[:-1], axis=0)

@@ -1,4 +1,6 @@
-"""Identified model on flights that it has not seen, beside the vehicle file as it was and plain least squares."""
+"""Identified model on flights that it has not seen, beside the vehicle file as it was and plain
+least squares.
+"""
 
 import dataclasses as dc
 from collections.abc import Mapping, Sequence
@@ -20,16 +22,31 @@ HORIZONS = (0.1, 0.5)  # of open-loop prediction [s]
 ADAPTED = 5.0  # beginning of a held-out flight that tells its own parameters [s]; own choice
 LARGEST_SHARE = 0.3  # of the flight at most [1]; own choice
 # Parameters that a user of plain least squares names: the usual ones.
-USUAL = ("scale", "jxx", "jyy", "jzz", "com_x", "com_y", "torque", "lag", "delay", "clock", "curve", "bias_z")
+USUAL = (
+    "scale",
+    "jxx",
+    "jyy",
+    "jzz",
+    "com_x",
+    "com_y",
+    "torque",
+    "lag",
+    "delay",
+    "clock",
+    "curve",
+    "bias_z",
+)
 
 
 @dc.dataclass(frozen=True)
 class HeldOut:
     """Errors of one model on one held-out part.
 
-    force: (3,) RMS of the residual force [N].   torque: (3,) of the residual angular acceleration times the identified
-    inertia, so that models compare [N·m].   open_loop: (horizons, 4) median errors of `ERRORS` after `HORIZONS`; NaN
-    where the log has no states.
+    force: (3,) RMS of the residual force [N].
+    torque: (3,) of the residual angular acceleration times the identified inertia, so that models
+        compare [N·m].
+    open_loop: (horizons, 4) median errors of `ERRORS` after `HORIZONS`; NaN where the log has no
+        states.
     """
 
     flight: str
@@ -39,13 +56,12 @@ class HeldOut:
     open_loop: np.ndarray
 
 
-def vehicle_values(vehicle: Vehicle, frame: Frame, drive: str, mass: float, fixed: Values) -> Values:
+def vehicle_values(
+    vehicle: Vehicle, frame: Frame, drive: str, mass: float, fixed: Values
+) -> Values:
     """Return the parameters of the model as a vehicle file has them.
 
     Args:
-        vehicle: of the file.
-        frame: geometry and units.
-        drive: what turns the rotors.
         mass: with which forces are divided [kg].
         fixed: parameters of which a file says nothing, by name; they count as absent.
     """
@@ -66,7 +82,11 @@ def vehicle_values(vehicle: Vehicle, frame: Frame, drive: str, mass: float, fixe
     imu = np.array(c.imu_position or [0.0, 0.0, 0.0]) / arm
     up = max(vehicle.rotor_time_constant, 1e-6)
     down = c.rotor_time_constant_down or up
-    spin = frame.unit if drive == "rotor_speed" else float(np.sqrt(weight / vehicle.thrust_coefficient))
+    spin = (
+        frame.unit
+        if drive == "rotor_speed"
+        else float(np.sqrt(weight / vehicle.thrust_coefficient))
+    )
     zero = dict.fromkeys(fixed, 0.0)
     return zero | {
         "scale": scale,
@@ -99,22 +119,25 @@ def vehicle_values(vehicle: Vehicle, frame: Frame, drive: str, mass: float, fixe
 def values_of_file(found: Identification) -> Values:
     """Return the parameters as the vehicle file of an identification had them."""
     values, basis = found.estimate.layout.values(found.estimate.z), found.basis
-    return vehicle_values(found.prior, basis.frame, basis.drive, basis.mass_of(values), dict.fromkeys(values, 0.0))
+    return vehicle_values(
+        found.prior, basis.frame, basis.drive, basis.mass_of(values), dict.fromkeys(values, 0.0)
+    )
 
 
 def held_out(
-    found: Identification, logs: Sequence[FlightLog], parts: Sequence[tuple[float, float]] = (), *, plain: bool = False
+    found: Identification,
+    logs: Sequence[FlightLog],
+    parts: Sequence[tuple[float, float]] = (),
+    *,
+    plain: bool = False,
 ) -> list[HeldOut]:
     """Return the errors on flights that the identification has not seen.
 
-    The first seconds of each tell what is its own: battery, where that lies, clock and errors of sensors. They are not
-    scored.
+    The first seconds of each tell what is its own: battery, where that lies, clock and errors of
+    sensors. They are not scored.
 
     Args:
-        found: the identification.
-        logs: the flights.
         parts: share of each flight that counts, first and last [1]; default: whole flights.
-        plain: with rows of plain least squares.
     """
     basis = found.basis
     identified = found.estimate.layout.values(found.estimate.z)
@@ -133,13 +156,11 @@ def held_out(
 def adapted(
     found: Identification, log: FlightLog, part: tuple[float, float], rows: Mapping[str, Values]
 ) -> tuple[FlightModel, dict[str, Values]]:
-    """Return the part of a flight that is scored, and parameters with the flight's own as its first seconds tell them.
+    """Return the part of a flight that is scored, and parameters with the flight's own as its first
+    seconds tell them.
 
     Args:
-        found: the identification.
-        log: the flight.
         part: share of the flight that counts, first and last [1].
-        rows: parameters by name, of each model.
     """
     first, last = part
     flight, frame = signals(log, found.prior.unmixer, found.basis.drive), found.basis.frame
@@ -152,7 +173,9 @@ def adapted(
     return FlightModel(flight.part(begin, last), frame), own
 
 
-def _errors(model: FlightModel, log: FlightLog, name: str, v: Values, mass: float, J: np.ndarray) -> HeldOut:
+def _errors(
+    model: FlightModel, log: FlightLog, name: str, v: Values, mass: float, J: np.ndarray
+) -> HeldOut:
     e = model.residual(v)[model.flight.good]
     force = mass * np.sqrt(np.mean(e[:, 0:3] ** 2, axis=0))
     torque = np.sqrt(np.mean((e[:, 3:6] @ J.T) ** 2, axis=0))
@@ -174,7 +197,8 @@ def _open_loop(model: FlightModel, log: FlightLog, v: Values) -> np.ndarray:
 def plain_least_squares(found: Identification) -> Values:
     """Return the usual parameters by plain least squares, the others as in the vehicle file.
 
-    Channels count by their deviation; a lag that the file does not state starts at that of published vehicles.
+    Channels count by their deviation; a lag that the file does not state starts at that of
+    published vehicles.
     Source: the way of mujoco.sysid, where the user names the parameters.
     """
     models, start = found.models, values_of_file(found)
@@ -182,21 +206,41 @@ def plain_least_squares(found: Identification) -> Values:
         layout = found.estimate.layout
         start["lag"] = layout.values(np.zeros(layout.size))["lag"]
     names = [
-        name for name in USUAL if name in {p.name for p in (*found.estimate.layout.shared, *found.estimate.layout.own)}
+        name
+        for name in USUAL
+        if name in {p.name for p in (*found.estimate.layout.shared, *found.estimate.layout.own)}
     ]
     logs = {"scale", "jxx", "jyy", "jzz", "torque", "lag"}
-    size = [np.maximum(np.std(np.concatenate([m.flight.force, m.flight.alpha], axis=1), axis=0), 1e-6) for m in models]
+    size = [
+        np.maximum(np.std(np.concatenate([m.flight.force, m.flight.alpha], axis=1), axis=0), 1e-6)
+        for m in models
+    ]
 
     def values(x: np.ndarray) -> Values:
-        moved = {n: start[n] * np.exp(c) if n in logs else start[n] + c for n, c in zip(names, x, strict=True)}
+        moved = {
+            n: start[n] * np.exp(c) if n in logs else start[n] + c
+            for n, c in zip(names, x, strict=True)
+        }
         return start | moved
 
     def residual(x: np.ndarray) -> np.ndarray:
         v = values(x)
         return np.concatenate(
-            [(m.residual(v)[m.flight.good, :6] / s).ravel() for m, s in zip(models, size, strict=True)]
+            [
+                (m.residual(v)[m.flight.good, :6] / s).ravel()
+                for m, s in zip(models, size, strict=True)
+            ]
         )
 
     scale = np.array([1.0 if n in logs else 0.01 for n in names])
-    bound = np.array([3.0 if n in logs else 0.5 if n.startswith(("com", "curve", "bias")) else 0.05 for n in names])
-    return values(least_squares(residual, np.zeros(len(names)), x_scale=scale, bounds=(-bound, bound), max_nfev=30).x)
+    bound = np.array(
+        [
+            3.0 if n in logs else 0.5 if n.startswith(("com", "curve", "bias")) else 0.05
+            for n in names
+        ]
+    )
+    return values(
+        least_squares(
+            residual, np.zeros(len(names)), x_scale=scale, bounds=(-bound, bound), max_nfev=30
+        ).x
+    )

@@ -1,4 +1,6 @@
-"""Checks of a table that is to become a flight log; the first fault is raised, with its place and its remedy."""
+"""Checks of a table that is to become a flight log; the first fault is raised, with its place and
+its remedy.
+"""
 
 import numpy as np
 
@@ -13,10 +15,6 @@ LARGEST = 1e12  # largest cell, but for time, that is plausible in any unit; own
 
 def check_table(table: Table, fields: list[str]) -> None:
     """Check the columns of the fields.
-
-    Args:
-        table: of a file.
-        fields: of a FlightLog that it holds.
     Raises: LogError: at the first fault.
     """
     table.require_cells()
@@ -28,7 +26,10 @@ def check_table(table: Table, fields: list[str]) -> None:
     if off.size:
         norm = quaternion_norm(table)[off[0]]
         raise table.error(
-            f"the quaternion's norm must be 1; got {norm:.4g}{_more(off)}. Use --repair to normalise a few rows.",
+            (
+                f"the quaternion's norm must be 1; got {norm:.4g}{_more(off)}. Use --repair to "
+                f"normalise a few rows."
+            ),
             column="qw",
             row=int(off[0]),
         )
@@ -44,7 +45,9 @@ def _check_finite(table: Table, fields: list[str]) -> None:
         given = table.columns[name][row]
         must = f"below {LARGEST:g} in size" if np.isfinite(given) else "finite"
         raise table.error(
-            f"must be {must}; got {given}{_more(rows)}. Use --repair to interpolate a few rows.", column=name, row=row
+            f"must be {must}; got {given}{_more(rows)}. Use --repair to interpolate a few rows.",
+            column=name,
+            row=row,
         )
 
 
@@ -73,12 +76,8 @@ def _check_time(table: Table) -> None:
 def is_figure(table: Table, name: str) -> np.ndarray:
     """Return whether each cell of a column is a usable number, (n,).
 
-    It must be finite and, but for time, small enough to be squared; time may count nanoseconds, which the check of time
-    reports.
-
-    Args:
-        table: of a file.
-        name: of the column.
+    It must be finite and, but for time, small enough to be squared; time may count nanoseconds,
+    which the check of time reports.
     """
     column = table.columns[name]
     return np.isfinite(column) if name == "t" else np.abs(column) <= LARGEST

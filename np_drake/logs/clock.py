@@ -11,12 +11,12 @@ _STATE = ("p", "q", "v", "w", "a", "al")  # fields that are shifted
 def shift_state(log: FlightLog, offset: float) -> FlightLog:
     """Return the log with its state columns of row t taken from t + offset; u and rotor stay.
 
-    The state columns are p, q, v, w, a, al. They are linear between rows, q normalised after it (its chord: an error of
-    third order in the turn of a row); accelerations that jump with a command are smeared over one row. Rows whose
-    t + offset lies outside the log are dropped. Source: effect `clock_offset`; undo it with the opposite sign.
+    The state columns are p, q, v, w, a, al. They are linear between rows, q normalised after it
+    (its chord: an error of third order in the turn of a row); accelerations that jump with a
+    command are smeared over one row. Rows whose t + offset lies outside the log are dropped.
+    Source: effect `clock_offset`; undo it with the opposite sign.
 
     Args:
-        log: of one flight.
         offset: by which its state is later than its commands [s].
     Raises: ValueError: if fewer than two rows are left.
     """
@@ -24,7 +24,8 @@ def shift_state(log: FlightLog, offset: float) -> FlightLog:
     kept = np.flatnonzero((wanted >= log.t[0] - 1e-9) & (wanted <= log.t[-1] + 1e-9))
     if len(kept) < 2:
         raise ValueError(
-            f"shift_state: offset must be shorter than {log.name}, {log.t[-1] - log.t[0]:.4g} s; got {offset:g} s."
+            f"shift_state: offset must be shorter than {log.name}, "
+            f"{log.t[-1] - log.t[0]:.4g} s; got {offset:g} s."
         )
     out = log.rows(int(kept[0]), int(kept[-1]) + 1)
     for name in _STATE:

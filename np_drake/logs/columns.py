@@ -1,4 +1,6 @@
-"""Table of numbers as a file holds it, and the mapping of its columns to the fields of a FlightLog."""
+"""Table of numbers as a file holds it, and the mapping of its columns to the fields of a
+FlightLog.
+"""
 
 import dataclasses as dc
 
@@ -14,9 +16,10 @@ from np_drake.logs.errors import LogError, place
 class Table:
     """Columns (n,) by name; an empty cell is NaN.
 
-    path: of the file, for messages.   unreadable: (row, column, text) of cells that hold no number (their value is
-    NaN). ragged: rows with a wrong number of cells (all their values are NaN).
-    header_lines: lines before the first row, 0 where the file has no lines.
+    path: of the file, for messages.
+    unreadable: (row, column, text) of cells that hold no number (their value is NaN). ragged: rows
+        with a wrong number of cells (all their values are NaN). header_lines: lines before the
+        first row, 0 where the file has no lines.
     """
 
     path: str
@@ -40,8 +43,6 @@ class Table:
         """Return a LogError about one place of this file.
 
         Args:
-            what: is wrong, and the remedy.
-            column: name.
             row: counts from 0.
         """
         where = place(self.path, column=column, row=row, header_lines=self.header_lines)
@@ -61,7 +62,9 @@ class Table:
         if self.unreadable:
             row, column, text = self.unreadable[0]
             raise self.error(
-                f"must be a number; got {text[:40]!r}. Use --repair to interpolate.", column=column, row=row
+                f"must be a number; got {text[:40]!r}. Use --repair to interpolate.",
+                column=column,
+                row=row,
             )
 
 
@@ -81,13 +84,18 @@ NAMES = tuple(name for group in COLUMNS.values() for name in group)
 def present_fields(table: Table) -> list[str]:
     """Return the fields whose columns are present and not wholly empty.
 
-    Raises: LogError: if there is no row, a column of the state is missing or empty, or a group is there in part.
+    Raises: LogError: if there is no row, a column of the state is missing or empty, or a group is
+    there in part.
     """
     if not len(table):
         raise table.error("must hold rows; it has a header and no rows. Export the flight again.")
     fields = []
     for field, names in COLUMNS.items():
-        filled = [name for name in names if name in table.columns and not np.isnan(table.columns[name]).all()]
+        filled = [
+            name
+            for name in names
+            if name in table.columns and not np.isnan(table.columns[name]).all()
+        ]
         if len(filled) == len(names):
             fields.append(field)
         elif field == "u" and tuple(filled) == THRUST:
@@ -96,19 +104,18 @@ def present_fields(table: Table) -> list[str]:
             name = next(name for name in names if name not in filled)
             state = "is empty" if name in table.columns else "is missing"
             raise table.error(
-                f"{state}; a flight log needs {', '.join(names)}. The header has: {_shorten(list(table.columns))}.",
+                (
+                    f"{state}; a flight log needs {', '.join(names)}. The header has: "
+                    f"{_shorten(list(table.columns))}."
+                ),
                 column=name,
             )
     return fields
 
 
 def assemble(table: Table, fields: list[str], name: str) -> FlightLog:
-    """Return the log in memory; fields that the file lacks are None, what is missing of u is NaN.
-
-    Args:
-        table: of a file.
-        fields: that it holds.
-        name: of the log.
+    """Return the log in memory; fields that the file lacks are None, what is missing of u is
+    NaN.
     """
     arrays: dict[str, np.ndarray | None] = dict.fromkeys(OPTIONAL)
     arrays |= {f: table.array(COLUMNS[f]) for f in fields if f not in ("throttles", "thrust")}
@@ -132,11 +139,14 @@ def assemble(table: Table, fields: list[str], name: str) -> FlightLog:
 def disassemble(log: FlightLog) -> dict[str, np.ndarray]:
     """Return columns (n,) in the order of the format.
 
-    What a reader derives again is left out: a command from rotor speed or throttle, a torque that is not known, states
-    that were integrated. Without attitude the specific force stands for the acceleration.
+    What a reader derives again is left out: a command from rotor speed or throttle, a torque that
+    is not known, states that were integrated. Without attitude the specific force stands for the
+    acceleration.
     """
     out = log.columns()
-    left_out = {name for field, what in UNLOGGED.items() if what in log.lacks for name in COLUMNS[field]}
+    left_out = {
+        name for field, what in UNLOGGED.items() if what in log.lacks for name in COLUMNS[field]
+    }
     if log.input in ("rotor_speed", "normalised"):
         left_out |= {*COLUMNS["u"]}
     if log.input == "thrust_only":

@@ -4,16 +4,16 @@ from typing import Any
 
 
 class LogError(ValueError):
-    """One line with file, column, row (1 is the first data row; line counts the header) and the remedy."""
+    """One line with file, column, row (1 is the first data row; line counts the header) and the
+    remedy.
+    """
 
 
 def optional_package(module: str, path: object, needs: str) -> Any:
     """Return the package of a module that an extra of np_drake installs.
 
     Args:
-        module: dotted name.
         path: of the file for which it is needed, for the message.
-        needs: what needs it, and the remedy.
     Raises: LogError: where it is not installed.
     """
     try:
@@ -22,12 +22,12 @@ def optional_package(module: str, path: object, needs: str) -> Any:
         raise LogError(f"{path}: {needs}") from error
 
 
-def place(path: object, *, column: str | None = None, row: int | None = None, header_lines: int = 1) -> str:
+def place(
+    path: object, *, column: str | None = None, row: int | None = None, header_lines: int = 1
+) -> str:
     """Return text like 'flight.csv, column vx, row 57 (line 58)'.
 
     Args:
-        path: of the file.
-        column: name.
         row: counts from 0 as arrays do.
         header_lines: lines before the first row, 0 where the file has no lines.
     """

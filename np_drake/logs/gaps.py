@@ -1,4 +1,6 @@
-"""Gaps and bad rows of a log: short gaps are bridged, long ones split it, a few bad rows are mended if asked."""
+"""Gaps and bad rows of a log: short gaps are bridged, long ones split it, a few bad rows are mended
+if asked.
+"""
 
 import itertools
 from collections.abc import Sequence
@@ -11,7 +13,8 @@ from np_drake.flight_log import FlightLog
 from np_drake.logs.checks import GAP, LEAST_ROWS, NORM_TOLERANCE, is_figure, quaternion_norm
 from np_drake.logs.columns import COLUMNS, FIELDS, Table
 
-LONGEST = 0.1  # gap that is bridged [s]; own choice: a flight's motion is known across it, its command is not
+# gap that is bridged [s]; own choice: a flight's motion is known across it, its command is not
+LONGEST = 0.1
 HELD = ("u", "throttle", "throttles", "thrust")  # fields that are held, not interpolated
 
 
@@ -29,10 +32,15 @@ def split_at_gaps(table: Table) -> tuple[list[Table], list[str]]:
     if not kept:
         return [table], []
     longest = float(np.diff(t).max())
-    note = f"{len(edges) - 2} gaps longer than {LONGEST:g} s (the longest {longest:.3g} s): {len(kept)} parts"
+    note = (
+        f"{len(edges) - 2} gaps longer than {LONGEST:g} s (the longest {longest:.3g} s): "
+        f"{len(kept)} parts"
+    )
     if len(kept) < len(parts):
         note += f", {len(parts) - len(kept)} with fewer than {LEAST_ROWS} rows left out"
-    return [table.with_columns({n: c[rows] for n, c in table.columns.items()}) for rows in kept], [note]
+    return [table.with_columns({n: c[rows] for n, c in table.columns.items()}) for rows in kept], [
+        note
+    ]
 
 
 def without_long_gaps(table: Table) -> Table:
@@ -44,7 +52,8 @@ def without_long_gaps(table: Table) -> Table:
     if len(split_at_gaps(table)[0]) > 1:
         row = int(np.argmax(interval)) + 1
         raise table.error(
-            f"must have no gap longer than {LONGEST:g} s; the one before this row lasts {interval[row - 1]:.3g} s. "
+            f"must have no gap longer than {LONGEST:g} s; the one before this row lasts "
+            f"{interval[row - 1]:.3g} s. "
             "Cut the log there.",
             column="t",
             row=row,
@@ -53,13 +62,10 @@ def without_long_gaps(table: Table) -> Table:
 
 
 def bridge_gaps(table: Table, fields: list[str]) -> tuple[Table, np.ndarray]:
-    """Return the table with rows at the median interval inside every gap, and which rows (n,) these are.
+    """Return the table with rows at the median interval inside every gap, and which rows (n,) these
+    are.
 
     Every column is interpolated linearly, but a command is held.
-
-    Args:
-        table: in time.
-        fields: that it holds.
     """
     t = table.columns["t"]
     interval, step = np.diff(t), _usual(t)
@@ -122,16 +128,15 @@ def repair(table: Table, fields: list[str]) -> tuple[Table, list[str]]:
     """Drop rows out of time, interpolate bad cells and normalise quaternions.
 
     Every column is interpolated linearly, but a command is held.  Source: own choice.
-
-    Args:
-        table: of a file.
-        fields: that it holds.
     Returns: the repaired table (its rows are renumbered) and what was done, one line each.
-    Raises:  LogError: if more than `LARGEST_SHARE` of the rows, or a run longer than `LONGEST`, is bad.
+    Raises:  LogError: if more than `LARGEST_SHARE` of the rows, or a run longer than `LONGEST`, is
+        bad.
     """
     if len(table) < LEAST_ROWS:
         return table, []  # the check says so
-    figures = {n: np.where(is_figure(table, n), column, np.nan) for n, column in table.columns.items()}
+    figures = {
+        n: np.where(is_figure(table, n), column, np.nan) for n, column in table.columns.items()
+    }
     kept, dropped = _in_time(table.with_columns(figures))
     normalised = _normalise(kept)
     for field in fields:
@@ -148,12 +153,16 @@ def repair(table: Table, fields: list[str]) -> tuple[Table, list[str]]:
             f"can repair at most {LARGEST_SHARE:.0%} of the rows; {bad} of {len(table)} are bad. "
             "Record it again, or cut out a good part."
         )
-    notes = [f"repaired: {count} of {len(table)} rows {what}" for what, count in counts.items() if count]
+    notes = [
+        f"repaired: {count} of {len(table)} rows {what}" for what, count in counts.items() if count
+    ]
     return kept, notes
 
 
 def _in_time(table: Table) -> tuple[Table, int]:
-    """Return the table of rows whose time is a number and later than every time before, and how many are left out."""
+    """Return the table of rows whose time is a number and later than every time before, and how
+    many are left out.
+    """
     t = np.where(np.isfinite(table.columns["t"]), table.columns["t"], -np.inf)
     before = np.concatenate([[-np.inf], np.maximum.accumulate(t)[:-1]])
     keep = t > before
@@ -162,7 +171,9 @@ def _in_time(table: Table) -> tuple[Table, int]:
 
 
 def _normalise(table: Table) -> int:
-    """Divide quaternions by their norm, set those beyond repair to NaN, and return how many were normalised."""
+    """Divide quaternions by their norm, set those beyond repair to NaN, and return how many were
+    normalised.
+    """
     norm = quaternion_norm(table)
     off = np.abs(norm - 1) > NORM_TOLERANCE
     usable = (norm > NORM_RANGE[0]) & (norm < NORM_RANGE[1])
@@ -190,13 +201,16 @@ def _refuse_long_run(table: Table, name: str, good: np.ndarray) -> None:
 
 
 def said_of_bridged(logs: Sequence[FlightLog]) -> list[str]:
-    """Return one line on the rows that readers put into short gaps of flights; none where there are none."""
+    """Return one line on the rows that readers put into short gaps of flights; none where there are
+    none.
+    """
     counts = [int(log.bridged.sum()) for log in logs if log.bridged is not None]
     if not any(counts):
         return []
     share = sum(counts) / sum(map(len, logs))
     flights = f"{sum(map(bool, counts))} of {len(logs)} flights"
     return [
-        f"{sum(counts)} rows ({percent(share)}) in gaps of up to {LONGEST:g} s of {flights} were filled in; they do "
+        f"{sum(counts)} rows ({percent(share)}) in gaps of up to {LONGEST:g} s of "
+        f"{flights} were filled in; they do "
         "not count in the answer, and below 10 % nothing needs to be done."
     ]

@@ -11,11 +11,12 @@ import yaml
 from np_drake.files.atomic_file import write_text
 from np_drake.files.yaml_text import read_yaml
 from np_drake.logs.errors import LogError
-from np_drake.rotor_layout import RotorLayout
+from np_drake.vehicle.rotor_layout import RotorLayout
 
 SUFFIX = ".import.yaml"
 HEAD = (
-    "# Sheet beside a flight log, as of np-drake import. `timing`, `start` and `rotors` are read with the log; the "
+    "# Sheet beside a flight log, as of np-drake import. `timing`, `start` and `rotors` "
+    "are read with the log; the "
     "rest is for people.\n"
 )
 
@@ -24,9 +25,10 @@ HEAD = (
 class Sheet:
     """What was done to a log, the uncertainty of its commands' time, and where its rotors are.
 
-    timing: standard deviation of the time at which a row's command acts [s].   rotors: those of the columns of rotors;
-    None: the log does not state them.   content: everything else, for people.   start: time of the source's clock at
-    t = 0 [s].
+    timing: standard deviation of the time at which a row's command acts [s].
+    rotors: those of the columns of rotors; None: the log does not state them.
+    content: everything else, for people.
+    start: time of the source's clock at t = 0 [s].
     """
 
     timing: float = 0.0
@@ -55,7 +57,9 @@ def read_sheet(log: str | Path) -> Sheet:
         start = float(content.pop("start", 0.0))
         rotors = _layout(content.pop("rotors", None))
     except (AttributeError, TypeError, ValueError) as error:
-        raise LogError(f"{path}: must be a sheet of np-drake import; write it again, or remove it.") from error
+        raise LogError(
+            f"{path}: must be a sheet of np-drake import; write it again, or remove it."
+        ) from error
     if not 0 <= timing < 1:
         raise LogError(f"{path}: timing must be 0 to 1 s; got {timing}.")
     if not np.isfinite(start):
@@ -65,16 +69,17 @@ def read_sheet(log: str | Path) -> Sheet:
 
 def write_sheet(sheet: Sheet, log: str | Path) -> Path:
     """Write the sheet beside a log, and return its path.
-
-    Args:
-        sheet: of the import.
-        log: path of the log that it lies beside.
     Raises: OSError: if writing fails.
     """
     path = sheet_path(log)
-    read: dict[str, Any] = {"timing": sheet.timing, **({"start": sheet.start} if sheet.start else {})}
+    read: dict[str, Any] = {
+        "timing": sheet.timing,
+        **({"start": sheet.start} if sheet.start else {}),
+    }
     if sheet.rotors is not None:
-        values = {name: list(value) for name, value in dc.asdict(sheet.rotors).items() if name != "source"}
+        values = {
+            name: list(value) for name, value in dc.asdict(sheet.rotors).items() if name != "source"
+        }
         values["positions"] = [list(position) for position in values["positions"]]
         read["rotors"] = {**values, "source": sheet.rotors.source}
     text = yaml.safe_dump({**read, **sheet.content}, sort_keys=False, allow_unicode=True, width=110)

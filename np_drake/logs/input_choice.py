@@ -1,4 +1,6 @@
-"""Which of the inputs that a log has drives its model: that which the vehicle file names, else the best known."""
+"""Which of the inputs that a log has drives its model: that which the vehicle file names, else the
+best known.
+"""
 
 import dataclasses as dc
 
@@ -16,7 +18,9 @@ WORDS = {  # of inputs, the best known first
 
 
 def inputs_of(log: FlightLog) -> list[str]:
-    """Return the inputs that a log has, the best known first: a whole command, rotor speed, thrust, throttle."""
+    """Return the inputs that a log has, the best known first: a whole command, rotor speed, thrust,
+    throttle.
+    """
     thrust, torque = np.isfinite(log.u[:, 0]).any(), np.isfinite(log.u[:, 1:]).any()
     present = {
         "command": thrust and torque,
@@ -28,18 +32,16 @@ def inputs_of(log: FlightLog) -> list[str]:
 
 
 def chosen_input(log: FlightLog, vehicle: Vehicle) -> str:
-    """Return the input that drives the model of a vehicle: that of its file where the log has it, else the best known.
-
-    Args:
-        log: of one flight, as logged.
-        vehicle: with the input that it wants.
+    """Return the input that drives the model of a vehicle: that of its file where the log has it,
+    else the best known.
     """
     known = inputs_of(log)
     return vehicle.input if vehicle.input in known else known[0]
 
 
 def with_vehicle_input(log: FlightLog, vehicle: Vehicle) -> FlightLog:
-    """Return the log with its command, or with thrust and torque from rotor speed or throttle, as the vehicle asks.
+    """Return the log with its command, or with thrust and torque from rotor speed or throttle, as
+    the vehicle asks.
 
     Args:
         log: of one flight, as logged, its rotors in the order of the vehicle file.
@@ -48,7 +50,10 @@ def with_vehicle_input(log: FlightLog, vehicle: Vehicle) -> FlightLog:
     """
     chosen, wanted = chosen_input(log, vehicle), vehicle.input
     if wanted not in (chosen, "command"):
-        note = f"no {WORDS[wanted]}: thrust and torque from {WORDS[chosen]}, though vehicle {vehicle.name!r} says"
+        note = (
+            f"no {WORDS[wanted]}: thrust and torque from {WORDS[chosen]}, though vehicle "
+            f"{vehicle.name!r} says"
+        )
         log = dc.replace(log, notes=[*log.notes, f"{note} input: {wanted}"])
     if chosen == "rotor_speed":
         return with_rotor_input(log, vehicle)

@@ -10,7 +10,8 @@ from np_drake.logs.importing.convert import GRAVITY
 from np_drake.logs.importing.interpolation import Signal, Signals
 
 LONGEST_LAG = 0.2  # lag that is looked for [s]; own choice
-WIDTH = 0.08  # of the mean about each row of both signals [s]; own choice: the same on both moves neither
+# of the mean about each row of both signals [s]; own choice: the same on both moves neither
+WIDTH = 0.08
 FINEST = 0.005  # between two shifts, and between two rows [s]; own choice
 SHIFTS = FINEST * np.arange(-round(LONGEST_LAG / FINEST), round(LONGEST_LAG / FINEST) + 1)
 PARTS = 10  # of a flight, each left out once for the deviation [1]; own choice
@@ -19,9 +20,12 @@ LEAST_PART = 0.5  # of a part [s]; own choice
 LEAST_CORRELATION = 0.9
 MOST_DEVIATION = 0.02  # above which no lag is told [s]; own choice
 MOST_ROWS = 60_000  # of a flight; own choice: the deviation is then far below a row
-HEALTHY = 0.015  # lag that filters of a healthy estimator have [s]; own choice: 12 ms at most in real campaigns
+# lag that filters of a healthy estimator have [s]; own choice: 12 ms at most in real campaigns
+HEALTHY = 0.015
 SURE = 8.0  # standard deviations from which a lag is no chance [1]; own choice
-BETTER = 2.0  # factor by which signals disagree less without it [1]; own choice: 1.6 at most in these
+BETTER = (
+    2.0  # factor by which signals disagree less without it [1]; own choice: 1.6 at most in these
+)
 STATES = (  # state, its rate of change, and the name of that
     ("attitude", "rates", "body rates"),
     ("velocity", "acceleration", "acceleration"),
@@ -32,7 +36,8 @@ _G = np.array([0.0, 0.0, GRAVITY])
 
 @dc.dataclass(frozen=True)
 class Lag:
-    """Time by which `late` runs behind `early` [s], its standard deviation, and the correlation at it [1].
+    """Time by which `late` runs behind `early` [s], its standard deviation, and the correlation at
+    it [1].
 
     mends: factor by which the two disagree less without the lag, of variances [1].
     """
@@ -51,38 +56,48 @@ class Lag:
         return self.seconds if clear else 0.0
 
     def __str__(self) -> str:
-        value = f"{'+' * (self.seconds > 0)}{fixed(1e3 * self.seconds, 1)} ± {fixed(1e3 * self.deviation, 1)} ms"
+        value = (
+            f"{'+' * (self.seconds > 0)}{fixed(1e3 * self.seconds, 1)} ± "
+            f"{fixed(1e3 * self.deviation, 1)} ms"
+        )
         return f"{self.late} {value} after {self.early}"
 
 
 def state_lags(x: Signals) -> dict[str, Lag]:
-    """Return the lags of attitude, velocity and position behind their rates of change, where they are told.
+    """Return the lags of attitude, velocity and position behind their rates of change, where they
+    are told.
 
     Args:
-        x: what the log has of these, in our frames; acceleration: dv/dt in W, turned there by this attitude.
+        x: what the log has of these, in our frames; acceleration: dv/dt in W, turned there by this
+            attitude.
     """
     found: dict[str, Lag] = {}
     for state, rate, early in STATES:
         if state not in x or rate not in x:
             continue
         other = x[rate]
-        if rate == "acceleration" and "attitude" in found and (late := found["attitude"].beyond_doubt):
+        if (
+            rate == "acceleration"
+            and "attitude" in found
+            and (late := found["attitude"].beyond_doubt)
+        ):
             force = attitude.rotate_back(x["attitude"].turned(None, other.t), other.values + _G)
-            other = Signal(other.t, attitude.rotate(x["attitude"].turned(None, other.t + late), force) - _G)
+            other = Signal(
+                other.t, attitude.rotate(x["attitude"].turned(None, other.t + late), force) - _G
+            )
         if lag := lag_of(state, early, x[state].rate, other):
             found[state] = lag
     return found
 
 
 def lag_of(late: str, early: str, y: Signal, x: Signal) -> Lag | None:
-    """Return the lag of y behind x, axis by axis in proportion, of all axes together; None where it is not told.
+    """Return the lag of y behind x, axis by axis in proportion, of all axes together; None where it
+    is not told.
 
-    The lag is where y is closest to gain times x plus a constant, over a grid and a parabola about its best. Its
-    deviation is that of the jackknife over parts of the flight.
+    The lag is where y is closest to gain times x plus a constant, over a grid and a parabola about
+    its best. Its deviation is that of the jackknife over parts of the flight.
 
     Args:
-        late: name of y.
-        early: name of x.
         y: (n, k).
         x: (m, k).
     """
@@ -93,24 +108,36 @@ def lag_of(late: str, early: str, y: Signal, x: Signal) -> Lag | None:
     t = np.arange(start, stop, max(FINEST, x.step, (stop - start) / MOST_ROWS))
     around = np.arange(start - LONGEST_LAG, stop + LONGEST_LAG, t[1] - t[0])
     own, other = y.averaged(t, WIDTH), Signal(around, x.averaged(around, WIDTH))
-    own, other = own - own.mean(axis=0), dc.replace(other, values=other.values - other.values.mean(axis=0))
+    own, other = (
+        own - own.mean(axis=0),
+        dc.replace(other, values=other.values - other.values.mean(axis=0)),
+    )
     moved = (other.linear(t - shift) for shift in SHIFTS)
     cuts = np.linspace(0, len(t), parts, endpoint=False).astype(int)
     # Moments of both by shift, moment, part and axis.
-    moments = np.array([[np.add.reduceat(z, cuts) for z in (own**0, z, own, z * z, z * own, own * own)] for z in moved])
+    moments = np.array(
+        [
+            [np.add.reduceat(z, cuts) for z in (own**0, z, own, z * z, z * own, own * own)]
+            for z in moved
+        ]
+    )
     best, score = _best(moments.sum(axis=2))
     others = [_best(np.delete(moments, i, axis=2).sum(axis=2))[0] for i in range(parts)]
     deviation = float(np.std(others) * np.sqrt(parts - 1))
-    if not (deviation < MOST_DEVIATION and abs(best) < SHIFTS[-2] and score.max() > LEAST_CORRELATION**2):
+    if not (
+        deviation < MOST_DEVIATION and abs(best) < SHIFTS[-2] and score.max() > LEAST_CORRELATION**2
+    ):
         return None
     mends = (1 - score[len(SHIFTS) // 2]) / max(1 - score.max(), 1e-9)
     return Lag(late, early, best, deviation, float(np.sqrt(score.max())), float(mends))
 
 
 def _best(moments: np.ndarray) -> tuple[float, np.ndarray]:
-    """Return the shift at which the loss is least, by a parabola, and the squared correlation by shift.
+    """Return the shift at which the loss is least, by a parabola, and the squared correlation by
+    shift.
 
-    The loss of an axis is relative to what it moves; axes count by their share of the explained part.
+    The loss of an axis is relative to what it moves; axes count by their share of the explained
+    part.
     """
     n, sx, sy, sxx, sxy, syy = np.moveaxis(moments, 1, 0)
     xx, xy, yy = sxx - sx**2 / n, sxy - sx * sy / n, syy - sy**2 / n

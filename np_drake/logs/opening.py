@@ -23,7 +23,8 @@ from np_drake.vehicle import Vehicle
 
 @dc.dataclass(frozen=True)
 class Opened:
-    """Flights of one log, and the record of its import; None where it is of our columns or of NeuroBEM.
+    """Flights of one log, and the record of its import; None where it is of our columns or of
+    NeuroBEM.
 
     vehicle: which the format itself states, if any.
     """
@@ -42,27 +43,36 @@ def open_flights(
     repair: bool = False,
     on_progress: Progress = no_progress,
 ) -> tuple[list[FlightLog], Sheet | None]:
-    """Return the flights of a log, and the record of its import; None where it is of our columns or of NeuroBEM.
+    """Return the flights of a log, and the record of its import; None where it is of our columns or
+    of NeuroBEM.
 
-    The format is recognised by content. A flight has (n, 3) position and velocity in W [m, m/s], quaternions (n, 4)
-    w, x, y, z from body to W, body rates (n, 3) [rad/s], and thrust and torque (n, 4) in body axes [N, N·m]; there are
-    several where long gaps split the log. Without a vehicle, rotor speed and throttle stay what they are: thrust and
-    torque are then not known (NaN).
+    The format is recognised by content. A flight has (n, 3) position and velocity in W [m, m/s],
+    quaternions (n, 4) w, x, y, z from body to W, body rates (n, 3) [rad/s], and thrust and torque
+    (n, 4) in body axes [N, N·m]; there are several where long gaps split the log. Without a
+    vehicle, rotor speed and throttle stay what they are: thrust and torque are then not known
+    (NaN).
 
     Args:
         path: of the log, a file or a folder.
         vehicle: gives thrust and torque from rotor speed or throttle.
-        map: columns and conventions; with it the log is imported, whatever its format; default: by its own names.
+        map: columns and conventions; with it the log is imported, whatever its format; default: by
+            its own names.
         repair: mend a few bad rows of a log of our columns or of NeuroBEM.
         on_progress: called with the share that is read [1].
     Raises: LogError: one line with file, place and remedy; OSError: if it cannot be opened.
     """
-    (found,) = with_vehicle([read_as_logged(path, map, repair=repair, on_progress=on_progress)], vehicle)
+    (found,) = with_vehicle(
+        [read_as_logged(path, map, repair=repair, on_progress=on_progress)], vehicle
+    )
     return found.flights, found.sheet
 
 
 def read_as_logged(
-    path: str | Path, map: LogMap | MapFile | None = None, *, repair: bool = False, on_progress: Progress = no_progress
+    path: str | Path,
+    map: LogMap | MapFile | None = None,
+    *,
+    repair: bool = False,
+    on_progress: Progress = no_progress,
 ) -> Opened:
     """Return the flights of a log as they are logged, without a vehicle.
 
@@ -88,7 +98,8 @@ def read_as_logged(
 
 
 def _flown(flights: Sequence[FlightLog], path: Path) -> list[FlightLog]:
-    """Return flights up to where one ends badly, with a note; what is nothing but a wreck is left out.
+    """Return flights up to where one ends badly, with a note; what is nothing but a wreck is left
+    out.
 
     Raises: LogError: where nothing else is left.
     """
@@ -115,15 +126,19 @@ def rotor_lift(log: FlightLog) -> np.ndarray:
 def with_vehicle(
     logs: Sequence[Opened], vehicle: Vehicle | None, refused: list[LogError] | None = None
 ) -> list[Opened]:
-    """Return logs whose flights have thrust and torque by the vehicle; the order of rotors is decided for all at once.
+    """Return logs whose flights have thrust and torque by the vehicle; the order of rotors is
+    decided for all at once.
 
     Args:
         logs: of one vehicle, as they are read.
         vehicle: that flew; None: that which a format states.
-        refused: takes the reasons of logs that do not fit the vehicle, which are then left out; default: raised.
+        refused: takes the reasons of logs that do not fit the vehicle, which are then left out;
+            default: raised.
     Raises: LogError: at the first log that does not fit the vehicle.
     """
-    driven = [log for found in logs for log in found.flights if _turns(log, vehicle or found.vehicle)]
+    driven = [
+        log for found in logs for log in found.flights if _turns(log, vehicle or found.vehicle)
+    ]
     seen = torques_seen(driven, vehicle) if vehicle is not None else None
     out = []
     for found in logs:
@@ -142,12 +157,19 @@ def _turns(log: FlightLog, vehicle: Vehicle | None) -> bool:
 
 
 def _driven(found: Opened, given: Vehicle | None, seen: Seen | None) -> Opened:
-    """Return a log whose flights have thrust and torque by the vehicle given, else by that of its format."""
+    """Return a log whose flights have thrust and torque by the vehicle given, else by that of its
+    format.
+    """
     vehicle = given or found.vehicle
     if vehicle is None:
         return found
-    ordered = iter(in_vehicle_order([log for log in found.flights if _turns(log, vehicle)], vehicle, seen))
-    flights = [with_vehicle_input(next(ordered) if _turns(log, vehicle) else log, vehicle) for log in found.flights]
+    ordered = iter(
+        in_vehicle_order([log for log in found.flights if _turns(log, vehicle)], vehicle, seen)
+    )
+    flights = [
+        with_vehicle_input(next(ordered) if _turns(log, vehicle) else log, vehicle)
+        for log in found.flights
+    ]
     if found.sheet is None:
         for log in flights:
             check_units(log, found.path, given)

@@ -1,6 +1,8 @@
-"""Order and directions of the rotors behind a log's four columns, by the sign of their torque against J dw/dt.
+"""Order and directions of the rotors behind a log's four columns, by the sign of their torque
+against J dw/dt.
 
-All flights whose columns are in one order tell it together: a gentle flight takes it from a lively one.
+All flights whose columns are in one order tell it together: a gentle flight takes it from a lively
+one.
 """
 
 import dataclasses as dc
@@ -11,14 +13,16 @@ import numpy as np
 from np_drake.flight_log import FlightLog
 from np_drake.logs.errors import LogError
 from np_drake.logs.rotor_torque import Evidence, assignments, evidence, given, is_each
-from np_drake.rotor_layout import CORNERS, RotorLayout
 from np_drake.vehicle import Vehicle
+from np_drake.vehicle.rotor_layout import CORNERS, RotorLayout
 
-# Correlation about roll and pitch from which an order is found [1]; own choice: flights with the right file have 0.4
-# to 0.9, other orders below 0.3.
+# Correlation about roll and pitch from which an order is found [1]; own choice: flights with the
+# right file have 0.4 to 0.9, other orders below 0.3.
 FOUND = 0.3
-TURNS = 0.2  # correlation about yaw from which directions are found [1]; own choice: its torque is the smallest
-SURE = 10.0  # log likelihood ratio from which an order is preferred to another [nat]; own choice: 1 in 22,000
+# correlation about yaw from which directions are found [1]; own choice: its torque is the smallest
+TURNS = 0.2
+# log likelihood ratio from which an order is preferred to another [nat]; own choice: 1 in 22,000
+SURE = 10.0
 NAMED = CORNERS | {(1, 0): "front", (0, 1): "left", (-1, 0): "rear", (0, -1): "right"}
 NOTE = "rotor columns"
 Seen = Mapping[RotorLayout | None, Sequence[Evidence]]
@@ -29,8 +33,8 @@ class RotorOrder:
     """Assignment of a log's columns to the rotors of a vehicle file.
 
     rotors: (4,) of the file, counted from 0, by column.   directions: (4,) by column.
-    correlations: (3,) of its torque with the one that turned the vehicle, about x, y, z, the mean of the flights by
-        what they tell of the likeliest order [1].
+    correlations: (3,) of its torque with the one that turned the vehicle, about x, y, z, the mean
+        of the flights by what they tell of the likeliest order [1].
     score: log likelihood ratio to no relation, of all flights [nat].
     """
 
@@ -44,12 +48,14 @@ class RotorOrder:
         return self.directions == tuple(vehicle.rotor_directions[i] for i in self.rotors)
 
 
-def rotor_orders(seen: Sequence[Evidence], vehicle: Vehicle) -> tuple[RotorOrder, list[RotorOrder]] | None:
-    """Return the order of the vehicle file as flights have it together, and all orders, the likeliest first.
+def rotor_orders(
+    seen: Sequence[Evidence], vehicle: Vehicle
+) -> tuple[RotorOrder, list[RotorOrder]] | None:
+    """Return the order of the vehicle file as flights have it together, and all orders, the
+    likeliest first.
 
     Args:
         seen: of flights whose columns are in one order; None where there is none.
-        vehicle: whose rotors are meant.
     """
     if not seen:
         return None
@@ -70,12 +76,7 @@ def rotor_orders(seen: Sequence[Evidence], vehicle: Vehicle) -> tuple[RotorOrder
 
 
 def torques_seen(logs: Sequence[FlightLog], vehicle: Vehicle) -> Seen:
-    """Return what flights tell of the order of their columns, by the layout that they state.
-
-    Args:
-        logs: flights of one vehicle.
-        vehicle: whose rotors are meant.
-    """
+    """Return what flights tell of the order of their columns, by the layout that they state."""
     found: dict[RotorLayout | None, list[Evidence]] = {}
     for log in logs:
         try:
@@ -87,17 +88,20 @@ def torques_seen(logs: Sequence[FlightLog], vehicle: Vehicle) -> Seen:
     return found
 
 
-def in_vehicle_order(flights: Sequence[FlightLog], vehicle: Vehicle, seen: Seen | None = None) -> list[FlightLog]:
-    """Return the flights of a log with their rotor columns in the order of the vehicle file, and a note where not so.
+def in_vehicle_order(
+    flights: Sequence[FlightLog], vehicle: Vehicle, seen: Seen | None = None
+) -> list[FlightLog]:
+    """Return the flights of a log with their rotor columns in the order of the vehicle file, and a
+    note where not so.
 
-    What the log states of its rotors counts first, and what turns the vehicle last. The order that all flights together
-    tell is taken, unless this log by itself is sure of another.
+    What the log states of its rotors counts first, and what turns the vehicle last. The order that
+    all flights together tell is taken, unless this log by itself is sure of another.
 
     Args:
         flights: of one log, with a layout where its autopilot states one.
-        vehicle: whose order the columns should have.
         seen: of all flights of the vehicle, these among them (`torques_seen`); default: of these.
-    Raises: LogError: where the stated rotors are not those of the vehicle, or the torque tells that the rotors of the
+    Raises: LogError: where the stated rotors are not those of the vehicle, or the torque tells that
+        the rotors of the
     file turn or lie otherwise, in no order of the columns.
     """
     own = torques_seen(flights, vehicle)
@@ -108,14 +112,18 @@ def in_vehicle_order(flights: Sequence[FlightLog], vehicle: Vehicle, seen: Seen 
         alone = rotor_orders(own.get(log.layout, ()), vehicle)
         if found is not None and alone is not None:
             taken, mine = _taken(*found, vehicle), _taken(*alone, vehicle)
-            same = next(o for o in alone[1] if (o.rotors, o.directions) == (taken.rotors, taken.directions))
+            same = next(
+                o for o in alone[1] if (o.rotors, o.directions) == (taken.rotors, taken.directions)
+            )
             found = alone if mine.score - same.score > SURE else found
         out.append(placed if found is None else _ordered(log, placed, vehicle, *found))
     return out
 
 
 def _taken(own: RotorOrder, orders: Sequence[RotorOrder], vehicle: Vehicle) -> RotorOrder:
-    """Return the order of the file unless another is found that is far likelier; one of its rotors where one can be."""
+    """Return the order of the file unless another is found that is far likelier; one of its rotors
+    where one can be.
+    """
     best = orders[0]
     if not _better(best, own):
         return own
@@ -129,9 +137,15 @@ def _as_built(orders: Sequence[RotorOrder], vehicle: Vehicle) -> list[RotorOrder
 
 
 def _ordered(
-    given_log: FlightLog, log: FlightLog, vehicle: Vehicle, own: RotorOrder, orders: Sequence[RotorOrder]
+    given_log: FlightLog,
+    log: FlightLog,
+    vehicle: Vehicle,
+    own: RotorOrder,
+    orders: Sequence[RotorOrder],
 ) -> FlightLog:
-    """Return a log, in its stated order, in that of the vehicle file, and a note where these differ."""
+    """Return a log, in its stated order, in that of the vehicle file, and a note where these
+    differ.
+    """
     best = _taken(own, orders, vehicle)
     if best is own:
         return log
@@ -142,25 +156,36 @@ def _ordered(
         rotors=tuple(best.rotors[stated.index(i)] for i in range(4)),
         directions=tuple(best.directions[stated.index(i)] for i in range(4)),
     )
-    seen = f"{_described(logged, vehicle)} (torque about x, y, z correlates by {_figures(best)}, not {_figures(own)})"
+    seen = (
+        f"{_described(logged, vehicle)} (torque about x, y, z correlates by "
+        f"{_figures(best)}, not {_figures(own)})"
+    )
     if len(as_built) > 1:
-        note = f"{NOTE} are hardly in the order of vehicle {vehicle.name!r}; no flight tells in which: {seen}"
+        note = (
+            f"{NOTE} are hardly in the order of vehicle {vehicle.name!r}; no flight tells in "
+            f"which: {seen}"
+        )
         return dc.replace(log, notes=[*log.notes, note])
     if not as_built:
         raise LogError(
-            f"{log.name}: rotor_positions and rotor_directions of vehicle {vehicle.name!r} must be in the order of the "
+            f"{log.name}: rotor_positions and rotor_directions of vehicle {vehicle.name!r} "
+            f"must be in the order of the "
             f"log's columns; by what turns the vehicle these are {seen}. Correct the vehicle file."
         )
     turned = np.argsort(best.rotors).tolist()
     if given_log.layout is not None:
-        note = f"{NOTE} are not in the order that {given_log.layout.source} states, but turn the vehicle as {seen}"
+        note = (
+            f"{NOTE} are not in the order that {given_log.layout.source} states, but turn "
+            f"the vehicle as {seen}"
+        )
         return _reordered(dc.replace(log, notes=given_log.notes), turned, note)
     note = f"{NOTE} are not in the order of vehicle {vehicle.name!r} and were put into it: {seen}"
     return _reordered(log, turned, note)
 
 
 def _stated_order(log: FlightLog, vehicle: Vehicle) -> list[int]:
-    """Return the column of every rotor of the vehicle file, by the layout that a log's autopilot states, if any.
+    """Return the column of every rotor of the vehicle file, by the layout that a log's autopilot
+    states, if any.
 
     Raises: LogError: if the stated rotors are not those of the vehicle.
     """
@@ -173,7 +198,8 @@ def _stated_order(log: FlightLog, vehicle: Vehicle) -> list[int]:
 
 
 def _in_stated_order(log: FlightLog, vehicle: Vehicle) -> FlightLog:
-    """Return the log with its rotor columns in the order of the vehicle file, by the layout that its autopilot states.
+    """Return the log with its rotor columns in the order of the vehicle file, by the layout that
+    its autopilot states.
 
     Raises: LogError: if the stated rotors are not those of the vehicle.
     """
@@ -183,11 +209,19 @@ def _in_stated_order(log: FlightLog, vehicle: Vehicle) -> FlightLog:
     if order == list(range(4)):
         return log
     taken = ", ".join(str(number + 1) for number in order)
-    return _reordered(log, order, f"rotors 1, 2, 3, 4 of the vehicle file are {taken} of the log ({layout.source})")
+    return _reordered(
+        log,
+        order,
+        f"rotors 1, 2, 3, 4 of the vehicle file are {taken} of the log ({layout.source})",
+    )
 
 
 def _reordered(log: FlightLog, order: list[int], note: str) -> FlightLog:
-    columns = {name: getattr(log, name)[:, order] for name in ("rotor", "throttle") if is_each(getattr(log, name))}
+    columns = {
+        name: getattr(log, name)[:, order]
+        for name in ("rotor", "throttle")
+        if is_each(getattr(log, name))
+    }
     return dc.replace(log, **columns, notes=[*log.notes, note])
 
 
@@ -201,10 +235,16 @@ def _better(best: RotorOrder, own: RotorOrder) -> bool:
 
 
 def _described(order: RotorOrder, vehicle: Vehicle) -> str:
-    """Return the columns in words: where each rotor lies, and which way it turns, seen from above."""
+    """Return the columns in words: where each rotor lies, and which way it turns, seen from
+    above.
+    """
     positions = np.array(vehicle.rotor_positions, float)[list(order.rotors), :2]
-    sign = np.sign(np.where(np.abs(positions) < 0.1 * np.abs(positions).max(), 0.0, positions)).astype(int)
-    names = [NAMED.get((x, y), f"rotor {i + 1}") for (x, y), i in zip(sign, order.rotors, strict=True)]
+    sign = np.sign(
+        np.where(np.abs(positions) < 0.1 * np.abs(positions).max(), 0.0, positions)
+    ).astype(int)
+    names = [
+        NAMED.get((x, y), f"rotor {i + 1}") for (x, y), i in zip(sign, order.rotors, strict=True)
+    ]
     turns = ["cw" if d > 0 else "ccw" for d in order.directions]
     return ", ".join(f"{name} ({turn})" for name, turn in zip(names, turns, strict=True))
 

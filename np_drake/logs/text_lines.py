@@ -1,4 +1,6 @@
-"""Limits of a table: lines of a text file of any size, plain or gzip, and columns of numbers that grow."""
+"""Limits of a table: lines of a text file of any size, plain or gzip, and columns of numbers that
+grow.
+"""
 
 import codecs
 import gzip
@@ -27,7 +29,9 @@ Lines = Generator[str, None, None]
 
 
 def start_of_text(start: bytes) -> bytes:
-    """Return the first bytes of a text from those of its file, which may be compressed; none if they are no gzip."""
+    """Return the first bytes of a text from those of its file, which may be compressed; none if
+    they are no gzip.
+    """
     if start[:2] != b"\x1f\x8b":
         return start
     try:
@@ -37,7 +41,8 @@ def start_of_text(start: bytes) -> bytes:
 
 
 def encoding_of(start: bytes) -> str:
-    """Return the encoding of a text by its first bytes: UTF-8, UTF-16 with its mark, or else Windows-1252.
+    """Return the encoding of a text by its first bytes: UTF-8, UTF-16 with its mark, or else
+    Windows-1252.
 
     Args:
         start: of the text, as of `start_of_text`.
@@ -45,23 +50,28 @@ def encoding_of(start: bytes) -> str:
     if start[:2] in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE):
         return "utf-16"
     try:
-        codecs.getincrementaldecoder("utf-8")().decode(start)  # which lets the last character be cut
+        codecs.getincrementaldecoder("utf-8")().decode(
+            start
+        )  # which lets the last character be cut
     except UnicodeDecodeError:
         return "cp1252"
     return "utf-8-sig"
 
 
 def read_lines(
-    path: str | Path, progress: Progress = no_progress, errors: str = "strict", encoding: str = "utf-8-sig"
+    path: str | Path,
+    progress: Progress = no_progress,
+    errors: str = "strict",
+    encoding: str = "utf-8-sig",
 ) -> Lines:
     """Yield the lines of a text with their ends, gzip-compressed where the name ends in .gz.
 
     Args:
-        path: of the file.
         progress: called with the share that is read [1].
         errors: what to do with bytes that are no such text, as in `open`.
         encoding: as in `open`.
-    Raises: LogError: if the file is no such text or beyond the limits; OSError: if it cannot be opened.
+    Raises: LogError: if the file is no such text or beyond the limits; OSError: if it cannot be
+        opened.
     """
     size, most = max(Path(path).stat().st_size, 1), text_budget(path)
     note_input(path)
@@ -73,22 +83,21 @@ def read_lines(
         except BAD_GZIP as error:
             raise LogError(f"{path}: must be a whole gzip file; {error}. Copy it again.") from error
         except UnicodeError as error:
-            raise LogError(f"{path}: must be a UTF-8 text file with comma-separated columns.") from error
+            raise LogError(
+                f"{path}: must be a UTF-8 text file with comma-separated columns."
+            ) from error
 
 
 def too_large(path: str | Path) -> LogError:
     """Return the error of a file beyond its budget of text."""
     size = f"{text_budget(path) / 1e6:.0f} MB of text"
-    return LogError(f"{path}: must hold at most {size} for its size. Unpack it first, if it is right.")
+    return LogError(
+        f"{path}: must hold at most {size} for its size. Unpack it first, if it is right."
+    )
 
 
 def require_rows_within_limit(path: str | Path, rows: int) -> None:
-    """Raise LogError where a table has more than `MAX_ROWS` rows.
-
-    Args:
-        path: of the table.
-        rows: that it has so far.
-    """
+    """Raise LogError where a table has more than `MAX_ROWS` rows."""
     if rows > MAX_ROWS:
         raise LogError(f"{path}: must hold at most {MAX_ROWS} rows. Cut the log into parts.")
 
@@ -97,11 +106,14 @@ def too_many_cells(path: str | Path) -> LogError:
     """Return the error of a table beyond its budget of cells."""
     size = f"{cell_budget(path) / 1e6:.1f} million numbers"
     return LogError(
-        f"{path}: must hold at most {size} for its size. If it is right, write it as plain CSV of whole rows."
+        f"{path}: must hold at most {size} for its size. If it is right, write it as plain "
+        f"CSV of whole rows."
     )
 
 
-def _lines(path: str | Path, text: io.TextIOWrapper, most: int, report: Callable[[], None]) -> Lines:
+def _lines(
+    path: str | Path, text: io.TextIOWrapper, most: int, report: Callable[[], None]
+) -> Lines:
     total = 0
     number = 0
     while line := text.readline(MAX_LINE + 1):
@@ -123,12 +135,7 @@ class GrowingColumns:
     """
 
     def __init__(self, path: str | Path, names: Sequence[str]) -> None:
-        """Begin without rows.
-
-        Args:
-            path: of the file, whose size is the budget.
-            names: of the columns.
-        """
+        """Begin without rows."""
         self._path, self._most = path, cell_budget(path) // max(len(names), 1)
         self._columns = {name: array("d") for name in names}
         self._rows: list[list[float]] = []  # the last that were appended

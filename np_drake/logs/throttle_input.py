@@ -1,4 +1,6 @@
-"""Thrust and torque from a normalised throttle, through a map that is estimated from the flights themselves."""
+"""Thrust and torque from a normalised throttle, through a map that is estimated from the flights
+themselves.
+"""
 
 import dataclasses as dc
 from collections.abc import Sequence
@@ -10,28 +12,27 @@ from np_drake.flight_log import FlightLog
 from np_drake.logs.errors import LogError
 from np_drake.training_data.accelerations import LIFT_BAND, lift_over_weight, smoothed
 from np_drake.vehicle import Vehicle
-from np_drake.vehicle_calibration import ThrottleMap
+from np_drake.vehicle.calibration import ThrottleMap
 
 EXPONENTS = (0.5, 2.5)  # of thrust over throttle: from a linearised to a bare motor [1]
-# Prior of the exponent, mean and deviation [1]. Source: a linearised motor has 1; a propeller's thrust goes with the
-# square of its speed, and speed with voltage.
+# Prior of the exponent, mean and deviation [1]. Source: a linearised motor has 1; a propeller's
+# thrust goes with the square of its speed, and speed with voltage.
 USUAL, SCATTER = 1.5, 0.5
-# Power of a battery's voltage in thrust at a throttle, and its deviation [1]; source: prior of the identification.
+# Power of a battery's voltage in thrust at a throttle, and its deviation [1]; source: prior of the
+# identification.
 VOLTAGE, VOLTAGE_SCATTER = 1.5, 0.5
-BELIEVED = 0.3  # share by which a voltage may differ from its median within a flight [1]; source: own choice
+# share by which a voltage may differ from its median within a flight [1]; source: own choice
+BELIEVED = 0.3
 NOTE = "thrust from throttle"
 GRAVITY = 9.81  # where no vehicle states its own [m/s²]
 LEAST = 0.02  # throttle below which a rotor stands [1]
 
 
 def with_throttle_input(log: FlightLog, vehicle: Vehicle) -> FlightLog:
-    """Return the log with u from its throttle, for all rotors together or each, by the map that its own flight shows.
+    """Return the log with u from its throttle, for all rotors together or each, by the map that its
+    own flight shows.
 
     A collective throttle says nothing of torque, which is then NaN.
-
-    Args:
-        log: with a throttle.
-        vehicle: whose weight the throttle carries.
     Raises: LogError: if the log has no throttle, or never one that carries the vehicle.
     """
     return _mapped(log, vehicle, _map_of(vehicle, [log]))
@@ -42,14 +43,9 @@ def with_throttle_map(
 ) -> tuple[list[FlightLog], list[FlightLog]]:
     """Return the flights with thrust from throttle by one map, a property of the vehicle.
 
-    It is the vehicle file's, else one of the usual exponent with which the training flights carry the vehicle file's
-    weight: scale and exponent are then to be fitted together with all that hangs below or drags. Flights with another
-    input are as they were.
-
-    Args:
-        vehicle: whose weight the throttle carries.
-        train: flights that share the map.
-        held_out: flights to which it is applied unchanged.
+    It is the vehicle file's, else one of the usual exponent with which the training flights carry
+    the vehicle file's weight: scale and exponent are then to be fitted together with all that hangs
+    below or drags. Flights with another input are as they were.
     Raises: LogError: if a throttle never carries the vehicle.
     """
     told = [log for log in train if _has_throttle(log)]
@@ -64,10 +60,8 @@ def with_throttle_map(
 
 
 def hover_exponent(vehicle: Vehicle) -> float:
-    """Return the power of throttle with which the thrust of `with_throttle_map` goes at hover [1].
-
-    Args:
-        vehicle: with its own map, or none.
+    """Return the power of throttle with which the thrust of `with_throttle_map` goes at hover
+    [1].
     """
     if vehicle.throttle is None:
         return USUAL
@@ -82,7 +76,9 @@ def _has_throttle(log: FlightLog) -> bool:
 
 @dc.dataclass(frozen=True)
 class _PowerMap:
-    """Thrust of a rotor over that of hover: (throttle / hover)^exponent (V / volts)^`VOLTAGE`; no volts, no V."""
+    """Thrust of a rotor over that of hover: (throttle / hover)^exponent (V / volts)^`VOLTAGE`; no
+    volts, no V.
+    """
 
     thrust_at_hover: float  # [N]
     hover: float  # [1]
@@ -90,17 +86,24 @@ class _PowerMap:
     volts: float | None  # [V]
 
     def thrust(self, throttle: np.ndarray, voltage: np.ndarray | None) -> np.ndarray:
-        """Return the thrust (n, k) of rotors [N], of their throttle (n, k) and the battery's voltage (n, 1)."""
+        """Return the thrust (n, k) of rotors [N], of their throttle (n, k) and the battery's
+        voltage (n, 1).
+        """
         charge = 1.0 if voltage is None or self.volts is None else (voltage / self.volts) ** VOLTAGE
         return self.thrust_at_hover * charge * (throttle / self.hover) ** self.exponent
 
 
 def _map_of(
-    vehicle: Vehicle, flights: Sequence[FlightLog], others: Sequence[FlightLog] = (), *, exponent: float | None = None
+    vehicle: Vehicle,
+    flights: Sequence[FlightLog],
+    others: Sequence[FlightLog] = (),
+    *,
+    exponent: float | None = None,
 ) -> ThrottleMap | _PowerMap:
     """Return the vehicle file's map, else that with which the flights carry its weight.
 
-    With voltage, if they and `others` all know it.   exponent: [1]; None: that with which their lift goes.
+    With voltage, if they and `others` all know it.
+    exponent: [1]; None: that with which their lift goes.
     """
     if vehicle.throttle is not None:
         return vehicle.throttle
@@ -116,14 +119,24 @@ def _map_of(
 def _mapped(log: FlightLog, vehicle: Vehicle, known: ThrottleMap | _PowerMap) -> FlightLog:
     """Return the log with thrust, and torque where each rotor has its throttle, by a map."""
     f = known.thrust(np.maximum(_throttle(log), 0.0), voltage_of(log))
-    u = np.column_stack([4 * f, np.full((len(log), 3), np.nan)]) if f.shape[1] == 1 else f @ vehicle.mixer.T
-    whose = "the vehicle file's map" if known is vehicle.throttle else "a map that carries the vehicle file's weight"
+    u = (
+        np.column_stack([4 * f, np.full((len(log), 3), np.nan)])
+        if f.shape[1] == 1
+        else f @ vehicle.mixer.T
+    )
+    whose = (
+        "the vehicle file's map"
+        if known is vehicle.throttle
+        else "a map that carries the vehicle file's weight"
+    )
     others = [other for other in log.notes if not other.startswith(NOTE)]
     return dc.replace(log, u=u, input="normalised", notes=[*others, f"{NOTE} by {whose}"])
 
 
 def voltage_of(log: FlightLog) -> np.ndarray | None:
-    """Return the battery's voltage (n, 1) [V]; None where it is not logged, or is that of no battery in flight."""
+    """Return the battery's voltage (n, 1) [V]; None where it is not logged, or is that of no
+    battery in flight.
+    """
     if log.voltage is None:
         return None
     usual = float(np.median(log.voltage))
@@ -135,7 +148,8 @@ def voltage_of(log: FlightLog) -> np.ndarray | None:
 class LiftFit:
     """Power of its throttle with which the lift of flights goes, within `EXPONENTS`.
 
-    strength: lift over weight at full throttle [1].   loss: negative logarithm of its likelihood and prior [nat].
+    strength: lift over weight at full throttle [1].
+    loss: negative logarithm of its likelihood and prior [nat].
     """
 
     exponent: float
@@ -152,18 +166,23 @@ def lift_fit(flights: Sequence[FlightLog]) -> LiftFit:
     """
     seen = [_lifted(log, GRAVITY) for log in flights]
     exponent = _fitted_exponent(seen)
-    return LiftFit(exponent, float(np.median([own.scale(exponent) for own in seen])), _loss(seen, exponent))
+    return LiftFit(
+        exponent, float(np.median([own.scale(exponent) for own in seen])), _loss(seen, exponent)
+    )
 
 
 def _throttle(log: FlightLog) -> np.ndarray:
     if log.throttle is None:
-        raise LogError(f"{log.name}: must have a column throttle, or throttle1 … throttle4; got none.")
+        raise LogError(
+            f"{log.name}: must have a column throttle, or throttle1 … throttle4; got none."
+        )
     return log.throttle
 
 
 @dc.dataclass(frozen=True)
 class _Lifted:
-    """Throttle (m, k) and t (m,) [s] of a flight, the rows `flying` (m,) in which rotors turn, and lift there (n,).
+    """Throttle (m, k) and t (m,) [s] of a flight, the rows `flying` (m,) in which rotors turn, and
+    lift there (n,).
 
     Lift is over gravity, and over what the voltage makes of thrust, where it is known [1].
     """
@@ -179,7 +198,9 @@ class _Lifted:
         return min(float(len(self.lift)), 2 * LIFT_BAND * float(self.t[-1] - self.t[0]))
 
     def shape(self, exponent: float) -> np.ndarray:
-        """Return the mean of the rotors' throttle to the exponent (n,), in the band of the lift [1]."""
+        """Return the mean of the rotors' throttle to the exponent (n,), in the band of the lift
+        [1].
+        """
         return smoothed(np.mean(self.throttle**exponent, axis=1), self.t, LIFT_BAND)[self.flying]
 
     def scale(self, exponent: float) -> float:
@@ -197,7 +218,10 @@ def _lifted(log: FlightLog, gravity: float, volts: float | None = None) -> _Lift
     throttle = np.maximum(_throttle(log), 0.0)
     flying = throttle.mean(axis=1) > LEAST
     if flying.sum() < 20:
-        raise LogError(f"{log.name}: throttle must be between 0 and 1 and carry the vehicle; it never exceeds {LEAST}.")
+        raise LogError(
+            f"{log.name}: throttle must be between 0 and 1 and carry the vehicle; it never "
+            f"exceeds {LEAST}."
+        )
     lift = lift_over_weight(log.t, log.v, log.q, gravity)
     if volts is not None and log.voltage is not None:
         lift = lift / (log.voltage / volts) ** VOLTAGE
@@ -206,7 +230,9 @@ def _lifted(log: FlightLog, gravity: float, volts: float | None = None) -> _Lift
 
 def _fitted_exponent(flights: Sequence[_Lifted]) -> float:
     """Return the most likely exponent of all flights together [1]."""
-    return float(optimize.minimize_scalar(lambda p: _loss(flights, p), bounds=EXPONENTS, method="bounded").x)
+    return float(
+        optimize.minimize_scalar(lambda p: _loss(flights, p), bounds=EXPONENTS, method="bounded").x
+    )
 
 
 def _loss(flights: Sequence[_Lifted], exponent: float) -> float:

@@ -1,4 +1,6 @@
-"""What the MPC decides on, rotor thrusts or body rates with collective thrust, and how that turns the vehicle."""
+"""What the MPC decides on, rotor thrusts or body rates with collective thrust, and how that turns
+the vehicle.
+"""
 
 import dataclasses as dc
 from functools import cached_property
@@ -6,8 +8,8 @@ from functools import cached_property
 import numpy as np
 
 from np_drake.mpc.problem import COMMANDS, MpcConfig
-from np_drake.rate_loop import RateLoop
 from np_drake.vehicle import Vehicle
+from np_drake.vehicle.rate_loop import RateLoop
 
 
 @dc.dataclass(frozen=True)
@@ -34,20 +36,30 @@ class Actuation:
         """Return the actuation of a vehicle.
 
         Args:
-            vehicle: nominal.
             command: of `COMMANDS`.
-        Raises: ValueError: where the vehicle file names no rate loop, and rates are to be commanded.
+        Raises: ValueError: where the vehicle file names no rate loop, and rates are to be
+            commanded.
         """
         J_inv, top = np.linalg.inv(vehicle.J), vehicle.max_rotor_thrust
         if command not in COMMANDS:
-            raise ValueError(f"Actuation: command must be one of {', '.join(COMMANDS)}; got {command!r}.")
+            raise ValueError(
+                f"Actuation: command must be one of {', '.join(COMMANDS)}; got {command!r}."
+            )
         if command == "rotors":
             J = np.ascontiguousarray(vehicle.J, float)
-            return cls(np.ascontiguousarray(vehicle.mixer), np.zeros(4), np.full(4, top), J, J_inv, np.zeros(3))
+            return cls(
+                np.ascontiguousarray(vehicle.mixer),
+                np.zeros(4),
+                np.full(4, top),
+                J,
+                J_inv,
+                np.zeros(3),
+            )
         loop = vehicle.rate_loop
         if loop is None:
             raise ValueError(
-                f"Actuation: vehicle {vehicle.name!r} must have a rate_loop for commanded body rates; it has none."
+                f"Actuation: vehicle {vehicle.name!r} must have a rate_loop for commanded "
+                f"body rates; it has none."
             )
         mixer, most = np.eye(4), np.array(loop.max_rate, float)
         mixer[1:, 1:] = vehicle.J @ np.diag(np.array(loop.gain) / np.array(loop.lag))
@@ -65,7 +77,8 @@ class Actuation:
         """Return the diagonal weight (4,) of u [1/N², 1/(N·m)²].
 
         Args:
-            config: whose `weight_rates` is the price of commanded rates, and `weight_input` that of all else.
+            config: whose `weight_rates` is the price of commanded rates, and `weight_input` that of
+                all else.
         """
         if self.loop is None:
             return config.R
@@ -85,10 +98,10 @@ class Actuation:
         return self.clip(u @ self.unmixer.T) @ self.mixer.T
 
     def driving(self, vehicle: Vehicle, x: np.ndarray, u: np.ndarray) -> np.ndarray:
-        """Return the input (..., 4) that gives the motion which eq. (1) has under thrust and torque [N, N·m].
+        """Return the input (..., 4) that gives the motion which eq. (1) has under thrust and torque
+        [N, N·m].
 
         Args:
-            vehicle: nominal.
             x: (..., 13) states.
             u: (..., 4) thrust and torque [N, N·m].
         """

@@ -1,8 +1,9 @@
 """Single shooting over the rotor thrusts: rollout, exact sensitivities and the Gauss-Newton model.
 
-The decision is T (N, 4), u = mixer T, so that the hard input set is a plain box. The lifted linear system is
-linear in the predicted zeta and is eliminated exactly (`horizon.eliminate`); nothing here grows with K. A wrench that
-reacts to zeta nonlinearly is evaluated at every predicted state, and its own Jacobian joins the sensitivities.
+The decision is T (N, 4), u = mixer T, so that the hard input set is a plain box. The lifted linear
+system is linear in the predicted zeta and is eliminated exactly (`horizon.eliminate`); nothing here
+grows with K. A wrench that reacts to zeta nonlinearly is evaluated at every predicted state, and
+its own Jacobian joins the sensitivities.
 """
 
 import dataclasses as dc
@@ -20,8 +21,8 @@ from np_drake.mpc.objective import LATERAL, Objective, SoftRows, lateral_respons
 from np_drake.mpc.problem import MpcConfig, MpcProblem, MpcSolution, SolverFailure
 from np_drake.residual_model import Reaction
 from np_drake.rigid_body import INPUT_SIZE, STATE_SIZE, WRENCH_SIZE
-from np_drake.scaling import ratios
 from np_drake.vehicle import Vehicle
+from np_drake.vehicle.scaling import ratios
 
 ZETA = slice(7, 13)  # part of the state to which a wrench reacts
 _PART = 10  # stages that are weighed at once; the later ones depend on more inputs [1]
@@ -31,7 +32,8 @@ _PART = 10  # stages that are weighed at once; the later ones depend on more inp
 class Trajectory:
     """Rollout of the rotor thrusts and its cost.
 
-    excess: over the soft sets of `objective` (4N+1,), slacks: that it needs (3,) [in each set's unit].
+    excess: over the soft sets of `objective` (4N+1,), slacks: that it needs (3,) [in each set's
+    unit].
     """
 
     T: np.ndarray  # (N, 4) [N]
@@ -57,7 +59,9 @@ class Curvature:
 
     @cached_property
     def factor(self) -> np.ndarray | None:
-        """Cholesky factor (n, n), lower triangle; None where the Hessian is not positive definite."""
+        """Cholesky factor (n, n), lower triangle; None where the Hessian is not positive
+        definite.
+        """
         factor, info = lapack.dpotrf(self.hessian, lower=1, clean=0)
         return None if info else factor
 
@@ -83,10 +87,6 @@ class Condensed:
     """Problem reduced to the rotor thrusts.
 
     The members are constants and workspaces that every call overwrites wholly.
-
-    Args:
-        vehicle: nominal.
-        config: weights, sets and horizon.
     """
 
     def __init__(self, vehicle: Vehicle, config: MpcConfig):
@@ -104,14 +104,14 @@ class Condensed:
         self._inputs = np.asfortranarray(np.kron(np.eye(n), 2 * over_decision))
         cuts = [n - first for first in range(0, n, _PART)][::-1]
         self._parts = [
-            (first, np.empty((13 * (last - first), 4 * last))) for first, last in zip([0, *cuts], cuts, strict=False)
+            (first, np.empty((13 * (last - first), 4 * last)))
+            for first, last in zip([0, *cuts], cuts, strict=False)
         ]
 
     def prepare(self, problem: MpcProblem, markov: np.ndarray | None = None) -> Horizon:
         """Return the problem made ready for a solver.
 
         Args:
-            problem: of this instant.
             markov: as of `horizon.Preparation`.
         """
         return self._prepare(problem, markov)
@@ -124,7 +124,6 @@ class Condensed:
         """Return the trajectory from h.x0.
 
         Args:
-            h: the problem made ready.
             T: (N, 4) rotor thrusts [N].
         """
         u = np.ascontiguousarray(T @ self._mixer.T)
@@ -136,10 +135,14 @@ class Condensed:
             self._rollout_with_reaction(h, h.reaction, x, u, chi)
         cost, excess = self.objective.cost(h, x, u, chi), self.objective.excess(h, x)
         slacks = self.objective.slacks(excess)
-        return Trajectory(T, u, x, chi, cost, excess, slacks, cost + penalty(slacks, self.config.slack_weight))
+        return Trajectory(
+            T, u, x, chi, cost, excess, slacks, cost + penalty(slacks, self.config.slack_weight)
+        )
 
     def _rollout_with_reaction(self, h: Horizon, reaction: Reaction, x, u, chi) -> None:
-        """Write x and chi as `DiscreteDynamics.rollout`, with a wrench that reacts to the motion at once."""
+        """Write x and chi as `DiscreteDynamics.rollout`, with a wrench that reacts to the motion at
+        once.
+        """
         coupled = h.markov.size > 0
         for i in range(self.config.horizon):
             if coupled and i:
@@ -148,12 +151,8 @@ class Condensed:
             x[i + 1] = self.dynamics.advance(x[i], u[i], chi[i])
 
     def sensitivities(self, h: Horizon, t: Trajectory, out: np.ndarray | None = None) -> np.ndarray:
-        """Return dx_i/dT for i = 1 … N, (N, 13, 4N), with the reaction of the wrench to the predicted motion.
-
-        Args:
-            h: the problem, made ready.
-            t: trajectory of the linearisation.
-            out: earlier result to overwrite.
+        """Return dx_i/dT for i = 1 … N, (N, 13, 4N), with the reaction of the wrench to the
+        predicted motion.
         """
         n = self.config.horizon
         model = self.dynamics.linearise(t.x[:-1], t.u, t.chi)
@@ -168,10 +167,7 @@ class Condensed:
         """Return the local model at t of a given curvature.
 
         Args:
-            h: the problem made ready.
-            t: trajectory around which it holds.
             S: (N, 13, 4N) sensitivities at t [1/N].
-            curvature: of the cost.
         """
         return LocalModel(curvature, self.gradient(h, t, S), self.objective.rows(h, t.x, S))
 
@@ -179,10 +175,10 @@ class Condensed:
         """Return the Gauss-Newton Hessian over T, (4N, 4N), lower triangle [1/N²].
 
         Args:
-            h: the problem made ready.
             S: (N, 13, 4N) sensitivities [1/N].
         """
-        # Gauss-Newton: H / 2 = U'RU + sum_i S_i'Q S_i + S_N'P S_N, as one product of the stacked roots of the weights
+        # Gauss-Newton: H / 2 = U'RU + sum_i S_i'Q S_i + S_N'P S_N, as one product of the stacked
+        # roots of the weights
         hessian = self._inputs
         for k, (first, part) in enumerate(reversed(self._parts)):
             condensing.weigh(S, self._Q_root, first, part)
@@ -201,13 +197,13 @@ class Condensed:
         """Return the gradient of the cost over T, (4N,) [1/N].
 
         Args:
-            h: the problem made ready.
-            t: trajectory at which it holds.
             S: (N, 13, 4N) sensitivities at t [1/N].
         """
         # g / 2 = U'R (u - u_ref) + sum_i S_i'Q (x_i - x_ref,i) + S_N'P (x_N - x_ref,N)
         gradient = np.empty(self.size)
-        condensing.gradient(t.x, h.x_ref, t.u, h.u_ref, self._Q, self._R, h.P, self._mixer, S, gradient)
+        condensing.gradient(
+            t.x, h.x_ref, t.u, h.u_ref, self._Q, self._R, h.P, self._mixer, S, gradient
+        )
         if self.config.weight_swing > 0:
             pull = 2 * self.config.weight_swing * t.chi[:, LATERAL]
             gradient += pull.ravel() @ lateral_response(h, S).reshape(-1, self.size)
@@ -218,12 +214,12 @@ _REACH = 0.5  # position error that the feedback sees at most, of the paper's ve
 _PACE = 2.0  # velocity error that it sees at most, of the paper's vehicle [m/s]
 
 
-def initial_trajectory(condensed: Condensed, h: Horizon, warm_start: MpcSolution | None) -> tuple[Trajectory, bool]:
+def initial_trajectory(
+    condensed: Condensed, h: Horizon, warm_start: MpcSolution | None
+) -> tuple[Trajectory, bool]:
     """Return the initial trajectory and whether it is a cold start.
 
     Args:
-        condensed: the reduced problem.
-        h: the problem made ready.
         warm_start: an earlier plan, shifted to now; one without a finite rollout is discarded.
     Raises: SolverFailure: if there is no finite rollout from this state.
     """
@@ -234,7 +230,9 @@ def initial_trajectory(condensed: Condensed, h: Horizon, warm_start: MpcSolution
             return t, False
     t = condensed.rollout(h, _feedback_thrusts(condensed, h))
     if not t.finite:
-        raise SolverFailure("MPC: no finite prediction from this state; check the forecast and the state.")
+        raise SolverFailure(
+            "MPC: no finite prediction from this state; check the forecast and the state."
+        )
     return t, True
 
 

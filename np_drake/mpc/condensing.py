@@ -42,7 +42,15 @@ def sensitivities(Fx, Fu, markov, own, S, chi):
 def _move(F, before, after, size):
     """Write dF/dx times `before` (13, …) to `after`."""
     for row in range(13):
-        w, i, j, k, a, b, c = F[row, 3], F[row, 4], F[row, 5], F[row, 6], F[row, 10], F[row, 11], F[row, 12]
+        w, i, j, k, a, b, c = (
+            F[row, 3],
+            F[row, 4],
+            F[row, 5],
+            F[row, 6],
+            F[row, 10],
+            F[row, 11],
+            F[row, 12],
+        )
         if row < 3:
             h = F[row, 7 + row]
             for col in range(size):
@@ -56,7 +64,10 @@ def _move(F, before, after, size):
         if row < 10:
             for col in range(size):
                 after[row, col] += (
-                    w * before[3, col] + i * before[4, col] + j * before[5, col] + k * before[6, col]
+                    w * before[3, col]
+                    + i * before[4, col]
+                    + j * before[5, col]
+                    + k * before[6, col]
                 ) + (a * before[10, col] + b * before[11, col] + c * before[12, col])
         else:
             for col in range(size):
@@ -75,11 +86,21 @@ def _six_rows(M, at, S, size, out):
     """Add M[:, at:at+6] times dzeta/dT, rows 7 … 12 of S, to out (6, …)."""
     for row in range(6):
         a, b, c, d, e, f = (
-            M[row, at], M[row, at + 1], M[row, at + 2], M[row, at + 3], M[row, at + 4], M[row, at + 5],
-        )  # fmt: skip
+            M[row, at],
+            M[row, at + 1],
+            M[row, at + 2],
+            M[row, at + 3],
+            M[row, at + 4],
+            M[row, at + 5],
+        )
         for col in range(size):
             out[row, col] += (
-                a * S[7, col] + b * S[8, col] + c * S[9, col] + d * S[10, col] + e * S[11, col] + f * S[12, col]
+                a * S[7, col]
+                + b * S[8, col]
+                + c * S[9, col]
+                + d * S[10, col]
+                + e * S[11, col]
+                + f * S[12, col]
             )
 
 
@@ -92,7 +113,9 @@ def _push(F, chi, S, size):
             axis = row if row < 3 else row - 7
             h = F[row, 13 + axis]
             for col in range(size):
-                S[row, col] += h * chi[axis, col] + a * chi[3, col] + b * chi[4, col] + c * chi[5, col]
+                S[row, col] += (
+                    h * chi[axis, col] + a * chi[3, col] + b * chi[4, col] + c * chi[5, col]
+                )
         else:
             for col in range(size):
                 S[row, col] += a * chi[3, col] + b * chi[4, col] + c * chi[5, col]
@@ -105,7 +128,6 @@ def weigh(S, root, first, out):
     Args:
         S: (N, 13, 4N).
         root: (13,) roots of the weights.
-        first: of the m stages.
         out: (13 m, 4 (first + m)); later inputs do not act on these stages.
     """
     size = out.shape[1]

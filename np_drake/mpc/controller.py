@@ -7,7 +7,14 @@ import numpy as np
 
 from np_drake.mpc.actuation import Actuation
 from np_drake.mpc.plan import shift
-from np_drake.mpc.problem import MpcConfig, MpcProblem, MpcSolution, MpcSolver, MpcStatus, SolverFailure
+from np_drake.mpc.problem import (
+    MpcConfig,
+    MpcProblem,
+    MpcSolution,
+    MpcSolver,
+    MpcStatus,
+    SolverFailure,
+)
 from np_drake.references.flatness import body_rates, targets
 from np_drake.residual_model import WrenchForecast, no_forecast
 from np_drake.rigid_body import W
@@ -31,12 +38,18 @@ class MpcController:
 
     Args:
         vehicle: parameters that the controller assumes.   period: time between solves [s].
-        deadline: a solve that takes longer [s] is discarded as late; inf accepts every answer, so that a
-            simulation does not depend on the machine it runs on.
+        deadline: a solve that takes longer [s] is discarded as late; inf accepts every answer, so
+            that a simulation does not depend on the machine it runs on.
     """
 
     def __init__(
-        self, vehicle: Vehicle, config: MpcConfig, solver: MpcSolver, *, period: float = 0.02, deadline: float = np.inf
+        self,
+        vehicle: Vehicle,
+        config: MpcConfig,
+        solver: MpcSolver,
+        *,
+        period: float = 0.02,
+        deadline: float = np.inf,
     ):
         self.vehicle, self.config, self.solver = vehicle, config.check(), solver
         self.actuation = Actuation.of(vehicle, config.command)
@@ -48,14 +61,18 @@ class MpcController:
         x = np.zeros((N + 1, 13))
         x[:, 3] = 1.0
         flags = np.array([float(MpcStatus.HOVER), 0.0, 0.0])
-        return ControllerMemory(np.tile(self.vehicle.hover_input, (N, 1)), x, np.zeros((N, 6)), flags)
+        return ControllerMemory(
+            np.tile(self.vehicle.hover_input, (N, 1)), x, np.zeros((N, 6)), flags
+        )
 
-    def problem(self, x: np.ndarray, flat: np.ndarray, forecast: WrenchForecast | None, t: float = 0.0) -> MpcProblem:
+    def problem(
+        self, x: np.ndarray, flat: np.ndarray, forecast: WrenchForecast | None, t: float = 0.0
+    ) -> MpcProblem:
         """Return the problem at this instant.
 
-        References follow the wrench that the reference motion itself would meet. Where commands are on their way, the
-        problem begins where the forecast does. Under commanded rates the forecast's torque is left out: the rate loop
-        makes up for it.
+        References follow the wrench that the reference motion itself would meet. Where commands are
+        on their way, the problem begins where the forecast does. Under commanded rates the
+        forecast's torque is left out: the rate loop makes up for it.
 
         Args:
             x: (13,) measured.
@@ -89,7 +106,6 @@ class MpcController:
         Its solve time is the time spent, whether the answer is used or not.
 
         Args:
-            memory: of the last period.
             x: (13,) measured.
             flat: (5, N+1, 3) reference motion.
             forecast: None for the nominal MPC.
@@ -112,10 +128,8 @@ class MpcController:
     def rates_thrust(self, memory: ControllerMemory) -> np.ndarray:
         """Return collective thrust and body rates (4,) for an autopilot [N, rad/s].
 
-        Where the MPC decides on rates they are those of its first stage, else those that the plan has at the next.
-
-        Args:
-            memory: of the last period.
+        Where the MPC decides on rates they are those of its first stage, else those that the plan
+        has at the next.
         """
         if self.actuation.loop is not None:
             return self.actuation.unmixer @ memory.u[0]

@@ -1,7 +1,9 @@
-"""Discrete nominal dynamics inside the MPC, and their Jacobians for all stages at once; the loops are compiled.
+"""Discrete nominal dynamics inside the MPC, and their Jacobians for all stages at once; the loops
+are compiled.
 
-Rotation r = (q, w) drives translation and not the other way round, and its rate is a homogeneous quadratic of r plus
-J^-1 tau; so q' depends on q and w, w' on w alone, and p', v' on the body z axis of the stages of Runge and Kutta.
+Rotation r = (q, w) drives translation and not the other way round, and its rate is a homogeneous
+quadratic of r plus J^-1 tau; so q' depends on q and w, w' on w alone, and p', v' on the body z axis
+of the stages of Runge and Kutta.
 """
 
 import dataclasses as dc
@@ -21,7 +23,9 @@ _WEIGHT_P = (1.0, 1.0, 1.0, 0.0)  # of the stages in the position, over 6 [1]
 
 @dc.dataclass(frozen=True)
 class Linearisation:
-    """Arrays x_next (N, 13), Fx = dF/d[x, chi] (N, 13, 19) and Fu = dF/du (N, 13, 4) of the discrete dynamics."""
+    """Arrays x_next (N, 13), Fx = dF/d[x, chi] (N, 13, 19) and Fu = dF/du (N, 13, 4) of the
+    discrete dynamics.
+    """
 
     x_next: np.ndarray
     Fx: np.ndarray
@@ -31,11 +35,10 @@ class Linearisation:
 class DiscreteDynamics:
     """Discrete dynamics x_(i+1) = RK4(x_i, u_i, chi_i; step), input and wrench held over the step.
 
-    Source: Jin et al. 2025, eq. (1); classical Runge-Kutta, own choice. The quaternion is not renormalised:
-    its drift over a horizon is of the integrator's order, and every solver shares it.
+    Source: Jin et al. 2025, eq. (1); classical Runge-Kutta, own choice. The quaternion is not
+    renormalised: its drift over a horizon is of the integrator's order, and every solver shares it.
 
     Args:
-        vehicle: nominal.
         step: [s].
         actuation: how the input turns the vehicle; default: by the torque of its rotors.
     """
@@ -43,7 +46,14 @@ class DiscreteDynamics:
     def __init__(self, vehicle: Vehicle, step: float, actuation: Actuation | None = None):
         self.vehicle, self.step = vehicle, step
         by = actuation or Actuation.of(vehicle)
-        self._body = (float(step), float(vehicle.mass), float(vehicle.gravity), by.J_free, by.J_inv, by.damping)
+        self._body = (
+            float(step),
+            float(vehicle.mass),
+            float(vehicle.gravity),
+            by.J_free,
+            by.J_inv,
+            by.damping,
+        )
 
     def linearise(self, x: np.ndarray, u: np.ndarray, chi: np.ndarray) -> Linearisation:
         """Return value and Jacobians at N stages.
@@ -54,7 +64,9 @@ class DiscreteDynamics:
             chi: (N, 6) wrenches [N, N·m].
         """
         n = len(x)
-        result = Linearisation(np.empty((n, STATE_SIZE)), np.zeros((n, STATE_SIZE, 19)), np.zeros((n, STATE_SIZE, 4)))
+        result = Linearisation(
+            np.empty((n, STATE_SIZE)), np.zeros((n, STATE_SIZE, 19)), np.zeros((n, STATE_SIZE, 4))
+        )
         x, u, chi = (np.ascontiguousarray(value, float) for value in (x, u, chi))
         _linearise(x, u, chi, *self._body, result.x_next, result.Fx, result.Fu)
         return result
@@ -72,7 +84,8 @@ class DiscreteDynamics:
         return after
 
     def rollout(self, x: np.ndarray, u: np.ndarray, chi: np.ndarray, markov: np.ndarray) -> None:
-        """Write the states after x_0 to x (N+1, 13), and add to chi (N, 6) what the motion drives [N, N·m].
+        """Write the states after x_0 to x (N+1, 13), and add to chi (N, 6) what the motion drives
+        [N, N·m].
 
         Args:
             x: (N+1, 13), whose first row is given.
@@ -85,7 +98,9 @@ class DiscreteDynamics:
 
 @compiled
 def _advance(x, u, chi, step, mass, gravity, J, J_inv, damping, out):
-    """Write the state (13,) after one step of Runge and Kutta into `out`; u (4,) [N, N·m], chi (6,) [N, N·m]."""
+    """Write the state (13,) after one step of Runge and Kutta into `out`; u (4,) [N, N·m], chi (6,)
+    [N, N·m].
+    """
     w, i, j, k, a, b, c = x[3], x[4], x[5], x[6], x[10], x[11], x[12]
     tau_x, tau_y, tau_z = u[1] + chi[3], u[2] + chi[4], u[3] + chi[5]
     vx = vy = vz = px = py = pz = 0.0
@@ -126,7 +141,9 @@ def _advance(x, u, chi, step, mass, gravity, J, J_inv, damping, out):
 
 @compiled
 def _respond(x, markov, i, chi):
-    """Add to chi (6,) what zeta of x_0 … x_(i-1), x (N+1, 13), drives at stage i; markov: (6, 6(N-1)) of `Horizon`."""
+    """Add to chi (6,) what zeta of x_0 … x_(i-1), x (N+1, 13), drives at stage i; markov: (6,
+    6(N-1)) of `Horizon`.
+    """
     a = b = c = d = e = f = 0.0
     at = markov.shape[1] - 6 * i
     for j in range(i):
@@ -141,7 +158,9 @@ def _respond(x, markov, i, chi):
 
 @compiled
 def _rollout(x, u, chi, markov, step, mass, gravity, J, J_inv, damping):
-    """Write x_1 … x_N of the states x (N+1, 13) under u (N, 4), and add to chi (N, 6) what the motion drives."""
+    """Write x_1 … x_N of the states x (N+1, 13) under u (N, 4), and add to chi (N, 6) what the
+    motion drives.
+    """
     n, known = len(u), markov.shape[1]
     for i in range(n):
         if known:
@@ -151,7 +170,8 @@ def _rollout(x, u, chi, markov, step, mass, gravity, J, J_inv, damping):
 
 @compiled
 def _linearise(x, u, chi, step, mass, gravity, J, J_inv, damping, x_next, Fx, Fu):
-    """Write value (N, 13) and Jacobians over [x, chi] (N, 13, 19) and u (N, 13, 4) of a step from each x (N, 13).
+    """Write value (N, 13) and Jacobians over [x, chi] (N, 13, 19) and u (N, 13, 4) of a step from
+    each x (N, 13).
 
     The Jacobians come zeroed.
     """
@@ -217,7 +237,10 @@ def _linearise(x, u, chi, step, mass, gravity, J, J_inv, damping, x_next, Fx, Fu
         for row in range(3):
             Fx[n, row, row], Fx[n, row, 7 + row], Fx[n, 7 + row, 7 + row] = 1.0, step, 1.0
             Fx[n, row, 13 + row], Fx[n, 7 + row, 13 + row] = 0.5 * step * step / mass, step / mass
-            Fu[n, row, 0], Fu[n, 7 + row, 0] = step * sixth * axis_p[row] / mass, sixth * axis_v[row] / mass
+            Fu[n, row, 0], Fu[n, 7 + row, 0] = (
+                step * sixth * axis_p[row] / mass,
+                sixth * axis_v[row] / mass,
+            )
             _place(Fx[n, row], Fu[n, row], in_p[row], push_p)
             _place(Fx[n, 7 + row], Fu[n, 7 + row], in_v[row], push_v)
             _place(Fx[n, 10 + row], Fu[n, 10 + row], total[4 + row], sixth)
@@ -229,7 +252,9 @@ def _linearise(x, u, chi, step, mass, gravity, J, J_inv, damping, x_next, Fx, Fu
 
 @compiled
 def _place(row_x, row_u, over, factor):
-    """Write `factor` times the derivatives over (q, w, tau) (10,) to a row over [x, chi] and one over u."""
+    """Write `factor` times the derivatives over (q, w, tau) (10,) to a row over [x, chi] and one
+    over u.
+    """
     for col in range(4):
         row_x[3 + col] = factor * over[col]
     for col in range(3):
@@ -266,6 +291,8 @@ def _rotation_jacobian(r, J, J_inv, damping, M, turn):
     for row in range(3):
         for col in range(3):
             M[4 + row, 4 + col] = (
-                J_inv[row, 0] * turn[0, col] + J_inv[row, 1] * turn[1, col] + J_inv[row, 2] * turn[2, col]
+                J_inv[row, 0] * turn[0, col]
+                + J_inv[row, 1] * turn[1, col]
+                + J_inv[row, 2] * turn[2, col]
             )
         M[4 + row, 4 + row] -= damping[row]

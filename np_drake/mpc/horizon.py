@@ -1,4 +1,6 @@
-"""One problem made ready for a solver: checked, aligned, lifted linear system eliminated, with its terminal weight."""
+"""One problem made ready for a solver: checked, aligned, lifted linear system eliminated, with its
+terminal weight.
+"""
 
 import dataclasses as dc
 import math
@@ -17,18 +19,17 @@ from np_drake.vehicle import Vehicle
 
 _CONTROLLABLE = np.delete(np.arange(13), 3)  # all states but q_w, which no input moves at hover
 _DEFINITE = 1e-12  # of the largest weight, so that the factor exists
-_FLOOR = 1e-4  # of a weight, where zero would leave the Riccati equation without a stabilising solution
+_FLOOR = (
+    1e-4  # of a weight, where zero would leave the Riccati equation without a stabilising solution
+)
 
 
 class TerminalWeight:
     """Terminal weight P for horizons that end at any attitude, as a factor F with F'F = P.
 
-    `riccati`: the hover solution holds in the frame of the reference: position and velocity errors are turned
-    into its heading, the attitude error is q_ref^* (q - q_ref); its vector part is among the controllable states.
-
-    Args:
-        vehicle: nominal.
-        config: with the kind of terminal weight.
+    `riccati`: the hover solution holds in the frame of the reference: position and velocity errors
+    are turned into its heading, the attitude error is q_ref^* (q - q_ref); its vector part is among
+    the controllable states.
     """
 
     def __init__(self, vehicle: Vehicle, config: MpcConfig):
@@ -54,29 +55,38 @@ def hover_solution(vehicle: Vehicle, config: MpcConfig) -> tuple[np.ndarray, np.
     """Return the Riccati cost-to-go (13, 13) and the feedback (4, 13) at hover with heading 0.
 
     The feedback acts as u = u_ref - feedback @ e_x.
-
-    Args:
-        vehicle: nominal.
-        config: weights and step.
     """
     by = Actuation.of(vehicle, config.command)
-    key = (vehicle.mass, vehicle.gravity, vehicle.J.tobytes(), by.J_free.tobytes(), by.damping.tobytes())
+    key = (
+        vehicle.mass,
+        vehicle.gravity,
+        vehicle.J.tobytes(),
+        by.J_free.tobytes(),
+        by.damping.tobytes(),
+    )
     return _solve(*key, config.step, config.Q.tobytes(), by.input_weights(config).tobytes())
 
 
 @lru_cache(maxsize=32)
 def _solve(mass, gravity, J, J_free, damping, step, Q, R) -> tuple[np.ndarray, np.ndarray]:
     vehicle = Vehicle(mass=mass, gravity=gravity, inertia=np.frombuffer(J).reshape(3, 3).tolist())
-    by = dc.replace(Actuation.of(vehicle), J_free=np.frombuffer(J_free).reshape(3, 3), damping=np.frombuffer(damping))
+    by = dc.replace(
+        Actuation.of(vehicle),
+        J_free=np.frombuffer(J_free).reshape(3, 3),
+        damping=np.frombuffer(damping),
+    )
     q, r = np.frombuffer(Q), np.diag(np.frombuffer(R))
     x = np.zeros((1, 13))
     x[0, 3] = 1.0
-    model = DiscreteDynamics(vehicle, step, by).linearise(x, vehicle.hover_input[None], np.zeros((1, 6)))
+    model = DiscreteDynamics(vehicle, step, by).linearise(
+        x, vehicle.hover_input[None], np.zeros((1, 6))
+    )
     keep = _CONTROLLABLE
     A, B = model.Fx[0][np.ix_(keep, keep)], model.Fu[0][keep]
     P = np.zeros((13, 13))
     P[3, 3] = q[3]
-    # Riccati: S = Q + A'SA - A'SB (R + B'SB)^-1 B'SA is the cost-to-go of the feedback K = (R + B'SB)^-1 B'SA
+    # Riccati: S = Q + A'SA - A'SB (R + B'SB)^-1 B'SA is the cost-to-go of the feedback K = (R +
+    # B'SB)^-1 B'SA
     P[np.ix_(keep, keep)] = S = solve_discrete_are(A, B, np.diag(np.maximum(q[keep], _FLOOR)), r)
     feedback = np.zeros((4, 13))
     feedback[:, keep] = np.linalg.solve(r + B.T @ S @ B, B.T @ S @ A)
@@ -87,8 +97,8 @@ def _solve(mass, gravity, J, J_free, damping, step, Q, R) -> tuple[np.ndarray, n
 class Horizon:
     """Problem data as the solvers read them; N stages.
 
-    markov: (6, 6(N-1)) = [C A^(N-2) B … C B]; with the predicted zeta chi_i = free_i + markov[:, -6i:] @ [zeta_0 …
-    zeta_(i-1)] + reaction(zeta_i).
+    markov: (6, 6(N-1)) = [C A^(N-2) B … C B]; with the predicted zeta chi_i = free_i + markov[:,
+    -6i:] @ [zeta_0 … zeta_(i-1)] + reaction(zeta_i).
     """
 
     x0: np.ndarray  # (13,) unit quaternion
@@ -102,12 +112,7 @@ class Horizon:
 
 
 class Preparation:
-    """Preparation of the problems of one vehicle and configuration.
-
-    Args:
-        vehicle: nominal.
-        config: weights and horizon.
-    """
+    """Preparation of the problems of one vehicle and configuration."""
 
     def __init__(self, vehicle: Vehicle, config: MpcConfig):
         n = config.horizon
@@ -119,22 +124,29 @@ class Preparation:
         """Return the problem made ready for a solver.
 
         Args:
-            problem: as measured.
             markov: of an earlier horizon, kept instead of that of this problem's A, B and C.
         Raises: SolverFailure: if an entry is NaN, infinite or of the wrong shape.
         """
         f = problem.forecast
-        x0, x_ref, u_ref = (_checked(name, getattr(problem, name), s) for name, s in self._shapes.items())
+        x0, x_ref, u_ref = (
+            _checked(name, getattr(problem, name), s) for name, s in self._shapes.items()
+        )
         norm = np.linalg.norm(x0[3:7])
         if norm < 1e-6:
-            raise SolverFailure("MPC: the quaternion of x0 must not be zero; check the state estimate.")
+            raise SolverFailure(
+                "MPC: the quaternion of x0 must not be zero; check the state estimate."
+            )
         x0[3:7] /= norm
         _one_hemisphere(x_ref[:, 3:7], x0[3:7])
         if np.shape(f.offset) != (self._horizon, WRENCH_SIZE):
-            raise SolverFailure(_wrong_shape("forecast.offset", f.offset, (self._horizon, WRENCH_SIZE)))
+            raise SolverFailure(
+                _wrong_shape("forecast.offset", f.offset, (self._horizon, WRENCH_SIZE))
+            )
         free, markov = eliminate(f, markov)
         if not (finite(free) and finite(markov)):
-            raise SolverFailure("MPC: the forecast overflows within the horizon; its A must be stable.")
+            raise SolverFailure(
+                "MPC: the forecast overflows within the horizon; its A must be stable."
+            )
         F = self._terminal.factor(x_ref[-1, 3:7])
         return Horizon(x0, x_ref, u_ref, F.T @ F, F, free, markov, f.reaction)
 
@@ -145,14 +157,15 @@ def eliminate(f: WrenchForecast, markov: np.ndarray | None = None) -> tuple[np.n
     Only C A^j [B z] is needed, so K leaves the problem; the reaction stays.
 
     Args:
-        f: the forecast.
         markov: as of `Preparation`.
     Raises: SolverFailure: if an entry is NaN, infinite or of the wrong shape.
     """
     n, K = len(f.offset), np.size(f.z)
     shapes = {"A": (K, K), "B": (K, WRENCH_SIZE), "C": (WRENCH_SIZE, K), "z": (K,)}
     free = _checked("forecast.offset", f.offset, (n, WRENCH_SIZE))
-    A, B, C, z = (_checked(f"forecast.{name}", getattr(f, name), shape) for name, shape in shapes.items())
+    A, B, C, z = (
+        _checked(f"forecast.{name}", getattr(f, name), shape) for name, shape in shapes.items()
+    )
     if markov is not None:
         _free_response(A, C, z, free)
         return free, markov
@@ -181,7 +194,9 @@ def _wrong_shape(name: str, value: np.ndarray, shape: tuple[int, ...]) -> str:
 
 @compiled
 def _one_hemisphere(q, q_near):
-    """Flip quaternions q (n, 4) in place so that each lies near its predecessor, the first near `q_near` (4,)."""
+    """Flip quaternions q (n, 4) in place so that each lies near its predecessor, the first near
+    `q_near` (4,).
+    """
     w, x, y, z = q_near[0], q_near[1], q_near[2], q_near[3]
     for i in range(len(q)):
         if q[i, 0] * w + q[i, 1] * x + q[i, 2] * y + q[i, 3] * z < 0:

@@ -1,6 +1,7 @@
 """Reference solver: IPOPT on the condensed problem, preconditioned, with lazy rows.
 
-A single-shooting problem with 4N variables and few rows suits IPOPT's linear solver in Drake; see `Preconditioned`.
+A single-shooting problem with 4N variables and few rows suits IPOPT's linear solver in Drake; see
+`Preconditioned`.
 Source: own measurement.
 """
 
@@ -32,13 +33,12 @@ _ACTIVE = -1e-3  # excess from which a soft set counts as active
 class IpoptCondensedSolver:
     """Solver that starts from SQP steps and converges with IPOPT.
 
-    Past `time_limit` [s], and where sets are active on which SQP does better, the SQP answer is used
-    (SQP_FALLBACK). Rows that turn out violated are added and the problem is solved again; on the iteration
-    limit it is preconditioned anew. With `time_limit` = inf the answer does not depend on the machine.
+    Past `time_limit` [s], and where sets are active on which SQP does better, the SQP answer is
+    used (SQP_FALLBACK). Rows that turn out violated are added and the problem is solved again; on
+    the iteration limit it is preconditioned anew. With `time_limit` = inf the answer does not
+    depend on the machine.
 
     Args:
-        vehicle: nominal.
-        config: weights, sets and horizon.
         time_limit: of a solve [s].
     """
 
@@ -63,7 +63,9 @@ class IpoptCondensedSolver:
                 h, t, steps=_COLD if cold else _WARM, deadline=start + 0.5 * self._time_limit
             )
             if self._crowded(t):
-                t, _, rounds = self._sqp.descend(h, t, steps=_PATIENT, deadline=start + 0.8 * self._time_limit)
+                t, _, rounds = self._sqp.descend(
+                    h, t, steps=_PATIENT, deadline=start + 0.8 * self._time_limit
+                )
                 status = MpcStatus.SQP_FALLBACK
             else:
                 t, status, rounds = self._converge(h, t, start + self._time_limit)
@@ -78,7 +80,9 @@ class IpoptCondensedSolver:
         at_bounds = np.mean((by.lower >= t.T) | (by.upper <= t.T))
         return bool(t.excess.max() > _ACTIVE or at_bounds > _CROWDED)
 
-    def _converge(self, h: Horizon, sqp: Trajectory, deadline: float) -> tuple[Trajectory, MpcStatus, int]:
+    def _converge(
+        self, h: Horizon, sqp: Trajectory, deadline: float
+    ) -> tuple[Trajectory, MpcStatus, int]:
         """Run rounds of IPOPT from the SQP answer, and keep that answer where they end worse."""
         t, problem, count, misses = sqp, None, 0, 0
         while count < _ROUNDS and misses < _MISSES and (left := deadline - time.perf_counter()) > 0:
@@ -91,7 +95,9 @@ class IpoptCondensedSolver:
             t = end if np.array_equal(inside, end.T) else self.condensed.rollout(h, inside)
             good = t.finite and t.merit <= sqp.merit + 1e-7 * (1 + sqp.merit)
             if solved:
-                return (t, MpcStatus.OPTIMAL, count) if good else (sqp, MpcStatus.SQP_FALLBACK, count)
+                return (
+                    (t, MpcStatus.OPTIMAL, count) if good else (sqp, MpcStatus.SQP_FALLBACK, count)
+                )
             t = sqp = t if good else sqp
             problem, misses = None, misses + 1
         _log.debug("IPOPT gave up after %d rounds; the SQP answer flies.", count)
@@ -117,15 +123,11 @@ _OPTIONS: dict[str, Any] = {
 
 
 class Preconditioned:
-    """One condensed problem around t_0, preconditioned by the Cholesky factor L of its Gauss-Newton Hessian.
+    """One condensed problem around t_0, preconditioned by the Cholesky factor L of its Gauss-Newton
+    Hessian.
 
-    The Hessian over w starts as the identity, which is the start of IPOPT's limited memory. Slacks are scaled to unit
-    curvature too, and only come in where a soft row is near activity.
-
-    Args:
-        condensed: the reduced problem.
-        h: the problem made ready.
-        t_0: trajectory at which the Hessian is factored.
+    The Hessian over w starts as the identity, which is the start of IPOPT's limited memory. Slacks
+    are scaled to unit curvature too, and only come in where a soft row is near activity.
     """
 
     def __init__(self, condensed: Condensed, h: Horizon, t_0: Trajectory, near: float = _NEAR):
@@ -139,10 +141,18 @@ class Preconditioned:
         self._w: np.ndarray = np.zeros(condensed.size)
         self._key, self._point = self._w.tobytes(), (t_0, S)
         config, by = condensed.config, condensed.actuation
-        self._lower, self._upper = np.tile(by.lower, config.horizon), np.tile(by.upper, config.horizon)
-        self._middle, self._reach = 0.5 * (self._lower + self._upper), 0.5 * (self._upper - self._lower)
+        self._lower, self._upper = (
+            np.tile(by.lower, config.horizon),
+            np.tile(by.upper, config.horizon),
+        )
+        self._middle, self._reach = (
+            0.5 * (self._lower + self._upper),
+            0.5 * (self._upper - self._lower),
+        )
         self._kind = np.repeat(range(KINDS), [3 * config.horizon, config.horizon, 1])
-        size = np.array([config.max_speed, 1 - condensed.objective.min_cosine, config.terminal_radius])
+        size = np.array(
+            [config.max_speed, 1 - condensed.objective.min_cosine, config.terminal_radius]
+        )
         self._inputs = np.abs(self._T_0 - self._middle) > (1 - 2 * near) * self._reach
         self._soft = t_0.excess > -near * size[self._kind]
         self._unit = 1 / math.sqrt(2 * QUADRATIC * config.slack_weight)
@@ -153,7 +163,6 @@ class Preconditioned:
         The rows left out may be violated there.
 
         Args:
-            ipopt: Drake's solver.
             time_limit: [s].
         """
         prog = new_program()
@@ -161,12 +170,16 @@ class Preconditioned:
         prog.AddCost(self._cost, vars=w)
         start = self._w
         if self._inputs.any():
-            T, lower, upper = (values[self._inputs] for values in (self._T_0, self._lower, self._upper))
+            T, lower, upper = (
+                values[self._inputs] for values in (self._T_0, self._lower, self._upper)
+            )
             prog.AddLinearConstraint(self._M[self._inputs], lower - T, upper - T, w)
         if self._soft.any():
             self._add_soft_rows(prog, w)
             start = np.concatenate([start, self._at(start)[0].slacks / self._unit])
-        options = solver_options({IpoptSolver.id(): {**_OPTIONS, "max_wall_time": min(time_limit, 100.0)}})
+        options = solver_options(
+            {IpoptSolver.id(): {**_OPTIONS, "max_wall_time": min(time_limit, 100.0)}}
+        )
         result = ipopt.Solve(prog, start, options)
         end = result.GetSolution(w)
         self._w = end if np.isfinite(end).all() else self._w
@@ -188,7 +201,9 @@ class Preconditioned:
         price = np.full(KINDS, self._c.config.slack_weight * self._unit)
         prog.AddQuadraticCost(np.eye(KINDS), price, s, is_convex=True)
         m = int(self._soft.sum())
-        prog.AddConstraint(self._rows, np.full(m, -np.inf), np.zeros(m), vars=np.concatenate([w, s]))
+        prog.AddConstraint(
+            self._rows, np.full(m, -np.inf), np.zeros(m), vars=np.concatenate([w, s])
+        )
 
     def _at(self, w: np.ndarray) -> tuple[Trajectory, np.ndarray]:
         """Return trajectory and sensitivities at w; IPOPT asks for each point several times."""
@@ -211,5 +226,7 @@ class Preconditioned:
         if not symbolic:
             return excess
         rows = self._c.objective.rows(self._h, t.x, S)
-        jacobian: Any = np.hstack([rows.jacobian[self._soft] @ self._M, -self._unit * np.eye(KINDS)[kind]])
+        jacobian: Any = np.hstack(
+            [rows.jacobian[self._soft] @ self._M, -self._unit * np.eye(KINDS)[kind]]
+        )
         return InitializeAutoDiff(excess, jacobian).ravel()

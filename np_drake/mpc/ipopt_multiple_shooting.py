@@ -2,8 +2,8 @@
 
     x_(i+1) = F(x_i, u_i, chi_i),     chi_i = free_i + sum_(j<i) C A^(i-1-j) B zeta_j
 
-One constraint holds all stages, with a hand-written Jacobian and its sparsity pattern; each variable is scaled to
-unit curvature of the cost. It is slow and direct.
+One constraint holds all stages, with a hand-written Jacobian and its sparsity pattern; each
+variable is scaled to unit curvature of the cost. It is slow and direct.
 """
 
 import itertools
@@ -26,7 +26,8 @@ from np_drake.vehicle import Vehicle
 class StackedStages:
     """Layout of values and rows of multiple shooting.
 
-    Values: [u (4N), x_1 … x_N (13N), chi (6N), s (3)].   Rows: [x defects 13N, chi defects 6N, soft 7N+1].
+    Values: [u (4N), x_1 … x_N (13N), chi (6N), s (3)].
+    Rows: [x defects 13N, chi defects 6N, soft 7N+1].
     """
 
     def __init__(self, condensed: Condensed):
@@ -50,7 +51,9 @@ class StackedStages:
         return lower, upper
 
     def pattern(self) -> np.ndarray:
-        """Return where the Jacobian can be nonzero, (rows, size), from its value at a random point."""
+        """Return where the Jacobian can be nonzero, (rows, size), from its value at a random
+        point.
+        """
         n, rng = self._n, np.random.default_rng(0)
         h = Horizon(
             x0=rng.normal(size=13),
@@ -68,7 +71,6 @@ class StackedStages:
         """Return the rows (26N+1,) and their Jacobian (26N+1, size), in physical units.
 
         Args:
-            h: the problem made ready.
             values: (size,) in physical units.
         """
         n = self._n
@@ -118,7 +120,11 @@ class StackedStages:
             J[6 * n + i, at + 3 : at + 7] = 2 * x[i + 1, 3:7] * [-1.0, 1.0, 1.0, -1.0]
         e = x[-1] - h.x_ref[-1]
         J[-1, self.x_stage(n)] = e @ h.P / (h.P[0, 0] * objective.terminal_norm(h, x[-1]))
-        for rows, kind in ((slice(0, 6 * n), VELOCITY), (slice(6 * n, 7 * n), TILT), (slice(-1, None), TERMINAL)):
+        for rows, kind in (
+            (slice(0, 6 * n), VELOCITY),
+            (slice(6 * n, 7 * n), TILT),
+            (slice(-1, None), TERMINAL),
+        ):
             J[rows, self.s.start + kind] = -1.0
         tilt, far = excess[3 * n : -1] - s[TILT], excess[-1] - s[TERMINAL]
         return np.concatenate([v - box, -v - box, tilt, [far]])
@@ -155,10 +161,6 @@ class IpoptMultipleShootingSolver:
     """Solver by multiple shooting with IPOPT.
 
     Decision y: physical values [u, x_1 … x_N, chi, slacks] = centre + scale * y.
-
-    Args:
-        vehicle: nominal.
-        config: weights, sets and horizon.
     """
 
     name = "ipopt_multiple_shooting"
@@ -186,7 +188,9 @@ class IpoptMultipleShootingSolver:
             guess: Any = (self._stages.pack(t) - self._centre) / self._scale
             result = IpoptSolver().Solve(self._prog, guess, self._options)
             if not result.is_success():
-                raise SolverFailure(f"MPC: multiple shooting: IPOPT: {result.get_solution_result()}.")
+                raise SolverFailure(
+                    f"MPC: multiple shooting: IPOPT: {result.get_solution_result()}."
+                )
             u = (self._centre + self._scale * result.GetSolution(self._y))[self._stages.u]
             T = self.condensed.clip(u.reshape(-1, 4) @ self.condensed.actuation.unmixer.T)
             end = self.condensed.rollout(h, T)
@@ -201,11 +205,15 @@ class IpoptMultipleShootingSolver:
         by = self.condensed.actuation
         self._unmix = np.kron(np.eye(n), by.unmixer)
         self._lower, self._upper = np.tile(by.lower, n), np.tile(by.upper, n)
-        self._rotors = self._prog.AddLinearConstraint(self._unmix, self._lower, self._upper, y[stages.u]).evaluator()
+        self._rotors = self._prog.AddLinearConstraint(
+            self._unmix, self._lower, self._upper, y[stages.u]
+        ).evaluator()
         self._prog.AddBoundingBoxConstraint(0, np.inf, y[stages.s])
         lower, upper = stages.bounds()
         rows = self._prog.AddConstraint(self._constraint, lower, upper, vars=y).evaluator()
-        rows.SetGradientSparsityPattern([(int(i), int(j)) for i, j in np.argwhere(stages.pattern())])
+        rows.SetGradientSparsityPattern(
+            [(int(i), int(j)) for i, j in np.argwhere(stages.pattern())]
+        )
         self._options = solver_options({IpoptSolver.id(): _OPTIONS})
 
     def _load(self, h: Horizon) -> None:
@@ -217,7 +225,10 @@ class IpoptMultipleShootingSolver:
         self._centre[stages.x], self._centre[stages.u] = h.x_ref[1:].ravel(), h.u_ref.ravel()
         H, g = np.zeros((stages.size, stages.size)), np.zeros(stages.size)
         weights = np.zeros(stages.size)
-        weights[stages.u], weights[stages.x] = np.tile(self.condensed.R, config.horizon), curvature.ravel()
+        weights[stages.u], weights[stages.x] = (
+            np.tile(self.condensed.R, config.horizon),
+            curvature.ravel(),
+        )
         weights[stages.chi].reshape(-1, 6)[:, LATERAL] = config.weight_swing
         weights[stages.s], g[stages.s] = QUADRATIC * config.slack_weight, config.slack_weight
         np.fill_diagonal(H, 2 * weights)
@@ -226,7 +237,9 @@ class IpoptMultipleShootingSolver:
         H *= self._scale[:, None] * self._scale
         self._cost.UpdateCoefficients(H, g * self._scale, 0.0, is_convex=True)
         base = self._unmix @ h.u_ref.ravel()
-        self._rotors.UpdateCoefficients(self._unmix * self._scale[stages.u], self._lower - base, self._upper - base)
+        self._rotors.UpdateCoefficients(
+            self._unmix * self._scale[stages.u], self._lower - base, self._upper - base
+        )
 
     def _constraint(self, y: np.ndarray) -> Any:
         symbolic = y.dtype == object

@@ -13,25 +13,23 @@ NO_LABEL = np.full(6, np.nan)
 class LookAhead:
     """Prediction over the time in which commands are on their way.
 
-    The nominal dynamics go on under each command and the wrench that the model forecasts for the period; after each
-    period the model takes in the predicted state as a sample without label. The rest of a broken period moves the state
-    alone, so that the model's memory is up to 3 / `FINE` of a period older.
+    The nominal dynamics go on under each command and the wrench that the model forecasts for the
+    period; after each period the model takes in the predicted state as a sample without label. The
+    rest of a broken period moves the state alone, so that the model's memory is up to 3 / `FINE` of
+    a period older.
     Source: Smith 1957, the predictor for dead time.
-
-    Args:
-        model: forecasts the wrench; its step is the period.
-        vehicle: nominal.
     """
 
     def __init__(self, model: ResidualModel, vehicle: Vehicle):
         self._model, self._fine = model, model.step / FINE
         self._dynamics = DiscreteDynamics(vehicle, self._fine)
 
-    def __call__(self, memory: Memory, x: np.ndarray, sent: np.ndarray, delay: float) -> tuple[Memory, np.ndarray]:
+    def __call__(
+        self, memory: Memory, x: np.ndarray, sent: np.ndarray, delay: float
+    ) -> tuple[Memory, np.ndarray]:
         """Return the model's memory and the state (13,) `delay` later.
 
         Args:
-            memory: of the model, with the sample of now.
             x: (13,) measured now.
             sent: (KEPT, 4) commands, the newest first [N, N·m].
             delay: [s].

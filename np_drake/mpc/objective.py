@@ -1,16 +1,18 @@
 """Cost, soft sets and merit of problem (nmpc).
 
-    sum_i e_x' Q e_x + e_u' R e_u  +  e_N' P e_N  +  swing(chi)  +  sum_k slack_weight (s_k + s_k² / 10)
+    sum_i e_x' Q e_x + e_u' R e_u  +  e_N' P e_N  +  swing(chi)  +  sum_k slack_weight (s_k + s_k² /
+    10)
 
-with one slack a kind of set, s_k >= every excess of that kind over the horizon: an exact penalty, so that
-every start has an answer and the sets hold wherever they can. Kinds: velocity box [m/s], tilt as cosine [1],
-terminal ellipsoid [m]. swing(chi), off by default, damps a swinging payload without a sensor that sees it:
+with one slack a kind of set, s_k >= every excess of that kind over the horizon: an exact penalty,
+so that every start has an answer and the sets hold wherever they can. Kinds: velocity box [m/s],
+tilt as cosine [1], terminal ellipsoid [m]. swing(chi), off by default, damps a swinging payload
+without a sensor that sees it:
 
     weight_swing sum_i f_x,i² + f_y,i²        over the predicted residual force, stage 0 … N-1
 
-The payload pulls sideways, and the lifted linear system predicts its pull from the motion: a plan that flattens the
-pull takes energy out of the swing. Source: Jin et al. 2025, eq. (nmpc); the slacks and the price on the swing are our
-own choice.
+The payload pulls sideways, and the lifted linear system predicts its pull from the motion: a plan
+that flattens the pull takes energy out of the swing. Source: Jin et al. 2025, eq. (nmpc); the
+slacks and the price on the swing are our own choice.
 """
 
 import dataclasses as dc
@@ -39,7 +41,6 @@ def lateral_response(h: Horizon, S: np.ndarray) -> np.ndarray:
     """Return d(f_x, f_y)_i over the rotor thrusts, (N, 2, 4N) [1].
 
     Args:
-        h: the problem, made ready.
         S: (N, 13, 4N) as `Condensed.sensitivities` gives it.
     """
     n, size = len(h.u_ref), S.shape[-1]
@@ -77,7 +78,6 @@ class Objective:
     """Cost, soft sets and merit of trajectories; it holds constants only.
 
     Args:
-        config: weights and sets.
         R: (4,) diagonal input weight; default: that of `config` [1/N², 1/(N·m)²].
     """
 
@@ -93,7 +93,6 @@ class Objective:
         """Return the quadratic cost of tracking and swing, first stage included [1].
 
         Args:
-            h: the problem, made ready.
             x: (N+1, 13).
             u: (N, 4) [N, N·m].
             chi: (N, 6) [N, N·m].
@@ -102,12 +101,12 @@ class Objective:
         return float(tracking) + swing_cost(chi, self.config.weight_swing)
 
     def excess(self, h: Horizon, x: np.ndarray) -> np.ndarray:
-        """Return by how much x_1 … x_N leave the sets, (4N+1,): 3N velocities, N tilts, the terminal ellipsoid.
+        """Return by how much x_1 … x_N leave the sets, (4N+1,): 3N velocities, N tilts, the
+        terminal ellipsoid.
 
         The measured x_0 is left out.
 
         Args:
-            h: the problem made ready.
             x: (N+1, 13).
         """
         c, excess = self.config, np.empty(4 * len(x) - 3)
@@ -125,7 +124,6 @@ class Objective:
         """Return sqrt(e' P_f e) with P_f = P / P_xx, smooth at zero [m].
 
         Args:
-            h: the problem made ready.
             x_N: (13,) last state.
         """
         e = x_N - h.x_ref[-1]
@@ -137,7 +135,6 @@ class Objective:
         The velocity box has one row a component, on the side where the velocity lies.
 
         Args:
-            h: the problem made ready.
             x: (N+1, 13).
             S: (N, 13, n) sensitivities of x_1 … x_N.
         """
@@ -162,7 +159,9 @@ def penalty(slack: np.ndarray, slack_weight: float) -> float:
 
 @compiled
 def _tracking_cost(x, x_ref, u, u_ref, Q, R, P):
-    """Return the cost of errors of x (N+1, 13) and u (N, 4) with diagonal Q (13,), R (4,) and terminal P (13, 13)."""
+    """Return the cost of errors of x (N+1, 13) and u (N, 4) with diagonal Q (13,), R (4,) and
+    terminal P (13, 13).
+    """
     cost, n = 0.0, len(u)
     for i in range(n):
         for c in range(13):
@@ -185,7 +184,9 @@ def _energy(x, x_ref, P):
 
 @compiled
 def _excess(x, x_ref_end, P, max_speed, min_cosine, radius, softening, out):
-    """Write by how much x_1 … x_N leave velocity box (3N), tilt (N) and terminal ellipsoid to out (4N+1,)."""
+    """Write by how much x_1 … x_N leave velocity box (3N), tilt (N) and terminal ellipsoid to out
+    (4N+1,).
+    """
     n = len(x) - 1
     for i in range(n):
         for axis in range(3):
@@ -197,7 +198,9 @@ def _excess(x, x_ref_end, P, max_speed, min_cosine, radius, softening, out):
 
 @compiled
 def _slacks(excess, kind, out):
-    """Write the smallest slacks (kinds,) that an excess (m,) of the given kinds (m,) allows; NaN stays NaN."""
+    """Write the smallest slacks (kinds,) that an excess (m,) of the given kinds (m,) allows; NaN
+    stays NaN.
+    """
     out[:] = 0.0
     for row in range(len(excess)):
         if not excess[row] <= out[kind[row]]:
@@ -206,7 +209,8 @@ def _slacks(excess, kind, out):
 
 @compiled
 def _row_jacobian(x, S, far, jacobian):
-    """Write the Jacobian of all soft rows (4N+1, 4N) by the sensitivities S (N, 13, 4N); columns of later inputs stay.
+    """Write the Jacobian of all soft rows (4N+1, 4N) by the sensitivities S (N, 13, 4N); columns of
+    later inputs stay.
 
     x: (N+1, 13).   far: (13,) gradient of the last row over x_N.
     """
@@ -219,7 +223,9 @@ def _row_jacobian(x, S, far, jacobian):
                 jacobian[3 * i + axis, col] = sign * S[i, 7 + axis, col]
         w, a, b, c = -2 * x[i + 1, 3], 2 * x[i + 1, 4], 2 * x[i + 1, 5], -2 * x[i + 1, 6]
         for col in range(size):
-            jacobian[3 * n + i, col] = w * S[i, 3, col] + a * S[i, 4, col] + b * S[i, 5, col] + c * S[i, 6, col]
+            jacobian[3 * n + i, col] = (
+                w * S[i, 3, col] + a * S[i, 4, col] + b * S[i, 5, col] + c * S[i, 6, col]
+            )
     for col in range(4 * n):
         jacobian[4 * n, col] = 0.0
     for row in range(13):

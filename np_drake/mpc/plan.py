@@ -1,4 +1,6 @@
-"""Shift of a plan in time, for the warm start of the next solve and for the fallback where a solve fails."""
+"""Shift of a plan in time, for the warm start of the next solve and for the fallback where a solve
+fails.
+"""
 
 import math
 
@@ -10,7 +12,9 @@ from np_drake.mpc.problem import MpcSolution, MpcStatus
 
 @compiled
 def _blend_rows(values, whole, part, out):
-    """Write rows (n, m) as seen `whole` steps and a share `part` of one later; beyond the end the last row holds."""
+    """Write rows (n, m) as seen `whole` steps and a share `part` of one later; beyond the end the
+    last row holds.
+    """
     last = len(values) - 1
     for i in range(len(values)):
         now, later = min(i + whole, last), min(i + whole + 1, last)
@@ -22,7 +26,9 @@ def _blend_rows(values, whole, part, out):
 def _normalise_quaternions(x):
     """Scale the quaternions of states x (n, 13) to unit length, in place."""
     for i in range(len(x)):
-        size = math.sqrt(x[i, 3] * x[i, 3] + x[i, 4] * x[i, 4] + x[i, 5] * x[i, 5] + x[i, 6] * x[i, 6])
+        size = math.sqrt(
+            x[i, 3] * x[i, 3] + x[i, 4] * x[i, 4] + x[i, 5] * x[i, 5] + x[i, 6] * x[i, 6]
+        )
         for c in range(3, 7):
             x[i, c] /= size
 
@@ -30,18 +36,20 @@ def _normalise_quaternions(x):
 def shift(plan: MpcSolution, *, elapsed: float, step: float) -> MpcSolution:
     """Return the plan as seen later, on the same grid.
 
-    Inputs and wrenches are held over a stage, so a new stage takes their time average over its own span:
-    exact for whole steps, and within the input set for any, which is convex. States are interpolated
-    (quaternions normalised). Beyond its end the plan holds its last input and state.
+    Inputs and wrenches are held over a stage, so a new stage takes their time average over its own
+    span: exact for whole steps, and within the input set for any, which is convex. States are
+    interpolated (quaternions normalised). Beyond its end the plan holds its last input and state.
 
     Args:
-        plan: at its beginning.
         elapsed: time since then [s].
         step: of the plan [s].
     Raises: ValueError: if elapsed is negative or step is not positive.
     """
     if elapsed < 0 or step <= 0:
-        raise ValueError(f"shift: elapsed must not be negative and step must be positive [s]; got {elapsed}, {step}.")
+        raise ValueError(
+            f"shift: elapsed must not be negative and step must be positive [s]; got "
+            f"{elapsed}, {step}."
+        )
     whole, part = _split(elapsed / step)
     x = _blend(plan.x, whole, part)
     _normalise_quaternions(x)

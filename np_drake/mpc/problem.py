@@ -18,19 +18,29 @@ class MpcConfig:
     """Weights and sets of problem (nmpc).
 
     The error e_x is x - x* in the 13 state components.
-    Source of the weights: tuned on the vehicle without payload, then frozen (`np-drake reproduce weights`).
+    Source of the weights: tuned on the vehicle without payload, then frozen (`np-drake reproduce
+    weights`).
     """
 
     horizon: int = 20  # N [1]
     step: float = 0.04  # [s]
     weight_position: list[float] = dc.field(default_factory=lambda: [160.0, 160.0, 320.0])  # [1/m²]
-    weight_attitude: list[float] = dc.field(default_factory=lambda: [1.0, 5.0, 5.0, 5.0])  # per q component
+    weight_attitude: list[float] = dc.field(
+        default_factory=lambda: [1.0, 5.0, 5.0, 5.0]
+    )  # per q component
     weight_velocity: list[float] = dc.field(default_factory=lambda: [2.0, 2.0, 2.0])  # [s²/m²]
     weight_rate: list[float] = dc.field(default_factory=lambda: [0.03, 0.03, 0.03])  # [s²/rad²]
-    weight_input: list[float] = dc.field(default_factory=lambda: [0.02, 18.0, 18.0, 45.0])  # [1/N², 1/(N·m)²]
-    command: str = "rotors"  # rotors: thrust and torque | rates: body rates and collective thrust, for an autopilot
-    weight_rates: list[float] = dc.field(default_factory=lambda: [0.3, 0.3, 0.3])  # of commanded rates [s²/rad²]
-    weight_swing: float = 0.0  # on the predicted lateral force, to damp a payload's swing; 0: off [1/N²]
+    weight_input: list[float] = dc.field(
+        default_factory=lambda: [0.02, 18.0, 18.0, 45.0]
+    )  # [1/N², 1/(N·m)²]
+    # rotors: thrust and torque | rates: body rates and collective thrust, for an autopilot
+    command: str = "rotors"
+    weight_rates: list[float] = dc.field(
+        default_factory=lambda: [0.3, 0.3, 0.3]
+    )  # of commanded rates [s²/rad²]
+    weight_swing: float = (
+        0.0  # on the predicted lateral force, to damp a payload's swing; 0: off [1/N²]
+    )
     terminal: str = "riccati"  # P: riccati = cost-to-go at hover | scaled = terminal_scale * Q
     terminal_scale: float = 5.0  # of Q on position and velocity, where terminal is `scaled` [1]
     max_speed: float = 6.0  # soft box on each component of v_WB [m/s]
@@ -44,12 +54,26 @@ class MpcConfig:
         Raises: ValueError: if one is impossible.
         """
         _require(
-            1 <= self.horizon <= LONGEST_HORIZON, f"horizon must be 1 to {LONGEST_HORIZON} steps; got {self.horizon}"
+            1 <= self.horizon <= LONGEST_HORIZON,
+            f"horizon must be 1 to {LONGEST_HORIZON} steps; got {self.horizon}",
         )
-        _require(0 < self.step <= LONGEST_STEP, f"step must be positive, {LONGEST_STEP:g} s at most; got {self.step}")
-        for name, size in (("position", 3), ("attitude", 4), ("velocity", 3), ("rate", 3), ("rates", 3), ("input", 4)):
+        _require(
+            0 < self.step <= LONGEST_STEP,
+            f"step must be positive, {LONGEST_STEP:g} s at most; got {self.step}",
+        )
+        for name, size in (
+            ("position", 3),
+            ("attitude", 4),
+            ("velocity", 3),
+            ("rate", 3),
+            ("rates", 3),
+            ("input", 4),
+        ):
             weight = np.array(getattr(self, f"weight_{name}"), float)
-            _require(weight.shape == (size,), f"weight_{name} must have {size} entries; got {weight.shape}")
+            _require(
+                weight.shape == (size,),
+                f"weight_{name} must have {size} entries; got {weight.shape}",
+            )
             _require(
                 bool(np.all((weight >= 0) & (weight < np.inf))),
                 f"weight_{name} must be finite and not negative; got {weight.tolist()}",
@@ -57,20 +81,29 @@ class MpcConfig:
         _require(min(self.weight_input) > 0, "weight_input must be positive")
         _require(min(self.weight_rates) > 0, "weight_rates must be positive")
         _require(self.command in COMMANDS, f"command: {' | '.join(COMMANDS)}; got {self.command!r}")
-        _require(min(self.weight_position) > 0, "weight_position must be positive: the terminal set needs it")
         _require(
-            0 <= self.weight_swing < np.inf, f"weight_swing must be finite and not negative; got {self.weight_swing}"
+            min(self.weight_position) > 0,
+            "weight_position must be positive: the terminal set needs it",
+        )
+        _require(
+            0 <= self.weight_swing < np.inf,
+            f"weight_swing must be finite and not negative; got {self.weight_swing}",
         )
         for name in ("terminal_scale", "max_speed", "max_tilt", "terminal_radius", "slack_weight"):
             _require(getattr(self, name) > 0, f"{name} must be positive; got {getattr(self, name)}")
-        _require(self.terminal in ("riccati", "scaled"), f"terminal: riccati | scaled; got {self.terminal}")
+        _require(
+            self.terminal in ("riccati", "scaled"),
+            f"terminal: riccati | scaled; got {self.terminal}",
+        )
         _require(self.max_tilt < np.pi, "max_tilt must be below pi [rad]")
         return self
 
     @property
     def Q(self) -> np.ndarray:
         """Diagonal stage weight, (13,)."""
-        return np.array([*self.weight_position, *self.weight_attitude, *self.weight_velocity, *self.weight_rate])
+        return np.array(
+            [*self.weight_position, *self.weight_attitude, *self.weight_velocity, *self.weight_rate]
+        )
 
     @property
     def R(self) -> np.ndarray:

@@ -1,10 +1,15 @@
 """Condensed quadratic program of one SQP step.
 
-    min_d,s  d'Hd/2 + g'd + penalty(s)    s.t.   lower <= d <= upper,   excess + D d <= s_kind,   s >= 0
+    min_d,s  d'Hd/2 + g'd + penalty(s)
+    s.t.
+    lower <= d <= upper,
+    excess + D d <= s_kind,
+    s >= 0
 
-Methods in order, the answer of each verified before it is used: the box alone by an active-set iteration (exact,
-and one round where nothing is active), by OSQP where that cycles; the rows near activity, with Clarabel (on
-infeasible starts its p95 is a fifth of OSQP's). The programs are built once and updated.
+Methods in order, the answer of each verified before it is used: the box alone by an active-set
+iteration (exact, and one round where nothing is active), by OSQP where that cycles; the rows near
+activity, with Clarabel (on infeasible starts its p95 is a fifth of OSQP's). The programs are built
+once and updated.
 """
 
 import dataclasses as dc
@@ -42,7 +47,9 @@ _ACTIVE_SET_ROUNDS = 10  # before the iteration counts as cycling; own choice [1
 
 @dc.dataclass(frozen=True)
 class Step:
-    """Step d (n,) within its bounds [N], and the decrease of the merit that the local model predicts [1]."""
+    """Step d (n,) within its bounds [N], and the decrease of the merit that the local model
+    predicts [1].
+    """
 
     d: np.ndarray
     decrease: float
@@ -57,19 +64,24 @@ class QpSolver:
         slack_weight: price of the slacks [1 per unit of the set].
     """
 
-    def __init__(self, size: int, rows: int, slack_weight: float, critical_rows: int = _CRITICAL_ROWS):
+    def __init__(
+        self, size: int, rows: int, slack_weight: float, critical_rows: int = _CRITICAL_ROWS
+    ):
         self._osqp, self._clarabel = OsqpSolver(), ClarabelSolver()
         self._options = solver_options({OsqpSolver.id(): _OSQP, ClarabelSolver.id(): _CLARABEL})
         self._box, self._weight = BoxProgram(size), slack_weight
-        self._soft = [SoftProgram(size, m, slack_weight) for m in sorted({min(rows, critical_rows), rows})]
+        self._soft = [
+            SoftProgram(size, m, slack_weight) for m in sorted({min(rows, critical_rows), rows})
+        ]
 
-    def solve(self, model: LocalModel, lower: np.ndarray, upper: np.ndarray, time_limit: float) -> Step:
+    def solve(
+        self, model: LocalModel, lower: np.ndarray, upper: np.ndarray, time_limit: float
+    ) -> Step:
         """Return the minimising step.
 
         Where `time_limit` [s] is too short for the soft sets, it is the minimiser in the box alone.
 
         Args:
-            model: quadratic, with the soft sets.
             lower: (n,) least step [N].
             upper: (n,) largest [N].
             time_limit: [s].
@@ -100,7 +112,9 @@ class QpSolver:
         return np.clip(d, lower, upper) if np.isfinite(d).all() else guess
 
     def _solve_soft(self, model, lower, upper, d, deadline) -> np.ndarray:
-        """Solve with the rows nearest to activity; with all, where those left out would take half of the gain."""
+        """Solve with the rows nearest to activity; with all, where those left out would take half
+        of the gain.
+        """
         rows, H = model.rows, model.curvature.full
         level = np.maximum(rows.excess, rows.excess + rows.jacobian @ d)
         for program in self._soft:
@@ -118,8 +132,11 @@ class QpSolver:
         return d
 
 
-def active_set(curvature: Curvature, g: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> np.ndarray | None:
-    """Return the exact minimiser (n,) of d'Hd/2 + g'd in a box by primal-dual active sets; None if they cycle.
+def active_set(
+    curvature: Curvature, g: np.ndarray, lower: np.ndarray, upper: np.ndarray
+) -> np.ndarray | None:
+    """Return the exact minimiser (n,) of d'Hd/2 + g'd in a box by primal-dual active sets; None if
+    they cycle.
 
     Starts from the Newton step, hence ends in one round where no bound is active.
     Source: Hintermüller, Ito, Kunisch 2002, SIAM J. Optim. 13(3).
@@ -160,8 +177,12 @@ class BoxProgram:
     def __init__(self, size: int):
         self.prog = new_program()
         self.d = self.prog.NewContinuousVariables(size, "d")
-        self._cost = self.prog.AddQuadraticCost(np.eye(size), np.zeros(size), self.d, is_convex=True).evaluator()
-        self._box = self.prog.AddBoundingBoxConstraint(np.zeros(size), np.zeros(size), self.d).evaluator()
+        self._cost = self.prog.AddQuadraticCost(
+            np.eye(size), np.zeros(size), self.d, is_convex=True
+        ).evaluator()
+        self._box = self.prog.AddBoundingBoxConstraint(
+            np.zeros(size), np.zeros(size), self.d
+        ).evaluator()
 
     def update(self, H: np.ndarray, g: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> None:
         """Replace the data and keep the structure.
@@ -191,12 +212,17 @@ class SoftProgram(BoxProgram):
         s = self.prog.NewContinuousVariables(KINDS, "s")
         self.prog.AddBoundingBoxConstraint(0, np.inf, s)
         self.prog.AddQuadraticCost(
-            2 * QUADRATIC * slack_weight * np.eye(KINDS), slack_weight * np.ones(KINDS), s, is_convex=True
+            2 * QUADRATIC * slack_weight * np.eye(KINDS),
+            slack_weight * np.ones(KINDS),
+            s,
+            is_convex=True,
         )
         self._D = np.ones((rows, size + KINDS))
         self._low = np.full(rows, -np.inf)
         variables = np.concatenate([self.d, s])
-        self._rows = self.prog.AddLinearConstraint(self._D, self._low, np.zeros(rows), variables).evaluator()
+        self._rows = self.prog.AddLinearConstraint(
+            self._D, self._low, np.zeros(rows), variables
+        ).evaluator()
 
     def update(self, H, g, lower, upper, rows: SoftRows | None = None) -> None:
         """Replace the data and keep the structure.
@@ -206,7 +232,6 @@ class SoftProgram(BoxProgram):
             g: (n,).
             lower: (n,) least d [N].
             upper: (n,) largest [N].
-            rows: as many as the program was built for.
         """
         super().update(H, g, lower, upper)
         if rows is not None:

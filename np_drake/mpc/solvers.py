@@ -15,14 +15,14 @@ def require_solver(name: str) -> None:
         raise ValueError(f"solver: must be one of {', '.join(SOLVERS)}; got {name!r}.")
 
 
-def make_solver(name: str, vehicle: Vehicle, config: MpcConfig, *, time_limit: float = float("inf")) -> MpcSolver:
+def make_solver(
+    name: str, vehicle: Vehicle, config: MpcConfig, *, time_limit: float = float("inf")
+) -> MpcSolver:
     """Return the solver called `name`.
 
     Args:
-        name: of the solver.
-        vehicle: nominal.
-        config: horizon, weights and limits.
-        time_limit: wall time after which iterations stop [s]; without one, results repeat on any machine.
+        time_limit: wall time after which iterations stop [s]; without one, results repeat on any
+            machine.
     Raises: ValueError: on an unknown name.
     """
     require_solver(name)

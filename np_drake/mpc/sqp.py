@@ -1,4 +1,6 @@
-"""Sequential quadratic programming on the condensed problem: a real-time iteration of one or two steps."""
+"""Sequential quadratic programming on the condensed problem: a real-time iteration of one or two
+steps.
+"""
 
 import dataclasses as dc
 import time
@@ -14,13 +16,17 @@ from np_drake.rigid_body import STATE_SIZE
 from np_drake.vehicle import Vehicle
 
 _BACKTRACKS = 5  # step sizes that are tried, each 0.35 of the last; own choice [1]
-_TOLERANCE = 3e-3  # of the cost: how far the local model may miss the true decrease before another step
+_TOLERANCE = (
+    3e-3  # of the cost: how far the local model may miss the true decrease before another step
+)
 _SETTLED = 1e-3  # of the tolerance: further steps would change nothing
 
 
 @dc.dataclass(frozen=True)
 class Prepared:
-    """Problem linearised around a trajectory; valid until its solver prepares or solves the next."""
+    """Problem linearised around a trajectory; valid until its solver prepares or solves the
+    next.
+    """
 
     horizon: Horizon
     trajectory: Trajectory
@@ -32,16 +38,15 @@ class Prepared:
 class SqpSolver:
     """Gauss-Newton SQP with a merit check: a real-time iteration of `steps` steps.
 
-    More steps, up to `max_steps`, follow a cold start and a step whose local model missed the true decrease.
-    Status OPTIMAL: the local model predicted the decrease of the last step to 3e-3 of the cost. With
-    `time_limit` [s] = inf the answer does not depend on the machine.
+    More steps, up to `max_steps`, follow a cold start and a step whose local model missed the true
+    decrease. Status OPTIMAL: the local model predicted the decrease of the last step to 3e-3 of the
+    cost. With `time_limit` [s] = inf the answer does not depend on the machine.
 
-    `solve` answers a problem that is known now. `prepare` and `feedback` are its two halves: the first linearises
-    around the state that is predicted, before the measurement; the second takes one step from what was measured.
+    `solve` answers a problem that is known now. `prepare` and `feedback` are its two halves: the
+    first linearises around the state that is predicted, before the measurement; the second takes
+    one step from what was measured.
 
     Args:
-        vehicle: nominal.
-        config: weights, sets and horizon.
         steps: of a solve from a warm start that meets its tolerance [1].
         max_steps: of any solve [1].
         time_limit: after which no step is begun [s].
@@ -50,7 +55,13 @@ class SqpSolver:
     name = "sqp"
 
     def __init__(
-        self, vehicle: Vehicle, config: MpcConfig, *, steps: int = 1, max_steps: int = 8, time_limit: float = 0.012
+        self,
+        vehicle: Vehicle,
+        config: MpcConfig,
+        *,
+        steps: int = 1,
+        max_steps: int = 8,
+        time_limit: float = 0.012,
     ):
         self.condensed = Condensed(vehicle, config)
         self._qp = QpSolver(self.condensed.size, 4 * config.horizon + 1, config.slack_weight)
@@ -74,7 +85,6 @@ class SqpSolver:
         """Linearise a problem around the warm start, or where there is none around a cold start.
 
         Args:
-            problem: as it is expected at the next measurement.
             warm_start: last solution, None for none.
         Raises: SolverFailure: on NaN, wrong shapes or a forecast that overflows.
         """
@@ -88,13 +98,12 @@ class SqpSolver:
     def feedback(self, prepared: Prepared, problem: MpcProblem) -> MpcSolution:
         """Return the plan for the problem as it was measured, by one step on prepared derivatives.
 
-        Measurement, references and the forecast's z and offset are those of the problem, and its A, B and C enter what
-        the wrench does without feedback. What the planned motion makes of the wrench is as prepared. A cold start needs
-        more than one step: it is solved in full.
+        Measurement, references and the forecast's z and offset are those of the problem, and its A,
+        B and C enter what the wrench does without feedback. What the planned motion makes of the
+        wrench is as prepared. A cold start needs more than one step: it is solved in full.
 
         Args:
             prepared: of `prepare`.
-            problem: as it was measured.
         Raises: SolverFailure: on NaN, wrong shapes or a forecast that overflows.
         """
         if prepared.cold:
@@ -107,19 +116,21 @@ class SqpSolver:
                 return self.solve(problem)
             now = dc.replace(prepared, horizon=h, trajectory=t)
             t, miss = self._step(now, self._time_limit)
-        status = MpcStatus.OPTIMAL if miss <= _TOLERANCE * (1 + t.merit) else MpcStatus.ITERATION_LIMIT
+        status = (
+            MpcStatus.OPTIMAL if miss <= _TOLERANCE * (1 + t.merit) else MpcStatus.ITERATION_LIMIT
+        )
         return as_solution(t, status, 1, time.perf_counter() - start)
 
-    def descend(self, h: Horizon, t: Trajectory, *, steps: range, deadline: float) -> tuple[Trajectory, MpcStatus, int]:
+    def descend(
+        self, h: Horizon, t: Trajectory, *, steps: range, deadline: float
+    ) -> tuple[Trajectory, MpcStatus, int]:
         """Take SQP steps from t and return (trajectory, status, number of steps).
 
         It stops where settled or stuck, or where the next step would be late.
 
         Args:
-            h: the problem, made ready.
-            t: trajectory to start from.
-            steps: its start is the number of steps that are taken unless settled before, its last the limit while the
-                local model misses.
+            steps: its start is the number of steps that are taken unless settled before, its last
+                the limit while the local model misses.
             deadline: as of time.perf_counter [s].
         """
         longest, begin, count = 0.0, time.perf_counter(), 0
@@ -136,10 +147,9 @@ class SqpSolver:
         """Take one step that never raises the merit.
 
         Args:
-            h: the problem made ready.
-            t: trajectory from which the step is taken.
             time_limit: of the quadratic program [s].
-        Returns: the new trajectory, and the error of the local model's decrease against the true one.
+        Returns: the new trajectory, and the error of the local model's decrease against the true
+            one.
         """
         return self._step(self._linearise(h, t), time_limit)
 
@@ -162,18 +172,20 @@ class SqpSolver:
         return t, max(predicted, 0.0)
 
 
-def as_solution(t: Trajectory, status: MpcStatus, iterations: int, solve_time: float) -> MpcSolution:
+def as_solution(
+    t: Trajectory, status: MpcStatus, iterations: int, solve_time: float
+) -> MpcSolution:
     """Return a trajectory as a solution.
 
     Args:
-        t: trajectory of the answer.
-        status: origin of the answer.
         iterations: of the outer method [1].
         solve_time: [s].
     Raises: SolverFailure: if the predicted motion is not finite.
     """
     if not t.finite:
-        raise SolverFailure("MPC: the predicted motion leaves the numbers; check the forecast and the state.")
+        raise SolverFailure(
+            "MPC: the predicted motion leaves the numbers; check the forecast and the state."
+        )
     return MpcSolution(
         u=t.u,
         x=t.x,

@@ -13,7 +13,9 @@ NEAR, AHEAD = 0.3, 0.2  # [m], [rad]; source: own choice
 
 @dc.dataclass(frozen=True)
 class Anchor:
-    """Frame T of a track in the autopilot's local frame W: z up, yaw of the vehicle, start of the track at it."""
+    """Frame T of a track in the autopilot's local frame W: z up, yaw of the vehicle, start of the
+    track at it.
+    """
 
     p_WT: np.ndarray  # (3,) [m]
     yaw: float  # of T in W [rad]

@@ -1,17 +1,25 @@
-"""Autopilot that is simulated: holds its place, and follows a companion by MAVLink while that is heard."""
+"""Autopilot that is simulated: holds its place, and follows a companion by MAVLink while that is
+heard.
+"""
 
 import numpy as np
 
 from np_drake import attitude
 from np_drake.offboard.codec import AUTOPILOT, PX4, Codec, Command, HoldPlace
 from np_drake.offboard.command import rates_towards, throttle_of, thrust_of
-from np_drake.rate_loop import RateLoop
 from np_drake.rigid_body import P, Q, V, W
 from np_drake.vehicle import Vehicle
+from np_drake.vehicle.rate_loop import RateLoop
 
-LOST = 0.5  # without a command after which the autopilot holds its place [s]; source: PX4's COM_OF_LOSS_T is 1 s
-ALIVE, GAP = 1.5, 0.2  # how long commands have come when the pilot hands over, and the longest gap meanwhile [s]
-QUIET = 0.5  # after a hand-over, in which what is in force is not told [s]; source: PX4's ATTITUDE_TARGET stream
+# without a command after which the autopilot holds its place [s]; source: PX4's COM_OF_LOSS_T is 1
+# s
+LOST = 0.5
+ALIVE, GAP = (
+    1.5,
+    0.2,
+)  # how long commands have come when the pilot hands over, and the longest gap meanwhile [s]
+# after a hand-over, in which what is in force is not told [s]; source: PX4's ATTITUDE_TARGET stream
+QUIET = 0.5
 HEARTBEAT = 1.0  # between two [s]; source: MAVLink's heartbeat protocol
 BOOT = 7.0  # its clock at the beginning [s]
 STIFFNESS, DAMPING, INTEGRAL = 4.0, 3.0, 1.5  # of the hold [1/s², 1/s, 1/s³]; source: own choice
@@ -21,11 +29,10 @@ MOST = 4.0  # largest acceleration of the hold [m/s²]; source: own choice
 class SimulatedAutopilot:
     """Modes and messages of an autopilot of PX4's kind.
 
-    It is armed and in hold. A pilot hands over once commands have come for `ALIVE`, and the autopilot takes over where
-    none has come for `LOST`.
+    It is armed and in hold. A pilot hands over once commands have come for `ALIVE`, and the
+    autopilot takes over where none has come for `LOST`.
 
     Args:
-        vehicle: that it flies.
         rate: of its messages [Hz].
         pairs: whether it sends LOCAL_POSITION_NED and ATTITUDE_QUATERNION, and not ODOMETRY.
     """
@@ -38,8 +45,13 @@ class SimulatedAutopilot:
         self.engaged = False
         self.handovers: list[float] = []  # when the pilot handed over [s]
         self.failsafes: list[float] = []  # when the autopilot took over [s]
-        self.commands, self.largest_gap = 0, -np.inf  # number [1], between two while it is engaged [s]
-        self.asked_to_hold = False  # by the companion, which must fall silent before the pilot hands over again
+        self.commands, self.largest_gap = (
+            0,
+            -np.inf,
+        )  # number [1], between two while it is engaged [s]
+        self.asked_to_hold = (
+            False  # by the companion, which must fall silent before the pilot hands over again
+        )
         self._told: Command | None = None
         self._told_at, self._alive_since = -np.inf, np.inf
         self._place: np.ndarray | None = None
@@ -51,7 +63,6 @@ class SimulatedAutopilot:
         """Take what has come by the link.
 
         Args:
-            data: of any length.
             t: [s].
         """
         for said in self.codec.parse(data):
@@ -81,7 +92,10 @@ class SimulatedAutopilot:
             self.hold()
             self.failsafes.append(t)
         elif (
-            not self.engaged and not self.asked_to_hold and t - self._told_at <= GAP and t - self._alive_since >= ALIVE
+            not self.engaged
+            and not self.asked_to_hold
+            and t - self._told_at <= GAP
+            and t - self._alive_since >= ALIVE
         ):
             self.engaged = True
             self.handovers.append(t)

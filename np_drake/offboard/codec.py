@@ -10,13 +10,20 @@ from np_drake.offboard.frames import turned_attitude, turned_body, turned_world
 from np_drake.rigid_body import P, Q, V, W
 
 NEEDS = "offboard control needs pymavlink; pip install 'np_drake[node]'."
-COMPANION, AUTOPILOT, SYSTEM = 191, 1, 1  # MAV_COMP_ID_ONBOARD_COMPUTER, MAV_COMP_ID_AUTOPILOT1; usual system
+COMPANION, AUTOPILOT, SYSTEM = (
+    191,
+    1,
+    1,
+)  # MAV_COMP_ID_ONBOARD_COMPUTER, MAV_COMP_ID_AUTOPILOT1; usual system
 LOCAL_NED, BODY_FRD = 1, 12  # MAV_FRAME
 IGNORE_ATTITUDE = 128  # ATTITUDE_TARGET_TYPEMASK: follow body rates and thrust
 PX4, ARDUPILOT, NO_AUTOPILOT = 12, 3, 8  # MAV_AUTOPILOT
 QUADROTOR, ONBOARD, ACTIVE = 2, 18, 4  # MAV_TYPE, MAV_STATE
 ARMED, HIL, GUIDED, CUSTOM_MODE = 128, 32, 8, 1  # MAV_MODE_FLAG; HIL: simulated, motors are blocked
-PX4_OFFBOARD, PX4_HOLD = 6 << 16, (4 << 16) | (3 << 24)  # custom_mode of PX4: main mode, and sub mode
+PX4_OFFBOARD, PX4_HOLD = (
+    6 << 16,
+    (4 << 16) | (3 << 24),
+)  # custom_mode of PX4: main mode, and sub mode
 COPTER_LOITER = 5
 COPTER_GUIDED = (4, 20)  # custom_mode of ArduCopter: GUIDED, GUIDED_NOGPS
 
@@ -62,7 +69,9 @@ class Inertial:
 
 @dc.dataclass(frozen=True)
 class Command:
-    """Body rates and thrust: those that a companion sends, or those in force as the autopilot tells."""
+    """Body rates and thrust: those that a companion sends, or those in force as the autopilot
+    tells.
+    """
 
     stamp: float  # by the sender's clock [s]
     rates: np.ndarray  # (3,) in B [rad/s]
@@ -87,11 +96,10 @@ Said = Heartbeat | Pose | Inertial | Command | Battery | HoldPlace
 class Codec:
     """One end of a link: packs what it sends, parses what it gets.
 
-    A companion listens to the autopilot alone, component 1 of one system, and speaks to it; an autopilot listens to
-    companions.
+    A companion listens to the autopilot alone, component 1 of one system, and speaks to it; an
+    autopilot listens to companions.
 
     Args:
-        component: of this end, MAV_COMP_ID.
         system: MAV_SYS_ID of the vehicle; 0: whose autopilot's heartbeat is heard first.
     Raises: ValueError: where pymavlink is not installed.
     """
@@ -102,22 +110,35 @@ class Codec:
         self._in = self._mavlink.MAVLink(None)
         self._in.robust_parsing = True
         self._peer = AUTOPILOT if component == COMPANION else COMPANION
-        self._system = system or (0 if component == COMPANION else SYSTEM)  # that is listened to; 0: not known
+        self._system = system or (
+            0 if component == COMPANION else SYSTEM
+        )  # that is listened to; 0: not known
 
     def parse(self, data: bytes) -> list[Said]:
-        """Return what complete messages say; unknown ones, and bytes that are none, are left out."""
-        found = [self._said(message) for message in self._in.parse_buffer(data) or [] if self._is_peer(message)]
+        """Return what complete messages say; unknown ones, and bytes that are none, are left
+        out.
+        """
+        found = [
+            self._said(message)
+            for message in self._in.parse_buffer(data) or []
+            if self._is_peer(message)
+        ]
         return [said for said in found if said is not None]
 
     def _is_peer(self, message: Any) -> bool:
         if message.get_type() == "BAD_DATA" or message.get_srcComponent() != self._peer:
             return False
-        if not self._system and message.get_type() == "HEARTBEAT" and message.autopilot != NO_AUTOPILOT:
+        if (
+            not self._system
+            and message.get_type() == "HEARTBEAT"
+            and message.autopilot != NO_AUTOPILOT
+        ):
             self._system = self._out.srcSystem = message.get_srcSystem()
         return self._system == message.get_srcSystem()
 
     def heartbeat(self, *, engaged: bool = False, autopilot: int = NO_AUTOPILOT) -> bytes:
-        """Return a heartbeat of a companion, or of an autopilot of PX4's kind whose vehicle is simulated.
+        """Return a heartbeat of a companion, or of an autopilot of PX4's kind whose vehicle is
+        simulated.
 
         Args:
             engaged: whether it is in offboard, and not in hold.
@@ -139,10 +160,17 @@ class Codec:
         unknown = [float("nan")] * 21
         return self._pack(
             self._out.odometry_encode(
-                round(1e6 * stamp), LOCAL_NED, BODY_FRD, *turned_world(x[P]), turned_attitude(q).tolist(),
-                *turned_body(v), *turned_body(x[W]), unknown, unknown,
+                round(1e6 * stamp),
+                LOCAL_NED,
+                BODY_FRD,
+                *turned_world(x[P]),
+                turned_attitude(q).tolist(),
+                *turned_body(v),
+                *turned_body(x[W]),
+                unknown,
+                unknown,
             )
-        )  # fmt: skip
+        )
 
     def local_position(self, stamp: float, x: np.ndarray) -> bytes:
         """Return the state as LOCAL_POSITION_NED and ATTITUDE_QUATERNION.
@@ -153,7 +181,9 @@ class Codec:
         """
         ms = round(1e3 * stamp)
         where = self._out.local_position_ned_encode(ms, *turned_world(x[P]), *turned_world(x[V]))
-        turned = self._out.attitude_quaternion_encode(ms, *turned_attitude(x[Q]), *turned_body(x[W]))
+        turned = self._out.attitude_quaternion_encode(
+            ms, *turned_attitude(x[Q]), *turned_body(x[W])
+        )
         return self._pack(where) + self._pack(turned)
 
     def inertial(self, stamp: float, f: np.ndarray, w: np.ndarray) -> bytes:
@@ -166,22 +196,28 @@ class Codec:
         """
         rest = [0.0] * 7
         return self._pack(
-            self._out.highres_imu_encode(round(1e6 * stamp), *turned_body(f), *turned_body(w), *rest, 0b111111)
+            self._out.highres_imu_encode(
+                round(1e6 * stamp), *turned_body(f), *turned_body(w), *rest, 0b111111
+            )
         )
 
-    def command(self, stamp: float, rates: np.ndarray, thrust: float, *, in_force: bool = False) -> bytes:
-        """Return body rates (3,) in B and thrust as SET_ATTITUDE_TARGET, or those in force as ATTITUDE_TARGET.
+    def command(
+        self, stamp: float, rates: np.ndarray, thrust: float, *, in_force: bool = False
+    ) -> bytes:
+        """Return body rates (3,) in B and thrust as SET_ATTITUDE_TARGET, or those in force as
+        ATTITUDE_TARGET.
 
         Args:
             stamp: [s].
             rates: [rad/s].
             thrust: over that at full throttle [1].
-            in_force: whether the autopilot itself says them.
         Raises: ValueError: where one is not finite: it is never sent.
         """
         values = np.array([*turned_body(np.asarray(rates)), thrust])
         if not np.isfinite(values).all():
-            raise ValueError(f"offboard: body rates and thrust must be finite; got {values.tolist()}.")
+            raise ValueError(
+                f"offboard: body rates and thrust must be finite; got {values.tolist()}."
+            )
         ms, level = round(1e3 * stamp) % 2**32, [1.0, 0.0, 0.0, 0.0]
         if in_force:
             return self._pack(self._out.attitude_target_encode(ms, IGNORE_ATTITUDE, level, *values))
@@ -192,20 +228,27 @@ class Codec:
         """Return the request that the autopilot send a message.
 
         Args:
-            message: its name.
             rate: [Hz].
         """
         identifier = getattr(self._mavlink, f"MAVLINK_MSG_ID_{message}")
         set_interval = self._mavlink.MAV_CMD_SET_MESSAGE_INTERVAL
         values = (float(identifier), 1e6 / rate, 0.0, 0.0, 0.0, 0.0, 0.0)
-        return self._pack(self._out.command_long_encode(self._target, AUTOPILOT, set_interval, 0, *values))
+        return self._pack(
+            self._out.command_long_encode(self._target, AUTOPILOT, set_interval, 0, *values)
+        )
 
     def hold(self, autopilot: int) -> bytes:
         """Return the request that an autopilot, of a kind of MAV_AUTOPILOT, hold its place."""
-        mode = (COPTER_LOITER, 0) if autopilot == ARDUPILOT else (PX4_HOLD >> 16 & 0xFF, PX4_HOLD >> 24)
+        mode = (
+            (COPTER_LOITER, 0)
+            if autopilot == ARDUPILOT
+            else (PX4_HOLD >> 16 & 0xFF, PX4_HOLD >> 24)
+        )
         set_mode = self._mavlink.MAV_CMD_DO_SET_MODE
         values = (float(CUSTOM_MODE), *map(float, mode), 0.0, 0.0, 0.0, 0.0)
-        return self._pack(self._out.command_long_encode(self._target, AUTOPILOT, set_mode, 0, *values))
+        return self._pack(
+            self._out.command_long_encode(self._target, AUTOPILOT, set_mode, 0, *values)
+        )
 
     @property
     def _target(self) -> int:
@@ -218,15 +261,34 @@ class Codec:
     def _said(self, m: Any) -> Said | None:
         kind, nan = m.get_type(), np.full(3, np.nan)
         if kind == "HEARTBEAT":
-            return None if m.autopilot == NO_AUTOPILOT else Heartbeat(_engaged(m), m.autopilot, bool(m.base_mode & HIL))
-        if kind == "ODOMETRY" and m.frame_id == LOCAL_NED and m.child_frame_id in (BODY_FRD, LOCAL_NED):
+            return (
+                None
+                if m.autopilot == NO_AUTOPILOT
+                else Heartbeat(_engaged(m), m.autopilot, bool(m.base_mode & HIL))
+            )
+        if (
+            kind == "ODOMETRY"
+            and m.frame_id == LOCAL_NED
+            and m.child_frame_id in (BODY_FRD, LOCAL_NED)
+        ):
             q = turned_attitude(np.array(m.q))
             v = np.array([m.vx, m.vy, m.vz])
-            v = attitude.rotate(q, turned_body(v)) if m.child_frame_id == BODY_FRD else turned_world(v)
+            v = (
+                attitude.rotate(q, turned_body(v))
+                if m.child_frame_id == BODY_FRD
+                else turned_world(v)
+            )
             w = turned_body(np.array([m.rollspeed, m.pitchspeed, m.yawspeed]))
-            return Pose(1e-6 * m.time_usec, kind, np.concatenate([turned_world(np.array([m.x, m.y, m.z])), q, v, w]))
+            return Pose(
+                1e-6 * m.time_usec,
+                kind,
+                np.concatenate([turned_world(np.array([m.x, m.y, m.z])), q, v, w]),
+            )
         if kind == "LOCAL_POSITION_NED":
-            p, v = turned_world(np.array([m.x, m.y, m.z])), turned_world(np.array([m.vx, m.vy, m.vz]))
+            p, v = (
+                turned_world(np.array([m.x, m.y, m.z])),
+                turned_world(np.array([m.vx, m.vy, m.vz])),
+            )
             return Pose(1e-3 * m.time_boot_ms, kind, np.concatenate([p, [*nan, np.nan], v, nan]))
         if kind == "ATTITUDE_QUATERNION":
             q = turned_attitude(np.array([m.q1, m.q2, m.q3, m.q4]))

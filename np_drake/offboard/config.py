@@ -20,7 +20,9 @@ class OffboardConfig:
     max_speed: float = 8.0  # [m/s]
     max_tilt: float = 1.2  # [rad]
     max_rate: float = 12.0  # of the body [rad/s]
-    max_jump: float = 0.3  # of a position from where its velocity led; a message beyond is not taken [m]
+    max_jump: float = (
+        0.3  # of a position from where its velocity led; a message beyond is not taken [m]
+    )
     late_solves: int = 5  # in succession that are too many [1]
     settle: float = 1.0  # time in order before the autopilot may hand over [s]
     level: float = 0.5  # longest time of level thrust, after which nothing is sent [s]
@@ -41,6 +43,7 @@ class OffboardConfig:
             raise ValueError(f"offboard: level must be more than {CLEAR:g} s; got {self.level:g}.")
         if self.stale_after < 2 / self.rate:
             raise ValueError(
-                f"offboard: stale_after must be two periods of {1 / self.rate:g} s at least; got {self.stale_after:g}."
+                f"offboard: stale_after must be two periods of {1 / self.rate:g} s at "
+                f"least; got {self.stale_after:g}."
             )
         return self

@@ -1,4 +1,5 @@
-"""States in the axes of MAVLink (north, east, down; forward, right, down) and in ours (W z up; B z along the thrust).
+"""States in the axes of MAVLink (north, east, down; forward, right, down) and in ours (W z up; B z
+along the thrust).
 
 The turn between them is its own inverse.
 """

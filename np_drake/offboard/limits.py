@@ -13,11 +13,15 @@ def out_of_limits(x: np.ndarray, reference: np.ndarray, config: OffboardConfig) 
     Args:
         x: (13,) state.
         reference: (3,) position where it should be, in the axes of x [m].
-        config: limits.
     """
     tilt = float(np.arccos(np.clip(attitude.body_z(x[Q])[2], -1.0, 1.0)))
     for name, value, most, unit in (
-        ("distance from the reference", float(np.linalg.norm(x[P] - reference)), config.margin, "m"),
+        (
+            "distance from the reference",
+            float(np.linalg.norm(x[P] - reference)),
+            config.margin,
+            "m",
+        ),
         ("speed", float(np.linalg.norm(x[V])), config.max_speed, "m/s"),
         ("tilt", tilt, config.max_tilt, "rad"),
         ("body rate", float(np.linalg.norm(x[W])), config.max_rate, "rad/s"),

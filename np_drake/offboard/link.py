@@ -29,7 +29,8 @@ class MavlinkLink(Link):
     """Link by pymavlink.
 
     Args:
-        address: udp:HOST:PORT or udpin:HOST:PORT listens, udpout:HOST:PORT calls, tcp:HOST:PORT, or a serial device.
+        address: udp:HOST:PORT or udpin:HOST:PORT listens, udpout:HOST:PORT calls, tcp:HOST:PORT, or
+            a serial device.
         baud: of a serial device [1/s].
     Raises: ValueError: one line, where it cannot be opened.
     """
@@ -40,9 +41,13 @@ class MavlinkLink(Link):
         except ImportError as error:
             raise ValueError(NEEDS) from error
         _require_address(address)
-        address = f"udpin:{address[4:]}" if address.startswith("udp:") else address  # by which silent peers are dropped
+        address = (
+            f"udpin:{address[4:]}" if address.startswith("udp:") else address
+        )  # by which silent peers are dropped
         try:
-            self._port = mavutil.mavlink_connection(address, baud=baud, input=True, udp_timeout=SILENT, retries=1)
+            self._port = mavutil.mavlink_connection(
+                address, baud=baud, input=True, udp_timeout=SILENT, retries=1
+            )
         except Exception as error:  # of sockets, serial ports and its own parser of addresses
             raise ValueError(f"--link: {address} cannot be opened: {error}.") from error
         self._has_datagrams = address.startswith("udp")
@@ -63,7 +68,9 @@ class MavlinkLink(Link):
                 data = self._port.recv(4096)
                 if data:
                     found.append(bytes(data))
-                elif not (self._has_datagrams and isinstance(data, bytes)):  # an empty datagram is bytes
+                elif not (
+                    self._has_datagrams and isinstance(data, bytes)
+                ):  # an empty datagram is bytes
                     break
         return found
 
@@ -73,7 +80,8 @@ class MavlinkLink(Link):
 
 
 def _require_address(address: str) -> None:
-    """Check that an address can be one, and that a port that listens is free; pymavlink would share it.
+    """Check that an address can be one, and that a port that listens is free; pymavlink would share
+    it.
 
     Raises: ValueError: where it is not.
     """
@@ -81,7 +89,9 @@ def _require_address(address: str) -> None:
     host, _, port = rest.rpartition(":")
     if kind not in ("udp", "udpin", "udpout", "tcp"):
         if not Path(address).is_char_device():
-            raise ValueError(f"--link: must be as udp:127.0.0.1:14540, or a serial device; got {address!r}.")
+            raise ValueError(
+                f"--link: must be as udp:127.0.0.1:14540, or a serial device; got {address!r}."
+            )
         return
     if not host or not port.isdecimal() or not 1 <= int(port) <= 65535:
         raise ValueError(f"--link: must be as udp:127.0.0.1:14540; got {address!r}.")
@@ -90,7 +100,9 @@ def _require_address(address: str) -> None:
             try:
                 probe.bind((host, int(port)))
             except OSError as error:
-                raise ValueError(f"--link: {address} cannot be opened: {error}. Another process may listen.") from error
+                raise ValueError(
+                    f"--link: {address} cannot be opened: {error}. Another process may listen."
+                ) from error
 
 
 class Channel(Link):
@@ -107,7 +119,9 @@ class Channel(Link):
         self.other: Channel = self
 
     @classmethod
-    def pair(cls, clock: Callable[[], float], passes: Callable[[float], float]) -> "tuple[Channel, Channel]":
+    def pair(
+        cls, clock: Callable[[], float], passes: Callable[[float], float]
+    ) -> "tuple[Channel, Channel]":
         """Return both ends.
 
         Args:

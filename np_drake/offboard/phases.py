@@ -25,33 +25,40 @@ class Phase(Enum):
 class Phases:
     """Phase of a flight and the times that lead to the next; a new one waits.
 
-    WAITING -> READY after `settle` in order, with the autopilot in a mode of its own. READY -> FLYING as its mode
-    changes to offboard: a vehicle that is in it already is not taken. FLYING -> LEVEL on a problem. LEVEL -> FLYING
-    once it is over, or STOPPED `level` seconds after it began. A problem that returns within `settle` goes on with the
-    same time. FLYING and LEVEL -> STOPPED as the autopilot leaves offboard. There is one flight: an autopilot whose
-    failsafe is over may be in offboard again, with nobody having handed over.
+    WAITING -> READY after `settle` in order, with the autopilot in a mode of its own. READY ->
+    FLYING as its mode changes to offboard: a vehicle that is in it already is not taken. FLYING ->
+    LEVEL on a problem. LEVEL -> FLYING once it is over, or STOPPED `level` seconds after it began.
+    A problem that returns within `settle` goes on with the same time. FLYING and LEVEL -> STOPPED
+    as the autopilot leaves offboard. There is one flight: an autopilot whose failsafe is over may
+    be in offboard again, with nobody having handed over.
     """
 
     phase: Phase = Phase.WAITING
     reason: str = ""  # of the last change
     in_order_since: float | None = None  # [s]
-    fault_since: float | None = None  # beginning of the problem, kept for `settle` after its end [s]
+    fault_since: float | None = (
+        None  # beginning of the problem, kept for `settle` after its end [s]
+    )
     was_engaged: bool = True
 
-    def advanced(self, now: float, *, problem: str, engaged: bool, config: OffboardConfig) -> "Phases":
+    def advanced(
+        self, now: float, *, problem: str, engaged: bool, config: OffboardConfig
+    ) -> "Phases":
         """Return what follows at a time.
 
         Args:
             now: not before that of the last call [s].
-            problem: what is not in order; empty for nothing.
             engaged: whether the autopilot is armed and follows what is sent.
-            config: times.
         """
         since = None if problem else now if self.in_order_since is None else self.in_order_since
         in_order = 0.0 if since is None else now - since
-        phase, reason = self._next(now, problem=problem, engaged=engaged, in_order=in_order, config=config)
+        phase, reason = self._next(
+            now, problem=problem, engaged=engaged, in_order=in_order, config=config
+        )
         fault = self.fault_since
-        if phase in (Phase.WAITING, Phase.READY) or (phase is Phase.FLYING and in_order >= config.settle):
+        if phase in (Phase.WAITING, Phase.READY) or (
+            phase is Phase.FLYING and in_order >= config.settle
+        ):
             fault = None
         elif phase is Phase.LEVEL and fault is None:
             fault = now
@@ -67,7 +74,11 @@ class Phases:
         if phase is Phase.READY:
             if problem:
                 return Phase.WAITING, problem
-            return (Phase.FLYING, "the autopilot has handed over") if engaged and not self.was_engaged else (phase, "")
+            return (
+                (Phase.FLYING, "the autopilot has handed over")
+                if engaged and not self.was_engaged
+                else (phase, "")
+            )
         if phase is Phase.STOPPED:
             return phase, ""
         if not engaged:

@@ -1,4 +1,6 @@
-"""State and acceleration of a vehicle from its messages, with their age; what is absurd is not taken."""
+"""State and acceleration of a vehicle from its messages, with their age; what is absurd is not
+taken.
+"""
 
 import dataclasses as dc
 from collections import deque
@@ -12,11 +14,16 @@ from np_drake.offboard.message_clock import MessageClock
 from np_drake.rigid_body import P, Q, V, W
 
 FORGOTTEN = 1.0  # after which a state says nothing of where the next may be [s]; source: own choice
-HARDEST = 60.0  # specific force beyond which none flies [m/s²]; source: own choice, six times the weight
+HARDEST = (
+    60.0  # specific force beyond which none flies [m/s²]; source: own choice, six times the weight
+)
 KEPT = 100_000  # numbers that a report reads, the last [1]; source: own choice
 SPAN = 0.015  # over which body rates are differentiated [s]; source: own choice
 INERTIAL = "HIGHRES_IMU"
-SOURCES = (("ODOMETRY",), ("LOCAL_POSITION_NED", "ATTITUDE_QUATERNION"))  # messages that make a state together
+SOURCES = (
+    ("ODOMETRY",),
+    ("LOCAL_POSITION_NED", "ATTITUDE_QUATERNION"),
+)  # messages that make a state together
 OWN = {  # entries of the state that a message has
     "ODOMETRY": np.ones(13, bool),
     "LOCAL_POSITION_NED": np.r_[np.ones(3), np.zeros(4), np.ones(3), np.zeros(3)].astype(bool),
@@ -30,7 +37,9 @@ class Reading:
 
     x: np.ndarray  # (13,) in W, brought to this time
     acceleration: np.ndarray  # (6,) [a in W, al in B] [m/s², rad/s²]
-    in_force: np.ndarray  # (4,) thrust over that at full throttle, body rates, as the autopilot tells [1, rad/s]
+    in_force: (
+        np.ndarray
+    )  # (4,) thrust over that at full throttle, body rates, as the autopilot tells [1, rad/s]
     engaged: bool  # whether the autopilot follows what is sent
     problem: str  # that keeps it from being flown by; empty for none
 
@@ -39,7 +48,6 @@ class Readings:
     """What a vehicle's messages have said so far.
 
     Args:
-        config: limits.
         gravity: [m/s²].
     """
 
@@ -58,7 +66,6 @@ class Readings:
         """Take what a message says.
 
         Args:
-            said: by the autopilot.
             now: our time [s].
         """
         if isinstance(said, Heartbeat):
@@ -83,7 +90,10 @@ class Readings:
         x[Q] /= np.linalg.norm(x[Q])
         problem = self._problem(now, x, age)
         acceleration = np.full(6, np.nan)
-        if self._inertial and self._age(INERTIAL, self._inertial[-1].stamp, now) <= self._config.stale_after:
+        if (
+            self._inertial
+            and self._age(INERTIAL, self._inertial[-1].stamp, now) <= self._config.stale_after
+        ):
             a = attitude.rotate(x[Q], self._inertial[-1].f) - self._gravity
             acceleration = np.concatenate([a, self._turn_rate()])
         if age < FORGOTTEN:
@@ -94,7 +104,9 @@ class Readings:
         return Reading(x, acceleration, in_force, self._engaged, problem)
 
     def _newest(self, now: float) -> list[Pose]:
-        """Return the message, or the two of position and attitude, that make the newest whole state."""
+        """Return the message, or the two of position and attitude, that make the newest whole
+        state.
+        """
         best, least = list[Pose](), np.inf
         for kinds in SOURCES:
             poses = [self._poses[kind] for kind in kinds if kind in self._poses]
@@ -139,7 +151,9 @@ class Readings:
         self._poses[said.kind], self._taken[said.kind] = said, now
 
     def _absurd(self, said: Pose, now: float) -> bool:
-        """Return whether a message cannot be true: not finite, no rotation, or too far from where it was."""
+        """Return whether a message cannot be true: not finite, no rotation, or too far from where
+        it was.
+        """
         own, x = OWN[said.kind], said.x
         if not np.isfinite(x[own]).all() or (own[3] and abs(np.linalg.norm(x[Q]) - 1) > 0.1):
             return True
@@ -149,22 +163,31 @@ class Readings:
         if before is None or not own[0] or since > FORGOTTEN:
             return False
         stamps = said.stamp - before.stamp
-        led = before.x[P] + before.x[V] * (stamps if stamps <= FORGOTTEN else since)  # its clock may jump
+        led = before.x[P] + before.x[V] * (
+            stamps if stamps <= FORGOTTEN else since
+        )  # its clock may jump
         return bool(np.linalg.norm(x[P] - led) > self._config.max_jump)
 
     def _take_inertial(self, said: Inertial, now: float) -> None:
         if not self._in_turn(INERTIAL, said.stamp, now):
             return
-        if not (np.linalg.norm(said.f) <= HARDEST and np.linalg.norm(said.w) <= 2 * self._config.max_rate):
+        if not (
+            np.linalg.norm(said.f) <= HARDEST
+            and np.linalg.norm(said.w) <= 2 * self._config.max_rate
+        ):
             self.refused["absurd"] += 1
             return
         kept = [one for one in self._inertial if said.stamp - one.stamp <= 2 * SPAN]
         self._inertial = [*kept, said]
 
     def _turn_rate(self) -> np.ndarray:
-        """Return the body rates' change (3,) over `SPAN`; zero before there are two readings [rad/s²]."""
+        """Return the body rates' change (3,) over `SPAN`; zero before there are two readings
+        [rad/s²].
+        """
         last = self._inertial[-1]
-        before = [one for one in self._inertial if last.stamp - one.stamp >= SPAN - 1e-6] or self._inertial[:1]
+        before = [
+            one for one in self._inertial if last.stamp - one.stamp >= SPAN - 1e-6
+        ] or self._inertial[:1]
         span = last.stamp - before[-1].stamp
         return (last.w - before[-1].w) / span if span > 0 else np.zeros(3)
 
@@ -180,7 +203,6 @@ def _bring(x: np.ndarray, acceleration: np.ndarray, moved: float, turned: float)
     """Bring a state (13,) forward, with the accelerations where they are known.
 
     Args:
-        x: state.
         acceleration: (6,) [a in W, al in B] [m/s², rad/s²].
         moved: age of position and velocity [s].
         turned: age of attitude and body rates [s].

@@ -1,1 +1,3 @@
-"""Payload filter: a bank of Kalman filters of a tethered payload that predicts the residual wrench."""
+"""Payload filter: a bank of Kalman filters of a tethered payload that predicts the residual
+wrench.
+"""

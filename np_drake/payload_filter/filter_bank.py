@@ -1,9 +1,11 @@
-"""Bank of pendulums of different lengths under a vehicle: priors, one filter step, and their weights.
+"""Bank of pendulums of different lengths under a vehicle: priors, one filter step, and their
+weights.
 
-Each member tracks a tether that it takes to be of its own length, or a vehicle that carries nothing, in one of three
-conditions: calm, gusty air, or a payload that is being pushed (`kernel`). Conditions change, so that members
-of one length interact; lengths do not, and their weights are those of Bayes with a small chance of a change. Where no
-member explains a sample, the payload was attached, lost or snapped taut: what is known of it is then forgotten.
+Each member tracks a tether that it takes to be of its own length, or a vehicle that carries
+nothing, in one of three conditions: calm, gusty air, or a payload that is being pushed (`kernel`).
+Conditions change, so that members of one length interact; lengths do not, and their weights are
+those of Bayes with a small chance of a change. Where no member explains a sample, the payload was
+attached, lost or snapped taut: what is known of it is then forgotten.
 """
 
 import dataclasses as dc
@@ -16,11 +18,11 @@ from np_drake.compiled import finite
 from np_drake.payload_filter import kernel
 from np_drake.payload_filter.mixing import mix_bank, weigh_bank
 from np_drake.residual_model import Memory
-from np_drake.scaling import Scales
+from np_drake.vehicle.scaling import Scales
 
 CONDITIONS = ("calm", "gusty", "pushed")
-# Powers of length and time in the unit of what differs from vehicle to vehicle; shares, angles and accelerations have
-# none, as gravity is common, nor has the noise of a sensor.
+# Powers of length and time in the unit of what differs from vehicle to vehicle; shares, angles and
+# accelerations have none, as gravity is common, nor has the noise of a sensor.
 POWERS = {
     "lengths": (1, 0),
     **dict.fromkeys(("push_time", "memory", "duration"), (0, 1)),
@@ -41,23 +43,28 @@ class Prior:
         return Prior(self.mean * factor, self.deviation * factor)
 
 
-# Mass of a vehicle that carries nothing, over its own [1]; own choice of a deviation by which one can divide
+# Mass of a vehicle that carries nothing, over its own [1]; own choice of a deviation by which one
+# can divide
 NO_MASS = Prior(0.0, 1e-6)
 
 
 def carries(members: int) -> np.ndarray:
-    """Return which of a bank's members carry a payload, (k,) of bool: the last of each condition does not."""
+    """Return which of a bank's members carry a payload, (k,) of bool: the last of each condition
+    does not.
+    """
     count = members // len(CONDITIONS)
     return np.tile(np.arange(count) < count - 1, len(CONDITIONS))
 
 
 @dc.dataclass(frozen=True)
 class BankOptions:
-    """What is believed of payload and air before any sample, per mass of the vehicle; in SI for the paper's vehicle.
+    """What is believed of payload and air before any sample, per mass of the vehicle; in SI for the
+    paper's vehicle.
 
-    Source: stated priors. Lengths cover 0.3 to 2.4 m by equal steps of the logarithm, of which half is a deviation;
-    a vehicle carries up to half its own weight; a quadrotor's drag is below its weight at 20 m/s. Near the ground the
-    wind's vertical deviation is half its level one (Panofsky, Dutton 1984: 1.25 and 2.4 friction velocities).
+    Source: stated priors. Lengths cover 0.3 to 2.4 m by equal steps of the logarithm, of which half
+    is a deviation; a vehicle carries up to half its own weight; a quadrotor's drag is below its
+    weight at 20 m/s. Near the ground the wind's vertical deviation is half its level one (Panofsky,
+    Dutton 1984: 1.25 and 2.4 friction velocities).
     """
 
     lengths: tuple[float, ...] = (0.3, 0.5, 0.85, 1.42, 2.4)  # of the members [m]
@@ -76,18 +83,26 @@ class BankOptions:
     lost_tilt: float = 0.5  # deviation after a jump [rad]
     # Power of what pushes the payload, by condition [m²/s³]
     swing_noise: tuple[float, ...] = (1e-4, 0.1, 2.0)
-    duration: tuple[float, ...] = (20.0, 5.0, 0.5)  # of a condition, after which either other begins [s]
+    duration: tuple[float, ...] = (
+        20.0,
+        5.0,
+        0.5,
+    )  # of a condition, after which either other begins [s]
     change: float = 0.02  # rate at which the length changes, or a payload comes or goes [1/s]
-    jump: float = 24.3  # squared innovation that no member exceeds: 1e-5 of the chi-square with three degrees [1]
+    # squared innovation that no member exceeds: 1e-5 of the chi-square with three degrees [1]
+    jump: float = 24.3
     least_noise: float = 0.02  # of a label [m/s²]
 
     def scaled(self, unit: Scales) -> "BankOptions":
-        """Return what is believed under a vehicle of other units: the same in its lengths and times.
+        """Return what is believed under a vehicle of other units: the same in its lengths and
+        times.
 
         Args: unit: of the vehicle, over those of the paper's.
         """
         factors = {name: unit.length**a * unit.time**b for name, (a, b) in POWERS.items()}
-        return dc.replace(self, **{name: _times(getattr(self, name), f) for name, f in factors.items()})
+        return dc.replace(
+            self, **{name: _times(getattr(self, name), f) for name, f in factors.items()}
+        )
 
 
 def _times(value: Any, factor: float) -> Any:
@@ -99,7 +114,6 @@ class PendulumBank:
     """Filter of all members; arrays of `memory` are the caller's.
 
     Args:
-        options: of the members.
         step: between samples [s].
         gravity: [m/s²].
     """
@@ -121,7 +135,9 @@ class PendulumBank:
     def _first_weight(self) -> np.ndarray:
         """Probability of each member before any flight, (k,)."""
         bare = self.options.bare
-        share = np.where(self._carries, (1 - bare) / self._carries.sum(), bare / (~self._carries).sum())
+        share = np.where(
+            self._carries, (1 - bare) / self._carries.sum(), bare / (~self._carries).sum()
+        )
         return np.asarray(share)
 
     @cached_property
@@ -149,14 +165,20 @@ class PendulumBank:
     def _keep(self) -> np.ndarray:
         """Share of the distance to the prior that a parameter keeps in a step, (k, 8)."""
         found = np.full((len(self), 8), np.exp(-self.step / self.options.memory))
-        found[:, 3:6] = np.exp(-self.step / np.array(self.options.push_time)[self._condition])[:, None]
+        found[:, 3:6] = np.exp(-self.step / np.array(self.options.push_time)[self._condition])[
+            :, None
+        ]
         return found
 
     @cached_property
     def _noise(self) -> np.ndarray:
-        """Variance that a step adds, (k, SIZE): with it the parameters keep their prior deviation."""
+        """Variance that a step adds, (k, SIZE): with it the parameters keep their prior
+        deviation.
+        """
         found = np.zeros((len(self), kernel.SIZE))
-        found[:, 2:4] = (np.array(self.options.swing_noise)[self._condition] * self.step / self.lengths**2)[:, None]
+        found[:, 2:4] = (
+            np.array(self.options.swing_noise)[self._condition] * self.step / self.lengths**2
+        )[:, None]
         found[:, 4:] = (1 - self._keep**2) * self._deviation**2
         return found
 
@@ -184,35 +206,63 @@ class PendulumBank:
         covariance = np.zeros((len(self), kernel.SIZE, kernel.SIZE))
         diagonal = np.arange(kernel.SIZE)
         covariance[:, diagonal[:2], diagonal[:2]] = self.options.tilt**2
-        covariance[:, diagonal[2:4], diagonal[2:4]] = (self.options.tilt * self._reach[:, None]) ** 2
+        covariance[:, diagonal[2:4], diagonal[2:4]] = (
+            self.options.tilt * self._reach[:, None]
+        ) ** 2
         covariance[:, diagonal[4:], diagonal[4:]] = self._deviation**2
         weight = self._first_weight.copy()
         return {"mean": mean, "covariance": covariance, "weight": weight}
 
     def step_on(
-        self, memory: Memory, drive: np.ndarray, now: np.ndarray, label: np.ndarray, variance: np.ndarray
+        self,
+        memory: Memory,
+        drive: np.ndarray,
+        now: np.ndarray,
+        label: np.ndarray,
+        variance: np.ndarray,
     ) -> Memory:
         """Return the memory after one step and one label; it starts anew where numbers overflow.
 
         Args:
-            memory: of the samples before.
             drive: (9,) as of `kernel.filter_bank`.
             now: (9,) likewise.
             label: (3,) force per mass, NaN where there is none [m/s²].
             variance: (3,) of its noise [m²/s⁴].
         """
-        mean, covariance, weight = (np.empty_like(memory[name]) for name in ("mean", "covariance", "weight"))
+        mean, covariance, weight = (
+            np.empty_like(memory[name]) for name in ("mean", "covariance", "weight")
+        )
         mix_bank(
-            memory["mean"], memory["covariance"], memory["weight"], self._transition, self._rise, mean,
-            covariance, weight,
-        )  # fmt: skip
+            memory["mean"],
+            memory["covariance"],
+            memory["weight"],
+            self._transition,
+            self._rise,
+            mean,
+            covariance,
+            weight,
+        )
         predicted, spread = np.empty_like(mean), np.empty_like(covariance)
         updated, narrowed = np.empty_like(mean), np.empty_like(covariance)
         likelihood, distance = np.empty_like(weight), np.empty_like(weight)
         kernel.filter_bank(
-            mean, covariance, drive, now, self.step, self._prior, self._keep, self._noise,
-            label, variance, predicted, spread, updated, narrowed, likelihood, distance,
-        )  # fmt: skip
+            mean,
+            covariance,
+            drive,
+            now,
+            self.step,
+            self._prior,
+            self._keep,
+            self._noise,
+            label,
+            variance,
+            predicted,
+            spread,
+            updated,
+            narrowed,
+            likelihood,
+            distance,
+        )
         if not finite(label):
             return {"mean": predicted, "covariance": spread, "weight": weight}
         if not distance.min() < self.options.jump:
@@ -221,14 +271,23 @@ class PendulumBank:
             return self.initial_memory()
         weighed, stay = np.empty_like(weight), float(np.exp(-self.step * self.options.change))
         weigh_bank(
-            weight, likelihood, updated, self._prior, self._deviation, self._first_weight, stay, weighed,
-        )  # fmt: skip
+            weight,
+            likelihood,
+            updated,
+            self._prior,
+            self._deviation,
+            self._first_weight,
+            stay,
+            weighed,
+        )
         return {"mean": updated, "covariance": narrowed, "weight": weighed}
 
     def _anew(self, mean: np.ndarray, covariance: np.ndarray) -> Memory:
-        """Return the memory after a sample that no member explains; the sample itself is not taken in.
+        """Return the memory after a sample that no member explains; the sample itself is not taken
+        in.
 
-        A jerk of the cable tells nothing of the payload's mass. A change that lasts shows in the next sample.
+        A jerk of the cable tells nothing of the payload's mass. A change that lasts shows in the
+        next sample.
         """
         if not (finite(mean) and finite(covariance)):
             return self.initial_memory()

@@ -1,4 +1,6 @@
-"""Compiled forecast of a bank of pendulums along a planned motion, and what drives a pendulum between two samples."""
+"""Compiled forecast of a bank of pendulums along a planned motion, and what drives a pendulum
+between two samples.
+"""
 
 import math
 
@@ -6,7 +8,15 @@ import numpy as np
 
 from np_drake.compiled import compiled, turned
 from np_drake.effects.pendulum import leapfrog
-from np_drake.payload_filter.kernel import DAMPING, DRAG, LOG_LENGTH, MASS, PUSH, THRUST_ERROR, tether_rate
+from np_drake.payload_filter.kernel import (
+    DAMPING,
+    DRAG,
+    LOG_LENGTH,
+    MASS,
+    PUSH,
+    THRUST_ERROR,
+    tether_rate,
+)
 
 
 @compiled
@@ -37,10 +47,25 @@ def drives(before, x, hook, over_step, now, step, drive, end):
 
 @compiled
 def along_plan(
-    points, weight, x, u, acting, steady, rate_torque, speed_torque, hook, mass, gravity, step, stride,
-    mean_decay, decay, wrench,
-):  # fmt: skip
-    """Write the wrench (N, 6) along a plan, the mean of all members over each of its steps [N, N·m].
+    points,
+    weight,
+    x,
+    u,
+    acting,
+    steady,
+    rate_torque,
+    speed_torque,
+    hook,
+    mass,
+    gravity,
+    step,
+    stride,
+    mean_decay,
+    decay,
+    wrench,
+):
+    """Write the wrench (N, 6) along a plan, the mean of all members over each of its steps [N,
+    N·m].
 
     Args:
         points: (k, POINT) of the members.
@@ -179,9 +204,11 @@ def _hook_torque(q, hook, force, out):
 
 @compiled
 def beside_plan(mean, x, hook, mass, gravity, step, A_out, B_out, C, out):
-    """Write A (4, 4), B (4, 6) and C (6, 4), which come zeroed, of the pendulum for what departs from the plan.
+    """Write A (4, 4), B (4, 6) and C (6, 4), which come zeroed, of the pendulum for what departs
+    from the plan.
 
-    From `out` (N, 6), the wrench along the plan [N, N·m], it takes what the pendulum makes of the planned velocity.
+    From `out` (N, 6), the wrench along the plan [N, N·m], it takes what the pendulum makes of the
+    planned velocity.
 
     Args:
         mean: (POINT,) of the members.
@@ -215,7 +242,8 @@ def beside_plan(mean, x, hook, mass, gravity, step, A_out, B_out, C, out):
 
 @compiled
 def linear_pendulum(stiffness, damping, step):
-    """Return A (4, 4), B (4, 6) and its gain (4,) of v, of z = [r_x, r_y, s_x, s_y] under a velocity held over `step`.
+    """Return A (4, 4), B (4, 6) and its gain (4,) of v, of z = [r_x, r_y, s_x, s_y] under a
+    velocity held over `step`.
 
     r' = s - v, s' = -stiffness r - damping s.   Closed form of the matrix exponential.
 
@@ -229,7 +257,9 @@ def linear_pendulum(stiffness, damping, step):
     near = math.exp(-half * step) * math.cos(rate * step)
     side = math.exp(-half * step) * math.sin(rate * step) / rate
     a = np.array([[near + half * side, side], [-stiffness * side, near - half * side]])
-    settled = np.array([2 * half / stiffness, -1.0])  # M^-1 [-1, 0] of M = [[0, 1], [-stiffness, -2 half]]
+    settled = np.array(
+        [2 * half / stiffness, -1.0]
+    )  # M^-1 [-1, 0] of M = [[0, 1], [-stiffness, -2 half]]
     gain = a @ settled - settled
     A, B = np.zeros((4, 4)), np.zeros((4, 6))
     for k in range(2):

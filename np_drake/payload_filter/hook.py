@@ -2,15 +2,17 @@
 
     rest = shift x pull + level + noise        in B
 
-The level drifts, and neither the noise nor the drift is known. A level that drifts under white noise is followed best
-by l += g (torque - l) with a gain of their ratio (the steady Kalman filter of the local level model, Harvey 1989). Here
-filters of several gains run side by side, axis by axis, and are weighed by how likely each makes the labels: (mean
-squared error of its one-step forecasts)^(-n/2), their likelihood where the size of the noise is not known. So a rest
-that moves is followed and a constant one averaged.
+The level drifts, and neither the noise nor the drift is known. A level that drifts under white
+noise is followed best by l += g (torque - l) with a gain of their ratio (the steady Kalman filter
+of the local level model, Harvey 1989). Here filters of several gains run side by side, axis by
+axis, and are weighed by how likely each makes the labels: (mean squared error of its one-step
+forecasts)^(-n/2), their likelihood where the size of the noise is not known. So a rest that moves
+is followed and a constant one averaged.
 
-Rest and columns are both taken over the level that was followed before, which leaves white errors; on these the shift
-is regressed with a prior at the trained hook, and older samples are forgotten. Where the pull does not move across the
-noise, the shift stays at zero and the torque forecast is that of training.
+Rest and columns are both taken over the level that was followed before, which leaves white errors;
+on these the shift is regressed with a prior at the trained hook, and older samples are forgotten.
+Where the pull does not move across the noise, the shift stays at zero and the torque forecast is
+that of training.
 """
 
 import math
@@ -22,20 +24,31 @@ from np_drake import attitude
 from np_drake.compiled import compiled
 from np_drake.residual_model import Memory
 
-# Deviation of the hook from where it was in training, each axis, of the paper's vehicle [m]; stated prior
+# Deviation of the hook from where it was in training, each axis, of the paper's vehicle [m]; stated
+# prior
 DEVIATION = 0.02
 # Time over which torque is averaged and errors count at most, as a trim drifts [s]; own choice
 LONGEST_MEAN = 10.0
-# Least deviation of the noise, over the torque that `DEVIATION` makes of the pull [1]; source: own choice, far below
-# any sensor. No sample then tells more than 1 / FINEST² times the prior, and rounding never makes the gram singular.
+# Least deviation of the noise, over the torque that `DEVIATION` makes of the pull [1]; source: own
+# choice, far below any sensor. No sample then tells more than 1 / FINEST² times the prior, and
+# rounding never makes the gram singular.
 FINEST = 1e-5
 MEMORY = 20.0  # over which samples count, as parameters of the bank [s]
-READ = ("levels", "errors", "torques", "columns", "gram", "right")  # of the memory, by the next sample
+READ = (
+    "levels",
+    "errors",
+    "torques",
+    "columns",
+    "gram",
+    "right",
+)  # of the memory, by the next sample
 
 
 @lru_cache(maxsize=16)
 def gains_of(step: float) -> np.ndarray:
-    """Return the gains of the filters: 1, 1/2, 1/4, … down to the mean over `LONGEST_MEAN`, (g, 1) read-only [1]."""
+    """Return the gains of the filters: 1, 1/2, 1/4, … down to the mean over `LONGEST_MEAN`, (g, 1)
+    read-only [1].
+    """
     least = min(step / LONGEST_MEAN, 1.0)
     count = 1 + int(np.ceil(-np.log2(least)))
     gains = np.geomspace(1.0, least, count)[:, None]
@@ -47,10 +60,11 @@ def initial_shift(step: float) -> Memory:
     """Return the memory before any label.
 
     Returns:
-        levels: (g, 3) of every filter [N·m].   errors: (g, 3) mean square of its one-step forecasts [N²·m²].
-        torques: (1,) seen so far.   columns: (g, 3, 3) level of the torque over the shift, of every gain [N].
-        gram: (3, 3) [1/m²] and right: (3,) [1/m] of the regression.   shift: (3,) [m].
-        steady: (3,) level of what the shift leaves [N·m].
+        levels: (g, 3) of every filter [N·m].
+        errors: (g, 3) mean square of its one-step forecasts [N²·m²]. torques: (1,) seen so far.
+        columns: (g, 3, 3) level of the torque over the shift, of every gain [N]. gram: (3, 3)
+            [1/m²] and right: (3,) [1/m] of the regression.
+        shift: (3,) [m]. steady: (3,) level of what the shift leaves [N·m].
     """
     count = len(gains_of(step))
     return {
@@ -66,7 +80,13 @@ def initial_shift(step: float) -> Memory:
 
 
 def next_shift(
-    memory: Memory, rest: np.ndarray, pull: np.ndarray, doubt: np.ndarray, step: float, *, length_unit: float = 1.0
+    memory: Memory,
+    rest: np.ndarray,
+    pull: np.ndarray,
+    doubt: np.ndarray,
+    step: float,
+    *,
+    length_unit: float = 1.0,
 ) -> Memory:
     """Return the memory after one more sample.
 
@@ -74,7 +94,8 @@ def next_shift(
         memory: of the hook, `initial_shift` before any.
         rest: (3,) torque that the trained hook leaves, in B [N·m].
         pull: (3,) of the tether, in B [N].
-        doubt: (3,) variance of the rest because the pull is not known well, as of `torque_doubt` [N²·m²].
+        doubt: (3,) variance of the rest because the pull is not known well, as of `torque_doubt`
+            [N²·m²].
         step: between samples, in the time unit of the paper's vehicle [s].
         length_unit: of the vehicle, over that of the paper's [1].
     """
@@ -88,9 +109,28 @@ def next_shift(
 
 @compiled
 def _regress(
-    gains, levels, errors, torques, columns, gram, right, rest, column, doubt, step, deviation, finest,
-    levels_out, errors_out, torques_out, columns_out, gram_out, right_out, shift, steady,
-):  # fmt: skip
+    gains,
+    levels,
+    errors,
+    torques,
+    columns,
+    gram,
+    right,
+    rest,
+    column,
+    doubt,
+    step,
+    deviation,
+    finest,
+    levels_out,
+    errors_out,
+    torques_out,
+    columns_out,
+    gram_out,
+    right_out,
+    shift,
+    steady,
+):
     """Write the arrays `READ`, shift and steady of the memory after one more rest.
 
     Args:
@@ -107,12 +147,6 @@ def _regress(
         step: between samples [s].
         deviation: prior one of the shift [m].
         finest: least variance of a torque over its column squared [m²].
-        levels_out: of the memory after, like all that follow.
-        errors_out: mean squares.
-        torques_out: count.
-        columns_out: followed columns.
-        gram_out: moments.
-        right_out: right side.
         shift: (3,) of the hook [m].
         steady: (3,) what it leaves [N·m].
     """
@@ -141,13 +175,17 @@ def _regress(
 
 @compiled
 def _gains_at(gains, torques):
-    """Return the gains (g, 1) of the filters at the torque of number `torques` (1,): at first every one is a mean."""
+    """Return the gains (g, 1) of the filters at the torque of number `torques` (1,): at first every
+    one is a mean.
+    """
     return np.maximum(gains, 1.0 / torques[0])
 
 
 @compiled
 def _filtered(gains, levels, errors, torques, torque, step):
-    """Return levels and errors after one more torque (3,) [N·m]; `torques` (1,) counts the new one."""
+    """Return levels and errors after one more torque (3,) [N·m]; `torques` (1,) counts the new
+    one.
+    """
     error = torque - levels
     share = 0.0  # no filter forecast the first
     if torques[0] > 1:
@@ -157,7 +195,9 @@ def _filtered(gains, levels, errors, torques, torque, step):
 
 @compiled
 def _followed(errors, torques, step):
-    """Return the weights of the filters (g, 3) [1], and the mean square of their one-step errors (3,) [N²·m²]."""
+    """Return the weights of the filters (g, 3) [1], and the mean square of their one-step errors
+    (3,) [N²·m²].
+    """
     effective = min(max(torques[0] - 1, 0.0), LONGEST_MEAN / step)
     weight, square = np.log(np.maximum(errors, 1e-300)), np.empty(3)
     for k in range(3):
@@ -179,7 +219,9 @@ def _on_axis(k, weight, levels, columns):
 
 @compiled
 def _solved(A, b):
-    """Return x with A x = b for a positive definite A (3, 3), by elimination; both are overwritten."""
+    """Return x with A x = b for a positive definite A (3, 3), by elimination; both are
+    overwritten.
+    """
     for i in range(3):
         for row in range(i + 1, 3):
             share = A[row, i] / A[i, i]

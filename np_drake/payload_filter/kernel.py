@@ -1,7 +1,8 @@
 """Compiled filter step of a bank of pendulums: predict, then take in a measured force.
 
-All quantities are per mass of the vehicle, so that force is [m/s²], drag is [1/s] and mass is a share [1]. A pendulum
-is a point of `POINT` numbers; its error, to which the covariance belongs, has `SIZE`:
+All quantities are per mass of the vehicle, so that force is [m/s²], drag is [1/s] and mass is a
+share [1]. A pendulum is a point of `POINT` numbers; its error, to which the covariance belongs, has
+`SIZE`:
 
 | point | error | meaning |
 |---|---|---|
@@ -14,11 +15,12 @@ is a point of `POINT` numbers; its error, to which the covariance belongs, has `
 | `THRUST_ERROR` | 10 | actual over commanded thrust, less one [1] |
 | `DRAG` | 11 | drag of the vehicle [1/s] |
 
-The tether is taut. The vehicle is accelerated by its thrust, its drag, the slow force and the pull, so that the pull
-that both feel follows from the command and needs no measured acceleration, whose noise would be in regressor and
-measurement alike. Moments are propagated by second-order divided differences.
+The tether is taut. The vehicle is accelerated by its thrust, its drag, the slow force and the pull,
+so that the pull that both feel follows from the command and needs no measured acceleration, whose
+noise would be in regressor and measurement alike. Moments are propagated by second-order divided
+differences.
 Source: Nørgaard, Poulsen, Ravn 2000 (filter DD2).
-"""
+"""  # noqa: E501
 
 import math
 
@@ -26,7 +28,11 @@ import numpy as np
 
 from np_drake.compiled import compiled
 
-POINT, SIZE, FIRST = 16, 12, 8  # numbers of a point and of its error; first number that is no direction
+POINT, SIZE, FIRST = (
+    16,
+    12,
+    8,
+)  # numbers of a point and of its error; first number that is no direction
 TETHER, ACROSS, RATE, PARAMETERS = slice(0, 3), slice(3, 6), slice(6, 8), slice(8, 16)
 MASS, LOG_LENGTH, DAMPING, PUSH, THRUST_ERROR, DRAG = 8, 9, 10, 11, 14, 15
 SPREAD = 3.0  # squared interval of the differences: the kurtosis of a normal distribution [1]
@@ -36,16 +42,30 @@ TINY = 1e-12  # least pivot of a covariance [units of the error, squared]
 
 @compiled
 def filter_bank(
-    mean, covariance, drive, now, step, prior, keep, noise, label, label_variance, predicted,
-    predicted_covariance, updated, updated_covariance, likelihood, distance,
-):  # fmt: skip
+    mean,
+    covariance,
+    drive,
+    now,
+    step,
+    prior,
+    keep,
+    noise,
+    label,
+    label_variance,
+    predicted,
+    predicted_covariance,
+    updated,
+    updated_covariance,
+    likelihood,
+    distance,
+):
     """Predict k pendulums over a step and take in one label.
 
     Args:
         mean: (k, POINT).
         covariance: (k, SIZE, SIZE).
-        drive: (9,) mean over the last step, in W: lift along body z, velocity of the hook, and its acceleration by
-            turning [m/s², m/s, m/s²].
+        drive: (9,) mean over the last step, in W: lift along body z, velocity of the hook, and its
+            acceleration by turning [m/s², m/s, m/s²].
         now: (9,) the same at its end.
         step: [s].
         prior: (k, 8) to which the parameters return.
@@ -62,18 +82,31 @@ def filter_bank(
     """
     for i in range(len(mean)):
         _predict(
-            mean[i], covariance[i], drive, step, prior[i], keep[i], noise[i], predicted[i],
+            mean[i],
+            covariance[i],
+            drive,
+            step,
+            prior[i],
+            keep[i],
+            noise[i],
+            predicted[i],
             predicted_covariance[i],
-        )  # fmt: skip
+        )
         likelihood[i], distance[i] = _update(
-            predicted[i], predicted_covariance[i], now, label, label_variance, updated[i],
+            predicted[i],
+            predicted_covariance[i],
+            now,
+            label,
+            label_variance,
+            updated[i],
             updated_covariance[i],
-        )  # fmt: skip
+        )
 
 
 @compiled
 def pull_moments(mean, weight, now, centre, covariance):
-    """Write mean (3,) and covariance (3, 3) over the members of the pull on the vehicle, in W [m/s², m²/s⁴].
+    """Write mean (3,) and covariance (3, 3) over the members of the pull on the vehicle, in W
+    [m/s², m²/s⁴].
 
     Args:
         mean: (k, POINT) of the members.
@@ -93,7 +126,9 @@ def pull_moments(mean, weight, now, centre, covariance):
     for i in range(len(mean)):
         for row in range(3):
             for col in range(3):
-                covariance[row, col] += weight[i] * (pulls[i, row] - centre[row]) * (pulls[i, col] - centre[col])
+                covariance[row, col] += (
+                    weight[i] * (pulls[i, row] - centre[row]) * (pulls[i, col] - centre[col])
+                )
 
 
 @compiled
@@ -125,7 +160,12 @@ def _update(mean, covariance, now, label, label_variance, out, out_covariance):
     _cholesky(covariance, root)
     centre, force = np.zeros(3), np.zeros(3)
     _measure(mean, now, centre)
-    plus, minus, point, error = np.zeros((SIZE, 3)), np.zeros((SIZE, 3)), np.zeros(POINT), np.zeros(SIZE)
+    plus, minus, point, error = (
+        np.zeros((SIZE, 3)),
+        np.zeros((SIZE, 3)),
+        np.zeros(POINT),
+        np.zeros(SIZE),
+    )
     width = math.sqrt(SPREAD)
     for j in range(SIZE):
         for sign in (1.0, -1.0):
@@ -150,7 +190,8 @@ def _update(mean, covariance, now, label, label_variance, out, out_covariance):
             slope = (plus[j, k] - minus[j, k]) / (2.0 * width)
             for row in range(j, SIZE):
                 cross[row, k] += root[row, j] * slope
-    # Kalman update: K = P_xy S^-1, x + K (y - y_hat), P - K P_xy'; P_xy by divided differences along P's root
+    # Kalman update: K = P_xy S^-1, x + K (y - y_hat), P - K P_xy'; P_xy by divided differences
+    # along P's root
     inverse, determinant = _inverse(spread)
     gain, distance = np.zeros(3), 0.0
     error[:] = 0.0
@@ -176,7 +217,9 @@ def _update(mean, covariance, now, label, label_variance, out, out_covariance):
 
 @compiled
 def _inverse(A):
-    """Return the inverse of a matrix (3, 3) and its determinant; entries that are no numbers raise nothing."""
+    """Return the inverse of a matrix (3, 3) and its determinant; entries that are no numbers raise
+    nothing.
+    """
     out = np.empty((3, 3))
     for i in range(3):
         for j in range(3):
@@ -190,8 +233,10 @@ def _inverse(A):
 def _keep_mass_positive(mean, error, covariance):
     """Move an error that makes the mass negative to the likeliest one that makes it zero.
 
-    A negative mass on a swing of opposite phase pulls to the side as a payload does. The differences may try one: a
-    bound inside them would bias a mass of zero upwards.   Source: Simon 2010 (Kalman filter with state constraints).
+    A negative mass on a swing of opposite phase pulls to the side as a payload does. The
+    differences may try one: a
+    bound inside them would bias a mass of zero upwards.
+    Source: Simon 2010 (Kalman filter with state constraints).
     """
     index = MASS - POINT + SIZE
     short = mean[MASS] + error[index]
@@ -203,8 +248,11 @@ def _keep_mass_positive(mean, error, covariance):
 
 @compiled
 def _moments(plus, minus, mean, covariance):
-    """Write the mean (s,) and the covariance (s, s) of values whose differences from the centre are (SIZE, s) each."""
-    # DD2: cov = (plus - minus)(plus - minus)' / 4h² + (h² - 1)(plus + minus)(plus + minus)' / 4h⁴ with h² = `SPREAD`
+    """Write the mean (s,) and the covariance (s, s) of values whose differences from the centre are
+    (SIZE, s) each.
+    """
+    # DD2: cov = (plus - minus)(plus - minus)' / 4h² + (h² - 1)(plus + minus)(plus + minus)' / 4h⁴
+    # with h² = `SPREAD`
     first, second = math.sqrt(1.0 / (4.0 * SPREAD)), math.sqrt((SPREAD - 1.0) / (4.0 * SPREAD**2))
     size = plus.shape[1]
     odd, even = np.empty(size), np.empty(size)
@@ -222,7 +270,9 @@ def _moments(plus, minus, mean, covariance):
 
 @compiled
 def _cholesky(A, out):
-    """Write the lower root of a covariance; a pivot that round-off made negative counts as `TINY`."""
+    """Write the lower root of a covariance; a pivot that round-off made negative counts as
+    `TINY`.
+    """
     for j in range(SIZE):
         for i in range(j, SIZE):
             total = A[i, j]
@@ -258,7 +308,9 @@ def displace(point, error, out):
 
 @compiled
 def _across(out, e):
-    """Write the vector across the tether of `out` that is nearest to e (3,); both become unit vectors."""
+    """Write the vector across the tether of `out` that is nearest to e (3,); both become unit
+    vectors.
+    """
     size = math.sqrt(out[0] ** 2 + out[1] ** 2 + out[2] ** 2)
     for k in range(3):
         out[k] /= size
@@ -270,7 +322,8 @@ def _across(out, e):
 
 @compiled
 def difference(origin, point, out):
-    """Write the error that leads from one point to another; rates are projected onto the plane across the first.
+    """Write the error that leads from one point to another; rates are projected onto the plane
+    across the first.
 
     Args:
         origin: (POINT,).
@@ -302,13 +355,17 @@ def tether_rate(p):
 
 @compiled
 def _felt(p, d, k):
-    """Return component k of the acceleration less gravity of a vehicle that nothing pulls [m/s²]."""
+    """Return component k of the acceleration less gravity of a vehicle that nothing pulls
+    [m/s²].
+    """
     return (1.0 + p[THRUST_ERROR]) * d[k] + p[PUSH + k] - p[DRAG] * d[3 + k] + d[6 + k]
 
 
 @compiled
 def _advance(p, drive, step, prior, keep):
-    """Move a point by one step in place: a symplectic step on the sphere, parameters towards their prior."""
+    """Move a point by one step in place: a symplectic step on the sphere, parameters towards their
+    prior.
+    """
     length, damping = math.exp(p[LOG_LENGTH]), max(p[DAMPING], 0.0)
     b0 = _felt(p, drive, 0) + damping * drive[3]
     b1 = _felt(p, drive, 1) + damping * drive[4]
@@ -321,7 +378,11 @@ def _advance(p, drive, step, prior, keep):
     along = sine / speed if speed > 1e-9 else step
     n0, n1, n2 = p[0], p[1], p[2]
     p[0], p[1], p[2] = near * n0 + along * w0, near * n1 + along * w1, near * n2 + along * w2
-    w0, w1, w2 = near * w0 - speed * sine * n0, near * w1 - speed * sine * n1, near * w2 - speed * sine * n2
+    w0, w1, w2 = (
+        near * w0 - speed * sine * n0,
+        near * w1 - speed * sine * n1,
+        near * w2 - speed * sine * n2,
+    )
     w0, w1, w2 = _kick(p, w0, w1, w2, b0, b1, b2, length, damping, half)
     _across(p, p[3:6])
     p[6] = w0 * p[3] + w1 * p[4] + w2 * p[5]

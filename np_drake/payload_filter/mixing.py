@@ -1,4 +1,6 @@
-"""Compiled weights of a bank of pendulums: interaction of its conditions, and what a label says of its members."""
+"""Compiled weights of a bank of pendulums: interaction of its conditions, and what a label says of
+its members.
+"""
 
 import math
 
@@ -13,10 +15,11 @@ RISE_ERROR = 9
 
 @compiled
 def mix_bank(mean, covariance, weight, transition, rise, mixed, mixed_covariance, mixed_weight):
-    """Let the conditions of each length interact: what one of them found is where the others go on from.
+    """Let the conditions of each length interact: what one of them found is where the others go on
+    from.
 
-    A steady wind is level: a slow force upwards that a condition does not know keeps a member from changing to it, so
-    that such a force has under every condition the prior of that condition.
+    A steady wind is level: a slow force upwards that a condition does not know keeps a member from
+    changing to it, so that such a force has under every condition the prior of that condition.
 
     Args:
         mean: (k, POINT), ordered by condition, then by length.
@@ -27,7 +30,8 @@ def mix_bank(mean, covariance, weight, transition, rise, mixed, mixed_covariance
         mixed: (k, POINT) to be written.
         mixed_covariance: (k, SIZE, SIZE) as well.
         mixed_weight: (k,) as well.
-    Source: Blom, Bar-Shalom 1988 (interacting multiple models); the changes balance as of Metropolis et al. 1953.
+    Source: Blom, Bar-Shalom 1988 (interacting multiple models); the changes balance as of
+        Metropolis et al. 1953.
     """
     kinds = len(transition)
     lengths = len(mean) // kinds
@@ -37,9 +41,13 @@ def mix_bank(mean, covariance, weight, transition, rise, mixed, mixed_covariance
         for i in range(kinds):
             own = i * lengths + length
             _changes(
-                mean[own, RISE], covariance[own, RISE_ERROR, RISE_ERROR], transition[i], rise, i,
+                mean[own, RISE],
+                covariance[own, RISE_ERROR, RISE_ERROR],
+                transition[i],
+                rise,
+                i,
                 change[length, i],
-            )  # fmt: skip
+            )
     for j in range(kinds):
         for length in range(lengths):
             here = j * lengths + length
@@ -69,8 +77,8 @@ def mix_bank(mean, covariance, weight, transition, rise, mixed, mixed_covariance
 def weigh_bank(weight, likelihood, mean, prior, deviation, first, stay, out):
     """Write the weights of the members after a label, of which a small share is drawn anew.
 
-    A change leads to a member whose parameters were fitted all along, as if it had always been true: they must be such
-    as could have been drawn.
+    A change leads to a member whose parameters were fitted all along, as if it had always been
+    true: they must be such as could have been drawn.
 
     Args:
         weight: (k,) before it [1].
@@ -100,7 +108,9 @@ def weigh_bank(weight, likelihood, mean, prior, deviation, first, stay, out):
 
 @compiled
 def _changes(push, variance, transition, rise, i, out):
-    """Write the probabilities (c,) of a change from condition i under a slow force upwards and its variance."""
+    """Write the probabilities (c,) of a change from condition i under a slow force upwards and its
+    variance.
+    """
     own, out[i] = rise[i] + variance, 1.0
     for j in range(len(rise)):
         if j != i:

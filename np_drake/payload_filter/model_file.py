@@ -1,4 +1,6 @@
-"""What a payload filter learns of a vehicle from its training flight, and the file that carries it."""
+"""What a payload filter learns of a vehicle from its training flight, and the file that carries
+it.
+"""
 
 import dataclasses as dc
 import math
@@ -9,9 +11,12 @@ import numpy as np
 
 from np_drake.lifting.model.model_file import read_model, schema_of, write_model
 from np_drake.lifting.model.model_header import summary_in
-from np_drake.scaling import Scales, over_paper
+from np_drake.vehicle.scaling import Scales, over_paper
 
-PAYLOAD_FILTER, OLD_NAME = "payload_filter", "pendulum"  # name of the configuration, and its earlier one
+PAYLOAD_FILTER, OLD_NAME = (
+    "payload_filter",
+    "pendulum",
+)  # name of the configuration, and its earlier one
 SCHEMA = "np_drake.payload_filter_model/1"  # format of the file and its version
 OLD_SCHEMA = "np_drake.pendulum_model/1"  # of the same content
 SCHEMAS = (SCHEMA, OLD_SCHEMA)
@@ -20,16 +25,22 @@ NUMBERS = (
     *("thrust_error", "thrust_error_deviation", "drag", "drag_deviation", "arm"),
 )
 LARGEST = 1e6  # of a positive parameter, in any unit; own choice: more is damage
-VECTORS = {"hook": (3, "m"), "rate_torque": (3, "N·m·s"), "speed_torque": (2, "N·s")}  # length, unit
+VECTORS = {
+    "hook": (3, "m"),
+    "rate_torque": (3, "N·m·s"),
+    "speed_torque": (2, "N·s"),
+}  # length, unit
 
 
 @dc.dataclass(frozen=True)
 class PayloadFilterModel:
     """Vehicle under which the pendulum hangs, as the training flight shows it.
 
-    rate_torque: (3,) torque about the body axes over the body rates [N·m·s].   speed_torque: (2,) torque about body x
-    over the velocity along y, and about y over that along x, as of flapping blades and of drag beside Bo [N·s].   arm:
-    mean distance of the rotors from Bo, the unit of length in which payloads and swings are looked for [m].
+    rate_torque: (3,) torque about the body axes over the body rates [N·m·s].
+    speed_torque: (2,) torque about body x over the velocity along y, and about y over that along x,
+        as of flapping blades and of drag beside Bo [N·s].
+    arm: mean distance of the rotors from Bo, the unit of length in which payloads and swings are
+        looked for [m].
     """
 
     step: float  # between samples [s]
@@ -45,24 +56,42 @@ class PayloadFilterModel:
     speed_torque: np.ndarray = dc.field(default_factory=lambda: np.zeros(2))
     delay: float = 0.0  # of the command before it [s]
     arm: float = dc.field(kw_only=True)
-    summary: dict[str, Any] = dc.field(default_factory=dict)  # key figures and origin of the training
+    summary: dict[str, Any] = dc.field(
+        default_factory=dict
+    )  # key figures and origin of the training
 
     def __post_init__(self):
         for name in ("step", "mass", "gravity", "thrust_error_deviation", "drag_deviation", "arm"):
             if not 0 < getattr(self, name) < LARGEST:
-                raise ValueError(f"PayloadFilterModel: {name} must be positive; got {getattr(self, name)}.")
+                raise ValueError(
+                    f"PayloadFilterModel: {name} must be positive; got {getattr(self, name)}."
+                )
         if not 0 <= self.delay < np.inf:
-            raise ValueError(f"PayloadFilterModel: delay must not be negative [s]; got {self.delay}.")
-        if not 0 <= self.rotor_lag < np.inf or not self.thrust_error > -1 or not np.isfinite(self.drag):
-            raise ValueError("PayloadFilterModel: rotor_lag must not be negative, thrust_error above -1, drag finite.")
+            raise ValueError(
+                f"PayloadFilterModel: delay must not be negative [s]; got {self.delay}."
+            )
+        if (
+            not 0 <= self.rotor_lag < np.inf
+            or not self.thrust_error > -1
+            or not np.isfinite(self.drag)
+        ):
+            raise ValueError(
+                "PayloadFilterModel: rotor_lag must not be negative, thrust_error above "
+                "-1, drag finite."
+            )
         for name, (length, unit) in VECTORS.items():
             value = getattr(self, name)
             if np.shape(value) != (length,) or not np.all(np.isfinite(value)):
-                raise ValueError(f"PayloadFilterModel: {name} must be {length} finite numbers [{unit}]; got {value}.")
+                raise ValueError(
+                    f"PayloadFilterModel: {name} must be {length} finite numbers [{unit}]; "
+                    f"got {value}."
+                )
 
     @property
     def unit(self) -> Scales:
-        """Units of length, mass and time over those of the paper's vehicle, which are exactly 1 for the latter."""
+        """Units of length, mass and time over those of the paper's vehicle, which are exactly 1 for
+        the latter.
+        """
         return over_paper(Scales(self.arm, self.mass, math.sqrt(self.arm / self.gravity)))
 
     def save(self, path: str | Path) -> None:

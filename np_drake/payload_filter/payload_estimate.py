@@ -1,4 +1,6 @@
-"""Payload that a bank of pendulums believes to carry: posterior mean and 95 % interval over all its members."""
+"""Payload that a bank of pendulums believes to carry: posterior mean and 95 % interval over all its
+members.
+"""
 
 from typing import NamedTuple
 
@@ -23,7 +25,9 @@ class Estimate(NamedTuple):
 
 
 class PayloadEstimate(NamedTuple):
-    """Tether length [m], mass over that of the vehicle [1], and drag over mass and velocity [1/s]."""
+    """Tether length [m], mass over that of the vehicle [1], and drag over mass and velocity
+    [1/s].
+    """
 
     length: Estimate
     mass: Estimate
@@ -33,21 +37,25 @@ class PayloadEstimate(NamedTuple):
 def payload_estimate(memory: Memory) -> PayloadEstimate:
     """Return what the members of a `PayloadFilter`'s memory believe of the payload.
 
-    Every member has a Gaussian of mass, logarithm of length and damping; their weights mix them. Length and damping are
-    those of a payload if there is one.
+    Every member has a Gaussian of mass, logarithm of length and damping; their weights mix them.
+    Length and damping are those of a payload if there is one.
     """
     weight = memory["weight"]
     loaded = np.where(carries(len(weight)), weight, 0.0)
     loaded = loaded / loaded.sum()
     mass = _marginal(memory, weight, kernel.MASS)
-    log_length, damping = (_marginal(memory, loaded, index) for index in (kernel.LOG_LENGTH, kernel.DAMPING))
+    log_length, damping = (
+        _marginal(memory, loaded, index) for index in (kernel.LOG_LENGTH, kernel.DAMPING)
+    )
     weight, mean, deviation = log_length
     low, high = (float(np.exp(_quantile(*log_length, share))) for share in (LOW, HIGH))
     length = Estimate(float(weight @ np.exp(mean + 0.5 * deviation**2)), low, high)
     return PayloadEstimate(length, _estimate(*mass), _estimate(*damping))
 
 
-def _marginal(memory: Memory, weight: np.ndarray, index: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _marginal(
+    memory: Memory, weight: np.ndarray, index: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return weight, mean and standard deviation of one number of the points, (k,) each."""
     error = index - (kernel.POINT - kernel.SIZE)
     variance = memory["covariance"][:, error, error]

@@ -1,4 +1,6 @@
-"""Payload filter: a bank of pendulums, corrected by every label, that forecasts along the controller's plan."""
+"""Payload filter: a bank of pendulums, corrected by every label, that forecasts along the
+controller's plan.
+"""
 
 import dataclasses as dc
 from functools import lru_cache
@@ -18,25 +20,30 @@ from np_drake.residual_model import Memory, Plan, Sample, WrenchForecast
 from np_drake.rigid_body import Q, W
 
 RAW = LabelConfig(force_bandwidth=np.inf, torque_bandwidth=np.inf)  # the filter wants white noise
-NOISE_TIME = 2.0  # over which the noise of labels is averaged [s], as many samples of any vehicle; own choice
+# over which the noise of labels is averaged [s], as many samples of any vehicle; own choice
+NOISE_TIME = 2.0
 DEFAULT_BANK = BankOptions()
 FIRST_NOISE = 0.3  # noise of a force label before any was seen [m/s²]; source: stated prior
-CLIP = 4.0  # second difference that counts as noise, in standard deviations [1]: larger ones are events
+# second difference that counts as noise, in standard deviations [1]: larger ones are events
+CLIP = 4.0
 LEAST_WEIGHT = 0.01  # of a member in a forecast [1]
 
 
 class PayloadFilter:
-    """Pendulums of several lengths and conditions under the vehicle, weighed by how well they predict the labels.
+    """Pendulums of several lengths and conditions under the vehicle, weighed by how well they
+    predict the labels.
 
-    The forecast is that of every member along the plan (mean by weight). Where the motion departs from the plan, the
-    tether follows as a linear pendulum: z = [r, s] in x and y with r the payload's distance from the hook and s its
-    velocity, r' = s - v, s' = -g/L r - c s, force = m g/L r. That system is dissipative: over any motion from rest it
-    takes up energy from the vehicle and never gives back more.
+    The forecast is that of every member along the plan (mean by weight). Where the motion departs
+    from the plan, the tether follows as a linear pendulum: z = [r, s] in x and y with r the
+    payload's distance from the hook and s its velocity, r' = s - v, s' = -g/L r - c s, force = m
+    g/L r. That system is dissipative: over any motion from rest it takes up energy from the vehicle
+    and never gives back more.
 
-    Memory: of the bank; x (13,) and acting (4,) command at the last sample; labels (2, 3) the last two of force and
-    variance (3,) of their noise; steady (3,) torque that nothing here explains, shift (3,) of the hook and what
-    `next_shift` needs for both; now (9,) what moves the tether; seen: samples so far.
-    A sample without label, or with a NaN in it, moves the bank without correction; without a state it waits.
+    Memory: of the bank; x (13,) and acting (4,) command at the last sample; labels (2, 3) the last
+    two of force and variance (3,) of their noise; steady (3,) torque that nothing here explains,
+    shift (3,) of the hook and what `next_shift` needs for both; now (9,) what moves the tether;
+    seen: samples so far. A sample without label, or with a NaN in it, moves the bank without
+    correction; without a state it waits.
 
     Args:
         model: the trained vehicle.
@@ -57,7 +64,9 @@ class PayloadFilter:
         self.bank = PendulumBank(options, step=model.step, gravity=model.gravity)
         self._noise_share = self.step / (NOISE_TIME * model.unit.clock)
         self._length_unit = model.unit.length
-        self._unit_step = self.step / model.unit.time  # step in the time unit of the paper's vehicle [s]
+        self._unit_step = (
+            self.step / model.unit.time
+        )  # step in the time unit of the paper's vehicle [s]
         self._hook = np.asarray(model.hook, float)
         self._cross = attitude.skew(self._hook)
         self._rate_torque = np.asarray(model.rate_torque, float)
@@ -100,18 +109,23 @@ class PayloadFilter:
         acting, over_step = u + decay * before, u + mean_decay * before
         mass = self.model.mass
         drive, now = np.empty(9), np.empty(9)
-        drives(memory["x"], x, self._hook, over_step[0] / mass, acting[0] / mass, self.step, drive, now)
+        drives(
+            memory["x"], x, self._hook, over_step[0] / mass, acting[0] / mass, self.step, drive, now
+        )
         chi = np.asarray(sample.chi, float)
         force = chi[:3] / self.model.mass
         bank = self.bank.step_on(memory, drive, now, force, memory["variance"])
         new = {**memory, **bank, "x": x.copy(), "acting": acting, "now": now}
         if finite(chi):
             new |= self._noise(memory, force)
-            new |= self._hook_and_level(new, chi[3:] - motion_torque(x, self._rate_torque, self._speed_torque))
+            new |= self._hook_and_level(
+                new, chi[3:] - motion_torque(x, self._rate_torque, self._speed_torque)
+            )
         return new
 
     def _hook_and_level(self, memory: Memory, torque: np.ndarray) -> Memory:
-        """Return the memory of hook and level after a torque (3,) that body rates and velocity do not explain [N·m].
+        """Return the memory of hook and level after a torque (3,) that body rates and velocity do
+        not explain [N·m].
 
         What the members disagree about the pull is a doubt about its torque.
         """
@@ -123,18 +137,24 @@ class PayloadFilter:
         return next_shift(memory, rest, pull, doubt, self._unit_step, length_unit=self._length_unit)
 
     def pull(self, memory: Memory) -> np.ndarray:
-        """Return the pull of the tether on the vehicle at the last sample, mean of all members, in W (3,) [N]."""
+        """Return the pull of the tether on the vehicle at the last sample, mean of all members, in
+        W (3,) [N].
+        """
         return self.model.mass * self._pull_moments(memory)[0]
 
     @staticmethod
     def _pull_moments(memory: Memory) -> tuple[np.ndarray, np.ndarray]:
-        """Return mean (3,) and covariance (3, 3) over the members of the pull in W [m/s², m²/s⁴]."""
+        """Return mean (3,) and covariance (3, 3) over the members of the pull in W [m/s²,
+        m²/s⁴].
+        """
         centre, covariance = np.empty(3), np.empty((3, 3))
         kernel.pull_moments(memory["mean"], memory["weight"], memory["now"], centre, covariance)
         return centre, covariance
 
     def _noise(self, memory: Memory, force: np.ndarray) -> Memory:
-        """Return the labels and the variance of their noise: a sixth of that of second differences."""
+        """Return the labels and the variance of their noise: a sixth of that of second
+        differences.
+        """
         after = {name: np.empty_like(memory[name]) for name in ("labels", "variance", "seen")}
         least = self.bank.options.least_noise
         before = (memory[name] for name in after)
@@ -148,17 +168,34 @@ class PayloadFilter:
         plan = Plan(x, np.tile(memory["acting"], (horizon, 1)))
         return self.forecast_along(memory, plan, horizon=horizon, stride=stride)
 
-    def forecast_along(self, memory: Memory, plan: Plan, *, horizon: int, stride: int) -> WrenchForecast:
-        """Return the forecast over `horizon` steps of `stride * self.step` seconds along a plan at these steps."""
+    def forecast_along(
+        self, memory: Memory, plan: Plan, *, horizon: int, stride: int
+    ) -> WrenchForecast:
+        """Return the forecast over `horizon` steps of `stride * self.step` seconds along a plan at
+        these steps.
+        """
         some = np.flatnonzero(memory["weight"] >= LEAST_WEIGHT)
         weight = memory["weight"][some] / memory["weight"][some].sum()
         points, step = memory["mean"][some], stride * self.step
         hook, mass, gravity = self._hook + memory["shift"], self.model.mass, self.model.gravity
         wrench = np.empty((len(plan.u), 6))
         along_plan(
-            points, weight, plan.x, plan.u, memory["acting"], memory["steady"], self._rate_torque,
-            self._speed_torque, hook, mass, gravity, step, stride, *_lag(self.rotor_lag, step), wrench,
-        )  # fmt: skip
+            points,
+            weight,
+            plan.x,
+            plan.u,
+            memory["acting"],
+            memory["steady"],
+            self._rate_torque,
+            self._speed_torque,
+            hook,
+            mass,
+            gravity,
+            step,
+            stride,
+            *_lag(self.rotor_lag, step),
+            wrench,
+        )
         A, B, C, offset = np.zeros((4, 4)), np.zeros((4, 6)), np.zeros((6, 4)), wrench.copy()
         beside_plan(weight @ points, plan.x, hook, mass, gravity, step, A, B, C, offset)
         return WrenchForecast(A, B, C, np.zeros(4), offset)
@@ -191,7 +228,9 @@ def _take_noise(labels, variance, seen, force, share, least, labels_out, varianc
 
 @lru_cache(maxsize=16)
 def _lag(time_constant: float, step: float) -> tuple[float, float]:
-    """Return the share of a difference that a first-order lag leaves: mean over a step, and at its end [1]."""
+    """Return the share of a difference that a first-order lag leaves: mean over a step, and at its
+    end [1].
+    """
     if time_constant <= 0.0:
         return 0.0, 0.0
     decay = float(np.exp(-step / time_constant))

@@ -1,4 +1,6 @@
-"""Training of a payload filter: thrust error, drag, hook and rotor lag of the vehicle, from its own filter."""
+"""Training of a payload filter: thrust error, drag, hook and rotor lag of the vehicle, from its own
+filter.
+"""
 
 import dataclasses as dc
 from collections.abc import Callable, Sequence
@@ -14,19 +16,24 @@ from np_drake.payload_filter.model_file import PayloadFilterModel
 from np_drake.payload_filter.predictor import DEFAULT_BANK, RAW, PayloadFilter
 from np_drake.residual_model import Memory, Sample
 from np_drake.rigid_body import Q, V, W
-from np_drake.scaling import ratios, scales
 from np_drake.training_data.accelerations import with_accelerations
 from np_drake.training_data.actuator_timing import delayed, learned_timing
 from np_drake.training_data.sampled_flight import picked_flight
 from np_drake.training_data.training_segments import Flight, require_torque
 from np_drake.vehicle import Vehicle
+from np_drake.vehicle.scaling import ratios, scales
 
 LASTING = 1e6  # memory while training: nothing returns to its prior [s]
 # Of the paper's vehicle, in whose units of length and time they hold for any.
 SETTLED = 5.0  # after which the pull serves to find the hook [s]; source: own choice, two swings
-HOOK = 0.1  # prior deviation from Bo of the hook, and of the point where drag acts [m]; stated prior
+HOOK = (
+    0.1  # prior deviation from Bo of the hook, and of the point where drag acts [m]; stated prior
+)
 COLUMNS = 14  # of the torque [1]
-THRUST_CHANGE, DRAG_CHANGE = 0.01, 0.02  # least deviations: from flight to flight [1, 1/s]; stated priors
+THRUST_CHANGE, DRAG_CHANGE = (
+    0.01,
+    0.02,
+)  # least deviations: from flight to flight [1, 1/s]; stated priors
 Flights = Sequence[tuple[FlightLog, Vehicle]]
 
 
@@ -38,22 +45,25 @@ def train_payload_filter(
     The filter runs over them with wide priors, twice: the second time it knows the hook.
 
     Args:
-        flights: logs that tell the rotors' torque.
         step: between samples [s].
         on_pass: called with (done, total).
-    Raises: ValueError: if the logs are of different vehicles, or one is without torque, its labels or rows.
+    Raises: ValueError: if the logs are of different vehicles, or one is without torque, its labels
+        or rows.
     """
     logs = [(with_accelerations(require_torque(log)), vehicle) for log, vehicle in flights]
     vehicle = logs[0][1]
     if any(other != vehicle for _, other in logs):
-        raise ValueError("payload_filter: all flights must be of one vehicle; give them one --vehicle FILE.")
+        raise ValueError(
+            "payload_filter: all flights must be of one vehicle; give them one --vehicle FILE."
+        )
     delays = [step * part / FINE for part in range(LONGEST_DELAY * FINE + 1)]
     lag, delay = learned_timing(logs, delays)
     samples = [flight_samples(log, vehicle, lag, step, delay) for log, _ in logs]
     for (log, _), flight in zip(logs, samples, strict=True):
         if not len(torque_steps(flight)):
             raise ValueError(
-                f"payload_filter: flight {log.name} must have torque labels at neighbouring samples (command and "
+                f"payload_filter: flight {log.name} must have torque labels at "
+                f"neighbouring samples (command and "
                 "angular acceleration in the same rows); got none."
             )
     hook = np.zeros(3)
@@ -61,7 +71,11 @@ def train_payload_filter(
         model = _refined(_untrained(vehicle, lag, step, hook), samples)
         hook = model.hook
         on_pass(done, 2)
-    summary = {"origin": origin_of("world", vehicle, RAW), "samples": sum(map(len, samples)), "command_delay": delay}
+    summary = {
+        "origin": origin_of("world", vehicle, RAW),
+        "samples": sum(map(len, samples)),
+        "command_delay": delay,
+    }
     return dc.replace(model, delay=delay, summary=summary)
 
 
@@ -70,18 +84,24 @@ def opened_logs(flights: Sequence[Flight]) -> Flights:
 
     Raises: ValueError: if one is an array of wrenches.
     """
-    logs = [(flight.data, flight.vehicle) for flight in flights if isinstance(flight.data, FlightLog)]
+    logs = [
+        (flight.data, flight.vehicle) for flight in flights if isinstance(flight.data, FlightLog)
+    ]
     if len(logs) < len(flights):
-        raise ValueError("payload_filter: must have flight logs, with attitude and command; got arrays of wrenches.")
+        raise ValueError(
+            "payload_filter: must have flight logs, with attitude and command; got arrays "
+            "of wrenches."
+        )
     return logs
 
 
-def flight_samples(log: FlightLog, vehicle: Vehicle, rotor_lag: float, step: float, delay: float = 0.0) -> list[Sample]:
-    """Return what a predictor would see of a flight, a sample every `step` [s], see `picked_flight`.
+def flight_samples(
+    log: FlightLog, vehicle: Vehicle, rotor_lag: float, step: float, delay: float = 0.0
+) -> list[Sample]:
+    """Return what a predictor would see of a flight, a sample every `step` [s], see
+    `picked_flight`.
 
     Args:
-        log: with accelerations.
-        vehicle: nominal.
         rotor_lag: of a vehicle whose file names none [s].
         step: between samples [s].
         delay: of commands, before the lag [s].
@@ -92,18 +112,30 @@ def flight_samples(log: FlightLog, vehicle: Vehicle, rotor_lag: float, step: flo
     return [flight.sample(k) for k in range(len(flight))]
 
 
-def _untrained(vehicle: Vehicle, rotor_lag: float, step: float, hook: np.ndarray) -> PayloadFilterModel:
+def _untrained(
+    vehicle: Vehicle, rotor_lag: float, step: float, hook: np.ndarray
+) -> PayloadFilterModel:
     """Return the model before any flight, with the wide priors of the bank."""
     bank = DEFAULT_BANK.scaled(ratios(vehicle))
     thrust, drag = bank.thrust_error, bank.drag
     return PayloadFilterModel(
-        step, vehicle.mass, vehicle.gravity, rotor_lag, thrust.mean, thrust.deviation, drag.mean,
-        drag.deviation, hook, arm=scales(vehicle).length,
-    )  # fmt: skip
+        step,
+        vehicle.mass,
+        vehicle.gravity,
+        rotor_lag,
+        thrust.mean,
+        thrust.deviation,
+        drag.mean,
+        drag.deviation,
+        hook,
+        arm=scales(vehicle).length,
+    )
 
 
 def _refined(model: PayloadFilterModel, flights: Sequence[list[Sample]]) -> PayloadFilterModel:
-    """Return the model after its filter ran over the samples of all flights, one after the other."""
+    """Return the model after its filter ran over the samples of all flights, one after the
+    other.
+    """
     gram, right = np.zeros((COLUMNS, COLUMNS)), np.zeros(COLUMNS)
     for samples in flights:
         predictor = PayloadFilter(model, dc.replace(DEFAULT_BANK, memory=LASTING))
@@ -132,14 +164,17 @@ def _posterior(memory: Memory, index: int) -> tuple[float, float]:
     values, weight = memory["mean"][:, index], memory["weight"]
     error = index - (kernel.POINT - kernel.SIZE)
     mean = float(weight @ values)
-    return mean, float(np.sqrt(weight @ (memory["covariance"][:, error, error] + (values - mean) ** 2)))
+    return mean, float(
+        np.sqrt(weight @ (memory["covariance"][:, error, error] + (values - mean) ** 2))
+    )
 
 
 def _torque_columns(pull: np.ndarray, before: Sample, sample: Sample, step: float) -> np.ndarray:
-    """Return the columns (3, 14) of the torque: hook, constant, body rates, lateral velocity, change of the rates.
+    """Return the columns (3, 14) of the torque: hook, constant, body rates, lateral velocity,
+    change of the rates.
 
-    The velocity stands for flapping blades and drag beside Bo, the change for a wrong inertia and what is left of the
-    rotors' lag; the hook must not be taken for them.
+    The velocity stands for flapping blades and drag beside Bo, the change for a wrong inertia and
+    what is left of the rotors' lag; the hook must not be taken for them.
     """
     cross = attitude.skew(attitude.rotate_back(sample.x[Q], pull)).T  # of hook x pull over the hook
     change = (sample.x[W] - before.x[W]) / step
@@ -151,9 +186,11 @@ def _torque_columns(pull: np.ndarray, before: Sample, sample: Sample, step: floa
 def _torque(
     gram: np.ndarray, right: np.ndarray, flights: Sequence[list[Sample]], model: PayloadFilterModel
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return hook (3,) [m], torque over body rates (3,) [N·m·s] and over velocity (2,) [N·s] that explain it best.
+    """Return hook (3,) [m], torque over body rates (3,) [N·m·s] and over velocity (2,) [N·s] that
+    explain it best.
 
-    The hook has a prior around Bo, and so has the point at which drag acts. What the flights do not show is zero.
+    The hook has a prior around Bo, and so has the point at which drag acts. What the flights do not
+    show is zero.
     """
     noise = np.mean(np.concatenate([torque_steps(samples) for samples in flights]) ** 2) / 2
     hook, drag = HOOK * model.unit.length, DEFAULT_BANK.drag.deviation / model.unit.time
@@ -164,7 +201,9 @@ def _torque(
 
 
 def torque_steps(samples: Sequence[Sample]) -> np.ndarray:
-    """Return the change of the torque label from sample to sample of a flight, where both have one, (n, 3) [N·m]."""
+    """Return the change of the torque label from sample to sample of a flight, where both have one,
+    (n, 3) [N·m].
+    """
     chi = np.array([sample.chi for sample in samples]).reshape(-1, 6)
     labelled = np.all(np.isfinite(chi), axis=1)
     return np.diff(chi[:, 3:], axis=0)[labelled[1:] & labelled[:-1]]

@@ -1,1 +1,3 @@
-"""Reference motions as flat outputs with four analytic derivatives, and the feed-forward they imply."""
+"""Reference motions as flat outputs with four analytic derivatives, and the feed-forward they
+imply.
+"""

@@ -23,15 +23,24 @@ class ReferenceConfig:
     width: float = 0.75  # half width of the lemniscate along y [m]
     rise: float = 0.5  # half height of the vertical lemniscate along z [m]
     height: float = 1.6  # [m]
-    speed: float = 1.5  # mean speed after the ramp; of the steps: of a move; of corners `snap`: the largest [m/s]
+    # mean speed after the ramp; of the steps: of a move; of corners `snap`: the largest [m/s]
+    speed: float = 1.5
     rest: float = 2.0  # of the steps, and of corners `stop`: at every one [s]
     ramp: float = 5.0  # from rest to full speed; of the steps: rest before the first move [s]
-    corners: str = "round"  # of a file's waypoints: round | stop (at rest at each) | snap (the least)
+    corners: str = (
+        "round"  # of a file's waypoints: round | stop (at rest at each) | snap (the least)
+    )
     follow: str = "vehicle"  # whose position the track is: vehicle | payload (of the reality)
-    within: float = 0.1  # distance from waypoints and their straight legs beyond which a flight warns [m]
-    dither: list[float] = dc.field(default_factory=lambda: [0.0, 0.0, 0.0])  # RMS multisine per axis [m]
-    dither_frequencies: list[float] = dc.field(  # tones of x; those of y and z lie between them [Hz]
-        default_factory=lambda: [0.23, 0.41, 0.67, 0.97]
+    within: float = (
+        0.1  # distance from waypoints and their straight legs beyond which a flight warns [m]
+    )
+    dither: list[float] = dc.field(
+        default_factory=lambda: [0.0, 0.0, 0.0]
+    )  # RMS multisine per axis [m]
+    dither_frequencies: list[float] = (
+        dc.field(  # tones of x; those of y and z lie between them [Hz]
+            default_factory=lambda: [0.23, 0.41, 0.67, 0.97]
+        )
     )
     dither_seed: int = 0  # of the multisine's phases [1]
 
@@ -42,36 +51,51 @@ class ReferenceConfig:
         """
         if self.track not in TRACKS and not self.is_file:
             raise ValueError(
-                f"ReferenceConfig: track must be one of {', '.join(TRACKS)} or a CSV file; got {self.track!r}."
+                f"ReferenceConfig: track must be one of {', '.join(TRACKS)} or a CSV file; "
+                f"got {self.track!r}."
             )
         for name in ("radius", "length", "width", "rise", "height", "speed"):
             if not 0 < getattr(self, name) < np.inf:
-                raise ValueError(f"ReferenceConfig: {name} must be positive and finite; got {getattr(self, name)}.")
+                raise ValueError(
+                    f"ReferenceConfig: {name} must be positive and finite; got "
+                    f"{getattr(self, name)}."
+                )
         if self.track == "vertical" and not self.rise < self.height:
             raise ValueError(
-                f"ReferenceConfig: rise must be below height, or the track leads into the ground; got {self.rise}, "
+                f"ReferenceConfig: rise must be below height, or the track leads into the "
+                f"ground; got {self.rise}, "
                 f"{self.height} [m]."
             )
         for name in ("ramp", "rest"):
             if not 0 <= getattr(self, name) < np.inf:
-                raise ValueError(f"ReferenceConfig: {name} must not be negative [s]; got {getattr(self, name)}.")
+                raise ValueError(
+                    f"ReferenceConfig: {name} must not be negative [s]; got {getattr(self, name)}."
+                )
         if np.shape(self.dither) != (3,) or min(self.dither) < 0:
-            raise ValueError(f"ReferenceConfig: dither must be three RMS values [m]; got {self.dither}.")
+            raise ValueError(
+                f"ReferenceConfig: dither must be three RMS values [m]; got {self.dither}."
+            )
         if not self.dither_frequencies or not all(0 < f < np.inf for f in self.dither_frequencies):
             raise ValueError(
-                f"ReferenceConfig: dither_frequencies must be positive and finite [Hz]; got {self.dither_frequencies}."
+                f"ReferenceConfig: dither_frequencies must be positive and finite [Hz]; "
+                f"got {self.dither_frequencies}."
             )
         for name, known in (("corners", CORNERS), ("follow", FOLLOWED)):
             if getattr(self, name) not in known:
                 got = getattr(self, name)
-                raise ValueError(f"ReferenceConfig: {name} must be one of {', '.join(known)}; got {got!r}.")
+                raise ValueError(
+                    f"ReferenceConfig: {name} must be one of {', '.join(known)}; got {got!r}."
+                )
         if not 0 < self.within < np.inf:
-            raise ValueError(f"ReferenceConfig: within must be positive and finite [m]; got {self.within}.")
+            raise ValueError(
+                f"ReferenceConfig: within must be positive and finite [m]; got {self.within}."
+            )
         if self.is_file:
             self._file()
         elif self.corners != ROUND:
             raise ValueError(
-                f"ReferenceConfig: corners is for the waypoints of a CSV file; got {self.corners} and {self.track}."
+                f"ReferenceConfig: corners is for the waypoints of a CSV file; got "
+                f"{self.corners} and {self.track}."
             )
         return self
 
@@ -82,7 +106,9 @@ class ReferenceConfig:
 
     @property
     def lead(self) -> float:
-        """Time before the scored part [s]: the ramp; of a file's at most its length, none if it begins at rest."""
+        """Time before the scored part [s]: the ramp; of a file's at most its length, none if it
+        begins at rest.
+        """
         return self._file().lead if self.is_file else self.ramp
 
     @property
@@ -98,7 +124,9 @@ class ReferenceConfig:
         return getattr(track, "points", getattr(track, "corners", None))
 
     def _file(self) -> FileTrack:
-        return read_track(self.track, speed=self.speed, ramp=self.ramp, corners=self.corners, rest=self.rest)
+        return read_track(
+            self.track, speed=self.speed, ramp=self.ramp, corners=self.corners, rest=self.rest
+        )
 
 
 def make_reference(config: ReferenceConfig) -> Reference:
@@ -108,7 +136,10 @@ def make_reference(config: ReferenceConfig) -> Reference:
     if not np.any(config.dither):
         return track
     dither = Multisine(
-        config.dither, frequencies=tuple(config.dither_frequencies), ramp=max(config.ramp, 1.0), seed=config.dither_seed
+        config.dither,
+        frequencies=tuple(config.dither_frequencies),
+        ramp=max(config.ramp, 1.0),
+        seed=config.dither_seed,
     )
     return Sum(track, dither)
 

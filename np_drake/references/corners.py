@@ -11,12 +11,15 @@ from np_drake.references.waypoints import graded, is_closed, periodic
 
 ACCELERATION = 3.0  # largest of a move between two stops [m/s²]; own choice: 17 degrees of tilt
 DEGREE = 7  # of the spline with the least integral of the squared fourth derivative
-POWER = 0.75  # of its length that a leg's time grows by; own choice: midway between chord length and centripetal [1]
+# of its length that a leg's time grows by; own choice: midway between chord length and centripetal
+# [1]
+POWER = 0.75
 SAMPLES = 128  # of the speed, a leg
 
 
 class PointToPoint(Steps):
-    """Straight legs between waypoints, with a stop at each; a closed track is flown round after round.
+    """Straight legs between waypoints, with a stop at each; a closed track is flown round after
+    round.
 
     A leg takes its length over `speed`, and longer where that took more than 3 m/s².
 
@@ -30,20 +33,24 @@ class PointToPoint(Steps):
         self.points = np.array(points, float)
         closed = is_closed(self.points)
         corners = self.points[:-1] if closed else self.points
-        super().__init__(corners, speed=speed, rest=rest, start=0.0, closed=closed, most=ACCELERATION)
+        super().__init__(
+            corners, speed=speed, rest=rest, start=0.0, closed=closed, most=ACCELERATION
+        )
 
 
 class MinimumSnap:
-    """Motion through waypoints with the least integral of the squared snap, nowhere faster than `speed`.
+    """Motion through waypoints with the least integral of the squared snap, nowhere faster than
+    `speed`.
 
-    Closed where the first point equals the last: flown lap after lap, from rest by a ramp. Open: from rest to rest, for
-    which its first and last leg take about half a ramp longer. Source: Mellinger and Kumar (2011); the minimum is the
-    interpolating spline of degree 7.
+    Closed where the first point equals the last: flown lap after lap, from rest by a ramp. Open:
+    from rest to rest, for which its first and last leg take about half a ramp longer. Source:
+    Mellinger and Kumar (2011); the minimum is the interpolating spline of degree 7.
 
     Args:
         points: (k, 3) waypoints [m].
         speed: largest along the track [m/s].
-        ramp: from rest to full speed, and back at the end of an open track; at most the time of the legs [s].
+        ramp: from rest to full speed, and back at the end of an open track; at most the time of the
+            legs [s].
     """
 
     def __init__(self, points: np.ndarray, *, speed: float, ramp: float):
@@ -77,7 +84,8 @@ def _times(gaps: np.ndarray) -> np.ndarray:
 
 
 def _slowed(gaps: np.ndarray, fit: Callable[[np.ndarray], BSpline], speed: float) -> np.ndarray:
-    """Return the times (k,) of the legs, all longer or shorter alike, at which the motion peaks at `speed` [s].
+    """Return the times (k,) of the legs, all longer or shorter alike, at which the motion peaks at
+    `speed` [s].
 
     Args:
         gaps: (k,) times of any unit.

@@ -1,4 +1,6 @@
-"""Feed-forward: the state and input at which eq. (1) follows a reference motion under a known wrench."""
+"""Feed-forward: the state and input at which eq. (1) follows a reference motion under a known
+wrench.
+"""
 
 import numpy as np
 
@@ -11,12 +13,11 @@ _DELTA = 1e-4  # step of the central difference that turns body rate into angula
 def targets(vehicle: Vehicle, flat: np.ndarray, chi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return x* and u* that track `flat` exactly under the wrench `chi` (the target shift).
 
-    Thrust direction and size follow from m (a + g z) - f_e; body rate and torque from jerk and snap, the wrench
-    taken as constant in its own derivative. The heading is zero. Source: differential flatness of eq. (1); own choice:
-    shortest tilt.
+    Thrust direction and size follow from m (a + g z) - f_e; body rate and torque from jerk and
+    snap, the wrench taken as constant in its own derivative. The heading is zero. Source:
+    differential flatness of eq. (1); own choice: shortest tilt.
 
     Args:
-        vehicle: nominal.
         flat: (5, n, 3) p, v, a, jerk, snap in W.
         chi: (n, 6) wrench [N, N·m].
     Returns:
@@ -33,7 +34,6 @@ def body_rates(vehicle: Vehicle, flat: np.ndarray) -> np.ndarray:
     """Return w_WB_B (n, 3) of a reference motion without any wrench [rad/s].
 
     Args:
-        vehicle: whose gravity counts.
         flat: (5, n, 3) p, v, a, jerk, snap in W.
     """
     flat = np.ascontiguousarray(flat, float)

@@ -23,7 +23,6 @@ def fly_at(center: Reference, corner: np.ndarray) -> Reference:
     """Return the motion of one vehicle of a formation.
 
     Args:
-        center: motion of its centre.
         corner: (3,) place of the vehicle from there [m].
     """
     return Sum(center, Hover(corner))
@@ -41,11 +40,17 @@ def payload_drop(radius: float, length: float, hook_z: float) -> float:
     Raises: ValueError: if the cables do not reach the middle.
     """
     if not radius < length:
-        raise ValueError(f"formation: its radius must be below the cable's length; got {radius}, {length} [m].")
+        raise ValueError(
+            f"formation: its radius must be below the cable's length; got {radius}, {length} [m]."
+        )
     return float(hook_z - np.sqrt(length**2 - radius**2))
 
 
 def closest_approach(p: np.ndarray) -> float:
-    """Return the smallest distance of any two of positions p (n, rows, 3) at any time [m]; inf for one vehicle."""
+    """Return the smallest distance of any two of positions p (n, rows, 3) at any time [m]; inf for
+    one vehicle.
+    """
     pairs = [(i, j) for i in range(len(p)) for j in range(i)]
-    return min((float(np.linalg.norm(p[i] - p[j], axis=-1).min()) for i, j in pairs), default=np.inf)
+    return min(
+        (float(np.linalg.norm(p[i] - p[j], axis=-1).min()) for i, j in pairs), default=np.inf
+    )

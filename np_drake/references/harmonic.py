@@ -8,7 +8,8 @@ from np_drake.references.ramp import compose, ramped_phase
 
 
 class HarmonicTrack:
-    """Track p(phase) = center + sum_h amplitude_h cos(h phase + shift_h) at constant phase rate after a ramp.
+    """Track p(phase) = center + sum_h amplitude_h cos(h phase + shift_h) at constant phase rate
+    after a ramp.
 
     Args:
         center: (3,) [m].   amplitudes, shifts: (H, 3) [m, rad] for the harmonics 1 … H.
@@ -25,7 +26,9 @@ class HarmonicTrack:
     def path(self, phase: np.ndarray) -> np.ndarray:
         """Return the track and its four derivatives by phase, (5, n, 3), at phases (n,) [rad]."""
         flat = np.empty((5, len(phase), 3))
-        kernels.fourier(np.ascontiguousarray(phase), self.center, self.amplitudes, self.shifts, flat)
+        kernels.fourier(
+            np.ascontiguousarray(phase), self.center, self.amplitudes, self.shifts, flat
+        )
         return flat
 
     def length(self) -> float:
@@ -51,10 +54,14 @@ def circle(*, radius: float, height: float, speed: float, ramp: float) -> Harmon
         speed: [m/s].
         ramp: time from rest to full speed [s].
     """
-    return HarmonicTrack([0, 0, height], [[radius, radius, 0.0]], [[0.0, -np.pi / 2, 0.0]], speed=speed, ramp=ramp)
+    return HarmonicTrack(
+        [0, 0, height], [[radius, radius, 0.0]], [[0.0, -np.pi / 2, 0.0]], speed=speed, ramp=ramp
+    )
 
 
-def lemniscate(*, length: float, width: float, height: float, speed: float, ramp: float) -> HarmonicTrack:
+def lemniscate(
+    *, length: float, width: float, height: float, speed: float, ramp: float
+) -> HarmonicTrack:
     """Return the lemniscate x = length cos, y = width sin(2 ·) at constant height.
 
     Args:
@@ -73,7 +80,9 @@ def lemniscate(*, length: float, width: float, height: float, speed: float, ramp
     )
 
 
-def vertical_lemniscate(*, length: float, rise: float, height: float, speed: float, ramp: float) -> HarmonicTrack:
+def vertical_lemniscate(
+    *, length: float, rise: float, height: float, speed: float, ramp: float
+) -> HarmonicTrack:
     """Return the upright lemniscate x = length cos, z = height + rise sin(2 ·), in the plane y = 0.
 
     It climbs and descends twice a lap while it swings the payload along x.
@@ -97,23 +106,33 @@ def vertical_lemniscate(*, length: float, rise: float, height: float, speed: flo
 class Multisine:
     """Sum of sines at incommensurate frequencies in each axis, faded in with the ramp by its phase.
 
-    All tones of an axis have the same velocity amplitude, and their sum has the RMS given (about its own mean; it
-    starts at zero offset). Source: own choice: training on a circle without dither yields a spurious force per vz.
+    All tones of an axis have the same velocity amplitude, and their sum has the RMS given (about
+    its own mean; it starts at zero offset). Source: own choice: training on a circle without dither
+    yields a spurious force per vz.
 
     Args:
-        amplitude: (3,) RMS of the dither per axis [m].   frequencies: of the tones of x [Hz]; y and z take tones
-        between them, so that no two axes share one.   ramp: [s].   seed: of the tones' phases.
+        amplitude: (3,) RMS of the dither per axis [m].
+        frequencies: of the tones of x [Hz]; y and z take tones between them, so that no two axes
+            share one.
+        ramp: [s].
+        seed: of the tones' phases.
     """
 
-    def __init__(self, amplitude, *, frequencies=(0.23, 0.41, 0.67, 0.97), ramp: float = 5.0, seed: int = 0):
+    def __init__(
+        self, amplitude, *, frequencies=(0.23, 0.41, 0.67, 0.97), ramp: float = 5.0, seed: int = 0
+    ):
         self.frequencies = np.array(frequencies)[:, None] * np.array([1.0, 1.13, 1.27])
         share = 1 / self.frequencies
-        self.amplitude = np.array(amplitude, float) * share / np.sqrt(0.5 * np.sum(share**2, axis=0))
+        self.amplitude = (
+            np.array(amplitude, float) * share / np.sqrt(0.5 * np.sum(share**2, axis=0))
+        )
         self.shift = np.random.default_rng(seed).uniform(0, 2 * np.pi, share.shape)
         self.ramp = ramp
 
     def sample(self, t: np.ndarray) -> np.ndarray:
-        """Return p and its four derivatives in W, (5, n, 3), at times t (n,) [s]; starts at rest at zero offset."""
+        """Return p and its four derivatives in W, (5, n, 3), at times t (n,) [s]; starts at rest at
+        zero offset.
+        """
         warped = ramped_phase(t, 1.0, self.ramp)
         path = np.zeros((5, len(t), 3))
         for f, amplitude, shift in zip(self.frequencies, self.amplitude, self.shift, strict=True):

@@ -1,4 +1,6 @@
-"""Compiled loops of the references: Fourier sums, derivatives through a phase, attitude and rate of a thrust."""
+"""Compiled loops of the references: Fourier sums, derivatives through a phase, attitude and rate of
+a thrust.
+"""
 
 import math
 
@@ -31,10 +33,12 @@ def _polynomial(coefficients, s):
 
 @compiled
 def ramped(polynomials, t, rate, ramp, out):
-    """Write a phase that runs at a constant rate after a ramp from rest, and its derivatives by time.
+    """Write a phase that runs at a constant rate after a ramp from rest, and its derivatives by
+    time.
 
     Args:
-        polynomials: (5, m) phase and its derivatives on the ramp, both of unit rate and duration, lowest power first.
+        polynomials: (5, m) phase and its derivatives on the ramp, both of unit rate and duration,
+            lowest power first.
         t: (n,) [s].
         rate: final one [rad/s].
         ramp: its duration [s].
@@ -93,12 +97,18 @@ def compose(path, phase, out):
             out[1, i, axis] = a * d1
             out[2, i, axis] = b * d1 * d1 + a * d2
             out[3, i, axis] = c * d1 * d1 * d1 + 3 * b * d1 * d2 + a * d3
-            out[4, i, axis] = d * d1 * d1 * d1 * d1 + 6 * c * d1 * d1 * d2 + b * (3 * d2 * d2 + 4 * d1 * d3) + a * d4
+            out[4, i, axis] = (
+                d * d1 * d1 * d1 * d1
+                + 6 * c * d1 * d1 * d2
+                + b * (3 * d2 * d2 + 4 * d1 * d3)
+                + a * d4
+            )
 
 
 @compiled
 def _attitude_and_rate(f_x, f_y, f_z, r_x, r_y, r_z):
-    """Return quaternion and body rate [rad/s] of a thrust f in W and its rate r, component by component.
+    """Return quaternion and body rate [rad/s] of a thrust f in W and its rate r, component by
+    component.
 
     The attitude is the shortest tilt to the thrust, so that q_z = 0.
     """
@@ -117,7 +127,8 @@ def _attitude_and_rate(f_x, f_y, f_z, r_x, r_y, r_z):
 
 @compiled
 def follow(flat, chi, mass, gravity, J, delta, x, u):
-    """Write the states x (n, 13) and inputs u (n, 4) that follow flat (5, n, 3) under chi (n, 6), see `flatness`.
+    """Write the states x (n, 13) and inputs u (n, 4) that follow flat (5, n, 3) under chi (n, 6),
+    see `flatness`.
 
     Args:
         flat: (5, n, 3) motion and its derivatives by time.
@@ -130,15 +141,22 @@ def follow(flat, chi, mass, gravity, J, delta, x, u):
         u: (n, 4) as well.
     """
     for i in range(flat.shape[1]):
-        # Thrust m (a + g z) - f_e and its rate; the angular acceleration is a central difference of the body rate
+        # Thrust m (a + g z) - f_e and its rate; the angular acceleration is a central difference of
+        # the body rate
         f_x, f_y = mass * flat[2, i, 0] - chi[i, 0], mass * flat[2, i, 1] - chi[i, 1]
         f_z = mass * (flat[2, i, 2] + gravity) - chi[i, 2]
         j_x, j_y, j_z = mass * flat[3, i, 0], mass * flat[3, i, 1], mass * flat[3, i, 2]
         d_x, d_y, d_z = delta * j_x, delta * j_y, delta * j_z
-        s_x, s_y, s_z = (delta * mass * flat[4, i, 0], delta * mass * flat[4, i, 1], delta * mass * flat[4, i, 2])
+        s_x, s_y, s_z = (
+            delta * mass * flat[4, i, 0],
+            delta * mass * flat[4, i, 1],
+            delta * mass * flat[4, i, 2],
+        )
         w, q_x, q_y, q_z, a, b, c = _attitude_and_rate(f_x, f_y, f_z, j_x, j_y, j_z)
         later = _attitude_and_rate(f_x + d_x, f_y + d_y, f_z + d_z, j_x + s_x, j_y + s_y, j_z + s_z)
-        sooner = _attitude_and_rate(f_x - d_x, f_y - d_y, f_z - d_z, j_x - s_x, j_y - s_y, j_z - s_z)
+        sooner = _attitude_and_rate(
+            f_x - d_x, f_y - d_y, f_z - d_z, j_x - s_x, j_y - s_y, j_z - s_z
+        )
         for axis in range(3):
             x[i, axis], x[i, 7 + axis] = flat[0, i, axis], flat[1, i, axis]
         x[i, 3], x[i, 4], x[i, 5], x[i, 6] = w, q_x, q_y, q_z
@@ -166,6 +184,11 @@ def rates(flat, gravity, w):
     """
     for i in range(flat.shape[1]):
         found = _attitude_and_rate(
-            flat[2, i, 0], flat[2, i, 1], flat[2, i, 2] + gravity, flat[3, i, 0], flat[3, i, 1], flat[3, i, 2],
-        )  # fmt: skip
+            flat[2, i, 0],
+            flat[2, i, 1],
+            flat[2, i, 2] + gravity,
+            flat[3, i, 0],
+            flat[3, i, 1],
+            flat[3, i, 2],
+        )
         w[i, 0], w[i, 1], w[i, 2] = found[4], found[5], found[6]

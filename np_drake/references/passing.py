@@ -18,7 +18,8 @@ def nearest(points: np.ndarray, p: np.ndarray) -> np.ndarray:
 
 
 def off_legs(points: np.ndarray, p: np.ndarray) -> tuple[float, int]:
-    """Return the largest distance of a path from the legs between waypoints [m], and the leg next to which it is.
+    """Return the largest distance of a path from the legs between waypoints [m], and the leg next
+    to which it is.
 
     Args:
         points: (k, 3) waypoints in their order [m].
@@ -39,7 +40,6 @@ def _off(p: np.ndarray, start: np.ndarray, end: np.ndarray) -> np.ndarray:
     Args:
         p: (n, 3), or one for all lines.
         start: (n, 3), or one for all points.
-        end: likewise.
     """
     way = end - start
     share = np.sum((p - start) * way, axis=1) / np.maximum(np.sum(way**2, axis=1), 1e-18)

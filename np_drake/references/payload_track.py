@@ -9,24 +9,29 @@ from np_drake.references.base import Reference
 from np_drake.references.flatness import targets
 from np_drake.vehicle import Vehicle
 
-STEP = 0.01  # between the instants of a difference [s]; own choice: far below the period of any swing
-# Central differences of seven points: the function and its four derivatives, exact for polynomials of degree 6.
+STEP = (
+    0.01  # between the instants of a difference [s]; own choice: far below the period of any swing
+)
+# Central differences of seven points: the function and its four derivatives, exact for polynomials
+# of degree 6.
 _POWERS = np.arange(-3.0, 4.0)
-_DIFFERENCES = np.linalg.inv(np.vander(_POWERS, increasing=True))[:5] * np.array([1.0, 1.0, 2.0, 6.0, 24.0])[:, None]
+_DIFFERENCES = (
+    np.linalg.inv(np.vander(_POWERS, increasing=True))[:5]
+    * np.array([1.0, 1.0, 2.0, 6.0, 24.0])[:, None]
+)
 
 
 class PayloadTrack:
     """Motion of Bo under which the payload follows `track`.
 
-    The pull of the cable is all that accelerates the payload: it lies along a_P + g z, and the hook stands one cable
-    length up that direction. The vehicle's own attitude differs from that direction by little, and moves Bo by less
-    than a twentieth of the hook's lever: it is taken as the same. Source: differential flatness of a quadrotor with a
-    suspended payload (Sreenath et al., 2013), without mass of the cable and drag; own choice: derivatives by
-    differences, since the snap of Bo takes the sixth derivative of the track.
+    The pull of the cable is all that accelerates the payload: it lies along a_P + g z, and the hook
+    stands one cable length up that direction. The vehicle's own attitude differs from that
+    direction by little, and moves Bo by less than a twentieth of the hook's lever: it is taken as
+    the same. Source: differential flatness of a quadrotor with a suspended payload (Sreenath et
+    al., 2013), without mass of the cable and drag; own choice: derivatives by differences, since
+    the snap of Bo takes the sixth derivative of the track.
 
     Args:
-        track: of the payload.
-        vehicle: that carries it.
         length: of the cable [m].
         hook: p_BoTo_B (3,) [m].
     """

@@ -7,7 +7,8 @@ from scipy.interpolate import make_interp_spline
 
 from np_drake.references.ramp import rest_to_rest
 
-PEAK = 7.5132  # largest acceleration of a move of 1 m in 1 s, by the polynomial of `rest_to_rest` [m/s²]
+# largest acceleration of a move of 1 m in 1 s, by the polynomial of `rest_to_rest` [m/s²]
+PEAK = 7.5132
 
 
 class Spline:
@@ -51,17 +52,23 @@ class Stops:
         """Return p and its four derivatives in W, (5, n, 3), at times t (n,) [s]."""
         flat = np.zeros((5, len(t), 3))
         flat[0] = self.points[0]
-        for (a, b), start, duration in zip(pairwise(self.points), self.starts, self.durations, strict=True):
-            flat += rest_to_rest((np.asarray(t, float) - start) / duration, duration)[:, :, None] * (b - a)
+        for (a, b), start, duration in zip(
+            pairwise(self.points), self.starts, self.durations, strict=True
+        ):
+            flat += rest_to_rest((np.asarray(t, float) - start) / duration, duration)[
+                :, :, None
+            ] * (b - a)
         return flat
 
 
 class Steps:
-    """Straight moves between `corners` (k, 3) [m] with a rest at each: round after round, or from first to last.
+    """Straight moves between `corners` (k, 3) [m] with a rest at each: round after round, or from
+    first to last.
 
-    A move is the lowest polynomial with three vanishing derivatives at both ends, so that thrust and body rates have
-    no jump. A true step has none of the derivatives that the feed-forward needs, and most of its error is the distance
-    that any vehicle has to fly, whatever its controller knows of the wrench.
+    A move is the lowest polynomial with three vanishing derivatives at both ends, so that thrust
+    and body rates have no jump. A true step has none of the derivatives that the feed-forward
+    needs, and most of its error is the distance that any vehicle has to fly, whatever its
+    controller knows of the wrench.
 
     Args:
         speed: mean of a move [m/s].
@@ -72,7 +79,14 @@ class Steps:
     """
 
     def __init__(
-        self, corners: np.ndarray, *, speed: float, rest: float, start: float, closed: bool = True, most: float = np.inf
+        self,
+        corners: np.ndarray,
+        *,
+        speed: float,
+        rest: float,
+        start: float,
+        closed: bool = True,
+        most: float = np.inf,
     ):
         self.corners = np.array(corners, float)
         ends = np.concatenate([self.corners[1:], self.corners[:1]]) if closed else self.corners[1:]

@@ -5,8 +5,9 @@ from numpy.polynomial import Polynomial
 
 from np_drake.references import kernels
 
-# Rate of the phase on s in [0, 1]: the lowest polynomial from 0 to 1 with three vanishing derivatives at both ends,
-# so that the phase is four times differentiable and thrust, torque and snap stay finite.
+# Rate of the phase on s in [0, 1]: the lowest polynomial from 0 to 1 with three vanishing
+# derivatives at both ends, so that the phase is four times differentiable and thrust, torque and
+# snap stay finite.
 _RATE = [Polynomial([0, 0, 0, 0, 35, -84, 70, -20])]
 _RATE += [_RATE[0].deriv(k) for k in (1, 2, 3)]
 _PHASE = _RATE[0].integ()  # phase on s in [0, 1], from 0 to 1/2
@@ -42,13 +43,16 @@ def ramped_phase(t: np.ndarray, rate: float, ramp: float) -> np.ndarray:
 
 
 def rest_to_rest(s: np.ndarray, duration: float) -> np.ndarray:
-    """Return a step from 0 to 1 and its time derivatives, (5, n) [1/s^k], while s (n,) goes from 0 to 1.
+    """Return a step from 0 to 1 and its time derivatives, (5, n) [1/s^k], while s (n,) goes from 0
+    to 1.
 
     Args:
         s: (n,) share of the duration that has passed [1].
         duration: one, or (n,) [s].
     """
-    return _at(_STEP, np.clip(s, 0.0, 1.0)) * np.asarray(duration, float) ** -np.arange(5.0)[:, None]
+    return (
+        _at(_STEP, np.clip(s, 0.0, 1.0)) * np.asarray(duration, float) ** -np.arange(5.0)[:, None]
+    )
 
 
 def compose(path: np.ndarray, phase: np.ndarray) -> np.ndarray:

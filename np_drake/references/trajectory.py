@@ -16,27 +16,37 @@ SHORTEST_BRAKE = 1.0  # [s]
 
 
 class Trajectory:
-    """Spline of degree 7 along positions `p` (n, 3) [m] at times `t` (n,) [s], the first of which is the start.
+    """Spline of degree 7 along positions `p` (n, 3) [m] at times `t` (n,) [s], the first of which
+    is the start.
 
-    The spline is the one of the fewest knots that passes within one unit of the last decimal of the positions (1 nm to
-    1 mm), or their change in one of large times, so that rounding does not reach the snap. Source: own choice.
+    The spline is the one of the fewest knots that passes within one unit of the last decimal of the
+    positions (1 nm to 1 mm), or their change in one of large times, so that rounding does not reach
+    the snap. Source: own choice.
 
-    It rests before and after a motion that is at rest there. A motion that is not at rest at its start is flown from
-    rest: over `ramp` its own time goes from rest to full rate, during which half of the ramp passes of it. After an
-    end in motion it brakes to rest.
+    It rests before and after a motion that is at rest there. A motion that is not at rest at its
+    start is flown from rest: over `ramp` its own time goes from rest to full rate, during which
+    half of the ramp passes of it. After an end in motion it brakes to rest.
 
     Args:
         ramp: [s]; at most as long as the trajectory.
-        v, a: (n, 3) velocities and accelerations of the rows, which tell whether it is at rest [m/s, m/s²].
+        v, a: (n, 3) velocities and accelerations of the rows, which tell whether it is at rest
     """
 
     def __init__(
-        self, t: np.ndarray, p: np.ndarray, *, ramp: float, v: np.ndarray | None = None, a: np.ndarray | None = None
+        self,
+        t: np.ndarray,
+        p: np.ndarray,
+        *,
+        ramp: float,
+        v: np.ndarray | None = None,
+        a: np.ndarray | None = None,
     ):
         t = np.asarray(t, float)
         rests = [_at_rest(t[rows], p[rows], _row(v, i), _row(a, i)) for i, rows in _ENDS]
         self._duration = float(t[-1] - t[0])
-        drift = np.max(np.abs(np.diff(p, axis=0) / np.diff(t)[:, None])) * np.spacing(np.max(np.abs(t)))
+        drift = np.max(np.abs(np.diff(p, axis=0) / np.diff(t)[:, None])) * np.spacing(
+            np.max(np.abs(t))
+        )
         within = max(resolution(p), min(float(drift), CRUDEST))
         self._spline = _along(t - t[0], np.asarray(p, float), *rests, within=within)
         self.starts_at_rest, self._rests_at_end = rests
@@ -53,7 +63,9 @@ class Trajectory:
         return compose(self.at(phase[0]), phase)
 
     def at(self, time: np.ndarray) -> np.ndarray:
-        """Return p and its four derivatives, (5, n, 3), at times (n,) since the first row [s], without any ramp."""
+        """Return p and its four derivatives, (5, n, 3), at times (n,) since the first row [s],
+        without any ramp.
+        """
         inside = np.clip(time, 0.0, self._duration)
         flat = np.stack([self._spline(inside, k) for k in range(5)])
         flat[1:, time < 0.0] = 0.0
@@ -85,15 +97,21 @@ def _row(values: np.ndarray | None, i: int) -> np.ndarray | None:
 
 
 def _at_rest(t: np.ndarray, p: np.ndarray, v: np.ndarray | None, a: np.ndarray | None) -> bool:
-    """Return whether velocity and acceleration vanish at an end; differences of its three rows stand for either."""
+    """Return whether velocity and acceleration vanish at an end; differences of its three rows
+    stand for either.
+    """
     slopes = np.diff(p, axis=0) / np.diff(t)[:, None]
     v = slopes if v is None else v
     a = (slopes[1] - slopes[0]) * 2 / (t[2] - t[0]) if a is None else a
     return bool(np.max(np.abs(v)) <= REST_SPEED and np.max(np.abs(a)) <= REST_ACCELERATION)
 
 
-def _along(t: np.ndarray, p: np.ndarray, rests_before: bool, rests_after: bool, *, within: float) -> BSpline:
-    """Return the spline of the fewest knots whose distance from every row is `within` so much [m]."""
+def _along(
+    t: np.ndarray, p: np.ndarray, rests_before: bool, rests_after: bool, *, within: float
+) -> BSpline:
+    """Return the spline of the fewest knots whose distance from every row is `within` so much
+    [m].
+    """
     rests = LEAST_ROWS * np.array([rests_before, rests_after])
     stride = COARSEST
     while stride > 1:
@@ -110,18 +128,27 @@ def _along(t: np.ndarray, p: np.ndarray, rests_before: bool, rests_after: bool, 
 
 
 def _fit(t: np.ndarray, p: np.ndarray, knots: np.ndarray) -> BSpline:
-    """Return the spline of least squares; a second pass takes the round-off of the normal equations out."""
+    """Return the spline of least squares; a second pass takes the round-off of the normal equations
+    out.
+    """
     knots = np.concatenate([np.full(LEAST_ROWS, t[0]), knots, np.full(LEAST_ROWS, t[-1])])
-    spline = make_lsq_spline(t, p, knots, k=DEGREE, method="norm-eq")  # "qr" takes the square of the rows
+    spline = make_lsq_spline(
+        t, p, knots, k=DEGREE, method="norm-eq"
+    )  # "qr" takes the square of the rows
     spline.c += make_lsq_spline(t, p - spline(t), knots, k=DEGREE, method="norm-eq").c
     return spline
 
 
 def _padded(t: np.ndarray, p: np.ndarray, counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return times and positions with so many rows of rest before and after them."""
-    before, after = (step * np.arange(1, n + 1) for n, step in zip(counts, (t[1] - t[0], t[-1] - t[-2]), strict=True))
+    before, after = (
+        step * np.arange(1, n + 1)
+        for n, step in zip(counts, (t[1] - t[0], t[-1] - t[-2]), strict=True)
+    )
     times = np.concatenate([t[0] - before[::-1], t, t[-1] + after])
-    return times, np.concatenate([np.tile(p[0], (len(before), 1)), p, np.tile(p[-1], (len(after), 1))])
+    return times, np.concatenate(
+        [np.tile(p[0], (len(before), 1)), p, np.tile(p[-1], (len(after), 1))]
+    )
 
 
 def resolution(p: np.ndarray) -> float:
@@ -133,9 +160,11 @@ def resolution(p: np.ndarray) -> float:
 
 
 def _braking(last: np.ndarray, duration: float) -> list[np.polynomial.Polynomial]:
-    """Return the velocity of each axis over the share of the duration: from `last` to rest, of degree 6.
+    """Return the velocity of each axis over the share of the duration: from `last` to rest, of
+    degree 6.
 
-    It has the velocity, acceleration and jerk `last` (3, 3) at 0; it and three derivatives vanish at 1.
+    It has the velocity, acceleration and jerk `last` (3, 3) at 0; it and three derivatives vanish
+    at 1.
     """
     orders = [*((0.0, k) for k in range(3)), *((1.0, k) for k in range(4))]
     powers = [np.polynomial.Polynomial.basis(i) for i in range(7)]

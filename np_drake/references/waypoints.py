@@ -5,20 +5,27 @@ from scipy.interpolate import BSpline, make_interp_spline
 
 from np_drake.references.ramp import compose, ramped_phase
 
-DEGREE = 5  # four continuous derivatives; the natural one has the least integral of the squared third derivative
-STEEPEST = 2.0  # ratio of neighbouring gaps beyond which the longer is halved; at least 2, so that it ends; own choice
+# four continuous derivatives; the natural one has the least integral of the squared third
+# derivative
+DEGREE = 5
+# ratio of neighbouring gaps beyond which the longer is halved; at least 2, so that it ends; own
+# choice
+STEEPEST = 2.0
 SAMPLES = 64  # of the speed, a gap
 
 
 class Waypoints:
-    """Spline of degree 5 through `points` (k, 3) [m] whose parameter grows by the distance from point to point.
+    """Spline of degree 5 through `points` (k, 3) [m] whose parameter grows by the distance from
+    point to point.
 
-    A leg much longer than its neighbours gets points on its straight line, so that the spline does not swing out there.
-    Closed where the first point equals the last: flown lap after lap. Open: from rest to rest, then at rest.
+    A leg much longer than its neighbours gets points on its straight line, so that the spline does
+    not swing out there. Closed where the first point equals the last: flown lap after lap. Open:
+    from rest to rest, then at rest.
 
     Args:
         speed: mean along the track, at the full rate of the parameter [m/s].
-        ramp: from rest to full rate, and back at the end of an open track; at most the track's time at full rate [s].
+        ramp: from rest to full rate, and back at the end of an open track; at most the track's time
+            at full rate [s].
     """
 
     def __init__(self, points: np.ndarray, *, speed: float, ramp: float):
@@ -66,7 +73,6 @@ def graded(points: np.ndarray, closed: bool) -> np.ndarray:
 
     Args:
         points: (k, 3) [m].
-        closed: whether the last is the first.
     """
     if len(points) == 2:  # a straight line, which two points alone do not make of a spline
         points = np.stack([points[0], points.mean(axis=0), points[1]])
@@ -85,7 +91,9 @@ def _fit(points: np.ndarray, gaps: np.ndarray, closed: bool) -> BSpline:
     """Return the spline through points whose parameter grows by `gaps` between them."""
     if not closed:
         free = [(3, np.zeros(3)), (4, np.zeros(3))]  # natural ends
-        return make_interp_spline(np.concatenate([[0.0], np.cumsum(gaps)]), points, k=DEGREE, bc_type=(free, free))
+        return make_interp_spline(
+            np.concatenate([[0.0], np.cumsum(gaps)]), points, k=DEGREE, bc_type=(free, free)
+        )
     return periodic(points, gaps, DEGREE)
 
 
@@ -95,7 +103,6 @@ def periodic(points: np.ndarray, gaps: np.ndarray, degree: int) -> BSpline:
     Args:
         points: (k+1, 3), the last of which is the first [m].
         gaps: (k,) of its parameter between them.
-        degree: of the spline.
     """
     laps = -(-2 * degree // len(gaps))  # of points, so that there are enough for a periodic spline
     rows = np.concatenate([np.tile(points[:-1], (laps, 1)), points[:1]])

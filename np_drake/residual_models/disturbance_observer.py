@@ -1,4 +1,6 @@
-"""Baseline of offset-free MPC: a disturbance observer on velocity and rate, without an accelerometer."""
+"""Baseline of offset-free MPC: a disturbance observer on velocity and rate, without an
+accelerometer.
+"""
 
 import numpy as np
 
@@ -10,13 +12,13 @@ from np_drake.vehicle import Vehicle
 class DisturbanceObserver:
     """Luenberger observer of eq. (1) with a constant disturbance: chi_dot = 0.
 
-    v_hat+ = v_hat + h v_dot(x, u, chi_hat) + l1 e,  chi_hat+ = chi_hat + M l2 e / h,  e = v - v_hat;
-    both poles of the error at p = exp(-2 pi bandwidth h), so l1 = 1 - p², l2 = (1 - p)².
-    Source: own choice; the standard form of offset-free MPC with pole placement, with the best of seven
+    v_hat+ = v_hat + h v_dot(x, u, chi_hat) + l1 e,  chi_hat+ = chi_hat + M l2 e / h,  e = v -
+    v_hat; both poles of the error at p = exp(-2 pi bandwidth h), so l1 = 1 - p², l2 = (1 - p)².
+    Source: own choice; the standard form of offset-free MPC with pole placement, with the best of
+        seven
     pairs of bandwidths.
 
     Args:
-        vehicle: nominal.
         step: time between samples [s].
         force_bandwidth: [Hz].
         torque_bandwidth: [Hz].
@@ -24,7 +26,14 @@ class DisturbanceObserver:
 
     name = "observer"
 
-    def __init__(self, vehicle: Vehicle, *, step: float, force_bandwidth: float = 5.0, torque_bandwidth: float = 1.0):
+    def __init__(
+        self,
+        vehicle: Vehicle,
+        *,
+        step: float,
+        force_bandwidth: float = 5.0,
+        torque_bandwidth: float = 1.0,
+    ):
         self.step, self._vehicle = step, vehicle
         pole = np.exp(-2 * np.pi * np.repeat([force_bandwidth, torque_bandwidth], 3) * step)
         self._l1, self._l2 = 1 - pole**2, (1 - pole) ** 2
@@ -32,7 +41,10 @@ class DisturbanceObserver:
     def initial_memory(self) -> Memory:
         """Return the memory before any sample.
 
-        chi: (6,) [N, N·m].   zeta: (6,) estimated [m/s, rad/s].   x: (13,) last measured state.   started: (1,).
+        chi: (6,) [N, N·m].
+        zeta: (6,) estimated [m/s, rad/s].
+        x: (13,) last measured state.
+        started: (1,).
         """
         return {"chi": np.zeros(6), "zeta": np.zeros(6), "x": np.zeros(13), "started": np.zeros(1)}
 
@@ -42,7 +54,12 @@ class DisturbanceObserver:
         if not memory["started"][0]:
             if not seen:
                 return memory
-            return {**memory, "zeta": rigid_body.zeta(sample.x), "x": sample.x, "started": np.ones(1)}
+            return {
+                **memory,
+                "zeta": rigid_body.zeta(sample.x),
+                "x": sample.x,
+                "started": np.ones(1),
+            }
         x = memory["x"].copy()
         x[7:13] = memory["zeta"]
         rate = rigid_body.state_derivative(self._vehicle, x, sample.u, memory["chi"])
@@ -56,7 +73,12 @@ class DisturbanceObserver:
         chi = memory["chi"].copy()
         chi[:3] += self._vehicle.mass * impulse[:3]
         chi[3:] += self._vehicle.J @ impulse[3:]
-        return {"chi": chi, "zeta": predicted + self._l1 * error, "x": sample.x, "started": np.ones(1)}
+        return {
+            "chi": chi,
+            "zeta": predicted + self._l1 * error,
+            "x": sample.x,
+            "started": np.ones(1),
+        }
 
     def forecast(self, memory: Memory, *, horizon: int, stride: int) -> WrenchForecast:
         """Return the estimated disturbance, held over the horizon."""

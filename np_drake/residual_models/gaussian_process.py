@@ -30,7 +30,9 @@ class GaussianProcess:
         wanted = {"X": (n, 6), "weight": (n, 6), "length": (6, 6), "mean": (6,)}
         for name, shape in wanted.items():
             if np.shape(getattr(self, name)) != shape:
-                raise ValueError(f"GaussianProcess: {name} must be {shape}; got {np.shape(getattr(self, name))}.")
+                raise ValueError(
+                    f"GaussianProcess: {name} must be {shape}; got {np.shape(getattr(self, name))}."
+                )
         if not np.all(self.length > 0):
             raise ValueError("GaussianProcess: length must be positive.")
         object.__setattr__(self, "_precision", (1.0 / self.length**2).T.copy())
@@ -73,7 +75,10 @@ class GaussianProcessConfig:
     restarts: int = 1  # of the search for hyperparameters, beside the one from unit lengths [1]
     # Of the kernel's lengths; below, noise is learnt [RMS of the inputs about their mean]
     length_bounds: tuple[float, float] = (0.5, 100.0)
-    noise_bounds: tuple[float, float] = (1e-6, 1.0)  # variance of the labels' noise [variance of the labels]
+    noise_bounds: tuple[float, float] = (
+        1e-6,
+        1.0,
+    )  # variance of the labels' noise [variance of the labels]
     seed: int = 0  # of the restarts
 
 
@@ -81,10 +86,6 @@ def fit_gaussian_process(
     segments: Sequence[Segment], config: GaussianProcessConfig = GaussianProcessConfig()
 ) -> GaussianProcess:
     """Fit the process to the flights' smoothed labels by largest marginal likelihood.
-
-    Args:
-        segments: uninterrupted flights.
-        config: of the fit.
     Raises: ValueError: if the segments are unusable.
     """
     checked = check_segments(list(segments), 1)
@@ -100,7 +101,6 @@ def regressors(zeta: np.ndarray, chi: np.ndarray, config: GaussianProcessConfig)
     Args:
         zeta: (n, 6), scaled.
         chi: (n, 6) [N, N·m].
-        config: of the fit.
     """
     from sklearn.exceptions import ConvergenceWarning
     from sklearn.gaussian_process import GaussianProcessRegressor

@@ -11,7 +11,6 @@ class Constant:
     Args:
         chi: (6,) [N, N·m]; zero for the nominal controller.
         step: between samples [s].
-        name: of its row in a table.
     """
 
     def __init__(self, chi: np.ndarray, *, step: float, name: str):
@@ -31,16 +30,19 @@ class Constant:
 
 
 class Hold:
-    """Residual model chi_i = low-pass(label) for all i; a sample without a label leaves the last one.
+    """Residual model chi_i = low-pass(label) for all i; a sample without a label leaves the last
+    one.
 
     Args:
         step: time between samples [s].
-        force_bandwidth, torque_bandwidth: of a first-order low-pass on top of the label's own [Hz]; inf for none.
+        force_bandwidth, torque_bandwidth: of a first-order low-pass on top of the label's own [Hz];
     """
 
     name = "hold"
 
-    def __init__(self, *, step: float, force_bandwidth: float = np.inf, torque_bandwidth: float = np.inf):
+    def __init__(
+        self, *, step: float, force_bandwidth: float = np.inf, torque_bandwidth: float = np.inf
+    ):
         self.step = step
         bandwidth = np.repeat([force_bandwidth, torque_bandwidth], 3)
         self._gain = 1.0 - np.exp(-2 * np.pi * bandwidth * step)

@@ -1,8 +1,10 @@
-"""Training of a KNODE: a network of the motion beside the nominal model, through the nominal model's own ODE.
+"""Training of a KNODE: a network of the motion beside the nominal model, through the nominal
+model's own ODE.
 
-Source: Chee et al. 2022: the loss is the error of the motion that the integrated model predicts, and no wrench label
-enters. Own choice: short windows from measured states (multiple shooting) rather than one long rollout, since an
-error of attitude grows without bound over a flight; each half of zeta is weighted by the nominal model's error in it.
+Source: Chee et al. 2022: the loss is the error of the motion that the integrated model predicts,
+and no wrench label enters. Own choice: short windows from measured states (multiple shooting)
+rather than one long rollout, since an error of attitude grows without bound over a flight; each
+half of zeta is weighted by the nominal model's error in it.
 """
 
 import dataclasses as dc
@@ -30,7 +32,9 @@ class Piece:
 
 @dc.dataclass(frozen=True)
 class KnodeConfig:
-    """Parameters of the KNODE: network as Phi (two hidden layers of 128, ReLU), the rest own choice."""
+    """Parameters of the KNODE: network as Phi (two hidden layers of 128, ReLU), the rest own
+    choice.
+    """
 
     width: int = 128  # neurons of a hidden layer [1]
     layers: int = 2  # hidden layers [1]
@@ -47,10 +51,6 @@ def flown_pieces(log: FlightLog, vehicle: Vehicle) -> list[Piece]:
     """Return the pieces of a log between rows that hold a NaN.
 
     Their command is the one that acts by the vehicle's rotor lag.
-
-    Args:
-        log: of the flight.
-        vehicle: that flew it.
     """
     x, u = log.x, acting_command(log, vehicle)
     good = np.isfinite(np.hstack([x, u])).all(axis=1)
@@ -70,9 +70,6 @@ def fit_knode(
     A loss of 1 is that of the nominal model.
 
     Args:
-        pieces: of flight, at one step.
-        vehicle: nominal.
-        config: of the training.
         on_epoch: called with (epoch, total, loss).
     Raises: ValueError: if no piece is longer than a window, or the steps differ.
     """
@@ -83,11 +80,16 @@ def fit_knode(
     ode = _Nominal(vehicle, step)
     with torch.no_grad():
         missed = x[:, 1:, 7:] - ode.rollout(x[:, 0], u, lambda zeta: torch.zeros_like(zeta))
-        # The constant that the nominal model misses most is known at once; descent need not look for it.
+        # The constant that the nominal model misses most is known at once; descent need not look
+        # for it.
         network.biases[-1].copy_(missed[:, -1].mean(dim=0) / (config.window * step))
         weight = 1.0 / missed.unflatten(-1, (2, 3)).pow(2).mean(dim=(0, 1, 3)).clamp_min(1e-12)
-    optimiser = torch.optim.AdamW(network.parameters(), lr=config.learning_rate, weight_decay=config.weight_decay)
-    rate = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, max(config.epochs, 1), config.learning_rate / 10)
+    optimiser = torch.optim.AdamW(
+        network.parameters(), lr=config.learning_rate, weight_decay=config.weight_decay
+    )
+    rate = torch.optim.lr_scheduler.CosineAnnealingLR(
+        optimiser, max(config.epochs, 1), config.learning_rate / 10
+    )
     history = []
     for epoch in range(config.epochs):
         order = torch.from_numpy(np.random.default_rng([config.seed, epoch]).permutation(len(x)))
@@ -130,16 +132,23 @@ class _Network(torch.nn.Module):
 
     def export(self) -> WrenchNetwork:
         """Return the network in numpy."""
-        weights, biases = (tuple(p.detach().numpy().copy() for p in group) for group in (self.weights, self.biases))
+        weights, biases = (
+            tuple(p.detach().numpy().copy() for p in group) for group in (self.weights, self.biases)
+        )
         return WrenchNetwork(weights, biases, self._scale.numpy().copy(), self._unit.numpy().copy())
 
 
 class _Nominal:
-    """Dynamics of eq. (1) of Jin et al. 2025 with gradients; classical Runge-Kutta, the input held over a step."""
+    """Dynamics of eq. (1) of Jin et al. 2025 with gradients; classical Runge-Kutta, the input held
+    over a step.
+    """
 
     def __init__(self, vehicle: Vehicle, step: float):
         self._step, self._mass, self._gravity = step, vehicle.mass, vehicle.gravity
-        self._J, self._J_inv = torch.from_numpy(vehicle.J), torch.from_numpy(np.linalg.inv(vehicle.J))
+        self._J, self._J_inv = (
+            torch.from_numpy(vehicle.J),
+            torch.from_numpy(np.linalg.inv(vehicle.J)),
+        )
 
     def rollout(self, start: torch.Tensor, u: torch.Tensor, wrench: Callable) -> torch.Tensor:
         """Return zeta after 1 … H steps, (b, H, 6).
@@ -147,7 +156,6 @@ class _Nominal:
         Args:
             start: (b, 13) states.
             u: (b, H, 4) commands [N, N·m].
-            wrench: zeta -> chi.
         """
         y, course = start[:, 3:], []  # q, v, w: position drives nothing
         for i in range(u.shape[1]):
@@ -167,21 +175,32 @@ class _Nominal:
         (q0, q1, q2, q3), w, chi = y[:, :4].T, y[:, 7:], wrench(y[:, 4:])
         a, b, c = w.T
         dq = 0.5 * torch.stack(
-            [-q1 * a - q2 * b - q3 * c, q0 * a + q2 * c - q3 * b, q0 * b + q3 * a - q1 * c, q0 * c + q1 * b - q2 * a],
+            [
+                -q1 * a - q2 * b - q3 * c,
+                q0 * a + q2 * c - q3 * b,
+                q0 * b + q3 * a - q1 * c,
+                q0 * c + q1 * b - q2 * a,
+            ],
             dim=1,
         )
-        up = torch.stack([2 * (q1 * q3 + q0 * q2), 2 * (q2 * q3 - q0 * q1), q0**2 - q1**2 - q2**2 + q3**2], dim=1)
+        up = torch.stack(
+            [2 * (q1 * q3 + q0 * q2), 2 * (q2 * q3 - q0 * q1), q0**2 - q1**2 - q2**2 + q3**2], dim=1
+        )
         dv = (u[:, :1] * up + chi[:, :3]) / self._mass
         dv = dv - torch.tensor([0.0, 0.0, self._gravity], dtype=dv.dtype)
         torque = u[:, 1:] + chi[:, 3:] - torch.linalg.cross(w, w @ self._J.T)
         return torch.cat([dq, dv, torque @ self._J_inv.T], dim=1)
 
 
-def _windows(pieces: Sequence[Piece], config: KnodeConfig) -> tuple[torch.Tensor, torch.Tensor, float]:
+def _windows(
+    pieces: Sequence[Piece], config: KnodeConfig
+) -> tuple[torch.Tensor, torch.Tensor, float]:
     """Return x (m, H + 1, 13), u (m, H, 4) and the step [s]."""
     steps = np.array([piece.step for piece in pieces])
     if len(steps) and np.ptp(steps) > 0.02 * steps.min():
-        raise ValueError(f"knode: all logs must share one step [s]; got {steps.min()} to {steps.max()}.")
+        raise ValueError(
+            f"knode: all logs must share one step [s]; got {steps.min()} to {steps.max()}."
+        )
     H, x, u = config.window, [], []
     for piece in pieces:
         for k in range(0, len(piece.x) - H, config.spacing):

@@ -13,7 +13,13 @@ from np_drake.lifting.model.encoders import DelayEncoder
 from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
 from np_drake.lifting.training.dmdc import fit_dmdc_system, sample_scale
 from np_drake.lifting.training.horizon_ridge import horizon_ridge, moments_of
-from np_drake.residual_model import FlightForecasts, Memory, Sample, WrenchForecast, constant_forecast
+from np_drake.residual_model import (
+    FlightForecasts,
+    Memory,
+    Sample,
+    WrenchForecast,
+    constant_forecast,
+)
 from np_drake.training_data.segments import Segment, check_segments
 
 DELAYS = 10  # samples that delay DMDc and the ridge see [1]
@@ -24,7 +30,6 @@ class Windowed:
     """Residual model of the last `window` samples; until there are so many, it holds the label.
 
     Args:
-        name: of its row in a table.
         step: between samples [s].
         window: W [samples].
     """
@@ -33,7 +38,9 @@ class Windowed:
         self.name, self.step, self.window = name, step, window
 
     def initial_memory(self) -> Memory:
-        """Return the memory before any sample: window (W, 12) of [chi, zeta], oldest first, and the count in it."""
+        """Return the memory before any sample: window (W, 12) of [chi, zeta], oldest first, and the
+        count in it.
+        """
         return {"window": np.zeros((self.window, 12)), "count": np.zeros(1)}
 
     def update(self, memory: Memory, sample: Sample) -> Memory:
@@ -58,11 +65,6 @@ class LinearBaseline(Windowed):
     """Lifted linear system without stabilisation, z = E w;  z+ = A z + B zeta,  chi = C z.
 
     Source: Proctor, Brunton, Kutz 2016 (DMDc), delays as states.
-
-    Args:
-        name: of its row in a table.
-        system: as fitted.
-        encoder: of z.
     """
 
     def __init__(self, name: str, system: LiftedLinearSystem, encoder: DelayEncoder):
@@ -89,10 +91,10 @@ class RidgeBaseline(Windowed):
         """Keep the weights.
 
         Args:
-            name: of the model.
             step: time between samples [s].
             horizons: (H,) ascending [steps].
-            W: (12 D + 1, H, 6) weights of the window, oldest sample first, and of 1, in physical units.
+            W: (12 D + 1, H, 6) weights of the window, oldest sample first, and of 1, in physical
+                units.
         """
         super().__init__(name, step, (len(W) - 1) // 12)
         self._horizons, self._W = horizons, W
@@ -119,14 +121,15 @@ class RidgeForecasts:
     """Forecasts of a `RidgeBaseline` over a whole flight.
 
     Args:
-        model: that forecasts.
         samples: (n, 12) of [chi, zeta].
     """
 
     def __init__(self, model: RidgeBaseline, samples: np.ndarray):
         self.first, self._model, self._samples = model.window - 1, model, samples
 
-    def at(self, horizons: list[int], origins: np.ndarray, zeta: np.ndarray, *, zeta_known: bool) -> np.ndarray:
+    def at(
+        self, horizons: list[int], origins: np.ndarray, zeta: np.ndarray, *, zeta_known: bool
+    ) -> np.ndarray:
         """Return chi_hat (o, len(horizons), 6) [N, N·m]; zeta is ignored."""
         taps = DelayTaps(self._model.window, self._model.window, 0)
         features = taps.features(self._samples, origins).reshape(len(origins), -1, 12)[:, ::-1]
@@ -141,33 +144,37 @@ def fit_dmdc(segments: Sequence[Segment], *, delays: int = 1) -> LinearBaseline:
     z = [chi now, chi before, …, zeta before, …]; the coming zeta is the input.
 
     Args:
-        segments: at one step.
         delays: samples of chi and zeta that the system sees [1].
     """
-    return LinearBaseline("DMDc" if delays == 1 else "delay DMDc", *fit_dmdc_system(segments, delays))
+    return LinearBaseline(
+        "DMDc" if delays == 1 else "delay DMDc", *fit_dmdc_system(segments, delays)
+    )
 
 
 def fit_ridge(segments: Sequence[Segment], horizons: np.ndarray) -> RidgeBaseline:
-    """Fit the best linear map of the last `DELAYS` samples for every horizon; flights are weighted alike.
+    """Fit the best linear map of the last `DELAYS` samples for every horizon; flights are weighted
+    alike.
 
     Args:
-        segments: at one step.
         horizons: (H,) ascending [steps].
     """
     segments = check_segments(list(segments), DELAYS + int(horizons[-1]) + 1)
     scale, taps = sample_scale(segments), DelayTaps(DELAYS, DELAYS, 0)
-    flights = moments_of(segments, scale, taps=taps, horizons=horizons, max_origins=4000, symmetry=0.0)
+    flights = moments_of(
+        segments, scale, taps=taps, horizons=horizons, max_origins=4000, symmetry=0.0
+    )
     W = horizon_ridge(flights, noise=NOISE) * scale[:6]
     newest_first = W[:-1].reshape(DELAYS, 12, len(horizons), 6) / scale[:, None, None]
     W = np.concatenate([newest_first[::-1].reshape(12 * DELAYS, len(horizons), 6), W[-1:]])
     return RidgeBaseline("ridge by horizon", segments[0].step, horizons, W)
 
 
-def fit_all(segments: Sequence[Segment], horizons: np.ndarray) -> dict[str, LinearBaseline | RidgeBaseline]:
+def fit_all(
+    segments: Sequence[Segment], horizons: np.ndarray
+) -> dict[str, LinearBaseline | RidgeBaseline]:
     """Return every linear baseline, by name.
 
     Args:
-        segments: at one step.
         horizons: (H,) of the ridge, ascending [steps].
     """
     models = (fit_dmdc(segments), fit_dmdc(segments, delays=DELAYS), fit_ridge(segments, horizons))

@@ -14,7 +14,10 @@ from np_drake.residual_models.gaussian_process import GaussianProcess
 from np_drake.residual_models.wrench_network import WrenchNetwork
 
 GP, KNODE = "gp", "knode"  # names
-REACTIONS: dict[str, type[GaussianProcess] | type[WrenchNetwork]] = {GP: GaussianProcess, KNODE: WrenchNetwork}
+REACTIONS: dict[str, type[GaussianProcess] | type[WrenchNetwork]] = {
+    GP: GaussianProcess,
+    KNODE: WrenchNetwork,
+}
 SCHEMA = "np_drake.motion_model/1"  # format of the file and its version
 
 
@@ -33,7 +36,10 @@ class MotionModel:
 
     def __post_init__(self):
         if self.name not in REACTIONS or not isinstance(self.reaction, REACTIONS[self.name]):
-            raise ValueError(f"MotionModel: name must be {' | '.join(REACTIONS)}, as its reaction is; got {self.name}.")
+            raise ValueError(
+                f"MotionModel: name must be {' | '.join(REACTIONS)}, as its reaction is; "
+                f"got {self.name}."
+            )
         if not 0 < self.step < np.inf:
             raise ValueError(f"MotionModel: step must be positive [s]; got {self.step}.")
 
@@ -47,7 +53,9 @@ class MotionModel:
         return {"zeta": zeta.copy()} if np.all(np.isfinite(zeta)) else memory
 
     def forecast(self, memory: Memory, *, horizon: int, stride: int) -> WrenchForecast:
-        """Return a forecast with the function itself, which the controller evaluates along its plan."""
+        """Return a forecast with the function itself, which the controller evaluates along its
+        plan.
+        """
         silent = constant_forecast(np.zeros(6), horizon)
         return dc.replace(silent, reaction=self.reaction, zeta=memory["zeta"])
 
@@ -68,7 +76,6 @@ class MotionModel:
         """Return the model in a file.
 
         Args:
-            path: of the file.
             name: where given, the name that the file must hold.
         Raises: ValueError: as `read_model`.
         """
@@ -90,7 +97,11 @@ class MotionForecasts:
     first: int  # first sample
     course: np.ndarray  # (n, 6) chi at each sample's own motion [N, N·m]
 
-    def at(self, horizons: list[int], origins: np.ndarray, zeta: np.ndarray, *, zeta_known: bool) -> np.ndarray:
-        """Return chi_hat (o, len(horizons), 6) [N, N·m], with the coming motion known or held at its last value."""
+    def at(
+        self, horizons: list[int], origins: np.ndarray, zeta: np.ndarray, *, zeta_known: bool
+    ) -> np.ndarray:
+        """Return chi_hat (o, len(horizons), 6) [N, N·m], with the coming motion known or held at
+        its last value.
+        """
         rows = origins[:, None] + np.array(horizons) * zeta_known
         return self.course[rows]

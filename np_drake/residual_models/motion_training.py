@@ -1,4 +1,6 @@
-"""Training of the models without memory, by name, on the flights that a Neural Predictor trains on."""
+"""Training of the models without memory, by name, on the flights that a Neural Predictor trains
+on.
+"""
 
 import dataclasses as dc
 from collections.abc import Callable, Sequence
@@ -17,7 +19,10 @@ from np_drake.training_data.segments import WrenchSequence
 from np_drake.training_data.training_segments import training_segments
 from np_drake.vehicle import Vehicle
 
-CONFIGURATIONS: dict[str, GaussianProcessConfig | KnodeConfig] = {GP: GaussianProcessConfig(), KNODE: KnodeConfig()}
+CONFIGURATIONS: dict[str, GaussianProcessConfig | KnodeConfig] = {
+    GP: GaussianProcessConfig(),
+    KNODE: KnodeConfig(),
+}
 
 
 def train_motion_model(
@@ -30,12 +35,10 @@ def train_motion_model(
     on_epoch: Callable[[int, int, float], None] = lambda *_: None,
     **settings,
 ) -> tuple[MotionModel, list[float]]:
-    """Return the model called `name` (gp or knode) and its loss after each epoch (none in closed form).
+    """Return the model called `name` (gp or knode) and its loss after each epoch (none in closed
+    form).
 
     Args:
-        name: of the model.
-        flights: logs, or wrenches with their motion.
-        vehicle: nominal.
         step: time between samples in flight [s].
         label: low-pass of the labels, None for the default.
         on_epoch: called with (epoch, total, loss).
@@ -43,7 +46,11 @@ def train_motion_model(
     Raises: ValueError: on an unknown name or setting, or flights that the model cannot learn from.
     """
     config = _config(name, settings)
-    segments = [piece for flight in flights for piece in training_segments(flight, vehicle, label, step=step)]
+    segments = [
+        piece
+        for flight in flights
+        for piece in training_segments(flight, vehicle, label, step=step)
+    ]
     loss: list[float] = []
     if isinstance(config, GaussianProcessConfig):
         reaction: Any = fit_gaussian_process(segments, config)
@@ -77,6 +84,8 @@ def _pieces(flights: Sequence[FlightLog | WrenchSequence], vehicle: Vehicle) -> 
     pieces = []
     for flight in flights:
         if isinstance(flight, WrenchSequence):
-            raise ValueError(f"knode: {flight.name} holds no command to integrate; give flight logs.")
+            raise ValueError(
+                f"knode: {flight.name} holds no command to integrate; give flight logs."
+            )
         pieces += flown_pieces(flight, vehicle)
     return pieces

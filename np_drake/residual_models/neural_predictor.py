@@ -27,12 +27,20 @@ class PredictorOptions:
 
 @dc.dataclass
 class RefitForecasts(FlightForecasts):
-    """Forecasts at every sample of a flight, each sample with its own A (o, K, K) and B (o, K, 6)."""
+    """Forecasts at every sample of a flight, each sample with its own A (o, K, K) and B (o, K,
+    6).
+    """
 
-    before: np.ndarray  # (o,) spectral radius of each refit A before it was made stable, 0 of a family [1]
+    before: (
+        np.ndarray
+    )  # (o,) spectral radius of each refit A before it was made stable, 0 of a family [1]
 
-    def at(self, horizons: list[int], origins: np.ndarray, zeta: np.ndarray, *, zeta_known: bool) -> np.ndarray:
-        """Return chi_hat (o, len(horizons), 6) of the forecasts at `origins`, see `FlightForecasts` [N, N·m]."""
+    def at(
+        self, horizons: list[int], origins: np.ndarray, zeta: np.ndarray, *, zeta_known: bool
+    ) -> np.ndarray:
+        """Return chi_hat (o, len(horizons), 6) of the forecasts at `origins`, see `FlightForecasts`
+        [N, N·m].
+        """
         at = origins - self.first
         A, B, z = self.A[at].swapaxes(1, 2), self.B[at].swapaxes(1, 2), self.z[at][:, None]
         chi_hat = np.repeat(self.offset[at][:, None], len(horizons), axis=1)
@@ -49,15 +57,17 @@ class RefitForecasts(FlightForecasts):
 class NeuralPredictor:
     """Neural Predictor, z = Phi(chi) or E window;  z+ = A z + B zeta;  chi_hat = C z.
 
-    A label that is known to be late is lifted at its own time, and z then taken to the present with the zeta since.
+    A label that is known to be late is lifted at its own time, and z then taken to the present with
+    the zeta since.
 
-    Memory: window (W, 12) of [chi, zeta], oldest first; z (K,); where A (K, K) and B (K, 6) change in flight, these;
-    of a refit rows (W - late, K + 6), the window as it reads it, so that every sample is lifted once; of a family theta
-    (r,) and its covariance (r, r), its recursive estimate; lowpass (6,) of the labels; count of samples in the window,
-    up to W; labels, dropped: samples with and without one so far; gap: dropped in a row just now; where the model has a
-    `trust`, its memory, as trust/….
-    Until `count` reaches the model's `warm_up` the forecast holds `lowpass`. A missing label is filled with the model's
-    own prediction, a missing state with the last zeta; after W samples in a row without, the window starts afresh.
+    Memory: window (W, 12) of [chi, zeta], oldest first; z (K,); where A (K, K) and B (K, 6) change
+    in flight, these; of a refit rows (W - late, K + 6), the window as it reads it, so that every
+    sample is lifted once; of a family theta (r,) and its covariance (r, r), its recursive estimate;
+    lowpass (6,) of the labels; count of samples in the window, up to W; labels, dropped: samples
+    with and without one so far; gap: dropped in a row just now; where the model has a `trust`, its
+    memory, as trust/…. Until `count` reaches the model's `warm_up` the forecast holds `lowpass`. A
+    missing label is filled with the model's own prediction, a missing state with the last zeta;
+    after W samples in a row without, the window starts afresh.
     Source: Jin et al. 2025, eq. (nmpc).
 
     Args:
@@ -67,10 +77,19 @@ class NeuralPredictor:
 
     def __init__(self, model: LiftedModel, options: PredictorOptions = PredictorOptions()):
         if options.torque not in ("hold", "predict"):
-            raise ValueError(f"NeuralPredictor: torque must be hold | predict; got {options.torque}.")
+            raise ValueError(
+                f"NeuralPredictor: torque must be hold | predict; got {options.torque}."
+            )
         if options.torque == "predict" and not model.predicts_torque:
-            raise ValueError("NeuralPredictor: this model must not predict torque; it was trained without. Use hold.")
-        self.name = "np" if model.configuration in (*FAMILIES, MODE_DICTIONARY) else f"np-{model.configuration}"
+            raise ValueError(
+                "NeuralPredictor: this model must not predict torque; it was trained "
+                "without. Use hold."
+            )
+        self.name = (
+            "np"
+            if model.configuration in (*FAMILIES, MODE_DICTIONARY)
+            else f"np-{model.configuration}"
+        )
         self.step = model.step
         self.model, self.options = model, options
         self.rotor_lag = rotor_lag_of(model)  # through which its labels want the command [s]
@@ -85,7 +104,9 @@ class NeuralPredictor:
         self._resampled_offline: dict[int, LiftedLinearSystem] = {}
 
     @classmethod
-    def load(cls, path: str | Path, options: PredictorOptions = PredictorOptions()) -> "NeuralPredictor":
+    def load(
+        cls, path: str | Path, options: PredictorOptions = PredictorOptions()
+    ) -> "NeuralPredictor":
         """Return the predictor of a model file.
 
         Args:
@@ -106,7 +127,12 @@ class NeuralPredictor:
         family = self._family
         adapted = {}
         if family is not None:
-            adapted = {"A": s.A, "B": s.B, "theta": family.mean.copy(), "covariance": family.covariance.copy()}
+            adapted = {
+                "A": s.A,
+                "B": s.B,
+                "theta": family.mean.copy(),
+                "covariance": family.covariance.copy(),
+            }
         return memory | refit | adapted | self._fresh_trust()
 
     def update(self, memory: Memory, sample: Sample) -> Memory:
@@ -132,7 +158,8 @@ class NeuralPredictor:
         return new
 
     def along(self, chi: np.ndarray, zeta: np.ndarray) -> FlightForecasts | None:
-        """Return the forecasts from `warm_up` samples on, equal to those of `update` sample by sample; None before.
+        """Return the forecasts from `warm_up` samples on, equal to those of `update` sample by
+        sample; None before.
 
         Args:
             chi: (n, 6) [N, N·m].
@@ -194,7 +221,10 @@ class NeuralPredictor:
         gap = np.zeros(1) if complete else memory["gap"] + 1.0
         lost = gap[0] >= W or (not complete and memory["count"][0] == 0)
         count = np.zeros(1) if lost else np.minimum(memory["count"] + 1.0, W)
-        labels, dropped = memory["labels"] + float(labelled), memory["dropped"] + float(not complete)
+        labels, dropped = (
+            memory["labels"] + float(labelled),
+            memory["dropped"] + float(not complete),
+        )
         return {"gap": gap, "count": count, "labels": labels, "dropped": dropped}
 
     def _fresh_trust(self) -> Memory:
@@ -205,22 +235,33 @@ class NeuralPredictor:
         return bool(memory["count"][0] >= self.model.warm_up)
 
     def _refitted(self, rows: np.ndarray, window: np.ndarray, full: bool) -> Memory:
-        """Return the rows with the newest sample of the window (W, 12); of a full window also z, A and B."""
+        """Return the rows with the newest sample of the window (W, 12); of a full window also z, A
+        and B.
+        """
         assert self._refit is not None
         rows = np.concatenate([rows[1:], self._refit.rows(window[-1 - self.model.late :])])
         if not full:
             return {"rows": rows}
         A, B = self._refit.solve(rows)
-        return {"rows": rows, "z": advance(rows[-1, :-6], A, B, self.model.since_label(window)), "A": A, "B": B}
+        return {
+            "rows": rows,
+            "z": advance(rows[-1, :-6], A, B, self.model.since_label(window)),
+            "A": A,
+            "B": B,
+        }
 
     def _lifted(self, memory: Memory, labelled: bool) -> Memory:
-        """Return z, and the memory of the trust; of a family also theta and its covariance, where they change."""
+        """Return z, and the memory of the trust; of a family also theta and its covariance, where
+        they change.
+        """
         if self._family is not None:
             found: Memory = {}
             theta = memory["theta"]
             full = memory["count"][0] == self.model.window
             if full and labelled and memory["labels"][0] % EVERY == 0:
-                theta, covariance = self._family.update(theta, memory["covariance"], memory["window"], self.step)
+                theta, covariance = self._family.update(
+                    theta, memory["covariance"], memory["window"], self.step
+                )
                 found = {"theta": theta, "covariance": covariance}
             at, z = self._family.read(memory["window"], theta)
             if at is not memory["theta"]:  # newly estimated, or corrected by the network
@@ -268,4 +309,8 @@ def _named(memory: Memory) -> Memory:
 
 def _trust_of(memory: Memory) -> Memory:
     """Return the memory of the trust under its own names, the inverse of `_named`."""
-    return {name.removeprefix("trust/"): value for name, value in memory.items() if name.startswith("trust/")}
+    return {
+        name.removeprefix("trust/"): value
+        for name, value in memory.items()
+        if name.startswith("trust/")
+    }

@@ -1,4 +1,6 @@
-"""True wrench over a planned motion, an upper limit of what prediction can do; for tests and tables only."""
+"""True wrench over a planned motion, an upper limit of what prediction can do; for tests and tables
+only.
+"""
 
 import dataclasses as dc
 from collections.abc import Sequence
@@ -30,7 +32,9 @@ class TrueModel:
     onsets: Onsets = dc.field(default_factory=dict)
     mass_effects: Sequence[MassEffect] = ()  # change the mass properties
     hangs_at: float = 0.0  # when the payload is hung [s]
-    payloads: Sequence[tuple[float, Payload | None]] = ()  # (time [s], payload from then on), by time
+    payloads: Sequence[
+        tuple[float, Payload | None]
+    ] = ()  # (time [s], payload from then on), by time
 
     def payload_at(self, t: float) -> Payload | None:
         """Return the payload that hangs at time t [s]; None without one."""
@@ -49,7 +53,8 @@ class TrueModel:
         rotor_thrust: np.ndarray,
         swing_state: tuple[np.ndarray, np.ndarray] | None,
     ) -> np.ndarray:
-        """Return chi along a plan, (N, 6) [N, N·m]: tether, drag and the actuators' response to the commands.
+        """Return chi along a plan, (N, 6) [N, N·m]: tether, drag and the actuators' response to the
+        commands.
 
         Args:
             x: (N+1, 13) planned states from time `t` on.
@@ -74,18 +79,32 @@ class TrueModel:
             force = swing(payload, *swing_state, a_hook, step, self.believed.gravity, between)
             chi += hook_wrench(payload, middle[:, Q], force)
         changed = acting(self.mass_effects, self.onsets, t)
-        return self._as_believed(middle, command @ self.believed.mixer.T, chi, changed) if changed else chi
+        return (
+            self._as_believed(middle, command @ self.believed.mixer.T, chi, changed)
+            if changed
+            else chi
+        )
 
-    def _as_believed(self, x: np.ndarray, u: np.ndarray, chi: np.ndarray, changed: Sequence[MassEffect]) -> np.ndarray:
-        """Return the wrench (N, 6) that the believed vehicle needs to move as the real one does under u and chi.
+    def _as_believed(
+        self, x: np.ndarray, u: np.ndarray, chi: np.ndarray, changed: Sequence[MassEffect]
+    ) -> np.ndarray:
+        """Return the wrench (N, 6) that the believed vehicle needs to move as the real one does
+        under u and chi.
 
-        With F and tau at Bo, c = p_BoBcm_B and J about Bcm of the real vehicle: J al + w x J w = tau - c x R^T F and
-        m (a + g z + R (al x c + w x (w x c))) = F.       Source: Newton and Euler about the centre of mass.
+        With F and tau at Bo, c = p_BoBcm_B and J about Bcm of the real vehicle: J al + w x J w =
+        tau - c x R^T F and
+        m (a + g z + R (al x c + w x (w x c))) = F.
+        Source: Newton and Euler about the centre of mass.
         """
         real = mass_properties(self.believed, changed)
         q, w, c = x[:, Q], x[:, W], real.p_BoBcm_B
         F = u[:, :1] * attitude.body_z(q) + chi[:, :3]
-        tau = u[:, 1:] + chi[:, 3:] - np.cross(c, attitude.rotate_back(q, F)) - np.cross(w, w @ real.J.T)
+        tau = (
+            u[:, 1:]
+            + chi[:, 3:]
+            - np.cross(c, attitude.rotate_back(q, F))
+            - np.cross(w, w @ real.J.T)
+        )
         al = tau @ np.linalg.inv(real.J).T
         a = F / real.mass - attitude.rotate(q, np.cross(al, c) + np.cross(w, np.cross(w, c)))
         a[:, 2] -= self.believed.gravity
@@ -94,12 +113,16 @@ class TrueModel:
     def _thrusts(
         self, u: np.ndarray, starts: np.ndarray, step: float, now: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return mean actual and commanded rotor thrust of the steps that begin at `starts` (N,), (N, 4) each [N]."""
+        """Return mean actual and commanded rotor thrust of the steps that begin at `starts` (N,),
+        (N, 4) each [N].
+        """
         command = np.clip(u @ self.believed.unmixer.T, 0.0, self.believed.max_rotor_thrust)
         gain, effects = np.ones(4), acting(self.actuator_effects, self.onsets, float(starts[0]))
         for effect in effects:
             ones = np.ones(4)
-            gain *= effect.thrust(self.believed, effect.state_at(self.believed, ones), ones, starts[0])
+            gain *= effect.thrust(
+                self.believed, effect.state_at(self.believed, ones), ones, starts[0]
+            )
         resting = np.asarray(now, float) / np.maximum(gain, 1e-3)
         thrust = command
         for effect in effects:
@@ -107,7 +130,9 @@ class TrueModel:
         return thrust, command
 
     def _through(self, effect: ActuatorEffect, command, starts, step: float, resting) -> np.ndarray:
-        """Return mean thrusts (N, 4) [N] of one effect that rests at `resting` (4,) [N] before the first command."""
+        """Return mean thrusts (N, 4) [N] of one effect that rests at `resting` (4,) [N] before the
+        first command.
+        """
         state = effect.state_at(self.believed, resting)
         passed = np.zeros_like(command)
         for i, c in enumerate(command):

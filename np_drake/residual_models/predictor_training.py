@@ -1,4 +1,6 @@
-"""Training of a Neural Predictor on opened flights, with the origin and the rotor lag that its file carries."""
+"""Training of a Neural Predictor on opened flights, with the origin and the rotor lag that its file
+carries.
+"""
 
 import dataclasses as dc
 from collections.abc import Callable, Sequence
@@ -19,7 +21,11 @@ from np_drake.training_data.segments import Segment
 from np_drake.training_data.training_segments import Flight
 from np_drake.vehicle import Vehicle
 
-AHEAD = (10, 20, 40)  # at which a family is judged, up to the horizon that it is trained for [steps]
+AHEAD = (
+    10,
+    20,
+    40,
+)  # at which a family is judged, up to the horizon that it is trained for [steps]
 
 
 def train_on_flights(
@@ -36,12 +42,11 @@ def train_on_flights(
     """Return the predictor trained on `flights`, and its loss.
 
     Args:
-        flights: opened ones.
-        config: of the predictor.
         step: time between samples [s].
         label: low-pass of the labels, None for that of the vehicle.
         vehicle: None for that of the flights.
-        envelope: further flights of the vehicle, simulated ones, whose labels are true to its rotors.
+        envelope: further flights of the vehicle, simulated ones, whose labels are true to its
+            rotors.
         rotor_lag: time constant of the rotors [s]; None: what the flights tell.
         on_epoch: as of `train`.
     Raises: ValueError: if the flights are unusable.
@@ -55,13 +60,12 @@ def train_on_flights(
 def place_on_flights(
     flights: Sequence[Flight], prior: LiftedModel, *, step: float, label: LabelConfig | None = None
 ) -> LiftedModel:
-    """Return a family of systems whose theta starts where these flights leave it, its `foresight` in the summary.
+    """Return a family of systems whose theta starts where these flights leave it, its `foresight`
+    in the summary.
 
     Of its network, where it has one, that share is used which foresees these flights best.
 
     Args:
-        flights: opened ones, with the payload that is expected.
-        prior: family, trained on labels like theirs.
         step: time between samples [s].
         label: low-pass of the labels, None for that of the vehicle.
     Raises: ValueError: if the flights are unusable, or the family is of another vehicle.
@@ -73,15 +77,14 @@ def place_on_flights(
     model = _signed(judged(placed(prior, segments), segments), flights, None, lag, label)
     placement = {"samples": sum(map(len, segments)), "foresight": foresight(model, segments)}
     excitation = measure_excitation([segment.zeta for segment in segments], step=step).text
-    return dc.replace(model, summary={**model.summary, "placed": placement, "excitation": excitation})
+    return dc.replace(
+        model, summary={**model.summary, "placed": placement, "excitation": excitation}
+    )
 
 
 def foresight(model: LiftedModel, segments: Sequence[Segment]) -> float:
-    """Return the RMSE of the force over that of persistence, motion known, at the worst of the horizons `AHEAD` [1].
-
-    Args:
-        model: that forecasts.
-        segments: flights; those shorter than its window count nothing.
+    """Return the RMSE of the force over that of persistence, motion known, at the worst of the
+    horizons `AHEAD` [1].
     Raises: ValueError: where none is long enough.
     """
     ours, naive, horizons = np.zeros(len(AHEAD)), np.zeros(len(AHEAD)), np.array(AHEAD)
@@ -95,34 +98,50 @@ def foresight(model: LiftedModel, segments: Sequence[Segment]) -> float:
         ours += np.sum((forecast - goal) ** 2, axis=(0, 2))
         naive += np.sum((segment.chi[origins, None, :3] - goal) ** 2, axis=(0, 2))
     if not np.all(naive > 0):
-        raise ValueError(f"prior: at least {model.window + AHEAD[-1]} samples in one piece are needed to judge it by.")
+        raise ValueError(
+            f"prior: at least {model.window + AHEAD[-1]} samples in one piece are needed "
+            f"to judge it by."
+        )
     return float(np.sqrt(ours / naive).max())
 
 
 def rotor_lag_in(flights: Sequence[Flight]) -> float:
-    """Return the time constant of the rotors that the logs tell [s]; 0 where the vehicle names one, or none is told."""
-    return learned_rotor_lag([(f.data, f.vehicle) for f in flights if isinstance(f.data, FlightLog)])
+    """Return the time constant of the rotors that the logs tell [s]; 0 where the vehicle names one,
+    or none is told.
+    """
+    return learned_rotor_lag(
+        [(f.data, f.vehicle) for f in flights if isinstance(f.data, FlightLog)]
+    )
 
 
-def lagged_segments(flights: Sequence[Flight], lag: float, *, step: float, label: LabelConfig | None) -> list[Segment]:
+def lagged_segments(
+    flights: Sequence[Flight], lag: float, *, step: float, label: LabelConfig | None
+) -> list[Segment]:
     """Return the training input, its labels those of a flight with a model that knows the lag.
 
     Args:
-        flights: opened ones.
         lag: time constant of the rotors of a vehicle that names none [s].
         step: time between samples [s].
-        label: low-pass of the labels.
     """
     lagged = [
-        dc.replace(f, vehicle=dc.replace(f.vehicle, rotor_time_constant=f.vehicle.rotor_time_constant or lag))
+        dc.replace(
+            f,
+            vehicle=dc.replace(f.vehicle, rotor_time_constant=f.vehicle.rotor_time_constant or lag),
+        )
         for f in flights
     ]
     return [segment for flight in lagged for segment in flight.segments(step, label)]
 
 
 def _signed(
-    model: LiftedModel, flights: Sequence[Flight], vehicle: Vehicle | None, lag: float, label: LabelConfig | None
+    model: LiftedModel,
+    flights: Sequence[Flight],
+    vehicle: Vehicle | None,
+    lag: float,
+    label: LabelConfig | None,
 ) -> LiftedModel:
     """Return the model with its origin and the rotor lag."""
     vehicle, frame = vehicle or flights[0].vehicle, flights[0].frame if flights else "world"
-    return with_rotor_lag(with_origin(model, origin_of(frame, vehicle, label or default_labels(vehicle))), lag)
+    return with_rotor_lag(
+        with_origin(model, origin_of(frame, vehicle, label or default_labels(vehicle))), lag
+    )

@@ -9,8 +9,8 @@ import numpy as np
 class WrenchNetwork:
     """Perceptron chi = unit (W^(L+1) relu(W^L … relu(W^1 zeta / scale + b^1) …) + b^(L+1)).
 
-    Unlike the layers of Phi, these have biases: a payload pulls on the vehicle at rest too. At a kink of a ReLU the
-    Jacobian is that of the inactive side.
+    Unlike the layers of Phi, these have biases: a payload pulls on the vehicle at rest too. At a
+    kink of a ReLU the Jacobian is that of the inactive side.
     """
 
     weights: tuple[np.ndarray, ...]  # (out, in)
@@ -22,7 +22,10 @@ class WrenchNetwork:
         width = 6
         for W, b in zip(self.weights, self.biases, strict=True):
             if W.ndim != 2 or W.shape[1] != width or b.shape != (len(W),):
-                raise ValueError(f"WrenchNetwork: each layer must take the {width} outputs before it; got {W.shape}.")
+                raise ValueError(
+                    f"WrenchNetwork: each layer must take the {width} outputs before it; "
+                    f"got {W.shape}."
+                )
             width = len(W)
         if not self.weights or width != 6 or self.scale.shape != (6,) or self.unit.shape != (6,):
             raise ValueError("WrenchNetwork: the last layer, scale and unit must have six entries.")
@@ -45,7 +48,9 @@ class WrenchNetwork:
 
     def tensors(self) -> dict[str, np.ndarray]:
         """Return the arrays that a model file holds, by name."""
-        layers = {f"W{i}": W for i, W in enumerate(self.weights)} | {f"b{i}": b for i, b in enumerate(self.biases)}
+        layers = {f"W{i}": W for i, W in enumerate(self.weights)} | {
+            f"b{i}": b for i, b in enumerate(self.biases)
+        }
         return layers | {"scale": self.scale, "unit": self.unit}
 
     @classmethod

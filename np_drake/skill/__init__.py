@@ -1,1 +1,3 @@
-"""Prediction skill on held-out flights, its baselines, and how far behind the label a prediction is."""
+"""Prediction skill on held-out flights, its baselines, and how far behind the label a prediction
+is.
+"""

@@ -38,14 +38,12 @@ def score_flights(
     mean: np.ndarray | None = None,
     on_model: Callable[[int, int], None] = lambda *_: None,
 ) -> list[dict[str, Any]]:
-    """Return a row for every model, baseline and naive predictor on every flight, horizon in seconds.
+    """Return a row for every model, baseline and naive predictor on every flight, horizon in
+    seconds.
 
     Args:
-        models: trained ones by name.
-        flights: opened ones.
         horizons: [steps].
         zeta: `held` at its last value, or `known`.
-        baselines: others to compare with, by name.
         mean: (6,) of chi in training; None: the flight's own, which no predictor could know.
         on_model: called with (done, total) after every model.
     Raises: ValueError: if a step is not the model's, or a flight too short.
@@ -64,7 +62,9 @@ def score_flights(
                 mean=segment.chi.mean(axis=0) if mean is None else mean,
                 target=segment.goal,
                 zeta_known=zeta == "known",
-                warm_up=WARM_UP if isinstance(model, PayloadFilterModel) else max(WARM_UP, model.warm_up),
+                warm_up=WARM_UP
+                if isinstance(model, PayloadFilterModel)
+                else max(WARM_UP, model.warm_up),
                 flight=name,
                 seen={} if seen is None else {label: seen},
             )
@@ -86,11 +86,16 @@ def _predictor(model: Model) -> NeuralPredictor | PayloadFilter:
     """Return the predictor of a model; torque is predicted where it was trained."""
     if isinstance(model, PayloadFilterModel):
         return PayloadFilter(model)
-    return NeuralPredictor(model, PredictorOptions(torque="predict" if model.predicts_torque else "hold"))
+    return NeuralPredictor(
+        model, PredictorOptions(torque="predict" if model.predicts_torque else "hold")
+    )
 
 
-def _longest_flown(flight: Flight, predictor: NeuralPredictor | PayloadFilter) -> tuple[Segment, SampledFlight | None]:
-    """Return the longest uninterrupted piece of a flight, and for a model that reads a plan that piece as it sees it.
+def _longest_flown(
+    flight: Flight, predictor: NeuralPredictor | PayloadFilter
+) -> tuple[Segment, SampledFlight | None]:
+    """Return the longest uninterrupted piece of a flight, and for a model that reads a plan that
+    piece as it sees it.
 
     Raises: ValueError: if the predictor was trained on other labels, or nothing usable is left.
     """
@@ -100,7 +105,8 @@ def _longest_flown(flight: Flight, predictor: NeuralPredictor | PayloadFilter) -
     require_origin(predictor.model, origin_of(flight.frame, flight.vehicle, predictor.label))
     if not isinstance(flight.data, FlightLog):
         raise ValueError(
-            f"{flight.data.name}: must be a flight log, with attitude and command, for {PAYLOAD_FILTER}; got an array."
+            f"{flight.data.name}: must be a flight log, with attitude and command, for "
+            f"{PAYLOAD_FILTER}; got an array."
         )
     pieces = flown_segments(flight.data, flight.vehicle, predictor, step=predictor.step)
     if not pieces:
@@ -109,7 +115,8 @@ def _longest_flown(flight: Flight, predictor: NeuralPredictor | PayloadFilter) -
 
 
 def label_distances(models: Mapping[str, Model], flights: Sequence[Flight]) -> list[dict[str, Any]]:
-    """Return how far labels without low-pass lie from the targets, force [N] and torque [N·m], RMS by flight.
+    """Return how far labels without low-pass lie from the targets, force [N] and torque [N·m], RMS
+    by flight.
 
     What a low-pass takes from the target counts as the error of labels that have one.
 
@@ -126,7 +133,9 @@ def label_distances(models: Mapping[str, Model], flights: Sequence[Flight]) -> l
             segment, seen = _longest_flown(flight, unlagged)
             square = np.nanmean((seen.chi - segment.goal) ** 2, axis=0) if seen else np.zeros(6)
             force, torque = np.sqrt([square[:3].sum(), square[3:].sum()]).tolist()
-            lines.append({"flight": flight_name(flight), "model": label, "force": force, "torque": torque})
+            lines.append(
+                {"flight": flight_name(flight), "model": label, "force": force, "torque": torque}
+            )
     return lines
 
 
@@ -138,7 +147,8 @@ def _longest_piece(flight: Flight, step: float) -> Segment:
     data = flight.data
     if isinstance(data, WrenchSequence) and abs(data.step - step) > STEP_TOLERANCE * step:
         raise ValueError(
-            f"{data.name}: step must be the model's, {step:g} s; got {data.step:g} s. Train on such arrays."
+            f"{data.name}: step must be the model's, {step:g} s; got {data.step:g} s. "
+            f"Train on such arrays."
         )
     pieces = flight.segments(step)
     if not pieces:
@@ -147,7 +157,8 @@ def _longest_piece(flight: Flight, step: float) -> Segment:
 
 
 def diverged(rows: list[dict[str, Any]]) -> list[str]:
-    """Return the flights on which a model's RMSE is no number, or a forecast is `DIVERGED` times the longest label.
+    """Return the flights on which a model's RMSE is no number, or a forecast is `DIVERGED` times
+    the longest label.
 
     A baseline may diverge; nothing keeps it from that.
     """
@@ -160,11 +171,13 @@ def _bounded(row: dict[str, Any]) -> bool:
     return bool(finite and not any(peak > DIVERGED for peak in peaks))
 
 
-def flight_stability(models: Mapping[str, Model], flights: Sequence[Flight]) -> list[dict[str, Any]]:
-    """Return the spectral radius of A in every window of every flight, model by model; see `WindowStability`.
+def flight_stability(
+    models: Mapping[str, Model], flights: Sequence[Flight]
+) -> list[dict[str, Any]]:
+    """Return the spectral radius of A in every window of every flight, model by model; see
+    `WindowStability`.
 
     Args:
-        models: by name.
         flights: as of `score_flights`.
     Raises: ValueError: as `score_flights`.
     """

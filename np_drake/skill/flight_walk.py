@@ -1,8 +1,9 @@
 """Forecasts of a residual model along a whole flight, fed sample by sample as in flight.
 
-A model of the labels forecasts that of sample k + i as chi_i; a model that reads a plan forecasts the mean wrench from
-t_(k+i) to t_(k+i+1) as chi_i. Where a label is the mean of the step that ends at its sample, that is the one of sample
-k + i + 1; where it is of the instant, that is in the middle of chi_i and chi_(i+1).
+A model of the labels forecasts that of sample k + i as chi_i; a model that reads a plan forecasts
+the mean wrench from t_(k+i) to t_(k+i+1) as chi_i. Where a label is the mean of the step that ends
+at its sample, that is the one of sample k + i + 1; where it is of the instant, that is in the
+middle of chi_i and chi_(i+1).
 """
 
 from collections.abc import Iterator
@@ -18,12 +19,7 @@ MOTIONS = (KNOWN, HELD)
 
 
 def walk(model: ResidualModel, flight: SampledFlight) -> Iterator[tuple[int, Memory]]:
-    """Yield every sample's number and the memory after it.
-
-    Args:
-        model: of any kind.
-        flight: as the model sees it.
-    """
+    """Yield every sample's number and the memory after it."""
     memory = model.initial_memory()
     for k in range(len(flight)):
         memory = model.update(memory, flight.sample(k))
@@ -31,7 +27,8 @@ def walk(model: ResidualModel, flight: SampledFlight) -> Iterator[tuple[int, Mem
 
 
 def held_plan(x: np.ndarray, u: np.ndarray, *, steps: int, step: float) -> Plan:
-    """Return the motion x (13,) continued: velocity, attitude and command stay, and the body rates are zero.
+    """Return the motion x (13,) continued: velocity, attitude and command stay, and the body rates
+    are zero.
 
     Own choice: a constant rate would turn the vehicle over within a second.
 
@@ -57,18 +54,17 @@ def flight_forecasts(
     averaged: bool = True,
     at_once: bool = True,
 ) -> np.ndarray:
-    """Return the forecasts of labels 'horizons' steps ahead from sample `first` on, (n - first, H, 6) [N, N·m].
+    """Return the forecasts of labels 'horizons' steps ahead from sample `first` on, (n - first, H,
+    6) [N, N·m].
 
     NaN where the flight ends before.
 
     Args:
-        model: of any kind.
-        flight: as the model sees it.
         horizons: ascending [steps]; from 1 on for a model that reads a plan.
-        first: sample of the first forecast.
-        motion: `known`: the coming motion as flown; `held`: zeta stays, or for a model that reads a plan `held_plan`.
-        averaged: whether the labels to be forecast are means of the step up to their sample, else of its instant.
-        at_once: use a model's own shortcut for whole flights.
+        motion: `known`: the coming motion as flown; `held`: zeta stays, or for a model that reads a
+            plan `held_plan`.
+        averaged: whether the labels to be forecast are means of the step up to their sample, else
+            of its instant.
     """
     if motion not in MOTIONS:
         raise ValueError(f"flight_forecasts: motion must be {' | '.join(MOTIONS)}; got {motion}.")
@@ -78,7 +74,9 @@ def flight_forecasts(
         if found is not None:
             return found
     if reads_plan and horizons[0] < 1:
-        raise ValueError(f"flight_forecasts: horizons of {model.name} must be 1 or more; got {horizons[0]}.")
+        raise ValueError(
+            f"flight_forecasts: horizons of {model.name} must be 1 or more; got {horizons[0]}."
+        )
     chi_hat = np.full((len(flight) - first, len(horizons), 6), np.nan)
     for k, memory in walk(model, flight):
         steps = min(horizons[-1], len(flight) - 1 - k)
@@ -97,22 +95,33 @@ def flight_forecasts(
 
 
 def _plan(flight: SampledFlight, k: int, steps: int, motion: str) -> Plan:
-    """Return the motion after sample k over `steps` steps, as flown until the flight ends, or held."""
+    """Return the motion after sample k over `steps` steps, as flown until the flight ends, or
+    held.
+    """
     if motion == KNOWN:
         return Plan(flight.x[k : k + steps + 1], flight.u[k + 1 : k + steps + 1])
     return held_plan(flight.x[k], flight.u[k], steps=steps, step=flight.step)
 
 
 def _labels_along(model: ReadsPlan, memory: Memory, plan: Plan, *, averaged: bool) -> np.ndarray:
-    """Return the forecasts of the labels 0, 1, … ahead along a plan, (N + 1, 6); of label 0 there is none."""
-    chi = model.forecast_along(memory, plan, horizon=len(plan.u), stride=1).rollout(plan.x[:-1, 7:13])
+    """Return the forecasts of the labels 0, 1, … ahead along a plan, (N + 1, 6); of label 0 there
+    is none.
+    """
+    chi = model.forecast_along(memory, plan, horizon=len(plan.u), stride=1).rollout(
+        plan.x[:-1, 7:13]
+    )
     if not averaged:
         chi = 0.5 * (chi + np.vstack([chi[1:], chi[-1:]]))
     return np.vstack([np.full((1, 6), np.nan), chi])
 
 
 def _at_once(
-    model: ForecastsWholeFlights, flight: SampledFlight, horizons: list[int], *, first: int, motion: str
+    model: ForecastsWholeFlights,
+    flight: SampledFlight,
+    horizons: list[int],
+    *,
+    first: int,
+    motion: str,
 ) -> np.ndarray | None:
     """Return the forecasts by the model's own shortcut for whole flights; None where it cannot."""
     course = model.along(flight.chi, flight.zeta)

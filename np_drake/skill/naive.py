@@ -21,11 +21,15 @@ class LinearExtrapolation:
         self.step = step
 
     def initial_memory(self) -> Memory:
-        """Return the memory before any sample: the last label and the one before, chi (2, 6), and their count."""
+        """Return the memory before any sample: the last label and the one before, chi (2, 6), and
+        their count.
+        """
         return {"chi": np.zeros((2, 6)), "count": np.zeros(1)}
 
     def update(self, memory: Memory, sample: Sample) -> Memory:
-        """Return the memory after one more sample; a label with NaN is taken as on the line so far."""
+        """Return the memory after one more sample; a label with NaN is taken as on the line so
+        far.
+        """
         now, before = memory["chi"]
         good = bool(np.isfinite(sample.chi).all())
         label = sample.chi if good else 2 * now - before
@@ -35,11 +39,15 @@ class LinearExtrapolation:
     def forecast(self, memory: Memory, *, horizon: int, stride: int) -> WrenchForecast:
         """Return the line through the last two labels."""
         now, before = memory["chi"]
-        return constant_forecast(now + stride * np.arange(horizon)[:, None] * (now - before), horizon)
+        return constant_forecast(
+            now + stride * np.arange(horizon)[:, None] * (now - before), horizon
+        )
 
 
 class Group(NamedTuple):
-    """Channels of chi that are forecast, and channels of a sample [chi, zeta] (12,) that they are forecast from."""
+    """Channels of chi that are forecast, and channels of a sample [chi, zeta] (12,) that they are
+    forecast from.
+    """
 
     outputs: tuple[int, ...]
     inputs: tuple[int, ...]
@@ -59,7 +67,9 @@ class RidgeConfig:
     span: float = 0.6  # of the window [s]
     horizon: float = 1.0  # longest forecast [s]
     grid: int = 20  # horizons that are fitted; between them the forecast is interpolated [1]
-    noise: float = 0.1  # deviation of the features that a weight pays for [their standard deviation]
+    noise: float = (
+        0.1  # deviation of the features that a weight pays for [their standard deviation]
+    )
 
 
 class ForceRidge(Windowed):
@@ -74,7 +84,9 @@ class ForceRidge(Windowed):
         weights: by group (inputs W + 1, H, outputs) of the window, oldest sample first, and of 1.
     """
 
-    def __init__(self, step: float, window: int, horizons: np.ndarray, weights: Sequence[np.ndarray]):
+    def __init__(
+        self, step: float, window: int, horizons: np.ndarray, weights: Sequence[np.ndarray]
+    ):
         super().__init__("ridge", step, window)
         self._horizons, self._weights = horizons, list(weights)
 
@@ -90,10 +102,6 @@ class ForceRidge(Windowed):
 
 def fit_force_ridge(segments: Sequence[Segment], config: RidgeConfig = RidgeConfig()) -> ForceRidge:
     """Fit the ridge to every origin of the segments, horizon by horizon in one solve.
-
-    Args:
-        segments: at one step.
-        config: of the ridge.
     Raises: ValueError: if no segment is longer than the window.
     """
     step = segments[0].step if segments else 1.0

@@ -1,4 +1,6 @@
-"""Oracle pendulum, which knows the payload and where it is: what a forecast could do at best, never a predictor."""
+"""Oracle pendulum, which knows the payload and where it is: what a forecast could do at best, never
+a predictor.
+"""
 
 import dataclasses as dc
 from collections.abc import Iterable
@@ -13,13 +15,19 @@ from np_drake.skill.flight_walk import held_plan
 from np_drake.training_data.sampled_flight import SampledFlight
 from np_drake.vehicle import Vehicle
 
-SUPPORT = 0.05  # to each side of a sample, over which position and velocity of the payload are fitted [s]
-REST_BANDWIDTH = 0.3  # of the low-pass on what the pendulum leaves of the labels: it hardly changes [Hz]
+SUPPORT = (
+    0.05  # to each side of a sample, over which position and velocity of the payload are fitted [s]
+)
+REST_BANDWIDTH = (
+    0.3  # of the low-pass on what the pendulum leaves of the labels: it hardly changes [Hz]
+)
 
 
 @dc.dataclass(frozen=True)
 class Rest:
-    """What acts beside the tether: linear drag of the vehicle, and the rest of the labels so far, held."""
+    """What acts beside the tether: linear drag of the vehicle, and the rest of the labels so far,
+    held.
+    """
 
     drag: float  # force over velocity in W, against it [N s/m]
 
@@ -28,8 +36,6 @@ class OraclePendulum:
     """Residual model of one flight: the tether's wrench from the true payload, driven by the plan.
 
     Args:
-        vehicle: believed.
-        payload: the true one.
         r, r_rate: (n, 3) of the payload from the hook in W, at the samples of the flight [m, m/s].
         step: between samples [s].
         rest: None: nothing but the tether.
@@ -54,11 +60,19 @@ class OraclePendulum:
     def initial_memory(self) -> Memory:
         """Return the memory before any sample.
 
-        x: (13,) last state.   u: (4,) last command.   rest: (6,) held beside the tether [N, N·m].   count, seen: (1,)
-        samples, and labels among them.
+        x: (13,) last state.
+        u: (4,) last command.
+        rest: (6,) held beside the tether [N, N·m].
+        count, seen: (1,) samples, and labels among them.
         """
         x = np.array([0.0] * 3 + [1.0] + [0.0] * 9)
-        return {"x": x, "u": np.zeros(4), "rest": np.zeros(6), "count": np.zeros(1), "seen": np.zeros(1)}
+        return {
+            "x": x,
+            "u": np.zeros(4),
+            "rest": np.zeros(6),
+            "count": np.zeros(1),
+            "seen": np.zeros(1),
+        }
 
     def update(self, memory: Memory, sample: Sample) -> Memory:
         """Return the memory after one more sample; what is NaN stays as it was."""
@@ -79,16 +93,24 @@ class OraclePendulum:
         plan = held_plan(memory["x"], memory["u"], steps=horizon, step=stride * self.step)
         return self.forecast_along(memory, plan, horizon=horizon, stride=stride)
 
-    def forecast_along(self, memory: Memory, plan: Plan, *, horizon: int, stride: int) -> WrenchForecast:
-        """Return the wrench along the plan, from the true position of the payload at the last sample."""
+    def forecast_along(
+        self, memory: Memory, plan: Plan, *, horizon: int, stride: int
+    ) -> WrenchForecast:
+        """Return the wrench along the plan, from the true position of the payload at the last
+        sample.
+        """
         now = int(memory["count"][0]) - 1
         if now < 0:
             return constant_forecast(np.zeros(6), horizon)
         ahead = Plan(plan.x[: horizon + 1], plan.u[:horizon])
-        return constant_forecast(memory["rest"] + self._driven(now, ahead, stride * self.step), horizon)
+        return constant_forecast(
+            memory["rest"] + self._driven(now, ahead, stride * self.step), horizon
+        )
 
     def _driven(self, now: int, plan: Plan, step: float) -> np.ndarray:
-        """Return the wrench of tether and drag along a plan that begins at sample `now`, (N, 6) [N, N·m]."""
+        """Return the wrench of tether and drag along a plan that begins at sample `now`, (N, 6) [N,
+        N·m].
+        """
         state = (self._r[now], self._r_rate[now])
         thrust = np.zeros(4)  # of no matter: without actuator effects commands act at once
         chi = self._truth.wrench_along(plan.x, plan.u, step, rotor_thrust=thrust, swing_state=state)
@@ -114,10 +136,8 @@ def oracle_pendulum(
     Only the direction of the tether is taken from the position; its length is that of `payload`.
 
     Args:
-        flight: as a predictor sees it.
-        vehicle: believed.
-        payload: the true one.
-        path: ascending times (m,) from the first sample on [s], and p_WPo (m, 3) of the payload [m].
+        path: ascending times (m,) from the first sample on [s], and p_WPo (m, 3) of the payload
+            [m].
         rest: what acts beside the tether; None: nothing.
     """
     place, velocity = _smoothed(flight.step * np.arange(len(flight)), *path)
@@ -131,14 +151,17 @@ def oracle_pendulum(
 
 
 def remaining_drag(flights: Iterable[tuple[SampledFlight, OraclePendulum]]) -> float:
-    """Return the drag coefficient that explains best what oracle pendulums leave of the lateral labels [N s/m].
+    """Return the drag coefficient that explains best what oracle pendulums leave of the lateral
+    labels [N s/m].
 
     Least squares beside a constant for every flight and axis.
     """
     over, under = 0.0, 0.0
     for flight, model in flights:
         steps = [Plan(flight.x[k : k + 2], flight.u[k + 1 : k + 2]) for k in range(len(flight) - 1)]
-        driven = np.array([model._driven(k, plan, flight.step)[0, :2] for k, plan in enumerate(steps)])
+        driven = np.array(
+            [model._driven(k, plan, flight.step)[0, :2] for k, plan in enumerate(steps)]
+        )
         left, v = flight.chi[1:, :2] - driven, _mean_velocity(flight.x)[:, :2]
         good = np.isfinite(left).all(axis=1)
         left, v = left[good] - left[good].mean(axis=0), v[good] - v[good].mean(axis=0)
@@ -147,7 +170,9 @@ def remaining_drag(flights: Iterable[tuple[SampledFlight, OraclePendulum]]) -> f
 
 
 def _smoothed(at: np.ndarray, t: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return position and velocity (n, 3) at the times `at` (n,), of parabolas fitted around each [m, m/s]."""
+    """Return position and velocity (n, 3) at the times `at` (n,), of parabolas fitted around each
+    [m, m/s].
+    """
     place, velocity = np.empty((len(at), 3)), np.empty((len(at), 3))
     for k, now in enumerate(at):
         near = np.flatnonzero(np.abs(t - now) <= SUPPORT)

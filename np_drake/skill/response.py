@@ -1,10 +1,11 @@
 """Lag of a prediction behind the label where the motion is most aggressive.
 
-A prediction made h steps ago for now is compared with the label. Its lag is the delay s of the label that the
-prediction resembles most: the peak over s of the correlation between prediction(t) and label(t - s), t running over
-the aggressive samples, channels of a group pooled, each less its mean. A correlation ignores the amplitude of a
-cautious forecast. Persistence h steps ahead is the label h steps late and has a lag of h by construction; 0 is a
-forecast in time, a negative lag one that is early.
+A prediction made h steps ago for now is compared with the label. Its lag is the delay s of the
+label that the prediction resembles most: the peak over s of the correlation between prediction(t)
+and label(t - s), t running over the aggressive samples, channels of a group pooled, each less its
+mean. A correlation ignores the amplitude of a cautious forecast. Persistence h steps ahead is the
+label h steps late and has a lag of h by construction; 0 is a forecast in time, a negative lag one
+that is early.
 Source: own choice; cross-correlation with a parabola through its peak, as in time-delay estimation.
 """
 
@@ -28,8 +29,8 @@ class Lag:
 def jerk(s: np.ndarray, w: np.ndarray, step: float) -> np.ndarray:
     """Return |d³p/dt³| (n,) from the specific force and the body rates [m/s³].
 
-    d³p/dt³ = R (ds/dt + w x s), ds/dt the least-squares slope over `REACH` samples on either side. It uses future
-    samples: it selects samples for evaluation, and no predictor sees it.
+    d³p/dt³ = R (ds/dt + w x s), ds/dt the least-squares slope over `REACH` samples on either side.
+    It uses future samples: it selects samples for evaluation, and no predictor sees it.
 
     Args:
         s: (n, 3) specific force in B [m/s²].
@@ -58,12 +59,15 @@ def lag(prediction: np.ndarray, label: np.ndarray, rows: np.ndarray, *, reach: i
         prediction: (n, c).
         label: (n, c) at the same instants.
         rows: (m,) sample indices.
-        reach: largest shift that is tried, to either side [steps]; rows nearer to an end are left out.
+        reach: largest shift that is tried, to either side [steps]; rows nearer to an end are left
+            out.
     Raises: ValueError: if fewer than three rows are left.
     """
     rows = rows[(rows >= reach) & (rows < len(label) - reach)]
     if len(rows) < 3:
-        raise ValueError(f"lag: at least 3 samples at {reach} from either end are needed; got {len(rows)}.")
+        raise ValueError(
+            f"lag: at least 3 samples at {reach} from either end are needed; got {len(rows)}."
+        )
     wanted = prediction[rows] - prediction[rows].mean(axis=0)
     size = np.linalg.norm(wanted)
     if not size > 1e-9 * (1.0 + float(np.abs(prediction[rows]).max())):
@@ -72,7 +76,9 @@ def lag(prediction: np.ndarray, label: np.ndarray, rows: np.ndarray, *, reach: i
     for i, shift in enumerate(range(-reach, reach + 1)):
         shifted = label[rows - shift]
         shifted = shifted - shifted.mean(axis=0)
-        correlation[i] = np.sum(wanted * shifted) / (size * max(float(np.linalg.norm(shifted)), 1e-300))
+        correlation[i] = np.sum(wanted * shifted) / (
+            size * max(float(np.linalg.norm(shifted)), 1e-300)
+        )
     top = int(np.argmax(correlation))
     if correlation[top] < FLOOR or top in (0, 2 * reach):
         return Lag(np.nan, float(correlation[top]))

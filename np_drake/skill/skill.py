@@ -19,9 +19,12 @@ UNTRAINED = (*NAIVE, "past mean")  # rows of every table
 class SkillRow:
     """Errors of one model at one horizon; each RMSE is of the norm over all origins.
 
-    skill: RMSE over that of the best naive row at that horizon [1].   ratio: over that of persistence [1];
-    interval: 95 % of the ratio within this flight (see `skill_interval`), NaN where the flight is too short for one.
-    peak: longest forecast of the flight over its longest label [1]; a forecast that diverges has a large one.
+    skill: RMSE over that of the best naive row at that horizon [1].
+    ratio: over that of persistence [1]; interval: 95 % of the ratio within this flight (see
+        `skill_interval`), NaN where the flight is
+        too short for one.
+    peak: longest forecast of the flight over its longest label [1]; a forecast that diverges has a
+        large one.
     """
 
     flight: str
@@ -55,23 +58,22 @@ def skill_table(
     """Return the rows of all models and naive predictors, horizon by horizon.
 
     Args:
-        models: by name.
         chi: (n, 6) labels as the models see them [N, N·m].
         zeta: (n, 6) [m/s, rad/s].
         horizons: steps ahead: origin k predicts sample k + horizon.
         mean: (6,) of chi in training [N, N·m].
         target: (n, 6) wrench that forecasts are compared with [N, N·m]; None for chi.
         zeta_known: feed the true coming zeta, else hold the last one.
-        warm_up: samples before the first origin.
-        flight: its name, for rows and messages.
-        seen: by the name of a model that needs more than chi and zeta: the flight as it sees it, at the same samples.
+        seen: by the name of a model that needs more than chi and zeta: the flight as it sees it, at
+            the same samples.
     Raises: ValueError: if the flight is too short for one origin.
     """
     horizons = sorted(set(horizons))
     origins = np.arange(warm_up, len(chi) - horizons[-1])
     if len(origins) == 0 or horizons[0] < 0:
         raise ValueError(
-            f"skill_table: {flight}: more than {warm_up + horizons[-1]} samples are needed; got {len(chi)}."
+            f"skill_table: {flight}: more than {warm_up + horizons[-1]} samples are "
+            f"needed; got {len(chi)}."
         )
     goal = (chi if target is None else target)[origins[:, None] + horizons]
     predictions = naive_predictions(chi, origins, horizons, mean)
@@ -82,31 +84,49 @@ def skill_table(
     square = {name: _square(prediction - goal) for name, prediction in predictions.items()}
     rmse = {name: np.sqrt(error.mean(axis=0)) for name, error in square.items()}
     longest = _size(chi).max(axis=0)
-    peaks = {name: _ratio(_size(chi_hat).max(axis=0), longest) for name, chi_hat in predictions.items()}
+    peaks = {
+        name: _ratio(_size(chi_hat).max(axis=0), longest) for name, chi_hat in predictions.items()
+    }
     best = np.min([rmse[name] for name in NAIVE], axis=0)
-    interval = {name: ratio_interval(error, square["persistence"], horizons) for name, error in square.items()}
+    interval = {
+        name: ratio_interval(error, square["persistence"], horizons)
+        for name, error in square.items()
+    }
     rows = []
     for name, error in rmse.items():
         skill, ratio = _ratio(error, best), _ratio(error, rmse["persistence"])
         for i, horizon in enumerate(horizons):
             figures = {
                 f"{kind}_{what}": float(values[i, k])
-                for what, values in (("rmse", error), ("skill", skill), ("ratio", ratio), ("peak", peaks[name]))
+                for what, values in (
+                    ("rmse", error),
+                    ("skill", skill),
+                    ("ratio", ratio),
+                    ("peak", peaks[name]),
+                )
                 for k, kind in enumerate(("force", "torque"))
             }
             force, torque = (tuple(map(float, bounds)) for bounds in interval[name][i])
-            rows.append(SkillRow(flight, name, horizon, **figures, force_interval=force, torque_interval=torque))
+            rows.append(
+                SkillRow(
+                    flight, name, horizon, **figures, force_interval=force, torque_interval=torque
+                )
+            )
     return rows
 
 
 def _ratio(error: np.ndarray, reference: np.ndarray) -> np.ndarray:
-    """Return the ratio, NaN where the reference is zero (persistence of the sample itself, a label of zero)."""
+    """Return the ratio, NaN where the reference is zero (persistence of the sample itself, a label
+    of zero).
+    """
     return np.divide(error, reference, out=np.full_like(error, np.nan), where=reference > 0)
 
 
 def _size(chi: np.ndarray) -> np.ndarray:
     """Return the length of force [N] and torque [N·m], (..., 2)."""
-    return np.stack([np.linalg.norm(chi[..., :3], axis=-1), np.linalg.norm(chi[..., 3:], axis=-1)], axis=-1)
+    return np.stack(
+        [np.linalg.norm(chi[..., :3], axis=-1), np.linalg.norm(chi[..., 3:], axis=-1)], axis=-1
+    )
 
 
 def naive_predictions(
@@ -114,8 +134,8 @@ def naive_predictions(
 ) -> dict[str, np.ndarray]:
     """Return the forecasts of the naive predictors by name, (o, len(horizons), 6) each [N, N·m].
 
-    They are persistence, linear extrapolation of the last two samples, the training mean, and the mean of the flight up
-    to now.
+    They are persistence, linear extrapolation of the last two samples, the training mean, and the
+    mean of the flight up to now.
 
     Args:
         chi: (n, 6) labels [N, N·m].
@@ -147,10 +167,10 @@ def model_predictions(
     seen: SampledFlight | None = None,
     at_once: bool = True,
 ) -> np.ndarray:
-    """Return chi_hat (o, len(horizons), 6) [N, N·m] of a model that walks along a flight, see `flight_walk`.
+    """Return chi_hat (o, len(horizons), 6) [N, N·m] of a model that walks along a flight, see
+    `flight_walk`.
 
     Args:
-        model: the forecaster.
         chi: (n, 6) labels [N, N·m].
         zeta: (n, 6) [m/s, rad/s].
         origins: (o,) sample indices.
@@ -185,7 +205,8 @@ LEVEL = 0.95  # probability of an interval [1]
 
 
 def ratio_interval(square: np.ndarray, reference: np.ndarray, horizons: list[int]) -> np.ndarray:
-    """Return low and high of RMSE over the reference's RMSE, (H, 2, 2) [1], by paired block bootstrap over one flight.
+    """Return low and high of RMSE over the reference's RMSE, (H, 2, 2) [1], by paired block
+    bootstrap over one flight.
 
     Args:
         square: (o, H, 2) squared errors at successive origins.
@@ -199,7 +220,8 @@ def ratio_interval(square: np.ndarray, reference: np.ndarray, horizons: list[int
         if count < FEWEST:
             continue
         edges = np.linspace(0, len(square), count + 1).astype(int)[:-1]
-        # Block bootstrap: how often each block is drawn, with replacement; sums over blocks give the drawn RMSE
+        # Block bootstrap: how often each block is drawn, with replacement; sums over blocks give
+        # the drawn RMSE
         drawn = np.random.default_rng(0).multinomial(count, np.full(count, 1.0 / count), DRAWS)
         over, under = (drawn @ np.add.reduceat(x[:, i], edges, axis=0) for x in (square, reference))
         if np.all(under > 0):

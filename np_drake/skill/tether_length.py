@@ -1,9 +1,10 @@
 """Tether length from a flight: the payload's mode among the eigenvalues of A_c.
 
-Hung from a hook that moves with v, the force of a payload on its tether is f = -m (g / l) s / (s² + g / l) v for
-small swings: with v as the only input the pair of poles is that of the *driven* pendulum, w² = g / l, whatever
-holds the hook. With the body rates as a second input it is not: m_q dv/dt = thrust x tilt + f makes v and omega
-determine each other, and the fit may put the poles anywhere between g / l and g / l (1 + m / m_q).
+Hung from a hook that moves with v, the force of a payload on its tether is f = -m (g / l) s / (s² +
+g / l) v for small swings: with v as the only input the pair of poles is that of the *driven*
+pendulum, w² = g / l, whatever holds the hook. With the body rates as a second input it is not: m_q
+dv/dt = thrust x tilt + f makes v and omega determine each other, and the fit may put the poles
+anywhere between g / l and g / l (1 + m / m_q).
 """
 
 import dataclasses as dc
@@ -19,7 +20,10 @@ from np_drake.training_data.segments import Segment
 GRAVITY = 9.81  # default [m/s²]
 SPAN = 2.4  # of the prediction loss: over a period of any tether below 1.4 m [s]
 LONGEST_DELAY = 1.2  # of the encoder [s]
-STARTS = (0.05, 0.1)  # of the mode; the better end counts, as gradient descent stays near its start [rad/sample]
+STARTS = (
+    0.05,
+    0.1,
+)  # of the mode; the better end counts, as gradient descent stays near its start [rad/sample]
 LARGEST_DAMPING = 0.4  # beyond, a pair of poles is no resonance; own choice [1]
 NEEDED = 15.0  # motion near the mode over its noise, below which no length is given; own choice [1]
 
@@ -28,7 +32,8 @@ NEEDED = 15.0  # motion near the mode over its noise, below which no length is g
 class Pendulum:
     """Pendulum identified from a flight.
 
-    motion: horizontal motion near the mode, without the flight's strongest line, over its noise [1].
+    motion: horizontal motion near the mode, without the flight's strongest line, over its noise
+    [1].
     """
 
     length: float  # of the tether, hook to payload; NaN where the flight does not show it [m]
@@ -43,20 +48,24 @@ class Pendulum:
         return bool(np.isfinite(self.length))
 
 
-def pendulum_length(segments: list[Segment], *, gravity: float = GRAVITY, seed: int = 0) -> Pendulum:
+def pendulum_length(
+    segments: list[Segment], *, gravity: float = GRAVITY, seed: int = 0
+) -> Pendulum:
     """Train chi on v alone, read the pendulum's mode, and check whether the flight excites it.
 
     Args:
         segments: force and velocity in W (labels as in training), at one step.
         gravity: [m/s²].
-        seed: of the training.
     Raises: ValueError: if the segments are unusable or too short.
     """
     driven = [_driven_by_velocity(s) for s in segments]
     step = segments[0].step if segments else 1.0
     delay, horizon = (max(2, round(span / step)) for span in (LONGEST_DELAY, SPAN))
     results = [
-        train(driven, LiftedConfig(delay, horizon, size=0, lateral=(start,), vertical=(start,), seed=seed))
+        train(
+            driven,
+            LiftedConfig(delay, horizon, size=0, lateral=(start,), vertical=(start,), seed=seed),
+        )
         for start in STARTS
     ]
     trained = min(results, key=lambda result: result.loss[-1]).model.system
@@ -64,12 +73,15 @@ def pendulum_length(segments: list[Segment], *, gravity: float = GRAVITY, seed: 
     system = dc.replace(trained, B=trained.B * [1.0, 1.0, 1.0, 0.0, 0.0, 0.0])
     mode = pendulum_mode(system)
     if mode is None:
-        return Pendulum(np.nan, None, 0.0, "no oscillating mode answers the horizontal velocity.", system)
+        return Pendulum(
+            np.nan, None, 0.0, "no oscillating mode answers the horizontal velocity.", system
+        )
     motion = motion_near([s.zeta[:, :2] for s in segments], mode.frequency, step=step)
     found = f"mode at {mode.frequency:.3f} Hz, damping {mode.damping:.2f}"
     if motion < NEEDED:
         reason = (
-            f"the flight cannot show the pendulum: near the {found}, it moved {motion:.1f} x its noise beside its "
+            f"the flight cannot show the pendulum: near the {found}, it moved {motion:.1f} "
+            f"x its noise beside its "
             f"strongest line, {NEEDED:.0f} are needed. Fly with dither."
         )
         return Pendulum(np.nan, mode, motion, reason, system)
@@ -81,17 +93,22 @@ def pendulum_length(segments: list[Segment], *, gravity: float = GRAVITY, seed: 
 
 
 def pendulum_mode(system: LiftedLinearSystem) -> Mode | None:
-    """Return the oscillating mode of A_c through which v_x moves f_x most (largest residue), None without any.
+    """Return the oscillating mode of A_c through which v_x moves f_x most (largest residue), None
+    without any.
 
     Its frequency, not its |s|, is the pendulum's: the training limits how long a mode may last.
     Raises: ValueError: if the body rates drive the system too, see the module.
     """
     if np.any(system.B[:, 3:]):
         raise ValueError(
-            "pendulum: the system must be driven by velocity alone; with body rates its poles are not the payload's."
+            "pendulum: the system must be driven by velocity alone; with body rates its "
+            "poles are not the payload's."
         )
     eigenvalue, V = np.linalg.eig(system.A)
-    output, drive = system.C[0] @ V, np.linalg.lstsq(V, system.B[:, 0].astype(complex), rcond=None)[0]
+    output, drive = (
+        system.C[0] @ V,
+        np.linalg.lstsq(V, system.B[:, 0].astype(complex), rcond=None)[0],
+    )
     residue = np.where(eigenvalue.imag > 1e-9, np.abs(output * drive), 0.0)
     if not residue.max(initial=0.0) > 0.0:
         return None

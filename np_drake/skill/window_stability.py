@@ -17,7 +17,8 @@ CHUNK = 4000  # windows at a time, for memory [1]
 class WindowStability:
     """Counts of unstable windows of one flight.
 
-    pulled: windows whose least-squares A lay outside and was made stable before use (0 without a refit).
+    pulled: windows whose least-squares A lay outside and was made stable before use (0 without a
+    refit).
     """
 
     windows: int  # of the flight
@@ -30,14 +31,15 @@ def window_stability(model: NeuralPredictor, chi: np.ndarray, zeta: np.ndarray) 
     """Return the counts over every forecast along a flight without gaps.
 
     Args:
-        model: that flies.
         chi: (n, 6) [N, N·m].
         zeta: (n, 6) [m/s, rad/s].
     Raises: ValueError: if the flight ends before the first forecast.
     """
     course = model.along(chi, zeta)
     if course is None:
-        raise ValueError(f"stability: at least {model.model.warm_up} samples are needed; got {len(chi)}.")
+        raise ValueError(
+            f"stability: at least {model.model.warm_up} samples are needed; got {len(chi)}."
+        )
     return stability_of(course)
 
 
@@ -45,14 +47,12 @@ def walked_stability(model: ResidualModel, flight: SampledFlight) -> WindowStabi
     """Return the counts over every sample of a flight, of a model that makes its A anew at each.
 
     A pendulum without damping lies on the unit circle, so that rounding does not count.
-
-    Args:
-        model: that forecasts.
-        flight: as the model sees it.
     """
     forecasts = [model.forecast(memory, horizon=1, stride=1) for _, memory in walk(model, flight)]
     radius = np.abs(np.linalg.eigvals(np.stack([forecast.A for forecast in forecasts]))).max(axis=1)
-    return WindowStability(len(radius), int(np.sum(radius > 1.0 + ROUNDING)), float(radius.max()), 0)
+    return WindowStability(
+        len(radius), int(np.sum(radius > 1.0 + ROUNDING)), float(radius.max()), 0
+    )
 
 
 def stability_of(course: FlightForecasts) -> WindowStability:

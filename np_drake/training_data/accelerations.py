@@ -1,4 +1,6 @@
-"""Accelerations for a log without them, differentiated with zero phase, and decimation of a log to a model's step."""
+"""Accelerations for a log without them, differentiated with zero phase, and decimation of a log to
+a model's step.
+"""
 
 import dataclasses as dc
 
@@ -18,12 +20,12 @@ BANDWIDTH = 15.0  # [Hz], -6 dB; own choice: 0.3 m/s² of noise from 0.01 m/s at
 def with_accelerations(log: FlightLog, bandwidth: float = BANDWIDTH) -> FlightLog:
     """Return the log with a = dv/dt and al = dw/dt where it has none, and a note that says so.
 
-    a_k = zero-phase low-pass of (v_(k+1) - v_k) / (t_(k+1) - t_k): over this interval row k's command acts,
-    so the pairing of rows stays (a central difference would mix two commands). It uses the future: results
+    a_k = zero-phase low-pass of (v_(k+1) - v_k) / (t_(k+1) - t_k): over this interval row k's
+    command acts, so the pairing of rows stays (a central difference would mix two commands). It
+    uses the future: results
     one step ahead from such a log are not causal.  Source: own choice.
 
     Args:
-        log: the flight log.
         bandwidth: of the low-pass [Hz].
     Raises: ValueError: if the bandwidth is not positive.
     """
@@ -35,7 +37,8 @@ def with_accelerations(log: FlightLog, bandwidth: float = BANDWIDTH) -> FlightLo
     a = smooth_derivative(log.v, log.t, bandwidth) if log.a is None else log.a
     al = smooth_derivative(log.w, log.t, bandwidth) if log.al is None else log.al
     note = (
-        f"{', '.join(new)} differentiated smoothly (zero phase, {bandwidth:g} Hz): they use the future, "
+        f"{', '.join(new)} differentiated smoothly (zero phase, {bandwidth:g} Hz): they "
+        f"use the future, "
         "figures one step ahead are not causal"
     )
     return dc.replace(log, a=a, al=al, notes=[*log.notes, note])
@@ -54,7 +57,8 @@ def smooth_derivative(value: np.ndarray, t: np.ndarray, bandwidth: float) -> np.
 
 
 def smoothed(value: np.ndarray, t: np.ndarray, bandwidth: float) -> np.ndarray:
-    """Return `value` (n, m) after a zero-phase low-pass of second order; itself where the rows have no more.
+    """Return `value` (n, m) after a zero-phase low-pass of second order; itself where the rows have
+    no more.
 
     Args:
         value: (n, m) samples.
@@ -84,30 +88,38 @@ def lift_over_weight(t: np.ndarray, v: np.ndarray, q: np.ndarray, gravity: float
 def rows_at(log: FlightLog, step: float) -> np.ndarray:
     """Return the indices of the rows nearest to t_0, t_0 + step, …, (m,).
 
-    Rows are picked, not averaged; quantities with content above the new rate must be filtered before (`labels` are).
+    Rows are picked, not averaged; quantities with content above the new rate must be filtered
+    before (`labels` are).
 
     Args:
-        log: the flight log.
         step: between rows [s].
     Raises: ValueError: if the step is shorter than the log's, or leaves fewer than two rows.
     """
     if not step > 0.999 * log.step:
-        raise ValueError(f"decimate: step must be at least that of {log.name}, {log.step:.4g} s; got {step:.4g} s.")
+        raise ValueError(
+            f"decimate: step must be at least that of {log.name}, {log.step:.4g} s; got "
+            f"{step:.4g} s."
+        )
     wanted = np.arange(log.t[0], log.t[-1] + 0.5 * log.step, step)
     if len(wanted) < 2:
-        raise ValueError(f"decimate: {log.name} lasts {log.t[-1] - log.t[0]:.3g} s, less than {step:.3g} s.")
+        raise ValueError(
+            f"decimate: {log.name} lasts {log.t[-1] - log.t[0]:.3g} s, less than {step:.3g} s."
+        )
     after = np.clip(np.searchsorted(log.t, wanted), 1, len(log) - 1)
     return np.where(wanted - log.t[after - 1] < log.t[after] - wanted, after - 1, after)
 
 
 def wrench_sequence(
-    log: FlightLog, vehicle: Vehicle, config: LabelConfig | None = None, *, step: float = 0.02, zero_phase: bool = False
+    log: FlightLog,
+    vehicle: Vehicle,
+    config: LabelConfig | None = None,
+    *,
+    step: float = 0.02,
+    zero_phase: bool = False,
 ) -> WrenchSequence:
     """Return labels made at the log's own rate, then one row every `step` [s]; zeta in W.
 
     Args:
-        log: with accelerations.
-        vehicle: nominal.
         config: low-pass; None: that of the vehicle.
         step: between rows [s].
         zero_phase: `smooth_labels` instead of the causal ones (targets for training only).
@@ -116,4 +128,6 @@ def wrench_sequence(
     chi = (smooth_labels if zero_phase else labels)(log, vehicle, config)
     rows = rows_at(log, step)
     zeta = np.concatenate([log.v, log.w], axis=1)
-    return WrenchSequence(step, chi[rows], zeta[rows], "world", log.name, notes=list(log.notes)).check()
+    return WrenchSequence(
+        step, chi[rows], zeta[rows], "world", log.name, notes=list(log.notes)
+    ).check()

@@ -1,4 +1,6 @@
-"""Identification of how late commands act from flight logs: their delay, and the rotors' lag behind it."""
+"""Identification of how late commands act from flight logs: their delay, and the rotors' lag behind
+it.
+"""
 
 import dataclasses as dc
 from collections.abc import Sequence
@@ -10,36 +12,43 @@ from np_drake import attitude
 from np_drake.command_delay import believed_before
 from np_drake.flight_log import FlightLog
 from np_drake.labels import raw_labels
-from np_drake.scaling import ratios
 from np_drake.vehicle import Vehicle
+from np_drake.vehicle.scaling import ratios
 
 LONGEST_LAG = 0.1  # lag that is looked for, longer where the time unit of a vehicle is [s]
-AT_BOUND = 0.01  # share of the longest lag within which there is no minimum, and the flights tell no lag [1]
+# share of the longest lag within which there is no minimum, and the flights tell no lag [1]
+AT_BOUND = 0.01
 
 
 def learned_rotor_lag(flights: Sequence[tuple[FlightLog, Vehicle]]) -> float:
-    """Return the rotors' time constant with which the labels of `flights` change least from row to row [s].
+    """Return the rotors' time constant with which the labels of `flights` change least from row to
+    row [s].
 
     External wrenches change slowly; the error from rotor lag changes with every command. So the
-    steps of the raw label, along the thrust and in roll and pitch, are smallest where the command goes through the
-    lag that the rotors have: the sum of the logarithms of their mean squares, so that units do not matter. Where that
-    falls up to the longest lag, the commands changed too little to tell one. A lag named in a vehicle file is taken as
+    steps of the raw label, along the thrust and in roll and pitch, are smallest where the command
+    goes through the lag that the rotors have: the sum of the logarithms of their mean squares, so
+    that units do not matter. Where that falls up to the longest lag, the commands changed too
+    little to tell one. A lag named in a vehicle file is taken as
     it is, and measured rotor speed has none.      Source: own choice.
 
     Args: flights: logs with accelerations, and the vehicle of each.
     """
-    sought = [(log, v) for log, v in flights if log.input == "command" and v.rotor_time_constant == 0]
+    sought = [
+        (log, v) for log, v in flights if log.input == "command" and v.rotor_time_constant == 0
+    ]
     return _best_lag(sought)[0] if sought else 0.0
 
 
-def learned_timing(flights: Sequence[tuple[FlightLog, Vehicle]], delays: Sequence[float]) -> tuple[float, float]:
-    """Return the rotors' time constant and the delay of commands before it with which raw labels change least [s].
+def learned_timing(
+    flights: Sequence[tuple[FlightLog, Vehicle]], delays: Sequence[float]
+) -> tuple[float, float]:
+    """Return the rotors' time constant and the delay of commands before it with which raw labels
+    change least [s].
 
-    The criterion of `learned_rotor_lag`, as the likelihood of normal steps; a delay other than the first of `delays`
-    has the prior odds of `command_delay.believed_before`.
+    The criterion of `learned_rotor_lag`, as the likelihood of normal steps; a delay other than the
+    first of `delays` has the prior odds of `command_delay.believed_before`.
 
     Args:
-        flights: logs with accelerations, and the vehicle of each.
         delays: that are tried [s].
     """
     told = [(log, v) for log, v in flights if log.input == "command"]
@@ -58,12 +67,12 @@ def learned_timing(flights: Sequence[tuple[FlightLog, Vehicle]], delays: Sequenc
 
 
 def delayed(log: FlightLog, delay: float) -> FlightLog:
-    """Return the log with the command that acts, without lag, where it acts `delay` [s] late; the first acts before.
+    """Return the log with the command that acts, without lag, where it acts `delay` [s] late; the
+    first acts before.
 
     Measured rotor speed is never late.
 
     Args:
-        log: the flight log.
         delay: [s].
     """
     if delay == 0.0 or log.input != "command":
@@ -75,10 +84,15 @@ def delayed(log: FlightLog, delay: float) -> FlightLog:
 
 
 def _best_lag(sought: Sequence[tuple[FlightLog, Vehicle]]) -> tuple[float, float]:
-    """Return the time constant of least restlessness, 0 where there is no minimum [s], and that restlessness."""
+    """Return the time constant of least restlessness, 0 where there is no minimum [s], and that
+    restlessness.
+    """
     longest = LONGEST_LAG * max(1.0, *(ratios(v).clock for _, v in sought))
     best = minimize_scalar(
-        lambda lag: _restlessness(sought, lag), bounds=(0.0, longest), method="bounded", options={"xatol": 1e-4}
+        lambda lag: _restlessness(sought, lag),
+        bounds=(0.0, longest),
+        method="bounded",
+        options={"xatol": 1e-4},
     )
     without = _restlessness(sought, 0.0)
     if best.x > (1.0 - AT_BOUND) * longest or best.fun >= without:
@@ -90,12 +104,13 @@ def _restlessness(flights: Sequence[tuple[FlightLog, Vehicle]], lag: float = 0.0
     """Return the sum over thrust, roll and pitch of the log mean square of a step of the raw label.
 
     Args:
-        flights: log and vehicle of each.
         lag: of vehicles whose file names none [s].
     """
     steps = []
     for log, vehicle in flights:
-        raw = raw_labels(log, dc.replace(vehicle, rotor_time_constant=vehicle.rotor_time_constant or lag))
+        raw = raw_labels(
+            log, dc.replace(vehicle, rotor_time_constant=vehicle.rotor_time_constant or lag)
+        )
         along = np.sum(raw[:, :3] * attitude.body_z(log.q), axis=1)
         steps.append(np.diff(np.column_stack([along, raw[:, 3:5]]), axis=0))
     moved = np.concatenate(steps)

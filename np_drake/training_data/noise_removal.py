@@ -3,7 +3,9 @@
 import numpy as np
 
 BAND = 1.0  # least bandwidth over which spectra are averaged [Hz]; own choice
-THIRD = 2 ** (1 / 6) - 2 ** (-1 / 6)  # relative bandwidth of a one-third octave [1]; source: IEC 61260
+THIRD = 2 ** (1 / 6) - 2 ** (
+    -1 / 6
+)  # relative bandwidth of a one-third octave [1]; source: IEC 61260
 SURE_DEVIATIONS = 2.0  # standard deviations by which a band of signal exceeds the noise [1]
 
 
@@ -21,7 +23,8 @@ def most_likely(values: np.ndarray, noise: np.ndarray, step: float) -> np.ndarra
     mirrored = np.concatenate([values, values[::-1]]) - mean
     spectrum = np.fft.rfft(mirrored, axis=0)
     power, count = _band_means(np.abs(spectrum) ** 2 / len(mirrored), 1 / (len(mirrored) * step))
-    # A bin of a mirrored record is one real variate: the mean of `count` has the variance 2 / count of chi-square.
+    # A bin of a mirrored record is one real variate: the mean of `count` has the variance 2 / count
+    # of chi-square.
     signal = power > noise**2 * (1 + SURE_DEVIATIONS * np.sqrt(2 / count))[:, None]
     # Wiener gain S / (S + N), with S + N the measured power.
     gain = np.where(signal, 1 - noise**2 / np.where(signal, power, 1.0), 0.0)

@@ -36,13 +36,13 @@ class Flight:
 
         Args:
             step: time between samples [s].
-            label: low-pass of the labels.
         """
         return training_segments(self.data, self.vehicle, label, step=step)
 
 
 def require_torque(log: FlightLog) -> FlightLog:
-    """Return the log, where it tells the rotors' torque, which a label needs, and the state that a predictor takes.
+    """Return the log, where it tells the rotors' torque, which a label needs, and the state that a
+    predictor takes.
 
     Raises: ValueError: where it does not.
     """
@@ -53,7 +53,8 @@ def require_torque(log: FlightLog) -> FlightLog:
         )
     if len(log) and not np.isfinite(log.u[:, 1:]).any():
         raise ValueError(
-            f"{log.name}: must tell the torque of the rotors (tx, ty, tz, rotor1 … rotor4, or throttle1 … throttle4 "
+            f"{log.name}: must tell the torque of the rotors (tx, ty, tz, rotor1 … rotor4, "
+            f"or throttle1 … throttle4 "
             f"with a vehicle file) to train on; its input is {log.input}."
         )
     return log
@@ -68,14 +69,19 @@ def require_motion(flights: Sequence[Flight]) -> None:
     if len(spreads) and np.all(spreads < STILL):
         v, w = spreads[:, :3].max(), spreads[:, 3:].max()
         raise ValueError(
-            f"train: the vehicle must move in the logs; velocity varies by {v:.2g} m/s, body rates by {w:.2g} rad/s. "
+            f"train: the vehicle must move in the logs; velocity varies by {v:.2g} m/s, "
+            f"body rates by {w:.2g} rad/s. "
             "Fly with more motion, or give --force."
         )
 
 
 def _spread_of_motion(data: FlightLog | WrenchSequence) -> np.ndarray:
-    """Return the standard deviation of velocity and body rates, short averages of them, (6,) [m/s, rad/s]."""
-    zeta = data.zeta if isinstance(data, WrenchSequence) else np.concatenate([data.v, data.w], axis=1)
+    """Return the standard deviation of velocity and body rates, short averages of them, (6,) [m/s,
+    rad/s].
+    """
+    zeta = (
+        data.zeta if isinstance(data, WrenchSequence) else np.concatenate([data.v, data.w], axis=1)
+    )
     zeta = zeta[np.isfinite(zeta).all(axis=1)]
     rows = max(1, round(AVERAGED / data.step))
     blocks = len(zeta) // rows
@@ -85,16 +91,18 @@ def _spread_of_motion(data: FlightLog | WrenchSequence) -> np.ndarray:
 
 
 def training_segments(
-    flight: FlightLog | WrenchSequence, vehicle: Vehicle, config: LabelConfig | None = None, *, step: float = 0.02
+    flight: FlightLog | WrenchSequence,
+    vehicle: Vehicle,
+    config: LabelConfig | None = None,
+    *,
+    step: float = 0.02,
 ) -> list[Segment]:
-    """Return the uninterrupted pieces of one flight, a sample every `step` [s] (an array keeps its own step).
+    """Return the uninterrupted pieces of one flight, a sample every `step` [s] (an array keeps its
+    own step).
 
     chi: causal labels, as seen in flight; target: zero-phase labels. An array's wrench is both.
 
     Args:
-        flight: a log, or an array of its wrench.
-        vehicle: the nominal vehicle.
-        config: low-pass of the labels.
         step: time between samples [s].
     Raises: ValueError: if the step does not fit the log.
     """
@@ -104,18 +112,18 @@ def training_segments(
     causal = wrench_sequence(log, vehicle, config, step=step)
     smooth = wrench_sequence(log, vehicle, config, step=step, zero_phase=True)
     late = round((config or default_labels(vehicle)).force_delay / step)
-    return [dc.replace(piece, late=late) for piece in _pieces(causal.chi, causal.zeta, smooth.chi, step)]
+    return [
+        dc.replace(piece, late=late) for piece in _pieces(causal.chi, causal.zeta, smooth.chi, step)
+    ]
 
 
 def flown_segments(
     log: FlightLog, vehicle: Vehicle, model: object, *, step: float
 ) -> list[tuple[Segment, SampledFlight]]:
-    """Return the segments of a log, each beside the same samples as `model` sees them: state, command, own labels.
+    """Return the segments of a log, each beside the same samples as `model` sees them: state,
+    command, own labels.
 
     Args:
-        log: the flight log.
-        vehicle: the nominal vehicle.
-        model: whose label and delay count.
         step: time between samples [s].
     Raises: ValueError: if the step does not fit the log.
     """
@@ -141,12 +149,15 @@ def _usable(log: FlightLog) -> FlightLog:
 def _pieces(chi: np.ndarray, zeta: np.ndarray, target: np.ndarray, step: float) -> list[Segment]:
     """Return segments between the rows that hold a NaN."""
     return [
-        Segment(chi[start:stop], zeta[start:stop], step, target[start:stop]) for start, stop in _runs(chi, zeta, target)
+        Segment(chi[start:stop], zeta[start:stop], step, target[start:stop])
+        for start, stop in _runs(chi, zeta, target)
     ]
 
 
 def _runs(*arrays: np.ndarray) -> list[tuple[int, int]]:
-    """Return first row and the row behind the last of every run without NaN, of `SHORTEST` and more."""
+    """Return first row and the row behind the last of every run without NaN, of `SHORTEST` and
+    more.
+    """
     good = np.all(np.isfinite(np.hstack(arrays)), axis=1)
     edge = np.flatnonzero(np.diff(np.concatenate([[False], good, [False]]).astype(int))).tolist()
     runs = zip(edge[::2], edge[1::2], strict=True)

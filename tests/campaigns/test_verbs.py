@@ -1,4 +1,6 @@
-"""Laws of the comparison: no verb of many cases is missing from it, and it leaves out times alone."""
+"""Laws of the comparison: no verb of many cases is missing from it, and it leaves out times
+alone.
+"""
 
 from collections.abc import Iterator
 from typing import Any

@@ -1,4 +1,6 @@
-"""Verbs of many cases, each with the smallest settings at which a campaign of it can be cut in the middle."""
+"""Verbs of many cases, each with the smallest settings at which a campaign of it can be cut in the
+middle.
+"""
 
 import dataclasses as dc
 
@@ -10,10 +12,12 @@ FLIGHT = frozenset({"solve_ms", "late_solves", "processor_time"})  # of the summ
 class Verb:
     """Command line of a verb, where its cases end, and which of its values are times.
 
-    arguments, places: words of the command line; {out}, {neurobem}, {real}, {set} (of a challenge) and {arrays} (short
-    made flights in the place of the real ones of {neurobem}) stand for folders.
-    finished: pattern of the file that a case ends with, in {out}.   times: names of values in JSON files that are
-    wall or processor times, or count what lasts longer than a period.   columns, rows: of Markdown tables, that are.
+    arguments, places: words of the command line; {out}, {neurobem}, {real}, {set} (of a challenge)
+    and {arrays} (short made flights in the place of the real ones of {neurobem}) stand for folders.
+    finished: pattern of the file that a case ends with, in {out}.
+    times: names of values in JSON files that are wall or processor times, or count what lasts
+        longer than a period.
+    columns, rows: of Markdown tables, that are.
     """
 
     arguments: str
@@ -34,14 +38,20 @@ VERBS: dict[str, Verb] = {
         "--out {out}/cases --truth {out}/truth --json {out}.json",
         "cases/[0-9a-f]*/vehicle.yaml",
     ),
-    "challenge solve": Verb("{set}/cases", "--out {out}", "*/diagnosis.json", frozenset({"wall", "peak_memory"})),
-    "train": Verb("--envelope 3 --epochs 3", "--out {out}/np.safetensors --json {out}.json", "np.safetensors"),
+    "challenge solve": Verb(
+        "{set}/cases", "--out {out}", "*/diagnosis.json", frozenset({"wall", "peak_memory"})
+    ),
+    "train": Verb(
+        "--envelope 3 --epochs 3", "--out {out}/np.safetensors --json {out}.json", "np.safetensors"
+    ),
     "reproduce models": Verb(""),
     "reproduce tracking": Verb("--seeds 1 --only np", times=FLIGHT),
     "reproduce configurations": Verb("--seeds 1 --only hold", times=FLIGHT),
     "reproduce weights": Verb(""),
     "reproduce gap": Verb("--neurobem {neurobem}"),
-    "reproduce mhe": Verb("--neurobem {arrays}", times=frozenset({"step_time", "exact", "program"})),
+    "reproduce mhe": Verb(
+        "--neurobem {arrays}", times=frozenset({"step_time", "exact", "program"})
+    ),
     "reproduce theorem": Verb("--neurobem {arrays} --spacing 1000"),
     "reproduce estimation": Verb("--neurobem {neurobem}"),
     "reproduce sample-efficiency": Verb("--neurobem {arrays}"),

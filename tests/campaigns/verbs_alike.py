@@ -1,9 +1,11 @@
-"""Compare every verb of many cases with itself: python tests/campaigns/verbs_alike.py [--out DIR] [VERB …].
+"""Compare every verb of many cases with itself: python tests/campaigns/verbs_alike.py [--out DIR]
+[VERB …].
 
-Each runs on one local process, on two, on a Dask cluster of two worker processes, and on two again after a kill of all
-its processes when half of its cases are finished. All that it writes must be the same, but for times: files byte for
-byte, JSON value for value, Markdown cell for cell. Verbs of real flights need their folders: NP_DRAKE_NEUROBEM and
-NP_DRAKE_REAL. Exit code 1 where anything differs.
+Each runs on one local process, on two, on a Dask cluster of two worker processes, and on two again
+after a kill of all its processes when half of its cases are finished. All that it writes must be
+the same, but for times: files byte for byte, JSON value for value, Markdown cell for cell. Verbs of
+real flights need their folders: NP_DRAKE_NEUROBEM and NP_DRAKE_REAL. Exit code 1 where anything
+differs.
 """
 
 import argparse
@@ -24,10 +26,16 @@ from verbs import SECONDS, VERBS, Verb
 from diagrams.batch.arrays import unpacked
 
 SERIAL, PAIR, CLUSTER, KILLED = "jobs 1", "jobs 2", "cluster", "killed"
-FOLDERS = {"neurobem": "NP_DRAKE_NEUROBEM", "real": "NP_DRAKE_REAL"}  # and what names them in the environment
+FOLDERS = {
+    "neurobem": "NP_DRAKE_NEUROBEM",
+    "real": "NP_DRAKE_REAL",
+}  # and what names them in the environment
 PATIENCE = 900.0  # until half of the cases must be finished [s]
 TIME = "(time)"  # stands in the place of one
-ARRAYS, CLOCKED = ("signals",), "solve_time"  # names of packed arrays, and of those in them that are times
+ARRAYS, CLOCKED = (
+    ("signals",),
+    "solve_time",
+)  # names of packed arrays, and of those in them that are times
 
 
 class Alike:
@@ -50,7 +58,11 @@ class Alike:
         kept = self._kill()
         self._run(KILLED, "--jobs 2")
         again = [str(path) for path, written in kept.items() if path.stat().st_mtime_ns != written]
-        yield (KILLED, differences(alone, self._content(KILLED)) + [f"{path}: worked on twice" for path in again])
+        yield (
+            KILLED,
+            differences(alone, self._content(KILLED))
+            + [f"{path}: worked on twice" for path in again],
+        )
 
     def _command(self, way: str, where: str) -> list[str]:
         places = {**self.given, "out": str(self._out(way))}
@@ -70,7 +82,9 @@ class Alike:
         """
         done = subprocess.run(self._command(way, where), capture_output=True, text=True)
         if done.returncode != 0:
-            raise RuntimeError(f"{self.name}, {way}: exit code {done.returncode}: {done.stderr[-800:]}")
+            raise RuntimeError(
+                f"{self.name}, {way}: exit code {done.returncode}: {done.stderr[-800:]}"
+            )
 
     def _kill(self) -> dict[Path, int]:
         """Kill a run of two processes, with all of them, when half of its cases are finished.
@@ -91,24 +105,33 @@ class Alike:
                     break
                 time.sleep(0.005)
             os.killpg(running.pid, signal.SIGKILL)
-        kept = {path: path.stat().st_mtime_ns for path in self._finished(KILLED) if has_result(path)}
+        kept = {
+            path: path.stat().st_mtime_ns for path in self._finished(KILLED) if has_result(path)
+        }
         if running.returncode != -signal.SIGKILL or not 0 < len(kept) < every:
             raise RuntimeError(f"{self.name}: killed with {len(kept)} of {every} cases finished.")
         return kept
 
     def _content(self, way: str) -> dict[str, Any]:
-        """Return what a run wrote, by place: without times, and with its own folder's name taken out."""
+        """Return what a run wrote, by place: without times, and with its own folder's name taken
+        out.
+        """
         out = self._out(way)
         beside = [out.with_name(f"{out.name}.{kind}") for kind in ("json", "md")]
         return {
-            str(path.relative_to(out.parent)).removeprefix(out.name): read(path, self.verb, str(out))
+            str(path.relative_to(out.parent)).removeprefix(out.name): read(
+                path, self.verb, str(out)
+            )
             for path in [*beside, *sorted(out.rglob("*"))]
-            if path.is_file() and not path.name.startswith(".")  # a killed writer's temporary file, never read
+            if path.is_file()
+            and not path.name.startswith(".")  # a killed writer's temporary file, never read
         }
 
 
 def has_result(path: Path) -> bool:
-    """Return whether a case is done; one whose worker the kill reached first has an error, and is worked on again."""
+    """Return whether a case is done; one whose worker the kill reached first has an error, and is
+    worked on again.
+    """
     return path.suffix != ".json" or "error" not in json.loads(path.read_text())
 
 
@@ -124,7 +147,9 @@ def read(path: Path, verb: Verb, out: str) -> Any:
 def timeless(value: Any, times: frozenset[str]) -> Any:
     """Return a value of JSON with the times in it replaced by a word."""
     if isinstance(value, dict):
-        value = {k: unpacked(v) if k in ARRAYS and isinstance(v, str) else v for k, v in value.items()}
+        value = {
+            k: unpacked(v) if k in ARRAYS and isinstance(v, str) else v for k, v in value.items()
+        }
         left_out = {k for k in value if k in times or k.startswith(CLOCKED)}
         return {k: TIME if k in left_out else timeless(v, times) for k, v in value.items()}
     if isinstance(value, np.ndarray):
@@ -148,7 +173,11 @@ def differences(one: Any, other: Any, at: str = "") -> list[str]:
     """Return a line for every place at which two contents differ."""
     if isinstance(one, dict) and isinstance(other, dict):
         keys = [*one, *(key for key in other if key not in one)]
-        return [line for k in keys for line in differences(one.get(k, "-"), other.get(k, "-"), f"{at}/{k}")]
+        return [
+            line
+            for k in keys
+            for line in differences(one.get(k, "-"), other.get(k, "-"), f"{at}/{k}")
+        ]
     if isinstance(one, list) and isinstance(other, list) and len(one) == len(other):
         pairs = enumerate(zip(one, other, strict=True))
         return [line for k, (a, b) in pairs for line in differences(a, b, f"{at}[{k}]")]
@@ -160,22 +189,34 @@ def differences(one: Any, other: Any, at: str = "") -> list[str]:
 def main() -> int:
     """Compare the chosen verbs and return the exit code."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("verbs", nargs="*", metavar="VERB", help="as 'challenge make'; default: all")
-    parser.add_argument("--out", type=Path, default=Path("out/campaigns"), help="folder of all runs")
+    parser.add_argument(
+        "verbs", nargs="*", metavar="VERB", help="as 'challenge make'; default: all"
+    )
+    parser.add_argument(
+        "--out", type=Path, default=Path("out/campaigns"), help="folder of all runs"
+    )
     chosen = parser.parse_args()
     if unknown := sorted(set(chosen.verbs) - set(VERBS)):
         parser.error(f"VERB must be one of {', '.join(VERBS)}; got {', '.join(unknown)}")
     given = {folder: os.environ[name] for folder, name in FOLDERS.items() if os.environ.get(name)}
-    given["set"], given["arrays"] = (str(flown_set(chosen.out / "set")), str(made_arrays(chosen.out / "arrays")))
+    given["set"], given["arrays"] = (
+        str(flown_set(chosen.out / "set")),
+        str(made_arrays(chosen.out / "arrays")),
+    )
     from distributed import LocalCluster
 
     with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=":0") as local:
-        alike = [compared(name, chosen.out, given, local.scheduler_address) for name in chosen.verbs or VERBS]
+        alike = [
+            compared(name, chosen.out, given, local.scheduler_address)
+            for name in chosen.verbs or VERBS
+        ]
     return 0 if all(alike) else 1
 
 
 def made_arrays(folder: Path) -> Path:
-    """Write made flights in the form of the real ones; the first is as long as `sample-efficiency` asks for."""
+    """Write made flights in the form of the real ones; the first is as long as `sample-efficiency`
+    asks for.
+    """
     from diagrams.performance.predictor_bench import synthetic_flight
     from np_drake.logs.formats.neurobem_wrenches import TESTS, TRAINING
 
@@ -203,12 +244,17 @@ def compared(name: str, out: Path, given: dict[str, str], scheduler: str) -> boo
         return True
     found, same = [], []
     try:
-        for way, lines in Alike(name, verb, out / name.replace(" ", "_"), given, scheduler).compare():
+        for way, lines in Alike(
+            name, verb, out / name.replace(" ", "_"), given, scheduler
+        ).compare():
             found += [f"{name}, {way}: {line}" for line in lines]
             same += [] if lines else [way]
     except RuntimeError as error:
         found.append(str(error))
-    print(f"{name}: as {SERIAL}: {', '.join(same) or 'nothing'}; {time.monotonic() - start:.0f} s", flush=True)
+    print(
+        f"{name}: as {SERIAL}: {', '.join(same) or 'nothing'}; {time.monotonic() - start:.0f} s",
+        flush=True,
+    )
     print(*(f"  {line}\n" for line in found[:20]), sep="", end="", flush=True)
     return not found
 

@@ -25,7 +25,14 @@ def in_this_process(monkeypatch):
     monkeypatch.setattr(campaign, "as_they_finish", here)
 
 
-SIZED = {0xC4: ">B", 0xC5: ">H", 0xC6: ">I", 0xC7: ">B", 0xC8: ">H", 0xC9: ">I"}  # bytes and extensions
+SIZED = {
+    0xC4: ">B",
+    0xC5: ">H",
+    0xC6: ">I",
+    0xC7: ">B",
+    0xC8: ">H",
+    0xC9: ">I",
+}  # bytes and extensions
 SIZED |= {0xD9: ">B", 0xDA: ">H", 0xDB: ">I", 0xDC: ">H", 0xDD: ">I", 0xDE: ">H", 0xDF: ">I"}
 NUMBER = {0xCA: ">f", 0xCB: ">d", 0xCC: ">B", 0xCD: ">H", 0xCE: ">I", 0xCF: ">Q"}
 NUMBER |= {0xD0: ">b", 0xD1: ">h", 0xD2: ">i", 0xD3: ">q"}
@@ -70,18 +77,29 @@ class MessagePack:
 class ReplayPage:
     """Page of a replay.
 
-    film: object -> property -> value by frame.   numbers: those of the read-outs.   objects: paths of all objects.
+    film: object -> property -> value by frame.
+    numbers: those of the read-outs.
+    objects: paths of all objects.
     """
 
     def __init__(self, path: Path):
         self.text, self.film = path.read_text(), {}
         embedded = re.findall(r'octet-binary;base64,([A-Za-z0-9+/=]+)"\)\s*\.then', self.text)
         commands = [MessagePack(base64.b64decode(part)).read() for part in embedded]
-        self.objects = {c["path"].removeprefix("/drake/") for c in commands if c["type"] == "set_object"}
-        for animated in (a for c in commands if c["type"] == "set_animation" for a in c["animations"]):
-            tracks = {t["name"][1:]: np.array([k["value"] for k in t["keys"]]) for t in animated["clip"]["tracks"]}
+        self.objects = {
+            c["path"].removeprefix("/drake/") for c in commands if c["type"] == "set_object"
+        }
+        for animated in (
+            a for c in commands if c["type"] == "set_animation" for a in c["animations"]
+        ):
+            tracks = {
+                t["name"][1:]: np.array([k["value"] for k in t["keys"]])
+                for t in animated["clip"]["tracks"]
+            }
             self.film[animated["path"].removeprefix("/drake/")] = tracks
-        found = re.search(r'<script id="np-drake-data" type="application/json">(.*?)</script>', self.text, re.S)
+        found = re.search(
+            r'<script id="np-drake-data" type="application/json">(.*?)</script>', self.text, re.S
+        )
         self.numbers = json.loads(found[1])
 
 
@@ -92,13 +110,16 @@ def replay_page() -> Callable[[Path], ReplayPage]:
 
 
 def excited(vehicle, seed: int = 0, seconds: float = 12.0, size: float = 1.0) -> FlightLog:
-    """A flight of a rigid body on a multisine: rotor speed follows from exact derivatives of its motion.
+    """A flight of a rigid body on a multisine: rotor speed follows from exact derivatives of its
+    motion.
 
     size: over ordinary motion; 0 hovers.
     """
     rng, step = np.random.default_rng(seed), 0.001
     t = step * np.arange(round(seconds / step) + 1)
-    frequency = 2 * np.pi * np.array([0.4, 0.9, 1.6])[:, None, None] * rng.uniform(0.9, 1.1, (3, 1, 3))
+    frequency = (
+        2 * np.pi * np.array([0.4, 0.9, 1.6])[:, None, None] * rng.uniform(0.9, 1.1, (3, 1, 3))
+    )
     phase = frequency * t[None, :, None] + rng.uniform(0, 2 * np.pi, (3, 1, 3))
     strength = size * np.array([1.6, 1.6, 1.2])  # [m/s²]
     a = np.sum(strength * np.sin(phase), axis=0)
@@ -110,7 +131,9 @@ def excited(vehicle, seed: int = 0, seconds: float = 12.0, size: float = 1.0) ->
     force = a + [0.0, 0.0, 9.81]
     lift = np.linalg.norm(force, axis=1)
     q = attitude.quaternion_from_axes(force / lift[:, None], yaw)
-    turned = attitude.rotation_vector(attitude.multiply(attitude.conjugate(q[:-2]), q[2:])) / (2 * step)
+    turned = attitude.rotation_vector(attitude.multiply(attitude.conjugate(q[:-2]), q[2:])) / (
+        2 * step
+    )
     w = np.concatenate([turned[:1], turned, turned[-1:]])
     al = np.gradient(w, step, axis=0)
     torque = al @ vehicle.J.T + np.cross(w, w @ vehicle.J.T)
@@ -118,14 +141,27 @@ def excited(vehicle, seed: int = 0, seconds: float = 12.0, size: float = 1.0) ->
     spin = np.sqrt(np.maximum(u @ vehicle.unmixer.T, 0.0) / vehicle.thrust_coefficient)
     rows = slice(0, None, 10)
     n = len(t[rows])
-    noisy = [x[rows] + s * rng.normal(size=(n, x.shape[1])) for x, s in ((w, 0.005), (a, 0.05), (spin, 1.0))]
+    noisy = [
+        x[rows] + s * rng.normal(size=(n, x.shape[1]))
+        for x, s in ((w, 0.005), (a, 0.05), (spin, 1.0))
+    ]
     return FlightLog(
-        t[rows], p[rows] + [0.0, 0.0, 2.0], q[rows], v[rows], noisy[0], u[rows], a=noisy[1], rotor=noisy[2],
-        name=f"flight{seed}", input="rotor_speed",
-    )  # fmt: skip
+        t[rows],
+        p[rows] + [0.0, 0.0, 2.0],
+        q[rows],
+        v[rows],
+        noisy[0],
+        u[rows],
+        a=noisy[1],
+        rotor=noisy[2],
+        name=f"flight{seed}",
+        input="rotor_speed",
+    )
 
 
 @pytest.fixture(scope="session")
 def excited_flight():
-    """Maker of small flights that excite what they tell: `(vehicle, seed, seconds, size) -> FlightLog`."""
+    """Maker of small flights that excite what they tell: `(vehicle, seed, seconds, size) ->
+    FlightLog`.
+    """
     return excited

@@ -1,4 +1,6 @@
-"""Memory cards of the guide: simulated flights as PX4 and Crazyflie logs, in the conventions of those formats."""
+"""Memory cards of the guide: simulated flights as PX4 and Crazyflie logs, in the conventions of
+those formats.
+"""
 
 import importlib.util
 from pathlib import Path
@@ -22,7 +24,12 @@ CRAZYFLIE = Vehicle(
     name="crazyflie",
     mass=0.0397,
     inertia=[[1.9e-5, 0.0, 0.0], [0.0, 1.9e-5, 0.0], [0.0, 0.0, 3.2e-5]],
-    rotor_positions=[[0.0325, -0.0325, 0], [-0.0325, -0.0325, 0], [-0.0325, 0.0325, 0], [0.0325, 0.0325, 0]],
+    rotor_positions=[
+        [0.0325, -0.0325, 0],
+        [-0.0325, -0.0325, 0],
+        [-0.0325, 0.0325, 0],
+        [0.0325, 0.0325, 0],
+    ],
     rotor_directions=[-1.0, 1.0, -1.0, 1.0],
     thrust_coefficient=3.704e-8,
     torque_coefficient=2.2e-10,
@@ -44,7 +51,9 @@ def module(path: Path) -> ModuleType:
 def flown(seed: int, vehicle: Vehicle, drag: float) -> FlightLog:
     """Return a flight under drag [N·s/m], with noise."""
     simulated = module(TESTS / "np_drake" / "diagnosis" / "simulated_flights.py")
-    log: FlightLog = simulated.fly(LinearDrag(drag, drag, drag), seed=seed, seconds=9.0, noise=1.0, vehicle=vehicle)
+    log: FlightLog = simulated.fly(
+        LinearDrag(drag, drag, drag), seed=seed, seconds=9.0, noise=1.0, vehicle=vehicle
+    )
     return log
 
 
@@ -62,15 +71,20 @@ def specific_force(log: FlightLog) -> np.ndarray:
 def write_px4(path: Path, seed: int) -> None:
     """Write a PX4 log: NED and FRD, normalised collective thrust, no torque."""
     log, vehicle = flown(seed, Vehicle(), 0.3), Vehicle()
-    q = attitude.multiply(attitude.multiply(np.tile(Q_NED, (len(log), 1)), log.q), np.tile(Q_FRD, (len(log), 1)))
+    q = attitude.multiply(
+        attitude.multiply(np.tile(Q_NED, (len(log), 1)), log.q), np.tile(Q_FRD, (len(log), 1))
+    )
     throttle = HOVER * np.maximum(log.u[:, 0] / (vehicle.mass * vehicle.gravity), 0.0) ** (1 / 1.5)
     setpoint = np.column_stack([0 * throttle, 0 * throttle, -throttle])
     streams = {
-        "vehicle_local_position": columns("x y z vx vy vz", np.hstack([log.p @ TO_NED.T, log.v @ TO_NED.T])),
+        "vehicle_local_position": columns(
+            "x y z vx vy vz", np.hstack([log.p @ TO_NED.T, log.v @ TO_NED.T])
+        ),
         "vehicle_attitude": columns("q[0] q[1] q[2] q[3]", q),
         "vehicle_angular_velocity": columns("xyz[0] xyz[1] xyz[2]", log.w * FRD),
         "sensor_combined": columns(
-            "accelerometer_m_s2[0] accelerometer_m_s2[1] accelerometer_m_s2[2]", specific_force(log) * FRD
+            "accelerometer_m_s2[0] accelerometer_m_s2[1] accelerometer_m_s2[2]",
+            specific_force(log) * FRD,
         ),
         "vehicle_thrust_setpoint": columns("xyz[0] xyz[1] xyz[2]", setpoint),
         "battery_status": columns("voltage_v", 16.0 - 0.01 * log.t),
@@ -84,7 +98,10 @@ def write_crazyflie(path: Path, seed: int) -> None:
     log = flown(seed, CRAZYFLIE, 0.006)
     speed = np.sqrt(np.maximum(log.u @ CRAZYFLIE.unmixer.T, 0.0) / CRAZYFLIE.thrust_coefficient)
     content = columns(
-        "stateEstimate.x stateEstimate.y stateEstimate.z stateEstimate.vx stateEstimate.vy stateEstimate.vz",
+        (
+            "stateEstimate.x stateEstimate.y stateEstimate.z stateEstimate.vx stateEstimate.vy "
+            "stateEstimate.vz"
+        ),
         np.hstack([log.p, log.v]),
     )
     content |= columns("stateEstimate.qw stateEstimate.qx stateEstimate.qy stateEstimate.qz", log.q)
@@ -99,7 +116,9 @@ def write_crazyflie(path: Path, seed: int) -> None:
 def write_table(path: Path, seed: int) -> None:
     """Write the table of the guide's map: NED and FRD, milliseconds, degrees, g."""
     log = flown(seed, Vehicle(), 0.3)
-    q = attitude.multiply(attitude.multiply(np.tile(Q_NED, (len(log), 1)), log.q), np.tile(Q_FRD, (len(log), 1)))
+    q = attitude.multiply(
+        attitude.multiply(np.tile(Q_NED, (len(log), 1)), log.q), np.tile(Q_FRD, (len(log), 1))
+    )
     content = columns("time_ms", 1e3 * log.t)
     content |= columns("n e d vn ve vd", np.hstack([log.p @ TO_NED.T, log.v @ TO_NED.T]))
     content |= columns("qw qx qy qz", q)
@@ -111,7 +130,9 @@ def write_table(path: Path, seed: int) -> None:
 
 
 def fill(folder: Path, crazyflie_flights: list[Path] | None = None) -> None:
-    """Write what the guide reads from memory cards; crazyflie_flights: real ones in the place of made ones."""
+    """Write what the guide reads from memory cards; crazyflie_flights: real ones in the place of
+    made ones.
+    """
     for number in (1, 2, 3):
         write_px4(folder / f"px4_{number}.ulg", number)
         card = folder / f"card0{number}"

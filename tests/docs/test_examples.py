@@ -1,4 +1,6 @@
-"""Every script of docs/examples runs in an empty folder, and says what the guide says that it does."""
+"""Every script of docs/examples runs in an empty folder, and says what the guide says that it
+does.
+"""
 
 import runpy
 from pathlib import Path

@@ -19,7 +19,10 @@ def test_a_formula_is_mathml_and_needs_no_script():
     spec = importlib.util.spec_from_file_location("formulas", ROOT / "docs" / "formulas.py")
     dut = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(dut)
-    page = '<p>with <span class="arithmatex">\\(a &lt; b\\)</span>,</p><div class="arithmatex">\\[x^2\\]</div>'
+    page = (
+        '<p>with <span class="arithmatex">\\(a &lt; b\\)</span>,</p><div '
+        'class="arithmatex">\\[x^2\\]</div>'
+    )
     shown = dut.on_page_content(page, page=None, config=None, files=None)  # as mkdocs calls it
     assert shown.count("<math") == 2
     assert "arithmatex" not in shown

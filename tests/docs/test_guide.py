@@ -1,11 +1,15 @@
 """The pages of docs/guide run from top to bottom, each in one empty folder.
 
 What a fenced block is, its language says:
-    bash      every command is an `np-drake` command and runs in this process (`diagrams.cli.main.run`); `\\` at the
+    bash
+    every command is an `np-drake` command and runs in this process (`diagrams.cli.main.run`); `\\`
+    at the
               end of a line continues it;
-    python    runs as it stands, in a namespace of its own, among the files that the page has made so far;
-    yaml      where its first line is `# NAME.yaml`, it is saved under that name;
-    console   is not run: pip, git, make, and what needs minutes or data of one's own.
+    python
+    runs as it stands, in a namespace of its own, among the files that the page has made so far;
+    yaml
+    where its first line is `# NAME.yaml`, it is saved under that name; console
+    is not run: pip, git, make, and what needs minutes or data of one's own.
 Blocks of another language, or of none, are refused.
 """
 
@@ -36,7 +40,9 @@ def run_commands(block: str, page: Path) -> None:
     for line in block.replace("\\\n", " ").splitlines():
         words = shlex.split(line, comments=True)
         if words:
-            assert words[0] == PROGRAM, f"{page.name}: only {PROGRAM} runs in a bash block; got {line!r}"
+            assert words[0] == PROGRAM, (
+                f"{page.name}: only {PROGRAM} runs in a bash block; got {line!r}"
+            )
             assert run(words[1:]) == 0, f"{page.name}: {line}"
 
 
@@ -75,7 +81,9 @@ def no_more_is_said() -> None:
 def the_diagnosis_names_what_was_put_in() -> None:
     found = json.loads(Path("report/diagnosis.json").read_text())
     assert set(found["verdict"]) == {"thrust_scale", "linear_drag"}
-    values = {name: p["value"] for cause in found["causes"] for name, p in cause["parameters"].items()}
+    values = {
+        name: p["value"] for cause in found["causes"] for name, p in cause["parameters"].items()
+    }
     assert abs(values["scale"] - 0.92) < 0.02  # [1]; its interval is as wide
     assert abs(values["d_x"] - 0.3) < 0.05  # [N·s/m]; several times its interval
 
@@ -86,9 +94,16 @@ def the_vehicle_file_has_the_thrust_of_the_page() -> None:
 
 
 def the_report_has_the_sections_that_the_page_lists() -> None:
-    page, report = (GUIDE / "read-the-report.md").read_text(), Path("report/report.html").read_text()
+    page, report = (
+        (GUIDE / "read-the-report.md").read_text(),
+        Path("report/report.html").read_text(),
+    )
     table = page[page.index("| section of") : page.index("## What differs")]
-    sections = [name for row in re.findall(r"^\| ([A-Z][\w ;]+)", table, re.M) for name in row.strip().split("; ")]
+    sections = [
+        name
+        for row in re.findall(r"^\| ([A-Z][\w ;]+)", table, re.M)
+        for name in row.strip().split("; ")
+    ]
     assert len(sections) == 9
     missing = [section for section in sections if f"<h2>{section}</h2>" not in report]
     # The file describes the vehicle, and the held-out flights show nothing that training does not.
@@ -100,7 +115,9 @@ def the_report_has_the_sections_that_the_page_lists() -> None:
         if key[0] not in ("report", "diagnosis")
     ]
     found = json.loads(Path("report/diagnosis.json").read_text())
-    assert not [key for key in keys if key[0] not in found or (len(key) > 1 and key[1] not in found[key[0]])]
+    assert not [
+        key for key in keys if key[0] not in found or (len(key) > 1 and key[1] not in found[key[0]])
+    ]
 
 
 def a_model_was_trained() -> None:
@@ -123,7 +140,9 @@ def the_corrected_simulator_has_the_drag() -> None:
 
 def memory_cards():
     """The module beside this one that writes what a page reads from memory cards."""
-    spec = importlib.util.spec_from_file_location("memory_cards", Path(__file__).with_name("memory_cards.py"))
+    spec = importlib.util.spec_from_file_location(
+        "memory_cards", Path(__file__).with_name("memory_cards.py")
+    )
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
@@ -156,7 +175,9 @@ def test_the_page_runs_from_top_to_bottom(page, tmp_path, monkeypatch, capsys):
 
 def test_the_page_on_memory_cards_runs_on_real_ones(real_flights, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    cards = [real_flights / "imrc" / "payload" / name for name in ("eckart06", "eckart07", "eckart08")]
+    cards = [
+        real_flights / "imrc" / "payload" / name for name in ("eckart06", "eckart07", "eckart08")
+    ]
     memory_cards().fill(tmp_path, cards)
     run_page(GUIDE / "import.md", "Crazyflie")
     found = json.loads(Path("crazyflie_report/diagnosis.json").read_text())

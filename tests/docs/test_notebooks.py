@@ -1,4 +1,6 @@
-"""Every notebook of docs/examples runs from top to bottom, without Jupyter, and shows what it says."""
+"""Every notebook of docs/examples runs from top to bottom, without Jupyter, and shows what it
+says.
+"""
 
 import ast
 import json

@@ -1,7 +1,7 @@
 """Fuzz the parsers: python tests/fuzz/fuzz.py [--seconds S] [--out DIR] [--seed N] [TARGET …].
 
-With Atheris (extra `fuzz`) guided by coverage, one process a target; without it by random changes. Inputs that break a
-reader are written to --out. Exit code 1 where there are any.
+With Atheris (extra `fuzz`) guided by coverage, one process a target; without it by random changes.
+Inputs that break a reader are written to --out. Exit code 1 where there are any.
 """
 
 import argparse
@@ -23,7 +23,9 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("targets", nargs="*", metavar="TARGET", help="default: all")
     parser.add_argument("--seconds", type=float, default=60.0, help="of every target")
-    parser.add_argument("--out", type=Path, default=Path("out/fuzz"), help="folder of inputs that break a reader")
+    parser.add_argument(
+        "--out", type=Path, default=Path("out/fuzz"), help="folder of inputs that break a reader"
+    )
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--guided", action="store_true", help=argparse.SUPPRESS)
     chosen = parser.parse_args()
@@ -40,7 +42,9 @@ def main() -> int:
         before = set(chosen.out.iterdir())
         if guided:
             again = [sys.executable, __file__, name, "--guided", "--seconds", str(chosen.seconds)]
-            subprocess.run([*again, "--out", str(chosen.out), "--seed", str(chosen.seed)], check=False)
+            subprocess.run(
+                [*again, "--out", str(chosen.out), "--seed", str(chosen.seed)], check=False
+            )
         else:
             count = random_search(TARGETS[name], chosen.seconds, chosen.out, chosen.seed)
             print(f"{name}: {count} inputs", flush=True)
@@ -58,7 +62,9 @@ def importable(name: str) -> bool:
 
 
 def random_search(target, seconds: float, out: Path, seed: int) -> int:
-    """Feed random changes of the seeds to a target until the time is up; return the number of inputs."""
+    """Feed random changes of the seeds to a target until the time is up; return the number of
+    inputs.
+    """
     from mutation import mutate
 
     rng, count, end = random.Random(f"{target.name} {seed}"), 0, time.monotonic() + seconds
@@ -116,8 +122,17 @@ def _guided(name: str, seconds: float, out: Path, seed: int) -> None:
         if _breaks(target, data, work):
             _keep(name, data, out)
 
-    options = [f"-max_total_time={max(round(seconds), 1)}", f"-seed={seed + 1}", "-print_final_stats=1"]
-    limits = ["-max_len=65536", "-timeout=60", "-rss_limit_mb=4096", f"-artifact_prefix={out}/{name}-"]
+    options = [
+        f"-max_total_time={max(round(seconds), 1)}",
+        f"-seed={seed + 1}",
+        "-print_final_stats=1",
+    ]
+    limits = [
+        "-max_len=65536",
+        "-timeout=60",
+        "-rss_limit_mb=4096",
+        f"-artifact_prefix={out}/{name}-",
+    ]
     atheris.Setup([sys.argv[0], str(corpus), *options, *limits], one_input)
     atheris.Fuzz()
 

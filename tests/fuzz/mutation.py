@@ -3,9 +3,42 @@
 import random
 
 WORDS = (
-    *(b"nan", b"inf", b"-inf", b"1e999", b"-0", b"99999999999999999999", b"0x10", b"", b" ", b"\t", b"\xff\xfe"),
-    *(b"null", b"true", b"[]", b"{}", b"[[", b"&a", b"*a", b"!!python/object:os.system", b"!x", b"<<", b"---"),
-    *(b"\x00", b"\x00\x00\x00\x00", b"\xff\xff\xff\xff", b"\xff\xff\xff\x7f", b"\r\n", b"\n\n", b",,,", b'"'),
+    *(
+        b"nan",
+        b"inf",
+        b"-inf",
+        b"1e999",
+        b"-0",
+        b"99999999999999999999",
+        b"0x10",
+        b"",
+        b" ",
+        b"\t",
+        b"\xff\xfe",
+    ),
+    *(
+        b"null",
+        b"true",
+        b"[]",
+        b"{}",
+        b"[[",
+        b"&a",
+        b"*a",
+        b"!!python/object:os.system",
+        b"!x",
+        b"<<",
+        b"---",
+    ),
+    *(
+        b"\x00",
+        b"\x00\x00\x00\x00",
+        b"\xff\xff\xff\xff",
+        b"\xff\xff\xff\x7f",
+        b"\r\n",
+        b"\n\n",
+        b",,,",
+        b'"',
+    ),
 )
 
 

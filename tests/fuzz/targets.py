@@ -39,7 +39,9 @@ ROWS = 12  # of a made log [1]
 class Target:
     """Parser of one kind of file.
 
-    suffix: of the file.   parse: reads the file at a path.   seeds: makes good files in an empty folder.
+    suffix: of the file.
+    parse: reads the file at a path.
+    seeds: makes good files in an empty folder.
     """
 
     name: str
@@ -51,7 +53,8 @@ class Target:
 def check(target: Target, path: Path) -> None:
     """Read a file; a reader must return or refuse in words.
 
-    Raises: AssertionError: if it refuses without a word.   Anything else that a reader must not raise.
+    Raises: AssertionError: if it refuses without a word.
+    Anything else that a reader must not raise.
     """
     try:
         target.parse(path)
@@ -61,7 +64,9 @@ def check(target: Target, path: Path) -> None:
 
 
 def writer(name: str) -> ModuleType:
-    """Return the writer of made files of a format, `tests/np_drake/logs/formats/<name>_writer.py`."""
+    """Return the writer of made files of a format,
+    `tests/np_drake/logs/formats/<name>_writer.py`.
+    """
     path = TESTS / "np_drake" / "logs" / "formats" / f"{name}_writer.py"
     spec = importlib.util.spec_from_file_location(f"{name}_writer", path)
     if spec is None or spec.loader is None:
@@ -78,7 +83,9 @@ def stream(*columns: str, rows: int = ROWS) -> Stream:
     return Stream(1.0 + np.arange(rows) / 50.0, {c: rng.standard_normal(rows) for c in columns})
 
 
-def _written(name: str, file: str, streams: dict[str, Stream], **options: Any) -> Callable[[Path], list[bytes]]:
+def _written(
+    name: str, file: str, streams: dict[str, Stream], **options: Any
+) -> Callable[[Path], list[bytes]]:
     def seeds(folder: Path) -> list[bytes]:
         path = folder / file
         writer(name).write(path, streams, **options)
@@ -90,10 +97,25 @@ def _written(name: str, file: str, streams: dict[str, Stream], **options: Any) -
 def _blackbox(folder: Path) -> list[bytes]:
     """Return a log of Indiflight, with all kinds of frames and events, and two logs in one file."""
     made = writer("blackbox")
-    names = {"pos": 3, "vel": 3, "quat": 4, "gyroADC": 3, "accSmooth": 3, "motor": 4, "omega": 4, "hoverAttitude": 4}
-    values = {f"{n}[{i}]": 900 + np.arange(ROWS) * (i + 1) for n, count in names.items() for i in range(count)}
+    names = {
+        "pos": 3,
+        "vel": 3,
+        "quat": 4,
+        "gyroADC": 3,
+        "accSmooth": 3,
+        "motor": 4,
+        "omega": 4,
+        "hoverAttitude": 4,
+    }
+    values = {
+        f"{n}[{i}]": 900 + np.arange(ROWS) * (i + 1)
+        for n, count in names.items()
+        for i in range(count)
+    }
     beside = {1: [("S", [3, 1, 0, 1]), ("H", [5, 6]), ("G", [7, 8, 9, 10]), *made.EVENTS.values()]}
-    log = made.main_log(values, beside=beside, settings={"Firmware revision": "Indiflight 5.0.0 (a) H743"})
+    log = made.main_log(
+        values, beside=beside, settings={"Firmware revision": "Indiflight 5.0.0 (a) H743"}
+    )
     return [log.encode(), log.encode() + log.encode()]
 
 
@@ -153,7 +175,9 @@ def _vehicle(folder: Path) -> list[bytes]:
 
 def _examples(pattern: str) -> Callable[[Path], list[bytes]]:
     def seeds(folder: Path) -> list[bytes]:
-        found = sorted(path for root in (EXAMPLES, TESTS.parent / "diagrams") for path in root.rglob(pattern))
+        found = sorted(
+            path for root in (EXAMPLES, TESTS.parent / "diagrams") for path in root.rglob(pattern)
+        )
         return [path.read_bytes() for path in found if path.stat().st_size < 20_000] or [b"{}"]
 
     return seeds
@@ -165,7 +189,11 @@ def _models(folder: Path) -> list[bytes]:
 
 
 def _json(folder: Path) -> list[bytes]:
-    answer = {"explanations": [{"effects": [], "probability": 1.0}], "readings": {"noise": {}}, "refit": None}
+    answer = {
+        "explanations": [{"effects": [], "probability": 1.0}],
+        "readings": {"noise": {}},
+        "refit": None,
+    }
     return [json.dumps(answer).encode(), b"[1, 2.5e3, null, true]", b'{"a": {"b": [{}]}}']
 
 
@@ -192,21 +220,44 @@ def _record(path: Path) -> Any:
 
 ODOMETRY = {"/rpm": stream(*(f"data[{i}]" for i in range(4)))}
 COPTER = {"ATT": stream("Roll", "Pitch", "Yaw"), "IMU.0": stream("GyrX", "GyrY", "GyrZ")}
-PX4 = {"vehicle_attitude": stream("q[0]", "q[1]", "q[2]", "q[3]"), "vehicle_local_position": stream("x", "y", "z")}
+PX4 = {
+    "vehicle_attitude": stream("q[0]", "q[1]", "q[2]", "q[3]"),
+    "vehicle_local_position": stream("x", "y", "z"),
+}
 
 TARGETS = {
     target.name: target
     for target in (
         Target("log", ".csv", open_flights, _our_log),
-        Target("log_gzip", ".csv.gz", open_flights, lambda f: [gzip.compress(b, mtime=0) for b in _our_log(f)]),
+        Target(
+            "log_gzip",
+            ".csv.gz",
+            open_flights,
+            lambda f: [gzip.compress(b, mtime=0) for b in _our_log(f)],
+        ),
         Target("parquet", ".parquet", open_flights, _parquet),
         Target("neurobem", ".csv", open_flights, _neurobem),
         Target("array", ".npy", read_wrenches, _array),
-        Target("table", ".csv", open_flights, _written("table", "a.csv", {"table": stream("x", "y", "yaw")})),
-        Target("neural_fly", ".csv", open_flights, _written("neural_fly", "a.csv", {"flight": stream("p[0]", "q[0]")})),
+        Target(
+            "table",
+            ".csv",
+            open_flights,
+            _written("table", "a.csv", {"table": stream("x", "y", "yaw")}),
+        ),
+        Target(
+            "neural_fly",
+            ".csv",
+            open_flights,
+            _written("neural_fly", "a.csv", {"flight": stream("p[0]", "q[0]")}),
+        ),
         Target("ulog", ".ulg", open_flights, _written("ulog", "a.ulg", PX4)),
         Target("dataflash", ".bin", open_flights, _written("dataflash", "a.bin", COPTER)),
-        Target("crazyflie", "", open_flights, _written("crazyflie", "log00", {"estPose": stream("stateEstimate.x")})),
+        Target(
+            "crazyflie",
+            "",
+            open_flights,
+            _written("crazyflie", "log00", {"estPose": stream("stateEstimate.x")}),
+        ),
         Target("blackbox", ".bbl", open_flights, _blackbox),
         Target("ros1", ".bag", open_flights, _bags1),
         Target("ros2", ".mcap", open_flights, _bags2),

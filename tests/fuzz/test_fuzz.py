@@ -1,4 +1,6 @@
-"""Every parser returns or refuses in words, whatever it is given; `make fuzz` searches for longer."""
+"""Every parser returns or refuses in words, whatever it is given; `make fuzz` searches for
+longer.
+"""
 
 import os
 import random

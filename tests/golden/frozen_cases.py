@@ -1,8 +1,9 @@
 """Frozen cases and their answers: a check that a change of the code changes no diagnosis.
 
-The cases are fixed by name and remade from their seed: every effect of the library in both simulators, pairs, triples,
-onsets, out-of-library effects and clean controls, in both sensor qualities. Where NP_DRAKE_NEUROBEM names the published
-real flights, two diagnoses of them are compared as well. The suite answers ten cases, this script all of them:
+The cases are fixed by name and remade from their seed: every effect of the library in both
+simulators, pairs, triples, onsets, out-of-library effects and clean controls, in both sensor
+qualities. Where NP_DRAKE_NEUROBEM names the published real flights, two diagnoses of them are
+compared as well. The suite answers ten cases, this script all of them:
 
     python tests/golden/frozen_cases.py [--jobs N] [--only CASE …] [--out FILE]
 
@@ -31,7 +32,8 @@ from np_drake.logs.formats.neurobem import published_vehicle
 
 SEED, SECONDS = 36, 10.0
 DIGITS = 10  # significant ones that are stored
-# The first two and the last two hold both simulators and both qualities: every effect is flown in one of the two pairs.
+# The first two and the last two hold both simulators and both qualities: every effect is flown in
+# one of the two pairs.
 SETTINGS = (("drake", "clean"), ("rotorpy", "real"), ("drake", "real"), ("rotorpy", "clean"))
 PAIRS = (
     ("mass_error", "linear_drag"),
@@ -52,17 +54,39 @@ TRIPLES = (
     ("center_of_mass_offset", "constant_wind", "command_delay"),
 )
 ONSETS = (
-    *("suspended_payload", "weak_rotor", "constant_wind", "thrust_scale", "motor_lag", "linear_drag"),
+    *(
+        "suspended_payload",
+        "weak_rotor",
+        "constant_wind",
+        "thrust_scale",
+        "motor_lag",
+        "linear_drag",
+    ),
     *("mass_error", "accelerometer_bias", "center_of_mass_offset", "thrust_drift"),
 )
 OUT_OF_LIBRARY = (
-    *("fan_jet", "periodic_force", "rotational_damping", "ground_tether", "sticking_axis", "wall_suction"),
+    *(
+        "fan_jet",
+        "periodic_force",
+        "rotational_damping",
+        "ground_tether",
+        "sticking_axis",
+        "wall_suction",
+    ),
     *("bent_thrust_curve", "yaw_backlash", "liquid_slosh", "vortex_ring", "rotor_saturation"),
-    *("twisted_cable", "wind_shear", "doorway_draft", "spinning_lidar", "creeping_blades", "rubbing_line"),
+    *(
+        "twisted_cable",
+        "wind_shear",
+        "doorway_draft",
+        "spinning_lidar",
+        "creeping_blades",
+        "rubbing_line",
+    ),
     *("winch_tether", "odd_propeller", "losing_sync"),
 )
 CONTROLS = 12
-# Effects that joined the library later stand last: other cases keep their index, which seeds their flights.
+# Effects that joined the library later stand last: other cases keep their index, which seeds their
+# flights.
 LATER = ("rotor_inflow",)
 REAL = "neurobem"
 STORED = Path(__file__).with_name("answers.json")
@@ -86,18 +110,26 @@ def golden_cases() -> dict[str, Settings]:
     for index, (setting, kind, names) in enumerate(drawn):
         simulator, quality = SETTINGS[setting]
         label = "+".join(names) or str(index)
-        cases[f"{kind}/{label}/{simulator}/{quality}"] = (simulator, quality, CaseDraw(index, kind, names))
+        cases[f"{kind}/{label}/{simulator}/{quality}"] = (
+            simulator,
+            quality,
+            CaseDraw(index, kind, names),
+        )
     return cases
 
 
 def answer(name: str, neurobem: Path | None = None) -> dict[str, Any]:
-    """Fly and diagnose one case: verdict, probabilities, parameters, onsets and residuals, rounded."""
+    """Fly and diagnose one case: verdict, probabilities, parameters, onsets and residuals,
+    rounded.
+    """
     if name.startswith(f"{REAL}/"):
         if neurobem is None:
             raise ValueError(f"golden: {name} needs the folder of the NeuroBEM flights.")
         flights, held = agile_flights(neurobem), int(name.split("/")[1])
         train = [flights[(held + 1) % len(flights)]]
-        return summary(diagnose(published_vehicle(), train, [flights[held]], adaptive_split=False).as_json())
+        return summary(
+            diagnose(published_vehicle(), train, [flights[held]], adaptive_split=False).as_json()
+        )
     simulator, quality, draw = golden_cases()[name]
     with tempfile.TemporaryDirectory() as scratch:
         cases, truth = Path(scratch) / "cases", Path(scratch) / "truth"
@@ -117,7 +149,8 @@ def summary(diagnosis: dict[str, Any]) -> dict[str, Any]:
             cause["effect"]: {
                 "probability": _rounded(cause["probability"]),
                 "parameters": {
-                    name: [_rounded(p["value"]), *map(_rounded, p["ci95"])] for name, p in cause["parameters"].items()
+                    name: [_rounded(p["value"]), *map(_rounded, p["ci95"])]
+                    for name, p in cause["parameters"].items()
                 },
                 "onset": {flight: _rounded(time) for flight, time in cause["onset"].items()},
                 "indistinguishable_from": sorted(cause["indistinguishable_from"]),
@@ -135,9 +168,14 @@ def _rounded(value: float | None) -> float | None:
 
 
 def write_answers(path: Path, answers: dict[str, dict[str, Any]]) -> None:
-    """Write answers as JSON, a case a line, so that a difference between two versions of the file can be read."""
+    """Write answers as JSON, a case a line, so that a difference between two versions of the file
+    can be read.
+    """
     head = {"schema": SCHEMA, "seed": SEED, "seconds": SECONDS}
-    lines = (f"{json.dumps(name)}: {json.dumps(value, separators=(',', ':'))}" for name, value in answers.items())
+    lines = (
+        f"{json.dumps(name)}: {json.dumps(value, separators=(',', ':'))}"
+        for name, value in answers.items()
+    )
     body = ",\n".join(lines)
     write_text(path, f'{json.dumps(head)[:-1]}, "answers": {{\n{body}\n}}}}\n')
 
@@ -150,7 +188,8 @@ def read_answers(path: Path) -> dict[str, dict[str, Any]]:
 def differences(reference: dict[str, Any], found: dict[str, Any], tolerance: float) -> list[str]:
     """Return one line for every value of an answer that differs.
 
-    tolerance: of a parameter, relative to the larger of its value and its interval; of all else absolute [1, s].
+    tolerance: of a parameter, relative to the larger of its value and its interval; of all else
+    absolute [1, s].
     """
     out = [
         f"{key}: {reference[key]} -> {found[key]}"
@@ -190,10 +229,14 @@ def _differ(key: str, was: dict[str, Any], now: dict[str, Any], tolerance: float
 
 def main() -> int:
     """Answer the cases, compare with the stored answers and return the exit code."""
-    neurobem = Path(os.environ["NP_DRAKE_NEUROBEM"]) if os.environ.get("NP_DRAKE_NEUROBEM") else None
+    neurobem = (
+        Path(os.environ["NP_DRAKE_NEUROBEM"]) if os.environ.get("NP_DRAKE_NEUROBEM") else None
+    )
     every = [*golden_cases(), *([f"{REAL}/0", f"{REAL}/1"] if neurobem else [])]
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])  # type: ignore[union-attr]
-    parser.add_argument("--only", nargs="*", choices=every, metavar="CASE", help="these cases alone")
+    parser.add_argument(
+        "--only", nargs="*", choices=every, metavar="CASE", help="these cases alone"
+    )
     parser.add_argument("--jobs", type=int, default=2, help="processes")
     parser.add_argument("--out", type=Path, help="write the answers")
     asked = parser.parse_args()
@@ -207,7 +250,10 @@ def main() -> int:
         lines = differences(stored[name], given, TOLERANCE)
         print(*(f"{name}: {line}\n" for line in lines), sep="", end="")
         differing += bool(lines)
-    print(f"{len(answers)} answers compared with {STORED.name}, {differing} differ by more than {TOLERANCE:g}")
+    print(
+        f"{len(answers)} answers compared with {STORED.name}, {differing} differ by more "
+        f"than {TOLERANCE:g}"
+    )
     return int(differing > 0)
 
 

@@ -10,7 +10,9 @@ from frozen_cases import answer, differences, golden_cases, read_answers
 from np_drake.effects.library import LIBRARY
 
 STORED = read_answers(frozen_cases.STORED)
-SUITE_TOLERANCE = 1e-4  # relative: another processor rounds otherwise in a search of some thousand products
+SUITE_TOLERANCE = (
+    1e-4  # relative: another processor rounds otherwise in a search of some thousand products
+)
 SUITE = (  # ten of all kinds; `make golden` compares all of them
     "single/constant_wind/drake/clean",
     "single/weak_rotor/rotorpy/clean",
@@ -42,7 +44,9 @@ def test_every_effect_is_flown_alone_in_both_simulators_and_qualities():
 
 
 def test_every_kind_of_case_is_flown_in_every_setting():
-    kinds = Counter((simulator, quality, draw.kind) for simulator, quality, draw in golden_cases().values())
+    kinds = Counter(
+        (simulator, quality, draw.kind) for simulator, quality, draw in golden_cases().values()
+    )
     assert len(kinds) == 4 * 6
 
 
@@ -63,4 +67,6 @@ def test_a_parameter_may_be_off_by_the_tolerance_of_its_size(off, lines):
 def test_another_verdict_is_the_one_difference_that_is_told():
     reference = STORED["clean/90/drake/real"]
     found = {**copy.deepcopy(reference), "verdict": ["mass_error"], "unknown_probability": 1.0}
-    assert differences(reference, found, 0.0) == [f"verdict: {reference['verdict']} -> ['mass_error']"]
+    assert differences(reference, found, 0.0) == [
+        f"verdict: {reference['verdict']} -> ['mass_error']"
+    ]

@@ -5,19 +5,33 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from np_drake.command_delay import FINE, KEPT, LONGEST_DELAY, DelayFilter, acting_command, commands_under_way
+from np_drake.command_delay import (
+    FINE,
+    KEPT,
+    LONGEST_DELAY,
+    DelayFilter,
+    acting_command,
+    commands_under_way,
+)
 from np_drake.rigid_body import state_derivative
 from np_drake.rotor_input import rotor_decay, rotor_speed, rotor_wrench
 from np_drake.vehicle import Vehicle
 
 STEP, LAGGED = 0.02, Vehicle(rotor_time_constant=0.03)
 LEVEL = np.array([0, 0, 1.0, 1.0, 0, 0, 0, 0, 0, 0, 0, 0, 0])
-SENT = np.arange(KEPT, 0, -1.0)[:, None] * np.ones(4)  # command j has the value of its turn, the newest first
+SENT = np.arange(KEPT, 0, -1.0)[:, None] * np.ones(
+    4
+)  # command j has the value of its turn, the newest first
 
 
 def flown(delays, *, noise=0.05, gust=0.0, known=0.0, track=True, seed=0, believed=LAGGED):
-    """Return the delay that the filter believes after each sample of a restless command under `delays` [periods]."""
-    draw, dut = np.random.default_rng(seed), DelayFilter(believed, step=STEP, known=known, track=track)
+    """Return the delay that the filter believes after each sample of a restless command under
+    `delays` [periods].
+    """
+    draw, dut = (
+        np.random.default_rng(seed),
+        DelayFilter(believed, step=STEP, known=known, track=track),
+    )
     memory, speed = dut.initial_memory(), rotor_speed(LAGGED, LAGGED.hover_input)
     sent, decay, found = [LAGGED.hover_input] * KEPT, rotor_decay(LAGGED, STEP / FINE), []
     for k, delay in enumerate(delays):
@@ -52,7 +66,9 @@ def test_noise_alone_shows_no_delay():
     memory = dut.initial_memory()
     for _ in range(3000):
         u = LAGGED.hover_input + draw.normal(size=4) * [1.0, 0.1, 0.1, 0.02]
-        memory = dut.update(memory, x=LEVEL, acceleration=draw.normal(size=6) * [5, 5, 5, 50, 50, 50], u=u)
+        memory = dut.update(
+            memory, x=LEVEL, acceleration=draw.normal(size=6) * [5, 5, 5, 50, 50, 50], u=u
+        )
         assert dut.delay(memory) == 0.0
 
 
@@ -64,7 +80,9 @@ def test_readings_of_nan_leave_the_delay():
     dut, memory = DelayFilter(LAGGED, step=STEP, known=STEP), None
     memory = dut.initial_memory()
     for x, a, u in ((np.nan, 0.0, 0.0), (0.0, np.nan, 0.0), (0.0, 0.0, np.nan)) * 5:
-        memory = dut.update(memory, x=LEVEL + x, acceleration=np.zeros(6) + a, u=LAGGED.hover_input + u)
+        memory = dut.update(
+            memory, x=LEVEL + x, acceleration=np.zeros(6) + a, u=LAGGED.hover_input + u
+        )
         assert dut.delay(memory) == STEP
         assert np.all(np.isfinite(memory["sent"]))
         assert np.all(np.isfinite(memory["acting"]))
@@ -82,7 +100,9 @@ def test_what_acts_was_sent_a_delay_before(parts):
     fine = np.repeat(SENT[::-1], FINE, axis=0)  # oldest first, up to now
     now = len(fine) - parts
     np.testing.assert_array_equal(commands_under_way(SENT, parts), fine[now:])
-    np.testing.assert_allclose(acting_command(SENT, parts / FINE), fine[now - FINE : now].mean(axis=0))
+    np.testing.assert_allclose(
+        acting_command(SENT, parts / FINE), fine[now - FINE : now].mean(axis=0)
+    )
 
 
 @pytest.mark.parametrize("delay", [0.0, 1.5])

@@ -26,7 +26,9 @@ SOURCE = "def doubled(x):\n    return 2 * x\n"
 
 @pytest.fixture
 def doubled(tmp_path):
-    """Return a function that compiles `doubled` of a file as a new process would: (value, answers from the cache)."""
+    """Return a function that compiles `doubled` of a file as a new process would: (value, answers
+    from the cache).
+    """
     path = tmp_path / "doubling.py"
     path.write_text(SOURCE)
 
@@ -100,7 +102,9 @@ def test_a_wait_for_the_compiler_is_explained_once(monkeypatch, caplog, module, 
 
 def test_a_compilation_is_heard_of(monkeypatch):
     heard = []
-    monkeypatch.setattr(compiled.Notice, "on_start", lambda self, event: heard.append(event.data["dispatcher"]))
+    monkeypatch.setattr(
+        compiled.Notice, "on_start", lambda self, event: heard.append(event.data["dispatcher"])
+    )
     function = njit(lambda x: x + 1.0)
     function(1.0)
     assert heard == [function]

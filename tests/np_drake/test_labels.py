@@ -12,14 +12,24 @@ STEP = 0.01  # [s]
 
 
 def flight(chi=(0.5, -0.3, -2.5, 0.01, -0.02, 0.005), *, n=400, lag=0.0, seed=0):
-    """A log whose accelerations are exactly eq. (1) under a constant wrench and a wandering command."""
+    """A log whose accelerations are exactly eq. (1) under a constant wrench and a wandering
+    command.
+    """
     vehicle = Vehicle(rotor_time_constant=lag).check()
     draw = np.random.default_rng(seed)
     q = draw.normal(size=(n, 4)) * 0.1 + [1, 0, 0, 0]
     q /= np.linalg.norm(q, axis=1, keepdims=True)
     w = draw.normal(size=(n, 3))
     u = np.array([20.0, 0, 0, 0]) + draw.normal(size=(n, 4)) * [2.0, 0.1, 0.1, 0.02]
-    log = FlightLog(t=STEP * np.arange(n), p=np.zeros((n, 3)), q=q, v=draw.normal(size=(n, 3)), w=w, u=u, name="made")
+    log = FlightLog(
+        t=STEP * np.arange(n),
+        p=np.zeros((n, 3)),
+        q=q,
+        v=draw.normal(size=(n, 3)),
+        w=w,
+        u=u,
+        name="made",
+    )
     acting = lb.acting_command(log, vehicle)
     rate = rigid_body.state_derivative(vehicle, log.x, acting, np.broadcast_to(chi, (n, 6)))
     log.a, log.al = rate[:, 7:10], rate[:, 10:13]
@@ -36,7 +46,9 @@ def stream(dut, log, u):
 
 def test_a_constant_wrench_is_labelled_at_once_and_exactly():
     vehicle, log, chi = flight()
-    np.testing.assert_allclose(lb.labels(log, vehicle), np.tile(chi, (400, 1)), atol=1e-9)  # round-off [N, N·m]
+    np.testing.assert_allclose(
+        lb.labels(log, vehicle), np.tile(chi, (400, 1)), atol=1e-9
+    )  # round-off [N, N·m]
 
 
 @pytest.mark.parametrize("lag", [0.0, 0.03])
@@ -46,7 +58,8 @@ def test_the_streaming_form_equals_the_batch_form(lag, order):
     log.a += np.random.default_rng(1).normal(size=log.a.shape)
     log.a[50], log.al[60:70], log.u[120] = np.nan, np.nan, np.nan
     config = lb.LabelConfig(force_bandwidth=5.0, torque_bandwidth=2.0, order=order)
-    # A lagged rotor shows the command before; without lag, a and al are right-sided and show the row's own.
+    # A lagged rotor shows the command before; without lag, a and al are right-sided and show the
+    # row's own.
     u = np.vstack([log.u[:1], log.u[:-1]]) if lag else log.u
     dut = lb.LabelFilter(vehicle, config, step=log.step)
     batch = lb.labels(log, vehicle, config)
@@ -60,7 +73,9 @@ def test_labels_of_infinite_bandwidth_are_the_raw_ones(order):
     log.a += np.random.default_rng(1).normal(size=log.a.shape)
     config = lb.LabelConfig(force_bandwidth=np.inf, torque_bandwidth=np.inf, order=order)
     raw = lb.raw_labels(log, vehicle)
-    np.testing.assert_allclose(lb.labels(log, vehicle, config), raw, atol=1e-12)  # round-off [N, N·m]
+    np.testing.assert_allclose(
+        lb.labels(log, vehicle, config), raw, atol=1e-12
+    )  # round-off [N, N·m]
     dut = lb.LabelFilter(vehicle, config, step=log.step)
     np.testing.assert_allclose(stream(dut, log, log.u), raw, atol=1e-12)  # round-off [N, N·m]
 
@@ -74,7 +89,9 @@ def test_a_first_order_label_answers_a_step_with_its_time_constant():
     for channel, bandwidth in ((0, 1.0), (5, 0.5)):
         time = log.t[200:] - log.t[200] + STEP / 2
         expected = 1 - np.exp(-2 * np.pi * bandwidth * time)
-        np.testing.assert_allclose(after[:, channel], expected, atol=2e-3)  # bilinear against exact [N, N·m]
+        np.testing.assert_allclose(
+            after[:, channel], expected, atol=2e-3
+        )  # bilinear against exact [N, N·m]
 
 
 def test_labels_never_use_the_future():
@@ -100,7 +117,9 @@ def test_a_slow_force_comes_late_by_the_delay_of_the_low_pass(order):
     vehicle, log, _ = flight(chi=np.zeros(6), n=1000)
     log.a[:, 0] += log.t / vehicle.mass  # a ramp of 1 N/s
     config = lb.LabelConfig(order=order)
-    assert log.t[-1] - lb.labels(log, vehicle, config)[-1, 0] == pytest.approx(config.force_delay, rel=0.02)  # [s]
+    assert log.t[-1] - lb.labels(log, vehicle, config)[-1, 0] == pytest.approx(
+        config.force_delay, rel=0.02
+    )  # [s]
 
 
 def test_after_a_dropped_sample_the_filter_carries_on():
@@ -134,7 +153,9 @@ def test_two_memories_of_one_filter_are_independent():
         np.testing.assert_array_equal(first[name], value)
 
 
-@pytest.mark.parametrize("bad", [{"force_bandwidth": -1.0}, {"torque_bandwidth": np.nan}, {"order": 0}])
+@pytest.mark.parametrize(
+    "bad", [{"force_bandwidth": -1.0}, {"torque_bandwidth": np.nan}, {"order": 0}]
+)
 def test_an_impossible_filter_is_refused(bad):
     with pytest.raises(ValueError, match="LabelConfig"):
         lb.LabelConfig(**bad).check()

@@ -38,7 +38,9 @@ def test_rotations_agree_with_scipy(q, r):
 def test_quaternion_product_composes_rotations(p, q):
     p, q = p / np.linalg.norm(p), q / np.linalg.norm(q)
     both = attitude.rotation_matrix(attitude.multiply(p, q))
-    np.testing.assert_allclose(both, attitude.rotation_matrix(p) @ attitude.rotation_matrix(q), atol=1e-12)
+    np.testing.assert_allclose(
+        both, attitude.rotation_matrix(p) @ attitude.rotation_matrix(q), atol=1e-12
+    )
 
 
 def test_vectorised_and_single_calls_agree():
@@ -47,7 +49,9 @@ def test_vectorised_and_single_calls_agree():
     u, chi = rng.normal(size=(7, 4)), rng.normal(size=(7, 6))
     rows = [rigid_body.state_derivative(VEHICLE, x[i], u[i], chi[i]) for i in range(7)]
     np.testing.assert_allclose(rigid_body.state_derivative(VEHICLE, x, u, chi), rows, atol=1e-13)
-    np.testing.assert_allclose(attitude.rotation_matrix(x[:, 3:7])[3], attitude.rotation_matrix(x[3, 3:7]), atol=1e-13)
+    np.testing.assert_allclose(
+        attitude.rotation_matrix(x[:, 3:7])[3], attitude.rotation_matrix(x[3, 3:7]), atol=1e-13
+    )
 
 
 def test_without_force_the_body_falls_freely():

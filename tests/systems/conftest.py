@@ -1,4 +1,6 @@
-"""The real vehicle at a random state under a random command, and what eq. (1) misses of its motion."""
+"""The real vehicle at a random state under a random command, and what eq. (1) misses of its
+motion.
+"""
 
 from types import SimpleNamespace
 
@@ -23,7 +25,9 @@ def random_state(seed: int) -> np.ndarray:
 
 
 def in_flight(seed: int, **effects) -> SimpleNamespace:
-    """The vehicle without payload, at a random time, state and command: everything true of that instant."""
+    """The vehicle without payload, at a random time, state and command: everything true of that
+    instant.
+    """
     rng = np.random.default_rng(seed)
     dut = make_tethered_quadrotor(VEHICLE, PayloadConfig(tether="none"), **effects)
     context = dut.CreateDefaultContext()
@@ -38,7 +42,9 @@ def in_flight(seed: int, **effects) -> SimpleNamespace:
     thrust = dut.GetOutputPort("rotor_thrust").Eval(context)
     chi = residual_wrench(VEHICLE, q=x[3:7], w=x[10:13], a=a, al=al, u=u)
     np.testing.assert_allclose(dut.GetOutputPort("x").Eval(context), x, atol=1e-12)
-    return SimpleNamespace(x=x, a=a, al=al, u=u, command=command, chi=chi, motion=Motion(t, x, thrust))
+    return SimpleNamespace(
+        x=x, a=a, al=al, u=u, command=command, chi=chi, motion=Motion(t, x, thrust)
+    )
 
 
 @pytest.fixture

@@ -10,8 +10,8 @@ from diagrams.loop.flight_result import fly
 from np_drake.autopilot.firmware import AutopilotError, find_firmware
 from np_drake.identification.rate_loop import identify_rate_loop
 from np_drake.logs.opening import open_flights
-from np_drake.rate_loop import RateLoop
 from np_drake.vehicle import Vehicle
+from np_drake.vehicle.rate_loop import RateLoop
 from systems.betaflight import BetaflightAutopilot
 
 VEHICLE = dc.replace(Vehicle(), rate_loop=RateLoop())
@@ -46,7 +46,9 @@ def test_motor_outputs_are_in_the_log(flown):
 def test_its_rate_loop_is_that_of_the_gains_it_was_given(flown):
     roll, pitch, _ = identify_rate_loop([flown["nominal"].log()])
     for loop in (roll, pitch):
-        assert 1 / 20.0 < loop.lag < 0.1  # behind the bandwidth of 20 rad/s: rotors, filters and link
+        assert (
+            1 / 20.0 < loop.lag < 0.1
+        )  # behind the bandwidth of 20 rad/s: rotors, filters and link
         assert loop.gain == pytest.approx(1.05, abs=0.1)
 
 
@@ -67,7 +69,11 @@ def test_an_input_that_is_not_finite_is_said(port):
 
     dut = BetaflightAutopilot(VEHICLE, Never())
     context = dut.CreateDefaultContext()
-    inputs = {"x": np.eye(13)[3], "acceleration": np.zeros(6), "rates_thrust": np.array([20.0, 0.0, 0.0, 0.0])}
+    inputs = {
+        "x": np.eye(13)[3],
+        "acceleration": np.zeros(6),
+        "rates_thrust": np.array([20.0, 0.0, 0.0, 0.0]),
+    }
     inputs[port] = np.full(len(inputs[port]), np.nan)
     for name, value in inputs.items():
         dut.GetInputPort(name).FixValue(context, value)

@@ -11,7 +11,7 @@ from np_drake.effects.base import Measurement
 from np_drake.effects.calibration import effects_of
 from np_drake.effects.combine import split_effects
 from np_drake.vehicle import Vehicle
-from np_drake.vehicle_calibration import Calibration
+from np_drake.vehicle.calibration import Calibration
 from systems.initial_state import set_hover
 from systems.tethered_quadrotor import PayloadConfig, make_tethered_quadrotor
 
@@ -23,7 +23,11 @@ def flying(calibration):
     """Simulator of the calibrated vehicle, at rest 2 m high; u is left to fix."""
     parts = split_effects(effects_of(calibration.check(), NOMINAL))
     dut = make_tethered_quadrotor(
-        NOMINAL, NO_PAYLOAD, wrench_effects=parts.wrench, actuator_effects=parts.actuator, mass_effects=parts.mass
+        NOMINAL,
+        NO_PAYLOAD,
+        wrench_effects=parts.wrench,
+        actuator_effects=parts.actuator,
+        mass_effects=parts.mass,
     )
     simulator = Simulator(dut)
     plant = dut.GetSubsystemByName("plant")
@@ -42,7 +46,9 @@ def test_the_defaults_add_nothing():
 
 
 def test_a_thrust_about_the_true_centre_of_mass_hovers():
-    calibration = Calibration(center_of_mass=[0.004, -0.006, 0.01], rotor_gains=[0.96, 1.02, 1.03, 0.99])
+    calibration = Calibration(
+        center_of_mass=[0.004, -0.006, 0.01], rotor_gains=[0.96, 1.02, 1.03, 0.99]
+    )
     dut, simulator, context = flying(calibration)
     weight = NOMINAL.mass * NOMINAL.gravity
     x, y, _ = calibration.center_of_mass
@@ -66,7 +72,9 @@ def test_a_command_arrives_late_and_lags_by_its_direction(lift, lag):
     simulator.AdvanceTo(0.021 + lag)  # one lag after it has arrived
     speed = np.sqrt(read(dut, context, "rotor_thrust") / hover)
     share = (speed - 1) / (np.sqrt(lift) - 1)
-    np.testing.assert_allclose(share, 1 - np.exp(-1), atol=0.02)  # the command steps at a multiple of 1 ms
+    np.testing.assert_allclose(
+        share, 1 - np.exp(-1), atol=0.02
+    )  # the command steps at a multiple of 1 ms
 
 
 def test_turning_rotors_resist_a_roll_by_a_pitching_moment():
@@ -77,9 +85,13 @@ def test_turning_rotors_resist_a_roll_by_a_pitching_moment():
 def test_a_tilted_imu_reads_the_bodys_rates_in_its_own_axes():
     tilt = [0.0, 0.0, 0.3]
     (effect,) = effects_of(Calibration(imu_tilt=tilt), NOMINAL)
-    truth = Measurement(np.r_[np.zeros(3), 1, np.zeros(6), 1.0, 0, 0], np.zeros(3), np.zeros(3), np.zeros(4))
+    truth = Measurement(
+        np.r_[np.zeros(3), 1, np.zeros(6), 1.0, 0, 0], np.zeros(3), np.zeros(3), np.zeros(4)
+    )
     turn = attitude.rotation_matrix(attitude.from_rotation_vector(np.array([tilt]))[0])
-    np.testing.assert_allclose(effect.measure(NOMINAL, truth, np.zeros(0)).x[10:], turn.T @ [1, 0, 0])
+    np.testing.assert_allclose(
+        effect.measure(NOMINAL, truth, np.zeros(0)).x[10:], turn.T @ [1, 0, 0]
+    )
 
 
 @pytest.mark.parametrize("offset", [-0.01, 0.01])

@@ -14,4 +14,6 @@ def test_it_is_the_target_of_the_reference_that_comes_in():
     for t in (0.0, 0.57, 3.0):
         flat = TRACK.sample(np.array([t]))
         dut.GetInputPort("flat").FixValue(context, flat.ravel())
-        np.testing.assert_array_equal(dut.GetOutputPort("target").Eval(context), cascade_target(Vehicle(), flat)[0])
+        np.testing.assert_array_equal(
+            dut.GetOutputPort("target").Eval(context), cascade_target(Vehicle(), flat)[0]
+        )

@@ -32,7 +32,9 @@ def test_it_hovers_until_the_first_update():
 
 
 def test_forced_and_periodic_updates_are_the_pure_law():
-    expected, integral = cascade(VEHICLE, CascadeGains(), x=X, target=target(), integral=np.zeros(6), step=0.0)
+    expected, integral = cascade(
+        VEHICLE, CascadeGains(), x=X, target=target(), integral=np.zeros(6), step=0.0
+    )
     dut = CascadedController(VEHICLE)
     forced, periodic = fixed(dut), fixed(dut)
     dut.update(forced)

@@ -22,10 +22,15 @@ def commands(n=20):
 def thrusts_in_drake(effects, command, *, command_period, samples=20):
     """(n, samples, 4) rotor thrust [N] at midpoints of equal parts of each held command."""
     dut = make_tethered_quadrotor(
-        VEHICLE, PayloadConfig(tether="none"), actuator_effects=effects, command_period=command_period
+        VEHICLE,
+        PayloadConfig(tether="none"),
+        actuator_effects=effects,
+        command_period=command_period,
     )
     simulator = Simulator(dut)
-    scheme = SimulatorConfig(integration_scheme="runge_kutta3", max_step_size=1e-3, use_error_control=False)
+    scheme = SimulatorConfig(
+        integration_scheme="runge_kutta3", max_step_size=1e-3, use_error_control=False
+    )
     ApplySimulatorConfig(scheme, simulator)
     context, out = simulator.get_mutable_context(), []
     port = dut.GetOutputPort("rotor_thrust")
@@ -43,7 +48,9 @@ def thrusts_in_drake(effects, command, *, command_period, samples=20):
 def test_drake_delays_by_as_much_as_the_pure_function(delay, command_period):
     hover = np.full((5, 4), VEHICLE.mass * VEHICLE.gravity / 4)
     command = np.vstack([hover, commands()])
-    mean = thrusts_in_drake([CommandDelay(delay)], command, command_period=command_period).mean(axis=1)
+    mean = thrusts_in_drake([CommandDelay(delay)], command, command_period=command_period).mean(
+        axis=1
+    )
     expected = CommandDelay(delay).respond(VEHICLE, STEP * np.arange(25), command)
     np.testing.assert_allclose(mean, expected, atol=1e-9)
 
@@ -57,7 +64,9 @@ def test_lag_after_delay_responds_in_drake_as_in_the_pure_functions():
     expected = np.repeat(command, 2, axis=0)
     for effect in effects:
         expected = effect.respond(VEHICLE, t, expected)
-    np.testing.assert_allclose(found.reshape(50, 10, 4).mean(axis=1), expected, atol=2e-3)  # [N]: midpoints
+    np.testing.assert_allclose(
+        found.reshape(50, 10, 4).mean(axis=1), expected, atol=2e-3
+    )  # [N]: midpoints
 
 
 def buffer_behind_a_staircase(period):
@@ -77,7 +86,10 @@ def buffer_behind_a_staircase(period):
 @pytest.mark.parametrize("period", [0.1, 0.02])
 def test_the_resting_value_holds_until_the_start_then_each_command(period):
     log = buffer_behind_a_staircase(period)
-    t, found = log.sample_times() - 0.005, log.data()[0]  # a sample at an instant sees what was before it
+    t, found = (
+        log.sample_times() - 0.005,
+        log.data()[0],
+    )  # a sample at an instant sees what was before it
     expected = np.where(t < 0.25, -1.0, np.floor((t - 0.25) / 0.1 + 1e-6) + 1)
     np.testing.assert_array_equal(found, expected)
 
@@ -93,7 +105,9 @@ def test_two_contexts_do_not_share_their_memory():
     assert [dut.get_output_port().Eval(c)[0] for c in contexts] == [1.0, 2.0]
 
 
-@pytest.mark.parametrize("bad", [{"dead_time": 0.0, "period": 0.01}, {"dead_time": 0.1, "period": 0.0}])
+@pytest.mark.parametrize(
+    "bad", [{"dead_time": 0.0, "period": 0.01}, {"dead_time": 0.1, "period": 0.0}]
+)
 def test_impossible_delays_are_refused(bad):
     with pytest.raises(ValueError, match="CommandBuffer"):
         CommandBuffer(np.zeros(4), **bad)

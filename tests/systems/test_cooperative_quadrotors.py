@@ -52,13 +52,20 @@ def test_a_symmetric_formation_feels_symmetric_wrenches(count):
     for i, wrench in enumerate(wrenches):
         R = RotationMatrix.MakeZRotation(2 * np.pi * i / count).matrix()
         np.testing.assert_allclose(R @ wrenches[0, :3], wrench[:3], atol=1e-9)  # [N]
-        np.testing.assert_allclose(R @ wrenches[0, 3:], wrench[3:], atol=1e-10)  # [N·m]; level: B is W
+        np.testing.assert_allclose(
+            R @ wrenches[0, 3:], wrench[3:], atol=1e-10
+        )  # [N·m]; level: B is W
     assert wrenches[0, 0] < -0.1  # the first vehicle stands on +x and is pulled inwards
 
 
 def stir(plant, context, seed, payload_from):
-    """Every body at random attitude and velocity; the payload 2 mm farther from that hook than the cable is long."""
-    rng, names = np.random.default_rng(seed), [plant.get_joint(i).name() for i in plant.GetJointIndices()]
+    """Every body at random attitude and velocity; the payload 2 mm farther from that hook than the
+    cable is long.
+    """
+    rng, names = (
+        np.random.default_rng(seed),
+        [plant.get_joint(i).name() for i in plant.GetJointIndices()],
+    )
     state, nq = plant.GetPositionsAndVelocities(context), plant.num_positions()
     for name in sorted(names):
         joint = plant.GetJointByName(name)
@@ -99,7 +106,9 @@ def test_without_thrust_the_common_centre_of_mass_falls_freely():
     stir(plant, plant.GetMyMutableContextFromRoot(context), 1, "quadrotor_1")
     a = of_each(dut, context, "acceleration", 3)[:, :3]
     total = VEHICLE.mass * a.sum(axis=0) + PAYLOAD.mass * payload_acceleration(dut, context)
-    np.testing.assert_allclose(total, [0, 0, -(3 * VEHICLE.mass + PAYLOAD.mass) * G], atol=1e-8)  # [N]
+    np.testing.assert_allclose(
+        total, [0, 0, -(3 * VEHICLE.mass + PAYLOAD.mass) * G], atol=1e-8
+    )  # [N]
     assert np.abs(of_each(dut, context, "tether_wrench", 3)).max() > 1.0
 
 
@@ -108,7 +117,9 @@ def test_a_command_moves_its_own_vehicle_and_at_first_no_other():
     before = of_each(dut, context, "acceleration", 3)
     dut.GetInputPort("u_1").FixValue(context, [20.0, 0.0, 0.1, 0.0])
     change = of_each(dut, context, "acceleration", 3) - before
-    np.testing.assert_allclose(change[1], [0, 0, 10.0, 0, 0.1 / 0.02, 0], atol=1e-9)  # [m/s², rad/s²]
+    np.testing.assert_allclose(
+        change[1], [0, 0, 10.0, 0, 0.1 / 0.02, 0], atol=1e-9
+    )  # [m/s², rad/s²]
     np.testing.assert_allclose(change[[0, 2]], 0.0, atol=1e-9)
 
 
@@ -119,7 +130,8 @@ def test_each_vehicle_reports_its_own_state():
 
 
 @pytest.mark.parametrize(
-    "payload, count, message", [(PAYLOAD, 0, "at least 1"), (PayloadConfig(tether="rod"), 2, "on cables")]
+    "payload, count, message",
+    [(PAYLOAD, 0, "at least 1"), (PayloadConfig(tether="rod"), 2, "on cables")],
 )
 def test_a_fleet_that_cannot_be_is_refused(payload, count, message):
     with pytest.raises(ValueError, match=message):

@@ -1,4 +1,6 @@
-"""Laws of the LeafSystems around a delay of commands: estimator, reference, predictor, MPC and oracle."""
+"""Laws of the LeafSystems around a delay of commands: estimator, reference, predictor, MPC and
+oracle.
+"""
 
 import numpy as np
 import pytest
@@ -41,7 +43,9 @@ def test_the_command_that_acts_was_sent_a_delay_before(delay, acting):
     dut, context = estimator(delay)
     np.testing.assert_allclose(evaluate(dut, context, "acting"), acting)
     np.testing.assert_allclose(evaluate(dut, context, "delay"), delay)
-    np.testing.assert_allclose(evaluate(dut, context, "sent").reshape(KEPT, 4)[:5, 0], [5, 4, 3, 2, 1])
+    np.testing.assert_allclose(
+        evaluate(dut, context, "sent").reshape(KEPT, 4)[:5, 0], [5, 4, 3, 2, 1]
+    )
 
 
 def test_the_reference_is_read_where_the_next_command_acts():
@@ -52,13 +56,21 @@ def test_the_reference_is_read_where_the_next_command_acts():
     dut.GetInputPort("lead").FixValue(context, [0.05])
     flat = evaluate(dut, context, "flat").reshape(5, 5, 3)
     np.testing.assert_allclose(flat, reference.sample(7.05 + 0.04 * np.arange(5)))
-    np.testing.assert_allclose(evaluate(dut, context, "position"), reference.sample(np.array([7.0]))[0, 0])
+    np.testing.assert_allclose(
+        evaluate(dut, context, "position"), reference.sample(np.array([7.0]))[0, 0]
+    )
 
 
 def predictor(delay, x=LEVEL):
     dut = ResidualPredictor(Hold(step=STEP), horizon=4, stride=2, vehicle=VEHICLE)
     context = dut.CreateDefaultContext()
-    values = {"x": x, "u": HOVER, "label": np.zeros(6), "sent": np.tile(HOVER, KEPT), "delay": [delay]}
+    values = {
+        "x": x,
+        "u": HOVER,
+        "label": np.zeros(6),
+        "sent": np.tile(HOVER, KEPT),
+        "delay": [delay],
+    }
     for name, value in values.items():
         dut.GetInputPort(name).FixValue(context, value)
     return evaluate(dut, context, "forecast")
@@ -76,7 +88,9 @@ def test_without_delay_or_without_a_state_a_forecast_begins_now():
 
 
 def oracle(delay, plan_from):
-    """The oracle of a vehicle at 0.5 m/s against drag, with commands of 10 % more thrust under way."""
+    """The oracle of a vehicle at 0.5 m/s against drag, with commands of 10 % more thrust under
+    way.
+    """
     model = TrueModel(VEHICLE, None, [LinearDrag(0.25, 0.25, 0.25)], [], delay)
     dut = WrenchOracle(model, CONFIG, period=STEP)
     context = dut.CreateDefaultContext()
@@ -98,7 +112,9 @@ def test_the_oracle_knows_the_commands_that_are_under_way():
     forecast = oracle(0.05, LEVEL)
     climb = 0.1 * VEHICLE.gravity * 0.05  # of 10 % more thrust over the delay [m/s]
     np.testing.assert_allclose(forecast.start[9], climb, rtol=0.02)
-    np.testing.assert_allclose(forecast.start[7], 0.5 * np.exp(-0.25 / VEHICLE.mass * 0.05), rtol=1e-3)
+    np.testing.assert_allclose(
+        forecast.start[7], 0.5 * np.exp(-0.25 / VEHICLE.mass * 0.05), rtol=1e-3
+    )
 
 
 def test_along_its_plan_a_late_oracle_says_what_one_without_delay_says():

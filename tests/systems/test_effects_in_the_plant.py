@@ -103,7 +103,9 @@ def test_with_an_offset_the_hovering_vehicle_tips_towards_the_heavy_side():
     )
     context = quadrotor.CreateDefaultContext()
     quadrotor.GetInputPort("u").FixValue(context, VEHICLE.hover_input)
-    assert quadrotor.GetOutputPort("acceleration").Eval(context)[4] > 1.0  # nose (x) down: + about y
+    assert (
+        quadrotor.GetOutputPort("acceleration").Eval(context)[4] > 1.0
+    )  # nose (x) down: + about y
 
 
 @pytest.mark.parametrize("effect", [MassError(-2.0), InertiaError(0.2, 0.2, 1.0)])
@@ -117,7 +119,9 @@ def test_neutral_effects_leave_the_hovering_vehicle_alone(tether):
     payload = PayloadConfig(tether=tether)
     neutral = {
         f"{base.place}_effects": [
-            e.neutral() for e in LIBRARY.values() if issubclass(e, base) and e is not SuspendedPayload
+            e.neutral()
+            for e in LIBRARY.values()
+            if issubclass(e, base) and e is not SuspendedPayload
         ]
         for base in (WrenchEffect, ActuatorEffect, MassEffect)
     }
@@ -141,7 +145,13 @@ def test_an_unconnected_rotor_rate_is_zero(fly):
 def test_a_downwash_acts_in_the_plant_and_is_refused_without_a_neighbour(fly):
     above = Neighbour(np.array([0.0, 100.0]), np.tile([0.0, 0.0, 10.0], (2, 1)))
     now = fly(0, wrench_effects=[Downwash(1.0, (above,))])
-    np.testing.assert_allclose(now.chi, Downwash(1.0, (above,)).wrench(VEHICLE, now.motion), atol=1e-9)
+    np.testing.assert_allclose(
+        now.chi, Downwash(1.0, (above,)).wrench(VEHICLE, now.motion), atol=1e-9
+    )
     assert now.chi[2] < 0.0
-    with pytest.raises(ValueError, match=r"effects: downwash must have the path of a neighbour; Downwash\.beside"):
-        make_tethered_quadrotor(VEHICLE, PayloadConfig(tether="none"), wrench_effects=[Downwash(1.0)])
+    with pytest.raises(
+        ValueError, match=r"effects: downwash must have the path of a neighbour; Downwash\.beside"
+    ):
+        make_tethered_quadrotor(
+            VEHICLE, PayloadConfig(tether="none"), wrench_effects=[Downwash(1.0)]
+        )

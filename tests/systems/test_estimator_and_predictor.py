@@ -59,7 +59,9 @@ def test_estimator_is_the_label_filter_in_a_context():
         acceleration = dut.GetInputPort("acceleration").Eval(context)
         memory, expected = pure.step(memory, x=LEVEL, a=acceleration[:3], al=acceleration[3:], u=u)
         event(dut, context)
-        np.testing.assert_allclose(dut.GetOutputPort("last_label").Eval(context), expected, atol=1e-14)
+        np.testing.assert_allclose(
+            dut.GetOutputPort("last_label").Eval(context), expected, atol=1e-14
+        )
 
 
 def test_nan_reading_gives_a_nan_label_and_the_filter_carries_on():
@@ -93,7 +95,10 @@ def test_forecast_feeds_through_and_chi_hat_waits_for_the_event():
 
 def test_predictor_is_the_model_in_a_context():
     dut, context = predictor_on(CHI)
-    model, rng = Hold(step=0.02, force_bandwidth=2.0, torque_bandwidth=1.0), np.random.default_rng(0)
+    model, rng = (
+        Hold(step=0.02, force_bandwidth=2.0, torque_bandwidth=1.0),
+        np.random.default_rng(0),
+    )
     dut = ResidualPredictor(model, horizon=4, stride=2)
     context = dut.CreateDefaultContext()
     memory = model.initial_memory()
@@ -154,7 +159,9 @@ def test_the_neural_predictor_is_its_model_in_a_context():
         forecast = dut.GetOutputPort("forecast").Eval(context)
         np.testing.assert_allclose(forecast.z, expected.z, atol=1e-12)
         event(dut, context)
-        np.testing.assert_allclose(dut.GetOutputPort("chi_hat").Eval(context), expected.first, atol=1e-12)
+        np.testing.assert_allclose(
+            dut.GetOutputPort("chi_hat").Eval(context), expected.first, atol=1e-12
+        )
     np.testing.assert_allclose(dut.memory(context)["window"], memory["window"])
 
 
@@ -178,7 +185,9 @@ def test_the_predictor_sees_in_a_context_what_begins_in_its_window():
         event(dut, context)
         errors.append(dut.GetOutputPort("chi_hat").Eval(context)[2] - label[2])
     assert np.abs(errors[window + 5 : 2 * window]).max() < 0.1  # [N], before
-    assert np.sqrt(np.mean(np.square(errors[2 * window + 5 :]))) < 0.3  # [N], while both are in the window
+    assert (
+        np.sqrt(np.mean(np.square(errors[2 * window + 5 :]))) < 0.3
+    )  # [N], while both are in the window
 
 
 def test_the_neural_predictor_shows_its_lifted_linear_system():

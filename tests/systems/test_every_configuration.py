@@ -1,4 +1,6 @@
-"""Every configuration of the Neural Predictor is one LeafSystem, and NP-MPC eliminates any of them exactly."""
+"""Every configuration of the Neural Predictor is one LeafSystem, and NP-MPC eliminates any of them
+exactly.
+"""
 
 import numpy as np
 import pytest
@@ -41,7 +43,10 @@ def model(request) -> NeuralPredictorModel:
 
 def samples(seed: int, n: int) -> list[Sample]:
     made = swinging(seed, n)
-    return [Sample(np.concatenate([[0, 0, 1.0, 1, 0, 0, 0], v]), U, c) for c, v in zip(made.chi, made.zeta)]  # noqa: B905
+    return [
+        Sample(np.concatenate([[0, 0, 1.0, 1, 0, 0, 0], v]), U, c)
+        for c, v in zip(made.chi, made.zeta, strict=True)
+    ]
 
 
 def feed(dut: NeuralPredictor, context, sample: Sample) -> None:
@@ -59,11 +64,17 @@ def test_it_is_its_model_in_a_context(model):
         memory = model.update(memory, sample)
         feed(dut, context, sample)
     expected = model.forecast(memory, horizon=HORIZON, stride=STRIDE)
-    np.testing.assert_allclose(dut.GetOutputPort("chi_hat").Eval(context), expected.first, atol=1e-12)
+    np.testing.assert_allclose(
+        dut.GetOutputPort("chi_hat").Eval(context), expected.first, atol=1e-12
+    )
     state = dut.memory(context)
-    assert {name: value.shape for name, value in state.items()} == {k: np.shape(v) for k, v in memory.items()}
+    assert {name: value.shape for name, value in state.items()} == {
+        k: np.shape(v) for k, v in memory.items()
+    }
     np.testing.assert_allclose(state["z"], memory["z"], atol=1e-12)
-    np.testing.assert_array_equal(state["window"][:, :6], [s.chi for s in flown[-model.model.window :]])
+    np.testing.assert_array_equal(
+        state["window"][:, :6], [s.chi for s in flown[-model.model.window :]]
+    )
 
 
 def test_two_contexts_of_it_never_influence_each_other(model):
@@ -74,7 +85,9 @@ def test_two_contexts_of_it_never_influence_each_other(model):
 
     dut = NeuralPredictor(model, horizon=HORIZON, stride=STRIDE)
     alone = list(flown(dut.CreateDefaultContext(), 1))
-    both = zip(flown(dut.CreateDefaultContext(), 1), flown(dut.CreateDefaultContext(), 2), strict=True)
+    both = zip(
+        flown(dut.CreateDefaultContext(), 1), flown(dut.CreateDefaultContext(), 2), strict=True
+    )
     np.testing.assert_array_equal([one for one, _ in both], alone)
 
 
@@ -100,7 +113,9 @@ def test_missing_samples_leave_a_usable_forecast(model):
     for k, sample in enumerate(samples(1, 2 * model.model.window + 20)):
         gone = k % 7 == 3 or k > 2 * model.model.window + 15
         feed(dut, context, Sample(sample.x, sample.u, lost if gone else sample.chi))
-    assert np.isfinite(dut.GetOutputPort("forecast").Eval(context).rollout(np.ones((HORIZON, 6)))).all()
+    assert np.isfinite(
+        dut.GetOutputPort("forecast").Eval(context).rollout(np.ones((HORIZON, 6)))
+    ).all()
 
 
 def test_only_what_changes_in_flight_keeps_its_system_in_the_state(model):

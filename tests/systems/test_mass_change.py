@@ -22,7 +22,10 @@ EFFECTS = [MassError(0.4), CenterOfMassOffset(0.02, -0.01, 0.03)]
 CHANGES = {
     "payload": ("cable", partial(set_payload_mass, payload=PayloadConfig(), mass=0.36)),
     "vehicle": ("none", partial(set_vehicle_mass, properties=mass_properties(VEHICLE, EFFECTS))),
-    "vehicle on a rod": ("rod", partial(set_vehicle_mass, properties=mass_properties(VEHICLE, EFFECTS))),
+    "vehicle on a rod": (
+        "rod",
+        partial(set_vehicle_mass, properties=mass_properties(VEHICLE, EFFECTS)),
+    ),
 }
 
 
@@ -46,7 +49,11 @@ def test_the_plant_accelerates_as_one_of_the_new_mass(name):
     if tether == "cable":
         state[7:11] /= np.linalg.norm(state[7:11])
     force = rng.normal(size=plant.num_velocities())
-    for port, value in (("plant_state", state), ("generalized_force", force), ("rotor_thrust", np.zeros(4))):
+    for port, value in (
+        ("plant_state", state),
+        ("generalized_force", force),
+        ("rotor_thrust", np.zeros(4)),
+    ):
         dut.GetInputPort(port).FixValue(context, value)
     np.testing.assert_array_equal(dut.get_output_port().Eval(context), force)  # before the change
     context.SetDiscreteState([1.0])
@@ -62,7 +69,10 @@ def test_the_plant_accelerates_as_one_of_the_new_mass(name):
 def test_a_vehicle_that_has_become_heavier_flies_as_one_that_always_was():
     """Rotors included: from the change on, both accelerate alike in the same state."""
     late = make_tethered_quadrotor(
-        VEHICLE, PayloadConfig(tether="none"), mass_effects=EFFECTS, onsets=dict.fromkeys(EFFECTS, 0.1)
+        VEHICLE,
+        PayloadConfig(tether="none"),
+        mass_effects=EFFECTS,
+        onsets=dict.fromkeys(EFFECTS, 0.1),
     )
     always = make_tethered_quadrotor(VEHICLE, PayloadConfig(tether="none"), mass_effects=EFFECTS)
     simulator, context = Simulator(late), always.CreateDefaultContext()
@@ -71,14 +81,18 @@ def test_a_vehicle_that_has_become_heavier_flies_as_one_that_always_was():
     always.GetInputPort("u").FixValue(context, u)
     simulator.AdvanceTo(0.2)
     context.SetContinuousState(root.get_continuous_state_vector().CopyToVector())
-    found, wanted = (d.GetOutputPort("acceleration").Eval(c) for d, c in ((late, root), (always, context)))
+    found, wanted = (
+        d.GetOutputPort("acceleration").Eval(c) for d, c in ((late, root), (always, context))
+    )
     np.testing.assert_allclose(found, wanted, rtol=1e-9)
     assert np.abs(found).max() > 0.1
 
 
 def test_the_change_comes_at_its_time():
     effect = dc.replace(EFFECTS[0])
-    dut = make_tethered_quadrotor(VEHICLE, PayloadConfig(tether="none"), mass_effects=[effect], onsets={effect: 0.1})
+    dut = make_tethered_quadrotor(
+        VEHICLE, PayloadConfig(tether="none"), mass_effects=[effect], onsets={effect: 0.1}
+    )
     simulator = Simulator(dut)
     root = simulator.get_mutable_context()
     dut.GetInputPort("u").FixValue(root, VEHICLE.hover_input)

@@ -21,7 +21,9 @@ def read_by_the_rig(effects, truth):
     return [dut.GetOutputPort(name).Eval(context) for name in ("x", "acceleration", "rotor_speed")]
 
 
-@pytest.mark.parametrize("effects", [*([e] for e in SENSORS), SENSORS], ids=lambda e: e[-1].identifier)
+@pytest.mark.parametrize(
+    "effects", [*([e] for e in SENSORS), SENSORS], ids=lambda e: e[-1].identifier
+)
 def test_the_rig_reads_what_the_pure_functions_say(effects):
     rng = np.random.default_rng(0)
     x = rng.normal(size=13)

@@ -41,7 +41,9 @@ def test_the_port_carries_the_function_and_the_motion_of_now(dut):
     forecast = dut.GetOutputPort("forecast").Eval(context)
     np.testing.assert_allclose(forecast.rollout(zeta), DRAG(zeta), atol=1e-12)
     context.SetDiscreteState(dut.EvalUniquePeriodicDiscreteUpdate(context))
-    np.testing.assert_allclose(dut.GetOutputPort("chi_hat").Eval(context), DRAG(LEVEL[7:]), atol=1e-12)
+    np.testing.assert_allclose(
+        dut.GetOutputPort("chi_hat").Eval(context), DRAG(LEVEL[7:]), atol=1e-12
+    )
 
 
 def test_two_contexts_never_influence_each_other(dut):
@@ -55,7 +57,9 @@ def test_two_contexts_never_influence_each_other(dut):
 @pytest.mark.parametrize("solver", ["sqp", "ipopt"])
 def test_the_controller_plans_with_the_wrench_of_its_own_plan(dut, solver):
     config = MpcConfig(horizon=N)
-    mpc = NpMpc(MpcController(VEHICLE, config, make_solver(solver, VEHICLE, config, time_limit=np.inf)))
+    mpc = NpMpc(
+        MpcController(VEHICLE, config, make_solver(solver, VEHICLE, config, time_limit=np.inf))
+    )
     context = mpc.CreateDefaultContext()
     reference = make_reference(ReferenceConfig(track="hover", height=1.0))
     flat = reference.sample(20.0 + config.step * np.arange(N + 1))

@@ -27,7 +27,9 @@ class Broken:
 
 
 def mpc_at(x, *, solver=None, forecast=None, **options):
-    dut = NpMpc(MpcController(VEHICLE, CONFIG, solver or SqpSolver(VEHICLE, CONFIG, steps=5), **options))
+    dut = NpMpc(
+        MpcController(VEHICLE, CONFIG, solver or SqpSolver(VEHICLE, CONFIG, steps=5), **options)
+    )
     context = dut.CreateDefaultContext()
     flat = Hover(np.array([0.0, 0.0, 1.0])).sample(np.arange(11))
     dut.GetInputPort("x").FixValue(context, x)
@@ -71,7 +73,9 @@ def test_at_the_reference_a_known_weight_is_carried_at_once():
     pull = np.array([0, 0, -2.5, 0, 0, 0])
     dut, context = mpc_at(LEVEL, forecast=constant_forecast(pull, 10))
     event(dut, context)
-    np.testing.assert_allclose(evaluate(dut, context, "u"), VEHICLE.hover_input + [2.5, 0, 0, 0], atol=1e-5)
+    np.testing.assert_allclose(
+        evaluate(dut, context, "u"), VEHICLE.hover_input + [2.5, 0, 0, 0], atol=1e-5
+    )
     plan = evaluate(dut, context, "plan_chi").reshape(10, 6)
     np.testing.assert_allclose(plan, np.tile(pull, (10, 1)))
 
@@ -94,7 +98,9 @@ def test_a_failed_solve_flies_the_last_plan_one_period_on_and_says_so():
     event(dut, context)
     after = evaluate(dut, context, "plan_u").reshape(10, 4)
     assert evaluate(dut, context, "status")[0] == MpcStatus.SHIFTED_PLAN
-    np.testing.assert_allclose(after[0], 0.5 * (before[0] + before[1]), atol=1e-12)  # period is half a step
+    np.testing.assert_allclose(
+        after[0], 0.5 * (before[0] + before[1]), atol=1e-12
+    )  # period is half a step
 
 
 def test_a_solver_that_never_answers_leaves_hover():

@@ -8,9 +8,9 @@ import pytest
 from np_drake.offboard.autopilot import SimulatedAutopilot
 from np_drake.offboard.codec import AUTOPILOT, COMPANION, Codec, Command, Heartbeat, Inertial, Pose
 from np_drake.offboard.link import Channel
-from np_drake.rate_loop import RateLoop
 from np_drake.rigid_body import P
 from np_drake.vehicle import Vehicle
+from np_drake.vehicle.rate_loop import RateLoop
 from systems.offboard_autopilot import PERIOD, OffboardAutopilot
 
 pytest.importorskip("pymavlink", reason="messages need pymavlink")
@@ -93,7 +93,9 @@ def test_states_are_sent_every_ten_milliseconds_and_nothing_between(flight):
 
 def test_a_companion_that_is_heard_takes_command(flight):
     said = flight.talk(0.0, 3.0)
-    np.testing.assert_allclose(flight.output, [2 * VEHICLE.max_rotor_thrust, 0.1, 0.2, 0.3], rtol=1e-6)
+    np.testing.assert_allclose(
+        flight.output, [2 * VEHICLE.max_rotor_thrust, 0.1, 0.2, 0.3], rtol=1e-6
+    )
     target = next(one for one in said if isinstance(one, Command))
     np.testing.assert_allclose([target.thrust, *target.rates], [0.5, 0.1, 0.2, 0.3], rtol=1e-6)
     assert len(flight.dut.autopilot.handovers) == 1
@@ -116,7 +118,9 @@ def test_commands_that_are_under_way_are_not_yet_in_force():
 
 def test_it_flies_the_autopilot_that_it_is_given():
     flight = Flight(autopilot=SimulatedAutopilot(VEHICLE, rate=50.0, pairs=True))
-    kinds = [one.kind for k in range(41) for one in flight.event(PERIOD * k) if isinstance(one, Pose)]
+    kinds = [
+        one.kind for k in range(41) for one in flight.event(PERIOD * k) if isinstance(one, Pose)
+    ]
     assert set(kinds) == {"LOCAL_POSITION_NED", "ATTITUDE_QUATERNION"}
     assert len(kinds) == 2 * 6
 

@@ -18,12 +18,16 @@ def test_the_effect_becomes_a_body_with_its_figures():
     found = payload_config(SuspendedPayload(0.3, 1.1, 0.01, 0.02, -0.03, 0.2))
     same = {"mass": 0.3, "length": 1.1, "hook": [0.01, 0.02, -0.03], "air_damping": 0.2}
     assert found == PayloadConfig(tether="cable", **same)
-    assert payload_config(None).tether == payload_config(SuspendedPayload(mass=0.0)).tether == "none"
+    assert (
+        payload_config(None).tether == payload_config(SuspendedPayload(mass=0.0)).tether == "none"
+    )
 
 
 def test_a_payload_among_the_wrench_effects_is_refused_with_the_remedy():
     with pytest.raises(ValueError, match="payload_config"):
-        make_tethered_quadrotor(VEHICLE, PayloadConfig(tether="none"), wrench_effects=[SuspendedPayload()])
+        make_tethered_quadrotor(
+            VEHICLE, PayloadConfig(tether="none"), wrench_effects=[SuspendedPayload()]
+        )
 
 
 @pytest.mark.parametrize("bad", [{"air_damping": -0.1}, {"tether": "rod", "air_damping": 0.1}])
@@ -38,7 +42,9 @@ def test_a_log_of_the_hook_brings_back_the_wrench_of_drakes_cable(damping, apply
     payload = payload_config(effect)
     dut = make_tethered_quadrotor(VEHICLE, payload)
     simulator = Simulator(dut)
-    scheme = SimulatorConfig(integration_scheme="runge_kutta3", max_step_size=1e-3, use_error_control=False)
+    scheme = SimulatorConfig(
+        integration_scheme="runge_kutta3", max_step_size=1e-3, use_error_control=False
+    )
     ApplySimulatorConfig(scheme, simulator)
     context = simulator.get_mutable_context()
     plant = dut.GetSubsystemByName("plant")
@@ -51,7 +57,9 @@ def test_a_log_of_the_hook_brings_back_the_wrench_of_drakes_cable(damping, apply
     r, r_rate = s[11:14] - s[4:7] - hook, s[23:26] - s[17:20] - np.cross(s[14:17], hook)
     x, acceleration, wrench = [], [], []
     for k in range(250):
-        simulator.AdvanceTo(STEP * (k + 0.5))  # the middle of the steps: held motion to second order
+        simulator.AdvanceTo(
+            STEP * (k + 0.5)
+        )  # the middle of the steps: held motion to second order
         x.append(dut.GetOutputPort("x").Eval(context))
         acceleration.append(dut.GetOutputPort("acceleration").Eval(context))
         wrench.append(dut.GetOutputPort("tether_wrench").Eval(context))
@@ -63,5 +71,7 @@ def test_a_log_of_the_hook_brings_back_the_wrench_of_drakes_cable(damping, apply
     assert np.linalg.norm(x[-1][7:9]) > 0.1  # [m/s]: the hook moves through the air
     if damping:
         vacuum = dc.replace(effect, damping=0.0)
-        other = vacuum.wrench_along(VEHICLE, x=np.array(x), a=a, al=al, step=STEP, r=r, r_rate=r_rate)
+        other = vacuum.wrench_along(
+            VEHICLE, x=np.array(x), a=a, al=al, step=STEP, r=r, r_rate=r_rate
+        )
         assert np.abs(other[25:, :2] - found[25:, :2]).max() > 0.15  # [N]

@@ -25,7 +25,9 @@ def accelerated(payload, force):
 def test_a_force_accelerates_the_vehicle_by_its_mass():
     force = [1.0, -2.0, 3.0]
     np.testing.assert_allclose(
-        accelerated(BARE, force) - accelerated(BARE, np.zeros(3)), np.divide(force, VEHICLE.mass), atol=1e-9
+        accelerated(BARE, force) - accelerated(BARE, np.zeros(3)),
+        np.divide(force, VEHICLE.mass),
+        atol=1e-9,
     )
 
 

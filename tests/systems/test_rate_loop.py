@@ -5,8 +5,8 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.rate_loop import RateLoop
 from np_drake.vehicle import Vehicle
+from np_drake.vehicle.rate_loop import RateLoop
 from systems.rate_loop import RateLoopTorque
 
 

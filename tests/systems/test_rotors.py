@@ -1,4 +1,6 @@
-"""Laws of the rotors between command and thrust: the lag of the vehicle file, and of effects in its place."""
+"""Laws of the rotors between command and thrust: the lag of the vehicle file, and of effects in its
+place.
+"""
 
 import dataclasses as dc
 
@@ -18,8 +20,12 @@ HOVER = VEHICLE.mass * VEHICLE.gravity
 
 
 def speeds(times, *effects, onsets=None, start=0.0):
-    """Return relative rotor speed at `times` after a command of four times the hover thrust at `start`, 1 to 2."""
-    dut = make_tethered_quadrotor(VEHICLE, PayloadConfig(tether="none"), actuator_effects=effects, onsets=onsets or {})
+    """Return relative rotor speed at `times` after a command of four times the hover thrust at
+    `start`, 1 to 2.
+    """
+    dut = make_tethered_quadrotor(
+        VEHICLE, PayloadConfig(tether="none"), actuator_effects=effects, onsets=onsets or {}
+    )
     simulator = Simulator(dut)
     context = simulator.get_mutable_context()
     port = dut.get_input_port()
@@ -58,9 +64,13 @@ def test_other_effects_act_after_it():
 @pytest.mark.parametrize("start, lag", [(0.1, LAG), (0.3, 0.02)], ids=["before", "after"])
 def test_a_lag_that_begins_in_flight_takes_over_at_its_onset(start, lag):
     own = MotorLag(0.02)
-    np.testing.assert_allclose(speeds(T, own, onsets={own: 0.25}, start=start), rising(T, lag), atol=2e-3)
+    np.testing.assert_allclose(
+        speeds(T, own, onsets={own: 0.25}, start=start), rising(T, lag), atol=2e-3
+    )
 
 
 def test_the_same_lag_again_from_some_time_on_changes_nothing():
     own = MotorLag(LAG)
-    np.testing.assert_allclose(speeds(T, own, onsets={own: 0.25}, start=0.22), rising(T, LAG), atol=1e-3)
+    np.testing.assert_allclose(
+        speeds(T, own, onsets={own: 0.25}, start=0.22), rising(T, LAG), atol=1e-3
+    )

@@ -6,7 +6,7 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource, DiscreteTimeIntegrator, ZeroOrderHold
 
 from np_drake.effects.sensor_noise import SensorNoise
-from np_drake.vehicle import MeasurementNoise, Vehicle
+from np_drake.vehicle.vehicle import MeasurementNoise, Vehicle
 from systems.recorder import add_recorder
 from systems.sensor_model import make_sensor_model
 
@@ -59,7 +59,9 @@ def test_row_k_holds_what_acts_just_after_its_instant():
     held = builder.AddSystem(ZeroOrderHold(0.1, 1))
     builder.Connect(one.get_output_port(), counter.get_input_port())
     builder.Connect(counter.get_output_port(), held.get_input_port())
-    recorder = add_recorder(builder, {"count": counter.get_output_port(), "held": held.get_output_port()}, period=0.1)
+    recorder = add_recorder(
+        builder, {"count": counter.get_output_port(), "held": held.get_output_port()}, period=0.1
+    )
     diagram = builder.Build()
     simulator = Simulator(diagram)
     simulator.AdvanceTo(0.55)

@@ -12,7 +12,9 @@ from systems.tethered_quadrotor import PayloadConfig, make_tethered_quadrotor
 
 VEHICLE = Vehicle()
 WEIGHT = 2.26 * 9.81  # [N]
-PRECISE = SimulatorConfig(integration_scheme="runge_kutta3", max_step_size=1e-3, accuracy=1e-8, use_error_control=True)
+PRECISE = SimulatorConfig(
+    integration_scheme="runge_kutta3", max_step_size=1e-3, accuracy=1e-8, use_error_control=True
+)
 
 
 def simulator_of(payload, u=None, p_WB=(0.0, 0.0, 2.0), **effects):
@@ -59,13 +61,16 @@ def test_hover_thrust_carries_both_weights(tether):
 def test_static_tension_is_the_payloads_weight(tether):
     simulator, *_ = simulator_of(PayloadConfig(tether=tether), u=[WEIGHT, 0, 0, 0])
     simulator.AdvanceTo(0.2)
-    np.testing.assert_allclose(evaluate(simulator, "tether_wrench")[:3], [0, 0, -0.26 * 9.81], atol=1e-6)
+    np.testing.assert_allclose(
+        evaluate(simulator, "tether_wrench")[:3], [0, 0, -0.26 * 9.81], atol=1e-6
+    )
 
 
 @pytest.mark.parametrize("tether", ["cable", "rod"])
 def test_small_swing_has_the_period_of_the_coupled_system(tether, apply_impulse):
-    # Hook at the centre of mass: the pair swings about its common centre of mass under constant vertical thrust,
-    # with reduced mass mu: mu L² phi'' = -T_static L phi, T_static = m g, so w² = (g/L) (1 + m/M).
+    # Hook at the centre of mass: the pair swings about its common centre of mass under constant
+    # vertical thrust, with reduced mass mu: mu L² phi'' = -T_static L phi, T_static = m g, so w² =
+    # (g/L) (1 + m/M).
     payload = PayloadConfig(tether=tether, hook=[0.0, 0.0, 0.0], radius=1e-3)
     simulator, _dut, plant, plant_context = simulator_of(payload, u=[WEIGHT, 0, 0, 0])
     dv = 0.02  # [m/s]
@@ -86,9 +91,12 @@ def test_small_swing_has_the_period_of_the_coupled_system(tether, apply_impulse)
 
 
 def test_tether_wrench_is_what_the_equation_of_motion_misses():
-    # Eq. (1) inverted from the true motion leaves the tether alone, force and torque, for rod and cable alike.
+    # Eq. (1) inverted from the true motion leaves the tether alone, force and torque, for rod and
+    # cable alike.
     for tether in ("cable", "rod"):
-        simulator, _, _plant, _plant_context = simulator_of(PayloadConfig(tether=tether), u=[WEIGHT, 0.01, 0.02, 0])
+        simulator, _, _plant, _plant_context = simulator_of(
+            PayloadConfig(tether=tether), u=[WEIGHT, 0.01, 0.02, 0]
+        )
         simulator.AdvanceTo(0.3)
         x, a = evaluate(simulator, "x"), evaluate(simulator, "acceleration")
         u = np.array([WEIGHT, 0.01, 0.02, 0])
@@ -108,7 +116,8 @@ def test_taut_cable_and_rod_swing_alike():
 
 
 def test_slack_cable_pulls_taut_after_its_slack_is_fallen_through():
-    # Under hover thrust for both weights the quadrotor rises at g m / M while the payload falls at g.
+    # Under hover thrust for both weights the quadrotor rises at g m / M while the payload falls at
+    # g.
     payload = PayloadConfig()
     simulator, _, plant, plant_context = simulator_of(payload, u=[WEIGHT, 0, 0, 0])
     P = plant.GetBodyByName("payload")
@@ -143,7 +152,9 @@ def test_tether_forces_are_internal_and_conserve_momentum(apply_impulse):
     simulator, _, plant, plant_context = simulator_of(payload)
     apply_impulse(plant, plant_context, [0.1, 0.05, 0.0])
     simulator.AdvanceTo(0.4)
-    momentum = plant.CalcSpatialMomentumInWorldAboutPoint(plant_context, np.zeros(3)).translational()
+    momentum = plant.CalcSpatialMomentumInWorldAboutPoint(
+        plant_context, np.zeros(3)
+    ).translational()
     np.testing.assert_allclose(momentum, [0.1, 0.05, -WEIGHT * 0.4], atol=1e-6)  # [N·s]
 
 
@@ -155,7 +166,11 @@ def test_taut_swing_keeps_its_energy(apply_impulse):
     def energy():
         force = evaluate(simulator, "tether_wrench")[:3]
         spring = force @ force / (2 * payload.stiffness)
-        return plant.EvalKineticEnergy(plant_context) + plant.EvalPotentialEnergy(plant_context) + spring
+        return (
+            plant.EvalKineticEnergy(plant_context)
+            + plant.EvalPotentialEnergy(plant_context)
+            + spring
+        )
 
     before = energy()
     simulator.AdvanceTo(0.5)
@@ -169,7 +184,9 @@ def test_added_mass_adds_its_weight_to_the_tension():
     simulator.AdvanceTo(0.5)
     acceleration = evaluate(simulator, "acceleration")[2]
     tension = -evaluate(simulator, "tether_wrench")[2]
-    assert tension == pytest.approx(0.36 * (9.81 + acceleration), abs=1e-2)  # [N]; the stretch still rings
+    assert tension == pytest.approx(
+        0.36 * (9.81 + acceleration), abs=1e-2
+    )  # [N]; the stretch still rings
     assert tension == pytest.approx(0.36 * 9.81, abs=2e-2)
 
 
@@ -212,7 +229,9 @@ def test_impossible_payload_is_refused(bad):
 
 def test_a_payload_that_is_hung_on_in_flight_moves_with_the_turning_hook():
     payload = PayloadConfig(hook=[0.05, -0.04, -0.1])
-    simulator, _, plant, plant_context = simulator_of(payload, u=[WEIGHT, 0.05, 0.08, 0.01], hangs_at=0.25)
+    simulator, _, plant, plant_context = simulator_of(
+        payload, u=[WEIGHT, 0.05, 0.08, 0.01], hangs_at=0.25
+    )
 
     def hook():
         X_WB = plant.EvalBodyPoseInWorld(plant_context, plant.GetBodyByName("quadrotor"))
@@ -223,7 +242,9 @@ def test_a_payload_that_is_hung_on_in_flight_moves_with_the_turning_hook():
     simulator.AdvanceTo(0.25)
     at_once, moved = hook(), payload_position(plant, plant_context)
     simulator.AdvanceTo(0.2501)  # the event of an instant happens in the next step
-    velocity = plant.EvalBodySpatialVelocityInWorld(plant_context, plant.GetBodyByName("payload")).translational()
+    velocity = plant.EvalBodySpatialVelocityInWorld(
+        plant_context, plant.GetBodyByName("payload")
+    ).translational()
     expected = (hook() - before) / 1.1e-3
     w = evaluate(simulator, "x")[10:13]
     assert np.linalg.norm(np.cross(w, payload.hook)) > 0.05

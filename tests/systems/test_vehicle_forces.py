@@ -1,4 +1,6 @@
-"""Laws of the compiled forces: they are the sum of the single effects, and other effects keep their own systems."""
+"""Laws of the compiled forces: they are the sum of the single effects, and other effects keep their
+own systems.
+"""
 
 import dataclasses as dc
 
@@ -26,7 +28,9 @@ PORTS = ("x", "acceleration", "rotor_thrust", "nominal_rotor_thrust")
 
 
 class LagOfItsOwn(MotorLag):
-    """The same lag in a class that the compiled forces do not know, so that every effect is a system of its own."""
+    """The same lag in a class that the compiled forces do not know, so that every effect is a
+    system of its own.
+    """
 
 
 def pair(payload, actuators=(), wrenches=(), **options):
@@ -43,7 +47,9 @@ def pair(payload, actuators=(), wrenches=(), **options):
 
 
 def place(dut, context, seed, *, drift=0.0):
-    """Set a random state near that in which the payload hangs, and a random command; quaternions drift off unit."""
+    """Set a random state near that in which the payload hangs, and a random command; quaternions
+    drift off unit.
+    """
     rng = np.random.default_rng(seed)
     plant = dut.GetSubsystemByName("plant")
     own = plant.GetMyMutableContextFromRoot(context)
@@ -63,9 +69,15 @@ def read(dut, context, names):
     return np.concatenate([dut.GetOutputPort(name).Eval(context) for name in names])
 
 
-@pytest.mark.parametrize("payload", [PayloadConfig(), PayloadConfig(tether="none")], ids=["cable", "none"])
-@pytest.mark.parametrize("actuators", [(), (SCALE,), (SCALE, CommandDelay(0.013))], ids=["lag", "scale", "delay"])
-@pytest.mark.parametrize("wrenches", [(), (DRAG,), (DRAG, LinearDrag(0.1, 0.1, 0.4))], ids=["none", "drag", "drags"])
+@pytest.mark.parametrize(
+    "payload", [PayloadConfig(), PayloadConfig(tether="none")], ids=["cable", "none"]
+)
+@pytest.mark.parametrize(
+    "actuators", [(), (SCALE,), (SCALE, CommandDelay(0.013))], ids=["lag", "scale", "delay"]
+)
+@pytest.mark.parametrize(
+    "wrenches", [(), (DRAG,), (DRAG, LinearDrag(0.1, 0.1, 0.4))], ids=["none", "drag", "drags"]
+)
 def test_the_compiled_forces_are_the_sum_of_the_single_effects(payload, actuators, wrenches):
     vehicles = pair(payload, actuators, wrenches)
     names = (*PORTS, "tether_wrench") if payload.tether == "cable" else PORTS
@@ -75,7 +87,9 @@ def test_the_compiled_forces_are_the_sum_of_the_single_effects(payload, actuator
             place(dut, context, seed, drift=1e-4 * seed)
             rates = dut.EvalTimeDerivatives(context).CopyToVector()
             found.append(np.concatenate([read(dut, context, names), rates]))
-        np.testing.assert_allclose(found[0], found[1], rtol=1e-11, atol=1e-10)  # round-off of the sums
+        np.testing.assert_allclose(
+            found[0], found[1], rtol=1e-11, atol=1e-10
+        )  # round-off of the sums
 
 
 def test_a_flight_with_a_delay_and_events_is_that_of_the_single_effects():
@@ -85,12 +99,16 @@ def test_a_flight_with_a_delay_and_events_is_that_of_the_single_effects():
         PayloadEvent(kind="release", time=0.3),
     ]
     rows = []
-    for dut, context in pair(PayloadConfig(), (SCALE, CommandDelay(0.02)), (DRAG,), events=events, hangs_at=0.05):
+    for dut, context in pair(
+        PayloadConfig(), (SCALE, CommandDelay(0.02)), (DRAG,), events=events, hangs_at=0.05
+    ):
         place(dut, context, 3)
         simulator = Simulator(dut, context)
         simulator.AdvanceTo(0.6)
         rows.append(read(dut, context, (*PORTS, "plant_state", "tether_wrench")))
-    np.testing.assert_allclose(rows[0], rows[1], rtol=1e-8, atol=1e-8)  # round-off, grown by the integrator's steps
+    np.testing.assert_allclose(
+        rows[0], rows[1], rtol=1e-8, atol=1e-8
+    )  # round-off, grown by the integrator's steps
 
 
 def test_level_rotors_lift_along_z_and_turn_about_the_body_axes():
@@ -127,7 +145,9 @@ def test_level_rotors_lift_along_z_and_turn_about_the_body_axes():
 def test_what_is_not_steady_has_no_compiled_form(actuators, wrenches, onsets):
     assert SteadyEffects.of(VEHICLE, actuators, wrenches, onsets) is None
     names = {"actuator_effects": actuators, "wrench_effects": wrenches, "onsets": onsets}
-    assert not make_tethered_quadrotor(VEHICLE, PayloadConfig(), **names).HasSubsystemNamed("vehicle_forces")
+    assert not make_tethered_quadrotor(VEHICLE, PayloadConfig(), **names).HasSubsystemNamed(
+        "vehicle_forces"
+    )
 
 
 def test_the_lag_of_the_vehicle_file_is_steady_too():

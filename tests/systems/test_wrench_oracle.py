@@ -27,7 +27,9 @@ def test_over_a_still_plan_a_hanging_payload_pulls_with_its_weight():
     state[4:7], state[11:14] = [0, 0, 1.0], [0, 0, 1.0 - 0.025 - 0.8]
     dut.GetInputPort("plant_state").FixValue(context, state)
     forecast = dut.GetOutputPort("forecast").Eval(context)
-    np.testing.assert_allclose(forecast.offset, np.tile([0, 0, -0.26 * 9.81, 0, 0, 0], (5, 1)), atol=1e-9)
+    np.testing.assert_allclose(
+        forecast.offset, np.tile([0, 0, -0.26 * 9.81, 0, 0, 0], (5, 1)), atol=1e-9
+    )
 
 
 def test_a_payload_to_the_side_pulls_to_the_side_and_turns_the_body():
@@ -40,7 +42,9 @@ def test_a_payload_to_the_side_pulls_to_the_side_and_turns_the_body():
     dut.GetInputPort("plant_state").FixValue(context, state)
     chi = dut.GetOutputPort("forecast").Eval(context).offset[0]
     tension = 0.26 * 9.81 * np.cos(angle)
-    np.testing.assert_allclose(chi[:3], tension * np.array([np.sin(angle), 0, -np.cos(angle)]), rtol=0.02, atol=1e-9)
+    np.testing.assert_allclose(
+        chi[:3], tension * np.array([np.sin(angle), 0, -np.cos(angle)]), rtol=0.02, atol=1e-9
+    )
     assert chi[4] == np.float64(-0.025 * chi[0])  # hook below the centre of mass
 
 

@@ -1,4 +1,6 @@
-"""A case of a challenge set, drawn from a seed: vehicle, plans, sensors and, apart from them, effects."""
+"""A case of a challenge set, drawn from a seed: vehicle, plans, sensors and, apart from them,
+effects.
+"""
 
 import dataclasses as dc
 import hashlib
@@ -25,7 +27,8 @@ _VEHICLE, _PLANS, _SENSORS, _EFFECT, _ONSET, NOISE, _INPUT = range(7)
 
 @dc.dataclass(frozen=True)
 class CaseDraw:
-    """The settings of a case before anything is drawn: index in the set, kind, and names of its effects.
+    """The settings of a case before anything is drawn: index in the set, kind, and names of its
+    effects.
 
     kind: single | pair | triple | onset | clean | foreign.   attempt: how many draws failed before.
     """
@@ -44,7 +47,6 @@ class CaseDraw:
         """Return the random numbers of one purpose.
 
         Args:
-            seed: of the set.
             which: the purpose, one of the streams of this module.
             flight: number of the flight, where it is drawn for each.
         """
@@ -53,7 +55,9 @@ class CaseDraw:
 
 @dc.dataclass(frozen=True)
 class Case:
-    """A case as drawn; `effects` and `onset` hold the truth; onset by file [s], None: from the start."""
+    """A case as drawn; `effects` and `onset` hold the truth; onset by file [s], None: from the
+    start.
+    """
 
     name: str
     draw: CaseDraw
@@ -72,7 +76,9 @@ class Case:
         return self.quality.instants(rng, self.seconds)
 
     def effects_of(self, file: str) -> list[Effect]:
-        """Return the effects as they act in one flight: what is random (a gust) differs from flight to flight."""
+        """Return the effects as they act in one flight: what is random (a gust) differs from flight
+        to flight.
+        """
         seed = int(self.draw.stream(self.seed, _EFFECT, FILES.index(file) + 1).integers(2**31))
         return [dc.replace(e, seed=seed) if hasattr(e, "seed") else e for e in self.effects]  # type: ignore
 
@@ -81,15 +87,16 @@ def draw_case(draw: CaseDraw, *, quality: str, seed: int, seconds: float) -> Cas
     """Return the case that `draw` names; equal arguments give equal cases.
 
     Args:
-        draw: index, kind and names of effects.
-        quality: of the sensors: clean | real | wild.
-        seed: of the set.
         seconds: length of every flight [s].
     """
     known = SensorQuality(quality)
     vehicle = draw_vehicle(draw.stream(seed, _VEHICLE), known.stated_noise())
     vehicle = dc.replace(vehicle, **known.stated_uncertainty())  # type: ignore[arg-type]
-    logged = draw_logged_input(draw.stream(seed, _INPUT), draw.names) if quality == WILD else LoggedInput()
+    logged = (
+        draw_logged_input(draw.stream(seed, _INPUT), draw.names)
+        if quality == WILD
+        else LoggedInput()
+    )
     if not logged.held:
         vehicle = dc.replace(vehicle, command_timing="unknown")
     spin = math.sqrt(vehicle.mass * vehicle.gravity / 4 / vehicle.thrust_coefficient)
@@ -112,16 +119,13 @@ def draw_case(draw: CaseDraw, *, quality: str, seed: int, seconds: float) -> Cas
 
 
 def case_name(seed: int, index: int) -> str:
-    """Return a folder's name that tells nothing, not even the order in which cases were drawn.
-
-    Args:
-        seed: of the set.
-        index: of the case.
-    """
+    """Return a folder's name that tells nothing, not even the order in which cases were drawn."""
     return hashlib.sha256(f"challenge {seed} {index}".encode()).hexdigest()[:10]
 
 
-def _draw_effects(draw: CaseDraw, rng: np.random.Generator, vehicle: Vehicle, seconds: float) -> Sequence[Effect]:
+def _draw_effects(
+    draw: CaseDraw, rng: np.random.Generator, vehicle: Vehicle, seconds: float
+) -> Sequence[Effect]:
     """Return the effects of a case, each name once (a wind's drag may be there already)."""
     if draw.out_of_library:
         return [draw_out_of_library(name, rng, vehicle) for name in draw.names]
@@ -132,8 +136,12 @@ def _draw_effects(draw: CaseDraw, rng: np.random.Generator, vehicle: Vehicle, se
     return list(effects.values())
 
 
-def _draw_onset(draw: CaseDraw, rng: np.random.Generator, seconds: float) -> dict[str, float | None]:
-    """Draw onsets by file [s]: mid-flight in the first flight, mid-flight or from the start in the others."""
+def _draw_onset(
+    draw: CaseDraw, rng: np.random.Generator, seconds: float
+) -> dict[str, float | None]:
+    """Draw onsets by file [s]: mid-flight in the first flight, mid-flight or from the start in the
+    others.
+    """
     onset: dict[str, float | None] = dict.fromkeys(FILES)
     if draw.kind == "onset":
         first, second, held_out = FILES

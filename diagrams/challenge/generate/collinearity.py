@@ -29,41 +29,35 @@ Trace = Mapping[str, np.ndarray]  # by flight, (m, 15) residual in the channels 
 
 
 class Collinearity:
-    """What explains a residual in these flights as well, up to noise and to what vehicle file and sensors are off by.
+    """What explains a residual in these flights as well, up to noise and to what vehicle file and
+    sensors are off by.
 
-    Two explanations are the same where one comes within a squared whitened distance of the other. The parameters of
-    effects are free; mass, thrust and sensors are free within tolerance.
+    Two explanations are the same where one comes within a squared whitened distance of the other.
+    The parameters of effects are free; mass, thrust and sensors are free within tolerance.
     """
 
-    def __init__(self, flights: Sequence[FlightResiduals], noise: NoiseModel, tolerance: Tolerance) -> None:
-        """Whiten the tolerated errors.
-
-        Args:
-            flights: in which effects are compared.
-            noise: model that whitens.
-            tolerance: of mass, thrust and sensors.
-        """
+    def __init__(
+        self, flights: Sequence[FlightResiduals], noise: NoiseModel, tolerance: Tolerance
+    ) -> None:
+        """Whiten the tolerated errors."""
         self._flights, self._noise = flights, noise
         files, drifting = calibration(flights, tolerance), flight_errors(flights, tolerance)
         self._files = self._columns(files)
         self._tolerated = self._columns([*files, *drifting])
 
     def contribution(self, terms: Sequence[Term], i: int) -> Trace:
-        """Return what the predicted residual with terms[i] has over that without it.
-
-        Args:
-            terms: of the model.
-            i: position of the term.
-        """
+        """Return what the predicted residual with terms[i] has over that without it."""
         rest = [t for j, t in enumerate(terms) if j != i]
-        return {e.name: predicted_residual(e, terms) - predicted_residual(e, rest) for e in self._flights}
+        return {
+            e.name: predicted_residual(e, terms) - predicted_residual(e, rest)
+            for e in self._flights
+        }
 
     def doubles(self, terms: Sequence[Term], i: int) -> list[str]:
         """Return the effects that are indistinguishable from terms[i], nearest first.
 
         Args:
             terms: of the model; what it holds is no double.
-            i: position of the term to compare.
         """
         onset: Onset = {n: t for n, t in terms[i].onset.items() if t is not None and t != NEVER}
         known = {t.effect.identifier for t in terms}
@@ -73,20 +67,15 @@ class Collinearity:
 
     def effects_of(self, trace: Trace, within: float = DISTANCE) -> list[str]:
         """Return the library effects that come near a residual, nearest first.
-
-        Args:
-            trace: the residual.
-            within: largest squared whitened distance.
-        Returns: identifiers; empty where mass, thrust and sensors within tolerance come as near by themselves.
+        Returns: identifiers; empty where mass, thrust and sensors within tolerance come as near by
+            themselves.
         """
-        return [] if self._distance(trace) < within else self._same(trace, self._library({}), within)
+        return (
+            [] if self._distance(trace) < within else self._same(trace, self._library({}), within)
+        )
 
     def is_calibration(self, trace: Trace, within: float = DISTANCE) -> bool:
         """Return whether what vehicle file and input may be off by is the same as a residual.
-
-        Args:
-            trace: the residual.
-            within: largest squared whitened distance.
         Returns: False where noise alone hides the residual.
         """
         target = self._whitened(trace)
@@ -101,11 +90,15 @@ class Collinearity:
 
     def _library(self, onset: Onset) -> list[Candidate]:
         plain = library_candidates(self._flights, onset or None)
-        payloads = [p.candidate(self._flights) for p in payloads_of(self._flights, TETHERS, Priors(), onset)]
+        payloads = [
+            p.candidate(self._flights) for p in payloads_of(self._flights, TETHERS, Priors(), onset)
+        ]
         return [*plain, *wind_candidates(self._flights, plain, onset), *payloads]
 
     def _mirror_images(self, term: Term, onset: Onset) -> list[Candidate]:
-        """Return a delay and a clock offset of the size of the given shift, because they are not linear in it."""
+        """Return a delay and a clock offset of the size of the given shift, because they are not
+        linear in it.
+        """
         if not term.effect.pure_delay:
             return []
         delay = term.effect.time_shift(self._flights[0].vehicle)
@@ -118,12 +111,17 @@ class Collinearity:
             if not onset or effect.begins
         ]
 
-    def _distance(self, trace: Trace, candidate: Candidate | None = None, tolerated: np.ndarray | None = None) -> float:
-        """Return the squared whitened distance of a residual from the span of a candidate and of tolerated errors."""
+    def _distance(
+        self, trace: Trace, candidate: Candidate | None = None, tolerated: np.ndarray | None = None
+    ) -> float:
+        """Return the squared whitened distance of a residual from the span of a candidate and of
+        tolerated errors.
+        """
         X, target = self._tolerated if tolerated is None else tolerated, self._whitened(trace)
         if candidate is not None:
             X = np.hstack([X, self._columns([candidate])])
-        # Ridge regression: min |target - X c|² + |c|² over c, whose penalty is the prior of whitened columns.
+        # Ridge regression: min |target - X c|² + |c|² over c, whose penalty is the prior of
+        # whitened columns.
         b = X.T @ target
         return float(target @ target - b @ np.linalg.solve(X.T @ X + np.eye(X.shape[1]), b))
 

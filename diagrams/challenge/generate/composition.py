@@ -8,11 +8,23 @@ from diagrams.challenge.generate.case import CLEAN, OUT_OF_LIBRARY, CaseDraw
 from diagrams.challenge.out_of_library.draw import DEVELOPMENT, HOLDOUT
 from np_drake.effects.library import LIBRARY
 
-SHARES = {"pair": 0.15, "triple": 0.08, "onset": 0.12, OUT_OF_LIBRARY: 0.15}  # the rest are single effects
+SHARES = {
+    "pair": 0.15,
+    "triple": 0.08,
+    "onset": 0.12,
+    OUT_OF_LIBRARY: 0.15,
+}  # the rest are single effects
 TWO_AT_ONCE = 1 / 3  # of the out-of-library cases of `wild`: two out-of-library effects act [1]
 # Physically the same, or nearly so: never in one case together.
 EQUIVALENT = (
-    {"mass_error", "thrust_scale", "thrust_drift", "translational_lift", "rotor_inflow", "ground_effect"},
+    {
+        "mass_error",
+        "thrust_scale",
+        "thrust_drift",
+        "translational_lift",
+        "rotor_inflow",
+        "ground_effect",
+    },
     {"motor_lag", "command_delay", "clock_offset"},
     {"linear_drag", "quadratic_drag", "rotor_inflow", "constant_wind", "gusty_wind"},
     {"center_of_mass_offset", "weak_rotor", "suspended_payload"},
@@ -27,13 +39,13 @@ def compatible(names: tuple[str, ...]) -> bool:
     return len({LIBRARY[name].place for name in names}) == len(names)
 
 
-def compose(cases: int, clean: int, seed: int, *, unseen: bool = False, two: float = 0.0) -> list[CaseDraw]:
-    """Draw `cases` with an effect and `clean` without, in shuffled order; single effects cycle through the library.
+def compose(
+    cases: int, clean: int, seed: int, *, unseen: bool = False, two: float = 0.0
+) -> list[CaseDraw]:
+    """Draw `cases` with an effect and `clean` without, in shuffled order; single effects cycle
+    through the library.
 
     Args:
-        cases: how many with an effect.
-        clean: how many without.
-        seed: of the set.
         unseen: whether all have an out-of-library effect that is held out from the other sets.
         two: share of the out-of-library cases that have two such effects at once [1].
     """
@@ -53,7 +65,9 @@ def compose(cases: int, clean: int, seed: int, *, unseen: bool = False, two: flo
         CLEAN: _cycle(rng, [()]),
     }
     drawn = [(kind, next(names[kind])) for kind in kinds]
-    both = [i for i, kind in enumerate(kinds) if kind == OUT_OF_LIBRARY][: round(two * counts[OUT_OF_LIBRARY])]
+    both = [i for i, kind in enumerate(kinds) if kind == OUT_OF_LIBRARY][
+        : round(two * counts[OUT_OF_LIBRARY])
+    ]
     for i in both:
         drawn[i] = OUT_OF_LIBRARY, next(names["two at once"])
     order = rng.permutation(len(drawn))

@@ -19,14 +19,17 @@ SPAN = 0.4  # that is to hold the onset as likely as may be: twice the tolerance
 
 
 def best_onset(
-    exact: FlightResiduals, errors: np.ndarray, terms: Sequence[Term], onset: float, noise: NoiseModel
+    exact: FlightResiduals,
+    errors: np.ndarray,
+    terms: Sequence[Term],
+    onset: float,
+    noise: NoiseModel,
 ) -> float:
-    """Return the middle of the span of `SPAN` that most likely holds the onset [s], under a uniform prior about it.
+    """Return the middle of the span of `SPAN` that most likely holds the onset [s], under a uniform
+    prior about it.
 
     Args:
-        exact: a flight without noise.
         errors: (m, 15) what noise adds to its channels.
-        terms: the true effects with the true onset.
         onset: the true one [s].
         noise: model of `errors`.
     """
@@ -36,8 +39,11 @@ def best_onset(
     tried = np.flatnonzero(np.abs(t - onset) <= AROUND)
     # Left if it began at k: as it is where it has begun, as from the start before that.
     acting = np.where(gate(t, onset) > 0, begun, always)
-    cost = [float(np.sum(noise.whiten(errors + begun - gate(t, k) * acting) ** 2)) for k in t[tried]]
-    # Posterior of the onset on a grid: Gaussian likelihood of the whitened residual, normalised by its largest value.
+    cost = [
+        float(np.sum(noise.whiten(errors + begun - gate(t, k) * acting) ** 2)) for k in t[tried]
+    ]
+    # Posterior of the onset on a grid: Gaussian likelihood of the whitened residual, normalised by
+    # its largest value.
     likely = np.exp(-0.5 * (np.array(cost) - min(cost)))
     width = min(len(likely), max(1, round(SPAN / exact.grid.step)))
     first = int(np.argmax(np.convolve(likely, np.ones(width), "valid")))
@@ -46,12 +52,7 @@ def best_onset(
 
 
 def left_by(flight: FlightResiduals, terms: Sequence[Term]) -> np.ndarray:
-    """Return what terms leave (m, 15), in the channels that the log tells.
-
-    Args:
-        flight: its residuals.
-        terms: that act.
-    """
+    """Return what terms leave (m, 15), in the channels that the log tells."""
     return flight.known(predicted_residual(flight, terms))
 
 
@@ -64,16 +65,12 @@ class FlightPair:
 
     @classmethod
     def of(cls, case: Case, file: str, exact: FlightLog, noisy: FlightLog) -> "FlightPair":
-        """Return the pair of one flight; both begin where the measured one counts, and know when commands act.
-
-        Args:
-            case: whose flight it is.
-            file: name of its log.
-            exact: log without noise.
-            noisy: log as measured, with the same rows.
+        """Return the pair of one flight; both begin where the measured one counts, and know when
+        commands act.
         """
         measured, true = (
-            best_known(dc.replace(log, name=file), exact.u, case.vehicle, case.input.kind) for log in (noisy, exact)
+            best_known(dc.replace(log, name=file), exact.u, case.vehicle, case.input.kind)
+            for log in (noisy, exact)
         )
         first = make_flight_residuals(measured, case.vehicle)
         return cls(first, make_flight_residuals(true, case.vehicle, since=float(first.t[0])))

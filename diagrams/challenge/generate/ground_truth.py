@@ -19,7 +19,11 @@ from np_drake.flight_log import FlightLog
 
 TRUTH_FILE = "truth.json"
 NO_GAP = 1.1  # residual over what the true model leaves, pooled: less is no gap [1]
-CHANNELS = tuple(f"{kind}_{axis}" for kind in ("force", "torque", "velocity", "acceleration", "rate") for axis in "xyz")
+CHANNELS = tuple(
+    f"{kind}_{axis}"
+    for kind in ("force", "torque", "velocity", "acceleration", "rate")
+    for axis in "xyz"
+)
 
 
 @dc.dataclass(frozen=True)
@@ -30,15 +34,17 @@ class GroundTruth:
     flights: dict[str, FlightPair]
 
     @classmethod
-    def of(cls, case: Case, exact: dict[str, FlightLog], noisy: dict[str, FlightLog]) -> "GroundTruth":
+    def of(
+        cls, case: Case, exact: dict[str, FlightLog], noisy: dict[str, FlightLog]
+    ) -> "GroundTruth":
         """Return the truth of a case that was flown.
 
         Args:
-            case: as drawn.
-            exact: logs without noise by file.
             noisy: logs as measured by file, with the same rows.
         """
-        return cls(case, {file: FlightPair.of(case, file, exact[file], noisy[file]) for file in FILES})
+        return cls(
+            case, {file: FlightPair.of(case, file, exact[file], noisy[file]) for file in FILES}
+        )
 
     def content(self, simulator: str) -> dict[str, Any]:
         """Return the content of truth.json."""
@@ -47,11 +53,17 @@ class GroundTruth:
         content = {
             "effects": [
                 # An out-of-library effect has no parameters but its fields.
-                {"effect": e.identifier, "parameters": e.values or dict(vars(e)), "onset": case.onset}
+                {
+                    "effect": e.identifier,
+                    "parameters": e.values or dict(vars(e)),
+                    "onset": case.onset,
+                }
                 for e in case.effects
             ],
             "class": self.collinear_class(),
-            "true_model_residual": dict(zip(CHANNELS, self.flights[held_out].noise.tolist(), strict=True)),
+            "true_model_residual": dict(
+                zip(CHANNELS, self.flights[held_out].noise.tolist(), strict=True)
+            ),
             "parameters_residual": dict(
                 zip(CHANNELS, self.residual_of_true_parameters(held_out).tolist(), strict=True)
             ),
@@ -80,10 +92,11 @@ class GroundTruth:
         return self.case.draw.out_of_library
 
     def equivalent_library_effects(self) -> list[str]:
-        """Return library effects that explain, in all flights, what the out-of-library effect of a case leaves there.
+        """Return library effects that explain, in all flights, what the out-of-library effect of a
+        case leaves there.
 
-        A ceiling effect, for example, is a mass error to a vehicle that stays where its lift is even. The remainder
-        must be of a visibility below `NO_GAP`, were all of it in one channel.
+        A ceiling effect, for example, is a mass error to a vehicle that stays where its lift is
+        even. The remainder must be of a visibility below `NO_GAP`, were all of it in one channel.
         """
         if not self.out_of_library:
             return []
@@ -91,7 +104,8 @@ class GroundTruth:
         return same.effects_of(trace, within)
 
     def collinear_class(self) -> list[list[str]]:
-        """Return per effect the names that are physically the same in the training flights, its own first.
+        """Return per effect the names that are physically the same in the training flights, its own
+        first.
 
         Whitened with what noise really left there, so that nothing is solved for it.
         """
@@ -102,7 +116,8 @@ class GroundTruth:
         return [[effect.identifier, *same.doubles(terms, i)] for i, effect in enumerate(effects)]
 
     def within_tolerance(self) -> list[bool]:
-        """Return per effect whether it is the same, in all flights, as what vehicle file and input may be off by.
+        """Return per effect whether it is the same, in all flights, as what vehicle file and input
+        may be off by.
 
         Out-of-library effects are taken together.
         """
@@ -113,23 +128,30 @@ class GroundTruth:
         return [same.is_calibration(same.contribution(terms, i)) for i in range(len(terms))]
 
     def _collinearity(self, files: Sequence[str]) -> Collinearity:
-        """Return what is the same in these flights as measured, under the noise that the true model leaves."""
+        """Return what is the same in these flights as measured, under the noise that the true model
+        leaves.
+        """
         pairs = [self.flights[file] for file in files]
         measured = [pair.measured for pair in pairs]
         noise = fit_noise([pair.errors for pair in pairs], measured[0].grid.step)
         return Collinearity(measured, noise, self.stated_tolerance(files))
 
     def _left_by_all(self) -> tuple[Collinearity, dict[str, np.ndarray], float]:
-        """Return all flights, what all effects leave there (m, 15), and the squared distance of no gap."""
-        trace = {pair.true.name: pair.true.y - self._background(pair) for pair in self.flights.values()}
+        """Return all flights, what all effects leave there (m, 15), and the squared distance of no
+        gap.
+        """
+        trace = {
+            pair.true.name: pair.true.y - self._background(pair) for pair in self.flights.values()
+        }
         within = (NO_GAP**2 - 1.0) * sum(len(y) for y in trace.values())
         return self._collinearity(list(self.flights)), trace, within
 
     def stated_tolerance(self, files: Sequence[str] = FILES) -> Tolerance:
-        """Return what vehicle file, input and sensors may be off by, as the files of a case state it.
+        """Return what vehicle file, input and sensors may be off by, as the files of a case state
+        it.
 
-        Of `wild` alone it holds what the vehicle file states, a throttle's scale and curve, and when commands act: the
-        flights know all of these, but nobody else does.
+        Of `wild` alone it holds what the vehicle file states, a throttle's scale and curve, and
+        when commands act: the flights know all of these, but nobody else does.
         """
         flights = [self.flights[file].measured for file in files]
         tolerance, logged = tolerance_of(flights), self.case.input
@@ -146,7 +168,8 @@ class GroundTruth:
         return with_input(Options.for_sensors(tolerance.real, tolerance), told).tolerance
 
     def visibility(self, file: str) -> float:
-        """Return the largest ratio, over channels, of a flight's RMS to that which noise leaves to the true model [1].
+        """Return the largest ratio, over channels, of a flight's RMS to that which noise leaves to
+        the true model [1].
 
         What the vehicle file is off by is no effect: it is taken out of the nominal residual.
         """
@@ -155,7 +178,9 @@ class GroundTruth:
         return float(np.max(total / np.maximum(pair.noise, 1e-12)))
 
     def residual_of_true_parameters(self, file: str) -> np.ndarray:
-        """Return the RMS (15,) that the true parameters leave: noise, and gusts, of which they give the strength."""
+        """Return the RMS (15,) that the true parameters leave: noise, and gusts, of which they give
+        the strength.
+        """
         case, pair = self.case, self.flights[file]
         if self.out_of_library or all(effect.predicted is effect for effect in case.effects):
             return pair.noise
@@ -169,10 +194,14 @@ class GroundTruth:
         if onset is None or self.out_of_library:
             return None
         noise = fit_noise([pair.errors], pair.true.grid.step)
-        return best_onset(pair.true, pair.errors, self._terms(self.case.effects_of(file)), onset, noise)
+        return best_onset(
+            pair.true, pair.errors, self._terms(self.case.effects_of(file)), onset, noise
+        )
 
     def visibility_of_each(self, file: str) -> list[float]:
-        """Return for every effect alone the largest ratio of noise with its trace to noise; NaN out of the library."""
+        """Return for every effect alone the largest ratio of noise with its trace to noise; NaN out
+        of the library.
+        """
         pair, effects = self.flights[file], self.case.effects_of(file)
         if self.out_of_library:
             return [float("nan")] * len(effects)
@@ -188,4 +217,6 @@ class GroundTruth:
 
     def _background(self, pair: FlightPair) -> np.ndarray:
         """Return what the errors of the vehicle file leave (m, 15)."""
-        return left_by(pair.true, [Term(effect) for effect in self.case.quality.background(self.case.vehicle)])
+        return left_by(
+            pair.true, [Term(effect) for effect in self.case.quality.background(self.case.vehicle)]
+        )

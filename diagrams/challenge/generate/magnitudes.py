@@ -1,4 +1,6 @@
-"""Effects of simulated cases, drawn from invisible to strong and scaled to the vehicle (`Effect.draw`)."""
+"""Effects of simulated cases, drawn from invisible to strong and scaled to the vehicle
+(`Effect.draw`).
+"""
 
 import numpy as np
 
@@ -9,14 +11,18 @@ from np_drake.effects.random_sizes import drag_coefficients
 from np_drake.vehicle import Vehicle
 
 
-def draw_effect(name: str, rng: np.random.Generator, vehicle: Vehicle, seconds: float) -> list[Effect]:
-    """Return the effect `name` with random parameters, and the drag that it acts through where it needs one.
+def draw_effect(
+    name: str, rng: np.random.Generator, vehicle: Vehicle, seconds: float
+) -> list[Effect]:
+    """Return the effect `name` with random parameters, and the drag that it acts through where it
+    needs one.
 
     Args:
-        name: identifier in the library.
-        rng: source of the draw.
-        vehicle: on which the effect acts.
         seconds: duration of the flights [s].
     """
     effect = LIBRARY[name].of(LIBRARY[name].draw(rng, vehicle, seconds))
-    return [effect, LinearDrag(*drag_coefficients(rng, vehicle, 0.05, 0.3))] if effect.needs else [effect]
+    return (
+        [effect, LinearDrag(*drag_coefficients(rng, vehicle, 0.05, 0.3))]
+        if effect.needs
+        else [effect]
+    )

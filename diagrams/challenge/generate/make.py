@@ -16,7 +16,13 @@ from diagrams.challenge.generate.case import FILES, NOISE, Case, CaseDraw, case_
 from diagrams.challenge.generate.composition import TWO_AT_ONCE, compose
 from diagrams.challenge.generate.ground_truth import TRUTH_FILE, GroundTruth
 from diagrams.challenge.generate.logged_input import as_logged, per_row, with_input
-from diagrams.challenge.generate.sensor_quality import QUALITIES, WILD, kept_rows, rows_of, with_sensor_noise
+from diagrams.challenge.generate.sensor_quality import (
+    QUALITIES,
+    WILD,
+    kept_rows,
+    rows_of,
+    with_sensor_noise,
+)
 from diagrams.challenge.simulators.drake.simulator import fly
 from diagrams.challenge.simulators.rotorpy import optional_import
 from np_drake.files.atomic_file import write_json, write_text
@@ -24,13 +30,15 @@ from np_drake.flight_log import FlightLog
 from np_drake.logs.case_folder import VEHICLE
 from np_drake.logs.formats.log_file import write_log
 from np_drake.logs.import_sheet import write_sheet
-from np_drake.vehicle_text import vehicle_text
+from np_drake.vehicle.text import vehicle_text
 
 ATTEMPTS = 12  # draws of one case before the set fails
 
 
 def simulators() -> dict[str, Callable[..., FlightLog]]:
-    """Return simulators by name: fly(vehicle, plan, effects, *, t, onset, background) -> the exact FlightLog."""
+    """Return simulators by name: fly(vehicle, plan, effects, *, t, onset, background) -> the exact
+    FlightLog.
+    """
     return {"drake": fly, "rotorpy": optional_import.fly}
 
 
@@ -48,22 +56,18 @@ def make(
     workers: Workers | None = None,
     on_progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> dict:
-    """Write a challenge set: case folders, and their truth elsewhere. Cases of the same request that are there stay.
+    """Write a challenge set: case folders, and their truth elsewhere. Cases of the same request
+    that are there stay.
 
     Args:
-        out: folder for the case folders.
-        truth: folder for the truths.
-        simulator: drake | rotorpy.
         quality: of the sensors: clean (ideal) | real | wild (ill-calibrated).
-        cases: how many with an effect.
-        clean: how many without.
         seconds: length of every flight [s].
-        seed: of every draw.
         unseen: whether all `cases` have an out-of-library effect that is held out from other sets.
-        workers: where cases are flown; default: in this process.
         on_progress: called with the number of cases done and that of all.
-    Returns: {"written", "kinds": {kind: count}, "redrawn": how many draws were lost on the way, "lost": which}.
-    Raises: ValueError: on impossible arguments; FailedRun: where a case cannot be flown in any draw.
+    Returns: {"written", "kinds": {kind: count}, "redrawn": how many draws were lost on the way,
+        "lost": which}.
+    Raises: ValueError: on impossible arguments; FailedRun: where a case cannot be flown in any
+        draw.
     """
     check_request(out, truth, simulator, quality, cases + clean, seconds, seed)
     for folder in (out, truth):
@@ -88,17 +92,23 @@ def _set_summary(draws: Sequence[CaseDraw], truth: Path, seed: int) -> dict:
     """Return what `make` returns of a whole set."""
     lost: dict[str, int] = {}
     for draw in draws:
-        content = json.loads((truth / case_name(seed, draw.index) / TRUTH_FILE).read_text(encoding="utf-8"))
+        content = json.loads(
+            (truth / case_name(seed, draw.index) / TRUTH_FILE).read_text(encoding="utf-8")
+        )
         if content["attempt"]:
             name = " + ".join(draw.names) or draw.kind
             lost[name] = lost.get(name, 0) + content["attempt"]
-    kinds = {kind: sum(draw.kind == kind for draw in draws) for kind in sorted({d.kind for d in draws})}
+    kinds = {
+        kind: sum(draw.kind == kind for draw in draws) for kind in sorted({d.kind for d in draws})
+    }
     return {"written": len(draws), "kinds": kinds, "redrawn": sum(lost.values()), "lost": lost}
 
 
 @dc.dataclass(frozen=True)
 class Making:
-    """Work of a case, the fields of a `CaseDraw` -> {"name", "files": text by name, "truth"}; writes nothing here."""
+    """Work of a case, the fields of a `CaseDraw` -> {"name", "files": text by name, "truth"};
+    writes nothing here.
+    """
 
     simulator: str
     quality: str
@@ -132,13 +142,7 @@ class Making:
         raise FailedRun(f"make: no draw of {tuple(case['names'])} could be flown; the last: {last}")
 
     def is_there(self, draw: CaseDraw, out: Path, truth: Path) -> bool:
-        """Return whether both folders of the case are there and of this request.
-
-        Args:
-            draw: settings of the case.
-            out: folder of the case folders.
-            truth: folder of the truths.
-        """
+        """Return whether both folders of the case are there and of this request."""
         name = case_name(self.seed, draw.index)
         if not (out / name / VEHICLE).is_file():
             return False
@@ -148,15 +152,15 @@ class Making:
             return False
         asked = {**dc.asdict(self), "kind": draw.kind, "version": version("np_drake")}
         named = {effect["effect"] for effect in found.get("effects", ())}
-        return all(found.get(key) == value for key, value in asked.items()) and set(draw.names) <= named
+        return (
+            all(found.get(key) == value for key, value in asked.items())
+            and set(draw.names) <= named
+        )
 
 
 def fly_case(case: Case, simulator: str) -> tuple[dict[str, FlightLog], dict[str, FlightLog]]:
-    """Return the exact and the noisy logs of a case by file, with the same rows; the noisy hold the case's input.
-
-    Args:
-        case: as drawn.
-        simulator: drake | rotorpy.
+    """Return the exact and the noisy logs of a case by file, with the same rows; the noisy hold the
+    case's input.
     """
     exact, noisy = {}, {}
     for flight, (file, plan) in enumerate(case.plans.items()):
@@ -196,8 +200,6 @@ def write_case(made: dict, out: Path, truth: Path) -> None:
 
     Args:
         made: what a `Making` returned.
-        out: folder of the case folders.
-        truth: folder of the truths.
     """
     with _whole_folder(truth / made["name"]) as folder:
         write_json(folder / TRUTH_FILE, made["truth"])
@@ -208,7 +210,8 @@ def write_case(made: dict, out: Path, truth: Path) -> None:
 
 @contextmanager
 def _whole_folder(path: Path) -> Iterator[Path]:
-    """Yield a temporary folder beside `path` that takes its name at the end; an older folder gives way.
+    """Yield a temporary folder beside `path` that takes its name at the end; an older folder gives
+    way.
 
     Its name is that of `path` behind a dot, so that what a killed run left is taken away.
     """
@@ -224,23 +227,23 @@ def _whole_folder(path: Path) -> Iterator[Path]:
         shutil.rmtree(temporary, ignore_errors=True)
 
 
-def check_request(out: Path, truth: Path, simulator: str, quality: str, cases: int, seconds: float, seed: int) -> None:
+def check_request(
+    out: Path, truth: Path, simulator: str, quality: str, cases: int, seconds: float, seed: int
+) -> None:
     """Raise ValueError where `make` would, before any work.
 
     Args:
-        out: folder for the case folders.
-        truth: folder for the truths.
-        simulator: drake | rotorpy.
-        quality: of the sensors: clean | real | wild.
-        cases: how many, with an effect and without.
         seconds: length of every flight [s].
-        seed: of every draw.
     """
     here, there = out.resolve(), truth.resolve()
     if here == there or here in there.parents or there in here.parents:
-        raise ValueError(f"make: neither of cases and truth may lie in the other; got {out} and {truth}.")
+        raise ValueError(
+            f"make: neither of cases and truth may lie in the other; got {out} and {truth}."
+        )
     if simulator not in simulators():
-        raise ValueError(f"make: simulator must be one of {', '.join(simulators())}; got {simulator!r}.")
+        raise ValueError(
+            f"make: simulator must be one of {', '.join(simulators())}; got {simulator!r}."
+        )
     if simulator == "rotorpy":
         optional_import.require_rotorpy()
     if quality not in QUALITIES:
@@ -253,6 +256,10 @@ def check_request(out: Path, truth: Path, simulator: str, quality: str, cases: i
     own = {case_name(seed, index) for index in range(cases)}
     own |= {f".{name}" for name in own}  # of a run that was killed
     for folder in (out, truth):
-        others = sorted({path.name for path in folder.glob("[!.]*")} - own) if folder.is_dir() else []
+        others = (
+            sorted({path.name for path in folder.glob("[!.]*")} - own) if folder.is_dir() else []
+        )
         if others:
-            raise ValueError(f"make: {folder} holds another set, or {others[0]}; give an empty folder.")
+            raise ValueError(
+                f"make: {folder} holds another set, or {others[0]}; give an empty folder."
+            )

@@ -1,8 +1,9 @@
-"""Sensor quality: from an exact log to what ideal (`clean`), real or ill-calibrated (`wild`) sensors would have logged.
+"""Sensor quality: from an exact log to what ideal (`clean`), real or ill-calibrated (`wild`)
+sensors would have logged.
 
-Every figure of `wild` is drawn from three times the range of `real`: log-uniform from a third of the lower bound to
-three times the upper one, signed figures within three times their bounds. A constant of `real` counts as a range
-without width.
+Every figure of `wild` is drawn from three times the range of `real`: log-uniform from a third of
+the lower bound to three times the upper one, signed figures within three times their bounds. A
+constant of `real` counts as a range without width.
 """
 
 import dataclasses as dc
@@ -16,7 +17,7 @@ from np_drake.effects.mass_error import MassError
 from np_drake.effects.random_sizes import log_uniform
 from np_drake.effects.thrust_scale import ThrustScale
 from np_drake.flight_log import FlightLog
-from np_drake.vehicle import MeasurementNoise, Vehicle
+from np_drake.vehicle.vehicle import MeasurementNoise, Vehicle
 
 CLEAN, REAL, WILD = QUALITIES = ("clean", "real", "wild")
 JITTER = 0.05  # of the instants, of the interval [1]
@@ -44,12 +45,13 @@ DIGITS = 4  # of an uncertainty in a vehicle file
 
 @dc.dataclass(frozen=True)
 class SensorQuality:
-    """The sensors of one case; `clean` has white noise as the vehicle file states and a constant rate.
+    """The sensors of one case; `clean` has white noise as the vehicle file states and a constant
+    rate.
 
     `wild` has other white noise than the vehicle file states, which is that of `real`.
 
-    Deviations of white noise, RMS of the coloured part, correlation times [s]. Source: own choice, the size of
-    motion capture, MEMS sensors and a Kalman filter's velocity.
+    Deviations of white noise, RMS of the coloured part, correlation times [s]. Source: own choice,
+    the size of motion capture, MEMS sensors and a Kalman filter's velocity.
     """
 
     name: str = CLEAN
@@ -68,7 +70,9 @@ class SensorQuality:
     jitter: float = JITTER  # of the instants, of the interval; of real sensors [1]
     rate: float = RATE  # [Hz]
     longest_drop: int = 1  # rows that are lost in succession
-    white: MeasurementNoise | None = None  # besides the attitude's; None: as the vehicle file states
+    white: MeasurementNoise | None = (
+        None  # besides the attitude's; None: as the vehicle file states
+    )
 
     @property
     def real(self) -> bool:
@@ -99,7 +103,6 @@ class SensorQuality:
         """Return the times (n,) of the rows [s].
 
         Args:
-            rng: source of the jitter.
             seconds: length of the flight [s].
         """
         t = np.arange(round(seconds * self.rate)) / self.rate
@@ -111,7 +114,6 @@ def draw_sensor_quality(name: str, rng: np.random.Generator, spin: float) -> Sen
 
     Args:
         name: one of `QUALITIES`.
-        rng: source of the draw.
         spin: rotor speed in hover [rad/s].
     """
     if name == CLEAN:
@@ -136,9 +138,13 @@ def draw_sensor_quality(name: str, rng: np.random.Generator, spin: float) -> Sen
 
 
 def _draw_ill_calibrated(rng: np.random.Generator, spin: float) -> SensorQuality:
-    """Draw every figure from three times the range of `real`; rotor columns are there in half of the cases."""
+    """Draw every figure from three times the range of `real`; rotor columns are there in half of
+    the cases.
+    """
     stated = dc.asdict(SensorQuality(REAL).stated_noise())
-    white = {name: _wider(rng, value, value) for name, value in stated.items() if name != "attitude"}
+    white = {
+        name: _wider(rng, value, value) for name, value in stated.items() if name != "attitude"
+    }
     return SensorQuality(
         name=WILD,
         **{name: _wider(rng, *bounds) for name, bounds in RANGES.items()},
@@ -160,11 +166,6 @@ def kept_rows(rng: np.random.Generator, quality: SensorQuality, n: int) -> np.nd
     """Return the rows (m,) of n that are not dropped, never the first or last.
 
     Up to `longest_drop` are dropped in succession, two kept at least between one loss and the next.
-
-    Args:
-        rng: source of the draw.
-        quality: of the sensors.
-        n: number of rows.
     """
     count, longest = round(quality.drops * n), quality.longest_drop
     dropped: set[int] = set()
@@ -176,17 +177,13 @@ def kept_rows(rng: np.random.Generator, quality: SensorQuality, n: int) -> np.nd
     return np.setdiff1d(np.arange(n), sorted(dropped))
 
 
-def with_sensor_noise(log: FlightLog, vehicle: Vehicle, quality: SensorQuality, rng: np.random.Generator) -> FlightLog:
+def with_sensor_noise(
+    log: FlightLog, vehicle: Vehicle, quality: SensorQuality, rng: np.random.Generator
+) -> FlightLog:
     """Return a log with sensor noise; every sensor has draws of its own.
 
-    The accelerometer reads R^T (a + g z) + n in body axes; it comes to W with the true attitude or, where `turned`,
-    with the measured one.
-
-    Args:
-        log: the exact one, all rows.
-        vehicle: whose file states the white noise.
-        quality: of the sensors.
-        rng: source of the draws.
+    The accelerometer reads R^T (a + g z) + n in body axes; it comes to W with the true attitude or,
+    where `turned`, with the measured one.
     """
     if log.a is None or log.al is None or log.rotor is None:
         raise ValueError("measured: the exact log must have accelerations and rotor speed.")
@@ -198,7 +195,9 @@ def with_sensor_noise(log: FlightLog, vehicle: Vehicle, quality: SensorQuality, 
     n_B = white.acceleration * draw[3]
     if quality.real:
         turn += gauss_markov(parts[0], log.t, 3, rms=quality.wander, tau=quality.wander_time)
-        v += gauss_markov(parts[1], log.t, 3, rms=quality.velocity_wander, tau=quality.velocity_time)
+        v += gauss_markov(
+            parts[1], log.t, 3, rms=quality.velocity_wander, tau=quality.velocity_time
+        )
         w += flicker(parts[2], log.t, 3, rms=quality.rate_flicker)
         n_B += flicker(parts[3], log.t, 3, rms=quality.acceleration_flicker)
     q = _rotated_by(log.q, turn)
@@ -225,12 +224,7 @@ def _rotated_by(q: np.ndarray, turn: np.ndarray) -> np.ndarray:
 
 
 def rows_of(log: FlightLog, rows: np.ndarray) -> FlightLog:
-    """Return the log with these rows alone.
-
-    Args:
-        log: of any kind.
-        rows: their numbers, or a mask.
-    """
+    """Return the log with these rows alone."""
     arrays = {f.name: getattr(log, f.name) for f in dc.fields(log)}
     cut = {name: value[rows] for name, value in arrays.items() if isinstance(value, np.ndarray)}
     return dc.replace(log, **cut)

@@ -1,4 +1,6 @@
-"""Flight plans drawn by chance: nine kinds of trajectory with random size, speed, height and heading."""
+"""Flight plans drawn by chance: nine kinds of trajectory with random size, speed, height and
+heading.
+"""
 
 from collections.abc import Callable
 
@@ -33,7 +35,12 @@ def _aggressive_multisine(rng: np.random.Generator, seconds: float) -> Reference
 
 
 def _circle(rng: np.random.Generator, seconds: float) -> Reference:
-    return circle(radius=rng.uniform(0.8, 3.0), height=rng.uniform(1.0, 3.0), speed=rng.uniform(1.0, 5.0), ramp=RAMP)
+    return circle(
+        radius=rng.uniform(0.8, 3.0),
+        height=rng.uniform(1.0, 3.0),
+        speed=rng.uniform(1.0, 5.0),
+        ramp=RAMP,
+    )
 
 
 def _lemniscate(rng: np.random.Generator, seconds: float) -> Reference:
@@ -46,8 +53,12 @@ def _lemniscate(rng: np.random.Generator, seconds: float) -> Reference:
     )
 
 
-def _stops(rng: np.random.Generator, points: list, seconds: float, lasting: tuple[float, float]) -> Reference:
-    """Return stops through `points` and back to the second, repeated, each move `lasting` between two times [s]."""
+def _stops(
+    rng: np.random.Generator, points: list, seconds: float, lasting: tuple[float, float]
+) -> Reference:
+    """Return stops through `points` and back to the second, repeated, each move `lasting` between
+    two times [s].
+    """
     starts: list[float] = []
     durations: list[float] = []
     track, t = [points[0]], 0.5
@@ -77,7 +88,10 @@ def _waypoints(rng: np.random.Generator, seconds: float) -> Reference:
 
 def _sprints(rng: np.random.Generator, seconds: float) -> Reference:
     course, reach = rng.uniform(-np.pi, np.pi), rng.uniform(1.5, 4.0)
-    way, height = reach * np.array([np.cos(course), np.sin(course), 0.0]), [0, 0, rng.uniform(1.0, 2.5)]
+    way, height = (
+        reach * np.array([np.cos(course), np.sin(course), 0.0]),
+        [0, 0, rng.uniform(1.0, 2.5)],
+    )
     return _stops(rng, [height, height + way, height - way], seconds, (1.5, 3.0))
 
 
@@ -85,8 +99,18 @@ def _low_pass(rng: np.random.Generator, seconds: float) -> Reference:
     course, reach, low = rng.uniform(-np.pi, np.pi), rng.uniform(1.0, 3.0), rng.uniform(0.2, 0.5, 6)
     way = reach * np.array([np.cos(course), np.sin(course), 0.0])
     high = rng.uniform(1.0, 1.8)
-    points = [way + [0, 0, high], way + [0, 0, low[0]], -way + [0, 0, low[1]], -way + [0, 0, low[2]]]
-    points += [way + [0, 0, low[3]], way + [0, 0, high], -way + [0, 0, low[4]], way + [0, 0, low[5]]]
+    points = [
+        way + [0, 0, high],
+        way + [0, 0, low[0]],
+        -way + [0, 0, low[1]],
+        -way + [0, 0, low[2]],
+    ]
+    points += [
+        way + [0, 0, low[3]],
+        way + [0, 0, high],
+        -way + [0, 0, low[4]],
+        way + [0, 0, low[5]],
+    ]
     return _stops(rng, points, seconds, (1.6, 3.0))
 
 
@@ -107,8 +131,6 @@ def draw_plan(rng: np.random.Generator, vehicle: Vehicle, seconds: float, kind: 
     """Draw one flight that a nominal vehicle can fly.
 
     Args:
-        rng: source of the draw.
-        vehicle: that is to fly it.
         seconds: length [s].
         kind: one of `KINDS`.
     """
@@ -116,14 +138,14 @@ def draw_plan(rng: np.random.Generator, vehicle: Vehicle, seconds: float, kind: 
     return within_limits(Plan(kind, reference, _draw_heading(rng)), vehicle, seconds)
 
 
-def draw_plans(rng: np.random.Generator, vehicle: Vehicle, seconds: float, flights: int) -> list[Plan]:
-    """Draw flights of different kinds, so that training and held-out flights differ; one hover in a case at most.
+def draw_plans(
+    rng: np.random.Generator, vehicle: Vehicle, seconds: float, flights: int
+) -> list[Plan]:
+    """Draw flights of different kinds, so that training and held-out flights differ; one hover in a
+    case at most.
 
     Args:
-        rng: source of the draw.
-        vehicle: that is to fly them.
         seconds: length of each [s].
-        flights: how many.
     """
     kinds = rng.permutation(list(KINDS))[:flights]
     return [draw_plan(rng, vehicle, seconds, str(kind)) for kind in kinds]

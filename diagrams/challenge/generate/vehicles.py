@@ -4,7 +4,7 @@ import dataclasses as dc
 
 import numpy as np
 
-from np_drake.vehicle import MeasurementNoise, Vehicle
+from np_drake.vehicle.vehicle import MeasurementNoise, Vehicle
 
 
 def _diagonal(xx: float, yy: float, zz: float) -> list[list[float]]:
@@ -66,11 +66,6 @@ VEHICLES: tuple[Vehicle, ...] = (
 
 
 def draw_vehicle(rng: np.random.Generator, noise: MeasurementNoise) -> Vehicle:
-    """Draw one of `VEHICLES`; its logs hold commands from their row.
-
-    Args:
-        rng: source of the draw.
-        noise: white noise that its file states.
-    """
+    """Draw one of `VEHICLES`; its logs hold commands from their row."""
     kind = VEHICLES[rng.integers(len(VEHICLES))]
     return dc.replace(kind, measurement_noise=noise, command_timing="held").check()

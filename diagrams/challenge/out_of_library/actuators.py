@@ -54,9 +54,11 @@ class StutteringRotor(OutOfLibraryWrench):
 
 @dc.dataclass(frozen=True)
 class TwistingMount(OutOfLibraryWrench):
-    """A rotor's mount gives way: thrust f tilts by twist f / h [rad] about its arm, h the thrust in hover.
+    """A rotor's mount gives way: thrust f tilts by twist f / h [rad] about its arm, h the thrust in
+    hover.
 
-    A force twist f² / h at the rotor, level and across the arm; what tilt takes from f is of second order.
+    A force twist f² / h at the rotor, level and across the arm; what tilt takes from f is of second
+    order.
     """
 
     rotor: int  # 0, 1, 2, 3
@@ -83,7 +85,9 @@ class BentThrustCurve(OutOfLibraryActuator):
 
 @dc.dataclass(frozen=True)
 class CreepingBlades(LaggingActuator):
-    """Soft blades give way slowly: f = c (1 - creep (s - 1)), time s' = c / h - s, h that in hover."""
+    """Soft blades give way slowly: f = c (1 - creep (s - 1)), time s' = c / h - s, h that in
+    hover.
+    """
 
     creep: float  # [1]
     time: float  # [s]
@@ -123,8 +127,8 @@ class ShakingRotors(LaggingActuator):
 class LosingSync(OutOfLibraryActuator):
     """A motor whose thrust is to rise too fast loses step with its controller: f = c (1 - loss d).
 
-    time d' = g - d, time l' = c - l; g rises from 0 to 1 as (c - l) / h does from `jump` to twice that, h the
-    thrust in hover.
+    time d' = g - d, time l' = c - l; g rises from 0 to 1 as (c - l) / h does from `jump` to twice
+    that, h the thrust in hover.
     """
 
     rotor: int  # 0, 1, 2, 3
@@ -134,7 +138,9 @@ class LosingSync(OutOfLibraryActuator):
     state_size: ClassVar[int] = 2
 
     def _rest(self, vehicle: Vehicle, thrust: np.ndarray) -> np.ndarray:
-        """Return the state at rest: (..., 2) filtered thrust of the rotor [N], and how far it is out of step [1]."""
+        """Return the state at rest: (..., 2) filtered thrust of the rotor [N], and how far it is
+        out of step [1].
+        """
         own = thrust[..., self.rotor]
         return np.stack([own, np.zeros_like(own)], axis=-1)
 
@@ -151,7 +157,9 @@ class LosingSync(OutOfLibraryActuator):
 
 @dc.dataclass(frozen=True)
 class ThrustRateTorque(LaggingActuator):
-    """A torque with the change of collective thrust F: (arm_x, arm_y) (F - F filtered over `time`)."""
+    """A torque with the change of collective thrust F: (arm_x, arm_y) (F - F filtered over
+    `time`).
+    """
 
     arm_x: float  # [m]
     arm_y: float
@@ -191,7 +199,8 @@ class YawBacklash(OutOfLibraryActuator):
 
 @dc.dataclass(frozen=True)
 class SoftArms(LaggingActuator):
-    """Arms that bend carry a torque over to the other level axis, late: extra torque = gain (-s_y, s_x).
+    """Arms that bend carry a torque over to the other level axis, late: extra torque = gain (-s_y,
+    s_x).
 
     time s' = tau - s with tau the commanded roll and pitch torque.
     """
@@ -210,7 +219,9 @@ class SoftArms(LaggingActuator):
 
 
 DRAWS: dict[str, Draw] = {
-    "rotor_saturation": lambda rng, v: RotorSaturation((1.0 + log_uniform(rng, 0.12, 0.6)) * weight(v) / 4),
+    "rotor_saturation": lambda rng, v: RotorSaturation(
+        (1.0 + log_uniform(rng, 0.12, 0.6)) * weight(v) / 4
+    ),
     "stuttering_rotor": lambda rng, v: StutteringRotor(
         loss=log_uniform(rng, 0.03, 0.2),
         rotor=any_rotor(rng),
@@ -219,9 +230,14 @@ DRAWS: dict[str, Draw] = {
     ),
     "twisting_mount": lambda rng, v: TwistingMount(any_rotor(rng), signed(rng, 0.01, 0.15)),
     "bent_thrust_curve": lambda rng, v: BentThrustCurve(log_uniform(rng, 0.02, 0.12)),
-    "creeping_blades": lambda rng, v: CreepingBlades(log_uniform(rng, 0.08, 0.6), rng.uniform(0.5, 2.5)),
+    "creeping_blades": lambda rng, v: CreepingBlades(
+        log_uniform(rng, 0.08, 0.6), rng.uniform(0.5, 2.5)
+    ),
     "shaking_rotors": lambda rng, v: ShakingRotors(
-        log_uniform(rng, 0.03, 0.3), rng.uniform(1.08, 1.3), rng.uniform(0.05, 0.1), rng.uniform(0.1, 0.6)
+        log_uniform(rng, 0.03, 0.3),
+        rng.uniform(1.08, 1.3),
+        rng.uniform(0.05, 0.1),
+        rng.uniform(0.1, 0.6),
     ),
     "losing_sync": lambda rng, v: LosingSync(
         loss=log_uniform(rng, 0.05, 0.4),

@@ -76,7 +76,8 @@ class Weathervane(OutOfLibraryWrench):
 
 @dc.dataclass(frozen=True)
 class PanelFlutter(OutOfLibraryWrench):
-    """A loose panel at (x, y) flutters in air faster than `onset`: f_z = force a sin(2 pi frequency t + phase) in B.
+    """A loose panel at (x, y) flutters in air faster than `onset`: f_z = force a sin(2 pi frequency
+    t + phase) in B.
 
     a = max(1 - onset² / |v|², 0); tau = place x f.
     """
@@ -98,7 +99,8 @@ class PanelFlutter(OutOfLibraryWrench):
 
 @dc.dataclass(frozen=True)
 class BentVane(OutOfLibraryWrench):
-    """A bent plate in the rotors' wake twists: tau_z = lever F / (1 + (u / speed)²), F of all rotors.
+    """A bent plate in the rotors' wake twists: tau_z = lever F / (1 + (u / speed)²), F of all
+    rotors.
 
     u is the lateral air speed: flow from the side blows the wake off the plate.
     """
@@ -122,15 +124,18 @@ class VortexRing(OutOfLibraryWrench):
 
     def _chi(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
         off = (motion.x[..., V][..., 2] + self.speed) / self.width
-        return chi_along_z(motion, -self.loss * motion.rotor_thrust.sum(axis=-1) * np.exp(-(off**2)))
+        return chi_along_z(
+            motion, -self.loss * motion.rotor_thrust.sum(axis=-1) * np.exp(-(off**2))
+        )
 
 
 @dc.dataclass(frozen=True)
 class WakeInterference(OutOfLibraryWrench):
-    """Rotors behind others fly in their wake: each loses loss b g of its thrust, most at one air `speed`.
+    """Rotors behind others fly in their wake: each loses loss b g of its thrust, most at one air
+    `speed`.
 
-    g = u exp((1 - u²) / 2), u = level speed / speed; b = cosine of the angle between rotor and dead astern, 0
-    for those ahead.
+    g = u exp((1 - u²) / 2), u = level speed / speed; b = cosine of the angle between rotor and dead
+    astern, 0 for those ahead.
     """
 
     loss: float  # [1]
@@ -148,7 +153,8 @@ class WakeInterference(OutOfLibraryWrench):
 
 @dc.dataclass(frozen=True)
 class OddPropeller(OutOfLibraryWrench):
-    """One propeller of another make: its side force is not balanced by those that turn the other way.
+    """One propeller of another make: its side force is not balanced by those that turn the other
+    way.
 
     f = c sqrt(f_i / h) (z x v) in B at the rotor, v of Bo through the air, h the thrust in hover;
     tau = place x f.
@@ -166,7 +172,9 @@ class OddPropeller(OutOfLibraryWrench):
 
 @dc.dataclass(frozen=True)
 class DynamicInflow(LaggingActuator):
-    """The air through a rotor follows late, so thrust overshoots: f = c + gain (c - s), time s' = c - s."""
+    """The air through a rotor follows late, so thrust overshoots: f = c + gain (c - s), time s' = c
+    - s.
+    """
 
     gain: float  # [1]
     time: float  # [s]
@@ -192,11 +200,19 @@ DRAWS: dict[str, Draw] = {
         log_uniform(rng, 1.0, 6.0),
         rng.uniform(0, 2 * np.pi),
     ),
-    "bent_vane": lambda rng, v: BentVane(signed(rng, 0.3, 3.0) * v.J[2, 2] / weight(v), rng.uniform(0.8, 2.5)),
-    "vortex_ring": lambda rng, v: VortexRing(
-        speed=(speed := rng.uniform(0.6, 1.8)), loss=log_uniform(rng, 0.04, 0.3), width=rng.uniform(0.3, 0.5) * speed
+    "bent_vane": lambda rng, v: BentVane(
+        signed(rng, 0.3, 3.0) * v.J[2, 2] / weight(v), rng.uniform(0.8, 2.5)
     ),
-    "wake_interference": lambda rng, v: WakeInterference(log_uniform(rng, 0.01, 0.15), rng.uniform(0.8, 2.5)),
+    "vortex_ring": lambda rng, v: VortexRing(
+        speed=(speed := rng.uniform(0.6, 1.8)),
+        loss=log_uniform(rng, 0.04, 0.3),
+        width=rng.uniform(0.3, 0.5) * speed,
+    ),
+    "wake_interference": lambda rng, v: WakeInterference(
+        log_uniform(rng, 0.01, 0.15), rng.uniform(0.8, 2.5)
+    ),
     "odd_propeller": lambda rng, v: OddPropeller(any_rotor(rng), signed(rng, 0.03, 0.3) * v.mass),
-    "dynamic_inflow": lambda rng, v: DynamicInflow(log_uniform(rng, 0.1, 1.0), rng.uniform(0.06, 0.3)),
+    "dynamic_inflow": lambda rng, v: DynamicInflow(
+        log_uniform(rng, 0.1, 1.0), rng.uniform(0.06, 0.3)
+    ),
 }

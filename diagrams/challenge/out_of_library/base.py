@@ -1,4 +1,6 @@
-"""What out-of-library effects are built from: base classes, wrenches of simple forces, and draws."""
+"""What out-of-library effects are built from: base classes, wrenches of simple forces, and
+draws.
+"""
 
 import re
 from collections.abc import Callable
@@ -16,7 +18,9 @@ UP = np.array([0.0, 0.0, 1.0])
 
 
 class OutOfLibrary(Effect):
-    """An effect without parameters that could be fitted; `identifier` follows from the name of its class."""
+    """An effect without parameters that could be fitted; `identifier` follows from the name of its
+    class.
+    """
 
     parameters: ClassVar[tuple[Parameter, ...]] = ()
 
@@ -29,12 +33,7 @@ class OutOfLibraryWrench(OutOfLibrary, WrenchEffect):
     """An out-of-library effect that adds a wrench."""
 
     def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
-        """Return chi (..., 6) [N, N·m].
-
-        Args:
-            vehicle: on which it acts.
-            motion: of the vehicle.
-        """
+        """Return chi (..., 6) [N, N·m]."""
         return self._chi(vehicle, motion)
 
     def _chi(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
@@ -50,10 +49,8 @@ class OutOfLibraryActuator(OutOfLibrary, ActuatorEffect):
         """Return what the rotors give (..., 4) [N].
 
         Args:
-            vehicle: on which it acts.
             state: (..., state_size).
             command: (..., 4) [N].
-            t: without influence.
         """
         return self._given(vehicle, state, command)
 
@@ -61,7 +58,6 @@ class OutOfLibraryActuator(OutOfLibrary, ActuatorEffect):
         """Return the state at rest (..., state_size).
 
         Args:
-            vehicle: on which it acts.
             thrust: (..., 4) constant command [N].
         """
         return self._rest(vehicle, np.asarray(thrust, float))
@@ -70,7 +66,6 @@ class OutOfLibraryActuator(OutOfLibrary, ActuatorEffect):
         """Return the rate of the state (..., state_size) [state/s].
 
         Args:
-            vehicle: on which it acts.
             state: (..., state_size).
             command: (..., 4) [N].
         """
@@ -87,7 +82,9 @@ class OutOfLibraryActuator(OutOfLibrary, ActuatorEffect):
 
 
 class LaggingActuator(OutOfLibraryActuator):
-    """An actuator effect whose state follows that at rest under the commands with a first-order lag."""
+    """An actuator effect whose state follows that at rest under the commands with a first-order
+    lag.
+    """
 
     time: float  # of the lag [s]
 
@@ -114,7 +111,6 @@ def chi_along_z(motion: Motion, force: np.ndarray) -> np.ndarray:
     """Return chi (..., 6) of a force along body z.
 
     Args:
-        motion: of the vehicle.
         force: (...,) [N].
     """
     return chi_from_body(motion, force[..., None] * UP)
@@ -124,7 +120,6 @@ def chi_of_rotors(motion: Motion, added: np.ndarray) -> np.ndarray:
     """Return chi (..., 6) of what rotors give besides.
 
     Args:
-        motion: of the vehicle.
         added: (..., 4) collective thrust and torque in B [N, N·m].
     """
     return chi_along_z(motion, added[..., 0]) + chi_of_torque(added[..., 1:])
@@ -152,12 +147,7 @@ def level_direction(rng: np.random.Generator) -> tuple[float, float, float]:
 
 
 def level_offset(rng: np.random.Generator, size: float) -> tuple[float, float]:
-    """Return a level vector (x, y) of a size and any direction.
-
-    Args:
-        rng: draws.
-        size: in the unit of the result.
-    """
+    """Return a level vector (x, y) of a size and any direction."""
     x, y, _ = size * direction(rng, 0.0)
     return float(x), float(y)
 

@@ -1,4 +1,5 @@
-"""Tethers, cables, friction and loose or turning masses: mechanical effects that the library does not have.
+"""Tethers, cables, friction and loose or turning masses: mechanical effects that the library does
+not have.
 
 Source of each law: own choice, of what vehicles are known to meet.
 """
@@ -34,12 +35,16 @@ class PeriodicForce(OutOfLibraryWrench):
 
     def _chi(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
         wave = np.sin(2 * np.pi * self.frequency * np.asarray(motion.t) + self.phase)
-        return chi_of_force(np.broadcast_to(wave[..., None] * self.force, (*motion.x.shape[:-1], 3)))
+        return chi_of_force(
+            np.broadcast_to(wave[..., None] * self.force, (*motion.x.shape[:-1], 3))
+        )
 
 
 @dc.dataclass(frozen=True)
 class GroundTether(OutOfLibraryWrench):
-    """A rubber band from `anchor` to Bo: stiffness times what is beyond `slack`, and it only pulls."""
+    """A rubber band from `anchor` to Bo: stiffness times what is beyond `slack`, and it only
+    pulls.
+    """
 
     stiffness: float  # [N/m]
     slack: float  # [m]
@@ -55,8 +60,8 @@ class GroundTether(OutOfLibraryWrench):
 class WinchTether(OutOfLibraryWrench):
     """A winch keeps a tether taut: f = -tension (1 + friction tanh(v · n / creep)) n in W.
 
-    n is the direction from `anchor` to Bo. The drum rubs, so it pulls harder while the tether runs out than
-    while it is wound in.
+    n is the direction from `anchor` to Bo. The drum rubs, so it pulls harder while the tether runs
+    out than while it is wound in.
     """
 
     tension: float  # at constant length [N]
@@ -68,12 +73,16 @@ class WinchTether(OutOfLibraryWrench):
         r = motion.x[..., P] - self.anchor
         n = r / np.maximum(np.linalg.norm(r, axis=-1, keepdims=True), 1e-6)
         runs_out = np.sum(motion.x[..., V] * n, axis=-1, keepdims=True)
-        return chi_of_force(-self.tension * (1.0 + self.friction * np.tanh(runs_out / self.creep)) * n)
+        return chi_of_force(
+            -self.tension * (1.0 + self.friction * np.tanh(runs_out / self.creep)) * n
+        )
 
 
 @dc.dataclass(frozen=True)
 class RubbingLine(OutOfLibraryWrench):
-    """Dry friction of a safety line where it is led round: f = -force tanh(|v| / creep) v / |v| in W."""
+    """Dry friction of a safety line where it is led round: f = -force tanh(|v| / creep) v / |v|
+    in W.
+    """
 
     force: float  # of dry friction [N]
     creep: float  # speed at which it begins to slip [m/s]
@@ -97,7 +106,9 @@ class LiftedCable(OutOfLibraryWrench):
 
 @dc.dataclass(frozen=True)
 class TwistedCable(OutOfLibraryWrench):
-    """A power cable that was laid out straight twists back: tau = -k sin(heading) about the vertical."""
+    """A power cable that was laid out straight twists back: tau = -k sin(heading) about the
+    vertical.
+    """
 
     k: float  # [N·m]
 
@@ -109,7 +120,9 @@ class TwistedCable(OutOfLibraryWrench):
 
 @dc.dataclass(frozen=True)
 class StickingAxis(OutOfLibraryWrench):
-    """An axis that sticks for `share` of every `period`: -drag w brakes it and `torque` twists it."""
+    """An axis that sticks for `share` of every `period`: -drag w brakes it and `torque` twists
+    it.
+    """
 
     axis: int  # 0, 1, 2
     drag: float  # [N·m·s/rad]
@@ -120,7 +133,9 @@ class StickingAxis(OutOfLibraryWrench):
     def _chi(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
         stuck = np.mod(motion.t, self.period) < self.share * self.period
         chi = np.zeros((*motion.x.shape[:-1], 6))
-        chi[..., 3 + self.axis] = stuck * (self.torque - self.drag * motion.x[..., W][..., self.axis])
+        chi[..., 3 + self.axis] = stuck * (
+            self.torque - self.drag * motion.x[..., W][..., self.axis]
+        )
         return chi
 
 
@@ -136,7 +151,9 @@ class SpinningLidar(OutOfLibraryWrench):
 
 @dc.dataclass(frozen=True)
 class SlidingLoad(OutOfLibraryWrench):
-    """A load slides to the low side: tau = moment (n_y, -n_x) tanh(|n| / tilt) / |n| with n the lean of W's z in B."""
+    """A load slides to the low side: tau = moment (n_y, -n_x) tanh(|n| / tilt) / |n| with n the
+    lean of W's z in B.
+    """
 
     moment: float  # weight times way [N·m]
     tilt: float  # [rad]
@@ -145,15 +162,18 @@ class SlidingLoad(OutOfLibraryWrench):
         n = motion.R_WB[..., 2, :]
         lean = np.maximum(np.hypot(n[..., 0], n[..., 1]), 1e-9)
         size = self.moment * np.tanh(lean / self.tilt) / lean
-        return chi_of_torque(size[..., None] * np.stack([n[..., 1], -n[..., 0], np.zeros_like(lean)], axis=-1))
+        return chi_of_torque(
+            size[..., None] * np.stack([n[..., 1], -n[..., 0], np.zeros_like(lean)], axis=-1)
+        )
 
 
 @dc.dataclass(frozen=True)
 class SprungLoad(OutOfLibraryActuator):
-    """A load on springs bounces along body z: extra collective thrust = share (F - s - 2 damping s' / w).
+    """A load on springs bounces along body z: extra collective thrust = share (F - s - 2 damping s'
+    / w).
 
-    s'' = w² (F - s) - 2 damping w s', w = 2 pi frequency; -s / (m w²) is the load's way from the frame [m],
-    and its acceleration from it is what the frame feels.
+    s'' = w² (F - s) - 2 damping w s', w = 2 pi frequency; -s / (m w²) is the load's way from the
+    frame [m], and its acceleration from it is what the frame feels.
     """
 
     frequency: float  # [Hz]
@@ -162,7 +182,9 @@ class SprungLoad(OutOfLibraryActuator):
     state_size: ClassVar[int] = 2
 
     def _rest(self, vehicle: Vehicle, thrust: np.ndarray) -> np.ndarray:
-        """Return the state at rest: (..., 2) displacement in collective thrust [N] and its rate [N/s]."""
+        """Return the state at rest: (..., 2) displacement in collective thrust [N] and its rate
+        [N/s].
+        """
         total = np.sum(thrust, axis=-1)
         return np.stack([total, np.zeros_like(total)], axis=-1)
 
@@ -172,7 +194,9 @@ class SprungLoad(OutOfLibraryActuator):
         return np.stack([state[..., 1], w**2 * self._unmoved(state, command)], axis=-1)
 
     def _given(self, vehicle: Vehicle, state: np.ndarray, command: np.ndarray) -> np.ndarray:
-        return command + self.share * self._unmoved(state, command)[..., None] * vehicle.unmixer[:, 0]
+        return (
+            command + self.share * self._unmoved(state, command)[..., None] * vehicle.unmixer[:, 0]
+        )
 
     def _unmoved(self, state: np.ndarray, command: np.ndarray) -> np.ndarray:
         """Return (...,) F - s - 2 damping s' / w [N]."""
@@ -182,7 +206,8 @@ class SprungLoad(OutOfLibraryActuator):
 
 @dc.dataclass(frozen=True)
 class LiquidSlosh(OutOfLibraryActuator):
-    """Liquid in a tank as two oscillators (roll, pitch) that the commanded torques drive; it twists back.
+    """Liquid in a tank as two oscillators (roll, pitch) that the commanded torques drive; it twists
+    back.
 
     s'' = -2 damping w s' - w² s + w² tau, w = 2 pi frequency; extra torque = -gain s.
     """
@@ -221,7 +246,9 @@ DRAWS: dict[str, Draw] = {
         rng.uniform(0, 2 * np.pi),
     ),
     "ground_tether": lambda rng, v: GroundTether(
-        anchor=ground_place(rng), stiffness=log_uniform(rng, 0.3, 2.0) * v.mass, slack=rng.uniform(0.3, 1.2)
+        anchor=ground_place(rng),
+        stiffness=log_uniform(rng, 0.3, 2.0) * v.mass,
+        slack=rng.uniform(0.3, 1.2),
     ),
     "winch_tether": lambda rng, v: WinchTether(
         tension=log_uniform(rng, 0.03, 0.25) * weight(v),
@@ -229,7 +256,9 @@ DRAWS: dict[str, Draw] = {
         friction=rng.uniform(0.1, 0.5),
         creep=rng.uniform(0.05, 0.2),
     ),
-    "rubbing_line": lambda rng, v: RubbingLine(log_uniform(rng, 0.01, 0.12) * weight(v), rng.uniform(0.1, 0.4)),
+    "rubbing_line": lambda rng, v: RubbingLine(
+        log_uniform(rng, 0.01, 0.12) * weight(v), rng.uniform(0.1, 0.4)
+    ),
     "lifted_cable": lambda rng, v: LiftedCable(log_uniform(rng, 0.005, 0.06) * v.mass),
     "twisted_cable": lambda rng, v: TwistedCable(log_uniform(rng, 0.5, 5.0) * v.J[2, 2]),
     "sticking_axis": _sticking_axis,

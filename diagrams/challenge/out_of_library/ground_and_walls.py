@@ -50,15 +50,17 @@ class CeilingEffect(OutOfLibraryWrench):
 
     def _chi(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
         below = np.maximum(self.height - motion.x[..., P][..., 2], 0.0)
-        return chi_along_z(motion, self.strength * motion.rotor_thrust.sum(axis=-1) * np.exp(-below / self.reach))
+        return chi_along_z(
+            motion, self.strength * motion.rotor_thrust.sum(axis=-1) * np.exp(-below / self.reach)
+        )
 
 
 @dc.dataclass(frozen=True)
 class TiltedCushion(OutOfLibraryWrench):
     """A ground cushion that rights the vehicle: tau = lever F exp(-z / reach) (z_B x n).
 
-    F of all rotors, n the world's z in B. The low side has more of a cushion under it than the high one; nothing of
-    it shows in the force.
+    F of all rotors, n the world's z in B. The low side has more of a cushion under it than the high
+    one; nothing of it shows in the force.
     """
 
     lever: float  # over a lean of one, on the ground [m]
@@ -72,10 +74,11 @@ class TiltedCushion(OutOfLibraryWrench):
 
 @dc.dataclass(frozen=True)
 class PlatformEdge(OutOfLibraryWrench):
-    """Ground effect of a platform that ends: each rotor over it gives more, those beyond its edge do not.
+    """Ground effect of a platform that ends: each rotor over it gives more, those beyond its edge
+    do not.
 
-    Extra thrust of a rotor at p in W: strength f exp(-(z - height) / reach) (1 + tanh(inside / edge)) / 2,
-    inside = normal · p - from_origin, f its thrust.
+    Extra thrust of a rotor at p in W: strength f exp(-(z - height) / reach) (1 + tanh(inside /
+    edge)) / 2, inside = normal · p - from_origin, f its thrust.
     """
 
     strength: float  # on the platform [1]
@@ -86,9 +89,13 @@ class PlatformEdge(OutOfLibraryWrench):
     edge: float  # half width over which it fades [m]
 
     def _chi(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
-        rotors = motion.x[..., None, P] + np.array(vehicle.rotor_positions) @ np.swapaxes(motion.R_WB, -1, -2)
+        rotors = motion.x[..., None, P] + np.array(vehicle.rotor_positions) @ np.swapaxes(
+            motion.R_WB, -1, -2
+        )
         above = np.maximum(rotors[..., 2] - self.height, 0.0)
-        over = 0.5 * (1.0 + np.tanh((rotors @ np.array(self.normal) - self.from_origin) / self.edge))
+        over = 0.5 * (
+            1.0 + np.tanh((rotors @ np.array(self.normal) - self.from_origin) / self.edge)
+        )
         gained = self.strength * motion.rotor_thrust * np.exp(-above / self.reach) * over
         return chi_of_rotors(motion, gained @ vehicle.mixer.T)
 
@@ -103,7 +110,9 @@ DRAWS: dict[str, Draw] = {
     "ceiling_effect": lambda rng, v: CeilingEffect(
         log_uniform(rng, 0.04, 0.25), rng.uniform(0.3, 1.0), rng.uniform(1.8, 3.0)
     ),
-    "tilted_cushion": lambda rng, v: TiltedCushion(log_uniform(rng, 0.03, 0.3) * arm(v), rng.uniform(0.5, 2.0)),
+    "tilted_cushion": lambda rng, v: TiltedCushion(
+        log_uniform(rng, 0.03, 0.3) * arm(v), rng.uniform(0.5, 2.0)
+    ),
     "platform_edge": lambda rng, v: PlatformEdge(
         normal=level_direction(rng),
         strength=log_uniform(rng, 0.06, 0.4),

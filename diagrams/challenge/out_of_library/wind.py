@@ -51,7 +51,9 @@ class WindShear(OutOfLibraryWrench):
 
 @dc.dataclass(frozen=True)
 class DoorwayDraft(OutOfLibraryWrench):
-    """A draft on one side of a plane: f = force (1 + tanh((normal · p - from_origin) / edge)) / 2 in W."""
+    """A draft on one side of a plane: f = force (1 + tanh((normal · p - from_origin) / edge)) / 2
+    in W.
+    """
 
     force: tuple[float, float, float]  # well inside [N]
     normal: tuple[float, float, float]  # into the draft
@@ -78,15 +80,18 @@ class StandingEddy(OutOfLibraryWrench):
     def _chi(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
         r = (motion.x[..., P][..., :2] - self.center) / self.core
         size = self.force * np.exp(0.5 * (1.0 - np.sum(r**2, axis=-1)))
-        return chi_of_force(size[..., None] * np.stack([-r[..., 1], r[..., 0], np.zeros_like(size)], axis=-1))
+        return chi_of_force(
+            size[..., None] * np.stack([-r[..., 1], r[..., 0], np.zeros_like(size)], axis=-1)
+        )
 
 
 @dc.dataclass(frozen=True)
 class PassingVehicle(OutOfLibraryWrench):
-    """Downwash of a vehicle that passes above once in every `period`; s = time from the passage / duration.
+    """Downwash of a vehicle that passes above once in every `period`; s = time from the passage /
+    duration.
 
-    f_z = -force exp(-s²/2) in W, tau = force lever s exp(-s²/2) about the level `course` in W: it hits one
-    side first, then the other.
+    f_z = -force exp(-s²/2) in W, tau = force lever s exp(-s²/2) about the level `course` in W: it
+    hits one side first, then the other.
     """
 
     force: float  # right below it [N]
@@ -97,12 +102,17 @@ class PassingVehicle(OutOfLibraryWrench):
     duration: float  # [s]
 
     def _chi(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
-        since = np.mod(np.asarray(motion.t) - self.passage + self.period / 2, self.period) - self.period / 2
+        since = (
+            np.mod(np.asarray(motion.t) - self.passage + self.period / 2, self.period)
+            - self.period / 2
+        )
         s = since / self.duration
         push = self.force * np.exp(-0.5 * s**2)
         axis_B = np.array([np.cos(self.course), np.sin(self.course), 0.0]) @ motion.R_WB
         f_W = -push[..., None] * UP
-        return np.concatenate(np.broadcast_arrays(f_W, (self.lever * s * push)[..., None] * axis_B), axis=-1)
+        return np.concatenate(
+            np.broadcast_arrays(f_W, (self.lever * s * push)[..., None] * axis_B), axis=-1
+        )
 
 
 DRAWS: dict[str, Draw] = {
@@ -111,7 +121,9 @@ DRAWS: dict[str, Draw] = {
         tuple(rng.uniform([-1.0, -1.0, 1.0], [1.0, 1.0, 2.5])),
         rng.uniform(0.5, 1.2),
     ),
-    "wind_shear": lambda rng, v: WindShear(log_uniform(rng, 0.1, 1.0) * v.mass, rng.uniform(1.0, 2.0), any_course(rng)),
+    "wind_shear": lambda rng, v: WindShear(
+        log_uniform(rng, 0.1, 1.0) * v.mass, rng.uniform(1.0, 2.0), any_course(rng)
+    ),
     "doorway_draft": lambda rng, v: DoorwayDraft(
         tuple(log_uniform(rng, 0.03, 0.2) * weight(v) * direction(rng, 0.2)),
         level_direction(rng),
@@ -119,7 +131,9 @@ DRAWS: dict[str, Draw] = {
         rng.uniform(0.05, 0.3),
     ),
     "standing_eddy": lambda rng, v: StandingEddy(
-        signed(rng, 0.03, 0.2) * weight(v), tuple(rng.uniform(-1.0, 1.0, 2).tolist()), rng.uniform(0.4, 1.5)
+        signed(rng, 0.03, 0.2) * weight(v),
+        tuple(rng.uniform(-1.0, 1.0, 2).tolist()),
+        rng.uniform(0.4, 1.5),
     ),
     "passing_vehicle": lambda rng, v: PassingVehicle(
         force=log_uniform(rng, 0.04, 0.3) * weight(v),

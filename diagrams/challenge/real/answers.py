@@ -1,4 +1,6 @@
-"""Answers of any tool to the cases: `<group>/<case>/diagnosis.json` in a folder, of which the score needs a part."""
+"""Answers of any tool to the cases: `<group>/<case>/diagnosis.json` in a folder, of which the score
+needs a part.
+"""
 
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
@@ -16,7 +18,14 @@ from diagrams.challenge.score.answered_case import (
     TEXT,
     read_checked,
 )
-from diagrams.challenge.score.schema import SchemaValidator, list_of, object_of, or_null, record, violation
+from diagrams.challenge.score.schema import (
+    SchemaValidator,
+    list_of,
+    object_of,
+    or_null,
+    record,
+    violation,
+)
 from np_drake.effects.base import Effect
 from np_drake.effects.library import causes
 from np_drake.files.atomic_file import write_json
@@ -36,16 +45,24 @@ OPTIONAL = {
     "refit": or_null(record({"causes": list_of(CAUSE)})),
 }
 FORM = SchemaValidator(record({"causes": list_of(CAUSE)}, spare=OPTIONAL))
-HEAD = ("schema", "vehicle", "train", "held_out", "verdict", "cannot_tell", "warnings")  # kept for a reader
-PARTS = {"gap": ("force", "torque"), "shrink": ("residual",), "refit": ("verdict", "causes", "unknown_probability")}
+HEAD = (
+    "schema",
+    "vehicle",
+    "train",
+    "held_out",
+    "verdict",
+    "cannot_tell",
+    "warnings",
+)  # kept for a reader
+PARTS = {
+    "gap": ("force", "torque"),
+    "shrink": ("residual",),
+    "refit": ("verdict", "causes", "unknown_probability"),
+}
 
 
 def read_answer(folder: Path, case: Case) -> dict[str, Any] | None:
     """Return the answer to a case; None where the folder holds none.
-
-    Args:
-        folder: of answers.
-        case: the case.
     Raises: ValueError: one line with file and field, if it is no such answer.
     """
     file = folder / case.folder / ANSWER_FILE
@@ -54,16 +71,14 @@ def read_answer(folder: Path, case: Case) -> dict[str, Any] | None:
 
 def require_answers(name: str, folder: Path, cases: Sequence[Case]) -> list[str]:
     """Return a line on cases without an answer, in a list; none where all have one.
-
-    Args:
-        name: of the answers, as of the option.
-        folder: of answers.
-        cases: the cases.
     Raises: ValueError: if the folder holds the answer of no case, or one that is none.
     """
     missing = [case for case in cases if read_answer(folder, case) is None]
     if len(missing) == len(cases):
-        raise ValueError(f"{name}: {folder} must hold <group>/<case>/{ANSWER_FILE}, as {_file(cases[0])}; got none.")
+        raise ValueError(
+            f"{name}: {folder} must hold <group>/<case>/{ANSWER_FILE}, as "
+            f"{_file(cases[0])}; got none."
+        )
     first = f"; the first: {_file(missing[0])}" if missing else ""
     return [f"{name}: {len(missing)} of {len(cases)} cases have no answer{first}"] * bool(missing)
 
@@ -82,12 +97,7 @@ def brief(answer: Answer) -> dict[str, Any]:
 
 
 def write_answers(folder: Path, answers: Mapping[Path, Answer]) -> None:
-    """Write answers as `read_answer` reads them.
-
-    Args:
-        folder: of answers.
-        answers: by the folder of their case.
-    """
+    """Write answers as `read_answer` reads them."""
     for own, answer in answers.items():
         (folder / own).mkdir(parents=True, exist_ok=True)
         write_json(folder / own / ANSWER_FILE, answer)
@@ -98,13 +108,14 @@ def effects_of(answer: Answer, names: Collection[str]) -> list[Effect]:
 
     Args:
         answer: content of `diagnosis.json`.
-        names: effects that count.
     """
     found = []
     for cause in answer["causes"]:
         kind = causes().get(cause["effect"]) if cause["effect"] in names else None
         if kind is not None:
             known, given = {p.name for p in kind.parameters}, cause.get("parameters", {})
-            values = {n: e["value"] for n, e in given.items() if n in known and e["value"] is not None}
+            values = {
+                n: e["value"] for n, e in given.items() if n in known and e["value"] is not None
+            }
             found.append(kind(**values))
     return found

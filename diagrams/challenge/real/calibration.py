@@ -18,7 +18,9 @@ ASIDE = 0.008  # by which series stand beside each other [1]
 
 
 def bins(pairs: Pairs) -> list[dict[str, Any]]:
-    """Return, by bin of probability, mean probability, share true with its 95 % interval, and count."""
+    """Return, by bin of probability, mean probability, share true with its 95 % interval, and
+    count.
+    """
     p = np.array([pair[0] for pair in pairs], float)
     true = np.array([pair[1] for pair in pairs], float)
     place = np.clip(np.searchsorted(EDGES, p, side="right") - 1, 0, len(EDGES) - 2)
@@ -39,7 +41,16 @@ def calibration_figure(series: Mapping[str, Pairs]) -> Figure:
         color, marker, line = (kinds[i % len(kinds)] for kinds in (PALETTE, MARKERS, DASHES))
         style = {"color": color, "marker": marker, "linestyle": line}
         error = np.maximum([y - bounds[0], bounds[1] - y], 0.0)
-        ax.errorbar(x, y, error, capsize=3, markersize=5, linewidth=1, label=f"{name} (n = {total})", **style)
+        ax.errorbar(
+            x,
+            y,
+            error,
+            capsize=3,
+            markersize=5,
+            linewidth=1,
+            label=f"{name} (n = {total})",
+            **style,
+        )
         counts.plot(x, [row["n"] for row in rows], linewidth=1, markersize=4, **style)
     ax.set(xlim=(-0.02, 1.03), ylim=(-0.04, 1.04), ylabel="share that is true, 95 % interval [1]")
     ax.grid(color="0.92", linewidth=0.5)
@@ -51,8 +62,14 @@ def calibration_figure(series: Mapping[str, Pairs]) -> Figure:
 
 
 def calibration_error(pairs: Pairs) -> float | None:
-    """Return the mean of |share true - mean probability| over the bins, weighted by count; None without a name."""
-    return sum(row["n"] * abs(row["rate"] - row["mean"]) for row in bins(pairs)) / len(pairs) if pairs else None
+    """Return the mean of |share true - mean probability| over the bins, weighted by count; None
+    without a name.
+    """
+    return (
+        sum(row["n"] * abs(row["rate"] - row["mean"]) for row in bins(pairs)) / len(pairs)
+        if pairs
+        else None
+    )
 
 
 def calibration_table(series: Mapping[str, Pairs]) -> Table:

@@ -34,7 +34,9 @@ def stacked(flights: Sequence[FlightResiduals]) -> np.ndarray:
 
 
 def library_columns(flights: Sequence[FlightResiduals]) -> list[Columns]:
-    """Return the columns of the library's effects, wind and payload apart, that act on the wrench."""
+    """Return the columns of the library's effects, wind and payload apart, that act on the
+    wrench.
+    """
     found = []
     for candidate in library_candidates(flights):
         X = np.concatenate([candidate.columns[e.name][:, :WRENCH] for e in flights])
@@ -67,13 +69,13 @@ def drag_columns(flights: Sequence[FlightResiduals]) -> Columns:
 def payload_columns(
     flights: Sequence[FlightResiduals], lengths: np.ndarray, starts: np.ndarray | None = None
 ) -> list[Columns]:
-    """Return, for every tether length, the force of a payload per mass and its change with the start of every flight.
+    """Return, for every tether length, the force of a payload per mass and its change with the
+    start of every flight.
 
     Args:
-        flights: the flights.
         lengths: (k,) of the tether [m].
-        starts: (k, flights, 4) about which the swing is linear: offsets and rates to the side, over length and over
-            length times natural rate [1]; None: it hangs still.
+        starts: (k, flights, 4) about which the swing is linear: offsets and rates to the side, over
+            length and over length times natural rate [1]; None: it hangs still.
     """
     starts = np.zeros((len(lengths), len(flights), 4)) if starts is None else starts
     rows = [len(e.t) for e in flights]
@@ -92,7 +94,9 @@ def payload_columns(
 def _pulls(e: FlightResiduals, lengths: np.ndarray, states: np.ndarray) -> np.ndarray:
     """Return the pull on the vehicle per mass of m payloads on the grid, (rows, m, 3) in W [m/s²].
 
-    The hook is at Bo.   lengths: (m,) [m].   states: (m, 4) at the start, over length and natural rate [1].
+    The hook is at Bo.
+    lengths: (m,) [m].
+    states: (m, 4) at the start, over length and natural rate [1].
     """
     on_grid = Signal(e.rows.t, np.concatenate([e.rows.a, e.rows.x[:, V]], axis=1)).linear(e.t)
     gravity = e.vehicle.gravity

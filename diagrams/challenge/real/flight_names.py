@@ -1,4 +1,6 @@
-"""What the names of flights tell: block and number, path, controller and wind, and what to call them."""
+"""What the names of flights tell: block and number, path, controller and wind, and what to call
+them.
+"""
 
 import dataclasses as dc
 import re
@@ -10,12 +12,15 @@ STILL = "nowind"
 MISSING = 1  # numbers that a block may lack between two flights: of spoilt ones; own choice
 PREFIX = re.compile(r"^(dataset|merged)_")
 NUMBERED = re.compile(r"(?P<stem>.*?)(?P<number>\d+)(\.\w+)?")
-IN_WIND = re.compile(r"(?P<path>.+)_(?P<controller>[^_]+)_(?P<wind>nowind|\d+(p\d+sint|wind))\.csv(\.gz)?")
+IN_WIND = re.compile(
+    r"(?P<path>.+)_(?P<controller>[^_]+)_(?P<wind>nowind|\d+(p\d+sint|wind))\.csv(\.gz)?"
+)
 
 
 @dc.dataclass(frozen=True)
 class Flown:
-    """File of a Neural-Fly flight, with the controller and the setting of the fans that its name tells.
+    """File of a Neural-Fly flight, with the controller and the setting of the fans that its name
+    tells.
 
     path_name: what was flown, as `custom_figure8`.
     """
@@ -32,17 +37,25 @@ class Flown:
 
 
 def wind_speed(setting: str) -> float:
-    """Return the mean speed that a setting such as `nowind`, `35wind` or `70p20sint` stands for [m/s]."""
-    return 0.0 if setting == STILL else FULL_FANS * int(re.split(r"\D", setting, maxsplit=1)[0]) / 100
+    """Return the mean speed that a setting such as `nowind`, `35wind` or `70p20sint` stands for
+    [m/s].
+    """
+    return (
+        0.0 if setting == STILL else FULL_FANS * int(re.split(r"\D", setting, maxsplit=1)[0]) / 100
+    )
 
 
 def numbered_blocks(paths: Iterable[Path]) -> list[list[Path]]:
-    """Return the files whose names end in a number, in blocks of consecutive numbers, of which single ones may lack.
+    """Return the files whose names end in a number, in blocks of consecutive numbers, of which
+    single ones may lack.
 
-    A block is one manoeuvre: the campaign was flown block by block, and spoilt flights were left out.
+    A block is one manoeuvre: the campaign was flown block by block, and spoilt flights were left
+    out.
     """
     found = sorted(
-        (match["stem"], int(match["number"]), path) for path in paths if (match := NUMBERED.fullmatch(path.name))
+        (match["stem"], int(match["number"]), path)
+        for path in paths
+        if (match := NUMBERED.fullmatch(path.name))
     )
     blocks: list[list[Path]] = []
     previous: tuple[str, int] | None = None
@@ -62,7 +75,9 @@ def block_name(block: Sequence[Path]) -> str:
 
 
 def flown_in_wind(paths: Iterable[Path]) -> list[Flown]:
-    """Return the flights whose names tell path, controller and wind, by path, wind and controller."""
+    """Return the flights whose names tell path, controller and wind, by path, wind and
+    controller.
+    """
     found = [
         Flown(path, match["path"], match["controller"], match["wind"])
         for path in paths
@@ -72,16 +87,12 @@ def flown_in_wind(paths: Iterable[Path]) -> list[Flown]:
 
 
 def label(path: Path) -> str:
-    """Return what a log is called: its name without what all names of a data set begin and end with."""
+    """Return what a log is called: its name without what all names of a data set begin and end
+    with.
+    """
     return PREFIX.sub("", path.name.split(".")[0])
 
 
 def following(items: Sequence, index: int, count: int) -> list:
-    """Return the items after one, in a circle.
-
-    Args:
-        items: items in their order.
-        index: of the one.
-        count: how many are returned.
-    """
+    """Return the items after one, in a circle."""
     return [items[(index + 1 + k) % len(items)] for k in range(count)]

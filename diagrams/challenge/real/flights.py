@@ -17,9 +17,11 @@ from np_drake.vehicle import Vehicle
 
 
 def open_case(case: Case) -> tuple[Vehicle, list[FlightLog], list[FlightLog]]:
-    """Return the vehicle, the flights that are fitted and those that judge, beside their neighbours.
+    """Return the vehicle, the flights that are fitted and those that judge, beside their
+    neighbours.
 
-    Raises: LogError: one line with file and reason, if a log cannot be used; OSError: if it cannot be opened.
+    Raises: LogError: one line with file and reason, if a log cannot be used; OSError: if it cannot
+    be opened.
     """
     campaign = campaign_of(case.group)
     train = [log for path in case.train for log in _beside(path, campaign)]
@@ -27,20 +29,20 @@ def open_case(case: Case) -> tuple[Vehicle, list[FlightLog], list[FlightLog]]:
 
 
 def _beside(path: Path, campaign: Campaign) -> list[FlightLog]:
-    """Return the flights of a log with the path of their neighbour, where the campaign gives its log."""
+    """Return the flights of a log with the path of their neighbour, where the campaign gives its
+    log.
+    """
     flights, other = open_flights(path, campaign), campaign.neighbour(path)
     if other is None:
         return flights
     found = open_flights(other, campaign)
-    return with_neighbours(flights, {log.name: found for log in flights}, campaign.nominal.rotor_radius)
+    return with_neighbours(
+        flights, {log.name: found for log in flights}, campaign.nominal.rotor_radius
+    )
 
 
 def open_flights(path: Path, campaign: Campaign) -> list[FlightLog]:
     """Return the flights of a log, a Crazyflie's by its commands where the vehicle asks for them.
-
-    Args:
-        path: the log.
-        campaign: whose it is.
     Raises: LogError: one line with file and reason; OSError: if it cannot be opened.
     """
     return opening.open_flights(path, campaign.nominal, _map_of(path, campaign))[0]
@@ -54,7 +56,8 @@ def _map_of(path: Path, campaign: Campaign) -> LogMap | MapFile | None:
 
 @lru_cache(maxsize=64)
 def _commanded(path: Path) -> LogMap:
-    """Return the map of a Crazyflie log that takes the commanded thrust and torque, not the rotor speed.
+    """Return the map of a Crazyflie log that takes the commanded thrust and torque, not the rotor
+    speed.
 
     Raises: LogError: if the log has no such command.
     """
@@ -70,11 +73,8 @@ def _commanded(path: Path) -> LogMap:
 
 def require_logs(run: Run, cases: Sequence[Case]) -> None:
     """Open every log once before the long work.
-
-    Args:
-        run: shows progress.
-        cases: cases whose logs are opened.
-    Raises: LogError: one line with file and reason, at the first that is not usable; OSError: if it cannot be opened.
+    Raises: LogError: one line with file and reason, at the first that is not usable; OSError: if it
+        cannot be opened.
     """
     campaigns = {case: campaign_of(case.group) for case in cases}
     wanted = {

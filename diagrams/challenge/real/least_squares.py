@@ -1,4 +1,6 @@
-"""Opponents of the diagnosis: least squares with white noise and no priors, told the effect or choosing by BIC."""
+"""Opponents of the diagnosis: least squares with white noise and no priors, told the effect or
+choosing by BIC.
+"""
 
 import dataclasses as dc
 import math
@@ -41,13 +43,16 @@ class Fit:
     bic: float
 
 
-def select_by_bic(flights: Sequence[FlightResiduals], columns: Sequence[Columns]) -> dict[str, float]:
-    """Return the probability of every effect that forward selection by BIC chooses, in the order of choice.
+def select_by_bic(
+    flights: Sequence[FlightResiduals], columns: Sequence[Columns]
+) -> dict[str, float]:
+    """Return the probability of every effect that forward selection by BIC chooses, in the order of
+    choice.
 
-    The probability is that of two models of equal prior, with and without the effect: 1 / (1 + exp(-change / 2)).
+    The probability is that of two models of equal prior, with and without the effect: 1 / (1 +
+    exp(-change / 2)).
 
     Args:
-        flights: residuals that are fitted.
         columns: variants of effects; one of an effect is chosen at most.
     """
     y = stacked(flights)
@@ -61,7 +66,10 @@ def select_by_bic(flights: Sequence[FlightResiduals], columns: Sequence[Columns]
         if not fits or (found := min(fits, key=lambda f: f[0].bic))[0].bic >= best.bic:
             break
         best, chosen = found[0], [*chosen, found[1]]
-    return {own.identifier: probability(fit(y, [c for c in chosen if c is not own]).bic - best.bic) for own in chosen}
+    return {
+        own.identifier: probability(fit(y, [c for c in chosen if c is not own]).bic - best.bic)
+        for own in chosen
+    }
 
 
 def probability(change: float) -> float:
@@ -76,12 +84,12 @@ def fit(y: np.ndarray, chosen: Sequence[Columns]) -> Fit:
 
     Args:
         y: (rows, 6) residual wrench [N, N·m].
-        chosen: columns of the effects.
     """
     X = _joined(chosen, y)
     c = np.zeros(X.shape[2])
     weights = _weights(y, [], np.zeros(0))
-    # Weights and coefficients in turn: iteratively reweighted least squares, which maximises the likelihood of both.
+    # Weights and coefficients in turn: iteratively reweighted least squares, which maximises the
+    # likelihood of both.
     for _ in range(3):
         A, b = _scaled(X, weights), _scaled(y[..., None], weights)[:, 0]
         if A.shape[1]:
@@ -90,12 +98,16 @@ def fit(y: np.ndarray, chosen: Sequence[Columns]) -> Fit:
     A = _scaled(X, weights)
     covariance = np.linalg.pinv(A.T @ A, rcond=1e-12) if A.shape[1] else np.zeros((0, 0))
     used = weights > 0
-    bic = -2.0 * len(y) * float(np.sum(np.log(weights[used]))) + len(c) * math.log(len(y) * used.sum())
+    bic = -2.0 * len(y) * float(np.sum(np.log(weights[used]))) + len(c) * math.log(
+        len(y) * used.sum()
+    )
     return Fit(c, covariance, bic)
 
 
 def _weights(y: np.ndarray, chosen: Sequence[Columns], c: np.ndarray) -> np.ndarray:
-    """Return one over the RMS of what is left in each channel (6,); zero for a channel that is empty."""
+    """Return one over the RMS of what is left in each channel (6,); zero for a channel that is
+    empty.
+    """
     left = y - _joined(chosen, y) @ c
     rms = np.sqrt(np.mean(left**2, axis=0))
     return np.where(rms > 0, 1 / np.where(rms > 0, rms, 1.0), 0.0)
@@ -111,7 +123,9 @@ def _scaled(X: np.ndarray, weights: np.ndarray) -> np.ndarray:
 
 
 def _weighted(y: np.ndarray, chosen: Sequence[Columns], weights: np.ndarray) -> float:
-    """Return the chi-squared that a set of columns leaves at given weights, plus the penalty of its size."""
+    """Return the chi-squared that a set of columns leaves at given weights, plus the penalty of its
+    size.
+    """
     A, b = _scaled(_joined(chosen, y), weights), _scaled(y[..., None], weights)[:, 0]
     gram = A.T @ A
     c = np.linalg.lstsq(gram, A.T @ b, rcond=1e-12)[0]
@@ -121,8 +135,8 @@ def _weighted(y: np.ndarray, chosen: Sequence[Columns], weights: np.ndarray) -> 
 def told_payload(flights: Sequence[FlightResiduals]) -> dict[str, dict[str, Any]]:
     """Return mass and length with 95 % intervals: least squares of a payload alone on the force.
 
-    The length is that of the least misfit on a grid that closes in; its interval is where minus twice the log
-    likelihood grows by 3.84.
+    The length is that of the least misfit on a grid that closes in; its interval is where minus
+    twice the log likelihood grows by 3.84.
     """
     y = stacked(flights)
     y[:, 3:] = 0.0
@@ -143,7 +157,9 @@ def told_payload(flights: Sequence[FlightResiduals]) -> dict[str, dict[str, Any]
     }
 
 
-def _payload_fits(flights: Sequence[FlightResiduals], y: np.ndarray, lengths: np.ndarray) -> list[Fit]:
+def _payload_fits(
+    flights: Sequence[FlightResiduals], y: np.ndarray, lengths: np.ndarray
+) -> list[Fit]:
     """Return the fit at every length, linear about the start states of a first fit."""
     first = [fit(y, [columns]).c for columns in payload_columns(flights, lengths)]
     unit = SHARE * flights[0].vehicle.mass
@@ -153,10 +169,11 @@ def _payload_fits(flights: Sequence[FlightResiduals], y: np.ndarray, lengths: np
 
 
 def told_wind(flights: Sequence[FlightResiduals]) -> tuple[LinearDrag, ConstantWind, np.ndarray]:
-    """Return drag, wind, and mean force of the wind (3,) in W [N]: least squares of drag and wind alone.
+    """Return drag, wind, and mean force of the wind (3,) in W [N]: least squares of drag and wind
+    alone.
 
-    The wind is force over drag along each axis; across the flown line, where the drag does not show, so is it of the
-    drag along x. Upwards it trades against the thrust scale, and is none.
+    The wind is force over drag along each axis; across the flown line, where the drag does not
+    show, so is it of the drag along x. Upwards it trades against the thrust scale, and is none.
     """
     y = stacked(flights)
     y[:, 3:] = 0.0
@@ -166,7 +183,8 @@ def told_wind(flights: Sequence[FlightResiduals]) -> tuple[LinearDrag, ConstantW
 
 
 def told_ground(flights: Sequence[FlightResiduals]) -> dict[str, dict[str, Any]]:
-    """Return the effective radius of the ground effect: least squares of it and of a thrust that drifts, alone.
+    """Return the effective radius of the ground effect: least squares of it and of a thrust that
+    drifts, alone.
 
     No interval is told.
     """
@@ -181,7 +199,9 @@ def told_ground(flights: Sequence[FlightResiduals]) -> dict[str, dict[str, Any]]
     # The law is held below a height, beyond which no radius shows: a grid finds the valley.
     radii = flights[0].vehicle.rotor_radius * np.linspace(0.0, MOST_RADII, GRID)
     near, step = min(radii, key=left), radii[1]
-    value = float(minimize_scalar(left, bounds=(max(near - step, 0.0), near + step), method="bounded").x)
+    value = float(
+        minimize_scalar(left, bounds=(max(near - step, 0.0), near + step), method="bounded").x
+    )
     return {"effective_radius": _estimate(value, math.nan, "m")}
 
 

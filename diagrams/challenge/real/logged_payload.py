@@ -19,14 +19,11 @@ VEHICLES = (  # with the unit of each [m]
 
 
 def logged_payload(path: Path, flight: FlightLog) -> tuple[np.ndarray, np.ndarray]:
-    """Return the times (n,) [s], on the clock of a flight of this log, and p_WPo of the payload (n, 3) [m].
+    """Return the times (n,) [s], on the clock of a flight of this log, and p_WPo of the payload (n,
+    3) [m].
 
-    Repeated values are left out: the log holds a slower stream on faster rows. The clock of the flight starts at
-    take-off, at the time where its positions are those of the log.
-
-    Args:
-        path: log of a Crazyflie.
-        flight: flight that was read from it.
+    Repeated values are left out: the log holds a slower stream on faster rows. The clock of the
+    flight starts at take-off, at the time where its positions are those of the log.
     Raises: LogError: if the log holds no payload, or the flight is not of this log.
     """
     found = (
@@ -37,7 +34,9 @@ def logged_payload(path: Path, flight: FlightLog) -> tuple[np.ndarray, np.ndarra
     )
     event, own, unit = next(found, ("", (), 0.0))
     if not event:
-        raise LogError(f"{path}: must hold {', '.join(PAYLOAD)}; it holds no position of a payload.")
+        raise LogError(
+            f"{path}: must hold {', '.join(PAYLOAD)}; it holds no position of a payload."
+        )
     stream = crazyflie.read(path, {event: [*PAYLOAD, *own]}, lambda share: None).streams[event]
     p = MILLIMETRE * np.stack([stream.columns[name] for name in PAYLOAD], axis=1)
     p_WB = unit * np.stack([stream.columns[name] for name in own], axis=1)
@@ -56,7 +55,12 @@ def _begin(t: np.ndarray, p_WB: np.ndarray, flight: FlightLog) -> float:
 
     tries = np.arange(t[0], max(t[-1] - flight.t[-1], t[0]) + 0.02, 0.01)
     near = min(tries, key=off)
-    found = minimize_scalar(off, bounds=(near - 0.02, near + 0.02), method="bounded", options={"xatol": 1e-5})
+    found = minimize_scalar(
+        off, bounds=(near - 0.02, near + 0.02), method="bounded", options={"xatol": 1e-5}
+    )
     if found.fun > 0.01**2:
-        raise LogError(f"{flight.name}: must be a flight of the log; positions are {found.fun**0.5:.2g} m apart.")
+        raise LogError(
+            f"{flight.name}: must be a flight of the log; positions are "
+            f"{found.fun**0.5:.2g} m apart."
+        )
     return float(found.x)

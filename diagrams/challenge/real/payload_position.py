@@ -1,4 +1,6 @@
-"""Position of a payload on a held-out flight, from its diagnosed tether and the vehicle's measured motion."""
+"""Position of a payload on a held-out flight, from its diagnosed tether and the vehicle's measured
+motion.
+"""
 
 import dataclasses as dc
 from collections.abc import Callable, Mapping, Sequence
@@ -32,8 +34,10 @@ FORCE_MEMORY = 0.1  # over which its errors go together [s]
 class Drive:
     """What drives and corrects a pendulum, on a grid t (m,) [s] of one step.
 
-    a_hook, v_hook: (m - 1, 3) of the hook in W, mean over each step [m/s², m/s].   p_hook: (m, 3) in W [m].
-    force: (m, 2) force to the side that the nominal model and the other effects leave unexplained, in W [N].
+    a_hook, v_hook: (m - 1, 3) of the hook in W, mean over each step [m/s², m/s].
+    p_hook: (m, 3) in W [m]. force: (m, 2) force to the side that the nominal model and the other
+        effects leave unexplained,
+        in W [N].
     """
 
     t: np.ndarray
@@ -48,34 +52,36 @@ class Drive:
         return float(np.median(np.diff(self.t)))
 
 
-Predictor = Callable[[Drive, Payload, float], np.ndarray]  # (drive, payload, gravity) -> p_WPo (m, 3) [m]
+Predictor = Callable[
+    [Drive, Payload, float], np.ndarray
+]  # (drive, payload, gravity) -> p_WPo (m, 3) [m]
 
 
 def plumb(drive: Drive, payload: Payload, gravity: float) -> np.ndarray:
     """Return p_WPo of a payload at rest below its hook, (m, 3) [m].
 
     Args:
-        drive: path of the hook.
-        payload: tether.
         gravity: of no matter here [m/s²].
     """
     return drive.p_hook - [0.0, 0.0, payload.length]
 
 
-def make_drive(log: FlightLog, vehicle: Vehicle, payload: Payload, others: Sequence[WrenchEffect] = ()) -> Drive:
+def make_drive(
+    log: FlightLog, vehicle: Vehicle, payload: Payload, others: Sequence[WrenchEffect] = ()
+) -> Drive:
     """Return what drives a payload under the vehicle of a log.
 
     Args:
-        log: the flight.
-        vehicle: nominal vehicle.
-        payload: the payload, for its hook.
         others: wrench effects beside the payload, which are subtracted from the residual force.
     """
     e = make_flight_residuals(log, vehicle)
     t = e.t
     v_hook = Signal(log.t, hook_velocity(payload.hook, log.x)).linear(t)
-    p_hook = Signal(log.t, log.p + attitude.rotate(log.q, np.broadcast_to(payload.hook, log.p.shape))).linear(t)
-    # Over a step the difference of the velocity is the mean acceleration: no offset grows, as that of an accelerometer.
+    p_hook = Signal(
+        log.t, log.p + attitude.rotate(log.q, np.broadcast_to(payload.hook, log.p.shape))
+    ).linear(t)
+    # Over a step the difference of the velocity is the mean acceleration: no offset grows, as that
+    # of an accelerometer.
     a_hook = np.diff(v_hook, axis=0) / np.diff(t)[:, None]
     force = residual_force(e)
     force -= wrench_of(log, vehicle, others, t)[:, :3]
@@ -87,13 +93,12 @@ def residual_force(e: FlightResiduals) -> np.ndarray:
     return (e.R_WB @ e.y[:, :3, None])[..., 0]
 
 
-def wrench_of(log: FlightLog, vehicle: Vehicle, effects: Sequence[WrenchEffect], t: np.ndarray) -> np.ndarray:
+def wrench_of(
+    log: FlightLog, vehicle: Vehicle, effects: Sequence[WrenchEffect], t: np.ndarray
+) -> np.ndarray:
     """Return chi of wrench effects, (m, 6) [N, N·m]; the rotors share the thrust.
 
     Args:
-        log: the flight.
-        vehicle: nominal vehicle.
-        effects: what acts.
         t: (m,) times on the clock of the log [s].
     """
     if not effects:
@@ -105,7 +110,11 @@ def wrench_of(log: FlightLog, vehicle: Vehicle, effects: Sequence[WrenchEffect],
 
 
 def _swung(
-    drive: Drive, payload: Payload, gravity: float, start: tuple[np.ndarray, np.ndarray], some: slice = slice(None)
+    drive: Drive,
+    payload: Payload,
+    gravity: float,
+    start: tuple[np.ndarray, np.ndarray],
+    some: slice = slice(None),
 ) -> Swing:
     """Return the motion over some of the steps from starts r, r_rate, (m, 3) each [m, m/s]."""
     r, r_rate = start
@@ -114,14 +123,13 @@ def _swung(
 
 
 def open_loop(drive: Drive, payload: Payload, gravity: float) -> np.ndarray:
-    """Return p_WPo of the payload (m, 3) [m], its start state fitted to the residual force of the first seconds.
+    """Return p_WPo of the payload (m, 3) [m], its start state fitted to the residual force of the
+    first seconds.
 
-    Nothing after `START` corrects the swing. A constant force to the side is fitted beside the state: a tilt of the
-    attitude makes one.
+    Nothing after `START` corrects the swing. A constant force to the side is fitted beside the
+    state: a tilt of the attitude makes one.
 
     Args:
-        drive: what drives the payload.
-        payload: tether, mass and damping.
         gravity: [m/s²].
     """
     count = min(len(drive.t) - 1, int(START / drive.step))
@@ -133,7 +141,10 @@ def open_loop(drive: Drive, payload: Payload, gravity: float) -> np.ndarray:
         return hanging(scale[:2] * states[:, :2], scale[2:] * states[:, 2:], payload.length)
 
     def pulls(states: np.ndarray) -> np.ndarray:
-        return payload.mass * _swung(drive, payload, gravity, start(states), slice(count)).pull[..., :2]
+        return (
+            payload.mass
+            * _swung(drive, payload, gravity, start(states), slice(count)).pull[..., :2]
+        )
 
     def misfit(state: np.ndarray) -> np.ndarray:
         left = measured - pulls(state[None])[:, 0]
@@ -155,20 +166,27 @@ def open_loop(drive: Drive, payload: Payload, gravity: float) -> np.ndarray:
 
 
 def observed(drive: Drive, payload: Payload, gravity: float) -> np.ndarray:
-    """Return p_WPo of the payload (m, 3) [m] from an extended Kalman filter that the residual force corrects.
+    """Return p_WPo of the payload (m, 3) [m] from an extended Kalman filter that the residual force
+    corrects.
 
-    State: offset and rate of the payload to the side [m, m/s], and a force offset to the side [N]. Causal: the position
-    at an instant uses nothing after it. The noises are own choices, in units of the payload's weight.
+    State: offset and rate of the payload to the side [m, m/s], and a force offset to the side [N].
+    Causal: the position at an instant uses nothing after it. The noises are own choices, in units
+    of the payload's weight.
 
     Args:
-        drive: what drives the payload.
-        payload: tether, mass and damping.
         gravity: [m/s²].
     """
     weight, rate = payload.mass * gravity, np.sqrt(gravity / payload.length)
     s = np.zeros(6)
-    P = np.diag([0.3 * payload.length] * 2 + [0.3 * payload.length * rate] * 2 + [0.1 * weight] * 2) ** 2
-    Q = np.diag([0.0] * 2 + [SWING_NOISE**2 * drive.step] * 2 + [(OFFSET_NOISE * weight) ** 2 * drive.step] * 2)
+    P = (
+        np.diag([0.3 * payload.length] * 2 + [0.3 * payload.length * rate] * 2 + [0.1 * weight] * 2)
+        ** 2
+    )
+    Q = np.diag(
+        [0.0] * 2
+        + [SWING_NOISE**2 * drive.step] * 2
+        + [(OFFSET_NOISE * weight) ** 2 * drive.step] * 2
+    )
     R = (FORCE_NOISE * weight) ** 2 * np.eye(2) * max(1.0, FORCE_MEMORY / drive.step)
     small = 1e-5 * np.eye(6)
     at = [s[:2]]
@@ -215,14 +233,8 @@ def position_errors(
     effects: Sequence[Effect],
     predictors: Mapping[str, Predictor],
 ) -> dict[str, float]:
-    """Return the RMSE of the payload's position by predictor [m]; empty where no payload is among the effects.
-
-    Args:
-        path: log that holds the payload's position.
-        logs: its flights.
-        vehicle: nominal vehicle.
-        effects: payload and what acts beside it.
-        predictors: by name.
+    """Return the RMSE of the payload's position by predictor [m]; empty where no payload is among
+    the effects.
     Raises: LogError: if the log holds no payload.
     """
     acting = split_effects(effects)

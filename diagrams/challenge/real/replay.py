@@ -1,4 +1,6 @@
-"""Open-loop replay of real flights in the nominal and in the corrected simulator, and the payload's path."""
+"""Open-loop replay of real flights in the nominal and in the corrected simulator, and the payload's
+path.
+"""
 
 import math
 from collections.abc import Iterable, Sequence
@@ -30,13 +32,20 @@ PREDICTORS = {"below": plumb, "swinging": open_loop}  # of the payload's positio
 
 
 def replay_case(case: Case) -> dict[str, Any]:
-    """Return verdict, horizons [s], median errors by simulator and quantity, and the payload's [m, m/s, deg].
+    """Return verdict, horizons [s], median errors by simulator and quantity, and the payload's [m,
+    m/s, deg].
 
     Nothing is fitted to the flight that is replayed; it starts from its logged states.
     """
     vehicle, train, held_out = open_case(case)
     found = diagnose(vehicle, train, held_out, DrakeReplay(vehicle), adaptive_split=False)
-    gaps = dict(zip(SIMULATORS, (found.gap_reduction.replay_before, found.gap_reduction.replay_after), strict=True))
+    gaps = dict(
+        zip(
+            SIMULATORS,
+            (found.gap_reduction.replay_before, found.gap_reduction.replay_after),
+            strict=True,
+        )
+    )
     return {
         "verdict": list(found.verdict),
         "horizon": None if gaps["nominal"] is None else gaps["nominal"].horizon,
@@ -53,7 +62,8 @@ def _medians(gap: ReplayGap) -> dict[str, list[float]]:
 def _payload_errors(
     case: Case, vehicle: Vehicle, held_out: Sequence[FlightLog], found: Diagnosis
 ) -> dict[str, float] | None:
-    """Return the RMSE of the payload's position: at rest below its hook, and swinging from its start on [m].
+    """Return the RMSE of the payload's position: at rest below its hook, and swinging from its
+    start on [m].
 
     None where the log holds no payload, or none is diagnosed.
     """
@@ -67,7 +77,8 @@ def _payload_errors(
 
 
 def lines(results: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Return a line a group: medians over its cases of the errors at the last horizon, and how many got better.
+    """Return a line a group: medians over its cases of the errors at the last horizon, and how many
+    got better.
 
     `early`: of the position at the horizon `EARLY`.
 
@@ -76,14 +87,22 @@ def lines(results: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
     found = []
     for group in [g for g in GROUPS if any(r["group"] == g for r in results)]:
         own = [r for r in results if r["group"] == group]
-        flown = [r["errors"] for r in own if all(r["errors"][name] is not None for name in SIMULATORS)]
+        flown = [
+            r["errors"] for r in own if all(r["errors"][name] is not None for name in SIMULATORS)
+        ]
         line: dict[str, Any] = {"group": group, "cases": len(own), "replayed": len(flown)}
         for name in SIMULATORS:
             for quantity in QUANTITIES:
-                line[f"{quantity} {name}"] = _median(errors[name][quantity][LATE] for errors in flown)
+                line[f"{quantity} {name}"] = _median(
+                    errors[name][quantity][LATE] for errors in flown
+                )
             line[f"early {name}"] = _median(errors[name]["position"][EARLY] for errors in flown)
-        nominal, corrected = ([errors[name]["position"][LATE] for errors in flown] for name in SIMULATORS)
-        line["better"] = sum(after < before for before, after in zip(nominal, corrected, strict=True))
+        nominal, corrected = (
+            [errors[name]["position"][LATE] for errors in flown] for name in SIMULATORS
+        )
+        line["better"] = sum(
+            after < before for before, after in zip(nominal, corrected, strict=True)
+        )
         for kind in PREDICTORS:
             line[kind] = _median(r["payload"][kind] for r in own if r["payload"] is not None)
         found.append(line)
@@ -99,11 +118,8 @@ Options = RealFlightOptions
 
 
 def run(run: Run, options: Options) -> Report:
-    """Real flights replayed open loop, nominal and corrected simulator. --out DIR: cases to resume from.
-
-    Args:
-        run: seed, folders, workers and progress.
-        options: of the study.
+    """Real flights replayed open loop, nominal and corrected simulator. --out DIR: cases to resume
+    from.
     """
     folder = options.given("replay")
     chosen = make_cases(folder, options.neurobem, options.only or ())
@@ -114,12 +130,19 @@ def run(run: Run, options: Options) -> Report:
         "neurobem": options.neurobem and options.neurobem.name,
         "only": options.only,
     }
-    work = OfNamedCase(replay_case, folder.resolve(), options.neurobem and options.neurobem.resolve())
+    work = OfNamedCase(
+        replay_case, folder.resolve(), options.neurobem and options.neurobem.resolve()
+    )
     records = run.cases("replaying", "cases", work, cases, config=config)
     require_result(records)
     results = [{**r["case"], **r["result"]} for r in records if "result" in r]
     table = lines(results)
-    return Report([printed(table)], config=config, metrics={"table": table, "runs": records}, notes=failures(records))
+    return Report(
+        [printed(table)],
+        config=config,
+        metrics={"table": table, "runs": records},
+        notes=failures(records),
+    )
 
 
 def printed(lines: list[dict]) -> Table:
@@ -142,4 +165,8 @@ def printed(lines: list[dict]) -> Table:
         ("better", lambda line: f"{line['better']} of {line['replayed']}"),
         ("payload [cm]", change("below", "swinging", 100.0)),
     )
-    return tabulate("real flights, open loop: nominal → corrected simulator; medians over the cases", lines, columns)
+    return tabulate(
+        "real flights, open loop: nominal → corrected simulator; medians over the cases",
+        lines,
+        columns,
+    )

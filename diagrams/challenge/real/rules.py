@@ -1,6 +1,8 @@
-"""Rules by which the flights of a campaign become cases: which are fitted and which judge, by name and not by choice.
+"""Rules by which the flights of a campaign become cases: which are fitted and which judge, by name
+and not by choice.
 
-A rule takes the name of a group and its files, sorted by name, and yields cases. No flight judges its own fit.
+A rule takes the name of a group and its files, sorted by name, and yields cases. No flight judges
+its own fit.
 """
 
 import dataclasses as dc
@@ -24,9 +26,12 @@ from diagrams.challenge.real.flight_names import (
 class Case:
     """Flights that are fitted and the one that judges.
 
-    group: of its campaign.   name: what is fitted -> what judges, or the latter alone.   still: flights of the same
-    path and controllers without wind, from which the mean force of a wind counts.   speed: of the wind in the flight
-    that judges [m/s].   second: the second answer is asked for, what the held-out flight shows and the others do not.
+    group: of its campaign.
+    name: what is fitted -> what judges, or the latter alone.
+    still: flights of the same path and controllers without wind, from which the mean force of a
+        wind counts.
+    speed: of the wind in the flight that judges [m/s].
+    second: the second answer is asked for, what the held-out flight shows and the others do not.
     """
 
     group: str
@@ -39,27 +44,40 @@ class Case:
 
     @property
     def folder(self) -> Path:
-        """Folder of its answer below that of all answers: `<group>/<name>`, of letters, digits and `._+-` alone."""
-        return Path(self.group) / re.sub(r"[^\w.+-]+", "_", self.name.replace(" -> ", "_to_").replace(" + ", "+"))
+        """Folder of its answer below that of all answers: `<group>/<name>`, of letters, digits and
+        `._+-` alone.
+        """
+        return Path(self.group) / re.sub(
+            r"[^\w.+-]+", "_", self.name.replace(" -> ", "_to_").replace(" + ", "+")
+        )
 
 
 Rule = Callable[[str, Sequence[Path]], Iterable[Case]]
 
 
 def in_circle(count: int = 2) -> Rule:
-    """Return the rule that every flight judges once what is fitted to the `count` after it, or to all others."""
+    """Return the rule that every flight judges once what is fitted to the `count` after it, or to
+    all others.
+    """
 
     def cases(group: str, files: Sequence[Path]) -> Iterator[Case]:
         for i, held_out in enumerate(files if len(files) > 1 else ()):
-            yield Case(group, label(held_out), tuple(following(files, i, min(count, len(files) - 1))), held_out)
+            yield Case(
+                group,
+                label(held_out),
+                tuple(following(files, i, min(count, len(files) - 1))),
+                held_out,
+            )
 
     return cases
 
 
 def by_manoeuvre(pattern: str) -> Rule:
-    """Return the rule that of every manoeuvre the first flight judges the last of each of the two after it.
+    """Return the rule that of every manoeuvre the first flight judges the last of each of the two
+    after it.
 
-    Args: pattern: regular expression that the beginning of a name matches; its group is the manoeuvre.
+    Args: pattern: regular expression that the beginning of a name matches; its group is the
+    manoeuvre.
     """
 
     def cases(group: str, files: Sequence[Path]) -> Iterator[Case]:
@@ -72,9 +90,11 @@ def by_manoeuvre(pattern: str) -> Rule:
 
 
 def by_vehicle(pattern: str) -> Rule:
-    """Return the rule that of every vehicle the last flight judges what is fitted to the two before it, or the one.
+    """Return the rule that of every vehicle the last flight judges what is fitted to the two before
+    it, or the one.
 
-    Args: pattern: regular expression that the beginning of a name matches; its group is the vehicle.
+    Args: pattern: regular expression that the beginning of a name matches; its group is the
+    vehicle.
     """
 
     def cases(group: str, files: Sequence[Path]) -> Iterator[Case]:
@@ -86,59 +106,55 @@ def by_vehicle(pattern: str) -> Rule:
 
 
 def _by(pattern: str, files: Iterable[Path]) -> list[list[Path]]:
-    """Return the files in lists of what the group of a pattern finds in their names; those without are left out."""
+    """Return the files in lists of what the group of a pattern finds in their names; those without
+    are left out.
+    """
     found = [(match[1], path) for path in files if (match := re.match(pattern, path.name))]
-    return [[path for _, path in own] for _, own in groupby(sorted(found), key=lambda pair: pair[0])]
+    return [
+        [path for _, path in own] for _, own in groupby(sorted(found), key=lambda pair: pair[0])
+    ]
 
 
 def block_by_block(group: str, files: Sequence[Path]) -> Iterator[Case]:
-    """Yield a case for every block of numbers: it is fitted, two flights of it, and the next one judges.
-
-    Args:
-        group: of the cases.
-        files: logs, numbered.
+    """Yield a case for every block of numbers: it is fitted, two flights of it, and the next one
+    judges.
     """
     for block, (other,) in _before_others(files, 1):
         if len(block) > 1:
-            yield Case(group, f"{block_name(block)} -> {block_name(other)}", tuple(block[:2]), other[0])
+            yield Case(
+                group, f"{block_name(block)} -> {block_name(other)}", tuple(block[:2]), other[0]
+            )
 
 
 def across_blocks(group: str, files: Sequence[Path]) -> Iterator[Case]:
-    """Yield a case for every block of numbers: it judges what is fitted to a flight each of the two blocks after it.
-
-    Args:
-        group: of the cases.
-        files: logs, numbered.
+    """Yield a case for every block of numbers: it judges what is fitted to a flight each of the two
+    blocks after it.
     """
     for block, others in _before_others(files, 2):
         name = f"{' + '.join(block_name(b) for b in others)} -> {block_name(block)}"
         yield Case(group, name, tuple(b[-1] for b in others), block[-1])
 
 
-def _before_others(files: Sequence[Path], count: int) -> Iterator[tuple[list[Path], list[list[Path]]]]:
-    """Yield every block of numbers with the `count` blocks after it; none where there are no more."""
+def _before_others(
+    files: Sequence[Path], count: int
+) -> Iterator[tuple[list[Path], list[list[Path]]]]:
+    """Yield every block of numbers with the `count` blocks after it; none where there are no
+    more.
+    """
     blocks = numbered_blocks(files)
     for i, block in enumerate(blocks if len(blocks) > count else ()):
         yield block, list(following(blocks, i, count))
 
 
 def by_blocks(group: str, files: Sequence[Path]) -> Iterator[Case]:
-    """Yield the cases of `block_by_block`, then those of `across_blocks`.
-
-    Args:
-        group: of the cases.
-        files: logs, numbered.
-    """
+    """Yield the cases of `block_by_block`, then those of `across_blocks`."""
     yield from block_by_block(group, files)
     yield from across_blocks(group, files)
 
 
 def in_wind(group: str, files: Sequence[Path]) -> Iterator[Case]:
-    """Yield a case for every path, wind and controller: the controller is held out, the two after it are fitted.
-
-    Args:
-        group: of the cases.
-        files: logs whose names tell the wind.
+    """Yield a case for every path, wind and controller: the controller is held out, the two after
+    it are fitted.
     """
     flown = flown_in_wind(files)
     for (path_name, wind), some in groupby(flown, key=lambda f: (f.path_name, f.wind)):
@@ -153,11 +169,8 @@ def in_wind(group: str, files: Sequence[Path]) -> Iterator[Case]:
 
 
 def in_still_air(group: str, files: Sequence[Path]) -> Iterator[Case]:
-    """Yield a case for every path and controller without wind: it is held out, the two after it are fitted.
-
-    Args:
-        group: of the cases.
-        files: logs whose names tell the wind.
+    """Yield a case for every path and controller without wind: it is held out, the two after it are
+    fitted.
     """
     calm = [f for f in flown_in_wind(files) if f.wind == STILL]
     for _, some in groupby(calm, key=lambda f: f.path_name):
@@ -167,11 +180,8 @@ def in_still_air(group: str, files: Sequence[Path]) -> Iterator[Case]:
 
 
 def into_wind(group: str, files: Sequence[Path]) -> Iterator[Case]:
-    """Yield a case for every flight in wind: what is fitted was flown in still air by the two controllers after it.
-
-    Args:
-        group: of the cases.
-        files: logs whose names tell the wind.
+    """Yield a case for every flight in wind: what is fitted was flown in still air by the two
+    controllers after it.
     """
     flown = flown_in_wind(files)
     for held_out in flown:
@@ -186,7 +196,12 @@ def into_wind(group: str, files: Sequence[Path]) -> Iterator[Case]:
 
 
 def _held_out(
-    group: str, wind: str, fitted: Sequence[Flown], held_out: Flown, still: tuple[Path, ...] = (), speed: float = 0.0
+    group: str,
+    wind: str,
+    fitted: Sequence[Flown],
+    held_out: Flown,
+    still: tuple[Path, ...] = (),
+    speed: float = 0.0,
 ) -> Case:
     name = f"{wind} {_controllers(fitted)} -> {held_out.controller}"
     return Case(group, name, tuple(f.path for f in fitted), held_out.path, still, speed)

@@ -1,4 +1,6 @@
-"""Score of one case: every method's names against the truth, its parameters, and what its model predicts."""
+"""Score of one case: every method's names against the truth, its parameters, and what its model
+predicts.
+"""
 
 import dataclasses as dc
 import math
@@ -10,10 +12,27 @@ import numpy as np
 
 from diagrams.challenge.real.answers import brief, effects_of, read_answer
 from diagrams.challenge.real.campaigns import campaign_of
-from diagrams.challenge.real.effect_columns import DAMPING, LENGTHS, library_columns, payload_columns, wind_columns
+from diagrams.challenge.real.effect_columns import (
+    DAMPING,
+    LENGTHS,
+    library_columns,
+    payload_columns,
+    wind_columns,
+)
 from diagrams.challenge.real.flights import open_case, open_flights
-from diagrams.challenge.real.least_squares import select_by_bic, told_ground, told_payload, told_wind
-from diagrams.challenge.real.payload_position import observed, open_loop, position_errors, residual_force, wrench_of
+from diagrams.challenge.real.least_squares import (
+    select_by_bic,
+    told_ground,
+    told_payload,
+    told_wind,
+)
+from diagrams.challenge.real.payload_position import (
+    observed,
+    open_loop,
+    position_errors,
+    residual_force,
+    wrench_of,
+)
 from diagrams.challenge.real.rules import Case
 from diagrams.challenge.real.truth import DIRECTION, GROUND, PAYLOAD, PLACE, WINDS, Truth
 from np_drake.diagnosis.diagnose import diagnose
@@ -29,11 +48,8 @@ STEP = 0.02  # between the instants at which a force is averaged [s]
 
 
 def measured_wind_force(case: Case, windy: Sequence[FlightLog]) -> np.ndarray:
-    """Return the mean residual force of flights in wind less that of flights in still air, (3,) in W [N].
-
-    Args:
-        case: tells the flights in still air.
-        windy: flights in wind.
+    """Return the mean residual force of flights in wind less that of flights in still air, (3,) in
+    W [N].
     """
     campaign = campaign_of(case.group)
 
@@ -52,14 +68,13 @@ def wind_figures(
     speed: float,
     force: np.ndarray | None = None,
 ) -> dict[str, float]:
-    """Return direction error [deg], mean force over that measured [1] and speed over that of the fans [1] of a wind.
+    """Return direction error [deg], mean force over that measured [1] and speed over that of the
+    fans [1] of a wind.
 
     Empty where no wind is among the effects.
 
     Args:
-        effects: wind, drags and what else acts.
         flights: flights in the wind, over which its force is averaged.
-        vehicle: nominal vehicle.
         measured: (3,) mean force of the wind in W [N].
         speed: of the fans [m/s].
         force: (3,) mean force of the wind in W, where it is known [N]; None: that of the effects.
@@ -90,28 +105,30 @@ def _wind_force(
 
 
 def angle(a: np.ndarray, b: np.ndarray) -> float:
-    """Return the angle between two vectors [deg]; NaN where one is zero.
-
-    Args:
-        a: vector.
-        b: vector of the same size.
-    """
+    """Return the angle between two vectors [deg]; NaN where one is zero."""
     size = float(np.linalg.norm(a) * np.linalg.norm(b))
     return math.degrees(math.acos(np.clip(float(a @ b) / size, -1, 1))) if size > 0 else math.nan
 
 
 THIS, BIC, TOLD = "this", "BIC", "told"
 BASELINES = (BIC, TOLD)  # methods that give no diagnosis.json
-AXES = {"lateral": ("x", "y"), "vertical": ("z",), "torque": ("x", "y", "z")}  # of the held-out residual
+AXES = {
+    "lateral": ("x", "y"),
+    "vertical": ("z",),
+    "torque": ("x", "y", "z"),
+}  # of the held-out residual
 PREDICTORS = {"open": open_loop, "observed": observed}  # of the payload's position
 
 
 @dc.dataclass(frozen=True)
 class Scoring:
-    """Work of a case -> {"group", "vehicle", "case", "methods", "answer"}: the score of every method.
+    """Work of a case -> {"group", "vehicle", "case", "methods", "answer"}: the score of every
+    method.
 
-    answers: folder of answers to score; None: the case is diagnosed, and "answer" holds what was said.
-    beside: further folders of answers, by name.   A case that a folder does not answer lacks that method.
+    answers: folder of answers to score; None: the case is diagnosed, and "answer" holds what was
+    said.
+    beside: further folders of answers, by name.
+    A case that a folder does not answer lacks that method.
     """
 
     answers: Path | None = None
@@ -124,25 +141,47 @@ class Scoring:
         """
         campaign, (vehicle, train, held_out) = campaign_of(case.group), open_case(case)
         flights, truth = [make_flight_residuals(log, vehicle) for log in train], campaign.truth
-        record: dict[str, Any] = {"group": case.group, "vehicle": campaign.vehicle, "case": case.name}
+        record: dict[str, Any] = {
+            "group": case.group,
+            "vehicle": campaign.vehicle,
+            "case": case.name,
+        }
         record |= {"wind": case.speed} if case.speed else {}
         folders = {THIS: self.answers, **self.beside}
-        said = {name: read_answer(folder, case) for name, folder in folders.items() if folder is not None}
+        said = {
+            name: read_answer(folder, case)
+            for name, folder in folders.items()
+            if folder is not None
+        }
         if self.answers is None:
             found = diagnose(vehicle, train, held_out, adaptive_split=case.second)
             record["answer"] = said[THIS] = brief(found.as_json())
         methods: dict[str, Any] = {
-            name: scored(answer, truth, train) for name, answer in said.items() if answer is not None
+            name: scored(answer, truth, train)
+            for name, answer in said.items()
+            if answer is not None
         }
-        effects = {name: effects_of(said[name] or {}, own["causes"]) for name, own in methods.items()}
-        columns = [*library_columns(flights), *payload_columns(flights, LENGTHS), wind_columns(flights)]
+        effects = {
+            name: effects_of(said[name] or {}, own["causes"]) for name, own in methods.items()
+        }
+        columns = [
+            *library_columns(flights),
+            *payload_columns(flights, LENGTHS),
+            wind_columns(flights),
+        ]
         methods[BIC] = {**verdict(select_by_bic(flights, columns), truth), "parameters": {}}
         if PAYLOAD in truth.present:
             own = told_payload(flights)
-            effects[TOLD] = [SuspendedPayload(own["mass"]["value"], own["length"]["value"], 0.0, 0.0, 0.0, DAMPING)]
+            effects[TOLD] = [
+                SuspendedPayload(
+                    own["mass"]["value"], own["length"]["value"], 0.0, 0.0, 0.0, DAMPING
+                )
+            ]
             methods[TOLD] = {"causes": {}, "parameters": {PAYLOAD: own}}
             for name, acting in effects.items():
-                methods[name]["position"] = position_errors(case.held_out, held_out, vehicle, acting, PREDICTORS)
+                methods[name]["position"] = position_errors(
+                    case.held_out, held_out, vehicle, acting, PREDICTORS
+                )
         if GROUND in truth.present:
             methods[TOLD] = {"causes": {}, "parameters": {GROUND: told_ground(flights)}}
         if case.still:
@@ -151,29 +190,41 @@ class Scoring:
             for name, acting in effects.items():
                 methods[name]["wind"] = wind_figures(acting, *fans)
             drag, wind, force = told_wind(flights)
-            methods[TOLD] = {"causes": {}, "parameters": {}, "wind": wind_figures([drag, wind], *fans, force)}
+            methods[TOLD] = {
+                "causes": {},
+                "parameters": {},
+                "wind": wind_figures([drag, wind], *fans, force),
+            }
         return record | {"methods": methods}
 
 
-def scored(answer: Mapping[str, Any], truth: Truth, train: Sequence[FlightLog] = ()) -> dict[str, Any]:
+def scored(
+    answer: Mapping[str, Any], truth: Truth, train: Sequence[FlightLog] = ()
+) -> dict[str, Any]:
     """Return what the content of a `diagnosis.json` says, against the truth.
 
-    A cause that is absent from all flights of the fit is said of the held-out flight, and is not judged as theirs.
+    A cause that is absent from all flights of the fit is said of the held-out flight, and is not
+    judged as theirs.
 
     Args:
         answer: content of `diagnosis.json`.
-        truth: of the flights.
         train: flights of the fit; empty: every cause is theirs.
     """
     fitted = {log.name for log in train}
-    own = [c for c in answer["causes"] if not fitted or not fitted <= set(c.get("absent_from") or ())]
+    own = [
+        c for c in answer["causes"] if not fitted or not fitted <= set(c.get("absent_from") or ())
+    ]
     causes = {c["effect"]: float(c["probability"]) for c in own}
     unknown = float(answer.get("unknown_probability") or 0.0)
     if UNKNOWN in truth.present:
         causes[UNKNOWN] = unknown
     if any(finding["name"] == PLACE for finding in answer.get("remains", ())):
         causes[PLACE] = unknown
-    late = [c["effect"] for c in own if any(time is not None for time in (c.get("onset") or {}).values())]
+    late = [
+        c["effect"]
+        for c in own
+        if any(time is not None for time in (c.get("onset") or {}).values())
+    ]
     return {
         **verdict(causes, truth, late),
         "parameters": {c["effect"]: c.get("parameters", {}) for c in own},
@@ -190,31 +241,32 @@ def verdict(causes: Mapping[str, float], truth: Truth, late: Sequence[str] = ())
 
     Args:
         causes: probability by name [1].
-        truth: of the flights.
-        late: names that begin in flight.
     """
     right, wrong = truth.right(causes, late), truth.wrong(causes, late)
     return {"causes": dict(causes), "late": list(late), "right": right, "wrong": wrong}
 
 
 def held_out_cut(gap: Mapping[str, Any]) -> dict[str, float | None]:
-    """Return by how much the causes reduce the RMS of the held-out residual, by group of channels [1]."""
+    """Return by how much the causes reduce the RMS of the held-out residual, by group of channels
+    [1].
+    """
     cut: dict[str, float | None] = {}
     for group, axes in AXES.items():
         kind = gap.get("torque" if group == "torque" else "force") or {}
         before, after = (
-            math.sqrt(sum((kind.get(axis, {}).get(key) or 0.0) ** 2 for axis in axes)) for key in ("rms", "after")
+            math.sqrt(sum((kind.get(axis, {}).get(key) or 0.0) ** 2 for axis in axes))
+            for key in ("rms", "after")
         )
         cut[group] = 1 - after / before if before > 0 else None
     return cut
 
 
 def says_new_condition(answer: Mapping[str, Any], fitted: set[str]) -> str:
-    """Return the wind that an answer, or its second answer, finds in held-out flights alone; empty where there is none.
+    """Return the wind that an answer, or its second answer, finds in held-out flights alone; empty
+    where there is none.
 
     Args:
         answer: content of `diagnosis.json`.
-        fitted: names of the flights of the fit.
     """
     causes = [*answer["causes"], *(answer.get("refit") or {}).get("causes", ())]
     new = (c["effect"] for c in causes if fitted and fitted <= set(c.get("absent_from") or ()))

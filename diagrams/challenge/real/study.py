@@ -37,7 +37,11 @@ class Options(RealFlightOptions):
     ] = None
     beside: Annotated[
         list[str] | None,
-        Option("--beside", metavar="NAME=DIR", help="A row of answers made by another version; repeatable."),
+        Option(
+            "--beside",
+            metavar="NAME=DIR",
+            help="A row of answers made by another version; repeatable.",
+        ),
     ] = None
 
     def others(self) -> dict[str, Path]:
@@ -50,17 +54,16 @@ class Options(RealFlightOptions):
             name, equals, folder = text.partition("=")
             if not (name and equals and folder) or name in (THIS, *BASELINES, *found):
                 taken = ", ".join((THIS, *BASELINES))
-                raise ValueError(f"--beside: must be NAME=DIR, each NAME once and none of {taken}; got {text!r}.")
+                raise ValueError(
+                    f"--beside: must be NAME=DIR, each NAME once and none of {taken}; got {text!r}."
+                )
             found[name] = Path(folder)
         return found
 
 
 def run(run: Run, options: Options) -> Report:
-    """The diagnosis on real flights with known causes, beside least squares and answers of other versions.
-
-    Args:
-        run: seed, folders, workers and progress.
-        options: of the study.
+    """The diagnosis on real flights with known causes, beside least squares and answers of other
+    versions.
     """
     folder, beside = options.given("real"), options.others()
     cases = make_cases(folder, options.neurobem, options.only or ())
@@ -79,17 +82,29 @@ def run(run: Run, options: Options) -> Report:
     failed = failures(finished)
     records = [dict(r["result"]) for r in finished if "result" in r]
     folders = {(case.group, case.name): case.folder for case in cases}
-    made = {folders[r["group"], r["case"]]: answer for r in records if (answer := r.pop("answer", None)) is not None}
+    made = {
+        folders[r["group"], r["case"]]: answer
+        for r in records
+        if (answer := r.pop("answer", None)) is not None
+    }
     series = {name: judged_names(records, name) for name in methods_of(records, "naming")}
     return Report(
         tables(records),
         config={**config, "cases": [f"{case.group}: {case.name}" for case in cases]},
-        metrics={"table": records, "calibration": {n: bins(p) for n, p in series.items()}, "failures": failed},
+        metrics={
+            "table": records,
+            "calibration": {n: bins(p) for n, p in series.items()},
+            "failures": failed,
+        },
         summary=[f"{len(records)} cases, by this rule:", *RULE],
         notes=notes,
-        figures={"calibration.png": lambda: calibration_figure(series)} if any(series.values()) else {},
+        figures={"calibration.png": lambda: calibration_figure(series)}
+        if any(series.values())
+        else {},
         write=(lambda out: write_answers(out / ANSWERS, made)) if made else None,
-        failure=FailedRun(f"{failed[0]} ({len(failed)} of {len(cases)} cases failed)") if failed else None,
+        failure=FailedRun(f"{failed[0]} ({len(failed)} of {len(cases)} cases failed)")
+        if failed
+        else None,
     )
 
 

@@ -50,12 +50,14 @@ def methods_of(records: Sequence[Record], kind: str = "all") -> list[str]:
     return [*own, *(name for name in apart if name in used)]
 
 
-def answers(records: Sequence[Record], groups: Collection[str] = GROUPS, methods: Collection[str] = ()) -> list[Answer]:
-    """Return the scores of methods in the cases of some groups, with "group", "case", "by" and "fans" of each.
+def answers(
+    records: Sequence[Record], groups: Collection[str] = GROUPS, methods: Collection[str] = ()
+) -> list[Answer]:
+    """Return the scores of methods in the cases of some groups, with "group", "case", "by" and
+    "fans" of each.
 
     Args:
         records: of `Scoring`.
-        groups: groups of cases.
         methods: names of methods, empty: all; one that did not answer a case is left out there.
     """
     return [
@@ -79,7 +81,9 @@ def beyond_drag(answer: Answer) -> int:
 
 
 def gains_nothing(answer: Answer) -> bool | None:
-    """Return whether an answer has a name and makes the held-out residual worse; None where it tells no reduction."""
+    """Return whether an answer has a name and makes the held-out residual worse; None where it
+    tells no reduction.
+    """
     fraction = answer.get("fraction")
     return None if fraction is None else bool(fraction < 0 and named(answer["causes"]))
 
@@ -96,8 +100,8 @@ def _centimetres(values: Sequence[float]) -> str:
 class Asked:
     """Line of the table: what is asked of the cases of some groups.
 
-    figure: of an answer; None: it does not count.   kind: methods of which it is asked, of `methods_of`.
-    gather: cell of all figures.
+    figure: of an answer; None: it does not count.
+    kind: methods of which it is asked, of `methods_of`. gather: cell of all figures.
     """
 
     what: str
@@ -112,7 +116,6 @@ class Asked:
 
         Args:
             records: of `Scoring`.
-            method: name of the method.
         """
         if method not in methods_of(records, self.kind):
             return None
@@ -122,34 +125,52 @@ class Asked:
 
 
 def asked_figures(records: Sequence[Record]) -> list[dict[str, Any]]:
-    """Return lines with what is asked, what is wanted, and what each method gives, where one gives anything."""
+    """Return lines with what is asked, what is wanted, and what each method gives, where one gives
+    anything.
+    """
     lines = []
     for asked in _asked():
-        cells = {method: cell for method in methods_of(records) if (cell := asked.cell(records, method)) is not None}
+        cells = {
+            method: cell
+            for method in methods_of(records)
+            if (cell := asked.cell(records, method)) is not None
+        }
         if cells:
             lines.append({"what": asked.what, "wanted": asked.wanted, **cells})
     return lines
 
 
 def _asked() -> Iterator[Asked]:
-    yield Asked("healthy: cases with a false name", "≤ 5 %", HEALTHY, lambda a: bool(a["wrong"]), "naming")
+    yield Asked(
+        "healthy: cases with a false name", "≤ 5 %", HEALTHY, lambda a: bool(a["wrong"]), "naming"
+    )
     names = partial(Asked, groups=HEALTHY, figure=beyond_drag, kind="naming")
     yield names("healthy: names beyond drag, median", "0", gather=lambda n: f"{np.median(n):g}")
     yield names("healthy: names beyond drag, mean", "≤ 0.5", gather=lambda n: f"{np.mean(n):.2f}")
     yield from _of_payloads(PAYLOADS, "payload")
     yield from _of_payloads((COMMANDED,), "payload, command")
     yield from _of_wind()
-    yield Asked("still air: cases with a false name", "0", ["still"], lambda a: bool(a["wrong"]), "naming")
+    yield Asked(
+        "still air: cases with a false name", "0", ["still"], lambda a: bool(a["wrong"]), "naming"
+    )
     new = partial(Asked, groups=["new-wind"])
-    yield new("new wind: said so", "all", figure=lambda a: bool(a["new_condition"]), kind="answering")
-    yield new("new wind: cases with a false name", "0", figure=lambda a: bool(a["wrong"]), kind="naming")
+    yield new(
+        "new wind: said so", "all", figure=lambda a: bool(a["new_condition"]), kind="answering"
+    )
+    yield new(
+        "new wind: cases with a false name", "0", figure=lambda a: bool(a["wrong"]), kind="naming"
+    )
     yield Asked("ground effect: named, of the right size", "≥ 80 %", GROUND_GROUPS, _ground_is_told)
     yield Asked("all: named, and held out worse", "0", GROUPS, gains_nothing, "answering")
     yield Asked("known cause: right", f"more than {BIC}", KNOWN, lambda a: a["right"], "naming")
     what = f"all: wrong names, p > {SURE:g}"
     yield Asked(what, "0", GROUPS, _sure_and_wrong, "naming", lambda counts: str(sum(counts)))
-    yield Asked("all: calibration error of names", "", GROUPS, _judged, "naming", _calibration_error)
-    seconds = partial(Asked, wanted="", groups=GROUPS, figure=lambda a: a["seconds"], kind="answering")
+    yield Asked(
+        "all: calibration error of names", "", GROUPS, _judged, "naming", _calibration_error
+    )
+    seconds = partial(
+        Asked, wanted="", groups=GROUPS, figure=lambda a: a["seconds"], kind="answering"
+    )
     yield seconds("seconds a case, median", gather=lambda values: f"{np.median(values):.1f}")
     yield seconds("seconds a case, most", gather=lambda values: f"{max(values):.1f}")
 
@@ -174,11 +195,15 @@ def _ground_is_told(answer: Answer) -> bool:
 
 def _of_payloads(groups: Collection[str], title: str) -> Iterator[Asked]:
     of_group = partial(Asked, groups=groups)
-    yield of_group(f"{title}: named", "≥ 95 %", figure=lambda a: PAYLOAD in named(a["causes"]), kind="naming")
+    yield of_group(
+        f"{title}: named", "≥ 95 %", figure=lambda a: PAYLOAD in named(a["causes"]), kind="naming"
+    )
     for name, error in (("mass", 10), ("length", 5)):
         yield of_group(f"{title}: {name} within {error} %", "all", figure=partial(is_within, name))
     both = f"{title}: both in the 95 % interval"
-    yield of_group(both, "≥ 90 %", figure=lambda a: all(is_covered(name, a) for name in ("mass", "length")))
+    yield of_group(
+        both, "≥ 90 %", figure=lambda a: all(is_covered(name, a) for name in ("mass", "length"))
+    )
     for key, how in (("observed", "observed"), ("open", "open loop")):
         what = f"{title}: position, {how}, RMSE [cm]"
         most = f"≤ {100 * WITHIN_POSITION:.0f}" if key == "observed" else ""
@@ -190,32 +215,27 @@ def _position_error(key: str, answer: Answer) -> float | None:
 
 
 def estimate(name: str, answer: Answer) -> Mapping[str, Any]:
-    """Return value and interval of a parameter of the known cause; empty where it is not told.
-
-    Args:
-        name: of the parameter.
-        answer: of a case.
-    """
+    """Return value and interval of a parameter of the known cause; empty where it is not told."""
     present = campaign_of(answer["group"]).truth.present
-    return next((found[name] for n in present if name in (found := answer["parameters"].get(n, {}))), {})
+    return next(
+        (found[name] for n in present if name in (found := answer["parameters"].get(n, {}))), {}
+    )
 
 
 def is_within(name: str, answer: Answer) -> bool:
-    """Return whether a parameter of the known cause is in the asked range; False where it has none.
-
-    Args:
-        name: of the parameter.
-        answer: of a case.
+    """Return whether a parameter of the known cause is in the asked range; False where it has
+    none.
     """
-    return campaign_of(answer["group"]).truth.parameters[name].holds(estimate(name, answer).get("value"))
+    return (
+        campaign_of(answer["group"])
+        .truth.parameters[name]
+        .holds(estimate(name, answer).get("value"))
+    )
 
 
 def is_covered(name: str, answer: Answer) -> bool:
-    """Return whether the 95 % interval of a parameter of the known cause holds the truth; False where there is none.
-
-    Args:
-        name: of the parameter.
-        answer: of a case.
+    """Return whether the 95 % interval of a parameter of the known cause holds the truth; False
+    where there is none.
     """
     low, high = estimate(name, answer).get("ci95", (None, None))
     known = campaign_of(answer["group"]).truth.parameters[name]
@@ -228,7 +248,9 @@ def _of_wind() -> Iterator[Asked]:
     what = f"wind: direction within {WITHIN_ANGLE:.0f}°"
     yield of_wind(what, figure=partial(_wind_is_within, "angle", 0.0, WITHIN_ANGLE))
     what = f"wind: mean force within {100 * WITHIN_FORCE:.0f} %"
-    yield of_wind(what, wanted="5 of 6", figure=partial(_wind_is_within, "force", 1.0, WITHIN_FORCE))
+    yield of_wind(
+        what, wanted="5 of 6", figure=partial(_wind_is_within, "force", 1.0, WITHIN_FORCE)
+    )
     what = f"wind below {LINEAR_UP_TO:.0f} m/s: speed within {100 * WITHIN_SPEED:.0f} %"
     yield of_wind(what, figure=_gentle_speed_is_within)
 
@@ -240,14 +262,22 @@ def _wind_is_named(answer: Answer) -> bool:
 
 
 def _wind_is_within(figure: str, about: float, within: float, answer: Answer) -> bool:
-    """Return whether a figure of the wind is within the asked error; False where no wind is told."""
+    """Return whether a figure of the wind is within the asked error; False where no wind is
+    told.
+    """
     value = answer.get("wind", {}).get(figure)
     return value is not None and abs(value - about) <= within
 
 
 def _gentle_speed_is_within(answer: Answer) -> bool | None:
-    """Return whether the speed of the wind is within the asked error; None where the fans blow harder."""
-    return _wind_is_within("speed", 1.0, WITHIN_SPEED, answer) if answer["fans"] <= LINEAR_UP_TO else None
+    """Return whether the speed of the wind is within the asked error; None where the fans blow
+    harder.
+    """
+    return (
+        _wind_is_within("speed", 1.0, WITHIN_SPEED, answer)
+        if answer["fans"] <= LINEAR_UP_TO
+        else None
+    )
 
 
 def judged_names(records: Sequence[Record], method: str = THIS) -> list[tuple[float, bool]]:
@@ -255,6 +285,5 @@ def judged_names(records: Sequence[Record], method: str = THIS) -> list[tuple[fl
 
     Args:
         records: of `Scoring`.
-        method: name of the method that gave the names.
     """
     return [pair for answer in answers(records, methods=[method]) for pair in _judged(answer)]

@@ -53,7 +53,10 @@ def _asked_table(records: Sequence[Record]) -> Table:
         ("wanted", "wanted"),
         *((method, _of_method(method)) for method in used),
     ]
-    title = "asked of the diagnosis; BIC: forward selection; told: least squares of the known effect alone"
+    title = (
+        "asked of the diagnosis; BIC: forward selection; told: least squares of the known "
+        "effect alone"
+    )
     return tabulate(title, lines, columns)
 
 
@@ -97,7 +100,8 @@ def _group_table(records: Sequence[Record]) -> Table:
         ("s", seconds),
     )
     title = (
-        "cases: known cause named and no false name; with a false name; names beyond drag, median / mean; named, and "
+        "cases: known cause named and no false name; with a false name; names beyond drag, "
+        "median / mean; named, and "
         "held out worse; unknown; seconds, median / most"
     )
     return tabulate(title, lines, columns)
@@ -116,7 +120,9 @@ def _parameter_table(records: Sequence[Record]) -> Table:
     def errors(line: tuple) -> str:
         campaign, name, _, own = line
         known = [
-            (v, campaign.truth.parameters[name].value) for a in own if (v := estimate(name, a)["value"]) is not None
+            (v, campaign.truth.parameters[name].value)
+            for a in own
+            if (v := estimate(name, a)["value"]) is not None
         ]
         found = [100 * (value / true - 1) for value, true in known]
         return f"{np.median(found):+.0f} / {max(found, key=abs):+.0f}" if found else NOTHING
@@ -136,13 +142,18 @@ def _parameter_table(records: Sequence[Record]) -> Table:
         ("error [%]", errors),
     )
     return tabulate(
-        "parameters of known causes [SI]; covered: by the 95 % interval; error: median / largest", lines, columns
+        "parameters of known causes [SI]; covered: by the 95 % interval; error: median / largest",
+        lines,
+        columns,
     )
 
 
 def _payload_table(records: Sequence[Record]) -> Table:
     """Return mass, length and position of the payload by case and method, with 95 % intervals."""
-    title = "payload; position: RMSE observed and open loop; cut: held-out residual, lateral / vertical / torque"
+    title = (
+        "payload; position: RMSE observed and open loop; cut: held-out residual, lateral / "
+        "vertical / torque"
+    )
     groups = [c.group for c in CAMPAIGNS if PAYLOAD in c.truth.present]
     columns = (
         ("case", lambda a: f"{a['group']}: {a['case']}"),
@@ -179,7 +190,9 @@ def _wind_table(records: Sequence[Record]) -> Table:
         ("up [m/s]", figure("up", 1)),
         ("cut [%]", lambda a: _cut(a, "lateral", "vertical")),
     )
-    title = "wind along -x; force over that measured against still air, speed over that of the fans [1]"
+    title = (
+        "wind along -x; force over that measured against still air, speed over that of the fans [1]"
+    )
     return tabulate(title, answers(records, ["wind"], _telling(records)), columns)
 
 
@@ -192,7 +205,10 @@ def _name_table(records: Sequence[Record]) -> Table:
         ("names", _names),
         ("s", lambda a: _fixed(a.get("seconds"), 0)),
     )
-    title = f"names and probabilities, the first {TOP}; WRONG ones in capitals, those above {NAMED:g} count"
+    title = (
+        f"names and probabilities, the first {TOP}; WRONG ones in capitals, those above "
+        f"{NAMED:g} count"
+    )
     return tabulate(title, answers(records, methods=methods_of(records, "naming")), columns)
 
 

@@ -1,4 +1,6 @@
-"""A case with its truth and its answer, as read from files and checked (docs/reference/files.md)."""
+"""A case with its truth and its answer, as read from files and checked
+(docs/reference/files.md).
+"""
 
 import dataclasses as dc
 from collections.abc import Callable, Iterator
@@ -7,7 +9,14 @@ from typing import Any
 
 from diagrams.challenge.generate.case import CLEAN, OUT_OF_LIBRARY
 from diagrams.challenge.generate.ground_truth import TRUTH_FILE
-from diagrams.challenge.score.schema import SchemaValidator, list_of, object_of, or_null, record, violation
+from diagrams.challenge.score.schema import (
+    SchemaValidator,
+    list_of,
+    object_of,
+    or_null,
+    record,
+    violation,
+)
 from np_drake.diagnosis.result import UNKNOWN
 from np_drake.effects.library import LIBRARY, MEASURED_ROTORS
 from np_drake.files.input_file import read_json
@@ -55,7 +64,11 @@ PARAMETERS = SchemaValidator(object_of(NUMBER))  # of an effect of the library
 ESTIMATE = record({"value": or_null(NUMBER), "ci95": BOUNDS})
 CAUSE = record(
     {"effect": TEXT, "parameters": object_of(ESTIMATE)},
-    spare={"probability": or_null(SHARE), "onset": INSTANTS, "indistinguishable_from": list_of(TEXT)},
+    spare={
+        "probability": or_null(SHARE),
+        "onset": INSTANTS,
+        "indistinguishable_from": list_of(TEXT),
+    },
 )
 CHANNEL = record({}, spare={"rms": or_null(SIZE), "after": or_null(SIZE)})
 AXES = record({}, spare=dict.fromkeys("xyz", CHANNEL))
@@ -75,7 +88,9 @@ ANSWER = SchemaValidator(
 
 
 def fault_of_truth(truth: dict[str, Any]) -> str | None:
-    """Return a sentence on the first field of a truth that is wrong or contradicts others; None: there is none."""
+    """Return a sentence on the first field of a truth that is wrong or contradicts others; None:
+    there is none.
+    """
     return violation(TRUTH, truth) or next(_disagreements(truth), None)
 
 
@@ -94,7 +109,10 @@ def _disagreements(truth: dict[str, Any]) -> Iterator[str]:
         yield f"class must hold a list for each of {len(effects)} effects; got {len(classes)}."
     lost = truth.get("within_tolerance", effects)
     if len(lost) != len(effects):
-        yield f"within_tolerance must hold a flag for each of {len(effects)} effects; got {len(lost)}."
+        yield (
+            f"within_tolerance must hold a flag for each of {len(effects)} effects; got "
+            f"{len(lost)}."
+        )
     for i, (effect, names) in enumerate(zip(effects, classes, strict=False)):
         own = effect["effect"]
         if kind != OUT_OF_LIBRARY:
@@ -113,7 +131,10 @@ def _unlike(replay: dict[str, Any]) -> Iterator[str]:
     for name in [name for name in ("before", "after") if replay.get(name) is not None]:
         given, asked = len(replay[name]["position"]), len(replay["horizon"])
         if given != asked:
-            yield f"shrink.replay.{name}.position must hold an error for each of {asked} horizons; got {given}."
+            yield (
+                f"shrink.replay.{name}.position must hold an error for each of {asked} "
+                f"horizons; got {given}."
+            )
 
 
 ANSWER_FILE = "diagnosis.json"
@@ -143,7 +164,8 @@ class AnsweredCase:
     def visibility(self) -> float:
         """Return the largest ratio of a channel's RMS to its noise [1].
 
-        1 where all that acts is within what vehicle file, input and sensors may be off by: nobody can tell.
+        1 where all that acts is within what vehicle file, input and sensors may be off by: nobody
+        can tell.
         """
         if self.true_names and not self.must_be_named:
             return 1.0
@@ -156,17 +178,23 @@ class AnsweredCase:
 
     @property
     def must_be_named(self) -> tuple[int, ...]:
-        """Return the numbers of the true effects that are not within what the files may be off by."""
+        """Return the numbers of the true effects that are not within what the files may be off
+        by.
+        """
         lost = self.truth.get("within_tolerance") or [False] * len(self.true_names)
         return tuple(i for i, within in enumerate(lost) if not within)
 
     @property
     def visibility_in_training(self) -> float:
-        """Return the largest visibility in the training flights; 0 where the truth does not say [1]."""
+        """Return the largest visibility in the training flights; 0 where the truth does not say
+        [1].
+        """
         return max(self.truth.get("visibility_in_training", {}).values(), default=0.0)
 
     def visibility_in(self, flight: str) -> float:
-        """Return the visibility in one flight; that of the case where the truth does not say [1]."""
+        """Return the visibility in one flight; that of the case where the truth does not say
+        [1].
+        """
         return float(self.truth.get("visibility_in_training", {}).get(flight, self.visibility))
 
     @property
@@ -176,7 +204,9 @@ class AnsweredCase:
 
     @property
     def main(self) -> str:
-        """Return the effect that a case of one effect is about (a wind's drag comes after it), `foreign` or `clean`."""
+        """Return the effect that a case of one effect is about (a wind's drag comes after it),
+        `foreign` or `clean`.
+        """
         return OUT_OF_LIBRARY if self.kind == OUT_OF_LIBRARY else next(iter(self.true_names), CLEAN)
 
     @property
@@ -199,20 +229,27 @@ def read_answered_cases(answers: Path, truth: Path, least: float = VISIBLE) -> l
     """Return every case that has a truth, sorted by name; of a folder of sets, `<set>/<case>`.
 
     Args:
-        answers: folder of <case>/diagnosis.json, or of sets.
-        truth: folder of <case>/truth.json, or of sets.
         least: visibility from which a case must be found [1].
-    Raises: ValueError: if there is no truth, or a file is no JSON or not what docs/reference/files.md says: one line
-        with file, field and what it must be; OSError: if one cannot be read.
+    Raises: ValueError: if there is no truth, or a file is no JSON or not what
+        docs/reference/files.md says: one line with file, field and what it must be; OSError: if one
+        cannot be read.
     """
-    names = [file.parent.relative_to(truth) for file in sorted(truth.rglob(TRUTH_FILE)) if file.parent != truth]
+    names = [
+        file.parent.relative_to(truth)
+        for file in sorted(truth.rglob(TRUTH_FILE))
+        if file.parent != truth
+    ]
     if not names:
         raise ValueError(f"{truth}: must hold <case>/{TRUTH_FILE}; got none.")
     cases = []
     for name in names:
         file = answers / name / ANSWER_FILE
         answer = read_checked(file, fault_of_answer) if file.is_file() else None
-        cases.append(AnsweredCase(str(name), read_checked(truth / name / TRUTH_FILE, fault_of_truth), answer, least))
+        cases.append(
+            AnsweredCase(
+                str(name), read_checked(truth / name / TRUTH_FILE, fault_of_truth), answer, least
+            )
+        )
     return cases
 
 
@@ -220,9 +257,9 @@ def read_checked(path: Path, fault_of: Callable[[dict[str, Any]], str | None]) -
     """Return the content of a JSON file that holds an object.
 
     Args:
-        path: of the file.
         fault_of: returns what is wrong with the content, in a sentence, or None.
-    Raises: ValueError: one line with file, field and what it must be; OSError: if it cannot be read.
+    Raises: ValueError: one line with file, field and what it must be; OSError: if it cannot be
+        read.
     """
     fault: str | None = "must hold a JSON object."
     try:

@@ -8,12 +8,16 @@ from diagrams.challenge.score.tables import NOTHING, at
 
 QUALITIES = ("clean", "real", "wild")
 INFINITY = float("inf")
-Value = dict[str, Any] | float | None  # a share with `count` and `n`, or a number; None where there are no cases
+Value = (
+    dict[str, Any] | float | None
+)  # a share with `count` and `n`, or a number; None where there are no cases
 
 
 @dc.dataclass(frozen=True)
 class Asked:
-    """A figure of a score, and the least and most that are asked for by quality [1]; None: nothing is."""
+    """A figure of a score, and the least and most that are asked for by quality [1]; None: nothing
+    is.
+    """
 
     label: str
     keys: str  # under which it stands in a score, with dots between
@@ -22,11 +26,8 @@ class Asked:
     wild: tuple[float, float] | None = None
 
     def cells(self, quality: str, value: Value) -> tuple[str, str, str]:
-        """Return its row: label, what is asked for, and the value, between asterisks where it falls short.
-
-        Args:
-            quality: of the sensors.
-            value: of the figure.
+        """Return its row: label, what is asked for, and the value, between asterisks where it falls
+        short.
         """
         if isinstance(value, dict):
             known = value["count"] / value["n"] if value["n"] else None
@@ -67,7 +68,9 @@ ASKED = (
     Asked("foreign: `unknown`", "rates.foreign.unknown", *_least(0.92, 0.75, 0.85)),
     Asked("a wrong name above 0.9", "rates.foreign.wrong_and_sure", *_most(0.0, 0.02)),
     Asked("parameters: median error", "parameters.median_error", *_most(0.03, 0.08)),
-    Asked("in the 95 % interval", "parameters.coverage_rate", (0.90, 0.99), (0.88, 0.99), (0.90, 0.98)),
+    Asked(
+        "in the 95 % interval", "parameters.coverage_rate", (0.90, 0.99), (0.88, 0.99), (0.90, 0.98)
+    ),
     Asked("onset within 0.2 s", "onset.within", *_least(0.90, 0.75)),
     Asked("where it shows", "onset.within_if_seen"),
     Asked("where the true effect tells", "onset.within_if_told"),

@@ -18,16 +18,15 @@ ENOUGH = 8  # cases for a curve
 
 
 def abscissa(visibility: np.ndarray | float) -> np.ndarray:
-    """Return log10(visibility - 1), in which the curve is logistic. Source: own choice: effects come by decades."""
+    """Return log10(visibility - 1), in which the curve is logistic. Source: own choice: effects
+    come by decades.
+    """
     return np.log10(np.maximum(np.asarray(visibility, float) - 1.0, FAINTEST))
 
 
 def detection(cases: Sequence[AnsweredCase], seed: int) -> dict[str, Any]:
-    """Return points, bins, curve (intercept, slope), and visibility of half with its 95 % interval.
-
-    Args:
-        cases: of one effect each.
-        seed: of the bootstrap.
+    """Return points, bins, curve (intercept, slope), and visibility of half with its 95 %
+    interval.
     """
     visibility = np.array([c.visibility for c in cases])
     found = np.array([detected(c) for c in cases], float)
@@ -36,7 +35,12 @@ def detection(cases: Sequence[AnsweredCase], seed: int) -> dict[str, Any]:
         "n": len(cases),
         "visibility": visibility.tolist(),
         "found": found.astype(bool).tolist(),
-        "bins": binned(found, np.maximum(np.digitize(visibility, EDGES) - 1, 0), EDGES, median=(np.median, visibility)),
+        "bins": binned(
+            found,
+            np.maximum(np.digitize(visibility, EDGES) - 1, 0),
+            EDGES,
+            median=(np.median, visibility),
+        ),
         "curve": None if curve is None else list(curve),
         "half": None if curve is None else half_found(curve),
         "half_ci95": None if curve is None else _bootstrap(visibility, found, seed),
@@ -49,9 +53,9 @@ def logistic(x: np.ndarray, y: np.ndarray, steps: int = 60) -> tuple[float, floa
     Args:
         x: (n,) abscissa.
         y: (n,) 0 or 1.
-        steps: of the iteration.
     """
-    # Newton's method on the ridge-penalised log-likelihood (iteratively reweighted least squares), steps held to 2.
+    # Newton's method on the ridge-penalised log-likelihood (iteratively reweighted least squares),
+    # steps held to 2.
     design = np.stack([np.ones_like(x), x], axis=1)
     penalty, theta = PRIOR * np.eye(2), np.zeros(2)
     for _ in range(steps):

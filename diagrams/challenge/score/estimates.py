@@ -26,7 +26,8 @@ _ANGLES = ("roll", "pitch", "yaw")
 class ParameterError:
     """The error of a parameter, or of a vector of them.
 
-    size: relative [1], of a place [m], of a choice 0 or 1.   inside: by scalar, whether its interval holds the truth.
+    size: relative [1], of a place [m], of a choice 0 or 1.
+    inside: by scalar, whether its interval holds the truth.
     """
 
     effect: str
@@ -47,7 +48,9 @@ def errors_of(case: AnsweredCase) -> list[ParameterError]:
     return found
 
 
-def _effect_errors(effect: str, true: dict[str, float], estimates: dict[str, Any]) -> list[ParameterError]:
+def _effect_errors(
+    effect: str, true: dict[str, float], estimates: dict[str, Any]
+) -> list[ParameterError]:
     groups: dict[str, list[Parameter]] = {}
     for parameter in LIBRARY[effect].parameters:
         if parameter.name in true and parameter.name in estimates:
@@ -59,13 +62,17 @@ def _group_error(effect: str, name: str, group: list[Parameter], true, estimates
     real = np.array([true[p.name] for p in group], float)
     given = np.array([_number(estimates[p.name]["value"]) for p in group])
     if group[0].choices:
-        return ParameterError(effect, name, float(not np.array_equal(real, np.round(given))), "choice")
+        return ParameterError(
+            effect, name, float(not np.array_equal(real, np.round(given))), "choice"
+        )
     bounds = np.array([[_number(b) for b in estimates[p.name]["ci95"]] for p in group])
     inside = tuple(bool(low <= x <= high) for x, (low, high) in zip(real, bounds, strict=True))
     size, kind = float(np.linalg.norm(given - real)), "place"
     if name != PLACE:
         size, kind = size / _scale(effect, group, real), "relative"
-    return ParameterError(effect, name, size, kind, inside, int(np.sum(bounds[:, 0] == bounds[:, 1])))
+    return ParameterError(
+        effect, name, size, kind, inside, int(np.sum(bounds[:, 0] == bounds[:, 1]))
+    )
 
 
 def _scale(effect: str, group: list[Parameter], real: np.ndarray) -> float:
@@ -76,7 +83,9 @@ def _scale(effect: str, group: list[Parameter], real: np.ndarray) -> float:
 
 
 def group_of(name: str) -> str:
-    """Return the vector that a parameter is part of, else its own name: x -> vector, d_x -> d, roll -> angles."""
+    """Return the vector that a parameter is part of, else its own name: x -> vector, d_x -> d, roll
+    -> angles.
+    """
     if name in _ANGLES:
         return "angles"
     axis = _AXIS.fullmatch(name)
@@ -124,12 +133,15 @@ LOG_SUFFIX = re.compile(r"\.(csv\.gz|csv|parquet)$")
 
 
 def same_flight(name: str) -> str:
-    """Return a flight's name without folder and suffix: `train_1.csv` and `train_1` are one flight."""
+    """Return a flight's name without folder and suffix: `train_1.csv` and `train_1` are one
+    flight.
+    """
     return LOG_SUFFIX.sub("", name.rsplit("/", 1)[-1])
 
 
 def onset_errors(case: AnsweredCase) -> list[dict[str, Any]]:
-    """Return a row a flight and instant: error [s], None where no cause with an onset stands for what begins there.
+    """Return a row a flight and instant: error [s], None where no cause with an onset stands for
+    what begins there.
 
     What begins together (a wind and its drag) counts once, by the one that is worst.
     """
@@ -165,9 +177,12 @@ def onset_within(row: dict[str, Any]) -> bool:
 def onset_summary(cases: Sequence[AnsweredCase]) -> dict[str, Any]:
     """Return the share of flights with the right onset, and the median error [s].
 
-    within: of visible cases.   within_all: of all.   within_if_named: of visible cases whose effect is named.
-    within_if_seen: of visible cases, flights in which the effect is visible.
-    within_if_told: of visible cases, flights in which the onset bound (`ground_truth.best_onset`) is as near.
+    within: of visible cases.
+    within_all: of all.
+    within_if_named: of visible cases whose effect is named. within_if_seen: of visible cases,
+        flights in which the effect is visible. within_if_told: of visible cases, flights in which
+        the onset bound (`ground_truth.best_onset`)
+        is as near.
     """
     every = [(case, row) for case in cases for row in onset_errors(case)]
     rows = [row for case, row in every if case.visible]

@@ -1,4 +1,6 @@
-"""Figures of a score: detection, confusion, reliability, and gap reduction and parameters by effect."""
+"""Figures of a score: detection, confusion, reliability, and gap reduction and parameters by
+effect.
+"""
 
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -34,7 +36,9 @@ def figures(score: dict[str, Any]) -> dict[str, Callable[[], Figure]]:
 
 
 def _detection(found: dict[str, Any]) -> Figure:
-    """Draw the share of effects found against visibility: every case, bins with intervals, the logistic curve."""
+    """Draw the share of effects found against visibility: every case, bins with intervals, the
+    logistic curve.
+    """
     figure, axes = new_figure(1, 1, width=6.4, height=3.9)
     ax = axes[0, 0]
     _points(ax, np.array(found["visibility"]), np.array(found["found"]))
@@ -47,7 +51,9 @@ def _detection(found: dict[str, Any]) -> Figure:
     ticks = [tick for tick in TICKS if tick - 1 <= ax.get_xlim()[1]]
     ax.set_xticks([tick - 1 for tick in ticks], ["≤ 1.001", *(f"{tick:g}" for tick in ticks[1:])])
     ax.minorticks_off()
-    ax.set(xlabel="visibility: residual / noise, most visible channel [1]", ylabel="effect found [1]")
+    ax.set(
+        xlabel="visibility: residual / noise, most visible channel [1]", ylabel="effect found [1]"
+    )
     ax.set_ylim(-0.13, 1.13)
     figure.legend(loc="outside lower center", ncols=3, fontsize=8)
     return figure
@@ -68,7 +74,9 @@ def _bins(ax: Axes, bins: list[dict[str, Any]], x: Sequence[float], label: str) 
     y = np.array([row["rate"] for row in bins])
     bounds = np.array([row["ci95"] for row in bins]).T
     error = np.maximum([y - bounds[0], bounds[1] - y], 0.0)
-    ax.errorbar(x, y, error, fmt="s", color=BLUE, markersize=5, capsize=3, linewidth=1.2, label=label)
+    ax.errorbar(
+        x, y, error, fmt="s", color=BLUE, markersize=5, capsize=3, linewidth=1.2, label=label
+    )
 
 
 def _curve(ax: Axes, found: dict[str, Any]) -> None:
@@ -97,7 +105,9 @@ def _reliability(found: dict[str, Any]) -> Figure:
     ax.set(xlim=(-0.6, len(rows) - 0.4), ylim=(-0.03, 1.03))
     ax.set(xlabel="reported probability of a named cause [1]", ylabel="share that is true [1]")
     ax.grid(axis="y", color="0.9", linewidth=0.5)
-    ax.set_title(f"Brier score {found['brier']:.3f}, calibration error {found['ece']:.3f}", fontsize=9)
+    ax.set_title(
+        f"Brier score {found['brier']:.3f}, calibration error {found['ece']:.3f}", fontsize=9
+    )
     figure.legend(loc="outside lower center", ncols=2, fontsize=8)
     return figure
 
@@ -108,7 +118,9 @@ DARK = 0.55  # share from which a count is printed in white [1]
 
 
 def _confusion(matrix: dict[str, Any]) -> Figure:
-    """Draw the counts, shaded by their share of the row, so that a column without any colour was never named."""
+    """Draw the counts, shaded by their share of the row, so that a column without any colour was
+    never named.
+    """
     counts = np.array(matrix["counts"])
     used = counts.sum(axis=0) > 0
     used |= np.isin(matrix["named"], [*matrix["true"], "unknown", "several", "none"])
@@ -152,7 +164,9 @@ ROW = 0.2  # [inch]
 
 
 def _effects(shrinks: dict[str, list[float]], errors: list[dict[str, Any]]) -> Figure:
-    """Draw the shrink of every case with a gap, and the median relative error of every parameter that was named."""
+    """Draw the shrink of every case with a gap, and the median relative error of every parameter
+    that was named.
+    """
     rows = max(len(shrinks), len(errors), 4)
     figure, axes = new_figure(1, 2, width=9.5, height=1.0 + ROW * rows)
     _draw_shrinks(axes[0, 0], shrinks)
@@ -196,7 +210,13 @@ def _draw_errors(ax: Axes, errors: list[dict[str, Any]]) -> None:
     ax.set_xscale("log")
     ax.set_xlim(0.7 * ERRORS[0], 1.4 * ERRORS[1])
     ax.axvline(0.1, color="0.45", linestyle="--", linewidth=1)
-    _name_rows(ax, [f"{row['effect'].replace('_', ' ')}: {row['parameter'].replace('_', ' ')}" for row in errors])
+    _name_rows(
+        ax,
+        [
+            f"{row['effect'].replace('_', ' ')}: {row['parameter'].replace('_', ' ')}"
+            for row in errors
+        ],
+    )
     ax.set_xlabel("median relative error [1]")
     ax.set_title("named effects; n, truth inside how many 95 % intervals", fontsize=9)
 

@@ -16,11 +16,12 @@ ALL, PARAMETERS = "true_model_residual", "parameters_residual"
 
 
 def before_and_after(case: AnsweredCase, true: str = ALL) -> tuple[float, float] | None:
-    """Return the held-out residual in units of what the true model leaves, pooled over wrench channels [1].
+    """Return the held-out residual in units of what the true model leaves, pooled over wrench
+    channels [1].
 
     Args:
-        case: with or without an answer.
-        true: the true model that knows every gust (`ALL`), or the one that knows the parameters of the wind.
+        true: the true model that knows every gust (`ALL`), or the one that knows the parameters of
+            the wind.
     """
     if case.answer is None:
         return None
@@ -30,7 +31,10 @@ def before_and_after(case: AnsweredCase, true: str = ALL) -> tuple[float, float]
         for kind in ("force", "torque")
         for axis in "xyz"
     ]
-    if any(floor <= 0 or channel.get("rms") is None or channel.get("after") is None for floor, channel in channels):
+    if any(
+        floor <= 0 or channel.get("rms") is None or channel.get("after") is None
+        for floor, channel in channels
+    ):
         return None
     before, after = (
         float(np.sqrt(np.mean([(channel[name] / floor) ** 2 for floor, channel in channels])))
@@ -40,10 +44,10 @@ def before_and_after(case: AnsweredCase, true: str = ALL) -> tuple[float, float]
 
 
 def relative_gap_reduction(case: AnsweredCase, true: str = ALL) -> float | None:
-    """Return 1 - (after² - 1) / (before² - 1), clipped to [-1, 1]: the true model has 1; None where there is no gap.
+    """Return 1 - (after² - 1) / (before² - 1), clipped to [-1, 1]: the true model has 1; None where
+    there is no gap.
 
     Args:
-        case: with or without an answer.
         true: which true model, as of `before_and_after`.
     """
     values = before_and_after(case, true)
@@ -57,7 +61,6 @@ def gap_reduction_summary(cases: Iterable[AnsweredCase], true: str = ALL) -> dic
     """Return count, mean and median of the reduction over cases with a visible gap.
 
     Args:
-        cases: those without a gap do not count.
         true: as of `before_and_after`.
     """
     values = [value for case in cases if (value := relative_gap_reduction(case, true)) is not None]
@@ -65,18 +68,23 @@ def gap_reduction_summary(cases: Iterable[AnsweredCase], true: str = ALL) -> dic
 
 
 def replay_reduction(case: AnsweredCase) -> float | None:
-    """Return 1 - after / before of the position error of the replay at `HORIZON`; None without both errors."""
+    """Return 1 - after / before of the position error of the replay at `HORIZON`; None without both
+    errors.
+    """
     replay = None if case.answer is None else case.answer["shrink"].get("replay")
     if not replay or not replay.get("before") or not replay.get("after"):
         return None
     before, after = (
-        dict(zip(replay["horizon"], replay[name]["position"], strict=True)).get(HORIZON) for name in ("before", "after")
+        dict(zip(replay["horizon"], replay[name]["position"], strict=True)).get(HORIZON)
+        for name in ("before", "after")
     )
     return float(1 - after / before) if before and after is not None and before > 0 else None
 
 
 def replay_summary(cases: Sequence[AnsweredCase]) -> dict[str, Any]:
     """Return the median reduction of the position error, and where it grows, over visible cases."""
-    known = [value for case in cases if case.visible and (value := replay_reduction(case)) is not None]
+    known = [
+        value for case in cases if case.visible and (value := replay_reduction(case)) is not None
+    ]
     worse = binomial_interval(value < 0 for value in known)
     return {"n": len(known), "horizon": HORIZON, "median_reduction": median(known), "worse": worse}

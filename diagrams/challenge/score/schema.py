@@ -28,16 +28,18 @@ def _is_whole(checker: Any, value: Any) -> bool:
 
 
 EXACT = 2**53  # up to which every whole number is a float
-TYPES = Draft202012Validator.TYPE_CHECKER.redefine_many({"number": _is_number, "integer": _is_whole})
+TYPES = Draft202012Validator.TYPE_CHECKER.redefine_many(
+    {"number": _is_number, "integer": _is_whole}
+)
 SchemaValidator = extend(Draft202012Validator, type_checker=TYPES)
 
 
 def violation(form: Validator, value: Any, place: str = "") -> str | None:
-    """Return where the value first violates the schema, what it must be there and what it is; None where it suits.
+    """Return where the value first violates the schema, what it must be there and what it is; None
+    where it suits.
 
     Args:
         form: `SchemaValidator(schema)`.
-        value: of any kind.
         place: of the value, as `effects[0].onset`; empty for the whole file.
     """
     error = next(form.iter_errors(value), None)
@@ -45,7 +47,9 @@ def violation(form: Validator, value: Any, place: str = "") -> str | None:
         return None
     place = _joined(place, error.absolute_path)
     if error.validator != "required":
-        return f"{place or 'it'} must be {error.schema['description']}; got {shown(error.instance)}."
+        return (
+            f"{place or 'it'} must be {error.schema['description']}; got {shown(error.instance)}."
+        )
     name = next(name for name in error.validator_value if name not in error.instance)
     must = error.schema["properties"][name]["description"]
     return f"{_joined(place, [name])} is missing; it must be {must}."
@@ -64,12 +68,7 @@ def object_of(value: Schema) -> Schema:
 
 
 def record(fields: Mapping[str, Schema], spare: Mapping[str, Schema] | None = None) -> Schema:
-    """Return the schema of an object; fields that it does not know are ignored.
-
-    Args:
-        fields: by name, those that it has.
-        spare: those that it may have.
-    """
+    """Return the schema of an object; fields that it does not know are ignored."""
     known = {**fields, **(spare or {})}
     must = f"an object with {', '.join(known)}"
     # In the order in which a violation is looked for: what is there, then what is missing.
@@ -78,11 +77,19 @@ def record(fields: Mapping[str, Schema], spare: Mapping[str, Schema] | None = No
 
 def or_null(schema: Schema) -> Schema:
     """Return a schema that allows null too; of a schema with one type."""
-    return {**schema, "description": f"{schema['description']}, or null", "type": [schema["type"], "null"]}
+    return {
+        **schema,
+        "description": f"{schema['description']}, or null",
+        "type": [schema["type"], "null"],
+    }
 
 
 def _joined(place: str, path: Iterable[str | int]) -> str:
     """Return the place with names and indices appended on one line, as `effects[0].onset`."""
     for step in path:
-        place += f"[{step}]" if isinstance(step, int) else f"{'.' if place else ''}{' '.join(step.split())}"
+        place += (
+            f"[{step}]"
+            if isinstance(step, int)
+            else f"{'.' if place else ''}{' '.join(step.split())}"
+        )
     return place

@@ -45,11 +45,8 @@ GUSTS = "gusty_wind"
 
 
 def score(cases: Sequence[AnsweredCase], *, seed: int = 0) -> dict[str, Any]:
-    """Return all metrics; where the set mixes them also by simulator and quality (`groups`) and by quality.
-
-    Args:
-        cases: of one set or of several.
-        seed: of the bootstrap.
+    """Return all metrics; where the set mixes them also by simulator and quality (`groups`) and by
+    quality.
     """
     groups = _parts_by(cases, lambda case: case.group)
     qualities = _parts_by(cases, lambda case: str(case.truth["quality"]))
@@ -57,20 +54,32 @@ def score(cases: Sequence[AnsweredCase], *, seed: int = 0) -> dict[str, Any]:
     named = ", ".join(without[:5])
     return {
         **_metrics(cases, seed),
-        "groups": {name: _metrics(part, seed) for name, part in groups.items()} if len(groups) > 1 else {},
+        "groups": {name: _metrics(part, seed) for name, part in groups.items()}
+        if len(groups) > 1
+        else {},
         "qualities": (
-            {name: _metrics(part, seed) for name, part in qualities.items()} if len(groups) > len(qualities) else {}
+            {name: _metrics(part, seed) for name, part in qualities.items()}
+            if len(groups) > len(qualities)
+            else {}
         ),
         "sets": [
-            {"group": name, "cases": len(part), "seeds": sorted({int(case.truth["seed"]) for case in part})}
+            {
+                "group": name,
+                "cases": len(part),
+                "seeds": sorted({int(case.truth["seed"]) for case in part}),
+            }
             for name, part in groups.items()
         ],
-        "warnings": [f"{len(without)} cases have no answer and count as misses: {named}"] if without else [],
+        "warnings": [f"{len(without)} cases have no answer and count as misses: {named}"]
+        if without
+        else [],
         "cases": [_case_row(case) for case in cases],
     }
 
 
-def _parts_by(cases: Sequence[AnsweredCase], key: Callable[[AnsweredCase], str]) -> dict[str, list[AnsweredCase]]:
+def _parts_by(
+    cases: Sequence[AnsweredCase], key: Callable[[AnsweredCase], str]
+) -> dict[str, list[AnsweredCase]]:
     """Return the cases by key, sorted by it."""
     return {name: [c for c in cases if key(c) == name] for name in sorted({key(c) for c in cases})}
 
@@ -78,7 +87,8 @@ def _parts_by(cases: Sequence[AnsweredCase], key: Callable[[AnsweredCase], str])
 def _metrics(cases: Sequence[AnsweredCase], seed: int) -> dict[str, Any]:
     """Return all metrics of cases that are taken together."""
     single, onset, pair, triple, controls, strange = (
-        [c for c in cases if c.kind == kind] for kind in ("single", "onset", "pair", "triple", CLEAN, OUT_OF_LIBRARY)
+        [c for c in cases if c.kind == kind]
+        for kind in ("single", "onset", "pair", "triple", CLEAN, OUT_OF_LIBRARY)
     )
     known = [c for c in cases if c.kind not in (CLEAN, OUT_OF_LIBRARY)]
     visible = [c for c in single if c.visible]
@@ -115,7 +125,9 @@ def _metrics(cases: Sequence[AnsweredCase], seed: int) -> dict[str, Any]:
         "onset": onset_summary(known),
         "shrink_relative": gap_reduction_summary(known),
         "shrink_relative_parameters": gap_reduction_summary(known, PARAMETERS),
-        "shrink_relative_calm": gap_reduction_summary(c for c in known if GUSTS not in c.true_names),
+        "shrink_relative_calm": gap_reduction_summary(
+            c for c in known if GUSTS not in c.true_names
+        ),
         "shrink_relative_foreign": gap_reduction_summary(strange),
         "replay": replay_summary(known),
         "detection": detection([*single, *onset], seed),
@@ -127,8 +139,12 @@ def _metrics(cases: Sequence[AnsweredCase], seed: int) -> dict[str, Any]:
     }
 
 
-def _effect_rows(cases: Sequence[AnsweredCase], errors: Sequence[ParameterError]) -> list[dict[str, Any]]:
-    """Return, by effect of the library that acts or is named in the set, how it is found, misnamed and estimated."""
+def _effect_rows(
+    cases: Sequence[AnsweredCase], errors: Sequence[ParameterError]
+) -> list[dict[str, Any]]:
+    """Return, by effect of the library that acts or is named in the set, how it is found, misnamed
+    and estimated.
+    """
     seen = {name for c in cases for name in (*c.true_names, *c.verdict)}
     alone = [c for c in cases if c.kind in ("single", "onset") and c.visible]
     rows = []
@@ -172,7 +188,9 @@ def _case_row(case: AnsweredCase) -> dict[str, Any]:
 
 
 def _missed(case: AnsweredCase) -> bool:
-    """Return whether a case counts as a miss: a false alarm, or, where visible, a wrong class or `unknown` not said."""
+    """Return whether a case counts as a miss: a false alarm, or, where visible, a wrong class or
+    `unknown` not said.
+    """
     if case.kind == CLEAN:
         return bool(case.verdict) or case.answer is None
     if case.kind == OUT_OF_LIBRARY:

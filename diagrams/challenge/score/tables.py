@@ -9,7 +9,8 @@ NOTHING, NO_CASES = "–", {"n": 0}
 
 
 def tables(score: dict[str, Any], least: float) -> list[Table]:
-    """Return the tables worth printing: metrics by quality where a set mixes simulators, metrics by set, effects.
+    """Return the tables worth printing: metrics by quality where a set mixes simulators, metrics by
+    set, effects.
 
     Args:
         score: as `score` returns it.
@@ -17,7 +18,9 @@ def tables(score: dict[str, Any], least: float) -> list[Table]:
     """
     whole = "all" if score["groups"] else str(score["sets"][0]["group"])
     parts = {whole: score, **score["groups"]}
-    title = f"score: [95 % interval], cases; (≥ {least:g}): of that visibility; shrink: true model = 1"
+    title = (
+        f"score: [95 % interval], cases; (≥ {least:g}): of that visibility; shrink: true model = 1"
+    )
     columns = [some for some in (score["qualities"], parts) if some]
     return [
         *((title, ["figure", *some], _metric_rows(some, least)) for some in columns),
@@ -54,7 +57,6 @@ def at(score: dict[str, Any], keys: str) -> Any:
 
     Args:
         score: as `score` returns it.
-        keys: under which it stands there, with dots between.
     """
     value: Any = score
     for key in keys.split("."):
@@ -64,9 +66,14 @@ def at(score: dict[str, Any], keys: str) -> Any:
 
 def _detection_table(parts: dict[str, dict[str, Any]]) -> Table:
     """Return single effects found, by visibility: a row a bin, a column a part of the cases."""
-    bins = [{(row["lower"], row["upper"]): row for row in s["detection"]["bins"]} for s in parts.values()]
+    bins = [
+        {(row["lower"], row["upper"]): row for row in s["detection"]["bins"]}
+        for s in parts.values()
+    ]
     edges = sorted({edge for some in bins for edge in some})
-    rows = [(f"{a:g} … {b:g}", *(_count(some.get((a, b), NO_CASES)) for some in bins)) for a, b in edges]
+    rows = [
+        (f"{a:g} … {b:g}", *(_count(some.get((a, b), NO_CASES)) for some in bins)) for a, b in edges
+    ]
     return "single effects found, from the start or begun in flight", ["visibility", *parts], rows
 
 
@@ -81,15 +88,23 @@ def _out_of_library_table(score: dict[str, Any], least: float) -> list[Table]:
         for row in score["rates"]["foreign"]["kinds"]
     ]
     title = f"foreign effects with visibility ≥ {least:g}"
-    return [(title, ["kind", "`unknown`", "and no name", "wrong above 0.9", "names"], rows)] if rows else []
+    return (
+        [(title, ["kind", "`unknown`", "and no name", "wrong above 0.9", "names"], rows)]
+        if rows
+        else []
+    )
 
 
 def miss_table(score: dict[str, Any]) -> Table:
-    """Return every miss that counts: what acts, how visible, what was said with which probability."""
+    """Return every miss that counts: what acts, how visible, what was said with which
+    probability.
+    """
     rows = []
     for row in (row for row in score["cases"] if row["missed"]):
         said = [(name, row["probability"].get(name)) for name in row["verdict"]]
-        verdict = ", ".join(name if p is None else f"{name} {p:.3g}" for name, p in said) or "nothing"
+        verdict = (
+            ", ".join(name if p is None else f"{name} {p:.3g}" for name, p in said) or "nothing"
+        )
         rows.append(
             (
                 row["case"],
@@ -106,7 +121,8 @@ def miss_table(score: dict[str, Any]) -> Table:
 def set_lines(score: dict[str, Any]) -> list[str]:
     """Return where the cases come from, a line a group."""
     return [
-        f"{part['group']}: {part['cases']} cases, seed {', '.join(map(str, part['seeds']))}" for part in score["sets"]
+        f"{part['group']}: {part['cases']} cases, seed {', '.join(map(str, part['seeds']))}"
+        for part in score["sets"]
     ]
 
 
@@ -130,13 +146,19 @@ def _names(counts: dict[str, Any]) -> str:
 
 
 def _shrink(values: dict[str, Any]) -> str:
-    return f"{values['mean']:.3f}, {values['median']:.3f} ({values['n']})" if values["n"] else NOTHING
+    return (
+        f"{values['mean']:.3f}, {values['median']:.3f} ({values['n']})" if values["n"] else NOTHING
+    )
 
 
 def _half(detection: dict[str, Any]) -> str:
     """Return the visibility at which half are found, with its interval."""
     half, bounds = detection["half"], detection["half_ci95"]
-    return NOTHING if half is None or bounds is None else f"{half:.3g} [{bounds[0]:.3g}, {bounds[1]:.3g}]"
+    return (
+        NOTHING
+        if half is None or bounds is None
+        else f"{half:.3g} [{bounds[0]:.3g}, {bounds[1]:.3g}]"
+    )
 
 
 def _reliability(values: dict[str, Any]) -> str:

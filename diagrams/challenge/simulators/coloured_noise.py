@@ -4,17 +4,17 @@ import numpy as np
 from scipy import signal
 
 
-def gauss_markov(rng: np.random.Generator, t: np.ndarray, channels: int, *, rms: float, tau: float) -> np.ndarray:
+def gauss_markov(
+    rng: np.random.Generator, t: np.ndarray, channels: int, *, rms: float, tau: float
+) -> np.ndarray:
     """Draw a first-order process (n, channels), which starts in its stationary distribution.
 
     Args:
-        rng: source of the draw.
         t: (n,) times [s]; exact for equal steps, the median step stands for all.
-        channels: independent ones.
-        rms: of each.
         tau: correlation time [s].
     """
-    # Exact discretisation of dx = -x / tau dt + noise: an AR(1) process with decay exp(-step / tau).
+    # Exact discretisation of dx = -x / tau dt + noise: an AR(1) process with decay exp(-step /
+    # tau).
     decay = np.exp(-float(np.median(np.diff(t))) / tau)
     white = rng.normal(size=(len(t), channels))
     white[1:] *= np.sqrt(1 - decay**2)
@@ -22,13 +22,11 @@ def gauss_markov(rng: np.random.Generator, t: np.ndarray, channels: int, *, rms:
 
 
 def flicker(rng: np.random.Generator, t: np.ndarray, channels: int, *, rms: float) -> np.ndarray:
-    """Draw noise (n, channels) of about 1/f from 0.02 to 10 Hz: Gauss-Markov processes of equal power a decade.
+    """Draw noise (n, channels) of about 1/f from 0.02 to 10 Hz: Gauss-Markov processes of equal
+    power a decade.
 
     Args:
-        rng: source of the draw.
         t: (n,) times [s], as of `gauss_markov`.
-        channels: independent ones.
-        rms: of each.
     """
     taus = (0.016, 0.16, 1.6, 8.0)  # [s]
     parts = [gauss_markov(rng, t, channels, rms=rms / np.sqrt(len(taus)), tau=tau) for tau in taus]

@@ -10,16 +10,22 @@ from np_drake.references.base import Paced, Reference
 from np_drake.vehicle import Vehicle
 
 _DELTA = 2e-3  # of the central differences from attitude to rate and angular acceleration [s]
-ROTOR_SHARE = (0.08, 0.62)  # of the largest thrust that a plan may ask of a rotor: the rest is for surprises
+ROTOR_SHARE = (
+    0.08,
+    0.62,
+)  # of the largest thrust that a plan may ask of a rotor: the rest is for surprises
 FASTEST = 8.0  # [m/s]
 STEEPEST = 0.75  # tilt [rad]
-# A vehicle counts as lost farther from the plan [m], lower [m], or with a smaller cosine of its tilt [1].
+# A vehicle counts as lost farther from the plan [m], lower [m], or with a smaller cosine of its
+# tilt [1].
 FARTHEST, LOWEST, LEAST_UPRIGHT = 6.0, 0.03, -0.2
 
 
 @dc.dataclass(frozen=True)
 class Heading:
-    """A heading from rest: yaw = start + rate t + swing (1 - cos 2 pi frequency t) / 2 [rad, rad/s, Hz]."""
+    """A heading from rest: yaw = start + rate t + swing (1 - cos 2 pi frequency t) / 2 [rad, rad/s,
+    Hz].
+    """
 
     start: float = 0.0
     rate: float = 0.0
@@ -30,7 +36,11 @@ class Heading:
         """Return the yaw (n,) [rad]; the turn sets in over a second."""
         after = np.maximum(t, 0.0)
         turned = np.where(after < 1.0, 0.5 * after**2, after - 0.5)
-        return self.start + self.rate * turned + 0.5 * self.swing * (1 - np.cos(2 * np.pi * self.frequency * after))
+        return (
+            self.start
+            + self.rate * turned
+            + 0.5 * self.swing * (1 - np.cos(2 * np.pi * self.frequency * after))
+        )
 
 
 @dc.dataclass(frozen=True)
@@ -74,7 +84,6 @@ class Plan:
         """Return the rotor thrusts (n, 4) that the plan asks of a nominal vehicle [N].
 
         Args:
-            vehicle: that flies it.
             t: (n,) times [s].
         """
         target = self.targets(vehicle.gravity, t)
@@ -93,7 +102,9 @@ def require_flying(x: np.ndarray, target: np.ndarray, t: float) -> None:
         t: time [s].
     """
     upright = 1 - 2 * (x[4] ** 2 + x[5] ** 2)
-    if not (np.linalg.norm(x[:3] - target[:3]) < FARTHEST and x[2] > LOWEST and upright > LEAST_UPRIGHT):
+    if not (
+        np.linalg.norm(x[:3] - target[:3]) < FARTHEST and x[2] > LOWEST and upright > LEAST_UPRIGHT
+    ):
         raise FailedRun(f"challenge: the vehicle was lost at {t:.2f} s.")
 
 
@@ -101,8 +112,6 @@ def within_limits(plan: Plan, vehicle: Vehicle, seconds: float) -> Plan:
     """Return the plan, slowed down until a nominal vehicle can fly it.
 
     Args:
-        plan: at its own pace.
-        vehicle: that is to fly it.
         seconds: length of the flight [s].
     Raises: ValueError: if no pace is slow enough.
     """
@@ -111,8 +120,12 @@ def within_limits(plan: Plan, vehicle: Vehicle, seconds: float) -> Plan:
     for factor in 0.9 ** np.arange(25):
         slow = dc.replace(plan, reference=Paced(plan.reference, float(factor)))
         thrust, (v, a) = slow.rotor_thrust(vehicle, t), slow.reference.sample(t)[1:3]
-        gentle = np.all(np.linalg.norm(a[:, :2], axis=1) <= np.tan(STEEPEST) * (a[:, 2] + vehicle.gravity))
+        gentle = np.all(
+            np.linalg.norm(a[:, :2], axis=1) <= np.tan(STEEPEST) * (a[:, 2] + vehicle.gravity)
+        )
         slow_enough = np.linalg.norm(v, axis=1).max() <= FASTEST
         if gentle and slow_enough and low <= thrust.min() and thrust.max() <= high:
             return slow
-    raise ValueError(f"within_limits: {vehicle.name} must be able to fly the plan {plan.kind!r} at some pace.")
+    raise ValueError(
+        f"within_limits: {vehicle.name} must be able to fly the plan {plan.kind!r} at some pace."
+    )

@@ -1,4 +1,6 @@
-"""Controllers made in a simulator: trained in it, told what it knows, and chosen by how well they fly in it."""
+"""Controllers made in a simulator: trained in it, told what it knows, and chosen by how well they
+fly in it.
+"""
 
 import dataclasses as dc
 from collections.abc import Sequence
@@ -23,7 +25,10 @@ from np_drake.training_data.training_segments import Flight
 from np_drake.vehicle import Vehicle
 
 TRACK, SCORED = "circle", 15.0  # flight that is scored, and its length after the ramp [s]
-LEARNED_ON = ("training_circle", 60.0)  # flight that is trained on in a simulator, and its length [s]
+LEARNED_ON = (
+    "training_circle",
+    60.0,
+)  # flight that is trained on in a simulator, and its length [s]
 UNTRAINED = ("nominal", "hold", "observer")
 TRAINED = ("np", PAYLOAD_FILTER)  # controllers with a predictor
 STEP = 0.02  # of the predictors [s]
@@ -43,13 +48,12 @@ class Design:
     model: str = ""
     delay: float | None = 0.0
 
-    def config(self, world: RealityConfig, vehicle: Vehicle, solver: str, seconds: float = SCORED) -> FlightConfig:
+    def config(
+        self, world: RealityConfig, vehicle: Vehicle, solver: str, seconds: float = SCORED
+    ) -> FlightConfig:
         """Return the scored flight in a world.
 
         Args:
-            world: effects that act, and noise.
-            vehicle: nominal vehicle.
-            solver: of the MPC.
             seconds: length after the ramp [s].
         """
         config = experiment(TRACK, world, vehicle, solver=solver, seconds=seconds)
@@ -62,50 +66,53 @@ class Design:
 
 @dc.dataclass(frozen=True)
 class Chosen:
-    """Design that flies best in its simulators, and the errors that these foretell for it, their mean."""
+    """Design that flies best in its simulators, and the errors that these foretell for it, their
+    mean.
+    """
 
     design: Design
     foretold: Errors
 
 
-def chosen_in(worlds: Sequence[RealityConfig], vehicle: Vehicle, *, solver: str, seed: int, folder: Path) -> Chosen:
+def chosen_in(
+    worlds: Sequence[RealityConfig], vehicle: Vehicle, *, solver: str, seed: int, folder: Path
+) -> Chosen:
     """Train in all worlds together, fly every design in each of them, and return the best.
 
-    The best has the least mean over the worlds of the error in space. Every design is told the worlds' mean delay.
-
-    Args:
-        worlds: simulators, by what acts in them.
-        vehicle: nominal vehicle.
-        solver: of the MPC.
-        seed: of the noise.
-        folder: for the model files.
+    The best has the least mean over the worlds of the error in space. Every design is told the
+    worlds' mean delay.
     """
     delay = float(np.mean([world.dead_time for world in worlds]))
     logs = _training_logs(worlds, vehicle, solver, seed)
     designs = [*(Design(kind) for kind in UNTRAINED), *learned(logs, vehicle, seed, folder)]
     found = [
-        (dc.replace(design, delay=delay), _mean_errors(design, worlds, vehicle, solver, seed)) for design in designs
+        (dc.replace(design, delay=delay), _mean_errors(design, worlds, vehicle, solver, seed))
+        for design in designs
     ]
     return Chosen(*min(found, key=lambda pair: float(np.hypot(*pair[1]))))
 
 
 def learned(
-    logs: Sequence[FlightLog], vehicle: Vehicle, seed: int, folder: Path, *, delay: float | None = 0.0
+    logs: Sequence[FlightLog],
+    vehicle: Vehicle,
+    seed: int,
+    folder: Path,
+    *,
+    delay: float | None = 0.0,
 ) -> list[Design]:
     """Return the controllers with predictors that are trained on logs.
 
     Args:
-        logs: training flights.
-        vehicle: nominal vehicle.
-        seed: of the training.
-        folder: for the model files.
         delay: of commands that they are told [s]; None: they estimate it in flight.
     """
     flights = [Flight(log, vehicle) for log in logs]
     lifted, filters = (folder / f"{kind}.safetensors" for kind in TRAINED)
     save_model(train_on_flights(flights, make_config(LIFTED, seed=seed), step=STEP).model, lifted)
     train_payload_filter(opened_logs(flights), step=STEP).save(filters)
-    return [Design(kind, str(path), delay) for kind, path in zip(TRAINED, (lifted, filters), strict=True)]
+    return [
+        Design(kind, str(path), delay)
+        for kind, path in zip(TRAINED, (lifted, filters), strict=True)
+    ]
 
 
 def flown(
@@ -121,12 +128,6 @@ def flown(
     """Return the errors of a design in a world; infinite where the vehicle is lost.
 
     Args:
-        design: controller that flies.
-        world: in which it flies.
-        vehicle: nominal vehicle, for which the controller is made.
-        solver: of the MPC.
-        seed: of the noise.
-        real: makes the vehicle that flies.
         seconds: that are scored, after the ramp [s].
     """
     config = design.config(world, vehicle, solver, seconds).check()
@@ -137,13 +138,20 @@ def flown(
     return float(metrics["E_xy"]), float(metrics["E_z"])
 
 
-def _mean_errors(design: Design, worlds: Sequence[RealityConfig], vehicle: Vehicle, solver: str, seed: int) -> Errors:
-    errors = [flown(design, world, vehicle, solver=solver, seed=seed + k) for k, world in enumerate(worlds)]
+def _mean_errors(
+    design: Design, worlds: Sequence[RealityConfig], vehicle: Vehicle, solver: str, seed: int
+) -> Errors:
+    errors = [
+        flown(design, world, vehicle, solver=solver, seed=seed + k)
+        for k, world in enumerate(worlds)
+    ]
     xy, z = np.mean(errors, axis=0)
     return float(xy), float(z)
 
 
-def _training_logs(worlds: Sequence[RealityConfig], vehicle: Vehicle, solver: str, seed: int) -> list[FlightLog]:
+def _training_logs(
+    worlds: Sequence[RealityConfig], vehicle: Vehicle, solver: str, seed: int
+) -> list[FlightLog]:
     """Return the logs of the training flight, as long together as one."""
     name, seconds = LEARNED_ON
     logs = []

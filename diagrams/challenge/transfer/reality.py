@@ -1,4 +1,6 @@
-"""Vehicles with withheld effects, the simulators that they fly in, and the flights that are diagnosed."""
+"""Vehicles with withheld effects, the simulators that they fly in, and the flights that are
+diagnosed.
+"""
 
 import dataclasses as dc
 from collections.abc import Sequence
@@ -19,13 +21,24 @@ from np_drake.effects.effect_entry import EffectEntry
 from np_drake.flight_log import FlightLog
 from np_drake.vehicle import Vehicle
 
-# Effects that a controller feels and that a flight of 20 s can hold; sensor errors are left to the challenge.
+# Effects that a controller feels and that a flight of 20 s can hold; sensor errors are left to the
+# challenge.
 WITHHELD = (
     *("suspended_payload", "mass_error", "thrust_scale", "thrust_drift", "weak_rotor"),
-    *("center_of_mass_offset", "motor_lag", "command_delay", "linear_drag", "quadratic_drag", "constant_wind"),
+    *(
+        "center_of_mass_offset",
+        "motor_lag",
+        "command_delay",
+        "linear_drag",
+        "quadratic_drag",
+        "constant_wind",
+    ),
 )
 MOST = 3  # effects of a vehicle [1]
-TRAINING = (("training_circle", 20.0), ("lemniscate", 20.0))  # flights for the fit, and their scored time [s]
+TRAINING = (
+    ("training_circle", 20.0),
+    ("lemniscate", 20.0),
+)  # flights for the fit, and their scored time [s]
 HELD_OUT = ("fast_lemniscate", 10.0)
 DITHER = [0.08, 0.08, 0.04]  # RMS on every flight that is diagnosed, as on the training circle [m]
 FLOWN_WITH = "hold"  # controller that needs no model, so that a vehicle as it came can be flown
@@ -45,7 +58,9 @@ def simulator_settings(simulator: str) -> dict[str, Any]:
     Raises: ValueError: where it is unknown, or its package is not installed.
     """
     if simulator not in SIMULATORS:
-        raise ValueError(f"closing: simulator must be one of {', '.join(SIMULATORS)}; got {simulator!r}.")
+        raise ValueError(
+            f"closing: simulator must be one of {', '.join(SIMULATORS)}; got {simulator!r}."
+        )
     if simulator == "drake":
         return {"name": simulator}
     physics = optional_import.own_physics()  # first, for it says what to install
@@ -53,30 +68,27 @@ def simulator_settings(simulator: str) -> dict[str, Any]:
 
 
 def withheld_reality(seed: int, vehicle: Vehicle) -> RealityConfig:
-    """Draw one to `MOST` effects that act at different places and can be told apart.
-
-    Args:
-        seed: of the draw.
-        vehicle: nominal vehicle, in whose units sizes are drawn.
-    """
+    """Draw one to `MOST` effects that act at different places and can be told apart."""
     rng = np.random.default_rng([seed, 40])
     count = int(rng.integers(1, MOST + 1))
     while True:
         names = tuple(rng.choice(WITHHELD, count, replace=False).tolist())
         if count == 1 or compatible(names):
             break
-    effects = [effect for name in names for effect in draw_effect(name, rng, vehicle, sum(TRAINING[0][1:]))]
-    return dc.replace(RealityConfig().nominal(), effects=[EffectEntry.of(effect) for effect in effects])
+    effects = [
+        effect for name in names for effect in draw_effect(name, rng, vehicle, sum(TRAINING[0][1:]))
+    ]
+    return dc.replace(
+        RealityConfig().nominal(), effects=[EffectEntry.of(effect) for effect in effects]
+    )
 
 
-def experiment(name: str, reality: RealityConfig, vehicle: Vehicle, *, solver: str, seconds: float) -> FlightConfig:
+def experiment(
+    name: str, reality: RealityConfig, vehicle: Vehicle, *, solver: str, seconds: float
+) -> FlightConfig:
     """Return an experiment of the package in another reality.
 
     Args:
-        name: of the experiment.
-        reality: effects that act, and noise.
-        vehicle: nominal vehicle.
-        solver: of the MPC.
         seconds: length of the flight after the ramp [s].
     """
     config = load_experiment(name, vehicle)
@@ -97,11 +109,6 @@ def diagnosed_flights(
     """Fly training and held-out flights, and return their logs.
 
     Args:
-        reality: in which they fly.
-        vehicle: nominal vehicle, for which the controller is made.
-        solver: of the MPC.
-        seed: of the noise.
-        real: makes the vehicle that flies.
         training: experiments for the fit, and their scored time [s].
         held_out: experiment that judges, and its scored time [s].
 

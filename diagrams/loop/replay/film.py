@@ -11,7 +11,9 @@ FOREVER = 10_000  # times that a page plays
 
 
 def frames(t: np.ndarray) -> np.ndarray:
-    """Return the rows of times t (n,) [s] that are shown, `FRAME_RATE` a second from the first on."""
+    """Return the rows of times t (n,) [s] that are shown, `FRAME_RATE` a second from the first
+    on.
+    """
     count = int((t[-1] - t[0]) * FRAME_RATE + 1e-6) + 1
     rows = np.searchsorted(t, t[0] + np.arange(count) / FRAME_RATE - 0.5 * np.median(np.diff(t)))
     return np.minimum(rows, len(t) - 1)
@@ -29,21 +31,19 @@ class Film:
         """Show a quadrotor.
 
         Args:
-            frame: number of the picture.
-            path: of the object.
             x: (13,) its state.
         """
         self.animation.SetTransform(frame, path, pose(x))
 
-    def payload(self, frame: int, x: np.ndarray, hook: np.ndarray, p_WP: np.ndarray, path: str = "") -> None:
+    def payload(
+        self, frame: int, x: np.ndarray, hook: np.ndarray, p_WP: np.ndarray, path: str = ""
+    ) -> None:
         """Show a payload on its tether.
 
         Args:
-            frame: number of the picture.
             x: (13,) state of the vehicle.
             hook: (3,) where the tether begins, in B [m].
             p_WP: (3,) position of the payload in W [m].
-            path: in front of the objects' names.
         """
         self.animation.SetTransform(frame, f"{path}payload", RigidTransform(p_WP))
         self.bar(frame, f"{path}tether", *tether_pose(x, hook, p_WP))
@@ -52,8 +52,6 @@ class Film:
         """Show an arrow.
 
         Args:
-            frame: number of the picture.
-            path: of the object.
             start: (3,) of the arrow, in W [m].
             vector: (3,) from there to its tip, in W [m].
         """
@@ -63,22 +61,13 @@ class Film:
         """Show an object of unit length along its z axis.
 
         Args:
-            frame: number of the picture.
-            path: of the object.
-            X_W: its pose.
             length: at which it is shown [m].
         """
         self.animation.SetTransform(frame, path, X_W)
         self.animation.SetProperty(frame, path, "scale", [1.0, 1.0, length])
 
     def visible(self, frame: int, path: str, shown: bool) -> None:
-        """Show or hide an object.
-
-        Args:
-            frame: number of the picture from which on.
-            path: of the object.
-            shown: whether it is seen.
-        """
+        """Show or hide an object."""
         self.animation.SetProperty(frame, path, "visible", shown)
 
     def show(self, meshcat: Meshcat) -> None:

@@ -29,11 +29,8 @@ _THRUST = 3.0  # length of the arrow of hover thrust over the arm [1]
 
 
 def write_replay(flight: FlightResult, path: str | Path) -> None:
-    """Write an HTML page that plays the flight: vehicle, payload, flown and reference path, thrust, force, errors.
-
-    Args:
-        flight: that was simulated.
-        path: of the page.
+    """Write an HTML page that plays the flight: vehicle, payload, flown and reference path, thrust,
+    force, errors.
     Raises: OSError: if it cannot be written.
     """
     meshcat, film, s = new_scene(), Film(), flight.signals
@@ -89,11 +86,15 @@ def position_error(flight: FlightResult) -> np.ndarray:
 
 
 def _arrows(flight: FlightResult) -> tuple[np.ndarray, np.ndarray, float]:
-    """Return thrust and estimated force as arrows (n, 3) in W [m], and by how much longer the force is drawn [1]."""
+    """Return thrust and estimated force as arrows (n, 3) in W [m], and by how much longer the force
+    is drawn [1].
+    """
     s, vehicle = flight.signals, flight.config.vehicle
     scale = _THRUST * arm_length(vehicle) / (vehicle.mass * vehicle.gravity)  # [m/N]
     thrust = s["rotor_thrust"].sum(axis=1, keepdims=True) * attitude.body_z(s["x_true"][:, 3:7])
-    chi = next(c for c in (flight.chi_foreseen, flight.wrench_label, flight.chi_true) if c is not None)
+    chi = next(
+        c for c in (flight.chi_foreseen, flight.wrench_label, flight.chi_true) if c is not None
+    )
     force = np.nan_to_num(chi[:, :3])
     usual = float(np.quantile(np.linalg.norm(force[flight.scored], axis=1), 0.9))
     room = 0.9 * vehicle.mass * vehicle.gravity / max(usual, 1e-9)
@@ -102,7 +103,9 @@ def _arrows(flight: FlightResult) -> tuple[np.ndarray, np.ndarray, float]:
 
 
 def _set_camera(meshcat: Meshcat, track: np.ndarray, size: float) -> tuple | None:
-    """Set the camera on the whole track; return how to fly along with a vehicle that is small beside it."""
+    """Set the camera on the whole track; return how to fly along with a vehicle that is small
+    beside it.
+    """
     low, high = track.min(axis=0), track.max(axis=0)
     extent = float(np.linalg.norm(high - low))
     if extent > ROOMY * size:

@@ -22,7 +22,9 @@ POLICY = (
 
 @dc.dataclass(frozen=True)
 class ReadOut:
-    """Position error that is shown as a number and as a curve: values (frames,) [m]; infinite where lost."""
+    """Position error that is shown as a number and as a curve: values (frames,) [m]; infinite where
+    lost.
+    """
 
     label: str
     color: Rgba
@@ -31,7 +33,9 @@ class ReadOut:
 
 @dc.dataclass(frozen=True)
 class Trail:
-    """Trail that grows: in frame k, points `first[k]` to `last[k]` of the tube at `path` are seen."""
+    """Trail that grows: in frame k, points `first[k]` to `last[k]` of the tube at `path` are
+    seen.
+    """
 
     path: str
     first: np.ndarray
@@ -42,8 +46,9 @@ class Trail:
 class Page:
     """What stands over the scene.
 
-    start: the clock's time in the first frame [s].   legend: (colour, text).   follow: path of the object with which
-    the camera flies, and where from it the camera is [m].
+    start: the clock's time in the first frame [s].
+    legend: (colour, text).
+    follow: path of the object with which the camera flies, and where from it the camera is [m].
     """
 
     title: str
@@ -65,25 +70,28 @@ class Page:
                 for r in self.read_outs
             ],
             "trails": [
-                {"path": _scene(t.path), "first": (6 * SIDES * t.first).tolist(), "last": (6 * SIDES * t.last).tolist()}
+                {
+                    "path": _scene(t.path),
+                    "first": (6 * SIDES * t.first).tolist(),
+                    "last": (6 * SIDES * t.last).tolist(),
+                }
                 for t in self.trails
             ],
         }
 
     def over(self) -> str:
         """Return the HTML that stands over the scene."""
-        template = Environment(autoescape=True, undefined=StrictUndefined).from_string(TEMPLATE.read_text("utf-8"))
+        template = Environment(autoescape=True, undefined=StrictUndefined).from_string(
+            TEMPLATE.read_text("utf-8")
+        )
         legend = [(_css(color), text) for color, text in self.legend]
-        return template.render(title=self.title, note=self.note, legend=legend, numbers=self.numbers())
+        return template.render(
+            title=self.title, note=self.note, legend=legend, numbers=self.numbers()
+        )
 
 
 def write_page(meshcat: Meshcat, page: Page, path: str | Path) -> None:
     """Write the scene with its film as one HTML file.
-
-    Args:
-        meshcat: the scene, with its animation.
-        page: what stands over it.
-        path: of the file.
     Raises: OSError: if it cannot be written.
     """
     head, rest = meshcat.StaticHtml().split("<title>Drake MeshCat</title>", 1)

@@ -38,14 +38,14 @@ def arm_length(vehicle: Vehicle) -> float:
     return float(np.linalg.norm(vehicle.rotor_positions, axis=1).mean())
 
 
-def add_quadrotor(meshcat: Meshcat, vehicle: Vehicle, path: str = "quadrotor", overlay: Rgba | None = None) -> None:
+def add_quadrotor(
+    meshcat: Meshcat, vehicle: Vehicle, path: str = "quadrotor", overlay: Rgba | None = None
+) -> None:
     """Add body, arms and rotors at the vehicle's size, in body axes.
 
     Args:
-        meshcat: the scene.
-        vehicle: whose size and rotors are shown.
-        path: of the object.
-        overlay: one colour, with its transparency, of all parts; None: solid, the front pair of rotors coloured.
+        overlay: one colour, with its transparency, of all parts; None: solid, the front pair of
+            rotors coloured.
     """
     size = arm_length(vehicle)
     meshcat.SetObject(f"{path}/body", Box(0.5 * size, 0.5 * size, 0.2 * size), overlay or DARK)
@@ -56,18 +56,20 @@ def add_quadrotor(meshcat: Meshcat, vehicle: Vehicle, path: str = "quadrotor", o
         meshcat.SetObject(f"{path}/arm{i}", beam, overlay or DARK)
         meshcat.SetTransform(f"{path}/arm{i}", RigidTransform(yaw, arm * [0.5, 0.5, 1.0]))
         color = BLUE if arm[0] > 0 else GREY  # so that heading is seen
-        meshcat.SetObject(f"{path}/rotor{i}", Cylinder(vehicle.rotor_radius, 0.04 * size), overlay or color)
+        meshcat.SetObject(
+            f"{path}/rotor{i}", Cylinder(vehicle.rotor_radius, 0.04 * size), overlay or color
+        )
         meshcat.SetTransform(f"{path}/rotor{i}", RigidTransform(arm + [0, 0, 0.09 * size]))
 
 
-def add_payload(meshcat: Meshcat, radius: float, size: float, path: str = "", overlay: Rgba | None = None) -> None:
+def add_payload(
+    meshcat: Meshcat, radius: float, size: float, path: str = "", overlay: Rgba | None = None
+) -> None:
     """Add `{path}payload`, a sphere, and `{path}tether`, a bar of unit length along z.
 
     Args:
-        meshcat: the scene.
         radius: of the sphere [m].
         size: of the vehicle, for the thickness of the tether [m].
-        path: in front of the objects' names.
         overlay: colour of both; None: their own.
     """
     meshcat.SetObject(f"{path}payload", Sphere(radius), overlay or RED)
@@ -78,7 +80,6 @@ def add_waypoints(meshcat: Meshcat, points: np.ndarray, size: float) -> None:
     """Add a ball at each waypoint, `waypoints/0` and on.
 
     Args:
-        meshcat: the scene.
         points: (k, 3) in W [m].
         size: of the vehicle [m].
     """
@@ -91,10 +92,7 @@ def add_arrow(meshcat: Meshcat, path: str, radius: float, color: Rgba) -> None:
     """Add an arrow of unit length along z; its z scale is its length.
 
     Args:
-        meshcat: the scene.
-        path: of the object, at whose origin it begins.
         radius: of the shaft [m].
-        color: of the arrow.
     """
     meshcat.SetObject(f"{path}/shaft", Cylinder(radius, 0.75), color)
     meshcat.SetTransform(f"{path}/shaft", RigidTransform([0, 0, 0.375]))
@@ -108,11 +106,8 @@ def add_trail(meshcat: Meshcat, path: str, points: np.ndarray, radius: float, co
     """Add one tube along points, whose faces stand in the order of the points.
 
     Args:
-        meshcat: the scene.
-        path: of the object.
         points: (n, 3) in W [m].
         radius: of the tube [m].
-        color: of the tube.
     """
     direction = np.gradient(points, axis=0)
     direction /= np.maximum(np.linalg.norm(direction, axis=1, keepdims=True), 1e-9)
@@ -132,7 +127,9 @@ def add_trail(meshcat: Meshcat, path: str, points: np.ndarray, radius: float, co
 
 def pose(x: np.ndarray) -> RigidTransform:
     """Return X_WB of a state x (13,)."""
-    return RigidTransform(RotationMatrix(attitude.rotation_matrix(x[Q] / np.linalg.norm(x[Q]))), x[P])
+    return RigidTransform(
+        RotationMatrix(attitude.rotation_matrix(x[Q] / np.linalg.norm(x[Q]))), x[P]
+    )
 
 
 def along(start: np.ndarray, vector: np.ndarray) -> RigidTransform:

@@ -1,7 +1,7 @@
 """Every controller on every track with vehicles of several sizes, each trained on 60 s of its own.
 
-Payload, tether, track, air, motors, weights and time steps are those of the paper's vehicle in the units of the one
-that flies (`scaled`); the noise of the sensors is the same for all.
+Payload, tether, track, air, motors, weights and time steps are those of the paper's vehicle in the
+units of the one that flies (`scaled`); the noise of the sensors is the same for all.
 """
 
 import dataclasses as dc
@@ -25,18 +25,17 @@ from diagrams.robustness.vehicles.fleet import ROWS, TRACKS, VEHICLES, fleet
 from diagrams.robustness.vehicles.table import ORACLE, lost_flights, vehicle_table, vehicles_printed
 from diagrams.tracking.model_files import Training, digest_of, model_of, training_case
 from diagrams.tracking.tracking import Row, configure, named, training_config
-from np_drake.scaling import ratios
+from np_drake.vehicle.scaling import ratios
 
 Models = dict[tuple[str, str], bytes]  # content of the model files by vehicle and configuration
 
 
-def flight_config(case: Case, *, solver: str, model: str = "", duration: float = SCORED) -> FlightConfig:
+def flight_config(
+    case: Case, *, solver: str, model: str = "", duration: float = SCORED
+) -> FlightConfig:
     """Return the track of the case with its vehicle and controller.
 
     Args:
-        case: row, vehicle and track.
-        solver: of the controller.
-        model: file of the row's model.
         duration: after the ramp, of the paper's vehicle [s].
     """
     row, vehicle = named(ROWS, case["row"]), fleet()[case["vehicle"]]
@@ -70,23 +69,23 @@ def flight_cases(
     vehicles: Sequence[str] = VEHICLES,
     tracks: Sequence[str] = TRACKS,
 ) -> list[Case]:
-    """Return every row on every track with every vehicle and seed, where the row's model was trained.
+    """Return every row on every track with every vehicle and seed, where the row's model was
+    trained.
 
-    A case names its model by the digest of its file, so that no result of another one is taken for it.
+    A case names its model by the digest of its file, so that no result of another one is taken for
+    it.
 
     Args:
-        rows: of the table.
-        seeds: of the flights.
         models: content of the model files by vehicle and configuration.
-        vehicles: names of those that fly.
-        tracks: names of those that are flown.
     """
     cases = []
     for seed, vehicle, track, row in itertools.product(seeds, vehicles, tracks, rows):
         key = (vehicle, row.configuration)
         if not row.configuration or key in models:
             model = digest_of(models.get(key))
-            cases.append({"row": row.name, "model": model, "vehicle": vehicle, "track": track, "seed": seed})
+            cases.append(
+                {"row": row.name, "model": model, "vehicle": vehicle, "track": track, "seed": seed}
+            )
     return cases
 
 
@@ -94,19 +93,19 @@ def run_vehicles(
     sweep: Sweep, rows: Sequence[Row], vehicles: Sequence[str], tracks: Sequence[str]
 ) -> tuple[list[Record], list[Record]]:
     """Train what `rows` need for every vehicle, then fly every case.
-
-    Args:
-        sweep: seeds, workers and progress.
-        rows: of the table.
-        vehicles: names of those that fly.
-        tracks: names of those that are flown.
     Returns: the records of the trainings and of the flights. Rows whose training failed do not fly.
     """
     config = campaign_config(sweep.seed, sweep.solver, sweep.duration)
-    needed = [training_case(name, vehicle=vehicle) for vehicle in vehicles for name in configurations(rows)]
+    needed = [
+        training_case(name, vehicle=vehicle)
+        for vehicle in vehicles
+        for name in configurations(rows)
+    ]
     training = Training(sweep.seed, sweep.solver, vehicles=fleet())
     trainings = sweep.cases("training", "models", training, needed, config=config)
-    models = {(r["case"]["vehicle"], r["case"]["model"]): model_of(r) for r in trainings if "result" in r}
+    models = {
+        (r["case"]["vehicle"], r["case"]["model"]): model_of(r) for r in trainings if "result" in r
+    }
     work = Flying(models, sweep.solver, sweep.duration)
     cases = flight_cases(rows, sweep.seeds, models, vehicles, tracks)
     return trainings, sweep.cases("vehicles", "flights", work, cases, config=config)
@@ -116,23 +115,31 @@ def campaign_config(training_seed: int, solver: str, duration: float = SCORED) -
     """Return all that the results depend on other than the case itself.
 
     Args:
-        training_seed: of training flights and trainings.
-        solver: of every controller.
         duration: of a flight, after the ramp, of the paper's vehicle [s].
     """
     return {
-        "solver": solver, "training": TRAINING, "training_seed": training_seed,
-        "scored": duration, "settling": SETTLING, "lost": LOST,
+        "solver": solver,
+        "training": TRAINING,
+        "training_seed": training_seed,
+        "scored": duration,
+        "settling": SETTLING,
+        "lost": LOST,
         "rows": {row.name: dc.asdict(row) for row in ROWS},
         "vehicles": {name: _settings(name, solver, duration) for name in VEHICLES},
-    }  # fmt: skip
+    }
 
 
 def _settings(vehicle: str, solver: str, duration: float) -> dict:
-    """Return all settings of a vehicle's first flight, and those of its other flights and its training that differ."""
+    """Return all settings of a vehicle's first flight, and those of its other flights and its
+    training that differ.
+    """
     flights = {
         track: settings_of(
-            flight_config({"row": "nominal", "vehicle": vehicle, "track": track}, solver=solver, duration=duration)
+            flight_config(
+                {"row": "nominal", "vehicle": vehicle, "track": track},
+                solver=solver,
+                duration=duration,
+            )
         )
         for track in TRACKS
     }
@@ -156,23 +163,24 @@ class Options(FlownOptions):
 
     seeds: Seeds = 3
     only: Annotated[
-        list[str] | None, Option("--only", help="Only rows of these names (nominal and oracle are always flown).")
+        list[str] | None,
+        Option("--only", help="Only rows of these names (nominal and oracle are always flown)."),
     ] = None
-    vehicle: Annotated[list[str] | None, Option(help="Only these vehicles: 35g | paper | 6kg.")] = None
+    vehicle: Annotated[list[str] | None, Option(help="Only these vehicles: 35g | paper | 6kg.")] = (
+        None
+    )
     track: Annotated[
-        list[str] | None, Option(help="Only these tracks: circle | fast_lemniscate | steps | vertical.")
+        list[str] | None,
+        Option(help="Only these tracks: circle | fast_lemniscate | steps | vertical."),
     ] = None
     duration: Duration = 20.0
 
 
 def run(run: Run, options: Options) -> Report:
-    """35 g, 2 kg and 6 kg on four tracks, each trained on 60 s of its own. --out DIR: cases to resume from.
+    """35 g, 2 kg and 6 kg on four tracks, each trained on 60 s of its own. --out DIR: cases to
+    resume from.
 
     Durations are those of the paper's vehicle and scale with the others.
-
-    Args:
-        run: seed, folders, workers and progress.
-        options: of the study.
     """
     run = sweep_of(run, options, options.duration)
     vehicles = _chosen("--vehicle", options.vehicle, VEHICLES)
@@ -196,7 +204,9 @@ def _chosen(option: str, names: Collection[str] | None, known: Sequence[str]) ->
     Raises: ValueError: on an unknown one.
     """
     if unknown := set(names or ()) - set(known):
-        raise ValueError(f"{option}: must be one of {', '.join(known)}; got {', '.join(sorted(unknown))}.")
+        raise ValueError(
+            f"{option}: must be one of {', '.join(known)}; got {', '.join(sorted(unknown))}."
+        )
     return [name for name in known if not names or name in names]
 
 
@@ -206,6 +216,10 @@ def _notes(trainings: list[Record], flights: list[Record]) -> list[str]:
     failed = sum(r["result"]["solve_failures"] for r in flights if "result" in r)
     return [
         f"{len(flights)} flights, lost or failed: {len(lost)}; failed solves: {failed}",
-        *(f"training of {r['case']['model']}, {r['case']['vehicle']}: {r['error']}" for r in trainings if "error" in r),
+        *(
+            f"training of {r['case']['model']}, {r['case']['vehicle']}: {r['error']}"
+            for r in trainings
+            if "error" in r
+        ),
         *lost,
     ]

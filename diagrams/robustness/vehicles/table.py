@@ -15,7 +15,8 @@ ORACLE = "oracle"  # row that the others are divided by
 def vehicle_table(records: Sequence[Record]) -> list[dict]:
     """Return one line a vehicle, track and row that flew.
 
-    Returns: {"vehicle", "track", "row", what `summary` returns, "E_xy_ratio", "E_z_ratio": over the oracle's mean,
+    Returns: {"vehicle", "track", "row", what `summary` returns, "E_xy_ratio", "E_z_ratio": over the
+    oracle's mean,
         None where either is lost or did not fly [1]}.
     """
     cells, lines = Cells(records), []
@@ -54,7 +55,6 @@ def vehicles_printed(lines: list[dict], title: str) -> list[Table]:
 
     Args:
         lines: of `vehicle_table`.
-        title: what was flown.
     """
 
     def error(key: str):
@@ -74,7 +74,9 @@ def vehicles_printed(lines: list[dict], title: str) -> list[Table]:
         mine = [line for line in lines if line["vehicle"] == vehicle]
         blocks: dict[str, list[tuple]] = {}
         for track in dict.fromkeys(line["track"] for line in mine):
-            blocks[track] = tabulate("", [line for line in mine if line["track"] == track], columns)[2]
+            blocks[track] = tabulate(
+                "", [line for line in mine if line["track"] == track], columns
+            )[2]
         said = f"vehicle {vehicle}, mean and 95 % interval; {title}"
         tables.append(grouped(said, [header for header, _ in columns], blocks))
     return tables

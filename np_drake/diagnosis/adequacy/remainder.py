@@ -1,8 +1,10 @@
-"""What causes and calibration leave of the held-out gap beyond the noise: its share, its sizes, and whether it matters.
+"""What causes and calibration leave of the held-out gap beyond the noise: its share, its sizes, and
+whether it matters.
 
-One calculation gives all of it. The remainder is what held-out flights show above the noise of the training flights and
-slow errors of the attitude, and the structure in that noise that no effect explains. Its share of the gap has a
-posterior over blocks of time and over whether each structure is there.
+One calculation gives all of it. The remainder is what held-out flights show above the noise of the
+training flights and slow errors of the attitude, and the structure in that noise that no effect
+explains. Its share of the gap has a posterior over blocks of time and over whether each structure
+is there.
 """
 
 from collections.abc import Mapping, Sequence
@@ -26,29 +28,33 @@ FEWEST = 8  # least number of blocks; they are shorter in short flights; own cho
 DRAWS = 400  # of the posterior
 SEED = 1  # of its draws, and of the noise
 NOISES = 4  # draws of the noise of each flight
-# A remainder is material that exceeds the stated size, and in any case between these shares of the gap: less than the
-# first is nothing beside what is explained, more than the second is no explanation [1]. Source: own choice.
+# A remainder is material that exceeds the stated size, and in any case between these shares of the
+# gap: less than the first is nothing beside what is explained, more than the second is no
+# explanation [1]. Source: own choice.
 NOTHING, TOO_MUCH = 0.02, 0.2
 NEVER_LESS = 1e-6  # share that is left: that nothing is, no flight shows [1]
 SURE = 0.025  # quantile of the gap that is above the noise where there is one [1]
 
 
 def measure_remainder(
-    causes: Sequence[Cause], noise: NoiseModel, held: HeldOut, indications: Sequence[Indication], options: Options
+    causes: Sequence[Cause],
+    noise: NoiseModel,
+    held: HeldOut,
+    indications: Sequence[Indication],
+    options: Options,
 ) -> Remainder:
     """Return what causes and calibration leave of the gap on held-out flights.
 
     Args:
-        causes: of the diagnosis.
-        noise: noise model of the channels.
-        held: held-out flights under the fit.
         indications: of structure that no effect explains, whose power the noise model holds.
         options: hold the sizes from which a remainder matters, and how far attitudes drift.
     """
     flights, named = held.flights, {c.identifier for c in causes}
     before = {e.name: e.against_file for e in flights}
     after = {e.name: e.y - predicted_residual(e, held.kept(e.name, named)) for e in flights}
-    if GustyWind.identifier in named:  # whose slow force is explained, though no simulator foresees it
+    if (
+        GustyWind.identifier in named
+    ):  # whose slow force is explained, though no simulator foresees it
         for e in flights:
             after[e.name][:, FORCE] -= low_pass(after[e.name][:, FORCE], e.grid.step, BRIEF)
     rng = np.random.default_rng(SEED)
@@ -78,8 +84,11 @@ def measure_remainder(
     return Remainder(share, ci95, *now, was[2], probability)
 
 
-def share_and_probability(shares: np.ndarray, size: float) -> tuple[float, tuple[float, float], float]:
-    """Return the median share of a remainder, its 95 % interval, and the probability that it is material [1].
+def share_and_probability(
+    shares: np.ndarray, size: float
+) -> tuple[float, tuple[float, float], float]:
+    """Return the median share of a remainder, its 95 % interval, and the probability that it is
+    material [1].
 
     Args:
         shares: (n,) draws of its share of the gap [1].
@@ -99,7 +108,9 @@ def _draws(
     step: float,
     rng: np.random.Generator,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return draws (`DRAWS`,) of the power of the wrench, weighed by `scale` (6,), before and after: of blocks."""
+    """Return draws (`DRAWS`,) of the power of the wrench, weighed by `scale` (6,), before and
+    after: of blocks.
+    """
     size = max(1, min(round(BLOCK / step), sum(int(own.sum()) for own in rows.values()) // FEWEST))
     blocks = []
     for name, own in rows.items():
@@ -124,23 +135,32 @@ def _sizes(
     drift: np.ndarray,
     hidden: tuple[np.ndarray, float],
 ) -> tuple[float, float, float]:
-    """Return the RMS force [N] and torque [N·m] above the noise, and the RMS position error that both cause [m].
+    """Return the RMS force [N] and torque [N·m] above the noise, and the RMS position error that
+    both cause [m].
 
-    drift: (6,) power of slow sensor errors [N², (N·m)²].   hidden: that of structure that the noise model holds, and
-    its squared position error [m²].
+    drift: (6,) power of slow sensor errors [N², (N·m)²].
+    hidden: that of structure that the noise model holds, and its squared position error [m²].
     """
     every = np.concatenate([wrench[e.name][rows[e.name], WRENCH] for e in flights])
     power = np.maximum(np.mean(every**2, axis=0) - noise.rms[WRENCH] ** 2 - drift, 0.0) + hidden[0]
     rng, moved = np.random.default_rng(SEED), []
     for e in flights:
         whole = rows[e.name] | e.outliers  # which are interpolated
-        chance = [squared_position_errors(e, _noise_of(noise, len(e.t), rng), whole) for _ in range(NOISES)]
+        chance = [
+            squared_position_errors(e, _noise_of(noise, len(e.t), rng), whole)
+            for _ in range(NOISES)
+        ]
         moved += (
-            squared_position_errors(e, e.bridged(wrench[e.name])[:, WRENCH], whole) - np.mean(chance, axis=0)
+            squared_position_errors(e, e.bridged(wrench[e.name])[:, WRENCH], whole)
+            - np.mean(chance, axis=0)
         ).tolist()
     tilted = drift[FORCE].sum() * (HORIZON**2 / 2 / flights[0].vehicle.mass) ** 2
     further = max(float(np.mean(moved)) - tilted, 0.0) if moved else 0.0
-    return float(np.sqrt(power[FORCE].sum())), float(np.sqrt(power[TORQUE].sum())), float(np.sqrt(further + hidden[1]))
+    return (
+        float(np.sqrt(power[FORCE].sum())),
+        float(np.sqrt(power[TORQUE].sum())),
+        float(np.sqrt(further + hidden[1])),
+    )
 
 
 def _noise_of(noise: NoiseModel, rows: int, rng: np.random.Generator) -> np.ndarray:
@@ -148,7 +168,11 @@ def _noise_of(noise: NoiseModel, rows: int, rng: np.random.Generator) -> np.ndar
     active = np.flatnonzero(noise.active[WRENCH])
     mixing = noise.mixing[np.ix_(active, active)]
     memory = 2 * noise.phi.shape[1]
-    driven = np.linalg.solve(mixing, rng.normal(size=(len(active), rows + memory))) if len(active) else np.zeros((0, 0))
+    driven = (
+        np.linalg.solve(mixing, rng.normal(size=(len(active), rows + memory)))
+        if len(active)
+        else np.zeros((0, 0))
+    )
     out = np.zeros((rows, 6))
     for k, c in enumerate(active):
         out[:, c] = signal.lfilter([1.0], [1.0, *-noise.phi[c]], driven[k])[memory:]

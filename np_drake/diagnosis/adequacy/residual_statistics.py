@@ -9,8 +9,11 @@ from scipy import ndimage, signal
 from np_drake.diagnosis.residuals import FORCE, TORQUE, WRENCH, FlightResiduals, low_pass
 
 NEIGHBOURHOOD = 1.2  # of a line, to either side at most [Hz]
-OCTAVE = 2.0  # and at most this factor: slow noise is steep, and its level is another an octave away [1]
-LOBE = 4.0  # but at least so many over the flight's length, for a line of a short flight is wide itself [1]
+OCTAVE = (
+    2.0  # and at most this factor: slow noise is steep, and its level is another an octave away [1]
+)
+# but at least so many over the flight's length, for a line of a short flight is wide itself [1]
+LOBE = 4.0
 LOWEST, HIGHEST = 0.4, 15.0  # [Hz]
 SLOW = 1.0  # torque below it is compared with that in `MIDDLE` [Hz]
 MIDDLE = (4.0, 8.0)  # [Hz]
@@ -21,7 +24,9 @@ NORMAL = 1.4826  # deviations of a normal variate that its median size is, inver
 
 @dc.dataclass(frozen=True)
 class Line:
-    """The strongest line of a channel: frequency [Hz], power over the median of its neighbours [1], RMS [unit]."""
+    """The strongest line of a channel: frequency [Hz], power over the median of its neighbours [1],
+    RMS [unit].
+    """
 
     channel: int
     frequency: float
@@ -31,7 +36,9 @@ class Line:
 
 @dc.dataclass(frozen=True)
 class Burst:
-    """The largest deviation of a force from its median: axis, flight, time [s], size [N], and over noise's own [1]."""
+    """The largest deviation of a force from its median: axis, flight, time [s], size [N], and over
+    noise's own [1].
+    """
 
     axis: int
     flight: str
@@ -41,10 +48,10 @@ class Burst:
 
 
 def strongest_burst(flights: Sequence[FlightResiduals], residual: dict[str, np.ndarray]) -> Burst:
-    """Return the largest slow force, axis by axis, over its usual deviation by the median of all flights.
+    """Return the largest slow force, axis by axis, over its usual deviation by the median of all
+    flights.
 
     Args:
-        flights: the flights.
         residual: by flight, (m, 15) what a model leaves of it.
     """
     parts = []
@@ -60,18 +67,22 @@ def strongest_burst(flights: Sequence[FlightResiduals], residual: dict[str, np.n
     k = int(np.searchsorted(ends, row, side="right"))
     e, i = flights[k], int(row) - (int(ends[k - 1]) if k else 0)
     first = (len(e.t) - len(parts[k])) // 2
-    return Burst(int(axis), e.name, float(e.t[first + i]), float(every[row, axis]), float(ratio[row, axis]))
+    return Burst(
+        int(axis), e.name, float(e.t[first + i]), float(every[row, axis]), float(ratio[row, axis])
+    )
 
 
 def strongest_line(
-    flights: Sequence[FlightResiduals], residual: dict[str, np.ndarray], least: np.ndarray | None = None
+    flights: Sequence[FlightResiduals],
+    residual: dict[str, np.ndarray],
+    least: np.ndarray | None = None,
 ) -> Line:
     """Return the strongest line of force and torque in body axes, over all flights together.
 
-    It is the bin of the mean periodogram with the largest ratio to the median about it, material where one is.
+    It is the bin of the mean periodogram with the largest ratio to the median about it, material
+    where one is.
 
     Args:
-        flights: the flights.
         residual: by flight, (m, 15) what a model leaves of it.
         least: (6,) RMS of a material line [N, N·m]; default: any.
     """
@@ -81,7 +92,9 @@ def strongest_line(
     for e in flights:
         y = residual[e.name][:, WRENCH] - residual[e.name][:, WRENCH].mean(axis=0)
         window = signal.windows.hann(len(y))[:, None]
-        power += np.abs(np.fft.rfft(y * window, size, axis=0)) ** 2 / np.sum(window**2) / len(flights)
+        power += (
+            np.abs(np.fft.rfft(y * window, size, axis=0)) ** 2 / np.sum(window**2) / len(flights)
+        )
     frequency = np.fft.rfftfreq(size, 1 / rate)
     floor = _floor(power, frequency, LOBE / max(e.t[-1] - e.t[0] for e in flights))
     inside = (frequency > LOWEST) & (frequency < min(HIGHEST, 0.4 * rate))
@@ -93,7 +106,9 @@ def strongest_line(
 
 
 def _floor(power: np.ndarray, frequency: np.ndarray, lobe: float) -> np.ndarray:
-    """Return (f, 6) the median of the powers about every frequency; `lobe` the least distance to either side [Hz]."""
+    """Return (f, 6) the median of the powers about every frequency; `lobe` the least distance to
+    either side [Hz].
+    """
     down = np.maximum(lobe, np.minimum(NEIGHBOURHOOD, frequency * (1 - 1 / OCTAVE)))
     up = np.maximum(lobe, np.minimum(NEIGHBOURHOOD, frequency * (OCTAVE - 1)))
     first = np.searchsorted(frequency, frequency - down)
@@ -101,22 +116,29 @@ def _floor(power: np.ndarray, frequency: np.ndarray, lobe: float) -> np.ndarray:
     return np.stack([np.median(power[a:b], axis=0) for a, b in zip(first, last, strict=True)])
 
 
-def slow_torque(flights: Sequence[FlightResiduals], residual: dict[str, np.ndarray]) -> tuple[float, float, float, int]:
-    """Return the largest ratio over axes of slow torque to that of gyro noise [1], its share [1], RMS [N·m], and axis.
+def slow_torque(
+    flights: Sequence[FlightResiduals], residual: dict[str, np.ndarray]
+) -> tuple[float, float, float, int]:
+    """Return the largest ratio over axes of slow torque to that of gyro noise [1], its share [1],
+    RMS [N·m], and axis.
 
-    The share is of the slow torque of that axis before anything was explained. Differentiated white gyro noise, of a
-    power proportional to frequency squared, is known from the middle band; noise of rotor speed is white.
+    The share is of the slow torque of that axis before anything was explained. Differentiated white
+    gyro noise, of a power proportional to frequency squared, is known from the middle band; noise
+    of rotor speed is white.
 
     Args:
-        flights: the flights.
         residual: by flight, (m, 15) what a model leaves of it.
     """
     slow, middle, before = np.zeros(3), np.zeros(3), np.zeros(3)
     for e in flights:
         tau = residual[e.name][:, TORQUE] - residual[e.name][:, TORQUE].mean(axis=0)
-        inside = slice(round(1 / (SLOW * e.grid.step)), -round(1 / (SLOW * e.grid.step)))  # without filter edges
+        inside = slice(
+            round(1 / (SLOW * e.grid.step)), -round(1 / (SLOW * e.grid.step))
+        )  # without filter edges
         low = low_pass(tau, e.grid.step, SLOW)[inside]
-        band = (low_pass(tau, e.grid.step, MIDDLE[1]) - low_pass(tau, e.grid.step, MIDDLE[0]))[inside]
+        band = (low_pass(tau, e.grid.step, MIDDLE[1]) - low_pass(tau, e.grid.step, MIDDLE[0]))[
+            inside
+        ]
         first = e.y[:, TORQUE] - e.y[:, TORQUE].mean(axis=0)
         before += np.mean(low_pass(first, e.grid.step, SLOW)[inside] ** 2, axis=0)
         slow += np.mean(low**2, axis=0)

@@ -1,1 +1,3 @@
-"""Calibration: what a healthy vehicle differs by from its file, and flights from one another, in every model."""
+"""Calibration: what a healthy vehicle differs by from its file, and flights from one another, in
+every model.
+"""

@@ -18,19 +18,15 @@ from np_drake.effects.calibration import in_flight
 from np_drake.effects.inertia_error import InertiaError
 from np_drake.effects.random_sizes import arm
 
-# Smooth functions of velocity, attitude rate and thrust: what an airframe has and no effect of the library describes.
+# Smooth functions of velocity, attitude rate and thrust: what an airframe has and no effect of the
+# library describes.
 SMOOTH = ("rates", "side force", "velocity", "cross flow", "thrust curve", "command")
 FLATTEST = 0.98  # of the sum of two moments of inertia that the third may reach [1]
 PART = 0.2  # of a deviation at which a mass effect is differenced, as it is not quite linear [1]
 
 
 def columns_of(e: FlightResiduals, deviations: Sequence[Deviation]) -> np.ndarray:
-    """Return columns (m, 15, k) of all parameters of deviations, of one standard deviation each.
-
-    Args:
-        e: the flight.
-        deviations: of the vehicle or the flight.
-    """
+    """Return columns (m, 15, k) of all parameters of deviations, of one standard deviation each."""
     stages, out = StageCache(), []
     for d in deviations:
         parameters = {p.name: p for p in d.effect.parameters}
@@ -44,24 +40,18 @@ def columns_of(e: FlightResiduals, deviations: Sequence[Deviation]) -> np.ndarra
     return np.stack(out, axis=-1) if out else np.zeros((*e.y.shape, 0))
 
 
-def nuisance_of(flights: Sequence[FlightResiduals], tolerance: Tolerance, priors: Priors) -> list[Candidate]:
-    """Return all that every model holds, as columns with prior N(0, 1).
-
-    Args:
-        flights: the flights.
-        tolerance: of vehicle file and sensors.
-        priors: hold the size of smooth functions.
-    """
+def nuisance_of(
+    flights: Sequence[FlightResiduals], tolerance: Tolerance, priors: Priors
+) -> list[Candidate]:
+    """Return all that every model holds, as columns with prior N(0, 1)."""
     return [*calibration(flights, tolerance), *calibration_columns(flights, tolerance, priors)]
 
 
-def calibration_columns(flights: Sequence[FlightResiduals], tolerance: Tolerance, priors: Priors) -> list[Candidate]:
-    """Return what flights differ by, and what an unmeasured vehicle and its airframe differ by from the file.
-
-    Args:
-        flights: the flights.
-        tolerance: of vehicle file and sensors.
-        priors: hold the size of smooth functions.
+def calibration_columns(
+    flights: Sequence[FlightResiduals], tolerance: Tolerance, priors: Priors
+) -> list[Candidate]:
+    """Return what flights differ by, and what an unmeasured vehicle and its airframe differ by from
+    the file.
     """
     errors = flight_errors(flights, tolerance)
     return [
@@ -76,28 +66,31 @@ def calibration_columns(flights: Sequence[FlightResiduals], tolerance: Tolerance
 def vehicle_columns(
     flights: Sequence[FlightResiduals], tolerance: Tolerance, priors: Priors
 ) -> list[Callable[[FlightResiduals], np.ndarray]]:
-    """Return functions that give the columns (m, 15, k) of any flight for what the vehicle and its airframe differ by.
-
-    Args:
-        flights: some of its flights.
-        tolerance: of vehicle file and sensors.
-        priors: hold the size of smooth functions.
+    """Return functions that give the columns (m, 15, k) of any flight for what the vehicle and its
+    airframe differ by.
     """
     shared = of_vehicle(flights[0], tolerance)
     if not shared:
         return []
-    groups = [c for c in generic_candidates(flights, priors) if c.identifiers[0].removeprefix(PREFIX) in SMOOTH]
+    groups = [
+        c
+        for c in generic_candidates(flights, priors)
+        if c.identifiers[0].removeprefix(PREFIX) in SMOOTH
+    ]
 
-    # A force in proportion to the velocity along the same axis is linear drag, an effect; unless it does not grow with
-    # rotor speed as that does.
+    # A force in proportion to the velocity along the same axis is linear drag, an effect; unless it
+    # does not grow with rotor speed as that does.
     drags = [np.zeros(c.size, bool) for c in groups]
     for c, own in zip(groups, drags, strict=True):
         if c.identifiers == (f"{PREFIX}velocity",):
             own[[7 * axis for axis in range(3)]] = True
     own_axis = np.concatenate(drags)
-    # Beyond the usual motion a function of it stays within its prior, so that it does not grow with speed cubed.
+    # Beyond the usual motion a function of it stays within its prior, so that it does not grow with
+    # speed cubed.
     weight, span = flights[0].weight, arm(flights[0].vehicle)
-    usual = priors.generic_size * weight * np.array([1.0, 1.0, 1.0, 0.3 * span, 0.3 * span, 0.1 * span])
+    usual = (
+        priors.generic_size * weight * np.array([1.0, 1.0, 1.0, 0.3 * span, 0.3 * span, 0.1 * span])
+    )
     flown = np.concatenate([_smooth(groups, e)[:, WRENCH] for e in flights]) / usual[:, None]
     most = np.maximum(1.0, np.sqrt(np.mean(np.sum(flown**2, axis=1), axis=0)))
 
@@ -114,11 +107,8 @@ def vehicle_columns(
 
 
 def thrust_axis_columns(e: FlightResiduals, spread: Spread = SPREAD) -> np.ndarray:
-    """Return columns (m, 15, 2) of thrust that leans to x and y in the axes of the accelerometer.
-
-    Args:
-        e: the flight.
-        spread: of healthy vehicles.
+    """Return columns (m, 15, 2) of thrust that leans to x and y in the axes of the
+    accelerometer.
     """
     out = np.zeros((*e.y.shape, 2))
     out[:, 0, 0] = out[:, 1, 1] = spread.mounting * e.nominal[:, 2]
@@ -131,7 +121,9 @@ def _smooth(groups: Sequence[Candidate], e: FlightResiduals) -> np.ndarray:
 
 
 def with_fixed_effects(flight: FlightResiduals) -> FlightResiduals:
-    """Return the flight against the vehicle with the calibration of its file: its part that is not in the rotors."""
+    """Return the flight against the vehicle with the calibration of its file: its part that is not
+    in the rotors.
+    """
     fixed = tuple(e for e in in_flight(flight.vehicle) if not isinstance(e, ActuatorEffect))
     given = predicted_residual(flight, [Term(effect) for effect in fixed])
     wrench, y = given[:, WRENCH], flight.known(flight.y - given)
@@ -139,17 +131,16 @@ def with_fixed_effects(flight: FlightResiduals) -> FlightResiduals:
 
 
 def calibration_effects(fit: Fit, e: FlightResiduals, tolerance: Tolerance) -> list[Effect]:
-    """Return the effects of the vehicle's calibration, without those of sensors, for a simulator.
-
-    Args:
-        fit: to training flights.
-        e: one of its flights.
-        tolerance: of vehicle file and sensors.
+    """Return the effects of the vehicle's calibration, without those of sensors, for a
+    simulator.
     """
-    found: list[Effect] = [t.effect for t in fit.calibration if isinstance(t.effect, ActuatorEffect | MassEffect)]
+    found: list[Effect] = [
+        t.effect for t in fit.calibration if isinstance(t.effect, ActuatorEffect | MassEffect)
+    ]
     if not fit.calibrated:
         return found
-    # A share of all torque is shown as if the inertia were larger, by as much as a rigid body can have it.
+    # A share of all torque is shown as if the inertia were larger, by as much as a rigid body can
+    # have it.
     moments = e.vehicle.J.diagonal() / e.torque_gain
     moments = np.minimum(moments, FLATTEST * (moments.sum() - moments))
     found.append(InertiaError(*(moments / e.vehicle.J.diagonal())))
@@ -169,29 +160,21 @@ def calibration_effects(fit: Fit, e: FlightResiduals, tolerance: Tolerance) -> l
 
 
 def flight_errors(flights: Sequence[FlightResiduals], tolerance: Tolerance) -> list[Candidate]:
-    """Return what every flight differs by, a candidate a flight; none for ideal sensors.
-
-    Args:
-        flights: the flights.
-        tolerance: of vehicle file and sensors.
-    """
+    """Return what every flight differs by, a candidate a flight; none for ideal sensors."""
     if not tolerance.real:
         return []
     found = []
     for e in flights:
         own = errors_of(e, tolerance)
-        nothing = {other.name: np.broadcast_to(0.0, (*other.y.shape, own.shape[-1])) for other in flights}
+        nothing = {
+            other.name: np.broadcast_to(0.0, (*other.y.shape, own.shape[-1])) for other in flights
+        }
         found.append(Candidate((), LINEAR, {**nothing, e.name: own}, lambda c: []))
     return found
 
 
 def errors_of(e: FlightResiduals, tolerance: Tolerance) -> np.ndarray:
-    """Return columns (m, 15, k) of what a flight differs by from others of its vehicle.
-
-    Args:
-        e: the flight.
-        tolerance: of vehicle file and sensors.
-    """
+    """Return columns (m, 15, k) of what a flight differs by from others of its vehicle."""
     constant = columns_of(e, of_flight(e, tolerance))
     if not tolerance.unmeasured:
         return constant
@@ -199,20 +182,20 @@ def errors_of(e: FlightResiduals, tolerance: Tolerance) -> np.ndarray:
 
 
 def drift_columns(e: FlightResiduals, spread: Spread = SPREAD) -> np.ndarray:
-    """Return columns (m, 15, 6 k) of slow changes of each channel of the wrench: hats between k knots.
+    """Return columns (m, 15, 6 k) of slow changes of each channel of the wrench: hats between k
+    knots.
 
-    Attitude and gyro drift, a battery sags and warms, trim changes: slower than the noise model remembers.
-
-    Args:
-        e: the flight.
-        spread: of flights.
+    Attitude and gyro drift, a battery sags and warms, trim changes: slower than the noise model
+    remembers.
     """
     count = max(2, round((e.t[-1] - e.t[0]) / spread.drift_time) + 1)
     knots = np.linspace(e.t[0], e.t[-1], count)
     hats = np.stack([np.interp(e.t, knots, unit) for unit in np.eye(count)], axis=1)
     moment = spread.torque_drift * e.weight * arm(e.vehicle)
     level = spread.tilt_drift * e.weight
-    thrust = spread.known_sag * spread.drift_time * e.weight  # as much as a battery sags from knot to knot
+    thrust = (
+        spread.known_sag * spread.drift_time * e.weight
+    )  # as much as a battery sags from knot to knot
     size = (level, level, thrust, moment, moment, spread.yaw_drift * moment)
     out = np.zeros((*e.y.shape, 6 * count))
     for channel in range(6):

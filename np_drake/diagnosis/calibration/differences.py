@@ -1,4 +1,6 @@
-"""What the calibration of the best fit says: how the vehicle differs from its file, and a flight from its vehicle."""
+"""What the calibration of the best fit says: how the vehicle differs from its file, and a flight
+from its vehicle.
+"""
 
 import dataclasses as dc
 from collections.abc import Iterator, Mapping, Sequence
@@ -7,7 +9,13 @@ from types import MappingProxyType
 import numpy as np
 
 from np_drake.diagnosis.calibration.columns import drift_columns
-from np_drake.diagnosis.calibration.spread import SURE, Deviation, of_flight, of_vehicle, parameter_names
+from np_drake.diagnosis.calibration.spread import (
+    SURE,
+    Deviation,
+    of_flight,
+    of_vehicle,
+    parameter_names,
+)
 from np_drake.diagnosis.fitting import Fit
 from np_drake.diagnosis.fitting.map_estimate import LinearPart
 from np_drake.diagnosis.options import SPREAD, Tolerance
@@ -22,17 +30,17 @@ from np_drake.files.number_text import departure_unit, measure, number, with_sig
 from np_drake.logs.throttle_input import hover_exponent
 
 AXES = 2  # last columns of the airframe: thrust that leans to x and y
-HARDLY = 0.25  # half of an interval over the value, above which an exponent is hardly told [1]; own choice
+# half of an interval over the value, above which an exponent is hardly told [1]; own choice
+HARDLY = 0.25
 
 
-def differences(fit: Fit, flights: Sequence[FlightResiduals], tolerance: Tolerance) -> tuple[Difference, ...]:
-    """Return what an unmeasured vehicle and its flights differ by, the largest in standard deviations first.
-
-    Args:
-        fit: to the flights.
-        flights: of the fit.
-        tolerance: of vehicle file and sensors.
-    Returns: where the file describes the vehicle that flew, the map of its throttle alone, if that is the input.
+def differences(
+    fit: Fit, flights: Sequence[FlightResiduals], tolerance: Tolerance
+) -> tuple[Difference, ...]:
+    """Return what an unmeasured vehicle and its flights differ by, the largest in standard
+    deviations first.
+    Returns: where the file describes the vehicle that flew, the map of its throttle alone, if that
+        is the input.
     """
     of_throttle = _throttle_map(fit, flights[0])
     if not tolerance.unmeasured:
@@ -57,7 +65,15 @@ def _of_file(fit: Fit, e: FlightResiduals, tolerance: Tolerance) -> Iterator[Dif
                 continue
             sigma = _deviation_of(fit, i, p.name)
             value = getattr(term.effect, p.name) - p.neutral
-            yield _difference(f"{term.effect.identifier}.{p.name}", type(term.effect), p, {}, value, sigma, deviation)
+            yield _difference(
+                f"{term.effect.identifier}.{p.name}",
+                type(term.effect),
+                p,
+                {},
+                value,
+                sigma,
+                deviation,
+            )
 
 
 def _deviation_of(fit: Fit, i: int, name: str) -> float:
@@ -67,62 +83,111 @@ def _deviation_of(fit: Fit, i: int, name: str) -> float:
 
 
 def _throttle_map(fit: Fit, e: FlightResiduals) -> list[Difference]:
-    """Return the power of throttle with which thrust goes, over that of the nominal map; none of another input."""
+    """Return the power of throttle with which thrust goes, over that of the nominal map; none of
+    another input.
+    """
     found = []
     for i, term in enumerate(fit.calibration):
         if isinstance(term.effect, ThrottleCurve):
             nominal = hover_exponent(e.vehicle)
-            value, half = nominal * (1 + term.effect.curve), SURE * nominal * _deviation_of(fit, i, "curve")
+            value, half = (
+                nominal * (1 + term.effect.curve),
+                SURE * nominal * _deviation_of(fit, i, "curve"),
+            )
             told = f"thrust goes with the power {number(value, 3)} of throttle"
-            text = told if half < HARDLY * value else "the power of throttle in thrust is hardly told"
+            text = (
+                told if half < HARDLY * value else "the power of throttle in thrust is hardly told"
+            )
             ci95 = (value - nominal - half, value - nominal + half)
-            found.append(Difference("throttle_curve.curve", text, value - nominal, "1", THROTTLE_CURVE * nominal, ci95))
+            found.append(
+                Difference(
+                    "throttle_curve.curve",
+                    text,
+                    value - nominal,
+                    "1",
+                    THROTTLE_CURVE * nominal,
+                    ci95,
+                )
+            )
     return found
 
 
 def _of_parameters(
-    part: LinearPart, deviations: Sequence[Deviation], share: Mapping[str, float] = MappingProxyType({})
+    part: LinearPart,
+    deviations: Sequence[Deviation],
+    share: Mapping[str, float] = MappingProxyType({}),
 ) -> list[Difference]:
-    """Return the parameters of deviations; the lags of rotors, which each act by a share, as one."""
+    """Return the parameters of deviations; the lags of rotors, which each act by a share, as
+    one.
+    """
     lags = [d for d in deviations if d.at_value]
     names, found, k = parameter_names(list(deviations)), [], 0
     for d in deviations:
         parameters = {p.name: p for p in d.effect.parameters}
         for name, deviation in d.deviation.items():
             if not d.at_value:
-                value, sigma = part.coefficients[k] * deviation, np.sqrt(part.covariance[k, k]) * deviation
+                value, sigma = (
+                    part.coefficients[k] * deviation,
+                    np.sqrt(part.covariance[k, k]) * deviation,
+                )
                 if d.effect is MixerGain:  # of the share of torque that the motion shows
                     value, sigma = share[name] * (1.0 + value) - 1.0, share[name] * sigma
-                found.append(_difference(names[k], d.effect, parameters[name], d.fixed, value, sigma, deviation))
+                found.append(
+                    _difference(
+                        names[k], d.effect, parameters[name], d.fixed, value, sigma, deviation
+                    )
+                )
             k += 1
     if lags:
         own = slice(k - len(lags), k)
         time = np.array([next(iter(d.deviation.values())) for d in lags])
-        value, sigma = part.coefficients[own] @ time, np.sqrt(time @ part.covariance[own, own] @ time)
+        value, sigma = (
+            part.coefficients[own] @ time,
+            np.sqrt(time @ part.covariance[own, own] @ time),
+        )
         effect, norm = lags[0].effect, float(np.linalg.norm(time))
         found.append(_difference(names[-1], effect, effect.parameters[0], {}, value, sigma, norm))
     return found
 
 
 def _of_airframe(part: LinearPart, flights: Sequence[FlightResiduals]) -> list[Difference]:
-    """Return how thrust leans, and the RMS of what goes smoothly with velocity, body rate and thrust."""
+    """Return how thrust leans, and the RMS of what goes smoothly with velocity, body rate and
+    thrust.
+    """
     assert part.columns is not None
     found = []
-    for k, (more, less) in enumerate((("ahead", "back"), ("to the left", "to the right")), start=-AXES):
-        value, sigma = (SPREAD.mounting * v for v in (part.coefficients[k], np.sqrt(part.covariance[k, k])))
-        p = Parameter(
-            "xy"[k], "rad", 0.0, -1.0, 1.0, 1.0, departure=f"thrust leans {{size}} {more}|thrust leans {{size}} {less}"
+    for k, (more, less) in enumerate(
+        (("ahead", "back"), ("to the left", "to the right")), start=-AXES
+    ):
+        value, sigma = (
+            SPREAD.mounting * v for v in (part.coefficients[k], np.sqrt(part.covariance[k, k]))
         )
-        found.append(_difference(f"thrust_axis.{p.name}", Effect, p, {}, value, sigma, SPREAD.mounting))
+        p = Parameter(
+            "xy"[k],
+            "rad",
+            0.0,
+            -1.0,
+            1.0,
+            1.0,
+            departure=f"thrust leans {{size}} {more}|thrust leans {{size}} {less}",
+        )
+        found.append(
+            _difference(f"thrust_axis.{p.name}", Effect, p, {}, value, sigma, SPREAD.mounting)
+        )
     columns = np.concatenate([part.columns(e)[..., :-AXES] for e in flights])
     text = "airframe: {kind} of {size} RMS that goes with velocity, body rate and thrust"
-    return [*found, *_root_mean_square("airframe", text, {"": (columns, part.coefficients[:-AXES])})]
+    return [
+        *found,
+        *_root_mean_square("airframe", text, {"": (columns, part.coefficients[:-AXES])}),
+    ]
 
 
 def _of_flights(
     parts: Mapping[str, LinearPart], flights: Sequence[FlightResiduals], tolerance: Tolerance
 ) -> list[Difference]:
-    """Return what flights differ by, each parameter with its value in every flight and the words of the largest."""
+    """Return what flights differ by, each parameter with its value in every flight and the words of
+    the largest.
+    """
     each: dict[str, dict[str, Difference]] = {}
     drift = {}
     for e in flights:
@@ -131,7 +196,10 @@ def _of_flights(
             each.setdefault(d.name, {})[e.name] = d
         columns = drift_columns(e)
         drift[e.name] = columns, parts[e.name].coefficients[-columns.shape[-1] :]
-    return [*map(_largest, each.values()), *_root_mean_square("drift", "{kind} that drifts by {size} RMS", drift)]
+    return [
+        *map(_largest, each.values()),
+        *_root_mean_square("drift", "{kind} that drifts by {size} RMS", drift),
+    ]
 
 
 def _largest(of: Mapping[str, Difference]) -> Difference:
@@ -140,8 +208,12 @@ def _largest(of: Mapping[str, Difference]) -> Difference:
     return dc.replace(of[name], text=f"{of[name].text} in {name}", by_flight=values)
 
 
-def _root_mean_square(name: str, text: str, parts: Mapping[str, tuple[np.ndarray, np.ndarray]]) -> list[Difference]:
-    """Return the RMS force and torque of columns with their coefficients, and what it is under their prior."""
+def _root_mean_square(
+    name: str, text: str, parts: Mapping[str, tuple[np.ndarray, np.ndarray]]
+) -> list[Difference]:
+    """Return the RMS force and torque of columns with their coefficients, and what it is under
+    their prior.
+    """
     found = []
     for kind, channels, unit in (("force", FORCE, "N"), ("torque", TORQUE, "N·m")):
         of = {}
@@ -170,6 +242,8 @@ def _difference(
     factor, shown = departure_unit(unit)
     size = measure(factor * abs(value), shown)
     words = less if less and value < 0 else more
-    text = words.format(size=size, signed=with_sign(size, value), **{n: f"{v:g}" for n, v in fixed.items()})
+    text = words.format(
+        size=size, signed=with_sign(size, value), **{n: f"{v:g}" for n, v in fixed.items()}
+    )
     ci95 = (float(value - SURE * sigma), float(value + SURE * sigma))
     return Difference(name, text, float(value), unit or "1", float(deviation), ci95)

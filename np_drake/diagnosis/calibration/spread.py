@@ -1,7 +1,7 @@
 """Documented spread of healthy vehicles about their file, and of flights about their vehicle.
 
-Every figure is a standard deviation that is part of each model of an unmeasured vehicle: calibration, and no cause.
-Lengths count in mean arms, moments in weight times arm.
+Every figure is a standard deviation that is part of each model of an unmeasured vehicle:
+calibration, and no cause. Lengths count in mean arms, moments in weight times arm.
 """
 
 import dataclasses as dc
@@ -33,9 +33,9 @@ from np_drake.effects.translational_lift import TranslationalLift
 from np_drake.effects.velocity_bias import VelocityBias
 from np_drake.effects.weak_rotor import WeakRotor
 from np_drake.logs.throttle_input import VOLTAGE_SCATTER, voltage_of
-from np_drake.published_vehicles import published_priors
 from np_drake.vehicle import Vehicle
-from np_drake.vehicle_sources import part
+from np_drake.vehicle.published import published_priors
+from np_drake.vehicle.sources import part
 
 ROTORS = (1.0, 2.0, 3.0, 4.0)
 SURE = 1.96  # half of a 95 % interval over its standard deviation [1]
@@ -46,7 +46,8 @@ LEAST = 1e-3  # of a stated deviation over that of healthy vehicles [1]
 class Deviation:
     """Standard deviations of parameters of an effect, by name [SI]; `fixed` ones have a value.
 
-    at_value: the deviation is that of a coefficient of the effect at these values, which is not linear.
+    at_value: the deviation is that of a coefficient of the effect at these values, which is not
+    linear.
     """
 
     effect: type[Effect]
@@ -55,15 +56,14 @@ class Deviation:
     at_value: bool = False
 
 
-def of_vehicle(e: FlightResiduals, tolerance: Tolerance, spread: Spread = SPREAD) -> list[Deviation]:
-    """Return by what a healthy vehicle differs from its file; nothing where the file describes the vehicle that flew.
+def of_vehicle(
+    e: FlightResiduals, tolerance: Tolerance, spread: Spread = SPREAD
+) -> list[Deviation]:
+    """Return by what a healthy vehicle differs from its file; nothing where the file describes the
+    vehicle that flew.
 
-    Of a number of its calibration for which the file states an interval, the deviation is that of the interval.
-
-    Args:
-        e: one of its flights.
-        tolerance: of vehicle file and sensors.
-        spread: of healthy vehicles.
+    Of a number of its calibration for which the file states an interval, the deviation is that of
+    the interval.
     """
     if not tolerance.unmeasured:
         return []
@@ -74,11 +74,16 @@ def of_vehicle(e: FlightResiduals, tolerance: Tolerance, spread: Spread = SPREAD
     gains = zip(ROTORS, _stated(vehicle, "rotor_gains", [spread.rotor_gain] * 4), strict=True)
     level, height = spread.center_of_mass * span, spread.center_of_mass_height * span
     (rotor,) = _stated(vehicle, "rotor_inertia", [rotor])
-    (clock,) = _stated(vehicle, "clock_offset", [spread.rotor_speed_time if measured else spread.command_time])
+    (clock,) = _stated(
+        vehicle, "clock_offset", [spread.rotor_speed_time if measured else spread.command_time]
+    )
     tilt = _stated(vehicle, "imu_tilt", [spread.mounting] * 3)
     found = [
         *(Deviation(WeakRotor, {"efficiency": gain}, {"rotor": i}) for i, gain in gains),
-        Deviation(CenterOfMassOffset, _by("xyz", _stated(vehicle, "center_of_mass", [level, level, height]))),
+        Deviation(
+            CenterOfMassOffset,
+            _by("xyz", _stated(vehicle, "center_of_mass", [level, level, height])),
+        ),
         Deviation(MixerGain, dict.fromkeys(("roll", "pitch", "yaw"), spread.torque_gain)),
         Deviation(BladeFlapping, {"moment": moment}),
         Deviation(TranslationalLift, {"lift": spread.lift * mass}),
@@ -101,22 +106,24 @@ def of_vehicle(e: FlightResiduals, tolerance: Tolerance, spread: Spread = SPREAD
 
 
 def _stated(vehicle: Vehicle, field: str, healthy: list[float]) -> list[float]:
-    """Return the standard deviations of the numbers of a field of the calibration: as stated, else of healthy ones."""
+    """Return the standard deviations of the numbers of a field of the calibration: as stated, else
+    of healthy ones.
+    """
     name, said = f"calibration.{field}", vehicle.intervals
     every = [said.get(part(name, i)) or said.get(name, [])[i : i + 1] for i in range(len(healthy))]
     halves = ([0.5 * (high - low) for low, high in pairs] for pairs in every)
-    return [max(*half, LEAST * usual) / SURE if half else usual for half, usual in zip(halves, healthy, strict=True)]
+    return [
+        max(*half, LEAST * usual) / SURE if half else usual
+        for half, usual in zip(halves, healthy, strict=True)
+    ]
 
 
 def calibrated_alone(e: FlightResiduals, tolerance: Tolerance) -> set[str]:
-    """Return the effects that are calibration whatever their size, and causes only where they begin in flight.
+    """Return the effects that are calibration whatever their size, and causes only where they begin
+    in flight.
 
-    A mass, where the scale of a throttle's map takes its place; of an unmeasured vehicle sensors, torque gains, inertia
-    and times of commands.
-
-    Args:
-        e: a flight.
-        tolerance: of vehicle file and sensors.
+    A mass, where the scale of a throttle's map takes its place; of an unmeasured vehicle sensors,
+    torque gains, inertia and times of commands.
     """
     mass = {MassError.identifier} if e.log.input == "normalised" else set[str]()
     if not tolerance.unmeasured:
@@ -129,23 +136,29 @@ def calibrated_alone(e: FlightResiduals, tolerance: Tolerance) -> set[str]:
         | {
             d.effect.identifier
             for d in every
-            if d.effect.place == "measurement" or d.effect.role == "mixer" or d.effect.shifts_commands
+            if d.effect.place == "measurement"
+            or d.effect.role == "mixer"
+            or d.effect.shifts_commands
         }
     )
 
 
 def of_flight(e: FlightResiduals, tolerance: Tolerance, spread: Spread = SPREAD) -> list[Deviation]:
-    """Return by what a flight differs from the others of its vehicle: sensors, and for an unmeasured vehicle trim.
-
-    Args:
-        e: the flight.
-        tolerance: of vehicle file and sensors.
-        spread: of healthy vehicles.
+    """Return by what a flight differs from the others of its vehicle: sensors, and for an
+    unmeasured vehicle trim.
     """
-    least = spread if tolerance.unmeasured else Spread(tilt=0.0, gyro=0.0, velocity=0.0, accelerometer=0.0)
+    least = (
+        spread
+        if tolerance.unmeasured
+        else Spread(tilt=0.0, gyro=0.0, velocity=0.0, accelerometer=0.0)
+    )
     tilt = max(tolerance.attitude, least.tilt)
     found = [
-        *([] if e.log.a is None else [_axes(AccelerometerBias, max(tolerance.acceleration, least.accelerometer))]),
+        *(
+            []
+            if e.log.a is None
+            else [_axes(AccelerometerBias, max(tolerance.acceleration, least.accelerometer))]
+        ),
         Deviation(AttitudeBias, dict.fromkeys(("roll", "pitch", "yaw"), tilt)),
         _axes(GyroBias, max(tolerance.rate, least.gyro)),
         _axes(VelocityBias, max(tolerance.velocity, least.velocity)),
@@ -160,11 +173,8 @@ def of_flight(e: FlightResiduals, tolerance: Tolerance, spread: Spread = SPREAD)
 
 
 def of_battery(e: FlightResiduals, spread: Spread = SPREAD) -> list[Deviation]:
-    """Return by what thrust over throttle differs from that of other flights, as the battery does; else nothing.
-
-    Args:
-        e: the flight.
-        spread: of flights.
+    """Return by what thrust over throttle differs from that of other flights, as the battery does;
+    else nothing.
     """
     if e.log.input != "normalised":
         return []

@@ -1,7 +1,9 @@
-"""Share of the rotors' torque to which the motion responds: calibration that comes before everything else.
+"""Share of the rotors' torque to which the motion responds: calibration that comes before
+everything else.
 
-Controllers run faster than logs: of logged torque the motion may show a small part. J dw/dt = gain (torque of rotors
-and effects) holds for both. Torque that trims a moment of the air or of a payload does not count: effects explain it.
+Controllers run faster than logs: of logged torque the motion may show a small part. J dw/dt = gain
+(torque of rotors and effects) holds for both. Torque that trims a moment of the air or of a payload
+does not count: effects explain it.
 """
 
 import dataclasses as dc
@@ -19,10 +21,13 @@ LEAST = 0.02  # so that calibration still has a torque to scale [1]
 
 
 def torque_gain(flights: Sequence[FlightResiduals]) -> np.ndarray:
-    """Return (3,) the share of the rotors' torque about each axis to which the motion of all flights responds [1].
+    """Return (3,) the share of the rotors' torque about each axis to which the motion of all
+    flights responds [1].
 
-    It is the RMS of the change of the motion's torque that lagged rotor torque predicts, over that of rotor torque.
-    Source: least squares, whose gain is the conditional mean given a noisy regressor, beside moments of air and load.
+    It is the RMS of the change of the motion's torque that lagged rotor torque predicts, over that
+    of rotor torque.
+    Source: least squares, whose gain is the conditional mean given a noisy regressor, beside
+        moments of air and load.
     """
     gain = np.ones(3)
     for axis in range(3):
@@ -36,7 +41,8 @@ def torque_gain(flights: Sequence[FlightResiduals]) -> np.ndarray:
 
 
 def _lagged(e: FlightResiduals, axis: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return rotor torque about an axis at all lags (m, k), and the torque of the motion (m,) [N·m].
+    """Return rotor torque about an axis at all lags (m, k), and the torque of the motion (m,)
+    [N·m].
 
     Both as changes, and without what goes with the changes of velocity, thrust and residual force.
     """
@@ -54,10 +60,10 @@ def _lagged(e: FlightResiduals, axis: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def with_torque_gain(flights: Sequence[FlightResiduals], gain: np.ndarray) -> list[FlightResiduals]:
-    """Return flights whose motion shows that share of all torque: that of the rotors, and that of any effect.
+    """Return flights whose motion shows that share of all torque: that of the rotors, and that of
+    any effect.
 
     Args:
-        flights: as logged.
         gain: (3,) by `torque_gain` [1].
     """
     found = []

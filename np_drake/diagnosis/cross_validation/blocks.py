@@ -1,7 +1,8 @@
 """Blocks of time of whitened flights, and robust log scores of their prediction by a linear model.
 
-y = X c + n with c ~ N(0, 1), n white. A block of N values whose own noise level is uncertain is predicted by a Student
-t density of `DEGREES` degrees of freedom, so that no block counts for more than it tells.
+y = X c + n with c ~ N(0, 1), n white. A block of N values whose own noise level is uncertain is
+predicted by a Student t density of `DEGREES` degrees of freedom, so that no block counts for more
+than it tells.
 Source: prequential analysis (Dawid 1984); multivariate t density.
 """
 
@@ -20,7 +21,9 @@ DEGREES = 8.0  # of freedom of the noise level of a block [1]
 
 @dc.dataclass(frozen=True)
 class Block:
-    """Gram matrix (k + 1, k + 1) of columns and target in a block of a flight, and the number of its values."""
+    """Gram matrix (k + 1, k + 1) of columns and target in a block of a flight, and the number of
+    its values.
+    """
 
     gram: np.ndarray
     values: int
@@ -40,40 +43,48 @@ class Blocks:
         return self.parts[0].gram.shape[0] - 1 - self.shared
 
     def of_others(self, shared: np.ndarray, own: np.ndarray) -> np.ndarray:
-        """Return the Gram matrix (k + 1, k + 1) of shared columns and target, those of the flight integrated out.
+        """Return the Gram matrix (k + 1, k + 1) of shared columns and target, those of the flight
+        integrated out.
 
         Args:
             shared: (k,) indices of shared columns.
-            own: indices among the columns of the flight.
         """
         total = np.sum([part.gram for part in self.parts], axis=0)
         kept, gone = np.append(shared, -1), self.shared + own
-        factor = linalg.cholesky(total[np.ix_(gone, gone)] + np.eye(len(gone)), lower=True, check_finite=False)
-        B = linalg.solve_triangular(factor, total[np.ix_(gone, kept)], lower=True, check_finite=False)
+        factor = linalg.cholesky(
+            total[np.ix_(gone, gone)] + np.eye(len(gone)), lower=True, check_finite=False
+        )
+        B = linalg.solve_triangular(
+            factor, total[np.ix_(gone, kept)], lower=True, check_finite=False
+        )
         return total[np.ix_(kept, kept)] - B.T @ B
 
 
-def blocks_of(e: FlightResiduals, noise: NoiseModel, shared: np.ndarray, own: np.ndarray, target: np.ndarray) -> Blocks:
+def blocks_of(
+    e: FlightResiduals, noise: NoiseModel, shared: np.ndarray, own: np.ndarray, target: np.ndarray
+) -> Blocks:
     """Return the blocks of a flight.
 
     Args:
-        e: the flight.
-        noise: noise model that whitens.
         shared: (m, 15, k) columns of all flights, in units of their prior.
         own: (m, 15, k') those of this flight.
         target: (m, 15) channels.
     """
-    white = e.white(noise, np.concatenate([shared, own, target[..., None]], axis=-1))[:, noise.active]
+    white = e.white(noise, np.concatenate([shared, own, target[..., None]], axis=-1))[
+        :, noise.active
+    ]
     count = max(1, round(len(white) * e.grid.step / LENGTH))
     parts = [part.reshape(-1, part.shape[-1]) for part in np.array_split(white, count) if len(part)]
     return Blocks(e.name, [Block(part.T @ part, len(part)) for part in parts], shared.shape[-1])
 
 
-def scores(following: Blocks, known: Sequence[np.ndarray], shared: np.ndarray, own: np.ndarray) -> np.ndarray:
-    """Return the log score (n,) of each block of a flight, predicted from other flights and the blocks before it [nat].
+def scores(
+    following: Blocks, known: Sequence[np.ndarray], shared: np.ndarray, own: np.ndarray
+) -> np.ndarray:
+    """Return the log score (n,) of each block of a flight, predicted from other flights and the
+    blocks before it [nat].
 
     Args:
-        following: blocks of the flight.
         known: Gram matrices of other flights (`Blocks.of_others`) of the same shared columns.
         shared: (k,) indices of shared columns.
         own: (k',) indices among the columns of the flight.
@@ -89,8 +100,8 @@ def scores(following: Blocks, known: Sequence[np.ndarray], shared: np.ndarray, o
     for block in following.parts:
         total = total + block.gram[at]
         after = _fitted(total)
-        # Of a Gaussian y = X c + n: the quadratic form and the determinant of a prediction are differences of those of
-        # all that is known after and before it.
+        # Of a Gaussian y = X c + n: the quadratic form and the determinant of a prediction are
+        # differences of those of all that is known after and before it.
         square, logdet = after[0] - before[0], after[1] - before[1]
         n = block.values
         found.append(-0.5 * logdet - 0.5 * (DEGREES + n) * np.log1p(max(square, 0.0) / DEGREES))
@@ -99,7 +110,9 @@ def scores(following: Blocks, known: Sequence[np.ndarray], shared: np.ndarray, o
 
 
 def _fitted(gram: np.ndarray) -> tuple[float, float]:
-    """Return the least squared misfit y'y - b'A^-1 b and log det A of a Gram matrix with its prior."""
+    """Return the least squared misfit y'y - b'A^-1 b and log det A of a Gram matrix with its
+    prior.
+    """
     factor = linalg.cholesky(gram[:-1, :-1], lower=True, check_finite=False)
     b = linalg.solve_triangular(factor, gram[:-1, -1], lower=True, check_finite=False)
     return float(gram[-1, -1] - b @ b), float(2.0 * np.log(np.diag(factor)).sum())

@@ -1,4 +1,6 @@
-"""Support of every term of a fit by prediction: its gain in flights and blocks that did not fit it."""
+"""Support of every term of a fit by prediction: its gain in flights and blocks that did not fit
+it.
+"""
 
 import dataclasses as dc
 from collections.abc import Mapping, Sequence
@@ -20,11 +22,15 @@ LEAST = 3.0  # log score by which a term must predict better, as of a prior of o
 
 @dc.dataclass(frozen=True)
 class Support:
-    """Gain of a term in log score, block by block: by training flight predicted from the others, and held-out flight.
+    """Gain of a term in log score, block by block: by training flight predicted from the others,
+    and held-out flight.
 
-    total: of all training flights [nat]: each predicted from the others; of an effect that the calibration can take,
-        whose size is improbable for a healthy vehicle, from those before it, the first from priors alone.
-    gains: (n,) of the training flights; flights: (n,) their names.   held_out: (m,) of held-out flights.
+    total: of all training flights [nat]: each predicted from the others; of an effect that the
+    calibration can take,
+        whose size is improbable for a healthy vehicle, from those before it, the first from priors
+        alone.
+    gains: (n,) of the training flights; flights: (n,) their names.
+    held_out: (m,) of held-out flights.
     """
 
     total: float
@@ -34,29 +40,43 @@ class Support:
 
     @property
     def error(self) -> float:
-        """Standard error of the gain, as it varies from block to block, or between flights that disagree [nat]."""
+        """Standard error of the gain, as it varies from block to block, or between flights that
+        disagree [nat].
+        """
         flights = np.array([*self.by_flight().values()])
-        return max(_error(self.gains), _error(flights) if len(flights) > 1 and flights.min() < 0 else 0.0)
+        return max(
+            _error(self.gains), _error(flights) if len(flights) > 1 and flights.min() < 0 else 0.0
+        )
 
     @property
     def probability(self) -> float:
-        """Probability that the term gains by `LEAST`, and that flights do not contradict one another [1]."""
+        """Probability that the term gains by `LEAST`, and that flights do not contradict one
+        another [1].
+        """
         gain, others = self.total - LEAST, float(self.gains.sum()) + LEAST
         return float(special.ndtr(min(gain, others) / np.hypot(self.error, LEAST)))
 
     def by_flight(self) -> dict[str, float]:
         """Return the gain of every training flight [nat]."""
         names = np.array(self.flights)
-        return {name: float(self.gains[names == name].sum()) for name in dict.fromkeys(self.flights)}
+        return {
+            name: float(self.gains[names == name].sum()) for name in dict.fromkeys(self.flights)
+        }
 
     @property
     def contradicted(self) -> bool:
-        """Whether the held-out flights are predicted worse with the term, by `LEAST` and a standard error."""
+        """Whether the held-out flights are predicted worse with the term, by `LEAST` and a standard
+        error.
+        """
         return bool(self.held_out.size and self.held_out.sum() < -LEAST - _error(self.held_out))
 
 
 def _error(gains: np.ndarray) -> float:
-    return float(np.sqrt(len(gains)) * gains.std(ddof=1)) if len(gains) > 1 else float(np.abs(gains).sum())
+    return (
+        float(np.sqrt(len(gains)) * gains.std(ddof=1))
+        if len(gains) > 1
+        else float(np.abs(gains).sum())
+    )
 
 
 def support_of(
@@ -69,15 +89,11 @@ def support_of(
 ) -> list[Support]:
     """Return the support of every term of a fit.
 
-    The model is linear about the fit. Hidden states and what differs from flight to flight are free in every flight.
+    The model is linear about the fit. Hidden states and what differs from flight to flight are free
+    in every flight.
 
     Args:
-        fit: of the model.
-        flights: training flights.
-        held_out: held-out flights.
         adapted: by held-out flight, the terms with onsets and hidden states as they are there.
-        noise: noise model of the channels.
-        options: tolerances and priors.
     """
     every = [*flights, *held_out]
     vehicle = vehicle_columns(flights, options.tolerance, options.priors)
@@ -90,7 +106,9 @@ def support_of(
         for e in every:
             now = list(adapted.get(e.name, fit.everything))
             swings = [f for f in _swings(fit, e, now) if f.term not in gone]
-            left = [dc.replace(t, onset={e.name: NEVER}) if k in gone else t for k, t in enumerate(now)]
+            left = [
+                dc.replace(t, onset={e.name: NEVER}) if k in gone else t for k, t in enumerate(now)
+            ]
             blocks[e.name] = _blocks(e, left, (shared, swings), noise, *columns[e.name])
             owners[e.name] = [f.term for f in swings]
         return _Linear(flights, held_out, blocks, [f.term for f in shared], owners)
@@ -99,7 +117,11 @@ def support_of(
     best, found = whole.scores(set()), []
     names = tuple(e.name for e in flights for _ in whole.blocks[e.name].parts)
     calibrated = {t.effect.identifier for t in fit.calibration}
-    calibrated |= {d.effect.identifier for of in (of_vehicle, of_flight) for d in of(flights[0], options.tolerance)}
+    calibrated |= {
+        d.effect.identifier
+        for of in (of_vehicle, of_flight)
+        for d in of(flights[0], options.tolerance)
+    }
     for i, term in enumerate(fit.terms):
         gone = with_dependants(fit.terms, i)
         # A wind is in the derivatives of the drag through which it acts.
@@ -115,7 +137,9 @@ def support_of(
 class _Linear:
     """Flights, linear about a fit, with the term that each column of a parameter belongs to.
 
-    blocks: by flight.   shared: terms of the first columns of all flights.   own: by flight, of its first own columns.
+    blocks: by flight.
+    shared: terms of the first columns of all flights.
+    own: by flight, of its first own columns.
     """
 
     flights: Sequence[FlightResiduals]
@@ -125,7 +149,8 @@ class _Linear:
     own: Mapping[str, Sequence[int]]
 
     def scores(self, gone: set[int]) -> tuple[float, np.ndarray, np.ndarray]:
-        """Return log scores [nat]: of all training flights in turn, of each block from the other flights, of held-out.
+        """Return log scores [nat]: of all training flights in turn, of each block from the other
+        flights, of held-out.
 
         gone: terms without their columns.
         """
@@ -139,11 +164,17 @@ class _Linear:
             turns.append(scores(b, known[:i], index, own[b.flight]))
             others.append(scores(b, [*known[:i], *known[i + 1 :]], index, own[b.flight]))
         judged = [scores(self.blocks[e.name], known, index, own[e.name]) for e in self.held_out]
-        return float(sum(map(np.sum, turns))), np.concatenate(others), np.concatenate(judged or [np.zeros(0)])
+        return (
+            float(sum(map(np.sum, turns))),
+            np.concatenate(others),
+            np.concatenate(judged or [np.zeros(0)]),
+        )
 
 
 def _left(size: int, owners: Sequence[int], gone: set[int]) -> np.ndarray:
-    """Return the indices of `size` columns, of which the first belong to terms, without those of some terms."""
+    """Return the indices of `size` columns, of which the first belong to terms, without those of
+    some terms.
+    """
     return np.array([k for k in range(size) if not (k < len(owners) and owners[k] in gone)], int)
 
 
@@ -170,7 +201,9 @@ def _blocks(
     vehicle: Sequence[np.ndarray],
     errors: np.ndarray,
 ) -> Blocks:
-    """Return the blocks of a flight, linear about the terms; `free` are parameters of all flights, and of this one."""
+    """Return the blocks of a flight, linear about the terms; `free` are parameters of all flights,
+    and of this one.
+    """
     shared, own = free
     every = [*shared, *own]
     J = scaled_jacobian(now, every, e)
@@ -187,7 +220,8 @@ def _through_neutral(
 ) -> np.ndarray:
     """Return the derivatives (m, 15, k), changed so that they lead from each term to its absence.
 
-    A term that is far from neutral is not linear in its parameters: its derivative there would predict something of
+    A term that is far from neutral is not linear in its parameters: its derivative there would
+    predict something of
     its absence.   Source: secant update of rank one (Broyden).
     """
     J, whole = J.copy(), predicted_residual(e, now)

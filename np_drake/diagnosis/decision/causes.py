@@ -1,4 +1,6 @@
-"""Causes: the effects of the best model that are probable and material, and the findings below that threshold."""
+"""Causes: the effects of the best model that are probable and material, and the findings below that
+threshold.
+"""
 
 import dataclasses as dc
 from collections.abc import Mapping, Sequence
@@ -24,25 +26,33 @@ LAST = 1.0  # of a flight, in which an onset is none [s]; own choice
 
 
 def causes_of(
-    ranking: Ranking, linear: LinearModel, structure: Sequence[int], held: HeldOut, *, gusts: bool = False
+    ranking: Ranking,
+    linear: LinearModel,
+    structure: Sequence[int],
+    held: HeldOut,
+    *,
+    gusts: bool = False,
 ) -> tuple[list[Cause], list[Finding]]:
-    """Return the causes among the effects of the best model, and the others as findings below their threshold.
+    """Return the causes among the effects of the best model, and the others as findings below their
+    threshold.
 
     Args:
-        ranking: of the models.
-        linear: the best model, linear about its fit.
-        structure: positions of the generic structure beside it.
         held: the best fit on held-out flights, which gives onsets and sizes there.
-        gusts: whether the slow force is that of gusts. The drag through which they act matters however small it is.
+        gusts: whether the slow force is that of gusts. The drag through which they act matters
+            however small it is.
     """
     fit, flights, options = ranking.best, ranking.problem.flights, ranking.options
     same = _same(ranking)
     causes, minor = [], []
-    supports = support_of(fit, flights, held.flights, held.whole_flight_terms, ranking.noise, options)
+    supports = support_of(
+        fit, flights, held.flights, held.whole_flight_terms, ranking.noise, options
+    )
     for i, term in enumerate(fit.terms):
         identifier = term.effect.identifier
         others = same.get(identifier, ())
-        found = assess_term(ranking, linear, structure, i, others, held, support=supports[i], gusts=gusts)
+        found = assess_term(
+            ranking, linear, structure, i, others, held, support=supports[i], gusts=gusts
+        )
         every = [*flights, *held.flights]
         begins = {e.name: held.terms.get(e.name, fit.everything)[i].begins(e.name) for e in every}
         cause = Cause(
@@ -62,20 +72,16 @@ def causes_of(
 
 
 def open_timing(ranking: Ranking) -> frozenset[str]:
-    """Return the lags and delays of the best model that the logs leave open: calibration, and no cause."""
+    """Return the lags and delays of the best model that the logs leave open: calibration, and no
+    cause.
+    """
     vehicle, options = ranking.problem.flights[0].vehicle, ranking.options
     effects = [t.effect for t in ranking.best.terms]
     return frozenset(e.identifier for e in effects if within_timing(e, vehicle, options))
 
 
 def of_named_fit(causes: Sequence[Cause], fit: Fit, ranking: Ranking) -> list[Cause]:
-    """Return the causes with sizes of a fit that has their effects alone.
-
-    Args:
-        causes: of the best model.
-        fit: of these causes.
-        ranking: of the models.
-    """
+    """Return the causes with sizes of a fit that has their effects alone."""
     vehicle, priors = ranking.problem.flights[0].vehicle, ranking.options.priors
     terms = {t.effect.identifier: i for i, t in enumerate(fit.terms)}
     return [
@@ -93,14 +99,18 @@ def _same(ranking: Ranking) -> Mapping[str, tuple[str, ...]]:
 
 
 def _estimates(fit: Fit, i: int, vehicle: Vehicle, priors: Priors) -> dict[str, Estimate]:
-    """Return the parameters of term i with 95 % intervals; payloads, which are no ideal pendulums, with their error."""
+    """Return the parameters of term i with 95 % intervals; payloads, which are no ideal pendulums,
+    with their error.
+    """
     term = fit.terms[i]
     out = {}
     for p in term.effect.parameters:
         value, (lower, upper) = float(getattr(term.effect, p.name)), interval(fit, i, p.name)
         half = 0.5 * (upper - lower)
         if isinstance(term.effect, SuspendedPayload):
-            half = float(np.hypot(half, 1.96 * pendulum_error(p.name, term.effect, vehicle, priors)))
+            half = float(
+                np.hypot(half, 1.96 * pendulum_error(p.name, term.effect, vehicle, priors))
+            )
         out[p.name] = Estimate(value, p.unit, (value - half, value + half))
     return out
 
@@ -108,8 +118,13 @@ def _estimates(fit: Fit, i: int, vehicle: Vehicle, priors: Priors) -> dict[str, 
 def _below_threshold(cause: Cause, assessed: TermAssessment) -> Finding:
     """Return the finding of an effect that is no cause, with the reason."""
     size = assessed.size
-    values = ", ".join(f"{n} {measure(e.value, _unit(cause, e), 3)}" for n, e in cause.parameters.items())
-    text = f"{values}: {assessed.reason} ({percent(size.force)} of weight, {percent(size.torque)} of torque)"
+    values = ", ".join(
+        f"{n} {measure(e.value, _unit(cause, e), 3)}" for n, e in cause.parameters.items()
+    )
+    text = (
+        f"{values}: {assessed.reason} ({percent(size.force)} of weight, "
+        f"{percent(size.torque)} of torque)"
+    )
     figures = {"force": size.force, "torque": size.torque, "probability": assessed.probability}
     return Finding(cause.identifier, text, size.gap, figures)
 
@@ -119,46 +134,59 @@ def _unit(cause: Cause, estimate: Estimate) -> str:
     return "share" if shares and estimate.unit == "1" else estimate.unit
 
 
-def without_late_onsets(causes: Sequence[Cause], ends: Mapping[str, float]) -> tuple[list[Cause], list[Finding]]:
-    """Return the causes, absent from flights of which they would begin in the last second, which is too little to tell.
+def without_late_onsets(
+    causes: Sequence[Cause], ends: Mapping[str, float]
+) -> tuple[list[Cause], list[Finding]]:
+    """Return the causes, absent from flights of which they would begin in the last second, which is
+    too little to tell.
 
     What then acts in no flight is a finding, and no cause.
 
     Args:
-        causes: of a model.
         ends: by flight, its end [s].
     """
 
     def told(flight: str, time: float | None) -> float | None:
         return np.inf if time is not None and time > ends.get(flight, np.inf) - LAST else time
 
-    settled = [dc.replace(c, onset={name: told(name, t) for name, t in c.onset.items()}) for c in causes]
+    settled = [
+        dc.replace(c, onset={name: told(name, t) for name, t in c.onset.items()}) for c in causes
+    ]
     moved = [c.onset != before.onset for c, before in zip(settled, causes, strict=True)]
-    never = [c for c, m in zip(settled, moved, strict=True) if m and all(t == np.inf for t in c.onset.values())]
-    late = [Finding(c.identifier, "it would begin in the last second of a flight alone", c.share) for c in never]
+    never = [
+        c
+        for c, m in zip(settled, moved, strict=True)
+        if m and all(t == np.inf for t in c.onset.values())
+    ]
+    late = [
+        Finding(c.identifier, "it would begin in the last second of a flight alone", c.share)
+        for c in never
+    ]
     return [c for c in settled if c not in never], late
 
 
-def without_missing_drag(causes: list[Cause], minor: list[Finding]) -> tuple[list[Cause], list[Finding]]:
-    """Return both with winds moved from the causes to the findings where no drag is a cause.
-
-    Args:
-        causes: of a model.
-        minor: findings below the threshold of a cause.
-    """
+def without_missing_drag(
+    causes: list[Cause], minor: list[Finding]
+) -> tuple[list[Cause], list[Finding]]:
+    """Return both with winds moved from the causes to the findings where no drag is a cause."""
     named = {c.identifier for c in causes}
-    without_drag = [c for c in causes if c.effect and c.effect.needs and not named & {*c.effect.needs}]
-    texts = [Finding(c.identifier, "no cause through which it would be felt", c.share, {}) for c in without_drag]
+    without_drag = [
+        c for c in causes if c.effect and c.effect.needs and not named & {*c.effect.needs}
+    ]
+    texts = [
+        Finding(c.identifier, "no cause through which it would be felt", c.share, {})
+        for c in without_drag
+    ]
     return [c for c in causes if c not in without_drag], [*minor, *texts]
 
 
 def joint_posterior(fit: Fit, causes: Sequence[Cause]) -> Posterior:
-    """Return the covariance of the causes' parameters: correlations of the fit, deviations of the reported intervals.
+    """Return the covariance of the causes' parameters: correlations of the fit, deviations of the
+    reported intervals.
 
     A parameter that the fit does not move, such as the number of a rotor, is not among them.
 
     Args:
-        fit: whose covariance gives the correlations.
         causes: with their 95 % intervals.
     """
     reported = {
@@ -167,11 +195,16 @@ def joint_posterior(fit: Fit, causes: Sequence[Cause]) -> Posterior:
         for name, estimate in c.parameters.items()
     }
     names = [
-        (fit.terms[f.term].effect.identifier if not f.flight and f.term < len(fit.terms) else "", f.name)
+        (
+            fit.terms[f.term].effect.identifier if not f.flight and f.term < len(fit.terms) else "",
+            f.name,
+        )
         for f in fit.free
     ]
     own = [k for k, name in enumerate(names) if reported.get(name, 0.0) > 0]
     scale = np.sqrt(np.maximum(np.diag(fit.covariance)[own], 1e-300))
     deviation = np.array([reported[names[k]] for k in own])
     covariance = fit.covariance[np.ix_(own, own)] * np.outer(deviation / scale, deviation / scale)
-    return Posterior([".".join(names[k]) for k in own], (0.5 * (covariance + covariance.T)).tolist()).check()
+    return Posterior(
+        [".".join(names[k]) for k in own], (0.5 * (covariance + covariance.T)).tolist()
+    ).check()

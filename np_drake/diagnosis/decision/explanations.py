@@ -17,12 +17,13 @@ MOST_ALTERNATIVES = 2  # effects named as indistinguishable from a cause
 
 
 def explanations_of(ranking: Ranking, held: HeldOut) -> tuple[Explanation, ...]:
-    """Return the explanations within a factor `STANDS` of the best, and those that a swap of an effect gives.
+    """Return the explanations within a factor `STANDS` of the best, and those that a swap of an
+    effect gives.
 
-    Models that differ in immaterial effects alone are one explanation. Best first; probabilities add up to one.
+    Models that differ in immaterial effects alone are one explanation. Best first; probabilities
+    add up to one.
 
     Args:
-        ranking: of the models.
         held: the best fit on held-out flights, which gives the sizes of its effects there.
     """
     problem, priors = ranking.problem, ranking.options.priors
@@ -30,7 +31,9 @@ def explanations_of(ranking: Ranking, held: HeldOut) -> tuple[Explanation, ...]:
     swaps = _swaps(ranking)
     swapped = {names_of(problem, model) for model in swaps}
     fits = [*ranking.fits]
-    for model in [m for m in [*swaps, *_close(ranking)] if names_of(problem, m) not in known][:MOST_REFINED]:
+    for model in [m for m in [*swaps, *_close(ranking)] if names_of(problem, m) not in known][
+        :MOST_REFINED
+    ]:
         if names_of(problem, model) in known:
             continue
         fit = refit(problem, model, None, ranking.noise)
@@ -46,14 +49,18 @@ def explanations_of(ranking: Ranking, held: HeldOut) -> tuple[Explanation, ...]:
     for fit in sorted(standing, key=lambda f: -score[id(f)]):
         groups.setdefault(_material(ranking, fit, held), []).append(fit)
     top = max(score[id(f)] for f in standing)
-    weights = {name: sum(math.exp(score[id(f)] - top) for f in fits) for name, fits in groups.items()}
+    weights = {
+        name: sum(math.exp(score[id(f)] - top) for f in fits) for name, fits in groups.items()
+    }
     total = sum(weights.values())
     found = [_explanation(name, fits[0], weights[name] / total) for name, fits in groups.items()]
     return tuple(sorted(found, key=lambda e: -e.probability))
 
 
 def _swaps(ranking: Ranking) -> list[Model]:
-    """Return the best model with one effect in the place of another that the logs cannot tell from it."""
+    """Return the best model with one effect in the place of another that the logs cannot tell from
+    it.
+    """
     problem = ranking.problem
     members = {names_of(problem, m): m for m in reversed(ranking.models)}
     best = members.get(names_of_fit(ranking.best))
@@ -64,7 +71,9 @@ def _swaps(ranking: Ranking) -> list[Model]:
 
 
 def _close(ranking: Ranking) -> list[Model]:
-    """Return the models whose linear evidence is close to the best, one of each set of effects, the best first."""
+    """Return the models whose linear evidence is close to the best, one of each set of effects, the
+    best first.
+    """
     problem = ranking.problem
     least = ranking.models[0].score - math.log(STANDS)
     near = (m for m in ranking.models if m.score >= least)
@@ -81,11 +90,13 @@ def _material(ranking: Ranking, fit: Fit, held: HeldOut) -> tuple[str, ...]:
     unseen = [(e, held.terms[e.name]) for e in held.flights] if best else []
     found = []
     for i, term in enumerate(fit.terms):
-        size = size_of(fit, i, ranking.problem.flights, ranking.noise.rms, options.tolerance, unseen)
+        size = size_of(
+            fit, i, ranking.problem.flights, ranking.noise.rms, options.tolerance, unseen
+        )
         sensor = options.tolerance.of(term.effect) > 0
-        if size.material(options.materiality, calibration=within_calibration(term, options), sensor=sensor) or _needed(
-            term.effect.identifier, fit
-        ):
+        if size.material(
+            options.materiality, calibration=within_calibration(term, options), sensor=sensor
+        ) or _needed(term.effect.identifier, fit):
             found.append(term.effect.identifier)
     return tuple(sorted(found))
 
@@ -111,17 +122,16 @@ def _explanation(named: tuple[str, ...], fit: Fit, probability: float) -> Explan
     covariance = fit.covariance[np.ix_(own, own)]
     calibration = tuple(t.effect for t in fit.calibration if t.effect.identifier in known)
     effects = tuple(t.effect for t in fit.terms)
-    return Explanation(named, probability, effects, calibration, names, 0.5 * (covariance + covariance.T))
+    return Explanation(
+        named, probability, effects, calibration, names, 0.5 * (covariance + covariance.T)
+    )
 
 
 def equivalents(problem: RegressionProblem, model: Model) -> dict[str, dict[str, Model]]:
-    """Return by effect of the model, by effect that explains the logs as well in its place, the model with that one.
+    """Return by effect of the model, by effect that explains the logs as well in its place, the
+    model with that one.
 
     The best `MOST_ALTERNATIVES`, the best first.
-
-    Args:
-        problem: the regression that holds the candidates.
-        model: a set of them.
     """
     thresholds = problem.options.thresholds
     out: dict[str, dict[str, Model]] = {}
@@ -133,7 +143,11 @@ def equivalents(problem: RegressionProblem, model: Model) -> dict[str, dict[str,
         found: dict[str, Model] = {}
         for k, other in enumerate(problem.candidates):
             members = (*rest, k)
-            if other.generic or set(other.identifiers) & set(own) or not problem.fits_together(members):
+            if (
+                other.generic
+                or set(other.identifiers) & set(own)
+                or not problem.fits_together(members)
+            ):
                 continue
             score = problem.score(members)
             if model.score - score < thresholds.indistinguishable_evidence:

@@ -1,15 +1,22 @@
-"""Inference from one set of training flights: which effects are causes, and what they leave on all flights.
+"""Inference from one set of training flights: which effects are causes, and what they leave on all
+flights.
 
-Training flights alone give the model; held-out flights judge it. In the words of Bayesian model selection:
+Training flights alone give the model; held-out flights judge it. In the words of Bayesian model
+selection:
 
-1. search: the set of effects with the largest evidence, and its maximum a posteriori fit (`find_map_model`);
-2. rank: rival sets, all parameters of each refined, and the probability of every effect (`rank_models`);
+1. search: the set of effects with the largest evidence, and its maximum a posteriori fit
+  (`find_map_model`);
+2. rank: rival sets, all parameters of each refined, and the probability of every effect
+  (`rank_models`);
 3. hold out: the best fit on flights that it has not seen, its parameters kept (`on_held_out`);
-4. structure: what no effect of the library explains, as generic structure (`LinearModel.select_structure`) and as
+4. structure: what no effect of the library explains, as generic structure
+  (`LinearModel.select_structure`) and as
    signs in the residual (`find_unexplained`);
-5. decide: an effect is a cause where its probability of acting and of being material is large enough (`causes_of`).
+5. decide: an effect is a cause where its probability of acting and of being material is large
+  enough (`causes_of`).
 
-A slow level force that sensors alone do not make is either that of gusts, which act through a drag, or unknown.
+A slow level force that sensors alone do not make is either that of gusts, which act through a drag,
+or unknown.
 """
 
 import dataclasses as dc
@@ -18,7 +25,12 @@ from functools import cached_property
 
 import numpy as np
 
-from np_drake.diagnosis.adequacy import LinearModel, Unexplained, find_unexplained, measure_remainder
+from np_drake.diagnosis.adequacy import (
+    LinearModel,
+    Unexplained,
+    find_unexplained,
+    measure_remainder,
+)
 from np_drake.diagnosis.decision.causes import causes_of, of_named_fit, open_timing
 from np_drake.diagnosis.forward_model import Term, predicted_residual
 from np_drake.diagnosis.held_out import HeldOut, mark_outliers, on_held_out, with_calibration
@@ -27,7 +39,13 @@ from np_drake.diagnosis.regressors import DRAG, GUSTY
 from np_drake.diagnosis.regressors.generic import ELSEWHERE
 from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.diagnosis.result import Cause, Finding, Remainder
-from np_drake.diagnosis.selection import Ranking, SearchResult, find_map_model, rank_models, with_named_fit
+from np_drake.diagnosis.selection import (
+    Ranking,
+    SearchResult,
+    find_map_model,
+    rank_models,
+    with_named_fit,
+)
 from np_drake.diagnosis.wind import as_gusts, position_p_value, with_drag
 from np_drake.effects.gusty_wind import GustyWind
 
@@ -79,24 +97,25 @@ class Inference:
 
 
 def infer(
-    flights: Sequence[FlightResiduals], held_out: Sequence[FlightResiduals], options: Options | None = None
+    flights: Sequence[FlightResiduals],
+    held_out: Sequence[FlightResiduals],
+    options: Options | None = None,
 ) -> Inference:
-    """Search the effects by training flights, and return the causes that they show; held-out flights judge them.
+    """Search the effects by training flights, and return the causes that they show; held-out
+    flights judge them.
 
     Args:
-        flights: training flights.
-        held_out: held-out flights.
         options: all that steers the answer; default: by the sensors of the flights.
     """
     return conclude(find_map_model(flights, options), held_out)
 
 
 def conclude(found: SearchResult, held_out: Sequence[FlightResiduals]) -> Inference:
-    """Rank the models of a search, judge the best by held-out flights, and decide which of its effects are causes.
+    """Rank the models of a search, judge the best by held-out flights, and decide which of its
+    effects are causes.
 
     Args:
         found: by `find_map_model`.
-        held_out: held-out flights.
     """
     ranking = rank_models(found)
     flights, held = ranking.problem.flights, _held_out(ranking, held_out)
@@ -104,11 +123,14 @@ def conclude(found: SearchResult, held_out: Sequence[FlightResiduals]) -> Infere
     _, structure = linear.select_structure()
     unexplained = find_unexplained(ranking, linear, structure, held)
     if unexplained.slow.probability > 0.5:
-        # The drift of an estimator that nobody measured is neither told from gusts nor from a force tied to a place.
+        # The drift of an estimator that nobody measured is neither told from gusts nor from a force
+        # tied to a place.
         told = not ranking.options.tolerance.unmeasured
         position_dependent = told and _depends_on_position(ranking, held)
         ask_gusts = told and not position_dependent
-        found_gusts = _in_gusts(ranking, linear, structure, held, unexplained) if ask_gusts else None
+        found_gusts = (
+            _in_gusts(ranking, linear, structure, held, unexplained) if ask_gusts else None
+        )
         if found_gusts is not None:
             ranking, held, causes, minor = found_gusts
             blown = dc.replace(unexplained, slow=unexplained.slow._replace(probability=0.0))
@@ -120,10 +142,11 @@ def conclude(found: SearchResult, held_out: Sequence[FlightResiduals]) -> Infere
 
 
 def as_named(found: Inference) -> Inference:
-    """Return the inference with its causes fitted as they are named: without the effects that are not.
+    """Return the inference with its causes fitted as they are named: without the effects that are
+    not.
 
-    What is not named gives way to calibration and the causes, which were fitted beside it. A lag or delay that the logs
-    leave open is calibration too.
+    What is not named gives way to calibration and the causes, which were fitted beside it. A lag or
+    delay that the logs leave open is calibration too.
     """
     named, ranking = {c.identifier for c in found.causes}, found.ranking
     open_ = open_timing(ranking)
@@ -144,9 +167,15 @@ def _held_out(ranking: Ranking, held_out: Sequence[FlightResiduals]) -> HeldOut:
 
 
 def _in_gusts(
-    ranking: Ranking, linear: LinearModel, structure: Sequence[int], held: HeldOut, unexplained: Unexplained
+    ranking: Ranking,
+    linear: LinearModel,
+    structure: Sequence[int],
+    held: HeldOut,
+    unexplained: Unexplained,
 ) -> tuple[Ranking, HeldOut, list[Cause], list[Finding]] | None:
-    """Return ranking, held-out flights and causes with gusts as the slow force; None where it can be no wind."""
+    """Return ranking, held-out flights and causes with gusts as the slow force; None where it can
+    be no wind.
+    """
     if (with_one := with_drag(ranking)) is not ranking:
         ranking, linear = with_one, LinearModel(with_one)
     held = on_held_out(ranking.best, held.flights, ranking.noise, ranking.options.priors)
@@ -158,27 +187,32 @@ def _in_gusts(
 
 
 def _depends_on_position(ranking: Ranking, held: HeldOut) -> bool:
-    """Return whether the slow force depends on position alike in all flights, as gusts would not."""
+    """Return whether the slow force depends on position alike in all flights, as gusts would
+    not.
+    """
     every = [*ranking.problem.flights, *(e for e in held.flights if not e.joined.any())]
     p_value = position_p_value(every, _residuals(ranking, held), {e.name: None for e in every})
     return p_value < ranking.options.thresholds.position_p_value
 
 
-def with_gusts(ranking: Ranking, held: HeldOut, causes: list[Cause], unexplained: Unexplained) -> list[Cause]:
+def with_gusts(
+    ranking: Ranking, held: HeldOut, causes: list[Cause], unexplained: Unexplained
+) -> list[Cause]:
     """Return the causes with gusts among them, where a drag was found through which they act.
 
     Args:
-        ranking: of the models.
-        held: the best fit on held-out flights.
-        causes: of the best model.
         unexplained: what it leaves, with the probability of a slow force.
     """
     flights, rest = ranking.problem.flights, _residuals(ranking, held)
     through_drag = {}
     for e in (*flights, *held.flights):
-        terms = [t for t in held.terms.get(e.name, ranking.best.terms) if t.effect.identifier in GUSTY]
+        terms = [
+            t for t in held.terms.get(e.name, ranking.best.terms) if t.effect.identifier in GUSTY
+        ]
         through_drag[e.name] = rest[e.name] + predicted_residual(e, terms)
-    return as_gusts(flights, through_drag, causes, unexplained.slow.probability, ranking.options, held.flights)
+    return as_gusts(
+        flights, through_drag, causes, unexplained.slow.probability, ranking.options, held.flights
+    )
 
 
 def _residuals(ranking: Ranking, held: HeldOut) -> dict[str, np.ndarray]:
@@ -191,7 +225,6 @@ def in_gusts(held: HeldOut, causes: Sequence[Cause]) -> HeldOut:
     """Return the held-out flights with the mean of the gusts in the place of a steady wind.
 
     Args:
-        held: the best fit on held-out flights.
         causes: the gusts and the drag through which they act among them, each from when on it acts.
     """
     by_name = {c.identifier: c for c in causes}
@@ -202,6 +235,10 @@ def in_gusts(held: HeldOut, causes: Sequence[Cause]) -> HeldOut:
     for e in held.flights:
         rest = [t for t in held.terms[e.name] if t.effect.identifier not in GUSTY]
         own_drag = Term(drag.effect, {e.name: drag.onset.get(e.name)})
-        terms[e.name] = [*rest, own_drag, Term(gusts.effect.predicted, {e.name: gusts.onset.get(e.name)})]
+        terms[e.name] = [
+            *rest,
+            own_drag,
+            Term(gusts.effect.predicted, {e.name: gusts.onset.get(e.name)}),
+        ]
         residual[e.name] = e.y - predicted_residual(e, terms[e.name])
     return dc.replace(held, terms=terms, residual=residual)

@@ -1,4 +1,5 @@
-"""Second answer: first halves of held-out flights join the fit where they show what training flights do not.
+"""Second answer: first halves of held-out flights join the fit where they show what training
+flights do not.
 
 The second halves alone judge it.
 """
@@ -37,24 +38,43 @@ def novelty(first: Inference) -> tuple[Finding, ...]:
     channel = int(np.argmax(ratio))
     if ratio[channel] <= first.options.thresholds.misfit_ratio:
         return ()
-    text = f"{CHANNELS[channel]} is {number(float(ratio[channel]), 2)} times what the training flights leave"
-    return (Finding("misfit", text, float(ratio[channel]), {}, "fly the held-out trajectory again, and fit it"),)
+    text = (
+        f"{CHANNELS[channel]} is {number(float(ratio[channel]), 2)} times what the training "
+        f"flights leave"
+    )
+    return (
+        Finding(
+            "misfit",
+            text,
+            float(ratio[channel]),
+            {},
+            "fly the held-out trajectory again, and fit it",
+        ),
+    )
 
 
 def second_answer(first: Inference) -> tuple[Inference, list[FlightResiduals]] | None:
-    """Return the inference with halves of the held-out flights, and these halves; None where all are too short.
+    """Return the inference with halves of the held-out flights, and these halves; None where all
+    are too short.
 
-    A wind is a condition of a flight: where the first answer names none, one can act in the halves alone.
+    A wind is a condition of a flight: where the first answer names none, one can act in the halves
+    alone.
     """
     joined, judges = split_flights(first.held_out)
     if not joined:
         return None
     still_air = not any(c.effect and c.effect.needs for c in first.causes)
-    return conclude(find_map_model([*first.flights, *joined], first.options, still_air=still_air), judges), joined
+    return conclude(
+        find_map_model([*first.flights, *joined], first.options, still_air=still_air), judges
+    ), joined
 
 
-def split_flights(flights: Sequence[FlightResiduals]) -> tuple[list[FlightResiduals], list[FlightResiduals]]:
-    """Return the first halves of flights as flights of their own, and all flights with these rows marked as joined."""
+def split_flights(
+    flights: Sequence[FlightResiduals],
+) -> tuple[list[FlightResiduals], list[FlightResiduals]]:
+    """Return the first halves of flights as flights of their own, and all flights with these rows
+    marked as joined.
+    """
     halves, judges = [], []
     for e in flights:
         log = e.log
@@ -62,9 +82,12 @@ def split_flights(flights: Sequence[FlightResiduals]) -> tuple[list[FlightResidu
         if middle - log.t[0] < LEAST_HALF:
             judges.append(e)
             continue
-        half = dc.replace(log.rows(0, int(np.searchsorted(log.t, middle))), name=NAME.format(e.name))
+        half = dc.replace(
+            log.rows(0, int(np.searchsorted(log.t, middle))), name=NAME.format(e.name)
+        )
         (own,) = with_torque_gain(
-            [with_fixed_effects(make_flight_residuals(half, e.vehicle, e.grid.step))], np.array(e.torque_gain)
+            [with_fixed_effects(make_flight_residuals(half, e.vehicle, e.grid.step))],
+            np.array(e.torque_gain),
         )
         halves.append(dc.replace(own, goes_on=True))
         judges.append(dc.replace(e, joined=e.t <= middle))
@@ -72,11 +95,6 @@ def split_flights(flights: Sequence[FlightResiduals]) -> tuple[list[FlightResidu
 
 
 def without_onsets_in(flights: Sequence[FlightResiduals], cause: Cause) -> Cause:
-    """Return the cause without its onsets in these flights, which are parts of others.
-
-    Args:
-        flights: parts of others.
-        cause: the cause.
-    """
+    """Return the cause without its onsets in these flights, which are parts of others."""
     names = {e.name for e in flights}
     return dc.replace(cause, onset={n: t for n, t in cause.onset.items() if n not in names})

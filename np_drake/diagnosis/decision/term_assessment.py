@@ -1,4 +1,6 @@
-"""Assessment of one term of the best model: its size, how probable it is, and how probably material."""
+"""Assessment of one term of the best model: its size, how probable it is, and how probably
+material.
+"""
 
 import dataclasses as dc
 import math
@@ -24,7 +26,8 @@ from np_drake.effects.thrust_scale import ThrustScale
 from np_drake.files.number_text import number, probability
 from np_drake.vehicle import Vehicle
 
-UNHEALTHY = 2.5  # deviations of healthy vehicles beyond which a size is a cause: one vehicle in a hundred [1]
+# deviations of healthy vehicles beyond which a size is a cause: one vehicle in a hundred [1]
+UNHEALTHY = 2.5
 DRAWS = 400  # of the posterior
 SEED = 1
 
@@ -34,7 +37,8 @@ class TermAssessment:
     """What is known of a term of the best model.
 
     support: its gain in prediction; None: not asked.
-    in_model: probability that it acts, against other effects and generic structure in its place [1].
+    in_model: probability that it acts, against other effects and generic structure in its place
+        [1].
     material: probability that it is larger than what is practically none, given that it acts [1].
     size: at the fit.   stands_for: why its parameters are not physical; empty where they are.
     """
@@ -47,7 +51,9 @@ class TermAssessment:
 
     @property
     def probability(self) -> float:
-        """Probability of a cause [1]; what held-out flights contradict is never more probable than not."""
+        """Probability of a cause [1]; what held-out flights contradict is never more probable than
+        not.
+        """
         if self.stands_for:
             return 0.0
         predicts = 1.0 if self.support is None else self.support.probability
@@ -61,10 +67,16 @@ class TermAssessment:
             return self.stands_for
         if self.support is not None and self.support.contradicted:
             return "held-out flights are predicted better without it"
-        if self.support is not None and self.support.probability < min(self.material, self.in_model):
+        if self.support is not None and self.support.probability < min(
+            self.material, self.in_model
+        ):
             gain, error = number(self.support.total, 2), number(self.support.error, 2)
             return f"it does not predict: {gain} ± {error} nat in time that did not fit it"
-        return "immaterial" if self.material < self.in_model else f"not sure, {probability(self.in_model)}"
+        return (
+            "immaterial"
+            if self.material < self.in_model
+            else f"not sure, {probability(self.in_model)}"
+        )
 
 
 def assess_term(
@@ -81,15 +93,10 @@ def assess_term(
     """Assess term i of the best model.
 
     Args:
-        ranking: of the models.
-        linear: the best model, linear about its fit.
-        structure: positions of the generic structure beside it.
-        i: position of the term.
         same: effects that cannot be told from term i, whose probability is added.
-        held: the best fit on held-out flights.
-        support: gain of the term in prediction.
-        gusts: whether the slow force is that of gusts. The drag through which they act is material and stands for
-            nothing else; its prior is that of gusts against structure that is no effect.
+        gusts: whether the slow force is that of gusts. The drag through which they act is material
+            and stands for nothing else; its prior is that of gusts against structure that is no
+            effect.
     """
     fit, flights, options = ranking.best, ranking.problem.flights, ranking.options
     effect, tolerance, materiality, priors = (
@@ -111,7 +118,11 @@ def assess_term(
         calibration=within_calibration(fit.terms[i], options),
         sensor=tolerance.of(effect) > 0,
     )
-    error = float(np.hypot(SPREAD.tilt, SPREAD.mounting)) if tolerance.unmeasured else tolerance.attitude_error
+    error = (
+        float(np.hypot(SPREAD.tilt, SPREAD.mounting))
+        if tolerance.unmeasured
+        else tolerance.attitude_error
+    )
     largest_error = materiality.sensor * error
     material *= wind_share(fit, i, flights, materiality.still_air, largest_error)
     if within_timing(effect, flights[0].vehicle, options):
@@ -127,37 +138,39 @@ def within_timing(effect: Effect, vehicle: Vehicle, options: Options) -> bool:
     """Return whether an effect shifts commands by no more than the logs leave open.
 
     Args:
-        effect: as fitted.
-        vehicle: the nominal vehicle.
         options: hold the tolerance of the time at which commands act.
     """
-    return 0 < abs(effect.time_shift(vehicle)) < options.materiality.sensor * options.tolerance.timing
+    return (
+        0 < abs(effect.time_shift(vehicle)) < options.materiality.sensor * options.tolerance.timing
+    )
 
 
 def beyond_spread(fit: Fit, i: int, e: FlightResiduals, tolerance: Tolerance) -> float:
-    """Return the posterior probability that term i is larger than healthy vehicles differ by; 1 where these do not.
-
-    Args:
-        fit: of the model.
-        i: position of the term.
-        e: a flight.
-        tolerance: of vehicle file and sensors.
+    """Return the posterior probability that term i is larger than healthy vehicles differ by; 1
+    where these do not.
     """
     effect = fit.terms[i].effect
     spread = dict[str, float]()
-    for d in (*of_vehicle(e, tolerance), *(of_flight(e, tolerance) if tolerance.unmeasured else [])):
+    for d in (
+        *of_vehicle(e, tolerance),
+        *(of_flight(e, tolerance) if tolerance.unmeasured else []),
+    ):
         # Those of one rotor are those of every rotor.
         if d.effect is type(effect) and not d.at_value and set(d.fixed.values()) <= {ROTORS[0]}:
             for name, deviation in d.deviation.items():
                 spread[name] = math.hypot(spread.get(name, 0.0), deviation)
-    if tolerance.unmeasured and isinstance(effect, MassError):  # which thrust over throttle takes the place of
+    if tolerance.unmeasured and isinstance(
+        effect, MassError
+    ):  # which thrust over throttle takes the place of
         for d in (d for d in of_battery(e) if d.effect is ThrustScale):
             spread["delta_mass"] = d.deviation["scale"] * e.vehicle.mass
     own = [k for k, f in enumerate(fit.free) if f.term == i and not f.flight and f.name in spread]
     if not own:
         return 1.0
     away = np.array([fit.values[k] - fit.free[k].neutral for k in own])
-    draws = np.random.default_rng(SEED).multivariate_normal(away, fit.covariance[np.ix_(own, own)], DRAWS)
+    draws = np.random.default_rng(SEED).multivariate_normal(
+        away, fit.covariance[np.ix_(own, own)], DRAWS
+    )
     least = np.array([UNHEALTHY * spread[fit.free[k].name] for k in own])
     return float(np.mean(np.any(np.abs(draws) > least, axis=1)))
 
@@ -170,18 +183,14 @@ def size_of(
     tolerance: Tolerance,
     unseen: Sequence[tuple[FlightResiduals, Sequence[Term]]] = (),
 ) -> Size:
-    """Return the size of term i over training and held-out flights; its gap counts training flights alone.
+    """Return the size of term i over training and held-out flights; its gap counts training flights
+    alone.
 
-    What does little where it was fitted may do much elsewhere, as a drag in a flight that is faster. A half of a flight
-    that joined the fit counts in both.
+    What does little where it was fitted may do much elsewhere, as a drag in a flight that is
+    faster. A half of a flight that joined the fit counts in both.
 
     Args:
-        fit: of the model.
-        i: position of the term.
-        flights: training flights.
         rms: (15,) of the noise.
-        tolerance: of the sensors.
-        unseen: held-out flights with their adapted terms.
     Source: own choice.
     """
     force = torque = command = rows = own = gap = 0.0
@@ -212,26 +221,17 @@ def _part_of(terms: Sequence[Term], i: int, flight: FlightResiduals) -> np.ndarr
 
 
 def within_calibration(term: Term, options: Options) -> bool:
-    """Return whether the term is what a vehicle file may be off by; not if it begins in flight.
-
-    Args:
-        term: of a fit.
-        options: hold the tolerance of the vehicle file.
-    """
+    """Return whether the term is what a vehicle file may be off by; not if it begins in flight."""
     late = any(begin is not None for begin in term.onset.values())
     stated = term.effect.tolerance and term.effect.place != "measurement"
     return bool(stated) and options.tolerance.real and not late
 
 
 def relative_sizes(fit: Fit, i: int, flights: Sequence[FlightResiduals]) -> np.ndarray:
-    """Return draws (`DRAWS`,) of the size of term i from its posterior, over its size at the fit [1].
+    """Return draws (`DRAWS`,) of the size of term i from its posterior, over its size at the fit
+    [1].
 
     The size is the RMS of what the term's parameters predict, linear in their distance from none.
-
-    Args:
-        fit: of the model.
-        i: position of the term.
-        flights: training flights.
     Source: Laplace approximation.
     """
     names = {p.name for p in fit.terms[i].effect.parameters if p.vanishes}
@@ -239,26 +239,31 @@ def relative_sizes(fit: Fit, i: int, flights: Sequence[FlightResiduals]) -> np.n
     away = np.array([fit.values[k] - fit.free[k].neutral for k in own])
     free = [fit.free[k] for k in own]
     scale = np.array([f.scale for f in free])
-    columns = [scaled_jacobian(fit.everything, free, e)[:, WRENCH].reshape(-1, len(own)) for e in flights]
-    # The squared size is the quadratic form d' P d of the distance d from none, P = sum J'J over the flights.
+    columns = [
+        scaled_jacobian(fit.everything, free, e)[:, WRENCH].reshape(-1, len(own)) for e in flights
+    ]
+    # The squared size is the quadratic form d' P d of the distance d from none, P = sum J'J over
+    # the flights.
     power = sum(J.T @ J for J in columns) / np.outer(scale, scale)
     if not power.any():  # a sensor error that no wrench shows
         power = np.diag(scale**-2.0)
-    draws = np.random.default_rng(SEED).multivariate_normal(away, fit.covariance[np.ix_(own, own)], DRAWS)
+    draws = np.random.default_rng(SEED).multivariate_normal(
+        away, fit.covariance[np.ix_(own, own)], DRAWS
+    )
     at_fit = float(away @ power @ away)
     squares = np.einsum("ni,ij,nj->n", draws, power, draws)
     return np.sqrt(np.maximum(squares, 0.0) / max(at_fit, 1e-300))
 
 
-def wind_share(fit: Fit, i: int, flights: Sequence[FlightResiduals], still_air: float, attitude_error: float) -> float:
-    """Return the posterior probability that the mean level wind of term i is none of still air; 1 where it is no wind.
+def wind_share(
+    fit: Fit, i: int, flights: Sequence[FlightResiduals], still_air: float, attitude_error: float
+) -> float:
+    """Return the posterior probability that the mean level wind of term i is none of still air; 1
+    where it is no wind.
 
     It is faster than a draught, and pushes harder than an attitude error that the sensors may have.
 
     Args:
-        fit: of the model.
-        i: position of the term.
-        flights: training flights.
         still_air: largest speed of a draught [m/s].
         attitude_error: that the sensors may have, under which thrust pushes as a wind does [rad].
     """
@@ -269,12 +274,16 @@ def wind_share(fit: Fit, i: int, flights: Sequence[FlightResiduals], still_air: 
     covariance = fit.covariance[np.ix_(level, level)]
     draws = np.random.default_rng(SEED).multivariate_normal(fit.values[level], covariance, DRAWS)
     speed, at_fit = np.linalg.norm(draws, axis=1), float(np.linalg.norm(fit.values[level]))
-    least = attitude_error * flights[0].weight * at_fit / max(_mean_level_force(fit, i, flights), 1e-12)
+    least = (
+        attitude_error * flights[0].weight * at_fit / max(_mean_level_force(fit, i, flights), 1e-12)
+    )
     return float(np.mean(speed > max(still_air, least)))
 
 
 def _mean_level_force(fit: Fit, i: int, flights: Sequence[FlightResiduals]) -> float:
-    """Return the size of the mean level force of term i in W while it acts, over all flights [N]."""
+    """Return the size of the mean level force of term i in W while it acts, over all flights
+    [N].
+    """
     forces = []
     for e in flights:
         part, begin = _part_of(fit.everything, i, e), fit.terms[i].begins(e.name)
@@ -289,12 +298,11 @@ def material_share(
     """Return the posterior probability that an effect is larger than what is practically none [1].
 
     Args:
-        size: at the fit.
         relative: draws (n,) of the size over that at the fit [1].
-        materiality: bounds of what is practically none.
         calibration: whether the effect is what a vehicle file may be off by.
-        sensor: whether it is a sensor error.
     """
-    sizes = (Size(size.force * r, size.torque * r, size.gap * r**2, size.sensor * r) for r in relative)
+    sizes = (
+        Size(size.force * r, size.torque * r, size.gap * r**2, size.sensor * r) for r in relative
+    )
     found = [s.material(materiality, calibration=calibration, sensor=sensor) for s in sizes]
     return float(np.mean(found))

@@ -1,1 +1,3 @@
-"""Examination of flight logs before a diagnosis: usable or not, and which effects they can tell, to what size."""
+"""Examination of flight logs before a diagnosis: usable or not, and which effects they can tell, to
+what size.
+"""

@@ -1,4 +1,6 @@
-"""Examination of flight logs before a diagnosis: is the log usable, what does it excite, which effects can it tell."""
+"""Examination of flight logs before a diagnosis: is the log usable, what does it excite, which
+effects can it tell.
+"""
 
 import dataclasses as dc
 import math
@@ -11,12 +13,28 @@ from np_drake.diagnosis.calibration.columns import nuisance_of, with_fixed_effec
 from np_drake.diagnosis.doctor.doubts import as_lines, doubts, law_doubts
 from np_drake.diagnosis.doctor.flight_facts import flight_facts
 from np_drake.diagnosis.doctor.log_report import NEVER, NO, YES, Answer, FlightFacts, LogReport
-from np_drake.diagnosis.doctor.smallest_sizes import Information, Smallest, smallest_gust, smallest_sizes
+from np_drake.diagnosis.doctor.smallest_sizes import (
+    Information,
+    Smallest,
+    smallest_gust,
+    smallest_sizes,
+)
 from np_drake.diagnosis.doctor.swing_test import swing_test
 from np_drake.diagnosis.doctor.traces import GUSTS, explain, nearest_usual, payload_traces, traces
-from np_drake.diagnosis.localisation.identifiability import excitation, excited, manoeuvre, tells_apart
+from np_drake.diagnosis.localisation.identifiability import (
+    excitation,
+    excited,
+    manoeuvre,
+    tells_apart,
+)
 from np_drake.diagnosis.regressors import DRAG, PAYLOAD, WIND, hidden_from, options_of
-from np_drake.diagnosis.residuals import FORCE, LEAST_DURATION, FlightResiduals, make_flight_residuals, natural_step
+from np_drake.diagnosis.residuals import (
+    FORCE,
+    LEAST_DURATION,
+    FlightResiduals,
+    make_flight_residuals,
+    natural_step,
+)
 from np_drake.effects.library import LIBRARY, effects_for, unobservable
 from np_drake.effects.parameter import usual_size
 from np_drake.files.number_text import number
@@ -28,7 +46,9 @@ from np_drake.vehicle import Vehicle
 Progress = Callable[[float, str], None]
 MOST_SECONDS = 120.0  # of a flight from which effects are answered for [s]; own choice: memory
 MOST_GAPS = 0.1  # share of rows put into gaps from which a log is limited [1]; own choice
-MOST_SATURATED = 0.05  # share of rows with a rotor at a limit from which a log is limited [1]; own choice
+MOST_SATURATED = (
+    0.05  # share of rows with a rotor at a limit from which a log is limited [1]; own choice
+)
 FAR = 100.0  # usual sizes beyond which a smallest size is infinite [1]
 INSTEAD = {  # words of a reason of `unobservable`: what to log instead
     "measured rotor speed": "log the commanded thrust and torque as well",
@@ -51,7 +71,8 @@ def examine(
     """Examine flight logs of one kind together.
 
     Args:
-        logs: flights, with thrust and torque from the vehicle where their input is rotor speed or throttle.
+        logs: flights, with thrust and torque from the vehicle where their input is rotor speed or
+            throttle.
         vehicle: the nominal vehicle; None: facts, motion and conventions alone, and no effects.
         sheets: by flight, what its import did; sensors of imported flights are taken as real.
         on_progress: called with the share done [1] and the name of the step.
@@ -63,7 +84,8 @@ def examine(
     tell = on_progress or (lambda share, text: None)
     tell(0.0, "signals and clocks")
     facts = tuple(
-        dc.replace(flight_facts(log, vehicle), imported=dict((sheets or {}).get(log.name, {}))) for log in logs
+        dc.replace(flight_facts(log, vehicle), imported=dict((sheets or {}).get(log.name, {})))
+        for log in logs
     )
     own = [doubt for log in logs for doubt in law_doubts(log)]
     wrong = [line for f in facts for line in _no_flight(f)]
@@ -74,15 +96,24 @@ def examine(
         problems.append(f"no flight lasts {LEAST_DURATION:g} s: fly longer")
     if vehicle is None or not long_enough or wrong:
         if vehicle is None:
-            problems.append("no vehicle file: effects are not judged (np-drake doctor --vehicle FILE)")
+            problems.append(
+                "no vehicle file: effects are not judged (np-drake doctor --vehicle FILE)"
+            )
         problems += as_lines(doubt for doubt in own if not doubt.fails)
-        fastest = {key: max(f.motion[key] for f in facts) for key in ("speed [m/s]", "rate [rad/s]", "tilt [deg]")}
+        fastest = {
+            key: max(f.motion[key] for f in facts)
+            for key in ("speed [m/s]", "rate [rad/s]", "tilt [deg]")
+        }
         still = [] if excited(fastest | {"thrust variation [1]": 0.0}) else [_still(fastest, logs)]
         return LogReport(facts, bool(long_enough) and not (wrong or still), (*still, *problems))
-    return _with_answers(LogReport(facts, True, tuple(problems), vehicle.name), long_enough, vehicle, tell)
+    return _with_answers(
+        LogReport(facts, True, tuple(problems), vehicle.name), long_enough, vehicle, tell
+    )
 
 
-def _with_answers(report: LogReport, logs: Sequence[FlightLog], vehicle: Vehicle, tell: Progress) -> LogReport:
+def _with_answers(
+    report: LogReport, logs: Sequence[FlightLog], vehicle: Vehicle, tell: Progress
+) -> LogReport:
     """Return the report with excitation, swings and answers."""
     tell(0.2, "residuals")
     logs = [_head(log) for log in logs]
@@ -109,10 +140,15 @@ def _with_answers(report: LogReport, logs: Sequence[FlightLog], vehicle: Vehicle
     tell(0.8, "smallest sizes")
     information = Information(explained.flights, explained.noise, nuisance, every)
     first = logs[0]
-    known: dict[str, Any] = {"accelerations": first.a is not None, "torque": flights[0].knows_torque}
+    known: dict[str, Any] = {
+        "accelerations": first.a is not None,
+        "torque": flights[0].knows_torque,
+    }
     known["lacks"] = sorted({quantity for log in logs for quantity in log.lacks})
     gust = smallest_gust(explained.noise, moving["duration [s]"])
-    found = answers(smallest_sizes(information), gust, explained.drag, vehicle, log_input=first.input, **known)
+    found = answers(
+        smallest_sizes(information), gust, explained.drag, vehicle, log_input=first.input, **known
+    )
     still = () if excited(moving) else (_still(moving, logs),)
     return dc.replace(
         report,
@@ -139,7 +175,8 @@ def _still(moving: Mapping[str, float], logs: Sequence[FlightLog]) -> str:
     speed, rate = number(moving["speed [m/s]"], 2), number(moving["rate [rad/s]"], 2)
     logged = "" if any("velocity" in log.lacks for log in logs) else f"speed {speed} m/s, "
     return (
-        f"nothing moves ({logged}rates {rate} rad/s): fly sprints in both horizontal directions, climbs, "
+        f"nothing moves ({logged}rates {rate} rad/s): fly sprints in both horizontal "
+        f"directions, climbs, "
         "and turns about every axis, for a minute"
     )
 
@@ -151,7 +188,9 @@ def _head(log: FlightLog) -> FlightLog:
 
 def _no_flight(f: FlightFacts) -> list[str]:
     """Return that a log holds no flight, as its import found."""
-    return [f"{f.name}: {note}" for note in f.imported.get("notes", ()) if note.startswith("no flight")]
+    return [
+        f"{f.name}: {note}" for note in f.imported.get("notes", ()) if note.startswith("no flight")
+    ]
 
 
 def _limits(f: FlightFacts) -> list[str]:
@@ -170,25 +209,37 @@ def _require(logs: Sequence[FlightLog]) -> None:
     inputs = sorted({log.input for log in logs})
     if len(inputs) > 1:
         raise ValueError(
-            f"doctor: all flights must have the same input; got {' and '.join(inputs)}. Examine each kind alone."
+            f"doctor: all flights must have the same input; got {' and '.join(inputs)}. "
+            f"Examine each kind alone."
         )
     names = [log.name for log in logs]
     if len(set(names)) < len(names):
-        raise ValueError("doctor: flights must have different names. Rename one, or give each flight once.")
+        raise ValueError(
+            "doctor: flights must have different names. Rename one, or give each flight once."
+        )
     if len({log.a is None for log in logs}) > 1:
-        raise ValueError("doctor: either all flights have accelerations or none. Examine them one kind at a time.")
+        raise ValueError(
+            "doctor: either all flights have accelerations or none. Examine them one kind "
+            "at a time."
+        )
 
 
 def answers(
-    found: Sequence[Smallest], gust: float, drag: float | None, vehicle: Vehicle, *, log_input: str, **known: Any
+    found: Sequence[Smallest],
+    gust: float,
+    drag: float | None,
+    vehicle: Vehicle,
+    *,
+    log_input: str,
+    **known: Any,
 ) -> tuple[Answer, ...]:
-    """Return an answer for each parameter of each effect: told, not told, never told, in the order of the library.
+    """Return an answer for each parameter of each effect: told, not told, never told, in the order
+    of the library.
 
     Args:
         found: smallest sizes; those of the wind are for the usual drag of such a vehicle.
         gust: least deviation of the force of gusts [N].
         drag: that of the vehicle, where it is known [N·s/m]: winds act through it.
-        vehicle: the nominal vehicle.
         log_input: as `FlightLog.input`.
         known: whether the log has `accelerations` and `torque`, and what it `lacks`.
     """
@@ -200,7 +251,10 @@ def answers(
         p = next(p for p in effect.parameters if not p.choices)
         if identifier in hidden:
             reason = hidden[identifier]
-            todo = next((what for words, what in INSTEAD.items() if words in reason), manoeuvre((identifier,)))
+            todo = next(
+                (what for words, what in INSTEAD.items() if words in reason),
+                manoeuvre((identifier,)),
+            )
             never = (math.inf, math.inf, usual_size(p, vehicle), NEVER, reason, todo)
             out.append(Answer(identifier, p.name, p.unit, *never))
         elif identifier == GUSTS:
@@ -208,7 +262,13 @@ def answers(
             out.append(_gust_answer(size, drag is None))
         elif identifier in sizes:
             scale = usual_drag / drag if identifier == WIND and drag else 1.0
-            out += _answers(sizes[identifier], effect, vehicle, scale, told=identifier != WIND or drag is not None)
+            out += _answers(
+                sizes[identifier],
+                effect,
+                vehicle,
+                scale,
+                told=identifier != WIND or drag is not None,
+            )
     return tuple(out)
 
 
@@ -228,9 +288,24 @@ def _answers(s: Smallest, effect, vehicle: Vehicle, scale: float, *, told: bool)
             reason = f"it cannot be told from {', '.join(s.resembles)} in these flights"
             todo = tells_apart(s.identifier, s.resembles[0]) or manoeuvre((s.identifier,))
         if s.identifier == WIND:
-            reason = reason or ("with their drag" if told else "with usual drag: these flights tell none")
+            reason = reason or (
+                "with their drag" if told else "with usual drag: these flights tell none"
+            )
         alone, beside = (float(v) if v <= far else math.inf for v in (alone, beside))
-        out.append(Answer(s.identifier, name, p.unit, beside, alone, typical, verdict, reason, todo, s.resembles))
+        out.append(
+            Answer(
+                s.identifier,
+                name,
+                p.unit,
+                beside,
+                alone,
+                typical,
+                verdict,
+                reason,
+                todo,
+                s.resembles,
+            )
+        )
     return out
 
 

@@ -1,4 +1,6 @@
-"""Facts of one flight log that need no vehicle: rows, gaps, noise of signals, conventions, lags and motion."""
+"""Facts of one flight log that need no vehicle: rows, gaps, noise of signals, conventions, lags and
+motion.
+"""
 
 import dataclasses as dc
 
@@ -11,11 +13,13 @@ from np_drake.diagnosis.doctor.log_report import FlightFacts, SignalFacts
 from np_drake.diagnosis.residuals import smooth_attitude
 from np_drake.flight_log import FlightLog
 from np_drake.training_data.segments import white_noise
-from np_drake.vehicle import MeasurementNoise, Vehicle
+from np_drake.vehicle.vehicle import MeasurementNoise, Vehicle
 
 GAP = 2.5  # median intervals of a longer one, a gap [1]; as in the import
 NEAR_LIMIT = 0.99  # share of a rotor's largest thrust from which it is saturated [1]; own choice
-MOST_ROWS = 60_000  # of a flight in which noise of its attitude, and agreement, are looked for; own choice
+MOST_ROWS = (
+    60_000  # of a flight in which noise of its attitude, and agreement, are looked for; own choice
+)
 SIGNALS = (  # field of the log, name, unit, field of `MeasurementNoise`
     ("p", "position", "m", "position"),
     ("v", "velocity", "m/s", "velocity"),
@@ -30,9 +34,8 @@ def flight_facts(log: FlightLog, vehicle: Vehicle | None = None) -> FlightFacts:
     """Return the facts of a flight.
 
     Args:
-        log: the flight log.
-        vehicle: for limits of the rotors and the usual noise of its sensors; None: neither is known, and usual sensors
-            are taken.
+        vehicle: for limits of the rotors and the usual noise of its sensors; None: neither is
+            known, and usual sensors are taken.
     """
     interval = np.diff(log.t)
     head = log.rows(0, MOST_ROWS)
@@ -66,11 +69,15 @@ def _signals(log: FlightLog, usual: MeasurementNoise):
         values = getattr(log, field)
         if integrated.get(field) in log.lacks or values is None or not np.isfinite(values).all():
             continue
-        yield SignalFacts(name, unit, float(white_noise([values]).max()), known.get(sensor, 0.0), *_grain(values))
+        yield SignalFacts(
+            name, unit, float(white_noise([values]).max()), known.get(sensor, 0.0), *_grain(values)
+        )
 
 
 def _grain(values: np.ndarray) -> tuple[float, float]:
-    """Return the step to which values are rounded, 0 where noise hides it, and the share of repeated rows."""
+    """Return the step to which values are rounded, 0 where noise hides it, and the share of
+    repeated rows.
+    """
     change = np.abs(np.diff(values, axis=0))
     repeated = float(np.mean(~change.any(axis=1)))
     steps = []

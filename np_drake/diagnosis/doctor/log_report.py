@@ -1,4 +1,6 @@
-"""Result of an examination of flight logs as dataclasses; `as_json` gives the content of `np-drake doctor --json`."""
+"""Result of an examination of flight logs as dataclasses; `as_json` gives the content of `np-drake
+doctor --json`.
+"""
 
 import dataclasses as dc
 from typing import Any
@@ -11,9 +13,11 @@ YES, NO, NEVER = "yes", "no", "never"
 
 @dc.dataclass(frozen=True)
 class SignalFacts:
-    """Facts of one signal of a log: white noise and what is usual, resolution and share of repeated rows.
+    """Facts of one signal of a log: white noise and what is usual, resolution and share of repeated
+    rows.
 
-    white: standard deviation of its white noise, from second differences; the largest of its columns, in `unit`.
+    white: standard deviation of its white noise, from second differences; the largest of its
+    columns, in `unit`.
     usual: that of the vehicle file or of usual sensors; 0: none is known.
     resolution: step to which the values are rounded, where that is above the noise; else 0.
     repeated: share of rows equal to the row before [1].
@@ -31,12 +35,13 @@ class SignalFacts:
 class FlightFacts:
     """Facts of one flight that need no vehicle.
 
-    step: median interval [s]; jitter: standard deviation of intervals over it [1].   gaps: intervals longer than 2.5
-    of it; longest: the longest interval [s]; bridged: rows that a reader put into gaps.
-    attitude_noise: white noise of the attitude against the integrated gyro [rad].
-    misfits: by law, disagreement of quantities with each other: 0 agree, 1 do not [1].
-    motion: by quantity, RMS or span, with the unit in the key.   saturated: share of rows with a rotor at a limit [1];
-    None where no limit is known.   imported: what its import did; empty for a log of our format.
+    step: median interval [s]; jitter: standard deviation of intervals over it [1].
+    gaps: intervals longer than 2.5 of it; longest: the longest interval [s]; bridged: rows that a
+        reader put into gaps. attitude_noise: white noise of the attitude against the integrated
+        gyro [rad]. misfits: by law, disagreement of quantities with each other: 0 agree, 1 do not
+        [1]. motion: by quantity, RMS or span, with the unit in the key.
+    saturated: share of rows with a rotor at a limit [1]; None where no limit is known.
+    imported: what its import did; empty for a log of our format.
     """
 
     name: str
@@ -79,10 +84,12 @@ class SwingTest:
 class Answer:
     """Whether a log can tell one parameter of an effect.
 
-    smallest: size that is told from zero at 99.7 % (three posterior deviations), beside nuisance parameters and the
+    smallest: size that is told from zero at 99.7 % (three posterior deviations), beside nuisance
+    parameters and the
     effects named in `beside`; infinite: none.   alone: the same beside nuisance parameters only.
     typical: usual size for a vehicle of this mass and arm.
-    verdict: `yes` (smallest is at most typical), `no`, or `never` (a log of this kind has no trace of it).
+    verdict: `yes` (smallest is at most typical), `no`, or `never` (a log of this kind has no trace
+        of it).
     todo: what to log or fly instead; empty for `yes`.
     """
 
@@ -102,9 +109,11 @@ class Answer:
 class LogReport:
     """Result of `examine`.
 
-    usable: whether anything can be diagnosed; problems: what stands against it, or limits it, one line each.
+    usable: whether anything can be diagnosed; problems: what stands against it, or limits it, one
+    line each.
     excitation: RMS values and spans over all flights; with the vehicle's where one is given.
-    residual_force: by axis of B, RMS of the residual force over weight, nothing fitted [1]; empty without a vehicle.
+    residual_force: by axis of B, RMS of the residual force over weight, nothing fitted [1]; empty
+        without a vehicle.
     noise_floor: by channel, RMS of what no effect explains [N, N·m]; empty without a vehicle.
     """
 

@@ -1,10 +1,12 @@
-"""Test whether something swings below the vehicle: log Bayes factor of a pendulum, in the lateral residual force.
+"""Test whether something swings below the vehicle: log Bayes factor of a pendulum, in the lateral
+residual force.
 
-Both models hold the nuisance parameters and all effects of the library. The pendulum is driven by the measured motion;
-its mass and the swing at the start of each piece are free, and its length is averaged over. Each model has the
-autoregressive noise that fits it best, so that a model cannot gain by the noise of the other, at the temperature of the
-search: noise is never quite its model. Only the force across
-body z is used: a payload that hangs still pulls along it, as an error of mass or thrust does.
+Both models hold the nuisance parameters and all effects of the library. The pendulum is driven by
+the measured motion; its mass and the swing at the start of each piece are free, and its length is
+averaged over. Each model has the autoregressive noise that fits it best, so that a model cannot
+gain by the noise of the other, at the temperature of the search: noise is never quite its model.
+Only the force across body z is used: a payload that hangs still pulls along it, as an error of mass
+or thrust does.
 
 Source: Bayesian linear regression with plug-in noise; pieces, lengths and rounds are own choice.
 """
@@ -22,17 +24,22 @@ from np_drake.diagnosis.residuals import FlightResiduals
 
 SWING_TEST_LENGTHS = np.geomspace(0.15, 2.5, 32)  # of pendulums in the swing test [m]: 9 % apart
 LATERAL = slice(0, 2)  # channels: force across body z
-PIECE = 10.0  # of a flight, each with a swing of its own [s]: longer, and a linear swing is out of step
+PIECE = (
+    10.0  # of a flight, each with a swing of its own [s]: longer, and a linear swing is out of step
+)
 MOST_PIECES = 6  # of a flight that are used
 ROUNDS = 3  # of regression and noise in turn
-ODDS = math.log(1000.0)  # log posterior odds from which something swings [nat]: at most one false alarm in 1000
+ODDS = math.log(
+    1000.0
+)  # log posterior odds from which something swings [nat]: at most one false alarm in 1000
 
 
-def swing_test(flight: FlightResiduals, others: Sequence[Mapping[str, np.ndarray]], options: Options) -> SwingTest:
+def swing_test(
+    flight: FlightResiduals, others: Sequence[Mapping[str, np.ndarray]], options: Options
+) -> SwingTest:
     """Compare a pendulum with none in one flight.
 
     Args:
-        flight: the flight.
         others: by flight, (m, 15, k) columns of nuisance and effects that both models hold.
         options: priors of the payload, and the temperature of the noise.
     """
@@ -52,11 +59,20 @@ def swing_test(flight: FlightResiduals, others: Sequence[Mapping[str, np.ndarray
     best = int(np.argmax(gains))
     factor = float(np.log(np.mean(np.exp(np.array(gains) - gains[best]))) + gains[best])
     swings = masses[best] > 0 and factor > evident(priors)
-    return SwingTest(flight.name, factor, evident(priors), bool(swings), float(SWING_TEST_LENGTHS[best]), masses[best])
+    return SwingTest(
+        flight.name,
+        factor,
+        evident(priors),
+        bool(swings),
+        float(SWING_TEST_LENGTHS[best]),
+        masses[best],
+    )
 
 
 def evident(priors: Priors) -> float:
-    """Return the log Bayes factor from which something swings: that of `ODDS`, with the prior of any effect [nat]."""
+    """Return the log Bayes factor from which something swings: that of `ODDS`, with the prior of
+    any effect [nat].
+    """
     return ODDS - priors.effect
 
 
@@ -82,7 +98,9 @@ def _in_pieces(mass: np.ndarray, swing: np.ndarray, pieces: Sequence[slice]) -> 
 def _fitted(
     y: np.ndarray, X: np.ndarray, pieces: Sequence[slice], step: float, temperature: float
 ) -> tuple[np.ndarray, float]:
-    """Return coefficients and log evidence of a regression with the autoregressive noise of its own residual."""
+    """Return coefficients and log evidence of a regression with the autoregressive noise of its own
+    residual.
+    """
     noise = scale_only([y[rows] for rows in pieces], step)
     for _ in range(ROUNDS):
         mean, _ = _regression(y, X, pieces, noise, temperature)
@@ -90,8 +108,13 @@ def _fitted(
     return _regression(y, X, pieces, noise, temperature)
 
 
-def _regression(y, X, pieces: Sequence[slice], noise: NoiseModel, temperature: float) -> tuple[np.ndarray, float]:
-    products = np.sum([noise.products([X[rows], y[rows][..., None]]) for rows in pieces], axis=0) / temperature
+def _regression(
+    y, X, pieces: Sequence[slice], noise: NoiseModel, temperature: float
+) -> tuple[np.ndarray, float]:
+    products = (
+        np.sum([noise.products([X[rows], y[rows][..., None]]) for rows in pieces], axis=0)
+        / temperature
+    )
     total, every = Gram(products[:-1, :-1], products[:-1, -1]), np.arange(X.shape[-1])
     mean, _ = total.posterior(every)
     samples = sum(rows.stop - rows.start - noise.phi.shape[1] for rows in pieces) / temperature

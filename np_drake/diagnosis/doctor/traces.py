@@ -1,4 +1,6 @@
-"""Traces of effects in flights, as columns of a regression at usual sizes, and the noise that no trace explains."""
+"""Traces of effects in flights, as columns of a regression at usual sizes, and the noise that no
+trace explains.
+"""
 
 import dataclasses as dc
 import math
@@ -29,7 +31,9 @@ from np_drake.effects.library import LIBRARY, effect_of
 from np_drake.effects.parameter import usual_size
 from np_drake.effects.parameter_prior import correlation_root
 
-TRACE_LENGTHS = np.geomspace(0.3, 1.5, 5)  # of tethers at which an examination asks for a payload [m]; own choice
+TRACE_LENGTHS = np.geomspace(
+    0.3, 1.5, 5
+)  # of tethers at which an examination asks for a payload [m]; own choice
 GUSTS = GustyWind.identifier
 LEAST_DRAG = 2.0  # posterior deviations from which a drag is taken as that of the vehicle [1]
 
@@ -40,7 +44,8 @@ class Trace:
 
     parameters: of the first columns; further columns are free beside them and not asked for.
     typical: usual size of each.
-    sizes: for an effect that is not linear, the size at which its trace is predicted, in the parameter's unit; None:
+    sizes: for an effect that is not linear, the size at which its trace is predicted, in the
+        parameter's unit; None:
     it is linear.
     """
 
@@ -52,13 +57,10 @@ class Trace:
 
 
 def traces(flights: Sequence[FlightResiduals], priors: Priors) -> list[Trace]:
-    """Return the traces of all variants of all effects that such logs can show; payloads at `TRACE_LENGTHS`.
+    """Return the traces of all variants of all effects that such logs can show; payloads at
+    `TRACE_LENGTHS`.
 
     Gusts have none: they are a noise.
-
-    Args:
-        flights: the flights.
-        priors: priors of parameters, swings and onsets.
     """
     plain = library_candidates(flights)
     found = [_of_candidate(c, flights) for c in plain]
@@ -78,7 +80,9 @@ def _of_candidate(c: Candidate, flights: Sequence[FlightResiduals]) -> Trace:
         return Trace(identifier, free, usual, {n: X @ alone for n, X in c.columns.items()})
     values = next(iter(c.terms(np.array([0.5])))).effect.values
     size = values[free[0].name] - free[0].neutral
-    half = {n: 0.5 * X for n, X in c.columns.items()}  # at that size; a coefficient of one half stands for it
+    half = {
+        n: 0.5 * X for n, X in c.columns.items()
+    }  # at that size; a coefficient of one half stands for it
     return Trace(identifier, free[:1], (usual[0],), half, size)
 
 
@@ -89,13 +93,14 @@ def _of_wind(c: Candidate, flights: Sequence[FlightResiduals]) -> Trace:
     return Trace(WIND, wind, tuple(p.typical for p in wind), columns)
 
 
-def payload_traces(flights: Sequence[FlightResiduals], lengths: np.ndarray, priors: Priors) -> list[Trace]:
-    """Return the traces of payloads on tethers of these lengths; none where library or flights tell none.
+def payload_traces(
+    flights: Sequence[FlightResiduals], lengths: np.ndarray, priors: Priors
+) -> list[Trace]:
+    """Return the traces of payloads on tethers of these lengths; none where library or flights tell
+    none.
 
     Args:
-        flights: the flights.
         lengths: (k,) of the tethers [m].
-        priors: of payloads.
     """
     if PAYLOAD not in LIBRARY or PAYLOAD in hidden_from(flights):
         return []
@@ -110,7 +115,9 @@ def payload_traces(flights: Sequence[FlightResiduals], lengths: np.ndarray, prio
 
 
 def nearest_usual(found: Sequence[Trace]) -> list[Trace]:
-    """Return one trace of each effect: of those that are not linear, the one nearest its usual size."""
+    """Return one trace of each effect: of those that are not linear, the one nearest its usual
+    size.
+    """
     best: dict[str, tuple[float, Trace]] = {}
     for trace in found:
         away = 0.0 if trace.size is None else abs(math.log(abs(trace.size) / trace.typical[0]))
@@ -121,10 +128,11 @@ def nearest_usual(found: Sequence[Trace]) -> list[Trace]:
 
 @dc.dataclass(frozen=True)
 class Explained:
-    """Flights with their outliers known, the noise model of what no effect explains, and the drag of the vehicle.
+    """Flights with their outliers known, the noise model of what no effect explains, and the drag
+    of the vehicle.
 
-    floor: by channel of the wrench, RMS of what no effect explains [N, N·m].   drag: mean lateral drag that explains
-    them best [N·s/m]; None where it is not told from zero.
+    floor: by channel of the wrench, RMS of what no effect explains [N, N·m].
+    drag: mean lateral drag that explains them best [N·s/m]; None where it is not told from zero.
     """
 
     flights: list[FlightResiduals]
@@ -134,22 +142,26 @@ class Explained:
 
 
 def explain(
-    flights: Sequence[FlightResiduals], nuisance: Sequence[Candidate], traces: Sequence[Trace], options: Options
+    flights: Sequence[FlightResiduals],
+    nuisance: Sequence[Candidate],
+    traces: Sequence[Trace],
+    options: Options,
 ) -> Explained:
     """Fit all traces and the nuisance together, and return what is left as noise.
 
     An effect that is in the logs does not count as noise; what no effect explains does.
 
     Args:
-        flights: the flights.
         nuisance: nuisance columns, with prior N(0, 1).
-        traces: one of each effect.
         options: tolerances of sensors, and the share of a linear prediction that is wrong.
     """
     blocks = [c.columns for c in nuisance] + [t.columns for t in traces]
     step = flights[0].grid.step
     _, _, residual = _fitted(flights, blocks, scale_only([e.y for e in flights], step))
-    flights = [dc.replace(e, outliers=find_outliers(r, step)) for e, r in zip(flights, residual, strict=True)]
+    flights = [
+        dc.replace(e, outliers=find_outliers(r, step))
+        for e, r in zip(flights, residual, strict=True)
+    ]
     channels = [e.bridged(e.y) for e in flights]
     _, _, residual = _fitted(flights, blocks, scale_only(channels, step))
     noise = noise_of(flights, residual, channels, options, options.priors.linear_error)
@@ -162,12 +174,17 @@ def explain(
 def _fitted(
     flights: Sequence[FlightResiduals], blocks: Sequence[dict[str, np.ndarray]], noise: NoiseModel
 ) -> tuple[np.ndarray, np.ndarray, list[np.ndarray]]:
-    """Return coefficients (k,), their deviations, and by flight the residual (m, 15) without outliers."""
+    """Return coefficients (k,), their deviations, and by flight the residual (m, 15) without
+    outliers.
+    """
     total = reduce(add, (e.gram(noise, [b[e.name] for b in blocks]) for e in flights))
     mean, covariance = total.posterior(np.arange(len(total.Xy)))
     sizes = [next(iter(b.values())).shape[-1] for b in blocks]
     parts = np.split(mean, np.cumsum(sizes)[:-1])
-    residual = [e.bridged(e.y - sum(b[e.name] @ part for b, part in zip(blocks, parts, strict=True))) for e in flights]
+    residual = [
+        e.bridged(e.y - sum(b[e.name] @ part for b, part in zip(blocks, parts, strict=True)))
+        for e in flights
+    ]
     return mean, np.sqrt(np.diag(covariance)), residual
 
 

@@ -1,4 +1,6 @@
-"""Maximum a posteriori parameters of a set of effects: nonlinear least squares in whitened channels, with priors."""
+"""Maximum a posteriori parameters of a set of effects: nonlinear least squares in whitened
+channels, with priors.
+"""
 
 import dataclasses as dc
 from collections.abc import Callable, Sequence
@@ -6,7 +8,13 @@ from itertools import pairwise
 
 import numpy as np
 
-from np_drake.diagnosis.fitting.parameters import Free, free_parameters, prior_whitening, read, write
+from np_drake.diagnosis.fitting.parameters import (
+    Free,
+    free_parameters,
+    prior_whitening,
+    read,
+    write,
+)
 from np_drake.diagnosis.forward_model import StageCache, Term, predicted_residual, swing_wrenches
 from np_drake.diagnosis.numerics import NoiseModel, minimise
 from np_drake.diagnosis.options import Priors
@@ -34,11 +42,10 @@ class Fit:
     """Fitted model of effects and calibration.
 
     terms, calibration: fitted terms.
-    free, values: free parameters and their values (k,) in physical units; covariance (k, k): of these.
-    log_evidence: log evidence of the model on the flights of the fit [nat].
-    sensor_drift: by flight, (m, 15) contribution of linear nuisance: sensor errors and calibration.
-    linear: the same part by part, in the order of the candidates.
-    onset_prior: log prior of the onsets.
+    free, values: free parameters and their values (k,) in physical units; covariance (k, k): of
+    these. log_evidence: log evidence of the model on the flights of the fit [nat]. sensor_drift: by
+    flight, (m, 15) contribution of linear nuisance: sensor errors and calibration. linear: the same
+    part by part, in the order of the candidates. onset_prior: log prior of the onsets.
     """
 
     terms: tuple[Term, ...]
@@ -53,11 +60,15 @@ class Fit:
 
     @property
     def calibrated(self) -> tuple[tuple[Callable[[FlightResiduals], np.ndarray], np.ndarray], ...]:
-        """Linear parts that all flights share: their columns on any flight, and the coefficients."""
+        """Linear parts that all flights share: their columns on any flight, and the
+        coefficients.
+        """
         return tuple((part.columns, part.coefficients) for part in self.linear if part.columns)
 
     def calibration_on(self, e: FlightResiduals) -> np.ndarray:
-        """Return the channels (m, 15) that the linear calibration of the vehicle gives on any flight."""
+        """Return the channels (m, 15) that the linear calibration of the vehicle gives on any
+        flight.
+        """
         return sum((columns(e) @ c for columns, c in self.calibrated), start=np.zeros_like(e.y))
 
     def residual(self, e: FlightResiduals) -> np.ndarray:
@@ -66,10 +77,14 @@ class Fit:
         On a flight of the fit, sensor errors are removed as well.
         """
         residual = e.y - predicted_residual(e, self.everything)
-        return e.bridged(residual - self.sensor_drift[e.name] if e.name in self.sensor_drift else residual)
+        return e.bridged(
+            residual - self.sensor_drift[e.name] if e.name in self.sensor_drift else residual
+        )
 
     def onset_prior_of(self, i: int) -> float:
-        """Return the part of the log prior of all onsets that is that of term i; 0 if it acts from the start."""
+        """Return the part of the log prior of all onsets that is that of term i; 0 if it acts from
+        the start.
+        """
         begin = [t for t in self.terms if t.onset]
         return self.onset_prior / len(begin) if self.terms[i].onset else 0.0
 
@@ -91,32 +106,31 @@ def refine(
     evaluations: int = 8,
     priors: Priors,
 ) -> Fit:
-    """Fit terms and calibration to the flights by bounded Gauss-Newton, starting from the terms' values.
+    """Fit terms and calibration to the flights by bounded Gauss-Newton, starting from the terms'
+    values.
 
     Args:
-        terms: effects with initial parameters.
-        calibration: calibration terms, each with its prior standard deviation.
-        flights: the flights of the fit.
-        noise: noise model that whitens.
         temperature: factor on the noise variance [1].
-        linear: candidates that act as well, with free coefficients.
-        white: gives the whitened columns (m - p, 15, k) of one of these in a flight; default: by `noise`.
-        evaluations: largest number of iterations.
-        priors: of the hidden states.
+        white: gives the whitened columns (m - p, 15, k) of one of these in a flight; default: by
+            `noise`.
     """
     everything = [*terms, *(t for t, _ in calibration)]
     scales = {len(terms) + i: s for i, (_, s) in enumerate(calibration)}
     free = free_parameters(everything, flights, scales, priors)
-    scale, neutral, lower, upper = np.array([(f.scale, f.neutral, f.lower, f.upper) for f in free]).reshape(-1, 4).T
+    scale, neutral, lower, upper = (
+        np.array([(f.scale, f.neutral, f.lower, f.upper) for f in free]).reshape(-1, 4).T
+    )
     root, n, sizes_of = 1.0 / np.sqrt(temperature), len(free), [c.size for c in linear]
     k = sum(sizes_of)
     sizes = [(len(e.t) - noise.phi.shape[1]) * noise.phi.shape[0] for e in flights]
     spans = [slice(*ends) for ends in pairwise(np.cumsum([0, *sizes]).tolist())]
     rows = sum(sizes)
-    # One buffer serves all steps: only the first n columns of its rows change, and each step uses only its own.
+    # One buffer serves all steps: only the first n columns of its rows change, and each step uses
+    # only its own.
     J = np.zeros((rows + n + k, n + k))
     J[rows:] = np.eye(n + k)
-    # The prior is a block of rows W z ~ N(0, 1), so that least squares on all rows gives the maximum a posteriori.
+    # The prior is a block of rows W z ~ N(0, 1), so that least squares on all rows gives the
+    # maximum a posteriori.
     W = prior_whitening(everything, free)
     J[rows : rows + n, :n] = W
     for c, at in zip(linear, pairwise(np.cumsum([n, *sizes_of]).tolist()), strict=True):
@@ -162,9 +176,16 @@ def refine(
     covariance = covariance * np.sqrt(np.outer(robust, robust))
     logdet = np.linalg.slogdet(best.information)[1]
     places = [slice(*at) for at in pairwise(np.cumsum([n, *sizes_of]).tolist())]
-    parts = tuple(LinearPart(c.generic, best.z[at], covariance[at, at]) for c, at in zip(linear, places, strict=True))
+    parts = tuple(
+        LinearPart(c.generic, best.z[at], covariance[at, at])
+        for c, at in zip(linear, places, strict=True)
+    )
     pairs = list(zip(linear, parts, strict=True))
-    drifted = {e.name: sum(c.columns[e.name] @ part.coefficients for c, part in pairs) for e in flights if pairs}
+    drifted = {
+        e.name: sum(c.columns[e.name] @ part.coefficients for c, part in pairs)
+        for e in flights
+        if pairs
+    }
     return Fit(
         tuple(fitted[: len(terms)]),
         tuple(fitted[len(terms) :]),
@@ -177,13 +198,11 @@ def refine(
     )
 
 
-def scaled_jacobian(now: Sequence[Term], free: Sequence[Free], flight: FlightResiduals) -> np.ndarray:
-    """Return the derivative (m, 15, k) of the predicted residual by the free parameters over their scales.
-
-    Args:
-        now: terms at the point of linearisation.
-        free: free parameters of the terms.
-        flight: the flight.
+def scaled_jacobian(
+    now: Sequence[Term], free: Sequence[Free], flight: FlightResiduals
+) -> np.ndarray:
+    """Return the derivative (m, 15, k) of the predicted residual by the free parameters over their
+    scales.
     """
     values = read(now, free)
     scale = np.array([f.scale for f in free])
@@ -206,7 +225,9 @@ def scaled_jacobian(now: Sequence[Term], free: Sequence[Free], flight: FlightRes
         if group not in base:
             base[group] = predicted_residual(flight, [now[i] for i in group], stages)
         columns[..., k] = (
-            (predicted_residual(flight, [moved[i] for i in group], stages) - base[group]) / step * scale[k]
+            (predicted_residual(flight, [moved[i] for i in group], stages) - base[group])
+            / step
+            * scale[k]
         )
     for term, moves in swinging.items():
         wrench = swing_wrenches(flight, [now[term], *(m for _, _, m in moves)]) * flight.shown
@@ -216,7 +237,9 @@ def scaled_jacobian(now: Sequence[Term], free: Sequence[Free], flight: FlightRes
 
 
 def _group(terms: Sequence[Term], i: int) -> tuple[int, ...]:
-    """Return the positions of the terms whose predicted residuals interact with that of term i, to first order."""
+    """Return the positions of the terms whose predicted residuals interact with that of term i, to
+    first order.
+    """
 
     def alone(t: Term) -> bool:
         sensor = isinstance(t.effect, SensorEffect) and not t.effect.shifts_commands
@@ -228,7 +251,9 @@ def _group(terms: Sequence[Term], i: int) -> tuple[int, ...]:
 
 
 def _robust(covariance, J, fun, flights, noise) -> np.ndarray:
-    """Return the factor (k,) by which variances grow for residuals that correlate within blocks, at least 1."""
+    """Return the factor (k,) by which variances grow for residuals that correlate within blocks, at
+    least 1.
+    """
     step = flights[0].grid.step
     p, channels = noise.phi.shape[1], noise.phi.shape[0]
     rows = max(1, round(BLOCK / step)) * channels
@@ -241,6 +266,7 @@ def _robust(covariance, J, fun, flights, noise) -> np.ndarray:
             g = J[a:b].T @ fun[a:b]
             meat += np.outer(g, g)
         start = stop
-    # Sandwich estimator (Huber-White), clustered by blocks: C (sum g g') C with the score g of each block.
+    # Sandwich estimator (Huber-White), clustered by blocks: C (sum g g') C with the score g of each
+    # block.
     sandwich = np.diag(covariance @ meat @ covariance)
     return np.maximum(1.0, sandwich / np.maximum(np.diag(covariance), 1e-300))

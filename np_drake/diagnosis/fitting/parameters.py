@@ -15,7 +15,9 @@ from np_drake.vehicle import Vehicle
 
 @dc.dataclass(frozen=True)
 class Free:
-    """Free parameter of term `term`: a parameter by name, or an entry of the hidden state of a flight."""
+    """Free parameter of term `term`: a parameter by name, or an entry of the hidden state of a
+    flight.
+    """
 
     term: int
     name: str
@@ -28,15 +30,16 @@ class Free:
 
 
 def free_parameters(
-    terms: Sequence[Term], flights: Sequence[FlightResiduals], scales: dict[int, float], priors: Priors
+    terms: Sequence[Term],
+    flights: Sequence[FlightResiduals],
+    scales: dict[int, float],
+    priors: Priors,
 ) -> list[Free]:
     """Return the free parameters of the terms.
 
     Args:
-        terms: the terms.
-        flights: the flights, each with its own hidden states.
-        scales: by position, the prior standard deviation of calibration terms, in place of the typical one.
-        priors: give the deviation of initial swings.
+        scales: by position, the prior standard deviation of calibration terms, in place of the
+            typical one.
     """
     found = []
     for i, term in enumerate(terms):
@@ -51,18 +54,21 @@ def free_parameters(
         for e in flights:
             if term.begins(e.name) != NEVER:
                 scales_of = [
-                    priors.swing * (1 if k % STATE < 2 else 3) for k in range(hidden_size(e, term.begins(e.name)))
+                    priors.swing * (1 if k % STATE < 2 else 3)
+                    for k in range(hidden_size(e, term.begins(e.name)))
                 ]
-                found += [Free(i, "swing", s, 0.0, -4.0, 4.0, e.name, k) for k, s in enumerate(scales_of)]
+                found += [
+                    Free(i, "swing", s, 0.0, -4.0, 4.0, e.name, k) for k, s in enumerate(scales_of)
+                ]
     return found
 
 
 def prior_whitening(terms: Sequence[Term], free: Sequence[Free]) -> np.ndarray:
-    """Return the matrix (k, k) that maps deviations from neutral over scale to independent standard ones [1].
+    """Return the matrix (k, k) that maps deviations from neutral over scale to independent standard
+    ones [1].
 
     Args:
         terms: terms of a model, with their onsets and hidden states.
-        free: free parameters of the terms.
     """
     W = np.eye(len(free))
     for i, term in enumerate(terms):
@@ -78,17 +84,14 @@ def _width(term: Term, vehicle: Vehicle) -> float:
     `Gram.evidence_of_sets` uses the same rule.
     """
     free = [p for p in term.effect.parameters if not p.choices]
-    sizes = [(float(getattr(term.effect, p.name)) - p.neutral) / usual_size(p, vehicle) for p in free]
+    sizes = [
+        (float(getattr(term.effect, p.name)) - p.neutral) / usual_size(p, vehicle) for p in free
+    ]
     return max(1.0, float(np.sqrt(np.mean(np.square(sizes)))))
 
 
 def read(terms: Sequence[Term], free: Sequence[Free]) -> np.ndarray:
-    """Return the values (k,) of the free parameters.
-
-    Args:
-        terms: that hold the values.
-        free: free parameters of the terms.
-    """
+    """Return the values (k,) of the free parameters."""
 
     def value(f: Free) -> float:
         if f.flight:
@@ -102,8 +105,6 @@ def write(terms: Sequence[Term], free: Sequence[Free], values: np.ndarray) -> li
     """Return the terms with the free parameters set to `values` (k,); other terms are unchanged.
 
     Args:
-        terms: to be changed.
-        free: free parameters of the terms.
         values: (k,) in physical units.
     """
     moved = {f.term for f in free}
@@ -111,7 +112,10 @@ def write(terms: Sequence[Term], free: Sequence[Free], values: np.ndarray) -> li
     hidden = {i: {k: np.array(v) for k, v in terms[i].hidden.items()} for i in moved}
     for f, value in zip(free, values, strict=True):
         if f.flight:
-            known = padded(hidden[f.term].get(f.flight), max(f.entry + 1, len(hidden[f.term].get(f.flight, ()))))
+            known = padded(
+                hidden[f.term].get(f.flight),
+                max(f.entry + 1, len(hidden[f.term].get(f.flight, ()))),
+            )
             known[f.entry] = value
             hidden[f.term][f.flight] = known
         else:

@@ -16,13 +16,7 @@ STEPS = 3  # points of an interval that are tried; own choice
 
 
 def interval(fit: Fit, i: int, name: str) -> tuple[float, float]:
-    """Return the 95 % interval of a parameter of term i, from the covariance of the fit.
-
-    Args:
-        fit: of the model.
-        i: position of the term.
-        name: of the parameter.
-    """
+    """Return the 95 % interval of a parameter of term i, from the covariance of the fit."""
     value = float(getattr(fit.terms[i].effect, name))
     own = (k for k, f in enumerate(fit.free) if (f.term, f.name, f.flight) == (i, name, ""))
     half = sum(1.96 * float(np.sqrt(fit.covariance[k, k])) for k in own)
@@ -30,7 +24,9 @@ def interval(fit: Fit, i: int, name: str) -> tuple[float, float]:
 
 
 def greatest_height(flights: Sequence[FlightResiduals]) -> float:
-    """Return the largest height of flights above the ground [m]; infinite where logs do not tell it."""
+    """Return the largest height of flights above the ground [m]; infinite where logs do not tell
+    it.
+    """
     if any("height" in e.log.lacks for e in flights):
         return np.inf
     return max(float(e.rows.x[:, P][:, 2].max()) for e in flights)
@@ -52,9 +48,6 @@ def impossible(fit: Fit, i: int, vehicle: Vehicle, height: float) -> str:
     A parameter is at its bound, or no vehicle can have such parameters within their 95 % intervals.
 
     Args:
-        fit: the fitted model.
-        i: position of the term.
-        vehicle: the nominal vehicle.
         height: largest above the ground that it flies at; infinite: not known [m].
     """
     effect = fit.terms[i].effect
@@ -70,8 +63,6 @@ def is_possible(fit: Fit, vehicle: Vehicle, height: float) -> bool:
     """Return whether no effect of a fit need stand in for another.
 
     Args:
-        fit: the fitted model.
-        vehicle: the nominal vehicle.
         height: largest above the ground that it flies at; infinite: not known [m].
     """
     return not any(impossible(fit, i, vehicle, height) for i in range(len(fit.terms)))

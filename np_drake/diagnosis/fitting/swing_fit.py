@@ -1,4 +1,6 @@
-"""Fit of a payload's swing on some rows of a flight, its parameters being known: a grid of starts and Gauss-Newton."""
+"""Fit of a payload's swing on some rows of a flight, its parameters being known: a grid of starts
+and Gauss-Newton.
+"""
 
 import dataclasses as dc
 from collections.abc import Sequence
@@ -30,17 +32,13 @@ SPANS = (4.0, 8.0)  # growing lengths of a flight over which its swing is fitted
 class SwingFit:
     """Whitened misfit of term i on `rows` (m,) of a flight as a function of its swing there.
 
-    The term is a payload that begins at `onset`. A swing (size,) holds angles [rad] and rates [rad/s] at the start, and
-    jumps at outliers (`hidden_size`).
+    The term is a payload that begins at `onset`. A swing (size,) holds angles [rad] and rates
+    [rad/s] at the start, and jumps at outliers (`hidden_size`).
 
     Args:
         terms: terms of a model, with their onsets and hidden states.
-        i: position of the payload among them.
-        flight: the flight.
-        noise: noise model of the channels.
         onset: time at which the payload begins [s]; None: from the start.
         rows: (m,) bool, rows that count.
-        priors: priors of parameters, swings and onsets.
     Source: nonlinear least squares from a grid; the grid is own choice.
     """
 
@@ -79,18 +77,22 @@ class SwingFit:
 
     def costs(self, swings: np.ndarray) -> np.ndarray:
         """Return the whitened squares plus prior (k,) of swings (k, size)."""
-        return np.sum(self._misses(swings) ** 2, axis=1) + np.sum((swings / self._prior) ** 2, axis=1)
+        return np.sum(self._misses(swings) ** 2, axis=1) + np.sum(
+            (swings / self._prior) ** 2, axis=1
+        )
 
     def descend_from_grid(self, swing: np.ndarray, free: slice) -> np.ndarray:
-        """Return the best swing (size,) after descents from `swing` and from the best points of a grid about it.
+        """Return the best swing (size,) after descents from `swing` and from the best points of a
+        grid about it.
 
         Args:
             swing: (size,) centre of the grid.
-            free: entries of the swing that may change.
         """
         start = np.arange(self.size)[free]
         grid = np.tile(swing, (GRID, 1))
-        grid[:, start] += self._limit[start] * (2 * qmc.Halton(len(start), scramble=False).random(GRID) - 1)
+        grid[:, start] += self._limit[start] * (
+            2 * qmc.Halton(len(start), scramble=False).random(GRID) - 1
+        )
         promising = grid[np.argsort(self.costs(grid))[:TRIED]]
         ends = np.array([self.descend(s, free) for s in (swing, *promising)])
         return ends[np.argmin(self.costs(ends))]
@@ -100,7 +102,6 @@ class SwingFit:
 
         Args:
             swing: (size,) to begin with.
-            free: entries that may change.
         """
         best, least = swing, np.inf
         for _ in range(STEPS + 1):
@@ -108,13 +109,15 @@ class SwingFit:
             cost = float(miss @ miss + np.sum((swing / self._prior) ** 2))
             if cost < least:
                 best, least = swing, cost
-            # Gauss-Newton on the normal equations A step = X'miss - prior, clipped to swings that are possible.
+            # Gauss-Newton on the normal equations A step = X'miss - prior, clipped to swings that
+            # are possible.
             step = np.linalg.solve(A, X.T @ miss - swing[free] / self._prior[free] ** 2)
             swing = np.clip(swing + step @ np.eye(self.size)[free], -self._limit, self._limit)
         return best
 
     def posterior_swings(self, free: slice) -> np.ndarray:
-        """Return deviations (`WAYS`, size) from the term's own swing, quasi-random draws of its posterior.
+        """Return deviations (`WAYS`, size) from the term's own swing, quasi-random draws of its
+        posterior.
 
         Source: Laplace approximation.
         """
@@ -124,9 +127,13 @@ class SwingFit:
         return normal.random(WAYS) @ np.eye(self.size)[free]
 
     def _normal(self, swing: np.ndarray, free: slice) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return misfits (n,), their negative derivatives (n, f) by the free entries, and the normal matrix (f, f)."""
+        """Return misfits (n,), their negative derivatives (n, f) by the free entries, and the
+        normal matrix (f, f).
+        """
         moved = np.eye(self.size)[free]
-        miss, *beside = self._misses(swing + SMALL * np.concatenate([np.zeros((1, self.size)), moved]))
+        miss, *beside = self._misses(
+            swing + SMALL * np.concatenate([np.zeros((1, self.size)), moved])
+        )
         X = (miss - np.array(beside)).T / SMALL
         return miss, X, X.T @ X + np.diag(self._prior[free] ** -2)
 
@@ -145,13 +152,11 @@ class SwingFit:
 def fitted_to_whole_flight(
     terms: Sequence[Term], flight: FlightResiduals, noise: NoiseModel, priors: Priors
 ) -> list[Term]:
-    """Return the terms with hidden states, jumps included, that fit the whole flight; they are no prediction.
+    """Return the terms with hidden states, jumps included, that fit the whole flight; they are no
+    prediction.
 
     Args:
         terms: terms of a model, with their onsets and hidden states.
-        flight: the flight.
-        noise: noise model of the channels.
-        priors: priors of parameters, swings and onsets.
     """
     terms = list(terms)
     for i, term in enumerate(terms):

@@ -1,4 +1,6 @@
-"""Rigid body with mass properties other than those of the vehicle file, and the residual that they leave."""
+"""Rigid body with mass properties other than those of the vehicle file, and the residual that they
+leave.
+"""
 
 from collections.abc import Sequence
 
@@ -10,10 +12,10 @@ from np_drake.effects.base import MassEffect, MassProperties
 
 
 class ModifiedInertia:
-    """Mass properties of a flight's vehicle under mass effects, applied to the motion of the flight.
+    """Mass properties of a flight's vehicle under mass effects, applied to the motion of the
+    flight.
 
     Args:
-        flight: the flight.
         effects: mass effects, in the order in which they act.
     """
 
@@ -23,7 +25,11 @@ class ModifiedInertia:
         for effect in effects:
             real = effect.properties(real)
         w, c = flight.w, np.asarray(real.p_BoBcm_B, float)
-        self._mass, self._lever, self._turned = real.mass, attitude.skew(c).T, np.linalg.inv(real.J).T
+        self._mass, self._lever, self._turned = (
+            real.mass,
+            attitude.skew(c).T,
+            np.linalg.inv(real.J).T,
+        )
         self._gyroscopic = np.cross(w, w @ real.J.T)
         self._offset, self._at_origin = c.any(), c.any() and flight.vehicle.logged_point == "origin"
         self._inward = w * (w @ c)[:, None] - c * np.sum(w**2, axis=1)[:, None]  # w x (w x c)
@@ -31,9 +37,9 @@ class ModifiedInertia:
     def needs(self, added: np.ndarray, ahead: np.ndarray) -> np.ndarray:
         """Return the residual wrench (m, 6) in B that the changed mass properties leave [N, N·m].
 
-        By forward dynamics with the real m', c, J': al = J'^-1 (tau - c x F - w x J' w), s = F / m' - al x c -
-        w x (w x c), or F / m' where the log follows the centre of mass. The residual is m s - thrust and
-        J al + w x J w - tau_nominal.
+        By forward dynamics with the real m', c, J': al = J'^-1 (tau - c x F - w x J' w), s = F / m'
+        - al x c - w x (w x c), or F / m' where the log follows the centre of mass. The residual is
+        m s - thrust and J al + w x J w - tau_nominal.
 
         Args:
             added: (m, 6) wrench in B in addition to the nominal one [N, N·m].

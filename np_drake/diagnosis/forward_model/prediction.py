@@ -1,4 +1,6 @@
-"""Predicted residual: what a set of effects leaves in the channels of `FlightResiduals`, for all places of effects."""
+"""Predicted residual: what a set of effects leaves in the channels of `FlightResiduals`, for all
+places of effects.
+"""
 
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
@@ -11,13 +13,22 @@ from np_drake.diagnosis.forward_model.payload_state import NEVER, Term, swing_wr
 from np_drake.diagnosis.forward_model.sensor_residual import sensor_residual, without_errors
 from np_drake.diagnosis.residuals import FlightResiduals, Instants
 from np_drake.diagnosis.residuals import flight_residuals as channels
-from np_drake.effects.base import ActuatorEffect, Effect, MassEffect, MassProperties, Motion, SensorEffect, WrenchEffect
+from np_drake.effects.base import (
+    ActuatorEffect,
+    Effect,
+    MassEffect,
+    MassProperties,
+    Motion,
+    SensorEffect,
+    WrenchEffect,
+)
 from np_drake.effects.motor_lag import MotorLag
 from np_drake.effects.throttle_curve import ThrottleCurve
 
 
 class StageCache:
-    """Cache of the parts of one flight's predicted residuals, keyed by the terms on which each part depends.
+    """Cache of the parts of one flight's predicted residuals, keyed by the terms on which each part
+    depends.
 
     Finite differences change one parameter at a time, so that most parts are reused.
     """
@@ -26,42 +37,42 @@ class StageCache:
         self._known: dict[tuple, Any] = {}
 
     def once(self, stage: str, key: tuple, make: Callable[[], Any]) -> Any:
-        """Return the cached value of a stage for this key, computed by `make` on first use.
-
-        Args:
-            stage: name of the stage.
-            key: what its value depends on.
-            make: computes the value.
-        """
+        """Return the cached value of a stage for this key, computed by `make` on first use."""
         if (stage, key) not in self._known:
             self._known[stage, key] = make()
         return self._known[stage, key]
 
 
-def predicted_residual(flight: FlightResiduals, terms: Sequence[Term], stages: StageCache | None = None) -> np.ndarray:
-    """Return the sum (m, 15) of what the terms leave in the channels of a flight; wind acts through drags among them.
+def predicted_residual(
+    flight: FlightResiduals, terms: Sequence[Term], stages: StageCache | None = None
+) -> np.ndarray:
+    """Return the sum (m, 15) of what the terms leave in the channels of a flight; wind acts through
+    drags among them.
 
     It is beyond what the fixed effects of the flight leave, with which they act.
-
-    Args:
-        flight: the flight.
-        terms: effects with their onsets and hidden states.
-        stages: cache of earlier predictions for this flight.
     """
     stages, fixed = stages or StageCache(), [Term(effect) for effect in flight.fixed]
     left = _left_by(flight, [*fixed, *terms], stages)
-    return left - stages.once("fixed", (), partial(_left_by, flight, fixed, stages)) if fixed else left
+    return (
+        left - stages.once("fixed", (), partial(_left_by, flight, fixed, stages)) if fixed else left
+    )
 
 
 def _left_by(flight: FlightResiduals, terms: Sequence[Term], stages: StageCache) -> np.ndarray:
     """Return the sum (m, 15) of what terms leave against the rotors alone."""
     log = flight.name
     sensors = tuple(t.effect for t in terms if isinstance(t.effect, SensorEffect))
-    turning = tuple((t.effect, t.begins(log)) for t in terms if isinstance(t.effect, ActuatorEffect))
+    turning = tuple(
+        (t.effect, t.begins(log)) for t in terms if isinstance(t.effect, ActuatorEffect)
+    )
     pushing = [
-        (t.effect, t.begins(log)) for t in terms if isinstance(t.effect, WrenchEffect) and not t.has_hidden_state
+        (t.effect, t.begins(log))
+        for t in terms
+        if isinstance(t.effect, WrenchEffect) and not t.has_hidden_state
     ]
-    winds = tuple(pair for pair in pushing if type(pair[0]).air_velocity is not WrenchEffect.air_velocity)
+    winds = tuple(
+        pair for pair in pushing if type(pair[0]).air_velocity is not WrenchEffect.air_velocity
+    )
     y = np.zeros_like(flight.y)
     for sensor in sensors:
         y += stages.once("sensor", (sensor,), partial(sensor_residual, flight, sensor))
@@ -79,7 +90,9 @@ def _left_by(flight: FlightResiduals, terms: Sequence[Term], stages: StageCache)
         moving = (key, sensors, winds)
         motions = stages.once("motions", moving, partial(_motions, flight, thrust, winds))
         for one in (pair for pair in pushing if pair[0].pushes or pair[0].turns):
-            added = added + stages.once("wrench", (moving, one), partial(_wrench, flight, *one, *motions))
+            added = added + stages.once(
+                "wrench", (moving, one), partial(_wrench, flight, *one, *motions)
+            )
     for term in terms:
         if term.has_hidden_state:
             added = added + swing_wrench(flight, term)
@@ -101,11 +114,15 @@ def gate(t: np.ndarray, onset: float | None) -> np.ndarray:
         t: (n,) instants [s].
         onset: time at which it begins [s]; None: from the start; infinite: not at all.
     """
-    return np.ones((len(t), 1)) if onset is None else (np.asarray(t) >= onset).astype(float)[:, None]
+    return (
+        np.ones((len(t), 1)) if onset is None else (np.asarray(t) >= onset).astype(float)[:, None]
+    )
 
 
 Begun = tuple[WrenchEffect, float | None]  # an effect and its onset [s]
-Thrust = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]  # at rows, mids [N]; rotor accelerations there [rad/s²]
+Thrust = tuple[
+    np.ndarray, np.ndarray, np.ndarray, np.ndarray
+]  # at rows, mids [N]; rotor accelerations there [rad/s²]
 
 
 def _thrust(flight: FlightResiduals, terms: Sequence[Term]) -> Thrust:
@@ -130,15 +147,23 @@ def _thrust(flight: FlightResiduals, terms: Sequence[Term]) -> Thrust:
 
 
 def _place_in_chain(effect: Effect) -> int:
-    """Return the place of an actuator effect: what a throttle asks of the motor, the motor, and the propeller."""
+    """Return the place of an actuator effect: what a throttle asks of the motor, the motor, and the
+    propeller.
+    """
     if isinstance(effect, ThrottleCurve):
         return 0
     return 1 if isinstance(effect, ActuatorEffect) and effect.turns_rotor else 2
 
 
-def _acting(flight: FlightResiduals, terms: Sequence[Term], kind: type[Effect]) -> Iterator[tuple[float, tuple]]:
-    """Yield every onset [s] of effects of a kind in a flight (-`NEVER`: the start), with those that act from then."""
-    acting = [(t.effect, t.begins(flight.name) or -NEVER) for t in terms if isinstance(t.effect, kind)]
+def _acting(
+    flight: FlightResiduals, terms: Sequence[Term], kind: type[Effect]
+) -> Iterator[tuple[float, tuple]]:
+    """Yield every onset [s] of effects of a kind in a flight (-`NEVER`: the start), with those that
+    act from then.
+    """
+    acting = [
+        (t.effect, t.begins(flight.name) or -NEVER) for t in terms if isinstance(t.effect, kind)
+    ]
     for onset in sorted({begin for _, begin in acting} - {NEVER}):
         yield onset, tuple(effect for effect, begin in acting if begin <= onset)
 
@@ -146,8 +171,9 @@ def _acting(flight: FlightResiduals, terms: Sequence[Term], kind: type[Effect]) 
 class Turned(NamedTuple):
     """Response of the rotors on the grid: wrench (m, 6) in excess of the nominal one in B [N, N·m].
 
-    after (m,): part of dv/dt - a along the thrust in excess of the nominal one (`FlightResiduals.after`) [m/s²].
-    ahead (m, 4): as `FlightResiduals.ahead`, of the actual rotors [N, N·m].
+    after (m,): part of dv/dt - a along the thrust in excess of the nominal one
+    (`FlightResiduals.after`) [m/s²]. ahead (m, 4): as `FlightResiduals.ahead`, of the actual rotors
+    [N, N·m].
     """
 
     wrench: np.ndarray
@@ -185,14 +211,20 @@ def _after_rows(flight: FlightResiduals, terms: Sequence[Term], excess: np.ndarr
     return share * excess + (share - 1.0) * flight.after
 
 
-def _motions(flight: FlightResiduals, thrust: Thrust, winds: Sequence[Begun]) -> tuple[Motion, Motion]:
-    """Return the motions at the instants of force and of torque, with the air velocity of the winds."""
+def _motions(
+    flight: FlightResiduals, thrust: Thrust, winds: Sequence[Begun]
+) -> tuple[Motion, Motion]:
+    """Return the motions at the instants of force and of torque, with the air velocity of the
+    winds.
+    """
     rows, mids, rate_rows, rate_mids = thrust
     at_force = (mids, rate_mids) if flight.log.a is None else (rows, rate_rows)
 
     def at(instants: Instants, x: np.ndarray, f: np.ndarray, rate: np.ndarray) -> Motion:
         t, still = instants.t, np.zeros((len(instants.t), 3))
-        wind = sum((effect.air_velocity(t) * gate(t, begin) for effect, begin in winds), start=still)
+        wind = sum(
+            (effect.air_velocity(t) * gate(t, begin) for effect, begin in winds), start=still
+        )
         return Motion(t, x, f, wind, rate)
 
     x_rows, x_mids = flight.wrench_states
@@ -200,7 +232,11 @@ def _motions(flight: FlightResiduals, thrust: Thrust, winds: Sequence[Begun]) ->
 
 
 def _wrench(
-    flight: FlightResiduals, effect: WrenchEffect, begin: float | None, at_force: Motion, at_torque: Motion
+    flight: FlightResiduals,
+    effect: WrenchEffect,
+    begin: float | None,
+    at_force: Motion,
+    at_torque: Motion,
 ) -> np.ndarray:
     """Return the wrench (m, 6) of one effect in B on the grid [N, N·m]."""
 
@@ -211,7 +247,9 @@ def _wrench(
 
     out = np.zeros((len(flight.t), 6))
     if effect.pushes:
-        out[:, channels.FORCE] = flight.from_rows(np.einsum("mi,mij->mj", at(at_force)[:, :3], flight.rows.R_WB))
+        out[:, channels.FORCE] = flight.from_rows(
+            np.einsum("mi,mij->mj", at(at_force)[:, :3], flight.rows.R_WB)
+        )
     if effect.turns:
         out[:, channels.TORQUE] = flight.from_mids(at(at_torque)[:, 3:])
     return out
@@ -224,9 +262,11 @@ def _through_mass(
     ahead: np.ndarray,
     body: Callable[[tuple[MassEffect, ...]], ModifiedInertia],
 ) -> np.ndarray:
-    """Return the residual (m, 6) of `ModifiedInertia.needs` with the mass effects that act at each instant.
+    """Return the residual (m, 6) of `ModifiedInertia.needs` with the mass effects that act at each
+    instant.
 
-    Without mass effects it is `added` (m, 6). ahead: as in `ModifiedInertia.needs`; body: makes its object for effects.
+    Without mass effects it is `added` (m, 6). ahead: as in `ModifiedInertia.needs`; body: makes its
+    object for effects.
     """
     out = added
     for onset, effects in _acting(flight, terms, MassEffect):

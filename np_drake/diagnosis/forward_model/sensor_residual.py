@@ -1,4 +1,6 @@
-"""Residual that sensor errors leave in the channels of `FlightResiduals`, and flights corrected for them."""
+"""Residual that sensor errors leave in the channels of `FlightResiduals`, and flights corrected for
+them.
+"""
 
 import dataclasses as dc
 from collections.abc import Sequence
@@ -17,11 +19,8 @@ DIFFERENTIATED_BAND = 2.0
 
 
 def sensor_residual(flight: FlightResiduals, effect: SensorEffect) -> np.ndarray:
-    """Return the channels as measured less the true ones (m, 15), to third order in the error, to first in a small one.
-
-    Args:
-        flight: the flight.
-        effect: a sensor error.
+    """Return the channels as measured less the true ones (m, 15), to third order in the error, to
+    first in a small one.
     """
     if not effect.small:
         return _exact(flight, effect)
@@ -55,14 +54,24 @@ def _exact(flight: FlightResiduals, effect: SensorEffect) -> np.ndarray:
             y[:, channels.VELOCITY] = rate
     if moved[:, W].any():
         dw = flight.from_mids(0.5 * (moved[1:, W] + moved[:-1, W]))
-        J, w, rate = flight.vehicle.J, flight.w - dw, np.diff(moved[:, W], axis=0) / np.diff(log.t)[:, None]
-        y[:, channels.TORQUE] = flight.gyroscopic - np.cross(w, w @ J.T) + flight.from_mids(rate) @ J.T
+        J, w, rate = (
+            flight.vehicle.J,
+            flight.w - dw,
+            np.diff(moved[:, W], axis=0) / np.diff(log.t)[:, None],
+        )
+        y[:, channels.TORQUE] = (
+            flight.gyroscopic - np.cross(w, w @ J.T) + flight.from_mids(rate) @ J.T
+        )
         y[:, channels.ATTITUDE] = -dw
     turned, biased = bool(moved[:, Q].any()), log.a is not None and bool(np.any(read.a != truth.a))
     if turned:
-        y[:, channels.ATTITUDE] += flight.from_mids(_turn_rate(log.t, read) - _turn_rate(log.t, truth))
+        y[:, channels.ATTITUDE] += flight.from_mids(
+            _turn_rate(log.t, read) - _turn_rate(log.t, truth)
+        )
     if turned or biased:
-        y[:, channels.FORCE] += mass * onto(_specific_force(flight, read) - _specific_force(flight, truth))
+        y[:, channels.FORCE] += mass * onto(
+            _specific_force(flight, read) - _specific_force(flight, truth)
+        )
     if biased:
         y[:, channels.VELOCITY] -= onto(attitude.rotate_back(truth.x[:, Q], read.a - truth.a))
     return y
@@ -71,26 +80,37 @@ def _exact(flight: FlightResiduals, effect: SensorEffect) -> np.ndarray:
 def _turn_rate(t: np.ndarray, read: Measurement) -> np.ndarray:
     """Return the mean rate of the measured attitude between rows (n-1, 3) in B [rad/s]."""
     q = read.x[:, Q]
-    return attitude.rotation_vector(attitude.multiply(attitude.conjugate(q[:-1]), q[1:])) / np.diff(t)[:, None]
+    return (
+        attitude.rotation_vector(attitude.multiply(attitude.conjugate(q[:-1]), q[1:]))
+        / np.diff(t)[:, None]
+    )
 
 
 def _specific_force(flight: FlightResiduals, read: Measurement) -> np.ndarray:
-    """Return the measured specific force (n, 3) in B [m/s²]; from smoothed accelerations where none are logged."""
+    """Return the measured specific force (n, 3) in B [m/s²]; from smoothed accelerations where none
+    are logged.
+    """
     a = read.a
     if flight.log.a is None:
-        # A noisy regressor would pull its coefficient towards zero: differentiated velocities are mostly noise above.
-        a = low_pass(np.concatenate([flight.rows.a, flight.rows.a[-1:]]), flight.log.step, DIFFERENTIATED_BAND)
+        # A noisy regressor would pull its coefficient towards zero: differentiated velocities are
+        # mostly noise above.
+        a = low_pass(
+            np.concatenate([flight.rows.a, flight.rows.a[-1:]]),
+            flight.log.step,
+            DIFFERENTIATED_BAND,
+        )
     return attitude.rotate_back(read.x[:, Q], a + np.array([0.0, 0.0, flight.vehicle.gravity]))
 
 
 def without_errors(flight: FlightResiduals, effects: Sequence[SensorEffect]) -> FlightResiduals:
-    """Return the flight with its instants and rates corrected for the sensor errors; channels stay as measured.
-
-    Args:
-        flight: the flight.
-        effects: sensor errors.
+    """Return the flight with its instants and rates corrected for the sensor errors; channels stay
+    as measured.
     """
-    acting = [effect for effect in effects if effect.corrupts and not effect.clock_shift and not effect.small]
+    acting = [
+        effect
+        for effect in effects
+        if effect.corrupts and not effect.clock_shift and not effect.small
+    ]
     if not acting:
         return flight
     rows = _instants_before(flight, flight.rows, acting)
@@ -99,18 +119,23 @@ def without_errors(flight: FlightResiduals, effects: Sequence[SensorEffect]) -> 
     return dc.replace(flight, rows=rows, mids=mids, w=flight.w - dw)
 
 
-def _instants_before(flight: FlightResiduals, read: Instants, effects: Sequence[SensorEffect]) -> Instants:
+def _instants_before(
+    flight: FlightResiduals, read: Instants, effects: Sequence[SensorEffect]
+) -> Instants:
     none = np.zeros((len(read.t), 4))
-    truth = true_measurement(flight.vehicle, Measurement(read.x, read.a, none[:, :3], none), effects)
+    truth = true_measurement(
+        flight.vehicle, Measurement(read.x, read.a, none[:, :3], none), effects
+    )
     return dc.replace(read, x=truth.x)
 
 
-def true_measurement(vehicle: Vehicle, read: Measurement, effects: Sequence[SensorEffect]) -> Measurement:
-    """Return the true quantities to third order, by fixed-point iteration on what measuring them would read.
+def true_measurement(
+    vehicle: Vehicle, read: Measurement, effects: Sequence[SensorEffect]
+) -> Measurement:
+    """Return the true quantities to third order, by fixed-point iteration on what measuring them
+    would read.
 
     Args:
-        vehicle: the nominal vehicle.
-        read: quantities as measured.
         effects: sensor errors, in the order in which they act.
     """
     truth = read

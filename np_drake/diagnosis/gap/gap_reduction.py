@@ -1,4 +1,6 @@
-"""Gap reduction on held-out flights: closed fraction, ladder of effects, and replay in the simulator."""
+"""Gap reduction on held-out flights: closed fraction, ladder of effects, and replay in the
+simulator.
+"""
 
 import dataclasses as dc
 from collections.abc import Sequence
@@ -15,7 +17,9 @@ from np_drake.effects.base import Effect
 from np_drake.flight_log import FlightLog
 
 LEAD = 0.5  # commands before a replay that motors and delays need [s]
-LEAST_REPLAYED = 3.0  # least time after a cause begins; else all of the flight is replayed [s]; own choice
+LEAST_REPLAYED = (
+    3.0  # least time after a cause begins; else all of the flight is replayed [s]; own choice
+)
 
 
 def measure_gap_reduction(
@@ -26,21 +30,21 @@ def measure_gap_reduction(
     replay: Replay | None,
     calibration: Sequence[Effect] = (),
 ) -> GapReduction:
-    """Return the held-out gap reduction with its interval, the ladder, and the replay before and after.
+    """Return the held-out gap reduction with its interval, the ladder, and the replay before and
+    after.
 
     Args:
-        causes: the causes that are added.
-        noise: noise model of the channels.
-        held: held-out flights under the fit.
-        left: what causes and calibration leave of the gap.
         replay: the simulator; None: no replay.
-        calibration: effects of the vehicle's calibration, which the corrected simulator has as well.
+        calibration: effects of the vehicle's calibration, which the corrected simulator has as
+            well.
     """
     flights = held.flights
     before = {e.name: e.against_file[held.rows[e.name]] for e in flights}
     named = {c.identifier for c in causes}
     kept = {name: held.kept(name, named) for name in held.terms}
-    after = {e.name: (e.y - predicted_residual(e, kept[e.name]))[held.rows[e.name]] for e in flights}
+    after = {
+        e.name: (e.y - predicted_residual(e, kept[e.name]))[held.rows[e.name]] for e in flights
+    }
     size, rest = (pooled(list(part.values()), noise) for part in (before, after))
     fraction, low, high = (max(1.0 - share, -1.0) for share in (left.share, *left.ci95[::-1]))
     closed = (fraction, (low, high)) if left.share == left.share else (0.0, (0.0, 0.0))
@@ -54,7 +58,9 @@ def measure_gap_reduction(
 
         def onset_of(identifier: str, e: FlightResiduals) -> float | None:
             """Return the onset from the first row of the log on [s]."""
-            begin = next((t.begins(e.name) for t in kept[e.name] if t.effect.identifier == identifier), None)
+            begin = next(
+                (t.begins(e.name) for t in kept[e.name] if t.effect.identifier == identifier), None
+            )
             return None if begin is None else begin - float(e.log.t[0])
 
         effects = [
@@ -65,21 +71,20 @@ def measure_gap_reduction(
         logs = [_judging(e, [onset[e.name] for _, onset in effects]) for e in flights]
         effects += [(effect, {e.name: None for e in flights}) for effect in calibration]
         replays = (replay(logs, []), _with_effects(replay, logs, effects, warnings))
-    return GapReduction(size, rest, 1.0, *closed, _ladder(causes, noise, held), *replays, tuple(warnings), left)
+    return GapReduction(
+        size, rest, 1.0, *closed, _ladder(causes, noise, held), *replays, tuple(warnings), left
+    )
 
 
 def held_out_gains(causes: Sequence[Cause], noise: NoiseModel, held: HeldOut) -> list[float]:
     """Return the share of the held-out gap above the noise that comes back without each cause [1].
-
-    Args:
-        causes: that act together.
-        noise: noise model of the channels.
-        held: held-out flights under the fit.
     Returns: NaN where there is no gap.
     """
     nominal = pooled([e.against_file[held.rows[e.name]] for e in held.flights], noise)
     every = remaining_residual(causes, noise, held)
-    without = [remaining_residual([c for c in causes if c is not one], noise, held) for one in causes]
+    without = [
+        remaining_residual([c for c in causes if c is not one], noise, held) for one in causes
+    ]
     gap = nominal**2 - 1.0
     return [(rest**2 - every**2) / gap if gap > LEAST_GAP else np.nan for rest in without]
 
@@ -100,7 +105,9 @@ def _judging(flight: FlightResiduals, onsets: Sequence[float | None]) -> FlightL
 
 
 def _with_effects(replay: Replay, logs, effects, warnings: list[str]) -> ReplayGap | None:
-    """Return the replay with the effects, or None with a warning where the simulator rejects their parameters."""
+    """Return the replay with the effects, or None with a warning where the simulator rejects their
+    parameters.
+    """
     if not effects:
         return None
     try:
@@ -111,7 +118,9 @@ def _with_effects(replay: Replay, logs, effects, warnings: list[str]) -> ReplayG
 
 
 def _ladder(causes: Sequence[Cause], noise: NoiseModel, held: HeldOut) -> tuple[Rung, ...]:
-    """Return the residual of the nominal model, with effects added in order of share, and of noise alone."""
+    """Return the residual of the nominal model, with effects added in order of share, and of noise
+    alone.
+    """
     nominal = pooled([e.against_file[held.rows[e.name]] for e in held.flights], noise)
     rungs = [Rung("nominal", nominal)]
     # The scale of a throttle's map is told together with what hangs below: alone it is none.
@@ -119,7 +128,9 @@ def _ladder(causes: Sequence[Cause], noise: NoiseModel, held: HeldOut) -> tuple[
         rungs.append(Rung("+ calibration", remaining_residual([], noise, held)))
     so_far: list[Cause] = []
     # The largest share first, and a wind after the drag through which it acts.
-    for cause in sorted(causes, key=lambda c: (bool(c.effect and c.effect.needs), -float(np.nan_to_num(c.share)))):
+    for cause in sorted(
+        causes, key=lambda c: (bool(c.effect and c.effect.needs), -float(np.nan_to_num(c.share)))
+    ):
         so_far.append(cause)
         rungs.append(Rung(f"+ {cause.identifier}", remaining_residual(so_far, noise, held)))
     return (*rungs, Rung("noise floor", 1.0))

@@ -19,7 +19,9 @@ from np_drake.flight_log import FlightLog
 from np_drake.rigid_body import P, Q, V, W
 from np_drake.vehicle import Vehicle
 
-POSITION_SPAN = 0.25  # half width of the parabola through the position that the velocity does not explain [s]
+POSITION_SPAN = (
+    0.25  # half width of the parabola through the position that the velocity does not explain [s]
+)
 VELOCITY_SPAN = 0.05  # half width of the cubic through the velocity [s]
 RATE_SPAN = 0.03  # half width of the cubic through the body rates [s]
 PAYLOAD_SPAN = 0.1  # half width of the local parabolas through velocity, force and direction [s]
@@ -36,7 +38,9 @@ class States:
     x: np.ndarray
 
     def about(self, p_BoLo_B: np.ndarray) -> "States":
-        """Return the states of Bo, given that these are of another body point at p_BoLo_B (3,) [m]."""
+        """Return the states of Bo, given that these are of another body point at p_BoLo_B (3,)
+        [m].
+        """
         if not np.any(p_BoLo_B):
             return self
         x, R = self.x.copy(), attitude.rotation_matrix(self.x[:, Q])
@@ -50,13 +54,12 @@ class States:
         return (self.x[k + 1, V] - self.x[k - 1, V]) / (self.t[k + 1] - self.t[k - 1])
 
 
-def true_states(log: FlightLog, vehicle: Vehicle, effects: Sequence[SensorEffect], *, smooth: bool) -> States:
+def true_states(
+    log: FlightLog, vehicle: Vehicle, effects: Sequence[SensorEffect], *, smooth: bool
+) -> States:
     """Return the log's states corrected for sensor effects.
 
     Args:
-        log: the flight.
-        vehicle: the nominal vehicle.
-        effects: sensor effects to remove.
         smooth: whether to smooth the states lightly (`smooth_states`).
     """
     none = np.zeros((len(log), 4))
@@ -75,15 +78,19 @@ def smooth_states(t: np.ndarray, x: np.ndarray) -> np.ndarray:
     """
     smooth, step = x.copy(), float(np.median(np.diff(t)))
     smooth[:, Q], _ = smooth_attitude(t, x[:, Q], x[:, W])
-    smooth[:, V] = _local_polynomial(x[:, V] + _slow_velocity_error(t, x, step), step, VELOCITY_SPAN, order=3)
+    smooth[:, V] = _local_polynomial(
+        x[:, V] + _slow_velocity_error(t, x, step), step, VELOCITY_SPAN, order=3
+    )
     smooth[:, W] = _local_polynomial(x[:, W], step, RATE_SPAN, order=3)
     return smooth
 
 
 def _slow_velocity_error(t: np.ndarray, x: np.ndarray, step: float) -> np.ndarray:
-    """Return the slow error (n, 3) of the velocity against the position, without its mean over the flight [m/s].
+    """Return the slow error (n, 3) of the velocity against the position, without its mean over the
+    flight [m/s].
 
-    An estimator's velocity is off by some cm/s for about a second. A constant offset is left: it is an effect to be
+    An estimator's velocity is off by some cm/s for about a second. A constant offset is left: it is
+    an effect to be
     found.   Source: complementary filter, run in both directions; the span is own choice.
     """
     missed = x[:, P] - cumulative_trapezoid(x[:, V], t, axis=0, initial=0.0)
@@ -91,8 +98,12 @@ def _slow_velocity_error(t: np.ndarray, x: np.ndarray, step: float) -> np.ndarra
     return slope - slope.mean(axis=0)
 
 
-def _local_polynomial(value: np.ndarray, step: float, span: float, *, order: int, derivative: int = 0) -> np.ndarray:
-    """Return the centred local polynomial fit (n, m), or its derivative; `value` unchanged where rows are too few."""
+def _local_polynomial(
+    value: np.ndarray, step: float, span: float, *, order: int, derivative: int = 0
+) -> np.ndarray:
+    """Return the centred local polynomial fit (n, m), or its derivative; `value` unchanged where
+    rows are too few.
+    """
     window = 2 * int(span / step + 1e-6) + 1
     window = min(window, len(value) - (len(value) + 1) % 2)
     if derivative:
@@ -111,29 +122,33 @@ class Track(NamedTuple):
 
     def at(self, time: float) -> tuple[np.ndarray, np.ndarray]:
         """Return r (3,) [m] and r_rate (3,) [m/s] at `time` [s], by linear interpolation."""
-        r, rate = (np.array([np.interp(time, self.t, column) for column in value.T]) for value in self[1:])
+        r, rate = (
+            np.array([np.interp(time, self.t, column) for column in value.T]) for value in self[1:]
+        )
         return r, rate
 
 
 def payload_track(
-    log: FlightLog, states: States, vehicle: Vehicle, effects: EffectsByPlace, payload: SuspendedPayload
+    log: FlightLog,
+    states: States,
+    vehicle: Vehicle,
+    effects: EffectsByPlace,
+    payload: SuspendedPayload,
 ) -> Track:
-    """Return the payload's track along the force that the flight shows beyond thrust, weight and the other effects.
+    """Return the payload's track along the force that the flight shows beyond thrust, weight and
+    the other effects.
 
-    m (a + g z) = R z f + f_effects + T r / L, smoothed over ± `PAYLOAD_SPAN`. Where the tether hardly pulls, r lies
-    along the apparent gravity.
-
-    Args:
-        log: the flight, for its commands.
-        states: states of the quadrotor.
-        vehicle: the nominal vehicle.
-        effects: all effects except the payload.
-        payload: the payload.
+    m (a + g z) = R z f + f_effects + T r / L, smoothed over ± `PAYLOAD_SPAN`. Where the tether
+    hardly pulls, r lies along the apparent gravity.
     """
     step = float(np.median(np.diff(states.t)))
     gravity = np.array([0.0, 0.0, vehicle.gravity])
-    specific = _local_polynomial(states.x[:, V], step, PAYLOAD_SPAN, order=2, derivative=1) + gravity
-    pushed = _local_polynomial(_other_forces(log, states, vehicle, effects), step, PAYLOAD_SPAN, order=2)
+    specific = (
+        _local_polynomial(states.x[:, V], step, PAYLOAD_SPAN, order=2, derivative=1) + gravity
+    )
+    pushed = _local_polynomial(
+        _other_forces(log, states, vehicle, effects), step, PAYLOAD_SPAN, order=2
+    )
     pull = mass_properties(vehicle, effects.mass).mass * specific - pushed
     strong = np.linalg.norm(pull, axis=1, keepdims=True) > SLACK * payload.mass * vehicle.gravity
     down = np.where(strong, pull, -specific)
@@ -141,7 +156,9 @@ def payload_track(
     return Track(states.t, r, _local_polynomial(r, step, PAYLOAD_SPAN, order=2, derivative=1))
 
 
-def _other_forces(log: FlightLog, states: States, vehicle: Vehicle, effects: EffectsByPlace) -> np.ndarray:
+def _other_forces(
+    log: FlightLog, states: States, vehicle: Vehicle, effects: EffectsByPlace
+) -> np.ndarray:
     """Return thrust plus the forces of the other effects (n, 3) in W [N]."""
     u = np.stack([np.interp(states.t, log.t, column) for column in log.u.T], axis=1)
     thrust = vehicle.saturate(u) @ vehicle.unmixer.T
@@ -153,11 +170,8 @@ def _other_forces(log: FlightLog, states: States, vehicle: Vehicle, effects: Eff
 
 
 def state_error(x: np.ndarray, x_true: np.ndarray) -> np.ndarray:
-    """Return distance [m], velocity difference [m/s] and attitude difference [deg] (..., 3) of states (..., 13).
-
-    Args:
-        x: states of a replay.
-        x_true: states of the log.
+    """Return distance [m], velocity difference [m/s] and attitude difference [deg] (..., 3) of
+    states (..., 13).
     """
     turn = attitude.multiply(x_true[..., Q] * [1.0, -1.0, -1.0, -1.0], x[..., Q])
     angle = 2 * np.degrees(np.arctan2(np.linalg.norm(turn[..., 1:], axis=-1), np.abs(turn[..., 0])))
@@ -170,8 +184,8 @@ def replay_gap(errors: np.ndarray, horizons: tuple[float, ...]) -> ReplayGap:
     """Return the median error over starts with its 95 % bootstrap interval.
 
     Args:
-        errors: (starts, horizons, 3) position [m], velocity [m/s] and attitude [deg]; infinite for a start that
-            diverged.
+        errors: (starts, horizons, 3) position [m], velocity [m/s] and attitude [deg]; infinite for
+            a start that diverged.
         horizons: horizons of the replay [s].
     """
     draws = np.random.default_rng(SEED).integers(len(errors), size=(DRAWS, len(errors)))

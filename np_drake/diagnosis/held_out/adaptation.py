@@ -1,4 +1,6 @@
-"""Adaptation of a model to a held-out flight: swings from the first seconds, onsets by scan, nothing else."""
+"""Adaptation of a model to a held-out flight: swings from the first seconds, onsets by scan,
+nothing else.
+"""
 
 import dataclasses as dc
 from collections.abc import Sequence
@@ -6,7 +8,14 @@ from collections.abc import Sequence
 import numpy as np
 
 from np_drake.diagnosis.fitting import SwingFit
-from np_drake.diagnosis.forward_model import MOST_JUMPS, NEVER, STATE, Term, jumps, predicted_residual
+from np_drake.diagnosis.forward_model import (
+    MOST_JUMPS,
+    NEVER,
+    STATE,
+    Term,
+    jumps,
+    predicted_residual,
+)
 from np_drake.diagnosis.numerics import NoiseModel
 from np_drake.diagnosis.options import Priors
 from np_drake.diagnosis.regressors import onset_log_likelihood
@@ -19,7 +28,8 @@ from np_drake.diagnosis.residuals import (
     find_outliers,
 )
 
-# Over which a hidden start is fitted, at least, and a swing anew after an outlier; these rows are not scored [s].
+# Over which a hidden start is fitted, at least, and a swing anew after an outlier; these rows are
+# not scored [s].
 HIDDEN_SPAN, JUMP_SPAN = 2.0, 1.5
 
 
@@ -32,15 +42,13 @@ def adapt(
     *,
     unmeasured: bool = False,
 ) -> list[Term]:
-    """Return the terms with onset and initial swing adapted to a held-out flight, parameters kept, and the calibration.
+    """Return the terms with onset and initial swing adapted to a held-out flight, parameters kept,
+    and the calibration.
 
     Args:
         terms: terms of a model, with their onsets and hidden states.
-        flight: the flight.
-        noise: noise model of the channels.
-        priors: priors of parameters, swings and onsets.
-        calibration: terms that act as well and begin nowhere.
-        unmeasured: whether the vehicle is, so that what is not known to begin does not, unless it is sudden.
+        unmeasured: whether the vehicle is, so that what is not known to begin does not, unless it
+            is sudden.
     """
     if calibration:
         flight = dc.replace(flight, y=flight.y - predicted_residual(flight, calibration))
@@ -53,60 +61,77 @@ def adapt(
         j = drag_of[i]
         if j is not None:
             terms[i] = dc.replace(terms[i], onset=terms[j].onset)
-        elif known[i] or (type(terms[i].effect).begins and (terms[i].effect.sudden or not unmeasured)):
+        elif known[i] or (
+            type(terms[i].effect).begins and (terms[i].effect.sudden or not unmeasured)
+        ):
             terms[i] = _with_onset(terms, i, flight, noise, priors, known=known[i])
     return [*terms, *calibration]
 
 
-def predictive_terms(terms: Sequence[Term], flight: FlightResiduals, noise: NoiseModel, priors: Priors) -> list[Term]:
+def predictive_terms(
+    terms: Sequence[Term], flight: FlightResiduals, noise: NoiseModel, priors: Priors
+) -> list[Term]:
     """Return adapted terms with samples of each swing from its posterior.
 
-    The least squared miss of the rest of the flight is expected of their mean: a swing that is not known, or that no
-    motion tells for long after its tether went slack, fades to the weight that hangs.   Source: mean of a posterior;
-    own choice: by Laplace's approximation, parameters kept.
+    The least squared miss of the rest of the flight is expected of their mean: a swing that is not
+    known, or that no
+    motion tells for long after its tether went slack, fades to the weight that hangs.
+    Source: mean of a posterior; own choice: by Laplace's approximation, parameters kept.
 
     Args:
         terms: terms of a model, with their onsets and hidden states.
-        flight: the flight.
-        noise: noise model of the channels.
-        priors: priors of parameters, swings and onsets.
     Returns: the terms; hidden swings are (`WAYS`, size) [rad, rad/s].
     """
     out = list(terms)
     for i, term in enumerate(terms):
         begin = term.begins(flight.name)
-        spans = [SwingFit(terms, i, flight, noise, begin, rows, priors) for rows in hidden_state_rows(term, flight)]
+        spans = [
+            SwingFit(terms, i, flight, noise, begin, rows, priors)
+            for rows in hidden_state_rows(term, flight)
+        ]
         if spans:
-            doubts = [fit.posterior_swings(slice(k * STATE, (k + 1) * STATE)) for k, fit in enumerate(spans)]
+            doubts = [
+                fit.posterior_swings(slice(k * STATE, (k + 1) * STATE))
+                for k, fit in enumerate(spans)
+            ]
             out[i] = dc.replace(term, hidden={flight.name: spans[0].known + sum(doubts)})
     return out
 
 
 def _drag_of(terms: Sequence[Term], i: int) -> int | None:
-    """Return the position of the drag through which term i, a wind, acts, if they began together in the fit."""
+    """Return the position of the drag through which term i, a wind, acts, if they began together in
+    the fit.
+    """
     needed = type(terms[i].effect).needs
-    together = (j for j, t in enumerate(terms) if t.effect.identifier in needed and t.onset == terms[i].onset)
+    together = (
+        j
+        for j, t in enumerate(terms)
+        if t.effect.identifier in needed and t.onset == terms[i].onset
+    )
     return next(together, None)
 
 
 def mark_outliers(
-    terms: Sequence[Term], flight: FlightResiduals, noise: NoiseModel, priors: Priors, calibration: Sequence[Term] = ()
+    terms: Sequence[Term],
+    flight: FlightResiduals,
+    noise: NoiseModel,
+    priors: Priors,
+    calibration: Sequence[Term] = (),
 ) -> FlightResiduals:
     """Return the flight with its outliers marked, as the residual of the terms shows them.
 
-    A swing is lost at an outlier, and what it misses from there on looks like more of them: they are taken in turn.
+    A swing is lost at an outlier, and what it misses from there on looks like more of them: they
+    are taken in turn.
 
     Args:
         terms: terms of a model, with their onsets and hidden states.
-        flight: the flight.
-        noise: noise model of the channels.
-        priors: priors of parameters, swings and onsets.
-        calibration: terms that act as well and begin nowhere.
     """
     given = predicted_residual(flight, calibration) if calibration else 0.0
     marked, flight = flight, dc.replace(flight, y=flight.y - given)
     for _ in range(MOST_JUMPS if any(t.has_hidden_state for t in terms) else 0):
-        found = _outliers(terms, flight, noise, priors, most=1.0)  # where a swing is lost it misses ever more
+        found = _outliers(
+            terms, flight, noise, priors, most=1.0
+        )  # where a swing is lost it misses ever more
         first = _first_run(found & (flight.t > _end_of(flight.t, flight.outliers) + OUTLIERS_APART))
         if not first.any():
             return dc.replace(marked, outliers=flight.outliers)
@@ -115,7 +140,11 @@ def mark_outliers(
 
 
 def _outliers(
-    terms: Sequence[Term], flight: FlightResiduals, noise: NoiseModel, priors: Priors, most: float = MOST_OUTLIERS
+    terms: Sequence[Term],
+    flight: FlightResiduals,
+    noise: NoiseModel,
+    priors: Priors,
+    most: float = MOST_OUTLIERS,
 ) -> np.ndarray:
     residual = flight.y - predicted_residual(flight, adapt(terms, flight, noise, priors))
     longest = LONGEST_BOUNCE if any(t.has_hidden_state for t in terms) else LONGEST_OUTLIER
@@ -138,11 +167,8 @@ def _end_of(t: np.ndarray, rows: np.ndarray) -> float:
 
 
 def hidden_state_rows(term: Term, flight: FlightResiduals) -> list[np.ndarray]:
-    """Return rows (m,) to which the hidden state is fitted: at its start, and after every outlier.
-
-    Args:
-        term: of a model.
-        flight: the flight.
+    """Return rows (m,) to which the hidden state is fitted: at its start, and after every
+    outlier.
     """
     start = term.begins(flight.name)
     if not term.has_hidden_state or start == NEVER:
@@ -151,18 +177,22 @@ def hidden_state_rows(term: Term, flight: FlightResiduals) -> list[np.ndarray]:
     # A swing is told by a period: on a tether of a metre by `HIDDEN_SPAN`.
     length = term.effect.payload.length  # type: ignore[attr-defined]
     slow = max(1.0, 2 * np.pi * np.sqrt(length / flight.vehicle.gravity) / HIDDEN_SPAN)
-    spans = [(begin, slow * HIDDEN_SPAN), *((float(flight.t[k]), slow * JUMP_SPAN) for k in jumps(flight, start))]
+    spans = [
+        (begin, slow * HIDDEN_SPAN),
+        *((float(flight.t[k]), slow * JUMP_SPAN) for k in jumps(flight, start)),
+    ]
     return [(flight.t >= a) & (flight.t < a + span) for a, span in spans]
 
 
 def scored_rows(terms: Sequence[Term], flight: FlightResiduals) -> np.ndarray:
-    """Return (m,) the rows that count: seen by no fit and no hidden state, without a tether's outliers.
+    """Return (m,) the rows that count: seen by no fit and no hidden state, without a tether's
+    outliers.
 
-    In a flight so short that none would be left, all rows that no fit has seen (`scored_on_fitted_rows`).
+    In a flight so short that none would be left, all rows that no fit has seen
+    (`scored_on_fitted_rows`).
 
     Args:
         terms: terms of a model, with their onsets and hidden states.
-        flight: the flight.
     """
     rows = ~flight.joined
     for term in terms:
@@ -177,10 +207,11 @@ def scored_on_fitted_rows(terms: Sequence[Term], flight: FlightResiduals) -> boo
 
     Args:
         terms: terms of a model, with their onsets and hidden states.
-        flight: the flight.
     """
     rows = scored_rows(terms, flight)
-    return any(bool(np.any(rows & fitted)) for term in terms for fitted in hidden_state_rows(term, flight))
+    return any(
+        bool(np.any(rows & fitted)) for term in terms for fitted in hidden_state_rows(term, flight)
+    )
 
 
 def _anchored(
@@ -191,9 +222,13 @@ def _anchored(
     priors: Priors,
     onset: float | None = None,
 ) -> Term:
-    """Return the term, its swing fitted to the rows at its start, then every jump to those after the outlier."""
+    """Return the term, its swing fitted to the rows at its start, then every jump to those after
+    the outlier.
+    """
     now = list(terms)
-    for k, rows in enumerate(hidden_state_rows(dc.replace(terms[i], onset={flight.name: onset}), flight)):
+    for k, rows in enumerate(
+        hidden_state_rows(dc.replace(terms[i], onset={flight.name: onset}), flight)
+    ):
         fit = SwingFit(now, i, flight, noise, onset, rows, priors)
         swing = fit.descend_from_grid(fit.known, slice(k * STATE, (k + 1) * STATE))
         now[i] = fit.term(swing)
@@ -201,17 +236,26 @@ def _anchored(
 
 
 def _with_onset(
-    terms: list[Term], i: int, flight: FlightResiduals, noise: NoiseModel, priors: Priors, *, known: bool
+    terms: list[Term],
+    i: int,
+    flight: FlightResiduals,
+    noise: NoiseModel,
+    priors: Priors,
+    *,
+    known: bool,
 ) -> Term:
-    """Return the term from where it begins in this flight, its parameters being known (whatever a payload's swing was).
+    """Return the term from where it begins in this flight, its parameters being known (whatever a
+    payload's swing was).
 
-    known: to begin in flight. What acts from the start in all flights of the fit hardly begins late here, and is not
-    excused where it is not there at all.
+    known: to begin in flight. What acts from the start in all flights of the fit hardly begins late
+    here, and is not excused where it is not there at all.
     """
     term = terms[i]
     rest = predicted_residual(flight, [t for j, t in enumerate(terms) if j != i])
     trace = (
-        _span_by_span(terms, i, flight, noise, priors) if term.has_hidden_state else predicted_residual(flight, terms)
+        _span_by_span(terms, i, flight, noise, priors)
+        if term.has_hidden_state
+        else predicted_residual(flight, terms)
     )
     t, profile = onset_log_likelihood(flight, noise, flight.y - rest, trace - rest)
     k = int(np.argmax(profile))
@@ -227,10 +271,11 @@ def _with_onset(
 def _span_by_span(
     terms: Sequence[Term], i: int, flight: FlightResiduals, noise: NoiseModel, priors: Priors
 ) -> np.ndarray:
-    """Return (m, 15) the predicted residual with a payload that swings in every span as that span shows it by itself.
+    """Return (m, 15) the predicted residual with a payload that swings in every span as that span
+    shows it by itself.
 
-    A swing that is followed from the start of the flight is wrong wherever the payload was hung on later; where it
-    explains a span better, it is right.
+    A swing that is followed from the start of the flight is wrong wherever the payload was hung on
+    later; where it explains a span better, it is right.
     """
     followed = predicted_residual(flight, terms)
     trace = followed.copy()
@@ -240,11 +285,17 @@ def _span_by_span(
         if np.sum(inside) <= MOST_JUMPS * STATE:
             continue
         onset = None if start == flight.t[0] else float(start)
-        now = [*terms[:i], dc.replace(terms[i], onset={flight.name: onset}, hidden={}), *terms[i + 1 :]]
+        now = [
+            *terms[:i],
+            dc.replace(terms[i], onset={flight.name: onset}, hidden={}),
+            *terms[i + 1 :],
+        ]
         fit = SwingFit(now, i, flight, noise, onset, rows, priors)
         now[i] = fit.term(fit.descend(fit.known))
         alone = predicted_residual(flight, now)
-        losses = [np.sum(flight.white(noise, flight.y - way)[inside] ** 2) for way in (alone, followed)]
+        losses = [
+            np.sum(flight.white(noise, flight.y - way)[inside] ** 2) for way in (alone, followed)
+        ]
         if losses[0] < losses[1]:
             trace[rows] = alone[rows]
     return trace

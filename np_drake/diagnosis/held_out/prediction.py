@@ -19,7 +19,8 @@ LEAST_GAP = 0.02  # gap over noise power below which there is none to close [1];
 
 @dc.dataclass(frozen=True)
 class HeldOut:
-    """Held-out flights under a fit: adapted terms, residual (m, 15), and rows that count, by flight.
+    """Held-out flights under a fit: adapted terms, residual (m, 15), and rows that count, by
+    flight.
 
     whole_flight_terms: the terms with hidden states that fit the whole flight.
     """
@@ -38,29 +39,26 @@ class HeldOut:
         return any(isinstance(e.calibrated, np.ndarray) for e in self.flights)
 
     def kept(self, name: str, identifiers: Collection[str]) -> list[Term]:
-        """Return the terms of some effects in a flight, and the calibration.
-
-        Args:
-            name: of the flight.
-            identifiers: of the effects.
-        """
+        """Return the terms of some effects in a flight, and the calibration."""
         every = self.terms[name]
         kept = {*identifiers, *self.calibrations}
-        return [*(t for t in every[: self.effects] if t.effect.identifier in kept), *every[self.effects :]]
+        return [
+            *(t for t in every[: self.effects] if t.effect.identifier in kept),
+            *every[self.effects :],
+        ]
 
     def swing_free_residual(self, e: FlightResiduals) -> np.ndarray:
-        """Return the residual (m, 15) of a flight with a payload's swing fitted to all of it, outliers interpolated."""
+        """Return the residual (m, 15) of a flight with a payload's swing fitted to all of it,
+        outliers interpolated.
+        """
         return e.bridged(e.y - predicted_residual(e, self.whole_flight_terms[e.name]))
 
 
-def on_held_out(fit: Fit, flights: Sequence[FlightResiduals], noise: NoiseModel, priors: Priors) -> HeldOut:
-    """Return the fit on held-out flights, its onsets and swings adapted to each, its parameters kept.
-
-    Args:
-        fit: to training flights.
-        flights: held-out flights.
-        noise: noise model of the training flights.
-        priors: of swings and onsets.
+def on_held_out(
+    fit: Fit, flights: Sequence[FlightResiduals], noise: NoiseModel, priors: Priors
+) -> HeldOut:
+    """Return the fit on held-out flights, its onsets and swings adapted to each, its parameters
+    kept.
     """
     terms, residual, rows, whole = {}, {}, {}, {}
     for e in flights:
@@ -72,16 +70,13 @@ def on_held_out(fit: Fit, flights: Sequence[FlightResiduals], noise: NoiseModel,
     return HeldOut(flights, terms, residual, rows, whole, len(fit.terms))
 
 
-def with_calibration(fit: Fit, e: FlightResiduals, noise: NoiseModel, options: Options) -> FlightResiduals:
-    """Return a held-out flight without what the calibration of the vehicle gives, and what it differs by itself.
+def with_calibration(
+    fit: Fit, e: FlightResiduals, noise: NoiseModel, options: Options
+) -> FlightResiduals:
+    """Return a held-out flight without what the calibration of the vehicle gives, and what it
+    differs by itself.
 
     An earlier calibration of the flight is undone.
-
-    Args:
-        fit: to training flights.
-        e: the flight.
-        noise: noise model of the training flights.
-        options: tolerances and priors.
     """
     unmeasured = options.tolerance.unmeasured
     if not options.tolerance.real:
@@ -99,13 +94,10 @@ def with_calibration(fit: Fit, e: FlightResiduals, noise: NoiseModel, options: O
 
 
 def misfit(held: HeldOut, noise: NoiseModel) -> np.ndarray:
-    """Return (6,) the RMS residual of held-out flights over noise, by channel of the wrench [1].
-
-    Args:
-        held: held-out flights under a fit.
-        noise: noise model of the channels.
-    """
-    residual = np.concatenate([held.residual[name][rows, WRENCH] for name, rows in held.rows.items()])
+    """Return (6,) the RMS residual of held-out flights over noise, by channel of the wrench [1]."""
+    residual = np.concatenate(
+        [held.residual[name][rows, WRENCH] for name, rows in held.rows.items()]
+    )
     return np.sqrt(np.mean(residual**2, axis=0)) / np.maximum(noise.rms[WRENCH], 1e-12)
 
 
@@ -114,19 +106,14 @@ def pooled(parts: Sequence[np.ndarray], noise: NoiseModel) -> float:
 
     Args:
         parts: residuals (m, 15), which count together.
-        noise: noise model of the channels.
     """
     rows = np.concatenate(parts)[:, WRENCH] / np.maximum(noise.rms[WRENCH], 1e-12)
     return float(np.sqrt(np.mean(rows**2)))
 
 
 def closed_fraction(before: float, after: float, floor: float) -> float:
-    """Return 1 - (after² - floor²) / (before² - floor²), limited to -1 … 1; zero where there was no gap [1].
-
-    Args:
-        before: RMS residual without the causes.
-        after: the same with them.
-        floor: that of noise.
+    """Return 1 - (after² - floor²) / (before² - floor²), limited to -1 … 1; zero where there was no
+    gap [1].
     """
     gap = before**2 - floor**2
     if gap <= LEAST_GAP * floor**2:
@@ -135,13 +122,7 @@ def closed_fraction(before: float, after: float, floor: float) -> float:
 
 
 def remaining_residual(causes: Sequence[Cause], noise: NoiseModel, held: HeldOut) -> float:
-    """Return the RMS residual of some causes on held-out flights, in units of the noise [1].
-
-    Args:
-        causes: whose terms alone act.
-        noise: noise model of the channels.
-        held: held-out flights under the fit.
-    """
+    """Return the RMS residual of some causes on held-out flights, in units of the noise [1]."""
     names = {c.identifier for c in causes}
     parts = []
     for e in held.flights:

@@ -1,4 +1,6 @@
-"""Identifiability: excitation of the logs, and effects that they cannot show or cannot tell apart."""
+"""Identifiability: excitation of the logs, and effects that they cannot show or cannot tell
+apart.
+"""
 
 from collections.abc import Sequence
 from typing import Any
@@ -18,14 +20,22 @@ from np_drake.effects.library import REQUIREMENTS, effect_of
 # Of any quantity, to tell effects apart [m/s, rad/s, deg, 1]; own choice.
 LEAST_EXCITATION = {"speed": 0.08, "rate": 0.05, "tilt": 1.0, "thrust variation": 0.01}
 BARELY_VISIBLE = 10.0  # whitened size of an effect that is just visible [1]
-SAME_DISTANCE = 9.0  # squared whitened distance below which two just visible effects are the same [1]
+SAME_DISTANCE = (
+    9.0  # squared whitened distance below which two just visible effects are the same [1]
+)
 
 
 def excitation(flights: Sequence[FlightResiduals]) -> dict[str, float]:
-    """Return RMS values and spans over all flights by quantity, with the unit in the key; 0 of what was not logged."""
+    """Return RMS values and spans over all flights by quantity, with the unit in the key; 0 of what
+    was not logged.
+    """
     v = np.concatenate([e.mids.x[:, 7:10] * ("velocity" not in e.log.lacks) for e in flights])
     w = np.concatenate([e.w for e in flights])
-    tilt = np.degrees(np.concatenate([np.arccos(np.clip(attitude.body_z(e.mids.q)[:, 2], -1, 1)) for e in flights]))
+    tilt = np.degrees(
+        np.concatenate(
+            [np.arccos(np.clip(attitude.body_z(e.mids.q)[:, 2], -1, 1)) for e in flights]
+        )
+    )
     f = np.concatenate([e.nominal[:, 2] for e in flights])
     tau = np.concatenate([e.nominal[:, 3:] for e in flights])
     z = np.concatenate([e.mids.x[:, 2] * ("height" not in e.log.lacks) for e in flights])
@@ -53,10 +63,12 @@ def excited(excitations: dict[str, float]) -> bool:
 def _confusables(
     flights: Sequence[FlightResiduals], candidates: Sequence[Candidate], noise: NoiseModel
 ) -> list[Confusable]:
-    """Return the effects that cannot be seen at their usual size, and pairs that are the same when just visible.
+    """Return the effects that cannot be seen at their usual size, and pairs that are the same when
+    just visible.
 
-    An effect scaled to whitened size `BARELY_VISIBLE` is the same as another if its squared distance to the other's
-    columns is below `SAME_DISTANCE`; effects of one sign alone, as a delay and an early clock, where signs agree.
+    An effect scaled to whitened size `BARELY_VISIBLE` is the same as another if its squared
+    distance to the other's columns is below `SAME_DISTANCE`; effects of one sign alone, as a delay
+    and an early clock, where signs agree.
     """
     blocks: dict[str, np.ndarray] = {}
     one_sided: set[str] = set()
@@ -64,7 +76,9 @@ def _confusables(
         name = c.identifiers[-1]
         if name in blocks or len(c.identifiers) > 1 or c.generic:
             continue
-        blocks[name] = np.concatenate([noise.whiten(c.columns[e.name]).reshape(-1, c.size) for e in flights])
+        blocks[name] = np.concatenate(
+            [noise.whiten(c.columns[e.name]).reshape(-1, c.size) for e in flights]
+        )
         if c.size == 1 and c.possible is not None:
             one_sided.add(name)
     sizes = {n: float(np.sqrt(np.max(np.sum(X**2, axis=0)))) for n, X in blocks.items()}
@@ -82,7 +96,10 @@ def _confusables(
                 continue
             if a != b and float(np.sum((direction - Q @ (Q.T @ direction)) ** 2)) < SAME_DISTANCE:
                 found.add((a, b) if a < b else (b, a))
-    out += [Confusable(pair, "their traces in these flights are collinear", manoeuvre(pair)) for pair in sorted(found)]
+    out += [
+        Confusable(pair, "their traces in these flights are collinear", manoeuvre(pair))
+        for pair in sorted(found)
+    ]
     return out
 
 
@@ -92,20 +109,17 @@ def assess_identifiability(
     candidates: Sequence[Candidate],
     noise: NoiseModel,
 ) -> Identifiability:
-    """Return excitation, noise floor, unidentifiable effects and warnings of the logs.
-
-    Args:
-        train: flights to which effects are fitted.
-        held_out: held-out flights, whose logs may give warnings.
-        candidates: library candidates with columns for the training flights.
-        noise: noise model of the channels.
-    """
+    """Return excitation, noise floor, unidentifiable effects and warnings of the logs."""
     warnings = [f"{e.name}: {note}" for e in [*train, *held_out] for note in e.log.notes]
     if train[0].log.input == "rotor_speed":
-        warnings.append("rotor speed is the input: motor_lag, command_delay and clock_offset cannot be told.")
+        warnings.append(
+            "rotor speed is the input: motor_lag, command_delay and clock_offset cannot be told."
+        )
     hidden = hidden_from(train)
     for quantity in sorted({quantity for e in train for quantity in e.log.lacks}):
-        names = ", ".join(name for name, reason in hidden.items() if reason == REQUIREMENTS[quantity])
+        names = ", ".join(
+            name for name, reason in hidden.items() if reason == REQUIREMENTS[quantity]
+        )
         warnings += [f"{REQUIREMENTS[quantity]}: {names} cannot be told."] * bool(names)
     for e in [*train, *held_out]:
         if e.log.a is None:
@@ -113,7 +127,10 @@ def assess_identifiability(
             warnings.append(f"{e.name}: {said}")
         if e.attitude_noise > QUIET:
             how = "turned with it" if e.turned else "free of it"
-            warnings.append(f"{e.name}: attitude noise of {1e3 * e.attitude_noise:.1f} mrad; acceleration is {how}.")
+            warnings.append(
+                f"{e.name}: attitude noise of {1e3 * e.attitude_noise:.1f} mrad; "
+                f"acceleration is {how}."
+            )
     return Identifiability(
         usable=True,
         excitation=excitation(train),
@@ -128,31 +145,33 @@ def manoeuvre(effects: Sequence[str]) -> str:
     if len(effects) == 2 and (apart := tells_apart(*effects)):
         return apart
     known = [effect_of(name).excited_by for name in effects if effect_of(name).excited_by]
-    return "; or ".join(dict.fromkeys(known)) or "a flight that excites every axis at several speeds"
+    return (
+        "; or ".join(dict.fromkeys(known)) or "a flight that excites every axis at several speeds"
+    )
 
 
 def tells_apart(a: str, b: str) -> str:
-    """Return the manoeuvre of their own that tells effects a and b apart; empty where none is known.
-
-    Args:
-        a: identifier of an effect.
-        b: identifier of another.
+    """Return the manoeuvre of their own that tells effects a and b apart; empty where none is
+    known.
     """
     return effect_of(a).told_from.get(b, "") or effect_of(b).told_from.get(a, "")
 
 
-def unexcited_diagnosis(flights: Sequence[FlightResiduals], held_out: Sequence[FlightResiduals]) -> dict[str, Any]:
-    """Return the fields of a `Diagnosis` for flights in which nothing moves: an empty verdict, nothing identifiable.
-
-    Args:
-        flights: training flights.
-        held_out: held-out flights.
+def unexcited_diagnosis(
+    flights: Sequence[FlightResiduals], held_out: Sequence[FlightResiduals]
+) -> dict[str, Any]:
+    """Return the fields of a `Diagnosis` for flights in which nothing moves: an empty verdict,
+    nothing identifiable.
     """
     noise = fit_noise([e.y for e in flights], flights[0].grid.step)
     pairs = _confusables(flights, library_candidates(flights), noise)
     rows = {e.name: np.ones(len(e.t), bool) for e in held_out}
     checked = Identifiability(
-        False, excitation(flights), {}, tuple(pairs), ("nothing is excited: these logs cannot tell.",)
+        False,
+        excitation(flights),
+        {},
+        tuple(pairs),
+        ("nothing is excited: these logs cannot tell.",),
     )
     size = pooled([e.y for e in held_out], noise)
     return {

@@ -1,4 +1,6 @@
-"""Numerical methods that know nothing of flights: noise model, regression, Gauss-Newton, filters."""
+"""Numerical methods that know nothing of flights: noise model, regression, Gauss-Newton,
+filters.
+"""
 
 from np_drake.diagnosis.numerics.bayesian_linear_regression import Gram
 from np_drake.diagnosis.numerics.gauss_newton import minimise

@@ -1,7 +1,9 @@
 """Bayesian linear regression on Gram matrices: log evidence and posterior of any subset of columns.
 
-y = X c + n, n white with unit variance, c ~ N(0, 1) for each column (columns carry the scale of the prior).
-log p(y) = -1/2 (y'y - b' A^-1 b) - 1/2 log det A + const, with A = X'X + 1, b = X'y.   Source: standard.
+y = X c + n, n white with unit variance, c ~ N(0, 1) for each column (columns carry the scale of the
+prior).
+log p(y) = -1/2 (y'y - b' A^-1 b) - 1/2 log det A + const, with A = X'X + 1, b = X'y.
+Source: standard.
 """
 
 import dataclasses as dc
@@ -34,10 +36,11 @@ class Gram:
     def given(self, n: int) -> "Gram":
         """Return the statistics of the other columns when every model holds the first n.
 
-        The log evidence of a set together with the first n is that of the set here plus that of the n alone; the
-        posterior of its coefficients is the same.
+        The log evidence of a set together with the first n is that of the set here plus that of the
+        n alone; the posterior of its coefficients is the same.
         """
-        # Block elimination: the Schur complement of the first n columns is the Gram matrix of what they leave.
+        # Block elimination: the Schur complement of the first n columns is the Gram matrix of what
+        # they leave.
         factor = np.linalg.cholesky(self.XX[:n, :n] + np.eye(n))
         B = np.linalg.solve(factor, self.XX[:n, n:])
         b = np.linalg.solve(factor, self.Xy[:n])
@@ -53,20 +56,26 @@ class Gram:
         mean = linalg.cho_solve((factor, True), self.Xy[index], check_finite=False)
         return float(0.5 * self.Xy[index] @ mean - np.log(factor.diagonal()).sum())
 
-    def evidence_of_sets(self, sets: Sequence[Sequence[np.ndarray]], wide: Sequence[Sequence[bool]]) -> np.ndarray:
-        """Return the log evidence (n,) of n sets of column groups, less that of the empty model [nat].
+    def evidence_of_sets(
+        self, sets: Sequence[Sequence[np.ndarray]], wide: Sequence[Sequence[bool]]
+    ) -> np.ndarray:
+        """Return the log evidence (n,) of n sets of column groups, less that of the empty model
+        [nat].
 
         Args:
             sets: for each set, the column indices of its groups.
             wide: for each set, by group, whether its prior may widen to the size of its estimate.
-        Source: local empirical Bayes (Liang et al. 2008, Mixtures of g priors); one width for each group, at least 1.
+        Source: local empirical Bayes (Liang et al. 2008, Mixtures of g priors); one width for each
+            group, at least 1.
         """
         evidence = np.zeros(len(sets))
         for some in _alike([sum(map(len, groups)) for groups in sets]):
             evidence[some] = self._evidence([sets[i] for i in some], [wide[i] for i in some])
         return evidence
 
-    def _evidence(self, sets: Sequence[Sequence[np.ndarray]], wide: Sequence[Sequence[bool]]) -> np.ndarray:
+    def _evidence(
+        self, sets: Sequence[Sequence[np.ndarray]], wide: Sequence[Sequence[bool]]
+    ) -> np.ndarray:
         """Return the log evidence (n,) of sets that all have k columns."""
         index = np.stack([np.concatenate(groups) for groups in sets])
         XX, Xy = self.XX[index[:, :, None], index[:, None, :]], self.Xy[index]
@@ -83,7 +92,9 @@ class Gram:
         return 0.5 * np.sum(b**2, axis=1) - logdet
 
     def posterior(self, index: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the posterior mean (k,) and covariance (k, k) of the coefficients of the columns `index`."""
+        """Return the posterior mean (k,) and covariance (k, k) of the coefficients of the columns
+        `index`.
+        """
         return self.posteriors([index])[0]
 
     def posteriors(self, indices: Sequence[np.ndarray]) -> list[tuple[np.ndarray, np.ndarray]]:
@@ -91,7 +102,9 @@ class Gram:
         found = [(np.zeros(0), np.zeros((0, 0)))] * len(indices)
         for some in _alike([len(index) for index in indices]):
             index = np.stack([indices[i] for i in some])
-            covariance = np.linalg.inv(self.XX[index[:, :, None], index[:, None, :]] + np.eye(index.shape[1]))
+            covariance = np.linalg.inv(
+                self.XX[index[:, :, None], index[:, None, :]] + np.eye(index.shape[1])
+            )
             mean = (covariance @ self.Xy[index][..., None])[..., 0]
             for i, *one in zip(some, mean, covariance, strict=True):
                 found[i] = (one[0], one[1])
@@ -99,7 +112,9 @@ class Gram:
 
 
 def _alike(sizes: Sequence[int], at_once: int = AT_ONCE) -> Iterator[np.ndarray]:
-    """Yield positions of nonempty sets of equal size, at most `at_once` matrix entries at a time."""
+    """Yield positions of nonempty sets of equal size, at most `at_once` matrix entries at a
+    time.
+    """
     for size in set(sizes) - {0}:
         same = np.flatnonzero(np.equal(sizes, size))
         most = max(1, at_once // size**2)

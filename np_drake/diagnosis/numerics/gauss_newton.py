@@ -1,4 +1,5 @@
-"""Damped Gauss-Newton within bounds on the normal equations, for tall problems with costly evaluations.
+"""Damped Gauss-Newton within bounds on the normal equations, for tall problems with costly
+evaluations.
 
 Source: own choice over scipy's trust region, which decomposes the tall Jacobian at every step.
 """
@@ -14,7 +15,9 @@ DONE = 0.1  # change of the cost that ends the descent; costs are negative log l
 
 @dc.dataclass(frozen=True)
 class Minimum:
-    """Result of `minimise`: z (n,), cost 1/2 |r|², information J'J (n, n), residual (m,) and Jacobian (m, n) at z."""
+    """Result of `minimise`: z (n,), cost 1/2 |r|², information J'J (n, n), residual (m,) and
+    Jacobian (m, n) at z.
+    """
 
     z: np.ndarray
     cost: float
@@ -40,7 +43,6 @@ def minimise(
         start: (n,) initial parameters.
         lower: (n,) lower bounds.
         upper: (n,) upper bounds.
-        iterations: largest number of iterations.
         settled: (k, k) constant J'J of the last k parameters, where the residual is linear in them.
     """
     z, r = start, residual(start)

@@ -1,7 +1,7 @@
 """Autoregressive noise model of the residual channels, and whitening with it.
 
-Each channel follows e_k = sum_i phi_i e_(k-i) + n_k. The innovations are correlated across channels, n ~ N(0, Sigma).
-Least squares on whitened channels is generalised least squares.
+Each channel follows e_k = sum_i phi_i e_(k-i) + n_k. The innovations are correlated across
+channels, n ~ N(0, Sigma). Least squares on whitened channels is generalised least squares.
 """
 
 import dataclasses as dc
@@ -29,7 +29,8 @@ class NoiseModel:
     rms: (c,) RMS of each channel; zero for absent channels.
     innovation: (c,) variance of the innovations.
     step: sample interval [s].
-    loudness: by flight, (c,) error of the flight over that of the model, where flights differ [1]; 1 for other flights.
+    loudness: by flight, (c,) error of the flight over that of the model, where flights differ [1];
+        1 for other flights.
     """
 
     phi: np.ndarray
@@ -45,9 +46,13 @@ class NoiseModel:
         return self.rms > 0
 
     def head(self, channels: int) -> "NoiseModel":
-        """Return the model of the first channels alone; exact, as the mixing matrix is lower triangular."""
+        """Return the model of the first channels alone; exact, as the mixing matrix is lower
+        triangular.
+        """
         own = slice(channels)
-        return NoiseModel(self.phi[own], self.mixing[own, own], self.rms[own], self.innovation[own], self.step)
+        return NoiseModel(
+            self.phi[own], self.mixing[own, own], self.rms[own], self.innovation[own], self.step
+        )
 
     @cached_property
     def weight(self) -> np.ndarray:
@@ -74,7 +79,6 @@ class NoiseModel:
         """Return the innovations (m - p, ...) of one channel with values (m, ...).
 
         Args:
-            channel: its index.
             values: (m, ...) of the channel.
             flight: name of the flight, whose `loudness` applies.
         """
@@ -93,7 +97,8 @@ class NoiseModel:
         Returns: (k, k) inner products, k the sum of all k_i.
         """
         size = sum(X.shape[-1] for X in columns)
-        # X'Σ^-1 X summed over pairs of channels: the weight couples innovations of channels c and d.
+        # X'Σ^-1 X summed over pairs of channels: the weight couples innovations of channels c and
+        # d.
         weight, out = self.weight, np.zeros((size, size))
         parts = self._driven(columns, flight)
         for i, (c, some, own) in enumerate(parts):
@@ -104,20 +109,28 @@ class NoiseModel:
                     out[np.ix_(others, some)] += block.T
         return out
 
-    def _driven(self, columns: Sequence[np.ndarray], flight: str) -> list[tuple[int, np.ndarray, np.ndarray]]:
-        """Return (channel, positions (k',) of its nonzero columns, innovations (m - p, k')) for each active channel."""
+    def _driven(
+        self, columns: Sequence[np.ndarray], flight: str
+    ) -> list[tuple[int, np.ndarray, np.ndarray]]:
+        """Return (channel, positions (k',) of its nonzero columns, innovations (m - p, k')) for
+        each active channel.
+        """
         there = [np.asarray(X.any(axis=0)) for X in columns]
         acts = np.array([some.any(axis=-1) for some in there])
         groups = list(zip(columns, there, strict=True))
         parts = []
         for c in np.flatnonzero(self.active & acts.any(axis=0)).tolist():
-            own = [X[:, c, some[c]] for (X, some), here in zip(groups, acts[:, c], strict=True) if here]
+            own = [
+                X[:, c, some[c]] for (X, some), here in zip(groups, acts[:, c], strict=True) if here
+            ]
             where = np.flatnonzero(np.concatenate([some[c] for some in there]))
             parts.append((c, where, self.driven_in(c, np.concatenate(own, axis=1), flight)))
         return parts
 
     def spectrum(self, frequency: np.ndarray) -> np.ndarray:
-        """Return the one-sided power spectral density (c, f) [unit²/Hz] at `frequency` (f,) [Hz]."""
+        """Return the one-sided power spectral density (c, f) [unit²/Hz] at `frequency` (f,)
+        [Hz].
+        """
         z = np.exp(-2j * np.pi * frequency * self.step)
         powers = z[None, :] ** np.arange(1, self.phi.shape[1] + 1)[:, None]
         return 2 * self.step * self.innovation[:, None] / np.abs(1 - self.phi @ powers) ** 2
@@ -125,7 +138,9 @@ class NoiseModel:
 
 @dc.dataclass(frozen=True)
 class Readings:
-    """Noise of the residuals and tolerances of vehicle file and sensors that a diagnosis found or used."""
+    """Noise of the residuals and tolerances of vehicle file and sensors that a diagnosis found or
+    used.
+    """
 
     noise: NoiseModel
     tolerance: Tolerance
@@ -133,7 +148,9 @@ class Readings:
     def as_json(self) -> dict[str, Any]:
         """Return noise and tolerances in plain types."""
         noise = self.noise
-        arrays = {name: getattr(noise, name).tolist() for name in ("phi", "mixing", "rms", "innovation")}
+        arrays = {
+            name: getattr(noise, name).tolist() for name in ("phi", "mixing", "rms", "innovation")
+        }
         return {"noise": {**arrays, "step": noise.step}, "tolerance": dc.asdict(self.tolerance)}
 
     @classmethod
@@ -149,17 +166,35 @@ class Readings:
         )
         step = float(stored)
         tolerance: dict[str, Any] = {
-            name: value if isinstance(value, bool) else float(stored_numbers(value, f"readings: tolerance of {name}"))
+            name: value
+            if isinstance(value, bool)
+            else float(stored_numbers(value, f"readings: tolerance of {name}"))
             for name, value in content["tolerance"].items()
         }
         c = len(rms) if rms.ndim == 1 else 0
-        if phi.ndim != 2 or not 0 < phi.shape[1] <= MOST_LAGS or innovation.shape != (c,) or mixing.shape != (c, c):
+        if (
+            phi.ndim != 2
+            or not 0 < phi.shape[1] <= MOST_LAGS
+            or innovation.shape != (c,)
+            or mixing.shape != (c, c)
+        ):
             raise ValueError(
-                f"readings: phi must be (c, p) with p <= {MOST_LAGS}, mixing (c, c), rms and innovation (c,)."
+                f"readings: phi must be (c, p) with p <= {MOST_LAGS}, mixing (c, c), rms "
+                f"and innovation (c,)."
             )
-        every = np.concatenate([phi.ravel(), mixing.ravel(), rms, innovation, list(tolerance.values())])
-        if not (np.abs(every) <= LARGEST).all() or min(rms.min(), innovation.min(), *tolerance.values()) < 0:
-            raise ValueError(f"readings: numbers must be finite, at most {LARGEST:g}, and deviations not negative.")
+        every = np.concatenate(
+            [phi.ravel(), mixing.ravel(), rms, innovation, list(tolerance.values())]
+        )
+        if (
+            not (np.abs(every) <= LARGEST).all()
+            or min(rms.min(), innovation.min(), *tolerance.values()) < 0
+        ):
+            raise ValueError(
+                f"readings: numbers must be finite, at most {LARGEST:g}, and deviations "
+                f"not negative."
+            )
         if not SHORTEST_STEP <= step <= LONGEST_STEP:
-            raise ValueError(f"readings: step must be {SHORTEST_STEP:g} to {LONGEST_STEP:g} s; got {step:g}.")
+            raise ValueError(
+                f"readings: step must be {SHORTEST_STEP:g} to {LONGEST_STEP:g} s; got {step:g}."
+            )
         return cls(NoiseModel(phi, mixing, rms, innovation, step), Tolerance(**tolerance))

@@ -1,4 +1,6 @@
-"""Regressors of the linear model: library effects, generic structure, nuisance parameters, payload."""
+"""Regressors of the linear model: library effects, generic structure, nuisance parameters,
+payload.
+"""
 
 from np_drake.diagnosis.regressors.generic import PREFIX, generic_candidates
 from np_drake.diagnosis.regressors.library import (
@@ -15,7 +17,13 @@ from np_drake.diagnosis.regressors.library import (
     switched,
     wind_candidates,
 )
-from np_drake.diagnosis.regressors.nuisance import calibration, calibration_terms, options_of, tolerance_of, with_input
+from np_drake.diagnosis.regressors.nuisance import (
+    calibration,
+    calibration_terms,
+    options_of,
+    tolerance_of,
+    with_input,
+)
 from np_drake.diagnosis.regressors.payload import (
     AT_REST,
     SHAPE,

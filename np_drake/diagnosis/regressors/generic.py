@@ -1,4 +1,5 @@
-"""Generic structure: groups of columns, each of one signal, that compete with the library for the same evidence.
+"""Generic structure: groups of columns, each of one signal, that compete with the library for the
+same evidence.
 
 Source: own choice of groups.
 """
@@ -21,24 +22,45 @@ from np_drake.rigid_body import P, V
 PREFIX = "unknown:"
 RESONANCES = (0.4, 0.6, 0.8, 1.05, 1.4, 1.8, 2.4, 3.2, 4.2)  # [Hz]
 DAMPING = 0.1  # damping of the resonances in the grids [1]
-TWISTS = tuple(0.7 * 1.3**k for k in range(9))  # frequencies of resonances between command and torque [Hz]
+TWISTS = tuple(
+    0.7 * 1.3**k for k in range(9)
+)  # frequencies of resonances between command and torque [Hz]
 ELSEWHERE = "the same trajectory, moved by a metre"  # ends a force tied to a place
 CENTRES = 10  # number of centres of the position group
 GROUPS = {  # what each is, and the measurement that would end it
-    "rates": ("a torque that goes with body rates", "doublets about each axis, then the same at twice the rate"),
-    "side force": ("a force across velocity and body rate", "level turns at one speed, to the left and to the right"),
-    "velocity": ("a force and torque that go with velocity", "the same trajectory at twice the speed"),
+    "rates": (
+        "a torque that goes with body rates",
+        "doublets about each axis, then the same at twice the rate",
+    ),
+    "side force": (
+        "a force across velocity and body rate",
+        "level turns at one speed, to the left and to the right",
+    ),
+    "velocity": (
+        "a force and torque that go with velocity",
+        "the same trajectory at twice the speed",
+    ),
     "cross flow": (
         "a force that goes with the product of two velocities",
         "the same straight leg with headings 45° apart",
     ),
-    "thrust curve": ("thrust that is no straight line of {thrust}", "hover with a known weight, then without it"),
-    "command": ("torque that goes with {other} of another axis", "doublets about one axis at a time"),
+    "thrust curve": (
+        "thrust that is no straight line of {thrust}",
+        "hover with a known weight, then without it",
+    ),
+    "command": (
+        "torque that goes with {other} of another axis",
+        "doublets about one axis at a time",
+    ),
     "height": ("a force that goes with height", "hover at three heights, 5 s each"),
     "place": ("a force tied to a place", ELSEWHERE),
 }
 WORDS = {"thrust": "its command", "other": "the command", "torque": "the commanded torque"}
-ROTOR_WORDS = {"thrust": "the square of rotor speed", "other": "that", "torque": "the torque of the rotors"}
+ROTOR_WORDS = {
+    "thrust": "the square of rotor speed",
+    "other": "that",
+    "torque": "the torque of the rotors",
+}
 # Variance of an axis over that of its noise, below which it is no regressor [1]; own choice.
 LEAST_SIGNAL_TO_NOISE = 4.0
 
@@ -46,40 +68,52 @@ LEAST_SIGNAL_TO_NOISE = 4.0
 class FlightState:
     """State of a flight on its grid, with noise removed from velocity and body rates.
 
-    v, w (m, 3): velocity and body rates in B [m/s, rad/s]; p (m, 3): position in W [m]; R (m, 3, 3): R_WB.
-    u (m, 4): nominal thrust and torques [N, N·m]; rotor (m, 4): nominal rotor thrusts [N].
-    torque_unit (3,): lever arms that scale torque priors [m]; weight [N]; gravity [m/s²]; step [s].
+    v, w (m, 3): velocity and body rates in B [m/s, rad/s]; p (m, 3): position in W [m]; R (m, 3,
+    3): R_WB. u (m, 4): nominal thrust and torques [N, N·m]; rotor (m, 4): nominal rotor thrusts
+    [N]. torque_unit (3,): lever arms that scale torque priors [m]; weight [N]; gravity [m/s²]; step
+    [s].
     """
 
     def __init__(self, e: FlightResiduals):
-        self.vehicle, self.weight, self.gravity, self.step = e.vehicle, e.weight, e.vehicle.gravity, e.grid.step
+        self.vehicle, self.weight, self.gravity, self.step = (
+            e.vehicle,
+            e.weight,
+            e.vehicle.gravity,
+            e.grid.step,
+        )
         v_B = attitude.rotate_back(e.mids.q, e.wrench_states[1][:, V])
         self.v, self.w = _above_noise(e.from_mids(v_B), e.log.v), _above_noise(e.w, e.log.w)
-        self.p, self.R = e.from_mids(e.mids.x[:, P]), e.from_mids(attitude.rotation_matrix(e.mids.q))
+        self.p, self.R = (
+            e.from_mids(e.mids.x[:, P]),
+            e.from_mids(attitude.rotation_matrix(e.mids.q)),
+        )
         self.u = e.nominal[:, 2:]
         self.rotor = self.u @ e.vehicle.unmixer.T
         self.torque_unit = arm(e.vehicle) * np.array([0.3, 0.3, 0.1])
 
 
 def _above_noise(values: np.ndarray, read: np.ndarray) -> np.ndarray:
-    """Return values (m, 3) with each axis shrunk by its share of signal, given the white noise of the readings (n, 3).
+    """Return values (m, 3) with each axis shrunk by its share of signal, given the white noise of
+    the readings (n, 3).
 
-    The noise is the mean over the three axes, because v is rotated from W to B.   Source: Wiener gain.
+    The noise is the mean over the three axes, because v is rotated from W to B.
+    Source: Wiener gain.
     """
-    noise = np.mean(np.diff(read, n=2, axis=0) ** 2) / 6.0  # second differences have six times the variance
-    return values * np.clip(1 - LEAST_SIGNAL_TO_NOISE * noise / np.maximum(values.var(axis=0), 1e-12), 0.0, 1.0)
+    noise = (
+        np.mean(np.diff(read, n=2, axis=0) ** 2) / 6.0
+    )  # second differences have six times the variance
+    return values * np.clip(
+        1 - LEAST_SIGNAL_TO_NOISE * noise / np.maximum(values.var(axis=0), 1e-12), 0.0, 1.0
+    )
 
 
-Pushes = Callable[[FlightState], np.ndarray]  # (m, 6, k) force and torque in B in units of their prior
+Pushes = Callable[
+    [FlightState], np.ndarray
+]  # (m, 6, k) force and torque in B in units of their prior
 
 
 def generic_candidates(flights: Sequence[FlightResiduals], priors: Priors) -> list[Candidate]:
-    """Return all groups as candidates; their `generic` gives the columns on any flight.
-
-    Args:
-        flights: the flights.
-        priors: priors of parameters, swings and onsets.
-    """
+    """Return all groups as candidates; their `generic` gives the columns on any flight."""
     states = {e.name: FlightState(e) for e in flights}
     lacks = {quantity for e in flights for quantity in e.log.lacks}
     measured = flights[0].log.input == "rotor_speed"
@@ -97,7 +131,11 @@ def generic_candidates(flights: Sequence[FlightResiduals], priors: Priors) -> li
     ):
         if needed not in lacks:
             text, measurement = GROUPS[name]
-            found.append(_candidate(flights, states, priors, name, (text.format(**words), measurement), pushes))
+            found.append(
+                _candidate(
+                    flights, states, priors, name, (text.format(**words), measurement), pushes
+                )
+            )
     loose = "the same trajectory with battery, cables and loose parts taped down"
     still = loose if measured else "log rotor speed on the same trajectory"
     for name, driven, measurement, frequencies, resonance in (
@@ -110,14 +148,27 @@ def generic_candidates(flights: Sequence[FlightResiduals], priors: Priors) -> li
         for f in frequencies:
             said = (f"an answer to {driven} with a resonance near {f:.3g} Hz", measurement)
             prior = -math.log(len(frequencies))
-            found.append(_candidate(flights, states, priors, name, said, resonance(f), prior, {"frequency": f}))
+            found.append(
+                _candidate(
+                    flights, states, priors, name, said, resonance(f), prior, {"frequency": f}
+                )
+            )
     return found
 
 
 def _candidate(
-    flights, states, priors: Priors, name, said: tuple[str, str], pushes: Pushes, log_prior=0.0, figures=None
+    flights,
+    states,
+    priors: Priors,
+    name,
+    said: tuple[str, str],
+    pushes: Pushes,
+    log_prior=0.0,
+    figures=None,
 ) -> Candidate:
-    """Return a group as a candidate; `said` is what it is, and the measurement that would end it."""
+    """Return a group as a candidate; `said` is what it is, and the measurement that would end
+    it.
+    """
 
     def columns(e: FlightResiduals, pushes: Pushes = pushes) -> np.ndarray:
         state = states.get(e.name) or FlightState(e)
@@ -140,7 +191,9 @@ def _candidate(
 
 
 def _each(features: np.ndarray, channels: Sequence[int]) -> np.ndarray:
-    """Return columns (m, 6, k len(channels)) in which every feature (m, k) acts freely in each of the channels."""
+    """Return columns (m, 6, k len(channels)) in which every feature (m, k) acts freely in each of
+    the channels.
+    """
     m, k = features.shape
     out = np.zeros((m, 6, k * len(channels)))
     for j, c in enumerate(channels):
@@ -153,7 +206,10 @@ def _joined(*parts: np.ndarray) -> np.ndarray:
 
 
 def _damping(s: FlightState) -> np.ndarray:
-    parts = [_each(np.stack([s.w[:, i], np.abs(s.w[:, i]) * s.w[:, i]], axis=1), [3 + i]) for i in range(3)]
+    parts = [
+        _each(np.stack([s.w[:, i], np.abs(s.w[:, i]) * s.w[:, i]], axis=1), [3 + i])
+        for i in range(3)
+    ]
     return _joined(*parts)
 
 
@@ -177,7 +233,9 @@ def _cross_flow(s: FlightState) -> np.ndarray:
 
 
 def _thrust_curve(s: FlightState) -> np.ndarray:
-    """Return square and cube of every rotor's relative thrust, the same curve for all four rotors."""
+    """Return square and cube of every rotor's relative thrust, the same curve for all four
+    rotors.
+    """
     relative = s.rotor / s.rotor.mean() - 1
     powers = np.stack([relative**2, relative**3], axis=2)
     u = np.einsum("ij,mjk->mik", s.vehicle.mixer, powers)
@@ -224,14 +282,18 @@ def _place(states: dict[str, FlightState]) -> Pushes:
 @lru_cache(maxsize=32)
 def _oscillator(omega: float, step: float) -> tuple[np.ndarray, np.ndarray]:
     """Return numerator and denominator of w² / (s² + 2 z w s + w²), discretised at `step` [s]."""
-    b, a, _ = signal.cont2discrete(([omega**2], [1.0, 2 * DAMPING * omega, omega**2]), step, method="bilinear")
+    b, a, _ = signal.cont2discrete(
+        ([omega**2], [1.0, 2 * DAMPING * omega, omega**2]), step, method="bilinear"
+    )
     return b.ravel(), a
 
 
 def _resonance(frequency: float) -> Pushes:
-    """Return the response of a lightly damped resonance to the motion: force along an axis, torque across.
+    """Return the response of a lightly damped resonance to the motion: force along an axis, torque
+    across.
 
-    Each has two phases. The input is the acceleration that the command gives: the measured one would explain itself.
+    Each has two phases. The input is the acceleration that the command gives: the measured one
+    would explain itself.
     """
     omega = 2 * np.pi * frequency
 
@@ -249,9 +311,11 @@ def _resonance(frequency: float) -> Pushes:
 
 
 def _twist(frequency: float, priors: Priors) -> Pushes:
-    """Return the torque of a lightly damped resonance that the commanded torque drives, separately for every axis.
+    """Return the torque of a lightly damped resonance that the commanded torque drives, separately
+    for every axis.
 
-    With G = w² / (D² + 2 z w D + w²) the columns are G, D G / w, G² and D G² / w: its derivatives by w and z.
+    With G = w² / (D² + 2 z w D + w²) the columns are G, D G / w, G² and D G² / w: its derivatives
+    by w and z.
     """
     omega = 2 * np.pi * frequency
 
@@ -262,11 +326,15 @@ def _twist(frequency: float, priors: Priors) -> Pushes:
         def behind(drive: np.ndarray) -> np.ndarray:
             return signal.lfilter(b, a, drive, axis=0, zi=rest * drive[:1])[0]
 
-        once = behind(priors.twist_torque * s.u[:, 1:] / (priors.generic_size * s.weight * s.torque_unit))
+        once = behind(
+            priors.twist_torque * s.u[:, 1:] / (priors.generic_size * s.weight * s.torque_unit)
+        )
         twice = behind(once)
         changes = [np.gradient(g, s.step, axis=0) / omega for g in (once, twice)]
         peak = 2 * DAMPING  # normalises the peak of G to one
-        parts = np.stack([peak * once, peak * changes[0], peak**2 * twice, peak**2 * changes[1]], axis=2)
+        parts = np.stack(
+            [peak * once, peak * changes[0], peak**2 * twice, peak**2 * changes[1]], axis=2
+        )
         return _joined(*(_each(parts[:, i], [3 + i]) for i in range(3)))
 
     return pushes

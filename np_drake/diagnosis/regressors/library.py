@@ -1,4 +1,6 @@
-"""Candidates of the library: every effect as columns of a linear regression, nonlinear ones at several values."""
+"""Candidates of the library: every effect as columns of a linear regression, nonlinear ones at
+several values.
+"""
 
 import dataclasses as dc
 import math
@@ -30,12 +32,14 @@ Mended = tuple[np.ndarray, float]  # physical coefficients and their log probabi
 
 @dc.dataclass(frozen=True)
 class Candidate:
-    """Columns (m, 15, k) by flight with prior N(0, 1) on their coefficients, and the terms that coefficients stand for.
+    """Columns (m, 15, k) by flight with prior N(0, 1) on their coefficients, and the terms that
+    coefficients stand for.
 
     identifiers: of the effects; a wind comes with its drag.
     variant: label of this variant, with the values that are fixed.
     terms: maps coefficients (k,) to terms.
-    log_prior: log prior of this variant among those of the same effect; onset_prior: log prior of its onsets.
+    log_prior: log prior of this variant among those of the same effect; onset_prior: log prior of
+        its onsets.
     """
 
     identifiers: tuple[str, ...]
@@ -45,12 +49,18 @@ class Candidate:
     log_prior: float = 0.0
     onset: Onset = dc.field(default_factory=dict)
     possible: Callable[[np.ndarray], bool] | None = None  # whether coefficients are physical
-    mended: Callable[[np.ndarray, np.ndarray], Mended] | None = None  # physical coefficients near a bound
-    generic: Callable[[FlightResiduals], np.ndarray] | None = None  # columns on any flight; None for library effects
+    mended: Callable[[np.ndarray, np.ndarray], Mended] | None = (
+        None  # physical coefficients near a bound
+    )
+    generic: Callable[[FlightResiduals], np.ndarray] | None = (
+        None  # columns on any flight; None for library effects
+    )
     figures: dict[str, float] = dc.field(default_factory=dict)
     measurement: str = ""  # that would end what is generic
     onset_prior: float = 0.0
-    calibrated: bool = False  # part of every model already, so that it is a member only where it begins in flight
+    calibrated: bool = (
+        False  # part of every model already, so that it is a member only where it begins in flight
+    )
 
     @property
     def size(self) -> int:
@@ -60,7 +70,9 @@ class Candidate:
     @property
     def widens(self) -> bool:
         """Whether its prior widens to the size of the estimate."""
-        return bool(self.identifiers) and all(i in LIBRARY and LIBRARY[i].widens for i in self.identifiers)
+        return bool(self.identifiers) and all(
+            i in LIBRARY and LIBRARY[i].widens for i in self.identifiers
+        )
 
     @property
     def bounded(self) -> bool:
@@ -68,7 +80,8 @@ class Candidate:
         return self.possible is not None or self.mended is not None
 
     def physical(self, mean: np.ndarray, covariance: np.ndarray) -> Mended:
-        """Return physical coefficients (k,) given the posterior, and the log probability of being physical.
+        """Return physical coefficients (k,) given the posterior, and the log probability of being
+        physical.
 
         Args:
             mean: (k,) posterior mean.
@@ -84,20 +97,28 @@ def hidden_from(flights: Sequence[FlightResiduals]) -> dict[str, str]:
     """Return the effects that this kind of flights cannot tell, with the reason."""
     log = flights[0].log
     lacks = sorted({quantity for e in flights for quantity in e.log.lacks})
-    return unobservable(log.input, accelerations=log.a is not None, torque=flights[0].knows_torque, lacks=lacks)
+    return unobservable(
+        log.input, accelerations=log.a is not None, torque=flights[0].knows_torque, lacks=lacks
+    )
 
 
-def library_candidates(flights: Sequence[FlightResiduals], onset: Onset | None = None) -> list[Candidate]:
-    """Return candidates for all effects of the library except wind and payload, which are built elsewhere.
+def library_candidates(
+    flights: Sequence[FlightResiduals], onset: Onset | None = None
+) -> list[Candidate]:
+    """Return candidates for all effects of the library except wind and payload, which are built
+    elsewhere.
 
     Args:
-        flights: the flights.
         onset: onsets by flight [s]; effects that cannot begin in flight are then left out.
     """
     found: list[Candidate] = []
     stages = {e.name: StageCache() for e in flights}
     # A load that is taken up in flight shows, however heavy the vehicle was before.
-    hidden = {name for name, why in hidden_from(flights).items() if why != THRUST or not effect_of(name).sudden}
+    hidden = {
+        name
+        for name, why in hidden_from(flights).items()
+        if why != THRUST or not effect_of(name).sudden
+    }
     beside = any(e.log.neighbours for e in flights)
     for identifier, effect in effects_for(flights[0].log.input, neighbours=beside).items():
         elsewhere = effect.needs or effect.has_hidden_state
@@ -112,11 +133,17 @@ def _effect_candidates(
     onset: Onset,
     stages: Mapping[str, StageCache] | None = None,
 ) -> list[Candidate]:
-    """Return the variants of one effect as candidates, from caches of earlier predictions by flight."""
+    """Return the variants of one effect as candidates, from caches of earlier predictions by
+    flight.
+    """
     stages = stages or {e.name: StageCache() for e in flights}
     settings: list[dict[str, float]] = [{}]
     for p in effect.parameters:
-        settings = [{**s, p.name: choice} for s in settings for choice in p.choices] if p.choices else settings
+        settings = (
+            [{**s, p.name: choice} for s in settings for choice in p.choices]
+            if p.choices
+            else settings
+        )
     grid = effect.grid(flights[0].vehicle)
     if effect.linear or settings != [{}] or not grid:
         return [_linear(effect, flights, onset, s, len(settings), stages) for s in settings]
@@ -135,12 +162,17 @@ def _linear(effect, flights, onset, fixed: dict[str, float], variants: int, stag
             step = 0.1 * p.typical if effect.place in ("mass", "measurement") else p.typical
             step = step if p.neutral + step <= p.upper else -step
             values = {**neutral, p.name: p.neutral + step}
-            residual = predicted_residual(evidence, [Term(effect.of(values), onset)], stages[evidence.name])
+            residual = predicted_residual(
+                evidence, [Term(effect.of(values), onset)], stages[evidence.name]
+            )
             columns.append(residual / step)
         return np.stack(columns, axis=-1) @ root
 
     def terms(c: np.ndarray) -> list[Term]:
-        values = {p.name: float(np.clip(p.neutral + v, p.lower, p.upper)) for p, v in zip(free, root @ c, strict=True)}
+        values = {
+            p.name: float(np.clip(p.neutral + v, p.lower, p.upper))
+            for p, v in zip(free, root @ c, strict=True)
+        }
         return [Term(effect.of({**fixed, **values}), onset)]
 
     label = ",".join(f"{k}={v:g}" for k, v in fixed.items())
@@ -151,34 +183,40 @@ def _linear(effect, flights, onset, fixed: dict[str, float], variants: int, stag
     return Candidate((effect.identifier,), label, columns, terms, prior, onset, mended=mended)
 
 
-def _not_negative(root: np.ndarray, one_sided: np.ndarray, mean: np.ndarray, covariance: np.ndarray) -> Mended:
-    """Return coefficients (k,) whose one-sided parameters (k,) are not negative, and the log probability of that.
+def _not_negative(
+    root: np.ndarray, one_sided: np.ndarray, mean: np.ndarray, covariance: np.ndarray
+) -> Mended:
+    """Return coefficients (k,) whose one-sided parameters (k,) are not negative, and the log
+    probability of that.
 
-    root (k, k) maps coefficients, of posterior `mean` and `covariance`, to distances of the parameters from neutral.
+    root (k, k) maps coefficients, of posterior `mean` and `covariance`, to distances of the
+    parameters from neutral.
     Source: own choice: each axis by itself.
     """
     away, spread = root @ mean, np.sqrt(np.diag(root @ covariance @ root.T))
     log_probability = special.log_ndtr(away / spread)[one_sided].sum()
-    return np.linalg.solve(root, np.where(one_sided, np.maximum(away, 0.0), away)), float(log_probability)
+    return np.linalg.solve(root, np.where(one_sided, np.maximum(away, 0.0), away)), float(
+        log_probability
+    )
 
 
 def at_value(effect, flights, onset, values: dict[str, float], variants: int, stages) -> Candidate:
     """Return the candidate of a nonlinear effect that scales its prediction at `values`.
 
     Args:
-        effect: class of the effect.
-        flights: the flights.
         onset: onsets by flight [s].
-        values: parameters at which the residual is predicted.
         variants: number of variants that share the prior of the effect.
-        stages: by flight, cache of earlier predictions.
     """
     term = Term(effect.of(values), onset)
-    columns = {e.name: 2.0 * predicted_residual(e, [term], stages[e.name])[..., None] for e in flights}
+    columns = {
+        e.name: 2.0 * predicted_residual(e, [term], stages[e.name])[..., None] for e in flights
+    }
 
     def terms(c: np.ndarray) -> list[Term]:
         scaled = {
-            p.name: float(np.clip(p.neutral + 2.0 * c[0] * (values[p.name] - p.neutral), p.lower, p.upper))
+            p.name: float(
+                np.clip(p.neutral + 2.0 * c[0] * (values[p.name] - p.neutral), p.lower, p.upper)
+            )
             for p in effect.parameters
         }
         return [Term(effect.of(scaled), onset)]
@@ -195,12 +233,10 @@ def wind_candidates(
 ) -> list[Candidate]:
     """Return a steady wind with each drag of `plain`, as the columns of the drag and three more.
 
-    A drag that is weak or negative starts as a weak positive one, with a wind of the same force: both of opposite sign
-    push alike, and a local optimiser cannot pass from one to the other.
+    A drag that is weak or negative starts as a weak positive one, with a wind of the same force:
+    both of opposite sign push alike, and a local optimiser cannot pass from one to the other.
 
     Args:
-        flights: the flights.
-        plain: candidates, the drags among which are taken.
         onset: onsets of the wind by flight [s].
     """
     onset, vehicle = onset or {}, flights[0].vehicle
@@ -231,16 +267,19 @@ def wind_candidates(
 
 
 def switched(candidate: Candidate, flights: Sequence[FlightResiduals], onset: Onset) -> Candidate:
-    """Return the candidate switched on at its onsets; not for hidden states, which begin anew at an onset.
+    """Return the candidate switched on at its onsets; not for hidden states, which begin anew at an
+    onset.
 
     Args:
-        candidate: the candidate.
-        flights: the flights.
         onset: onsets by flight [s].
     """
-    columns = {e.name: candidate.columns[e.name] * e.begun(onset.get(e.name))[..., None] for e in flights}
+    columns = {
+        e.name: candidate.columns[e.name] * e.begun(onset.get(e.name))[..., None] for e in flights
+    }
 
     def terms(c: np.ndarray) -> list[Term]:
         return [dc.replace(term, onset=onset) for term in candidate.terms(c)]
 
-    return Candidate(candidate.identifiers, candidate.variant, columns, terms, candidate.log_prior, onset)
+    return Candidate(
+        candidate.identifiers, candidate.variant, columns, terms, candidate.log_prior, onset
+    )

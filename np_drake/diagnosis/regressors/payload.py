@@ -1,4 +1,6 @@
-"""Payload columns of the regression: at many tether lengths at once, or linear about a guess of all parameters."""
+"""Payload columns of the regression: at many tether lengths at once, or linear about a guess of all
+parameters.
+"""
 
 import dataclasses as dc
 import itertools
@@ -9,16 +11,30 @@ import numpy as np
 from scipy import special
 
 from np_drake import attitude
-from np_drake.diagnosis.forward_model import NEVER, STATE, Term, hidden_size, padded, specific_pull, swing_units
+from np_drake.diagnosis.forward_model import (
+    NEVER,
+    STATE,
+    Term,
+    hidden_size,
+    padded,
+    specific_pull,
+    swing_units,
+)
 from np_drake.diagnosis.options import Priors
 from np_drake.diagnosis.regressors.library import PAYLOAD, Candidate, Mended, Onset
 from np_drake.diagnosis.residuals import FORCE, TORQUE, WRENCH, FlightResiduals
 from np_drake.effects.library import LIBRARY
 
-SMALL = 0.02  # difference quotients: of a swing [rad], of a length, relative [1], of a damping [1/s]
+SMALL = (
+    0.02  # difference quotients: of a swing [rad], of a length, relative [1], of a damping [1/s]
+)
 WIDEST = 1.2  # swing [rad], and with the natural rate its rate, that a guess may have
 LONGEST_TETHER, SHORTEST_TETHER = 30.0, 0.1  # that a guess may have [m]
-SEARCH_LENGTHS = (0.15, 2.5, 96)  # of tethers in the search, at least: shortest, longest [m], number: 3 % apart
+SEARCH_LENGTHS = (
+    0.15,
+    2.5,
+    96,
+)  # of tethers in the search, at least: shortest, longest [m], number: 3 % apart
 MOST_DAMPING = 1.0  # that a guess may have [1/s]
 LEAST_MASS_DEVIATIONS = 2.0  # least mass over its posterior deviation [1]; own choice
 LIGHTEST = 0.02  # least mass, as a share of `unit`, by which products with the mass are divided [1]
@@ -28,9 +44,11 @@ SHAPE = 2  # number of columns for length and damping, which come next where the
 
 @dc.dataclass(frozen=True)
 class Guess:
-    """Guess of a payload: tether length [m], hook p_BoTo_B (3,) [m], hidden state by flight and damping [1/s].
+    """Guess of a payload: tether length [m], hook p_BoTo_B (3,) [m], hidden state by flight and
+    damping [1/s].
 
-    The hidden state holds angles [rad] and rates [rad/s] at the start and at jumps (`jumps`); missing entries are zero.
+    The hidden state holds angles [rad] and rates [rad/s] at the start and at jumps (`jumps`);
+    missing entries are zero.
     """
 
     length: float
@@ -41,18 +59,17 @@ class Guess:
 
 @dc.dataclass(frozen=True)
 class PayloadColumns:
-    """Payload columns with prior N(0, 1), by flight, without those that are zero there (the swings of other flights).
+    """Payload columns with prior N(0, 1), by flight, without those that are zero there (the swings
+    of other flights).
 
-    The order over all flights is mass, hook (3), length and damping (if `shaped`), and the swings of one flight after
-    the other.
+    The order over all flights is mass, hook (3), length and damping (if `shaped`), and the swings
+    of one flight after the other.
 
     Args:
-        guess: the point of linearisation.
         own: by flight, (m, 6, k') force and torque: at rest, length, damping, and the swing there.
         onset: onsets by flight [s].
         unit: mass of a coefficient of one [kg].
         rate: natural rate [1/s].
-        shaped: whether length and damping are free.
     """
 
     guess: Guess
@@ -71,8 +88,13 @@ class PayloadColumns:
     @property
     def swings(self) -> dict[str, slice]:
         """Columns of each flight's swing."""
-        ends = np.cumsum([self.first, *(X.shape[-1] - self.first for X in self.own.values())]).tolist()
-        return {name: slice(*span) for name, span in zip(self.own, itertools.pairwise(ends), strict=True)}
+        ends = np.cumsum(
+            [self.first, *(X.shape[-1] - self.first for X in self.own.values())]
+        ).tolist()
+        return {
+            name: slice(*span)
+            for name, span in zip(self.own, itertools.pairwise(ends), strict=True)
+        }
 
     @property
     def size(self) -> int:
@@ -85,9 +107,14 @@ class PayloadColumns:
 
     @property
     def log_prior(self) -> float:
-        """Log prior of swings and damping of the guess; deviations from the guess have their own prior."""
+        """Log prior of swings and damping of the guess; deviations from the guess have their own
+        prior.
+        """
         spans = {name: span.stop - span.start for name, span in self.swings.items()}
-        swings = [padded(self.guess.swing.get(name), n) / swing_units(n, self.rate) for name, n in spans.items()]
+        swings = [
+            padded(self.guess.swing.get(name), n) / swing_units(n, self.rate)
+            for name, n in spans.items()
+        ]
         relative = np.concatenate(swings) / self.priors.swing
         return -0.5 * float(np.sum(relative**2) + (self.guess.damping / self.priors.damping) ** 2)
 
@@ -101,7 +128,9 @@ class PayloadColumns:
         stretch, brake = c[AT_REST : self.first] / share if self.shaped else np.zeros(SHAPE)
         stretch = np.clip(stretch * self.priors.length, -0.2, 0.2)
         length = float(np.clip(self.guess.length * (1 + stretch), SHORTEST_TETHER, LONGEST_TETHER))
-        damping = float(np.clip(self.guess.damping + brake * self.priors.damping, 0.0, MOST_DAMPING))
+        damping = float(
+            np.clip(self.guess.damping + brake * self.priors.damping, 0.0, MOST_DAMPING)
+        )
         swing = {}
         for name, span in self.swings.items():
             units = swing_units(span.stop - span.start, self.rate)
@@ -113,12 +142,18 @@ class PayloadColumns:
     def terms(self, c: np.ndarray) -> list[Term]:
         """Return the payload term that coefficients (k,) stand for."""
         guess = self.moved(c)
-        values = {"mass": max(c[0], LIGHTEST) * self.unit, "length": guess.length, "damping": guess.damping}
+        values = {
+            "mass": max(c[0], LIGHTEST) * self.unit,
+            "length": guess.length,
+            "damping": guess.damping,
+        }
         values |= dict(zip(("hook_x", "hook_y", "hook_z"), guess.hook.tolist(), strict=True))
         return [Term(LIBRARY[PAYLOAD].of(values), self.onset, guess.swing)]
 
     def candidate(self, flights: Sequence[FlightResiduals]) -> Candidate:
-        """Return a candidate with columns for all channels, physical where mass is positive and swings are small."""
+        """Return a candidate with columns for all channels, physical where mass is positive and
+        swings are small.
+        """
 
         def hangs(c: np.ndarray) -> bool:
             return bool(c[0] > 0.01 and np.all(np.abs(c[self.first :]) < 7.0 * c[0]))
@@ -140,9 +175,11 @@ class PayloadColumns:
 
 
 def heavy_enough(mean: np.ndarray, covariance: np.ndarray) -> Mended:
-    """Return coefficients (k,) conditioned on a mass that is significantly positive, and its log probability.
+    """Return coefficients (k,) conditioned on a mass that is significantly positive, and its log
+    probability.
 
-    Hook and swing are known by their products with the mass: one that is too small makes them too large.
+    Hook and swing are known by their products with the mass: one that is too small makes them too
+    large.
 
     Args:
         mean: (k,) posterior mean, the mass first, in units of the prior's deviations.
@@ -158,24 +195,37 @@ def heavy_enough(mean: np.ndarray, covariance: np.ndarray) -> Mended:
 
 
 def payloads_of(
-    flights: Sequence[FlightResiduals], lengths: np.ndarray, priors: Priors, onset: Onset | None = None
+    flights: Sequence[FlightResiduals],
+    lengths: np.ndarray,
+    priors: Priors,
+    onset: Onset | None = None,
 ) -> list[PayloadColumns]:
-    """Return payload columns at each tether length, with mass, hook and initial swings free, without damping.
+    """Return payload columns at each tether length, with mass, hook and initial swings free,
+    without damping.
 
     Args:
-        flights: the flights.
         lengths: of tethers [m].
-        priors: of mass, hook and swing.
         onset: when the payload is hung, by flight [s].
     """
     lengths = np.asarray(lengths, float)
     rates = np.sqrt(flights[0].vehicle.gravity / lengths)
-    swing = np.repeat(np.concatenate([np.zeros((1, STATE)), SMALL * np.eye(STATE)])[None], len(lengths), axis=0)
+    swing = np.repeat(
+        np.concatenate([np.zeros((1, STATE)), SMALL * np.eye(STATE)])[None], len(lengths), axis=0
+    )
     swing[:, :, 2:] *= rates[:, None, None]
     many = np.repeat(lengths, 1 + STATE), swing.reshape(-1, STATE)
-    pulls = {e.name: _pulls(e, *many, np.zeros(3), onset).reshape(-1, len(lengths), 1 + STATE, 3) for e in flights}
+    pulls = {
+        e.name: _pulls(e, *many, np.zeros(3), onset).reshape(-1, len(lengths), 1 + STATE, 3)
+        for e in flights
+    }
     return [
-        _columns(flights, Guess(float(length)), {n: p[:, i] for n, p in pulls.items()}, priors, onset or {})
+        _columns(
+            flights,
+            Guess(float(length)),
+            {n: p[:, i] for n, p in pulls.items()},
+            priors,
+            onset or {},
+        )
         for i, length in enumerate(lengths)
     ]
 
@@ -186,9 +236,6 @@ def payload_about(
     """Return payload columns linearised about a guess, with its length and damping free as well.
 
     Args:
-        flights: the flights.
-        guess: point of linearisation.
-        priors: priors of parameters, swings and onsets.
         onset: onsets by flight [s].
     """
     rate = math.sqrt(flights[0].vehicle.gravity / guess.length)
@@ -196,7 +243,9 @@ def payload_about(
     for e in flights:
         size = hidden_size(e, (onset or {}).get(e.name))
         moves = SMALL * np.diag(swing_units(size, rate))
-        swing = padded(guess.swing.get(e.name), size) + np.concatenate([np.zeros((1 + SHAPE, size)), moves])
+        swing = padded(guess.swing.get(e.name), size) + np.concatenate(
+            [np.zeros((1 + SHAPE, size)), moves]
+        )
         lengths, damping = np.full(len(swing), guess.length), np.full(len(swing), guess.damping)
         lengths[1] *= 1 + SMALL
         damping[2] += SMALL
@@ -213,7 +262,8 @@ def _columns(
     *,
     shaped: bool = False,
 ) -> PayloadColumns:
-    """Return the columns from the pulls at the guess, of other shape (if `shaped`), and at each displaced swing.
+    """Return the columns from the pulls at the guess, of other shape (if `shaped`), and at each
+    displaced swing.
 
     shaped: at a longer tether, and with more damping.
     """
@@ -229,7 +279,9 @@ def _columns(
         moved = (force[..., 1:] - force[..., :1]) * more
         X = np.zeros((len(force), 6, AT_REST + len(more)))
         X[:, FORCE, 0], X[:, FORCE, AT_REST:] = force[..., 0], moved
-        X[:, TORQUE, :AT_REST] = np.stack([force[..., 0] @ attitude.skew(h).T for h in hooks], axis=-1)
+        X[:, TORQUE, :AT_REST] = np.stack(
+            [force[..., 0] @ attitude.skew(h).T for h in hooks], axis=-1
+        )
         X[:, TORQUE, AT_REST:] = attitude.skew(guess.hook) @ moved
         own[e.name] = X * e.shown[:, None]
     return PayloadColumns(guess, own, onset, mass, rate, priors, shaped)
@@ -243,7 +295,9 @@ def _pulls(
     onset: Onset | None,
     damping: float | np.ndarray = 0.0,
 ) -> np.ndarray:
-    """Return the specific pulls (m, k, 3) of k payloads (`specific_pull`); zero where the flight has no payload."""
+    """Return the specific pulls (m, k, 3) of k payloads (`specific_pull`); zero where the flight
+    has no payload.
+    """
     begin = (onset or {}).get(flight.name)
     if begin == NEVER:
         return np.zeros((len(flight.t), len(lengths), 3))

@@ -1,4 +1,6 @@
-"""Linear regression over flights: log evidence of any set of candidates, with nuisance columns and priors."""
+"""Linear regression over flights: log evidence of any set of candidates, with nuisance columns and
+priors.
+"""
 
 import dataclasses as dc
 from collections.abc import Iterable, Sequence
@@ -18,11 +20,8 @@ from np_drake.effects.library import LIBRARY, effect_of
 def prior_of(identifiers: Iterable[str], priors: Priors) -> float:
     """Return the log prior of a set of effects.
 
-    An effect through which another acts, as a wind through drag, adds no cost.   Source: own choice.
-
-    Args:
-        identifiers: of the effects.
-        priors: priors of parameters, swings and onsets.
+    An effect through which another acts, as a wind through drag, adds no cost.
+    Source: own choice.
     """
     every = set(identifiers)
     needs = [LIBRARY[name].needs for name in every if name in LIBRARY]
@@ -42,10 +41,7 @@ class RegressionProblem:
     """Whitened flights with candidates as columns, whose Gram matrix is computed on first use.
 
     Args:
-        flights: the flights of the fit.
-        noise: noise model that whitens.
         nuisance: candidates that every model has (calibration within its tolerance).
-        candidates: candidates among which to select.
         temperature: factor on the noise variance [1].
     """
 
@@ -79,12 +75,8 @@ class RegressionProblem:
         return self.total.given(self._nuisance)
 
     def white(self, noise: NoiseModel, e: FlightResiduals, candidate: Candidate) -> np.ndarray:
-        """Return the whitened columns (m - p, 15, k) of a candidate in a flight, cached until the noise changes.
-
-        Args:
-            noise: noise model that whitens.
-            e: the flight.
-            candidate: one of the problem's.
+        """Return the whitened columns (m - p, 15, k) of a candidate in a flight, cached until the
+        noise changes.
         """
         if self._white[0] is not noise:
             self._white = (noise, {})
@@ -118,11 +110,15 @@ class RegressionProblem:
 
     def scores(self, sets: Sequence[Sequence[int]]) -> list[float]:
         """Return `score` of many sets, solved together."""
-        priors = np.array([self._log_prior(members) for members in sets]) + self._log_probability(sets)
+        priors = np.array([self._log_prior(members) for members in sets]) + self._log_probability(
+            sets
+        )
         wide = [[self.candidates[i].widens for i in members] for members in sets]
         some = np.flatnonzero(np.isfinite(priors)).tolist()
         evidence = np.zeros(len(sets))
-        evidence[some] = self._rest.evidence_of_sets([self._groups(sets[i]) for i in some], [wide[i] for i in some])
+        evidence[some] = self._rest.evidence_of_sets(
+            [self._groups(sets[i]) for i in some], [wide[i] for i in some]
+        )
         return (evidence + priors).tolist()
 
     def _groups(self, members: Sequence[int]) -> list[np.ndarray]:
@@ -132,12 +128,18 @@ class RegressionProblem:
     def _log_prior(self, members: Sequence[int]) -> float:
         chosen = [self.candidates[i] for i in members]
         effects = {name for c in chosen for name in c.identifiers}
-        return prior_of(effects, self.options.priors) + sum(c.log_prior + c.onset_prior for c in chosen)
+        return prior_of(effects, self.options.priors) + sum(
+            c.log_prior + c.onset_prior for c in chosen
+        )
 
     def _log_probability(self, sets: Sequence[Sequence[int]]) -> np.ndarray:
-        """Return the log probability (n,) under the posterior that all members of each set are physical."""
+        """Return the log probability (n,) under the posterior that all members of each set are
+        physical.
+        """
         total = np.zeros(len(sets))
-        some = [k for k, members in enumerate(sets) if any(self.candidates[i].bounded for i in members)]
+        some = [
+            k for k, members in enumerate(sets) if any(self.candidates[i].bounded for i in members)
+        ]
         posteriors = self._rest.posteriors([np.concatenate(self._groups(sets[k])) for k in some])
         for k, (mean, covariance) in zip(some, posteriors, strict=True):
             at = 0
@@ -148,8 +150,12 @@ class RegressionProblem:
         return total
 
     def fits_together(self, members: Sequence[int]) -> bool:
-        """Return whether no effect occurs twice, nor is calibrated already, and at most one is a pure delay."""
+        """Return whether no effect occurs twice, nor is calibrated already, and at most one is a
+        pure delay.
+        """
         if any(self.candidates[i].calibrated for i in members):
             return False
         names = [name for i in members for name in self.candidates[i].identifiers]
-        return len(names) == len(set(names)) and sum(effect_of(name).pure_delay for name in names) < 2
+        return (
+            len(names) == len(set(names)) and sum(effect_of(name).pure_delay for name in names) < 2
+        )

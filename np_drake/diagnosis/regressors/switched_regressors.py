@@ -13,17 +13,23 @@ class SwitchedRegressors:
     """Sums over the whitened rows of one flight, for columns X that begin at any of them.
 
     Target y (m', 15) and columns B (m', 15, b) that act as well are not whitened yet.
-    products (b + 1, b + 1): inner products of whitened B and y. t (m,): times of the whitened rows [s].
+    products (b + 1, b + 1): inner products of whitened B and y. t (m,): times of the whitened rows
+    [s].
 
     Args:
-        flight: the flight.
-        noise: noise model of the channels.
         target: (m', 15) channels y.
         others: (m', 15, b) columns B that act as well.
         scale: factor on whitened values [1].
     """
 
-    def __init__(self, flight: FlightResiduals, noise: NoiseModel, target: np.ndarray, others: np.ndarray, scale=1.0):
+    def __init__(
+        self,
+        flight: FlightResiduals,
+        noise: NoiseModel,
+        target: np.ndarray,
+        others: np.ndarray,
+        scale=1.0,
+    ):
         self._e, self._noise, self._scale = flight, noise, scale
         self._order = noise.phi.shape[1]
         self.t = flight.t[self._order :]
@@ -31,7 +37,8 @@ class SwitchedRegressors:
         both = np.concatenate([others, target[..., None]], axis=-1)
         active, half, m = np.flatnonzero(noise.active), len(self._rise) // 2, len(self.t)
         driven = self._driven(active, flight.bridged(both[:, active]))
-        # Innovations times this equal whitened values times whitened `both`; rows beyond either end are zero.
+        # Innovations times this equal whitened values times whitened `both`; rows beyond either end
+        # are zero.
         padded = np.zeros((both.shape[1], half + m + half + self._order, both.shape[2]))
         self._facing = padded[:, half : half + m]
         self._facing[active] = np.tensordot(self._weight(active), driven, 1)
@@ -47,7 +54,9 @@ class SwitchedRegressors:
         return len(self._rise) + self._order
 
     def whole(self, X: np.ndarray) -> Sums:
-        """Return the sums for columns (m', 15, k) over all rows from each row (m + 1) on, without a jump there."""
+        """Return the sums for columns (m', 15, k) over all rows from each row (m + 1) on, without a
+        jump there.
+        """
         channels = self._channels(X)
         own = self._driven(channels, self._e.bridged(X[:, channels]))
         weighted = np.tensordot(self._weight(channels), own, 1)
@@ -57,7 +66,8 @@ class SwitchedRegressors:
         return XX, XBy[..., :-1], XBy[..., -1]
 
     def begun(self, X: np.ndarray, whole: Sums, rows: np.ndarray) -> Sums:
-        """Return the sums for columns (m', 15, k) switched on at each of `rows`, smeared by the grid.
+        """Return the sums for columns (m', 15, k) switched on at each of `rows`, smeared by the
+        grid.
 
         Args:
             X: (m', 15, k) columns.
@@ -88,7 +98,10 @@ class SwitchedRegressors:
 
     def _driven(self, channels: np.ndarray, values: np.ndarray) -> np.ndarray:
         """Return the innovations (a, m - p, ...) of the channels (a,), for values (m, a, ...)."""
-        parts = [self._noise.driven_in(c, values[:, i], self._e.name) for i, c in enumerate(channels.tolist())]
+        parts = [
+            self._noise.driven_in(c, values[:, i], self._e.name)
+            for i, c in enumerate(channels.tolist())
+        ]
         shape = (len(values) - self._order, *values.shape[2:])
         return self._scale * np.reshape(parts, (len(parts), *shape))
 
@@ -100,7 +113,6 @@ class SwitchedSums:
     """Cache of the sums of one candidate's columns X (m', 15, k) in one flight.
 
     Args:
-        columns: sums over the whitened rows of the flight.
         X: (m', 15, k) columns.
     """
 
@@ -120,11 +132,10 @@ class SwitchedSums:
 def onset_log_likelihood(
     flight: FlightResiduals, noise: NoiseModel, target: np.ndarray, own: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return (n,) times of the grid, the last one "not at all", and log likelihoods if `own` begins there.
+    """Return (n,) times of the grid, the last one "not at all", and log likelihoods if `own` begins
+    there.
 
     Args:
-        flight: the flight.
-        noise: noise model of the channels.
         target: (m, 15) residual without the effect.
         own: (m, 15) what the effect leaves.
     """
@@ -133,7 +144,8 @@ def onset_log_likelihood(
     rows = np.arange(1, len(t))
     whole = columns.whole(X)
     XX, _, Xy = (
-        np.concatenate([a[:1], b, 0 * a[:1]]) for a, b in zip(whole, columns.begun(X, whole, rows), strict=True)
+        np.concatenate([a[:1], b, 0 * a[:1]])
+        for a, b in zip(whole, columns.begun(X, whole, rows), strict=True)
     )
     after = (Xy - 0.5 * XX[..., 0])[:, 0]
     times = np.append(t, t[-1] + flight.grid.step)

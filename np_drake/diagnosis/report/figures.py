@@ -23,10 +23,16 @@ _OCTAVES = 4  # ranges of frequency in an octave, over which a spectrum is avera
 def legend(figure: Figure) -> None:
     """Add one legend above all panels, with every label once."""
     shown = {
-        label: handle for ax in figure.get_axes() for handle, label in zip(*ax.get_legend_handles_labels(), strict=True)
+        label: handle
+        for ax in figure.get_axes()
+        for handle, label in zip(*ax.get_legend_handles_labels(), strict=True)
     }
     figure.legend(
-        list(shown.values()), list(shown), loc="outside upper center", ncols=max(len(shown), 1), frameon=False
+        list(shown.values()),
+        list(shown),
+        loc="outside upper center",
+        ncols=max(len(shown), 1),
+        frameon=False,
     )
 
 
@@ -34,13 +40,13 @@ def replay_figure(before: ReplayGap | None, after: ReplayGap | None) -> Figure:
     """Return the median replay error against horizon on logarithmic axes, with 95 % intervals.
 
     One panel each shows position, velocity and attitude.
-
-    Args:
-        before: without the causes.
-        after: with them.
     """
     figure, grid = new_figure(1, 3, width=9.0, height=3.1)
-    panels = (("position", "position [m]"), ("velocity", "velocity [m/s]"), ("attitude", "attitude [deg]"))
+    panels = (
+        ("position", "position [m]"),
+        ("velocity", "velocity [m/s]"),
+        ("attitude", "attitude [deg]"),
+    )
     curves = ((before, NOMINAL, BEFORE, "o", "--"), (after, WITH, AFTER, "s", "-"))
     for ax, (name, axis) in zip(grid[0], panels, strict=True):
         ax.set(xscale="log", yscale="log", xlabel="horizon [s]", ylabel=f"error of {axis}")
@@ -49,8 +55,12 @@ def replay_figure(before: ReplayGap | None, after: ReplayGap | None) -> Figure:
                 continue
             values = np.asarray(getattr(gap, name), float)
             values = np.where(np.isfinite(values) & (values > 0), values, np.nan)
-            ax.fill_between(gap.horizon, values[:, 1], values[:, 2], color=colour, alpha=0.22, linewidth=0)
-            ax.plot(gap.horizon, values[:, 0], color=colour, marker=marker, linestyle=dash, label=label)
+            ax.fill_between(
+                gap.horizon, values[:, 1], values[:, 2], color=colour, alpha=0.22, linewidth=0
+            )
+            ax.plot(
+                gap.horizon, values[:, 0], color=colour, marker=marker, linestyle=dash, label=label
+            )
             ax.set_xticks(gap.horizon, [f"{h:g}" for h in gap.horizon])
             ax.set_xticks([], minor=True)
         ax.yaxis.set_major_formatter(plain_ticks())
@@ -74,14 +84,22 @@ Onsets = dict[str, list[tuple[str, float]]]  # flight: (effect, time)
 
 
 def regime_figure(regimes: Sequence[Regime]) -> Figure:
-    """Return a heat map of RMS residual in noise units, channel against regime, before and, where known, after."""
+    """Return a heat map of RMS residual in noise units, channel against regime, before and, where
+    known, after.
+    """
     quantities = list(dict.fromkeys(regime.quantity for regime in regimes))
-    groups = [[regime for regime in regimes if regime.quantity == quantity] for quantity in quantities]
-    known = [c for c in range(len(CHANNELS)) if any(r.rms[c] != 0 for r in regimes)]  # no log tells every torque
+    groups = [
+        [regime for regime in regimes if regime.quantity == quantity] for quantity in quantities
+    ]
+    known = [
+        c for c in range(len(CHANNELS)) if any(r.rms[c] != 0 for r in regimes)
+    ]  # no log tells every torque
     rows = [(NOMINAL, "rms")]
     if all(regime.rms_after for regime in regimes):
         rows.append((WITH, "rms_after"))
-    values = np.concatenate([[getattr(r, name)[c] for c in known] for _, name in rows for r in regimes])
+    values = np.concatenate(
+        [[getattr(r, name)[c] for c in known] for _, name in rows for r in regimes]
+    )
     scale = LogNorm(1.0, max([3.0, *values[np.isfinite(values)]]), clip=True)
     widths = {"width_ratios": [len(group) for group in groups]}
     columns = sum(map(len, groups))
@@ -123,29 +141,40 @@ def _heat(ax, values: np.ndarray, scale: LogNorm):
 
 
 def _ranges(group: Sequence[Regime]) -> list[str]:
-    """Return 'lower to upper' of regimes of one quantity, with as few decimals as tell the bounds apart."""
+    """Return 'lower to upper' of regimes of one quantity, with as few decimals as tell the bounds
+    apart.
+    """
     width = min(regime.upper - regime.lower for regime in group)
     decimals = int(np.clip(-np.floor(np.log10(max(width, 1e-6)) + 1e-9), 0, 6))
     return [f"{fixed(r.lower, decimals)} to {fixed(r.upper, decimals)}" for r in group]
 
 
 def timeline_figure(localisation: Localisation, onsets: Onsets) -> Figure:
-    """Return the running RMS of force and torque residual of each flight, with noise, change points and onsets.
+    """Return the running RMS of force and torque residual of each flight, with noise, change points
+    and onsets.
 
     Args:
-        localisation: residuals by flight, before and after the causes.
         onsets: by flight, effects and when they begin [s].
     """
     flights = list(localisation.times)[:FLIGHTS]
-    kinds = [kind for kind in _KINDS if any(np.any(localisation.before[f][:, kind[2]]) for f in flights)]
+    kinds = [
+        kind for kind in _KINDS if any(np.any(localisation.before[f][:, kind[2]]) for f in flights)
+    ]
     figure, grid = new_figure(
-        len(flights), max(len(kinds), 1), width=9.0, height=0.9 + 1.75 * len(flights), sharex="row", sharey="col"
+        len(flights),
+        max(len(kinds), 1),
+        width=9.0,
+        height=0.9 + 1.75 * len(flights),
+        sharex="row",
+        sharey="col",
     )
     for axes, flight in zip(grid, flights, strict=True):
         for ax, (kind, unit, channels) in zip(axes, kinds, strict=False):
             factor, shown = _trace(ax, localisation, flight, channels, unit)
             _marks(ax, localisation, flight, onsets.get(flight, []))
-            if floor := factor * np.linalg.norm([c.noise_floor for c in localisation.channels[channels]]):
+            if floor := factor * np.linalg.norm(
+                [c.noise_floor for c in localisation.channels[channels]]
+            ):
                 ax.axhline(floor, color=NOISE, linestyle="--", linewidth=1.0, label="noise")
             ax.set_ylabel(f"{kind} [{shown}]")
             ax.set_title(plain_name(flight), fontsize=8, loc="left", parse_math=False)
@@ -157,8 +186,12 @@ def timeline_figure(localisation: Localisation, onsets: Onsets) -> Figure:
     return figure
 
 
-def _trace(ax, localisation: Localisation, flight: str, channels: slice, unit: str) -> tuple[float, str]:
-    """Draw the running RMS before and after, and return the factor and the unit in which it is drawn."""
+def _trace(
+    ax, localisation: Localisation, flight: str, channels: slice, unit: str
+) -> tuple[float, str]:
+    """Draw the running RMS before and after, and return the factor and the unit in which it is
+    drawn.
+    """
     curves = ((localisation.before, NOMINAL, BEFORE, "--"), (localisation.after, WITH, AFTER, "-"))
     every = np.concatenate([values[:, channels].ravel() for values in localisation.before.values()])
     factor, shown = suited(float(np.nanmax(np.abs(every))), unit)
@@ -166,7 +199,9 @@ def _trace(ax, localisation: Localisation, flight: str, channels: slice, unit: s
     for traces, label, colour, dash in curves:
         if flight in traces:
             size = factor * np.linalg.norm(traces[flight][:, channels], axis=1)
-            ax.plot(t, _running_rms(size, t), color=colour, linestyle=dash, linewidth=1.1, label=label)
+            ax.plot(
+                t, _running_rms(size, t), color=colour, linestyle=dash, linewidth=1.1, label=label
+            )
     ax.margins(x=0)
     ax.xaxis.set_major_locator(MaxNLocator(8, steps=[1, 2, 5, 10]))
     ax.grid(alpha=0.3, linewidth=0.6)
@@ -184,7 +219,9 @@ def _marks(ax, localisation: Localisation, flight: str, onsets: list[tuple[str, 
 
 
 def _running_rms(size: np.ndarray, t: np.ndarray) -> np.ndarray:
-    """Return the root mean square (n,) over `_WINDOW` [s]; rows that are not finite are left out."""
+    """Return the root mean square (n,) over `_WINDOW` [s]; rows that are not finite are left
+    out.
+    """
     rows = max(1, round(_WINDOW / max(float(np.median(np.diff(t))), 1e-6))) if len(t) > 1 else 1
     good = np.isfinite(size)
     kernel = np.ones(min(rows, len(t)))
@@ -194,10 +231,14 @@ def _running_rms(size: np.ndarray, t: np.ndarray) -> np.ndarray:
 
 
 def spectrum_figure(bands: Sequence[Band]) -> Figure:
-    """Return the spectral density of the residual before and after, with that of the noise model."""
+    """Return the spectral density of the residual before and after, with that of the noise
+    model.
+    """
     bands = [band for band in bands[:6] if np.any(band.before > 0)]
     rows = max(-(-len(bands) // 3), 1)
-    figure, grid = new_figure(rows, min(3, max(len(bands), 1)), width=9.0, height=0.8 + 2.1 * rows, sharex=True)
+    figure, grid = new_figure(
+        rows, min(3, max(len(bands), 1)), width=9.0, height=0.8 + 2.1 * rows, sharex=True
+    )
     for ax, band in zip(grid.flat, bands, strict=False):
         curves = (
             (band.before, NOMINAL, BEFORE, "--"),
@@ -205,7 +246,13 @@ def spectrum_figure(bands: Sequence[Band]) -> Figure:
             (band.noise, "noise", NOISE, ":"),
         )
         for density, label, colour, dash in curves:
-            ax.loglog(*smoothed(band.frequency, density), color=colour, linestyle=dash, linewidth=1.4, label=label)
+            ax.loglog(
+                *smoothed(band.frequency, density),
+                color=colour,
+                linestyle=dash,
+                linewidth=1.4,
+                label=label,
+            )
         unit = "N²/Hz" if band.channel.startswith("force") else "(N·m)²/Hz"
         ax.set_ylabel(f"{band.channel} [{unit}]")
         if np.any(band.noise > 0):  # below it there is only the roll-off of a filter
@@ -221,7 +268,8 @@ def spectrum_figure(bands: Sequence[Band]) -> Figure:
 
 
 def smoothed(frequency: np.ndarray, density: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return frequency and density averaged over `_OCTAVES` ranges in an octave, without frequency zero.
+    """Return frequency and density averaged over `_OCTAVES` ranges in an octave, without frequency
+    zero.
 
     Args:
         frequency: (m,) [Hz].

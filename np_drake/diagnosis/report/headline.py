@@ -16,10 +16,11 @@ PLAIN_GAIN = 1.1  # ratio of errors of the replay from which it is better or wor
 
 
 def headline(diagnosis: Diagnosis) -> str:
-    """Return the answer in one sentence: the causes, their share of the whole gap, and what the replay makes of it.
+    """Return the answer in one sentence: the causes, their share of the whole gap, and what the
+    replay makes of it.
 
-    At most `MOST_NAMED` causes are named, those with the largest share of the gap. Where the held-out flights show no
-    material gap, that is the answer, and nothing is named.
+    At most `MOST_NAMED` causes are named, those with the largest share of the gap. Where the
+    held-out flights show no material gap, that is the answer, and nothing is named.
     """
     if diagnosis.cannot_tell:
         return "These logs cannot tell"
@@ -31,7 +32,10 @@ def headline(diagnosis: Diagnosis) -> str:
         return capital(_explained(diagnosis, causes)) + _unknown(diagnosis)
     sizes = sizes_left(reduction.left)
     if UNKNOWN in diagnosis.verdict:
-        return f"No effect explains what is left on {judges} ({probability(diagnosis.unknown_probability)}): {sizes}"
+        return (
+            f"No effect explains what is left on {judges} "
+            f"({probability(diagnosis.unknown_probability)}): {sizes}"
+        )
     calibrated = "with calibration, " if diagnosis.calibration else ""
     return f"Nothing material is missing: {calibrated}the remainder on {judges} is {sizes}"
 
@@ -46,7 +50,9 @@ def _unknown(diagnosis: Diagnosis) -> str:
 
 
 def _explained(diagnosis: Diagnosis, causes: Sequence[Cause]) -> str:
-    """Return the causes as subject, what flights contradict, the share of the gap, and whether the replay improves."""
+    """Return the causes as subject, what flights contradict, the share of the gap, and whether the
+    replay improves.
+    """
     names = [phrase(cause) for cause in causes[:MOST_NAMED]]
     rest = len(causes) - len(names)
     names += [f"{rest} more"] * (rest > 0) + ["calibration"] * bool(diagnosis.calibration)
@@ -56,14 +62,19 @@ def _explained(diagnosis: Diagnosis, causes: Sequence[Cause]) -> str:
     text = f"{listed(names)} explain{'s' if one else ''} {percent(share)} of the gap on {judges}"
     against = [bare_name(c.identifier) for c in causes if c.held_out_gain < CONTRADICTED]
     if against:
-        text += f", which {'is' if len(diagnosis.held_out) == 1 else 'are'} predicted better without {listed(against)}"
+        text += (
+            f", which {'is' if len(diagnosis.held_out) == 1 else 'are'} predicted better "
+            f"without {listed(against)}"
+        )
     if grown := [part.kind for part in gap_kinds(diagnosis.localisation.channels) if part.grows]:
         text += f" and make{'s' * one} {listed(grown)} worse"
     return text + _replayed(diagnosis.gap_reduction)
 
 
 def _replayed(reduction: GapReduction) -> str:
-    """Return how the position error of the replay changes at its last horizon; empty where it was not made."""
+    """Return how the position error of the replay changes at its last horizon; empty where it was
+    not made.
+    """
     before, after = reduction.replay_before, reduction.replay_after
     if before is None or after is None:
         return ""
@@ -84,7 +95,9 @@ def _judges(diagnosis: Diagnosis) -> str:
 
 
 def lead(diagnosis: Diagnosis) -> str:
-    """Return what stands below the headline: probabilities, what remains, and what the second answer adds."""
+    """Return what stands below the headline: probabilities, what remains, and what the second
+    answer adds.
+    """
     reduction, said = diagnosis.gap_reduction, []
     if diagnosis.cannot_tell:
         return "The training flights excite too little to tell one effect from another."
@@ -101,17 +114,23 @@ def lead(diagnosis: Diagnosis) -> str:
     if UNKNOWN in diagnosis.verdict:
         traces = diagnosis.unexplained
         said.append(
-            f"to find what remains: {main_remainder(traces).measurement}" if traces else "it has no trace of its own"
+            f"to find what remains: {main_remainder(traces).measurement}"
+            if traces
+            else "it has no trace of its own"
         )
     if diagnosis.new_on_held_out:
         said.append(f"new on {_judges(diagnosis)}: {diagnosis.new_on_held_out[0].text.rstrip('.')}")
     if diagnosis.refit is not None and diagnosis.refit.verdict != diagnosis.verdict:
-        said.append("a second answer, which knows halves of the held-out flights, differs: see below")
+        said.append(
+            "a second answer, which knows halves of the held-out flights, differs: see below"
+        )
     return capital("; ".join(said)) + "."
 
 
 def main_remainder(remains: Sequence[Finding]) -> Finding:
-    """Return the finding with the largest share of weight, else with the largest force, else the first."""
+    """Return the finding with the largest share of weight, else with the largest force, else the
+    first.
+    """
     return max(remains, key=lambda f: (f.figures.get("share", 0.0), f.figures.get("force", 0.0)))
 
 

@@ -14,7 +14,12 @@ from markupsafe import Markup
 from matplotlib.figure import Figure
 
 from np_drake.diagnosis.report import summary, words
-from np_drake.diagnosis.report.figures import regime_figure, replay_figure, spectrum_figure, timeline_figure
+from np_drake.diagnosis.report.figures import (
+    regime_figure,
+    replay_figure,
+    spectrum_figure,
+    timeline_figure,
+)
 from np_drake.diagnosis.report.headline import headline, lead
 from np_drake.diagnosis.report.remainder import GAP_HEADER, calibration_share, gap_rows, remains
 from np_drake.diagnosis.result import Diagnosis, Finding, ReplayGap
@@ -37,14 +42,13 @@ def render(
     """Return the HTML page.
 
     Args:
-        diagnosis: the result to show.
-        figures: PNG bytes by figure name.
-        seed: seed of the diagnosis, which the page states.
         beside: texts of links by the names of files in the same folder.
     """
     template = template_of(_text(TEMPLATE))
     pictures = {name: embedded(png) for name, png in figures.items()}
-    return template.render(**content(diagnosis, seed), figures=pictures, beside=beside, style=style())
+    return template.render(
+        **content(diagnosis, seed), figures=pictures, beside=beside, style=style()
+    )
 
 
 def template_of(text: str) -> Template:
@@ -61,7 +65,9 @@ def template_of(text: str) -> Template:
 
 
 def longest_word(text: str) -> int:
-    """Return the length of the longest part of a text that no line is broken in, as a name of a file."""
+    """Return the length of the longest part of a text that no line is broken in, as a name of a
+    file.
+    """
     return max(map(len, text.split()), default=0)
 
 
@@ -80,12 +86,7 @@ def _text(name: str) -> str:
 
 
 def content(diagnosis: Diagnosis, seed: int) -> dict[str, Any]:
-    """Return all values that the template uses, with numbers formatted as text.
-
-    Args:
-        diagnosis: the result.
-        seed: of the diagnosis.
-    """
+    """Return all values that the template uses, with numbers formatted as text."""
     identifiability, reduction = diagnosis.identifiability, diagnosis.gap_reduction
     replays = (reduction.replay_before, reduction.replay_after)
     return {
@@ -99,21 +100,30 @@ def content(diagnosis: Diagnosis, seed: int) -> dict[str, Any]:
         "next_steps": summary.next_steps(diagnosis),
         "coverage": [*diagnosis.coverage, *filter(None, [summary.unseen(diagnosis)])],
         "alike": [
-            (words.listed([words.bare_name(e) for e in item.effects], "or"), item.because, item.manoeuvre)
+            (
+                words.listed([words.bare_name(e) for e in item.effects], "or"),
+                item.because,
+                item.manoeuvre,
+            )
             for item in identifiability.not_identifiable
         ],
         "replay": _replay_rows(*replays),
         "starts": next((gap.starts for gap in replays if gap), 0),
         "below_threshold": [_finding(finding) for finding in diagnosis.below_threshold],
         "usable": identifiability.usable,
-        "excitation": [_with_unit(name, value) for name, value in identifiability.excitation.items()],
+        "excitation": [
+            _with_unit(name, value) for name, value in identifiability.excitation.items()
+        ],
         "noise_floor": [
             (name, words.measure(value, "N" if name.startswith("force") else "N·m"))
             for name, value in identifiability.noise_floor.items()
         ],
         "doubts": diagnosis.doubts,
         "warnings": summary.warnings(diagnosis),
-        "flights": [*((name, "fit") for name in diagnosis.train), *((n, "judge") for n in diagnosis.held_out)],
+        "flights": [
+            *((name, "fit") for name in diagnosis.train),
+            *((n, "judge") for n in diagnosis.held_out),
+        ],
         "vehicle": diagnosis.vehicle,
         "facts": [
             ("vehicle", diagnosis.vehicle),
@@ -136,7 +146,9 @@ def answer(diagnosis: Diagnosis) -> dict[str, Any]:
         "gap_header": GAP_HEADER,
         "gap": gap_rows(diagnosis),
         "remains": remains(diagnosis),
-        "unexplained": [(words.capital(words.described(f)), f.measurement) for f in diagnosis.unexplained],
+        "unexplained": [
+            (words.capital(words.described(f)), f.measurement) for f in diagnosis.unexplained
+        ],
         "cannot_tell": diagnosis.cannot_tell,
         "joined": diagnosis.joined,
     }
@@ -148,15 +160,21 @@ def _with_unit(name: str, value: float) -> tuple[str, str]:
     return bare, words.measure(value, unit or "1")
 
 
-def _replay_rows(before: ReplayGap | None, after: ReplayGap | None) -> list[tuple[str, list[tuple[str, str]]]]:
-    """Return (horizon, cells): median and interval of position, velocity and attitude, each before and after."""
+def _replay_rows(
+    before: ReplayGap | None, after: ReplayGap | None
+) -> list[tuple[str, list[tuple[str, str]]]]:
+    """Return (horizon, cells): median and interval of position, velocity and attitude, each before
+    and after.
+    """
     gap = before or after
     rows = []
     for k, horizon in enumerate(gap.horizon if gap else ()):
         cells = []
         for name in ("position", "velocity", "attitude"):
             for figures in (before, after):
-                cells.append(_with_interval([] if figures is None else getattr(figures, name)[k].tolist()))
+                cells.append(
+                    _with_interval([] if figures is None else getattr(figures, name)[k].tolist())
+                )
         rows.append((f"{horizon:g}", cells))
     return rows
 
@@ -181,11 +199,10 @@ def write_report(
     config: dict[str, Any] | None = None,
     beside: Mapping[str, str] = MappingProxyType({}),
 ) -> Path:
-    """Write `report.html`, `diagnosis.json` and the figures to a folder, and return the path of the page.
+    """Write `report.html`, `diagnosis.json` and the figures to a folder, and return the path of the
+    page.
 
     Args:
-        diagnosis: the result to report.
-        folder: existing folder.
         seed: seed of the diagnosis, for the head of the JSON.
         config: configuration of the diagnosis, for the head of the JSON.
         beside: further files of the folder to which the page leads, with the text of each link.
@@ -205,8 +222,15 @@ def write_report(
 
 
 def _with_head(content: dict[str, Any], *, seed: int, config: dict[str, Any]) -> dict[str, Any]:
-    """Return the content after the head that every file of the project begins with (docs/reference/files.md)."""
-    head = {"schema": content["schema"], "version": version("np_drake"), "seed": seed, "config": config}
+    """Return the content after the head that every file of the project begins with
+    (docs/reference/files.md).
+    """
+    head = {
+        "schema": content["schema"],
+        "version": version("np_drake"),
+        "seed": seed,
+        "config": config,
+    }
     return {**head, **content}
 
 

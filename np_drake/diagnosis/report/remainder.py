@@ -9,7 +9,9 @@ GAP_HEADER = ["held-out residual, RMS", "nominal", "with causes", "noise", "left
 
 
 def gap_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
-    """Return (kind, before, after, noise, left) of each kind of gap, and of all channels in noise units."""
+    """Return (kind, before, after, noise, left) of each kind of gap, and of all channels in noise
+    units.
+    """
     rows = []
     for part in gap_kinds(diagnosis.localisation.channels):
         factor, unit = suited(part.before, part.unit)
@@ -18,7 +20,9 @@ def gap_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
     total = diagnosis.gap_reduction
     sizes = [number(value, 2) for value in (total.before, total.after, total.floor)]
     bounds = (1 - total.ci95[1], 1 - total.ci95[0])
-    share = f"{percent(share_left(total))} ({percent_interval(bounds)})" if total.material else NOTHING
+    share = (
+        f"{percent(share_left(total))} ({percent_interval(bounds)})" if total.material else NOTHING
+    )
     return [*rows, ("all, over noise [1]", *sizes, share)]
 
 
@@ -28,8 +32,12 @@ def share_left(reduction: GapReduction) -> float:
 
 
 def sizes_left(left: Remainder) -> str:
-    """Return the remainder's force, torque and position error, as in '1.5 mN, 20 µN·m and 3 cm after 1 s'."""
-    sizes = [measure(size, unit) for size, unit in ((left.force, "N"), (left.torque, "N·m")) if size > 0]
+    """Return the remainder's force, torque and position error, as in '1.5 mN, 20 µN·m and 3 cm
+    after 1 s'.
+    """
+    sizes = [
+        measure(size, unit) for size, unit in ((left.force, "N"), (left.torque, "N·m")) if size > 0
+    ]
     return listed([*sizes, f"{measure(left.position, 'm')} after 1{NBSP}s"])
 
 
@@ -37,13 +45,24 @@ def remains(diagnosis: Diagnosis) -> str:
     """Return how much of the held-out gap is left, and the probability that it is material."""
     left = diagnosis.gap_reduction.left
     if not diagnosis.gap_reduction.material:
-        return f"The held-out gap is immaterial: {measure(left.position_before, 'm')} after 1{NBSP}s, beyond the noise."
-    said = f"{percent(share_left(diagnosis.gap_reduction))} of the held-out gap is left beyond the noise"
-    return f"{said}: {sizes_left(left)}. Probability that this is material: {probability(left.probability)}."
+        return (
+            f"The held-out gap is immaterial: {measure(left.position_before, 'm')} after "
+            f"1{NBSP}s, beyond the noise."
+        )
+    said = (
+        f"{percent(share_left(diagnosis.gap_reduction))} of the held-out gap is left beyond "
+        f"the noise"
+    )
+    return (
+        f"{said}: {sizes_left(left)}. Probability that this is material: "
+        f"{probability(left.probability)}."
+    )
 
 
 def calibration_share(reduction: GapReduction) -> str:
-    """Return how much of the held-out gap the calibration of the vehicle explains by itself, in a sentence."""
+    """Return how much of the held-out gap the calibration of the vehicle explains by itself, in a
+    sentence.
+    """
     after = {rung.name: rung.residual for rung in reduction.ladder}.get("+ calibration")
     if after is None or not reduction.material:
         return ""
@@ -51,4 +70,7 @@ def calibration_share(reduction: GapReduction) -> str:
     share = 1 - (after**2 - floor**2) / (before**2 - floor**2)
     if share >= 0:
         return f"By itself it explains {percent(min(share, 1.0))} of the held-out gap."
-    return f"By itself it does not help on held-out flights: {number(before, 2)} to {number(after, 2)} times the noise."
+    return (
+        f"By itself it does not help on held-out flights: {number(before, 2)} to "
+        f"{number(after, 2)} times the noise."
+    )

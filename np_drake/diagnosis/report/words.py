@@ -8,13 +8,25 @@ from collections.abc import Sequence
 from np_drake.diagnosis.result import UNKNOWN, Cause, Difference, Estimate, Finding
 from np_drake.effects.base import Effect
 from np_drake.effects.library import effect_of
-from np_drake.files.number_text import NBSP, NOTHING, departure_unit, fixed, measure, number, percent, suited, with_unit
+from np_drake.files.number_text import (
+    NBSP,
+    NOTHING,
+    departure_unit,
+    fixed,
+    measure,
+    number,
+    percent,
+    suited,
+    with_unit,
+)
 from np_drake.files.number_text import UNITS as UNITS
 from np_drake.files.number_text import probability as probability
 
 
 def name_of(identifier: str) -> str:
-    """Return the name of an effect with its article; of what is none, the words of its identifier."""
+    """Return the name of an effect with its article; of what is none, the words of its
+    identifier.
+    """
     if identifier == UNKNOWN:
         return "something unknown"
     effect = effect_of(identifier)
@@ -32,12 +44,7 @@ def capital(text: str) -> str:
 
 
 def listed(names: Sequence[str], last: str = "and") -> str:
-    """Join names as in 'x', 'x and y', 'x, y and z'.
-
-    Args:
-        names: to join.
-        last: word before the last of them.
-    """
+    """Join names as in 'x', 'x and y', 'x, y and z'."""
     return f" {last} ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
 
 
@@ -53,22 +60,20 @@ def percent_interval(bounds: tuple[float, float]) -> str:
 
 
 def unit_of(cause: Cause, parameter: Estimate) -> str:
-    """Return the unit of a parameter: shares for factors, '1' where it has none.
-
-    Args:
-        cause: whose parameter it is.
-        parameter: the estimate.
-    """
-    return "share" if parameter.unit == "1" and effect_of(cause.identifier).shares else parameter.unit or "1"
+    """Return the unit of a parameter: shares for factors, '1' where it has none."""
+    return (
+        "share"
+        if parameter.unit == "1" and effect_of(cause.identifier).shares
+        else parameter.unit or "1"
+    )
 
 
 def estimate(parameter: Estimate, unit: str, *, brief: bool = False) -> tuple[str, str]:
-    """Return value and 95 % interval as text, in a unit that suits them and with the digits that the interval tells.
+    """Return value and 95 % interval as text, in a unit that suits them and with the digits that
+    the interval tells.
 
     Args:
-        parameter: the estimate.
         unit: of the parameter, as `unit_of` gives it.
-        brief: whether three digits are enough.
     """
     lower, upper = parameter.ci95
     half = 0.5 * (upper - lower)
@@ -80,7 +85,9 @@ def estimate(parameter: Estimate, unit: str, *, brief: bool = False) -> tuple[st
     factor, shown = suited(largest, unit)
     told = -math.floor(math.log10(0.5 * factor * half))
     if told > 6:
-        return measure(parameter.value, unit, 3), f"{number(factor * lower)} to {number(factor * upper)}"
+        return measure(
+            parameter.value, unit, 3
+        ), f"{number(factor * lower)} to {number(factor * upper)}"
     three = 2 - math.floor(math.log10(factor * largest))
     decimals = max(min(told, three) if brief or 10.0**-three <= factor * half else told, 0)
     value, low, high = (fixed(factor * v, decimals) for v in (parameter.value, lower, upper))
@@ -88,11 +95,14 @@ def estimate(parameter: Estimate, unit: str, *, brief: bool = False) -> tuple[st
 
 
 def spread(difference: Difference) -> list[str]:
-    """Return half of the 95 % interval of a difference, and the standard deviation of healthy vehicles."""
+    """Return half of the 95 % interval of a difference, and the standard deviation of healthy
+    vehicles.
+    """
     factor, unit = departure_unit(difference.unit)
     half = 0.5 * (difference.ci95[1] - difference.ci95[0])
     return [
-        f"±{NBSP}{measure(factor * size, unit)}" if size == size else NOTHING for size in (half, difference.deviation)
+        f"±{NBSP}{measure(factor * size, unit)}" if size == size else NOTHING
+        for size in (half, difference.deviation)
     ]
 
 
@@ -135,17 +145,13 @@ def onset(time: float, flight: str) -> str:
 
     Args:
         time: [s].
-        flight: its name.
     """
     return f"{flight}: {time:.1f}{NBSP}s" if math.isfinite(time) else f"{flight}: not at all"
 
 
 def plain_name(name: str, longest: int = 36) -> str:
-    """Return a file name for a figure, with characters that fonts lack replaced, and shortened to `longest`.
-
-    Args:
-        name: of the file.
-        longest: characters.
+    """Return a file name for a figure, with characters that fonts lack replaced, and shortened to
+    `longest`.
     """
     shown = "".join(sign if sign.isprintable() and ord(sign) < 0x250 else "?" for sign in name)
     return shown if len(shown) <= longest else f"{shown[: longest - 10]}…{shown[-9:]}"

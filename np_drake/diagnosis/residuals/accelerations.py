@@ -1,4 +1,6 @@
-"""States at the instants of force and torque, with smoothed accelerations and known velocities as regressors."""
+"""States at the instants of force and torque, with smoothed accelerations and known velocities as
+regressors.
+"""
 
 import dataclasses as dc
 from functools import cached_property
@@ -15,7 +17,8 @@ from np_drake.vehicle import Vehicle
 
 REGRESSOR_BAND = 8.0  # low-pass on accelerations that enter as regressors [Hz]; own choice
 RINGING = (0.5, 1.5)  # band in which payloads resonate [Hz]
-REDDER = 3.0  # initial ratio of accelerometer error to white noise in that band [1]: flicker of a MEMS sensor
+# initial ratio of accelerometer error to white noise in that band [1]: flicker of a MEMS sensor
+REDDER = 3.0
 QUIETEST = 1e-6  # least noise of an accelerometer [m/s²]; avoids a division by zero
 
 
@@ -23,7 +26,8 @@ QUIETEST = 1e-6  # least noise of an accelerometer [m/s²]; avoids a division by
 class Instants:
     """States of a flight at the instants t (n,) [s]: x (n, 13) of Bo.
 
-    a (n, 3) in W [m/s²] and al (n, 3) in B [rad/s²] are smoothed accelerations, for use as regressors.
+    a (n, 3) in W [m/s²] and al (n, 3) in B [rad/s²] are smoothed accelerations, for use as
+    regressors.
     """
 
     t: np.ndarray
@@ -43,21 +47,25 @@ class Instants:
 
     @cached_property
     def sweep(self) -> np.ndarray:
-        """(n, 3, 3) matrix that maps p_BoP_B [m] to the velocity of P relative to Bo, in W [1/s]."""
+        """(n, 3, 3) matrix that maps p_BoP_B [m] to the velocity of P relative to Bo, in W
+        [1/s].
+        """
         return self.R_WB @ attitude.skew(self.x[:, W])
 
     @cached_property
     def lever(self) -> np.ndarray:
-        """(n, 3, 3) matrix that maps p_BoP_B [m] to the acceleration of P relative to Bo, in W [1/s²]."""
+        """(n, 3, 3) matrix that maps p_BoP_B [m] to the acceleration of P relative to Bo, in W
+        [1/s²].
+        """
         turning = attitude.skew(self.x[:, W])
         return self.R_WB @ (attitude.skew(self.al) + turning @ turning)
 
 
 def make_instants(log: FlightLog, smooth: np.ndarray) -> tuple[Instants, Instants]:
-    """Return the states at the rows of a log (without accelerations: its middles) and at the middles between them.
+    """Return the states at the rows of a log (without accelerations: its middles) and at the
+    middles between them.
 
     Args:
-        log: the flight.
         smooth: (n, 4) smoothed attitude at the rows.
     """
     dt, step = np.diff(log.t)[:, None], log.step
@@ -84,25 +92,31 @@ def low_pass(values: np.ndarray, step: float, band: float, pad: float = 2.0) -> 
         step: sample interval [s].
         band: cut-off frequency [Hz].
         pad: length by which either end is continued [1 / band].
-    Returns: (n, m) filtered samples; `values` unchanged where the band reaches the sampling limit or rows are fewer
-        than 20.
+    Returns: (n, m) filtered samples; `values` unchanged where the band reaches the sampling limit
+        or rows are fewer than 20.
     """
     if band >= 0.45 / step or len(values) < 20:
         return values
     sos = signal.butter(2, band * 2 * step, output="sos")
-    return signal.sosfiltfilt(sos, values, axis=0, padlen=min(len(values) - 1, int(pad / (band * step))))
+    return signal.sosfiltfilt(
+        sos, values, axis=0, padlen=min(len(values) - 1, int(pad / (band * step)))
+    )
 
 
 def _corrected_acceleration(t: np.ndarray, p: np.ndarray, a: np.ndarray) -> np.ndarray:
-    """Return the acceleration (n, 3) in W that positions and accelerations (n, 3) show together at times t (n,) [m/s²].
+    """Return the acceleration (n, 3) in W that positions and accelerations (n, 3) show together at
+    times t (n,) [m/s²].
 
-    It is the second difference of the path that minimises |path - p|² / s_p² + |path'' - a|² / s_a², with the white
-    noise s_p of the positions and s_a of the power of the acceleration error where payloads resonate, by a first path.
+    It is the second difference of the path that minimises |path - p|² / s_p² + |path'' - a|² /
+    s_a², with the white noise s_p of the positions and s_a of the power of the acceleration error
+    where payloads resonate, by a first path.
     Source: Whittaker smoothing as generalised least squares.
     """
     v = cumulative_trapezoid(a, t, axis=0, initial=0.0)
     missed = p - cumulative_trapezoid(v, t, axis=0, initial=0.0)
-    a = a + 2.0 * np.polynomial.polynomial.polyfit(t - t[0], missed, 2)[2]  # mean error against the positions
+    a = (
+        a + 2.0 * np.polynomial.polynomial.polyfit(t - t[0], missed, 2)[2]
+    )  # mean error against the positions
     noise_p, noise_a = (float(np.sqrt(np.mean(white_noise([x]) ** 2))) for x in (p, a))
     first = _along_path(t, p, a, noise_p / max(REDDER * noise_a, QUIETEST))
     ringing = _ringing(first - a, float(np.median(np.diff(t))))
@@ -111,7 +125,8 @@ def _corrected_acceleration(t: np.ndarray, p: np.ndarray, a: np.ndarray) -> np.n
 
 def _along_path(t: np.ndarray, p: np.ndarray, a: np.ndarray, ratio: float) -> np.ndarray:
     """Return the second differences (n, 3) of the smoothed path; ratio = s_p / s_a [s²]."""
-    # Normal equations (1 + r² D'D) path = p + r² D'a; D'D has five bands, so that they are solved in linear time.
+    # Normal equations (1 + r² D'D) path = p + r² D'a; D'D has five bands, so that they are solved
+    # in linear time.
     D = _second_difference(t)
     bands = np.zeros((3, len(t)))  # bands of 1 + ratio² D'D, upper form
     bands[2] = 1.0
@@ -128,7 +143,9 @@ def _along_path(t: np.ndarray, p: np.ndarray, a: np.ndarray, ratio: float) -> np
 
 
 def _ringing(error: np.ndarray, step: float) -> float:
-    """Return the deviation of white noise with the power of `error` (n, 3) in the band where payloads resonate."""
+    """Return the deviation of white noise with the power of `error` (n, 3) in the band where
+    payloads resonate.
+    """
     if RINGING[1] > 0.4 / step or len(error) * step < 4 / RINGING[0]:
         return 0.0
     sos = signal.butter(2, RINGING, "bandpass", fs=1 / step, output="sos")
@@ -137,18 +154,27 @@ def _ringing(error: np.ndarray, step: float) -> float:
 
 
 def _second_difference(t: np.ndarray) -> np.ndarray:
-    """Return the weights (3, n-2) of the previous, current and next row in the second derivative."""
+    """Return the weights (3, n-2) of the previous, current and next row in the second
+    derivative.
+    """
     before, after = np.diff(t)[:-1], np.diff(t)[1:]
     left, right = 2 / ((before + after) * before), 2 / ((before + after) * after)
     return np.stack([left, -(left + right), right])
 
 
 def velocity_before(
-    t: np.ndarray, dt: np.ndarray, v: np.ndarray, q: np.ndarray, thrust: np.ndarray, vehicle: Vehicle, lead: float
+    t: np.ndarray,
+    dt: np.ndarray,
+    v: np.ndarray,
+    q: np.ndarray,
+    thrust: np.ndarray,
+    vehicle: Vehicle,
+    lead: float,
 ) -> np.ndarray:
     """Return the velocities (n, 3) in W that are predicted `lead` before the instants [m/s].
 
-    What nominal thrust and gravity leave of the velocity, which the disturbances make, is extrapolated linearly.
+    What nominal thrust and gravity leave of the velocity, which the disturbances make, is
+    extrapolated linearly.
 
     Args:
         t: (n,) middles of the intervals between rows [s].
@@ -156,9 +182,9 @@ def velocity_before(
         v: (n, 3) velocity in W [m/s].
         q: (n, 4) attitude there.
         thrust: (n,) mean nominal thrust in the intervals [N].
-        vehicle: the nominal vehicle.
         lead: [s].
-    Source: one-step predictor of prediction error methods; Ljung, System Identification, ch. 13 (closed loop).
+    Source: one-step predictor of prediction error methods; Ljung, System Identification, ch. 13
+        (closed loop).
     """
     lifted = attitude.body_z(q) * (thrust / vehicle.mass)[:, None]
     gained = (lifted - [0.0, 0.0, vehicle.gravity]) * dt[:, None]

@@ -1,11 +1,13 @@
-"""Residuals of a flight against the nominal model: residual wrench and kinematic disagreement, on a uniform grid.
+"""Residuals of a flight against the nominal model: residual wrench and kinematic disagreement, on a
+uniform grid.
 
 Channels, all in B:
     0-2   force   m s - thrust, s = R^T (a + g): specific force [N]
     3-5   torque  J dw/dt + w x J w - torque of the command [N·m]
     6-8   dp/dt - v [m/s]      9-11  dv/dt - a [m/s²]      12-14  rate of q - w [rad/s]
-a is the acceleration at a row; dv/dt is the mean until the next row. The two differ by the change of thrust in between
-(`after_rows`). Derivatives are differences over the interval between two rows, in which one command is held.
+a is the acceleration at a row; dv/dt is the mean until the next row. The two differ by the change
+of thrust in between (`after_rows`). Derivatives are differences over the interval between two rows,
+in which one command is held.
 """
 
 import dataclasses as dc
@@ -35,19 +37,19 @@ class FlightResiduals:
     """Residuals y (m, 15) of one flight on `grid`, with the signals from which regressors are made.
 
     rows, mids: the instants at which force (rows) and torque (mids) are measured.
-    thrust_rows (n, 4), thrust_mids (n-1, 4): thrust of nominal rotors there [N]; mids hold the mean over an interval.
-    nominal (m, 6): wrench of nominal rotors in B on the grid, and what the calibration of the file gives [N, N·m].
-    w (m, 3): body rates in B on the grid [rad/s].
-    attitude_noise: white attitude noise found [rad].
-    turned: `a` was rotated to W with the attitude readings, not with the smoothed attitude.
-    outliers (m,): outlier rows of the grid, which are interpolated; none until `find_outliers` has been applied.
-    joined (m,): rows of a held-out flight that joined the fit (adaptive split).
-    goes_on: the flight continues after these rows, so that an effect absent here may begin later.
-    calibrated (m, 15): what a calibration of the vehicle gives, already taken from y; 0: nothing.
-    fixed: effects of the file's calibration that act in every model, beyond those of the rotors.
-    given (m, 6): their part of `nominal`, with all of its torque; 0: nothing [N, N·m].
-    torque_gain: share of torque, about each axis, that the motion shows [1]; y and the nominal wrench count with it.
-    knows_torque: whether the log tells the rotors' torque; without it the torque channels are empty.
+    thrust_rows (n, 4), thrust_mids (n-1, 4): thrust of nominal rotors there [N]; mids hold the mean
+    over an interval. nominal (m, 6): wrench of nominal rotors in B on the grid, and what the
+    calibration of the file gives [N, N·m]. w (m, 3): body rates in B on the grid [rad/s].
+    attitude_noise: white attitude noise found [rad]. turned: `a` was rotated to W with the attitude
+    readings, not with the smoothed attitude. outliers (m,): outlier rows of the grid, which are
+    interpolated; none until `find_outliers` has been applied. joined (m,): rows of a held-out
+    flight that joined the fit (adaptive split). goes_on: the flight continues after these rows, so
+    that an effect absent here may begin later. calibrated (m, 15): what a calibration of the
+    vehicle gives, already taken from y; 0: nothing. fixed: effects of the file's calibration that
+    act in every model, beyond those of the rotors. given (m, 6): their part of `nominal`, with all
+    of its torque; 0: nothing [N, N·m]. torque_gain: share of torque, about each axis, that the
+    motion shows [1]; y and the nominal wrench count with it. knows_torque: whether the log tells
+    the rotors' torque; without it the torque channels are empty.
     """
 
     log: FlightLog
@@ -105,9 +107,15 @@ class FlightResiduals:
 
     @property
     def untold(self) -> list[slice]:
-        """Channels that the log does not tell: torque, and states that were integrated beside their rates."""
+        """Channels that the log does not tell: torque, and states that were integrated beside their
+        rates.
+        """
         lacks = self.log.lacks
-        channels = ((POSITION, {"height", "velocity"}), (VELOCITY, {"velocity"}), (ATTITUDE, {"attitude"}))
+        channels = (
+            (POSITION, {"height", "velocity"}),
+            (VELOCITY, {"velocity"}),
+            (ATTITUDE, {"attitude"}),
+        )
         own = [channel for channel, needed in channels if needed.intersection(lacks)]
         return [*own, *[TORQUE] * (not self.knows_torque)]
 
@@ -128,8 +136,12 @@ class FlightResiduals:
 
     @cached_property
     def from_rows(self) -> Resampler:
-        """Resampler from the instants of force to the grid: read at the rows, or as a mean without accelerations."""
-        return self.from_mids if self.log.a is None else Resampler.of_instants(self.grid, self.log.t)
+        """Resampler from the instants of force to the grid: read at the rows, or as a mean without
+        accelerations.
+        """
+        return (
+            self.from_mids if self.log.a is None else Resampler.of_instants(self.grid, self.log.t)
+        )
 
     @cached_property
     def from_mids(self) -> Resampler:
@@ -143,23 +155,31 @@ class FlightResiduals:
 
     @cached_property
     def wrench_states(self) -> tuple[np.ndarray, np.ndarray]:
-        """(n, 13) states at `rows` and `mids` of wrench effects, without accelerations with velocities before."""
+        """(n, 13) states at `rows` and `mids` of wrench effects, without accelerations with
+        velocities before.
+        """
         if self.log.a is not None:
             return self.rows.x, self.mids.x
         x, thrust = self.mids.x.copy(), self.thrust_mids @ self.vehicle.mixer[0]
         dt = np.diff(self.log.t)
-        x[:, V] = velocity_before(self.mids.t, dt, x[:, V], x[:, Q], thrust, self.vehicle, self.grid.step)
+        x[:, V] = velocity_before(
+            self.mids.t, dt, x[:, V], x[:, Q], thrust, self.vehicle, self.grid.step
+        )
         return x, x
 
     @cached_property
     def rotor_noise(self) -> np.ndarray:
-        """(15,) deviation of the channels due to noise in measured rotor speed, taken as white; 0 for commands."""
+        """(15,) deviation of the channels due to noise in measured rotor speed, taken as white; 0
+        for commands.
+        """
         f_tau = self.rotors.noise * np.sqrt(self.log.step / self.grid.step)
         return np.concatenate([[0.0, 0.0], f_tau, np.zeros(SIZE - 6)])
 
     @cached_property
     def small_errors(self) -> dict[type, np.ndarray]:
-        """Cache of what small sensor errors leave: by effect, (m, 15, k) for a unit of each parameter."""
+        """Cache of what small sensor errors leave: by effect, (m, 15, k) for a unit of each
+        parameter.
+        """
         return {}
 
     @cached_property
@@ -176,19 +196,27 @@ class FlightResiduals:
 
     @cached_property
     def ahead(self) -> np.ndarray:
-        """(m, 4) thrust and torques of nominal rotors at rows, less their mean around the rows [N, N·m].
+        """(m, 4) thrust and torques of nominal rotors at rows, less their mean around the rows [N,
+        N·m].
 
         A held command leads by half a row. Zero without accelerations: all values are then means.
         """
         if self.log.a is None:
             return np.zeros((len(self.t), 4))
         mixer = self.vehicle.mixer
-        return self.from_rows(self.thrust_rows @ mixer.T) - self.from_mids(self.thrust_mids @ mixer.T)
+        return self.from_rows(self.thrust_rows @ mixer.T) - self.from_mids(
+            self.thrust_mids @ mixer.T
+        )
 
     @cached_property
     def after(self) -> np.ndarray:
-        """(m,) mean thrust of nominal rotors until the next row, less that at the row, over the mass [m/s²]."""
-        u_rows, u_mids = self.thrust_rows @ self.vehicle.mixer.T, self.thrust_mids @ self.vehicle.mixer.T
+        """(m,) mean thrust of nominal rotors until the next row, less that at the row, over the
+        mass [m/s²].
+        """
+        u_rows, u_mids = (
+            self.thrust_rows @ self.vehicle.mixer.T,
+            self.thrust_mids @ self.vehicle.mixer.T,
+        )
         return self.from_mids(after_rows(u_rows[:, 0], u_mids[:, 0])) / self.vehicle.mass
 
     @cached_property
@@ -203,31 +231,43 @@ class FlightResiduals:
 
     @cached_property
     def moving(self) -> np.ndarray:
-        """(m-1, 3, 4) velocity [m/s] and `sweep` [1/s], in W, at the middles of the grid's steps."""
+        """(m-1, 3, 4) velocity [m/s] and `sweep` [1/s], in W, at the middles of the grid's
+        steps.
+        """
         return self._between(self.rows.x[:, V], self.rows.sweep)
 
     def _between(self, vector: np.ndarray, matrix: np.ndarray) -> np.ndarray:
-        """Return (m-1, 3, 4) vector (n, 3) and matrix (n, 3, 3) at the rows, at the middles of the grid's steps."""
+        """Return (m-1, 3, 4) vector (n, 3) and matrix (n, 3, 3) at the rows, at the middles of the
+        grid's steps.
+        """
         values = np.concatenate([vector[..., None], matrix], axis=-1)
         middle = 0.5 * (self.t[1:] + self.t[:-1])
         columns = [np.interp(middle, self.rows.t, column) for column in values.reshape(-1, 12).T]
         return np.stack(columns, axis=1).reshape(-1, 3, 4)
 
     def head(self, rows: int) -> "FlightResiduals":
-        """Return the flight truncated after at least `rows` rows of the grid, which do not change by the cut."""
+        """Return the flight truncated after at least `rows` rows of the grid, which do not change
+        by the cut.
+        """
         known = np.append(np.flatnonzero(~self.outliers[rows - 1 :]), len(self.t))
         n = rows + int(known[0]) + TAPS  # past interpolated outliers and the reach of the low-pass
         if n >= len(self.t):
             return self
-        grid = dc.replace(self.grid, t=self.t[:n], fine=self.grid.fine[: (n - 1) * self.grid.factor + 1])
-        parts = {name: getattr(self, name)[:n] for name in ("y", "nominal", "w", "outliers", "joined")}
+        grid = dc.replace(
+            self.grid, t=self.t[:n], fine=self.grid.fine[: (n - 1) * self.grid.factor + 1]
+        )
+        parts = {
+            name: getattr(self, name)[:n] for name in ("y", "nominal", "w", "outliers", "joined")
+        }
         for name in ("calibrated", "given"):
             value = getattr(self, name)
             parts[name] = value[:n] if isinstance(value, np.ndarray) else value
         return dc.replace(self, grid=grid, **parts)
 
     def begun(self, onset: float | None) -> np.ndarray:
-        """Return a step (m, 15) that is one from `onset` [s] on (None: always), smeared as each channel is."""
+        """Return a step (m, 15) that is one from `onset` [s] on (None: always), smeared as each
+        channel is.
+        """
         if onset is None or not np.isfinite(onset):
             return np.full((len(self.t), SIZE), float(onset is None))
         force, others = (
@@ -237,7 +277,9 @@ class FlightResiduals:
         return _by_channel(force, others)
 
     def rise(self) -> np.ndarray:
-        """Return the step response (2 k + 1, 15) of the grid about its middle row, for evenly spaced log rows."""
+        """Return the step response (2 k + 1, 15) of the grid about its middle row, for evenly
+        spaced log rows.
+        """
         fine, middle = self.grid.fine, len(self.grid) // 2
         half = min(TAPS if self.grid.factor > 1 else 1, middle - 1)
         mids = fine + 0.5 * (fine[1] - fine[0])
@@ -261,19 +303,20 @@ class FlightResiduals:
         return bridge(values, self.outliers)
 
     def white(self, noise: NoiseModel, values: np.ndarray) -> np.ndarray:
-        """Return channels or columns (m, 15, ...) with outlier rows interpolated, whitened to (m - p, ...).
+        """Return channels or columns (m, 15, ...) with outlier rows interpolated, whitened to (m -
+        p, ...).
 
         Args:
-            noise: noise model of the channels.
             values: (m, 15, ...) channels or columns.
         """
         return noise.whiten(self.bridged(values), self.name)
 
-    def gram(self, noise: NoiseModel, columns: Sequence[np.ndarray], target: np.ndarray | None = None) -> Gram:
+    def gram(
+        self, noise: NoiseModel, columns: Sequence[np.ndarray], target: np.ndarray | None = None
+    ) -> Gram:
         """Return the Gram matrix of whitened columns.
 
         Args:
-            noise: noise model of the channels.
             columns: groups (m, 15, k_i).
             target: (m, 15) channels; default: y.
         """
@@ -283,12 +326,15 @@ class FlightResiduals:
 
 
 def _by_channel(force: np.ndarray, others: np.ndarray) -> np.ndarray:
-    """Return (m, 15) channels from a value for force (m,) and one for all channels measured between rows (m,)."""
+    """Return (m, 15) channels from a value for force (m,) and one for all channels measured between
+    rows (m,).
+    """
     return np.repeat(np.stack([force, others], axis=1), [3, SIZE - 3], axis=1)
 
 
 def after_rows(f_rows: np.ndarray, f_mids: np.ndarray) -> np.ndarray:
-    """Return the mean thrust until the next row, f_mids (n-1,), less that at the row, f_rows (n,) [N].
+    """Return the mean thrust until the next row, f_mids (n-1,), less that at the row, f_rows (n,)
+    [N].
 
     Args:
         f_rows: (n,) thrust at the rows [N].

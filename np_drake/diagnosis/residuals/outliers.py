@@ -1,4 +1,5 @@
-"""Outliers: one or two samples, as of a tether that snaps taut or a collision, that outweigh a whole flight.
+"""Outliers: one or two samples, as of a tether that snaps taut or a collision, that outweigh a
+whole flight.
 
 Their rows are interpolated linearly, in channels and columns alike, which keeps the model linear.
 Source: own choice, in the place of a heavy-tailed noise model.
@@ -9,11 +10,17 @@ from scipy import ndimage
 
 SPIKE = 12.0  # robust deviations from a running median [1]; own choice
 WINDOW = 0.3  # length of that median [s]
-MOST_OUTLIERS = 0.05  # share of a flight's rows above which spikes are part of the flight, not outliers [1]
+MOST_OUTLIERS = (
+    0.05  # share of a flight's rows above which spikes are part of the flight, not outliers [1]
+)
 ABOUT = 1  # rows to either side over which the grid smears an outlier
-OUTLIERS_APART = 0.3  # outliers closer than this are merged: a tether that bounces; so are jumps of a swing [s]
+OUTLIERS_APART = (
+    0.3  # outliers closer than this are merged: a tether that bounces; so are jumps of a swing [s]
+)
 LONGEST_OUTLIER = 0.07  # a longer deviation is motion, not an outlier [s]
-LONGEST_BOUNCE = 0.3  # longest with a payload, whose tether may snap taut several times in a row [s]
+LONGEST_BOUNCE = (
+    0.3  # longest with a payload, whose tether may snap taut several times in a row [s]
+)
 
 
 def find_outliers(
@@ -46,7 +53,8 @@ def _short(found: np.ndarray, longest: int) -> np.ndarray:
 
 
 def bridge(values: np.ndarray, outliers: np.ndarray) -> np.ndarray:
-    """Return values (m, ...) with the rows of `outliers` (m,) interpolated linearly between their neighbours.
+    """Return values (m, ...) with the rows of `outliers` (m,) interpolated linearly between their
+    neighbours.
 
     Args:
         values: (m, ...) channels or columns.

@@ -10,13 +10,15 @@ STARTS = 0.25  # between its starts [s]
 
 
 def squared_position_errors(e: FlightResiduals, wrench: np.ndarray, rows: np.ndarray) -> np.ndarray:
-    """Return the squared position errors (k,) that a wrench causes within `HORIZON`, to first order [m²].
+    """Return the squared position errors (k,) that a wrench causes within `HORIZON`, to first order
+    [m²].
 
-    A simulator without it, started from the flight's state every `STARTS`, is off by as much: force moves the vehicle,
-    and torque turns its thrust.   Source: double integration along the flown attitude; gyroscopic coupling neglected.
+    A simulator without it, started from the flight's state every `STARTS`, is off by as much: force
+    moves the vehicle,
+    and torque turns its thrust.
+    Source: double integration along the flown attitude; gyroscopic coupling neglected.
 
     Args:
-        e: the flight.
         wrench: (m, 6) in B on its grid [N, N·m].
         rows: (m,) bool, those that count.
     """

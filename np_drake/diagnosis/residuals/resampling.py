@@ -1,4 +1,6 @@
-"""Resampling of a flight to a uniform grid: interpolation or means, then a zero-phase low-pass and decimation."""
+"""Resampling of a flight to a uniform grid: interpolation or means, then a zero-phase low-pass and
+decimation.
+"""
 
 import dataclasses as dc
 from functools import cache
@@ -9,7 +11,9 @@ from scipy import signal, sparse
 
 STEP = 0.02  # step of the grid [s]; own choice: rigid-body effects act below 15 Hz
 NEARLY = 0.1  # share of a row added before rounding down, for logs with jitter [1]; own choice
-SAME_STEP = 0.01  # relative difference of steps below which rows are not interpolated [1]; own choice
+SAME_STEP = (
+    0.01  # relative difference of steps below which rows are not interpolated [1]; own choice
+)
 TAPS = 10  # half length of the low-pass [grid steps]
 
 
@@ -30,7 +34,9 @@ class Grid:
 
 
 def natural_step(t: np.ndarray) -> float:
-    """Return the grid step for a log with row times t (n,): `STEP`, or the log's own step if that is longer [s]."""
+    """Return the grid step for a log with row times t (n,): `STEP`, or the log's own step if that
+    is longer [s].
+    """
     own = float(np.median(np.diff(t)))
     return own * max(1, int(STEP / own + NEARLY))
 
@@ -55,7 +61,6 @@ class Resampler:
     """Linear map from values of a flight to its grid.
 
     Args:
-        grid: of the flight.
         weights: (fine rows, n) of the values in every row of the fine grid.
     """
 
@@ -64,26 +69,28 @@ class Resampler:
 
     @classmethod
     def of_instants(cls, grid: Grid, t: np.ndarray) -> "Resampler":
-        """Return the map of values at instants t (n,) [s]: linear between them, held beyond the ends.
+        """Return the map of values at instants t (n,) [s]: linear between them, held beyond the
+        ends.
 
         Args:
-            grid: of the flight.
             t: (n,) instants [s].
         """
         after = np.clip(np.searchsorted(t, grid.fine), 1, len(t) - 1)
         share = np.clip((grid.fine - t[after - 1]) / (t[after] - t[after - 1]), 0.0, 1.0)
         entries = np.stack([1.0 - share, share], axis=1), np.stack([after - 1, after], axis=1)
         ends = 2 * np.arange(len(grid.fine) + 1)
-        return cls(grid, sparse.csr_array((*map(np.ravel, entries), ends), (len(grid.fine), len(t))))
+        return cls(
+            grid, sparse.csr_array((*map(np.ravel, entries), ends), (len(grid.fine), len(t)))
+        )
 
     @classmethod
     def of_intervals(cls, grid: Grid, t: np.ndarray) -> "Resampler":
         """Return the map of means over the intervals between instants t (n + 1,) [s].
 
-        A row of the fine grid is the mean over a step about it, by overlap, so that an integral is kept.
+        A row of the fine grid is the mean over a step about it, by overlap, so that an integral is
+        kept.
 
         Args:
-            grid: of the flight.
             t: (n + 1,) instants [s].
         """
         step = grid.step / grid.factor
@@ -102,7 +109,9 @@ class Resampler:
         if self._factor > 1:
             half = TAPS * self._factor
             padded = np.pad(fine, ((half, half), (0, 0)), mode="edge")
-            fine = sliding_window_view(padded, 2 * half + 1, axis=0)[:: self._factor] @ _low_pass(self._factor)
+            fine = sliding_window_view(padded, 2 * half + 1, axis=0)[:: self._factor] @ _low_pass(
+                self._factor
+            )
         return fine.reshape(-1, *values.shape[1:])
 
 

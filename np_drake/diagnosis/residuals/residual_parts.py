@@ -12,12 +12,15 @@ KINDS = {
     "torque": ("torque x", "torque y", "torque z"),
 }
 SHOWN_GAP = 1.05  # residual over noise from which a share of the gap has a meaning [1]; own choice
-GROWN = 1.1  # residual with the causes over that without, and over noise, from which it grows [1]; own choice
+# residual with the causes over that without, and over noise, from which it grows [1]; own choice
+GROWN = 1.1
 
 
 @dc.dataclass(frozen=True)
 class ChannelGap:
-    """Held-out residual of one channel of the wrench: RMS before and after, noise floor, share explained [1]."""
+    """Held-out residual of one channel of the wrench: RMS before and after, noise floor, share
+    explained [1].
+    """
 
     channel: str
     unit: str
@@ -29,9 +32,11 @@ class ChannelGap:
 
 @dc.dataclass(frozen=True)
 class GapKind:
-    """Held-out residual of one kind, RMS of its vector: before and after the causes, and of noise [unit].
+    """Held-out residual of one kind, RMS of its vector: before and after the causes, and of noise
+    [unit].
 
-    left: share of the square above the noise that the causes leave [1]; NaN where there is hardly a gap.
+    left: share of the square above the noise that the causes leave [1]; NaN where there is hardly a
+    gap.
     above_noise: RMS that is left above the noise [unit].
     """
 
@@ -51,7 +56,9 @@ class GapKind:
 
 @dc.dataclass(frozen=True)
 class Segment:
-    """Part of a flight between two change points, with the RMS residual of each channel in noise units."""
+    """Part of a flight between two change points, with the RMS residual of each channel in noise
+    units.
+    """
 
     flight: str
     start: float
@@ -61,7 +68,9 @@ class Segment:
 
 @dc.dataclass(frozen=True)
 class Regime:
-    """Rows within a range of one quantity (speed, thrust, height, tilt, rate), with RMS residual in noise units."""
+    """Rows within a range of one quantity (speed, thrust, height, tilt, rate), with RMS residual in
+    noise units.
+    """
 
     quantity: str
     unit: str
@@ -74,7 +83,9 @@ class Regime:
 
 @dc.dataclass(frozen=True)
 class Band:
-    """Spectral density of a channel before, after and of the noise model: frequency (m,) [Hz], the others (m,)."""
+    """Spectral density of a channel before, after and of the noise model: frequency (m,) [Hz], the
+    others (m,).
+    """
 
     channel: str
     frequency: np.ndarray
@@ -105,7 +116,9 @@ def gap_kinds(every: Sequence[ChannelGap]) -> list[GapKind]:
     for kind, names in KINDS.items():
         channels = [c for c in every if c.channel in names]
         sizes = [[c.rms, c.after, c.noise_floor] for c in channels]
-        before, after, noise = np.sqrt(np.sum(np.square(sizes), axis=0)).tolist() if channels else (0.0, 0.0, 0.0)
+        before, after, noise = (
+            np.sqrt(np.sum(np.square(sizes), axis=0)).tolist() if channels else (0.0, 0.0, 0.0)
+        )
         if noise > 0 and before > 0:
             above = max(after**2 - noise**2, 0.0)
             share = above / (before**2 - noise**2) if before > SHOWN_GAP * noise else np.nan

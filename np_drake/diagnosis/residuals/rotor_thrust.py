@@ -1,4 +1,6 @@
-"""Rotor thrust of a log: commands passed through actuator effects, at the rows and as means between them."""
+"""Rotor thrust of a log: commands passed through actuator effects, at the rows and as means between
+them.
+"""
 
 import itertools
 from collections.abc import Sequence
@@ -17,7 +19,8 @@ from np_drake.training_data.segments import white_noise
 from np_drake.vehicle import Vehicle
 
 SUBSTEPS = 4  # substeps in an interval of the log; own choice
-# Weights of the means over the last three steps, latest first: the value of the parabola with these means at the end.
+# Weights of the means over the last three steps, latest first: the value of the parabola with these
+# means at the end.
 FROM_MEANS = (11 / 6, -7 / 6, 1 / 3)
 # Share of fast thrust to which the motion responds, above which it is no noise [1]; own choice.
 ANSWERED = 0.5
@@ -26,12 +29,7 @@ SURE_DEVIATIONS = 2.0  # standard deviations of a lower bound [1]
 
 
 class Rotors:
-    """Rotor model of one flight; what does not depend on effects is computed once.
-
-    Args:
-        log: the flight log.
-        vehicle: the nominal vehicle.
-    """
+    """Rotor model of one flight; what does not depend on effects is computed once."""
 
     def __init__(self, log: FlightLog, vehicle: Vehicle):
         self._log, self._vehicle = log, vehicle
@@ -47,11 +45,14 @@ class Rotors:
         self._before = np.clip(place.astype(int), 0, len(self._t) - 1)
         self._share = (place - self._before)[:, None]
 
-    def thrust(self, effects: Sequence[ActuatorEffect], *, shift: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+    def thrust(
+        self, effects: Sequence[ActuatorEffect], *, shift: float = 0.0
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Return thrust (n, 4) at the rows, right-sided, and its means (n-1, 4) between rows [N].
 
-        Commands are held between rows. The calibration of the vehicle file acts first, and its lag unless `effects`
-        contain one. Measured rotor speed is interpolated, unless it steps, and passes propeller effects only.
+        Commands are held between rows. The calibration of the vehicle file acts first, and its lag
+        unless `effects` contain one. Measured rotor speed is interpolated, unless it steps, and
+        passes propeller effects only.
 
         Args:
             effects: actuator effects in the order in which they act.
@@ -63,11 +64,16 @@ class Rotors:
             thrust = self._respond(self._nominal, chain)
         else:
             thrust = self._respond(self._held(shift), [*self._own(lags), *chain])
-        lag = max((e.time_constant for e in lags), default=0.0 if self._measured else self._vehicle.rotor_time_constant)
+        lag = max(
+            (e.time_constant for e in lags),
+            default=0.0 if self._measured else self._vehicle.rotor_time_constant,
+        )
         return self._at_rows(thrust, kinks=lag > 0), self._mean(thrust)
 
     def _own(self, others: Sequence[MotorLag]) -> list[ActuatorEffect]:
-        """Return the effects of the vehicle file that thrust has yet to pass: its lag, unless there are others."""
+        """Return the effects of the vehicle file that thrust has yet to pass: its lag, unless there
+        are others.
+        """
         own = in_flight(self._vehicle, measured=self._measured, beside=others)
         chain = [e for e in own if isinstance(e, ActuatorEffect)]
         lag = 0.0 if self._measured or others else self._vehicle.rotor_time_constant
@@ -85,7 +91,9 @@ class Rotors:
         return self._respond(self._commanded, self._own([]))
 
     def _at_rows(self, thrust: np.ndarray, *, kinks: bool) -> np.ndarray:
-        """Return thrust (n, 4) at the rows [N], extrapolated from before where it has a kink at a row."""
+        """Return thrust (n, 4) at the rows [N], extrapolated from before where it has a kink at a
+        row.
+        """
         row = self._row
         if not kinks:
             return thrust[row]
@@ -93,7 +101,11 @@ class Rotors:
 
     def _mean(self, thrust: np.ndarray) -> np.ndarray:
         """Return the mean thrust (n-1, 4) between rows [N]."""
-        later = np.concatenate([thrust[1:], thrust[-1:]]) if self._measured and not self._steps else thrust
+        later = (
+            np.concatenate([thrust[1:], thrust[-1:]])
+            if self._measured and not self._steps
+            else thrust
+        )
         part = 0.5 * self._step * (thrust + later)
         total = np.zeros((len(part) + 1, 4))
         np.cumsum(part, axis=0, out=total[1:])
@@ -102,7 +114,9 @@ class Rotors:
 
     @property
     def noise(self) -> np.ndarray:
-        """(4,) deviation of thrust and torques due to noise in rotor speed [N, N·m]; zero for commands."""
+        """(4,) deviation of thrust and torques due to noise in rotor speed [N, N·m]; zero for
+        commands.
+        """
         return self._read[1] if self._measured and not self._steps else np.zeros(4)
 
     @cached_property
@@ -114,12 +128,18 @@ class Rotors:
         """(m, 4) commanded or measured thrust at substeps [N]."""
         if self._steps or not self._measured:
             return self._held(0.0)
-        return np.stack([np.interp(self._t, self._row_t, rotor) for rotor in self._read[0].T], axis=1)
+        return np.stack(
+            [np.interp(self._t, self._row_t, rotor) for rotor in self._read[0].T], axis=1
+        )
 
     def _held(self, shift: float) -> np.ndarray:
-        """Return the mean (m, 4) over substeps of a command that is held between rows and beyond both ends [N]."""
+        """Return the mean (m, 4) over substeps of a command that is held between rows and beyond
+        both ends [N].
+        """
         command, t = np.maximum(self._log.u @ self._vehicle.unmixer.T, 0.0), self._row_t
-        total = np.concatenate([np.zeros((1, 4)), np.cumsum(command[:-1] * np.diff(t)[:, None], axis=0)])
+        total = np.concatenate(
+            [np.zeros((1, 4)), np.cumsum(command[:-1] * np.diff(t)[:, None], axis=0)]
+        )
         knots = np.concatenate([[t[0] - 1e3], t, [t[-1] + 1e3]])
         total = np.concatenate([command[:1] * -1e3, total, total[-1:] + command[-1:] * 1e3])
         edges = np.append(self._t, self._t[-1] + self._step) - shift
@@ -128,10 +148,11 @@ class Rotors:
 
 
 def _read_thrust(log: FlightLog, vehicle: Vehicle) -> tuple[np.ndarray, np.ndarray]:
-    """Return rotor thrust (n, 4) at the rows [N] and the deviation (4,) of noise in thrust and torques [N, N·m].
+    """Return rotor thrust (n, 4) at the rows [N] and the deviation (4,) of noise in thrust and
+    torques [N, N·m].
 
-    Thrust and torques are filtered, as each has a spectrum of its own. Where the measured motion responds to the
-    apparent noise, the readings are returned unfiltered, with zero noise.
+    Thrust and torques are filtered, as each has a spectrum of its own. Where the measured motion
+    responds to the apparent noise, the readings are returned unfiltered, with zero noise.
     """
     noise = white_noise(_measured_pieces(log))
     likely = most_likely(log.u, noise, log.step)
@@ -141,7 +162,9 @@ def _read_thrust(log: FlightLog, vehicle: Vehicle) -> tuple[np.ndarray, np.ndarr
 
 
 def _measured_pieces(log: FlightLog) -> list[np.ndarray]:
-    """Return thrust and torques without the rows that a reader put into gaps, which are smooth, in pieces [N, N·m]."""
+    """Return thrust and torques without the rows that a reader put into gaps, which are smooth, in
+    pieces [N, N·m].
+    """
     if log.bridged is None:
         return [log.u]
     edges = np.concatenate([[-1], np.flatnonzero(log.bridged), [len(log)]])
@@ -150,10 +173,11 @@ def _measured_pieces(log: FlightLog) -> list[np.ndarray]:
 
 
 def _answered(log: FlightLog, vehicle: Vehicle, fast: np.ndarray) -> float:
-    """Return a lower bound on the share of fast thrust and torque (n, 4) to which the motion responds [1].
+    """Return a lower bound on the share of fast thrust and torque (n, 4) to which the motion
+    responds [1].
 
-    Source: generalised least squares. The noise of differentiated readings follows from their own differences, whose
-    variance is three times as large.
+    Source: generalised least squares. The noise of differentiated readings follows from their own
+    differences, whose variance is three times as large.
     """
     given = 0.5 * (fast[1:] + fast[:-1])
     answer = np.zeros_like(given)

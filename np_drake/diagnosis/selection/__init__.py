@@ -1,4 +1,11 @@
 """Search over sets of effects, change points and model ranking."""
 
 from np_drake.diagnosis.selection.map_model import SearchResult, find_map_model
-from np_drake.diagnosis.selection.ranking import Ranking, names_of, names_of_fit, rank_models, score_of, with_named_fit
+from np_drake.diagnosis.selection.ranking import (
+    Ranking,
+    names_of,
+    names_of_fit,
+    rank_models,
+    score_of,
+    with_named_fit,
+)

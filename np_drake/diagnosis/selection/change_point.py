@@ -8,7 +8,13 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from np_drake.diagnosis.forward_model import NEVER
-from np_drake.diagnosis.regressors import Candidate, RegressionProblem, Sums, SwitchedRegressors, SwitchedSums
+from np_drake.diagnosis.regressors import (
+    Candidate,
+    RegressionProblem,
+    Sums,
+    SwitchedRegressors,
+    SwitchedSums,
+)
 from np_drake.diagnosis.residuals import LEAST_DURATION
 
 COARSE = 5  # rows between instants that are tried at first
@@ -21,9 +27,7 @@ class TriedOnsets:
     """Sums of a candidate at the tried instants of one flight, in order.
 
     Args:
-        late: sums of the candidate in the flight.
         edge: time from either end without onsets [s].
-        goes_on: whether the flight continues after its rows.
     """
 
     def __init__(self, late: SwitchedSums, edge: float, *, goes_on: bool):
@@ -67,7 +71,11 @@ class TriedOnsets:
         weight = np.exp(dense - dense.max())
         step = self._late.t[1] - self._late.t[0]
         width = max(1, round(SPAN / step))
-        mass = np.convolve(weight, np.ones(width), "valid") if width < len(weight) else np.array([weight.sum()])
+        mass = (
+            np.convolve(weight, np.ones(width), "valid")
+            if width < len(weight)
+            else np.array([weight.sum()])
+        )
         first = int(np.argmax(mass))
         span = np.cumsum(weight[first : first + width])
         return int(self._inside[first + np.searchsorted(span, 0.5 * span[-1])])
@@ -93,12 +101,7 @@ class TriedOnsets:
 
 
 def at_rows(sums: Sums, rows) -> Sums:
-    """Return the sums of these rows alone.
-
-    Args:
-        sums: by row.
-        rows: indices.
-    """
+    """Return the sums of these rows alone."""
     XX, XB, Xy = sums
     return XX[rows], XB[rows], Xy[rows]
 
@@ -130,12 +133,7 @@ class Onsets:
 
 
 class OnsetScan:
-    """Log evidence of a candidate from any instant on, beside nuisance and members of a model.
-
-    Args:
-        problem: the regression that holds the candidates.
-        members: of a model, which act as well.
-    """
+    """Log evidence of a candidate from any instant on, beside nuisance and members of a model."""
 
     def __init__(self, problem: RegressionProblem, members: Sequence[int] = ()):
         chosen = [*problem.nuisance, *(problem.candidates[i] for i in members)]
@@ -154,7 +152,9 @@ class OnsetScan:
         self._regress(np.arange(len(self._owner)))
 
     def _regress(self, on: np.ndarray) -> None:
-        """Compute the posterior of these columns (b',) of what acts as well; the others are known to be zero."""
+        """Compute the posterior of these columns (b',) of what acts as well; the others are known
+        to be zero.
+        """
         b = len(self._owner)
         self._covariance, self._mean = np.zeros((b, b)), np.zeros(b)
         own = np.linalg.inv(np.eye(len(on)) + self._products[np.ix_(on, on)])
@@ -172,7 +172,9 @@ class OnsetScan:
         return {name: SwitchedSums(f, candidate.columns[name]) for name, f in self._flights.items()}
 
     def rough_evidence(self, late: Mapping[str, SwitchedSums]) -> float:
-        """Return the log evidence of a candidate (its `sums`) at its best onsets, jumps of its columns apart."""
+        """Return the log evidence of a candidate (its `sums`) at its best onsets, jumps of its
+        columns apart.
+        """
         whole = {name: sums.whole for name, sums in late.items()}
         start = {name: at_rows(sums, [0]) for name, sums in whole.items()}
         at = dict(start)
@@ -185,14 +187,15 @@ class OnsetScan:
         first, *rest = at.values()
         return float(self._evidence(first, rest)[0])
 
-    def best(self, candidate: Candidate, sums: Mapping[str, SwitchedSums] | None = None) -> "Onsets":
+    def best(
+        self, candidate: Candidate, sums: Mapping[str, SwitchedSums] | None = None
+    ) -> "Onsets":
         """Return the onsets at which the candidate explains the flights best.
 
-        The prior is that of an instant as wide as the evidence leaves it: an onset that is known to a row has one in
-        all rows, one that is known to half a flight has one half.
+        The prior is that of an instant as wide as the evidence leaves it: an onset that is known to
+        a row has one in all rows, one that is known to half a flight has one half.
 
         Args:
-            candidate: the candidate.
             sums: its `sums`, where they are known.
         """
         late = sums or self.sums(candidate)
@@ -207,15 +210,17 @@ class OnsetScan:
     def _settle_alone(self, scan: TriedOnsets) -> None:
         """Settle where the effect would begin with parameters of that flight's own, no prior asked.
 
-        The climb begins there. Flights that start from its beginning in all others may never leave it: a drift from the
-        start stands for a step in each.
+        The climb begins there. Flights that start from its beginning in all others may never leave
+        it: a drift from the start stands for a step in each.
         """
         profile = self._evidence(scan.sums, [])
         late = profile.max(initial=-np.inf) > self._evidence(scan.start, [])[0]
         scan.settle(scan.rows[np.argmax(profile)] if late else None)
 
     def _climbed(self, scans: dict[str, TriedOnsets]) -> "Onsets":
-        """Return the onsets from where they are settled, flight by flight, the others as they are."""
+        """Return the onsets from where they are settled, flight by flight, the others as they
+        are.
+        """
         widths = dict[str, float]()
         priors = self._options.priors
         for _ in range(2):
@@ -248,10 +253,15 @@ class OnsetScan:
         return Onsets(onset, prior, now - start, now)
 
     def _evidence(self, own: Sums, rest: list[Sums]) -> np.ndarray:
-        """Return (n,) the log evidence with these sums of one flight, each with those of the rest."""
+        """Return (n,) the log evidence with these sums of one flight, each with those of the
+        rest.
+        """
         XX, XB, Xy = (part + sum(r[i] for r in rest) for i, part in enumerate(own))
-        # B is integrated out by its Schur complement: X'X + 1 - X'B (1 + B'B)^-1 B'X, and X'y less X'B times its mean.
-        known = (XB.reshape(-1, XB.shape[2]) @ self._covariance).reshape(XB.shape) if XB.size else XB
+        # B is integrated out by its Schur complement: X'X + 1 - X'B (1 + B'B)^-1 B'X, and X'y less
+        # X'B times its mean.
+        known = (
+            (XB.reshape(-1, XB.shape[2]) @ self._covariance).reshape(XB.shape) if XB.size else XB
+        )
         A = XX + np.eye(XX.shape[1]) - known @ np.swapaxes(XB, 1, 2)
         b = Xy - XB @ self._mean
         if b.shape[1] == 1:  # most effects
@@ -261,7 +271,9 @@ class OnsetScan:
 
 
 def _onsets(scans: Mapping[str, TriedOnsets]) -> dict[str, float | None]:
-    """Return those of flights in which it does not act from the start. What begins nowhere is absent from none."""
+    """Return those of flights in which it does not act from the start. What begins nowhere is
+    absent from none.
+    """
     if not any(scan.begins for scan in scans.values()):
         for scan in scans.values():
             scan.settle(None)

@@ -1,4 +1,6 @@
-"""Conditioning of flights for a search: outliers, nuisance, candidates, and the noise if all candidates help."""
+"""Conditioning of flights for a search: outliers, nuisance, candidates, and the noise if all
+candidates help.
+"""
 
 import dataclasses as dc
 from collections.abc import Sequence
@@ -24,7 +26,9 @@ from np_drake.diagnosis.selection.payload_search import PayloadSearch
 
 @dc.dataclass(frozen=True)
 class ConditionedFlights:
-    """Flights with their outliers known, channels (m, 15) without them, nuisance columns, candidates and noise."""
+    """Flights with their outliers known, channels (m, 15) without them, nuisance columns,
+    candidates and noise.
+    """
 
     flights: list[FlightResiduals]
     channels: list[np.ndarray]
@@ -33,22 +37,29 @@ class ConditionedFlights:
     noise: NoiseModel
 
 
-def condition(flights: Sequence[FlightResiduals], options: Options, *, still_air: bool = False) -> ConditionedFlights:
+def condition(
+    flights: Sequence[FlightResiduals], options: Options, *, still_air: bool = False
+) -> ConditionedFlights:
     """Return outliers, payloads and noise as they show when every effect helps.
 
     Args:
-        flights: training flights.
-        options: tolerances and priors.
-        still_air: whether no wind acts in all flights; one that begins, or that some lack, is tried all the same.
+        still_air: whether no wind acts in all flights; one that begins, or that some lack, is tried
+            all the same.
     """
     error, step = options.priors.linear_error, flights[0].grid.step
     nuisance = nuisance_of(flights, options.tolerance, options.priors)
     known = calibrated_alone(flights[0], options.tolerance)
-    plain = [dc.replace(c, calibrated=c.identifiers[0] in known) for c in library_candidates(flights)]
+    plain = [
+        dc.replace(c, calibrated=c.identifiers[0] in known) for c in library_candidates(flights)
+    ]
     candidates = [*plain, *([] if still_air else wind_candidates(flights, plain))]
 
-    def problem(noise: NoiseModel, some: Sequence[Candidate], temperature: float = 1.0) -> RegressionProblem:
-        return RegressionProblem(flights, noise, nuisance, list(some), temperature=temperature, options=options)
+    def problem(
+        noise: NoiseModel, some: Sequence[Candidate], temperature: float = 1.0
+    ) -> RegressionProblem:
+        return RegressionProblem(
+            flights, noise, nuisance, list(some), temperature=temperature, options=options
+        )
 
     # 1. Outliers, by what is left of the channels under white weights.
     white = scale_only([e.y for e in flights], step)
@@ -56,7 +67,8 @@ def condition(flights: Sequence[FlightResiduals], options: Options, *, still_air
     everything = [*candidates, *switched_candidates(sought), *new_conditions(sought)]
     residual = _residuals_of_all_effects(problem(white, everything))
     flights = [
-        dc.replace(e, outliers=e.outliers | find_outliers(r, step)) for e, r in zip(flights, residual, strict=True)
+        dc.replace(e, outliers=e.outliers | find_outliers(r, step))
+        for e, r in zip(flights, residual, strict=True)
     ]
     channels = [e.bridged(e.y) for e in flights]
     white = scale_only(channels, step)
@@ -68,12 +80,16 @@ def condition(flights: Sequence[FlightResiduals], options: Options, *, still_air
     alone = RegressionProblem(flights, noise, [], plain, temperature=1.0, options=options)
     others = [plain[i] for i in _best_variants(alone)]
     residual = _residuals_of_all_effects(problem(white, others))
-    weights = (white, scale_only(no_worse(residual, channels), step))  # a light payload shows in the second alone
+    weights = (
+        white,
+        scale_only(no_worse(residual, channels), step),
+    )  # a light payload shows in the second alone
     search = PayloadSearch(flights, options)
     tried = () if PAYLOAD in hidden_from(flights) else weights
     payloads = next(filter(None, (search.best(n, nuisance, others) for n in tried)), [])
 
-    # 3. Noise. A swing that is not fitted yet is a resonance of the noise, which would hide it: white weights do not.
+    # 3. Noise. A swing that is not fitted yet is a resonance of the noise, which would hide it:
+    # white weights do not.
     first = weights[1] if payloads else noise
     residual = _residuals_of_all_effects(problem(first, [*everything, *payloads]))
     noise = noise_of(flights, residual, channels, options, error)
@@ -93,11 +109,10 @@ def noise_of(
     Thrust from rotor speed is known as well as that is read.
 
     Args:
-        flights: the flights.
         residuals: (m, 15) by flight, after a model.
         channels: (m, 15) by flight, before it.
-        options: hold the tolerance of the attitude.
-        inexact: share of what the model explains that it gets wrong [1]; `linear_error` for linear columns.
+        inexact: share of what the model explains that it gets wrong [1]; `linear_error` for linear
+            columns.
     """
     residuals = [e.known(r) for e, r in zip(flights, residuals, strict=True)]
     explained = [y - r for y, r in zip(channels, residuals, strict=True)]
@@ -124,10 +139,15 @@ def _best_variants(problem: RegressionProblem) -> list[int]:
 
 
 def _residuals_of_all_effects(problem: RegressionProblem) -> list[np.ndarray]:
-    """Return what is left of the channels when every effect helps, each in its best single variant."""
+    """Return what is left of the channels when every effect helps, each in its best single
+    variant.
+    """
     chosen = _best_variants(problem)
     mean, _ = problem.total.posterior(problem.columns(chosen))
     columns = [*problem.nuisance, *(problem.candidates[i] for i in chosen)]
     parts = np.split(mean, np.cumsum([c.size for c in columns])[:-1])
     explained = ((e, zip(columns, parts, strict=True)) for e in problem.flights)
-    return [e.known(e.bridged(e.y - sum(c.columns[e.name] @ part for c, part in own))) for e, own in explained]
+    return [
+        e.known(e.bridged(e.y - sum(c.columns[e.name] @ part for c, part in own)))
+        for e, own in explained
+    ]

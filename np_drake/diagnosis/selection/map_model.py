@@ -9,10 +9,20 @@ import numpy as np
 from np_drake.diagnosis.fitting import Fit, first_fit, refit
 from np_drake.diagnosis.numerics import NoiseModel
 from np_drake.diagnosis.options import Options
-from np_drake.diagnosis.regressors import Candidate, Model, RegressionProblem, options_of, with_input
+from np_drake.diagnosis.regressors import (
+    Candidate,
+    Model,
+    RegressionProblem,
+    options_of,
+    with_input,
+)
 from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.diagnosis.selection.conditioning import ConditionedFlights, condition, noise_of
-from np_drake.diagnosis.selection.onset_candidates import late_payloads, new_conditions, switched_candidates
+from np_drake.diagnosis.selection.onset_candidates import (
+    late_payloads,
+    new_conditions,
+    switched_candidates,
+)
 
 BEAM = 6  # sets kept from step to step
 BEAM_MARGIN = 8.0  # log evidence below the best at which the beam stops growing
@@ -21,7 +31,9 @@ MOST_EFFECTS = 8  # in a model
 
 @dc.dataclass(frozen=True)
 class SearchResult:
-    """All models met, best first, the best of them fitted, and its noise; no rival is fitted yet."""
+    """All models met, best first, the best of them fitted, and its noise; no rival is fitted
+    yet.
+    """
 
     problem: RegressionProblem
     models: list[Model]
@@ -36,9 +48,8 @@ def find_map_model(
     """Return the best model of these training flights.
 
     Args:
-        flights: training flights.
-        options: all that steers the answer; default: real where attitudes are noisy or rotor speed is measured.
-        still_air: whether no wind acts in all flights.
+        options: all that steers the answer; default: real where attitudes are noisy or rotor speed
+            is measured.
     """
     options = with_input(options, flights) if options else options_of(flights)
     conditioned = condition(flights, options, still_air=still_air)
@@ -46,7 +57,9 @@ def find_map_model(
     return SearchResult(problem, models, best, _noise_left(conditioned, best, options), options)
 
 
-def _search_twice(conditioned: ConditionedFlights, options: Options) -> tuple[RegressionProblem, list[Model], Fit]:
+def _search_twice(
+    conditioned: ConditionedFlights, options: Options
+) -> tuple[RegressionProblem, list[Model], Fit]:
     """Search and fit, once more with the noise that the fit leaves."""
     best: Fit | None = None
     noise, candidates, acting = conditioned.noise, list(conditioned.candidates), list[Candidate]()
@@ -55,7 +68,12 @@ def _search_twice(conditioned: ConditionedFlights, options: Options) -> tuple[Re
         candidates = [*candidates, *begun]
         temperature = options.priors.temperature
         problem = RegressionProblem(
-            conditioned.flights, noise, conditioned.nuisance, candidates, temperature=temperature, options=options
+            conditioned.flights,
+            noise,
+            conditioned.nuisance,
+            candidates,
+            temperature=temperature,
+            options=options,
         )
         members = [i for i, c in enumerate(candidates) if any(c is a for a in acting)]
         late = switched_candidates(problem, members)
@@ -72,8 +90,12 @@ def _search_twice(conditioned: ConditionedFlights, options: Options) -> tuple[Re
     return problem, models, best
 
 
-def _noise_left(of: ConditionedFlights, fit: Fit, options: Options, inexact: float = 0.0) -> NoiseModel:
-    return noise_of(of.flights, [fit.residual(e) for e in of.flights], of.channels, options, inexact)
+def _noise_left(
+    of: ConditionedFlights, fit: Fit, options: Options, inexact: float = 0.0
+) -> NoiseModel:
+    return noise_of(
+        of.flights, [fit.residual(e) for e in of.flights], of.channels, options, inexact
+    )
 
 
 def search(problem: RegressionProblem) -> list[Model]:
@@ -91,7 +113,10 @@ def search(problem: RegressionProblem) -> list[Model]:
     layer: list[tuple[int, ...]] = [()]
     for _ in range(MOST_EFFECTS):
         grown = {
-            tuple(sorted((*m, i))) for m in layer for i in everyone if i not in m and problem.fits_together((*m, i))
+            tuple(sorted((*m, i)))
+            for m in layer
+            for i in everyone
+            if i not in m and problem.fits_together((*m, i))
         }
         if not grown:
             break
@@ -112,7 +137,9 @@ def search(problem: RegressionProblem) -> list[Model]:
     return [Model(m, s) for m, s in sorted(seen.items(), key=lambda item: -item[1]) if s > -np.inf]
 
 
-def _diverse(problem: RegressionProblem, ranked: list[tuple[int, ...]], beam: int) -> list[tuple[int, ...]]:
+def _diverse(
+    problem: RegressionProblem, ranked: list[tuple[int, ...]], beam: int
+) -> list[tuple[int, ...]]:
     """Return the best of each set of effects: variants of one effect must not fill the beam."""
     kept: dict[tuple[str, ...], tuple[int, ...]] = {}
     for members in ranked:

@@ -10,7 +10,14 @@ import numpy as np
 
 from np_drake.diagnosis.forward_model import jumps
 from np_drake.diagnosis.numerics import Gram, NoiseModel
-from np_drake.diagnosis.regressors import AT_REST, SHAPE, Candidate, Onset, PayloadColumns, heavy_enough
+from np_drake.diagnosis.regressors import (
+    AT_REST,
+    SHAPE,
+    Candidate,
+    Onset,
+    PayloadColumns,
+    heavy_enough,
+)
 from np_drake.diagnosis.residuals import FlightResiduals, bridge
 
 CHANNELS = 6  # force and torque alone see a payload
@@ -35,9 +42,6 @@ class OtherRegressors:
     """The columns of others, whitened, with their Gram matrices up to each horizon.
 
     Args:
-        flights: the flights.
-        noise: noise model of the channels.
-        others: candidates that act as well.
         onset: onsets of the payload by flight [s].
         horizons: up to which a payload is followed [s]; default: `HORIZONS` and after outliers.
     """
@@ -55,7 +59,9 @@ class OtherRegressors:
         self._white = []
         for e in flights:
             y = e.y[:, :CHANNELS, None]
-            X = np.concatenate([y[..., :0], *(c.columns[e.name][: len(y), :CHANNELS] for c in others)], axis=-1)
+            X = np.concatenate(
+                [y[..., :0], *(c.columns[e.name][: len(y), :CHANNELS] for c in others)], axis=-1
+            )
             self._white.append((self._flat(e, X), self._flat(e, y)[:, 0]))
         self.horizons = sorted({*(horizons or (*HORIZONS, *self._after_outliers()))})
         self._base = {horizon: self._gram(horizon) for horizon in self.horizons}
@@ -76,7 +82,9 @@ class OtherRegressors:
         return max(self._onset.get(e.name) or 0.0, e.t[0])
 
     def _after_outliers(self) -> list[float]:
-        """Seconds after the payload's begin by which a jump shows, those that are close to one another once."""
+        """Seconds after the payload's begin by which a jump shows, those that are close to one
+        another once.
+        """
         found = [(e, k) for e in self._flights for k in jumps(e, self._onset.get(e.name))]
         ends = sorted(float(e.t[k] - self._begin(e) + AFTER_OUTLIER) for e, k in found)
         later = [*ends[1:], math.inf]
@@ -104,10 +112,10 @@ class OtherRegressors:
         return WhitenedPayload(own, at, payload.size, payload.log_prior)
 
     def gain(self, candidate: WhitenedPayload, horizon: float) -> tuple[float, np.ndarray]:
-        """Return the log evidence that the candidate adds, priors included, and its physical coefficients.
+        """Return the log evidence that the candidate adds, priors included, and its physical
+        coefficients.
 
         Args:
-            candidate: the payload's columns, whitened.
             horizon: up to which rows count, from the payload's begin on [s].
         """
         (both,), n = self.joints(candidate, [horizon]), self.size
@@ -119,20 +127,17 @@ class OtherRegressors:
         """Return the log evidence alone, of one of the candidate's `joints`.
 
         Args:
-            both: Gram matrix of others and payload.
-            candidate: the payload's columns, whitened.
             horizon: up to which rows count, from the payload's begin on [s].
         """
         evidence = both.log_evidence(np.arange(len(both.Xy))) - self._base[horizon][1]
         return evidence + candidate.log_prior
 
     def swing_alone(self, candidate: WhitenedPayload, horizon: float, mass: float) -> np.ndarray:
-        """Return (k,) coefficients of a `shaped` payload with the mass given; hook, length and damping stay.
+        """Return (k,) coefficients of a `shaped` payload with the mass given; hook, length and
+        damping stay.
 
         Args:
-            candidate: the payload's columns, whitened.
             horizon: up to which rows count, from the payload's begin on [s].
-            mass: coefficient of the mass.
         """
         (both,), n = self.joints(candidate, [horizon]), self.size
         first = AT_REST + SHAPE
@@ -142,10 +147,10 @@ class OtherRegressors:
         return np.concatenate([fixed, residual.posterior(free)[0][n:]])
 
     def joints(self, candidate: WhitenedPayload, horizons: Sequence[float]) -> list[Gram]:
-        """Return Gram matrices of others and candidate up to these horizons [s], from one pass over the rows.
+        """Return Gram matrices of others and candidate up to these horizons [s], from one pass over
+        the rows.
 
         Args:
-            candidate: the payload's columns, whitened.
             horizons: [s].
         """
         n, k = self.size, candidate.size

@@ -1,9 +1,11 @@
 """Payload candidates: a profile over lengths, then each followed to where it fits best.
 
-A swing drifts out of step with a tether of another length within a few periods, so that lengths must lie within 3 %
-of one another. And a wide swing is slower than a narrow one: columns that are linear about rest lose its phase within
-some seconds. Guesses from the first seconds alone, followed through ever longer flights (Gauss-Newton beside the
-columns of everything else), keep it.   Source: progressive horizons, as in multiple shooting; own choice of both.
+A swing drifts out of step with a tether of another length within a few periods, so that lengths
+must lie within 3 % of one another. And a wide swing is slower than a narrow one: columns that are
+linear about rest lose its phase within some seconds. Guesses from the first seconds alone, followed
+through ever longer flights (Gauss-Newton beside the
+columns of everything else), keep it.
+Source: progressive horizons, as in multiple shooting; own choice of both.
 """
 
 import dataclasses as dc
@@ -16,7 +18,15 @@ from np_drake.diagnosis.fitting.physical_bounds import greatest_height
 from np_drake.diagnosis.forward_model import NEVER
 from np_drake.diagnosis.numerics import NoiseModel
 from np_drake.diagnosis.options import Options
-from np_drake.diagnosis.regressors import PAYLOAD, Candidate, Guess, Onset, PayloadColumns, payload_about, payloads_of
+from np_drake.diagnosis.regressors import (
+    PAYLOAD,
+    Candidate,
+    Guess,
+    Onset,
+    PayloadColumns,
+    payload_about,
+    payloads_of,
+)
 from np_drake.diagnosis.regressors.payload import LONGEST_TETHER, SEARCH_LENGTHS
 from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.diagnosis.selection.payload_evidence import HORIZONS, OtherRegressors
@@ -30,15 +40,19 @@ NEAR = 0.06  # relative difference below which lengths are the same [1]
 CHUNK = 12  # lengths whose columns are held at a time
 ENDS = (HORIZONS[0], HORIZONS[-1])
 SHARPENED = ((0.4, 0.05), (0.04, 0.01))  # about an onset: span to either side and step, in turn [s]
-MOVES = 4  # of a span, at most, whose best instant is nearer to an end than to its middle; own choice
+MOVES = (
+    4  # of a span, at most, whose best instant is nearer to an end than to its middle; own choice
+)
 AFTER_ONSET = 2.0  # up to which the evidence of an onset is computed [s]
 STEPS = 3  # Gauss-Newton steps at each horizon
 
 
 def search_lengths(flights: Sequence[FlightResiduals]) -> np.ndarray:
-    """Return lengths of tethers (n,) [m] up to that which hangs clear of the ground and swings in time.
+    """Return lengths of tethers (n,) [m] up to that which hangs clear of the ground and swings in
+    time.
 
-    They are 3 % apart, and beyond `SEARCH_LENGTHS`, where a flight holds fewer swings, by so much more.
+    They are 3 % apart, and beyond `SEARCH_LENGTHS`, where a flight holds fewer swings, by so much
+    more.
 
     Args:
         flights: whose height allows them; where it is not logged, `SEARCH_LENGTHS` alone are tried.
@@ -56,8 +70,6 @@ class PayloadSearch:
     """Payload candidates of some flights; columns of a few lengths are in memory at a time.
 
     Args:
-        flights: the flights.
-        options: hold the priors.
         onset: onsets of the payload by flight [s].
         lengths: of tethers (n,) [m]; default: `search_lengths`.
     """
@@ -73,29 +85,22 @@ class PayloadSearch:
         self._priors = options.priors
         self.lengths = search_lengths(flights) if lengths is None else lengths
 
-    def best(self, noise: NoiseModel, nuisance: Sequence[Candidate], others: Sequence[Candidate]) -> list[Candidate]:
-        """Return the `KEPT` best payloads of different lengths; none where `others` explain as much.
+    def best(
+        self, noise: NoiseModel, nuisance: Sequence[Candidate], others: Sequence[Candidate]
+    ) -> list[Candidate]:
+        """Return the `KEPT` best payloads of different lengths; none where `others` explain as
+        much.
 
-        They are followed beside the others, as there may be more than a payload; and beside `nuisance` alone, as
-        effects that are not there take from a payload what a guess does not yet explain, and it loses its way.
-
-        Args:
-            noise: noise model of the channels.
-            nuisance: columns that every model has.
-            others: candidates that act as well.
+        They are followed beside the others, as there may be more than a payload; and beside
+        `nuisance` alone, as effects that are not there take from a payload what a guess does not
+        yet explain, and it loses its way.
         """
         return [candidate for _, candidate in self.followed(noise, nuisance, others)]
 
     def followed(
         self, noise: NoiseModel, nuisance: Sequence[Candidate], others: Sequence[Candidate]
     ) -> list[tuple[Guess, Candidate]]:
-        """Return the best payloads with their guesses.
-
-        Args:
-            noise: noise model of the channels.
-            nuisance: columns that every model has.
-            others: candidates that act as well.
-        """
+        """Return the best payloads with their guesses."""
         if PAYLOAD not in LIBRARY:
             return []
         everything = OtherRegressors(self._flights, noise, [*nuisance, *others], self._onset)
@@ -119,20 +124,20 @@ class PayloadSearch:
     def from_guesses(
         self, noise: NoiseModel, nuisance: Sequence[Candidate], guesses: Sequence[Guess]
     ) -> list[tuple[Guess, Candidate]]:
-        """Return payloads followed from guesses whose swing is not known.
-
-        Args:
-            noise: noise model of the channels.
-            nuisance: columns that every model has.
-            guesses: to begin with.
-        """
+        """Return payloads followed from guesses whose swing is not known."""
         nuisance_only = OtherRegressors(self._flights, noise, nuisance, self._onset)
         found = [self._follow(nuisance_only, dc.replace(g, swing={}), HORIZONS[0]) for g in guesses]
         return self._distinct(
-            [(nuisance_only.gain(nuisance_only.white(p), math.inf)[0], p) for p in found if p is not None]
+            [
+                (nuisance_only.gain(nuisance_only.white(p), math.inf)[0], p)
+                for p in found
+                if p is not None
+            ]
         )
 
-    def _distinct(self, found: Sequence[tuple[float, PayloadColumns]]) -> list[tuple[Guess, Candidate]]:
+    def _distinct(
+        self, found: Sequence[tuple[float, PayloadColumns]]
+    ) -> list[tuple[Guess, Candidate]]:
         """Return the best, of different lengths."""
         kept: list[tuple[Guess, Candidate]] = []
         for _, payload in sorted(found, key=lambda f: -f[0]):
@@ -145,17 +150,16 @@ class PayloadSearch:
         return kept
 
     def profile(self, noise: NoiseModel, others: Sequence[Candidate]) -> np.ndarray:
-        """Return (lengths,) the log evidence that a payload adds to the others.
-
-        Args:
-            noise: noise model of the channels.
-            others: candidates that act as well.
-        """
+        """Return (lengths,) the log evidence that a payload adds to the others."""
         beside = OtherRegressors(self._flights, noise, others, self._onset)
         return self._profiles(beside, beside)[len(ENDS) - 1]
 
-    def _profiles(self, everything: OtherRegressors, nuisance_only: OtherRegressors) -> list[np.ndarray]:
-        """Return (lengths,) beside either, up to either of `ENDS`; nuisance comes first among all columns."""
+    def _profiles(
+        self, everything: OtherRegressors, nuisance_only: OtherRegressors
+    ) -> list[np.ndarray]:
+        """Return (lengths,) beside either, up to either of `ENDS`; nuisance comes first among all
+        columns.
+        """
         gains = []
         for start in range(0, len(self.lengths), CHUNK):
             some_lengths = self.lengths[start : start + CHUNK]
@@ -163,19 +167,18 @@ class PayloadSearch:
                 white = everything.white(c)
                 joints = everything.joints(white, ENDS)
                 own = np.r_[: nuisance_only.size, everything.size : len(joints[0].Xy)]
-                some = [everything.gain_of(both, white, h) for both, h in zip(joints, ENDS, strict=True)]
-                some += [nuisance_only.gain_of(both.only(own), white, h) for both, h in zip(joints, ENDS, strict=True)]
+                some = [
+                    everything.gain_of(both, white, h) for both, h in zip(joints, ENDS, strict=True)
+                ]
+                some += [
+                    nuisance_only.gain_of(both.only(own), white, h)
+                    for both, h in zip(joints, ENDS, strict=True)
+                ]
                 gains.append(some)
         return list(np.transpose(gains))
 
     def when(self, noise: NoiseModel, nuisance: Sequence[Candidate], guess: Guess) -> Onset:
-        """Return sharpened onsets [s] of a payload like the guess, its swing free.
-
-        Args:
-            noise: noise model of the channels.
-            nuisance: columns that every model has.
-            guess: of the payload.
-        """
+        """Return sharpened onsets [s] of a payload like the guess, its swing free."""
         found = dict(self._onset or {})
         for e in self._flights:
             near = found.get(e.name)
@@ -183,20 +186,31 @@ class PayloadSearch:
                 continue
             for span, step in SHARPENED:
                 for _ in range(MOVES):
-                    before, near = near, self._best_about(e, near, span, step, noise, nuisance, guess)
+                    before, near = (
+                        near,
+                        self._best_about(e, near, span, step, noise, nuisance, guess),
+                    )
                     if abs(near - before) <= 0.5 * span:
                         break
             found[e.name] = near
         return found
 
-    def _best_about(self, e: FlightResiduals, near: float, span: float, step: float, noise, nuisance, guess) -> float:
+    def _best_about(
+        self, e: FlightResiduals, near: float, span: float, step: float, noise, nuisance, guess
+    ) -> float:
         """Return the best instant of one flight within `span` of `near` [s]."""
         head = e.head(int(np.searchsorted(e.t, near + AFTER_ONSET)))
         beside = OtherRegressors([head], noise, nuisance, {e.name: near}, horizons=(AFTER_ONSET,))
-        times = np.arange(max(e.t[1], near - span), min(e.t[-1], near + span), max(step, e.grid.step))
-        return float(times[np.argmax([self._gain_from(head, float(t), beside, guess) for t in times])])
+        times = np.arange(
+            max(e.t[1], near - span), min(e.t[-1], near + span), max(step, e.grid.step)
+        )
+        return float(
+            times[np.argmax([self._gain_from(head, float(t), beside, guess) for t in times])]
+        )
 
-    def _gain_from(self, e: FlightResiduals, begin: float, beside: OtherRegressors, guess: Guess) -> float:
+    def _gain_from(
+        self, e: FlightResiduals, begin: float, beside: OtherRegressors, guess: Guess
+    ) -> float:
         """Log evidence of a payload that begins there, in one flight."""
         payload = payload_about([e], dc.replace(guess, swing={}), self._priors, {e.name: begin})
         for _ in range(STEPS):
@@ -205,10 +219,11 @@ class PayloadSearch:
         return beside.gain(beside.white(payload), AFTER_ONSET)[0]
 
     def _follow(self, beside: OtherRegressors, guess: Guess, first: float) -> PayloadColumns | None:
-        """From a guess through the horizons, to the payload about which it fits best; none where it is lost.
+        """From a guess through the horizons, to the payload about which it fits best; none where it
+        is lost.
 
-        At every further horizon swings move alone at first: out of step, a lighter payload would fit better than
-        this one, and there would be no way back.
+        At every further horizon swings move alone at first: out of step, a lighter payload would
+        fit better than this one, and there would be no way back.
         """
         mean = np.zeros(0)
         for horizon in [h for h in beside.horizons if h >= first]:

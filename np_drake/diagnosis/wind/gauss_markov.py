@@ -1,4 +1,6 @@
-"""Gust model: a first-order Gauss-Markov force under white noise, in residual forces averaged over bins."""
+"""Gust model: a first-order Gauss-Markov force under white noise, in residual forces averaged over
+bins.
+"""
 
 import dataclasses as dc
 from collections.abc import Mapping, Sequence
@@ -23,10 +25,11 @@ Begins = Mapping[str, float | None]  # by flight, when the wind begins [s]; None
 
 @dc.dataclass(frozen=True)
 class WindForce:
-    """Force in W of a wind on a vehicle. mean (3, 2): axes by value and half width of the 95 % interval [N].
+    """Force in W of a wind on a vehicle. mean (3, 2): axes by value and half width of the 95 %
+    interval [N].
 
-    deviation [N], correlation_time [s]: value, lower and upper end; of a first-order Gauss-Markov process.
-    white: deviation of a bin's noise [N].
+    deviation [N], correlation_time [s]: value, lower and upper end; of a first-order Gauss-Markov
+    process. white: deviation of a bin's noise [N].
     """
 
     mean: np.ndarray
@@ -40,21 +43,27 @@ class WindForce:
         return self.deviation[0], self.correlation_time[0], self.white
 
 
-def wind_force(flights: Sequence[FlightResiduals], residual: Mapping[str, np.ndarray], begins: Begins) -> WindForce:
+def wind_force(
+    flights: Sequence[FlightResiduals], residual: Mapping[str, np.ndarray], begins: Begins
+) -> WindForce:
     """Return the wind force that a residual (m, 15) by flight shows from the begin of the wind on.
 
     Args:
-        flights: the flights.
         residual: by flight, (m, 15) what a model leaves of it.
         begins: by flight, when the wind begins [s]; None: from the start.
-    Source: restricted maximum likelihood, the mean of each axis taken out; the intervals by its curvature in the
+    Source: restricted maximum likelihood, the mean of each axis taken out; the intervals by its
+        curvature in the
     logarithms. Deviation and correlation time are those of the two level axes together.
     """
     pieces = [s for e in flights for s in spans(e, forces(e, residual[e.name]), begins.get(e.name))]
     level, size_of_bin = [span[:, :2] for span in pieces], width(flights[0])
     size = float(np.sqrt(np.mean(np.concatenate(level).var(axis=0))))
     start = np.log([size, 1.0, 0.3 * size])
-    bounds = [(start[0] - 4, start[0] + 3), (np.log(SHORTEST_TIME), np.log(LONGEST_TIME)), (start[0] - 6, start[0] + 1)]
+    bounds = [
+        (start[0] - 4, start[0] + 3),
+        (np.log(SHORTEST_TIME), np.log(LONGEST_TIME)),
+        (start[0] - 6, start[0] + 1),
+    ]
 
     def loss(z: np.ndarray) -> float:
         return _restricted_loss(level, size_of_bin, *np.exp(z))
@@ -72,17 +81,31 @@ def wind_force(flights: Sequence[FlightResiduals], residual: Mapping[str, np.nda
     )
 
 
-def _whitened(pieces: Sequence[np.ndarray], size, deviation, time, white) -> tuple[np.ndarray, np.ndarray, float]:
-    """Return forces (k, a) and ones (k,) whitened, all spans in a row, and the log determinant of their covariance."""
+def _whitened(
+    pieces: Sequence[np.ndarray], size, deviation, time, white
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """Return forces (k, a) and ones (k,) whitened, all spans in a row, and the log determinant of
+    their covariance.
+    """
     # Whitening: with the Cholesky factor L of the covariance, L^-1 x has unit covariance.
     factors = {n: factor(n, size, deviation, time, white) for n in {len(s) for s in pieces}}
-    both = [linalg.solve_triangular(factors[len(s)], np.column_stack([s, np.ones(len(s))]), lower=True) for s in pieces]
+    both = [
+        linalg.solve_triangular(factors[len(s)], np.column_stack([s, np.ones(len(s))]), lower=True)
+        for s in pieces
+    ]
     whole = np.concatenate(both)
-    return whole[:, :-1], whole[:, -1], sum(2 * np.log(np.diag(factors[len(s)])).sum() for s in pieces)
+    return (
+        whole[:, :-1],
+        whole[:, -1],
+        sum(2 * np.log(np.diag(factors[len(s)])).sum() for s in pieces),
+    )
 
 
-def _restricted_loss(pieces: Sequence[np.ndarray], size: float, deviation: float, time: float, white: float) -> float:
-    # Restricted likelihood: the mean, projected out of the whitened forces, costs log(1'C^-1 1) / 2 an axis.
+def _restricted_loss(
+    pieces: Sequence[np.ndarray], size: float, deviation: float, time: float, white: float
+) -> float:
+    # Restricted likelihood: the mean, projected out of the whitened forces, costs log(1'C^-1 1) / 2
+    # an axis.
     F, one, logdet = _whitened(pieces, size, deviation, time, white)
     weight = one @ one
     power = np.sum(F**2) - np.sum((one @ F) ** 2) / weight
@@ -90,13 +113,20 @@ def _restricted_loss(pieces: Sequence[np.ndarray], size: float, deviation: float
 
 
 def _curvature(loss, z: np.ndarray) -> np.ndarray:
-    """Return (k, k) second derivatives by central differences, with a weak prior: a figure may not matter at all."""
+    """Return (k, k) second derivatives by central differences, with a weak prior: a figure may not
+    matter at all.
+    """
     k = len(z)
     E = STEP * np.eye(k)
     H = np.empty((k, k))
     for i in range(k):
         for j in range(i + 1):
-            four = loss(z + E[i] + E[j]) - loss(z + E[i] - E[j]) - loss(z - E[i] + E[j]) + loss(z - E[i] - E[j])
+            four = (
+                loss(z + E[i] + E[j])
+                - loss(z + E[i] - E[j])
+                - loss(z - E[i] + E[j])
+                + loss(z - E[i] - E[j])
+            )
             H[i, j] = H[j, i] = four / (4 * STEP**2)
     values, vectors = np.linalg.eigh(H)
     return vectors @ np.diag(np.maximum(values, 0.25)) @ vectors.T
@@ -106,14 +136,15 @@ def forces(e: FlightResiduals, residual: np.ndarray) -> np.ndarray:
     """Return (k, 3) the residual force in W averaged over bins [N], from a residual (m, 15).
 
     Args:
-        e: the flight.
         residual: (m, 15) of the flight.
     """
     return binned(e, attitude.rotate(e.q, residual[:, FORCE]))
 
 
 def drags(e: FlightResiduals) -> np.ndarray:
-    """Return (k, 3, 3) the force in W of a unit drag along each body axis (the last), averaged over bins [m/s]."""
+    """Return (k, 3, 3) the force in W of a unit drag along each body axis (the last), averaged over
+    bins [m/s].
+    """
     units = [Term(LinearDrag(*axis)) for axis in np.eye(3).tolist()]
     return np.stack([forces(e, predicted_residual(e, [unit])) for unit in units], axis=-1)
 
@@ -122,7 +153,6 @@ def binned(e: FlightResiduals, values: np.ndarray) -> np.ndarray:
     """Return (k, a) the means over bins of values (m, a) on the grid.
 
     Args:
-        e: the flight.
         values: (m, a) on the grid.
     """
     size = _size(e)
@@ -140,10 +170,10 @@ def instants(e: FlightResiduals) -> np.ndarray:
 
 
 def spans(e: FlightResiduals, values: np.ndarray, begin: float | None) -> list[np.ndarray]:
-    """Return bins (k, a) of a flight from `begin` on [s] (None: from the start), in pieces of at most `SPAN`.
+    """Return bins (k, a) of a flight from `begin` on [s] (None: from the start), in pieces of at
+    most `SPAN`.
 
     Args:
-        e: the flight.
         values: (k, a) of all bins.
         begin: [s]; None: from the start.
     """
@@ -152,11 +182,13 @@ def spans(e: FlightResiduals, values: np.ndarray, begin: float | None) -> list[n
     return [later[i : i + most] for i in range(0, len(later), most) if len(later) - i > 1]
 
 
-def factor(n: int, width: float, deviation: float, time: float, white: float, common: float = 0.0) -> np.ndarray:
-    """Return (n, n) the lower Cholesky factor of the covariance of n bins of an averaged Gauss-Markov process.
+def factor(
+    n: int, width: float, deviation: float, time: float, white: float, common: float = 0.0
+) -> np.ndarray:
+    """Return (n, n) the lower Cholesky factor of the covariance of n bins of an averaged
+    Gauss-Markov process.
 
     Args:
-        n: number of bins.
         width: of a bin [s].
         deviation: of the process [N].
         time: its correlation time [s].

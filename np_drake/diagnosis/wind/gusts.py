@@ -1,4 +1,6 @@
-"""Gusts as a cause: slow forces that no effect explains, which act through the drag that was found."""
+"""Gusts as a cause: slow forces that no effect explains, which act through the drag that was
+found.
+"""
 
 import dataclasses as dc
 from collections.abc import Mapping, Sequence
@@ -35,18 +37,17 @@ def as_gusts(
     A steady wind among the causes becomes the mean of the gusts.
 
     Args:
-        flights: training flights, which give the parameters.
         through_drag: by flight, (m, 15) what drag and wind together leave in it.
-        causes: the causes.
         probability: of gusts [1].
-        options: all that steers the answer.
         held_out: held-out flights, in which the wind may begin as well.
     """
     drag = next((c for c in causes if c.identifier == DRAG), None)
     if drag is None:
         return causes
     steady = next((c.onset for c in causes if c.identifier in GUSTY[1:]), {})
-    known = {name: steady.get(name) if begin is None else begin for name, begin in drag.onset.items()}
+    known = {
+        name: steady.get(name) if begin is None else begin for name, begin in drag.onset.items()
+    }
     if not any(spans(e, instants(e)[:, None], known.get(e.name)) for e in flights):  # too few bins
         return causes
     onset, begun = _onsets(flights, held_out, through_drag, drag, known, options)
@@ -54,10 +55,14 @@ def as_gusts(
     if not isinstance(drag.effect, LinearDrag) or not _acts_through(drag.effect):
         return causes
     force = wind_force(
-        flights, {e.name: _without_drag(through_drag[e.name], e, drag.effect, begun) for e in flights}, onset
+        flights,
+        {e.name: _without_drag(through_drag[e.name], e, drag.effect, begun) for e in flights},
+        onset,
     )
     # Stronger than winds are, even through the largest drag of the interval, they are none.
-    most = STRONGEST * float(np.mean([max(map(abs, drag.parameters[name].ci95)) for name in ("d_x", "d_y")]))
+    most = STRONGEST * float(
+        np.mean([max(map(abs, drag.parameters[name].ci95)) for name in ("d_x", "d_y")])
+    )
     if not options.materiality.force * flights[0].weight <= force.deviation[0] <= most:
         return causes
     parameters = _statistics(flights, force, drag, options)
@@ -73,15 +78,21 @@ def _acts_through(drag: LinearDrag) -> bool:
     return inside and 0.5 * (drag.d_x + drag.d_y) > WEAKEST
 
 
-def _without_drag(through_drag: np.ndarray, e: FlightResiduals, drag: LinearDrag, begins: Begins) -> np.ndarray:
-    """Return (m, 15) what the wind pushes through the drag, without the drag itself, which acts from its begin on."""
+def _without_drag(
+    through_drag: np.ndarray, e: FlightResiduals, drag: LinearDrag, begins: Begins
+) -> np.ndarray:
+    """Return (m, 15) what the wind pushes through the drag, without the drag itself, which acts
+    from its begin on.
+    """
     return through_drag - predicted_residual(e, [Term(drag, {e.name: begins.get(e.name)})])
 
 
 def _statistics(
     flights: Sequence[FlightResiduals], force: WindForce, drag: Cause, options: Options
 ) -> dict[str, Estimate]:
-    """Return the wind's parameters [m/s, s] from those of its force, as uncertain as the drag and the sensors' axes."""
+    """Return the wind's parameters [m/s, s] from those of its force, as uncertain as the drag and
+    the sensors' axes.
+    """
     d = np.array([drag.parameters[f"d_{axis}"].value for axis in "xyz"])
     d[np.abs(d) < 1e-6] = 1e-6  # avoids a division by zero [N·s/m]
     level = float(np.abs(d[:2]).mean())
@@ -99,7 +110,9 @@ def _statistics(
         out[p.name] = Estimate(float(value), "m/s", (float(value) - half, float(value) + half))
     value, lower, upper = force.deviation
     wider = [float(np.exp(np.hypot(np.log(end / value), known))) for end in (lower, upper)]
-    out["deviation"] = Estimate(value / level, "m/s", (value / level / wider[0], value / level * wider[1]))
+    out["deviation"] = Estimate(
+        value / level, "m/s", (value / level / wider[0], value / level * wider[1])
+    )
     time, lower, upper = force.correlation_time
     out["correlation_time"] = Estimate(time, "s", (lower, upper))
     return out
@@ -115,18 +128,23 @@ def _onsets(
 ) -> tuple[Begins, Begins]:
     """Return by flight when the wind begins [s], given the `known` onsets, and when the drag does.
 
-    A drag that begins with the wind in one flight does so in all. Flights of the fit say whether it does: what a
-    held-out one seems to show moves nothing in them.
+    A drag that begins with the wind in one flight does so in all. Flights of the fit say whether it
+    does: what a held-out one seems to show moves nothing in them.
     """
     acts, effect = drag.onset, drag.effect
     assert isinstance(effect, LinearDrag)
-    windy = {e.name: _without_drag(through_drag[e.name], e, effect, {}) for e in (*flights, *held_out)}
-    at_once = 2 * options.priors.onset_gain * any(drag.onset.get(e.name) is not None for e in flights)
+    windy = {
+        e.name: _without_drag(through_drag[e.name], e, effect, {}) for e in (*flights, *held_out)
+    }
+    at_once = (
+        2 * options.priors.onset_gain * any(drag.onset.get(e.name) is not None for e in flights)
+    )
     for _ in range(ROUNDS):
         left = {e.name: _without_drag(through_drag[e.name], e, effect, acts) for e in flights}
         wind = wind_force(flights, left, known)
         apart, together = (
-            onsets_of(flights, held_out, (windy, still), known, wind, options) for still in (windy, through_drag)
+            onsets_of(flights, held_out, (windy, still), known, wind, options)
+            for still in (windy, through_drag)
         )
         late = [e for e in flights if any(b[e.name].at is not None for b in (apart, together))]
         gain = sum(apart[e.name].loss - together[e.name].loss for e in late or held_out)
@@ -137,15 +155,19 @@ def _onsets(
 
 
 def with_drag(ranking: Ranking) -> Ranking:
-    """Return the ranking with a linear drag in the named model, where flights do not speak against it.
+    """Return the ranking with a linear drag in the named model, where flights do not speak against
+    it.
 
-    The prior of the drag is that of generic structure. Where the slow force begins in flight, so may the drag.
+    The prior of the drag is that of generic structure. Where the slow force begins in flight, so
+    may the drag.
     """
     priors, problem, key = ranking.options.priors, ranking.problem, names_of_fit(ranking.best)
     known = next((m for m in ranking.models if names_of(problem, m) == key), None)
     if known is None or DRAG in key:
         return ranking
-    drags = [i for i, c in enumerate(problem.candidates) if c.identifiers == (DRAG,) and not c.onset]
+    drags = [
+        i for i, c in enumerate(problem.candidates) if c.identifiers == (DRAG,) and not c.onset
+    ]
     # The slow force that is left may begin in flight: its own power pays for instants.
     left = {e.name: ranking.best.residual(e) for e in problem.flights}
     begins = wind_begins(problem.flights, left, {}, ranking.options)

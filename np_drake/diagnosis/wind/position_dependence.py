@@ -20,14 +20,16 @@ from np_drake.diagnosis.wind.gauss_markov import (
 from np_drake.rigid_body import P
 
 
-def position_p_value(flights: Sequence[FlightResiduals], residual: Mapping[str, np.ndarray], begins: Begins) -> float:
+def position_p_value(
+    flights: Sequence[FlightResiduals], residual: Mapping[str, np.ndarray], begins: Begins
+) -> float:
     """Return the probability that gusts follow the position as much as this force does [1].
 
     Args:
-        flights: the flights.
         residual: by flight, (m, 15) what a model leaves of it.
         begins: by flight, when the wind begins [s]; None: from the start.
-    Source: likelihood ratio of a level force that is quadratic in the position beside gusts, a mean in each span and a
+    Source: likelihood ratio of a level force that is quadratic in the position beside gusts, a mean
+        in each span and a
     drag, under the gusts' covariance, as strong in each flight as they are there.
     """
     wind = wind_force(flights, residual, begins)
@@ -57,7 +59,8 @@ def position_p_value(flights: Sequence[FlightResiduals], residual: Mapping[str, 
     less = linalg.orth(np.vstack([drag_x, drag_y]))
     more = linalg.orth(np.hstack([np.vstack([drag_x, drag_y]), linalg.block_diag(place, place)]))
     both = force.T.ravel()
-    # Likelihood ratio: the power that the position explains beside the drag, by projection on both column spaces.
+    # Likelihood ratio: the power that the position explains beside the drag, by projection on both
+    # column spaces.
     gain = np.sum((more.T @ both) ** 2) - np.sum((less.T @ both) ** 2)
     return float(stats.chi2.sf(gain, more.shape[1] - less.shape[1]))
 

@@ -1,7 +1,9 @@
 """Log evidence of a slow force in the air over sensor errors alone, by Whittle's likelihood.
 
-A force acts on position and accelerometer alike; an attitude that drifts errs in the one, an accelerometer that drifts
-in the other.   Source: Whittle's likelihood, with cosine transforms, as the spectra are steep; own priors.
+A force acts on position and accelerometer alike; an attitude that drifts errs in the one, an
+accelerometer that drifts
+in the other.
+Source: Whittle's likelihood, with cosine transforms, as the spectra are steep; own priors.
 """
 
 import dataclasses as dc
@@ -22,7 +24,9 @@ STARTS = (0.2, 1.0)  # of the force's size, over the attitude's
 
 @dc.dataclass(frozen=True)
 class SlowForce:
-    """Log evidence of a Gauss-Markov force over sensors alone, and its deviation by level axis [N]."""
+    """Log evidence of a Gauss-Markov force over sensors alone, and its deviation by level axis
+    [N].
+    """
 
     log_evidence: float
     deviation: float
@@ -34,7 +38,8 @@ class SlowForce:
 
 @dc.dataclass(frozen=True)
 class _Spectra:
-    """Of one flight: f (k,) [Hz], values (c, k, 2) of position, or position and accelerometer, by level axes.
+    """Of one flight: f (k,) [Hz], values (c, k, 2) of position, or position and accelerometer, by
+    level axes.
 
     Their squares are in the mean one-sided power spectral densities [m²/s³].
     """
@@ -43,13 +48,13 @@ class _Spectra:
     values: np.ndarray
 
 
-def slow_force(flights: Sequence[FlightResiduals], residual: Mapping[str, np.ndarray], options: Options) -> SlowForce:
+def slow_force(
+    flights: Sequence[FlightResiduals], residual: Mapping[str, np.ndarray], options: Options
+) -> SlowForce:
     """Return the evidence of a slow force in a residual (m, 15) by flight.
 
     Args:
-        flights: the flights.
         residual: by flight, (m, 15) what a model leaves of it.
-        options: all that steers the answer.
     """
     spectra = [_spectra(e, residual[e.name]) for e in flights]
     mass, gravity = flights[0].vehicle.mass, flights[0].vehicle.gravity
@@ -65,26 +70,40 @@ def slow_force(flights: Sequence[FlightResiduals], residual: Mapping[str, np.nda
         return _loss(spectra, z[:n], z[n:]) + own + 0.5 * ((z[n + 1] - np.log(time)) / times) ** 2
 
     sensors = optimize.minimize(without_force, centre, method="L-BFGS-B", bounds=bounds)
-    about = [(centre[0] - 4, centre[0] + 4), (np.log(time) - REACH * times, np.log(time) + REACH * times)]
-    starts = [[*z, centre[0] + np.log(s), np.log(time)] for z, s in zip((sensors.x, centre), STARTS, strict=True)]
-    ends = [optimize.minimize(with_force, z, method="L-BFGS-B", bounds=[*bounds, *about]) for z in starts]
+    about = [
+        (centre[0] - 4, centre[0] + 4),
+        (np.log(time) - REACH * times, np.log(time) + REACH * times),
+    ]
+    starts = [
+        [*z, centre[0] + np.log(s), np.log(time)]
+        for z, s in zip((sensors.x, centre), STARTS, strict=True)
+    ]
+    ends = [
+        optimize.minimize(with_force, z, method="L-BFGS-B", bounds=[*bounds, *about])
+        for z in starts
+    ]
     best = min(ends, key=lambda end: end.fun)
     return SlowForce(max(float(sensors.fun - best.fun), 0.0), mass * float(np.exp(best.x[n])))
 
 
 def _slow_power(flights: Sequence[FlightResiduals], residual: Mapping[str, np.ndarray]) -> float:
-    """Return the mean square of the slow force on a level axis, its mean apart [N²], from a residual (m, 15) by flight.
+    """Return the mean square of the slow force on a level axis, its mean apart [N²], from a
+    residual (m, 15) by flight.
 
     In the body as in W: an attitude that is read askew turns with a vehicle that yaws.
     """
     spectra = [_spectra(e, residual[e.name], upright=True) for e in flights]
     width = [s.f[0] for s in spectra]
-    power = [np.sum(np.mean(s.values[0] ** 2, axis=1)) * w for s, w in zip(spectra, width, strict=True)]
+    power = [
+        np.sum(np.mean(s.values[0] ** 2, axis=1)) * w for s, w in zip(spectra, width, strict=True)
+    ]
     return float(flights[0].vehicle.mass ** 2 * np.mean(power))
 
 
 def _spectra(e: FlightResiduals, residual: np.ndarray, *, upright: bool = False) -> _Spectra:
-    """Return the spectra of what is left of a flight (m, 15); `upright`: without its mean in body axes, (3,)."""
+    """Return the spectra of what is left of a flight (m, 15); `upright`: without its mean in body
+    axes, (3,).
+    """
     step, R = e.grid.step, e.q
     slip = attitude.rotate(R, residual[:, POSITION])
     from_position = np.gradient(slip, step, axis=0) + attitude.rotate(R, residual[:, VELOCITY])
@@ -97,11 +116,16 @@ def _spectra(e: FlightResiduals, residual: np.ndarray, *, upright: bool = False)
     n = len(slow[0])
     f = np.arange(n) / (2 * n * step)
     some = (f > 0) & (f <= TOP)
-    return _Spectra(f[some], np.stack([fft.dct(a, axis=0, norm="ortho")[some] * np.sqrt(2 * step) for a in slow]))
+    return _Spectra(
+        f[some],
+        np.stack([fft.dct(a, axis=0, norm="ortho")[some] * np.sqrt(2 * step) for a in slow]),
+    )
 
 
 def _prior(options: Options, gravity: float, channels: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return centre and spread of log sensor errors: attitude (RMS [m/s²], time [s], white), accelerometer."""
+    """Return centre and spread of log sensor errors: attitude (RMS [m/s²], time [s], white),
+    accelerometer.
+    """
     tolerance, priors = options.tolerance, options.priors
     turned = gravity * tolerance.attitude
     found = [(turned, priors.attitude_spread), priors.attitude_drift, (0.02 * turned, WHITE)]
@@ -113,24 +137,35 @@ def _prior(options: Options, gravity: float, channels: int) -> tuple[np.ndarray,
 
 
 def _markov(f: np.ndarray, rms: float, time: float) -> np.ndarray:
-    """Return (k,) the one-sided power spectral density of a first-order Gauss-Markov process, of the logarithms."""
+    """Return (k,) the one-sided power spectral density of a first-order Gauss-Markov process, of
+    the logarithms.
+    """
     return 4 * np.exp(2 * rms + time) / (1 + (2 * np.pi * f * np.exp(time)) ** 2)
 
 
 def _loss(spectra: Sequence[_Spectra], z: np.ndarray, force: np.ndarray | None) -> float:
-    """Return minus the log likelihood, up to a constant; sensors' z and the force's (size, time) are logarithms."""
+    """Return minus the log likelihood, up to a constant; sensors' z and the force's (size, time)
+    are logarithms.
+    """
     total = 0.0
     for s in spectra:
         common = np.zeros(len(s.f)) if force is None else _markov(s.f, *force)
         position = _markov(s.f, z[0], z[1]) + np.exp(2 * z[2]) + common
         if len(s.values) == 1:
-            total += float(np.sum(0.5 * np.sum(s.values[0] ** 2, axis=1) / position + np.log(position)))
+            total += float(
+                np.sum(0.5 * np.sum(s.values[0] ** 2, axis=1) / position + np.log(position))
+            )
             continue
         read = np.exp(2 * z[3]) / s.f + np.exp(2 * z[4]) + common
-        # Whittle: at every frequency both channels are Gaussian, with the force as common part of their spectra.
+        # Whittle: at every frequency both channels are Gaussian, with the force as common part of
+        # their spectra.
         det = position * read - common**2
-        (pp, pr, rr) = (np.sum(s.values[i] * s.values[j], axis=1) for i, j in ((0, 0), (0, 1), (1, 1)))
-        total += float(np.sum(0.5 * (read * pp - 2 * common * pr + position * rr) / det + np.log(det)))
+        (pp, pr, rr) = (
+            np.sum(s.values[i] * s.values[j], axis=1) for i, j in ((0, 0), (0, 1), (1, 1))
+        )
+        total += float(
+            np.sum(0.5 * (read * pp - 2 * common * pr + position * rr) / det + np.log(det))
+        )
     return total
 
 
@@ -146,11 +181,7 @@ def gust_probability(
     """Return the probability of a slow force in the air; 0 where training flights show none.
 
     Args:
-        flights: training flights.
         residual: by flight, (m, 15) what a model leaves of them.
-        held_out: held-out flights.
-        held_out_residual: the same of these.
-        options: thresholds, and what sensors do alone.
         hidden: whether the model has a payload, whose swing may have been lost.
     """
     seen = slow_force(flights, residual, options)
@@ -161,4 +192,6 @@ def gust_probability(
     lost = hidden and _slow_power(flights, residual) < thresholds.held_out_share * _slow_power(
         flights, {e.name: e.y for e in flights}
     )
-    return both.probability(thresholds.slow_force_evidence) if matters and shown and not lost else 0.0
+    return (
+        both.probability(thresholds.slow_force_evidence) if matters and shown and not lost else 0.0
+    )

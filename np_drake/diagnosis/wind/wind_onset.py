@@ -9,35 +9,55 @@ from scipy import linalg
 from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.diagnosis.selection.change_point import EDGE
-from np_drake.diagnosis.wind.gauss_markov import SPAN, Begins, WindForce, factor, forces, instants, width, wind_force
+from np_drake.diagnosis.wind.gauss_markov import (
+    SPAN,
+    Begins,
+    WindForce,
+    factor,
+    forces,
+    instants,
+    width,
+    wind_force,
+)
 
 LAST = 1.0  # of a flight, in which no begin is looked for [s]
 LEAST_STILL = 2.0  # that is quiet at least before a wind whose begin is not known at all [s]
 ROUNDS = 2  # of wind and its begins: at first it is that of all the flight
 SIZES = (0.35, 0.5, 0.7, 1.0, 1.4, 2.0)  # of that error, in tolerances [1]; own choice
-WHITES = (0.6, 0.8, 1.0)  # of a bin's noise, in what bins differ by from their neighbours' line [1]; own choice
+WHITES = (
+    0.6,
+    0.8,
+    1.0,
+)  # of a bin's noise, in what bins differ by from their neighbours' line [1]; own choice
 
 
 @dc.dataclass(frozen=True)
 class Begin:
-    """When the wind begins [s] (None: from the start; infinite: not at all), and its -2 log likelihood."""
+    """When the wind begins [s] (None: from the start; infinite: not at all), and its -2 log
+    likelihood.
+    """
 
     at: float | None
     loss: float
 
 
 def wind_onset(
-    e: FlightResiduals, residual: np.ndarray, begin: float | None, wind: WindForce, before: np.ndarray, gain: float
+    e: FlightResiduals,
+    residual: np.ndarray,
+    begin: float | None,
+    wind: WindForce,
+    before: np.ndarray,
+    gain: float,
 ) -> Begin:
-    """Return when the wind begins, given a known onset [s] (None: from the start; infinite: not at all).
+    """Return when the wind begins, given a known onset [s] (None: from the start; infinite: not at
+    all).
 
-    Gusts show by their power at once. What was known stays where a better one brings less than `gain`.
+    Gusts show by their power at once. What was known stays where a better one brings less than
+    `gain`.
 
     Args:
-        e: the flight.
         residual: (m, 15) what is left of the flight under the wind.
         begin: known onset [s]; None: from the start; infinite: not at all.
-        wind: statistics of its force.
         before: (k,) `still_air_loss` of what is left until then.
         gain: least log likelihood that a better onset must bring.
     Source: likelihood of a change point; the two sides independent (own choice).
@@ -57,20 +77,25 @@ def wind_onset(
 
 
 def wind_begins(
-    flights: Sequence[FlightResiduals], residual: Mapping[str, np.ndarray], known: Begins, options: Options
+    flights: Sequence[FlightResiduals],
+    residual: Mapping[str, np.ndarray],
+    known: Begins,
+    options: Options,
 ) -> Begins:
-    """Return by flight when the wind begins by its own power [s], given known onsets and residuals (m, 15).
+    """Return by flight when the wind begins by its own power [s], given known onsets and residuals
+    (m, 15).
 
     Args:
-        flights: the flights.
         residual: by flight, (m, 15) what a model leaves of it.
         known: by flight, known onsets [s]; None: from the start.
-        options: all that steers the answer.
     """
     for _ in range(ROUNDS):
         wind = wind_force(flights, residual, known)
         known = {
-            name: begin.at for name, begin in onsets_of(flights, [], (residual, residual), known, wind, options).items()
+            name: begin.at
+            for name, begin in onsets_of(
+                flights, [], (residual, residual), known, wind, options
+            ).items()
         }
     return known
 
@@ -86,15 +111,14 @@ def onsets_of(
     """Return the onset of a wind in every flight.
 
     Args:
-        flights: training flights.
         held_out: held-out flights: what acts throughout the others hardly begins late in these.
         left: by flight, (m, 15) what is left of it under the wind and before.
         known: by flight, known onsets [s]; None: from the start.
-        wind: statistics of its force.
-        options: all that steers the answer.
     """
     windy, still = left
-    before = {e.name: still_air_loss(e, still[e.name], wind, options) for e in (*flights, *held_out)}
+    before = {
+        e.name: still_air_loss(e, still[e.name], wind, options) for e in (*flights, *held_out)
+    }
 
     def sought(e: FlightResiduals, begin: float | None, gain: float) -> Begin:
         return wind_onset(e, windy[e.name], begin, wind, before[e.name], gain)
@@ -105,17 +129,19 @@ def onsets_of(
     return found | {e.name: sought(e, known.get(e.name) if late else None, gain) for e in held_out}
 
 
-def still_air_loss(e: FlightResiduals, residual: np.ndarray, wind: WindForce, options: Options) -> np.ndarray:
-    """Return (k,) the -2 log likelihood of the level forces in the bins before each bin, without a wind.
+def still_air_loss(
+    e: FlightResiduals, residual: np.ndarray, wind: WindForce, options: Options
+) -> np.ndarray:
+    """Return (k,) the -2 log likelihood of the level forces in the bins before each bin, without a
+    wind.
 
-    Ideal sensors leave white noise. A real attitude errs slowly as well, a Gauss-Markov process about the tolerance in
+    Ideal sensors leave white noise. A real attitude errs slowly as well, a Gauss-Markov process
+    about the tolerance in
     size, whichever fits best.   Source: profile likelihood; own choice of the grid.
 
     Args:
-        e: the flight.
         residual: (m, 15) what is left of the flight in still air.
         wind: statistics of the wind's force, for its white noise.
-        options: tolerance of the attitude, and how it drifts.
     """
     bins = forces(e, residual)[:, :2]
     if not options.tolerance.real:
@@ -128,7 +154,8 @@ def still_air_loss(e: FlightResiduals, residual: np.ndarray, wind: WindForce, op
     rough = np.sqrt(np.mean(np.diff(bins, 2, axis=0) ** 2) / 6)
     n = min(len(bins), round(SPAN / width(e)))
     losses = [
-        _still_air_loss_of(bins, factor(n, width(e), s * size, drift, w * rough, size)) + (np.log(s) / spread) ** 2
+        _still_air_loss_of(bins, factor(n, width(e), s * size, drift, w * rough, size))
+        + (np.log(s) / spread) ** 2
         for s in SIZES
         for w in WHITES
     ]
@@ -136,7 +163,9 @@ def still_air_loss(e: FlightResiduals, residual: np.ndarray, wind: WindForce, op
 
 
 def _still_air_loss_of(bins: np.ndarray, root: np.ndarray) -> np.ndarray:
-    """Return (k,) the loss of the bins before each; beyond the reach of the covariance they count as independent."""
+    """Return (k,) the loss of the bins before each; beyond the reach of the covariance they count
+    as independent.
+    """
     n = len(root)
     pieces = [bins[i : i + n] for i in range(0, len(bins), n)]
     return _before(np.concatenate([_loss_of_bins(p, root[: len(p), : len(p)]) for p in pieces]))

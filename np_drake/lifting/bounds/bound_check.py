@@ -1,4 +1,6 @@
-"""Check of the error bound on a flight: the bound after every window against the error that followed."""
+"""Check of the error bound on a flight: the bound after every window against the error that
+followed.
+"""
 
 import dataclasses as dc
 
@@ -52,16 +54,23 @@ class BoundCheck:
 
 
 def check_flight(
-    model: LiftedModel, chi: np.ndarray, zeta: np.ndarray, *, alpha: tuple[Alpha, Alpha] | None = None,
-    horizon: int = HORIZON, spacing: int = 1, refit: bool | None = None, gamma: float | None = None,
-) -> BoundCheck:  # fmt: skip
+    model: LiftedModel,
+    chi: np.ndarray,
+    zeta: np.ndarray,
+    *,
+    alpha: tuple[Alpha, Alpha] | None = None,
+    horizon: int = HORIZON,
+    spacing: int = 1,
+    refit: bool | None = None,
+    gamma: float | None = None,
+) -> BoundCheck:
     """Compute bounds and errors after every `spacing`-th sample of one uninterrupted flight.
 
     Args:
-        model: whose forecasts are bounded.
         chi: (n, 6) labels [N, N·m].
         zeta: (n, 6) motion [m/s, rad/s].
-        alpha: (alpha_chi, alpha_zeta); None for the flight's own largest changes, under which the premise holds.
+        alpha: (alpha_chi, alpha_zeta); None for the flight's own largest changes, under which the
+            premise holds.
         horizon: as of `TheoremBound` [1].
         spacing: samples from one origin to the next [1].
         refit: as of `TheoremBound`.
@@ -74,28 +83,43 @@ def check_flight(
     samples = np.hstack([chi, zeta])
     origins = np.arange(dut.samples - 1, len(samples) - horizon, spacing)
     if len(origins) == 0:
-        raise ValueError(f"bound: at least {dut.samples + horizon} samples are needed; got {len(samples)}.")
+        raise ValueError(
+            f"bound: at least {dut.samples + horizon} samples are needed; got {len(samples)}."
+        )
     z = np.full((len(samples), model.system.K), np.nan)
-    z[model.window - 1 :] = model.lift(sliding_window_view(samples, model.window, axis=0).swapaxes(1, 2))
+    z[model.window - 1 :] = model.lift(
+        sliding_window_view(samples, model.window, axis=0).swapaxes(1, 2)
+    )
     parts = [_check(dut, samples, z, origins[i : i + CHUNK]) for i in range(0, len(origins), CHUNK)]
     found = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
     holds, premise = found["holds"], _premise(model, dut.change, samples, origins)
     broken = {name: float(found[name].mean()) for name in ASSUMPTIONS if found[name].any()}
     return BoundCheck(
-        windows=len(origins), holds=float(holds.mean()), premise=float(premise.mean()),
+        windows=len(origins),
+        holds=float(holds.mean()),
+        premise=float(premise.mean()),
         holds_on_premise=float(holds[premise].mean()) if premise.any() else np.nan,
-        ratio={kind: found[kind] for kind in KINDS}, c=found["c"], residual=found["residual"],
-        violated=broken, spectral_radius=float(found["spectral_radius"].max()), lipschitz=dut.reach.lipschitz,
-        alpha_chi=float(dut.change.chi[0]), alpha_zeta=float(dut.change.zeta[0]),
-    )  # fmt: skip
+        ratio={kind: found[kind] for kind in KINDS},
+        c=found["c"],
+        residual=found["residual"],
+        violated=broken,
+        spectral_radius=float(found["spectral_radius"].max()),
+        lipschitz=dut.reach.lipschitz,
+        alpha_chi=float(dut.change.chi[0]),
+        alpha_zeta=float(dut.change.zeta[0]),
+    )
 
 
-def _check(dut: TheoremBound, samples: np.ndarray, z: np.ndarray, origins: np.ndarray) -> dict[str, np.ndarray]:
+def _check(
+    dut: TheoremBound, samples: np.ndarray, z: np.ndarray, origins: np.ndarray
+) -> dict[str, np.ndarray]:
     """Return the quantities that `BoundCheck` collects, (windows, …) each."""
     answers = [dut(samples[k - dut.samples + 1 : k + 1]) for k in origins]
     errors = _errors(dut.model, answers, samples, z, origins, dut.horizon)
     bounds = {kind: np.stack([getattr(a, kind) for a in answers]) for kind in KINDS}
-    holds = np.all([errors[k] <= bounds[k] * (1 + ROUNDING) + RESOLUTION for k in KINDS], axis=(0, 2))
+    holds = np.all(
+        [errors[k] <= bounds[k] * (1 + ROUNDING) + RESOLUTION for k in KINDS], axis=(0, 2)
+    )
     found = {"holds": holds} | {kind: _ratio(bounds[kind], errors[kind]) for kind in KINDS}
     for name in ("c", "residual", "spectral_radius"):
         found[name] = np.array([getattr(a, name) for a in answers])
@@ -103,8 +127,13 @@ def _check(dut: TheoremBound, samples: np.ndarray, z: np.ndarray, origins: np.nd
 
 
 def _errors(
-    model: LiftedModel, answers: list[ErrorBound], samples: np.ndarray, z: np.ndarray, origins: np.ndarray, N: int
-) -> dict[str, np.ndarray]:  # fmt: skip
+    model: LiftedModel,
+    answers: list[ErrorBound],
+    samples: np.ndarray,
+    z: np.ndarray,
+    origins: np.ndarray,
+    N: int,
+) -> dict[str, np.ndarray]:
     """Return kind -> error of the rollouts (windows, N), with the true zeta and with zeta held."""
     A, B = (np.stack([getattr(a.system, name) for a in answers]) for name in "AB")
     C, rows = model.system.C, slice(6 if model.predicts_torque else 3)
@@ -121,7 +150,9 @@ def _errors(
     return found | {"operator": found["z"]}
 
 
-def _premise(model: LiftedModel, change: Change, samples: np.ndarray, origins: np.ndarray) -> np.ndarray:
+def _premise(
+    model: LiftedModel, change: Change, samples: np.ndarray, origins: np.ndarray
+) -> np.ndarray:
     """Return whether every change that the proof bounds was within what was allowed, (windows,)."""
     chi, zeta = samples[:, :6] / chi_scale(model), samples[:, 6:] / model.zeta_scale
     good = np.ones(len(samples), bool)

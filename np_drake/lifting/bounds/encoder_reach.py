@@ -1,6 +1,7 @@
 """Reach of z within n steps, given by how much chi and zeta change over 1, 2, … steps.
 
-All in scaled coordinates: |chi_(k+j) - chi_k| / chi_scale <= change of chi over j steps, and so for zeta.
+All in scaled coordinates: |chi_(k+j) - chi_k| / chi_scale <= change of chi over j steps, and so for
+zeta.
 """
 
 import dataclasses as dc
@@ -25,17 +26,22 @@ class Change:
         for name in ("chi", "zeta"):
             value = np.asarray(getattr(self, name), float)
             if value.shape != np.shape(self.chi) or not np.all((value >= 0) & np.isfinite(value)):
-                raise ValueError(f"bound: alpha_{name} must be finite and not negative; got {value}.")
+                raise ValueError(
+                    f"bound: alpha_{name} must be finite and not negative; got {value}."
+                )
 
 
 @dc.dataclass(frozen=True)
 class EncoderReach:
     """Bounds on how far z moves within n = 1 … N steps.
 
-    radius: (N,) bound on the distance of z_n from where it would be if chi and zeta stood still from now on.
+    radius: (N,) bound on the distance of z_n from where it would be if chi and zeta stood still
+    from now on.
     """
 
-    lipschitz: float  # constant of the encoder in scaled coordinates, of chi (Phi) or of the window [1]
+    lipschitz: (
+        float  # constant of the encoder in scaled coordinates, of chi (Phi) or of the window [1]
+    )
     radius: np.ndarray
     travel: np.ndarray  # (N,) bound on the distance of z_(k+n) from z_k
 
@@ -48,19 +54,22 @@ def chi_scale(model: LiftedModel) -> np.ndarray:
 def encoder_reach(model: LiftedModel, change: Change) -> EncoderReach:
     """Return the reach of the model's encoder under a change of chi and zeta.
 
-    Phi: L |dchi|, L the product of the layers' spectral norms.   Delay encoder: sum over lags d of |E_d| |dx|, where
-    the sample at lag d has moved for n - d steps only since now.
+    Phi: L |dchi|, L the product of the layers' spectral norms.
+    Delay encoder: sum over lags d of |E_d| |dx|, where the sample at lag d has moved for n - d
+        steps only since now.
 
     Args:
         model: with an encoder that is linear in its window.
-        change: of chi and zeta that is allowed.
     """
     if isinstance(model.encoder, Phi):
         L = model.encoder.lipschitz_bound
         return EncoderReach(L, L * change.chi, L * change.chi)
     encoder = model.linear_encoder
     E = encoder.E.reshape(encoder.K, encoder.delay, 12).swapaxes(0, 1)[::-1]  # by lag
-    gain_chi, gain_zeta = (spectral_norms(E[..., :6] * model.chi_scale), spectral_norms(E[..., 6:] * model.zeta_scale))
+    gain_chi, gain_zeta = (
+        spectral_norms(E[..., :6] * model.chi_scale),
+        spectral_norms(E[..., 6:] * model.zeta_scale),
+    )
     N = len(change.chi)
     radius = np.convolve(gain_chi, change.chi)[:N] + np.convolve(gain_zeta, change.zeta)[:N]
     travel = gain_chi.sum() * change.chi + gain_zeta.sum() * change.zeta
@@ -69,10 +78,10 @@ def encoder_reach(model: LiftedModel, change: Change) -> EncoderReach:
 
 
 def standing_still(model: LiftedModel, window: np.ndarray, horizon: int) -> np.ndarray:
-    """Return z_n (horizon, K) for n = 1 …, if chi and zeta kept the values of the window's last row.
+    """Return z_n (horizon, K) for n = 1 …, if chi and zeta kept the values of the window's last
+    row.
 
     Args:
-        model: whose encoder lifts.
         window: (W, 12) last [chi, zeta], oldest first.
         horizon: number of steps [1].
     """
@@ -84,7 +93,9 @@ def standing_still(model: LiftedModel, window: np.ndarray, horizon: int) -> np.n
 
 
 def spectral_norms(matrices: np.ndarray) -> np.ndarray:
-    """Return the largest singular values (...,) of matrices (..., m, n), from the smaller Gram matrix."""
+    """Return the largest singular values (...,) of matrices (..., m, n), from the smaller Gram
+    matrix.
+    """
     M = matrices if matrices.shape[-2] >= matrices.shape[-1] else matrices.swapaxes(-1, -2)
     if M.shape[-1] == 0:
         return np.zeros(M.shape[:-2])

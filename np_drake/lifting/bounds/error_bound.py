@@ -58,7 +58,9 @@ class ErrorBound:
 
     @property
     def violated(self) -> tuple[str, ...]:
-        """Names of the assumptions that do not hold; the bounds claim nothing where there is one."""
+        """Names of the assumptions that do not hold; the bounds claim nothing where there is
+        one.
+        """
         return tuple(a.name for a in self.assumptions if not a.holds)
 
     @property
@@ -74,7 +76,9 @@ class ErrorBound:
 
 @dc.dataclass(frozen=True)
 class _Norms:
-    """Norms |A^i|, |A^i B S_zeta| and |S_chi^-1 C A^i B S_zeta|, (N,) each, i = 0 … N-1, and whether A contracts."""
+    """Norms |A^i|, |A^i B S_zeta| and |S_chi^-1 C A^i B S_zeta|, (N,) each, i = 0 … N-1, and
+    whether A contracts.
+    """
 
     A: np.ndarray
     B: np.ndarray
@@ -90,25 +94,34 @@ class TheoremBound:
     """
 
     def __init__(
-        self, model: LiftedModel, alpha_chi: Alpha, alpha_zeta: Alpha, *,
-        horizon: int = HORIZON, refit: bool | None = None, gamma: float | None = None,
-    ):  # fmt: skip
+        self,
+        model: LiftedModel,
+        alpha_chi: Alpha,
+        alpha_zeta: Alpha,
+        *,
+        horizon: int = HORIZON,
+        refit: bool | None = None,
+        gamma: float | None = None,
+    ):
         """Prepare the bound.
 
         Args:
-            model: of which forecasts are bounded.
-            alpha_chi: largest |chi_(k+1) - chi_k| over the model's scales (those that Phi sees) [1]; or (horizon,) the
-                largest change over 1, 2, … steps, which is sharper.
-            alpha_zeta: the same of zeta.
+            alpha_chi: largest |chi_(k+1) - chi_k| over the model's scales (those that Phi sees)
+                [1]; or (horizon,) the largest change over 1, 2, … steps, which is sharper.
             horizon: number of steps N that are bounded [1].
             refit: whether A, B are refit on the window; None: as the model flies.
-            gamma: limit that the Lipschitz constant of the encoder must keep; None: that of the training [1].
-        Raises: ValueError: if an alpha is negative, the horizon less than one step, or theta changes in flight.
+            gamma: limit that the Lipschitz constant of the encoder must keep; None: that of the
+                training [1].
+        Raises: ValueError: if an alpha is negative, the horizon less than one step, or theta
+            changes in flight.
         """
         if horizon < 1:
             raise ValueError(f"bound: horizon must be at least 1 [steps]; got {horizon}.")
         if isinstance(model.encoder, AdaptiveFamily) and len(model.encoder.mean):
-            raise ValueError("bound: A, B and encoder must not change with theta. Train on one flight, --envelope 0.")
+            raise ValueError(
+                "bound: A, B and encoder must not change with theta. Train on one flight, "
+                "--envelope 0."
+            )
         # A forecast from the time of the label: a late one is not taken to the present
         self.model, self.horizon = dc.replace(model, late=0), horizon
         self.change = Change(_over_steps(alpha_chi, horizon), _over_steps(alpha_zeta, horizon))
@@ -122,7 +135,9 @@ class TheoremBound:
 
     @property
     def samples(self) -> int:
-        """Number of rows that a window must have; a delay encoder needs one more than it sees, for the residual."""
+        """Number of rows that a window must have; a delay encoder needs one more than it sees, for
+        the residual.
+        """
         return self.model.window + (0 if isinstance(self.model.encoder, Phi) else 1)
 
     def system(self, window: np.ndarray) -> LiftedLinearSystem:
@@ -141,7 +156,9 @@ class TheoremBound:
         system = self.system(window)
         norms = self._offline or self._norms(system)
         z = self._lift(window)
-        residual = float(np.linalg.norm(z - system.A @ self._lift(window[:-1]) - system.B @ window[-2, 6:]))
+        residual = float(
+            np.linalg.norm(z - system.A @ self._lift(window[:-1]) - system.B @ window[-2, 6:])
+        )
         local = residual + (1.0 + norms.A[1]) * self.reach.travel + norms.B[0] * self.change.zeta
         operator = np.convolve(norms.A[: self.horizon], local)[: self.horizon]
         held = self._held(system, z, window[-1, 6:])
@@ -150,12 +167,18 @@ class TheoremBound:
         off = ((window[-1, :6] - held @ system.C.T) / self._scale)[:, self._rows]
         chi_held = np.linalg.norm(off, axis=1) + self.change.chi
         return ErrorBound(
-            c=float(local[0]), residual=residual, operator=operator,
-            z=np.minimum(operator, z_held + self._moved(norms.B)), z_held=z_held,
-            chi=chi_held + self._moved(norms.CB), chi_held=chi_held,
-            scale=self._scale, zeta_scale=self.model.zeta_scale, system=system,
+            c=float(local[0]),
+            residual=residual,
+            operator=operator,
+            z=np.minimum(operator, z_held + self._moved(norms.B)),
+            z_held=z_held,
+            chi=chi_held + self._moved(norms.CB),
+            chi_held=chi_held,
+            scale=self._scale,
+            zeta_scale=self.model.zeta_scale,
+            system=system,
             assumptions=self._assumptions(window, norms),
-        )  # fmt: skip
+        )
 
     def _moved(self, norms: np.ndarray) -> np.ndarray:
         """Return sum_(i<n) norms_i |zeta_(n-1-i) - zeta_0|, (N,).
@@ -178,7 +201,9 @@ class TheoremBound:
     def _checked(self, window: np.ndarray) -> np.ndarray:
         window = np.asarray(window, float)
         if window.ndim != 2 or window.shape[1] != 12 or len(window) < self.samples:
-            raise ValueError(f"bound: window must be (at least {self.samples}, 12); got {window.shape}.")
+            raise ValueError(
+                f"bound: window must be (at least {self.samples}, 12); got {window.shape}."
+            )
         if not np.all(np.isfinite(window)):
             raise ValueError("bound: window must be finite; cut the log where a sample is missing.")
         return window[-self.samples :]
@@ -188,34 +213,45 @@ class TheoremBound:
         CB = ((system.C / self._scale[:, None]) @ B)[:, self._rows]
         A = spectral_norms(powers(system.A, np.eye(system.K), max(self.horizon, 2)))
         radius = system.spectral_radius
-        return _Norms(A, spectral_norms(B), spectral_norms(CB), radius, radius < 1.0 and contracts(system.A))
+        return _Norms(
+            A, spectral_norms(B), spectral_norms(CB), radius, radius < 1.0 and contracts(system.A)
+        )
 
     def _assumptions(self, window: np.ndarray, norms: _Norms) -> tuple[Assumption, ...]:
         steepest, gamma = self.reach.lipschitz, self._gamma
         return (
             self._seen(CHI_STEP, window[:, :6] / self._scale, self.change.chi),
             self._seen(ZETA_STEP, window[:, 6:] / self.model.zeta_scale, self.change.zeta),
-            Assumption(LIPSCHITZ, steepest, gamma, bool(np.isfinite(steepest) and steepest <= gamma * (1 + ROUNDING))),
+            Assumption(
+                LIPSCHITZ,
+                steepest,
+                gamma,
+                bool(np.isfinite(steepest) and steepest <= gamma * (1 + ROUNDING)),
+            ),
             Assumption(STABILITY, norms.radius, 1.0, norms.stable),
         )
 
     def _seen(self, name: str, window: np.ndarray, allowed: np.ndarray) -> Assumption:
-        """Compare the window's changes, up to its last row and from row to row, with what was allowed."""
+        """Compare the window's changes, up to its last row and from row to row, with what was
+        allowed.
+        """
         step = np.linalg.norm(np.diff(window, axis=0), axis=1).max()
         since = np.linalg.norm(window[-2::-1] - window[-1], axis=1)[: self.horizon]
-        holds = step <= allowed[0] * (1 + ROUNDING) and np.all(since <= allowed[: len(since)] * (1 + ROUNDING))
+        holds = step <= allowed[0] * (1 + ROUNDING) and np.all(
+            since <= allowed[: len(since)] * (1 + ROUNDING)
+        )
         return Assumption(name, float(step), float(allowed[0]), bool(holds))
 
 
 def largest_changes(
     model: LiftedModel, chi: np.ndarray, zeta: np.ndarray, horizon: int = HORIZON
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return (alpha_chi, alpha_zeta), the largest scaled changes of a flight over 1, 2, … steps, (horizon,) each [1].
+    """Return (alpha_chi, alpha_zeta), the largest scaled changes of a flight over 1, 2, … steps,
+    (horizon,) each [1].
 
     Their first entries are the theorem's alphas.
 
     Args:
-        model: gives the scales.
         chi: (n, 6) [N, N·m].
         zeta: (n, 6) [m/s, rad/s].
         horizon: most steps of a change [1].
@@ -225,7 +261,9 @@ def largest_changes(
 
 def _largest(values: np.ndarray, horizon: int) -> np.ndarray:
     lags = range(1, horizon + 1)
-    return np.array([np.linalg.norm(values[j:] - values[:-j], axis=1).max(initial=0.0) for j in lags])
+    return np.array(
+        [np.linalg.norm(values[j:] - values[:-j], axis=1).max(initial=0.0) for j in lags]
+    )
 
 
 def _over_steps(alpha: Alpha, horizon: int) -> np.ndarray:
@@ -234,5 +272,7 @@ def _over_steps(alpha: Alpha, horizon: int) -> np.ndarray:
         return float(alpha) * np.arange(1, horizon + 1)  # type: ignore[arg-type]
     value = np.asarray(alpha, float)
     if value.ndim != 1 or len(value) < horizon:
-        raise ValueError(f"bound: an alpha must be one number or ({horizon},), one a step; got {value.shape}.")
+        raise ValueError(
+            f"bound: an alpha must be one number or ({horizon},), one a step; got {value.shape}."
+        )
     return value[:horizon]

@@ -1,13 +1,16 @@
 """A family of lifted linear systems, and its parameter theta as a recursive Bayesian estimate.
 
-theta stands for what differs between payloads, tethers and ways of flying. Its prior is the spread over the training
-flights. In flight, what the model foresaw some steps ago, along the motion that was flown since, is compared with the
-force that it sees now:
+theta stands for what differs between payloads, tethers and ways of flying. Its prior is the spread
+over the training flights. In flight, what the model foresaw some steps ago, along the motion that
+was flown since, is compared with the force that it sees now:
 
-    e_h = C z_k - C z_(k|k-h),   theta ~ N(mean, covariance),   e_h(theta) linearised, var(e_h) = noise_h²
+    e_h = C z_k - C z_(k|k-h),
+    theta ~ N(mean, covariance),
+    e_h(theta) linearised, var(e_h) = noise_h²
 
-(a step of the extended Kalman filter). What the flight does not excite stays at the prior. Between updates theta
-returns to the prior as an Ornstein-Uhlenbeck process, so that another payload is learnt within its time constant.
+(a step of the extended Kalman filter). What the flight does not excite stays at the prior. Between
+updates theta returns to the prior as an Ornstein-Uhlenbeck process, so that another payload is
+learnt within its time constant.
 Source: empirical Bayes for the prior; Kalman filter for the update.
 """
 
@@ -31,8 +34,9 @@ class AdaptiveFamily:
     """Axes of a lifted linear system that share theta (r,), and its prior.
 
     axes: whose views' states stand side by side in z.   mean: (r,), covariance: (r, r) of theta.
-    lags: (l,) steps over which forecasts are compared.   noise: (a, l) deviations of e_h of each axis, scaled [1].
-    memory: time constant of the return to the prior [s].
+    lags: (l,) steps over which forecasts are compared.
+    noise: (a, l) deviations of e_h of each axis, scaled [1]. memory: time constant of the return to
+        the prior [s].
     """
 
     axes: tuple[ModalAxis, ...]
@@ -44,12 +48,18 @@ class AdaptiveFamily:
 
     def __post_init__(self):
         r = len(self.mean)
-        if self.covariance.shape != (r, r) or any(axis.encoder.shape[-1] != 1 + r for axis in self.axes):
-            raise ValueError(f"AdaptiveFamily: covariance and axes must have the {r} entries of theta.")
+        if self.covariance.shape != (r, r) or any(
+            axis.encoder.shape[-1] != 1 + r for axis in self.axes
+        ):
+            raise ValueError(
+                f"AdaptiveFamily: covariance and axes must have the {r} entries of theta."
+            )
         if self.noise.shape != (len(self.axes), len(self.lags)) or not np.all(self.noise > 0):
             raise ValueError("AdaptiveFamily: noise must be positive, one an axis and lag.")
         if len({axis.delay for axis in self.axes}) != 1 or not self.memory > 0:
-            raise ValueError("AdaptiveFamily: the axes must have one window, and memory must be positive [s].")
+            raise ValueError(
+                "AdaptiveFamily: the axes must have one window, and memory must be positive [s]."
+            )
 
     @property
     def K(self) -> int:
@@ -85,7 +95,9 @@ class AdaptiveFamily:
     @cached_property
     def _readout(self) -> np.ndarray:
         """C, (6, K)."""
-        return np.hstack([np.outer(readout, axis.C) for axis in self.axes for readout in axis.readout])
+        return np.hstack(
+            [np.outer(readout, axis.C) for axis in self.axes for readout in axis.readout]
+        )
 
     def encoder(self, theta: np.ndarray) -> DelayEncoder:
         """Return the encoder at theta (r,), of windows of D samples."""
@@ -105,7 +117,8 @@ class AdaptiveFamily:
         return self.read(windows, theta)[1]
 
     def read(self, windows: np.ndarray, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return theta (..., r) at which windows are forecast, the one given where nothing corrects it, and z (..., K).
+        """Return theta (..., r) at which windows are forecast, the one given where nothing corrects
+        it, and z (..., K).
 
         Args:
             windows: (..., W, 12) samples, oldest first, W >= D [N, N·m, m/s, rad/s].
@@ -114,14 +127,17 @@ class AdaptiveFamily:
         seen = self.seen(windows[..., windows.shape[-2] - self.delay :, :])
         theta, dz = self.corrected(seen, theta)
         z = [axis.lift(s, theta[..., None, :]) for s, axis in zip(seen, self.axes, strict=True)]
-        return theta, dz + np.concatenate([part.reshape(*part.shape[:-2], -1) for part in z], axis=-1)
+        return theta, dz + np.concatenate(
+            [part.reshape(*part.shape[:-2], -1) for part in z], axis=-1
+        )
 
-    def corrected(self, seen: list[np.ndarray], theta: np.ndarray) -> tuple[np.ndarray, np.ndarray | float]:
+    def corrected(
+        self, seen: list[np.ndarray], theta: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray | float]:
         """Return theta and what is added to z; a family by itself corrects neither.
 
         Args:
             seen: windows as of `seen`.
-            theta: as estimated.
         """
         del seen
         return theta, 0.0
@@ -146,7 +162,9 @@ class AdaptiveFamily:
         theta = self.mean + keep * (theta - self.mean)
         covariance = keep**2 * covariance + (1 - keep**2) * self.covariance
         sizes = DIFFERENCE * np.sqrt(np.diag(self.covariance))
-        e, *ahead = self._departures(theta + np.vstack([np.zeros_like(sizes), np.diag(sizes)]), window, step)
+        e, *ahead = self._departures(
+            theta + np.vstack([np.zeros_like(sizes), np.diag(sizes)]), window, step
+        )
         J = (np.array(ahead).T - e[:, None]) / sizes
         # Kalman gain: P J' (J P J' + 1)^-1, as e is over its deviation
         PJ = covariance @ J.T
@@ -163,7 +181,9 @@ class AdaptiveFamily:
         """
         theta, covariance = self.mean, self.covariance
         for seen in range(-(-self.window // EVERY) * EVERY, len(samples) + 1, EVERY):
-            theta, covariance = self.update(theta, covariance, samples[seen - self.window : seen], step)
+            theta, covariance = self.update(
+                theta, covariance, samples[seen - self.window : seen], step
+            )
             yield seen, theta
 
     def thetas(self, samples: np.ndarray, step: float) -> np.ndarray:
@@ -185,16 +205,22 @@ class AdaptiveFamily:
             samples: (n, 12) of a flight without gaps, n >= D [N, N·m, m/s, rad/s].
             step: [s].
         """
-        windows = np.lib.stride_tricks.sliding_window_view(samples, self.delay, axis=0).swapaxes(1, 2)
+        windows = np.lib.stride_tricks.sliding_window_view(samples, self.delay, axis=0).swapaxes(
+            1, 2
+        )
         parts = zip(_chunks(windows), _chunks(self.thetas(samples, step)), strict=True)
-        thetas, z = (np.concatenate(part) for part in zip(*(self.read(*part) for part in parts), strict=True))
+        thetas, z = (
+            np.concatenate(part) for part in zip(*(self.read(*part) for part in parts), strict=True)
+        )
         new = np.append(True, np.any(thetas[1:] != thetas[:-1], axis=1))
         systems = [self.system(theta, step) for theta in thetas[new]]
         at = np.cumsum(new) - 1
         return np.stack([s.A for s in systems])[at], np.stack([s.B for s in systems])[at], z
 
     def _departures(self, thetas: np.ndarray, window: np.ndarray, step: float) -> np.ndarray:
-        """Return what is seen now less what was foreseen, over its deviation, of all axes, views and lags, (T, n)."""
+        """Return what is seen now less what was foreseen, over its deviation, of all axes, views
+        and lags, (T, n).
+        """
         lags, window = self.lags.astype(int), window[len(window) - self.window :]
         found = [
             axis.departures(thetas, window, lags, step) / noise
@@ -228,5 +254,9 @@ def family_of(tensors: dict[str, np.ndarray]) -> AdaptiveFamily:
     for i in range(count):
         own = {n.partition("/")[2]: v for n, v in tensors.items() if n.startswith(f"axis{i}/")}
         axes.append(ModalAxis(**own))
-    mean, covariance, lags, noise = (tensors[f"family/{n}"] for n in ("mean", "covariance", "lags", "noise"))
-    return AdaptiveFamily(tuple(axes), mean, covariance, lags, noise, float(tensors["family/memory"][0]))
+    mean, covariance, lags, noise = (
+        tensors[f"family/{n}"] for n in ("mean", "covariance", "lags", "noise")
+    )
+    return AdaptiveFamily(
+        tuple(axes), mean, covariance, lags, noise, float(tensors["family/memory"][0])
+    )

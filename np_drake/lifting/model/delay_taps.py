@@ -1,4 +1,6 @@
-"""Past samples that a linear encoder sees: the newest one by one, older ones in averages that grow longer."""
+"""Past samples that a linear encoder sees: the newest one by one, older ones in averages that grow
+longer.
+"""
 
 import dataclasses as dc
 import itertools
@@ -27,7 +29,9 @@ class DelayTaps:
 
     @property
     def matrix(self) -> np.ndarray:
-        """Weights of the samples, (taps, delay), oldest sample first; row 0 is the newest sample [1]."""
+        """Weights of the samples, (taps, delay), oldest sample first; row 0 is the newest sample
+        [1].
+        """
         rows = [np.eye(1, self.delay, self.delay - 1 - d)[0] for d in range(self.dense)]
         edges = _edges(self.dense, self.delay, self.averages) if self.averages else np.zeros(0, int)
         for near, far in itertools.pairwise(edges):
@@ -43,17 +47,21 @@ class DelayTaps:
             samples: (n, c), oldest first.
             origins: (o,) sample indices, each at least delay - 1.
         """
-        windows = sliding_window_view(samples, self.delay, axis=0)[origins - self.delay + 1]  # (o, c, delay)
+        windows = sliding_window_view(samples, self.delay, axis=0)[
+            origins - self.delay + 1
+        ]  # (o, c, delay)
         return (windows @ self.matrix.T).transpose(0, 2, 1).reshape(len(origins), -1)
 
     def expand(self, W: np.ndarray, channels: int) -> np.ndarray:
-        """Convert weights of features to weights of the window, oldest sample first, (K, delay * c).
+        """Convert weights of features to weights of the window, oldest sample first, (K, delay *
+        c).
 
         Args:
             W: (K, taps * c).
-            channels: c.
         """
-        return np.einsum("ktc,td->kdc", W.reshape(len(W), -1, channels), self.matrix).reshape(len(W), -1)
+        return np.einsum("ktc,td->kdc", W.reshape(len(W), -1, channels), self.matrix).reshape(
+            len(W), -1
+        )
 
 
 def _edges(near: int, far: int, count: int) -> np.ndarray:

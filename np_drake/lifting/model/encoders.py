@@ -43,7 +43,9 @@ class DelayEncoder:
 
     def __post_init__(self):
         if self.offset is not None and self.offset.shape != (len(self.E),):
-            raise ValueError(f"DelayEncoder: offset must be ({len(self.E)},); got {self.offset.shape}.")
+            raise ValueError(
+                f"DelayEncoder: offset must be ({len(self.E)},); got {self.offset.shape}."
+            )
         if self.E.ndim != 2 or self.E.shape[1] != 12 * self.delay:
             raise ValueError(f"DelayEncoder: E must be (K, {12 * self.delay}); got {self.E.shape}.")
 

@@ -35,7 +35,9 @@ class LiftedLinearSystem:
         K = len(self.A)
         if self.A.shape != (K, K) or self.B.shape != (K, 6) or self.C.shape != (6, K):
             shapes = f"{self.A.shape}, {self.B.shape}, {self.C.shape}"
-            raise ValueError(f"LiftedLinearSystem: A, B, C must be (K, K), (K, 6), (6, K); got {shapes}.")
+            raise ValueError(
+                f"LiftedLinearSystem: A, B, C must be (K, K), (K, 6), (6, K); got {shapes}."
+            )
         if not self.step > 0:
             raise ValueError(f"LiftedLinearSystem: step must be positive [s]; got {self.step}.")
 
@@ -66,10 +68,13 @@ class LiftedLinearSystem:
         """Return the system at `stride` times its step, with zeta held over the longer step.
 
         The new matrices are A^m and sum_(i<m) A^i B with m = stride.
-        Raises: ValueError: if stride is not a positive whole number, which would need a matrix logarithm.
+        Raises: ValueError: if stride is not a positive whole number, which would need a matrix
+            logarithm.
         """
         if stride < 1 or int(stride) != stride:
-            raise ValueError(f"LiftedLinearSystem: stride must be a positive whole number; got {stride}.")
+            raise ValueError(
+                f"LiftedLinearSystem: stride must be a positive whole number; got {stride}."
+            )
         if stride == 1:
             return self
         # [[A, B], [0, 1]]^m = [[A^m, sum_(i<m) A^i B], [0, 1]], as zeta is held
@@ -80,16 +85,19 @@ class LiftedLinearSystem:
         return LiftedLinearSystem(A, B, self.C, self.step * stride)
 
     def continuous(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return A_c (K, K) [1/s] and B_c (K, 6) of z' = A_c z + B_c zeta, which is this system where zeta is held.
+        """Return A_c (K, K) [1/s] and B_c (K, 6) of z' = A_c z + B_c zeta, which is this system
+        where zeta is held.
 
         A_c = log(A) / t_s, and B_c solves (integral of exp(A_c t) over a step) B_c = B.
         Source: Jin et al. 2025, eq. (lift_linear).
-        Raises: ValueError: if A has an eigenvalue at zero or on the negative real axis, and so no real logarithm.
+        Raises: ValueError: if A has an eigenvalue at zero or on the negative real axis, and so no
+            real logarithm.
         """
         eigenvalue = np.linalg.eigvals(self.A)
         if np.any((np.abs(eigenvalue.imag) <= _ON_AXIS) & (eigenvalue.real <= _ON_AXIS)):
             raise ValueError(
-                "LiftedLinearSystem: A must have no eigenvalue at zero or on the negative real axis to be continuous."
+                "LiftedLinearSystem: A must have no eigenvalue at zero or on the negative "
+                "real axis to be continuous."
             )
         K = self.K
         A_c = np.real(scipy.linalg.logm(self.A)) / self.step
@@ -99,11 +107,15 @@ class LiftedLinearSystem:
         return A_c, np.linalg.solve(integral, self.B)
 
     def stabilized(self, radius: float = 1.0) -> "LiftedLinearSystem":
-        """Return the system with every eigenvalue of A pulled radially into |lambda| <= radius [1]."""
+        """Return the system with every eigenvalue of A pulled radially into |lambda| <= radius
+        [1].
+        """
         return dc.replace(self, A=stabilized(self.A, radius))
 
     def modes(self) -> list[Mode]:
-        """Return the modes of A_c = log(A) / step, slowest decay first, without eigenvalues at zero (no memory)."""
+        """Return the modes of A_c = log(A) / step, slowest decay first, without eigenvalues at zero
+        (no memory).
+        """
         eigenvalue = np.linalg.eigvals(self.A).astype(complex)
         eigenvalue = eigenvalue[(np.abs(eigenvalue) > 1e-9) & (eigenvalue.imag >= 0)]
         s = np.log(eigenvalue) / self.step

@@ -1,10 +1,12 @@
-"""Lifted linear system of one axis, whose modes, inputs and encoder are linear in a parameter theta.
+"""Lifted linear system of one axis, whose modes, inputs and encoder are linear in a parameter
+theta.
 
     z+ = A(theta) z + B(theta) u,  f = C z,  z = E(theta) w
 
-f is the force along a view (x; y turned by 90 degrees; z), u the inputs of that view, w its last D samples [f, u],
-all scaled. A is block diagonal: rotations by w_i h, shrunk by exp(-d_i h), and real modes exp(-r_j h), with the
-logarithms of w, d and r linear in theta. So it is stable for every theta.
+f is the force along a view (x; y turned by 90 degrees; z), u the inputs of that view, w its last D
+samples [f, u], all scaled. A is block diagonal: rotations by w_i h, shrunk by exp(-d_i h), and real
+modes exp(-r_j h), with the logarithms of w, d and r linear in theta. So it is stable for every
+theta.
 Source: own choice.
 """
 
@@ -19,12 +21,14 @@ from np_drake.compiled import compiled
 
 @dc.dataclass(frozen=True)
 class ModalAxis:
-    """Matrices of an axis with V views, K = 2 p + q states a view and r entries of theta; [1, theta] is the last axis.
+    """Matrices of an axis with V views, K = 2 p + q states a view and r entries of theta; [1,
+    theta] is the last axis.
 
     channels: (V, c, 12) what a view takes of a sample [chi, zeta], scaled, the force first.
     readout: (V, 6) the force along a view [N], from C z.
-    frequency: (p, 1 + r) logarithms [log rad/s].   damping: (p, 1 + r), decay: (q, 1 + r) logarithms [log 1/s].
-    inputs: (K, c - 1, 1 + r).   encoder: (K, D c, 1 + r), oldest sample first.
+    frequency: (p, 1 + r) logarithms [log rad/s].
+    damping: (p, 1 + r), decay: (q, 1 + r) logarithms [log 1/s]. inputs: (K, c - 1, 1 + r).
+    encoder: (K, D c, 1 + r), oldest sample first.
     """
 
     channels: np.ndarray
@@ -39,13 +43,22 @@ class ModalAxis:
         p, q, r = len(self.frequency), len(self.decay), self.encoder.shape[-1] - 1
         K, c = 2 * p + q, self.channels.shape[1]
         wanted = {
-            "frequency": (p, 1 + r), "damping": (p, 1 + r), "decay": (q, 1 + r), "inputs": (K, c - 1, 1 + r),
+            "frequency": (p, 1 + r),
+            "damping": (p, 1 + r),
+            "decay": (q, 1 + r),
+            "inputs": (K, c - 1, 1 + r),
             "readout": (len(self.channels), 6),
-        }  # fmt: skip
+        }
         wrong = [name for name, shape in wanted.items() if getattr(self, name).shape != shape]
-        if wrong or self.channels.shape[2:] != (12,) or self.encoder.shape[0] != K or self.encoder.shape[1] % c:
+        if (
+            wrong
+            or self.channels.shape[2:] != (12,)
+            or self.encoder.shape[0] != K
+            or self.encoder.shape[1] % c
+        ):
             raise ValueError(
-                f"ModalAxis: the arrays must agree on modes, channels and theta; {wrong or 'encoder'} do not."
+                f"ModalAxis: the arrays must agree on modes, channels and theta; "
+                f"{wrong or 'encoder'} do not."
             )
 
     @property
@@ -60,7 +73,9 @@ class ModalAxis:
 
     @property
     def C(self) -> np.ndarray:
-        """Readout of the scaled force, (K,): 1 for the first state of each pair and for the real modes."""
+        """Readout of the scaled force, (K,): 1 for the first state of each pair and for the real
+        modes.
+        """
         pairs = len(self.frequency)
         return np.concatenate([np.tile([1.0, 0.0], pairs), np.ones(len(self.decay))])
 
@@ -72,7 +87,16 @@ class ModalAxis:
             step: [s].
         """
         A, B = np.zeros((self.K, self.K)), np.empty(self.inputs.shape[:2])
-        _matrices(self.frequency, self.damping, self.decay, self.inputs, np.asarray(theta, float), step, A, B)
+        _matrices(
+            self.frequency,
+            self.damping,
+            self.decay,
+            self.inputs,
+            np.asarray(theta, float),
+            step,
+            A,
+            B,
+        )
         return A, B
 
     def seen(self, samples: np.ndarray) -> np.ndarray:
@@ -83,14 +107,18 @@ class ModalAxis:
         """Return z (..., K) of windows (..., D c) as a view sees them.
 
         Args:
-            windows: oldest sample first, scaled.
             theta: (..., r).
         """
         at = np.concatenate([np.ones((*theta.shape[:-1], 1)), theta], axis=-1)[..., None, :]
-        return np.sum((windows @ self.by_theta).reshape(*windows.shape[:-1], self.K, -1) * at, axis=-1)
+        return np.sum(
+            (windows @ self.by_theta).reshape(*windows.shape[:-1], self.K, -1) * at, axis=-1
+        )
 
-    def departures(self, thetas: np.ndarray, window: np.ndarray, lags: np.ndarray, step: float) -> np.ndarray:
-        """Return the force seen at the end of a window less what was foreseen some steps before, (T, V, l), scaled.
+    def departures(
+        self, thetas: np.ndarray, window: np.ndarray, lags: np.ndarray, step: float
+    ) -> np.ndarray:
+        """Return the force seen at the end of a window less what was foreseen some steps before,
+        (T, V, l), scaled.
 
         Args:
             thetas: (T, r), at which it is asked.
@@ -100,7 +128,9 @@ class ModalAxis:
         """
         seen = np.ascontiguousarray(self.seen(window))
         ends = seen.shape[1] - np.concatenate([[0], lags])
-        w = np.stack([seen[:, end - self.delay : end].reshape(len(seen), -1) for end in ends], axis=1)
+        w = np.stack(
+            [seen[:, end - self.delay : end].reshape(len(seen), -1) for end in ends], axis=1
+        )
         lifted = (w @ self.by_theta).reshape(*w.shape[:2], self.K, -1)
         found = np.empty((len(thetas), len(seen), len(lags)))
         modes = self.frequency, self.damping, self.decay, self.inputs
@@ -109,7 +139,9 @@ class ModalAxis:
 
     @cached_property
     def by_theta(self) -> np.ndarray:
-        """Encoder as a map from a window to what each entry of [1, theta] multiplies, (D c, K (1 + r))."""
+        """Encoder as a map from a window to what each entry of [1, theta] multiplies, (D c, K (1 +
+        r)).
+        """
         return self.encoder.transpose(1, 0, 2).reshape(self.encoder.shape[1], -1)
 
 
@@ -151,13 +183,18 @@ def _departures(frequency, damping, decay, inputs, thetas, seen, lifted, lags, s
         inputs: (K, c - 1, 1 + r).
         thetas: (T, r).
         seen: (V, W, c) samples, scaled.
-        lifted: (V, 1 + l, K, 1 + r) what the encoder sees now and at each lag, by entry of [1, theta].
+        lifted: (V, 1 + l, K, 1 + r) what the encoder sees now and at each lag, by entry of [1,
+            theta].
         lags: (l,) [steps].
         step: [s].
         out: (T, V, l).
     """
     (states, driven, _), pairs, longest = inputs.shape, len(frequency), lags.max()
-    A, B, CA = np.zeros((states, states)), np.empty((states, driven)), np.empty((longest + 1, states))
+    A, B, CA = (
+        np.zeros((states, states)),
+        np.empty((states, driven)),
+        np.empty((longest + 1, states)),
+    )
     response = np.empty((longest, driven))
     for t in range(len(thetas)):
         _matrices(frequency, damping, decay, inputs, thetas[t], step, A, B)
@@ -183,7 +220,9 @@ def _departures(frequency, damping, decay, inputs, thetas, seen, lifted, lags, s
 
 @compiled
 def _readouts(A, pairs, CA):
-    """Write C A^j of j = 0 … to CA (…, K), for the matrix A (K, K) of so many pairs and then real modes."""
+    """Write C A^j of j = 0 … to CA (…, K), for the matrix A (K, K) of so many pairs and then real
+    modes.
+    """
     for k in range(len(A)):
         CA[0, k] = 1.0 if k >= 2 * pairs or k % 2 == 0 else 0.0
     for j in range(1, len(CA)):

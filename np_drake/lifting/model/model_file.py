@@ -15,7 +15,14 @@ from np_drake.lifting.model.adaptive_family import AdaptiveFamily, family_of, fa
 from np_drake.lifting.model.encoders import DelayEncoder, Phi
 from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
 from np_drake.lifting.model.lifted_model import ENCODERS, LiftedModel, require_configuration
-from np_drake.lifting.model.model_header import LARGEST_RIDGE, LONGEST_WINDOW, STEPS, number_in, summary_in, truth_in
+from np_drake.lifting.model.model_header import (
+    LARGEST_RIDGE,
+    LONGEST_WINDOW,
+    STEPS,
+    number_in,
+    summary_in,
+    truth_in,
+)
 from np_drake.lifting.model.neural_family import NeuralFamily, neural_family_of, neural_tensors
 from np_drake.lifting.model.trust import Trust
 
@@ -27,14 +34,16 @@ M = TypeVar("M")
 
 def save_model(model: LiftedModel, path: str | Path) -> None:
     """Write the model file, whole or not at all.
-
-    Args:
-        model: of any configuration.
-        path: of the file.
     Raises: OSError: if it cannot be written.
     """
     s = model.system
-    tensors = {"A": s.A, "B": s.B, "C": s.C, "chi_scale": model.chi_scale, "zeta_scale": model.zeta_scale}
+    tensors = {
+        "A": s.A,
+        "B": s.B,
+        "C": s.C,
+        "chi_scale": model.chi_scale,
+        "zeta_scale": model.zeta_scale,
+    }
     if isinstance(model.encoder, Phi):
         tensors |= {f"W{i}": W for i, W in enumerate(model.encoder.weights)}
     elif isinstance(model.encoder, NeuralFamily):
@@ -46,36 +55,41 @@ def save_model(model: LiftedModel, path: str | Path) -> None:
         if model.encoder.offset is not None:
             tensors["offset"] = model.encoder.offset
     if model.trust is not None:
-        tensors |= {f"trust/{name}": np.asarray(value, float) for name, value in vars(model.trust).items()}
+        tensors |= {
+            f"trust/{name}": np.asarray(value, float) for name, value in vars(model.trust).items()
+        }
     header = {
-        "configuration": model.configuration, "step": s.step, "window": model.window,
-        "predicts_torque": model.predicts_torque, "ridge": model.ridge, "summary": model.summary,
-    }  # fmt: skip
+        "configuration": model.configuration,
+        "step": s.step,
+        "window": model.window,
+        "predicts_torque": model.predicts_torque,
+        "ridge": model.ridge,
+        "summary": model.summary,
+    }
     if model.late:
         header["late"] = model.late
     write_model(tensors, SCHEMA, header, path)
 
 
-def write_model(tensors: dict[str, np.ndarray], schema: str, header: dict[str, Any], path: str | Path) -> None:
+def write_model(
+    tensors: dict[str, np.ndarray], schema: str, header: dict[str, Any], path: str | Path
+) -> None:
     """Write a model file of any kind, whole or not at all.
 
     Args:
-        tensors: arrays by name.
-        schema: of the file.
         header: all else that makes the model, `summary` among it.
-        path: of the file.
     Raises: OSError: if it cannot be written.
     """
     write_tensors(tensors, {"schema": schema, "model": json.dumps(header)}, path)
 
 
-def write_tensors(tensors: dict[str, np.ndarray], metadata: dict[str, str], path: str | Path) -> None:
+def write_tensors(
+    tensors: dict[str, np.ndarray], metadata: dict[str, str], path: str | Path
+) -> None:
     """Write a safetensors file, whole or not at all; equal content gives equal bytes.
 
     Args:
-        tensors: arrays by name.
         metadata: texts by name, `schema` among them.
-        path: of the file.
     """
     content = save({name: np.ascontiguousarray(value) for name, value in tensors.items()}, metadata)
     write_bytes(path, _with_sorted_header(content))
@@ -84,17 +98,21 @@ def write_tensors(tensors: dict[str, np.ndarray], metadata: dict[str, str], path
 def _with_sorted_header(content: bytes) -> bytes:
     """Return the content of a safetensors file with the names of its header in order.
 
-    The library writes the metadata in an order that changes from process to process, and cases name a model by the
-    digest of its file.
+    The library writes the metadata in an order that changes from process to process, and cases name
+    a model by the digest of its file.
     """
     start = 8 + int.from_bytes(content[:8], "little")
-    header = json.dumps(json.loads(content[8:start]), sort_keys=True, separators=(",", ":")).encode()
+    header = json.dumps(
+        json.loads(content[8:start]), sort_keys=True, separators=(",", ":")
+    ).encode()
     header = header.ljust(-(-len(header) // 8) * 8)  # tensors begin at a multiple of 8 bytes
     return len(header).to_bytes(8, "little") + header + content[start:]
 
 
 def schema_of(path: str | Path) -> str:
-    """Return the schema named in a safetensors file; empty where it names none or is no such file."""
+    """Return the schema named in a safetensors file; empty where it names none or is no such
+    file.
+    """
     try:
         with safe_open(str(path), framework="numpy") as file:
             return str((file.metadata() or {}).get("schema", ""))
@@ -106,12 +124,8 @@ def read_tensors(
     path: str | Path, schema: str, what: str = "model file"
 ) -> tuple[dict[str, np.ndarray], dict[str, str]]:
     """Return (tensors, metadata) of a safetensors file of the given schema.
-
-    Args:
-        path: of the file.
-        schema: that it must name.
-        what: the file is to be, in messages.
-    Raises: ValueError: one line, if the file is missing or broken, has another schema or holds non-finite numbers.
+    Raises: ValueError: one line, if the file is missing or broken, has another schema or holds
+        non-finite numbers.
     """
     try:
         with safe_open(str(path), framework="numpy") as file:
@@ -120,8 +134,14 @@ def read_tensors(
     except (SafetensorError, OSError, ValueError, TypeError, KeyError) as error:
         raise ValueError(f"{path}: not a {what}: {_reason(path, error)}") from error
     if metadata.get("schema") != schema:
-        remedy = " Train again: another version or configuration made it." if what == "model file" else ""
-        raise ValueError(f"{path}: schema must be {schema}; got {metadata.get('schema', 'none')}.{remedy}")
+        remedy = (
+            " Train again: another version or configuration made it."
+            if what == "model file"
+            else ""
+        )
+        raise ValueError(
+            f"{path}: schema must be {schema}; got {metadata.get('schema', 'none')}.{remedy}"
+        )
     for name, value in tensors.items():
         if value.dtype.kind != "f" or not np.all(np.isfinite(value)):
             raise ValueError(f"{path}: tensor {name} must hold finite floating-point numbers.")
@@ -132,24 +152,23 @@ def load_model(path: str | Path, configuration: str | None = None) -> LiftedMode
     """Return the model in a file.
 
     Args:
-        path: of the file.
         configuration: where given, the configuration that the file must hold.
     Raises: ValueError: as `read_model`.
     """
     model = read_model(path, SCHEMA, _model)
     if configuration is not None and model.configuration != configuration:
-        raise ValueError(f"{path}: configuration must be {configuration}; got {model.configuration}.")
+        raise ValueError(
+            f"{path}: configuration must be {configuration}; got {model.configuration}."
+        )
     return model
 
 
-def read_model(path: str | Path, schema: str, build: Callable[[dict[str, np.ndarray], dict[str, Any]], M]) -> M:
+def read_model(
+    path: str | Path, schema: str, build: Callable[[dict[str, np.ndarray], dict[str, Any]], M]
+) -> M:
     """Return the model in a file of any kind.
-
-    Args:
-        path: of the file.
-        schema: that it must name.
-        build: makes the model of tensors and header.
-    Raises: ValueError: one line, if the file is missing, truncated, pickled, of another format or inconsistent.
+    Raises: ValueError: one line, if the file is missing, truncated, pickled, of another format or
+        inconsistent.
     """
     tensors, metadata = read_tensors(path, schema)
     try:
@@ -161,9 +180,14 @@ def read_model(path: str | Path, schema: str, build: Callable[[dict[str, np.ndar
 
 
 def _model(tensors: dict[str, np.ndarray], header: dict[str, Any]) -> LiftedModel:
-    configuration, window = str(header["configuration"]), int(number_in(header, "window", 1, LONGEST_WINDOW))
+    configuration, window = (
+        str(header["configuration"]),
+        int(number_in(header, "window", 1, LONGEST_WINDOW)),
+    )
     require_configuration(configuration)
-    system = LiftedLinearSystem(tensors["A"], tensors["B"], tensors["C"], number_in(header, "step", *STEPS))
+    system = LiftedLinearSystem(
+        tensors["A"], tensors["B"], tensors["C"], number_in(header, "step", *STEPS)
+    )
     if system.spectral_radius > 1.0 + 1e-9:
         raise ValueError(f"A must be stable; its spectral radius is {system.spectral_radius:.6g}.")
     for name in ("chi_scale", "zeta_scale"):
@@ -180,14 +204,26 @@ def _model(tensors: dict[str, np.ndarray], header: dict[str, Any]) -> LiftedMode
     else:
         encoder = DelayEncoder(tensors["E"], window, tensors.get("offset"))
     return LiftedModel(
-        configuration, system, encoder, window, tensors["chi_scale"], tensors["zeta_scale"],
-        truth_in(header, "predicts_torque"), summary_in(header), number_in(header, "ridge", 0.0, LARGEST_RIDGE),
-        int(number_in({"late": 0} | header, "late", 0, LONGEST_WINDOW)), _trust(tensors, system.K),
-    )  # fmt: skip
+        configuration,
+        system,
+        encoder,
+        window,
+        tensors["chi_scale"],
+        tensors["zeta_scale"],
+        truth_in(header, "predicts_torque"),
+        summary_in(header),
+        number_in(header, "ridge", 0.0, LARGEST_RIDGE),
+        int(number_in({"late": 0} | header, "late", 0, LONGEST_WINDOW)),
+        _trust(tensors, system.K),
+    )
 
 
 def _trust(tensors: dict[str, np.ndarray], K: int) -> Trust | None:
-    found = {name.removeprefix("trust/"): value for name, value in tensors.items() if name.startswith("trust/")}
+    found = {
+        name.removeprefix("trust/"): value
+        for name, value in tensors.items()
+        if name.startswith("trust/")
+    }
     if not found:
         return None
     horizons = found.pop("horizons").astype(int)
@@ -199,9 +235,12 @@ def _trust(tensors: dict[str, np.ndarray], K: int) -> Trust | None:
     if H == 0 or horizons[0] < 1 or np.any(np.diff(horizons) < 1):
         raise ValueError("the horizons of trust must be whole numbers from 1 on, ascending.")
     return Trust(
-        horizons, arrays["readout"], arrays["projector"], arrays["mean"],
+        horizons,
+        arrays["readout"],
+        arrays["projector"],
+        arrays["mean"],
         **{name: value.item() for name, value in found.items()},
-    )  # fmt: skip
+    )
 
 
 def _phi(tensors: dict[str, np.ndarray]) -> Phi:
@@ -209,7 +248,9 @@ def _phi(tensors: dict[str, np.ndarray]) -> Phi:
     width = 6
     for W in weights:
         if W.ndim != 2 or W.shape[1] != width:
-            raise ValueError(f"each layer of Phi must take the {width} outputs before it; got {W.shape}.")
+            raise ValueError(
+                f"each layer of Phi must take the {width} outputs before it; got {W.shape}."
+            )
         width = len(W)
     if not weights:
         raise ValueError("lacks the layers of Phi.")
@@ -224,5 +265,8 @@ def _reason(path: str | Path, error: Exception) -> str:
     except OSError as failure:
         return f"{failure.strerror or failure}."
     if start[:2] == b"PK" or start[:1] == b"\x80":
-        return "this is a pickle (.pt, .pkl), which is never loaded. Save it with `np-drake train --out`."
+        return (
+            "this is a pickle (.pt, .pkl), which is never loaded. Save it with `np-drake "
+            "train --out`."
+        )
     return f"truncated or another format ({str(error).splitlines()[0]})."

@@ -1,9 +1,12 @@
 """A family of lifted linear systems with a network on top of its encoder.
 
-    theta' = theta + dtheta(w, theta),   z = E(theta') w + dz(w, theta),   A = A(theta'),   B = B(theta')
+    theta' = theta + dtheta(w, theta),
+    z = E(theta') w + dz(w, theta),
+    A = A(theta'),
+    B = B(theta')
 
-A large swing thus gets its lower frequency. theta itself is estimated as without network. A stays stable, as it is for
-every theta, and with a share of 0 all forecasts are those of the family.
+A large swing thus gets its lower frequency. theta itself is estimated as without network. A stays
+stable, as it is for every theta, and with a share of 0 all forecasts are those of the family.
 Source: own choice.
 """
 
@@ -27,9 +30,13 @@ class NeuralFamily(AdaptiveFamily):
         states = tuple((len(axis.channels), axis.K) for axis in self.axes)
         windows = [axis.encoder.shape[1] for axis in self.axes]
         if self.network.states != states or [w.shape[1] for w in self.network.white] != windows:
-            raise ValueError("NeuralFamily: the network must see the family's windows, and correct its z.")
+            raise ValueError(
+                "NeuralFamily: the network must see the family's windows, and correct its z."
+            )
         if len(self.network.center) != len(self.mean):
-            raise ValueError(f"NeuralFamily: the network must have the {len(self.mean)} entries of theta.")
+            raise ValueError(
+                f"NeuralFamily: the network must have the {len(self.mean)} entries of theta."
+            )
 
     @property
     def plain(self) -> AdaptiveFamily:
@@ -68,21 +75,25 @@ def neural_family_of(tensors: dict[str, np.ndarray]) -> NeuralFamily:
         count = sum(key.startswith(f"network/{name}") for key in tensors)
         return tuple(tensors[f"network/{name}{i}"] for i in range(count))
 
-    center, spread, size, share = (tensors[f"network/{name}"] for name in ("center", "spread", "size", "share"))
+    center, spread, size, share = (
+        tensors[f"network/{name}"] for name in ("center", "spread", "size", "share")
+    )
     states = tuple((len(axis.channels), axis.K) for axis in family.axes)
     network = WindowNetwork(
-        listed("white"), states, listed("weights"), listed("biases"), center, spread, size, float(share[0])
+        listed("white"),
+        states,
+        listed("weights"),
+        listed("biases"),
+        center,
+        spread,
+        size,
+        float(share[0]),
     )
     return with_network(family, network)
 
 
 def with_network(family: AdaptiveFamily, network: WindowNetwork) -> NeuralFamily:
-    """Return a family, with or without network, with this one.
-
-    Args:
-        family: whose window the network sees.
-        network: that corrects its theta and z.
-    """
+    """Return a family, with or without network, with this one."""
     return NeuralFamily(**_fields(family), network=network)
 
 

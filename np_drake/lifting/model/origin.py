@@ -22,9 +22,7 @@ def origin_of(frame: str, vehicle: Vehicle, label: LabelConfig) -> dict[str, Any
     """Return the conditions of a training by name.
 
     Args:
-        frame: of force and velocity, world | body.
         vehicle: whose mass the labels assume [kg].
-        label: low-pass of the labels.
     """
     return {"frame": frame, "mass": vehicle.mass, "label": dc.asdict(label)}
 
@@ -33,17 +31,16 @@ def with_origin(model: M, origin: dict[str, Any]) -> M:
     """Return the model with `origin` in its summary, and so in its file.
 
     Args:
-        model: of any kind.
         origin: as of `origin_of`.
     """
     return dc.replace(model, summary={**model.summary, "origin": origin})  # type: ignore[type-var]
 
 
 def with_rotor_lag(model: M, lag: float) -> M:
-    """Return the model with the rotor lag of its vehicle in its summary; in flight it filters the command.
+    """Return the model with the rotor lag of its vehicle in its summary; in flight it filters the
+    command.
 
     Args:
-        model: of any kind.
         lag: time constant [s].
     """
     return dc.replace(model, summary={**model.summary, "rotor_lag": lag})  # type: ignore[type-var]
@@ -60,7 +57,6 @@ def require_origin(model: Trained, origin: dict[str, Any]) -> None:
     An origin that is unknown passes.
 
     Args:
-        model: of any kind.
         origin: of what it will be fed, or a part of it.
     Raises: ValueError: if an item of the origin differs.
     """
@@ -68,5 +64,6 @@ def require_origin(model: Trained, origin: dict[str, Any]) -> None:
     for name, value in origin.items():
         if name in trained and trained[name] != value:
             raise ValueError(
-                f"predictor: was trained with {name} {trained[name]}; here it is {value}. Train it on such labels."
+                f"predictor: was trained with {name} {trained[name]}; here it is {value}. "
+                f"Train it on such labels."
             )

@@ -1,26 +1,31 @@
-"""Projection of a matrix onto spectral radius <= r, in real arithmetic, fast enough for every sample of a flight."""
+"""Projection of a matrix onto spectral radius <= r, in real arithmetic, fast enough for every
+sample of a flight.
+"""
 
 import numpy as np
 from scipy.linalg import blas, lapack
 
-# The limit lies this far inside, because two builds of LAPACK differ in the last bits. The pull's rounding moves an
-# eigenvalue by at most K eps cond(V)^2 (Bauer-Fike), which is less while the condition is below the first number; up to
-# the second the eigenvalues are counted once more.
+# The limit lies this far inside, because two builds of LAPACK differ in the last bits. The pull's
+# rounding moves an eigenvalue by at most K eps cond(V)^2 (Bauer-Fike), which is less while the
+# condition is below the first number; up to the second the eigenvalues are counted once more.
 _MARGIN = 1.0 - 1e-9
 _CERTAIN, _ILL = 400.0, 1e8
 
 
 def stabilized(A: np.ndarray, radius: float = 1.0) -> np.ndarray:
-    """Return A (K, K) with every |eigenvalue| <= radius; unchanged where that holds already (to one part in 1e9).
+    """Return A (K, K) with every |eigenvalue| <= radius; unchanged where that holds already (to one
+    part in 1e9).
 
-    Eigenvalues outside are pulled radially onto the circle and keep their eigenvectors, so that stable modes
-    stay as learned; where the eigenvectors are too ill-conditioned for that, all of A is scaled. Own choice:
-    the nearest stable matrix in the Frobenius norm is a non-convex problem, too slow for a flight.
+    Eigenvalues outside are pulled radially onto the circle and keep their eigenvectors, so that
+    stable modes stay as learned; where the eigenvectors are too ill-conditioned for that, all of A
+    is scaled. Own choice: the nearest stable matrix in the Frobenius norm is a non-convex problem,
+    too slow for a flight.
 
     Args:
         A: (K, K).
         radius: [1].
-    Raises: numpy.linalg.LinAlgError: if an entry of A is not finite, or its eigenvalues do not converge.
+    Raises: numpy.linalg.LinAlgError: if an entry of A is not finite, or its eigenvalues do not
+        converge.
     """
     return _stabilized(A, radius)[0] if A.size else A
 
@@ -58,12 +63,15 @@ def _stabilized(A: np.ndarray, radius: float) -> tuple[np.ndarray, float]:
     return A * (limit / largest), largest
 
 
-def _pulled(A: np.ndarray, V: np.ndarray, size: np.ndarray, limit: float) -> tuple[np.ndarray, float]:
-    """Return A V diag(factor) V^-1, factor < 1 where the eigenvalue's size (K,) > limit, and a bound of V's condition.
+def _pulled(
+    A: np.ndarray, V: np.ndarray, size: np.ndarray, limit: float
+) -> tuple[np.ndarray, float]:
+    """Return A V diag(factor) V^-1, factor < 1 where the eigenvalue's size (K,) > limit, and a
+    bound of V's condition.
 
-    V (K, K) holds Re and Im of a pair's eigenvector side by side; the two share their factor, so that A V need not be
-    separated. The complex columns have length 1, and the rows of their inverse are no longer than those of the real
-    one.
+    V (K, K) holds Re and Im of a pair's eigenvector side by side; the two share their factor, so
+    that A V need not be separated. The complex columns have length 1, and the rows of their inverse
+    are no longer than those of the real one.
     """
     lu, pivots, singular = lapack.dgetrf(V)
     if singular:  # no full set of eigenvectors
@@ -72,7 +80,8 @@ def _pulled(A: np.ndarray, V: np.ndarray, size: np.ndarray, limit: float) -> tup
     condition = len(A) ** 0.5 * float(blas.dnrm2(inverse.ravel("K")))
     if not condition < _ILL:
         return A, np.inf
-    # A V diag(f) V^-1 = A + A V diag(f - 1) V^-1, where f is 1 inside: a sum over the few columns outside
+    # A V diag(f) V^-1 = A + A V diag(f - 1) V^-1, where f is 1 inside: a sum over the few columns
+    # outside
     outside = np.flatnonzero(size > limit)
     less = limit / size[outside] - 1.0
     return A + (A @ (V[:, outside] * less)) @ inverse[outside], condition

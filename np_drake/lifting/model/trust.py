@@ -1,14 +1,17 @@
 """Trust in a forecast, learned in flight from earlier forecasts whose outcome is known.
 
-A flight unlike those of the training can make a long forecast worse than holding the wrench. For every horizon h and
-each of four groups of channels (f_xy, f_z, tau_xy, tau_z) two numbers in [0, 1] are therefore kept up to date:
+A flight unlike those of the training can make a long forecast worse than holding the wrench. For
+every horizon h and each of four groups of channels (f_xy, f_z, tau_xy, tau_z) two numbers in [0, 1]
+are therefore kept up to date:
 
     force:   chi_hat = chi + a (forecast - chi) + b (mean so far - chi)
     torque:  chi_hat = a forecast + b chi
 
-by least squares over all origins up to k - h, ridge toward a = prior, b = 0. The result is one value of chi_hat for
-each horizon; its amplitudes on the modes are the new z. The system z+ = A z + B zeta, chi = C z stays as it is.
-Source: own choice; scalar recalibration of forecasts as in weather prediction ("model output statistics").
+by least squares over all origins up to k - h, ridge toward a = prior, b = 0. The result is one
+value of chi_hat for each horizon; its amplitudes on the modes are the new z. The system z+ = A z +
+B zeta, chi = C z stays as it is.
+Source: own choice; scalar recalibration of forecasts as in weather prediction ("model output
+    statistics").
 """
 
 import dataclasses as dc
@@ -31,7 +34,9 @@ class Trust:
     readout: np.ndarray  # (H, 6, K) forecast of each horizon from z, zeta held
     projector: np.ndarray  # (K, H, 6) amplitudes of a predicted trajectory
     mean: np.ndarray  # (6,) of chi in training [N, N·m]
-    half: float = 400.0  # horizon at which half of a departure is believed before any evidence [steps]
+    half: float = (
+        400.0  # horizon at which half of a departure is believed before any evidence [steps]
+    )
     evidence: float = 100.0  # samples that weigh as much as the prior, beside h itself [1]
     caution: float = 3000.0  # the same for b [1]
     settle: float = 800.0  # the same for the mean so far [1]
@@ -49,21 +54,27 @@ class Trust:
     def initial_memory(self) -> Memory:
         """Return the memory at the start of a flight.
 
-        Returns: ring: (longest, K + 12) past [z, chi, mean], newest last.   sums: (5, H, 4) over verified forecasts.
-        power: (2, H, 4) of all so far.   lifted: number of forecasts so far.   total: (6,) sum of chi.   seen: samples
-        in it.
+        Returns: ring: (longest, K + 12) past [z, chi, mean], newest last.
+        sums: (5, H, 4) over verified forecasts. power: (2, H, 4) of all so far.
+        lifted: number of forecasts so far.
+        total: (6,) sum of chi.
+        seen: samples in it.
         """
         H, K = len(self.horizons), self.readout.shape[2]
         return {
-            "ring": np.zeros((self.longest, K + 12)), "sums": np.zeros((5, H, 4)), "power": np.zeros((2, H, 4)),
-            "lifted": np.zeros(1), "total": np.zeros(6), "seen": np.zeros(1),
-        }  # fmt: skip
+            "ring": np.zeros((self.longest, K + 12)),
+            "sums": np.zeros((5, H, 4)),
+            "power": np.zeros((2, H, 4)),
+            "lifted": np.zeros(1),
+            "total": np.zeros(6),
+            "seen": np.zeros(1),
+        }
 
     def observe(self, memory: Memory, chi: np.ndarray) -> Memory:
-        """Return the memory after one more label, with the forecasts that it verifies added to the sums.
+        """Return the memory after one more label, with the forecasts that it verifies added to the
+        sums.
 
         Args:
-            memory: of the trust.
             chi: (6,) [N, N·m].
         """
         memory = {**memory, "total": memory["total"] + chi, "seen": memory["seen"] + 1.0}
@@ -106,7 +117,6 @@ class Trust:
         Args:
             z: (o, K) from sample `first` on.
             chi: (n, 6) all labels [N, N·m].
-            first: index of the sample of the first z.
         """
         n = len(chi)
         mean = self._mean(np.cumsum(chi, axis=0), np.arange(1.0, n + 1)[:, None])[first:]
@@ -136,12 +146,15 @@ class Trust:
         pull = (self.evidence + h) * power[0]
         pp, pq, qq = sums[0] + pull + 1e-12, sums[1], sums[2] + self.caution * power[1] + 1e-12
         pa, qa = sums[3] + pull * prior, sums[4]
-        # Normal equations [[pp, pq], [pq, qq]] [a b]' = [pa qa]' by Cramer's rule, b first and a for the b that is kept
+        # Normal equations [[pp, pq], [pq, qq]] [a b]' = [pa qa]' by Cramer's rule, b first and a
+        # for the b that is kept
         b = np.clip((pp * qa - pq * pa) / np.maximum(pp * qq - pq**2, 1e-300), 0.0, 1.0)
         return np.clip((pa - pq * b) / pp, 0.0, 1.0), b
 
 
-def _regressors(forecast: np.ndarray, chi: np.ndarray, mean: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _regressors(
+    forecast: np.ndarray, chi: np.ndarray, mean: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the base, and what a and b multiply, (..., 6) each."""
     base = np.where(IS_FORCE, chi, 0.0)
     return base, forecast - base, np.where(IS_FORCE, mean - chi, chi)

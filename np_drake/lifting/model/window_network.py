@@ -1,11 +1,14 @@
-"""Network that corrects z and theta of a family of lifted linear systems, from the window that its encoder sees.
+"""Network that corrects z and theta of a family of lifted linear systems, from the window that its
+encoder sees.
 
     [dz, dtheta] = share mean_g T_g' N(T_g x),   x = [principal components of the window, theta],
     N(x) = W2 silu(W1 silu(W0 s(x) + b0) + b1) + b2,   s(x) = x / sqrt(1 + (x / MOST)²)
 
-T_g are the quarter turns about the vertical and their mirror images, so that what is felt turned is foreseen turned,
-exactly. s bounds the correction, and normalised weights its slope, in windows unlike those of the training.
-Source: spectral normalisation as in Jin et al. 2025; the mean over a symmetry's images is its Reynolds operator.
+T_g are the quarter turns about the vertical and their mirror images, so that what is felt turned is
+foreseen turned, exactly. s bounds the correction, and normalised weights its slope, in windows
+unlike those of the training.
+Source: spectral normalisation as in Jin et al. 2025; the mean over a symmetry's images is its
+    Reynolds operator.
 """
 
 import dataclasses as dc
@@ -16,18 +19,23 @@ import numpy as np
 from scipy.linalg import block_diag
 from scipy.special import expit
 
-MOST = 4.0  # that an input counts for, own choice: beyond four deviations it is unlike the training's [1]
+# that an input counts for, own choice: beyond four deviations it is unlike the training's [1]
+MOST = 4.0
 STEEPEST = 1.1  # slope of silu is at most 1.0998 [1]
 T = TypeVar("T")
 
 
 @dc.dataclass(frozen=True)
 class WindowNetwork:
-    """Network of the windows that axes see, each with one view (z) or two (x and y), and of theta (r,).
+    """Network of the windows that axes see, each with one view (z) or two (x and y), and of theta
+    (r,).
 
-    white: (n, D c) of each axis, maps a view's window to its principal components.   states: (views, states a view) of
-    each axis.   weights: (out, in) of each layer, the last one's outputs z (K,) and theta (r,).   biases: (out,).
-    center, spread: (r,) of theta in training.   size: (K,) of z in training.   share: of the correction, 0 to 1 [1].
+    white: (n, D c) of each axis, maps a view's window to its principal components.
+    states: (views, states a view) of each axis.
+    weights: (out, in) of each layer, the last one's outputs z (K,) and theta (r,).
+    biases: (out,). center, spread: (r,) of theta in training.
+    size: (K,) of z in training.
+    share: of the correction, 0 to 1 [1].
     """
 
     white: tuple[np.ndarray, ...]
@@ -43,20 +51,41 @@ class WindowNetwork:
         r, K = len(self.center), sum(views * states for views, states in self.states)
         if any(views not in (1, 2) for views, _ in self.states):
             raise ValueError("WindowNetwork: an axis must have one view (z) or two (x and y).")
-        inputs = sum(views * len(white) for (views, _), white in zip(self.states, self.white, strict=True)) + r
+        inputs = (
+            sum(
+                views * len(white)
+                for (views, _), white in zip(self.states, self.white, strict=True)
+            )
+            + r
+        )
         for W, b in zip(self.weights, self.biases, strict=True):
             if W.ndim != 2 or W.shape[1] != inputs or b.shape != (len(W),):
-                raise ValueError(f"WindowNetwork: a layer must take the {inputs} outputs before it; got {W.shape}.")
+                raise ValueError(
+                    f"WindowNetwork: a layer must take the {inputs} outputs before it; got "
+                    f"{W.shape}."
+                )
             inputs = len(W)
-        if inputs != K + r or len(self.weights) < 2 or self.spread.shape != (r,) or self.size.shape != (K,):
-            raise ValueError(f"WindowNetwork: outputs must be z and theta, {K} and {r} numbers; got {inputs}.")
+        if (
+            inputs != K + r
+            or len(self.weights) < 2
+            or self.spread.shape != (r,)
+            or self.size.shape != (K,)
+        ):
+            raise ValueError(
+                f"WindowNetwork: outputs must be z and theta, {K} and {r} numbers; got {inputs}."
+            )
         if not 0 <= self.share <= 1 or not (np.all(self.spread > 0) and np.all(self.size > 0)):
             raise ValueError("WindowNetwork: share must be 0 to 1, spread and size positive.")
 
     @property
     def lipschitz_bound(self) -> float:
-        """Bound of its slope in the scaled inputs and outputs; that of silu is at most `STEEPEST` [1]."""
-        return float(STEEPEST ** (len(self.weights) - 1) * np.prod([np.linalg.norm(W, 2) for W in self.weights]))
+        """Bound of its slope in the scaled inputs and outputs; that of silu is at most `STEEPEST`
+        [1].
+        """
+        return float(
+            STEEPEST ** (len(self.weights) - 1)
+            * np.prod([np.linalg.norm(W, 2) for W in self.weights])
+        )
 
     def inputs(self, seen: list[np.ndarray], theta: np.ndarray) -> np.ndarray:
         """Return s(x) (..., n).
@@ -67,7 +96,9 @@ class WindowNetwork:
         """
         parts = [s @ white.T for s, white in zip(seen, self.white, strict=True)]
         views = [part.reshape(*part.shape[:-2], -1) for part in parts]
-        at = np.broadcast_to((theta - self.center) / self.spread, (*views[0].shape[:-1], len(self.center)))
+        at = np.broadcast_to(
+            (theta - self.center) / self.spread, (*views[0].shape[:-1], len(self.center))
+        )
         return saturated(np.concatenate([*views, at], axis=-1))
 
     def correction(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -84,7 +115,13 @@ class WindowNetwork:
     def _images(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """First and last layer of all images side by side, and the last bias's mean over them."""
         r = len(self.center)
-        before = images([(views, len(white)) for (views, _), white in zip(self.states, self.white, strict=True)], r)
+        before = images(
+            [
+                (views, len(white))
+                for (views, _), white in zip(self.states, self.white, strict=True)
+            ],
+            r,
+        )
         after = images(list(self.states), r)
         first = np.concatenate([(self.weights[0] @ T).T for T in before], axis=1)
         last = np.concatenate([self.weights[-1].T @ T for T in after]) / len(after)
@@ -107,11 +144,15 @@ def images(axes: list[tuple[int, int]], rest: int) -> np.ndarray:
 
     Args:
         axes: (views, numbers a view) of each axis, which stand side by side.
-        rest: further numbers, which no turn changes.
     """
     quarter, mirror = np.array([[0.0, 1.0], [-1.0, 0.0]]), np.diag([1.0, -1.0])
     turns = [np.linalg.matrix_power(quarter, i) for i in range(4)]
-    return np.stack([
-        block_diag(*(np.kron(T if views == 2 else np.eye(1), np.eye(n)) for views, n in axes), np.eye(rest))
-        for T in [*turns, *(turn @ mirror for turn in turns)]
-    ])  # fmt: skip
+    return np.stack(
+        [
+            block_diag(
+                *(np.kron(T if views == 2 else np.eye(1), np.eye(n)) for views, n in axes),
+                np.eye(rest),
+            )
+            for T in [*turns, *(turn @ mirror for turn in turns)]
+        ]
+    )

@@ -1,4 +1,6 @@
-"""Refit of A and B on the last samples in flight: Bayesian regression about the offline matrices, projected stable."""
+"""Refit of A and B on the last samples in flight: Bayesian regression about the offline matrices,
+projected stable.
+"""
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -13,25 +15,27 @@ CHUNK = 2000  # windows at a time, for memory [1]
 
 
 class WindowRefit:
-    """Posterior mean of A and B after one window, with the offline A_0 and B_0 as the mean of the prior.
+    """Posterior mean of A and B after one window, with the offline A_0 and B_0 as the mean of the
+    prior.
 
-    The window is Y = X Theta + E with rows [z, zeta / scale] in X, the next z in Y, Theta = [A B]'. The prior is matrix
-    normal, Theta ~ N(Theta_0, Sigma / p), with the covariance Sigma across z that the noise E has. So the mean is
+    The window is Y = X Theta + E with rows [z, zeta / scale] in X, the next z in Y, Theta = [A B]'.
+    The prior is matrix normal, Theta ~ N(Theta_0, Sigma / p), with the covariance Sigma across z
+    that the noise E has. So the mean is
 
         Theta = Theta_0 + (X'X + p)^-1 X'(Y - X Theta_0).
 
-    p, the model's `ridge`, is learned from the training flights (`most_likely_ridge`). Directions that the window
-    does not excite stay at the prior: forty samples cannot determine thirty columns (median rank 15 on real flights).
-    Each label stands beside the zeta of its own time, `late` samples before it.
+    p, the model's `ridge`, is learned from the training flights (`most_likely_ridge`). Directions
+    that the window does not excite stay at the prior: forty samples cannot determine thirty columns
+    (median rank 15 on real flights). Each label stands beside the zeta of its own time, `late`
+    samples before it.
     Source: Jin et al. 2025, Algorithm 1; the prior is an own choice.
-
-    Args:
-        model: with the encoder Phi and a ridge.
     """
 
     def __init__(self, model: LiftedModel):
         if not isinstance(model.encoder, Phi):
-            raise ValueError("WindowRefit: the encoder must be Phi; a delay encoder flies with its offline A, B.")
+            raise ValueError(
+                "WindowRefit: the encoder must be Phi; a delay encoder flies with its offline A, B."
+            )
         if not model.ridge > 0:
             raise ValueError(f"WindowRefit: ridge must be positive; got {model.ridge}.")
         self._phi, self._ridge, self._late = model.encoder, model.ridge, model.late
@@ -40,19 +44,24 @@ class WindowRefit:
         self._pull = model.ridge * self._prior.T
 
     def __call__(self, window: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return stable A (K, K) and B (K, 6) in physical units from samples [chi, zeta] (W, 12), oldest first."""
+        """Return stable A (K, K) and B (K, 6) in physical units from samples [chi, zeta] (W, 12),
+        oldest first.
+        """
         return self.solve(self.rows(window))
 
     def rows(self, samples: np.ndarray) -> np.ndarray:
-        """Return the rows [z, zeta / scale] (n - late, K + 6) of the regression from samples [chi, zeta] (n, 12)."""
+        """Return the rows [z, zeta / scale] (n - late, K + 6) of the regression from samples [chi,
+        zeta] (n, 12).
+        """
         z = self._phi(samples[self._late :, :6])
         return np.concatenate([z, samples[: len(z), 6:] / self._scale], axis=-1)
 
     def solve(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return A and B from the `rows` (W - late, K + 6) of a window.
 
-        A flight keeps the rows, so that each sample is lifted once. The normal matrix is formed anew at every sample:
-        one product of 2 us, which adding one row and removing one would not beat, and it accumulates no rounding error.
+        A flight keeps the rows, so that each sample is lifted once. The normal matrix is formed
+        anew at every sample: one product of 2 us, which adding one row and removing one would not
+        beat, and it accumulates no rounding error.
         """
         # (X'X + p) [A B]' = X'Y + p [A_0 B_0]', by Cholesky
         X, K = rows[:-1], self._phi.K
@@ -69,7 +78,8 @@ class WindowRefit:
         Args:
             samples: (n, 12) of [chi, zeta] [N, N·m, m/s, rad/s].
             W: samples of a window [1].
-        Returns: A (o, K, K), B (o, K, 6), equal to the results one by one; (o,) spectral radius of A before it was made
+        Returns: A (o, K, K), B (o, K, 6), equal to the results one by one; (o,) spectral radius of
+            A before it was made
         stable [1].
         """
         rows, steps = self.rows(samples), W - self._late - 1

@@ -1,4 +1,5 @@
-"""Dynamic mode decomposition with control: chi+ from the last samples of chi and zeta by least squares.
+"""Dynamic mode decomposition with control: chi+ from the last samples of chi and zeta by least
+squares.
 
 Nothing keeps it stable. As a baseline it is left so; as a configuration that flies it is projected
 (`train`).       Source: Proctor, Brunton, Kutz 2016, delays as states.
@@ -14,13 +15,15 @@ from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
 from np_drake.training_data.segments import Segment, check_segments, group_scale
 
 
-def fit_dmdc_system(segments: Sequence[Segment], delays: int = 1) -> tuple[LiftedLinearSystem, DelayEncoder]:
-    """Fit the system of z = [chi now, chi before, …, zeta before, …] over the last `delays` samples.
+def fit_dmdc_system(
+    segments: Sequence[Segment], delays: int = 1
+) -> tuple[LiftedLinearSystem, DelayEncoder]:
+    """Fit the system of z = [chi now, chi before, …, zeta before, …] over the last `delays`
+    samples.
 
     The coming zeta is the input.
 
     Args:
-        segments: at one step.
         delays: samples that the system sees [1].
     """
     segments = check_segments(list(segments), delays + 1)
@@ -39,11 +42,8 @@ def fit_dmdc_system(segments: Sequence[Segment], delays: int = 1) -> tuple[Lifte
 
 
 def sample_scale(segments: Sequence[Segment], wrench: str = "chi") -> np.ndarray:
-    """Return scales of a sample [chi, zeta], (12,): one each for force, torque, v and omega [N, N·m, m/s, rad/s].
-
-    Args:
-        segments: at one step.
-        wrench: whose scale it is, chi | goal.
+    """Return scales of a sample [chi, zeta], (12,): one each for force, torque, v and omega [N,
+    N·m, m/s, rad/s].
     """
     chi = group_scale([getattr(segment, wrench) for segment in segments], centred=True)
     return np.concatenate([chi, group_scale([segment.zeta for segment in segments], centred=True)])

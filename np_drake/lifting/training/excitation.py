@@ -1,8 +1,9 @@
 """Directions of zeta that a flight excites; along the others B would be fitted to noise.
 
-On a plain circle the vertical velocity is noise and feedback; an unguarded fit answers it with 3 N per m/s,
-which triples the error off the circle. Directions are the principal axes of zeta over its noise; B and the
-encoder see zeta through `shrink`, close to one along excited directions and close to zero along the others.
+On a plain circle the vertical velocity is noise and feedback; an unguarded fit answers it with 3 N
+per m/s, which triples the error off the circle. Directions are the principal axes of zeta over its
+noise; B and the encoder see zeta through `shrink`, close to one along excited directions and close
+to zero along the others.
 """
 
 import dataclasses as dc
@@ -15,7 +16,9 @@ from scipy.ndimage import uniform_filter1d
 from np_drake.training_data.segments import Segment, group_scale, white_noise
 
 CHANNELS = ("vx", "vy", "vz", "wx", "wy", "wz")
-AVERAGE = 8  # samples averaged before motion is compared with noise: dynamics are slower than noise [1]
+AVERAGE = (
+    8  # samples averaged before motion is compared with noise: dynamics are slower than noise [1]
+)
 RELEVANT = 0.01  # motion below this share of the group's (v or omega) counts as noise [1]
 LINE_BINS = 4  # bins on either side of a spectral line that its leakage fills, Hann window [1]
 THRESHOLD = 4.0  # motion this many times its noise is half trusted [1]
@@ -25,9 +28,11 @@ THRESHOLD = 4.0  # motion this many times its noise is half trusted [1]
 class Excitation:
     """Excitation of each direction of zeta in a flight.
 
-    noise: (6,) motion too small to learn from: averaged noise of zeta and 1 % of the group's motion [m/s,
-    rad/s].   line_share: its share of the motion's power [1]; near 1 for a single circle, which cannot show modes at
-    other frequencies.
+    noise: (6,) motion too small to learn from: averaged noise of zeta and 1 % of the group's motion
+    [m/s,
+    rad/s].
+    line_share: its share of the motion's power [1]; near 1 for a single circle, which cannot show
+        modes at other frequencies.
     """
 
     noise: np.ndarray
@@ -53,23 +58,32 @@ class Excitation:
         """Summary for people, in one line."""
         weak = [
             f"{_name(direction)} ({deviation:.1f} x noise)"
-            for direction, deviation in zip(self.directions[~self.excited], self.deviation[~self.excited], strict=True)
+            for direction, deviation in zip(
+                self.directions[~self.excited], self.deviation[~self.excited], strict=True
+            )
         ]
         line = f"{self.excited.sum()} of 6 directions of zeta excited"
         line += f"; B shrunk along {', '.join(weak)}" if weak else ""
         if self.line_share > 0.8:
-            line += f"; {100 * self.line_share:.0f} % of the motion is one line at {self.line_frequency:.2f} Hz"
+            line += (
+                f"; {100 * self.line_share:.0f} % of the motion is one line at "
+                f"{self.line_frequency:.2f} Hz"
+            )
         return line + "."
 
 
 def measure_excitation(
-    zeta: list[np.ndarray], noise: tuple[float, ...] | np.ndarray | None = None, *, step: float = 1.0
+    zeta: list[np.ndarray],
+    noise: tuple[float, ...] | np.ndarray | None = None,
+    *,
+    step: float = 1.0,
 ) -> Excitation:
     """Return the excitation of segments zeta (n, 6).
 
     Args:
         zeta: (n, 6) of each segment [m/s, rad/s].
-        noise: (6,) standard deviation of its white noise [m/s, rad/s]; None: estimated from the data.
+        noise: (6,) standard deviation of its white noise [m/s, rad/s]; None: estimated from the
+            data.
         step: time between samples [s].
     """
     white = white_noise(zeta) if noise is None else np.asarray(noise, float)
@@ -90,7 +104,6 @@ def training_summary(segments: Sequence[Segment], loss: float, step: float) -> d
     """Return the key figures of a training in closed form.
 
     Args:
-        segments: that were trained on.
         loss: at its end [1].
         step: between samples [s].
     """
@@ -99,10 +112,11 @@ def training_summary(segments: Sequence[Segment], loss: float, step: float) -> d
 
 
 def motion_near(values: list[np.ndarray], frequency: float, *, step: float) -> float:
-    """Return the RMS of motion near a frequency over the white noise there, of the weakest channel [1].
+    """Return the RMS of motion near a frequency over the white noise there, of the weakest channel
+    [1].
 
-    The band is a quarter of the frequency to either side. The strongest line of each piece is left out: one line is one
-    point of a response and shows no mode. Pieces are pooled.
+    The band is a quarter of the frequency to either side. The strongest line of each piece is left
+    out: one line is one point of a response and shows no mode. Pieces are pooled.
 
     Args:
         values: pieces (n, c).
@@ -113,7 +127,9 @@ def motion_near(values: list[np.ndarray], frequency: float, *, step: float) -> f
     power, expected = np.zeros(len(noise)), np.zeros(len(noise))
     for piece in values:
         taper = np.hanning(len(piece))[:, None]
-        spectrum = np.abs(np.fft.rfft(taper * (piece - piece.mean(axis=0)), axis=0)) ** 2 / np.sum(taper**2)
+        spectrum = np.abs(np.fft.rfft(taper * (piece - piece.mean(axis=0)), axis=0)) ** 2 / np.sum(
+            taper**2
+        )
         line = int(np.argmax(spectrum[1:].sum(axis=1))) + 1
         hertz = np.fft.rfftfreq(len(piece), step)
         band = (hertz > frequency / 1.25) & (hertz < frequency * 1.25)
@@ -125,7 +141,9 @@ def motion_near(values: list[np.ndarray], frequency: float, *, step: float) -> f
 
 
 def _strongest_line(zeta: np.ndarray, step: float) -> tuple[float, float]:
-    """Return frequency [Hz] and share of power of the strongest line (three bins, Hann window), channels pooled."""
+    """Return frequency [Hz] and share of power of the strongest line (three bins, Hann window),
+    channels pooled.
+    """
     taper = np.hanning(len(zeta))[:, None]
     power = np.sum(np.abs(np.fft.rfft(taper * (zeta - zeta.mean(axis=0)), axis=0)) ** 2, axis=1)
     peak = int(np.argmax(power[1:])) + 1

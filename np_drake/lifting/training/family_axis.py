@@ -15,38 +15,51 @@ class TrainedAxis:
     """Arrays of a `ModalAxis` as tensors in single precision, its modes a sample.
 
     Args:
-        moments: of the flights.
         horizons: (h,) of the moments [steps].
         modes: (p,) frequencies of the pairs at first [rad/sample].
         decays: (q,) of the real modes at first [1/sample].
-        size: entries of theta, r.
-        rng: of what is drawn.
     """
 
     def __init__(
-        self, moments: WindowMoments, horizons: np.ndarray, *, modes: tuple[float, ...], decays: tuple[float, ...],
-        size: int, rng: np.random.Generator,
-    ):  # fmt: skip
+        self,
+        moments: WindowMoments,
+        horizons: np.ndarray,
+        *,
+        modes: tuple[float, ...],
+        decays: tuple[float, ...],
+        size: int,
+        rng: np.random.Generator,
+    ):
         self.horizons, self.whitening = horizons, moments.whitening
         n, H = len(moments.whitening), int(horizons[-1])
         K, coming = 2 * len(modes) + len(decays), (moments.gram.shape[1] - n) // H
 
         def slopes(first: np.ndarray, spread: float) -> torch.Tensor:
             drawn = spread * rng.standard_normal((*first.shape, size))
-            return torch.from_numpy(np.concatenate([first[..., None], drawn], axis=-1)).float().requires_grad_()
+            return (
+                torch.from_numpy(np.concatenate([first[..., None], drawn], axis=-1))
+                .float()
+                .requires_grad_()
+            )
 
-        # A new pair has lost a third of its swing after one period, a start from which it may lose more or none.
+        # A new pair has lost a third of its swing after one period, a start from which it may lose
+        # more or none.
         self.frequency = slopes(np.log(modes), 0.05)
         self.damping = slopes(np.log(np.array(modes) / 15.0), 0.0)
         self.decay = slopes(np.log(decays), 0.0)
         self.inputs = slopes(0.02 * rng.standard_normal((K, coming)), 0.005)
         self.encoder = slopes(np.zeros((K, n)), 0.0)
-        weight = 1.0 / np.maximum(moments.power, (0.02**2 * moments.power.max(axis=1, keepdims=True)))
+        weight = 1.0 / np.maximum(
+            moments.power, (0.02**2 * moments.power.max(axis=1, keepdims=True))
+        )
         self._gram, self._cross = _single(moments.gram), _single(moments.cross)
         self._square, self._weight = _single(moments.square), _single(weight / weight.shape[1])
         # Input j acts on the force h steps ahead through C A^(h-1-j) B
         since = horizons[:, None] - 1 - np.arange(H)
-        self._since, self._acts = torch.from_numpy(np.maximum(since, 0)), torch.from_numpy(since >= 0)
+        self._since, self._acts = (
+            torch.from_numpy(np.maximum(since, 0)),
+            torch.from_numpy(since >= 0),
+        )
 
     @property
     def parameters(self) -> list[torch.Tensor]:
@@ -54,7 +67,8 @@ class TrainedAxis:
         return [getattr(self, name) for name in ARRAYS]
 
     def loss(self, some: torch.Tensor, theta: torch.Tensor) -> torch.Tensor:
-        """Return the mean square error of flights over that of persistence, mean over the horizons, (b,).
+        """Return the mean square error of flights over that of persistence, mean over the horizons,
+        (b,).
 
         Args:
             some: (b,) numbers of the flights.
@@ -64,7 +78,8 @@ class TrainedAxis:
         with torch.no_grad():
             M = self._gram[some] @ G
             of_gradient = (M * G).sum(1)
-        # G' M - 2 G' cross, M = gram G; its gradient 2 (M - cross) needs no second product with gram
+        # G' M - 2 G' cross, M = gram G; its gradient 2 (M - cross) needs no second product with
+        # gram
         error = (2 * (M - cross) * G).sum(1) - of_gradient + self._square[some]
         return (error * self._weight[some]).sum(1)
 
@@ -96,7 +111,11 @@ class TrainedAxis:
 
 
 def readouts(
-    at: torch.Tensor, frequency: torch.Tensor, damping: torch.Tensor, decay: torch.Tensor, ahead: torch.Tensor
+    at: torch.Tensor,
+    frequency: torch.Tensor,
+    damping: torch.Tensor,
+    decay: torch.Tensor,
+    ahead: torch.Tensor,
 ) -> torch.Tensor:
     """Return C A^j at the times j ahead, (n, K, len(ahead)).
 
@@ -105,7 +124,6 @@ def readouts(
         frequency: (p, 1 + r) logarithms, see `ModalAxis`, in the unit of `ahead`.
         damping: (p, 1 + r), likewise.
         decay: (q, 1 + r), likewise.
-        ahead: times.
     """
     turn = torch.exp(at @ frequency.T)[..., None] * ahead
     shrink = torch.exp(-torch.exp(at @ damping.T)[..., None] * ahead)
@@ -119,22 +137,26 @@ def _single(values: np.ndarray) -> torch.Tensor:
 
 
 def descend(
-    loss: Callable[[torch.Tensor], torch.Tensor], arrays: list[torch.Tensor], theta: torch.Tensor, *, steps: int,
-    batch: int, rate: float, seed: int, on_step: Callable[[int, float], None],
-) -> list[float]:  # fmt: skip
+    loss: Callable[[torch.Tensor], torch.Tensor],
+    arrays: list[torch.Tensor],
+    theta: torch.Tensor,
+    *,
+    steps: int,
+    batch: int,
+    rate: float,
+    seed: int,
+    on_step: Callable[[int, float], None],
+) -> list[float]:
     """Minimise by Adam over some flights a step, and return the losses.
 
     Args:
-        loss: of the flights with the numbers given.
-        arrays: that change in place.
         theta: (F, r), likewise, five times as fast.
-        steps: of the descent.
-        batch: flights of a step.
         rate: of learning, falling to a hundredth along a cosine.
-        seed: of the draws.
         on_step: called with (number, loss).
     """
-    optimiser = torch.optim.Adam([{"params": arrays, "lr": rate}, {"params": [theta], "lr": 5 * rate}])
+    optimiser = torch.optim.Adam(
+        [{"params": arrays, "lr": rate}, {"params": [theta], "lr": 5 * rate}]
+    )
     schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, steps, eta_min=0.01 * rate)
     generator, losses = torch.Generator().manual_seed(seed), []
     for number in range(steps):

@@ -1,8 +1,8 @@
 """Second moments of flights, all that the multi-step loss of a lifted linear system needs of them.
 
-A forecast h steps ahead is linear in the window and in the coming inputs, f_(k+h) = G_h [w_k, u_k … u_(k+h-1)]. The
-mean square of its error over a flight is therefore a function of the flight's second moments alone: exact, and as cheap
-for an hour of flight as for a minute.
+A forecast h steps ahead is linear in the window and in the coming inputs, f_(k+h) = G_h [w_k, u_k …
+u_(k+h-1)]. The mean square of its error over a flight is therefore a function of the flight's
+second moments alone: exact, and as cheap for an hour of flight as for a minute.
 """
 
 import dataclasses as dc
@@ -16,10 +16,13 @@ MOST_WINDOWS = 40_000  # over which the principal components are taken [1]
 class WindowMoments:
     """Moments of F flights along one axis, its views pooled.
 
-    whitening: (n, D c) map of a window to its principal components, of unit variance over all flights.   gram:
-    (F, p, p) of [white window (n), coming inputs (H (c - 1))], the variance of white noise in them added.   cross:
-    (F, p, h) with the force at the horizons.   square: (F, h) of the force.   power: (F, h) mean square of the error of
-    persistence, the variance of the noise added.
+    whitening: (n, D c) map of a window to its principal components, of unit variance over all
+        flights.
+    gram: (F, p, p) of [white window (n), coming inputs (H (c - 1))], the variance of white noise in
+        them added.
+    cross: (F, p, h) with the force at the horizons.
+    square: (F, h) of the force.
+    power: (F, h) mean square of the error of persistence, the variance of the noise added.
     """
 
     whitening: np.ndarray
@@ -30,20 +33,27 @@ class WindowMoments:
 
 
 def window_moments(
-    seen: list[np.ndarray], goals: list[np.ndarray], *, delay: int, horizons: np.ndarray, noise: tuple[float, float]
+    seen: list[np.ndarray],
+    goals: list[np.ndarray],
+    *,
+    delay: int,
+    horizons: np.ndarray,
+    noise: tuple[float, float],
 ) -> WindowMoments:
     """Return the moments of flights.
 
     Args:
         seen: of each flight, (V, n, c) samples as the views see them, the force first [scaled].
         goals: of each flight, (V, n) the force that is to be foreseen [scaled].
-        delay: samples of a window, D.
         horizons: (h,) ascending [steps].
-        noise: deviation of white noise that the window and the coming inputs are taken to have [scaled].
+        noise: deviation of white noise that the window and the coming inputs are taken to have
+            [scaled].
     """
     H, total = int(horizons[-1]), sum(s.shape[0] * s.shape[1] for s in seen)
     stride = max(1, total // MOST_WINDOWS)
-    some = np.concatenate([_windows(s, delay)[:, ::stride].reshape(-1, delay * s.shape[2]) for s in seen])
+    some = np.concatenate(
+        [_windows(s, delay)[:, ::stride].reshape(-1, delay * s.shape[2]) for s in seen]
+    )
     power, directions = np.linalg.eigh(some.T @ some / len(some))
     told = power > noise[0] ** 2
     scale = 1.0 / np.sqrt(power[told] + noise[0] ** 2)
@@ -58,7 +68,9 @@ def window_moments(
         X = np.concatenate([w, u], axis=2).reshape(-1, len(variance))
         Y = goal[:, now[:, None] + horizons].reshape(-1, len(horizons))
         still = np.mean((Y - s[:, now, 0].reshape(-1, 1)) ** 2, axis=0) + noise[0] ** 2
-        rows.append((X.T @ X / len(X) + np.diag(variance), X.T @ Y / len(X), np.mean(Y**2, axis=0), still))
+        rows.append(
+            (X.T @ X / len(X) + np.diag(variance), X.T @ Y / len(X), np.mean(Y**2, axis=0), still)
+        )
     return WindowMoments(whitening, *(np.stack(part) for part in zip(*rows, strict=True)))
 
 

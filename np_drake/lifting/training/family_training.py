@@ -1,11 +1,12 @@
 """Training of `lifted`: one family of lifted linear systems over many flights, with theta of each.
 
-    mean over flights and horizons h of mean_k (f_(k+h) - C z_(k+h|k))² / (that of persistence) + penalty |theta|²
+    mean over flights and horizons h of mean_k (f_(k+h) - C z_(k+h|k))² / (that of persistence) +
+    penalty |theta|²
 
-(a hierarchical model, its maximum a posteriori by Adam). The prior of theta is its spread over the flights. The noise
-of its update in flight is what the forecasts are wrong by at each flight's own theta, times the correlation between
-updates. Flights of one vehicle with many payloads, simulated ones too, make a family that a minute with one's own
-payload then places (`placed`).
+(a hierarchical model, its maximum a posteriori by Adam). The prior of theta is its spread over the
+flights. The noise of its update in flight is what the forecasts are wrong by at each flight's own
+theta, times the correlation between updates. Flights of one vehicle with many payloads, simulated
+ones too, make a family that a minute with one's own payload then places (`placed`).
 """
 
 import dataclasses as dc
@@ -47,24 +48,32 @@ class LiftedConfig:
     decays: tuple[float, ...] = (4e-4, 0.1)  # of the real modes at first [1/sample]
     steps: int = 2500  # of gradient descent [1]
     batch: int = 96  # flights of a step [1]
-    rate: float = 5e-3  # of learning, falling to a hundredth along a cosine; theta five times as much [1]
+    rate: float = (
+        5e-3  # of learning, falling to a hundredth along a cosine; theta five times as much [1]
+    )
     penalty: float = 1e-3  # of theta, which sets its unit [1]
-    zeta_noise: float = 0.01  # that the coming zeta is taken to have; it keeps B from amplifying noise [scaled]
+    zeta_noise: float = (
+        0.01  # that the coming zeta is taken to have; it keeps B from amplifying noise [scaled]
+    )
     label_noise: float = 0.01  # that the encoder's samples are taken to have [scaled]
     lags: tuple[int, ...] = (12, 25)  # over which forecasts are compared in flight [steps]
-    memory: float = 1000.0  # samples after which theta has returned to its prior; the payload may change
+    memory: float = (
+        1000.0  # samples after which theta has returned to its prior; the payload may change
+    )
     seed: int = 0
 
 
-def train_lifted(segments: list[Segment], config: LiftedConfig, on_epoch: OnEpoch) -> tuple[LiftedModel, list[float]]:
+def train_lifted(
+    segments: list[Segment], config: LiftedConfig, on_epoch: OnEpoch
+) -> tuple[LiftedModel, list[float]]:
     """Return (model, loss after each step) of the `lifted` configuration.
 
     Args:
         segments: uninterrupted flights at one step, theta of each its own.
-        config: of the training.
-        on_epoch: called after each step.
     """
-    segments = check_segments(segments, max(config.delay + config.horizon, config.delay + max(config.lags)) + 1)
+    segments = check_segments(
+        segments, max(config.delay + config.horizon, config.delay + max(config.lags)) + 1
+    )
     step = float(np.median([segment.step for segment in segments]))
     chi_scale = group_scale([segment.goal for segment in segments], centred=True)
     zeta_scale = group_scale([segment.zeta for segment in segments], centred=True)
@@ -77,7 +86,11 @@ def train_lifted(segments: list[Segment], config: LiftedConfig, on_epoch: OnEpoc
     for block in symmetric_blocks(torque=config.torque):
         views.append(_views(block, chi_scale, zeta_scale, seen))
         axes.append(_trained_axis(block, views[-1][0], segments, chi_scale, config, rng))
-    theta = torch.from_numpy(0.1 * rng.standard_normal((len(segments), config.size))).float().requires_grad_()
+    theta = (
+        torch.from_numpy(0.1 * rng.standard_normal((len(segments), config.size)))
+        .float()
+        .requires_grad_()
+    )
 
     def loss(some: torch.Tensor) -> torch.Tensor:
         each = torch.stack([axis.loss(some, theta[some]) for axis in axes]).sum(0)
@@ -85,29 +98,39 @@ def train_lifted(segments: list[Segment], config: LiftedConfig, on_epoch: OnEpoc
 
     arrays = [array for axis in axes for array in axis.parameters]
     losses = descend(
-        loss, arrays, theta, steps=config.steps, batch=config.batch, rate=config.rate, seed=config.seed,
+        loss,
+        arrays,
+        theta,
+        steps=config.steps,
+        batch=config.batch,
+        rate=config.rate,
+        seed=config.seed,
         on_step=lambda number, value: on_epoch(number + 1, config.steps, value),
-    )  # fmt: skip
+    )
     trained = [axis.export(*view, step) for axis, view in zip(axes, views, strict=True)]
     family = _family(trained, theta.detach().numpy().astype(float), config, segments, step)
     summary = training_summary(segments, losses[-1], step) | {"flights": len(segments)}
     system = family.system(family.mean, step)
-    return LiftedModel(LIFTED, system, family, family.window, chi_scale, zeta_scale, config.torque, summary), losses
+    return LiftedModel(
+        LIFTED, system, family, family.window, chi_scale, zeta_scale, config.torque, summary
+    ), losses
 
 
 def placed(model: LiftedModel, segments: Sequence[Segment]) -> LiftedModel:
-    """Return the model with theta's mean where these flights leave it; its covariance stays, as payloads may change.
-
-    Args:
-        model: of a family.
-        segments: flights with the payload that is expected.
+    """Return the model with theta's mean where these flights leave it; its covariance stays, as
+    payloads may change.
     """
     family = model.encoder
     if not isinstance(family, AdaptiveFamily):
-        raise ValueError(f"prior: must be a family of systems, {LIFTED}; got {model.configuration}.")
+        raise ValueError(
+            f"prior: must be a family of systems, {LIFTED}; got {model.configuration}."
+        )
     segments = check_segments(list(segments), family.window + EVERY)
     if abs(segments[0].step / model.step - 1) > 0.02:
-        raise ValueError(f"prior: was trained at {model.step:g} s a sample; the flights have {segments[0].step:g} s.")
+        raise ValueError(
+            f"prior: was trained at {model.step:g} s a sample; the flights have "
+            f"{segments[0].step:g} s."
+        )
     found = []
     for segment in segments:
         *_, (_, theta) = family.estimates(np.hstack([segment.chi, segment.zeta]), model.step)
@@ -120,7 +143,9 @@ def placed(model: LiftedModel, segments: Sequence[Segment]) -> LiftedModel:
 def _views(
     block: Block, chi_scale: np.ndarray, zeta_scale: np.ndarray, seen: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return channels (V, c, 12), of zeta the part `seen` (6, 6), and readout (V, 6) of views, see `ModalAxis`."""
+    """Return channels (V, c, 12), of zeta the part `seen` (6, 6), and readout (V, 6) of views, see
+    `ModalAxis`.
+    """
     scaled = scipy.linalg.block_diag(np.diag(1.0 / chi_scale), seen / zeta_scale[:, None])
     readout = np.stack([view.output for view in block.views]) * chi_scale
     return np.stack([_channels(view) for view in block.views]) @ scaled, readout
@@ -129,14 +154,21 @@ def _views(
 def _channels(view: View) -> np.ndarray:
     """Return (c, 12) what a view takes of [chi, zeta]."""
     return np.vstack(
-        [np.concatenate([view.output, np.zeros(6)]), np.hstack([np.zeros((len(view.inputs), 6)), view.inputs])]
+        [
+            np.concatenate([view.output, np.zeros(6)]),
+            np.hstack([np.zeros((len(view.inputs), 6)), view.inputs]),
+        ]
     )
 
 
 def _trained_axis(
-    block: Block, channels: np.ndarray, segments: list[Segment], chi_scale: np.ndarray, config: LiftedConfig,
+    block: Block,
+    channels: np.ndarray,
+    segments: list[Segment],
+    chi_scale: np.ndarray,
+    config: LiftedConfig,
     rng: np.random.Generator,
-) -> TrainedAxis:  # fmt: skip
+) -> TrainedAxis:
     """Return the axis of a block before its descent."""
     c = config
     seen = [np.hstack([s.chi, s.zeta]) @ channels.swapaxes(1, 2) for s in segments]
@@ -149,7 +181,11 @@ def _trained_axis(
 
 
 def _family(
-    axes: list[ModalAxis], theta: np.ndarray, config: LiftedConfig, segments: list[Segment], step: float
+    axes: list[ModalAxis],
+    theta: np.ndarray,
+    config: LiftedConfig,
+    segments: list[Segment],
+    step: float,
 ) -> AdaptiveFamily:
     """Return the family as fitted, the prior of theta (F, r) and the noise of its update."""
     lags = np.array(config.lags, float)
@@ -164,10 +200,11 @@ def _family(
 def _update_noise(
     axis: ModalAxis, segments: list[Segment], theta: np.ndarray, lags: tuple[int, ...], step: float
 ) -> np.ndarray:
-    """Return the deviations (l,) of `AdaptiveFamily.update`: of e_h at each flight's theta, times its correlation.
+    """Return the deviations (l,) of `AdaptiveFamily.update`: of e_h at each flight's theta, times
+    its correlation.
 
-    n updates of correlated errors tell as much as n / (1 + 2 sum of their autocorrelations); errors of different lags
-    are alike, and share what they tell.
+    n updates of correlated errors tell as much as n / (1 + 2 sum of their autocorrelations); errors
+    of different lags are alike, and share what they tell.
     """
     steps, window = np.array(lags), axis.delay + max(lags)
     courses = []
@@ -175,10 +212,14 @@ def _update_noise(
         samples = np.hstack([s.chi, s.zeta])
         ends = range(window, len(samples) + 1, EVERY)
         courses.append(
-            np.stack([axis.departures(own[None], samples[k - window : k], steps, step)[0] for k in ends])
-        )  # fmt: skip
+            np.stack(
+                [axis.departures(own[None], samples[k - window : k], steps, step)[0] for k in ends]
+            )
+        )
     courses = [course for course in courses if len(course) > 1]
-    return np.sqrt([len(lags) * _spread([course[:, :, j] for course in courses]) for j in range(len(lags))])
+    return np.sqrt(
+        [len(lags) * _spread([course[:, :, j] for course in courses]) for j in range(len(lags))]
+    )
 
 
 def _spread(series: list[np.ndarray]) -> float:
@@ -187,7 +228,11 @@ def _spread(series: list[np.ndarray]) -> float:
     total, lag = 1.0, 1
     while lag < 200:
         pairs = [s[lag:] * s[:-lag] for s in series if len(s) > lag]
-        if not pairs or (now := float(np.mean(np.concatenate([np.mean(p, axis=1) for p in pairs])) / power)) <= 0:
+        if (
+            not pairs
+            or (now := float(np.mean(np.concatenate([np.mean(p, axis=1) for p in pairs])) / power))
+            <= 0
+        ):
             break
         total, lag = total + 2 * now, lag + 1
     return power * total

@@ -1,4 +1,6 @@
-"""Windows of flights as a family of lifted linear systems sees them, and its forecasts from corrected z and theta."""
+"""Windows of flights as a family of lifted linear systems sees them, and its forecasts from
+corrected z and theta.
+"""
 
 import dataclasses as dc
 from collections.abc import Sequence
@@ -17,8 +19,10 @@ HORIZONS = (2, 5, 10, 20, 40)  # of the loss, up to that of the controller [step
 class AxisWindows:
     """Windows as one axis sees them, n, with what their forecasts need, scaled.
 
-    seen: (n, V, m) principal components.   lifted: (n, V, K, 1 + r) what each entry of [1, theta] multiplies in z.
-    coming: (n, V, H, c - 1) inputs.   goal: (n, V, h) force at the horizons.
+    seen: (n, V, m) principal components.
+    lifted: (n, V, K, 1 + r) what each entry of [1, theta] multiplies in z. coming: (n, V, H, c - 1)
+        inputs.
+    goal: (n, V, h) force at the horizons.
     """
 
     seen: torch.Tensor
@@ -31,8 +35,9 @@ class AxisWindows:
 class FamilyWindows:
     """Windows of flights.
 
-    theta: (n, r) as estimated at each.   weight: (n, h) of square errors, whose sum then is the mean over flights and
-    horizons of the square error over that of persistence.
+    theta: (n, r) as estimated at each.
+    weight: (n, h) of square errors, whose sum then is the mean over flights and horizons of the
+        square error over that of persistence.
     """
 
     family: AdaptiveFamily
@@ -60,7 +65,10 @@ class FamilyWindows:
 
     def some(self, numbers: torch.Tensor) -> "FamilyWindows":
         """Return the windows with these numbers."""
-        axes = [AxisWindows(**{f.name: getattr(a, f.name)[numbers] for f in dc.fields(a)}) for a in self.axes]
+        axes = [
+            AxisWindows(**{f.name: getattr(a, f.name)[numbers] for f in dc.fields(a)})
+            for a in self.axes
+        ]
         return dc.replace(self, axes=axes, theta=self.theta[numbers], weight=self.weight[numbers])
 
     def loss(self, dz: torch.Tensor, change: torch.Tensor) -> torch.Tensor:
@@ -76,29 +84,43 @@ class FamilyWindows:
             V, K = own.lifted.shape[1:3]
             added = dz[:, first : first + V * K].reshape(-1, V, K)
             first += V * K
-            frequency, damping, decay = (_single(part) for part in (axis.frequency, axis.damping, axis.decay))
+            frequency, damping, decay = (
+                _single(part) for part in (axis.frequency, axis.damping, axis.decay)
+            )
             CA = readouts(at, frequency, damping, decay, self.step * torch.arange(HORIZONS[-1] + 1))
             z = torch.einsum("nvkr,nr->nvk", own.lifted, at) + added
-            response = CA[..., :-1].mT @ torch.einsum("kcr,nr->nkc", _single(axis.inputs), at)  # (n, H, c - 1)
+            response = CA[..., :-1].mT @ torch.einsum(
+                "kcr,nr->nkc", _single(axis.inputs), at
+            )  # (n, H, c - 1)
             # Input j acts on the force h steps ahead through C A^(h-1-j) B
-            driven = [torch.einsum("nhc,nvhc->nv", response[:, :h].flip(1), own.coming[:, :, :h]) for h in HORIZONS]
-            error = torch.einsum("nvk,nkh->nvh", z, CA[..., list(HORIZONS)]) + torch.stack(driven, -1) - own.goal
+            driven = [
+                torch.einsum("nhc,nvhc->nv", response[:, :h].flip(1), own.coming[:, :, :h])
+                for h in HORIZONS
+            ]
+            error = (
+                torch.einsum("nvk,nkh->nvh", z, CA[..., list(HORIZONS)])
+                + torch.stack(driven, -1)
+                - own.goal
+            )
             square = square + error.square().sum(1)
         return (self.weight * square).sum()
 
 
 def family_windows(
-    family: AdaptiveFamily, white: Sequence[np.ndarray], flights: Sequence[Segment], *, step: float, count: int,
+    family: AdaptiveFamily,
+    white: Sequence[np.ndarray],
+    flights: Sequence[Segment],
+    *,
+    step: float,
+    count: int,
     noise: float,
-) -> FamilyWindows:  # fmt: skip
+) -> FamilyWindows:
     """Return windows of flights, evenly spaced along each.
 
     Args:
-        family: that forecasts.
         white: (m, D c) of each axis, maps its views' windows to principal components.
         flights: each longer than a window and the longest horizon.
         step: [s].
-        count: windows of a flight, at most.
         noise: deviation of the labels' white noise; persistence errs at least by it [scaled].
     """
     rows = [_of_flight(family, white, flight, step, count, noise) for flight in flights]
@@ -113,13 +135,11 @@ def family_windows(
 def principal_components(
     family: AdaptiveFamily, flights: Sequence[Segment], count: int, every: int = 20
 ) -> list[np.ndarray]:
-    """Return for each axis the map of a view's window to its largest principal components, of unit mean square.
+    """Return for each axis the map of a view's window to its largest principal components, of unit
+    mean square.
 
     Args:
         family: whose axes see the windows.
-        flights: each of a window at least.
-        count: of components.
-        every: samples between windows.
     """
     grams: list[np.ndarray] = []
     total = 0
@@ -138,7 +158,12 @@ def principal_components(
 
 
 def _of_flight(
-    family: AdaptiveFamily, white: Sequence[np.ndarray], flight: Segment, step: float, count: int, noise: float
+    family: AdaptiveFamily,
+    white: Sequence[np.ndarray],
+    flight: Segment,
+    step: float,
+    count: int,
+    noise: float,
 ) -> tuple[list[tuple[torch.Tensor, ...]], torch.Tensor, torch.Tensor]:
     """Return what `AxisWindows` hold of one flight, theta and weights."""
     H, samples = HORIZONS[-1], np.hstack([flight.chi, flight.zeta])
@@ -147,7 +172,9 @@ def _of_flight(
     now, ahead = starts + family.delay - 1, np.array(HORIZONS)
     theta = family.thetas(samples, step)[starts]
     parts, power = [], np.full(len(ahead), noise**2 * 3)
-    for axis, seen, W in zip(family.axes, family.seen(_windows(flight, family.delay)[starts]), white, strict=True):
+    for axis, seen, W in zip(
+        family.axes, family.seen(_windows(flight, family.delay)[starts]), white, strict=True
+    ):
         lifted = (seen @ axis.by_theta).reshape(*seen.shape[:2], axis.K, -1)
         coming = axis.seen(samples)[:, now[:, None] + np.arange(H), 1:].swapaxes(0, 1)
         toward = np.linalg.pinv(axis.readout)  # (6, V)

@@ -1,7 +1,9 @@
-"""Best linear forecast for every horizon by itself: ridge on delayed samples, flights weighted alike.
+"""Best linear forecast for every horizon by itself: ridge on delayed samples, flights weighted
+alike.
 
-For zeta held at its last value a lifted linear system answers chi_hat_h = C A^h E w (+ constant): one linear map W_h
-of the window a horizon. Fitted freely, horizon by horizon, W_h bounds what any of them can do; `mode_dictionary`
+For zeta held at its last value a lifted linear system answers chi_hat_h = C A^h E w (+ constant):
+one linear map W_h of the window a horizon. Fitted freely, horizon by horizon, W_h bounds what any
+of them can do; `mode_dictionary`
 finds the system closest to it.       Source: own choice; the two steps of subspace identification.
 """
 
@@ -25,7 +27,8 @@ class Moments:
     """Second moments of one flight, scaled.
 
     The last of the p features is the constant 1.
-    power: (H, 2) squared error of the better naive row: mean squared change of force and of torque over the horizon, or
+    power: (H, 2) squared error of the better naive row: mean squared change of force and of torque
+        over the horizon, or
     their variance where that is less.
     """
 
@@ -36,18 +39,22 @@ class Moments:
 
 
 def flight_moments(
-    samples: np.ndarray, goal: np.ndarray, *, taps: DelayTaps, horizons: np.ndarray, max_origins: int, symmetry: float
+    samples: np.ndarray,
+    goal: np.ndarray,
+    *,
+    taps: DelayTaps,
+    horizons: np.ndarray,
+    max_origins: int,
+    symmetry: float,
 ) -> Moments:
     """Return the moments of a flight over evenly thinned origins.
 
     Args:
         samples: (n, 12) [chi, zeta], scaled.
         goal: (n, 6), scaled.
-        taps: features of a window.
         horizons: ascending [steps].
-        max_origins: thinned evenly beyond.
-        symmetry: share of the moments that is averaged over quarter turns about body z and the mirror y -> -y,
-            0 … 1. The mean of the images is that of a perfectly symmetric airframe.
+        symmetry: share of the moments that is averaged over quarter turns about body z and the
+            mirror y -> -y, 0 … 1. The mean of the images is that of a perfectly symmetric airframe.
     """
     first, last = taps.delay - 1, len(samples) - int(horizons[-1])
     origins = np.arange(first, last, max(1, -(-(last - first) // max_origins)))
@@ -59,7 +66,9 @@ def flight_moments(
     power = np.minimum(_grouped(change), _grouped(np.var(Y, axis=0)))
     power[horizons == 0] = NOW * power[horizons > 0].min(axis=0)
     if symmetry > 0:
-        gram, cross = symmetrised(gram, cross, [_turned(gram, cross, turn) for turn in TURNS], symmetry)
+        gram, cross = symmetrised(
+            gram, cross, [_turned(gram, cross, turn) for turn in TURNS], symmetry
+        )
     return Moments(gram, cross, np.mean(Y**2, axis=0), np.maximum(power, 1e-12))
 
 
@@ -67,19 +76,20 @@ def moments_of(segments: Sequence[Segment], scale: np.ndarray, **options) -> lis
     """Return the moments of all flights, scaled.
 
     Args:
-        segments: at one step.
         scale: (12,) of [chi, zeta] [N, N·m, m/s, rad/s].
         options: of `flight_moments`.
     """
     samples = [np.hstack([s.chi, s.zeta]) / scale for s in segments]
-    return [flight_moments(x, s.goal / scale[:6], **options) for x, s in zip(samples, segments, strict=True)]
+    return [
+        flight_moments(x, s.goal / scale[:6], **options)
+        for x, s in zip(samples, segments, strict=True)
+    ]
 
 
 def relative_error(flight: Moments, W: np.ndarray) -> np.ndarray:
     """Return the mean squared error of a forecast over `power`, (H, 2), force and torque [1].
 
     Args:
-        flight: its moments.
         W: (p, H, 6) weights of the features.
     """
     explained = np.einsum("phc,phc->hc", W, 2 * flight.cross)
@@ -88,12 +98,12 @@ def relative_error(flight: Moments, W: np.ndarray) -> np.ndarray:
 
 
 def horizon_ridge(flights: Sequence[Moments], *, noise: float) -> np.ndarray:
-    """Return the weights W_h of the features, (p, H, 6); the error of each flight counts relative to its `power`.
+    """Return the weights W_h of the features, (p, H, 6); the error of each flight counts relative
+    to its `power`.
 
     Args:
-        flights: moments of each.
-        noise: deviation of white noise that the features are taken to have [scaled]. It keeps W_h from differencing
-            what another flight's filter or sensor makes differently.
+        noise: deviation of white noise that the features are taken to have [scaled]. It keeps W_h
+            from differencing what another flight's filter or sensor makes differently.
     """
     p, H, _ = flights[0].cross.shape
     W = np.empty((p, H, 6))
@@ -104,21 +114,23 @@ def horizon_ridge(flights: Sequence[Moments], *, noise: float) -> np.ndarray:
             weight = np.array([1.0 / flight.power[h, k] for flight in flights])
             weight /= weight.sum()
             gram = sum(w * flight.gram for w, flight in zip(weight, flights, strict=True))
-            cross = sum(w * flight.cross[:, h, group] for w, flight in zip(weight, flights, strict=True))
+            cross = sum(
+                w * flight.cross[:, h, group] for w, flight in zip(weight, flights, strict=True)
+            )
             # Ridge: (sum_f w_f G_f + diag(noise²)) W_h = sum_f w_f X_f'Y_f
             W[:, h, group] = np.linalg.solve(gram + np.diag(ridge), cross)
     return W
 
 
 def symmetrised(
-    gram: np.ndarray, cross: np.ndarray, images: Sequence[tuple[np.ndarray, np.ndarray]], share: float
+    gram: np.ndarray,
+    cross: np.ndarray,
+    images: Sequence[tuple[np.ndarray, np.ndarray]],
+    share: float,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return moments of which a share is averaged over their images.
 
     Args:
-        gram: second moments of the features as flown.
-        cross: those with the targets.
-        images: gram and cross under every turn.
         share: of the average [1].
     """
     grams, crosses = (np.mean(moments, axis=0) for moments in zip(*images, strict=True))
@@ -132,7 +144,9 @@ def horizon_grid(longest: int, count: int) -> np.ndarray:
         longest: the last of them [steps].
         count: how many at most [1].
     """
-    return np.unique(np.concatenate([[0], np.round(np.geomspace(1, longest, count - 1))])).astype(int)
+    return np.unique(np.concatenate([[0], np.round(np.geomspace(1, longest, count - 1))])).astype(
+        int
+    )
 
 
 def _grouped(square: np.ndarray) -> np.ndarray:

@@ -1,13 +1,16 @@
-"""Fixed dictionary of decaying modes, for which the best lifted linear system is a linear least-squares problem.
+"""Fixed dictionary of decaying modes, for which the best lifted linear system is a linear
+least-squares problem.
 
-Every channel of chi has modes lambda^h of its own; chi_hat_h = sum over modes of lambda^h times an amplitude, and z
-holds the amplitudes. So A = diag(lambda) is stable whatever the data say, C = 1, and only E and B are learned.
-Geometrically spaced time constants represent any course that is smooth in log h.   Source: own choice, after the
-basis functions of Wahlberg & Mäkilä 1996.
+Every channel of chi has modes lambda^h of its own; chi_hat_h = sum over modes of lambda^h times an
+amplitude, and z holds the amplitudes. So A = diag(lambda) is stable whatever the data say, C = 1,
+and only E and B are learned.
+Geometrically spaced time constants represent any course that is smooth in log h.
+Source: own choice, after the basis functions of Wahlberg & Mäkilä 1996.
 
-The forecast for a held zeta is the encoder's alone. z therefore carries the last zeta as well (z_zeta), and B acts on
-the difference: a+ = A a + B (zeta - z_zeta). So a held zeta leaves the held forecast untouched, and B is free to learn
-only what the coming motion adds. In one lifted linear system: [[A, -B], [0, level]], [[B], [0]].
+The forecast for a held zeta is the encoder's alone. z therefore carries the last zeta as well
+(z_zeta), and B acts on the difference: a+ = A a + B (zeta - z_zeta). So a held zeta leaves the held
+forecast untouched, and B is free to learn only what the coming motion adds. In one lifted linear
+system: [[A, -B], [0, level]], [[B], [0]].
 """
 
 import dataclasses as dc
@@ -59,8 +62,11 @@ class ModeDictionary:
         powers = np.concatenate(self.poles)[None] ** horizons[:, None]
         return self.C[None] * powers[:, None]
 
-    def projector(self, horizons: np.ndarray, weights: np.ndarray, *, ridge: float = 1e-8) -> np.ndarray:
-        """Return the map from a trajectory chi (H, 6) to its amplitudes z, (K, H, 6), by least squares.
+    def projector(
+        self, horizons: np.ndarray, weights: np.ndarray, *, ridge: float = 1e-8
+    ) -> np.ndarray:
+        """Return the map from a trajectory chi (H, 6) to its amplitudes z, (K, H, 6), by least
+        squares.
 
         It is applied as z = einsum("khc,hc", projector, chi).
 
@@ -80,23 +86,23 @@ class ModeDictionary:
         return out
 
 
-def time_constants(force: tuple[float, ...], torque: tuple[float, ...], level: float) -> ModeDictionary:
+def time_constants(
+    force: tuple[float, ...], torque: tuple[float, ...], level: float
+) -> ModeDictionary:
     """Return the modes of given time constants [steps].
 
     The total force of a flight has a level that lasts (thrust in excess of hover); torque has none.
-
-    Args:
-        force: of the modes of force, beside its level.
-        torque: of the modes of torque.
-        level: for which the level of force holds.
     """
     f = np.exp(-1.0 / np.append(force, level))
     t = np.exp(-1.0 / np.asarray(torque, float))
     return ModeDictionary((f, f, f, t, t, t))
 
 
-def departures(zeta: np.ndarray, origins: np.ndarray, horizons: np.ndarray, poles: np.ndarray) -> np.ndarray:
-    """Return the state of each mode at each horizon, driven by zeta_(k+j) - zeta_k with unit gain, (o, H, modes, 6).
+def departures(
+    zeta: np.ndarray, origins: np.ndarray, horizons: np.ndarray, poles: np.ndarray
+) -> np.ndarray:
+    """Return the state of each mode at each horizon, driven by zeta_(k+j) - zeta_k with unit gain,
+    (o, H, modes, 6).
 
     Args:
         zeta: (n, 6) [m/s, rad/s].
@@ -116,17 +122,24 @@ def departures(zeta: np.ndarray, origins: np.ndarray, horizons: np.ndarray, pole
 
 def fit_response(
     flights: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]],
-    modes: ModeDictionary, horizons: np.ndarray, *, noise: float, strength: float, symmetry: float,
-) -> np.ndarray:  # fmt: skip
+    modes: ModeDictionary,
+    horizons: np.ndarray,
+    *,
+    noise: float,
+    strength: float,
+    symmetry: float,
+) -> np.ndarray:
     """Return B (K, 6), scaled, that minimises the error of the forecast for known zeta.
 
     Args:
-        flights: of each (zeta (n, 6), origins (o,), residual of the held forecast (o, H, 6), power (H, 2)), scaled.
-        modes: that answer to zeta.
+        flights: of each (zeta (n, 6), origins (o,), residual of the held forecast (o, H, 6), power
+            (H, 2)), scaled.
         horizons: (H,) [steps].
-        noise: deviation of white noise in the coming zeta [scaled]: keeps B from differentiating it.
-        strength: prior deviation of what one unit of zeta, held, adds to chi through each mode [scaled]. Errors at
-            horizon h count as one in h samples, because so few of them are independent.
+        noise: deviation of white noise in the coming zeta [scaled]: keeps B from differentiating
+            it.
+        strength: prior deviation of what one unit of zeta, held, adds to chi through each mode
+            [scaled]. Errors at horizon h count as one in h samples, because so few of them are
+            independent.
         symmetry: as in `flight_moments`.
     """
     B = np.zeros((modes.K, 6))
@@ -135,17 +148,27 @@ def fit_response(
         size = 6 * len(poles)
         gram, cross = np.zeros((size, size)), np.zeros((size, 3))
         for zeta, origins, rest, power in flights:
-            u = departures(zeta, origins, horizons, poles).reshape(len(origins), len(horizons), size)
-            left = np.maximum(np.mean(np.sum(rest[..., group] ** 2, axis=-1), axis=0), 1e-6 * power[:, k])
-            left /= len(zeta) / np.maximum(horizons, 1.0)  # so many windows of a flight are independent
+            u = departures(zeta, origins, horizons, poles).reshape(
+                len(origins), len(horizons), size
+            )
+            left = np.maximum(
+                np.mean(np.sum(rest[..., group] ** 2, axis=-1), axis=0), 1e-6 * power[:, k]
+            )
+            left /= len(zeta) / np.maximum(
+                horizons, 1.0
+            )  # so many windows of a flight are independent
             weighted = u / (left * len(origins))[:, None]
             one = np.einsum("ohp,ohq->pq", weighted, u, optimize=True)
             two = np.einsum("ohp,ohc->pc", weighted, rest[..., group], optimize=True)
             gram, cross = gram + one, cross + two
-            energy = np.array([[np.sum((p * q) ** np.arange(h)) for h in horizons] for p in poles for q in poles])
+            energy = np.array(
+                [[np.sum((p * q) ** np.arange(h)) for h in horizons] for p in poles for q in poles]
+            )
             floor = (energy @ (1.0 / left)).reshape(len(poles), len(poles))
             gram = gram + noise**2 * np.kron(floor, np.eye(6))
-        gram, cross = symmetrised(gram, cross, [_turned(gram, cross, group, turn) for turn in TURNS], symmetry)
+        gram, cross = symmetrised(
+            gram, cross, [_turned(gram, cross, group, turn) for turn in TURNS], symmetry
+        )
         settled = (1.0 / (1.0 - poles)) / strength  # of a mode, per unit of B and of zeta held
         solution = np.linalg.solve(gram + np.diag(np.repeat(settled**2, 6)), cross)
         for i, channel in enumerate(range(*group.indices(6))):
@@ -157,7 +180,6 @@ def coupled(modes: ModeDictionary, B: np.ndarray, level: float, step: float) -> 
     """Return the system of z = [amplitudes; last zeta].
 
     Args:
-        modes: of the amplitudes.
         B: (K, 6) in physical units.
         level: pole of the last zeta [1].
         step: [s].
@@ -165,10 +187,14 @@ def coupled(modes: ModeDictionary, B: np.ndarray, level: float, step: float) -> 
     K = modes.K
     A = np.zeros((K + 6, K + 6))
     A[:K, :K], A[:K, K:], A[K:, K:] = modes.A, -B, level * np.eye(6)
-    return LiftedLinearSystem(A, np.vstack([B, np.zeros((6, 6))]), np.hstack([modes.C, np.zeros((6, 6))]), step)
+    return LiftedLinearSystem(
+        A, np.vstack([B, np.zeros((6, 6))]), np.hstack([modes.C, np.zeros((6, 6))]), step
+    )
 
 
-def _turned(gram: np.ndarray, cross: np.ndarray, group: slice, turn: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _turned(
+    gram: np.ndarray, cross: np.ndarray, group: slice, turn: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Return the moments of the turned flight."""
     T = np.kron(np.eye(len(gram) // 6), turn)
     return T.T @ gram @ T, T.T @ cross @ turn[group, group]

@@ -14,8 +14,19 @@ from np_drake.lifting.model.trust import Trust
 from np_drake.lifting.training import OnEpoch
 from np_drake.lifting.training.dmdc import sample_scale
 from np_drake.lifting.training.excitation import training_summary
-from np_drake.lifting.training.horizon_ridge import Moments, horizon_grid, horizon_ridge, moments_of, relative_error
-from np_drake.lifting.training.mode_dictionary import ModeDictionary, coupled, fit_response, time_constants
+from np_drake.lifting.training.horizon_ridge import (
+    Moments,
+    horizon_grid,
+    horizon_ridge,
+    moments_of,
+    relative_error,
+)
+from np_drake.lifting.training.mode_dictionary import (
+    ModeDictionary,
+    coupled,
+    fit_response,
+    time_constants,
+)
 from np_drake.training_data.segments import Segment, check_segments
 
 LEVEL_MEMORY = 200.0  # time constant of what is held [s]
@@ -35,12 +46,26 @@ class ModeDictionaryConfig:
     horizons: int = 18  # how many are, closer together near 0 [1]
     # Time constants, beside a level [steps]
     force_modes: tuple[float, ...] = (1.5, 4.0, 11.0, 32.0, 100.0, 300.0)
-    torque_modes: tuple[float, ...] = (1.5, 4.0, 10.0, 25.0, 60.0, 150.0, 400.0)  # time constants [steps]
+    torque_modes: tuple[float, ...] = (
+        1.5,
+        4.0,
+        10.0,
+        25.0,
+        60.0,
+        150.0,
+        400.0,
+    )  # time constants [steps]
     noise: float = 3e-4  # of the samples the encoder sees, in units of their scale [1]
     input_noise: float = 0.01  # of the coming zeta, in units of its scale [1]
-    strength: float = 0.03  # prior deviation of what a unit of zeta adds to chi in each mode, both scaled [1]
-    symmetry: float = 0.8  # how symmetric the airframe is taken to be: about body z and left to right [1]
-    trust_half: float = 200.0  # horizon at which half a departure is believed before any evidence [steps]
+    strength: float = (
+        0.03  # prior deviation of what a unit of zeta adds to chi in each mode, both scaled [1]
+    )
+    symmetry: float = (
+        0.8  # how symmetric the airframe is taken to be: about body z and left to right [1]
+    )
+    trust_half: float = (
+        200.0  # horizon at which half a departure is believed before any evidence [steps]
+    )
     max_origins: int = 4000  # of a segment; thinned beyond [1]
     seed: int = 0  # nothing is drawn; kept for the one interface of all configurations
 
@@ -60,14 +85,8 @@ def train_mode_dictionary(
 ) -> tuple[LiftedModel, list[float]]:
     """Return (model, [loss]) of the `mode-dictionary` configuration.
 
-    The loss is the mean square of the held forecast's error over that of the better naive row [1]. The checkpoint is
-    not used: there is nothing to resume.
-
-    Args:
-        segments: uninterrupted flights at one step.
-        config: of the training.
-        checkpoint: unused.
-        on_epoch: called after each flight and at the end.
+    The loss is the mean square of the held forecast's error over that of the better naive row [1].
+    The checkpoint is not used: there is nothing to resume.
     """
     segments = check_segments(segments, config.delay + config.horizon + 1)
     step = float(np.median([segment.step for segment in segments]))
@@ -91,9 +110,13 @@ def train_mode_dictionary(
 
 
 def _response(
-    segments: list[Segment], flights: list[Moments], encoder: np.ndarray, modes: ModeDictionary,
-    config: ModeDictionaryConfig, scale: np.ndarray,
-) -> np.ndarray:  # fmt: skip
+    segments: list[Segment],
+    flights: list[Moments],
+    encoder: np.ndarray,
+    modes: ModeDictionary,
+    config: ModeDictionaryConfig,
+    scale: np.ndarray,
+) -> np.ndarray:
     """Return B (K, 6), scaled, on origins thinned to a quarter of those of the encoder."""
     readout, pieces = modes.readout(config.grid), []
     for segment, flight in zip(segments, flights, strict=True):
@@ -105,7 +128,12 @@ def _response(
         rest = (segment.goal / scale[:6])[origins[:, None] + config.grid] - forecast
         pieces.append((samples[:, 6:], origins, rest, flight.power))
     return fit_response(
-        pieces, modes, config.grid, noise=config.input_noise, strength=config.strength, symmetry=config.symmetry
+        pieces,
+        modes,
+        config.grid,
+        noise=config.input_noise,
+        strength=config.strength,
+        symmetry=config.symmetry,
     )
 
 
@@ -113,12 +141,17 @@ def _assemble(config, modes, encoder, B, projector, scale, step, segments) -> Li
     """Return the model in physical units."""
     channel = np.concatenate([[c] * len(p) for c, p in enumerate(modes.poles)])
     unit = scale[channel]  # of each amplitude [N, N·m]
-    window = config.taps.expand(encoder[:, :-1] * unit[:, None], 12).reshape(modes.K, config.delay, 12) / scale
+    window = (
+        config.taps.expand(encoder[:, :-1] * unit[:, None], 12).reshape(modes.K, config.delay, 12)
+        / scale
+    )
     last = np.zeros((6, config.delay, 12))
     last[:, -1, 6:] = np.eye(6)  # the last zeta, as it is
     E = np.concatenate([window, last]).reshape(modes.K + 6, -1)
     offset = np.concatenate([encoder[:, -1] * unit, np.zeros(6)])
-    system = coupled(modes, B * unit[:, None] / scale[6:], float(np.exp(-step / LEVEL_MEMORY)), step)
+    system = coupled(
+        modes, B * unit[:, None] / scale[6:], float(np.exp(-step / LEVEL_MEMORY)), step
+    )
     ahead = config.grid > 0
     readout = modes.readout(config.grid[ahead])
     unread = np.zeros((*readout.shape[:2], 6))  # the last zeta

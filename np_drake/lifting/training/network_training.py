@@ -1,9 +1,10 @@
 """Training of `neural`: a network on top of a trained family of lifted linear systems.
 
-The loss is the mean over flights and horizons of the square error of the forecast force over that of persistence, as of
-the family, which stays as it is; theta is as estimated along each flight. The last layer starts at zero, so that the
-descent starts from the family's own forecasts. Most flights are descended on, some say when to stop, and on others,
-which neither has seen, the share of the correction is chosen: none where it does not help.
+The loss is the mean over flights and horizons of the square error of the forecast force over that
+of persistence, as of the family, which stays as it is; theta is as estimated along each flight. The
+last layer starts at zero, so that the descent starts from the family's own forecasts. Most flights
+are descended on, some say when to stop, and on others, which neither has seen, the share of the
+correction is chosen: none where it does not help.
 """
 
 import copy
@@ -21,12 +22,18 @@ from np_drake.lifting.model.neural_family import NeuralFamily, with_network
 from np_drake.lifting.model.window_network import WindowNetwork, images, saturated
 from np_drake.lifting.training import OnEpoch
 from np_drake.lifting.training.family_training import LiftedConfig, train_lifted
-from np_drake.lifting.training.family_windows import HORIZONS, FamilyWindows, family_windows, principal_components
+from np_drake.lifting.training.family_windows import (
+    HORIZONS,
+    FamilyWindows,
+    family_windows,
+    principal_components,
+)
 from np_drake.lifting.training.phi_module import normalised
 from np_drake.training_data.segments import Segment
 
 SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)  # of the correction, that are compared [1]
-PART = 10  # one flight of so many says when to stop, and another one judges; fewer train no network [1]
+# one flight of so many says when to stop, and another one judges; fewer train no network [1]
+PART = 10
 CHECKS = 20  # of the descent [1]
 JUDGED = 80  # windows of a flight that judges [1]
 
@@ -46,30 +53,32 @@ class NeuralConfig(LiftedConfig):
     decay: float = 1e-2  # of the weights, times the rate [1]
 
 
-def train_neural(segments: list[Segment], config: NeuralConfig, on_epoch: OnEpoch) -> tuple[LiftedModel, list[float]]:
+def train_neural(
+    segments: list[Segment], config: NeuralConfig, on_epoch: OnEpoch
+) -> tuple[LiftedModel, list[float]]:
     """Return (model, loss of the family after each step) of the `neural` configuration.
 
     Args:
-        segments: uninterrupted flights at one step.
-        config: of the training.
         on_epoch: called after each step of the family, and of the network.
     """
     total = config.steps + config.updates
     _split(segments, config)
     model, losses = train_lifted(segments, config, lambda n, _, loss: on_epoch(n, total, loss))
-    return add_network(model, segments, config, lambda n, _, loss: on_epoch(config.steps + n, total, loss)), losses
+    return add_network(
+        model, segments, config, lambda n, _, loss: on_epoch(config.steps + n, total, loss)
+    ), losses
 
 
 def add_network(
-    model: LiftedModel, segments: Sequence[Segment], config: NeuralConfig, on_epoch: OnEpoch = lambda *_: None
+    model: LiftedModel,
+    segments: Sequence[Segment],
+    config: NeuralConfig,
+    on_epoch: OnEpoch = lambda *_: None,
 ) -> LiftedModel:
     """Return the model of a family with a network on top, which is trained on flights.
 
     Args:
-        model: of a family.
         segments: flights of its training; short ones are left out.
-        config: of the training.
-        on_epoch: called after each update.
     Raises: ValueError: where they are too few.
     """
     family = model.encoder
@@ -77,31 +86,45 @@ def add_network(
     judge, stop, rest = _split(segments, config)
     white = principal_components(family, rest, config.components)
     descended, stopping = (
-        family_windows(family, white, flights, step=model.step, count=config.windows, noise=config.label_noise)
+        family_windows(
+            family, white, flights, step=model.step, count=config.windows, noise=config.label_noise
+        )
         for flights in (rest, stop)
     )
     module = _Module(family, white, descended.size, config)
     _descend(module, descended, stopping, config, on_epoch)
-    neural = judged(dc.replace(model, configuration=NEURAL, encoder=with_network(family, module.export())), judge)
+    neural = judged(
+        dc.replace(model, configuration=NEURAL, encoder=with_network(family, module.export())),
+        judge,
+    )
     assert isinstance(neural.encoder, NeuralFamily)
     network = neural.encoder.network
-    told = {"flights": len(rest), "share": network.share, "lipschitz_bound": round(network.lipschitz_bound, 3)}
+    told = {
+        "flights": len(rest),
+        "share": network.share,
+        "lipschitz_bound": round(network.lipschitz_bound, 3),
+    }
     return dc.replace(neural, summary={**neural.summary, "network": told})
 
 
 def judged(model: LiftedModel, segments: Sequence[Segment]) -> LiftedModel:
-    """Return the model with the share of its network's correction that foresees flights best, its own at most.
+    """Return the model with the share of its network's correction that foresees flights best, its
+    own at most.
 
     Args:
-        model: any; one without network, or flights all shorter than a window and a forecast, change nothing.
-        segments: flights that the network has not seen.
+        model: any; one without network, or flights all shorter than a window and a forecast, change
+            nothing.
     """
     family, long = model.encoder, _long(segments, model.window)
     if not isinstance(family, NeuralFamily) or not long:
         return model
     network = family.network
-    data = family_windows(family, network.white, long, step=model.step, count=JUDGED, noise=LiftedConfig.label_noise)
-    x = saturated(np.concatenate([data.inputs, (data.theta - network.center) / network.spread], axis=1))
+    data = family_windows(
+        family, network.white, long, step=model.step, count=JUDGED, noise=LiftedConfig.label_noise
+    )
+    x = saturated(
+        np.concatenate([data.inputs, (data.theta - network.center) / network.spread], axis=1)
+    )
     dz, change = (torch.from_numpy(part).float() for part in network.correction(x))
     losses = [float(data.loss(share * dz, share * change)) for share in SHARES]
     share = network.share * SHARES[int(np.argmin(losses))]
@@ -111,7 +134,13 @@ def judged(model: LiftedModel, segments: Sequence[Segment]) -> LiftedModel:
 class _Module(nn.Module):
     """The network as it is trained, its hidden weights normalised."""
 
-    def __init__(self, family: AdaptiveFamily, white: Sequence[np.ndarray], size: np.ndarray, config: NeuralConfig):
+    def __init__(
+        self,
+        family: AdaptiveFamily,
+        white: Sequence[np.ndarray],
+        size: np.ndarray,
+        config: NeuralConfig,
+    ):
         super().__init__()
         generator, r = torch.Generator().manual_seed(config.seed), len(family.mean)
         self._white, self._size, self._gain = tuple(white), size, config.gain
@@ -122,20 +151,28 @@ class _Module(nn.Module):
         hidden = [torch.randn(o, i, generator=generator) for i, o in itertools.pairwise(sizes)]
         self.hidden = nn.ParameterList(nn.Parameter(W / W.shape[1] ** 0.5) for W in hidden)
         self.last = nn.Parameter(torch.zeros(family.K + r, config.width))
-        self.biases = nn.ParameterList(nn.Parameter(torch.zeros(n)) for n in (*sizes[1:], family.K + r))
+        self.biases = nn.ParameterList(
+            nn.Parameter(torch.zeros(n)) for n in (*sizes[1:], family.K + r)
+        )
         before, after = images(seen, r), images(list(self._states), r)
         self._images = [
-            (torch.from_numpy(a).float(), torch.from_numpy(b).float()) for a, b in zip(before, after, strict=True)
+            (torch.from_numpy(a).float(), torch.from_numpy(b).float())
+            for a, b in zip(before, after, strict=True)
         ]
         self._unit = torch.from_numpy(np.concatenate([size, self._spread])).float()
         self._scaled = [torch.from_numpy(array).float() for array in (self._center, self._spread)]
 
-    def forward(self, data: FamilyWindows, image: int | None = None) -> tuple[torch.Tensor, torch.Tensor]:
+    def forward(
+        self, data: FamilyWindows, image: int | None = None
+    ) -> tuple[torch.Tensor, torch.Tensor]:
         """Return dz (n, K) and dtheta (n, r), of one turn or mirror image, or the mean over all."""
         center, spread = self._scaled
         x = saturated(torch.cat([data.inputs, (data.theta - center) / spread], dim=1))
         some = self._images if image is None else [self._images[image]]
-        weights, outputs = [normalised(W, self._gain) for W in self.hidden], torch.zeros(len(x), len(self._unit))
+        weights, outputs = (
+            [normalised(W, self._gain) for W in self.hidden],
+            torch.zeros(len(x), len(self._unit)),
+        )
         for before, after in some:
             h = x @ before.T
             for W, b in zip(weights, self.biases, strict=False):
@@ -150,15 +187,25 @@ class _Module(nn.Module):
         hidden = [normalised(W, self._gain) for W in self.hidden]
         weights = tuple(W.detach().numpy().astype(float) for W in (*hidden, self.last))
         biases = tuple(b.detach().numpy().astype(float) for b in self.biases)
-        return WindowNetwork(self._white, self._states, weights, biases, self._center, self._spread, self._size, 1.0)
+        return WindowNetwork(
+            self._white, self._states, weights, biases, self._center, self._spread, self._size, 1.0
+        )
 
 
 def _descend(
-    module: _Module, data: FamilyWindows, stopping: FamilyWindows, config: NeuralConfig, on_epoch: OnEpoch
+    module: _Module,
+    data: FamilyWindows,
+    stopping: FamilyWindows,
+    config: NeuralConfig,
+    on_epoch: OnEpoch,
 ) -> None:
     """Train on `data`, and leave the weights that foresaw `stopping` best."""
-    optimiser = torch.optim.AdamW(module.parameters(), lr=config.learning, weight_decay=config.decay)
-    schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, config.updates, eta_min=0.01 * config.learning)
+    optimiser = torch.optim.AdamW(
+        module.parameters(), lr=config.learning, weight_decay=config.decay
+    )
+    schedule = torch.optim.lr_scheduler.CosineAnnealingLR(
+        optimiser, config.updates, eta_min=0.01 * config.learning
+    )
     generator = torch.Generator().manual_seed(config.seed)
     best, kept, every = np.inf, copy.deepcopy(module.state_dict()), max(1, config.updates // CHECKS)
     for number in range(config.updates):
@@ -179,13 +226,19 @@ def _descend(
     module.load_state_dict(kept)
 
 
-def _split(segments: Sequence[Segment], config: NeuralConfig) -> tuple[list[Segment], list[Segment], list[Segment]]:
+def _split(
+    segments: Sequence[Segment], config: NeuralConfig
+) -> tuple[list[Segment], list[Segment], list[Segment]]:
     """Return the flights that judge, that say when to stop, and that are descended on."""
     long = _long(segments, config.delay + max(config.lags))
-    drawn = [long[i] for i in np.random.default_rng(config.seed).permutation(len(long))[: config.flights]]
+    drawn = [
+        long[i] for i in np.random.default_rng(config.seed).permutation(len(long))[: config.flights]
+    ]
     part = len(drawn) // PART
     if part == 0:
-        raise ValueError(f"neural: at least {PART} flights are needed; got {len(drawn)}. Use lifted.")
+        raise ValueError(
+            f"neural: at least {PART} flights are needed; got {len(drawn)}. Use lifted."
+        )
     return drawn[:part], drawn[part : 2 * part], drawn[2 * part :]
 
 

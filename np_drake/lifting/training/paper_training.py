@@ -1,22 +1,26 @@
 """Training of the `paper` configuration: Algorithm 1, made well-posed.
 
-What the paper leaves open is settled as follows (docs/reference/predictor.md lists it with reasons and effects):
-- The window's least squares for A, B has 30 columns and 39 rows of median rank 15: it is Bayesian regression about a
-  prior A_0, B_0 shared by all windows: least squares over all of them, renewed every epoch, and in flight the offline
-  model. How far windows stray from it is the evidence of the windows themselves (`most_likely_ridge`).
+What the paper leaves open is settled as follows (docs/reference/predictor.md lists it with reasons
+and effects):
+- The window's least squares for A, B has 30 columns and 39 rows of median rank 15: it is Bayesian
+  regression about a prior A_0, B_0 shared by all windows: least squares over all of them, renewed
+  every epoch, and in flight the offline model. How far windows stray from it is the evidence of the
+  windows themselves (`most_likely_ridge`).
 - B_0 is shrunk along directions of zeta that the flights do not excite.
 - Stable: A_0 and each window's A are made stable as in flight before they are iterated.
-- Backward in time, A^-1 of a stable A grows like |lambda|^-40. A is inverted in the least-squares sense: the window
-  fit of z_k on z_(k+1) and zeta_k, about a backward prior, made stable the same way.
-- mu carries the trajectory index in the paper, so that late trajectories count less; here it discounts the
+- Backward in time, A^-1 of a stable A grows like |lambda|^-40. A is inverted in the least-squares
+  sense: the window fit of z_k on z_(k+1) and zeta_k, about a backward prior, made stable the same
+  way.
+- mu carries the trajectory index in the paper, so that late trajectories count less; here it
+  discounts the
   prediction step: mean over j of mu^j |z_j - z_hat_j|².
 - chi enters Phi over one scale for force and one for torque; gamma is the Lipschitz constant there.
-- A causal label lags behind its zero-phase target, and Phi, which sees one instant, cannot undo that: each label stands
-  beside the zeta of its own time, in training and in flight.
-- Every window is turned by quarter turns about the vertical or mirrored: a circle in one direction locks force and
-  velocity in a relation that no other flight has. So the mean wrench is vertical, and the A that flies forgets
-  departures from it within a window: one instant of chi does not show the phase of a swing, and a forecast that holds
-  one pumps it.
+- A causal label lags behind its zero-phase target, and Phi, which sees one instant, cannot undo
+  that: each label stands beside the zeta of its own time, in training and in flight.
+- Every window is turned by quarter turns about the vertical or mirrored: a circle in one direction
+  locks force and velocity in a relation that no other flight has. So the mean wrench is vertical,
+  and the A that flies forgets departures from it within a window: one instant of chi does not show
+  the phase of a swing, and a forecast that holds one pumps it.
 """
 
 import dataclasses as dc
@@ -46,16 +50,23 @@ BLOCKS = 4  # of time; the windows of one are judged about the prior of the othe
 
 @dc.dataclass(frozen=True)
 class PaperConfig:
-    """Parameters of the `paper` configuration: Phi of the instantaneous chi, A and B refit on a window."""
+    """Parameters of the `paper` configuration: Phi of the instantaneous chi, A and B refit on a
+    window.
+    """
 
     size: int = 24  # K [1]
     width: int = 128  # neurons of a hidden layer [1]
     layers: int = 2  # hidden layers, L [1]
     gamma: float = 1.0  # Lipschitz constant of Phi in scaled coordinates [1]
     window: int = 40  # samples of a window [1]
-    beta: tuple[float, float, float] = (1.0, 1.0, 1.0)  # weights: forward, backward, reconstruction [1]
+    beta: tuple[float, float, float] = (
+        1.0,
+        1.0,
+        1.0,
+    )  # weights: forward, backward, reconstruction [1]
     mu: float = 0.999  # discount of a prediction step, forward and backward [1]
-    symmetric: bool = True  # windows turned and mirrored, a horizontal force fades (in W, yaw near zero); else False
+    # windows turned and mirrored, a horizontal force fades (in W, yaw near zero); else False
+    symmetric: bool = True
     epochs: int = 8  # passes over the windows [1]
     batch: int = 32  # windows of a gradient step [1]
     spacing: int = 5  # samples between the starts of windows [1]
@@ -65,16 +76,13 @@ class PaperConfig:
 
 
 class PaperTrainer:
-    """State of one training run: Phi, C, priors, optimiser, epoch.
-
-    Args:
-        segments: uninterrupted flights at one step.
-        config: of the training.
-    """
+    """State of one training run: Phi, C, priors, optimiser, epoch."""
 
     def __init__(self, segments: list[Segment], config: PaperConfig):
         self.config, self.late = config, max((segment.late for segment in segments), default=0)
-        segments = [segment.in_time for segment in check_segments(segments, 2 * config.window + self.late)]
+        segments = [
+            segment.in_time for segment in check_segments(segments, 2 * config.window + self.late)
+        ]
         self.step = float(np.median([segment.step for segment in segments]))
         self.samples = sum(map(len, segments))
         self.chi_scale = group_scale([segment.chi for segment in segments], centred=False)
@@ -83,14 +91,22 @@ class PaperTrainer:
         if config.symmetric:
             zeta = [image for piece in zeta for image in turns(piece)]
         self.excitation = measure_excitation(zeta, step=self.step)
-        self._seen = torch.from_numpy(self.excitation.shrink.T * self.zeta_scale[:, None] / self.zeta_scale)
+        self._seen = torch.from_numpy(
+            self.excitation.shrink.T * self.zeta_scale[:, None] / self.zeta_scale
+        )
         self._chi, self._zeta = _windows(segments, config, self.zeta_scale)
         pairs = dc.replace(config, window=2 * config.window, spacing=config.window)
-        self._pairs = _windows(segments, pairs, self.zeta_scale)  # a window and the one that follows it
+        self._pairs = _windows(
+            segments, pairs, self.zeta_scale
+        )  # a window and the one that follows it
         self.phi = PhiModule(
-            width=config.width, layers=config.layers, K=config.size, gamma=config.gamma,
-            scale=self.chi_scale, seed=config.seed,
-        )  # fmt: skip
+            width=config.width,
+            layers=config.layers,
+            K=config.size,
+            gamma=config.gamma,
+            scale=self.chi_scale,
+            seed=config.seed,
+        )
         self.C = nn.Parameter(torch.zeros(6, config.size, dtype=torch.float64))
         with torch.no_grad():
             self.C.copy_(self._best_readout(self.phi(self._chi)))
@@ -99,7 +115,9 @@ class PaperTrainer:
         self.epoch, self.history = 0, list[float]()
 
     def run_epoch(self) -> float:
-        """Make one pass over the windows in an order drawn from (seed, epoch) and return the mean loss."""
+        """Make one pass over the windows in an order drawn from (seed, epoch) and return the mean
+        loss.
+        """
         order = np.random.default_rng([self.config.seed, self.epoch]).permutation(len(self._chi))
         fraction = self.epoch / max(self.config.epochs, 1)
         rate = self.config.learning_rate * (0.55 + 0.45 * np.cos(np.pi * min(fraction, 1.0)))
@@ -134,7 +152,9 @@ class PaperTrainer:
         return b[0] * forward + b[1] * backward + b[2] * reconstruction
 
     def model(self) -> LiftedModel:
-        """Return the trained model, with C as the least-squares readout of the final Phi, as L_recons asks for."""
+        """Return the trained model, with C as the least-squares readout of the final Phi, as
+        L_recons asks for.
+        """
         self._fit_priors()
         A, B = self.forward_prior[: self.config.size], self.forward_prior[self.config.size :]
         with torch.no_grad():
@@ -144,21 +164,36 @@ class PaperTrainer:
                 A = forgetful(A, z, self.config.window)
         system = LiftedLinearSystem(A.numpy().T, B.numpy().T / self.zeta_scale, C, self.step)
         summary = {
-            "samples": self.samples, "epochs": self.epoch, "loss": self.history[-1] if self.history else None,
-            "gamma": self.config.gamma, "excitation": self.excitation.text,
-        }  # fmt: skip
+            "samples": self.samples,
+            "epochs": self.epoch,
+            "loss": self.history[-1] if self.history else None,
+            "gamma": self.config.gamma,
+            "excitation": self.excitation.text,
+        }
         return LiftedModel(
-            PAPER, system, self.phi.export(), self.config.window + self.late, self.chi_scale, self.zeta_scale, True,
-            summary, ridge=self.ridge, late=self.late,
-        )  # fmt: skip
+            PAPER,
+            system,
+            self.phi.export(),
+            self.config.window + self.late,
+            self.chi_scale,
+            self.zeta_scale,
+            True,
+            summary,
+            ridge=self.ridge,
+            late=self.late,
+        )
 
     def _fit_priors(self) -> None:
-        """Fit the priors of this epoch, and how surely they hold in a window, with the present Phi."""
+        """Fit the priors of this epoch, and how surely they hold in a window, with the present
+        Phi.
+        """
         with torch.no_grad():
             z, (chi, zeta) = self.phi(self._chi), self._pairs
             self.forward_prior, self.backward_prior = self._prior(z), self._prior(z, backward=True)
             others = torch.stack([self._prior(z, without=block) for block in range(BLOCKS)])
-            self.ridge = most_likely_ridge(self.phi(chi), zeta, chi / self._scale(), self.C, others[_blocks(len(chi))])
+            self.ridge = most_likely_ridge(
+                self.phi(chi), zeta, chi / self._scale(), self.C, others[_blocks(len(chi))]
+            )
 
     def _prior(self, z: torch.Tensor, *, backward: bool = False, without: int = -1) -> torch.Tensor:
         """Return [A_0 B_0]' (K + 6, K) over all windows, or all without those of a block of time.
@@ -175,14 +210,18 @@ class PaperTrainer:
         return torch.from_numpy(self.chi_scale)
 
     def _best_readout(self, z: torch.Tensor) -> torch.Tensor:
-        """Return the least squares of chi / scale on z over all windows, ridge 1e-6 of the mean power, (6, K)."""
+        """Return the least squares of chi / scale on z over all windows, ridge 1e-6 of the mean
+        power, (6, K).
+        """
         Z, chi = z.reshape(-1, z.shape[-1]), (self._chi / self._scale()).reshape(-1, 6)
         normal = Z.T @ Z
         normal += (1e-6 * normal.diagonal().mean() + 1e-12) * torch.eye(len(normal), dtype=Z.dtype)
         return torch.linalg.solve(normal, Z.T @ chi).T
 
     def _rollout_error(self, z, zeta, prior, *, backward: bool) -> torch.Tensor:
-        """Return the discounted mean square of the multi-step error in z, with each window's own A and B."""
+        """Return the discounted mean square of the multi-step error in z, with each window's own A
+        and B.
+        """
         X, Y = regression(z, zeta, backward=backward)
         A, B = window_fit(X, Y, prior, self.ridge)
         drive = X[..., z.shape[-1] :] @ B
@@ -195,14 +234,10 @@ class PaperTrainer:
         return error / drive.shape[1]
 
 
-def train_paper(segments: list[Segment], config: PaperConfig, on_epoch: OnEpoch) -> tuple[LiftedModel, list[float]]:
-    """Return (model, loss after each epoch).
-
-    Args:
-        segments: uninterrupted flights at one step.
-        config: of the training.
-        on_epoch: called after each pass.
-    """
+def train_paper(
+    segments: list[Segment], config: PaperConfig, on_epoch: OnEpoch
+) -> tuple[LiftedModel, list[float]]:
+    """Return (model, loss after each epoch)."""
     trainer = PaperTrainer(segments, config)
     while trainer.epoch < config.epochs:
         loss = trainer.run_epoch()
@@ -215,13 +250,21 @@ def _blocks(count: int) -> np.ndarray:
     return np.arange(count) * BLOCKS // max(count, 1)
 
 
-def _windows(segments: list[Segment], config: PaperConfig, zeta_scale: np.ndarray) -> tuple[torch.Tensor, torch.Tensor]:
+def _windows(
+    segments: list[Segment], config: PaperConfig, zeta_scale: np.ndarray
+) -> tuple[torch.Tensor, torch.Tensor]:
     """Return chi in physical units and scaled zeta of all windows, (b, W, 6) each."""
-    starts = [(segment, k) for segment in segments for k in range(0, len(segment) - config.window + 1, config.spacing)]
+    starts = [
+        (segment, k)
+        for segment in segments
+        for k in range(0, len(segment) - config.window + 1, config.spacing)
+    ]
     starts = starts[:: max(1, -(-len(starts) // config.max_windows))]
     chi = np.stack([segment.chi[k : k + config.window] for segment, k in starts])
     zeta = np.stack([segment.zeta[k : k + config.window] for segment, k in starts])
     if config.symmetric:
-        image = np.array(turns(np.eye(6)))[np.random.default_rng(config.seed).integers(8, size=len(starts))]
+        image = np.array(turns(np.eye(6)))[
+            np.random.default_rng(config.seed).integers(8, size=len(starts))
+        ]
         chi, zeta = chi @ image, zeta @ image
     return torch.from_numpy(chi), torch.from_numpy(zeta / zeta_scale)

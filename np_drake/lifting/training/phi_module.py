@@ -1,4 +1,6 @@
-"""Phi for training: a perceptron without bias whose Lipschitz constant is at most gamma by construction."""
+"""Phi for training: a perceptron without bias whose Lipschitz constant is at most gamma by
+construction.
+"""
 
 import itertools
 
@@ -12,21 +14,20 @@ from np_drake.lifting.model.encoders import Phi
 class PhiModule(nn.Module):
     """Spectrally normalised perceptron, W_hat = W / sigma(W) gamma^(1/(L+1)) in every layer.
 
-    The input is chi / scale, so gamma is the Lipschitz constant in those scaled coordinates; in N and N·m it
-    is at most gamma / min(scale). sigma and its gradient u v^T come from a singular value decomposition, so that the
-    bound holds for close singular values too, where a power iteration stands still early; training takes as long with
+    The input is chi / scale, so gamma is the Lipschitz constant in those scaled coordinates; in N
+    and N·m it is at most gamma / min(scale). sigma and its gradient u v^T come from a singular
+    value decomposition, so that the bound holds for close singular values too, where a power
+    iteration stands still early; training takes as long with
     either (own measurement).   Source: Jin et al. 2025, eq. (sn).
 
     Args:
-        width: neurons of a hidden layer.
-        layers: hidden layers L.
-        K: outputs.
         gamma: [1].
         scale: (6,) of chi [N, N·m].
-        seed: of the initial weights.
     """
 
-    def __init__(self, *, width: int, layers: int, K: int, gamma: float, scale: np.ndarray, seed: int):
+    def __init__(
+        self, *, width: int, layers: int, K: int, gamma: float, scale: np.ndarray, seed: int
+    ):
         super().__init__()
         generator = torch.Generator().manual_seed(seed)
         start = _initial_weights([6] + [width] * layers + [K], generator)
@@ -59,7 +60,6 @@ def normalised(W: torch.Tensor, gain: float) -> torch.Tensor:
     """Return a matrix of largest singular value `gain` along W, with its gradient.
 
     Args:
-        W: any matrix but zero.
         gain: [1].
     """
     with torch.no_grad():
@@ -68,10 +68,12 @@ def normalised(W: torch.Tensor, gain: float) -> torch.Tensor:
 
 
 def _initial_weights(sizes: list[int], generator: torch.Generator) -> list[torch.Tensor]:
-    """Return layers whose first outputs carry chi itself, as relu(chi) - relu(-chi), beside random features.
+    """Return layers whose first outputs carry chi itself, as relu(chi) - relu(-chi), beside random
+    features.
 
-    So chi = C z holds from the start and training need not find the identity first. Own choice: one step ahead on a
-    real flight the error is 0.8 of persistence's this way, and 8 times it from a plain random start.
+    So chi = C z holds from the start and training need not find the identity first. Own choice: one
+    step ahead on a real flight the error is 0.8 of persistence's this way, and 8 times it from a
+    plain random start.
     """
     weights = []
     for layer, (inputs, outputs) in enumerate(itertools.pairwise(sizes)):

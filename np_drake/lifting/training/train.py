@@ -1,7 +1,9 @@
-"""Training of a predictor from plain arrays, with configurations by name, and of the baselines among them.
+"""Training of a predictor from plain arrays, with configurations by name, and of the baselines
+among them.
 
-`dmdc`, `delay-dmdc` and `ridge` are the linear baselines of every table as lifted linear systems that can fly: fitted
-in closed form, made stable, in a model file, through the same predictor as the others.
+`dmdc`, `delay-dmdc` and `ridge` are the linear baselines of every table as lifted linear systems
+that can fly: fitted in closed form, made stable, in a model file, through the same predictor as the
+others.
 """
 
 import dataclasses as dc
@@ -29,7 +31,10 @@ from np_drake.lifting.training.dmdc import fit_dmdc_system, sample_scale
 from np_drake.lifting.training.excitation import training_summary
 from np_drake.lifting.training.family_training import LiftedConfig, train_lifted
 from np_drake.lifting.training.horizon_ridge import horizon_ridge, moments_of, relative_error
-from np_drake.lifting.training.mode_dictionary_training import ModeDictionaryConfig, train_mode_dictionary
+from np_drake.lifting.training.mode_dictionary_training import (
+    ModeDictionaryConfig,
+    train_mode_dictionary,
+)
 from np_drake.lifting.training.network_training import NeuralConfig, train_neural
 from np_drake.lifting.training.paper_training import PaperConfig, train_paper
 from np_drake.training_data.segments import Segment, check_segments
@@ -37,7 +42,9 @@ from np_drake.training_data.segments import Segment, check_segments
 
 @dc.dataclass(frozen=True)
 class DmdcConfig:
-    """Parameters of `dmdc` (last sample) and `delay-dmdc` (last ten, as in the tables of `np-drake evaluate`)."""
+    """Parameters of `dmdc` (last sample) and `delay-dmdc` (last ten, as in the tables of `np-drake
+    evaluate`).
+    """
 
     delays: int = 1  # samples that it sees [1]
     seed: int = 0  # nothing is drawn; kept for the one interface of all configurations
@@ -88,7 +95,8 @@ def train(
     Args:
         segments: uninterrupted flights at one step.
         config: of one of the `CONFIGURATIONS`.
-        on_epoch: called with (epoch, total, loss); for `lifted` an epoch is one step of gradient descent.
+        on_epoch: called with (epoch, total, loss); for `lifted` an epoch is one step of gradient
+            descent.
     Raises: ValueError: if the segments are unusable.
     """
     run = _TRAINERS[type(config)]
@@ -110,7 +118,9 @@ def suited(configuration: str, frame: str) -> str:
     return configuration or BY_AXES[frame]
 
 
-def make_config(configuration: str, *, frame: str = "world", epochs: int | None = None, **settings) -> Config:
+def make_config(
+    configuration: str, *, frame: str = "world", epochs: int | None = None, **settings
+) -> Config:
     """Return the configuration of that name with the given settings.
 
     Args:
@@ -121,10 +131,16 @@ def make_config(configuration: str, *, frame: str = "world", epochs: int | None 
     Raises: ValueError: on an unknown name, frame or setting.
     """
     configuration = suited(configuration, frame)
-    if (configuration in FAMILIES and frame != "world") or (configuration == MODE_DICTIONARY and frame != "body"):
-        raise ValueError(f"train: wrenches in {frame} axes need {BY_AXES[frame]}; got {configuration}.")
+    if (configuration in FAMILIES and frame != "world") or (
+        configuration == MODE_DICTIONARY and frame != "body"
+    ):
+        raise ValueError(
+            f"train: wrenches in {frame} axes need {BY_AXES[frame]}; got {configuration}."
+        )
     if configuration not in CONFIGURATIONS:
-        raise ValueError(f"train: configuration must be {' | '.join(CONFIGURATIONS)}; got {configuration}.")
+        raise ValueError(
+            f"train: configuration must be {' | '.join(CONFIGURATIONS)}; got {configuration}."
+        )
     config = CONFIGURATIONS[configuration]
     names = {field.name for field in dc.fields(config)}
     unknown = set(settings) - names
@@ -137,7 +153,9 @@ def make_config(configuration: str, *, frame: str = "world", epochs: int | None 
     return dc.replace(config, **settings)
 
 
-def _train_dmdc(segments: list[Segment], config: DmdcConfig, on_epoch: OnEpoch) -> tuple[LiftedModel, list[float]]:
+def _train_dmdc(
+    segments: list[Segment], config: DmdcConfig, on_epoch: OnEpoch
+) -> tuple[LiftedModel, list[float]]:
     """Return (model, [mean square of the scaled error one step ahead])."""
     segments = check_segments(segments, config.delays + 1)
     system, encoder = fit_dmdc_system(segments, config.delays)
@@ -145,18 +163,24 @@ def _train_dmdc(segments: list[Segment], config: DmdcConfig, on_epoch: OnEpoch) 
     stable = system.stabilized()
     loss = _one_step_error(segments, stable, encoder, scale)
     on_epoch(1, 1, loss)
-    summary = training_summary(segments, loss, segments[0].step) | {"spectral_radius_as_fitted": system.spectral_radius}
+    summary = training_summary(segments, loss, segments[0].step) | {
+        "spectral_radius_as_fitted": system.spectral_radius
+    }
     name = DMDC if config.delays == 1 else DELAY_DMDC
     model = LiftedModel(name, stable, encoder, config.delays, scale[:6], scale[6:], True, summary)
     return model, [loss]
 
 
-def _train_ridge(segments: list[Segment], config: RidgeConfig, on_epoch: OnEpoch) -> tuple[LiftedModel, list[float]]:
+def _train_ridge(
+    segments: list[Segment], config: RidgeConfig, on_epoch: OnEpoch
+) -> tuple[LiftedModel, list[float]]:
     """Return (model, [mean square error over that of the better naive row])."""
     segments = check_segments(segments, config.delay + config.horizon + 1)
     scale, taps = sample_scale(segments), DelayTaps(config.delay, config.dense, config.averages)
     horizons = np.arange(config.horizon + 1)
-    flights = moments_of(segments, scale, taps=taps, horizons=horizons, max_origins=config.max_origins, symmetry=0.0)
+    flights = moments_of(
+        segments, scale, taps=taps, horizons=horizons, max_origins=config.max_origins, symmetry=0.0
+    )
     W = horizon_ridge(flights, noise=config.noise)
     loss = float(np.mean([relative_error(flight, W)[:, 0] for flight in flights]))
     on_epoch(1, 1, loss)
@@ -165,14 +189,16 @@ def _train_ridge(segments: list[Segment], config: RidgeConfig, on_epoch: OnEpoch
     encoder = DelayEncoder(E.reshape(len(E), -1), config.delay, force[:, -1])
     system = course_register(config.horizon, segments[0].step)
     summary = training_summary(segments, loss, segments[0].step)
-    return LiftedModel(RIDGE, system, encoder, config.delay, scale[:6], scale[6:], False, summary), [loss]
+    return LiftedModel(
+        RIDGE, system, encoder, config.delay, scale[:6], scale[6:], False, summary
+    ), [loss]
 
 
 def course_register(horizon: int, step: float) -> LiftedLinearSystem:
     """Return the system whose state is a whole forecast of the force, chi_hat_0 … chi_hat_H.
 
-    A shifts it by one step and holds it at its end, and B = 0. Any forecast that does not depend on the coming motion
-    is such a lifted linear system, exactly.
+    A shifts it by one step and holds it at its end, and B = 0. Any forecast that does not depend on
+    the coming motion is such a lifted linear system, exactly.
 
     Args:
         horizon: H [steps].

@@ -1,4 +1,5 @@
-"""Fits of A and B for the training of `paper`, on torch: over all windows, on each, and how surely the first holds.
+"""Fits of A and B for the training of `paper`, on torch: over all windows, on each, and how surely
+the first holds.
 
 Matrices are transposed, [A B]' (K + 6, K), and zeta is scaled.
 """
@@ -9,18 +10,22 @@ import torch
 from np_drake.lifting.model.stabilized import stabilized_all
 from np_drake.lifting.model.window_refit import RADIUS
 
-RIDGES = tuple(10.0**k for k in range(9))  # that are tried, up to no refit at all [samples of unit size]
+RIDGES = tuple(
+    10.0**k for k in range(9)
+)  # that are tried, up to no refit at all [samples of unit size]
 NULL = 1e-4  # of the mean power, added to that of every direction: Phi may have null directions [1]
 EXACT = 1e-12  # variance of labels that are exact, over their scale [1]
 
 
-def regression(z: torch.Tensor, zeta: torch.Tensor, *, backward: bool = False) -> tuple[torch.Tensor, torch.Tensor]:
-    """Return regressors [z, zeta] (b, W-1, K+6) and targets (b, W-1, K): z_(k+1) from z_k, or z_k from z_(k+1).
+def regression(
+    z: torch.Tensor, zeta: torch.Tensor, *, backward: bool = False
+) -> tuple[torch.Tensor, torch.Tensor]:
+    """Return regressors [z, zeta] (b, W-1, K+6) and targets (b, W-1, K): z_(k+1) from z_k, or z_k
+    from z_(k+1).
 
     Args:
         z: (b, W, K).
         zeta: (b, W, 6).
-        backward: whether in reversed time.
     """
     before, after = (z[:, 1:], z[:, :-1]) if backward else (z[:, :-1], z[:, 1:])
     return torch.cat([before, zeta[:, :-1]], dim=-1), after
@@ -42,7 +47,8 @@ def global_fit(X: torch.Tensor, Y: torch.Tensor) -> torch.Tensor:
 def window_fit(
     X: torch.Tensor, Y: torch.Tensor, prior: torch.Tensor, ridge: float
 ) -> tuple[torch.Tensor, torch.Tensor]:
-    """Return A' (b, K, K), stable, and B' (b, 6, K) of each window: the posterior mean, as `WindowRefit` has it.
+    """Return A' (b, K, K), stable, and B' (b, 6, K) of each window: the posterior mean, as
+    `WindowRefit` has it.
 
     Args:
         X: (b, T, K + 6) regressors.
@@ -59,12 +65,15 @@ def window_fit(
 def most_likely_ridge(
     z: torch.Tensor, zeta: torch.Tensor, goal: torch.Tensor, C: torch.Tensor, priors: torch.Tensor
 ) -> float:
-    """Return the ridge under which what follows the windows of a training is most likely [samples of unit size].
+    """Return the ridge under which what follows the windows of a training is most likely [samples
+    of unit size].
 
-    A window's own A, B, fitted under the ridge, forecast the next window from its first sample on. Of the error at
-    every step ahead, normal with a covariance of its own, the log likelihood at its maximum is
-    -n/2 log|covariance| + const; summed over the steps, it is the evidence of the ridge. The likelihood of the windows
-    themselves, one step ahead, would ask for matrices of their own wherever the network is bent; these pump a swing.
+    A window's own A, B, fitted under the ridge, forecast the next window from its first sample on.
+    Of the error at every step ahead, normal with a covariance of its own, the log likelihood at its
+    maximum is
+    -n/2 log|covariance| + const; summed over the steps, it is the evidence of the ridge. The
+    likelihood of the windows themselves, one step ahead, would ask for matrices of their own
+    wherever the network is bent; these pump a swing.
     Source: prequential likelihood, Dawid 1984.
 
     Args:
@@ -72,8 +81,8 @@ def most_likely_ridge(
         zeta: (n, 2 W, 6).
         goal: (n, 2 W, 6) chi / scale.
         C: (6, K) reads it out of z.
-        priors: (n, K + 6, K) mean of the prior of each, learned on windows at other times: about a prior that knows a
-            window already, nothing would be left to learn in flight.
+        priors: (n, K + 6, K) mean of the prior of each, learned on windows at other times: about a
+            prior that knows a window already, nothing would be left to learn in flight.
     """
     X, Y = regression(z, zeta)
     K, last = z.shape[-1], z.shape[1] // 2 - 1  # of the window
@@ -84,7 +93,9 @@ def most_likely_ridge(
         for j in range(last, X.shape[1]):
             state = (state[:, None] @ A + X[:, j, None, K:] @ B)[:, 0]
             error = state @ C.T - goal[:, j + 1]
-            covariance = error.T @ error / len(error) + EXACT * torch.eye(error.shape[1], dtype=error.dtype)
+            covariance = error.T @ error / len(error) + EXACT * torch.eye(
+                error.shape[1], dtype=error.dtype
+            )
             found -= 0.5 * len(error) * torch.logdet(covariance).item()
         evidence.append(found)
     return RIDGES[int(np.argmax(evidence))]
@@ -107,7 +118,8 @@ def forgetful(A: torch.Tensor, z: torch.Tensor, window: int) -> torch.Tensor:
 
 
 def stable(A: torch.Tensor, radius: float = RADIUS) -> torch.Tensor:
-    """Make A (..., K, K) stable as `stabilized` does in flight; what that adds is taken as a constant in gradients.
+    """Make A (..., K, K) stable as `stabilized` does in flight; what that adds is taken as a
+    constant in gradients.
 
     Args:
         A: (..., K, K).

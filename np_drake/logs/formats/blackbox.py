@@ -1,7 +1,8 @@
 """Blackbox logs of Betaflight and Indiflight: `.bbl`, `.bfl`, `.txt`.
 
-Streams are `main` (fields of I and P frames), `slow` (S frames), `gps` (G frames) and `body` (`blackbox_body`). Times
-are those of the firmware's clock; a slow frame has that of the main frame before it.
+Streams are `main` (fields of I and P frames), `slow` (S frames), `gps` (G frames) and `body`
+(`blackbox_body`). Times are those of the firmware's clock; a slow frame has that of the main frame
+before it.
 """
 
 import re
@@ -19,7 +20,14 @@ from np_drake.logs.formats.blackbox_values import GROUPS, NULL
 from np_drake.logs.formats.format import Contents, Format, Progress, Recording, Scanned, Stream
 
 # Settings that give columns their meaning: logs of one file that differ in them cannot share a map.
-SCALES = ("Firmware revision", "gyro_scale", "blackbox_high_resolution", "acc_1G", "motorOutput", "motor_poles")
+SCALES = (
+    "Firmware revision",
+    "gyro_scale",
+    "blackbox_high_resolution",
+    "acc_1G",
+    "motorOutput",
+    "motor_poles",
+)
 PROTOCOLS = (
     "PWM",
     "OneShot125",
@@ -78,7 +86,8 @@ def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Re
         said.append(f"{len(known)} logs in one file: each begins a part")
     if others:
         said.append(
-            f"logs {', '.join(others)} of {len(known)} have other fields or scales than {session.number}; left out"
+            f"logs {', '.join(others)} of {len(known)} have other fields or scales than "
+            f"{session.number}; left out"
         )
     parts: list[dict[str, Stream]] = []
     breaks: list[tuple[float, str]] = []
@@ -96,7 +105,9 @@ def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Re
         which = f"log {own.number}: " if len(known) > 1 else ""
         notes += [*_damage(which, told), *_untold(which, streams)]
     if not parts:
-        raise LogError(f"{path}: must hold a whole I frame after its header; it has none. {REMEDY}.")
+        raise LogError(
+            f"{path}: must hold a whole I frame after its header; it has none. {REMEDY}."
+        )
     streams = {name: _joined([part[name] for part in parts]) for name in wanted}
     return Recording(str(path), streams, _facts(session), tuple(notes), tuple(said), tuple(breaks))
 
@@ -117,11 +128,17 @@ def _scales(session: Session) -> list[str]:
 
 
 def _parameters(session: Session) -> dict[str, float]:
-    """Return the settings that are numbers, one of a list as `name[i]`, and the version by the name of the firmware."""
+    """Return the settings that are numbers, one of a list as `name[i]`, and the version by the name
+    of the firmware.
+    """
     found: dict[str, float] = {}
     for name in session.settings:
         values = session.numbers(name)
-        found |= {name: values[0]} if len(values) == 1 else {f"{name}[{i}]": v for i, v in enumerate(values)}
+        found |= (
+            {name: values[0]}
+            if len(values) == 1
+            else {f"{name}[{i}]": v for i, v in enumerate(values)}
+        )
     match = REVISION.match(session.settings.get("Firmware revision", ""))
     if match:
         found[match[1].lower()] = int(match[2]) + int(match[3]) / 100
@@ -129,7 +146,9 @@ def _parameters(session: Session) -> dict[str, float]:
     return found
 
 
-def _decoded(session: Session, content: bytes, wanted: Mapping[str, list[str]]) -> tuple[dict[str, Stream], np.ndarray]:
+def _decoded(
+    session: Session, content: bytes, wanted: Mapping[str, list[str]]
+) -> tuple[dict[str, Stream], np.ndarray]:
     """Return the wanted streams of one log, and what is counted of it."""
     main = list(wanted.get("main", ()))
     if blackbox_body.STREAM in wanted:
@@ -157,17 +176,22 @@ def _decoded(session: Session, content: bytes, wanted: Mapping[str, list[str]]) 
     streams = {}
     for row, stream in enumerate(STREAMS):
         values = outs[row][:, : told[row]]
-        streams[stream] = Stream(values[0] * 1e-6, dict(zip(names.get(stream, ()), values[1:], strict=True)))
+        streams[stream] = Stream(
+            values[0] * 1e-6, dict(zip(names.get(stream, ()), values[1:], strict=True))
+        )
     if blackbox_body.STREAM in wanted:
         found = blackbox_body.body_values(streams["main"].columns) if told[ROWS] else {}
         streams[blackbox_body.STREAM] = Stream(
-            streams["main"].t, {name: found.get(name, np.empty(0)) for name in wanted[blackbox_body.STREAM]}
+            streams["main"].t,
+            {name: found.get(name, np.empty(0)) for name in wanted[blackbox_body.STREAM]},
         )
     return {stream: streams[stream] for stream in wanted}, told
 
 
 def _most_rows(session: Session, kind: str) -> int:
-    """Return how many frames of a kind the bytes of a log can hold, by the fewest that one takes."""
+    """Return how many frames of a kind the bytes of a log can hold, by the fewest that one
+    takes.
+    """
     fewest = session.stop - session.first + 1
     for letter in "IP" if kind == "I" else kind:
         row = "IPSGH".index(letter)
@@ -194,25 +218,37 @@ def _damage(which: str, told: np.ndarray) -> Iterator[str]:
     """Yield notes on what is damaged."""
     if told[DAMAGED]:
         yield (
-            f"{which}damaged at {told[DAMAGED]} place{'s' if told[DAMAGED] > 1 else ''}; the frames there, and "
+            f"{which}damaged at {told[DAMAGED]} place{'s' if told[DAMAGED] > 1 else ''}; "
+            f"the frames there, and "
             f"{told[LEFT_OUT]} behind up to the next I frame, are left out."
         )
     if not told[ENDED]:
-        yield f"{which}no end of the log (cut off, or the power was lost); its whole frames are kept."
+        yield (
+            f"{which}no end of the log (cut off, or the power was lost); its whole frames are kept."
+        )
 
 
 def _untold(which: str, streams: Mapping[str, Stream]) -> Iterator[str]:
     """Yield a note on the rows whose axes are not told."""
     body = streams.get(blackbox_body.STREAM)
-    count = int(np.sum(np.isnan(next(iter(body.columns.values()))))) if body is not None and len(body) else 0
+    count = (
+        int(np.sum(np.isnan(next(iter(body.columns.values())))))
+        if body is not None and len(body)
+        else 0
+    )
     if count and body is not None:
-        yield f"{which}the first {body.t[count] - body.t[0]:.2f} s are before the turn of the IMU is learnt; left out."
+        yield (
+            f"{which}the first {body.t[count] - body.t[0]:.2f} s are before the turn of the "
+            f"IMU is learnt; left out."
+        )
 
 
 def _facts(session: Session) -> dict[str, str]:
     """Return what the header says of vehicle, firmware and scales, and the rate of its rows."""
     found = {"clock": "time since the start of the firmware [s]"}
-    found |= {title: session.settings[name] for name, title in FACTS.items() if session.settings.get(name)}
+    found |= {
+        title: session.settings[name] for name, title in FACTS.items() if session.settings.get(name)
+    }
     protocol = session.numbers("motor_pwm_protocol")
     if protocol and 0 <= protocol[0] < len(PROTOCOLS):
         found["motor protocol"] = PROTOCOLS[int(protocol[0])]
@@ -220,7 +256,11 @@ def _facts(session: Session) -> dict[str, str]:
     if looptime and looptime[0] > 0 and divisor[0] > 0 and session.intervals[2] > 0:
         loop = looptime[0] * divisor[0]
         rate = 1e6 / loop * session.intervals[1] / session.intervals[2]
-        every = f"{session.intervals[1]} of {session.intervals[2]}" if session.intervals[2] > 1 else "all"
+        every = (
+            f"{session.intervals[1]} of {session.intervals[2]}"
+            if session.intervals[2] > 1
+            else "all"
+        )
         found["loop"] = f"{looptime[0]:g} us x {divisor[0]:g}, {every} logged: {rate:.6g} Hz"
     return found
 

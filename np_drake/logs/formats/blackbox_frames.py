@@ -1,13 +1,18 @@
 """Frames of one blackbox log: what each field adds to its prediction, and where the log is damaged.
 
-A frame is the letter of its kind, then its fields: I alone, P on the frames before it, S, G and H beside them; E is an
-event. Source: Betaflight, "Blackbox logging internals", data version 2.
+A frame is the letter of its kind, then its fields: I alone, P on the frames before it, S, G and H
+beside them; E is an event. Source: Betaflight, "Blackbox logging internals", data version 2.
 """
 
 import numpy as np
 
 from np_drake.compiled import compiled
-from np_drake.logs.formats.blackbox_values import byte_at, read_fields, signed_number, unsigned_number
+from np_drake.logs.formats.blackbox_values import (
+    byte_at,
+    read_fields,
+    signed_number,
+    unsigned_number,
+)
 
 KINDS = "IPSGH"  # rows of the definitions below
 I, P, S, G, H = range(5)
@@ -30,13 +35,18 @@ EVENT = ord("E")
 CONSTANTS = 12  # predictors, of which some add a number that the header tells
 # Of two frames in turn; beyond, one of them is damaged. Source: the limits of Betaflight's viewer.
 LONGEST_TIME, MOST_ITERATIONS = 10_000_000, 5000  # [us, 1]
-FIXED = np.full(256, -1)  # bytes of an event behind its kind, of those that have no number of own length
+FIXED = np.full(
+    256, -1
+)  # bytes of an event behind its kind, of those that have no number of own length
 FIXED[[10, 11, 12]] = 5, 4, 8  # of automatic tuning
-NUMBERS = np.zeros(256, np.int64)  # of an event: synchronous beep, resumed, disarmed, mode, failure of the IMU
+NUMBERS = np.zeros(
+    256, np.int64
+)  # of an event: synchronous beep, resumed, disarmed, mode, failure of the IMU
 NUMBERS[[0, 14, 15, 30, 40]] = 1, 2, 1, 2, 1
 ADJUSTMENT, TUNED, RESUMED, END = 13, 20, 14, 255
 END_TEXT = np.frombuffer(b"End of log", np.uint8)
-# Of what is counted: rows of the main, S and G frames, damaged places, frames left out; whether the log has its end.
+# Of what is counted: rows of the main, S and G frames, damaged places, frames left out; whether the
+# log has its end.
 ROWS, SLOW_ROWS, GPS_ROWS, DAMAGED, LEFT_OUT, ENDED = range(6)
 
 
@@ -108,7 +118,9 @@ def _skipped(iteration, interval, numerator, denominator):
 
 
 @compiled
-def _add_predictions(fields, kind, count, predictors, signed, constants, before, earlier, home, skipped, motor0, time):
+def _add_predictions(
+    fields, kind, count, predictors, signed, constants, before, earlier, home, skipped, motor0, time
+):
     """Add to the numbers of a frame what is predicted for them."""
     for i in range(count):
         predictor = predictors[kind, i]
@@ -140,22 +152,37 @@ def _put(out, row, time, fields, wanted):
 
 
 @compiled
-def read_frames(data, at, stop, counts, encodings, predictors, signed, constants, places, intervals, wanted, outs):
-    """Write the wanted fields of all frames of one log, and return what is counted of it, as `ROWS` and so on.
+def read_frames(
+    data,
+    at,
+    stop,
+    counts,
+    encodings,
+    predictors,
+    signed,
+    constants,
+    places,
+    intervals,
+    wanted,
+    outs,
+):
+    """Write the wanted fields of all frames of one log, and return what is counted of it, as `ROWS`
+    and so on.
 
-    A damaged frame is passed over byte by byte up to one that reads; P frames behind it wait for the next I frame, as
-    their prediction is lost.
+    A damaged frame is passed over byte by byte up to one that reads; P frames behind it wait for
+    the next I frame, as their prediction is lost.
 
     Args:
         data: (n,) bytes.
         at: place of its first frame.
-        stop: place behind the last byte.
         counts: (5,) of the fields of every kind of frame, as `KINDS`; 0: there is none.
         encodings: (5, m) of the fields.
         predictors: (5, m).
         signed: (5, m), 1 or 0.
-        constants: (5, m) what a predictor adds that the header tells; of `HOME`, which of its coordinates.
-        places: of loop iteration, time and first motor in a main frame, and of the time in a G frame (-1: none).
+        constants: (5, m) what a predictor adds that the header tells; of `HOME`, which of its
+            coordinates.
+        places: of loop iteration, time and first motor in a main frame, and of the time in a G
+            frame (-1: none).
         intervals: of I frames, numerator and denominator of those of P frames [loops].
         wanted: places of the fields that are written, of the main, S and G frames.
         outs: (fields, rows) of these, with the time [us] before them.
@@ -163,7 +190,11 @@ def read_frames(data, at, stop, counts, encodings, predictors, signed, constants
     iteration_at, time_at, motor0, gps_time_at = places
     told = np.zeros(6, np.int64)
     width = encodings.shape[1]
-    fields, before, earlier = np.zeros(width, np.int64), np.zeros(width, np.int64), np.zeros(width, np.int64)
+    fields, before, earlier = (
+        np.zeros(width, np.int64),
+        np.zeros(width, np.int64),
+        np.zeros(width, np.int64),
+    )
     home = np.zeros(2, np.int64)
     known, lost, located = False, False, False  # whether predictions, the place, and home are known
     iteration, time, offset = -1, -1, 0
@@ -190,7 +221,11 @@ def read_frames(data, at, stop, counts, encodings, predictors, signed, constants
             if good and kind == P and not known:
                 told[LEFT_OUT] += 1
             elif good and (kind <= P or not lost):
-                skipped = _skipped(before[iteration_at], intervals[0], intervals[1], intervals[2]) if kind == P else 0
+                skipped = (
+                    _skipped(before[iteration_at], intervals[0], intervals[1], intervals[2])
+                    if kind == P
+                    else 0
+                )
                 main_time = max(time, 0)
                 _add_predictions(
                     fields,

@@ -1,16 +1,41 @@
-"""Encodings of the fields of a blackbox frame.   Source: Betaflight, "Blackbox logging internals", data version 2.
+"""Encodings of the fields of a blackbox frame.
+Source: Betaflight, "Blackbox logging internals", data version 2.
 
-A reader takes the bytes of a log, the place of its first byte and the place behind the last one, and returns the place
-behind what it read; beyond that of the last byte: the bytes end within the value, or are none.
+A reader takes the bytes of a log, the place of its first byte and the place behind the last one,
+and returns the place behind what it read; beyond that of the last byte: the bytes end within the
+value, or are none.
 """
 
 import numpy as np
 
 from np_drake.compiled import compiled
 
-SIGNED_VB, UNSIGNED_VB, NEG_14BIT, TAG8_8SVB, TAG2_3S32, TAG8_4S16, NULL, TAG2_3SVARIABLE = 0, 1, 3, 6, 7, 8, 9, 10
-ENCODINGS = (SIGNED_VB, UNSIGNED_VB, NEG_14BIT, TAG8_8SVB, TAG2_3S32, TAG8_4S16, NULL, TAG2_3SVARIABLE)
-GROUPS = {TAG8_8SVB: 8, TAG2_3S32: 3, TAG8_4S16: 4, TAG2_3SVARIABLE: 3}  # fields that are encoded together, at most
+SIGNED_VB, UNSIGNED_VB, NEG_14BIT, TAG8_8SVB, TAG2_3S32, TAG8_4S16, NULL, TAG2_3SVARIABLE = (
+    0,
+    1,
+    3,
+    6,
+    7,
+    8,
+    9,
+    10,
+)
+ENCODINGS = (
+    SIGNED_VB,
+    UNSIGNED_VB,
+    NEG_14BIT,
+    TAG8_8SVB,
+    TAG2_3S32,
+    TAG8_4S16,
+    NULL,
+    TAG2_3SVARIABLE,
+)
+GROUPS = {
+    TAG8_8SVB: 8,
+    TAG2_3S32: 3,
+    TAG8_4S16: 4,
+    TAG2_3SVARIABLE: 3,
+}  # fields that are encoded together, at most
 LONGEST = 5  # bytes of a number of 32 bits, 7 in each
 
 
@@ -20,7 +45,6 @@ def byte_at(data, at):
 
     Args:
         data: (n,) bytes.
-        at: its place.
     """
     return np.int64(data[at])
 
@@ -31,8 +55,6 @@ def unsigned_number(data, at, stop):
 
     Args:
         data: (n,) bytes.
-        at: place of its first byte.
-        stop: place behind the last byte.
     """
     value, shift = 0, 0
     for k in range(LONGEST):
@@ -52,8 +74,6 @@ def signed_number(data, at, stop):
 
     Args:
         data: (n,) bytes.
-        at: place of its first byte.
-        stop: place behind the last byte.
     """
     value, at = unsigned_number(data, at, stop)
     return (value >> 1) ^ -(value & 1), at
@@ -103,11 +123,19 @@ def _three(data, at, stop, encoding, out, first, last):
             second = byte_at(data, at + 1)
             a, b, c = _extended(lead, 4), _extended(second >> 4, 4), _extended(second, 4)
         else:
-            a, b, c = _extended(lead, 6), _extended(byte_at(data, at + 1), 6), _extended(byte_at(data, at + 2), 6)
+            a, b, c = (
+                _extended(lead, 6),
+                _extended(byte_at(data, at + 1), 6),
+                _extended(byte_at(data, at + 2), 6),
+            )
     else:
         second = byte_at(data, at + 1)
         if size == 1:
-            a, b, c = _extended(lead >> 1, 5), _extended((lead << 4) | (second >> 4), 5), _extended(second, 4)
+            a, b, c = (
+                _extended(lead >> 1, 5),
+                _extended((lead << 4) | (second >> 4), 5),
+                _extended(second, 4),
+            )
         else:
             third = byte_at(data, at + 2)
             a, b, c = (
@@ -125,7 +153,9 @@ def _three(data, at, stop, encoding, out, first, last):
 
 @compiled
 def _four(data, at, stop, out, first, last):
-    """Write four numbers of 0, 4, 8 or 16 bits, which a byte before them tells; they lie in half bytes."""
+    """Write four numbers of 0, 4, 8 or 16 bits, which a byte before them tells; they lie in half
+    bytes.
+    """
     selector = byte_at(data, at)
     nibble = 2 * (at + 1)
     for k in range(4):
@@ -150,9 +180,7 @@ def read_fields(data, at, stop, encodings, count, out):
     Args:
         data: (n,) bytes.
         at: place of its first byte, behind the letter of its kind.
-        stop: place behind the last byte.
         encodings: (m,) of the fields.
-        count: of the fields.
         out: (m,) integers.
     """
     i = 0

@@ -4,10 +4,12 @@ Little-endian, as Bitcraze documents it for the Micro SD card deck:
     magic       byte 0xBC
     version     uint16, 1 or 2
     count       uint16, number of event types, and for each of them
-                uint16 id, name, uint16 number of variables, and each of these as text `name(type)`; texts end with a
-                zero byte, a type is a letter of Python's `struct`
-    records     uint16 id, time since the start of the firmware (version 1: uint32 [ms]; 2: uint64 [us]), variables
-    checksum    CRC32 of all before it; a log that ends in a crash has none
+                uint16 id, name, uint16 number of variables, and each of these as text `name(type)`;
+                texts end with a zero byte, a type is a letter of Python's `struct`
+    records
+    uint16 id, time since the start of the firmware (version 1: uint32 [ms]; 2: uint64 [us]),
+    variables checksum
+    CRC32 of all before it; a log that ends in a crash has none
 """
 
 import dataclasses as dc
@@ -28,7 +30,13 @@ from np_drake.logs.importing.log_map import LogMap, Source
 
 MAGIC = 0xBC
 TIMES = {1: ("<u4", 1e-3), 2: ("<u8", 1e-6)}  # by version: type and unit [s] of a record's time
-TYPES = {letter: f"<{letter}" for letter in "hHiIqQefd"} | {"l": "<i4", "L": "<u4", "b": "i1", "B": "u1", "?": "?"}
+TYPES = {letter: f"<{letter}" for letter in "hHiIqQefd"} | {
+    "l": "<i4",
+    "L": "<u4",
+    "b": "i1",
+    "B": "u1",
+    "?": "?",
+}
 VARIABLE = re.compile(r"(.+)\((.)\)", re.DOTALL)
 LARGEST_HEADER = 4 << 20  # [bytes]
 START = 64  # [bytes] that tell a layout
@@ -38,7 +46,9 @@ REMEDY = "copy it again from the card"
 
 @dc.dataclass(frozen=True)
 class _Event:
-    """One type of event; record: layout of id, time and variables, these by their place: `0`, `1`, ..."""
+    """One type of event; record: layout of id, time and variables, these by their place: `0`, `1`,
+    ...
+    """
 
     name: str
     variables: tuple[str, ...]
@@ -74,11 +84,15 @@ class _Columns:
 
     def stream(self) -> Stream:
         """Return all that was added."""
-        return Stream(np.concatenate(self._t), {n: np.concatenate(p) for n, p in self._pieces.items()})
+        return Stream(
+            np.concatenate(self._t), {n: np.concatenate(p) for n, p in self._pieces.items()}
+        )
 
 
 def _recognises(path: Path, start: bytes) -> bool:
-    """Return whether the first bytes, which may be compressed, are the header of a usd-log of any version."""
+    """Return whether the first bytes, which may be compressed, are the header of a usd-log of any
+    version.
+    """
     start = decompressed_start(start)
     if crazyflie_blocks.recognises(start):
         return True
@@ -101,12 +115,12 @@ def contents(path: Path) -> Contents:
     return {event.name: event.variables for event in header.events.values()}
 
 
-def read(path: Path, wanted: Mapping[str, list[str]], progress: Progress, chunk: int = CHUNK) -> Recording:
+def read(
+    path: Path, wanted: Mapping[str, list[str]], progress: Progress, chunk: int = CHUNK
+) -> Recording:
     """Decode the wanted variables of the wanted events.
 
     Args:
-        path: of the file.
-        wanted: variables by event.
         progress: called with the share that is read [1].
         chunk: of the file that is decoded together [byte].
 
@@ -130,16 +144,20 @@ def read(path: Path, wanted: Mapping[str, list[str]], progress: Progress, chunk:
 
 
 def default_map(contents: Contents) -> LogMap | None:
-    """Return the map of the firmware's own log variables; None without any motion of the centre, or what turns it.
+    """Return the map of the firmware's own log variables; None without any motion of the centre, or
+    what turns it.
 
-    The compressed state and the Lee controller's angles stand in for the estimate, whose pitch is nose up, against a
-    right-handed y. Rotor speed is measured; thrust and torque of the Lee controller [N, N m] are used where there is
-    none. PWM is a throttle beside either.
-    Source: Bitcraze, logging groups and variables of the firmware; world z up, body x forward, y left.
+    The compressed state and the Lee controller's angles stand in for the estimate, whose pitch is
+    nose up, against a right-handed y. Rotor speed is measured; thrust and torque of the Lee
+    controller [N, N m] are used where there is none. PWM is a throttle beside either.
+    Source: Bitcraze, logging groups and variables of the firmware; world z up, body x forward, y
+        left.
     """
 
     def source(*names: str, **how: str) -> Source:
-        return first_source(contents, ([f"{stream}/{name}" for name in names] for stream in contents), **how)
+        return first_source(
+            contents, ([f"{stream}/{name}" for name in names] for stream in contents), **how
+        )
 
     estimate, compressed = "stateEstimate.", "stateEstimateZ."
     found = LogMap(
@@ -147,13 +165,17 @@ def default_map(contents: Contents) -> LogMap | None:
         position=source(*_xyz(estimate), unit="m") or source(*_xyz(compressed), unit="mm"),
         velocity=source(*_xyz(f"{estimate}v"), unit="m/s", axes="world")
         or source(*_xyz(f"{compressed}v"), unit="mm/s", axes="world"),
-        attitude=source(*(f"{estimate}q{a}" for a in "xyzw"), order="xyzw", direction="body_to_world")
+        attitude=source(
+            *(f"{estimate}q{a}" for a in "xyzw"), order="xyzw", direction="body_to_world"
+        )
         or source(*(f"{compressed}q{a}" for a in "xyzw"), order="xyzw", direction="body_to_world")
         or _left_handed(source(*(f"{estimate}{a}" for a in ("roll", "pitch", "yaw")), unit="deg"))
         or source(*_xyz("ctrlLee.rpy")),
         rates=source(*_xyz("gyro."), unit="deg/s", axes="body")
         or source(*_xyz("ctrlLee.omega"), axes="body")
-        or source(*(f"{compressed}rate{a}" for a in ("Roll", "Pitch", "Yaw")), unit="mrad/s", axes="body"),
+        or source(
+            *(f"{compressed}rate{a}" for a in ("Roll", "Pitch", "Yaw")), unit="mrad/s", axes="body"
+        ),
         acceleration=source(*_xyz("acc."), unit="g", axes="body", kind="specific_force")
         or source(*_xyz(f"{compressed}a"), unit="mm/s2", axes="world", kind="specific_force"),
         voltage=source("pm.vbatMV", unit="mV") or source("pm.vbat", unit="V"),
@@ -175,8 +197,12 @@ def _whole(file: BinaryIO) -> bytes:
 
 
 def _add_inputs(found: LogMap, source: Callable[..., Source]) -> None:
-    """Set rotor speed and throttle of the four, and without rotor speed the command of the Lee controller."""
-    found.throttle = source(*_rotors("pwm.m{}_pwm"), unit="pwm16") or source(*_rotors("motor.m{}"), unit="pwm16")
+    """Set rotor speed and throttle of the four, and without rotor speed the command of the Lee
+    controller.
+    """
+    found.throttle = source(*_rotors("pwm.m{}_pwm"), unit="pwm16") or source(
+        *_rotors("motor.m{}"), unit="pwm16"
+    )
     found.rotor_speed = source(*_rotors("rpm.m{}"), unit="rpm")
     if found.rotor_speed:
         return
@@ -202,10 +228,15 @@ def _read_header(path: Path, file: BinaryIO) -> _Header:
     """Read the event types and leave the file at its first record."""
     start = file.read(LARGEST_HEADER)
     if len(start) < 5 or start[0] != MAGIC:
-        raise LogError(f"{path}: must begin with the header of a Crazyflie usd-log (byte 0xBC); {REMEDY}.")
+        raise LogError(
+            f"{path}: must begin with the header of a Crazyflie usd-log (byte 0xBC); {REMEDY}."
+        )
     version, count = struct.unpack_from("<HH", start, 1)
     if version not in TIMES:
-        raise LogError(f"{path}: must be a usd-log of version 1 or 2; got {version}. Convert it, or import a CSV.")
+        raise LogError(
+            f"{path}: must be a usd-log of version 1 or 2; got {version}. Convert it, or "
+            f"import a CSV."
+        )
     try:
         events, size = _events(start, count, TIMES[version][0])
     except (IndexError, UnicodeDecodeError, struct.error) as error:
@@ -232,12 +263,18 @@ def _events(start: bytes, count: int, time: str) -> tuple[dict[int, _Event], int
             fields.append(_variable(text))
         if key in events:
             raise ValueError(f"event type {key} stands twice")
-        layout = [("id", "<u2"), ("time", time), *((str(i), kind) for i, (_, kind) in enumerate(fields))]
+        layout = [
+            ("id", "<u2"),
+            ("time", time),
+            *((str(i), kind) for i, (_, kind) in enumerate(fields)),
+        ]
         events[key] = _Event(name, tuple(_different([n for n, _ in fields])), np.dtype(layout))
     if not events:
         raise ValueError("must name an event type; got none")
     names = _different([event.name for event in events.values()])
-    return {k: dc.replace(e, name=n) for (k, e), n in zip(events.items(), names, strict=True)}, offset
+    return {
+        k: dc.replace(e, name=n) for (k, e), n in zip(events.items(), names, strict=True)
+    }, offset
 
 
 def _text(start: bytes, offset: int) -> tuple[str, int]:
@@ -271,22 +308,35 @@ def _different(names: Sequence[str]) -> list[str]:
     return found
 
 
-def _wanted_columns(path: Path, header: _Header, wanted: Mapping[str, list[str]]) -> dict[int, _Columns]:
+def _wanted_columns(
+    path: Path, header: _Header, wanted: Mapping[str, list[str]]
+) -> dict[int, _Columns]:
     known = {event.name: event.variables for event in header.events.values()}
     for stream, names in wanted.items():
         for name in names:
             if name not in known.get(stream, ()):
-                raise LogError(f"{path}: must hold the variable {name} of the event {stream}; it does not.")
+                raise LogError(
+                    f"{path}: must hold the variable {name} of the event {stream}; it does not."
+                )
     unit = TIMES[header.version][1]
     return {
-        key: _Columns(event, wanted[event.name], unit) for key, event in header.events.items() if event.name in wanted
+        key: _Columns(event, wanted[event.name], unit)
+        for key, event in header.events.items()
+        if event.name in wanted
     }
 
 
 def _decode(
-    path: Path, file: BinaryIO, header: _Header, columns: Mapping[int, _Columns], progress: Progress, chunk: int
+    path: Path,
+    file: BinaryIO,
+    header: _Header,
+    columns: Mapping[int, _Columns],
+    progress: Progress,
+    chunk: int,
 ) -> tuple[str, ...]:
-    """Add all whole records to the columns, and return what there is to say of the end of the file."""
+    """Add all whole records to the columns, and return what there is to say of the end of the
+    file.
+    """
     total = max(file.seek(0, 2), 1)
     file.seek(0)
     crc = zlib.crc32(file.read(header.size))
@@ -314,16 +364,25 @@ def _decode(
     if empty:
         raise LogError(f"{path}: must hold at least one whole record after its header; {REMEDY}.")
     if bad is not None:
-        return (f"byte {bad}: a record of no known event type; what follows is left out (damaged log).",)
+        return (
+            f"byte {bad}: a record of no known event type; what follows is left out (damaged log).",
+        )
     if len(rest) != 4:
-        return (f"the log is cut (no checksum); {len(rest)} bytes after its last whole record are left out.",)
+        return (
+            (
+                f"the log is cut (no checksum); {len(rest)} bytes after its last whole record "
+                f"are left out."
+            ),
+        )
     if struct.unpack("<I", rest)[0] != crc:
         return ("the checksum does not fit: some values may be damaged, or the log is cut.",)
     return ()
 
 
 def _runs(data: bytes, sizes: Mapping[int, int]) -> Iterator[tuple[int, int, int]]:
-    """Yield id, begin and end of runs of whole records of one type; a run of an unknown id ends them."""
+    """Yield id, begin and end of runs of whole records of one type; a run of an unknown id ends
+    them.
+    """
     offset, window = 0, 16
     last = len(data) - min(sizes.values())
     while offset <= last:
@@ -343,7 +402,9 @@ def _runs(data: bytes, sizes: Mapping[int, int]) -> Iterator[tuple[int, int, int
 
 
 def _end_of_run(data: bytes, offset: int, size: int, most: int) -> int:
-    """Return the end of whole records that follow each other with one id, the first of which begins at an offset."""
+    """Return the end of whole records that follow each other with one id, the first of which begins
+    at an offset.
+    """
     count = min((len(data) - offset) // size, most)
     ids = np.ndarray((count,), "<u2", data, offset, (size,))
     return offset + size * (int((ids != ids[0]).argmax()) or count)

@@ -1,11 +1,14 @@
 """Crazyflie micro-SD logs of early firmware: one table in blocks, each with a checksum.
 
 Little-endian, as the firmware wrote them before 2019:
-    count       uint8, number of variables, and for each of them its name as text `name(type)`, ended by a comma
-    checksum    uint32
-    blocks      uint8 number of records, these (variables, packed), uint32 checksum
+    count
+    uint8, number of variables, and for each of them its name as text `name(type)`, ended by a comma
+    checksum
+    uint32 blocks
+    uint8 number of records, these (variables, packed), uint32 checksum
 The checksums are of a kind that is not documented; a damaged block shows by its times.
-The first variable is the time since the start [us]. `stateEstimateZ.quat` holds a quaternion in 32 bits.
+The first variable is the time since the start [us]. `stateEstimateZ.quat` holds a quaternion in 32
+bits.
 """
 
 from collections.abc import Mapping
@@ -19,7 +22,12 @@ from np_drake.logs.formats.format import Contents, Progress, Recording, Stream
 STREAM = "log"
 TICK = "tick"  # name of the time
 MICROSECOND = 1e-6  # [s]
-TYPES = {letter: f"<{letter}" for letter in "hHiIqQefd"} | {"l": "<i4", "L": "<u4", "b": "i1", "B": "u1"}
+TYPES = {letter: f"<{letter}" for letter in "hHiIqQefd"} | {
+    "l": "<i4",
+    "L": "<u4",
+    "b": "i1",
+    "B": "u1",
+}
 QUATERNION = "stateEstimateZ.quat"
 PARTS = tuple(f"stateEstimateZ.q{axis}" for axis in "xyzw")
 LONGEST_PAUSE = 60.0  # between two records of a log that is whole [s]; own choice
@@ -32,23 +40,17 @@ def recognises(start: bytes) -> bool:
 
 
 def contents(content: bytes, path: Path) -> Contents:
-    """Return the variables of a log.
-
-    Args:
-        content: of the file.
-        path: of it, for messages.
-    """
+    """Return the variables of a log."""
     names = [name for name, _ in _variables(content, path)[0][1:]]
     return {STREAM: (*names, *(PARTS if QUATERNION in names else ()))}
 
 
-def read(content: bytes, path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Recording:
+def read(
+    content: bytes, path: Path, wanted: Mapping[str, list[str]], progress: Progress
+) -> Recording:
     """Return the wanted variables of the only stream.
 
     Args:
-        content: of the file.
-        path: of it, for messages.
-        wanted: variables by stream.
         progress: called with the share that is read [1].
     Raises: LogError: if the header is damaged, a variable is not there, or no block is whole.
     """
@@ -72,7 +74,9 @@ def read(content: bytes, path: Path, wanted: Mapping[str, list[str]], progress: 
     t = MICROSECOND * float(ticks[0]) + np.cumsum(steps)
     q = _quaternions(rows[places[QUATERNION]]) if QUATERNION in places else {}
     with np.errstate(invalid="ignore"):  # the bits of a damaged float may be a signalling NaN
-        columns = {n: q[n] if n in q else rows[places[n]].astype(float) for n in wanted.get(STREAM, ())}
+        columns = {
+            n: q[n] if n in q else rows[places[n]].astype(float) for n in wanted.get(STREAM, ())
+        }
     progress(1.0)
     facts = {"log version": "0, in blocks", "clock": "time since the start of the firmware [s]"}
     return Recording(str(path), {STREAM: Stream(t, columns)}, facts, notes)
@@ -85,7 +89,10 @@ def _variables(content: bytes, path: Path) -> tuple[list[tuple[str, str]], int]:
         end = content.find(b",", offset)
         text = content[offset:end].decode("ascii", "replace")
         if end < 0 or text[-3:-2] != "(" or text[-2:-1] not in TYPES or text[-1:] != ")":
-            raise LogError(f"{path}, header: must name its variables like 'gyro.x(f)'; got {text[:60]!r}; {REMEDY}.")
+            raise LogError(
+                f"{path}, header: must name its variables like 'gyro.x(f)'; got "
+                f"{text[:60]!r}; {REMEDY}."
+            )
         found.append((text[:-3], TYPES[text[-2]]))
         offset = end + 1
     return found, offset + 4
@@ -97,7 +104,12 @@ def _blocks(content: bytes, offset: int, size: int) -> tuple[list[bytes], tuple[
     while offset < len(content):
         end = offset + 1 + content[offset] * size
         if end + 4 > len(content):
-            return pieces, (f"the log is cut; {len(content) - offset} bytes after its last whole block are left out.",)
+            return pieces, (
+                (
+                    f"the log is cut; {len(content) - offset} bytes after its last whole block "
+                    f"are left out."
+                ),
+            )
         pieces.append(content[offset + 1 : end])
         offset = end + 4
     return pieces, ()
@@ -106,8 +118,8 @@ def _blocks(content: bytes, offset: int, size: int) -> tuple[list[bytes], tuple[
 def _quaternions(packed: np.ndarray) -> dict[str, np.ndarray]:
     """Return the components x, y, z, w (n,) of quaternions in 32 bits, by name.
 
-    Two bits tell the largest component, which is positive; of the others each has a sign and nine bits of size over
-    the square root of one half.
+    Two bits tell the largest component, which is positive; of the others each has a sign and nine
+    bits of size over the square root of one half.
     """
     packed = packed.astype(np.uint32)
     largest = packed >> 30

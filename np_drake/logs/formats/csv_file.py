@@ -50,26 +50,30 @@ def write_csv(path: str | Path, columns: dict[str, np.ndarray]) -> None:
         with packed as stream:
             stream.write((",".join(columns) + "\n").encode())
             for start in range(0, len(next(iter(columns.values()))), BLOCK):
-                rows = np.stack([c[start : start + BLOCK] for c in columns.values()], axis=1).tolist()
+                rows = np.stack(
+                    [c[start : start + BLOCK] for c in columns.values()], axis=1
+                ).tolist()
                 text = "\n".join(",".join(map(repr, row)) for row in rows).replace("nan", "")
                 stream.write((text + "\n").encode())
 
 
 def check_header(path: str | Path, names: Sequence[str]) -> None:
     """Check the names of a header line.
-
-    Args:
-        path: of the file.
-        names: of the columns.
     Raises: LogError: if there is one name only, too many, none that is a word, or one twice.
     """
     if len(names) == 1:
-        raise LogError(f"{path}, line 1: the header must name comma-separated columns; got {names[0][:60]!r}.")
+        raise LogError(
+            f"{path}, line 1: the header must name comma-separated columns; got {names[0][:60]!r}."
+        )
     if len(names) > MAX_COLUMNS:
-        raise LogError(f"{path}, line 1: must name at most {MAX_COLUMNS} columns; got {len(names)}.")
+        raise LogError(
+            f"{path}, line 1: must name at most {MAX_COLUMNS} columns; got {len(names)}."
+        )
     twice = sorted(name for name, count in Counter(names).items() if count > 1)
     if all(is_number(name) for name in names):
-        raise LogError(f"{path}: must start with a header line of column names; line 1 holds numbers.")
+        raise LogError(
+            f"{path}: must start with a header line of column names; line 1 holds numbers."
+        )
     if twice:
         raise LogError(f"{path}, column {twice[0] or '(no name)'}: must stand once in the header.")
 
@@ -90,7 +94,9 @@ class _Rows:
         self._path = path
         self._names = names
         self._columns = GrowingColumns(path, names)
-        self._blank = 0  # lines since the last that holds something; at the end of the file they are no rows
+        self._blank = (
+            0  # lines since the last that holds something; at the end of the file they are no rows
+        )
         self._unreadable: list[tuple[int, str, str]] = []
         self._ragged: list[int] = []
 
@@ -102,7 +108,9 @@ class _Rows:
         for _ in range(self._blank):
             self._columns.append(self._numbers([]))
         self._blank = 0
-        self._columns.append(self._numbers(line.split(","), float if is_plain(line) else plain_float))
+        self._columns.append(
+            self._numbers(line.split(","), float if is_plain(line) else plain_float)
+        )
 
     def table(self) -> Table:
         """Return the table of all rows."""

@@ -1,13 +1,15 @@
 """ArduPilot DataFlash logs: binary (`.bin`) and as text (`.log`).
 
-A log describes itself: FMT records hold name, length, format characters and columns of every message, FMTU records mark
-the column that numbers the instances of a sensor. Streams are messages by name, with `.<instance>` where they are
-numbered: `ATT`, `IMU.0`, `XKF1.0`, `ESC.3`. `XKF1.primary` is what the autopilot flies by: of every time the row of the
-core that XKF4 names as primary. Values are in the units of ArduPilot's log message reference: the format
-characters c, C, e, E (hundredths) and L (1e-7 deg) are applied. Strings and arrays are left out. Times are those since
-boot [s], from TimeUS or, in old logs, TimeMS.
+A log describes itself: FMT records hold name, length, format characters and columns of every
+message, FMTU records mark the column that numbers the instances of a sensor. Streams are messages
+by name, with `.<instance>` where they are numbered: `ATT`, `IMU.0`, `XKF1.0`, `ESC.3`.
+`XKF1.primary` is what the autopilot flies by: of every time the row of the core that XKF4 names as
+primary. Values are in the units of ArduPilot's log message reference: the format characters c, C,
+e, E (hundredths) and L (1e-7 deg) are applied. Strings and arrays are left out. Times are those
+since boot [s], from TimeUS or, in old logs, TimeMS.
 
-Source: ArduPilot's documentation of its logs and log messages; `DFReader` of pymavlink, which the tests compare with.
+Source: ArduPilot's documentation of its logs and log messages; `DFReader` of pymavlink, which the
+tests compare with.
 """
 
 import abc
@@ -24,25 +26,60 @@ from np_drake.files.input_file import cell_budget
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.dataflash_map import default_map
 from np_drake.logs.formats.dataflash_motors import FUNCTION, USED, motors
-from np_drake.logs.formats.format import Contents, Format, Progress, Recording, Scanned, Stream, no_progress
+from np_drake.logs.formats.format import (
+    Contents,
+    Format,
+    Progress,
+    Recording,
+    Scanned,
+    Stream,
+    no_progress,
+)
 from np_drake.logs.text_lines import too_many_cells
 
 HEADER = b"\xa3\x95"  # begins every record; the type follows
 FMT = b"\xa3\x95\x80"
 DEFINITION = ("Type", "Length", "Name", "Format", "Columns")  # columns of a FMT record
 NUMBERS = {  # numpy type of a format character and the divisor of its values
-    **{"b": ("<i1", 1.0), "B": ("<u1", 1.0), "M": ("<u1", 1.0), "g": ("<f2", 1.0), "h": ("<i2", 1.0)},
-    **{"H": ("<u2", 1.0), "i": ("<i4", 1.0), "I": ("<u4", 1.0), "f": ("<f4", 1.0), "d": ("<f8", 1.0)},
+    **{
+        "b": ("<i1", 1.0),
+        "B": ("<u1", 1.0),
+        "M": ("<u1", 1.0),
+        "g": ("<f2", 1.0),
+        "h": ("<i2", 1.0),
+    },
+    **{
+        "H": ("<u2", 1.0),
+        "i": ("<i4", 1.0),
+        "I": ("<u4", 1.0),
+        "f": ("<f4", 1.0),
+        "d": ("<f8", 1.0),
+    },
     **{"q": ("<i8", 1.0), "Q": ("<u8", 1.0), "c": ("<i2", 100.0), "C": ("<u2", 100.0)},
     **{"e": ("<i4", 100.0), "E": ("<u4", 100.0), "L": ("<i4", 1e7)},
 }
 MOST_INSTANCES = 256  # of a message; a byte numbers them
-TEXTS = {"n": 4, "N": 16, "Z": 64, "a": 64}  # bytes of the other characters; `a` is an array of 32 int16
-HEADERS = ("FMT", "FMTU", "UNIT", "MULT", "PARM", "MSG", "VER")  # messages about the log: no streams
+TEXTS = {
+    "n": 4,
+    "N": 16,
+    "Z": 64,
+    "a": 64,
+}  # bytes of the other characters; `a` is an array of 32 int16
+HEADERS = (
+    "FMT",
+    "FMTU",
+    "UNIT",
+    "MULT",
+    "PARM",
+    "MSG",
+    "VER",
+)  # messages about the log: no streams
 TIMES = {"TimeUS": 1e-6, "TimeMS": 1e-3}  # [s]
 PARAMETERS = re.compile(rf"{USED.pattern}|MOT_SPIN_(MIN|MAX)|MOT_THST_(EXPO|HOVER)|SCHED_LOOP_RATE")
 PRIMARY = "primary"  # in place of an instance
-LANES = {name: f"{kind}4" for kind in ("XKF", "NKF") for name in (f"{kind}1", f"{kind[:2]}Q")}  # messages with the lane
+LANES = {
+    name: f"{kind}4" for kind in ("XKF", "NKF") for name in (f"{kind}1", f"{kind[:2]}Q")
+}  # messages with the lane
 BLOCK = 1 << 22  # bytes between two calls of progress
 
 
@@ -59,7 +96,9 @@ class Message:
 
     @property
     def time(self) -> str:
-        """Name of the column of times; empty: it is no stream (TimeMS of GPS is on another clock)."""
+        """Name of the column of times; empty: it is no stream (TimeMS of GPS is on another
+        clock).
+        """
         if self.name in HEADERS:
             return ""
         kinds = dict(zip(self.columns, self.characters, strict=True))
@@ -88,7 +127,9 @@ class _Log(abc.ABC):
         self._scan(progress)
         self._mark_instances()
         if not any(m.starts and m.time for m in self.messages.values()):
-            raise LogError(f"{path}: must hold ArduPilot messages with times; there are none. Copy it again.")
+            raise LogError(
+                f"{path}: must hold ArduPilot messages with times; there are none. Copy it again."
+            )
 
     @abc.abstractmethod
     def _scan(self, progress: Progress) -> None:
@@ -110,7 +151,9 @@ class _Log(abc.ABC):
         return np.unique(numbers[np.abs(numbers) < 1 << 32]).astype(int).tolist()[:MOST_INSTANCES]
 
     def _mark_instances(self) -> None:
-        numbers = {row["Type"]: row["Name"] for row in self.texts("FMT") if {"Type", "Name"} <= row.keys()}
+        numbers = {
+            row["Type"]: row["Name"] for row in self.texts("FMT") if {"Type", "Name"} <= row.keys()
+        }
         for row in self.texts("FMTU"):
             message = self.messages.get(numbers.get(row.get("FmtType", ""), ""))
             at = row.get("UnitIds", "").find("#")
@@ -168,7 +211,9 @@ class _BinaryLog(_Log):
         if message and (message.length, message.characters) == (length, characters):
             self.known[head] = length, message.starts.append
         elif length > 2:
-            self.notes.append(f"message type {number} is left out: its definition is not readable or changes")
+            self.notes.append(
+                f"message type {number} is left out: its definition is not readable or changes"
+            )
             self.known[head] = length, _forget
 
     def _field(self, message: Message, name: str) -> np.ndarray:
@@ -176,7 +221,9 @@ class _BinaryLog(_Log):
         offset = 3 + sum(map(_size, message.characters[:at]))
         kind = NUMBERS.get(message.characters[at], (f"S{_size(message.characters[at])}", 1.0))[0]
         width = np.dtype(kind).itemsize
-        windows = np.lib.stride_tricks.sliding_window_view(np.frombuffer(self.bytes, np.uint8), width)
+        windows = np.lib.stride_tricks.sliding_window_view(
+            np.frombuffer(self.bytes, np.uint8), width
+        )
         starts = np.frombuffer(message.starts, np.uint64)
         return windows[starts + np.uint64(offset)].view(kind)[:, 0]
 
@@ -231,7 +278,9 @@ class _TextLog(_Log):
         if len(cells) == 6 and cells[3] != "FMT":
             message = self._define(cells[3], cells[4], cells[5], 3 + sum(map(_size, cells[4])))
             if message is None:
-                self.notes.append(f"message {cells[3][:16]!a} is left out: its definition is not readable")
+                self.notes.append(
+                    f"message {cells[3][:16]!a} is left out: its definition is not readable"
+                )
 
     def _cells(self, message: Message) -> Iterator[list[str]]:
         for at in message.starts:
@@ -277,8 +326,13 @@ def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Re
     for i, (name, columns) in enumerate(wanted.items(), start=1):
         streams[name] = _stream(log, name, columns)
         progress(0.7 + 0.3 * i / len(wanted))
-    notes = (f"{path}: times are those since boot", *(f"{path}: {note}" for note in dict.fromkeys(log.notes)))
-    estimate = next((message for message in (name.partition(".")[0] for name in wanted) if message in LANES), "")
+    notes = (
+        f"{path}: times are those since boot",
+        *(f"{path}: {note}" for note in dict.fromkeys(log.notes)),
+    )
+    estimate = next(
+        (message for message in (name.partition(".")[0] for name in wanted) if message in LANES), ""
+    )
     return Recording(str(path), streams, _facts(log), notes, breaks=tuple(_switches(log, estimate)))
 
 
@@ -299,7 +353,9 @@ def _require_cells(log: _Log, wanted: Mapping[str, list[str]]) -> None:
 def _stream(log: _Log, name: str, columns: list[str]) -> Stream:
     message = log.messages.get(name.partition(".")[0])
     if message is None or not message.time or not set(columns) <= set(message.numbers):
-        raise LogError(f"{log.path}, {name}: must hold the columns {', '.join(columns)}; mend the map.")
+        raise LogError(
+            f"{log.path}, {name}: must hold the columns {', '.join(columns)}; mend the map."
+        )
     names = [message.time, *columns] + ([message.instance] if message.instance else [])
     values = log.values(message, names)
     if message.instance and name.endswith(PRIMARY):
@@ -314,7 +370,9 @@ def _stream(log: _Log, name: str, columns: list[str]) -> Stream:
 
 
 def _lanes(log: _Log, name: str) -> tuple[np.ndarray, np.ndarray]:
-    """Return since when (k,) [s] which core (k,) of the estimator is primary; empty where no message says so."""
+    """Return since when (k,) [s] which core (k,) of the estimator is primary; empty where no
+    message says so.
+    """
     message = log.messages.get(LANES.get(name, ""))
     if message is None or not message.starts or not message.time or "PI" not in message.numbers:
         return np.zeros(0), np.zeros(0)
@@ -326,10 +384,15 @@ def _lanes(log: _Log, name: str) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _switches(log: _Log, name: str) -> Iterator[tuple[float, str]]:
-    """Yield the times at which the autopilot flies on with another core of its estimator, and which."""
+    """Yield the times at which the autopilot flies on with another core of its estimator, and
+    which.
+    """
     since, lane = _lanes(log, name)
     for t, before, after in zip(since[1:], lane[:-1], lane[1:], strict=True):
-        yield float(t), f"the autopilot switches from core {before:g} of its estimator to core {after:g}"
+        yield (
+            float(t),
+            f"the autopilot switches from core {before:g} of its estimator to core {after:g}",
+        )
 
 
 def _facts(log: _Log) -> dict[str, str]:
@@ -341,7 +404,11 @@ def _facts(log: _Log) -> dict[str, str]:
             facts.setdefault("firmware", text)
         if text.startswith("Frame:"):
             facts.setdefault("frame", text.removeprefix("Frame:").strip())
-    used = {name: value for name, value in _parameters(log).items() if not (value == 0 and FUNCTION.fullmatch(name))}
+    used = {
+        name: value
+        for name, value in _parameters(log).items()
+        if not (value == 0 and FUNCTION.fullmatch(name))
+    }
     return facts | {name: f"{value:.7g}" for name, value in used.items()}
 
 
@@ -353,7 +420,9 @@ def _parameters(log: _Log) -> dict[str, float]:
 
 
 def _size(character: str) -> int:
-    """Return the bytes of a value; a character that is not known makes the record's length wrong."""
+    """Return the bytes of a value; a character that is not known makes the record's length
+    wrong.
+    """
     if character in NUMBERS:
         return np.dtype(NUMBERS[character][0]).itemsize
     return TEXTS.get(character, 1 << 20)

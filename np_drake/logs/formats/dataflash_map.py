@@ -1,4 +1,6 @@
-"""Map of the messages that ArduPilot writes, in NED and FRD.   Source: ArduPilot's log message reference."""
+"""Map of the messages that ArduPilot writes, in NED and FRD.   Source: ArduPilot's log message
+reference.
+"""
 
 from np_drake.logs.formats.dataflash_motors import motors
 from np_drake.logs.formats.format import Contents, first_source
@@ -6,12 +8,14 @@ from np_drake.logs.importing.log_map import LogMap, Source
 
 
 def default_map(contents: Contents) -> LogMap | None:
-    """Return the map of the names that ArduPilot gives; None without an IMU, or attitude and position.
+    """Return the map of the names that ArduPilot gives; None without an IMU, or attitude and
+    position.
 
-    Position, velocity and attitude are those of the primary core of the EKF, else the first. Body rates and
-    acceleration are those of the first IMU, with its biases. Motors are those that the parameters name, else on the
-    outputs 1 to 4.
-    Raises: ValueError: if the frame is none that a vehicle file can hold, or an output of a motor is not logged.
+    Position, velocity and attitude are those of the primary core of the EKF, else the first. Body
+    rates and acceleration are those of the first IMU, with its biases. Motors are those that the
+    parameters name, else on the outputs 1 to 4.
+    Raises: ValueError: if the frame is none that a vehicle file can hold, or an output of a motor
+        is not logged.
     """
     ekf = _first(contents, ("XKF1", "NKF1"), ("PN", "PE", "PD", "VN", "VE", "VD"))
     attitude = _attitude(contents)
@@ -54,6 +58,10 @@ def _attitude(contents: Contents) -> Source | None:
 
 
 def _first(contents: Contents, names: tuple[str, ...], columns: tuple[str, ...]) -> list[str]:
-    """Return `stream/column` of the first message that has all columns: its primary or first instance, if numbered."""
+    """Return `stream/column` of the first message that has all columns: its primary or first
+    instance, if numbered.
+    """
     streams = (stream for name in names for stream in (f"{name}.primary", f"{name}.0", name))
-    return first_source(contents, ([f"{stream}/{column}" for column in columns] for stream in streams)).columns
+    return first_source(
+        contents, ([f"{stream}/{column}" for column in columns] for stream in streams)
+    ).columns

@@ -1,7 +1,7 @@
 """Which outputs of an ArduPilot log drive the rotors, and where these rotors are.
 
-Source: ArduPilot's parameter reference (SERVOn_FUNCTION, FRAME_CLASS, FRAME_TYPE, MOT_PWM_MIN, MOT_PWM_MAX) and log
-message reference (RCOU, RCO2, RCO3, ESC).
+Source: ArduPilot's parameter reference (SERVOn_FUNCTION, FRAME_CLASS, FRAME_TYPE, MOT_PWM_MIN,
+MOT_PWM_MAX) and log message reference (RCOU, RCO2, RCO3, ESC).
 """
 
 import re
@@ -11,17 +11,29 @@ import numpy as np
 
 from np_drake.logs.formats.format import Contents, Motors
 from np_drake.logs.importing.log_map import Source
-from np_drake.rotor_layout import RotorLayout
+from np_drake.vehicle.rotor_layout import RotorLayout
 
 FUNCTION = re.compile(r"SERVO(\d+)_FUNCTION")
 MOTOR_FUNCTIONS = (*range(33, 41), *range(82, 86))  # of an output: motor 1 to 8, 9 to 12
 USED = re.compile(r"SERVO\d+_FUNCTION|FRAME_(CLASS|TYPE)|MOT_PWM_(MIN|MAX)")
 CLASSES = {1: 4, 2: 6, 3: 8, 4: 8, 5: 6}  # motors by FRAME_CLASS: quad, hexa, octa, octaquad, Y6
 OTHERS = {
-    **{6: "a helicopter", 7: "a tricopter", 8: "a single copter", 9: "a coaxial copter", 10: "a tailsitter"},
-    **{11: "a dual helicopter", 12: "a dodecahexacopter", 13: "a quad helicopter", 14: "a decacopter"},
+    **{
+        6: "a helicopter",
+        7: "a tricopter",
+        8: "a single copter",
+        9: "a coaxial copter",
+        10: "a tailsitter",
+    },
+    **{
+        11: "a dual helicopter",
+        12: "a dodecahexacopter",
+        13: "a quad helicopter",
+        14: "a decacopter",
+    },
 }
-QUADS = {  # by FRAME_TYPE: angle of motors 1 to 4 from the front, to the right [deg]; sign, 1 turns clockwise
+# by FRAME_TYPE: angle of motors 1 to 4 from the front, to the right [deg]; sign, 1 turns clockwise
+QUADS = {
     0: ("plus", (90, -90, 0, 180), (-1, -1, 1, 1)),
     1: ("X", (45, -135, -45, 135), (-1, -1, 1, 1)),
     2: ("V", (45, -135, -45, 135), (-1, -1, 1, 1)),
@@ -37,13 +49,15 @@ QUADS = {  # by FRAME_TYPE: angle of motors 1 to 4 from the front, to the right 
 def motors(contents: Contents) -> Motors:
     """Return the motors of a log, and their layout where it has four.
 
-    Raises: ValueError: if the frame is none of rotors of equal duty, or an output of a motor is not logged.
+    Raises: ValueError: if the frame is none of rotors of equal duty, or an output of a motor is not
+    logged.
     """
     parameters: Mapping[str, float] = getattr(contents, "parameters", {})
     frame = int(parameters.get("FRAME_CLASS", 0))
     if frame and frame not in CLASSES:
         raise ValueError(
-            f"FRAME_CLASS {frame} is {OTHERS.get(frame, 'none that is known')}; the rotors of a vehicle file push "
+            f"FRAME_CLASS {frame} is {OTHERS.get(frame, 'none that is known')}; the rotors "
+            f"of a vehicle file push "
             "alike. Name one column as throttle in a map to take its collective."
         )
     outputs = _outputs(parameters) or list(range(1, CLASSES.get(frame, 4) + 1))
@@ -51,15 +65,27 @@ def motors(contents: Contents) -> Motors:
     if _stated(parameters) and not all(columns) and any(c.startswith("RCOU") for c in contents):
         missing = outputs[columns.index("")]
         raise ValueError(
-            f"output {missing} drives a motor (SERVO{missing}_FUNCTION), and its column is not in RCOU. Log it, or "
+            f"output {missing} drives a motor (SERVO{missing}_FUNCTION), and its column is "
+            f"not in RCOU. Log it, or "
             "name columns as throttle in a map."
         )
     count = len(outputs)
     if count not in (4, 6, 8):
-        raise ValueError(f"{count} outputs drive motors (SERVOn_FUNCTION); 4, 6 or 8 can be read. Name them in a map.")
+        raise ValueError(
+            f"{count} outputs drive motors (SERVOn_FUNCTION); 4, 6 or 8 can be read. Name "
+            f"them in a map."
+        )
     low, high = (parameters.get(f"MOT_PWM_{end}", 0.0) for end in ("MIN", "MAX"))
-    throttle = Source(columns, "us", ends=[low, high] if 0 < low < high else []) if all(columns) else Source()
-    notes = [] if count == 4 else [f"{count} motors: their collective thrust alone is taken, torque is not told"]
+    throttle = (
+        Source(columns, "us", ends=[low, high] if 0 < low < high else [])
+        if all(columns)
+        else Source()
+    )
+    notes = (
+        []
+        if count == 4
+        else [f"{count} motors: their collective thrust alone is taken, torque is not told"]
+    )
     if count == 4 and outputs != [1, 2, 3, 4]:
         notes.append(f"motors are on the outputs {', '.join(map(str, outputs))} (SERVOn_FUNCTION)")
     speed = Source(_escs(contents, outputs), "rpm") if count == 4 else Source()
@@ -82,13 +108,20 @@ def _outputs(parameters: Mapping[str, float]) -> list[int]:
 
 def _output(contents: Contents, number: int) -> str:
     """Return the column of an output; empty: it is not logged."""
-    return next((f"{s}/C{number}" for s in ("RCOU", "RCO2", "RCO3") if f"C{number}" in contents.get(s, ())), "")
+    return next(
+        (f"{s}/C{number}" for s in ("RCOU", "RCO2", "RCO3") if f"C{number}" in contents.get(s, ())),
+        "",
+    )
 
 
 def _escs(contents: Contents, outputs: Sequence[int]) -> list[str]:
-    """Return the rotor speeds of the motors: of the controllers numbered as the outputs, else of the only four."""
+    """Return the rotor speeds of the motors: of the controllers numbered as the outputs, else of
+    the only four.
+    """
     for name, first in (("ESC.{}", 0), ("ESC{}", 1)):
-        known = [name.format(i) for i in range(first, 33) if "RPM" in contents.get(name.format(i), ())]
+        known = [
+            name.format(i) for i in range(first, 33) if "RPM" in contents.get(name.format(i), ())
+        ]
         own = [name.format(number - 1 + first) for number in outputs]
         chosen = own if set(own) <= set(known) else known
         if len(chosen) == 4:
@@ -103,5 +136,9 @@ def _layout(parameters: Mapping[str, float]) -> RotorLayout | None:
         return None
     name, angles, directions = kind
     turned = np.radians(angles)
-    positions = tuple((float(np.round(np.cos(a), 6)), float(np.round(-np.sin(a), 6))) for a in turned)
-    return RotorLayout(positions, directions, f"FRAME_CLASS 1, FRAME_TYPE {int(parameters['FRAME_TYPE'])}: {name}")
+    positions = tuple(
+        (float(np.round(np.cos(a), 6)), float(np.round(-np.sin(a), 6))) for a in turned
+    )
+    return RotorLayout(
+        positions, directions, f"FRAME_CLASS 1, FRAME_TYPE {int(parameters['FRAME_TYPE'])}: {name}"
+    )

@@ -11,7 +11,7 @@ import numpy as np
 from np_drake.files.input_file import require_plain_file
 from np_drake.logs.errors import LogError
 from np_drake.logs.importing.log_map import LogMap, Source
-from np_drake.rotor_layout import RotorLayout
+from np_drake.vehicle.rotor_layout import RotorLayout
 
 Progress = Callable[[float], None]  # called with the share of a file that is read [1]
 Contents = Mapping[str, tuple[str, ...]]  # names of the columns of every stream
@@ -25,7 +25,8 @@ def no_progress(share: float) -> None:
 class Stream:
     """Columns (n,) of one source, sampled together at t (n,) [s], in the units of the file.
 
-    Times are those of the file, on one clock for all streams of a recording. They may repeat, run back or have gaps.
+    Times are those of the file, on one clock for all streams of a recording. They may repeat, run
+    back or have gaps.
     """
 
     t: np.ndarray
@@ -39,9 +40,12 @@ class Stream:
 class Recording:
     """Streams of one file by name.
 
-    path: of the file, for messages.   facts: what its header says (vehicle, firmware, parameters), for the sheet.
-    notes: what the decoder left out or mended, one line each.   said: more of them, which the screen says as well.
-    breaks: times [s] at which the log states a switch, with the reason; one that ends in `?` is a break where it shows.
+    path: of the file, for messages.
+    facts: what its header says (vehicle, firmware, parameters), for the sheet. notes: what the
+        decoder left out or mended, one line each.
+    said: more of them, which the screen says as well. breaks: times [s] at which the log states a
+        switch, with the reason; one that ends in `?` is a
+        break where it shows.
     units: that the file states, by column.
     """
 
@@ -63,8 +67,6 @@ class Scanned(dict[str, tuple[str, ...]]):
     """Contents, with what a header and the rows of rotors say.
 
     Args:
-        streams: names of their columns.
-        parameters: of the vehicle, by name.
         rates: of streams of rotors [Hz].
         values: by `stream/column`, those of a column that says what its rows are.
     """
@@ -77,16 +79,22 @@ class Scanned(dict[str, tuple[str, ...]]):
         values: Mapping[str, float] | None = None,
     ) -> None:
         super().__init__(streams)
-        self.parameters, self.rates, self.values_of = dict(parameters or {}), dict(rates or {}), dict(values or {})
+        self.parameters, self.rates, self.values_of = (
+            dict(parameters or {}),
+            dict(rates or {}),
+            dict(values or {}),
+        )
 
 
 @dc.dataclass(frozen=True)
 class Motors:
     """What drives the rotors, as a log states it.
 
-    throttle: of each motor in the order of the autopilot, 4 or more; empty: none.   rotor_speed: of four, in that
-    order.   layout: where these four are; None: not stated, or they are not four.   notes: one line each.
-    unit: whether the log states that of the throttle; otherwise outputs are pulses or DShot counts.
+    throttle: of each motor in the order of the autopilot, 4 or more; empty: none.
+    rotor_speed: of four, in that order.
+    layout: where these four are; None: not stated, or they are not four.
+    notes: one line each. unit: whether the log states that of the throttle; otherwise outputs are
+        pulses or DShot counts.
     """
 
     throttle: Source = dc.field(default_factory=Source)
@@ -100,10 +108,9 @@ def find_column(contents: Contents, name: str, path: str = "log") -> tuple[str, 
     """Return stream and column that a name means.
 
     Args:
-        contents: of the log.
         name: `stream/column`, or a column's name where one stream alone has it.
-        path: of the log, for messages.
-    Raises: LogError: if no stream has such a column, or several have; the nearest names are in the message.
+    Raises: LogError: if no stream has such a column, or several have; the nearest names are in the
+        message.
     """
     stream, found, column = name.rpartition("/")
     if found and column in contents.get(stream, ()):
@@ -113,7 +120,9 @@ def find_column(contents: Contents, name: str, path: str = "log") -> tuple[str, 
         return holders[0], name
     if holders:
         wanted = ", ".join(f"{s}/{name}" for s in holders)
-        raise LogError(f"{path}, column {name}: several streams have it; name one of {wanted} in the map.")
+        raise LogError(
+            f"{path}, column {name}: several streams have it; name one of {wanted} in the map."
+        )
     names = [n for s, columns in contents.items() for c in columns for n in (f"{s}/{c}", c)]
     near = difflib.get_close_matches(name, names, n=3, cutoff=0.5)
     known = f"did you mean {', '.join(near)}?" if near else _known(contents)
@@ -129,12 +138,11 @@ def _known(contents: Contents) -> str:
 
 
 def first_source(contents: Contents, choices: Iterable[Sequence[str]], **how: Any) -> Source:
-    """Return the source of the first choice whose columns are all there; an empty one where none is.
+    """Return the source of the first choice whose columns are all there; an empty one where none
+    is.
 
     Args:
-        contents: of the log.
         choices: lists of `stream/column`.
-        how: unit and conventions of the source.
     """
     for names in choices:
         places = (name.rpartition("/") for name in names)
@@ -143,13 +151,13 @@ def first_source(contents: Contents, choices: Iterable[Sequence[str]], **how: An
     return Source()
 
 
-def by_stream(contents: Contents, names: Collection[str], path: str = "log") -> dict[str, list[str]]:
+def by_stream(
+    contents: Contents, names: Collection[str], path: str = "log"
+) -> dict[str, list[str]]:
     """Return the named columns by stream, each once.
 
     Args:
-        contents: of the log.
         names: of columns, as `find_column` takes them.
-        path: of the log, for messages.
     Raises: LogError: as `find_column`.
     """
     found: dict[str, list[str]] = {}
@@ -166,12 +174,15 @@ class Format:
 
     name: as in a map's `format`.   title: for people.
     recognises: whether a file is of this format, from its path and its first 4096 bytes.
-    contents: names of streams and columns, and facts of the header, read without the rows where the format allows.
-    default_map: the map where the log's own names say what they hold; None where only its user knows.
-    read: the streams and columns that are wanted; memory must not grow with what is not. Calls its last argument with
-        the share of the file that is read.
+    contents: names of streams and columns, and facts of the header, read without the rows where the
+        format allows.
+    default_map: the map where the log's own names say what they hold; None where only its user
+        knows.
+    read: the streams and columns that are wanted; memory must not grow with what is not. Calls its
+        last argument with the share of the file that is read.
     motors: which columns drive the rotors, of a format whose logs state it.
-    All raise LogError, one line with file, place and remedy, on a damaged file or without the library.
+    All raise LogError, one line with file, place and remedy, on a damaged file or without the
+    library.
     """
 
     name: str

@@ -26,25 +26,28 @@ FORMATS: tuple[Format, ...] = (  # the first that recognises a file reads it
 
 def format_of(path: str | Path, name: str = "") -> Format:
     """Return the format of a file, by its first bytes and its name.
-
-    Args:
-        path: of the file.
-        name: of the format, where a map tells it.
-    Raises: LogError: if it is of none, or there is none of the name; OSError: if it cannot be opened.
+    Raises: LogError: if it is of none, or there is none of the name; OSError: if it cannot be
+        opened.
     """
     path = Path(path)
     if name:
         if name not in (names := {known.name: known for known in FORMATS}):
-            raise LogError(f"{path}: the map's format must be one of {', '.join(names)}; got {name!r}.")
+            raise LogError(
+                f"{path}: the map's format must be one of {', '.join(names)}; got {name!r}."
+            )
         return names[name]
     start = first_bytes(path)
     if not start and not path.is_dir():
-        raise LogError(f"{path}: must hold a flight log; it is empty. Copy it again from the vehicle.")
+        raise LogError(
+            f"{path}: must hold a flight log; it is empty. Copy it again from the vehicle."
+        )
     for known in FORMATS:
         if known.recognises(path, start):
             return known
     titles = ", ".join(f"{f.name} ({f.title})" for f in FORMATS)
-    raise LogError(f"{path}: must be a flight log of a known format: {titles}.{_remedy(path, start)}")
+    raise LogError(
+        f"{path}: must be a flight log of a known format: {titles}.{_remedy(path, start)}"
+    )
 
 
 def _remedy(path: Path, start: bytes) -> str:
@@ -59,4 +62,6 @@ def _remedy(path: Path, start: bytes) -> str:
         return ""
     if b"\x00" in start:
         return ""
-    return " A table must be named .csv, .tsv or .txt, its columns apart by comma, semicolon or tab."
+    return (
+        " A table must be named .csv, .tsv or .txt, its columns apart by comma, semicolon or tab."
+    )

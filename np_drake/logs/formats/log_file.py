@@ -20,9 +20,11 @@ SUFFIXES = (".csv", ".csv.gz", ".parquet")  # of the formats
 
 
 def is_flight_log(path: Path) -> bool:
-    """Return whether the header names most columns of the state: one that lacks a few is told which.
+    """Return whether the header names most columns of the state: one that lacks a few is told
+    which.
 
-    A log without any column of a whole quantity is imported, which derives it, and so is a table in another style.
+    A log without any column of a whole quantity is imported, which derives it, and so is a table in
+    another style.
     """
     if not str(path).endswith(SUFFIXES):
         return False
@@ -46,7 +48,8 @@ def read(path: str | Path, *, repair: bool = False) -> list[FlightLog]:
     Args:
         path: of the log; its suffix determines how it is read.
         repair: mend a few bad rows instead of refusing them; the log's notes say what was mended.
-    Raises: LogError: one line with file, column, row and remedy; OSError: if the file cannot be opened.
+    Raises: LogError: one line with file, column, row and remedy; OSError: if the file cannot be
+        opened.
     """
     kind = suffix(path)
     table = parquet_file.read_parquet(path) if kind == ".parquet" else csv_file.read_csv(path)
@@ -70,7 +73,8 @@ def read(path: str | Path, *, repair: bool = False) -> list[FlightLog]:
         known = inputs_of(log)
         if not known:
             raise table.error(
-                "is missing; a flight log needs thrust, tx, ty, tz, or thrust, or throttle, or rotor1 … rotor4 with a "
+                "is missing; a flight log needs thrust, tx, ty, tz, or thrust, or "
+                "throttle, or rotor1 … rotor4 with a "
                 "vehicle file.",
                 column="thrust",
             )
@@ -83,17 +87,20 @@ def read(path: str | Path, *, repair: bool = False) -> list[FlightLog]:
 def write_log(log: FlightLog, path: str | Path) -> None:
     """Write a flight log, whole or not at all; the suffix determines the format.
 
-    A command that came from rotor speed or throttle is not written: a reader derives it again with the vehicle file.
+    A command that came from rotor speed or throttle is not written: a reader derives it again with
+    the vehicle file.
 
     Args:
-        log: of one flight.
         path: with a suffix of `SUFFIXES`.
-    Raises: LogError: if the suffix is unknown, or neither command nor rotor speed can be written; OSError: if writing
+    Raises: LogError: if the suffix is unknown, or neither command nor rotor speed can be written;
+        OSError: if writing
     fails.
     """
     for kind, source in (("rotor_speed", log.rotor), ("normalised", log.throttle)):
         if log.input == kind and source is None:
-            raise LogError(f"{path}: a log with input {kind} must have {WORDS[kind]} to be written.")
+            raise LogError(
+                f"{path}: a log with input {kind} must have {WORDS[kind]} to be written."
+            )
     write = parquet_file.write_parquet if suffix(path) == ".parquet" else csv_file.write_csv
     write(path, columns.disassemble(log))
 
@@ -106,7 +113,8 @@ def suffix(path: str | Path) -> str:
     known = next((known for known in SUFFIXES if str(path).endswith(known)), None)
     if known is None:
         raise LogError(
-            f"{path}: a flight log's name must end in {', '.join(SUFFIXES)}. `np-drake import` turns logs of other "
+            f"{path}: a flight log's name must end in {', '.join(SUFFIXES)}. `np-drake "
+            f"import` turns logs of other "
             "formats into such files."
         )
     return known

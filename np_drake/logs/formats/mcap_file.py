@@ -1,7 +1,9 @@
-"""MCAP files of JSON messages with their JSON Schemas, Foxglove's well-known ones and plain numbers.
+"""MCAP files of JSON messages with their JSON Schemas, Foxglove's well-known ones and plain
+numbers.
 
-Readable by Foxglove and PlotJuggler. Names of schemas and fields are those of schemas/jsonschema of the Foxglove SDK.
-Quaternions are w, x, y, z here and fields by name there. Only fields that are written are described.
+Readable by Foxglove and PlotJuggler. Names of schemas and fields are those of schemas/jsonschema of
+the Foxglove SDK. Quaternions are w, x, y, z here and fields by name there. Only fields that are
+written are described.
 """
 
 import dataclasses as dc
@@ -21,7 +23,12 @@ Json = dict[str, Any]
 
 def _object(title: str, **properties: Json) -> Json:
     """Return the schema of an object that has all of `properties`."""
-    return {"title": title, "type": "object", "properties": properties, "required": list(properties)}
+    return {
+        "title": title,
+        "type": "object",
+        "properties": properties,
+        "required": list(properties),
+    }
 
 
 def _list(items: Json) -> Json:
@@ -38,7 +45,11 @@ _TIME: Json = {
     "type": "object",
     "properties": {"sec": {"type": "integer", "minimum": 0}, "nsec": _NANOSECONDS},
 }
-_DURATION: Json = {"title": "duration", "type": "object", "properties": {"sec": _WHOLE, "nsec": _NANOSECONDS}}
+_DURATION: Json = {
+    "title": "duration",
+    "type": "object",
+    "properties": {"sec": _WHOLE, "nsec": _NANOSECONDS},
+}
 _VECTOR = _object("foxglove.Vector3", x=NUMBER, y=NUMBER, z=NUMBER)
 _POINT = _object("foxglove.Point3", x=NUMBER, y=NUMBER, z=NUMBER)
 _QUATERNION = _object("foxglove.Quaternion", x=NUMBER, y=NUMBER, z=NUMBER, w=NUMBER)
@@ -60,7 +71,12 @@ _SHAPES = {
     "cubes": _object("foxglove.CubePrimitive", pose=_POSE, size=_VECTOR, color=_COLOR),
     "spheres": _object("foxglove.SpherePrimitive", pose=_POSE, size=_VECTOR, color=_COLOR),
     "cylinders": _object(
-        "foxglove.CylinderPrimitive", pose=_POSE, size=_VECTOR, bottom_scale=NUMBER, top_scale=NUMBER, color=_COLOR
+        "foxglove.CylinderPrimitive",
+        pose=_POSE,
+        size=_VECTOR,
+        bottom_scale=NUMBER,
+        top_scale=NUMBER,
+        color=_COLOR,
     ),
     "lines": _LINE,
     "triangles": _object("foxglove.TriangleListPrimitive"),
@@ -91,22 +107,21 @@ FRAME_TRANSFORMS = _object(
     ),
 )
 POSE_IN_FRAME = _object("foxglove.PoseInFrame", timestamp=_TIME, frame_id=_TEXT, pose=_POSE)
-POSES_IN_FRAME = _object("foxglove.PosesInFrame", timestamp=_TIME, frame_id=_TEXT, poses=_list(_POSE))
+POSES_IN_FRAME = _object(
+    "foxglove.PosesInFrame", timestamp=_TIME, frame_id=_TEXT, poses=_list(_POSE)
+)
 SCENE_UPDATE = _object(
     "foxglove.SceneUpdate",
-    deletions=_list(_object("foxglove.SceneEntityDeletion", timestamp=_TIME, type=_WHOLE, id=_TEXT)),
+    deletions=_list(
+        _object("foxglove.SceneEntityDeletion", timestamp=_TIME, type=_WHOLE, id=_TEXT)
+    ),
     entities=_list(_ENTITY),
 )
 LEVEL = (1.0, 0.0, 0.0, 0.0)  # quaternion of no rotation
 
 
 def numbers(title: str, names: Sequence[str]) -> Json:
-    """Return the schema of a message of numbers by name, with its time.
-
-    Args:
-        title: of the message.
-        names: of its numbers.
-    """
+    """Return the schema of a message of numbers by name, with its time."""
     return _object(title, timestamp=_TIME, **dict.fromkeys(names, NUMBER))
 
 
@@ -130,7 +145,9 @@ def pose(p: np.ndarray | Sequence[float], q: np.ndarray | Sequence[float] = LEVE
     return {"position": vector(p), "orientation": _quaternion(q)}
 
 
-def transform(when: int, parent: str, child: str, p: np.ndarray, q: np.ndarray | Sequence[float]) -> Json:
+def transform(
+    when: int, parent: str, child: str, p: np.ndarray, q: np.ndarray | Sequence[float]
+) -> Json:
     """Return the transform from one frame to another.
 
     Args:
@@ -155,8 +172,6 @@ def entity(when: int, frame: str, name: str, **shapes: list[Json]) -> Json:
     Args:
         when: time from which it is there [ns].
         frame: name of its frame.
-        name: of the entity.
-        shapes: that it is made of, by kind.
     """
     return {
         "timestamp": time(when),
@@ -169,14 +184,15 @@ def entity(when: int, frame: str, name: str, **shapes: list[Json]) -> Json:
     }
 
 
-def solid(p: np.ndarray | Sequence[float], size: Sequence[float], color: Sequence[float], **more: Any) -> Json:
+def solid(
+    p: np.ndarray | Sequence[float], size: Sequence[float], color: Sequence[float], **more: Any
+) -> Json:
     """Return a cube, sphere or cylinder.
 
     Args:
         p: (3,) its middle [m].
         size: (3,) its extent [m].
         color: red, green, blue [1].
-        more: fields of a kind.
     """
     return {"pose": pose(p), "size": vector(size), "color": _color(color), **more}
 
@@ -231,11 +247,8 @@ def require_mcap(path: str | Path) -> None:
 
 
 def write_mcap(path: str | Path, channels: Iterable[Channel]) -> None:
-    """Write channels as an MCAP file, whole or not at all; messages stand in the order of time. NaN becomes null.
-
-    Args:
-        path: of the file.
-        channels: with their messages.
+    """Write channels as an MCAP file, whole or not at all; messages stand in the order of time. NaN
+    becomes null.
     Raises: LogError: if the package is not installed; OSError: if the file cannot be written.
     """
     require_mcap(path)

@@ -48,9 +48,9 @@ def published_vehicle() -> Vehicle:
     """Return the quadrotor as published with the data, the preset `neurobem`.
 
     Of its parameters, the flights show only thrust coefficient / mass.
-    Rotor order (rear right, front right, rear left, front left) and directions: own identification, the
-    signs of J dw/dt + w x J w regressed on squared rotor speed in three agile flights. max_rotor_thrust: own
-    choice, above the 6.8 N of the fastest rotor in the data.
+    Rotor order (rear right, front right, rear left, front left) and directions: own identification,
+    the signs of J dw/dt + w x J w regressed on squared rotor speed in three agile flights.
+    max_rotor_thrust: own choice, above the 6.8 N of the fastest rotor in the data.
     """
     return load_vehicle("neurobem")
 
@@ -76,7 +76,8 @@ def read(path: str | Path, *, repair: bool = False) -> list[FlightLog]:
     Args:
         path: of the CSV, gzip-compressed where its name ends in .gz.
         repair: mend a few bad rows instead of refusing them.
-    Raises: LogError: one line with file, column (by our name) and row; OSError: if it cannot be opened.
+    Raises: LogError: one line with file, column (by our name) and row; OSError: if it cannot be
+        opened.
     """
     table = _renamed(read_csv(path))
     fields = list(SOURCE_COLUMNS)
@@ -105,8 +106,14 @@ def read(path: str | Path, *, repair: bool = False) -> list[FlightLog]:
 
 
 def _renamed(table: Table) -> Table:
-    """Return the table under our column names, still in the data set's frames; LogError if a column is missing."""
-    names = {s: n for field in SOURCE_COLUMNS for s, n in zip(SOURCE_COLUMNS[field], COLUMNS[field], strict=True)}
+    """Return the table under our column names, still in the data set's frames; LogError if a column
+    is missing.
+    """
+    names = {
+        s: n
+        for field in SOURCE_COLUMNS
+        for s, n in zip(SOURCE_COLUMNS[field], COLUMNS[field], strict=True)
+    }
     for source in names:
         if source not in table.columns:
             raise table.error("is missing; a NeuroBEM file has 29 columns.", column=source)
@@ -115,23 +122,37 @@ def _renamed(table: Table) -> Table:
     return Table(table.path, columns, unreadable, table.ragged)
 
 
-# What NumPy's reader raises on a damaged header, which is Python text, or on one that announces too much.
-DAMAGED = (ValueError, EOFError, OverflowError, TypeError, SyntaxError, RecursionError, tokenize.TokenError)
+# What NumPy's reader raises on a damaged header, which is Python text, or on one that announces too
+# much.
+DAMAGED = (
+    ValueError,
+    EOFError,
+    OverflowError,
+    TypeError,
+    SyntaxError,
+    RecursionError,
+    tokenize.TokenError,
+)
 
 
 def read_array(path: str | Path) -> np.ndarray:
-    """Return the array in a file; it is mapped first, so that a header takes no memory that the file does not hold.
+    """Return the array in a file; it is mapped first, so that a header takes no memory that the
+    file does not hold.
 
     Raises: LogError: if the file is no whole plain array; OSError: if it cannot be opened.
     """
     with Path(path).open("rb") as file:
         start = file.read(2)
     if start == b"PK":
-        raise LogError(f"{path}: must be one array (.npy); it is an archive (.npz). Save the array by itself.")
+        raise LogError(
+            f"{path}: must be one array (.npy); it is an archive (.npz). Save the array by itself."
+        )
     note_input(path)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)  # of a header as Python 2 wrote it
             return np.array(np.load(path, mmap_mode="r", allow_pickle=False))
     except DAMAGED as error:
-        raise LogError(f"{path}: must be a plain NumPy array (.npy); cut off or pickled files are refused.") from error
+        raise LogError(
+            f"{path}: must be a plain NumPy array (.npy); cut off or pickled files are refused."
+        ) from error

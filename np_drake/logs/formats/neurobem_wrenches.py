@@ -1,6 +1,8 @@
-"""Wrench and motion of the flights of the paper's estimation table (NeuroBEM data set), found in a folder.
+"""Wrench and motion of the flights of the paper's estimation table (NeuroBEM data set), found in a
+folder.
 
-The wrench is the *total* one in *body* axes. It is no residual: never mix it with chi of a FlightLog.
+The wrench is the *total* one in *body* axes. It is no residual: never mix it with chi of a
+FlightLog.
 """
 
 from pathlib import Path
@@ -16,7 +18,9 @@ STEP = 0.0025  # of the flights [s]
 MASS = 0.752  # with which the paper's arrays were made [kg]
 SUBTRACTED = np.array([0.0, 0.0, 9.8])  # from the specific force, in body axes [m/s²]
 TRAINING = "merged_2021-02-03-13-44-49_seg_3"  # of the paper's estimation table: a wobbly circle
-TRAINING_START = 500  # row of the flight's CSV at which the training array begins (NPU-RCIR/Neural-Predictor)
+TRAINING_START = (
+    500  # row of the flight's CSV at which the training array begins (NPU-RCIR/Neural-Predictor)
+)
 RACE_TRACK = "merged_2021-02-18-17-19-08_seg_2"  # race track 1 of the paper
 TESTS = {  # file stem: the paper's name of the flight. Source: Wang et al. 2024, its evaluation
     "merged_2021-02-18-13-44-23_seg_2": "3D circle 1",
@@ -36,18 +40,23 @@ TESTS = {  # file stem: the paper's name of the flight. Source: Wang et al. 2024
 
 
 def table_files(folder: Path) -> dict[str, Path]:
-    """Return the files of all flights but the training one, by name: those of the table first, in its order.
+    """Return the files of all flights but the training one, by name: those of the table first, in
+    its order.
 
-    They are all arrays in folder/npy, under the paper's name or that of the file, and of the table's flights without an
-    array the CSV in folder/csv.
+    They are all arrays in folder/npy, under the paper's name or that of the file, and of the
+    table's flights without an array the CSV in folder/csv.
     Raises: OSError: if there is none.
     """
     arrays = {path.stem: path for path in sorted((folder / "npy").glob("*.npy"))}
     found = {stem: arrays.get(stem) or _csv(folder, stem) for stem in TESTS}
     found |= {stem: path for stem, path in arrays.items() if stem not in (TRAINING, *TESTS)}
-    files = {TESTS.get(stem, stem.removeprefix("merged_")): path for stem, path in found.items() if path}
+    files = {
+        TESTS.get(stem, stem.removeprefix("merged_")): path for stem, path in found.items() if path
+    }
     if not files:
-        raise FileNotFoundError(f"{folder}: must hold flights of the NeuroBEM data set in npy/ or csv/.")
+        raise FileNotFoundError(
+            f"{folder}: must hold flights of the NeuroBEM data set in npy/ or csv/."
+        )
     return files
 
 
@@ -65,9 +74,11 @@ def read_training(folder: Path) -> WrenchSequence:
 
 
 def read_wrenches(path: str | Path) -> WrenchSequence:
-    """Read a flight: a 12-column array of v (body), omega, f, tau, or a CSV, of which the same is made.
+    """Read a flight: a 12-column array of v (body), omega, f, tau, or a CSV, of which the same is
+    made.
 
-    Raises: LogError: if the file is no such flight (pickled arrays are refused); OSError: if it cannot open.
+    Raises: LogError: if the file is no such flight (pickled arrays are refused); OSError: if it
+    cannot open.
     """
     name = Path(path).name.split(".")[0].removeprefix("merged_")
     zeta, chi = np.split(_array(path) if is_array(Path(path)) else _from_csv(path), 2, axis=1)
@@ -76,7 +87,9 @@ def read_wrenches(path: str | Path) -> WrenchSequence:
 
 
 def csv_of(path: Path) -> Path | None:
-    """Return the CSV of the same flight as the file in DIR/npy or DIR/csv; None where there is none."""
+    """Return the CSV of the same flight as the file in DIR/npy or DIR/csv; None where there is
+    none.
+    """
     return _csv(path.parent.parent, path.name.split(".")[0])
 
 
@@ -88,17 +101,23 @@ def _csv(folder: Path, stem: str) -> Path | None:
 def _array(path: str | Path) -> np.ndarray:
     data = read_array(path)
     if data.ndim != 2 or data.shape[1] != 12 or data.dtype.kind not in "fiu":
-        raise LogError(f"{path}: must hold numbers of shape (n, 12): v, omega, f, tau; got {data.shape}.")
+        raise LogError(
+            f"{path}: must hold numbers of shape (n, 12): v, omega, f, tau; got {data.shape}."
+        )
     data = data.astype(float)
     bad = np.argwhere(~np.isfinite(data))
     if bad.size:
         row, column = map(int, bad[0])
-        raise LogError(f"{place(path, column=str(column + 1), row=row, header_lines=0)}: must be finite.")
+        raise LogError(
+            f"{place(path, column=str(column + 1), row=row, header_lines=0)}: must be finite."
+        )
     return data
 
 
 def _from_csv(path: str | Path) -> np.ndarray:
-    """Return v, omega, f = m (specific force - g e_z), tau = J al + w x J w of a CSV, as the paper's arrays have it."""
+    """Return v, omega, f = m (specific force - g e_z), tau = J al + w x J w of a CSV, as the
+    paper's arrays have it.
+    """
     (log,), J = read(path), published_vehicle().J
     if len(log) < 2 or np.abs(np.diff(log.t) - STEP).max() > 0.01 * STEP:
         raise LogError(f"{path}: must have a row every {1e3 * STEP:g} ms, without gaps.")

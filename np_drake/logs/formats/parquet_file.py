@@ -1,4 +1,6 @@
-"""Parquet, where pyarrow is installed: tables with the columns of a flight log, and any table in parts."""
+"""Parquet, where pyarrow is installed: tables with the columns of a flight log, and any table in
+parts.
+"""
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -14,7 +16,13 @@ from np_drake.logs.errors import LogError, optional_package, place
 from np_drake.logs.formats.format import Progress
 from np_drake.logs.formats.table_cells import Cell, require_names
 from np_drake.logs.importing.log_map import UNITS
-from np_drake.logs.text_lines import MAX_COLUMNS, GrowingColumns, require_rows_within_limit, too_large, too_many_cells
+from np_drake.logs.text_lines import (
+    MAX_COLUMNS,
+    GrowingColumns,
+    require_rows_within_limit,
+    too_large,
+    too_many_cells,
+)
 
 BLOCK_ROWS = 1 << 14  # that are held beside the table
 
@@ -22,7 +30,8 @@ BLOCK_ROWS = 1 << 14  # that are held beside the table
 def read_parquet(path: str | Path) -> Table:
     """Read a Parquet file as a table of numbers; null is NaN.
 
-    Raises: LogError: without pyarrow, or if the file is no Parquet table of numbers, or beyond its budget.
+    Raises: LogError: without pyarrow, or if the file is no Parquet table of numbers, or beyond its
+    budget.
     """
     _pyarrow(path)
     if not Path(path).is_file():
@@ -33,7 +42,9 @@ def read_parquet(path: str | Path) -> Table:
             if not _is(pyarrow, field.type, "floating", "integer", "boolean", "decimal", "null"):
                 raise LogError(f"{path}, column {field.name}: must hold numbers; got {field.type}.")
         if len({name.strip() for name in names}) < len(names):
-            raise LogError(f"{path}: its columns must have different names; got {', '.join(names[:8])}, ….")
+            raise LogError(
+                f"{path}: its columns must have different names; got {', '.join(names[:8])}, …."
+            )
         grown = GrowingColumns(path, [name.strip() for name in names])
         for batch in file.iter_batches(BLOCK_ROWS):
             grown.add([_floats(pyarrow, column) for column in batch.columns])
@@ -44,7 +55,6 @@ def write_parquet(path: str | Path, columns: dict[str, np.ndarray]) -> None:
     """Write a table atomically.
 
     Args:
-        path: of the file.
         columns: (n,) by name.
     Raises: LogError: without pyarrow.
     """
@@ -55,10 +65,11 @@ def write_parquet(path: str | Path, columns: dict[str, np.ndarray]) -> None:
 
 @contextmanager
 def open_parquet(path: str | Path) -> Iterator[tuple[Any, Any]]:
-    """Give pyarrow and the open file, which keeps to its budgets; errors of pyarrow become LogErrors.
+    """Give pyarrow and the open file, which keeps to its budgets; errors of pyarrow become
+    LogErrors.
 
-    Raises: LogError: without pyarrow, if the file is no Parquet table, or if what its footer announces is beyond the
-    budgets; OSError: if it cannot be opened.
+    Raises: LogError: without pyarrow, if the file is no Parquet table, or if what its footer
+    announces is beyond the budgets; OSError: if it cannot be opened.
     """
     pyarrow = _pyarrow(path)
     note_input(path)
@@ -68,20 +79,26 @@ def open_parquet(path: str | Path) -> Iterator[tuple[Any, Any]]:
                 _require_modest(path, file.metadata)
                 yield pyarrow, file
         except (pyarrow.ArrowException, OSError, UnicodeDecodeError) as error:
-            raise LogError(f"{path}: must be a whole Parquet file; {_reason(error)}. Copy it again.") from error
+            raise LogError(
+                f"{path}: must be a whole Parquet file; {_reason(error)}. Copy it again."
+            ) from error
 
 
 def _require_modest(path: str | Path, metadata: Any) -> None:
-    """Check what the footer announces before a column is read, which a few bytes may fill with values.
+    """Check what the footer announces before a column is read, which a few bytes may fill with
+    values.
 
     Raises: LogError: beyond the budgets.
     """
     require_rows_within_limit(path, metadata.num_rows)
     if metadata.num_columns > MAX_COLUMNS:
-        raise LogError(f"{path}: must have at most {MAX_COLUMNS} columns; got {metadata.num_columns}.")
+        raise LogError(
+            f"{path}: must have at most {MAX_COLUMNS} columns; got {metadata.num_columns}."
+        )
     if metadata.num_rows * metadata.num_columns > cell_budget(path):
         raise too_many_cells(path)
-    # Of whole groups: pyarrow ends the process where it is asked for a column whose statistics are broken.
+    # Of whole groups: pyarrow ends the process where it is asked for a column whose statistics are
+    # broken.
     groups = (metadata.row_group(group) for group in range(metadata.num_row_groups))
     if sum(group.total_byte_size for group in groups) > text_budget(path):
         raise too_large(path)
@@ -93,7 +110,9 @@ def _is(pyarrow: Any, kind: Any, *words: str) -> bool:
 
 
 def _reason(error: Exception) -> str:
-    """Return the first sentence of an error, without the file's name, which pyarrow puts before it."""
+    """Return the first sentence of an error, without the file's name, which pyarrow puts before
+    it.
+    """
     line = (str(error).splitlines() or [type(error).__name__])[0]
     return line.split("': ", 1)[-1].split(". ")[0].rstrip(".")
 
@@ -106,20 +125,22 @@ def _pyarrow(path: str | Path) -> Any:
 def column_names(path: Path) -> list[str]:
     """Return the names of all columns of numbers, from the schema and the first row.
 
-    Raises: LogError: without pyarrow, or if the file is no Parquet table; OSError: if it cannot be opened.
+    Raises: LogError: without pyarrow, or if the file is no Parquet table; OSError: if it cannot be
+    opened.
     """
     with open_parquet(path) as (pyarrow, file):
         return [name for cell in _layout(path, pyarrow, file) for name in cell.names]
 
 
-def read_columns(path: Path, names: Sequence[str], progress: Progress) -> tuple[dict[str, np.ndarray], list[str]]:
+def read_columns(
+    path: Path, names: Sequence[str], progress: Progress
+) -> tuple[dict[str, np.ndarray], list[str]]:
     """Return columns (n,) by name, null as NaN, times in s, and no notes.
 
     Args:
-        path: of the file.
-        names: of the columns of numbers that are wanted.
         progress: called with the share that is read [1].
-    Raises: LogError: one line with file and column, at a cell that is no number or a list of another length.
+    Raises: LogError: one line with file and column, at a cell that is no number or a list of
+        another length.
     """
     with open_parquet(path) as (pyarrow, file):
         wanted = [c for c in _layout(path, pyarrow, file) if not set(c.names).isdisjoint(names)]
@@ -157,15 +178,22 @@ def _first(path: Path, pyarrow: Any, file: Any, name: str) -> Any:
 
 
 def _require_short(path: Path, pyarrow: Any, column: Any, name: str, most: int) -> None:
-    """Check that the lists of a column's block hold at most so many numbers, before they become Python's."""
+    """Check that the lists of a column's block hold at most so many numbers, before they become
+    Python's.
+    """
     while _is_list(pyarrow, column.type):
         column = column.flatten()
     if len(column) > most:
-        raise LogError(f"{place(path, column=name)}: must hold lists as long as the first, of {MAX_COLUMNS} at most.")
+        raise LogError(
+            f"{place(path, column=name)}: must hold lists as long as the first, of "
+            f"{MAX_COLUMNS} at most."
+        )
 
 
 def _numbers(path: Path, pyarrow: Any, column: Any, cell: Cell, before: int) -> list[np.ndarray]:
-    """Return the arrays (k,) of a column's block, which begins after so many rows; LogError at a list too long."""
+    """Return the arrays (k,) of a column's block, which begins after so many rows; LogError at a
+    list too long.
+    """
     if cell.size is None:
         return [_floats(pyarrow, column)]
     _require_short(path, pyarrow, column, cell.name, 2 * len(column) * cell.size + MAX_COLUMNS)
@@ -174,7 +202,10 @@ def _numbers(path: Path, pyarrow: Any, column: Any, cell: Cell, before: int) -> 
         numbers = _flat(value)
         if value is not None and len(numbers) != cell.size:
             where = place(path, column=cell.name, row=before + row, header_lines=0)
-            raise LogError(f"{where}: must be a list of {cell.size} numbers as in the first row; got {len(numbers)}.")
+            raise LogError(
+                f"{where}: must be a list of {cell.size} numbers as in the first row; got "
+                f"{len(numbers)}."
+            )
         if value is not None:
             rows[row] = [np.nan if number is None else float(number) for number in numbers]
     return list(rows.T)
@@ -194,7 +225,9 @@ def _is_list(pyarrow: Any, kind: Any) -> bool:
     """Return whether a type is a list of numbers, or of such lists."""
     if not _is(pyarrow, kind, "list", "large_list", "fixed_size_list"):
         return False
-    return _is(pyarrow, kind.value_type, "floating", "integer") or _is_list(pyarrow, kind.value_type)
+    return _is(pyarrow, kind.value_type, "floating", "integer") or _is_list(
+        pyarrow, kind.value_type
+    )
 
 
 def _flat(value: Any) -> list[Any]:

@@ -1,12 +1,14 @@
 """ROS bags: ROS 2 (a folder with sqlite3 or MCAP storage, or one such file) and ROS 1 (`.bag`).
 
-Streams are topics, columns the numbers of their messages by dotted path: `/odom/pose.pose.position.x`, `/rpm/data[0]`.
-Covariances, strings and arrays of more than 32 elements are left out; the length of a sequence is that of the topic's
-first message. Units and frames are those of the messages (REP 103: SI, x forward, y left, z up). Times are the stamps
-of the headers where all messages of a topic have one, else the times of receipt; where these clocks differ, all are
-times of receipt. The first time of all that is read is 0.
+Streams are topics, columns the numbers of their messages by dotted path:
+`/odom/pose.pose.position.x`, `/rpm/data[0]`. Covariances, strings and arrays of more than 32
+elements are left out; the length of a sequence is that of the topic's first message. Units and
+frames are those of the messages (REP 103: SI, x forward, y left, z up). Times are the stamps of the
+headers where all messages of a topic have one, else the times of receipt; where these clocks
+differ, all are times of receipt. The first time of all that is read is 0.
 
-Types are defined by the bag, or else by the library's latest ROS 2. Source: documentation of rosbag2, MCAP and rosbags.
+Types are defined by the bag, or else by the library's latest ROS 2. Source: documentation of
+rosbag2, MCAP and rosbags.
 """
 
 import contextlib
@@ -75,7 +77,8 @@ class Bag:
     notes: list[str] = dc.field(default_factory=list)
 
     def messages(self, topics: list[str]) -> Iterator[tuple[str, int, bytes]]:
-        """Yield topic, time of receipt [ns] and bytes of all messages; a damaged end becomes a note.
+        """Yield topic, time of receipt [ns] and bytes of all messages; a damaged end becomes a
+        note.
 
         Raises: LogError: beyond the budget.
         """
@@ -111,7 +114,9 @@ def _open(path: Path) -> Iterator[Bag]:
             raise
         except Exception as error:  # whatever may be met in damaged bytes
             remedy = "Copy it again, or mend it with `ros2 bag reindex` or `mcap recover`."
-            raise LogError(f"{path}: must be a whole ROS bag; {_one_line(error)}. {remedy}") from error
+            raise LogError(
+                f"{path}: must be a whole ROS bag; {_one_line(error)}. {remedy}"
+            ) from error
         yield bag
 
 
@@ -124,10 +129,15 @@ def _open_folder(bag: Bag, stack: contextlib.ExitStack) -> None:
         files.sort(key=lambda file: (len(file.name), file.name))  # bag_2 before bag_10
         if not files:
             raise
-        bag.notes.append(f"metadata.yaml does not serve ({_one_line(error)}); its files are read one by one")
+        bag.notes.append(
+            f"metadata.yaml does not serve ({_one_line(error)}); its files are read one by one"
+        )
     bag.packed = mode == "message"
     if mode == "file":
-        folder, take = Path(stack.enter_context(tempfile.TemporaryDirectory())), bag.budget.one_pass()
+        folder, take = (
+            Path(stack.enter_context(tempfile.TemporaryDirectory())),
+            bag.budget.one_pass(),
+        )
     last = None
     for file in files:
         try:
@@ -153,7 +163,9 @@ def _open_file(bag: Bag, path: Path, stack: contextlib.ExitStack) -> None:
     storage = kind(path, bag.budget)
     stack.callback(storage.close)
     if not storage.whole:
-        bag.notes.append(f"the end of {path.name} is cut off or damaged; its whole records are read")
+        bag.notes.append(
+            f"the end of {path.name} is cut off or damaged; its whole records are read"
+        )
     bag.notes += getattr(storage, "notes", ())
     bag.storages.append(storage)
 
@@ -175,7 +187,9 @@ def _find_topics(bag: Bag) -> None:
             if channel.type == topic.type:
                 topic.sources.append((storage, channel))
             else:
-                bag.notes.append(f"{channel.topic}: its messages of type {channel.type} are left out")
+                bag.notes.append(
+                    f"{channel.topic}: its messages of type {channel.type} are left out"
+                )
     for name, topic in list(bag.topics.items()):
         missing = missing_types(topic.types, topic.type)
         if missing:
@@ -212,10 +226,14 @@ def _contents(path: Path) -> Contents:
                     found[name] = columns
                     left -= len(columns)
             if left < 0:
-                raise LogError(f"{path}: must hold at most {MOST_COLUMNS} numbers by name. Keep fewer topics.")
+                raise LogError(
+                    f"{path}: must hold at most {MOST_COLUMNS} numbers by name. Keep fewer topics."
+                )
     if not found:
         why = f"; {bag.notes[-1]}" if bag.notes else ""
-        raise LogError(f"{path}: must hold messages with numbers of known types; there are none{why}.")
+        raise LogError(
+            f"{path}: must hold messages with numbers of known types; there are none{why}."
+        )
     return found
 
 
@@ -252,7 +270,9 @@ class _Rows:
         if not (np.diff(received) < 0).any():
             return
         steps = [k for k in set_back(received) if overlap(received[:k], received[k:])]
-        order = np.lexsort((received, np.searchsorted(steps, np.arange(len(received)), side="right")))
+        order = np.lexsort(
+            (received, np.searchsorted(steps, np.arange(len(received)), side="right"))
+        )
         numbers = np.frombuffer(self.numbers).reshape(len(order), len(self.columns))
         self.received = array("q", received[order].tobytes())
         self.stamps = array("q", np.array(self.stamps)[order].tobytes())
@@ -272,7 +292,9 @@ def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Re
         rows = {}
         for name, columns in wanted.items():
             if name not in bag.topics:
-                raise LogError(f"{path}, {name}: must be a topic of a known type in the bag; mend the map.")
+                raise LogError(
+                    f"{path}, {name}: must be a topic of a known type in the bag; mend the map."
+                )
             topic = bag.topics[name]
             rows[name] = _Rows(columns, Decoder(topic.types, topic.type, columns, ros1=bag.ros1))
         total = max(1, sum(bag.topics[name].count for name in wanted))
@@ -287,7 +309,9 @@ def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Re
         progress(1.0)
         facts = {"ros": "1" if bag.ros1 else "2"}
         facts |= {f"type of {name}": bag.topics[name].type for name in wanted}
-        notes = bag.notes + [f"{n}: {r.damaged} messages are damaged" for n, r in rows.items() if r.damaged]
+        notes = bag.notes + [
+            f"{n}: {r.damaged} messages are damaged" for n, r in rows.items() if r.damaged
+        ]
         for r in rows.values():
             r.sort()
         times, clocks = _times(rows)
@@ -296,7 +320,9 @@ def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Re
             values = np.array(r.numbers).reshape(len(times[name]), len(r.columns))
             streams[name] = Stream(times[name], {c: values[:, i] for i, c in enumerate(r.columns)})
         said = tuple(note for storage in bag.storages for note in getattr(storage, "notes", ()))
-    lines = tuple(f"{path}: {note}" for note in [*dict.fromkeys(notes), *clocks] if note not in said)
+    lines = tuple(
+        f"{path}: {note}" for note in [*dict.fromkeys(notes), *clocks] if note not in said
+    )
     return Recording(str(path), streams, facts, lines, said)
 
 
@@ -310,17 +336,20 @@ def _times(rows: Mapping[str, _Rows]) -> tuple[dict[str, np.ndarray], list[str]]
         stamped = delays.get(name) is not None and not apart
         chosen[name] = np.array(r.stamps if stamped else r.received, dtype=np.int64)
         why = "the clocks of the stamps differ" if apart else "not all messages have a stamp"
-        notes.append(f"{name}: times are {'the stamps' if stamped else f'those of receipt, for {why}'}")
+        notes.append(
+            f"{name}: times are {'the stamps' if stamped else f'those of receipt, for {why}'}"
+        )
     origin = min((int(t.min()) for t in chosen.values() if len(t)), default=0)
     return {name: (t - origin) * 1e-9 for name, t in chosen.items()}, notes
 
 
 def _default_map(contents: Contents) -> LogMap | None:
-    """Return the map of the messages that say what they hold; None where no topic, or more than one, gives the pose.
+    """Return the map of the messages that say what they hold; None where no topic, or more than
+    one, gives the pose.
 
-    Odometry gives pose, velocity and body rates (its twist is in body axes, REP 105); else a stamped pose and an IMU
-    give pose and body rates. A single IMU gives the specific force. A single wrench is the command. Of MAVROS the names
-    of the topics are known.
+    Odometry gives pose, velocity and body rates (its twist is in body axes, REP 105); else a
+    stamped pose and an IMU give pose and body rates. A single IMU gives the specific force. A
+    single wrench is the command. Of MAVROS the names of the topics are known.
     """
     odometry = _topic(contents, ODOMETRY, "/mavros/local_position/odom")
     pose = _topic(contents, STAMPED_POSE, "/mavros/local_position/pose")
@@ -338,10 +367,16 @@ def _default_map(contents: Contents) -> LogMap | None:
         body="flu",
         command="held_after" if wrench or throttle else "unknown",
         position=Source(_of(f"{prefix}.position")),
-        velocity=Source(_of(f"{odometry}/twist.twist.linear"), axes="body") if odometry else Source(),
-        attitude=Source(_of(f"{prefix}.orientation", (*XYZ, "w")), order="xyzw", direction="body_to_world"),
+        velocity=Source(_of(f"{odometry}/twist.twist.linear"), axes="body")
+        if odometry
+        else Source(),
+        attitude=Source(
+            _of(f"{prefix}.orientation", (*XYZ, "w")), order="xyzw", direction="body_to_world"
+        ),
         rates=Source(_of(rates), axes="body"),
-        acceleration=Source(_of(f"{imu}/linear_acceleration"), kind="specific_force", axes="body") if imu else Source(),
+        acceleration=Source(_of(f"{imu}/linear_acceleration"), kind="specific_force", axes="body")
+        if imu
+        else Source(),
         thrust=Source([f"{wrench}/wrench.force.z"] if wrench else []),
         torque=Source(_of(f"{wrench}/wrench.torque") if wrench else []),
         throttle=throttle,
@@ -354,7 +389,9 @@ def _of(path: str, parts: tuple[str, ...] = XYZ) -> list[str]:
 
 
 def _topic(contents: Contents, columns: tuple[str, ...], preferred: str = "") -> str:
-    """Return the topic that has the columns: the preferred one, or the only one; else an empty name."""
+    """Return the topic that has the columns: the preferred one, or the only one; else an empty
+    name.
+    """
     found = [name for name, has in contents.items() if set(columns) <= set(has)]
     if preferred in found:
         return preferred
@@ -363,7 +400,9 @@ def _topic(contents: Contents, columns: tuple[str, ...], preferred: str = "") ->
 
 def _recognises(path: Path, start: bytes) -> bool:
     if path.is_dir():
-        return (path / "metadata.yaml").exists() or any(f.suffix in (".mcap", ".db3") for f in path.iterdir())
+        return (path / "metadata.yaml").exists() or any(
+            f.suffix in (".mcap", ".db3") for f in path.iterdir()
+        )
     return start.startswith((MCAP, ROS1)) or (path.suffix == ".db3" and start.startswith(SQLITE))
 
 

@@ -1,11 +1,13 @@
 """Numbers of serialised ROS messages, by where they lie in the bytes.
 
-Messages of one topic mostly differ in their numbers alone: strings and sequences have the same lengths. The fields are
-then at the same places, and one call of `struct` reads those that are wanted. `find_fields` finds the places in a
-message; `Decoder` does so once for every layout that it meets.
+Messages of one topic mostly differ in their numbers alone: strings and sequences have the same
+lengths. The fields are then at the same places, and one call of `struct` reads those that are
+wanted. `find_fields` finds the places in a message; `Decoder` does so once for every layout that it
+meets.
 
-Source: serialisation of ROS 1 messages (packed, little-endian); plain CDR of the OMG (DDS-RTPS) for ROS 2: a header of
-4 bytes, then every number on a multiple of its size. Type definitions are those of rosbags' type stores.
+Source: serialisation of ROS 1 messages (packed, little-endian); plain CDR of the OMG (DDS-RTPS) for
+ROS 2: a header of 4 bytes, then every number on a multiple of its size. Type definitions are those
+of rosbags' type stores.
 """
 
 import dataclasses as dc
@@ -19,7 +21,15 @@ from typing import Any
 Types = Mapping[str, tuple[Any, list[tuple[str, Any]]]]
 BASE, NAME, ARRAY, SEQUENCE = 1, 2, 3, 4  # kinds of fields in them
 CODES = {  # of `struct`
-    **{"bool": "?", "byte": "B", "char": "B", "int8": "b", "uint8": "B", "int16": "h", "uint16": "H"},
+    **{
+        "bool": "?",
+        "byte": "B",
+        "char": "B",
+        "int8": "b",
+        "uint8": "B",
+        "int16": "h",
+        "uint16": "H",
+    },
     **{"int32": "i", "uint32": "I", "int64": "q", "uint64": "Q", "float32": "f", "float64": "d"},
 }
 LONGEST = 32  # elements of an array that become columns
@@ -33,7 +43,9 @@ PADDING = "structure_needs_at_least_one_member"  # of empty types in ROS 2
 
 @dc.dataclass
 class Fields:
-    """Places in a message: of numbers by dotted path, and of the lengths that the layout depends on."""
+    """Places in a message: of numbers by dotted path, and of the lengths that the layout depends
+    on.
+    """
 
     order: str  # of bytes, of `struct`
     numbers: dict[str, tuple[int, str]] = dc.field(default_factory=dict)  # offset, code of `struct`
@@ -51,9 +63,6 @@ def find_fields(raw: bytes, types: Types, name: str, *, ros1: bool) -> Fields:
     Arrays longer than `LONGEST`, covariances and numbers beyond `MOST_NUMBERS` are left out.
 
     Args:
-        raw: bytes of the message.
-        types: definitions of types.
-        name: of its type.
         ros1: whether it is serialised as ROS 1 does.
     Raises: ValueError: if the bytes are no message of the type.
     """
@@ -61,12 +70,7 @@ def find_fields(raw: bytes, types: Types, name: str, *, ros1: bool) -> Fields:
 
 
 def missing_types(types: Types, name: str) -> list[str]:
-    """Return the names of the types that a type needs and that are not defined.
-
-    Args:
-        types: definitions of types.
-        name: of a type.
-    """
+    """Return the names of the types that a type needs and that are not defined."""
     needed = [name]  # grows below
     seen = {name}
     for known in needed:
@@ -82,9 +86,6 @@ class Decoder:
     """Reads the wanted numbers of the messages of a topic.
 
     Args:
-        types: definitions of types.
-        name: of the topic's type.
-        wanted: dotted paths of the numbers.
         ros1: whether messages are serialised as ROS 1 does.
     """
 
@@ -94,7 +95,8 @@ class Decoder:
         self.places = 0  # in them
 
     def __call__(self, raw: bytes) -> tuple[float, ...]:
-        """Return seconds and nanoseconds of the stamp (0 without), then the wanted numbers (NaN where not there).
+        """Return seconds and nanoseconds of the stamp (0 without), then the wanted numbers (NaN
+        where not there).
 
         Raises: ValueError: if the bytes are no message of the type.
         """
@@ -168,7 +170,9 @@ class _Walk:
             raise ValueError(f"the type {name} is not defined")
         for field, kind in self.types[name][1]:
             if field != PADDING or not self.ros1:
-                self._field(kind, path + field, keep and "covariance" not in field and field != PADDING)
+                self._field(
+                    kind, path + field, keep and "covariance" not in field and field != PADDING
+                )
 
     def _field(self, kind: tuple[int, Any], path: str, keep: bool) -> None:
         node, what = kind
@@ -203,7 +207,9 @@ class _Walk:
         at = self.at
         self._advance(size * count)
         if len(self.fields.numbers) + len(paths) <= MOST_NUMBERS:
-            self.fields.numbers.update((p, (at + i * size, CODES[name])) for i, p in enumerate(paths))
+            self.fields.numbers.update(
+                (p, (at + i * size, CODES[name])) for i, p in enumerate(paths)
+            )
 
     def _count_part(self) -> None:
         self.parts += 1

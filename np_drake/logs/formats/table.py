@@ -1,6 +1,8 @@
-"""Tables: CSV with any delimiter and Parquet, one stream whose columns only their user's map can tell.
+"""Tables: CSV with any delimiter and Parquet, one stream whose columns only their user's map can
+tell.
 
-A cell may hold a list of numbers, or a list of lists: its numbers are columns `name[0]`, `name[1]`, … row by row.
+A cell may hold a list of numbers, or a list of lists: its numbers are columns `name[0]`, `name[1]`,
+… row by row.
 """
 
 from collections.abc import Mapping
@@ -20,7 +22,9 @@ TEXTS = (".csv", ".csv.gz", ".txt", ".txt.gz", ".tsv", ".tsv.gz")
 PARQUET = ".parquet"
 # Names of a time column, the first that is found, and its unit.
 TIMES = {
-    **dict.fromkeys(("t", "time", "timestamp", "Time", "Timestamp", "T", "t_s", "time_s", "timestamp_s"), "s"),
+    **dict.fromkeys(
+        ("t", "time", "timestamp", "Time", "Timestamp", "T", "t_s", "time_s", "timestamp_s"), "s"
+    ),
     **dict.fromkeys(("t_ms", "time_ms", "timestamp_ms", "TimeMS"), "ms"),
     **dict.fromkeys(("t_us", "time_us", "timestamp_us", "TimeUS"), "us"),
     **dict.fromkeys(("t_ns", "time_ns", "timestamp_ns", "TimeNS"), "ns"),
@@ -28,11 +32,8 @@ TIMES = {
 
 
 def recognises(path: Path, start: bytes) -> bool:
-    """Return whether the name is that of a table, and the first line, of a text, has several columns.
-
-    Args:
-        path: of the file.
-        start: its first bytes.
+    """Return whether the name is that of a table, and the first line, of a text, has several
+    columns.
     """
     if path.name.lower().endswith(PARQUET):
         return True
@@ -43,7 +44,9 @@ def recognises(path: Path, start: bytes) -> bool:
 
 
 def first_line(start: bytes) -> str:
-    """Return the header of a text table from its first bytes, which may be compressed; empty if they are no gzip."""
+    """Return the header of a text table from its first bytes, which may be compressed; empty if
+    they are no gzip.
+    """
     return next(iter(table_text.first_lines(start)), "")
 
 
@@ -52,15 +55,17 @@ def contents(path: Path) -> Contents:
 
     Raises: LogError: if the file is no table; OSError: if it cannot be opened.
     """
-    names = parquet_file.column_names(path) if is_parquet(path) else table_text.read_layout(path).names
+    names = (
+        parquet_file.column_names(path) if is_parquet(path) else table_text.read_layout(path).names
+    )
     return {STREAM: tuple(names)}
 
 
 def default_map(contents: Contents) -> LogMap | None:
     """Return the map of our own columns (docs/reference/flight-log.md).
 
-    None without time, and attitude with one of position, velocity and acceleration, or body rates with specific force;
-    what else the state lacks, an import derives.
+    None without time, and attitude with one of position, velocity and acceleration, or body rates
+    with specific force; what else the state lacks, an import derives.
     """
     names = set(contents.get(STREAM, ()))
     here = {field: list(group) for field, group in COLUMNS.items() if names.issuperset(group)}
@@ -98,19 +103,21 @@ def default_map(contents: Contents) -> LogMap | None:
 def read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Recording:
     """Return the wanted columns as one stream, its times from the first of `TIMES` that is there.
 
-    Without such a column all times are NaN: `with_map_time` takes them from the column that the map names.
+    Without such a column all times are NaN: `with_map_time` takes them from the column that the map
+    names.
 
     Args:
-        path: of the file.
-        wanted: columns of the one stream.
         progress: called with the share that is read [1].
-    Raises: LogError: one line with file, row and column, on a damaged file or a wanted cell that is no number.
+    Raises: LogError: one line with file, row and column, on a damaged file or a wanted cell that is
+        no number.
     """
     known = contents(path)[STREAM]
     names = list(wanted.get(STREAM, ()))
     lacking = [name for name in names if name not in known]
     if lacking:
-        raise LogError(f"{path}, column {lacking[0]}: is missing; the header has {', '.join(known[:8])}, ….")
+        raise LogError(
+            f"{path}, column {lacking[0]}: is missing; the header has {', '.join(known[:8])}, …."
+        )
     time = next((name for name in TIMES if name in known), None)
     needed = list(dict.fromkeys([*names, *([time] if time else [])])) or list(known[:1])
     if is_parquet(path):

@@ -1,4 +1,6 @@
-"""Cells of a table: numbers, truth values, and lists of numbers that become columns of their own."""
+"""Cells of a table: numbers, truth values, and lists of numbers that become columns of their
+own.
+"""
 
 import dataclasses as dc
 import re
@@ -19,7 +21,9 @@ _OPENING = ("[", "(")
 class Cell:
     """Shape of a column's cells.
 
-    name: of the header.   position: in a row.   size: numbers in a list; None: a cell is one number.
+    name: of the header.
+    position: in a row.
+    size: numbers in a list; None: a cell is one number.
     """
 
     name: str
@@ -40,7 +44,9 @@ def is_list(text: str) -> bool:
 
 
 def is_plain(text: str) -> bool:
-    """Return whether numbers of a text are in digits 0 to 9; Python's 1_0 and digits of other scripts are none."""
+    """Return whether numbers of a text are in digits 0 to 9; Python's 1_0 and digits of other
+    scripts are none.
+    """
     return text.isascii() and "_" not in text
 
 
@@ -72,10 +78,6 @@ def parse_number(text: str) -> float:
 
 def parse_list(text: str, size: int) -> list[float]:
     """Return the numbers of a list, row by row where it holds lists; all NaN for an empty cell.
-
-    Args:
-        text: of the cell.
-        size: how many numbers it must hold.
     Raises: ValueError: if there are not `size` numbers.
     """
     if text.strip().lower() in NAN:
@@ -97,7 +99,6 @@ def complaint(text: str, size: int | None) -> str:
     """Return what is wrong with a cell, and the remedy.
 
     Args:
-        text: of the cell.
         size: how many numbers it must hold; None: one alone.
     """
     shown = " ".join(text.split())[:40]
@@ -112,14 +113,12 @@ def complaint(text: str, size: int | None) -> str:
 
 def require_names(path: object, names: Sequence[str]) -> None:
     """Check the names of all columns of numbers.
-
-    Args:
-        path: of the file.
-        names: of the columns of numbers.
     Raises: LogError: if there are too many, or one stands twice.
     """
     if len(names) > MAX_COLUMNS:
-        raise LogError(f"{path}: must hold at most {MAX_COLUMNS} numbers in a row; got {len(names)}.")
+        raise LogError(
+            f"{path}: must hold at most {MAX_COLUMNS} numbers in a row; got {len(names)}."
+        )
     twice = sorted(name for name, count in Counter(names).items() if count > 1)
     if twice:
         raise LogError(f"{path}, column {twice[0]}: must stand once in the header.")

@@ -16,7 +16,16 @@ SPELLINGS = {  # in lower case: the unit of a map
     **dict.fromkeys(("mnm", "mn m", "mn·m"), "mN.m"),
     **dict.fromkeys(("1/min", "u/min", "min-1"), "rpm"),
     **dict.fromkeys(("sec", "second", "seconds"), "s"),
-    **{"msec": "ms", "µs": "us", "μs": "us", "usec": "us", "%": "percent", "-": "1", "metre": "m", "meter": "m"},
+    **{
+        "msec": "ms",
+        "µs": "us",
+        "μs": "us",
+        "usec": "us",
+        "%": "percent",
+        "-": "1",
+        "metre": "m",
+        "meter": "m",
+    },
 }
 BRACKETS = re.compile(r"[\[(]([^\[\]()]+)[\])]\s*$")
 LONGEST = 12  # characters of a unit
@@ -32,15 +41,16 @@ def stated_units(names: Iterable[str]) -> dict[str, str]:
     """Return by column the known units that stand in brackets at the end of their names."""
     found = {name: match[1] for name in names if (match := BRACKETS.search(name))}
     # A number is the place of an item in a list.
-    return {name: unit for name, text in found.items() if not text.strip().isdecimal() and (unit := as_unit(text))}
+    return {
+        name: unit
+        for name, text in found.items()
+        if not text.strip().isdecimal() and (unit := as_unit(text))
+    }
 
 
 def is_units_row(cells: Sequence[str], following: Sequence[str]) -> bool:
-    """Return whether a row holds units: short words where the next has numbers, and no number but 1.
-
-    Args:
-        cells: of the row.
-        following: those of the next row.
+    """Return whether a row holds units: short words where the next has numbers, and no number but
+    1.
     """
     words = [cell for cell in cells if cell.strip() and not _is_number(cell)]
     numbers = [cell for cell in cells if cell.strip() and _is_number(cell)]
@@ -48,7 +58,9 @@ def is_units_row(cells: Sequence[str], following: Sequence[str]) -> bool:
         return False
     if any(cell.strip() != "1" for cell in numbers):
         return False
-    under = [_is_number(after) for cell, after in zip(cells, following, strict=False) if cell in words]
+    under = [
+        _is_number(after) for cell, after in zip(cells, following, strict=False) if cell in words
+    ]
     return any(as_unit(word) for word in words) and sum(under) >= 0.5 * len(words)
 
 

@@ -1,7 +1,8 @@
 """PX4 ULog, read with pyulog (extra `ulog`).
 
-Streams bear the message's name (`vehicle_attitude`, a further instance `vehicle_imu.1`), columns its fields (`q[0]`,
-`esc[0].esc_rpm`). Source: PX4 user guide, "ULog File Format", and PX4's message reference (uORB).
+Streams bear the message's name (`vehicle_attitude`, a further instance `vehicle_imu.1`), columns
+its fields (`q[0]`, `esc[0].esc_rpm`). Source: PX4 user guide, "ULog File Format", and PX4's message
+reference (uORB).
 """
 
 import contextlib
@@ -14,7 +15,15 @@ from typing import Any
 import numpy as np
 
 from np_drake.logs.errors import LogError
-from np_drake.logs.formats.format import Contents, Format, Progress, Recording, Scanned, Stream, no_progress
+from np_drake.logs.formats.format import (
+    Contents,
+    Format,
+    Progress,
+    Recording,
+    Scanned,
+    Stream,
+    no_progress,
+)
 from np_drake.logs.formats.ulog_map import default_map
 from np_drake.logs.formats.ulog_motors import ROTOR_COLUMN, motors
 from np_drake.logs.formats.ulog_parser import Guarded, parse, stream_name
@@ -44,8 +53,9 @@ RESETS = "_reset_counter"  # end of the names of its counters
 class _Said:
     """What is to be said of a stream.
 
-    delay: of its messages after their samples [s]; None: its times are those of the messages.   notes: one line each.
-    never: flags that are not set in any row.   resets: times at which its estimate is reset, with the reason.
+    delay: of its messages after their samples [s]; None: its times are those of the messages.
+    notes: one line each. never: flags that are not set in any row.
+    resets: times at which its estimate is reset, with the reason.
     """
 
     name: str
@@ -56,7 +66,8 @@ class _Said:
 
 
 def _contents(path: Path) -> Contents:
-    """Return the fields of every message that has a row; the rows of three messages on rotors alone are loaded.
+    """Return the fields of every message that has a row; the rows of three messages on rotors alone
+    are loaded.
 
     Columns of rotors that never change are left out: an ESC, motor or output that is not there.
     Raises: LogError: if it is no ULog file, or pyulog is not installed.
@@ -68,23 +79,35 @@ def _contents(path: Path) -> Contents:
     values: dict[str, float] = {}
     for data in log.data_list:
         name = stream_name(data.name, data.multi_id)
-        unused[name] = {c for c, v in data.data.items() if ROTOR_COLUMN.fullmatch(c) and not _changes(v)}
+        unused[name] = {
+            c for c, v in data.data.items() if ROTOR_COLUMN.fullmatch(c) and not _changes(v)
+        }
         span = float(data.data["timestamp"].max() - data.data["timestamp"].min())
-        values |= {f"{name}/{c}": float(v[-1]) for c, v in data.data.items() if c.endswith(".actuator_function")}
+        values |= {
+            f"{name}/{c}": float(v[-1])
+            for c, v in data.data.items()
+            if c.endswith(".actuator_function")
+        }
         rates[name] = (len(data.data["timestamp"]) - 1) * 1e6 / span if span else 0.0
     found = {}
     for s in subscriptions:
         if s.rows:
             found[s.name] = tuple(c for c in s.columns if c not in unused.get(s.name, ()))
-    numbers = {name: value for name, value in log.initial_parameters.items() if isinstance(value, (int, float))}
+    numbers = {
+        name: value
+        for name, value in log.initial_parameters.items()
+        if isinstance(value, (int, float))
+    }
     parameters = {name: float(value) for name, value in numbers.items() if np.isfinite(value)}
     return Scanned(found, parameters, rates, values)
 
 
 def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Recording:
-    """Load the wanted fields of the wanted messages; of a message that is wanted, all fields pass through memory.
+    """Load the wanted fields of the wanted messages; of a message that is wanted, all fields pass
+    through memory.
 
-    Times are `timestamp_sample` where it is there and not zero, else `timestamp`, and always the latter of commands.
+    Times are `timestamp_sample` where it is there and not zero, else `timestamp`, and always the
+    latter of commands.
     Raises: LogError: if it is no ULog file, a field is not there, or pyulog is not installed.
     """
     path = Path(path)
@@ -93,7 +116,9 @@ def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Re
     for name, columns in wanted.items():
         parts = [d for d in log.data_list if stream_name(d.name, d.multi_id) == name]
         if not parts:
-            raise LogError(f"{path}: must hold rows of {name}; it has none. Name another stream in the map.")
+            raise LogError(
+                f"{path}: must hold rows of {name}; it has none. Name another stream in the map."
+            )
         streams[name], told = _stream(path, name, parts, columns, log)
         said.append(told)
     notes = [*_damage(log, guarded), *_timing(said), *(note for s in said for note in s.notes)]
@@ -102,7 +127,9 @@ def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Re
     return Recording(str(path), streams, _facts(log), tuple(notes), never, resets)
 
 
-def _stream(path: Path, name: str, parts: Sequence[Any], columns: Sequence[str], log: Any) -> tuple[Stream, _Said]:
+def _stream(
+    path: Path, name: str, parts: Sequence[Any], columns: Sequence[str], log: Any
+) -> tuple[Stream, _Said]:
     """Return the wanted columns of one stream, and what there is to say of it."""
     for column in columns:
         if any(column not in part.data for part in parts):
@@ -118,15 +145,25 @@ def _stream(path: Path, name: str, parts: Sequence[Any], columns: Sequence[str],
     if "timestamp_sample" in known and not COMMANDS.fullmatch(name):
         measured = joined("timestamp_sample")[kept]
     times, delay = _times(published[kept], measured, log.start_timestamp)
-    flags = {c: joined(c)[kept] for c in sorted(known) if c in VALID or c.endswith(RESETS.strip("_"))}
+    flags = {
+        c: joined(c)[kept] for c in sorted(known) if c in VALID or c.endswith(RESETS.strip("_"))
+    }
     lost = [] if kept.all() else [f"{name}: {np.sum(~kept)} rows without a time are left out."]
-    never = [column.removesuffix("_valid") for column in VALID if column in flags and not flags[column].any()]
+    never = [
+        column.removesuffix("_valid")
+        for column in VALID
+        if column in flags and not flags[column].any()
+    ]
     said = _Said(name, delay, [*lost, *_validity(name, times, flags)], never, _resets(times, flags))
     return Stream(times, {c: joined(c)[kept].astype(float) for c in columns}), said
 
 
-def _times(published: np.ndarray, measured: np.ndarray | None, start: int) -> tuple[np.ndarray, float | None]:
-    """Return times since the start of the log [s], and the median delay of the message [s] where samples are timed."""
+def _times(
+    published: np.ndarray, measured: np.ndarray | None, start: int
+) -> tuple[np.ndarray, float | None]:
+    """Return times since the start of the log [s], and the median delay of the message [s] where
+    samples are timed.
+    """
     since = (published - np.uint64(start)).astype(np.int64)
     if measured is None or measured.dtype != np.uint64 or not len(since):
         return since / 1e6, None
@@ -138,7 +175,9 @@ def _times(published: np.ndarray, measured: np.ndarray | None, start: int) -> tu
 
 
 def _validity(name: str, t: np.ndarray, flags: Mapping[str, np.ndarray]) -> Iterator[str]:
-    """Yield a note for every part of an estimate that is not valid throughout, and one for its resets."""
+    """Yield a note for every part of an estimate that is not valid throughout, and one for its
+    resets.
+    """
     for column in VALID:
         good = flags.get(column, np.ones(1)) != 0
         if not good.all():
@@ -151,9 +190,17 @@ def _validity(name: str, t: np.ndarray, flags: Mapping[str, np.ndarray]) -> Iter
 
 
 def _resets(t: np.ndarray, flags: Mapping[str, np.ndarray]) -> list[tuple[float, str]]:
-    """Return the times at which a counter of resets changes, and of what; where the estimate jumps there, it breaks."""
-    counters = {c.removesuffix(RESETS.strip("_")).strip("_"): v for c, v in flags.items() if c not in VALID}
-    found = [(float(t[k + 1]), c) for c, v in counters.items() for k in np.flatnonzero(np.diff(v.astype(float)))]
+    """Return the times at which a counter of resets changes, and of what; where the estimate jumps
+    there, it breaks.
+    """
+    counters = {
+        c.removesuffix(RESETS.strip("_")).strip("_"): v for c, v in flags.items() if c not in VALID
+    }
+    found = [
+        (float(t[k + 1]), c)
+        for c, v in counters.items()
+        for k in np.flatnonzero(np.diff(v.astype(float)))
+    ]
     return [(at, f"the estimator resets {what or 'its state'}?") for at, what in sorted(found)]
 
 
@@ -176,11 +223,16 @@ def _damage(log: Any, guarded: Guarded) -> Iterator[str]:
         yield "the log ends within a message (cut off); its whole messages are kept."
     lost = np.array(log.durations_lost) / 1000
     if len(lost):
-        yield f"dropouts of the logger: {len(lost)}, {lost.sum():.3f} s together, the longest {lost.max():.3f} s."
+        yield (
+            f"dropouts of the logger: {len(lost)}, {lost.sum():.3f} s together, the longest "
+            f"{lost.max():.3f} s."
+        )
 
 
 def _facts(log: Any) -> dict[str, str]:
-    """Return what the header says of vehicle and software, and the parameters that bear on thrust."""
+    """Return what the header says of vehicle and software, and the parameters that bear on
+    thrust.
+    """
     facts = {"clock": "time since the start of the log [s]"}
     for key, title in HEADER_FACTS.items():
         if key in log.msg_info_dict:
@@ -208,4 +260,12 @@ def _changes(values: np.ndarray) -> bool:
     return bool(len(finite)) and bool(finite.min() != finite.max())
 
 
-ULOG = Format("ulog", "PX4 ULog", lambda path, start: start.startswith(MAGIC), _contents, default_map, _read, motors)
+ULOG = Format(
+    "ulog",
+    "PX4 ULog",
+    lambda path, start: start.startswith(MAGIC),
+    _contents,
+    default_map,
+    _read,
+    motors,
+)

@@ -37,12 +37,13 @@ class Subscription:
 
 
 class Guarded:
-    """A file that counts what is read of it, so that a damaged one comes to an end, and says how far it is.
+    """A file that counts what is read of it, so that a damaged one comes to an end, and says how
+    far it is.
 
-    cut: the last read wanted more than there was, and was not that of a message's three bytes at the end.
+    cut: the last read wanted more than there was, and was not that of a message's three bytes at
+    the end.
 
     Args:
-        file: open.
         size: of it [byte].
         progress: called with the share that is read [1].
     """
@@ -91,15 +92,17 @@ class Guarded:
         """Leave the file open: its owner closes it."""
 
 
-def parse(path: Path, names: Sequence[str], progress: Progress) -> tuple[Any, list[Subscription], Guarded]:
+def parse(
+    path: Path, names: Sequence[str], progress: Progress
+) -> tuple[Any, list[Subscription], Guarded]:
     """Return pyulog's log with the rows of the named messages alone, and all streams of the file.
 
     Args:
-        path: of the file.
-        names: of the messages whose rows are kept.
         progress: called with the share that is read [1].
     """
-    pyulog = optional_package("pyulog", path, "ULog needs pyulog; pip install 'np_drake[ulog]', or convert to CSV.")
+    pyulog = optional_package(
+        "pyulog", path, "ULog needs pyulog; pip install 'np_drake[ulog]', or convert to CSV."
+    )
     subscriptions: list[Subscription] = []
     with path.open("rb") as file:
         size = file.seek(0, 2)
@@ -112,7 +115,9 @@ def parse(path: Path, names: Sequence[str], progress: Progress) -> tuple[Any, li
                 fields = _field_counts(head.message_formats)
                 file.seek(0)
                 guarded = Guarded(file, size, progress)
-                log = _scanner(pyulog, fields, subscriptions)(guarded, message_name_filter_list=list(names))
+                log = _scanner(pyulog, fields, subscriptions)(
+                    guarded, message_name_filter_list=list(names)
+                )
         except Exception as error:  # pyulog says what is wrong with a file in many ways
             reason = (str(error).splitlines() or [type(error).__name__])[0].rstrip(".")
             raise LogError(f"{path}: must be a whole ULog file; {reason}; {REMEDY}.") from error
@@ -121,7 +126,9 @@ def parse(path: Path, names: Sequence[str], progress: Progress) -> tuple[Any, li
 
 
 def _scanner(pyulog: Any, fields: Mapping[str, int], found: list[Subscription]) -> Any:
-    """Return pyulog's parser, made to note every subscription and whether it has rows, also of what is not loaded."""
+    """Return pyulog's parser, made to note every subscription and whether it has rows, also of what
+    is not loaded.
+    """
     by_id: dict[bytes, Subscription] = {}
     left = [MOST_FIELDS]
 
@@ -134,7 +141,9 @@ def _scanner(pyulog: Any, fields: Mapping[str, int], found: list[Subscription]) 
             if self.timestamp_idx < 0 or self.field_data[self.timestamp_idx].type_str != "uint64_t":
                 raise ValueError("a message without a time")
             name = stream_name(self.message_name, self.multi_id)
-            columns = tuple(f.field_name for f in self.field_data if _is_column(f.field_name, f.type_str))
+            columns = tuple(
+                f.field_name for f in self.field_data if _is_column(f.field_name, f.type_str)
+            )
             subscription = next((s for s in found if s.name == name), None)
             if subscription is None:
                 subscription = Subscription(name, columns, self.dtype.itemsize)
@@ -166,7 +175,11 @@ def _scanner(pyulog: Any, fields: Mapping[str, int], found: list[Subscription]) 
 
 
 def _is_column(name: str, kind: str) -> bool:
-    return name != "timestamp" and kind != "char" and not name.rpartition(".")[2].startswith("_padding")
+    return (
+        name != "timestamp"
+        and kind != "char"
+        and not name.rpartition(".")[2].startswith("_padding")
+    )
 
 
 def _field_counts(formats: Mapping[str, Any]) -> dict[str, int]:
@@ -193,7 +206,6 @@ def stream_name(message: str, instance: int) -> str:
     """Return the name of a stream: that of its message, and from the second instance on its number.
 
     Args:
-        message: name.
         instance: number, from 0.
     """
     return f"{message}.{instance}" if instance else message

@@ -1,1 +1,3 @@
-"""Import of logs of other formats: map of columns, conventions, alignment of streams, and the sheet beside each log."""
+"""Import of logs of other formats: map of columns, conventions, alignment of streams, and the sheet
+beside each log.
+"""

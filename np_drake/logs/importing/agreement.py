@@ -1,4 +1,6 @@
-"""Agreement of a part of a log with its conventions: as declared, as adopted, or up to where it stops."""
+"""Agreement of a part of a log with its conventions: as declared, as adopted, or up to where it
+stops.
+"""
 
 import dataclasses as dc
 
@@ -7,7 +9,14 @@ import numpy as np
 from np_drake.logs.errors import LogError
 from np_drake.logs.importing.alignment import common_rows
 from np_drake.logs.importing.consistency import FAILS, SCALE, WINDOW, misfits, never_tilts
-from np_drake.logs.importing.conventions import Change, Verdict, WrongConventions, as_text, changed, check_conventions
+from np_drake.logs.importing.conventions import (
+    Change,
+    Verdict,
+    WrongConventions,
+    as_text,
+    changed,
+    check_conventions,
+)
 from np_drake.logs.importing.convert import convert
 from np_drake.logs.importing.interpolation import Signals
 from np_drake.logs.importing.log_map import LogMap
@@ -18,19 +27,18 @@ SPAN = 2.0  # over which a law is tested by itself [s]; own choice: four windows
 EVERY = 0.1  # between two such tests [s]
 MOST_TESTS = 600  # of one part; own choice
 SHORTEST_STRETCH = 3.0  # that is taken of a part that does not fit as a whole [s]; own choice
-ENDS_BADLY = 1.0  # misfit, that of no agreement, from which the end of a part is left out though the whole holds [1]
+# misfit, that of no agreement, from which the end of a part is left out though the whole holds [1]
+ENDS_BADLY = 1.0
 
 
-def fitting_stretch(signals: Signals, log_map: LogMap, verdict: Verdict) -> tuple[float, float] | None:
-    """Return the longest stretch in which the laws hold that fail in the whole [s]; None where there is none.
+def fitting_stretch(
+    signals: Signals, log_map: LogMap, verdict: Verdict
+) -> tuple[float, float] | None:
+    """Return the longest stretch in which the laws hold that fail in the whole [s]; None where
+    there is none.
 
-    A law must be tested there, not only be silent. Where the whole holds, the end alone is looked at: a short crash
-    hides in a long flight.
-
-    Args:
-        signals: as logged, by quantity.
-        log_map: with the conventions declared.
-        verdict: on the whole.
+    A law must be tested there, not only be silent. Where the whole holds, the end alone is looked
+    at: a short crash hides in a long flight.
     """
     t, raw = _checked_rows(signals)
     x = convert(raw, log_map)
@@ -58,19 +66,16 @@ def fitting_stretch(signals: Signals, log_map: LogMap, verdict: Verdict) -> tupl
 
 def judged(signals: Signals, log_map: LogMap, path: str) -> Verdict:
     """Return the verdict on the conventions of a log that flies.
-
-    Args:
-        signals: as logged, by quantity.
-        log_map: as declared.
-        path: of the log, for messages.
     Raises: LogError: if the attitude never tilts where the vehicle accelerates sideways.
     """
     t, raw = _checked_rows(signals)
     if level := never_tilts(t, convert(raw, log_map)):
         tilt, needed = level
         raise LogError(
-            f"{path}: the attitude must tilt where the vehicle accelerates sideways; {log_map.attitude.columns[0]} … "
-            f"tilts by {1e3 * tilt:.2g} mrad where {1e3 * needed:.0f} mrad are needed, as a planar odometry does. Name "
+            f"{path}: the attitude must tilt where the vehicle accelerates sideways; "
+            f"{log_map.attitude.columns[0]} … "
+            f"tilts by {1e3 * tilt:.2g} mrad where {1e3 * needed:.0f} mrad are needed, as "
+            f"a planar odometry does. Name "
             "a pose with roll and pitch in a map."
         )
     return check_conventions(t, raw, log_map)
@@ -86,13 +91,9 @@ def agreed(
     """Return the map whose conventions agree with the log, and the verdict on them.
 
     Args:
-        verdict: on the conventions declared.
-        signals: as logged, by quantity.
-        log_map: as declared.
-        path: of the log, for messages.
         clock: change of the unit of time, made in the signals.
-        adopt: take other conventions where the log fits those.
-    Raises: WrongConventions: if those declared do not agree, unless others do and are to be adopted.
+    Raises: WrongConventions: if those declared do not agree, unless others do and are to be
+        adopted.
     """
     if verdict.holds and not clock:
         return log_map, verdict
@@ -101,8 +102,10 @@ def agreed(
     wrong = f"{', '.join(laws)}; {SCALE}"
     if verdict.failed and not verdict.changes:
         raise WrongConventions(
-            f"{path}: its quantities must agree with each other in the conventions declared ({wrong}), and agree in no "
-            "other that is known. Check columns, units and frames of the map, and leave damaged rows out with "
+            f"{path}: its quantities must agree with each other in the conventions "
+            f"declared ({wrong}), and agree in no "
+            "other that is known. Check columns, units and frames of the map, and leave "
+            "damaged rows out with "
             "--start and --stop.",
             verdict,
         )

@@ -17,7 +17,9 @@ from np_drake.logs.importing.signals import OPTIONAL, STATE
 FASTEST = 500.0  # rate of the rows unless another is asked for [Hz]; own choice
 COMMANDS = ("thrust", "torque", "throttle")
 READINGS = ("rotor_speed", *OPTIONAL)
-SMOOTH = 0.1  # window in which a position is differentiated where there is no velocity [s]; own choice
+SMOOTH = (
+    0.1  # window in which a position is differentiated where there is no velocity [s]; own choice
+)
 
 _G = np.array([0.0, 0.0, GRAVITY])
 
@@ -26,7 +28,8 @@ _G = np.array([0.0, 0.0, GRAVITY])
 class Aligned:
     """Quantities as `convert` returns them, at common times t (n,) [s].
 
-    filled: (n,) bool, rows that lie within a gap of a signal.   notes: what was derived, one line each.
+    filled: (n,) bool, rows that lie within a gap of a signal.
+    notes: what was derived, one line each.
     """
 
     t: np.ndarray
@@ -43,16 +46,12 @@ class Aligned:
 def align(signals: Signals, log_map: LogMap, path: str = "log") -> Aligned:
     """Return the signals at common times, in SI units and our frames.
 
-    Where all signals share their times these are kept. Elsewhere rows are evenly spaced. Attitude follows the body
-    rates between its samples, velocity the accelerations, position the velocity; body rates and rotor speeds are
-    averaged about a row, and rotor speed that is renewed more slowly than rows come is held. Commands, and the
-    accelerations that follow them at once, are averaged over the interval after it: the specific force in body axes,
-    which a command holds while the body turns.
-
-    Args:
-        signals: as logged, by quantity.
-        log_map: with the conventions.
-        path: of the log, for messages.
+    Where all signals share their times these are kept. Elsewhere rows are evenly spaced. Attitude
+    follows the body rates between its samples, velocity the accelerations, position the velocity;
+    body rates and rotor speeds are averaged about a row, and rotor speed that is renewed more
+    slowly than rows come is held. Commands, and the accelerations that follow them at once, are
+    averaged over the interval after it: the specific force in body axes, which a command holds
+    while the body turns.
     Raises: LogError: if the signals do not overlap.
     """
     notes: list[str] = []
@@ -68,13 +67,19 @@ def align(signals: Signals, log_map: LogMap, path: str = "log") -> Aligned:
         out["acceleration"] = a.values
     elif a is not None:
         specific = Signal(a.t, attitude.rotate_back(q.turned(rates, a.t), a.values + _G))
-        out["acceleration"] = attitude.rotate(out["attitude"], _averaged_after(specific, t, width)) - _G
+        out["acceleration"] = (
+            attitude.rotate(out["attitude"], _averaged_after(specific, t, width)) - _G
+        )
     if "angular_acceleration" in signals:
         out["angular_acceleration"] = _averaged_after(x["angular_acceleration"], t, width)
     for name in (n for n in READINGS if n in signals):
         own = x[name]
-        steps = name == "commanded_rates" or (name == "rotor_speed" and width > 0 and own.renewal > FASTER * width)
-        if name == "rotor_speed" and own.renewal * SLOWEST_ROTORS > 1:  # of which the collective alone is taken
+        steps = name == "commanded_rates" or (
+            name == "rotor_speed" and width > 0 and own.renewal > FASTER * width
+        )
+        if (
+            name == "rotor_speed" and own.renewal * SLOWEST_ROTORS > 1
+        ):  # of which the collective alone is taken
             out[name] = own.renewed.linear(t)
         else:
             out[name] = own.held(t) if steps else own.averaged(t, width)
@@ -84,29 +89,27 @@ def align(signals: Signals, log_map: LogMap, path: str = "log") -> Aligned:
 
 
 def in_frames(signals: Signals, log_map: LogMap, notes: list[str]) -> dict[str, Signal]:
-    """Return signals in our frames at their own times; body rates and velocity also where they have to be derived.
-
-    Args:
-        signals: as logged, by quantity; attitude at least.
-        log_map: with the conventions.
-        notes: takes a line on each that is derived.
+    """Return signals in our frames at their own times; body rates and velocity also where they have
+    to be derived.
     """
     q_own = convert_quantity("attitude", signals["attitude"].values, log_map)
     q = Signal(signals["attitude"].t, attitude.one_hemisphere(q_own, q_own[0]))
     x = {"attitude": q, "rates": _rates(signals, log_map, q, notes)}
     for name, own in signals.items():
         if name not in x:
-            x[name] = Signal(own.t, convert_quantity(name, own.values, log_map, q.turned(x["rates"], own.t)))
+            x[name] = Signal(
+                own.t, convert_quantity(name, own.values, log_map, q.turned(x["rates"], own.t))
+            )
     if "velocity" not in x and "position" in x:
         x["velocity"] = _differentiated(x["position"], notes)
     return x
 
 
 def common_rows(signals: Signals, rate: float) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-    """Return evenly spaced times (n,) and the nearest sample of every signal (n, k) at each, as logged.
+    """Return evenly spaced times (n,) and the nearest sample of every signal (n, k) at each, as
+    logged.
 
     Args:
-        signals: as logged, by quantity.
         rate: of the rows [Hz].
     """
     start, stop = _overlap(signals)
@@ -125,22 +128,32 @@ def _overlap(signals: Signals) -> tuple[float, float]:
 
 
 def _rows(signals: Signals, log_map: LogMap, path: str) -> tuple[np.ndarray, float]:
-    """Return the times of the rows, and the width over which readings are averaged (0: rows are the samples)."""
+    """Return the times of the rows, and the width over which readings are averaged (0: rows are the
+    samples).
+    """
     start, stop = _overlap(signals)
     if not stop > start:
         spans = ", ".join(f"{n} {s.t[0]:.4g} … {s.t[-1]:.4g} s" for n, s in signals.items())
         raise LogError(f"{path}: the signals must overlap in time; got {spans}.")
     own = signals["attitude"].t
-    if log_map.rate == 0 and all(len(s.t) == len(own) and np.array_equal(s.t, own) for s in signals.values()):
+    if log_map.rate == 0 and all(
+        len(s.t) == len(own) and np.array_equal(s.t, own) for s in signals.values()
+    ):
         return own, 0.0
-    fast = [s.step for name, s in signals.items() if name in ("rates", "acceleration", "attitude", *COMMANDS)]
+    fast = [
+        s.step
+        for name, s in signals.items()
+        if name in ("rates", "acceleration", "attitude", *COMMANDS)
+    ]
     rate = log_map.rate or min(FASTEST, 1.0 / min(fast))
     count = int((stop - start) * rate + 1e-6)
     return start + np.arange(count + 1) / rate, 1.0 / rate
 
 
 def _averaged_after(own: Signal, at: np.ndarray, width: float) -> np.ndarray:
-    """Return the mean of a signal over `width` [s] after each of `at` (m,); linear where samples are no denser."""
+    """Return the mean of a signal over `width` [s] after each of `at` (m,); linear where samples
+    are no denser.
+    """
     dense = width >= FASTER * own.step
     return own.averaged(at + 0.5 * width * dense, width)
 
@@ -176,11 +189,8 @@ def _position(p: Signal, v: Signal, t: np.ndarray) -> np.ndarray:
 
 
 def command_meaning(own: Signal, log_map: LogMap) -> str:
-    """Return what the rows of a command mean: one that is logged slowly, without a word on it, changes in between.
-
-    Args:
-        own: as logged.
-        log_map: with the meaning declared.
+    """Return what the rows of a command mean: one that is logged slowly, without a word on it,
+    changes in between.
     """
     slow = own.step * SLOWEST_ROTORS > 1
     return "sampled" if slow and log_map.command == "unknown" else log_map.command
@@ -202,5 +212,7 @@ def _in_gaps(signals: Signals, t: np.ndarray) -> np.ndarray:
     for own in (s for name, s in signals.items() if name in (*STATE, *COMMANDS, "rotor_speed")):
         interval = np.diff(own.t)
         for k in np.flatnonzero(interval > GAP * own.step):
-            out[np.searchsorted(t, own.t[k], side="right") : np.searchsorted(t, own.t[k + 1])] = True
+            out[np.searchsorted(t, own.t[k], side="right") : np.searchsorted(t, own.t[k + 1])] = (
+                True
+            )
     return out

@@ -1,4 +1,6 @@
-"""Where a log breaks: its recorder pauses, its position or attitude jumps, or its format states a switch."""
+"""Where a log breaks: its recorder pauses, its position or attitude jumps, or its format states a
+switch.
+"""
 
 import dataclasses as dc
 from collections.abc import Sequence
@@ -13,7 +15,8 @@ from np_drake.logs.importing.log_map import UNITS, LogMap
 from np_drake.logs.importing.signals import OPTIONAL, STATE
 
 INPUTS = ("thrust", "torque", "throttle", "rotor_speed")
-PAUSE = 0.3  # gap of a signal from which a log is two [s]; own choice: below the windows of the conventions
+# gap of a signal from which a log is two [s]; own choice: below the windows of the conventions
+PAUSE = 0.3
 SLOW = 10.0  # intervals of a signal that are no pause [1]; own choice
 LEAST = {  # jump of one interval; own choice
     "position": 0.1,  # [m]
@@ -21,7 +24,8 @@ LEAST = {  # jump of one interval; own choice
     "attitude": np.radians(10.0),  # [rad]
 }
 MOST = 0.02  # share of the intervals that jump from which the signal is a noisy one [1]; own choice
-ABRUPT = 8.0  # jump over the largest change of the intervals around it [1]; own choice: motion has no such
+# jump over the largest change of the intervals around it [1]; own choice: motion has no such
+ABRUPT = 8.0
 STATED = 0.3  # share of both that is enough where the log itself states a reset [1]; own choice
 AROUND = 8  # intervals before and after a jump with which it is compared [1]
 MOST_SAID = 5  # breaks that are named one by one
@@ -30,7 +34,9 @@ LASTS = 3  # samples after which a jump is still there, and no single bad sample
 
 @dc.dataclass(frozen=True)
 class Break:
-    """A part breaks off with the samples at `before` and another begins with those at `after` [s]."""
+    """A part breaks off with the samples at `before` and another begins with those at `after`
+    [s].
+    """
 
     before: float
     after: float
@@ -38,18 +44,21 @@ class Break:
 
 
 def find_breaks(
-    signals: Signals, log_map: LogMap, stated: Sequence[tuple[float, str]], known: Sequence[Break] = ()
+    signals: Signals,
+    log_map: LogMap,
+    stated: Sequence[tuple[float, str]],
+    known: Sequence[Break] = (),
 ) -> list[Break]:
     """Return where the log breaks, in time.
 
     Args:
-        signals: as logged, by quantity.
-        log_map: with their conventions.
-        stated: time [s] and reason of the breaks that the format states; a reason that ends in `?` is one if it shows.
-        known: others of the same log.
+        stated: time [s] and reason of the breaks that the format states; a reason that ends in `?`
+            is one if it shows.
     """
     found = list(known)
-    place = next(signals[name] for name in ("position", "velocity", "acceleration") if name in signals)
+    place = next(
+        signals[name] for name in ("position", "velocity", "acceleration") if name in signals
+    )
     asked = [(t, reason) for t, reason in stated if reason.endswith("?")]
     for t, reason in stated:
         k = int(np.searchsorted(place.t, t))
@@ -67,12 +76,13 @@ def find_breaks(
     return _joined(found)
 
 
-def split(signals: Signals, breaks: Sequence[Break], origin: float = 0.0) -> tuple[list[Signals], list[str]]:
-    """Return the signals of every part, and one line on every break and on every part that is left out.
+def split(
+    signals: Signals, breaks: Sequence[Break], origin: float = 0.0
+) -> tuple[list[Signals], list[str]]:
+    """Return the signals of every part, and one line on every break and on every part that is left
+    out.
 
     Args:
-        signals: as logged, by quantity.
-        breaks: in time.
         origin: from which times of the lines count [s].
     """
     if not breaks:
@@ -85,35 +95,48 @@ def split(signals: Signals, breaks: Sequence[Break], origin: float = 0.0) -> tup
         parts += [] if lacking else [part]
     said = []
     for b, before, after in zip(breaks, kept[:-1], kept[1:], strict=True):
-        what = "split there" if before and after else f"what comes {'after' if before else 'before'} it is left out"
+        what = (
+            "split there"
+            if before and after
+            else f"what comes {'after' if before else 'before'} it is left out"
+        )
         said.append(f"{b.reason} at {b.before - origin:.2f} s: {what}")
     if len(said) > MOST_SAID:
-        said[MOST_SAID:] = [f"{len(said) - MOST_SAID} more such breaks, the last at {breaks[-1].before - origin:.2f} s"]
+        said[MOST_SAID:] = [
+            (
+                f"{len(said) - MOST_SAID} more such breaks, the last at "
+                f"{breaks[-1].before - origin:.2f} s"
+            )
+        ]
     return parts, said
 
 
 def within(signals: Signals, start: float, stop: float) -> tuple[Signals, str]:
-    """Return the signals between two times [s], and which of those that are needed has too few samples; empty: none.
-
-    Args:
-        signals: as logged, by quantity.
-        start: first time.
-        stop: last time.
+    """Return the signals between two times [s], and which of those that are needed has too few
+    samples; empty: none.
     """
     part = {name: own.between(start, stop) for name, own in signals.items()}
     short = [n for n, own in part.items() if len(own.t) < (2 if n in OPTIONAL else LEAST_ROWS)]
-    lacking = next((f"{name} has {len(part[name].t)}" for name in short if name not in OPTIONAL), "")
+    lacking = next(
+        (f"{name} has {len(part[name].t)}" for name in short if name not in OPTIONAL), ""
+    )
     return {name: own for name, own in part.items() if name not in short}, lacking
 
 
 def _pauses(own: Signal) -> list[Break]:
     interval = np.diff(own.t)
     gaps = np.flatnonzero(interval > max(PAUSE, SLOW * own.step))
-    return [Break(float(own.t[k]), float(own.t[k + 1]), f"a pause of {interval[k]:.3g} s") for k in gaps]
+    return [
+        Break(float(own.t[k]), float(own.t[k + 1]), f"a pause of {interval[k]:.3g} s") for k in gaps
+    ]
 
 
-def _jumps(t: np.ndarray, change: np.ndarray, name: str, asked: Sequence[tuple[float, str]]) -> list[Break]:
-    """Return where changes (n - 1, 3) between samples at t (n,) are out of all proportion to those around them."""
+def _jumps(
+    t: np.ndarray, change: np.ndarray, name: str, asked: Sequence[tuple[float, str]]
+) -> list[Break]:
+    """Return where changes (n - 1, 3) between samples at t (n,) are out of all proportion to those
+    around them.
+    """
     size, count = np.linalg.norm(change, axis=1), len(change)
     if count < 4 * AROUND:
         return []
@@ -129,15 +152,23 @@ def _jumps(t: np.ndarray, change: np.ndarray, name: str, asked: Sequence[tuple[f
         reason = next((r for at, r in asked if t[max(k - 1, 0)] <= at <= t[min(k + 2, count)]), "")
         if size[k] > (STATED if reason else 1.0) * least[k]:
             said = (
-                f"{np.degrees(size[k]):.3g} deg" if name == "attitude" else f"{size[k]:.3g} {next(iter(UNITS[name]))}"
+                f"{np.degrees(size[k]):.3g} deg"
+                if name == "attitude"
+                else f"{size[k]:.3g} {next(iter(UNITS[name]))}"
             )
             what = reason.rstrip("?") or f"the {name} jumps by {said}"
-            found.append(Break(float(t[k]), float(t[k + 1]), what + (f" ({name} by {said})" if reason else "")))
+            found.append(
+                Break(
+                    float(t[k]), float(t[k + 1]), what + (f" ({name} by {said})" if reason else "")
+                )
+            )
     return found if len(found) < MOST * count else []
 
 
 def _joined(found: Sequence[Break]) -> list[Break]:
-    """Return the breaks in time, those that overlap as one, with the first reason that is more than a pause."""
+    """Return the breaks in time, those that overlap as one, with the first reason that is more than
+    a pause.
+    """
     out: list[Break] = []
     for b in sorted(found, key=lambda b: b.before):
         if out and b.before < out[-1].after:

@@ -1,8 +1,9 @@
-"""Agreement of the quantities of a log with each other: which conventions it can have been written in.
+"""Agreement of the quantities of a log with each other: which conventions it can have been written
+in.
 
-Kinematics ties position to velocity and attitude to body rates; gravity ties an accelerometer to the vertical; and the
-specific force of a multirotor lies along its thrust axis. Each law is tested axis by axis, over windows, where the axis
-moves enough.
+Kinematics ties position to velocity and attitude to body rates; gravity ties an accelerometer to
+the vertical; and the specific force of a multirotor lies along its thrust axis. Each law is tested
+axis by axis, over windows, where the axis moves enough.
 """
 
 from collections.abc import Callable, Collection, Mapping
@@ -14,13 +15,17 @@ from np_drake import attitude
 from np_drake.logs.importing.convert import GRAVITY
 from np_drake.logs.windows import Windows
 
-AGREES = 0.5  # largest misfit of a law that holds [1]; own choice: wind, drag, noise, late sensors stay below
+# largest misfit of a law that holds [1]; own choice: wind, drag, noise, late sensors stay below
+AGREES = 0.5
 FAILS = 0.75  # misfit above which a law does not hold [1]; own choice
 OPPOSED = 1.5  # misfit from which two sides are turned round, whatever else acts [1]; own choice
 SCALE = f"above {FAILS:g} a law fails, 2 is the opposite"  # of a misfit, for messages
-LEVEL = 0.1  # share of the tilt that horizontal accelerations need, below which an attitude never tilts [1]; own choice
+# share of the tilt that horizontal accelerations need, below which an attitude never tilts [1]; own
+# choice
+LEVEL = 0.1
 WINDOW = 0.5  # over which changes and integrals are compared [s]; own choice
-LEAST = {  # RMS of an axis over a window below which it is not tested; own choice, some times usual noise
+# RMS of an axis over a window below which it is not tested; own choice, some times usual noise
+LEAST = {
     "position": 0.05,  # [m]
     "velocity": 0.25,  # [m/s]
     "attitude": 0.08,  # [rad]
@@ -28,20 +33,26 @@ LEAST = {  # RMS of an axis over a window below which it is not tested; own choi
 }
 CHANCE = 1e-3  # of an F test [1]; own choice
 AXES = "xyz"
-KINEMATIC = ("position", "attitude", "velocity")  # laws that tie a quantity to its rate, axis by axis
+KINEMATIC = (
+    "position",
+    "attitude",
+    "velocity",
+)  # laws that tie a quantity to its rate, axis by axis
 Misfits = dict[str, float]
 
 
 def misfits(t: np.ndarray, x: Mapping[str, np.ndarray], *, everything: bool = False) -> Misfits:
-    """Return the misfit of every law that the log can test, by its name: 0 is agreement, 1 none, 2 the opposite.
+    """Return the misfit of every law that the log can test, by its name: 0 is agreement, 1 none, 2
+    the opposite.
 
-    It is the RMS of the disagreement over that of the larger side, means removed; for gravity the mean disagreement
-    over g, for the sign of the thrust 0 or 2.
+    It is the RMS of the disagreement over that of the larger side, means removed; for gravity the
+    mean disagreement over g, for the sign of the thrust 0 or 2.
 
     Args:
         t: (n,) evenly spaced times [s].
         x: quantities as `convert` returns them, at these times.
-        everything: also of axes that move too little to test the law, relative to what would be enough.
+        everything: also of axes that move too little to test the law, relative to what would be
+            enough.
     """
     over = Windows(t, WINDOW)
     out: Misfits = {}
@@ -57,22 +68,26 @@ def failing(own: Misfits) -> list[str]:
 
 
 def told_by_noise(t: np.ndarray, x: Mapping[str, np.ndarray], own: Misfits) -> list[str]:
-    """Return the laws that fail about an axis though noise and drift of its sensor explain that: it tells nothing.
+    """Return the laws that fail about an axis though noise and drift of its sensor explain that: it
+    tells nothing.
 
-    One axis alone is among these where the others agree or move too little. Of two, each whose disagreement is no
-    larger than chance makes it where the sensor is as noisy as about the third, by the log itself (F test). A law of
-    the opposite sign is none of these.
+    One axis alone is among these where the others agree or move too little. Of two, each whose
+    disagreement is no larger than chance makes it where the sensor is as noisy as about the third,
+    by the log itself (F test). A law of the opposite sign is none of these.
 
     Args:
         t: (n,) evenly spaced times [s].
         x: quantities as `convert` returns them, at these times.
-        own: their misfits.
     """
     found = []
     wrong = [law for law in failing(own) if law.split()[0] in KINEMATIC]
     for kind in dict.fromkeys(law.split()[0] for law in wrong):
         failed = [law for law in wrong if law.startswith(kind)]
-        others = [misfit for law, misfit in own.items() if law.startswith(f"{kind} ") and law not in failed]
+        others = [
+            misfit
+            for law, misfit in own.items()
+            if law.startswith(f"{kind} ") and law not in failed
+        ]
         if max(others, default=0.0) >= AGREES or max(own[law] for law in failed) >= OPPOSED:
             continue
         if len(failed) == 1 or (len(failed) == 2 and not _stands_out(t, x, kind, failed)):
@@ -81,12 +96,11 @@ def told_by_noise(t: np.ndarray, x: Mapping[str, np.ndarray], own: Misfits) -> l
 
 
 def _stands_out(t: np.ndarray, x: Mapping[str, np.ndarray], kind: str, failed: list[str]) -> bool:
-    """Return whether the disagreement about an axis that fails is larger than noise as about the third axis makes it.
+    """Return whether the disagreement about an axis that fails is larger than noise as about the
+    third axis makes it.
 
     Args:
         t: (n,) [s].
-        x: quantities at these times.
-        kind: of law.
         failed: it, about two axes.
     """
     over = Windows(t, WINDOW)
@@ -101,7 +115,8 @@ def _stands_out(t: np.ndarray, x: Mapping[str, np.ndarray], kind: str, failed: l
 
 
 def never_tilts(t: np.ndarray, x: Mapping[str, np.ndarray]) -> tuple[float, float] | None:
-    """Return the spread of an attitude's tilt and that which horizontal accelerations need [rad]; None where it tilts.
+    """Return the spread of an attitude's tilt and that which horizontal accelerations need [rad];
+    None where it tilts.
 
     A planar odometry has no roll and no pitch.
 
@@ -135,13 +150,18 @@ def _velocity(over: Windows, everything: bool, v: np.ndarray, a: np.ndarray) -> 
 
 
 def _weight(over: Windows, everything: bool, a: np.ndarray) -> Misfits:
-    """Return the misfits of a specific force in body axes, all that a log without attitude has of gravity.
+    """Return the misfits of a specific force in body axes, all that a log without attitude has of
+    gravity.
 
-    The rotors push along the thrust axis. On the whole they carry the weight: a factor of g is as wrong as a unit.
+    The rotors push along the thrust axis. On the whole they carry the weight: a factor of g is as
+    wrong as a unit.
     """
     s = a + [0.0, 0.0, GRAVITY]  # as `convert` leaves it without attitude
     size = max(float(np.median(np.linalg.norm(s, axis=1))), 1e-9)
-    return {"upright": 1 - float(np.median(s[:, 2])) / size, "gravity": abs(np.log(size / GRAVITY)) / np.log(GRAVITY)}
+    return {
+        "upright": 1 - float(np.median(s[:, 2])) / size,
+        "gravity": abs(np.log(size / GRAVITY)) / np.log(GRAVITY),
+    }
 
 
 def _thrust(over: Windows, everything: bool, thrust: np.ndarray) -> Misfits:
@@ -149,9 +169,11 @@ def _thrust(over: Windows, everything: bool, thrust: np.ndarray) -> Misfits:
 
 
 def _lift(over: Windows, everything: bool, v: np.ndarray, q: np.ndarray) -> Misfits:
-    """Return the misfit of horizontal accelerations with a drag and a force along body z that carries the vertical one.
+    """Return the misfit of horizontal accelerations with a drag and a force along body z that
+    carries the vertical one.
 
-    The drag over mass is the one, not negative, with which they fit best; a steady wind falls out with the means.
+    The drag over mass is the one, not negative, with which they fit best; a steady wind falls out
+    with the means.
     """
     span = over.spans[:, None]
     a = over.change(v) / span

@@ -1,4 +1,6 @@
-"""Check of a log's conventions: the declared ones must agree with the log, or those that do are named."""
+"""Check of a log's conventions: the declared ones must agree with the log, or those that do are
+named.
+"""
 
 import dataclasses as dc
 import itertools
@@ -28,14 +30,15 @@ SHORTEST, LONGEST = 1e-4, 0.2  # interval of a state in a flight log [s]; own ch
 SEARCHED = 2000  # rows on which other conventions are tried; own choice
 MOST_CHANGES = 3  # conventions that are changed together in search of agreement [1]
 
-Change = tuple[tuple[str, Any], ...]  # options of the map, dotted, and their values: one other convention
+Change = tuple[
+    tuple[str, Any], ...
+]  # options of the map, dotted, and their values: one other convention
 
 
 class WrongConventions(LogError):
     """A log does not agree with the conventions declared.
 
     Args:
-        message: one line.
         verdict: with the conventions with which it does agree, if any.
     """
 
@@ -48,8 +51,11 @@ class WrongConventions(LogError):
 class Verdict:
     """Outcome of the check.
 
-    misfits: of the declared conventions, by law.   failed: laws that do not hold.   changes: options of the map, the
-    fewest with which all laws hold; empty where none are needed or none are found.   rivals: other sets of as few.
+    misfits: of the declared conventions, by law.
+    failed: laws that do not hold.
+    changes: options of the map, the fewest with which all laws hold; empty where none are needed or
+        none are found.
+    rivals: other sets of as few.
     """
 
     misfits: Misfits
@@ -64,16 +70,17 @@ class Verdict:
 
 
 def check_conventions(t: np.ndarray, raw: Values, log_map: LogMap) -> Verdict:
-    """Check the conventions of a log, and search for those that agree where the declared ones do not.
+    """Check the conventions of a log, and search for those that agree where the declared ones do
+    not.
 
-    A law fails where its misfit is large, or where another convention makes it many times smaller. The lift is no law
-    of kinematics: where it alone fails and no other convention makes it hold, another force acts, as of a payload. Nor
-    does an axis refuse a log whose noise explains what disagrees, as of a gyro that drifts (`told_by_noise`).
+    A law fails where its misfit is large, or where another convention makes it many times smaller.
+    The lift is no law of kinematics: where it alone fails and no other convention makes it hold,
+    another force acts, as of a payload. Nor does an axis refuse a log whose noise explains what
+    disagrees, as of a gyro that drifts (`told_by_noise`).
 
     Args:
         t: (n,) evenly spaced times [s].
         raw: columns (n, k) of the log at these times, by quantity.
-        log_map: with the declared conventions.
     """
     x = convert(raw, log_map)
     own = misfits(t, x)
@@ -86,7 +93,11 @@ def check_conventions(t: np.ndarray, raw: Values, log_map: LogMap) -> Verdict:
     trial = Trial(t[part], {name: values[part] for name, values in raw.items()})
     for count in range(1, MOST_CHANGES + 1 if failed else 2):
         found = []
-        tried = singles if count == 1 else [change for change in singles if not change[0][0].endswith(".signs")]
+        tried = (
+            singles
+            if count == 1
+            else [change for change in singles if not change[0][0].endswith(".signs")]
+        )
         for chosen in itertools.combinations(tried, count):
             change = tuple(itertools.chain(*chosen))
             if len({option for option, _ in change}) < len(change):
@@ -100,9 +111,13 @@ def check_conventions(t: np.ndarray, raw: Values, log_map: LogMap) -> Verdict:
                 found.append((sum(m**2 for m in now.values()), change))
         if found:
             found.sort(key=lambda pair: pair[0])
-            return Verdict(own, failed or tuple(doubted), found[0][1], tuple(change for _, change in found[1:]))
+            return Verdict(
+                own, failed or tuple(doubted), found[0][1], tuple(change for _, change in found[1:])
+            )
     aside = told_by_noise(t, x, own)
-    disturbed = all(law in aside or (law.startswith("lift") and own[law] < OPPOSED) for law in failed)
+    disturbed = all(
+        law in aside or (law.startswith("lift") and own[law] < OPPOSED) for law in failed
+    )
     return Verdict(own, () if disturbed else failed)
 
 
@@ -120,7 +135,9 @@ class Trial:
         self._misfits: dict[Any, Misfits] = {}
 
     def misfits(self, log_map: LogMap) -> Misfits:
-        """Return what `consistency.misfits` does of everything in the log, converted by this map."""
+        """Return what `consistency.misfits` does of everything in the log, converted by this
+        map.
+        """
         out: Misfits = {}
         for needed, law in laws_for(self._raw) if self._over.fit else ():
             keys = tuple(self._key(name, log_map) for name in needed)
@@ -139,18 +156,25 @@ class Trial:
         return self._converted[key]
 
     def _key(self, name: str, log_map: LogMap) -> tuple[Any, ...]:
-        """Return what a quantity depends on: its own conventions, and those of the attitude that may turn it."""
+        """Return what a quantity depends on: its own conventions, and those of the attitude that
+        may turn it.
+        """
         source = getattr(log_map, name)
         turned = name in VECTORS and "attitude" in self._raw and source.is_turned(name)
-        return (name, repr(source), *log_map.frames(source), *(self._key("attitude", log_map) if turned else ()))
+        return (
+            name,
+            repr(source),
+            *log_map.frames(source),
+            *(self._key("attitude", log_map) if turned else ()),
+        )
 
 
 def liveliest(raw: Values, rows: int) -> slice:
-    """Return the part of at most `SEARCHED` rows in which the attitude, or else the position, varies most.
+    """Return the part of at most `SEARCHED` rows in which the attitude, or else the position,
+    varies most.
 
     Args:
         raw: (rows, k) columns by quantity.
-        rows: number of them.
     """
     if rows <= SEARCHED:
         return slice(0, rows)
@@ -167,7 +191,6 @@ def fitting_time_unit(step: float, log_map: LogMap) -> Change:
 
     Args:
         step: between samples, in the declared unit converted to [s].
-        log_map: with the unit declared.
     """
     if SHORTEST <= step <= LONGEST:
         return ()
@@ -183,13 +206,14 @@ def changed(log_map: LogMap, change: Change) -> LogMap:
     """Return the map with options changed.
 
     Args:
-        log_map: as declared.
         change: options and their values; a dotted option is one of a quantity.
     """
     for option, value in change:
         name, _, field = option.partition(".")
         if field:
-            log_map = dc.replace(log_map, **{name: dc.replace(getattr(log_map, name), **{field: value})})
+            log_map = dc.replace(
+                log_map, **{name: dc.replace(getattr(log_map, name), **{field: value})}
+            )
         else:
             log_map = dc.replace(log_map, **{name: value})
     return log_map
@@ -203,13 +227,21 @@ def as_text(change: Change) -> str:
 def _agrees(now: Misfits, own: Misfits) -> bool:
     """Return whether all laws hold that failed, and none is lost that could be tested before."""
     laws = {law.split()[0] for law in own}
-    return laws <= {law.split()[0] for law in now} and all(misfit < AGREES for misfit in now.values())
+    return laws <= {law.split()[0] for law in now} and all(
+        misfit < AGREES for misfit in now.values()
+    )
 
 
 def _agrees_better(now: Misfits, own: Misfits, doubted: list[str]) -> bool:
-    """Return whether the doubted laws hold many times better, and no other gets as bad as these were."""
+    """Return whether the doubted laws hold many times better, and no other gets as bad as these
+    were.
+    """
     better = all(law in now and BETTER * now[law] < own[law] for law in doubted)
-    return better and _agrees(now, own) and all(m < max(DOUBTED, own.get(law, 0.0)) for law, m in now.items())
+    return (
+        better
+        and _agrees(now, own)
+        and all(m < max(DOUBTED, own.get(law, 0.0)) for law, m in now.items())
+    )
 
 
 def _alternatives(raw: Values, log_map: LogMap) -> Iterator[Change]:
@@ -217,7 +249,9 @@ def _alternatives(raw: Values, log_map: LogMap) -> Iterator[Change]:
     yield (("world", _other(WORLDS, log_map.world)),)
     yield (("body", _other(BODIES, log_map.body)),)
     if "position" in raw and "velocity" in raw:
-        worlds = {name: log_map.frames(getattr(log_map, name))[0] for name in ("position", "velocity")}
+        worlds = {
+            name: log_map.frames(getattr(log_map, name))[0] for name in ("position", "velocity")
+        }
         yield tuple((f"{name}.world", _other(WORLDS, own)) for name, own in worlds.items())
     for name in raw:
         for options in _of_quantity(name, log_map):
@@ -252,10 +286,17 @@ def _of_quantity(name: str, log_map: LogMap) -> Iterator[dict[str, Any]]:
         yield {"scale": -source.scale}
     if name in HANDED and len(source.columns) == 3:
         for axis in range(3):
-            yield {"signs": [-sign if i == axis else sign for i, sign in enumerate(source.signs or [1, 1, 1])]}
+            yield {
+                "signs": [
+                    -sign if i == axis else sign for i, sign in enumerate(source.signs or [1, 1, 1])
+                ]
+            }
 
 
-HANDED = ("attitude", "rates")  # three columns of which a log may turn one, as pitch against a right-handed y
+HANDED = (
+    "attitude",
+    "rates",
+)  # three columns of which a log may turn one, as pitch against a right-handed y
 VECTORS = ("position", "velocity", "rates", "acceleration")
 _UNITS: Mapping[str, tuple[str, ...]] = {
     "position": ("m", "cm", "mm"),

@@ -1,4 +1,6 @@
-"""Conversion of the columns of a log to SI units and our frames (W z up, B z along the thrust), row by row."""
+"""Conversion of the columns of a log to SI units and our frames (W z up, B z along the thrust), row
+by row.
+"""
 
 from collections.abc import Mapping
 
@@ -18,28 +20,33 @@ Values = Mapping[str, np.ndarray]
 def convert(raw: Values, log_map: LogMap) -> dict[str, np.ndarray]:
     """Return quantities (n, k) in SI units and our frames.
 
-    position, velocity: in W [m, m/s].   attitude: (n, 4) w, x, y, z, body to W.   rates, angular_acceleration,
-    torque: in B [rad/s, rad/s², N·m].   acceleration: dv/dt in W without gravity [m/s²].   thrust [N] or, with unit
-    `weight`, over the weight [1].   rotor_speed [rad/s].   throttle: 0 … 1; unit `us`: of 1000 … 2000 µs.
+    position, velocity: in W [m, m/s].
+    attitude: (n, 4) w, x, y, z, body to W.
+    rates, angular_acceleration, torque: in B [rad/s, rad/s², N·m].
+    acceleration: dv/dt in W without gravity [m/s²].
+    thrust [N] or, with unit `weight`, over the weight [1].
+    rotor_speed [rad/s].
+    throttle: 0 … 1; unit `us`: of 1000 … 2000 µs.
 
     Args:
         raw: (n, k) columns of a log at common times, by quantity.
-        log_map: with units and conventions.
     """
     q = convert_quantity("attitude", raw["attitude"], log_map) if "attitude" in raw else None
     out = {} if q is None else {"attitude": q}
     return out | {
-        name: convert_quantity(name, values, log_map, q) for name, values in raw.items() if name != "attitude"
+        name: convert_quantity(name, values, log_map, q)
+        for name, values in raw.items()
+        if name != "attitude"
     }
 
 
-def convert_quantity(name: str, values: np.ndarray, log_map: LogMap, q: np.ndarray | None = None) -> np.ndarray:
+def convert_quantity(
+    name: str, values: np.ndarray, log_map: LogMap, q: np.ndarray | None = None
+) -> np.ndarray:
     """Return one quantity (n, k) as `convert` does.
 
     Args:
-        name: of the quantity.
         values: (n, k) of the log.
-        log_map: with units and conventions.
         q: (n, 4) attitude at its times, where it has to be turned between W and B.
     """
     source = getattr(log_map, name)
@@ -54,7 +61,15 @@ def convert_quantity(name: str, values: np.ndarray, log_map: LogMap, q: np.ndarr
     return _turned(name, scaled, q, log_map) if name in _TURNED else scaled
 
 
-_TURNED = ("position", "velocity", "rates", "commanded_rates", "acceleration", "angular_acceleration", "torque")
+_TURNED = (
+    "position",
+    "velocity",
+    "rates",
+    "commanded_rates",
+    "acceleration",
+    "angular_acceleration",
+    "torque",
+)
 
 
 def _attitude(values: np.ndarray, source: Source, log_map: LogMap) -> np.ndarray:
@@ -75,7 +90,9 @@ def _attitude(values: np.ndarray, source: Source, log_map: LogMap) -> np.ndarray
 
 
 def _turned(name: str, values: np.ndarray, q: np.ndarray | None, log_map: LogMap) -> np.ndarray:
-    """Return a vector in the axes of its quantity: W for position, velocity and acceleration, B for the others."""
+    """Return a vector in the axes of its quantity: W for position, velocity and acceleration, B for
+    the others.
+    """
     source = getattr(log_map, name)
     world, body = log_map.frames(source)
     axes = source.axes_of(name)
@@ -91,6 +108,11 @@ def _turned(name: str, values: np.ndarray, q: np.ndarray | None, log_map: LogMap
 
 
 def from_roll_pitch_yaw(angles: np.ndarray) -> np.ndarray:
-    """Return quaternions (n, 4) of roll, pitch, yaw (n, 3) [rad]: turns about z, then y, then x, in body axes."""
-    x, y, z = (attitude.from_rotation_vector(a[:, None] * axis) for a, axis in zip(angles.T, np.eye(3), strict=True))
+    """Return quaternions (n, 4) of roll, pitch, yaw (n, 3) [rad]: turns about z, then y, then x, in
+    body axes.
+    """
+    x, y, z = (
+        attitude.from_rotation_vector(a[:, None] * axis)
+        for a, axis in zip(angles.T, np.eye(3), strict=True)
+    )
     return attitude.multiply(z, attitude.multiply(y, x))

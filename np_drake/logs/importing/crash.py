@@ -1,4 +1,6 @@
-"""Where a flight ends that ends badly: in a fall that the rotors do not tell, or as a wreck on the ground."""
+"""Where a flight ends that ends badly: in a fall that the rotors do not tell, or as a wreck on the
+ground.
+"""
 
 import numpy as np
 
@@ -9,20 +11,36 @@ from np_drake.logs.windows import stretches
 from np_drake.training_data.accelerations import LIFT_BAND, lift_over_weight
 
 STILL = 0.3  # speed of a wreck [m/s]; own choice
-LIES, TUMBLES = 0.5, 3.0  # least time at rest after a crash, and longest between its impacts and rest [s]; own choice
-LYING = 0.7  # share of the thrust axis that is vertical below which nothing hovers: 45 deg [1]; own choice
+LIES, TUMBLES = (
+    0.5,
+    3.0,
+)  # least time at rest after a crash, and longest between its impacts and rest [s]; own choice
+# share of the thrust axis that is vertical below which nothing hovers: 45 deg [1]; own choice
+LYING = 0.7
 ABOVE = 0.3  # height over the ground of a flight [m]; own choice
-# Acceleration over g of an impact, and time over which it acts [1, s]; own choice: a landing is softer.
+# Acceleration over g of an impact, and time over which it acts [1, s]; own choice: a landing is
+# softer.
 IMPACT, BLOW = 3.0, 0.1
 FITS = "fits "  # beginning of a note that not all of a log is taken
-WRECK = "must hold a flight; the vehicle lies still and tilted."  # what is said of a log of nothing else
-CARRIED, FALLS = 0.3, 0.3  # lift over the weight in a fall [1], and its least duration [s]; own choice
+# what is said of a log of nothing else
+WRECK = "must hold a flight; the vehicle lies still and tilted."
+CARRIED, FALLS = (
+    0.3,
+    0.3,
+)  # lift over the weight in a fall [1], and its least duration [s]; own choice
 
 
 def end_of_flight(
-    t: np.ndarray, p: np.ndarray, v: np.ndarray, q: np.ndarray, lift: np.ndarray, *, moves: bool = True
+    t: np.ndarray,
+    p: np.ndarray,
+    v: np.ndarray,
+    q: np.ndarray,
+    lift: np.ndarray,
+    *,
+    moves: bool = True,
 ) -> tuple[int, str]:
-    """Return the row at which a flight ends that ends badly, and why; all rows and nothing where it does not.
+    """Return the row at which a flight ends that ends badly, and why; all rows and nothing where it
+    does not.
 
     Args:
         t: (n,) [s].
@@ -35,7 +53,11 @@ def end_of_flight(
     crash, fall = before_the_crash(t, p, v, q) if moves else len(t), before_the_fall(t, v, q, lift)
     if min(crash, fall) == len(t):
         return len(t), ""
-    return (crash, "the vehicle crashes") if crash <= fall else (fall, "the rotors carry it no longer though they run")
+    return (
+        (crash, "the vehicle crashes")
+        if crash <= fall
+        else (fall, "the rotors carry it no longer though they run")
+    )
 
 
 def fits_until(time: float, why: str = "") -> str:
@@ -43,13 +65,13 @@ def fits_until(time: float, why: str = "") -> str:
 
     Args:
         time: until which it is taken [s].
-        why: what happens there.
     """
     return f"{FITS}until {time:.1f} s{f', where {why}' * bool(why)}; what follows is left out"
 
 
 def before_the_fall(t: np.ndarray, v: np.ndarray, q: np.ndarray, lift: np.ndarray) -> int:
-    """Return the row at which the vehicle begins to fall although its rotors run; all rows where it does not.
+    """Return the row at which the vehicle begins to fall although its rotors run; all rows where it
+    does not.
 
     Args:
         t: (n,) [s].
@@ -60,7 +82,8 @@ def before_the_fall(t: np.ndarray, v: np.ndarray, q: np.ndarray, lift: np.ndarra
     carried = lift_over_weight(t, v, q, GRAVITY)
     flying = carried > 1 - CARRIED  # or on the ground, which carries
     for start, stop in stretches(carried < CARRIED):
-        # The rotors of a vehicle that falls may run faster than in flight: what came before tells the usual lift.
+        # The rotors of a vehicle that falls may run faster than in flight: what came before tells
+        # the usual lift.
         if not np.any(flying[:start]) or np.median(carried[:start]) < 1 - CARRIED:
             continue
         runs = lift[start:stop] > RUNNING * usual_lift(lift[:start][flying[:start]])
@@ -73,8 +96,8 @@ def before_the_fall(t: np.ndarray, v: np.ndarray, q: np.ndarray, lift: np.ndarra
 def before_the_crash(t: np.ndarray, p: np.ndarray, v: np.ndarray, q: np.ndarray) -> int:
     """Return the row at which a flight ends that ends as a wreck; all rows where it does not.
 
-    A wreck is at rest, tilted as none can hover, or after an impact where the flight is lowest. The flight ends shortly
-    before the impact, where there is one.
+    A wreck is at rest, tilted as none can hover, or after an impact where the flight is lowest. The
+    flight ends shortly before the impact, where there is one.
 
     Args:
         t: (n,) [s].

@@ -13,7 +13,8 @@ from np_drake.logs.importing.interpolation import FASTER, Signal, Signals
 from np_drake.logs.importing.log_map import LogMap, Source
 
 LACKS = {"position": "height", "velocity": "velocity"}  # quantity: what `FlightLog.lacks` says
-# Below which the mean specific force is vertical: no flight accelerates one way for ten seconds [Hz]; own choice.
+# Below which the mean specific force is vertical: no flight accelerates one way for ten seconds
+# [Hz]; own choice.
 LEVEL = 0.05
 EVERY = 0.05  # between two values of that mean [s]
 FINEST = 0.002  # between two attitudes: body rates that are denser are averaged [s]
@@ -23,49 +24,60 @@ _G = np.array([0.0, 0.0, GRAVITY])
 def with_whole_motion(
     signals: Signals, log_map: LogMap
 ) -> tuple[dict[str, Signal], LogMap, tuple[str, ...], list[str]]:
-    """Return signals and map with attitude and position, and what the log lacks, with a note on each.
+    """Return signals and map with attitude and position, and what the log lacks, with a note on
+    each.
 
-    Without attitude it is that of the body rates, from yaw zero, kept level by the accelerometer; position and velocity
-    in the world then say nothing of the body and are left out. Without position it is the integral of the velocity,
-    from the origin; without both, velocity is that of the acceleration, from rest. A velocity that a position tells is
-    left to `align`.
-
-    Args:
-        signals: as logged, by quantity.
-        log_map: with the conventions that hold.
+    Without attitude it is that of the body rates, from yaw zero, kept level by the accelerometer;
+    position and velocity in the world then say nothing of the body and are left out. Without
+    position it is the integral of the velocity, from the origin; without both, velocity is that of
+    the acceleration, from rest. A velocity that a position tells is left to `align`.
     """
     found, lacks, notes = dict(signals), [], []
     if "attitude" not in found:
         left = [name for name in LACKS if found.pop(name, None) is not None]
         found["attitude"] = _levelled(found, log_map)
-        log_map = dc.replace(log_map, attitude=Source(["integral of rates"] * 4, world="enu", body="flu"))
+        log_map = dc.replace(
+            log_map, attitude=Source(["integral of rates"] * 4, world="enu", body="flu")
+        )
         lacks.append("attitude")
         notes.append(
-            f"attitude: none in the log; rates integrated, levelled by the accelerometer below {LEVEL:g} Hz, and what "
+            f"attitude: none in the log; rates integrated, levelled by the accelerometer "
+            f"below {LEVEL:g} Hz, and what "
             "acts through attitude cannot be told"
         )
-        notes += [f"{name}: left out; without attitude it says nothing of the body" for name in left]
+        notes += [
+            f"{name}: left out; without attitude it says nothing of the body" for name in left
+        ]
     for name, rate in (("velocity", "acceleration"), ("position", "velocity")):
         if "position" in found or name in found:
             continue
         found[name] = _integral(found, rate, log_map)
-        world: dict[str, Any] = {name: Source([f"integral of {rate}"] * 3, axes="world", world="enu")}
+        world: dict[str, Any] = {
+            name: Source([f"integral of {rate}"] * 3, axes="world", world="enu")
+        }
         log_map = dc.replace(log_map, **world)
         lacks.append(LACKS[name])
-        notes.append(f"{name}: none in the log; {rate} integrated, and what acts through {name} cannot be told")
+        notes.append(
+            f"{name}: none in the log; {rate} integrated, and what acts through {name} "
+            f"cannot be told"
+        )
     return found, log_map, tuple(lacks), notes
 
 
 def _levelled(signals: Signals, log_map: LogMap) -> Signal:
-    """Return the attitude (n, 4) from body rates and specific force, at the times of the rates or every `FINEST`.
+    """Return the attitude (n, 4) from body rates and specific force, at the times of the rates or
+    every `FINEST`.
 
-    Turned to W by the gyro alone, the mean specific force is vertical but for the gyro's drift, which is taken out.
-    Nothing is said of yaw. Source: complementary filter, run in both directions.
+    Turned to W by the gyro alone, the mean specific force is vertical but for the gyro's drift,
+    which is taken out. Nothing is said of yaw. Source: complementary filter, run in both
+    directions.
     """
     own, force = signals["rates"], signals["acceleration"]
     rates = Signal(own.t, convert_quantity("rates", own.values, log_map))
     at = own.t if own.step * FASTER > FINEST else np.arange(own.t[0], own.t[-1], FINEST)
-    carried = Signal(at, attitude.integrated(at, np.array([1.0, 0.0, 0.0, 0.0]), rates.averaged(at, FINEST)))
+    carried = Signal(
+        at, attitude.integrated(at, np.array([1.0, 0.0, 0.0, 0.0]), rates.averaged(at, FINEST))
+    )
     specific = convert_quantity("acceleration", force.values, log_map) + _G
     seen = Signal(force.t, attitude.rotate(carried.turned(None, force.t), specific))
     t = np.arange(own.t[0], own.t[-1] + EVERY, EVERY)
@@ -87,7 +99,9 @@ def _integral(signals: Signals, rate: str, log_map: LogMap) -> Signal:
     q = Signal(signals["attitude"].t, attitude.one_hemisphere(q_own, q_own[0])).linear(own.t)
     q /= np.linalg.norm(q, axis=1, keepdims=True)
     values = convert_quantity(rate, own.values, log_map, q)
-    if rate == "acceleration" and log_map.command == "held_after":  # constant from its row to the next, as the thrust
+    if (
+        rate == "acceleration" and log_map.command == "held_after"
+    ):  # constant from its row to the next, as the thrust
         steps = values[:-1] * np.diff(own.t)[:, None]
         return Signal(own.t, np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)]))
     return Signal(own.t, cumulative_trapezoid(values, own.t, axis=0, initial=0.0))

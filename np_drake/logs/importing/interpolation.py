@@ -1,4 +1,6 @@
-"""Signal of a log, and its values at other times: states are integrated, readings averaged, commands held."""
+"""Signal of a log, and its values at other times: states are integrated, readings averaged,
+commands held.
+"""
 
 import dataclasses as dc
 from collections.abc import Mapping
@@ -9,18 +11,23 @@ import numpy as np
 from np_drake import attitude
 from np_drake.logs.checks import LEAST_ROWS
 
-# Rate of rotor speed, of the throttle of each motor, and of torque, below which they are no input: what turns the
-# vehicle is faster. Source: own choice.
+# Rate of rotor speed, of the throttle of each motor, and of torque, below which they are no input:
+# what turns the vehicle is faster. Source: own choice.
 SLOWEST_ROTORS = 20.0  # [Hz]
-REPEATED = 0.3  # share of rows equal to the row before, from which a signal's rate is slower [1]; own choice
-FASTER = 1.5  # ratio of sampling rates from which a rate fills in a state, or readings are averaged [1]; own choice
+# share of rows equal to the row before, from which a signal's rate is slower [1]; own choice
+REPEATED = 0.3
+# ratio of sampling rates from which a rate fills in a state, or readings are averaged [1]; own
+# choice
+FASTER = 1.5
 
 
 @dc.dataclass(frozen=True)
 class Signal:
-    """One quantity as logged: t (n,) [s], strictly increasing, and values (n, k) in the units of the file.
+    """One quantity as logged: t (n,) [s], strictly increasing, and values (n, k) in the units of
+    the file.
 
-    tick: to which its times are rounded, where that is coarse [s].   Its methods take times `at` (m,) [s].
+    tick: to which its times are rounded, where that is coarse [s].
+    Its methods take times `at` (m,) [s].
     """
 
     t: np.ndarray
@@ -35,19 +42,26 @@ class Signal:
     @cached_property
     def _new(self) -> np.ndarray:
         """Whether a sample differs from the one before, (n,); all, unless many repeat."""
-        new = np.concatenate([[True], np.any(np.diff(self.values, axis=0) != 0, axis=1)])[: len(self.t)]
-        return new if LEAST_ROWS <= new.sum() <= (1 - REPEATED) * len(new) else np.ones(len(new), bool)
+        new = np.concatenate([[True], np.any(np.diff(self.values, axis=0) != 0, axis=1)])[
+            : len(self.t)
+        ]
+        return (
+            new if LEAST_ROWS <= new.sum() <= (1 - REPEATED) * len(new) else np.ones(len(new), bool)
+        )
 
     @property
     def renewal(self) -> float:
-        """Median interval at which the values change [s]: that of the samples, unless many repeat."""
+        """Median interval at which the values change [s]: that of the samples, unless many
+        repeat.
+        """
         return float(np.median(np.diff(self.t[self._new])))
 
     @property
     def renewed(self) -> "Signal":
         """The samples at which the values change, where many repeat.
 
-        A signal that rests keeps one wherever it has not changed for two usual intervals of change: its rest is no gap.
+        A signal that rests keeps one wherever it has not changed for two usual intervals of change:
+        its rest is no gap.
         """
         rows, new = np.arange(len(self.t)), self._new
         usual = max(1, round(float(np.median(np.diff(rows[new])))))
@@ -57,7 +71,9 @@ class Signal:
 
     @property
     def rate(self) -> "Signal":
-        """Mean rate of change between samples, in their middle (n - 1, 3); of an attitude its body rates."""
+        """Mean rate of change between samples, in their middle (n - 1, 3); of an attitude its body
+        rates.
+        """
         x = self.values
         if x.shape[1] == 4:
             change = attitude.rotation_vector(attitude.multiply(attitude.conjugate(x[:-1]), x[1:]))
@@ -66,12 +82,7 @@ class Signal:
         return Signal(0.5 * (self.t[1:] + self.t[:-1]), change / np.diff(self.t)[:, None])
 
     def between(self, start: float, stop: float) -> "Signal":
-        """Return the samples from `start` to `stop` [s].
-
-        Args:
-            start: first time.
-            stop: last time.
-        """
+        """Return the samples from `start` to `stop` [s]."""
         inside = (self.t >= start) & (self.t <= stop)
         return dc.replace(self, t=self.t[inside], values=self.values[inside])
 
@@ -85,7 +96,9 @@ class Signal:
         return np.concatenate([np.zeros((1, self.values.shape[1])), np.cumsum(area, axis=0)])
 
     def integral(self, at: np.ndarray) -> np.ndarray:
-        """Return the integral from the first sample, (m, k): linear between samples and constant beyond them."""
+        """Return the integral from the first sample, (m, k): linear between samples and constant
+        beyond them.
+        """
         t, x = self.t, self.values
         i, inside = self._before(at), np.clip(at, t[0], t[-1])
         gone = (inside - t[i])[:, None]
@@ -100,7 +113,6 @@ class Signal:
         What the integral misses of the next sample is spread evenly over the interval.
 
         Args:
-            rate: of the state.
             at: (m,) [s].
         """
         i, own, x = self._before(at), rate.integral(self.t), self.values
@@ -108,10 +120,11 @@ class Signal:
         return x[i] + (rate.integral(at) - own[i]) + self._share(i, at) * missed
 
     def turned(self, rate: "Signal | None", at: np.ndarray) -> np.ndarray:
-        """Return attitudes (m, 4) that follow the body rates between samples, and meet the next sample.
+        """Return attitudes (m, 4) that follow the body rates between samples, and meet the next
+        sample.
 
-        Without body rates that are denser they turn evenly. Turns within one interval of samples are taken as small:
-        their order is neglected.
+        Without body rates that are denser they turn evenly. Turns within one interval of samples
+        are taken as small: their order is neglected.
 
         Args:
             rate: body rates; None: not known.
@@ -123,7 +136,9 @@ class Signal:
             turn = self._share(i, at) * step[i]
         else:
             own = rate.integral(self.t)
-            turn = (rate.integral(at) - own[i]) + self._share(i, at) * (step[i] - (own[i + 1] - own[i]))
+            turn = (rate.integral(at) - own[i]) + self._share(i, at) * (
+                step[i] - (own[i + 1] - own[i])
+            )
         out = attitude.multiply(q[i], attitude.from_rotation_vector(turn))
         return out / np.linalg.norm(out, axis=1, keepdims=True)
 
@@ -141,16 +156,20 @@ class Signal:
     def held(self, at: np.ndarray) -> np.ndarray:
         """Return the mean of a held command over each interval between the times, (m, k).
 
-        Each row is held from its time until the next; the first also before, the last also after. The last row of the
-        result is the command held at the last time.
+        Each row is held from its time until the next; the first also before, the last also after.
+        The last row of the result is the command held at the last time.
         """
         t, x = self.t, self.values
         edges = np.concatenate([[0.0], np.cumsum(np.diff(t))])
-        total = np.concatenate([np.zeros((1, x.shape[1])), np.cumsum(x[:-1] * np.diff(t)[:, None], axis=0)])
+        total = np.concatenate(
+            [np.zeros((1, x.shape[1])), np.cumsum(x[:-1] * np.diff(t)[:, None], axis=0)]
+        )
         i = np.clip(np.searchsorted(t, at, side="right") - 1, 0, len(t) - 1)
         at_edge = total[i] + x[i] * ((at - t[0]) - edges[i])[:, None]
         mean = np.diff(at_edge, axis=0) / np.diff(at)[:, None]
-        exact = np.isin(at[:-1], t) & (np.searchsorted(t, at[1:]) - np.searchsorted(t, at[:-1]) <= 1)
+        exact = np.isin(at[:-1], t) & (
+            np.searchsorted(t, at[1:]) - np.searchsorted(t, at[:-1]) <= 1
+        )
         mean[exact] = x[i[:-1]][exact]  # no rounding where one command fills the interval
         return np.concatenate([mean, x[i[-1:]]])
 

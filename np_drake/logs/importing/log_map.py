@@ -19,7 +19,12 @@ UNITS: dict[str, dict[str, float]] = {  # by quantity: factor to SI
     "angular_acceleration": {"rad/s2": 1.0, "deg/s2": 0.017453292519943295},
     "thrust": {"N": 1.0, "mN": 0.001, "gf": 9.80665e-3, "weight": 1.0},
     "torque": {"N.m": 1.0, "mN.m": 0.001},
-    "rotor_speed": {"rad/s": 1.0, "rpm": 0.10471975511965977, "Hz": 6.283185307179586, "erpm": 0.10471975511965977},
+    "rotor_speed": {
+        "rad/s": 1.0,
+        "rpm": 0.10471975511965977,
+        "Hz": 6.283185307179586,
+        "erpm": 0.10471975511965977,
+    },
     "throttle": {"1": 1.0, "percent": 0.01, "us": 1.0, "pwm16": 1 / 65535, "dshot": 1 / 2000},
     "hover_throttle": {"1": 1.0, "percent": 0.01, "us": 1.0, "pwm16": 1 / 65535, "dshot": 1 / 2000},
     "voltage": {"V": 1.0, "mV": 0.001},
@@ -52,15 +57,20 @@ class Source:
     """Columns that hold one quantity; none: the log lacks it.
 
     columns: `stream/column`, or `column` where one stream alone has it.
-    unit: of `UNITS`; empty: SI.   scale: factor on the columns before the unit, -1 turns a sign [1].
-    signs: of each column, 1 or -1, as of a left-handed pitch; none: all 1.
-    axes: `world` or `body`, of a velocity, an acceleration or rates; empty: world for velocity and dv/dt, else body.
-    kind: of an acceleration: `specific_force` (what an accelerometer reads) or `acceleration` (dv/dt).
+    unit: of `UNITS`; empty: SI.
+    scale: factor on the columns before the unit, -1 turns a sign [1]. signs: of each column, 1 or
+        -1, as of a left-handed pitch; none: all 1. axes: `world` or `body`, of a velocity, an
+        acceleration or rates; empty: world for velocity and
+        dv/dt, else body.
+    kind: of an acceleration: `specific_force` (what an accelerometer reads) or `acceleration`
+        (dv/dt).
     order: of a quaternion: `wxyz` or `xyzw`; three columns are roll, pitch, yaw.
     direction: of an attitude: `body_to_world` or `world_to_body`.
     world, body: frames of this quantity, where they differ from those of the map.
-    late: time by which the stamps are later than the quantity [s]; None: 0, unless the log shows it (`one_clock`).
-    ends: of a throttle, its readings at 0 and at 1: two numbers, or two for every column; none: those of its unit.
+    late: time by which the stamps are later than the quantity [s]; None: 0, unless the log shows it
+        (`one_clock`).
+    ends: of a throttle, its readings at 0 and at 1: two numbers, or two for every column; none:
+        those of its unit.
     pole_pairs: of the motors, by which an electrical speed (`erpm`) is divided; 0: not stated.
     """
 
@@ -82,7 +92,9 @@ class Source:
         return bool(self.columns)
 
     def axes_of(self, name: str) -> str:
-        """Return the axes of a vector of this name, `world` or `body`, also where they are left open."""
+        """Return the axes of a vector of this name, `world` or `body`, also where they are left
+        open.
+        """
         if self.axes:
             return self.axes
         if name == "acceleration":
@@ -90,7 +102,9 @@ class Source:
         return "world" if name in ("position", "velocity") else "body"
 
     def is_turned(self, name: str) -> bool:
-        """Return whether a vector of this name is turned by the attitude: its axes are not those of `convert`."""
+        """Return whether a vector of this name is turned by the attitude: its axes are not those of
+        `convert`.
+        """
         wanted = "world" if name in ("position", "velocity", "acceleration") else "body"
         return self.axes_of(name) != wanted
 
@@ -99,14 +113,16 @@ class Source:
 class LogMap:
     """Columns and conventions of a log (docs/reference/log-map.md).
 
-    format: of the file; empty: as it looks.   world: `enu` (z up) or `ned` (z down).   body: `flu` or `frd`.
-    command: when a row's command acts: `held_after` (from this row to the next), `held_before` (until this row),
-    `averaged` (its mean over the interval after this row), `sampled` (of a command that changes in between, as in a
-    thinned log), or `unknown`.
-    start, stop: the part to import, from the first row of the log [s]; stop 0: to its end.
-    rate: of the rows that are written [Hz], within `RATES`; 0: of the fastest stream that is used, at most 500 Hz.
-    time: column that holds the times of its stream, of a table whose time column has a name of its own; none: as the
-    format knows it.
+    format: of the file; empty: as it looks.
+    world: `enu` (z up) or `ned` (z down).
+    body: `flu` or `frd`. command: when a row's command acts: `held_after` (from this row to the
+        next), `held_before`
+        (until this row),
+    `averaged` (its mean over the interval after this row), `sampled` (of a command that changes in
+    between, as in a thinned log), or `unknown`. start, stop: the part to import, from the first row
+    of the log [s]; stop 0: to its end. rate: of the rows that are written [Hz], within `RATES`; 0:
+    of the fastest stream that is used, at most 500 Hz. time: column that holds the times of its
+    stream, of a table whose time column has a name of its own; none: as the format knows it.
     """
 
     format: str = ""
@@ -151,8 +167,12 @@ class LogMap:
 
     @property
     def tells_motion(self) -> bool:
-        """Whether it names attitude and any motion of the centre, or what both can be integrated from."""
-        return self.in_body or bool(self.attitude and (self.position or self.velocity or self.acceleration))
+        """Whether it names attitude and any motion of the centre, or what both can be integrated
+        from.
+        """
+        return self.in_body or bool(
+            self.attitude and (self.position or self.velocity or self.acceleration)
+        )
 
     def names(self) -> list[str]:
         """Return the names of all columns that are used, the time among them."""
@@ -169,9 +189,13 @@ class LogMap:
         _one_of("command", self.command, TIMINGS)
         for name in ("start", "stop"):
             if not 0 <= getattr(self, name) < 1e9:
-                raise ValueError(f"LogMap: {name} must be finite and not negative; got {getattr(self, name)}.")
+                raise ValueError(
+                    f"LogMap: {name} must be finite and not negative; got {getattr(self, name)}."
+                )
         if self.rate != 0 and not RATES[0] <= self.rate <= RATES[1]:
-            raise ValueError(f"LogMap: rate must be 0, or {RATES[0]:g} … {RATES[1]:g} Hz; got {self.rate:g}.")
+            raise ValueError(
+                f"LogMap: rate must be 0, or {RATES[0]:g} … {RATES[1]:g} Hz; got {self.rate:g}."
+            )
         if self.time:
             _check_source("time", self.time, TIME_SIZE)
         for name, source in self.sources():
@@ -181,19 +205,25 @@ class LogMap:
 
 @dc.dataclass(frozen=True)
 class MapFile:
-    """A map as its file names it: values, and the fields that the file names, with the options of each quantity."""
+    """A map as its file names it: values, and the fields that the file names, with the options of
+    each quantity.
+    """
 
     values: LogMap
     named: Mapping[str, tuple[str, ...]]
 
     def over(self, own: LogMap | None) -> LogMap:
-        """Return the map of a log: a file without a position amends what the format's own names tell (`own`)."""
+        """Return the map of a log: a file without a position amends what the format's own names
+        tell (`own`).
+        """
         if own is None or "position" in self.named:
             return self.values
         for name, options in self.named.items():
             value = getattr(self.values, name)
             if options and not value.columns:  # options of columns that the format names
-                value = dc.replace(getattr(own, name), **{option: getattr(value, option) for option in options})
+                value = dc.replace(
+                    getattr(own, name), **{option: getattr(value, option) for option in options}
+                )
             own = dc.replace(own, **{name: value})
         return own
 
@@ -208,9 +238,15 @@ def load_map_file(name: str | Path) -> MapFile:
 
     Raises: ValueError: one line with file and field, on bad content.
     """
-    path = PRESETS / f"{name}.yaml" if str(name) in presets() and not Path(name).is_file() else Path(name)
+    path = (
+        PRESETS / f"{name}.yaml"
+        if str(name) in presets() and not Path(name).is_file()
+        else Path(name)
+    )
     if not path.exists() and not path.suffix:
-        raise ValueError(f"log map {name}: must be a file, or the preset of a data set: {', '.join(presets())}.")
+        raise ValueError(
+            f"log map {name}: must be a file, or the preset of a data set: {', '.join(presets())}."
+        )
     values = load_checked(LogMap, path, "log map")
     content = read_yaml(path) or {}
     return MapFile(values, {k: tuple(v) if isinstance(v, dict) else () for k, v in content.items()})
@@ -227,27 +263,35 @@ def _check_source(name: str, source: Source, known: tuple[int, ...]) -> None:
     _one_of(f"{name}.world", source.world, ("", *WORLDS))
     _one_of(f"{name}.body", source.body, ("", *BODIES))
     _one_of(f"{name}.direction", source.direction, ("body_to_world", "world_to_body"))
-    if source.signs and (len(source.signs) != len(source.columns) or {abs(sign) for sign in source.signs} != {1.0}):
+    if source.signs and (
+        len(source.signs) != len(source.columns) or {abs(sign) for sign in source.signs} != {1.0}
+    ):
         got = f"got {source.signs} for {len(source.columns)} columns"
-        raise ValueError(f"LogMap: {name}.signs must be 1 or -1 for each column, as [1, -1, 1]; {got}.")
+        raise ValueError(
+            f"LogMap: {name}.signs must be 1 or -1 for each column, as [1, -1, 1]; {got}."
+        )
     if source.scale == 0 or not abs(source.scale) < 1e12:
         raise ValueError(f"LogMap: {name}.scale must be finite and not zero; got {source.scale}.")
     if source.ends and (
         name not in ("throttle", "hover_throttle")
         or len(source.ends) not in (2, 2 * len(source.columns))
         or not all(
-            abs(low) < 1e6 and low < high < 1e6 for low, high in zip(source.ends[::2], source.ends[1::2], strict=True)
+            abs(low) < 1e6 and low < high < 1e6
+            for low, high in zip(source.ends[::2], source.ends[1::2], strict=True)
         )
     ):
         raise ValueError(
-            f"LogMap: {name}.ends must be the readings of a throttle at 0 and at 1, once or for every column; got "
+            f"LogMap: {name}.ends must be the readings of a throttle at 0 and at 1, once "
+            f"or for every column; got "
             f"{source.ends}."
         )
     electrical = source.unit == "erpm"
     if electrical != bool(source.pole_pairs) or not 0 <= source.pole_pairs <= MOST_POLE_PAIRS:
         raise ValueError(
-            f"LogMap: {name}.pole_pairs must be 1 to {MOST_POLE_PAIRS} with unit: erpm, and 0 with any other; got "
-            f"{source.pole_pairs} with unit: {source.unit or next(iter(UNITS[name]))}. It is half the count of the "
+            f"LogMap: {name}.pole_pairs must be 1 to {MOST_POLE_PAIRS} with unit: erpm, "
+            f"and 0 with any other; got "
+            f"{source.pole_pairs} with unit: {source.unit or next(iter(UNITS[name]))}. It "
+            f"is half the count of the "
             "magnets of a motor."
         )
     if not abs(source.late or 0.0) <= 10:

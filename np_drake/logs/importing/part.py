@@ -1,4 +1,6 @@
-"""One part of a log, between its breaks: conventions, the stretch that fits them, rows, and the flights in it."""
+"""One part of a log, between its breaks: conventions, the stretch that fits them, rows, and the
+flights in it.
+"""
 
 import dataclasses as dc
 from collections.abc import Mapping
@@ -21,7 +23,8 @@ from np_drake.logs.importing.telemetry import collective, is_slow
 
 # Below which rotors stand [rad/s, N, 1]; own choice.
 IDLE = {"rotor_speed": 10.0, "thrust": 0.0, "throttle": 0.05}
-UNCERTAIN = {  # deviation of the time at which a row's command acts, over the interval of the command [1]
+# deviation of the time at which a row's command acts, over the interval of the command [1]
+UNCERTAIN = {
     "held_after": 0.0,
     "held_before": 0.0,
     "averaged": 0.5,  # its middle; 0 where accelerations are averaged over it as well
@@ -50,15 +53,17 @@ class Part:
 
 
 def import_part(
-    signals: Signals, log_map: LogMap, verdict: Verdict, path: str, *, origin: float, usual: float = 0.0
+    signals: Signals,
+    log_map: LogMap,
+    verdict: Verdict,
+    path: str,
+    *,
+    origin: float,
+    usual: float = 0.0,
 ) -> Part:
     """Return the flights of one part, in SI units and our frames.
 
     Args:
-        signals: as logged, by quantity.
-        log_map: whose conventions agree with it.
-        verdict: on these.
-        path: of the log, for messages.
         origin: first time of the log [s].
         usual: lift in the flights of the longest part, as of `lift_of`; 0: not known.
     Raises: LogError: if its signals do not overlap, are in another unit, or are those of a wreck.
@@ -85,17 +90,16 @@ def import_part(
         else:
             ground = standing(aligned.t, aligned.values["position"], lift[:end], usual)
     flights = _flights(_with_collective(aligned, signals, log_map), ground, log_map)
-    flights = [dc.replace(flight, lacks=lacks, notes=[*flight.notes, *derived]) for flight in flights]
+    flights = [
+        dc.replace(flight, lacks=lacks, notes=[*flight.notes, *derived]) for flight in flights
+    ]
     timing = _timing(signals, log_map)
     return Part(signals, verdict, aligned, carried, ground, tuple(flights), timing, tuple(said))
 
 
 def flies(signals: Signals, log_map: LogMap) -> bool:
-    """Return whether the vehicle moves sideways at all and the rotors ever turn; True where the log does not tell.
-
-    Args:
-        signals: as logged, by quantity.
-        log_map: with their conventions.
+    """Return whether the vehicle moves sideways at all and the rotors ever turn; True where the log
+    does not tell.
     """
     told = next(name for name in ("position", "velocity", "acceleration") if name in signals)
     across = np.ptp(signals[told].values, axis=0)
@@ -117,7 +121,9 @@ def lift_of(values: Mapping[str, np.ndarray]) -> np.ndarray:
 
 
 def _with_collective(aligned: Aligned, signals: Signals, log_map: LogMap) -> Aligned:
-    """Return the rows with the collective of the rotors as throttle where they are more than four, or logged slowly."""
+    """Return the rows with the collective of the rotors as throttle where they are more than four,
+    or logged slowly.
+    """
     values = dict(aligned.values)
     for name in (n for n in ("rotor_speed", "throttle") if n in values):
         count = values[name].shape[1]
@@ -185,4 +191,6 @@ def _timing(signals: Signals, log_map: LogMap) -> float:
     a = signals.get("acceleration")
     if log_map.command == "averaged" and (a is None or FASTER * a.step <= step):
         return ticks
-    return max(ticks, *(UNCERTAIN[command_meaning(own, log_map)] * own.step for own in commands), 0.0)
+    return max(
+        ticks, *(UNCERTAIN[command_meaning(own, log_map)] * own.step for own in commands), 0.0
+    )

@@ -1,4 +1,6 @@
-"""What is made of the parts of a log: a flight where it agrees with itself, else a line on why it is left out."""
+"""What is made of the parts of a log: a flight where it agrees with itself, else a line on why it
+is left out.
+"""
 
 import numpy as np
 
@@ -18,19 +20,20 @@ from np_drake.logs.importing.part import Part, flies, import_part, lift_of
 def imported_parts(
     parts: list[Signals], log_map: LogMap, path: str, *, origin: float, clock: Change, adopt: bool
 ) -> tuple[LogMap, list[Part], list[str]]:
-    """Return the map that agrees with the longest part, what was made of every part, and one line on each left out.
+    """Return the map that agrees with the longest part, what was made of every part, and one line
+    on each left out.
 
     Args:
-        parts: signals of each, in time.
-        log_map: as declared.
-        path: of the log, for messages.
         origin: from which times of the lines count [s].
         clock: change of the unit of time, made in the signals.
         adopt: take other conventions where the longest part fits those.
-    Raises: WrongConventions, LogError: if that of the longest part that fails, where none holds a flight.
+    Raises: WrongConventions, LogError: if that of the longest part that fails, where none holds a
+        flight.
     """
     moving = [flies(signals, log_map) for signals in parts]
-    by_length = sorted(range(len(parts)), key=lambda k: (not moving[k], -np.ptp(clock_of(parts[k]).t)))
+    by_length = sorted(
+        range(len(parts)), key=lambda k: (not moving[k], -np.ptp(clock_of(parts[k]).t))
+    )
     parts, log_map, said = on_one_clock(parts, parts[by_length[0]], log_map)
     done: dict[int, Part] = {}
     failure: LogError | None = None
@@ -41,7 +44,9 @@ def imported_parts(
             said.append(f"{span} is no flight; left out")
             continue
         try:
-            log_map, found, told = _fitting(parts[k], log_map, path, origin, clock=clock, adopt=adopt and not done)
+            log_map, found, told = _fitting(
+                parts[k], log_map, path, origin, clock=clock, adopt=adopt and not done
+            )
             made = import_part(*found, path, origin=origin, usual=usual)
             if done and not made.flights:
                 said.append(f"{span} holds no flight; left out")
@@ -54,7 +59,9 @@ def imported_parts(
                 raise
             failure = failure or error
             wrong = (
-                "does not agree with itself" if isinstance(error, WrongConventions) else "is no flight log by itself"
+                "does not agree with itself"
+                if isinstance(error, WrongConventions)
+                else "is no flight log by itself"
             )
             said.append(f"{span} {wrong}; left out")
     if failure is not None and not done:
@@ -70,7 +77,9 @@ def imported_parts(
 def _fitting(
     signals: Signals, log_map: LogMap, path: str, origin: float, *, clock: Change, adopt: bool
 ) -> tuple[LogMap, tuple[Signals, LogMap, Verdict], list[str]]:
-    """Return the map, what of a part agrees with it, with the verdict, and a line where that is not all of it."""
+    """Return the map, what of a part agrees with it, with the verdict, and a line where that is not
+    all of it.
+    """
     verdict = judged(signals, log_map, path) if flies(signals, log_map) else Verdict({}, ())
     disturbed = any(misfit > DOUBTED for misfit in verdict.misfits.values()) and not verdict.changes
     said: list[str] = []
@@ -82,7 +91,9 @@ def _fitting(
         if own.holds and kinds <= tested:
             since = f"from {start - origin:.1f} " if start > clock_of(signals).t[0] + WINDOW else ""
             whole = ", ".join(verdict.failed[:3]) or "its quantities"
-            said = [f"{FITS}{since}until {stop - origin:.1f} s; beyond, {whole} do not agree: left out"]
+            said = [
+                f"{FITS}{since}until {stop - origin:.1f} s; beyond, {whole} do not agree: left out"
+            ]
             signals, verdict = part, own
     log_map, verdict = agreed(verdict, signals, log_map, path, clock=clock, adopt=adopt)
     return log_map, (signals, log_map, verdict), said

@@ -1,4 +1,6 @@
-"""Content of the sheet beside an imported log: what was mapped, turned, aligned and left out, in words for people."""
+"""Content of the sheet beside an imported log: what was mapped, turned, aligned and left out, in
+words for people.
+"""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -29,12 +31,6 @@ def sheet_content(
     """Return the content of the sheet of one log.
 
     Args:
-        path: of the log.
-        title: of its format.
-        facts: of its header.
-        log_map: its map, with the conventions that hold.
-        parts: between its breaks.
-        flights: that are written.
         notes: what was derived, mended or left out, one line each.
     """
     longest = max(parts, key=lambda part: len(part.aligned.t))
@@ -43,14 +39,23 @@ def sheet_content(
         "source": Path(path).name,
         "format": title,
         **({"facts": dict(facts)} if facts else {}),
-        "frames": f"world {log_map.world}, body {log_map.body}; written as z up and z along the thrust",
-        "columns": {n: _described(n, own, log_map) for n, own in longest.signals.items() if getattr(log_map, n)},
+        "frames": (
+            f"world {log_map.world}, body {log_map.body}; written as z up and z along the thrust"
+        ),
+        "columns": {
+            n: _described(n, own, log_map)
+            for n, own in longest.signals.items()
+            if getattr(log_map, n)
+        },
         "conventions": _conventions_text(longest.verdict),
         "rows": f"{1 / flights[0].step:.4g} Hz; {spans}",
         "input": flights[0].input,
         "command": log_map.command,
         "gaps": _gaps_text(parts, flights),
-        "notes": [*notes, *(note for part in parts for note in (*part.aligned.notes, *ground_notes(part)))],
+        "notes": [
+            *notes,
+            *(note for part in parts for note in (*part.aligned.notes, *ground_notes(part))),
+        ],
         "cannot_be_told": unanswerable(flights[0]),
     }
 
@@ -73,9 +78,18 @@ def _described(name: str, signal: Signal, log_map: LogMap) -> dict[str, Any]:
     if name == "attitude" and len(source.columns) == 4:
         keys += ["order", "direction"]
     usual: dict[str, Any] = {"scale": 1.0, "signs": [], "late": 0.0}
-    shown = {key: getattr(source, key) for key in keys if getattr(source, key) not in ("", None, usual.get(key))}
+    shown = {
+        key: getattr(source, key)
+        for key in keys
+        if getattr(source, key) not in ("", None, usual.get(key))
+    }
     unit = source.unit or next(iter(UNITS[name]))
-    return {"from": list(source.columns), "rate": f"{1 / signal.step:.4g} Hz", "unit": unit, **shown}
+    return {
+        "from": list(source.columns),
+        "rate": f"{1 / signal.step:.4g} Hz",
+        "unit": unit,
+        **shown,
+    }
 
 
 def _conventions_text(verdict: Verdict) -> str:
@@ -83,20 +97,32 @@ def _conventions_text(verdict: Verdict) -> str:
         return "not checked: no flight, too short, or no two quantities that can be compared"
     count, wrong = len(verdict.misfits), failing(verdict.misfits)
     worst = max(verdict.misfits, key=lambda law: verdict.misfits[law])
-    text = f"agree with the log in {count} checks (worst misfit {verdict.misfits[worst]:.2g}, {worst})"
+    text = (
+        f"agree with the log in {count} checks (worst misfit {verdict.misfits[worst]:.2g}, {worst})"
+    )
     if wrong:
         laws = ", ".join(f"{law} {verdict.misfits[law]:.2g}" for law in wrong)
-        text = f"hold in {count - len(wrong)} of {count} checks; misfit of {laws} ({SCALE}): {_why(wrong)}"
+        text = (
+            f"hold in {count - len(wrong)} of {count} checks; misfit of {laws} ({SCALE}): "
+            f"{_why(wrong)}"
+        )
     return text + (f"; adopted: {as_text(verdict.changes)}" if verdict.changes else "")
 
 
 def _why(laws: Sequence[str]) -> str:
     """Return what may act where these laws fail, though no other convention makes them hold."""
     reasons = {
-        "attitude": f"body rates drift or have a bias about that axis ({GyroBias.identifier} can be told)",
-        "velocity": f"the acceleration drifts along that axis ({AccelerometerBias.identifier} can be told)",
+        "attitude": (
+            f"body rates drift or have a bias about that axis ({GyroBias.identifier} can be told)"
+        ),
+        "velocity": (
+            f"the acceleration drifts along that axis ({AccelerometerBias.identifier} can be told)"
+        ),
         "position": "position or velocity drifts along that axis",
-        "lift": "a force that is neither thrust nor drag acts across the thrust axis, or the attitude is wrong",
+        "lift": (
+            "a force that is neither thrust nor drag acts across the thrust axis, or the "
+            "attitude is wrong"
+        ),
     }
     kinds = dict.fromkeys(law.split()[0] for law in laws)
     return "; ".join(reasons[kind] for kind in kinds if kind in reasons)

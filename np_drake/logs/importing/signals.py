@@ -1,4 +1,6 @@
-"""Signals of a recording: the columns of each quantity with their times, cleaned of what is no sample."""
+"""Signals of a recording: the columns of each quantity with their times, cleaned of what is no
+sample.
+"""
 
 import dataclasses as dc
 
@@ -11,19 +13,21 @@ from np_drake.logs.importing.interpolation import Signal, Signals
 from np_drake.logs.importing.log_map import UNITS, LogMap, Source
 from np_drake.logs.importing.telemetry import spread_ticks, without_lines, without_zeros
 
-BACK = 0.1  # share of samples earlier than one before them from which these are another log [1]; own choice
+# share of samples earlier than one before them from which these are another log [1]; own choice
+BACK = 0.1
 LEAST_NORM = 1e-3  # of a quaternion that is one, of whatever length [1]; own choice
-OPTIONAL = ("voltage", "hover_throttle", "commanded_rates")  # of which a few samples are as good as none
+OPTIONAL = (
+    "voltage",
+    "hover_throttle",
+    "commanded_rates",
+)  # of which a few samples are as good as none
 SENSORS = ("rates", "acceleration")
 STATE = ("position", "velocity", "attitude", "rates", "acceleration", "angular_acceleration")
 
 
 def gather(recording: Recording, log_map: LogMap) -> tuple[Signals, list[str]]:
-    """Return the signals of the quantities that the map names, and what was left out, one line each.
-
-    Args:
-        recording: of the file.
-        log_map: with the columns.
+    """Return the signals of the quantities that the map names, and what was left out, one line
+    each.
     Raises: LogError: if a column is missing, or a quantity has hardly any sample.
     """
     signals: dict[str, Signal] = {}
@@ -31,11 +35,16 @@ def gather(recording: Recording, log_map: LogMap) -> tuple[Signals, list[str]]:
     for name, source in log_map.sources():
         signal = _assembled(recording, source)
         _require_one_log(signal, f"{recording.path}, {name}")
-        signal, reasons = _cleaned(signal, quaternion=name == "attitude" and len(source.columns) == 4)
+        signal, reasons = _cleaned(
+            signal, quaternion=name == "attitude" and len(source.columns) == 4
+        )
         if reasons:
             notes.append(f"{name}: rows left out: {reasons}")
         if signal.tick:
-            notes.append(f"{name}: times are rounded to {1e3 * signal.tick:.3g} ms; taken as an uncertainty of time")
+            notes.append(
+                f"{name}: times are rounded to {1e3 * signal.tick:.3g} ms; taken as an "
+                f"uncertainty of time"
+            )
         if name == "rotor_speed" and len(signal.t) > 1:
             signal, zeros = without_zeros(signal)
             if zeros:
@@ -43,11 +52,15 @@ def gather(recording: Recording, log_map: LogMap) -> tuple[Signals, list[str]]:
         if name in SENSORS and len(signal.t) >= LEAST_ROWS:
             signal, drawn = without_lines(signal)
             if drawn:
-                notes.append(f"{name}: {drawn:.3g} s of straight lines, as between or beyond readings, left out")
+                notes.append(
+                    f"{name}: {drawn:.3g} s of straight lines, as between or beyond "
+                    f"readings, left out"
+                )
         if name in STATE and len(signal.t) >= LEAST_ROWS and len(signal.renewed.t) < len(signal.t):
             share, signal = len(signal.renewed.t) / len(signal.t), signal.renewed
             notes.append(
-                f"{name}: rows repeat; taken as a signal of {1 / signal.step:.4g} Hz ({share:.0%} of the rows)"
+                f"{name}: rows repeat; taken as a signal of {1 / signal.step:.4g} Hz "
+                f"({share:.0%} of the rows)"
             )
         if len(signal.t) < LEAST_ROWS:
             if name in OPTIONAL:
@@ -56,7 +69,8 @@ def gather(recording: Recording, log_map: LogMap) -> tuple[Signals, list[str]]:
             left = f" ({reasons})" if reasons else ""
             left += "; print its times with all digits" if "time" in reasons else ""
             raise LogError(
-                f"{recording.path}, {name}: must have at least {LEAST_ROWS} samples; got {len(signal.t)} in "
+                f"{recording.path}, {name}: must have at least {LEAST_ROWS} samples; got "
+                f"{len(signal.t)} in "
                 f"{', '.join(source.columns)}{left}."
             )
         signals[name] = signal
@@ -64,7 +78,9 @@ def gather(recording: Recording, log_map: LogMap) -> tuple[Signals, list[str]]:
 
 
 def _assembled(recording: Recording, source: Source) -> Signal:
-    """Return the columns of a source; those of other streams are interpolated at the times of the first."""
+    """Return the columns of a source; those of other streams are interpolated at the times of the
+    first.
+    """
     places = [find_column(recording.contents, name, recording.path) for name in source.columns]
     t = recording.streams[places[0][0]].t
     columns = []
@@ -73,53 +89,62 @@ def _assembled(recording: Recording, source: Source) -> Signal:
         values = np.asarray(own.columns[column], float)
         if stream != places[0][0]:
             order = np.argsort(own.t, kind="stable")
-            values = np.interp(t, own.t[order], values[order]) if len(own) else np.full(len(t), np.nan)
+            values = (
+                np.interp(t, own.t[order], values[order]) if len(own) else np.full(len(t), np.nan)
+            )
         columns.append(values)
     return Signal(np.asarray(t, float) - (source.late or 0.0), np.stack(columns, axis=1))
 
 
 def _require_one_log(signal: Signal, place: str) -> None:
-    """Check that time runs forward, but for a few samples; LogError if it does not, as in two logs in one file."""
+    """Check that time runs forward, but for a few samples; LogError if it does not, as in two logs
+    in one file.
+    """
     t = signal.t[np.isfinite(signal.t)]
     latest = np.maximum.accumulate(t)
     back = np.flatnonzero(t < latest)
     if len(back) > BACK * len(t):
         row = back[0]
         raise LogError(
-            f"{place}: time must increase; {len(back)} of {len(t)} samples run back, the first from {latest[row]:.9g} "
+            f"{place}: time must increase; {len(back)} of {len(t)} samples run back, the "
+            f"first from {latest[row]:.9g} "
             f"to {t[row]:.9g} s. Split the file there if it holds two logs, or sort its rows."
         )
 
 
 def _cleaned(signal: Signal, *, quaternion: bool) -> tuple[Signal, str]:
-    """Return the samples that are numbers and later than all before, and what is left out; empty: nothing.
+    """Return the samples that are numbers and later than all before, and what is left out; empty:
+    nothing.
 
-    A quaternion of zeros is none: estimators write it before they have started. Samples that share the tick of a coarse
-    clock are spread over it.
+    A quaternion of zeros is none: estimators write it before they have started. Samples that share
+    the tick of a coarse clock are spread over it.
     """
     good = np.isfinite(signal.t) & np.all(np.abs(signal.values) <= LARGEST, axis=1)
     zero = good & (np.linalg.norm(np.where(good[:, None], signal.values, 0.0), axis=1) < LEAST_NORM)
     zero &= quaternion
     kept = good & ~zero
     t, values = signal.t[kept], signal.values[kept]
-    twice = np.concatenate([[False], (np.diff(t) == 0) & np.all(np.diff(values, axis=0) == 0, axis=1)])[: len(t)]
+    twice = np.concatenate(
+        [[False], (np.diff(t) == 0) & np.all(np.diff(values, axis=0) == 0, axis=1)]
+    )[: len(t)]
     forward = (t >= np.maximum.accumulate(t)) & ~twice
     t, tick = spread_ticks(t[forward])
     later = np.diff(t, prepend=-np.inf) > 0
     back = int(kept.sum() - later.sum())
-    counts = {"no number": np.sum(~good), "a quaternion of zeros": np.sum(zero), "time not increasing": back}
+    counts = {
+        "no number": np.sum(~good),
+        "a quaternion of zeros": np.sum(zero),
+        "time not increasing": back,
+    }
     reasons = ", ".join(f"{count} with {reason}" for reason, count in counts.items() if count)
     return Signal(t[later], values[forward][later], tick), reasons
 
 
 def with_map_time(recording: Recording, log_map: LogMap) -> Recording:
-    """Return the recording with the times of one stream from the column that the map's `time` names [s].
+    """Return the recording with the times of one stream from the column that the map's `time` names
+    [s].
 
     Other streams, and all where the map names none, keep the times of their format.
-
-    Args:
-        recording: of the file.
-        log_map: with the column of time.
     Raises: LogError: if there is no such column, or a stream with rows has no time at all.
     """
     streams = dict(recording.streams)
@@ -133,18 +158,16 @@ def with_map_time(recording: Recording, log_map: LogMap) -> Recording:
     for name, stream in streams.items():
         if len(stream) and np.all(np.isnan(stream.t)):
             raise LogError(
-                f"{recording.path}, stream {name}: must have a time column; name it as time in the map: "
+                f"{recording.path}, stream {name}: must have a time column; name it as "
+                f"time in the map: "
                 "time: {columns: [NAME], unit: s}."
             )
     return dc.replace(recording, streams=streams)
 
 
 def require_stated_units(recording: Recording, log_map: LogMap) -> None:
-    """Check that the map's units are those that the file states, where it states one of that quantity.
-
-    Args:
-        recording: of the file.
-        log_map: with the columns and their units.
+    """Check that the map's units are those that the file states, where it states one of that
+    quantity.
     Raises: LogError: at the first column whose unit is another.
     """
     for name, source in log_map.sources():
@@ -156,6 +179,7 @@ def require_stated_units(recording: Recording, log_map: LogMap) -> None:
             factors = np.multiply(UNITS[name][declared], [1.0, abs(source.scale)])
             if stated in UNITS[name] and not np.isclose(UNITS[name][stated], factors).any():
                 raise LogError(
-                    f"{place(recording.path, column=own)}: is in {stated} by the file, in {declared} by the map; "
+                    f"{place(recording.path, column=own)}: is in {stated} by the file, in "
+                    f"{declared} by the map; "
                     f"write {name}: {{unit: {stated}}}, without a scale, in the map."
                 )

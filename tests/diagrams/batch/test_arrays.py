@@ -8,7 +8,11 @@ from diagrams.batch.arrays import packed, unpacked
 
 
 def test_through_json_and_back():
-    arrays = {"a": np.array([[0.1, np.nan], [np.inf, -0.0]]), "b": np.arange(3), "none": np.empty((0, 2))}
+    arrays = {
+        "a": np.array([[0.1, np.nan], [np.inf, -0.0]]),
+        "b": np.arange(3),
+        "none": np.empty((0, 2)),
+    }
     found = unpacked(json.loads(json.dumps(packed(arrays))))
     assert list(found) == list(arrays)
     for name, value in arrays.items():

@@ -20,7 +20,9 @@ CASES = [{"row": "np", "speed": speed} for speed in (0.5, 1.0, 1.5)]
 
 @pytest.fixture
 def counted(tmp_path):
-    """Work that leaves a line a call, fails at 1.0 while `broken` says how, and answers NaN at 1.5."""
+    """Work that leaves a line a call, fails at 1.0 while `broken` says how, and answers NaN at
+    1.5.
+    """
     calls, broken = tmp_path / "calls", tmp_path / "broken"
     calls.touch()
 
@@ -36,7 +38,9 @@ def counted(tmp_path):
     return work, lambda: calls.read_text().split(), broken
 
 
-@pytest.mark.parametrize(("how", "why"), [("exit", "EXIT(5)"), ("raise", "KeyError: 'drag' (test_campaign.py:")])
+@pytest.mark.parametrize(
+    ("how", "why"), [("exit", "EXIT(5)"), ("raise", "KeyError: 'drag' (test_campaign.py:")]
+)
 def test_a_failed_case_is_alone_is_recorded_and_is_tried_again(counted, tmp_path, how, why):
     work, calls, broken = counted
     broken.write_text(how)
@@ -48,10 +52,15 @@ def test_a_failed_case_is_alone_is_recorded_and_is_tried_again(counted, tmp_path
     assert why in json.loads((folder / case_file(CASES[1])).read_text())["error"]
     broken.unlink()
     second = run_campaign(work, CASES, config=CONFIG, folder=folder, jobs=1)
-    tries = 2 if how == "exit" else 1  # a dead process gets another; what is raised would be raised again
+    tries = (
+        2 if how == "exit" else 1
+    )  # a dead process gets another; what is raised would be raised again
     assert sorted(calls()) == ["0.5", *(1 + tries) * ["1.0"], "1.5"]
     assert second[1]["result"] == {"E_xy": 0.1, "growth": 1.0}
-    assert [second[0], second[2]] == [first[0], first[2]]  # from the files as from the work, NaN included
+    assert [second[0], second[2]] == [
+        first[0],
+        first[2],
+    ]  # from the files as from the work, NaN included
     assert second[2]["result"]["growth"] is None
 
 
@@ -61,7 +70,11 @@ def test_a_finished_campaign_starts_no_process(counted, tmp_path, monkeypatch):
     monkeypatch.setattr(campaign, "as_they_finish", None)
     seen = []
     again = run_campaign(
-        work, CASES[:1], config=CONFIG, folder=tmp_path / "cases", on_progress=lambda *counts: seen.append(counts)
+        work,
+        CASES[:1],
+        config=CONFIG,
+        folder=tmp_path / "cases",
+        on_progress=lambda *counts: seen.append(counts),
     )
     assert again == records
     assert seen == [(1, 1)]
@@ -70,7 +83,10 @@ def test_a_finished_campaign_starts_no_process(counted, tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"config": {"solver": "sqp", "reality": {"drag": 0.5}}}, "config.reality.drag is 0.5, .* 0.25; choose"),
+        (
+            {"config": {"solver": "sqp", "reality": {"drag": 0.5}}},
+            "config.reality.drag is 0.5, .* 0.25; choose",
+        ),
         ({"version": "9.9"}, "version is .9.9"),
         ({"case": {"row": "gp"}}, "its content is of none"),
     ],
@@ -191,5 +207,7 @@ def test_a_campaign_killed_at_any_time_loses_and_doubles_no_case(tmp_path):
     cases = [{"k": k} for k in range(30)]
     # A kill within a write may leave its hidden temporary file, which no run reads.
     assert {path.name for path in folder.glob("[!.]*.json")} == {case_file(case) for case in cases}
-    campaign_again = run_campaign(dict, cases, config={}, folder=folder)  # from the files: `dict` would say k
+    campaign_again = run_campaign(
+        dict, cases, config={}, folder=folder
+    )  # from the files: `dict` would say k
     assert [record["result"] for record in campaign_again] == [{"square": k**2} for k in range(30)]

@@ -37,7 +37,9 @@ def cluster_of(workers, threads=1):
     dask = pytest.importorskip("dask", reason=reason)
     with (
         dask.config.set({"distributed.scheduler.allowed-failures": 1}),
-        distributed.LocalCluster(n_workers=workers, threads_per_worker=threads, dashboard_address=":0") as local,
+        distributed.LocalCluster(
+            n_workers=workers, threads_per_worker=threads, dashboard_address=":0"
+        ) as local,
     ):
         yield local.scheduler_address
 
@@ -52,10 +54,14 @@ def test_a_cluster_answers_as_one_machine_and_a_dead_worker_loses_one_case(addre
 
     there = run_campaign(work, CASES, config={}, folder=tmp_path, scheduler=address)
     here = run_campaign(work, CASES, config={}, jobs=1)
-    assert [r.get("result") for r in there] == [r.get("result") for r in here] == [
-        {"square": 0}, None, None, {"square": 9}
-    ]  # fmt: skip
-    assert there[1]["error"] == "lost: its workers died, one after the other; is the memory exhausted?"
+    assert (
+        [r.get("result") for r in there]
+        == [r.get("result") for r in here]
+        == [{"square": 0}, None, None, {"square": 9}]
+    )
+    assert (
+        there[1]["error"] == "lost: its workers died, one after the other; is the memory exhausted?"
+    )
     assert there[2]["error"] == here[2]["error"] == "mass must be positive"
     assert len(list(tmp_path.iterdir())) == len(CASES)
 
@@ -74,7 +80,10 @@ def test_one_of_two_workers_that_is_killed_costs_nothing(tmp_path):
 
 
 def test_workers_of_several_threads_are_refused_before_work():
-    with cluster_of(1, threads=2) as found, pytest.raises(ValueError, match=r"one thread each; .* has 2"):
+    with (
+        cluster_of(1, threads=2) as found,
+        pytest.raises(ValueError, match=r"one thread each; .* has 2"),
+    ):
         run_campaign(dict, CASES, config={}, scheduler=found)
 
 

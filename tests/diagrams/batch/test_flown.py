@@ -27,5 +27,7 @@ def test_a_table_says_which_rows_it_cannot_do_without():
 
 
 def test_an_unknown_row_is_refused_with_those_there_are():
-    with pytest.raises(ValueError, match=r"--only: must name rows of the table \(nominal; hold; np\); got pid"):
+    with pytest.raises(
+        ValueError, match=r"--only: must name rows of the table \(nominal; hold; np\); got pid"
+    ):
         choose_rows(ROWS, ["np", "pid"])

@@ -1,4 +1,6 @@
-"""Laws of work in several processes. The work is defined inside the tests, so that it travels by value."""
+"""Laws of work in several processes. The work is defined inside the tests, so that it travels by
+value.
+"""
 
 import os
 import signal
@@ -54,7 +56,9 @@ def test_processes_that_die_lose_their_own_cases_only(tmp_path):
 
     dut = dict(as_they_finish(work, range(6), jobs=2))
     assert sorted(dut) == list(range(6))
-    assert [isinstance(dut[case], DeadProcess) for case in range(6)] == [case in (1, 4) for case in range(6)]
+    assert [isinstance(dut[case], DeadProcess) for case in range(6)] == [
+        case in (1, 4) for case in range(6)
+    ]
     assert "EXIT(7)" in str(dut[1])
     assert "SIGKILL" in str(dut[4])
     tries = {path.name: len(path.read_text().split()) for path in tmp_path.iterdir()}

@@ -12,7 +12,8 @@ import pytest
 from diagrams.batch.campaign import run_campaign
 
 CASES = 6
-# The work draws, and adds up numbers that do not commute in floating point: nothing but its case may enter.
+# The work draws, and adds up numbers that do not commute in floating point: nothing but its case
+# may enter.
 PROGRAM = """
 import sys
 from pathlib import Path
@@ -30,7 +31,7 @@ def work(case):
 if __name__ == "__main__":
     cases = [{"seed": seed} for seed in range(int(sys.argv[3]))]
     run_campaign(work, cases, config={"of": "sums"}, folder=Path(sys.argv[1]), jobs=int(sys.argv[2]))
-"""
+"""  # noqa: E501
 
 
 def sum_of(seed):
@@ -46,7 +47,9 @@ def table(folder, jobs=1, scheduler=""):
         return {"sum": float(np.random.default_rng(case["seed"]).standard_normal(1000).sum())}
 
     cases = [{"seed": seed} for seed in range(CASES)]
-    records = run_campaign(work, cases, config={"of": "sums"}, folder=folder, jobs=jobs, scheduler=scheduler)
+    records = run_campaign(
+        work, cases, config={"of": "sums"}, folder=folder, jobs=jobs, scheduler=scheduler
+    )
     return [record["result"]["sum"] for record in records]
 
 
@@ -65,7 +68,9 @@ def test_on_two_processes(alone, tmp_path):
 
 def test_on_a_cluster_of_two(alone, tmp_path):
     distributed = pytest.importorskip("distributed", reason="needs the extra `cluster`")
-    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=":0") as local:
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, dashboard_address=":0"
+    ) as local:
         assert table(tmp_path, scheduler=local.scheduler_address) == alone
 
 

@@ -24,11 +24,16 @@ def test_the_cost_is_that_of_all_campaigns_of_a_run():
 
 def test_the_cost_counts_what_failed_and_names_median_and_most():
     dut = Workers(finished=[DONE, DONE | {"seconds": 600.0}, DONE | {"seconds": 60.0}, LOST])
-    said = "processor time of 3 cases: 11.1 min; of a case: median 60 s, most 10 min; cases that failed: 1"
+    said = (
+        "processor time of 3 cases: 11.1 min; of a case: median 60 s, most 10 min; cases "
+        "that failed: 1"
+    )
     assert dut.cost() == [said]
 
 
-@pytest.mark.parametrize("seconds, text", [(0.5, "0.5 s"), (119.0, "119 s"), (120.0, "2 min"), (9000.0, "2.5 h")])
+@pytest.mark.parametrize(
+    "seconds, text", [(0.5, "0.5 s"), (119.0, "119 s"), (120.0, "2 min"), (9000.0, "2.5 h")]
+)
 def test_a_duration_has_the_unit_that_suits_it(seconds, text):
     assert duration(seconds) == text
 
@@ -46,5 +51,7 @@ def test_where_no_case_has_a_result_the_run_has_failed():
 
 def test_a_table_that_needs_every_case_fails_with_the_first_that_is_lost():
     assert every_result([DONE, DONE]) == [{"E": 0.1}, {"E": 0.1}]
-    with pytest.raises(FailedRun, match=r"^np, seed 2: lost: its process died \(1 of 2 cases failed\)$"):
+    with pytest.raises(
+        FailedRun, match=r"^np, seed 2: lost: its process died \(1 of 2 cases failed\)$"
+    ):
         every_result([DONE, LOST])

@@ -14,7 +14,9 @@ SECONDS = 2.5
 
 @pytest.fixture(scope="module", autouse=True)
 def short_warm_up():
-    """Cases are made with a short warm-up: the laws hold from any start; a settled one only takes longer."""
+    """Cases are made with a short warm-up: the laws hold from any start; a settled one only takes
+    longer.
+    """
     short = {name: partial(fly, warm_up=0.5) for name, fly in make.simulators().items()}
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(make, "simulators", lambda: short)

@@ -17,10 +17,14 @@ WEAK = {"effect": "weak_rotor", "parameters": {"rotor": 2.0, "efficiency": 0.8}}
 OUT_OF_LIBRARY = {"effect": "fan_jet", "parameters": {"reach": 0.7}}
 
 
-def make_truth(*effects: dict[str, Any], kind: str = "single", visibility: float = 5.0, **other: Any) -> dict:
+def make_truth(
+    *effects: dict[str, Any], kind: str = "single", visibility: float = 5.0, **other: Any
+) -> dict:
     """The content of truth.json."""
     return {
-        "effects": [{"onset": {"train_1.csv": None}, **copy.deepcopy(effect)} for effect in effects],
+        "effects": [
+            {"onset": {"train_1.csv": None}, **copy.deepcopy(effect)} for effect in effects
+        ],
         "class": [[effect["effect"]] for effect in effects],
         "true_model_residual": {f"{kind}_{axis}": FLOOR[kind] for kind in FLOOR for axis in "xyz"},
         "visibility": visibility,
@@ -32,23 +36,29 @@ def make_truth(*effects: dict[str, Any], kind: str = "single", visibility: float
     }
 
 
-def make_cause(name: str, parameters: dict[str, float], *alike: str, probability: float = 1.0) -> dict:
+def make_cause(
+    name: str, parameters: dict[str, float], *alike: str, probability: float = 1.0
+) -> dict:
     """One cause, with an interval of a tenth of a unit to either side of every figure."""
     return {
         "effect": name,
         "probability": probability,
         "parameters": {
-            key: {"value": value, "unit": "", "ci95": [value - 0.1, value + 0.1]} for key, value in parameters.items()
+            key: {"value": value, "unit": "", "ci95": [value - 0.1, value + 0.1]}
+            for key, value in parameters.items()
         },
         "onset": {"train_1": None},
         "indistinguishable_from": list(alike),
     }
 
 
-def make_answer(*causes: dict[str, Any], unknown: bool = False, before: float = 3.0, after: float = 1.0) -> dict:
+def make_answer(
+    *causes: dict[str, Any], unknown: bool = False, before: float = 3.0, after: float = 1.0
+) -> dict:
     """The content of diagnosis.json. before, after: every wrench channel in units of its floor."""
     gap = {
-        kind: {axis: {"rms": before * floor, "after": after * floor} for axis in "xyz"} for kind, floor in FLOOR.items()
+        kind: {axis: {"rms": before * floor, "after": after * floor} for axis in "xyz"}
+        for kind, floor in FLOOR.items()
     }
     return {
         "verdict": [cause["effect"] for cause in causes] + ["unknown"] * unknown,
@@ -71,14 +81,20 @@ def perfect(truth: dict[str, Any]) -> dict[str, Any]:
     return make_answer(*causes)
 
 
-def make_case(truth: dict[str, Any], answer: dict[str, Any] | None, name: str = "case") -> AnsweredCase:
+def make_case(
+    truth: dict[str, Any], answer: dict[str, Any] | None, name: str = "case"
+) -> AnsweredCase:
     """The two together."""
     return AnsweredCase(name, truth, answer)
 
 
-def named(truth: dict[str, Any], *names: str, alike: tuple[str, ...] = (), unknown: bool = False) -> AnsweredCase:
+def named(
+    truth: dict[str, Any], *names: str, alike: tuple[str, ...] = (), unknown: bool = False
+) -> AnsweredCase:
     """A case that is answered with these names, each with the same `indistinguishable_from`."""
-    return make_case(truth, make_answer(*(make_cause(n, {}, *alike) for n in names), unknown=unknown))
+    return make_case(
+        truth, make_answer(*(make_cause(n, {}, *alike) for n in names), unknown=unknown)
+    )
 
 
 def perfect_set() -> list[AnsweredCase]:

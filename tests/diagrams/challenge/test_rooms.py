@@ -18,7 +18,11 @@ FLOORS = (  # from the ground up
     ("transfer", "real"),
 )
 LEVEL = {room: level for level, rooms in enumerate(FLOORS) for room in rooms}
-FILES = sorted(path.relative_to(ROOT) for path in ROOT.rglob("*.py") if path.parent != ROOT or path.stem in LEVEL)
+FILES = sorted(
+    path.relative_to(ROOT)
+    for path in ROOT.rglob("*.py")
+    if path.parent != ROOT or path.stem in LEVEL
+)
 
 
 def room_of(path: Path) -> str:
@@ -39,7 +43,9 @@ def imported_rooms(source: str) -> set[str]:
 
 def upward(room: str, source: str) -> list[str]:
     """The rooms that are neither its own nor below it."""
-    return sorted(other for other in imported_rooms(source) if other != room and LEVEL[other] >= LEVEL[room])
+    return sorted(
+        other for other in imported_rooms(source) if other != room and LEVEL[other] >= LEVEL[room]
+    )
 
 
 def test_every_module_has_its_floor():

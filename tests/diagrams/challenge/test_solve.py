@@ -14,7 +14,7 @@ from diagrams.challenge.solve import Solving, case_folders, solve, write_answer
 from np_drake.flight_log import FlightLog
 from np_drake.logs.formats.log_file import write_log
 from np_drake.vehicle import Vehicle
-from np_drake.vehicle_text import vehicle_text
+from np_drake.vehicle.text import vehicle_text
 
 FILES = ("train_1.csv", "heldout_1.csv")
 
@@ -24,7 +24,11 @@ def level_flight(seed: int, n: int = 500, step: float = 0.01) -> FlightLog:
     t = step * np.arange(n)
     draw = np.random.default_rng(seed)
     frequency = draw.uniform(0.5, 4.0, 3)
-    p, v, a = -0.4 / frequency * np.cos(t[:, None] * frequency), 0.4 * np.sin(t[:, None] * frequency), None
+    p, v, a = (
+        -0.4 / frequency * np.cos(t[:, None] * frequency),
+        0.4 * np.sin(t[:, None] * frequency),
+        None,
+    )
     a = 0.4 * frequency * np.cos(t[:, None] * frequency) + 0.1 * draw.normal(size=(n, 3))
     q, u = np.tile([1.0, 0.0, 0.0, 0.0], (n, 1)), np.tile([19.62, 0.0, 0.0, 0.0], (n, 1))
     w, al = 0.01 * draw.normal(size=(n, 3)), 0.5 * draw.normal(size=(n, 3))
@@ -70,7 +74,10 @@ def test_a_case_that_fails_loses_only_itself(cases, tmp_path):
     assert dut["failed"][0]["case"] == "b2"
     assert "heldout" in dut["failed"][0]["error"]
     assert seen == [(1, 3), (2, 3), (3, 3)]
-    assert json.loads((answers / "a1" / "diagnosis.json").read_text()) == {"train": ["train_1.csv"], "replay": False}
+    assert json.loads((answers / "a1" / "diagnosis.json").read_text()) == {
+        "train": ["train_1.csv"],
+        "replay": False,
+    }
     assert not (answers / "b2").exists()
 
 
@@ -142,7 +149,9 @@ def test_an_answer_without_a_place_is_refused_before_the_diagnosis(cases, tmp_pa
 
 
 @pytest.mark.usefixtures("quick")
-def test_what_is_answered_stays_where_a_later_answer_cannot_be_written(cases, tmp_path, monkeypatch):
+def test_what_is_answered_stays_where_a_later_answer_cannot_be_written(
+    cases, tmp_path, monkeypatch
+):
     real, written = module.write_json, []
 
     def full(path, content):
@@ -191,7 +200,7 @@ result = [write_answer(Path(sys.argv[2]) / f.name, solve_one({"case": f.name})) 
 assert len(result) == 1, result
 assert any(name.endswith("train_1.csv") for name in opened), "the hook sees nothing"
 print([name for name in opened if "truth.json" in name])
-"""
+"""  # noqa: E501
 
 
 def test_no_truth_is_opened_wherever_one_lies(cases, tmp_path):
@@ -199,7 +208,14 @@ def test_no_truth_is_opened_wherever_one_lies(cases, tmp_path):
         for file in (cases / name).iterdir():
             file.unlink()
     answers = tmp_path / "answers"
-    beside = (cases / "a1", cases, cases / "truth" / "a1", tmp_path / "truth" / "a1", answers / "a1", tmp_path)
+    beside = (
+        cases / "a1",
+        cases,
+        cases / "truth" / "a1",
+        tmp_path / "truth" / "a1",
+        answers / "a1",
+        tmp_path,
+    )
     for folder in beside:
         folder.mkdir(parents=True, exist_ok=True)
         (folder / "truth.json").write_text("this is no JSON")

@@ -10,7 +10,9 @@ from np_drake.logs.formats.log_file import write_log
 
 
 def swinging_flight(seed: int, n: int = 1500, step: float = 0.02) -> FlightLog:
-    """Level flight on a multisine: every force follows from the exact acceleration of the motion."""
+    """Level flight on a multisine: every force follows from the exact acceleration of the
+    motion.
+    """
     t = step * np.arange(n)
     draw = np.random.default_rng(seed)
     frequency = draw.uniform(0.5, 4.0, (5, 1, 3))

@@ -2,7 +2,9 @@ from diagrams.cli import output
 from diagrams.cli.bench import _solver_tables
 from diagrams.performance.solver_bench import SolverReport
 
-REPORT = SolverReport("acados", 200, 0.4712, 0.5723, 0.6234, 1030.5, 40, 40, 0.0012, 0.12, 0.01, 0.0234, 12.4)
+REPORT = SolverReport(
+    "acados", 200, 0.4712, 0.5723, 0.6234, 1030.5, 40, 40, 0.0012, 0.12, 0.01, 0.0234, 12.4
+)
 
 
 def test_the_solver_tables_stay_within_the_width(capsys):
@@ -10,7 +12,10 @@ def test_the_solver_tables_stay_within_the_width(capsys):
         output.print_table(title, header, rows)
     lines = capsys.readouterr().out.splitlines()
     assert max(map(len, lines)) <= output.WIDTH
-    assert all(name in "".join(lines) for name in ("p95", "p99", "to casadi", "to acados", "gap", "feedback"))
+    assert all(
+        name in "".join(lines)
+        for name in ("p95", "p99", "to casadi", "to acados", "gap", "feedback")
+    )
 
 
 def test_a_peer_that_did_not_run_leaves_a_dash(capsys):

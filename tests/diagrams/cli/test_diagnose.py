@@ -20,7 +20,7 @@ from np_drake.effects.mass_error import MassError
 from np_drake.effects.thrust_scale import ThrustScale
 from np_drake.files.number_text import NBSP
 from np_drake.logs.case_folder import find_case
-from np_drake.vehicle import RIGID, Vehicle
+from np_drake.vehicle.vehicle import RIGID, Vehicle
 
 VEHICLE = "name: mine\nmass: 2.5\n"
 LEFT = an.Remainder(0.02, (0.01, 0.05), 0.05, 0.0, 0.01, 0.4, 0.1)
@@ -52,12 +52,19 @@ def answer(
         tuple(log.name for log in held_out),
         ("mass_error",),
         (cause,),
-        an.Identifiability(True, {"speed, RMS [m/s]": 1.0}, {"force x": 0.05}, (confusable,), ("a warning.",)),
-        residual_parts.Localisation((residual_parts.ChannelGap("force z", "N", 1.0, 0.1, 0.1, 0.99),)),
+        an.Identifiability(
+            True, {"speed, RMS [m/s]": 1.0}, {"force x": 0.05}, (confusable,), ("a warning.",)
+        ),
+        residual_parts.Localisation(
+            (residual_parts.ChannelGap("force z", "N", 1.0, 0.1, 0.1, 0.99),)
+        ),
         an.GapReduction(5.0, 1.2, 1.0, 0.98, (0.95, 0.99), ladder, gap, gap, left=LEFT),
         below_threshold=(an.Finding("gyro_bias", "0.001 rad/s about x.", 0.001),),
         warnings=(
-            *(f"{name} beside {[log.name for log in own]}" for name, own in (neighbours or {}).items()),
+            *(
+                f"{name} beside {[log.name for log in own]}"
+                for name, own in (neighbours or {}).items()
+            ),
             *([] if material is None else [f"material from {material} m on"]),
         ),
         judged_as="" if tolerance is None else tolerance.name,
@@ -76,19 +83,26 @@ def case(logs, tmp_path, monkeypatch):
     folder = tmp_path / "case"
     folder.mkdir()
     (folder / "vehicle.yaml").write_text(VEHICLE)
-    for source, name in zip((*logs, logs[0]), ("train_1.csv", "heldout.csv", "notes.csv"), strict=True):
+    for source, name in zip(
+        (*logs, logs[0]), ("train_1.csv", "heldout.csv", "notes.csv"), strict=True
+    ):
         (folder / name).write_bytes(source.read_bytes())
     return folder
 
 
 def test_a_case_folder_is_diagnosed_into_a_report(case, tmp_path, capsys):
     out, metrics = tmp_path / "out", tmp_path / "d.json"
-    assert run(["diagnose", str(case), "--out", str(out), "--json", str(metrics), "--seed", "5"]) == 0
+    assert (
+        run(["diagnose", str(case), "--out", str(out), "--json", str(metrics), "--seed", "5"]) == 0
+    )
     printed = capsys.readouterr().out
     assert max(len(line) for line in printed.splitlines() if str(tmp_path) not in line) <= 80
     printed = " ".join(printed.split())
     expected = (
-        "A mass error of 100 g explains 98 % of the gap on the held-out flight; the replay does not improve",
+        (
+            "A mass error of 100 g explains 98 % of the gap on the held-out flight; the replay "
+            "does not improve"
+        ),
         "Probability 97 %.",
         "delta_mass",
         "80 to 120",
@@ -118,9 +132,18 @@ def test_a_case_folder_is_diagnosed_into_a_report(case, tmp_path, capsys):
 
 def test_logs_can_be_named_one_by_one_and_the_replay_left_out(case, tmp_path, capsys):
     train, held_out = case / "train_1.csv", case / "heldout.csv"
-    arguments = ["--train", str(train), "--train", str(case / "notes.csv"), "--held-out", str(held_out)]
+    arguments = [
+        "--train",
+        str(train),
+        "--train",
+        str(case / "notes.csv"),
+        "--held-out",
+        str(held_out),
+    ]
     metrics = tmp_path / "d.json"
-    assert run(["diagnose", *arguments, "--no-replay", "--json", str(metrics)]) == 0, capsys.readouterr().err
+    assert run(["diagnose", *arguments, "--no-replay", "--json", str(metrics)]) == 0, (
+        capsys.readouterr().err
+    )
     content = json.loads(metrics.read_text())
     assert content["train"] == ["train_1.csv", "notes.csv"]
     assert content["vehicle"] == "paper"
@@ -137,7 +160,9 @@ def test_a_second_answer_is_printed_beside_the_first(case, logs, monkeypatch, ca
     def twice(*arguments, **how):
         found = answer(*arguments, **how)
         novel = (an.Finding("wind", "a slow force along x, 3 N", 3.0),)
-        alone = dc.replace(found, verdict=(), causes=(), new_on_held_out=novel, coverage=("Drag was not tested.",))
+        alone = dc.replace(
+            found, verdict=(), causes=(), new_on_held_out=novel, coverage=("Drag was not tested.",)
+        )
         alone = dc.replace(alone, gap_reduction=dc.replace(found.gap_reduction, after=5.0))
         return dc.replace(alone, refit=dc.replace(found, joined=found.held_out))
 
@@ -149,7 +174,10 @@ def test_a_second_answer_is_printed_beside_the_first(case, logs, monkeypatch, ca
         for text in (
             "Nothing material is missing",
             "new on the held-out flight: a slow force along x, 3 N; a second answer",
-            "Second answer, with the first halves of the held-out flight in the fit: A mass error of 100 g explains",
+            (
+                "Second answer, with the first halves of the held-out flight in the fit: A "
+                "mass error of 100 g explains"
+            ),
             "on the second half of the held-out flight.",
             "second answer: what the model lacks",
             "second answer: what remains",
@@ -160,7 +188,9 @@ def test_a_second_answer_is_printed_beside_the_first(case, logs, monkeypatch, ca
 
 
 @pytest.mark.parametrize("held_out_shows_more", [False, True])
-def test_verdict_causes_and_corrected_simulator_name_the_same(case, tmp_path, monkeypatch, held_out_shows_more):
+def test_verdict_causes_and_corrected_simulator_name_the_same(
+    case, tmp_path, monkeypatch, held_out_shows_more
+):
     def twice(*arguments, **how):
         found = answer(*arguments, **how)
         drag = an.Cause("linear_drag", 0.9, {}, {}, effect=LinearDrag(0.2, 0.2, 0.2))
@@ -172,15 +202,22 @@ def test_verdict_causes_and_corrected_simulator_name_the_same(case, tmp_path, mo
     out = tmp_path / "out"
     assert run(["diagnose", str(case), "--no-replay", "--out", str(out)]) == 0
     content = json.loads((out / "diagnosis.json").read_text())
-    answers = {"corrected.yaml": content} | ({"corrected_second.yaml": content["refit"]} if held_out_shows_more else {})
+    answers = {"corrected.yaml": content} | (
+        {"corrected_second.yaml": content["refit"]} if held_out_shows_more else {}
+    )
     assert {path.name for path in out.glob("corrected*")} == set(answers)
     for file, told in answers.items():
-        named = [entry["effect"] for entry in yaml.safe_load((out / file).read_text())["reality"]["effects"]]
+        named = [
+            entry["effect"]
+            for entry in yaml.safe_load((out / file).read_text())["reality"]["effects"]
+        ]
         assert named == told["verdict"] == [cause["effect"] for cause in told["causes"]]
         assert f'href="{file}"' in (out / "report.html").read_text()
 
 
-def test_screen_page_notebook_and_simulator_say_the_same_headline(case, tmp_path, monkeypatch, capsys):
+def test_screen_page_notebook_and_simulator_say_the_same_headline(
+    case, tmp_path, monkeypatch, capsys
+):
     made = []
 
     def kept(*arguments, **how):
@@ -206,22 +243,30 @@ def test_a_corrected_simulator_that_falls_is_not_recommended(case, tmp_path, mon
 
     def falls(config, **_):
         if config.reality.effects:
-            raise LostVehicle(f"{config.name}: {config.controller.kind} flew into the ground before 2.0 s.")
+            raise LostVehicle(
+                f"{config.name}: {config.controller.kind} flew into the ground before 2.0 s."
+            )
 
     monkeypatch.setattr(importlib.import_module("np_drake.diagnosis.diagnose"), "diagnose", weak)
     monkeypatch.setattr("diagrams.gap.trial.fly", falls)
     out = tmp_path / "out"
     assert run(["diagnose", str(case), "--no-replay", "--out", str(out)]) == 0
     printed = " ".join(capsys.readouterr().out.split())
-    assert "Do not fly the corrected simulator: nominal, hold and observer lose the vehicle" in printed
+    assert (
+        "Do not fly the corrected simulator: nominal, hold and observer lose the vehicle" in printed
+    )
     assert "without thrust_scale it flies: check that by hand, and diagnose again" in printed
     assert "np-drake fly" not in (out / "corrected.yaml").read_text()
     assert "which no controller keeps in the air" in (out / "report.html").read_text()
 
 
-def test_causes_of_which_no_simulator_can_be_made_are_said_to_be(case, tmp_path, monkeypatch, capsys):
+def test_causes_of_which_no_simulator_can_be_made_are_said_to_be(
+    case, tmp_path, monkeypatch, capsys
+):
     def weak(*arguments, **how):
-        cause = an.Cause("thrust_scale", 0.97, {}, {}, effect=ThrustScale(0.3))  # less than the weight
+        cause = an.Cause(
+            "thrust_scale", 0.97, {}, {}, effect=ThrustScale(0.3)
+        )  # less than the weight
         return dc.replace(answer(*arguments, **how), verdict=("thrust_scale",), causes=(cause,))
 
     monkeypatch.setattr(importlib.import_module("np_drake.diagnosis.diagnose"), "diagnose", weak)
@@ -262,7 +307,10 @@ def test_the_user_says_whether_sensors_are_real_or_ideal(case, tmp_path, capsys,
 def test_what_a_vehicle_file_leaves_out_is_said(case, capsys):
     assert run(["diagnose", str(case), "--no-replay"]) == 0
     printed = " ".join(capsys.readouterr().out.split())
-    assert "inertia, rotor_positions, thrust_coefficient, torque_coefficient, max_rotor_thrust not named" in printed
+    assert (
+        "inertia, rotor_positions, thrust_coefficient, torque_coefficient, "
+        "max_rotor_thrust not named"
+    ) in printed
     full = VEHICLE + yaml.safe_dump({name: getattr(Vehicle(), name) for name in RIGID[1:]})
     (case / "vehicle.yaml").write_text(full)
     assert run(["diagnose", str(case), "--no-replay"]) == 0
@@ -273,14 +321,29 @@ def test_a_real_flight_has_its_published_vehicle(case, neurobem, tmp_path, capsy
     flight, other = (str(path) for path in sorted((neurobem / "csv").glob("*.csv"))[:2])
     for extra in ([], ["--vehicle", "neurobem"]):
         metrics = tmp_path / "d.json"
-        arguments = ["--train", flight, "--held-out", other, "--no-replay", "--json", str(metrics), *extra]
+        arguments = [
+            "--train",
+            flight,
+            "--held-out",
+            other,
+            "--no-replay",
+            "--json",
+            str(metrics),
+            *extra,
+        ]
         assert run(["diagnose", *arguments]) == 0, capsys.readouterr().err
         assert json.loads(metrics.read_text())["vehicle"] == "neurobem"
 
 
 def test_the_log_of_a_neighbour_is_beside_the_flight_that_is_named(case, tmp_path, capsys):
     metrics = tmp_path / "d.json"
-    arguments = ["--neighbour", f"{case / 'notes.csv'}=heldout.csv", "--no-replay", "--json", str(metrics)]
+    arguments = [
+        "--neighbour",
+        f"{case / 'notes.csv'}=heldout.csv",
+        "--no-replay",
+        "--json",
+        str(metrics),
+    ]
     assert run(["diagnose", str(case), *arguments]) == 0, capsys.readouterr().err
     assert json.loads(metrics.read_text())["warnings"] == ["heldout.csv beside ['notes.csv']"]
 
@@ -297,7 +360,10 @@ BAD = {  # arguments: what the line must say
     "array": (["--train", "TRAIN", "--held-out", "array.npy"], "give the flight's CSV"),
     "folder is a file": (["CASE", "--out", "TRAIN"], "must be a folder"),
     "folder below a file": (["CASE", "--out", "TRAIN/report"], "must be a folder"),
-    "neighbour of none": (["CASE", "--neighbour", "TRAIN=other.csv"], "must be one of train_1.csv, heldout.csv"),
+    "neighbour of none": (
+        ["CASE", "--neighbour", "TRAIN=other.csv"],
+        "must be one of train_1.csv, heldout.csv",
+    ),
     "neighbour of any": (["CASE", "--neighbour", "TRAIN"], "say beside which: --neighbour"),
     "missing neighbour": (["CASE", "--neighbour", "missing.csv=heldout.csv"], "missing.csv"),
     "metrics": (["CASE", "--json", "nowhere/x.json"], "nowhere must exist"),
@@ -312,7 +378,10 @@ def test_bad_input_is_one_line_and_leaves_nothing(case, tmp_path, monkeypatch, c
     before = sorted(tmp_path.rglob("*"))
     arguments, message = BAD[name]
     words = {"CASE": str(case), "TRAIN": str(case / "train_1.csv")}
-    arguments = [argument.replace("TRAIN", words["TRAIN"]).replace("CASE", words["CASE"]) for argument in arguments]
+    arguments = [
+        argument.replace("TRAIN", words["TRAIN"]).replace("CASE", words["CASE"])
+        for argument in arguments
+    ]
     arguments = arguments if "--out" in arguments else [*arguments, "--out", "fresh"]
     assert run(["diagnose", *arguments]) == 2
     last = capsys.readouterr().err.splitlines()[-1]

@@ -8,7 +8,14 @@ import pytest
 
 from diagrams.cli.doctor_screen import screen
 from diagrams.cli.main import run
-from np_drake.diagnosis.doctor.log_report import Answer, FlightFacts, Lag, LogReport, SignalFacts, SwingTest
+from np_drake.diagnosis.doctor.log_report import (
+    Answer,
+    FlightFacts,
+    Lag,
+    LogReport,
+    SignalFacts,
+    SwingTest,
+)
 from np_drake.flight_log import FlightLog
 from np_drake.logs.formats.log_file import write_log
 from np_drake.logs.opening import open_flights
@@ -42,7 +49,13 @@ def swaying() -> FlightLog:
     noisy = np.random.default_rng(0).normal(size=(len(t), 12))
     u = np.column_stack([lift, torque])
     return FlightLog(
-        t, p + 1e-3 * noisy[:, :3], q, v + 1e-2 * noisy[:, 3:6], w + 1e-2 * noisy[:, 6:9], u, a=a + 0.1 * noisy[:, 9:]
+        t,
+        p + 1e-3 * noisy[:, :3],
+        q,
+        v + 1e-2 * noisy[:, 3:6],
+        w + 1e-2 * noisy[:, 6:9],
+        u,
+        a=a + 0.1 * noisy[:, 9:],
     )
 
 
@@ -63,12 +76,28 @@ def facts():
 @pytest.fixture
 def report(facts):
     told = Answer("mass_error", "delta_mass", "kg", 0.01, 0.01, 0.2, "yes")
-    part = [Answer("linear_drag", f"d_{a}", "N·s/m", s, s, 0.3, v) for a, s, v in (("x", 0.1, "yes"), ("y", 9.0, "no"))]
+    part = [
+        Answer("linear_drag", f"d_{a}", "N·s/m", s, s, 0.3, v)
+        for a, s, v in (("x", 0.1, "yes"), ("y", 9.0, "no"))
+    ]
     twin = Answer(
-        "inertia_error", "scale_xx", "1", 9.0, 0.1, 0.15, "no", "it cannot be told from a", "roll", ("mixer_gain",)
+        "inertia_error",
+        "scale_xx",
+        "1",
+        9.0,
+        0.1,
+        0.15,
+        "no",
+        "it cannot be told from a",
+        "roll",
+        ("mixer_gain",),
     )
-    wide = dc.replace(twin, identifier="an_effect_with_a_very_long_name", beside=("another_with_a_long_name",) * 3)
-    never = Answer("motor_lag", "time_constant", "s", np.inf, np.inf, 0.03, "never", "no command", "log it")
+    wide = dc.replace(
+        twin, identifier="an_effect_with_a_very_long_name", beside=("another_with_a_long_name",) * 3
+    )
+    never = Answer(
+        "motor_lag", "time_constant", "s", np.inf, np.inf, 0.03, "never", "no command", "log it"
+    )
     floor = {f"{kind} {axis}": 0.1 for kind in ("force", "torque") for axis in "xyz"}
     tests = (SwingTest("f", 50.0, 9.9, True, 0.5, 0.0047),)
     moving = {**MOTION, "thrust variation [1]": 0.1}
@@ -87,13 +116,19 @@ def report(facts):
 
 
 def test_no_line_is_wider_than_the_screen(report, facts):
-    for dut in (report, dc.replace(report, flights=(facts,) * 12), LogReport((facts,), False, ("no",))):
+    for dut in (
+        report,
+        dc.replace(report, flights=(facts,) * 12),
+        LogReport((facts,), False, ("no",)),
+    ):
         assert max(map(len, screen(dut))) <= 80
         assert len(screen(dut)) <= 55
 
 
 def test_a_problem_is_printed_whole_and_further_ones_are_counted(report):
-    order = "the rotor columns are in the order 2, 1, 4, 3: " + 6 * "reason by reason, " + "the end."
+    order = (
+        "the rotor columns are in the order 2, 1, 4, 3: " + 6 * "reason by reason, " + "the end."
+    )
     text = " ".join(" ".join(screen(dc.replace(report, problems=(order, *"abcde")))).split())
     assert order in text.replace(" ! ", " ")
     assert "! 2 more (--json has all)" in text
@@ -112,7 +147,9 @@ def test_the_screen_says_what_is_told_what_not_and_why(report):
 
 
 def test_a_number_is_never_written_with_an_e(report):
-    text = "\n".join(screen(dc.replace(report, swings=(SwingTest("f", 290.0, 9.9, True, 0.5, 0.29),))))
+    text = "\n".join(
+        screen(dc.replace(report, swings=(SwingTest("f", 290.0, 9.9, True, 0.5, 0.29),)))
+    )
     assert "as 290 g on" in text
     assert "e+" not in text
     assert "e-" not in text

@@ -24,13 +24,24 @@ TRAINED = ("DMDc", "delay DMDc", "ridge by horizon")
 def model(logs, tmp_path_factory):
     """A predictor trained on the first log."""
     out = tmp_path_factory.mktemp("model") / "np.safetensors"
-    assert run(["train", str(logs[0]), "--out", str(out), "--envelope", "0", "--epochs", "1500"]) == 0
+    assert (
+        run(["train", str(logs[0]), "--out", str(out), "--envelope", "0", "--epochs", "1500"]) == 0
+    )
     return out
 
 
 def command(logs, model, horizons, out):
     """Score the model on the second log."""
-    return ["evaluate", str(logs[1]), "--predictor", str(model), "--horizons", horizons, "--json", str(out)]
+    return [
+        "evaluate",
+        str(logs[1]),
+        "--predictor",
+        str(model),
+        "--horizons",
+        horizons,
+        "--json",
+        str(out),
+    ]
 
 
 def rows_of(path):
@@ -59,13 +70,20 @@ def test_a_bad_model_is_refused_before_a_scenario_is_flown(tmp_path, monkeypatch
     (tmp_path / "mine.yaml").write_text("duration: 0.5\n")
     (tmp_path / "bad.safetensors").write_bytes(bytes(16))
     monkeypatch.setattr("diagrams.cli.flights.simulated", lambda *_: pytest.fail("flown"))
-    command = ["evaluate", str(tmp_path / "mine.yaml"), "--predictor", str(tmp_path / "bad.safetensors")]
+    command = [
+        "evaluate",
+        str(tmp_path / "mine.yaml"),
+        "--predictor",
+        str(tmp_path / "bad.safetensors"),
+    ]
     assert run(command) == 2
     assert "bad.safetensors" in capsys.readouterr().err
 
 
 def test_a_log_at_rest_is_scored(logs, rest, capsys):
-    assert run(["evaluate", rest, "--train", str(logs[0]), "--only", "lifted", "--epochs", "2"]) in (0, 1)
+    assert run(
+        ["evaluate", rest, "--train", str(logs[0]), "--only", "lifted", "--epochs", "2"]
+    ) in (0, 1)
     assert "must move" not in capsys.readouterr().err
 
 
@@ -77,11 +95,28 @@ def test_every_fold_needs_motion(logs, rest, capsys):
 
 def test_a_predictor_is_scored_beside_the_naive_rows(logs, model, tmp_path, capsys):
     out = tmp_path / "rows.json"
-    code = run(["evaluate", str(logs[1]), "--predictor", str(model), "--horizons", "1,10", "--json", str(out)])
+    code = run(
+        [
+            "evaluate",
+            str(logs[1]),
+            "--predictor",
+            str(model),
+            "--horizons",
+            "1,10",
+            "--json",
+            str(out),
+        ]
+    )
     captured = capsys.readouterr()
     assert code == 0, captured.err
     rows = rows_of(out)
-    assert {row["model"] for row in rows} == {"persistence", "linear", "mean", "past mean", "lifted"}
+    assert {row["model"] for row in rows} == {
+        "persistence",
+        "linear",
+        "mean",
+        "past mean",
+        "lifted",
+    }
     assert {row["horizon"] for row in rows} == {0.02, 0.2}
     assert set(rows[0]) >= {"flight", "force_rmse", "torque_rmse", "force_skill", "torque_skill"}
     for horizon in (0.02, 0.2):
@@ -95,7 +130,11 @@ def test_a_predictor_is_scored_beside_the_naive_rows(logs, model, tmp_path, caps
     assert line["unstable"] == 0
     assert line["largest"] <= 1.0
     assert max(map(len, captured.out.splitlines())) <= 100
-    skill = min((r["force_skill"], r["horizon"]) for r in rows if r["model"] == "lifted" and r["zeta"] == "held")
+    skill = min(
+        (r["force_skill"], r["horizon"])
+        for r in rows
+        if r["model"] == "lifted" and r["zeta"] == "held"
+    )
     said = " ".join(captured.out.split("With the coming motion held, ")[-1].split())
     assert said.startswith("lifted forecasts force better than every naive one at ")
     assert f" of its error at {skill[1]:g} s)" in said
@@ -126,7 +165,16 @@ def test_a_payload_filter_file_is_scored_beside_the_naive_rows(logs, pendulum, t
 
 def test_a_pendulum_is_trained_where_it_is_named(logs, tmp_path, capsys):
     out = tmp_path / "rows.json"
-    arguments = ["evaluate", str(logs[1]), "--train", str(logs[0]), "--only", "payload_filter", "--json", str(out)]
+    arguments = [
+        "evaluate",
+        str(logs[1]),
+        "--train",
+        str(logs[0]),
+        "--only",
+        "payload_filter",
+        "--json",
+        str(out),
+    ]
     assert run([*arguments, "--horizons", "5"]) == 0, capsys.readouterr().err
     assert {row["model"] for row in rows_of(out)} == {"payload_filter", *UNTRAINED, *TRAINED}
 
@@ -145,15 +193,40 @@ def test_a_pendulum_of_another_vehicle_or_for_arrays_is_bad_input(logs, pendulum
 
 
 def test_a_force_of_motion_is_predicted_better_than_by_any_naive_row(logs, model, tmp_path):
-    """The force is mass times dv/dt of a multisine: its past tells its future, persistence does not."""
+    """The force is mass times dv/dt of a multisine: its past tells its future, persistence does
+    not.
+    """
     out = tmp_path / "rows.json"
-    assert run(["evaluate", str(logs[1]), "--predictor", str(model), "--json", str(out), "--horizons", "10"]) == 0
+    assert (
+        run(
+            [
+                "evaluate",
+                str(logs[1]),
+                "--predictor",
+                str(model),
+                "--json",
+                str(out),
+                "--horizons",
+                "10",
+            ]
+        )
+        == 0
+    )
     assert next(row for row in rows_of(out) if row["model"] == "lifted")["force_skill"] < 1.0
 
 
 def test_both_configurations_are_trained_and_scored(logs, tmp_path, capsys):
     out = tmp_path / "rows.json"
-    arguments = ["evaluate", str(logs[1]), "--train", str(logs[0]), "--epochs", "1", "--json", str(out)]
+    arguments = [
+        "evaluate",
+        str(logs[1]),
+        "--train",
+        str(logs[0]),
+        "--epochs",
+        "1",
+        "--json",
+        str(out),
+    ]
     assert run(arguments) == 0, capsys.readouterr().err
     rows = [(row["model"], (row["horizon"], row["zeta"])) for row in rows_of(out)]
     assert {model for model, _ in rows} == {"paper", "lifted", *UNTRAINED, *TRAINED}
@@ -162,7 +235,16 @@ def test_both_configurations_are_trained_and_scored(logs, tmp_path, capsys):
 
 def test_gp_and_knode_are_rows_where_they_are_asked_for(logs, tmp_path, capsys):
     out = tmp_path / "rows.json"
-    arguments = ["evaluate", str(logs[1]), "--train", str(logs[0]), "--only", "lifted", "--epochs", "1"]
+    arguments = [
+        "evaluate",
+        str(logs[1]),
+        "--train",
+        str(logs[0]),
+        "--only",
+        "lifted",
+        "--epochs",
+        "1",
+    ]
     arguments += ["--horizons", "1,20", "--json", str(out)]
     assert run([*arguments, "--also", "gp", "--also", "knode"]) == 0, capsys.readouterr().err
     rows = {(row["model"], row["horizon"], row["zeta"]): row["force_rmse"] for row in rows_of(out)}
@@ -185,13 +267,21 @@ def test_without_arguments_it_is_race_track_1(neurobem, tmp_path, monkeypatch, c
     """On the first 3 s of the flight, so that it takes seconds."""
     (tmp_path / "npy").mkdir()
     shutil.copy(neurobem / "npy" / f"{TRAINING}.npy", tmp_path / "npy")
-    np.save(tmp_path / "npy" / f"{RACE_TRACK}.npy", np.load(neurobem / "npy" / f"{RACE_TRACK}.npy")[:1200])
+    np.save(
+        tmp_path / "npy" / f"{RACE_TRACK}.npy",
+        np.load(neurobem / "npy" / f"{RACE_TRACK}.npy")[:1200],
+    )
     monkeypatch.setenv("NP_DRAKE_NEUROBEM", str(tmp_path))
     assert run(["evaluate", "--epochs", "1", "--json", str(tmp_path / "rows.json")]) == 0
     captured = capsys.readouterr()
     assert "race track 1: force" in captured.out
     assert "0.057 N" in captured.out
-    assert {row["model"] for row in rows_of(tmp_path / "rows.json")} >= {"paper", "mode-dictionary", "linear", "mean"}
+    assert {row["model"] for row in rows_of(tmp_path / "rows.json")} >= {
+        "paper",
+        "mode-dictionary",
+        "linear",
+        "mean",
+    }
 
 
 BAD = {  # arguments: what the line must say
@@ -207,7 +297,10 @@ BAD = {  # arguments: what the line must say
     "horizon": (["LOG", "--predictor", "MODEL", "--horizons", "1,-2"], "--horizons"),
     "too far": (["LOG", "--predictor", "MODEL", "--horizons", "5000"], "samples are needed"),
     "two kinds": (["LOG", "--train", "ARRAY"], "give one kind"),
-    "another frame": (["ARRAY", "--predictor", "MODEL"], "trained with frame world; here it is body"),
+    "another frame": (
+        ["ARRAY", "--predictor", "MODEL"],
+        "trained with frame world; here it is body",
+    ),
 }
 
 
@@ -218,7 +311,12 @@ def test_bad_input_is_one_line_and_leaves_nothing(logs, model, tmp_path, monkeyp
     np.save(array, np.zeros((500, 12)))
     words = {"LOG": str(logs[1]), "MODEL": str(model), "ARRAY": str(array)}
     arguments, message = BAD[case]
-    command = ["evaluate", *(words.get(word, word) for word in arguments), "--json", str(tmp_path / "rows.json")]
+    command = [
+        "evaluate",
+        *(words.get(word, word) for word in arguments),
+        "--json",
+        str(tmp_path / "rows.json"),
+    ]
     assert run(command) == 2
     last = capsys.readouterr().err.splitlines()[-1]
     assert last.startswith("np-drake evaluate: ")
@@ -237,12 +335,22 @@ def test_without_a_predictor_it_is_the_packaged_one(logs, monkeypatch, capsys):
 
 def test_every_flight_left_out_in_turn_is_scored_by_models_blind_to_it(logs, tmp_path, capsys):
     out = tmp_path / "rows.json"
-    arguments = ["evaluate", *map(str, logs[:2]), "--leave-one-out", "--only", "lifted", "--epochs", "1"]
+    arguments = [
+        "evaluate",
+        *map(str, logs[:2]),
+        "--leave-one-out",
+        "--only",
+        "lifted",
+        "--epochs",
+        "1",
+    ]
     assert run([*arguments, "--horizons", "1,5", "--json", str(out)]) == 0, capsys.readouterr().err
     rows = rows_of(out)
     assert len({row["flight"] for row in rows}) == 2
     assert {row["model"] for row in rows} == {"lifted", *UNTRAINED, *TRAINED}
-    assert all(low <= row["force_ratio"] <= high for row in rows for low, high in [row["force_interval"]])
+    assert all(
+        low <= row["force_ratio"] <= high for row in rows for low, high in [row["force_interval"]]
+    )
     assert "mean over flights: torque" in capsys.readouterr().out
 
 
@@ -251,7 +359,9 @@ def test_horizons_are_sorted_and_counted_once():
 
 
 def test_an_unstable_model_fails(logs, tmp_path, monkeypatch, capsys):
-    """A model file refuses such an A, so it comes from elsewhere: the verb says so and leaves with 1."""
+    """A model file refuses such an A, so it comes from elsewhere: the verb says so and leaves with
+    1.
+    """
     path = tmp_path / "dmdc.safetensors"
     assert run(["train", str(logs[0]), "--configuration", "dmdc", "--out", str(path)]) == 0
     model = load_model(path)
@@ -300,7 +410,11 @@ def test_a_bad_log_is_one_line_and_leaves_nothing(logs, model, tmp_path, capsys,
 
 
 def test_a_log_without_accelerations_is_scored_and_says_how(logs, model, tmp_path, capsys):
-    bare = altered(logs[1], tmp_path / "bare.csv", lambda lines: without(lines, "ax", "ay", "az", "alx", "aly", "alz"))
+    bare = altered(
+        logs[1],
+        tmp_path / "bare.csv",
+        lambda lines: without(lines, "ax", "ay", "az", "alx", "aly", "alz"),
+    )
     assert run(["evaluate", str(bare), "--predictor", str(model), "--horizons", "1"]) == 0
     assert "lifted: spectral radius above 1 in 0 of " in capsys.readouterr().out
 

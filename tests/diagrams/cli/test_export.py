@@ -10,7 +10,7 @@ from diagrams.cli.main import run
 from diagrams.exports.coverage import FORMATS
 from np_drake.effects.ground_effect import GroundEffect
 from np_drake.effects.thrust_scale import ThrustScale
-from np_drake.vehicle import PRESETS, Vehicle
+from np_drake.vehicle.vehicle import PRESETS, Vehicle
 
 
 def test_the_formats_of_the_command_are_those_of_the_package():
@@ -28,7 +28,9 @@ def test_a_preset_is_written_in_every_format(form, tmp_path, capsys):
 def test_a_vehicle_file_is_written_and_never_overwritten(tmp_path, capsys):
     mine = tmp_path / "mine.yaml"
     mine.write_text("name: mine\nmass: 1.5\n")
-    assert run(["export", str(mine), "--format", "mujoco", "--out", str(tmp_path / "mine.xml")]) == 0
+    assert (
+        run(["export", str(mine), "--format", "mujoco", "--out", str(tmp_path / "mine.xml")]) == 0
+    )
     assert 'mass="1.5"' in (tmp_path / "mine.xml").read_text()
     capsys.readouterr()
     other_name = tmp_path / "." / "mine.yaml"
@@ -52,7 +54,9 @@ def test_a_vehicle_file_is_written_and_never_overwritten(tmp_path, capsys):
         (["paper", "--format", "sdf", "--out", str(PRESETS / "paper.yaml")], "a file that is read"),
     ],
 )
-def test_bad_input_is_one_line_and_nothing_is_written(arguments, text, tmp_path, monkeypatch, capsys):
+def test_bad_input_is_one_line_and_nothing_is_written(
+    arguments, text, tmp_path, monkeypatch, capsys
+):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "bad.yaml").write_text("mass: heavy\n")
     preset = (PRESETS / "paper.yaml").read_text()
@@ -74,7 +78,9 @@ def test_the_table_names_what_is_left_out(tmp_path):
 
 def test_the_values_are_written_as_json(tmp_path):
     out, values = tmp_path / "a.sdf", tmp_path / "values.json"
-    assert run(["export", "paper", "--format", "sdf", "--out", str(out), "--json", str(values)]) == 0
+    assert (
+        run(["export", "paper", "--format", "sdf", "--out", str(out), "--json", str(values)]) == 0
+    )
     read = json.loads(values.read_text())
     assert read["schema"] == "np_drake.export/1"
     assert [line["identifier"] for line in read["carried"]] == ["gravity"]
@@ -87,7 +93,9 @@ def test_a_scenario_is_exported_with_its_effects(tmp_path, capsys):
         "name: mine\nreality:\n  payload: {tether: none}\n  effects:\n"
         "  - {effect: mass_error, parameters: {delta_mass: 0.2}, onset: 3.0}\n"
     )
-    assert run(["export", str(scenario), "--format", "mujoco", "--out", str(out)]) == 0, capsys.readouterr().err
+    assert run(["export", str(scenario), "--format", "mujoco", "--out", str(out)]) == 0, (
+        capsys.readouterr().err
+    )
     told = capsys.readouterr()
     assert "mass_error" in told.out
     assert "mass_error: begins at 3 s in the scenario" in told.out + told.err

@@ -40,7 +40,9 @@ def test_a_log_without_attitude_or_velocity_trains_nothing(logs, tmp_path):
     (flight,) = open_flights(logs[:1], None)
     for lacks in (("attitude", "velocity", "height"), ("velocity", "height")):
         write_log(dc.replace(flight.data, lacks=lacks), tmp_path / "part.csv")
-        with pytest.raises(ValueError, match=f"must tell attitude and velocity to train on; its {lacks[0]}"):
+        with pytest.raises(
+            ValueError, match=f"must tell attitude and velocity to train on; its {lacks[0]}"
+        ):
             open_flights([tmp_path / "part.csv"], None)
 
 

@@ -15,8 +15,21 @@ from np_drake.logs.opening import open_flights
 @pytest.mark.parametrize("kind", ["hold", "cascade"])  # with labels of the wrench, and without
 def test_a_flight_leaves_log_figures_replay_and_metrics(kind, tmp_path, capsys):
     out, metrics = tmp_path / "out", tmp_path / "fly.json"
-    arguments = ["fly", "circle", "--controller", kind, "--solver", "sqp", "--duration", "1", "--seed", "7"]
-    assert run([*arguments, "--out", str(out), "--json", str(metrics)]) == 0, capsys.readouterr().err
+    arguments = [
+        "fly",
+        "circle",
+        "--controller",
+        kind,
+        "--solver",
+        "sqp",
+        "--duration",
+        "1",
+        "--seed",
+        "7",
+    ]
+    assert run([*arguments, "--out", str(out), "--json", str(metrics)]) == 0, (
+        capsys.readouterr().err
+    )
     names = {path.name for path in out.iterdir()}
     kinds = ("track.png", "errors.png", "wrench.png", "replay.html")
     assert names == {f"circle_{kind}.csv", *(f"circle_{kind}_{file}" for file in kinds)}
@@ -32,7 +45,8 @@ def test_a_flight_leaves_log_figures_replay_and_metrics(kind, tmp_path, capsys):
 def test_a_live_flight_says_where_it_is_seen_and_leaves_its_files(tmp_path, capsys):
     scenario, out = tmp_path / "mine.yaml", tmp_path / "out"
     scenario.write_text(
-        "name: mine\nduration: 0.3\nreference: {track: hover, ramp: 0.2}\ncontroller: {kind: nominal}\n"
+        "name: mine\nduration: 0.3\nreference: {track: hover, ramp: 0.2}\ncontroller: "
+        "{kind: nominal}\n"
     )
     assert run(["fly", str(scenario), "--live", "--out", str(out)]) == 0, capsys.readouterr().err
     assert capsys.readouterr().out.count("http://localhost:") == 1
@@ -40,7 +54,9 @@ def test_a_live_flight_says_where_it_is_seen_and_leaves_its_files(tmp_path, caps
 
 
 def test_a_live_flight_that_is_stopped_at_once_leaves_its_files(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr("diagrams.loop.live.LiveView.look", lambda self, context: context.get_time() < 0.6)
+    monkeypatch.setattr(
+        "diagrams.loop.live.LiveView.look", lambda self, context: context.get_time() < 0.6
+    )
     out = tmp_path / "out"
     assert run(["fly", "circle", "--controller", "hold", "--live", "--out", str(out)]) == 0
     assert open_flights(out / "circle_hold.csv")[0][0].t[-1] < 0.65
@@ -49,7 +65,8 @@ def test_a_live_flight_that_is_stopped_at_once_leaves_its_files(tmp_path, monkey
 
 def test_a_vehicle_that_is_lost_live_leaves_its_files(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(
-        "diagrams.loop.live.LiveView.forces", lambda self, t: (np.array([0.0, 0.0, -200.0]), np.zeros(3))
+        "diagrams.loop.live.LiveView.forces",
+        lambda self, t: (np.array([0.0, 0.0, -200.0]), np.zeros(3)),
     )
     out = tmp_path / "out"
     assert run(["fly", "circle", "--controller", "hold", "--live", "--out", str(out)]) == 0
@@ -67,19 +84,28 @@ def test_a_scenario_file_flies(tmp_path, capsys):
 def test_the_scenarios_controller_flies_unless_another_is_asked_for(tmp_path, capsys):
     scenario = tmp_path / "mine.yaml"
     scenario.write_text(
-        "name: mine\nduration: 0.2\nreference: {track: hover, ramp: 0.2}\ncontroller: {kind: hold, solver: sqp}\n"
+        "name: mine\nduration: 0.2\nreference: {track: hover, ramp: 0.2}\ncontroller: "
+        "{kind: hold, solver: sqp}\n"
     )
     for arguments, kind in (([], "hold"), (["--controller", "nominal"], "nominal")):
         file = tmp_path / "m.json"
-        assert run(["fly", str(scenario), *arguments, "--json", str(file)]) == 0, capsys.readouterr().err
+        assert run(["fly", str(scenario), *arguments, "--json", str(file)]) == 0, (
+            capsys.readouterr().err
+        )
         assert json.loads(file.read_text())["controller"] == kind
 
 
-@pytest.mark.parametrize("named, asked, flown", [("", None, "sqp"), ("ipopt", None, "ipopt"), ("ipopt", "sqp", "sqp")])
-def test_the_solver_is_that_asked_for_else_the_scenarios_else_default(named, asked, flown, tmp_path, capsys):
+@pytest.mark.parametrize(
+    "named, asked, flown", [("", None, "sqp"), ("ipopt", None, "ipopt"), ("ipopt", "sqp", "sqp")]
+)
+def test_the_solver_is_that_asked_for_else_the_scenarios_else_default(
+    named, asked, flown, tmp_path, capsys
+):
     scenario, file = tmp_path / "mine.yaml", tmp_path / "m.json"
     controller = f"controller: {{kind: nominal{', solver: ' + named if named else ''}}}\n"
-    scenario.write_text("name: mine\nduration: 0.2\nreference: {track: hover, ramp: 0.2}\n" + controller)
+    scenario.write_text(
+        "name: mine\nduration: 0.2\nreference: {track: hover, ramp: 0.2}\n" + controller
+    )
     arguments = ["fly", str(scenario), "--json", str(file), *(["--solver", asked] if asked else [])]
     assert run(arguments) == 0, capsys.readouterr().err
     assert json.loads(file.read_text())["config"]["controller"]["solver"] == flown
@@ -96,11 +122,17 @@ BAD = {  # arguments: what the line must say
     "live draws": (["fly", "circle", "--live", "--sample", "2"], "either --live"),
     "duration": (["fly", "circle", "--duration", "-1"], "duration must be positive"),
     "missing scenario": (["fly", "missing.yaml"], "missing.yaml"),
-    "missing model": (["fly", "circle", "--predictor", "missing.safetensors"], "missing.safetensors"),
+    "missing model": (
+        ["fly", "circle", "--predictor", "missing.safetensors"],
+        "missing.safetensors",
+    ),
     "folder of metrics": (["fly", "circle", "--json", "nowhere/x.json"], "nowhere must exist"),
     "seed": (["fly", "circle", "--seed", "99999999999999999999"], "--seed"),
     "solver of demo": (["demo", "--out", "dd", "--solver", "nope"], "ipopt"),
-    "predictor for another": (["fly", "circle", "--controller", "hold", "--predictor", "x"], "is for np"),
+    "predictor for another": (
+        ["fly", "circle", "--controller", "hold", "--predictor", "x"],
+        "is for np",
+    ),
     "bad model and a folder": (["fly", "circle", "--predictor", "taken", "--out", "dd"], "taken"),
     "vehicle": (["fly", "circle", "--vehicle", "missing.yaml"], "missing.yaml"),
     "table": (["reproduce", "tea"], "tracking"),

@@ -22,11 +22,17 @@ class Fails(LeafSystem):
     def __init__(self, vehicle):
         super().__init__()
         self.DeclareVectorOutputPort("u", 4, lambda context, output: output.SetFromVector(vehicle.gains))
-"""
+"""  # noqa: E501
 
 
 def loaded(experiment, *, controllers=("cascade",), reality=None, predictor=None, **numbers):
-    options = {"vehicle": None, "solver": None, "told_mass": False, "reality": reality, "predictor": predictor}
+    options = {
+        "vehicle": None,
+        "solver": None,
+        "told_mass": False,
+        "reality": reality,
+        "predictor": predictor,
+    }
     return scenarios(experiment, controllers, numbers=Numbers(**numbers), **options)
 
 
@@ -37,7 +43,21 @@ def compared(tmp_path_factory):
     words = ["--duration", "0.5", "--wind", "1", "--payload", "0.3", "--seed", "3"]
     files = ["--out", str(folder / "o"), "--json", str(folder / "j.json")]
     with contextlib.redirect_stdout(said):
-        assert run(["fly", "circle", "--controller", "cascade", "--controller", "nominal", *words, *files]) == 0
+        assert (
+            run(
+                [
+                    "fly",
+                    "circle",
+                    "--controller",
+                    "cascade",
+                    "--controller",
+                    "nominal",
+                    *words,
+                    *files,
+                ]
+            )
+            == 0
+        )
     return folder, said.getvalue()
 
 
@@ -45,13 +65,19 @@ def test_several_controllers_give_one_table_one_figure_and_one_page(compared):
     folder, said = compared
     assert re.findall(r"circle\W+(cascade|nominal)\b", said) == ["cascade", "nominal"]
     names = {path.name for path in (folder / "o").iterdir()}
-    each = {f"circle_{kind}{end}" for kind in ("cascade", "nominal") for end in (".csv", "_replay.html", "_wrench.png")}
+    each = {
+        f"circle_{kind}{end}"
+        for kind in ("cascade", "nominal")
+        for end in (".csv", "_replay.html", "_wrench.png")
+    }
     assert names == {*each, "circle_comparison.png", "circle_comparison.html"}
     page = (folder / "o" / "circle_comparison.html").read_text()
     assert set(re.findall(r'href="([^"]+)"', page)) == each
     assert "300\u00a0g on 0.8\u00a0m of cable, wind 1, 0, 0\u00a0m/s" in page
     config = json.loads((folder / "j.json").read_text())["config"]
-    assert {name: one["controller"]["kind"] for name, one in config.items()} == {n: n for n in ("cascade", "nominal")}
+    assert {name: one["controller"]["kind"] for name, one in config.items()} == {
+        n: n for n in ("cascade", "nominal")
+    }
 
 
 def test_the_answer_of_a_comparison_is_one_sentence_from_the_values(compared):
@@ -64,7 +90,16 @@ def test_the_answer_of_a_comparison_is_one_sentence_from_the_values(compared):
 def test_a_controller_that_fails_leaves_the_others_to_compare(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     Path("bad.py").write_text(FAILS)
-    words = ["--controller", "cascade", "--controller", "bad:Fails", "--duration", "0.2", "--out", "o"]
+    words = [
+        "--controller",
+        "cascade",
+        "--controller",
+        "bad:Fails",
+        "--duration",
+        "0.2",
+        "--out",
+        "o",
+    ]
     assert run(["fly", "hover", *words]) == 1
     said = capsys.readouterr()
     assert "Fails failed at 0.00 s: AttributeError" in said.err.splitlines()[-1]
@@ -75,7 +110,12 @@ def test_a_controller_that_fails_leaves_the_others_to_compare(tmp_path, monkeypa
 def test_all_controllers_that_fail_are_named(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     Path("bad.py").write_text(FAILS + "\n\nclass Worse(Fails):\n    pass\n")
-    assert run(["fly", "hover", "--controller", "bad:Worse", "--controller", "bad:Fails", "--out", "o"]) == 1
+    assert (
+        run(
+            ["fly", "hover", "--controller", "bad:Worse", "--controller", "bad:Fails", "--out", "o"]
+        )
+        == 1
+    )
     (line,) = capsys.readouterr().err.splitlines()
     assert "Worse failed at 0.00 s" in line
     assert "Fails failed at 0.00 s" in line
@@ -86,17 +126,41 @@ BAD = {  # words behind `fly circle`: what the line says
     "negative payload": (["--payload", "-1"], "--payload: must not be negative"),
     "heavy payload": (["--payload", "5"], "--payload: must be at most 2."),
     "no length": (["--length", "0"], "--length: must be positive"),
-    "long cable": (["--length", "3"], "--length: must be at most 1.54 m, or the payload touches the ground"),
-    "cable alone": (["--payload", "0", "--length", "1"], "--length: there is no cable without a payload"),
+    "long cable": (
+        ["--length", "3"],
+        "--length: must be at most 1.54 m, or the payload touches the ground",
+    ),
+    "cable alone": (
+        ["--payload", "0", "--length", "1"],
+        "--length: there is no cable without a payload",
+    ),
     "no speed": (["--speed", "0"], "--speed: must be positive"),
-    "fast": (["--speed", "30"], "at 30 m/s circle demands 30 m/s, and controller.mpc.max_speed is 6 m/s"),
+    "fast": (
+        ["--speed", "30"],
+        "at 30 m/s circle demands 30 m/s, and controller.mpc.max_speed is 6 m/s",
+    ),
     "storm": (["--wind", "900"], "--wind: must be at most"),
     "two of a wind": (["--wind", "1,2"], "--wind: must be a speed along x"),
-    "twice": (["--controller", "np", "--controller", "np"], "must name each once; np stands 2 times"),
-    "live": (["--controller", "np", "--controller", "hold", "--live"], "--live, which shows one flight"),
-    "file": (["--controller", "np", "--controller", "hold", "--mcap", "a.mcap"], "--mcap, which holds one flight"),
-    "draws": (["--controller", "np", "--controller", "hold", "--sample", "2"], "--sample, or several --controller"),
-    "model": (["--controller", "nominal", "--controller", "hold", "--predictor", "x"], "none of them flies"),
+    "twice": (
+        ["--controller", "np", "--controller", "np"],
+        "must name each once; np stands 2 times",
+    ),
+    "live": (
+        ["--controller", "np", "--controller", "hold", "--live"],
+        "--live, which shows one flight",
+    ),
+    "file": (
+        ["--controller", "np", "--controller", "hold", "--mcap", "a.mcap"],
+        "--mcap, which holds one flight",
+    ),
+    "draws": (
+        ["--controller", "np", "--controller", "hold", "--sample", "2"],
+        "--sample, or several --controller",
+    ),
+    "model": (
+        ["--controller", "nominal", "--controller", "hold", "--predictor", "x"],
+        "none of them flies",
+    ),
 }
 
 
@@ -129,7 +193,9 @@ def test_every_experiment_may_be_flown_at_its_own_speed():
 def test_a_track_without_a_speed_refuses_one(tmp_path):
     with pytest.raises(ValueError, match="--speed: hover hovers"):
         loaded("hover", speed=1.0)
-    (tmp_path / "t.csv").write_text("t,x,y,z\n" + "\n".join(f"{k},{0.01 * k * k},0,1.5" for k in range(9)))
+    (tmp_path / "t.csv").write_text(
+        "t,x,y,z\n" + "\n".join(f"{k},{0.01 * k * k},0,1.5" for k in range(9))
+    )
     (tmp_path / "s.yaml").write_text("reference: {track: t.csv, ramp: 1.0}\n")
     with pytest.raises(ValueError, match=r"--speed: .*t\.csv states its own times"):
         loaded(str(tmp_path / "s.yaml"), speed=1.0)
@@ -137,7 +203,10 @@ def test_a_track_without_a_speed_refuses_one(tmp_path):
 
 def test_the_stretch_of_another_cable_is_the_same_share_of_its_length():
     (config,), (other,) = loaded("circle"), loaded("circle", payload=0.05, length=1.2)
-    stretch = [c.reality.payload.mass / c.reality.payload.stiffness / c.reality.payload.length for c in (config, other)]
+    stretch = [
+        c.reality.payload.mass / c.reality.payload.stiffness / c.reality.payload.length
+        for c in (config, other)
+    ]
     assert stretch[0] == pytest.approx(stretch[1])
 
 
@@ -154,15 +223,24 @@ def test_the_payload_of_a_corrected_simulator_changes_too(tmp_path):
 
 @pytest.mark.parametrize("model", [NP_MODEL, FILTER_MODEL])
 def test_a_model_file_is_flown_by_the_controller_that_it_is_for(model, capsys):
-    words = [word for kind in ("nominal", "np", "payload_filter") for word in ("--controller", kind)]
+    words = [
+        word for kind in ("nominal", "np", "payload_filter") for word in ("--controller", kind)
+    ]
     assert run(["fly", "hover", "--duration", "0.1", *words, "--predictor", str(model)]) == 0
-    told = [f"{kind} flew {model if model == own else 'the packaged one'}" for kind, own in PACKAGED.items()]
-    assert " ".join(f"Model files: {', '.join(told)}.".split()) in " ".join(capsys.readouterr().out.split())
+    told = [
+        f"{kind} flew {model if model == own else 'the packaged one'}"
+        for kind, own in PACKAGED.items()
+    ]
+    assert " ".join(f"Model files: {', '.join(told)}.".split()) in " ".join(
+        capsys.readouterr().out.split()
+    )
 
 
 @pytest.mark.parametrize("kinds", [["payload_filter"], ["payload_filter", "hold"]])
 def test_a_model_file_that_no_controller_can_fly_is_refused_by_name(kinds):
-    with pytest.raises(ValueError, match=r"is for np; payload_filter cannot fly it\. Name --controller np\."):
+    with pytest.raises(
+        ValueError, match=r"is for np; payload_filter cannot fly it\. Name --controller np\."
+    ):
         loaded("circle", controllers=kinds, predictor=NP_MODEL)
     (config,) = loaded("circle", controllers=[], predictor=FILTER_MODEL)
     assert config.controller.kind == "payload_filter"

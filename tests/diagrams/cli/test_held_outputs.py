@@ -6,7 +6,19 @@ from diagrams.cli.main import run
 from np_drake.files.run_lock import lock_outputs
 
 PRESET = ["vehicle", "new", "--preset", "crazyflie", "--out"]
-MAKE = ["challenge", "make", "--cases", "0", "--clean", "1", "--seconds", "8", "--out", "own", "--truth"]
+MAKE = [
+    "challenge",
+    "make",
+    "--cases",
+    "0",
+    "--clean",
+    "1",
+    "--seconds",
+    "8",
+    "--out",
+    "own",
+    "--truth",
+]
 
 
 @pytest.mark.parametrize(

@@ -20,13 +20,19 @@ FRAME = ["--wheelbase", "0.0919", "--propeller", "0.055", "--order", "crazyflie"
 
 
 def with_throttle(log) -> dict[str, np.ndarray]:
-    """Return the columns of a log with a throttle for each rotor, which is its speed over 3000 rad/s."""
-    return log.columns() | {f"throttle{i + 1}": column / 3000 for i, column in enumerate(log.rotor.T)}
+    """Return the columns of a log with a throttle for each rotor, which is its speed over 3000
+    rad/s.
+    """
+    return log.columns() | {
+        f"throttle{i + 1}": column / 3000 for i, column in enumerate(log.rotor.T)
+    }
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory, excited_flight):
-    """Logs of one vehicle: two ordinary flights, one that hovers, a short one, a desk and a wreck."""
+    """Logs of one vehicle: two ordinary flights, one that hovers, a short one, a desk and a
+    wreck.
+    """
     here = tmp_path_factory.mktemp("flights")
     ordinary, other = (excited_flight(TRUE, seed, seconds=8.0) for seed in (0, 1))
     still = excited_flight(TRUE, 2, size=0.0)
@@ -39,7 +45,10 @@ def folder(tmp_path_factory, excited_flight):
         write_log(log, here / f"{name}.csv")
     columns = with_throttle(other)
     write_csv(here / "both.csv", columns)
-    write_csv(here / "throttle.csv", {name: c for name, c in columns.items() if not name.startswith("rotor")})
+    write_csv(
+        here / "throttle.csv",
+        {name: c for name, c in columns.items() if not name.startswith("rotor")},
+    )
     motion = {name: c for name, c in other.columns().items() if name[0] in "pqvwa" or name == "t"}
     write_csv(here / "motors_missing.csv", motion)
     (here / "text.csv").write_text("nothing\n")
@@ -50,7 +59,10 @@ def folder(tmp_path_factory, excited_flight):
 def result(folder):
     """Return the folder of `--out` of two flights."""
     out = folder / "out"
-    assert run(["identify", str(folder / "a.csv"), str(folder / "b.csv"), *GUESS, "--out", str(out)]) == 0
+    assert (
+        run(["identify", str(folder / "a.csv"), str(folder / "b.csv"), *GUESS, "--out", str(out)])
+        == 0
+    )
     return out
 
 
@@ -65,7 +77,9 @@ def test_the_vehicle_file_holds_the_true_vehicle(result):
     found = load_checked(Vehicle, result / "vehicle.yaml", "vehicle")
     assert found.mass == TRUE.mass
     assert found.thrust_coefficient == pytest.approx(TRUE.thrust_coefficient, rel=0.01)
-    np.testing.assert_allclose(np.diag(found.J), np.diag(TRUE.J), rtol=0.05)  # the issue's bound of inertia
+    np.testing.assert_allclose(
+        np.diag(found.J), np.diag(TRUE.J), rtol=0.05
+    )  # the issue's bound of inertia
     assert found.sources["inertia"].startswith("identified from 1 flight")
     (low, high) = found.intervals["thrust_coefficient"][0]
     assert low < found.thrust_coefficient < high
@@ -78,7 +92,11 @@ def test_the_json_holds_every_quantity_and_the_held_out_errors(result):
     told = {q["name"]: q for q in values["quantities"]}
     low, high = told["inertia xx"]["ci95"]
     assert low < told["inertia xx"]["value"] < high
-    assert {row["model"] for row in values["held_out"]} == {"vehicle file", "identified", "least squares"}
+    assert {row["model"] for row in values["held_out"]} == {
+        "vehicle file",
+        "identified",
+        "least squares",
+    }
     assert {row["flight"] for row in values["held_out"]} == {"b"}
 
 
@@ -98,7 +116,10 @@ def test_the_page_is_beside_the_vehicle_file(result):
         (["a.csv", *GUESS, "--input", "throttle"], "holds rotor_speed of its rotors, not throttle"),
         (["a.csv", *GUESS, "--trust", "luck"], "--trust must be mass or thrust; got 'luck'"),
         (["a.csv", *GUESS, "--trust", "thrust", "--mass", "1"], "leave --mass out"),
-        (["a.csv", "--wheelbase", "0.1", "--order", "alphabetical"], "px4 or ardupilot or betaflight or crazyflie"),
+        (
+            ["a.csv", "--wheelbase", "0.1", "--order", "alphabetical"],
+            "px4 or ardupilot or betaflight or crazyflie",
+        ),
         (["a.csv", "--wheelbase", "0.1"], "give --order px4|ardupilot|betaflight|crazyflie"),
         (["a.csv", "--wheelbase", "nan", "--order", "px4"], "wheelbase must be positive"),
         (["a.csv"], "--vehicle FILE, or --wheelbase M"),
@@ -108,11 +129,20 @@ def test_the_page_is_beside_the_vehicle_file(result):
         (["a.csv", *GUESS, "--held-out", "a.csv"], "as LOG and as --held-out"),
         (["a.csv", *GUESS, "--held-out", "b.csv", "--held-out", "b.csv"], "got it twice"),
         (["a.csv", "a.csv", *GUESS], "got it twice"),
-        (["a.csv", *GUESS, "--held-out", "short.csv"], "--held-out: must last 3 s at least; got 2 s"),
+        (
+            ["a.csv", *GUESS, "--held-out", "short.csv"],
+            "--held-out: must last 3 s at least; got 2 s",
+        ),
         (["short.csv", *GUESS], "needs a flight of 3 s at least; the longest lasts 2 s"),
         (["a.csv", "throttle.csv", *GUESS], "in common; got a rotor_speed; throttle throttle"),
-        (["motors_missing.csv", *GUESS], "needs thrust, tx, ty, tz, or thrust, or throttle, or rotor1"),
-        (["desk.csv", *GUESS], "its rotors do not turn, as on a desk, so that it tells nothing. Fly roll and pitch"),
+        (
+            ["motors_missing.csv", *GUESS],
+            "needs thrust, tx, ty, tz, or thrust, or throttle, or rotor1",
+        ),
+        (
+            ["desk.csv", *GUESS],
+            "its rotors do not turn, as on a desk, so that it tells nothing. Fly roll and pitch",
+        ),
         (["wreck.csv", *GUESS], "must hold a flight"),
         (["text.csv", *GUESS], "text.csv: "),
     ],
@@ -124,7 +154,9 @@ def test_bad_input_is_one_clear_line(folder, monkeypatch, capsys, arguments, sai
 
 def test_a_folder_that_cannot_be_written_is_refused_before_any_work(folder, tmp_path, capsys):
     (tmp_path / "file").write_text("")
-    assert "must be a folder" in refusal(capsys, folder / "a.csv", *GUESS, "--out", tmp_path / "file")
+    assert "must be a folder" in refusal(
+        capsys, folder / "a.csv", *GUESS, "--out", tmp_path / "file"
+    )
 
 
 def test_a_run_that_fails_says_that_the_vehicle_file_is_of_an_earlier_one(folder, tmp_path, capsys):
@@ -137,7 +169,20 @@ def test_a_run_that_fails_says_that_the_vehicle_file_is_of_an_earlier_one(folder
 def test_without_a_mass_there_are_ratios_and_no_vehicle_file(folder, tmp_path, capsys):
     (tmp_path / "vehicle.yaml").write_text("earlier")
     values = tmp_path / "values.json"
-    assert run(["identify", str(folder / "a.csv"), *FRAME, "--out", str(tmp_path), "--json", str(values)]) == 0
+    assert (
+        run(
+            [
+                "identify",
+                str(folder / "a.csv"),
+                *FRAME,
+                "--out",
+                str(tmp_path),
+                "--json",
+                str(values),
+            ]
+        )
+        == 0
+    )
     assert "give --mass for a vehicle file" in " ".join(capsys.readouterr().out.split())
     assert not (tmp_path / "vehicle.yaml").exists()
     assert "vehicle.yaml" not in (tmp_path / "identification.html").read_text()

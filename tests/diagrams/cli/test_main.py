@@ -73,7 +73,9 @@ def shell(*arguments, **variables):
     """`python -m np_drake` as a shell calls it, told which shell that is."""
     environment = {**os.environ, "_TYPER_COMPLETE_TEST_DISABLE_SHELL_DETECTION": "1", **variables}
     command = [sys.executable, "-m", "np_drake", *arguments]
-    return subprocess.run(command, capture_output=True, text=True, check=True, env=environment).stdout
+    return subprocess.run(
+        command, capture_output=True, text=True, check=True, env=environment
+    ).stdout
 
 
 def test_the_shell_completes_a_verb():
@@ -86,23 +88,33 @@ def test_the_completion_is_shown():
 
 
 def test_the_completion_is_installed(tmp_path):
-    assert "bash completion installed in" in shell("--install-completion", "bash", HOME=str(tmp_path))
+    assert "bash completion installed in" in shell(
+        "--install-completion", "bash", HOME=str(tmp_path)
+    )
     (script,) = tmp_path.glob(".bash_completions/*")
     assert "complete_bash" in script.read_text()
 
 
 def started(*arguments, code="", **variables):
     """A run in a process of its own, after some Python."""
-    program = f"import sys; sys.argv[1:] = {list(arguments)!r}\n{code}\nfrom diagrams.cli.main import main; main()"
+    program = (
+        f"import sys; sys.argv[1:] = {list(arguments)!r}\n{code}\nfrom diagrams.cli.main "
+        f"import main; main()"
+    )
     command, environment = [sys.executable, "-c", program], {**os.environ, **variables}
     return subprocess.run(command, capture_output=True, text=True, env=environment)
 
 
-SIGNALS = {"SIGINT": (130, "interrupted."), "SIGTERM": (143, "ended by SIGTERM."), "SIGHUP": (129, "ended by SIGHUP.")}
+SIGNALS = {
+    "SIGINT": (130, "interrupted."),
+    "SIGTERM": (143, "ended by SIGTERM."),
+    "SIGHUP": (129, "ended by SIGHUP."),
+}
 
 
 @pytest.mark.parametrize(
-    "name, module", [("SIGINT", "typer"), ("SIGTERM", "rich.progress"), ("SIGHUP", "yaml"), ("SIGINT", "numpy")]
+    "name, module",
+    [("SIGINT", "typer"), ("SIGTERM", "rich.progress"), ("SIGHUP", "yaml"), ("SIGINT", "numpy")],
 )
 def test_a_signal_while_modules_are_imported_is_one_line(name, module):
     code, line = SIGNALS[name]
@@ -127,9 +139,14 @@ sys.meta_path.insert(0, Sender())
 def test_a_signal_ends_a_run_and_leaves_no_half_file(tmp_path, name):
     arguments = ["fly", "hover", "--out", str(tmp_path / "out"), "--json", str(tmp_path / "m.json")]
     process = subprocess.Popen(
-        [sys.executable, "-m", "np_drake", *arguments], stderr=subprocess.PIPE, text=True, stdout=subprocess.PIPE
+        [sys.executable, "-m", "np_drake", *arguments],
+        stderr=subprocess.PIPE,
+        text=True,
+        stdout=subprocess.PIPE,
     )
-    time.sleep(3.0)  # it flies by then [s]; where the machine is slow it still imports, under the same law
+    time.sleep(
+        3.0
+    )  # it flies by then [s]; where the machine is slow it still imports, under the same law
     process.send_signal(getattr(signal, name))
     _, said = process.communicate(timeout=60)
     code, line = SIGNALS[name]

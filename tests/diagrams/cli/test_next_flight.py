@@ -20,7 +20,9 @@ from np_drake.effects.thrust_scale import ThrustScale
 from np_drake.references.track_file import read_track
 
 RMS = np.repeat([0.5, 0.05, 0.05, 0.2, 0.05], 3)
-READINGS = Readings(NoiseModel(np.zeros((15, 1)), np.diag(1 / RMS), RMS, RMS**2, 0.02), IDEAL_SENSORS)
+READINGS = Readings(
+    NoiseModel(np.zeros((15, 1)), np.diag(1 / RMS), RMS, RMS**2, 0.02), IDEAL_SENSORS
+)
 STAND = [Explanation((), 0.4, ()), Explanation(("linear_drag",), 0.6, (LinearDrag(0.5, 0.5, 0.5),))]
 CORRECTED = """\
 name: corrected
@@ -28,7 +30,10 @@ reality: {payload: {tether: none}, rotor_drag: 0.0, motor_lag: 0.0, thrust_scale
 """
 BOX = ["--box", "4", "4", "2.5"]
 QUICK = [*BOX, "--seconds", "5"]
-MOST_MEMORY, MOST_TIME = 500, 20.0  # of the default flight [MB, s]; on a quiet machine it takes about 6 s
+MOST_MEMORY, MOST_TIME = (
+    500,
+    20.0,
+)  # of the default flight [MB, s]; on a quiet machine it takes about 6 s
 
 
 def told() -> dict:
@@ -61,9 +66,16 @@ def test_a_flight_is_checked_written_and_can_be_flown_again(report, tmp_path, ca
     assert run(["next-flight", str(report), *QUICK, "--out", str(out), "--json", str(values)]) == 0
     text = " ".join(capsys.readouterr().out.split())
     assert "2 explanations stand: nothing (40 %), linear_drag (60 %)." in text
-    assert "Fly the multisine: whichever explanation is true, it alone is left with a probability above 99.9 %" in text
+    assert (
+        "Fly the multisine: whichever explanation is true, it alone is left with a "
+        "probability above 99.9 %"
+    ) in text
     assert "Limits: kept in the simulator under each of 2 explanations" in text
-    assert {path.name for path in out.iterdir()} == {"next_flight.csv", "next_flight.png", "next_flight.yaml"}
+    assert {path.name for path in out.iterdir()} == {
+        "next_flight.csv",
+        "next_flight.png",
+        "next_flight.yaml",
+    }
     content = json.loads(values.read_text())
     assert content["schema"] == "np_drake.next-flight/1"
     told, *others = content["candidates"]
@@ -83,7 +95,16 @@ def test_a_flight_is_checked_written_and_can_be_flown_again(report, tmp_path, ca
 def test_the_same_seed_writes_the_same_trajectory(report, tmp_path):
     files = []
     for name in ("a", "b"):
-        arguments = ["next-flight", str(report), *QUICK, "--no-fly", "--seed", "3", "--out", str(tmp_path / name)]
+        arguments = [
+            "next-flight",
+            str(report),
+            *QUICK,
+            "--no-fly",
+            "--seed",
+            "3",
+            "--out",
+            str(tmp_path / name),
+        ]
         assert run(arguments) == 0
         files.append((tmp_path / name / "next_flight.csv").read_bytes())
     assert files[0] == files[1]
@@ -99,9 +120,11 @@ def test_the_default_flight_stays_within_memory_and_time(report, tmp_path):
         assert run(sys.argv[1:]) == 0
         status = pathlib.Path("/proc/self/status").read_text()  # ru_maxrss would count the parent's memory
         print(int(re.search(r"VmHWM:\\s+(\\d+)", status)[1]) / 1000, time.process_time())
-    """
+    """  # noqa: E501
     arguments = ["next-flight", str(report), *BOX, "--out", str(tmp_path / "out")]
-    done = subprocess.run([sys.executable, "-c", code, *arguments], capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        [sys.executable, "-c", code, *arguments], capture_output=True, text=True, check=True
+    )
     memory, seconds = map(float, done.stdout.split("\n")[-2].split())
     assert memory < MOST_MEMORY
     assert seconds < MOST_TIME
@@ -109,7 +132,12 @@ def test_the_default_flight_stays_within_memory_and_time(report, tmp_path):
 
 def test_what_an_interval_becomes_is_printed(report, tmp_path, capsys):
     drag = Explanation(
-        ("linear_drag",), 1.0, (LinearDrag(0.5, 0.4, 0.3),), (), ("linear_drag.d_x",), np.array([[0.01]])
+        ("linear_drag",),
+        1.0,
+        (LinearDrag(0.5, 0.4, 0.3),),
+        (),
+        ("linear_drag.d_x",),
+        np.array([[0.01]]),
     )
     (report / REPORT).write_text(json.dumps(told() | {"explanations": [drag.as_json()]}))
     values = tmp_path / "a.json"
@@ -122,12 +150,16 @@ def test_what_an_interval_becomes_is_printed(report, tmp_path, capsys):
     assert after < 0.97 * before
 
 
-def test_explanations_that_no_flight_tells_apart_are_said_to_be_in_seconds(report, tmp_path, capsys):
+def test_explanations_that_no_flight_tells_apart_are_said_to_be_in_seconds(
+    report, tmp_path, capsys
+):
     twins = [
         Explanation((name,), p, (LinearDrag(0.5, 0.5, 0.5),))
         for name, p in (("mass_error", 0.7), ("thrust_scale", 0.3))
     ]
-    (report / REPORT).write_text(json.dumps(told() | {"explanations": [e.as_json() for e in twins]}))
+    (report / REPORT).write_text(
+        json.dumps(told() | {"explanations": [e.as_json() for e in twins]})
+    )
     values = tmp_path / "a.json"
     assert run(["next-flight", str(report), *BOX, "--json", str(values)]) == 0
     text = " ".join(capsys.readouterr().out.split())
@@ -138,14 +170,23 @@ def test_explanations_that_no_flight_tells_apart_are_said_to_be_in_seconds(repor
 
 
 def test_a_naive_manoeuvre_that_its_table_puts_ahead_is_proposed(report, tmp_path, capsys):
-    windy = [Explanation((), 0.5, ()), Explanation(("thrust_scale",), 0.5, (ThrustScale(1.0 + 4e-4),))]
-    (report / REPORT).write_text(json.dumps(told() | {"explanations": [e.as_json() for e in windy]}))
+    windy = [
+        Explanation((), 0.5, ()),
+        Explanation(("thrust_scale",), 0.5, (ThrustScale(1.0 + 4e-4),)),
+    ]
+    (report / REPORT).write_text(
+        json.dumps(told() | {"explanations": [e.as_json() for e in windy]})
+    )
     values = tmp_path / "a.json"
     assert run(["next-flight", str(report), *QUICK, "--no-fly", "--json", str(values)]) == 0
     first, *others = json.loads(values.read_text())["candidates"]
     assert first["distances"][0][1] >= max(other["distances"][0][1] for other in others)
     rows = [line.split()[0] for line in capsys.readouterr().out.splitlines() if line.split()[:1]]
-    rows = [word for word in rows if word in {"multisine", *(other["name"] for other in others), first["name"]}]
+    rows = [
+        word
+        for word in rows
+        if word in {"multisine", *(other["name"] for other in others), first["name"]}
+    ]
     assert rows[0] == first["name"] != "multisine"
 
 
@@ -153,13 +194,17 @@ def test_a_naive_manoeuvre_that_its_table_puts_ahead_is_proposed(report, tmp_pat
 def test_a_manoeuvre_that_cannot_be_flown_is_left_out(fail, report, tmp_path, monkeypatch, capsys):
     """The naive one that is ahead cannot; with `fail` above the number of manoeuvres none can."""
     strong = [Explanation((), 0.5, ()), Explanation(("thrust_scale",), 0.5, (ThrustScale(1.01),))]
-    (report / REPORT).write_text(json.dumps(told() | {"explanations": [e.as_json() for e in strong]}))
+    (report / REPORT).write_text(
+        json.dumps(told() | {"explanations": [e.as_json() for e in strong]})
+    )
     tried = []
 
     def keep(motion, explanations, fly_one, **options):
         tried.append(motion)
         if len(tried) <= fail:
-            raise limits_check.CannotFly("limits: no motion keeps them with controller hold: speed is 2 of its limit.")
+            raise limits_check.CannotFly(
+                "limits: no motion keeps them with controller hold: speed is 2 of its limit."
+            )
         flown = [limits_check.Flown(e, {"speed": 0.5}, np.array([0.5, 0.5])) for e in explanations]
         return motion, flown
 
@@ -181,8 +226,12 @@ def test_a_manoeuvre_that_cannot_be_flown_is_left_out(fail, report, tmp_path, mo
 
 
 def test_limits_that_no_motion_keeps_are_refused_before_the_flights(report, capsys):
-    (report / REPORT).write_text(json.dumps(told() | {"explanations": [STAND[0].as_json() | {"probability": 1.0}]}))
-    assert run(["next-flight", str(report), *BOX, "--seconds", "120", "--speed", "0.001"]) == 2  # [m/s]
+    (report / REPORT).write_text(
+        json.dumps(told() | {"explanations": [STAND[0].as_json() | {"probability": 1.0}]})
+    )
+    assert (
+        run(["next-flight", str(report), *BOX, "--seconds", "120", "--speed", "0.001"]) == 2
+    )  # [m/s]
     error = capsys.readouterr().err
     assert "no motion keeps them with controller hold: speed is" in error
     assert "Name another --controller, or widen --" in error
@@ -208,12 +257,24 @@ def test_a_second_answer_counts(report):
         ('{"cannot_tell": true}', "more motion"),
         (json.dumps(told() | {"readings": {"noise": {}}}), "must be whole"),
         (json.dumps(changed("readings", "noise", "step", 0)), "step must be"),
-        (json.dumps(changed("readings", "noise", "step", "0.02")), "step of the noise must be a number; got '0.02'"),
+        (
+            json.dumps(changed("readings", "noise", "step", "0.02")),
+            "step of the noise must be a number; got '0.02'",
+        ),
         (json.dumps(changed("readings", "noise", "rms", [1e308] * 15)), "numbers must be finite"),
         (json.dumps(changed("readings", "noise", "phi", [])), "phi"),
-        (json.dumps(changed("readings", "tolerance", "mass", "0.1")), "tolerance of mass must be a number; got '0.1'"),
-        (json.dumps(changed("readings", "noise", "rms", ["1.0"] * 15)), "rms of the noise must be numbers; got '1.0'"),
-        (json.dumps(changed("explanations", 0, "probability", "0.4")), "probability must be a number; got '0.4'"),
+        (
+            json.dumps(changed("readings", "tolerance", "mass", "0.1")),
+            "tolerance of mass must be a number; got '0.1'",
+        ),
+        (
+            json.dumps(changed("readings", "noise", "rms", ["1.0"] * 15)),
+            "rms of the noise must be numbers; got '1.0'",
+        ),
+        (
+            json.dumps(changed("explanations", 0, "probability", "0.4")),
+            "probability must be a number; got '0.4'",
+        ),
         (
             json.dumps(changed("explanations", 1, "effects", 0, "parameters", "d_x", "0.5")),
             "d_x of linear_drag must be a number; got '0.5'",
@@ -223,13 +284,35 @@ def test_a_second_answer_counts(report):
             "named must be a list of names; got 'linear_drag'",
         ),
         (json.dumps(changed("explanations", 1, "named", [3])), "named must be a list of names"),
-        (json.dumps(changed("explanations", 1, "parameters", "ab")), "parameters must be a list of names"),
+        (
+            json.dumps(changed("explanations", 1, "parameters", "ab")),
+            "parameters must be a list of names",
+        ),
         (json.dumps(changed("explanations", 1, "probability", 1e308)), "probability must be"),
-        (json.dumps(changed("explanations", 1, "effects", 0, "parameters", "d_x", 1e308)), "d_x must be 0 to"),
-        (json.dumps(changed("explanations", 1, "effects", 0, "parameters", "d_x", "much")), "must be whole|number"),
-        (json.dumps(changed("explanations", 1, "covariance", [[1e308]], parameters=["linear_drag.d_x"])), "covariance"),
-        (json.dumps(changed("explanations", 1, "covariance", [[-1.0]], parameters=["linear_drag.d_x"])), "definite"),
-        (json.dumps(told() | {"explanations": 20000 * [STAND[0].as_json()]}), "at most 100 explanations"),
+        (
+            json.dumps(changed("explanations", 1, "effects", 0, "parameters", "d_x", 1e308)),
+            "d_x must be 0 to",
+        ),
+        (
+            json.dumps(changed("explanations", 1, "effects", 0, "parameters", "d_x", "much")),
+            "must be whole|number",
+        ),
+        (
+            json.dumps(
+                changed("explanations", 1, "covariance", [[1e308]], parameters=["linear_drag.d_x"])
+            ),
+            "covariance",
+        ),
+        (
+            json.dumps(
+                changed("explanations", 1, "covariance", [[-1.0]], parameters=["linear_drag.d_x"])
+            ),
+            "definite",
+        ),
+        (
+            json.dumps(told() | {"explanations": 20000 * [STAND[0].as_json()]}),
+            "at most 100 explanations",
+        ),
     ],
 )
 def test_a_report_that_does_not_tell_is_refused(report, content, why):

@@ -30,7 +30,9 @@ def test_a_link_that_is_taken_is_said_in_one_line(taken, capsys):
 
 
 def test_an_address_that_is_none_is_said_in_one_line(capsys):
-    assert "udp:127.0.0.1:14540" in refused(["node", "hover", "--controller", "hold", "--link", "udp:here"], capsys)
+    assert "udp:127.0.0.1:14540" in refused(
+        ["node", "hover", "--controller", "hold", "--link", "udp:here"], capsys
+    )
 
 
 @pytest.mark.parametrize("address", ["udpout:127.0.0.1:99999", "pyproject.toml", "tcp:1", "serial"])
@@ -42,7 +44,16 @@ def test_a_vehicle_that_is_silent_ends_the_wait_with_a_failure(capsys):
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one:
         one.bind(("127.0.0.1", 0))
         port = one.getsockname()[1]
-    arguments = ["node", "hover", "--controller", "hold", "--link", f"udp:127.0.0.1:{port}", "--wait", "1"]
+    arguments = [
+        "node",
+        "hover",
+        "--controller",
+        "hold",
+        "--link",
+        f"udp:127.0.0.1:{port}",
+        "--wait",
+        "1",
+    ]
     assert "no heartbeat" in refused(arguments, capsys, code=1)
 
 
@@ -51,7 +62,9 @@ def test_a_controller_of_ones_own_is_refused(capsys):
 
 
 def test_a_rate_that_no_autopilot_takes_is_refused(capsys):
-    assert "offboard: rate" in refused(["node", "hover", "--controller", "hold", "--rate", "20"], capsys)
+    assert "offboard: rate" in refused(
+        ["node", "hover", "--controller", "hold", "--rate", "20"], capsys
+    )
 
 
 def test_a_vehicle_behind_a_link_takes_no_controller(capsys):
@@ -100,6 +113,9 @@ def test_the_attitude_that_is_shown_is_that_of_a_pilot():
     from diagrams.cli.node import _pose
 
     x = np.zeros(13)
-    x[2], x[3:7] = 1.5, Quaternion(RollPitchYaw(0.1, -0.2, np.pi / 2).ToRotationMatrix().matrix()).wxyz()
+    x[2], x[3:7] = (
+        1.5,
+        Quaternion(RollPitchYaw(0.1, -0.2, np.pi / 2).ToRotationMatrix().matrix()).wxyz(),
+    )
     assert _pose(x) == ": right down +6, nose up +11, left of east +90 deg, height 1.50 m"
     assert _pose(np.full(13, np.nan)) == ""

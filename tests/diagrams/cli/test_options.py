@@ -16,7 +16,9 @@ from diagrams.demo.story import run_demo
 ROOT = typer.main.get_command(app)
 VERBS = {name: verb for name, verb in ROOT.commands.items() if not hasattr(verb, "commands")}
 VERBS |= {
-    f"{group} {name}": verb for group, of in ROOT.commands.items() for name, verb in getattr(of, "commands", {}).items()
+    f"{group} {name}": verb
+    for group, of in ROOT.commands.items()
+    for name, verb in getattr(of, "commands", {}).items()
 }
 VERBS |= {f"reproduce {name}": study.command(name) for name, study in STUDIES.items()}
 
@@ -30,7 +32,9 @@ def test_every_verb_that_flies_has_one_default_solver():
     assert set(solvers()) >= {"fly", "demo", "reproduce tracking", "reproduce hover"}
     told = {name: solver for name, solver in solvers().items() if name not in ("fly", "node")}
     assert set(told.values()) == {DEFAULT_SOLVER}
-    assert solvers()["fly"] is solvers()["node"] is None  # the scenario file's, or DEFAULT_SOLVER: see test_fly
+    assert (
+        solvers()["fly"] is solvers()["node"] is None
+    )  # the scenario file's, or DEFAULT_SOLVER: see test_fly
     assert inspect.signature(run_demo).parameters["solver"].default == DEFAULT_SOLVER
 
 
@@ -52,12 +56,23 @@ def test_shared_options_are_documented_once_in_the_top_level_help(capsys):
 @pytest.mark.parametrize("verb", VERBS)
 def test_help_has_the_fields_words(verb, capsys):
     assert run([*verb.split(), "--help"]) == 0
-    said = re.sub(r"--[a-z-]+", "", capsys.readouterr().out.lower())  # option names stay as they are
+    said = re.sub(
+        r"--[a-z-]+", "", capsys.readouterr().out.lower()
+    )  # option names stay as they are
     for word in ("foreign", "told", "laborator", " rig ", "second look", "made flights"):
         assert word not in said
 
 
-CHECKED = {"visible", "speed", "tilt", "duration", "mass", "wheelbase", "propeller", "hover_throttle"}
+CHECKED = {
+    "visible",
+    "speed",
+    "tilt",
+    "duration",
+    "mass",
+    "wheelbase",
+    "propeller",
+    "hover_throttle",
+}
 CHECKED |= {
     "mass_uncertainty",
     "thrust_uncertainty",
@@ -88,7 +103,10 @@ def test_no_number_is_without_bounds(verb):
         "vehicle new --mass={} --wheelbase 0.3 --propeller 0.2 --order px4 --hover-throttle 0.4",
         "vehicle new --mass 1 --wheelbase={} --propeller 0.2 --order px4 --hover-throttle 0.4",
         "vehicle new --mass 1 --wheelbase 0.3 --propeller 0.2 --order px4 --hover-throttle={}",
-        "vehicle new --mass 1 --wheelbase 0.3 --propeller 0.2 --order px4 --hover-throttle 0.4 --mass-uncertainty={}",
+        (
+            "vehicle new --mass 1 --wheelbase 0.3 --propeller 0.2 --order px4 --hover-throttle "
+            "0.4 --mass-uncertainty={}"
+        ),
         "vehicle new --preset paper --thrust-uncertainty={}",
         "challenge score . . --visible={}",
         "bench --seconds={}",
@@ -107,7 +125,9 @@ def test_verbs_of_many_cases_share_the_options_of_their_workers():
     flown = {"tracking", "configurations", "hover", "attach", "weights", "tether", "theorem"}
     flown |= {"robustness", "margins", "vehicles", "closing", "replay", "real"}
     solved = {"make", "solve"}
-    assert {f"reproduce {name}" for name in flown} | {f"challenge {name}" for name in solved} <= set(many)
+    assert {f"reproduce {name}" for name in flown} | {
+        f"challenge {name}" for name in solved
+    } <= set(many)
     for name, known in many.items():
         if name.split()[0] in ("reproduce", "challenge"):
             assert known["scheduler"].default == "", name

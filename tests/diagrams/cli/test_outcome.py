@@ -34,13 +34,33 @@ class Panic(BaseException):
         (ValueError("mass must be\npositive"), 2, "np-drake verb: mass must be positive\n"),
         (ValueError("verb: logs must differ."), 2, "np-drake verb: logs must differ.\n"),
         (FileNotFoundError(2, "No such file", "a.csv"), 2, "np-drake verb: a.csv: No such file.\n"),
-        (OSError(28, "No space left"), 2, "np-drake verb: writing: No space left. Free some room, or "),
+        (
+            OSError(28, "No space left"),
+            2,
+            "np-drake verb: writing: No space left. Free some room, or ",
+        ),
         (FailedRun("the vehicle fell."), 1, "np-drake verb: the vehicle fell.\n"),
         (KeyboardInterrupt(), 130, "np-drake verb: interrupted.\n"),
-        (MemoryError(), 70, "np-drake verb: internal error: MemoryError: no message (test_outcome.py:"),
-        (RecursionError("deep"), 70, "np-drake verb: internal error: RecursionError: deep (test_outcome.py:"),
-        (ZeroDivisionError("a\nb"), 70, "np-drake verb: internal error: ZeroDivisionError: a b (test_outcome.py:"),
-        (EOFError("cut off"), 70, "np-drake verb: internal error: EOFError: cut off (test_outcome.py:"),
+        (
+            MemoryError(),
+            70,
+            "np-drake verb: internal error: MemoryError: no message (test_outcome.py:",
+        ),
+        (
+            RecursionError("deep"),
+            70,
+            "np-drake verb: internal error: RecursionError: deep (test_outcome.py:",
+        ),
+        (
+            ZeroDivisionError("a\nb"),
+            70,
+            "np-drake verb: internal error: ZeroDivisionError: a b (test_outcome.py:",
+        ),
+        (
+            EOFError("cut off"),
+            70,
+            "np-drake verb: internal error: EOFError: cut off (test_outcome.py:",
+        ),
         (Panic("native"), 70, "np-drake verb: internal error: Panic: native. Please report it"),
     ],
     ids=lambda value: type(value).__name__ if isinstance(value, BaseException) else "",
@@ -87,7 +107,15 @@ def test_an_output_is_no_input_by_any_name(logs, tmp_path, capsys, option, link)
     arguments = {
         "doctor": [str(source), "--json", str(target)],
         "train": [str(source), "--out", str(target)],
-        "export": [str(source), "--format", "sdf", "--out", str(tmp_path / "x"), "--markdown", str(target)],
+        "export": [
+            str(source),
+            "--format",
+            "sdf",
+            "--out",
+            str(tmp_path / "x"),
+            "--markdown",
+            str(target),
+        ],
     }[verb]
     before = source.read_bytes()
     assert run([verb, *arguments]) == 2
@@ -100,7 +128,17 @@ def test_inputs_are_what_is_named_and_not_written(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     for name in ("a.csv", "b.yaml", "c.json", "d.csv"):
         (tmp_path / name).write_text("")
-    line = ["fly", "a.csv", "--vehicle=b.yaml", "--json", "c.json", "--out=d.csv", "--seed", "3", "missing"]
+    line = [
+        "fly",
+        "a.csv",
+        "--vehicle=b.yaml",
+        "--json",
+        "c.json",
+        "--out=d.csv",
+        "--seed",
+        "3",
+        "missing",
+    ]
     assert sorted(path.name for path in dut.inputs_of(line)) == ["a.csv", "b.yaml"]
 
 
@@ -117,7 +155,9 @@ def test_the_files_of_case_folders_are_inputs(tmp_path):
 
 @pytest.mark.parametrize("verb", [["diagnose"], ["challenge", "solve", "--out", "answers"]])
 @pytest.mark.parametrize("name", ["vehicle.yaml", "train_1.csv", "heldout.csv"])
-def test_a_file_of_a_case_is_no_output_and_nothing_is_begun(tmp_path, monkeypatch, capsys, verb, name):
+def test_a_file_of_a_case_is_no_output_and_nothing_is_begun(
+    tmp_path, monkeypatch, capsys, verb, name
+):
     monkeypatch.chdir(tmp_path)
     cases = tmp_path / "set" / "a"
     cases.mkdir(parents=True)

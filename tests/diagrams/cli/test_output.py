@@ -11,7 +11,9 @@ from diagrams.cli import output as dut
 
 def test_a_table_fits_a_hundred_columns(capsys):
     rows = [("a flight with a rather long name indeed " * 3, "np", 0.02, 1.23456, None, 3)] * 2
-    dut.print_table("skill", ["flight", "model", "horizon [s]", "force [N]", "torque [N·m]", "n"], rows)
+    dut.print_table(
+        "skill", ["flight", "model", "horizon [s]", "force [N]", "torque [N·m]", "n"], rows
+    )
     lines = capsys.readouterr().out.splitlines()
     assert max(map(len, lines)) <= 100
     assert any("1.23 " in line for line in lines)
@@ -19,7 +21,9 @@ def test_a_table_fits_a_hundred_columns(capsys):
 
 
 def test_a_metrics_file_names_its_schema_version_and_seed(tmp_path):
-    dut.write_metrics(tmp_path / "m.json", "fly", seed=3, config={"a": 1}, metrics={"E_z": np.float64(0.5)})
+    dut.write_metrics(
+        tmp_path / "m.json", "fly", seed=3, config={"a": 1}, metrics={"E_z": np.float64(0.5)}
+    )
     content = json.loads((tmp_path / "m.json").read_text())
     assert content["schema"] == "np_drake.fly/1"
     assert (content["seed"], content["config"], content["metrics"]) == (3, {"a": 1}, {"E_z": 0.5})
@@ -92,7 +96,9 @@ def test_off_a_terminal_progress_leaves_no_line_beside_that_of_an_error(capsys):
 
 
 def test_sentences_take_the_columns_of_tables(capsys):
-    dut.tell("a sentence of many words that goes on below, as 12 kg of payload do " * 4, indent="  ")
+    dut.tell(
+        "a sentence of many words that goes on below, as 12 kg of payload do " * 4, indent="  "
+    )
     first, *others = capsys.readouterr().out.splitlines()
     assert max(map(len, (first, *others))) <= dut.NARROW
     assert not first.startswith(" ")

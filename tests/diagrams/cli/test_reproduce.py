@@ -13,14 +13,26 @@ from diagrams.tracking import tuning
 
 ROOT = Path(__file__).parents[3]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
-WRITTEN = sorted({line for page in PAGES for line in re.findall(r"`np-drake reproduce ([^`]+)`", page.read_text())})
+WRITTEN = sorted(
+    {
+        line
+        for page in PAGES
+        for line in re.findall(r"`np-drake reproduce ([^`]+)`", page.read_text())
+    }
+)
 
 BAD = {  # arguments: what the line must say
     "unknown": (
         ["nothing"],
-        "must be one of tracking, configurations, weights, gap, mhe, theorem, tether, estimation, sample-eff",
+        (
+            "must be one of tracking, configurations, weights, gap, mhe, theorem, tether, "
+            "estimation, sample-eff"
+        ),
     ),
-    "unknown row": (["configurations", "--only", "np"], "must name rows of the table (nominal; hold; np: lifted"),
+    "unknown row": (
+        ["configurations", "--only", "np"],
+        "must name rows of the table (nominal; hold; np: lifted",
+    ),
     "no flights": (["theorem"], "NP_DRAKE_NEUROBEM"),
     "no folder": (["theorem", "--neurobem", "nowhere"], "nowhere"),
 }

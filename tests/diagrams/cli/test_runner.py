@@ -42,7 +42,11 @@ def test_the_metrics_begin_with_schema_version_seed_and_configuration(tmp_path):
     assert call(app, "--json", tmp_path / "m.json", "--size", 5) == 0
     content = json.loads((tmp_path / "m.json").read_text())
     assert list(content) == ["schema", "version", "seed", "config", "table"]
-    assert (content["schema"], content["seed"], content["config"]) == ("np_drake.made/1", 7, {"size": 5})
+    assert (content["schema"], content["seed"], content["config"]) == (
+        "np_drake.made/1",
+        7,
+        {"size": 5},
+    )
 
 
 def test_lines_stand_above_the_table_and_notes_below(tmp_path, capsys):
@@ -79,7 +83,10 @@ def test_a_body_that_fails_leaves_nothing(tmp_path):
 def test_figures_and_files_are_written_only_where_a_folder_is_asked_for(tmp_path, capsys):
     def change(run):
         figures = {"f.png": lambda: new_figure(1, 1, width=1.0, height=1.0)[0]}
-        return {"figures": figures, "write": lambda folder: (folder / "extra.txt").write_text("more")}
+        return {
+            "figures": figures,
+            "write": lambda folder: (folder / "extra.txt").write_text("more"),
+        }
 
     app, _ = made(change)
     assert call(app) == 0
@@ -103,7 +110,10 @@ def test_an_option_may_not_name_a_file_that_the_verb_writes(option, written_by, 
 
     app, _ = made(content)
     (tmp_path / "out").mkdir()
-    assert call(app, "--out", tmp_path / "out", option, tmp_path / "out" / ".." / "out" / "log.csv") == 2
+    assert (
+        call(app, "--out", tmp_path / "out", option, tmp_path / "out" / ".." / "out" / "log.csv")
+        == 2
+    )
     said = capsys.readouterr().err
     assert "a file that this verb writes itself" in said
     assert len(said.splitlines()) == 1
@@ -191,7 +201,12 @@ def test_what_others_write_meanwhile_stays(tmp_path):
 
 
 def test_a_report_whose_cases_failed_is_written_whole(tmp_path):
-    app, _ = made(lambda run: {"failure": FailedRun("1 of 2 failed."), "write": lambda at: (at / "a").write_text("1")})
+    app, _ = made(
+        lambda run: {
+            "failure": FailedRun("1 of 2 failed."),
+            "write": lambda at: (at / "a").write_text("1"),
+        }
+    )
     assert call(app, "--out", tmp_path / "out", "--json", tmp_path / "m.json") == 1
     assert (tmp_path / "out" / "a").is_file()
     assert (tmp_path / "m.json").is_file()

@@ -13,7 +13,9 @@ PROGRAM = [sys.executable, "-m", "np_drake"]
 
 
 def shell(command, **variables):
-    return subprocess.run(["bash", "-c", command], capture_output=True, text=True, env={**os.environ, **variables})
+    return subprocess.run(
+        ["bash", "-c", command], capture_output=True, text=True, env={**os.environ, **variables}
+    )
 
 
 NP_DRAKE = f"{sys.executable} -m np_drake"
@@ -28,7 +30,10 @@ def test_a_reader_that_goes_away_is_no_error(verb):
 
 def test_files_are_written_though_nobody_reads_the_lines(tmp_path):
     file = tmp_path / "m.json"
-    dut = shell(f"set -o pipefail; {NP_DRAKE} export paper --format sdf --out {tmp_path}/x --json {file} | true")
+    dut = shell(
+        f"set -o pipefail; {NP_DRAKE} export paper --format sdf --out {tmp_path}/x --json "
+        f"{file} | true"
+    )
     assert (dut.returncode, dut.stderr) == (0, "")
     assert json.loads(file.read_text())["schema"] == "np_drake.export/1"
     assert (tmp_path / "x").is_file()
@@ -43,16 +48,22 @@ def test_a_closed_stream_is_no_error(closed):
 def test_a_full_disk_behind_stdout_is_one_line():
     dut = shell(f"{NP_DRAKE} vehicle list > /dev/full")
     assert dut.returncode == 2
-    assert dut.stderr == "np-drake: standard output: No space left on device. Print somewhere else.\n"
+    assert (
+        dut.stderr == "np-drake: standard output: No space left on device. Print somewhere else.\n"
+    )
 
 
-@pytest.mark.parametrize("variables", [{"PYTHONIOENCODING": "ascii"}, {"LC_ALL": "C"}], ids=["ascii", "C"])
+@pytest.mark.parametrize(
+    "variables", [{"PYTHONIOENCODING": "ascii"}, {"LC_ALL": "C"}], ids=["ascii", "C"]
+)
 def test_a_terminal_of_ascii_is_printed_on(variables):
     for verb in ("vehicle list", "vehicle show paper", "train ä.csv --out m.safetensors"):
         dut = shell(f"{NP_DRAKE} {verb}", **variables)
         assert "Traceback" not in dut.stderr
         assert "internal" not in dut.stderr
-        assert (dut.stdout + dut.stderr).isascii() or "LC_ALL" in variables  # Python takes C for C.UTF-8
+        assert (
+            dut.stdout + dut.stderr
+        ).isascii() or "LC_ALL" in variables  # Python takes C for C.UTF-8
         assert dut.returncode == (2 if "train" in verb else 0)
 
 

@@ -4,7 +4,10 @@ import pytest
 
 from diagrams.cli import table_text as dut
 
-WORDS = "a sentence of many words with 0.251 N·s/m in it, 12 % of them and 3.4 kg·m² more, that is told at length"
+WORDS = (
+    "a sentence of many words with 0.251 N·s/m in it, 12 % of them and 3.4 kg·m² more, that "
+    "is told at length"
+)
 
 
 @pytest.mark.parametrize("width", range(20, 60))
@@ -18,7 +21,15 @@ def test_a_line_breaks_between_words_and_never_before_a_unit(width):
 @pytest.mark.parametrize("width", [40, 60, 80])
 def test_a_table_fits_and_breaks_no_word(width):
     header = ["cause", "probability", "parameter", "value", "95 % interval", "begins", "or else"]
-    row = ("suspended_payload", "> 99.9 %", "time_constant", "0.251 N·s/m", "0.243 to 0.260", "9.1 s", "command_delay")
+    row = (
+        "suspended_payload",
+        "> 99.9 %",
+        "time_constant",
+        "0.251 N·s/m",
+        "0.243 to 0.260",
+        "9.1 s",
+        "command_delay",
+    )
     lines = dut.table_lines("causes", header, [row], width)
     assert max(map(len, lines)) <= width
     shown = " ".join(" ".join(lines).split())
@@ -27,7 +38,9 @@ def test_a_table_fits_and_breaks_no_word(width):
 
 
 def test_numbers_stand_to_the_right_with_three_digits_and_no_exponent():
-    lines = dut.table_lines("skill", ["model", "n", "force"], [("np", 3, 1234.5), ("hold", 12, 2.9e-7)], 80)
+    lines = dut.table_lines(
+        "skill", ["model", "n", "force"], [("np", 3, 1234.5), ("hold", 12, 2.9e-7)], 80
+    )
     assert lines[3:] == ["np      3         1234", "hold   12  2.90 × 10⁻⁷"]
 
 

@@ -19,10 +19,27 @@ from np_drake.residual_models.motion_model import MotionModel
 def test_training_leaves_a_model_a_curve_and_figures(logs, tmp_path, capsys):
     out = tmp_path / "np.safetensors"
     metrics = tmp_path / "train.json"
-    code = run(["train", str(logs[0]), "--out", str(out), "--envelope", "0", "--epochs", "20", "--json", str(metrics)])
+    code = run(
+        [
+            "train",
+            str(logs[0]),
+            "--out",
+            str(out),
+            "--envelope",
+            "0",
+            "--epochs",
+            "20",
+            "--json",
+            str(metrics),
+        ]
+    )
     captured = capsys.readouterr()
     assert code == 0, captured.err
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["np.png", "np.safetensors", "train.json"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == [
+        "np.png",
+        "np.safetensors",
+        "train.json",
+    ]
     model = load_model(out)
     assert (model.configuration, model.encoder.mean.shape) == ("lifted", (0,))
     assert "excitation" in captured.out
@@ -35,7 +52,18 @@ def test_training_leaves_a_model_a_curve_and_figures(logs, tmp_path, capsys):
 def flown(tmp_path_factory):
     """Log of a short training flight with a payload."""
     folder = tmp_path_factory.mktemp("flown")
-    arguments = ["--controller", "nominal", "--solver", "sqp", "--duration", "4", "--seed", "0", "--out", str(folder)]
+    arguments = [
+        "--controller",
+        "nominal",
+        "--solver",
+        "sqp",
+        "--duration",
+        "4",
+        "--seed",
+        "0",
+        "--out",
+        str(folder),
+    ]
     assert run(["fly", "training_circle", *arguments]) == 0
     return folder / "training_circle_nominal.csv"
 
@@ -49,7 +77,9 @@ def test_a_log_places_the_packaged_family(flown, tmp_path, capsys):
     assert np.abs(model.encoder.mean - packaged.encoder.mean).max() > 0
 
 
-def test_a_log_that_the_family_does_not_foresee_is_learnt_from_alone(logs, tmp_path, monkeypatch, capsys):
+def test_a_log_that_the_family_does_not_foresee_is_learnt_from_alone(
+    logs, tmp_path, monkeypatch, capsys
+):
     monkeypatch.setattr("np_drake.residual_models.predictor_training.foresight", lambda *_: 1.7)
     out = tmp_path / "np.safetensors"
     assert run(["train", str(logs[0]), "--epochs", "5", "--out", str(out)]) == 0
@@ -64,7 +94,21 @@ def test_a_log_places_a_family_of_ones_own(logs, flown, tmp_path, capsys):
     assert run(["train", str(flown), "--out", str(out)]) == 0
     np.testing.assert_array_equal(named.encoder.mean, load_model(out).encoder.mean)
     other = tmp_path / "paper.safetensors"
-    assert run(["train", str(logs[0]), "--configuration", "paper", "--epochs", "1", "--out", str(other)]) == 0
+    assert (
+        run(
+            [
+                "train",
+                str(logs[0]),
+                "--configuration",
+                "paper",
+                "--epochs",
+                "1",
+                "--out",
+                str(other),
+            ]
+        )
+        == 0
+    )
     assert run(["train", str(logs[0]), "--prior", str(other), "--out", str(out)]) == 2
     assert "must be a family of systems" in capsys.readouterr().err
 
@@ -80,14 +124,23 @@ def test_a_family_is_flown_and_trained_without_a_log(tmp_path, capsys):
 def test_nothing_to_learn_from_is_refused(logs, tmp_path, capsys):
     assert run(["train", "--out", str(tmp_path / "np.safetensors")]) == 2
     assert "give LOG, or --envelope N" in capsys.readouterr().err
-    arguments = ["--configuration", "paper", "--envelope", "3", "--out", str(tmp_path / "np.safetensors")]
+    arguments = [
+        "--configuration",
+        "paper",
+        "--envelope",
+        "3",
+        "--out",
+        str(tmp_path / "np.safetensors"),
+    ]
     assert run(["train", str(logs[0]), *arguments]) == 2
     assert "must be of lifted" in capsys.readouterr().err
 
 
 def test_the_paper_configuration_is_trained_by_name(logs, tmp_path, capsys):
     out = tmp_path / "np.safetensors"
-    code = run(["train", str(logs[0]), "--out", str(out), "--configuration", "paper", "--epochs", "1"])
+    code = run(
+        ["train", str(logs[0]), "--out", str(out), "--configuration", "paper", "--epochs", "1"]
+    )
     assert code == 0, capsys.readouterr().err
     assert load_model(out).configuration == "paper"
 
@@ -96,7 +149,9 @@ def test_the_paper_configuration_is_trained_by_name(logs, tmp_path, capsys):
 def test_a_closed_form_configuration_trains_by_name_without_epochs(name, logs, tmp_path, capsys):
     outs = [tmp_path / f"{n}.safetensors" for n in (1, 9)]
     for out, epochs in zip(outs, ("1", "9"), strict=True):
-        code = run(["train", str(logs[0]), "--out", str(out), "--configuration", name, "--epochs", epochs])
+        code = run(
+            ["train", str(logs[0]), "--out", str(out), "--configuration", name, "--epochs", epochs]
+        )
         assert code == 0, capsys.readouterr().err
     one, nine = map(load_model, outs)
     assert one.configuration == name
@@ -106,7 +161,16 @@ def test_a_closed_form_configuration_trains_by_name_without_epochs(name, logs, t
 @pytest.mark.parametrize("name", ["gp", "knode"])
 def test_a_model_of_the_motion_is_trained_by_name(name, logs, tmp_path, capsys):
     out, metrics = tmp_path / "model.safetensors", tmp_path / "train.json"
-    arguments = ["train", str(logs[0]), "--configuration", name, "--epochs", "1", "--json", str(metrics)]
+    arguments = [
+        "train",
+        str(logs[0]),
+        "--configuration",
+        name,
+        "--epochs",
+        "1",
+        "--json",
+        str(metrics),
+    ]
     assert run([*arguments, "--out", str(out)]) == 0, capsys.readouterr().err
     assert MotionModel.load(out).name == name
     assert json.loads(metrics.read_text())["summary"]["samples"] > 1000
@@ -138,7 +202,10 @@ def test_the_same_seed_trains_the_same_model(logs, tmp_path):
 
 BAD = {  # extra arguments: what the line must say
     "no file": (["missing.csv"], "missing.csv: No such file"),
-    "configuration": (["LOG", "--configuration", "papier"], "delay-dmdc, ridge, payload_filter, gp, knode; got papier"),
+    "configuration": (
+        ["LOG", "--configuration", "papier"],
+        "delay-dmdc, ridge, payload_filter, gp, knode; got papier",
+    ),
     "folder": (["LOG", "--json", "nowhere/x.json"], "nowhere must exist"),
     "vehicle": (["LOG", "--vehicle", "missing.yaml"], "missing.yaml"),
     "step": (["LOG", "--step", "0.001"], "step must be at least"),
@@ -172,7 +239,15 @@ def test_a_log_with_a_bad_row_is_refused_and_repaired_if_asked(logs, tmp_path, c
 
 def test_arrays_and_logs_are_not_mixed(logs, tmp_path, capsys):
     np.save(tmp_path / "array.npy", np.zeros((500, 12)))
-    code = run(["train", str(logs[0]), str(tmp_path / "array.npy"), "--out", str(tmp_path / "np.safetensors")])
+    code = run(
+        [
+            "train",
+            str(logs[0]),
+            str(tmp_path / "array.npy"),
+            "--out",
+            str(tmp_path / "np.safetensors"),
+        ]
+    )
     assert code == 2
     assert "one kind" in capsys.readouterr().err
 
@@ -186,7 +261,9 @@ def test_a_log_in_which_nothing_moves_is_refused_unless_forced(logs, tmp_path, c
     command = ["train", str(tmp_path / "rest.csv"), "--configuration", "dmdc", "--out", str(out)]
     assert run(command) == 2
     line = capsys.readouterr().err
-    assert line.startswith("np-drake train: the vehicle must move in the logs; velocity varies by 0.0")
+    assert line.startswith(
+        "np-drake train: the vehicle must move in the logs; velocity varies by 0.0"
+    )
     assert line.endswith("Fly with more motion, or give --force.\n")
     assert [path.name for path in tmp_path.iterdir()] == ["rest.csv"]
     assert run([*command, "--force"]) == 0

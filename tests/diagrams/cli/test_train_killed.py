@@ -27,13 +27,23 @@ def train(folder, log, configuration):
     """Train by the verb, silently; `started` appears once the training begins."""
     (folder / "started").touch()
     with open(os.devnull, "w") as nowhere, redirect_stdout(nowhere), redirect_stderr(nowhere):
-        command = ["train", str(log), "--configuration", configuration, *SHORT.get(configuration, ())]
+        command = [
+            "train",
+            str(log),
+            "--configuration",
+            configuration,
+            *SHORT.get(configuration, ()),
+        ]
         sys.exit(run([*command, "--out", str(folder / "np.safetensors")]))
 
 
 def content(folder):
     """Bytes of every file by name; what a killed writer leaves under a temporary name is none."""
-    wanted = [path for path in folder.iterdir() if not path.name.startswith(".") and path.name != "started"]
+    wanted = [
+        path
+        for path in folder.iterdir()
+        if not path.name.startswith(".") and path.name != "started"
+    ]
     return {path.name: path.read_bytes() for path in wanted}
 
 

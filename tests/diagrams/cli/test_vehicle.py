@@ -5,10 +5,21 @@ import dataclasses as dc
 import pytest
 
 from diagrams.cli.main import run
-from np_drake.vehicle import load_vehicle, preset_names
-from np_drake.vehicle_text import save_vehicle
+from np_drake.vehicle.text import save_vehicle
+from np_drake.vehicle.vehicle import load_vehicle, preset_names
 
-MEASURES = ("--mass", "20", "--wheelbase", "1.4", "--propeller", "0.72", "--hover-throttle", "0.5", "--order", "px4")
+MEASURES = (
+    "--mass",
+    "20",
+    "--wheelbase",
+    "1.4",
+    "--propeller",
+    "0.72",
+    "--hover-throttle",
+    "0.5",
+    "--order",
+    "px4",
+)
 
 
 def test_new_writes_a_file_that_every_verb_takes(tmp_path, capsys):
@@ -30,13 +41,27 @@ def test_new_without_out_prints_the_file(capsys, tmp_path):
     "arguments, text",
     [
         (["--mass", "1"], "--wheelbase"),
-        (list(MEASURES[:-2]), "give --order px4|ardupilot|betaflight|crazyflie (whose logs you have) as well"),
+        (
+            list(MEASURES[:-2]),
+            "give --order px4|ardupilot|betaflight|crazyflie (whose logs you have) as well",
+        ),
         (["--preset", "nobody"], "crazyflie, crazyflie_brushless, hummingbird"),
         (["--preset", "crazyflie", "--mass", "1"], "max_rotor_thrust"),
         (["--preset", "crazyflie", "--propeller", "0.1"], "--propeller"),
         (["--preset", "crazyflie", "--mass-uncertainty", "0.9"], "mass_uncertainty"),
         (
-            ["--mass", "1", "--wheelbase", "0.4", "--propeller", "0.2", "--hover-throttle", "50", "--order", "px4"],
+            [
+                "--mass",
+                "1",
+                "--wheelbase",
+                "0.4",
+                "--propeller",
+                "0.2",
+                "--hover-throttle",
+                "50",
+                "--order",
+                "px4",
+            ],
             "0.05 to 0.95",
         ),
     ],
@@ -54,7 +79,9 @@ def test_a_preset_takes_an_uncertainty_and_show_prints_it(capsys, tmp_path):
     assert run(["vehicle", "new", "--preset", "crazyflie", *stated, "--out", str(out)]) == 0
     dut = load_vehicle(out)
     assert (dut.mass_uncertainty, dut.thrust_uncertainty) == (0.02, 0.03)
-    assert dc.replace(dut, mass_uncertainty=None, thrust_uncertainty=0.2) == load_vehicle("crazyflie")
+    assert dc.replace(dut, mass_uncertainty=None, thrust_uncertainty=0.2) == load_vehicle(
+        "crazyflie"
+    )
     assert run(["vehicle", "show", str(out)]) == 0
     assert "2 % of the value" in capsys.readouterr().out
     assert run(["vehicle", "show", "crazyflie"]) == 0
@@ -108,7 +135,8 @@ def test_show_says_where_each_value_comes_from(tmp_path, capsys):
     out = tmp_path / "mine.yaml"
     out.write_text(
         "mass: 1.5\nthrust_coefficient: 1.0e-5\ncalibration: {command_delay: 0.01}\n"
-        "sources: {thrust_coefficient: identified from 3 flights, 'inertia[0][1]': 'prior: no roll'}\n"
+        "sources: {thrust_coefficient: identified from 3 flights, 'inertia[0][1]': 'prior: "
+        "no roll'}\n"
         "intervals: {thrust_coefficient: [[0.99e-5, 1.02e-5]]}\n"
     )
     dut = lines_of(capsys, "vehicle", "show", str(out))
@@ -124,7 +152,9 @@ def test_show_says_where_each_value_comes_from(tmp_path, capsys):
 
 def test_a_copy_says_what_was_given_and_keeps_other_sources(tmp_path, capsys):
     out = tmp_path / "mine.yaml"
-    assert run(["vehicle", "new", "--preset", "crazyflie", "--mass", "0.035", "--out", str(out)]) == 0
+    assert (
+        run(["vehicle", "new", "--preset", "crazyflie", "--mass", "0.035", "--out", str(out)]) == 0
+    )
     capsys.readouterr()
     dut = lines_of(capsys, "vehicle", "show", str(out))
     assert "given" in dut["mass"]
@@ -134,7 +164,18 @@ def test_a_copy_says_what_was_given_and_keeps_other_sources(tmp_path, capsys):
 
 @pytest.mark.parametrize("start", [MEASURES, ("--preset", "crazyflie")], ids=["measures", "preset"])
 @pytest.mark.parametrize(
-    "name", [r"\1 \g<0>", "null", "1.5", "a: b # c", "a\ngravity: 1", "\abell", "飞机", "a\x85b", "long " * 60]
+    "name",
+    [
+        r"\1 \g<0>",
+        "null",
+        "1.5",
+        "a: b # c",
+        "a\ngravity: 1",
+        "\abell",
+        "飞机",
+        "a\x85b",
+        "long " * 60,
+    ],
 )
 def test_new_writes_any_name_as_its_reader_reads_it(start, name, tmp_path):
     out = tmp_path / "mine.yaml"

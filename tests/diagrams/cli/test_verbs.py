@@ -24,7 +24,11 @@ VERBS = dict(verbs(typer.main.get_command(app)))
 
 def single(command):
     """Options of a verb that take one value."""
-    return [p for p in command.params if getattr(p, "opts", [""])[0].startswith("-") and not p.multiple and not p.count]
+    return [
+        p
+        for p in command.params
+        if getattr(p, "opts", [""])[0].startswith("-") and not p.multiple and not p.count
+    ]
 
 
 @pytest.mark.parametrize("words", VERBS, ids=" ".join)
@@ -33,7 +37,9 @@ def test_a_short_help_option_prints_the_help(words, capsys):
     assert capsys.readouterr().out.startswith("Usage: np-drake " + " ".join(words))
 
 
-@pytest.mark.parametrize("words", [(), ("vehicle",), ("challenge",), ("reproduce", "hover")], ids=" ".join)
+@pytest.mark.parametrize(
+    "words", [(), ("vehicle",), ("challenge",), ("reproduce", "hover")], ids=" ".join
+)
 def test_groups_and_studies_have_the_short_help_too(words, capsys):
     assert run([*words, "-h"]) == 0
     assert "Usage: np-drake" in capsys.readouterr().out
@@ -50,13 +56,21 @@ def test_an_option_of_one_value_that_stands_twice_is_refused(words, capsys):
         assert f"{name} must stand once" in said
 
 
-@pytest.mark.parametrize("words", [["--version", "--version"], ["reproduce", "hover", "--seed", "1", "--seed=2"]])
+@pytest.mark.parametrize(
+    "words", [["--version", "--version"], ["reproduce", "hover", "--seed", "1", "--seed=2"]]
+)
 def test_the_law_of_one_value_holds_for_groups_and_studies(words, capsys):
     assert run(words) == 2
     assert "must stand once; it stands 2 times" in capsys.readouterr().err
 
 
 def test_every_verb_but_vehicle_writes_its_values_as_json():
-    without = {words for words, verb in VERBS.items() if not any(JSON in p.opts for p in verb.params)}
+    without = {
+        words for words, verb in VERBS.items() if not any(JSON in p.opts for p in verb.params)
+    }
     assert without == {("vehicle", "new"), ("vehicle", "list"), ("vehicle", "show"), ("reproduce",)}
-    assert all(JSON in option.opts for option in STUDIES["hover"].command("hover").params if option.name == "json")
+    assert all(
+        JSON in option.opts
+        for option in STUDIES["hover"].command("hover").params
+        if option.name == "json"
+    )

@@ -49,7 +49,17 @@ def told(tmp_path_factory):
         patch.setattr(story, "configure", configured)
         patch.setattr(story, "run_demo", kept_demo)
         metrics = folder / "demo.json"
-        arguments = ["demo", "--out", str(folder), "--seed", "3", "--jobs", "1", "--json", str(metrics)]
+        arguments = [
+            "demo",
+            "--out",
+            str(folder),
+            "--seed",
+            "3",
+            "--jobs",
+            "1",
+            "--json",
+            str(metrics),
+        ]
         assert run(arguments) == 0
     return folder, json.loads(metrics.read_text()), kept[0], shares
 
@@ -74,8 +84,9 @@ def test_all_controllers_fly_both_tracks_and_learning_helps(told):
 
 def test_the_corrected_simulator_foretells_what_the_nominal_one_does_not(told):
     gaps = {
-        name: sum(abs(line[name] - line["flight"]) for line in told[1]["meeting"]) for name in story.SIMULATORS
-    }  # fmt: skip
+        name: sum(abs(line[name] - line["flight"]) for line in told[1]["meeting"])
+        for name in story.SIMULATORS
+    }
     assert gaps["corrected"] < 0.2 * gaps["nominal"]
 
 
@@ -107,13 +118,17 @@ def test_the_files_are_read_by_the_other_verbs(told):
     folder, _, demo, _ = told
     log = open_flights(folder / "lemniscate_nominal.csv")[0][0]
     assert np.allclose(log.u, demo.flown("lemniscate", "nominal").log().u)
-    effects = {entry.effect for entry in load_flight(str(folder / "corrected.yaml")).reality.effects}
+    effects = {
+        entry.effect for entry in load_flight(str(folder / "corrected.yaml")).reality.effects
+    }
     assert effects == set(demo.withheld)
 
 
 def test_a_wrong_or_missed_cause_stands_in_headline_and_table(told):
     demo = told[2]
-    blind = story.dc.replace(demo, diagnosis=story.dc.replace(demo.diagnosis, causes=(), verdict=("ground_effect",)))
+    blind = story.dc.replace(
+        demo, diagnosis=story.dc.replace(demo.diagnosis, causes=(), verdict=("ground_effect",))
+    )
     assert "0 of 4" in page.headline(blind)
     assert "1 that is not there" in page.headline(blind)
     assert [row[1] for row in page.cause_rows(blind)] == ["not named"] * 4

@@ -18,12 +18,18 @@ from np_drake.vehicle import Vehicle
 
 
 class GentleFlight:
-    """5 s open loop near hover, with commands held for 10 ms; it sways by 0.1 to 0.2 rad and flies some 10 m.
+    """5 s open loop near hover, with commands held for 10 ms; it sways by 0.1 to 0.2 rad and flies
+    some 10 m.
 
-    The rotors start at rest on a command that carries the weight. Drake's steps of 10 ms, of third order, leave 1e-6 m.
+    The rotors start at rest on a command that carries the weight. Drake's steps of 10 ms, of third
+    order, leave 1e-6 m.
     """
 
-    period, rows, duration = 0.01, 20, 5.0  # of a command [s]; commands between compared states; [s]
+    period, rows, duration = (
+        0.01,
+        20,
+        5.0,
+    )  # of a command [s]; commands between compared states; [s]
 
     def __init__(self, effects: Sequence[Effect], vehicle: Vehicle | None = None):
         self.vehicle, self.effects = vehicle or Vehicle(), list(effects)
@@ -60,7 +66,9 @@ class GentleFlight:
         hung = self.corrected.payload
         swing = Swing(np.array([0, 0, -hung.length]), np.zeros(3), np.zeros(3)) if hung else None
         commands = Commands(self.period * np.arange(len(self.u)), self.u)
-        flown = Rollout(self.vehicle, self.effects).fly(self.start, commands, self.times, swing)[:, :13]
+        flown = Rollout(self.vehicle, self.effects).fly(self.start, commands, self.times, swing)[
+            :, :13
+        ]
         return np.concatenate([self.start[None], flown])
 
 
@@ -85,7 +93,9 @@ class Gentle:
             *(ThrustScale(0.93), MotorLag(0.04), LinearDrag(0.3, 0.3, 0.25)),
             *(MassError(0.15), InertiaError(1.2, 0.9, 1.1)),
         ],
-        "payload": [SuspendedPayload(mass=0.26, length=0.8, hook_x=0.02, hook_z=-0.05, damping=0.05)],
+        "payload": [
+            SuspendedPayload(mass=0.26, length=0.8, hook_x=0.02, hook_z=-0.05, damping=0.05)
+        ],
     }
 
 

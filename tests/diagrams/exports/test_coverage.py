@@ -1,4 +1,6 @@
-"""The account of an export: no effect is left out in silence, and what it says is what the file shows."""
+"""The account of an export: no effect is left out in silence, and what it says is what the file
+shows.
+"""
 
 import dataclasses as dc
 import math
@@ -17,7 +19,7 @@ from np_drake.effects.motor_lag import MotorLag
 from np_drake.effects.sensor_noise import SensorNoise
 from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.effects.thrust_scale import ThrustScale
-from np_drake.vehicle import Vehicle, load_vehicle, preset_names
+from np_drake.vehicle.vehicle import Vehicle, load_vehicle, preset_names
 
 EFFECTS = effects_for("rotor_speed", neighbours=True)
 UNUSUAL = {"thrust_drift": {"start": 0.9}}  # whose usual start is that of the nominal model
@@ -70,7 +72,11 @@ def test_a_format_has_a_word_for_every_effect_of_the_motion_and_no_other(form):
 @pytest.mark.parametrize("preset", preset_names())
 def test_every_preset_is_written_with_every_single_effect(form, preset, tmp_path):
     vehicle = load_vehicle(preset)
-    for effect in (MotorLag(0.02), ThrustScale(0.9), SuspendedPayload(mass=0.05 * vehicle.mass, length=0.5)):
+    for effect in (
+        MotorLag(0.02),
+        ThrustScale(0.9),
+        SuspendedPayload(mass=0.05 * vehicle.mass, length=0.5),
+    ):
         FORMATS[form].write(vehicle, [effect], tmp_path / "dut")
 
 
@@ -110,7 +116,9 @@ def test_the_page_of_the_site_shows_the_table_of_the_code():
     assert len(rows) == len(EFFECTS) - len(sensors)
     for form in FORMATS.values():  # as the page says of them in words
         assert {how_carried(effect, form.law)[0] for effect in sensors} == {LEFT_OUT}
-    assert "<!-- exports -->" in PAGE.read_text(encoding="utf-8")  # where the site has `coverage_markdown`
+    assert "<!-- exports -->" in PAGE.read_text(
+        encoding="utf-8"
+    )  # where the site has `coverage_markdown`
 
 
 def test_two_drags_add_up_and_two_scales_multiply():

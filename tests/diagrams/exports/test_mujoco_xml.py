@@ -20,10 +20,12 @@ from np_drake.effects.motor_lag import MotorLag
 from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.effects.thrust_scale import ThrustScale
 from np_drake.effects.weak_rotor import WeakRotor
-from np_drake.vehicle import Vehicle, load_vehicle, preset_names
+from np_drake.vehicle.vehicle import Vehicle, load_vehicle, preset_names
 from systems.free_body import spatial_inertia
 
-mujoco = pytest.importorskip("mujoco", reason="MuJoCo is not installed: pip install 'np_drake[exports]'")
+mujoco = pytest.importorskip(
+    "mujoco", reason="MuJoCo is not installed: pip install 'np_drake[exports]'"
+)
 
 
 @dc.dataclass(frozen=True)
@@ -73,7 +75,9 @@ def model(vehicle, effects, folder):
 
 
 def fly(flight, folder) -> np.ndarray:
-    """States (26, 13) of a gentle flight; a free joint has [p, q (w, x, y, z)] and [v in W, w in B]."""
+    """States (26, 13) of a gentle flight; a free joint has [p, q (w, x, y, z)] and [v in W, w in
+    B].
+    """
     dut, data = model(flight.vehicle, flight.effects, folder)
     if dut.na:
         data.act[:] = flight.corrected.hover_thrust
@@ -91,14 +95,22 @@ def fly(flight, folder) -> np.ndarray:
 def test_the_body_has_the_corrected_mass_properties(preset, tmp_path):
     vehicle = load_vehicle(preset)
     arm = np.abs(vehicle.rotor_positions).max()
-    effects = [MassError(0.07 * vehicle.mass), InertiaError(1.2, 0.9, 1.1), CenterOfMassOffset(0.1 * arm, 0, 0)]
+    effects = [
+        MassError(0.07 * vehicle.mass),
+        InertiaError(1.2, 0.9, 1.1),
+        CenterOfMassOffset(0.1 * arm, 0, 0),
+    ]
     dut, data = model(vehicle, effects, tmp_path)
     full = np.zeros((6, 6))
     for unit, column in zip(np.eye(6), full, strict=True):
         mujoco.mj_mulM(dut, data, column, unit)
-    matrix = spatial_inertia(mass_properties(vehicle, effects)).CopyToFullMatrix6()  # [rotation, translation]
+    matrix = spatial_inertia(
+        mass_properties(vehicle, effects)
+    ).CopyToFullMatrix6()  # [rotation, translation]
     turned = np.block([[matrix[3:, 3:], matrix[3:, :3]], [matrix[:3, 3:], matrix[:3, :3]]])
-    np.testing.assert_allclose(full, turned, atol=1e-9 * vehicle.mass)  # MuJoCo turns J to its principal axes
+    np.testing.assert_allclose(
+        full, turned, atol=1e-9 * vehicle.mass
+    )  # MuJoCo turns J to its principal axes
 
 
 def test_a_vehicle_hovers_in_the_keyframe(tmp_path):
@@ -108,7 +120,9 @@ def test_a_vehicle_hovers_in_the_keyframe(tmp_path):
     ]
     dut, data = model(Vehicle(), effects, tmp_path)
     mujoco.mj_step(dut, data, 250)
-    assert np.abs(data.qpos[:3]).max() < 2e-4  # after 0.5 s; the tether yields by 0.02 mm before it pulls [m]
+    assert (
+        np.abs(data.qpos[:3]).max() < 2e-4
+    )  # after 0.5 s; the tether yields by 0.02 mm before it pulls [m]
     assert np.abs(data.qacc[:9]).max() < 1e-3  # [m/s²]
 
 
@@ -128,7 +142,10 @@ def test_motors_have_the_wrench_of_mixer_and_weak_rotor(tmp_path):
 def test_drag_actuators_have_the_force_of_the_effect_in_hover(tmp_path):
     vehicle, drag = Vehicle(), LinearDrag(0.3, 0.2, 0.25)
     dut, data = model(vehicle, [drag, MassError(0.2)], tmp_path)
-    q, v = attitude.from_rotation_vector(np.array([[0.3, -0.5, 0.8]]))[0], np.array([1.0, -2.0, 0.5])
+    q, v = (
+        attitude.from_rotation_vector(np.array([[0.3, -0.5, 0.8]]))[0],
+        np.array([1.0, -2.0, 0.5]),
+    )
     data.qpos[3:7], data.qvel[:6] = q, [*v, 0.3, 0.4, -0.2]
     data.ctrl[:] = 0.0
     mujoco.mj_forward(dut, data)
@@ -161,9 +178,10 @@ def test_the_tether_pulls_and_never_pushes(tmp_path):
     np.testing.assert_allclose(data.qacc[6:9], [0, 0, -9.81], atol=1e-9)  # it falls freely [m/s²]
 
 
-# Position [m], attitude [rad]. nominal, exact: Drake's steps. lag: a lag of thrust differs from one of speed by the
-# square of the change of speed, 4 % in the first instant of `all`; torque, integrated openly, makes some 0.5 % of the
-# way of it. drag: constant rotor speed is wrong by the 2 % of its sway. payload: Drake's cable stretches by 0.13 mm.
+# Position [m], attitude [rad]. nominal, exact: Drake's steps. lag: a lag of thrust differs from one
+# of speed by the square of the change of speed, 4 % in the first instant of `all`; torque,
+# integrated openly, makes some 0.5 % of the way of it. drag: constant rotor speed is wrong by the 2
+# % of its sway. payload: Drake's cable stretches by 0.13 mm.
 FLIGHTS = {
     "nominal": (1e-6, 1e-7),
     "exact": (1e-6, 1e-7),

@@ -1,8 +1,8 @@
 """SDF files: as Drake's parser reads them, and flown in Drake under the forces of Gazebo's plugins.
 
-Drake's parser is the library sdformat itself; its Python bindings are in no package registry. Gazebo is not at hand:
-the plugins' forces are written here from their source (gz-sim, MulticopterMotorModel.cc and Hydrodynamics.cc), not from
-the export.
+Drake's parser is the library sdformat itself; its Python bindings are in no package registry.
+Gazebo is not at hand: the plugins' forces are written here from their source (gz-sim,
+MulticopterMotorModel.cc and Hydrodynamics.cc), not from the export.
 """
 
 from pathlib import Path
@@ -36,7 +36,7 @@ from np_drake.effects.rotor_inflow import RotorInflow
 from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.effects.translational_lift import TranslationalLift
 from np_drake.effects.weak_rotor import WeakRotor
-from np_drake.vehicle import Vehicle, load_vehicle, preset_names
+from np_drake.vehicle.vehicle import Vehicle, load_vehicle, preset_names
 from systems.free_body import spatial_inertia
 
 AT_ONCE = 1e-4  # time constant below which a rotor follows its command [s]
@@ -45,11 +45,15 @@ AT_ONCE = 1e-4  # time constant below which a rotor follows its command [s]
 def plugins(path: Path, name: str) -> list[dict[str, str]]:
     """Parameters of every plugin of that name, as text."""
     found = ElementTree.parse(path).getroot().iter("plugin")
-    return [{e.tag: e.text or "" for e in p} for p in found if p.attrib["name"].endswith(f"::{name}")]
+    return [
+        {e.tag: e.text or "" for e in p} for p in found if p.attrib["name"].endswith(f"::{name}")
+    ]
 
 
 def hydrodynamic_wrench(plugin: dict[str, str], velocity: np.ndarray) -> np.ndarray:
-    """[force, torque] (6,) in the link's axes; velocity (6,) [u, v, w, p, q, r] relative to the current."""
+    """[force, torque] (6,) in the link's axes; velocity (6,) [u, v, w, p, q, r] relative to the
+    current.
+    """
     out = np.zeros(6)
     for i, x in enumerate("xyzkmn"):
         for j, u in enumerate("UVWPQR"):
@@ -70,9 +74,13 @@ class GazeboForces(LeafSystem):
         self._air = plugins(path, "Hydrodynamics")
         self._command = self.DeclareVectorInputPort("command", 4)
         self._poses = self.DeclareAbstractInputPort("poses", Value[list[RigidTransform]]())
-        self._velocities = self.DeclareAbstractInputPort("velocities", Value[list[SpatialVelocity]]())
+        self._velocities = self.DeclareAbstractInputPort(
+            "velocities", Value[list[SpatialVelocity]]()
+        )
         self.DeclareContinuousState(BasicVector(speed))
-        self.DeclareAbstractOutputPort("forces", Value[list[ExternallyAppliedSpatialForce]], self._calc)
+        self.DeclareAbstractOutputPort(
+            "forces", Value[list[ExternallyAppliedSpatialForce]], self._calc
+        )
 
     def DoCalcTimeDerivatives(self, context, derivatives):
         lag = np.array([float(m["timeConstantUp"]) for m in self._motors])
@@ -101,13 +109,20 @@ class GazeboForces(LeafSystem):
             thrust = float(motor["motorConstant"]) * speed[int(motor["motorNumber"])] ** 2
             turning = {"ccw": 1, "cw": -1}[motor["turningDirection"]]
             apply(motor["linkName"], np.array([0, 0, thrust]), np.zeros(3))
-            apply("quadrotor", np.zeros(3), np.array([0, 0, -turning * thrust * float(motor["momentConstant"])]))
+            apply(
+                "quadrotor",
+                np.zeros(3),
+                np.array([0, 0, -turning * thrust * float(motor["momentConstant"])]),
+            )
         for air in self._air:
             index = int(self._plant.GetBodyByName(air["link_name"]).index())
             R = poses[index].rotation().matrix()
             wind = np.array(air["default_current"].split(), float)
             through = np.concatenate(
-                [R.T @ (velocities[index].translational() - wind), R.T @ velocities[index].rotational()]
+                [
+                    R.T @ (velocities[index].translational() - wind),
+                    R.T @ velocities[index].rotational(),
+                ]
             )
             wrench = hydrodynamic_wrench(air, through)
             apply(air["link_name"], wrench[:3], wrench[3:])
@@ -131,11 +146,15 @@ def fly_sdf(path: Path, flight) -> np.ndarray:
     forces = builder.AddSystem(GazeboForces(plant, path, flight.first_speed))
     builder.ExportInput(forces.GetInputPort("command"), "command")
     builder.Connect(plant.get_body_poses_output_port(), forces.GetInputPort("poses"))
-    builder.Connect(plant.get_body_spatial_velocities_output_port(), forces.GetInputPort("velocities"))
+    builder.Connect(
+        plant.get_body_spatial_velocities_output_port(), forces.GetInputPort("velocities")
+    )
     builder.Connect(forces.get_output_port(), plant.get_applied_spatial_force_input_port())
     diagram = builder.Build()
     simulator = Simulator(diagram)
-    config = SimulatorConfig(integration_scheme="runge_kutta3", max_step_size=period, use_error_control=False)
+    config = SimulatorConfig(
+        integration_scheme="runge_kutta3", max_step_size=period, use_error_control=False
+    )
     ApplySimulatorConfig(config, simulator)
     context = simulator.get_mutable_context()
     body, plant_context = plant.GetBodyByName("quadrotor"), plant.GetMyContextFromRoot(context)
@@ -170,7 +189,11 @@ def carried_inertia(plant: MultibodyPlant):
 def test_body_and_rotors_together_have_the_corrected_mass_properties(preset, tmp_path):
     vehicle = load_vehicle(preset)
     arm = np.abs(vehicle.rotor_positions).max()
-    effects = [MassError(0.07 * vehicle.mass), InertiaError(1.2, 0.9, 1.1), CenterOfMassOffset(0.1 * arm, 0, 0)]
+    effects = [
+        MassError(0.07 * vehicle.mass),
+        InertiaError(1.2, 0.9, 1.1),
+        CenterOfMassOffset(0.1 * arm, 0, 0),
+    ]
     write_sdf(vehicle, effects, tmp_path / "dut.sdf")
     expected = spatial_inertia(mass_properties(vehicle, effects)).CopyToFullMatrix6()
     dut = carried_inertia(parsed(tmp_path / "dut.sdf")).CopyToFullMatrix6()
@@ -188,7 +211,9 @@ def test_rotors_stand_where_thrust_acts_and_turn_against_their_torque(tmp_path):
         np.testing.assert_allclose(pose.translation(), place, atol=1e-12)
         assert motor["turningDirection"] == ("cw" if vehicle.rotor_directions[i] > 0 else "ccw")
         share = 0.8 if i == 1 else 1.0
-        assert float(motor["motorConstant"]) == pytest.approx(share * vehicle.thrust_coefficient, rel=1e-12)
+        assert float(motor["motorConstant"]) == pytest.approx(
+            share * vehicle.thrust_coefficient, rel=1e-12
+        )
         assert plant.GetJointByName(motor["jointName"]).num_velocities() == 1
 
 
@@ -198,8 +223,12 @@ def test_rotors_with_mixer_gain_have_its_torque(tmp_path):
     plant = parsed(tmp_path / "dut.sdf")
     context, torque = plant.CreateDefaultContext(), np.zeros(3)
     thrust = np.array([5.0, 4.0, 6.0, 3.0])
-    for f, motor in zip(thrust, plugins(tmp_path / "dut.sdf", "MulticopterMotorModel"), strict=True):
-        place = plant.EvalBodyPoseInWorld(context, plant.GetBodyByName(motor["linkName"])).translation()
+    for f, motor in zip(
+        thrust, plugins(tmp_path / "dut.sdf", "MulticopterMotorModel"), strict=True
+    ):
+        place = plant.EvalBodyPoseInWorld(
+            context, plant.GetBodyByName(motor["linkName"])
+        ).translation()
         turning = {"ccw": 1, "cw": -1}[motor["turningDirection"]]
         torque += np.cross(place, [0, 0, f]) - [0, 0, turning * f * float(motor["momentConstant"])]
     motion = Motion(0.0, np.array([0.0, 0, 0, 1, *np.zeros(9)]), thrust)
@@ -208,7 +237,12 @@ def test_rotors_with_mixer_gain_have_its_torque(tmp_path):
 
 
 AIR = [
-    [QuadraticDrag(0.05, 0.06, 0.07), BladeFlapping(0.03), TranslationalLift(0.04), ConstantWind(1, -2, 0.5)],
+    [
+        QuadraticDrag(0.05, 0.06, 0.07),
+        BladeFlapping(0.03),
+        TranslationalLift(0.04),
+        ConstantWind(1, -2, 0.5),
+    ],
     [LinearDrag(0.3, 0.2, 0.25), MassError(0.2), ConstantWind(1, -2, 0.5)],
 ]
 
@@ -227,7 +261,9 @@ def test_the_air_plugin_has_the_wrench_of_the_effects(effects, tmp_path):
         R = attitude.rotation_matrix(x[3:7])
         wind = np.array(air["default_current"].split(), float)
         wrench = hydrodynamic_wrench(air, np.concatenate([R.T @ (x[7:10] - wind), x[10:]]))
-        np.testing.assert_allclose(np.concatenate([R @ wrench[:3], wrench[3:]]), chi, atol=1e-12)  # [N, N·m]
+        np.testing.assert_allclose(
+            np.concatenate([R @ wrench[:3], wrench[3:]]), chi, atol=1e-12
+        )  # [N, N·m]
 
 
 def test_inflow_has_its_slope_in_climb_about_hover(tmp_path):
@@ -236,7 +272,9 @@ def test_inflow_has_its_slope_in_climb_about_hover(tmp_path):
     (air,) = plugins(tmp_path / "dut.sdf", "Hydrodynamics")
     x = np.array([0.0, 0, 0, 1, 0, 0, 0, 0, 0, climb, 0, 0, 0])
     chi = inflow.wrench(vehicle, Motion(0.0, x, np.full(4, vehicle.mass * vehicle.gravity / 4)))
-    assert float(air["zW"]) == pytest.approx(chi[2] / climb, rel=1e-4)  # the next term is climb / 8 v_h
+    assert float(air["zW"]) == pytest.approx(
+        chi[2] / climb, rel=1e-4
+    )  # the next term is climb / 8 v_h
 
 
 def test_the_payload_hangs_from_the_hook_at_the_length_of_the_tether(tmp_path):
@@ -259,7 +297,9 @@ def test_turning_rotor_links_have_the_angular_momentum_of_the_effect(tmp_path):
     assert account[0].how == "exact"
     plant = parsed(tmp_path / "dut.sdf")
     context, thrust = plant.CreateDefaultContext(), np.array([5.0, 4.0, 6.0, 3.0])
-    for f, motor in zip(thrust, plugins(tmp_path / "dut.sdf", "MulticopterMotorModel"), strict=True):
+    for f, motor in zip(
+        thrust, plugins(tmp_path / "dut.sdf", "MulticopterMotorModel"), strict=True
+    ):
         assert float(motor["rotorVelocitySlowdownSim"]) == 1.0
         turning = {"ccw": 1, "cw": -1}[motor["turningDirection"]]
         speed = turning * np.sqrt(f / float(motor["motorConstant"]))
@@ -278,9 +318,10 @@ def test_a_rotor_inertia_that_no_link_can_have_is_left_out_or_refused(tmp_path):
     assert not (tmp_path / "b.sdf").exists()
 
 
-# Position [m], attitude [rad]: the free rotor links take 1e-5 of the yaw inertia and drift against the body; linear
-# drag at constant rotor speed is wrong by the 2 % of its sway; the rod does not stretch, but its sphere turns with it,
-# whose inertia is 6e-4 of m L², and which a cable would leave level.
+# Position [m], attitude [rad]: the free rotor links take 1e-5 of the yaw inertia and drift against
+# the body; linear drag at constant rotor speed is wrong by the 2 % of its sway; the rod does not
+# stretch, but its sphere turns with it, whose inertia is 6e-4 of m L², and which a cable would
+# leave level.
 FLIGHTS = {
     "nominal": (2e-5, 5e-6),
     "exact": (2e-5, 5e-6),

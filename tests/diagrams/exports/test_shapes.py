@@ -13,7 +13,7 @@ from diagrams.exports.mujoco_xml import write_mujoco
 from diagrams.exports.sdf import write_sdf
 from diagrams.exports.shapes import hull
 from np_drake.effects.suspended_payload import SuspendedPayload
-from np_drake.vehicle import Vehicle, load_vehicle, preset_names
+from np_drake.vehicle.vehicle import Vehicle, load_vehicle, preset_names
 
 FLOOR = '<geom name="floor" type="plane" size="5 5 0.1" pos="0 0 -0.5"/><body name="quadrotor">'
 
@@ -22,7 +22,9 @@ FLOOR = '<geom name="floor" type="plane" size="5 5 0.1" pos="0 0 -0.5"/><body na
 def test_the_box_that_collides_reaches_as_far_as_the_rotors(name):
     vehicle = load_vehicle(name)
     box, p = hull(vehicle), np.array(vehicle.rotor_positions, float)
-    assert np.all(np.abs(p - box.center)[:, :2] + vehicle.rotor_radius <= 0.5 * box.size[:2] + 1e-12)
+    assert np.all(
+        np.abs(p - box.center)[:, :2] + vehicle.rotor_radius <= 0.5 * box.size[:2] + 1e-12
+    )
     assert np.all(np.abs(box.center) <= 0.5 * box.size)  # Bo lies within
     assert box.size.min() > 0
 
@@ -33,14 +35,20 @@ def test_drake_sees_every_part_of_the_sdf_file(tmp_path):
     plant.RegisterAsSourceForSceneGraph(scene)
     Parser(plant).AddModels(str(tmp_path / "dut.sdf"))
     links = ("quadrotor", "payload", *(f"rotor_{i}" for i in range(1, 5)))
-    seen = {link: len(plant.GetVisualGeometriesForBody(plant.GetBodyByName(link))) for link in links}
-    felt = {link: len(plant.GetCollisionGeometriesForBody(plant.GetBodyByName(link))) for link in links}
+    seen = {
+        link: len(plant.GetVisualGeometriesForBody(plant.GetBodyByName(link))) for link in links
+    }
+    felt = {
+        link: len(plant.GetCollisionGeometriesForBody(plant.GetBodyByName(link))) for link in links
+    }
     assert seen == {"quadrotor": 5, "payload": 1} | {f"rotor_{i}": 1 for i in range(1, 5)}
     assert felt == {"quadrotor": 1, "payload": 1} | {f"rotor_{i}": 0 for i in range(1, 5)}
 
 
 def test_a_vehicle_without_thrust_comes_to_rest_on_mujocos_floor(tmp_path):
-    mujoco = pytest.importorskip("mujoco", reason="MuJoCo is not installed: pip install 'np_drake[exports]'")
+    mujoco = pytest.importorskip(
+        "mujoco", reason="MuJoCo is not installed: pip install 'np_drake[exports]'"
+    )
     path = tmp_path / "dut.xml"
     write_mujoco(Vehicle(), [], path)
     path.write_text(path.read_text().replace('<body name="quadrotor">', FLOOR))
@@ -48,7 +56,9 @@ def test_a_vehicle_without_thrust_comes_to_rest_on_mujocos_floor(tmp_path):
     data = mujoco.MjData(dut)
     for _ in range(1500):  # 3 s
         mujoco.mj_step(dut, data)
-    assert data.qpos[2] == pytest.approx(-0.5 + 0.5 * hull(Vehicle()).size[2], abs=2e-3)  # [m], the floor is soft
+    assert data.qpos[2] == pytest.approx(
+        -0.5 + 0.5 * hull(Vehicle()).size[2], abs=2e-3
+    )  # [m], the floor is soft
     assert np.linalg.norm(data.qvel) < 1e-2
     assert dut.body_mass.sum() == pytest.approx(Vehicle().mass)
 

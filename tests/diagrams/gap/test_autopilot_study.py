@@ -7,8 +7,8 @@ from diagrams.gap import autopilot_study as study
 from diagrams.gap.autopilot_study import CORRECTED, FIRMWARE, NOMINAL, Flying, flight
 from diagrams.gap.step_response import SIZES, step_response
 from np_drake.autopilot.firmware import AutopilotError, find_firmware
-from np_drake.rate_loop import RateLoop
 from np_drake.vehicle import Vehicle
+from np_drake.vehicle.rate_loop import RateLoop
 
 
 @pytest.fixture(scope="module")
@@ -42,7 +42,10 @@ def test_in_the_nominal_simulator_nothing_acts_beyond_the_file():
     own = flight("circle", "nominal", NOMINAL, loop=loop, duration=10.0)
     work = Flying(loop, {NOMINAL: own.reality.nominal()}, 10.0)
     told = {"experiment": "circle", "row": "nominal", "seed": 1}
-    loaded, bare = (Flying(loop, {}, 10.0)(told | {"where": NOMINAL}), work(told | {"where": NOMINAL}))
+    loaded, bare = (
+        Flying(loop, {}, 10.0)(told | {"where": NOMINAL}),
+        work(told | {"where": NOMINAL}),
+    )
     assert bare["E_z"] < 0.1 * loaded["E_z"]
 
 

@@ -9,7 +9,13 @@ from pydrake.math import RigidTransform
 from pydrake.multibody.math import SpatialVelocity
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
 
-from diagrams.gap.corrected import FILE, corrected_simulator, drawn, remaining_disturbance, write_corrected
+from diagrams.gap.corrected import (
+    FILE,
+    corrected_simulator,
+    drawn,
+    remaining_disturbance,
+    write_corrected,
+)
 from diagrams.loop.flight import default_flight, load_flight
 from diagrams.loop.flight_result import fly
 from diagrams.loop.real_vehicle import make_real_vehicle
@@ -62,7 +68,17 @@ def diagnosis(*causes, where=None, posterior=None):
     gap_reduction = an.GapReduction(1.0, 1.0, 1.0, 0.0, (0.0, 0.0), ())
     verdict = tuple(c.identifier for c in causes)
     located = residual_parts.Localisation(()) if where is None else where
-    return an.Diagnosis("paper", ("a",), ("b",), verdict, causes, nothing, located, gap_reduction, posterior=posterior)
+    return an.Diagnosis(
+        "paper",
+        ("a",),
+        ("b",),
+        verdict,
+        causes,
+        nothing,
+        located,
+        gap_reduction,
+        posterior=posterior,
+    )
 
 
 def written(found, folder, vehicle=None):
@@ -76,7 +92,9 @@ def flown(config, seconds=0.4, track="hover"):
     """Recorded states of a flight without noise."""
     quiet = dc.replace(config.reality.noise, **dict.fromkeys(dc.asdict(config.reality.noise), 0.0))
     reference = dc.replace(config.reference, ramp=0.0, track=track)
-    config = dc.replace(config, reality=dc.replace(config.reality, noise=quiet), reference=reference)
+    config = dc.replace(
+        config, reality=dc.replace(config.reality, noise=quiet), reference=reference
+    )
     config = dc.replace(config, duration=seconds)
     config.controller.solver = "sqp"
     return fly(config, seed=0)
@@ -92,18 +110,28 @@ def test_every_effect_comes_back_from_the_file_as_it_was(kind, tmp_path):
 
 
 def residuals(diagram, vehicle, seconds=0.3):
-    """Residual wrench of a flight along a fixed command, at every hundredth of a second, (n, 6) [N, N·m]."""
+    """Residual wrench of a flight along a fixed command, at every hundredth of a second, (n, 6) [N,
+    N·m].
+    """
     simulator = Simulator(diagram)
-    fine = SimulatorConfig(integration_scheme="runge_kutta3", max_step_size=5e-4, use_error_control=False)
+    fine = SimulatorConfig(
+        integration_scheme="runge_kutta3", max_step_size=5e-4, use_error_control=False
+    )
     ApplySimulatorConfig(fine, simulator)
     context = simulator.get_mutable_context()
     plant = diagram.GetSubsystemByName("plant")
     own, quadrotor = plant.GetMyMutableContextFromRoot(context), plant.GetBodyByName("quadrotor")
-    lift = 3.0 if plant.num_bodies() > 2 else 0.6  # low, so that the ground is felt; a payload hangs free
+    lift = (
+        3.0 if plant.num_bodies() > 2 else 0.6
+    )  # low, so that the ground is felt; a payload hangs free
     plant.SetFreeBodyPose(own, quadrotor, RigidTransform([0.0, 0.0, lift]))
-    plant.SetFreeBodySpatialVelocity(quadrotor, SpatialVelocity([0.3, 0.2, -0.1], [1.0, 1.5, -0.5]), own)
+    plant.SetFreeBodySpatialVelocity(
+        quadrotor, SpatialVelocity([0.3, 0.2, -0.1], [1.0, 1.5, -0.5]), own
+    )
     if plant.num_bodies() > 2:
-        plant.SetFreeBodyPose(own, plant.GetBodyByName("payload"), RigidTransform([0.1, 0.0, lift - 0.79]))
+        plant.SetFreeBodyPose(
+            own, plant.GetBodyByName("payload"), RigidTransform([0.1, 0.0, lift - 0.79])
+        )
     rows = []
     for k in range(round(100 * seconds)):
         u = vehicle.hover_input * (1.03 + 0.05 * (k >= 10)) + [0.0, 0.01, -0.02, 0.003]
@@ -136,31 +164,51 @@ def test_every_bodily_effect_of_the_file_leaves_the_same_residual_in_drake(kind,
     assert np.abs(found).max() > 1e-4  # it acts [N, N·m]
 
 
-@pytest.mark.parametrize("kind", [k for k in EVERY.values() if issubclass(k, SensorEffect)], ids=lambda k: k.identifier)
+@pytest.mark.parametrize(
+    "kind", [k for k in EVERY.values() if issubclass(k, SensorEffect)], ids=lambda k: k.identifier
+)
 def test_every_sensor_error_of_the_file_is_in_the_log_of_a_flight(kind, tmp_path):
     effect = odd(kind)
     flight = flown(written(diagnosis(cause(effect)), tmp_path))
     s, log = flight.signals, flight.log()
-    truth = Measurement(s["x_true"], s["acceleration_true"][:, :3], s["acceleration_true"][:, 3:], s["rotor_speed"])
+    truth = Measurement(
+        s["x_true"], s["acceleration_true"][:, :3], s["acceleration_true"][:, 3:], s["rotor_speed"]
+    )
     read = effect.measure(Vehicle(), truth, np.zeros(0))
     wanted = FlightLog(
-        t=s["t"], p=read.x[:, :3], q=read.x[:, 3:7], v=read.x[:, 7:10], w=read.x[:, 10:], u=s["u"], a=read.a,
-        al=read.al, rotor=read.rotor, name="b",
-    )  # fmt: skip
+        t=s["t"],
+        p=read.x[:, :3],
+        q=read.x[:, 3:7],
+        v=read.x[:, 7:10],
+        w=read.x[:, 10:],
+        u=s["u"],
+        a=read.a,
+        al=read.al,
+        rotor=read.rotor,
+        name="b",
+    )
     wanted = shift_state(wanted, effect.clock_shift) if effect.clock_shift else wanted
     for name in ("x", "a", "al"):
         np.testing.assert_allclose(getattr(log, name), getattr(wanted, name), atol=1e-9)
-    assert len(wanted.t) < len(s["t"]) or np.abs(wanted.x - truth.x).max() + np.abs(wanted.a - truth.a).max() > 1e-3
+    assert (
+        len(wanted.t) < len(s["t"])
+        or np.abs(wanted.x - truth.x).max() + np.abs(wanted.a - truth.a).max() > 1e-3
+    )
 
 
 @pytest.mark.parametrize(
     "effect",
     [
-        LinearDrag(0.9, 0.9, 0.9), ThrustScale(0.9), MotorLag(0.08), CommandDelay(0.03), MassError(0.3),
-        CenterOfMassOffset(0.01, 0.0, 0.0), SuspendedPayload(0.3, 0.7),
+        LinearDrag(0.9, 0.9, 0.9),
+        ThrustScale(0.9),
+        MotorLag(0.08),
+        CommandDelay(0.03),
+        MassError(0.3),
+        CenterOfMassOffset(0.01, 0.0, 0.0),
+        SuspendedPayload(0.3, 0.7),
     ],
     ids=lambda effect: effect.identifier,
-)  # fmt: skip
+)
 def test_an_effect_with_an_onset_begins_at_it(effect, tmp_path):
     begins, plain = (
         flown(written(found, tmp_path), 0.8, track="circle").signals
@@ -185,13 +233,19 @@ def test_the_lag_of_the_file_takes_over_from_the_vehicles_at_its_onset():
         simulator.AdvanceTo(t)
         return diagram.GetOutputPort("rotor_thrust").Eval(context)
 
-    np.testing.assert_allclose(thrust([late], {late: 0.05}, 0.04), thrust([slow], {}, 0.04), rtol=1e-3)
-    np.testing.assert_allclose(thrust([late], {late: 0.05}, 0.1), thrust([late], {}, 0.1), rtol=1e-3)
+    np.testing.assert_allclose(
+        thrust([late], {late: 0.05}, 0.04), thrust([slow], {}, 0.04), rtol=1e-3
+    )
+    np.testing.assert_allclose(
+        thrust([late], {late: 0.05}, 0.1), thrust([late], {}, 0.1), rtol=1e-3
+    )
 
 
 def test_an_effect_begins_in_flight_only_if_it_did_wherever_it_shows():
     def onset(by_flight):
-        entry = corrected_simulator(diagnosis(cause(ThrustScale(0.9), by_flight)), Vehicle()).reality.effects
+        entry = corrected_simulator(
+            diagnosis(cause(ThrustScale(0.9), by_flight)), Vehicle()
+        ).reality.effects
         return [e.onset for e in entry]
 
     assert onset({"a": 4.0, "b": 8.0, "c": np.inf}) == [6.0]
@@ -221,7 +275,9 @@ def test_the_file_serves_as_vehicle_file(tmp_path):
 
 
 def test_the_file_serves_drake_replay_with_the_onsets_of_every_flight(tmp_path):
-    config = written(diagnosis(cause(ThrustScale(0.9), {"a": None, "b": 3.5, "c": np.inf})), tmp_path)
+    config = written(
+        diagnosis(cause(ThrustScale(0.9), {"a": None, "b": 3.5, "c": np.inf})), tmp_path
+    )
     assert config.reality.by_flight == [(ThrustScale(0.9), {"a": 0.0, "b": 3.5, "c": np.inf})]
 
 
@@ -234,7 +290,10 @@ def test_the_file_says_the_interval_of_every_parameter(tmp_path):
 def test_draws_have_the_posteriors_mean_and_covariance():
     C = np.array([[0.01**2, 0.6e-4 * 0.5], [0.6e-4 * 0.5, 0.006**2]])
     posterior = Posterior(["thrust_scale.scale", "mass_error.delta_mass"], C.tolist())
-    found = diagnosis(*(cause(e, probability=1.0) for e in (ThrustScale(0.9), MassError(0.1))), posterior=posterior)
+    found = diagnosis(
+        *(cause(e, probability=1.0) for e in (ThrustScale(0.9), MassError(0.1))),
+        posterior=posterior,
+    )
     sets = [c.reality.added for c in drawn(corrected_simulator(found, Vehicle()), 2000, seed=3)]
     values = np.array([[thrust.scale, mass.delta_mass] for thrust, mass in sets])
     np.testing.assert_allclose(values.mean(axis=0), [0.9, 0.1], atol=1e-3)
@@ -242,7 +301,10 @@ def test_draws_have_the_posteriors_mean_and_covariance():
 
 
 def test_an_uncertain_effect_is_in_its_share_of_draws_and_wind_needs_drag():
-    drag, wind = EffectEntry.of(LinearDrag(0.3, 0.3, 0.3), probability=0.5), EffectEntry("constant_wind")
+    drag, wind = (
+        EffectEntry.of(LinearDrag(0.3, 0.3, 0.3), probability=0.5),
+        EffectEntry("constant_wind"),
+    )
     generator = np.random.default_rng(0)
     sets = [{e.effect for e in Posterior().draw([drag, wind], generator)} for _ in range(1000)]
     assert set(map(frozenset, sets)) == {frozenset(), frozenset({"linear_drag", "constant_wind"})}
@@ -251,7 +313,10 @@ def test_an_uncertain_effect_is_in_its_share_of_draws_and_wind_needs_drag():
 
 def test_a_draw_stays_within_physical_bounds():
     posterior = Posterior(["motor_lag.time_constant"], [[1.0]])
-    sets = [posterior.draw([EffectEntry.of(MotorLag(0.05))], np.random.default_rng(k)) for k in range(50)]
+    sets = [
+        posterior.draw([EffectEntry.of(MotorLag(0.05))], np.random.default_rng(k))
+        for k in range(50)
+    ]
     (bounds,) = MotorLag.parameters
     assert all(bounds.lower <= e.made.time_constant <= bounds.upper for (e,) in sets)
 
@@ -273,7 +338,9 @@ def test_what_remains_has_size_and_time_of_the_noiseless_residual():
         residual_parts.ChannelGap(name, "", 1.0, noise * s, float(np.hypot(s, noise * s)), 0.0)
         for name, s in zip(residual_parts.CHANNELS, size, strict=True)
     )
-    where = residual_parts.Localisation(channels, times={"a": step * np.arange(n)}, after={"a": after})
+    where = residual_parts.Localisation(
+        channels, times={"a": step * np.arange(n)}, after={"a": after}
+    )
     found = remaining_disturbance(where)
     np.testing.assert_allclose([*found.force, *found.torque], size, rtol=1e-6)
     np.testing.assert_allclose([*found.force_time, *found.torque_time], time, rtol=0.25)
@@ -284,7 +351,10 @@ def test_what_remains_has_size_and_time_of_the_noiseless_residual():
     [
         ("{effect: linear_drug}", "did you mean linear_drag"),
         ("{effect: linear_drag, parameters: {d: 1.0}}", "no parameter d; it has d_x, d_y, d_z"),
-        ("{effect: thrust_scale, parameters: {scale: .nan}}", "parameters.scale must be a number; got nan"),
+        (
+            "{effect: thrust_scale, parameters: {scale: .nan}}",
+            "parameters.scale must be a number; got nan",
+        ),
         ("{effect: gyro_bias, onset: 2.0}", "acts from the start"),
         ("{effect: thrust_scale, onset: -2.0}", "must be a time of the flight"),
         ("{effect: thrust_scale, probability: 2.0}", "0 to 1"),
@@ -308,7 +378,9 @@ def test_the_written_file_is_plain_yaml(tmp_path):
 
 def test_a_downwash_is_left_out_for_a_flight_to_come_has_no_neighbour(tmp_path):
     config = written(diagnosis(cause(Downwash(0.4)), cause(MassError(0.1))), tmp_path)
-    assert "# Left out: downwash, which acts only beside a neighbour." in (tmp_path / FILE).read_text()
+    assert (
+        "# Left out: downwash, which acts only beside a neighbour." in (tmp_path / FILE).read_text()
+    )
     assert [entry.effect for entry in config.reality.effects] == ["mass_error"]
     with pytest.raises(ValueError, match="downwash must have the path of a neighbour"):
         RealityConfig(effects=[EffectEntry.of(Downwash(0.4))]).check()

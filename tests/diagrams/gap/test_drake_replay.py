@@ -21,15 +21,18 @@ from np_drake.effects.thrust_scale import ThrustScale
 from np_drake.flight_log import FlightLog
 from np_drake.neighbour import Neighbour
 from np_drake.vehicle import Vehicle
-from np_drake.vehicle_calibration import Calibration
+from np_drake.vehicle.calibration import Calibration
 from systems.initial_state import set_hover
 from systems.payload_config import PayloadConfig
 from systems.tethered_quadrotor import make_tethered_quadrotor
 
 VEHICLE = Vehicle()
 STEP = 0.01  # of the logs [s]
-EXACT = 1e-3  # position after 1 s [m]: cubics through rates and velocities, integrators with other steps
-FINE = SimulatorConfig(integration_scheme="runge_kutta3", max_step_size=2e-3, use_error_control=False)
+# position after 1 s [m]: cubics through rates and velocities, integrators with other steps
+EXACT = 1e-3
+FINE = SimulatorConfig(
+    integration_scheme="runge_kutta3", max_step_size=2e-3, use_error_control=False
+)
 
 
 class Flyer:
@@ -59,7 +62,9 @@ class Flyer:
             u = self.command(k * STEP, x)
             self.diagram.GetInputPort("u").FixValue(self.context, u)
             thrust = self.diagram.GetOutputPort("rotor_thrust").Eval(self.context)
-            rows.append(np.concatenate([[k * STEP], x, u, VEHICLE.mixer @ thrust, self.plant_state]))
+            rows.append(
+                np.concatenate([[k * STEP], x, u, VEHICLE.mixer @ thrust, self.plant_state])
+            )
             self.simulator.AdvanceTo((k + 1) * STEP)
         return rows
 
@@ -68,12 +73,16 @@ class Flyer:
         force = VEHICLE.mass * (wander - x[7:10] - (x[:3] - [0, 0, 2.0]) + [0.0, 0.0, 9.81])
         R = attitude.rotation_matrix(x[3:7])
         error = np.cross(R[:, 2], force / np.linalg.norm(force)) @ R
-        return VEHICLE.saturate(np.array([force @ R[:, 2], *(VEHICLE.J @ (80 * error - 15 * x[10:13]))]))
+        return VEHICLE.saturate(
+            np.array([force @ R[:, 2], *(VEHICLE.J @ (80 * error - 15 * x[10:13]))])
+        )
 
 
 def log_of(rows):
     r = np.array(rows)
-    return FlightLog(t=r[:, 0], p=r[:, 1:4], q=r[:, 4:8], v=r[:, 8:11], w=r[:, 11:14], u=r[:, 14:18], name="a")
+    return FlightLog(
+        t=r[:, 0], p=r[:, 1:4], q=r[:, 4:8], v=r[:, 8:11], w=r[:, 11:14], u=r[:, 14:18], name="a"
+    )
 
 
 def position_error(log, *effects, **options):
@@ -144,12 +153,16 @@ def test_a_clock_offset_shifts_the_commands_against_the_state(nominal):
 
 
 def test_the_calibration_of_the_file_is_in_every_replay(nominal):
-    known = Calibration([0.005, 0.0, 0.0], [0.97, 1.01, 1.03, 0.99], clock_offset=0.01, command_delay=0.01).check()
+    known = Calibration(
+        [0.005, 0.0, 0.0], [0.97, 1.01, 1.03, 0.99], clock_offset=0.01, command_delay=0.01
+    ).check()
     log = nominal
     named = [(effect, {}) for effect in effects_of(known, VEHICLE)]
     for effects in ([], [(LinearDrag(0.1, 0.1, 0.1), {})]):
         dut = DrakeReplay(dc.replace(VEHICLE, calibration=known), starts=3)([log], effects)
-        np.testing.assert_allclose(dut.position, DrakeReplay(VEHICLE, starts=3)([log], [*named, *effects]).position)
+        np.testing.assert_allclose(
+            dut.position, DrakeReplay(VEHICLE, starts=3)([log], [*named, *effects]).position
+        )
 
 
 def test_a_payload_swings_where_it_is_said_to_swing():
@@ -174,13 +187,17 @@ def test_measured_rotor_speed_has_lagged_already():
     dut, log = DrakeReplay(lagging, starts=4), log_of(rows)
     measured = dc.replace(log, u=np.array(rows)[:, 18:22], input="rotor_speed")
     assert dut([log], []).position[-1, 0] < 2 * EXACT
-    assert dut([measured], []).position[-1, 0] < 5 * EXACT  # a reading at an instant stands for an interval
+    assert (
+        dut([measured], []).position[-1, 0] < 5 * EXACT
+    )  # a reading at an instant stands for an interval
     assert dut([dc.replace(measured, input="command")], []).position[-1, 0] > 20 * EXACT
 
 
 def test_noise_of_the_start_attitude_is_smoothed_away(nominal):
     draw = np.random.default_rng(0)
-    turn = np.concatenate([np.ones((len(nominal), 1)), 0.005 * draw.normal(size=(len(nominal), 3))], axis=1)
+    turn = np.concatenate(
+        [np.ones((len(nominal), 1)), 0.005 * draw.normal(size=(len(nominal), 3))], axis=1
+    )
     q = attitude.multiply(nominal.q, turn / np.linalg.norm(turn, axis=1, keepdims=True))
     noisy = dc.replace(nominal, q=q)
     assert position_error(noisy) < 0.5 * position_error(noisy, smooth=False)

@@ -22,7 +22,9 @@ from systems.payload_config import PayloadConfig
 
 SECONDS = 5.0
 RMS = np.repeat([0.5, 0.05, 0.05, 0.2, 0.05], 3)
-READINGS = Readings(NoiseModel(np.zeros((15, 1)), np.diag(1 / RMS), RMS, RMS**2, 0.02), IDEAL_SENSORS)
+READINGS = Readings(
+    NoiseModel(np.zeros((15, 1)), np.diag(1 / RMS), RMS, RMS**2, 0.02), IDEAL_SENSORS
+)
 NOTHING = Explanation((), 0.5, ())
 DRAG = Explanation(("linear_drag",), 0.5, (LinearDrag(0.5, 0.5, 0.5),))
 HUNG = Explanation(("suspended_payload",), 0.5, (SuspendedPayload(0.2, 0.6, 0, 0, -0.05, 0.1),))
@@ -35,9 +37,16 @@ def limits_of(*explanations: Explanation):
 @pytest.fixture(scope="module")
 def config():
     base = default_flight(Vehicle())
-    bare = {"payload": PayloadConfig(tether="none"), "rotor_drag": 0.0, "motor_lag": 0.0, "thrust_scale": 1.0}
+    bare = {
+        "payload": PayloadConfig(tether="none"),
+        "rotor_drag": 0.0,
+        "motor_lag": 0.0,
+        "thrust_scale": 1.0,
+    }
     controller = dc.replace(base.controller, kind="hold", solver="sqp")
-    return dc.replace(base, name="next", reality=dc.replace(base.reality, **bare), controller=controller)
+    return dc.replace(
+        base, name="next", reality=dc.replace(base.reality, **bare), controller=controller
+    )
 
 
 def simulator_of(config, folder, *explanations: Explanation) -> InSimulator:
@@ -50,7 +59,11 @@ def flown(config, tmp_path_factory):
     """Return a multisine, and its flights under nothing and under drag."""
     dut = simulator_of(config, tmp_path_factory.mktemp("flown"), NOTHING, DRAG)
     motion = random_multisine(dut.limits, SECONDS, seed=0)
-    return motion, dut, keep_limits(motion, (NOTHING, DRAG), dut, controller="hold", limits=dut.limits)
+    return (
+        motion,
+        dut,
+        keep_limits(motion, (NOTHING, DRAG), dut, controller="hold", limits=dut.limits),
+    )
 
 
 def test_every_flight_keeps_the_limits_and_its_log_names_what_acted(flown):
@@ -84,9 +97,17 @@ def test_a_motion_beyond_a_limit_is_made_smaller(flown):
 
 def refusal(motion, **flown) -> str:
     """Return what is said where a flight is beyond a limit however small it is."""
-    many = dc.replace(DRAG, named=("linear_drag", "mass_error", "motor_lag", "thrust_scale", "weak_rotor"))
+    many = dc.replace(
+        DRAG, named=("linear_drag", "mass_error", "motor_lag", "thrust_scale", "weak_rotor")
+    )
     with pytest.raises(ValueError) as error:
-        keep_limits(motion, (many,), lambda *a: Flown(many, **flown), controller="hold", limits=limits_of(DRAG))
+        keep_limits(
+            motion,
+            (many,),
+            lambda *a: Flown(many, **flown),
+            controller="hold",
+            limits=limits_of(DRAG),
+        )
     return str(error.value)
 
 

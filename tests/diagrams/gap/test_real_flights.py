@@ -9,7 +9,9 @@ from np_drake.logs.formats.neurobem import published_vehicle
 
 @pytest.fixture(scope="module")
 def one(neurobem):
-    """Short stretches, so that the test takes seconds; the figures of the docs are those of whole flights."""
+    """Short stretches, so that the test takes seconds; the figures of the docs are those of whole
+    flights.
+    """
     flights = [log.rows(len(log) // 3, len(log) // 3 + 4000) for log in agile_flights(neurobem)]
     return fold(published_vehicle(), [flights[0], flights[1]], flights[3])
 
@@ -23,6 +25,8 @@ def test_the_gap_of_an_unseen_flight_closes_in_force_and_torque(neurobem, one):
     table = {r["group"]: r for r in rows([one]) if r["flight"] == one.name}
     assert set(table) == set(GROUPS)
     assert table["lateral force"]["cut"] > 0.5  # 0.7 and more on whole flights
-    assert table["vertical force"]["cut"] > 0.0  # little on such stretches; whole flights, pooled: see the docs
+    assert (
+        table["vertical force"]["cut"] > 0.0
+    )  # little on such stretches; whole flights, pooled: see the docs
     assert table["torque"]["after"] < 0.25 * table["torque"]["nominal"]
     assert np.isfinite([r["after"] for r in table.values()]).all()

@@ -39,7 +39,9 @@ def test_the_softer_cable_of_a_light_payload_is_not_seen(mass, monkeypatch):
 def test_a_light_payload_needs_no_smaller_steps_than_the_usual_one(monkeypatch):
     steps = []
     integrator = rollout._integrator
-    monkeypatch.setattr(rollout, "_integrator", lambda *args: steps.append(integrator(*args)) or steps[-1])
+    monkeypatch.setattr(
+        rollout, "_integrator", lambda *args: steps.append(integrator(*args)) or steps[-1]
+    )
     for mass in (0.26, 0.1, 0.005):
         Rollout(VEHICLE, [SuspendedPayload(mass=mass, length=0.3)])
     assert min(s.max_step_size for s in steps) == steps[0].max_step_size

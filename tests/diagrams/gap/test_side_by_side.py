@@ -16,7 +16,7 @@ from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError
 from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.flight_log import FlightLog
-from np_drake.vehicle import MeasurementNoise, Vehicle
+from np_drake.vehicle.vehicle import MeasurementNoise, Vehicle
 from systems.payload_config import PayloadConfig
 
 VEHICLE = Vehicle()
@@ -27,7 +27,12 @@ NAME = "heldout"
 def logged(**reality) -> FlightLog:
     """Flight of 4 s on a circle, with ideal sensors."""
     config = default_flight(VEHICLE)
-    defaults = {"rotor_drag": 0.5, "motor_lag": 0.0, "thrust_scale": 1.0, "noise": MeasurementNoise(0, 0, 0, 0)}
+    defaults = {
+        "rotor_drag": 0.5,
+        "motor_lag": 0.0,
+        "thrust_scale": 1.0,
+        "noise": MeasurementNoise(0, 0, 0, 0),
+    }
     for name, value in {**defaults, "payload": PayloadConfig(tether="none"), **reality}.items():
         setattr(config.reality, name, value)
     config.duration, config.reference.ramp = 3.0, 1.0
@@ -40,7 +45,9 @@ def found(*causes, joined=()) -> an.Diagnosis:
     gap_reduction = an.GapReduction(2.0, 1.0, 1.0, 1.0, (1.0, 1.0), ())
     names = tuple(cause.identifier for cause in causes)
     where = residual_parts.Localisation(())
-    return an.Diagnosis("paper", ("t",), (NAME,), names, causes, check, where, gap_reduction, joined=joined)
+    return an.Diagnosis(
+        "paper", ("t",), (NAME,), names, causes, check, where, gap_reduction, joined=joined
+    )
 
 
 def cause(effect, onset=None) -> an.Cause:
@@ -92,7 +99,9 @@ def test_a_simulator_that_found_nothing_has_no_ghost(log, replay_page, tmp_path)
 def test_a_cause_acts_from_its_onset_on(log):
     begins = side_by_side(found(cause(DRAG, onset=2.5)), VEHICLE, [log])
     before = begins.start + np.arange(len(begins.x)) / FRAME_RATE < 2.4
-    np.testing.assert_allclose(begins.corrected.error[before], begins.nominal.error[before], atol=1e-9)
+    np.testing.assert_allclose(
+        begins.corrected.error[before], begins.nominal.error[before], atol=1e-9
+    )
     after = begins.restarted / FRAME_RATE + begins.start > 2.5
     assert begins.corrected.error[after].max() < 2e-3  # smoothing of the start [m]
 
@@ -100,7 +109,8 @@ def test_a_cause_acts_from_its_onset_on(log):
 def test_onsets_count_by_the_clock_of_the_log(log):
     later = dc.replace(log, t=log.t + 100.0)
     early, late = (
-        side_by_side(found(cause(DRAG, onset=t)), VEHICLE, [some]) for t, some in ((2.5, log), (102.5, later))
+        side_by_side(found(cause(DRAG, onset=t)), VEHICLE, [some])
+        for t, some in ((2.5, log), (102.5, later))
     )
     np.testing.assert_allclose(late.corrected.x, early.corrected.x, atol=1e-9)
 
@@ -113,11 +123,17 @@ def test_of_a_flight_that_joined_the_fit_the_second_half_is_seen(log):
 def test_the_page_shows_what_was_computed(seen, replay_page, tmp_path):
     write_side_by_side(seen, VEHICLE, tmp_path / "replay.html")
     page = replay_page(tmp_path / "replay.html")
-    for name, x in {"flight": seen.x, "nominal": seen.nominal.x, "corrected": seen.corrected.x}.items():
+    for name, x in {
+        "flight": seen.x,
+        "nominal": seen.nominal.x,
+        "corrected": seen.corrected.x,
+    }.items():
         np.testing.assert_allclose(page.film[name]["position"], x[:, :3], atol=1e-12)
     read = {error["label"]: error["cm"] for error in page.numbers["errors"]}
     np.testing.assert_allclose(read["nominal simulator"], 100 * seen.nominal.error, atol=0.00501)
-    np.testing.assert_allclose(read["corrected simulator"], 100 * seen.corrected.error, atol=0.00501)
+    np.testing.assert_allclose(
+        read["corrected simulator"], 100 * seen.corrected.error, atol=0.00501
+    )
     assert len(page.text) < 6e6 * len(seen.x) / (FRAME_RATE * LONGEST) + 2.5e6
 
 
@@ -130,7 +146,9 @@ def test_the_payload_of_a_cause_hangs_under_the_corrected_ghost(replay_page, tmp
     assert np.isnan(both.nominal.p_WP).all()
     write_side_by_side(both, VEHICLE, tmp_path / "replay.html")
     page = replay_page(tmp_path / "replay.html")
-    np.testing.assert_allclose(page.film["corrected_payload"]["position"], both.corrected.p_WP, atol=1e-12)
+    np.testing.assert_allclose(
+        page.film["corrected_payload"]["position"], both.corrected.p_WP, atol=1e-12
+    )
     assert "nominal_payload" not in page.objects
 
 

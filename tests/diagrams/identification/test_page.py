@@ -24,7 +24,10 @@ APART = Agreement(np.array([0.0, 0.02, 2.0, -0.01, 0.01]), np.full(5, 0.05), 0.8
 @pytest.fixture(scope="module")
 def flights(excited_flight):
     """Five flights, the third with a tenth less lift, and one more to judge by."""
-    made = [excited_flight(TRUE if seed != 2 else OTHER, seed, seconds=10.0 if seed < 5 else 6.0) for seed in range(6)]
+    made = [
+        excited_flight(TRUE if seed != 2 else OTHER, seed, seconds=10.0 if seed < 5 else 6.0)
+        for seed in range(6)
+    ]
     return made[:5], made[5]
 
 
@@ -133,9 +136,12 @@ def test_a_moment_about_z_that_no_body_has_is_lowered(found):
     flat = dc.replace(found)
     xx, yy = (found[f"inertia {axis}"].value for axis in ("xx", "yy"))
     flat.__dict__["quantities"] = tuple(
-        dc.replace(q, value=1.1 * (xx + yy)) if q.name == "inertia zz" else q for q in found.quantities
+        dc.replace(q, value=1.1 * (xx + yy)) if q.name == "inertia zz" else q
+        for q in found.quantities
     )
     vehicle = identified_vehicle(flat, "flat")
     assert vehicle.sources["inertia"].endswith("zz lowered to the largest that a body can have")
     assert 0.99 < vehicle.J[2, 2] / (xx + yy) <= 1.0
-    np.testing.assert_allclose(np.diag(vehicle.J)[:2], [xx, yy], rtol=1e-5)  # six digits are written
+    np.testing.assert_allclose(
+        np.diag(vehicle.J)[:2], [xx, yy], rtol=1e-5
+    )  # six digits are written

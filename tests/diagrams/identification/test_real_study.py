@@ -8,7 +8,15 @@ import pytest
 
 from diagrams.cli.main import run
 from diagrams.identification.agreement import agreement_lines
-from diagrams.identification.benchmark import MASS, PUBLISHED, THRUST_COEFFICIENT, G, printed, published_physics, stays
+from diagrams.identification.benchmark import (
+    MASS,
+    PUBLISHED,
+    THRUST_COEFFICIENT,
+    G,
+    printed,
+    published_physics,
+    stays,
+)
 from diagrams.identification.real_sets import halves
 from diagrams.identification.simulated import Truth, fly_truth
 from np_drake.effects.blade_flapping import BladeFlapping
@@ -18,12 +26,14 @@ from np_drake.flight_log import FlightLog
 from np_drake.identification.prediction import Prediction
 from np_drake.logs.formats.log_file import write_log
 from np_drake.vehicle import load_vehicle
-from np_drake.vehicle_calibration import ThrottleMap
+from np_drake.vehicle.calibration import ThrottleMap
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """Folder of real flights with two of a simulated vehicle, whose rotors are weaker than its file says."""
+    """Folder of real flights with two of a simulated vehicle, whose rotors are weaker than its file
+    says.
+    """
     known = load_vehicle("crazyflie_brushless")
     k = 0.9 * known.thrust_coefficient
     vehicle = dc.replace(known, thrust_coefficient=k, rotor_time_constant=0.03).check()
@@ -39,7 +49,15 @@ def folder(tmp_path_factory):
 
 def test_two_halves_of_a_set_are_compared_and_judge_each_other(folder, tmp_path, capsys):
     written = tmp_path / "a.json"
-    arguments = ["reproduce", "identification-flights", str(folder), "--only", "imrc", "--jobs", "1"]
+    arguments = [
+        "reproduce",
+        "identification-flights",
+        str(folder),
+        "--only",
+        "imrc",
+        "--jobs",
+        "1",
+    ]
     assert run([*arguments, "--json", str(written)]) == 0
     found = json.loads(written.read_text())
     (line,) = found["agreement"]
@@ -85,7 +103,9 @@ def half(value, told=True):
 
 
 def test_values_that_differ_by_more_than_their_joint_interval_disagree():
-    (near,), (far,) = (agreement_lines({"x": (half(0.01), half(other))}) for other in (0.0113, 0.0117))
+    (near,), (far,) = (
+        agreement_lines({"x": (half(0.01), half(other))}) for other in (0.0113, 0.0117)
+    )
     assert (near["agree"], near["apart"]) == (1, [])
     assert (far["agree"], far["apart"]) == (0, ["transport delay"])
 
@@ -97,7 +117,9 @@ def test_what_one_half_alone_tells_is_not_compared():
 
 @pytest.fixture
 def climbing():
-    """Flight with twice the thrust that carries it, with times and rows of a prediction from its start."""
+    """Flight with twice the thrust that carries it, with times and rows of a prediction from its
+    start.
+    """
     t = 0.01 * np.arange(51)
     z, o, one = 0.5 * G * t**2, np.zeros_like(t), np.ones_like(t)
     q = np.stack([np.cos(0.5 * t), o, o, np.sin(0.5 * t)], axis=1)  # turns by 1 rad/s

@@ -15,7 +15,18 @@ from diagrams.identification.vehicle_case import make_cases, refused_draws
 def studied(tmp_path_factory):
     """Written report of one vehicle, and the command."""
     folder = tmp_path_factory.mktemp("study")
-    command = ["reproduce", "identification", "--vehicles", "1", "--flights", "1", "--seconds", "8", "--jobs", "1"]
+    command = [
+        "reproduce",
+        "identification",
+        "--vehicles",
+        "1",
+        "--flights",
+        "1",
+        "--seconds",
+        "8",
+        "--jobs",
+        "1",
+    ]
     command += ["--seed", "7", "--out", str(folder / "out"), "--json", str(folder / "a.json")]
     assert run(command) == 0
     return command, folder / "a.json"
@@ -54,7 +65,14 @@ def test_draws_that_cannot_be_flown_are_counted():
 
 def result(kind, *within, told=True):
     """Result of a vehicle whose delays are 1 ms off."""
-    q = {"name": "transport delay", "unit": "ms", "air": False, "told": told, "error": 1.0, "prior_error": 4.0}
+    q = {
+        "name": "transport delay",
+        "unit": "ms",
+        "air": False,
+        "told": told,
+        "error": 1.0,
+        "prior_error": 4.0,
+    }
     return {
         "kind": kind,
         "refused": 1,
@@ -64,7 +82,9 @@ def result(kind, *within, told=True):
 
 
 def test_what_is_not_told_counts_in_no_interval():
-    (line,) = quantity_lines([result("throttle", True, True), result("throttle", False, told=False)])
+    (line,) = quantity_lines(
+        [result("throttle", True, True), result("throttle", False, told=False)]
+    )
     assert (line["count"], line["told"], line["within"]) == (3, 2, 1.0)
 
 
@@ -77,7 +97,9 @@ def test_quantities_of_one_kind_share_a_line():
 
 
 def test_vehicles_are_pooled_and_stand_by_input():
-    every, rotor, throttle = pooled_lines([result("rotor_speed", True), result("throttle", True, False)])
+    every, rotor, throttle = pooled_lines(
+        [result("rotor_speed", True), result("throttle", True, False)]
+    )
     assert every["vehicle"] == pytest.approx(2 / 3)
     assert (rotor["vehicle"], throttle["vehicle"]) == (1.0, 0.5)
     assert (every["refused"], every["air"]) == (2, None)
@@ -87,5 +109,7 @@ def test_what_was_asked_stands_beside_what_was_seen():
     lines = {line["figure"]: line for line in asked_lines([result("throttle", True, True)])}
     assert lines["delay, median error"]["met"]
     assert not lines["processor time, median"]["met"]
-    assert not lines["95 % interval holds the truth, quantities of the vehicle file"]["met"]  # too wide is no success
+    assert not lines["95 % interval holds the truth, quantities of the vehicle file"][
+        "met"
+    ]  # too wide is no success
     assert not lines["motor lag, median error"]["met"]  # nothing was seen

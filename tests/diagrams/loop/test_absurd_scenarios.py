@@ -20,7 +20,9 @@ def numbers(kind, default, path=()):
             inner = parts[0]
         if fields_of(inner):
             yield from numbers(inner, value, (*path, field))
-        elif inner in (float, int) or (typing.get_origin(inner) is list and typing.get_args(inner)[0] in (float, int)):
+        elif inner in (float, int) or (
+            typing.get_origin(inner) is list and typing.get_args(inner)[0] in (float, int)
+        ):
             yield (*path, field), value
 
 

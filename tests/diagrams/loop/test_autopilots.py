@@ -10,9 +10,9 @@ from diagrams.loop.flight import FlightConfig, default_flight, load_flight
 from diagrams.loop.flight_result import fly
 from np_drake.effects.effect_entry import EffectEntry
 from np_drake.identification.rate_loop import identify_rate_loop
-from np_drake.rate_loop import RateLoop
-from np_drake.scaling import ratios, usual_rate_loop
 from np_drake.vehicle import Vehicle, load_vehicle
+from np_drake.vehicle.rate_loop import RateLoop
+from np_drake.vehicle.scaling import ratios, usual_rate_loop
 
 VEHICLE = dc.replace(Vehicle(), rate_loop=RateLoop())
 
@@ -49,7 +49,9 @@ def test_the_logged_command_is_what_the_loop_is_assumed_to_make_of_it(flown):
 
 
 def test_a_scenario_file_names_the_autopilot_alone(tmp_path):
-    (tmp_path / "a.yaml").write_text("autopilot: {kind: rate_loop}\nvehicle: {rate_loop: {lag: [0.1, 0.1, 0.3]}}\n")
+    (tmp_path / "a.yaml").write_text(
+        "autopilot: {kind: rate_loop}\nvehicle: {rate_loop: {lag: [0.1, 0.1, 0.3]}}\n"
+    )
     config = load_flight(str(tmp_path / "a.yaml"))
     assert config.controller.mpc.command == "rates"
     assert config.vehicle.rate_loop.lag == [0.1, 0.1, 0.3]
@@ -57,7 +59,9 @@ def test_a_scenario_file_names_the_autopilot_alone(tmp_path):
 
 def test_bandwidth_and_usual_loop_keep_the_pace_of_the_vehicle():
     small, pace = load_vehicle("crazyflie"), ratios(load_vehicle("crazyflie")).time
-    assert default_flight(small).autopilot.betaflight.bandwidth == pytest.approx([20 / pace, 20 / pace, 5 / pace])
+    assert default_flight(small).autopilot.betaflight.bandwidth == pytest.approx(
+        [20 / pace, 20 / pace, 5 / pace]
+    )
     assert usual_rate_loop(small).lag == pytest.approx([0.075 * pace, 0.075 * pace, 0.2 * pace])
 
 
@@ -78,14 +82,20 @@ def test_an_autopilot_needs_commanded_rates_and_rates_an_autopilot():
         dc.replace(config, autopilot=FlightConfig().autopilot),
         dc.replace(config, controller=FlightConfig().controller),
     ):
-        with pytest.raises(ValueError, match=r"controller\.mpc\.command must be rates with an autopilot"):
+        with pytest.raises(
+            ValueError, match=r"controller\.mpc\.command must be rates with an autopilot"
+        ):
             changed.check()
 
 
 def test_the_loop_that_flies_is_that_of_the_file_whatever_the_rotors_lag():
-    config = dc.replace(load_experiment("training_circle", VEHICLE), duration=25.0).with_autopilot("rate_loop")
+    config = dc.replace(load_experiment("training_circle", VEHICLE), duration=25.0).with_autopilot(
+        "rate_loop"
+    )
     bare = dc.replace(config.reality.nominal(), motor_lag=0.05)
-    loops = identify_rate_loop([fly(dc.replace(config, reality=bare).check_and_step(), seed=2).log()])
+    loops = identify_rate_loop(
+        [fly(dc.replace(config, reality=bare).check_and_step(), seed=2).log()]
+    )
     assert [loop.lag for loop in loops] == pytest.approx(VEHICLE.rate_loop.lag, rel=0.03)
     assert [loop.gain for loop in loops] == pytest.approx([1.0, 1.0, 1.0], abs=0.03)
 

@@ -44,7 +44,9 @@ def around(simulator, vehicle, root, time, name="plant_state"):
 
 def test_a_push_changes_the_payloads_momentum_by_the_impulse():
     before, after = around(*hanging(push(0.1, [0.3, 0.0, -0.1])), 0.1)
-    np.testing.assert_allclose(PAYLOAD.mass * (after - before)[23:26], [0.3, 0.0, -0.1], atol=1e-12)  # [N·s]
+    np.testing.assert_allclose(
+        PAYLOAD.mass * (after - before)[23:26], [0.3, 0.0, -0.1], atol=1e-12
+    )  # [N·s]
     np.testing.assert_array_equal(after[:23], before[:23])
 
 
@@ -118,7 +120,10 @@ def test_events_outside_the_flight_or_at_once_are_refused(times):
 @pytest.mark.parametrize(
     "event, message",
     [
-        (PayloadEvent("explode", 0.4), "kind must be one of attach, impulse, release; got 'explode'"),
+        (
+            PayloadEvent("explode", 0.4),
+            "kind must be one of attach, impulse, release; got 'explode'",
+        ),
         (release(0.0), "time must be positive"),
         (attach(0.4, 0.0), "mass must be positive for kind attach"),
         (PayloadEvent("release", 0.4, mass=0.1), "0 for another"),
@@ -144,4 +149,7 @@ def test_the_oracle_is_told_what_hangs_after_every_event():
     config.events = [release(3.0), push(2.0, [0.0, 0.0, 0.1]), attach(1.0, 0.1)]
     model = config.true_model()
     assert [model.payload_at(t) is None for t in (0.0, 2.9, 3.0)] == [False, False, True]
-    assert [model.payload_at(t).mass for t in (0.0, 1.0, 2.5)] == [0.26, *[pytest.approx(0.36)] * 2]  # [kg]
+    assert [model.payload_at(t).mass for t in (0.0, 1.0, 2.5)] == [
+        0.26,
+        *[pytest.approx(0.36)] * 2,
+    ]  # [kg]

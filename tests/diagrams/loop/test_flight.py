@@ -11,7 +11,7 @@ from diagrams.loop.flight_result import fly
 from diagrams.loop.reality import RealityConfig
 from np_drake import rigid_body
 from np_drake.labels import labels
-from np_drake.vehicle import MeasurementNoise
+from np_drake.vehicle.vehicle import MeasurementNoise
 from systems.tethered_quadrotor import PayloadConfig
 
 
@@ -37,7 +37,8 @@ def test_same_seed_same_flight(nominal_flight):
 
 
 def test_log_rows_pair_each_command_with_the_acceleration_under_it():
-    # Without lag, drag or noise eq. (1) holds row by row: the residual wrench is that of the cable alone.
+    # Without lag, drag or noise eq. (1) holds row by row: the residual wrench is that of the cable
+    # alone.
     reality = RealityConfig(
         payload=PayloadConfig(tether="none"),
         rotor_drag=0.0,
@@ -46,10 +47,19 @@ def test_log_rows_pair_each_command_with_the_acceleration_under_it():
         noise=MeasurementNoise(0, 0, 0, 0, 0, 0),
     )
     log = fly(short(reality=reality), seed=0).log()
-    chi = rigid_body.residual_wrench(load_experiment("circle").vehicle, q=log.q, w=log.w, a=log.a, al=log.al, u=log.u)
-    np.testing.assert_allclose(chi, 0.0, atol=1e-6)  # [N, N·m]; the instants differ by a microsecond
+    chi = rigid_body.residual_wrench(
+        load_experiment("circle").vehicle, q=log.q, w=log.w, a=log.a, al=log.al, u=log.u
+    )
+    np.testing.assert_allclose(
+        chi, 0.0, atol=1e-6
+    )  # [N, N·m]; the instants differ by a microsecond
     wrong = rigid_body.residual_wrench(
-        load_experiment("circle").vehicle, q=log.q, w=log.w, a=log.a, al=log.al, u=np.roll(log.u, 1, axis=0)
+        load_experiment("circle").vehicle,
+        q=log.q,
+        w=log.w,
+        a=log.a,
+        al=log.al,
+        u=np.roll(log.u, 1, axis=0),
     )
     assert np.abs(wrong[5:]).max() > 1e-3
 
@@ -68,21 +78,25 @@ def test_log_starts_at_zero_and_holds_a_row_a_period(nominal_flight):
 
 def test_labels_follow_the_true_wrench(nominal_flight, record_property):
     """Reports the label's error against the simulator's truth, per axis, after its low-pass."""
-    chi = labels(nominal_flight.log(), nominal_flight.config.vehicle, nominal_flight.config.controller.label)
+    chi = labels(
+        nominal_flight.log(), nominal_flight.config.vehicle, nominal_flight.config.controller.label
+    )
     rows = nominal_flight.scored
     rmse = np.sqrt(np.mean((chi - nominal_flight.chi_true)[rows] ** 2, axis=0))
     record_property("label_rmse", rmse.tolist())
     print("label error [N, N·m] x, y, z:", np.round(rmse, 4).tolist())
-    # [N]: a 4 Hz low-pass of 0.2 N white noise and its delay; in z the lag's share of every thrust step too.
+    # [N]: a 4 Hz low-pass of 0.2 N white noise and its delay; in z the lag's share of every thrust
+    # step too.
     assert np.all(rmse[:3] < [0.16, 0.16, 0.38])
-    # [N·m]: J times 0.5 rad/s² of noise, low-passed, and the share of the lag that is faster than the label.
+    # [N·m]: J times 0.5 rad/s² of noise, low-passed, and the share of the lag that is faster than
+    # the label.
     assert np.all(rmse[3:] < [0.027, 0.027, 0.008])
 
 
 @pytest.mark.parametrize("track, force", [("circle", 0.15), ("training_circle", 0.25)])
 def test_online_labels_differ_from_those_of_the_log_by_the_lags_share(track, force):
-    # The estimator pairs a with the command before, the log with the command after. What is left after the low-pass
-    # is the change of command in a period: more of it under dither.
+    # The estimator pairs a with the command before, the log with the command after. What is left
+    # after the low-pass is the change of command in a period: more of it under dither.
     flight = fly(short(track), seed=3)
     online = flight.signals["label"]
     offline = labels(flight.log(), flight.config.vehicle, flight.config.controller.label)
@@ -113,7 +127,9 @@ def test_the_oracle_flies_within_a_centimetre():
 
 
 def test_without_gap_and_payload_the_nominal_mpc_tracks():
-    reality = RealityConfig(payload=PayloadConfig(tether="none"), rotor_drag=0.0, motor_lag=0.0, thrust_scale=1.0)
+    reality = RealityConfig(
+        payload=PayloadConfig(tether="none"), rotor_drag=0.0, motor_lag=0.0, thrust_scale=1.0
+    )
     m = fly(short("lemniscate", reality=reality), seed=1).metrics()
     assert m["position_rmse"] < 0.005  # [m]
 

@@ -1,4 +1,6 @@
-"""Laws of the closed loop as a Diagram: built and run by a plain Simulator, it is the experiment."""
+"""Laws of the closed loop as a Diagram: built and run by a plain Simulator, it is the
+experiment.
+"""
 
 import dataclasses as dc
 
@@ -14,7 +16,7 @@ from np_drake.effects.effect_entry import EffectEntry
 from np_drake.faults.measurement import NanBurst
 from np_drake.faults.solver import SolverFault
 from np_drake.mpc.problem import MpcStatus
-from np_drake.vehicle_calibration import Calibration
+from np_drake.vehicle.calibration import Calibration
 
 
 def short(name):
@@ -49,7 +51,9 @@ def test_the_experiments_with_an_event_depart_from_the_hover_at_its_time():
 
 
 def test_the_calibration_of_the_vehicle_flies_as_its_effects_do():
-    known = Calibration([0.005, -0.003, 0.0], [0.97, 1.01, 1.03, 0.99], command_delay=0.004, rotor_inertia=1e-5)
+    known = Calibration(
+        [0.005, -0.003, 0.0], [0.97, 1.01, 1.03, 0.99], command_delay=0.004, rotor_inertia=1e-5
+    )
     config = short("circle")
     config.reality.command_delay = 0.0
     entries = [EffectEntry.of(effect) for effect in effects_of(known, config.vehicle)]
@@ -62,7 +66,14 @@ def test_the_calibration_of_the_vehicle_flies_as_its_effects_do():
 
 def test_the_diagram_is_complete():
     diagram = make_flight_diagram(load_experiment("circle"))
-    for name in ("tethered_quadrotor", "sensor_model", "reference", "wrench_estimator", "np_mpc", "recorder"):
+    for name in (
+        "tethered_quadrotor",
+        "sensor_model",
+        "reference",
+        "wrench_estimator",
+        "np_mpc",
+        "recorder",
+    ):
         assert diagram.HasSubsystemNamed(name)
 
 
@@ -74,7 +85,12 @@ def test_faults_reach_all_but_the_oracle_and_commands_stay_finite(kind):
     flown = simulate(config.check(), seed=4, faults=faults)
     k = np.round(flown["t"] / config.controller.period)
     burst, failing = (k >= 15) & (k < 20), (k >= 35) & (k < 40)
-    unread, unsolved = np.isnan(flown["x"]).any(axis=1), flown["status"][:, 0] >= MpcStatus.SHIFTED_PLAN
+    unread, unsolved = (
+        np.isnan(flown["x"]).any(axis=1),
+        flown["status"][:, 0] >= MpcStatus.SHIFTED_PLAN,
+    )
     np.testing.assert_array_equal(unread, burst & (kind != "oracle"))
-    np.testing.assert_array_equal(unsolved, (burst | failing) & (kind in ("hold", "payload_filter")))
+    np.testing.assert_array_equal(
+        unsolved, (burst | failing) & (kind in ("hold", "payload_filter"))
+    )
     assert np.isfinite(flown["u"]).all()

@@ -40,7 +40,9 @@ def test_the_replay_stands_alone_and_names_what_moves(flight, tmp_path):
 
 def test_waypoints_stand_in_the_track_and_in_its_height(tmp_path):
     (tmp_path / "line.csv").write_text("x,y,z\n0,0,1.5\n.3,0,1.5\n.3,.3,2\n")
-    (tmp_path / "line.yaml").write_text("reference: {track: line.csv, corners: stop, rest: 0.1, speed: 1.0}\n")
+    (tmp_path / "line.yaml").write_text(
+        "reference: {track: line.csv, corners: stop, rest: 0.1, speed: 1.0}\n"
+    )
     figure = fly(load_flight(str(tmp_path / "line.yaml")), seed=0).plot("track")
     for ax, expected in zip(figure.get_axes(), ([0, 0, 0.3], [1.5, 1.5, 2.0]), strict=True):
         (marks,) = [line for line in ax.get_lines() if line.get_marker() == "x"]
@@ -50,7 +52,8 @@ def test_waypoints_stand_in_the_track_and_in_its_height(tmp_path):
 def test_a_flight_prints_one_line_and_shows_its_metrics(flight):
     m = flight.metrics()
     assert repr(flight) == (
-        f"FlightResult(circle with hold, seed 0: E_xy {100 * m['E_xy']:.2f} cm, E_z {100 * m['E_z']:.2f} cm)"
+        f"FlightResult(circle with hold, seed 0: E_xy {100 * m['E_xy']:.2f} cm, E_z "
+        f"{100 * m['E_z']:.2f} cm)"
     )
     assert f"{100 * m['E_z']:.2f} cm" in flight._repr_html_()
 

@@ -25,10 +25,14 @@ def metrics(delay, **how):
     return fly(late(delay, **how), seed=0).metrics()
 
 
-@pytest.mark.parametrize("speed, delay, error", [(1.5, 0.06, 0.012), (1.5, 0.115, 0.02), (2.5, 0.03, 0.012)])
+@pytest.mark.parametrize(
+    "speed, delay, error", [(1.5, 0.06, 0.012), (1.5, 0.115, 0.02), (2.5, 0.03, 0.012)]
+)
 def test_the_payload_filter_finds_a_delay_in_flight_and_holds_the_circle(speed, delay, error):
     errors = metrics(delay, speed=speed)
-    assert errors["E_xy"] < error  # a fifth of `nominal` without delay, 2.5 and 6.4 cm, with the first seconds [m]
+    assert (
+        errors["E_xy"] < error
+    )  # a fifth of `nominal` without delay, 2.5 and 6.4 cm, with the first seconds [m]
     assert errors["solve_failures"] == 0
     assert errors["command_delay"] == pytest.approx(delay, abs=0.0051)  # a quarter period [s]
 
@@ -51,13 +55,15 @@ def test_a_known_delay_does_not_spoil_the_measure_of_prediction():
 
 
 @pytest.mark.parametrize(
-    "delay, said", [(0.0, None), (0.05, "act 50 ms late"), (0.12, "120 ms late or later, the latest")]
+    "delay, said",
+    [(0.0, None), (0.05, "act 50 ms late"), (0.12, "120 ms late or later, the latest")],
 )
 def test_fly_says_with_which_delay_its_controller_reckoned(delay, said, tmp_path, capsys):
     scenario = tmp_path / "late.yaml"
     scenario.write_text(
         "name: late\nduration: 0.5\nreference: {track: hover, ramp: 1.0}\n"
-        f"controller: {{kind: hold, solver: sqp, command_delay: {delay}}}\nreality: {{command_delay: {delay}}}\n"
+        f"controller: {{kind: hold, solver: sqp, command_delay: {delay}}}\nreality: "
+        f"{{command_delay: {delay}}}\n"
     )
     assert run(["fly", str(scenario)]) == 0
     printed = " ".join(capsys.readouterr().out.split())

@@ -1,4 +1,6 @@
-"""Laws of the live view. Nobody clicks here: messages of a browser are injected, and nothing waits."""
+"""Laws of the live view. Nobody clicks here: messages of a browser are injected, and nothing
+waits.
+"""
 
 import os
 import signal
@@ -22,7 +24,9 @@ def config(tether="cable"):
 
 def click(view, name):
     """What a browser sends when a button is clicked, in MessagePack."""
-    text = b"".join(b"\xd9" + struct.pack(">B", len(part)) + part for part in (b"type", b"button", b"name"))
+    text = b"".join(
+        b"\xd9" + struct.pack(">B", len(part)) + part for part in (b"type", b"button", b"name")
+    )
     view.meshcat._InjectWebsocketMessage(
         message=b"\x82" + text + b"\xd9" + struct.pack(">B", len(name.encode())) + name.encode()
     )
@@ -49,7 +53,9 @@ def calm():
 
 def test_a_flight_that_is_only_watched_is_the_same_flight(calm):
     watched = fly(config(), seed=0, watch=Scripted(config()))
-    np.testing.assert_allclose(watched.signals["x_true"], calm.signals["x_true"], atol=1e-6)  # other steps
+    np.testing.assert_allclose(
+        watched.signals["x_true"], calm.signals["x_true"], atol=1e-6
+    )  # other steps
 
 
 def test_a_push_moves_the_vehicle_along_its_force(calm):
@@ -69,7 +75,9 @@ def test_a_push_is_felt_as_an_acceleration(calm):
     free = fly(config("none"), seed=0).signals["acceleration_true"]
     felt = fly(config("none"), seed=0, watch=view).signals["acceleration_true"] - free
     k = int(np.searchsorted(calm.signals["t"], 0.26))  # the click is seen at 0.24 s
-    assert felt[k, 0] == pytest.approx(share * config().vehicle.gravity, rel=0.05)  # drag at first speeds
+    assert felt[k, 0] == pytest.approx(
+        share * config().vehicle.gravity, rel=0.05
+    )  # drag at first speeds
 
 
 def test_the_payload_is_pushed_by_its_own_button(calm):
@@ -105,8 +113,14 @@ def test_ctrl_c_stops_as_the_button_does():
 def test_vehicle_and_payload_are_shown_where_they_are():
     view = Scripted(config())
     flight = fly(config(), seed=0, watch=view)
-    for name, p_W in {"quadrotor": flight.signals["x_true"], "payload": flight.payload_position}.items():
+    for name, p_W in {
+        "quadrotor": flight.signals["x_true"],
+        "payload": flight.payload_position,
+    }.items():
         # Ends in the 16 numbers of X_WB, column by column, each behind the byte of its type.
         packed = view.meshcat._GetPackedTransform(path=name)
-        matrix = [struct.unpack(">d", packed[k + 1 : k + 9])[0] for k in range(len(packed) - 144, len(packed), 9)]
+        matrix = [
+            struct.unpack(">d", packed[k + 1 : k + 9])[0]
+            for k in range(len(packed) - 144, len(packed), 9)
+        ]
         np.testing.assert_allclose(matrix[12:15], p_W[-1, :3], atol=0.02)  # within a period [m]

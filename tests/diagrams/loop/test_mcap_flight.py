@@ -61,7 +61,9 @@ def test_there_is_a_message_a_row_of_the_recorder(flight, messages):
     counts = {topic: len(rows) for topic, rows in messages.items()}
     rows = len(flight.signals["t"])
     assert counts == {topic: 1 if topic in ONCE else rows for topic in messages}
-    assert {"/velocity", "/error", "/command", "/wrench/true", "/wrench/foreseen", "/solve"} < set(messages)
+    assert {"/velocity", "/error", "/command", "/wrench/true", "/wrench/foreseen", "/solve"} < set(
+        messages
+    )
 
 
 def test_times_are_those_of_the_recorder_in_nanoseconds_and_increase(flight, file, messages):
@@ -72,7 +74,10 @@ def test_times_are_those_of_the_recorder_in_nanoseconds_and_increase(flight, fil
         assert times == [message.publish_time for *_, message, _ in rows]
         assert [message.sequence for *_, message, _ in rows] == list(range(len(rows)))
     with file.open("rb") as stream:
-        times = [m.log_time for *_, m in mcap_reader.make_reader(stream).iter_messages(log_time_order=False)]
+        times = [
+            m.log_time
+            for *_, m in mcap_reader.make_reader(stream).iter_messages(log_time_order=False)
+        ]
     assert times == sorted(times)
 
 
@@ -86,7 +91,9 @@ def test_every_message_suits_its_schema(messages):
 
 
 def test_frames_scene_and_paths_have_foxgloves_names(messages):
-    assert {topic: rows[0][0].name for topic, rows in messages.items() if topic in FOXGLOVE} == FOXGLOVE
+    assert {
+        topic: rows[0][0].name for topic, rows in messages.items() if topic in FOXGLOVE
+    } == FOXGLOVE
     for topic, rows in messages.items():
         assert json.loads(rows[0][0].data)["title"] == rows[0][0].name
         assert rows[0][0].name.startswith("foxglove." if topic in FOXGLOVE else "np_drake.")
@@ -109,7 +116,11 @@ def test_stamps_inside_the_messages_are_those_outside(messages):
         ("/wrench/true", WRENCH, lambda f: f.chi_true),
         ("/wrench/label", WRENCH, lambda f: f.signals["label"]),
         ("/wrench/foreseen", WRENCH, lambda f: f.chi_foreseen),
-        ("/solve", ("time", "status"), lambda f: np.hstack([f.signals["solve_time"], f.signals["status"]])),
+        (
+            "/solve",
+            ("time", "status"),
+            lambda f: np.hstack([f.signals["solve_time"], f.signals["status"]]),
+        ),
     ],
 )
 def test_numbers_are_those_of_the_flight_bit_for_bit(flight, messages, topic, names, signal):
@@ -131,11 +142,15 @@ def test_the_tether_joins_hook_and_payload(flight, messages):
     length = flight.config.reality.payload.length
     for *_, content in messages["/tether"]:
         a, b = ([p[c] for c in "xyz"] for p in content["entities"][0]["lines"][0]["points"])
-        assert np.linalg.norm(np.subtract(a, b)) == pytest.approx(length, rel=0.01)  # the cable stretches
+        assert np.linalg.norm(np.subtract(a, b)) == pytest.approx(
+            length, rel=0.01
+        )  # the cable stretches
 
 
 def test_the_path_is_the_reference(flight, messages):
-    points = [[p["position"][c] for c in "xyz"] for p in messages["/reference/path"][0][-1]["poses"]]
+    points = [
+        [p["position"][c] for c in "xyz"] for p in messages["/reference/path"][0][-1]["poses"]
+    ]
     np.testing.assert_array_equal(points, flight.signals["p_ref"][::5])
 
 
@@ -150,10 +165,14 @@ def test_a_flight_without_payload_is_written_too(tmp_path, capsys):
         "reality: {payload: {tether: none}}\ncontroller: {kind: nominal, solver: sqp}\n"
     )
     target = tmp_path / "bare.mcap"
-    assert run(["fly", str(tmp_path / "bare.yaml"), "--mcap", str(target)]) == 0, capsys.readouterr().err
+    assert run(["fly", str(tmp_path / "bare.yaml"), "--mcap", str(target)]) == 0, (
+        capsys.readouterr().err
+    )
     assert f"MCAP: {target}" in capsys.readouterr().out
     with target.open("rb") as stream:
-        topics = {channel.topic for _, channel, _ in mcap_reader.make_reader(stream).iter_messages()}
+        topics = {
+            channel.topic for _, channel, _ in mcap_reader.make_reader(stream).iter_messages()
+        }
     assert "/tf" in topics
     assert "/tether" not in topics
 
@@ -162,12 +181,17 @@ BAD = {  # further arguments: what the line says
     "folder": (["--mcap", "nowhere/a.mcap"], "nowhere must exist"),
     "suffix": (["--mcap", "a.csv"], "must be a file whose name ends in .mcap"),
     "model": (["--controller", "gp", "--predictor", "in.mcap", "--mcap", "in.mcap"], "in.mcap"),
-    "metrics": (["--json", "a.mcap", "--mcap", "./a.mcap"], "a.mcap: must be named by one option alone"),
+    "metrics": (
+        ["--json", "a.mcap", "--mcap", "./a.mcap"],
+        "a.mcap: must be named by one option alone",
+    ),
 }
 
 
 @pytest.mark.parametrize("case", BAD)
-def test_a_file_that_cannot_be_written_is_refused_before_the_flight(tmp_path, monkeypatch, capsys, case):
+def test_a_file_that_cannot_be_written_is_refused_before_the_flight(
+    tmp_path, monkeypatch, capsys, case
+):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "in.mcap").write_text("an input")
     more, message = BAD[case]

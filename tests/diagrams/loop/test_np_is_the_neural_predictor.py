@@ -9,8 +9,12 @@ from np_drake.residual_models.neural_predictor import NeuralPredictor
 from np_drake.vehicle import Vehicle
 
 ROOT = Path(__file__).parents[3]
-PLACES = ("np_drake/lifting", "np_drake/residual_models/neural_predictor.py",
-          "np_drake/residual_models/predictor_training.py", "systems/neural_predictor.py")  # fmt: skip
+PLACES = (
+    "np_drake/lifting",
+    "np_drake/residual_models/neural_predictor.py",
+    "np_drake/residual_models/predictor_training.py",
+    "systems/neural_predictor.py",
+)
 
 
 def test_no_file_of_the_neural_predictor_speaks_of_a_pendulum():
@@ -22,7 +26,9 @@ def test_no_file_of_the_neural_predictor_speaks_of_a_pendulum():
 
 
 def test_each_kind_flies_the_packaged_model_of_its_name():
-    models = [make_residual_model(ControllerConfig(kind), Vehicle()) for kind in ("np", "payload_filter")]
+    models = [
+        make_residual_model(ControllerConfig(kind), Vehicle()) for kind in ("np", "payload_filter")
+    ]
     assert [type(model) for model in models] == [NeuralPredictor, PayloadFilter]
     assert [model.name for model in models] == ["np", "payload_filter"]
 

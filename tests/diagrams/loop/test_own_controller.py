@@ -18,7 +18,7 @@ from diagrams.loop.flight import load_flight
 from diagrams.loop.flight_diagram import make_flight_diagram, recorded, set_initial_state
 from diagrams.loop.flight_result import LostVehicle, fly
 from diagrams.loop.own_controller import load_factory
-from np_drake.rate_loop import RateLoop
+from np_drake.vehicle.rate_loop import RateLoop
 
 EXAMPLE = Path(__file__).parents[3] / "docs" / "examples" / "own_controller.py"
 HOVER = """\
@@ -69,7 +69,10 @@ def test_a_flight_by_a_factory_is_that_of_the_scenario_that_names_it(hover, tmp_
     named = load_flight(str(tmp_path / "mine.yaml"))
     given = load_flight(str(tmp_path / "mine.yaml"))
     given.controller.kind, given.controller.parameters = "nominal", {}
-    flights = [fly(named, seed=2), fly(given, seed=2, controller=functools.partial(hover, height=1.7))]
+    flights = [
+        fly(named, seed=2),
+        fly(given, seed=2, controller=functools.partial(hover, height=1.7)),
+    ]
     assert [flight.label for flight in flights] == ["Hover", "Hover"]
     assert flights[0].signals["u"][-1, 0] > 5.0  # [N]
     np.testing.assert_array_equal(*(flight.signals["x_true"] for flight in flights))
@@ -84,7 +87,9 @@ def test_the_diagram_of_a_factory_is_the_flight(hover, tmp_path):
     set_initial_state(diagram, simulator.get_mutable_context(), config, seed=1)
     simulator.AdvanceTo(config.end + 0.01)
     plain = recorded(diagram, simulator.get_context())
-    np.testing.assert_allclose(plain["u"], fly(config, seed=1, controller=hover).signals["u"], atol=1e-9, rtol=0)
+    np.testing.assert_allclose(
+        plain["u"], fly(config, seed=1, controller=hover).signals["u"], atol=1e-9, rtol=0
+    )
 
 
 def test_the_parameters_of_the_scenario_reach_the_controller(hover, tmp_path):
@@ -138,7 +143,11 @@ def test_a_controller_that_fails_in_flight_ends_it_in_one_line(crash):
             output.SetFromVector(np.full(4, np.nan))
 
     config = load_experiment("hover")
-    said = "Bad failed at 0.0.* s: ZeroDivisionError: by nothing" if crash else "Bad commanded what is not a number"
+    said = (
+        "Bad failed at 0.0.* s: ZeroDivisionError: by nothing"
+        if crash
+        else "Bad commanded what is not a number"
+    )
     with pytest.raises(FailedRun if crash else LostVehicle, match=said):
         fly(config, seed=0, controller=Bad)
 
@@ -164,7 +173,10 @@ def ports(inputs, outputs):
         (ports({}, {"u": 3}), "output port u must have size 4; got 3"),
         (ports({"state": 13}, {"u": 4}), "has an input port state; known are x, acceleration"),
         (ports({"x": 12}, {"u": 4}), "input port x must have size 13; got 12"),
-        (ports({"flat": 16}, {"u": 4}), "input port flat must have size 15 times the points of a horizon; got 16"),
+        (
+            ports({"flat": 16}, {"u": 4}),
+            "input port flat must have size 15 times the points of a horizon; got 16",
+        ),
         (ports({}, {"u": 4})(), "must be a class or function that makes a new system each flight"),
         ("np", "must be a class or function; got 'np'. Name it in config.controller.kind"),
         (lambda: 3, "must make a Drake system; it made a int"),
@@ -186,7 +198,10 @@ def test_a_controller_that_does_not_fit_is_refused_in_one_line(factory, said):
         ("nowhere:Hover", "there is no nowhere.py beside the scenario or in the current folder"),
         ("nowhere.py:Hover", "there is no file nowhere.py"),
         ("broken.py:Hover", "broken.py cannot be imported: SyntaxError"),
-        ("lacks.py:Hover", "lacks.py cannot be imported: ModuleNotFoundError: No module named 'there'"),
+        (
+            "lacks.py:Hover",
+            "lacks.py cannot be imported: ModuleNotFoundError: No module named 'there'",
+        ),
         (":Hover", "must be MODULE:NAME or FILE.py:NAME"),
     ],
 )
@@ -199,12 +214,16 @@ def test_a_name_that_leads_nowhere_is_one_line(kind, said, hover, tmp_path, monk
     assert not Path("out").exists()
 
 
-@pytest.mark.parametrize("kind", ["systems.flown.mine:Up", "systems/flown/mine.py:Up", "systems:Up", "bare.mine:Up"])
+@pytest.mark.parametrize(
+    "kind", ["systems.flown.mine:Up", "systems/flown/mine.py:Up", "systems:Up", "bare.mine:Up"]
+)
 def test_a_class_in_a_package_with_relative_imports_loads(kind, hover, tmp_path, monkeypatch):
     files = {  # the package has the name of an installed one, and `bare` is none
         "systems/__init__.py": "from .flown import Up\n",
         "systems/flown/__init__.py": "from .mine import Up\n",
-        "systems/flown/mine.py": "from ..base import Hover\nfrom . import gain\n\n\nclass Up(Hover):\n    pass\n",
+        "systems/flown/mine.py": (
+            "from ..base import Hover\nfrom . import gain\n\n\nclass Up(Hover):\n    pass\n"
+        ),
         "systems/flown/gain.py": "",
         "systems/base.py": HOVER,
         "bare/mine.py": "from .base import Hover as Up\n",
@@ -233,7 +252,9 @@ def test_parameters_are_for_controllers_of_ones_own(tmp_path, capsys):
     assert "parameters are of one of your own" in capsys.readouterr().err
 
 
-def test_an_own_controller_has_row_log_figures_and_replay_in_any_reality(hover, tmp_path, monkeypatch, capsys):
+def test_an_own_controller_has_row_log_figures_and_replay_in_any_reality(
+    hover, tmp_path, monkeypatch, capsys
+):
     monkeypatch.chdir(tmp_path)
     words = [
         "--controller",
@@ -281,7 +302,9 @@ class Rates(LeafSystem):
 
 def with_rate_loop():
     config = load_experiment("hover")
-    config = dc.replace(config, duration=2.0, vehicle=dc.replace(config.vehicle, rate_loop=RateLoop()))
+    config = dc.replace(
+        config, duration=2.0, vehicle=dc.replace(config.vehicle, rate_loop=RateLoop())
+    )
     return config.with_autopilot("rate_loop")
 
 

@@ -12,12 +12,14 @@ from diagrams.loop.real_vehicle import make_real_vehicle
 from diagrams.loop.scaled import scaled
 from diagrams.robustness.axes import BASE
 from diagrams.robustness.robustness import flight_config
-from np_drake.scaling import ratios, similar
 from np_drake.vehicle import Vehicle
+from np_drake.vehicle.scaling import ratios, similar
 
 
 def thrusts(reality, times, command=1.1):
-    """Return the mean rotor thrust at `times` (n,) [s] after a step of the hover command at t = 0 [N]."""
+    """Return the mean rotor thrust at `times` (n,) [s] after a step of the hover command at t = 0
+    [N].
+    """
     vehicle = Vehicle()
     dut = make_real_vehicle(vehicle, reality, command_period=0.02)
     simulator = Simulator(dut)
@@ -46,8 +48,12 @@ def test_a_command_acts_after_its_delay(delay):
 def test_a_battery_loses_its_share_of_the_starting_thrust_each_second():
     reality = bare(thrust_loss=0.1)
     found = thrusts(reality, [0.001, 0.5, 1.0])
-    np.testing.assert_allclose(found / thrusts(bare(), [0.001])[0], 1.0 - 0.1 * np.array([0.001, 0.5, 1.0]))
-    assert RealityConfig(thrust_scale=0.9, thrust_loss=0.1).thrust_at(Vehicle(), 2.0) == pytest.approx(0.9 * 0.8)
+    np.testing.assert_allclose(
+        found / thrusts(bare(), [0.001])[0], 1.0 - 0.1 * np.array([0.001, 0.5, 1.0])
+    )
+    assert RealityConfig(thrust_scale=0.9, thrust_loss=0.1).thrust_at(
+        Vehicle(), 2.0
+    ) == pytest.approx(0.9 * 0.8)
 
 
 def test_a_delay_of_the_axis_reaches_the_plant_at_the_controllers_period():
@@ -79,7 +85,9 @@ def test_impossible_delays_and_losses_are_refused(name, value):
 
 def test_a_battery_that_does_not_last_the_flight_is_refused():
     with pytest.raises(ValueError, match="more than the rotors can carry"):
-        FlightConfig(duration=50.0, reality=RealityConfig(thrust_loss=0.015)).check()  # 17 % left after 55 s
+        FlightConfig(
+            duration=50.0, reality=RealityConfig(thrust_loss=0.015)
+        ).check()  # 17 % left after 55 s
     assert FlightConfig(duration=10.0, reality=RealityConfig(thrust_loss=0.015)).check()
 
 
@@ -92,7 +100,9 @@ def test_a_scenario_file_names_delay_and_loss(tmp_path):
 
 def test_delay_and_loss_scale_with_the_vehicles_time():
     small = similar(Vehicle(), length=0.25)
-    config = FlightConfig(vehicle=small, reality=RealityConfig(command_delay=0.03, thrust_loss=0.002))
+    config = FlightConfig(
+        vehicle=small, reality=RealityConfig(command_delay=0.03, thrust_loss=0.002)
+    )
     dut, time = scaled(config).reality, ratios(small).time
     assert time != 1.0
     assert dut.command_delay == pytest.approx(0.03 * time)

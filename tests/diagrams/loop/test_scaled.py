@@ -13,15 +13,20 @@ from diagrams.loop.flight_result import fly
 from diagrams.loop.real_vehicle import make_real_vehicle
 from np_drake.command_delay import LONGEST_DELAY
 from np_drake.references.config import make_reference
-from np_drake.scaling import SPARE_LIFT, ratios, scales, similar
-from np_drake.vehicle import MeasurementNoise, Vehicle, load_vehicle
-from np_drake.vehicle_calibration import Calibration
+from np_drake.vehicle.calibration import Calibration
+from np_drake.vehicle.scaling import SPARE_LIFT, ratios, scales, similar
+from np_drake.vehicle.vehicle import MeasurementNoise, Vehicle, load_vehicle
 
 SMALL = Vehicle(
     name="small",
     mass=0.035,
     inertia=[[1.7e-5, 0.0, 0.0], [0.0, 1.7e-5, 0.0], [0.0, 0.0, 2.9e-5]],
-    rotor_positions=[[0.0325, 0.0325, 0.0], [0.0325, -0.0325, 0.0], [-0.0325, -0.0325, 0.0], [-0.0325, 0.0325, 0.0]],
+    rotor_positions=[
+        [0.0325, 0.0325, 0.0],
+        [0.0325, -0.0325, 0.0],
+        [-0.0325, -0.0325, 0.0],
+        [-0.0325, 0.0325, 0.0],
+    ],
     thrust_coefficient=1.7e-8,
     torque_coefficient=1.0e-10,
     rotor_radius=0.023,
@@ -40,8 +45,14 @@ LARGE = Vehicle(
 
 
 def plain(config: FlightConfig) -> dict:
-    parts = {f.name: getattr(config, f.name) for f in dc.fields(config) if f.name not in ("simulator", "scaled")}
-    values = {name: dc.asdict(part) if dc.is_dataclass(part) else part for name, part in parts.items()}
+    parts = {
+        f.name: getattr(config, f.name)
+        for f in dc.fields(config)
+        if f.name not in ("simulator", "scaled")
+    }
+    values = {
+        name: dc.asdict(part) if dc.is_dataclass(part) else part for name, part in parts.items()
+    }
     simulator = config.simulator
     return values | {"simulator": (simulator.integration_scheme, simulator.max_step_size)}
 
@@ -52,7 +63,9 @@ def without_noise(config: FlightConfig) -> FlightConfig:
 
 
 def swing(config: FlightConfig, seconds: float, samples: int) -> np.ndarray:
-    """Return the plant's state (samples, 26) of a flight under hover thrust with a payload that swings."""
+    """Return the plant's state (samples, 26) of a flight under hover thrust with a payload that
+    swings.
+    """
     vehicle = make_real_vehicle(config.vehicle, config.reality)
     simulator = Simulator(vehicle)
     ApplySimulatorConfig(config.simulator, simulator)
@@ -64,7 +77,15 @@ def swing(config: FlightConfig, seconds: float, samples: int) -> np.ndarray:
     state = plant.GetPositionsAndVelocities(own)
     length = config.reality.payload.length
     state[: 3 + 1] = [1.0, 0.0, 0.0, 0.0]
-    state[7:14] = [1.0, 0.0, 0.0, 0.0, 0.6 * length, 0.0, -0.8 * length + config.reality.payload.hook[2]]
+    state[7:14] = [
+        1.0,
+        0.0,
+        0.0,
+        0.0,
+        0.6 * length,
+        0.0,
+        -0.8 * length + config.reality.payload.hook[2],
+    ]
     plant.SetPositionsAndVelocities(own, state)
     rows = []
     for k in range(samples):
@@ -97,7 +118,10 @@ def test_packaged_scenarios_stand_in_si_for_the_papers_vehicle(name, tmp_path):
 @pytest.mark.parametrize("vehicle", [SMALL, LARGE])
 def test_the_cable_stretches_by_one_share_of_its_length_under_any_payload(vehicle):
     shares = []
-    for payload, g in ((FlightConfig().reality.payload, 9.81), (default_flight(vehicle).reality.payload, 9.81)):
+    for payload, g in (
+        (FlightConfig().reality.payload, 9.81),
+        (default_flight(vehicle).reality.payload, 9.81),
+    ):
         shares.append(payload.mass * g / (payload.stiffness * payload.length))
     assert shares[1] == pytest.approx(shares[0], rel=1e-12)  # [1]
 
@@ -106,7 +130,9 @@ def test_the_cable_stretches_by_one_share_of_its_length_under_any_payload(vehicl
 def test_the_step_resolves_the_cable_of_any_vehicle_alike(vehicle):
     paper, dut = FlightConfig(), default_flight(vehicle)
     share = dut.simulator.max_step_size / dut.largest_step
-    assert share == pytest.approx(paper.simulator.max_step_size / paper.largest_step, rel=0.08)  # hook lever, lift
+    assert share == pytest.approx(
+        paper.simulator.max_step_size / paper.largest_step, rel=0.08
+    )  # hook lever, lift
 
 
 def test_the_payload_leaves_a_weak_vehicle_spare_lift():
@@ -123,11 +149,15 @@ def test_a_track_has_the_same_form_in_the_units_of_any_vehicle(name, vehicle):
     expected = make_reference(paper).sample(t)
     found = make_reference(own).sample(unit.time * t)
     np.testing.assert_allclose(found[0] / unit.length, expected[0], atol=1e-9)
-    np.testing.assert_allclose(found[2], expected[2], atol=1e-7)  # accelerations: gravity is common [m/s²]
+    np.testing.assert_allclose(
+        found[2], expected[2], atol=1e-7
+    )  # accelerations: gravity is common [m/s²]
 
 
 def test_the_fast_lemniscate_reaches_3_m_per_s():
-    flat = make_reference(load_experiment("fast_lemniscate").reference).sample(np.linspace(5.0, 20.0, 20001))
+    flat = make_reference(load_experiment("fast_lemniscate").reference).sample(
+        np.linspace(5.0, 20.0, 20001)
+    )
     assert np.linalg.norm(flat[1], axis=1).max() == pytest.approx(3.0, abs=1e-3)
 
 
@@ -139,7 +169,9 @@ def test_the_controller_knows_the_delay_of_the_file_within_its_limit(delay, know
 
 
 def test_a_value_named_in_si_wins_over_the_scaled_default(tmp_path):
-    (tmp_path / "own.yaml").write_text("reference: {radius: 0.5}\nreality: {payload: {length: 0.3}}\n")
+    (tmp_path / "own.yaml").write_text(
+        "reference: {radius: 0.5}\nreality: {payload: {length: 0.3}}\n"
+    )
     dut = load_flight(str(tmp_path / "own.yaml"), SMALL)
     assert (dut.reference.radius, dut.reality.payload.length) == (0.5, 0.3)
     assert dut.reference.height == pytest.approx(1.6 * ratios(SMALL).length)
@@ -159,7 +191,8 @@ def test_similar_vehicles_swing_alike_without_a_controller(length):
     seconds, time = 1.0, np.sqrt(length)
     expected = dimensionless(paper, swing(paper, seconds, 10))
     found = dimensionless(dut, swing(dut, seconds * time, 10))
-    # All factors are powers of two, so that only cubes of lengths and sums of unlike roundings differ.
+    # All factors are powers of two, so that only cubes of lengths and sums of unlike roundings
+    # differ.
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9)
 
 
@@ -172,7 +205,9 @@ def test_similar_vehicles_fly_the_same_dimensionless_circle(length):
         config.controller.kind, config.controller.solver = "hold", "sqp"
         flight, unit = fly(config, seed=0), scales(vehicle)
         errors.append((flight.signals["x_true"][:, :3] - flight.signals["p_ref"]) / unit.length)
-    np.testing.assert_allclose(errors[1], errors[0], rtol=0, atol=1e-6)  # [1]: the feed-forward's step in time is fixed
+    np.testing.assert_allclose(
+        errors[1], errors[0], rtol=0, atol=1e-6
+    )  # [1]: the feed-forward's step in time is fixed
 
 
 @pytest.mark.parametrize("vehicle", [SMALL, LARGE])

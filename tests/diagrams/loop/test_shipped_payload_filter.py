@@ -14,7 +14,9 @@ from np_drake.payload_filter.model_file import NUMBERS, PAYLOAD_FILTER, PayloadF
 from np_drake.payload_filter.predictor import PayloadFilter
 from np_drake.vehicle import Vehicle
 
-TRAINED = Row("payload_filter", "payload_filter", training="training_circle", configuration=PAYLOAD_FILTER)
+TRAINED = Row(
+    "payload_filter", "payload_filter", training="training_circle", configuration=PAYLOAD_FILTER
+)
 
 
 @pytest.fixture(scope="module")
@@ -31,7 +33,9 @@ def retrained(remade):
 def test_training_anew_gives_the_shipped_model(remade, retrained):
     shipped = PayloadFilterModel.load(FILTER_MODEL)
     for name in NUMBERS:
-        assert getattr(retrained, name) == pytest.approx(getattr(shipped, name), rel=1e-3)  # another processor
+        assert getattr(retrained, name) == pytest.approx(
+            getattr(shipped, name), rel=1e-3
+        )  # another processor
     np.testing.assert_allclose(retrained.hook, shipped.hook, atol=1e-5)  # [m]
     assert remade.name == FILTER_MODEL.name
     apart = difference(remade)
@@ -68,9 +72,13 @@ def test_on_another_payload_it_is_better_than_the_neural_predictor(payload):
 
 def test_the_tables_train_it_as_any_other_row(tmp_path, monkeypatch):
     made = []
-    monkeypatch.setattr("diagrams.tracking.tracking.training_flight", lambda experiment, **_: made.append(experiment))
     monkeypatch.setattr(
-        "diagrams.tracking.tracking.train_payload_filter_model", lambda flight, path: made.append(path.name)
+        "diagrams.tracking.tracking.training_flight",
+        lambda experiment, **_: made.append(experiment),
+    )
+    monkeypatch.setattr(
+        "diagrams.tracking.tracking.train_payload_filter_model",
+        lambda flight, path: made.append(path.name),
     )
     files = train_models((TRAINED,), tmp_path, seed=0, solver="sqp")
     assert made == ["training_circle", "payload_filter_training_circle.safetensors"]

@@ -22,7 +22,8 @@ def scenario(folder, text=LINE, more="", reference="speed: 1.0, ramp: 1.0"):
     if text:
         (folder / "track.csv").write_text(text)
     (folder / "mine.yaml").write_text(
-        f"name: mine\nreference: {{track: track.csv, {reference}}}\ncontroller: {{kind: hold, solver: sqp}}\n{more}"
+        f"name: mine\nreference: {{track: track.csv, {reference}}}\ncontroller: "
+        f"{{kind: hold, solver: sqp}}\n{more}"
     )
     return str(folder / "mine.yaml")
 
@@ -37,7 +38,11 @@ def test_the_track_lies_beside_the_scenario_file(tmp_path, monkeypatch):
 def test_an_absolute_path_stays_as_it_is(tmp_path):
     path = scenario(tmp_path / "inner")
     (tmp_path / "inner" / "track.csv").rename(tmp_path / "other.csv")
-    text = (tmp_path / "inner" / "mine.yaml").read_text().replace("track.csv", str(tmp_path / "other.csv"))
+    text = (
+        (tmp_path / "inner" / "mine.yaml")
+        .read_text()
+        .replace("track.csv", str(tmp_path / "other.csv"))
+    )
     (tmp_path / "inner" / "mine.yaml").write_text(text)
     assert load_flight(path).reference.track == str(tmp_path / "other.csv")
 
@@ -60,7 +65,9 @@ def test_a_trajectory_that_begins_at_rest_is_scored_from_the_first_row(tmp_path)
     assert flight.scored.all()
     assert config.end == pytest.approx(3.0)
     t = flight.signals["t"]
-    np.testing.assert_allclose(flight.signals["p_ref"], motion.sample(t)[0], atol=1e-6)  # [m]; microsecond later
+    np.testing.assert_allclose(
+        flight.signals["p_ref"], motion.sample(t)[0], atol=1e-6
+    )  # [m]; microsecond later
     assert flight.metrics()["E_xy"] < 0.05
     assert flight.metrics()["solve_failures"] == 0
 
@@ -72,8 +79,13 @@ def test_waypoints_are_flown(tmp_path):
 
 
 def test_the_track_of_a_file_stays_in_si_for_any_vehicle(tmp_path):
-    path = scenario(tmp_path, "x,y,z\n0,0,1.5\n.2,0,1.5\n.2,.2,1.5\n", reference="speed: 0.3, ramp: 1.0")
-    p = [make_reference(load_flight(path, v).reference).sample(np.linspace(0, 2, 9)) for v in (None, small())]
+    path = scenario(
+        tmp_path, "x,y,z\n0,0,1.5\n.2,0,1.5\n.2,.2,1.5\n", reference="speed: 0.3, ramp: 1.0"
+    )
+    p = [
+        make_reference(load_flight(path, v).reference).sample(np.linspace(0, 2, 9))
+        for v in (None, small())
+    ]
     np.testing.assert_array_equal(*p)
 
 
@@ -84,16 +96,29 @@ def small():
 BAD = {  # track, further lines, fields of the reference: what the line says
     "scaled": (LINE, "scaled: true\n", "", "scaled must be false for the track of a CSV file"),
     "missing": ("", "", "", "track.csv: must be a CSV file of a track (No such file or directory)"),
-    "cell": (LINE.replace("1,1,2", "1,nan,2"), "", "", "track.csv, column y, row 3 (line 4): must be a finite"),
+    "cell": (
+        LINE.replace("1,1,2", "1,nan,2"),
+        "",
+        "",
+        "track.csv, column y, row 3 (line 4): must be a finite",
+    ),
     "speed": (LINE, "", "speed: 9.0, ramp: 0.1", "must be within controller.mpc.max_speed"),
-    "tilt": (LINE, "", "speed: 2.5, ramp: 1.0", "must be within controller.mpc.max_tilt, 0.9 rad; demands"),
+    "tilt": (
+        LINE,
+        "",
+        "speed: 2.5, ramp: 1.0",
+        "must be within controller.mpc.max_tilt, 0.9 rad; demands",
+    ),
     "rotors": (
-        "x,y,z\n0,0,1.5\n0,0,9\n", "", "speed: 5.5, ramp: 0.6", "track.csv: must be within max_rotor_thrust, 12 N"
+        "x,y,z\n0,0,1.5\n0,0,9\n",
+        "",
+        "speed: 5.5, ramp: 0.6",
+        "track.csv: must be within max_rotor_thrust, 12 N",
     ),
     "arena": (LINE.replace("1,1,2", "99,1,2"), "", "", "must stay within 50 m of the origin"),
     "below": ("x,y,z\n0,0,3\n1,0,.05\n2,0,.05\n3,0,3\n", "", "", "must stay above the ground"),
     "no ramp": (LINE, "", "ramp: 0.0", "needs a ramp"),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("case", BAD)
@@ -109,7 +134,9 @@ def test_a_track_that_cannot_be_flown_is_refused_in_one_line(tmp_path, monkeypat
 
 
 def test_rotors_are_held_against_the_thrust_that_is_left(tmp_path):
-    config = load_flight(scenario(tmp_path, "x,y,z\n0,0,1.5\n0,0,9\n", reference="speed: 3.6, ramp: 1.0"))
+    config = load_flight(
+        scenario(tmp_path, "x,y,z\n0,0,1.5\n0,0,9\n", reference="speed: 3.6, ramp: 1.0")
+    )
     config.check()
     config.reality.thrust_scale = 0.8
     with pytest.raises(ValueError, match="max_rotor_thrust"):
@@ -135,7 +162,9 @@ def test_a_square_that_is_flown_round_is_a_warning_with_the_distance(tmp_path):
 
 
 def test_stops_at_the_corners_of_a_square_are_no_warning(tmp_path):
-    config = load_flight(scenario(tmp_path, FLAT, "duration: 9.0\n", "speed: 1.0, corners: stop, rest: 0.3"))
+    config = load_flight(
+        scenario(tmp_path, FLAT, "duration: 9.0\n", "speed: 1.0, corners: stop, rest: 0.3")
+    )
     assert config.warnings() == []
     flight = fly(config, seed=0)
     assert flight.warnings() == []
@@ -143,17 +172,23 @@ def test_stops_at_the_corners_of_a_square_are_no_warning(tmp_path):
 
 
 def test_waypoints_beyond_the_end_are_named_with_their_distance(tmp_path):
-    config = load_flight(scenario(tmp_path, "x,y,z\n0,0,1.5\n1,0,1.5\n2,0,1.5\n", "duration: 0.5\n"))
+    config = load_flight(
+        scenario(tmp_path, "x,y,z\n0,0,1.5\n1,0,1.5\n2,0,1.5\n", "duration: 0.5\n")
+    )
     (said,) = config.warnings()
     assert said == "the track does not come within 0.1 m of waypoint 3 (1.00 m)."
 
 
 def test_what_the_flight_itself_misses_is_named_too(tmp_path):
-    config = load_flight(scenario(tmp_path, FLAT, "duration: 5.0\n", "speed: 1.0, corners: snap, within: 0.3"))
+    config = load_flight(
+        scenario(tmp_path, FLAT, "duration: 5.0\n", "speed: 1.0, corners: snap, within: 0.3")
+    )
     flight = fly(config, seed=0)
     assert flight.warnings() == []
     flight.config.reference.within = 1e-4
-    assert "the flight with hold does not come within 0.0001 m of waypoints" in flight.warnings()[-1]
+    assert (
+        "the flight with hold does not come within 0.0001 m of waypoints" in flight.warnings()[-1]
+    )
 
 
 @pytest.mark.parametrize(
@@ -171,7 +206,9 @@ def test_an_unknown_word_of_a_track_is_refused_with_those_there_are(tmp_path, re
 
 def test_corners_are_for_waypoints(tmp_path):
     (tmp_path / "c.yaml").write_text("reference: {track: circle, corners: stop}\n")
-    with pytest.raises(ValueError, match="corners is for the waypoints of a CSV file; got stop and circle"):
+    with pytest.raises(
+        ValueError, match="corners is for the waypoints of a CSV file; got stop and circle"
+    ):
         load_flight(str(tmp_path / "c.yaml"))
     times = "t,x,y,z\n" + "\n".join(f"{k},{0.01 * k},0,1.5" for k in range(9))
     with pytest.raises(ValueError, match="corners stop is for waypoints"):
@@ -193,10 +230,13 @@ def test_a_payload_that_is_to_follow_the_track_does(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "reality, said", [("{tether: none}", "needs a payload on a cable; got none"), ("{tether: rod}", "got rod")]
+    "reality, said",
+    [("{tether: none}", "needs a payload on a cable; got none"), ("{tether: rod}", "got rod")],
 )
 def test_a_payload_that_is_to_follow_must_hang_on_a_cable(tmp_path, reality, said):
-    (tmp_path / "led.yaml").write_text(f"reference: {{follow: payload}}\nreality: {{payload: {reality}}}\n")
+    (tmp_path / "led.yaml").write_text(
+        f"reference: {{follow: payload}}\nreality: {{payload: {reality}}}\n"
+    )
     with pytest.raises(ValueError, match=said):
         load_flight(str(tmp_path / "led.yaml"))
 
@@ -223,11 +263,16 @@ def test_a_payload_that_leads_must_hang_all_the_time(more, told, tmp_path, capsy
     (tmp_path / "led.yaml").write_text(f"reference: {{follow: payload}}\n{more}\n")
     assert run(["fly", str(tmp_path / "led.yaml"), "--controller", "hold"]) == 2
     error = capsys.readouterr().err
-    assert f"follow: payload needs a payload that hangs all the time; it is {told}. Follow the vehicle" in error
+    assert (
+        f"follow: payload needs a payload that hangs all the time; it is {told}. Follow the vehicle"
+        in error
+    )
     assert error.count("\n") == 1
 
 
 def test_a_payload_that_leads_may_get_heavier_and_be_pushed(tmp_path):
-    events = "[{kind: attach, time: 1.0, mass: 0.05}, {kind: impulse, time: 1.5, impulse: [0.01, 0, 0]}]"
+    events = (
+        "[{kind: attach, time: 1.0, mass: 0.05}, {kind: impulse, time: 1.5, impulse: [0.01, 0, 0]}]"
+    )
     (tmp_path / "led.yaml").write_text(f"reference: {{follow: payload}}\nevents: {events}\n")
     assert load_flight(str(tmp_path / "led.yaml")).follows_payload

@@ -1,4 +1,6 @@
-"""Vehicle on a rail, which rests whatever is commanded, behind its autopilot; a node that is to fly it."""
+"""Vehicle on a rail, which rests whatever is commanded, behind its autopilot; a node that is to fly
+it.
+"""
 
 import dataclasses as dc
 
@@ -12,7 +14,7 @@ from diagrams.offboard.solver_thread import AtOnce
 from np_drake.offboard.autopilot import SimulatedAutopilot
 from np_drake.offboard.codec import AUTOPILOT, Codec, Command
 from np_drake.offboard.link import Channel
-from np_drake.scaling import usual_rate_loop
+from np_drake.vehicle.scaling import usual_rate_loop
 
 TICK = 0.01  # [s]
 PLACE = np.array([3.0, -2.0, 1.6])  # in the autopilot's local frame [m]
@@ -36,7 +38,9 @@ class Rail:
         passes = fault.passes() if fault else lambda t: t + 0.001
         self.here, self.there = Channel.pair(lambda: self.time, passes)
         self.autopilot = (
-            FaultyAutopilot(config.vehicle, fault) if fault else SimulatedAutopilot(config.vehicle, pairs=pairs)
+            FaultyAutopilot(config.vehicle, fault)
+            if fault
+            else SimulatedAutopilot(config.vehicle, pairs=pairs)
         )
         self.x = np.array([*PLACE, 1.0, *np.zeros(9)])
         self.sent: list[tuple[float, Command]] = []
@@ -65,11 +69,15 @@ class Rail:
         return [] if self.node is None else [event.phase.value for event in self.node.events]
 
     def silent_from(self, begin: float, gap: float = 0.3) -> float | None:
-        """Return the time of the last command before a gap, since `begin`; None where there is no gap [s]."""
+        """Return the time of the last command before a gap, since `begin`; None where there is no
+        gap [s].
+        """
         times = np.array([t for t, _ in self.sent if t >= begin - gap] + [self.time])
         ends = np.flatnonzero(np.diff(times) > gap)
         return float(times[ends[0]] - begin) if len(ends) else None
 
     def _note(self, data: bytes) -> None:
-        self.sent += [(self.time, said) for said in self._codec.parse(data) if isinstance(said, Command)]
+        self.sent += [
+            (self.time, said) for said in self._codec.parse(data) if isinstance(said, Command)
+        ]
         self._send(data)

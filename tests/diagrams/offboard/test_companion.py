@@ -37,10 +37,19 @@ def test_it_commands_what_the_diagram_of_a_flight_commands(controller):
 def test_after_a_reset_it_answers_as_a_new_one():
     config = flight("hold")
     dut, x = Companion(config), np.array([1.0, 0.0, 1.6, 1.0, *np.zeros(9)])
-    acceleration, in_force = np.array([0.1, 0.0, -1.0, 0.0, 0.0, 0.0]), np.array([20.0, 0.1, 0.0, 0.0])
-    first = [dut.step(0.02 * k, x=x, acceleration=acceleration, in_force=in_force).rates_thrust for k in range(5)]
+    acceleration, in_force = (
+        np.array([0.1, 0.0, -1.0, 0.0, 0.0, 0.0]),
+        np.array([20.0, 0.1, 0.0, 0.0]),
+    )
+    first = [
+        dut.step(0.02 * k, x=x, acceleration=acceleration, in_force=in_force).rates_thrust
+        for k in range(5)
+    ]
     dut.reset()
-    again = [dut.step(0.02 * k, x=x, acceleration=acceleration, in_force=in_force).rates_thrust for k in range(5)]
+    again = [
+        dut.step(0.02 * k, x=x, acceleration=acceleration, in_force=in_force).rates_thrust
+        for k in range(5)
+    ]
     np.testing.assert_array_equal(first, again)
     assert not np.allclose(first[0], first[-1])
 
@@ -61,7 +70,9 @@ def test_a_step_of_an_earlier_memory_leaves_the_present_one_alone():
     dut.reset()
     dut.step(0.0, acceleration=np.array([0.0, 0.0, -3.0, 0.0, 0.0, 0.0]), context=earlier, **rest)
     fresh = Companion(flight("hold")).step(0.0, acceleration=np.zeros(6), **rest)
-    np.testing.assert_array_equal(dut.step(0.0, acceleration=np.zeros(6), **rest).rates_thrust, fresh.rates_thrust)
+    np.testing.assert_array_equal(
+        dut.step(0.0, acceleration=np.zeros(6), **rest).rates_thrust, fresh.rates_thrust
+    )
 
 
 def test_a_controller_of_rotor_thrusts_is_refused():

@@ -39,7 +39,9 @@ def test_a_vehicle_at_rest_at_its_place_is_held_level():
     _, last = rail.sent[-1]
     np.testing.assert_allclose(last.rates, 0.0, atol=1e-3)
     weight = rail.config.vehicle.mass * rail.config.vehicle.gravity
-    assert last.thrust == pytest.approx(weight / (4 * rail.config.vehicle.max_rotor_thrust), rel=0.02)
+    assert last.thrust == pytest.approx(
+        weight / (4 * rail.config.vehicle.max_rotor_thrust), rel=0.02
+    )
 
 
 def test_the_reference_begins_where_the_vehicle_is_wherever_that_is():
@@ -163,7 +165,9 @@ class Stranger:
 
     def says(self, t):
         x = np.array([50.0, 0.0, 9.0, 1.0, *np.zeros(9)])
-        return self._codec.heartbeat(engaged=t % 0.1 < 0.05, autopilot=12) + self._codec.odometry(3000.0 + t, x)
+        return self._codec.heartbeat(engaged=t % 0.1 < 0.05, autopilot=12) + self._codec.odometry(
+            3000.0 + t, x
+        )
 
 
 @pytest.mark.parametrize("error", [TypeError, IndexError, KeyError, MemoryError, AssertionError])
@@ -207,7 +211,9 @@ def test_its_log_begins_at_the_hand_over_and_holds_what_was_sent():
     assert log.t[0] == pytest.approx(0.0, abs=1e-9)
     assert np.all(np.diff(log.t) > 0)
     np.testing.assert_allclose(log.commanded_rates[-1], rail.sent[-1][1].rates, atol=1e-6)
-    assert all(np.isfinite(values).all() for values in (log.p, log.q, log.v, log.w, log.u, log.a, log.al))
+    assert all(
+        np.isfinite(values).all() for values in (log.p, log.q, log.v, log.w, log.u, log.a, log.al)
+    )
 
 
 def test_its_report_counts_what_was_late_and_what_was_not_taken():

@@ -24,7 +24,9 @@ from tests.diagrams.offboard.rail import PLACE, TICK, hover
 
 
 def test_it_flies_a_vehicle_of_another_process():
-    patient = OffboardConfig(stale_after=1.0, level=5.0, late_solves=100, settle=0.3)  # the machine may be busy
+    patient = OffboardConfig(
+        stale_after=1.0, level=5.0, late_solves=100, settle=0.3
+    )  # the machine may be busy
     config = dc.replace(flight("hold"), duration=0.5, offboard=patient)
     found = flown_beside(config, seed=2, monitor=lambda t: None)
     assert found["node"]["flown"] > 1.0
@@ -82,7 +84,9 @@ def test_a_slow_clock_of_any_other_vehicle_is_known_within_two_seconds():
     config, worker = hover(), SolverThread()
     dut = Node(config, vehicle := SlowVehicle(config, 0.3), worker)
     codec = vehicle.autopilot.codec
-    codec.heartbeat = lambda **_: codec._pack(codec._out.heartbeat_encode(2, PX4, 128, 0, 4))  # of no simulation
+    codec.heartbeat = lambda **_: codec._pack(
+        codec._out.heartbeat_encode(2, PX4, 128, 0, 4)
+    )  # of no simulation
     vehicle.begin = time.monotonic()
     real_time.fly(dut, wait=1.9)
     worker.close()

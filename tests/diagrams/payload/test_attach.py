@@ -65,7 +65,9 @@ def test_a_payload_tossed_up_is_slack_until_it_has_fallen_back():
     snap = attach.attach_config(attach.ROWS[0], solver="sqp", model=str(NP_MODEL), event="snap")
     snap.reference.ramp, snap.duration, snap.events[0].time = 0.4, 0.8, 0.6
     flight = fly(snap, seed=1)
-    assert attach.slack_time(flight) == pytest.approx(2 * (0.3 / 0.26) / 9.81, abs=0.08)  # [s]; the hook sinks
+    assert attach.slack_time(flight) == pytest.approx(
+        2 * (0.3 / 0.26) / 9.81, abs=0.08
+    )  # [s]; the hook sinks
 
 
 def test_an_encoder_that_averages_its_window_shows_a_step_in_proportion():
@@ -74,14 +76,26 @@ def test_an_encoder_that_averages_its_window_shows_a_step_in_proportion():
     system = LiftedLinearSystem(np.eye(6), np.zeros((6, 6)), np.eye(6), 0.02)
     encoder = DelayEncoder(E.reshape(6, -1), 10, offset=np.ones(6))
     model = LiftedModel(DELAY_DMDC, system, encoder, 10, np.ones(6), np.ones(6), False)
-    np.testing.assert_allclose(attach_study.encoder_step(model), np.linspace(0.0, 1.0, 11), atol=1e-12)
+    np.testing.assert_allclose(
+        attach_study.encoder_step(model), np.linspace(0.0, 1.0, 11), atol=1e-12
+    )
 
 
 def made_runs():
     rng, runs = np.random.default_rng(0), []
     for event, row, seed in itertools.product(attach.EVENTS, attach.ROWS, range(3)):
         f = lag(0.05, -1.0) + 0.01 * rng.normal(size=len(T))
-        runs.append({"event": event, "row": row.name, "seed": seed, "t": T, "slack": 0.24, "chi_hat": f, "label": f})
+        runs.append(
+            {
+                "event": event,
+                "row": row.name,
+                "seed": seed,
+                "t": T,
+                "slack": 0.24,
+                "chi_hat": f,
+                "label": f,
+            }
+        )
         runs[-1] |= {"height": 0.01 * np.sin(T), "solve_failures": 0, "fallbacks": 0}
     return runs
 

@@ -21,9 +21,15 @@ def made_run(row, seed, error, rate, settling=5.0):
 
 
 def made_runs():
-    rows = (("nominal", 0.04, -0.15, 11.0), ("hold", 0.02, 0.02, np.inf), ("np", 0.005, 0.0005, np.inf))
+    rows = (
+        ("nominal", 0.04, -0.15, 11.0),
+        ("hold", 0.02, 0.02, np.inf),
+        ("np", 0.005, 0.0005, np.inf),
+    )
     rows += ((hover_swing.DAMPED, 0.02, -0.4, 5.0),)
-    return [made_run(n, s, e, r + 0.001 * s, settle) for n, e, r, settle in rows for s in (-1, 0, 1)]
+    return [
+        made_run(n, s, e, r + 0.001 * s, settle) for n, e, r, settle in rows for s in (-1, 0, 1)
+    ]
 
 
 def test_only_the_damped_rows_depart_from_the_frozen_weights():
@@ -37,7 +43,9 @@ def test_only_the_damped_rows_depart_from_the_frozen_weights():
 def test_the_table_holds_means_intervals_and_cuts():
     lines = {line["row"]: line for line in hover_swing.hover_table(made_runs())}
     assert lines["np"]["position_rmse_cut"] == pytest.approx(1 - 0.005 / 0.04)
-    assert lines["nominal"]["rate_ci95"] == pytest.approx(4.303 * 0.001 / np.sqrt(3), rel=1e-3)  # Student, 2 degrees
+    assert lines["nominal"]["rate_ci95"] == pytest.approx(
+        4.303 * 0.001 / np.sqrt(3), rel=1e-3
+    )  # Student, 2 degrees
     assert lines["hold"]["settling"] == np.inf
     assert lines["np"]["solve_failures"] == 3
 
@@ -50,7 +58,9 @@ def test_a_swing_grows_only_where_its_interval_is_above_zero():
     assert "after 5.0 s, nominal after 11.0 s" in said[3]
 
 
-def test_a_lost_vehicle_is_an_infinite_error_and_loses_no_other_flight(monkeypatch, in_this_process, tmp_path):
+def test_a_lost_vehicle_is_an_infinite_error_and_loses_no_other_flight(
+    monkeypatch, in_this_process, tmp_path
+):
     def lose(*_, **__):
         raise FailedRun("hover: nominal lost the vehicle before 6.0 s.")
 

@@ -29,20 +29,26 @@ def made_hover(monkeypatch):
                 values = dict.fromkeys(hover_swing.KEYS, 0.04 if row.kind == "nominal" else 0.01)
                 values |= {"rate": -0.1, "settling": np.inf}
                 found = {**values, "solve_failures": 0, "fallbacks": 0}
-                made.append({"row": row.name, "seed": seed, "metrics": found, "course": (t, 0.3 + 0 * t)})
+                made.append(
+                    {"row": row.name, "seed": seed, "metrics": found, "course": (t, 0.3 + 0 * t)}
+                )
         return made
 
     monkeypatch.setattr(hover_swing, "run_hover", runs)
 
 
-def test_hover_prints_seeds_configuration_and_verdict_and_writes_its_files(made_hover, tmp_path, capsys):
+def test_hover_prints_seeds_configuration_and_verdict_and_writes_its_files(
+    made_hover, tmp_path, capsys
+):
     files = [tmp_path / name for name in ("hover.json", "hover.md")]
     arguments = ["reproduce", "hover", "--seeds", "3", "--seed", "7", "--out", str(tmp_path)]
     assert run([*arguments, "--json", str(files[0]), "--markdown", str(files[1])]) == 0
     said = capsys.readouterr().out
     assert "seeds 8 … 10" in said
     assert "trained on seed 7" in said
-    assert said.index("weight_swing") > said.index("controller")  # the configuration stands under the table
+    assert said.index("weight_swing") > said.index(
+        "controller"
+    )  # the configuration stands under the table
     assert "cut by 75.0 %" in said
     written = json.loads(files[0].read_text())
     assert written["config"]["seeds"] == [8, 9, 10]
@@ -52,11 +58,17 @@ def test_hover_prints_seeds_configuration_and_verdict_and_writes_its_files(made_
 
 
 def test_a_swing_that_stays_never_settles_and_a_lost_vehicle_is_lost():
-    line = dict.fromkeys(hover_swing.KEYS, np.inf) | {f"{key}_ci95": np.nan for key in hover_swing.KEYS}
+    line = dict.fromkeys(hover_swing.KEYS, np.inf) | {
+        f"{key}_ci95": np.nan for key in hover_swing.KEYS
+    }
     line |= {"row": "hold", "position_rmse_cut": -np.inf, "E_xy_cut": -np.inf, "solve_failures": 0}
     _, header, rows = hover_printed([line], "title")
     cells = dict(zip(header, rows[0], strict=True))
-    assert (cells["3-D [cm]"], cells["< 5 cm after [s]"], cells["paper 3-D"]) == ("lost", "never", "–")
+    assert (cells["3-D [cm]"], cells["< 5 cm after [s]"], cells["paper 3-D"]) == (
+        "lost",
+        "never",
+        "–",
+    )
 
 
 def test_attach_flies_twenty_seeds_in_its_own_reality_unless_told(monkeypatch, capsys):
@@ -92,7 +104,10 @@ def test_attach_flies_twenty_seeds_in_its_own_reality_unless_told(monkeypatch, c
     assert "0.981 N over the thrust scale 0.96" in said
     assert "slack for 0.24 s" in said
     assert "when its window of 1.0 s is full" in said
-    assert run(["reproduce", "attach", "--seed", "7", "--seeds", "2", "--reality", "paper_vehicle"]) == 0
+    assert (
+        run(["reproduce", "attach", "--seed", "7", "--seeds", "2", "--reality", "paper_vehicle"])
+        == 0
+    )
     assert realities == [None, None, *[FOLDER / "paper_vehicle.yaml"] * 2]
 
 
@@ -109,4 +124,6 @@ def test_a_timing_row_states_median_and_quantile():
 def test_an_unknown_row_is_one_line(table, capsys):
     assert run(["reproduce", table, "--only", "magic"]) == 2
     last = capsys.readouterr().err.splitlines()[-1]
-    assert last.startswith(f"np-drake reproduce {table}: --only: must name rows of the table (nominal; hold")
+    assert last.startswith(
+        f"np-drake reproduce {table}: --only: must name rows of the table (nominal; hold"
+    )

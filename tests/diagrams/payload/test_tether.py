@@ -1,4 +1,6 @@
-"""The payload's mode from the project's own flights: a circle with dither shows it, a plain circle does not."""
+"""The payload's mode from the project's own flights: a circle with dither shows it, a plain circle
+does not.
+"""
 
 import numpy as np
 import pytest

@@ -53,7 +53,9 @@ def test_one_iteration_is_our_sqp_step(acados, vehicle, config):
 
 def test_an_active_soft_set_holds_and_has_the_same_optimum(acados, vehicle, config, make_problem):
     config = dc.replace(config, max_speed=0.25)
-    problem = make_problem(config, offset=0.3)  # begins at 0.15 m/s; without the set it would reach 0.96 m/s
+    problem = make_problem(
+        config, offset=0.3
+    )  # begins at 0.15 m/s; without the set it would reach 0.96 m/s
     sqp = SqpSolver(vehicle, config, steps=30, max_steps=30, time_limit=np.inf)
     answer = AcadosSolver(vehicle, config, steps=30).solve(problem)
     assert np.abs(answer.x[:, 7:10]).max() == pytest.approx(0.25, abs=1e-5)  # [m/s]
@@ -109,7 +111,9 @@ def test_another_vehicle_has_another_solver(acados, vehicle, config):
     assert key(acados, vehicle, config, 5, solver_options(10)) != same
 
 
-def test_a_failed_build_says_why_and_leaves_nothing(acados, cache, vehicle, config, make_problem, monkeypatch):
+def test_a_failed_build_says_why_and_leaves_nothing(
+    acados, cache, vehicle, config, make_problem, monkeypatch
+):
     monkeypatch.setenv("CC", "false")
     with pytest.raises(RuntimeError, match="must succeed"):
         AcadosSolver(vehicle, config).solve(make_problem(config, K=3))

@@ -21,7 +21,9 @@ def test_the_peer_flies_eq_1(dut, vehicle, config):
     f = casadi.Function("f", [x, u, chi], [ProblemInCasadi(vehicle, config).derivative(x, u, chi)])
     rng = np.random.default_rng(0)
     values = [rng.normal(size=n) for n in (13, 4, 6)]
-    np.testing.assert_allclose(np.array(f(*values)).ravel(), state_derivative(vehicle, *values), atol=1e-12)
+    np.testing.assert_allclose(
+        np.array(f(*values)).ravel(), state_derivative(vehicle, *values), atol=1e-12
+    )
 
 
 @pytest.mark.parametrize("K", [0, 24])

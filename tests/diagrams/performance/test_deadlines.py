@@ -75,4 +75,10 @@ def test_a_line_counts_every_period_once():
     line = deadlines.deadline_line(100.0, deadlines.COLLECTORS[0], times)
     assert sum(line["histogram"]) == line["periods"] == 100
     assert line["missed"] == np.sum(times.response > 0.01)
-    assert line["response"] <= line["response_p99"] <= line["response_p99_9"] <= line["response_max"] == 12.0
+    assert (
+        line["response"]
+        <= line["response_p99"]
+        <= line["response_p99_9"]
+        <= line["response_max"]
+        == 12.0
+    )

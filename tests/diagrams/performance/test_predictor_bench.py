@@ -1,4 +1,6 @@
-"""Laws of the predictor's speed; ratios within one run, loosely, for machines that do other work besides."""
+"""Laws of the predictor's speed; ratios within one run, loosely, for machines that do other work
+besides.
+"""
 
 import numpy as np
 import pytest

@@ -24,7 +24,9 @@ def problems(vehicle, config):
 
 def test_reports_have_times_gaps_and_failures(vehicle, config, problems):
     patient = SqpSolver(vehicle, config, steps=30, max_steps=30, time_limit=np.inf)
-    good, bad = benchmark.run([SqpSolver(vehicle, config), AlwaysFails()], problems, step=config.step, optimum=patient)
+    good, bad = benchmark.run(
+        [SqpSolver(vehicle, config), AlwaysFails()], problems, step=config.step, optimum=patient
+    )
     assert (good.failures, bad.failures) == (0, 12)
     assert 0 < good.median_ms <= good.p95_ms <= good.p99_ms <= good.max_ms
     assert -1e-8 <= good.gap_median <= good.gap_max < 0.05
@@ -42,7 +44,9 @@ def test_the_ratio_is_of_median_times(vehicle, config, problems, name):
     assert getattr(b, f"ratio_to_{name}") == 1.0
 
 
-def test_the_feedback_is_that_part_of_a_solve_that_follows_the_measurement(vehicle, config, problems):
+def test_the_feedback_is_that_part_of_a_solve_that_follows_the_measurement(
+    vehicle, config, problems
+):
     solvers = [SplitSqpSolver(vehicle, config), SqpSolver(vehicle, config)]
     split, whole = benchmark.run(solvers, problems, step=config.step)
     assert 0 < split.feedback_ms < split.median_ms
@@ -86,7 +90,9 @@ def test_the_suite_covers_horizons_cold_and_infeasible_starts(vehicle, monkeypat
     config = MpcConfig(horizon=5).check()
     monkeypatch.setattr(benchmark, "make_solvers", lambda v, c, **limit: [SqpSolver(v, c, **limit)])
     seen = []
-    reports = benchmark.suite(vehicle, config, count=4, progress=lambda done, total: seen.append((done, total)))
+    reports = benchmark.suite(
+        vehicle, config, count=4, progress=lambda done, total: seen.append((done, total))
+    )
     growth = [benchmark.growth_name(n, K) for n, K in benchmark.GROWTH]
     assert list(reports) == ["tracking", *growth, "cold start", "infeasible start"]
     assert seen[-1][0] == seen[-1][1] == sum(r[0].problems for r in reports.values())

@@ -67,7 +67,9 @@ def test_nan_in_the_measurement_raises_and_names_the_field(planned):
 def test_without_a_plan_the_problem_is_solved_in_full(planned):
     problem, _ = planned
     dut = SqpSolver(VEHICLE, CONFIG, time_limit=np.inf)
-    np.testing.assert_array_equal(dut.feedback(dut.prepare(problem), problem).u, dut.solve(problem).u)
+    np.testing.assert_array_equal(
+        dut.feedback(dut.prepare(problem), problem).u, dut.solve(problem).u
+    )
 
 
 def test_a_loop_of_split_solves_stays_near_the_optimum(planned):

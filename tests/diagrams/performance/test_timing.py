@@ -31,7 +31,9 @@ def test_load_is_the_share_of_a_period():
 
 
 def test_every_controller_pays_its_own_weights():
-    damped = timing.timing_config(ROWS["np + active damping"], periods=5, solver="sqp").controller.mpc
+    damped = timing.timing_config(
+        ROWS["np + active damping"], periods=5, solver="sqp"
+    ).controller.mpc
     plain = timing.timing_config(ROWS["np"], periods=5, solver="sqp").controller.mpc
     assert damped.weight_swing > 0 == plain.weight_swing
     assert max(damped.weight_rate) > max(plain.weight_rate)

@@ -6,28 +6,40 @@ import numpy as np
 import pytest
 
 from diagrams.batch.arrays import packed, unpacked
-from diagrams.prediction.envelope import LENGTH, MASS, SPEED, Envelope, envelope_flight, envelope_segments
-from np_drake.scaling import similar
+from diagrams.prediction.envelope import (
+    LENGTH,
+    MASS,
+    SPEED,
+    Envelope,
+    envelope_flight,
+    envelope_segments,
+)
 from np_drake.vehicle import Vehicle
+from np_drake.vehicle.scaling import similar
 
 
 def test_flights_lie_within_the_envelope():
     for number in range(40):
         config = envelope_flight(number, seed=3, vehicle=Vehicle())
         hung = config.reality.payload
-        assert hung.tether == "none" or (MASS[0] <= hung.mass <= MASS[1] and LENGTH[0] <= hung.length <= LENGTH[1])
+        assert hung.tether == "none" or (
+            MASS[0] <= hung.mass <= MASS[1] and LENGTH[0] <= hung.length <= LENGTH[1]
+        )
         assert SPEED[0] <= config.reference.speed <= SPEED[1]
 
 
 def test_a_flight_is_drawn_from_seed_and_number_alone():
     first, again, other = (
-        envelope_flight(number, seed=3, vehicle=Vehicle()).reality.payload.mass for number in (5, 5, 6)
+        envelope_flight(number, seed=3, vehicle=Vehicle()).reality.payload.mass
+        for number in (5, 5, 6)
     )
     assert first == again != other
 
 
 def test_a_larger_vehicle_flies_a_larger_envelope():
-    small, large = (envelope_flight(2, seed=3, vehicle=v) for v in (Vehicle(), similar(Vehicle(), 4.0)))
+    small, large = (
+        envelope_flight(2, seed=3, vehicle=v) for v in (Vehicle(), similar(Vehicle(), 4.0))
+    )
     assert large.reality.payload.length == pytest.approx(4 * small.reality.payload.length)
     assert large.duration == pytest.approx(2 * small.duration)
 

@@ -26,15 +26,23 @@ class Steady:
 
 
 def flight(speed, mass, lifted, neural):
-    rmse = {PERSISTENCE: [1.0] * len(HORIZONS), LIFTED: [lifted] * len(HORIZONS), NEURAL: [neural] * len(HORIZONS)}
+    rmse = {
+        PERSISTENCE: [1.0] * len(HORIZONS),
+        LIFTED: [lifted] * len(HORIZONS),
+        NEURAL: [neural] * len(HORIZONS),
+    }
     return {"speed": speed, "mass": mass, "rmse": rmse}
 
 
 def test_each_flight_counts_alike_in_every_group():
-    lines = ratios([flight(0.5, 0.1, 0.5, 0.4), flight(2.0, 0.1, 0.5, 0.25), flight(2.0, 0.0, 0.8, 0.8)])
+    lines = ratios(
+        [flight(0.5, 0.1, 0.5, 0.4), flight(2.0, 0.1, 0.5, 0.25), flight(2.0, 0.0, 0.8, 0.8)]
+    )
     found = {(line["group"], line["row"], line["over"], line["steps"]): line for line in lines}
     assert found["all", NEURAL, LIFTED, 10]["median"] == pytest.approx(0.8)
-    assert found["all", LIFTED, PERSISTENCE, 40]["quantile"] == pytest.approx(np.quantile([0.5, 0.5, 0.8], 0.9))
+    assert found["all", LIFTED, PERSISTENCE, 40]["quantile"] == pytest.approx(
+        np.quantile([0.5, 0.5, 0.8], 0.9)
+    )
     assert found["above 1.8 m/s", NEURAL, LIFTED, 5]["median"] == pytest.approx(0.75)
     assert found["no payload", NEURAL, LIFTED, 5]["flights"] == 1
     assert not any(group == "above 0.3 kg" for group, *_ in found)

@@ -36,7 +36,9 @@ def test_one_step_ahead_the_default_is_below_the_paper_in_every_cell(flown):
 
 
 def test_one_step_ahead_we_are_below_the_paper_on_race_track_1_but_for_f_y(flown):
-    """One flight only, for time; `np-drake reproduce estimation` does all. The refit is as strong as 40 steps ask."""
+    """One flight only, for time; `np-drake reproduce estimation` does all. The refit is as strong
+    as 40 steps ask.
+    """
     flight = array_flights.named(flown, "race track 1", "estimation")
     table = estimation.estimation_table(Run(), {"paper": model(flown, "paper")}, [flight], {})
     assert list(table.cells) == ["race track 1"]
@@ -70,7 +72,9 @@ def test_the_figures_courses_stand_at_the_time_they_speak_of(made):
     predicted, held, extrapolated = shown.courses.values()
     np.testing.assert_array_equal(shown.label, flight.segment.chi[rows])
     np.testing.assert_array_equal(held, flight.segment.chi[rows - FAR])
-    np.testing.assert_allclose(extrapolated - held, FAR * (held - flight.segment.chi[rows - FAR - 1]), atol=1e-12)
+    np.testing.assert_allclose(
+        extrapolated - held, FAR * (held - flight.segment.chi[rows - FAR - 1]), atol=1e-12
+    )
     error = [np.sqrt(np.mean((c - shown.label)[:, :3] ** 2)) for c in (predicted, held)]
     assert error[0] < error[1]
     figure = window_figure(shown, "made")

@@ -1,4 +1,4 @@
-"""Laws of `np-drake reproduce estimation | sample-efficiency | response`, on arrays that are made here."""
+"""Laws of `np-drake reproduce estimation | sample-efficiency | response`, on arrays that are made here."""  # noqa: E501
 
 import json
 import shutil
@@ -13,7 +13,12 @@ from np_drake.estimation.wrench_table import COLUMNS, PUBLISHED
 from np_drake.logs.formats.neurobem_wrenches import RACE_TRACK, TESTS, TRAINING
 
 STEMS = {name: stem for stem, name in TESTS.items()}
-FLOWN = ("random points", "race track 1", "ellipse", "figure-8 1")  # two without a row of the published NP
+FLOWN = (
+    "random points",
+    "race track 1",
+    "ellipse",
+    "figure-8 1",
+)  # two without a row of the published NP
 OWN = "2021-03-01-10-00-00_seg_1"  # a flight that the table does not have
 
 
@@ -30,11 +35,25 @@ def folder(tmp_path_factory):
 
 def test_every_cell_of_the_paper_stands_beside_ours(folder, tmp_path, capsys):
     out, page = tmp_path / "table.json", tmp_path / "table.md"
-    command = ["reproduce", "estimation", "--neurobem", str(folder), "--seed", "3", "--json", str(out)]
+    command = [
+        "reproduce",
+        "estimation",
+        "--neurobem",
+        str(folder),
+        "--seed",
+        "3",
+        "--json",
+        str(out),
+    ]
     assert run([*command, "--markdown", str(page)]) == 0, capsys.readouterr().err
     captured, content = capsys.readouterr().out, json.loads(out.read_text())
     cells = {(line["row"], line["column"]): line for line in content["table"]}
-    assert list(dict.fromkeys(flight for flight, _ in cells)) == ["figure-8 1", "race track 1", *FLOWN[::2], OWN]
+    assert list(dict.fromkeys(flight for flight, _ in cells)) == [
+        "figure-8 1",
+        "race track 1",
+        *FLOWN[::2],
+        OWN,
+    ]
     assert len(cells) == len(content["table"]) == 50
     for flight in FLOWN:
         rows = PUBLISHED[flight]
@@ -45,7 +64,9 @@ def test_every_cell_of_the_paper_stands_beside_ours(folder, tmp_path, capsys):
             assert cells[OWN, column]["NeuroMHE"] is None
             assert {"ours", "ours_paper", "NeuroBEM", "persistence", "linear"} <= set(line)
     assert set(content["at_or_below_the_paper"]) == {"np: paper", "np", "persistence", "linear"}
-    assert all(found["unstable"] == 0 for of in content["stability"].values() for found in of.values())
+    assert all(
+        found["unstable"] == 0 for of in content["stability"].values() for found in of.values()
+    )
     assert content["seed"] == content["config"]["paper"]["seed"] == 3
     assert "seed 3, trained on the training segment; " in captured
     assert "of 20 cells" in captured
@@ -70,9 +91,15 @@ def test_response_is_a_line_a_flight_row_and_horizon(folder, tmp_path, capsys):
 BAD = {  # arguments: what the line must say
     "no flights": (["estimation"], "estimation: give the folder"),
     "no folder": (["response", "--neurobem", "nowhere"], "nowhere"),
-    "too short for the figure": (["estimation", "--neurobem", "FOLDER", "--out", "OUT"], "must reach from 45 s"),
+    "too short for the figure": (
+        ["estimation", "--neurobem", "FOLDER", "--out", "OUT"],
+        "must reach from 45 s",
+    ),
     "no race track": (["sample-efficiency", "--neurobem", "OTHERS"], "must hold race track 1"),
-    "out is a file": (["sample-efficiency", "--neurobem", "FOLDER", "--out", "FILE"], "must be a folder"),
+    "out is a file": (
+        ["sample-efficiency", "--neurobem", "FOLDER", "--out", "FILE"],
+        "must be a folder",
+    ),
 }
 
 
@@ -85,7 +112,12 @@ def test_bad_input_is_one_line_and_leaves_nothing(folder, tmp_path, monkeypatch,
     for path in (folder / "npy").glob("*.npy"):
         if path.stem != RACE_TRACK:
             shutil.copy(path, tmp_path / "others" / "npy")
-    words = {"FOLDER": str(folder), "OTHERS": str(tmp_path / "others"), "OUT": str(tmp_path / "out"), "FILE": str(file)}
+    words = {
+        "FOLDER": str(folder),
+        "OTHERS": str(tmp_path / "others"),
+        "OUT": str(tmp_path / "out"),
+        "FILE": str(file),
+    }
     arguments, message = BAD[case]
     assert run(["reproduce", *(words.get(word, word) for word in arguments)]) == 2
     last = capsys.readouterr().err.splitlines()[-1]

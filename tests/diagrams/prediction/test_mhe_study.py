@@ -31,13 +31,25 @@ def folder(tmp_path_factory):
 
 def test_every_flight_has_its_rows_and_columns(folder, tmp_path, capsys):
     out, page = tmp_path / "mhe.json", tmp_path / "mhe.md"
-    command = ["reproduce", "mhe", "--neurobem", str(folder), "--json", str(out), "--markdown", str(page)]
+    command = [
+        "reproduce",
+        "mhe",
+        "--neurobem",
+        str(folder),
+        "--json",
+        str(out),
+        "--markdown",
+        str(page),
+    ]
     assert run(command) == 0, capsys.readouterr().err
     captured = capsys.readouterr().out
     content = json.loads(out.read_text())
     assert len(content["table"]) == 3 * len(TESTS)
     assert {row["row"] for row in content["table"]} == {PUBLISHED_ROW, RATES_ROW, NAIVE_ROW}
-    size = {TESTS[stem]: 0.752 * np.linalg.norm(RATES + STEP * k) / np.sqrt(2) for k, stem in enumerate(TESTS, 1)}
+    size = {
+        TESTS[stem]: 0.752 * np.linalg.norm(RATES + STEP * k) / np.sqrt(2)
+        for k, stem in enumerate(TESTS, 1)
+    }
     for row in content["table"]:
         assert set(COLUMNS) <= set(row)
         if row["row"] == PUBLISHED_ROW:
@@ -57,7 +69,8 @@ def test_every_flight_has_its_rows_and_columns(folder, tmp_path, capsys):
 
 
 @pytest.mark.parametrize(
-    "arguments, message", [([], "mhe: give the folder of the NeuroBEM flights"), (["--neurobem", "nowhere"], "nowhere")]
+    "arguments, message",
+    [([], "mhe: give the folder of the NeuroBEM flights"), (["--neurobem", "nowhere"], "nowhere")],
 )
 def test_without_flights_it_is_one_line(arguments, message, monkeypatch, capsys):
     monkeypatch.delenv("NP_DRAKE_NEUROBEM", raising=False)

@@ -18,7 +18,9 @@ def lines():
     tests = [Flight(f"test {k}", synthetic_flight(1500, k)) for k in (1, 2)]
     config = make_config(NP, frame="body")
     models = {NP: train([training.segment], config).model}
-    return dut.response_lines(Run(), models, training, tests, config=config, settings={}, horizons=(10, 20))
+    return dut.response_lines(
+        Run(), models, training, tests, config=config, settings={}, horizons=(10, 20)
+    )
 
 
 def test_every_row_flight_and_horizon_is_there(lines):
@@ -30,7 +32,9 @@ def test_every_row_flight_and_horizon_is_there(lines):
 def test_persistence_is_late_by_its_horizon(lines):
     for line in lines:
         if line["row"] == "persistence":
-            assert line["force_lag"] == pytest.approx(line["horizon"], abs=2e-4)  # [s] a tenth of a sample
+            assert line["force_lag"] == pytest.approx(
+                line["horizon"], abs=2e-4
+            )  # [s] a tenth of a sample
             assert line["torque_lag"] == pytest.approx(line["horizon"], abs=2e-4)
 
 

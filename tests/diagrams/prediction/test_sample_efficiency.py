@@ -16,7 +16,10 @@ CONFIGS = {**configs(OURS, seed=0), "paper": make_config("paper", epochs=1)}
 
 @pytest.fixture(scope="module")
 def points():
-    training, test = Flight("training", synthetic_flight(1250, 0)), Flight("test", synthetic_flight(700, 1))
+    training, test = (
+        Flight("training", synthetic_flight(1250, 0)),
+        Flight("test", synthetic_flight(700, 1)),
+    )
     return dut.sample_efficiency(Run(), training, test, CONFIGS, sizes=SIZES)
 
 
@@ -25,7 +28,9 @@ def test_pieces_are_disjoint_and_of_one_size():
     for size, count in ((1000, 4), (2000, 2), (3000, 1), (4000, 1)):
         cut = dut.pieces(segment, size)
         assert [len(piece) for piece in cut] == count * [size]
-        np.testing.assert_array_equal(np.concatenate([p.chi for p in cut]), segment.chi[: count * size])
+        np.testing.assert_array_equal(
+            np.concatenate([p.chi for p in cut]), segment.chi[: count * size]
+        )
 
 
 def test_every_model_size_and_horizon_has_its_point(points):

@@ -13,7 +13,9 @@ from np_drake.lifting.training.train import make_config, train
 def flown(neurobem):
     """One second of every flight."""
     return [
-        dc.replace(f, segment=dc.replace(f.segment, **{k: v[3200:3600] for k, v in parts(f).items()}))
+        dc.replace(
+            f, segment=dc.replace(f.segment, **{k: v[3200:3600] for k, v in parts(f).items()})
+        )
         for f in array_flights.flights(neurobem)
     ]
 
@@ -51,7 +53,9 @@ def test_it_holds_where_alphas_known_before_the_flight_hold(lines):
 
 def test_it_is_no_empty_bound(lines):
     for line in of(lines, "own", "paper"):
-        assert line["tightness"]["z"][1][0] < 100.0  # median of bound / error; spikes of chi set alpha
+        assert (
+            line["tightness"]["z"][1][0] < 100.0
+        )  # median of bound / error; spikes of chi set alpha
         assert line["tightness"]["z"][40][0] < line["tightness"]["operator"][40][0]
 
 
@@ -68,7 +72,13 @@ def test_a_sound_model_violates_nothing_and_a_broken_one_what_was_broken(lines):
 def test_the_table_has_a_row_for_every_line_and_one_for_every_model(lines, flown):
     _, header, rows = theorem.printed(lines)
     models = [row[0] for row in rows if not row[0].startswith("  ")]
-    assert models == ["paper", "delay-dmdc", "A not stable, no refit", "Phi not normalised", "alphas halved"]
+    assert models == [
+        "paper",
+        "delay-dmdc",
+        "A not stable, no refit",
+        "Phi not normalised",
+        "alphas halved",
+    ]
     assert len(rows) - len(models) == len(lines) == 2 * 2 * len(flown) + 3
     assert all(len(row) == len(header) for row in rows)
 
@@ -76,4 +86,8 @@ def test_the_table_has_a_row_for_every_line_and_one_for_every_model(lines, flown
 def test_the_lines_below_say_what_was_violated_and_where(lines):
     said = theorem.assumption_lines(lines)
     assert [line for line in said if "violated: stability in 100 % of windows" in line]
-    assert not [line for line in said if line.startswith("  ") and "alphas own" in line and "step of chi" in line]
+    assert not [
+        line
+        for line in said
+        if line.startswith("  ") and "alphas own" in line and "step of chi" in line
+    ]

@@ -21,14 +21,21 @@ def test_the_grid_has_every_point_and_without_payload_one_tether():
 
 @pytest.mark.parametrize(
     ("count", "mass"),
-    [(2, (0.0, 0.5)), (3, (0.0, 0.26, 0.5)), (4, (0.0, 0.13, 0.38, 0.5)), (5, (0.0, 0.13, 0.26, 0.38, 0.5))],
+    [
+        (2, (0.0, 0.5)),
+        (3, (0.0, 0.26, 0.5)),
+        (4, (0.0, 0.13, 0.38, 0.5)),
+        (5, (0.0, 0.13, 0.26, 0.38, 0.5)),
+    ],
 )
 def test_a_thinned_grid_is_evenly_spaced_and_keeps_its_ends(count, mass):
     dut = Grid().thinned(count)
     assert dut.mass == mass
     assert len(dut.length) == len(dut.speed) == count
     assert (dut.length[0], dut.length[-1], dut.speed[0], dut.speed[-1]) == (0.4, 1.6, 0.5, 2.5)
-    assert {tuple(s.items()) for s in dut.settings()} <= {tuple(s.items()) for s in Grid().settings()}
+    assert {tuple(s.items()) for s in dut.settings()} <= {
+        tuple(s.items()) for s in Grid().settings()
+    }
 
 
 @pytest.mark.parametrize("count", [1, 6])
@@ -42,16 +49,23 @@ def test_axes_and_grid_share_the_flights_on_which_they_meet():
     both = flight_cases(ROWS, [1, 2], MODELS, grid=Grid())
     files = {case_file(case) for case in both}
     assert len(files) == len(both)
-    assert {case_file(case) for case in alone} <= files  # so that a campaign of axes goes on with its grid
+    assert {
+        case_file(case) for case in alone
+    } <= files  # so that a campaign of axes goes on with its grid
     settings = len(distinct([*axis_settings(FLOWN), *Grid().settings()]))
-    assert settings == 105 + 40 - 13  # the axes' payloads, tethers and speeds, but 3 m/s, lie in the grid
+    assert (
+        settings == 105 + 40 - 13
+    )  # the axes' payloads, tethers and speeds, but 3 m/s, lie in the grid
     assert len(both) == 2 * len(ROWS) * settings
 
 
 def test_a_case_of_another_model_is_another_case():
     other = dict.fromkeys(MODELS, b"another model")
     mine, theirs = (
-        {case["row"]: case_file(case) for case in flight_cases(ROWS, [1], m, FLOWN[:0], Grid().thinned(2))}
+        {
+            case["row"]: case_file(case)
+            for case in flight_cases(ROWS, [1], m, FLOWN[:0], Grid().thinned(2))
+        }
         for m in (MODELS, other)
     )
     changed = {row.name for row in ROWS if mine[row.name] != theirs[row.name]}

@@ -14,7 +14,11 @@ def records(errors, row="np", setting=BASE, growth=1.0):
     made = []
     for seed, error in enumerate(errors, start=1):
         result = dict.fromkeys(("E_xy", "E_z"), error)
-        result |= {"growth": growth, "swing_growth": growth, "lost_at": None if error is not None else 3.0}
+        result |= {
+            "growth": growth,
+            "swing_growth": growth,
+            "lost_at": None if error is not None else 3.0,
+        }
         result |= {"solve_failures": 0, "at_limit": 0.0, "thrust": 0.5}
         case = {"row": row, "model": "", **setting, "seed": seed}
         made.append({"case": case, "result": result, "seconds": 1.0})
@@ -24,7 +28,9 @@ def records(errors, row="np", setting=BASE, growth=1.0):
 def test_the_interval_of_three_seeds_is_students():
     dut = summary(records([1.0, 2.0, 3.0]))
     assert dut["E_xy"] == pytest.approx(2.0)
-    assert dut["E_xy_ci95"] == pytest.approx(4.302653 / math.sqrt(3), rel=1e-6)  # t(0.975, 2) s / sqrt(n), s = 1
+    assert dut["E_xy_ci95"] == pytest.approx(
+        4.302653 / math.sqrt(3), rel=1e-6
+    )  # t(0.975, 2) s / sqrt(n), s = 1
     assert dut["spread"] == pytest.approx(0.5)
 
 

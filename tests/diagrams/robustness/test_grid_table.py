@@ -8,7 +8,8 @@ from diagrams.robustness.grid_report import grid_figure
 from diagrams.robustness.grid_table import NAIVE, grid_by_speed, grid_points, grid_table
 
 GRID = Grid().thinned(2)  # payloads 0, 0.5 kg; tethers 0.4, 1.6 m; speeds 0.5, 2.5 m/s: 6 points
-# E_xy by row where nothing else is said [m]; np has half the error of the best naive row and ten times the oracle's.
+# E_xy by row where nothing else is said [m]; np has half the error of the best naive row and ten
+# times the oracle's.
 ERROR = {"nominal": 0.05, "hold": 0.04, "np": 0.02, "oracle": 0.002}
 
 
@@ -18,8 +19,15 @@ def made(change):
     for setting in distinct(GRID.settings()):
         for row, error in ERROR.items():
             for seed in (1, 2, 3):
-                result = {"E_xy": error * (1 + 0.001 * seed), "E_z": 0.01, "growth": 1.0, "swing_growth": 1.0}
-                result |= {"lost_at": None, "solve_failures": 0, "at_limit": 0.0} | change(row, setting)
+                result = {
+                    "E_xy": error * (1 + 0.001 * seed),
+                    "E_z": 0.01,
+                    "growth": 1.0,
+                    "swing_growth": 1.0,
+                }
+                result |= {"lost_at": None, "solve_failures": 0, "at_limit": 0.0} | change(
+                    row, setting
+                )
                 case = {"row": row, "model": "", **setting, "seed": seed}
                 records.append({"case": case, "result": result, "seconds": 1.0})
     return records
@@ -35,7 +43,9 @@ def test_naive_rows_are_those_that_learn_nothing():
 
 
 def test_shares_count_points_once_and_ratios_are_of_means():
-    dut = table(lambda row, setting: {"E_xy": 0.004} if row == "np" and setting["mass"] == 0 else {})
+    dut = table(
+        lambda row, setting: {"E_xy": 0.004} if row == "np" and setting["mass"] == 0 else {}
+    )
     assert dut["np"]["points"] == 6
     assert dut["np"]["near"] == pytest.approx(2 / 6)  # without payload: 0.4 cm of at most 0.5 cm
     assert dut["np"]["worst"] == pytest.approx(10.0)
@@ -54,7 +64,9 @@ def test_a_speed_has_median_and_range_and_no_loss_is_averaged_away():
 
     dut = {line["row"]: line["speeds"] for line in grid_by_speed(grid_points(made(change), GRID))}
     assert dut["np"][2.5] is None
-    assert dut["np"][0.5] == pytest.approx((0.008, 0.004, 0.016))  # of 0.8 m (no payload), 0.4 and 1.6 m
+    assert dut["np"][0.5] == pytest.approx(
+        (0.008, 0.004, 0.016)
+    )  # of 0.8 m (no payload), 0.4 and 1.6 m
 
 
 def test_the_bound_near_the_oracle_is_twice_its_error_and_a_millimetre():
@@ -77,7 +89,9 @@ def test_a_lost_flight_is_worse_and_not_near():
 
 @pytest.mark.parametrize("key", ["growth", "swing_growth"])
 def test_error_and_swing_both_count_as_growing(key):
-    dut = table(lambda row, setting: {key: 1.6} if row == "np" and setting["speed"] == 2.5 else {key: 1.4})
+    dut = table(
+        lambda row, setting: {key: 1.6} if row == "np" and setting["speed"] == 2.5 else {key: 1.4}
+    )
     assert (dut["np"]["growing"], dut["hold"]["growing"]) == (3, 0)
 
 
@@ -103,7 +117,8 @@ def test_the_maps_have_a_panel_for_each_speed_and_ratio():
     panels = [ax for ax in figure.axes if ax.images]
     assert [ax.get_title() for ax in panels] == ["0.5 m/s", "2.5 m/s"] * 2
     written = [[text.get_text() for text in ax.texts] for ax in panels]
-    # From the shortest tether up, payloads 0 and 0.5 kg: both tethers show the same flight without payload.
+    # From the shortest tether up, payloads 0 and 0.5 kg: both tethers show the same flight without
+    # payload.
     assert written[0] == ["10", "10", "10", "10"]
     assert written[3] == ["0.5", "0.5", "0.5", "× 3/3"]
     assert np.ma.getmaskarray(np.ma.masked_invalid(panels[3].images[0].get_array()))[1, 1]

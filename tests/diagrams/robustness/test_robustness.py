@@ -37,7 +37,10 @@ def test_no_line_leads_to_a_lost_flight():
     base = [point(v, 1.0) for v in (0.0, 1.0, 2.0)]
     dut = [point(0.0, 2.0), point(1.0, 0.5), point(2.0, None)]
     assert better_than(dut, base, "E_xy") == [(pytest.approx(0.5), 1.0)]
-    assert better_than(base, dut, "E_xy") == [(0.0, pytest.approx(0.5)), (2.0, 2.0)]  # who flies is better
+    assert better_than(base, dut, "E_xy") == [
+        (0.0, pytest.approx(0.5)),
+        (2.0, 2.0),
+    ]  # who flies is better
     assert better_than([point(0.0, None)], [point(0.0, None)], "E_xy") == []
 
 
@@ -93,17 +96,23 @@ def test_a_gain_multiplies_the_thrust():
 
 
 def test_no_mass_is_no_payload_and_tells_nothing():
-    config = flight_config({"row": "hold + total mass", "seed": 1, **BASE, "mass": 0.0}, solver="sqp")
+    config = flight_config(
+        {"row": "hold + total mass", "seed": 1, **BASE, "mass": 0.0}, solver="sqp"
+    )
     assert config.reality.payload.tether == "none"
     assert config.controller.extra_mass == 0.0
-    heavy = flight_config({"row": "hold + total mass", "seed": 1, **BASE, "mass": 0.5}, solver="sqp")
+    heavy = flight_config(
+        {"row": "hold + total mass", "seed": 1, **BASE, "mass": 0.5}, solver="sqp"
+    )
     assert heavy.controller.extra_mass == heavy.reality.payload.mass == 0.5
 
 
 @pytest.mark.parametrize("axis", FLOWN, ids=lambda axis: axis.name)
 def test_every_value_can_be_flown(axis):
     for value in axis.values:
-        assert flight_config({"row": "oracle", "seed": 1, **BASE, axis.name: value}, solver="sqp").check()
+        assert flight_config(
+            {"row": "oracle", "seed": 1, **BASE, axis.name: value}, solver="sqp"
+        ).check()
 
 
 def test_wind_pushes_a_resting_body_with_its_drag():
@@ -148,7 +157,14 @@ def made_signals(config, n):
     plant = np.zeros((n, 26))
     plant[:, 6], plant[:, 13] = 1.0, 0.2
     zeros = np.zeros((n, 1))
-    return {"t": t, "x_true": x, "p_ref": np.zeros((n, 3)), "u": u, "status": zeros, "plant_state": plant}
+    return {
+        "t": t,
+        "x_true": x,
+        "p_ref": np.zeros((n, 3)),
+        "u": u,
+        "status": zeros,
+        "plant_state": plant,
+    }
 
 
 @pytest.mark.parametrize("far", [1.01, np.nan])
@@ -203,8 +219,19 @@ def made_flights(monkeypatch):
             lost = case["row"] == "hold" and case["speed"] == 3.0 and case["seed"] == seeds[0]
             keys = ("E_xy", "E_z", "growth", "swing_growth")
             result = dict.fromkeys(keys, None if lost else error)
-            result |= {"lost_at": 7.5 if lost else None, "lost": "", "solve_failures": int(lost), "at_limit": 0.1}
-            result |= {"at_limit_last": 1.0, "thrust": 0.5, "tilt": 0.3, "swing": None, "fallbacks": 0}
+            result |= {
+                "lost_at": 7.5 if lost else None,
+                "lost": "",
+                "solve_failures": int(lost),
+                "at_limit": 0.1,
+            }
+            result |= {
+                "at_limit_last": 1.0,
+                "thrust": 0.5,
+                "tilt": 0.3,
+                "swing": None,
+                "fallbacks": 0,
+            }
             records.append({"case": case, "result": result, "seconds": 6.0})
         records[-1] = {"case": records[-1]["case"], "error": "its process died", "seconds": None}
         return [], records
@@ -213,12 +240,22 @@ def made_flights(monkeypatch):
 
 
 def test_the_verb_prints_limits_errors_and_lost_flights_and_draws(made_flights, tmp_path, capsys):
-    files = ["--json", str(tmp_path / "m.json"), "--markdown", str(tmp_path / "m.md"), "--out", str(tmp_path / "o")]
-    assert run(["reproduce", "robustness", "--seed", "40", "--seeds", "2", "--only", "hold", *files]) == 0, (
-        capsys.readouterr().err
-    )
+    files = [
+        "--json",
+        str(tmp_path / "m.json"),
+        "--markdown",
+        str(tmp_path / "m.md"),
+        "--out",
+        str(tmp_path / "o"),
+    ]
+    assert (
+        run(["reproduce", "robustness", "--seed", "40", "--seeds", "2", "--only", "hold", *files])
+        == 0
+    ), capsys.readouterr().err
     said, page = capsys.readouterr().out, (tmp_path / "m.md").read_text()
-    cells = [line.strip("| ").split(" | ") for line in page.splitlines() if line.startswith("| speed")]
+    cells = [
+        line.strip("| ").split(" | ") for line in page.splitlines() if line.startswith("| speed")
+    ]
     assert cells[1][:5] == ["speed [m/s]", "hold", "0.5 … 2", "0.5 … 2", "3 (1 of 2)"]
     assert "| hold | 0.50 ± 0.00 | 1.00 ± 0.00 |" in page
     assert "lost 1 of 2" in page
@@ -260,7 +297,20 @@ def test_a_lost_flight_leaves_no_mean(made_flights):
 
 def test_the_grid_is_tabled_and_drawn_for_every_neural_predictor(made_flights, tmp_path, capsys):
     thin = ["--axis", "mass", "--grid", "--grid-values", "2", "--only", "np", "--only", "hold"]
-    assert run(["reproduce", "robustness", *thin, "--out", str(tmp_path), "--json", str(tmp_path / "m")]) == 0
+    assert (
+        run(
+            [
+                "reproduce",
+                "robustness",
+                *thin,
+                "--out",
+                str(tmp_path),
+                "--json",
+                str(tmp_path / "m"),
+            ]
+        )
+        == 0
+    )
     grid = json.loads((tmp_path / "m").read_text())["grid"]
     assert len(grid["points"]) == 3 * (2 + 4)  # rows; points without and with payload
     assert [line["row"] for line in grid["table"]] == ["nominal", "hold", "np"]

@@ -29,13 +29,19 @@ def test_every_configuration_has_a_row_between_the_floor_and_the_ceiling():
     ]
     assert len({row.training for row in configurations.ROWS if row.kind == "np"}) == 1
     for row in configurations.ROWS:
-        assert not row.configuration or make_config(row.configuration)  # in world axes, as a controller needs
+        assert not row.configuration or make_config(
+            row.configuration
+        )  # in world axes, as a controller needs
 
 
 def test_the_ranking_is_by_error_in_space_and_says_the_scatter_of_seeds():
     runs = [flown("np: a", s, 0.03, 0.04) for s in (1, 2)]
     runs += [flown("np: b", 1, 0.01, 0.0), flown("np: b", 2, 0.03, 0.0)]
-    runs += [flown("np: c", 1, np.inf, np.inf), flown("np: c", 2, 0.0, 0.0), flown("oracle", 1, 0.001, 0.0)]
+    runs += [
+        flown("np: c", 1, np.inf, np.inf),
+        flown("np: c", 2, 0.0, 0.0),
+        flown("oracle", 1, 0.001, 0.0),
+    ]
     places = configurations.ranking(runs)
     assert [place[0] for place in places] == ["oracle", "np: b", "np: a", "np: c"]
     assert places[1][1:] == pytest.approx((0.02, 0.01 * np.sqrt(2)))
@@ -52,20 +58,36 @@ def test_the_table_states_the_deviation_over_seeds():
     assert lines[1]["E_xy_sd"] == pytest.approx(0.0)
 
 
-def test_the_verb_trains_each_once_and_prints_seed_and_configuration(tmp_path, monkeypatch, capsys, in_this_process):
+def test_the_verb_trains_each_once_and_prints_seed_and_configuration(
+    tmp_path, monkeypatch, capsys, in_this_process
+):
     def load(name, vehicle=None, reality=None):
         config = load_experiment(name, vehicle, reality)
-        config.duration, config.reference.ramp = (6.0, 1.5) if name == "training_circle" else (0.5, 1.0)
+        config.duration, config.reference.ramp = (
+            (6.0, 1.5) if name == "training_circle" else (0.5, 1.0)
+        )
         return config
 
     monkeypatch.setattr(tracking, "load_experiment", load)
     table, metrics, models = tmp_path / "table.md", tmp_path / "table.json", tmp_path / "models"
     only = ["--only", "np: dmdc", "--only", "np: ridge"]
-    arguments = ["reproduce", "configurations", "--seeds", "1", "--seed", "40", "--jobs", "1", *only]
+    arguments = [
+        "reproduce",
+        "configurations",
+        "--seeds",
+        "1",
+        "--seed",
+        "40",
+        "--jobs",
+        "1",
+        *only,
+    ]
     files = ["--markdown", str(table), "--json", str(metrics), "--out", str(models)]
     assert run([*arguments, *files]) == 0, capsys.readouterr().err
     out = capsys.readouterr().out
-    rows = [line.split(" | ")[1] for line in table.read_text().splitlines() if line.startswith("| ")]
+    rows = [
+        line.split(" | ")[1] for line in table.read_text().splitlines() if line.startswith("| ")
+    ]
     assert rows == ["controller", *2 * ["nominal", "np: dmdc", "np: ridge"]]
     assert sorted(p.name for p in models.glob("*.safetensors")) == [
         f"{n}_training_circle.safetensors" for n in ("dmdc", "ridge")
@@ -81,10 +103,16 @@ def test_the_verb_trains_each_once_and_prints_seed_and_configuration(tmp_path, m
     "frame, step, message",
     [
         ("body", 0.02, "must be trained on wrenches in world axes; its are in body axes"),
-        ("world", 0.0025, "step must equal the period; got 0.0025, 0.02 [s]. Train it with --step 0.02."),
+        (
+            "world",
+            0.0025,
+            "step must equal the period; got 0.0025, 0.02 [s]. Train it with --step 0.02.",
+        ),
     ],
 )
-def test_what_does_not_fit_the_flight_is_refused_in_one_line(frame, step, message, tmp_path, capsys):
+def test_what_does_not_fit_the_flight_is_refused_in_one_line(
+    frame, step, message, tmp_path, capsys
+):
     noise = np.random.default_rng(0).standard_normal((200, 12))
     model = train([Segment(noise[:, :6], noise[:, 6:], step)], make_config("dmdc")).model
     save_model(with_origin(model, {"frame": frame}), tmp_path / "np.safetensors")

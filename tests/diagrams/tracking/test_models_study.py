@@ -9,7 +9,10 @@ from diagrams.loop.controller_config import FILTER_MODEL, NP_MODEL
 
 def test_both_files_are_written_under_the_packaged_names(tmp_path, monkeypatch, capsys):
     def made(run):
-        return [shutil.copy(packaged, run.folder / packaged.name) for packaged in (NP_MODEL, FILTER_MODEL)]
+        return [
+            shutil.copy(packaged, run.folder / packaged.name)
+            for packaged in (NP_MODEL, FILTER_MODEL)
+        ]
 
     monkeypatch.setattr("diagrams.tracking.packaged.make_packaged_models", made)
     out = tmp_path / "models"

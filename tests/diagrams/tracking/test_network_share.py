@@ -12,7 +12,9 @@ from np_drake.vehicle import Vehicle
 
 
 def run(error):
-    """Stand-in of a run whose flight with a share errs by error(share); None: the vehicle is lost."""
+    """Stand-in of a run whose flight with a share errs by error(share); None: the vehicle is
+    lost.
+    """
 
     def cases(title, what, work, cases, **more):
         errors = [error(case["share"]) for case in cases]
@@ -40,14 +42,18 @@ def test_a_flight_is_flown_with_the_model_of_its_share(monkeypatch):
     work = {}
 
     def keep(title, what, flying, cases, **more):
-        work.update({case["share"]: flying({"flight": 5, "share": case["share"]}) for case in cases})
+        work.update(
+            {case["share"]: flying({"flight": 5, "share": case["share"]}) for case in cases}
+        )
         return [{"result": work[case["share"]]} for case in cases]
 
     monkeypatch.setattr("diagrams.tracking.network_share.fly", fly)
     model = load_model(NP_MODEL)
     flown_share(model, 10, run=SimpleNamespace(seed=0, cases=keep), vehicle=Vehicle())
     own = model.encoder.network.share
-    assert {share: found["error"] for share, found in work.items()} == {share: 1 + share * own for share in SHARES}
+    assert {share: found["error"] for share, found in work.items()} == {
+        share: 1 + share * own for share in SHARES
+    }
 
 
 def test_where_every_share_flies_worse_there_is_none():

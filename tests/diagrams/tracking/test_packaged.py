@@ -38,5 +38,7 @@ def test_a_delay_where_the_packaged_model_has_none_differs_by_itself(tmp_path):
 @pytest.mark.parametrize(("packaged", "expected"), [(2.0, (np.inf, 0.0)), (0.0, (0.0, np.inf))])
 def test_a_number_that_is_none_differs_without_bound(packaged, expected):
     first, there = np.zeros(1), np.array([packaged, packaged])
-    found = tensor_difference({"a": first, "b": np.array([packaged, np.nan])}, {"a": first, "b": there})
+    found = tensor_difference(
+        {"a": first, "b": np.array([packaged, np.nan])}, {"a": first, "b": there}
+    )
     assert found == Difference(*expected)

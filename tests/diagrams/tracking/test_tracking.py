@@ -18,7 +18,9 @@ def short_experiments(monkeypatch, in_this_process):
 
     def load(name, vehicle=None, reality=None):
         config = load_experiment(name, vehicle, reality)
-        config.duration, config.reference.ramp = (6.0, 1.5) if "circle" in name and name != "circle" else (1.0, 1.0)
+        config.duration, config.reference.ramp = (
+            (6.0, 1.5) if "circle" in name and name != "circle" else (1.0, 1.0)
+        )
         return config
 
     monkeypatch.setattr(tracking, "load_experiment", load)
@@ -39,7 +41,9 @@ def test_table_states_mean_interval_and_cut():
     lines = {(line["row"], line["track"]): line for line in tracking.table(runs)}
     nominal, np_row = lines["nominal", "circle"], lines["np", "circle"]
     assert nominal["E_xy"] == pytest.approx(0.10)
-    assert nominal["E_xy_ci95"] == pytest.approx(4.303 * 0.01 / np.sqrt(3), rel=1e-3)  # Student, 2 degrees
+    assert nominal["E_xy_ci95"] == pytest.approx(
+        4.303 * 0.01 / np.sqrt(3), rel=1e-3
+    )  # Student, 2 degrees
     assert np_row["E_xy_cut"] == pytest.approx(0.8)
     assert np_row["E_z"] == pytest.approx(0.04)
     assert nominal["solve_failures"] == 3
@@ -74,8 +78,21 @@ def test_a_campaign_trains_once_a_model_and_flies_every_row(tmp_path, short_expe
 
 def test_the_verb_prints_and_writes_the_same_table(tmp_path, short_experiments, capsys):
     table, metrics = tmp_path / "table.md", tmp_path / "table.json"
-    arguments = ["reproduce", "tracking", "--seeds", "1", "--only", "np", "--jobs", "1", "--seed", "40"]
-    assert run([*arguments, "--markdown", str(table), "--json", str(metrics)]) == 0, capsys.readouterr().err
+    arguments = [
+        "reproduce",
+        "tracking",
+        "--seeds",
+        "1",
+        "--only",
+        "np",
+        "--jobs",
+        "1",
+        "--seed",
+        "40",
+    ]
+    assert run([*arguments, "--markdown", str(table), "--json", str(metrics)]) == 0, (
+        capsys.readouterr().err
+    )
     rows = [line.split(" | ") for line in table.read_text().splitlines() if line.startswith("| ")]
     assert [row[1] for row in rows] == ["controller", "nominal", "np", "nominal", "np"]
     content = json.loads(metrics.read_text())
@@ -84,23 +101,38 @@ def test_the_verb_prints_and_writes_the_same_table(tmp_path, short_experiments, 
     assert rows[1][2] in capsys.readouterr().out
 
 
-def test_every_row_flies_and_trains_in_the_simulator_that_is_given(tmp_path, short_experiments, capsys):
+def test_every_row_flies_and_trains_in_the_simulator_that_is_given(
+    tmp_path, short_experiments, capsys
+):
     heavy = tmp_path / "corrected.yaml"
     heavy.write_text(
-        "name: heavy\nreality: {payload: {tether: none}, rotor_drag: 0.0, motor_lag: 0.0, thrust_scale: 1.0, "
+        "name: heavy\nreality: {payload: {tether: none}, rotor_drag: 0.0, motor_lag: 0.0, "
+        "thrust_scale: 1.0, "
         "effects: [{effect: mass_error, parameters: {delta_mass: 0.4}}]}\n"
     )
     errors = {}
     for name, more in (("own", []), ("heavy", ["--reality", str(heavy)])):
         metrics = tmp_path / f"{name}.json"
-        arguments = ["reproduce", "tracking", "--seeds", "1", "--only", "nominal", "--jobs", "1", *more]
+        arguments = [
+            "reproduce",
+            "tracking",
+            "--seeds",
+            "1",
+            "--only",
+            "nominal",
+            "--jobs",
+            "1",
+            *more,
+        ]
         assert run([*arguments, "--json", str(metrics)]) == 0, capsys.readouterr().err
         content = json.loads(metrics.read_text())
         errors[name] = content["table"][0]["E_z"]
         told = content["config"]["reality"]["effects"]
         assert [entry["effect"] for entry in told] == (["mass_error"] if more else [])
     assert errors["heavy"] != errors["own"]
-    config = tracking.configure("circle", tracking.Row("told", "hold", known_mass=True), solver="sqp", reality=heavy)
+    config = tracking.configure(
+        "circle", tracking.Row("told", "hold", known_mass=True), solver="sqp", reality=heavy
+    )
     assert config.reality.effects
 
 
@@ -112,13 +144,29 @@ def test_gp_and_knode_learn_from_the_circle_that_np_learns_from():
 
 
 def test_the_papers_controllers_fly_and_are_drawn(tmp_path, short_experiments, capsys):
-    arguments = ["reproduce", "tracking", "--seeds", "1", "--jobs", "1", "--seed", "40", "--training", "dithered"]
+    arguments = [
+        "reproduce",
+        "tracking",
+        "--seeds",
+        "1",
+        "--jobs",
+        "1",
+        "--seed",
+        "40",
+        "--training",
+        "dithered",
+    ]
     assert run([*arguments, "--only", "gp", "--only", "knode", "--out", str(tmp_path)]) == 0
     shown = capsys.readouterr().out
     assert "failed solves: 0 in 6 flights; lost flights: 0" in shown
     assert "evaluation: seeds [41]" in shown
     names = {path.name for path in tmp_path.iterdir()}
-    assert names == {"gp_training_circle.safetensors", "knode_training_circle.safetensors", "plane_tracks.png", "cases"}
+    assert names == {
+        "gp_training_circle.safetensors",
+        "knode_training_circle.safetensors",
+        "plane_tracks.png",
+        "cases",
+    }
     assert len(list((tmp_path / "cases").iterdir())) == 2 + 6  # trainings and flights
 
 

@@ -5,7 +5,9 @@ from diagrams.loop.experiments import load_experiment
 from diagrams.tracking import tuning
 
 
-def test_the_best_row_has_the_least_error_among_those_within_the_effort(monkeypatch, in_this_process):
+def test_the_best_row_has_the_least_error_among_those_within_the_effort(
+    monkeypatch, in_this_process
+):
     def load(name):
         config = load_experiment(name)
         config.reference.ramp = 3.0

@@ -16,4 +16,6 @@ def installed():
 
 @pytest.fixture
 def at_rest() -> Sensed:
-    return Sensed(np.zeros(3), np.array([0.0, 0.0, 9.81]), np.array([1.0, 0, 0, 0]), np.zeros(3), np.zeros(3))
+    return Sensed(
+        np.zeros(3), np.array([0.0, 0.0, 9.81]), np.array([1.0, 0, 0, 0]), np.zeros(3), np.zeros(3)
+    )

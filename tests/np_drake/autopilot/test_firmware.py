@@ -14,8 +14,8 @@ import pytest
 from np_drake.autopilot.betaflight import Betaflight, BetaflightConfig
 from np_drake.autopilot.command_line import CommandLine
 from np_drake.autopilot.firmware import BINARY, PORTS, AutopilotError, Firmware, find_firmware
-from np_drake.rate_loop import RateLoop
 from np_drake.vehicle import Vehicle, load_vehicle
+from np_drake.vehicle.rate_loop import RateLoop
 
 HOVER = 19.62  # thrust of the paper's vehicle [N]
 
@@ -59,7 +59,8 @@ def test_after_close_no_process_port_or_folder_is_left():
 
 def test_it_ends_with_a_user_that_is_killed():
     code = (
-        "from np_drake.autopilot.firmware import Firmware; f = Firmware(); print(f._process.pid, flush=True); input()"
+        "from np_drake.autopilot.firmware import Firmware; f = Firmware(); "
+        "print(f._process.pid, flush=True); input()"
     )
     pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
     with subprocess.Popen([sys.executable, "-c", code], text=True, **pipes) as user:
@@ -109,7 +110,9 @@ def test_a_setting_that_the_firmware_refuses_is_said_with_its_reason():
         Betaflight(Vehicle(), BetaflightConfig(lines=["set no_such_thing = 1"]))
 
 
-@pytest.mark.parametrize("line", ["set min_check = 1100", "set roll_srate = 10", "save", "aux 0 0 0 900 900 0 0"])
+@pytest.mark.parametrize(
+    "line", ["set min_check = 1100", "set roll_srate = 10", "save", "aux 0 0 0 900 900 0 0"]
+)
 def test_lines_that_would_turn_sticks_into_something_else_are_refused(line):
     with pytest.raises(ValueError, match="lines must not hold"):
         BetaflightConfig(lines=[line]).check()
@@ -133,11 +136,16 @@ def test_at_hover_every_motor_gives_a_quarter_of_the_thrust(at_rest):
 
 def test_a_vehicle_that_is_not_level_is_not_armed_for_that_reason(at_rest):
     tilted = dc.replace(at_rest, q=np.array([np.cos(0.5), np.sin(0.5), 0.0, 0.0]))
-    with Betaflight(Vehicle()) as dut, pytest.raises(AutopilotError, match=r"does not arm: .*not level"):
+    with (
+        Betaflight(Vehicle()) as dut,
+        pytest.raises(AutopilotError, match=r"does not arm: .*not level"),
+    ):
         dut.arm(tilted, HOVER)
 
 
-@pytest.mark.parametrize(("axis", "signs"), [(0, (1, -1, -1, 1)), (1, (-1, -1, 1, 1)), (2, (1, -1, 1, -1))])
+@pytest.mark.parametrize(
+    ("axis", "signs"), [(0, (1, -1, -1, 1)), (1, (-1, -1, 1, 1)), (2, (1, -1, 1, -1))]
+)
 def test_a_commanded_rate_turns_the_motors_that_give_its_torque(at_rest, axis, signs):
     command = np.array([HOVER, 0.0, 0.0, 0.0])
     with Betaflight(Vehicle()) as dut:
@@ -177,5 +185,7 @@ def test_any_order_and_sense_of_an_x_turns_as_it_is_told(at_rest, name):
 
 
 def test_a_plus_is_refused():
-    with pytest.raises(ValueError, match=r"betaflight: vehicle 'hummingbird': its rotors .* must be where"):
+    with pytest.raises(
+        ValueError, match=r"betaflight: vehicle 'hummingbird': its rotors .* must be where"
+    ):
         Betaflight(load_vehicle("hummingbird"))

@@ -18,7 +18,9 @@ def target(**parts) -> np.ndarray:
 
 def step(x=REST, integral=None, **parts):
     integral = np.zeros(6) if integral is None else integral
-    return cascade(VEHICLE, CascadeGains(), x=x, target=target(**parts), integral=integral, step=0.01)
+    return cascade(
+        VEHICLE, CascadeGains(), x=x, target=target(**parts), integral=integral, step=0.01
+    )
 
 
 def test_at_rest_on_target_it_carries_the_weight():
@@ -32,7 +34,9 @@ def test_wanted_acceleration_is_fed_forward():
     assert u[0] == pytest.approx(VEHICLE.mass * (9.81 + 2.0))
 
 
-@pytest.mark.parametrize("where, torque, sign", [([1.0, 0, 1], 2, 1), ([-1.0, 0, 1], 2, -1), ([0, 1.0, 1], 1, -1)])
+@pytest.mark.parametrize(
+    "where, torque, sign", [([1.0, 0, 1], 2, 1), ([-1.0, 0, 1], 2, -1), ([0, 1.0, 1], 1, -1)]
+)
 def test_it_tilts_towards_the_target(where, torque, sign):
     u, _ = step(p=where)
     assert sign * u[torque] > 0.01  # [N·m]

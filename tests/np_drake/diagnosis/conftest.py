@@ -1,4 +1,6 @@
-"""Fixtures: simulated flights (`simulated_flights.py`), their residuals, and the models that explain them."""
+"""Fixtures: simulated flights (`simulated_flights.py`), their residuals, and the models that
+explain them.
+"""
 
 import dataclasses as dc
 import importlib
@@ -38,7 +40,9 @@ Fly = Callable[..., FlightLog]
 @pytest.fixture(scope="session")
 def fly() -> Fly:
     """Return the function that simulates a flight."""
-    spec = importlib.util.spec_from_file_location("simulated_flights", Path(__file__).with_name("simulated_flights.py"))
+    spec = importlib.util.spec_from_file_location(
+        "simulated_flights", Path(__file__).with_name("simulated_flights.py")
+    )
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
@@ -62,7 +66,9 @@ Search = Callable[..., SearchResult]
 def search_with_few_lengths(
     flights: Sequence[FlightResiduals], options: Options | None = None, *, still_air: bool = False
 ) -> SearchResult:
-    """Return `find_map_model` with a quarter of the tether lengths, for flights without a payload."""
+    """Return `find_map_model` with a quarter of the tether lengths, for flights without a
+    payload.
+    """
     few = partialmethod(PayloadSearch.__init__, lengths=np.geomspace(*SEARCH_LENGTHS)[::4])
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(PayloadSearch, "__init__", few)
@@ -71,18 +77,34 @@ def search_with_few_lengths(
 
 def _content(e: FlightResiduals) -> tuple[object, ...]:
     """Return what a search reads of a flight, hashable."""
-    arrays = (e.t, e.y, e.rows.x, e.nominal, e.outliers, e.joined, e.log.t, e.log.x, e.log.u, e.log.a)
+    arrays = (
+        e.t,
+        e.y,
+        e.rows.x,
+        e.nominal,
+        e.outliers,
+        e.joined,
+        e.log.t,
+        e.log.x,
+        e.log.u,
+        e.log.a,
+    )
     content = (None if a is None else a.tobytes() for a in arrays)
     return (e.name, repr(e.vehicle), e.log.input, e.goes_on, e.turned, e.attitude_noise, *content)
 
 
 @pytest.fixture(scope="module")
 def searched() -> Search:
-    """Return `find_map_model`, which searches the same flights once in a module, with few lengths."""
+    """Return `find_map_model`, which searches the same flights once in a module, with few
+    lengths.
+    """
     known: dict[tuple[object, ...], SearchResult] = {}
 
     def search(
-        flights: Sequence[FlightResiduals], options: Options | None = None, *, still_air: bool = False
+        flights: Sequence[FlightResiduals],
+        options: Options | None = None,
+        *,
+        still_air: bool = False,
     ) -> SearchResult:
         key = (*map(_content, flights), repr(options), still_air, *LIBRARY)
         if key not in known:
@@ -94,11 +116,15 @@ def searched() -> Search:
 
 @pytest.fixture(scope="module")
 def inferred(searched: Search) -> Callable[..., Inference]:
-    """Return `infer` with few lengths, which searches the same flights once in a module, and concludes once."""
+    """Return `infer` with few lengths, which searches the same flights once in a module, and
+    concludes once.
+    """
     known: dict[tuple[object, ...], Inference] = {}
 
     def inference(
-        flights: Sequence[FlightResiduals], held_out: Sequence[FlightResiduals], options: Options | None = None
+        flights: Sequence[FlightResiduals],
+        held_out: Sequence[FlightResiduals],
+        options: Options | None = None,
     ) -> Inference:
         key = (*map(_content, flights), None, *map(_content, held_out), repr(options))
         if key not in known:
@@ -113,13 +139,19 @@ def quick_searches(searched: Search) -> Iterator[None]:
     """Let a diagnosis search with few lengths, and the same flights once in a module."""
     with pytest.MonkeyPatch.context() as patch:
         for name in ("infer", "second_answer"):  # by path: the package has functions so named
-            patch.setattr(importlib.import_module(f"np_drake.diagnosis.decision.{name}"), "find_map_model", searched)
+            patch.setattr(
+                importlib.import_module(f"np_drake.diagnosis.decision.{name}"),
+                "find_map_model",
+                searched,
+            )
         yield
 
 
 @dc.dataclass(frozen=True)
 class Case:
-    """Flights of one vehicle, the search for their model, and the models that explain them, best first."""
+    """Flights of one vehicle, the search for their model, and the models that explain them, best
+    first.
+    """
 
     flights: list[FlightResiduals]
     held_out: list[FlightResiduals]
@@ -133,7 +165,9 @@ class Case:
 
 @pytest.fixture(scope="session")
 def ranked(seen) -> Callable[..., Case]:
-    """Return a function that ranks models on two noisy flights under some effects, with a third held out; cached."""
+    """Return a function that ranks models on two noisy flights under some effects, with a third
+    held out; cached.
+    """
 
     @cache
     def case(*effects: Effect) -> Case:
@@ -157,7 +191,9 @@ def noise(seen) -> NoiseModel:
 
 @pytest.fixture(scope="session")
 def fit_at(seen) -> Callable[..., Fit]:
-    """Return a function that makes a fit at given effects, whose parameters, swings apart, have this covariance."""
+    """Return a function that makes a fit at given effects, whose parameters, swings apart, have
+    this covariance.
+    """
     flights = [seen(name="a", seconds=4.0)]
 
     def fit(*effects: Effect, covariance: np.ndarray | float, priors: Priors | None = None) -> Fit:
@@ -182,7 +218,9 @@ def library() -> Iterator[dict[str, type[Effect]]]:
 
 
 def _process(rng: np.random.Generator, t: np.ndarray, time: float) -> np.ndarray:
-    """Return an exact first-order Gauss-Markov process (n, 3) of unit deviation; t: at equal steps."""
+    """Return an exact first-order Gauss-Markov process (n, 3) of unit deviation; t: at equal
+    steps.
+    """
     decay = np.exp(-(t[1] - t[0]) / time)
     kicks = rng.standard_normal((len(t), 3))
     kicks[1:] *= np.sqrt(1 - decay**2)
@@ -191,7 +229,8 @@ def _process(rng: np.random.Generator, t: np.ndarray, time: float) -> np.ndarray
 
 @pytest.fixture(scope="session")
 def pushed() -> Callable[..., dict[str, np.ndarray]]:
-    """Return a function that gives residuals (m, 15) of flights with noise and gusts of 0.5 N about a mean.
+    """Return a function that gives residuals (m, 15) of flights with noise and gusts of 0.5 N about
+    a mean.
 
     The force begins at `begin` [s].
     """

@@ -1,7 +1,9 @@
-"""Simulated flights from a prescribed motion: the command is that with which the real dynamics follow it.
+"""Simulated flights from a prescribed motion: the command is that with which the real dynamics
+follow it.
 
-Row by row, body rates change by the mean torque of an interval, specific force is that of the held thrust and of the
-effects, and velocity and position are its sums. Every effect of the library can act, from any time on.
+Row by row, body rates change by the mean torque of an interval, specific force is that of the held
+thrust and of the effects, and velocity and position are its sums. Every effect of the library can
+act, from any time on.
 """
 
 import dataclasses as dc
@@ -19,7 +21,7 @@ from np_drake.effects.motor_lag import MotorLag
 from np_drake.effects.sensor_noise import SensorNoise
 from np_drake.flight_log import FlightLog
 from np_drake.rigid_body import P, Q, V, W
-from np_drake.vehicle import MeasurementNoise, Vehicle
+from np_drake.vehicle.vehicle import MeasurementNoise, Vehicle
 
 VEHICLE = Vehicle()
 SWEEPS = 14  # fixed-point steps from motion to forces and back
@@ -29,7 +31,11 @@ SLOW_START = 4.0  # [s]
 GRAVITY = np.array([0.0, 0.0, VEHICLE.gravity])
 
 #        frequency [Hz], amplitude [m, rad] of x, y, z, heading
-WAVES = ((0.2, (1.0, 0.9, 0.3, 0.4)), (0.5, (0.2, 0.25, 0.1, 0.1)), (1.2, (0.02, 0.02, 0.015, 0.01)))
+WAVES = (
+    (0.2, (1.0, 0.9, 0.3, 0.4)),
+    (0.5, (0.2, 0.25, 0.1, 0.1)),
+    (1.2, (0.02, 0.02, 0.015, 0.01)),
+)
 
 
 @dc.dataclass
@@ -44,25 +50,41 @@ class Course:
 
 
 def course(seed: int, seconds: float, vigour: float | tuple[float, ...]) -> Course:
-    """Return a few sinusoids on each axis about a point 1.2 m above the ground, starting from rest."""
+    """Return a few sinusoids on each axis about a point 1.2 m above the ground, starting from
+    rest.
+    """
     rng = np.random.default_rng(seed)
     t = STEP * np.arange(round(seconds / STEP) + 1)
     parts = np.zeros((3, len(t), 4))
     for frequency, amplitude in WAVES:
         rate = 2 * np.pi * frequency * rng.uniform(0.9, 1.1, 4)
-        angle, size = t[:, None] * rate + rng.uniform(0, 2 * np.pi, 4), np.multiply(vigour, amplitude)
-        parts += np.stack([size * np.sin(angle), size * rate * np.cos(angle), -size * rate**2 * np.sin(angle)])
+        angle, size = (
+            t[:, None] * rate + rng.uniform(0, 2 * np.pi, 4),
+            np.multiply(vigour, amplitude),
+        )
+        parts += np.stack(
+            [size * np.sin(angle), size * rate * np.cos(angle), -size * rate**2 * np.sin(angle)]
+        )
     s = np.minimum(t / SLOW_START, 1.0)[:, None]
     grown = s**3 * (10 - 15 * s + 6 * s**2)
-    rate, bend = 30 * s**2 * (1 - s) ** 2 / SLOW_START, 60 * s * (1 - s) * (1 - 2 * s) / SLOW_START**2
+    rate, bend = (
+        30 * s**2 * (1 - s) ** 2 / SLOW_START,
+        60 * s * (1 - s) * (1 - 2 * s) / SLOW_START**2,
+    )
     wave, slope, curve = parts
-    p, v, a = grown * wave, grown * slope + rate * wave, grown * curve + 2 * rate * slope + bend * wave
+    p, v, a = (
+        grown * wave,
+        grown * slope + rate * wave,
+        grown * curve + 2 * rate * slope + bend * wave,
+    )
     return Course(t, p[:, :3] + [0, 0, 1.2], v[:, :3], a[:, :3], p[:, 3])
 
 
 @dc.dataclass
 class Flown:
-    """Resulting motion: x (n, 13), a (n, 3) right-sided, thrust (n, 4) at rows and as mean over each row's interval."""
+    """Resulting motion: x (n, 13), a (n, 3) right-sided, thrust (n, 4) at rows and as mean over
+    each row's interval.
+    """
 
     x: np.ndarray
     a: np.ndarray
@@ -73,7 +95,9 @@ class Flown:
 class Flight:
     """Simulation of one flight under some effects."""
 
-    def __init__(self, path: Course, places: EffectsByPlace, onset: Mapping[str, float], vehicle: Vehicle):
+    def __init__(
+        self, path: Course, places: EffectsByPlace, onset: Mapping[str, float], vehicle: Vehicle
+    ):
         self.path, self.places, self.onset, self.vehicle = path, places, onset, vehicle
         self.lag = next((e for e in places.actuator if isinstance(e, MotorLag)), None)
 
@@ -87,7 +111,10 @@ class Flight:
         self.m, self.c, self.J = self._mass_properties()
         thrust = np.full((n, 4), 0.25 * self.vehicle.mass * self.vehicle.gravity)
         now = Flown(
-            np.concatenate([path.p, np.zeros((n, 4)), path.v, np.zeros((n, 3))], axis=1), path.a, thrust, thrust
+            np.concatenate([path.p, np.zeros((n, 4)), path.v, np.zeros((n, 3))], axis=1),
+            path.a,
+            thrust,
+            thrust,
         )
         force, steered = np.zeros((n, 3)), np.zeros((n, 3))
         for i in range(SWEEPS):
@@ -108,7 +135,9 @@ class Flight:
         return m, c, J
 
     def _attitude(self, force: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return attitude, body rates and thrust that follow the course under `force` (n, 3) in W."""
+        """Return attitude, body rates and thrust that follow the course under `force` (n, 3) in
+        W.
+        """
         mass = ndimage.gaussian_filter1d(self.m, 0.06 / STEP, axis=0, mode="nearest")
         needed = mass * (self.path.a + GRAVITY) - force
         lift = np.linalg.norm(needed, axis=1)
@@ -117,7 +146,9 @@ class Flight:
         return q, 2 * attitude.multiply(q * [1.0, -1.0, -1.0, -1.0], rate)[:, 1:], lift
 
     def _moved(self, now: Flown, q, w, lift) -> tuple[np.ndarray, Flown]:
-        """Return the effects' force in W at the rows, and the motion under it, after one iteration."""
+        """Return the effects' force in W at the rows, and the motion under it, after one
+        iteration.
+        """
         x = np.concatenate([now.x[:, :3], q, now.x[:, V], w], axis=1)
         al = np.diff(w, axis=0) / STEP
         al = np.concatenate([al, al[-1:]])
@@ -127,9 +158,13 @@ class Flight:
         swing = self._payload(_middle(x), np.concatenate([mean, mean[-1:]]), al)
         chi_rows, chi_mids = chi_rows + _before(swing), chi_mids + swing
         q_mid, w_mid = _middle(x)[:, Q], _middle(x)[:, W]
-        f_rows, f_mids = (attitude.rotate_back(i, chi[:, :3]) for i, chi in ((q, chi_rows), (q_mid, chi_mids)))
+        f_rows, f_mids = (
+            attitude.rotate_back(i, chi[:, :3]) for i, chi in ((q, chi_rows), (q_mid, chi_mids))
+        )
         f_mids[:, 2] += lift
-        spin = np.cross(w_mid, np.einsum("nij,nj->ni", self.J, w_mid)) + np.einsum("nij,nj->ni", self.J, al)
+        spin = np.cross(w_mid, np.einsum("nij,nj->ni", self.J, w_mid)) + np.einsum(
+            "nij,nj->ni", self.J, al
+        )
         torque = spin + np.cross(self.c, f_mids) - chi_mids[:, 3:]
         mids = np.concatenate([lift[:, None], torque], axis=1) @ self.vehicle.unmixer.T
         rows, mids = self._turned(mids)
@@ -145,12 +180,18 @@ class Flight:
 
     def _chi(self, t: np.ndarray, x: np.ndarray, thrust: np.ndarray) -> np.ndarray:
         """Return the wrench (n, 6) of all wrench effects, each from its onset on."""
-        wind = sum(e.air_velocity(t) * self.gate(e) for e in self.places.wrench) + np.zeros((len(t), 3))
+        wind = sum(e.air_velocity(t) * self.gate(e) for e in self.places.wrench) + np.zeros(
+            (len(t), 3)
+        )
         rate = np.zeros((len(t), 4))
         if self.lag:
-            rate = np.gradient(np.sqrt(np.maximum(thrust, 0) / self.vehicle.thrust_coefficient), STEP, axis=0)
+            rate = np.gradient(
+                np.sqrt(np.maximum(thrust, 0) / self.vehicle.thrust_coefficient), STEP, axis=0
+            )
         motion = Motion(t, x, thrust, wind, rate)
-        return sum(e.wrench(self.vehicle, motion) * self.gate(e) for e in self.places.wrench) + np.zeros((len(t), 6))
+        return sum(
+            e.wrench(self.vehicle, motion) * self.gate(e) for e in self.places.wrench
+        ) + np.zeros((len(t), 6))
 
     def _payload(self, x: np.ndarray, a: np.ndarray, al: np.ndarray) -> np.ndarray:
         """Return the mean wrench (n, 6) over each interval, from the motion in its middle.
@@ -164,11 +205,15 @@ class Flight:
         down = -(a[k : k + 50].mean(axis=0) + GRAVITY)
         r = payload.length * down / np.linalg.norm(down)
         still = np.zeros(3)
-        chi[k:] = payload.wrench_along(self.vehicle, x=x[k:], a=a[k:], al=al[k:], step=STEP, r=r, r_rate=still)
+        chi[k:] = payload.wrench_along(
+            self.vehicle, x=x[k:], a=a[k:], al=al[k:], step=STEP, r=r, r_rate=still
+        )
         return chi
 
     def _turned(self, needed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return thrust (n, 4) at rows and in the mean: held over the interval, or interpolated where rotors lag."""
+        """Return thrust (n, 4) at rows and in the mean: held over the interval, or interpolated
+        where rotors lag.
+        """
         if self.lag is None:
             return needed, needed
         rows = _before(needed)
@@ -183,7 +228,9 @@ class Flight:
         return float(np.exp(-share * STEP / self.lag.time_constant))
 
     def command(self, now: Flown) -> np.ndarray:
-        """Return u (n, 4) whose rotors, through the actuator effects, give the thrust that was flown [N, N·m]."""
+        """Return u (n, 4) whose rotors, through the actuator effects, give the thrust that was
+        flown [N, N·m].
+        """
         thrust = now.mids
         for effect in reversed(self.places.actuator):
             if not effect.turns_rotor:
@@ -199,7 +246,9 @@ class Flight:
 
 
 def _middle(rows: np.ndarray) -> np.ndarray:
-    """Return values (n, m) in the middle of the interval after each row; quaternions are normalised."""
+    """Return values (n, m) in the middle of the interval after each row; quaternions are
+    normalised.
+    """
     out = 0.5 * (rows + np.concatenate([rows[1:], rows[-1:]]))
     if out.shape[1] == 13:
         out[:, Q] /= np.linalg.norm(out[:, Q], axis=1, keepdims=True)
@@ -230,7 +279,8 @@ def fly(
 ) -> FlightLog:
     """Return the log of a flight under `effects`.
 
-    onset: by identifier [s]. noise: factor on the white noise of the vehicle file [1]; attitude_noise [rad].
+    onset: by identifier [s]. noise: factor on the white noise of the vehicle file [1];
+    attitude_noise [rad].
     vigour: of the motion along x, y, z and about z [1]; 0 hovers.
     """
     places = split_effects(effects)
@@ -242,7 +292,9 @@ def fly(
         reading = effect.measure(vehicle, reading, np.zeros((len(al), 0)))
     white = MeasurementNoise(**{k: noise * v for k, v in dc.asdict(MeasurementNoise()).items()})
     sensors = SensorNoise(dc.replace(white, attitude=attitude_noise))
-    reading = sensors.measure(vehicle, reading, np.random.default_rng(1000 + seed).normal(size=(len(al), 22)))
+    reading = sensors.measure(
+        vehicle, reading, np.random.default_rng(1000 + seed).normal(size=(len(al), 22))
+    )
     late = round(sum(getattr(e, "clock_shift", 0.0) for e in places.measurement) / STEP)
     first, last = max(0, -late), len(al) + min(0, -late)
     x, a = reading.x[first + late : last + late], reading.a[first + late : last + late]

@@ -23,16 +23,30 @@ def hovering(t, height):
     """The log of a neighbour that hovers, on a recording that began 50 s earlier."""
     p, q = np.tile([0.1, 0.0, height], (len(t), 1)), np.tile([1.0, 0, 0, 0], (len(t), 1))
     still = np.zeros_like(p)
-    return FlightLog(t=t + 50.0, p=p, q=q, v=still, w=still, u=np.zeros((len(t), 4)), name="neighbour", start=-50.0)
+    return FlightLog(
+        t=t + 50.0,
+        p=p,
+        q=q,
+        v=still,
+        w=still,
+        u=np.zeros((len(t), 4)),
+        name="neighbour",
+        start=-50.0,
+    )
 
 
 @pytest.fixture(scope="module")
 def answers(fly, quick_searches):
-    """Diagnoses of the same flights with and without the log of the neighbour that hovered above."""
+    """Diagnoses of the same flights with and without the log of the neighbour that hovered
+    above.
+    """
     t = np.linspace(-1.0, 20.0, 211)
     above = hovering(t, 2.6)
     effect = Downwash(STRENGTH, (Neighbour(t, above.p),))
-    logs = [fly(effect, name=name, seed=seed, noise=1.0, seconds=10.0, vigour=VIGOUR) for name, seed in FLIGHTS]
+    logs = [
+        fly(effect, name=name, seed=seed, noise=1.0, seconds=10.0, vigour=VIGOUR)
+        for name, seed in FLIGHTS
+    ]
     neighbours = {name: [above] for name, _ in FLIGHTS}
     return [diagnose(VEHICLE, logs[:2], logs[2:], neighbours=given) for given in (neighbours, None)]
 

@@ -29,7 +29,9 @@ SHORT = {"noise": 1.0, "seconds": 8.0}
 
 @pytest.fixture(scope="module")
 def diagnosed(fly, quick_searches):
-    """Return a function that diagnoses two training flights and a held-out one under some effects; cached."""
+    """Return a function that diagnoses two training flights and a held-out one under some effects;
+    cached.
+    """
 
     @cache
     def answer(*effects, onset=None, **how) -> Diagnosis:
@@ -113,8 +115,13 @@ def test_a_hover_without_noise_is_judged_without_a_warning(fly):
 def watched(fly):
     """Return short flights, their diagnosis, and the progress that was told meanwhile."""
     told = []
-    logs = [fly(LinearDrag(0.6, 0.6, 0.6), name=n, seed=i, noise=1.0, seconds=5.0) for i, n in enumerate("ab")]
-    dut = diagnose(VEHICLE, logs[:1], logs[1:], on_progress=lambda share, text: told.append((share, text)))
+    logs = [
+        fly(LinearDrag(0.6, 0.6, 0.6), name=n, seed=i, noise=1.0, seconds=5.0)
+        for i, n in enumerate("ab")
+    ]
+    dut = diagnose(
+        VEHICLE, logs[:1], logs[1:], on_progress=lambda share, text: told.append((share, text))
+    )
     return logs, dut, told
 
 
@@ -142,10 +149,14 @@ class Brake(WrenchEffect):
 
     identifier: ClassVar[str] = "test_brake"
     feels_rotor_rate: ClassVar[bool] = False
-    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("brake", "N·m·s", 0.0, -1.0, 1.0, 0.02),)
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("brake", "N·m·s", 0.0, -1.0, 1.0, 0.02),
+    )
 
     def wrench(self, vehicle, motion):
-        return np.concatenate([np.zeros_like(motion.x[..., W]), -self.brake * motion.x[..., W]], axis=-1)
+        return np.concatenate(
+            [np.zeros_like(motion.x[..., W]), -self.brake * motion.x[..., W]], axis=-1
+        )
 
 
 def test_a_users_own_effect_is_found_once_it_is_registered(fly, library):
@@ -199,8 +210,13 @@ def test_accelerations_that_some_flights_lack_are_used_of_none(fly):
 
 
 def test_flights_of_different_inputs_are_named_with_a_remedy(fly):
-    a, b = fly(name="a", seconds=5.0), dc.replace(fly(name="b", seed=1, seconds=5.0), input="thrust_only")
-    with pytest.raises(ValueError, match=r"got command \(a\) and thrust_only \(b\)\. Diagnose each kind by itself"):
+    a, b = (
+        fly(name="a", seconds=5.0),
+        dc.replace(fly(name="b", seed=1, seconds=5.0), input="thrust_only"),
+    )
+    with pytest.raises(
+        ValueError, match=r"got command \(a\) and thrust_only \(b\)\. Diagnose each kind by itself"
+    ):
         require_flights([a], [b])
 
 
@@ -229,7 +245,9 @@ def test_all_flights_of_a_diagnosis_have_one_map_of_their_throttle(fly, monkeypa
     with pytest.raises(Seen) as seen:
         diagnose(VEHICLE, logs[:2], logs[2:])
     slopes = [
-        np.polyfit(np.log(e.log.throttle[:, 0]), np.log(e.log.u[:, 0]), 1)[0] for es in seen.value.args for e in es
+        np.polyfit(np.log(e.log.throttle[:, 0]), np.log(e.log.u[:, 0]), 1)[0]
+        for es in seen.value.args
+        for e in es
     ]
     assert len(slopes) == 3
     np.testing.assert_allclose(slopes, slopes[0], rtol=1e-9)
@@ -259,7 +277,9 @@ def test_a_coefficient_that_is_a_guess_gives_way_in_a_diagnosis_as_well(fly, mon
     train, held_out = ([driven(fly(name=str(i), seed=i, **SHORT))] for i in range(2))
     with pytest.raises(Seen) as seen:
         diagnose(file, train, held_out, Simulator())
-    assert seen.value.args[0].thrust_coefficient == pytest.approx(VEHICLE.thrust_coefficient, rel=0.01)
+    assert seen.value.args[0].thrust_coefficient == pytest.approx(
+        VEHICLE.thrust_coefficient, rel=0.01
+    )
     with pytest.raises(Seen) as seen:
         diagnose(file, train, held_out)
     for flights in seen.value.args:

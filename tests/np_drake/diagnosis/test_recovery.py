@@ -13,7 +13,10 @@ from np_drake.effects.linear_drag import LinearDrag
 
 REAL, IDEAL = Options.for_sensors(True), Options.for_sensors(False)
 
-ELSEWHERE = {"suspended_payload": "test_refine", "gusty_wind": "test_gusts"}  # hidden states are found otherwise
+ELSEWHERE = {
+    "suspended_payload": "test_refine",
+    "gusty_wind": "test_gusts",
+}  # hidden states are found otherwise
 SIGNS = (1.0, -0.6, 0.8)
 NEAR_THE_GROUND = {"effective_radius": 1.2}  # [m]: at which a flight two metres up feels it
 INEXACT = 0.01  # of a figure that is typical: what a lag of 30 ms suffers on a grid of 20 ms
@@ -23,7 +26,9 @@ DRAG = LinearDrag(0.4, 0.4, 0.4)
 def strong(name: str, share: float) -> Effect:
     """Return that share of a typical effect."""
     values = {}
-    signs = np.abs(SIGNS) if LIBRARY[name].prior_correlation else SIGNS  # axes that are alike have one sign
+    signs = (
+        np.abs(SIGNS) if LIBRARY[name].prior_correlation else SIGNS
+    )  # axes that are alike have one sign
     for p, sign in zip(LIBRARY[name].parameters, [*signs] * 2, strict=False):
         if p.choices:
             values[p.name] = p.choices[1]

@@ -8,12 +8,17 @@ import numpy as np
 from np_drake.diagnosis import result as an
 from np_drake.diagnosis.residuals import residual_parts
 
-GAP = an.ReplayGap((0.5, 1.0), *(np.array([[0.1, 0.05, 0.2], [np.inf, 0.3, np.inf]]) for _ in range(3)), 24)
+GAP = an.ReplayGap(
+    (0.5, 1.0), *(np.array([[0.1, 0.05, 0.2], [np.inf, 0.3, np.inf]]) for _ in range(3)), 24
+)
 
 
 def small() -> an.Diagnosis:
     cause = an.Cause(
-        "mass_error", 0.9, {"delta_mass": an.Estimate(0.1, "kg", (0.05, 0.15))}, {"train_1": None, "heldout": 3.0}
+        "mass_error",
+        0.9,
+        {"delta_mass": an.Estimate(0.1, "kg", (0.05, 0.15))},
+        {"train_1": None, "heldout": 3.0},
     )
     where = residual_parts.Localisation(
         (
@@ -28,8 +33,12 @@ def small() -> an.Diagnosis:
     check = an.Identifiability(
         True, {"speed [m/s]": 1.0}, {"force x": 0.1}, (an.Confusable(("a", "b"), "alike", "roll"),)
     )
-    gap_reduction = an.GapReduction(5.0, 1.1, 1.0, 0.99, (0.98, 1.0), (an.Rung("nominal", 5.0),), GAP, None)
-    return an.Diagnosis("mine", ("train_1",), ("heldout",), ("mass_error",), (cause,), check, where, gap_reduction)
+    gap_reduction = an.GapReduction(
+        5.0, 1.1, 1.0, 0.99, (0.98, 1.0), (an.Rung("nominal", 5.0),), GAP, None
+    )
+    return an.Diagnosis(
+        "mine", ("train_1",), ("heldout",), ("mass_error",), (cause,), check, where, gap_reduction
+    )
 
 
 def test_the_file_has_the_fields_of_the_schema():
@@ -41,13 +50,23 @@ def test_the_file_has_the_fields_of_the_schema():
     assert cause["onset"] == {"train_1": None, "heldout": 3.0}
     assert cause["parameters"]["delta_mass"] == {"value": 0.1, "unit": "kg", "ci95": [0.05, 0.15]}
     assert {"probability", "indistinguishable_from"} <= cause.keys()
-    assert dut["gap"].keys() == {"force", "torque", "kinds", "replay", "segments", "regimes", "bands"}
+    assert dut["gap"].keys() == {
+        "force",
+        "torque",
+        "kinds",
+        "replay",
+        "segments",
+        "regimes",
+        "bands",
+    }
     assert {"rms", "noise_floor", "explained"} <= dut["gap"]["force"]["x"].keys()
     assert dut["gap"]["replay"].keys() == {"horizon", "position", "velocity", "attitude_deg"}
     assert {"before", "after", "fraction", "ci95"} <= dut["shrink"]["residual"].keys()
     assert {"horizon", "before", "after"} <= dut["shrink"]["replay"].keys()
     assert dut["shrink"]["ladder"] == [{"name": "nominal", "residual": 5.0}]
-    assert dut["not_identifiable"] == [{"effects": ["a", "b"], "because": "alike", "manoeuvre": "roll"}]
+    assert dut["not_identifiable"] == [
+        {"effects": ["a", "b"], "because": "alike", "manoeuvre": "roll"}
+    ]
     assert dut["warnings"] == []
     assert dut["explanations"] == []
     assert dut["readings"] is None
@@ -56,7 +75,12 @@ def test_the_file_has_the_fields_of_the_schema():
 def test_differences_have_their_flights_only_where_they_differ():
     same = an.Difference("mass_error.delta_mass", "mass +10 g", 0.01, "kg", 0.005, (0.0, 0.02))
     own = an.Difference(
-        "gyro_bias.x", "gyroscope reads +1.0 °/s about x in a", 0.017, "rad/s", 0.02, by_flight={"a": 0.017}
+        "gyro_bias.x",
+        "gyroscope reads +1.0 °/s about x in a",
+        0.017,
+        "rad/s",
+        0.02,
+        by_flight={"a": 0.017},
     )
     first, second = dc.replace(small(), calibration=(same, own)).as_json()["calibration"]
     assert first.keys() == {"name", "text", "value", "unit", "deviation", "ci95"}

@@ -1,4 +1,6 @@
-"""Flights of throttle alone, of which no scale is known: what hangs below or is taken up shows all the same."""
+"""Flights of throttle alone, of which no scale is known: what hangs below or is taken up shows all
+the same.
+"""
 
 import dataclasses as dc
 
@@ -20,16 +22,29 @@ def with_throttle(log, charge):
     """Return the log with the throttle of its rotors in the place of its command."""
     f = np.maximum(log.u @ VEHICLE.unmixer.T, 0.0)
     unknown = np.full_like(log.u, np.nan)
-    return dc.replace(log, u=unknown, throttle=(f / (charge * FULL)) ** (1 / EXPONENT), input="normalised")
+    return dc.replace(
+        log, u=unknown, throttle=(f / (charge * FULL)) ** (1 / EXPONENT), input="normalised"
+    )
 
 
 @pytest.fixture(scope="module")
 def answer(fly):
-    """Return a function that diagnoses two flights and a held-out one under an effect, which may begin in flight."""
+    """Return a function that diagnoses two flights and a held-out one under an effect, which may
+    begin in flight.
+    """
 
     def diagnosed(effect, onsets=(None, None, None)):
         flights = [
-            with_throttle(fly(effect, name=n, seed=i, onset={} if t is None else {effect.identifier: t}, **SHORT), c)
+            with_throttle(
+                fly(
+                    effect,
+                    name=n,
+                    seed=i,
+                    onset={} if t is None else {effect.identifier: t},
+                    **SHORT,
+                ),
+                c,
+            )
             for i, (n, t, c) in enumerate(zip("abc", onsets, CHARGES, strict=True), start=1)
         ]
         return diagnose(VEHICLE, flights[:2], flights[2:])

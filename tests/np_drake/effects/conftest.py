@@ -33,4 +33,6 @@ def motion() -> Motion:
 def reading() -> Measurement:
     rng = np.random.default_rng(1)
     x = random_state(rng, 7)
-    return Measurement(x, rng.normal(size=(7, 3)), rng.normal(size=(7, 3)), rng.uniform(500, 900, (7, 4)))
+    return Measurement(
+        x, rng.normal(size=(7, 3)), rng.normal(size=(7, 3)), rng.uniform(500, 900, (7, 4))
+    )

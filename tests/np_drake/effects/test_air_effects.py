@@ -54,7 +54,9 @@ def test_only_the_velocity_through_the_air_matters(seed, effect):
     x = motion.x.copy()
     x[7:10] += boost
     moved = dc.replace(motion, x=x, wind=motion.wind + boost)
-    np.testing.assert_allclose(effect().wrench(VEHICLE, moved), effect().wrench(VEHICLE, motion), atol=1e-10)
+    np.testing.assert_allclose(
+        effect().wrench(VEHICLE, moved), effect().wrench(VEHICLE, motion), atol=1e-10
+    )
 
 
 @settings(max_examples=50, deadline=None)
@@ -74,7 +76,9 @@ def test_who_turns_the_world_about_the_vertical_turns_the_force(seed, effect):
 def test_flapping_rotors_raise_the_nose_in_forward_flight():
     chi = BladeFlapping(0.02).wrench(VEHICLE, level((5.0, 0, 0)))
     np.testing.assert_allclose(chi, [0, 0, 0, 0, -0.1, 0], atol=1e-12)
-    x = np.array([0, 0, 1.0, *attitude.multiply([1.0, 0, 0, 0], [1.0, 0, chi[4] * 0.01, 0]), *np.zeros(6)])
+    x = np.array(
+        [0, 0, 1.0, *attitude.multiply([1.0, 0, 0, 0], [1.0, 0, chi[4] * 0.01, 0]), *np.zeros(6)]
+    )
     nose_W = attitude.rotate(x[3:7] / np.linalg.norm(x[3:7]), np.array([1.0, 0, 0]))
     assert nose_W[2] > 0
     chi = BladeFlapping(0.02).wrench(VEHICLE, level((0, 5.0, 0)))
@@ -112,12 +116,15 @@ def test_ground_effect_scales_the_rotors_torques_with_their_thrust():
 
 def test_a_gust_is_the_same_whenever_asked_for_and_another_by_its_seed():
     t = np.linspace(0, 5, 11)
-    np.testing.assert_array_equal(GustyWind(seed=3).air_velocity(t)[4], GustyWind(seed=3).air_velocity(t[4]))
+    np.testing.assert_array_equal(
+        GustyWind(seed=3).air_velocity(t)[4], GustyWind(seed=3).air_velocity(t[4])
+    )
     assert np.abs(GustyWind(seed=3).air_velocity(t) - GustyWind(seed=4).air_velocity(t)).max() > 0.1
 
 
 def test_gusts_have_the_mean_deviation_and_memory_asked():
-    # Averages over a long time and many seeds: of 60 lines an axis each wind alone repeats itself roughly.
+    # Averages over a long time and many seeds: of 60 lines an axis each wind alone repeats itself
+    # roughly.
     t, T = np.arange(0.0, 400.0, 0.1), 0.8
     winds = np.stack([GustyWind(1.0, -2.0, 0.5, 1.5, T, seed).air_velocity(t) for seed in range(5)])
     np.testing.assert_allclose(winds.mean(axis=(0, 1)), [1.0, -2.0, 0.5], atol=0.05)

@@ -1,4 +1,6 @@
-"""Laws of the nuisance effects of an autopilot's logs: turned axes, and an attitude that is late."""
+"""Laws of the nuisance effects of an autopilot's logs: turned axes, and an attitude that is
+late.
+"""
 
 import dataclasses as dc
 
@@ -48,20 +50,27 @@ def test_turned_axes_read_a_vector_of_the_world_turned_by_the_mounting():
     x = measured(MOUNTED, TRUTH).x
     down = np.tile([0.0, 0.0, -9.81], (len(T), 1))
     turned = attitude.from_rotation_vector(np.array([[0.05, -0.03, 0.02]]))
-    expected = attitude.rotate_back(np.repeat(turned, len(T), axis=0), attitude.rotate_back(TRUTH.x[:, Q], down))
+    expected = attitude.rotate_back(
+        np.repeat(turned, len(T), axis=0), attitude.rotate_back(TRUTH.x[:, Q], down)
+    )
     np.testing.assert_allclose(attitude.rotate_back(x[:, Q], down), expected, atol=1e-12)
 
 
 def test_turned_axes_read_rates_that_are_those_of_the_turned_attitude():
     x = measured(MOUNTED, TRUTH).x
-    rate = attitude.rotation_vector(attitude.multiply(attitude.conjugate(x[:-1, Q]), x[1:, Q])) / np.diff(T)[:, None]
+    rate = (
+        attitude.rotation_vector(attitude.multiply(attitude.conjugate(x[:-1, Q]), x[1:, Q]))
+        / np.diff(T)[:, None]
+    )
     np.testing.assert_allclose(rate, x[:-1, W], atol=1e-9)
     assert np.abs(x[:, W] - TRUTH.x[:, W]).max() > 0.01  # the true rates are not
 
 
 def test_a_late_attitude_is_that_of_before_and_all_else_is_of_now():
     late = measured(LATE, TRUTH)
-    np.testing.assert_allclose(late.x[2:, Q], TRUTH.x[:-2, Q], atol=1e-12)  # exact at constant rates
+    np.testing.assert_allclose(
+        late.x[2:, Q], TRUTH.x[:-2, Q], atol=1e-12
+    )  # exact at constant rates
     same = np.delete(np.arange(13), np.arange(13)[Q])
     np.testing.assert_array_equal(late.x[:, same], TRUTH.x[:, same])
     np.testing.assert_array_equal(late.a, TRUTH.a)

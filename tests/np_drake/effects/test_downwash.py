@@ -1,4 +1,6 @@
-"""Laws of the downwash: a jet with the momentum of the neighbour's thrust, which pushes down what is in it."""
+"""Laws of the downwash: a jet with the momentum of the neighbour's thrust, which pushes down what
+is in it.
+"""
 
 import numpy as np
 import pytest
@@ -42,7 +44,9 @@ def test_at_the_rotors_the_jet_has_their_second_moment_of_momentum():
     w = jet_velocity(VEHICLE, np.full_like(r, 1e-12), r)
     second = np.trapezoid(w**2 * r**3, r) / np.trapezoid(w**2 * r, r)
     arms = np.linalg.norm(np.array(VEHICLE.rotor_positions)[:, :2], axis=1)
-    assert second == pytest.approx(np.mean(arms**2) + VEHICLE.rotor_radius**2 / 2, rel=1e-4)  # [m²]; the quadrature
+    assert second == pytest.approx(
+        np.mean(arms**2) + VEHICLE.rotor_radius**2 / 2, rel=1e-4
+    )  # [m²]; the quadrature
 
 
 def test_far_below_the_velocity_falls_with_the_distance():
@@ -53,7 +57,9 @@ def test_far_below_the_velocity_falls_with_the_distance():
 def test_without_a_neighbour_or_above_it_nothing_pushes():
     np.testing.assert_array_equal(pushed((0, 0, 1)), np.zeros(6))
     np.testing.assert_array_equal(pushed((0, 0, 3), hovering((0, 0, 2))), np.zeros(6))
-    np.testing.assert_array_equal(pushed((0, 0, 1), hovering((0, 0, 2)), t=11.0), np.zeros(6))  # its log has ended
+    np.testing.assert_array_equal(
+        pushed((0, 0, 1), hovering((0, 0, 2)), t=11.0), np.zeros(6)
+    )  # its log has ended
 
 
 def test_far_away_nothing_pushes():
@@ -75,7 +81,9 @@ def test_opposite_sides_feel_the_same_push_and_opposite_torques():
     here, there = (pushed((x, 0.1 * x, 1), hovering((0, 0, 2))) for x in (0.3, -0.3))
     np.testing.assert_allclose(here[:3], there[:3], rtol=1e-12)
     np.testing.assert_allclose(here[3:], -there[3:], atol=1e-12)
-    assert here[4] < 0  # the rotors behind, nearer to the axis, lose more: the tail falls, - about y
+    assert (
+        here[4] < 0
+    )  # the rotors behind, nearer to the axis, lose more: the tail falls, - about y
     assert here[3] > 0  # and those to the right: the right side falls, + about x
 
 
@@ -88,17 +96,23 @@ def test_a_climb_at_the_velocity_of_the_jet_loses_as_much_thrust():
 
 def test_the_push_is_linear_in_its_strength_and_jets_add_up():
     above = hovering((0.1, 0, 2))
-    np.testing.assert_allclose(pushed((0, 0, 1), above, strength=0.4), 0.4 * pushed((0, 0, 1), above), rtol=1e-12)
+    np.testing.assert_allclose(
+        pushed((0, 0, 1), above, strength=0.4), 0.4 * pushed((0, 0, 1), above), rtol=1e-12
+    )
     np.testing.assert_array_equal(pushed((0, 0, 1), above, strength=0.0), np.zeros(6))
     p = np.array([[0.0, 0.0, 1.0]])
-    one, two = (Downwash(1.0, others).velocity(VEHICLE, 1.0, p) for others in ((above,), (above, above)))
+    one, two = (
+        Downwash(1.0, others).velocity(VEHICLE, 1.0, p) for others in ((above,), (above, above))
+    )
     np.testing.assert_allclose(two, 2 * one, rtol=1e-12)
 
 
 def test_a_log_is_evaluated_row_by_row():
     rng = np.random.default_rng(0)
     t, dut = np.linspace(0, 4, 9), Downwash(0.7, (hovering((0, 0, 2)),))
-    x = np.concatenate([rng.normal(scale=0.3, size=(9, 3)), rng.normal(size=(9, 4)), np.zeros((9, 6))], axis=1)
+    x = np.concatenate(
+        [rng.normal(scale=0.3, size=(9, 3)), rng.normal(size=(9, 4)), np.zeros((9, 6))], axis=1
+    )
     x[:, 3:7] /= np.linalg.norm(x[:, 3:7], axis=1, keepdims=True)
     thrust = rng.uniform(1, 8, (9, 4))
     rows = [dut.wrench(VEHICLE, Motion(t[i], x[i], thrust[i])) for i in range(9)]
@@ -107,7 +121,9 @@ def test_a_log_is_evaluated_row_by_row():
 
 def test_it_is_tried_and_drawn_only_where_there_are_neighbours():
     assert "downwash" not in LIBRARY  # from which simulated cases draw
-    assert set(effects_for("command", neighbours=True)) - set(effects_for("command")) == {*BESIDE_NEIGHBOURS}
+    assert set(effects_for("command", neighbours=True)) - set(effects_for("command")) == {
+        *BESIDE_NEIGHBOURS
+    }
     assert "downwash" in in_scenarios()  # as a stored diagnosis names it
 
 

@@ -8,7 +8,7 @@ from np_drake.effects.motor_lag import MotorLag
 from np_drake.effects.pendulum import Payload, hook_wrench, swing, tether_force
 from np_drake.effects.sensor_noise import SensorNoise
 from np_drake.effects.thrust_scale import ThrustScale
-from np_drake.vehicle import MeasurementNoise, Vehicle
+from np_drake.vehicle.vehicle import MeasurementNoise, Vehicle
 
 VEHICLE = Vehicle()
 HOVER = np.full(4, 2.0 * 9.81 / 4)
@@ -58,7 +58,8 @@ def test_noise_has_the_deviations_asked():
     for columns, deviation in ((slice(0, 3), 0.1), (slice(7, 10), 0.2), (slice(10, 13), 0.4)):
         assert error[:, columns].std() == pytest.approx(deviation, rel=0.03)
     assert 2 * error[:, 4:7].std() == pytest.approx(0.01, rel=0.03)  # half angles
-    # Lateral: accelerometer noise and g times the attitude error; vertical: accelerometer noise alone.
+    # Lateral: accelerometer noise and g times the attitude error; vertical: accelerometer noise
+    # alone.
     assert read.a[:, 2].std() == pytest.approx(0.5, rel=0.03)
     assert read.a[:, 0].std() == pytest.approx(np.hypot(0.5, 9.81 * 0.01), rel=0.03)
     assert read.al.std() == pytest.approx(0.6, rel=0.03)

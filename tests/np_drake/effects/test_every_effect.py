@@ -55,7 +55,11 @@ def test_an_effect_that_says_so_feels_no_rotor_rate(effect, motion: Motion):
 
 @pytest.mark.parametrize(
     "effect",
-    [e for e in effects_for("rotor_speed").values() if issubclass(e, WrenchEffect) and e is not SuspendedPayload],
+    [
+        e
+        for e in effects_for("rotor_speed").values()
+        if issubclass(e, WrenchEffect) and e is not SuspendedPayload
+    ],
 )
 def test_an_effect_that_says_so_has_no_force_or_no_torque(effect, motion: Motion):
     chi = effect().wrench(VEHICLE, motion)
@@ -144,11 +148,15 @@ def test_neutral_sensor_reads_the_truth(effect, reading: Measurement):
 
 
 @every(SensorEffect, but=(ClockOffset,))
-def test_a_sensor_effect_touches_the_columns_that_it_names_and_no_other(effect, reading: Measurement):
+def test_a_sensor_effect_touches_the_columns_that_it_names_and_no_other(
+    effect, reading: Measurement
+):
     found = effect().measure(VEHICLE, reading, np.zeros((7, 0)))
     names = [name for field in "pqvw" for name in COLUMNS[field]] + [*COLUMNS["a"], *COLUMNS["al"]]
     before, after = (np.concatenate([m.x, m.a, m.al], axis=1) for m in (reading, found))
-    changed = {name for name, moved in zip(names, np.any(before != after, axis=0), strict=True) if moved}
+    changed = {
+        name for name, moved in zip(names, np.any(before != after, axis=0), strict=True) if moved
+    }
     assert changed <= set(effect.corrupts)
     assert changed
     np.testing.assert_array_equal(found.rotor, reading.rotor)
@@ -162,4 +170,6 @@ def test_all_of_an_effect_is_predicted_but_what_is_drawn_anew(effect):
     assert (dut.predicted is dut) is (again is dut)
     if isinstance(dut, WrenchEffect):
         t = np.linspace(0.0, 3.0, 7)
-        np.testing.assert_array_equal(dut.predicted.air_velocity(t), again.predicted.air_velocity(t))
+        np.testing.assert_array_equal(
+            dut.predicted.air_velocity(t), again.predicted.air_velocity(t)
+        )

@@ -33,7 +33,11 @@ def test_an_explanation_of_nothing_has_no_parameters():
 
 
 @pytest.mark.parametrize(
-    "wrong, why", [({"covariance": [[1.0]]}, "2 by 2"), ({"effects": [{"effect": "ghost", "parameters": {}}]}, "ghost")]
+    "wrong, why",
+    [
+        ({"covariance": [[1.0]]}, "2 by 2"),
+        ({"effects": [{"effect": "ghost", "parameters": {}}]}, "ghost"),
+    ],
 )
 def test_what_is_no_explanation_is_refused(wrong, why):
     with pytest.raises(ValueError, match=why):

@@ -17,11 +17,13 @@ quadratic_drag c_x c_y c_z | blade_flapping moment | translational_lift lift | r
 constant_wind x y z | gusty_wind mean_x mean_y mean_z deviation correlation_time | ground_effect effective_radius
 rotor_gyroscopic rotor_inertia | accelerometer_bias x y z | gyro_bias x y z | velocity_bias x y z
 attitude_bias roll pitch yaw | clock_offset offset
-"""
+"""  # noqa: E501
 
 
 def test_identifiers_and_parameters_are_those_of_the_file_format():
-    rows = [entry.split() for line in TABLE.split("\n") for entry in line.split("|") if entry.strip()]
+    rows = [
+        entry.split() for line in TABLE.split("\n") for entry in line.split("|") if entry.strip()
+    ]
     found = [[name, *(p.name for p in effect.parameters)] for name, effect in LIBRARY.items()]
     assert found[: len(rows)] == rows
 
@@ -61,7 +63,9 @@ def test_an_own_effect_can_be_registered_twice_but_not_under_a_taken_name():
         assert LIBRARY["push"] is Push
     finally:
         LIBRARY.pop("push", None)
-    thief = dc.make_dataclass("Thief", [], bases=(Push,), namespace={"identifier": "mass_error"}, frozen=True)
+    thief = dc.make_dataclass(
+        "Thief", [], bases=(Push,), namespace={"identifier": "mass_error"}, frozen=True
+    )
     with pytest.raises(ValueError, match="mass_error"):
         register(thief)
 
@@ -98,7 +102,9 @@ class Draught(WrenchEffect):
 
 @pytest.mark.parametrize("effect", [Breeze, Draught])
 def test_what_is_felt_through_another_effect_alone_is_refused(effect):
-    with pytest.raises(ValueError, match=f"register: {effect.__name__} must act by itself; .* never tried"):
+    with pytest.raises(
+        ValueError, match=f"register: {effect.__name__} must act by itself; .* never tried"
+    ):
         register(effect)
     assert effect.identifier not in LIBRARY
 

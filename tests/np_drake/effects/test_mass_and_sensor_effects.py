@@ -21,7 +21,9 @@ ANGLES = st.floats(-0.4, 0.4)
 
 
 def reading(q=(1.0, 0, 0, 0)):
-    return Measurement(np.array([0, 0, 1.0, *q, *np.zeros(6)]), np.zeros(3), np.zeros(3), np.zeros(4))
+    return Measurement(
+        np.array([0, 0, 1.0, *q, *np.zeros(6)]), np.zeros(3), np.zeros(3), np.zeros(4)
+    )
 
 
 def test_inertia_error_scales_the_moments_and_leaves_the_products():
@@ -36,7 +38,9 @@ def test_points_of_mass_are_a_rigid_body_and_an_excess_about_one_axis_not(seed, 
     rng = np.random.default_rng(seed)
     mass, r = rng.uniform(0.1, 1.0, points), rng.normal(size=(points, 3))
     r -= mass @ r / mass.sum()
-    J = np.einsum("n,ij->ij", mass * np.sum(r**2, axis=1), np.eye(3)) - np.einsum("n,ni,nj->ij", mass, r, r)
+    J = np.einsum("n,ij->ij", mass * np.sum(r**2, axis=1), np.eye(3)) - np.einsum(
+        "n,ni,nj->ij", mass, r, r
+    )
     assert MassProperties(float(mass.sum()), np.zeros(3), J).rigid
     moments, axes = np.linalg.eigh(J)
     beyond = axes @ np.diag([*moments[:2], 1.01 * moments[:2].sum()]) @ axes.T
@@ -66,9 +70,13 @@ def test_a_velocity_bias_turns_with_the_body():
 def test_an_attitude_bias_turns_about_the_bodys_own_axes():
     found = AttitudeBias(roll=0.1, pitch=0.0, yaw=0.0).measure(VEHICLE, reading(QUARTER), NO_DRAWS)
     # Body x is world y: the body's z axis tips towards world +x when it rolls.
-    np.testing.assert_allclose(attitude.body_z(found.x[3:7]), [np.sin(0.1), 0, np.cos(0.1)], atol=1e-12)
+    np.testing.assert_allclose(
+        attitude.body_z(found.x[3:7]), [np.sin(0.1), 0, np.cos(0.1)], atol=1e-12
+    )
     found = AttitudeBias(roll=0.0, pitch=0.1, yaw=0.0).measure(VEHICLE, reading(), NO_DRAWS)
-    np.testing.assert_allclose(attitude.body_z(found.x[3:7]), [np.sin(0.1), 0, np.cos(0.1)], atol=1e-12)
+    np.testing.assert_allclose(
+        attitude.body_z(found.x[3:7]), [np.sin(0.1), 0, np.cos(0.1)], atol=1e-12
+    )
 
 
 @settings(max_examples=50, deadline=None)

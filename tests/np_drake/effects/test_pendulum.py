@@ -23,7 +23,9 @@ WEIGHT = np.array([0, 0, GRAVITY])
 
 
 def spherical(length, r, r_rate, hook, t, damping=0.0):
-    """Reference: (len(t), 3) specific pull of a taut pendulum under the hook acceleration hook(t), at hook_speed(t)."""
+    """Reference: (len(t), 3) specific pull of a taut pendulum under the hook acceleration hook(t),
+    at hook_speed(t).
+    """
 
     def pushed(t):
         return WEIGHT + hook(t) + damping * hook_speed(t)
@@ -35,7 +37,9 @@ def spherical(length, r, r_rate, hook, t, damping=0.0):
     def rate(t, s):
         return np.concatenate([s[3:], -pull(t, s) - pushed(t) - damping * s[3:]])
 
-    s = solve_ivp(rate, (0, t[-1]), np.concatenate([r, r_rate]), t_eval=t, rtol=1e-11, atol=1e-12).y.T
+    s = solve_ivp(
+        rate, (0, t[-1]), np.concatenate([r, r_rate]), t_eval=t, rtol=1e-11, atol=1e-12
+    ).y.T
     return np.stack([pull(ti, si) for ti, si in zip(t, s, strict=True)])
 
 
@@ -45,7 +49,9 @@ def hook(t):
 
 def hook_speed(t):
     """Return the velocity of `hook` (3,), 0.5 m/s along x at first."""
-    return np.array([0.5 + 2 / 3 * (1 - np.cos(3 * t)), 0.75 * np.sin(2 * t), 0.2 * (1 - np.cos(5 * t))])
+    return np.array(
+        [0.5 + 2 / 3 * (1 - np.cos(3 * t)), 0.75 * np.sin(2 * t), 0.2 * (1 - np.cos(5 * t))]
+    )
 
 
 @pytest.mark.parametrize("damping", [0.0, 0.8])
@@ -94,7 +100,10 @@ def undamped(lengths, r, r_rate, a_hook, step):
         for k, kick in enumerate(-(step**2) * (a_hook + WEIGHT)):
             u = u + kick
             b = x + u
-            along, far = x[0] * b[0] + x[1] * b[1] + x[2] * b[2], b[0] * b[0] + b[1] * b[1] + b[2] * b[2]
+            along, far = (
+                x[0] * b[0] + x[1] * b[1] + x[2] * b[2],
+                b[0] * b[0] + b[1] * b[1] + b[2] * b[2],
+            )
             mu, excess = 0.0, far - limit
             if excess > 0:
                 mu = max(0.0, excess / (along + np.sqrt(max(0.0, along * along - square * excess))))
@@ -114,12 +123,18 @@ def test_without_damping_not_a_bit_is_other_than_in_a_vacuum(seed):
 def test_a_small_damped_swing_is_that_of_the_closed_form():
     length, damping, step, angle = 0.5, 0.4, 0.004, 0.02
     r = length * np.array([[np.sin(angle), 0.0, -np.cos(angle)]])
-    found = path_many(np.array([length]), r, np.zeros((1, 3)), np.zeros((2500, 3)), step, GRAVITY, damping=damping)
+    found = path_many(
+        np.array([length]), r, np.zeros((1, 3)), np.zeros((2500, 3)), step, GRAVITY, damping=damping
+    )
     t, rate = step * np.arange(2501), np.sqrt(GRAVITY / length - 0.25 * damping**2)
-    decay = np.exp(-0.5 * damping * t) * (np.cos(rate * t) + 0.5 * damping / rate * np.sin(rate * t))
+    decay = np.exp(-0.5 * damping * t) * (
+        np.cos(rate * t) + 0.5 * damping / rate * np.sin(rate * t)
+    )
     # [m], of 0.01: the period is longer by angle²/16 and, by the step, shorter by (rate step)²/24
     np.testing.assert_allclose(found.r[:, 0, 0], r[0, 0] * decay, atol=5e-5)
-    slope = -r[0, 0] * GRAVITY / length / rate * np.exp(-0.5 * damping * t[-1]) * np.sin(rate * t[-1])
+    slope = (
+        -r[0, 0] * GRAVITY / length / rate * np.exp(-0.5 * damping * t[-1]) * np.sin(rate * t[-1])
+    )
     np.testing.assert_allclose(found.r_rate[0, 0], slope, atol=2e-4)  # [m/s]
 
 
@@ -139,15 +154,26 @@ def test_in_steady_flight_the_payload_hangs_back_by_drag_over_weight():
     payload, v = Payload(0.1, 0.6, damping=0.5), np.array([3.0, 0.0, 0.0])
     lag = np.arctan(payload.damping * v[0] / GRAVITY)
     start = (0.6 * np.array([-np.sin(lag), 0.0, -np.cos(lag)]), np.zeros(3))
-    steady = {"a_hook": np.zeros((2000, 3)), "step": 0.005, "gravity": GRAVITY, "v_hook": np.tile(v, (2000, 1))}
+    steady = {
+        "a_hook": np.zeros((2000, 3)),
+        "step": 0.005,
+        "gravity": GRAVITY,
+        "v_hook": np.tile(v, (2000, 1)),
+    }
     expected = payload.mass * np.array([-payload.damping * v[0], 0.0, -GRAVITY])  # drag and weight
-    np.testing.assert_allclose(swing(payload, *start, **steady), np.tile(expected, (2000, 1)), atol=1e-9)
-    np.testing.assert_allclose(tether_force(payload, *start, np.zeros(3), GRAVITY, v), expected, atol=1e-12)
+    np.testing.assert_allclose(
+        swing(payload, *start, **steady), np.tile(expected, (2000, 1)), atol=1e-9
+    )
+    np.testing.assert_allclose(
+        tether_force(payload, *start, np.zeros(3), GRAVITY, v), expected, atol=1e-12
+    )
 
 
 def test_a_slack_payload_falls_to_its_final_speed():
     still, damping = np.zeros((4000, 3)), 2.0
-    fallen = path_many(np.full(1, 1e3), np.zeros((1, 3)), np.zeros((1, 3)), still, 0.002, GRAVITY, damping=damping)
+    fallen = path_many(
+        np.full(1, 1e3), np.zeros((1, 3)), np.zeros((1, 3)), still, 0.002, GRAVITY, damping=damping
+    )
     assert fallen.r_rate[0, 2] == pytest.approx(-GRAVITY / damping, rel=1e-6)
 
 
@@ -206,13 +232,17 @@ def test_a_tether_only_pulls_and_is_never_longer_than_it_is(seed):
 
 def test_a_falling_hook_feels_nothing():
     r = np.array([[0.3, 0.0, -0.4]])
-    found = swing_many(np.array([0.5]), r, np.zeros((1, 3)), np.tile(-WEIGHT, (100, 1)), 0.01, GRAVITY)
+    found = swing_many(
+        np.array([0.5]), r, np.zeros((1, 3)), np.tile(-WEIGHT, (100, 1)), 0.01, GRAVITY
+    )
     np.testing.assert_allclose(found, 0.0, atol=1e-9)
 
 
 def test_a_slack_tether_is_silent_until_it_snaps_and_then_stops_the_fall():
     drop, step = 0.3, 0.001  # hangs 0.5 m below a hook of 0.8 m
-    found = swing(Payload(1.0, 0.8), np.array([0, 0, -0.5]), np.zeros(3), np.zeros((1000, 3)), step, GRAVITY)
+    found = swing(
+        Payload(1.0, 0.8), np.array([0, 0, -0.5]), np.zeros(3), np.zeros((1000, 3)), step, GRAVITY
+    )
     snap = np.sqrt(2 * drop / GRAVITY)
     pulled = np.flatnonzero(found[:, 2])
     assert pulled[0] * step == pytest.approx(snap, abs=2 * step)
@@ -226,7 +256,9 @@ def test_a_conical_pendulum_keeps_its_tension():
     length, tilt = 0.8, 0.6
     r = length * np.array([np.sin(tilt), 0, -np.cos(tilt)])
     speed = np.sqrt(GRAVITY * length * np.sin(tilt) * np.tan(tilt))
-    found = swing(Payload(1.0, length), r, np.array([0, speed, 0]), np.zeros((20000, 3)), 0.005, GRAVITY)
+    found = swing(
+        Payload(1.0, length), r, np.array([0, speed, 0]), np.zeros((20000, 3)), 0.005, GRAVITY
+    )
     tension = np.linalg.norm(found, axis=1)
     np.testing.assert_allclose(tension, GRAVITY / np.cos(tilt), rtol=1e-3)  # over 100 s: no drift
 
@@ -242,7 +274,9 @@ def test_a_payload_at_rest_pulls_with_its_weight_at_its_hook():
     x = np.tile([0, 0, 1.0, 1.0, *np.zeros(9)], (20, 1))
     still = {"a": np.zeros((20, 3)), "al": np.zeros((20, 3)), "r_rate": np.zeros(3)}
     chi = dut.wrench_along(Vehicle(), x=x, step=0.01, r=np.array([0, 0, -1.0]), **still)
-    np.testing.assert_allclose(chi, np.tile([0, 0, -0.5 * GRAVITY, 0, 0.05 * GRAVITY, 0], (20, 1)), atol=1e-9)
+    np.testing.assert_allclose(
+        chi, np.tile([0, 0, -0.5 * GRAVITY, 0, 0.05 * GRAVITY, 0], (20, 1)), atol=1e-9
+    )
 
 
 def test_a_payload_has_no_momentary_wrench(motion):

@@ -54,14 +54,20 @@ def test_an_effect_acts_with_its_probability():
 def test_a_draw_outside_a_bound_is_at_it():
     (bounds,) = MotorLag.parameters
     entry = [EffectEntry.of(MotorLag(bounds.lower))]
-    values = [d.made.time_constant for (d,) in draws(Posterior(["motor_lag.time_constant"], [[1e-4]]), entry, 400)]
+    values = [
+        d.made.time_constant
+        for (d,) in draws(Posterior(["motor_lag.time_constant"], [[1e-4]]), entry, 400)
+    ]
     assert min(values) == bounds.lower
     assert np.mean(np.array(values) == bounds.lower) == pytest.approx(0.5, abs=0.12)
     assert max(values) > bounds.lower
 
 
 def test_a_wind_without_the_drag_through_which_it_acts_is_left_out():
-    unsure = [EffectEntry.of(ConstantWind(2.0, 0.0, 0.0)), EffectEntry.of(LinearDrag(), probability=0.5)]
+    unsure = [
+        EffectEntry.of(ConstantWind(2.0, 0.0, 0.0)),
+        EffectEntry.of(LinearDrag(), probability=0.5),
+    ]
     drawn = {tuple(e.effect for e in entries) for entries in draws(Posterior(), unsure, 50)}
     assert drawn == {("constant_wind", "linear_drag"), ()}
 

@@ -29,7 +29,9 @@ def test_drift_starts_where_it_says_and_grows_with_time():
 @pytest.mark.parametrize("rotor", [1, 2, 3, 4])
 def test_a_weak_rotor_tips_the_vehicle_its_way(rotor):
     command = np.full(4, 5.0)
-    found = WeakRotor.of({"rotor": float(rotor), "efficiency": 0.8}).thrust(VEHICLE, NOTHING, command)
+    found = WeakRotor.of({"rotor": float(rotor), "efficiency": 0.8}).thrust(
+        VEHICLE, NOTHING, command
+    )
     lost = command - found
     assert lost[rotor - 1] == pytest.approx(1.0)
     assert lost.sum() == pytest.approx(1.0)
@@ -66,7 +68,9 @@ def test_a_delayed_command_is_the_mean_held_that_much_earlier(delay, seed):
     row = np.clip(np.floor(fine / 0.01).astype(int), 0, 29)
     expected = command[row].reshape(30, 400, 4).mean(axis=1)
     found = CommandDelay(delay).respond(VEHICLE, t, command)
-    np.testing.assert_allclose(found, expected, atol=9.0 / 400)  # a row of the fine grid at the largest step
+    np.testing.assert_allclose(
+        found, expected, atol=9.0 / 400
+    )  # a row of the fine grid at the largest step
     assert found.min() >= command.min() - 1e-12
     assert found.max() <= command.max() + 1e-12
 
@@ -91,7 +95,9 @@ def test_rotors_that_spin_up_turn_the_body_as_their_reaction_torque_does():
 
 def test_a_faster_pair_of_rotors_precesses():
     # Rotors 1 and 3 (reaction +z) turn clockwise from above: h = -2 I (800 - 600) z.
-    chi = RotorGyroscopic(1e-4).wrench(VEHICLE, turning(w=(2.0, 0, 0), speed=(800.0, 600.0, 800.0, 600.0)))
+    chi = RotorGyroscopic(1e-4).wrench(
+        VEHICLE, turning(w=(2.0, 0, 0), speed=(800.0, 600.0, 800.0, 600.0))
+    )
     h = np.array([0, 0, -2e-4 * 200.0])
     np.testing.assert_allclose(chi[3:], -np.cross([2.0, 0, 0], h), atol=1e-12)
     assert chi[4] < 0

@@ -28,7 +28,9 @@ def test_nothing_changes_in_hover():
 def test_the_induced_velocity_in_axial_flow_is_the_root_of_a_quadratic(ratio):
     climb = ratio * V_HOVER
     closed = -climb / 2 + np.sqrt(climb**2 / 4 + V_HOVER**2)
-    assert induced_velocity(np.array(V_HOVER), np.array(0.0), np.array(climb)) == pytest.approx(closed, rel=1e-9)
+    assert induced_velocity(np.array(V_HOVER), np.array(0.0), np.array(climb)) == pytest.approx(
+        closed, rel=1e-9
+    )
 
 
 @given(st.floats(0.0, 15.0), st.floats(-4.0, 10.0), st.floats(0.5, 8.0))
@@ -55,7 +57,9 @@ def test_it_is_linear_in_its_slope_and_feels_airspeed_alone(seed):
     x[3:7] /= np.linalg.norm(x[3:7])
     motion = Motion(0.0, x, rng.uniform(0, 12, 4), wind=rng.normal(size=3))
     chi = RotorInflow(0.4).wrench(VEHICLE, motion)
-    np.testing.assert_allclose(RotorInflow(1.2).wrench(VEHICLE, motion), 3 * chi, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(
+        RotorInflow(1.2).wrench(VEHICLE, motion), 3 * chi, rtol=1e-9, atol=1e-12
+    )
     boosted = x.copy()
     boosted[7:10] += [1.0, -2.0, 0.5]
     moved = dc.replace(motion, x=boosted, wind=motion.wind + [1.0, -2.0, 0.5])

@@ -6,11 +6,13 @@ import pytest
 from np_drake import attitude
 from np_drake.effects.base import Measurement
 from np_drake.effects.sensor_noise import SensorNoise
-from np_drake.vehicle import MeasurementNoise, Vehicle
+from np_drake.vehicle.vehicle import MeasurementNoise, Vehicle
 
 VEHICLE = Vehicle()
 G = np.array([0.0, 0.0, VEHICLE.gravity])
-NOISE = MeasurementNoise(position=0.1, attitude=0.4, velocity=0.2, rate=0.3, acceleration=0.7, angular_acceleration=1.1)
+NOISE = MeasurementNoise(
+    position=0.1, attitude=0.4, velocity=0.2, rate=0.3, acceleration=0.7, angular_acceleration=1.1
+)
 DUT = SensorNoise(NOISE, rotor=5.0)
 
 
@@ -45,7 +47,13 @@ def test_attitude_turns_about_body_axes_and_acceleration_turns_with_it(seed):
 @pytest.mark.parametrize("seed", range(6))
 def test_one_instant_reads_as_a_row_of_many(seed):
     truth, white = truth_of(seed), np.random.default_rng(100 + seed).standard_normal(22)
-    many = DUT.measure(VEHICLE, Measurement(*(v[None] for v in (truth.x, truth.a, truth.al, truth.rotor))), white[None])
+    many = DUT.measure(
+        VEHICLE,
+        Measurement(*(v[None] for v in (truth.x, truth.a, truth.al, truth.rotor))),
+        white[None],
+    )
     once = DUT.measure(VEHICLE, truth, white)
-    for one, row in zip((once.x, once.a, once.al, once.rotor), (many.x, many.a, many.al, many.rotor), strict=True):
+    for one, row in zip(
+        (once.x, once.a, once.al, once.rotor), (many.x, many.a, many.al, many.rotor), strict=True
+    ):
         np.testing.assert_allclose(one, row[0], atol=1e-12)

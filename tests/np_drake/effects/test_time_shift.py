@@ -13,7 +13,12 @@ VEHICLE = Vehicle(rotor_time_constant=0.02)
 
 @pytest.mark.parametrize(
     "effect, shift",
-    [(MotorLag(0.05), 0.03), (MotorLag(0.013), -0.007), (CommandDelay(0.02), 0.02), (ClockOffset(0.02), -0.02)],
+    [
+        (MotorLag(0.05), 0.03),
+        (MotorLag(0.013), -0.007),
+        (CommandDelay(0.02), 0.02),
+        (ClockOffset(0.02), -0.02),
+    ],
 )
 def test_lag_delay_and_clock_move_commands(effect, shift):
     assert effect.time_shift(VEHICLE) == pytest.approx(shift)

@@ -24,12 +24,20 @@ EVERY = pytest.mark.parametrize("effect", LIBRARY.values(), ids=LIBRARY.keys())
 
 @EVERY
 def test_for_the_papers_vehicle_a_size_is_the_librarys_typical_one(effect):
-    assert [usual_size(p, PAPER) for p in effect.parameters] == [p.typical for p in effect.parameters]
+    assert [usual_size(p, PAPER) for p in effect.parameters] == [
+        p.typical for p in effect.parameters
+    ]
 
 
 @pytest.mark.parametrize(
     "effect, heavy, wide",
-    [(MassError, 3, 1), (LinearDrag, 3, 1), (QuadraticDrag, 3, 1), (CenterOfMassOffset, 1, 2), (GyroBias, 1, 1)],
+    [
+        (MassError, 3, 1),
+        (LinearDrag, 3, 1),
+        (QuadraticDrag, 3, 1),
+        (CenterOfMassOffset, 1, 2),
+        (GyroBias, 1, 1),
+    ],
     ids=lambda v: getattr(v, "identifier", str(v)),
 )
 def test_a_size_goes_with_the_mass_or_the_arm_of_the_vehicle_by_its_unit(effect, heavy, wide):

@@ -34,7 +34,10 @@ def test_the_wrench_of_a_clean_flight_is_found_a_few_steps_late(made, motion):
 
 def test_a_run_on_the_program_is_the_run_in_closed_form(motion):
     short, config = motion.first(60), MheConfig(forgetting_process=0.5)
-    exact, program = run_mhe(short, config), run_mhe(short, config, ProgramWindow(config, short.step))
+    exact, program = (
+        run_mhe(short, config),
+        run_mhe(short, config, ProgramWindow(config, short.step)),
+    )
     assert program.held == exact.held == 0
     np.testing.assert_allclose(program.wrench, exact.wrench, atol=1e-7)
     assert program.step_time > 0
@@ -76,7 +79,9 @@ def test_the_gradient_is_that_of_differences(made, noisy):
         with torch.no_grad():
             return data.errors(dc.replace(weights, process=process + change))[2].item()
 
-    assert process.grad[2].item() == pytest.approx((error(step) - error(-step)) / (2 * step), rel=1e-4)
+    assert process.grad[2].item() == pytest.approx(
+        (error(step) - error(-step)) / (2 * step), rel=1e-4
+    )
     assert process.grad[0].item() == 0.0  # channels do not meet
 
 
@@ -84,7 +89,8 @@ def test_tuning_mends_nervous_weights_on_rows_it_has_not_seen(made, noisy):
     nervous, half = MheConfig(process=[1e-7] * 3 + [1e-9] * 3), len(noisy.y) // 2
     tuned = mhe_tuning.tune(noisy.first(half), made.sequence.chi[:half], nervous, iterations=8)
     before, after = (
-        np.mean((run_mhe(noisy, c).wrench - made.sequence.chi)[half:] ** 2, axis=0) for c in (nervous, tuned)
+        np.mean((run_mhe(noisy, c).wrench - made.sequence.chi)[half:] ** 2, axis=0)
+        for c in (nervous, tuned)
     )
     assert after[:3].sum() < 0.5 * before[:3].sum()
     assert after[3:].sum() < 0.5 * before[3:].sum()

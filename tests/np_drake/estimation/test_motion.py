@@ -9,7 +9,10 @@ from np_drake.estimation.motion import motion_from_attitude, motion_from_rates
 
 
 def test_acceleration_and_wrench_are_inverse(made, vehicle):
-    for dut in (motion_from_attitude(made.sequence, vehicle, made.q), motion_from_rates(made.sequence, vehicle)):
+    for dut in (
+        motion_from_attitude(made.sequence, vehicle, made.q),
+        motion_from_rates(made.sequence, vehicle),
+    ):
         back = dut.wrench(dut.acceleration(made.sequence.chi))
         np.testing.assert_allclose(back, made.sequence.chi, atol=1e-12)
 

@@ -64,7 +64,9 @@ def test_a_wrong_first_guess_is_forgotten():
 
 
 def kalman_smoother(settings, y, u, d0):
-    """(n, 2, 6) by the textbook: Kalman filter forth, Rauch-Tung-Striebel back, one channel at a time."""
+    """(n, 2, 6) by the textbook: Kalman filter forth, Rauch-Tung-Striebel back, one channel at a
+    time.
+    """
     F, G, noise = np.array([[1, STEP], [0, 1]]), np.array([STEP, 0]), np.array([STEP**2 / 2, STEP])
     out = np.empty((len(y), 2, 6))
     for c in range(6):
@@ -114,10 +116,16 @@ def batch_least_squares(settings, arrival, y, u):
             Q = settings.process[channel] * settings.forgetting_process ** age[1:]
             P = [settings.arrival_motion[channel], settings.arrival_acceleration[channel]]
             path = simulate(unknown, known)
-            return np.sqrt([*P, *R, *Q]) * [*(path[0] - anchor), *(path[:, 0] - target), *unknown[2:]]
+            return np.sqrt([*P, *R, *Q]) * [
+                *(path[0] - anchor),
+                *(path[:, 0] - target),
+                *unknown[2:],
+            ]
 
         zero = residuals(np.zeros(2 + n), u[:, c], y[:, c], arrival[:, c])
-        J = np.stack([residuals(e, u[:, c], y[:, c], arrival[:, c]) - zero for e in np.eye(2 + n)], axis=1)
+        J = np.stack(
+            [residuals(e, u[:, c], y[:, c], arrival[:, c]) - zero for e in np.eye(2 + n)], axis=1
+        )
         scale = np.linalg.norm(J, axis=0)
         out[:, :, c] = simulate(-np.linalg.lstsq(J / scale, zero)[0] / scale, u[:, c])
     return out
@@ -130,7 +138,9 @@ def test_the_window_minimises_the_cost_with_forgetting(name, factors):
     y, u = flight(11, seed=3, noise=0.01)
     arrival = np.stack([y[0] + 0.02, 0.3 * D])
     x = SOLVERS[name](settings, STEP).solve(arrival, y, u[:-1])
-    np.testing.assert_allclose(x, batch_least_squares(settings, arrival, y, u[:-1]), rtol=1e-5, atol=1e-5)
+    np.testing.assert_allclose(
+        x, batch_least_squares(settings, arrival, y, u[:-1]), rtol=1e-5, atol=1e-5
+    )
 
 
 def test_the_arrival_is_what_the_last_window_said_of_the_first_sample():
@@ -152,7 +162,10 @@ def test_no_window_is_longer_than_the_horizon():
 def test_forgetting_old_noise_follows_a_jump_sooner():
     d = np.where(np.arange(60)[:, None] < 30, D, 3 * D)
     y, u = flight(60, d=d)
-    slow, fast = (run(make(settings=config(forgetting_process=g)), y, u, D)[34].acceleration for g in (1.0, 0.3))
+    slow, fast = (
+        run(make(settings=config(forgetting_process=g)), y, u, D)[34].acceleration
+        for g in (1.0, 0.3)
+    )
     assert np.all(np.abs(fast - 3 * D) < np.abs(slow - 3 * D))
 
 
@@ -198,12 +211,23 @@ class Failing:
     """Fails at chosen calls, in one of two ways."""
 
     def __init__(self, calls, answer):
-        self._exact, self._calls, self._answer, self.call = (LeastSquaresWindow(config(), STEP), calls, answer, -1)
+        self._exact, self._calls, self._answer, self.call = (
+            LeastSquaresWindow(config(), STEP),
+            calls,
+            answer,
+            -1,
+        )
 
     def solve(self, arrival, y, u):
         self.call += 1
         x = self._exact.solve(arrival, y, u)
-        return x if self.call not in self._calls else None if self._answer is None else x * self._answer
+        return (
+            x
+            if self.call not in self._calls
+            else None
+            if self._answer is None
+            else x * self._answer
+        )
 
 
 @pytest.mark.parametrize("answer", [None, np.nan])

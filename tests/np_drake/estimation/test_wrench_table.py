@@ -30,11 +30,15 @@ def test_every_flight_is_published_with_every_column():
 
 
 PRINTED_SO = {  # lengths that are printed otherwise than their components make them
-    ("melon 2", "NeuroBEM", "tau"), ("ellipse", "NeuroBEM", "tau"), ("figure-8 4", "NeuroMHE", "tau"),
-}  # fmt: skip
+    ("melon 2", "NeuroBEM", "tau"),
+    ("ellipse", "NeuroBEM", "tau"),
+    ("figure-8 4", "NeuroMHE", "tau"),
+}
 
 
-@pytest.mark.parametrize("flight, method", [(flight, method) for flight in PUBLISHED for method in PUBLISHED[flight]])
+@pytest.mark.parametrize(
+    "flight, method", [(flight, method) for flight in PUBLISHED for method in PUBLISHED[flight]]
+)
 def test_published_lengths_follow_from_published_components(flight, method):
     """To the rounding of three decimals: no figure is mistyped."""
     row = dict(zip(COLUMNS, PUBLISHED[flight][method], strict=True))

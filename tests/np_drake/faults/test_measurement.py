@@ -44,7 +44,9 @@ def test_each_sample_is_repeated_as_often_as_told():
 def test_lost_samples_leave_the_last_received_and_their_share_is_as_told():
     dut = DroppedSamples(onset=0.0, duration=100.0, sensor="all", share=0.3, seed=4)
     source = np.array([dut.delivered(k, PERIOD) for k in range(4000)])
-    assert np.mean(source != np.arange(4000)) == pytest.approx(0.3, abs=0.03)  # four standard errors [1]
+    assert np.mean(source != np.arange(4000)) == pytest.approx(
+        0.3, abs=0.03
+    )  # four standard errors [1]
     assert np.all(np.diff(source) >= 0)
     assert np.all(source >= -1)  # no further back than the last sample before the fault
 
@@ -60,7 +62,9 @@ def test_a_bias_lies_in_body_axes():
     after = BiasJump(**SPAN, rate=(0.1, 0.0, 0.0), acceleration=(0.0, 0.0, 1.0)).reads(before)
     np.testing.assert_allclose(after[10:13] - before[10:13], [0.1, 0, 0], atol=1e-12)
     # The specific force of body z, 1 m/s² of it.
-    np.testing.assert_allclose(after[13:16] - before[13:16], attitude.body_z(before[3:7]), atol=1e-12)
+    np.testing.assert_allclose(
+        after[13:16] - before[13:16], attitude.body_z(before[3:7]), atol=1e-12
+    )
 
 
 def test_a_pose_that_jumps_stays_a_pose():

@@ -33,7 +33,9 @@ def test_a_solve_fails_only_while_the_fault_acts():
 
 def test_solves_are_late_as_often_as_the_log_normal_says():
     late = [LATE.spoils(0.02 * k) for k in range(4000)]
-    assert np.mean(late) == pytest.approx(0.0828, abs=0.018)  # 1 - Phi(ln 2 / 0.5), four standard errors [1]
+    assert np.mean(late) == pytest.approx(
+        0.0828, abs=0.018
+    )  # 1 - Phi(ln 2 / 0.5), four standard errors [1]
 
 
 def test_lateness_is_of_the_instant_and_the_seed_alone():

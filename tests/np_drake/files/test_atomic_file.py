@@ -29,8 +29,16 @@ def test_a_writer_that_fails_leaves_nothing(tmp_path):
 
 
 def test_json_holds_numbers_lists_and_null(tmp_path):
-    write_json(tmp_path / "a.json", {"x": np.float64(1.5), "y": np.arange(2), "z": float("nan"), "p": tmp_path})
-    assert json.loads((tmp_path / "a.json").read_text()) == {"x": 1.5, "y": [0, 1], "z": None, "p": str(tmp_path)}
+    write_json(
+        tmp_path / "a.json",
+        {"x": np.float64(1.5), "y": np.arange(2), "z": float("nan"), "p": tmp_path},
+    )
+    assert json.loads((tmp_path / "a.json").read_text()) == {
+        "x": 1.5,
+        "y": [0, 1],
+        "z": None,
+        "p": str(tmp_path),
+    }
 
 
 @pytest.mark.parametrize("place", ["missing/a.txt", "."])
@@ -45,7 +53,9 @@ def test_a_device_is_never_replaced(tmp_path):
         os.mknod(full, 0o666 | stat.S_IFCHR, os.makedev(1, 7))
     except PermissionError:
         pytest.skip("only root makes devices")
-    with pytest.raises(OSError, match=r"full: must be an ordinary file to write; it is a device\. Choose"):
+    with pytest.raises(
+        OSError, match=r"full: must be an ordinary file to write; it is a device\. Choose"
+    ):
         write_text(full, "text")
     assert stat.S_ISCHR(full.stat().st_mode)
 
@@ -85,7 +95,10 @@ def test_a_file_is_on_the_disk_before_it_has_its_name(tmp_path, monkeypatch):
     assert order == ["fsync", "replace", "fsync"]  # the file, its name, the folder
 
 
-LINE = r"a\.txt: must have room on the disk, at least .* MB; .* MB are free in .*\. Free some, or choose another"
+LINE = (
+    r"a\.txt: must have room on the disk, at least .* MB; .* MB are free in .*\. Free some, "
+    r"or choose another"
+)
 
 
 def test_a_file_larger_than_the_room_left_is_refused_before_it_is_written(tmp_path, monkeypatch):
@@ -113,7 +126,9 @@ def test_a_disk_that_fills_up_while_writing_leaves_nothing(tmp_path, monkeypatch
 def test_a_disk_that_is_really_full_is_said_to_be(tmp_path):
     folder = tmp_path / "small"
     folder.mkdir()
-    mounted = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=64k", "tmpfs", str(folder)], capture_output=True)
+    mounted = subprocess.run(
+        ["mount", "-t", "tmpfs", "-o", "size=64k", "tmpfs", str(folder)], capture_output=True
+    )
     if mounted.returncode:
         pytest.skip("only root mounts a small disk")
     try:

@@ -44,7 +44,9 @@ def test_json_that_is_nested_too_deeply_is_no_fault_of_the_program(tmp_path):
 def test_a_file_of_ten_megabytes_stays_within_a_gigabyte(tmp_path):
     with (tmp_path / "a.csv.gz").open("wb") as file:
         file.truncate(10**7)
-    assert 8 * cell_budget(tmp_path / "a.csv.gz") < 0.2e9  # of numbers; readers hold up to three copies [byte]
+    assert (
+        8 * cell_budget(tmp_path / "a.csv.gz") < 0.2e9
+    )  # of numbers; readers hold up to three copies [byte]
     assert text_budget(tmp_path / "a.csv.gz") < 1e9  # read in blocks [byte]
 
 
@@ -76,7 +78,9 @@ def test_no_name_of_an_input_is_written(log, kind):
         name.hardlink_to(log)
     with guard_inputs([log]):
         for write in (require_writable, lambda path: write_text(path, "2")):
-            with pytest.raises(FileExistsError, match=r"must not be a file that is read.*Choose another"):
+            with pytest.raises(
+                FileExistsError, match=r"must not be a file that is read.*Choose another"
+            ):
                 write(name)
     assert log.read_text() == "1"
 
@@ -93,7 +97,9 @@ def test_an_output_is_refused_when_read_not_first_when_written(log):
     link.symlink_to(log)
     with guard_inputs([]):
         require_writable(link)
-        with pytest.raises(FileExistsError, match=r"other\.json: must not be a file that is read .*log\.csv"):
+        with pytest.raises(
+            FileExistsError, match=r"other\.json: must not be a file that is read .*log\.csv"
+        ):
             read_json(log)
 
 
@@ -139,5 +145,7 @@ def endless(request, tmp_path, monkeypatch):
 
 def test_a_pipe_and_a_socket_are_refused_before_they_are_opened(endless):
     for read in (read_json, open_flights, note_input):
-        with pytest.raises(ValueError, match=r"endless: must be a file or a folder; got a (named pipe|socket)"):
+        with pytest.raises(
+            ValueError, match=r"endless: must be a file or a folder; got a (named pipe|socket)"
+        ):
             read(endless)

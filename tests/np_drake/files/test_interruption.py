@@ -25,7 +25,9 @@ def in_order(monkeypatch):
         signal.signal(number, handler)
 
 
-@pytest.mark.parametrize("number, kind", [(signal.SIGINT, KeyboardInterrupt), (signal.SIGTERM, dut.Ended)])
+@pytest.mark.parametrize(
+    "number, kind", [(signal.SIGINT, KeyboardInterrupt), (signal.SIGTERM, dut.Ended)]
+)
 def test_a_signal_whose_exception_is_lost_is_raised_again(in_order, number, kind):
     dut.raise_again()
     with pytest.raises(kind):

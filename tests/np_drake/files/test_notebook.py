@@ -7,7 +7,14 @@ import pytest
 
 from np_drake.diagnosis.report.headline import headline
 from np_drake.diagnosis.residuals.residual_parts import ChannelGap, Localisation
-from np_drake.diagnosis.result import Cause, Diagnosis, Estimate, GapReduction, Identifiability, Remainder
+from np_drake.diagnosis.result import (
+    Cause,
+    Diagnosis,
+    Estimate,
+    GapReduction,
+    Identifiability,
+    Remainder,
+)
 from np_drake.flight_log import FlightLog
 
 ROWS = 50
@@ -29,10 +36,15 @@ FOUND = Diagnosis(
     train=("a", "b"),
     held_out=("c",),
     verdict=("suspended_payload",),
-    causes=(Cause("suspended_payload", 0.99999, {"mass": MASS}, {}), Cause("thrust_scale", 0.97, {}, {})),
+    causes=(
+        Cause("suspended_payload", 0.99999, {"mass": MASS}, {}),
+        Cause("thrust_scale", 0.97, {}, {}),
+    ),
     identifiability=Identifiability(True, {}, {}, ()),
     localisation=Localisation(
-        (ChannelGap("force x", "N", 1.0, 0.1, 0.1, 0.9),), before={"c": np.zeros((4000, 6))}, times={}
+        (ChannelGap("force x", "N", 1.0, 0.1, 0.1, 0.9),),
+        before={"c": np.zeros((4000, 6))},
+        times={},
     ),
     gap_reduction=GapReduction(7.1, 0.98, 1.0, 0.99, (0.98, 1.0), (), left=LEFT),
     warnings=tuple(f"warning {k}" for k in range(9)),
@@ -64,7 +76,9 @@ def test_a_log_without_rows_prints_and_shows():
 
 
 def test_a_diagnosis_says_its_headline_and_shows_its_causes():
-    said = "A suspended payload of 260\u00a0g explains 99.0\u00a0% of the gap on the held-out flight"
+    said = (
+        "A suspended payload of 260\u00a0g explains 99.0\u00a0% of the gap on the held-out flight"
+    )
     assert headline(FOUND) == said
     assert repr(FOUND) == f"Diagnosis(paper: {said})"
     page = FOUND._repr_html_().replace("\N{NO-BREAK SPACE}", " ")
@@ -86,12 +100,20 @@ def test_data_frames_hold_the_values_with_the_times_as_index():
     np.testing.assert_array_equal(frame.index, LOG.t)
     np.testing.assert_array_equal(frame[["px", "py", "pz"]], LOG.p)
     (row,) = FOUND.to_dataframe().to_dict("records")
-    assert (row["cause"], row["parameter"], row["value"], row["unit"]) == ("suspended_payload", "mass", 0.25983, "kg")
+    assert (row["cause"], row["parameter"], row["value"], row["unit"]) == (
+        "suspended_payload",
+        "mass",
+        0.25983,
+        "kg",
+    )
 
 
 def test_without_pandas_a_data_frame_is_refused_in_one_line(monkeypatch):
     monkeypatch.setitem(sys.modules, "pandas", None)
-    with pytest.raises(ImportError, match=r"needs pandas, which is not installed; pip install 'np_drake\[notebook\]'"):
+    with pytest.raises(
+        ImportError,
+        match=r"needs pandas, which is not installed; pip install 'np_drake\[notebook\]'",
+    ):
         LOG.to_dataframe()
 
 

@@ -22,7 +22,9 @@ with lock_outputs([Path(sys.argv[1])], [Path(sys.argv[2])]):
 def other(tmp_path):
     """Another process that holds a folder and a file."""
     places = tmp_path / "out", tmp_path / "m.safetensors"
-    process = subprocess.Popen([sys.executable, "-c", HOLD, *map(str, places)], stdout=subprocess.PIPE, text=True)
+    process = subprocess.Popen(
+        [sys.executable, "-c", HOLD, *map(str, places)], stdout=subprocess.PIPE, text=True
+    )
     assert process.stdout.readline() == "held\n"
     yield process, *places
     process.kill()
@@ -36,7 +38,10 @@ def hold(folders=(), files=()):
 
 def test_a_second_run_is_refused_and_told_who_writes(other):
     process, folder, file = other
-    line = rf"another run \(process {process.pid} on .*\) writes here\. Wait for its end, or choose another --out"
+    line = (
+        rf"another run \(process {process.pid} on .*\) writes here\. Wait for its end, or "
+        rf"choose another --out"
+    )
     with pytest.raises(Occupied, match=rf"out: {line}"):
         hold(folders=[folder])
     with pytest.raises(Occupied, match=rf"m\.safetensors: {line}"):
@@ -92,7 +97,17 @@ for _ in range(30):
 
 def test_a_second_command_is_refused_before_it_begins(other):
     _, folder, _ = other
-    command = [sys.executable, "-m", "np_drake", "fly", "hover", "--duration", "1", "--out", str(folder)]
+    command = [
+        sys.executable,
+        "-m",
+        "np_drake",
+        "fly",
+        "hover",
+        "--duration",
+        "1",
+        "--out",
+        str(folder),
+    ]
     done = subprocess.run(command, capture_output=True, text=True)
     assert done.returncode == 2
     assert done.stderr.startswith(f"np-drake fly: {folder}: another run (process ")

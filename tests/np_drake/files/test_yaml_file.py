@@ -37,14 +37,21 @@ def said(tmp_path, text: str) -> str:
 
 
 @pytest.mark.parametrize(
-    "text, near", [("sped: 2.0", "speed"), ("first: {wieght: 2.0}", "weight"), ("many: [{weigth: 2.0}]", "weight")]
+    "text, near",
+    [
+        ("sped: 2.0", "speed"),
+        ("first: {wieght: 2.0}", "weight"),
+        ("many: [{weigth: 2.0}]", "weight"),
+    ],
 )
 def test_a_misspelt_field_is_answered_with_the_one_it_is_like(tmp_path, text, near):
     assert said(tmp_path, text).endswith(f"; did you mean {near}?")
 
 
 def test_a_field_like_none_is_answered_with_all_there_are(tmp_path):
-    assert said(tmp_path, "xyz: 1").endswith("; known are speed, first, many, count, name, asked, turn.")
+    assert said(tmp_path, "xyz: 1").endswith(
+        "; known are speed, first, many, count, name, asked, turn."
+    )
 
 
 def test_other_errors_have_no_such_remedy(tmp_path):
@@ -68,7 +75,9 @@ def test_an_empty_file_is_said_to_be_empty(tmp_path, text):
     ],
 )
 def test_a_field_that_stands_twice_is_refused_with_its_lines(tmp_path, text, field, lines):
-    assert said(tmp_path, text).endswith(f": not a thing: {field} must stand once; it stands in lines {lines}.")
+    assert said(tmp_path, text).endswith(
+        f": not a thing: {field} must stand once; it stands in lines {lines}."
+    )
 
 
 def test_an_alias_may_stand_as_often_as_it_is_wanted(tmp_path):
@@ -121,7 +130,9 @@ def test_a_file_without_fields_is_answered_with_all_there_are(tmp_path):
 
 
 def test_a_number_may_be_written_as_yaml_takes_for_text(tmp_path):
-    (tmp_path / "x.yaml").write_text("speed: 1e-5\ncount: '4'\nmany: [{weight: 3}]\n_hidden: {1: 2}")
+    (tmp_path / "x.yaml").write_text(
+        "speed: 1e-5\ncount: '4'\nmany: [{weight: 3}]\n_hidden: {1: 2}"
+    )
     dut = load_checked(Outer, tmp_path / "x.yaml", "thing")
     assert (dut.speed, dut.count, dut.many) == (1e-5, 4, [Inner(3.0)])
 

@@ -15,7 +15,10 @@ BOMBS = {
     "too deep": ("[" * 20_000 + "]" * 20_000, "nested at most 50 deep"),
     "too deep by fields": ("{a: " * 3000 + "1" + "}" * 3000, "nested at most 50 deep"),
     "too long a value": (f"a: {'1' * 20_000}", "at most 10000 characters"),
-    "an object": ('a: !!python/object/apply:os.system ["true"]', r"got the tag !!python/object/apply:os\.system "),
+    "an object": (
+        'a: !!python/object/apply:os.system ["true"]',
+        r"got the tag !!python/object/apply:os\.system ",
+    ),
     "an unknown tag": ("a: !foo bar", r"got the tag !foo \(line 1\)\. Leave it out"),
     "bytes": ("\na: !!binary aGVsbG8=", r"got the tag !!binary \(line 2\)"),
     "a broken text": ("a: [", r"in line \d+"),
@@ -29,7 +32,9 @@ def test_a_text_beyond_its_budget_is_refused_at_once(tmp_path, bomb):
     start = time.process_time()
     with pytest.raises(ValueError, match=message) as found:
         read_yaml(tmp_path / "a.yaml")
-    assert time.process_time() - start < 2.0  # [s]; a reader without a budget takes minutes, or never ends
+    assert (
+        time.process_time() - start < 2.0
+    )  # [s]; a reader without a budget takes minutes, or never ends
     assert "\n" not in str(found.value)
 
 
@@ -45,6 +50,8 @@ def test_bytes_that_are_no_text_are_refused(tmp_path):
         read_yaml(tmp_path / "a.yaml")
 
 
-@pytest.mark.parametrize("text", ["", "a: &a [1, 2]\nb: [*a, *a]", "a: !!str 1", "a: &a [*a]", "b: {<<: {c: 1}}"])
+@pytest.mark.parametrize(
+    "text", ["", "a: &a [1, 2]\nb: [*a, *a]", "a: !!str 1", "a: &a [*a]", "b: {<<: {c: 1}}"]
+)
 def test_what_yaml_means_by_itself_passes(text):
     require_modest(text)

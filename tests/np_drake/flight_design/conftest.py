@@ -1,4 +1,6 @@
-"""Fixtures of a design: white readings of plausible size, and pairs of explanations that hover cannot tell apart."""
+"""Fixtures of a design: white readings of plausible size, and pairs of explanations that hover
+cannot tell apart.
+"""
 
 import numpy as np
 import pytest
@@ -12,7 +14,9 @@ from np_drake.effects.thrust_scale import ThrustScale
 from np_drake.flight_design.limits import limits_for
 from np_drake.vehicle import Vehicle
 
-RMS = np.repeat([0.5, 0.05, 0.05, 0.2, 0.05], 3)  # of force, torque and three rates [N, N·m, m/s, m/s², rad/s]
+RMS = np.repeat(
+    [0.5, 0.05, 0.05, 0.2, 0.05], 3
+)  # of force, torque and three rates [N, N·m, m/s, m/s², rad/s]
 
 
 @pytest.fixture(scope="session")
@@ -23,7 +27,9 @@ def readings() -> Readings:
 
 def explained(effect, probability, *deviations) -> Explanation:
     names = tuple(f"{effect.identifier}.{p.name}" for p in effect.parameters)
-    return Explanation((effect.identifier,), probability, (effect,), (), names, np.diag(np.square(deviations)))
+    return Explanation(
+        (effect.identifier,), probability, (effect,), (), names, np.diag(np.square(deviations))
+    )
 
 
 @pytest.fixture(scope="session")

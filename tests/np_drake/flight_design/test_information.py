@@ -33,9 +33,13 @@ def test_the_distance_is_that_of_the_dense_distributions():
 def test_the_posterior_is_that_of_the_dense_distributions():
     dut, C, means, covariances = made(2, sizes=(2, 1, 0))
     y = np.random.default_rng(3).normal(size=ROWS) + means[1]
-    log_p = [stats.multivariate_normal(m, S).logpdf(y) for m, S in zip(means, covariances, strict=True)]
+    log_p = [
+        stats.multivariate_normal(m, S).logpdf(y) for m, S in zip(means, covariances, strict=True)
+    ]
     log_p += np.log(dut.prior)
-    np.testing.assert_allclose(dut.log_posterior(C.T @ y), log_p - np.logaddexp.reduce(log_p), atol=1e-8)
+    np.testing.assert_allclose(
+        dut.log_posterior(C.T @ y), log_p - np.logaddexp.reduce(log_p), atol=1e-8
+    )
 
 
 def test_an_explanation_compared_with_itself_has_no_information():

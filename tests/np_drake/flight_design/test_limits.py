@@ -27,7 +27,9 @@ def swept(limits: Limits, amplitude: float) -> np.ndarray:
 
 def test_hover_uses_nothing():
     limits = limits_for(Vehicle(), [], **ROOM)
-    assert max(limits.usage(T, Hover(limits.center).sample(T)).values()) == pytest.approx(0.0, abs=1e-9)
+    assert max(limits.usage(T, Hover(limits.center).sample(T)).values()) == pytest.approx(
+        0.0, abs=1e-9
+    )
 
 
 def test_shares_are_those_of_a_sine(limits):
@@ -76,4 +78,6 @@ def test_impossible_limits_are_refused(wrong):
 def test_a_payload_under_a_steady_acceleration_hangs_back_by_it_over_g(length):
     t = 0.01 * np.arange(20000)
     a = np.tile([1.0, -2.0, 0.5], (len(t), 1))
-    np.testing.assert_allclose(swing_of(length, 9.81, t, a)[-1], [-1.0 / 9.81, 2.0 / 9.81], rtol=1e-3)
+    np.testing.assert_allclose(
+        swing_of(length, 9.81, t, a)[-1], [-1.0 / 9.81, 2.0 / 9.81], rtol=1e-3
+    )

@@ -1,4 +1,6 @@
-"""Laws of the multisine: smooth, from rest to rest, as large as the limits allow, the same when read from a file."""
+"""Laws of the multisine: smooth, from rest to rest, as large as the limits allow, the same when
+read from a file.
+"""
 
 import numpy as np
 import pytest
@@ -14,7 +16,9 @@ def dut(limits):
 
 @pytest.mark.parametrize("seconds", [5.0, 20.0])
 def test_a_motion_rests_in_the_middle_at_both_ends_and_outside(limits, seconds):
-    flat = random_multisine(limits, seconds, seed=2).sample(np.array([-1.0, 0.0, seconds, seconds + 5.0]))
+    flat = random_multisine(limits, seconds, seed=2).sample(
+        np.array([-1.0, 0.0, seconds, seconds + 5.0])
+    )
     np.testing.assert_allclose(flat[0], np.tile(limits.center, (4, 1)), atol=1e-9)
     np.testing.assert_allclose(flat[1:4], 0.0, atol=1e-9)
 
@@ -43,7 +47,9 @@ def test_a_scaled_motion_goes_less_far(dut, limits):
 def test_a_seed_draws_its_own_motion(limits, dut):
     t = np.linspace(0.0, 20.0, 301)
     np.testing.assert_array_equal(random_multisine(limits, 20.0, seed=1).sample(t), dut.sample(t))
-    assert np.abs(random_multisine(limits, 20.0, seed=2).sample(t)[0] - dut.sample(t)[0]).max() > 0.1
+    assert (
+        np.abs(random_multisine(limits, 20.0, seed=2).sample(t)[0] - dut.sample(t)[0]).max() > 0.1
+    )
 
 
 def test_a_file_holds_the_same_motion(dut, tmp_path):

@@ -7,7 +7,12 @@ from np_drake.diagnosis.options import Options
 from np_drake.effects.explanation import Explanation
 from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.flight_design.multisine import random_multisine
-from np_drake.flight_design.prediction import Expected, expected_residual, nominal_residuals, predict
+from np_drake.flight_design.prediction import (
+    Expected,
+    expected_residual,
+    nominal_residuals,
+    predict,
+)
 from np_drake.references.base import Hover
 from np_drake.vehicle import Vehicle
 
@@ -48,14 +53,19 @@ def test_motion_separates_mass_from_thrust_better_than_rest(readings, heavy, mot
 def test_parameters_that_are_known_have_no_columns(drag):
     flight = nominal_residuals(Vehicle(), T, HOVER.sample(T))
     known = Explanation(drag.named, 1.0, drag.effects)
-    assert expected_residual(flight, known, Options.for_sensors(False)).spread.shape == (len(flight.t), 15, 0)
+    assert expected_residual(flight, known, Options.for_sensors(False)).spread.shape == (
+        len(flight.t),
+        15,
+        0,
+    )
 
 
 def test_spread_is_the_change_by_a_deviation(drag, motion):
     flight = nominal_residuals(Vehicle(), T, motion.sample(T))
     dut = expected_residual(flight, drag, Options.for_sensors(False))
     mean, spread = dut.mean, dut.spread
-    # Each deviation is half of the drag's value on its axis; the order of columns and their signs are free.
+    # Each deviation is half of the drag's value on its axis; the order of columns and their signs
+    # are free.
     size = np.sqrt(np.sum(spread**2, axis=2))
     np.testing.assert_allclose(size[:, :3], 0.5 * np.abs(mean[:, :3]), atol=2e-3)
 

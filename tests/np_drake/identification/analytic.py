@@ -7,7 +7,7 @@ import numpy as np
 from np_drake import attitude
 from np_drake.flight_log import FlightLog
 from np_drake.vehicle import Vehicle
-from np_drake.vehicle_calibration import Calibration, ThrottleMap
+from np_drake.vehicle.calibration import Calibration, ThrottleMap
 
 G = 9.81
 FINE = 8  # steps in an interval of rows
@@ -17,7 +17,12 @@ TRUE = Vehicle(
     name="true",
     mass=1.3,
     inertia=[[0.011, -0.0002, 0.0001], [-0.0002, 0.013, 0.00015], [0.0001, 0.00015, 0.02]],
-    rotor_positions=[[0.12, 0.14, 0.0], [0.12, -0.14, 0.0], [-0.12, -0.14, 0.0], [-0.12, 0.14, 0.0]],
+    rotor_positions=[
+        [0.12, 0.14, 0.0],
+        [0.12, -0.14, 0.0],
+        [-0.12, -0.14, 0.0],
+        [-0.12, 0.14, 0.0],
+    ],
     rotor_directions=[1.0, -1.0, 1.0, -1.0],
     thrust_coefficient=9e-6,
     torque_coefficient=1.9e-7,
@@ -138,21 +143,33 @@ def flight(
     if drive == "command":
         return dc.replace(log, u=thrust @ KNOWN.mixer.T)  # what the autopilot means by it
     throttle = vehicle.throttle.throttle(thrust)
-    return dc.replace(log, throttle=throttle, input="rotor_speed" if drive == "both" else "normalised")
+    return dc.replace(
+        log, throttle=throttle, input="rotor_speed" if drive == "both" else "normalised"
+    )
 
 
 def _solve(vehicle: Vehicle, motion: tuple, drag: float):
-    """Return relative speeds (n, 4), their mean (n,), speed in hover [rad/s] and velocity (n, 3) of the mass."""
+    """Return relative speeds (n, 4), their mean (n,), speed in hover [rad/s] and velocity (n, 3) of
+    the mass.
+    """
     t, h, w, alpha, q, lift = motion
     c, J, m = vehicle.calibration, vehicle.J, vehicle.mass
     hover = np.sqrt(0.25 * m * G / vehicle.thrust_coefficient)
     center, d = np.array(c.center_of_mass), np.array(vehicle.rotor_directions)
     p = np.array(vehicle.rotor_positions) - center
     kappa = vehicle.torque_coefficient / vehicle.thrust_coefficient
-    mixer = np.stack([np.ones(4), p[:, 1], -p[:, 0], kappa * d]) * np.array(c.rotor_gains) * 0.25 * m * G
+    mixer = (
+        np.stack([np.ones(4), p[:, 1], -p[:, 0], kappa * d])
+        * np.array(c.rotor_gains)
+        * 0.25
+        * m
+        * G
+    )
     speed, v = np.ones((len(t), 4)), np.zeros((len(t), 3))
     turn = attitude.rotate(q, np.cross(w, center))
-    apart = max(1, round(0.005 / h))  # of a difference quotient that does not feed rounding errors back
+    apart = max(
+        1, round(0.005 / h)
+    )  # of a difference quotient that does not feed rounding errors back
     for _ in range(5):
         spin = speed.mean(axis=1)
         push = attitude.rotate(q, lift[:, None] * [0.0, 0.0, 1.0]) - [0.0, 0.0, G]
@@ -176,11 +193,21 @@ def _mean(values: np.ndarray, margin: int, rows: int) -> np.ndarray:
     return middle.reshape(rows, FINE, -1).mean(axis=1)
 
 
-def _commands(vehicle: Vehicle, t: np.ndarray, speed: np.ndarray, rows: np.ndarray, step: float) -> np.ndarray:
-    """Return the speeds to command (n, 4), relative, with which the lag passes through the speeds at the rows."""
+def _commands(
+    vehicle: Vehicle, t: np.ndarray, speed: np.ndarray, rows: np.ndarray, step: float
+) -> np.ndarray:
+    """Return the speeds to command (n, 4), relative, with which the lag passes through the speeds
+    at the rows.
+    """
     up, down = vehicle.rotor_time_constant, vehicle.calibration.rotor_time_constant_down
     here, after = (
-        np.stack([np.interp(rows + late + vehicle.calibration.command_delay, t, column) for column in speed.T], axis=1)
+        np.stack(
+            [
+                np.interp(rows + late + vehicle.calibration.command_delay, t, column)
+                for column in speed.T
+            ],
+            axis=1,
+        )
         for late in (0.0, step)
     )
     share = np.where(after > here, np.exp(-step / up), np.exp(-step / down))

@@ -11,7 +11,9 @@ from np_drake.identification.identify import identify
 @pytest.fixture(scope="session")
 def analytic():
     """The module of flights in closed form."""
-    spec = importlib.util.spec_from_file_location("analytic", Path(__file__).with_name("analytic.py"))
+    spec = importlib.util.spec_from_file_location(
+        "analytic", Path(__file__).with_name("analytic.py")
+    )
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module

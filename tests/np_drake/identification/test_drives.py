@@ -12,10 +12,15 @@ from np_drake.identification.drives import common_drive, drives_of
 def log(name: str, **more) -> FlightLog:
     """Return a log at rest."""
     zeros, q = np.zeros((20, 3)), np.tile([1.0, 0.0, 0.0, 0.0], (20, 1))
-    return FlightLog(0.01 * np.arange(20), zeros, q, zeros, zeros, np.ones((20, 4)), name=name, **more)
+    return FlightLog(
+        0.01 * np.arange(20), zeros, q, zeros, zeros, np.ones((20, 4)), name=name, **more
+    )
 
 
-ROTORS, THROTTLES = {"rotor": np.ones((20, 4)), "input": "rotor_speed"}, {"throttle": np.full((20, 4), 0.5)}
+ROTORS, THROTTLES = (
+    {"rotor": np.ones((20, 4)), "input": "rotor_speed"},
+    {"throttle": np.full((20, 4), 0.5)},
+)
 
 
 def test_rotor_speed_comes_before_throttle():
@@ -23,7 +28,10 @@ def test_rotor_speed_comes_before_throttle():
 
 
 def test_flights_are_read_by_what_all_of_them_hold():
-    assert common_drive([log("a", **ROTORS, **THROTTLES), log("b", **THROTTLES, input="normalised")]) == "throttle"
+    assert (
+        common_drive([log("a", **ROTORS, **THROTTLES), log("b", **THROTTLES, input="normalised")])
+        == "throttle"
+    )
 
 
 def test_flights_without_an_input_in_common_are_refused_by_name():

@@ -34,7 +34,9 @@ class Line:
         return (self.y - v["slope"] * self.x - v["offset"])[:, None]
 
 
-def line(seed: int, slope: float = 2.0, *, noise: float = 0.5, rows: int = 3000, pole: float = 0.0) -> Line:
+def line(
+    seed: int, slope: float = 2.0, *, noise: float = 0.5, rows: int = 3000, pole: float = 0.0
+) -> Line:
     rng = np.random.default_rng(seed)
     x, e = rng.normal(size=rows), rng.normal(size=rows)
     for k in range(1, rows):
@@ -114,7 +116,10 @@ def test_flights_that_differ_are_each_told_and_widen_the_mean():
 
 
 def test_a_flight_that_is_far_surer_than_the_others_counts_alone():
-    lines = [line(seed, s, noise=n) for seed, (s, n) in enumerate([(2.0, 0.02), (2.5, 0.5), (1.5, 0.5), (2.6, 0.5)])]
+    lines = [
+        line(seed, s, noise=n)
+        for seed, (s, n) in enumerate([(2.0, 0.02), (2.5, 0.5), (1.5, 0.5), (2.6, 0.5)])
+    ]
     dut, slope, sd = told(*lines)
     assert slope == pytest.approx(2.0, abs=0.01)
     # The mean is that flight's; another vehicle differs from it by the deviation between flights.

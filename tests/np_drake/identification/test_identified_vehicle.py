@@ -10,9 +10,9 @@ from np_drake.identification.identify import identify
 from np_drake.logs.hover_thrust import with_hover_thrust
 from np_drake.rotor_input import with_rotor_input
 from np_drake.vehicle import load_vehicle
-from np_drake.vehicle_calibration import Calibration
-from np_drake.vehicle_sources import values
-from np_drake.vehicle_text import save_vehicle
+from np_drake.vehicle.calibration import Calibration
+from np_drake.vehicle.sources import values
+from np_drake.vehicle.text import save_vehicle
 
 
 @pytest.fixture(scope="module", params=["found", "by_throttle"])
@@ -47,7 +47,9 @@ def test_every_identified_field_says_where_it_comes_from(dut):
 def test_the_file_holds_the_true_vehicle(analytic, dut):
     true = analytic.TRUE
     np.testing.assert_allclose(np.diag(dut.J), np.diag(true.J), rtol=0.03)
-    np.testing.assert_allclose(dut.calibration.center_of_mass, true.calibration.center_of_mass, atol=3e-4)
+    np.testing.assert_allclose(
+        dut.calibration.center_of_mass, true.calibration.center_of_mass, atol=3e-4
+    )
     np.testing.assert_allclose(dut.calibration.rotor_gains, true.calibration.rotor_gains, atol=5e-3)
     lever = true.torque_coefficient / true.thrust_coefficient
     assert dut.torque_coefficient / dut.thrust_coefficient == pytest.approx(lever, rel=0.03)
@@ -73,19 +75,27 @@ def test_a_told_mass_has_an_interval(analytic):
     assert dut.mass == pytest.approx(1.3, rel=0.02)
     assert dut.intervals["mass"][0][0] < dut.mass < dut.intervals["mass"][0][1]
     assert dut.sources["mass"].startswith("identified")
-    assert 1.96 * dut.mass_uncertainty == pytest.approx(dut.intervals["mass"][0][1] / dut.mass - 1, rel=0.02)
+    assert 1.96 * dut.mass_uncertainty == pytest.approx(
+        dut.intervals["mass"][0][1] / dut.mass - 1, rel=0.02
+    )
 
 
 @pytest.mark.parametrize(
-    "case, field", [("found", "thrust_coefficient"), ("by_throttle", "throttle.full_thrust")], ids=str
+    "case, field",
+    [("found", "thrust_coefficient"), ("by_throttle", "throttle.full_thrust")],
+    ids=str,
 )
 def test_the_file_states_how_well_flights_tell_thrust(case, field, request, tmp_path):
     found = request.getfixturevalue(case)
-    found = dc.replace(found, prior=dc.replace(found.prior, thrust_uncertainty=0.4, mass_uncertainty=0.01))
+    found = dc.replace(
+        found, prior=dc.replace(found.prior, thrust_uncertainty=0.4, mass_uncertainty=0.01)
+    )
     save_vehicle(identified_vehicle(found, "mine"), tmp_path / "mine.yaml")
     dut = load_vehicle(tmp_path / "mine.yaml")
     half = dut.intervals[field][0][1] / values(dut)[field] - 1
-    assert 0 < 1.96 * dut.thrust_uncertainty == pytest.approx(half, rel=0.02)  # 2 %: the interval is one of ratios
+    assert (
+        0 < 1.96 * dut.thrust_uncertainty == pytest.approx(half, rel=0.02)
+    )  # 2 %: the interval is one of ratios
     assert dut.mass_uncertainty == 0.01  # the mass was given, and the flights do not tell it
 
 
@@ -103,7 +113,12 @@ def test_a_diagnosis_takes_what_identify_wrote_as_its_nominal_vehicle(found, fli
     told = load_vehicle(tmp_path / "mine.yaml")
 
     def torque(vehicle):
-        e = with_fixed_effects(make_flight_residuals(with_rotor_input(flights[0], vehicle), vehicle))
+        e = with_fixed_effects(
+            make_flight_residuals(with_rotor_input(flights[0], vehicle), vehicle)
+        )
         return np.sqrt(np.mean(e.y[:, TORQUE] ** 2, axis=0))
 
-    assert np.all(torque(told)[:2] < 0.5 * torque(dc.replace(told, calibration=Calibration(), intervals={}))[:2])
+    assert np.all(
+        torque(told)[:2]
+        < 0.5 * torque(dc.replace(told, calibration=Calibration(), intervals={}))[:2]
+    )

@@ -31,7 +31,14 @@ TRUTH = {  # name: (value, tolerance of it), beside which the interval must hold
     "IMU tilt y": (-0.003, 4e-3),
     "drag, lateral": (0.1, 0.01),
 }
-RATIOS = {"thrust coefficient", "inertia xx", "inertia yy", "inertia zz", "inertia xy", "inertia of a rotor"}
+RATIOS = {
+    "thrust coefficient",
+    "inertia xx",
+    "inertia yy",
+    "inertia zz",
+    "inertia xy",
+    "inertia of a rotor",
+}
 
 
 @pytest.fixture(scope="module")
@@ -40,7 +47,10 @@ def again(analytic):
 
     def run(*logs, **options) -> Identification:
         return identify(
-            logs, options.pop("prior", analytic.KNOWN), mass=options.pop("mass", analytic.TRUE.mass), **options
+            logs,
+            options.pop("prior", analytic.KNOWN),
+            mass=options.pop("mass", analytic.TRUE.mass),
+            **options,
         )
 
     return run
@@ -84,7 +94,9 @@ def test_the_order_of_flights_does_not_matter(analytic, found, flights, again):
 
 def test_neither_heading_nor_place_of_the_world_matter(alone, again, short):
     turn = attitude.from_rotation_vector(np.array([[0.0, 0.0, 1.9]]))
-    turned = {f: attitude.rotate(np.broadcast_to(turn, short.q.shape), getattr(short, f)) for f in "pva"}
+    turned = {
+        f: attitude.rotate(np.broadcast_to(turn, short.q.shape), getattr(short, f)) for f in "pva"
+    }
     turned["p"] = turned["p"] + [50.0, -20.0, 7.0]
     same(alone, again(dc.replace(short, q=attitude.multiply(turn, short.q), **turned)), 1e-4)
 
@@ -95,9 +107,13 @@ def test_time_may_begin_anywhere(alone, again, short):
 
 def test_the_unit_of_rotor_speed_scales_the_coefficient_alone(alone, again, short):
     other = again(dc.replace(short, rotor=short.rotor * 10.0))
-    assert other["thrust coefficient"].value == pytest.approx(alone["thrust coefficient"].value / 100.0, rel=1e-3)
+    assert other["thrust coefficient"].value == pytest.approx(
+        alone["thrust coefficient"].value / 100.0, rel=1e-3
+    )
     for name in ("inertia xx", "inertia zz", "centre of mass x", "torque over thrust", "IMU x"):
-        assert other[name].value == pytest.approx(alone[name].value, abs=0.1 * (alone[name].high - alone[name].low))
+        assert other[name].value == pytest.approx(
+            alone[name].value, abs=0.1 * (alone[name].high - alone[name].low)
+        )
 
 
 def test_twice_the_mass_doubles_inertia_and_thrust_and_no_ratio(analytic, alone, again, short):
@@ -110,7 +126,9 @@ def test_twice_the_mass_doubles_inertia_and_thrust_and_no_ratio(analytic, alone,
 def test_without_mass_quantities_are_over_the_mass(analytic, alone, again, short):
     ratios = again(short, mass=None)
     assert ratios.basis.ratios
-    assert ratios["inertia xx"].value == pytest.approx(alone["inertia xx"].value / analytic.TRUE.mass, rel=1e-6)
+    assert ratios["inertia xx"].value == pytest.approx(
+        alone["inertia xx"].value / analytic.TRUE.mass, rel=1e-6
+    )
 
 
 def test_a_trusted_coefficient_tells_the_mass(analytic, again, short):
@@ -151,8 +169,12 @@ def test_no_quantity_is_less_sure_than_its_prior(analytic, alone, found, again):
     hover = again(analytic.flight(seed=1, seconds=5.0, size=0.0))
     for dut in (alone, found, hover):
         # Products of inertia go with the moments, which differ from those of the prior.
-        for q in (q for q in dut.quantities if not q.quantity.unit.startswith("kg") or q.quantity.positive):
-            prior = np.log(q.prior[1] / q.prior[0]) if q.quantity.positive else q.prior[1] - q.prior[0]
+        for q in (
+            q for q in dut.quantities if not q.quantity.unit.startswith("kg") or q.quantity.positive
+        ):
+            prior = (
+                np.log(q.prior[1] / q.prior[0]) if q.quantity.positive else q.prior[1] - q.prior[0]
+            )
             width = np.log(q.high / q.low) if q.quantity.positive else q.high - q.low
             assert width < 1.3 * prior, q.name
 
@@ -170,7 +192,9 @@ def test_without_accelerometer_the_velocity_tells_thrust(again, short):
     assert dut["inertia xx"].value == pytest.approx(0.011, rel=0.02)
 
 
-def test_flights_that_differ_in_inertia_disagree_on_it_alone_and_widen_it(analytic, found, flights, again):
+def test_flights_that_differ_in_inertia_disagree_on_it_alone_and_widen_it(
+    analytic, found, flights, again
+):
     heavier = np.array(analytic.TRUE.inertia) * np.array([[1.1, 1, 1], [1, 1, 1], [1, 1, 1]])
     other = analytic.flight(dc.replace(analytic.TRUE, inertia=heavier.tolist()), 2, seconds=10.0)
     dut = again(*flights[:2], other)
@@ -203,7 +227,9 @@ def test_a_flight_just_long_enough_is_identified(again, short):
 @pytest.mark.parametrize("kind", ["desk", "thrown"])
 def test_a_log_that_does_not_fly_is_refused_in_a_line(again, short, kind):
     rest = (
-        dc.replace(short, rotor=0 * short.rotor) if kind == "desk" else dc.replace(short, a=short.a * 0 - [0, 0, 9.81])
+        dc.replace(short, rotor=0 * short.rotor)
+        if kind == "desk"
+        else dc.replace(short, a=short.a * 0 - [0, 0, 9.81])
     )
     with pytest.raises(ValueError, match=r"identify: .*flight7") as told:
         again(rest)
@@ -261,11 +287,21 @@ def test_telemetry_of_throttle_in_one_flight_alone_is_left_out(analytic, again, 
 @pytest.mark.parametrize("drive", ["rotor_speed", "throttle", "command"])
 def test_constant_readings_without_noise_tell_thrust_alone(again, short, drive):
     rows = len(short)
-    still = dc.replace(short, w=0 * short.w, q=np.tile([1.0, 0.0, 0.0, 0.0], (rows, 1)), v=0 * short.v, a=0 * short.a)
+    still = dc.replace(
+        short,
+        w=0 * short.w,
+        q=np.tile([1.0, 0.0, 0.0, 0.0], (rows, 1)),
+        v=0 * short.v,
+        a=0 * short.a,
+    )
     inputs = {
         "rotor_speed": {"rotor": np.full((rows, 4), 595.0)},
         "throttle": {"throttle": np.full((rows, 4), 0.4), "rotor": None},
-        "command": {"u": np.tile([1.3 * 9.81, 0.0, 0.0, 0.0], (rows, 1)), "rotor": None, "input": "command"},
+        "command": {
+            "u": np.tile([1.3 * 9.81, 0.0, 0.0, 0.0], (rows, 1)),
+            "rotor": None,
+            "input": "command",
+        },
     }
     dut = again(dc.replace(still, **inputs[drive]))
     assert all(np.isfinite([q.value, q.low, q.high]).all() for q in dut.quantities)

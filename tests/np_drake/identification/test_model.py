@@ -23,8 +23,19 @@ def frame_of(analytic):
         v = analytic.TRUE
         weight = 0.25 * v.mass * 9.81
         throttle = float(v.throttle.throttle(weight))
-        unit = {"rotor_speed": np.sqrt(weight / v.thrust_coefficient), "throttle": throttle, "command": weight}[drive]
-        return Frame(np.array(v.rotor_positions), np.array(v.rotor_directions), v.rotor_radius, unit, 0.0, throttle)
+        unit = {
+            "rotor_speed": np.sqrt(weight / v.thrust_coefficient),
+            "throttle": throttle,
+            "command": weight,
+        }[drive]
+        return Frame(
+            np.array(v.rotor_positions),
+            np.array(v.rotor_directions),
+            v.rotor_radius,
+            unit,
+            0.0,
+            throttle,
+        )
 
     return make
 
@@ -73,11 +84,14 @@ def test_the_inertia_is_that_of_a_body_two_deviations_from_the_prior(z):
     assert J[2, 2] < J[0, 0] + J[1, 1]
 
 
-@pytest.mark.parametrize(("drive", "share"), [("rotor_speed", 0.01), ("throttle", 0.04), ("command", 0.04)])
+@pytest.mark.parametrize(
+    ("drive", "share"), [("rotor_speed", 0.01), ("throttle", 0.04), ("command", 0.04)]
+)
 def test_at_the_true_parameters_nothing_is_left(model_of, truth, drive, share):
     dut = model_of(drive)
     flight, e = dut.flight, dut.residual(truth(drive))[3:]
-    # The commands are those with which the lag passes through the speeds at the rows; between them it is off by 4 %.
+    # The commands are those with which the lag passes through the speeds at the rows; between them
+    # it is off by 4 %.
     assert np.all(np.std(e[:, TORQUE], axis=0) < share * np.std(flight.alpha, axis=0))
     assert np.all(np.std(e[:, FORCE], axis=0) < share * np.std(flight.force, axis=0))
 
@@ -92,7 +106,9 @@ def test_throttle_beside_rotor_speed_tells_the_motors(model_of, truth, frame_of)
 
 def test_each_parameter_that_a_log_tells_moves_the_residual(model_of, truth):
     dut, v = model_of("both"), truth("rotor_speed")
-    told = Layout.of(parameters(600.0, 0.01), {"motors", "speed", "throttle", "velocity", "accelerometer"}, 1)
+    told = Layout.of(
+        parameters(600.0, 0.01), {"motors", "speed", "throttle", "velocity", "accelerometer"}, 1
+    )
     here = dut.residual(v)
     for name in [p.name for p in (*told.shared, *told.own)]:
         # Some are at a bound: a window of the whole interval, no idle speed.
@@ -102,7 +118,10 @@ def test_each_parameter_that_a_log_tells_moves_the_residual(model_of, truth):
 
 def test_the_order_of_evaluations_does_not_matter(model_of, truth):
     dut, v = model_of("throttle"), truth("throttle")
-    others = [v | {name: v[name] * 1.1 + 0.001} for name in ("lag", "delay", "curve", "force_late", "window")]
+    others = [
+        v | {name: v[name] * 1.1 + 0.001}
+        for name in ("lag", "delay", "curve", "force_late", "window")
+    ]
     first = [dut.residual(o) for o in others]
     again = [dut.residual(o) for o in reversed(others)][::-1]
     for one, two in zip(first, again, strict=True):
@@ -112,13 +131,20 @@ def test_the_order_of_evaluations_does_not_matter(model_of, truth):
 def test_a_bias_of_the_accelerometer_is_what_is_left_of_the_force(model_of, truth):
     dut, v = model_of("rotor_speed"), truth("rotor_speed")
     moved = dut.residual(v) - dut.residual(v | {"bias_x": 0.1, "bias_z": -0.2})
-    np.testing.assert_allclose(moved[:, FORCE], np.tile([0.1, 0.0, -0.2], (len(moved), 1)), atol=1e-12)
+    np.testing.assert_allclose(
+        moved[:, FORCE], np.tile([0.1, 0.0, -0.2], (len(moved), 1)), atol=1e-12
+    )
 
 
 def test_late_commands_look_like_a_longer_delay(analytic, frame_of, truth):
-    late = dc.replace(analytic.TRUE, calibration=dc.replace(analytic.TRUE.calibration, command_delay=0.02))
+    late = dc.replace(
+        analytic.TRUE, calibration=dc.replace(analytic.TRUE.calibration, command_delay=0.02)
+    )
     log = analytic.flight(late, 0, seconds=5.0, drive="throttle", noisy=False)
-    dut, v = FlightModel(signals(log, analytic.KNOWN.unmixer), frame_of("throttle")), truth("throttle")
+    dut, v = (
+        FlightModel(signals(log, analytic.KNOWN.unmixer), frame_of("throttle")),
+        truth("throttle"),
+    )
     left = {d: np.std(dut.residual(v | {"delay": d})[10:, TORQUE]) for d in (0.015, 0.02, 0.025)}
     assert min(left, key=left.get) == 0.02
 
@@ -126,7 +152,11 @@ def test_late_commands_look_like_a_longer_delay(analytic, frame_of, truth):
 def test_a_mirrored_vehicle_has_mirrored_parameters(analytic, truth, frame_of):
     mirror = np.array([1.0, -1.0, 1.0])
     log = analytic.flight(seed=4, seconds=5.0, noisy=False)
-    seen, frame, v = signals(log, analytic.KNOWN.unmixer), frame_of("rotor_speed"), truth("rotor_speed")
+    seen, frame, v = (
+        signals(log, analytic.KNOWN.unmixer),
+        frame_of("rotor_speed"),
+        truth("rotor_speed"),
+    )
     # Axial vectors turn the other way about x and z.
     axial = -mirror
     swapped = dc.replace(

@@ -32,7 +32,9 @@ def test_values_in_rows_that_do_not_count_change_nothing(coloured):
     broken = coloured.copy()
     broken[1000:1010] = 1e6
     np.testing.assert_allclose(
-        Whitening.of(broken, good).apply(broken)[good], Whitening.of(coloured, good).apply(coloured)[good], atol=1e-9
+        Whitening.of(broken, good).apply(broken)[good],
+        Whitening.of(coloured, good).apply(coloured)[good],
+        atol=1e-9,
     )
 
 
@@ -46,7 +48,9 @@ def test_an_outlier_counts_as_huber_says_and_an_impossible_one_not(coloured):
 
 def test_a_constant_is_not_taken_for_noise(coloured):
     good = np.ones(4000, bool)
-    np.testing.assert_allclose(Whitening.of(coloured + 7.0, good).taps, Whitening.of(coloured, good).taps, rtol=1e-6)
+    np.testing.assert_allclose(
+        Whitening.of(coloured + 7.0, good).taps, Whitening.of(coloured, good).taps, rtol=1e-6
+    )
 
 
 @pytest.mark.parametrize("good", [np.zeros(100, bool), np.arange(100) == 50, np.ones(100, bool)])

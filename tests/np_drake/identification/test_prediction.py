@@ -12,7 +12,9 @@ from np_drake.identification.validation import vehicle_values
 @pytest.fixture(scope="module")
 def level(analytic):
     """The vehicle whose sensors stand straight."""
-    return dc.replace(analytic.TRUE, calibration=dc.replace(analytic.TRUE.calibration, imu_tilt=[0.0] * 3))
+    return dc.replace(
+        analytic.TRUE, calibration=dc.replace(analytic.TRUE.calibration, imu_tilt=[0.0] * 3)
+    )
 
 
 @pytest.fixture(scope="module")
@@ -20,7 +22,9 @@ def case(analytic, level, found):
     """A flight without noise, its model and the true parameters."""
     log = analytic.flight(level, 5, seconds=5.0, noisy=False)
     layout, frame = found.estimate.layout, found.basis.frame
-    named = dict.fromkeys((p.name for p in (*layout.shared, *layout.own)), 0.0) | dict.fromkeys(layout.fixed, 0.0)
+    named = dict.fromkeys((p.name for p in (*layout.shared, *layout.own)), 0.0) | dict.fromkeys(
+        layout.fixed, 0.0
+    )
     v = vehicle_values(level, frame, "rotor_speed", level.mass, named) | {"drag": 0.1, "climb": 0.1}
     return FlightModel(signals(log, analytic.KNOWN.unmixer), frame), log, v
 
@@ -51,7 +55,9 @@ def test_predictions_do_not_cross_a_gap(case):
     model, log, v = case
     good = model.flight.good.copy()
     good[200] = False
-    dut = predict(FlightModel(dc.replace(model.flight, good=good), model.frame), log, v, seconds=0.2)
+    dut = predict(
+        FlightModel(dc.replace(model.flight, good=good), model.frame), log, v, seconds=0.2
+    )
     assert not np.any((dut.first <= 200) & (dut.first + 20 > 200))
 
 

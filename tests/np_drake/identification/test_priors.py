@@ -2,7 +2,7 @@ import numpy as np
 
 from np_drake.identification.parameters import Layout
 from np_drake.identification.priors import parameters
-from np_drake.published_vehicles import dimensionless, published_vehicles
+from np_drake.vehicle.published import dimensionless, published_vehicles
 
 EVERYTHING = {"motors", "speed", "throttle", "voltage", "velocity", "accelerometer"}
 
@@ -26,11 +26,16 @@ def test_published_vehicles_lie_within_three_deviations_of_the_priors():
         told = dimensionless(vehicle)
         for name, number in of.items():
             if number in told:
-                assert abs(np.log(told[number]) - known[name].mean) < 3 * known[name].sd, (vehicle.name, name)
+                assert abs(np.log(told[number]) - known[name].mean) < 3 * known[name].sd, (
+                    vehicle.name,
+                    name,
+                )
 
 
 def test_faster_rotors_have_proportionally_more_momentum():
-    slow, fast = (next(p for p in parameters(s, 0.01) if p.name == "rotor_momentum") for s in (300.0, 600.0))
+    slow, fast = (
+        next(p for p in parameters(s, 0.01) if p.name == "rotor_momentum") for s in (300.0, 600.0)
+    )
     assert np.isclose(fast.value(0.0), 2.0 * slow.value(0.0))
 
 

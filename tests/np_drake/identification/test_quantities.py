@@ -10,15 +10,17 @@ from np_drake.identification.priors import parameters
 from np_drake.identification.quantities import QUANTITIES, Basis
 from np_drake.identification.rotor_response import target_speed
 from np_drake.vehicle import Vehicle
-from np_drake.vehicle_calibration import ThrottleMap
-from np_drake.vehicle_sources import values
+from np_drake.vehicle.calibration import ThrottleMap
+from np_drake.vehicle.sources import values
 
 PRIOR = {p.name: p.value(0.0) for p in parameters(600.0, 0.01)}
 BY_NAME = {q.name: q for q in QUANTITIES}
 SQUARE = np.array([[0.1, 0.1, 0.0], [0.1, -0.1, 0.0], [-0.1, -0.1, 0.0], [-0.1, 0.1, 0.0]])
 
 
-def basis(mass: float | None = 1.0, *, throttle: float = 0.4, coefficient: float | None = None) -> Basis:
+def basis(
+    mass: float | None = 1.0, *, throttle: float = 0.4, coefficient: float | None = None
+) -> Basis:
     frame = Frame(SQUARE, np.array([1.0, -1.0, 1.0, -1.0]), 0.08, 500.0, 0.0, throttle)
     return Basis(frame, "rotor_speed", mass, coefficient, 500.0)
 
@@ -61,7 +63,9 @@ def test_a_trusted_coefficient_is_found_again_with_the_mass_that_it_tells(scale)
 @given(gains=st.tuples(*[st.floats(-0.1, 0.1)] * 3))
 def test_the_gains_of_rotors_have_the_mean_one(gains):
     v = PRIOR | dict(zip(("gain_roll", "gain_pitch", "gain_yaw"), gains, strict=True))
-    assert np.mean([BY_NAME[f"gain of rotor {i}"].of(v, basis()) for i in (1, 2, 3, 4)]) == pytest.approx(1.0)
+    assert np.mean(
+        [BY_NAME[f"gain of rotor {i}"].of(v, basis()) for i in (1, 2, 3, 4)]
+    ) == pytest.approx(1.0)
 
 
 @given(hover=st.floats(0.2, 0.8), curve=st.floats(0.0, 0.5), idle=st.floats(0.0, 0.12))
@@ -69,7 +73,9 @@ def test_the_throttle_map_of_the_file_gives_hover_its_thrust(hover, curve, idle)
     v, dut = PRIOR | {"curve": curve, "idle": idle}, basis(1.0, throttle=hover)
     names = ("thrust at full throttle", "linear share of throttle")
     own = ThrottleMap(*(BY_NAME[name].of(v, dut) for name in names))
-    assert float(own.thrust(hover)) == pytest.approx(dut.hover_thrust(v) * v["full_speed"] ** 2, rel=1e-6)
+    assert float(own.thrust(hover)) == pytest.approx(
+        dut.hover_thrust(v) * v["full_speed"] ** 2, rel=1e-6
+    )
     # Elsewhere it is near the model's, which has an idle speed.
     full = BY_NAME["thrust at full throttle"].of(v, dut)
     for u in np.linspace(hover, 1.0, 5):

@@ -12,7 +12,9 @@ STEP, SECONDS = 0.02, 40.0
 
 
 def flown(lags, gains, *, noise=0.005, seed=0, delay=0):
-    """A log in which each axis follows its command as a first-order loop, a whole number of rows late."""
+    """A log in which each axis follows its command as a first-order loop, a whole number of rows
+    late.
+    """
     rng, n = np.random.default_rng(seed), int(SECONDS / STEP)
     command = np.repeat(rng.normal(size=(n // 10 + 1, 3)), 10, axis=0)[:n]
     w = np.zeros((n, 3))
@@ -21,9 +23,14 @@ def flown(lags, gains, *, noise=0.005, seed=0, delay=0):
         w[k] = decay * w[k - 1] + (1 - decay) * gains * command[max(k - 1 - delay, 0)]
     zeros = np.zeros((n, 3))
     return FlightLog(
-        t=STEP * np.arange(n), p=zeros, q=np.tile([1.0, 0, 0, 0], (n, 1)), v=zeros,
-        w=w + noise * rng.normal(size=w.shape), u=np.zeros((n, 4)), commanded_rates=command,
-    )  # fmt: skip
+        t=STEP * np.arange(n),
+        p=zeros,
+        q=np.tile([1.0, 0, 0, 0], (n, 1)),
+        v=zeros,
+        w=w + noise * rng.normal(size=w.shape),
+        u=np.zeros((n, 4)),
+        commanded_rates=command,
+    )
 
 
 def test_lag_and_gain_of_each_axis_are_found_within_their_intervals():
@@ -41,7 +48,10 @@ def test_a_delay_is_part_of_the_lag():
 
 
 def test_a_log_without_commanded_rates_tells_none():
-    assert identify_rate_loop([dc.replace(flown([0.05] * 3, np.ones(3)), commanded_rates=None)]) is None
+    assert (
+        identify_rate_loop([dc.replace(flown([0.05] * 3, np.ones(3)), commanded_rates=None)])
+        is None
+    )
 
 
 def test_rates_that_do_not_follow_show_no_loop():

@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from np_drake.identification.rotor_response import FINEST, Substeps, at, lagged, means, target_speed
-from np_drake.vehicle_calibration import ThrottleMap
+from np_drake.vehicle.calibration import ThrottleMap
 
 
 @pytest.mark.parametrize(("start", "end", "constant"), [(0.0, 1.0, 0.03), (1.0, 0.2, 0.05)])
@@ -65,7 +65,12 @@ def test_the_square_of_the_target_speed_is_the_throttle_map_of_the_file(linear, 
     assert target_speed(np.array(1.0), linear) == 1.0
 
 
-@given(throttle=st.floats(0.0, 1.0), more=st.floats(0.0, 1.0), linear=st.floats(0.0, 1.0), idle=st.floats(0.0, 0.2))
+@given(
+    throttle=st.floats(0.0, 1.0),
+    more=st.floats(0.0, 1.0),
+    linear=st.floats(0.0, 1.0),
+    idle=st.floats(0.0, 0.2),
+)
 def test_more_throttle_never_gives_less_speed_than_idle(throttle, more, linear, idle):
     low, high = target_speed(np.array(sorted([throttle, more])), linear, idle)
     assert idle <= low <= high + 1e-12

@@ -31,8 +31,12 @@ def test_the_spread_of_rates_is_symmetric_and_positive(dut):
 @pytest.mark.parametrize("yaw", [0.7, -2.5])
 def test_neither_heading_nor_place_of_the_world_matter(analytic, log, dut, yaw):
     turn = attitude.from_rotation_vector(np.array([[0.0, 0.0, yaw]]))
-    turned = {f: attitude.rotate(np.broadcast_to(turn, log.q.shape), getattr(log, f)) for f in "pva"}
-    moved = dc.replace(log, q=attitude.multiply(turn, log.q), **(turned | {"p": turned["p"] + [100.0, -20.0, 3.0]}))
+    turned = {
+        f: attitude.rotate(np.broadcast_to(turn, log.q.shape), getattr(log, f)) for f in "pva"
+    }
+    moved = dc.replace(
+        log, q=attitude.multiply(turn, log.q), **(turned | {"p": turned["p"] + [100.0, -20.0, 3.0]})
+    )
     again = signals(moved, analytic.KNOWN.unmixer)
     for name in ("force", "velocity", "alpha", "spread"):
         np.testing.assert_allclose(getattr(again, name), getattr(dut, name), atol=1e-9)
@@ -44,7 +48,9 @@ def test_without_accelerometer_the_force_is_that_of_the_velocities(analytic, dut
     own = signals(log, analytic.KNOWN.unmixer)
     other = signals(dc.replace(log, a=None), analytic.KNOWN.unmixer)
     assert not other.accelerometer
-    assert np.sqrt(np.mean((own.force - other.force) ** 2)) < 0.03  # m/s²; log.a turns with the row, not within it
+    assert (
+        np.sqrt(np.mean((own.force - other.force) ** 2)) < 0.03
+    )  # m/s²; log.a turns with the row, not within it
 
 
 @pytest.mark.parametrize(("rate", "rows"), [(50.0, 1), (100.0, 1), (250.0, 3), (1000.0, 9)])

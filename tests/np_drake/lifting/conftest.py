@@ -1,4 +1,6 @@
-"""A small flight to train on: taut payload below a quadrotor on a circle or lemniscate, drag, noisy labels."""
+"""A small flight to train on: taut payload below a quadrotor on a circle or lemniscate, drag, noisy
+labels.
+"""
 
 import dataclasses as dc
 
@@ -29,7 +31,9 @@ class Flight:
 
 
 def reference(path: str, dither: float, generator: np.random.Generator):
-    """p, v, a of the reference as a function of time: 1.5 m/s circle, or lemniscate; multisine dither [m/s]."""
+    """p, v, a of the reference as a function of time: 1.5 m/s circle, or lemniscate; multisine
+    dither [m/s].
+    """
     phase = generator.uniform(0, 2 * np.pi, (3, 5))
     rate = 2 * np.pi * np.array([0.23, 0.41, 0.67, 0.97, 1.31])
 
@@ -48,10 +52,14 @@ def reference(path: str, dither: float, generator: np.random.Generator):
 
 
 def acceleration(s: np.ndarray) -> tuple[np.ndarray, float]:
-    """Acceleration of the quadrotor [m/s²] and tension [N]. State s: p, v, cable direction and its rate, thrust."""
+    """Acceleration of the quadrotor [m/s²] and tension [N]. State s: p, v, cable direction and its
+    rate, thrust.
+    """
     v, q, rate, F = s[3:6], s[6:9], s[9:12], s[12:15]
     inertia = MASS * np.eye(3) + LOAD * np.outer(q, q)
-    a = np.linalg.solve(inertia, F - MASS * G * UP - DRAG * v + LOAD * q * (LENGTH * rate @ rate - q[2] * G))
+    a = np.linalg.solve(
+        inertia, F - MASS * G * UP - DRAG * v + LOAD * q * (LENGTH * rate @ rate - q[2] * G)
+    )
     return a, LOAD * (LENGTH * rate @ rate - q @ (a + G * UP))
 
 
@@ -77,7 +85,9 @@ def advance(s: np.ndarray, command: np.ndarray) -> np.ndarray:
 
 
 def fly(path: str, *, duration: float, seed: int, dither: float = 0.0) -> Flight:
-    """A flight with PD control that compensates a 2 Hz low-passed label; label noise 0.2 N, low-passed at 6 Hz."""
+    """A flight with PD control that compensates a 2 Hz low-passed label; label noise 0.2 N,
+    low-passed at 6 Hz.
+    """
     generator = np.random.default_rng(seed)
     at, n = reference(path, dither, generator), int(duration / STEP)
     chi, zeta, truth = np.zeros((n, 6)), np.zeros((n, 6)), np.zeros((n, 6))

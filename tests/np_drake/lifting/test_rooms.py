@@ -1,4 +1,6 @@
-"""Laws of the rooms of the lifted linear system: each imports only from itself and from those before it."""
+"""Laws of the rooms of the lifted linear system: each imports only from itself and from those
+before it.
+"""
 
 import re
 from pathlib import Path

@@ -1,4 +1,6 @@
-"""Fixture: files are read in a fresh process that has imported what reads them, so that its peak memory is theirs."""
+"""Fixture: files are read in a fresh process that has imported what reads them, so that its peak
+memory is theirs.
+"""
 
 import subprocess
 import sys
@@ -25,10 +27,11 @@ for line in sys.stdin:
 
 @pytest.fixture(scope="session")
 def fresh_reader() -> Iterator[Callable[[str, int], Read]]:
-    """Return a function that starts such a process for a program that defines `read`, each file in a child of it.
+    """Return a function that starts such a process for a program that defines `read`, each file in
+    a child of it.
 
-    What it returns takes a path, and gives the lines that were printed and the peak memory [MB]. A file that takes
-    more than the seconds of processor time, or ends its process, fails the test.
+    What it returns takes a path, and gives the lines that were printed and the peak memory [MB]. A
+    file that takes more than the seconds of processor time, or ends its process, fails the test.
     """
     servers = []
 

@@ -39,16 +39,22 @@ def cut(n):
 
 
 def leave_out(start, stop):
-    return lambda c: c.update({name: np.delete(value, slice(start, stop)) for name, value in c.items()})
+    return lambda c: c.update(
+        {name: np.delete(value, slice(start, stop)) for name, value in c.items()}
+    )
 
 
 def stretch_quaternion(row, factor):
-    return lambda c: [c[name].__setitem__(row, c[name][row] * factor) for name in ("qw", "qx", "qy", "qz")]
+    return lambda c: [
+        c[name].__setitem__(row, c[name][row] * factor) for name in ("qw", "qx", "qy", "qz")
+    ]
 
 
 def renamed(names):
     """The quaternion's columns hold these ones."""
-    return lambda c: c.update(dict(zip(("qw", "qx", "qy", "qz"), [c[n].copy() for n in names.split()], strict=True)))
+    return lambda c: c.update(
+        dict(zip(("qw", "qx", "qy", "qz"), [c[n].copy() for n in names.split()], strict=True))
+    )
 
 
 FAULTS = {  # spoil the columns: (how, what the message must say)
@@ -68,12 +74,21 @@ FAULTS = {  # spoil the columns: (how, what the message must say)
     "degrees per second": (scale("wx wy wz", 57.3), r"column qw: attitude.*SI units"),
     "accelerations in g": (scale("ax ay az", 1 / 9.81), r"column vx: velocity.*SI units"),
     "rpm": (scale("rotor1 rotor2 rotor3 rotor4", 9.55), r"column rotor1: .*rpm"),
-    "velocity turned about": (scale("vx vy vz", -1), r"column vx: must be the rate of position.*opposite way"),
+    "velocity turned about": (
+        scale("vx vy vz", -1),
+        r"column vx: must be the rate of position.*opposite way",
+    ),
     "one velocity turned about": (scale("vy", -1), r"column vy: .*Turn its sign, or that of py"),
     "position down": (scale("px py pz", -1), r"column vx: .*or that of px"),
     "rates turned about": (scale("wx wy wz", -1), r"column qw: .*from W to body"),
-    "accelerations turned about": (scale("ax ay az", -1), r"column ax: must be the rate of velocity"),
-    "angular accelerations turned about": (scale("alx", -1), r"column alx: must be the rate of body rates"),
+    "accelerations turned about": (
+        scale("ax ay az", -1),
+        r"column ax: must be the rate of velocity",
+    ),
+    "angular accelerations turned about": (
+        scale("alx", -1),
+        r"column alx: must be the rate of body rates",
+    ),
     "thrust downwards": (scale("thrust", -1), r"column thrust: .*upwards.*Turn the sign of thrust"),
     "gravity left in": (lambda c: c["az"].__iadd__(9.81), r"column az: .*without gravity"),
     "grams": (scale("thrust", 102.0), r"column thrust: .*weight of vehicle 'paper'"),
@@ -117,7 +132,9 @@ def test_bytes_that_are_no_text_are_refused(tmp_path):
 
 # Named, and without the time of writing: pytest's workers must collect the same names.
 @pytest.mark.parametrize(
-    "content", [b"no gzip at all", gzip.compress(b"t,px\n" * 1000, mtime=0)[:-20]], ids=["no gzip", "cut off"]
+    "content",
+    [b"no gzip at all", gzip.compress(b"t,px\n" * 1000, mtime=0)[:-20]],
+    ids=["no gzip", "cut off"],
 )
 def test_a_broken_gzip_is_refused(tmp_path, content):
     (tmp_path / "made.csv.gz").write_bytes(content)
@@ -174,7 +191,9 @@ REPAIRS = {  # spoil: what the note must say
 
 
 @pytest.mark.parametrize("fault", REPAIRS)
-def test_a_few_bad_rows_are_repaired_only_if_asked_and_the_log_says_so(flight, columns, tmp_path, fault):
+def test_a_few_bad_rows_are_repaired_only_if_asked_and_the_log_says_so(
+    flight, columns, tmp_path, fault
+):
     spoil, note = REPAIRS[fault]
     spoil(columns)
     write_csv(tmp_path / "made.csv", columns)
@@ -182,7 +201,9 @@ def test_a_few_bad_rows_are_repaired_only_if_asked_and_the_log_says_so(flight, c
         read_flights(tmp_path / "made.csv")[0]
     dut = read_flights(tmp_path / "made.csv", repair=True)[0]
     at = np.searchsorted(flight.t, dut.t - 1e-9)
-    np.testing.assert_allclose(dut.x, flight.x[at], atol=0.02)  # a row at either end is held, not drawn on [SI]
+    np.testing.assert_allclose(
+        dut.x, flight.x[at], atol=0.02
+    )  # a row at either end is held, not drawn on [SI]
     assert len(dut.notes) == 1
     assert note in dut.notes[0]
 
@@ -198,7 +219,11 @@ def test_an_attitude_is_bridged_on_the_short_way_round(flight, columns, tmp_path
     """Ten radians a second about x, the sign of q turned after a gap of seven rows."""
     angle = 10 * flight.t
     sign = np.where(np.arange(600) < 300, 1.0, -1.0)
-    columns |= {"qw": sign * np.cos(angle / 2), "qx": sign * np.sin(angle / 2), "wx": 10 + 0 * angle}
+    columns |= {
+        "qw": sign * np.cos(angle / 2),
+        "qx": sign * np.sin(angle / 2),
+        "wx": 10 + 0 * angle,
+    }
     leave_out(297, 304)(columns)
     columns = {name: value for name, value in columns.items() if not name.startswith("al")}
     write_csv(tmp_path / "made.csv", columns)
@@ -240,7 +265,10 @@ def test_a_bias_of_the_velocity_that_turns_with_the_body_is_no_wrong_unit(flight
 def test_a_cell_of_absurd_size_is_named_without_a_warning(columns, tmp_path, name, recwarn):
     columns[name][5] = 1e300
     write_csv(tmp_path / "made.csv", columns)
-    with pytest.raises(LogError, match=rf"column {name}, row 6 \(line 7\): must be below 1e\+12 in size; got 1e\+300"):
+    with pytest.raises(
+        LogError,
+        match=rf"column {name}, row 6 \(line 7\): must be below 1e\+12 in size; got 1e\+300",
+    ):
         open_flights(tmp_path / "made.csv", Vehicle())[0][0]
     assert read_flights(tmp_path / "made.csv", repair=True)[0].notes
     assert not recwarn.list
@@ -261,10 +289,13 @@ def test_biases_and_noise_are_no_wrong_units(flight, tmp_path):
 
 
 def test_a_vehicle_on_its_back_that_its_thrust_carries_is_refused(flight):
-    q = np.column_stack([-flight.q[:, 1], flight.q[:, 0], flight.q[:, 3], -flight.q[:, 2]])  # rolled by 180 degrees
+    q = np.column_stack(
+        [-flight.q[:, 1], flight.q[:, 0], flight.q[:, 3], -flight.q[:, 2]]
+    )  # rolled by 180 degrees
     fallen = dc.replace(flight, q=q, w=flight.w, al=None, a=None)
     with pytest.raises(
-        LogError, match=r"column qw: thrust must carry the vehicle upwards; body z points -0\.\d+ along"
+        LogError,
+        match=r"column qw: thrust must carry the vehicle upwards; body z points -0\.\d+ along",
     ):
         check_units(fallen, "x.csv")
 

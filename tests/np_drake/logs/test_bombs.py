@@ -60,7 +60,9 @@ def line(folder):
 def ragged(folder):
     """Short rows below a wide header: every one of them would become a row of 9,000 cells."""
     path = folder / "bomb.csv"
-    path.write_text(HEADER[:-1] + "," + ",".join(f"x{i}" for i in range(9000)) + "\n" + "1\n" * 10**6)
+    path.write_text(
+        HEADER[:-1] + "," + ",".join(f"x{i}" for i in range(9000)) + "\n" + "1\n" * 10**6
+    )
     return path
 
 
@@ -93,7 +95,9 @@ def lists(folder):
     return path
 
 
-@pytest.mark.parametrize("bomb", [rows, line, ragged, blank, constant, lists], ids=lambda bomb: bomb.__name__)
+@pytest.mark.parametrize(
+    "bomb", [rows, line, ragged, blank, constant, lists], ids=lambda bomb: bomb.__name__
+)
 def test_a_log_that_unpacks_to_gigabytes_is_refused_within_one(tmp_path, bomb, read):
     path = bomb(tmp_path)
     assert path.stat().st_size < 10**7

@@ -10,14 +10,27 @@ from hypothesis import strategies as st
 from np_drake.logs.columns import Table, present_fields
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.csv_file import write_csv
-from np_drake.logs.gaps import LONGEST, bridge_gaps, said_of_bridged, split_at_gaps, without_long_gaps
+from np_drake.logs.gaps import (
+    LONGEST,
+    bridge_gaps,
+    said_of_bridged,
+    split_at_gaps,
+    without_long_gaps,
+)
 from np_drake.logs.opening import open_flights
 
 
 def circling(t: np.ndarray) -> dict[str, np.ndarray]:
     """A metre of circle, a turn in 6 s, with a hovering command."""
     o = 0 * t
-    names = {"px": np.cos(t), "py": np.sin(t), "pz": 1 + o, "vx": -np.sin(t), "vy": np.cos(t), "vz": o}
+    names = {
+        "px": np.cos(t),
+        "py": np.sin(t),
+        "pz": 1 + o,
+        "vx": -np.sin(t),
+        "vy": np.cos(t),
+        "vz": o,
+    }
     q = {"qw": 1 + o, "qx": o, "qy": o, "qz": o, "wx": o, "wy": o, "wz": o}
     return {"t": t, **names, **q, "thrust": 20.0 + np.arange(len(t)) % 2, "tx": o, "ty": o, "tz": o}
 
@@ -40,7 +53,8 @@ def test_three_lost_rows_are_bridged_marked_and_said_once(tmp_path):
     assert said_of_bridged([whole]) == []
     (line,) = said_of_bridged([dut, whole, dut])
     assert line.startswith(
-        "6 rows (0.3\u00a0%) in gaps of up to 0.1 s of 2 of 3 flights were filled in; they do not count"
+        "6 rows (0.3\u00a0%) in gaps of up to 0.1 s of 2 of 3 flights were filled in; they "
+        "do not count"
     )
 
 
@@ -91,5 +105,7 @@ def test_a_gap_is_bridged_at_every_rate(tmp_path, step):
 
 def test_a_long_gap_is_named_where_a_log_must_be_whole():
     table = Table("made", circling(without(T, 200, 60)))
-    with pytest.raises(LogError, match=r"column t, row 201 .*no gap longer than 0\.1 s.*lasts 0\.61 s"):
+    with pytest.raises(
+        LogError, match=r"column t, row 201 .*no gap longer than 0\.1 s.*lasts 0\.61 s"
+    ):
         without_long_gaps(table)

@@ -20,7 +20,9 @@ def log(name="a", start=0.0, seconds=10.0, height=1.0, **more):
     t = np.arange(0.0, seconds, 0.01)
     p, q = np.tile([0.0, 0.0, height], (len(t), 1)), np.tile([1.0, 0, 0, 0], (len(t), 1))
     still = np.zeros((len(t), 3))
-    return FlightLog(t=t, p=p, q=q, v=still, w=still, u=np.zeros((len(t), 4)), name=name, start=start, **more)
+    return FlightLog(
+        t=t, p=p, q=q, v=still, w=still, u=np.zeros((len(t), 4)), name=name, start=start, **more
+    )
 
 
 def test_a_neighbour_is_on_the_clock_of_the_flight():
@@ -39,13 +41,18 @@ def test_a_flight_without_a_neighbour_is_as_it_was():
 
 
 def test_of_a_log_in_parts_those_of_the_time_are_taken():
-    parts = [log(name, start, height=2.0) for name, start in (("b1", -20.0), ("b2", -3.0), ("b3", 7.5))]
+    parts = [
+        log(name, start, height=2.0) for name, start in (("b1", -20.0), ("b2", -3.0), ("b3", 7.5))
+    ]
     (dut,) = with_neighbours([log()], {"a": parts}, LEAST)
     assert [path.name for path in dut.neighbours] == ["b2", "b3"]
 
 
 BAD = {
-    "apart": ({"a": [log("b", start=20.0, height=2.0)]}, "b: must have 1 s in common with a, which is of 0"),
+    "apart": (
+        {"a": [log("b", start=20.0, height=2.0)]},
+        "b: must have 1 s in common with a, which is of 0",
+    ),
     "same": ({"a": [log("b")]}, "b: must stay 0.1 m away from a; they are 0 m apart"),
     "no position": ({"a": [log("b", lacks=("height",))]}, "b: must tell the position"),
     "no flight": ({"c": [log("b")]}, "neighbours: must be of a; got 'c'"),
@@ -67,7 +74,9 @@ def test_an_option_names_a_log_and_whose_neighbour_it_is(tmp_path):
     (tmp_path / "odd=name.csv").touch()
     assert neighbour_of(str(tmp_path / "odd=name.csv"), [A, B]) == (tmp_path / "odd=name.csv", None)
     for text in ("n.csv=c.csv", "=a.csv", "n.csv="):
-        with pytest.raises(ValueError, match=r"--neighbour: OF of LOG=OF must be one of a\.csv, b\.csv"):
+        with pytest.raises(
+            ValueError, match=r"--neighbour: OF of LOG=OF must be one of a\.csv, b\.csv"
+        ):
             neighbour_of(text, [A, B])
 
 
@@ -89,6 +98,8 @@ def test_the_sheet_of_an_import_keeps_the_clock(tmp_path):
 
 
 def test_a_part_of_a_flight_keeps_clock_and_neighbours():
-    dut = dc.replace(with_neighbours([log()], {"a": [log("b", height=2.0)]}, LEAST)[0], start=7.0).rows(100, 200)
+    dut = dc.replace(
+        with_neighbours([log()], {"a": [log("b", height=2.0)]}, LEAST)[0], start=7.0
+    ).rows(100, 200)
     assert (dut.start, dut.t[0]) == (7.0, 1.0)
     assert [path.name for path in dut.neighbours] == ["b"]

@@ -13,13 +13,15 @@ from np_drake.logs.formats.log_file import write_log
 from np_drake.logs.opening import open_flights
 from np_drake.logs.rotor_order import NOTE, in_vehicle_order
 from np_drake.logs.rotor_torque import torque_agreement
-from np_drake.vehicle import Vehicle, load_vehicle, preset_names, vehicle_file
+from np_drake.vehicle.vehicle import Vehicle, load_vehicle, preset_names, vehicle_file
 
 STEP, SECONDS = 0.01, 8.0
 
 
 def turning(vehicle: Vehicle, noise: float = 0.5, seed: int = 1) -> FlightLog:
-    """Return a hovering flight that rocks about every axis, with rotor speed; noise: of torque over what turns it."""
+    """Return a hovering flight that rocks about every axis, with rotor speed; noise: of torque over
+    what turns it.
+    """
     rng = np.random.default_rng(seed)
     t = np.arange(0.0, SECONDS, STEP)
     waves = [(f, *rng.uniform(0, 2 * np.pi, 3)) for f in (0.9, 1.7, 2.6, 4.1)]
@@ -30,7 +32,17 @@ def turning(vehicle: Vehicle, noise: float = 0.5, seed: int = 1) -> FlightLog:
     rotor = np.sqrt(np.maximum(u @ vehicle.unmixer.T, 0.0) / vehicle.thrust_coefficient)
     q = np.column_stack([np.ones(len(t)), np.zeros((len(t), 3))])
     still = np.zeros((len(t), 3))
-    return FlightLog(t, still, q, still, w, np.full((len(t), 4), np.nan), rotor=rotor, name="made", input="rotor_speed")
+    return FlightLog(
+        t,
+        still,
+        q,
+        still,
+        w,
+        np.full((len(t), 4), np.nan),
+        rotor=rotor,
+        name="made",
+        input="rotor_speed",
+    )
 
 
 @pytest.mark.parametrize("name", preset_names())
@@ -55,9 +67,13 @@ def test_the_note_says_where_each_column_lies_and_how_it_turns():
 def test_rotors_that_turn_otherwise_than_in_the_file_are_refused():
     log = turning(load_vehicle("crazyflie"))
     wrong = dc.replace(load_vehicle("crazyflie"), rotor_directions=[1.0, -1.0, 1.0, -1.0])
-    with pytest.raises(LogError, match=r"^made: rotor_positions and rotor_directions of vehicle 'crazyflie'") as error:
+    with pytest.raises(
+        LogError, match=r"^made: rotor_positions and rotor_directions of vehicle 'crazyflie'"
+    ) as error:
         in_vehicle_order([log], wrong)
-    assert "front right (ccw), rear right (cw), rear left (ccw), front left (cw)" in str(error.value)
+    assert "front right (ccw), rear right (cw), rear left (ccw), front left (cw)" in str(
+        error.value
+    )
     assert "\n" not in str(error.value)
 
 
@@ -139,7 +155,9 @@ def test_a_file_in_another_order_opens_with_the_torque_of_the_right_one(tmp_path
     log = turning(own)
     for name, rotor in (("right.csv", log.rotor), ("turned.csv", log.rotor[:, [3, 0, 1, 2]])):
         write_log(dc.replace(log, rotor=rotor), tmp_path / name)
-    right, turned = (open_flights(tmp_path / name, own)[0][0] for name in ("right.csv", "turned.csv"))
+    right, turned = (
+        open_flights(tmp_path / name, own)[0][0] for name in ("right.csv", "turned.csv")
+    )
     np.testing.assert_array_equal(turned.u, right.u)
     assert any(note.startswith(NOTE) for note in turned.notes)
 
@@ -160,8 +178,12 @@ def test_a_controller_that_answers_noise_tells_nothing_where_nothing_moves(moves
     w = log.w * moves
     torque = np.gradient(w, STEP, axis=0) @ own.J.T + np.cross(w, w @ own.J.T)
     noise = 0.01 * np.random.default_rng(2).normal(size=w.shape)  # [rad/s]
-    answer = -4.0 * np.roll(noise, 4, axis=0) @ own.J.T  # 40 ms late: in phase with the derivative at 6 Hz
+    answer = (
+        -4.0 * np.roll(noise, 4, axis=0) @ own.J.T
+    )  # 40 ms late: in phase with the derivative at 6 Hz
     read = dc.replace(log, w=w + noise, u=np.column_stack([np.ones(len(log)), torque + answer]))
     correlation, ratio = torque_agreement(read, own)
-    np.testing.assert_allclose(correlation, 1.0 if moves else np.nan, atol=0.02)  # filters, differences
+    np.testing.assert_allclose(
+        correlation, 1.0 if moves else np.nan, atol=0.02
+    )  # filters, differences
     assert moves or np.all(ratio > 3.0)

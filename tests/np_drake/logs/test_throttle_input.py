@@ -7,9 +7,15 @@ import pytest
 
 from np_drake.flight_log import FlightLog
 from np_drake.logs.errors import LogError
-from np_drake.logs.throttle_input import USUAL, VOLTAGE, hover_exponent, with_throttle_input, with_throttle_map
+from np_drake.logs.throttle_input import (
+    USUAL,
+    VOLTAGE,
+    hover_exponent,
+    with_throttle_input,
+    with_throttle_map,
+)
 from np_drake.vehicle import Vehicle
-from np_drake.vehicle_calibration import ThrottleMap
+from np_drake.vehicle.calibration import ThrottleMap
 
 VEHICLE = Vehicle()
 WEIGHT = VEHICLE.mass * VEHICLE.gravity
@@ -17,7 +23,8 @@ EXPONENT = 1.7
 
 
 def bobbing(amplitude: float, hover: float, seed: int, exponent: float = EXPONENT) -> FlightLog:
-    """Return a level flight whose thrust varies by a share `amplitude` of the weight, with a collective throttle.
+    """Return a level flight whose thrust varies by a share `amplitude` of the weight, with a
+    collective throttle.
 
     Velocities have 0.05 m/s of noise.
     """
@@ -72,7 +79,9 @@ def test_a_held_out_flight_does_not_change_the_map():
 
 
 def test_a_battery_that_falls_is_the_voltage_and_no_other_map():
-    full, empty = (dc.replace(bobbing(0.2, 0.5, 0), voltage=np.full(2000, volts)) for volts in (16.0, 14.4))
+    full, empty = (
+        dc.replace(bobbing(0.2, 0.5, 0), voltage=np.full(2000, volts)) for volts in (16.0, 14.4)
+    )
     assert empty.throttle is not None
     empty = dc.replace(empty, throttle=empty.throttle * (16.0 / 14.4) ** (VOLTAGE / USUAL))
     (first,), (second,) = with_throttle_map(VEHICLE, [full], [empty])

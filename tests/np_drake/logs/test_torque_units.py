@@ -20,17 +20,25 @@ def turning(flight):
     w, al = (np.stack([np.where(third == i, x, o) for i in range(3)], axis=1) for x in (rate, al))
     half = 0.5 * 0.8 / np.pi * (1 - np.cos(np.pi * t))
     q = np.stack([np.cos(half), *(np.where(third == i, np.sin(half), o) for i in range(3))], axis=1)
-    return dc.replace(flight, q=q, w=w, al=al, u=np.column_stack([flight.u[:, 0], al @ Vehicle().J]))
+    return dc.replace(
+        flight, q=q, w=w, al=al, u=np.column_stack([flight.u[:, 0], al @ Vehicle().J])
+    )
 
 
 TORQUES = {  # factors of tx, ty, tz: what the message must say
-    "millinewton metres": ([1000, 1000, 1000], r"column tx: torque .* can give, at most 3\.05 N·m; .*N·m, and"),
+    "millinewton metres": (
+        [1000, 1000, 1000],
+        r"column tx: torque .* can give, at most 3\.05 N·m; .*N·m, and",
+    ),
     "angular acceleration": ([50, 50, 50], r"column tz: torque .* can give, at most 0\.384 N·m"),
     "kilonewton metres": (
         [1e-3, 1e-3, 1e-3],
         r"column tx: torque must be what turns .* its integral changes .*in N·m.*kg·m²",
     ),
-    "opposite": ([-1, -1, -1], r"column tx: torque must be what turns .*body x it goes against .*body axes"),
+    "opposite": (
+        [-1, -1, -1],
+        r"column tx: torque must be what turns .*body x it goes against .*body axes",
+    ),
     "z down": ([1, -1, -1], r"column ty: torque must be what turns .*body y it goes against"),
     "a rotor's drag the other way": ([1, 1, -1], r"column tz: .*body z it goes against"),
 }
@@ -57,17 +65,25 @@ def test_rotors_in_another_order_are_refused_with_the_vehicle_file(turning):
     vehicle = dc.replace(Vehicle(), input="rotor_speed")
     check_units(with_rotor_input(dc.replace(turning, rotor=rotor), vehicle), "made.csv", vehicle)
     swapped = with_rotor_input(dc.replace(turning, rotor=rotor[:, [1, 0, 3, 2]]), vehicle)
-    with pytest.raises(LogError, match=r"column rotor1: torque .*rotor_directions of vehicle 'paper' in the log's"):
+    with pytest.raises(
+        LogError, match=r"column rotor1: torque .*rotor_directions of vehicle 'paper' in the log's"
+    ):
         check_units(swapped, "made.csv", vehicle)
 
 
-@pytest.mark.parametrize("factor", [0.5, 2.0, 5.0], ids=["weak rotors", "a rotor drag unknown", "an inertia unknown"])
+@pytest.mark.parametrize(
+    "factor", [0.5, 2.0, 5.0], ids=["weak rotors", "a rotor drag unknown", "an inertia unknown"]
+)
 def test_torque_that_a_wrong_model_explains_is_no_wrong_unit(turning, factor):
-    check_units(dc.replace(turning, u=turning.u * [1, factor, factor, factor]), "made.csv", Vehicle())
+    check_units(
+        dc.replace(turning, u=turning.u * [1, factor, factor, factor]), "made.csv", Vehicle()
+    )
 
 
 def test_torque_against_a_disturbance_is_no_wrong_sign(turning):
-    """A load pushes, the controller holds against it: what is left of the turn is small, and early."""
+    """A load pushes, the controller holds against it: what is left of the turn is small, and
+    early.
+    """
     draw = np.random.default_rng(1)
     w = 0.02 * np.sin(2 * turning.t)[:, None] + 0.01 * draw.normal(size=(600, 3))
     q = np.tile([1.0, 0, 0, 0], (600, 1))

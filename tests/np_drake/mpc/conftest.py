@@ -30,7 +30,9 @@ def reaction() -> GaussianProcess:
 
 @pytest.fixture(scope="session")
 def make_problem(vehicle):
-    """Hover at the origin; `offset` moves the start, by that in metres and half in m/s along x, y, z."""
+    """Hover at the origin; `offset` moves the start, by that in metres and half in m/s along x, y,
+    z.
+    """
 
     def make(config, *, K=24, offset=0.1, seed=0, tilt=0.0, reaction=None):
         rng, N = np.random.default_rng(seed), config.horizon
@@ -39,7 +41,12 @@ def make_problem(vehicle):
         C = 0.2 * rng.normal(size=(6, K)) * np.array([1, 1, 1, 0.02, 0.02, 0.02])[:, None]
         steady = 0.3 * rng.normal(size=6) * [1, 1, 1, 0.02, 0.02, 0.02]
         forecast = WrenchForecast(
-            A, 0.2 * rng.normal(size=(K, 6)), C, rng.normal(size=K), np.tile(steady, (N, 1)), reaction
+            A,
+            0.2 * rng.normal(size=(K, 6)),
+            C,
+            rng.normal(size=K),
+            np.tile(steady, (N, 1)),
+            reaction,
         )
         x_ref = np.zeros((N + 1, 13))
         x_ref[:, 3] = 1.0

@@ -12,13 +12,15 @@ from np_drake.mpc.ipopt import IpoptCondensedSolver
 from np_drake.mpc.ipopt_multiple_shooting import IpoptMultipleShootingSolver
 from np_drake.mpc.problem import MpcConfig
 from np_drake.mpc.sqp import SqpSolver
-from np_drake.rate_loop import RateLoop
 from np_drake.references.base import Hover
 from np_drake.residual_model import constant_forecast
 from np_drake.vehicle import Vehicle
+from np_drake.vehicle.rate_loop import RateLoop
 
 LOOP = RateLoop([0.05, 0.07, 0.2], [1.0, 0.9, 1.1], [2.0, 2.0, 1.0])
-VEHICLE = dc.replace(Vehicle(), rate_loop=LOOP, inertia=[[0.02, 0.001, 0.0], [0.001, 0.025, 0.0], [0.0, 0.0, 0.04]])
+VEHICLE = dc.replace(
+    Vehicle(), rate_loop=LOOP, inertia=[[0.02, 0.001, 0.0], [0.001, 0.025, 0.0], [0.0, 0.0, 0.04]]
+)
 RATES = MpcConfig(horizon=10, command="rates")
 
 
@@ -39,7 +41,9 @@ def test_commanded_rates_are_followed_by_the_loops_lag(by, point):
     x, T, _ = point
     dynamics, step = DiscreteDynamics(VEHICLE, 0.02, by), 0.02
     for _ in range(5):
-        expected = LOOP.gain * T[1:] + np.exp(-step / np.array(LOOP.lag)) * (x[10:] - LOOP.gain * T[1:])
+        expected = LOOP.gain * T[1:] + np.exp(-step / np.array(LOOP.lag)) * (
+            x[10:] - LOOP.gain * T[1:]
+        )
         x = dynamics.advance(x, by.mixer @ T, np.zeros(6))
         np.testing.assert_allclose(x[10:], expected, rtol=2e-3)
 
@@ -52,9 +56,15 @@ def test_jacobians_match_finite_differences(by, point):
     def slope(at, size):
         return np.transpose([(at(e * axis) - at(-e * axis)) / (2 * e) for axis in np.eye(size)])
 
-    np.testing.assert_allclose(dut.Fx[0, :, :13], slope(lambda d: dynamics.advance(x + d, u, chi), 13), atol=1e-7)
-    np.testing.assert_allclose(dut.Fx[0, :, 13:], slope(lambda d: dynamics.advance(x, u, chi + d), 6), atol=1e-7)
-    np.testing.assert_allclose(dut.Fu[0], slope(lambda d: dynamics.advance(x, u + d, chi), 4), atol=1e-7)
+    np.testing.assert_allclose(
+        dut.Fx[0, :, :13], slope(lambda d: dynamics.advance(x + d, u, chi), 13), atol=1e-7
+    )
+    np.testing.assert_allclose(
+        dut.Fx[0, :, 13:], slope(lambda d: dynamics.advance(x, u, chi + d), 6), atol=1e-7
+    )
+    np.testing.assert_allclose(
+        dut.Fu[0], slope(lambda d: dynamics.advance(x, u + d, chi), 4), atol=1e-7
+    )
 
 
 def test_the_driving_input_of_a_torque_gives_its_motion(by, point):
@@ -62,7 +72,9 @@ def test_the_driving_input_of_a_torque_gives_its_motion(by, point):
     u = np.array([19.0, 0.05, -0.03, 0.02])
     torque = DiscreteDynamics(VEHICLE, 1e-5).advance(x, u, chi)
     np.testing.assert_allclose(
-        DiscreteDynamics(VEHICLE, 1e-5, by).advance(x, by.driving(VEHICLE, x, u), chi), torque, atol=1e-7
+        DiscreteDynamics(VEHICLE, 1e-5, by).advance(x, by.driving(VEHICLE, x, u), chi),
+        torque,
+        atol=1e-7,
     )
 
 
@@ -101,7 +113,10 @@ def test_a_forecast_torque_is_left_to_the_rate_loop(by):
     controller = MpcController(VEHICLE, RATES, SqpSolver(VEHICLE, RATES))
     flat, x = Hover(np.zeros(3)).sample(np.arange(11)), np.eye(13)[3]
     force = np.array([0.5, -0.3, -1.0, 0.0, 0.0, 0.0])
-    told = [controller.problem(x, flat, constant_forecast(force + [0, 0, 0, tau, tau, 0], 10)) for tau in (0.0, 0.2)]
+    told = [
+        controller.problem(x, flat, constant_forecast(force + [0, 0, 0, tau, tau, 0], 10))
+        for tau in (0.0, 0.2)
+    ]
     np.testing.assert_array_equal(told[0].u_ref, told[1].u_ref)
     assert not told[1].forecast.offset[:, 3:].any()
 
@@ -117,5 +132,7 @@ def test_it_settles_at_its_reference_under_a_known_force(by):
         x[3:7] /= np.linalg.norm(x[3:7])
     np.testing.assert_allclose(x[:3], 0.0, atol=1e-3)
     thrust, *rates = controller.rates_thrust(memory)
-    assert thrust == pytest.approx(np.hypot(np.hypot(1.0, 0.5), VEHICLE.mass * 9.81 + 2.0), rel=1e-3)
+    assert thrust == pytest.approx(
+        np.hypot(np.hypot(1.0, 0.5), VEHICLE.mass * 9.81 + 2.0), rel=1e-3
+    )
     np.testing.assert_allclose(rates, 0.0, atol=1e-2)

@@ -5,7 +5,9 @@ from np_drake.mpc.condensed import Condensed, Curvature
 from np_drake.mpc.dynamics import DiscreteDynamics
 
 
-@pytest.fixture(params=[(0, False), (24, False), (0, True), (24, True)], ids=["K=0", "K=24", "g", "K=24 and g"])
+@pytest.fixture(
+    params=[(0, False), (24, False), (0, True), (24, True)], ids=["K=0", "K=24", "g", "K=24 and g"]
+)
 def setup(request, vehicle, config, make_problem, reaction):
     """(condensed, horizon, thrusts, problem) away from any special point."""
     dut = Condensed(vehicle, config)
@@ -20,7 +22,9 @@ def test_the_rollout_obeys_dynamics_and_forecast(setup, vehicle, config):
     t = dut.rollout(h, T)
     steps = DiscreteDynamics(vehicle, config.step).linearise(t.x[:-1], t.u, t.chi)
     np.testing.assert_allclose(steps.x_next, t.x[1:], atol=1e-12)  # round-off
-    np.testing.assert_allclose(problem.forecast.rollout(t.x[:-1, 7:13]), t.chi, atol=1e-12)  # zeta is the predicted one
+    np.testing.assert_allclose(
+        problem.forecast.rollout(t.x[:-1, 7:13]), t.chi, atol=1e-12
+    )  # zeta is the predicted one
     np.testing.assert_allclose(t.u @ vehicle.unmixer.T, T, atol=1e-12)  # [N]
 
 
@@ -31,7 +35,9 @@ def test_sensitivities_match_finite_differences_of_the_rollout(setup):
         e = np.zeros(T.size)
         e[k] = eps
         up, down = (dut.rollout(h, T + sign * e.reshape(-1, 4)).x[1:] for sign in (1, -1))
-        np.testing.assert_allclose(S[:, :, k], (up - down) / (2 * eps), atol=1e-7)  # central differences
+        np.testing.assert_allclose(
+            S[:, :, k], (up - down) / (2 * eps), atol=1e-7
+        )  # central differences
 
 
 def test_the_gradient_matches_finite_differences_of_the_cost(setup):
@@ -80,4 +86,6 @@ def test_slacks_are_the_largest_excess_of_each_kind(setup, config, make_problem)
     np.testing.assert_allclose(t.slacks[:2], [speed, tilt], atol=1e-12)  # [m/s, 1]
     assert t.slacks[2] > 10.0  # [m]
     assert t.merit >= t.cost
-    assert t.merit == pytest.approx(t.cost + config.slack_weight * np.sum(t.slacks + 0.1 * t.slacks**2))
+    assert t.merit == pytest.approx(
+        t.cost + config.slack_weight * np.sum(t.slacks + 0.1 * t.slacks**2)
+    )

@@ -15,7 +15,9 @@ PERIOD = 0.02
 
 
 class Scripted:
-    """A solver that answers with a plan of its own, fails where told, and keeps what it was given."""
+    """A solver that answers with a plan of its own, fails where told, and keeps what it was
+    given.
+    """
 
     name = "scripted"
 
@@ -80,9 +82,13 @@ def test_hover_after_a_reading_that_is_no_number_has_a_finite_plan(flown, vehicl
     bad = LEVEL.copy()
     bad[entry] = np.nan
     memories, *_ = flown([bad], fails={0})
-    np.testing.assert_array_equal(memories[1].u, np.broadcast_to(vehicle.hover_input, memories[1].u.shape))
+    np.testing.assert_array_equal(
+        memories[1].u, np.broadcast_to(vehicle.hover_input, memories[1].u.shape)
+    )
     np.testing.assert_array_equal(memories[1].x, memories[0].x)
-    np.testing.assert_array_equal(flown([LEVEL], fails={0})[0][1].x, np.broadcast_to(LEVEL, memories[1].x.shape))
+    np.testing.assert_array_equal(
+        flown([LEVEL], fails={0})[0][1].x, np.broadcast_to(LEVEL, memories[1].x.shape)
+    )
     assert memories[1].flags[0] == MpcStatus.HOVER
     assert memories[1].flags[2] == 0.0
 

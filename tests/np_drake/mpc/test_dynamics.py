@@ -7,7 +7,9 @@ from np_drake.mpc.dynamics import DiscreteDynamics
 from np_drake.rigid_body import state_derivative
 from np_drake.vehicle import Vehicle
 
-SKEWED = Vehicle(inertia=[[0.02, 0.001, 0.002], [0.001, 0.025, -0.001], [0.002, -0.001, 0.035]]).check()
+SKEWED = Vehicle(
+    inertia=[[0.02, 0.001, 0.002], [0.001, 0.025, -0.001], [0.002, -0.001, 0.035]]
+).check()
 STEP = 0.04
 
 
@@ -29,7 +31,9 @@ def test_without_force_the_body_falls_freely():
     dut = DiscreteDynamics(Vehicle().check(), STEP)
     x = [1.0, 2.0, 3.0, 1.0, 0.0, 0.0, 0.0, 0.5, -0.5, 1.0, 0.0, 0.0, 0.0]
     after = dut.advance(x, [0.0] * 4, [0.0] * 6)
-    assert after[2] == pytest.approx(3.0 + STEP - 9.81 * STEP**2 / 2, abs=1e-12)  # [m] exact for RK4
+    assert after[2] == pytest.approx(
+        3.0 + STEP - 9.81 * STEP**2 / 2, abs=1e-12
+    )  # [m] exact for RK4
     assert after[9] == pytest.approx(1.0 - 9.81 * STEP, abs=1e-12)  # [m/s]
 
 
@@ -55,6 +59,8 @@ def test_jacobians_match_finite_differences(vehicle):
         return runge_kutta(vehicle, y[:, :13], y[:, 19:], y[:, 13:19])
 
     eps = 1e-6
-    numeric = np.stack([(step(values + eps * e) - step(values - eps * e)) / (2 * eps) for e in np.eye(23)], axis=2)
+    numeric = np.stack(
+        [(step(values + eps * e) - step(values - eps * e)) / (2 * eps) for e in np.eye(23)], axis=2
+    )
     np.testing.assert_allclose(dut.Fx, numeric[:, :, :19], atol=1e-7)  # central differences
     np.testing.assert_allclose(dut.Fu, numeric[:, :, 19:], atol=1e-7)

@@ -60,7 +60,9 @@ def test_nan_in_the_forecast_raises(vehicle, config, make_problem, field):
     bad = np.array(getattr(problem.forecast, field))
     bad.flat[-1] = np.inf
     with pytest.raises(SolverFailure, match=rf"forecast\.{field}"):
-        Preparation(vehicle, config)(dc.replace(problem, forecast=dc.replace(problem.forecast, **{field: bad})))
+        Preparation(vehicle, config)(
+            dc.replace(problem, forecast=dc.replace(problem.forecast, **{field: bad}))
+        )
 
 
 def test_a_wrong_horizon_raises(vehicle, config, make_problem):

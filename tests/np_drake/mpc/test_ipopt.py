@@ -20,7 +20,10 @@ def test_past_its_time_the_sqp_answer_flies(vehicle, config, make_problem):
 
 
 def test_it_is_never_worse_than_the_sqp_step_it_starts_from(vehicle, config, make_problem):
-    dut, sqp = (IpoptCondensedSolver(vehicle, config, time_limit=np.inf), SqpSolver(vehicle, config, time_limit=np.inf))
+    dut, sqp = (
+        IpoptCondensedSolver(vehicle, config, time_limit=np.inf),
+        SqpSolver(vehicle, config, time_limit=np.inf),
+    )
     for seed in range(5):
         problem = make_problem(config, seed=seed, offset=0.25)
         assert dut.solve(problem).cost <= sqp.solve(problem).cost * (1 + 1e-6)
@@ -37,7 +40,9 @@ def test_rows_left_out_are_added_once_violated(vehicle, config, make_problem):
     assert not dut.add_violated(beyond)  # now they are in
 
 
-def test_an_end_that_is_worse_than_the_sqp_answer_is_not_believed(vehicle, config, make_problem, monkeypatch):
+def test_an_end_that_is_worse_than_the_sqp_answer_is_not_believed(
+    vehicle, config, make_problem, monkeypatch
+):
     def bad_end(self, *_):
         return True, self._c.rollout(self._h, np.full((config.horizon, 4), 6.0))
 
@@ -45,7 +50,9 @@ def test_an_end_that_is_worse_than_the_sqp_answer_is_not_believed(vehicle, confi
     monkeypatch.setattr(Preconditioned, "solve", bad_end)
     solution = dut.solve(problem)
     assert solution.status == MpcStatus.SQP_FALLBACK
-    assert solution.cost == SqpSolver(vehicle, config, steps=8, time_limit=np.inf).solve(problem).cost
+    assert (
+        solution.cost == SqpSolver(vehicle, config, steps=8, time_limit=np.inf).solve(problem).cost
+    )
 
 
 def test_where_soft_sets_are_active_the_sqp_answer_flies(vehicle, config, make_problem):
@@ -53,12 +60,18 @@ def test_where_soft_sets_are_active_the_sqp_answer_flies(vehicle, config, make_p
     assert dut.solve(make_problem(config, offset=3.0)).status == MpcStatus.SQP_FALLBACK
 
 
-def test_a_solution_that_leaves_the_input_set_is_solved_again(vehicle, config, make_problem, monkeypatch):
+def test_a_solution_that_leaves_the_input_set_is_solved_again(
+    vehicle, config, make_problem, monkeypatch
+):
     problem, answers = make_problem(config, offset=0.1, tilt=0.6), []
     dut = IpoptCondensedSolver(vehicle, config, time_limit=np.inf)
     add = Preconditioned.add_violated
-    monkeypatch.setattr(Preconditioned, "add_violated", lambda *a: answers.append(add(*a)) or answers[-1])
-    monkeypatch.setattr(ipopt, "Preconditioned", partial(Preconditioned, near=-1e-3))  # no row is passed at first
+    monkeypatch.setattr(
+        Preconditioned, "add_violated", lambda *a: answers.append(add(*a)) or answers[-1]
+    )
+    monkeypatch.setattr(
+        ipopt, "Preconditioned", partial(Preconditioned, near=-1e-3)
+    )  # no row is passed at first
     solution = dut.solve(problem)
     assert answers[0]
     assert not answers[-1]
@@ -76,4 +89,6 @@ def test_what_ipopt_sees_has_the_right_gradient(vehicle, config, make_problem, n
     f, size = getattr(dut, name), condensed.size + (3 if name == "_rows" else 0)
     v, e = (scale * np.random.default_rng(0).normal(size=size) for scale in (0.1, 1e-5))
     gradient = ExtractGradient(np.atleast_1d(f(InitializeAutoDiff(v).ravel())))
-    np.testing.assert_allclose(gradient @ e, 0.5 * np.atleast_1d(f(v + e) - f(v - e)), rtol=1e-5, atol=1e-11)
+    np.testing.assert_allclose(
+        gradient @ e, 0.5 * np.atleast_1d(f(v + e) - f(v - e)), rtol=1e-5, atol=1e-11
+    )

@@ -16,7 +16,9 @@ def random_plan(seed=0, N=6):
     x = rng.normal(size=(N + 1, 13))
     x[:, 3:7] = [1.0, 0.0, 0.0, 0.0] + 0.1 * rng.normal(size=(N + 1, 4))
     x[:, 3:7] /= np.linalg.norm(x[:, 3:7], axis=1, keepdims=True)
-    return MpcSolution(rng.uniform(size=(N, 4)), x, rng.normal(size=(N, 6)), MpcStatus.OPTIMAL, 1.0, 0.0, 0.01, 3)
+    return MpcSolution(
+        rng.uniform(size=(N, 4)), x, rng.normal(size=(N, 6)), MpcStatus.OPTIMAL, 1.0, 0.0, 0.01, 3
+    )
 
 
 def test_a_whole_step_moves_the_rows():

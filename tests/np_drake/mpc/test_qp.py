@@ -41,7 +41,9 @@ def test_the_step_minimises_the_model(seed, level):
     worst = np.maximum(0.0, [model.rows.excess[k::KINDS].max() for k in range(KINDS)])
     start = WEIGHT * np.sum(worst + 0.1 * worst**2)
     assert np.all((step.d >= lower) & (step.d <= upper))
-    assert start - step.decrease == pytest.approx(reference_value(model, lower, upper), rel=1e-4, abs=1e-4)
+    assert start - step.decrease == pytest.approx(
+        reference_value(model, lower, upper), rel=1e-4, abs=1e-4
+    )
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -71,19 +73,25 @@ def test_osqp_takes_over_where_the_active_set_cycles(monkeypatch):
     dut = qp.QpSolver(12, 9, WEIGHT)
     exact = dut.solve(model, lower, upper, time_limit=1.0)
     monkeypatch.setattr(qp, "active_set", lambda *_: None)
-    assert dut.solve(model, lower, upper, time_limit=1.0).decrease == pytest.approx(exact.decrease, rel=1e-4)
+    assert dut.solve(model, lower, upper, time_limit=1.0).decrease == pytest.approx(
+        exact.decrease, rel=1e-4
+    )
 
 
 def test_without_time_the_step_still_keeps_the_box():
     model = random_model(2, level=1.0)
-    step = qp.QpSolver(12, 9, WEIGHT).solve(model, np.full(12, -0.1), np.full(12, 0.1), time_limit=-1.0)
+    step = qp.QpSolver(12, 9, WEIGHT).solve(
+        model, np.full(12, -0.1), np.full(12, 0.1), time_limit=-1.0
+    )
     assert np.all(np.abs(step.d) <= 0.1)
 
 
 def test_a_singular_model_still_gives_a_step():
     model = random_model(4, level=-20.0)
     flat = LocalModel(Curvature(np.zeros((12, 12))), model.gradient, model.rows)
-    step = qp.QpSolver(12, 9, WEIGHT).solve(flat, np.full(12, -0.1), np.full(12, 0.1), time_limit=1.0)
+    step = qp.QpSolver(12, 9, WEIGHT).solve(
+        flat, np.full(12, -0.1), np.full(12, 0.1), time_limit=1.0
+    )
     assert np.all(np.abs(step.d) <= 0.1)
     assert np.isfinite(step.decrease)
 
@@ -92,7 +100,11 @@ def test_a_singular_model_still_gives_a_step():
 def test_a_model_that_overflows_gives_no_step(where):
     model = random_model(4)
     bad_rows = dc.replace(model.rows, jacobian=np.full((9, 12), np.inf))
-    bad = {"curvature": Curvature(np.full((12, 12), np.nan))} if where == "hessian" else {"rows": bad_rows}
+    bad = (
+        {"curvature": Curvature(np.full((12, 12), np.nan))}
+        if where == "hessian"
+        else {"rows": bad_rows}
+    )
     dut, bounds = qp.QpSolver(12, 9, WEIGHT), (np.full(12, -1.0), np.full(12, 1.0))
     with np.errstate(invalid="ignore"):
         step = dut.solve(dc.replace(model, **bad), *bounds, time_limit=1.0)

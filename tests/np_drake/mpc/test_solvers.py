@@ -24,7 +24,11 @@ def oracle(vehicle, config):
 def solvers(vehicle, config, oracle):
     """Patient, so that no machine is too slow for the laws."""
     sqp = SqpSolver(vehicle, config, steps=30, max_steps=30, time_limit=np.inf)
-    return {"sqp": sqp, "ipopt": IpoptCondensedSolver(vehicle, config, time_limit=np.inf), "oracle": oracle}
+    return {
+        "sqp": sqp,
+        "ipopt": IpoptCondensedSolver(vehicle, config, time_limit=np.inf),
+        "oracle": oracle,
+    }
 
 
 IMPATIENT = [
@@ -35,7 +39,9 @@ SOLVERS = pytest.mark.parametrize("name", ["sqp", "ipopt", "oracle"])
 
 
 @SOLVERS
-def test_at_the_reference_without_wrench_the_input_is_the_reference_input(solvers, make_problem, config, name):
+def test_at_the_reference_without_wrench_the_input_is_the_reference_input(
+    solvers, make_problem, config, name
+):
     problem = dc.replace(make_problem(config, offset=0.0), forecast=no_forecast(config.horizon))
     solution = solvers[name].solve(problem)
     np.testing.assert_allclose(solution.u, problem.u_ref, atol=1e-6)  # [N, N·m]
@@ -50,11 +56,15 @@ def test_all_solvers_agree_on_the_optimum(solvers, make_problem, config, name, K
     problem = make_problem(config, K=K, offset=offset, tilt=tilt)
     optimum, solution = solvers["oracle"].solve(problem), solvers[name].solve(problem)
     assert solution.cost == pytest.approx(optimum.cost, rel=1e-6)
-    np.testing.assert_allclose(solution.u[0], optimum.u[0], atol=2e-2)  # [N, N·m] what flies; a flat optimum
+    np.testing.assert_allclose(
+        solution.u[0], optimum.u[0], atol=2e-2
+    )  # [N, N·m] what flies; a flat optimum
 
 
 @pytest.mark.parametrize("offset", [1.0, 3.0])
-def test_they_agree_where_soft_sets_and_rotor_limits_are_active(solvers, make_problem, config, offset):
+def test_they_agree_where_soft_sets_and_rotor_limits_are_active(
+    solvers, make_problem, config, offset
+):
     problem = make_problem(config, offset=offset)
     optimum, solution = solvers["oracle"].solve(problem), solvers["sqp"].solve(problem)
     thrusts = optimum.u @ solvers["sqp"].condensed.vehicle.unmixer.T
@@ -76,10 +86,14 @@ def test_the_plan_is_a_rollout_that_starts_at_the_measurement(solvers, make_prob
     problem = make_problem(config, offset=0.2)
     solution = solvers[name].solve(problem)
     np.testing.assert_allclose(solution.x[0], problem.x0, atol=1e-12)
-    np.testing.assert_allclose(problem.forecast.rollout(solution.x[:-1, 7:13]), solution.chi, atol=1e-10)  # [N, N·m]
+    np.testing.assert_allclose(
+        problem.forecast.rollout(solution.x[:-1, 7:13]), solution.chi, atol=1e-10
+    )  # [N, N·m]
 
 
-def test_solvers_agree_where_the_wrench_reacts_to_the_motion(solvers, make_problem, config, reaction):
+def test_solvers_agree_where_the_wrench_reacts_to_the_motion(
+    solvers, make_problem, config, reaction
+):
     problem = make_problem(config, offset=0.3, reaction=reaction)
     optimum = solvers["oracle"].solve(problem)
     np.testing.assert_allclose(
@@ -117,7 +131,10 @@ def test_the_sign_of_the_reference_quaternion_does_not_matter(solvers, make_prob
 @settings(max_examples=60, deadline=None)
 @given(seed=st.integers(0, 10_000), magnitude=st.floats(-1.0, 12.0), part=st.integers(0, 3))
 def test_any_state_has_a_finite_plan_or_a_typed_failure(make_problem, seed, magnitude, part):
-    problem, rng = make_problem(IMPATIENT[0].condensed.config, seed=seed), np.random.default_rng(seed)
+    problem, rng = (
+        make_problem(IMPATIENT[0].condensed.config, seed=seed),
+        np.random.default_rng(seed),
+    )
     cut = (slice(0, 3), slice(3, 7), slice(7, 10), slice(10, 13))[part]
     x0 = problem.x0.copy()
     x0[cut] += 10**magnitude * rng.normal(size=cut.stop - cut.start)

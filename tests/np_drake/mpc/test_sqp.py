@@ -69,7 +69,8 @@ def test_an_infeasible_start_degrades(index):
     problem = infeasible_problems(VEHICLE, CONFIG, count=4)[index]
     solution = PATIENT.solve(problem)
     hover = PATIENT.condensed.rollout(
-        PATIENT.condensed.prepare(problem), np.tile(VEHICLE.unmixer @ VEHICLE.hover_input, (CONFIG.horizon, 1))
+        PATIENT.condensed.prepare(problem),
+        np.tile(VEHICLE.unmixer @ VEHICLE.hover_input, (CONFIG.horizon, 1)),
     )
     assert np.isfinite(solution.u).all()
     assert solution.status in (MpcStatus.OPTIMAL, MpcStatus.ITERATION_LIMIT)

@@ -8,7 +8,9 @@ from np_drake.mpc.ipopt_multiple_shooting import StackedStages
 @pytest.fixture(params=[False, True], ids=["linear", "reacting"])
 def setup(request, vehicle, config, make_problem, reaction):
     condensed = Condensed(vehicle, config)
-    problem = make_problem(config, offset=0.4, tilt=0.2, reaction=reaction if request.param else None)
+    problem = make_problem(
+        config, offset=0.4, tilt=0.2, reaction=reaction if request.param else None
+    )
     h = condensed.prepare(problem)
     return StackedStages(condensed), h, condensed.rollout(h, np.full((config.horizon, 4), 5.2))
 

@@ -26,7 +26,8 @@ def setup(vehicle, damped, make_problem):
 
 
 def pendulum(config: MpcConfig, *, mass: float = 0.26, length: float = 0.8) -> WrenchForecast:
-    """Small swing under a moving pivot, exact to second order: z = [s, ds] along x and y, f = m g s / l.
+    """Small swing under a moving pivot, exact to second order: z = [s, ds] along x and y, f = m g s
+    / l.
 
     dds = -(g / l) s - dv/dt, with the pivot's acceleration as the change of zeta: z = [s, ds + v].
     """
@@ -61,7 +62,9 @@ def test_the_response_matches_finite_differences_of_the_rollout(setup):
         e = np.zeros(T.size)
         e[k] = eps
         up, down = (dut.rollout(h, T + sign * e.reshape(-1, 4)).chi[:, :2] for sign in (1, -1))
-        np.testing.assert_allclose(response[:, :, k], (up - down) / (2 * eps), atol=1e-7)  # central differences
+        np.testing.assert_allclose(
+            response[:, :, k], (up - down) / (2 * eps), atol=1e-7
+        )  # central differences
 
 
 def test_the_gradient_matches_finite_differences_of_the_damped_cost(setup):
@@ -90,8 +93,12 @@ def test_sqp_and_multiple_shooting_agree_on_the_damped_problem(vehicle, damped, 
 
 
 def test_a_wrench_that_motion_does_not_move_changes_no_plan(vehicle, config, damped):
-    problem = hover(config, vehicle, constant_forecast(np.array([1.0, -0.5, -2.5, 0, 0, 0]), config.horizon))
-    plain, priced = (SqpSolver(vehicle, c, time_limit=10.0).solve(problem) for c in (config, damped))
+    problem = hover(
+        config, vehicle, constant_forecast(np.array([1.0, -0.5, -2.5, 0, 0, 0]), config.horizon)
+    )
+    plain, priced = (
+        SqpSolver(vehicle, c, time_limit=10.0).solve(problem) for c in (config, damped)
+    )
     np.testing.assert_allclose(plain.u, priced.u, atol=1e-9)  # [N, N·m]
 
 
@@ -104,7 +111,9 @@ def test_the_price_flattens_the_foreseen_pull_of_a_pendulum(vehicle):
         plan = SqpSolver(vehicle, config, steps=4, time_limit=10.0).solve(problem)
         pulls.append(swing_cost(plan.chi, 1.0))
         assert plan.violation == 0.0
-    assert pulls[1] < 0.97 * pulls[0]  # [N²]; 0.8 s are less than half a period, and tilting takes time
+    assert (
+        pulls[1] < 0.97 * pulls[0]
+    )  # [N²]; 0.8 s are less than half a period, and tilting takes time
 
 
 @pytest.mark.parametrize("weight", [-1.0, float("inf"), float("nan")])

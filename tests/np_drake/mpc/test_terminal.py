@@ -19,7 +19,9 @@ def test_the_riccati_weight_is_the_cost_to_go_of_its_feedback(vehicle, config):
     P, gain = hover_solution(vehicle, config)
     x = np.zeros((1, 13))
     x[0, 3] = 1.0
-    model = DiscreteDynamics(vehicle, config.step).linearise(x, vehicle.hover_input[None], np.zeros((1, 6)))
+    model = DiscreteDynamics(vehicle, config.step).linearise(
+        x, vehicle.hover_input[None], np.zeros((1, 6))
+    )
     A, B = model.Fx[0][:, :13], model.Fu[0]
     e = np.array([0.1, -0.2, 0.1, 0.0, 0.01, 0.02, 0.03, 0.2, 0.1, 0.0, 0.1, 0.2, 0.1])
     expected, total = e @ P @ e, 0.0

@@ -1,4 +1,6 @@
-"""Laws of the anchor: the vehicle stands at the start of the track, and all else moves with it as a rigid body."""
+"""Laws of the anchor: the vehicle stands at the start of the track, and all else moves with it as a
+rigid body.
+"""
 
 import numpy as np
 import pytest
@@ -13,13 +15,19 @@ from np_drake.rigid_body import P, Q, V, W
 VECTORS = arrays(float, 3, elements=st.floats(-20, 20))
 TURNS = arrays(float, 3, elements=st.floats(-3, 3))
 STATES = st.builds(
-    lambda p, turn, v, w: np.concatenate([p, attitude.from_rotation_vector(turn), v, w]), VECTORS, TURNS, VECTORS, TURNS
+    lambda p, turn, v, w: np.concatenate([p, attitude.from_rotation_vector(turn), v, w]),
+    VECTORS,
+    TURNS,
+    VECTORS,
+    TURNS,
 )
 START = np.array([1.0, -2.0, 1.5])
 
 
 def level(place=(0.0, 0.0, 0.0), yaw: float = 0.0) -> np.ndarray:
-    return np.concatenate([place, attitude.from_rotation_vector(np.array([0.0, 0.0, yaw])), np.zeros(6)])
+    return np.concatenate(
+        [place, attitude.from_rotation_vector(np.array([0.0, 0.0, yaw])), np.zeros(6)]
+    )
 
 
 @given(x=STATES, start=VECTORS)
@@ -46,7 +54,9 @@ def test_a_level_vehicle_flies_forward_along_x_of_the_track():
 def test_what_is_seen_is_a_rigid_motion_about_the_vertical(anchor, one, other):
     dut = Anchor.at(anchor, START)
     a, b = dut.seen(one), dut.seen(other)
-    np.testing.assert_allclose(np.linalg.norm(a[P] - b[P]), np.linalg.norm(one[P] - other[P]), atol=1e-9)
+    np.testing.assert_allclose(
+        np.linalg.norm(a[P] - b[P]), np.linalg.norm(one[P] - other[P]), atol=1e-9
+    )
     np.testing.assert_allclose((a - b)[2], (one - other)[2], atol=1e-9)
     np.testing.assert_allclose(a[V] @ b[V], one[V] @ other[V], atol=1e-9)
     np.testing.assert_allclose(a[9], one[9], atol=1e-9)
@@ -63,7 +73,9 @@ def test_place_and_attitude_turn_as_free_vectors_do(anchor, x):
     np.testing.assert_allclose(own[V], dut.turned(x[V]), atol=1e-9)
     np.testing.assert_allclose(own[P] - START, dut.turned(x[P] - anchor[P]), atol=1e-9)
     forward = np.array([1.0, 0.0, 0.0])
-    np.testing.assert_allclose(attitude.rotate(own[Q], forward), dut.turned(attitude.rotate(x[Q], forward)), atol=1e-9)
+    np.testing.assert_allclose(
+        attitude.rotate(own[Q], forward), dut.turned(attitude.rotate(x[Q], forward)), atol=1e-9
+    )
 
 
 @given(x=STATES)

@@ -1,4 +1,6 @@
-"""Laws of the autopilot that is simulated: it holds its place, and follows a companion while that is heard."""
+"""Laws of the autopilot that is simulated: it holds its place, and follows a companion while that
+is heard.
+"""
 
 import dataclasses as dc
 
@@ -9,9 +11,9 @@ from np_drake import attitude, rigid_body
 from np_drake.offboard.autopilot import SimulatedAutopilot
 from np_drake.offboard.codec import COMPANION, PX4, Codec, Command, Heartbeat, Inertial, Pose
 from np_drake.offboard.command import throttle_of
-from np_drake.rate_loop import RateLoop
 from np_drake.rigid_body import P, Q, V, W
 from np_drake.vehicle import Vehicle
+from np_drake.vehicle.rate_loop import RateLoop
 
 pytest.importorskip("pymavlink", reason="messages need pymavlink")
 
@@ -28,11 +30,15 @@ class Companion:
         self.dut, self.codec = dut, Codec(COMPANION, 1)
         self.command = np.array([0.5, 0.1, -0.2, 0.3])  # throttle, body rates
 
-    def talk(self, begin: float, end: float, *, sends: bool = True, x: np.ndarray = AT_REST) -> None:
+    def talk(
+        self, begin: float, end: float, *, sends: bool = True, x: np.ndarray = AT_REST
+    ) -> None:
         """From a time to another [s]."""
         for k in range(round(begin / 0.01), round(end / 0.01)):
             if sends:
-                self.dut.take(self.codec.command(0.01 * k, self.command[1:], self.command[0]), 0.01 * k)
+                self.dut.take(
+                    self.codec.command(0.01 * k, self.command[1:], self.command[0]), 0.01 * k
+                )
             self.dut.step(0.01 * k, x)
 
     def hold(self, t: float) -> None:
@@ -49,7 +55,9 @@ def companion(dut) -> Companion:
     return Companion(dut)
 
 
-def fly(dut: SimulatedAutopilot, x: np.ndarray, until: float, *, force=(0.0, 0.0, 0.0)) -> np.ndarray:
+def fly(
+    dut: SimulatedAutopilot, x: np.ndarray, until: float, *, force=(0.0, 0.0, 0.0)
+) -> np.ndarray:
     """Return the states (n, 13) of a rigid body under what is in force and a force in W [N]."""
     found, chi = [x], np.array([*force, 0.0, 0.0, 0.0])
     for k in range(round(until / STEP)):
@@ -181,16 +189,25 @@ def told(dut: SimulatedAutopilot, t: float, x=AT_REST, a=(0.0, 0.0, 0.0)) -> lis
 def test_it_tells_the_state_and_what_it_feels(pairs):
     dut = SimulatedAutopilot(VEHICLE, pairs=pairs)
     turn = attitude.from_rotation_vector(np.array([0.3, -0.4, 1.0]))
-    x, a = np.concatenate([[1.0, 2.0, 3.0], turn, [0.4, 0.5, 0.6], [0.1, 0.2, 0.3]]), np.array([1.0, 2.0, 3.0])
+    x, a = (
+        np.concatenate([[1.0, 2.0, 3.0], turn, [0.4, 0.5, 0.6], [0.1, 0.2, 0.3]]),
+        np.array([1.0, 2.0, 3.0]),
+    )
     found = told(dut, 2.0, x, a)
     poses = [one for one in found if isinstance(one, Pose)]
-    assert [one.kind for one in poses] == (["LOCAL_POSITION_NED", "ATTITUDE_QUATERNION"] if pairs else ["ODOMETRY"])
-    together = np.nanmax([one.x * np.sign(one.x @ x) if not pairs else one.x for one in poses], axis=0)
+    assert [one.kind for one in poses] == (
+        ["LOCAL_POSITION_NED", "ATTITUDE_QUATERNION"] if pairs else ["ODOMETRY"]
+    )
+    together = np.nanmax(
+        [one.x * np.sign(one.x @ x) if not pairs else one.x for one in poses], axis=0
+    )
     np.testing.assert_allclose(together[P], x[P], atol=1e-5)
     np.testing.assert_allclose(together[V], x[V], atol=1e-5)
     np.testing.assert_allclose(together[W], x[W], atol=1e-5)
     (felt,) = [one for one in found if isinstance(one, Inertial)]
-    np.testing.assert_allclose(attitude.rotate(turn, felt.f), a + [0.0, 0.0, VEHICLE.gravity], atol=1e-5)
+    np.testing.assert_allclose(
+        attitude.rotate(turn, felt.f), a + [0.0, 0.0, VEHICLE.gravity], atol=1e-5
+    )
     assert all(one.stamp == pytest.approx(felt.stamp, abs=1e-3) for one in poses)
 
 
@@ -222,6 +239,8 @@ def test_its_heartbeat_tells_its_mode_once_a_second(dut, companion):
 @pytest.mark.parametrize("rate", [50.0, 100.0, 200.0])
 def test_states_come_at_their_rate_with_stamps_that_grow(rate):
     dut = SimulatedAutopilot(VEHICLE, rate=rate)
-    stamps = [one.stamp for k in range(800) for one in told(dut, 0.0025 * k) if isinstance(one, Pose)]
+    stamps = [
+        one.stamp for k in range(800) for one in told(dut, 0.0025 * k) if isinstance(one, Pose)
+    ]
     assert len(stamps) == pytest.approx(2 * rate, abs=1)
     np.testing.assert_allclose(np.diff(stamps), 1 / rate, atol=2e-6)

@@ -1,4 +1,6 @@
-"""Laws of messages: what is packed is read, in axes of known closed forms, and what is no message does no harm."""
+"""Laws of messages: what is packed is read, in axes of known closed forms, and what is no message
+does no harm.
+"""
 
 import sys
 from itertools import pairwise
@@ -33,11 +35,17 @@ LONGEST = 280  # of a message of MAVLink 2 [bytes]
 VECTORS = arrays(float, 3, elements=st.floats(-50, 50))
 TURNS = arrays(float, 3, elements=st.floats(-3, 3))
 STATES = st.builds(
-    lambda p, turn, v, w: np.concatenate([p, attitude.from_rotation_vector(turn), v, w]), VECTORS, TURNS, VECTORS, TURNS
+    lambda p, turn, v, w: np.concatenate([p, attitude.from_rotation_vector(turn), v, w]),
+    VECTORS,
+    TURNS,
+    VECTORS,
+    TURNS,
 )
 STAMPS = st.floats(0.0, 1e6)
 MESSAGES = st.lists(
-    st.sampled_from(["heartbeat", "odometry", "local_position", "inertial", "command"]), min_size=1, max_size=6
+    st.sampled_from(["heartbeat", "odometry", "local_position", "inertial", "command"]),
+    min_size=1,
+    max_size=6,
 )
 
 
@@ -59,7 +67,9 @@ def raw(data: bytes):
 
 def odometry(q=LEVEL_NORTH, *, frames=(1, 12), v=(0.0, 0.0, 0.0), w=(0.0, 0.0, 0.0)) -> Pose | None:
     """What an ODOMETRY at north 1, east 2, down 3 says."""
-    message = common.MAVLink_odometry_message(5_000_000, *frames, 1.0, 2.0, 3.0, q, *v, *w, [0.0] * 21, [0.0] * 21)
+    message = common.MAVLink_odometry_message(
+        5_000_000, *frames, 1.0, 2.0, 3.0, q, *v, *w, [0.0] * 21, [0.0] * 21
+    )
     found = Codec(COMPANION, 1).parse(packed(message))
     return found[0] if found else None
 
@@ -83,8 +93,12 @@ def kinds(said) -> list[str]:
 def test_a_state_goes_through_odometry_and_comes_back(x, stamp):
     dut = only(Codec(AUTOPILOT).odometry(stamp, x))
     assert dut.stamp == pytest.approx(stamp, abs=1e-6)
-    np.testing.assert_allclose(dut.x[[*range(3), *range(7, 13)]], x[[*range(3), *range(7, 13)]], atol=100 * SINGLE)
-    np.testing.assert_allclose(attitude.rotation_matrix(dut.x[Q]), attitude.rotation_matrix(x[Q]), atol=SINGLE)
+    np.testing.assert_allclose(
+        dut.x[[*range(3), *range(7, 13)]], x[[*range(3), *range(7, 13)]], atol=100 * SINGLE
+    )
+    np.testing.assert_allclose(
+        attitude.rotation_matrix(dut.x[Q]), attitude.rotation_matrix(x[Q]), atol=SINGLE
+    )
 
 
 @given(x=STATES, stamp=STAMPS)
@@ -95,7 +109,9 @@ def test_a_state_goes_through_position_and_attitude_and_comes_back(x, stamp):
     np.testing.assert_allclose(where.x[P], x[P], atol=50 * SINGLE)
     np.testing.assert_allclose(where.x[V], x[V], atol=50 * SINGLE)
     np.testing.assert_allclose(turned.x[W], x[W], atol=5 * SINGLE)
-    np.testing.assert_allclose(attitude.rotation_matrix(turned.x[Q]), attitude.rotation_matrix(x[Q]), atol=SINGLE)
+    np.testing.assert_allclose(
+        attitude.rotation_matrix(turned.x[Q]), attitude.rotation_matrix(x[Q]), atol=SINGLE
+    )
     assert np.isnan([*where.x[Q], *where.x[W], *turned.x[P], *turned.x[V]]).all()
 
 
@@ -124,8 +140,12 @@ def test_north_east_down_is_y_x_and_minus_z():
 
 def test_a_vehicle_that_is_level_and_faces_north_has_a_yaw_of_90_degrees():
     dut = odometry(v=(4.0, 0.0, 0.0))
-    np.testing.assert_allclose(attitude.rotation_matrix(dut.x[Q])[:, 0], [0.0, 1.0, 0.0], atol=SINGLE)
-    np.testing.assert_allclose(attitude.rotation_matrix(dut.x[Q])[:, 2], [0.0, 0.0, 1.0], atol=SINGLE)
+    np.testing.assert_allclose(
+        attitude.rotation_matrix(dut.x[Q])[:, 0], [0.0, 1.0, 0.0], atol=SINGLE
+    )
+    np.testing.assert_allclose(
+        attitude.rotation_matrix(dut.x[Q])[:, 2], [0.0, 0.0, 1.0], atol=SINGLE
+    )
     np.testing.assert_allclose(dut.x[V], [0.0, 4.0, 0.0], atol=5 * SINGLE)
 
 
@@ -133,26 +153,36 @@ def test_a_roll_to_the_right_keeps_its_sign():
     dut = odometry([np.cos(0.15), np.sin(0.15), 0.0, 0.0], w=(0.5, 0.0, 0.0))
     R = attitude.rotation_matrix(dut.x[Q])
     assert dut.x[10] == pytest.approx(0.5)
-    np.testing.assert_allclose(R[:, 2], [np.sin(0.3), 0.0, np.cos(0.3)], atol=SINGLE)  # the thrust leans to the east
+    np.testing.assert_allclose(
+        R[:, 2], [np.sin(0.3), 0.0, np.cos(0.3)], atol=SINGLE
+    )  # the thrust leans to the east
 
 
 def test_a_pitch_up_changes_its_sign():
     dut = odometry([np.cos(0.15), 0.0, np.sin(0.15), 0.0], w=(0.0, 0.5, 0.0))
     R = attitude.rotation_matrix(dut.x[Q])
     assert dut.x[11] == pytest.approx(-0.5)
-    np.testing.assert_allclose(R[:, 0], [0.0, np.cos(0.3), np.sin(0.3)], atol=SINGLE)  # the nose points up
+    np.testing.assert_allclose(
+        R[:, 0], [0.0, np.cos(0.3), np.sin(0.3)], atol=SINGLE
+    )  # the nose points up
 
 
 def test_a_turn_to_the_right_changes_its_sign():
     dut = odometry([np.cos(0.15), 0.0, 0.0, np.sin(0.15)], w=(0.0, 0.0, 0.5))
     assert dut.x[12] == pytest.approx(-0.5)
-    np.testing.assert_allclose(attitude.rotation_matrix(dut.x[Q])[:, 0], [np.sin(0.3), np.cos(0.3), 0.0], atol=SINGLE)
+    np.testing.assert_allclose(
+        attitude.rotation_matrix(dut.x[Q])[:, 0], [np.sin(0.3), np.cos(0.3), 0.0], atol=SINGLE
+    )
 
 
 def test_the_velocity_of_odometry_is_in_the_axes_that_it_names():
     q = [np.cos(np.pi / 4), 0.0, 0.0, np.sin(np.pi / 4)]  # facing east
-    np.testing.assert_allclose(odometry(q, v=(3.0, 0.0, 1.0)).x[V], [3.0, 0.0, -1.0], atol=5 * SINGLE)
-    np.testing.assert_allclose(odometry(q, v=(3.0, 0.0, 1.0), frames=(1, 1)).x[V], [0.0, 3.0, -1.0], atol=5 * SINGLE)
+    np.testing.assert_allclose(
+        odometry(q, v=(3.0, 0.0, 1.0)).x[V], [3.0, 0.0, -1.0], atol=5 * SINGLE
+    )
+    np.testing.assert_allclose(
+        odometry(q, v=(3.0, 0.0, 1.0), frames=(1, 1)).x[V], [0.0, 3.0, -1.0], atol=5 * SINGLE
+    )
 
 
 def test_odometry_in_another_world_is_not_read():
@@ -174,14 +204,18 @@ def test_a_command_is_of_body_rates_and_thrust_in_the_axes_of_mavlink():
     assert dut.type_mask == common.ATTITUDE_TARGET_TYPEMASK_ATTITUDE_IGNORE
     assert (dut.target_system, dut.target_component, dut.time_boot_ms) == (1, 1, 2500)
     np.testing.assert_allclose(
-        [dut.body_roll_rate, dut.body_pitch_rate, dut.body_yaw_rate, dut.thrust], [0.1, -0.2, -0.3, 0.7], rtol=SINGLE
+        [dut.body_roll_rate, dut.body_pitch_rate, dut.body_yaw_rate, dut.thrust],
+        [0.1, -0.2, -0.3, 0.7],
+        rtol=SINGLE,
     )
 
 
 def test_what_is_in_force_is_told_as_the_target_of_the_autopilot():
     dut = raw(Codec(AUTOPILOT).command(2.5, np.array([0.1, 0.2, 0.3]), 0.7, in_force=True))
     assert dut.get_type() == "ATTITUDE_TARGET"
-    assert [dut.body_roll_rate, dut.body_pitch_rate, dut.body_yaw_rate] == pytest.approx([0.1, -0.2, -0.3])
+    assert [dut.body_roll_rate, dut.body_pitch_rate, dut.body_yaw_rate] == pytest.approx(
+        [0.1, -0.2, -0.3]
+    )
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
@@ -194,7 +228,9 @@ def test_a_command_that_is_not_finite_is_refused(entry, value):
 
 
 def heartbeat_of(autopilot: int, mode: int, *, base: int = 128 | 1) -> list:
-    return Codec(COMPANION, 1).parse(packed(common.MAVLink_heartbeat_message(2, autopilot, base, mode, 4, 3)))
+    return Codec(COMPANION, 1).parse(
+        packed(common.MAVLink_heartbeat_message(2, autopilot, base, mode, 4, 3))
+    )
 
 
 @pytest.mark.parametrize(
@@ -223,19 +259,32 @@ def test_another_autopilot_follows_in_its_guided_mode(base, engaged):
 
 
 def test_a_vehicle_is_simulated_where_its_autopilot_blocks_its_motors():
-    (real,), (simulated,) = heartbeat_of(PX4, 6 << 16), heartbeat_of(PX4, 6 << 16, base=128 | 32 | 1)
-    assert (real.engaged, real.simulated, simulated.engaged, simulated.simulated) == (True, False, True, True)
+    (real,), (simulated,) = (
+        heartbeat_of(PX4, 6 << 16),
+        heartbeat_of(PX4, 6 << 16, base=128 | 32 | 1),
+    )
+    assert (real.engaged, real.simulated, simulated.engaged, simulated.simulated) == (
+        True,
+        False,
+        True,
+        True,
+    )
 
 
 @pytest.mark.parametrize("engaged", [True, False])
 def test_the_heartbeat_of_an_autopilot_is_read_as_it_was_meant(engaged):
-    assert only(Codec(AUTOPILOT).heartbeat(engaged=engaged, autopilot=PX4)) == Heartbeat(engaged, PX4, simulated=True)
+    assert only(Codec(AUTOPILOT).heartbeat(engaged=engaged, autopilot=PX4)) == Heartbeat(
+        engaged, PX4, simulated=True
+    )
 
 
 def test_a_companions_heartbeat_is_not_the_autopilots():
     assert Codec(AUTOPILOT).parse(Codec(COMPANION).heartbeat()) == []
     dut = raw(Codec(COMPANION).heartbeat())
-    assert (dut.type, dut.autopilot) == (common.MAV_TYPE_ONBOARD_CONTROLLER, common.MAV_AUTOPILOT_INVALID)
+    assert (dut.type, dut.autopilot) == (
+        common.MAV_TYPE_ONBOARD_CONTROLLER,
+        common.MAV_AUTOPILOT_INVALID,
+    )
     assert (dut.get_srcSystem(), dut.get_srcComponent()) == (1, common.MAV_COMP_ID_ONBOARD_COMPUTER)
 
 
@@ -247,7 +296,11 @@ def test_the_voltage_is_read_where_it_is_known(millivolts, said):
 
 def test_a_request_names_message_and_interval():
     dut = raw(Codec(COMPANION).request("ODOMETRY", 50.0))
-    assert (dut.command, dut.param1, dut.param2) == (common.MAV_CMD_SET_MESSAGE_INTERVAL, 331.0, 20000.0)
+    assert (dut.command, dut.param1, dut.param2) == (
+        common.MAV_CMD_SET_MESSAGE_INTERVAL,
+        331.0,
+        20000.0,
+    )
     assert (dut.target_system, dut.target_component) == (1, 1)
 
 
@@ -255,7 +308,11 @@ def test_a_request_names_message_and_interval():
 def test_a_request_to_hold_names_the_mode_of_the_autopilot(autopilot, mode):
     data = Codec(COMPANION).hold(autopilot)
     dut = raw(data)
-    assert (dut.command, dut.param1, dut.param2, dut.param3) == (common.MAV_CMD_DO_SET_MODE, 1.0, *mode)
+    assert (dut.command, dut.param1, dut.param2, dut.param3) == (
+        common.MAV_CMD_DO_SET_MODE,
+        1.0,
+        *mode,
+    )
     assert Codec(AUTOPILOT).parse(data) == [HoldPlace()]
 
 
@@ -310,7 +367,9 @@ def test_a_companion_listens_to_the_autopilot_that_it_hears_first_alone():
     first._out.srcSystem, other._out.srcSystem = 7, 8
     dut, x = Codec(COMPANION), np.array([0.0, 0.0, 1.0, 1.0, *np.zeros(9)])
     assert dut.parse(first.odometry(1.0, x)) == []
-    assert dut.parse(first.heartbeat(engaged=True, autopilot=PX4)) == [Heartbeat(True, PX4, simulated=True)]
+    assert dut.parse(first.heartbeat(engaged=True, autopilot=PX4)) == [
+        Heartbeat(True, PX4, simulated=True)
+    ]
     assert dut.parse(other.heartbeat(engaged=False, autopilot=PX4) + other.odometry(1.0, x)) == []
     assert [type(said).__name__ for said in dut.parse(first.odometry(2.0, x))] == ["Pose"]
     assert raw(dut.command(0.0, np.zeros(3), 0.5)).target_system == 7
@@ -332,6 +391,20 @@ def test_messages_are_counted():
 @pytest.mark.parametrize("frame", [7, 8, 9, 20])
 def test_a_velocity_in_axes_that_are_not_known_is_not_taken(frame):
     message = common.MAVLink_odometry_message(
-        1, 1, frame, 0.0, 0.0, 0.0, [1.0, 0.0, 0.0, 0.0], 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, [0.0] * 21, [0.0] * 21
+        1,
+        1,
+        frame,
+        0.0,
+        0.0,
+        0.0,
+        [1.0, 0.0, 0.0, 0.0],
+        1.0,
+        0.0,
+        0.0,
+        0.0,
+        0.0,
+        0.0,
+        [0.0] * 21,
+        [0.0] * 21,
     )
     assert Codec(COMPANION, 1).parse(packed(message)) == []

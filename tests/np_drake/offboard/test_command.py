@@ -1,4 +1,6 @@
-"""Laws of commands: throttle is the inverse of thrust, and body rates turn the thrust towards where it is wanted."""
+"""Laws of commands: throttle is the inverse of thrust, and body rates turn the thrust towards where
+it is wanted.
+"""
 
 import dataclasses as dc
 
@@ -10,9 +12,9 @@ from hypothesis.extra.numpy import arrays
 
 from np_drake import attitude
 from np_drake.offboard.command import TURN, rates_towards, throttle_of, thrust_of
-from np_drake.rate_loop import RateLoop
 from np_drake.vehicle import Vehicle
-from np_drake.vehicle_calibration import ThrottleMap
+from np_drake.vehicle.calibration import ThrottleMap
+from np_drake.vehicle.rate_loop import RateLoop
 
 PLAIN = Vehicle()
 LOOP = RateLoop(gain=[1.0, 0.8, 1.25])
@@ -38,7 +40,9 @@ def test_throttle_and_thrust_are_inverse(vehicle, voltage, share):
     assert thrust_of(vehicle, throttle, voltage) == pytest.approx(thrust, abs=1e-9)
 
 
-@given(vehicle=VEHICLES, voltage=VOLTAGES, shares=st.tuples(st.floats(0.0, 1.5), st.floats(0.0, 1.5)))
+@given(
+    vehicle=VEHICLES, voltage=VOLTAGES, shares=st.tuples(st.floats(0.0, 1.5), st.floats(0.0, 1.5))
+)
 def test_more_thrust_is_never_less_throttle(vehicle, voltage, shares):
     less, more = (throttle_of(vehicle, share * 40.0, voltage) for share in sorted(shares))
     assert less <= more
@@ -59,14 +63,18 @@ def test_with_a_quadratic_map_half_throttle_is_a_quarter_of_the_thrust():
 
 
 def test_an_empty_battery_needs_more_throttle():
-    vehicle = dc.replace(PLAIN, throttle=ThrottleMap(full_thrust=10.0, voltage=16.0, voltage_exponent=2.0))
+    vehicle = dc.replace(
+        PLAIN, throttle=ThrottleMap(full_thrust=10.0, voltage=16.0, voltage_exponent=2.0)
+    )
     assert throttle_of(vehicle, 10.0, 12.8) == pytest.approx(0.5 / 0.8)
     assert throttle_of(vehicle, 10.0, 16.0) == throttle_of(vehicle, 10.0) == pytest.approx(0.5)
 
 
 @pytest.mark.parametrize("voltage", [0.001, 4.0, 60.0])
 def test_a_voltage_that_cannot_be_of_the_battery_is_not_believed(voltage):
-    vehicle = dc.replace(PLAIN, throttle=ThrottleMap(full_thrust=10.0, voltage=16.0, voltage_exponent=2.0))
+    vehicle = dc.replace(
+        PLAIN, throttle=ThrottleMap(full_thrust=10.0, voltage=16.0, voltage_exponent=2.0)
+    )
     assert throttle_of(vehicle, 10.0, voltage) == throttle_of(vehicle, 10.0)
     assert thrust_of(vehicle, 0.5, voltage) == thrust_of(vehicle, 0.5)
 
@@ -112,5 +120,7 @@ def test_what_is_turned_by_the_rates_comes_nearer(turn, wanted):
 def test_a_vehicle_that_follows_its_rates_comes_upright():
     q = attitude.from_rotation_vector(np.array([2.0, 1.5, 0.5]))
     for _ in range(400):
-        q = attitude.multiply(q, attitude.from_rotation_vector(0.01 * rates_towards(q, UP, RateLoop())))
+        q = attitude.multiply(
+            q, attitude.from_rotation_vector(0.01 * rates_towards(q, UP, RateLoop()))
+        )
     np.testing.assert_allclose(attitude.body_z(q), UP, atol=1e-4)

@@ -14,7 +14,9 @@ def test_the_defaults_are_possible():
 
 
 @pytest.mark.parametrize("value", [0, -1, np.nan, np.inf])
-@pytest.mark.parametrize("name", [field.name for field in dc.fields(OffboardConfig) if field.name != "system"])
+@pytest.mark.parametrize(
+    "name", [field.name for field in dc.fields(OffboardConfig) if field.name != "system"]
+)
 def test_a_value_that_is_not_positive_and_finite_is_refused_by_name(name, value):
     with pytest.raises(ValueError, match=f"offboard: {name} must be positive"):
         dc.replace(OffboardConfig(), **{name: value}).check()

@@ -1,4 +1,6 @@
-"""Laws of limits: a state is in order within all of them, and out of order beyond one, which is named."""
+"""Laws of limits: a state is in order within all of them, and out of order beyond one, which is
+named.
+"""
 
 import numpy as np
 import pytest
@@ -20,7 +22,9 @@ UNIT = (
 PLACES = arrays(float, 3, elements=st.floats(-50, 50))
 
 
-def state(place=(0.0, 0.0, 0.0), *, turn=(0.0, 0.0, 0.0), v=(0.0, 0.0, 0.0), w=(0.0, 0.0, 0.0)) -> np.ndarray:
+def state(
+    place=(0.0, 0.0, 0.0), *, turn=(0.0, 0.0, 0.0), v=(0.0, 0.0, 0.0), w=(0.0, 0.0, 0.0)
+) -> np.ndarray:
     return np.concatenate([place, attitude.from_rotation_vector(np.array(turn)), v, w])
 
 
@@ -34,9 +38,10 @@ def test_a_vehicle_at_rest_on_its_reference_is_in_order_at_any_yaw(place, yaw):
 def test_each_limit_is_on_a_length_whatever_its_direction(name, direction, reference, share):
     x = state(reference)
     part, most = {
-        "distance from the reference": (P, LIMITS.margin), "speed": (V, LIMITS.max_speed),
+        "distance from the reference": (P, LIMITS.margin),
+        "speed": (V, LIMITS.max_speed),
         "body rate": (W, LIMITS.max_rate),
-    }[name]  # fmt: skip
+    }[name]
     x[part] += share * most * direction
     found = out_of_limits(x, reference, LIMITS)
     assert found.startswith(name) if share > 1 else found == ""
@@ -53,7 +58,9 @@ def test_the_tilt_is_the_angle_of_body_z_to_the_vertical(axis, yaw, tilt):
 
 
 def test_what_is_told_names_value_and_limit():
-    assert out_of_limits(state(v=(0.0, 7.25, 0.0)), np.zeros(3), LIMITS) == "speed 7.25 m/s, limit 6"
+    assert (
+        out_of_limits(state(v=(0.0, 7.25, 0.0)), np.zeros(3), LIMITS) == "speed 7.25 m/s, limit 6"
+    )
 
 
 @pytest.mark.parametrize("entry", range(13))

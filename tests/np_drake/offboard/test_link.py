@@ -1,4 +1,6 @@
-"""Laws of links: bytes come in the order of arrival, and an address that cannot be used is said in one line."""
+"""Laws of links: bytes come in the order of arrival, and an address that cannot be used is said in
+one line.
+"""
 
 import socket
 import time
@@ -10,7 +12,8 @@ from hypothesis import strategies as st
 from np_drake.offboard.link import Channel, MavlinkLink
 
 ARRIVALS = st.lists(
-    st.tuples(st.floats(0.0, 5.0), st.one_of(st.floats(0.0, 5.0), st.just(float("inf")))), max_size=20
+    st.tuples(st.floats(0.0, 5.0), st.one_of(st.floats(0.0, 5.0), st.just(float("inf")))),
+    max_size=20,
 )  # time at which a message is sent, and what it takes [s]
 
 
@@ -31,7 +34,11 @@ def test_a_channel_delivers_in_order_of_arrival_what_arrives_at_all(arrivals):
     for k, (at.now, at.takes) in enumerate(sorted(arrivals)):
         near.send(bytes([k]))
     at.now = 100.0
-    due = [(sent + takes, bytes([k])) for k, (sent, takes) in enumerate(sorted(arrivals)) if takes < float("inf")]
+    due = [
+        (sent + takes, bytes([k]))
+        for k, (sent, takes) in enumerate(sorted(arrivals))
+        if takes < float("inf")
+    ]
     assert far.receive() == [data for _, data in sorted(due)]
     assert far.receive() == []
 
@@ -139,7 +146,9 @@ def test_a_link_is_heard_again_once_its_other_end_has_come_back(opened, port):
 
 def test_a_port_that_another_listens_on_is_refused_by_its_address(opened, port):
     opened(f"udp:127.0.0.1:{port}")
-    with pytest.raises(ValueError, match=f"--link: udpin:127.0.0.1:{port} cannot be opened") as found:
+    with pytest.raises(
+        ValueError, match=f"--link: udpin:127.0.0.1:{port} cannot be opened"
+    ) as found:
         opened(f"udpin:127.0.0.1:{port}")
     assert "\n" not in str(found.value)
 

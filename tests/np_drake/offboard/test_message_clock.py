@@ -8,7 +8,9 @@ from hypothesis import strategies as st
 from np_drake.offboard.codec import PX4, Heartbeat, Pose
 from np_drake.offboard.message_clock import PATIENCE, SLACK, WINDOW, MessageClock, NodeClock
 
-WAYS = st.lists(st.tuples(st.floats(0.001, 0.2), st.floats(0.0, 0.3)), min_size=1, max_size=30)  # gap, delay [s]
+WAYS = st.lists(
+    st.tuples(st.floats(0.001, 0.2), st.floats(0.0, 0.3)), min_size=1, max_size=30
+)  # gap, delay [s]
 OFFSETS = st.floats(-1e6, 1e6)
 
 
@@ -97,15 +99,22 @@ def test_a_clock_that_steps_back_is_followed_after_two_windows():
 
 
 SIMULATED, REAL = Heartbeat(False, PX4, simulated=True), Heartbeat(False, PX4)
-STEP, EVERY = 0.004, 0.01  # between two readings of the clock, and between two messages by the vehicle's clock [s]
+STEP, EVERY = (
+    0.004,
+    0.01,
+)  # between two readings of the clock, and between two messages by the vehicle's clock [s]
 
 
 def state(stamp: float) -> Pose:
     return Pose(stamp, "ODOMETRY", np.zeros(13))
 
 
-def node_times(rates, *, beat=SIMULATED, boot: float = 7.0, dut: NodeClock | None = None) -> np.ndarray:
-    """Our time, the vehicle's and the node's (n, 3) of a vehicle whose clock runs at these rates, a step each."""
+def node_times(
+    rates, *, beat=SIMULATED, boot: float = 7.0, dut: NodeClock | None = None
+) -> np.ndarray:
+    """Our time, the vehicle's and the node's (n, 3) of a vehicle whose clock runs at these rates, a
+    step each.
+    """
     dut, found, sent, theirs = dut or NodeClock(), [], 0, 0.0
     for k, rate in enumerate(rates):
         theirs += rate * STEP
@@ -163,4 +172,6 @@ def test_a_simulated_vehicle_that_starts_anew_leaves_the_time_of_a_node(boot):
 def test_a_simulated_vehicle_that_is_heard_late_is_joined_at_our_time():
     dut = NodeClock()
     assert dut.read(50.0, []) == 50.0
-    assert dut.read(51.0, [SIMULATED, state(7.0), state(7.0 + EVERY)]) == pytest.approx(51.0, abs=EVERY + 1e-9)
+    assert dut.read(51.0, [SIMULATED, state(7.0), state(7.0 + EVERY)]) == pytest.approx(
+        51.0, abs=EVERY + 1e-9
+    )

@@ -18,8 +18,14 @@ HANDOVER = [(60, True, False), (3, True, True)]
 FLICKER = st.lists(st.tuples(st.integers(1, 40), st.booleans(), st.just(True)), max_size=12)
 COURSES = st.one_of(
     st.lists(PARTS, min_size=1, max_size=15),
-    st.builds(lambda flight, rest: [*HANDOVER, *flight, *rest], FLICKER, st.lists(PARTS, max_size=6)),
-    st.builds(lambda flight, then: [*HANDOVER, *flight, (5, True, False), *HANDOVER, *then], FLICKER, FLICKER),
+    st.builds(
+        lambda flight, rest: [*HANDOVER, *flight, *rest], FLICKER, st.lists(PARTS, max_size=6)
+    ),
+    st.builds(
+        lambda flight, then: [*HANDOVER, *flight, (5, True, False), *HANDOVER, *then],
+        FLICKER,
+        FLICKER,
+    ),
 )
 laws = settings(max_examples=150, deadline=None)
 
@@ -29,7 +35,9 @@ def run(course, *, config: OffboardConfig = LIMITS) -> list[tuple[bool, bool, Ph
     dut, found = Phases(), []
     ticks = [(good, engaged) for n, good, engaged in course for _ in range(n)]
     for k, (good, engaged) in enumerate(ticks):
-        dut = dut.advanced(TICK * k, problem="" if good else "fault", engaged=engaged, config=config)
+        dut = dut.advanced(
+            TICK * k, problem="" if good else "fault", engaged=engaged, config=config
+        )
         found.append((good, engaged, dut.phase))
     return found
 
@@ -46,16 +54,32 @@ def last(*parts: tuple[float, bool, bool]) -> Phase:
 def test_a_flight_goes_through_its_phases_at_their_times():
     found = run(
         course_of(
-            (0.2, False, False), (0.6, True, False), (0.5, True, True), (0.15, False, True), (0.55, True, True),
-            (0.6, False, True), (0.5, True, True), (0.9, True, False), (0.5, True, True),
+            (0.2, False, False),
+            (0.6, True, False),
+            (0.5, True, True),
+            (0.15, False, True),
+            (0.55, True, True),
+            (0.6, False, True),
+            (0.5, True, True),
+            (0.9, True, False),
+            (0.5, True, True),
         )
-    )  # fmt: skip
+    )
     changes = [(0.0, Phase.WAITING)]
-    changes += [(k * TICK, now) for k, ((*_, before), (*_, now)) in enumerate(pairwise(found), 1) if now != before]
+    changes += [
+        (k * TICK, now)
+        for k, ((*_, before), (*_, now)) in enumerate(pairwise(found), 1)
+        if now != before
+    ]
     expected = [
-        (0.0, Phase.WAITING), (0.6, Phase.READY), (0.8, Phase.FLYING), (1.3, Phase.LEVEL), (1.55, Phase.FLYING),
-        (2.0, Phase.LEVEL), (2.3, Phase.STOPPED),
-    ]  # fmt: skip
+        (0.0, Phase.WAITING),
+        (0.6, Phase.READY),
+        (0.8, Phase.FLYING),
+        (1.3, Phase.LEVEL),
+        (1.55, Phase.FLYING),
+        (2.0, Phase.LEVEL),
+        (2.3, Phase.STOPPED),
+    ]
     assert [phase for _, phase in changes] == [phase for _, phase in expected]
     times = np.array([time for time, _ in changes]) - [time for time, _ in expected]
     assert np.abs(times).max() < 1.5 * TICK
@@ -68,13 +92,21 @@ def test_nothing_is_sent_while_it_waits_or_after_it_has_stopped():
 @laws
 @given(course=COURSES)
 def test_a_vehicle_that_is_not_engaged_is_never_commanded(course):
-    assert {phase for _, engaged, phase in run(course) if not engaged} <= {Phase.WAITING, Phase.READY, Phase.STOPPED}
+    assert {phase for _, engaged, phase in run(course) if not engaged} <= {
+        Phase.WAITING,
+        Phase.READY,
+        Phase.STOPPED,
+    }
 
 
 @laws
 @given(course=COURSES)
 def test_the_controller_never_commands_while_something_is_out_of_order(course):
-    assert {phase for good, _, phase in run(course) if not good} <= {Phase.WAITING, Phase.LEVEL, Phase.STOPPED}
+    assert {phase for good, _, phase in run(course) if not good} <= {
+        Phase.WAITING,
+        Phase.LEVEL,
+        Phase.STOPPED,
+    }
 
 
 @laws
@@ -156,7 +188,10 @@ def test_a_fault_after_a_time_in_order_has_its_full_time():
 
 
 def test_a_fault_that_comes_again_and_again_ends_as_one_that_stays():
-    ready, flickers = [(0.6, True, False), (0.5, True, True)], [(0.02, False, True), (0.12, True, True)]
+    ready, flickers = (
+        [(0.6, True, False), (0.5, True, True)],
+        [(0.02, False, True), (0.12, True, True)],
+    )
     assert last(*ready, *2 * flickers, (0.02, False, True)) is Phase.LEVEL
     assert last(*ready, *3 * flickers, (0.02, False, True)) is Phase.STOPPED
 

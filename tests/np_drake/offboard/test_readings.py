@@ -1,4 +1,6 @@
-"""Laws of readings: the newest state that can be true, brought to the present, or the name of what is missing."""
+"""Laws of readings: the newest state that can be true, brought to the present, or the name of what
+is missing.
+"""
 
 import numpy as np
 import pytest
@@ -20,7 +22,9 @@ PAIR = ("LOCAL_POSITION_NED", "ATTITUDE_QUATERNION")
 ALL = ("ODOMETRY", *PAIR, "HIGHRES_IMU", "HEARTBEAT")
 
 
-def state(p=(0.0, 0.0, 0.0), *, turn=(0.0, 0.0, 0.0), v=(0.0, 0.0, 0.0), w=(0.0, 0.0, 0.0)) -> np.ndarray:
+def state(
+    p=(0.0, 0.0, 0.0), *, turn=(0.0, 0.0, 0.0), v=(0.0, 0.0, 0.0), w=(0.0, 0.0, 0.0)
+) -> np.ndarray:
     return np.concatenate([p, attitude.from_rotation_vector(np.array(turn)), v, w])
 
 
@@ -35,7 +39,9 @@ def pose(kind: str, stamp: float, x: np.ndarray) -> Pose:
 class Sender:
     """An autopilot whose messages come after a delay, and whose clock has an offset."""
 
-    def __init__(self, dut: Readings, *, kinds=("ODOMETRY", "HIGHRES_IMU", "HEARTBEAT"), offset: float = 0.0):
+    def __init__(
+        self, dut: Readings, *, kinds=("ODOMETRY", "HIGHRES_IMU", "HEARTBEAT"), offset: float = 0.0
+    ):
         self.dut, self.kinds, self.offset = dut, kinds, offset
 
     def send(self, t: float, x: np.ndarray, *, f=UP, delay: float = 0.0) -> None:
@@ -62,7 +68,9 @@ def dut() -> Readings:
     return Readings(LIMITS, GRAVITY)
 
 
-@pytest.mark.parametrize("kinds", [("ODOMETRY", "HIGHRES_IMU", "HEARTBEAT"), (*PAIR, "HIGHRES_IMU", "HEARTBEAT"), ALL])
+@pytest.mark.parametrize(
+    "kinds", [("ODOMETRY", "HIGHRES_IMU", "HEARTBEAT"), (*PAIR, "HIGHRES_IMU", "HEARTBEAT"), ALL]
+)
 def test_a_vehicle_that_says_all_is_in_order(dut, kinds):
     x = state((1.0, 2.0, 3.0), turn=(0.0, 0.0, 0.7))
     at_rest(dut, x=x, kinds=kinds)
@@ -91,7 +99,11 @@ def test_what_is_missing_is_named(dut, missing, named):
 
 @pytest.mark.parametrize(
     ("silent", "named", "after"),
-    [("ODOMETRY", "the state is older than 100 ms", 0.1), ("HIGHRES_IMU", "HIGHRES_IMU", 0.1), ("HEARTBEAT", "h", 2.0)],
+    [
+        ("ODOMETRY", "the state is older than 100 ms", 0.1),
+        ("HIGHRES_IMU", "HIGHRES_IMU", 0.1),
+        ("HEARTBEAT", "h", 2.0),
+    ],
 )
 def test_what_falls_silent_is_named_once_it_is_too_old(dut, silent, named, after):
     sender = at_rest(dut)
@@ -147,20 +159,28 @@ def test_a_turn_is_brought_forward_with_its_angular_acceleration(axis, rate, al,
     sender = Sender(dut)
     for k in range(-5, 1):
         t = STEP * k
-        sender.send(5.0 + t, state(turn=(rate * t + 0.5 * al * t**2) * axis, w=(rate + al * t) * axis))
+        sender.send(
+            5.0 + t, state(turn=(rate * t + 0.5 * al * t**2) * axis, w=(rate + al * t) * axis)
+        )
     found = dut.at(5.0 + age)
     np.testing.assert_allclose(found.acceleration[3:], al * axis, atol=1e-6)
     np.testing.assert_allclose(found.x[W], (rate + al * age) * axis, atol=1e-6)
     turned = attitude.from_rotation_vector((rate * age + 0.5 * al * age**2) * axis)
-    np.testing.assert_allclose(attitude.rotation_matrix(found.x[Q]), attitude.rotation_matrix(turned), atol=1e-6)
+    np.testing.assert_allclose(
+        attitude.rotation_matrix(found.x[Q]), attitude.rotation_matrix(turned), atol=1e-6
+    )
 
 
 @given(turn=VECTORS, w=VECTORS, age=st.floats(0.0, 0.09))
 def test_a_turn_is_brought_forward_about_the_axes_of_the_body(turn, w, age):
     dut = Readings(LIMITS, GRAVITY)
     Sender(dut).send(5.0, state(turn=turn, w=w))
-    expected = attitude.rotation_matrix(state(turn=turn)[Q]) @ attitude.rotation_matrix(state(turn=age * w)[Q])
-    np.testing.assert_allclose(attitude.rotation_matrix(dut.at(5.0 + age).x[Q]), expected, atol=1e-9)
+    expected = attitude.rotation_matrix(state(turn=turn)[Q]) @ attitude.rotation_matrix(
+        state(turn=age * w)[Q]
+    )
+    np.testing.assert_allclose(
+        attitude.rotation_matrix(dut.at(5.0 + age).x[Q]), expected, atol=1e-9
+    )
 
 
 @given(turn=VECTORS, a=VECTORS)
@@ -205,7 +225,10 @@ def test_each_of_two_messages_is_brought_forward_by_its_own_age(dut):
     sender, v, w = Sender(dut, kinds=ALL[1:]), np.array([2.0, 0.0, 0.0]), np.array([0.0, 0.0, 3.0])
     for k in range(6):
         sender.send(0.01 * k, state(0.01 * k * v, turn=0.01 * k * w, v=v, w=w))
-        sender.kinds = ("ATTITUDE_QUATERNION", "HIGHRES_IMU")  # the position is 50 ms older in the end
+        sender.kinds = (
+            "ATTITUDE_QUATERNION",
+            "HIGHRES_IMU",
+        )  # the position is 50 ms older in the end
     found = dut.at(0.05)
     np.testing.assert_allclose(found.x[P], 0.05 * v, atol=1e-9)
     np.testing.assert_allclose(attitude.rotation_vector(found.x[Q]), 0.05 * w, atol=1e-9)
@@ -232,7 +255,12 @@ def wrong(part: slice, value: float) -> np.ndarray:
 
 @pytest.mark.parametrize(
     ("kind", "x"),
-    [(kind, wrong(part, value)) for kind in ("ODOMETRY", PAIR[0]) for part in (P, V) for value in (np.nan, np.inf)]
+    [
+        (kind, wrong(part, value))
+        for kind in ("ODOMETRY", PAIR[0])
+        for part in (P, V)
+        for value in (np.nan, np.inf)
+    ]
     + [(kind, wrong(part, np.nan)) for kind in ("ODOMETRY", PAIR[1]) for part in (Q, W)]
     + [(kind, wrong(Q, value)) for kind in ("ODOMETRY", PAIR[1]) for value in (0.0, 1.0)]
     + [(kind, state((0.5, 0.0, 0.0))) for kind in ("ODOMETRY", PAIR[0])],
@@ -257,7 +285,9 @@ def test_an_inertial_reading_that_is_not_finite_is_not_taken(dut, value, f):
     np.testing.assert_allclose(dut.at(1.01).acceleration, 0.0, atol=1e-12)
 
 
-@pytest.mark.parametrize(("f", "w"), [((0.0, 0.0, 1e3), (0.0, 0.0, 0.0)), ((0.0, 0.0, 9.81), (0.0, 1e3, 0.0))])
+@pytest.mark.parametrize(
+    ("f", "w"), [((0.0, 0.0, 1e3), (0.0, 0.0, 0.0)), ((0.0, 0.0, 9.81), (0.0, 1e3, 0.0))]
+)
 def test_an_inertial_reading_beyond_what_flies_is_not_taken(dut, f, w):
     at_rest(dut)
     dut.take(Inertial(1.01, np.array(f), np.array(w)), 1.01)

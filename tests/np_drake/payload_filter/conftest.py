@@ -1,4 +1,6 @@
-"""Fixtures: made-up flights of a vehicle with a payload; its motion is prescribed, its tether integrated finely."""
+"""Fixtures: made-up flights of a vehicle with a payload; its motion is prescribed, its tether
+integrated finely.
+"""
 
 import dataclasses as dc
 
@@ -9,8 +11,8 @@ from np_drake import attitude
 from np_drake.effects.pendulum import path_many
 from np_drake.payload_filter.model_file import PayloadFilterModel
 from np_drake.residual_model import Sample
-from np_drake.scaling import scales
 from np_drake.vehicle import Vehicle
+from np_drake.vehicle.scaling import scales
 
 STEP, FINE, G, MASS = 0.02, 20, 9.81, 2.0  # sample [s], substeps [1], gravity [m/s²], vehicle [kg]
 HOOK = np.array([0.0, 0.0, -0.025])  # [m]
@@ -19,12 +21,16 @@ HOOK = np.array([0.0, 0.0, -0.025])  # [m]
 def _model(*, thrust_error=0.0, drag=0.125, hook=HOOK, deviation=0.01) -> PayloadFilterModel:
     """The vehicle as trained."""
     arm = scales(Vehicle()).length
-    return PayloadFilterModel(STEP, MASS, G, 0.0, thrust_error, deviation, drag, 0.02, np.array(hook, float), arm=arm)
+    return PayloadFilterModel(
+        STEP, MASS, G, 0.0, thrust_error, deviation, drag, 0.02, np.array(hook, float), arm=arm
+    )
 
 
 @dc.dataclass
 class Flown:
-    """Samples, and what is true: pull of the tether (n, 3) [N], payload from the hook (n, 3) [m]."""
+    """Samples, and what is true: pull of the tether (n, 3) [N], payload from the hook (n, 3)
+    [m].
+    """
 
     samples: list[Sample]
     pull: np.ndarray
@@ -48,7 +54,8 @@ def _flown(
     seed=0,
     torque_noise=0.002,
 ) -> Flown:
-    """A circle of `radius` [m] at `speed` [m/s], or hover where it is 0, with the tether at `swing` [rad] at first.
+    """A circle of `radius` [m] at `speed` [m/s], or hover where it is 0, with the tether at `swing`
+    [rad] at first.
 
     mass: [kg], or (n,) of each sample: 0 while nothing hangs.   noise: of the force label [N].
     dither: amplitude of a slow shaking along every axis [m].
@@ -65,7 +72,9 @@ def _flown(
     start = length * np.array([[np.sin(swing), 0.0, -np.cos(swing)]])
     middle = 0.5 * (a[1:] + a[:-1])
     path = path_many(np.array([length]), start, np.zeros((1, 3)), middle, STEP / FINE, G)
-    specific = np.concatenate([path.pull[:1, 0], 0.5 * (path.pull[1:, 0] + path.pull[:-1, 0]), path.pull[-1:, 0]])
+    specific = np.concatenate(
+        [path.pull[:1, 0], 0.5 * (path.pull[1:, 0] + path.pull[:-1, 0]), path.pull[-1:, 0]]
+    )
     at = slice(None, None, FINE)
     masses = np.broadcast_to(np.asarray(mass, float), n)
     pull, r = masses[:, None] * specific[at], path.r[at, 0]
@@ -80,7 +89,9 @@ def _flown(
     draw = np.random.default_rng(seed)
     chi = np.zeros((n, 6))
     chi[:, :3] = MASS * (a + [0.0, 0.0, G]) - lift + noise * draw.normal(size=(n, 3))
-    chi[:, 3:] = np.cross(HOOK, attitude.rotate_back(q, pull)) + torque_noise * draw.normal(size=(n, 3))
+    chi[:, 3:] = np.cross(HOOK, attitude.rotate_back(q, pull)) + torque_noise * draw.normal(
+        size=(n, 3)
+    )
     between = np.vstack([u[:1], 0.5 * (u[1:] + u[:-1])])
     return Flown([Sample(*row) for row in zip(x, between, chi, strict=True)], pull, r, x, u)
 

@@ -1,4 +1,6 @@
-"""Laws of the payload filter's forecast along a plan, against the pendulum of the effects and plain vector algebra."""
+"""Laws of the payload filter's forecast along a plan, against the pendulum of the effects and plain
+vector algebra.
+"""
 
 import numpy as np
 import pytest
@@ -6,7 +8,15 @@ import pytest
 from np_drake import attitude
 from np_drake.effects.pendulum import hook_velocity, swing_many
 from np_drake.payload_filter.forecast import along_plan, beside_plan, drives
-from np_drake.payload_filter.kernel import DAMPING, DRAG, LOG_LENGTH, MASS, POINT, PUSH, THRUST_ERROR
+from np_drake.payload_filter.kernel import (
+    DAMPING,
+    DRAG,
+    LOG_LENGTH,
+    MASS,
+    POINT,
+    PUSH,
+    THRUST_ERROR,
+)
 
 N, STEP, STRIDE, GRAVITY, VEHICLE_MASS = 8, 0.05, 5, 9.81, 2.0
 HOOK = np.array([0.04, -0.03, -0.1])
@@ -27,15 +37,25 @@ def members(seed: int, count: int) -> np.ndarray:
         r /= np.linalg.norm(r)
         across = np.cross(r, rng.standard_normal(3))
         p[0:3], p[3:6], p[6:8] = r, across / np.linalg.norm(across), rng.uniform(-1, 1, 2)
-        p[MASS], p[LOG_LENGTH], p[DAMPING] = rng.uniform(0.05, 0.2), np.log(rng.uniform(0.5, 1.2)), rng.uniform(0, 0.5)
-        p[PUSH : PUSH + 3], p[THRUST_ERROR], p[DRAG] = rng.uniform(-0.2, 0.2, 3), rng.uniform(-0.1, 0.1), 0.15
+        p[MASS], p[LOG_LENGTH], p[DAMPING] = (
+            rng.uniform(0.05, 0.2),
+            np.log(rng.uniform(0.5, 1.2)),
+            rng.uniform(0, 0.5),
+        )
+        p[PUSH : PUSH + 3], p[THRUST_ERROR], p[DRAG] = (
+            rng.uniform(-0.2, 0.2, 3),
+            rng.uniform(-0.1, 0.1),
+            0.15,
+        )
     return points
 
 
 def plan(seed: int) -> tuple[np.ndarray, np.ndarray]:
     rng = np.random.default_rng(100 + seed)
     x = np.cumsum(0.1 * rng.standard_normal((N + 1, 13)), axis=0)
-    x[:, 3:7] = attitude.from_rotation_vector(np.cumsum(0.1 * rng.standard_normal((N + 1, 3)), axis=0))
+    x[:, 3:7] = attitude.from_rotation_vector(
+        np.cumsum(0.1 * rng.standard_normal((N + 1, 3)), axis=0)
+    )
     return x, np.array([20.0, 0, 0, 0]) + rng.standard_normal((N, 4)) * [2.0, 0.1, 0.1, 0.05]
 
 
@@ -43,7 +63,20 @@ def forecast_of(points, weight, x, u, acting) -> np.ndarray:
     wrench = np.zeros((N, 6))
     torque = (STEADY, RATE_TORQUE, SPEED_TORQUE)
     along_plan(
-        points, weight, x, u, acting, *torque, HOOK, VEHICLE_MASS, GRAVITY, STEP, STRIDE, MEAN_DECAY, DECAY, wrench
+        points,
+        weight,
+        x,
+        u,
+        acting,
+        *torque,
+        HOOK,
+        VEHICLE_MASS,
+        GRAVITY,
+        STEP,
+        STRIDE,
+        MEAN_DECAY,
+        DECAY,
+        wrench,
     )
     return wrench
 
@@ -58,9 +91,15 @@ def pulls_of(points, weight, x) -> np.ndarray:
     r, across = points[:, 0:3], points[:, 3:6]
     rate = points[:, 6:7] * across + points[:, 7:8] * np.cross(r, across)
     pull = swing_many(
-        length, length[:, None] * r, length[:, None] * rate, a, STEP / STRIDE, GRAVITY,
-        damping=points[:, DAMPING], v_hook=fine,
-    )  # fmt: skip
+        length,
+        length[:, None] * r,
+        length[:, None] * rate,
+        a,
+        STEP / STRIDE,
+        GRAVITY,
+        damping=points[:, DAMPING],
+        v_hook=fine,
+    )
     pull = np.einsum("nmk,m->nk", pull, weight * points[:, MASS] * VEHICLE_MASS)
     return pull.reshape(N, STRIDE, 3).mean(axis=1)
 
@@ -76,14 +115,21 @@ def test_along_a_plan_it_is_tether_thrust_error_push_drag_and_torques(seed):
     for i in range(N):
         lag[i], behind = MEAN_DECAY * (behind - u[i]), u[i] + DECAY * (behind - u[i])
     pull = pulls_of(points, weight, x)
-    force = pull + VEHICLE_MASS * (mean[PUSH : PUSH + 3] - mean[DRAG] * 0.5 * (x[1:, 7:10] + x[:-1, 7:10]))
+    force = pull + VEHICLE_MASS * (
+        mean[PUSH : PUSH + 3] - mean[DRAG] * 0.5 * (x[1:, 7:10] + x[:-1, 7:10])
+    )
     error = mean[THRUST_ERROR]
     force += ((1 + error) * lag[:, :1] + error * u[:, :1]) * attitude.body_z(q)
     v = attitude.rotate_back(x[:, 3:7], x[:, 7:10])
     ends = RATE_TORQUE * x[:, 10:13]
     ends[:, 0] += SPEED_TORQUE[0] * v[:, 1]
     ends[:, 1] += SPEED_TORQUE[1] * v[:, 0]
-    torque = np.cross(HOOK, attitude.rotate_back(q, pull)) + lag[:, 1:] + STEADY + 0.5 * (ends[1:] + ends[:-1])
+    torque = (
+        np.cross(HOOK, attitude.rotate_back(q, pull))
+        + lag[:, 1:]
+        + STEADY
+        + 0.5 * (ends[1:] + ends[:-1])
+    )
     dut = forecast_of(points, weight, x, u, acting)
     np.testing.assert_allclose(dut, np.concatenate([force, torque], axis=1), atol=1e-9)
 
@@ -115,5 +161,7 @@ def test_what_drives_a_pendulum_is_thrust_and_the_motion_of_its_hook(seed):
     drives(before, now, HOOK, 9.0, 10.0, STEP, drive, end)
     z, v = attitude.body_z(x[:2, 3:7]), hook_velocity(HOOK, x[:2])
     turning = v - x[:2, 7:10]
-    np.testing.assert_allclose(drive, [*(9.0 * z.mean(axis=0)), *v.mean(axis=0), *(np.diff(turning, axis=0)[0] / STEP)])
+    np.testing.assert_allclose(
+        drive, [*(9.0 * z.mean(axis=0)), *v.mean(axis=0), *(np.diff(turning, axis=0)[0] / STEP)]
+    )
     np.testing.assert_allclose(end, [*(10.0 * z[1]), *v[1], *(np.diff(turning, axis=0)[0] / STEP)])

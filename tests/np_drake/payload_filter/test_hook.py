@@ -25,24 +25,34 @@ def run(pull, level, *, shift=SHIFT, noise=NOISE, seed=0):
 def swinging(seconds=20.0):
     """Pull of a payload that swings in both directions (n, 3) [N]."""
     t = STEP * np.arange(round(seconds / STEP))
-    return np.column_stack([0.8 * np.sin(3.5 * t), 0.6 * np.cos(3.1 * t), -2.5 + 0.2 * np.sin(7.0 * t)])
+    return np.column_stack(
+        [0.8 * np.sin(3.5 * t), 0.6 * np.cos(3.1 * t), -2.5 + 0.2 * np.sin(7.0 * t)]
+    )
 
 
 def test_a_pull_that_swings_shows_the_shift_and_the_level_beside_it():
     memory = run(swinging(), LEVEL)
-    np.testing.assert_allclose(memory["shift"], SHIFT, atol=0.002)  # 500 samples of noise over 0.6 N [m]
-    np.testing.assert_allclose(memory["steady"], LEVEL, atol=0.006)  # what the shift's error leaves at 2.5 N
+    np.testing.assert_allclose(
+        memory["shift"], SHIFT, atol=0.002
+    )  # 500 samples of noise over 0.6 N [m]
+    np.testing.assert_allclose(
+        memory["steady"], LEVEL, atol=0.006
+    )  # what the shift's error leaves at 2.5 N
 
 
 def test_a_pull_that_does_not_move_shows_no_shift():
     memory = run(np.tile([0.3, 0.2, -2.5], (1000, 1)), LEVEL)
     assert np.abs(memory["shift"]).max() < 0.001  # [m]
-    np.testing.assert_allclose(memory["steady"], np.cross(SHIFT, [0.3, 0.2, -2.5]) + LEVEL, atol=0.002)
+    np.testing.assert_allclose(
+        memory["steady"], np.cross(SHIFT, [0.3, 0.2, -2.5]) + LEVEL, atol=0.002
+    )
 
 
 def test_a_torque_that_wanders_is_not_taken_for_the_hooks():
     walk = np.cumsum(0.004 * np.random.default_rng(1).standard_normal((1000, 3)), axis=0)
-    assert np.abs(run(swinging(), walk, shift=np.zeros(3))["shift"]).max() < 0.01  # half the prior [m]
+    assert (
+        np.abs(run(swinging(), walk, shift=np.zeros(3))["shift"]).max() < 0.01
+    )  # half the prior [m]
 
 
 def test_where_the_hook_is_that_of_training_the_shift_stays_small():
@@ -53,9 +63,13 @@ def test_where_the_hook_is_that_of_training_the_shift_stays_small():
 @pytest.mark.parametrize("seed", range(3))
 def test_a_constant_torque_almost_without_noise_shows_no_shift(noise, seed):
     t = STEP * np.arange(500)
-    pull = np.column_stack([0.8 * np.sin(3.5 * t), 0.0 * t, -2.5 + 0.2 * np.sin(7.0 * t)])  # in a plane
+    pull = np.column_stack(
+        [0.8 * np.sin(3.5 * t), 0.0 * t, -2.5 + 0.2 * np.sin(7.0 * t)]
+    )  # in a plane
     memory = run(pull, LEVEL, shift=np.zeros(3), noise=noise, seed=seed)
-    np.testing.assert_allclose(memory["shift"], 0.0, atol=1e-6)  # what noise of 1 µN·m leaves at 0.8 N [m]
+    np.testing.assert_allclose(
+        memory["shift"], 0.0, atol=1e-6
+    )  # what noise of 1 µN·m leaves at 0.8 N [m]
 
 
 @pytest.mark.parametrize("noise", [1e-9, 1e-15])

@@ -23,7 +23,9 @@ def test_without_changes_the_weights_are_those_of_bayes():
 
 
 def test_likelihoods_that_underflow_are_compared_all_the_same():
-    np.testing.assert_allclose(weighed([0.5, 0.5, 0.0], [-2000.0, -2001.0, 0.0]), [*_odds(1.0), 0.0], rtol=1e-9)
+    np.testing.assert_allclose(
+        weighed([0.5, 0.5, 0.0], [-2000.0, -2001.0, 0.0]), [*_odds(1.0), 0.0], rtol=1e-9
+    )
 
 
 def test_a_member_without_weight_returns_with_the_share_that_is_drawn_anew():
@@ -36,7 +38,9 @@ def test_parameters_that_could_not_have_been_drawn_are_not_drawn_anew():
     mean[1, PARAMETERS] = 2.0  # two deviations in each of eight parameters
     anew = 0.1 * FIRST * [1.0, np.exp(-16.0), 1.0]
     wanted = [0.9, 0.0, 0.0] + anew
-    np.testing.assert_allclose(weighed([1.0, 0, 0], np.zeros(3), mean=mean, stay=0.9), wanted / wanted.sum(), rtol=1e-9)
+    np.testing.assert_allclose(
+        weighed([1.0, 0, 0], np.zeros(3), mean=mean, stay=0.9), wanted / wanted.sum(), rtol=1e-9
+    )
 
 
 def _odds(difference):

@@ -12,13 +12,18 @@ MASS, STEP = 2.0, 0.02  # of the made-up flights: vehicle [kg], sample [s]
 
 
 def believed(weight, mass, deviation, *, bare=0.0, log_length=0.0):
-    """A memory of members that differ in the payload's mass share, and one that carries nothing; all of them calm."""
+    """A memory of members that differ in the payload's mass share, and one that carries nothing;
+    all of them calm.
+    """
     count = len(weight) + 1
     members = count * len(CONDITIONS)
     mean = np.zeros((members, kernel.POINT))
     covariance = np.zeros((members, kernel.SIZE, kernel.SIZE))
     error = kernel.MASS - (kernel.POINT - kernel.SIZE)
-    mean[: count - 1, kernel.MASS], covariance[: count - 1, error, error] = mass, np.square(deviation)
+    mean[: count - 1, kernel.MASS], covariance[: count - 1, error, error] = (
+        mass,
+        np.square(deviation),
+    )
     mean[: count - 1, kernel.LOG_LENGTH], mean[count - 1 :, kernel.LOG_LENGTH] = log_length, 5.0
     shares = np.zeros(members)
     shares[: count - 1], shares[count - 1] = (1 - bare) * np.array(weight), bare
@@ -57,6 +62,8 @@ def test_after_a_swing_the_truth_lies_in_the_intervals(model, flown):
     for sample in flight.samples:
         memory = predictor.update(memory, sample)
     found = payload_estimate(memory)
-    for estimate, truth, width in zip(found, (1.2, 0.26 / MASS, 0.0), (0.5, 0.05, 0.3), strict=True):
+    for estimate, truth, width in zip(
+        found, (1.2, 0.26 / MASS, 0.0), (0.5, 0.05, 0.3), strict=True
+    ):
         assert estimate.low - 1e-3 < truth < estimate.high + 1e-3
         assert estimate.high - estimate.low < width  # a third of the prior's and less

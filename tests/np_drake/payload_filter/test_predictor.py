@@ -51,7 +51,9 @@ def test_a_hanging_payload_pulls_with_its_weight_over_the_horizon(model, flown):
     predictor = PayloadFilter(model())
     forecast = predictor.forecast(run(predictor, flown(seconds=4.0).samples), **SPAN)
     force = forecast.rollout(np.zeros((20, 6)))[:, :3]
-    np.testing.assert_allclose(force, np.tile([0.0, 0.0, -0.26 * G], (20, 1)), atol=0.06)  # label noise [N]
+    np.testing.assert_allclose(
+        force, np.tile([0.0, 0.0, -0.26 * G], (20, 1)), atol=0.06
+    )  # label noise [N]
 
 
 def test_a_bare_vehicle_is_believed_bare_however_long_it_flies(model, flown):
@@ -61,7 +63,9 @@ def test_a_bare_vehicle_is_believed_bare_however_long_it_flies(model, flown):
     for sample in flight.samples[150:]:
         memory = predictor.update(memory, sample)
         assert memory["weight"][~carries(len(memory["weight"]))].sum() > 0.9
-        assert memory["weight"] @ memory["mean"][:, kernel.MASS] < 0.002  # share of the vehicle's mass [1]
+        assert (
+            memory["weight"] @ memory["mean"][:, kernel.MASS] < 0.002
+        )  # share of the vehicle's mass [1]
 
 
 @pytest.mark.parametrize("swing", [0.0, 0.2])
@@ -77,7 +81,9 @@ def test_a_payload_is_not_taken_for_a_steady_push_upwards_or_a_weak_thrust(swing
 def test_without_payload_there_is_no_pull_after_three_seconds(model, flown):
     predictor = PayloadFilter(model())
     memory = run(predictor, flown(mass=0.0, seconds=3.0).samples)
-    assert np.linalg.norm(predictor.pull(memory)) < 0.02 * MASS * G  # thrust error's prior, two deviations [N]
+    assert (
+        np.linalg.norm(predictor.pull(memory)) < 0.02 * MASS * G
+    )  # thrust error's prior, two deviations [N]
     total = predictor.forecast(memory, **SPAN).first
     assert np.linalg.norm(total[:3]) < 0.06  # label noise [N]
 
@@ -90,7 +96,9 @@ def test_a_payload_attached_or_lost_is_followed_within_300_ms(before, after, mod
     predictor = PayloadFilter(model())
     memory = run(predictor, flight.samples[: change + round(0.3 / STEP)])
     force = predictor.forecast(memory, **SPAN).rollout(np.zeros((20, 6)))[:, 2]
-    np.testing.assert_allclose(force, -after * G, atol=0.1 * abs(after - before) * G + 0.05)  # a tenth of the step
+    np.testing.assert_allclose(
+        force, -after * G, atol=0.1 * abs(after - before) * G + 0.05
+    )  # a tenth of the step
 
 
 @pytest.mark.parametrize("length", [0.4, 0.8, 1.6])
@@ -112,27 +120,39 @@ def test_the_torque_of_the_pull_about_the_hook_is_foretold(model, flown):
     memory = run(predictor, flight.samples[: k + 1])
     plan = plan_from(flight, k)
     tau = predictor.forecast_along(memory, plan, **SPAN).rollout(plan.x[:-1, 7:13])[:, 3:]
-    expected = np.array([flight.samples[j].chi[3:] for j in range(k, k + 40)]).reshape(20, 2, 3).mean(axis=1)
+    expected = (
+        np.array([flight.samples[j].chi[3:] for j in range(k, k + 40)])
+        .reshape(20, 2, 3)
+        .mean(axis=1)
+    )
     clean = np.cross(HOOK, mean_force(flight, k))
-    assert np.abs(tau - expected).max() < 0.35 * np.abs(clean).max() + 0.006  # noise of the torque label [N·m]
+    assert (
+        np.abs(tau - expected).max() < 0.35 * np.abs(clean).max() + 0.006
+    )  # noise of the torque label [N·m]
 
 
 def test_a_hook_elsewhere_than_in_training_is_found_in_flight(model, flown):
     flight = flown(length=0.8, seconds=12.0, radius=1.0, swing=0.2)
     predictor, k = PayloadFilter(model(hook=HOOK + [0.01, 0.0, 0.02])), 500
     memory = run(predictor, flight.samples[: k + 1])
-    np.testing.assert_allclose(memory["shift"], [-0.01, 0.0, -0.02], atol=0.006)  # three tenths of the prior [m]
+    np.testing.assert_allclose(
+        memory["shift"], [-0.01, 0.0, -0.02], atol=0.006
+    )  # three tenths of the prior [m]
     plan = plan_from(flight, k)
     tau = predictor.forecast_along(memory, plan, **SPAN).rollout(plan.x[:-1, 7:13])[:, 3:]
     pull_B = attitude.rotate_back(plan.x[:-1, 3:7], mean_force(flight, k))
     clean = np.cross(HOOK, pull_B)
-    assert np.abs(tau - clean).max() < 0.35 * np.abs(clean).max() + 0.006  # noise of the label [N·m]
+    assert (
+        np.abs(tau - clean).max() < 0.35 * np.abs(clean).max() + 0.006
+    )  # noise of the label [N·m]
 
 
 def test_torque_of_rates_and_velocity_follows_the_plan(model, flown):
     """Over a step it is the mean of both ends."""
     plain = model()
-    moved = dc.replace(plain, rate_torque=np.array([0.01, 0.02, 0.03]), speed_torque=np.array([0.04, 0.05]))
+    moved = dc.replace(
+        plain, rate_torque=np.array([0.01, 0.02, 0.03]), speed_torque=np.array([0.04, 0.05])
+    )
     x = np.zeros((21, 13))
     x[:, 3:7] = [np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)]  # a quarter turn: x of B is y of W
     x[:, 7:10], x[:, 10:13] = np.linspace([1.0, 2.0, 0.0], [3.0, 1.0, 0.0], 21), [0.1, 0.2, 0.3]
@@ -143,14 +163,18 @@ def test_torque_of_rates_and_velocity_follows_the_plan(model, flown):
         memory = predictor.initial_memory()
         tau.append(predictor.forecast_along(memory, plan, **SPAN).rollout(x[:-1, 7:13])[:, 3:])
     v = 0.5 * (x[1:, 7:9] + x[:-1, 7:9])
-    by_speed = np.column_stack([-0.04 * v[:, 0], 0.05 * v[:, 1], np.zeros(20)])  # v of B is [v_y, -v_x] of W
+    by_speed = np.column_stack(
+        [-0.04 * v[:, 0], 0.05 * v[:, 1], np.zeros(20)]
+    )  # v of B is [v_y, -v_x] of W
     np.testing.assert_allclose(tau[1] - tau[0], by_speed + [0.001, 0.004, 0.009], atol=1e-12)
 
 
 def test_torque_of_rates_and_velocity_is_not_part_of_the_level(model, flown):
     flight = flown(seconds=3.0, radius=1.0, torque_noise=0.0)
     moved = dc.replace(model(), speed_torque=np.array([0.04, 0.05]))
-    levels = [run(PayloadFilter(moved), samples)["steady"] for samples in (flight.samples, turned(flight))]
+    levels = [
+        run(PayloadFilter(moved), samples)["steady"] for samples in (flight.samples, turned(flight))
+    ]
     assert np.abs(levels[1]).max() < 0.01  # what the hook leaves while the bank settles [N·m]
     assert np.abs(levels[0]).max() > 0.02
 
@@ -176,7 +200,9 @@ def test_the_members_of_the_true_length_outweigh_the_others(model, flown):
 
 def test_beside_the_plan_the_forecast_moves_as_a_linear_pendulum(model, flown):
     predictor = PayloadFilter(model())
-    forecast = predictor.forecast(run(predictor, flown(seconds=8.0, swing=0.1, noise=0.01).samples), **SPAN)
+    forecast = predictor.forecast(
+        run(predictor, flown(seconds=8.0, swing=0.1, noise=0.01).samples), **SPAN
+    )
     zeta = np.zeros((20, 6))
     zeta[:, 0] = 0.1 * np.sin(2.0 * 0.04 * np.arange(20))
     moved = forecast.rollout(zeta)[:, 0] - forecast.rollout(np.zeros((20, 6)))[:, 0]
@@ -186,14 +212,18 @@ def test_beside_the_plan_the_forecast_moves_as_a_linear_pendulum(model, flown):
         for _ in range(40):  # fine Euler-Cromer steps of r' = s - v, s' = -w2 r
             s -= 0.001 * w2 * r
             r += 0.001 * (s - zeta[i, 0])
-    np.testing.assert_allclose(moved, expected, atol=0.05 * np.abs(expected).max())  # estimated length and mass
+    np.testing.assert_allclose(
+        moved, expected, atol=0.05 * np.abs(expected).max()
+    )  # estimated length and mass
 
 
 @given(
     st.floats(1.0, 40.0), st.floats(0.0, 1.9), st.floats(0.005, 0.1), st.integers(0, 2**31 - 1)
 )  # stiffness [1/s²], damping [1/s], step [s]
 @settings(max_examples=60, deadline=None)
-def test_the_linear_pendulum_is_a_matrix_exponential_and_only_loses_energy(stiffness, damping, step, seed):
+def test_the_linear_pendulum_is_a_matrix_exponential_and_only_loses_energy(
+    stiffness, damping, step, seed
+):
     A, B, gain = linear_pendulum(stiffness, damping, step)
     M = np.array([[0.0, 1.0, -1.0], [-stiffness, -damping, 0.0], [0.0, 0.0, 0.0]])
     exact = expm(M * step)
@@ -204,7 +234,9 @@ def test_the_linear_pendulum_is_a_matrix_exponential_and_only_loses_energy(stiff
     # Work of the vehicle on the pendulum, -force · v over each step, exact under a held velocity.
     z, work = np.zeros(2), 0.0
     for v in np.random.default_rng(seed).normal(size=50):
-        whole = np.linalg.solve(M[:2, :2], exact[:2, :2] @ z + exact[:2, 2] * v - z - step * M[:2, 2] * v)
+        whole = np.linalg.solve(
+            M[:2, :2], exact[:2, :2] @ z + exact[:2, 2] * v - z - step * M[:2, 2] * v
+        )
         work -= stiffness * whole[0] * v
         z = exact[:2, :2] @ z + exact[:2, 2] * v
         stored = 0.5 * (z[1] ** 2 + stiffness * z[0] ** 2)
@@ -222,7 +254,9 @@ def test_a_sample_with_nan_leaves_a_usable_memory(part, model, flown):
     memory = run(predictor, samples)
     assert all(np.all(np.isfinite(value)) for name, value in memory.items())
     whole = run(predictor, flight.samples[:300])
-    np.testing.assert_allclose(predictor.pull(memory), predictor.pull(whole), atol=0.3)  # a tenth of the pull [N]
+    np.testing.assert_allclose(
+        predictor.pull(memory), predictor.pull(whole), atol=0.3
+    )  # a tenth of the pull [N]
 
 
 def test_a_command_of_nan_in_the_first_second_of_hover_does_no_harm(model, flown):
@@ -267,11 +301,15 @@ def test_rotors_behind_the_command_show_in_the_forecast(model, flown):
     hover = np.array([MASS * G, 0.0, 0.0, 0.0])
     x = np.tile(memory["x"], (21, 1))
     steady, step = (
-        predictor.forecast_along(memory, Plan(x, np.tile(u, (20, 1))), **SPAN).rollout(np.zeros((20, 6)))[:, 2]
+        predictor.forecast_along(memory, Plan(x, np.tile(u, (20, 1))), **SPAN).rollout(
+            np.zeros((20, 6))
+        )[:, 2]
         for u in (hover, hover + [1.0, 0, 0, 0])
     )
     h, lag = 0.04, 0.05
-    mean = -lag / h * (1 - np.exp(-h / lag)) * np.exp(-h / lag * np.arange(20))  # of a rise by 1 N [N]
+    mean = (
+        -lag / h * (1 - np.exp(-h / lag)) * np.exp(-h / lag * np.arange(20))
+    )  # of a rise by 1 N [N]
     np.testing.assert_allclose(step - steady, mean, atol=0.02)  # thrust error's share of 1 N [N]
 
 
@@ -281,9 +319,13 @@ def test_tethers_stay_unit_and_covariances_positive_for_any_labels(model, seed, 
     predictor, draw = PayloadFilter(model()), np.random.default_rng(seed)
     memory = predictor.initial_memory()
     for _ in range(60):
-        x = np.concatenate([draw.normal(size=3), draw.normal(size=4), size * 0.1 * draw.normal(size=6)])
+        x = np.concatenate(
+            [draw.normal(size=3), draw.normal(size=4), size * 0.1 * draw.normal(size=6)]
+        )
         x[3:7] /= np.linalg.norm(x[3:7])
-        memory = predictor.update(memory, Sample(x, size * draw.normal(size=4), size * draw.normal(size=6)))
+        memory = predictor.update(
+            memory, Sample(x, size * draw.normal(size=4), size * draw.normal(size=6))
+        )
     np.testing.assert_allclose(np.linalg.norm(memory["mean"][:, :3], axis=1), 1.0, atol=1e-9)
     assert np.isfinite(memory["mean"]).all()
     assert memory["weight"].sum() == pytest.approx(1.0)
@@ -299,7 +341,9 @@ def test_a_small_swing_of_one_member_has_the_period_of_a_pendulum():
     drive = np.array([0.0, 0.0, (1 + 0.13) * G, *np.zeros(6)])
     keep, nothing = np.ones((1, 8)), np.zeros((1, kernel.SIZE))
     covariance = np.zeros((1, kernel.SIZE, kernel.SIZE))
-    period = 2 * np.pi * np.sqrt(0.8 / (1 + 0.13) / G)  # lift of the whole weight holds the hook's mean at rest
+    period = (
+        2 * np.pi * np.sqrt(0.8 / (1 + 0.13) / G)
+    )  # lift of the whole weight holds the hook's mean at rest
     tilt = []
     for _ in range(round(period / STEP)):
         out = [
@@ -311,7 +355,17 @@ def test_a_small_swing_of_one_member_has_the_period_of_a_pendulum():
             np.empty(1),
         ]
         kernel.filter_bank(
-            point, covariance, drive, drive, STEP, np.zeros((1, 8)), keep, nothing, np.full(3, np.nan), np.ones(3), *out
+            point,
+            covariance,
+            drive,
+            drive,
+            STEP,
+            np.zeros((1, 8)),
+            keep,
+            nothing,
+            np.full(3, np.nan),
+            np.ones(3),
+            *out,
         )
         point, covariance = out[0], np.zeros_like(covariance)
         tilt.append(point[0, 0])
@@ -338,7 +392,13 @@ def test_another_file_is_refused_in_one_line(tmp_path, content):
 
 @pytest.mark.parametrize(
     "wrong",
-    [{"step": 0.0}, {"thrust_error": -1.5}, {"hook": np.zeros(2)}, {"drag": np.nan}, {"speed_torque": np.zeros(3)}],
+    [
+        {"step": 0.0},
+        {"thrust_error": -1.5},
+        {"hook": np.zeros(2)},
+        {"drag": np.nan},
+        {"speed_torque": np.zeros(3)},
+    ],
 )
 def test_impossible_numbers_are_refused(wrong, model):
     with pytest.raises(ValueError, match="PayloadFilterModel"):

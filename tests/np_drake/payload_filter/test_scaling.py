@@ -12,7 +12,7 @@ from np_drake.payload_filter.filter_bank import BankOptions
 from np_drake.payload_filter.model_file import SCHEMA, PayloadFilterModel
 from np_drake.payload_filter.predictor import PayloadFilter
 from np_drake.residual_model import Plan, Sample
-from np_drake.scaling import Scales
+from np_drake.vehicle.scaling import Scales
 
 SPAN = {"horizon": 20, "stride": 2}
 LENGTHS = [0.25, 4.0]  # ratios whose roots, and so all units, are powers of two
@@ -62,7 +62,9 @@ def test_similar_vehicles_see_the_same_payload_in_their_own_units(length, model,
     unit, flight = unit_of(length), flown(seconds=6.0, radius=1.0, swing=0.2)
     _, paper = ran(model(), flight.samples)
     _, own = ran(model_in(model(), unit), [sample_in(sample, unit) for sample in flight.samples])
-    np.testing.assert_allclose(own["weight"], paper["weight"], atol=1e-6)  # round-off of the filter [1]
+    np.testing.assert_allclose(
+        own["weight"], paper["weight"], atol=1e-6
+    )  # round-off of the filter [1]
     mean = own["mean"].copy()
     mean[:, kernel.RATE] *= unit.time
     mean[:, kernel.LOG_LENGTH] -= math.log(unit.length)
@@ -79,11 +81,15 @@ def test_similar_vehicles_foretell_the_same_wrench_in_their_own_units(length, mo
     x, u = flight.x[rows], flight.u[rows[:-1]]
     wrenches = []
     for of in (unit_of(1.0), unit):
-        dut, memory = ran(model_in(model(), of), [sample_in(sample, of) for sample in flight.samples[: k + 1]])
+        dut, memory = ran(
+            model_in(model(), of), [sample_in(sample, of) for sample in flight.samples[: k + 1]]
+        )
         plan = Plan(state_in(x, of), command_in(u, of))
         found = dut.forecast_along(memory, plan, **SPAN).rollout(plan.x[:-1, 7:13])
         wrenches.append(found / np.repeat([of.force, of.torque], 3))
-    np.testing.assert_allclose(wrenches[1], wrenches[0], atol=1e-6)  # round-off of the filter [N, N·m]
+    np.testing.assert_allclose(
+        wrenches[1], wrenches[0], atol=1e-6
+    )  # round-off of the filter [N, N·m]
 
 
 def test_the_papers_vehicle_keeps_the_stated_priors(model):
@@ -105,7 +111,9 @@ def test_a_file_that_lacks_a_number_is_refused_with_the_remedy(tmp_path, model, 
     dc.replace(model(), arm=0.05).save(path)
     assert PayloadFilterModel.load(path).arm == 0.05
     tensors, metadata = read_tensors(path, SCHEMA)
-    write_tensors({name: value for name, value in tensors.items() if name != missing}, metadata, path)
+    write_tensors(
+        {name: value for name, value in tensors.items() if name != missing}, metadata, path
+    )
     with pytest.raises(ValueError, match=rf"^{path}: .* lacks '{missing}'; train it again$"):
         PayloadFilterModel.load(path)
 

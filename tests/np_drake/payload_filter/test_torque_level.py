@@ -20,7 +20,9 @@ def levels(torque):
 def test_a_constant_torque_under_noise_is_averaged():
     noise = 0.002 * np.random.default_rng(0).standard_normal((500, 3))  # [N·m]
     error = levels(0.01 + noise)[250:] - 0.01
-    assert np.sqrt(np.mean(error**2)) < 0.2 * 0.002  # the mean of 250 and more has 0.06 of the noise at most
+    assert (
+        np.sqrt(np.mean(error**2)) < 0.2 * 0.002
+    )  # the mean of 250 and more has 0.06 of the noise at most
 
 
 def test_a_torque_that_wanders_without_noise_is_followed_at_once():

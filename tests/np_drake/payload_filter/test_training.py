@@ -10,9 +10,9 @@ from np_drake.flight_log import FlightLog
 from np_drake.payload_filter.training import flight_samples, torque_steps, train_payload_filter
 from np_drake.residual_model import Sample
 from np_drake.rotor_input import acting_command
-from np_drake.scaling import similar
 from np_drake.training_data.actuator_timing import delayed
 from np_drake.vehicle import Vehicle
+from np_drake.vehicle.scaling import similar
 
 STEP = 0.02  # [s]
 
@@ -20,7 +20,15 @@ STEP = 0.02  # [s]
 def as_log(flight, vehicle) -> FlightLog:
     """The made-up flight as a log whose accelerations give its labels."""
     x, u, chi = flight.x, flight.u, np.array([sample.chi for sample in flight.samples])
-    log = FlightLog(t=STEP * np.arange(len(x)), p=x[:, :3], q=x[:, 3:7], v=x[:, 7:10], w=x[:, 10:13], u=u, name="made")
+    log = FlightLog(
+        t=STEP * np.arange(len(x)),
+        p=x[:, :3],
+        q=x[:, 3:7],
+        v=x[:, 7:10],
+        w=x[:, 10:13],
+        u=u,
+        name="made",
+    )
     log.a = (chi[:, :3] + u[:, :1] * body_z(x)) / vehicle.mass - [0.0, 0.0, vehicle.gravity]
     log.al = (chi[:, 3:] + u[:, 1:]) @ np.linalg.inv(vehicle.J).T
     return log
@@ -28,7 +36,9 @@ def as_log(flight, vehicle) -> FlightLog:
 
 def body_z(x):
     w, a, b, c = x[:, 3:7].T
-    return np.column_stack([2 * (a * c + w * b), 2 * (b * c - w * a), w * w - a * a - b * b + c * c])
+    return np.column_stack(
+        [2 * (a * c + w * b), 2 * (b * c - w * a), w * w - a * a - b * b + c * c]
+    )
 
 
 @pytest.fixture(scope="module")
@@ -39,9 +49,13 @@ def vehicle():
 def test_it_finds_thrust_error_drag_and_hook_of_the_vehicle(flown, vehicle):
     flight = flown(seconds=30.0, radius=1.0, dither=0.08, thrust_error=-0.04, drag=0.15, noise=0.05)
     model = train_payload_filter([(as_log(flight, vehicle), vehicle)], step=STEP)
-    assert model.thrust_error == pytest.approx(-0.04, abs=0.01)  # three tenths of the payload's weight [1]
+    assert model.thrust_error == pytest.approx(
+        -0.04, abs=0.01
+    )  # three tenths of the payload's weight [1]
     assert model.drag == pytest.approx(0.15, abs=0.02)  # [1/s]
-    np.testing.assert_allclose(model.hook, [0.0, 0.0, -0.025], atol=0.004)  # noise of the torque label [m]
+    np.testing.assert_allclose(
+        model.hook, [0.0, 0.0, -0.025], atol=0.004
+    )  # noise of the torque label [m]
     assert model.mass == vehicle.mass
     assert model.summary["origin"]["mass"] == vehicle.mass
     assert model.delay == 0.0  # the commands act at once
@@ -54,7 +68,9 @@ def test_torque_of_the_speed_is_not_taken_for_the_hooks(flown, vehicle):
         v = attitude.rotate_back(sample.x[3:7], sample.x[7:10])
         sample.chi[3:5] += speed_torque * v[[1, 0]]
     model = train_payload_filter([(as_log(flight, vehicle), vehicle)], step=STEP)
-    np.testing.assert_allclose(model.speed_torque, speed_torque, atol=0.001)  # noise of the torque label [N·s]
+    np.testing.assert_allclose(
+        model.speed_torque, speed_torque, atol=0.001
+    )  # noise of the torque label [N·s]
     np.testing.assert_allclose(model.hook, [0.0, 0.0, -0.025], atol=0.004)  # the same [m]
 
 
@@ -84,7 +100,9 @@ def test_of_similar_vehicles_it_finds_the_same_in_their_own_units(flown, vehicle
 def test_it_counts_its_passes(flown, vehicle):
     passes = []
     train_payload_filter(
-        [(as_log(flown(seconds=4.0), vehicle), vehicle)], step=STEP, on_pass=lambda *done: passes.append(done)
+        [(as_log(flown(seconds=4.0), vehicle), vehicle)],
+        step=STEP,
+        on_pass=lambda *done: passes.append(done),
     )
     assert passes == [(1, 2), (2, 2)]
 
@@ -127,7 +145,9 @@ def test_a_flight_without_torque_labels_is_refused_by_its_name(flown, vehicle):
     log = as_log(flown(seconds=4.0), vehicle)
     without = dc.replace(log, al=np.full((len(log), 3), np.nan), name="blind")
     for flights in ([without], [log, without]):
-        with pytest.raises(ValueError, match=r"^payload_filter: flight blind must have torque labels .*\.$"):
+        with pytest.raises(
+            ValueError, match=r"^payload_filter: flight blind must have torque labels .*\.$"
+        ):
             train_payload_filter([(flight, vehicle) for flight in flights], step=STEP)
 
 

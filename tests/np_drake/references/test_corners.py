@@ -1,4 +1,6 @@
-"""Laws of motions through waypoints: stops, the least snap, and how near a motion comes to its points."""
+"""Laws of motions through waypoints: stops, the least snap, and how near a motion comes to its
+points.
+"""
 
 import tracemalloc
 
@@ -66,9 +68,14 @@ def test_no_motion_through_the_points_at_these_times_has_less_snap():
     dut = MOTIONS["snap"]
     t = np.linspace(0.0, dut.end, 4001)
     flat, step = dut.sample(t), t[1] - t[0]
-    inside = np.abs(t[:, None] - [t[np.argmin(np.linalg.norm(flat[0] - p, axis=1))] for p in LINE]).min(axis=1)
+    inside = np.abs(
+        t[:, None] - [t[np.argmin(np.linalg.norm(flat[0] - p, axis=1))] for p in LINE]
+    ).min(axis=1)
     cost = np.sum(flat[4] ** 2) * step
-    for scale in (0.01, -0.01):  # a bump between two waypoints, with five derivatives that vanish at its ends
+    for scale in (
+        0.01,
+        -0.01,
+    ):  # a bump between two waypoints, with five derivatives that vanish at its ends
         first = np.argmin(np.linalg.norm(flat[0] - LINE[1], axis=1))
         last = np.argmin(np.linalg.norm(flat[0] - LINE[2], axis=1))
         s = np.clip((t - t[first]) / (t[last] - t[first]), 0.0, 1.0)
@@ -95,7 +102,9 @@ def test_a_straight_line_of_the_least_snap_takes_the_time_of_its_peak():
     dut = MinimumSnap(np.array([[0, 0, 1.0], [4.0, 0, 1.0]]), speed=2.0, ramp=0.0)
     fastest = np.linalg.norm(dut.sample(np.linspace(0.0, dut.end, 10_001))[1], axis=1).max()
     assert fastest == pytest.approx(2.0, rel=1e-3)
-    assert dut.end == pytest.approx(35 / 16 * 4.0 / 2.0, rel=0.1)  # peak over mean of the move from rest to rest
+    assert dut.end == pytest.approx(
+        35 / 16 * 4.0 / 2.0, rel=0.1
+    )  # peak over mean of the move from rest to rest
 
 
 def test_the_distance_from_many_legs_takes_the_memory_of_one():
@@ -104,16 +113,23 @@ def test_the_distance_from_many_legs_takes_the_memory_of_one():
     off, leg = off_legs(p[::250] + [0.0, 0.2, 0.0], p)
     most = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
-    assert (off, leg) == (pytest.approx(np.hypot(0.2, 0.498), rel=0.01), 198)  # [m]; where the path goes on
+    assert (off, leg) == (
+        pytest.approx(np.hypot(0.2, 0.498), rel=0.01),
+        198,
+    )  # [m]; where the path goes on
     assert most < 30e6  # [byte]; all distances took 80 MB
 
 
 def test_the_largest_distance_from_the_legs_is_that_of_the_worst_place():
     angle = np.linspace(0.0, 2 * np.pi, 2001)
-    round_it = np.column_stack([0.5 + np.sqrt(0.5) * np.cos(angle), 0.5 + np.sqrt(0.5) * np.sin(angle), 1 + 0 * angle])
+    round_it = np.column_stack(
+        [0.5 + np.sqrt(0.5) * np.cos(angle), 0.5 + np.sqrt(0.5) * np.sin(angle), 1 + 0 * angle]
+    )
     flat_square = np.column_stack([SQUARE[:, :2], np.ones(5)])
     off, _ = off_legs(flat_square, round_it)
-    assert off == pytest.approx(np.sqrt(0.5) - 0.5, abs=1e-5)  # [m]; the circle through the corners of a square of 1 m
+    assert off == pytest.approx(
+        np.sqrt(0.5) - 0.5, abs=1e-5
+    )  # [m]; the circle through the corners of a square of 1 m
 
 
 def test_a_point_between_two_rows_is_passed():

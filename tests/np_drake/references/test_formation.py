@@ -8,7 +8,9 @@ from np_drake.references.formation import closest_approach, fly_at, payload_drop
 @pytest.mark.parametrize("count", [2, 3, 4, 7])
 def test_neighbours_are_as_far_apart_as_asked_and_the_middle_is_the_origin(count):
     p = polygon(count, 0.9)
-    np.testing.assert_allclose(np.linalg.norm(p - np.roll(p, 1, axis=0), axis=1), 0.9, atol=1e-12)  # [m]
+    np.testing.assert_allclose(
+        np.linalg.norm(p - np.roll(p, 1, axis=0), axis=1), 0.9, atol=1e-12
+    )  # [m]
     np.testing.assert_allclose(p.mean(axis=0), 0.0, atol=1e-12)
     assert closest_approach(p[:, None]) == pytest.approx(0.9)
 

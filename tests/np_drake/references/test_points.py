@@ -9,7 +9,9 @@ STOPS = Stops(POINTS, np.array([0.5, 2.0, 3.5]), np.array([1.0, 1.5, 1.2]))
 SPLINE = Spline(POINTS, np.array([0.0, 1.5, 3.0, 4.5]))
 
 
-@pytest.mark.parametrize("dut", [STOPS, SPLINE, Paced(STOPS, 0.7)], ids=["stops", "spline", "paced"])
+@pytest.mark.parametrize(
+    "dut", [STOPS, SPLINE, Paced(STOPS, 0.7)], ids=["stops", "spline", "paced"]
+)
 def test_derivatives_are_those_of_the_track(dut):
     t, h = np.linspace(0.05, 4.4, 80), 1e-5
     sooner, now, later = (dut.sample(t + shift) for shift in (-h, 0.0, h))

@@ -19,7 +19,13 @@ SQUARE = "x,y,z\n1,1,1\n-1,1,1\n-1,-1,1.5\n1,-1,1.5\n1,1,1\n"
 LINE = "x,y,z\n0,0,1\n3,0,1\n3,1,2\n0,1,2\n"
 # p [m], v [m/s], a [m/s²], jerk, snap, as in the docs.
 ROUND_TRIP = (1e-8, 1e-6, 1e-4, 1e-2, 1.0)
-ROUND_TRIP_JUMP = (1e-7, 2e-5, 5e-3, 2.0, np.inf)  # near a jump of the snap, of up to 7e2 m/s⁴, as of `steps`
+ROUND_TRIP_JUMP = (
+    1e-7,
+    2e-5,
+    5e-3,
+    2.0,
+    np.inf,
+)  # near a jump of the snap, of up to 7e2 m/s⁴, as of `steps`
 
 
 def track(tmp_path, text, name="track.csv", **changes):
@@ -28,7 +34,10 @@ def track(tmp_path, text, name="track.csv", **changes):
 
 
 def trajectory(tmp_path, t, p, **changes):
-    rows = "\n".join(f"{when!r},{x!r},{y!r},{z!r}" for when, (x, y, z) in zip(t.tolist(), p.tolist(), strict=True))
+    rows = "\n".join(
+        f"{when!r},{x!r},{y!r},{z!r}"
+        for when, (x, y, z) in zip(t.tolist(), p.tolist(), strict=True)
+    )
     return track(tmp_path, f"t,x,y,z\n{rows}\n", **changes)
 
 
@@ -56,7 +65,9 @@ def test_a_track_of_waypoints_passes_them_in_turn(tmp_path, text):
 def test_open_waypoints_are_flown_from_rest_to_rest(tmp_path):
     dut = track(tmp_path, LINE, ramp=1.0)
     flat = dut.sample(np.array([-1.0, 0.0, dut.end, dut.end + 5.0]))
-    np.testing.assert_allclose(flat[0], [[0, 0, 1], [0, 0, 1], [0, 1, 2], [0, 1, 2]], atol=1e-9)  # [m]
+    np.testing.assert_allclose(
+        flat[0], [[0, 0, 1], [0, 0, 1], [0, 1, 2], [0, 1, 2]], atol=1e-9
+    )  # [m]
     np.testing.assert_allclose(flat[1:], 0.0, atol=1e-9)
 
 
@@ -68,7 +79,9 @@ def test_closed_waypoints_are_flown_lap_after_lap(tmp_path):
     assert 2 * np.pi / dut.rate == pytest.approx(dut.lap)
 
 
-@pytest.mark.parametrize("text", [SQUARE, LINE, "x,y,z\n0,0,1\n2,0,1\n"], ids=["closed", "open", "two"])
+@pytest.mark.parametrize(
+    "text", [SQUARE, LINE, "x,y,z\n0,0,1\n2,0,1\n"], ids=["closed", "open", "two"]
+)
 def test_waypoints_have_the_mean_speed_asked(tmp_path, text):
     dut = track(tmp_path, text, ramp=0.5, speed=1.3)
     length = dut._length * dut._stretch()
@@ -142,7 +155,9 @@ def test_a_motion_that_begins_at_rest_has_no_ramp_and_begins_at_once(tmp_path):
     config = ReferenceConfig(track=str(tmp_path / "written.csv"), ramp=4.0)
     dut = written(tmp_path, motion, 6.0, ramp=4.0)
     assert (config.lead, config.own_duration) == (0.0, pytest.approx(6.0))
-    np.testing.assert_allclose(dut.sample(np.array([3.0])), motion.sample(np.array([3.0])), atol=0.1)
+    np.testing.assert_allclose(
+        dut.sample(np.array([3.0])), motion.sample(np.array([3.0])), atol=0.1
+    )
 
 
 def test_a_motion_that_begins_moving_is_ramped_along_its_own_track(tmp_path):
@@ -169,7 +184,9 @@ def test_after_an_end_in_motion_it_brakes_to_rest(tmp_path):
 def test_times_of_a_trajectory_count_from_its_first_row(tmp_path):
     t = np.arange(801) / 100
     shifted = trajectory(tmp_path, t + 1e3, moving(t), name="later.csv").sample(t)
-    np.testing.assert_allclose(shifted[:3], trajectory(tmp_path, t, moving(t)).sample(t)[:3], atol=1e-4)
+    np.testing.assert_allclose(
+        shifted[:3], trajectory(tmp_path, t, moving(t)).sample(t)[:3], atol=1e-4
+    )
 
 
 def test_ten_minutes_at_100_hz_are_read_in_a_second_or_two():
@@ -197,7 +214,10 @@ def test_any_numbers_make_a_finite_motion_or_one_line(tmp_path_factory, rows, ti
     folder = tmp_path_factory.mktemp("any")
     t = np.cumsum([row[0] for row in rows]).tolist()
     lines = ["t,x,y,z" if timed else "x,y,z"]
-    lines += [",".join(map(repr, [when, *row[1:]] if timed else row[1:])) for when, row in zip(t, rows, strict=True)]
+    lines += [
+        ",".join(map(repr, [when, *row[1:]] if timed else row[1:]))
+        for when, row in zip(t, rows, strict=True)
+    ]
     refused = ""
     try:
         dut = track(folder, "\n".join(lines) + "\n")
@@ -211,7 +231,9 @@ def test_feedforward_angles_point_body_z_along_the_thrust():
     flat = make_reference(ReferenceConfig(dither=[0.1, 0.1, 0.1])).sample(np.linspace(0, 9, 50))
     vehicle = Vehicle()
     roll, pitch, thrust = feedforward(flat[2], vehicle)
-    z = np.stack([np.sin(pitch) * np.cos(roll), -np.sin(roll), np.cos(pitch) * np.cos(roll)], axis=1)
+    z = np.stack(
+        [np.sin(pitch) * np.cos(roll), -np.sin(roll), np.cos(pitch) * np.cos(roll)], axis=1
+    )
     force = vehicle.mass * (flat[2] + [0.0, 0.0, vehicle.gravity])
     np.testing.assert_allclose(thrust[:, None] * z, force, atol=1e-9)  # [N]
     u = targets(vehicle, flat, np.zeros((50, 6)))[1]
@@ -219,10 +241,16 @@ def test_feedforward_angles_point_body_z_along_the_thrust():
 
 
 def test_a_written_file_names_its_columns_and_holds_a_row_a_period(tmp_path):
-    write_trajectory(make_reference(ReferenceConfig()), tmp_path / "w.csv.gz", rate=50.0, duration=2.0)
+    write_trajectory(
+        make_reference(ReferenceConfig()), tmp_path / "w.csv.gz", rate=50.0, duration=2.0
+    )
     table = read_csv(tmp_path / "w.csv.gz")
     assert list(table.columns)[:10] == ["t", "x", "y", "z", "vx", "vy", "vz", "ax", "ay", "az"]
-    assert list(table.columns)[10:] == ["feedforward_roll", "feedforward_pitch", "feedforward_thrust"]
+    assert list(table.columns)[10:] == [
+        "feedforward_roll",
+        "feedforward_pitch",
+        "feedforward_thrust",
+    ]
     np.testing.assert_allclose(np.diff(table.columns["t"]), 0.02, atol=1e-12)
     assert gzip.decompress((tmp_path / "w.csv.gz").read_bytes()).startswith(b"t,x,y,z")
 
@@ -251,23 +279,44 @@ BAD = {  # text: what the line says
     "no z": ("x,y\n0,0\n1,1\n", "track.csv: must have the column z"),
     "half a velocity": ("t,x,y,z,vx\n", "must have the column vy"),
     "unknown": ("t,x,y,z,yaw\n", "column yaw: is no column of a trajectory"),
-    "named otherwise": ("time,x,y,z\n", "column time: is no column of waypoints; a trajectory has a column t"),
-    "not a number": (LINE.replace("3,1,2", "3,a,2"), "column y, row 3 (line 4): must be a number; got 'a'"),
-    "empty cell": (LINE.replace("3,1,2", "3,,2"), "column y, row 3 (line 4): must be a finite number"),
-    "infinite": (LINE.replace("3,1,2", "3,inf,2"), "column y, row 3 (line 4): must be a finite number; got inf"),
+    "named otherwise": (
+        "time,x,y,z\n",
+        "column time: is no column of waypoints; a trajectory has a column t",
+    ),
+    "not a number": (
+        LINE.replace("3,1,2", "3,a,2"),
+        "column y, row 3 (line 4): must be a number; got 'a'",
+    ),
+    "empty cell": (
+        LINE.replace("3,1,2", "3,,2"),
+        "column y, row 3 (line 4): must be a finite number",
+    ),
+    "infinite": (
+        LINE.replace("3,1,2", "3,inf,2"),
+        "column y, row 3 (line 4): must be a finite number; got inf",
+    ),
     "ragged": (LINE.replace("3,1,2", "3,1"), "row 3 (line 4): must have 3 cells"),
-    "underground": (LINE.replace("3,1,2", "3,1,-2"), "column z, row 3 (line 4): must be above the ground"),
-    "millimetres": (LINE.replace("3,1,2", "3,1500,2"), "column y, row 3 (line 4): must be within 1000 m"),
+    "underground": (
+        LINE.replace("3,1,2", "3,1,-2"),
+        "column z, row 3 (line 4): must be above the ground",
+    ),
+    "millimetres": (
+        LINE.replace("3,1,2", "3,1500,2"),
+        "column y, row 3 (line 4): must be within 1000 m",
+    ),
     "one point": ("x,y,z\n0,0,1\n", "at least 2 waypoints; got 1"),
     "there and back": ("x,y,z\n0,0,1\n1,0,1\n0,0,1\n", "at least 3 waypoints besides the last"),
     "twice": (LINE.replace("3,1,2", "3,0,1"), "row 3 (line 4): must be another waypoint"),
     "few rows": ("\n".join(RAMPED.splitlines()[:6]), "at least 8 rows of a trajectory; got 5"),
-    "time stands still": (RAMPED.replace("0.5,0.5", "0.4,0.5"), "column t, row 6 (line 7): must be later"),
+    "time stands still": (
+        RAMPED.replace("0.5,0.5", "0.4,0.5"),
+        "column t, row 6 (line 7): must be later",
+    ),
     "false velocity": (
         "t,x,y,z,vx,vy,vz\n" + "".join(f"{0.1 * k},{0.1 * k},0,1,3.6,0,0\n" for k in range(20)),
         "column vx, row 1 (line 2): must be the slope of the positions, 1, within 0.41; got 3.6",
     ),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("case", BAD)

@@ -47,11 +47,16 @@ def test_far_from_the_samples_it_knows_the_mean_alone(fitted):
 
 
 def test_it_learns_from_a_hundred_samples_spread_over_the_flights():
-    segments = [Segment(np.zeros_like(CHI), ZETA, 0.02, CHI), Segment(np.zeros_like(CHI), ZETA + 9.0, 0.02, CHI)]
+    segments = [
+        Segment(np.zeros_like(CHI), ZETA, 0.02, CHI),
+        Segment(np.zeros_like(CHI), ZETA + 9.0, 0.02, CHI),
+    ]
     dut = fit_gaussian_process(segments, QUICK)
     assert dut.X.shape == (100, 6)
     assert 45 <= np.sum(dut.X[:, 0] > 5.0) <= 55  # of both flights
-    np.testing.assert_allclose(dut.mean, CHI[np.linspace(0, 399, 100).round().astype(int) % 200].mean(axis=0))
+    np.testing.assert_allclose(
+        dut.mean, CHI[np.linspace(0, 399, 100).round().astype(int) % 200].mean(axis=0)
+    )
 
 
 def test_the_same_seed_gives_the_same_process():

@@ -4,7 +4,13 @@ import torch
 
 from np_drake.flight_log import FlightLog
 from np_drake.mpc.dynamics import DiscreteDynamics
-from np_drake.residual_models.knode_training import KnodeConfig, Piece, _Nominal, fit_knode, flown_pieces
+from np_drake.residual_models.knode_training import (
+    KnodeConfig,
+    Piece,
+    _Nominal,
+    fit_knode,
+    flown_pieces,
+)
 from np_drake.vehicle import Vehicle
 
 VEHICLE, STEP = Vehicle(), 0.02
@@ -41,7 +47,9 @@ def test_the_ode_is_the_one_that_the_controller_plans_with(pieces):
     zeta = (
         _Nominal(VEHICLE, STEP)
         .rollout(
-            torch.from_numpy(x)[None], torch.from_numpy(u)[None], lambda z: torch.from_numpy(chi).expand(len(z), 6)
+            torch.from_numpy(x)[None],
+            torch.from_numpy(u)[None],
+            lambda z: torch.from_numpy(chi).expand(len(z), 6),
         )[0]
         .numpy()
     )
@@ -61,7 +69,9 @@ def test_a_known_linear_drag_is_recovered_from_motion_alone(trained):
     zeta = 0.7 * np.random.default_rng(99).normal(size=(200, 6))
     rmse = np.sqrt(np.mean((dut(zeta) - dragged(zeta)) ** 2, axis=0))
     slope = dut.jacobian(zeta).mean(axis=0)
-    np.testing.assert_allclose(slope[:3, :3], -0.3 * np.eye(3), atol=0.04)  # [N·s/m] 800 steps of flight
+    np.testing.assert_allclose(
+        slope[:3, :3], -0.3 * np.eye(3), atol=0.04
+    )  # [N·s/m] 800 steps of flight
     np.testing.assert_allclose(slope[3:, 3:], -0.01 * np.eye(3), atol=0.0015)  # [N·m·s/rad]
     assert rmse[:3].max() < 0.1  # [N] half the drag's RMS: the edges of few ReLUs
     assert rmse[3:].max() < 0.004  # [N·m] likewise
@@ -70,8 +80,12 @@ def test_a_known_linear_drag_is_recovered_from_motion_alone(trained):
 
 def test_the_jacobian_is_that_of_finite_differences(trained):
     dut, zeta, eps = trained[0], np.random.default_rng(1).normal(size=(50, 6)), 1e-7
-    numeric = np.stack([(dut(zeta + e) - dut(zeta - e)) / (2 * eps) for e in eps * np.eye(6)], axis=-1)
-    np.testing.assert_allclose(dut.jacobian(zeta), numeric, atol=1e-6)  # no edge of a ReLU within eps of these
+    numeric = np.stack(
+        [(dut(zeta + e) - dut(zeta - e)) / (2 * eps) for e in eps * np.eye(6)], axis=-1
+    )
+    np.testing.assert_allclose(
+        dut.jacobian(zeta), numeric, atol=1e-6
+    )  # no edge of a ReLU within eps of these
 
 
 def test_the_seed_decides_the_network(pieces):
@@ -87,14 +101,18 @@ def test_the_network_has_the_size_of_phi(pieces):
     assert [W.shape for W in dut.weights] == [(128, 6), (128, 128), (6, 128)]
     untrained = dut(np.array([[0.0] * 6, [1.0] * 6]))
     np.testing.assert_array_equal(untrained[0], untrained[1])  # a constant
-    np.testing.assert_allclose(untrained[0], [0, 0, -2.5, 0, 0, 0], atol=0.05)  # [N, N·m] drag of random motion
+    np.testing.assert_allclose(
+        untrained[0], [0, 0, -2.5, 0, 0, 0], atol=0.05
+    )  # [N, N·m] drag of random motion
 
 
 def test_a_row_with_nan_parts_a_log(pieces):
     p = pieces[0]
     x = np.vstack([p.x] * 4)
     x[7, 8] = np.nan
-    log = FlightLog(STEP * np.arange(16), x[:, :3], x[:, 3:7], x[:, 7:10], x[:, 10:], np.vstack([p.u] * 4))
+    log = FlightLog(
+        STEP * np.arange(16), x[:, :3], x[:, 3:7], x[:, 7:10], x[:, 10:], np.vstack([p.u] * 4)
+    )
     assert [len(piece.x) for piece in flown_pieces(log, VEHICLE)] == [7, 8]
     with pytest.raises(ValueError, match="at least 11 rows in one piece"):
         fit_knode(flown_pieces(log, VEHICLE), VEHICLE)

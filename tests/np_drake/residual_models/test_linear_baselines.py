@@ -25,7 +25,9 @@ def flight(seed: int, *, delayed: bool = False, n: int = 500) -> Segment:
 
 def test_dmdc_finds_the_system_that_made_the_data():
     dut = fit_dmdc([flight(0), flight(1)])
-    np.testing.assert_allclose(dut.system.A, A, atol=0.02)  # the first sample of each flight fits nothing
+    np.testing.assert_allclose(
+        dut.system.A, A, atol=0.02
+    )  # the first sample of each flight fits nothing
     np.testing.assert_allclose(dut.system.B, B, atol=0.02)
 
 
@@ -49,7 +51,11 @@ def test_the_ridge_is_linear_between_its_horizons_and_held_beyond():
     unseen, origins = flight(6), np.arange(20, 30)
     dut = fit_ridge([flight(0)], HORIZONS)
     two, three, five, ten, far = np.moveaxis(
-        model_predictions(dut, unseen.chi, unseen.zeta, origins, [2, 3, 5, 10, 40], zeta_known=False), 1, 0
+        model_predictions(
+            dut, unseen.chi, unseen.zeta, origins, [2, 3, 5, 10, 40], zeta_known=False
+        ),
+        1,
+        0,
     )
     np.testing.assert_allclose(three, two + (five - two) / 3, atol=1e-12)
     np.testing.assert_array_equal(far, ten)
@@ -61,7 +67,9 @@ def test_a_whole_flight_at_once_is_the_flight_sample_by_sample(name, known):
     dut, unseen = fit_all([flight(0), flight(1)], HORIZONS)[name], flight(7, n=80)
     arguments = (dut, unseen.chi, unseen.zeta, np.arange(12, 60), [0, 1, 4, 15])
     at_once = model_predictions(*arguments, zeta_known=known)
-    np.testing.assert_allclose(at_once, model_predictions(*arguments, zeta_known=known, at_once=False), atol=1e-9)
+    np.testing.assert_allclose(
+        at_once, model_predictions(*arguments, zeta_known=known, at_once=False), atol=1e-9
+    )
 
 
 @pytest.mark.parametrize("name", ["DMDc", "delay DMDc", "ridge by horizon"])
@@ -72,4 +80,6 @@ def test_the_label_is_held_until_the_window_is_full_or_while_missing(name):
         memory = dut.update(memory, Sample(x, np.zeros(4), chi))
     np.testing.assert_array_equal(memory["window"][-1, :6], 1.0)
     if dut.window > 2:
-        np.testing.assert_array_equal(dut.forecast(memory, horizon=3, stride=1).rollout(np.zeros((3, 6))), 1.0)
+        np.testing.assert_array_equal(
+            dut.forecast(memory, horizon=3, stride=1).rollout(np.zeros((3, 6))), 1.0
+        )

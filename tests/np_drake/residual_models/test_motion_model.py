@@ -12,10 +12,16 @@ from np_drake.vehicle import Vehicle
 
 RNG = np.random.default_rng(0)
 PROCESS = GaussianProcess(
-    RNG.normal(size=(9, 6)), RNG.normal(size=(9, 6)), RNG.uniform(0.5, 2.0, size=(6, 6)), RNG.normal(size=6)
+    RNG.normal(size=(9, 6)),
+    RNG.normal(size=(9, 6)),
+    RNG.uniform(0.5, 2.0, size=(6, 6)),
+    RNG.normal(size=6),
 )
 NETWORK = WrenchNetwork(
-    (RNG.normal(size=(8, 6)), RNG.normal(size=(6, 8))), (RNG.normal(size=8), RNG.normal(size=6)), np.ones(6), np.ones(6)
+    (RNG.normal(size=(8, 6)), RNG.normal(size=(6, 8))),
+    (RNG.normal(size=8), RNG.normal(size=6)),
+    np.ones(6),
+    np.ones(6),
 )
 MODELS = {"gp": PROCESS, "knode": NETWORK}
 
@@ -26,7 +32,9 @@ def dut(request) -> MotionModel:
 
 
 def sample(zeta, chi=(0, 0, 0, 0, 0, 0)) -> Sample:
-    return Sample(np.concatenate([[0, 0, 1.0, 1, 0, 0, 0], zeta]), np.zeros(4), np.array(chi, float))
+    return Sample(
+        np.concatenate([[0, 0, 1.0, 1, 0, 0, 0], zeta]), np.zeros(4), np.array(chi, float)
+    )
 
 
 def test_every_step_of_the_forecast_is_the_function_at_its_own_motion(dut):
@@ -48,7 +56,9 @@ def test_a_whole_flight_is_what_single_samples_are(dut, known):
     zeta, chi = RNG.normal(size=(30, 6)), np.zeros((30, 6))
     arguments = (dut, chi, zeta, np.arange(3, 20), [0, 1, 4])
     at_once = model_predictions(*arguments, zeta_known=known)
-    np.testing.assert_allclose(at_once, model_predictions(*arguments, zeta_known=known, at_once=False), atol=1e-12)
+    np.testing.assert_allclose(
+        at_once, model_predictions(*arguments, zeta_known=known, at_once=False), atol=1e-12
+    )
     np.testing.assert_allclose(at_once[2, 2], dut.reaction(zeta[5 + 4 * known]), atol=1e-12)
 
 
@@ -72,7 +82,9 @@ def test_another_model_or_another_file_is_refused_in_one_line(dut, tmp_path):
 
 
 def test_a_network_needs_flights_with_commands():
-    flight = WrenchSequence(chi=np.zeros((50, 6)), zeta=RNG.normal(size=(50, 6)), step=0.02, name="array")
+    flight = WrenchSequence(
+        chi=np.zeros((50, 6)), zeta=RNG.normal(size=(50, 6)), step=0.02, name="array"
+    )
     with pytest.raises(ValueError, match="array holds no command"):
         train_motion_model("knode", [flight], Vehicle(), step=0.02)
 

@@ -41,7 +41,9 @@ def test_hold_keeps_the_last_label_where_one_is_missing():
 
 
 def test_hold_with_a_bandwidth_rises_by_63_percent_in_one_time_constant():
-    dut = Hold(step=0.02, force_bandwidth=1 / (2 * np.pi * 0.2), torque_bandwidth=1 / (2 * np.pi * 0.2))
+    dut = Hold(
+        step=0.02, force_bandwidth=1 / (2 * np.pi * 0.2), torque_bandwidth=1 / (2 * np.pi * 0.2)
+    )
     memory = dut.update(dut.initial_memory(), Sample(LEVEL, np.zeros(4), np.zeros(6)))
     for _ in range(10):
         memory = dut.update(memory, Sample(LEVEL, np.zeros(4), CHI))
@@ -53,12 +55,17 @@ def test_observer_finds_a_constant_wrench_from_motion_and_command_alone():
     memory = dut.initial_memory()
     for sample in samples(np.full(6, np.nan), 25):
         memory = dut.update(memory, sample)
-    np.testing.assert_allclose(memory["chi"][:3], CHI[:3], rtol=0.1, atol=0.05)  # [N]; the body turns
+    np.testing.assert_allclose(
+        memory["chi"][:3], CHI[:3], rtol=0.1, atol=0.05
+    )  # [N]; the body turns
 
 
 def test_a_gap_in_the_samples_makes_no_phantom_wrench():
     dut = DisturbanceObserver(VEHICLE, step=0.02)
-    memory, lost = dut.initial_memory(), Sample(np.full(13, np.nan), 0.5 * VEHICLE.hover_input, np.zeros(6))
+    memory, lost = (
+        dut.initial_memory(),
+        Sample(np.full(13, np.nan), 0.5 * VEHICLE.hover_input, np.zeros(6)),
+    )
     x = LEVEL.copy()
     for k in range(20):  # half a g of fall, as the model expects
         seen = Sample(x, 0.5 * VEHICLE.hover_input, np.zeros(6))
@@ -90,7 +97,9 @@ def test_constant_forecast_ignores_the_motion():
 
 
 def test_oracle_adds_up_drag_and_missing_thrust():
-    model = TrueModel(VEHICLE, None, [LinearDrag(0.2, 0.2, 0.2)], [MotorLag(0.03), ThrustScale(0.9)])
+    model = TrueModel(
+        VEHICLE, None, [LinearDrag(0.2, 0.2, 0.2)], [MotorLag(0.03), ThrustScale(0.9)]
+    )
     x = np.tile(LEVEL, (4, 1))
     x[:, 7] = 1.0
     thrust = 0.9 * np.full(4, VEHICLE.hover_input[0] / 4)
@@ -103,13 +112,17 @@ def test_oracle_adds_up_drag_and_missing_thrust():
 def test_oracle_sees_the_lag_of_a_thrust_step():
     model = TrueModel(VEHICLE, None, [], [MotorLag(0.03)])
     u = np.tile([24.0, 0, 0, 0], (10, 1))
-    chi = model.wrench_along(np.tile(LEVEL, (11, 1)), u, 0.04, rotor_thrust=np.full(4, 5.0), swing_state=None)
+    chi = model.wrench_along(
+        np.tile(LEVEL, (11, 1)), u, 0.04, rotor_thrust=np.full(4, 5.0), swing_state=None
+    )
     assert chi[0, 2] < -1.0
     assert chi[-1, 2] == pytest.approx(0.0, abs=0.01)  # [N]
 
 
 def test_both_poles_of_the_observers_error_are_those_of_its_bandwidth():
-    """A constant force from rest: the error of its estimate follows D_(n+2) = 2 p D_(n+1) - p² D_n."""
+    """A constant force from rest: the error of its estimate follows D_(n+2) = 2 p D_(n+1) - p²
+    D_n.
+    """
     vehicle, step, bandwidth, force = Vehicle(), 0.02, 3.0, 1.5
     dut = DisturbanceObserver(vehicle, step=step, force_bandwidth=bandwidth)
     memory, x, errors = dut.initial_memory(), np.zeros(13), []

@@ -32,14 +32,16 @@ def paper_model() -> LiftedModel:
     system = LiftedLinearSystem(A, B, np.eye(6), STEP)
     return LiftedModel(
         PAPER, system, Phi(weights, np.ones(6)), 40, np.ones(6), np.ones(6), True, ridge=1.0
-    )  # fmt: skip
+    )
 
 
 def sequence(n: int, seed: int = 0) -> list[Sample]:
     """Samples of chi+ = A chi + B zeta."""
     generator, chi, samples = np.random.default_rng(seed), np.ones(6), []
     for _ in range(n):
-        x = np.concatenate([generator.standard_normal(3), [1, 0, 0, 0], generator.standard_normal(6)])
+        x = np.concatenate(
+            [generator.standard_normal(3), [1, 0, 0, 0], generator.standard_normal(6)]
+        )
         samples.append(Sample(x, np.zeros(4), chi))
         chi = A @ chi + B @ x[7:]
     return samples
@@ -69,7 +71,9 @@ def test_the_forecast_is_the_law_of_the_data():
 def test_a_long_step_is_many_short_ones_under_held_zeta(stride):
     dut = NeuralPredictor(last_sample_model(), PREDICT)
     memory, zeta = fed(dut, sequence(10)), np.random.default_rng(0).standard_normal((4, 6))
-    fine = dut.forecast(memory, horizon=4 * stride, stride=1).rollout(np.repeat(zeta, stride, axis=0))
+    fine = dut.forecast(memory, horizon=4 * stride, stride=1).rollout(
+        np.repeat(zeta, stride, axis=0)
+    )
     coarse = dut.forecast(memory, horizon=4, stride=stride).rollout(zeta)
     np.testing.assert_allclose(coarse, fine[::stride], atol=1e-12)
 
@@ -170,7 +174,9 @@ def test_on_its_own_prior_the_refit_changes_nothing():
 
 
 def test_what_flies_is_the_batch_solution_of_the_last_window():
-    """Ridge regression of the window as it stands, holes filled, though every sample was lifted once and long ago."""
+    """Ridge regression of the window as it stands, holes filled, though every sample was lifted
+    once and long ago.
+    """
     model, samples = paper_model(), sequence(150)
     holed = [dc.replace(s, chi=GAP) if k in (60, 61, 130) else s for k, s in enumerate(samples)]
     memory = fed(NeuralPredictor(model, PREDICT), holed)

@@ -33,9 +33,13 @@ def test_a_drift_goes_on_along_the_plan():
 
 
 def test_a_heavier_vehicle_lacks_its_share_of_the_thrust():
-    """With a = (u + f) / m' - g the believed vehicle needs m a + m g - u = (m / m' - 1) u at rest."""
+    """With a = (u + f) / m' - g the believed vehicle needs m a + m g - u = (m / m' - 1) u at
+    rest.
+    """
     model = TrueModel(VEHICLE, None, [], [], mass_effects=[MassError(0.5)])
-    chi = model.wrench_along(LEVEL, np.tile(VEHICLE.hover_input, (N, 1)), STEP, rotor_thrust=HOVER, swing_state=None)
+    chi = model.wrench_along(
+        LEVEL, np.tile(VEHICLE.hover_input, (N, 1)), STEP, rotor_thrust=HOVER, swing_state=None
+    )
     u = VEHICLE.hover_input[0]
     expected = (VEHICLE.mass / (VEHICLE.mass + 0.5) - 1.0) * u
     np.testing.assert_allclose(chi, np.tile([0, 0, expected, 0, 0, 0], (N, 1)), atol=1e-12)
@@ -46,14 +50,17 @@ def test_a_mass_that_changes_later_is_not_felt_before():
     model = TrueModel(VEHICLE, None, [], [], onsets={heavy: 3.0}, mass_effects=[heavy])
     hover = np.tile(VEHICLE.hover_input, (N, 1))
     before, after = (
-        model.wrench_along(LEVEL, hover, STEP, t=t, rotor_thrust=HOVER, swing_state=None) for t in (2.0, 3.5)
+        model.wrench_along(LEVEL, hover, STEP, t=t, rotor_thrust=HOVER, swing_state=None)
+        for t in (2.0, 3.5)
     )
     np.testing.assert_allclose(before, 0.0, atol=1e-12)
     assert after[0, 2] < -1.0
 
 
 def test_thrust_off_the_centre_of_mass_turns_and_swings_the_vehicle():
-    """At rest al = -J^-1 (c x u z), a = u / m - g - al x c: the believed vehicle sees J al and -m (al x c)."""
+    """At rest al = -J^-1 (c x u z), a = u / m - g - al x c: the believed vehicle sees J al and -m
+    (al x c).
+    """
     c = np.array([0.02, -0.01, 0.03])
     model = TrueModel(VEHICLE, None, [], [], mass_effects=[CenterOfMassOffset(*c)])
     hover = np.tile(VEHICLE.hover_input, (N, 1))
@@ -66,10 +73,13 @@ def test_thrust_off_the_centre_of_mass_turns_and_swings_the_vehicle():
 def test_a_turned_vehicle_feels_the_same_in_its_own_axes():
     turned = LEVEL.copy()
     turned[:, 3:7] = q = np.array([np.cos(0.4), 0.0, np.sin(0.4), 0.0])
-    model = TrueModel(VEHICLE, None, [], [], mass_effects=[CenterOfMassOffset(0.02, 0.0, 0.0), MassError(0.2)])
+    model = TrueModel(
+        VEHICLE, None, [], [], mass_effects=[CenterOfMassOffset(0.02, 0.0, 0.0), MassError(0.2)]
+    )
     hover = np.tile(VEHICLE.hover_input, (N, 1))
     level, tilted = (
-        model.wrench_along(x, hover, STEP, rotor_thrust=HOVER, swing_state=None)[0] for x in (LEVEL, turned)
+        model.wrench_along(x, hover, STEP, rotor_thrust=HOVER, swing_state=None)[0]
+        for x in (LEVEL, turned)
     )
     np.testing.assert_allclose(attitude.rotate_back(q, tilted[:3]), level[:3], atol=1e-12)
     np.testing.assert_allclose(tilted[3:], level[3:], atol=1e-12)

@@ -15,9 +15,13 @@ W = 12  # samples of the window
 
 def model(late: int = 0) -> LiftedModel:
     generator = np.random.default_rng(0)
-    phi = Phi((generator.standard_normal((12, 6)), 0.3 * generator.standard_normal((8, 12))), np.ones(6))
+    phi = Phi(
+        (generator.standard_normal((12, 6)), 0.3 * generator.standard_normal((8, 12))), np.ones(6)
+    )
     A = np.linalg.qr(generator.standard_normal((8, 8)))[0] * 0.98
-    system = LiftedLinearSystem(A, generator.standard_normal((8, 6)), generator.standard_normal((6, 8)), 0.02)
+    system = LiftedLinearSystem(
+        A, generator.standard_normal((8, 6)), generator.standard_normal((6, 8)), 0.02
+    )
     return LiftedModel(PAPER, system, phi, W, np.ones(6), np.ones(6), True, ridge=0.1, late=late)
 
 

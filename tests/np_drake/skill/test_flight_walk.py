@@ -51,11 +51,15 @@ def test_a_model_that_reads_a_plan_gets_the_coming_motion():
 
 def test_a_label_of_an_instant_lies_between_the_steps_before_and_after_it():
     data, horizons = flight(), [1, 5, 20]
-    chi_hat = flight_forecasts(ReadsThePlan(), data, horizons, first=10, motion="known", averaged=False)
+    chi_hat = flight_forecasts(
+        ReadsThePlan(), data, horizons, first=10, motion="known", averaged=False
+    )
     of_step = np.hstack([data.x[:, 7:10], data.u[:, :3]])  # of the step that ends at a sample
     for i, h in enumerate(horizons):
         got = chi_hat[: len(data) - 11 - h, i]  # the last has no step after it
-        np.testing.assert_allclose(got, 0.5 * (of_step[10 + h : -1] + of_step[11 + h :]), atol=1e-12)
+        np.testing.assert_allclose(
+            got, 0.5 * (of_step[10 + h : -1] + of_step[11 + h :]), atol=1e-12
+        )
         np.testing.assert_array_equal(chi_hat[len(data) - 11 - h, i], of_step[-1])
 
 
@@ -78,7 +82,9 @@ def test_a_held_plan_keeps_velocity_attitude_and_command_and_turns_no_more():
 def test_persistence_is_the_label_of_the_origin():
     data = flight()
     chi_hat = flight_forecasts(Hold(step=STEP), data, [1, 7], first=10, motion="known")
-    np.testing.assert_allclose(chi_hat[:40], np.repeat(data.chi[10:50, None], 2, axis=1), atol=1e-12)
+    np.testing.assert_allclose(
+        chi_hat[:40], np.repeat(data.chi[10:50, None], 2, axis=1), atol=1e-12
+    )
 
 
 def test_in_a_gap_persistence_keeps_the_last_label():
@@ -91,7 +97,10 @@ def test_in_a_gap_persistence_keeps_the_last_label():
 @pytest.mark.parametrize("motion", ["known", "held"])
 def test_a_flight_at_once_is_a_flight_sample_by_sample(motion):
     data = flight()
-    dut = fit_dmdc([Segment(data.chi, data.zeta, STEP), Segment(data.chi[::-1], data.zeta[::-1], STEP)], delays=2)
+    dut = fit_dmdc(
+        [Segment(data.chi, data.zeta, STEP), Segment(data.chi[::-1], data.zeta[::-1], STEP)],
+        delays=2,
+    )
     assert dut.along(data.chi, data.zeta) is not None
     at_once = flight_forecasts(dut, data, [1, 5], first=10, motion=motion)
     one_by_one = flight_forecasts(_Fed(dut), data, [1, 5], first=10, motion=motion)
@@ -103,7 +112,11 @@ class _Fed:
 
     def __init__(self, model):
         self.name, self.step = model.name, model.step
-        self.initial_memory, self.update, self.forecast = model.initial_memory, model.update, model.forecast
+        self.initial_memory, self.update, self.forecast = (
+            model.initial_memory,
+            model.update,
+            model.forecast,
+        )
 
 
 def test_an_unknown_motion_is_refused():

@@ -42,7 +42,9 @@ CONFIG = RidgeConfig(noise=1e-3)
 
 
 def swinging(seed, n=300):
-    """Every channel a level and oscillations of two frequencies, with phases and sizes of its own."""
+    """Every channel a level and oscillations of two frequencies, with phases and sizes of its
+    own.
+    """
     draw, t = np.random.default_rng(seed), STEP * np.arange(n)
     phases, sizes = draw.uniform(0, 2 * np.pi, (2, 12, 1)), draw.uniform(0.5, 1.5, (2, 12, 1))
     samples = sizes[0] * np.sin(4.4 * t + phases[0]) + sizes[1] * np.sin(9.0 * t + phases[1]) + 0.3
@@ -59,7 +61,9 @@ def fed_segment(dut, segment, n):
 
 def test_the_ridge_forecasts_an_oscillation_of_another_phase():
     dut, flight = fit_force_ridge([swinging(seed) for seed in range(8)], CONFIG), swinging(99)
-    chi = dut.forecast(fed_segment(dut, flight, 100), horizon=51, stride=1).rollout(np.zeros((51, 6)))
+    chi = dut.forecast(fed_segment(dut, flight, 100), horizon=51, stride=1).rollout(
+        np.zeros((51, 6))
+    )
     # Linear interpolation between horizons 53 ms apart: w² h² / 8 = 3 % of the faster oscillation.
     np.testing.assert_allclose(chi, flight.chi[99:150], atol=0.1)
 

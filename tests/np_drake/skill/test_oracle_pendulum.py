@@ -31,9 +31,12 @@ def errors(log, path, *, motion="known", rest=None, first=10):
 def test_the_oracle_pendulum_forecasts_a_conical_swing(flown, velocity):
     log, path = flown.conical_flight(VEHICLE, PAYLOAD, angle=0.4, velocity=velocity)
     error = errors(log, path)
-    # The rows of a label lie 2 ms after the middle of its step (0.8 % of the swing); the integration adds 0.6 %.
+    # The rows of a label lie 2 ms after the middle of its step (0.8 % of the swing); the
+    # integration adds 0.6 %.
     assert np.nanmax(np.abs(error)) < 0.02 * SWING
-    np.testing.assert_array_equal(np.isfinite(error).all(axis=(0, 2)), False)  # the last origins have no target
+    np.testing.assert_array_equal(
+        np.isfinite(error).all(axis=(0, 2)), False
+    )  # the last origins have no target
 
 
 def test_at_constant_velocity_the_held_motion_is_the_known_one(flown):
@@ -43,8 +46,12 @@ def test_at_constant_velocity_the_held_motion_is_the_known_one(flown):
 
 
 def test_a_constant_force_beside_the_tether_is_held(flown):
-    log, path = flown.conical_flight(VEHICLE, PAYLOAD, angle=0.4, velocity=(1.0, 0.0, 0.0), drag=0.3)
-    assert np.nanmax(np.abs(errors(log, path))) > 0.29  # N, the drag that a pendulum alone leaves out
+    log, path = flown.conical_flight(
+        VEHICLE, PAYLOAD, angle=0.4, velocity=(1.0, 0.0, 0.0), drag=0.3
+    )
+    assert (
+        np.nanmax(np.abs(errors(log, path))) > 0.29
+    )  # N, the drag that a pendulum alone leaves out
     assert np.nanmax(np.abs(errors(log, path, rest=Rest(0.0)))) < 0.02 * SWING
     assert np.nanmax(np.abs(errors(log, path, rest=Rest(0.3)))) < 0.02 * SWING
 
@@ -58,7 +65,9 @@ def test_the_drag_beside_the_tether_is_found(flown):
     flight = sampled_flight(log, VEHICLE, step=0.02)
     light = Payload(mass=1e-9, length=0.6, hook=(0.0, 0.0, 0.0))
     dut = oracle_pendulum(flight, VEHICLE, light, (t, p - [0.0, 0.0, 0.6]))
-    assert remaining_drag([(flight, dut)]) == pytest.approx(0.3, rel=1e-2)  # mean of a step by its ends
+    assert remaining_drag([(flight, dut)]) == pytest.approx(
+        0.3, rel=1e-2
+    )  # mean of a step by its ends
 
 
 def test_it_reads_a_plan_and_without_one_holds_the_motion(flown):
@@ -69,7 +78,9 @@ def test_it_reads_a_plan_and_without_one_holds_the_motion(flown):
     memory = dut.update(dut.initial_memory(), flight.sample(0))
     plan = held_plan(flight.x[0], flight.u[0], steps=10, step=0.04)
     alone = dut.forecast(memory, horizon=10, stride=2).offset
-    np.testing.assert_array_equal(alone, dut.forecast_along(memory, plan, horizon=10, stride=2).offset)
+    np.testing.assert_array_equal(
+        alone, dut.forecast_along(memory, plan, horizon=10, stride=2).offset
+    )
     # Ten steps of 40 ms end where twenty of 20 ms do; both are second order in their step.
     fine = dut.forecast(memory, horizon=20, stride=1).offset[:, :3].reshape(10, 2, 3).mean(axis=1)
     np.testing.assert_allclose(alone[:, :3], fine, atol=0.02 * SWING)

@@ -20,14 +20,18 @@ def signal(t, seed=0):
 def test_a_known_lag_is_found_to_a_fraction_of_a_sample(late):
     t = np.arange(N, dtype=float)
     found = lag(signal(t - late), signal(t), ROWS, reach=30)
-    assert found.steps == pytest.approx(late, abs=0.03)  # [samples]; parabola through the peak of a smooth correlation
+    assert found.steps == pytest.approx(
+        late, abs=0.03
+    )  # [samples]; parabola through the peak of a smooth correlation
     assert found.correlation > 0.98  # the label is shifted by whole samples
 
 
 def test_persistence_is_as_late_as_it_is_old():
     label = signal(np.arange(N, dtype=float))
     found = lag(np.roll(label, 20, axis=0), label, ROWS, reach=60)
-    assert found.steps == pytest.approx(20.0, abs=0.02)  # the samples at the ends are not the same ones
+    assert found.steps == pytest.approx(
+        20.0, abs=0.02
+    )  # the samples at the ends are not the same ones
     assert found.correlation == pytest.approx(1.0)
 
 
@@ -58,7 +62,9 @@ def test_too_few_samples_is_an_error():
 
 
 def test_jerk_of_a_turn_is_seen_through_the_rates():
-    """Level turn at constant rate: the specific force stands still in the body and turns with it."""
+    """Level turn at constant rate: the specific force stands still in the body and turns with
+    it.
+    """
     s, w = np.tile([2.0, 0.0, 9.8], (200, 1)), np.tile([0.0, 0.0, 3.0], (200, 1))
     np.testing.assert_allclose(jerk(s, w, 0.0025), 6.0, atol=1e-9)
 

@@ -2,7 +2,13 @@ import numpy as np
 import pytest
 
 from np_drake.residual_model import Memory, Sample, WrenchForecast, constant_forecast
-from np_drake.skill.skill import NAIVE, mean_interval, model_predictions, ratio_interval, skill_table
+from np_drake.skill.skill import (
+    NAIVE,
+    mean_interval,
+    model_predictions,
+    ratio_interval,
+    skill_table,
+)
 
 HORIZONS = [0, 1, 3, 7]
 
@@ -37,7 +43,9 @@ class Hold(Linear):
 
 
 def table(models, chi, zeta, **settings):
-    rows = skill_table(models, chi, zeta, horizons=HORIZONS, mean=np.full(6, 2.0), warm_up=5, **settings)
+    rows = skill_table(
+        models, chi, zeta, horizons=HORIZONS, mean=np.full(6, 2.0), warm_up=5, **settings
+    )
     return {(row.model, row.horizon): row for row in rows}
 
 
@@ -72,7 +80,9 @@ def test_the_past_mean_is_that_of_the_flight_up_to_the_origin():
     chi = np.zeros((50, 6))
     chi[40:, 0] = 1e6  # no origin but the last three has seen it
     rows = table({}, chi, np.zeros((50, 6)))
-    error = 1e6 * np.array([1.0 - max(k - 39, 0) / (k + 1) for k in range(33, 43)])  # origins 33 … 42, 7 ahead
+    error = 1e6 * np.array(
+        [1.0 - max(k - 39, 0) / (k + 1) for k in range(33, 43)]
+    )  # origins 33 … 42, 7 ahead
     assert rows["past mean", 7].force_rmse == pytest.approx(np.sqrt((error**2).sum() / 38))
 
 
@@ -98,7 +108,9 @@ def test_batched_rollouts_are_the_forecasts_one_by_one():
     batch = model_predictions(dut, chi, zeta, origins, HORIZONS, zeta_known=True)
     for prediction, k in zip(batch, origins, strict=True):
         forecast = dut.forecast({"chi": chi[k]}, horizon=8, stride=1)
-        np.testing.assert_allclose(prediction, forecast.rollout(zeta[k : k + 8])[HORIZONS], atol=1e-12)
+        np.testing.assert_allclose(
+            prediction, forecast.rollout(zeta[k : k + 8])[HORIZONS], atol=1e-12
+        )
 
 
 def test_the_target_counts_where_it_is_given():
@@ -112,10 +124,15 @@ def test_a_flight_without_an_origin_is_refused():
         table({}, np.zeros((12, 6)), np.zeros((12, 6)))
 
 
-def errors(ratio: float, n: int = 4000, memory: int = 1, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
+def errors(
+    ratio: float, n: int = 4000, memory: int = 1, seed: int = 0
+) -> tuple[np.ndarray, np.ndarray]:
     """Squared errors (n, 1, 2) of a model and of its reference, alike over `memory` samples."""
     generator = np.random.default_rng(seed)
-    base, own = (np.repeat(generator.standard_normal((n // memory, 1, 2)) ** 2, memory, axis=0) for _ in range(2))
+    base, own = (
+        np.repeat(generator.standard_normal((n // memory, 1, 2)) ** 2, memory, axis=0)
+        for _ in range(2)
+    )
     return ratio**2 * own, base
 
 
@@ -147,5 +164,7 @@ def test_of_too_short_a_flight_nothing_is_said():
 def test_over_flights_each_flight_is_one_observation():
     mean, low, high = mean_interval(np.array([0.4, 0.6, 0.5]))
     assert mean == pytest.approx(0.5)
-    assert (high - low) / 2 == pytest.approx(4.303 * 0.1 / np.sqrt(3), rel=1e-3)  # Student's t, 2 degrees of freedom
+    assert (high - low) / 2 == pytest.approx(
+        4.303 * 0.1 / np.sqrt(3), rel=1e-3
+    )  # Student's t, 2 degrees of freedom
     assert np.isnan(mean_interval(np.array([0.4]))[1])

@@ -10,7 +10,9 @@ STEP, G, LOAD = 0.02, 9.81, 0.26
 
 
 def hanging(length: float, rates, *, seed: int = 0, n: int = 2000) -> Segment:
-    """Force of a payload (small swings, lightly damped) on a hook that moves along x and y at `rates` [rad/s]."""
+    """Force of a payload (small swings, lightly damped) on a hook that moves along x and y at
+    `rates` [rad/s].
+    """
     generator = np.random.default_rng(seed)
     t, rates = STEP * np.arange(n), np.asarray(rates, float)
     zeta, chi = 0.003 * generator.standard_normal((n, 6)), 0.02 * generator.standard_normal((n, 6))
@@ -48,7 +50,10 @@ def test_the_mode_is_the_pair_that_answers_the_velocity():
 
 
 def test_a_system_without_oscillation_has_no_pendulum():
-    assert pendulum_mode(LiftedLinearSystem(0.9 * np.eye(2), np.zeros((2, 6)), np.zeros((6, 2)), STEP)) is None
+    assert (
+        pendulum_mode(LiftedLinearSystem(0.9 * np.eye(2), np.zeros((2, 6)), np.zeros((6, 2)), STEP))
+        is None
+    )
 
 
 def test_a_system_driven_by_body_rates_is_not_read():

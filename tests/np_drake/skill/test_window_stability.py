@@ -23,10 +23,16 @@ class Growing:
 
     def forecast(self, memory, *, horizon, stride):
         silent = constant_forecast(np.zeros(6), horizon)
-        return dc.replace(silent, A=memory["count"][0] / 10 * np.eye(2), B=np.zeros((2, 6)), C=np.zeros((6, 2)))
+        return dc.replace(
+            silent, A=memory["count"][0] / 10 * np.eye(2), B=np.zeros((2, 6)), C=np.zeros((6, 2))
+        )
 
 
 def test_every_sample_with_a_radius_above_one_counts():
     found = walked_stability(Growing(), of_wrenches(np.zeros((13, 6)), np.zeros((13, 6)), 0.02))
-    assert (found.windows, found.unstable, found.pulled) == (13, 3, 0)  # a radius of one itself is none
+    assert (found.windows, found.unstable, found.pulled) == (
+        13,
+        3,
+        0,
+    )  # a radius of one itself is none
     assert found.largest == pytest.approx(1.3)

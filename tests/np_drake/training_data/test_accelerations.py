@@ -7,7 +7,12 @@ import pytest
 
 from np_drake import labels
 from np_drake.rotor_input import rotor_speed, rotor_wrench, with_rotor_input
-from np_drake.training_data.accelerations import rows_at, smooth_derivative, with_accelerations, wrench_sequence
+from np_drake.training_data.accelerations import (
+    rows_at,
+    smooth_derivative,
+    with_accelerations,
+    wrench_sequence,
+)
 from np_drake.training_data.segments import WrenchSequence
 from np_drake.vehicle import Vehicle
 
@@ -18,7 +23,9 @@ def test_a_smooth_flight_is_differentiated_to_its_true_accelerations(flight):
     half = 0.5 * flight.step  # the mean over the interval after the row is the middle's value
     phase = 1.5 * (flight.t + half)[inside]
     np.testing.assert_allclose(dut.a[inside, 0], -2.25 * np.cos(phase), atol=1e-3)  # of 2.25 [m/s²]
-    np.testing.assert_allclose(dut.al[inside], flight.al[inside], atol=0.02)  # half a row of 3.2 rad/s³ [rad/s²]
+    np.testing.assert_allclose(
+        dut.al[inside], flight.al[inside], atol=0.02
+    )  # half a row of 3.2 rad/s³ [rad/s²]
     assert "zero phase" in dut.notes[-1]
     assert "a, al" in dut.notes[-1]
 
@@ -37,14 +44,19 @@ def test_the_derivative_has_no_phase():
 
 
 def test_command_and_acceleration_stay_paired_under_differentiation():
-    """Thrust that changes every row: with its own row the label is small, with a neighbour's it is not."""
+    """Thrust that changes every row: with its own row the label is small, with a neighbour's it is
+    not.
+    """
     vehicle, n = Vehicle(), 2000
     draw = np.random.default_rng(3)
     command = 19.62 + np.convolve(draw.normal(size=n + 40), np.ones(41) / 41, "valid") * 10
     t = 0.01 * np.arange(n)
     v = np.cumsum(np.concatenate([[0.0], (command / vehicle.mass - 9.81)[:-1] * 0.01]))
     a = smooth_derivative(v[:, None], t, 15.0)[:, 0]
-    error = [np.std((vehicle.mass * (a + 9.81) - np.roll(command, shift))[100:-100]) for shift in (-1, 0, 1)]
+    error = [
+        np.std((vehicle.mass * (a + 9.81) - np.roll(command, shift))[100:-100])
+        for shift in (-1, 0, 1)
+    ]
     assert error[1] < 0.7 * min(error[0], error[2])
 
 
@@ -85,7 +97,9 @@ def test_a_whole_multiple_picks_every_second_row(flight):
 
 def test_any_other_step_picks_the_nearest_rows(flight):
     rows = rows_at(flight, 0.025)
-    np.testing.assert_allclose(flight.t[rows], 0.025 * np.arange(len(rows)), atol=0.005 + 1e-12)  # half a row [s]
+    np.testing.assert_allclose(
+        flight.t[rows], 0.025 * np.arange(len(rows)), atol=0.005 + 1e-12
+    )  # half a row [s]
     assert len(rows) == 240
 
 
@@ -101,7 +115,9 @@ def test_zero_phase_targets_are_the_smooth_labels(flight):
     np.testing.assert_array_equal(dut.chi, labels.smooth_labels(flight, Vehicle())[::2])
 
 
-@pytest.mark.parametrize("step, message", [(0.005, "at least that of made"), (10.0, "lasts 5.99 s")])
+@pytest.mark.parametrize(
+    "step, message", [(0.005, "at least that of made"), (10.0, "lasts 5.99 s")]
+)
 def test_a_step_that_does_not_fit_is_refused(flight, step, message):
     with pytest.raises(ValueError, match=message):
         rows_at(flight, step)

@@ -18,7 +18,9 @@ STEP = 0.02  # [s]
 
 
 def flight(lag: float, *, noise: float = 0.0, n: int = 1500) -> FlightLog:
-    """A log under a slow wrench and a restless command that acts through `lag` [s]; noise of a [m/s²]."""
+    """A log under a slow wrench and a restless command that acts through `lag` [s]; noise of a
+    [m/s²].
+    """
     draw, t = np.random.default_rng(0), STEP * np.arange(n)
     u = np.array([20.0, 0, 0, 0]) + draw.normal(size=(n, 4)) * [1.0, 0.1, 0.1, 0.02]
     still = np.tile([1.0, 0, 0, 0], (n, 1))
@@ -35,7 +37,9 @@ def flight(lag: float, *, noise: float = 0.0, n: int = 1500) -> FlightLog:
 @pytest.mark.parametrize("lag", [0.01, 0.03, 0.06])
 @pytest.mark.parametrize("noise", [0.0, 0.1])
 def test_the_lag_of_the_rotors_is_found(lag, noise):
-    assert learned_rotor_lag([(flight(lag, noise=noise), Vehicle())]) == pytest.approx(lag, abs=0.003)  # [s]
+    assert learned_rotor_lag([(flight(lag, noise=noise), Vehicle())]) == pytest.approx(
+        lag, abs=0.003
+    )  # [s]
 
 
 @pytest.mark.parametrize("configuration", ["lifted", "paper"])
@@ -54,7 +58,9 @@ def test_a_command_whose_lag_would_have_no_end_tells_none():
     wave = np.sin(6.0 * log.t)
     log.u = np.column_stack([20.0 + wave, 0.1 * wave, 0.1 * wave, np.zeros(len(log))])
     still = np.zeros((len(log), 6))
-    late = labels.acting_command(log, Vehicle(rotor_time_constant=0.5))  # far beyond the longest that is looked for
+    late = labels.acting_command(
+        log, Vehicle(rotor_time_constant=0.5)
+    )  # far beyond the longest that is looked for
     rate = rigid_body.state_derivative(Vehicle(), log.x, late, still)
     log.a, log.al = rate[:, 7:10], rate[:, 10:13]
     assert learned_rotor_lag([(log, Vehicle())]) == 0.0
@@ -81,7 +87,10 @@ def test_delay_and_lag_are_found_together(lag, delay):
     log.u = flight(0.0).u
     late = delayed(log, delay)
     rate = rigid_body.state_derivative(
-        Vehicle(), log.x, labels.acting_command(late, Vehicle(rotor_time_constant=lag)), np.zeros((len(log), 6))
+        Vehicle(),
+        log.x,
+        labels.acting_command(late, Vehicle(rotor_time_constant=lag)),
+        np.zeros((len(log), 6)),
     )
     log.a, log.al = rate[:, 7:10], rate[:, 10:13]
     found = learned_timing([(log, Vehicle())], [0.005 * i for i in range(25)])
@@ -91,10 +100,14 @@ def test_delay_and_lag_are_found_together(lag, delay):
 def test_a_named_lag_is_taken_and_the_delay_found_beside_it():
     named, log = Vehicle(rotor_time_constant=0.03), flight(0.03)
     late = delayed(log, 0.04)
-    rate = rigid_body.state_derivative(named, log.x, labels.acting_command(late, named), np.zeros((len(log), 6)))
+    rate = rigid_body.state_derivative(
+        named, log.x, labels.acting_command(late, named), np.zeros((len(log), 6))
+    )
     log.a, log.al = rate[:, 7:10], rate[:, 10:13]
     assert learned_timing([(log, named)], [0.0, 0.02, 0.04, 0.06]) == (0.0, 0.04)
 
 
 def test_measured_rotor_speed_is_never_late():
-    assert learned_timing([(dc.replace(flight(0.03), input="rotor_speed"), Vehicle())], [0.0, 0.02]) == (0.0, 0.0)
+    assert learned_timing(
+        [(dc.replace(flight(0.03), input="rotor_speed"), Vehicle())], [0.0, 0.02]
+    ) == (0.0, 0.0)

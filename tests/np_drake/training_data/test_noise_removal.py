@@ -15,11 +15,15 @@ def test_noise_alone_goes_and_slow_motion_stays():
 
 
 def test_white_noise_alone_leaves_its_mean_only():
-    """A band passes by chance once in about thirty, and then with the gain of its excess, about a third."""
+    """A band passes by chance once in about thirty, and then with the gain of its excess, about a
+    third.
+    """
     values = 5.0 + np.random.default_rng(0).normal(size=(4000, 12))
     left = most_likely(values, np.ones(12), 0.01)
     np.testing.assert_allclose(left.mean(axis=0), values.mean(axis=0), atol=1e-12)
-    assert left.var(axis=0).mean() < 0.012  # of the power that was read: 1 / 30 of the bands, a third of each
+    assert (
+        left.var(axis=0).mean() < 0.012
+    )  # of the power that was read: 1 / 30 of the bands, a third of each
 
 
 def test_what_was_read_without_noise_is_as_it_was_read():

@@ -46,7 +46,9 @@ def test_a_sample_uses_nothing_later():
 def test_a_gap_has_no_label_keeps_the_command_and_is_bridged_for_training():
     log = ramp()
     gone = (log.t > 7.4 + 1e-6) & (log.t < 7.44 + 1e-6)
-    cut = dc.replace(log, **{n: getattr(log, n)[~gone] for n in ("t", "p", "q", "v", "w", "u", "a", "al")})
+    cut = dc.replace(
+        log, **{n: getattr(log, n)[~gone] for n in ("t", "p", "q", "v", "w", "u", "a", "al")}
+    )
     flight = sampled_flight(cut, VEHICLE, step=0.02)
     np.testing.assert_array_equal(np.flatnonzero(np.isnan(flight.chi).any(axis=1)), [21, 22])
     assert not flight.gapless

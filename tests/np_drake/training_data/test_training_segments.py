@@ -33,7 +33,9 @@ def test_a_segment_in_time_has_each_label_beside_its_own_motion(flight):
 def test_a_log_without_accelerations_is_differentiated(flight):
     (dut,) = training_segments(dc.replace(flight, a=None, al=None), Vehicle(), step=0.02)
     (measured,) = training_segments(flight, Vehicle(), step=0.02)
-    np.testing.assert_allclose(dut.goal[50:-50], measured.goal[50:-50], atol=0.05)  # half a row [N, N·m]
+    np.testing.assert_allclose(
+        dut.goal[50:-50], measured.goal[50:-50], atol=0.05
+    )  # half a row [N, N·m]
 
 
 def test_rows_without_a_label_part_the_flight(flight):
@@ -72,4 +74,6 @@ def test_a_segment_of_a_model_has_the_same_samples_and_its_own_labels(flight):
         np.testing.assert_array_equal(segment.zeta, seen.zeta)
         np.testing.assert_array_equal(seen.chi, raw[rows])
         np.testing.assert_array_equal(seen.x, flight.x[rows])
-    np.testing.assert_allclose(pieces[1][1].u, flight.u[219:599])  # the command since the row before
+    np.testing.assert_allclose(
+        pieces[1][1].u, flight.u[219:599]
+    )  # the command since the row before

@@ -14,7 +14,9 @@ SHOWN = (0.1, 3.0)  # ratios [1]
 
 
 def ratio_figure(lines: Sequence[Mapping[str, Any]]) -> Figure:
-    """Return the ratio of the lateral force to persistence against the horizon, one panel a coming motion."""
+    """Return the ratio of the lateral force to persistence against the horizon, one panel a coming
+    motion.
+    """
     lines = [line for line in lines if line["kind"] == ASKED_KIND]
     motions = list(dict.fromkeys(line["motion"] for line in lines))
     names = [name for name in dict.fromkeys(line["row"] for line in lines) if name != PERSISTENCE]
@@ -35,9 +37,13 @@ def ratio_figure(lines: Sequence[Mapping[str, Any]]) -> Figure:
                 label=marked(name) if axis is axes[0, 0] else None,
             )
         axis.plot(
-            list(ASKED), list(ASKED.values()), "k_", markersize=11, markeredgewidth=2,
+            list(ASKED),
+            list(ASKED.values()),
+            "k_",
+            markersize=11,
+            markeredgewidth=2,
             label="asked" if axis is axes[0, 0] else None,
-        )  # fmt: skip
+        )
         axis.set(title=f"coming motion {motion}", xlabel="horizon [s]", yscale="log", ylim=SHOWN)
         axis.set_yticks([0.1, 0.2, 0.3, 0.5, 1.0, 2.0, 3.0], minor=False)
         axis.set_yticks([], minor=True)

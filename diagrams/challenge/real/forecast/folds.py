@@ -1,4 +1,6 @@
-"""Flights of the campaign by manoeuvre, and the payload that their logs hold: truth of the oracle pendulum alone."""
+"""Flights of the campaign by manoeuvre, and the payload that their logs hold: truth of the oracle
+pendulum alone.
+"""
 
 import dataclasses as dc
 from collections.abc import Sequence
@@ -19,7 +21,8 @@ from np_drake.training_data.sampled_flight import SampledFlight, sampled_flight
 from np_drake.vehicle import Vehicle
 
 PAYLOAD = campaign_of("payload")
-DAMPING = 0.13  # of the payload's logged path, driven by the vehicle's motion; middle of 0.09 to 0.17 [1/s]
+# of the payload's logged path, driven by the vehicle's motion; middle of 0.09 to 0.17 [1/s]
+DAMPING = 0.13
 DAMPINGS = (0.09, 0.17)  # [1/s]
 
 
@@ -65,7 +68,8 @@ def true_estimate() -> PayloadEstimate:
 
 
 def open_campaign(folder: Path) -> list[PayloadFlight]:
-    """Return the flights with a payload in a folder as `reproduce real` takes, manoeuvre by manoeuvre.
+    """Return the flights with a payload in a folder as `reproduce real` takes, manoeuvre by
+    manoeuvre.
 
     Raises: ValueError: if there are not two manoeuvres; LogError: if a log cannot be used.
     """
@@ -74,13 +78,16 @@ def open_campaign(folder: Path) -> list[PayloadFlight]:
     blocks = numbered_blocks(PAYLOAD.files(folder))
     if len(blocks) < 2:
         raise ValueError(
-            f"{folder / PAYLOAD.patterns[0]}: must be flights of two manoeuvres (runs of numbers); got {len(blocks)}."
+            f"{folder / PAYLOAD.patterns[0]}: must be flights of two manoeuvres (runs of "
+            f"numbers); got {len(blocks)}."
         )
     vehicle, found = PAYLOAD.nominal, []
     for block in blocks:
         for path in block:
             for log in open_flights(path, PAYLOAD):
-                found.append(PayloadFlight(log, vehicle, block_name(block), *logged_payload(path, log)))
+                found.append(
+                    PayloadFlight(log, vehicle, block_name(block), *logged_payload(path, log))
+                )
     return found
 
 
@@ -88,7 +95,6 @@ def told(flight: PayloadFlight, step: float, rest: Rest | None = None) -> Oracle
     """Return the oracle pendulum of a flight, which is told the payload and its path.
 
     Args:
-        flight: flight that it forecasts.
         step: between samples [s].
         rest: what acts beside the tether; None: nothing.
     """
@@ -100,7 +106,6 @@ def drag_beside(flights: Sequence[PayloadFlight], step: float) -> Rest:
     """Return the drag that oracle pendulums leave, which acts beside the tether.
 
     Args:
-        flights: flights that it is fitted to.
         step: between samples [s].
     """
     return Rest(remaining_drag((flight.sampled(step), told(flight, step)) for flight in flights))

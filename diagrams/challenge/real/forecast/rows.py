@@ -65,8 +65,12 @@ def _paper(flights: Sequence[Opened], step: float) -> NeuralPredictor:
 
 
 def _lifted(flights: Sequence[Opened], step: float) -> NeuralPredictor:
-    """Return `lifted` with its usual settings, but for torque, a window of `HISTORY` and a loss over `LONGEST`."""
-    config = make_config(LIFTED, torque=True, delay=round(HISTORY / step), horizon=round(LONGEST / step))
+    """Return `lifted` with its usual settings, but for torque, a window of `HISTORY` and a loss
+    over `LONGEST`.
+    """
+    config = make_config(
+        LIFTED, torque=True, delay=round(HISTORY / step), horizon=round(LONGEST / step)
+    )
     model = train(_segments(flights, step), config).model
     return NeuralPredictor(model, PredictorOptions(torque="predict"))
 
@@ -85,7 +89,10 @@ ROWS: Mapping[str, Trainer] = {
     PAYLOAD_FILTER: lambda flights, step: PayloadFilter(train_payload_filter(flights, step=step)),
 }
 TOLD, TOLD_WITH_DRAG = "oracle pendulum", "told + drag"  # not predictors: they are told the truth
-TOLD_ROWS: Mapping[str, bool] = {TOLD: False, TOLD_WITH_DRAG: True}  # whether anything acts beside the tether
+TOLD_ROWS: Mapping[str, bool] = {
+    TOLD: False,
+    TOLD_WITH_DRAG: True,
+}  # whether anything acts beside the tether
 
 
 def choose(only: Sequence[str]) -> list[str]:

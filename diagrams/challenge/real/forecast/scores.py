@@ -1,4 +1,6 @@
-"""Squared errors of forecasts on each flight, and their ratio to persistence pooled over flights."""
+"""Squared errors of forecasts on each flight, and their ratio to persistence pooled over
+flights.
+"""
 
 import dataclasses as dc
 from collections.abc import Sequence
@@ -15,7 +17,11 @@ from np_drake.skill.flight_walk import MOTIONS, flight_forecasts
 from np_drake.training_data.sampled_flight import sampled_flight
 from np_drake.vehicle import Vehicle
 
-KINDS = {"lateral force": slice(0, 2), "force": slice(0, 3), "torque": slice(3, 6)}  # channels of chi
+KINDS = {
+    "lateral force": slice(0, 2),
+    "force": slice(0, 3),
+    "torque": slice(3, 6),
+}  # channels of chi
 DRAWS = 2000  # of the flights, for the interval [1]
 
 
@@ -24,7 +30,8 @@ class Score:
     """Errors of one row on one flight with one coming motion.
 
     square: (kinds, H) sum over origins of the squared error [N², N²m²].   count: (H,) origins.
-    peak: (2,) longest forecast of force and torque over the longest label [1]; inf where one is no number.
+    peak: (2,) longest forecast of force and torque over the longest label [1]; inf where one is no
+        number.
     """
 
     row: str
@@ -41,17 +48,19 @@ class Score:
 
 
 def score(
-    row: str, model: ResidualModel, opened: tuple[FlightLog, Vehicle], horizons: list[int], *, first: int
+    row: str,
+    model: ResidualModel,
+    opened: tuple[FlightLog, Vehicle],
+    horizons: list[int],
+    *,
+    first: int,
 ) -> list[Score]:
     """Return the scores of a model on a flight, one for each coming motion.
 
-    Every origin from `first` on counts whose target, the label averaged over a step, is there. A model that reads
-    labels of its own low-pass gets these; the targets stay.
+    Every origin from `first` on counts whose target, the label averaged over a step, is there. A
+    model that reads labels of its own low-pass gets these; the targets stay.
 
     Args:
-        row: name of the model.
-        model: trained.
-        opened: log and vehicle.
         horizons: ascending [steps].
         first: sample [1].
     Raises: ValueError: if the flight holds no origin.
@@ -59,7 +68,8 @@ def score(
     flight = sampled_flight(*opened, step=model.step)
     if len(flight) <= first + horizons[0]:
         raise ValueError(
-            f"score: {opened[0].name} must last more than {(first + horizons[0]) * model.step:.3g} s; it ends before."
+            f"score: {opened[0].name} must last more than "
+            f"{(first + horizons[0]) * model.step:.3g} s; it ends before."
         )
     seen = flight
     if isinstance(model, ReadsLabels):
@@ -83,24 +93,28 @@ def score(
 
 def _lengths(chi: np.ndarray) -> np.ndarray:
     """Return the length of force [N] and torque [N·m], (n, 2), of chi (n, 6)."""
-    return np.stack([np.linalg.norm(chi[:, :3], axis=1), np.linalg.norm(chi[:, 3:], axis=1)], axis=1)
+    return np.stack(
+        [np.linalg.norm(chi[:, :3], axis=1), np.linalg.norm(chi[:, 3:], axis=1)], axis=1
+    )
 
 
 def pooled(scores: Sequence[Score], horizons: list[int], step: float) -> list[dict[str, Any]]:
-    """Return a line for every row, coming motion, kind and horizon: RMSE, its ratio to persistence and its interval.
+    """Return a line for every row, coming motion, kind and horizon: RMSE, its ratio to persistence
+    and its interval.
 
-    Pooled: root of all flights' squared errors over those of persistence. Interval: 95 %, from flights drawn with
-    replacement (bootstrap).
+    Pooled: root of all flights' squared errors over those of persistence. Interval: 95 %, from
+    flights drawn with replacement (bootstrap).
 
     Args:
-        scores: of every row on every flight.
         horizons: as of the scores [steps].
         step: [s].
     """
     names = list(dict.fromkeys(s.row for s in scores))
     flights = list(dict.fromkeys(s.flight for s in scores))
     found = {(s.row, s.motion, s.flight): s for s in scores}
-    drawn = np.random.default_rng(0).multinomial(len(flights), [1 / len(flights)] * len(flights), DRAWS)
+    drawn = np.random.default_rng(0).multinomial(
+        len(flights), [1 / len(flights)] * len(flights), DRAWS
+    )
     lines = []
     for motion in MOTIONS:
         count = np.array([found[PERSISTENCE, motion, flight].count for flight in flights])
@@ -116,11 +130,15 @@ def pooled(scores: Sequence[Score], horizons: list[int], step: float) -> list[di
                 for i, h in enumerate(horizons):
                     lines.append(
                         {
-                            "row": name, "motion": motion, "kind": kind, "horizon": h * step,
-                            "rmse": float(rmse[k, i]), "ratio": float(ratio[k, i]),
+                            "row": name,
+                            "motion": motion,
+                            "kind": kind,
+                            "horizon": h * step,
+                            "rmse": float(rmse[k, i]),
+                            "ratio": float(ratio[k, i]),
                             "interval": [float(low[k, i]), float(high[k, i])],
                         }
-                    )  # fmt: skip
+                    )
     return lines
 
 
@@ -128,8 +146,6 @@ def diverged(scores: Sequence[Score], row: str, motion: str) -> list[str]:
     """Return the flights on which a row diverges.
 
     Args:
-        scores: of rows on flights.
-        row: name of the row.
         motion: coming motion, one of `MOTIONS`.
     """
     return [s.flight for s in scores if s.row == row and s.motion == motion and s.diverged]

@@ -48,7 +48,9 @@ class Study:
         return pooled(self.scores, self.horizons, self.step)
 
     def models(self) -> list[dict[str, Any]]:
-        """Return by row its number of flights, those on which it diverges by coming motion, and its training times."""
+        """Return by row its number of flights, those on which it diverges by coming motion, and its
+        training times.
+        """
         flown = len({s.flight for s in self.scores})
         return [
             {
@@ -83,12 +85,9 @@ def run_study(
     """Train each row on all manoeuvres but one and score it on that one, in turn.
 
     Args:
-        flights: flights of two manoeuvres or more.
-        names: rows, persistence among them.
         step: between samples [s].
         folder: name of the flights' folder, that campaigns of different flights differ.
         workers: where the folds run; None: one process.
-        on_progress: called with folds done, and all.
     Raises: FailedRun: where a row has no result.
     """
     manoeuvres = dict.fromkeys(flight.manoeuvre for flight in flights)
@@ -105,10 +104,11 @@ def run_study(
 
 @dc.dataclass(frozen=True)
 class HoldingOut:
-    """Work of a case {"manoeuvre", "row"} -> what the row, trained on the other manoeuvres, shows on that one.
+    """Work of a case {"manoeuvre", "row"} -> what the row, trained on the other manoeuvres, shows
+    on that one.
 
-    A result holds "wall", the time of the training [s], and of every flight its scores by coming motion and the
-    estimate of the payload, where there is any.
+    A result holds "wall", the time of the training [s], and of every flight its scores by coming
+    motion and the estimate of the payload, where there is any.
     """
 
     flights: tuple[PayloadFlight, ...]
@@ -121,13 +121,17 @@ class HoldingOut:
         held_out = [flight for flight in self.flights if flight.manoeuvre == case["manoeuvre"]]
         models = self._models(name, learned, held_out)
         wall = time.perf_counter() - started
-        shown = [self._shown(name, flight, model) for flight, model in zip(held_out, models, strict=True)]
+        shown = [
+            self._shown(name, flight, model) for flight, model in zip(held_out, models, strict=True)
+        ]
         return {"wall": wall, "flights": shown}
 
     def _models(
         self, name: str, learned: Sequence[PayloadFlight], held_out: Sequence[PayloadFlight]
     ) -> list[ResidualModel]:
-        """Return the model of every held-out flight, trained on the others or told what hangs below."""
+        """Return the model of every held-out flight, trained on the others or told what hangs
+        below.
+        """
         if name in TOLD_ROWS:
             rest = drag_beside(learned, self.step) if TOLD_ROWS[name] else None
             return [told(flight, self.step, rest) for flight in held_out]
@@ -139,18 +143,17 @@ class HoldingOut:
         scores = score(name, model, flight.opened, horizons, first=first)
         return {
             "flight": flight.log.name,
-            "scores": {s.motion: packed({part: getattr(s, part) for part in SCORED}) for s in scores},
-            "estimate": estimate_at_end(model, flight) if isinstance(model, PayloadFilter) else None,
+            "scores": {
+                s.motion: packed({part: getattr(s, part) for part in SCORED}) for s in scores
+            },
+            "estimate": estimate_at_end(model, flight)
+            if isinstance(model, PayloadFilter)
+            else None,
         }
 
 
 def estimate_at_end(model: PayloadFilter, flight: PayloadFlight) -> PayloadEstimate:
-    """Return what the filters believe of the payload at the end of a flight.
-
-    Args:
-        model: trained filters.
-        flight: flight that they read.
-    """
+    """Return what the filters believe of the payload at the end of a flight."""
     ((_, memory),) = deque(walk(model, flight.sampled(model.step, model.label)), maxlen=1)
     return payload_estimate(memory)
 
@@ -161,7 +164,9 @@ def _add(study: Study, case: Case, result: dict[str, Any]) -> None:
     study.walls.setdefault(name, []).append(result["wall"])
     for shown in result["flights"]:
         flight = shown["flight"]
-        study.scores += [Score(name, flight, m, **unpacked(arrays)) for m, arrays in shown["scores"].items()]
+        study.scores += [
+            Score(name, flight, m, **unpacked(arrays)) for m, arrays in shown["scores"].items()
+        ]
         if shown["estimate"]:
             estimate = PayloadEstimate(*(Estimate(*values) for values in shown["estimate"]))
             study.payloads.append(FlownPayload(name, flight, case["manoeuvre"], estimate))

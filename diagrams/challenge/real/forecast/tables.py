@@ -19,9 +19,15 @@ MARK = "*"  # behind rows that are told the truth
 
 
 def ratio_tables(lines: Sequence[Mapping[str, Any]]) -> list[Table]:
-    """Return a table for each coming motion and kind: rows against horizons, ratio and half its 95 % interval."""
+    """Return a table for each coming motion and kind: rows against horizons, ratio and half its 95
+    % interval.
+    """
     return [
-        _ratios([line for line in lines if (line["motion"], line["kind"]) == (motion, kind)], motion, kind)
+        _ratios(
+            [line for line in lines if (line["motion"], line["kind"]) == (motion, kind)],
+            motion,
+            kind,
+        )
         for motion in dict.fromkeys(line["motion"] for line in lines)
         for kind in KINDS
     ]
@@ -34,9 +40,14 @@ def _ratios(lines: Sequence[Mapping[str, Any]], motion: str, kind: str) -> Table
         cells = {line["horizon"]: _cell(line) for line in lines if line["row"] == name}
         rows.append((marked(name), *(cells[h] for h in horizons)))
     if kind == ASKED_KIND:
-        wanted = [next((r for at, r in ASKED.items() if abs(at - h) < 1e-6), None) for h in horizons]
+        wanted = [
+            next((r for at, r in ASKED.items() if abs(at - h) < 1e-6), None) for h in horizons
+        ]
         rows.append(("asked", *("" if r is None else f"{r:.2f}" for r in wanted)))
-    title = f"{kind}: RMSE over that of persistence (± half of the 95 % interval), coming motion {motion}"
+    title = (
+        f"{kind}: RMSE over that of persistence (± half of the 95 % interval), coming "
+        f"motion {motion}"
+    )
     return title, ["ahead", *(f"{h:.3g} s" for h in horizons)], rows
 
 
@@ -61,29 +72,39 @@ def divergence_table(models: Sequence[Mapping[str, Any]]) -> Table:
     Args: models: of `Study.models`.
     """
     rows = [
-        (marked(model["row"]), *(f"{len(lost)} of {model['flights']}" for lost in model["diverged"].values()))
+        (
+            marked(model["row"]),
+            *(f"{len(lost)} of {model['flights']}" for lost in model["diverged"].values()),
+        )
         for model in models
     ]
     return "divergent flights", ["row", "diverge, known", "held"], rows
 
 
-def payload_table(payloads: Sequence[FlownPayload], true: PayloadEstimate, damping: tuple[float, float]) -> Table:
+def payload_table(
+    payloads: Sequence[FlownPayload], true: PayloadEstimate, damping: tuple[float, float]
+) -> Table:
     """Return a table of the payload as estimated at the end of the flights, manoeuvre by manoeuvre.
 
-    Mean over flights of the posterior mean, and of the ends of its 95 % interval; below, mean and range over all
-    flights, and in how many the interval holds the truth (of damping: meets its range).
+    Mean over flights of the posterior mean, and of the ends of its 95 % interval; below, mean and
+    range over all flights, and in how many the interval holds the truth (of damping: meets its
+    range).
 
     Args:
-        payloads: estimates at the end of the flights.
         true: length, mass share and damping, of which the means count.
         damping: range of the true one [1/s].
     """
     rows: list[tuple] = []
     for manoeuvre in dict.fromkeys(flown.manoeuvre for flown in payloads):
         estimates = [flown.estimate for flown in payloads if flown.manoeuvre == manoeuvre]
-        cells = [_interval([getattr(e, name) for e in estimates]) for name in PayloadEstimate._fields]
+        cells = [
+            _interval([getattr(e, name) for e in estimates]) for name in PayloadEstimate._fields
+        ]
         rows.append((manoeuvre, *cells))
-    means = [[getattr(flown.estimate, name).mean for flown in payloads] for name in PayloadEstimate._fields]
+    means = [
+        [getattr(flown.estimate, name).mean for flown in payloads]
+        for name in PayloadEstimate._fields
+    ]
     rows.append(("mean (range)", *(_range(values) for values in means)))
     ends = ((true.length.mean,) * 2, (true.mass.mean,) * 2, damping)
     held = [
@@ -91,9 +112,15 @@ def payload_table(payloads: Sequence[FlownPayload], true: PayloadEstimate, dampi
         for name, (low, high) in zip(PayloadEstimate._fields, ends, strict=True)
     ]
     rows.append(("interval holds the truth", *(f"{count} of {len(payloads)}" for count in held)))
-    shown = (f"{true.length.mean:.3f}", f"{true.mass.mean:.3f}", f"{damping[0]:.2f}–{damping[1]:.2f}")
+    shown = (
+        f"{true.length.mean:.3f}",
+        f"{true.mass.mean:.3f}",
+        f"{damping[0]:.2f}–{damping[1]:.2f}",
+    )
     rows.append(("truth", *shown))
-    title = "payload as pendulum estimates it by the end of a flight: posterior mean [95 % interval]"
+    title = (
+        "payload as pendulum estimates it by the end of a flight: posterior mean [95 % interval]"
+    )
     return title, ["manoeuvre", "tether [m]", "mass over vehicle's [1]", "damping [1/s]"], rows
 
 

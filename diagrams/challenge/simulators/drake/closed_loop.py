@@ -24,15 +24,20 @@ from systems.payload_config import PayloadConfig, payload_config
 from systems.tethered_quadrotor import make_tethered_quadrotor
 
 CABLE_RATE, CABLE_DAMPING = 250.0, 0.3  # of the cable: frequency [rad/s] and damping ratio [1]
-# Steps of the integrator [s]: one between rows 10 ms apart, jitter included, three with a cable; share of a lag.
+# Steps of the integrator [s]: one between rows 10 ms apart, jitter included, three with a cable;
+# share of a lag.
 STEP, CABLE_STEP, LAG_SHARE = 0.0112, 0.0037, 0.2
 
 
 def _largest_step(vehicle: Vehicle, places: EffectsByPlace) -> float:
-    """Return a step at which runge_kutta3 is stable and follows the lags to a few parts in a thousand [s]."""
+    """Return a step at which runge_kutta3 is stable and follows the lags to a few parts in a
+    thousand [s].
+    """
     lags = [vehicle.rotor_time_constant] if vehicle.rotor_time_constant > 0 else []
     for effect in places.actuator:
-        lags += [getattr(effect, name) for name in ("time_constant", "time") if hasattr(effect, name)]
+        lags += [
+            getattr(effect, name) for name in ("time_constant", "time") if hasattr(effect, name)
+        ]
     return min([STEP if places.payload is None else CABLE_STEP, *(LAG_SHARE * lag for lag in lags)])
 
 
@@ -41,7 +46,6 @@ def stiff_cable(effect: SuspendedPayload | None, vehicle: Vehicle) -> PayloadCon
 
     Args:
         effect: the payload; None: there is none.
-        vehicle: that carries it.
     """
     payload = payload_config(effect)
     if payload.tether == "none":
@@ -52,18 +56,15 @@ def stiff_cable(effect: SuspendedPayload | None, vehicle: Vehicle) -> PayloadCon
 
 
 class DrakeLoop:
-    """Plant and controller with one set of effects; a flight with an onset takes two, one after the other.
+    """Plant and controller with one set of effects; a flight with an onset takes two, one after the
+    other.
 
-    The command goes through this loop, which keeps it back by the effects' dead time: exact for rows at any instants.
+    The command goes through this loop, which keeps it back by the effects' dead time: exact for
+    rows at any instants.
     """
 
     def __init__(self, vehicle: Vehicle, effects: Sequence[Effect]):
-        """Build the diagram.
-
-        Args:
-            vehicle: nominal vehicle, for which the controller is made.
-            effects: that act.
-        """
+        """Build the diagram."""
         places = split_effects(effects)
         self._vehicle, self._payload = vehicle, stiff_cable(places.payload, vehicle)
         self._dead_time = sum(effect.dead_time for effect in places.actuator)
@@ -75,12 +76,15 @@ class DrakeLoop:
             wrench_effects=places.wrench,
             # As they act: first what changes how rotors turn, then what turning rotors give.
             actuator_effects=sorted(
-                (e for e in places.actuator if e.dead_time == 0.0), key=lambda effect: not effect.turns_rotor
+                (e for e in places.actuator if e.dead_time == 0.0),
+                key=lambda effect: not effect.turns_rotor,
             ),
             mass_effects=places.mass,
         )
         builder.AddSystem(self._real)
-        self._controller = builder.AddNamedSystem("controller", CascadedController(vehicle, period=None))
+        self._controller = builder.AddNamedSystem(
+            "controller", CascadedController(vehicle, period=None)
+        )
         seen = builder.AddNamedSystem("seen", Adder(2, 13))
         builder.Connect(self._real.GetOutputPort("x"), seen.get_input_port(0))
         builder.ExportInput(seen.get_input_port(1), "noise")
@@ -89,7 +93,9 @@ class DrakeLoop:
         self._plant = self._real.GetSubsystemByName("plant")
         self._simulator = Simulator(builder.Build())
         config = SimulatorConfig(
-            integration_scheme="runge_kutta3", max_step_size=_largest_step(vehicle, places), use_error_control=False
+            integration_scheme="runge_kutta3",
+            max_step_size=_largest_step(vehicle, places),
+            use_error_control=False,
         )
         ApplySimulatorConfig(config, self._simulator)
         self._root = self._simulator.get_mutable_context()
@@ -143,11 +149,15 @@ class DrakeLoop:
             targets: (n, 16) of the cascaded controller.
             end: [s].
             noise: (n, 13) error of the state that the controller sees; None: none.
-        Returns: x (n, 13), a in W, al in B (n, 3), nominal_thrust, u (n, 4), each right after the row's command.
+        Returns: x (n, 13), a in W, al in B (n, 3), nominal_thrust, u (n, 4), each right after the
+            row's command.
         Raises: FailedRun: if the vehicle is lost or the integrator gives up.
         """
         rows: list[np.ndarray] = []
-        target_port, context = self._controller.GetInputPort("target"), self._context(self._controller)
+        target_port, context = (
+            self._controller.GetInputPort("target"),
+            self._context(self._controller),
+        )
         for i, target in enumerate(targets):
             target_port.FixValue(context, target)
             if noise is not None:
@@ -179,7 +189,10 @@ class DrakeLoop:
         return [
             (self._real.GetOutputPort("nominal_rotor_thrust"), self._context(self._real)),
             (self._plant.get_state_output_port(), self._context(self._plant)),
-            (self._plant.get_generalized_acceleration_output_port(instance), self._context(self._plant)),
+            (
+                self._plant.get_generalized_acceleration_output_port(instance),
+                self._context(self._plant),
+            ),
         ]
 
     def _reading(self) -> np.ndarray:
@@ -205,10 +218,18 @@ class DrakeLoop:
 
 
 def _unpack(rows: np.ndarray, num_positions: int) -> dict[str, np.ndarray]:
-    """Return rows [u, nominal thrust, plant state, its rates] as signals by name, see `DrakeLoop.fly`."""
+    """Return rows [u, nominal thrust, plant state, its rates] as signals by name, see
+    `DrakeLoop.fly`.
+    """
     u, nominal, s = rows[:, :4], rows[:, 4:8], rows[:, 8:]
     velocities, size = s[:, num_positions:], 6 * (num_positions // 7)
     w_W, v, rates = velocities[:, 0:3], velocities[:, 3:6], velocities[:, size:]
     q = s[:, 0:4] / np.linalg.norm(s[:, 0:4], axis=1, keepdims=True)
     x = np.concatenate([s[:, 4:7], q, v, attitude.rotate_back(q, w_W)], axis=1)
-    return {"x": x, "a": rates[:, 3:6], "al": attitude.rotate_back(q, rates[:, 0:3]), "nominal_thrust": nominal, "u": u}
+    return {
+        "x": x,
+        "a": rates[:, 3:6],
+        "al": attitude.rotate_back(q, rates[:, 0:3]),
+        "nominal_thrust": nominal,
+        "u": u,
+    }

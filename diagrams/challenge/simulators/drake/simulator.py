@@ -26,25 +26,29 @@ def fly(
     warm_up: float = WARM_UP,
     noise: np.ndarray | None = None,
 ) -> FlightLog:
-    """Return the exact log: no noise; systematic sensor effects and the right-sided accelerations are in it.
+    """Return the exact log: no noise; systematic sensor effects and the right-sided accelerations
+    are in it.
 
     Args:
-        vehicle: nominal vehicle, for which the controller is made.
-        plan: where to fly.
-        effects: that act.
         t: (n,) instants of the rows [s]; the command is updated there too.
         onset: the effects act from the first row at or after it on [s]; None: from the start.
-        background: effects that act throughout and are no cause (a vehicle file that is a percent off).
+        background: effects that act throughout and are no cause (a vehicle file that is a percent
+            off).
         warm_up: hovering before the first row [s].
-        noise: (13,) standard deviations of white noise in the state that the controller sees; None: it sees the state.
+        noise: (13,) standard deviations of white noise in the state that the controller sees; None:
+            it sees the state.
     Raises: FailedRun: if the vehicle is lost.
     """
     step = float(np.median(np.diff(t)))
     before = t[0] - step * np.arange(round(warm_up / step), 0, -1)
     after = t[-1] + step * np.arange(1, round(MARGIN / step) + 1)
     rows = np.concatenate([before, t, after])
-    errors = None if noise is None else np.random.default_rng(0).normal(size=(len(rows), 13)) * noise
-    signals = _signals(vehicle, plan, [*background, *effects], list(background), rows, onset, errors)
+    errors = (
+        None if noise is None else np.random.default_rng(0).normal(size=(len(rows), 13)) * noise
+    )
+    signals = _signals(
+        vehicle, plan, [*background, *effects], list(background), rows, onset, errors
+    )
     speed = np.sqrt(np.maximum(signals["nominal_thrust"], 0.0) / vehicle.thrust_coefficient)
     reading = Measurement(signals["x"], signals["a"], signals["al"], speed)
     sensors = [effect for effect in effects if isinstance(effect, SensorEffect)]

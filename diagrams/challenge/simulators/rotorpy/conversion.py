@@ -6,7 +6,9 @@ from np_drake import attitude
 from np_drake.vehicle import Vehicle
 
 # rotorpy's own state; hidden states of effects follow.
-X, V, Q, W, WIND, SPEED = (slice(*ends) for ends in ((0, 3), (3, 6), (6, 10), (10, 13), (13, 16), (16, 20)))
+X, V, Q, W, WIND, SPEED = (
+    slice(*ends) for ends in ((0, 3), (3, 6), (6, 10), (10, 13), (13, 16), (16, 20))
+)
 SIZE = 20
 
 
@@ -54,7 +56,6 @@ def acceleration_from_rotorpy(s: np.ndarray, rate: np.ndarray, center: np.ndarra
 
     Args:
         s: (20 or more,) rotorpy's state.
-        rate: its rate.
         center: (3,) p_BoBcm_B [m].
     """
     w, al = s[W], rate[W]
@@ -66,7 +67,6 @@ def rotor_speeds(vehicle: Vehicle, u: np.ndarray, most: float = np.inf) -> np.nd
     """Return the rotor speeds (4,) [rad/s] that a nominal vehicle needs.
 
     Args:
-        vehicle: whose rotors.
         u: (4,) collective thrust and torque [N, N·m].
         most: thrust at which the command to a rotor saturates [N].
     """

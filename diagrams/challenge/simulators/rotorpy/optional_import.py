@@ -9,7 +9,10 @@ from np_drake.flight_log import FlightLog
 def require_rotorpy() -> None:
     """Raises ValueError: where rotorpy is not installed."""
     if find_spec("rotorpy") is None:
-        raise ValueError("simulator: for rotorpy its package must be installed; pip install 'np_drake[challenge]'.")
+        raise ValueError(
+            "simulator: for rotorpy its package must be installed; pip install "
+            "'np_drake[challenge]'."
+        )
 
 
 def fly(*arguments, **options) -> FlightLog:
@@ -17,7 +20,6 @@ def fly(*arguments, **options) -> FlightLog:
 
     Args:
         *arguments: of `diagrams.challenge.simulators.rotorpy.simulator.fly`.
-        **options: likewise.
     Raises: ValueError: where rotorpy is not installed.
     """
     require_rotorpy()
@@ -35,7 +37,9 @@ def foreign_vehicle(*, own: bool) -> RealVehicle:
 
 
 def own_physics() -> dict[str, float]:
-    """Return rotorpy's own parameters (`own_physics`). Raises ValueError: where rotorpy is not installed."""
+    """Return rotorpy's own parameters (`own_physics`). Raises ValueError: where rotorpy is not
+    installed.
+    """
     require_rotorpy()
     from diagrams.challenge.simulators.rotorpy.vehicle import own_physics as own_physics_of_rotorpy
 

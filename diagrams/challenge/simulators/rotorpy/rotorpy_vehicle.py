@@ -1,11 +1,20 @@
-"""rotorpy's multirotor as a system of Drake, and in the place of Drake's vehicle in this project's own loop."""
+"""rotorpy's multirotor as a system of Drake, and in the place of Drake's vehicle in this project's
+own loop.
+"""
 
 import dataclasses as dc
 from collections.abc import Sequence
 
 import numpy as np
 from pydrake.common.value import Value
-from pydrake.systems.framework import BasicVector, Context, Diagram, DiagramBuilder, LeafSystem, ValueProducer
+from pydrake.systems.framework import (
+    BasicVector,
+    Context,
+    Diagram,
+    DiagramBuilder,
+    LeafSystem,
+    ValueProducer,
+)
 
 from diagrams.challenge.simulators.rotorpy.conversion import (
     SPEED,
@@ -50,16 +59,18 @@ class RotorPyVehicle(LeafSystem):
     | nominal_rotor_thrust | 4 | what nominal rotors would give at the actual rotor speed | N |
     | plant_state | 13 or 26 | poses, then velocities, of B and of the payload where there is one, in Drake's order | |
 
-    Continuous state: rotorpy's (20,) [of Bcm; wind, which is a function of time; rotor speeds], hidden states of
-    effects, payload (6,). It starts in hover over the world origin, under rotors that nominally carry all weight.
+    Continuous state: rotorpy's (20,) [of Bcm; wind, which is a function of time; rotor speeds],
+    hidden states of effects, payload (6,). It starts in hover over the world origin, under rotors
+    that nominally carry all weight.
 
     Args:
-        vehicle: nominal vehicle.
-        effects: that act; errors of sensors do nothing here.
-        own: whether rotorpy's own drag, lift and motor lag act beside the effects (`RealMultirotor`).
-    """
+        own: whether rotorpy's own drag, lift and motor lag act beside the effects
+            (`RealMultirotor`).
+    """  # noqa: E501
 
-    def __init__(self, vehicle: Vehicle, effects: Sequence[Effect | MeasurementEffect], *, own: bool = False):
+    def __init__(
+        self, vehicle: Vehicle, effects: Sequence[Effect | MeasurementEffect], *, own: bool = False
+    ):
         super().__init__()
         self._vehicle, self._real = vehicle, RealMultirotor(vehicle, effects, own=own)
         self._u_port = self.DeclareVectorInputPort("u", 4)
@@ -74,7 +85,9 @@ class RotorPyVehicle(LeafSystem):
         self.DeclareVectorOutputPort("x", 13, self._calc_x, state)
         self.DeclareVectorOutputPort("acceleration", 6, self._calc_acceleration, prerequisites)
         self.DeclareVectorOutputPort("rotor_thrust", 4, self._calc_rotor_thrust, prerequisites)
-        self.DeclareVectorOutputPort("nominal_rotor_thrust", 4, self._calc_nominal_thrust, prerequisites)
+        self.DeclareVectorOutputPort(
+            "nominal_rotor_thrust", 4, self._calc_nominal_thrust, prerequisites
+        )
         size = 26 if self._real.payload(resting).size else 13
         self.DeclareVectorOutputPort("plant_state", size, self._calc_plant_state, state)
 
@@ -92,7 +105,6 @@ class RotorPyVehicle(LeafSystem):
         """Set the vehicle level and at rest, a payload hanging still.
 
         Args:
-            context: its own.
             p_WB: (3,) place of Bo [m].
         """
         context.SetContinuousState(self._hovering(np.asarray(p_WB, float)))
@@ -153,20 +165,25 @@ class RotorPyVehicle(LeafSystem):
 
 
 def make_rotorpy_vehicle(
-    vehicle: Vehicle, effects: Sequence[Effect | MeasurementEffect], *, command_period: float = 0.001, own: bool = False
+    vehicle: Vehicle,
+    effects: Sequence[Effect | MeasurementEffect],
+    *,
+    command_period: float = 0.001,
+    own: bool = False,
 ) -> Diagram:
-    """Return the subsystem `rotorpy`, a `RotorPyVehicle`, with its commands delayed as the effects say.
+    """Return the subsystem `rotorpy`, a `RotorPyVehicle`, with its commands delayed as the effects
+    say.
 
     Args:
-        vehicle: nominal vehicle.
-        effects: that act.
         command_period: at multiples of which `u` changes [s].
         own: as of `RotorPyVehicle`.
     """
     builder = DiagramBuilder()
     rotorpy = builder.AddNamedSystem("rotorpy", RotorPyVehicle(vehicle, effects, own=own))
     if rotorpy.dead_time >= SOONEST:
-        buffer = CommandBuffer(rotorpy.hover_input, dead_time=rotorpy.dead_time, period=command_period)
+        buffer = CommandBuffer(
+            rotorpy.hover_input, dead_time=rotorpy.dead_time, period=command_period
+        )
         builder.AddNamedSystem("command_buffer", buffer)
         builder.Connect(buffer.get_output_port(), rotorpy.get_input_port())
         builder.ExportInput(buffer.get_input_port(), "u")
@@ -181,8 +198,10 @@ def make_rotorpy_vehicle(
 class ForeignVehicle:
     """The `RealVehicle` that rotorpy flies, with the effects of the reality.
 
-    The sensors are those of the loop, and Drake integrates. A gusty wind has the same statistics as in Drake, but other
-    gusts.   own: whether rotorpy's own drag, lift and motor lag act beside the effects (`own_physics`).
+    The sensors are those of the loop, and Drake integrates. A gusty wind has the same statistics as
+    in Drake, but other
+    gusts.
+    own: whether rotorpy's own drag, lift and motor lag act beside the effects (`own_physics`).
     """
 
     own: bool = False
@@ -199,26 +218,27 @@ class ForeignVehicle:
         """Return the vehicle.
 
         Args:
-            vehicle: nominal vehicle.
-            reality: what acts besides.
             command_period: at multiples of which the command changes [s].
-            pushed: must be false.
-            events: must be none.
         Raises: ValueError: on what rotorpy does not know (`foreign_effects`), events or pushes.
         """
         if events:
-            raise ValueError("rotorpy: events must be none for this simulator; fly Drake's vehicle.")
+            raise ValueError(
+                "rotorpy: events must be none for this simulator; fly Drake's vehicle."
+            )
         if pushed:
-            raise ValueError("rotorpy: there must be no pushes from outside; watch a flight of Drake's vehicle.")
+            raise ValueError(
+                "rotorpy: there must be no pushes from outside; watch a flight of Drake's vehicle."
+            )
         effects = foreign_effects(reality)
         return make_rotorpy_vehicle(vehicle, effects, command_period=command_period, own=self.own)
 
-    def hover(self, system: Diagram, root: Context, reality: RealityConfig, p_WB: np.ndarray) -> None:
+    def hover(
+        self, system: Diagram, root: Context, reality: RealityConfig, p_WB: np.ndarray
+    ) -> None:
         """Set the vehicle level and at rest, with the payload hanging still.
 
         Args:
             system: as `make` returns it.
-            root: context of the whole diagram.
             reality: as of `make`.
             p_WB: (3,) place of Bo [m].
         """
@@ -233,14 +253,18 @@ def foreign_effects(reality: RealityConfig) -> list[Effect | MeasurementEffect]:
     Raises: ValueError: on an effect that begins in flight, a disturbance, a rod, or lags in series.
     """
     if reality.disturbance.acts:
-        raise ValueError("rotorpy: disturbance must be none; it is what a model leaves over, and no effect.")
+        raise ValueError(
+            "rotorpy: disturbance must be none; it is what a model leaves over, and no effect."
+        )
     if reality.onsets:
         late = ", ".join(effect.identifier for effect in reality.onsets)
         raise ValueError(f"rotorpy: effects must act from the start; {late} begins in flight.")
     if reality.hung.tether == "rod":
         raise ValueError("rotorpy: tether must be cable or none; got rod.")
     if len(reality.lags) > 1:
-        raise ValueError(f"rotorpy: there must be one motor lag at most; got {len(reality.lags)} in series.")
+        raise ValueError(
+            f"rotorpy: there must be one motor lag at most; got {len(reality.lags)} in series."
+        )
     hung = reality.hung.tether != "none"  # a payload without mass is none
     return [
         effect

@@ -1,7 +1,10 @@
-"""The simulator `rotorpy`: an exact log of one planned flight with effects, in another library's vehicle.
+"""The simulator `rotorpy`: an exact log of one planned flight with effects, in another library's
+vehicle.
 
-Rigid body, rotors, motors and steady wind are rotorpy's, the tether and the gusts are written here; every other effect
-acts by its own function, as in Drake.   Source: Folk, Paulos and Kumar 2023 (RotorPy), as a library.
+Rigid body, rotors, motors and steady wind are rotorpy's, the tether and the gusts are written here;
+every other effect
+acts by its own function, as in Drake.
+Source: Folk, Paulos and Kumar 2023 (RotorPy), as a library.
 """
 
 import math
@@ -61,7 +64,9 @@ class _Flight:
         return from_rotorpy(self._s, self.real.center)
 
     def control(self, target: np.ndarray) -> np.ndarray:
-        """Return the controller's command (4,) from now on [N, N·m]; it arrives after the dead time."""
+        """Return the controller's command (4,) from now on [N, N·m]; it arrives after the dead
+        time.
+        """
         u, self._integral = cascade(
             self._vehicle,
             self._gains,
@@ -76,7 +81,9 @@ class _Flight:
         return u
 
     def reading(self) -> np.ndarray:
-        """Return (19,) state of Bo, its acceleration in W and dw/dt in B, as the acting command makes them."""
+        """Return (19,) state of Bo, its acceleration in W and dw/dt in B, as the acting command
+        makes them.
+        """
         acceleration = acceleration_from_rotorpy(self._s, self._rate_now(), self.real.center)
         return np.concatenate([self.state(), acceleration])
 
@@ -127,16 +134,15 @@ def fly(
     background: Sequence[Effect] = (),
     warm_up: float = WARM_UP,
 ) -> FlightLog:
-    """Return the exact log of Bo: no noise; systematic sensor effects and the right-sided accelerations are in it.
+    """Return the exact log of Bo: no noise; systematic sensor effects and the right-sided
+    accelerations are in it.
 
     Args:
-        vehicle: nominal vehicle, for which the controller is made.
-        plan: where to fly.
-        effects: that act.
         t: (n,) instants of the rows [s]; the command is updated there too.
-        onset: the effects act from the first row at or after it on [s], errors of sensors throughout; None: from the
-            start.
-        background: effects that act throughout and are no cause (a vehicle file that is a percent off).
+        onset: the effects act from the first row at or after it on [s], errors of sensors
+            throughout; None: from the start.
+        background: effects that act throughout and are no cause (a vehicle file that is a percent
+            off).
         warm_up: hovering before the first row [s].
 
     Raises: FailedRun: if the vehicle is lost; ValueError: on what is no effect, or two payloads.
@@ -153,13 +159,21 @@ def fly(
     commands, states = _fly_rows(flight, targets, rows, t + offset, split, real if split else None)
     start = int(np.searchsorted(rows, t[0] - 1e-9))
     u, speed = commands[start : start + len(t), :4], commands[start : start + len(t), 4:]
-    return _sensed(vehicle, sensors, t, u, Measurement(states[:, :13], states[:, 13:16], states[:, 16:], speed))
+    return _sensed(
+        vehicle, sensors, t, u, Measurement(states[:, :13], states[:, 13:16], states[:, 16:], speed)
+    )
 
 
 def _sensed(
-    vehicle: Vehicle, sensors: Sequence[SensorEffect], t: np.ndarray, u: np.ndarray, truth: Measurement
+    vehicle: Vehicle,
+    sensors: Sequence[SensorEffect],
+    t: np.ndarray,
+    u: np.ndarray,
+    truth: Measurement,
 ) -> FlightLog:
-    """Return the log as sensors read it; every error acts on the true attitude, so that of the attitude comes last."""
+    """Return the log as sensors read it; every error acts on the true attitude, so that of the
+    attitude comes last.
+    """
     reading = truth
     for sensor in sorted(sensors, key=lambda sensor: "qw" in sensor.corrupts):
         reading = sensor.measure(vehicle, reading, np.zeros((len(t), 0)))
@@ -168,16 +182,25 @@ def _sensed(
 
 
 def _instants(t: np.ndarray, margin: float, warm_up: float) -> np.ndarray:
-    """Return the rows (m,) [s]: those before the log, its own, and those after until its last state has been read."""
+    """Return the rows (m,) [s]: those before the log, its own, and those after until its last state
+    has been read.
+    """
     step = float(np.median(np.diff(t)))
     before = t[0] - step * np.arange(round(warm_up / step), 0, -1)
     return np.concatenate([before, t, t[-1] + step * np.arange(1, 2 + int(np.ceil(margin / step)))])
 
 
 def _fly_rows(
-    flight: _Flight, targets: np.ndarray, rows: np.ndarray, reads: np.ndarray, split: int, later: RealMultirotor | None
+    flight: _Flight,
+    targets: np.ndarray,
+    rows: np.ndarray,
+    reads: np.ndarray,
+    split: int,
+    later: RealMultirotor | None,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return (m - 1, 8) command and rotor speed at all rows but the last, (n, 19) states at `reads`."""
+    """Return (m - 1, 8) command and rotor speed at all rows but the last, (n, 19) states at
+    `reads`.
+    """
     commands: list[np.ndarray] = []
     states: list[np.ndarray] = []
     for k, target in enumerate(targets[:-1]):

@@ -1,4 +1,6 @@
-"""A payload on an inextensible tether under rotorpy's vehicle: the tension that keeps the tether's length."""
+"""A payload on an inextensible tether under rotorpy's vehicle: the tension that keeps the tether's
+length.
+"""
 
 import math
 
@@ -9,17 +11,19 @@ from np_drake.effects.base import Motion
 from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.rigid_body import P, V, W
 
-# With which an error of length dies out, critically damped [1/s]; a slack tether tightens as softly.
+# With which an error of length dies out, critically damped [1/s]; a slack tether tightens as
+# softly.
 RATE = 80.0
 BAND = 1e-3  # of its length by which a taut tether may be too short [1]
 
 
 class Tether:
-    """A point mass on a tether that pulls only, in still air. State: its position and velocity in W [m, m/s].
+    """A point mass on a tether that pulls only, in still air. State: its position and velocity in W
+    [m, m/s].
 
-    The tension is that with which d²|r|/dt² = -2 RATE d|r|/dt - RATE² (|r| - L), r from hook to payload, given the
-    accelerations that vehicle and payload have without it.   Source: Newton and Euler for both bodies; index reduction
-    with Baumgarte's stabilisation.
+    The tension is that with which d²|r|/dt² = -2 RATE d|r|/dt - RATE² (|r| - L), r from hook to
+    payload, given the accelerations that vehicle and payload have without it.
+    Source: Newton and Euler for both bodies; index reduction with Baumgarte's stabilisation.
     """
 
     size = 6
@@ -36,10 +40,10 @@ class Tether:
     def pull(
         self, now: Motion, own: np.ndarray, motion: np.ndarray, inertial: tuple, gravity: float
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return the tether's part of the vehicle's accelerations, and the rate of the payload's state.
+        """Return the tether's part of the vehicle's accelerations, and the rate of the payload's
+        state.
 
         Args:
-            now: the vehicle's state, of Bo.
             own: (6,) state of the payload.
             motion: (6,) [dv/dt of Bcm in W, dw/dt in B] without the tether [m/s², rad/s²].
             inertial: mass [kg], inverse inertia (3, 3), p_BoBcm_B (3,) of the vehicle.
@@ -59,7 +63,9 @@ class Tether:
         n_B = n @ now.R_WB
         lever, along = cross(arm, n_B), float(n @ rate)
         inward = w * float(w @ arm) - arm * (x * x + y * y + z * z)  # w x (w x arm)
-        hook = float(n @ motion[:3] + lever @ motion[3:] + n_B @ inward)  # its acceleration along the tether
+        hook = float(
+            n @ motion[:3] + lever @ motion[3:] + n_B @ inward
+        )  # its acceleration along the tether
         wanted = float(n @ fall) - hook + (float(rate @ rate) - along * along) / span
         wanted += 2 * RATE * along + RATE**2 * (span - self.length)
         turn = J_inverse @ lever

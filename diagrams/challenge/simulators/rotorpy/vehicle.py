@@ -8,43 +8,64 @@ import numpy as np
 from rotorpy.vehicles.hummingbird_params import quad_params
 from rotorpy.vehicles.multirotor import Multirotor
 
-from diagrams.challenge.simulators.rotorpy.conversion import SIZE, SPEED, WIND, V, W, X, cross, from_rotorpy
+from diagrams.challenge.simulators.rotorpy.conversion import (
+    SIZE,
+    SPEED,
+    WIND,
+    V,
+    W,
+    X,
+    cross,
+    from_rotorpy,
+)
 from diagrams.challenge.simulators.rotorpy.tether import Tether
 from diagrams.challenge.simulators.rotorpy.wind import winds
-from np_drake.effects.base import ActuatorEffect, Effect, MassProperties, MeasurementEffect, Motion, WrenchEffect
+from np_drake.effects.base import (
+    ActuatorEffect,
+    Effect,
+    MassProperties,
+    MeasurementEffect,
+    Motion,
+    WrenchEffect,
+)
 from np_drake.effects.combine import mass_properties, split_effects
 from np_drake.effects.motor_lag import MotorLag
 from np_drake.effects.rotor_gyroscopic import RotorGyroscopic
 from np_drake.effects.thrust_scale import ThrustScale
 from np_drake.vehicle import Vehicle
 
-# rotorpy's own aerodynamics and motors, which no effect of this project has exactly: drag of the body, drag and inflow
-# of the rotors, their lift and flapping, and the motors' time constant.
+# rotorpy's own aerodynamics and motors, which no effect of this project has exactly: drag of the
+# body, drag and inflow of the rotors, their lift and flapping, and the motors' time constant.
 OWN = ("c_Dx", "c_Dy", "c_Dz", "k_d", "k_z", "k_h", "k_flap", "tau_m")
 _NO_STATE = np.zeros(0)
 
 
 def own_physics() -> dict[str, float]:
-    """Return these parameters of the vehicle that comes with rotorpy, the Hummingbird, as they stand there [SI]."""
+    """Return these parameters of the vehicle that comes with rotorpy, the Hummingbird, as they
+    stand there [SI].
+    """
     return {name: float(quad_params[name]) for name in OWN}
 
 
 class RealMultirotor(Multirotor):
-    """A multirotor of rotorpy: its rigid body, rotors, motor lag and wind state; other effects join its body wrench.
+    """A multirotor of rotorpy: its rigid body, rotors, motor lag and wind state; other effects join
+    its body wrench.
 
-    rotorpy's own parameters are mass, inertia, place of the rotors from the centre of mass, thrust and torque
-    coefficient (`thrust_scale`), motor time constant (infinite: none, and the command is the speed) and gravity. Its
-    ground plane is off. Other effects act by the functions of the effect itself, all on the same thrusts; one with a
+    rotorpy's own parameters are mass, inertia, place of the rotors from the centre of mass, thrust
+    and torque coefficient (`thrust_scale`), motor time constant (infinite: none, and the command is
+    the speed) and gravity. Its ground plane is off. Other effects act by the functions of the
+    effect itself, all on the same thrusts; one with a
     hidden state adds to them. `center`: (3,) p_BoBcm_B [m].   `dead_time`: of commands [s].
     """
 
-    def __init__(self, vehicle: Vehicle, effects: Sequence[Effect | MeasurementEffect], *, own: bool = False):
+    def __init__(
+        self, vehicle: Vehicle, effects: Sequence[Effect | MeasurementEffect], *, own: bool = False
+    ):
         """Build the vehicle.
 
         Args:
-            vehicle: nominal vehicle.
-            effects: that act; errors of sensors do nothing here.
-            own: whether rotorpy's own aerodynamics act, and its own motor lag where neither effect nor file has one.
+            own: whether rotorpy's own aerodynamics act, and its own motor lag where neither effect
+                nor file has one.
 
         Raises: ValueError: on two payloads, or what is no effect.
         """
@@ -59,12 +80,20 @@ class RealMultirotor(Multirotor):
         self.dead_time = sum(effect.dead_time for effect in places.actuator)
         self._winds = winds(places.wrench)
         self._pushes = [e for e in places.wrench if type(e).wrench is not WrenchEffect.wrench]
-        others = [e for e in places.actuator if not (isinstance(e, (MotorLag, ThrustScale)) or e.dead_time)]
+        others = [
+            e
+            for e in places.actuator
+            if not (isinstance(e, (MotorLag, ThrustScale)) or e.dead_time)
+        ]
         self._gains = [effect for effect in others if not effect.state_size]
         self._hidden = [effect for effect in others if effect.state_size]
         self._tether = None if places.payload is None else Tether(places.payload)
         self._plain = not (self._pushes or others or self._tether)
-        self._t, self._s, self._command = 0.0, np.zeros(SIZE), np.zeros(4)  # overwritten for every rate
+        self._t, self._s, self._command = (
+            0.0,
+            np.zeros(SIZE),
+            np.zeros(4),
+        )  # overwritten for every rate
         self._rates: list[np.ndarray] = []
 
     @property
@@ -83,7 +112,9 @@ class RealMultirotor(Multirotor):
         return self.mass + (self._tether.mass if self._tether else 0.0)
 
     def payload(self, s: np.ndarray) -> np.ndarray:
-        """Return the payload's position and velocity in W (6,) [m, m/s] in a state; empty (0,) without one."""
+        """Return the payload's position and velocity in W (6,) [m, m/s] in a state; empty (0,)
+        without one.
+        """
         return s[-Tether.size :] if self._tether else np.zeros(0)
 
     def hidden_at_rest(self, t: float, s: np.ndarray) -> np.ndarray:
@@ -103,7 +134,6 @@ class RealMultirotor(Multirotor):
 
         Args:
             t: [s].
-            s: the state.
             command: (4,) rotor speeds [rad/s].
         """
         s[WIND] = sum(wind.update(t, s[X]) for wind in self._winds) if self._winds else 0.0
@@ -134,7 +164,8 @@ class RealMultirotor(Multirotor):
     def compute_body_wrench(
         self, body_rates: np.ndarray, rotor_speeds: np.ndarray, body_airspeed_vector: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return force (3,) and torque (3,) about Bcm in B [N, N·m], of rotorpy's rotors and of the effects.
+        """Return force (3,) and torque (3,) about Bcm in B [N, N·m], of rotorpy's rotors and of the
+        effects.
 
         Args:
             body_rates: (3,) in B [rad/s].
@@ -158,11 +189,15 @@ class RealMultirotor(Multirotor):
         return force + extra[:3], torque + extra[3:]
 
     def _added(self, thrust: np.ndarray) -> np.ndarray:
-        """Return thrust and torque (4,) of effects with a hidden state [N, N·m]; keeps their rates."""
+        """Return thrust and torque (4,) of effects with a hidden state [N, N·m]; keeps their
+        rates.
+        """
         total, at = np.zeros(4), SIZE
         for effect in self._hidden:
             own = self._s[at : at + effect.state_size]
-            total += self.vehicle.mixer @ (effect.thrust(self.vehicle, own, thrust, self._t) - thrust)
+            total += self.vehicle.mixer @ (
+                effect.thrust(self.vehicle, own, thrust, self._t) - thrust
+            )
             self._rates.append(effect.state_rate(self.vehicle, own, thrust))
             at += effect.state_size
         return total
@@ -173,19 +208,22 @@ class RealMultirotor(Multirotor):
         return Motion(self._t, x, self.thrust(self._t, speed), self._s[WIND], spin_up)
 
     def _turning(self, speed: np.ndarray, now: Motion) -> Motion:
-        """Return the motion with the thrusts that these speeds (4,) show: momentum is theirs, whatever blades give."""
+        """Return the motion with the thrusts that these speeds (4,) show: momentum is theirs,
+        whatever blades give.
+        """
         return dc.replace(now, rotor_thrust=self.vehicle.thrust_coefficient * speed * speed)
 
 
 def parameters(
-    vehicle: Vehicle, body: MassProperties, effects: Sequence[ActuatorEffect], *, tau_m: float = np.inf
+    vehicle: Vehicle,
+    body: MassProperties,
+    effects: Sequence[ActuatorEffect],
+    *,
+    tau_m: float = np.inf,
 ) -> dict:
     """Return rotorpy's parameters of a multirotor, with the effects that are parameters there.
 
     Args:
-        vehicle: nominal vehicle.
-        body: its real mass properties.
-        effects: between command and thrust.
         tau_m: time constant of motors to which neither effect nor file gives one [s].
     """
     scale = float(np.prod([effect.scale for effect in effects if isinstance(effect, ThrustScale)]))

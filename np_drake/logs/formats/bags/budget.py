@@ -14,14 +14,17 @@ from np_drake.files.input_file import block_budget, size_of, text_budget
 from np_drake.logs.errors import LogError
 
 # Budgets, own choice.
-MOST_TEXT = 5 * 10**6  # characters of all different names and definitions; parsing takes 20 bytes each
+MOST_TEXT = (
+    5 * 10**6
+)  # characters of all different names and definitions; parsing takes 20 bytes each
 LEAST_CHANNELS = 20_000  # that any bag may have
 BYTES_A_CHANNEL = 100  # of a bag for every further one; its records take more
 
 
 @dc.dataclass(frozen=True)
 class Channel:
-    """One topic in one file: its number there, the type of its messages and its definition, how many there are.
+    """One topic in one file: its number there, the type of its messages and its definition, how
+    many there are.
 
     language: of the definition, `MSG` or `IDL`; empty where there is none.
     """
@@ -65,7 +68,8 @@ class Budget:
     def too_large_block(self) -> LogError:
         """Return the error of a chunk or message beyond its budget."""
         return LogError(
-            f"{self._bag}: must hold chunks and messages that unpack to {_megabytes(self.block)}. {_REMEDY}"
+            f"{self._bag}: must hold chunks and messages that unpack to "
+            f"{_megabytes(self.block)}. {_REMEDY}"
         )
 
     def text(self, raw: bytes) -> str:
@@ -78,7 +82,9 @@ class Budget:
             self._text_left -= len(text)
             if self._text_left < 0:
                 most = f"{MOST_TEXT / 1e6:g} million characters"
-                raise LogError(f"{self._bag}: must name and define its topics in {most}. Is it the right file?")
+                raise LogError(
+                    f"{self._bag}: must name and define its topics in {most}. Is it the right file?"
+                )
             self._texts[text] = text
         return self._texts[text]
 
@@ -89,7 +95,9 @@ class Budget:
         """
         self._channels_left -= 1
         if self._channels_left < 0:
-            raise LogError(f"{self._bag}: must not hold as many topics as it does. Is it the right file?")
+            raise LogError(
+                f"{self._bag}: must not hold as many topics as it does. Is it the right file?"
+            )
 
 
 def unpacked(kind: str, data: bytes, most: int) -> bytes:
@@ -97,7 +105,6 @@ def unpacked(kind: str, data: bytes, most: int) -> bytes:
 
     Args:
         kind: `bz2`, `lz4` or `zstd`.
-        data: compressed.
         most: size that is allowed [byte].
     Raises: ValueError: if it is damaged, or of another kind.
     """
@@ -112,11 +119,11 @@ def unpacked(kind: str, data: bytes, most: int) -> bytes:
 
 
 def unpacked_exactly(kind: str, data: bytes, size: int) -> bytes:
-    """Return the decompressed data of a chunk that claims a size, which was taken from the budget before.
+    """Return the decompressed data of a chunk that claims a size, which was taken from the budget
+    before.
 
     Args:
         kind: `bz2`, `lz4` or `zstd`.
-        data: compressed.
         size: that it claims [byte].
     Raises: ValueError: if it is damaged, or of another size.
     """
@@ -152,4 +159,7 @@ def _megabytes(size: int) -> str:
     return f"at most {size / 1e6:.0f} MB for the size of its file"
 
 
-_REMEDY = "If it is right, write it without compression (`rosbag decompress`, `mcap decompress`, `ros2 bag convert`)."
+_REMEDY = (
+    "If it is right, write it without compression (`rosbag decompress`, `mcap "
+    "decompress`, `ros2 bag convert`)."
+)

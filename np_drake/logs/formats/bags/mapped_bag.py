@@ -1,4 +1,6 @@
-"""A bag mapped into memory: its records, those of chunks in place of them, with its index or without."""
+"""A bag mapped into memory: its records, those of chunks in place of them, with its index or
+without.
+"""
 
 import abc
 import itertools
@@ -13,24 +15,22 @@ from typing import Any
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.bags.budget import Budget, Channel, unpacked_exactly
 
-Record = tuple[Any, Any, int, int]  # data in which it lies, its header or kind, start and end of its content
+Record = tuple[
+    Any, Any, int, int
+]  # data in which it lies, its header or kind, start and end of its content
 
 
 class MappedBag(abc.ABC):
     """Channels and messages of a file of records, mapped into memory.
 
-    whole: its end is there. Where that holds an index, only the chunks of the wanted channels are unpacked; without,
-    all records are passed through, from the first to the last whole one.
+    whole: its end is there. Where that holds an index, only the chunks of the wanted channels are
+    unpacked; without, all records are passed through, from the first to the last whole one.
     """
 
     _start: int  # where the records begin
 
     def __init__(self, path: Path, budget: Budget) -> None:
         """Find all channels and how many messages they have.
-
-        Args:
-            path: of the file.
-            budget: of its bag.
         Raises: ValueError: if there is no message; LogError: beyond the budget.
         """
         with path.open("rb") as file:
@@ -95,7 +95,9 @@ class MappedBag(abc.ABC):
             yield from self._records(data, at, end)
 
     def _top(self, wanted: frozenset[int]) -> Iterator[Record]:
-        """Yield the records of the file itself; with an index the chunks of the wanted channels alone, each once."""
+        """Yield the records of the file itself; with an index the chunks of the wanted channels
+        alone, each once.
+        """
         if not self._chunks:
             yield from self._records(self._bytes, self._start, len(self._bytes))
         for start in sorted({start for start, has in self._chunks if not has or has & wanted}):
@@ -103,7 +105,9 @@ class MappedBag(abc.ABC):
 
     @abc.abstractmethod
     def _read_index(self) -> tuple[bool, bool]:
-        """Learn all from the end of the file; return whether that is there, and whether it says enough."""
+        """Learn all from the end of the file; return whether that is there, and whether it says
+        enough.
+        """
 
     @staticmethod
     @abc.abstractmethod
@@ -112,11 +116,15 @@ class MappedBag(abc.ABC):
 
     @abc.abstractmethod
     def _stamp(self, record: Record) -> tuple[int, int, int] | None:
-        """Return channel, time of receipt [ns] and start of a message; None for any other record."""
+        """Return channel, time of receipt [ns] and start of a message; None for any other
+        record.
+        """
 
     @abc.abstractmethod
     def _chunk(self, record: Record) -> tuple[str, int, int, int, int] | None:
-        """Return compression, size, checksum, start and end of a chunk's records; None for any other record."""
+        """Return compression, size, checksum, start and end of a chunk's records; None for any
+        other record.
+        """
 
     @abc.abstractmethod
     def _learn(self, record: Record) -> None:

@@ -1,6 +1,7 @@
 """Reads MCAP files as ROS 2 records them, whole or cut off.
 
-A record is a byte that says its kind, its length in 8 bytes, and its content; a chunk holds records, compressed or not.
+A record is a byte that says its kind, its length in 8 bytes, and its content; a chunk holds
+records, compressed or not.
 Source: MCAP format specification.
 """
 
@@ -13,7 +14,17 @@ from np_drake.logs.formats.bags.budget import Channel
 from np_drake.logs.formats.bags.mapped_bag import MappedBag, Record
 
 MAGIC = b"\x89MCAP0\r\n"
-NONE, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, CHUNK_INDEX, STATISTICS, DATA_END = 0, 2, 3, 4, 5, 6, 8, 11, 15
+NONE, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, CHUNK_INDEX, STATISTICS, DATA_END = (
+    0,
+    2,
+    3,
+    4,
+    5,
+    6,
+    8,
+    11,
+    15,
+)
 FOOTER_START = b"\x02\x14" + bytes(7)  # its kind and length
 FOOTER_SIZE = 29 + len(MAGIC)
 LANGUAGES = {"ros2msg": "MSG", "ros2idl": "IDL", "omgidl": "IDL"}
@@ -79,7 +90,9 @@ class Mcap(MappedBag):
 
     def _channel(self, number: int) -> Channel:
         topic, schema = self._found[number]
-        return Channel(number, topic, *self._schemas.get(schema, ("", "", "")), self._counts[number])
+        return Channel(
+            number, topic, *self._schemas.get(schema, ("", "", "")), self._counts[number]
+        )
 
     def _chunk(self, record: Record) -> tuple[str, int, int, int, int] | None:
         data, kind, at, end = record
@@ -105,7 +118,9 @@ class Mcap(MappedBag):
 
 
 def _text(data: Any, at: int, end: int) -> tuple[bytes, int]:
-    """Return a text with its length before it, and where it ends; ValueError if it is longer than its record."""
+    """Return a text with its length before it, and where it ends; ValueError if it is longer than
+    its record.
+    """
     stop = at + 4 + struct.unpack_from("<I", data, at)[0]
     if stop > end:
         raise ValueError("a record is damaged")

@@ -1,7 +1,7 @@
 """Reads ROS 1 bags, with their index or, as recording leaves them when it is broken off, without.
 
-A record is a header and data, each with its length before it; a chunk holds connections and messages, compressed or
-not. Source: description of the bag format 2.0.
+A record is a header and data, each with its length before it; a chunk holds connections and
+messages, compressed or not. Source: description of the bag format 2.0.
 """
 
 import struct
@@ -13,7 +13,13 @@ from np_drake.logs.formats.bags.mapped_bag import MappedBag, Record
 
 MAGIC = b"#ROSBAG V"
 START = b"#ROSBAG V2.0\n"
-MESSAGE, HEADER, CHUNK, CHUNK_INFO, CONNECTION = b"\x02", b"\x03", b"\x05", b"\x06", b"\x07"  # values of `op`
+MESSAGE, HEADER, CHUNK, CHUNK_INFO, CONNECTION = (
+    b"\x02",
+    b"\x03",
+    b"\x05",
+    b"\x06",
+    b"\x07",
+)  # values of `op`
 LONGEST_HEADER = 10**6  # [byte] of a record, own choice
 Fields = dict[bytes, bytes]
 
@@ -34,14 +40,18 @@ class Ros1(MappedBag):
             raise ValueError("it is encrypted")
         start = int.from_bytes(header.get(b"index_pos", b""), "little")
         connections, chunks = 0, 0
-        for record in self._records(self._bytes, start, len(self._bytes)) if start >= first[3] else ():
+        for record in (
+            self._records(self._bytes, start, len(self._bytes)) if start >= first[3] else ()
+        ):
             data, fields, at, end = record
             connections += fields.get(b"op") == CONNECTION
             self._learn(record)
             if fields.get(b"op") == CHUNK_INFO:
                 chunks += 1
                 counts = dict(struct.iter_unpack("<II", data[at:end][: (end - at) // 8 * 8]))
-                self._counts.update({number: n for number, n in counts.items() if number in self._found})
+                self._counts.update(
+                    {number: n for number, n in counts.items() if number in self._found}
+                )
                 place = int.from_bytes(fields.get(b"chunk_pos", b""), "little")
                 self._chunks.append((place, frozenset(counts)))
         said = _number(header.get(b"conn_count", b"")), _number(header.get(b"chunk_count", b""))
@@ -96,7 +106,9 @@ class Ros1(MappedBag):
 
 
 def _fields(header: bytes) -> Fields:
-    """Return the fields of a header by name; what is damaged is left out, as is all of a header that is too long."""
+    """Return the fields of a header by name; what is damaged is left out, as is all of a header
+    that is too long.
+    """
     fields: Fields = {}
     at = 0 if len(header) <= LONGEST_HEADER else len(header)
     while at + 4 <= len(header):

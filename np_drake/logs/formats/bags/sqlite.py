@@ -1,4 +1,5 @@
-"""Reads ROS 2 bags: the description of a folder, and sqlite3 storage with its tables of topics and messages.
+"""Reads ROS 2 bags: the description of a folder, and sqlite3 storage with its tables of topics and
+messages.
 
 Source: rosbag2, storage plugin sqlite3.
 """
@@ -26,10 +27,6 @@ class Sqlite:
 
     def __init__(self, path: Path, budget: Budget) -> None:
         """Find all topics and how many messages they have.
-
-        Args:
-            path: of the database.
-            budget: of its bag.
         Raises: ValueError: if it is no such database; LogError: beyond the budget.
         """
         self._budget = budget
@@ -38,13 +35,16 @@ class Sqlite:
         uri = f"{path.absolute().as_uri()}?mode=ro&immutable=1"
         ahead = path.with_name(f"{path.name}-wal")
         if ahead.is_file() and ahead.stat().st_size:
-            # A recorder that was killed leaves messages there. They are read of copies: SQLite writes beside the file.
+            # A recorder that was killed leaves messages there. They are read of copies: SQLite
+            # writes beside the file.
             self._folder = tempfile.TemporaryDirectory()
             copy = Path(self._folder.name) / "bag.db3"
             shutil.copyfile(path, copy)
             shutil.copyfile(ahead, copy.with_name(f"{copy.name}-wal"))
             uri = f"{copy.as_uri()}?mode=ro"
-            self.notes.append(f"the write-ahead file {ahead.name} is read with it; its recorder did not end well")
+            self.notes.append(
+                f"the write-ahead file {ahead.name} is read with it; its recorder did not end well"
+            )
         self._database = sqlite3.connect(uri, uri=True)
         self._database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, budget.block)
         self._database.text_factory = bytes
@@ -89,12 +89,16 @@ class Sqlite:
         Raises: ValueError: where it is a view, or virtual.
         """
         query = (
-            "SELECT name FROM sqlite_master WHERE name IN (?, ?, ?) AND (type <> 'table' OR sql LIKE 'CREATE VIRTUAL%')"
+            "SELECT name FROM sqlite_master WHERE name IN (?, ?, ?) AND (type <> 'table' OR "
+            "sql LIKE 'CREATE VIRTUAL%')"
         )
         names = ("topics", "messages", "message_definitions")
         found = [name.decode(errors="replace") for (name,) in self._database.execute(query, names)]
         if found:
-            raise ValueError(f"{', '.join(found)} must be tables; a view or virtual table is no record of a flight")
+            raise ValueError(
+                f"{', '.join(found)} must be tables; a view or virtual table is no record "
+                f"of a flight"
+            )
 
     def _channels(self) -> list[Channel]:
         self._require_tables()
@@ -104,7 +108,9 @@ class Sqlite:
             if isinstance(number, int) and isinstance(topic, bytes) and isinstance(kind, bytes):
                 self._budget.add_channel()
                 topics[number] = self._budget.text(topic), self._budget.text(kind)
-        counted = self._database.execute("SELECT topic_id, count(*) FROM messages GROUP BY topic_id")
+        counted = self._database.execute(
+            "SELECT topic_id, count(*) FROM messages GROUP BY topic_id"
+        )
         counts = {number: count for number, count in counted if number in topics}
         return [
             Channel(number, topic, kind, *definitions.get(kind, ("", "")), counts.get(number, 0))
@@ -113,11 +119,17 @@ class Sqlite:
 
     def _definitions(self) -> dict[str, tuple[str, str]]:
         """Return language and definition by type; nothing where the bag is older than its table."""
-        query = "SELECT count(*) FROM sqlite_master WHERE type = 'table' AND name = 'message_definitions'"
+        query = (
+            "SELECT count(*) FROM sqlite_master WHERE type = 'table' AND name = "
+            "'message_definitions'"
+        )
         if not self._database.execute(query).fetchone()[0]:
             return {}
         found: dict[str, tuple[str, str]] = {}
-        query = "SELECT topic_type, encoding, encoded_message_definition FROM message_definitions ORDER BY id"
+        query = (
+            "SELECT topic_type, encoding, encoded_message_definition FROM "
+            "message_definitions ORDER BY id"
+        )
         for kind, encoding, definition in self._database.execute(query):
             if isinstance(kind, bytes) and isinstance(definition, bytes):
                 language = LANGUAGES.get(encoding, "") if isinstance(encoding, bytes) else ""
@@ -146,17 +158,14 @@ def described(folder: Path) -> tuple[list[Path], str]:
         raise ValueError(f"the compression {kind!r} of every {mode!r} is not known")
     missing = [name for name in names if not (folder / name).is_file()]
     if missing or not names:
-        raise FileNotFoundError(f"the file {missing[0]} is missing" if missing else "it names no file")
+        raise FileNotFoundError(
+            f"the file {missing[0]} is missing" if missing else "it names no file"
+        )
     return [folder / name for name in names], "" if mode == "none" else mode
 
 
 def unpack(file: Path, folder: Path, take: Callable[[int], None]) -> Path:
     """Decompress a file into a folder, and return the result.
-
-    Args:
-        file: compressed by zstd.
-        folder: for the result.
-        take: takes bytes from the budget.
     Raises: ValueError: if it is damaged; LogError: beyond the budget.
     """
     target = folder / file.stem

@@ -53,7 +53,14 @@ def test_only_onset_cases_begin_in_mid_flight():
 def test_a_set_has_the_shares_asked_for():
     kinds = [draw.kind for draw in compose(200, 30, 0)]
     counts = {kind: kinds.count(kind) for kind in set(kinds)}
-    assert counts == {"single": 100, "pair": 30, "triple": 16, "onset": 24, "foreign": 30, "clean": 30}
+    assert counts == {
+        "single": 100,
+        "pair": 30,
+        "triple": 16,
+        "onset": 24,
+        "foreign": 30,
+        "clean": 30,
+    }
 
 
 def test_single_effects_cycle_through_the_library():
@@ -71,7 +78,10 @@ def test_order_tells_nothing_about_the_kind():
 def test_joint_effects_act_at_different_places():
     for draw in compose(400, 0, 1):
         if draw.kind in ("pair", "triple"):
-            assert len({LIBRARY[name].place for name in draw.names}) == {"pair": 2, "triple": 3}[draw.kind]
+            assert (
+                len({LIBRARY[name].place for name in draw.names})
+                == {"pair": 2, "triple": 3}[draw.kind]
+            )
             assert compatible(draw.names)
     assert not compatible(("mass_error", "thrust_scale"))
     assert not compatible(("command_delay", "clock_offset"))

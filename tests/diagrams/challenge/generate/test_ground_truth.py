@@ -49,7 +49,8 @@ def test_what_noise_hides_is_told_by_nobody(hovering):
 
 def test_its_error_falls_with_the_strength(hovering):
     faint, plain = (
-        np.mean([abs(told(hovering, strength, seed) - ONSET) for seed in range(6)]) for strength in (1e-3, 2e-2)
+        np.mean([abs(told(hovering, strength, seed) - ONSET) for seed in range(6)])
+        for strength in (1e-3, 2e-2)
     )
     assert plain < 0.5 * faint
 
@@ -73,7 +74,9 @@ def test_parameters_alone_do_not_tell_the_gusts(windy):
     noise = flight.noise
     left = GroundTruth(case, {HELD_OUT: flight}).residual_of_true_parameters(HELD_OUT)
     gusts = np.sqrt(left[:2] ** 2 - noise[:2] ** 2)
-    assert np.all((gusts > 0.1) & (gusts < 0.9))  # 0.3 N·s/m of a meter a second: not the drag, nor the mean
+    assert np.all(
+        (gusts > 0.1) & (gusts < 0.9)
+    )  # 0.3 N·s/m of a meter a second: not the drag, nor the mean
     assert left[3:] == pytest.approx(noise[3:], rel=0.05)
 
 
@@ -97,7 +100,9 @@ def test_a_flight_that_counts_later_for_its_noise_is_compared_from_there(windy):
 
 @pytest.mark.parametrize(("height", "names"), [(0.0, "mass_error"), (2.5, None)])
 def test_a_ceiling_is_a_mass_to_vehicles_that_stay_above_it(height, names):
-    case = draw_case(CaseDraw(0, "foreign", ("ceiling_effect",)), quality="clean", seed=3, seconds=5.0)
+    case = draw_case(
+        CaseDraw(0, "foreign", ("ceiling_effect",)), quality="clean", seed=3, seconds=5.0
+    )
     case = dc.replace(case, effects=(CeilingEffect(0.2, 0.5, height),))
     found = GroundTruth.of(case, *fly_case(case, "drake")).equivalent_library_effects()
     assert (names in found) if names else not found

@@ -65,7 +65,9 @@ def test_the_truth_may_not_lie_with_the_cases(tmp_path, truth):
     assert not (tmp_path / "cases").exists()
 
 
-@pytest.mark.parametrize("wrong", [{"simulator": "gazebo"}, {"quality": "dirty"}, {"seconds": 0.1}, {"cases": 0}])
+@pytest.mark.parametrize(
+    "wrong", [{"simulator": "gazebo"}, {"quality": "dirty"}, {"seconds": 0.1}, {"cases": 0}]
+)
 def test_impossible_requests_are_refused(tmp_path, wrong):
     with pytest.raises(ValueError, match="make"):
         make(tmp_path / "cases", tmp_path / "truth", clean=0, **wrong)
@@ -134,7 +136,9 @@ def test_an_interrupted_set_goes_on_and_ends_as_an_uninterrupted_one(small_set, 
     assert make(tmp_path / "cases", tmp_path / "truth", **SIZE, **OPTIONS) == result
     for kind in ("cases", "truth"):
         files = sorted(path.relative_to(base / kind) for path in (base / kind).rglob("*"))
-        assert files == sorted(path.relative_to(tmp_path / kind) for path in (tmp_path / kind).rglob("*"))
+        assert files == sorted(
+            path.relative_to(tmp_path / kind) for path in (tmp_path / kind).rglob("*")
+        )
         for file in files:
             if (base / kind / file).is_file():
                 assert (base / kind / file).read_bytes() == (tmp_path / kind / file).read_bytes()

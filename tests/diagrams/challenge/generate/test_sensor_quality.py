@@ -11,7 +11,7 @@ from diagrams.challenge.generate.sensor_quality import (
 from diagrams.challenge.simulators.coloured_noise import flicker, gauss_markov
 from np_drake import attitude
 from np_drake.flight_log import FlightLog
-from np_drake.vehicle import MeasurementNoise, Vehicle
+from np_drake.vehicle.vehicle import MeasurementNoise, Vehicle
 
 N = 40000
 
@@ -20,7 +20,15 @@ def still(tilt: float = 0.0) -> FlightLog:
     q = np.array([np.cos(tilt / 2), np.sin(tilt / 2), 0, 0])
     zero = np.zeros((N, 3))
     return FlightLog(
-        0.01 * np.arange(N), zero, np.tile(q, (N, 1)), zero, zero, np.zeros((N, 4)), zero, zero, np.zeros((N, 4))
+        0.01 * np.arange(N),
+        zero,
+        np.tile(q, (N, 1)),
+        zero,
+        zero,
+        np.zeros((N, 4)),
+        zero,
+        zero,
+        np.zeros((N, 4)),
     )
 
 
@@ -35,7 +43,9 @@ def turn(q: np.ndarray, q_true: np.ndarray) -> np.ndarray:
 def test_clean_noise_is_white_and_as_the_file_states():
     noise = MeasurementNoise(0.001, 0.01, 0.0, 0.02, 0.1, 0.5)
     log, true = (
-        with_sensor_noise(still(), Vehicle(measurement_noise=noise), SensorQuality(), np.random.default_rng(0)),
+        with_sensor_noise(
+            still(), Vehicle(measurement_noise=noise), SensorQuality(), np.random.default_rng(0)
+        ),
         still(),
     )
     figures = {"p": 0.001, "v": 0.01, "w": 0.02, "a": 0.1, "al": 0.5, "rotor": 2.0}
@@ -54,7 +64,9 @@ def test_real_noise_has_the_figures_drawn():
     assert log.al is None
     error = turn(log.q, still().q)
     assert rms(np.diff(error, axis=0)) / np.sqrt(2) == pytest.approx(sensors.attitude, rel=0.05)
-    assert rms(error) == pytest.approx(np.hypot(sensors.attitude, sensors.wander), rel=0.2)  # slow: few samples
+    assert rms(error) == pytest.approx(
+        np.hypot(sensors.attitude, sensors.wander), rel=0.2
+    )  # slow: few samples
     assert rms(log.v) == pytest.approx(np.hypot(0.01, sensors.velocity_wander), rel=0.1)
     assert rms(log.w) == pytest.approx(np.hypot(0.01, sensors.rate_flicker), rel=0.1)
 
@@ -90,7 +102,9 @@ def test_dropped_rows_leave_no_gap_that_a_reader_refuses():
     t, rows = sensors.instants(rng, 20.0), kept_rows(rng, sensors, 2000)
     assert len(rows) == 1980
     assert np.diff(t[rows]).max() < 2.5 * np.median(np.diff(t[rows]))
-    assert np.diff(t).std() == pytest.approx(0.01 * 0.05 * np.sqrt(2 / 3), rel=0.1)  # uniform, two instants
+    assert np.diff(t).std() == pytest.approx(
+        0.01 * 0.05 * np.sqrt(2 / 3), rel=0.1
+    )  # uniform, two instants
 
 
 def test_clean_rows_are_all_there_at_a_constant_rate():

@@ -1,4 +1,6 @@
-"""Laws of the sensor quality `wild`: three times the range of `real`, any input that tells the effects drawn."""
+"""Laws of the sensor quality `wild`: three times the range of `real`, any input that tells the
+effects drawn.
+"""
 
 import dataclasses as dc
 import json
@@ -45,8 +47,8 @@ from np_drake.logs.formats.log_file import write_log
 from np_drake.logs.gaps import LONGEST
 from np_drake.logs.import_sheet import SUFFIX, read_sheet, write_sheet
 from np_drake.logs.opening import open_flights
-from np_drake.vehicle import INPUTS
-from np_drake.vehicle_text import vehicle_text
+from np_drake.vehicle.text import vehicle_text
+from np_drake.vehicle.vehicle import INPUTS
 
 # The laws hold from any start; a settled one only takes longer.
 fly = partial(simulator.fly, warm_up=0.5)  # [s]
@@ -73,7 +75,10 @@ def spans(values, low, high):
 def test_every_figure_has_three_times_the_range_of_real(drawn, name):
     low, high = RANGES[name]
     assert spans([getattr(sensors, name) for sensors in drawn], low / 3, 3 * high)
-    real = [getattr(draw_sensor_quality("real", np.random.default_rng(k), SPIN), name) for k in range(50)]
+    real = [
+        getattr(draw_sensor_quality("real", np.random.default_rng(k), SPIN), name)
+        for k in range(50)
+    ]
     assert low <= min(real) <= max(real) <= high
 
 
@@ -107,7 +112,10 @@ def test_rates_are_log_uniform_between_their_bounds(drawn):
 
 def test_rows_are_lost_in_succession_and_no_reader_refuses_the_gaps():
     sensors = dc.replace(
-        draw_sensor_quality("wild", np.random.default_rng(0), SPIN), rate=RATES[0], drops=0.03, jitter=0.15
+        draw_sensor_quality("wild", np.random.default_rng(0), SPIN),
+        rate=RATES[0],
+        drops=0.03,
+        jitter=0.15,
     )
     rng = np.random.default_rng(1)
     t, rows = sensors.instants(rng, 60.0), kept_rows(rng, sensors, 3000)
@@ -162,14 +170,22 @@ def test_a_log_states_when_its_commands_act_where_they_are_not_held(kind, semant
     assert (dut is None) == (semantics == "held_after" or kind == "rotor_speed")
     if dut is not None:
         write_sheet(dut, tmp_path / "flight.csv")
-        assert read_sheet(tmp_path / "flight.csv").timing == pytest.approx(TIMING[semantics] * 0.02, abs=1e-6)
-        assert (semantics in (tmp_path / "flight.import.yaml").read_text()) == (semantics != "held_before")
+        assert read_sheet(tmp_path / "flight.csv").timing == pytest.approx(
+            TIMING[semantics] * 0.02, abs=1e-6
+        )
+        assert (semantics in (tmp_path / "flight.import.yaml").read_text()) == (
+            semantics != "held_before"
+        )
     assert LoggedInput().sheet(0.02) is None  # of clean and real
 
 
 def in_tolerance(effect, logged):
-    """A wild case at 100 Hz with this effect and input: whether it is within what its files may be off by."""
-    case = draw_case(CaseDraw(0, "single", (effect.identifier,)), quality="wild", seed=3, seconds=5.0)
+    """A wild case at 100 Hz with this effect and input: whether it is within what its files may be
+    off by.
+    """
+    case = draw_case(
+        CaseDraw(0, "single", (effect.identifier,)), quality="wild", seed=3, seconds=5.0
+    )
     quality = dc.replace(case.quality, rate=100.0, rotor=abs(case.quality.rotor))
     case = dc.replace(case, quality=quality, input=logged, effects=(effect,))
     truth = GroundTruth.of(case, *fly_case(case, "drake"))
@@ -183,7 +199,11 @@ def in_tolerance(effect, logged):
     [
         (ThrustScale(0.96), LoggedInput(), True),  # 2.3 standard deviations of the file
         (ThrustScale(0.88), LoggedInput(), False),
-        (ThrustScale(0.88), LoggedInput("normalised"), True),  # a throttle's scale is known to a fifth
+        (
+            ThrustScale(0.88),
+            LoggedInput("normalised"),
+            True,
+        ),  # a throttle's scale is known to a fifth
         (CommandDelay(0.002), LoggedInput("command", "sampled"), True),  # the interval is 10 ms
         (CommandDelay(0.002), LoggedInput(), False),
         (LinearDrag(0.6, 0.6, 0.6), LoggedInput("command", "sampled"), False),
@@ -205,7 +225,9 @@ def test_the_truth_tolerates_what_a_diagnosis_of_the_files_does():
         dut = truth.stated_tolerance()
         assert (dut.mass, dut.thrust >= 0.0173) == (0.0173, True)
         assert dut.timing == pytest.approx(0.01 / np.sqrt(12), rel=0.05)
-        assert (dut.thrust, dut.throttle_curve > 0) == ((0.5, True) if logged.kind == "normalised" else (0.0173, False))
+        assert (dut.thrust, dut.throttle_curve > 0) == (
+            (0.5, True) if logged.kind == "normalised" else (0.0173, False)
+        )
         real = dc.replace(truth, case=dc.replace(one, quality=SensorQuality("real")))
         assert real.stated_tolerance() == tolerance_of(flights)
 
@@ -226,7 +248,9 @@ def test_a_late_sample_is_the_second_command_of_its_row():
     np.testing.assert_allclose(fine[::FINER], t)
     np.testing.assert_allclose(np.diff(fine), 0.01)
     log = counted(fine)
-    assert np.array_equal(as_logged(log, dut.semantics, dut.finer, dut.late).u[:, 0], fine[1::FINER])
+    assert np.array_equal(
+        as_logged(log, dut.semantics, dut.finer, dut.late).u[:, 0], fine[1::FINER]
+    )
 
 
 def counted(t):
@@ -243,7 +267,9 @@ def test_a_file_is_read_with_the_input_that_was_drawn(kind, vehicle, plan, t, tm
 
 
 def flown(logged):
-    """A clean wild case at 100 Hz with that input: its noisy log, noise floor and visibility in one flight."""
+    """A clean wild case at 100 Hz with that input: its noisy log, noise floor and visibility in one
+    flight.
+    """
     case = draw_case(CaseDraw(0, "clean"), quality="wild", seed=3, seconds=5.0)
     quality = dc.replace(case.quality, rate=100.0, rotor=abs(case.quality.rotor))
     case = dc.replace(case, quality=quality, input=logged)
@@ -252,7 +278,9 @@ def flown(logged):
     return noisy, flight.noise, GroundTruth(case, {FILES[0]: flight}).visibility(FILES[0])
 
 
-@pytest.mark.parametrize("kind, semantics", [("thrust_only", "sampled"), ("rotor_speed", "averaged")])
+@pytest.mark.parametrize(
+    "kind, semantics", [("thrust_only", "sampled"), ("rotor_speed", "averaged")]
+)
 def test_what_a_file_does_not_tell_is_no_gap(kind, semantics):
     noisy, noise, visibility = flown(LoggedInput(kind, semantics))
     assert noisy.input == kind
@@ -274,7 +302,10 @@ def test_the_same_seed_writes_the_same_files_and_they_can_be_read(tmp_path):
     sheets = [path for path in files if path.name.endswith(SUFFIX)]
     assert len(files) - len(sheets) == 2 * (len(FILES) + 2)
     for path in files:
-        assert path.read_bytes() == (tmp_path / "other" / path.relative_to(tmp_path / "one")).read_bytes()
+        assert (
+            path.read_bytes()
+            == (tmp_path / "other" / path.relative_to(tmp_path / "one")).read_bytes()
+        )
     for folder in (tmp_path / "one" / "cases").iterdir():
         _, train, held_out = open_case(folder)
         truth = json.loads((tmp_path / "one" / "truth" / folder.name / "truth.json").read_text())
@@ -282,7 +313,10 @@ def test_the_same_seed_writes_the_same_files_and_they_can_be_read(tmp_path):
         assert truth["quality"] == "wild"
         assert len(truth["within_tolerance"]) == len(truth["effects"])
         stated = {log.timing for log in [*train, *held_out]}
-        held = truth["sensors"]["semantics"] == "held_after" or truth["sensors"]["input"] == "rotor_speed"
+        held = (
+            truth["sensors"]["semantics"] == "held_after"
+            or truth["sensors"]["input"] == "rotor_speed"
+        )
         assert (stated == {0.0}) == held
         assert max(stated) <= 0.5 / truth["sensors"]["rate"] + 1e-4
         assert RATES[0] <= truth["sensors"]["rate"] <= RATES[1]

@@ -1,4 +1,6 @@
-"""Logs of other origin: in wrong conventions refused by name, and imported diagnosed as their original."""
+"""Logs of other origin: in wrong conventions refused by name, and imported diagnosed as their
+original.
+"""
 
 import dataclasses as dc
 import itertools
@@ -26,7 +28,7 @@ from np_drake.logs.importing.conventions import WrongConventions, changed
 from np_drake.logs.importing.convert import convert
 from np_drake.logs.importing.import_log import import_log
 from np_drake.logs.importing.log_map import load_map_file
-from np_drake.vehicle_text import vehicle_text
+from np_drake.vehicle.text import vehicle_text
 
 # The laws hold from any start; a settled one only takes longer.
 fly = partial(simulator.fly, warm_up=0.5)  # [s]
@@ -40,7 +42,10 @@ ERRORS = {  # by name: how the log is written, where its map declares the defaul
     "rates in deg/s": (("rates.unit", "deg/s"),),
     "rates in FRD": (("rates.body", "frd"),),
     "accelerometer in g": (("acceleration.unit", "g"),),
-    "accelerometer without gravity": (("acceleration.kind", "acceleration"), ("acceleration.axes", "body")),
+    "accelerometer without gravity": (
+        ("acceleration.kind", "acceleration"),
+        ("acceleration.axes", "body"),
+    ),
     "accelerometer negative": (("acceleration.scale", -1.0),),
     "thrust negative": (("thrust.scale", -1.0),),
     "velocity in body axes": (("velocity.axes", "body"),),
@@ -72,7 +77,9 @@ def flown():
 
 
 def written(log, errors, path):
-    """Write the log in conventions of its own; return its quantities, the default map, and the one that fits."""
+    """Write the log in conventions of its own; return its quantities, the default map, and the one
+    that fits.
+    """
     x = {name: values for name, values in quantities_of(log).items() if name != "rotor_speed"}
     declared = default_map(list(x), command="held_after")
     own = changed(declared, tuple(itertools.chain(*(ERRORS[name] for name in errors))))
@@ -90,7 +97,9 @@ def test_a_log_in_other_conventions_is_refused_under_the_right_name(errors, flow
     found = convert(columns_in(x, own), named)
     found["attitude"] *= np.sign(np.sum(found["attitude"] * x["attitude"], axis=1, keepdims=True))
     for name, values in x.items():
-        assert np.allclose(found[name], values, rtol=0, atol=1e-4 * max(1.0, np.abs(values).max())), name
+        assert np.allclose(
+            found[name], values, rtol=0, atol=1e-4 * max(1.0, np.abs(values).max())
+        ), name
     assert import_log(tmp_path / "flight.csv", own).flights
 
 
@@ -112,7 +121,9 @@ def test_an_imported_log_is_diagnosed_as_its_original(effect, rate, semantics, t
     for name, kind in FLIGHTS.items():
         plan = draw_plan(rng, vehicle, 12.0, kind)
         exact = fly(vehicle, plan, [acting], t=np.arange(12 * rate * finer) / (rate * finer))
-        log = dc.replace(with_sensor_noise(exact, vehicle, SensorQuality(), rng), al=None, rotor=None)
+        log = dc.replace(
+            with_sensor_noise(exact, vehicle, SensorQuality(), rng), al=None, rotor=None
+        )
         write_log(log, folders[0] / f"{name}.csv")
         log = as_logged(log, semantics, finer)
         x = quantities_of(log)
@@ -128,7 +139,9 @@ def test_an_imported_log_is_diagnosed_as_its_original(effect, rate, semantics, t
     original, imported = (diagnosed(folder, vehicle) for folder in folders)
     assert original.verdict == (effect,)
     (told,) = imported.causes
-    if told.identifier != effect:  # of a vehicle that nobody measured, less thrust looks as more mass does
+    if (
+        told.identifier != effect
+    ):  # of a vehicle that nobody measured, less thrust looks as more mass does
         assert effect in told.indistinguishable_from
         assert sum(e.probability for e in imported.explanations if e.named == (effect,)) > 0.3
         return

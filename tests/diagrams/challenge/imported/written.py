@@ -33,7 +33,9 @@ def default_map(names: list[str], **fields: object) -> LogMap:
 
 
 def columns_in(quantities: Quantities, log_map: LogMap) -> Quantities:
-    """Return the columns (n, k) that a log in the conventions of this map holds: the inverse of `convert`."""
+    """Return the columns (n, k) that a log in the conventions of this map holds: the inverse of
+    `convert`.
+    """
     q = quantities["attitude"]
     return {name: _column(name, values, q, log_map) for name, values in quantities.items()}
 
@@ -57,7 +59,14 @@ def _column(name: str, values: np.ndarray, q: np.ndarray, log_map: LogMap) -> np
     world, body = log_map.frames(source)
     if name == "attitude":
         return _attitude(values, source, world, body)
-    if name not in ("position", "velocity", "rates", "acceleration", "angular_acceleration", "torque"):
+    if name not in (
+        "position",
+        "velocity",
+        "rates",
+        "acceleration",
+        "angular_acceleration",
+        "torque",
+    ):
         return values / factor
     if name == "acceleration" and source.kind != "acceleration":
         values = values + [0.0, 0.0, GRAVITY]
@@ -73,7 +82,9 @@ def _column(name: str, values: np.ndarray, q: np.ndarray, log_map: LogMap) -> np
 
 
 def _attitude(q: np.ndarray, source: Source, world: str, body: str) -> np.ndarray:
-    """Return a quaternion in the conventions of its source; turns between frames are their own inverse."""
+    """Return a quaternion in the conventions of its source; turns between frames are their own
+    inverse.
+    """
     if world == "ned":
         q = attitude.multiply(np.broadcast_to(Q_WORLD * [1, -1, -1, -1], q.shape), q)
     if body == "frd":

@@ -35,7 +35,9 @@ def test_soft_arms_carry_roll_over_to_pitch_and_pitch_back_to_roll(vehicle):
     given = vehicle.mixer @ dut.thrust(vehicle, dut.state_at(vehicle, thrust), thrust)
     np.testing.assert_allclose(given - wrench, [0.0, 0.06, 0.1, 0.0], atol=1e-12)
     level = vehicle.unmixer @ [20.0, 0.0, 0.0, 0.0]
-    np.testing.assert_allclose(dut.thrust(vehicle, dut.state_at(vehicle, level), thrust), thrust, atol=1e-12)
+    np.testing.assert_allclose(
+        dut.thrust(vehicle, dut.state_at(vehicle, level), thrust), thrust, atol=1e-12
+    )
 
 
 def test_a_motor_stays_in_step_with_slow_rises_and_loses_it_with_fast_ones(vehicle):
@@ -53,7 +55,10 @@ def test_a_motor_stays_in_step_with_slow_rises_and_loses_it_with_fast_ones(vehic
 def test_a_twisting_mount_pushes_across_its_arm_with_thrust_squared(vehicle):
     hover = vehicle.mass * vehicle.gravity / 4
     dut = TwistingMount(0, 0.02)
-    chi = [dut.wrench(vehicle, Motion(0.0, LEVEL, np.array([f, 1.0, 1.0, 1.0]))) for f in (hover, 2 * hover)]
+    chi = [
+        dut.wrench(vehicle, Motion(0.0, LEVEL, np.array([f, 1.0, 1.0, 1.0])))
+        for f in (hover, 2 * hover)
+    ]
     side = 0.02 * hover / np.sqrt(2)
     np.testing.assert_allclose(chi[0], [-side, side, 0, 0, 0, 2 * 0.127 * side], atol=1e-12)
     np.testing.assert_allclose(chi[1], 4 * chi[0], atol=1e-12)
@@ -71,7 +76,9 @@ def test_no_rotor_gives_more_than_where_it_saturates(vehicle):
 
 
 def test_blades_give_way_over_time(vehicle):
-    """After a step from hover to twice the thrust they give all of it at once, and 0.8 of it later."""
+    """After a step from hover to twice the thrust they give all of it at once, and 0.8 of it
+    later.
+    """
     hover, dut = np.full(4, vehicle.mass * vehicle.gravity / 4), CreepingBlades(0.2, 1.0)
     before, after = dut.state_at(vehicle, hover), dut.state_at(vehicle, 2 * hover)
     np.testing.assert_allclose(dut.thrust(vehicle, before, 2 * hover), 2.0 * hover)

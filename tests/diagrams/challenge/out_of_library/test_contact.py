@@ -37,7 +37,9 @@ def test_a_winch_pulls_alike_from_afar_and_harder_while_it_pays_out(vehicle, mov
 
 
 def test_a_sprung_load_without_damping_bounces_on_as_a_cosine(vehicle):
-    """After a step of thrust the frame is lighter at first, heavier half a period later; no torque."""
+    """After a step of thrust the frame is lighter at first, heavier half a period later; no
+    torque.
+    """
     dut, before, after = SprungLoad(2.0, 0.0, 0.2), np.full(4, 4.0), np.full(4, 5.0)
     s, step = dut.state_at(vehicle, before), 1e-5
     for k in range(25001):  # half a period
@@ -69,4 +71,6 @@ def test_a_sliding_load_lies_on_the_low_side(vehicle):
         x = np.zeros(13)
         x[3], x[5] = np.cos(pitch / 2), np.sin(pitch / 2)
         torque = dut.wrench(vehicle, Motion(0.0, x, np.ones(4)))[3:]
-        np.testing.assert_allclose(torque, [0.0, 0.3 * np.tanh(np.sin(pitch) / 0.1), 0.0], atol=1e-12)
+        np.testing.assert_allclose(
+            torque, [0.0, 0.3 * np.tanh(np.sin(pitch) / 0.1), 0.0], atol=1e-12
+        )

@@ -4,7 +4,12 @@ import numpy as np
 import pytest
 
 from diagrams.challenge.generate.composition import compose
-from diagrams.challenge.out_of_library.draw import DEVELOPMENT, HOLDOUT, OUT_OF_LIBRARY, draw_out_of_library
+from diagrams.challenge.out_of_library.draw import (
+    DEVELOPMENT,
+    HOLDOUT,
+    OUT_OF_LIBRARY,
+    draw_out_of_library,
+)
 from diagrams.challenge.simulators.drake import simulator
 from np_drake.effects.base import ActuatorEffect, Motion, WrenchEffect
 from np_drake.effects.library import LIBRARY
@@ -43,7 +48,9 @@ def test_held_out_effects_are_in_no_ordinary_set_and_alone_in_their_own():
 
 
 def effects_of(kind, vehicle):
-    effects = [draw_out_of_library(name, np.random.default_rng(9), vehicle) for name in OUT_OF_LIBRARY]
+    effects = [
+        draw_out_of_library(name, np.random.default_rng(9), vehicle) for name in OUT_OF_LIBRARY
+    ]
     return [effect for effect in effects if isinstance(effect, kind)]
 
 
@@ -54,7 +61,9 @@ def test_a_wrench_is_the_same_for_one_instant_as_for_many(vehicle):
     motion = Motion(rng.uniform(0, 20, 20), x, rng.uniform(0, 9, (20, 4)), rng.normal(size=(20, 3)))
     for effect in effects_of(WrenchEffect, vehicle):
         many = effect.wrench(vehicle, motion)
-        one = effect.wrench(vehicle, Motion(motion.t[3], x[3], motion.rotor_thrust[3], motion.wind[3]))
+        one = effect.wrench(
+            vehicle, Motion(motion.t[3], x[3], motion.rotor_thrust[3], motion.wind[3])
+        )
         np.testing.assert_allclose(one, many[3], atol=1e-12, err_msg=effect.identifier)
 
 
@@ -76,4 +85,6 @@ def test_at_rest_what_answers_to_change_adds_nothing(name, vehicle):
 def test_creeping_blades_give_what_is_commanded_in_hover(vehicle):
     effect = draw_out_of_library("creeping_blades", np.random.default_rng(9), vehicle)
     hover = np.full(4, vehicle.mass * vehicle.gravity / 4)
-    np.testing.assert_allclose(effect.thrust(vehicle, effect.state_at(vehicle, hover), hover), hover)
+    np.testing.assert_allclose(
+        effect.thrust(vehicle, effect.state_at(vehicle, hover), hover), hover
+    )

@@ -30,4 +30,6 @@ def test_a_vehicle_passes_once_in_every_period(vehicle):
     chi = dut.wrench(vehicle, Motion(t, np.tile(LEVEL, (7, 1)), np.ones((7, 4))))
     edge = 2.0 * np.exp(-0.5)
     np.testing.assert_allclose(chi[:, 2], [-2.0, -2.0, -2.0, -edge, -edge, -edge, 0.0], atol=1e-9)
-    np.testing.assert_allclose(chi[:, 3], [0, 0, 0, -0.1 * edge, 0.1 * edge, 0.1 * edge, 0], atol=1e-9)
+    np.testing.assert_allclose(
+        chi[:, 3], [0, 0, 0, -0.1 * edge, 0.1 * edge, 0.1 * edge, 0], atol=1e-9
+    )

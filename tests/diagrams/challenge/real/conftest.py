@@ -13,7 +13,9 @@ STEP = 0.01  # s
 
 
 def flight(
-    seed: int, force: Callable[[np.ndarray, np.ndarray, np.ndarray, np.ndarray], np.ndarray], duration: float = 12.0
+    seed: int,
+    force: Callable[[np.ndarray, np.ndarray, np.ndarray, np.ndarray], np.ndarray],
+    duration: float = 12.0,
 ) -> FlightLog:
     """Fly a multisine whose rotors carry what `force` (t, p, v, a) in W leaves of m (a + g)."""
     vehicle = Vehicle()
@@ -27,9 +29,13 @@ def flight(
     a = np.sum(size * frequency * np.cos(phase), axis=0)
     thrust = vehicle.mass * (a + [0.0, 0.0, vehicle.gravity]) - force(t, p, v, a)
     z = thrust / np.linalg.norm(thrust, axis=1, keepdims=True)
-    half = np.stack([1 + z[:, 2], -z[:, 1], z[:, 0], np.zeros(len(t))], axis=1)  # least turn of z to the thrust
+    half = np.stack(
+        [1 + z[:, 2], -z[:, 1], z[:, 0], np.zeros(len(t))], axis=1
+    )  # least turn of z to the thrust
     q = half / np.linalg.norm(half, axis=1, keepdims=True)
-    turn = attitude.rotation_vector(attitude.multiply(attitude.conjugate(q[:-2]), q[2:])) / (2 * STEP)
+    turn = attitude.rotation_vector(attitude.multiply(attitude.conjugate(q[:-2]), q[2:])) / (
+        2 * STEP
+    )
     w = np.concatenate([turn[:1], turn, turn[-1:]])
     al = np.gradient(w, STEP, axis=0)
     tau = al @ vehicle.J.T + np.cross(w, w @ vehicle.J.T)

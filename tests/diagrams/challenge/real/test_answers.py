@@ -5,7 +5,13 @@ from pathlib import Path
 
 import pytest
 
-from diagrams.challenge.real.answers import brief, effects_of, read_answer, require_answers, write_answers
+from diagrams.challenge.real.answers import (
+    brief,
+    effects_of,
+    read_answer,
+    require_answers,
+    write_answers,
+)
 from diagrams.challenge.real.rules import Case
 from np_drake.effects.suspended_payload import SuspendedPayload
 
@@ -25,14 +31,24 @@ def test_the_folder_of_a_case_is_of_plain_letters():
 
 
 def test_what_is_written_is_read_again(tmp_path):
-    answer = {"causes": [{**DRAG, "parameters": {"x": {"value": 0.1, "ci95": [0.0, None]}}, "onset": {"a": None}}]}
+    answer = {
+        "causes": [
+            {**DRAG, "parameters": {"x": {"value": 0.1, "ci95": [0.0, None]}}, "onset": {"a": None}}
+        ]
+    }
     write_answers(tmp_path, {CASE.folder: answer})
     assert read_answer(tmp_path, CASE) == answer
     assert read_answer(tmp_path / "nowhere", CASE) is None
 
 
 def test_only_what_is_scored_is_kept_of_an_answer():
-    whole = {"causes": [DRAG], "gap": {"force": {}, "bands": [1, 2]}, "refit": None, "readings": {}, "wall": 2.0}
+    whole = {
+        "causes": [DRAG],
+        "gap": {"force": {}, "bands": [1, 2]},
+        "refit": None,
+        "readings": {},
+        "wall": 2.0,
+    }
     assert brief(whole) == {"causes": [DRAG], "gap": {"force": {}}, "refit": None, "wall": 2.0}
 
 
@@ -69,6 +85,10 @@ def test_cases_without_an_answer_are_counted_and_none_at_all_is_refused(tmp_path
 
 def test_effects_have_the_values_of_an_answer_and_unknown_ones_are_out():
     parameters = {"mass": {"value": 0.01}, "length": {"value": 0.5}, "colour": {"value": 3.0}}
-    causes = [{"effect": "suspended_payload", "parameters": parameters}, {"effect": "vortex_ring"}, DRAG]
+    causes = [
+        {"effect": "suspended_payload", "parameters": parameters},
+        {"effect": "vortex_ring"},
+        DRAG,
+    ]
     (payload,) = effects_of({"causes": causes}, ["suspended_payload", "vortex_ring"])
     assert payload == SuspendedPayload(mass=0.01, length=0.5)

@@ -3,7 +3,12 @@
 import numpy as np
 import pytest
 
-from diagrams.challenge.real.calibration import bins, calibration_error, calibration_figure, calibration_table
+from diagrams.challenge.real.calibration import (
+    bins,
+    calibration_error,
+    calibration_figure,
+    calibration_table,
+)
 
 
 def test_honest_probabilities_lie_on_the_diagonal():
@@ -14,7 +19,9 @@ def test_honest_probabilities_lie_on_the_diagonal():
     assert sum(row["n"] for row in rows) == p.size
     for row in rows:
         assert row["lower"] <= row["mean"] < row["upper"]
-        assert row["rate"] == pytest.approx(row["mean"], abs=0.04)  # four deviations of the smallest bin
+        assert row["rate"] == pytest.approx(
+            row["mean"], abs=0.04
+        )  # four deviations of the smallest bin
 
 
 def test_a_certain_name_falls_in_the_last_bin_and_none_gives_no_bins():
@@ -34,4 +41,7 @@ def test_the_figure_names_axes_and_series():
     top, below = figure.axes
     assert "share that is true" in top.get_ylabel()
     assert "probability" in below.get_xlabel()
-    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["as reported", "real flights (n = 2)"]
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == [
+        "as reported",
+        "real flights (n = 2)",
+    ]

@@ -1,4 +1,6 @@
-"""Laws of the cases: the rule is that of names, no flight judges itself, and what is missing is said in a line."""
+"""Laws of the cases: the rule is that of names, no flight judges itself, and what is missing is
+said in a line.
+"""
 
 from pathlib import Path
 
@@ -13,16 +15,31 @@ WINDS = ("nowind", "35wind", "100wind")
 CONTROLLERS = ("baseline", "indi", "pid")
 FILES = (  # of all other campaigns, as they are named there
     *(f"imrc/bare/flight{n:02}" for n in (0, 1, 2, 12, 13, 22, 23)),
-    *(f"idsia/{kind}_run{n}.parquet" for kind in ("melon", "random1", "square", "zigzag", "zoo") for n in (1, 2)),
-    *(f"nanobench/dataset_B{n}_{kind}_fast_rep1.csv.gz" for n, kind in enumerate(("circle", "oval", "star"))),
+    *(
+        f"idsia/{kind}_run{n}.parquet"
+        for kind in ("melon", "random1", "square", "zigzag", "zoo")
+        for n in (1, 2)
+    ),
+    *(
+        f"nanobench/dataset_B{n}_{kind}_fast_rep1.csv.gz"
+        for n, kind in enumerate(("circle", "oval", "star"))
+    ),
     "nanobench/pid_mell_data_mell_aligned.csv.gz",
-    *(f"crazyswarm2/{kind}/{name}{n}" for kind in ("standard", "upgraded", "payload") for n in (1, 3, 5)
-      for name in ("log", "info")),
-    *(f"neural_swarm/{kind}/walk_{name}_0{n}.gz" for kind in ("ground", "single") for name in ("cf50", "cf101")
-      for n in (1, 2)),
+    *(
+        f"crazyswarm2/{kind}/{name}{n}"
+        for kind in ("standard", "upgraded", "payload")
+        for n in (1, 3, 5)
+        for name in ("log", "info")
+    ),
+    *(
+        f"neural_swarm/{kind}/walk_{name}_0{n}.gz"
+        for kind in ("ground", "single")
+        for name in ("cf50", "cf101")
+        for n in (1, 2)
+    ),
     *(f"neural_swarm/downwash/cf5{v}_0{n}.gz" for v in (0, 1) for n in (0, 2)),
     "indiflight/LOG00231.BFL",
-)  # fmt: skip
+)
 
 
 @pytest.fixture
@@ -45,7 +62,9 @@ def everything(folder, monkeypatch) -> Path:
     for name in FILES:
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).touch()
-    monkeypatch.setattr(module, "exceeded_height", lambda path, log_map: 0.8 if "single" in str(path) else 0.1)
+    monkeypatch.setattr(
+        module, "exceeded_height", lambda path, log_map: 0.8 if "single" in str(path) else 0.1
+    )
     return folder
 
 
@@ -53,7 +72,11 @@ def test_no_flight_judges_its_own_fit_and_folders_of_answers_differ(everything):
     cases = make_cases(everything)
     assert {case.group for case in cases} == set(GROUPS) - {"neurobem"}
     assert all(case.held_out not in case.train and case.train for case in cases)
-    assert len({case.folder for case in cases}) == len({(case.group, case.name) for case in cases}) == len(cases)
+    assert (
+        len({case.folder for case in cases})
+        == len({(case.group, case.name) for case in cases})
+        == len(cases)
+    )
     assert all(len(case.folder.parts) == 2 for case in cases)
 
 
@@ -66,15 +89,21 @@ def test_a_flight_judges_twice_at_most_in_its_group_and_no_other_file(everything
 
 
 def test_all_campaigns_together_are_at_most_sixty_cases():
-    high_or_low = sum(campaign.most for campaign in CAMPAIGNS if not campaign.group.startswith("swarm-single"))
+    high_or_low = sum(
+        campaign.most for campaign in CAMPAIGNS if not campaign.group.startswith("swarm-single")
+    )
     assert high_or_low <= 62
 
 
 def test_the_height_of_a_flight_decides_whether_the_ground_is_near(everything):
-    high, low = (make_cases(everything, only=[f"swarm-{kind}-small"]) for kind in ("single", "ground"))
+    high, low = (
+        make_cases(everything, only=[f"swarm-{kind}-small"]) for kind in ("single", "ground")
+    )
     assert {case.held_out.parent.name for case in high} == {"single"}
     assert {case.held_out.parent.name for case in low} == {"ground"}
-    assert all("cf50" in path.name for case in (*high, *low) for path in (*case.train, case.held_out))
+    assert all(
+        "cf50" in path.name for case in (*high, *low) for path in (*case.train, case.held_out)
+    )
 
 
 def test_cases_are_picked_evenly_from_the_first_to_the_last():

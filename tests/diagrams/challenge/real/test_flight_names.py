@@ -1,4 +1,6 @@
-"""Laws of the names of flights: a block is a run of numbers, and a setting of the fans is a speed."""
+"""Laws of the names of flights: a block is a run of numbers, and a setting of the fans is a
+speed.
+"""
 
 from pathlib import Path
 
@@ -24,7 +26,8 @@ def test_a_block_has_one_stem_and_a_flight_has_a_number():
 
 
 @pytest.mark.parametrize(
-    "setting, speed", [("nowind", 0.0), ("35wind", 4.2), ("70wind", 8.5), ("100wind", 12.1), ("70p20sint", 8.5)]
+    "setting, speed",
+    [("nowind", 0.0), ("35wind", 4.2), ("70wind", 8.5), ("100wind", 12.1), ("70p20sint", 8.5)],
 )
 def test_the_speed_of_the_wind_is_in_proportion_to_the_fans(setting, speed):
     assert wind_speed(setting) == pytest.approx(speed, abs=0.05)  # m/s, as the data set rounds

@@ -15,7 +15,14 @@ from diagrams.challenge.real.effect_columns import (
     stacked,
     wind_columns,
 )
-from diagrams.challenge.real.least_squares import fit, probability, select_by_bic, told_ground, told_payload, told_wind
+from diagrams.challenge.real.least_squares import (
+    fit,
+    probability,
+    select_by_bic,
+    told_ground,
+    told_payload,
+    told_wind,
+)
 from diagrams.challenge.real.payload_position import wrench_of
 from np_drake.diagnosis.residuals.make_flight_residuals import make_flight_residuals
 from np_drake.effects.ground_effect import GroundEffect
@@ -93,5 +100,9 @@ def test_told_a_ground_effect_its_radius_is_that_planted_beside_a_drift(make_fli
     e = make_flight_residuals(log, vehicle)
     planted = wrench_of(log, vehicle, [GroundEffect(radius)], e.t)
     planted[:, 2] += 0.02 * e.t  # thrust that drifts [N]
-    dut = told_ground([dc.replace(e, y=e.y + np.pad(planted, ((0, 0), (0, e.y.shape[1] - planted.shape[1]))))])
-    assert dut["effective_radius"]["value"] == pytest.approx(radius, rel=0.03)  # of noise and the residual's grid
+    dut = told_ground(
+        [dc.replace(e, y=e.y + np.pad(planted, ((0, 0), (0, e.y.shape[1] - planted.shape[1]))))]
+    )
+    assert dut["effective_radius"]["value"] == pytest.approx(
+        radius, rel=0.03
+    )  # of noise and the residual's grid

@@ -18,7 +18,9 @@ def test_a_real_payload_hangs_a_string_below_its_vehicle(real_flights, group):
     inside = (t >= flight.t[0]) & (t <= flight.t[-1])
     p_WB = np.stack([np.interp(t[inside], flight.t, flight.p[:, i]) for i in range(3)], axis=1)
     distance = np.median(np.linalg.norm(p[inside] - p_WB, axis=1))
-    assert distance == pytest.approx(campaign.truth.parameters["length"].value, rel=0.05)  # of string and pendulum
+    assert distance == pytest.approx(
+        campaign.truth.parameters["length"].value, rel=0.05
+    )  # of string and pendulum
 
 
 def test_a_real_log_without_a_payload_is_said(real_flights):

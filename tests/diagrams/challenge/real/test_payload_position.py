@@ -1,4 +1,6 @@
-"""Laws of the payload's position: on a simulated pendulum it is found from the vehicle's motion and force alone."""
+"""Laws of the payload's position: on a simulated pendulum it is found from the vehicle's motion and
+force alone.
+"""
 
 import dataclasses as dc
 
@@ -35,7 +37,8 @@ def test_the_true_pendulum_is_where_the_payload_is(swung, predict, most):
     log, p = swung
     drive = make_drive(log, Vehicle(), TRUE)
     found = predict(drive, TRUE, GRAVITY)
-    # m: open loop the noise of the velocity is left; the filter starts plumb, 0.18 m away, and has its own noise.
+    # m: open loop the noise of the velocity is left; the filter starts plumb, 0.18 m away, and has
+    # its own noise.
     assert error(found, drive.t, p, log.t) < most
 
 

@@ -1,4 +1,6 @@
-"""Laws of `np-drake reproduce real`: bad input is one line and exit code 2, and answers of any tool are scored."""
+"""Laws of `np-drake reproduce real`: bad input is one line and exit code 2, and answers of any tool
+are scored.
+"""
 
 import dataclasses as dc
 import json
@@ -13,7 +15,7 @@ from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.translational_lift import TranslationalLift
 from np_drake.logs.formats.log_file import write_log
 from np_drake.vehicle import load_vehicle
-from np_drake.vehicle_calibration import ThrottleMap
+from np_drake.vehicle.calibration import ThrottleMap
 
 CASES = ("01-02_to_11-12", "11-12_to_01-02")
 
@@ -27,7 +29,11 @@ def no_folders_of_the_environment(monkeypatch):
 def refused(capfd, *arguments: str) -> str:
     """Return the one line on stderr of a refused command."""
     assert run(["reproduce", "real", *arguments]) == 2
-    (line,) = [text for text in capfd.readouterr().err.splitlines() if text and "opening the logs" not in text]
+    (line,) = [
+        text
+        for text in capfd.readouterr().err.splitlines()
+        if text and "opening the logs" not in text
+    ]
     return line
 
 
@@ -62,8 +68,13 @@ def bare(tmp_path_factory):
     truth = Truth(vehicle, throttle, np.zeros(3), *air, "rotor_speed", vehicle)
     root = tmp_path_factory.mktemp("real")
     (root / "imrc" / "bare").mkdir(parents=True)
-    for number, log in zip((1, 2, 11, 12), fly_truth(truth, np.random.default_rng(4), 4, 6.0), strict=True):
-        write_log(dc.replace(log, name=f"flight{number:02}"), root / "imrc" / "bare" / f"flight{number:02}.csv")
+    for number, log in zip(
+        (1, 2, 11, 12), fly_truth(truth, np.random.default_rng(4), 4, 6.0), strict=True
+    ):
+        write_log(
+            dc.replace(log, name=f"flight{number:02}"),
+            root / "imrc" / "bare" / f"flight{number:02}.csv",
+        )
     return root
 
 
@@ -77,7 +88,11 @@ def answer(folder, case: str, **causes: float):
 
 
 def test_answers_of_any_tool_are_scored_beside_those_of_another(bare, tmp_path, capsys):
-    ours = answer(answer(tmp_path / "a", CASES[0], linear_drag=0.9, constant_wind=0.8), CASES[1], linear_drag=0.4)
+    ours = answer(
+        answer(tmp_path / "a", CASES[0], linear_drag=0.9, constant_wind=0.8),
+        CASES[1],
+        linear_drag=0.4,
+    )
     theirs = answer(tmp_path / "b", CASES[0], linear_drag=0.9)
     given = ["--answers", str(ours), "--beside", f"previous={theirs}", "--jobs", "1"]
     written = tmp_path / "a.json"
@@ -94,8 +109,20 @@ def test_answers_of_any_tool_are_scored_beside_those_of_another(bare, tmp_path, 
 
 def test_what_the_diagnosis_says_is_scored_again_from_its_files(bare, tmp_path):
     out, first, again = tmp_path / "out", tmp_path / "first.json", tmp_path / "again.json"
-    assert run(["reproduce", "real", str(bare), "--jobs", "1", "--out", str(out), "--json", str(first)]) == 0
-    given = ["--answers", str(out / "answers"), "--beside", f"same={out / 'answers'}", "--jobs", "1"]
+    assert (
+        run(
+            ["reproduce", "real", str(bare), "--jobs", "1", "--out", str(out), "--json", str(first)]
+        )
+        == 0
+    )
+    given = [
+        "--answers",
+        str(out / "answers"),
+        "--beside",
+        f"same={out / 'answers'}",
+        "--jobs",
+        "1",
+    ]
     assert run(["reproduce", "real", str(bare), *given, "--json", str(again)]) == 0
     before, after = (json.loads(file.read_text())["table"] for file in (first, again))
     for one, other in zip(before, after, strict=True):

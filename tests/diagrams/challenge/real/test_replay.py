@@ -14,7 +14,11 @@ def result(group, before, after, payload=None):
     def errors(value):
         return None if value is None else {name: [0.1 * value, value] for name in replay.QUANTITIES}
 
-    return {"group": group, "errors": {"nominal": errors(before), "corrected": errors(after)}, "payload": payload}
+    return {
+        "group": group,
+        "errors": {"nominal": errors(before), "corrected": errors(after)},
+        "payload": payload,
+    }
 
 
 def test_a_line_has_medians_at_the_last_horizon_and_counts_the_better():
@@ -33,7 +37,10 @@ def test_flights_that_no_simulator_can_fly_are_counted_and_left_out():
 
 
 def test_the_path_of_a_payload_counts_where_one_is_logged():
-    results = [result("payload", 1.0, 0.5, {"below": 0.2, "swinging": 0.1}), result("payload", 1.0, 0.5)]
+    results = [
+        result("payload", 1.0, 0.5, {"below": 0.2, "swinging": 0.1}),
+        result("payload", 1.0, 0.5),
+    ]
     (line,) = replay.lines(results)
     assert (line["below"], line["swinging"]) == (0.2, 0.1)
 

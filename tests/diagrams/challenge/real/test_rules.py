@@ -1,4 +1,6 @@
-"""Laws of the rules of cases: names decide, every flight gets its turn, and none judges its own fit."""
+"""Laws of the rules of cases: names decide, every flight gets its turn, and none judges its own
+fit.
+"""
 
 from pathlib import Path
 
@@ -40,12 +42,19 @@ def test_a_block_is_fitted_and_the_next_one_judges():
 
 def test_a_block_of_one_flight_judges_but_is_not_fitted():
     cases = list(block_by_block("payload", paths([1, 5, 6])))
-    assert [(case.train, case.held_out) for case in cases] == [(tuple(paths([5, 6])), Path("flight01"))]
+    assert [(case.train, case.held_out) for case in cases] == [
+        (tuple(paths([5, 6])), Path("flight01"))
+    ]
 
 
 def test_every_block_judges_once_and_is_not_fitted_then():
     cases = list(across_blocks("payload", ALL))
-    assert [case.held_out.name for case in cases] == ["flight10", "flight21", "flight46", "flight61"]
+    assert [case.held_out.name for case in cases] == [
+        "flight10",
+        "flight21",
+        "flight46",
+        "flight61",
+    ]
     for case, block in zip(cases, BLOCKS, strict=True):
         assert len(case.train) == 2
         assert not set(case.train) & set(paths(block))
@@ -62,7 +71,9 @@ def test_in_a_circle_every_flight_judges_once(flights, fitted):
 
 
 def test_of_every_manoeuvre_the_first_judges_the_last_of_others():
-    files = [Path(f"{kind}_run{n}.parquet") for kind in ("melon", "random", "square") for n in (2, 4)]
+    files = [
+        Path(f"{kind}_run{n}.parquet") for kind in ("melon", "random", "square") for n in (2, 4)
+    ]
     first, *_ = cases = list(by_manoeuvre(r"([^_]+)_")("idsia", files))
     assert [case.name for case in cases] == ["melon_run2", "random_run2", "square_run2"]
     assert [path.name for path in first.train] == ["random_run4.parquet", "square_run4.parquet"]
@@ -83,7 +94,9 @@ def test_in_every_wind_each_controller_is_held_out_once(rule, count):
         assert all(path.name.endswith(case.held_out.name.split("_")[-1]) for path in case.train)
         assert len({path.name.split("_")[2] for path in (*case.train, case.held_out)}) == 3
         if case.speed:
-            assert {p.name.split("_")[2] for p in case.still} == {p.name.split("_")[2] for p in case.train}
+            assert {p.name.split("_")[2] for p in case.still} == {
+                p.name.split("_")[2] for p in case.train
+            }
 
 
 def test_into_wind_the_fit_is_still_air_of_other_controllers():
@@ -92,6 +105,8 @@ def test_into_wind_the_fit_is_still_air_of_other_controllers():
     for case in cases:
         assert all("nowind" in path.name for path in case.train)
         assert "nowind" not in case.held_out.name
-        assert case.held_out.name.split("_")[2] not in {path.name.split("_")[2] for path in case.train}
+        assert case.held_out.name.split("_")[2] not in {
+            path.name.split("_")[2] for path in case.train
+        }
         assert case.speed > 0
         assert case.second

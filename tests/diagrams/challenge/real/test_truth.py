@@ -1,4 +1,6 @@
-"""Laws of the truth: what is known to be there or not is judged, the rest is neither right nor wrong."""
+"""Laws of the truth: what is known to be there or not is judged, the rest is neither right nor
+wrong.
+"""
 
 import math
 
@@ -81,7 +83,9 @@ def test_the_asked_radii_halve_and_double_the_ground_effect():
         motion = Motion(np.zeros(1), x[None], np.full((1, 4), 0.1))
         return float(GroundEffect(radius).wrench(vehicle, motion)[0, 2])
 
-    assert thrust(known.low) / thrust(known.value) == pytest.approx(0.5, rel=0.02)  # 1 / (1 - s), s up to 3 %
+    assert thrust(known.low) / thrust(known.value) == pytest.approx(
+        0.5, rel=0.02
+    )  # 1 / (1 - s), s up to 3 %
     assert thrust(known.high) / thrust(known.value) == pytest.approx(2.0, rel=0.02)
     assert math.isclose(known.low * known.high, known.value**2)
     assert GROUND in near_ground("here", vehicle).present

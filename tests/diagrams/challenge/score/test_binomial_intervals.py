@@ -2,17 +2,28 @@ import math
 
 import pytest
 
-from diagrams.challenge.score.binomial_intervals import binomial_interval, mean, median, precision_and_recall
+from diagrams.challenge.score.binomial_intervals import (
+    binomial_interval,
+    mean,
+    median,
+    precision_and_recall,
+)
 
 
 def test_the_interval_of_no_success_in_n_is_the_closed_form():
     found = binomial_interval([False] * 10)
     assert found["rate"] == 0.0
-    assert found["ci95"] == [0.0, pytest.approx(1 - 0.025 ** (1 / 10), rel=1e-12)]  # tail (1 - p)^n = 0.025
+    assert found["ci95"] == [
+        0.0,
+        pytest.approx(1 - 0.025 ** (1 / 10), rel=1e-12),
+    ]  # tail (1 - p)^n = 0.025
 
 
 def test_the_interval_turns_with_success_and_failure():
-    some, others = binomial_interval([True] * 3 + [False] * 7), binomial_interval([False] * 3 + [True] * 7)
+    some, others = (
+        binomial_interval([True] * 3 + [False] * 7),
+        binomial_interval([False] * 3 + [True] * 7),
+    )
     assert some["count"] == 3
     assert some["ci95"] == pytest.approx([1 - others["ci95"][1], 1 - others["ci95"][0]], rel=1e-12)
 

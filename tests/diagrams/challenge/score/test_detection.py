@@ -7,7 +7,10 @@ from diagrams.challenge.score.detection import abscissa, detection, half_found, 
 
 def cases_with(by_hand, visibility, found):
     truths = [by_hand.make_truth(by_hand.SCALE, visibility=float(v)) for v in visibility]
-    return [by_hand.named(t, *(("thrust_scale",) if f else ())) for t, f in zip(truths, found, strict=True)]
+    return [
+        by_hand.named(t, *(("thrust_scale",) if f else ()))
+        for t, f in zip(truths, found, strict=True)
+    ]
 
 
 def test_the_fit_gives_the_curve_back_that_the_draws_came_from():

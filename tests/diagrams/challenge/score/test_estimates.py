@@ -25,7 +25,9 @@ def test_an_error_is_relative_to_the_distance_from_neutral(by_hand):
 
 
 def test_a_vector_has_one_error_and_three_intervals(by_hand):
-    case = answered(by_hand, by_hand.make_truth(by_hand.DRAG), "linear_drag", d_x=0.3, d_y=0.4, d_z=0.25)
+    case = answered(
+        by_hand, by_hand.make_truth(by_hand.DRAG), "linear_drag", d_x=0.3, d_y=0.4, d_z=0.25
+    )
     (dut,) = errors_of(case)
     assert dut.size == pytest.approx(0.5)  # 0.25 of |(0.3, 0.4, 0)|
     assert dut.inside == (True, True, False)
@@ -40,8 +42,15 @@ def test_a_tiny_truth_does_not_blow_up_the_error(by_hand):
 
 def test_a_hook_has_its_error_in_metres_and_a_rotor_is_right_or_not(by_hand):
     payload = by_hand.PAYLOAD["parameters"]
-    case = answered(by_hand, by_hand.make_truth(by_hand.PAYLOAD), "suspended_payload", **{**payload, "hook_x": 0.03})
-    weak = answered(by_hand, by_hand.make_truth(by_hand.WEAK), "weak_rotor", rotor=3.0, efficiency=0.8)
+    case = answered(
+        by_hand,
+        by_hand.make_truth(by_hand.PAYLOAD),
+        "suspended_payload",
+        **{**payload, "hook_x": 0.03},
+    )
+    weak = answered(
+        by_hand, by_hand.make_truth(by_hand.WEAK), "weak_rotor", rotor=3.0, efficiency=0.8
+    )
     found = parameter_summary([*errors_of(case), *errors_of(weak)])
     assert found["place_error"] == pytest.approx(0.03)
     assert found["median_error"] == 0.0
@@ -51,7 +60,9 @@ def test_a_hook_has_its_error_in_metres_and_a_rotor_is_right_or_not(by_hand):
 
 def test_a_length_is_measured_against_itself(by_hand):
     truth = by_hand.make_truth(by_hand.PAYLOAD)  # 0.8 m, where the fit starts
-    case = answered(by_hand, truth, "suspended_payload", **{**by_hand.PAYLOAD["parameters"], "length": 0.88})
+    case = answered(
+        by_hand, truth, "suspended_payload", **{**by_hand.PAYLOAD["parameters"], "length": 0.88}
+    )
     sizes = {e.parameter: e.size for e in errors_of(case)}
     assert sizes["length"] == pytest.approx(0.1)
 
@@ -78,16 +89,24 @@ def test_vectors_are_known_by_their_names():
 
 
 def test_a_row_a_parameter(by_hand):
-    cases = [answered(by_hand, by_hand.make_truth(by_hand.SCALE), "thrust_scale", scale=s) for s in (0.9, 0.91, 0.93)]
+    cases = [
+        answered(by_hand, by_hand.make_truth(by_hand.SCALE), "thrust_scale", scale=s)
+        for s in (0.9, 0.91, 0.93)
+    ]
     (dut,) = by_parameter([e for case in cases for e in errors_of(case)])
     assert dut["n"] == 3
     assert dut["median_error"] == pytest.approx(0.1)
 
 
 def case_with(by_hand, onset, name="thrust_scale", **other):
-    effect = {**by_hand.SCALE, "onset": {"train_1.csv": 8.0, "train_2.csv": None, "heldout_1.csv": 5.0}}
+    effect = {
+        **by_hand.SCALE,
+        "onset": {"train_1.csv": 8.0, "train_2.csv": None, "heldout_1.csv": 5.0},
+    }
     cause = {**by_hand.make_cause(name, {}), "onset": onset}
-    return by_hand.make_case(by_hand.make_truth(effect, kind="onset", **other), by_hand.make_answer(cause))
+    return by_hand.make_case(
+        by_hand.make_truth(effect, kind="onset", **other), by_hand.make_answer(cause)
+    )
 
 
 def test_flights_with_an_onset_are_counted(by_hand):
@@ -120,7 +139,10 @@ def test_faint_cases_count_only_among_all(by_hand):
 
 def test_what_begins_together_counts_once_by_the_one_that_is_worst(by_hand):
     onset = {"train_1.csv": 8.0}
-    both = [{**by_hand.SCALE, "onset": onset}, {**by_hand.SCALE, "effect": "motor_lag", "onset": onset}]
+    both = [
+        {**by_hand.SCALE, "onset": onset},
+        {**by_hand.SCALE, "effect": "motor_lag", "onset": onset},
+    ]
     truth = by_hand.make_truth(*both, kind="onset")
     for late, right in ((8.1, True), (8.4, False)):
         causes = [
@@ -133,7 +155,9 @@ def test_what_begins_together_counts_once_by_the_one_that_is_worst(by_hand):
 
 def test_onsets_that_the_true_effect_does_not_tell_stand_apart(by_hand):
     told = {"train_1.csv": 8.1, "heldout_1.csv": 6.0}
-    case = case_with(by_hand, {"train_1": 8.15, "train_2": None, "heldout_1": None}, best_onset=told)
+    case = case_with(
+        by_hand, {"train_1": 8.15, "train_2": None, "heldout_1": None}, best_onset=told
+    )
     found = onset_summary([case])
     assert (found["within"]["count"], found["within"]["n"]) == (1, 2)
     assert (found["within_if_told"]["count"], found["within_if_told"]["n"]) == (1, 1)

@@ -19,7 +19,11 @@ def test_a_set_of_clean_controls_has_no_figure_but_the_matrix(by_hand):
 
 @pytest.mark.parametrize("perfect", [True, False])
 def test_tables_are_full_rows(by_hand, perfect):
-    cases = by_hand.perfect_set() if perfect else [by_hand.make_case(by_hand.make_truth(by_hand.SCALE), None)]
+    cases = (
+        by_hand.perfect_set()
+        if perfect
+        else [by_hand.make_case(by_hand.make_truth(by_hand.SCALE), None)]
+    )
     dut = score(cases)
     for _, header, rows in [*tables(dut, 1.5), miss_table(dut)]:
         assert all(len(row) == len(header) for row in rows)

@@ -13,10 +13,14 @@ from diagrams.challenge.score.gap_reduction import (
 
 def case_with(by_hand, kind="single", **figures):
     effects = () if kind == "clean" else (by_hand.SCALE,)
-    return by_hand.make_case(by_hand.make_truth(*effects, kind=kind), by_hand.make_answer(**figures))
+    return by_hand.make_case(
+        by_hand.make_truth(*effects, kind=kind), by_hand.make_answer(**figures)
+    )
 
 
-@pytest.mark.parametrize("after, shrink", [(1.0, 1.0), (3.0, 0.0), (2.0, 1 - 3 / 8), (0.5, 1.0), (9.0, -1.0)])
+@pytest.mark.parametrize(
+    "after, shrink", [(1.0, 1.0), (3.0, 0.0), (2.0, 1 - 3 / 8), (0.5, 1.0), (9.0, -1.0)]
+)
 def test_the_true_model_has_one_and_no_change_none(by_hand, after, shrink):
     dut = relative_gap_reduction(case_with(by_hand, before=3.0, after=after))
     assert dut == pytest.approx(shrink)
@@ -49,7 +53,10 @@ def test_the_replay_is_compared_at_one_second(by_hand):
     case.answer["shrink"]["replay"] = {"horizon": [0.5, 1.0], "before": before, "after": after}
     assert replay_reduction(case) == pytest.approx(0.75)
     worse = by_hand.make_case(case.truth, {**case.answer, "shrink": {"replay": {"horizon": [1.0]}}})
-    worse.answer["shrink"]["replay"] |= {"before": {"position": [0.1]}, "after": {"position": [0.2]}}
+    worse.answer["shrink"]["replay"] |= {
+        "before": {"position": [0.1]},
+        "after": {"position": [0.2]},
+    }
     dut = replay_summary([case, worse])
     assert dut["n"] == 2
     assert (dut["worse"]["count"], dut["worse"]["n"]) == (1, 2)
@@ -60,6 +67,8 @@ def test_the_replay_is_compared_at_one_second(by_hand):
 def test_a_true_model_that_does_not_know_the_gusts_leaves_them(by_hand):
     case = case_with(by_hand, before=3.0, after=2.0)
     assert relative_gap_reduction(case, PARAMETERS) == relative_gap_reduction(case)
-    case.truth[PARAMETERS] = {name: 2.0 * value for name, value in case.truth["true_model_residual"].items()}
+    case.truth[PARAMETERS] = {
+        name: 2.0 * value for name, value in case.truth["true_model_residual"].items()
+    }
     assert relative_gap_reduction(case, PARAMETERS) == pytest.approx(1.0)
     assert relative_gap_reduction(case) == pytest.approx(1 - 3 / 8)

@@ -58,8 +58,12 @@ def test_a_class_is_right_from_either_side(by_hand):
 def test_a_class_above_three_names_is_a_miss(by_hand):
     truth = by_hand.make_truth(by_hand.SCALE)
     three = by_hand.named(truth, "mass_error", alike=("thrust_scale", "thrust_drift"))
-    four = by_hand.named(truth, "mass_error", alike=("thrust_scale", "thrust_drift", "ground_effect"))
-    own = by_hand.named(truth, "thrust_scale", alike=("mass_error", "thrust_drift", "ground_effect"))
+    four = by_hand.named(
+        truth, "mass_error", alike=("thrust_scale", "thrust_drift", "ground_effect")
+    )
+    own = by_hand.named(
+        truth, "thrust_scale", alike=("mass_error", "thrust_drift", "ground_effect")
+    )
     assert right_class(three)
     assert not right_class(four)
     assert not right_class(own)
@@ -69,7 +73,9 @@ def test_a_class_above_three_names_is_a_miss(by_hand):
 def test_a_cause_stands_for_one_effect_and_its_own_name_goes_first(by_hand):
     truth = by_hand.make_truth(by_hand.SCALE, by_hand.DRAG, kind="pair")
     one = by_hand.named(truth, "mass_error", alike=("thrust_scale", "linear_drag"))
-    both = by_hand.named(truth, "linear_drag", "thrust_scale", alike=("thrust_scale", "linear_drag"))
+    both = by_hand.named(
+        truth, "linear_drag", "thrust_scale", alike=("thrust_scale", "linear_drag")
+    )
     assert name_counts(one) == (1, 0, 1)
     assert matches(both) == {0: "thrust_scale", 1: "linear_drag"}
     assert right_class(both)
@@ -127,7 +133,9 @@ def test_every_case_stands_in_one_cell(by_hand):
 
 def test_the_drag_beside_a_wind_is_no_second_name(by_hand):
     truth = by_hand.make_truth(by_hand.WIND, by_hand.DRAG)
-    assert verdict_in_a_word(by_hand.named(truth, "linear_drag", "constant_wind")) == "constant_wind"
+    assert (
+        verdict_in_a_word(by_hand.named(truth, "linear_drag", "constant_wind")) == "constant_wind"
+    )
     assert verdict_in_a_word(by_hand.named(truth, "linear_drag", "motor_lag")) == "several"
 
 

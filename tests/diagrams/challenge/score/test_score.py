@@ -72,25 +72,35 @@ def test_singles_that_look_like_another_are_not_among_the_separable(cases):
     lost = dc.replace(cases[0], truth={**cases[0].truth, "class": [list(LIBRARY)]}, answer=None)
     rates = score([lost, *cases[1:]])["rates"]
     assert (rates["single"]["class"]["count"], rates["single"]["class"]["n"]) == (12, 13)
-    assert (rates["single_tellable"]["class"]["count"], rates["single_tellable"]["class"]["n"]) == (12, 12)
+    assert (rates["single_tellable"]["class"]["count"], rates["single_tellable"]["class"]["n"]) == (
+        12,
+        12,
+    )
 
 
 def within(case, *flags):
-    """The case whose effects are within what vehicle file and input may be off by where the flag is set."""
+    """The case whose effects are within what vehicle file and input may be off by where the flag is
+    set.
+    """
     return dc.replace(case, truth={**case.truth, "within_tolerance": list(flags)})
 
 
 def test_a_single_within_what_the_files_may_be_off_by_is_no_miss(cases, by_hand):
     for answered in (without_answer(cases[0]), by_hand.named(cases[0].truth, "thrust_scale")):
         dut = score([within(answered, True), *cases[1:]])
-        assert (dut["rates"]["single"]["class"]["count"], dut["rates"]["single"]["class"]["n"]) == (12, 12)
+        assert (dut["rates"]["single"]["class"]["count"], dut["rates"]["single"]["class"]["n"]) == (
+            12,
+            12,
+        )
         assert not dut["cases"][0]["missed"]
     told = score([within(without_answer(cases[0]), False), *cases[1:]])["rates"]["single"]["class"]
     assert (told["count"], told["n"]) == (12, 13)
 
 
 def test_an_effect_within_the_files_tolerance_may_be_named_or_not(by_hand):
-    truth = by_hand.make_truth(by_hand.SCALE, by_hand.DRAG, kind="pair", within_tolerance=[True, False])
+    truth = by_hand.make_truth(
+        by_hand.SCALE, by_hand.DRAG, kind="pair", within_tolerance=[True, False]
+    )
     for names, found in [
         (("linear_drag",), (1, 0, 0)),
         (("linear_drag", "thrust_scale"), (2, 0, 0)),
@@ -126,9 +136,12 @@ def test_a_false_alarm_is_counted(cases, by_hand):
 
 def test_an_out_of_library_effect_must_be_called_unknown_alone(cases, by_hand):
     truth = by_hand.make_truth(by_hand.OUT_OF_LIBRARY, kind="foreign")
-    sure = by_hand.make_case(truth, by_hand.make_answer(by_hand.make_cause("gusty_wind", {}, probability=0.95)))
+    sure = by_hand.make_case(
+        truth, by_hand.make_answer(by_hand.make_cause("gusty_wind", {}, probability=0.95))
+    )
     unsure = by_hand.make_case(
-        truth, by_hand.make_answer(by_hand.make_cause("gusty_wind", {}, probability=0.85), unknown=True)
+        truth,
+        by_hand.make_answer(by_hand.make_cause("gusty_wind", {}, probability=0.85), unknown=True),
     )
     faint = by_hand.named({**truth, "visibility": 1.2})
     found = score([*cases, sure, unsure, faint])["rates"]["foreign"]
@@ -145,7 +158,9 @@ def test_an_out_of_library_effect_must_be_called_unknown_alone(cases, by_hand):
 def test_two_out_of_library_effects_at_once_have_a_row_of_their_own(cases, by_hand):
     other = {"effect": "side_lift", "parameters": {"c": 0.1}}
     truth = by_hand.make_truth(by_hand.OUT_OF_LIBRARY, other, kind="foreign")
-    found = score([*cases, by_hand.named(truth, unknown=True), by_hand.named(truth)])["rates"]["foreign"]
+    found = score([*cases, by_hand.named(truth, unknown=True), by_hand.named(truth)])["rates"][
+        "foreign"
+    ]
     assert (found["unknown"]["count"], found["unknown"]["n"]) == (2, 3)
     assert (found["unknown_two"]["count"], found["unknown_two"]["n"]) == (1, 2)
     assert [(row["kind"], row["unknown"]["n"]) for row in found["kinds"]] == [
@@ -195,7 +210,10 @@ def test_simulators_are_pooled_by_quality(cases):
     other = [dc.replace(c, truth={**c.truth, "simulator": "rotorpy"}, answer=None) for c in cases]
     real = [dc.replace(c, truth={**c.truth, "quality": "real"}) for c in cases]
     dut = score([*cases, *other, *real])
-    assert {q: s["accuracy"]["single"] for q, s in dut["qualities"].items()} == {"clean": 0.5, "real": 1.0}
+    assert {q: s["accuracy"]["single"] for q, s in dut["qualities"].items()} == {
+        "clean": 0.5,
+        "real": 1.0,
+    }
     by_quality, by_set, *_ = tables(dut, 1.5)
     assert by_quality[1] == ["figure", "clean", "real"]
     assert by_set[1] == ["figure", "all", "drake, clean", "drake, real", "rotorpy, clean"]
@@ -205,7 +223,9 @@ def test_a_score_is_json_without_holes(cases, by_hand):
     holes = json.loads(json.dumps(plain(by_hand.perfect(cases[10].truth))))
     for cause in holes["causes"]:
         cause["probability"] = None
-        cause["parameters"] = {k: {"value": None, "unit": "", "ci95": [None, None]} for k in cause["parameters"]}
+        cause["parameters"] = {
+            k: {"value": None, "unit": "", "ci95": [None, None]} for k in cause["parameters"]
+        }
     dut = score([*cases, dc.replace(cases[10], answer=holes)])
     assert dut["parameters"]["median_error"] == 0.0
     assert dut["parameters"]["coverage"] < 1.0

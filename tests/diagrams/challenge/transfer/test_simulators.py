@@ -9,7 +9,15 @@ import pytest
 from diagrams.batch.campaign import run_campaign
 from diagrams.challenge.simulators.rotorpy import optional_import
 from diagrams.challenge.transfer import designs, reality, study
-from diagrams.challenge.transfer.study import MADE_IN, ORACLE, ROWS, Transfer, rows_of, settings, table
+from diagrams.challenge.transfer.study import (
+    MADE_IN,
+    ORACLE,
+    ROWS,
+    Transfer,
+    rows_of,
+    settings,
+    table,
+)
 from diagrams.cli.main import run
 from diagrams.loop.experiments import load_experiment
 from diagrams.loop.real_vehicle import DRAKE
@@ -21,7 +29,9 @@ needs_rotorpy = pytest.mark.skipif(find_spec("rotorpy") is None, reason="rotorpy
 
 
 def fly_one(monkeypatch, simulator):
-    """Run a case with stand-ins for all work: its result, and what made the real vehicle of each flight."""
+    """Run a case with stand-ins for all work: its result, and what made the real vehicle of each
+    flight.
+    """
     real, design = [], study.Design("hold")
 
     def fly(*_, real_errors=(0.1, 0.2), **how):
@@ -31,7 +41,9 @@ def fly_one(monkeypatch, simulator):
     found = type("Found", (), {"verdict": []})()
     chosen = study.Chosen(design, (0.1, 0.2))
     corrected = type("Corrected", (), {"reality": RealityConfig().nominal()})()
-    monkeypatch.setattr(study, "diagnosed_flights", lambda *a, **how: fly(*a, real_errors=([], []), **how))
+    monkeypatch.setattr(
+        study, "diagnosed_flights", lambda *a, **how: fly(*a, real_errors=([], []), **how)
+    )
     monkeypatch.setattr(study, "diagnose", lambda *_, **__: found)
     monkeypatch.setattr(study, "corrected_simulator", lambda *_: corrected)
     monkeypatch.setattr(study, "_made_in_nominal", lambda *_: chosen)
@@ -78,7 +90,9 @@ def test_a_design_flies_on_the_vehicle_it_is_given():
     plain, own = (optional_import.foreign_vehicle(own=own) for own in (False, True))
     design, world = designs.Design("hold"), RealityConfig().nominal()
     ours, same, other = (
-        np.array(designs.flown(design, world, VEHICLE, solver="sqp", seed=0, real=real, seconds=1.0))
+        np.array(
+            designs.flown(design, world, VEHICLE, solver="sqp", seed=0, real=real, seconds=1.0)
+        )
         for real in (DRAKE, plain, own)
     )
     np.testing.assert_allclose(same, ours, atol=SAME)
@@ -124,14 +138,22 @@ def test_the_settings_hold_rotorpys_own_physics():
 def test_a_folder_of_the_other_simulator_is_refused(tmp_path):
     cases = [{"seed": 1}]
     run_campaign(dict, cases, config=settings("sqp"), folder=tmp_path)
-    with pytest.raises(ValueError, match=r'simulator\.name is "drake", .* "rotorpy"; choose another folder'):
+    with pytest.raises(
+        ValueError, match=r'simulator\.name is "drake", .* "rotorpy"; choose another folder'
+    ):
         run_campaign(dict, cases, config=settings("sqp", "rotorpy"), folder=tmp_path)
 
 
 @pytest.mark.parametrize(
-    "name, message", [("gazebo", "simulator must be one of drake, rotorpy; got 'gazebo'"), ("rotorpy", "pip install")]
+    "name, message",
+    [
+        ("gazebo", "simulator must be one of drake, rotorpy; got 'gazebo'"),
+        ("rotorpy", "pip install"),
+    ],
 )
-def test_a_simulator_that_there_is_not_is_one_line_before_any_flight(name, message, monkeypatch, tmp_path, capsys):
+def test_a_simulator_that_there_is_not_is_one_line_before_any_flight(
+    name, message, monkeypatch, tmp_path, capsys
+):
     monkeypatch.setattr(optional_import, "find_spec", lambda name: None)
     assert run(["reproduce", "closing", "--simulator", name, "--out", str(tmp_path / "out")]) == 2
     (line,) = capsys.readouterr().err.splitlines()

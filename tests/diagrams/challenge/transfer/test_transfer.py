@@ -8,7 +8,17 @@ import pytest
 from diagrams.challenge.generate.composition import compatible
 from diagrams.challenge.transfer import designs
 from diagrams.challenge.transfer.reality import MOST, withheld_reality
-from diagrams.challenge.transfer.study import CORRECTED, MADE_IN, NOMINAL, PLAIN, REAL, ROWS, SAMPLED, gained, table
+from diagrams.challenge.transfer.study import (
+    CORRECTED,
+    MADE_IN,
+    NOMINAL,
+    PLAIN,
+    REAL,
+    ROWS,
+    SAMPLED,
+    gained,
+    table,
+)
 from diagrams.loop.reality import RealityConfig
 from np_drake.effects.command_delay import CommandDelay
 from np_drake.effects.effect_entry import EffectEntry
@@ -38,7 +48,11 @@ def result(nominal, corrected, real, foretold_nominal, foretold_corrected):
         return [value, None if value is None else 0.0]
 
     made = {NOMINAL: nominal, CORRECTED: corrected, SAMPLED: corrected}
-    foretold = {NOMINAL: foretold_nominal, CORRECTED: foretold_corrected, SAMPLED: foretold_corrected}
+    foretold = {
+        NOMINAL: foretold_nominal,
+        CORRECTED: foretold_corrected,
+        SAMPLED: foretold_corrected,
+    }
     flown = made | dict.fromkeys(REAL, real) | dict.fromkeys(PLAIN, 1.0)
     return {
         "errors": {row: errors(value) for row, value in flown.items()},
@@ -48,7 +62,13 @@ def result(nominal, corrected, real, foretold_nominal, foretold_corrected):
 
 
 def test_gains_are_medians_of_ratios():
-    found = gained([result(1.0, 0.5, 0.4, 0.2, 0.45), result(2.0, 0.2, 0.2, 0.2, 0.2), result(1.0, 0.3, 0.3, 0.5, 0.3)])
+    found = gained(
+        [
+            result(1.0, 0.5, 0.4, 0.2, 0.45),
+            result(2.0, 0.2, 0.2, 0.2, 0.2),
+            result(1.0, 0.3, 0.3, 0.5, 0.3),
+        ]
+    )
     assert found["fall of E_xy"] == pytest.approx(0.7)
     assert found["E_xy over real flights"] == pytest.approx(1.0)
     assert found["E_xy foretold by: nominal simulator"] == pytest.approx(0.8)
@@ -100,4 +120,7 @@ def test_a_design_is_told_the_delay_of_its_simulator_or_estimates_it():
 
 def test_a_lost_vehicle_has_infinite_errors():
     heavy = dc.replace(RealityConfig().nominal(), effects=[EffectEntry.of(CommandDelay(0.25))])
-    assert designs.flown(designs.Design("nominal"), heavy, VEHICLE, solver="sqp", seed=0) == designs.LOST
+    assert (
+        designs.flown(designs.Design("nominal"), heavy, VEHICLE, solver="sqp", seed=0)
+        == designs.LOST
+    )

@@ -8,7 +8,14 @@ from diagrams.cli.main import run
 
 def test_make_writes_a_set_and_its_figures(tmp_path, in_this_process):
     figures = tmp_path / "made.json"
-    arguments = ["challenge", "make", "--out", str(tmp_path / "cases"), "--truth", str(tmp_path / "truth")]
+    arguments = [
+        "challenge",
+        "make",
+        "--out",
+        str(tmp_path / "cases"),
+        "--truth",
+        str(tmp_path / "truth"),
+    ]
     arguments += ["--cases", "1", "--clean", "1", "--seconds", "5", "--json", str(figures)]
     assert run(arguments) == 0
     made = json.loads(figures.read_text())
@@ -17,10 +24,15 @@ def test_make_writes_a_set_and_its_figures(tmp_path, in_this_process):
     assert len(list((tmp_path / "cases").iterdir())) == 2
 
 
-@pytest.mark.parametrize("wrong, said", [(["--quality", "dirty"], "quality"), (["--simulator", "gazebo"], "simulator")])
+@pytest.mark.parametrize(
+    "wrong, said", [(["--quality", "dirty"], "quality"), (["--simulator", "gazebo"], "simulator")]
+)
 def test_a_wrong_request_is_one_line_before_any_work(tmp_path, capsys, wrong, said):
     out = tmp_path / "cases"
-    assert run(["challenge", "make", "--out", str(out), "--truth", str(tmp_path / "truth"), *wrong]) == 2
+    assert (
+        run(["challenge", "make", "--out", str(out), "--truth", str(tmp_path / "truth"), *wrong])
+        == 2
+    )
     message = capsys.readouterr().err
     assert said in message
     assert message.count("\n") == 1
@@ -35,7 +47,14 @@ def test_the_truth_may_not_lie_in_the_cases(tmp_path, capsys):
 
 def test_a_file_where_a_folder_should_be_is_refused_before_any_work(tmp_path, capsys):
     (tmp_path / "cases").write_text("")
-    arguments = ["challenge", "make", "--out", str(tmp_path / "cases"), "--truth", str(tmp_path / "truth")]
+    arguments = [
+        "challenge",
+        "make",
+        "--out",
+        str(tmp_path / "cases"),
+        "--truth",
+        str(tmp_path / "truth"),
+    ]
     assert run(arguments) == 2
     message = capsys.readouterr().err
     assert "must be a folder" in message
@@ -44,9 +63,27 @@ def test_a_file_where_a_folder_should_be_is_refused_before_any_work(tmp_path, ca
 
 
 def test_unseen_kinds_are_flown_alone_where_they_are_asked_for(tmp_path, in_this_process):
-    arguments = ["challenge", "make", "--out", str(tmp_path / "cases"), "--truth", str(tmp_path / "truth")]
+    arguments = [
+        "challenge",
+        "make",
+        "--out",
+        str(tmp_path / "cases"),
+        "--truth",
+        str(tmp_path / "truth"),
+    ]
     metrics = tmp_path / "make.json"
-    small = ["--cases", "2", "--clean", "0", "--seconds", "5", "--seed", "3", "--json", str(metrics)]
+    small = [
+        "--cases",
+        "2",
+        "--clean",
+        "0",
+        "--seconds",
+        "5",
+        "--seed",
+        "3",
+        "--json",
+        str(metrics),
+    ]
     assert run([*arguments, "--unseen", *small]) == 0
     truths = [json.loads(path.read_text()) for path in (tmp_path / "truth").glob("*/truth.json")]
     assert [truth["kind"] for truth in truths] == ["foreign", "foreign"]

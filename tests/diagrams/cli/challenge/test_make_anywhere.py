@@ -1,4 +1,6 @@
-"""Law: `np-drake challenge make` writes the same set wherever its cases fly, and after a kill in the middle."""
+"""Law: `np-drake challenge make` writes the same set wherever its cases fly, and after a kill in
+the middle.
+"""
 
 import os
 import signal
@@ -14,12 +16,23 @@ SMALL = ["--cases", "2", "--clean", "1", "--seconds", "5", "--seed", "11"]
 
 
 def command(folder, *more):
-    return ["challenge", "make", "--out", f"{folder}/cases", "--truth", f"{folder}/truth", *SMALL, *more]
+    return [
+        "challenge",
+        "make",
+        "--out",
+        f"{folder}/cases",
+        "--truth",
+        f"{folder}/truth",
+        *SMALL,
+        *more,
+    ]
 
 
 def content(folder):
     """Bytes of every file of a set by its place."""
-    return {str(p.relative_to(folder)): p.read_bytes() for p in sorted(folder.rglob("*")) if p.is_file()}
+    return {
+        str(p.relative_to(folder)): p.read_bytes() for p in sorted(folder.rglob("*")) if p.is_file()
+    }
 
 
 @pytest.fixture(scope="module")
@@ -31,7 +44,9 @@ def alone(tmp_path_factory):
 
 def test_on_a_cluster_of_two(alone, tmp_path):
     distributed = pytest.importorskip("distributed", reason="needs the extra `cluster`")
-    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=":0") as local:
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, dashboard_address=":0"
+    ) as local:
         assert run(command(tmp_path, "--scheduler", local.scheduler_address)) == 0
     assert content(tmp_path) == alone
 
@@ -47,4 +62,6 @@ def test_on_two_processes_that_are_killed_in_the_middle_and_begun_anew(alone, tm
     assert 0 < len(before) < len([name for name in alone if name.endswith(".csv")])
     assert run(command(tmp_path, "--jobs", "2")) == 0
     assert content(tmp_path) == alone
-    assert before == {path: path.stat().st_mtime_ns for path in before}  # what was flown is not flown again
+    assert before == {
+        path: path.stat().st_mtime_ns for path in before
+    }  # what was flown is not flown again

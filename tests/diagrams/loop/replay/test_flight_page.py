@@ -46,7 +46,9 @@ def test_a_frame_shows_the_row_of_its_time():
     t = 0.02 * np.arange(500)
     np.testing.assert_allclose(t[frames(t)], np.arange(len(frames(t))) / FRAME_RATE, atol=1e-9)
     slow = 0.1 * np.arange(50)
-    assert np.abs(slow[frames(slow)] - np.arange(len(frames(slow))) / FRAME_RATE).max() < 0.1  # one row
+    assert (
+        np.abs(slow[frames(slow)] - np.arange(len(frames(slow))) / FRAME_RATE).max() < 0.1
+    )  # one row
 
 
 def test_the_payload_hangs_on_the_tethers_end_in_every_frame(flight, page):
@@ -82,7 +84,9 @@ def test_the_trail_grows_to_the_vehicle(page):
     assert "trail" in page.objects
 
 
-def test_a_payload_that_is_hung_in_flight_is_hidden_until_then(flight, replay_page, tmp_path, monkeypatch):
+def test_a_payload_that_is_hung_in_flight_is_hidden_until_then(
+    flight, replay_page, tmp_path, monkeypatch
+):
     monkeypatch.setattr(type(flight.config.reality), "hangs_at", 0.4)
     write_replay(flight, tmp_path / "late.html")
     visible = replay_page(tmp_path / "late.html").film["payload"]["visible"]
@@ -113,7 +117,9 @@ def test_a_minute_takes_less_than_6_mb(flight, tmp_path):
     s, minute = flight.signals, round(60 / flight.config.controller.period)
     rows = np.resize(np.arange(len(s["t"])), minute)
     draw = np.random.default_rng(0)
-    long = {name: value[rows] + 1e-6 * draw.normal(size=value[rows].shape) for name, value in s.items()}
+    long = {
+        name: value[rows] + 1e-6 * draw.normal(size=value[rows].shape) for name, value in s.items()
+    }
     long["t"] = flight.config.controller.period * np.arange(minute)
     write_replay(dc.replace(flight, signals=long), tmp_path / "long.html")
     assert (tmp_path / "long.html").stat().st_size < 6e6

@@ -13,11 +13,17 @@ from diagrams.loop.flight import FlightConfig
 from diagrams.robustness.measures import lost_beyond, measures
 from diagrams.robustness.vehicles import study
 from diagrams.robustness.vehicles.fleet import TRACKS, VEHICLES, fleet
-from diagrams.robustness.vehicles.study import ROWS, campaign_config, flight_cases, flight_config, run_vehicles
+from diagrams.robustness.vehicles.study import (
+    ROWS,
+    campaign_config,
+    flight_cases,
+    flight_config,
+    run_vehicles,
+)
 from diagrams.robustness.vehicles.table import vehicle_table
 from diagrams.tracking import model_files, tracking
 from np_drake.files.atomic_file import plain
-from np_drake.scaling import numbers, ratios
+from np_drake.vehicle.scaling import numbers, ratios
 
 ROOT = Path(__file__).parents[4]
 MODELS = {(v, row.configuration): v.encode() for v in VEHICLES for row in ROWS if row.configuration}
@@ -79,7 +85,9 @@ def test_a_row_whose_training_failed_does_not_fly_with_that_vehicle():
 def test_the_distance_at_which_a_vehicle_is_lost_scales_with_it():
     lost = {}
     for vehicle in ("35g", "paper"):
-        config = flight_config({"row": "nominal", "vehicle": vehicle, "track": "circle"}, solver="sqp")
+        config = flight_config(
+            {"row": "nominal", "vehicle": vehicle, "track": "circle"}, solver="sqp"
+        )
         assert lost_beyond(config) == ratios(fleet()[vehicle]).length
         n = 1250
         t, x = config.controller.period * np.arange(n), np.zeros((n, 13))
@@ -101,7 +109,9 @@ def test_work_trains_and_flies_with_the_vehicle_of_the_case(monkeypatch):
         return {"": str(folder / "model")}
 
     monkeypatch.setattr(model_files, "train_models", train)
-    monkeypatch.setattr(study, "flown", lambda configure, model, seed: seen.setdefault("flown", (model, seed)))
+    monkeypatch.setattr(
+        study, "flown", lambda configure, model, seed: seen.setdefault("flown", (model, seed))
+    )
     study.Training(7, "sqp", vehicles=fleet())({"vehicle": "6kg", "model": "payload_filter"})
     row, of = seen["trained"]
     assert (row.training, row.configuration) == ("training_circle", "payload_filter")
@@ -112,7 +122,9 @@ def test_work_trains_and_flies_with_the_vehicle_of_the_case(monkeypatch):
 
 @pytest.fixture
 def made_flights(monkeypatch):
-    """No flight: the oracle has 1 mm, every other controller 3 mm; hold is lost once with the 6 kg vehicle."""
+    """No flight: the oracle has 1 mm, every other controller 3 mm; hold is lost once with the 6 kg
+    vehicle.
+    """
 
     def runs(sweep, rows, vehicles, tracks):
         records, seeds = [], sweep.seeds
@@ -141,7 +153,9 @@ def test_ratios_are_to_the_oracle_of_the_same_vehicle_and_track(made_flights):
 
 def test_the_verb_prints_a_table_a_vehicle_within_100_columns(made_flights, tmp_path, capsys):
     files = ["--json", str(tmp_path / "m.json"), "--markdown", str(tmp_path / "m.md")]
-    assert run(["reproduce", "vehicles", "--seed", "40", "--seeds", "2", *files]) == 0, capsys.readouterr().err
+    assert run(["reproduce", "vehicles", "--seed", "40", "--seeds", "2", *files]) == 0, (
+        capsys.readouterr().err
+    )
     said, page = capsys.readouterr().out, (tmp_path / "m.md").read_text()
     assert "| np | 0.300 ± 0.000 | 3.0 | 0.300 ± 0.000 | 3.0 | 0 of 2 |" in page
     assert page.count("| hold | – | – | – | – | 1 of 2 |") == len(TRACKS)
@@ -170,7 +184,9 @@ def test_the_oracle_that_divides_the_others_flies_with_any_rows(made_flights, tm
     assert ratios == {"nominal": pytest.approx(3.0), "hold": pytest.approx(3.0), "oracle": 1.0}
 
 
-@pytest.mark.parametrize(("option", "known"), [("--vehicle", "35g, paper, 6kg"), ("--track", ", ".join(TRACKS))])
+@pytest.mark.parametrize(
+    ("option", "known"), [("--vehicle", "35g, paper, 6kg"), ("--track", ", ".join(TRACKS))]
+)
 def test_an_unknown_name_is_one_line(option, known, capsys):
     assert run(["reproduce", "vehicles", option, "spiral"]) == 2
     last = capsys.readouterr().err.splitlines()[-1]
@@ -207,10 +223,16 @@ def changed(config: FlightConfig, field: str) -> FlightConfig:
 @pytest.mark.parametrize(
     "field",
     [
-        "duration", "simulator.max_step_size", "simulator.accuracy", "controller.period",
-        "controller.label.force_bandwidth", "controller.track_delay", "reality.payload.mass", "reference.speed",
+        "duration",
+        "simulator.max_step_size",
+        "simulator.accuracy",
+        "controller.period",
+        "controller.label.force_bandwidth",
+        "controller.track_delay",
+        "reality.payload.mass",
+        "reference.speed",
     ],
-)  # fmt: skip
+)
 @pytest.mark.parametrize("of", ["flight_config", "training_config"])
 def test_a_changed_setting_of_flight_or_training_is_another_campaign(monkeypatch, of, field):
     before = campaign_config(1, "sqp")

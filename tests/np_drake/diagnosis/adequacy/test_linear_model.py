@@ -30,9 +30,17 @@ DRAG = LinearDrag(0.3, 0.3, 0.3)
 
 @pytest.fixture(scope="module")
 def model(seen, noise):
-    """Return a function that makes the linear model of a fit of `terms` to two flights under `acting`."""
+    """Return a function that makes the linear model of a fit of `terms` to two flights under
+    `acting`.
+    """
 
-    def made(acting: tuple[Effect, ...], terms: list[Term], *, drifts: bool = False, onset_prior: float = 0.0):
+    def made(
+        acting: tuple[Effect, ...],
+        terms: list[Term],
+        *,
+        drifts: bool = False,
+        onset_prior: float = 0.0,
+    ):
         how = {"noise": 1.0, "seconds": 6.0}
         flights = [seen(*acting, name=n, seed=i, **how) for i, n in enumerate("ab", start=1)]
         return linear_model(flights, noise, terms, drifts=drifts, onset_prior=onset_prior)
@@ -46,7 +54,9 @@ def linear_model(
     nuisance = flight_errors(flights, Tolerance()) if drifts else []
     temperature = REAL.priors.temperature
     problem = RegressionProblem(flights, noise, nuisance, [], temperature=temperature, options=REAL)
-    fit = refine(terms, [], flights, noise, temperature=temperature, linear=nuisance, priors=REAL.priors)
+    fit = refine(
+        terms, [], flights, noise, temperature=temperature, linear=nuisance, priors=REAL.priors
+    )
     fit = dc.replace(fit, onset_prior=onset_prior)
     ranking = Ranking((fit,), {}, noise, problem, (), REAL)
     return LinearModel(ranking), ranking
@@ -65,7 +75,9 @@ def absent(model):
 
 
 def dense_evidence(ranking: Ranking, structure) -> float:
-    """Return the log evidence of the fit's parameters, sensor errors and structure by a dense least squares."""
+    """Return the log evidence of the fit's parameters, sensor errors and structure by a dense least
+    squares.
+    """
     fit, noise, root = ranking.best, ranking.noise, ranking.problem.temperature**-0.5
     W = np.linalg.inv(prior_whitening(fit.everything, fit.free))
     away = (fit.values - [f.neutral for f in fit.free]) / [f.scale for f in fit.free]
@@ -91,7 +103,9 @@ def test_the_evidence_of_a_structure_is_that_of_a_direct_linear_regression(model
     for chosen in ((), (0,), (3, 7)):
         some = [dut.structure[g] for g in chosen]
         priors = sum(REAL.priors.of_effect(c.identifiers[0]) + c.log_prior for c in some)
-        assert dut.evidence((), chosen) - priors == pytest.approx(dense_evidence(ranking, some), rel=1e-6)
+        assert dut.evidence((), chosen) - priors == pytest.approx(
+            dense_evidence(ranking, some), rel=1e-6
+        )
 
 
 def test_evidence_without_a_term_is_that_of_the_model_without_it(model):

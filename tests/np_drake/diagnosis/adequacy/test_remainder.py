@@ -1,4 +1,6 @@
-"""Laws of what is left: its share and its probability come from one calculation and never contradict each other."""
+"""Laws of what is left: its share and its probability come from one calculation and never
+contradict each other.
+"""
 
 import dataclasses as dc
 
@@ -24,19 +26,27 @@ EXACT = dc.replace(Options.for_sensors(True), tolerance=dc.replace(Tolerance(), 
 
 @pytest.fixture(scope="module")
 def hover(fly):
-    e = make_flight_residuals(fly(seed=1, seconds=20.0, noise=0.0, vigour=(0.0, 0.0, 0.0, 0.0)), VEHICLE)
+    e = make_flight_residuals(
+        fly(seed=1, seconds=20.0, noise=0.0, vigour=(0.0, 0.0, 0.0, 0.0)), VEHICLE
+    )
     return dc.replace(e, y=np.zeros_like(e.y))
 
 
 def noise_of(e) -> np.ndarray:
-    return np.random.default_rng(0).normal(size=e.y.shape) * ([FORCE_NOISE] * 3 + [1e-3] * 3 + [0.01] * 9)
+    return np.random.default_rng(0).normal(size=e.y.shape) * (
+        [FORCE_NOISE] * 3 + [1e-3] * 3 + [0.01] * 9
+    )
 
 
 def left_of(hover, before, after, indications=(), options=EXACT):
-    """Return the remainder of residuals beyond white noise, which calibration takes from one to the other."""
+    """Return the remainder of residuals beyond white noise, which calibration takes from one to the
+    other.
+    """
     noise = noise_of(hover)
     e = dc.replace(hover, y=noise + after, calibrated=before - after)
-    held = HeldOut([e], {e.name: []}, {e.name: e.y}, {e.name: np.ones(len(e.t), bool)}, {e.name: []})
+    held = HeldOut(
+        [e], {e.name: []}, {e.name: e.y}, {e.name: np.ones(len(e.t), bool)}, {e.name: []}
+    )
     return dut.measure_remainder([], scale_only([noise], e.grid.step), held, indications, options)
 
 

@@ -2,7 +2,11 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from np_drake.diagnosis.adequacy.residual_statistics import slow_torque, strongest_burst, strongest_line
+from np_drake.diagnosis.adequacy.residual_statistics import (
+    slow_torque,
+    strongest_burst,
+    strongest_line,
+)
 from np_drake.diagnosis.options import Options
 
 REAL, IDEAL = Options.for_sensors(True), Options.for_sensors(False)
@@ -82,7 +86,9 @@ def test_normal_noise_however_slow_bursts_nowhere(flights, seed, time):
     rng = np.random.default_rng(seed)
     keep = np.exp(-flights[0].grid.step / time)
     for e in flights:
-        residual[e.name][:, :3] = signal.lfilter([1.0], [1, -keep], rng.normal(size=(len(e.t), 3)), axis=0)
+        residual[e.name][:, :3] = signal.lfilter(
+            [1.0], [1, -keep], rng.normal(size=(len(e.t), 3)), axis=0
+        )
     assert strongest_burst(flights, residual).prominence < 0.8 * REAL.thresholds.burst_ratio
 
 
@@ -101,7 +107,9 @@ def test_a_burst_is_found_in_its_flight_at_its_time_and_size(flights, axis):
 def test_more_noise_is_no_more_of_a_burst(flights):
     residual = left_of(flights)
     louder = {n: 7.0 * y for n, y in residual.items()}
-    assert strongest_burst(flights, louder).prominence == pytest.approx(strongest_burst(flights, residual).prominence)
+    assert strongest_burst(flights, louder).prominence == pytest.approx(
+        strongest_burst(flights, residual).prominence
+    )
 
 
 def test_without_any_force_nothing_bursts(flights):

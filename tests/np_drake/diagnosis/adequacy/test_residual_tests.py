@@ -21,12 +21,18 @@ def test_a_burst_is_asked_whether_it_matters(ranked, force):
     assert (burst > 0.5) is (force > 0.01)
 
 
-@pytest.mark.parametrize("again, unknown", [(1.0, True), (0.3, False)], ids=["there too", "not there"])
+@pytest.mark.parametrize(
+    "again, unknown", [(1.0, True), (0.3, False)], ids=["there too", "not there"]
+)
 def test_a_slow_torque_is_asked_of_unseen_flights_as_well(ranked, monkeypatch, again, unknown):
     flights, options = ranked().flights, REAL
     limit = REAL.thresholds.slow_torque_ratio
-    monkeypatch.setattr(dut, "slow_torque", lambda some, _: ((2.0 if some else again) * limit, 1.0, 1.0, 0))
-    found, *_ = dut._slow_torque_test(flights, [], {e.name: e.y for e in flights}, options, hidden=False)
+    monkeypatch.setattr(
+        dut, "slow_torque", lambda some, _: ((2.0 if some else again) * limit, 1.0, 1.0, 0)
+    )
+    found, *_ = dut._slow_torque_test(
+        flights, [], {e.name: e.y for e in flights}, options, hidden=False
+    )
     assert (found > 0.5) is unknown
 
 
@@ -40,10 +46,14 @@ def test_a_line_matters_less_on_a_rig(ranked):
 
 @pytest.mark.parametrize("share, hidden", [(0.01, False), (0.9, True), (0.1, True)])
 @pytest.mark.parametrize("size", [0.5, 2.0])
-def test_a_slow_torque_is_unknown_where_it_is_material_and_no_lost_swing(ranked, monkeypatch, share, hidden, size):
+def test_a_slow_torque_is_unknown_where_it_is_material_and_no_lost_swing(
+    ranked, monkeypatch, share, hidden, size
+):
     """size: of the torque, over what matters."""
     flights, limit = ranked().flights, REAL.thresholds.slow_torque_ratio
     torque = (2 * limit, share, size * dut._least_structure(flights, REAL.materiality)[1], 0)
     monkeypatch.setattr(dut, "slow_torque", lambda *_: torque)
-    found, *_ = dut._slow_torque_test(flights, flights, {e.name: e.y for e in flights}, REAL, hidden=hidden)
+    found, *_ = dut._slow_torque_test(
+        flights, flights, {e.name: e.y for e in flights}, REAL, hidden=hidden
+    )
     assert (found > 0.5) is (size > 1 and (share > 0.5 or not hidden))

@@ -82,11 +82,16 @@ def test_structure_is_there_by_evidence_and_counts_where_material(ranked, linear
     assert np.sqrt(power[3:].sum()) == pytest.approx(finding.figures["torque"])
     assert position > 0
     blunt = dc.replace(REAL.materiality, torque=100.0, force=100.0)
-    assert _indication(model, structure, structure[0], dc.replace(REAL, materiality=blunt))[:2] == (0.0, finding)
+    assert _indication(model, structure, structure[0], dc.replace(REAL, materiality=blunt))[:2] == (
+        0.0,
+        finding,
+    )
 
 
 @pytest.mark.parametrize(
-    "effect", [InertiaError(1.3, 0.8, 1.2), MotorLag(0.04), CommandDelay(0.02)], ids=lambda e: e.identifier
+    "effect",
+    [InertiaError(1.3, 0.8, 1.2), MotorLag(0.04), CommandDelay(0.02)],
+    ids=lambda e: e.identifier,
 )
 def test_no_generic_torque_is_unknown_beside_an_effect_that_explains_it(ranked, left, effect):
     case = ranked(effect)

@@ -1,4 +1,6 @@
-"""Laws of a vehicle file with a calibration: what it says is part of the nominal model, as well known as it says."""
+"""Laws of a vehicle file with a calibration: what it says is part of the nominal model, as well
+known as it says.
+"""
 
 import dataclasses as dc
 
@@ -21,7 +23,7 @@ from np_drake.effects.thrust_scale import ThrustScale
 from np_drake.effects.uneven_lag import UnevenLag
 from np_drake.effects.weak_rotor import WeakRotor
 from np_drake.vehicle import Vehicle
-from np_drake.vehicle_calibration import Calibration
+from np_drake.vehicle.calibration import Calibration
 
 PLAIN = Vehicle()
 KNOWN = Calibration(
@@ -41,7 +43,9 @@ def rms(y):
 
 @pytest.fixture(scope="module")
 def flown(fly):
-    """Return a function that gives the residuals of a flight of the calibrated vehicle with further effects."""
+    """Return a function that gives the residuals of a flight of the calibrated vehicle with further
+    effects.
+    """
 
     def residuals(*effects, vehicle=FILE):
         log = fly(*effects_of(KNOWN, PLAIN), *effects, vehicle=PLAIN, name="a", seed=1, seconds=6.0)
@@ -54,7 +58,9 @@ def test_the_calibrated_vehicle_leaves_no_residual(flown):
     assert np.all(rms(flown().y) < 0.1 * rms(flown(vehicle=PLAIN).y))
 
 
-@pytest.mark.parametrize("effect", [MassError(0.2), ThrustScale(0.9), WeakRotor(2.0, 0.9), LinearDrag()], ids=str)
+@pytest.mark.parametrize(
+    "effect", [MassError(0.2), ThrustScale(0.9), WeakRotor(2.0, 0.9), LinearDrag()], ids=str
+)
 def test_an_effect_acts_with_the_calibration(flown, effect):
     e = flown(effect)
     left = e.y - predicted_residual(e, [Term(effect)])
@@ -67,7 +73,9 @@ def test_a_share_of_the_calibrations_torque_is_shown(flown):
     scaled, rotors = with_torque_gain([e, make_flight_residuals(e.log, FILE)], share)
     given = predicted_residual(rotors, [Term(effect) for effect in e.fixed])
     assert scaled.against_file == pytest.approx(e.y)
-    assert scaled.y == pytest.approx(rotors.y - given, abs=3e-3)  # [N, N·m]: a tilted gyro's torque is no torque
+    assert scaled.y == pytest.approx(
+        rotors.y - given, abs=3e-3
+    )  # [N, N·m]: a tilted gyro's torque is no torque
 
 
 def test_a_file_without_calibration_fixes_nothing(seen):
@@ -87,8 +95,13 @@ def test_motors_are_behind_measured_speed_and_a_lag_replaces_the_files():
 
 def test_a_stated_interval_is_the_spread_of_its_number(seen):
     told = {"calibration.rotor_gains": [[0.9, 1.0], [1.0, 1.04], [1.03, 1.05], [0.98, 1.0]]}
-    told |= {"calibration.center_of_mass[0]": [[0.008, 0.012]], "rotor_time_constant": [[0.0, 0.001]]}
-    dut = of_vehicle(seen(vehicle=dc.replace(FILE, intervals=told).check(), seed=1, seconds=4.0), UNMEASURED)
+    told |= {
+        "calibration.center_of_mass[0]": [[0.008, 0.012]],
+        "rotor_time_constant": [[0.0, 0.001]],
+    }
+    dut = of_vehicle(
+        seen(vehicle=dc.replace(FILE, intervals=told).check(), seed=1, seconds=4.0), UNMEASURED
+    )
     assert [d.deviation["efficiency"] for d in dut if d.effect is WeakRotor] == pytest.approx(
         [0.05 / 1.96, 0.02 / 1.96, 0.01 / 1.96, 0.01 / 1.96]
     )

@@ -19,7 +19,10 @@ SENSORS = {"noise": 1.0, "attitude_noise": 0.005, "seconds": 8.0}
 @pytest.fixture(scope="module")
 def found(seen, inferred):
     rotor = WeakRotor(2.0, 0.94)
-    train = [seen(rotor, name="a", seed=1, **SENSORS), seen(rotor, AttitudeBias(TILT), name="b", seed=2, **SENSORS)]
+    train = [
+        seen(rotor, name="a", seed=1, **SENSORS),
+        seen(rotor, AttitudeBias(TILT), name="b", seed=2, **SENSORS),
+    ]
     return inferred(train, [seen(rotor, name="c", seed=3, **SENSORS)], REAL)
 
 
@@ -45,8 +48,12 @@ def test_a_rotor_that_gives_less_is_said_in_per_cent_of_thrust(dut):
 
 def test_a_tilt_of_one_flight_names_that_flight(dut):
     (tilt,) = (d for d in dut if d.name == "attitude_bias.roll")
-    assert tilt.text.endswith(f"° of roll in {max(tilt.by_flight, key=lambda name: abs(tilt.by_flight[name]))}")
-    assert tilt.by_flight["b"] - tilt.by_flight["a"] == pytest.approx(TILT, abs=0.01)  # two sigma [rad]
+    assert tilt.text.endswith(
+        f"° of roll in {max(tilt.by_flight, key=lambda name: abs(tilt.by_flight[name]))}"
+    )
+    assert tilt.by_flight["b"] - tilt.by_flight["a"] == pytest.approx(
+        TILT, abs=0.01
+    )  # two sigma [rad]
 
 
 def test_all_that_is_calibrated_has_words(found, dut):
@@ -58,7 +65,11 @@ def test_all_that_is_calibrated_has_words(found, dut):
 
 
 def test_every_error_of_file_and_input_has_words():
-    assert not [name for name, effect in NUISANCES.items() if not all(p.departure for p in effect.parameters)]
+    assert not [
+        name
+        for name, effect in NUISANCES.items()
+        if not all(p.departure for p in effect.parameters)
+    ]
 
 
 def test_a_vehicle_that_its_file_describes_does_not_differ(found):

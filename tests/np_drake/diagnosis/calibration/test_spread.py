@@ -5,7 +5,12 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.calibration.columns import calibration_columns, columns_of, drift_columns, vehicle_columns
+from np_drake.diagnosis.calibration.columns import (
+    calibration_columns,
+    columns_of,
+    drift_columns,
+    vehicle_columns,
+)
 from np_drake.diagnosis.calibration.spread import calibrated_alone, of_flight, of_vehicle
 from np_drake.diagnosis.forward_model import Term, predicted_residual
 from np_drake.diagnosis.options import SPREAD, Options, Tolerance
@@ -69,7 +74,9 @@ def test_an_airframe_has_no_drag_of_its_own_beside_the_effect(flight):
 def test_slow_drift_adds_up_to_a_constant(flight):
     X = drift_columns(flight)
     total = X[:, 2].sum(axis=1)
-    np.testing.assert_allclose(total, SPREAD.known_sag * SPREAD.drift_time * flight.weight, rtol=1e-12)
+    np.testing.assert_allclose(
+        total, SPREAD.known_sag * SPREAD.drift_time * flight.weight, rtol=1e-12
+    )
 
 
 def test_sensors_and_times_are_calibration_whatever_their_size(flight):

@@ -29,7 +29,9 @@ def test_the_gain_is_the_share_of_torque_that_the_motion_shows(weak):
     assert torque_gain([weak]) == pytest.approx(SHARE, abs=0.05)
 
 
-@pytest.mark.parametrize("effect", [BladeFlapping(0.3), SuspendedPayload(0.2, 0.7, hook_z=-0.1)], ids=str)
+@pytest.mark.parametrize(
+    "effect", [BladeFlapping(0.3), SuspendedPayload(0.2, 0.7, hook_z=-0.1)], ids=str
+)
 def test_torque_that_trims_a_moment_is_shown(seen, effect):
     dut = seen(MixerGain(*SHARE), effect, name="a", seed=1, seconds=8.0)
     assert torque_gain([dut]) == pytest.approx(SHARE, abs=0.05)
@@ -46,11 +48,15 @@ def test_the_gain_leaves_the_gap_against_the_file_and_takes_torque_alone(weak):
     assert scaled.against_file == pytest.approx(weak.y)
     assert scaled.nominal[:, TORQUE] == pytest.approx(weak.nominal[:, TORQUE] * SHARE, abs=1e-9)
     assert scaled.nominal[:, 2] == pytest.approx(weak.nominal[:, 2])
-    assert np.sqrt(np.mean(scaled.y[:, TORQUE] ** 2)) < 0.2 * np.sqrt(np.mean(weak.y[:, TORQUE] ** 2))
+    assert np.sqrt(np.mean(scaled.y[:, TORQUE] ** 2)) < 0.2 * np.sqrt(
+        np.mean(weak.y[:, TORQUE] ** 2)
+    )
 
 
 @pytest.mark.parametrize(
-    "effect", [WeakRotor(1.0, 0.8), CenterOfMassOffset(0.02, 0.0, 0.0), GroundEffect(0.3), PAYLOAD], ids=str
+    "effect",
+    [WeakRotor(1.0, 0.8), CenterOfMassOffset(0.02, 0.0, 0.0), GroundEffect(0.3), PAYLOAD],
+    ids=str,
 )
 def test_a_share_of_the_torque_of_every_effect_is_shown(weak, effect):
     (scaled,) = with_torque_gain([weak], SHARE)

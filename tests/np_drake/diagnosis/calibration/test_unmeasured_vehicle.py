@@ -1,4 +1,6 @@
-"""Laws of the diagnosis of a vehicle that nobody measured: healthy differences are calibration, larger ones causes."""
+"""Laws of the diagnosis of a vehicle that nobody measured: healthy differences are calibration,
+larger ones causes.
+"""
 
 import dataclasses as dc
 
@@ -34,14 +36,18 @@ def test_a_healthy_vehicle_has_no_cause(healthy):
 
 
 def test_calibration_closes_the_gap_of_a_flight_that_it_has_not_seen(healthy):
-    found = measure_gap_reduction(healthy.causes, healthy.ranking.noise, healthy.held, healthy.left, None)
+    found = measure_gap_reduction(
+        healthy.causes, healthy.ranking.noise, healthy.held, healthy.left, None
+    )
     assert found.before > 2.0
     assert found.fraction > 0.9
     assert [rung.name for rung in found.ladder] == ["nominal", "+ calibration", "noise floor"]
 
 
 def test_calibration_is_in_the_corrected_simulator(healthy):
-    effects = calibration_effects(healthy.ranking.best, healthy.flights[0], healthy.options.tolerance)
+    effects = calibration_effects(
+        healthy.ranking.best, healthy.flights[0], healthy.options.tolerance
+    )
     gains = {e.rotor: e.efficiency for e in effects if isinstance(e, WeakRotor)}
     assert len(gains) == 4
     assert gains[1.0] < min(gains[i] for i in (2.0, 3.0, 4.0))  # the only one that is weak
@@ -83,6 +89,8 @@ def test_time_on_the_ground_in_mid_flight_is_left_out(fly, timing, left_out):
     stands = (log.t > 4.0) & (log.t < 5.0)
     u, v = log.u.copy(), log.v.copy()
     u[stands], v[stands] = 0.0, 0.0
-    dut = make_flight_residuals(dc.replace(log, u=u, v=v), dc.replace(Vehicle(), command_timing=timing))
+    dut = make_flight_residuals(
+        dc.replace(log, u=u, v=v), dc.replace(Vehicle(), command_timing=timing)
+    )
     assert dut.outliers[(dut.t > 4.1) & (dut.t < 4.9)].all() == left_out
     assert not dut.outliers[np.abs(dut.t - 4.5) > 1.1].any()

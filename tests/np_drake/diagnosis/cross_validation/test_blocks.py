@@ -24,7 +24,9 @@ def data():
 
 
 def gaussian(X, y, before: int, upto: int) -> tuple[float, float]:
-    """Return squared misfit and log determinant of rows before..upto predicted from those before."""
+    """Return squared misfit and log determinant of rows before..upto predicted from those
+    before.
+    """
     A = X[:before].T @ X[:before] + np.eye(X.shape[1])
     mean, covariance = np.linalg.solve(A, X[:before].T @ y[:before]), np.linalg.inv(A)
     S = np.eye(upto - before) + X[before:upto] @ covariance @ X[before:upto].T
@@ -53,7 +55,9 @@ def test_what_is_of_another_flight_alone_tells_nothing_of_this_one(data):
     dut = made(X, y, 20, 2)  # the third column is its own
     told = dut.of_others(np.arange(2), np.arange(1))
     A = X.T @ X + np.diag([0.0, 0.0, 1.0])
-    expected = np.linalg.inv(np.linalg.inv(A)[:2, :2])  # information of the first two, the third integrated out
+    expected = np.linalg.inv(
+        np.linalg.inv(A)[:2, :2]
+    )  # information of the first two, the third integrated out
     np.testing.assert_allclose(told[:2, :2], expected, atol=1e-9)
 
 
@@ -64,5 +68,7 @@ def test_a_block_that_no_model_explains_counts_little(data):
     gains = []
     for target in (y, spoilt):
         dut = made(X, target, 20, 3)
-        gains.append(scores(dut, [], np.arange(3), NONE)[1] - scores(dut, [], np.arange(1), NONE)[1])
+        gains.append(
+            scores(dut, [], np.arange(3), NONE)[1] - scores(dut, [], np.arange(1), NONE)[1]
+        )
     assert abs(gains[1]) < abs(gains[0])

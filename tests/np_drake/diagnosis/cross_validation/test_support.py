@@ -42,11 +42,20 @@ def test_held_out_flights_contradict_by_more_than_chance():
 
 
 def test_a_drag_that_acts_predicts_every_flight_and_the_held_out_one(seen):
-    flights = [seen(DRAG, name=n, seed=i, noise=1.0, seconds=8.0) for i, n in enumerate("abc", start=1)]
+    flights = [
+        seen(DRAG, name=n, seed=i, noise=1.0, seconds=8.0) for i, n in enumerate("abc", start=1)
+    ]
     found = infer(flights[:2], flights[2:])
     fit, held = found.ranking.best, found.held
     names = [t.effect.identifier for t in fit.terms]
-    supports = support_of(fit, found.flights, held.flights, held.whole_flight_terms, found.ranking.noise, found.options)
+    supports = support_of(
+        fit,
+        found.flights,
+        held.flights,
+        held.whole_flight_terms,
+        found.ranking.noise,
+        found.options,
+    )
     dut = supports[names.index("linear_drag")]
     assert dut.probability > 0.99
     assert min(dut.by_flight().values()) > 0

@@ -14,7 +14,9 @@ EFFECTS = (LinearDrag(0.3, 0.3, 0.3), WeakRotor(2.0, 0.9))
 
 @pytest.fixture(scope="module")
 def both(seen, inferred):
-    flights = [seen(*EFFECTS, name=n, seed=i, noise=1.0, seconds=8.0) for i, n in enumerate("abc", start=1)]
+    flights = [
+        seen(*EFFECTS, name=n, seed=i, noise=1.0, seconds=8.0) for i, n in enumerate("abc", start=1)
+    ]
     return inferred(flights[:2], flights[2:])
 
 
@@ -34,7 +36,9 @@ def test_what_is_not_named_is_not_in_the_fit(both):
 def test_a_fit_without_an_effect_leaves_less_than_dropping_it(both):
     (drag,) = (c for c in both.causes if c.identifier == "linear_drag")
     best, noise = both.ranking.best, both.ranking.noise
-    dropped = dc.replace(best, terms=tuple(t for t in best.terms if t.effect.identifier == "linear_drag"))
+    dropped = dc.replace(
+        best, terms=tuple(t for t in best.terms if t.effect.identifier == "linear_drag")
+    )
     fitted = as_named(dc.replace(both, causes=[drag])).ranking.best
 
     def left(fit):

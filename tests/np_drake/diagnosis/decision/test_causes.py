@@ -1,4 +1,6 @@
-"""Laws of causes and minor findings: which effects of the best model are which, and how probable."""
+"""Laws of causes and minor findings: which effects of the best model are which, and how
+probable.
+"""
 
 import dataclasses as dc
 
@@ -41,7 +43,9 @@ def linear(drag):
 
 @pytest.fixture(scope="module")
 def judged_with(drag, linear):
-    """Return the arguments of `causes_of` for the flights with drag, under another fit or options."""
+    """Return the arguments of `causes_of` for the flights with drag, under another fit or
+    options.
+    """
 
     def arguments(fit=None, options=None, probability=None):
         ranking = drag.ranking
@@ -128,7 +132,9 @@ def test_a_drag_that_gusts_bring_has_their_prior_against_the_unknown(judged_with
     ranking, linear, *_ = given
     margin = -4.0  # with the prior of a drag by itself
     monkeypatch.setattr(linear, "margin", lambda i, structure: margin)
-    alone, blown = (assess_term(ranking, linear, (), 0, (), *given[3:], gusts=b) for b in (False, True))
+    alone, blown = (
+        assess_term(ranking, linear, (), 0, (), *given[3:], gusts=b) for b in (False, True)
+    )
     priors = ranking.options.priors
     own = ranking.probability["linear_drag"]
     assert alone.in_model == pytest.approx(own * special.expit(margin))
@@ -139,7 +145,9 @@ def test_a_drag_that_gusts_bring_has_their_prior_against_the_unknown(judged_with
 
 
 def test_an_effect_at_its_bound_is_minor_and_says_so(drag, judged_with):
-    stuck = dc.replace(drag.fit, terms=(dc.replace(drag.fit.terms[0], effect=LinearDrag(0.6, 0.6, -0.2)),))
+    stuck = dc.replace(
+        drag.fit, terms=(dc.replace(drag.fit.terms[0], effect=LinearDrag(0.6, 0.6, -0.2)),)
+    )
     causes, minor = causes_of(*judged_with(fit=stuck))
     assert causes == []
     assert "bound" in minor[0].text
@@ -157,9 +165,13 @@ def test_an_effect_at_its_bound_is_minor_and_says_so(drag, judged_with):
     ],
     ids=lambda v: getattr(v, "identifier", str(v)),
 )
-def test_a_shift_of_commands_within_what_the_log_leaves_open_is_immaterial(fit_at, judged_with, effect, timing, within):
+def test_a_shift_of_commands_within_what_the_log_leaves_open_is_immaterial(
+    fit_at, judged_with, effect, timing, within
+):
     tolerance = dc.replace(REAL.tolerance, timing=timing)
-    given = judged_with(fit=fit_at(effect, covariance=1e-6), options=dc.replace(REAL, tolerance=tolerance))
+    given = judged_with(
+        fit=fit_at(effect, covariance=1e-6), options=dc.replace(REAL, tolerance=tolerance)
+    )
     assert (assessed(*given).material == 0.0) is within
 
 
@@ -178,7 +190,8 @@ def test_a_wind_without_a_drag_through_which_it_is_felt_is_minor():
 def test_without_torque_mass_and_thrust_are_named_beside_each_other(seen, searched):
     vertical = (0.0, 0.0, 1.0, 0.0)
     flights = [
-        seen(MassError(0.2), name=n, seed=i, noise=1.0, seconds=8.0, vigour=vertical) for i, n in enumerate("ab")
+        seen(MassError(0.2), name=n, seed=i, noise=1.0, seconds=8.0, vigour=vertical)
+        for i, n in enumerate("ab")
     ]
     found = searched(flights)
     named = [found.problem.candidates[i].identifiers[0] for i in found.models[0].members]
@@ -189,12 +202,17 @@ def test_without_torque_mass_and_thrust_are_named_beside_each_other(seen, search
 
 
 def test_what_the_motion_tells_apart_is_not_named_beside_it(drag):
-    assert "gyro_bias" not in equivalents(drag.ranking.problem, drag.ranking.models[0])["linear_drag"]
+    assert (
+        "gyro_bias" not in equivalents(drag.ranking.problem, drag.ranking.models[0])["linear_drag"]
+    )
 
 
 def test_payload_parameters_are_known_no_better_than_the_pendulum_model(fit_at):
     payload = SuspendedPayload(0.2, 0.6, 0.0, 0.0, -0.05)
-    exact, rough = (module._estimates(fit_at(payload, covariance=s), 0, PAPER, IDEAL.priors) for s in (1e-9, 0.01))
+    exact, rough = (
+        module._estimates(fit_at(payload, covariance=s), 0, PAPER, IDEAL.priors)
+        for s in (1e-9, 0.01)
+    )
     for name, estimate in exact.items():
         half = 0.5 * np.diff(estimate.ci95)[0]
         error = 1.96 * pendulum_error(name, payload, PAPER, IDEAL.priors)

@@ -18,7 +18,10 @@ DRAG = LinearDrag(0.6, 0.6, 0.6)
 
 @pytest.fixture(scope="module")
 def flights(seen):
-    return [seen(MassError(0.2), DRAG, name=n, seed=i, noise=1.0, seconds=6.0) for i, n in enumerate("ab")]
+    return [
+        seen(MassError(0.2), DRAG, name=n, seed=i, noise=1.0, seconds=6.0)
+        for i, n in enumerate("ab")
+    ]
 
 
 @pytest.fixture(scope="module")
@@ -36,10 +39,15 @@ def test_the_size_of_a_mass_is_its_share_of_the_weight(flights, fit, noise):
 
 
 def test_what_does_little_in_the_fit_counts_by_what_it_does_held_out(flights, fit, noise):
-    strong = [dc.replace(t, effect=LinearDrag(6.0, 6.0, 6.0)) if j == 1 else t for j, t in enumerate(fit.terms)]
+    strong = [
+        dc.replace(t, effect=LinearDrag(6.0, 6.0, 6.0)) if j == 1 else t
+        for j, t in enumerate(fit.terms)
+    ]
     args = (fit, 1, flights, noise.rms, IDEAL_SENSORS)
     alone, beside = size_of(*args), size_of(*args, [(e, strong) for e in flights])
-    assert beside.force == pytest.approx(alone.force * np.sqrt((1 + (6.0 / 0.6) ** 2) / 2), rel=0.01)
+    assert beside.force == pytest.approx(
+        alone.force * np.sqrt((1 + (6.0 / 0.6) ** 2) / 2), rel=0.01
+    )
     assert (beside.gap, beside.sensor) == (alone.gap, alone.sensor)
 
 

@@ -48,7 +48,9 @@ def test_alternatives_stand_best_first_within_the_threshold():
 def test_the_best_variant_of_an_effect_stands_for_it():
     candidates = [Candidate(("drag",)), Candidate(("a",)), Candidate(("a",)), Candidate(("a",))]
     scores = {(0,): 0.0, (1,): -0.5 * NEAR, (2,): -0.2 * NEAR, (3,): -0.4 * NEAR}
-    assert equivalents(Problem(candidates, scores), Model((0,), 0.0))["drag"] == {"a": Model((2,), -0.2 * NEAR)}
+    assert equivalents(Problem(candidates, scores), Model((0,), 0.0))["drag"] == {
+        "a": Model((2,), -0.2 * NEAR)
+    }
 
 
 def test_each_effect_is_replaced_beside_the_others():
@@ -58,7 +60,12 @@ def test_each_effect_is_replaced_beside_the_others():
 
 
 def test_structure_the_effect_itself_and_what_does_not_fit_are_none():
-    candidates = [Candidate(("drag",)), Candidate(("a",), generic=True), Candidate(("drag",)), Candidate(("b",))]
+    candidates = [
+        Candidate(("drag",)),
+        Candidate(("a",), generic=True),
+        Candidate(("drag",)),
+        Candidate(("b",)),
+    ]
     scores = {(0,): 0.0, (1,): 0.0, (2,): 0.0, (3,): 0.0}
     assert equivalents(Problem(candidates, scores, apart=[(3,)]), Model((0,), 0.0)) == {"drag": {}}
     assert equivalents(Problem(candidates, scores), Model((1,), 0.0)) == {}

@@ -61,5 +61,7 @@ def test_a_plain_cause_stands_alone(seen, quick_searches):
 def test_probabilities_add_up_where_the_likeliest_fits_are_impossible(hover, monkeypatch):
     ranking = hover[0].ranking
     monkeypatch.setattr(explanations, "is_possible", lambda *_: False)
-    monkeypatch.setattr(explanations, "score_of", lambda fit, _: -2000.0 if fit is ranking.fits[0] else 0.0)
+    monkeypatch.setattr(
+        explanations, "score_of", lambda fit, _: -2000.0 if fit is ranking.fits[0] else 0.0
+    )
     assert sum(e.probability for e in explanations_of(ranking, hover[0].held)) == pytest.approx(1.0)

@@ -31,7 +31,9 @@ class Wall(WrenchEffect):
 
     def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
         chi = super().wrench(vehicle, motion)
-        chi[..., 0] = self.pull * np.exp(-np.maximum(self.x - motion.x[..., P][..., 0], 0.0) / self.reach)
+        chi[..., 0] = self.pull * np.exp(
+            -np.maximum(self.x - motion.x[..., P][..., 0], 0.0) / self.reach
+        )
         return chi
 
 
@@ -48,13 +50,17 @@ WALLED = (WALL, WALL, WALL)
 
 @pytest.fixture(scope="module")
 def flown(seen):
-    """Return a function that flies two training flights and a third under drag and a slow force each; cached."""
+    """Return a function that flies two training flights and a third under drag and a slow force
+    each; cached.
+    """
 
     @cache
     def flights(*slow: WrenchEffect | None, drag: LinearDrag | None = DRAG):
         how = {"noise": 1.0, "seconds": 10.0}
         acting = [[e for e in (drag, s) if e is not None] for s in slow]
-        *fitted, held_out = [seen(*a, name=str(i), seed=i, **how) for i, a in enumerate(acting, start=1)]
+        *fitted, held_out = [
+            seen(*a, name=str(i), seed=i, **how) for i, a in enumerate(acting, start=1)
+        ]
         return fitted, [held_out]
 
     return flights
@@ -90,7 +96,8 @@ def test_a_force_that_follows_the_place_is_unknown_and_not_gusts(of):
 
 def test_unknown_structure_leaves_the_probability_of_a_planted_drag(of):
     alone, beside = (
-        next(c for c in of(*slow).causes if c.identifier == "linear_drag") for slow in ((None, None, None), WALLED)
+        next(c for c in of(*slow).causes if c.identifier == "linear_drag")
+        for slow in ((None, None, None), WALLED)
     )
     assert beside.probability == pytest.approx(alone.probability, abs=0.05)
     for name, estimate in beside.parameters.items():
@@ -104,7 +111,9 @@ def test_a_slow_force_that_follows_no_place_is_gusts(of):
     assert not dut.unknown
 
 
-def test_a_slow_force_of_which_no_wind_can_be_made_is_unknown_and_says_so(flown, searched, monkeypatch):
+def test_a_slow_force_of_which_no_wind_can_be_made_is_unknown_and_says_so(
+    flown, searched, monkeypatch
+):
     fitted, held_out = flown(*BLOWN)
     monkeypatch.setattr(module, "with_gusts", lambda ranking, held, causes, unexplained: causes)
     dut = conclude(searched(fitted), held_out)
@@ -120,7 +129,9 @@ def test_without_the_test_of_the_place_the_force_would_be_gusts(flown, searched,
 
 
 def test_inference_is_a_search_and_its_conclusion(flown, searched, of, monkeypatch):
-    monkeypatch.setattr(module, "find_map_model", lambda flights, options: searched(flights, options))
+    monkeypatch.setattr(
+        module, "find_map_model", lambda flights, options: searched(flights, options)
+    )
     dut = infer_function(*flown(None, None, None))
     assert [(c.identifier, c.probability) for c in dut.causes] == [
         (c.identifier, c.probability) for c in of(None, None, None).causes

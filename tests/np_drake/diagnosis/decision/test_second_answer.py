@@ -23,7 +23,9 @@ from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.vehicle import Vehicle
 
-module = importlib.import_module("np_drake.diagnosis.decision.second_answer")  # the package has a function so named
+module = importlib.import_module(
+    "np_drake.diagnosis.decision.second_answer"
+)  # the package has a function so named
 
 DRAG = LinearDrag(0.6, 0.6, 0.0)
 UP_AND_DOWN = (0.0, 0.0, 1.0, 0.0)
@@ -34,12 +36,16 @@ pytestmark = pytest.mark.usefixtures("quick_searches")
 
 @pytest.fixture(scope="module")
 def logs(fly):
-    """Return a function that flies two flights straight up and down and one that moves sideways; cached."""
+    """Return a function that flies two flights straight up and down and one that moves sideways;
+    cached.
+    """
 
     @cache
     def flown(*effects):
         own = {"noise": 1.0, "seconds": 10.0}
-        train = [fly(*effects, name=n, seed=i, vigour=UP_AND_DOWN, **own) for i, n in enumerate("ab", 1)]
+        train = [
+            fly(*effects, name=n, seed=i, vigour=UP_AND_DOWN, **own) for i, n in enumerate("ab", 1)
+        ]
         return train, [fly(*effects, name="c", seed=3, **own)]
 
     return flown

@@ -6,7 +6,12 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from np_drake.diagnosis.decision.term_assessment import DRAWS, material_share, relative_sizes, wind_share
+from np_drake.diagnosis.decision.term_assessment import (
+    DRAWS,
+    material_share,
+    relative_sizes,
+    wind_share,
+)
 from np_drake.diagnosis.fitting.map_estimate import scaled_jacobian
 from np_drake.diagnosis.forward_model import NEVER
 from np_drake.diagnosis.options import Options, Size
@@ -42,16 +47,22 @@ def test_the_size_of_several_parameters_is_the_power_of_what_they_predict(fit_at
     drawn = relative_sizes(fit, 0, flights)
     J = scaled_jacobian(fit.everything, fit.free, flights[0])[:, :6].reshape(-1, 3)
     power = J.T @ J
-    expected = 1 + np.trace(power @ spread**2) / (fit.values @ power @ fit.values)  # scales are alike
+    expected = 1 + np.trace(power @ spread**2) / (
+        fit.values @ power @ fit.values
+    )  # scales are alike
     error = np.std(drawn**2) / np.sqrt(DRAWS)
     assert np.mean(drawn**2) == pytest.approx(expected, abs=CHANCE * error)
 
 
 def test_where_parameters_are_known_exactly_so_is_the_size(fit_at, flights):
-    np.testing.assert_allclose(relative_sizes(fit_at(DRAG, covariance=1e-9), 0, flights), 1.0, rtol=1e-6)
+    np.testing.assert_allclose(
+        relative_sizes(fit_at(DRAG, covariance=1e-9), 0, flights), 1.0, rtol=1e-6
+    )
 
 
-@pytest.mark.parametrize("times, share", [(2.0, 1.0), (0.5, 0.0)], ids=["twice the bound", "half of it"])
+@pytest.mark.parametrize(
+    "times, share", [(2.0, 1.0), (0.5, 0.0)], ids=["twice the bound", "half of it"]
+)
 def test_in_the_limit_of_a_known_size_an_effect_is_material_or_it_is_not(times, share):
     size = dc.replace(UNIT, force=times * UNIT.force)
     assert material_share(size, np.ones(10), MATERIALITY, **PLAIN) == share
@@ -61,7 +72,10 @@ def test_in_the_limit_of_a_known_size_an_effect_is_material_or_it_is_not(times, 
     "size, kind",
     [
         (Size(0.0, MATERIALITY.torque, 0.0, 0.0), PLAIN),
-        (Size(MATERIALITY.calibration_force, 9.0, 0.0, 9.0), {"calibration": True, "sensor": False}),
+        (
+            Size(MATERIALITY.calibration_force, 9.0, 0.0, 9.0),
+            {"calibration": True, "sensor": False},
+        ),
         (Size(9.0, 9.0, 0.0, MATERIALITY.sensor), {"calibration": False, "sensor": True}),
     ],
     ids=["torque", "calibration", "sensor"],
@@ -80,20 +94,28 @@ def test_between_the_limits_it_is_the_gaussian_above_the_bound(times):
     assert material_share(size, drawn, MATERIALITY, **PLAIN) == pytest.approx(expected, abs=2e-3)
 
 
-def wind_at(fit_at, flights, wind, still_air=MATERIALITY.still_air, lean=0.0, covariance=1e-3) -> float:
+def wind_at(
+    fit_at, flights, wind, still_air=MATERIALITY.still_air, lean=0.0, covariance=1e-3
+) -> float:
     return wind_share(fit_at(DRAG, wind, covariance=covariance), 1, flights, still_air, lean)
 
 
 @pytest.mark.parametrize("speed, share", [(0.2, 0.0), (0.3, 1.0), (-3.0, 1.0)])
-def test_a_mean_wind_below_a_quarter_of_a_metre_per_second_is_a_draught(fit_at, flights, speed, share):
+def test_a_mean_wind_below_a_quarter_of_a_metre_per_second_is_a_draught(
+    fit_at, flights, speed, share
+):
     assert wind_at(fit_at, flights, ConstantWind(0.0, speed, 0.0)) == share
 
 
 @pytest.mark.parametrize("times, share", [(0.9, 0.0), (1.1, 1.0)])
-def test_a_wind_pushes_harder_than_thrust_under_a_sensor_attitude_error(fit_at, flights, times, share):
+def test_a_wind_pushes_harder_than_thrust_under_a_sensor_attitude_error(
+    fit_at, flights, times, share
+):
     (e,) = flights
     lean = 0.03
-    speed = times * lean * e.vehicle.mass * e.vehicle.gravity / DRAG.d_x  # a drag at hover, nearly level
+    speed = (
+        times * lean * e.vehicle.mass * e.vehicle.gravity / DRAG.d_x
+    )  # a drag at hover, nearly level
     assert wind_at(fit_at, flights, ConstantWind(speed, 0.0, 0.0), 0.0, lean) == share
 
 

@@ -34,7 +34,10 @@ def test_a_flight_of_its_vehicle_has_no_doubts(log):
 
 
 def test_conventions_that_contradict_each_other_fail(log):
-    for wrong in (dc.replace(log, v=log.v * [1.0, -1.0, 1.0]), dc.replace(log, q=log.q * [1.0, -1.0, -1.0, -1.0])):
+    for wrong in (
+        dc.replace(log, v=log.v * [1.0, -1.0, 1.0]),
+        dc.replace(log, q=log.q * [1.0, -1.0, -1.0, -1.0]),
+    ):
         (dut,) = (doubt for doubt in law_doubts(wrong) if "contradict" in doubt.what)
         assert dut.fails
     assert not examine([wrong], Vehicle()).usable
@@ -50,7 +53,9 @@ def test_a_planar_pose_is_named_and_makes_the_flight_useless(log):
 
 
 def test_a_gyro_that_drifts_about_one_axis_is_said_and_stays_askable(log):
-    drift = np.outer(np.sin(2.1 * log.t), [0.0, 0.0, 0.9])  # as large as the turns about that axis [rad/s]
+    drift = np.outer(
+        np.sin(2.1 * log.t), [0.0, 0.0, 0.9]
+    )  # as large as the turns about that axis [rad/s]
     drifting = dc.replace(log, w=log.w + drift)
     (dut,) = law_doubts(drifting)
     assert not dut.fails
@@ -83,7 +88,9 @@ def test_torque_that_does_not_turn_the_vehicle_makes_it_useless(log):
     against = dc.replace(log, u=log.u * [1.0, 1.0, -1.0, 1.0])
     dut = examine([against], Vehicle())
     assert not dut.usable
-    assert any("torque about body y goes against J dw/dt (correlation -" in line for line in dut.problems)
+    assert any(
+        "torque about body y goes against J dw/dt (correlation -" in line for line in dut.problems
+    )
     large = dc.replace(Vehicle(), inertia=(5 * Vehicle().J).tolist())
     dut = examine([log], large)
     assert not dut.usable
@@ -91,7 +98,10 @@ def test_torque_that_does_not_turn_the_vehicle_makes_it_useless(log):
 
 
 def test_a_diagnosis_says_the_doubts_of_its_flights_before_the_answer(fly, log):
-    heavy, other = dc.replace(Vehicle(), mass=1.45 * Vehicle().mass), dc.replace(fly(seed=2, noise=1.0), name="other")
+    heavy, other = (
+        dc.replace(Vehicle(), mass=1.45 * Vehicle().mass),
+        dc.replace(fly(seed=2, noise=1.0), name="other"),
+    )
     dut = diagnose(heavy, [dc.replace(log, bridged=np.arange(len(log)) % 100 == 50)], [other])
     assert "in gaps of up to 0.1 s of 1 of 2 flights were filled in" in warnings(dut)[-1]
     (line,) = (line for line in dut.doubts if "of the weight along body z" in line)

@@ -1,4 +1,6 @@
-"""Laws of the examination: what a log can and cannot tell, with and without a vehicle, and on real flights."""
+"""Laws of the examination: what a log can and cannot tell, with and without a vehicle, and on real
+flights.
+"""
 
 import dataclasses as dc
 import json
@@ -50,7 +52,11 @@ def test_every_effect_of_the_library_has_an_answer(report):
     assert {a.identifier for a in report.answers} == set(LIBRARY)
     assert all(a.todo for a in report.answers if a.verdict != "yes")
     assert all(a.reason for a in report.answers if a.verdict != "yes")
-    assert all((a.verdict == "yes") == (a.smallest <= a.typical) for a in report.answers if a.verdict != "never")
+    assert all(
+        (a.verdict == "yes") == (a.smallest <= a.typical)
+        for a in report.answers
+        if a.verdict != "never"
+    )
     assert all(a.alone <= a.smallest * (1 + 1e-6) for a in report.answers)  # rounding
 
 
@@ -75,7 +81,9 @@ def test_what_the_input_hides_is_never_told_and_the_reason_is_given(log, kind):
     if kind == "rotor_speed":
         given = with_rotor_input(dc.replace(log, rotor=rotor_speed(vehicle, log.u)), vehicle)
     else:
-        given = dc.replace(log, input=kind, u=np.column_stack([log.u[:, 0], np.full((len(log), 3), np.nan)]))
+        given = dc.replace(
+            log, input=kind, u=np.column_stack([log.u[:, 0], np.full((len(log), 3), np.nan)])
+        )
     given = dc.replace(given, a=None)
     hidden = unobservable(kind, accelerations=False, torque=kind == "rotor_speed")
     dut = examine([given], vehicle)
@@ -133,18 +141,24 @@ def test_a_real_flight_without_payload_does_not_swing(real_flights, flight):
     assert not real(real_flights / "imrc" / flight, 0.037).something_swings
 
 
-@pytest.mark.parametrize("flight", ["payload/eckart06", "payload/eckart18", "payload/eckart46", "payload/eckart71"])
+@pytest.mark.parametrize(
+    "flight", ["payload/eckart06", "payload/eckart18", "payload/eckart46", "payload/eckart71"]
+)
 def test_a_real_flight_with_a_payload_swings(real_flights, flight):
     dut = real(real_flights / "imrc" / flight, 0.0397)
     assert dut.something_swings
-    assert 0.43 <= dut.swings[0].length <= 0.57  # m; the string is 0.517 m, and lengths are 9 % apart
+    assert (
+        0.43 <= dut.swings[0].length <= 0.57
+    )  # m; the string is 0.517 m, and lengths are 9 % apart
     assert dut.swings[0].mass == pytest.approx(0.0047, rel=0.3)  # kg
     assert dut.of("suspended_payload")[0].verdict == "yes"
 
 
 def test_a_real_flight_in_wind_does_not_swing(real_flights):
     vehicle = dc.replace(Vehicle(), mass=2.53, max_rotor_thrust=15.0, input="normalised").check()
-    flights, sheet = open_flights(real_flights / "neural_fly" / "custom_figure8_baseline_100wind.csv.gz", vehicle)
+    flights, sheet = open_flights(
+        real_flights / "neural_fly" / "custom_figure8_baseline_100wind.csv.gz", vehicle
+    )
     dut = examine(flights, vehicle, sheets={flights[0].name: sheet.content})
     assert not dut.something_swings
     assert dut.of("mass_error")[0].verdict == "never"
@@ -165,9 +179,19 @@ def test_a_drag_is_the_mean_of_its_axes_by_their_precision():
 
 def test_a_flight_that_stands_still_is_said_not_to_move_and_what_to_fly():
     t = 0.01 * np.arange(1000)
-    rest, u = np.zeros((len(t), 3)), np.tile([Vehicle().mass * Vehicle().gravity, 0, 0, 0], (len(t), 1))
+    rest, u = (
+        np.zeros((len(t), 3)),
+        np.tile([Vehicle().mass * Vehicle().gravity, 0, 0, 0], (len(t), 1)),
+    )
     q, p = np.tile([1.0, 0, 0, 0], (len(t), 1)), np.tile([0.0, 0, 1.0], (len(t), 1))
     log = FlightLog(t, p, q, rest, rest, u, a=rest)
-    for dut in (examine([log], Vehicle()), examine([dc.replace(log, a=None)], Vehicle()), examine([log])):
+    for dut in (
+        examine([log], Vehicle()),
+        examine([dc.replace(log, a=None)], Vehicle()),
+        examine([log]),
+    ):
         assert not dut.usable
-        assert any("nothing moves (speed 0 m/s, rates 0 rad/s): fly sprints" in line for line in dut.problems)
+        assert any(
+            "nothing moves (speed 0 m/s, rates 0 rad/s): fly sprints" in line
+            for line in dut.problems
+        )

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from np_drake.diagnosis.doctor.flight_facts import flight_facts
-from np_drake.vehicle import MeasurementNoise, Vehicle
+from np_drake.vehicle.vehicle import MeasurementNoise, Vehicle
 
 
 def signal(facts, name):

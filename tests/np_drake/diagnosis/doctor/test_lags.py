@@ -15,7 +15,10 @@ def late(log, field, seconds):
     if field == "q":
         values = attitude.one_hemisphere(values, values[0])
     moved = np.stack([np.interp(log.t - seconds, log.t, c) for c in values.T], axis=1)
-    return dc.replace(log, **{field: moved / np.linalg.norm(moved, axis=1, keepdims=True) if field == "q" else moved})
+    return dc.replace(
+        log,
+        **{field: moved / np.linalg.norm(moved, axis=1, keepdims=True) if field == "q" else moved},
+    )
 
 
 def of(log):
@@ -36,7 +39,9 @@ def of(log):
 def test_a_late_signal_is_found_late(fly, field, pair, sign, seconds):
     log = fly(seed=1, noise=0.3)
     dut = of(late(log, field, seconds))[pair]
-    assert dut.seconds == pytest.approx(sign * seconds, abs=max(4 * dut.deviation, 0.0015))  # parabola of a 5 ms grid
+    assert dut.seconds == pytest.approx(
+        sign * seconds, abs=max(4 * dut.deviation, 0.0015)
+    )  # parabola of a 5 ms grid
     assert dut.deviation < 0.01
 
 

@@ -1,4 +1,6 @@
-"""Laws of the test whether something swings: a pendulum is seen, and nothing else is taken for one."""
+"""Laws of the test whether something swings: a pendulum is seen, and nothing else is taken for
+one.
+"""
 
 import numpy as np
 import pytest
@@ -36,8 +38,14 @@ EVIDENT = evident(Options.for_sensors(False).priors)
 
 def judged(flight):
     options = Options.for_sensors(tolerance_of([flight]).real)
-    near = [t for t in nearest_usual(traces([flight], options.priors)) if t.identifier != "suspended_payload"]
-    others = [c.columns for c in nuisance_of([flight], options.tolerance, options.priors)] + [t.columns for t in near]
+    near = [
+        t
+        for t in nearest_usual(traces([flight], options.priors))
+        if t.identifier != "suspended_payload"
+    ]
+    others = [c.columns for c in nuisance_of([flight], options.tolerance, options.priors)] + [
+        t.columns for t in near
+    ]
     return swing_test(flight, others, options)
 
 
@@ -52,7 +60,9 @@ def test_a_payload_swings_with_its_mass_and_length(seen, mass, length, accelerat
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
-@pytest.mark.parametrize("effects", CLEAN, ids=lambda e: "+".join(x.identifier for x in e) or "clean")
+@pytest.mark.parametrize(
+    "effects", CLEAN, ids=lambda e: "+".join(x.identifier for x in e) or "clean"
+)
 def test_nothing_else_swings(seen, effects, seed):
     dut = judged(seen(*effects, seed=seed, noise=1.0, seconds=15.0))
     assert not dut.swings
@@ -61,7 +71,8 @@ def test_nothing_else_swings(seen, effects, seed):
 
 def test_a_payload_that_is_there_in_one_flight_is_seen_in_that_alone(seen):
     factors = [
-        judged(seen(*effects, seed=4, noise=1.0)).log_bayes_factor for effects in ((), (SuspendedPayload(0.1, 0.7),))
+        judged(seen(*effects, seed=4, noise=1.0)).log_bayes_factor
+        for effects in ((), (SuspendedPayload(0.1, 0.7),))
     ]
     assert factors[0] < 0 < EVIDENT < factors[1]
     assert np.isfinite(factors).all()

@@ -77,7 +77,9 @@ def test_a_rotor_of_negative_inertia_is_none(seen, noise):
 def test_a_payload_is_recovered_with_its_swing(seen, noise, damping):
     true = SuspendedPayload(0.2, 0.5, 0.0, 0.0, -0.05, damping)
     flight = seen(true, noise=1.0, seconds=7.0)
-    dut = refine([Term(SuspendedPayload(0.15, 0.46))], [], [flight], noise, temperature=1.0, priors=PRIORS)
+    dut = refine(
+        [Term(SuspendedPayload(0.15, 0.46))], [], [flight], noise, temperature=1.0, priors=PRIORS
+    )
     found = dut.terms[0].effect
     assert found.mass == pytest.approx(0.2, rel=0.05)
     assert found.length == pytest.approx(0.5, rel=0.03)
@@ -91,7 +93,9 @@ def test_95_percent_intervals_hold_the_truth_about_95_times_in_100(seen, noise):
     inside = []
     for seed in range(SEEDS):
         flight = seen(true, seed=seed, noise=1.0, seconds=5.0)
-        fit = refine([Term(true)], [], [flight], noise, temperature=1.0, evaluations=2, priors=PRIORS)
+        fit = refine(
+            [Term(true)], [], [flight], noise, temperature=1.0, evaluations=2, priors=PRIORS
+        )
         inside.append(np.abs(fit.values - [0.3, 0.2, 0.25]) < 1.96 * deviation(fit))
     assert 0.88 < np.mean(inside) < 1.0  # of 120: 0.95 less 3.5 sigma; some must miss
 
@@ -106,7 +110,8 @@ def test_the_residual_of_a_fit_is_what_its_terms_leave(seen, noise):
 def test_a_wrong_model_has_less_evidence(seen, noise):
     flight = seen(MassError(0.2), noise=1.0, seconds=6.0)
     right, wrong = (
-        refine([Term(e)], [], [flight], noise, temperature=1.0, priors=PRIORS) for e in (MassError(), GyroBias())
+        refine([Term(e)], [], [flight], noise, temperature=1.0, priors=PRIORS)
+        for e in (MassError(), GyroBias())
     )
     assert right.log_evidence > wrong.log_evidence + 100
 
@@ -114,14 +119,22 @@ def test_a_wrong_model_has_less_evidence(seen, noise):
 def test_calibration_moves_no_further_than_its_prior_lets_it(seen, noise):
     flight = seen(MassError(0.2), noise=1.0, seconds=6.0)
     tight, loose = (
-        refine([], [(Term(MassError(0.0)), d)], [flight], noise, temperature=1.0, priors=PRIORS) for d in (1e-4, 1.0)
+        refine([], [(Term(MassError(0.0)), d)], [flight], noise, temperature=1.0, priors=PRIORS)
+        for d in (1e-4, 1.0)
     )
     assert abs(tight.calibration[0].effect.delta_mass) < 0.02
     assert loose.calibration[0].effect.delta_mass == pytest.approx(0.2, rel=0.03)
 
 
 def test_what_no_flight_tells_is_left_to_its_prior(seen, noise):
-    dut = refine([Term(MassError(0.1), {"a": NEVER})], [], [seen(seconds=5.0)], noise, temperature=1.0, priors=PRIORS)
+    dut = refine(
+        [Term(MassError(0.1), {"a": NEVER})],
+        [],
+        [seen(seconds=5.0)],
+        noise,
+        temperature=1.0,
+        priors=PRIORS,
+    )
     (free,) = dut.free
     assert dut.values[0] == pytest.approx(free.neutral, abs=1e-6)
     assert deviation(dut)[0] == pytest.approx(free.scale)
@@ -134,14 +147,24 @@ def test_wander_takes_what_is_a_flights_own(seen, noise):
     pushed = dc.replace(flight, y=flight.y + 1.7 * drift[..., 0])
     sensor_drift = Candidate((), LINEAR, {"a": drift}, lambda c: [])
     fit = refine(
-        [Term(LinearDrag(0, 0, 0))], [], [pushed], noise, temperature=1.0, linear=[sensor_drift], priors=PRIORS
+        [Term(LinearDrag(0, 0, 0))],
+        [],
+        [pushed],
+        noise,
+        temperature=1.0,
+        linear=[sensor_drift],
+        priors=PRIORS,
     )
     np.testing.assert_allclose(fit.sensor_drift["a"][:, 2], 1.7, atol=0.1)  # four sigma [N]
     np.testing.assert_array_equal(np.delete(fit.sensor_drift["a"], 2, axis=1), 0.0)
     assert abs(np.mean(fit.residual(pushed)[:, 2])) < 0.1
 
 
-TERMS = [Term(WeakRotor(3, 0.9)), Term(SuspendedPayload(0.2, 0.7), {"b": NEVER}), Term(ThrustScale(0.95))]
+TERMS = [
+    Term(WeakRotor(3, 0.9)),
+    Term(SuspendedPayload(0.2, 0.7), {"b": NEVER}),
+    Term(ThrustScale(0.95)),
+]
 
 
 def test_what_is_written_is_read(seen):

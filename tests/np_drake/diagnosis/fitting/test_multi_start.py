@@ -21,7 +21,8 @@ ONLY = Model((0,), 0.0)
 
 @pytest.fixture(scope="module")
 def swinging(seen):
-    """Return two flights with a payload of guessed length, and a noise model of their whole residual.
+    """Return two flights with a payload of guessed length, and a noise model of their whole
+    residual.
 
     That noise resonates with the swing.
     """

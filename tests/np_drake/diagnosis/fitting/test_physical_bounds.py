@@ -49,12 +49,16 @@ def test_a_figure_at_its_bound_is_none_unless_it_is_neutral(effect: Effect, at_e
     ],
     ids=str,
 )
-def test_an_inertia_that_no_rigid_body_has_stands_for_something_else(fit_at, effect, deviation, possible):
+def test_an_inertia_that_no_rigid_body_has_stands_for_something_else(
+    fit_at, effect, deviation, possible
+):
     why = impossible(fit_at(WeakRotor(2, 0.9), effect, covariance=deviation), 1, FLAT, np.inf)
     assert why == ("" if possible else "no vehicle can have such figures")
 
 
-@pytest.mark.parametrize("radius, deviation, possible", [(0.2, 0.01, True), (0.8, 0.01, False), (0.8, 0.2, True)])
+@pytest.mark.parametrize(
+    "radius, deviation, possible", [(0.2, 0.01, True), (0.8, 0.01, False), (0.8, 0.2, True)]
+)
 def test_a_ground_effect_is_no_larger_than_twice_the_vehicle(fit_at, radius, deviation, possible):
     why = impossible(fit_at(GroundEffect(radius), covariance=deviation), 0, Vehicle(), np.inf)
     assert (not why) is possible

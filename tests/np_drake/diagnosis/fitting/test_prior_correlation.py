@@ -56,17 +56,25 @@ def test_a_coefficient_that_no_motion_excites_follows_those_that_one_does(fit):
     expected, left = told @ [d_x, d_z], np.sqrt(1 - told @ prior[[0, 2], 1])
     assert d_x == pytest.approx(0.4, abs=0.02)
     deviation = np.sqrt(np.diag(fit.covariance))
-    assert d_y == pytest.approx(expected, abs=deviation[1])  # the noise of the velocity tells a little
-    assert deviation[0] < 0.02 < deviation[1] < left * fit.free[1].scale  # known from the other axis
+    assert d_y == pytest.approx(
+        expected, abs=deviation[1]
+    )  # the noise of the velocity tells a little
+    assert (
+        deviation[0] < 0.02 < deviation[1] < left * fit.free[1].scale
+    )  # known from the other axis
 
 
 def marginal(flight, noise, X: np.ndarray, prior: np.ndarray) -> float:
-    """Return log N(y; 0, 1 + X S X') of the whitened flight, less its constant, for a prior covariance S."""
+    """Return log N(y; 0, 1 + X S X') of the whitened flight, less its constant, for a prior
+    covariance S.
+    """
     y = flight.white(noise, flight.y).ravel()
     X = X.reshape(len(y), -1)
     b, A = X.T @ y, X.T @ X
     explained = b @ np.linalg.solve(np.linalg.inv(prior) + A, b)
-    return float(-0.5 * (y @ y - explained) - 0.5 * np.linalg.slogdet(np.eye(len(A)) + prior @ A)[1])
+    return float(
+        -0.5 * (y @ y - explained) - 0.5 * np.linalg.slogdet(np.eye(len(A)) + prior @ A)[1]
+    )
 
 
 def test_a_fit_has_the_evidence_of_the_linear_problem_with_its_prior(flight, noise, fit):

@@ -20,9 +20,13 @@ WIDE = np.array([1.0, -0.8, -3.0, 4.0])  # [rad, rad/s]
 
 @pytest.fixture
 def thrown(seen):
-    """Return a flight whose payload swings as `WIDE` from the start, with noise and nothing else."""
+    """Return a flight whose payload swings as `WIDE` from the start, with noise and nothing
+    else.
+    """
     flight = seen(name="c", seed=4, noise=1.0)
-    return dc.replace(flight, y=flight.y + predicted_residual(flight, [Term(PAYLOAD, hidden={"c": WIDE})]))
+    return dc.replace(
+        flight, y=flight.y + predicted_residual(flight, [Term(PAYLOAD, hidden={"c": WIDE})])
+    )
 
 
 @pytest.mark.parametrize("shocked", [(), range(245, 262)])
@@ -36,7 +40,9 @@ def test_the_cost_is_that_of_whitening_the_whole_flight_and_the_prior(thrown, no
         residual = thrown.y - predicted_residual(thrown, [drag, dut.term(swing)])
         white = thrown.white(noise, residual)[rows[noise.phi.shape[1] :]]
         rate = np.sqrt(thrown.vehicle.gravity / PAYLOAD.length)
-        prior = np.sum((swing / (REAL.priors.swing * np.resize([1.0, 1.0, rate, rate], dut.size))) ** 2)
+        prior = np.sum(
+            (swing / (REAL.priors.swing * np.resize([1.0, 1.0, rate, rate], dut.size))) ** 2
+        )
         assert cost == pytest.approx(np.sum(white**2) + prior, rel=1e-9)
 
 
@@ -44,7 +50,9 @@ def test_a_wide_swing_is_found_from_rest_where_descent_alone_is_not_enough(throw
     rows = thrown.t < 2.0
     dut = SwingFit([Term(PAYLOAD)], 0, thrown, noise, None, rows, priors=REAL.priors)
     rest = np.zeros(STATE)
-    true, alone, found = dut.costs(np.array([WIDE, dut.descend(rest), dut.descend_from_grid(rest, slice(STATE))]))
+    true, alone, found = dut.costs(
+        np.array([WIDE, dut.descend(rest), dut.descend_from_grid(rest, slice(STATE))])
+    )
     assert found < 1.1 * true < 0.5 * alone
 
 
@@ -59,7 +67,15 @@ def test_a_search_never_ends_above_where_it_began(thrown, noise):
 
 def test_figures_that_are_not_free_stay(thrown, noise):
     flight = dc.replace(thrown, outliers=np.isin(np.arange(len(thrown.t)), [300, 301]))
-    dut = SwingFit([Term(PAYLOAD, hidden={"c": WIDE})], 0, flight, noise, None, flight.t > 6.0, priors=REAL.priors)
+    dut = SwingFit(
+        [Term(PAYLOAD, hidden={"c": WIDE})],
+        0,
+        flight,
+        noise,
+        None,
+        flight.t > 6.0,
+        priors=REAL.priors,
+    )
     assert dut.size == 2 * STATE
     np.testing.assert_array_equal(dut.known, [*WIDE, 0, 0, 0, 0])
     jump = slice(STATE, 2 * STATE)
@@ -78,21 +94,29 @@ def test_rows_too_few_to_whiten_leave_the_prior_alone(thrown, noise):
 
 
 def test_the_payload_it_returns_begins_where_it_was_asked_to(thrown, noise):
-    dut = SwingFit([Term(PAYLOAD, {"a": 1.0})], 0, thrown, noise, 4.0, thrown.t > 4.0, priors=REAL.priors)
+    dut = SwingFit(
+        [Term(PAYLOAD, {"a": 1.0})], 0, thrown, noise, 4.0, thrown.t > 4.0, priors=REAL.priors
+    )
     assert dut.term(WIDE).onset == {"a": 1.0, "c": 4.0}
 
 
 def test_a_swing_of_which_rows_say_nothing_is_doubted_as_widely_as_before(thrown, noise):
-    dut = SwingFit([Term(PAYLOAD)], 0, thrown, noise, None, np.zeros(len(thrown.t), bool), priors=REAL.priors)
+    dut = SwingFit(
+        [Term(PAYLOAD)], 0, thrown, noise, None, np.zeros(len(thrown.t), bool), priors=REAL.priors
+    )
     rate = np.sqrt(thrown.vehicle.gravity / PAYLOAD.length)
-    wide = dut.posterior_swings(slice(STATE)) / (REAL.priors.swing * np.array([1.0, 1.0, rate, rate]))
+    wide = dut.posterior_swings(slice(STATE)) / (
+        REAL.priors.swing * np.array([1.0, 1.0, rate, rate])
+    )
     np.testing.assert_allclose(np.cov(wide.T), np.eye(STATE), atol=0.2)
     np.testing.assert_allclose(wide.mean(axis=0), 0.0, atol=0.1)
 
 
 @pytest.mark.parametrize("free", [slice(None), slice(STATE), slice(0, STATE)])
 def test_doubts_are_the_same_at_each_call(thrown, noise, free):
-    dut = SwingFit([Term(PAYLOAD)], 0, thrown, noise, None, np.zeros(len(thrown.t), bool), priors=REAL.priors)
+    dut = SwingFit(
+        [Term(PAYLOAD)], 0, thrown, noise, None, np.zeros(len(thrown.t), bool), priors=REAL.priors
+    )
     np.testing.assert_array_equal(dut.posterior_swings(free), dut.posterior_swings(slice(0, STATE)))
 
 
@@ -100,8 +124,18 @@ def test_doubts_are_of_free_figures_and_as_large_as_the_errors_of_fits(seen, noi
     errors = []
     for seed in range(12):
         flight = seen(name="c", seed=seed, noise=1.0, seconds=4.0)
-        flight = dc.replace(flight, y=flight.y + predicted_residual(flight, [Term(PAYLOAD, hidden={"c": WIDE})]))
-        dut = SwingFit([Term(PAYLOAD, hidden={"c": WIDE})], 0, flight, noise, None, flight.t < 2.0, priors=REAL.priors)
+        flight = dc.replace(
+            flight, y=flight.y + predicted_residual(flight, [Term(PAYLOAD, hidden={"c": WIDE})])
+        )
+        dut = SwingFit(
+            [Term(PAYLOAD, hidden={"c": WIDE})],
+            0,
+            flight,
+            noise,
+            None,
+            flight.t < 2.0,
+            priors=REAL.priors,
+        )
         deviation = dut.posterior_swings(slice(STATE)).std(axis=0)
         errors.append((dut.descend(WIDE) - WIDE) / deviation)
     assert 0.6 < np.sqrt(np.mean(np.square(errors))) < 1.5

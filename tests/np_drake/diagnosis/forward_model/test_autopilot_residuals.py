@@ -20,7 +20,9 @@ def rms(values: np.ndarray) -> float:
 
 
 def test_rates_and_attitude_turned_together_stay_consistent(seen):
-    mounted, turned, clean = (seen(*e, seconds=8.0).y[:, ATTITUDE] for e in ((MOUNTED,), (TURNED,), ()))
+    mounted, turned, clean = (
+        seen(*e, seconds=8.0).y[:, ATTITUDE] for e in ((MOUNTED,), (TURNED,), ())
+    )
     assert rms(mounted - clean) < 0.01 * rms(turned - clean)
 
 

@@ -45,7 +45,8 @@ def test_without_swing_it_hangs_against_the_pull(pull):
 
 def test_an_angle_of_swing_is_an_angle():
     still, moved = (
-        _start_of_swing(np.ones(1), np.array([[a, 0, 0, 0]]), np.array([0, 0, 9.81]))[0][0] for a in (0, 0.3)
+        _start_of_swing(np.ones(1), np.array([[a, 0, 0, 0]]), np.array([0, 0, 9.81]))[0][0]
+        for a in (0, 0.3)
     )
     assert np.arccos(still @ moved) == pytest.approx(0.3)
     assert moved[0] == pytest.approx(np.sin(0.3))  # towards +x in W
@@ -68,12 +69,18 @@ def test_a_hook_moves_as_a_point_of_the_body_many_as_each_alone(seen):
         v = pendulum.hook_velocity(hook, rows.x)
         expected = [np.interp(middle, rows.t, column) for column in v.T]
         np.testing.assert_allclose(together[:, i], np.transpose(expected), atol=1e-12)
-        np.testing.assert_allclose(together[:, i], _at_hooks(dut.moving, hooks[i : i + 1])[:, 0], atol=1e-12)
+        np.testing.assert_allclose(
+            together[:, i], _at_hooks(dut.moving, hooks[i : i + 1])[:, 0], atol=1e-12
+        )
 
 
 def test_the_air_brakes_a_swing_under_a_hovering_vehicle(seen):
     dut = seen(vigour=0.0)
-    how = {"lengths": np.full(2, 0.5), "swing": np.array([[0.1, 0, 0, 0]] * 2), "hooks": np.zeros((1, 3))}
+    how = {
+        "lengths": np.full(2, 0.5),
+        "swing": np.array([[0.1, 0, 0, 0]] * 2),
+        "hooks": np.zeros((1, 3)),
+    }
     pull = specific_pull(dut, **how, onset=None, damping=np.array([0.0, 0.5]))
     np.testing.assert_array_equal(pull[:, :1], specific_pull(dut, **how, onset=None)[:, :1])
     late = np.flatnonzero(dut.t > dut.t[-1] - 1.42)  # a period [s]
@@ -92,7 +99,9 @@ def test_a_hook_accelerates_as_a_point_of_the_body_many_as_each_alone(seen):
         turned = attitude.rotate(rows.q, np.cross(rows.al, hook) + np.cross(w, np.cross(w, hook)))
         expected = [np.interp(middle, rows.t, column) for column in (rows.a + turned).T]
         np.testing.assert_allclose(together[:, i], np.transpose(expected), atol=1e-9)
-        np.testing.assert_allclose(together[:, i], _at_hooks(dut.driving, hooks[i : i + 1])[:, 0], atol=1e-12)
+        np.testing.assert_allclose(
+            together[:, i], _at_hooks(dut.driving, hooks[i : i + 1])[:, 0], atol=1e-12
+        )
 
 
 def test_many_payloads_pull_as_each_does_alone(seen):
@@ -116,7 +125,9 @@ def test_before_its_onset_nothing_pulls_and_what_never_begins_never_does(seen):
     smear = TAPS * dut.grid.step
     np.testing.assert_allclose(late[dut.t < 2.0 - smear], 0.0, atol=1e-12)
     assert np.linalg.norm(late[dut.t > 2.0 + smear][:, :3], axis=1).min() > 0.1  # [N]
-    np.testing.assert_array_equal(swing_wrenches(dut, [Term(SuspendedPayload(), {"a": NEVER})]), 0.0)
+    np.testing.assert_array_equal(
+        swing_wrenches(dut, [Term(SuspendedPayload(), {"a": NEVER})]), 0.0
+    )
 
 
 def knocked(e, *at):

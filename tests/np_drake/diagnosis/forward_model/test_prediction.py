@@ -64,7 +64,9 @@ def test_the_trace_of_the_true_effect_is_the_residual_of_an_exact_log(seen, effe
 def test_lagging_thrust_shows_between_velocity_and_acceleration(seen):
     dut = seen(MotorLag(0.05), seconds=8.0)
     residual = dut.y - predicted_residual(dut, [Term(MotorLag(0.05))])
-    assert size(residual[:, ev.VELOCITY]) < 0.1 * size(dut.y[:, ev.VELOCITY])  # a row is long for its kinks
+    assert size(residual[:, ev.VELOCITY]) < 0.1 * size(
+        dut.y[:, ev.VELOCITY]
+    )  # a row is long for its kinks
 
 
 @pytest.mark.parametrize("accelerations", [True, False])
@@ -78,7 +80,9 @@ def test_a_center_of_mass_turns_with_the_thrust_of_the_interval(seen, beside, ac
 
 @pytest.mark.parametrize("accelerations", [True, False])
 @pytest.mark.parametrize(
-    "effect", [e for e in LIBRARY.values() if issubclass(e, SensorEffect)], ids=lambda e: e.identifier
+    "effect",
+    [e for e in LIBRARY.values() if issubclass(e, SensorEffect)],
+    ids=lambda e: e.identifier,
 )
 def test_the_trace_of_a_sensor_is_in_the_kinematic_channels_too(seen, effect, accelerations):
     dut = seen(effect(), accelerations=accelerations)
@@ -108,7 +112,9 @@ FORCES = st.sampled_from([LinearDrag(), QuadraticDrag(), BladeFlapping(), Transl
 def test_traces_of_effects_that_do_not_feel_each_other_add(flown, effects):
     terms = [Term(e) for e in effects]
     np.testing.assert_allclose(
-        predicted_residual(flown, terms), sum(predicted_residual(flown, [t]) for t in terms), atol=1e-9
+        predicted_residual(flown, terms),
+        sum(predicted_residual(flown, [t]) for t in terms),
+        atol=1e-9,
     )
 
 
@@ -118,8 +124,13 @@ def flown(seen):
 
 
 def test_the_order_of_terms_does_not_matter(flown):
-    terms = [Term(e) for e in (MassError(), LinearDrag(), ThrustScale(), MotorLag(), LIGHT, ConstantWind())]
-    np.testing.assert_allclose(predicted_residual(flown, terms), predicted_residual(flown, terms[::-1]), atol=1e-9)
+    terms = [
+        Term(e)
+        for e in (MassError(), LinearDrag(), ThrustScale(), MotorLag(), LIGHT, ConstantWind())
+    ]
+    np.testing.assert_allclose(
+        predicted_residual(flown, terms), predicted_residual(flown, terms[::-1]), atol=1e-9
+    )
 
 
 @pytest.mark.parametrize(
@@ -186,7 +197,9 @@ def test_before_its_onset_an_effect_leaves_no_trace_and_after_it_its_own(flown, 
     late = [dc.replace(t, onset={flown.name: 6.0}) for t in terms]
     found, whole = predicted_residual(flown, late), predicted_residual(flown, always)
     np.testing.assert_array_equal(predicted_residual(flown, terms), whole)
-    np.testing.assert_allclose(found[flown.t < 5.75], 0.0, atol=1e-9)  # the low-pass sees 0.2 s ahead
+    np.testing.assert_allclose(
+        found[flown.t < 5.75], 0.0, atol=1e-9
+    )  # the low-pass sees 0.2 s ahead
     if effect is not SuspendedPayload:  # which begins to swing anew
         after = flown.t > 6.25
         np.testing.assert_allclose(found[after], whole[after], atol=1e-9)
@@ -194,12 +207,16 @@ def test_before_its_onset_an_effect_leaves_no_trace_and_after_it_its_own(flown, 
     np.testing.assert_array_equal(predicted_residual(flown, never), 0.0)
 
 
-@pytest.mark.parametrize("effect", [MassError(), ThrustScale(), LinearDrag(), LIGHT], ids=lambda e: e.identifier)
+@pytest.mark.parametrize(
+    "effect", [MassError(), ThrustScale(), LinearDrag(), LIGHT], ids=lambda e: e.identifier
+)
 def test_an_onset_in_a_flight_leaves_the_trace_of_that_onset(seen, effect):
     dut = seen(effect, onset={effect.identifier: 5.0})
     residual = dut.y - predicted_residual(dut, [Term(effect, {dut.name: 5.0})])
     outside = np.abs(dut.t - 5.0) > 0.25
-    share = 0.1 if effect is LIGHT else 0.02  # smoothing of the hook's motion blurs the start of the swing
+    share = (
+        0.1 if effect is LIGHT else 0.02
+    )  # smoothing of the hook's motion blurs the start of the swing
     assert size(residual[outside][:, ev.WRENCH]) < share * size(dut.y[:, ev.WRENCH])
 
 
@@ -246,15 +263,38 @@ def test_more_mass_pulls_the_residual_down_by_its_share_of_the_thrust(flown):
 def test_parts_that_are_kept_change_no_signature(seen):
     flight = seen(name="1", seed=1, seconds=5.0)
     stages = StageCache()
-    acting = [LinearDrag(), MotorLag(0.02), ThrustScale(0.9), MassError(0.2), GyroBias(0.02, 0.0, 0.0)]
-    acting += [AttitudeBias(0.01, 0.0, 0.0), ConstantWind(2.0, 0.0, 0.0), CenterOfMassOffset(0.01), LIGHT]
-    moved = [LinearDrag(0.4), MotorLag(0.05), ThrustScale(1.1), MassError(0.1), GyroBias(0.01, 0.01, 0.0)]
-    moved += [AttitudeBias(0.0, 0.01, 0.0), ConstantWind(0.0, 1.0, 0.0), CenterOfMassOffset(0.0, 0.01)]
+    acting = [
+        LinearDrag(),
+        MotorLag(0.02),
+        ThrustScale(0.9),
+        MassError(0.2),
+        GyroBias(0.02, 0.0, 0.0),
+    ]
+    acting += [
+        AttitudeBias(0.01, 0.0, 0.0),
+        ConstantWind(2.0, 0.0, 0.0),
+        CenterOfMassOffset(0.01),
+        LIGHT,
+    ]
+    moved = [
+        LinearDrag(0.4),
+        MotorLag(0.05),
+        ThrustScale(1.1),
+        MassError(0.1),
+        GyroBias(0.01, 0.01, 0.0),
+    ]
+    moved += [
+        AttitudeBias(0.0, 0.01, 0.0),
+        ConstantWind(0.0, 1.0, 0.0),
+        CenterOfMassOffset(0.0, 0.01),
+    ]
     moved += [SuspendedPayload(0.1, 0.5)]
     for i in range(len(acting)):
         for onset in ({}, {"1": 2.0}):
             now = [Term(e) for e in (*acting[:i], *acting[i + 1 :])] + [Term(moved[i], onset)]
-            np.testing.assert_array_equal(predicted_residual(flight, now, stages), predicted_residual(flight, now))
+            np.testing.assert_array_equal(
+                predicted_residual(flight, now, stages), predicted_residual(flight, now)
+            )
 
 
 @pytest.mark.parametrize("onset", [None, 2.0])

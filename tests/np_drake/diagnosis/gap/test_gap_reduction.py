@@ -31,7 +31,9 @@ def solved(ranked):
 
 def reduction(case, held, causes, replay=None):
     noise = case.ranking.noise
-    return dut.measure_gap_reduction(causes, noise, held, measure_remainder(causes, noise, held, (), REAL), replay)
+    return dut.measure_gap_reduction(
+        causes, noise, held, measure_remainder(causes, noise, held, (), REAL), replay
+    )
 
 
 def test_with_the_true_causes_the_gap_goes_down_to_the_noise(solved):
@@ -47,7 +49,12 @@ def test_with_the_true_causes_the_gap_goes_down_to_the_noise(solved):
 def test_the_ladder_goes_down_cause_by_cause_from_nominal_to_the_floor(solved):
     case, held, causes = solved
     found = reduction(case, held, causes, None)
-    assert [r.name for r in found.ladder] == ["nominal", "+ mass_error", "+ linear_drag", "noise floor"]
+    assert [r.name for r in found.ladder] == [
+        "nominal",
+        "+ mass_error",
+        "+ linear_drag",
+        "noise floor",
+    ]
     sizes = [r.residual for r in found.ladder[:-1]]
     assert sizes == sorted(sizes, reverse=True)
     assert sizes[0] == found.before
@@ -56,7 +63,13 @@ def test_the_ladder_goes_down_cause_by_cause_from_nominal_to_the_floor(solved):
 
 def test_the_held_out_gain_of_a_cause_is_what_comes_back_without_it(solved):
     case, held, causes = solved
-    gains = dict(zip([c.identifier for c in causes], dut.held_out_gains(causes, case.ranking.noise, held), strict=True))
+    gains = dict(
+        zip(
+            [c.identifier for c in causes],
+            dut.held_out_gains(causes, case.ranking.noise, held),
+            strict=True,
+        )
+    )
     assert all(0.0 < gain <= 1.01 for gain in gains.values())
     (alone,) = dut.held_out_gains(causes[:1], case.ranking.noise, held)
     ladder = reduction(case, held, causes[:1], None)
@@ -68,7 +81,12 @@ def test_a_cause_of_unknown_share_comes_last_on_the_ladder(solved):
     blind = [dc.replace(c, share=np.nan) if c.identifier == "mass_error" else c for c in causes]
     for some in (blind, blind[::-1]):
         found = reduction(case, held, some, None)
-        assert [r.name for r in found.ladder] == ["nominal", "+ linear_drag", "+ mass_error", "noise floor"]
+        assert [r.name for r in found.ladder] == [
+            "nominal",
+            "+ linear_drag",
+            "+ mass_error",
+            "noise floor",
+        ]
 
 
 def test_without_causes_nothing_changes_and_the_replay_is_nominal(solved):
@@ -117,7 +135,9 @@ def test_to_the_replay_a_flight_begins_at_its_first_row(solved, begin):
     begun = dc.replace(held, flights=[late], rows={"c": ~late.joined}, terms={"c": terms})
     reduction(case, begun, causes, replay)
     (_, _), (t, effects) = calls
-    assert t[0] == pytest.approx(flight.t[100] - flight.log.t[0], abs=0.02)  # what a fit has seen is left out
+    assert t[0] == pytest.approx(
+        flight.t[100] - flight.log.t[0], abs=0.02
+    )  # what a fit has seen is left out
     assert [onset["c"] for _, onset in effects] == pytest.approx([begin, begin])
 
 

@@ -44,4 +44,6 @@ def test_a_constant_offset_of_the_velocity_is_no_noise(flown):
     t, x = flown
     read = x.copy()
     read[:, V] += [0.2, -0.1, 0.05]
-    np.testing.assert_allclose(smooth_states(t, read)[:, V] - smooth_states(t, x)[:, V], read[:, V] - x[:, V])
+    np.testing.assert_allclose(
+        smooth_states(t, read)[:, V] - smooth_states(t, x)[:, V], read[:, V] - x[:, V]
+    )

@@ -42,7 +42,9 @@ def test_the_onset_in_an_unseen_flight_is_found(seen, noise, when):
 
 
 def test_a_payload_that_is_hung_on_late_is_found_however_it_swings(seen, noise):
-    flight = seen(PAYLOAD, name="c", seed=4, noise=1.0, vigour=1.6, onset={"suspended_payload": 7.0})
+    flight = seen(
+        PAYLOAD, name="c", seed=4, noise=1.0, vigour=1.6, onset={"suspended_payload": 7.0}
+    )
     (dut,) = adapt([Term(PAYLOAD, {"a": 1.0})], flight, noise, priors=REAL.priors)
     assert dut.begins("c") == pytest.approx(7.0, abs=0.2)
 
@@ -69,7 +71,12 @@ def test_what_acts_from_the_start_keeps_no_onset(seen, noise):
 def test_what_is_absent_from_a_flight_never_begins_there(seen, noise):
     flight = seen(name="c", seed=3, noise=1.0)
     late = {"a": 4.0}
-    dut = adapt([Term(HEAVY, late), Term(LinearDrag(0.5, 0.5, 0.5), late)], flight, noise, priors=REAL.priors)
+    dut = adapt(
+        [Term(HEAVY, late), Term(LinearDrag(0.5, 0.5, 0.5), late)],
+        flight,
+        noise,
+        priors=REAL.priors,
+    )
     assert [t.begins("c") for t in dut] == [NEVER, NEVER]
 
 
@@ -80,7 +87,9 @@ def test_what_acts_throughout_the_fit_is_not_excused_where_it_is_absent(seen, no
 
 
 def test_a_sensor_has_no_onset(seen, noise):
-    (dut,) = adapt([Term(GyroBias(0.2))], seen(name="c", seed=3, noise=1.0), noise, priors=REAL.priors)
+    (dut,) = adapt(
+        [Term(GyroBias(0.2))], seen(name="c", seed=3, noise=1.0), noise, priors=REAL.priors
+    )
     assert dut.begins("c") is None
 
 
@@ -99,7 +108,9 @@ def test_the_swing_at_the_start_of_an_unseen_flight_is_found(fly, noise):
     (dut,) = adapt([Term(PAYLOAD)], flight, noise, priors=REAL.priors)
     rows = scored_rows([dut], flight)
     residual, still = (
-        noise.whiten(flight.y - predicted_residual(flight, [t])[:, :])[rows[noise.phi.shape[1] :]][:, WRENCH]
+        noise.whiten(flight.y - predicted_residual(flight, [t])[:, :])[rows[noise.phi.shape[1] :]][
+            :, WRENCH
+        ]
         for t in (dut, Term(PAYLOAD))
     )
     assert np.abs(dut.hidden["c"]).max() > 0.05  # [rad, rad/s]
@@ -109,13 +120,24 @@ def test_the_swing_at_the_start_of_an_unseen_flight_is_found(fly, noise):
 
 def test_a_hardly_known_swing_is_foreseen_by_its_mean_and_misses_less(seen, noise):
     faint, missed = dc.replace(PAYLOAD, mass=0.01), []
-    for seed, swing in enumerate(np.random.default_rng(1).normal(size=(6, 4)) * [0.4, 0.4, 2.0, 2.0]):
+    for seed, swing in enumerate(
+        np.random.default_rng(1).normal(size=(6, 4)) * [0.4, 0.4, 2.0, 2.0]
+    ):
         flight = seen(name="c", seed=seed, noise=1.0, seconds=8.0)
         real = predicted_residual(flight, [Term(faint, hidden={"c": swing})])
-        terms = adapt([Term(faint)], dc.replace(flight, y=flight.y + real), noise, priors=REAL.priors)
-        ways = (terms, predictive_terms(terms, dc.replace(flight, y=flight.y + real), noise, priors=REAL.priors))
+        terms = adapt(
+            [Term(faint)], dc.replace(flight, y=flight.y + real), noise, priors=REAL.priors
+        )
+        ways = (
+            terms,
+            predictive_terms(
+                terms, dc.replace(flight, y=flight.y + real), noise, priors=REAL.priors
+            ),
+        )
         rows = scored_rows(terms, flight)
-        missed.append([np.sum((predicted_residual(flight, w) - real)[rows, WRENCH] ** 2) for w in ways])
+        missed.append(
+            [np.sum((predicted_residual(flight, w) - real)[rows, WRENCH] ** 2) for w in ways]
+        )
     best, mean = np.sum(missed, axis=0)
     assert mean < 0.9 * best
 
@@ -149,7 +171,11 @@ def knocked(flight, when):
 def test_a_swing_that_jumps_is_found_anew_and_those_rows_do_not_score(seen, noise):
     flight = knocked(seen(PAYLOAD, name="c", seed=3, noise=1.0, seconds=12.0), 6.0)
     jumped = Term(PAYLOAD, hidden={"c": np.array([0.0, 0.0, 0.0, 0.0, 0.3, -0.2, 0.5, 0.8])})
-    y = flight.y + predicted_residual(flight, [jumped]) - predicted_residual(flight, [Term(PAYLOAD)])
+    y = (
+        flight.y
+        + predicted_residual(flight, [jumped])
+        - predicted_residual(flight, [Term(PAYLOAD)])
+    )
     flight = dc.replace(flight, y=y)
     (dut,) = adapt([Term(PAYLOAD)], flight, noise, priors=REAL.priors)
     rows = scored_rows([dut], flight)
@@ -158,7 +184,8 @@ def test_a_swing_that_jumps_is_found_anew_and_those_rows_do_not_score(seen, nois
     assert rows[flight.t > 6.1 + JUMP_SPAN].all()
     unaware = dc.replace(dut, hidden={"c": dut.hidden["c"][:4]})
     residual = [
-        np.std((flight.y - predicted_residual(flight, [t]))[rows & after][:, :3]) for t in (dut, jumped, unaware)
+        np.std((flight.y - predicted_residual(flight, [t]))[rows & after][:, :3])
+        for t in (dut, jumped, unaware)
     ]
     assert residual[0] < 1.1 * residual[1] < 0.5 * residual[2]
 
@@ -172,7 +199,9 @@ def test_the_rows_of_an_outlier_are_not_scored_beside_a_payload_only(seen):
 def test_a_flight_too_short_to_judge_a_payload_is_scored_whole_and_says_so(seen):
     flight = seen(PAYLOAD, name="c", seed=3)
     assert not scored_on_fitted_rows([Term(PAYLOAD)], flight)
-    short = dc.replace(flight, outliers=flight.t >= flight.t[0] + HIDDEN_SPAN)  # nothing is left beside its anchor
+    short = dc.replace(
+        flight, outliers=flight.t >= flight.t[0] + HIDDEN_SPAN
+    )  # nothing is left beside its anchor
     assert scored_rows([Term(PAYLOAD)], short).all()
     assert scored_on_fitted_rows([Term(PAYLOAD)], short)
     assert not scored_on_fitted_rows([Term(HEAVY)], short)
@@ -221,7 +250,9 @@ def test_the_profile_is_the_likelihood_of_every_instant(seen, noise):
     for k in (0, 40, 100, 180):
         begun = flight.begun(float(t[k]) if k else None) * own
         residual = [noise.whiten(flight.y), noise.whiten(flight.y - begun)]
-        assert profile[k] == pytest.approx(0.5 * (np.sum(residual[0] ** 2) - np.sum(residual[1] ** 2)))
+        assert profile[k] == pytest.approx(
+            0.5 * (np.sum(residual[0] ** 2) - np.sum(residual[1] ** 2))
+        )
     assert profile[-1] == 0.0  # not at all
     assert len(t) == len(profile) == len(noise.whiten(flight.y)) + 1
     assert np.isneginf(profile[(t > t[0]) & (t < t[0] + 0.3)]).all()
@@ -232,7 +263,12 @@ def test_a_hidden_state_settled_on_the_whole_flight_explains_it_all(seen, noise)
     late = flight.t > 8.0
     astray = [Term(PAYLOAD, hidden={"1": np.array([0.3, -0.2, 0.0, 0.5])})]
     whole = fitted_to_whole_flight(astray, flight, noise, priors=REAL.priors)
-    residual = [np.std((flight.y - predicted_residual(flight, terms))[late][:, :3]) for terms in (astray, whole)]
+    residual = [
+        np.std((flight.y - predicted_residual(flight, terms))[late][:, :3])
+        for terms in (astray, whole)
+    ]
     assert residual[1] < 1.1 * noise.rms[:3].max() < 0.8 * residual[0]
     drag = Term(LinearDrag(0.3, 0.3, 0.3))
-    assert fitted_to_whole_flight([drag], flight, noise, priors=REAL.priors) == [drag]  # what has no hidden state stays
+    assert fitted_to_whole_flight([drag], flight, noise, priors=REAL.priors) == [
+        drag
+    ]  # what has no hidden state stays

@@ -53,7 +53,9 @@ def test_what_is_named_beside_it_already_does_not_count(seen, noise):
 
 def test_what_a_rig_may_be_off_by_can_stand_in_for_an_effect(seen, noise):
     slight = GyroBias(0.005, 0.0, 0.0)
-    strict, loose = (same_as(seen, noise, slight, tolerance=t) for t in (IDEAL_SENSORS, Tolerance()))
+    strict, loose = (
+        same_as(seen, noise, slight, tolerance=t) for t in (IDEAL_SENSORS, Tolerance())
+    )
     assert len(loose) > len(strict)
 
 
@@ -74,7 +76,11 @@ def test_of_what_is_lost_in_noise_no_effect_is_found(seen, noise):
     [
         (ThrustScale(0.97), 0.02, True),
         (ThrustScale(0.97), 0.005, False),  # six standard deviations
-        (GyroBias(0.01, 0.0, 0.0), 0.02, False),  # within the tolerance of a sensor, not of the vehicle file
+        (
+            GyroBias(0.01, 0.0, 0.0),
+            0.02,
+            False,
+        ),  # within the tolerance of a sensor, not of the vehicle file
         (ThrustScale(1 - 1e-7), 0.02, False),  # noise alone hides it
     ],
 )

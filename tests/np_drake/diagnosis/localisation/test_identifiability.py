@@ -5,7 +5,12 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.localisation.identifiability import _confusables, assess_identifiability, excitation, excited
+from np_drake.diagnosis.localisation.identifiability import (
+    _confusables,
+    assess_identifiability,
+    excitation,
+    excited,
+)
 from np_drake.diagnosis.regressors.library import library_candidates
 from np_drake.diagnosis.residuals.make_flight_residuals import make_flight_residuals
 from np_drake.diagnosis.residuals.residual_parts import CHANNELS
@@ -16,16 +21,22 @@ def test_excitation_is_that_of_the_flight(seen):
     dut = excitation([seen()])
     log = seen().log
     assert dut["speed [m/s]"] == pytest.approx(np.sqrt(np.mean(np.sum(log.v**2, axis=1))), rel=0.02)
-    assert dut["rate [rad/s]"] == pytest.approx(np.sqrt(np.mean(np.sum(log.w**2, axis=1))), rel=0.02)
+    assert dut["rate [rad/s]"] == pytest.approx(
+        np.sqrt(np.mean(np.sum(log.w**2, axis=1))), rel=0.02
+    )
     assert dut["height span [m]"] == pytest.approx(np.ptp(log.p[:, 2]), rel=0.02)
     assert dut["duration [s]"] == pytest.approx(12.0, abs=0.03)
-    assert dut["thrust variation [1]"] == pytest.approx(log.u[:, 0].std() / log.u[:, 0].mean(), rel=0.02)
+    assert dut["thrust variation [1]"] == pytest.approx(
+        log.u[:, 0].std() / log.u[:, 0].mean(), rel=0.02
+    )
 
 
 def test_flights_are_pooled(seen):
     both = excitation([seen(), seen(vigour=0.0, name="b")])
     assert both["duration [s]"] == pytest.approx(24.0, abs=0.06)
-    assert both["speed [m/s]"] == pytest.approx(excitation([seen()])["speed [m/s]"] / np.sqrt(2), rel=1e-3)
+    assert both["speed [m/s]"] == pytest.approx(
+        excitation([seen()])["speed [m/s]"] / np.sqrt(2), rel=1e-3
+    )
 
 
 @pytest.mark.parametrize("noise_of_the_log", [0.0, 1.0])
@@ -61,7 +72,11 @@ def test_in_a_vertical_flight_mass_and_thrust_are_collinear(seen, noise):
 
 def test_in_hover_what_needs_motion_leaves_no_trace(seen, noise):
     flights = [seen(vigour=0.0, noise=1.0, seconds=4.0)]
-    held_out = {c.effects for c in _confusables(flights, library_candidates(flights), noise) if len(c.effects) == 1}
+    held_out = {
+        c.effects
+        for c in _confusables(flights, library_candidates(flights), noise)
+        if len(c.effects) == 1
+    }
     assert {("quadratic_drag",), ("translational_lift",), ("command_delay",)} <= held_out
     assert ("mass_error",) not in held_out
 
@@ -78,8 +93,16 @@ def test_the_answer_has_floor_and_excitation_and_passes_notes_on(flights, noise)
 
 def test_what_a_log_lacks_is_said(fly, noise):
     bare = make_flight_residuals(fly(name="bare", accelerations=False, seconds=4.0), Vehicle())
-    shaky = make_flight_residuals(fly(name="shaky", attitude_noise=0.01, noise=1.0, seconds=4.0), Vehicle())
-    rotors = make_flight_residuals(dc.replace(fly(name="rotors", seconds=4.0), input="rotor_speed"), Vehicle())
-    for flight, word in ((bare, "no acceleration"), (shaky, "attitude noise"), (rotors, "rotor speed")):
+    shaky = make_flight_residuals(
+        fly(name="shaky", attitude_noise=0.01, noise=1.0, seconds=4.0), Vehicle()
+    )
+    rotors = make_flight_residuals(
+        dc.replace(fly(name="rotors", seconds=4.0), input="rotor_speed"), Vehicle()
+    )
+    for flight, word in (
+        (bare, "no acceleration"),
+        (shaky, "attitude noise"),
+        (rotors, "rotor speed"),
+    ):
         dut = assess_identifiability([flight], [flight], library_candidates([flight]), noise)
         assert any(word in w for w in dut.warnings)

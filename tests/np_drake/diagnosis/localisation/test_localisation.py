@@ -107,7 +107,9 @@ def test_a_residual_that_grows_with_speed_does_so_across_speed_regimes(seen, noi
     y = white(3, len(flight.t))
     y[:, 0] += 5 * noise.rms[0] * speed
     flight = with_residual(flight, y)
-    found = [r for r in dut._regimes([flight], {"a": 0 * y[:, WRENCH]}, noise) if r.quantity == "speed"]
+    found = [
+        r for r in dut._regimes([flight], {"a": 0 * y[:, WRENCH]}, noise) if r.quantity == "speed"
+    ]
     sizes = [r.rms[0] for r in found]
     assert sizes == sorted(sizes)
     assert sizes[-1] > 2 * sizes[0]

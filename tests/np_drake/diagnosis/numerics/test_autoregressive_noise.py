@@ -6,7 +6,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import signal
 
-from np_drake.diagnosis.numerics.noise_fit import QUIETEST, fit_noise, no_worse, scale_only, with_loudness
+from np_drake.diagnosis.numerics.noise_fit import (
+    QUIETEST,
+    fit_noise,
+    no_worse,
+    scale_only,
+    with_loudness,
+)
 from np_drake.diagnosis.numerics.noise_model import NoiseModel
 
 STEP = 0.02
@@ -14,7 +20,9 @@ PHI = {0: [1.2, -0.6], 1: [0.5], 2: []}  # of three processes
 
 
 def processes(seed: int, n: int = 6000, mixing: np.ndarray | None = None) -> np.ndarray:
-    """Return autoregressive channels (n, 3), driven by white noise with the covariance mixing mixing'."""
+    """Return autoregressive channels (n, 3), driven by white noise with the covariance mixing
+    mixing'.
+    """
     drive = np.random.default_rng(seed).normal(size=(n + 200, 3))
     drive = drive if mixing is None else drive @ mixing.T
     parts = [signal.lfilter([1.0], [1.0, *(-np.array(PHI[c]))], drive[:, c]) for c in range(3)]
@@ -31,7 +39,9 @@ def test_the_spectrum_of_a_known_process_is_recovered():
     frequency = np.linspace(0.5, 24, 60)
     found = dut.spectrum(frequency)
     for c in PHI:
-        np.testing.assert_allclose(found[c], true_spectrum(c, frequency), rtol=0.35)  # 21 figures of 12000 samples
+        np.testing.assert_allclose(
+            found[c], true_spectrum(c, frequency), rtol=0.35
+        )  # 21 figures of 12000 samples
 
 
 @pytest.mark.parametrize("c", [0, 1, 2])
@@ -46,7 +56,9 @@ def test_whitening_gives_unit_innovations_independent_across_channels():
     mixing = np.array([[1.0, 0, 0], [0.8, 0.6, 0], [-0.5, 0.5, 0.7]])
     dut = fit_noise([processes(0, 20000, mixing)], STEP)
     white = dut.whiten(processes(5, 20000, mixing))  # of an unseen flight
-    np.testing.assert_allclose(white.T @ white / len(white), np.eye(3), atol=0.05)  # 4 sigma of two sets of samples
+    np.testing.assert_allclose(
+        white.T @ white / len(white), np.eye(3), atol=0.05
+    )  # 4 sigma of two sets of samples
     for lag in (1, 2, 5):
         correlation = white[lag:].T @ white[:-lag] / len(white)
         assert np.abs(correlation).max() < 0.035  # 4 sigma and the figures' own error
@@ -57,7 +69,9 @@ def test_whitening_gives_unit_innovations_independent_across_channels():
 def test_whitening_is_linear(a, b):
     dut = fit_noise([processes(0, 800)], STEP)
     x, y = processes(1, 300), processes(2, 300)
-    np.testing.assert_allclose(dut.whiten(a * x + b * y), a * dut.whiten(x) + b * dut.whiten(y), atol=1e-9)
+    np.testing.assert_allclose(
+        dut.whiten(a * x + b * y), a * dut.whiten(x) + b * dut.whiten(y), atol=1e-9
+    )
 
 
 @pytest.mark.parametrize("rows", [21, 40, 52, 53, 200])
@@ -66,7 +80,9 @@ def test_whitening_takes_from_every_row_what_those_before_it_foretell(rows):
     phi = 0.1 * rng.normal(size=(2, 20))
     model = NoiseModel(phi, np.eye(2), np.ones(2), np.ones(2), 0.02)
     values = rng.normal(size=(rows, 2, 3))
-    foretold = np.array([np.einsum("ci,ick->ck", phi, values[k - 20 : k][::-1]) for k in range(20, rows)])
+    foretold = np.array(
+        [np.einsum("ci,ick->ck", phi, values[k - 20 : k][::-1]) for k in range(20, rows)]
+    )
     np.testing.assert_allclose(model.whiten(values), values[20:] - foretold, atol=1e-12)
 
 
@@ -98,7 +114,9 @@ def test_a_channel_that_is_not_there_counts_for_nothing():
 def test_errors_that_residuals_lack_are_in_the_noise_all_the_same():
     residual = np.random.default_rng(0).normal(size=(4000, 3))
     dut = fit_noise([residual], STEP, white=np.array([0.0, 1.0, 3.0]))
-    np.testing.assert_allclose(np.var(dut.whiten(residual), axis=(0)), [1.0, 1 / 2, 1 / 10], rtol=0.05)
+    np.testing.assert_allclose(
+        np.var(dut.whiten(residual), axis=(0)), [1.0, 1 / 2, 1 / 10], rtol=0.05
+    )
 
 
 def test_a_mean_is_no_noise():
@@ -147,4 +165,6 @@ def test_inner_products_are_those_of_the_white_columns_whatever_is_zero(there, l
     dut = with_loudness(dut, errors, ["a", "b"]) if loud else dut
     X = np.random.default_rng(3).normal(size=(60, 3, 4)) * np.reshape(there, (3, 4))
     white = dut.whiten(X, "b").reshape(-1, 4)
-    np.testing.assert_allclose(dut.products([X[..., :3], X[..., 3:]], "b"), white.T @ white, atol=1e-9)
+    np.testing.assert_allclose(
+        dut.products([X[..., :3], X[..., 3:]], "b"), white.T @ white, atol=1e-9
+    )

@@ -11,7 +11,9 @@ from scipy import stats
 from np_drake.diagnosis.numerics.bayesian_linear_regression import Gram, _alike
 
 
-def problem(seed: int, rows: int = 12, channels: int = 2, k: int = 4) -> tuple[np.ndarray, np.ndarray]:
+def problem(
+    seed: int, rows: int = 12, channels: int = 2, k: int = 4
+) -> tuple[np.ndarray, np.ndarray]:
     rng = np.random.default_rng(seed)
     X = rng.normal(size=(rows, channels, k))
     return X, X @ rng.normal(size=k) + rng.normal(size=(rows, channels))
@@ -72,15 +74,23 @@ def test_columns_of_every_model_may_be_taken_out_first(seed, n, chosen):
 
 
 @settings(max_examples=30, deadline=None)
-@given(st.integers(0, 10**6), st.lists(st.lists(st.sampled_from([0, 1, 2, 3]), unique=True), max_size=6))
+@given(
+    st.integers(0, 10**6),
+    st.lists(st.lists(st.sampled_from([0, 1, 2, 3]), unique=True), max_size=6),
+)
 def test_many_sets_at_once_have_each_its_density_at_the_widths_asked(seed, sets):
     X, y = problem(seed, k=5)
-    dut, columns = gram(4.0 * X, y), [np.array([0, 1]), np.array([2]), np.array([3, 4]), np.zeros(0, int)]
+    dut, columns = (
+        gram(4.0 * X, y),
+        [np.array([0, 1]), np.array([2]), np.array([3, 4]), np.zeros(0, int)],
+    )
     groups = [[columns[i] for i in chosen] for chosen in sets]
     wide = [[i != 1 for i in chosen] for chosen in sets]
     indices = [np.concatenate([np.zeros(0, int), *g]) for g in groups]
     evidence, posteriors = dut.evidence_of_sets(groups, wide), dut.posteriors(indices)
-    for found, (mean, covariance), index, g, w in zip(evidence, posteriors, indices, groups, wide, strict=True):
+    for found, (mean, covariance), index, g, w in zip(
+        evidence, posteriors, indices, groups, wide, strict=True
+    ):
         flat = 4.0 * X.reshape(-1, 5)[:, index]
         gain = flat.T @ np.linalg.inv(np.eye(len(flat)) + flat @ flat.T)
         np.testing.assert_allclose(mean, gain @ y.ravel(), atol=1e-9)
@@ -96,7 +106,9 @@ def test_many_sets_at_once_have_each_its_density_at_the_widths_asked(seed, sets)
 @given(st.lists(st.integers(0, 4), max_size=12), st.sampled_from([1, 30, 10**6]))
 def test_sets_that_are_solved_together_are_alike_and_few_and_none_is_lost(sizes, at_once):
     found = list(_alike(sizes, at_once))
-    assert sorted(np.concatenate([np.zeros(0), *found])) == [i for i, size in enumerate(sizes) if size]
+    assert sorted(np.concatenate([np.zeros(0), *found])) == [
+        i for i, size in enumerate(sizes) if size
+    ]
     for some in found:
         assert len({sizes[i] for i in some}) == 1
         assert len(some) == 1 or len(some) * sizes[some[0]] ** 2 <= at_once

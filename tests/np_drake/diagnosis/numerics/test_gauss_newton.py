@@ -42,7 +42,9 @@ def test_the_minimum_is_within_bounds_and_free_figures_are_at_rest(seed):
     gradient = J.T @ dut.residual
     scale = np.linalg.norm(J, axis=0) * np.linalg.norm(y)
     inside = (dut.z > lower) & (dut.z < upper)
-    assert np.abs(gradient / scale)[inside].max(initial=0.0) < 2e-3  # a cost of 0.1 of 1e6 is not followed
+    assert (
+        np.abs(gradient / scale)[inside].max(initial=0.0) < 2e-3
+    )  # a cost of 0.1 of 1e6 is not followed
     assert (gradient[dut.z <= lower] >= -1e-9).all()
     assert (gradient[dut.z >= upper] <= 1e-9).all()
 

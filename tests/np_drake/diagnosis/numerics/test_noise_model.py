@@ -22,7 +22,9 @@ def a_model(seed: int) -> NoiseModel:
 
 
 def whitened(model: NoiseModel, values: np.ndarray, flight: str) -> np.ndarray:
-    """Return mixing @ innovations, with e_t = y_t - sum_k phi_k y_(t-k) over the flight's loudness."""
+    """Return mixing @ innovations, with e_t = y_t - sum_k phi_k y_(t-k) over the flight's
+    loudness.
+    """
     flat = values.reshape(M, C, -1)
     out = np.zeros((M - P, C, flat.shape[2]))
     loud = model.loudness.get(flight, np.ones(C))
@@ -36,7 +38,9 @@ def whitened(model: NoiseModel, values: np.ndarray, flight: str) -> np.ndarray:
 @pytest.mark.parametrize("shape", [(), (4,), (2, 3)])
 def test_whitened_channels_are_mixed_innovations(flight, shape):
     model, values = a_model(1), np.random.default_rng(2).standard_normal((M, C, *shape))
-    np.testing.assert_allclose(model.whiten(values, flight), whitened(model, values, flight), atol=1e-12)
+    np.testing.assert_allclose(
+        model.whiten(values, flight), whitened(model, values, flight), atol=1e-12
+    )
 
 
 @pytest.mark.parametrize("flight", ["quiet", "loud"])

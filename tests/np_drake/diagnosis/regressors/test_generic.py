@@ -40,7 +40,9 @@ class Magnus(WrenchEffect):
     identifier: ClassVar[str] = "magnus"
 
     def wrench(self, vehicle, motion):
-        f_B = 0.5 * np.cross(motion.x[..., W], attitude.rotate_back(motion.x[..., Q], motion.x[..., V]))
+        f_B = 0.5 * np.cross(
+            motion.x[..., W], attitude.rotate_back(motion.x[..., Q], motion.x[..., V])
+        )
         return np.concatenate([attitude.rotate(motion.x[..., Q], f_B), 0 * f_B], axis=-1)
 
 
@@ -68,7 +70,9 @@ class Plate(WrenchEffect):
 
 
 def swinging(e, frequency, damping, gain=0.3):
-    """Return the flight with a torque behind an oscillator that the commanded torque drives; exact between the rows."""
+    """Return the flight with a torque behind an oscillator that the commanded torque drives; exact
+    between the rows.
+    """
     w = 2 * np.pi * frequency
     y = e.y.copy()
     for axis in (3, 4):
@@ -99,7 +103,9 @@ def test_what_no_effect_explains_is_found_where_it_lives(seen, noise, effect, na
 
 
 @pytest.mark.parametrize("frequency, damping", [(1.0, 0.05), (2.4, 0.2), (4.0, 0.05)])
-def test_a_torque_swinging_behind_its_command_is_a_twist_at_that_rate(seen, noise, frequency, damping):
+def test_a_torque_swinging_behind_its_command_is_a_twist_at_that_rate(
+    seen, noise, frequency, damping
+):
     flights = [swinging(seen(name=str(i), seed=i, noise=1.0), frequency, damping) for i in (1, 2)]
     candidates = generic_candidates(flights, priors=REAL.priors)
     problem = RegressionProblem(flights, noise, [], candidates, temperature=2.0, options=REAL)
@@ -186,7 +192,9 @@ def test_a_resonance_is_at_its_peak_as_large_as_its_drive(frequency):
     columns = _twist(frequency, priors=REAL.priors)(state)[4000:, 3]
     drive = REAL.priors.twist_torque / (REAL.priors.generic_size * 20.0 * 0.5)
     sizes = np.abs(columns).max(axis=0)
-    np.testing.assert_allclose(sizes[:4], drive, rtol=0.03)  # of G, D G / w, and the same of G², sampled
+    np.testing.assert_allclose(
+        sizes[:4], drive, rtol=0.03
+    )  # of G, D G / w, and the same of G², sampled
 
 
 def test_where_rotor_speed_is_measured_no_command_is_named(groups):

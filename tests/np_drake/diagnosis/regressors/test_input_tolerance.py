@@ -1,4 +1,6 @@
-"""Laws of inputs that leave something open: when a command acts, how a throttle maps to thrust, which torque acts."""
+"""Laws of inputs that leave something open: when a command acts, how a throttle maps to thrust,
+which torque acts.
+"""
 
 import dataclasses as dc
 
@@ -50,7 +52,9 @@ def test_a_thinned_log_leaves_half_a_row_open(fly, every, seed):
     assert timing == pytest.approx(0.5 * log.step)
 
 
-@pytest.mark.parametrize("effects", [(), (DRAG,), (MotorLag(0.03),), (CommandDelay(0.02),), (ClockOffset(0.02),)])
+@pytest.mark.parametrize(
+    "effects", [(), (DRAG,), (MotorLag(0.03),), (CommandDelay(0.02),), (ClockOffset(0.02),)]
+)
 def test_a_command_that_is_held_from_its_row_leaves_nothing_open(seen, effects):
     assert command_timing([seen(*effects, seed=1, noise=1.0)]) == 0.0
 
@@ -99,7 +103,8 @@ def test_a_vehicle_file_does_not_narrow_the_scale_of_a_throttle(fly):
 
 
 @pytest.mark.parametrize(
-    "effect, stated", [(MassError(0.06 * VEHICLE.mass), {"mass": 0.04}), (ThrustScale(0.94), {"thrust": 0.04})]
+    "effect, stated",
+    [(MassError(0.06 * VEHICLE.mass), {"mass": 0.04}), (ThrustScale(0.94), {"thrust": 0.04})],
 )
 def test_an_error_within_what_the_vehicle_file_states_is_no_cause(fly, inferred, effect, stated):
     logs = [fly(effect, name=str(i), seed=i, seconds=7.0, noise=1.0) for i in (1, 2, 3)]
@@ -112,7 +117,9 @@ def test_an_error_within_what_the_vehicle_file_states_is_no_cause(fly, inferred,
 
 
 def test_a_throttle_opens_scale_and_curve(fly):
-    held = dc.replace(VEHICLE, command_timing="held")  # other vehicles have a drift in their calibration
+    held = dc.replace(
+        VEHICLE, command_timing="held"
+    )  # other vehicles have a drift in their calibration
     flight = make_flight_residuals(with_throttle(fly(seed=1, noise=1.0), 1.5), held)
     open_ = with_input(Options.for_sensors(True), [flight]).tolerance
     assert open_.thrust == THROTTLE_SCALE
@@ -155,7 +162,9 @@ def test_a_log_without_torque_is_not_replayed_and_the_warnings_say_so(fly):
 @pytest.mark.parametrize("exponent", [1.0, 2.0])
 def test_a_drag_is_found_from_throttle_of_unknown_scale_and_curve(fly, inferred, exponent):
     logs = [fly(DRAG, name=str(i), seed=i, seconds=7.0, noise=1.0) for i in (1, 2, 3)]
-    *train, held_out = [make_flight_residuals(with_throttle(log, exponent), VEHICLE) for log in logs]
+    *train, held_out = [
+        make_flight_residuals(with_throttle(log, exponent), VEHICLE) for log in logs
+    ]
     dut = inferred(train, [held_out])
     assert [c.identifier for c in dut.causes] == ["linear_drag"]
     assert dut.causes[0].parameters["d_x"].value == pytest.approx(0.3, abs=0.02)

@@ -32,7 +32,10 @@ REAL, IDEAL = Options.for_sensors(True), Options.for_sensors(False)
 
 @pytest.fixture(scope="module")
 def flights(seen):
-    return [seen(name="a", seed=1, noise=1.0, seconds=8.0), seen(name="b", seed=2, noise=1.0, seconds=6.0)]
+    return [
+        seen(name="a", seed=1, noise=1.0, seconds=8.0),
+        seen(name="b", seed=2, noise=1.0, seconds=6.0),
+    ]
 
 
 @pytest.fixture(scope="module")
@@ -64,29 +67,43 @@ def test_the_gain_of_the_mixer_is_tried_only_with_measured_rotor_speed(flights, 
 
 def test_variants_of_an_effect_share_one_prior(candidates):
     for name in {c.identifiers for c in candidates}:
-        assert sum(np.exp(c.log_prior) for c in candidates if c.identifiers == name) == pytest.approx(1.0)
+        assert sum(
+            np.exp(c.log_prior) for c in candidates if c.identifiers == name
+        ) == pytest.approx(1.0)
 
 
-LINEAR = [n for n, e in LIBRARY.items() if e.linear and e.place == "wrench" and n != "rotor_gyroscopic"]
+LINEAR = [
+    n for n, e in LIBRARY.items() if e.linear and e.place == "wrench" and n != "rotor_gyroscopic"
+]
 
 
 @settings(max_examples=40, deadline=None)
 @given(st.data())
 def test_columns_times_coefficients_are_the_trace_of_their_terms(flights, candidates, data):
     candidate = data.draw(st.sampled_from([c for c in candidates if c.identifiers[0] in LINEAR]))
-    c = np.array(data.draw(st.lists(st.floats(0.01, 0.6), min_size=candidate.size, max_size=candidate.size)))
+    c = np.array(
+        data.draw(st.lists(st.floats(0.01, 0.6), min_size=candidate.size, max_size=candidate.size))
+    )
     for e in flights:
-        np.testing.assert_allclose(candidate.columns[e.name] @ c, trace(candidate, c, e), rtol=1e-6, atol=1e-7)
+        np.testing.assert_allclose(
+            candidate.columns[e.name] @ c, trace(candidate, c, e), rtol=1e-6, atol=1e-7
+        )
 
 
-@pytest.mark.parametrize("name", [n for n in LIBRARY if n not in ("suspended_payload", "constant_wind", "gusty_wind")])
+@pytest.mark.parametrize(
+    "name", [n for n in LIBRARY if n not in ("suspended_payload", "constant_wind", "gusty_wind")]
+)
 def test_small_coefficients_mean_small_effects_of_that_trace(flights, candidates, name):
     for candidate in (c for c in candidates if c.identifiers == (name,)):
         single = _effect_candidates(LIBRARY[name], flights, {})
         assert candidate.variant in {c.variant for c in single}
-        c = np.full(candidate.size, 0.5 if not LIBRARY[name].linear and candidate.size == 1 else 0.05)
+        c = np.full(
+            candidate.size, 0.5 if not LIBRARY[name].linear and candidate.size == 1 else 0.05
+        )
         for e in flights:
-            most = 0.1 if name == "center_of_mass_offset" else 0.05  # its force is of second order before long
+            most = (
+                0.1 if name == "center_of_mass_offset" else 0.05
+            )  # its force is of second order before long
             assert gap(candidate.columns[e.name] @ c, trace(candidate, c, e)) < most
 
 
@@ -231,4 +248,6 @@ def test_a_drag_is_half_as_probable_at_none_and_impossible_far_below():
     root, one_sided, I = np.eye(2), np.array([True, False]), np.eye(2)
     assert _not_negative(root, one_sided, np.array([0.0, -9.0]), I)[1] == pytest.approx(np.log(0.5))
     assert _not_negative(root, one_sided, np.array([-8.0, 0.0]), I)[1] < -30
-    assert _not_negative(root, one_sided, np.array([8.0, -9.0]), I)[1] == pytest.approx(0.0, abs=1e-9)
+    assert _not_negative(root, one_sided, np.array([8.0, -9.0]), I)[1] == pytest.approx(
+        0.0, abs=1e-9
+    )

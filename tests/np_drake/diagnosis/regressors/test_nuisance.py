@@ -9,7 +9,12 @@ from np_drake.diagnosis.calibration.columns import flight_errors
 from np_drake.diagnosis.forward_model.payload_state import Term
 from np_drake.diagnosis.forward_model.prediction import predicted_residual
 from np_drake.diagnosis.options import IDEAL_SENSORS, SPREAD, Options, Tolerance
-from np_drake.diagnosis.regressors.nuisance import calibration, calibration_terms, tolerance_of, with_input
+from np_drake.diagnosis.regressors.nuisance import (
+    calibration,
+    calibration_terms,
+    tolerance_of,
+    with_input,
+)
 from np_drake.effects.accelerometer_bias import AccelerometerBias
 from np_drake.effects.gyro_bias import GyroBias
 from np_drake.effects.linear_drag import LinearDrag
@@ -44,8 +49,12 @@ def test_logs_that_miss_one_of_a_simulators_marks_are_of_real_sensors(flights, c
 
 
 def test_a_throttle_opens_the_mounting_and_the_latency_of_its_autopilot(flights):
-    held = dc.replace(Vehicle(), command_timing="held")  # other vehicles have both in their calibration
-    flying = [dc.replace(e, vehicle=held, log=dc.replace(e.log, input="normalised")) for e in flights]
+    held = dc.replace(
+        Vehicle(), command_timing="held"
+    )  # other vehicles have both in their calibration
+    flying = [
+        dc.replace(e, vehicle=held, log=dc.replace(e.log, input="normalised")) for e in flights
+    ]
     open_ = with_input(Options.for_sensors(True), flying).tolerance
     found = {t.effect.identifier: d for t, d in calibration_terms(Vehicle(), open_)}
     assert (found["imu_mounting"], found["attitude_latency"]) == (SPREAD.mounting, SPREAD.latency)
@@ -65,7 +74,9 @@ def test_calibration_is_mass_and_thrust_at_their_deviations(flights):
     assert [c.size for c in columns] == [1, 1]
     e = flights[0]
     expected = predicted_residual(e, [Term(MassError(0.010))])
-    np.testing.assert_allclose(columns[1].columns["a"][..., 0], expected, rtol=0.15, atol=1e-6)  # linear to 10 %
+    np.testing.assert_allclose(
+        columns[1].columns["a"][..., 0], expected, rtol=0.15, atol=1e-6
+    )  # linear to 10 %
     assert all(c.identifiers == () for c in columns)
 
 

@@ -24,11 +24,15 @@ SCALE = 0.7
 
 @pytest.mark.parametrize("loud", [False, True], ids=["alike", "a flight louder than the model"])
 @pytest.mark.parametrize(
-    "effects", [[MassError(0.2)], [LinearDrag(0.3, 0.3, 0.3), WeakRotor(1, 0.9)]], ids=["one", "two"]
+    "effects",
+    [[MassError(0.2)], [LinearDrag(0.3, 0.3, 0.3), WeakRotor(1, 0.9)]],
+    ids=["one", "two"],
 )
 @pytest.mark.parametrize("equally", [False, True], ids=["any rows", "rows equally far apart"])
 @pytest.mark.parametrize("accelerations", [True, False])
-def test_sums_are_those_of_the_whitened_columns_from_each_row_on(seen, noise, effects, loud, equally, accelerations):
+def test_sums_are_those_of_the_whitened_columns_from_each_row_on(
+    seen, noise, effects, loud, equally, accelerations
+):
     flight = seen(name="1", seed=1, noise=1.0, seconds=6.0, accelerations=accelerations)
     noise = dc.replace(noise, loudness={"1": np.linspace(0.5, 2.0, 15)}) if loud else noise
     X = np.stack([predicted_residual(flight, [Term(effect)]) for effect in effects], axis=-1)
@@ -39,12 +43,16 @@ def test_sums_are_those_of_the_whitened_columns_from_each_row_on(seen, noise, ef
     found = dut.begun(X, whole, rows)
     y, beside = (SCALE * flight.white(noise, part) for part in (flight.y, B))
     both = np.concatenate([beside, y[..., None]], axis=-1)
-    np.testing.assert_allclose(dut.products, np.tensordot(both, both, axes=([0, 1], [0, 1])), rtol=1e-9)
+    np.testing.assert_allclose(
+        dut.products, np.tensordot(both, both, axes=([0, 1], [0, 1])), rtol=1e-9
+    )
     for i, row in enumerate(rows):
         late = SCALE * flight.white(noise, X * flight.begun(dut.t[row])[..., None])
         for sums, other in zip(found, (late, beside, y), strict=True):
             expected = np.tensordot(late, other, axes=([0, 1], [0, 1]))
-            np.testing.assert_allclose(sums[i], expected, rtol=1e-6, atol=1e-6 * np.abs(expected).max())
+            np.testing.assert_allclose(
+                sums[i], expected, rtol=1e-6, atol=1e-6 * np.abs(expected).max()
+            )
     always = SCALE * flight.white(noise, X)
     expected = np.tensordot(always, always, axes=([0, 1], [0, 1]))
     np.testing.assert_allclose(whole[0][0], expected, rtol=1e-9)
@@ -54,7 +62,9 @@ def test_what_leaves_no_trace_has_no_sums_and_begins_nowhere(seen, noise):
     flight = seen(name="1", seed=1, noise=1.0, seconds=6.0)
     dut = SwitchedRegressors(flight, noise, flight.y, np.zeros((*flight.y.shape, 0)))
     nothing = np.zeros((*flight.y.shape, 2))
-    assert not any(part.any() for part in dut.begun(nothing, dut.whole(nothing), np.array([40, 150])))
+    assert not any(
+        part.any() for part in dut.begun(nothing, dut.whole(nothing), np.array([40, 150]))
+    )
     for effect in (MotorLag(0.0), CommandDelay(0.0)):
         (term,) = adapt([Term(effect)], flight, noise, priors=REAL.priors)
         assert term.begins("1") is None

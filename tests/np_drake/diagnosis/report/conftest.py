@@ -14,11 +14,15 @@ SIZE = (8.0, 7.0, 22.0, 3.0, 2.6, 1.3)  # of the gap in noise units
 
 
 def traces(flight: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return t and the residuals before and after, over 20 s; the payload begins at 8 s of the second flight."""
+    """Return t and the residuals before and after, over 20 s; the payload begins at 8 s of the
+    second flight.
+    """
     draw = np.random.default_rng(flight)
     t = np.arange(0.0, 20.0, 0.01)
     hung = (t > 8.0) if flight else np.ones(len(t))
-    swing = np.stack([np.sin(w * t + k) for k, w in enumerate((3.5, 3.5, 7.0, 3.5, 3.5, 1.0))], axis=1)
+    swing = np.stack(
+        [np.sin(w * t + k) for k, w in enumerate((3.5, 3.5, 7.0, 3.5, 3.5, 1.0))], axis=1
+    )
     swing[:, 2] -= 2.0
     noise = draw.normal(size=(len(t), 6)) * NOISE
     return t, noise + hung[:, None] * swing * np.array(NOISE) * SIZE, 1.08 * noise
@@ -35,14 +39,20 @@ def bands() -> tuple[residual_parts.Band, ...]:
 
 
 def regimes() -> tuple[residual_parts.Regime, ...]:
-    edges = {"speed": ("m/s", (0, 1, 2, 3, 5)), "thrust": ("N", (15, 20, 23, 28)), "height": ("m", (0.5, 1, 2, 3))}
+    edges = {
+        "speed": ("m/s", (0, 1, 2, 3, 5)),
+        "thrust": ("N", (15, 20, 23, 28)),
+        "height": ("m", (0.5, 1, 2, 3)),
+    }
     edges |= {"tilt": ("deg", (0, 5, 10, 20)), "rate": ("rad/s", (0, 0.5, 1, 3))}
     out = []
     for quantity, (unit, bounds) in edges.items():
         for k, (lower, upper) in enumerate(itertools.pairwise(bounds)):
             rms = tuple(float(size * (0.7 + 0.25 * k)) for size in SIZE)
             after = tuple(float(1.0 + 0.03 * size) for size in SIZE)
-            out.append(residual_parts.Regime(quantity, unit, lower, upper, 900 - 150 * k, rms, after))
+            out.append(
+                residual_parts.Regime(quantity, unit, lower, upper, 900 - 150 * k, rms, after)
+            )
     return tuple(out)
 
 
@@ -50,15 +60,23 @@ def replay(scale: float) -> an.ReplayGap:
     grown = np.array([0.01, 0.06, 0.22, 0.85])[:, None]
     spread = np.array([1.0, 0.85, 1.2])
     return an.ReplayGap(
-        an.HORIZONS, scale * grown * spread, 2.1 * scale * grown * spread, 9.0 * scale * grown * spread, 48
+        an.HORIZONS,
+        scale * grown * spread,
+        2.1 * scale * grown * spread,
+        9.0 * scale * grown * spread,
+        48,
     )
 
 
 def where() -> residual_parts.Localisation:
     made = {name: traces(k) for k, name in enumerate(HELD_OUT)}
     channels = tuple(
-        residual_parts.ChannelGap(channel, "N" if k < 3 else "N·m", noise * size, noise, 1.08 * noise, 0.97 - 0.02 * k)
-        for k, (channel, noise, size) in enumerate(zip(residual_parts.CHANNELS, NOISE, SIZE, strict=True))
+        residual_parts.ChannelGap(
+            channel, "N" if k < 3 else "N·m", noise * size, noise, 1.08 * noise, 0.97 - 0.02 * k
+        )
+        for k, (channel, noise, size) in enumerate(
+            zip(residual_parts.CHANNELS, NOISE, SIZE, strict=True)
+        )
     )
     segments = (
         residual_parts.Segment(HELD_OUT[0], 0.0, 20.0, SIZE),
@@ -101,22 +119,44 @@ def drag() -> an.Cause:
 def check() -> an.Identifiability:
     confusable = an.Confusable(
         ("mass_error", "thrust_scale"),
-        "both change the force along body z in proportion to thrust; their signatures agree to 0.998.",
+        (
+            "both change the force along body z in proportion to thrust; their signatures "
+            "agree to 0.998."
+        ),
         "roll and pitch sharply: a thrust scale also scales torque, a mass does not.",
     )
     return an.Identifiability(
         True,
-        {"speed, RMS [m/s]": 1.84, "thrust, span [N]": 11.2, "tilt, RMS [deg]": 9.7, "rate, RMS [rad/s]": 0.74},
+        {
+            "speed, RMS [m/s]": 1.84,
+            "thrust, span [N]": 11.2,
+            "tilt, RMS [deg]": 9.7,
+            "rate, RMS [rad/s]": 0.74,
+        },
         dict(zip(residual_parts.CHANNELS, NOISE, strict=True)),
         (confusable,),
-        ("heldout_2: angular acceleration was differentiated from the gyro: torque above 15 Hz is smoothed.",),
+        (
+            (
+                "heldout_2: angular acceleration was differentiated from the gyro: torque "
+                "above 15 Hz is smoothed."
+            ),
+        ),
     )
 
 
 def calibration() -> tuple[an.Difference, ...]:
     return (
-        an.Difference("weak_rotor[2].efficiency", "rotor 2: thrust +4.0 %", 0.04, "share", 0.03, (0.02, 0.06)),
-        an.Difference("attitude_bias.pitch", "attitude reads +0.92° of pitch", 0.016, "rad", 0.02, (0.006, 0.026)),
+        an.Difference(
+            "weak_rotor[2].efficiency", "rotor 2: thrust +4.0 %", 0.04, "share", 0.03, (0.02, 0.06)
+        ),
+        an.Difference(
+            "attitude_bias.pitch",
+            "attitude reads +0.92° of pitch",
+            0.016,
+            "rad",
+            0.02,
+            (0.006, 0.026),
+        ),
         an.Difference("drift.torque", "torque that drifts by 1.2 mN·m RMS", 0.0012, "N·m", 0.002),
     )
 
@@ -129,7 +169,12 @@ def diagnosis() -> an.Diagnosis:
     gap_reduction = an.GapReduction(
         9.84, 1.08, 1.0, 0.998, (0.991, 0.999), ladder, replay(1.0), replay(0.07), left=left
     )
-    minor = an.Finding("gyro_bias", "0.002 rad/s about x: too small to move the vehicle.", 0.004, {"x [rad/s]": 0.002})
+    minor = an.Finding(
+        "gyro_bias",
+        "0.002 rad/s about x: too small to move the vehicle.",
+        0.004,
+        {"x [rad/s]": 0.002},
+    )
     return an.Diagnosis(
         "paper",
         ("train_1", "train_2"),
@@ -145,6 +190,8 @@ def diagnosis() -> an.Diagnosis:
         False,
         (),
         21.4,
-        coverage=("The held-out flights reach 0.30 m/s, training 2.1 m/s: linear drag was not tested.",),
+        coverage=(
+            "The held-out flights reach 0.30 m/s, training 2.1 m/s: linear drag was not tested.",
+        ),
         calibration=calibration(),
     )

@@ -48,7 +48,9 @@ def test_a_hovering_flight_does_not_test_drag(train, hover):
 
 def test_a_hovering_flight_tests_a_mass(train, hover):
     assert not any("mass" in s for s in coverage([cause(MassError(0.1))], train, hover))
-    assert trace_ratio("mass_error", [cause(MassError(0.1))], train, hover) == pytest.approx(1.0, abs=0.05)
+    assert trace_ratio("mass_error", [cause(MassError(0.1))], train, hover) == pytest.approx(
+        1.0, abs=0.05
+    )
 
 
 def test_without_a_cause_a_hovering_flight_still_says_what_it_leaves_out(train, hover):
@@ -66,7 +68,9 @@ def test_wind_acts_through_the_drag_beside_it(seen, train):
     other = [seen(name="other", seed=3)]
     causes = [cause(DRAG), cause(ConstantWind(3.0, 0.0, 0.0))]
     assert trace_ratio("constant_wind", causes, train, other) == pytest.approx(1.0, abs=0.1)
-    assert trace_ratio("constant_wind", causes[1:], train, other) == np.inf  # nothing to act through
+    assert (
+        trace_ratio("constant_wind", causes[1:], train, other) == np.inf
+    )  # nothing to act through
 
 
 def test_a_faint_cause_without_a_quantity_of_its_own_says_how_faint(seen, train):
@@ -88,7 +92,9 @@ def test_rows_that_joined_the_fit_test_nothing(seen, train, hover):
     still = np.linalg.norm(lively.mids.x[:, 7:10], axis=1)
     assert reach([lively])["speed"][0] <= still.max()
     joined = dc.replace(lively, joined=lively.t <= lively.t[len(lively.t) // 2])
-    assert reach([joined])["duration"][0] == pytest.approx(0.5 * reach([lively])["duration"][0], rel=0.01)
+    assert reach([joined])["duration"][0] == pytest.approx(
+        0.5 * reach([lively])["duration"][0], rel=0.01
+    )
 
 
 def test_a_torque_that_the_log_does_not_tell_is_not_compared(train, hover):
@@ -99,4 +105,6 @@ def test_a_torque_that_the_log_does_not_tell_is_not_compared(train, hover):
 
 def test_several_flights_are_spoken_of_as_several(train, hover):
     two = [*hover, dc.replace(hover[0])]
-    assert any(s.startswith("The held-out flights reach") for s in coverage([cause(DRAG)], train, two))
+    assert any(
+        s.startswith("The held-out flights reach") for s in coverage([cause(DRAG)], train, two)
+    )

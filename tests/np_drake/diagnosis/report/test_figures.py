@@ -29,9 +29,17 @@ def crowded(figure):
         figure.canvas.draw()
     boxes = [(t, t.get_window_extent()) for t in drawn if t.get_visible() and t.get_text().strip()]
     frame = figure.bbox.padded(1)
-    found = {t.get_text() for t, box in boxes if not (frame.contains(*box.min) and frame.contains(*box.max))}
+    found = {
+        t.get_text()
+        for t, box in boxes
+        if not (frame.contains(*box.min) and frame.contains(*box.max))
+    }
     level = [(t.get_text(), box.padded(-1)) for t, box in boxes if t.get_rotation() in (0, 90)]
-    return found | {f"{a} over {b}" for (a, one), (b, two) in itertools.combinations(level, 2) if one.overlaps(two)}
+    return found | {
+        f"{a} over {b}"
+        for (a, one), (b, two) in itertools.combinations(level, 2)
+        if one.overlaps(two)
+    }
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -39,7 +47,9 @@ def test_no_text_of_a_figure_overlaps_another_or_is_cut(drawn, name):
     assert not crowded(drawn[name])
 
 
-@pytest.mark.parametrize("channels, groups, ranges, after", [(1, 1, 1, False), (3, 5, 1, True), (6, 5, 8, True)])
+@pytest.mark.parametrize(
+    "channels, groups, ranges, after", [(1, 1, 1, False), (3, 5, 1, True), (6, 5, 8, True)]
+)
 def test_regimes_have_room_for_their_words(channels, groups, ranges, after):
     rms = tuple(float(k < channels) * 3.2 for k in range(6))
     units = {"speed": "m/s", "thrust": "N", "height": "m", "tilt": "deg", "rate": "rad/s"}
@@ -66,7 +76,9 @@ def test_every_figure_has_labels_with_units(drawn, name):
     axes = drawn[name].get_axes()
     assert any("[" in ax.get_xlabel() for ax in axes)
     assert any("[" in ax.get_ylabel() for ax in axes)
-    assert drawn[name].legends or name == "regimes"  # whose numbers stand in it, beside a colour bar
+    assert (
+        drawn[name].legends or name == "regimes"
+    )  # whose numbers stand in it, beside a colour bar
     assert png(drawn[name], COARSE).startswith(b"\x89PNG")
 
 
@@ -79,7 +91,10 @@ def test_what_was_not_computed_is_not_drawn(diagnosis):
 def test_a_replay_that_got_lost_and_rows_without_numbers_are_drawn(diagnosis):
     lost = dc.replace(diagnosis.gap_reduction.replay_before, position=np.full((4, 3), np.inf))
     where = diagnosis.localisation
-    holes = {name: np.where(np.arange(len(v))[:, None] % 7, v, np.nan) for name, v in where.before.items()}
+    holes = {
+        name: np.where(np.arange(len(v))[:, None] % 7, v, np.nan)
+        for name, v in where.before.items()
+    }
     regimes = tuple(dc.replace(regime, rms_after=(), rms=(np.nan,) * 6) for regime in where.regimes)
     dut = dc.replace(
         diagnosis,
@@ -107,8 +122,15 @@ def test_channels_that_the_log_does_not_tell_are_not_drawn(diagnosis):
     where = diagnosis.localisation
     silent = {name: np.where(np.arange(6) < 3, y, 0.0) for name, y in where.before.items()}
     regimes = tuple(dc.replace(r, rms=(*r.rms[:3], 0.0, 0.0, 0.0)) for r in where.regimes)
-    bands = tuple(b if b.channel.startswith("force") else dc.replace(b, before=0 * b.before) for b in where.bands)
-    dut = figures(dc.replace(diagnosis, localisation=dc.replace(where, before=silent, regimes=regimes, bands=bands)))
+    bands = tuple(
+        b if b.channel.startswith("force") else dc.replace(b, before=0 * b.before)
+        for b in where.bands
+    )
+    dut = figures(
+        dc.replace(
+            diagnosis, localisation=dc.replace(where, before=silent, regimes=regimes, bands=bands)
+        )
+    )
     assert not [ax for ax in dut["timeline"].get_axes() if "torque" in ax.get_ylabel()]
     assert not [ax for ax in dut["spectrum"].get_axes() if "torque" in ax.get_ylabel()]
     shown = [text.get_text() for text in dut["regimes"].get_axes()[0].get_yticklabels()]

@@ -1,4 +1,6 @@
-"""Laws of what the causes leave: its size first, then the probability that no effect explains it."""
+"""Laws of what the causes leave: its size first, then the probability that no effect explains
+it.
+"""
 
 import dataclasses as dc
 
@@ -18,13 +20,18 @@ def with_left(diagnosis, **changes):
 
 def test_the_size_of_what_is_left_comes_before_its_probability(diagnosis):
     said = remains(diagnosis).replace("\u00a0", " ")
-    size = "0.2 % of the held-out gap is left beyond the noise: 44 mN, 2.4 mN·m and 1.3 cm after 1 s."
+    size = (
+        "0.2 % of the held-out gap is left beyond the noise: 44 mN, 2.4 mN·m and 1.3 cm after 1 s."
+    )
     assert said == f"{size} Probability that this is material: 3 %."
 
 
 def test_of_an_immaterial_gap_no_share_is_said(diagnosis):
     said = remains(with_left(diagnosis, share=float("nan"), position_before=0.011))
-    assert said.replace("\u00a0", " ") == "The held-out gap is immaterial: 1.1 cm after 1 s, beyond the noise."
+    assert (
+        said.replace("\u00a0", " ")
+        == "The held-out gap is immaterial: 1.1 cm after 1 s, beyond the noise."
+    )
 
 
 def test_what_is_not_left_is_not_named(diagnosis):
@@ -32,7 +39,9 @@ def test_what_is_not_left_is_not_named(diagnosis):
 
 
 def test_small_vehicles_have_small_units(diagnosis):
-    row, _ = gap_rows(with_channels(diagnosis, ChannelGap("force z", "N", 0.034, 0.0038, 0.0066, 0.97)))
+    row, _ = gap_rows(
+        with_channels(diagnosis, ChannelGap("force z", "N", 0.034, 0.0038, 0.0066, 0.97))
+    )
     assert row[:4] == ("vertical force [mN]", "34", "6.6", "3.8")
 
 
@@ -45,7 +54,12 @@ def test_a_torque_that_the_log_does_not_tell_is_no_part_of_the_gap(diagnosis):
 
 def test_calibration_says_what_it_explains_by_itself(diagnosis):
     reduction = diagnosis.gap_reduction
-    assert calibration_share(reduction).replace("\u00a0", " ") == "By itself it explains 75 % of the held-out gap."
+    assert (
+        calibration_share(reduction).replace("\u00a0", " ")
+        == "By itself it explains 75 % of the held-out gap."
+    )
     worse = dc.replace(reduction, ladder=(Rung("nominal", 9.84), Rung("+ calibration", 12.0)))
-    assert calibration_share(worse).endswith("does not help on held-out flights: 9.8 to 12 times the noise.")
+    assert calibration_share(worse).endswith(
+        "does not help on held-out flights: 9.8 to 12 times the noise."
+    )
     assert calibration_share(dc.replace(reduction, ladder=())) == ""

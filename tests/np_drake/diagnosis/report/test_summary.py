@@ -7,18 +7,30 @@ import pytest
 
 from np_drake.diagnosis.report.headline import headline, lead, main_remainder
 from np_drake.diagnosis.report.remainder import gap_rows
-from np_drake.diagnosis.report.summary import MOST_DIFFERENCES, cause_table, difference_rows, unseen, warnings
+from np_drake.diagnosis.report.summary import (
+    MOST_DIFFERENCES,
+    cause_table,
+    difference_rows,
+    unseen,
+    warnings,
+)
 from np_drake.diagnosis.result import UNKNOWN, Confusable, Finding
 
-TRACE = Finding("periodic force", "a force at 2.3 Hz along body x, 0.4 N.", 0.6, {}, "hover at two thrusts")
-SLOW = Finding("slow", "something slow below 0.5 Hz", 0.04, {"share": 0.04, "force": 0.9}, "hover for a minute")
+TRACE = Finding(
+    "periodic force", "a force at 2.3 Hz along body x, 0.4 N.", 0.6, {}, "hover at two thrusts"
+)
+SLOW = Finding(
+    "slow", "something slow below 0.5 Hz", 0.04, {"share": 0.04, "force": 0.9}, "hover for a minute"
+)
 
 
 def reduced(diagnosis, **changes):
     """The same diagnosis with another share of the gap, and without a replay."""
     changes = {"replay_before": None, "replay_after": None} | changes
     left = dc.replace(diagnosis.gap_reduction.left, share=1 - changes.get("fraction", 0.998))
-    return dc.replace(diagnosis, gap_reduction=dc.replace(diagnosis.gap_reduction, **{"left": left} | changes))
+    return dc.replace(
+        diagnosis, gap_reduction=dc.replace(diagnosis.gap_reduction, **{"left": left} | changes)
+    )
 
 
 def sure(diagnosis, probability):
@@ -33,7 +45,9 @@ def clean(diagnosis):
 
 
 def no_gap(diagnosis):
-    return reduced(diagnosis, fraction=0.0, left=dc.replace(diagnosis.gap_reduction.left, share=np.nan))
+    return reduced(
+        diagnosis, fraction=0.0, left=dc.replace(diagnosis.gap_reduction.left, share=np.nan)
+    )
 
 
 def agrees(diagnosis):
@@ -50,7 +64,9 @@ def unknown(diagnosis):
 
 
 def part(diagnosis):
-    changed = dc.replace(diagnosis, verdict=("suspended_payload", UNKNOWN), causes=diagnosis.causes[:1])
+    changed = dc.replace(
+        diagnosis, verdict=("suspended_payload", UNKNOWN), causes=diagnosis.causes[:1]
+    )
     return dc.replace(sure(reduced(changed, fraction=0.41), 0.97), unexplained=(TRACE, SLOW))
 
 
@@ -59,10 +75,13 @@ def cannot_tell(diagnosis):
 
 
 REMAINS = "to find what remains: hover for a minute."
-PAYLOAD = "A 260 g payload on 0.81 m and calibration explain 41 % of the gap on the held-out flights"
+PAYLOAD = (
+    "A 260 g payload on 0.81 m and calibration explain 41 % of the gap on the held-out flights"
+)
 CASES = {  # how the diagnosis is changed: headline, and the sentence below it
     clean: (
-        "Nothing material is missing: with calibration, the remainder on the held-out flights is 44 mN, 2.4 mN·m and "
+        "Nothing material is missing: with calibration, the remainder on the held-out "
+        "flights is 44 mN, 2.4 mN·m and "
         "1.3 cm after 1 s",
         "The simulator agrees with the logs, and nothing is named.",
     ),
@@ -75,34 +94,51 @@ CASES = {  # how the diagnosis is changed: headline, and the sentence below it
         "Training names suspended payload and linear drag, which these flights do not need.",
     ),
     one: (
-        "Linear drag of up to 0.24 N·s/m and calibration explain 99.8 % of the gap on the held-out flights; "
+        "Linear drag of up to 0.24 N·s/m and calibration explain 99.8 % of the gap on the "
+        "held-out flights; "
         "the replay improves from 0.85 m to 6.0 cm after 1 s",
         "Probability 93 %.",
     ),
     unknown: (
-        "No effect explains what is left on the held-out flights (97 %): 44 mN, 2.4 mN·m and 1.3 cm after 1 s",
+        (
+            "No effect explains what is left on the held-out flights (97 %): 44 mN, 2.4 mN·m "
+            "and 1.3 cm after 1 s"
+        ),
         "To find what remains: hover at two thrusts.",
     ),
     part: (
-        f"{PAYLOAD}; 59 % remains unexplained: 44 mN, 2.4 mN·m and 1.3 cm after 1 s (probability that it is material "
+        f"{PAYLOAD}; 59 % remains unexplained: 44 mN, 2.4 mN·m and 1.3 cm after 1 s "
+        f"(probability that it is material "
         "97 %)",
         f"Probability 98 %; {REMAINS}",
     ),
-    cannot_tell: ("These logs cannot tell", "The training flights excite too little to tell one effect from another."),
+    cannot_tell: (
+        "These logs cannot tell",
+        "The training flights excite too little to tell one effect from another.",
+    ),
 }
 
 
 @pytest.mark.parametrize("change", CASES, ids=lambda change: change.__name__)
 def test_the_answer_is_a_headline_and_a_sentence(diagnosis, change):
     dut = change(diagnosis)
-    assert tuple(text.replace("\u00a0", " ") for text in (headline(dut), lead(dut))) == CASES[change]
+    assert (
+        tuple(text.replace("\u00a0", " ") for text in (headline(dut), lead(dut))) == CASES[change]
+    )
 
 
 def test_the_headline_names_three_causes_and_counts_the_rest(diagnosis):
-    more = [dc.replace(diagnosis.causes[1], identifier=name, share=0.01) for name in ("blade_flapping", "thrust_drift")]
+    more = [
+        dc.replace(diagnosis.causes[1], identifier=name, share=0.01)
+        for name in ("blade_flapping", "thrust_drift")
+    ]
     causes = (*diagnosis.causes, *more)
-    dut = headline(dc.replace(diagnosis, causes=causes, verdict=tuple(c.identifier for c in causes)))
-    assert dut.startswith("A 260\u00a0g payload on 0.81\u00a0m, linear drag of up to 0.24\u00a0N·s/m, ")
+    dut = headline(
+        dc.replace(diagnosis, causes=causes, verdict=tuple(c.identifier for c in causes))
+    )
+    assert dut.startswith(
+        "A 260\u00a0g payload on 0.81\u00a0m, linear drag of up to 0.24\u00a0N·s/m, "
+    )
     assert ", 1 more and calibration explain 99.8\u00a0% of the gap" in dut
 
 
@@ -129,27 +165,39 @@ def test_the_headline_says_whether_the_replay_improved(diagnosis, factor, said):
 
 def test_calibration_is_named_where_the_vehicle_was_not_measured(diagnosis):
     described = dc.replace(one(diagnosis), calibration=())
-    assert headline(described).startswith("Linear drag of up to 0.24\u00a0N·s/m explains 99.8\u00a0%")
+    assert headline(described).startswith(
+        "Linear drag of up to 0.24\u00a0N·s/m explains 99.8\u00a0%"
+    )
 
 
 def test_the_headline_says_which_cause_held_out_flights_contradict(diagnosis):
     assert "predicted better" not in headline(diagnosis)
     payload, drag = diagnosis.causes
-    dut = dc.replace(diagnosis, causes=(dc.replace(payload, held_out_gain=0.9), dc.replace(drag, held_out_gain=-0.1)))
-    assert "on the held-out flights, which are predicted better without linear drag;" in headline(dut)
+    dut = dc.replace(
+        diagnosis,
+        causes=(dc.replace(payload, held_out_gain=0.9), dc.replace(drag, held_out_gain=-0.1)),
+    )
+    assert "on the held-out flights, which are predicted better without linear drag;" in headline(
+        dut
+    )
 
 
 def test_the_headline_says_which_kind_of_force_the_causes_make_worse(diagnosis):
     assert "worse" not in headline(diagnosis)
     lift = [
-        dc.replace(c, after=2 * c.rms if c.channel == "force z" else c.after) for c in diagnosis.localisation.channels
+        dc.replace(c, after=2 * c.rms if c.channel == "force z" else c.after)
+        for c in diagnosis.localisation.channels
     ]
-    dut = dc.replace(diagnosis, localisation=dc.replace(diagnosis.localisation, channels=tuple(lift)))
+    dut = dc.replace(
+        diagnosis, localisation=dc.replace(diagnosis.localisation, channels=tuple(lift))
+    )
     assert " and make vertical force worse" in headline(dut)
 
 
 def test_differences_have_a_size_an_interval_and_that_of_healthy_vehicles(diagnosis):
-    rows = [tuple(cell.replace("\u00a0", " ") for cell in row) for row in difference_rows(diagnosis)]
+    rows = [
+        tuple(cell.replace("\u00a0", " ") for cell in row) for row in difference_rows(diagnosis)
+    ]
     assert rows == [
         ("Rotor 2: thrust +4.0 %", "± 2.0 %", "± 3.0 %"),
         ("Attitude reads +0.92° of pitch", "± 0.57°", "± 1.1°"),
@@ -159,8 +207,12 @@ def test_differences_have_a_size_an_interval_and_that_of_healthy_vehicles(diagno
 
 def test_few_differences_are_shown_and_none_that_is_small(diagnosis):
     large, _, _ = diagnosis.calibration
-    assert len(difference_rows(dc.replace(diagnosis, calibration=20 * (large,)))) == MOST_DIFFERENCES
-    assert difference_rows(dc.replace(diagnosis, calibration=(dc.replace(large, value=-0.01),))) == []
+    assert (
+        len(difference_rows(dc.replace(diagnosis, calibration=20 * (large,)))) == MOST_DIFFERENCES
+    )
+    assert (
+        difference_rows(dc.replace(diagnosis, calibration=(dc.replace(large, value=-0.01),))) == []
+    )
 
 
 def test_a_second_answer_that_differs_is_pointed_to(diagnosis):
@@ -171,7 +223,9 @@ def test_a_second_answer_that_differs_is_pointed_to(diagnosis):
 
 def gaps(diagnosis, after):
     """The same diagnosis with this residual over noise in every channel."""
-    channels = tuple(dc.replace(c, after=after * c.noise_floor) for c in diagnosis.localisation.channels)
+    channels = tuple(
+        dc.replace(c, after=after * c.noise_floor) for c in diagnosis.localisation.channels
+    )
     return dc.replace(diagnosis, localisation=dc.replace(diagnosis.localisation, channels=channels))
 
 
@@ -221,18 +275,30 @@ def test_where_a_half_joined_the_fit_the_other_half_judges(diagnosis):
 
 
 def test_what_is_new_on_held_out_flights_is_said_at_the_top(diagnosis):
-    dut = dc.replace(clean(diagnosis), new_on_held_out=(Finding("wind", "a slow force along x, 3 N.", 3.0),))
+    dut = dc.replace(
+        clean(diagnosis), new_on_held_out=(Finding("wind", "a slow force along x, 3 N.", 3.0),)
+    )
     assert lead(dut).endswith("; new on the held-out flights: a slow force along x, 3 N.")
 
 
 def test_effects_without_a_trace_are_named(diagnosis):
     assert unseen(diagnosis) == ""  # its pairs are told together
     nothing = Confusable(("ground_effect",), "no trace", "descend")
-    dut = dc.replace(diagnosis, identifiability=dc.replace(diagnosis.identifiability, not_identifiable=(nothing,)))
+    dut = dc.replace(
+        diagnosis,
+        identifiability=dc.replace(diagnosis.identifiability, not_identifiable=(nothing,)),
+    )
     assert unseen(dut) == "At its usual size the training flights would not show: ground effect."
 
 
 def test_a_warning_of_several_flights_is_one_line(diagnosis):
-    said = ("train_1: no acceleration", "heldout_1: no acceleration", "train_1: no acceleration", "other: thing")
-    dut = dc.replace(diagnosis, warnings=said, identifiability=dc.replace(diagnosis.identifiability, warnings=()))
+    said = (
+        "train_1: no acceleration",
+        "heldout_1: no acceleration",
+        "train_1: no acceleration",
+        "other: thing",
+    )
+    dut = dc.replace(
+        diagnosis, warnings=said, identifiability=dc.replace(diagnosis.identifiability, warnings=())
+    )
     assert warnings(dut) == ["train_1, heldout_1: no acceleration", "other: thing"]

@@ -107,10 +107,16 @@ def said(identifier, **parameters):
 
 
 def test_a_phrase_has_the_size_of_the_cause():
-    assert said("suspended_payload", mass=(0.0048, "kg"), length=(0.52, "m")) == "a 4.8 g payload on 0.52 m"
+    assert (
+        said("suspended_payload", mass=(0.0048, "kg"), length=(0.52, "m"))
+        == "a 4.8 g payload on 0.52 m"
+    )
     assert said("thrust_scale", scale=(0.92, "1")) == "thrust at 92 % of nominal"
     assert said("mass_error", delta_mass=(-0.031, "kg")) == "a mass error of −31 g"
-    assert said("constant_wind", x=(3.0, "m/s"), y=(4.0, "m/s"), z=(0.0, "m/s")) == "a constant wind of 5.0 m/s"
+    assert (
+        said("constant_wind", x=(3.0, "m/s"), y=(4.0, "m/s"), z=(0.0, "m/s"))
+        == "a constant wind of 5.0 m/s"
+    )
     drag = {"d_x": (0.24, "N·s/m"), "d_y": (0.31, "N·s/m"), "d_z": (0.1, "N·s/m")}
     assert said("linear_drag", **drag) == "linear drag of up to 0.31 N·s/m"
     assert said("inertia_error", scale_xx=(1.1, "1"), scale_yy=(0.9, "1")) == "an inertia error"
@@ -118,7 +124,9 @@ def test_a_phrase_has_the_size_of_the_cause():
 
 
 def test_a_finding_is_described_with_the_figures_that_its_text_leaves_out():
-    slow = Finding("slow", "something slow below 0.5 Hz", 1.0, {"share": 0.04, "frequency": 0.5, "force": 0.9})
+    slow = Finding(
+        "slow", "something slow below 0.5 Hz", 1.0, {"share": 0.04, "frequency": 0.5, "force": 0.9}
+    )
     assert dut.described(slow) == "something slow below 0.5 Hz, 4\u00a0% of weight"
     burst = Finding("burst", "a push.", 1.0, {"time": 3.21, "force": 0.012})
     assert dut.described(burst) == "a push, at 3.2\u00a0s, 12\u00a0mN RMS"

@@ -55,13 +55,18 @@ def test_the_page_stands_alone(folder):
 
 def text_of(page):
     """The words of a page, without its marks."""
-    return " ".join(html.unescape(re.sub(r"<style.*?</style>|<[^>]+>", " ", page, flags=re.S)).split())
+    return " ".join(
+        html.unescape(re.sub(r"<style.*?</style>|<[^>]+>", " ", page, flags=re.S)).split()
+    )
 
 
 def test_the_page_gives_the_answer_first_and_then_what_it_rests_on(folder):
     page = text_of((folder / "report.html").read_text())
     order = (
-        "A 260 g payload on 0.81 m, linear drag of up to 0.24 N·s/m and calibration explain 99.8 % of the gap",
+        (
+            "A 260 g payload on 0.81 m, linear drag of up to 0.24 N·s/m and calibration "
+            "explain 99.8 % of the gap"
+        ),
         "Each has a probability of 93 % or more.",
         "What differs from the vehicle file",
         "Rotor 2: thrust +4.0 %",
@@ -87,7 +92,9 @@ def test_the_page_gives_the_answer_first_and_then_what_it_rests_on(folder):
 
 
 def test_a_second_answer_is_shown_beside_the_first(diagnosis, tmp_path, undrawn):
-    second = dc.replace(diagnosis, verdict=("linear_drag",), causes=diagnosis.causes[1:], joined=("heldout_1",))
+    second = dc.replace(
+        diagnosis, verdict=("linear_drag",), causes=diagnosis.causes[1:], joined=("heldout_1",)
+    )
     novel = (Finding("wind", "a slow force along x, 3 N", 3.0),)
     dut = dc.replace(diagnosis, verdict=(), causes=(), new_on_held_out=novel, refit=second)
     page = text_of(write_report(dut, tmp_path).read_text())
@@ -103,13 +110,22 @@ def test_a_second_answer_is_shown_beside_the_first(diagnosis, tmp_path, undrawn)
 def test_new_fields_go_through_json(diagnosis, tmp_path, undrawn):
     novel = (Finding("wind", "a slow force along x, 3 N", 3.0, {"force": 3.0}),)
     dut = dc.replace(
-        diagnosis, new_on_held_out=novel, coverage=("a sentence.",), refit=dc.replace(diagnosis, joined=("heldout_1",))
+        diagnosis,
+        new_on_held_out=novel,
+        coverage=("a sentence.",),
+        refit=dc.replace(diagnosis, joined=("heldout_1",)),
     )
     write_report(dut, tmp_path)
     content = json.loads((tmp_path / "diagnosis.json").read_text())
     assert content["coverage"] == ["a sentence."]
     assert content["novel"] == [
-        {"name": "wind", "text": "a slow force along x, 3 N", "size": 3.0, "figures": {"force": 3.0}, "measurement": ""}
+        {
+            "name": "wind",
+            "text": "a slow force along x, 3 N",
+            "size": 3.0,
+            "figures": {"force": 3.0},
+            "measurement": "",
+        }
     ]
     assert set(content["refit"]) == set(diagnosis.as_json()) - {"schema"}
     assert (content["refit"]["joined"], content["refit"]["refit"]) == (["heldout_1"], None)
@@ -119,7 +135,10 @@ def test_new_fields_go_through_json(diagnosis, tmp_path, undrawn):
 def test_a_page_without_a_verdict_claims_nothing(diagnosis, tmp_path, undrawn):
     gap_reduction = dc.replace(diagnosis.gap_reduction, replay_before=None, replay_after=None)
     (tmp_path / "replay.png").write_bytes(b"of an earlier diagnosis")
-    write_report(dc.replace(diagnosis, cannot_tell=True, verdict=(), causes=(), gap_reduction=gap_reduction), tmp_path)
+    write_report(
+        dc.replace(diagnosis, cannot_tell=True, verdict=(), causes=(), gap_reduction=gap_reduction),
+        tmp_path,
+    )
     assert not (tmp_path / "replay.png").exists()
     page = (tmp_path / "report.html").read_text()
     assert "No verdict" in page
@@ -127,11 +146,15 @@ def test_a_page_without_a_verdict_claims_nothing(diagnosis, tmp_path, undrawn):
     assert "robability" not in page
 
 
-def test_a_vehicle_that_its_file_describes_has_no_section_of_differences(diagnosis, tmp_path, undrawn):
+def test_a_vehicle_that_its_file_describes_has_no_section_of_differences(
+    diagnosis, tmp_path, undrawn
+):
     described = dc.replace(diagnosis, calibration=())
     assert "differs from" not in text_of(write_report(described, tmp_path).read_text())
     slight = dc.replace(diagnosis, calibration=(dc.replace(diagnosis.calibration[0], value=0.001),))
-    assert "Nothing by more than healthy vehicles differ" in text_of(write_report(slight, tmp_path).read_text())
+    assert "Nothing by more than healthy vehicles differ" in text_of(
+        write_report(slight, tmp_path).read_text()
+    )
 
 
 @pytest.mark.parametrize("share", [0.94, float("nan")])
@@ -142,7 +165,9 @@ def test_a_share_is_written_where_there_is_one(diagnosis, share):
 
 
 def test_hostile_names_are_text(diagnosis, tmp_path):
-    where = dc.replace(diagnosis.localisation, regimes=(), bands=())  # whose figures have no names of the logs
+    where = dc.replace(
+        diagnosis.localisation, regimes=(), bands=()
+    )  # whose figures have no names of the logs
     renamed = {name: {HOSTILE: traces["heldout_1"]} for name, traces in _traces(where).items()}
     causes = (dc.replace(diagnosis.causes[0], onset={HOSTILE: 3.0}),)
     dut = dc.replace(
@@ -172,10 +197,21 @@ def test_a_browser_shows_the_page(folder, tmp_path):
     if browser is None:
         pytest.skip("no Chromium or Chrome on this machine: the page is not looked at")
     picture = tmp_path / "page.png"
-    options = "--headless --no-sandbox --disable-quic --no-first-run --disable-background-networking"
-    options += " --disable-component-update --disable-sync --hide-scrollbars --window-size=1000,3000"
-    command = [browser, *options.split(), f"--user-data-dir={tmp_path / 'profile'}", f"--screenshot={picture}"]
-    subprocess.run([*command, (folder / "report.html").as_uri()], check=True, capture_output=True, timeout=120)
+    options = (
+        "--headless --no-sandbox --disable-quic --no-first-run --disable-background-networking"
+    )
+    options += (
+        " --disable-component-update --disable-sync --hide-scrollbars --window-size=1000,3000"
+    )
+    command = [
+        browser,
+        *options.split(),
+        f"--user-data-dir={tmp_path / 'profile'}",
+        f"--screenshot={picture}",
+    ]
+    subprocess.run(
+        [*command, (folder / "report.html").as_uri()], check=True, capture_output=True, timeout=120
+    )
     pixels = imread(picture)[..., :3]
     assert pixels.shape[:2] == (3000, 1000)
     for part in np.array_split(pixels, 6):  # text or figures all the way down
@@ -191,7 +227,7 @@ const right = [...page.querySelectorAll("table, .scroll, h1, p")].map((e) => e.g
 const least = Math.min(...[...page.querySelectorAll("img")].map((e) => e.getBoundingClientRect().width));
 const sign = f.contentWindow.getComputedStyle(page.querySelector("figure .scroll"), "::before").content;
 const wide = Math.max(page.documentElement.scrollWidth, ...right);
-return "wide:" + wide + " least:" + least + " sign:" + sign; }}).join(" "); }}, 300);</script></body>"""
+return "wide:" + wide + " least:" + least + " sign:" + sign; }}).join(" "); }}, 300);</script></body>"""  # noqa: E501
 
 
 def test_nothing_is_wider_than_a_phone_a_tablet_or_a_screen(folder, tmp_path):
@@ -199,16 +235,32 @@ def test_nothing_is_wider_than_a_phone_a_tablet_or_a_screen(folder, tmp_path):
     if browser is None:
         pytest.skip("no Chromium or Chrome on this machine: the page is not measured")
     page = (folder / "report.html").as_uri()
-    frames = "".join(f'<iframe src="{page}" style="border:0;width:{w}px;height:900px"></iframe>' for w in WIDTHS)
+    frames = "".join(
+        f'<iframe src="{page}" style="border:0;width:{w}px;height:900px"></iframe>' for w in WIDTHS
+    )
     (tmp_path / "frames.html").write_text(FRAMES.format(frames=frames))
-    options = "--headless --no-sandbox --disable-quic --no-first-run --allow-file-access-from-files --dump-dom"
-    command = [browser, *options.split(), "--virtual-time-budget=5000", f"--user-data-dir={tmp_path / 'profile'}"]
+    options = (
+        "--headless --no-sandbox --disable-quic --no-first-run "
+        "--allow-file-access-from-files --dump-dom"
+    )
+    command = [
+        browser,
+        *options.split(),
+        "--virtual-time-budget=5000",
+        f"--user-data-dir={tmp_path / 'profile'}",
+    ]
     shown = subprocess.run(
-        [*command, (tmp_path / "frames.html").as_uri()], check=True, capture_output=True, text=True, timeout=120
+        [*command, (tmp_path / "frames.html").as_uri()],
+        check=True,
+        capture_output=True,
+        text=True,
+        timeout=120,
     ).stdout
     found = [float(width) for width in re.findall(r"wide:([\d.]+)", shown)]
     assert len(found) == len(WIDTHS)
-    assert [width <= most + 1 for width, most in zip(found, WIDTHS, strict=True)] == [True] * 3, found
+    assert [width <= most + 1 for width, most in zip(found, WIDTHS, strict=True)] == [True] * 3, (
+        found
+    )
     figures = [float(width) for width in re.findall(r"least:([\d.]+)", shown)]
     assert min(figures) >= 600, "text of a figure is too small to read"
     assert ["scroll" in sign for sign in re.findall(r"sign:(\S+)", shown)] == [True, False, False]

@@ -45,7 +45,9 @@ def test_white_noise_is_measured_and_mostly_removed(fly, deviation):
     assert noise == pytest.approx(deviation, rel=0.1)
     truth = fly().q
     assert error(log.q, truth) == pytest.approx(deviation, rel=0.05)
-    assert error(q, truth) < 0.35 * deviation  # white noise above 1 Hz of 50 Hz goes: sqrt(2 %) and the gyro's own
+    assert (
+        error(q, truth) < 0.35 * deviation
+    )  # white noise above 1 Hz of 50 Hz goes: sqrt(2 %) and the gyro's own
 
 
 def test_a_log_too_slow_for_the_crossover_is_left_alone():
@@ -63,8 +65,12 @@ def test_a_bias_of_the_gyro_is_no_noise_of_the_attitude(fly):
     assert q is log.q
 
 
-def circling(tilt: float, turns: float, seconds: float = 20.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return t (n,), attitudes (n, 4) and rates (n, 3) of a body that precesses about the vertical without yaw."""
+def circling(
+    tilt: float, turns: float, seconds: float = 20.0
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return t (n,), attitudes (n, 4) and rates (n, 3) of a body that precesses about the vertical
+    without yaw.
+    """
     t = np.arange(0.0, seconds, 0.01)
     about = 2 * np.pi * turns * t
     q = from_rotation_vector(tilt * np.stack([np.cos(about), np.sin(about), 0 * t], axis=1))
@@ -76,12 +82,17 @@ def circling(tilt: float, turns: float, seconds: float = 20.0) -> tuple[np.ndarr
 def test_on_a_tight_circle_the_gyros_drift_is_not_left_to_the_attitude(off, tilting, turning):
     """Check drift removal while precessing.
 
-    off: constant error of the reading in B [rad], which stays. tilting, turning: largest deviations [rad].
+    off: constant error of the reading in B [rad], which stays. tilting, turning: largest deviations
+    [rad].
     """
     t, truth, w = circling(tilt=0.7, turns=0.9)
     rng = np.random.default_rng(1)
-    read = attitude.multiply(truth, from_rotation_vector(0.008 * rng.normal(size=w.shape) + [0, off, 0]))
-    drift = 0.02 * np.stack([np.sin(0.3 * t), np.cos(0.4 * t), 0 * t], axis=1)  # up to 0.07 rad in all
+    read = attitude.multiply(
+        truth, from_rotation_vector(0.008 * rng.normal(size=w.shape) + [0, off, 0])
+    )
+    drift = 0.02 * np.stack(
+        [np.sin(0.3 * t), np.cos(0.4 * t), 0 * t], axis=1
+    )  # up to 0.07 rad in all
     q, _ = smooth_attitude(t, read, w + drift)
     residual = rotation_vector(attitude.multiply(conjugate(truth), q))[100:-100]
     assert np.all(np.std(residual, axis=0) < [tilting, tilting, turning])

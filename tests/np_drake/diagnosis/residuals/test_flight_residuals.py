@@ -31,11 +31,15 @@ def test_a_nominal_flight_has_no_residual(seen, accelerations):
     dut = seen(accelerations=accelerations)
     np.testing.assert_allclose(dut.y[:, ev.WRENCH], 0.0, atol=1e-9)  # [N, N·m]
     np.testing.assert_allclose(dut.y[:, 6:12], 0.0, atol=1e-9)  # [m/s, m/s²]
-    np.testing.assert_allclose(dut.y[:, ev.ATTITUDE], 0.0, atol=3e-3)  # rates between rows: second order [rad/s]
+    np.testing.assert_allclose(
+        dut.y[:, ev.ATTITUDE], 0.0, atol=3e-3
+    )  # rates between rows: second order [rad/s]
 
 
 def shaken(rows: int = 800, *, late: int = 0) -> FlightLog:
-    """Return a level flight whose thrust changes in every row; `late`: rows by which its acceleration is delayed."""
+    """Return a level flight whose thrust changes in every row; `late`: rows by which its
+    acceleration is delayed.
+    """
     t = 0.01 * np.arange(rows)
     f = 19.62 + np.random.default_rng(0).normal(scale=2.0, size=rows)
     a = np.stack([0 * f, 0 * f, f / VEHICLE.mass - VEHICLE.gravity], axis=1)
@@ -73,10 +77,14 @@ def lagging():
 
 @pytest.fixture
 def between():
-    """Return (vehicle, log) of rotors with lag, whose thrust changes from row to row and between rows."""
+    """Return (vehicle, log) of rotors with lag, whose thrust changes from row to row and between
+    rows.
+    """
     vehicle = dc.replace(VEHICLE, rotor_time_constant=0.04)
     log = shaken()
-    at, until = (f.sum(axis=1) / vehicle.mass - vehicle.gravity for f in Rotors(log, vehicle).thrust([]))
+    at, until = (
+        f.sum(axis=1) / vehicle.mass - vehicle.gravity for f in Rotors(log, vehicle).thrust([])
+    )
     a, v = np.zeros((2, len(log), 3))
     a[:, 2], v[1:, 2] = at, 0.01 * np.cumsum(until)
     p = np.concatenate([np.zeros((1, 3)), 0.005 * np.cumsum(v[1:] + v[:-1], axis=0)])
@@ -112,9 +120,13 @@ def test_a_log_begun_at_its_first_command_or_with_rotors_is_kept_whole(lagging):
 
 def test_a_wrench_on_the_body_is_the_residual():
     log = shaken()
-    pushed = dc.replace(log, u=log.u - [3.0, 0.1, -0.2, 0.05])  # the rotors give less; the rest is from elsewhere
+    pushed = dc.replace(
+        log, u=log.u - [3.0, 0.1, -0.2, 0.05]
+    )  # the rotors give less; the rest is from elsewhere
     found = make_flight_residuals(pushed, VEHICLE).y[:, ev.WRENCH]
-    np.testing.assert_allclose(found, np.tile([0, 0, 3.0, 0.1, -0.2, 0.05], (len(found), 1)), atol=1e-9)
+    np.testing.assert_allclose(
+        found, np.tile([0, 0, 3.0, 0.1, -0.2, 0.05], (len(found), 1)), atol=1e-9
+    )
 
 
 def test_kinematic_channels_show_velocity_that_is_not_positions_slope(seen):
@@ -129,7 +141,9 @@ def test_noisy_attitude_is_seen_and_a_turned_acceleration_too(seen):
     assert not clean.turned
     assert dut.attitude_noise == pytest.approx(0.01, rel=0.1)
     assert dut.turned  # the made rig turns what it reads with the attitude that it reads
-    np.testing.assert_allclose(dut.y[INSIDE, ev.FORCE].std(axis=0), clean.y[INSIDE, ev.FORCE].std(axis=0), rtol=0.3)
+    np.testing.assert_allclose(
+        dut.y[INSIDE, ev.FORCE].std(axis=0), clean.y[INSIDE, ev.FORCE].std(axis=0), rtol=0.3
+    )
 
 
 def test_acceleration_is_turned_back_by_the_attitude_that_turned_it(fly):
@@ -173,7 +187,11 @@ def test_the_head_of_a_flight_is_as_the_whole_is_there(seen, shocked):
     dut = whole.head(150)
     assert 150 < len(dut.t) < 200
     terms = [Term(MotorLag(0.05), {whole.name: 1.0}), Term(LinearDrag(0.3, 0.2, 0.1))]
-    for of in (lambda e: e.bridged(e.y), lambda e: e.bridged(predicted_residual(e, terms)), lambda e: e.begun(2.0)):
+    for of in (
+        lambda e: e.bridged(e.y),
+        lambda e: e.bridged(predicted_residual(e, terms)),
+        lambda e: e.begun(2.0),
+    ):
         np.testing.assert_allclose(of(dut)[:150], of(whole)[:150], rtol=1e-12, atol=1e-12)
     np.testing.assert_allclose(dut.driving[:149], whole.driving[:149], atol=1e-12)
 
@@ -182,15 +200,19 @@ RATE_NOISE = 0.02  # [rad/s]
 
 
 def lossy(seed: int, *, jitter: float = 0.0, loss: float = 0.0, path: Path) -> FlightLog:
-    """Return a hover of 60 s at 100 Hz with gyro noise, as read from a file with jitter and lost rows.
+    """Return a hover of 60 s at 100 Hz with gyro noise, as read from a file with jitter and lost
+    rows.
 
-    jitter: of the instants, of the interval [1].   loss: how many of a hundred rows start a gap of four rows.
+    jitter: of the instants, of the interval [1].
+    loss: how many of a hundred rows start a gap of four rows.
     """
     rng, n = np.random.default_rng(seed), 6000
     t = 0.01 * (np.arange(n) + jitter * rng.uniform(-1, 1, n))
     still, q = np.zeros((n, 3)), np.tile([1.0, 0, 0, 0], (n, 1))
     u = np.tile([VEHICLE.mass * VEHICLE.gravity, 0, 0, 0], (n, 1))
-    log = FlightLog(t=t, p=still, q=q, v=still, w=RATE_NOISE * rng.normal(size=(n, 3)), u=u, a=still)
+    log = FlightLog(
+        t=t, p=still, q=q, v=still, w=RATE_NOISE * rng.normal(size=(n, 3)), u=u, a=still
+    )
     keep = np.ones(n, bool)
     for row in 10 * rng.choice(np.arange(1, n // 10 - 1), round(loss / 100 * n), replace=False):
         keep[row : row + 4] = False
@@ -202,7 +224,9 @@ def lossy(seed: int, *, jitter: float = 0.0, loss: float = 0.0, path: Path) -> F
 
 @pytest.mark.parametrize("jitter, loss", [(0.0, 0.0), (0.3, 0.0), (0.0, 1.0), (0.3, 1.0)])
 def test_gyro_noise_gives_torque_power_like_frequency_squared(tmp_path, jitter, loss):
-    """The integral of torque is the change of rate, gaps included; where it is not, white slow torque shows."""
+    """The integral of torque is the change of rate, gaps included; where it is not, white slow
+    torque shows.
+    """
     power = 0.0
     for seed in range(2):
         log = lossy(seed, jitter=jitter, loss=loss, path=tmp_path / "a.csv")
@@ -211,7 +235,9 @@ def test_gyro_noise_gives_torque_power_like_frequency_squared(tmp_path, jitter, 
         power = power + own
     slow, middle = ((frequency > a) & (frequency < b) for a, b in ((0.05, 1.0), (4.0, 8.0)))
     ratio = power[slow].sum(axis=0) / power[middle].sum(axis=0) / (1.0**3 / (8.0**3 - 4.0**3))
-    assert ratio.max() < 1.5  # of 120 periodogram bins a sixth by chance, and a tenth for the width of the window
+    assert (
+        ratio.max() < 1.5
+    )  # of 120 periodogram bins a sixth by chance, and a tenth for the width of the window
 
 
 def test_a_constant_torque_seen_through_gaps_keeps_its_mean(tmp_path):

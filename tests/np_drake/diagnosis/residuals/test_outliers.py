@@ -5,7 +5,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from np_drake.diagnosis.residuals.outliers import LONGEST_BOUNCE, MOST_OUTLIERS, OUTLIERS_APART, bridge, find_outliers
+from np_drake.diagnosis.residuals.outliers import (
+    LONGEST_BOUNCE,
+    MOST_OUTLIERS,
+    OUTLIERS_APART,
+    bridge,
+    find_outliers,
+)
 
 STEP = 0.02
 
@@ -50,7 +56,9 @@ def test_a_tether_that_bounces_is_one_outlier_and_what_lasts_is_none(quiet):
     assert not find_outliers(quiet, STEP).any()
     assert find_outliers(quiet, STEP, LONGEST_BOUNCE)[rows].all()
     quiet[400 : 400 + int(2 * LONGEST_BOUNCE / STEP), 2] += 60.0
-    assert not find_outliers(quiet, STEP, LONGEST_BOUNCE)[400 + int(0.5 * LONGEST_BOUNCE / STEP) + 5]
+    assert not find_outliers(quiet, STEP, LONGEST_BOUNCE)[
+        400 + int(0.5 * LONGEST_BOUNCE / STEP) + 5
+    ]
 
 
 def test_where_spikes_are_many_there_are_no_outliers(quiet):
@@ -70,7 +78,9 @@ def test_a_bridge_is_linear_and_leaves_straight_lines_and_all_else(rows, a, b):
     outliers[rows] = True
     x, y = np.random.default_rng(2).normal(size=(2, 40, 3, 2))
     np.testing.assert_allclose(
-        bridge(a * x + b * y, outliers), a * bridge(x, outliers) + b * bridge(y, outliers), atol=1e-9
+        bridge(a * x + b * y, outliers),
+        a * bridge(x, outliers) + b * bridge(y, outliers),
+        atol=1e-9,
     )
     np.testing.assert_array_equal(bridge(x, outliers)[~outliers], x[~outliers])
     inside = outliers.copy()

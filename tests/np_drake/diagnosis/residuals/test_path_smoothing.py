@@ -13,7 +13,9 @@ SIZES = st.floats(-1.0, 1.0)
 
 
 def flight(rng: np.random.Generator, jitter: float = 0.0):
-    """Return times, exact positions and accelerations of a motion below 1.3 Hz, with missing rows and uneven times."""
+    """Return times, exact positions and accelerations of a motion below 1.3 Hz, with missing rows
+    and uneven times.
+    """
     t = np.arange(0.0, SECONDS, STEP)
     t = t + jitter * STEP * rng.uniform(-1, 1, len(t))
     if jitter:
@@ -51,8 +53,12 @@ def test_a_bias_of_the_accelerometer_goes(bias, seed):
     rng = np.random.default_rng(seed)
     t, p, a = flight(rng)
     p, noise = p + 1e-3 * rng.normal(size=p.shape), 0.1 * rng.normal(size=a.shape)
-    apart = _corrected_acceleration(t, p, a + noise + bias) - _corrected_acceleration(t, p, a + noise)
-    assert np.abs(apart).max() < 1e-2 * max(np.abs(bias).max(), 1e-6)  # below it the solve rounds more
+    apart = _corrected_acceleration(t, p, a + noise + bias) - _corrected_acceleration(
+        t, p, a + noise
+    )
+    assert np.abs(apart).max() < 1e-2 * max(
+        np.abs(bias).max(), 1e-6
+    )  # below it the solve rounds more
 
 
 @settings(max_examples=20, deadline=None)

@@ -33,13 +33,17 @@ def test_the_grid_is_uniform_and_covers_the_flight(rate):
     np.testing.assert_allclose(np.diff(grid.t), grid.step, rtol=1e-9)
     assert grid.t[0] == t[0]
     assert t[-1] - grid.t[-1] < 2 * grid.step
-    assert grid.step <= max(STEP, 1 / rate) * 1.3  # a whole number of rows; the median of jittered ones
+    assert (
+        grid.step <= max(STEP, 1 / rate) * 1.3
+    )  # a whole number of rows; the median of jittered ones
 
 
 def test_a_constant_passes_up_to_the_ends():
     t = jittered(500, 4.0, 1)
     grid = make_grid(t)
-    np.testing.assert_allclose(Resampler.of_instants(grid, t)(np.full((len(t), 2), 7.0)), 7.0, rtol=1e-12)
+    np.testing.assert_allclose(
+        Resampler.of_instants(grid, t)(np.full((len(t), 2), 7.0)), 7.0, rtol=1e-12
+    )
 
 
 def test_what_the_grid_cannot_show_is_removed_and_not_folded():
@@ -47,7 +51,9 @@ def test_what_the_grid_cannot_show_is_removed_and_not_folded():
     grid = make_grid(t)
     slow, fast = np.sin(2 * np.pi * 3 * t), np.sin(2 * np.pi * 48 * t)  # 48 Hz would fold to 2 Hz
     found = Resampler.of_instants(grid, t)(np.stack([slow, fast], axis=1))[INSIDE]
-    np.testing.assert_allclose(found[:, 0], np.sin(2 * np.pi * 3 * grid.t)[INSIDE], atol=0.005)  # of the pass band
+    np.testing.assert_allclose(
+        found[:, 0], np.sin(2 * np.pi * 3 * grid.t)[INSIDE], atol=0.005
+    )  # of the pass band
     assert np.abs(found[:, 1]).max() < 0.005
 
 
@@ -95,7 +101,9 @@ def test_means_over_intervals_of_any_length_keep_their_integral(seed, lost):
     edges = np.append(grid.t[1:] - 0.5 * grid.step, grid.t[-1] + 0.5 * grid.step)
     inside = edges < t[-1]
     passed = np.interp(edges, t, total)
-    np.testing.assert_allclose(np.diff(passed)[inside[1:]], (found[1:] * grid.step)[inside[1:]], atol=1e-12)
+    np.testing.assert_allclose(
+        np.diff(passed)[inside[1:]], (found[1:] * grid.step)[inside[1:]], atol=1e-12
+    )
 
 
 def test_the_mean_about_a_row_of_even_ones_is_that_of_its_two_intervals():

@@ -18,7 +18,11 @@ def channels(after=1.08):
 
 def test_the_gap_has_three_kinds_with_shares_of_their_own():
     lateral, vertical, torque = gap_kinds(channels())
-    assert [part.kind for part in (lateral, vertical, torque)] == ["lateral force", "vertical force", "torque"]
+    assert [part.kind for part in (lateral, vertical, torque)] == [
+        "lateral force",
+        "vertical force",
+        "torque",
+    ]
     assert lateral.before == pytest.approx(np.hypot(0.05 * 8, 0.05 * 7))  # [N]
     assert vertical.left == pytest.approx((1.08**2 - 1) / (22**2 - 1))
     assert vertical.above_noise == pytest.approx(0.08 * np.sqrt(1.08**2 - 1))  # [N]

@@ -22,7 +22,9 @@ NOISE = 4.0  # of readings of rotor speed [rad/s]
 
 
 def known(log: FlightLog) -> FlightLog:
-    """Return the log with rotor speed at its rows in place of a held command, taken in the middle of its step."""
+    """Return the log with rotor speed at its rows in place of a held command, taken in the middle
+    of its step.
+    """
     at_rows = np.concatenate([log.u[:1], 0.5 * (log.u[1:] + log.u[:-1])])
     return dc.replace(log, u=at_rows, input="rotor_speed")
 
@@ -35,8 +37,12 @@ def read(log: FlightLog, noise: float = NOISE, seed: int = 0) -> FlightLog:
 
 
 def wrench_noise(log: FlightLog) -> np.ndarray:
-    """Return the mean deviation of thrust and torques (4,) due to the noise of the readings [N, N·m]."""
-    of_rotors = 2 * VEHICLE.thrust_coefficient * NOISE * np.mean(rotor_speed(VEHICLE, log.u), axis=0)
+    """Return the mean deviation of thrust and torques (4,) due to the noise of the readings [N,
+    N·m].
+    """
+    of_rotors = (
+        2 * VEHICLE.thrust_coefficient * NOISE * np.mean(rotor_speed(VEHICLE, log.u), axis=0)
+    )
     return np.sqrt(VEHICLE.mixer**2 @ of_rotors**2)
 
 
@@ -47,14 +53,18 @@ def as_log(u: np.ndarray) -> FlightLog:
 
 
 def test_a_collective_motion_lets_no_noise_into_torque():
-    """All rotors share the spectrum of thrust; filtered one by one, their noise in its bands would pass as torque."""
+    """All rotors share the spectrum of thrust; filtered one by one, their noise in its bands would
+    pass as torque.
+    """
     rng, n = np.random.default_rng(0), 4000
     thrust = 4.0 * low_pass(rng.normal(size=(n, 1)), 0.01, 15.0)
     rotors = 4.0 + thrust + 0.3 * rng.normal(size=(n, 4))
     log = as_log(rotors @ VEHICLE.mixer.T)
     found, noise = _read_thrust(log, VEHICLE)
     left = (found @ VEHICLE.mixer.T)[:, 1:].var(axis=0) / noise[1:] ** 2
-    assert left.max() < 0.05  # of the noise that was read; the share of the bands with thrust is about a third
+    assert (
+        left.max() < 0.05
+    )  # of the noise that was read; the share of the bands with thrust is about a third
     known = (found @ VEHICLE.mixer.T)[:, 0]
     assert np.std(known - 4 * (4.0 + thrust[:, 0])) < 0.7 * noise[0]
 
@@ -85,7 +95,10 @@ def test_how_the_most_likely_thrust_errs_does_not_go_with_what_it_is(fly):
     log = fly(noise=1.0, seconds=20.0, vigour=0.2)
     true, seen = (x.u @ VEHICLE.unmixer.T for x in (known(log), read(log)))
     found, _ = _read_thrust(read(log), VEHICLE)
-    slopes = [np.sum((x - true) * (x - x.mean(axis=0))) / np.sum((x - x.mean(axis=0)) ** 2) for x in (found, seen)]
+    slopes = [
+        np.sum((x - true) * (x - x.mean(axis=0))) / np.sum((x - x.mean(axis=0)) ** 2)
+        for x in (found, seen)
+    ]
     assert abs(slopes[0]) < 0.3 * slopes[1]
 
 
@@ -94,7 +107,9 @@ def test_thrust_that_jitters_is_no_noise_where_the_motion_answers_to_it(fly):
     jitter = np.zeros_like(log.u)
     jitter[:, 1] = 0.05 * np.random.default_rng(0).normal(size=len(log.t))
     turned = np.zeros_like(log.w)
-    turned[1:, 0] = np.cumsum(0.5 * (jitter[1:, 1] + jitter[:-1, 1]) * np.diff(log.t)) / VEHICLE.J[0, 0]
+    turned[1:, 0] = (
+        np.cumsum(0.5 * (jitter[1:, 1] + jitter[:-1, 1]) * np.diff(log.t)) / VEHICLE.J[0, 0]
+    )
     shaken = dc.replace(log, u=log.u + jitter, input="rotor_speed")
     found, noise = _read_thrust(dc.replace(shaken, w=log.w + turned), VEHICLE)
     np.testing.assert_array_equal(found, shaken.u @ VEHICLE.unmixer.T)
@@ -113,7 +128,10 @@ def test_the_channels_know_how_well_thrust_was_read(fly):
 
 
 def test_torque_that_was_read_with_noise_is_no_torque_that_comes_and_goes(fly):
-    flights = [make_flight_residuals(read(fly(noise=1.0, seed=i, name=str(i)), seed=i), VEHICLE) for i in range(2)]
+    flights = [
+        make_flight_residuals(read(fly(noise=1.0, seed=i, name=str(i)), seed=i), VEHICLE)
+        for i in range(2)
+    ]
     ratio, *_ = slow_torque(flights, {e.name: e.y for e in flights})
     assert ratio < REAL.thresholds.slow_torque_ratio
     deaf = [dc.replace(e, log=dc.replace(e.log, input="command")) for e in flights]
@@ -123,7 +141,9 @@ def test_torque_that_was_read_with_noise_is_no_torque_that_comes_and_goes(fly):
 @pytest.mark.parametrize("effects", [(), (LinearDrag(0.3, 0.3, 0.3),)])
 def test_noisy_readings_of_rotor_speed_are_no_cause_and_hide_none(fly, inferred, effects):
     flights = [
-        make_flight_residuals(read(fly(*effects, noise=1.0, seed=i, name=str(i), seconds=8.0), seed=i), VEHICLE)
+        make_flight_residuals(
+            read(fly(*effects, noise=1.0, seed=i, name=str(i), seconds=8.0), seed=i), VEHICLE
+        )
         for i in range(3)
     ]
     found = inferred(flights[:2], flights[2:])

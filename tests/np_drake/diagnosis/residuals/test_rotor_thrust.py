@@ -23,7 +23,9 @@ def log_of(thrust: np.ndarray) -> FlightLog:
     n = len(thrust)
     still = np.zeros((n, 3))
     q = np.tile([1.0, 0, 0, 0], (n, 1))
-    return FlightLog(t=2.0 + STEP * np.arange(n), p=still, q=q, v=still, w=still, u=thrust @ VEHICLE.mixer.T)
+    return FlightLog(
+        t=2.0 + STEP * np.arange(n), p=still, q=q, v=still, w=still, u=thrust @ VEHICLE.mixer.T
+    )
 
 
 def commands(seed: int = 0, n: int = 60) -> np.ndarray:
@@ -93,14 +95,20 @@ def test_a_lag_answers_a_step_as_an_exponential_of_rotor_speed():
     s0, s1 = np.sqrt(low), np.sqrt(high)
     e = np.exp(-since / T)
 
-    def mean(power: int) -> np.ndarray:  # of e^(-power t / T) over the interval that begins at `since`
+    def mean(
+        power: int,
+    ) -> np.ndarray:  # of e^(-power t / T) over the interval that begins at `since`
         return T / (power * STEP) * (1 - np.exp(-power * STEP / T)) * e**power
 
     expected = s1**2 + 2 * s1 * (s0 - s1) * mean(1) + (s0 - s1) ** 2 * mean(2)
-    np.testing.assert_allclose(mids[20:, 0], expected, atol=1e-5)  # Simpson's rule on a quarter of a row [N]
+    np.testing.assert_allclose(
+        mids[20:, 0], expected, atol=1e-5
+    )  # Simpson's rule on a quarter of a row [N]
     np.testing.assert_allclose(mids[:20], low, atol=1e-9)
     at_rows = (s1 + (s0 - s1) * e) ** 2
-    np.testing.assert_allclose(rows[20:59, 0], at_rows, atol=1e-3)  # continued over a quarter of a row [N]
+    np.testing.assert_allclose(
+        rows[20:59, 0], at_rows, atol=1e-3
+    )  # continued over a quarter of a row [N]
 
 
 def test_rotors_that_swing_by_row_have_the_thrust_of_their_speed():
@@ -124,7 +132,13 @@ def test_the_vehicles_own_lag_acts_unless_an_effect_brings_one():
 def test_what_is_found_once_does_not_depend_on_what_was_asked_before():
     slow, log = dc.replace(VEHICLE, rotor_time_constant=0.05), log_of(commands())
     dut = Rotors(log, slow)
-    asked = [([ThrustScale(0.8)], 0.0), ([], 0.01), ([MotorLag(0.02)], 0.0), ([], 0.0), ([ThrustScale(0.8)], 0.0)]
+    asked = [
+        ([ThrustScale(0.8)], 0.0),
+        ([], 0.01),
+        ([MotorLag(0.02)], 0.0),
+        ([], 0.0),
+        ([ThrustScale(0.8)], 0.0),
+    ]
     for effects, shift in asked:
         alone = Rotors(log, slow).thrust(effects, shift=shift)
         for found, expected in zip(dut.thrust(effects, shift=shift), alone, strict=True):
@@ -132,7 +146,12 @@ def test_what_is_found_once_does_not_depend_on_what_was_asked_before():
 
 
 def test_measured_rotor_speed_is_between_rows_and_passes_propellers_only():
-    f = 5.0 + np.linspace(-1.0, 1.0, 60)[:, None] ** 3 * [1.0, -2.0, 0.5, 3.0]  # no fourth difference, so no noise
+    f = 5.0 + np.linspace(-1.0, 1.0, 60)[:, None] ** 3 * [
+        1.0,
+        -2.0,
+        0.5,
+        3.0,
+    ]  # no fourth difference, so no noise
     log = dc.replace(log_of(f), input="rotor_speed")
     chain = [MotorLag(0.05), CommandDelay(0.03), ThrustScale(0.9)]
     rows, mids = Rotors(log, VEHICLE).thrust(chain)

@@ -19,13 +19,17 @@ ROWS = 400
 
 
 class PointMass:
-    """Velocity at rows of a mass that pushes along a turning axis and feels a disturbance, held over every interval."""
+    """Velocity at rows of a mass that pushes along a turning axis and feels a disturbance, held
+    over every interval.
+    """
 
     def __init__(self, disturbance: np.ndarray, drag: float = 0.0, vigour: float = 1.0):
         n = len(disturbance)
         self.t = STEP * (np.arange(n) + 0.5)
         self.dt = np.full(n, STEP)
-        tilt = vigour * np.stack([0.3 * np.sin(2 * self.t), 0.2 * np.cos(3 * self.t), 0.0 * self.t], axis=1)
+        tilt = vigour * np.stack(
+            [0.3 * np.sin(2 * self.t), 0.2 * np.cos(3 * self.t), 0.0 * self.t], axis=1
+        )
         self.q = attitude.from_rotation_vector(tilt)
         self.thrust = VEHICLE.mass * VEHICLE.gravity * (1 + 0.1 * vigour * np.sin(5 * self.t))
         up = np.zeros((n, 3))
@@ -35,7 +39,9 @@ class PointMass:
         for k in range(n):
             v[k + 1] = v[k] + STEP * (push[k] + (disturbance[k] - drag * v[k]) / VEHICLE.mass)
         self.v = 0.5 * (v[1:] + v[:-1])
-        self.force = VEHICLE.mass * (np.diff(v, axis=0) / STEP - push)  # that a diagnosis sees as residual [N]
+        self.force = VEHICLE.mass * (
+            np.diff(v, axis=0) / STEP - push
+        )  # that a diagnosis sees as residual [N]
 
     def known(self) -> np.ndarray:
         return velocity_before(self.t, self.dt, self.v, self.q, self.thrust, VEHICLE, STEP)
@@ -60,8 +66,8 @@ def test_an_interval_does_not_change_the_velocity_known_before_it(row, size):
 def test_a_drag_is_not_fitted_to_the_gusts_to_which_the_vehicle_yields():
     """A hovering mass in white gusts: on its velocity at once, least squares finds no drag at all.
 
-    Gusts of variance s² give the velocity the variance s² dt / (2 m d) and, within their interval, the covariance
-    s² dt / (2 m) with the force.
+    Gusts of variance s² give the velocity the variance s² dt / (2 m d) and, within their interval,
+    the covariance s² dt / (2 m) with the force.
     """
     drag, deviation = 0.5, 3.0
     gusts = np.random.default_rng(3).normal(0.0, deviation, (40 * ROWS, 3))
@@ -89,4 +95,6 @@ def test_a_flight_without_accelerations_feels_the_velocity_known_before(fly):
     x, _ = e.wrench_states
     assert np.abs(x[:, V] - e.mids.x[:, V]).max() < 5e-3
     assert np.abs(x[:, V] - e.mids.x[:, V]).max() > 0.0
-    np.testing.assert_array_equal(np.delete(x, range(7, 10), axis=1), np.delete(e.mids.x, range(7, 10), axis=1))
+    np.testing.assert_array_equal(
+        np.delete(x, range(7, 10), axis=1), np.delete(e.mids.x, range(7, 10), axis=1)
+    )

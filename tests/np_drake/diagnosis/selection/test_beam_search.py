@@ -22,7 +22,9 @@ SEEDS = (1, 2)
 
 def problem_of(seen, noise, *effects, nuisance=(), seconds=8.0) -> RegressionProblem:
     flights = [seen(*effects, name=str(i), seed=i, noise=1.0, seconds=seconds) for i in SEEDS]
-    return RegressionProblem(flights, noise, list(nuisance), library_candidates(flights), temperature=1.0, options=REAL)
+    return RegressionProblem(
+        flights, noise, list(nuisance), library_candidates(flights), temperature=1.0, options=REAL
+    )
 
 
 def names(problem: RegressionProblem, members) -> list[str]:
@@ -53,7 +55,9 @@ def test_whitened_columns_are_kept_until_another_noise_asks(seen, noise):
     assert dut.white(noise, flight, first) is not kept
 
 
-@pytest.mark.parametrize("effects", PLANTED, ids=lambda e: "+".join(i.identifier for i in e) or "nothing")
+@pytest.mark.parametrize(
+    "effects", PLANTED, ids=lambda e: "+".join(i.identifier for i in e) or "nothing"
+)
 def test_planted_sets_are_found(seen, noise, effects):
     dut = problem_of(seen, noise, *effects)
     best = search(dut)[0]
@@ -116,7 +120,9 @@ def test_the_score_is_evidence_and_prior(searched):
     problem, _ = searched
     i = next(k for k, c in enumerate(problem.candidates) if c.identifiers == ("weak_rotor",))
     evidence = problem.total.log_evidence(problem.columns((i,)))
-    assert problem.score((i,)) == pytest.approx(evidence + REAL.priors.of_effect("weak_rotor") - math.log(4))
+    assert problem.score((i,)) == pytest.approx(
+        evidence + REAL.priors.of_effect("weak_rotor") - math.log(4)
+    )
 
 
 def test_an_impossible_set_is_never_a_model(seen, noise):
@@ -144,10 +150,14 @@ def test_nuisance_that_explains_an_effect_leaves_nothing_to_name(seen, noise):
     flights = [seen(RotorGyroscopic(), name=str(i), seed=i, noise=1.0, seconds=8.0) for i in SEEDS]
     candidates = library_candidates(flights)
     own = next(c for c in candidates if c.identifiers == ("rotor_gyroscopic",))
-    without = search(RegressionProblem(flights, noise, [], candidates, temperature=1.0, options=REAL))[0]
+    without = search(
+        RegressionProblem(flights, noise, [], candidates, temperature=1.0, options=REAL)
+    )[0]
     assert candidates.index(own) in without.members
     nuisance = Candidate((), "nuisance", own.columns, own.terms)
-    problem = RegressionProblem(flights, noise, [nuisance], candidates, temperature=1.0, options=REAL)
+    problem = RegressionProblem(
+        flights, noise, [nuisance], candidates, temperature=1.0, options=REAL
+    )
     assert search(problem)[0].members == ()
 
 
@@ -155,7 +165,9 @@ def test_candidates_put_beside_others_are_judged_as_if_they_had_been_there(seen,
     flights = [seen(MassError(0.2), name="1", seed=1, noise=1.0, seconds=6.0)]
     first, *more = library_candidates(flights)[:4]
     whole = RegressionProblem(flights, noise, [], [first, *more], temperature=2.0, options=REAL)
-    dut = RegressionProblem(flights, noise, [], [first], temperature=2.0, options=REAL).extended(more)
+    dut = RegressionProblem(flights, noise, [], [first], temperature=2.0, options=REAL).extended(
+        more
+    )
     for members in ((0,), (1, 2), (0, 3)):
         assert dut.score(members) == pytest.approx(whole.score(members))
 
@@ -173,4 +185,6 @@ def test_candidates_put_beside_others_are_judged_as_if_they_had_been_there(seen,
     ids=str,
 )
 def test_a_wind_brings_the_drag_through_which_it_is_felt(effects, costs):
-    assert prior_of(effects, priors=REAL.priors) == pytest.approx(sum(map(REAL.priors.of_effect, costs)))
+    assert prior_of(effects, priors=REAL.priors) == pytest.approx(
+        sum(map(REAL.priors.of_effect, costs))
+    )

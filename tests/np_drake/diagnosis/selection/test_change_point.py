@@ -10,7 +10,11 @@ from np_drake.diagnosis.regressors.library import _effect_candidates, library_ca
 from np_drake.diagnosis.regressors.regression_problem import RegressionProblem
 from np_drake.diagnosis.residuals.make_flight_residuals import make_flight_residuals
 from np_drake.diagnosis.selection.change_point import OnsetScan, _onsets
-from np_drake.diagnosis.selection.onset_candidates import WEIGHTS, late_payloads, switched_candidates
+from np_drake.diagnosis.selection.onset_candidates import (
+    WEIGHTS,
+    late_payloads,
+    switched_candidates,
+)
 from np_drake.diagnosis.selection.payload_search import PayloadSearch
 from np_drake.effects.center_of_mass_offset import CenterOfMassOffset
 from np_drake.effects.linear_drag import LinearDrag
@@ -33,7 +37,9 @@ def problem_of(flights, noise, effects) -> RegressionProblem:
 
 @pytest.mark.parametrize("when", [2.0, 5.3, 9.0])
 @pytest.mark.parametrize(
-    "effect", [MassError(0.2), WeakRotor(2, 0.9), LinearDrag(0.6, 0.6, 0.6)], ids=lambda e: e.identifier
+    "effect",
+    [MassError(0.2), WeakRotor(2, 0.9), LinearDrag(0.6, 0.6, 0.6)],
+    ids=lambda e: e.identifier,
 )
 def test_the_instant_is_found(seen, noise, effect, when):
     flights = [seen(effect, name="late", seed=1, noise=1.0, onset={effect.identifier: when})]
@@ -57,7 +63,9 @@ def test_in_a_flight_that_is_too_short_for_an_onset_nothing_begins(fly, noise):
     log = fly(MassError(0.2), name="short", seed=1, noise=1.0, seconds=3.3)
     columns = {f.name: getattr(log, f.name) for f in dc.fields(log)}
     slow = {k: v[::10] if isinstance(v, np.ndarray) else v for k, v in columns.items()}  # 10 Hz
-    problem = problem_of([make_flight_residuals(FlightLog(**slow), Vehicle())], noise, [MassError(0.2)])
+    problem = problem_of(
+        [make_flight_residuals(FlightLog(**slow), Vehicle())], noise, [MassError(0.2)]
+    )
     assert OnsetScan(problem).best(problem.candidates[0]).onset == {}
 
 
@@ -81,7 +89,10 @@ def test_each_flight_has_its_own_onset(seen, noise):
 def test_a_step_in_every_flight_is_no_drift_from_the_start(seen, noise):
     step = ThrustDrift(1.004, 0.0)
     whens = {"1": 5.0, "2": 5.0}
-    flights = [seen(step, name=n, seed=int(n), noise=1.0, onset={"thrust_drift": when}) for n, when in whens.items()]
+    flights = [
+        seen(step, name=n, seed=int(n), noise=1.0, onset={"thrust_drift": when})
+        for n, when in whens.items()
+    ]
     problem = problem_of(flights, noise, [step])
     dut = OnsetScan(problem).best(problem.candidates[0])
     assert dut.onset == pytest.approx(whens, abs=0.2)
@@ -113,12 +124,17 @@ def test_what_begins_nowhere_is_absent_from_none():
 def test_gain_is_over_all_from_the_start_however_many_begin(seen, noise):
     effect = MassError(0.2)
     whens = {"1": 4.0, "2": 6.0, "3": 8.0}
-    flights = [seen(effect, name=n, seed=int(n), noise=1.0, onset={"mass_error": when}) for n, when in whens.items()]
+    flights = [
+        seen(effect, name=n, seed=int(n), noise=1.0, onset={"mass_error": when})
+        for n, when in whens.items()
+    ]
     problem = problem_of(flights, noise, [effect])
     scan = OnsetScan(problem)
     dut = scan.best(problem.candidates[0])
     assert dut.onset.keys() == whens.keys()
-    start = [tuple(part[[0]] for part in of.whole) for of in scan.sums(problem.candidates[0]).values()]
+    start = [
+        tuple(part[[0]] for part in of.whole) for of in scan.sums(problem.candidates[0]).values()
+    ]
     assert dut.gain == pytest.approx(dut.evidence - scan._evidence(start[0], start[1:])[0])
 
 
@@ -145,7 +161,9 @@ def test_of_the_variants_that_begin_late_those_go_on_that_explain_most(seen, noi
 
 def test_noise_alone_begins_nowhere(seen, noise):
     flights = [seen(name=str(i), seed=i, noise=1.0, seconds=8.0) for i in (1, 2)]
-    problem = RegressionProblem(flights, noise, [], library_candidates(flights), temperature=2.0, options=REAL)
+    problem = RegressionProblem(
+        flights, noise, [], library_candidates(flights), temperature=2.0, options=REAL
+    )
     assert switched_candidates(problem) == []
 
 
@@ -161,16 +179,21 @@ def test_a_scan_beside_fewer_is_one_of_its_own_from_the_same_sums(seen, noise):
     drag, late = LinearDrag(0.6, 0.6, 0.6), MassError(0.2)
     whens = {"1": 5.3, "2": 7.0}
     flights = [
-        seen(drag, late, name=n, seed=int(n), noise=1.0, onset={"mass_error": when}) for n, when in whens.items()
+        seen(drag, late, name=n, seed=int(n), noise=1.0, onset={"mass_error": when})
+        for n, when in whens.items()
     ]
-    turn, *candidates = problem_of(flights, noise, [CenterOfMassOffset(), drag, WeakRotor(), late]).candidates
+    turn, *candidates = problem_of(
+        flights, noise, [CenterOfMassOffset(), drag, WeakRotor(), late]
+    ).candidates
     problem = RegressionProblem(flights, noise, [turn], candidates, temperature=1.0, options=REAL)
     mass = next(c for c in problem.candidates if c.identifiers == ("mass_error",))
     whole = OnsetScan(problem, [0, 1])
     sums = whole.sums(mass)
     for members in ([], [0], [0, 1]):
         own, dut = OnsetScan(problem, members), whole.given(members)
-        assert dut.rough_evidence(sums) == pytest.approx(own.rough_evidence(own.sums(mass)), rel=1e-9)
+        assert dut.rough_evidence(sums) == pytest.approx(
+            own.rough_evidence(own.sums(mass)), rel=1e-9
+        )
         expected, found = own.best(mass), dut.best(mass, sums)
         assert found.onset == expected.onset
         assert (found.prior, found.gain, found.evidence) == pytest.approx(
@@ -206,13 +229,17 @@ def test_a_payload_that_is_hung_on_in_flight_is_found_to_the_row(seen, noise):
 
 def test_what_begins_when_it_does_stands_for_it_and_is_not_beside_it(seen, noise, monkeypatch):
     payload = SuspendedPayload(0.2, 0.5)
-    flights = [seen(payload, name="1", seed=1, noise=1.0, seconds=10.0, onset={"suspended_payload": 4.0})]
+    flights = [
+        seen(payload, name="1", seed=1, noise=1.0, seconds=10.0, onset={"suspended_payload": 4.0})
+    ]
     problem = problem_of(flights, noise, [MassError(0.2)])
     weight = OnsetScan(problem).best(problem.candidates[0])
     drag = _effect_candidates(LinearDrag, flights, {})[0]
     then, later = (switched(drag, flights, onset) for onset in (weight.onset, {"1": 7.0}))
     beside = []
-    monkeypatch.setattr(PayloadSearch, "followed", lambda self, noise, nuisance, others: beside.extend(others) or [])
+    monkeypatch.setattr(
+        PayloadSearch, "followed", lambda self, noise, nuisance, others: beside.extend(others) or []
+    )
     assert late_payloads(problem, [then, later]) == []
     assert any(c is later for c in beside)
     assert not any(c is then for c in beside)
@@ -224,7 +251,9 @@ def test_it_is_sought_if_one_from_the_start_explains_more_than_its_cost(seen, no
     flights = [seen(payload, name="1", seed=1, noise=1.0, seconds=10.0, onset=onset)]
     plain = library_candidates(flights)
     at_start = PayloadSearch(flights, options=REAL).best(noise, [], plain)
-    problem = RegressionProblem(flights, noise, [], [*plain, *at_start], temperature=2.0, options=REAL)
+    problem = RegressionProblem(
+        flights, noise, [], [*plain, *at_start], temperature=2.0, options=REAL
+    )
     scores = [problem.score((len(plain) + k,)) for k in range(len(at_start))]
     scan = OnsetScan(problem)
     weights = [scan.best(c) for c in plain if c.identifiers in WEIGHTS]

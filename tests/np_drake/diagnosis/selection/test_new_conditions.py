@@ -38,7 +38,11 @@ def test_they_cost_one_absence_for_every_training_flight_without_them(windy, sea
         assert candidate.onset_prior == pytest.approx(2 * PRIORS.onset)
         effects = {name for name in candidate.identifiers if name != "linear_drag"}
         for name in "ab":
-            acting = candidate.columns[name][..., 3:] if "constant_wind" in effects else candidate.columns[name]
+            acting = (
+                candidate.columns[name][..., 3:]
+                if "constant_wind" in effects
+                else candidate.columns[name]
+            )
             assert not acting.any()
         assert candidate.columns["half"].any()
 
@@ -53,7 +57,9 @@ def test_a_wind_not_met_in_training_is_found_beside_a_drag_of_all(windy, searche
 
 def test_a_mass_that_training_flights_did_not_have_is_found(seen, searched):
     flights = [seen(name=n, seed=i, noise=1.0, seconds=8.0) for i, n in enumerate("ab")]
-    half = dc.replace(seen(MassError(0.2), name="half", seed=2, noise=1.0, seconds=8.0), goes_on=True)
+    half = dc.replace(
+        seen(MassError(0.2), name="half", seed=2, noise=1.0, seconds=8.0), goes_on=True
+    )
     best = searched([*flights, half]).best
     (term,) = (t for t in best.terms if t.effect.identifier == "mass_error")
     assert term.onset == {"a": NEVER, "b": NEVER}
@@ -62,7 +68,8 @@ def test_a_mass_that_training_flights_did_not_have_is_found(seen, searched):
 
 def test_where_training_flights_are_known_to_be_calm_no_wind_acts_in_them(seen, searched):
     flights = [
-        seen(DRAG, ConstantWind(2.0, 0.0, 0.0), name=n, seed=i, noise=1.0, seconds=8.0) for i, n in enumerate("ab")
+        seen(DRAG, ConstantWind(2.0, 0.0, 0.0), name=n, seed=i, noise=1.0, seconds=8.0)
+        for i, n in enumerate("ab")
     ]
     flights[1] = dc.replace(flights[1], goes_on=True)
     found = searched(flights, still_air=True)

@@ -10,7 +10,14 @@ from np_drake.diagnosis.regressors.payload import Guess, payload_about, payloads
 from np_drake.diagnosis.residuals.flight_residuals import FORCE
 from np_drake.diagnosis.residuals.resampling import TAPS
 from np_drake.diagnosis.selection.payload_evidence import OtherRegressors
-from np_drake.diagnosis.selection.payload_search import ENDS, KEPT, LOST, NEAR, SEARCH_LENGTHS, PayloadSearch
+from np_drake.diagnosis.selection.payload_search import (
+    ENDS,
+    KEPT,
+    LOST,
+    NEAR,
+    SEARCH_LENGTHS,
+    PayloadSearch,
+)
 from np_drake.effects.mass_error import MassError
 from np_drake.effects.suspended_payload import SuspendedPayload
 
@@ -54,7 +61,9 @@ def test_what_more_mass_explains_is_no_evidence_for_a_payload(seen, noise):
 
 def test_before_its_onset_a_payload_hangs_on_nothing(seen):
     flights = [seen(name="1", seed=1, seconds=6.0)]
-    for payload in payloads_of(flights, np.geomspace(*SEARCH_LENGTHS)[::24], onset={"1": 3.0}, priors=PRIORS):
+    for payload in payloads_of(
+        flights, np.geomspace(*SEARCH_LENGTHS)[::24], onset={"1": 3.0}, priors=PRIORS
+    ):
         candidate = payload.candidate(flights)
         X = candidate.columns["1"]
         smear = TAPS * flights[0].grid.step
@@ -70,14 +79,21 @@ def test_a_library_without_payload_searches_nothing(seen, noise, library):
 @pytest.mark.parametrize("off", [-0.25, 0.2, 0.9])
 def test_an_onset_that_is_known_roughly_is_sharpened_to_the_row(seen, noise, off):
     payload = SuspendedPayload(0.2, 0.5)
-    flight = seen(payload, name="1", seed=1, noise=1.0, seconds=10.0, onset={"suspended_payload": 4.0})
+    flight = seen(
+        payload, name="1", seed=1, noise=1.0, seconds=10.0, onset={"suspended_payload": 4.0}
+    )
     dut = PayloadSearch([flight], onset={"1": 4.0 + off}, options=REAL)
     assert dut.when(noise, [], Guess(0.5))["1"] == pytest.approx(4.0, abs=0.03)
-    assert PayloadSearch([flight], options=REAL).when(noise, [], Guess(0.5)) == {}  # what has no onset gets none
+    assert (
+        PayloadSearch([flight], options=REAL).when(noise, [], Guess(0.5)) == {}
+    )  # what has no onset gets none
 
 
 def test_one_pass_over_the_rows_gives_all_horizons_and_sets_of_others(seen, noise):
-    flights = [seen(SuspendedPayload(0.15, 0.6), name=str(i), seed=i, noise=1.0, seconds=7.0) for i in (1, 2)]
+    flights = [
+        seen(SuspendedPayload(0.15, 0.6), name=str(i), seed=i, noise=1.0, seconds=7.0)
+        for i in (1, 2)
+    ]
     mass, *more = others(flights)
     rich, alone = (OtherRegressors(flights, noise, some, None) for some in ([mass, *more], [mass]))
     (candidate,) = payloads_of(flights, np.array([0.6]), priors=PRIORS)
@@ -85,18 +101,28 @@ def test_one_pass_over_the_rows_gives_all_horizons_and_sets_of_others(seen, nois
     white = rich.white(candidate)
     for both, horizon in zip(rich.joints(white, ENDS), ENDS, strict=True):
         assert rich.gain_of(both, white, horizon) == pytest.approx(rich.gain(white, horizon)[0])
-        assert alone.gain_of(both.only(own), white, horizon) == pytest.approx(alone.gain(white, horizon)[0])
+        assert alone.gain_of(both.only(own), white, horizon) == pytest.approx(
+            alone.gain(white, horizon)[0]
+        )
 
 
 def test_a_head_of_the_flights_tells_up_to_its_horizon_what_all_of_them_do(seen, noise):
-    flights = [seen(SuspendedPayload(0.15, 0.6), name=str(i), seed=i, noise=1.0, seconds=9.0) for i in (1, 2)]
-    outliers = [np.isin(np.arange(len(e.t)), rows) for e, rows in zip(flights, ([150, 151], [300]), strict=True)]
+    flights = [
+        seen(SuspendedPayload(0.15, 0.6), name=str(i), seed=i, noise=1.0, seconds=9.0)
+        for i in (1, 2)
+    ]
+    outliers = [
+        np.isin(np.arange(len(e.t)), rows)
+        for e, rows in zip(flights, ([150, 151], [300]), strict=True)
+    ]
     flights = [dc.replace(e, outliers=s) for e, s in zip(flights, outliers, strict=True)]
     dut = OtherRegressors(flights, noise, others(flights), {"2": 1.0}, horizons=(4.0, np.inf))
     heads = dut.heads(4.0)
     assert [len(e.t) for e in heads] < [len(e.t) for e in flights]
     guess = Guess(0.55, swing={"1": np.array([0.1, -0.1, 0.2, 0.3])})
-    short, whole = (payload_about(some, guess, onset={"2": 1.0}, priors=PRIORS) for some in (heads, flights))
+    short, whole = (
+        payload_about(some, guess, onset={"2": 1.0}, priors=PRIORS) for some in (heads, flights)
+    )
     (gain, mean), (expected, all_of_it) = (dut.gain(dut.white(p), 4.0) for p in (short, whole))
     assert gain == pytest.approx(expected, rel=1e-9)
     moved, far = short.moved(mean), whole.moved(all_of_it)
@@ -106,7 +132,9 @@ def test_a_head_of_the_flights_tells_up_to_its_horizon_what_all_of_them_do(seen,
         expected = noise.head(6).whiten(e.bridged(whole.own[e.name]))
         np.testing.assert_allclose(columns.reshape(expected.shape), expected, atol=1e-12)
     for e in heads:  # what jumps after the horizon is not known there
-        np.testing.assert_allclose(moved.swing[e.name], far.swing[e.name][: len(moved.swing[e.name])])
+        np.testing.assert_allclose(
+            moved.swing[e.name], far.swing[e.name][: len(moved.swing[e.name])]
+        )
 
 
 def test_a_payload_that_the_air_brakes_is_followed_to_its_damping(seen, noise):
@@ -119,7 +147,9 @@ def test_a_payload_that_the_air_brakes_is_followed_to_its_damping(seen, noise):
 
 def test_a_damping_costs_a_guess_its_prior_and_is_never_negative(seen):
     flights = [seen(name="1", seed=1, seconds=5.0)]
-    still, braked = (payload_about(flights, Guess(0.6, damping=c), priors=PRIORS) for c in (0.0, 0.3))
+    still, braked = (
+        payload_about(flights, Guess(0.6, damping=c), priors=PRIORS) for c in (0.0, 0.3)
+    )
     assert still.log_prior - braked.log_prior == pytest.approx(0.5 * (0.3 / PRIORS.damping) ** 2)
     c = np.where(np.arange(still.size) == 5, -3.0, 0.0)
     c[0] = 1.0
@@ -138,7 +168,9 @@ def test_a_guess_that_is_lost_is_given_up(seen, noise, monkeypatch):
 
 def test_columns_of_a_payload_mean_what_its_guess_moves_to(seen):
     flights = [seen(name=str(i), seed=i, seconds=5.0) for i in (1, 2)]
-    dut = payload_about(flights, Guess(0.6, np.array([0.01, 0.0, -0.1]), damping=0.3), priors=PRIORS)
+    dut = payload_about(
+        flights, Guess(0.6, np.array([0.01, 0.0, -0.1]), damping=0.3), priors=PRIORS
+    )
     c = 0.1 * np.random.default_rng(1).normal(size=dut.size)
     c[:4] = 0.7, 0.0, 0.0, 0.0  # what a hook adds to the force is of second order
     guess, (term,) = dut.moved(c), dut.terms(c)
@@ -155,5 +187,10 @@ def test_columns_of_a_payload_mean_what_its_guess_moves_to(seen):
         np.testing.assert_array_equal(columns[e.name][:, :6][..., dut.at(e.name)], dut.own[e.name])
         assert not columns[e.name][:, 6:].any()
         still = np.where(np.arange(dut.size) == 0, c, 0.0)
-        moved = predicted_residual(e, [term])[:, FORCE] - predicted_residual(e, dut.terms(still))[:, FORCE]
-        assert np.linalg.norm(columns[e.name][:, FORCE] @ (c - still) - moved) < 0.1 * np.linalg.norm(moved)
+        moved = (
+            predicted_residual(e, [term])[:, FORCE]
+            - predicted_residual(e, dut.terms(still))[:, FORCE]
+        )
+        assert np.linalg.norm(
+            columns[e.name][:, FORCE] @ (c - still) - moved
+        ) < 0.1 * np.linalg.norm(moved)

@@ -5,7 +5,13 @@ import pytest
 
 from np_drake.diagnosis.forward_model.payload_state import Term
 from np_drake.diagnosis.regressors.regression_problem import Model
-from np_drake.diagnosis.selection.ranking import drop_negligible, names_of, names_of_fit, rank_models, score_of
+from np_drake.diagnosis.selection.ranking import (
+    drop_negligible,
+    names_of,
+    names_of_fit,
+    rank_models,
+    score_of,
+)
 from np_drake.effects.attitude_bias import AttitudeBias
 from np_drake.effects.blade_flapping import BladeFlapping
 from np_drake.effects.center_of_mass_offset import CenterOfMassOffset
@@ -66,7 +72,9 @@ def test_every_fit_is_one_of_the_models_that_were_met(dut):
 def test_a_large_offset_of_mass_needs_no_mass_as_its_second_order(ranked):
     dut = ranked(CenterOfMassOffset(0.012, 0.007, 0.006))
     assert names_of_fit(dut.fit) == ("center_of_mass_offset",)
-    assert all(p < 0.5 for name, p in dut.ranking.probability.items() if name != "center_of_mass_offset")
+    assert all(
+        p < 0.5 for name, p in dut.ranking.probability.items() if name != "center_of_mass_offset"
+    )
 
 
 def test_the_model_is_tried_without_its_faint_effects_all_and_each(dut):
@@ -88,7 +96,9 @@ def test_the_largest_shift_of_commands_is_tried_and_none(dut):
     at = {c.identifiers[0]: i for i, c in enumerate(problem.candidates) if len(c.identifiers) == 1}
     members = tuple(at[name] for name in names)
     for lag, delay, lesser in ((0.02, 0.06, "motor_lag"), (0.06, 0.02, "command_delay")):
-        shifted = dc.replace(dut.fit, terms=(*dut.fit.terms, Term(MotorLag(lag)), Term(CommandDelay(delay))))
+        shifted = dc.replace(
+            dut.fit, terms=(*dut.fit.terms, Term(MotorLag(lag)), Term(CommandDelay(delay)))
+        )
         tried = drop_negligible(problem, Model(members, 0.0), shifted)
         most = tuple(i for i in members if i != at[lesser])
         assert {m.members for m in tried} == {most, members[:1]}
@@ -103,4 +113,7 @@ def test_two_effects_that_act_through_each_other_are_both_found(seen, searched):
     acting = (BladeFlapping(0.012), AttitudeBias(0.08, 0.02, -0.03))
     how = {"noise": 1.0, "seconds": 10.0, "vigour": (0.15, 0.15, 3.0, 0.5)}
     flights = [seen(*acting, name=str(i), seed=i, **how) for i in (1, 2)]
-    assert names_of_fit(rank_models(searched(flights)).fits[0]) == ("attitude_bias", "blade_flapping")
+    assert names_of_fit(rank_models(searched(flights)).fits[0]) == (
+        "attitude_bias",
+        "blade_flapping",
+    )

@@ -5,7 +5,16 @@ import pytest
 
 from np_drake.diagnosis.forward_model.payload_state import Term
 from np_drake.diagnosis.forward_model.prediction import predicted_residual
-from np_drake.diagnosis.wind.gauss_markov import BIN, binned, drags, factor, forces, instants, spans, width
+from np_drake.diagnosis.wind.gauss_markov import (
+    BIN,
+    binned,
+    drags,
+    factor,
+    forces,
+    instants,
+    spans,
+    width,
+)
 from np_drake.effects.linear_drag import LinearDrag
 
 
@@ -24,7 +33,9 @@ def test_what_all_bins_share_adds_the_same_to_all_of_their_covariance():
 
 @pytest.mark.parametrize("step", [0.01, 0.02, 0.03, 0.04, 0.07, 0.2])
 def test_bins_are_where_their_clock_says_at_every_rate(step):
-    e = SimpleNamespace(t=3.0 + step * np.arange(round(5.0 / step)), grid=SimpleNamespace(step=step))
+    e = SimpleNamespace(
+        t=3.0 + step * np.arange(round(5.0 / step)), grid=SimpleNamespace(step=step)
+    )
     middle = instants(e) + 0.5 * (width(e) - step)
     np.testing.assert_allclose(binned(e, e.t[:, None])[:, 0], middle)
     (later,) = spans(e, instants(e)[:, None], 5.0)
@@ -33,4 +44,6 @@ def test_bins_are_where_their_clock_says_at_every_rate(step):
 
 def test_the_force_of_a_drag_is_its_columns_times_its_figures(seen):
     e, d = seen(name="1", seed=1, seconds=8.0), (0.3, 0.2, 0.1)
-    np.testing.assert_allclose(drags(e) @ d, forces(e, predicted_residual(e, [Term(LinearDrag(*d))])), atol=1e-9)
+    np.testing.assert_allclose(
+        drags(e) @ d, forces(e, predicted_residual(e, [Term(LinearDrag(*d))])), atol=1e-9
+    )

@@ -53,7 +53,9 @@ def behind(e):
 
 
 @pytest.mark.parametrize(("force", "tied"), [(jet, True), (behind, False)])
-def test_a_force_beside_gusts_depends_on_place_if_velocity_does_not_tell(flights, force, tied, pushed):
+def test_a_force_beside_gusts_depends_on_place_if_velocity_does_not_tell(
+    flights, force, tied, pushed
+):
     residual = pushed(flights, np.random.default_rng(4), 0.6)
     for e in flights:
         residual[e.name] = 0.3 * residual[e.name]
@@ -92,4 +94,6 @@ def test_gusts_in_one_flight_alone_or_from_late_on_are_tied_to_no_place(flights,
 
 def test_where_no_wind_blows_nothing_follows_the_place(flights, pushed):
     residual = pushed(flights, np.random.default_rng(1), 0.6, begin=15.0)
-    assert position_p_value(flights, residual, {flights[0].name: 19.95, flights[1].name: 15.0}) > 1e-3
+    assert (
+        position_p_value(flights, residual, {flights[0].name: 19.95, flights[1].name: 15.0}) > 1e-3
+    )

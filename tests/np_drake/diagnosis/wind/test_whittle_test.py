@@ -27,7 +27,9 @@ def flown(seen, *effects, seconds=30.0, **how):
 
 
 def left_of(flights, *effects):
-    return {e.name: e.y - predicted_residual(e, [Term(effect) for effect in effects]) for e in flights}
+    return {
+        e.name: e.y - predicted_residual(e, [Term(effect) for effect in effects]) for e in flights
+    }
 
 
 def markov(flight, rms: float, time: float, seed: int) -> np.ndarray:
@@ -38,12 +40,23 @@ def markov(flight, rms: float, time: float, seed: int) -> np.ndarray:
     return np.column_stack([level, np.zeros(len(level))])
 
 
-def pushed(flights, residual, *, position: float = 0.0, accelerometer: float = 0.0, time: float, both: float = 0.0):
+def pushed(
+    flights,
+    residual,
+    *,
+    position: float = 0.0,
+    accelerometer: float = 0.0,
+    time: float,
+    both: float = 0.0,
+):
     """left, with forces [N RMS] that position alone, the accelerometer alone, or both show."""
     out = {}
     for i, e in enumerate(flights):
         R, mass = e.q, e.vehicle.mass
-        force = [markov(e, size, time, 10 * i + k) for k, size in enumerate((position, accelerometer, both))]
+        force = [
+            markov(e, size, time, 10 * i + k)
+            for k, size in enumerate((position, accelerometer, both))
+        ]
         seen, read, common = (attitude.rotate_back(R, f) for f in force)
         y = residual[e.name].copy()
         y[:, FORCE] += read + common
@@ -63,9 +76,16 @@ def test_gusts_are_a_force_in_the_air(seen, time):
 @pytest.mark.parametrize("accelerations", [True, False])
 @pytest.mark.parametrize("attitude_noise", [0.0, 0.01], ids=["laboratory", "rig"])
 def test_noise_alone_is_none(seen, attitude_noise, accelerations):
-    flights = flown(seen, DRAG, seconds=12.0, attitude_noise=attitude_noise, accelerations=accelerations)
+    flights = flown(
+        seen, DRAG, seconds=12.0, attitude_noise=attitude_noise, accelerations=accelerations
+    )
     tolerance = REAL if attitude_noise else IDEAL
-    assert slow_force(flights, left_of(flights, DRAG), tolerance).probability(THRESHOLDS.slow_force_evidence) < 0.05
+    assert (
+        slow_force(flights, left_of(flights, DRAG), tolerance).probability(
+            THRESHOLDS.slow_force_evidence
+        )
+        < 0.05
+    )
 
 
 def test_a_steady_force_is_none(seen):
@@ -73,7 +93,9 @@ def test_a_steady_force_is_none(seen):
     residual = left_of(flights)
     still = slow_force(flights, residual, IDEAL).log_evidence
     for e in flights:
-        residual[e.name][:, FORCE] += attitude.rotate_back(e.q, np.tile([3.0, -2.0, 0.0], (len(e.t), 1)))
+        residual[e.name][:, FORCE] += attitude.rotate_back(
+            e.q, np.tile([3.0, -2.0, 0.0], (len(e.t), 1))
+        )
     assert slow_force(flights, residual, IDEAL).log_evidence == pytest.approx(still, abs=0.5)
 
 
@@ -134,6 +156,8 @@ def test_an_attitude_read_askew_is_no_slow_force_where_the_vehicle_yaws(seen):
     assert _slow_power([yawing], {"1": wind * np.sin(1.5 * yawing.t)[:, None]}) > 0.1 * size
 
 
-@pytest.mark.parametrize(("evidence", "probability"), [(4.0, 0.5), (4.0 + np.log(3.0), 0.75), (4.0 - np.log(9.0), 0.1)])
+@pytest.mark.parametrize(
+    ("evidence", "probability"), [(4.0, 0.5), (4.0 + np.log(3.0), 0.75), (4.0 - np.log(9.0), 0.1)]
+)
 def test_the_probability_of_a_slow_force_is_that_of_its_odds(evidence, probability):
     assert SlowForce(evidence, 1.0).probability(4.0) == pytest.approx(probability)

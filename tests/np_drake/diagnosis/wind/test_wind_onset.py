@@ -29,7 +29,9 @@ def wandering(e, rng, size=1.0):
     for kick in rng.standard_normal((len(e.t) - 1, 3)):
         force.append(decay * force[-1] + scale * np.sqrt(1 - decay**2) * kick)
     residual = np.zeros((len(e.t), 15))
-    residual[:, :3] = np.array(force) + 0.03 * np.sqrt(BIN / step) * rng.standard_normal((len(e.t), 3))
+    residual[:, :3] = np.array(force) + 0.03 * np.sqrt(BIN / step) * rng.standard_normal(
+        (len(e.t), 3)
+    )
     return residual
 
 
@@ -48,7 +50,9 @@ def test_gusts_that_begin_in_flight_are_told_from_gusts_from_the_start(flights, 
     steady = np.stack([mean * MEAN, np.zeros(3)], axis=1)
     wind = WindForce(steady, (DEVIATION, 0.3, 0.7), (0.5, 0.3, 0.8), 0.03)
     for seed in range(8):
-        late, always = (pushed(flights, np.random.default_rng(seed), 0.5, begin=b) for b in (8.0, -np.inf))
+        late, always = (
+            pushed(flights, np.random.default_rng(seed), 0.5, begin=b) for b in (8.0, -np.inf)
+        )
         for e in flights:
             assert begin_of(e, late[e.name], None, wind) == pytest.approx(8.0, abs=2 * BIN)
             assert begin_of(e, always[e.name], None, wind) is None

@@ -14,7 +14,10 @@ from np_drake.lifting.training.family_training import LiftedConfig
 from np_drake.lifting.training.train import train
 
 ONES = np.ones(6)
-CHI_SCALE, ZETA_SCALE = np.array([2.0, 2.0, 2.0, 0.1, 0.1, 0.1]), np.array([3.0, 3.0, 3.0, 0.5, 0.5, 0.5])
+CHI_SCALE, ZETA_SCALE = (
+    np.array([2.0, 2.0, 2.0, 0.1, 0.1, 0.1]),
+    np.array([3.0, 3.0, 3.0, 0.5, 0.5, 0.5]),
+)
 seeds = st.integers(0, 10_000)
 
 
@@ -27,7 +30,9 @@ def bound(model, alpha_chi, alpha_zeta, window=None, **options):
 def plain_model(a: float = 0.5, b: float = 0.0, L: float = 1.0) -> LiftedModel:
     """z = L chi, z+ = a z + b zeta, chi = z / L; A and B fixed."""
     system = LiftedLinearSystem(a * np.eye(6), b * np.eye(6), np.eye(6) / L, 0.02)
-    return LiftedModel(PAPER, system, Phi((L * np.eye(6),), ONES), 4, ONES, ONES, True, {"gamma": L})
+    return LiftedModel(
+        PAPER, system, Phi((L * np.eye(6),), ONES), 4, ONES, ONES, True, {"gamma": L}
+    )
 
 
 def random_model(seed: int, kind: str, K: int = 8) -> LiftedModel:
@@ -38,7 +43,9 @@ def random_model(seed: int, kind: str, K: int = 8) -> LiftedModel:
     system = LiftedLinearSystem(A, B, C, 0.02)
     if kind == "delay":
         E = generator.standard_normal((K, 12 * 5))
-        return LiftedModel(DELAY_DMDC, system, DelayEncoder(E, 5), 5, CHI_SCALE, ZETA_SCALE, bool(seed % 2))
+        return LiftedModel(
+            DELAY_DMDC, system, DelayEncoder(E, 5), 5, CHI_SCALE, ZETA_SCALE, bool(seed % 2)
+        )
     phi = Phi((generator.standard_normal((12, 6)), generator.standard_normal((K, 12))), CHI_SCALE)
     ridge = 0.5 if kind == "refit" else 0.0
     return LiftedModel(PAPER, system, phi, 12, CHI_SCALE, ZETA_SCALE, True, ridge=ridge)
@@ -46,7 +53,11 @@ def random_model(seed: int, kind: str, K: int = 8) -> LiftedModel:
 
 def walk(seed: int, n: int, size: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
     """chi and zeta (n, 6) that wander."""
-    steps = size * np.random.default_rng(seed).standard_normal((n, 12)) * np.concatenate([CHI_SCALE, ZETA_SCALE])
+    steps = (
+        size
+        * np.random.default_rng(seed).standard_normal((n, 12))
+        * np.concatenate([CHI_SCALE, ZETA_SCALE])
+    )
     return steps.cumsum(axis=0)[:, :6], steps.cumsum(axis=0)[:, 6:]
 
 
@@ -86,14 +97,21 @@ def test_the_papers_constant_bounds_neither_z_nor_later_steps():
     """Why the theorem is corrected: c in the units of chi, and for the first step only."""
     for L, n in ((10.0, 1), (1.0, 5)):  # z in other units; then chi running off
         a, alpha = 0.0, 0.1
-        papers = ((a / L) * L + 1.0) * alpha  # (|CA| L + 1) alpha_chi, and chi = C Phi(chi) leaves nothing more
+        papers = (
+            (a / L) * L + 1.0
+        ) * alpha  # (|CA| L + 1) alpha_chi, and chi = C Phi(chi) leaves nothing more
         error = n * alpha * L
         assert error > papers
         assert error <= bound(plain_model(a=a, L=L), alpha, 0.0, horizon=n).z[-1] * (1 + 1e-12)
 
 
 @settings(deadline=None)
-@given(seeds, st.sampled_from(["refit", "fixed", "delay"]), st.sampled_from(["steps", "changes"]), st.floats(0.01, 3.0))
+@given(
+    seeds,
+    st.sampled_from(["refit", "fixed", "delay"]),
+    st.sampled_from(["steps", "changes"]),
+    st.floats(0.01, 3.0),
+)
 def test_no_error_exceeds_its_bound(seed, kind, alphas, size):
     model = random_model(seed, kind)
     chi, zeta = walk(seed + 1, 60, size)
@@ -185,7 +203,10 @@ def test_what_cannot_be_bounded_is_refused(arguments, match):
 
 
 def test_a_family_whose_theta_changes_in_flight_is_refused(dithered, plain):
-    one, two = (train(s, LiftedConfig(steps=3)).model for s in ([dithered.segment], [dithered.segment, plain.segment]))
+    one, two = (
+        train(s, LiftedConfig(steps=3)).model
+        for s in ([dithered.segment], [dithered.segment, plain.segment])
+    )
     assert np.isfinite(bound(one, 0.1, 0.1).z).all()
     with pytest.raises(ValueError, match="must not change with theta"):
         TheoremBound(two, 0.1, 0.1)

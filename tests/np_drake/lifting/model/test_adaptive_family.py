@@ -21,10 +21,14 @@ TURNED = np.array([[0.0, 1.0, *np.zeros(10)], [*np.zeros(7), 1.0, *np.zeros(4)]]
 def axis(seed=0):
     rng = np.random.default_rng(seed)
     return ModalAxis(
-        np.stack([PLAIN, TURNED]), np.stack([PLAIN[0, :6], TURNED[0, :6]]),
-        np.array([[np.log(3.0), 0.3, 0.0]]), np.array([[np.log(0.2), 0.0, 0.0]]), np.array([[np.log(0.1), 0.0, 0.1]]),
-        0.05 * rng.standard_normal((3, 1, 1 + r)), 0.3 * rng.standard_normal((3, 2 * D, 1 + r)),
-    )  # fmt: skip
+        np.stack([PLAIN, TURNED]),
+        np.stack([PLAIN[0, :6], TURNED[0, :6]]),
+        np.array([[np.log(3.0), 0.3, 0.0]]),
+        np.array([[np.log(0.2), 0.0, 0.0]]),
+        np.array([[np.log(0.1), 0.0, 0.1]]),
+        0.05 * rng.standard_normal((3, 1, 1 + r)),
+        0.3 * rng.standard_normal((3, 2 * D, 1 + r)),
+    )
 
 
 def family(**changes):
@@ -49,7 +53,9 @@ def test_views_are_one_axis_turned():
 
 
 def flown(dut, theta, seconds, seed=0, noise=0.0, gain=1.0):
-    """Samples (n, 12) of a flight in which one member holds exactly, its readings those of its own states."""
+    """Samples (n, 12) of a flight in which one member holds exactly, its readings those of its own
+    states.
+    """
     s, rng = dut.system(theta, STEP), np.random.default_rng(seed)
     n = round(seconds / STEP)
     samples = np.zeros((n, 12))
@@ -62,18 +68,26 @@ def flown(dut, theta, seconds, seed=0, noise=0.0, gain=1.0):
 
 
 def observer(dut, theta):
-    """The family with the encoder that reads the member's state of its last D samples exactly, for every theta."""
+    """The family with the encoder that reads the member's state of its last D samples exactly, for
+    every theta.
+    """
     at = dut.axes[0]
     A, B = at.matrices(theta, STEP)
     rows, drives = [], []
     for d in range(D):  # f_(k-D+1+d) = C A^d z0 + sum_j C A^(d-1-j) B u_j
         rows.append(at.C @ np.linalg.matrix_power(A, d))
         drives.append(
-            [float(at.C @ np.linalg.matrix_power(A, d - 1 - j) @ B[:, 0]) if j < d else 0.0 for j in range(D)]
+            [
+                float(at.C @ np.linalg.matrix_power(A, d - 1 - j) @ B[:, 0]) if j < d else 0.0
+                for j in range(D)
+            ]
         )
     inverse, forced = np.linalg.pinv(np.array(rows)), np.array(drives)
     end = np.linalg.matrix_power(A, D - 1)
-    to_end = [np.linalg.matrix_power(A, D - 2 - j) @ B[:, 0] if j < D - 1 else np.zeros(3) for j in range(D)]
+    to_end = [
+        np.linalg.matrix_power(A, D - 2 - j) @ B[:, 0] if j < D - 1 else np.zeros(3)
+        for j in range(D)
+    ]
     E = np.zeros((3, D, 2))
     E[..., 0] = end @ inverse
     E[..., 1] = np.array(to_end).T - end @ inverse @ forced
@@ -97,12 +111,16 @@ def test_of_a_flight_of_one_member_its_theta_is_found():
 
 def test_a_forecast_waits_for_the_encoder_and_theta_for_the_window():
     dut = family()
-    model = NeuralPredictor(LiftedModel(LIFTED, dut.system(dut.mean, STEP), dut, dut.window, *np.ones((2, 6)), False))
+    model = NeuralPredictor(
+        LiftedModel(LIFTED, dut.system(dut.mean, STEP), dut, dut.window, *np.ones((2, 6)), False)
+    )
     samples, memory = flown(dut, np.array([0.4, 0.0]), 1.0), model.initial_memory()
     course = model.along(samples[:, :6], samples[:, 6:])
     assert course.first == D - 1
     for k, row in enumerate(samples, start=1):
-        memory = model.update(memory, Sample(np.array([0, 0, 1.0, 1, 0, 0, 0, *row[6:]]), np.zeros(4), row[:6]))
+        memory = model.update(
+            memory, Sample(np.array([0, 0, 1.0, 1, 0, 0, 0, *row[6:]]), np.zeros(4), row[:6])
+        )
         forecast = model.forecast(memory, horizon=3, stride=1)
         assert forecast.z.any() == (k >= D and samples[:k, :6].any())
         assert np.array_equal(memory["theta"], dut.mean) == (k < -(-dut.window // EVERY) * EVERY)
@@ -122,7 +140,9 @@ def test_a_vehicle_at_rest_leaves_theta_at_its_prior():
 @given(st.integers(0, 10**6), st.floats(0.01, 100.0))
 def test_the_covariance_never_exceeds_the_prior_and_stays_positive(seed, size):
     dut, rng = family(), np.random.default_rng(seed)
-    theta, covariance = dut.update(np.zeros(r), dut.covariance, size * rng.standard_normal((dut.window, 12)), STEP)
+    theta, covariance = dut.update(
+        np.zeros(r), dut.covariance, size * rng.standard_normal((dut.window, 12)), STEP
+    )
     assert np.isfinite(theta).all()
     assert np.linalg.eigvalsh(covariance).min() > 0
     assert np.linalg.eigvalsh(dut.covariance - covariance).min() > -1e-9
@@ -155,7 +175,9 @@ def test_departures_are_those_of_the_recursion():
             z = dut.lift(window[: len(window) - lag], theta)
             for sample in window[len(window) - 1 - lag : -1]:
                 z = s.A @ z + s.B @ sample[6:]
-            np.testing.assert_allclose(at[:, i], (s.C @ (dut.lift(window, theta) - z))[:2], atol=1e-12)
+            np.testing.assert_allclose(
+                at[:, i], (s.C @ (dut.lift(window, theta) - z))[:2], atol=1e-12
+            )
 
 
 def test_the_encoder_at_theta_lifts_as_the_family_does():

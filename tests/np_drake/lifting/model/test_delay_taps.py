@@ -23,7 +23,9 @@ def test_features_and_expanded_weights_see_the_same_samples():
     samples, W = generator.standard_normal((60, 12)), generator.standard_normal((3, 9 * 12))
     origins = np.array([29, 40, 59])
     windows = np.stack([samples[k - 29 : k + 1].ravel() for k in origins])
-    np.testing.assert_allclose(DUT.features(samples, origins) @ W.T, windows @ DUT.expand(W, 12).T, atol=1e-12)
+    np.testing.assert_allclose(
+        DUT.features(samples, origins) @ W.T, windows @ DUT.expand(W, 12).T, atol=1e-12
+    )
 
 
 @pytest.mark.parametrize("sizes", [(5, 6, 0), (5, 0, 2), (8, 5, 4)])

@@ -14,7 +14,9 @@ def random_system(seed: int, radius: float = 0.95, K: int = 5) -> LiftedLinearSy
     generator = np.random.default_rng(seed)
     A = generator.standard_normal((K, K))
     A *= radius / np.abs(np.linalg.eigvals(A)).max()
-    return LiftedLinearSystem(A, generator.standard_normal((K, 6)), generator.standard_normal((6, K)), step=0.02)
+    return LiftedLinearSystem(
+        A, generator.standard_normal((K, 6)), generator.standard_normal((6, K)), step=0.02
+    )
 
 
 def test_a_rollout_is_what_the_forecast_says():
@@ -38,7 +40,9 @@ def test_a_long_step_is_many_short_ones_under_held_zeta(seed, stride):
     fine = dut.rollout(z, np.repeat(zeta, stride, axis=0))[::stride]
     coarse = dut.resample(stride)
     assert coarse.step == pytest.approx(stride * dut.step)
-    np.testing.assert_allclose(coarse.rollout(z, zeta), fine, rtol=1e-9, atol=1e-9)  # sums of at most 48 terms
+    np.testing.assert_allclose(
+        coarse.rollout(z, zeta), fine, rtol=1e-9, atol=1e-9
+    )  # sums of at most 48 terms
 
 
 @given(seeds, st.integers(1, 8), st.floats(0.002, 0.1))

@@ -13,7 +13,14 @@ from safetensors.numpy import load_file, save_file
 from np_drake.lifting.model.adaptive_family import AdaptiveFamily
 from np_drake.lifting.model.encoders import DelayEncoder, Phi
 from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
-from np_drake.lifting.model.lifted_model import DELAY_DMDC, ENCODERS, FAMILIES, NEURAL, PAPER, LiftedModel
+from np_drake.lifting.model.lifted_model import (
+    DELAY_DMDC,
+    ENCODERS,
+    FAMILIES,
+    NEURAL,
+    PAPER,
+    LiftedModel,
+)
 from np_drake.lifting.model.modal_axis import ModalAxis
 from np_drake.lifting.model.model_file import SCHEMA, load_model, save_model
 from np_drake.lifting.model.neural_family import with_network
@@ -23,7 +30,9 @@ from np_drake.lifting.model.window_network import WindowNetwork
 
 def family(generator: np.random.Generator) -> AdaptiveFamily:
     """A family of two views with two states each, and theta of one entry."""
-    modes, inputs, encoder = (generator.standard_normal(shape) for shape in ((1, 2), (2, 1, 2), (2, 6, 2)))
+    modes, inputs, encoder = (
+        generator.standard_normal(shape) for shape in ((1, 2), (2, 1, 2), (2, 6, 2))
+    )
     channels, readout = generator.standard_normal((2, 2, 12)), generator.standard_normal((2, 6))
     axis = ModalAxis(channels, readout, modes, modes, np.zeros((0, 2)), inputs, encoder)
     return AdaptiveFamily((axis,), np.zeros(1), np.eye(1), np.array([2.0]), np.ones((1, 1)), 20.0)
@@ -44,16 +53,26 @@ def model(configuration: str) -> LiftedModel:
         layers = tuple(generator.standard_normal(shape) for shape in ((3, 5), (5, 3)))
         biases, ones = (np.zeros(3), np.zeros(5)), np.ones(1)
         white = (generator.standard_normal((2, 6)),)
-        encoder = with_network(encoder, WindowNetwork(white, ((2, 2),), layers, biases, ones, ones, np.ones(4), 0.5))
+        encoder = with_network(
+            encoder, WindowNetwork(white, ((2, 2),), layers, biases, ones, ones, np.ones(4), 0.5)
+        )
     system = LiftedLinearSystem(A, B, C, 0.02)
-    return LiftedModel(configuration, system, encoder, 5, scale, scale, True, {"samples": 7}, 0.5, late=2)
+    return LiftedModel(
+        configuration, system, encoder, 5, scale, scale, True, {"samples": 7}, 0.5, late=2
+    )
 
 
 def rewrite(path: Path, change) -> None:
     """Tensors and header of a good file, changed by `change(tensors, header, metadata)`."""
     tensors = load_file(path)
     metadata = {"schema": SCHEMA, "model": ""}
-    header = {"configuration": DELAY_DMDC, "step": 0.02, "window": 5, "predicts_torque": True, "ridge": 0.0}
+    header = {
+        "configuration": DELAY_DMDC,
+        "step": 0.02,
+        "window": 5,
+        "predicts_torque": True,
+        "ridge": 0.0,
+    }
     header["summary"] = {}
     change(tensors, header, metadata)
     save_file(tensors, path, {**metadata, "model": json.dumps(header)})
@@ -66,7 +85,8 @@ def path(tmp_path: Path) -> Path:
 
 
 def test_equal_models_are_equal_files(tmp_path):
-    # The library's order of names is drawn anew at every call: two of eight calls differ but for 1 in 128.
+    # The library's order of names is drawn anew at every call: two of eight calls differ but for 1
+    # in 128.
     for number in range(8):
         save_model(model(DELAY_DMDC), tmp_path / f"{number}.safetensors")
     assert len({path.read_bytes() for path in tmp_path.iterdir()}) == 1
@@ -182,7 +202,9 @@ def test_a_header_of_nonsense_is_refused_in_one_line(path, header):
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("junk", [None, [], "x", float("inf"), float("nan"), -1, 1e300, [1], {"a": 1}, True])
+@pytest.mark.parametrize(
+    "junk", [None, [], "x", float("inf"), float("nan"), -1, 1e300, [1], {"a": 1}, True]
+)
 @pytest.mark.parametrize(
     "field", ["window", "step", "summary", "origin", "rotor_lag", "ridge", "late", "configuration"]
 )
@@ -232,7 +254,10 @@ def test_no_flip_of_a_byte_of_the_header_is_more_than_a_refusal(path):
 
 def test_a_header_that_announces_more_than_the_file_holds_is_refused(path):
     sizes = '{"A": {"dtype": "F64", "shape": [1000000000, 1000000000], "data_offsets": [0, 8]}}'
-    for head in (struct.pack("<Q", 2**60) + b"{}", struct.pack("<Q", len(sizes)) + sizes.encode() + bytes(8)):
+    for head in (
+        struct.pack("<Q", 2**60) + b"{}",
+        struct.pack("<Q", len(sizes)) + sizes.encode() + bytes(8),
+    ):
         path.write_bytes(head)
         with pytest.raises(ValueError, match="not a model file"):
             load_model(path)

@@ -10,14 +10,23 @@ from hypothesis import strategies as st
 from np_drake.lifting.model.adaptive_family import AdaptiveFamily
 from np_drake.lifting.model.lifted_model import LIFTED, NEURAL, LiftedModel
 from np_drake.lifting.model.modal_axis import ModalAxis
-from np_drake.lifting.model.model_file import load_model, read_tensors, save_model, schema_of, write_tensors
+from np_drake.lifting.model.model_file import (
+    load_model,
+    read_tensors,
+    save_model,
+    schema_of,
+    write_tensors,
+)
 from np_drake.lifting.model.neural_family import NeuralFamily, with_network
 from np_drake.lifting.model.window_network import MOST, WindowNetwork
 from np_drake.residual_model import Sample
 from np_drake.residual_models.neural_predictor import NeuralPredictor
 
 STEP, D, r = 0.02, 6, 2
-PAIR = [[(0, 1.0), (6, 1.0), (10, 1.0)], [(1, 1.0), (7, 1.0), (9, -1.0)]]  # f_x, v_x, w_y; f_y, v_y, -w_x
+PAIR = [
+    [(0, 1.0), (6, 1.0), (10, 1.0)],
+    [(1, 1.0), (7, 1.0), (9, -1.0)],
+]  # f_x, v_x, w_y; f_y, v_y, -w_x
 QUARTER = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 
 
@@ -28,32 +37,47 @@ def axis(views, rng):
             row[column] = sign
     c = len(views[0])
     return ModalAxis(
-        channels, channels[:, 0, :6], np.array([[np.log(3.0), 0.3, 0.0]]), np.array([[np.log(0.2), 0.0, 0.0]]),
-        np.array([[np.log(0.1), 0.0, 0.1]]), 0.05 * rng.standard_normal((3, c - 1, 1 + r)),
+        channels,
+        channels[:, 0, :6],
+        np.array([[np.log(3.0), 0.3, 0.0]]),
+        np.array([[np.log(0.2), 0.0, 0.0]]),
+        np.array([[np.log(0.1), 0.0, 0.1]]),
+        0.05 * rng.standard_normal((3, c - 1, 1 + r)),
         0.3 * rng.standard_normal((3, c * D, 1 + r)),
-    )  # fmt: skip
+    )
 
 
 def family():
     rng = np.random.default_rng(0)
     axes = (axis(PAIR, rng), axis([[(2, 1.0), (8, 1.0)]], rng))
     lags = np.array([3.0, 5.0])
-    return AdaptiveFamily(axes, np.array([0.1, -0.2]), np.diag([1.0, 0.25]), lags, np.full((2, 2), 0.05), 20.0)
+    return AdaptiveFamily(
+        axes, np.array([0.1, -0.2]), np.diag([1.0, 0.25]), lags, np.full((2, 2), 0.05), 20.0
+    )
 
 
 def network(share=1.0, **changes):
     rng = np.random.default_rng(1)
-    weights = [0.3 * rng.standard_normal(shape) for shape in ((8, 2 * 4 + 3 + r), (8, 8), (9 + r, 8))]
+    weights = [
+        0.3 * rng.standard_normal(shape) for shape in ((8, 2 * 4 + 3 + r), (8, 8), (9 + r, 8))
+    ]
     biases = [0.1 * rng.standard_normal(len(W)) for W in weights]
     fields = {"white": tuple(0.3 * rng.standard_normal(s) for s in ((4, 3 * D), (3, 2 * D)))}
-    fields |= {"states": ((2, 3), (1, 3)), "weights": tuple(weights), "biases": tuple(biases), "share": share}
+    fields |= {
+        "states": ((2, 3), (1, 3)),
+        "weights": tuple(weights),
+        "biases": tuple(biases),
+        "share": share,
+    }
     fields |= {"center": np.array([0.1, -0.2]), "spread": np.array([1.0, 0.5]), "size": np.ones(9)}
     return WindowNetwork(**fields | changes)
 
 
 def model(share=1.0):
     dut = with_network(family(), network(share))
-    return LiftedModel(NEURAL, dut.system(dut.mean, STEP), dut, dut.window, *np.ones((2, 6)), False, {"samples": 7})
+    return LiftedModel(
+        NEURAL, dut.system(dut.mean, STEP), dut, dut.window, *np.ones((2, 6)), False, {"samples": 7}
+    )
 
 
 def flight(n=40):
@@ -71,7 +95,9 @@ def test_without_a_share_of_the_network_it_is_the_family():
     plain = model().without_network
     assert plain.configuration == LIFTED
     assert plain.without_network is plain
-    np.testing.assert_allclose(forecasts(model(0.0), flight()), forecasts(plain, flight()), atol=1e-12)
+    np.testing.assert_allclose(
+        forecasts(model(0.0), flight()), forecasts(plain, flight()), atol=1e-12
+    )
     assert np.abs(forecasts(model(), flight()) - forecasts(plain, flight())).max() > 0.01
 
 
@@ -85,26 +111,36 @@ def test_what_is_felt_turned_is_foreseen_turned(turn):
 def test_a_mirror_image_is_foreseen_as_one():
     mirror = np.array([1, -1, 1, -1, 1, -1.0])
     expected = forecasts(model(), flight()) * mirror
-    np.testing.assert_allclose(forecasts(model(), flight() * [*mirror, *mirror])[..., :3], expected[..., :3], atol=1e-9)
+    np.testing.assert_allclose(
+        forecasts(model(), flight() * [*mirror, *mirror])[..., :3], expected[..., :3], atol=1e-9
+    )
 
 
 def test_along_a_flight_it_is_what_it_is_sample_by_sample():
     dut, samples = NeuralPredictor(model()), flight()
     memory, course = dut.initial_memory(), dut.along(samples[:, :6], samples[:, 6:])
-    assert set(memory) == set(NeuralPredictor(dc.replace(model(), configuration=LIFTED)).initial_memory())
+    assert set(memory) == set(
+        NeuralPredictor(dc.replace(model(), configuration=LIFTED)).initial_memory()
+    )
     for k, row in enumerate(samples, start=1):
-        memory = dut.update(memory, Sample(np.array([0, 0, 1.0, 1, 0, 0, 0, *row[6:]]), np.zeros(4), row[:6]))
+        memory = dut.update(
+            memory, Sample(np.array([0, 0, 1.0, 1, 0, 0, 0, *row[6:]]), np.zeros(4), row[:6])
+        )
         if k >= D:
             forecast = dut.forecast(memory, horizon=3, stride=1)
             for name in "ABz":
-                np.testing.assert_allclose(getattr(course, name)[k - D], getattr(forecast, name), atol=1e-10)
+                np.testing.assert_allclose(
+                    getattr(course, name)[k - D], getattr(forecast, name), atol=1e-10
+                )
 
 
 @settings(max_examples=25, deadline=None)
 @given(st.floats(1.0, 1e9))
 def test_the_correction_is_bounded_however_wild_the_window(size):
     dut = network()
-    seen = [size * part for part in family().seen(np.random.default_rng(2).standard_normal((5, D, 12)))]
+    seen = [
+        size * part for part in family().seen(np.random.default_rng(2).standard_normal((5, D, 12)))
+    ]
     x = dut.inputs(seen, size * np.ones((5, r)))
     dz, change = dut.correction(x)
     unit = np.concatenate([dut.size, dut.spread])
@@ -137,7 +173,10 @@ def test_the_file_holds_all_of_it(tmp_path):
     "change, match",
     [
         ({"network/weights1": np.zeros((8, 7))}, "a layer must take the 8 outputs"),
-        ({"network/weights2": np.zeros((10, 8)), "network/biases2": np.zeros(10)}, "outputs must be z and theta"),
+        (
+            {"network/weights2": np.zeros((10, 8)), "network/biases2": np.zeros(10)},
+            "outputs must be z and theta",
+        ),
         ({"network/white0": np.zeros((4, 10))}, "must see the family's windows"),
         ({"network/share": np.array([1.5])}, "share must be 0 to 1"),
         ({"network/size": np.full(9, np.nan)}, "must hold finite"),
@@ -146,7 +185,9 @@ def test_the_file_holds_all_of_it(tmp_path):
 )
 def test_a_damaged_network_is_refused_in_a_line(change, match, tmp_path):
     save_model(model(), tmp_path / "m.safetensors")
-    tensors, metadata = read_tensors(tmp_path / "m.safetensors", schema_of(tmp_path / "m.safetensors"))
+    tensors, metadata = read_tensors(
+        tmp_path / "m.safetensors", schema_of(tmp_path / "m.safetensors")
+    )
     kept = {name: value for name, value in (tensors | change).items() if value is not None}
     write_tensors(kept, metadata, tmp_path / "m.safetensors")
     with pytest.raises(ValueError, match=match) as caught:

@@ -15,7 +15,9 @@ def test_modes_outside_are_pulled_onto_the_circle_and_keep_their_shape(seed, was
     eigenvalue, V = np.linalg.eig(A)
     factor = np.minimum(1.0, 0.99 / np.abs(eigenvalue))
     expected = (V * (eigenvalue * factor) @ np.linalg.inv(V)).real
-    np.testing.assert_allclose(stabilized(A, 0.99), expected, atol=1e-8)  # the margin is 1e-9 of an eigenvalue
+    np.testing.assert_allclose(
+        stabilized(A, 0.99), expected, atol=1e-8
+    )  # the margin is 1e-9 of an eigenvalue
 
 
 def test_a_defective_matrix_is_stabilized_too():
@@ -33,7 +35,9 @@ def test_stabilizing_leaves_stable_modes_alone():
     generator = np.random.default_rng(0)
     V = generator.standard_normal((3, 3))
     A = V @ np.diag([1.3, 0.8, -0.2]) @ np.linalg.inv(V)
-    np.testing.assert_allclose(np.sort(np.linalg.eigvals(stabilized(A, 1.0))), [-0.2, 0.8, 1.0], atol=1e-6)
+    np.testing.assert_allclose(
+        np.sort(np.linalg.eigvals(stabilized(A, 1.0))), [-0.2, 0.8, 1.0], atol=1e-6
+    )
 
 
 def test_many_are_stabilized_as_each_alone():

@@ -7,9 +7,15 @@ from np_drake.lifting.training.mode_dictionary import time_constants
 HORIZONS = np.array([1, 2, 5, 10, 20])
 MODES = time_constants((2.0, 8.0, 30.0), (2.0, 8.0, 30.0), 1e5)
 DUT = Trust(
-    HORIZONS, MODES.readout(HORIZONS), MODES.projector(HORIZONS, np.ones((5, 2)), ridge=1e-12), np.zeros(6),
-    half=20.0, evidence=10.0, caution=30.0, settle=20.0,
-)  # fmt: skip
+    HORIZONS,
+    MODES.readout(HORIZONS),
+    MODES.projector(HORIZONS, np.ones((5, 2)), ridge=1e-12),
+    np.zeros(6),
+    half=20.0,
+    evidence=10.0,
+    caution=30.0,
+    settle=20.0,
+)
 
 
 def sway(n: int = 800) -> np.ndarray:

@@ -42,7 +42,9 @@ def test_b_is_shrunk_where_the_flight_said_nothing(plain, trained):
 def test_unguarded_the_same_flight_teaches_nonsense(plain, monkeypatch):
     """What the guard is for: believed in every direction, the fit answers v_z with force."""
     monkeypatch.setattr(
-        family_training, "measure_excitation", lambda *a, **k: dc.replace(measure_excitation(*a, **k), gain=np.ones(6))
+        family_training,
+        "measure_excitation",
+        lambda *a, **k: dc.replace(measure_excitation(*a, **k), gain=np.ones(6)),
     )
     assert vertical_gain(train([plain.segment], LiftedConfig(steps=500)).model) > 0.5
 
@@ -50,7 +52,9 @@ def test_unguarded_the_same_flight_teaches_nonsense(plain, monkeypatch):
 @given(st.integers(0, 1000), st.floats(0.05, 20.0))
 def test_trust_lies_between_none_and_all_and_grows_with_motion(seed, size):
     motion = np.random.default_rng(seed).standard_normal((300, 6)).cumsum(axis=0)
-    small, large = (measure_excitation([scale * motion], np.full(6, 0.01)) for scale in (size, 2 * size))
+    small, large = (
+        measure_excitation([scale * motion], np.full(6, 0.01)) for scale in (size, 2 * size)
+    )
     assert np.all((small.gain >= 0) & (small.gain <= 1))
     assert np.all(large.gain >= small.gain - 1e-9)
 
@@ -62,7 +66,9 @@ def test_shrinking_keeps_what_was_excited():
 
 def test_what_is_shrunk_does_not_depend_on_units(plain):
     units = np.repeat([100.0, 180.0 / np.pi], 3)  # cm/s and degrees/s
-    si, other = (measure_excitation([scale * plain.zeta], step=0.02).shrink for scale in (1.0, units))
+    si, other = (
+        measure_excitation([scale * plain.zeta], step=0.02).shrink for scale in (1.0, units)
+    )
     np.testing.assert_allclose(other, units[:, None] * si / units, atol=1e-9)
 
 

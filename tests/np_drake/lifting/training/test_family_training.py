@@ -14,9 +14,17 @@ from np_drake.training_data.segments import Segment
 
 STEP = 0.02
 CONFIG = LiftedConfig(
-    delay=10, horizon=12, horizons=5, size=2, steps=400, batch=8, lags=(4, 8), memory=500.0, zeta_noise=0.01,
+    delay=10,
+    horizon=12,
+    horizons=5,
+    size=2,
+    steps=400,
+    batch=8,
+    lags=(4, 8),
+    memory=500.0,
+    zeta_noise=0.01,
     label_noise=0.01,
-)  # fmt: skip
+)
 
 
 def swinging(frequency, mass, seconds=14.0, seed=0):
@@ -47,7 +55,10 @@ def fitted(segments, **changes):
 @pytest.fixture(scope="module")
 def family():
     """Family of eight flights, four pendulums."""
-    flights = [swinging(w, m, seed=i) for i, (w, m) in enumerate(4 * [(3.0, 0.2), (5.0, 0.2), (3.0, 0.4), (4.0, 0.1)])]
+    flights = [
+        swinging(w, m, seed=i)
+        for i, (w, m) in enumerate(4 * [(3.0, 0.2), (5.0, 0.2), (3.0, 0.4), (4.0, 0.1)])
+    ]
     return fitted(flights, steps=1200)[0]
 
 
@@ -99,7 +110,9 @@ def test_one_flight_makes_a_family_of_one(family):
     model, losses = fitted([swinging(3.0, 0.2)])
     assert model.encoder.mean.shape == (0,)
     assert losses[-1] < 0.2 * losses[0]
-    theta, _ = model.encoder.update(model.encoder.mean, model.encoder.covariance, np.zeros((model.window, 12)), STEP)
+    theta, _ = model.encoder.update(
+        model.encoder.mean, model.encoder.covariance, np.zeros((model.window, 12)), STEP
+    )
     assert theta.shape == (0,)
 
 

@@ -3,7 +3,12 @@ import pytest
 
 from np_drake.lifting.model.channel_views import turns
 from np_drake.lifting.model.delay_taps import DelayTaps
-from np_drake.lifting.training.horizon_ridge import flight_moments, horizon_grid, horizon_ridge, relative_error
+from np_drake.lifting.training.horizon_ridge import (
+    flight_moments,
+    horizon_grid,
+    horizon_ridge,
+    relative_error,
+)
 
 TAPS = DelayTaps(4, 4, 0)
 HORIZONS = np.array([0, 1, 3, 9])
@@ -20,7 +25,9 @@ def oscillation(seed: int, scale: float = 1.0) -> np.ndarray:
 
 
 def moments(samples: np.ndarray, symmetry: float = 0.0):
-    return flight_moments(samples, samples[:, :6], taps=TAPS, horizons=HORIZONS, max_origins=10**6, symmetry=symmetry)
+    return flight_moments(
+        samples, samples[:, :6], taps=TAPS, horizons=HORIZONS, max_origins=10**6, symmetry=symmetry
+    )
 
 
 def test_now_is_read_off_the_newest_sample():
@@ -36,13 +43,16 @@ def test_a_recursion_is_found_one_step_ahead():
 
 
 def test_a_calm_flight_counts_as_much_as_a_wild_one():
-    """The same flight a hundred times smaller tells the same; a pooled fit would not listen to it."""
+    """The same flight a hundred times smaller tells the same; a pooled fit would not listen to
+    it.
+    """
     wild, calm = oscillation(0), 0.01 * oscillation(1)
     calm[:, 6:] *= 100  # of zeta, the fit takes all alike
     both = horizon_ridge([moments(wild), moments(calm)], noise=1e-9)
     weights = [relative_error(moments(piece), both)[1:].mean() for piece in (wild, calm)]
     alone = [
-        relative_error(moments(piece), horizon_ridge([moments(piece)], noise=1e-9))[1:].mean() for piece in (wild, calm)
+        relative_error(moments(piece), horizon_ridge([moments(piece)], noise=1e-9))[1:].mean()
+        for piece in (wild, calm)
     ]
     assert weights[1] / alone[1] == pytest.approx(weights[0] / alone[0], rel=0.1)
 
@@ -77,7 +87,9 @@ def test_origins_are_thinned_evenly_to_the_most_that_are_allowed(most, stride):
     samples = oscillation(3)
     found = flight_moments(
         samples, samples[:, :6], taps=TAPS, horizons=HORIZONS, max_origins=most, symmetry=0.0
-    )  # fmt: skip
+    )
     origins = np.arange(TAPS.delay - 1, len(samples) - HORIZONS[-1], stride)
     assert len(origins) <= most
-    np.testing.assert_allclose(found.square, np.mean(samples[origins[:, None] + HORIZONS, :6] ** 2, axis=0))
+    np.testing.assert_allclose(
+        found.square, np.mean(samples[origins[:, None] + HORIZONS, :6] ** 2, axis=0)
+    )

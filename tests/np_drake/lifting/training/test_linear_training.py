@@ -7,7 +7,13 @@ from np_drake.lifting.model.delay_taps import DelayTaps
 from np_drake.lifting.model.lifted_model import DELAY_DMDC, DMDC
 from np_drake.lifting.training.dmdc import sample_scale
 from np_drake.lifting.training.horizon_ridge import flight_moments, horizon_ridge
-from np_drake.lifting.training.train import DmdcConfig, RidgeConfig, course_register, make_config, train
+from np_drake.lifting.training.train import (
+    DmdcConfig,
+    RidgeConfig,
+    course_register,
+    make_config,
+    train,
+)
 from np_drake.training_data.segments import Segment
 
 STEP = 0.02
@@ -37,10 +43,17 @@ def test_the_ridge_flies_as_the_best_linear_map_of_every_horizon():
     scale, taps = sample_scale([made]), DelayTaps(20, 4, 3)
     samples = np.hstack([made.chi, made.zeta])
     moments = flight_moments(
-        samples / scale, made.chi / scale[:6], taps=taps, horizons=np.arange(7), max_origins=6000, symmetry=0.0
+        samples / scale,
+        made.chi / scale[:6],
+        taps=taps,
+        horizons=np.arange(7),
+        max_origins=6000,
+        symmetry=0.0,
     )
     features = np.append(taps.features(samples / scale, np.array([50]))[0], 1.0)
-    course = np.einsum("p,phc->hc", features, horizon_ridge([moments], noise=config.noise)) * scale[:6]
+    course = (
+        np.einsum("p,phc->hc", features, horizon_ridge([moments], noise=config.noise)) * scale[:6]
+    )
     chi = model.system.rollout(model.lift(samples[31:51]), np.zeros((7, 6)))
     np.testing.assert_allclose(chi[:, :3], course[:, :3], atol=1e-10)
 

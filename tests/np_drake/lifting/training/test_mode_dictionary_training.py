@@ -1,4 +1,6 @@
-"""The default configuration for wrenches in body axes, on a made-up flight whose wrench has a law."""
+"""The default configuration for wrenches in body axes, on a made-up flight whose wrench has a
+law.
+"""
 
 import dataclasses as dc
 
@@ -58,7 +60,13 @@ def test_it_is_stable_whatever_the_data_say(model):
 def test_an_unseen_flight_is_predicted_better_than_by_any_naive_row(dut, known):
     unseen = flight(7)
     rows = skill_table(
-        {"np": dut}, unseen.chi, unseen.zeta, horizons=HORIZONS, mean=np.zeros(6), zeta_known=known, warm_up=29
+        {"np": dut},
+        unseen.chi,
+        unseen.zeta,
+        horizons=HORIZONS,
+        mean=np.zeros(6),
+        zeta_known=known,
+        warm_up=29,
     )
     for row in (row for row in rows if row.model == "np"):
         assert row.force_skill < 0.9, row
@@ -88,7 +96,8 @@ def test_the_file_holds_all_of_it(model, dut, tmp_path):
     unseen = flight(3, 400)
     for name in ("z", "offset", "A", "B", "C"):
         np.testing.assert_array_equal(
-            getattr(loaded.along(unseen.chi, unseen.zeta), name), getattr(dut.along(unseen.chi, unseen.zeta), name)
+            getattr(loaded.along(unseen.chi, unseen.zeta), name),
+            getattr(dut.along(unseen.chi, unseen.zeta), name),
         )
 
 
@@ -99,7 +108,9 @@ def test_a_whole_flight_at_once_is_the_flight_sample_by_sample(model, torque, kn
     origins = np.arange(29, 230)
     arguments = (dut, unseen.chi, unseen.zeta, origins, [0, 1, 7, 60])
     at_once = model_predictions(*arguments, zeta_known=known)
-    np.testing.assert_allclose(at_once, model_predictions(*arguments, zeta_known=known, at_once=False), atol=1e-9)
+    np.testing.assert_allclose(
+        at_once, model_predictions(*arguments, zeta_known=known, at_once=False), atol=1e-9
+    )
 
 
 def test_missing_samples_leave_a_forecast_and_a_long_gap_ends_evidence(dut):
@@ -108,7 +119,9 @@ def test_missing_samples_leave_a_forecast_and_a_long_gap_ends_evidence(dut):
     for k in range(400):
         x = np.concatenate([np.zeros(3), [1.0, 0, 0, 0], unseen.zeta[k]])
         missing = 100 <= k < 110 or 200 <= k < 260
-        memory = dut.update(memory, Sample(x, np.zeros(4), np.full(6, np.nan) if missing else unseen.chi[k]))
+        memory = dut.update(
+            memory, Sample(x, np.zeros(4), np.full(6, np.nan) if missing else unseen.chi[k])
+        )
         assert all(np.isfinite(value).all() for value in memory.values())
         if k in (115, 259):  # after a gap shorter than the window, and in one that is longer
             assert (memory["trust/lifted"][0] > 0) == (k == 115)

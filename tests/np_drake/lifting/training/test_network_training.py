@@ -18,13 +18,24 @@ from np_drake.training_data.segments import Segment
 
 STEP = 0.02
 CONFIG = NeuralConfig(
-    delay=10, horizons=5, size=2, steps=300, batch=20, lags=(4, 8), width=16, components=6, windows=60, updates=400,
+    delay=10,
+    horizons=5,
+    size=2,
+    steps=300,
+    batch=20,
+    lags=(4, 8),
+    width=16,
+    components=6,
+    windows=60,
+    updates=400,
     group=128,
-)  # fmt: skip
+)
 
 
 def swinging(seed, count=400):
-    """Segment of a vehicle below which a mass swings along x and y so widely that its frequency falls."""
+    """Segment of a vehicle below which a mass swings along x and y so widely that its frequency
+    falls.
+    """
     rng, t = np.random.default_rng(seed), STEP * np.arange(count)
     frequency, mass = rng.uniform(3.0, 5.0), rng.uniform(0.1, 0.4)
     chi, zeta = np.zeros((count, 6)), np.zeros((count, 6))
@@ -34,7 +45,9 @@ def swinging(seed, count=400):
     s, rate = rng.uniform(-1, 1, 2), np.zeros(2)
     for k in range(count - 1):
         chi[k, :2] = mass * frequency**2 * np.sin(s)
-        rate = rate - STEP * (frequency**2 * np.sin(s) + 0.1 * rate) - (zeta[k + 1, :2] - zeta[k, :2])
+        rate = (
+            rate - STEP * (frequency**2 * np.sin(s) + 0.1 * rate) - (zeta[k + 1, :2] - zeta[k, :2])
+        )
         s = s + STEP * rate
     chi[-1, :2] = chi[-2, :2]
     chi[:, :3] += 0.01 * rng.standard_normal((count, 3))
@@ -94,12 +107,17 @@ def test_the_loss_is_the_error_over_that_of_persistence(family, neural):
         white = principal_components(encoder, some, 3)
         data = family_windows(encoder, white, some, step=STEP, count=1000, noise=0.0)
         if isinstance(encoder, NeuralFamily):
-            own = family_windows(encoder, encoder.network.white, some, step=STEP, count=1000, noise=0.0)
+            own = family_windows(
+                encoder, encoder.network.white, some, step=STEP, count=1000, noise=0.0
+            )
             theta = (own.theta.numpy() - encoder.network.center) / encoder.network.spread
             x = saturated(np.concatenate([own.inputs.numpy(), theta], axis=1))
             dz, change = (torch.from_numpy(part).float() for part in encoder.network.correction(x))
         else:
-            dz, change = torch.zeros(len(data), encoder.K), torch.zeros(len(data), len(encoder.mean))
+            dz, change = (
+                torch.zeros(len(data), encoder.K),
+                torch.zeros(len(data), len(encoder.mean)),
+            )
         expected = []
         for flight in some:
             origins = np.arange(encoder.delay - 1, len(flight) - HORIZONS[-1])
@@ -113,7 +131,9 @@ def test_the_loss_is_the_error_over_that_of_persistence(family, neural):
 
 def test_the_network_starts_from_the_familys_own_forecasts(family, flights):
     untrained = add_network(family, flights, dc.replace(CONFIG, updates=0))
-    np.testing.assert_allclose(errors(untrained, flights[:2], 10), errors(family, flights[:2], 10), rtol=1e-9)
+    np.testing.assert_allclose(
+        errors(untrained, flights[:2], 10), errors(family, flights[:2], 10), rtol=1e-9
+    )
 
 
 def test_training_is_the_same_again(family, flights):
@@ -128,11 +148,16 @@ def test_hidden_layers_are_normalised(neural):
     assert isinstance(network, WindowNetwork)
     for W in network.weights[:-1]:
         assert np.linalg.norm(W, 2) == pytest.approx(CONFIG.gain, rel=1e-4)
-    assert neural.summary["network"]["lipschitz_bound"] == pytest.approx(network.lipschitz_bound, abs=1e-3)
+    assert neural.summary["network"]["lipschitz_bound"] == pytest.approx(
+        network.lipschitz_bound, abs=1e-3
+    )
 
 
 def test_it_is_trained_by_its_name(flights):
-    settings = {f.name: getattr(CONFIG, f.name) for f in dc.fields(CONFIG)} | {"steps": 3, "updates": 3}
+    settings = {f.name: getattr(CONFIG, f.name) for f in dc.fields(CONFIG)} | {
+        "steps": 3,
+        "updates": 3,
+    }
     told = []
     config = make_config(NEURAL, **settings)
     model = train(flights[:12], config, on_epoch=lambda *at: told.append(at[:2])).model
@@ -141,5 +166,7 @@ def test_it_is_trained_by_its_name(flights):
 
 
 def test_few_flights_train_no_network(flights):
-    with pytest.raises(ValueError, match=r"neural: at least 10 flights are needed; got 9\. Use lifted\."):
+    with pytest.raises(
+        ValueError, match=r"neural: at least 10 flights are needed; got 9\. Use lifted\."
+    ):
         train(flights[:9], CONFIG)

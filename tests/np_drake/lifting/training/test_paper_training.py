@@ -67,7 +67,9 @@ def test_an_unstable_window_is_made_stable_as_in_flight():
     np.testing.assert_allclose(found, [stabilized(A, RADIUS) for A in unstable], atol=1e-12)
 
 
-def linear_course(seed: int, A: np.ndarray, B: np.ndarray, n: int = 40) -> tuple[torch.Tensor, torch.Tensor]:
+def linear_course(
+    seed: int, A: np.ndarray, B: np.ndarray, n: int = 40
+) -> tuple[torch.Tensor, torch.Tensor]:
     """z and zeta (1, n, …) of z+ = A z + B zeta."""
     generator = np.random.default_rng(seed)
     zeta, z = generator.standard_normal((1, n, 6)), np.ones((1, n, len(A)))
@@ -84,16 +86,22 @@ def bare_trainer(ridge: float = 3.0) -> PaperTrainer:
 
 @given(st.integers(0, 1000), st.floats(1e-3, 1e6))
 def test_an_invertible_linear_system_costs_nothing_either_way(seed, ridge):
-    """With z a lifted linear system that the priors know: z_k = A^-1 (z_(k+1) - B zeta_k) backward in time."""
+    """With z a lifted linear system that the priors know: z_k = A^-1 (z_(k+1) - B zeta_k) backward
+    in time.
+    """
     generator = np.random.default_rng(seed)
     A, B = np.linalg.qr(generator.standard_normal((4, 4)))[0], generator.standard_normal((4, 6))
     dut, (z, zeta) = bare_trainer(ridge), linear_course(seed, RADIUS * A, B)
     forward = torch.from_numpy(np.hstack([RADIUS * A, B]).T)
-    assert dut._rollout_error(z, zeta, forward, backward=False).item() == pytest.approx(0.0, abs=1e-6)
+    assert dut._rollout_error(z, zeta, forward, backward=False).item() == pytest.approx(
+        0.0, abs=1e-6
+    )
     z, zeta = linear_course(seed, A, B)  # whose inverse lies on the circle
     backward = torch.from_numpy(np.hstack([A.T, -A.T @ B]).T)
     loss = dut._rollout_error(z, zeta, backward, backward=True).item()
-    assert loss == pytest.approx(0.0, abs=2e-3 * float((z**2).mean()))  # A^-1 pulled in by 1e-4 a step
+    assert loss == pytest.approx(
+        0.0, abs=2e-3 * float((z**2).mean())
+    )  # A^-1 pulled in by 1e-4 a step
 
 
 def test_the_backward_loss_is_the_mean_square_of_the_way_back():
@@ -122,10 +130,14 @@ def test_one_law_asks_for_no_refit_and_a_law_for_each_window_for_one(seed):
         decay = 0.9 + spread * generator.uniform(-1, 1, (40, 1))
         zeta, chi = generator.standard_normal((40, 80, 6)), np.zeros((40, 80, 6))
         for k in range(79):
-            chi[:, k + 1] = decay * chi[:, k] + 0.3 * zeta[:, k] + 0.02 * generator.standard_normal((40, 6))
+            chi[:, k + 1] = (
+                decay * chi[:, k] + 0.3 * zeta[:, k] + 0.02 * generator.standard_normal((40, 6))
+            )
         prior = torch.from_numpy(np.vstack([0.9 * np.eye(6), 0.3 * np.eye(6)]))
         z = torch.from_numpy(chi)
-        return most_likely_ridge(z, torch.from_numpy(zeta), z, torch.eye(6, dtype=z.dtype), prior.expand(40, -1, -1))
+        return most_likely_ridge(
+            z, torch.from_numpy(zeta), z, torch.eye(6, dtype=z.dtype), prior.expand(40, -1, -1)
+        )
 
     assert learned(0.0) >= 1e3  # 39 samples of about unit size move little
     assert learned(0.09) <= 1e2
@@ -142,7 +154,9 @@ def test_only_a_weight_lasts_beyond_a_window(plain):
 
 
 def test_a_late_label_is_learned_as_one_in_time(dithered):
-    """Two samples of delay change the model by what the ends of the flight say, and z is that of now."""
+    """Two samples of delay change the model by what the ends of the flight say, and z is that of
+    now.
+    """
     late = Segment(dithered.chi, dithered.zeta, 0.02, late=2)
     in_time = Segment(dithered.chi[2:], dithered.zeta[:-2], 0.02)
     config = dc.replace(CONFIG, epochs=1, spacing=60)
@@ -157,7 +171,9 @@ def test_a_late_label_is_learned_as_one_in_time(dithered):
 
 
 def test_a_circle_in_one_direction_is_learned_as_one_in_both(plain):
-    """The mean over the images of a flight knows no direction: turned motion gives the turned force."""
+    """The mean over the images of a flight knows no direction: turned motion gives the turned
+    force.
+    """
     config = dc.replace(CONFIG, epochs=1, spacing=10)
     s = train([plain.segment], config).model
     free = train([plain.segment], dc.replace(config, symmetric=False)).model

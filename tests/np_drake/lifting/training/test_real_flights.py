@@ -1,4 +1,6 @@
-"""The predictor on the paper's arrays: body axes, 400 Hz; what it must show on flights that it has not seen."""
+"""The predictor on the paper's arrays: body axes, 400 Hz; what it must show on flights that it has
+not seen.
+"""
 
 import numpy as np
 import pytest
@@ -28,7 +30,8 @@ def flights(neurobem):
 def trained(flights, names):
     """The predictor, and the mean of its training."""
     model = train(
-        [Segment(*flights[name], 1 / 400) for name in names], make_config("mode-dictionary", frame="body")
+        [Segment(*flights[name], 1 / 400) for name in names],
+        make_config("mode-dictionary", frame="body"),
     ).model
     assert model.system.spectral_radius <= 1.0
     dut = NeuralPredictor(model, PredictorOptions(torque="predict"))
@@ -38,7 +41,14 @@ def trained(flights, names):
 def scores(dut, mean, flight, known):
     """(8 horizons, 5) force_ratio, torque_ratio, torque_skill, force_rmse, torque_rmse."""
     wanted = ("force_ratio", "torque_ratio", "torque_skill", "force_rmse", "torque_rmse")
-    rows = skill_table({"np": dut}, *flight, horizons=HORIZONS, mean=mean, zeta_known=known, warm_up=dut.model.window)
+    rows = skill_table(
+        {"np": dut},
+        *flight,
+        horizons=HORIZONS,
+        mean=mean,
+        zeta_known=known,
+        warm_up=dut.model.window,
+    )
     return np.array([[getattr(row, key) for key in wanted] for row in rows if row.model == "np"])
 
 
@@ -66,7 +76,9 @@ def left_out(flights, without, request):
 @pytest.fixture(scope="module", params=[False, True], ids=["held", "known"])
 def from_one_segment(flights, circling, request):
     """The six test flights."""
-    return {name: scores(*circling, flights[name], request.param) for name in TESTS if name in flights}
+    return {
+        name: scores(*circling, flights[name], request.param) for name in TESTS if name in flights
+    }
 
 
 def test_force_of_a_flight_left_out_is_predicted_over_the_horizon(left_out):

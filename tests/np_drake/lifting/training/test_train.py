@@ -15,15 +15,21 @@ HORIZONS = [0, 5, 10, 20, 40]
 
 def force_rows(model, flight, name: str = "np") -> list[SkillRow]:
     rows = skill_table(
-        {"np": NeuralPredictor(model)}, flight.chi, flight.zeta, target=flight.truth, horizons=HORIZONS,
+        {"np": NeuralPredictor(model)},
+        flight.chi,
+        flight.zeta,
+        target=flight.truth,
+        horizons=HORIZONS,
         mean=np.zeros(6),
-    )  # fmt: skip
+    )
     return [row for row in rows if row.model == name]
 
 
 def same(a, b) -> bool:
     pairs = [(a.system.A, b.system.A), (a.system.B, b.system.B), (a.system.C, b.system.C)]
-    return all(np.array_equal(x, y) for x, y in pairs) and np.array_equal(a.linear_encoder.E, b.linear_encoder.E)
+    return all(np.array_equal(x, y) for x, y in pairs) and np.array_equal(
+        a.linear_encoder.E, b.linear_encoder.E
+    )
 
 
 def test_on_an_unseen_path_it_predicts_far_better_than_holding(trained, lemniscate):
@@ -34,7 +40,9 @@ def test_on_an_unseen_path_it_predicts_far_better_than_holding(trained, lemnisca
 
 def test_a_threefold_run_is_no_better(trained, dithered, lemniscate):
     longer = train([dithered.segment], LiftedConfig(steps=3 * LiftedConfig().steps)).model
-    for short, long in zip(force_rows(trained.model, lemniscate), force_rows(longer, lemniscate), strict=True):
+    for short, long in zip(
+        force_rows(trained.model, lemniscate), force_rows(longer, lemniscate), strict=True
+    ):
         assert short.force_rmse < 1.05 * long.force_rmse
 
 
@@ -108,7 +116,9 @@ def test_too_little_or_mixed_data_is_refused():
         train([])
 
 
-@pytest.mark.parametrize("config", [LiftedConfig(steps=1000), PaperConfig(epochs=1)], ids=["lifted", "paper"])
+@pytest.mark.parametrize(
+    "config", [LiftedConfig(steps=1000), PaperConfig(epochs=1)], ids=["lifted", "paper"]
+)
 def test_a_flight_that_shows_nothing_teaches_to_hold(config):
     still = Segment(np.tile([0.0, 0.0, -2.5, 0.0, 0.0, 0.0], (300, 1)), np.zeros((300, 6)), 0.02)
     model = train([still], config).model

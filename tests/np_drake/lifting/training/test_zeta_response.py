@@ -1,7 +1,12 @@
 import numpy as np
 import pytest
 
-from np_drake.lifting.training.mode_dictionary import coupled, departures, fit_response, time_constants
+from np_drake.lifting.training.mode_dictionary import (
+    coupled,
+    departures,
+    fit_response,
+    time_constants,
+)
 
 MODES = time_constants((3.0, 20.0), (3.0, 20.0), 1e4)
 HORIZONS = np.array([0, 1, 3, 10, 30])
@@ -19,7 +24,9 @@ def test_departures_are_what_the_system_adds_to_a_held_forecast():
     z = np.concatenate([np.zeros(MODES.K), zeta[k]])
     course = system.rollout(z, zeta[k : k + 31])[HORIZONS]
     u = departures(zeta, np.array([k]), HORIZONS, MODES.poles[0])[0]
-    np.testing.assert_allclose(course[:, 0], np.einsum("hmp,mp->h", u, B[MODES.places[0]]), atol=1e-9)
+    np.testing.assert_allclose(
+        course[:, 0], np.einsum("hmp,mp->h", u, B[MODES.places[0]]), atol=1e-9
+    )
 
 
 def test_a_held_zeta_leaves_the_held_forecast():
@@ -35,7 +42,11 @@ def fitted(**settings):
     origins = np.arange(0, 3900, 3)
     rest = np.stack(
         [
-            np.einsum("ohmp,mp->oh", departures(zeta, origins, HORIZONS, MODES.poles[c]), B[MODES.places[c]])
+            np.einsum(
+                "ohmp,mp->oh",
+                departures(zeta, origins, HORIZONS, MODES.poles[c]),
+                B[MODES.places[c]],
+            )
             for c in range(6)
         ],
         axis=-1,

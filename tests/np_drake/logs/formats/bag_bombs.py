@@ -1,4 +1,6 @@
-"""Makes small bags that ask much memory of their reader: what they unpack to, repeat or define has gigabytes."""
+"""Makes small bags that ask much memory of their reader: what they unpack to, repeat or define has
+gigabytes.
+"""
 
 import bz2
 import functools
@@ -47,7 +49,8 @@ def message2(data: bytes) -> bytes:
 def record1(fields: dict[str, bytes], data: bytes, size: int | None = None) -> bytes:
     """Return a record of a ROS 1 bag. size: that it claims its data to have."""
     header = b"".join(
-        struct.pack("<I", len(name) + 1 + len(value)) + name.encode() + b"=" + value for name, value in fields.items()
+        struct.pack("<I", len(name) + 1 + len(value)) + name.encode() + b"=" + value
+        for name, value in fields.items()
     )
     length = len(data) if size is None else size
     return struct.pack("<I", len(header)) + header + struct.pack("<I", length) + data
@@ -70,9 +73,16 @@ def bag1(
 ) -> Path:
     """Write a ROS 1 bag of one chunk: a message of 3 bytes and one of zeros.
 
-    size: that the chunk claims.   cut: without the index.   chunk_infos, entries: how often the index names them.
+    size: that the chunk claims.
+    cut: without the index.
+    chunk_infos, entries: how often the index names them.
     """
-    about = {"topic": b"/a", "type": b"made/Bytes", "md5sum": b"0" * 32, "message_definition": b"uint8[] data"}
+    about = {
+        "topic": b"/a",
+        "type": b"made/Bytes",
+        "md5sum": b"0" * 32,
+        "message_definition": b"uint8[] data",
+    }
     fields = record1(about, b"")[4:-4]
     connection = record1({"op": b"\x07", "conn": number(0), "topic": b"/a"}, fields)
     stamp = struct.pack("<II", 1, 0)
@@ -85,11 +95,15 @@ def bag1(
     chunk = record1({"op": b"\x05", "compression": kind.encode(), "size": number(claimed)}, content)
     before = b"#ROSBAG V2.0\n"
     length = 4096 - len(
-        record1({"op": b"\x03", "index_pos": bytes(8), "conn_count": b"1234", "chunk_count": b"1234"}, b"")
+        record1(
+            {"op": b"\x03", "index_pos": bytes(8), "conn_count": b"1234", "chunk_count": b"1234"},
+            b"",
+        )
     )
     position = len(before) + 4096
     index = record1(
-        {"op": b"\x04", "ver": number(1), "conn": number(0), "count": number(entries)}, (stamp + number(0)) * entries
+        {"op": b"\x04", "ver": number(1), "conn": number(0), "count": number(entries)},
+        (stamp + number(0)) * entries,
     )
     info = record1(
         {
@@ -99,14 +113,23 @@ def bag1(
         number(0) + number(entries),
     )
     end = position + len(chunk) + len(index)
-    header = {"op": b"\x03", "index_pos": struct.pack("<Q", 0 if cut else end), "conn_count": number(1)}
+    header = {
+        "op": b"\x03",
+        "index_pos": struct.pack("<Q", 0 if cut else end),
+        "conn_count": number(1),
+    }
     opening = record1({**header, "chunk_count": number(chunk_infos)}, b" " * length)
     chunk = (
-        record1({"op": b"\x05", "compression": b"none", "size": number(len(connection))}, connection) + chunk
+        record1(
+            {"op": b"\x05", "compression": b"none", "size": number(len(connection))}, connection
+        )
+        + chunk
         if cut
         else chunk
     )
-    path.write_bytes(before + opening + chunk + index + (b"" if cut else connection + info * chunk_infos))
+    path.write_bytes(
+        before + opening + chunk + index + (b"" if cut else connection + info * chunk_infos)
+    )
     return path
 
 
@@ -153,36 +176,63 @@ def mcap(
     known: bytes = schema2() + channel2(),
     channels: int = 1,
 ) -> Path:
-    """Write an MCAP file of one chunk. end: `index`, `footer` without one, or `cut`.   known: schemas and channels."""
+    """Write an MCAP file of one chunk. end: `index`, `footer` without one, or `cut`.   known:
+    schemas and channels.
+    """
     opening = MCAP + record2(1, text("ros2") + text("made"))
     body = record2(15, bytes(4)) if end != "cut" else b""
     at = len(opening) + len(chunk) + len(body)
     summary = b""
     if end == "index":
-        places = b"".join(struct.pack("<HQ", k + 1, len(opening) + len(chunk)) for k in range(channels))
+        places = b"".join(
+            struct.pack("<HQ", k + 1, len(opening) + len(chunk)) for k in range(channels)
+        )
         place = struct.pack("<QQQQ", TIME, TIME, len(opening), len(chunk)) + text(places)
-        place += struct.pack("<Q", 31 * channels) + text(kind) + struct.pack("<QQ", len(chunk) - 49 - len(kind), size)
+        place += (
+            struct.pack("<Q", 31 * channels)
+            + text(kind)
+            + struct.pack("<QQ", len(chunk) - 49 - len(kind), size)
+        )
         counts = b"".join(struct.pack("<HQ", k + 1, 1) for k in range(channels))
         facts = struct.pack("<QHIIIIQQ", channels, 1, channels, 0, 0, 1, TIME, TIME) + text(counts)
         summary = known + record2(8, place) + record2(11, facts)
-    footer = record2(2, struct.pack("<QQI", at if summary else 0, 0, 0)) + MCAP if end != "cut" else b""
+    footer = (
+        record2(2, struct.pack("<QQI", at if summary else 0, 0, 0)) + MCAP if end != "cut" else b""
+    )
     path.write_bytes(opening + chunk + body + summary + footer)
     return path
 
 
 def mcap_zeros(path: Path, kind: str, *, size: int | None = None, end: str = "index") -> Path:
-    """Write an MCAP file whose chunk holds a small message and one of zeros. size: that the chunk claims."""
+    """Write an MCAP file whose chunk holds a small message and one of zeros. size: that the chunk
+    claims.
+    """
     zeros = MANY * len(PIECE)
     small = schema2() + channel2() + row2(message2(b"abc"))
-    large = struct.pack("<BQHIQQ", 5, 22 + 8 + zeros, 1, 0, TIME, TIME) + message2(b"")[:4] + struct.pack("<I", zeros)
+    large = (
+        struct.pack("<BQHIQQ", 5, 22 + 8 + zeros, 1, 0, TIME, TIME)
+        + message2(b"")[:4]
+        + struct.pack("<I", zeros)
+    )
     claimed = len(small) + len(large) + zeros if size is None else size
-    return mcap(path, chunk2(kind, pack(kind, small + large, MANY), claimed), claimed, kind, end=end)
+    return mcap(
+        path, chunk2(kind, pack(kind, small + large, MANY), claimed), claimed, kind, end=end
+    )
 
 
-def mcap_content(path: Path, content: bytes, *, known: bytes = schema2() + channel2(), **options) -> Path:
+def mcap_content(
+    path: Path, content: bytes, *, known: bytes = schema2() + channel2(), **options
+) -> Path:
     """Write an MCAP file of one chunk of zstd with this content after its schemas and channels."""
     whole = known + content
-    return mcap(path, chunk2("zstd", zstd.compress(whole), len(whole)), len(whole), "zstd", known=known, **options)
+    return mcap(
+        path,
+        chunk2("zstd", zstd.compress(whole), len(whole)),
+        len(whole),
+        "zstd",
+        known=known,
+        **options,
+    )
 
 
 def bag_rows(path: Path) -> Path:
@@ -194,7 +244,9 @@ def bag_columns(path: Path) -> Path:
     """Write messages of parts in parts, with millions of numbers that would become columns."""
     fields = "".join(f"bool a_rather_long_name_of_a_field_{k}\n" for k in range(64))
     bar = "=" * 80 + "\n"
-    definition = f"Outer[] outer\n{bar}MSG: made/Outer\nInner[] inner\n{bar}MSG: made/Inner\nLeaf[] leaf\n"
+    definition = (
+        f"Outer[] outer\n{bar}MSG: made/Outer\nInner[] inner\n{bar}MSG: made/Inner\nLeaf[] leaf\n"
+    )
     definition += f"{bar}MSG: made/Leaf\n{fields}"
     one = struct.pack("<I", 32)
     leaf = one + bytes(32 * 64)
@@ -216,12 +268,16 @@ def bag_lengths(path: Path) -> Path:
 def bag_definitions(path: Path) -> Path:
     """Write a definition of types of many megabytes, without an index."""
     definition = "".join(f"float64 field_{k}\n" for k in range(10**6))
-    return mcap_content(path, row2(message2(b"abc")), known=schema2(definition) + channel2(), end="footer")
+    return mcap_content(
+        path, row2(message2(b"abc")), known=schema2(definition) + channel2(), end="footer"
+    )
 
 
 def bag_qos(path: Path) -> Path:
     """Write a quality of service of many nodes of YAML."""
-    return mcap_content(path, row2(message2(b"abc")), known=schema2() + channel2("- a\n" * 2 * 10**6))
+    return mcap_content(
+        path, row2(message2(b"abc")), known=schema2() + channel2("- a\n" * 2 * 10**6)
+    )
 
 
 def bag_channels(path: Path) -> Path:
@@ -234,28 +290,43 @@ def bag_channels(path: Path) -> Path:
 
 
 def database(
-    path: Path, data: str = "data BLOB NOT NULL", rows: int = 1, raw: bytes = message2(b"abc"), qos: str = ""
+    path: Path,
+    data: str = "data BLOB NOT NULL",
+    rows: int = 1,
+    raw: bytes = message2(b"abc"),
+    qos: str = "",
 ) -> Path:
-    """Write a sqlite3 bag. data: the column of the messages.   raw: what stands in it, if it is no made one."""
+    """Write a sqlite3 bag. data: the column of the messages.   raw: what stands in it, if it is no
+    made one.
+    """
     with sqlite3.connect(path) as file:
         file.execute("CREATE TABLE schema(schema_version INTEGER PRIMARY KEY, ros_distro TEXT)")
         file.execute("INSERT INTO schema VALUES (4, 'jazzy')")
         file.execute(
-            "CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT, type TEXT, serialization_format TEXT,"
+            "CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT, type TEXT, "
+            "serialization_format TEXT,"
             " offered_qos_profiles TEXT, type_description_hash TEXT)"
         )
         file.execute("INSERT INTO topics VALUES (1, '/a', ?, 'cdr', ?, '')", (TYPE, qos))
         file.execute(
-            "CREATE TABLE message_definitions(id INTEGER PRIMARY KEY, topic_type TEXT, encoding TEXT,"
+            "CREATE TABLE message_definitions(id INTEGER PRIMARY KEY, topic_type TEXT, "
+            "encoding TEXT,"
             " encoded_message_definition TEXT, type_description_hash TEXT)"
         )
-        file.execute("INSERT INTO message_definitions VALUES (1, ?, 'ros2msg', ?, '')", (TYPE, DEFINITION))
-        file.execute(f"CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER, timestamp INTEGER, {data})")
+        file.execute(
+            "INSERT INTO message_definitions VALUES (1, ?, 'ros2msg', ?, '')", (TYPE, DEFINITION)
+        )
+        file.execute(
+            f"CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER, timestamp "
+            f"INTEGER, {data})"
+        )
         for _ in range(rows):
             if "GENERATED" in data:
                 file.execute("INSERT INTO messages(topic_id, timestamp) VALUES (1, ?)", (TIME,))
             else:
-                file.execute("INSERT INTO messages(topic_id, timestamp, data) VALUES (1, ?, ?)", (TIME, raw))
+                file.execute(
+                    "INSERT INTO messages(topic_id, timestamp, data) VALUES (1, ?, ?)", (TIME, raw)
+                )
     file.close()
     return path
 
@@ -277,7 +348,12 @@ def folder(path: Path, name: str, mode: str, storage: str = "sqlite3", qos: str 
     """Write the description of a folder of one file."""
     topic = {"name": "/a", "type": TYPE, "serialization_format": "cdr", "offered_qos_profiles": qos}
     about = {
-        **{"version": 6, "storage_identifier": storage, "relative_file_paths": [name], "message_count": 1},
+        **{
+            "version": 6,
+            "storage_identifier": storage,
+            "relative_file_paths": [name],
+            "message_count": 1,
+        },
         **{"duration": {"nanoseconds": 0}, "starting_time": {"nanoseconds_since_epoch": TIME}},
         **{"topics_with_message_count": [{"topic_metadata": topic, "message_count": 1}]},
         **{"compression_format": "zstd" if mode else "", "compression_mode": mode, "files": []},

@@ -1,4 +1,6 @@
-"""Writes blackbox logs of data version 2 with any encoding and predictor, as Betaflight documents them."""
+"""Writes blackbox logs of data version 2 with any encoding and predictor, as Betaflight documents
+them.
+"""
 
 import dataclasses as dc
 import struct
@@ -49,18 +51,24 @@ HOME = tuple(Field(f"GPS_home[{i}]") for i in (0, 1))
 
 @dc.dataclass
 class Log:
-    """One log. rows: (n, fields) integers of the main frames, in which loops that are not logged are no rows.
+    """One log. rows: (n, fields) integers of the main frames, in which loops that are not logged
+    are no rows.
 
-    beside: by row, the frames and events that are written behind it: a letter and its values, or bytes.
+    beside: by row, the frames and events that are written behind it: a letter and its values, or
+    bytes.
     """
 
     fields: Sequence[Field]
     rows: np.ndarray
     interval: int = 8
     settings: Mapping[str, str] = dc.field(default_factory=dict)
-    beside: Mapping[int, Sequence[tuple[str, Sequence[int]] | bytes]] = dc.field(default_factory=dict)
+    beside: Mapping[int, Sequence[tuple[str, Sequence[int]] | bytes]] = dc.field(
+        default_factory=dict
+    )
     every: str = "1"
-    kinds: Mapping[str, Sequence[Field]] = dc.field(default_factory=lambda: {"S": SLOW, "H": HOME, "G": GPS})
+    kinds: Mapping[str, Sequence[Field]] = dc.field(
+        default_factory=lambda: {"S": SLOW, "H": HOME, "G": GPS}
+    )
     end: bytes = END
 
     def encode(self) -> bytes:
@@ -77,7 +85,12 @@ class Log:
             lines |= {f"Field {letter} encoding": ",".join(str(f.i[1]) for f in fields)}
         lines |= {"Field P predictor": ",".join(str(f.p[0]) for f in self.fields)}
         lines |= {"Field P encoding": ",".join(str(f.p[1]) for f in self.fields)}
-        lines |= {"I interval": str(self.interval), "P interval": self.every, **SETTINGS, **self.settings}
+        lines |= {
+            "I interval": str(self.interval),
+            "P interval": self.every,
+            **SETTINGS,
+            **self.settings,
+        }
         return "".join(f"H {name}:{value}\n" for name, value in lines.items()).encode()
 
     def frames(self) -> list[bytes]:
@@ -89,7 +102,10 @@ class Log:
             key = not history or row[0] % self.interval == 0
             residuals = self._residuals(self.fields, row, "i" if key else "p", history, home)
             history = [row, row] if key else [row, history[0]]
-            out.append((b"I" if key else b"P") + encoded(residuals, [(f.i if key else f.p)[1] for f in self.fields]))
+            out.append(
+                (b"I" if key else b"P")
+                + encoded(residuals, [(f.i if key else f.p)[1] for f in self.fields])
+            )
             for extra in self.beside.get(number, ()):
                 if isinstance(extra, bytes):
                     out[-1] += extra
@@ -211,7 +227,9 @@ def three_variable(v: Sequence[int]) -> bytes:
 def _bytes_each(v: Sequence[int]) -> bytes:
     sizes = [next(size for size in (1, 2, 3, 4) if fits([x], 8 * size)) for x in v]
     tags = sum((size - 1) << (2 * k) for k, size in enumerate(sizes))
-    return bytes([0xC0 | tags]) + b"".join(x.to_bytes(s, "little", signed=True) for x, s in zip(v, sizes, strict=True))
+    return bytes([0xC0 | tags]) + b"".join(
+        x.to_bytes(s, "little", signed=True) for x, s in zip(v, sizes, strict=True)
+    )
 
 
 def four(v: Sequence[int]) -> bytes:
@@ -241,7 +259,9 @@ def resumed(iteration: int, time: int) -> bytes:
     return b"E\x0e" + unsigned(iteration) + unsigned(time)
 
 
-def main_log(values: Mapping[str, np.ndarray], *, step: int = 2000, begin: int = 1_000_000, **options) -> Log:
+def main_log(
+    values: Mapping[str, np.ndarray], *, step: int = 2000, begin: int = 1_000_000, **options
+) -> Log:
     """Return a log of signed fields (n,), whose rows are `step` us apart."""
     count = len(next(iter(values.values())))
     rows = np.column_stack([np.arange(count), begin + step * np.arange(count), *values.values()])

@@ -14,7 +14,9 @@ Write = Callable[[Path, dict[str, Stream]], None]
 
 def load_writer(name: str) -> ModuleType:
     """Return the module `<name>_writer.py` beside this file."""
-    spec = importlib.util.spec_from_file_location(f"{name}_writer", Path(__file__).with_name(f"{name}_writer.py"))
+    spec = importlib.util.spec_from_file_location(
+        f"{name}_writer", Path(__file__).with_name(f"{name}_writer.py")
+    )
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)

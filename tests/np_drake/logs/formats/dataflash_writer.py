@@ -1,4 +1,6 @@
-"""Writes ArduPilot DataFlash logs for tests: FMT, FMTU and PARM records, then the rows of all streams by time."""
+"""Writes ArduPilot DataFlash logs for tests: FMT, FMTU and PARM records, then the rows of all
+streams by time.
+"""
 
 import struct
 from collections.abc import Iterator, Mapping
@@ -8,7 +10,13 @@ from typing import Any
 from np_drake.logs.formats.format import Stream
 
 CODES = {"B": "B", "Q": "Q", "N": "16s", "n": "4s", "Z": "64s", "f": "f", "d": "d", "g": "e"}
-SCALED = {"c": ("h", 100), "C": ("H", 100), "e": ("i", 100), "E": ("I", 100), "L": ("i", 10_000_000)}
+SCALED = {
+    "c": ("h", 100),
+    "C": ("H", 100),
+    "e": ("i", 100),
+    "E": ("I", 100),
+    "L": ("i", 10_000_000),
+}
 Definition = tuple[int, str, str, str]  # type, characters, name, columns
 FMT = (128, "BBnNZ", "FMT", "Type,Length,Name,Format,Columns")
 FMTU = (129, "QBNN", "FMTU", "TimeUS,FmtType,UnitIds,MultIds")
@@ -24,7 +32,8 @@ def write(
     parameters: Mapping[str, float] | None = None,
     firmware: str = "ArduCopter V4.5.7 (made)",
 ) -> None:
-    """Write streams named as messages, `NAME` or `NAME.<instance>`; times are since boot [s], kept to 1 us.
+    """Write streams named as messages, `NAME` or `NAME.<instance>`; times are since boot [s], kept
+    to 1 us.
 
     characters: of ArduPilot, by column; those not named are written as d (double).
     """
@@ -40,7 +49,9 @@ def write(
             file.write(_format(definition))
         for message in dict.fromkeys(name.partition(".")[0] for name in streams if "." in name):
             number, kinds, _, _ = definitions[message]
-            file.write(_record(FMTU, 0, number, "s#".ljust(len(kinds), "-"), "F".ljust(len(kinds), "-")))
+            file.write(
+                _record(FMTU, 0, number, "s#".ljust(len(kinds), "-"), "F".ljust(len(kinds), "-"))
+            )
         for name, value in (parameters or {}).items():
             file.write(_record(PARM, 0, name, value))
         file.write(_record(MSG, 0, firmware))

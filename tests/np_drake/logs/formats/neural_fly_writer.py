@@ -1,4 +1,6 @@
-"""Writer of made files of the Neural-Fly data set: lists in cells, rows numbered in a column without a name."""
+"""Writer of made files of the Neural-Fly data set: lists in cells, rows numbered in a column
+without a name.
+"""
 
 import gzip
 import json

@@ -1,4 +1,6 @@
-"""Writes ROS bags for tests through the writers of rosbags; the type of a topic's messages follows from its columns."""
+"""Writes ROS bags for tests through the writers of rosbags; the type of a topic's messages follows
+from its columns.
+"""
 
 import tempfile
 from collections.abc import Mapping
@@ -37,7 +39,8 @@ def write(
     frame: str = "world",
     compression: str = "",
 ) -> None:
-    """Write streams by topic: a ROS 1 bag (`.bag`), a bare `.mcap` or `.db3`, or else a ROS 2 folder.
+    """Write streams by topic: a ROS 1 bag (`.bag`), a bare `.mcap` or `.db3`, or else a ROS 2
+    folder.
 
     storage: of a folder: `mcap` or `sqlite3`.   types: of topics, where the columns do not say.
     unstamped: topics whose stamps are zero.   delay: from stamp to receipt [s].
@@ -63,7 +66,10 @@ def write(
                 stamp = START + round(t * 1e9)
                 values = {c: v[row] for c, v in stream.columns.items()}
                 if topic not in unstamped:
-                    values |= {"header.stamp.sec": stamp // 10**9, "header.stamp.nanosec": stamp % 10**9}
+                    values |= {
+                        "header.stamp.sec": stamp // 10**9,
+                        "header.stamp.nanosec": stamp % 10**9,
+                    }
                 raw = bytes(serialise(_make(store, name, values, "", frame), name))
                 messages.append((stamp + round(delay * 1e9), connection, raw))
         for time, connection, raw in sorted(messages, key=lambda m: m[0]):
@@ -100,7 +106,11 @@ def _make(store: Any, name: str, values: Mapping[str, float], path: str, frame: 
         elif what[0][0] == Nodetype.NAME or what[0][1][0] == "string":
             fields[field] = []
         else:
-            count = what[1] if node == Nodetype.ARRAY else sum(p.startswith(f"{full}[") for p in values)
+            count = (
+                what[1] if node == Nodetype.ARRAY else sum(p.startswith(f"{full}[") for p in values)
+            )
             numbers = [values.get(f"{full}[{i}]", 0) for i in range(count)]
-            fields[field] = np.array(numbers, dtype={"char": "uint8"}.get(what[0][1][0], what[0][1][0]))
+            fields[field] = np.array(
+                numbers, dtype={"char": "uint8"}.get(what[0][1][0], what[0][1][0])
+            )
     return store.types[name](**fields)

@@ -9,9 +9,14 @@ from np_drake.logs.formats.format import Stream
 
 
 def write(path: Path, streams: dict[str, Stream], delimiter: str = ",") -> None:
-    """Write one stream as CSV or Parquet by the name's end; a column (n, k) becomes lists in cells."""
+    """Write one stream as CSV or Parquet by the name's end; a column (n, k) becomes lists in
+    cells.
+    """
     (stream,) = streams.values()
-    columns = {"t": stream.t, **{name: column for name, column in stream.columns.items() if name != "t"}}
+    columns = {
+        "t": stream.t,
+        **{name: column for name, column in stream.columns.items() if name != "t"},
+    }
     if path.suffix == ".parquet":
         import pyarrow
         import pyarrow.parquet

@@ -24,8 +24,14 @@ def read(path):
         print("read")
     except LogError as error:
         print(error)
-"""
-HARMLESS = {"bag_index", "mcap_columns", "mcap_qos", "sqlite_metadata", "sqlite_qos"}  # read for what they are
+"""  # noqa: E501
+HARMLESS = {
+    "bag_index",
+    "mcap_columns",
+    "mcap_qos",
+    "sqlite_metadata",
+    "sqlite_qos",
+}  # read for what they are
 UNPACKS = "must hold chunks and messages that unpack to at most"
 WORDS = {
     "mcap_rows": "million numbers for its size",
@@ -40,7 +46,9 @@ WORDS = {
 
 def bombs():
     """Return the module `bag_bombs.py` beside this file."""
-    spec = importlib.util.spec_from_file_location("bag_bombs", Path(__file__).with_name("bag_bombs.py"))
+    spec = importlib.util.spec_from_file_location(
+        "bag_bombs", Path(__file__).with_name("bag_bombs.py")
+    )
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
@@ -54,7 +62,9 @@ def read(fresh_reader):
     return fresh_reader(READ, SECONDS)
 
 
-@pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="needs the peak memory of a process")
+@pytest.mark.skipif(
+    not Path("/proc/self/status").exists(), reason="needs the peak memory of a process"
+)
 @pytest.mark.parametrize("name", BOMBS.BOMBS)
 def test_a_bag_that_asks_for_gigabytes_is_read_or_refused_in_little_memory(tmp_path, name, read):
     path = BOMBS.BOMBS[name](tmp_path)
@@ -70,7 +80,9 @@ def test_a_bag_that_asks_for_gigabytes_is_read_or_refused_in_little_memory(tmp_p
 
 
 @pytest.mark.parametrize("kind", ["bz2", "lz4"])
-def test_a_chunk_that_claims_less_than_it_holds_is_damage_after_good_ones(tmp_path, kind, ros_writer):
+def test_a_chunk_that_claims_less_than_it_holds_is_damage_after_good_ones(
+    tmp_path, kind, ros_writer
+):
     """The messages before it are kept, and a note says so."""
     path = tmp_path / "a.bag"
     t = np.arange(4000) * 0.01
@@ -88,7 +100,9 @@ def test_a_bag_within_its_budget_is_read_though_it_packs_well(tmp_path, ros_writ
     """A vehicle that stands still packs 50 to 1."""
     t = np.arange(6000) * 0.01
     path = tmp_path / "bag"
-    ros_writer.write(path, {"/odom": Stream(t, {c: np.zeros(len(t)) for c in ODOMETRY})}, compression="storage")
+    ros_writer.write(
+        path, {"/odom": Stream(t, {c: np.zeros(len(t)) for c in ODOMETRY})}, compression="storage"
+    )
     recording = ROS.read(path, {"/odom": list(ODOMETRY)}, lambda share: None)
     assert len(recording.streams["/odom"]) == len(t)
 
@@ -96,7 +110,8 @@ def test_a_bag_within_its_budget_is_read_though_it_packs_well(tmp_path, ros_writ
 def test_messages_come_in_the_order_of_their_receipt(tmp_path):
     rows = [(3, b"c"), (1, b"a"), (2, b"b"), (1, b"d")]
     content = b"".join(
-        BOMBS.record2(5, BOMBS.struct.pack("<HIQQ", 1, 0, time, time) + BOMBS.message2(data)) for time, data in rows
+        BOMBS.record2(5, BOMBS.struct.pack("<HIQQ", 1, 0, time, time) + BOMBS.message2(data))
+        for time, data in rows
     )
     path = BOMBS.mcap_content(tmp_path / "a.mcap", content)
     dut = ROS.read(path, {"/a": ["data[0]"]}, lambda share: None).streams["/a"]

@@ -15,7 +15,15 @@ from np_drake.logs.formats.blackbox import BLACKBOX
 from np_drake.logs.formats.format import Recording
 from np_drake.logs.formats.library import format_of
 
-SIZES = {0: 1, 1: 1, 3: 1, 6: 1, 7: 3, 8: 4, 10: 3}  # fields that an encoding takes together; 6 as many as follow
+SIZES = {
+    0: 1,
+    1: 1,
+    3: 1,
+    6: 1,
+    7: 3,
+    8: 4,
+    10: 3,
+}  # fields that an encoding takes together; 6 as many as follow
 # Values of which two differ, and are foreseen, by no more than the encoding holds.
 LARGEST = {3: 900, 8: 4000}
 
@@ -40,7 +48,9 @@ def everything(path: Path) -> Recording:
 def plain(writer, rows=64, seed=1, **options):
     """Return a log of a few fields."""
     rng = np.random.default_rng(seed)
-    return writer.main_log({name: rng.integers(-500, 500, rows) for name in ("x", "motor[0]", "y")}, **options)
+    return writer.main_log(
+        {name: rng.integers(-500, 500, rows) for name in ("x", "motor[0]", "y")}, **options
+    )
 
 
 def main_rows(found: Recording) -> np.ndarray:
@@ -55,8 +65,13 @@ def logs(draw, writer):
     columns = [st.integers(0, 2047)]
     for block in range(draw(st.integers(1, 4))):
         size = draw(st.sampled_from([1, 3, 4]))
-        pair = [draw(st.sampled_from([e for e, s in SIZES.items() if s in (1, size)])) for _ in "ip"]
-        predictors = [draw(st.sampled_from([0, 4, 5, 8, 9, 11])), draw(st.sampled_from([0, 1, 2, 3, 4, 5, 8, 9, 11]))]
+        pair = [
+            draw(st.sampled_from([e for e, s in SIZES.items() if s in (1, size)])) for _ in "ip"
+        ]
+        predictors = [
+            draw(st.sampled_from([0, 4, 5, 8, 9, 11])),
+            draw(st.sampled_from([0, 1, 2, 3, 4, 5, 8, 9, 11])),
+        ]
         signed = draw(st.integers(0, 1))
         most = min(LARGEST.get(e, 2**31 - 1) for e in pair)
         small = draw(st.sampled_from([most, min(most, 40), 1]))
@@ -86,10 +101,24 @@ def test_every_encoding_and_predictor_keeps_its_values(log, writer, data):
     assert dut.streams["main"].t == pytest.approx(time * 1e-6, abs=1e-9)
 
 
-@pytest.mark.parametrize(("encoding", "bits"), [(0, 32), (1, 31), (3, 14), (6, 32), (7, 32), (8, 16), (10, 32)])
+@pytest.mark.parametrize(
+    ("encoding", "bits"), [(0, 32), (1, 31), (3, 14), (6, 32), (7, 32), (8, 16), (10, 32)]
+)
 def test_numbers_of_every_size_are_told_apart(log, writer, encoding, bits):
-    edges = [0, *(sign * (1 << k) - (sign > 0) for k in range(bits) for sign in (1, -1) if encoding != 1 or sign > 0)]
-    fields = [writer.ITERATION, writer.TIME, *(writer.Field(f"f{i}", 1, (0, encoding)) for i in range(12))]
+    edges = [
+        0,
+        *(
+            sign * (1 << k) - (sign > 0)
+            for k in range(bits)
+            for sign in (1, -1)
+            if encoding != 1 or sign > 0
+        ),
+    ]
+    fields = [
+        writer.ITERATION,
+        writer.TIME,
+        *(writer.Field(f"f{i}", 1, (0, encoding)) for i in range(12)),
+    ]
     rng = np.random.default_rng(2)
     near = [[edge, *rng.choice(edges[: 1 + 2 * (i // 2 + 1)], 11)] for i, edge in enumerate(edges)]
     values = np.array([np.roll(row, k) for row in near for k in range(4)])
@@ -123,7 +152,10 @@ def test_loops_that_are_not_logged_are_counted(log, writer, every, logged):
         logged = [i for i in range(16) if (i % 16 + 1) % 3 < 2]
     logged = np.concatenate([np.array(logged) + begin for begin in (0, 16, 32)])
     made = writer.Log(
-        [writer.ITERATION, writer.TIME], np.column_stack([logged, 500 * logged]), interval=16, every=every
+        [writer.ITERATION, writer.TIME],
+        np.column_stack([logged, 500 * logged]),
+        interval=16,
+        every=every,
     )
     writer.write(log, made)
     assert np.array_equal(everything(log).streams["main"].columns["loopIteration"], logged)
@@ -137,7 +169,10 @@ def test_slow_and_position_frames_stand_beside_the_main_ones(log, writer):
         9: [("S", [1 << 31, -2, 1, 1]), ("G", [1_000_000 + 2000 * 9, 12, *places[1]])],
     }
     made = plain(writer, beside=beside)
-    made.kinds = {**made.kinds, "S": [dc.replace(f, signed=int(f.name != "flags")) for f in writer.SLOW]}
+    made.kinds = {
+        **made.kinds,
+        "S": [dc.replace(f, signed=int(f.name != "flags")) for f in writer.SLOW],
+    }
     writer.write(log, made)
     dut = everything(log)
     assert dut.notes == ()
@@ -145,7 +180,9 @@ def test_slow_and_position_frames_stand_beside_the_main_ones(log, writer):
     assert np.array_equal(dut.streams["slow"].columns["flags"], [3074, 1 << 31])
     assert np.array_equal(dut.streams["slow"].columns["a"], [1, -2])
     assert dut.streams["gps"].t == pytest.approx([1.010077, 1.018])
-    assert np.array_equal(np.column_stack([dut.streams["gps"].columns[f"GPS_coord[{i}]"] for i in (0, 1)]), places)
+    assert np.array_equal(
+        np.column_stack([dut.streams["gps"].columns[f"GPS_coord[{i}]"] for i in (0, 1)]), places
+    )
 
 
 def test_events_of_every_kind_are_passed_over(log, writer):
@@ -171,7 +208,11 @@ def test_a_pause_is_a_gap_in_time_where_the_log_tells_it(log, writer, told):
     made.beside = {31: [writer.resumed(64_032, 1_064_000 + 600_000_000)]} if told else {}
     writer.write(log, made)
     dut = everything(log)
-    assert np.diff(dut.streams["main"].t).max() == pytest.approx(600.002) if told else len(dut.streams["main"]) == 32
+    assert (
+        np.diff(dut.streams["main"].t).max() == pytest.approx(600.002)
+        if told
+        else len(dut.streams["main"]) == 32
+    )
 
 
 @settings(max_examples=60, deadline=None)
@@ -182,7 +223,9 @@ def test_a_damaged_place_costs_rows_up_to_the_next_whole_frame(log, writer, data
     header, place = len(made.header()), data.draw(st.integers(5, 150))
     at = header + sum(map(len, frames[:place]))
     wrong = data.draw(
-        st.binary(min_size=1, max_size=40).filter(lambda b: b"End of log" not in b and b"H Product" not in b)
+        st.binary(min_size=1, max_size=40).filter(
+            lambda b: b"End of log" not in b and b"H Product" not in b
+        )
     )
     content = made.encode()
     log.write_bytes(content[:at] + wrong + content[at + len(frames[place]) :])
@@ -203,7 +246,9 @@ def test_damaged_places_are_counted(log, writer):
     (note,) = dut.notes
     assert "damaged at 1 place;" in note
     assert "23 behind" in note
-    assert np.array_equal(dut.streams["main"].columns["loopIteration"], [*range(40), *range(64, 128)])
+    assert np.array_equal(
+        dut.streams["main"].columns["loopIteration"], [*range(40), *range(64, 128)]
+    )
 
 
 def test_a_log_cut_anywhere_keeps_its_whole_frames(log, writer):
@@ -240,7 +285,9 @@ def test_logs_of_one_file_follow_each_other(log, writer):
     first, second = plain(writer), plain(writer, rows=80, seed=2, begin=400_000)
     writer.write(log, first, second)
     dut = everything(log)
-    assert np.array_equal(main_rows(dut), np.delete(np.concatenate([first.rows, second.rows]), 1, axis=1))
+    assert np.array_equal(
+        main_rows(dut), np.delete(np.concatenate([first.rows, second.rows]), 1, axis=1)
+    )
     assert dut.streams["main"].t[64] == pytest.approx(0.4)
     assert any("2 logs" in line for line in dut.said)
 

@@ -1,4 +1,6 @@
-"""Laws of the map of blackbox logs: what is taken from which firmware, and what the real logs hold."""
+"""Laws of the map of blackbox logs: what is taken from which firmware, and what the real logs
+hold.
+"""
 
 import time
 from pathlib import Path
@@ -65,7 +67,10 @@ def test_a_gyro_in_high_resolution_is_in_tenths(log, writer, resolution, scale):
     [
         ({"gyro_lpf1_static_hz": "100"}, 1 / (2 * np.pi * 100)),
         ({"gyro_lpf1_static_hz": "100", "gyro_lpf1_type": "1"}, np.sqrt(2) / (2 * np.pi * 100)),
-        ({"gyro_lpf1_static_hz": "100", "gyro_lpf2_static_hz": "500"}, (1 / 100 + 1 / 500) / (2 * np.pi)),
+        (
+            {"gyro_lpf1_static_hz": "100", "gyro_lpf2_static_hz": "500"},
+            (1 / 100 + 1 / 500) / (2 * np.pi),
+        ),
         ({"gyro_lpf1_static_hz": "100", "gyro_lpf1_dyn_hz": "250,500"}, 0.0),
         ({"gyro_lpf1_static_hz": "0"}, 0.0),
     ],
@@ -79,7 +84,9 @@ def test_a_gyro_and_its_integral_are_late_by_its_filters(log, writer, settings, 
 
 
 def test_an_accelerometer_is_late_by_its_filter(log, writer):
-    found = contents(log, writer, *(f"accSmooth[{i}]" for i in XYZ), settings={"acc_lpf_hz": "2500"})
+    found = contents(
+        log, writer, *(f"accSmooth[{i}]" for i in XYZ), settings={"acc_lpf_hz": "2500"}
+    )
     dut = BLACKBOX.default_map(found)
     assert dut is not None
     stage = 25 / np.sqrt(np.sqrt(2) - 1)  # [Hz], of two alike that together have 25 Hz
@@ -87,7 +94,8 @@ def test_an_accelerometer_is_late_by_its_filter(log, writer):
 
 
 @pytest.mark.parametrize(
-    ("every", "meaning"), [("1", "held_after"), ("1/1", "held_after"), ("4", "sampled"), ("1/2", "sampled")]
+    ("every", "meaning"),
+    [("1", "held_after"), ("1/1", "held_after"), ("4", "sampled"), ("1/2", "sampled")],
 )
 def test_a_command_is_sampled_where_not_every_loop_is_logged(log, writer, every, meaning):
     dut = BLACKBOX.default_map(contents(log, writer, *MOTORS, every=every))
@@ -127,23 +135,33 @@ def test_a_turned_imu_is_told_from_where_it_is_learnt_on(log, writer):
     w = np.cumsum(rng.standard_normal((count, 3)), axis=0) * 0.05  # of the body [rad/s]
     q = np.array([[1.0, 0, 0, 0]])
     for row in w[:-1]:
-        q = np.vstack([q, attitude.multiply(q[-1:], attitude.from_rotation_vector(0.002 * row[None]))])
+        q = np.vstack(
+            [q, attitude.multiply(q[-1:], attitude.from_rotation_vector(0.002 * row[None]))]
+        )
     of_imu = attitude.multiply(q, attitude.conjugate(np.tile(turn, (count, 1))))
     rows = np.arange(count)[:, None]
     columns = {
         "quat": 8127 * np.where((rows >= forgets) & (rows < learns), of_imu, q),
         "hoverAttitude": 8127 * np.where(rows < learns, [1.0, 0, 0, 0], turn),
-        "gyroADC": np.rad2deg(10 * np.where(rows < forgets, w, attitude.rotate(np.tile(turn, (count, 1)), w))),
+        "gyroADC": np.rad2deg(
+            10 * np.where(rows < forgets, w, attitude.rotate(np.tile(turn, (count, 1)), w))
+        ),
         "accSmooth": 0 * w,
     }
-    names = {f"{name}[{i}]": values[:, i] for name, values in columns.items() for i in range(values.shape[1])}
+    names = {
+        f"{name}[{i}]": values[:, i]
+        for name, values in columns.items()
+        for i in range(values.shape[1])
+    }
     writer.write(log, writer.main_log(names))
     dut = BLACKBOX.read(log, {"body": list(BLACKBOX.contents(log)["body"])}, lambda share: None)
     body = dut.streams["body"].columns
     assert np.all(np.isnan(body["gyro[0]"][:forgets]))
     assert any("before the turn of the IMU is learnt" in note for note in dut.notes)
     for i in XYZ:
-        assert np.radians(body[f"gyro[{i}]"] / 10)[forgets:] == pytest.approx(w[forgets:, i], abs=0.002)
+        assert np.radians(body[f"gyro[{i}]"] / 10)[forgets:] == pytest.approx(
+            w[forgets:, i], abs=0.002
+        )
     found = np.column_stack([body[f"quat[{i}]"] for i in range(4)])[forgets:]
     turned = attitude.rotation_vector(attitude.multiply(attitude.conjugate(q[forgets:]), found))
     assert np.abs(turned).max() < 0.001
@@ -154,7 +172,9 @@ def test_every_real_log_is_whole_and_read_fast(real_logs):
         wanted = {name: list(columns) for name, columns in BLACKBOX.contents(path).items()}
         begun = time.perf_counter()
         dut = BLACKBOX.read(path, wanted, lambda share: None)
-        assert time.perf_counter() - begun < 3.0  # [s]; the first compiles nothing: another test has
+        assert (
+            time.perf_counter() - begun < 3.0
+        )  # [s]; the first compiles nothing: another test has
         assert not any("damaged" in note or "no end" in note for note in dut.notes)
         assert np.all(np.diff(dut.streams["main"].t) > 0)
 
@@ -170,7 +190,8 @@ def test_rotors_of_real_logs_turn_the_vehicle_in_betaflights_order(imported):
     for found in imported:
         flight = max(found.flights, key=len)
         change = np.gradient(flight.w, flight.t, axis=0)
-        # Of rotors rear right, front right, rear left, front left; the reaction to their speed-up turns about z.
+        # Of rotors rear right, front right, rear left, front left; the reaction to their speed-up
+        # turns about z.
         square, speed_up = flight.rotor**2, np.gradient(flight.rotor, flight.t, axis=0)
         pushes = (square @ [-1, -1, 1, 1], square @ [1, -1, 1, -1], speed_up @ [1, -1, -1, 1])
         for axis, push in enumerate(pushes):

@@ -43,7 +43,9 @@ def made() -> dict[str, Stream]:
     t = 12.0 + np.arange(400) * 0.002
     slow = t[::7] + 0.0005
     return {
-        "fixedFrequency": Stream(t, {c: rng.standard_normal(len(t)) for c in ("stateEstimate.x", "gyro.z")}),
+        "fixedFrequency": Stream(
+            t, {c: rng.standard_normal(len(t)) for c in ("stateEstimate.x", "gyro.z")}
+        ),
         "estPose": Stream(slow, {"locSrv.x": rng.standard_normal(len(slow))}),
         "startup": Stream(t[:1] + 0.001, {}),
     }
@@ -64,7 +66,9 @@ def same(one: Recording, other: Recording) -> bool:
 
 @pytest.mark.parametrize(("version", "resolution"), [(1, 1e-3), (2, 1e-6)])
 def test_what_is_written_is_read(log, writer, made, version, resolution):
-    writer.write(log, made, version=version, kinds={"stateEstimate.x": "d", "gyro.z": "f", "locSrv.x": "d"})
+    writer.write(
+        log, made, version=version, kinds={"stateEstimate.x": "d", "gyro.z": "f", "locSrv.x": "d"}
+    )
     dut = everything(log)
     assert format_of(log) is CRAZYFLIE
     assert dut.notes == ()
@@ -73,7 +77,9 @@ def test_what_is_written_is_read(log, writer, made, version, resolution):
     x, z = (dut.streams["fixedFrequency"].columns[c] for c in ("stateEstimate.x", "gyro.z"))
     assert np.array_equal(x, made["fixedFrequency"].columns["stateEstimate.x"])
     assert z == pytest.approx(made["fixedFrequency"].columns["gyro.z"], rel=1e-7)  # a float32
-    assert np.array_equal(dut.streams["estPose"].columns["locSrv.x"], made["estPose"].columns["locSrv.x"])
+    assert np.array_equal(
+        dut.streams["estPose"].columns["locSrv.x"], made["estPose"].columns["locSrv.x"]
+    )
 
 
 EXTREMES = {"?": (0, 1), "e": (-2.0, 65504.0), "f": (-2.0, 2.0**127), "d": (-1e300, 1e-300)}
@@ -85,7 +91,11 @@ for letter, bits in zip("bhilq", (8, 16, 32, 32, 64), strict=True):
 @pytest.mark.parametrize("letter", EXTREMES)
 def test_every_struct_type_keeps_its_value(log, writer, letter):
     values = np.array([0.0, 1.0, *EXTREMES[letter]])
-    writer.write(log, {"a": Stream(np.arange(4.0), {"v": values, "w": values})}, kinds={"v": letter, "w": letter})
+    writer.write(
+        log,
+        {"a": Stream(np.arange(4.0), {"v": values, "w": values})},
+        kinds={"v": letter, "w": letter},
+    )
     assert np.array_equal(everything(log).streams["a"].columns["v"], values)
     assert np.array_equal(everything(log).streams["a"].columns["w"], values)
 
@@ -132,7 +142,9 @@ def test_memory_grows_with_what_is_wanted_and_not_with_the_file(log, writer):
     CRAZYFLIE.read(log, {"wide": ["v0"]}, lambda share: None)
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
-    assert peak < 5 * crazyflie.CHUNK + 4 * 8 * 2 * rows  # [bytes]; a piece and its copies, and two columns
+    assert (
+        peak < 5 * crazyflie.CHUNK + 4 * 8 * 2 * rows
+    )  # [bytes]; a piece and its copies, and two columns
 
 
 def test_a_wrong_checksum_is_noted_and_the_values_are_kept(log, writer, made):
@@ -147,9 +159,13 @@ def test_a_wrong_checksum_is_noted_and_the_values_are_kept(log, writer, made):
 def test_of_a_log_that_was_cut_the_whole_records_are_kept(log, writer, made):
     content = writer.encode(made)
     begin, record = len(writer.header(made)), struct.calcsize("<HQff")
-    log.write_bytes(content[: begin + record + 10 + record + record // 2])  # 'startup' has no variables
+    log.write_bytes(
+        content[: begin + record + 10 + record + record // 2]
+    )  # 'startup' has no variables
     dut = everything(log)
-    assert len(dut.streams["fixedFrequency"]) + len(dut.streams["startup"]) + len(dut.streams["estPose"]) in (2, 3)
+    assert len(dut.streams["fixedFrequency"]) + len(dut.streams["startup"]) + len(
+        dut.streams["estPose"]
+    ) in (2, 3)
     assert "cut" in dut.notes[0]
     log.write_bytes(content[:-4])
     assert len(everything(log).streams["fixedFrequency"]) == 400
@@ -169,7 +185,9 @@ def test_what_follows_a_record_of_no_known_type_is_left_out(log, writer, made):
 
 def test_names_that_stand_twice_get_a_number(log, writer):
     stream = Stream(np.zeros(1), {"a": np.ones(1)})
-    content = writer.header({"e": stream}).replace(b"\x01\x00a(f)\0", b"\x03\x00a(f)\0a.1(f)\0a(f)\0")
+    content = writer.header({"e": stream}).replace(
+        b"\x01\x00a(f)\0", b"\x03\x00a(f)\0a.1(f)\0a(f)\0"
+    )
     content += struct.pack("<HQfff", writer.FIRST_ID, 0, 1, 2, 3)
     log.write_bytes(content + struct.pack("<I", zlib.crc32(content)))
     dut = everything(log).streams["e"].columns
@@ -213,7 +231,10 @@ def ends_well(path: Path) -> None:
 
 
 @settings(max_examples=200, deadline=None)
-@given(content=st.binary(max_size=200), begin=st.sampled_from([b"", b"\xbc", b"\xbc\1\0\1\0\0\0e\0\1\0a(f)\0"]))
+@given(
+    content=st.binary(max_size=200),
+    begin=st.sampled_from([b"", b"\xbc", b"\xbc\1\0\1\0\0\0e\0\1\0a(f)\0"]),
+)
 def test_arbitrary_bytes_are_read_or_refused(log, content, begin):
     log.write_bytes(begin + content)
     CRAZYFLIE.recognises(log, begin + content)
@@ -222,7 +243,9 @@ def test_arbitrary_bytes_are_read_or_refused(log, content, begin):
 
 def test_a_float_whose_bits_are_a_signalling_nan_is_read_as_nan(log):
     signalling = b"\x01\x00\xa0\x7f"
-    log.write_bytes(b"\xbc\1\0\1\0\0\0e\0\1\0a(f)\0" + b"\0\0" + (1).to_bytes(4, "little") + signalling)
+    log.write_bytes(
+        b"\xbc\1\0\1\0\0\0e\0\1\0a(f)\0" + b"\0\0" + (1).to_bytes(4, "little") + signalling
+    )
     (stream,) = everything(log).streams.values()
     assert np.isnan(stream.columns["a"]).all()
     assert len(stream.columns["a"]) == 1
@@ -245,12 +268,23 @@ def test_a_csv_file_is_no_usd_log():
 
 
 def test_the_map_takes_the_firmwares_names():
-    dut = CRAZYFLIE.default_map({"fixedFrequency": (*STATE, *SENSORS, *RPM, "pm.vbatMV", "motor.m1")})
+    dut = CRAZYFLIE.default_map(
+        {"fixedFrequency": (*STATE, *SENSORS, *RPM, "pm.vbatMV", "motor.m1")}
+    )
     assert dut is not None
     assert dut.check() is dut
     assert dut.attitude.columns == [f"fixedFrequency/stateEstimate.q{a}" for a in "xyzw"]
-    assert (dut.world, dut.body, dut.attitude.order, dut.command) == ("enu", "flu", "xyzw", "unknown")
-    assert (dut.rates.unit, dut.acceleration.unit, dut.acceleration.kind) == ("deg/s", "g", "specific_force")
+    assert (dut.world, dut.body, dut.attitude.order, dut.command) == (
+        "enu",
+        "flu",
+        "xyzw",
+        "unknown",
+    )
+    assert (dut.rates.unit, dut.acceleration.unit, dut.acceleration.kind) == (
+        "deg/s",
+        "g",
+        "specific_force",
+    )
     assert (dut.rotor_speed.unit, dut.voltage.unit) == ("rpm", "mV")
     assert not dut.throttle
 
@@ -269,15 +303,23 @@ def test_the_map_takes_rotor_speed_before_thrust_and_throttle_beside():
     ]:
         dut = CRAZYFLIE.default_map({"a": (*STATE, *inputs)})
         assert dut is not None
-        found = [name for name, _ in dut.sources() if name in ("rotor_speed", "thrust", "torque", "throttle")]
+        found = [
+            name
+            for name, _ in dut.sources()
+            if name in ("rotor_speed", "thrust", "torque", "throttle")
+        ]
         assert found == names
 
 
 def test_without_attitude_or_motion_only_its_user_knows_the_map():
     attitude = tuple(name for name in STATE if ".q" in name)
-    assert CRAZYFLIE.default_map({"a": tuple(name for name in STATE if name not in attitude)}) is None
+    assert (
+        CRAZYFLIE.default_map({"a": tuple(name for name in STATE if name not in attitude)}) is None
+    )
     assert CRAZYFLIE.default_map({"a": attitude}) is None
-    assert CRAZYFLIE.default_map({"a": (*attitude, *SENSORS)}).acceleration  # as without a positioning system
+    assert CRAZYFLIE.default_map(
+        {"a": (*attitude, *SENSORS)}
+    ).acceleration  # as without a positioning system
 
 
 def test_other_variables_of_the_firmware_stand_in_for_the_estimate():
@@ -308,9 +350,13 @@ def test_every_real_log_is_whole(real_flights):
         assert dut.notes == ()  # the checksum fits
         fast, pose = dut.streams["fixedFrequency"], dut.streams["estPose"]
         assert len(fast.columns) == (25 if path.parent.name == "bare" else 47)
-        assert list(pose.columns) == [f"locSrv.{c}" for c in ("x", "y", "z", "qx", "qy", "qz", "qw")]
+        assert list(pose.columns) == [
+            f"locSrv.{c}" for c in ("x", "y", "z", "qx", "qy", "qz", "qw")
+        ]
         assert 1 / np.median(np.diff(fast.t)) == pytest.approx(500, rel=0.02)  # [Hz]
-        assert 1 / np.median(np.diff(pose.t)) == pytest.approx(100, rel=0.02)  # [Hz], motion capture
+        assert 1 / np.median(np.diff(pose.t)) == pytest.approx(
+            100, rel=0.02
+        )  # [Hz], motion capture
         assert np.diff(fast.t).min() > 0.0015  # [s]
         gap = np.diff(fast.t).max()
         assert 0.015 < gap < 0.3  # [s]; the longest are at the start
@@ -322,7 +368,9 @@ def mapped(path: Path) -> tuple[np.ndarray, dict[str, np.ndarray]]:
     dut = CRAZYFLIE.default_map(CRAZYFLIE.contents(path))
     assert dut is not None
     names = [name.removeprefix("fixedFrequency/") for name in dut.check().names()]
-    stream = CRAZYFLIE.read(path, {"fixedFrequency": names}, lambda share: None).streams["fixedFrequency"]
+    stream = CRAZYFLIE.read(path, {"fixedFrequency": names}, lambda share: None).streams[
+        "fixedFrequency"
+    ]
     factor = {"deg/s": np.pi / 180, "g": 9.80665, "rpm": 2 * np.pi / 60, "mV": 1e-3}
     return stream.t, {
         name: np.stack([stream.columns[c.partition("/")[2]] for c in source.columns], axis=1)
@@ -332,7 +380,9 @@ def mapped(path: Path) -> tuple[np.ndarray, dict[str, np.ndarray]]:
 
 
 def changes(t: np.ndarray, rate: np.ndarray, value: np.ndarray) -> float:
-    """Return how far the integral of a rate over 50 rows is from the change of the value, as a share of it."""
+    """Return how far the integral of a rate over 50 rows is from the change of the value, as a
+    share of it.
+    """
     steps = 0.5 * (rate[1:] + rate[:-1]) * np.diff(t)[:, None]
     total = np.vstack([np.zeros((1, rate.shape[1])), np.cumsum(steps, axis=0)])
     change = value[50:] - value[:-50]
@@ -340,7 +390,9 @@ def changes(t: np.ndarray, rate: np.ndarray, value: np.ndarray) -> float:
 
 
 def test_real_flights_obey_kinematics_and_gravity_by_the_default_map(real_flights):
-    """Velocity is the rate of position, the gyroscope that of attitude, and the accelerometer sees gravity."""
+    """Velocity is the rate of position, the gyroscope that of attitude, and the accelerometer sees
+    gravity.
+    """
     for path in flights(real_flights):
         t, dut = mapped(path)
         q = dut["attitude"][:, [3, 0, 1, 2]]
@@ -355,8 +407,12 @@ def test_real_flights_obey_kinematics_and_gravity_by_the_default_map(real_flight
 
 
 def test_rotor_speed_of_real_flights_carries_the_mass(real_flights):
-    """k omega² over g, of the mean over slow flights, is the mass of vehicle and payload within 4 %."""
+    """k omega² over g, of the mean over slow flights, is the mass of vehicle and payload within 4
+    %.
+    """
     for name, mass in (("bare/eckart00", 0.0370), ("payload/eckart06", 0.0444)):
         _, dut = mapped(real_flights / "imrc" / name)
-        lift = 3.704e-8 * np.sum(dut["rotor_speed"] ** 2, axis=1).mean()  # [N]; k measured on bare flights
+        lift = (
+            3.704e-8 * np.sum(dut["rotor_speed"] ** 2, axis=1).mean()
+        )  # [N]; k measured on bare flights
         assert lift / 9.81 == pytest.approx(mass, rel=0.04)

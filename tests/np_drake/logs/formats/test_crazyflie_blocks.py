@@ -1,4 +1,6 @@
-"""Laws of Crazyflie micro-SD logs of early firmware: what was written in blocks is read, also where it is cut."""
+"""Laws of Crazyflie micro-SD logs of early firmware: what was written in blocks is read, also where
+it is cut.
+"""
 
 import gzip
 import struct
@@ -36,7 +38,12 @@ def encode(t, x, q, voltage, sizes=(4, 2, 7)):
     for count in np.resize(sizes, len(t)):
         rows = range(k, min(k + int(count), len(t)))
         out += bytes([len(rows)])
-        out += b"".join(RECORD.pack(int(ticks[i]), int(x[i]), packed(q[i]), int(voltage[i])) for i in rows) + b"CRC1"
+        out += (
+            b"".join(
+                RECORD.pack(int(ticks[i]), int(x[i]), packed(q[i]), int(voltage[i])) for i in rows
+            )
+            + b"CRC1"
+        )
         k = rows.stop
         if k >= len(t):
             break
@@ -47,7 +54,12 @@ def encode(t, x, q, voltage, sizes=(4, 2, 7)):
 def made():
     t = 0.01 + 0.01 * np.arange(200)
     q = np.random.default_rng(2).normal(size=(200, 4))
-    return t, np.arange(200) - 100, q / np.linalg.norm(q, axis=1, keepdims=True), 3700 - np.arange(200)
+    return (
+        t,
+        np.arange(200) - 100,
+        q / np.linalg.norm(q, axis=1, keepdims=True),
+        3700 - np.arange(200),
+    )
 
 
 def read(path):
@@ -78,7 +90,9 @@ def test_a_packed_attitude_is_that_to_two_milliradians(tmp_path_factory, seed):
     path.write_bytes(encode(np.array([0.01]), np.zeros(1), q, np.ones(1)))
     columns = read(path).streams["log"].columns
     found = np.stack([columns[f"stateEstimateZ.q{a}"] for a in "wxyz"], axis=1)
-    turn = attitude.rotation_vector(attitude.multiply(attitude.conjugate(found), np.roll(q, 1, axis=1)))
+    turn = attitude.rotation_vector(
+        attitude.multiply(attitude.conjugate(found), np.roll(q, 1, axis=1))
+    )
     assert np.linalg.norm(turn) < 5e-3
 
 
@@ -105,7 +119,9 @@ def test_a_counter_that_begins_anew_goes_on(made, tmp_path):
     np.testing.assert_allclose(np.diff(read(tmp_path / "log00").streams["log"].t), 0.01, atol=2e-6)
 
 
-@pytest.mark.parametrize("content", [b"\x04tick(I),x(", b"\x04tick(I),x(z),y(h),z(h),CRC0", b"\x01tick(I),CRC0"])
+@pytest.mark.parametrize(
+    "content", [b"\x04tick(I),x(", b"\x04tick(I),x(z),y(h),z(h),CRC0", b"\x01tick(I),CRC0"]
+)
 def test_a_header_or_log_without_records_is_refused(tmp_path, content):
     (tmp_path / "log00").write_bytes(content)
     with pytest.raises(LogError, match=r"must (name its variables|hold at least one whole block)"):

@@ -1,4 +1,6 @@
-"""Laws of the CSV reader of our own logs that a table shows: ragged rows, blank lines, and bounded lines."""
+"""Laws of the CSV reader of our own logs that a table shows: ragged rows, blank lines, and bounded
+lines.
+"""
 
 import tracemalloc
 

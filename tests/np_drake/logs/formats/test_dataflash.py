@@ -38,12 +38,16 @@ def copter() -> dict[str, Stream]:
 
 def read(path: Path, names: list[str] | None = None) -> Recording:
     contents = DATAFLASH.contents(path)
-    wanted = {s: list(c) for s, c in contents.items()} if names is None else by_stream(contents, names)
+    wanted = (
+        {s: list(c) for s, c in contents.items()} if names is None else by_stream(contents, names)
+    )
     return DATAFLASH.read(path, wanted, lambda _: None)
 
 
 def assert_same(left: Stream, right: Stream) -> None:
-    np.testing.assert_allclose(left.t, right.t, rtol=0, atol=1e-9)  # rounding of microseconds in seconds
+    np.testing.assert_allclose(
+        left.t, right.t, rtol=0, atol=1e-9
+    )  # rounding of microseconds in seconds
     assert set(left.columns) == set(right.columns)
     for name, values in right.columns.items():
         np.testing.assert_array_equal(left.columns[name], values)
@@ -94,14 +98,25 @@ def test_a_text_log_may_number_its_instances(tmp_path: Path):
 
 def test_times_that_are_no_numbers_make_no_stream(tmp_path: Path):
     path = tmp_path / "3.log"
-    path.write_text("FMT, 140, 71, ATT, Zf, TimeUS,Roll\nFMT, 141, 15, POS, Qf, TimeUS,Alt\nATT, a, 1\nPOS, 1, 2\n")
+    path.write_text(
+        "FMT, 140, 71, ATT, Zf, TimeUS,Roll\nFMT, 141, 15, POS, Qf, TimeUS,Alt\nATT, a, "
+        "1\nPOS, 1, 2\n"
+    )
     assert DATAFLASH.contents(path) == {"POS": ("Alt",)}
 
 
 def test_values_are_those_of_pymavlink(tmp_path: Path, dataflash_writer):
     reader = pytest.importorskip("pymavlink.DFReader")
     path = tmp_path / "scaled.bin"
-    columns = {"Lat": "L", "Roll": "c", "Yaw": "C", "Alt": "e", "Dist": "E", "Temp": "g", "Rate": "f"}
+    columns = {
+        "Lat": "L",
+        "Roll": "c",
+        "Yaw": "C",
+        "Alt": "e",
+        "Dist": "E",
+        "Temp": "g",
+        "Rate": "f",
+    }
     streams = {"POS.0": stream(*columns), "POS.1": stream(*columns, seed=1)}
     for s in streams.values():
         for c in ("Yaw", "Dist"):  # unsigned
@@ -121,7 +136,9 @@ def test_values_are_those_of_pymavlink(tmp_path: Path, dataflash_writer):
 def test_only_what_is_wanted_is_read(log: Path):
     recording = read(log, ["IMU.1/GyrX", "ATT/Yaw"])
     assert recording.contents == {"IMU.1": ("GyrX",), "ATT": ("Yaw",)}
-    np.testing.assert_array_equal(recording.streams["IMU.1"].columns["GyrX"], copter()["IMU.1"].columns["GyrX"])
+    np.testing.assert_array_equal(
+        recording.streams["IMU.1"].columns["GyrX"], copter()["IMU.1"].columns["GyrX"]
+    )
 
 
 def test_the_names_of_ardupilot_make_the_map(log: Path):
@@ -132,7 +149,10 @@ def test_the_names_of_ardupilot_make_the_map(log: Path):
     assert (dut.world, dut.body, dut.command) == ("ned", "frd", "unknown")
     assert dut.position.columns == ["XKF1.0/PN", "XKF1.0/PE", "XKF1.0/PD"]
     assert dut.velocity.columns == ["XKF1.0/VN", "XKF1.0/VE", "XKF1.0/VD"]
-    assert (dut.attitude.columns, dut.attitude.unit) == (["ATT/Roll", "ATT/Pitch", "ATT/Yaw"], "deg")
+    assert (dut.attitude.columns, dut.attitude.unit) == (
+        ["ATT/Roll", "ATT/Pitch", "ATT/Yaw"],
+        "deg",
+    )
     assert dut.acceleration.kind == "specific_force"
     assert dut.rotor_speed.columns == [f"ESC.{i}/RPM" for i in range(4)]
     assert dut.throttle.columns == [f"RCOU/C{i}" for i in range(1, 5)]
@@ -198,7 +218,9 @@ def test_progress_ends_at_one(log: Path):
     assert shares[-1] == 1.0
 
 
-@pytest.mark.parametrize("content", [b"", b"\xa3\x95\x80", b"FMT, 128, 89, FMT, BBnNZ, Type\n", b"\xa3" * 1000])
+@pytest.mark.parametrize(
+    "content", [b"", b"\xa3\x95\x80", b"FMT, 128, 89, FMT, BBnNZ, Type\n", b"\xa3" * 1000]
+)
 def test_a_file_without_messages_is_refused(tmp_path: Path, content: bytes):
     path = tmp_path / "bad.bin"
     path.write_bytes(content)
@@ -221,7 +243,9 @@ def take(content: bytes) -> None:
     assert len(lines) == 1
 
 
-@given(content=st.binary(max_size=400), head=st.sampled_from([b"", b"\xa3\x95\x80", b"FMT, 128, 89, "]))
+@given(
+    content=st.binary(max_size=400), head=st.sampled_from([b"", b"\xa3\x95\x80", b"FMT, 128, 89, "])
+)
 @settings(max_examples=200, deadline=None)
 def test_arbitrary_bytes_end_in_a_refusal_or_a_recording(content: bytes, head: bytes):
     take(head + content)
@@ -241,7 +265,9 @@ def whole(tmp_path_factory, dataflash_writer) -> dict[bool, bytes]:
 def test_damage_ends_in_a_refusal_or_a_recording(data, text: bool, whole):
     content = bytearray(whole[text][: data.draw(st.integers(0, len(whole[text])))])
     for _ in range(data.draw(st.integers(0, 6)) if content else 0):
-        content[data.draw(st.integers(0, min(len(content), 3000) - 1))] = data.draw(st.integers(0, 255))
+        content[data.draw(st.integers(0, min(len(content), 3000) - 1))] = data.draw(
+            st.integers(0, 255)
+        )
     take(bytes(content))
 
 
@@ -261,6 +287,9 @@ def test_a_message_has_no_more_instances_than_a_byte_numbers(tmp_path: Path):
     head = "FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format,Columns\n"
     lines = "".join(f"IMU,5,{k},1\n" for k in range(1000))
     path = tmp_path / "a.log"
-    head += "FMT, 1, 16, IMU, QBf, TimeUS,I,GyrX\nFMT, 2, 44, FMTU, QBNN, TimeUS,FmtType,UnitIds,MultIds\n"
+    head += (
+        "FMT, 1, 16, IMU, QBf, TimeUS,I,GyrX\nFMT, 2, 44, FMTU, QBNN, "
+        "TimeUS,FmtType,UnitIds,MultIds\n"
+    )
     path.write_text(f"{head}FMTU, 5, 1, s#E, F-0\n{lines}")
     assert len(DATAFLASH.contents(path)) == 256

@@ -25,7 +25,9 @@ def test_what_was_written_is_read_back(flight, tmp_path, suffix):
     write_log(flight, tmp_path / f"made{suffix}")
     dut = open_flights(tmp_path / f"made{suffix}", Vehicle())[0][0]
     for name in ARRAYS:
-        np.testing.assert_allclose(getattr(dut, name), getattr(flight, name), rtol=0, atol=1e-15)  # one norm
+        np.testing.assert_allclose(
+            getattr(dut, name), getattr(flight, name), rtol=0, atol=1e-15
+        )  # one norm
     assert (dut.name, dut.input, dut.notes) == ("made", "command", [])
 
 
@@ -68,7 +70,10 @@ def test_without_a_command_thrust_comes_from_rotor_speed(flight, tmp_path):
 
 def test_a_vehicle_file_can_ask_for_rotor_speed(flight, tmp_path):
     write_log(flight, tmp_path / "made.csv")
-    assert open_flights(tmp_path / "made.csv", Vehicle(input="rotor_speed"))[0][0].input == "rotor_speed"
+    assert (
+        open_flights(tmp_path / "made.csv", Vehicle(input="rotor_speed"))[0][0].input
+        == "rotor_speed"
+    )
 
 
 def test_a_vehicle_file_that_asks_for_rotor_speed_in_vain_is_told_of(flight, tmp_path):
@@ -76,7 +81,10 @@ def test_a_vehicle_file_that_asks_for_rotor_speed_in_vain_is_told_of(flight, tmp
     dut = open_flights(tmp_path / "made.csv", Vehicle(input="rotor_speed"))[0][0]
     assert dut.input == "command"
     assert dut.notes == [
-        "no rotor speed: thrust and torque from the command, though vehicle 'paper' says input: rotor_speed"
+        (
+            "no rotor speed: thrust and torque from the command, though vehicle 'paper' says "
+            "input: rotor_speed"
+        )
     ]
 
 

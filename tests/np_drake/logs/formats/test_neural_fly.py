@@ -1,4 +1,6 @@
-"""Laws of the Neural-Fly files: columns, and the frames of the default map by the physics of the real flights."""
+"""Laws of the Neural-Fly files: columns, and the frames of the default map by the physics of the
+real flights.
+"""
 
 import numpy as np
 import pytest
@@ -26,7 +28,10 @@ def read_mapped(path, *more):
     log_map = NEURAL_FLY.default_map(contents)
     wanted = by_stream(contents, [*log_map.names(), *more])
     stream = NEURAL_FLY.read(path, wanted, lambda _: None).streams["table"]
-    fields = {name: np.stack([stream.columns[c] for c in source.columns], axis=1) for name, source in log_map.sources()}
+    fields = {
+        name: np.stack([stream.columns[c] for c in source.columns], axis=1)
+        for name, source in log_map.sources()
+    }
     return stream, fields, log_map
 
 
@@ -56,7 +61,9 @@ def test_a_file_without_its_columns_has_no_default_map():
 @given(share=st.floats(0, 1), at=st.integers(0, 3000), byte=st.integers(0, 255))
 @settings(max_examples=60, deadline=None)
 @pytest.mark.parametrize("suffix", [".csv", ".csv.gz"])
-def test_a_damaged_file_ends_in_a_recording_or_one_line(tmp_path_factory, write_neural_fly, suffix, share, at, byte):
+def test_a_damaged_file_ends_in_a_recording_or_one_line(
+    tmp_path_factory, write_neural_fly, suffix, share, at, byte
+):
     path = tmp_path_factory.mktemp("neural_fly") / f"made{suffix}"
     write_neural_fly(path, {"table": Stream(np.arange(6.0), {"p[0]": np.arange(6.0)})})
     content = bytearray(path.read_bytes())
@@ -85,11 +92,15 @@ def test_the_attitude_is_the_rotation_matrix_of_the_file(flight):
     assert log_map.attitude.order == "xyzw"
     matrices = np.stack([stream.columns[f"R[{i}]"] for i in range(9)], axis=1).reshape(-1, 3, 3)
     rotation = Rotation.from_quat(fields["attitude"])
-    np.testing.assert_allclose(rotation.as_matrix(), matrices, atol=2e-4)  # the file rounds one of both
+    np.testing.assert_allclose(
+        rotation.as_matrix(), matrices, atol=2e-4
+    )  # the file rounds one of both
 
 
 def test_the_rates_are_those_of_the_attitude_in_axes_of_w(flight):
-    """In the fastest wind the body leans by 0.5 rad, and rates in axes of B are off by up to half their size."""
+    """In the fastest wind the body leans by 0.5 rad, and rates in axes of B are off by up to half
+    their size.
+    """
     stream, fields, log_map = read_mapped(flight)
     rotation, step = Rotation.from_quat(fields["attitude"]), np.median(np.diff(stream.t))
     in_body = (rotation[:-1].inv() * rotation[1:]).as_rotvec() / step
@@ -113,7 +124,9 @@ def test_the_velocity_is_the_derivative_of_the_position_in_w(flight):
 
 
 def test_w_is_z_up_and_thrust_carries_the_weight(flight):
-    """Specific force along body z is near T_sp / hover_throttle in weights; in wind at 12 m/s lift adds to it."""
+    """Specific force along body z is near T_sp / hover_throttle in weights; in wind at 12 m/s lift
+    adds to it.
+    """
     stream, fields, log_map = read_mapped(flight)
     step = np.median(np.diff(stream.t))
     smooth = low_pass(3.0, step)

@@ -37,11 +37,15 @@ def test_acceleration_in_the_world_is_the_rate_of_velocity(agile):
 
 def test_the_attitude_turns_with_the_body_rates(agile):
     rate = np.gradient(agile.q, agile.t, axis=0)
-    assert relative(rate, attitude.quaternion_rate(agile.q, agile.w)) < 0.12  # 0.035 of 0.48 1/s seen
+    assert (
+        relative(rate, attitude.quaternion_rate(agile.q, agile.w)) < 0.12
+    )  # 0.035 of 0.48 1/s seen
 
 
 def test_body_rates_change_with_the_angular_acceleration(agile):
-    assert relative(np.gradient(agile.w, agile.t, axis=0), agile.al) < 0.25  # 1.2 of 9.8, 0.55 of 2.6 rad/s² seen
+    assert (
+        relative(np.gradient(agile.w, agile.t, axis=0), agile.al) < 0.25
+    )  # 1.2 of 9.8, 0.55 of 2.6 rad/s² seen
 
 
 def test_rotor_speed_carries_the_weight_and_turns_as_the_vehicle_does(agile):
@@ -49,7 +53,9 @@ def test_rotor_speed_carries_the_weight_and_turns_as_the_vehicle_does(agile):
     vehicle = published_vehicle()
     measured = labels.raw_labels(agile, vehicle)[:, 3:] + agile.u[:, 1:]
     thrust = vehicle.mass * np.sum(attitude.body_z(agile.q) * (agile.a + [0, 0, 9.81]), axis=1)
-    assert np.sum(thrust * agile.u[:, 0]) / np.sum(agile.u[:, 0] ** 2) == pytest.approx(0.96, abs=0.04)
+    assert np.sum(thrust * agile.u[:, 0]) / np.sum(agile.u[:, 0] ** 2) == pytest.approx(
+        0.96, abs=0.04
+    )
     for axis in range(3):
         assert np.corrcoef(measured[:, axis], agile.u[:, 1 + axis])[0, 1] > 0.15
     assert agile.input == "rotor_speed"
@@ -167,7 +173,9 @@ def test_no_flip_of_a_byte_is_more_than_a_refusal(tmp_path):
     np.save(tmp_path / "a.npy", draw.normal(size=(5, 12)))
     content = (tmp_path / "a.npy").read_bytes()
     for at in range(128):
-        (tmp_path / "a.npy").write_bytes(content[:at] + bytes([draw.integers(256)]) + content[at + 1 :])
+        (tmp_path / "a.npy").write_bytes(
+            content[:at] + bytes([draw.integers(256)]) + content[at + 1 :]
+        )
         with contextlib.suppress(LogError):
             read_array(tmp_path / "a.npy")
 

@@ -1,4 +1,6 @@
-"""Which files of a folder are the flights of the estimation table, and what a CSV says of the wrench."""
+"""Which files of a folder are the flights of the estimation table, and what a CSV says of the
+wrench.
+"""
 
 from pathlib import Path
 
@@ -24,9 +26,18 @@ def made_csv(path: Path, rows: int, step: float = 0.0025) -> np.ndarray:
     """Write a level flight along x, and return its specific force less 9.8 m/s² up (rows, 3)."""
     n = np.arange(rows)
     acceleration = np.stack([np.sin(0.02 * n), np.cos(0.03 * n), 0.5 * np.sin(0.05 * n)], axis=1)
-    values = dict.fromkeys((name for names in SOURCE_COLUMNS.values() for name in names), np.zeros(rows))
-    values |= {"t": step * (1 + n), "quat w": np.ones(rows), "pos z": np.ones(rows), "vel x": 0.001 * n}
-    values |= {f"acc {axis}": acceleration[:, i] + [0.0, 0.0, 9.81][i] for i, axis in enumerate("xyz")}
+    values = dict.fromkeys(
+        (name for names in SOURCE_COLUMNS.values() for name in names), np.zeros(rows)
+    )
+    values |= {
+        "t": step * (1 + n),
+        "quat w": np.ones(rows),
+        "pos z": np.ones(rows),
+        "vel x": 0.001 * n,
+    }
+    values |= {
+        f"acc {axis}": acceleration[:, i] + [0.0, 0.0, 9.81][i] for i, axis in enumerate("xyz")
+    }
     values |= {f"mot {i}": np.full(rows, 1100.0) for i in range(1, 5)}
     values |= {name: np.zeros(rows) for name in ("dmot 1", "dmot 2", "dmot 3", "dmot 4", "vbat")}
     names = ["t", *(f"ang acc {axis}" for axis in "xyz")]
@@ -49,7 +60,9 @@ def test_the_tables_flights_come_first_and_arrays_before_csvs(tmp_path):
     made_array(tmp_path / "npy" / f"{TRAINING}.npy")
     for name in ("melon 1", "race track 1"):
         made_csv(tmp_path / "csv" / f"{STEMS[name]}.csv", 40)
-    made_csv(tmp_path / "csv" / "merged_2021-01-01-00-00-00_seg_2.csv", 40)  # a transit, no flight of the table
+    made_csv(
+        tmp_path / "csv" / "merged_2021-01-01-00-00-00_seg_2.csv", 40
+    )  # a transit, no flight of the table
     found = table_files(tmp_path)
     assert list(found) == ["race track 1", "melon 1", "ellipse", "2021-01-01-00-00-00_seg_1"]
     assert [path.suffix for path in found.values()] == [".npy", ".csv", ".npy", ".npy"]
@@ -59,7 +72,9 @@ def test_the_tables_flights_come_first_and_arrays_before_csvs(tmp_path):
 
 def test_a_folder_without_flights_is_refused(tmp_path):
     made_array(tmp_path / "npy" / f"{TRAINING}.npy")
-    with pytest.raises(FileNotFoundError, match="must hold flights of the NeuroBEM data set in npy/ or csv/"):
+    with pytest.raises(
+        FileNotFoundError, match="must hold flights of the NeuroBEM data set in npy/ or csv/"
+    ):
         table_files(tmp_path)
 
 

@@ -37,14 +37,18 @@ def flight() -> dict[str, Stream]:
 
 def read(path: Path, names: list[str] | None = None) -> Recording:
     contents = ROS.contents(path)
-    wanted = {s: list(c) for s, c in contents.items()} if names is None else by_stream(contents, names)
+    wanted = (
+        {s: list(c) for s, c in contents.items()} if names is None else by_stream(contents, names)
+    )
     return ROS.read(path, wanted, lambda _: None)
 
 
 def assert_holds(recording: Recording, streams: dict[str, Stream]) -> None:
     assert set(recording.streams) == set(streams)
     for name, expected in streams.items():
-        np.testing.assert_allclose(recording.streams[name].t, expected.t, rtol=0, atol=1e-9)  # ns of the bag
+        np.testing.assert_allclose(
+            recording.streams[name].t, expected.t, rtol=0, atol=1e-9
+        )  # ns of the bag
         for column, values in expected.columns.items():
             np.testing.assert_array_equal(recording.streams[name].columns[column], values)
 
@@ -62,9 +66,17 @@ def test_what_is_written_is_read(tmp_path: Path, ros_writer, name: str):
 
 @pytest.mark.parametrize(
     ("storage", "compression"),
-    [("sqlite3", ""), ("sqlite3", "file"), ("sqlite3", "message"), ("mcap", "storage"), ("mcap", "file")],
+    [
+        ("sqlite3", ""),
+        ("sqlite3", "file"),
+        ("sqlite3", "message"),
+        ("mcap", "storage"),
+        ("mcap", "file"),
+    ],
 )
-def test_folders_are_read_in_all_storages(tmp_path: Path, ros_writer, storage: str, compression: str):
+def test_folders_are_read_in_all_storages(
+    tmp_path: Path, ros_writer, storage: str, compression: str
+):
     ros_writer.write(tmp_path / "bag", flight(), storage=storage, compression=compression)
     assert_holds(read(tmp_path / "bag"), flight())
 
@@ -74,7 +86,8 @@ def test_only_what_is_wanted_is_read(tmp_path: Path, ros_writer):
     recording = read(tmp_path / "bag", ["/odom/pose.pose.position.z", "/rpm/data[3]"])
     assert recording.contents == {"/odom": ("pose.pose.position.z",), "/rpm": ("data[3]",)}
     np.testing.assert_array_equal(
-        recording.streams["/odom"].columns["pose.pose.position.z"], flight()["/odom"].columns["pose.pose.position.z"]
+        recording.streams["/odom"].columns["pose.pose.position.z"],
+        flight()["/odom"].columns["pose.pose.position.z"],
     )
 
 
@@ -100,7 +113,9 @@ def test_stamps_of_another_clock_give_way_to_receipt(tmp_path: Path, ros_writer)
     recording = read(tmp_path / "bag")
     np.testing.assert_allclose(recording.streams["/imu"].t, flight()["/imu"].t, rtol=0, atol=1e-9)
     np.testing.assert_allclose(recording.streams["/rpm"].t, flight()["/rpm"].t, rtol=0, atol=1e-9)
-    assert any("/imu: times are those of receipt, for the clocks" in note for note in recording.notes)
+    assert any(
+        "/imu: times are those of receipt, for the clocks" in note for note in recording.notes
+    )
 
 
 def test_a_topic_whose_stamps_are_zero_takes_receipt(tmp_path: Path, ros_writer):
@@ -110,10 +125,14 @@ def test_a_topic_whose_stamps_are_zero_takes_receipt(tmp_path: Path, ros_writer)
     assert any("/imu: times are those of receipt, for not all" in note for note in recording.notes)
 
 
-def test_a_topic_of_an_unknown_type_is_left_out_with_a_note(tmp_path: Path, ros_writer, monkeypatch):
+def test_a_topic_of_an_unknown_type_is_left_out_with_a_note(
+    tmp_path: Path, ros_writer, monkeypatch
+):
     path = tmp_path / "flight.mcap"
     ros_writer.write(path, flight())
-    content = path.read_bytes().replace(b"std_msgs/msg/Float64MultiArray", b"some_msgs/msg/Float64MultiAr10")
+    content = path.read_bytes().replace(
+        b"std_msgs/msg/Float64MultiArray", b"some_msgs/msg/Float64MultiAr10"
+    )
     content = content.replace(b"MSG: std_msgs/MultiArrayLayout", b"MSG: std_msgs/MultiArrayLayou1")
     content = content.replace(b"MultiArrayLayout layout", b"MultiArrayLayo_t layout")
     path.write_bytes(content)
@@ -209,7 +228,9 @@ ODD = {
 
 
 def odd(order: str, text: bytes, rpm: tuple[int, ...]) -> bytes:
-    """Serialise a message in CDR by hand: every number stands on a multiple of its size after 4 bytes."""
+    """Serialise a message in CDR by hand: every number stands on a multiple of its size after 4
+    bytes.
+    """
     raw = bytearray()
 
     def put(kind: str, value: float) -> None:
@@ -240,7 +261,14 @@ def test_fields_are_found_behind_strings_and_sequences_of_any_length(order: str)
 
 def test_messages_of_one_size_and_other_lengths_are_told_apart():
     types = {
-        "a/msg/Two": ([], [("a", (BASE, ("string", 0))), ("x", (BASE, ("uint8", 0))), ("b", (BASE, ("string", 0)))])
+        "a/msg/Two": (
+            [],
+            [
+                ("a", (BASE, ("string", 0))),
+                ("x", (BASE, ("uint8", 0))),
+                ("b", (BASE, ("string", 0))),
+            ],
+        )
     }
     dut = Decoder(types, "a/msg/Two", ["x"], ros1=True)
     first = struct.pack("<I3sBI1s", 3, b"aaa", 5, 1, b"b")
@@ -261,7 +289,9 @@ def test_columns_are_those_of_the_library(ros_writer):
     fields = find_fields(raw, store.fielddefs, "sensor_msgs/msg/BatteryState", ros1=False)
     for path in fields.columns:
         at, code = fields.numbers[path]
-        assert struct.unpack_from(f"<{code}", raw, at)[0] == pytest.approx(getattr(message, path), nan_ok=True)
+        assert struct.unpack_from(f"<{code}", raw, at)[0] == pytest.approx(
+            getattr(message, path), nan_ok=True
+        )
 
 
 def test_a_type_that_is_not_defined_is_named():

@@ -1,4 +1,6 @@
-"""Laws of tables: what was written is read, whatever its delimiter; what is no table is named in one line."""
+"""Laws of tables: what was written is read, whatever its delimiter; what is no table is named in
+one line.
+"""
 
 import gzip
 import subprocess
@@ -26,7 +28,9 @@ SUFFIXES = (".csv", ".csv.gz", ".txt", ".tsv", ".parquet")
 def read(path, *names):
     """Read the named columns, or all."""
     shares = []
-    recording = TABLE.read(path, {"table": list(names) or list(TABLE.contents(path)["table"])}, shares.append)
+    recording = TABLE.read(
+        path, {"table": list(names) or list(TABLE.contents(path)["table"])}, shares.append
+    )
     assert shares == sorted(shares)
     assert shares[-1] == 1.0
     return recording
@@ -89,18 +93,24 @@ def test_a_list_may_be_written_in_several_ways(tmp_path, first, second):
     (tmp_path / "made.csv").write_text(f"t,p\n0,{first}\n1,{second}\n")
     dut = read(tmp_path / "made.csv", "p[0]", "p[1]").streams["table"]
     last = [np.nan, np.nan] if not second else [3.0, np.nan if "nan" in second else 4.0]
-    np.testing.assert_array_equal(np.stack([dut.columns["p[0]"], dut.columns["p[1]"]], axis=1), [[1, 2], last])
+    np.testing.assert_array_equal(
+        np.stack([dut.columns["p[0]"], dut.columns["p[1]"]], axis=1), [[1, 2], last]
+    )
 
 
 def test_empty_cells_are_nan_and_truth_values_are_one_and_zero(tmp_path):
-    (tmp_path / "made.csv").write_text("t,x,y\n0,,true\n1,nan,FALSE\n2,NaN,True\n3,null,false\n\n4, 5 ,1\n\n")
+    (tmp_path / "made.csv").write_text(
+        "t,x,y\n0,,true\n1,nan,FALSE\n2,NaN,True\n3,null,false\n\n4, 5 ,1\n\n"
+    )
     dut = read(tmp_path / "made.csv", "x", "y").streams["table"]
     np.testing.assert_array_equal(dut.columns["x"], [np.nan] * 4 + [5])
     np.testing.assert_array_equal(dut.columns["y"], [1, 0, 1, 0, 1])
 
 
 def test_headers_with_quotes_blanks_marks_and_no_name_are_read(tmp_path):
-    (tmp_path / "made.csv").write_text('\ufeff# t , "x, ahead",  y\n0,1,2\n'.replace(' "', '"'), "utf-8")
+    (tmp_path / "made.csv").write_text(
+        '\ufeff# t , "x, ahead",  y\n0,1,2\n'.replace(' "', '"'), "utf-8"
+    )
     assert TABLE.contents(tmp_path / "made.csv")["table"] == ("t", "x, ahead", "y")
     (tmp_path / "other.csv").write_bytes(b",t,yaw [\xb0],\n0,0.5,2,\n1,0.6,3,\n")
     dut = read(tmp_path / "other.csv").streams["table"]
@@ -114,7 +124,9 @@ STYLES = {  # of one table: t, the wanted column, and a third; what Excel and fr
     "sep of a tab": "sep=\t\nt\tx\ty\n0.5\t1.25\t0\n1.5\t-2.5e1\t1\n",
     "decimal commas": "t;x;y\n0,5;1,25;0\n1,5;-2,5e1;1\n",
     "decimal commas below whole numbers": "t;x;y\n0,5;1,25;0\n1,5;-25;1\n",
-    "quotes and a delimiter at the end": 'sep=;\n"t";"x";"y"\n"0,5";"1,25";"0";\n"1,5";"-2,5e1";"1";\n',
+    (
+        "quotes and a delimiter at the end"
+    ): 'sep=;\n"t";"x";"y"\n"0,5";"1,25";"0";\n"1,5";"-2,5e1";"1";\n',
     "units": "t,x,y\ns,m/s,1\n0.5,1.25,0\n1.5,-2.5e1,1\n",
     "units in brackets": "t;x;y\n[s];[m/s];[-]\n0,5;1,25;0\n1,5;-2,5e1;1\n",
 }
@@ -142,19 +154,49 @@ def test_a_first_row_of_numbers_or_gaps_is_no_line_of_units(tmp_path, first):
 
 
 FAULTS = {  # content: what the message says when x is wanted
-    "word": ("t,x\n0,1\n1,hello\n", r"made\.csv, column x, row 2 \(line 3\): must be a number; got 'hello'"),
-    "decimal comma between commas": ('t,x\n0,"1,5"\n', r"column x, row 1 \(line 2\): .*decimal point; got '1,5'"),
-    "comma and point": ("t;x\n0.5;1.5\n1.0;1,5\n", r"column x, row 2 \(line 3\): .*decimal point; got '1,5'"),
-    "Python's underscore": ("t,x\n0,1\n1,1_0\n", r"row 2 \(line 3\): must be a number in plain digits.*got '1_0'"),
-    "another script's digits": ("t,x\n0,\u0661\u0662\n", r"column x, row 1 .*in plain digits, 0 to 9; got"),
-    "lines above the header": ("sep=;\nt;x\ns;m\n0;1\n1;ho\n", r"column x, row 2 \(line 5\): .*got 'ho'"),
-    "list of another length": ('t,x\n0,"[1,2]"\n1,"[1]"\n', r"column x, row 2 \(line 3\): .*list of 2"),
+    "word": (
+        "t,x\n0,1\n1,hello\n",
+        r"made\.csv, column x, row 2 \(line 3\): must be a number; got 'hello'",
+    ),
+    "decimal comma between commas": (
+        't,x\n0,"1,5"\n',
+        r"column x, row 1 \(line 2\): .*decimal point; got '1,5'",
+    ),
+    "comma and point": (
+        "t;x\n0.5;1.5\n1.0;1,5\n",
+        r"column x, row 2 \(line 3\): .*decimal point; got '1,5'",
+    ),
+    "Python's underscore": (
+        "t,x\n0,1\n1,1_0\n",
+        r"row 2 \(line 3\): must be a number in plain digits.*got '1_0'",
+    ),
+    "another script's digits": (
+        "t,x\n0,\u0661\u0662\n",
+        r"column x, row 1 .*in plain digits, 0 to 9; got",
+    ),
+    "lines above the header": (
+        "sep=;\nt;x\ns;m\n0;1\n1;ho\n",
+        r"column x, row 2 \(line 5\): .*got 'ho'",
+    ),
+    "list of another length": (
+        't,x\n0,"[1,2]"\n1,"[1]"\n',
+        r"column x, row 2 \(line 3\): .*list of 2",
+    ),
     "list turned number": ('t,x\n0,"[1,2]"\n1,7\n', r"column x, row 2 .*list of 2"),
-    "number turned list": ('t,x\n0,7\n1,"[1,2]"\n', r"column x, row 2 .*must be a number; got '\[1,2\]'"),
-    "short row": ("t,x\n0,1\n1\n2,3\n", r"row 2 \(line 3\): must have 2 cells as the header does; got 1"),
+    "number turned list": (
+        't,x\n0,7\n1,"[1,2]"\n',
+        r"column x, row 2 .*must be a number; got '\[1,2\]'",
+    ),
+    "short row": (
+        "t,x\n0,1\n1\n2,3\n",
+        r"row 2 \(line 3\): must have 2 cells as the header does; got 1",
+    ),
     "long row": ("t,x\n0,1\n1,2,3\n", r"row 2 \(line 3\): must have 2 cells .*got 3"),
     "blank lines are counted": ("t,x\n\n\n0,1\n1,ho\n", r"row 2 \(line 5\)"),
-    "open quote": ('t,x\n0,"1\n' + "1,2\n" * 50000, r"line \d+: must be a row of cells; field larger"),
+    "open quote": (
+        't,x\n0,"1\n' + "1,2\n" * 50000,
+        r"line \d+: must be a row of cells; field larger",
+    ),
     "empty": ("", "its first line is empty"),
     "one column": ("x\n1\n", "comma-separated"),
     "no header": ("0,1\n2,3\n", "header line of column names"),
@@ -174,7 +216,9 @@ def test_a_fault_is_named_with_its_place_in_one_line(tmp_path, fault):
 
 def test_a_column_that_is_not_wanted_may_hold_anything(tmp_path):
     (tmp_path / "made.csv").write_text('t,mode,x,l\n0,manual,1,"[1]"\n1,"auto, 2",2,"[1, 2]"\n')
-    np.testing.assert_array_equal(read(tmp_path / "made.csv", "x").streams["table"].columns["x"], [1, 2])
+    np.testing.assert_array_equal(
+        read(tmp_path / "made.csv", "x").streams["table"].columns["x"], [1, 2]
+    )
     with pytest.raises(LogError, match="column mode, row 1"):
         read(tmp_path / "made.csv", "mode")
     with pytest.raises(LogError, match="column z: is missing"):
@@ -188,7 +232,9 @@ def test_a_last_row_that_is_cut_off_is_left_out_with_a_note(tmp_path):
     assert dut.notes == ("line 4, the last, is cut off: it has 2 of 3 cells; left out",)
 
 
-@pytest.mark.parametrize("name, unit", [("t", 1.0), ("time_ms", 1e-3), ("TimeUS", 1e-6), ("timestamp_ns", 1e-9)])
+@pytest.mark.parametrize(
+    "name, unit", [("t", 1.0), ("time_ms", 1e-3), ("TimeUS", 1e-6), ("timestamp_ns", 1e-9)]
+)
 def test_a_known_time_column_is_in_its_unit(tmp_path, name, unit):
     (tmp_path / "made.csv").write_text(f"x,{name}\n1,3\n2,4\n3,2\n")
     dut = read(tmp_path / "made.csv", "x").streams["table"]
@@ -242,7 +288,9 @@ def test_what_fills_the_memory_is_refused(tmp_path, monkeypatch):
     with pytest.raises(LogError, match="at most 0 MB of text"):
         read(tmp_path / "bomb.csv.gz", "x")
     require, more = text_lines.require_rows_within_limit, text_lines.MAX_ROWS - 10  # than there are
-    monkeypatch.setattr(text_lines, "require_rows_within_limit", lambda path, rows: require(path, rows + more))
+    monkeypatch.setattr(
+        text_lines, "require_rows_within_limit", lambda path, rows: require(path, rows + more)
+    )
     (tmp_path / "rows.csv").write_text("t,x\n" + "1,2\n" * 11)
     with pytest.raises(LogError, match=r"at most .* rows"):
         read(tmp_path / "rows.csv", "x")
@@ -277,11 +325,15 @@ def test_any_text_ends_in_a_recording_or_one_line(tmp_path_factory, text):
 @pytest.mark.parametrize("suffix", SUFFIXES)
 @given(share=st.floats(0, 1))
 @settings(max_examples=40, deadline=None)
-def test_any_beginning_of_a_table_ends_in_a_recording_or_one_line(tmp_path_factory, write_table, suffix, share):
+def test_any_beginning_of_a_table_ends_in_a_recording_or_one_line(
+    tmp_path_factory, write_table, suffix, share
+):
     if suffix == ".parquet":
         pytest.importorskip("pyarrow", reason="Parquet needs pyarrow")
     path = tmp_path_factory.mktemp("table") / f"made{suffix}"
-    write_table(path, {"table": Stream(np.arange(20.0), {"x": np.arange(20.0), "p": np.ones((20, 3))})})
+    write_table(
+        path, {"table": Stream(np.arange(20.0), {"x": np.arange(20.0), "p": np.ones((20, 3))})}
+    )
     content = path.read_bytes()
     path.write_bytes(content[: int(share * len(content))])
     assert_recording_or_one_line(path)

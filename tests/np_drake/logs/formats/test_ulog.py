@@ -104,7 +104,11 @@ def sampled(writer, name, delay) -> dict[str, Stream]:
     """Return a stream whose samples are older than its messages by a delay (n,) [s]."""
     t = 0.1 + np.arange(20) * 0.02
     us = writer.START + np.round((t - delay) * 1e6)
-    return {name: Stream(t, {"xyz[0]": t, "timestamp_sample": np.where(np.isnan(delay), 0, np.nan_to_num(us))})}
+    return {
+        name: Stream(
+            t, {"xyz[0]": t, "timestamp_sample": np.where(np.isnan(delay), 0, np.nan_to_num(us))}
+        )
+    }
 
 
 def test_times_are_those_of_the_sample_where_it_has_one(log, writer):
@@ -113,11 +117,15 @@ def test_times_are_those_of_the_sample_where_it_has_one(log, writer):
     writer.write(log, sampled(writer, "vehicle_angular_velocity", delay))
     dut = ULOG.read(log, {"vehicle_angular_velocity": ["xyz[0]"]}, lambda share: None)
     t = 0.1 + np.arange(20) * 0.02
-    assert dut.streams["vehicle_angular_velocity"].t == pytest.approx(t - np.nan_to_num(delay), abs=1e-6)
+    assert dut.streams["vehicle_angular_velocity"].t == pytest.approx(
+        t - np.nan_to_num(delay), abs=1e-6
+    )
     assert "vehicle_angular_velocity (4.0 ms)" in dut.notes[0]
 
 
-@pytest.mark.parametrize("name", ["vehicle_thrust_setpoint", "actuator_motors", "actuator_controls_0"])
+@pytest.mark.parametrize(
+    "name", ["vehicle_thrust_setpoint", "actuator_motors", "actuator_controls_0"]
+)
 def test_a_command_acts_when_it_is_published(log, writer, name):
     writer.write(log, sampled(writer, name, np.full(20, 0.004)))
     dut = ULOG.read(log, {name: ["xyz[0]"]}, lambda share: None)
@@ -143,7 +151,12 @@ def test_a_row_without_a_time_is_left_out_and_a_backward_time_is_kept(log, write
 
 
 def test_facts_name_the_vehicle_and_the_parameters_of_its_thrust(log, writer, made):
-    parameters = {"MPC_THR_HOVER": 0.35, "CA_ROTOR_COUNT": 4, "CA_ROTOR3_PX": 0.25, "CA_ROTOR4_PX": 9.0}
+    parameters = {
+        "MPC_THR_HOVER": 0.35,
+        "CA_ROTOR_COUNT": 4,
+        "CA_ROTOR3_PX": 0.25,
+        "CA_ROTOR4_PX": 9.0,
+    }
     parameters |= {"PWM_MIN": 1000, "PWM_AUX_MIN1": -1, "BAT1_N_CELLS": 6, "EKF2_AID_MASK": 1}
     writer.write(log, made, facts={"sys_name": "PX4", "ver_hw": "FMU_V6X"}, parameters=parameters)
     dut = everything(log).facts
@@ -156,15 +169,25 @@ def test_facts_name_the_vehicle_and_the_parameters_of_its_thrust(log, writer, ma
 
 def test_dropouts_are_noted(log, writer, made):
     writer.write(log, made, dropouts=[20, 150])
-    assert everything(log).notes == ("dropouts of the logger: 2, 0.170 s together, the longest 0.150 s.",)
+    assert everything(log).notes == (
+        "dropouts of the logger: 2, 0.170 s together, the longest 0.150 s.",
+    )
 
 
 def test_estimates_that_are_not_valid_or_jump_are_noted(log, writer):
     n = 20
     position = stream(["x"], rows=n)
-    flags = {"xy_valid": np.arange(n) >= 5, "z_valid": np.ones(n), "xy_reset_counter": (np.arange(n) > 8) * 3}
+    flags = {
+        "xy_valid": np.arange(n) >= 5,
+        "z_valid": np.ones(n),
+        "xy_reset_counter": (np.arange(n) > 8) * 3,
+    }
     kinds = dict.fromkeys(flags, "uint8_t")
-    writer.write(log, {"vehicle_local_position": Stream(position.t, {**position.columns, **flags})}, kinds=kinds)
+    writer.write(
+        log,
+        {"vehicle_local_position": Stream(position.t, {**position.columns, **flags})},
+        kinds=kinds,
+    )
     dut = ULOG.read(log, {"vehicle_local_position": ["x"]}, lambda share: None)
     assert dut.notes == (
         "vehicle_local_position: xy_valid is 0 in 25 % of the rows; first valid at 0.10 s.",
@@ -215,12 +238,18 @@ def framed(kind: str, payload: bytes) -> bytes:
         (b"x" * 16, "Failed to parse header"),
         (HEADER + framed("B", bytes(8) + b"\2" + bytes(31)), "incompatible flag"),
         (HEADER + framed("F", b"a:a[2] b;") + framed("A", b"\0\0\0a"), "holds itself"),
-        (HEADER + framed("F", b"a:b[60000] x;") + framed("F", b"b:int8_t[60000] x;"), "larger than a message"),
+        (
+            HEADER + framed("F", b"a:b[60000] x;") + framed("F", b"b:int8_t[60000] x;"),
+            "larger than a message",
+        ),
     ],
 )
 def test_what_is_no_ulog_file_is_refused_in_one_line(log, content, said):
     log.write_bytes(content)
-    for call in (lambda: ULOG.contents(log), lambda: ULOG.read(log, {"a": ["b"]}, lambda share: None)):
+    for call in (
+        lambda: ULOG.contents(log),
+        lambda: ULOG.read(log, {"a": ["b"]}, lambda share: None),
+    ):
         with pytest.raises(LogError, match=said) as refused:
             call()
         assert str(log) in str(refused.value)
@@ -248,14 +277,19 @@ def ends_well(path: Path) -> None:
 
 def test_a_message_without_a_time_is_left_out(log):
     row = framed("D", b"\0\0" + bytes(12))
-    log.write_bytes(HEADER + framed("F", b"a:float x;uint64_t other;") + framed("A", b"\0\0\0a") + row)
+    log.write_bytes(
+        HEADER + framed("F", b"a:float x;uint64_t other;") + framed("A", b"\0\0\0a") + row
+    )
     assert ULOG.contents(log) == {}
     with pytest.raises(LogError, match="must hold rows of a"):
         ULOG.read(log, {"a": ["x"]}, lambda share: None)
 
 
 @settings(max_examples=150, deadline=None)
-@given(content=st.binary(max_size=300), begin=st.sampled_from([b"", HEADER, HEADER + framed("B", bytes(40))]))
+@given(
+    content=st.binary(max_size=300),
+    begin=st.sampled_from([b"", HEADER, HEADER + framed("B", bytes(40))]),
+)
 def test_arbitrary_bytes_are_read_or_refused(log, content, begin):
     log.write_bytes(begin + content)
     ULOG.recognises(log, begin + content)
@@ -302,16 +336,25 @@ print(int(status["VmHWM"].split()[0]) // 1000)
 """
 
 
-@pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="needs the peak memory of a process")
+@pytest.mark.skipif(
+    not Path("/proc/self/status").exists(), reason="needs the peak memory of a process"
+)
 @pytest.mark.parametrize(
-    ("offsets", "said"), [((), "dropouts of the logger: 500000"), ((60, 90, 90), "its appended data lead back")]
+    ("offsets", "said"),
+    [((), "dropouts of the logger: 500000"), ((60, 90, 90), "its appended data lead back")],
 )
 def test_millions_of_dropouts_take_little_memory(tmp_path: Path, ulog_writer, offsets, said):
-    """A dropout has 5 bytes; an object for each, of data that are read four times, took 750 MB for 10 MB."""
-    flags = bytes(8) + bytes([bool(offsets)]) + bytes(7) + struct.pack("<QQQ", *(offsets or (0, 0, 0)))
+    """A dropout has 5 bytes; an object for each, of data that are read four times, took 750 MB for
+    10 MB.
+    """
+    flags = (
+        bytes(8) + bytes([bool(offsets)]) + bytes(7) + struct.pack("<QQQ", *(offsets or (0, 0, 0)))
+    )
     content = ulog_writer.MAGIC + b"\x01" + bytes(8) + ulog_writer.message("B", flags)
     content += ulog_writer.message("F", b"a:uint64_t timestamp;float x;")
-    content += ulog_writer.message("A", bytes(3) + b"a") + ulog_writer.message("D", struct.pack("<HQf", 0, 5, 1.0))
+    content += ulog_writer.message("A", bytes(3) + b"a") + ulog_writer.message(
+        "D", struct.pack("<HQf", 0, 5, 1.0)
+    )
     path = tmp_path / "a.ulg"
     path.write_bytes(content + ulog_writer.message("O", struct.pack("<H", 1000)) * 500_000)
     done = subprocess.run([sys.executable, "-c", PEAK, str(path)], capture_output=True, text=True)

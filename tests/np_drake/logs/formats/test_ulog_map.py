@@ -52,7 +52,11 @@ def sources(contents: Contents) -> dict[str, list[str]]:
 def test_the_map_takes_the_first_message_that_a_log_has():
     gyro = tuple(f"gyro_rad[{i}]" for i in range(3))
     accelerometer = tuple(f"accelerometer_m_s2[{i}]" for i in range(3))
-    whole = {**STATE, "sensor_combined": gyro + accelerometer, "vehicle_angular_velocity": tuple(XYZ)}
+    whole = {
+        **STATE,
+        "sensor_combined": gyro + accelerometer,
+        "vehicle_angular_velocity": tuple(XYZ),
+    }
     dut = sources(whole)
     assert dut["rates"] == [f"vehicle_angular_velocity/{c}" for c in XYZ]
     assert dut["acceleration"] == [f"sensor_combined/{c}" for c in accelerometer]
@@ -65,7 +69,9 @@ def test_the_map_takes_the_first_message_that_a_log_has():
 
 
 @pytest.mark.parametrize("indexed", [True, False])
-@pytest.mark.parametrize(("name", "axes"), [("vehicle_odometry", "world"), ("vehicle_visual_odometry", "body")])
+@pytest.mark.parametrize(
+    ("name", "axes"), [("vehicle_odometry", "world"), ("vehicle_visual_odometry", "body")]
+)
 def test_without_a_local_position_odometry_gives_the_state(name, axes, indexed):
     old = ("x", "y", "z", "vx", "vy", "vz")
     new = (*(f"position[{i}]" for i in range(3)), *(f"velocity[{i}]" for i in range(3)))
@@ -94,9 +100,15 @@ def test_collective_thrust_is_positive_along_the_thrust():
     for left_out, column, scale in [
         ((), "vehicle_thrust_setpoint/xyz[2]", -1),
         (("vehicle_thrust_setpoint",), "actuator_controls_0/control[3]", 1),
-        (("vehicle_thrust_setpoint", "actuator_controls_0"), "vehicle_attitude_setpoint/thrust_body[2]", -1),
+        (
+            ("vehicle_thrust_setpoint", "actuator_controls_0"),
+            "vehicle_attitude_setpoint/thrust_body[2]",
+            -1,
+        ),
     ]:
-        dut = ULOG.default_map({**STATE, **{n: c for n, c in COLLECTIVE.items() if n not in left_out}})
+        dut = ULOG.default_map(
+            {**STATE, **{n: c for n, c in COLLECTIVE.items() if n not in left_out}}
+        )
         assert dut is not None
         assert dut.throttle.columns == [column]
         assert dut.throttle.scale == scale
@@ -108,16 +120,24 @@ def rotors(rows: Mapping[str, int], used: int, rate: float) -> dict[str, Stream]
     found["vehicle_thrust_setpoint"] = stream(XYZ)
     t = np.arange(80) / rate
     for name, count in rows.items():
-        pattern = {"esc_status": "esc[{}].esc_rpm", "actuator_outputs": "output[{}]"}.get(name, "control[{}]")
+        pattern = {"esc_status": "esc[{}].esc_rpm", "actuator_outputs": "output[{}]"}.get(
+            name, "control[{}]"
+        )
         idle = np.nan if name == "actuator_motors" else 0.0
         found[name] = Stream(
-            t, {pattern.format(i): np.sin(t + i) if i < used else np.full(80, idle) for i in range(count)}
+            t,
+            {
+                pattern.format(i): np.sin(t + i) if i < used else np.full(80, idle)
+                for i in range(count)
+            },
         )
     return found
 
 
 def test_four_rotors_in_use_are_taken_and_constant_ones_left_out(log, writer):
-    writer.write(log, rotors({"esc_status": 8, "actuator_motors": 12, "actuator_outputs": 16}, 4, 100.0))
+    writer.write(
+        log, rotors({"esc_status": 8, "actuator_motors": 12, "actuator_outputs": 16}, 4, 100.0)
+    )
     contents = ULOG.contents(log)
     assert contents["actuator_motors"] == tuple(f"control[{i}]" for i in range(4))
     dut = sources(contents)

@@ -27,19 +27,26 @@ def write(
     dropouts: Sequence[int] = (),
     kinds: Mapping[str, str] | None = None,
 ) -> None:
-    """Write streams; a name like `vehicle_imu.1` is a further instance, columns like `q[0]` become arrays.
+    """Write streams; a name like `vehicle_imu.1` is a further instance, columns like `q[0]` become
+    arrays.
 
-    Times are those of `timestamp`, to a microsecond.   kinds: type by column, `double` where it is missing; the column
-    `timestamp_sample` [us since the vehicle's start] is uint64.   dropouts: durations [ms].
+    Times are those of `timestamp`, to a microsecond.
+    kinds: type by column, `double` where it is missing; the column `timestamp_sample` [us since the
+        vehicle's start] is uint64.
+    dropouts: durations [ms].
     """
     kinds = {"timestamp_sample": "uint64_t", **(kinds or {})}
     content = MAGIC + b"\x01" + struct.pack("<Q", START) + message("B", bytes(40))
-    content += b"".join(message("I", _pair(f"char[{len(v)}] {k}") + v.encode()) for k, v in (facts or {}).items())
+    content += b"".join(
+        message("I", _pair(f"char[{len(v)}] {k}") + v.encode()) for k, v in (facts or {}).items()
+    )
     content += b"".join(message("P", _parameter(k, v)) for k, v in (parameters or {}).items())
     formats: dict[str, str] = {}
     for name, stream in streams.items():
         formats |= _formats(name.partition(".")[0], list(stream.columns), kinds)
-    content += b"".join(message("F", f"{name}:{fields}".encode()) for name, fields in formats.items())
+    content += b"".join(
+        message("F", f"{name}:{fields}".encode()) for name, fields in formats.items()
+    )
     rows: list[tuple[int, bytes]] = []
     for i, (name, stream) in enumerate(streams.items()):
         base, _, instance = name.partition(".")
@@ -65,7 +72,9 @@ def _parameter(name: str, value: float | int) -> bytes:
 
 
 def _formats(name: str, columns: Sequence[str], kinds: Mapping[str, str]) -> dict[str, str]:
-    """Return the fields of a message and of those in it; columns of an array must stand together, in order."""
+    """Return the fields of a message and of those in it; columns of an array must stand together,
+    in order.
+    """
     fields = {"timestamp": "uint64_t"}
     inner: dict[str, list[str]] = {}
     for column in columns:
@@ -78,18 +87,31 @@ def _formats(name: str, columns: Sequence[str], kinds: Mapping[str, str]) -> dic
         else:
             fields[column] = kinds.get(column, "double")
     found = {
-        f"{name}_{array}": "".join(f"{kinds.get(f'{array}[0].{part}', 'double')} {part};" for part in parts)
+        f"{name}_{array}": "".join(
+            f"{kinds.get(f'{array}[0].{part}', 'double')} {part};" for part in parts
+        )
         for array, parts in inner.items()
     }
     return {**found, name: "".join(f"{kind} {field};" for field, kind in fields.items())}
 
 
-TYPES = {"double": "<f8", "float": "<f4", "int32_t": "<i4", "uint8_t": "u1", "bool": "?", "uint64_t": "<u8"}
+TYPES = {
+    "double": "<f8",
+    "float": "<f4",
+    "int32_t": "<i4",
+    "uint8_t": "u1",
+    "bool": "?",
+    "uint64_t": "<u8",
+}
 
 
 def _rows(index: int, stream: Stream, kinds: Mapping[str, str]) -> list[tuple[int, bytes]]:
     """Return time [us] and message of every row."""
-    layout = [("id", "<u2"), ("t", "<u8"), *((c, TYPES[kinds.get(c, "double")]) for c in stream.columns)]
+    layout = [
+        ("id", "<u2"),
+        ("t", "<u8"),
+        *((c, TYPES[kinds.get(c, "double")]) for c in stream.columns),
+    ]
     table = np.zeros(len(stream), np.dtype(layout))
     table["id"] = index
     table["t"] = START + np.round(stream.t * 1e6).astype(np.int64)

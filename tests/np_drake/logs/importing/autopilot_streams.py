@@ -1,4 +1,6 @@
-"""A flight as the messages of PX4 and ArduPilot: NED and FRD, and motors as each of them numbers its outputs."""
+"""A flight as the messages of PX4 and ArduPilot: NED and FRD, and motors as each of them numbers
+its outputs.
+"""
 
 import numpy as np
 
@@ -7,7 +9,12 @@ from np_drake.flight_log import FlightLog
 from np_drake.logs.formats.format import Stream
 from np_drake.vehicle import Vehicle
 
-PX4_FROM_OURS = [1, 3, 0, 2]  # our rotors, front left first and clockwise, in the order of PX4's and ArduPilot's X
+PX4_FROM_OURS = [
+    1,
+    3,
+    0,
+    2,
+]  # our rotors, front left first and clockwise, in the order of PX4's and ArduPilot's X
 PX4_CORNERS = {
     "CA_ROTOR_COUNT": 4,
     **{f"CA_ROTOR{n}_PX": x for n, x in enumerate((0.13, -0.13, 0.13, -0.13))},
@@ -36,7 +43,9 @@ def _frd(value: np.ndarray) -> np.ndarray:
 def _q_ned_frd(q: np.ndarray) -> np.ndarray:
     half = np.sqrt(0.5)
     world, body = np.array([0, half, half, 0]), np.array([0, 1.0, 0, 0])
-    return attitude.multiply(attitude.multiply(np.tile(world, (len(q), 1)), q), np.tile(body, (len(q), 1)))
+    return attitude.multiply(
+        attitude.multiply(np.tile(world, (len(q), 1)), q), np.tile(body, (len(q), 1))
+    )
 
 
 def _force(log: FlightLog) -> np.ndarray:
@@ -46,7 +55,9 @@ def _force(log: FlightLog) -> np.ndarray:
 def px4(log: FlightLog, outputs: dict[str, np.ndarray], start: float = 1.0) -> dict[str, Stream]:
     """Return PX4's messages; `outputs`: columns by stream, as `actuator_motors`: (n, k)."""
     columns = {
-        "vehicle_local_position": named(["x", "y", "z", "vx", "vy", "vz"], np.column_stack([_ned(log.p), _ned(log.v)])),
+        "vehicle_local_position": named(
+            ["x", "y", "z", "vx", "vy", "vz"], np.column_stack([_ned(log.p), _ned(log.v)])
+        ),
         "vehicle_attitude": named([f"q[{i}]" for i in range(4)], _q_ned_frd(log.q)),
         "vehicle_angular_velocity": named([f"xyz[{i}]" for i in range(3)], _frd(log.w)),
         "sensor_combined": named([f"accelerometer_m_s2[{i}]" for i in range(3)], _force(log)),
@@ -62,9 +73,14 @@ def px4(log: FlightLog, outputs: dict[str, np.ndarray], start: float = 1.0) -> d
 def ardupilot(log: FlightLog, outputs: np.ndarray, first: int = 1) -> dict[str, Stream]:
     """Return ArduPilot's messages; `outputs`: (n, k) pulses of the outputs from `first` on [us]."""
     columns = {
-        "XKF1.0": named(["PN", "PE", "PD", "VN", "VE", "VD"], np.column_stack([_ned(log.p), _ned(log.v)])),
+        "XKF1.0": named(
+            ["PN", "PE", "PD", "VN", "VE", "VD"], np.column_stack([_ned(log.p), _ned(log.v)])
+        ),
         "XKQ.0": named(["Q1", "Q2", "Q3", "Q4"], _q_ned_frd(log.q)),
-        "IMU.0": named(["GyrX", "GyrY", "GyrZ", "AccX", "AccY", "AccZ"], np.column_stack([_frd(log.w), _force(log)])),
+        "IMU.0": named(
+            ["GyrX", "GyrY", "GyrZ", "AccX", "AccY", "AccZ"],
+            np.column_stack([_frd(log.w), _force(log)]),
+        ),
         "RCOU": named([f"C{first + i}" for i in range(outputs.shape[1])], outputs),
     }
     return {name: Stream(log.t + 1.0, values) for name, values in columns.items()}

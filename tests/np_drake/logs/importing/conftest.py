@@ -1,4 +1,6 @@
-"""Simulated flights, and their columns in the conventions of a map, written with rotation matrices of SciPy."""
+"""Simulated flights, and their columns in the conventions of a map, written with rotation matrices
+of SciPy.
+"""
 
 import dataclasses as dc
 import importlib.util
@@ -13,7 +15,9 @@ from np_drake.flight_log import FlightLog
 from np_drake.logs.importing.import_log import import_log
 from np_drake.logs.importing.log_map import SIZES, UNITS, LogMap, Source
 
-ENU_OF_NED = np.array([[0, 1, 0], [1, 0, 0], [0, 0, -1]], float)  # x east from y, y north from x, z up
+ENU_OF_NED = np.array(
+    [[0, 1, 0], [1, 0, 0], [0, 0, -1]], float
+)  # x east from y, y north from x, z up
 FLU_OF_FRD = np.diag([1.0, -1.0, -1.0])
 GRAVITY = np.array([0.0, 0.0, 9.81])
 Quantities = dict[str, np.ndarray]
@@ -60,7 +64,9 @@ def columns_in(log_map: LogMap, x: Quantities) -> Quantities:
     out = {}
     for name, value in x.items():
         source = getattr(log_map, name)
-        W = ENU_OF_NED if (source.world or log_map.world) == "ned" else np.eye(3)  # ours from theirs
+        W = (
+            ENU_OF_NED if (source.world or log_map.world) == "ned" else np.eye(3)
+        )  # ours from theirs
         B = FLU_OF_FRD if (source.body or log_map.body) == "frd" else np.eye(3)
         if name == "attitude":
             R = W.T @ R_WB @ B
@@ -77,7 +83,9 @@ def columns_in(log_map: LogMap, x: Quantities) -> Quantities:
     return out
 
 
-def _in_axes(name: str, value: np.ndarray, source: Source, R_WB: np.ndarray) -> tuple[np.ndarray, str]:
+def _in_axes(
+    name: str, value: np.ndarray, source: Source, R_WB: np.ndarray
+) -> tuple[np.ndarray, str]:
     if name == "acceleration":
         kind = source.kind or "specific_force"
         axes = source.axes or ("body" if kind == "specific_force" else "world")
@@ -124,12 +132,16 @@ def flown(fly) -> FlightLog:
 
 @pytest.fixture
 def import_px4(flown, autopilots, writer, tmp_path):
-    """Return `import_px4(outputs, parameters)`: the import of the flight with these outputs by stream."""
+    """Return `import_px4(outputs, parameters)`: the import of the flight with these outputs by
+    stream.
+    """
     pytest.importorskip("pyulog", reason="ULog needs pyulog")
 
     def go(outputs, parameters=None, change=lambda streams: streams, **options):
         path = tmp_path / "log.ulg"
-        writer("ulog").write(path, change(autopilots.px4(flown, outputs)), parameters=parameters or {})
+        writer("ulog").write(
+            path, change(autopilots.px4(flown, outputs)), parameters=parameters or {}
+        )
         return import_log(path, **options)
 
     return go
@@ -137,7 +149,9 @@ def import_px4(flown, autopilots, writer, tmp_path):
 
 @pytest.fixture
 def import_ardupilot(flown, autopilots, writer, tmp_path):
-    """Return `import_ardupilot(outputs, parameters)`: the import of the flight with these pulses."""
+    """Return `import_ardupilot(outputs, parameters)`: the import of the flight with these
+    pulses.
+    """
 
     def go(outputs, parameters=None, change=lambda streams: streams, first=1, **options):
         path = tmp_path / "log.bin"

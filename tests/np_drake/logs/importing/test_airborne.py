@@ -1,4 +1,6 @@
-"""Laws of the part of a log that flies: what rests on the ground is none, what drifts in the air is."""
+"""Laws of the part of a log that flies: what rests on the ground is none, what drifts in the air
+is.
+"""
 
 import numpy as np
 import pytest
@@ -26,7 +28,9 @@ def test_a_vehicle_stands_between_landing_and_the_next_take_off(idle):
     p, lift = flights_with_a_pause(idle)
     dut = standing(T, p, lift)
     assert dut[(T >= 10) & (T < 20)].all()
-    assert not dut[np.linalg.norm(p, axis=1) > 0.06].any()  # [m], the margin of the law and a little
+    assert not dut[
+        np.linalg.norm(p, axis=1) > 0.06
+    ].any()  # [m], the margin of the law and a little
 
 
 def test_a_vehicle_stands_though_its_estimate_drifts():
@@ -62,7 +66,9 @@ def test_what_rests_before_take_off_and_after_landing_is_no_flight(rest):
     p[30 - rest <= T] = p[30 - rest > T][-1]
     dut = standing(T, p, np.where(stands, 0.1, 1.0))
     assert dut[stands].all()
-    assert dut.sum() < stands.sum() + 200  # [rows], of which the position is within the margin of the law
+    assert (
+        dut.sum() < stands.sum() + 200
+    )  # [rows], of which the position is within the margin of the law
 
 
 def test_a_part_whose_rotors_give_a_fraction_of_another_part_stands():
@@ -88,7 +94,9 @@ HOVER = np.linspace(0.3, 0.8, 100)[:, None]
 )
 def test_an_input_in_another_unit_is_refused(name, factor, message):
     log_map = LogMap(**{name: Source(["c"])})
-    require_ranges({name: HOVER * {"rotor_speed": 1e3, "voltage": 16}.get(name, 1)}, log_map, "flight.csv")
+    require_ranges(
+        {name: HOVER * {"rotor_speed": 1e3, "voltage": 16}.get(name, 1)}, log_map, "flight.csv"
+    )
     with pytest.raises(LogError, match=rf"flight.csv, {name} \(c\): must not be {message}"):
         require_ranges({name: HOVER * factor}, log_map, "flight.csv")
 

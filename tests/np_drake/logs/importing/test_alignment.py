@@ -1,4 +1,6 @@
-"""Laws of alignment: identical times change nothing; rows at another rate follow the continuous flight."""
+"""Laws of alignment: identical times change nothing; rows at another rate follow the continuous
+flight.
+"""
 
 import dataclasses as dc
 
@@ -22,13 +24,17 @@ PLAIN = LogMap(
 
 
 def truth(t):
-    """A banking circle: p, v, a are exact derivatives; the attitude turns evenly about a tilted axis."""
+    """A banking circle: p, v, a are exact derivatives; the attitude turns evenly about a tilted
+    axis.
+    """
     axis = np.array([0.36, 0.48, 0.8])
     turn = 1.2 * t[:, None]
     return {
         "position": np.stack([np.cos(2 * t), np.sin(2 * t), 1 + 0.2 * np.sin(t)], axis=1),
         "velocity": np.stack([-2 * np.sin(2 * t), 2 * np.cos(2 * t), 0.2 * np.cos(t)], axis=1),
-        "acceleration": np.stack([-4 * np.cos(2 * t), -4 * np.sin(2 * t), -0.2 * np.sin(t)], axis=1),
+        "acceleration": np.stack(
+            [-4 * np.cos(2 * t), -4 * np.sin(2 * t), -0.2 * np.sin(t)], axis=1
+        ),
         "attitude": attitude.from_rotation_vector(turn * axis),
         "rates": 1.2 * axis + 0 * t[:, None],
         "thrust": 20 + np.sin(t)[:, None],
@@ -64,7 +70,13 @@ def test_a_command_that_was_held_until_its_row_moves_one_row_up():
 
 @pytest.mark.parametrize(
     "slow, bound",  # at 10 Hz [m, m/s, 1, rad/s, m/s²]; chords would be off by 5 mm and 1 cm/s
-    [("position", 1e-3), ("velocity", 1e-3), ("attitude", 1e-9), ("rates", 1e-9), ("acceleration", 0.06)],
+    [
+        ("position", 1e-3),
+        ("velocity", 1e-3),
+        ("attitude", 1e-9),
+        ("rates", 1e-9),
+        ("acceleration", 0.06),
+    ],
 )
 def test_a_signal_of_another_rate_follows_the_flight_better_if_faster(slow, bound):
     errors = []
@@ -86,21 +98,32 @@ def test_a_fast_gyro_and_accelerometer_are_averaged_to_the_rows():
     noisy = dict(signals)
     for name in ("rates", "acceleration"):
         noisy[name] = Signal(signals[name].t, signals[name].values + buzz)
-    dut, plain = align(noisy, dc.replace(PLAIN, rate=100.0)), align(signals, dc.replace(PLAIN, rate=100.0))
+    dut, plain = (
+        align(noisy, dc.replace(PLAIN, rate=100.0)),
+        align(signals, dc.replace(PLAIN, rate=100.0)),
+    )
     for name in ("rates", "acceleration"):
         assert np.abs(dut.values[name] - plain.values[name])[5:-5].max() < 0.02  # of 1
 
 
 def test_accelerations_of_a_row_are_those_under_its_command():
-    """A thrust that jumps at every row is in the row's acceleration, not in half in that of the next."""
+    """A thrust that jumps at every row is in the row's acceleration, not in half in that of the
+    next.
+    """
     fast, rows = np.arange(0.0, 4.0, 1e-3), np.arange(0.0, 4.0, 1e-2)
     draw = np.random.default_rng(0).uniform(8.0, 12.0, len(rows))  # specific force [m/s²]
     k = np.searchsorted(rows, fast + 1e-9, side="right") - 1
     q = truth(fast)["attitude"]
     a = draw[k][:, None] * attitude.body_z(q) - [0.0, 0.0, 9.81]
-    signals = signals_at({}, 4.0) | {"acceleration": Signal(fast, a), "thrust": Signal(rows, draw[:, None])}
+    signals = signals_at({}, 4.0) | {
+        "acceleration": Signal(fast, a),
+        "thrust": Signal(rows, draw[:, None]),
+    }
     dut = align(signals, dc.replace(PLAIN, rate=100.0))
-    lift = np.sum((dut.values["acceleration"] + [0.0, 0.0, 9.81]) * attitude.body_z(dut.values["attitude"]), axis=1)
+    lift = np.sum(
+        (dut.values["acceleration"] + [0.0, 0.0, 9.81]) * attitude.body_z(dut.values["attitude"]),
+        axis=1,
+    )
     assert np.corrcoef(lift[:-2], dut.values["thrust"][:-2, 0])[0, 1] > 0.99
 
 

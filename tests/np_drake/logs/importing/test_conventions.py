@@ -1,4 +1,6 @@
-"""Laws of the check of conventions: every error, and every pair, is named; what real flights do is not refused."""
+"""Laws of the check of conventions: every error, and every pair, is named; what real flights do is
+not refused.
+"""
 
 import itertools
 
@@ -17,7 +19,14 @@ from np_drake.effects.motor_lag import MotorLag
 from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.effects.velocity_bias import VelocityBias
 from np_drake.logs.importing.consistency import FAILS, misfits, told_by_noise
-from np_drake.logs.importing.conventions import Trial, as_text, changed, check_conventions, fitting_time_unit, liveliest
+from np_drake.logs.importing.conventions import (
+    Trial,
+    as_text,
+    changed,
+    check_conventions,
+    fitting_time_unit,
+    liveliest,
+)
 from np_drake.logs.importing.convert import convert
 from np_drake.logs.importing.log_map import SIZES, LogMap, Source
 
@@ -53,18 +62,25 @@ def sampled(excited, conventions):
 
 
 def checked(sampled, conventions, change):
-    """Return the verdict on a log in other conventions than its map, and whether what it names is right."""
+    """Return the verdict on a log in other conventions than its map, and whether what it names is
+    right.
+    """
     t, x = sampled
     declared = conventions.plain_map()
     own = changed(declared, change)
     columns = conventions.columns_in(own, x)
     verdict = check_conventions(t, columns, declared)
-    named = [same(convert(columns, changed(declared, fit)), x) for fit in (verdict.changes, *verdict.rivals)]
+    named = [
+        same(convert(columns, changed(declared, fit)), x)
+        for fit in (verdict.changes, *verdict.rivals)
+    ]
     return verdict, named
 
 
 def same(found, x):
-    q = found["attitude"] * np.sign(np.sum(found["attitude"] * x["attitude"], axis=1, keepdims=True))
+    q = found["attitude"] * np.sign(
+        np.sum(found["attitude"] * x["attitude"], axis=1, keepdims=True)
+    )
     found = found | {"attitude": q}
     return all(np.allclose(found[name], value, atol=1e-6) for name, value in x.items())
 
@@ -93,8 +109,12 @@ def test_pairs_of_errors_are_refused_and_the_right_ones_are_among_named(sampled,
 ANGLES = Source([f"attitude{i}" for i in range(3)])
 
 
-@pytest.mark.parametrize("name, axis", [("attitude", 0), ("attitude", 1), ("attitude", 2), ("rates", 0), ("rates", 1)])
-def test_a_single_column_of_the_other_hand_is_named_and_its_sign_turns_it(sampled, conventions, name, axis):
+@pytest.mark.parametrize(
+    "name, axis", [("attitude", 0), ("attitude", 1), ("attitude", 2), ("rates", 0), ("rates", 1)]
+)
+def test_a_single_column_of_the_other_hand_is_named_and_its_sign_turns_it(
+    sampled, conventions, name, axis
+):
     t, x = sampled
     declared = conventions.plain_map(attitude=ANGLES)
     columns = conventions.columns_in(declared, x)
@@ -108,14 +128,18 @@ def test_a_single_column_of_the_other_hand_is_named_and_its_sign_turns_it(sample
     assert same(convert(columns, turned), x)
 
 
-@pytest.mark.parametrize("law, name, size", [("attitude z", "rates", 2.5), ("velocity x", "acceleration", 10.0)])
+@pytest.mark.parametrize(
+    "law, name, size", [("attitude z", "rates", 2.5), ("velocity x", "acceleration", 10.0)]
+)
 def test_one_axis_that_drifts_is_left_aside_and_not_refused(sampled, conventions, law, name, size):
     t, x = sampled
     axis = "xyz".index(law[-1])
     drift = np.zeros((len(t), 3))
     drift[:, axis] = size * np.sin(1.3 * t)
     x = {**x, name: x[name] + drift}
-    verdict = check_conventions(t, conventions.columns_in(conventions.plain_map(), x), conventions.plain_map())
+    verdict = check_conventions(
+        t, conventions.columns_in(conventions.plain_map(), x), conventions.plain_map()
+    )
     assert verdict.misfits[law] > FAILS
     assert told_by_noise(t, x, verdict.misfits) == [law]
     assert verdict.holds
@@ -126,13 +150,20 @@ def test_one_axis_that_drifts_is_left_aside_and_not_refused(sampled, conventions
 
 @pytest.fixture(scope="module")
 def calm(fly):
-    """Return a function: times and quantities of a slow flight at 50 Hz, with a gyro that wanders by axis [rad/s]."""
+    """Return a function: times and quantities of a slow flight at 50 Hz, with a gyro that wanders
+    by axis [rad/s].
+    """
     log = fly(seed=5, seconds=12.0, vigour=0.2)
 
     def go(conventions, deviation, seed=0):
-        t, x = log.t[::2], {name: value[::2] for name, value in conventions.quantities_of(log).items()}
+        t, x = (
+            log.t[::2],
+            {name: value[::2] for name, value in conventions.quantities_of(log).items()},
+        )
         white = np.random.default_rng(seed).normal(size=(len(t) + 25, 3))
-        wander = 0.2 * np.lib.stride_tricks.sliding_window_view(white, 25, axis=0).sum(axis=-1)[: len(t)]
+        wander = (
+            0.2 * np.lib.stride_tricks.sliding_window_view(white, 25, axis=0).sum(axis=-1)[: len(t)]
+        )
         return t, {**x, "rates": x["rates"] + np.asarray(deviation) * wander}
 
     return go
@@ -177,7 +208,11 @@ FLIGHTS = {
     "wind": (LinearDrag(0.5, 0.5, 0.3), ConstantWind(4.0, -2.0, 0.3)),
     "heavy drag": (LinearDrag(0.8, 0.8, 0.4),),
     "payload": (SuspendedPayload(mass=0.4, length=0.8),),
-    "biases": (AccelerometerBias(0.3, -0.3, 0.4), AttitudeBias(0.05, -0.04, 0.06), VelocityBias(0.2, -0.2, 0.1)),
+    "biases": (
+        AccelerometerBias(0.3, -0.3, 0.4),
+        AttitudeBias(0.05, -0.04, 0.06),
+        VelocityBias(0.2, -0.2, 0.1),
+    ),
     "late": (MotorLag(0.08), ClockOffset(0.05)),
     "off centre": (CenterOfMassOffset(0.02, 0.02, 0.0), MassError(0.4)),
 }
@@ -188,7 +223,9 @@ FLIGHTS = {
 def test_a_gap_to_the_model_is_no_wrong_convention(fly, conventions, name, vigour):
     log = fly(*FLIGHTS[name], seed=5, seconds=10.0, noise=1.0, vigour=vigour, attitude_noise=0.01)
     x = conventions.quantities_of(log)
-    columns = conventions.columns_in(conventions.plain_map(), {n: value[::2] for n, value in x.items()})
+    columns = conventions.columns_in(
+        conventions.plain_map(), {n: value[::2] for n, value in x.items()}
+    )
     verdict = check_conventions(log.t[::2], columns, conventions.plain_map())
     assert verdict.holds, (verdict.failed, verdict.misfits)
 
@@ -196,7 +233,10 @@ def test_a_gap_to_the_model_is_no_wrong_convention(fly, conventions, name, vigou
 def test_a_lift_turned_round_is_refused_also_where_nothing_else_fits(sampled, conventions):
     t, x = sampled
     x = {name: x[name] for name in ("position", "velocity", "attitude")}
-    x["velocity"], x["position"] = x["velocity"] * [-1, 1, 1], x["position"] * [-1, 1, 1]  # left-handed
+    x["velocity"], x["position"] = (
+        x["velocity"] * [-1, 1, 1],
+        x["position"] * [-1, 1, 1],
+    )  # left-handed
     verdict = check_conventions(t, x, conventions.plain_map())
     assert {law.split()[0] for law in verdict.failed} == {"lift"}
 
@@ -208,7 +248,9 @@ def test_a_long_log_is_searched_where_it_moves(sampled, conventions):
     rest["rates"] = 0 * rest["rates"]
     rest["acceleration"] = 0 * rest["acceleration"]
     long = {n: np.concatenate([rest[n], value]) for n, value in x.items()}
-    verdict, named = checked((0.02 * np.arange(len(t) + 6000), long), conventions, ERRORS["degrees"])
+    verdict, named = checked(
+        (0.02 * np.arange(len(t) + 6000), long), conventions, ERRORS["degrees"]
+    )
     assert not verdict.holds
     assert named == [True]
     assert liveliest(long, len(t) + 6000).stop > 6000
@@ -227,7 +269,14 @@ def test_a_log_without_accelerometer_in_ned_is_named_by_its_lift(sampled, conven
 
 @pytest.mark.parametrize(
     "step, declared, unit",
-    [(10.0, "s", "ms"), (1e4, "s", "us"), (1e7, "s", "ns"), (1e-5, "ms", "s"), (0.01, "s", ""), (0.2, "", "")],
+    [
+        (10.0, "s", "ms"),
+        (1e4, "s", "us"),
+        (1e7, "s", "ns"),
+        (1e-5, "ms", "s"),
+        (0.01, "s", ""),
+        (0.2, "", ""),
+    ],
 )
 def test_rows_that_come_too_fast_or_slowly_name_their_unit_of_time(step, declared, unit):
     fit = fitting_time_unit(step, LogMap(time=Source(["t"], unit=declared)))
@@ -239,7 +288,13 @@ def test_a_trial_gives_the_misfits_of_a_whole_conversion(sampled, conventions):
     declared = conventions.plain_map()
     columns = conventions.columns_in(declared, x)
     dut = Trial(t, columns)
-    for names in [("ned",), ("frd", "body_velocity"), ("xyzw", "no_gravity"), ("degrees", "ned_frd"), ()]:
+    for names in [
+        ("ned",),
+        ("frd", "body_velocity"),
+        ("xyzw", "no_gravity"),
+        ("degrees", "ned_frd"),
+        (),
+    ]:
         own = changed(declared, tuple(itertools.chain(*(ERRORS[name] for name in names))))
         assert dut.misfits(own) == misfits(t, convert(columns, own), everything=True)
 
@@ -252,14 +307,29 @@ def test_rates_in_degrees_are_named_also_where_the_vehicle_hardly_turns(fly, con
 
 
 def test_a_reversed_attitude_is_named_where_wind_meets_the_tail(fly):
-    """Turned nearly half round, a tilt and its reverse are nearly the same attitude; drag acts in both."""
-    log = fly(LinearDrag(0.6, 0.6, 0.3), ConstantWind(3.0, -2.0, 0.0), seed=2, noise=1.0, vigour=(1, 1, 1, 0))
+    """Turned nearly half round, a tilt and its reverse are nearly the same attitude; drag acts in
+    both.
+    """
+    log = fly(
+        LinearDrag(0.6, 0.6, 0.3),
+        ConstantWind(3.0, -2.0, 0.0),
+        seed=2,
+        noise=1.0,
+        vigour=(1, 1, 1, 0),
+    )
     half = np.radians(170) / 2
     turn = np.array([np.cos(half), 0.0, 0.0, np.sin(half)])
     q = attitude.multiply(np.tile(turn, (len(log), 1)), log.q)
     R = attitude.rotation_matrix(turn)
-    turned = {"position": log.p @ R.T, "velocity": log.v @ R.T, "attitude": attitude.conjugate(q), "rates": log.w}
-    declared = LogMap(**{name: Source([f"{name}{i}" for i in range(SIZES[name][0])]) for name in turned})
+    turned = {
+        "position": log.p @ R.T,
+        "velocity": log.v @ R.T,
+        "attitude": attitude.conjugate(q),
+        "rates": log.w,
+    }
+    declared = LogMap(
+        **{name: Source([f"{name}{i}" for i in range(SIZES[name][0])]) for name in turned}
+    )
     raw = {name: value[::2] for name, value in turned.items()}
     verdict = check_conventions(log.t[::2], raw, declared)
     assert verdict.changes == (("attitude.direction", "world_to_body"),), verdict
@@ -271,7 +341,9 @@ def test_a_drag_is_no_misfit_of_the_lift(fly):
     assert max(found["lift x"], found["lift y"]) < 0.1
 
 
-@pytest.mark.parametrize("order", [(0, 2, 1, 3), (0, 1, 3, 2), (0, 3, 2, 1), (0, 2, 3, 1), (1, 0, 2, 3), (3, 2, 1, 0)])
+@pytest.mark.parametrize(
+    "order", [(0, 2, 1, 3), (0, 1, 3, 2), (0, 3, 2, 1), (0, 2, 3, 1), (1, 0, 2, 3), (3, 2, 1, 0)]
+)
 def test_a_quaternion_in_an_order_of_no_one_is_refused(sampled, conventions, order):
     t, x = sampled
     columns = conventions.columns_in(conventions.plain_map(), x)

@@ -41,20 +41,28 @@ def test_level_and_facing_north_in_ned_is_a_quarter_turn_from_east():
 @given(st.integers(1, 14), st.floats(10.0, 4000.0))
 def test_an_electrical_speed_is_that_of_the_rotor_times_its_pole_pairs(pairs, speed):
     electrical = speed * 60 / (2 * np.pi) * pairs
-    log_map = LogMap(rotor_speed=Source(["a", "b", "c", "d"], unit="erpm", pole_pairs=pairs)).check()
+    log_map = LogMap(
+        rotor_speed=Source(["a", "b", "c", "d"], unit="erpm", pole_pairs=pairs)
+    ).check()
     assert np.allclose(convert_quantity("rotor_speed", np.full((1, 4), electrical), log_map), speed)
 
 
-@pytest.mark.parametrize("unit, pairs", [("erpm", 0), ("erpm", -1), ("erpm", 1000), ("rpm", 6), ("", 6)])
+@pytest.mark.parametrize(
+    "unit, pairs", [("erpm", 0), ("erpm", -1), ("erpm", 1000), ("rpm", 6), ("", 6)]
+)
 def test_pole_pairs_belong_to_an_electrical_speed_and_to_no_other(unit, pairs):
-    with pytest.raises(ValueError, match=r"rotor_speed\.pole_pairs must be 1 to 50 with unit: erpm"):
+    with pytest.raises(
+        ValueError, match=r"rotor_speed\.pole_pairs must be 1 to 50 with unit: erpm"
+    ):
         LogMap(rotor_speed=Source(["a", "b", "c", "d"], unit=unit, pole_pairs=pairs)).check()
 
 
 @pytest.mark.parametrize("kind", ["specific_force", "acceleration"])
 def test_at_rest_nothing_accelerates(kind):
     reading = [0.0, 0.0, -9.81 if kind == "specific_force" else 0.0]  # of a sensor in FRD
-    log_map = LogMap(body="frd", acceleration=Source(XYZ, kind=kind, axes="body"), attitude=Source(["q"] * 4))
+    log_map = LogMap(
+        body="frd", acceleration=Source(XYZ, kind=kind, axes="body"), attitude=Source(["q"] * 4)
+    )
     level = np.array([[0.0, 1.0, 0.0, 0.0]])  # FRD in a world with z up
     dut = convert({"acceleration": np.array([reading]), "attitude": level}, log_map)
     assert np.allclose(dut["acceleration"], 0.0, atol=1e-12)
@@ -95,7 +103,9 @@ def test_roll_pitch_yaw_turn_about_z_then_y_then_x():
 @st.composite
 def maps(draw):
     """Draw conventions of every quantity by themselves."""
-    attitude = draw(st.sampled_from([("wxyz", 4, ""), ("xyzw", 4, ""), ("wxyz", 3, "rad"), ("wxyz", 3, "deg")]))
+    attitude = draw(
+        st.sampled_from([("wxyz", 4, ""), ("xyzw", 4, ""), ("wxyz", 3, "rad"), ("wxyz", 3, "deg")])
+    )
     frames = st.sampled_from(list(itertools.product(("", *WORLDS), ("", *BODIES))))
     sources = {}
     for name in (*VECTORS, "torque"):
@@ -105,16 +115,22 @@ def maps(draw):
             unit=draw(st.sampled_from(["", *UNITS[name]])),
             scale=draw(st.sampled_from([1.0, -1.0, 0.5])),
             axes=draw(st.sampled_from(["", "world", "body"])) if name != "position" else "",
-            kind=draw(st.sampled_from(["", "specific_force", "acceleration"])) if name == "acceleration" else "",
+            kind=draw(st.sampled_from(["", "specific_force", "acceleration"]))
+            if name == "acceleration"
+            else "",
             world=world,
             body=body,
         )
     world, body = draw(frames)
     direction = draw(st.sampled_from(["body_to_world", "world_to_body"]))
     order, size, unit = attitude
-    sources["attitude"] = Source(["q"] * size, unit, order=order, direction=direction, world=world, body=body)
+    sources["attitude"] = Source(
+        ["q"] * size, unit, order=order, direction=direction, world=world, body=body
+    )
     sources["thrust"] = Source(["f"], scale=-1.0)
-    return LogMap(world=draw(st.sampled_from(WORLDS)), body=draw(st.sampled_from(BODIES)), **sources).check()
+    return LogMap(
+        world=draw(st.sampled_from(WORLDS)), body=draw(st.sampled_from(BODIES)), **sources
+    ).check()
 
 
 @settings(deadline=None, max_examples=150)
@@ -123,7 +139,10 @@ def test_a_flight_in_any_conventions_is_the_same_flight(log_map, seed, conventio
     rng = np.random.default_rng(seed)
     x = {name: rng.normal(size=(6, 3)) for name in (*VECTORS, "torque")}
     q = rng.normal(size=(6, 4))
-    x |= {"attitude": q / np.linalg.norm(q, axis=1, keepdims=True), "thrust": rng.uniform(1, 9, (6, 1))}
+    x |= {
+        "attitude": q / np.linalg.norm(q, axis=1, keepdims=True),
+        "thrust": rng.uniform(1, 9, (6, 1)),
+    }
     dut = convert(conventions.columns_in(log_map, x), log_map)
     dut["attitude"] *= np.sign(np.sum(dut["attitude"] * x["attitude"], axis=1, keepdims=True))
     for name, value in x.items():

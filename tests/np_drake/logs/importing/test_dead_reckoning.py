@@ -1,4 +1,6 @@
-"""A log without position or velocity is what its body axes tell, and says which effects cannot be told."""
+"""A log without position or velocity is what its body axes tell, and says which effects cannot be
+told.
+"""
 
 import dataclasses as dc
 
@@ -30,12 +32,16 @@ NO_HEIGHT = {i for i, effect in LIBRARY.items() if "height" in effect.requires}
 
 @pytest.fixture
 def without(excited, tmp_path):
-    """Return a function that writes the excited flight without columns of these starts, and opens it."""
+    """Return a function that writes the excited flight without columns of these starts, and opens
+    it.
+    """
 
     def go(*starts):
         write_log(excited, tmp_path / "whole.csv")
         rows = [line.split(",") for line in (tmp_path / "whole.csv").read_text().splitlines()]
-        keep = [k for k, name in enumerate(rows[0]) if len(name) != 2 or not name.startswith(starts)]
+        keep = [
+            k for k, name in enumerate(rows[0]) if len(name) != 2 or not name.startswith(starts)
+        ]
         text = "\n".join(",".join(row[k] for k in keep) for row in rows)
         (tmp_path / "part.csv").write_text(text + "\n")
         return open_flights(tmp_path / "part.csv", Vehicle())
@@ -44,7 +50,8 @@ def without(excited, tmp_path):
 
 
 @pytest.mark.parametrize(
-    "starts, hidden", [(("v",), set()), (("w",), set()), (("p",), NO_HEIGHT), (("p", "v"), NO_HEIGHT | NO_VELOCITY)]
+    "starts, hidden",
+    [(("v",), set()), (("w",), set()), (("p",), NO_HEIGHT), (("p", "v"), NO_HEIGHT | NO_VELOCITY)],
 )
 def test_a_log_without_columns_keeps_what_its_body_axes_tell(without, excited, starts, hidden):
     (dut,), sheet = without(*starts)
@@ -84,7 +91,10 @@ def autopilot(request, flown, autopilots):
     """Return a function that imports the flight from an autopilot's log, as changed."""
     theirs = autopilots.throttle(flown)[:, autopilots.PX4_FROM_OURS]
     if request.param == "px4":
-        go, how = request.getfixturevalue("import_px4"), ({"actuator_motors": theirs}, autopilots.PX4_CORNERS)
+        go, how = (
+            request.getfixturevalue("import_px4"),
+            ({"actuator_motors": theirs}, autopilots.PX4_CORNERS),
+        )
     else:
         frame = {"FRAME_CLASS": 1.0, "FRAME_TYPE": 1.0}
         go, how = request.getfixturevalue("import_ardupilot"), (1000.0 + 1000.0 * theirs, frame)
@@ -92,9 +102,17 @@ def autopilot(request, flown, autopilots):
 
 
 def test_an_autopilots_log_without_position_has_a_map_of_what_is_there(autopilot):
-    whole, part = autopilot(dict).sheet.content["columns"], autopilot(placeless).sheet.content["columns"]
-    assert part == {name: column for name, column in whole.items() if name not in ("position", "velocity")}
-    assert (part["acceleration"]["kind"], part["acceleration"]["axes"]) == ("specific_force", "body")
+    whole, part = (
+        autopilot(dict).sheet.content["columns"],
+        autopilot(placeless).sheet.content["columns"],
+    )
+    assert part == {
+        name: column for name, column in whole.items() if name not in ("position", "velocity")
+    }
+    assert (part["acceleration"]["kind"], part["acceleration"]["axes"]) == (
+        "specific_force",
+        "body",
+    )
 
 
 def test_an_autopilots_log_without_position_tells_what_its_body_axes_tell(autopilot, tmp_path):
@@ -107,7 +125,9 @@ def test_an_autopilots_log_without_position_tells_what_its_body_axes_tell(autopi
         sheets.append(found.sheet.content)
     assert logs[1].lacks == ("velocity", "height")
     assert any("what acts through velocity cannot be told" in note for note in sheets[1]["notes"])
-    assert {i for effects in sheets[1]["cannot_be_told"].values() for i in effects} >= NO_HEIGHT | NO_VELOCITY
+    assert {
+        i for effects in sheets[1]["cannot_be_told"].values() for i in effects
+    } >= NO_HEIGHT | NO_VELOCITY
     whole, part = (make_flight_residuals(log, Vehicle()) for log in logs)
     force, torque = (part.y[:, k] - whole.y[:, k] for k in (FORCE, TORQUE))
     assert np.sqrt(np.mean(force**2)) < 0.01 * Vehicle().mass * Vehicle().gravity
@@ -117,15 +137,23 @@ def test_an_autopilots_log_without_position_tells_what_its_body_axes_tell(autopi
 
 def test_an_autopilots_log_without_pose_is_its_gyro_and_accelerometer(autopilot):
     def poseless(streams):
-        return {n: s for n, s in placeless(streams).items() if n not in ("vehicle_attitude", "ATT", "XKQ.0", "XKQ1")}
+        return {
+            n: s
+            for n, s in placeless(streams).items()
+            if n not in ("vehicle_attitude", "ATT", "XKQ.0", "XKQ1")
+        }
 
     (whole,), (dut,) = autopilot(dict).flights, autopilot(poseless).flights
     assert dut.lacks == ("attitude", "velocity", "height")
-    assert np.median(specific_force(dut)[:, 2]) == pytest.approx(np.median(specific_force(whole)[:, 2]), rel=0.02)
+    assert np.median(specific_force(dut)[:, 2]) == pytest.approx(
+        np.median(specific_force(whole)[:, 2]), rel=0.02
+    )
 
 
 @pytest.mark.parametrize("suffix", [".csv", ".parquet"])
-def test_a_log_that_was_written_without_position_keeps_its_sheet(flown, autopilots, import_px4, tmp_path, suffix):
+def test_a_log_that_was_written_without_position_keeps_its_sheet(
+    flown, autopilots, import_px4, tmp_path, suffix
+):
     ours = autopilots.throttle(flown)
     outputs = {"actuator_motors": ours[:, autopilots.PX4_FROM_OURS]}
     found = import_px4(outputs, autopilots.PX4_CORNERS, placeless)
@@ -143,21 +171,29 @@ def test_a_log_without_any_motion_of_its_centre_is_refused_in_one_line(excited, 
     write_log(dc.replace(excited, a=None), tmp_path / "whole.csv")
     rows = [line.split(",") for line in (tmp_path / "whole.csv").read_text().splitlines()]
     keep = [k for k, name in enumerate(rows[0]) if name[0] not in "pv"]
-    (tmp_path / "part.csv").write_text("\n".join(",".join(row[k] for k in keep) for row in rows) + "\n")
-    with pytest.raises(LogError, match=r"part\.csv: .* none tells position, velocity or acceleration"):
+    (tmp_path / "part.csv").write_text(
+        "\n".join(",".join(row[k] for k in keep) for row in rows) + "\n"
+    )
+    with pytest.raises(
+        LogError, match=r"part\.csv: .* none tells position, velocity or acceleration"
+    ):
         open_flights(tmp_path / "part.csv")
 
 
 @pytest.fixture
 def body(tmp_path):
-    """Return a function: a flight as gyro, accelerometer and commands alone, in a file; changed by `turn`."""
+    """Return a function: a flight as gyro, accelerometer and commands alone, in a file; changed by
+    `turn`.
+    """
 
     def go(log, turn=lambda rates, force: (rates, force), name="body.csv"):
         force = attitude.rotate_back(log.q, log.a + G)
         rates, force = turn(log.w, force)
         names = [*COLUMNS["t"], *COLUMNS["w"], *SPECIFIC, *COLUMNS["u"]]
         table = np.column_stack([log.t, rates, force, log.u])
-        np.savetxt(tmp_path / name, table, delimiter=",", header=",".join(names), comments="", fmt="%.12g")
+        np.savetxt(
+            tmp_path / name, table, delimiter=",", header=",".join(names), comments="", fmt="%.12g"
+        )
         return tmp_path / name
 
     return go
@@ -173,7 +209,9 @@ def test_without_attitude_the_specific_force_survives_exactly(body, excited, dri
     assert dut.lacks == ("attitude", "velocity", "height")
     np.testing.assert_allclose(specific_force(dut), specific_force(excited), atol=1e-6)
     np.testing.assert_allclose(dut.w, excited.w + drift, atol=1e-6)
-    assert {i for identifiers in sheet.content["cannot_be_told"].values() for i in identifiers} >= NO_ATTITUDE
+    assert {
+        i for identifiers in sheet.content["cannot_be_told"].values() for i in identifiers
+    } >= NO_ATTITUDE
     assert any("levelled by the accelerometer" in note for note in sheet.content["notes"])
 
 
@@ -215,7 +253,15 @@ def test_a_gyro_of_two_kilohertz_makes_rows_of_500(body, excited):
         return np.stack([np.interp(t, excited.t, column) for column in values.T], axis=1)
 
     q = dense(attitude.one_hemisphere(excited.q, excited.q[0]))
-    log = FlightLog(t, 0 * dense(excited.p), q, dense(excited.v), dense(excited.w), dense(excited.u), dense(excited.a))
+    log = FlightLog(
+        t,
+        0 * dense(excited.p),
+        q,
+        dense(excited.v),
+        dense(excited.w),
+        dense(excited.u),
+        dense(excited.a),
+    )
     (dut,), _ = open_flights(body(log))
     assert dut.step == pytest.approx(0.002)
     truth = specific_force(log)[2::4]
@@ -241,7 +287,9 @@ def test_an_accelerometer_in_another_unit_or_frame_is_refused(body, excited, nam
 def test_a_diagnosis_of_gyro_and_accelerometer_finds_a_cause_of_the_body(body, fly):
     cause = CenterOfMassOffset(0.01, -0.01, 0.0)
     logs = [fly(cause, seed=seed, seconds=12.0, noise=1.0) for seed in (5, 6)]
-    flights = [open_flights(body(log, name=f"f{k}.csv"), Vehicle())[0][0] for k, log in enumerate(logs)]
+    flights = [
+        open_flights(body(log, name=f"f{k}.csv"), Vehicle())[0][0] for k, log in enumerate(logs)
+    ]
     found = diagnose(Vehicle(), flights[:1], flights[1:])
     assert found.verdict == ("center_of_mass_offset",)
     assert found.causes[0].effect.x == pytest.approx(0.01, abs=0.003)

@@ -12,7 +12,9 @@ from np_drake.logs.importing.crash import before_the_crash, before_the_fall
 
 
 def tumbling(streams, at: float, seed: int = 0):
-    """Return PX4's messages of a vehicle that hits something at `at` [s]: sensors and estimate go wild."""
+    """Return PX4's messages of a vehicle that hits something at `at` [s]: sensors and estimate go
+    wild.
+    """
     rng = np.random.default_rng(seed)
     out = dict(streams)
     for name, size in (("vehicle_angular_velocity", 15.0), ("sensor_combined", 60.0)):
@@ -20,18 +22,27 @@ def tumbling(streams, at: float, seed: int = 0):
         late = stream.t > at
         out[name] = dc.replace(
             stream,
-            columns={c: np.where(late, size * rng.standard_normal(len(late)), v) for c, v in stream.columns.items()},
+            columns={
+                c: np.where(late, size * rng.standard_normal(len(late)), v)
+                for c, v in stream.columns.items()
+            },
         )
     place = out["vehicle_local_position"]
     late = place.t > at
-    wild = {c: np.where(late, v + 4.0 * np.sin(3 * (place.t - at)), v) for c, v in place.columns.items() if c[0] == "v"}
+    wild = {
+        c: np.where(late, v + 4.0 * np.sin(3 * (place.t - at)), v)
+        for c, v in place.columns.items()
+        if c[0] == "v"
+    }
     out["vehicle_local_position"] = dc.replace(place, columns={**place.columns, **wild})
     return out
 
 
 @pytest.mark.parametrize("at", [6.0, 8.4])
 def test_a_log_that_ends_in_a_crash_is_imported_up_to_it(flown, autopilots, import_px4, at):
-    found = import_px4({"actuator_motors": autopilots.throttle(flown)}, change=lambda s: tumbling(s, at))
+    found = import_px4(
+        {"actuator_motors": autopilots.throttle(flown)}, change=lambda s: tumbling(s, at)
+    )
     (dut,) = found.flights
     assert at - 2.0 < dut.t[-1] < at - 1.0 + 0.1  # the log begins at 1 s
     assert any(line.startswith(f"fits until {dut.t[-1]:.1f} s; beyond, ") for line in found.said)
@@ -40,7 +51,9 @@ def test_a_log_that_ends_in_a_crash_is_imported_up_to_it(flown, autopilots, impo
 
 def test_what_never_fits_is_refused_as_before(flown, autopilots, import_px4):
     with pytest.raises(WrongConventions, match="--start and --stop"):
-        import_px4({"actuator_motors": autopilots.throttle(flown)}, change=lambda s: tumbling(s, 1.5))
+        import_px4(
+            {"actuator_motors": autopilots.throttle(flown)}, change=lambda s: tumbling(s, 1.5)
+        )
 
 
 def test_start_and_stop_of_a_call_count_from_the_log_s_own_start(flown, autopilots, import_px4):
@@ -59,7 +72,9 @@ def test_start_and_stop_of_a_call_count_from_the_log_s_own_start(flown, autopilo
 
 
 def fallen() -> tuple[np.ndarray, ...]:
-    """Return t, p, v, q of 5 s of flight, a fall of 0.8 s, an impact, and a wreck that lies on its side."""
+    """Return t, p, v, q of 5 s of flight, a fall of 0.8 s, an impact, and a wreck that lies on its
+    side.
+    """
     t = 0.01 * np.arange(800)
     height = np.where(t < 5.0, 3.2, np.maximum(3.2 - 4.905 * (t - 5.0) ** 2, 0.0))
     p = np.column_stack([np.sin(np.minimum(t, 5.0)), 0 * t, height])

@@ -1,4 +1,6 @@
-"""Laws of an import: our own flight comes back to the bit, and wrong conventions are refused with their name."""
+"""Laws of an import: our own flight comes back to the bit, and wrong conventions are refused with
+their name.
+"""
 
 import dataclasses as dc
 
@@ -15,7 +17,9 @@ from np_drake.logs.importing.log_map import PRESETS, LogMap, Source, load_map_fi
 
 @pytest.fixture
 def written(excited, conventions, tmp_path):
-    """Return a function that writes the excited flight in conventions, and imports it with a map."""
+    """Return a function that writes the excited flight in conventions, and imports it with a
+    map.
+    """
 
     def go(own=(), declared=(), *, t=None, log=excited, **options):
         log_map = changed(conventions.plain_map(command="held_after"), own)
@@ -23,17 +27,27 @@ def written(excited, conventions, tmp_path):
         table = {"t": log.t if t is None else t}
         for name, source in log_map.sources():
             table |= dict(zip(source.columns, columns[name].T, strict=True))
-        lines = [",".join(table)] + [",".join(map(repr, map(float, row))) for row in zip(*table.values(), strict=True)]
+        lines = [",".join(table)] + [
+            ",".join(map(repr, map(float, row))) for row in zip(*table.values(), strict=True)
+        ]
         path = tmp_path / "flight.csv"
         path.write_text("\n".join(lines) + "\n")
-        return import_log(path, changed(conventions.plain_map(command="held_after"), declared), **options)
+        return import_log(
+            path, changed(conventions.plain_map(command="held_after"), declared), **options
+        )
 
     return go
 
 
 def same(flight, log):
     q = flight.q * np.sign(np.sum(flight.q * log.q, axis=1, keepdims=True))
-    for ours, theirs in ((flight.p, log.p), (flight.v, log.v), (q, log.q), (flight.w, log.w), (flight.u, log.u)):
+    for ours, theirs in (
+        (flight.p, log.p),
+        (flight.v, log.v),
+        (q, log.q),
+        (flight.w, log.w),
+        (flight.u, log.u),
+    ):
         assert np.allclose(ours, theirs, rtol=0, atol=1e-9)
 
 
@@ -52,7 +66,9 @@ def test_a_planar_pose_is_refused_and_never_taken_for_millimetres(written, excit
     level = np.stack([np.cos(half), o, o, np.sin(half)], axis=1)
     planar = dc.replace(excited, q=level, w=excited.w * [0, 0, 1])
     for log in (planar, dc.replace(planar, p=planar.p * [1, 1, 0], v=planar.v * [1, 1, 0])):
-        with pytest.raises(LogError, match="the attitude must tilt where the vehicle accelerates sideways") as caught:
+        with pytest.raises(
+            LogError, match="the attitude must tilt where the vehicle accelerates sideways"
+        ) as caught:
             written(log=log)
         assert "mm" not in str(caught.value).replace("mrad", "")
 
@@ -68,18 +84,35 @@ def test_a_drifting_gyro_is_imported_and_its_sheet_says_what_does_not_hold(writt
 
 
 def test_a_unit_that_the_file_states_must_be_that_of_the_map(excited, tmp_path):
-    names = ["t", *(f"{n}{i} [{u}]" for n, u in (("p", "m"), ("q", "1"), ("w", "deg/s"), ("f", "N")) for i in range(4))]
-    x = [excited.p, 0 * excited.p[:, :1], excited.q, np.degrees(excited.w), 0 * excited.p[:, :1], excited.u]
+    names = [
+        "t",
+        *(
+            f"{n}{i} [{u}]"
+            for n, u in (("p", "m"), ("q", "1"), ("w", "deg/s"), ("f", "N"))
+            for i in range(4)
+        ),
+    ]
+    x = [
+        excited.p,
+        0 * excited.p[:, :1],
+        excited.q,
+        np.degrees(excited.w),
+        0 * excited.p[:, :1],
+        excited.u,
+    ]
     rows = np.column_stack([excited.t, *x])
     np.savetxt(tmp_path / "own.csv", rows, delimiter=",", header=",".join(names), comments="")
     sources = {"position": "p", "attitude": "q", "rates": "w", "thrust": "f"}
     units = {"p": "m", "q": "1", "w": "deg/s", "f": "N"}
     sizes = {"p": 3, "q": 4, "w": 3, "f": 1}
     found = {
-        name: Source([f"{short}{i} [{units[short]}]" for i in range(sizes[short])]) for name, short in sources.items()
+        name: Source([f"{short}{i} [{units[short]}]" for i in range(sizes[short])])
+        for name, short in sources.items()
     }
     log_map = LogMap(time=Source(["t"]), **found)
-    with pytest.raises(LogError, match=r"column w0 \[deg/s\]: is in deg/s by the file, in rad/s by"):
+    with pytest.raises(
+        LogError, match=r"column w0 \[deg/s\]: is in deg/s by the file, in rad/s by"
+    ):
         import_log(tmp_path / "own.csv", log_map)
     stated = dc.replace(log_map, rates=dc.replace(log_map.rates, unit="deg/s"))
     (flight,) = import_log(tmp_path / "own.csv", stated).flights
@@ -91,7 +124,12 @@ NED_FRD = (("world", "ned"), ("body", "frd"))
 
 @pytest.mark.parametrize(
     "own",
-    [NED_FRD, (("attitude.order", "xyzw"),), (("rates.unit", "deg/s"), ("thrust.scale", -1.0)), (("time.unit", "ms"),)],
+    [
+        NED_FRD,
+        (("attitude.order", "xyzw"),),
+        (("rates.unit", "deg/s"), ("thrust.scale", -1.0)),
+        (("time.unit", "ms"),),
+    ],
     ids=["NED/FRD", "xyzw", "deg/s and -f", "ms"],
 )
 def test_a_log_is_the_flight_in_its_conventions_and_refused_in_others(written, excited, own):
@@ -128,7 +166,13 @@ def test_a_flight_of_negative_thrust_is_not_taken_for_one_on_the_ground(written)
 
 @pytest.mark.parametrize(
     "command, timing",
-    [("held_after", 0), ("held_before", 0), ("averaged", 0.5), ("sampled", 12**-0.5), ("unknown", 0.5)],
+    [
+        ("held_after", 0),
+        ("held_before", 0),
+        ("averaged", 0.5),
+        ("sampled", 12**-0.5),
+        ("unknown", 0.5),
+    ],
 )
 def test_what_a_row_means_is_carried_as_uncertainty_of_time(written, command, timing):
     dut = written((), (("command", command),))
@@ -170,7 +214,9 @@ def test_rows_come_at_the_rate_that_is_asked_for(written):
 
 def test_a_map_is_read_from_yaml_and_its_faults_are_named(tmp_path):
     path = tmp_path / "map.yaml"
-    path.write_text(yaml.safe_dump({"world": "ned", "attitude": {"columns": list("abcd"), "order": "xyzw"}}))
+    path.write_text(
+        yaml.safe_dump({"world": "ned", "attitude": {"columns": list("abcd"), "order": "xyzw"}})
+    )
     dut = load_map_file(path).values
     assert dut.attitude == Source(list("abcd"), order="xyzw")
     path.write_text("world: nwu\n")
@@ -190,12 +236,16 @@ def test_a_map_without_the_state_is_refused_before_the_log_is_read(written, name
 
 
 def test_a_map_without_an_input_is_refused(written):
-    with pytest.raises(LogError, match="the map must name columns of thrust, rotor_speed or throttle"):
+    with pytest.raises(
+        LogError, match="the map must name columns of thrust, rotor_speed or throttle"
+    ):
         written((), (("thrust.columns", []), ("torque.columns", [])))
 
 
 def test_times_of_whole_seconds_are_not_taken_for_milliseconds(written, excited):
-    with pytest.raises(LogError, match=r"got 1 s\. Log at a higher rate, or export the times with all"):
+    with pytest.raises(
+        LogError, match=r"got 1 s\. Log at a higher rate, or export the times with all"
+    ):
         written((), t=100.0 + np.arange(40), adopt=True, log=excited.rows(0, 40))
 
 
@@ -206,7 +256,9 @@ def test_a_rate_that_no_log_is_read_with_is_refused(written, rate):
 
 
 def test_a_format_that_is_none_is_named_with_the_log(written):
-    with pytest.raises(LogError, match=r"flight.csv: the map's format must be one of .*; got 'csv'"):
+    with pytest.raises(
+        LogError, match=r"flight.csv: the map's format must be one of .*; got 'csv'"
+    ):
         written((), (("format", "csv"),))
 
 

@@ -20,11 +20,15 @@ def escs(speed: np.ndarray, t: np.ndarray) -> dict[str, Stream]:
 
 
 @pytest.mark.parametrize("rate", [10.0, 50.0])
-def test_rotor_speed_slower_than_the_motion_leaves_the_outputs(flown, autopilots, import_ardupilot, rate):
+def test_rotor_speed_slower_than_the_motion_leaves_the_outputs(
+    flown, autopilots, import_ardupilot, rate
+):
     ours = autopilots.throttle(flown)
 
     def with_escs(streams):
-        return streams | {n: thinned(s, rate) for n, s in escs(9000.0 * ours, flown.t + 1.0).items()}
+        return streams | {
+            n: thinned(s, rate) for n, s in escs(9000.0 * ours, flown.t + 1.0).items()
+        }
 
     found = import_ardupilot(1000.0 + 1000.0 * ours, change=with_escs)
     assert found.flights[0].input == ("rotor_speed" if rate > 20 else "normalised")
@@ -33,21 +37,26 @@ def test_rotor_speed_slower_than_the_motion_leaves_the_outputs(flown, autopilots
 
 
 @pytest.mark.parametrize("kind", ["throttle", "rotor_speed"])
-def test_motors_seen_ten_times_a_second_tell_thrust_and_no_torque(flown, autopilots, import_ardupilot, kind):
+def test_motors_seen_ten_times_a_second_tell_thrust_and_no_torque(
+    flown, autopilots, import_ardupilot, kind
+):
     ours = autopilots.throttle(flown)
 
     def slow(streams):
         outputs = streams.pop("RCOU")
         if kind == "throttle":
             return streams | {"RCOU": thinned(outputs, 10.0)}
-        return streams | {n: thinned(s, 10.0) for n, s in escs(9000.0 * ours, flown.t + 1.0).items()}
+        return streams | {
+            n: thinned(s, 10.0) for n, s in escs(9000.0 * ours, flown.t + 1.0).items()
+        }
 
     found = import_ardupilot(1000.0 + 1000.0 * ours, change=slow)
     (dut,) = found.flights
     assert (dut.input, dut.throttle.shape[1], dut.rotor) == ("normalised", 1, None)
-    assert f"{kind} at 10 Hz is slower than what turns the vehicle: its collective thrust alone is taken" in " ".join(
-        found.said
-    )
+    assert (
+        f"{kind} at 10 Hz is slower than what turns the vehicle: its collective thrust "
+        f"alone is taken"
+    ) in " ".join(found.said)
     lift = np.sum(ours**2, axis=1)
     theirs = np.interp(dut.t, flown.t, lift)
     assert np.corrcoef(dut.throttle[20:-20, 0] ** 2, theirs[20:-20])[0, 1] > 0.9
@@ -62,19 +71,34 @@ def table(path, columns: dict[str, np.ndarray], t: np.ndarray, **fields):
         rows += list(values.T)
         names += own
         sources[name] = Source(own)
-    np.savetxt(path, np.stack(rows, axis=1), delimiter=",", header=",".join(names), comments="", fmt="%.12g")
+    np.savetxt(
+        path,
+        np.stack(rows, axis=1),
+        delimiter=",",
+        header=",".join(names),
+        comments="",
+        fmt="%.12g",
+    )
     return LogMap(time=Source(["t"]), **sources, **fields)
 
 
 def quantities(flown, speed: np.ndarray) -> dict[str, np.ndarray]:
-    return {"position": flown.p, "velocity": flown.v, "attitude": flown.q, "rates": flown.w, "rotor_speed": speed}
+    return {
+        "position": flown.p,
+        "velocity": flown.v,
+        "attitude": flown.q,
+        "rates": flown.w,
+        "rotor_speed": speed,
+    }
 
 
 def test_single_readings_of_zero_are_left_out_and_said(flown, autopilots, tmp_path):
     speed = 900.0 * autopilots.throttle(flown)
     broken = speed.copy()
     broken[100, 0] = broken[300:302, 2] = broken[500] = 0.0
-    found = import_log(tmp_path / "a.csv", table(tmp_path / "a.csv", quantities(flown, broken), flown.t))
+    found = import_log(
+        tmp_path / "a.csv", table(tmp_path / "a.csv", quantities(flown, broken), flown.t)
+    )
     assert np.abs(found.flights[0].rotor - speed).max() < 60.0
     assert "rotor_speed: 7 readings that no rotor has left out" in found.sheet.content["notes"]
 
@@ -83,14 +107,18 @@ def test_single_readings_far_beyond_the_usual_speed_are_left_out(flown, autopilo
     speed = 900.0 * autopilots.throttle(flown)
     broken = speed.copy()
     broken[300:303, 2] *= 19.0  # seen in a public log
-    found = import_log(tmp_path / "a.csv", table(tmp_path / "a.csv", quantities(flown, broken), flown.t))
+    found = import_log(
+        tmp_path / "a.csv", table(tmp_path / "a.csv", quantities(flown, broken), flown.t)
+    )
     assert np.abs(found.flights[0].rotor - speed).max() < 60.0
 
 
 def test_rotors_that_stop_are_not_mended(flown, autopilots, tmp_path):
     speed = 900.0 * autopilots.throttle(flown)
     speed[400:460, 1] = 0.0
-    found = import_log(tmp_path / "a.csv", table(tmp_path / "a.csv", quantities(flown, speed), flown.t))
+    found = import_log(
+        tmp_path / "a.csv", table(tmp_path / "a.csv", quantities(flown, speed), flown.t)
+    )
     assert np.sum(found.flights[0].rotor[:, 1] == 0.0) == 60
 
 
@@ -110,7 +138,9 @@ def test_rotor_speed_that_steps_is_held_between_its_readings(flown, autopilots, 
 @pytest.mark.parametrize("rate, rows", [(10.0, 10), (25.0, 4)])
 def test_readings_that_repeat_are_as_slow_as_they_change(flown, autopilots, tmp_path, rate, rows):
     speed = np.repeat(900.0 * autopilots.throttle(flown)[::rows], rows, axis=0)[: len(flown)]
-    found = import_log(tmp_path / "a.csv", table(tmp_path / "a.csv", quantities(flown, speed), flown.t))
+    found = import_log(
+        tmp_path / "a.csv", table(tmp_path / "a.csv", quantities(flown, speed), flown.t)
+    )
     assert found.flights[0].input == ("rotor_speed" if rate > 20 else "normalised")
 
 
@@ -122,4 +152,6 @@ def test_ticks_of_a_coarse_clock_are_an_uncertainty_of_time(flown, autopilots, t
     (dut,) = found.flights
     assert dut.t[-1] == pytest.approx(flown.t[-1], abs=2 * tick)
     assert dut.timing == pytest.approx(tick / np.sqrt(12), rel=1e-3)
-    assert any(f"times are rounded to {1e3 * tick:.3g} ms" in note for note in found.sheet.content["notes"])
+    assert any(
+        f"times are rounded to {1e3 * tick:.3g} ms" in note for note in found.sheet.content["notes"]
+    )

@@ -1,4 +1,6 @@
-"""Laws of interpolation: what moves evenly is exact between samples, what is held is averaged exactly."""
+"""Laws of interpolation: what moves evenly is exact between samples, what is held is averaged
+exactly.
+"""
 
 import numpy as np
 import pytest
@@ -18,7 +20,9 @@ def constant_turn(t, rate=1.3):
 
 
 def angle_between(q, r):
-    return np.linalg.norm(attitude.rotation_vector(attitude.multiply(attitude.conjugate(q), r)), axis=1)
+    return np.linalg.norm(
+        attitude.rotation_vector(attitude.multiply(attitude.conjugate(q), r)), axis=1
+    )
 
 
 def test_attitude_between_samples_of_a_constant_turn_is_exact():
@@ -32,7 +36,9 @@ def test_attitude_follows_a_growing_rate_between_its_samples():
     dut = Signal(HALF_SECONDS, q).turned(Signal(fine, 0.4 * fine[:, None] * AXIS), BETWEEN)
     true = attitude.from_rotation_vector(0.2 * BETWEEN[:, None] ** 2 * AXIS)
     assert angle_between(dut, true).max() < 1e-10
-    assert angle_between(Signal(HALF_SECONDS, q).turned(None, BETWEEN), true).max() > 1e-3  # the rate is needed
+    assert (
+        angle_between(Signal(HALF_SECONDS, q).turned(None, BETWEEN), true).max() > 1e-3
+    )  # the rate is needed
 
 
 def test_a_gyro_bias_does_not_move_the_attitude_at_its_samples():
@@ -56,7 +62,9 @@ def test_the_mean_of_a_line_is_its_middle_and_that_of_a_wave_is_less():
     width = 0.1
     share = np.sin(np.pi * 5 * width) / (np.pi * 5 * width)  # of a 5 Hz wave, by a window
     wave = np.sin(2 * np.pi * 5 * t[:, None])
-    assert np.allclose(Signal(t, wave).averaged(at, width)[:, 0], share * np.sin(2 * np.pi * 5 * at), atol=1e-4)
+    assert np.allclose(
+        Signal(t, wave).averaged(at, width)[:, 0], share * np.sin(2 * np.pi * 5 * at), atol=1e-4
+    )
 
 
 def test_readings_no_denser_than_rows_are_not_averaged():
@@ -99,4 +107,6 @@ def test_ends_are_held():
 
 def test_the_ends_of_a_rate_go_on_beyond_them():
     dut = Signal(np.array([0.0, 1.0]), np.array([[2.0], [4.0]]))
-    assert dut.integral(np.array([-1.0, 0.0, 1.0, 3.0]))[:, 0] == pytest.approx([-2.0, 0.0, 3.0, 11.0])
+    assert dut.integral(np.array([-1.0, 0.0, 1.0, 3.0]))[:, 0] == pytest.approx(
+        [-2.0, 0.0, 3.0, 11.0]
+    )

@@ -1,4 +1,6 @@
-"""A log that lacks what a flight needs is told what, which columns may hold it, and the line of a map."""
+"""A log that lacks what a flight needs is told what, which columns may hold it, and the line of a
+map.
+"""
 
 import re
 
@@ -25,7 +27,14 @@ def table(excited, tmp_path):
         kept = [k for k, name in enumerate(head) if not name.startswith(without)]
         lines = [",".join([*(head[k] for k in kept), *beside])]
         for i, row in enumerate(rows):
-            lines.append(",".join([*(row[k] for k in kept), *(repr(float(values[i])) for values in beside.values())]))
+            lines.append(
+                ",".join(
+                    [
+                        *(row[k] for k in kept),
+                        *(repr(float(values[i])) for values in beside.values()),
+                    ]
+                )
+            )
         path = tmp_path / "table.csv"
         path.write_text("\n".join(lines) + "\n")
         return path
@@ -47,7 +56,10 @@ OR = ", or gyro and accelerometer (wx wy wz sx sy sz)"
             f"`attitude: {{columns: [roll, pitch, yaw], unit: rad}}`, or deg){OR}",
         ),
         (OURS[1:], "time (t)"),
-        (["t", "qw", "qx", "qy", "qz", "wx"], "position, velocity or acceleration (px py pz, vx vy vz, ax ay az)"),
+        (
+            ["t", "qw", "qx", "qy", "qz", "wx"],
+            "position, velocity or acceleration (px py pz, vx vy vz, ax ay az)",
+        ),
         (OURS, ""),
         (["a", "b", "c"], ""),
     ],
@@ -57,21 +69,31 @@ def test_what_the_names_of_a_table_do_not_tell_is_listed(names, said):
 
 
 def test_a_table_without_attitude_is_told_so(table):
-    with pytest.raises(LogError, match=r"none tells attitude \(qw qx qy qz, or Euler .*\)\. Give a map \(--map FILE"):
+    with pytest.raises(
+        LogError,
+        match=r"none tells attitude \(qw qx qy qz, or Euler .*\)\. Give a map \(--map FILE",
+    ):
         import_log(table(("q",)))
 
 
 @pytest.mark.parametrize(
-    "largest, unit", [(1.0, "1"), (100.0, "percent"), (2000.0, "us"), (65535.0, "pwm16"), (2001.0, "dshot")]
+    "largest, unit",
+    [(1.0, "1"), (100.0, "percent"), (2000.0, "us"), (65535.0, "pwm16"), (2001.0, "dshot")],
 )
-def test_columns_that_may_be_motors_are_named_with_a_line_that_is_a_map(table, excited, tmp_path, largest, unit):
-    share = np.linspace(0.2, 0.6, len(excited)) if unit != "us" else np.linspace(0.6, 0.8, len(excited))
+def test_columns_that_may_be_motors_are_named_with_a_line_that_is_a_map(
+    table, excited, tmp_path, largest, unit
+):
+    share = (
+        np.linspace(0.2, 0.6, len(excited)) if unit != "us" else np.linspace(0.6, 0.8, len(excited))
+    )
     share[3] = 1.0
     if unit == "dshot":
         share[4:] *= 0.5
     motors = {f"motor_m{k}": largest * share for k in (1, 2, 3, 4)}
     path = table(("thrust", "tx", "ty", "tz", "rotor"), **motors)
-    with pytest.raises(LogError, match=r"thrust, rotor_speed or throttle; .* motor_m1 … motor_m4 may be such") as error:
+    with pytest.raises(
+        LogError, match=r"thrust, rotor_speed or throttle; .* motor_m1 … motor_m4 may be such"
+    ) as error:
         import_log(path)
     (line,) = re.findall(r"`(.*)`", str(error.value))
     stated = {"unit": unit} if unit != "1" else {}
@@ -80,7 +102,9 @@ def test_columns_that_may_be_motors_are_named_with_a_line_that_is_a_map(table, e
     assert load_map_file(tmp_path / "map.yaml").values.throttle.columns == list(motors)
 
 
-@pytest.mark.parametrize("stem, unit", [("motor_rpm", {"unit": "rpm"}), ("eRPM", {"unit": "erpm", "pole_pairs": 7})])
+@pytest.mark.parametrize(
+    "stem, unit", [("motor_rpm", {"unit": "rpm"}), ("eRPM", {"unit": "erpm", "pole_pairs": 7})]
+)
 def test_columns_of_rotor_speed_are_named_with_their_unit(table, excited, stem, unit):
     speeds = {f"{stem}[{k}]": 7000.0 + 0 * excited.t for k in range(4)}
     with pytest.raises(LogError, match="may be such") as error:

@@ -1,4 +1,6 @@
-"""Which columns of an autopilot's log are motors, where these are, and in which unit: as the log itself states it."""
+"""Which columns of an autopilot's log are motors, where these are, and in which unit: as the log
+itself states it.
+"""
 
 import dataclasses as dc
 
@@ -22,19 +24,28 @@ def noise(flown, columns: int) -> np.ndarray:
 
 
 def opened(found, tmp_path, vehicle=None):
-    """Return the flight as a diagnosis reads it: written, with its sheet, and opened with a vehicle file."""
+    """Return the flight as a diagnosis reads it: written, with its sheet, and opened with a vehicle
+    file.
+    """
     path = tmp_path / "flight.csv"
     write_log(found.flights[0], path)
     write_sheet(found.sheet, path)
     return open_flights(path, vehicle or Vehicle())[0][0]
 
 
-def test_px4_motors_come_into_the_order_of_the_vehicle_file(flown, autopilots, import_px4, tmp_path):
+def test_px4_motors_come_into_the_order_of_the_vehicle_file(
+    flown, autopilots, import_px4, tmp_path
+):
     ours = autopilots.throttle(flown)
-    found = import_px4({"actuator_motors": ours[:, autopilots.PX4_FROM_OURS]}, autopilots.PX4_CORNERS)
+    found = import_px4(
+        {"actuator_motors": ours[:, autopilots.PX4_FROM_OURS]}, autopilots.PX4_CORNERS
+    )
     dut = opened(found, tmp_path)
     np.testing.assert_allclose(dut.throttle, ours, atol=1e-9)
-    assert "rotors 1, 2, 3, 4 of the vehicle file are 3, 1, 4, 2 of the log (CA_ROTORn_PX, PY, KM)" in dut.notes
+    assert (
+        "rotors 1, 2, 3, 4 of the vehicle file are 3, 1, 4, 2 of the log (CA_ROTORn_PX, PY, KM)"
+        in dut.notes
+    )
     assert read_sheet(tmp_path / "flight.csv").rotors == found.sheet.rotors
 
 
@@ -51,40 +62,63 @@ def test_rotors_of_another_frame_or_direction_are_refused(flown, autopilots, imp
     found = import_px4({"actuator_motors": autopilots.throttle(flown)}, autopilots.PX4_CORNERS)
     r = 0.18
     plus = dc.replace(Vehicle(), rotor_positions=[[r, 0, 0], [0, -r, 0], [-r, 0, 0], [0, r, 0]])
-    with pytest.raises(LogError, match=r"CA_ROTORn_PX, PY, KM.* must be where the vehicle file has them"):
+    with pytest.raises(
+        LogError, match=r"CA_ROTORn_PX, PY, KM.* must be where the vehicle file has them"
+    ):
         opened(found, tmp_path, plus)
-    with pytest.raises(LogError, match=r"turn the other way .*Write rotor_directions: \[1, -1, 1, -1\]"):
+    with pytest.raises(
+        LogError, match=r"turn the other way .*Write rotor_directions: \[1, -1, 1, -1\]"
+    ):
         opened(found, tmp_path, dc.replace(Vehicle(), rotor_directions=[-1.0, 1.0, -1.0, 1.0]))
 
 
 @pytest.mark.parametrize("stream", ["actuator_outputs", "actuator_outputs.1"])
-def test_px4_outputs_are_motors_by_their_functions_and_limits(flown, autopilots, import_px4, stream):
+def test_px4_outputs_are_motors_by_their_functions_and_limits(
+    flown, autopilots, import_px4, stream
+):
     ours = autopilots.throttle(flown)
     pulses = np.column_stack([noise(flown, 2), 1100.0 + 800.0 * ours])
     other = {"actuator_outputs": "actuator_outputs.1"}.get(stream, "actuator_outputs")
-    functions = {f"PWM_AUX_FUNC{n}": f for n, f in zip(range(1, 7), (201, 202, 101, 102, 103, 104), strict=True)}
-    limits = {f"PWM_AUX_{end}{n}": us for n in range(1, 7) for end, us in (("MIN", 1100), ("MAX", 1900))}
+    functions = {
+        f"PWM_AUX_FUNC{n}": f
+        for n, f in zip(range(1, 7), (201, 202, 101, 102, 103, 104), strict=True)
+    }
+    limits = {
+        f"PWM_AUX_{end}{n}": us for n in range(1, 7) for end, us in (("MIN", 1100), ("MAX", 1900))
+    }
     found = import_px4({other: noise(flown, 3), stream: pulses}, functions | limits)
     np.testing.assert_allclose(found.flights[0].throttle, ours, atol=1e-9)
-    assert found.sheet.content["columns"]["throttle"]["from"] == [f"{stream}/output[{i}]" for i in range(2, 6)]
+    assert found.sheet.content["columns"]["throttle"]["from"] == [
+        f"{stream}/output[{i}]" for i in range(2, 6)
+    ]
 
 
 def test_px4_outputs_that_no_parameter_tells_apart_are_refused(flown, autopilots, import_px4):
     pulses = 1000.0 + 1000.0 * autopilots.throttle(flown)
     functions = {f"PWM_MAIN_FUNC{n}": 100 + n for n in range(1, 5)}
     both = {"actuator_outputs": pulses, "actuator_outputs.1": np.column_stack([noise(flown, 4)])}
-    with pytest.raises(LogError, match=r"actuator_outputs and actuator_outputs.1 must tell which is PWM_MAIN"):
+    with pytest.raises(
+        LogError, match=r"actuator_outputs and actuator_outputs.1 must tell which is PWM_MAIN"
+    ):
         import_px4(both, functions)
-    with pytest.raises(LogError, match=r"6 outputs of actuator_outputs move, and nothing says which are all of the"):
-        import_px4({"actuator_outputs": np.column_stack([pulses, noise(flown, 2)])}, {"CA_ROTOR_COUNT": 4})
-    with pytest.raises(LogError, match=r"4 outputs of actuator_motors move, and nothing says which are all of the"):
+    with pytest.raises(
+        LogError, match=r"6 outputs of actuator_outputs move, and nothing says which are all of the"
+    ):
+        import_px4(
+            {"actuator_outputs": np.column_stack([pulses, noise(flown, 2)])}, {"CA_ROTOR_COUNT": 4}
+        )
+    with pytest.raises(
+        LogError, match=r"4 outputs of actuator_motors move, and nothing says which are all of the"
+    ):
         import_px4({"actuator_motors": autopilots.throttle(flown)}, {"CA_ROTOR_COUNT": 6})
 
 
 @pytest.mark.parametrize("told", [{"PWM_MAIN_TIM0": -3}, {"DSHOT_CONFIG": 600}, {}])
 def test_dshot_counts_are_throttle_of_two_thousand(flown, autopilots, import_px4, told):
     ours = autopilots.throttle(flown)
-    functions = {f"PWM_MAIN_FUNC{n}": 100 + n for n in range(1, 5)} if "PWM_MAIN_TIM0" in told else {}
+    functions = (
+        {f"PWM_MAIN_FUNC{n}": 100 + n for n in range(1, 5)} if "PWM_MAIN_TIM0" in told else {}
+    )
     found = import_px4({"actuator_outputs": 2000.0 * ours}, told | functions)
     np.testing.assert_allclose(found.flights[0].throttle, ours, atol=1e-9)
     assert any("DShot" in line for line in found.said) == (not told)
@@ -114,12 +148,16 @@ def resting(fly, autopilots) -> tuple:
     return log, autopilots.throttle(log)
 
 
-def test_outputs_of_a_hover_that_may_be_either_are_asked_for_by_name(fly, autopilots, writer, tmp_path):
+def test_outputs_of_a_hover_that_may_be_either_are_asked_for_by_name(
+    fly, autopilots, writer, tmp_path
+):
     pytest.importorskip("pyulog", reason="ULog needs pyulog")
     log, ours = resting(fly, autopilots)
     streams = autopilots.px4(log, {"actuator_outputs": 2000.0 * ours})
     writer("ulog").write(tmp_path / "log.ulg", streams, parameters={})
-    with pytest.raises(LogError, match=r"throttle \(actuator_outputs/output\[0\] …\): must be pulses .* or DShot") as e:
+    with pytest.raises(
+        LogError, match=r"throttle \(actuator_outputs/output\[0\] …\): must be pulses .* or DShot"
+    ) as e:
         import_log(tmp_path / "log.ulg")
     assert "\n" not in str(e.value)
     for unit, read in (("us", 2 * ours - 1), ("dshot", ours)):
@@ -129,11 +167,15 @@ def test_outputs_of_a_hover_that_may_be_either_are_asked_for_by_name(fly, autopi
 
 
 @pytest.mark.parametrize("hover", [600.0, 990.0, 1005.0, 1040.0])
-def test_counts_that_would_be_no_pulse_that_carries_need_no_motion(fly, autopilots, writer, tmp_path, hover):
+def test_counts_that_would_be_no_pulse_that_carries_need_no_motion(
+    fly, autopilots, writer, tmp_path, hover
+):
     pytest.importorskip("pyulog", reason="ULog needs pyulog")
     log, ours = resting(fly, autopilots)
     counts = hover * ours / np.median(ours)
-    writer("ulog").write(tmp_path / "log.ulg", autopilots.px4(log, {"actuator_outputs": counts}), parameters={})
+    writer("ulog").write(
+        tmp_path / "log.ulg", autopilots.px4(log, {"actuator_outputs": counts}), parameters={}
+    )
     (dut,) = import_log(tmp_path / "log.ulg").flights
     np.testing.assert_allclose(dut.throttle, counts / 2000, atol=1e-9)
 
@@ -145,7 +187,9 @@ def test_measured_rotor_speed_needs_no_unit_of_the_outputs(fly, autopilots, writ
     writer("ulog").write(tmp_path / "log.ulg", streams, parameters={})
     found = import_log(tmp_path / "log.ulg")
     assert (found.flights[0].input, found.flights[0].throttle) == ("rotor_speed", None)
-    assert any("outputs whose unit the log does not state are left out" in line for line in found.said)
+    assert any(
+        "outputs whose unit the log does not state are left out" in line for line in found.said
+    )
 
 
 def test_pulses_stay_pulses_where_no_parameter_says_so(flown, autopilots, import_px4):
@@ -164,13 +208,19 @@ def test_a_px4_hexarotor_is_its_collective_thrust(flown, autopilots, import_px4,
     assert "6 motors: their collective thrust alone is taken, torque is not told" in found.said
 
 
-def test_a_vehicle_on_a_desk_is_no_flight_and_never_valid_on_the_screen(flown, autopilots, import_px4):
+def test_a_vehicle_on_a_desk_is_no_flight_and_never_valid_on_the_screen(
+    flown, autopilots, import_px4
+):
     def resting(streams):
         place = streams["vehicle_local_position"]
-        still = {name: 0.0 * values for name, values in place.columns.items()} | {"xy_valid": 0.0 * place.t}
+        still = {name: 0.0 * values for name, values in place.columns.items()} | {
+            "xy_valid": 0.0 * place.t
+        }
         return {**streams, "vehicle_local_position": dc.replace(place, columns=still)}
 
-    found = import_px4({"actuator_motors": 0.02 + 0.01 * autopilots.throttle(flown)}, change=resting)
+    found = import_px4(
+        {"actuator_motors": 0.02 + 0.01 * autopilots.throttle(flown)}, change=resting
+    )
     assert "vehicle_local_position: xy never valid" in found.said
     assert any(line.startswith("no flight: position stays") for line in found.said)
 
@@ -185,7 +235,9 @@ def test_speed_controllers_are_rotors_by_their_functions(flown, autopilots, impo
             columns[f"esc[{i}].esc_rpm"] = speed[:, motor]
             columns[f"esc[{i}].actuator_function"] = np.full(len(flown), 101.0 + motor)
         columns = {
-            f"esc[{i}].{c}": columns[f"esc[{i}].{c}"] for i in range(4) for c in ("esc_rpm", "actuator_function")
+            f"esc[{i}].{c}": columns[f"esc[{i}].{c}"]
+            for i in range(4)
+            for c in ("esc_rpm", "actuator_function")
         }
         streams["esc_status"] = dc.replace(streams["esc_status"], columns=columns)
         return streams
@@ -198,7 +250,9 @@ def servos(outputs, first: int = 33) -> dict[str, float]:
     return {f"SERVO{n}_FUNCTION": float(first + k) for k, n in enumerate(outputs)}
 
 
-def test_ardupilot_motors_are_on_the_outputs_of_their_functions(flown, autopilots, import_ardupilot, tmp_path):
+def test_ardupilot_motors_are_on_the_outputs_of_their_functions(
+    flown, autopilots, import_ardupilot, tmp_path
+):
     ours = autopilots.throttle(flown)
     theirs = 1050.0 + 900.0 * ours[:, autopilots.PX4_FROM_OURS]
     pulses = np.column_stack([noise(flown, 2), theirs[:, ::-1]])
@@ -209,10 +263,16 @@ def test_ardupilot_motors_are_on_the_outputs_of_their_functions(flown, autopilot
     assert "motors are on the outputs 6, 5, 4, 3 (SERVOn_FUNCTION)" in found.said
 
 
-@pytest.mark.parametrize("kind, order", [(1, [1, 3, 0, 2]), (12, [2, 1, 3, 0]), (13, [1, 0, 3, 2]), (14, [1, 2, 3, 0])])
-def test_an_ardupilot_frame_states_where_its_motors_are(flown, autopilots, import_ardupilot, tmp_path, kind, order):
+@pytest.mark.parametrize(
+    "kind, order", [(1, [1, 3, 0, 2]), (12, [2, 1, 3, 0]), (13, [1, 0, 3, 2]), (14, [1, 2, 3, 0])]
+)
+def test_an_ardupilot_frame_states_where_its_motors_are(
+    flown, autopilots, import_ardupilot, tmp_path, kind, order
+):
     ours = autopilots.throttle(flown)
-    found = import_ardupilot(1000.0 + 1000.0 * ours[:, order], {"FRAME_CLASS": 1.0, "FRAME_TYPE": float(kind)})
+    found = import_ardupilot(
+        1000.0 + 1000.0 * ours[:, order], {"FRAME_CLASS": 1.0, "FRAME_TYPE": float(kind)}
+    )
     np.testing.assert_allclose(opened(found, tmp_path).throttle, ours, atol=1e-9)
 
 
@@ -220,7 +280,9 @@ def test_an_ardupilot_frame_states_where_its_motors_are(flown, autopilots, impor
 def test_an_ardupilot_hexarotor_is_its_collective_thrust(flown, autopilots, import_ardupilot, told):
     six = autopilots.throttle(flown)[:, SIX]
     found = import_ardupilot(1000.0 + 1000.0 * six, told)
-    np.testing.assert_allclose(found.flights[0].throttle[:, 0] ** 2, np.mean(six**2, axis=1), atol=1e-9)
+    np.testing.assert_allclose(
+        found.flights[0].throttle[:, 0] ** 2, np.mean(six**2, axis=1), atol=1e-9
+    )
     assert any(line.startswith("6 motors: their collective") for line in found.said)
 
 
@@ -228,10 +290,15 @@ def test_an_ardupilot_hexarotor_is_its_collective_thrust(flown, autopilots, impo
     "told, message",
     [
         ({"FRAME_CLASS": 7.0}, "FRAME_CLASS 7 is a tricopter"),
-        (servos((1, 2, 3, 9)), r"output 9 drives a motor \(SERVO9_FUNCTION\), and its column is not in RCOU"),
+        (
+            servos((1, 2, 3, 9)),
+            r"output 9 drives a motor \(SERVO9_FUNCTION\), and its column is not in RCOU",
+        ),
         (servos((1, 2, 3)), "3 outputs drive motors"),
     ],
 )
-def test_ardupilot_motors_that_cannot_be_read_are_refused_by_name(flown, autopilots, import_ardupilot, told, message):
+def test_ardupilot_motors_that_cannot_be_read_are_refused_by_name(
+    flown, autopilots, import_ardupilot, told, message
+):
     with pytest.raises(LogError, match=message):
         import_ardupilot(1000.0 + 1000.0 * autopilots.throttle(flown), told)

@@ -1,4 +1,6 @@
-"""Laws of clocks: states that are late by gyro and accelerometer are moved by as much; others keep their times."""
+"""Laws of clocks: states that are late by gyro and accelerometer are moved by as much; others keep
+their times.
+"""
 
 import dataclasses as dc
 
@@ -12,13 +14,19 @@ from np_drake.logs.importing.log_map import LogMap
 from np_drake.logs.importing.one_clock import on_one_clock
 from np_drake.logs.lags import lag_of, state_lags
 
-POSE, ATTITUDE, MOVED = ("position", "velocity", "attitude"), ("attitude",), ("position", "velocity")
+POSE, ATTITUDE, MOVED = (
+    ("position", "velocity", "attitude"),
+    ("attitude",),
+    ("position", "velocity"),
+)
 
 
 @pytest.fixture(scope="module")
 def flown(fly):
     """Return a function that flies with the noise of motion capture and gyro."""
-    return lambda seed=1, **how: fly(seed=seed, seconds=12.0, noise=1.0, attitude_noise=0.002, **how)
+    return lambda seed=1, **how: fly(
+        seed=seed, seconds=12.0, noise=1.0, attitude_noise=0.002, **how
+    )
 
 
 def signals_of(conventions, log, names=(), seconds=0.0, rate=100.0):
@@ -32,17 +40,24 @@ def signals_of(conventions, log, names=(), seconds=0.0, rate=100.0):
         out["acceleration"] = Signal(log.t + 0.5 * log.step, force)
     for name in POSE:
         then = at - seconds * (name in names)
-        out[name] = Signal(at, x[name].turned(None, then) if name == "attitude" else x[name].linear(then))
+        out[name] = Signal(
+            at, x[name].turned(None, then) if name == "attitude" else x[name].linear(then)
+        )
     return out
 
 
 def late_of(conventions, signals, **stated):
-    sources = {name: dc.replace(getattr(conventions.plain_map(), name), late=stated.get(name)) for name in signals}
+    sources = {
+        name: dc.replace(getattr(conventions.plain_map(), name), late=stated.get(name))
+        for name in signals
+    }
     parts, log_map, said = on_one_clock([signals], signals, LogMap(**sources))
     late = {name: getattr(log_map, name).late for name in POSE}
     for name, own in parts[0].items():
         shift = late.get(name) or 0.0
-        assert np.allclose(signals[name].t - own.t, 0.0 if name in stated else shift, rtol=0, atol=1e-12)
+        assert np.allclose(
+            signals[name].t - own.t, 0.0 if name in stated else shift, rtol=0, atol=1e-12
+        )
     return late, said
 
 
@@ -65,11 +80,17 @@ def test_a_sinusoid_that_is_late_is_late_by_as_much(shift):
 @pytest.mark.parametrize("names", [POSE, ATTITUDE, MOVED], ids=["pose", "attitude", "position"])
 def test_what_is_late_is_measured_and_moved(flown, conventions, names, seconds, rate):
     signals = signals_of(conventions, flown(), names, seconds, rate)
-    if names == MOVED and abs(seconds) < 0.05:  # an estimator may do that: measured, and left to the doctor
-        assert state_lags_of(conventions, signals)["velocity"].seconds == pytest.approx(seconds, abs=0.003)
+    if (
+        names == MOVED and abs(seconds) < 0.05
+    ):  # an estimator may do that: measured, and left to the doctor
+        assert state_lags_of(conventions, signals)["velocity"].seconds == pytest.approx(
+            seconds, abs=0.003
+        )
         return
     late, said = late_of(conventions, signals)
-    assert late == {n: pytest.approx(seconds, abs=0.003) if n in names else None for n in POSE}  # [s]
+    assert late == {
+        n: pytest.approx(seconds, abs=0.003) if n in names else None for n in POSE
+    }  # [s]
     (line,) = said
     assert all(f"{name}: {{late: {late[name]:g}}}" in line for name in names)
 

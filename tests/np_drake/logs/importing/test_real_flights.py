@@ -1,4 +1,6 @@
-"""Laws of imported real flights: rotors carry a vehicle with nothing attached, and a payload pulls on it."""
+"""Laws of imported real flights: rotors carry a vehicle with nothing attached, and a payload pulls
+on it.
+"""
 
 import dataclasses as dc
 
@@ -17,7 +19,14 @@ from np_drake.rotor_input import with_rotor_input
 from np_drake.vehicle import Vehicle, load_vehicle
 
 BARE = load_vehicle("crazyflie_brushless")
-TOLD = {"eckart00", "eckart01", "eckart02", "eckart03", "eckart04", "eckart12"}  # the preset's coefficient is theirs
+TOLD = {
+    "eckart00",
+    "eckart01",
+    "eckart02",
+    "eckart03",
+    "eckart04",
+    "eckart12",
+}  # the preset's coefficient is theirs
 MOST = 0.03  # RMS of each axis over weight [1]
 
 
@@ -30,7 +39,9 @@ def residual_force(path, vehicle: Vehicle) -> np.ndarray:
 
 
 def test_the_rotors_carry_a_bare_vehicle_to_three_percent_of_its_weight(real_flights):
-    paths = sorted(path for path in (real_flights / "imrc" / "bare").iterdir() if path.name not in TOLD)
+    paths = sorted(
+        path for path in (real_flights / "imrc" / "bare").iterdir() if path.name not in TOLD
+    )
     assert len(paths) == 9
     worst = {path.name: residual_force(path, BARE).max() for path in paths}
     assert max(worst.values()) < MOST, worst
@@ -51,8 +62,12 @@ CRAZYFLIES = [  # flight, preset, mass [kg], map
 ]
 
 
-@pytest.mark.parametrize("name, preset, mass, log_map", CRAZYFLIES, ids=[name for name, *_ in CRAZYFLIES])
-def test_a_crazyflies_log_fits_its_preset_in_order_and_weight(real_flights, name, preset, mass, log_map):
+@pytest.mark.parametrize(
+    "name, preset, mass, log_map", CRAZYFLIES, ids=[name for name, *_ in CRAZYFLIES]
+)
+def test_a_crazyflies_log_fits_its_preset_in_order_and_weight(
+    real_flights, name, preset, mass, log_map
+):
     vehicle = load_vehicle(preset).with_mass(mass)
     log_map = log_map and load_map_file(log_map)
     flights, _ = open_flights(real_flights / name, vehicle, log_map)
@@ -64,9 +79,13 @@ def test_a_crazyflies_log_fits_its_preset_in_order_and_weight(real_flights, name
     assert report.usable
     assert max(report.residual_force.values()) < 0.25
     turned = dc.replace(vehicle, rotor_positions=[vehicle.rotor_positions[i] for i in (3, 0, 1, 2)])
-    turned = dc.replace(turned, rotor_directions=[vehicle.rotor_directions[i] for i in (3, 0, 1, 2)])
+    turned = dc.replace(
+        turned, rotor_directions=[vehicle.rotor_directions[i] for i in (3, 0, 1, 2)]
+    )
     (again, *_), _ = open_flights(real_flights / name, turned, log_map)
-    assert any(note.startswith(NOTE) for note in again.notes) == (log_map is not None or name.startswith("imrc"))
+    assert any(note.startswith(NOTE) for note in again.notes) == (
+        log_map is not None or name.startswith("imrc")
+    )
 
 
 @pytest.mark.parametrize("name", presets())
@@ -84,15 +103,28 @@ def test_every_flight_of_a_public_set_fits_its_preset(real_flights, name):
 
 
 def test_every_crazyflie_log_holds_a_flight(real_flights):
-    folders = ("imrc/bare", "imrc/payload", "crazyswarm2/payload", "crazyswarm2/standard", "crazyswarm2/upgraded")
+    folders = (
+        "imrc/bare",
+        "imrc/payload",
+        "crazyswarm2/payload",
+        "crazyswarm2/standard",
+        "crazyswarm2/upgraded",
+    )
     folders += ("neural_swarm/downwash", "neural_swarm/ground", "neural_swarm/single")
-    paths = [path for folder in folders for path in sorted((real_flights / folder).iterdir()) if path.suffix != ".yaml"]
+    paths = [
+        path
+        for folder in folders
+        for path in sorted((real_flights / folder).iterdir())
+        if path.suffix != ".yaml"
+    ]
     assert len(paths) == 66
     for path in paths:
         found = import_log(path)
         assert sum(float(np.ptp(log.t)) for log in found.flights) > 4
         if path.suffix == ".gz" or "imrc" in str(path):
-            assert all(log.throttle.shape[1] == 4 and log.voltage is not None for log in found.flights)
+            assert all(
+                log.throttle.shape[1] == 4 and log.voltage is not None for log in found.flights
+            )
 
 
 def test_a_flight_without_its_pose_keeps_its_specific_force(real_flights):

@@ -1,4 +1,6 @@
-"""A simulated flight in every format, in the format's own conventions, is the flight again after an import."""
+"""A simulated flight in every format, in the format's own conventions, is the flight again after an
+import.
+"""
 
 import dataclasses as dc
 
@@ -31,7 +33,7 @@ rates: {columns: [/imu/angular_velocity.x, /imu/angular_velocity.y, /imu/angular
 acceleration: {columns: [/imu/linear_acceleration.x, /imu/linear_acceleration.y, /imu/linear_acceleration.z]}
 thrust: {columns: [/wrench/wrench.force.z]}
 torque: {columns: [/wrench/wrench.torque.x, /wrench/wrench.torque.y, /wrench/wrench.torque.z]}
-"""
+"""  # noqa: E501
 NED_CSV = """
 world: ned
 body: frd
@@ -133,7 +135,9 @@ def q_ned_frd(q):
     """Return w, x, y, z from FRD to NED."""
     half = np.sqrt(0.5)
     world, body = np.array([0, half, half, 0]), np.array([0, 1.0, 0, 0])
-    return attitude.multiply(attitude.multiply(np.tile(world, (len(q), 1)), q), np.tile(body, (len(q), 1)))
+    return attitude.multiply(
+        attitude.multiply(np.tile(world, (len(q), 1)), q), np.tile(body, (len(q), 1))
+    )
 
 
 def test_ulog(flight, specific, throttle, writer, tmp_path):
@@ -147,7 +151,9 @@ def test_ulog(flight, specific, throttle, writer, tmp_path):
         "sensor_combined": named([f"accelerometer_m_s2[{i}]" for i in range(3)], frd(specific)),
         "actuator_motors": named([f"control[{i}]" for i in range(4)], throttle),
     }
-    writer("ulog").write(tmp_path / "log.ulg", {n: Stream(flight.t + 1.0, c) for n, c in columns.items()})
+    writer("ulog").write(
+        tmp_path / "log.ulg", {n: Stream(flight.t + 1.0, c) for n, c in columns.items()}
+    )
     dut = assert_same(imported(tmp_path / "log.ulg"), flight, DOUBLE, command=False)
     assert dut.input == "normalised"
     assert np.allclose(dut.throttle, throttle, atol=1e-9)
@@ -156,10 +162,13 @@ def test_ulog(flight, specific, throttle, writer, tmp_path):
 def test_dataflash(flight, specific, throttle, writer, tmp_path):
     pytest.importorskip("pymavlink", reason="DataFlash needs pymavlink")
     columns = {
-        "XKF1.0": named(["PN", "PE", "PD", "VN", "VE", "VD"], np.column_stack([ned(flight.p), ned(flight.v)])),
+        "XKF1.0": named(
+            ["PN", "PE", "PD", "VN", "VE", "VD"], np.column_stack([ned(flight.p), ned(flight.v)])
+        ),
         "XKQ.0": named(["Q1", "Q2", "Q3", "Q4"], q_ned_frd(flight.q)),
         "IMU.0": named(
-            ["GyrX", "GyrY", "GyrZ", "AccX", "AccY", "AccZ"], np.column_stack([frd(flight.w), frd(specific)])
+            ["GyrX", "GyrY", "GyrZ", "AccX", "AccY", "AccZ"],
+            np.column_stack([frd(flight.w), frd(specific)]),
         ),
         "RCOU": named(["C1", "C2", "C3", "C4"], 1000 + 1000 * throttle),
     }
@@ -171,7 +180,11 @@ def test_dataflash(flight, specific, throttle, writer, tmp_path):
 
 def vectors(**quantities):
     """Return columns `name[i]` of whole numbers."""
-    return {f"{name}[{i}]": np.round(v[:, i]) for name, v in quantities.items() for i in range(v.shape[1])}
+    return {
+        f"{name}[{i}]": np.round(v[:, i])
+        for name, v in quantities.items()
+        for i in range(v.shape[1])
+    }
 
 
 COUNT = 0.01  # of a centimetre in a second, the coarsest of its whole numbers
@@ -181,9 +194,12 @@ COUNT = 0.01  # of a centimetre in a second, the coarsest of its whole numbers
 def test_blackbox_of_indiflight(flight, specific, throttle, writer, tmp_path, turned):
     rates, forces = np.rad2deg(10 * flight.w), specific / 9.80665 * 2048
     hover = np.zeros((len(flight), 4))
-    if turned:  # the IMU is learnt to be turned about y, 0.1 s after its turn of the flight before is forgotten
+    # the IMU is learnt to be turned about y, 0.1 s after its turn of the flight before is forgotten
+    if turned:
         turn = np.array([0.8, 0.0, 0.6, 0.0])
-        rates, forces = (attitude.rotate(np.tile(turn, (len(flight), 1)), frd(v)) for v in (rates, forces))
+        rates, forces = (
+            attitude.rotate(np.tile(turn, (len(flight), 1)), frd(v)) for v in (rates, forces)
+        )
         hover[:] = 8127 * turn
     columns = vectors(
         pos=1000 * ned(flight.p),
@@ -222,7 +238,10 @@ def test_a_sheet_of_a_blackbox_tells_its_filters(flight, specific, throttle, wri
     assert text.count("late: 0.0081944") == 1
 
 
-INDIFLIGHT = {"Firmware revision": "Indiflight 5.0.0 (norevision) STM32H743", "blackbox_high_resolution": "1"}
+INDIFLIGHT = {
+    "Firmware revision": "Indiflight 5.0.0 (norevision) STM32H743",
+    "blackbox_high_resolution": "1",
+}
 
 
 def test_blackbox_of_betaflight(flight, specific, throttle, writer, tmp_path):
@@ -258,7 +277,9 @@ def test_ros(flight, specific, writer, tmp_path, storage):
     )
     wrench = named(["wrench.force.z", *(f"wrench.torque.{a}" for a in XYZ)], flight.u)
     wrench["wrench.force.x"] = 0 * flight.t
-    streams = {n: Stream(flight.t, c) for n, c in (("/odom", odometry), ("/imu", imu), ("/wrench", wrench))}
+    streams = {
+        n: Stream(flight.t, c) for n, c in (("/odom", odometry), ("/imu", imu), ("/wrench", wrench))
+    }
     path = tmp_path / f"bag.{storage}"
     writer("ros").write(path, streams)
     assert_same(imported(path, ROS, tmp_path), flight, 1e-8, clock=1e-6)
@@ -268,11 +289,15 @@ def test_neural_fly(flight, writer, tmp_path):
     collective = flight.u[:, :1] / 40.0
     columns = named(
         [f"{n}[{i}]" for n, k in (("p", 3), ("v", 3), ("q", 4), ("w", 3)) for i in range(k)],
-        np.column_stack([flight.p, flight.v, np.roll(flight.q, -1, axis=1), attitude.rotate(flight.q, flight.w)]),
+        np.column_stack(
+            [flight.p, flight.v, np.roll(flight.q, -1, axis=1), attitude.rotate(flight.q, flight.w)]
+        ),
     )
     columns |= {"T_sp[0]": collective[:, 0], "hover_throttle[0]": 0 * flight.t + 0.5}
     writer("neural_fly").write(tmp_path / "flight.csv", {"table": Stream(flight.t, columns)})
-    dut = assert_same(imported(tmp_path / "flight.csv"), flight, DOUBLE, command=False, accelerations=False)
+    dut = assert_same(
+        imported(tmp_path / "flight.csv"), flight, DOUBLE, command=False, accelerations=False
+    )
     mean = 0.5 * (collective[1:] + collective[:-1])  # of samples, over the interval after a row
     assert np.allclose(dut.throttle[:-1], mean / 0.5, atol=1e-9)
     assert dut.timing == pytest.approx(0.01 / np.sqrt(12))
@@ -282,13 +307,25 @@ def test_neural_fly(flight, writer, tmp_path):
 def test_a_table_in_ned_frd_by_its_map(flight, specific, writer, tmp_path, suffix):
     if suffix == "parquet":
         pytest.importorskip("pyarrow", reason="Parquet needs pyarrow")
-    names = [*("x", "y", "z", "vx", "vy", "vz", "qw", "qx", "qy", "qz", "p", "q", "r", "ax", "ay", "az")]
-    values = [ned(flight.p), ned(flight.v), q_ned_frd(flight.q), np.rad2deg(frd(flight.w)), frd(specific) / 9.80665]
+    names = [
+        *("x", "y", "z", "vx", "vy", "vz", "qw", "qx", "qy", "qz", "p", "q", "r", "ax", "ay", "az")
+    ]
+    values = [
+        ned(flight.p),
+        ned(flight.v),
+        q_ned_frd(flight.q),
+        np.rad2deg(frd(flight.w)),
+        frd(specific) / 9.80665,
+    ]
     columns = named(names, np.column_stack(values))
-    columns |= named(["fz", "mx", "my", "mz"], np.column_stack([-flight.u[:, 0], frd(flight.u[:, 1:])]))
+    columns |= named(
+        ["fz", "mx", "my", "mz"], np.column_stack([-flight.u[:, 0], frd(flight.u[:, 1:])])
+    )
     columns["stamp"] = 1e6 * flight.t
     path = tmp_path / f"flight.{suffix}"
-    writer("table").write(path, {"table": Stream(0 * flight.t, columns)}, "\t" if suffix == "tsv" else ",")
+    writer("table").write(
+        path, {"table": Stream(0 * flight.t, columns)}, "\t" if suffix == "tsv" else ","
+    )
     assert_same(imported(path, NED_CSV, tmp_path), flight, DOUBLE)
 
 
@@ -310,7 +347,9 @@ def test_command_rotor_speed_and_voltage_come_back_together(flight, throttle, tm
     if suffix == "parquet":
         pytest.importorskip("pyarrow", reason="Parquet needs pyarrow")
     voltage = 16.0 - 0.1 * flight.t
-    log = dc.replace(flight, rotor=800 * throttle, throttle=throttle, voltage=voltage, input="rotor_speed")
+    log = dc.replace(
+        flight, rotor=800 * throttle, throttle=throttle, voltage=voltage, input="rotor_speed"
+    )
     write_log(log, tmp_path / f"own.{suffix}")
     direct = open_flights(tmp_path / f"own.{suffix}")[0][0]
     driven = open_flights(tmp_path / f"own.{suffix}", Vehicle())[0][0]
@@ -325,8 +364,12 @@ def test_our_own_log_of_any_input_comes_back_without_a_map(flight, throttle, tmp
     rest = np.full((len(flight), 3), np.nan)
     log = {
         "throttle": dc.replace(flight, throttle=throttle, input="normalised"),
-        "collective": dc.replace(flight, throttle=throttle.mean(axis=1)[:, None], input="normalised"),
-        "thrust_only": dc.replace(flight, u=np.column_stack([flight.u[:, 0], rest]), input="thrust_only"),
+        "collective": dc.replace(
+            flight, throttle=throttle.mean(axis=1)[:, None], input="normalised"
+        ),
+        "thrust_only": dc.replace(
+            flight, u=np.column_stack([flight.u[:, 0], rest]), input="thrust_only"
+        ),
         "rotor_speed": dc.replace(flight, rotor=800 * throttle, input="rotor_speed"),
     }[kind]
     write_log(log, tmp_path / "own.csv")

@@ -9,7 +9,7 @@ from np_drake.effects.library import LIBRARY
 from np_drake.logs.errors import LogError
 from np_drake.logs.import_sheet import Sheet, read_sheet, write_sheet
 from np_drake.logs.importing.sheet_content import unanswerable
-from np_drake.rotor_layout import FIRMWARE
+from np_drake.vehicle.rotor_layout import FIRMWARE
 
 TIMING, TORQUE, SCALE = (
     tuple(i for i, effect in LIBRARY.items() if quantity in effect.requires)
@@ -37,7 +37,12 @@ def test_the_sheet_names_what_the_input_cannot_tell(fly, kind, throttles, hidden
 
 
 @pytest.mark.parametrize(
-    "rotors", ["1", "{positions: [[1, 1]], directions: [1]}", "{positions: [1, 2, 3, 4], directions: [1, 1, 1, 1]}"]
+    "rotors",
+    [
+        "1",
+        "{positions: [[1, 1]], directions: [1]}",
+        "{positions: [1, 2, 3, 4], directions: [1, 1, 1, 1]}",
+    ],
 )
 def test_a_sheet_whose_rotors_are_no_layout_is_refused(tmp_path, rotors):
     (tmp_path / "a.import.yaml").write_text(f"timing: 0.0\nrotors: {rotors}\n")

@@ -48,7 +48,9 @@ def test_rows_drawn_as_a_line_are_no_readings_of_a_sensor(first, after):
     slope = (values[first - 1] - values[first - 2])[None]
     values[first:after] = values[first - 1] + slope * np.arange(1, after - first + 1)[:, None]
     log_map = LogMap(position=MAP.position, rates=Source(["x", "y", "z"]))
-    signals, notes = gather(recording(t, **dict(zip("xyz", np.round(values, 9).T, strict=True))), log_map)
+    signals, notes = gather(
+        recording(t, **dict(zip("xyz", np.round(values, 9).T, strict=True))), log_map
+    )
     left = len(t) - len(signals["rates"].t)
     assert left >= after - first - 1
     assert np.abs(signals["rates"].values).max() < 1.2 or after < 300
@@ -135,7 +137,9 @@ def test_times_that_do_not_increase_are_named_where_no_samples_are_left():
 
 def test_two_logs_in_one_file_are_refused_where_the_clock_starts_again():
     t = np.concatenate([0.01 * np.arange(100), 0.01 * np.arange(30)])
-    with pytest.raises(LogError, match=r"30 of 130 samples run back, the first from 0.99 to 0 s. Split the file"):
+    with pytest.raises(
+        LogError, match=r"30 of 130 samples run back, the first from 0.99 to 0 s. Split the file"
+    ):
         gather(recording(t, **moving(0.01 * np.arange(130))), MAP)
 
 
@@ -164,11 +168,17 @@ def test_rows_that_stand_twice_are_one_log():
 
 
 RECORDING = Recording(
-    "made.log", {"a": Stream(np.arange(3.0), {"clock": np.array([0.0, 2.0, 4.0])}), "b": Stream(np.arange(2.0), {})}
+    "made.log",
+    {
+        "a": Stream(np.arange(3.0), {"clock": np.array([0.0, 2.0, 4.0])}),
+        "b": Stream(np.arange(2.0), {}),
+    },
 )
 
 
-@pytest.mark.parametrize("unit, factor", [("", 1.0), ("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9)])
+@pytest.mark.parametrize(
+    "unit, factor", [("", 1.0), ("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9)]
+)
 def test_one_stream_takes_its_times_from_the_map(unit, factor):
     dut = with_map_time(RECORDING, LogMap(time=Source(["a/clock"], unit=unit)))
     np.testing.assert_array_equal(dut.streams["a"].t, np.array([0, 2, 4]) * factor)
@@ -185,7 +195,9 @@ def test_a_time_that_is_not_there_is_named():
 
 
 def test_the_time_is_a_name_but_no_quantity(tmp_path):
-    (tmp_path / "map.yaml").write_text("time: {columns: [clock], unit: ms}\nposition: {columns: [x, y, z]}\n")
+    (tmp_path / "map.yaml").write_text(
+        "time: {columns: [clock], unit: ms}\nposition: {columns: [x, y, z]}\n"
+    )
     dut = load_map_file(tmp_path / "map.yaml").values
     assert dut.names() == ["clock", "x", "y", "z"]
     assert [name for name, _ in dut.sources()] == ["position"]

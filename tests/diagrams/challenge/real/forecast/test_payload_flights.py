@@ -1,4 +1,6 @@
-"""Laws of `np-drake reproduce payload-flights` before its long work: bad input is one line and exit code 2."""
+"""Laws of `np-drake reproduce payload-flights` before its long work: bad input is one line and exit
+code 2.
+"""
 
 import pytest
 
@@ -6,7 +8,8 @@ from diagrams.cli.main import run
 
 
 @pytest.mark.parametrize(
-    "arguments, word", [([], "NP_DRAKE_REAL"), (["nowhere"], "not there"), (["nowhere", "--only", "x"], "--only")]
+    "arguments, word",
+    [([], "NP_DRAKE_REAL"), (["nowhere"], "not there"), (["nowhere", "--only", "x"], "--only")],
 )
 def test_bad_input_is_one_line(capfd, monkeypatch, arguments, word):
     monkeypatch.delenv("NP_DRAKE_REAL", raising=False)

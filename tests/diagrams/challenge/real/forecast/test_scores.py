@@ -21,15 +21,25 @@ def both(row, flight, square):
 def test_a_ratio_is_that_of_the_pooled_errors():
     scores = both(PERSISTENCE, "a", 4.0) + both(PERSISTENCE, "b", 12.0)
     scores += both("mine", "a", 4.0) + both("mine", "b", 5.0)
-    (line,) = [x for x in pooled(scores, [5], 0.02) if (x["row"], x["motion"], x["kind"]) == ("mine", "known", "force")]
+    (line,) = [
+        x
+        for x in pooled(scores, [5], 0.02)
+        if (x["row"], x["motion"], x["kind"]) == ("mine", "known", "force")
+    ]
     assert line["ratio"] == pytest.approx(np.sqrt(9 / 16))
     assert line["rmse"] == pytest.approx(np.sqrt(9 / 8))
     assert line["horizon"] == pytest.approx(0.1)
-    np.testing.assert_allclose(line["interval"], [np.sqrt(5 / 12), 1.0])  # only b is drawn, or only a
+    np.testing.assert_allclose(
+        line["interval"], [np.sqrt(5 / 12), 1.0]
+    )  # only b is drawn, or only a
 
 
 def test_a_flight_diverges_by_its_longest_forecast():
-    scores = [made("mine", "a", 1.0, peak=9.0), made("mine", "b", 1.0, peak=11.0), made("mine", "c", 1.0, peak=np.inf)]
+    scores = [
+        made("mine", "a", 1.0, peak=9.0),
+        made("mine", "b", 1.0, peak=11.0),
+        made("mine", "c", 1.0, peak=np.inf),
+    ]
     assert diverged(scores, "mine", "known") == ["b", "c"]
     assert diverged(scores, "mine", "held") == []
 
@@ -38,7 +48,9 @@ def test_the_error_is_that_against_the_averaged_label(cones):
     log, vehicle = cones[0].log, cones[0].vehicle
     flight = sampled_flight(log, vehicle, step=0.02)
     mean = np.array([0.1, 0.2, 0.3, 0.0, 0.0, 0.0])
-    found = score("mean", Constant(mean, step=0.02, name="training mean"), (log, vehicle), [1, 10], first=30)
+    found = score(
+        "mean", Constant(mean, step=0.02, name="training mean"), (log, vehicle), [1, 10], first=30
+    )
     error = (flight.chi[40:] - mean) ** 2
     assert found[0].count.tolist() == [len(flight) - 31, len(flight) - 40]
     assert found[0].square[0, 1] == pytest.approx(error[:, :2].sum())

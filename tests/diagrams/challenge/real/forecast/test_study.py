@@ -10,14 +10,16 @@ from diagrams.challenge.real.forecast.study import estimate_at_end, run_study, s
 from np_drake.files.atomic_file import plain
 from np_drake.payload_filter.model_file import PayloadFilterModel
 from np_drake.payload_filter.predictor import PayloadFilter
-from np_drake.scaling import scales
+from np_drake.vehicle.scaling import scales
 
 
 class Here:
     """Workers in this process, where what a test replaces is replaced."""
 
     def run(self, work, cases, **_):
-        return [{"case": case, "result": json.loads(json.dumps(plain(work(case))))} for case in cases]
+        return [
+            {"case": case, "result": json.loads(json.dumps(plain(work(case))))} for case in cases
+        ]
 
 
 def ratios(lines, row, *, motion="known", kind="lateral force"):
@@ -34,7 +36,9 @@ def test_the_oracle_pendulum_is_near_zero_and_persistence_is_one(cones, payload,
     lines = run_study(cones, [PERSISTENCE, TOLD, TOLD_WITH_DRAG], step=0.02, workers=Here()).lines()
     assert set(ratios(lines, PERSISTENCE).values()) == {1.0}
     for row in (TOLD, TOLD_WITH_DRAG):
-        assert max(r for h, r in ratios(lines, row).items() if h >= 0.1) < 0.05  # of a swing of 1.5 s
+        assert (
+            max(r for h, r in ratios(lines, row).items() if h >= 0.1) < 0.05
+        )  # of a swing of 1.5 s
 
 
 def test_no_row_is_trained_on_the_manoeuvre_that_it_is_scored_on(cones, monkeypatch):
@@ -56,7 +60,9 @@ def test_no_row_is_trained_on_the_manoeuvre_that_it_is_scored_on(cones, monkeypa
 def test_the_filters_tell_the_payload_at_the_end_of_a_flight(cones, payload):
     flight = cones[-1]
     arm = scales(flight.vehicle).length
-    model = PayloadFilterModel(0.02, flight.vehicle.mass, 9.81, 0.0, 0.0, 0.01, 0.0, 0.02, np.zeros(3), arm=arm)
+    model = PayloadFilterModel(
+        0.02, flight.vehicle.mass, 9.81, 0.0, 0.0, 0.01, 0.0, 0.02, np.zeros(3), arm=arm
+    )
     found = estimate_at_end(PayloadFilter(model), flight)
     assert found.mass.low < payload.mass / flight.vehicle.mass < found.mass.high
     assert found.length.low < payload.length < found.length.high
@@ -89,7 +95,9 @@ def test_on_the_real_flights_a_ridge_does_what_the_prototype_did(real_flights):
     asked = {"ridge": (0.54, 0.48, 0.55, 0.54), "training mean": (1.97, 1.13, 0.73, 0.57)}
     for row, wanted in asked.items():
         got = [ratios(lines, row)[h] for h in at]
-        np.testing.assert_allclose(got, wanted, rtol=0.1)  # its labels were not described to the last bit
+        np.testing.assert_allclose(
+            got, wanted, rtol=0.1
+        )  # its labels were not described to the last bit
     upper = ratios(lines, TOLD_WITH_DRAG)
     assert all(upper[h] < ratios(lines, "ridge")[h] for h in at)
     assert len({flight.manoeuvre for flight in flights}) == 5

@@ -11,12 +11,20 @@ from diagrams.cli.table_text import table_lines, wrapped
 from np_drake.payload_filter.payload_estimate import Estimate, PayloadEstimate
 
 LINES = [
-    {"row": row, "motion": motion, "kind": kind, "horizon": h, "rmse": 1.0, "ratio": ratio, "interval": [0.3, 2.9]}
+    {
+        "row": row,
+        "motion": motion,
+        "kind": kind,
+        "horizon": h,
+        "rmse": 1.0,
+        "ratio": ratio,
+        "interval": [0.3, 2.9],
+    }
     for motion in ("known", "held")
     for kind in ("lateral force", "force", "torque")
     for row in choose([])
     for h, ratio in zip(HORIZONS, (12.34, 0.5, 9.99, 1e5, np.inf, 0.123, 1.0), strict=True)
-]  # fmt: skip
+]
 
 
 def test_every_table_fits_the_widest_screen_without_a_folded_cell():
@@ -28,14 +36,24 @@ def test_every_table_fits_the_widest_screen_without_a_folded_cell():
         title, header, rows = table
         text = table_lines(title, header, rows, WIDTH)
         assert max(map(len, text)) <= WIDTH
-        assert len(text) == len(wrapped(title, WIDTH)) + 2 + len(rows)  # header and the line below it
+        assert len(text) == len(wrapped(title, WIDTH)) + 2 + len(
+            rows
+        )  # header and the line below it
 
 
 def test_a_cell_tells_what_it_is():
     title, header, rows = ratio_tables(LINES)[0]
     assert "known" in title
     assert header == ["ahead", "0.02 s", "0.1 s", "0.2 s", "0.4 s", "0.6 s", "0.8 s", "1 s"]
-    assert rows[0][1:] == ("12.3±1.3", "0.50±1.30", "9.99±1.30", "1.0e+05", "diverges", "0.12±1.30", "1.00±1.30")
+    assert rows[0][1:] == (
+        "12.3±1.3",
+        "0.50±1.30",
+        "9.99±1.30",
+        "1.0e+05",
+        "diverges",
+        "0.12±1.30",
+        "1.00±1.30",
+    )
     assert rows[-1] == ("asked", "", "0.50", "0.42", "0.45", "", "0.48", "")
     assert ratio_tables(LINES)[1][2][-1][0] == "told + drag*"
 
@@ -43,7 +61,10 @@ def test_a_cell_tells_what_it_is():
 def payload(manoeuvre, low, high):
     """A flight whose estimates of all three have this interval."""
     return FlownPayload(
-        "payload_filter", "a", manoeuvre, PayloadEstimate(*[Estimate(0.5 * (low + high), low, high)] * 3)
+        "payload_filter",
+        "a",
+        manoeuvre,
+        PayloadEstimate(*[Estimate(0.5 * (low + high), low, high)] * 3),
     )
 
 

@@ -10,7 +10,14 @@ from diagrams.challenge.generate.trajectories import draw_plan
 from diagrams.challenge.generate.vehicles import VEHICLES
 from diagrams.challenge.simulators.drake import simulator
 from np_drake import attitude
-from np_drake.effects.base import ActuatorEffect, MassEffect, MassProperties, Measurement, Motion, SensorEffect
+from np_drake.effects.base import (
+    ActuatorEffect,
+    MassEffect,
+    MassProperties,
+    Measurement,
+    Motion,
+    SensorEffect,
+)
 from np_drake.effects.combine import split_effects, total_wrench
 from np_drake.effects.library import LIBRARY
 from np_drake.labels import raw_labels
@@ -80,7 +87,9 @@ def test_lagging_rotors_turn_as_their_columns_say(vehicle, plan, t):
     lag = np.diff(log.rotor, axis=0) / 0.01
     speed = np.sqrt(commanded(log, vehicle) / vehicle.thrust_coefficient)
     decay = np.exp(-0.01 / effect.time_constant)
-    np.testing.assert_allclose(lag, (1 - decay) / 0.01 * (speed - log.rotor)[:-1], rtol=0.02, atol=2.0)
+    np.testing.assert_allclose(
+        lag, (1 - decay) / 0.01 * (speed - log.rotor)[:-1], rtol=0.02, atol=2.0
+    )
 
 
 def test_delayed_commands_act_whole_rows_later(vehicle, plan, t):
@@ -96,7 +105,9 @@ def test_a_jittered_row_sees_a_delay_of_its_own_length(vehicle, plan, t):
     times = t + 5e-4 * np.random.default_rng(0).uniform(-1, 1, len(t))
     log = fly(vehicle, plan, [LIBRARY["command_delay"](0.013)], t=times)
     # Neither one nor two jittered rows reach 13 ms: at a row the command of two rows before acts.
-    np.testing.assert_allclose(raw_labels(log, vehicle)[2:, 3:], (log.u[:-2] - log.u[2:])[:, 1:], **EXACT)
+    np.testing.assert_allclose(
+        raw_labels(log, vehicle)[2:, 3:], (log.u[:-2] - log.u[2:])[:, 1:], **EXACT
+    )
 
 
 @pytest.mark.parametrize("name", ["mass_error", "inertia_error", "center_of_mass_offset"])
@@ -117,7 +128,9 @@ def test_another_body_moves_as_its_mass_properties_say(name, vehicle, plan, t):
 def test_a_hanging_payload_pulls_with_its_weight(vehicle, t, plan):
     effect = LIBRARY["suspended_payload"](0.2, 0.6, 0.01, -0.01, -0.03)
     chi = raw_labels(fly(vehicle, plan, [effect], t=t), vehicle)
-    assert chi[:, 2].mean() == pytest.approx(-0.2 * 9.81, rel=0.1)  # the plan itself goes up and down
+    assert chi[:, 2].mean() == pytest.approx(
+        -0.2 * 9.81, rel=0.1
+    )  # the plan itself goes up and down
     r = np.linalg.norm(chi[:, :3], axis=1)
     assert r.min() > 0.5  # [N]: taut
 
@@ -176,7 +189,9 @@ def test_a_file_that_is_a_percent_off_is_so_throughout(vehicle, plan, t):
     background = SensorQuality("real", mass_off=0.01, thrust_off=-0.01).background(vehicle)
     log = fly(vehicle, plan, drawn("linear_drag", vehicle), t=t, onset=1.2, background=background)
     chi = raw_labels(log, vehicle)[: round(1.1 * 100)]
-    expected = -0.01 * vehicle.mass * (log.a + [0, 0, 9.81]) - 0.01 * log.u[:, :1] * attitude.body_z(log.q)
+    expected = -0.01 * vehicle.mass * (log.a + [0, 0, 9.81]) - 0.01 * log.u[
+        :, :1
+    ] * attitude.body_z(log.q)
     np.testing.assert_allclose(chi[:, :3], expected[: len(chi)], **EXACT)
 
 

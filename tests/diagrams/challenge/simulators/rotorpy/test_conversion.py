@@ -5,7 +5,15 @@ import pytest
 
 pytest.importorskip("rotorpy", reason="rotorpy is not installed: pip install 'np_drake[challenge]'")
 
-from diagrams.challenge.simulators.rotorpy.conversion import SPEED, Q, V, X, from_rotorpy, rotor_speeds, to_rotorpy
+from diagrams.challenge.simulators.rotorpy.conversion import (
+    SPEED,
+    Q,
+    V,
+    X,
+    from_rotorpy,
+    rotor_speeds,
+    to_rotorpy,
+)
 from np_drake.vehicle import Vehicle
 
 CENTER = np.array([0.03, -0.02, 0.05])  # p_BoBcm_B [m]

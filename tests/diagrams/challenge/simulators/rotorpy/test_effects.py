@@ -24,11 +24,20 @@ from np_drake.labels import raw_labels
 fly = partial(simulator.fly, warm_up=0.5)  # [s]
 
 EXACT = {"atol": 1e-9}  # [N, N·m]: at a row nothing is integrated
-PURE = [n for n, e in LIBRARY.items() if e.place == "wrench" and n not in ("suspended_payload", "gusty_wind")]
+PURE = [
+    n
+    for n, e in LIBRARY.items()
+    if e.place == "wrench" and n not in ("suspended_payload", "gusty_wind")
+]
 MEMORYLESS = ["thrust_scale", "thrust_drift", "weak_rotor"]
 SENSORS = [n for n, e in LIBRARY.items() if e.place == "measurement" and n != "clock_offset"]
-# Delays have a test of their own, against commands; the others here act through no log of commands or of a swing.
-SIGNED = [n for n, e in LIBRARY.items() if n in PURE or n in MEMORYLESS or e.place == "mass" or n == "motor_lag"]
+# Delays have a test of their own, against commands; the others here act through no log of commands
+# or of a swing.
+SIGNED = [
+    n
+    for n, e in LIBRARY.items()
+    if n in PURE or n in MEMORYLESS or e.place == "mass" or n == "motor_lag"
+]
 
 
 def drawn(name, vehicle):
@@ -70,14 +79,18 @@ def test_a_propeller_gives_the_effects_own_thrust(name, vehicle, plan, t):
     (effect,) = drawn(name, vehicle)
     log = fly(vehicle, plan, [effect], t=t)
     thrust = effect.thrust(vehicle, np.zeros(0), commanded(log, vehicle), log.t)
-    np.testing.assert_allclose(raw_labels(log, vehicle), through_rotors(log, vehicle, thrust), **EXACT)
+    np.testing.assert_allclose(
+        raw_labels(log, vehicle), through_rotors(log, vehicle, thrust), **EXACT
+    )
 
 
 def test_lagging_rotors_follow_the_command_exponentially(vehicle, plan, t):
     (effect,) = drawn("motor_lag", vehicle)
     log = fly(vehicle, plan, [effect], t=t)
     thrust = vehicle.thrust_coefficient * log.rotor**2
-    np.testing.assert_allclose(raw_labels(log, vehicle), through_rotors(log, vehicle, thrust), **EXACT)
+    np.testing.assert_allclose(
+        raw_labels(log, vehicle), through_rotors(log, vehicle, thrust), **EXACT
+    )
     wanted = np.sqrt(commanded(log, vehicle) / vehicle.thrust_coefficient)
     left = (wanted - log.rotor)[:-1] * np.exp(-0.01 / effect.time_constant)
     np.testing.assert_allclose(log.rotor[1:], wanted[:-1] - left, atol=0.02)  # [rad/s]; Runge-Kutta
@@ -107,7 +120,9 @@ def test_another_body_moves_as_its_mass_properties_say(name, vehicle, plan, t):
 def test_a_sensor_reads_the_effects_own_error_of_an_untouched_flight(name, vehicle, plan, t):
     (effect,), clean = drawn(name, vehicle), fly(vehicle, plan, t=t)
     log = fly(vehicle, plan, [effect], t=t)
-    read = effect.measure(vehicle, Measurement(clean.x, clean.a, clean.al, clean.rotor), np.zeros((len(t), 0)))
+    read = effect.measure(
+        vehicle, Measurement(clean.x, clean.a, clean.al, clean.rotor), np.zeros((len(t), 0))
+    )
     np.testing.assert_allclose(log.x, read.x, atol=1e-12)
     np.testing.assert_allclose(log.a, read.a, atol=1e-12)
     np.testing.assert_array_equal(log.u, clean.u)

@@ -16,14 +16,15 @@ from diagrams.loop.flight_result import fly
 from diagrams.loop.reality import RealityConfig
 from np_drake.effects.disturbance import DisturbanceConfig
 from np_drake.effects.effect_entry import EffectEntry
-from np_drake.vehicle import MeasurementNoise, Vehicle
+from np_drake.vehicle.vehicle import MeasurementNoise, Vehicle
 from systems.payload_config import PayloadConfig
 from systems.payload_event import release
 
 VEHICLE, FOREIGN = Vehicle(), ForeignVehicle()
 SILENT = MeasurementNoise(0, 0, 0, 0, 0, 0)
-# Largest difference of the state in the whole flight [m, 1, m/s, rad/s]. Both integrate by runge_kutta3 at 4 ms; seen
-# are 6e-7. A payload hangs on an inextensible tether in one world and on a stiff cable in the other, which stretches by
+# Largest difference of the state in the whole flight [m, 1, m/s, rad/s]. Both integrate by
+# runge_kutta3 at 4 ms; seen are 6e-7. A payload hangs on an inextensible tether in one world and on
+# a stiff cable in the other, which stretches by
 # 0.1 mm and rings at 300 rad/s: seen are 3e-4 [rad/s].
 SAME, SAME_ON_A_CABLE = 5e-6, 1e-3
 
@@ -54,7 +55,9 @@ def test_a_closed_loop_flight_with_an_effect_is_that_of_the_other_world(name, cl
     ours, theirs = fly(config, seed=0), fly(config, seed=0, real=FOREIGN)
     tolerance = SAME_ON_A_CABLE if name == "suspended_payload" else SAME
     for signal in ("x_true", "x"):
-        np.testing.assert_allclose(theirs.signals[signal], ours.signals[signal], rtol=0, atol=tolerance)
+        np.testing.assert_allclose(
+            theirs.signals[signal], ours.signals[signal], rtol=0, atol=tolerance
+        )
     assert np.abs(ours.signals["x_true"] - clean).max() > 10 * tolerance  # the effect is felt
 
 
@@ -75,19 +78,29 @@ def test_the_sensors_have_the_noise_of_the_scenario():
 def test_the_payload_is_where_it_is_in_the_other_world():
     config = short(drawn("suspended_payload"), duration=0.5)
     ours, theirs = fly(config, seed=0), fly(config, seed=0, real=FOREIGN)
-    np.testing.assert_allclose(theirs.payload_position, ours.payload_position, atol=1e-3)  # [m]; the stretch
+    np.testing.assert_allclose(
+        theirs.payload_position, ours.payload_position, atol=1e-3
+    )  # [m]; the stretch
 
 
 def test_the_oracle_knows_the_foreign_vehicle_with_payload_and_lag():
     lag = EffectEntry("motor_lag", {"time_constant": 0.03})
-    reality = dc.replace(drawn("suspended_payload"), effects=[*drawn("suspended_payload").effects, lag])
+    reality = dc.replace(
+        drawn("suspended_payload"), effects=[*drawn("suspended_payload").effects, lag]
+    )
     config = short(reality, kind="oracle", duration=1.0)
     ours, theirs = (fly(config, seed=0, **how).metrics()["E_xy"] for how in ({}, {"real": FOREIGN}))
     assert theirs == pytest.approx(ours, rel=0.01)
 
 
 def test_the_fields_of_a_reality_act_as_its_effects_do():
-    own = dc.replace(RealityConfig().nominal(), rotor_drag=0.2, motor_lag=0.03, thrust_scale=0.9, command_delay=0.02)
+    own = dc.replace(
+        RealityConfig().nominal(),
+        rotor_drag=0.2,
+        motor_lag=0.03,
+        thrust_scale=0.9,
+        command_delay=0.02,
+    )
     own = dc.replace(own, thrust_loss=0.01, wind=[1.0, 0.0, 0.0], payload=PayloadConfig(mass=0.2))
     found = {effect.identifier: effect.values for effect in foreign_effects(own)}
     assert found["linear_drag"] == {"d_x": 0.2, "d_y": 0.2, "d_z": 0.2}
@@ -102,7 +115,10 @@ def test_the_fields_of_a_reality_act_as_its_effects_do():
 @pytest.mark.parametrize(
     "reality, message",
     [
-        (reality_of(disturbance=DisturbanceConfig(force=[0.1, 0.0, 0.0])), "disturbance must be none"),
+        (
+            reality_of(disturbance=DisturbanceConfig(force=[0.1, 0.0, 0.0])),
+            "disturbance must be none",
+        ),
         (reality_of(EffectEntry("mass_error", {}, onset=1.0)), "mass_error begins in flight"),
         (reality_of(payload=PayloadConfig(tether="rod")), "tether must be cable or none; got rod"),
         (reality_of(EffectEntry("motor_lag", {}), motor_lag=0.02), "one motor lag at most; got 2"),

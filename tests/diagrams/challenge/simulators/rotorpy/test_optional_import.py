@@ -13,7 +13,14 @@ def test_the_simulator_is_offered():
 def test_without_the_package_the_remedy_is_said_before_any_work(tmp_path, monkeypatch):
     monkeypatch.setattr(optional_import, "find_spec", lambda name: None)
     with pytest.raises(ValueError, match=r"pip install 'np_drake\[challenge\]'"):
-        make(tmp_path / "cases", tmp_path / "truth", simulator="rotorpy", cases=1, clean=0, seconds=5.0)
+        make(
+            tmp_path / "cases",
+            tmp_path / "truth",
+            simulator="rotorpy",
+            cases=1,
+            clean=0,
+            seconds=5.0,
+        )
     assert list(tmp_path.iterdir()) == []
 
 

@@ -7,7 +7,11 @@ pytest.importorskip("rotorpy", reason="rotorpy is not installed: pip install 'np
 
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
 
-from diagrams.challenge.simulators.rotorpy.rotorpy_vehicle import OUTPUTS, RotorPyVehicle, make_rotorpy_vehicle
+from diagrams.challenge.simulators.rotorpy.rotorpy_vehicle import (
+    OUTPUTS,
+    RotorPyVehicle,
+    make_rotorpy_vehicle,
+)
 from diagrams.challenge.simulators.rotorpy.vehicle import own_physics
 from diagrams.loop.real_vehicle import make_real_vehicle
 from diagrams.loop.reality import RealityConfig
@@ -38,7 +42,9 @@ def hovering(*acting, own=False):
 def advanced(system, u, seconds):
     """The state of `system` after that time under a constant command."""
     simulator = Simulator(system)
-    scheme = SimulatorConfig(integration_scheme="runge_kutta3", max_step_size=1e-3, use_error_control=False)
+    scheme = SimulatorConfig(
+        integration_scheme="runge_kutta3", max_step_size=1e-3, use_error_control=False
+    )
     ApplySimulatorConfig(scheme, simulator)
     system.GetInputPort("u").FixValue(simulator.get_mutable_context(), u)
     simulator.AdvanceTo(seconds)
@@ -48,8 +54,12 @@ def advanced(system, u, seconds):
 @pytest.mark.parametrize("acting", [[], [PAYLOAD], [LAG], [PAYLOAD, LAG, OFFSET]], ids=str)
 def test_at_rest_in_hover_nothing_accelerates(acting):
     dut, context = hovering(*acting)
-    np.testing.assert_allclose(port(dut, context, "acceleration"), 0.0, atol=1e-12)  # [m/s², rad/s²]
-    np.testing.assert_allclose(port(dut, context, "x"), [1, -2, 3, *INERTIAL, *np.zeros(6)], atol=1e-12)
+    np.testing.assert_allclose(
+        port(dut, context, "acceleration"), 0.0, atol=1e-12
+    )  # [m/s², rad/s²]
+    np.testing.assert_allclose(
+        port(dut, context, "x"), [1, -2, 3, *INERTIAL, *np.zeros(6)], atol=1e-12
+    )
     weight = dut.hover_input[0]
     np.testing.assert_allclose(port(dut, context, "rotor_thrust"), weight / 4)
     np.testing.assert_allclose(port(dut, context, "nominal_rotor_thrust"), weight / 4)
@@ -60,7 +70,9 @@ def test_its_ports_are_those_of_the_other_vehicle():
     dut = make_rotorpy_vehicle(VEHICLE, [DELAY])
     other = make_real_vehicle(VEHICLE, RealityConfig().nominal())
     assert dut.GetInputPort("u").size() == 4
-    assert [dut.GetOutputPort(n).size() for n in OUTPUTS] == [other.GetOutputPort(n).size() for n in OUTPUTS]
+    assert [dut.GetOutputPort(n).size() for n in OUTPUTS] == [
+        other.GetOutputPort(n).size() for n in OUTPUTS
+    ]
 
 
 def test_the_payload_stands_in_the_plant_state():
@@ -72,7 +84,10 @@ def test_the_payload_stands_in_the_plant_state():
 
 def test_the_nominal_vehicle_moves_open_loop_as_the_other():
     u = VEHICLE.hover_input * 1.1 + [0.0, 0.01, -0.02, 0.005]  # tumbles
-    dut, other = make_rotorpy_vehicle(VEHICLE, []), make_real_vehicle(VEHICLE, RealityConfig().nominal())
+    dut, other = (
+        make_rotorpy_vehicle(VEHICLE, []),
+        make_real_vehicle(VEHICLE, RealityConfig().nominal()),
+    )
     found, expected = (port(system, advanced(system, u, 2.0), "x") for system in (dut, other))
     assert np.abs(expected[10:]).max() > 0.5  # [rad/s]
     np.testing.assert_allclose(found, expected, atol=1e-8)  # runge_kutta3 at 1 ms
@@ -88,7 +103,9 @@ def test_its_own_air_drags_and_lifts_with_the_turning_rotors():
     force = -turning * np.array([c["k_d"], c["k_d"], c["k_z"]]) * v
     force -= np.linalg.norm(v) * np.array([c["c_Dx"], c["c_Dy"], c["c_Dz"]]) * v
     force[2] += 4 * c["k_h"] * (v[0] ** 2 + v[1] ** 2)
-    np.testing.assert_allclose(port(dut, context, "acceleration")[:3], force / VEHICLE.mass, atol=1e-12)
+    np.testing.assert_allclose(
+        port(dut, context, "acceleration")[:3], force / VEHICLE.mass, atol=1e-12
+    )
     assert np.linalg.norm(force) > 0.3  # [N]
 
 
@@ -98,14 +115,18 @@ def test_its_own_motors_lag_unless_an_effect_is_slower():
         dut.get_input_port().FixValue(context, 2.25 * dut.hover_input)
         speed = context.get_continuous_state_vector().CopyToVector()[16:20]
         rate = dut.EvalTimeDerivatives(context).CopyToVector()[16:20]
-        np.testing.assert_allclose(rate, 0.5 * speed / constant)  # 2.25 of the thrust is 1.5 of the speed
+        np.testing.assert_allclose(
+            rate, 0.5 * speed / constant
+        )  # 2.25 of the thrust is 1.5 of the speed
 
 
 def test_commands_saturate_in_rotor_space():
     dut, context = hovering()
     u = np.array([30.0, 8.0, 0.0, 0.0])
     dut.get_input_port().FixValue(context, u)
-    np.testing.assert_allclose(VEHICLE.mixer @ port(dut, context, "rotor_thrust"), VEHICLE.saturate(u))
+    np.testing.assert_allclose(
+        VEHICLE.mixer @ port(dut, context, "rotor_thrust"), VEHICLE.saturate(u)
+    )
     assert not np.allclose(VEHICLE.saturate(u), u)
 
 
@@ -120,7 +141,9 @@ def test_acceleration_is_the_rate_of_velocity_of_the_origin():
     u = VEHICLE.hover_input + [0.0, 0.02, -0.03, 0.01]
     before, now, after = (advanced(dut, u, t) for t in (0.499, 0.5, 0.501))
     rate = (port(dut, after, "x") - port(dut, before, "x"))[7:] / 0.002
-    np.testing.assert_allclose(port(dut, now, "acceleration"), rate, atol=1e-4)  # of a central difference
+    np.testing.assert_allclose(
+        port(dut, now, "acceleration"), rate, atol=1e-4
+    )  # of a central difference
 
 
 def test_outputs_follow_command_and_time():

@@ -22,7 +22,8 @@ from np_drake.rigid_body import residual_wrench
 
 # The laws hold from any start; a settled one only takes longer [s].
 fly_in_drake, fly = (partial(of.fly, warm_up=0.5) for of in (simulator, rotorpy_simulator))
-# What a momentary wrench does not show whole: effects with memory, with more mass, or with clocks of their own.
+# What a momentary wrench does not show whole: effects with memory, with more mass, or with clocks
+# of their own.
 SHARED = [
     *("center_of_mass_offset", "suspended_payload", "motor_lag", "command_delay", "clock_offset"),
     *("linear_drag", "rotor_gyroscopic", "thrust_rate_torque", "yaw_backlash", "liquid_slosh"),
@@ -38,7 +39,9 @@ def clean(vehicle, plan, t):
 def drawn(name, vehicle):
     rng = np.random.default_rng(4)
     return (
-        [draw_out_of_library(name, rng, vehicle)] if name in OUT_OF_LIBRARY else draw_effect(name, rng, vehicle, 20.0)
+        [draw_out_of_library(name, rng, vehicle)]
+        if name in OUT_OF_LIBRARY
+        else draw_effect(name, rng, vehicle, 20.0)
     )
 
 
@@ -51,7 +54,9 @@ def test_without_effect_nothing_is_left(nominal, t):
     plan = draw_plan(np.random.default_rng(0), nominal, 5.0, "sprints")
     log = fly(nominal, plan, t=t)
     u = nominal.thrust_coefficient * log.rotor**2 @ nominal.mixer.T
-    np.testing.assert_allclose(residual_wrench(nominal, q=log.q, w=log.w, a=log.a, al=log.al, u=u), 0.0, atol=1e-10)
+    np.testing.assert_allclose(
+        residual_wrench(nominal, q=log.q, w=log.w, a=log.a, al=log.al, u=u), 0.0, atol=1e-10
+    )
     chi = raw_labels(log, nominal)[60:]  # of the command, through the vehicle file's lag
     assert np.abs(chi[:, :3]).max() < 5e-3  # [N]
     assert np.abs(chi[:, 3:]).max() < 5e-4  # [N·m]
@@ -75,7 +80,9 @@ def test_an_effect_moves_the_vehicle_as_in_the_other_simulator(name, vehicle, pl
     effects = drawn(name, vehicle)
     ours, theirs = fly(vehicle, plan, effects, t=t), fly_in_drake(vehicle, plan, effects, t=t)
     # The other one's other clock interpolates across commands, at which accelerations jump.
-    for signal in ("p", "v", "q", "w") if name == "clock_offset" else ("p", "v", "q", "w", "a", "al"):
+    for signal in (
+        ("p", "v", "q", "w") if name == "clock_offset" else ("p", "v", "q", "w", "a", "al")
+    ):
         a, b, c = (getattr(log, signal) for log in (ours, theirs, clean))
         # Of what the effect changes: the other one's cable is stiff_cable.
         assert rms(a - b) < 0.05 * rms(b - c) + 1e-4, signal
@@ -97,9 +104,13 @@ IN_THESE_SECONDS = {  # what acts now and then, as it acts in these few
 }
 
 
-@pytest.mark.parametrize("name", [n for n in (*LIBRARY, *OUT_OF_LIBRARY) if n in OUT_OF_LIBRARY or LIBRARY[n].begins])
+@pytest.mark.parametrize(
+    "name", [n for n in (*LIBRARY, *OUT_OF_LIBRARY) if n in OUT_OF_LIBRARY or LIBRARY[n].begins]
+)
 def test_before_its_onset_an_effect_does_nothing(name, vehicle, plan, t, clean):
-    effects = [IN_THESE_SECONDS[name](vehicle)] if name in IN_THESE_SECONDS else drawn(name, vehicle)
+    effects = (
+        [IN_THESE_SECONDS[name](vehicle)] if name in IN_THESE_SECONDS else drawn(name, vehicle)
+    )
     log = fly(vehicle, plan, effects, t=t, onset=1.2)
     before = log.t < 1.2 - 1e-9
     np.testing.assert_allclose(log.x[before], clean.x[before], atol=1e-12)
@@ -111,7 +122,9 @@ def test_a_file_that_is_a_percent_off_is_so_throughout(vehicle, plan, t):
     background = SensorQuality("real", mass_off=0.01, thrust_off=-0.01).background(vehicle)
     log = fly(vehicle, plan, drawn("linear_drag", vehicle), t=t, onset=1.2, background=background)
     chi = raw_labels(log, vehicle)[:110]
-    expected = -0.01 * vehicle.mass * (log.a + [0, 0, 9.81]) - 0.01 * log.u[:, :1] * attitude.body_z(log.q)
+    expected = -0.01 * vehicle.mass * (log.a + [0, 0, 9.81]) - 0.01 * log.u[
+        :, :1
+    ] * attitude.body_z(log.q)
     np.testing.assert_allclose(chi[:, :3], expected[:110], atol=1e-6)  # [N]
 
 

@@ -69,7 +69,9 @@ def test_a_payload_lifted_steadily_through_the_air_does_not_accelerate():
     climb, wall = np.array([0.0, 0.0, 2.0]), (1e12, np.eye(3) * 1e-12, np.zeros(3))
     own = np.concatenate([[0.0, 0.0, -0.7], climb])
     now = dc.replace(hung_up(), x=np.concatenate([np.eye(13)[3, :7], climb, np.zeros(3)]))
-    pulled, rate = Tether(dc.replace(PAYLOAD, damping=0.5)).pull(now, own, np.zeros(6), wall, GRAVITY)
+    pulled, rate = Tether(dc.replace(PAYLOAD, damping=0.5)).pull(
+        now, own, np.zeros(6), wall, GRAVITY
+    )
     np.testing.assert_allclose(rate, [*climb, 0.0, 0.0, 0.0], atol=1e-9)
     assert pulled[2] * 1e12 == pytest.approx(-0.3 * (GRAVITY + 0.5 * 2.0))  # [N]
 
@@ -113,8 +115,11 @@ def test_a_payload_that_attaches_swings_as_the_effects_own(vehicle, damping):
     motion = {"x": log.x[part], "a": log.a[part], "al": log.al[part]}
     hook = hook_acceleration(effect.payload.hook, **motion)[0]
     hook += damping * hook_velocity(effect.payload.hook, log.x[50])
-    # It begins at rest below the hook: the pull is that of its weight, of the hook's climb and of the air.
+    # It begins at rest below the hook: the pull is that of its weight, of the hook's climb and of
+    # the air.
     np.testing.assert_allclose(chi[50, :3], [0, 0, -0.3 * (GRAVITY + hook[2])], atol=1e-2)  # [N]
-    own = effect.wrench_along(vehicle, **motion, step=0.01, r=np.array([0.0, 0.0, -0.7]), r_rate=np.zeros(3))
+    own = effect.wrench_along(
+        vehicle, **motion, step=0.01, r=np.array([0.0, 0.0, -0.7]), r_rate=np.zeros(3)
+    )
     left = np.sqrt(np.mean((chi[part] - own) ** 2, axis=0))
     assert np.all(left < 0.01 * own.std(axis=0) + 1e-5)

@@ -27,7 +27,9 @@ def blown(profile, t):
 
 def test_gusts_have_their_mean_deviation_and_correlation_time():
     air = blown(Gusts(gusty(3)), np.arange(0, 300, 0.02))
-    np.testing.assert_allclose(air.mean(axis=0), [2.0, -1.0, 0.5], atol=0.2)  # of 250 independent gusts
+    np.testing.assert_allclose(
+        air.mean(axis=0), [2.0, -1.0, 0.5], atol=0.2
+    )  # of 250 independent gusts
     np.testing.assert_allclose(air.std(axis=0), 0.8, rtol=0.15)
     gust = air - air.mean(axis=0)
     later = np.mean(gust[30:] * gust[:-30]) / np.mean(gust**2)

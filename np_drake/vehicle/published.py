@@ -1,8 +1,9 @@
-"""Published quadrotors, and what they tell before a flight does: dimensionless numbers with their spread.
+"""Published quadrotors, and what they tell before a flight does: dimensionless numbers with their
+spread.
 
-`vehicles/published.csv` holds what its sources measured, identified or drew. A value that a source copies from another
-vehicle, computes from a simple body or tunes for a simulation is left out. A source with one time constant has it for
-both directions.
+`presets/published.csv` holds what its sources measured, identified or drew. A value that a source
+copies from another vehicle, computes from a simple body or tunes for a simulation is left out. A
+source with one time constant has it for both directions.
 """
 
 import csv
@@ -12,8 +13,8 @@ from functools import cache
 
 import numpy as np
 
-from np_drake.vehicle import PRESETS
-from np_drake.vehicle_physics import AIR
+from np_drake.vehicle.physics import AIR
+from np_drake.vehicle.vehicle import PRESETS
 
 FILE = PRESETS / "published.csv"
 GRAVITY = 9.81  # [m/s²]
@@ -54,7 +55,9 @@ class LogNormal:
 
     def within(self, deviations: float = 1.96) -> tuple[float, float]:
         """Return the ends of the interval of so many standard deviations, 95 % by default."""
-        return math.exp(self.mean - deviations * self.deviation), math.exp(self.mean + deviations * self.deviation)
+        return math.exp(self.mean - deviations * self.deviation), math.exp(
+            self.mean + deviations * self.deviation
+        )
 
 
 @dc.dataclass(frozen=True)
@@ -102,7 +105,11 @@ def dimensionless(vehicle: PublishedVehicle) -> dict[str, float]:
         "inertia_pitch": (v.inertia_yy, _inverse(v.inertia_xx)),
         "inertia_yaw": (v.inertia_zz, _inverse(_sum(v.inertia_xx, v.inertia_yy))),
         "torque_lever": (v.torque_over_thrust, _inverse(v.rotor_radius)),
-        "thrust_number": (v.thrust_coefficient, (2 * math.pi) ** 2 / AIR / 16, *[_inverse(v.rotor_radius)] * 4),
+        "thrust_number": (
+            v.thrust_coefficient,
+            (2 * math.pi) ** 2 / AIR / 16,
+            *[_inverse(v.rotor_radius)] * 4,
+        ),
         "time_constant": (v.time_constant_up,),
         "time_constant_down": (v.time_constant_down, _inverse(v.time_constant_up)),
         "rotor_inertia": (v.rotor_inertia, *_inverse_of_unit(v)),
@@ -124,5 +131,9 @@ def _sum(a: float | None, b: float | None) -> float | None:
 
 
 def _vehicle(row: dict[str, str]) -> PublishedVehicle:
-    figures = {key: float(text) if text else None for key, text in row.items() if key not in ("name", "source")}
+    figures = {
+        key: float(text) if text else None
+        for key, text in row.items()
+        if key not in ("name", "source")
+    }
     return PublishedVehicle(name=row["name"], source=row["source"], **figures)

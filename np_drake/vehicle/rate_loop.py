@@ -13,12 +13,17 @@ FASTEST = 44.0  # rate beyond which it is in another unit than rad/s [rad/s]; so
 class RateLoop:
     """Body rate over its command, on each body axis a first-order lag.
 
-    dw/dt = (gain w_c - w) / lag. Besides the autopilot's controller, the lag holds the motors' and the link's.
+    dw/dt = (gain w_c - w) / lag. Besides the autopilot's controller, the lag holds the motors' and
+    the link's.
     """
 
     lag: list[float] = dc.field(default_factory=lambda: [0.075, 0.075, 0.2])  # time constants [s]
-    gain: list[float] = dc.field(default_factory=lambda: [1.0, 1.0, 1.0])  # rate over command, at rest [1]
-    max_rate: list[float] = dc.field(default_factory=lambda: [6.0, 6.0, 3.0])  # that may be commanded [rad/s]
+    gain: list[float] = dc.field(
+        default_factory=lambda: [1.0, 1.0, 1.0]
+    )  # rate over command, at rest [1]
+    max_rate: list[float] = dc.field(
+        default_factory=lambda: [6.0, 6.0, 3.0]
+    )  # that may be commanded [rad/s]
 
     def check(self) -> "RateLoop":
         """Return self after checking all values.
@@ -33,13 +38,15 @@ class RateLoop:
             value = np.array(getattr(self, name), float)
             if value.shape != (3,) or not np.all((value >= least) & (value <= most)):
                 raise ValueError(
-                    f"rate_loop: {name} must be three numbers from {least:g} to {most:g} [{unit}], one for each body "
+                    f"rate_loop: {name} must be three numbers from {least:g} to {most:g} "
+                    f"[{unit}], one for each body "
                     f"axis; got {getattr(self, name)}."
                 )
         return self
 
     def torque(self, J: np.ndarray, w: np.ndarray, command: np.ndarray) -> np.ndarray:
-        """Return the torque (..., 3) by which the loop turns the vehicle, with what its own rotation needs [N·m].
+        """Return the torque (..., 3) by which the loop turns the vehicle, with what its own
+        rotation needs [N·m].
 
         Args:
             J: (3, 3) inertia [kg·m²].

@@ -10,8 +10,8 @@ import yaml
 
 from np_drake.files.atomic_file import write_text
 from np_drake.files.yaml_text import quoted
-from np_drake.vehicle import INPUTS, Vehicle
-from np_drake.vehicle_sources import parts_of, values
+from np_drake.vehicle.sources import parts_of, values
+from np_drake.vehicle.vehicle import INPUTS, Vehicle
 
 UNITS = {  # of every field that is a number, or numbers
     "mass": "kg",
@@ -62,8 +62,6 @@ def save_vehicle(vehicle: Vehicle, path: str | Path, head: str = HEAD) -> None:
     """Write the vehicle file (YAML) of `vehicle`, whole or not at all.
 
     Args:
-        vehicle: checked before it is written.
-        path: of the file.
         head: see `vehicle_text`.
     Raises: ValueError: on an impossible vehicle; OSError: if the file cannot be written.
     """
@@ -71,12 +69,12 @@ def save_vehicle(vehicle: Vehicle, path: str | Path, head: str = HEAD) -> None:
 
 
 def vehicle_text(vehicle: Vehicle, head: str = HEAD) -> str:
-    """Return the vehicle file (YAML), from which `load_vehicle` reads the same vehicle, sources and intervals.
+    """Return the vehicle file (YAML), from which `load_vehicle` reads the same vehicle, sources and
+    intervals.
 
     A section that is at its default, and of which nothing is said, is left out.
 
     Args:
-        vehicle: checked.
         head: comment lines that the file begins with; empty: none.
     """
     lines = [head] if head else []
@@ -85,7 +83,9 @@ def vehicle_text(vehicle: Vehicle, head: str = HEAD) -> str:
         if dc.is_dataclass(value):
             if stated(vehicle, f"{field.name}."):
                 lines.append(f"{field.name}:")
-                lines += _lines(vehicle, {f"{field.name}.{name}": v for name, v in values(value).items()}, "  ")
+                lines += _lines(
+                    vehicle, {f"{field.name}.{name}": v for name, v in values(value).items()}, "  "
+                )
         elif field.name not in ("sources", "intervals"):
             lines += _lines(vehicle, {field.name: value})
     for name, said in (("sources", vehicle.sources), ("intervals", vehicle.intervals)):
@@ -95,10 +95,10 @@ def vehicle_text(vehicle: Vehicle, head: str = HEAD) -> str:
 
 
 def stated(vehicle: Vehicle, field: str) -> bool:
-    """Return whether a field is of the vehicle itself, or of a section that differs from its default or is spoken of.
+    """Return whether a field is of the vehicle itself, or of a section that differs from its
+    default or is spoken of.
 
     Args:
-        vehicle: checked.
         field: as `calibration.command_delay`, `mass`.
     """
     section, dot, _ = field.partition(".")
@@ -108,10 +108,8 @@ def stated(vehicle: Vehicle, field: str) -> bool:
 
 
 def interval_text(pairs: list[list[float]]) -> str:
-    """Return an interval as text, as '3.68e-08 … 3.73e-08'; those of several numbers in brackets.
-
-    Args:
-        pairs: low and high end of each number.
+    """Return an interval as text, as '3.68e-08 … 3.73e-08'; those of several numbers in
+    brackets.
     """
     texts = [f"{low:.4g} … {high:.4g}" for low, high in pairs]
     return texts[0] if len(texts) == 1 else f"[{', '.join(texts)}]"
@@ -151,12 +149,20 @@ def _said(vehicle: Vehicle, name: str) -> str:
 
 def _above(comment: str, indent: str) -> list[str]:
     """Return the lines of a comment that stands before its value."""
-    return textwrap.wrap(comment, WIDTH - 2, initial_indent=f"{indent}# ", subsequent_indent=f"{indent}# ")
+    return textwrap.wrap(
+        comment, WIDTH - 2, initial_indent=f"{indent}# ", subsequent_indent=f"{indent}# "
+    )
 
 
 def _yaml(value: Any) -> str:
     """Return a value as YAML on one line; numbers so that reading gives the same ones."""
     if isinstance(value, str):
         return quoted(value)
-    plain = np.asarray(value).tolist() if isinstance(value, list | np.ndarray | np.generic) else value
-    return yaml.safe_dump(plain, default_flow_style=True, width=float("inf")).removesuffix("...\n").strip()
+    plain = (
+        np.asarray(value).tolist() if isinstance(value, list | np.ndarray | np.generic) else value
+    )
+    return (
+        yaml.safe_dump(plain, default_flow_style=True, width=float("inf"))
+        .removesuffix("...\n")
+        .strip()
+    )

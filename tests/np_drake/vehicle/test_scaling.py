@@ -7,8 +7,15 @@ import numpy as np
 import pytest
 
 from np_drake.labels import LabelConfig, default_labels
-from np_drake.scaling import numbers, payload_ratio, ratios, sampling_period, scales, similar
-from np_drake.vehicle import Vehicle, load_vehicle, preset_names
+from np_drake.vehicle.scaling import (
+    numbers,
+    payload_ratio,
+    ratios,
+    sampling_period,
+    scales,
+    similar,
+)
+from np_drake.vehicle.vehicle import Vehicle, load_vehicle, preset_names
 
 
 def test_the_papers_vehicle_is_its_own_unit():
@@ -29,7 +36,9 @@ def test_length_is_the_arm_and_force_the_weight():
 @pytest.mark.parametrize("length", [0.2, 0.7, 5.0])
 def test_similar_vehicles_have_the_same_dimensionless_numbers(length):
     expected, found = numbers(Vehicle()), numbers(similar(Vehicle(), length))
-    np.testing.assert_allclose(np.hstack(dc.astuple(found)), np.hstack(dc.astuple(expected)), rtol=1e-12)
+    np.testing.assert_allclose(
+        np.hstack(dc.astuple(found)), np.hstack(dc.astuple(expected)), rtol=1e-12
+    )
     assert ratios(similar(Vehicle(), length)).time == pytest.approx(math.sqrt(length))
 
 

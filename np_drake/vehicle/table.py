@@ -8,11 +8,14 @@ import numpy as np
 
 from np_drake.files.number_text import with_unit
 from np_drake.files.yaml_text import read_yaml
-from np_drake.vehicle import load_vehicle, vehicle_file
-from np_drake.vehicle_sources import parts_of, value_of, values
-from np_drake.vehicle_text import UNITS, interval_text, stated
+from np_drake.vehicle.sources import parts_of, value_of, values
+from np_drake.vehicle.text import UNITS, interval_text, stated
+from np_drake.vehicle.vehicle import load_vehicle, vehicle_file
 
-FROM_FILE, DEFAULT = "file", "default"  # sources of a value of which the file says nothing, and that it does not name
+FROM_FILE, DEFAULT = (
+    "file",
+    "default",
+)  # sources of a value of which the file says nothing, and that it does not name
 
 
 class Row(NamedTuple):
@@ -27,7 +30,8 @@ class Row(NamedTuple):
 def vehicle_rows(name: str | Path) -> list[Row]:
     """Return the table of a vehicle file, or of the preset of that name.
 
-    It is without what is not known, and without a section that is at its default and of which nothing is said.
+    It is without what is not known, and without a section that is at its default and of which
+    nothing is said.
     Raises: ValueError: on a bad vehicle file.
     """
     vehicle = load_vehicle(name)
@@ -58,9 +62,15 @@ def _named(content: Mapping[str, Any]) -> list[str]:
 def _rows(field: str, value: Any, pairs: list[list[float]] | None, source: str) -> list[Row]:
     unit = UNITS.get(field, "") if value is not None else ""
     if np.ndim(value) < 2:
-        return [Row(field, with_unit(_shown(value), unit), interval_text(pairs) if pairs else "", source)]
+        return [
+            Row(
+                field, with_unit(_shown(value), unit), interval_text(pairs) if pairs else "", source
+            )
+        ]
     size = len(value[0])
-    intervals = [interval_text(pairs[k * size : (k + 1) * size]) if pairs else "" for k in range(len(value))]
+    intervals = [
+        interval_text(pairs[k * size : (k + 1) * size]) if pairs else "" for k in range(len(value))
+    ]
     return [
         Row(f"{field}[{k}]", with_unit(_shown(row), unit), interval, "" if k else source)
         for k, (row, interval) in enumerate(zip(value, intervals, strict=True))

@@ -8,9 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from np_drake import rigid_body
-from np_drake.rate_loop import RateLoop
 from np_drake.vehicle import Vehicle, load_vehicle
-from np_drake.vehicle_text import save_vehicle
+from np_drake.vehicle.rate_loop import RateLoop
+from np_drake.vehicle.text import save_vehicle
 
 RATES = st.lists(st.floats(-5.0, 5.0), min_size=3, max_size=3).map(np.array)
 LOOP = RateLoop([0.05, 0.07, 0.2], [1.0, 0.9, 1.1])
@@ -33,7 +33,12 @@ def test_the_command_for_an_angular_acceleration_gives_it(w, al):
 
 @pytest.mark.parametrize(
     ("field", "value"),
-    [("lag", [0.0, 0.1, 0.1]), ("lag", [50.0, 50.0, 90.0]), ("gain", [1.0, 1.0]), ("max_rate", [1e3, 1.0, 1.0])],
+    [
+        ("lag", [0.0, 0.1, 0.1]),
+        ("lag", [50.0, 50.0, 90.0]),
+        ("gain", [1.0, 1.0]),
+        ("max_rate", [1e3, 1.0, 1.0]),
+    ],
 )
 def test_impossible_values_are_refused_by_name(field, value):
     with pytest.raises(ValueError, match=f"rate_loop: {field}"):
@@ -41,6 +46,8 @@ def test_impossible_values_are_refused_by_name(field, value):
 
 
 def test_a_vehicle_file_keeps_it(tmp_path):
-    vehicle = dc.replace(Vehicle(), rate_loop=LOOP, sources={"rate_loop.lag": "identified from 1 flight"})
+    vehicle = dc.replace(
+        Vehicle(), rate_loop=LOOP, sources={"rate_loop.lag": "identified from 1 flight"}
+    )
     save_vehicle(vehicle, tmp_path / "v.yaml")
     assert load_vehicle(tmp_path / "v.yaml").rate_loop == LOOP

@@ -2,28 +2,32 @@
 
 Every other parameter is an estimate with a stated formula, good enough to fly in simulation and to begin a diagnosis
 with; measured values should take its place.
-"""
+"""  # noqa: E501
 
 import dataclasses as dc
 import math
 
-from np_drake.rotor_layout import CORNERS, FIRMWARE
-from np_drake.vehicle import Vehicle
-from np_drake.vehicle_physics import AIR, least_torque_over_thrust
-from np_drake.vehicle_text import vehicle_text
+from np_drake.vehicle.physics import AIR, least_torque_over_thrust
+from np_drake.vehicle.rotor_layout import CORNERS, FIRMWARE
+from np_drake.vehicle.text import vehicle_text
+from np_drake.vehicle.vehicle import Vehicle
 
 GRAVITY = 9.81  # [m/s²]
 AT_ROTORS = 0.5  # share of the mass at the rotors: motors, propellers, outer arms [1]
-# Thrust coefficient T / (rho n² D⁴), n in revolutions a second. Source: own choice; the presets span 0.045 to 0.201.
+# Thrust coefficient T / (rho n² D⁴), n in revolutions a second. Source: own choice; the presets span 0.045 to 0.201.  # noqa: E501
 THRUST_NUMBER = 0.12
-FIGURE_OF_MERIT = 0.5  # ideal over actual hover power. Source: own choice; the presets span 0.32 to 0.71 [1]
+FIGURE_OF_MERIT = (
+    0.5  # ideal over actual hover power. Source: own choice; the presets span 0.32 to 0.71 [1]
+)
 # Standard deviations over the value [1].
 MASS_SPREAD = 0.01  # source: own choice, a kitchen scale, and batteries that are changed
-THRUST_SPREAD = 0.4  # source: C_T of the presets, whose standard deviation is 0.36 of their mean; rounded up
+THRUST_SPREAD = (
+    0.4  # source: C_T of the presets, whose standard deviation is 0.36 of their mean; rounded up
+)
 CURVES = {"quadratic": 2, "linear": 1}  # thrust over throttle: its power
 HEAD = """\
 # Vehicle file of an X quadrotor, estimated from mass, wheelbase, propeller and hover throttle. Replace an estimate
-# by a measured value where there is one; docs/reference/vehicle-file.md lists all fields."""
+# by a measured value where there is one; docs/reference/vehicle-file.md lists all fields."""  # noqa: E501
 LIGHTEST, HEAVIEST = 0.005, 1000.0  # [kg]
 
 
@@ -46,17 +50,33 @@ class Measured:
 
         Raises: ValueError: where one is impossible or in another unit.
         """
-        _require(LIGHTEST <= self.mass <= HEAVIEST, f"mass must be {LIGHTEST:g} to {HEAVIEST:g} kg; got {self.mass:g}")
-        _require(0 < self.wheelbase <= 10, f"wheelbase must be positive and at most 10 m; got {self.wheelbase:g}")
+        _require(
+            LIGHTEST <= self.mass <= HEAVIEST,
+            f"mass must be {LIGHTEST:g} to {HEAVIEST:g} kg; got {self.mass:g}",
+        )
+        _require(
+            0 < self.wheelbase <= 10,
+            f"wheelbase must be positive and at most 10 m; got {self.wheelbase:g}",
+        )
         _require(
             0 < self.propeller <= self.wheelbase,
-            f"propeller must be a diameter up to the wheelbase, {self.wheelbase:g} m; got {self.propeller:g}",
+            (
+                f"propeller must be a diameter up to the wheelbase, {self.wheelbase:g} m; got "
+                f"{self.propeller:g}"
+            ),
         )
         _require(
-            0.05 <= self.hover_throttle <= 0.95, f"hover throttle must be 0.05 to 0.95; got {self.hover_throttle:g}"
+            0.05 <= self.hover_throttle <= 0.95,
+            f"hover throttle must be 0.05 to 0.95; got {self.hover_throttle:g}",
         )
-        _require(self.curve in CURVES, f"throttle curve must be {' or '.join(CURVES)}; got {self.curve!r}")
-        _require(self.order in FIRMWARE, f"order of the rotors must be {' or '.join(FIRMWARE)}; got {self.order!r}")
+        _require(
+            self.curve in CURVES,
+            f"throttle curve must be {' or '.join(CURVES)}; got {self.curve!r}",
+        )
+        _require(
+            self.order in FIRMWARE,
+            f"order of the rotors must be {' or '.join(FIRMWARE)}; got {self.order!r}",
+        )
         return self
 
 
@@ -71,7 +91,7 @@ def estimate(measured: Measured, name: str = "mine") -> Vehicle:
     Args:
         measured: what the owner knows.
         name: of the vehicle.
-    """
+    """  # noqa: E501
     m = measured.check()
     L, D = 0.5 * m.wheelbase, m.propeller
     arm, at_rotors = L / math.sqrt(2), AT_ROTORS * m.mass
@@ -83,7 +103,9 @@ def estimate(measured: Measured, name: str = "mine") -> Vehicle:
     values = {
         "mass": m.mass,
         "inertia": [[_digits(xx), 0.0, 0.0], [0.0, _digits(xx), 0.0], [0.0, 0.0, _digits(zz)]],
-        "rotor_positions": [[_digits(x * arm), _digits(y * arm), 0.0] for x, y in FIRMWARE[m.order].positions],
+        "rotor_positions": [
+            [_digits(x * arm), _digits(y * arm), 0.0] for x, y in FIRMWARE[m.order].positions
+        ],
         "rotor_directions": list(FIRMWARE[m.order].directions),
         "thrust_coefficient": _digits(thrust),
         "torque_coefficient": _digits(lever * thrust),
@@ -102,7 +124,7 @@ def commented_file(measured: Measured, name: str = "mine") -> str:
     Args:
         measured: what the owner knows.
         name: of the vehicle.
-    """
+    """  # noqa: E501
     return vehicle_text(estimate(measured, name), HEAD)
 
 
@@ -110,25 +132,37 @@ def _sources(m: Measured, lever: float) -> dict[str, str]:
     """Return where the values of an estimate come from; `lever` is torque over thrust [m]."""
     layout, power = FIRMWARE[m.order], {1: "", 2: "²"}[CURVES[m.curve]]
     corners = ", ".join(CORNERS[p] for p in layout.positions)
-    scale = "given" if m.mass_uncertainty != MASS_SPREAD else "assumed: a kitchen scale, and another battery"
+    scale = (
+        "given"
+        if m.mass_uncertainty != MASS_SPREAD
+        else "assumed: a kitchen scale, and another battery"
+    )
     thrust = (
         "given"
         if m.thrust_uncertainty != THRUST_SPREAD
-        else "assumed: as C_T of the presets differs; of thrust that is logged in newtons state a smaller one"
+        else (
+            "assumed: as C_T of the presets differs; of thrust that is logged in newtons state "
+            "a smaller one"
+        )
     )
     return {
         "mass": "given: with battery, without payload",
-        "inertia": f"estimated: {100 * AT_ROTORS:g} % of the mass at the four rotors, the rest a solid cylinder whose "
+        "inertia": f"estimated: {100 * AT_ROTORS:g} % of the mass at the four rotors, the rest "
+        f"a solid cylinder whose "
         "radius and height are half an arm",
-        "rotor_positions": f"wheelbase of {m.wheelbase:g} m, in the order of {layout.source}: {corners}, which is that "
+        "rotor_positions": f"wheelbase of {m.wheelbase:g} m, in the order of {layout.source}: "
+        f"{corners}, which is that "
         "of the rotor columns of a log; the middle is taken as the centre of mass",
         "rotor_directions": "assumed: inwards at the front; 1 turns clockwise, seen from above",
-        "thrust_coefficient": f"estimated: C_T = {THRUST_NUMBER:g} of a propeller of {m.propeller:g} m in air of "
+        "thrust_coefficient": f"estimated: C_T = {THRUST_NUMBER:g} of a propeller of "
+        f"{m.propeller:g} m in air of "
         f"{AIR:g} kg/m³",
-        "torque_coefficient": f"estimated: figure of merit {FIGURE_OF_MERIT:g}, momentum theory; {lever:.3g} m times "
+        "torque_coefficient": f"estimated: figure of merit {FIGURE_OF_MERIT:g}, momentum "
+        f"theory; {lever:.3g} m times "
         "the thrust coefficient",
         "rotor_radius": "half of the propeller diameter",
-        "max_rotor_thrust": f"estimated: a quarter of the weight over {m.hover_throttle:g}{power}, {m.curve} in "
+        "max_rotor_thrust": f"estimated: a quarter of the weight over "
+        f"{m.hover_throttle:g}{power}, {m.curve} in "
         "throttle",
         "rotor_time_constant": "not estimated",
         "mass_uncertainty": scale,

@@ -7,9 +7,7 @@ import numpy as np
 import pytest
 
 from np_drake.logs.formats.neurobem import published_vehicle
-from np_drake.scaling import numbers
-from np_drake.vehicle import RIGID, Vehicle, left_out, load_vehicle, preset_names, vehicle_file
-from np_drake.vehicle_estimate import (
+from np_drake.vehicle.estimate import (
     AIR,
     FIGURE_OF_MERIT,
     MASS_SPREAD,
@@ -18,6 +16,15 @@ from np_drake.vehicle_estimate import (
     Measured,
     commented_file,
     estimate,
+)
+from np_drake.vehicle.scaling import numbers
+from np_drake.vehicle.vehicle import (
+    RIGID,
+    Vehicle,
+    left_out,
+    load_vehicle,
+    preset_names,
+    vehicle_file,
 )
 
 MINE = Measured(mass=1.2, wheelbase=0.4, propeller=0.23, hover_throttle=0.5)
@@ -55,7 +62,9 @@ def test_rotors_stand_in_the_order_of_the_autopilot(order, corners):
 
 
 def test_an_order_of_no_autopilot_is_refused():
-    with pytest.raises(ValueError, match="order of the rotors must be px4 or ardupilot or betaflight or crazyflie"):
+    with pytest.raises(
+        ValueError, match="order of the rotors must be px4 or ardupilot or betaflight or crazyflie"
+    ):
         estimate(dc.replace(MINE, order="paper"))
 
 
@@ -93,7 +102,10 @@ def test_the_spread_of_thrust_is_that_of_the_presets():
 
 
 def test_the_file_states_the_uncertainty_given_or_its_origin():
-    assert (estimate(MINE).mass_uncertainty, estimate(MINE).thrust_uncertainty) == (MASS_SPREAD, THRUST_SPREAD)
+    assert (estimate(MINE).mass_uncertainty, estimate(MINE).thrust_uncertainty) == (
+        MASS_SPREAD,
+        THRUST_SPREAD,
+    )
     assert "assumed: a kitchen scale" in commented_file(MINE)
     known = dc.replace(MINE, mass_uncertainty=0.003, thrust_uncertainty=0.02)
     assert (estimate(known).mass_uncertainty, estimate(known).thrust_uncertainty) == (0.003, 0.02)
@@ -110,7 +122,13 @@ def test_the_file_holds_the_estimate_and_names_every_parameter(tmp_path):
 
 @pytest.mark.parametrize(
     "bad",
-    [(1200.0, 0.4, 0.2, 0.5), (1.2, 40.0, 0.2, 0.5), (1.2, 0.4, 9.0, 0.5), (1.2, 0.4, 0.2, 50.0), (0.0, 0.4, 0.2, 0.5)],
+    [
+        (1200.0, 0.4, 0.2, 0.5),
+        (1.2, 40.0, 0.2, 0.5),
+        (1.2, 0.4, 9.0, 0.5),
+        (1.2, 0.4, 0.2, 50.0),
+        (0.0, 0.4, 0.2, 0.5),
+    ],
 )
 def test_measures_in_another_unit_are_refused(bad):
     with pytest.raises(ValueError, match="vehicle: "):
@@ -137,15 +155,30 @@ def test_every_preset_states_its_source_and_all_parameters(name):
 def test_a_crazyflies_rotors_are_in_the_order_of_its_firmware(name):
     dut = load_vehicle(name)
     corners = [tuple(np.sign(position[:2]).astype(int)) for position in dut.rotor_positions]
-    assert corners == [(1, -1), (-1, -1), (-1, 1), (1, 1)]  # front right, rear right, rear left, front left
-    assert dut.rotor_directions == [-1, 1, -1, 1]  # m1 turns counter-clockwise, and the body the other way
+    assert corners == [
+        (1, -1),
+        (-1, -1),
+        (-1, 1),
+        (1, 1),
+    ]  # front right, rear right, rear left, front left
+    assert dut.rotor_directions == [
+        -1,
+        1,
+        -1,
+        1,
+    ]  # m1 turns counter-clockwise, and the body the other way
     assert "order of the firmware" in vehicle_file(name).read_text()
 
 
 def test_the_x500s_rotors_are_in_the_order_of_px4():
     dut = load_vehicle("x500")
     corners = [tuple(np.sign(position[:2]).astype(int)) for position in dut.rotor_positions]
-    assert corners == [(1, -1), (-1, 1), (1, 1), (-1, -1)]  # front right, rear left, front left, rear right
+    assert corners == [
+        (1, -1),
+        (-1, 1),
+        (1, 1),
+        (-1, -1),
+    ]  # front right, rear left, front left, rear right
     assert dut.rotor_directions == [-1, -1, 1, 1]
     assert "order of PX4" in vehicle_file("x500").read_text()
 

@@ -7,10 +7,16 @@ import math
 import numpy as np
 import pytest
 
-from np_drake.published_vehicles import FILE, LogNormal, dimensionless, published_priors, published_vehicles
-from np_drake.scaling import numbers
-from np_drake.vehicle_estimate import Measured, estimate
-from np_drake.vehicle_physics import least_torque_over_thrust
+from np_drake.vehicle.estimate import Measured, estimate
+from np_drake.vehicle.physics import least_torque_over_thrust
+from np_drake.vehicle.published import (
+    FILE,
+    LogNormal,
+    dimensionless,
+    published_priors,
+    published_vehicles,
+)
+from np_drake.vehicle.scaling import numbers
 
 ROWS = list(csv.DictReader(FILE.read_text(encoding="utf-8").splitlines()))
 NAMES = [row["name"] for row in ROWS]
@@ -18,7 +24,9 @@ NAMES = [row["name"] for row in ROWS]
 
 def column(*names):
     """Rows of the file that tell all these figures, (n, len(names))."""
-    return np.array([[float(row[name]) for name in names] for row in ROWS if all(row[name] for name in names)]).T
+    return np.array(
+        [[float(row[name]) for name in names] for row in ROWS if all(row[name] for name in names)]
+    ).T
 
 
 def test_there_are_enough_vehicles_and_each_states_its_source():
@@ -68,7 +76,10 @@ def test_a_published_vehicle_can_exist(vehicle):
 
 def test_an_estimate_from_four_measures_lies_within_the_published_spread():
     dut, priors = numbers(estimate(Measured(1.2, 0.4, 0.23, 0.5))), published_priors()
-    for found, spread in ((dut.inertia[0], priors.inertia), (dut.thrust_to_weight, priors.thrust_to_weight)):
+    for found, spread in (
+        (dut.inertia[0], priors.inertia),
+        (dut.thrust_to_weight, priors.thrust_to_weight),
+    ):
         low, high = spread.within()
         assert low < found < high
 

@@ -1,4 +1,6 @@
-"""Where an autopilot has its rotors, in the order in which it numbers them, and which of them a vehicle file means."""
+"""Where an autopilot has its rotors, in the order in which it numbers them, and which of them a
+vehicle file means.
+"""
 
 import dataclasses as dc
 import itertools
@@ -6,7 +8,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-# Distance over the mean arm at which two rotors are the same [1]. Source: own choice; a plus turned into an X is 0.77.
+# Distance over the mean arm at which two rotors are the same [1]. Source: own choice; a plus turned
+# into an X is 0.77.
 NEAR = 0.5
 
 
@@ -14,21 +17,25 @@ NEAR = 0.5
 class RotorLayout:
     """Rotors in the order of an autopilot.
 
-    positions: x forward, y left, in any one unit.   directions: signs of the reaction torque about body z, 1 turns
-    clockwise seen from above, 0 is not known.   source: what states them.
+    positions: x forward, y left, in any one unit.
+    directions: signs of the reaction torque about body z, 1 turns clockwise seen from above, 0 is
+        not known.
+    source: what states them.
     """
 
     positions: tuple[tuple[float, float], ...]
     directions: tuple[float, ...]
     source: str
 
-    def order_of(self, positions: Sequence[Sequence[float]], directions: Sequence[float]) -> list[int]:
+    def order_of(
+        self, positions: Sequence[Sequence[float]], directions: Sequence[float]
+    ) -> list[int]:
         """Return for each rotor of a vehicle its number in this layout, from 0.
 
         Args:
             positions: of the vehicle's rotors in B, x and y first, in any one unit.
-            directions: signs of their reaction torques about body z.
-        Raises: ValueError: if no rotor here is near one of the vehicle's, or one turns the other way.
+        Raises: ValueError: if no rotor here is near one of the vehicle's, or one turns the other
+            way.
         """
         own, other = _scaled(self.positions), _scaled(positions)
         orders = [list(order) for order in itertools.permutations(range(len(own)))]
@@ -36,14 +43,17 @@ class RotorLayout:
         apart = float(np.linalg.norm(own[order] - other, axis=1).max())
         if apart > NEAR:
             raise ValueError(
-                f"its rotors ({self.source}) must be where the vehicle file has them; one is {apart:.2g} arms away "
-                f"from the nearest. Write rotor_positions: {self._text(self.positions)}, or measured ones."
+                f"its rotors ({self.source}) must be where the vehicle file has them; one "
+                f"is {apart:.2g} arms away "
+                f"from the nearest. Write rotor_positions: {self._text(self.positions)}, "
+                f"or measured ones."
             )
         turns = np.array(self.directions, float)[order]
         if np.any(turns * np.asarray(directions, float) < 0):
             wanted = [int(t or d) for t, d in zip(turns, directions, strict=True)]
             raise ValueError(
-                f"its rotors ({self.source}) turn the other way than those of the vehicle file. Write "
+                f"its rotors ({self.source}) turn the other way than those of the vehicle "
+                f"file. Write "
                 f"rotor_directions: {wanted} there if the log is right."
             )
         return order
@@ -63,11 +73,24 @@ def _scaled(positions: Sequence[Sequence[float]]) -> np.ndarray:
 FRONT_LEFT, FRONT_RIGHT, REAR_RIGHT, REAR_LEFT = (1.0, 1.0), (1.0, -1.0), (-1.0, -1.0), (-1.0, 1.0)
 FIRMWARE = {  # X frames with propellers that turn inwards at the front, the default of each
     # Source: PX4, airframe reference, Quadrotor x; ArduPilot, connecting motors, Quad X.
-    "px4": RotorLayout((FRONT_RIGHT, REAR_LEFT, FRONT_LEFT, REAR_RIGHT), (-1, -1, 1, 1), "PX4, Quadrotor x"),
-    "ardupilot": RotorLayout((FRONT_RIGHT, REAR_LEFT, FRONT_LEFT, REAR_RIGHT), (-1, -1, 1, 1), "ArduPilot, Quad X"),
+    "px4": RotorLayout(
+        (FRONT_RIGHT, REAR_LEFT, FRONT_LEFT, REAR_RIGHT), (-1, -1, 1, 1), "PX4, Quadrotor x"
+    ),
+    "ardupilot": RotorLayout(
+        (FRONT_RIGHT, REAR_LEFT, FRONT_LEFT, REAR_RIGHT), (-1, -1, 1, 1), "ArduPilot, Quad X"
+    ),
     # Source: Betaflight, mixer, Quad X.
-    "betaflight": RotorLayout((REAR_RIGHT, FRONT_RIGHT, REAR_LEFT, FRONT_LEFT), (1, -1, -1, 1), "Betaflight, Quad X"),
+    "betaflight": RotorLayout(
+        (REAR_RIGHT, FRONT_RIGHT, REAR_LEFT, FRONT_LEFT), (1, -1, -1, 1), "Betaflight, Quad X"
+    ),
     # Source: Bitcraze, the firmware's M1 to M4.
-    "crazyflie": RotorLayout((FRONT_RIGHT, REAR_RIGHT, REAR_LEFT, FRONT_LEFT), (-1, 1, -1, 1), "Crazyflie, X"),
+    "crazyflie": RotorLayout(
+        (FRONT_RIGHT, REAR_RIGHT, REAR_LEFT, FRONT_LEFT), (-1, 1, -1, 1), "Crazyflie, X"
+    ),
 }
-CORNERS = {FRONT_LEFT: "front left", FRONT_RIGHT: "front right", REAR_RIGHT: "rear right", REAR_LEFT: "rear left"}
+CORNERS = {
+    FRONT_LEFT: "front left",
+    FRONT_RIGHT: "front right",
+    REAR_RIGHT: "rear right",
+    REAR_LEFT: "rear left",
+}

@@ -1,12 +1,13 @@
 """Characteristic sizes of a vehicle, and quantities that scale with them by Froude similarity.
 
-Length L is the mean distance of the rotors from Bo, mass m and gravity g are the vehicle's. With time T = sqrt(L / g),
-speed L / T, force m g and torque m g L, eq. (1) of any quadrotor reads the same; what is left of the vehicle are its
-dimensionless numbers: thrust over weight, inertia over m L² and yaw torque over thrust times arm. Two vehicles that
-share them fly the same dimensionless trajectory (W. Froude's similarity, with gravity as the only common scale).
+Length L is the mean distance of the rotors from Bo, mass m and gravity g are the vehicle's. With
+time T = sqrt(L / g), speed L / T, force m g and torque m g L, eq. (1) of any quadrotor reads the
+same; what is left of the vehicle are its dimensionless numbers: thrust over weight, inertia over m
+L² and yaw torque over thrust times arm. Two vehicles that share them fly the same dimensionless
+trajectory (W. Froude's similarity, with gravity as the only common scale).
 
-A default that stands in SI in the code is that of the paper's vehicle. For another vehicle it is multiplied by the
-ratio of the two vehicles' units, which is exactly 1 for the paper's.
+A default that stands in SI in the code is that of the paper's vehicle. For another vehicle it is
+multiplied by the ratio of the two vehicles' units, which is exactly 1 for the paper's.
 """
 
 import dataclasses as dc
@@ -14,12 +15,14 @@ import math
 
 import numpy as np
 
-from np_drake.rate_loop import RateLoop
-from np_drake.vehicle import Vehicle
-from np_drake.vehicle_calibration import Calibration
+from np_drake.vehicle.calibration import Calibration
+from np_drake.vehicle.rate_loop import RateLoop
+from np_drake.vehicle.vehicle import Vehicle
 
 PERIOD = 0.02  # between solves, of the paper's vehicle [s]
-SPARE_LIFT = 0.25  # largest default payload over the mass that the rotors could carry beside the vehicle [1]
+SPARE_LIFT = (
+    0.25  # largest default payload over the mass that the rotors could carry beside the vehicle [1]
+)
 
 
 @dc.dataclass(frozen=True)
@@ -47,7 +50,9 @@ class Scales:
 
     @property
     def clock(self) -> float:
-        """Power of two nearest to a ratio of times; sampling rates scale with it, so that they stay round [1]."""
+        """Power of two nearest to a ratio of times; sampling rates scale with it, so that they stay
+        round [1].
+        """
         return 2.0 ** round(math.log2(self.time))
 
 
@@ -58,7 +63,9 @@ def scales(vehicle: Vehicle) -> Scales:
 
 
 def ratios(vehicle: Vehicle) -> Scales:
-    """Return the units of `vehicle` over those of the paper's vehicle; all are exactly 1 for the latter."""
+    """Return the units of `vehicle` over those of the paper's vehicle; all are exactly 1 for the
+    latter.
+    """
     return over_paper(scales(vehicle))
 
 
@@ -74,18 +81,22 @@ def sampling_period(vehicle: Vehicle) -> float:
 
 
 def usual_rate_loop(vehicle: Vehicle) -> RateLoop:
-    """Return the rate loop of a usual tune of an autopilot, that of the paper's vehicle at the pace of `vehicle`."""
+    """Return the rate loop of a usual tune of an autopilot, that of the paper's vehicle at the pace
+    of `vehicle`.
+    """
     pace, paper = ratios(vehicle).time, RateLoop()
-    return RateLoop([pace * lag for lag in paper.lag], paper.gain, [rate / pace for rate in paper.max_rate]).check()
+    return RateLoop(
+        [pace * lag for lag in paper.lag], paper.gain, [rate / pace for rate in paper.max_rate]
+    ).check()
 
 
 def payload_ratio(vehicle: Vehicle, paper_mass: float) -> float:
     """Return the default payload's mass over that of the paper's payload [1].
 
-    It is a fixed share of the vehicle's mass, but no more than `SPARE_LIFT` of what the rotors could carry beyond it.
+    It is a fixed share of the vehicle's mass, but no more than `SPARE_LIFT` of what the rotors
+    could carry beyond it.
 
     Args:
-        vehicle: that carries the payload.
         paper_mass: of the payload of the paper's vehicle [kg].
     """
     spare = 4 * vehicle.max_rotor_thrust / vehicle.gravity - vehicle.mass
@@ -105,7 +116,8 @@ class Numbers:
 def numbers(vehicle: Vehicle) -> Numbers:
     """Return the dimensionless numbers of `vehicle`.
 
-    The roll and pitch authority is taken as half the largest thrust of two rotors on either side of an axis.
+    The roll and pitch authority is taken as half the largest thrust of two rotors on either side of
+    an axis.
     """
     unit = scales(vehicle)
     J = np.diag(vehicle.J)
@@ -121,12 +133,13 @@ def numbers(vehicle: Vehicle) -> Numbers:
 
 
 def similar(vehicle: Vehicle, length: float) -> Vehicle:
-    """Return a larger or smaller vehicle that flies alike: mass by the cube, time by the root, gravity kept.
+    """Return a larger or smaller vehicle that flies alike: mass by the cube, time by the root,
+    gravity kept.
 
-    Thrust then scales as mass. Rotor speed scales as the inverse of time, and tip speed as its root.
+    Thrust then scales as mass. Rotor speed scales as the inverse of time, and tip speed as its
+    root.
 
     Args:
-        vehicle: to be scaled.
         length: ratio of lengths [1].
     """
     mass, time = length**3, math.sqrt(length)
@@ -152,7 +165,6 @@ def times(value, ratio: float):
     """Return a number, or every number of a list, multiplied by `ratio`.
 
     Args:
-        value: number, or list of numbers.
         ratio: [1].
     """
     return [v * ratio for v in value] if isinstance(value, list | tuple) else value * ratio

@@ -8,19 +8,28 @@ import numpy as np
 
 from np_drake.files.yaml_file import load_checked
 from np_drake.files.yaml_text import read_yaml
-from np_drake.rate_loop import RateLoop
-from np_drake.vehicle_calibration import Calibration, ThrottleMap
-from np_drake.vehicle_physics import implausible
-from np_drake.vehicle_sources import Intervals, checked_intervals, without
+from np_drake.vehicle.calibration import Calibration, ThrottleMap
+from np_drake.vehicle.physics import implausible
+from np_drake.vehicle.rate_loop import RateLoop
+from np_drake.vehicle.sources import Intervals, checked_intervals, without
 
-PRESETS = Path(__file__).parent / "vehicles"  # vehicle files by name
+PRESETS = Path(__file__).parent / "presets"  # vehicle files by name
 SLOWEST_ROTOR = 1.0  # time constant beyond which the file's is in another unit than seconds [s]
-VAGUEST = 0.5  # standard deviation over the value at which a figure is no figure [1]; source: own choice
+VAGUEST = (
+    0.5  # standard deviation over the value at which a figure is no figure [1]; source: own choice
+)
 LONGEST_ARM = 5.0  # beyond which rotor positions are in another unit than metres [m]
 POSITIVE = ("mass", "gravity", "thrust_coefficient", "rotor_radius", "max_rotor_thrust")
 ALIASES = {"thrust_torque": "command"}
 INPUTS = ("command", "rotor_speed", "thrust_only", "normalised")
-RIGID = ("mass", "inertia", "rotor_positions", "thrust_coefficient", "torque_coefficient", "max_rotor_thrust")
+RIGID = (
+    "mass",
+    "inertia",
+    "rotor_positions",
+    "thrust_coefficient",
+    "torque_coefficient",
+    "max_rotor_thrust",
+)
 
 
 def _paper_rotors() -> list[list[float]]:
@@ -45,16 +54,19 @@ class MeasurementNoise:
         """
         for name, value in dc.asdict(self).items():
             if not 0 <= value < np.inf:
-                raise ValueError(f"MeasurementNoise: {name} must be finite and not negative; got {value}.")
+                raise ValueError(
+                    f"MeasurementNoise: {name} must be finite and not negative; got {value}."
+                )
         return self
 
 
 @dc.dataclass
 class Vehicle:
-    """Quadrotor of the nominal model (docs/reference/vehicle-file.md); the defaults are the paper's vehicle.
+    """Quadrotor of the nominal model (docs/reference/vehicle-file.md); the defaults are the paper's
+    vehicle.
 
-    Rotor i gives the thrust f_i = thrust_coefficient * speed² along body z at `rotor_positions[i]` and the torque
-    `rotor_directions[i] * torque_coefficient * speed²` about body z.
+    Rotor i gives the thrust f_i = thrust_coefficient * speed² along body z at `rotor_positions[i]`
+    and the torque `rotor_directions[i] * torque_coefficient * speed²` about body z.
     """
 
     name: str = "paper"
@@ -73,17 +85,21 @@ class Vehicle:
     logged_point: str = "origin"  # origin | center_of_mass
     input: str = "command"  # command | rotor_speed | thrust_only | normalised
     command_timing: str = "unknown"  # held: from its row until the next | unknown: as the log looks
-    measurement_noise: MeasurementNoise = dc.field(default_factory=MeasurementNoise)  # of the sensors
+    measurement_noise: MeasurementNoise = dc.field(
+        default_factory=MeasurementNoise
+    )  # of the sensors
     # Standard deviation over the value [1]; None: the file does not say.
     mass_uncertainty: float | None = None
     thrust_uncertainty: float | None = None  # of thrust from command, rotor speed or throttle
     throttle: ThrottleMap | None = None  # None: not known
     calibration: Calibration = dc.field(default_factory=Calibration)
     rate_loop: RateLoop | None = None  # of the autopilot; None: not known
-    # By field, as `mass` or `calibration.command_delay`; they say nothing of the vehicle itself, so two are equal
-    # whatever is said of them.
+    # By field, as `mass` or `calibration.command_delay`; they say nothing of the vehicle itself, so
+    # two are equal whatever is said of them.
     sources: dict[str, str] = dc.field(default_factory=dict, compare=False)
-    intervals: Intervals = dc.field(default_factory=dict, compare=False)  # of 95 %; a single number has one pair
+    intervals: Intervals = dc.field(
+        default_factory=dict, compare=False
+    )  # of 95 %; a single number has one pair
 
     def check(self) -> "Vehicle":
         """Return self after checking all parameters.
@@ -98,7 +114,10 @@ class Vehicle:
             _require(getattr(self, name) > 0, f"{name} must be positive; got {getattr(self, name)}")
         _require(
             0 <= self.rotor_time_constant <= SLOWEST_ROTOR,
-            f"rotor_time_constant must be 0 to {SLOWEST_ROTOR:g} s; got {self.rotor_time_constant}. Is it in seconds?",
+            (
+                f"rotor_time_constant must be 0 to {SLOWEST_ROTOR:g} s; got "
+                f"{self.rotor_time_constant}. Is it in seconds?"
+            ),
         )
         _require(np.shape(self.rotor_positions) == (4, 3), "rotor_positions must be 4 x 3 [m]")
         _require(
@@ -109,8 +128,14 @@ class Vehicle:
         J = np.array(self.inertia, float)
         moments = np.linalg.eigvalsh(J) if np.allclose(J, J.T) else np.zeros(3)
         _require(moments[0] > 0, "inertia must be symmetric and positive definite [kg·m²]")
-        _require(moments[2] <= moments[0] + moments[1] + 1e-12, "inertia must meet the triangle inequality")
-        _require(self.logged_point in ("origin", "center_of_mass"), "logged_point: origin | center_of_mass")
+        _require(
+            moments[2] <= moments[0] + moments[1] + 1e-12,
+            "inertia must meet the triangle inequality",
+        )
+        _require(
+            self.logged_point in ("origin", "center_of_mass"),
+            "logged_point: origin | center_of_mass",
+        )
         _require(self.command_timing in ("held", "unknown"), "command_timing: held | unknown")
         _require(self.input in INPUTS, f"input: {' | '.join(INPUTS)}")
         self.measurement_noise.check()
@@ -125,25 +150,34 @@ class Vehicle:
             value = getattr(self, name)
             _require(
                 value is None or 0 <= value < VAGUEST,
-                f"{name} must be a standard deviation over the value, 0 to below {VAGUEST:g}; got {value}",
+                (
+                    f"{name} must be a standard deviation over the value, 0 to below "
+                    f"{VAGUEST:g}; got {value}"
+                ),
             )
 
     def _check_rotors(self) -> None:
         longest = float(np.linalg.norm(self.rotor_positions, axis=1).max())
         _require(
             longest <= LONGEST_ARM,
-            f"rotor_positions must be within {LONGEST_ARM:g} m of the origin; got {longest:g}. Are they in metres?",
+            (
+                f"rotor_positions must be within {LONGEST_ARM:g} m of the origin; got "
+                f"{longest:g}. Are they in metres?"
+            ),
         )
         _require(
             self.torque_coefficient >= 0,
             "torque_coefficient must not be negative, for rotor_directions hold the signs; "
             f"got {self.torque_coefficient}",
         )
-        _require(abs(np.linalg.det(self.mixer)) > 1e-12, "the rotors must span thrust and three torques")
+        _require(
+            abs(np.linalg.det(self.mixer)) > 1e-12, "the rotors must span thrust and three torques"
+        )
         lift, weight = 4 * self.max_rotor_thrust, self.mass * self.gravity
         _require(
             lift >= weight,
-            f"max_rotor_thrust must let four rotors carry the weight, {weight:.4g} N; got {self.max_rotor_thrust} N "
+            f"max_rotor_thrust must let four rotors carry the weight, {weight:.4g} N; got "
+            f"{self.max_rotor_thrust} N "
             "each. Is it in N, of one rotor, and the mass in kg?",
         )
         if wrong := implausible(self):
@@ -159,21 +193,24 @@ class Vehicle:
         offset = float(np.linalg.norm(known.center_of_mass))
         _require(
             offset <= reach,
-            f"calibration.center_of_mass must lie no farther from Bo than the rotors, {reach:g} m; got {offset:g}. "
+            f"calibration.center_of_mass must lie no farther from Bo than the rotors, "
+            f"{reach:g} m; got {offset:g}. "
             "Is it in metres?",
         )
         _require(
             known.rotor_inertia <= self.inertia[2][2],
-            f"calibration.rotor_inertia must be below that of the vehicle, {self.inertia[2][2]:g} kg·m²; got "
+            f"calibration.rotor_inertia must be below that of the vehicle, "
+            f"{self.inertia[2][2]:g} kg·m²; got "
             f"{known.rotor_inertia:g}. Is it in kg·m²?",
         )
 
     @property
     def described(self) -> bool:
-        """Whether the file describes the vehicle that flies, as that of a simulator or a test stand does.
+        """Whether the file describes the vehicle that flies, as that of a simulator or a test stand
+        does.
 
-        Such a file states that commands act as they are logged (`command_timing: held`). Other vehicles differ from
-        their file as healthy vehicles do.
+        Such a file states that commands act as they are logged (`command_timing: held`). Other
+        vehicles differ from their file as healthy vehicles do.
         """
         return self.command_timing == "held"
 
@@ -187,7 +224,9 @@ class Vehicle:
         """Map from rotor thrusts [N] to u = [f_u, tau_m] [N, N·m], (4, 4)."""
         p = np.array(self.rotor_positions, float)
         kappa = self.torque_coefficient / self.thrust_coefficient
-        return np.stack([np.ones(4), p[:, 1], -p[:, 0], kappa * np.array(self.rotor_directions, float)])
+        return np.stack(
+            [np.ones(4), p[:, 1], -p[:, 0], kappa * np.array(self.rotor_directions, float)]
+        )
 
     @cached_property
     def unmixer(self) -> np.ndarray:
@@ -206,13 +245,17 @@ class Vehicle:
         return thrust @ self.mixer.T
 
     def with_mass(self, mass: float) -> "Vehicle":
-        """Return a copy of the vehicle with another mass [kg], without what is said of the present one."""
+        """Return a copy of the vehicle with another mass [kg], without what is said of the present
+        one.
+        """
         sources, intervals = without(self.sources, "mass"), without(self.intervals, "mass")
         return dc.replace(self, mass=mass, sources=sources, intervals=intervals).check()
 
 
 def preset_names() -> list[str]:
-    """Return the names of the vehicles that come with the package; their files state the sources."""
+    """Return the names of the vehicles that come with the package; their files state the
+    sources.
+    """
     return sorted(file.stem for file in PRESETS.glob("*.yaml"))
 
 
@@ -225,12 +268,16 @@ def vehicle_file(name: str | Path) -> Path:
         return PRESETS / f"{name}.yaml"
     path = Path(name)
     if not path.exists() and path.name == str(name) and not path.suffix:
-        raise ValueError(f"{name}: no such vehicle file, and no preset; the presets are {', '.join(preset_names())}.")
+        raise ValueError(
+            f"{name}: no such vehicle file, and no preset; the presets are "
+            f"{', '.join(preset_names())}."
+        )
     return path
 
 
 def load_vehicle(name: str | Path) -> Vehicle:
-    """Read a vehicle file (YAML), the nominal vehicle of a scenario file, or the preset of that name.
+    """Read a vehicle file (YAML), the nominal vehicle of a scenario file, or the preset of that
+    name.
 
     Raises: ValueError: one line with file and field, on bad content.
     """
@@ -238,7 +285,9 @@ def load_vehicle(name: str | Path) -> Vehicle:
 
 
 def left_out(name: str | Path) -> list[str]:
-    """Return the parameters of `RIGID` that a readable vehicle file does not name, for which defaults are used."""
+    """Return the parameters of `RIGID` that a readable vehicle file does not name, for which
+    defaults are used.
+    """
     named = read_yaml(vehicle_file(name))
     named = named.get("vehicle") or named
     return [field for field in RIGID if field not in named]

@@ -12,13 +12,16 @@ from np_drake.files.number_text import NBSP
 from np_drake.files.yaml_file import LARGEST
 
 Intervals = dict[str, list[list[float]]]  # field -> [low, high] of each number, row by row; 95 %
-PART = re.compile(r"^(.*?)((?:\[\d+\])*)$")  # field, and place in its list or matrix: `inertia[0][1]`
+PART = re.compile(
+    r"^(.*?)((?:\[\d+\])*)$"
+)  # field, and place in its list or matrix: `inertia[0][1]`
 STATEMENTS = ("sources", "intervals")  # fields of a vehicle that speak of the others
 LONGEST = 300  # characters of a source
 
 
 def values(vehicle: Any) -> dict[str, Any]:
-    """Return the values of a vehicle by field, in the file's order; parts of a section as `calibration.command_delay`.
+    """Return the values of a vehicle by field, in the file's order; parts of a section as
+    `calibration.command_delay`.
 
     An optional section that the vehicle does not have stands by its own name, with None.
     """
@@ -35,7 +38,8 @@ def values(vehicle: Any) -> dict[str, Any]:
 
 
 def part(field: str, *index: int) -> str:
-    """Return the name by which sources and intervals speak of one number of a list or matrix, as `inertia[0][1]`.
+    """Return the name by which sources and intervals speak of one number of a list or matrix, as
+    `inertia[0][1]`.
 
     Args:
         field: as `calibration.center_of_mass`.
@@ -49,7 +53,6 @@ def parts_of(field: str, statements: Mapping[str, Any]) -> list[str]:
 
     Args:
         field: as `calibration.center_of_mass`.
-        statements: by name.
     """
     return [name for name in statements if name.startswith(f"{field}[")]
 
@@ -59,7 +62,6 @@ def value_of(name: str, known: Mapping[str, Any]) -> Any:
 
     Args:
         name: of a field or, as `part` writes it, of one number.
-        known: values by field.
     Raises: KeyError: where there is none.
     """
     field, places = PART.match(name).groups()  # type: ignore[union-attr]
@@ -72,16 +74,26 @@ def value_of(name: str, known: Mapping[str, Any]) -> Any:
 
 
 def checked_intervals(vehicle: Any) -> Intervals:
-    """Return the intervals of a vehicle as pairs, after checking that they and the sources speak of its fields.
+    """Return the intervals of a vehicle as pairs, after checking that they and the sources speak of
+    its fields.
 
-    Both may speak of a field or of one number of it (`part`). An interval of one number may be given as [low, high].
-    Raises: ValueError: on an unknown field, an empty source, or an interval that is none or of another shape.
+    Both may speak of a field or of one number of it (`part`). An interval of one number may be
+    given as [low, high].
+    Raises: ValueError: on an unknown field, an empty source, or an interval that is none or of
+        another shape.
     """
     known = values(vehicle)
     for field, source in vehicle.sources.items():
         _known("sources", field, known)
-        if not source.strip() or len(source) > LONGEST or not source.replace(NBSP, " ").isprintable():
-            raise ValueError(f"sources: {field} must be one line of at most {LONGEST} characters; got {source!r}.")
+        if (
+            not source.strip()
+            or len(source) > LONGEST
+            or not source.replace(NBSP, " ").isprintable()
+        ):
+            raise ValueError(
+                f"sources: {field} must be one line of at most {LONGEST} characters; got "
+                f"{source!r}."
+            )
     pairs = {}
     for field, given in vehicle.intervals.items():
         pairs[field] = _pairs(field, given, _known("intervals", field, known))
@@ -89,18 +101,17 @@ def checked_intervals(vehicle: Any) -> Intervals:
 
 
 def without(statements: Mapping[str, Any], *fields: str) -> dict[str, Any]:
-    """Return sources or intervals without those of some fields, or numbers of them, whose values were replaced.
-
-    Args:
-        statements: by field.
-        fields: that are left out.
+    """Return sources or intervals without those of some fields, or numbers of them, whose values
+    were replaced.
     """
     return {name: said for name, said in statements.items() if PART.match(name)[1] not in fields}  # type: ignore[index]
 
 
 def _pairs(field: str, given: Any, value: Any) -> list[list[float]]:
     if isinstance(value, (str, type(None))):
-        raise ValueError(f"intervals: {field} must be a number, or numbers, to have one; it is {value!r}.")
+        raise ValueError(
+            f"intervals: {field} must be a number, or numbers, to have one; it is {value!r}."
+        )
     pairs = [given] if np.ndim(given[0] if len(given) else given) == 0 else given
     size = np.size(value)
     if any(np.shape(pair) != (2,) for pair in pairs) or len(pairs) != size:
@@ -108,7 +119,9 @@ def _pairs(field: str, given: Any, value: Any) -> list[list[float]]:
         raise ValueError(f"intervals: {field} must have {wanted}; got {given}.")
     pairs = [[float(low), float(high)] for low, high in pairs]
     if not np.all(np.abs(pairs) <= LARGEST) or any(low > high for low, high in pairs):
-        raise ValueError(f"intervals: {field} must have a low end that is not above the high one; got {given}.")
+        raise ValueError(
+            f"intervals: {field} must have a low end that is not above the high one; got {given}."
+        )
     return pairs
 
 
@@ -118,5 +131,11 @@ def _known(where: str, name: str, known: Mapping[str, Any]) -> Any:
         return value_of(name, known)
     except KeyError:
         near = difflib.get_close_matches(name, known, n=1)
-        remedy = f"did you mean {near[0]}?" if near and near[0] != name else f"it has {', '.join(known)}."
-        raise ValueError(f"{where}: {name!r} must be a field that the vehicle has; {remedy}") from None
+        remedy = (
+            f"did you mean {near[0]}?"
+            if near and near[0] != name
+            else f"it has {', '.join(known)}."
+        )
+        raise ValueError(
+            f"{where}: {name!r} must be a field that the vehicle has; {remedy}"
+        ) from None

@@ -1,12 +1,14 @@
-"""Which rotor of an autopilot is which of a vehicle file: by position and direction, in any unit and order."""
+"""Which rotor of an autopilot is which of a vehicle file: by position and direction, in any unit
+and order.
+"""
 
 import itertools
 
 import numpy as np
 import pytest
 
-from np_drake.rotor_layout import FIRMWARE, RotorLayout
 from np_drake.vehicle import Vehicle
+from np_drake.vehicle.rotor_layout import FIRMWARE, RotorLayout
 
 PAPER = Vehicle()
 
@@ -21,7 +23,12 @@ def test_the_order_puts_rotors_where_the_vehicle_has_them(firmware):
 
 
 def test_every_order_is_found_of_rotors_off_place_and_in_another_unit():
-    places = 1000.0 * np.array(PAPER.rotor_positions)[:, :2] + [[30, -20], [10, 25], [-30, 0], [5, 30]]
+    places = 1000.0 * np.array(PAPER.rotor_positions)[:, :2] + [
+        [30, -20],
+        [10, 25],
+        [-30, 0],
+        [5, 30],
+    ]
     for order in itertools.permutations(range(4)):
         layout = RotorLayout(tuple(map(tuple, places[list(order)])), (0.0,) * 4, "made")
         found = layout.order_of(PAPER.rotor_positions, PAPER.rotor_directions)
@@ -32,5 +39,7 @@ def test_a_plus_is_no_x_and_the_other_direction_is_refused():
     plus = RotorLayout(((1, 0), (0, -1), (-1, 0), (0, 1)), (0.0,) * 4, "FRAME_TYPE 0")
     with pytest.raises(ValueError, match=r"FRAME_TYPE 0.* one is 0\.77 arms away"):
         plus.order_of(PAPER.rotor_positions, PAPER.rotor_directions)
-    with pytest.raises(ValueError, match=r"turn the other way .* Write rotor_directions: \[1, -1, 1, -1\] there"):
+    with pytest.raises(
+        ValueError, match=r"turn the other way .* Write rotor_directions: \[1, -1, 1, -1\] there"
+    ):
         FIRMWARE["px4"].order_of(PAPER.rotor_positions, [-d for d in PAPER.rotor_directions])

@@ -68,21 +68,39 @@ FAR = "rotor_positions: [[127, 127, 0], [127, -127, 0], [-127, -127, 0], [-127, 
         ("max_rotor_thrust: .inf", "max_rotor_thrust must be a number; got inf."),
         ("torque_coefficient: .nan", "torque_coefficient must be a number; got nan."),
         ("rotor_time_constant: .nan", "rotor_time_constant must be a number; got nan."),
-        ("inertia: [[.inf, 0, 0], [0, .inf, 0], [0, 0, .inf]]", "inertia must be a matrix, 3 rows of 3 numbers"),
+        (
+            "inertia: [[.inf, 0, 0], [0, .inf, 0], [0, 0, .inf]]",
+            "inertia must be a matrix, 3 rows of 3 numbers",
+        ),
         (FAR.replace("[127, 127", "[.nan, 127"), "rotor_positions must be a matrix, "),
         ("rotor_directions: [1, -1, 1, .nan]", "rotor_directions must be a list of numbers"),
-        ("max_rotor_thrust: 0.1", "must let four rotors carry the weight, 19.62 N; got 0.1 N each."),
+        (
+            "max_rotor_thrust: 0.1",
+            "must let four rotors carry the weight, 19.62 N; got 0.1 N each.",
+        ),
         ("mass: 2000", "must let four rotors carry the weight, 1.962e+04 N; got 12.0 N each."),
-        ("rotor_time_constant: 35", "rotor_time_constant must be 0 to 1 s; got 35.0. Is it in seconds?"),
+        (
+            "rotor_time_constant: 35",
+            "rotor_time_constant must be 0 to 1 s; got 35.0. Is it in seconds?",
+        ),
         ("rotor_time_constant: -0.01", "rotor_time_constant must be 0 to 1 s; got -0.01."),
         (FAR, "rotor_positions must be within 5 m of the origin; got 179.605. Are they in metres?"),
         ("torque_coefficient: -1.6e-7", "torque_coefficient must not be negative"),
         ("torque_coefficient: 0.0", "the rotors must span thrust and three torques."),
-        ("mass_uncertainty: -0.01", "mass_uncertainty must be a standard deviation over the value, 0 to below 0.5"),
-        ("thrust_uncertainty: 3", "thrust_uncertainty must be a standard deviation over the value, 0 to below 0.5"),
+        (
+            "mass_uncertainty: -0.01",
+            "mass_uncertainty must be a standard deviation over the value, 0 to below 0.5",
+        ),
+        (
+            "thrust_uncertainty: 3",
+            "thrust_uncertainty must be a standard deviation over the value, 0 to below 0.5",
+        ),
         ("thrust_uncertainty: .nan", "thrust_uncertainty must be a number; got nan."),
         ("mass_uncertainty: little", "mass_uncertainty must be a number; got 'little'."),
-        ("inertia: [.02, .02, .03]", "inertia must be a matrix, 3 rows of 3 numbers, as [[0.02, 0.0, 0.0], "),
+        (
+            "inertia: [.02, .02, .03]",
+            "inertia must be a matrix, 3 rows of 3 numbers, as [[0.02, 0.0, 0.0], ",
+        ),
     ],
 )
 def test_an_impossible_figure_is_refused_in_one_line_with_field_and_unit(tmp_path, text, reason):
@@ -113,13 +131,28 @@ def test_a_vehicle_that_just_hovers_and_the_largest_there_are_stay():
 
 UNITS = [
     ({"inertia": [[2e7, 0, 0], [0, 2e7, 0], [0, 0, 3.5e7]]}, "1 g·mm² is 1e-9"),
-    ({"inertia": [[200.0, 0, 0], [0, 200.0, 0], [0, 0, 350.0]]}, "comparable with mass times squared arm, 0.065"),
-    ({"inertia": [[2e-5, 0, 0], [0, 2e-5, 0], [0, 0, 3.5e-5]]}, "comparable with mass times squared arm, 0.065"),
-    ({"thrust_coefficient": 1e-5 / 91.2, "torque_coefficient": 1.6e-7 / 91.2}, "below the speed of sound; got tips at"),
-    ({"thrust_coefficient": 10.0, "torque_coefficient": 0.16}, "tips faster than its air, 12.5 m/s; got 0.11 m/s"),
+    (
+        {"inertia": [[200.0, 0, 0], [0, 200.0, 0], [0, 0, 350.0]]},
+        "comparable with mass times squared arm, 0.065",
+    ),
+    (
+        {"inertia": [[2e-5, 0, 0], [0, 2e-5, 0], [0, 0, 3.5e-5]]},
+        "comparable with mass times squared arm, 0.065",
+    ),
+    (
+        {"thrust_coefficient": 1e-5 / 91.2, "torque_coefficient": 1.6e-7 / 91.2},
+        "below the speed of sound; got tips at",
+    ),
+    (
+        {"thrust_coefficient": 10.0, "torque_coefficient": 0.16},
+        "tips faster than its air, 12.5 m/s; got 0.11 m/s",
+    ),
     ({"rotor_radius": 100.0}, "below the speed of sound"),
     ({"max_rotor_thrust": 1220.0}, "at most 50 times the weight of 19.6 N; got 1220 N each"),
-    ({"torque_coefficient": 1.6e-7 * 91.2}, "torque_coefficient over thrust_coefficient must be 0.0028 to 0.2 m"),
+    (
+        {"torque_coefficient": 1.6e-7 * 91.2},
+        "torque_coefficient over thrust_coefficient must be 0.0028 to 0.2 m",
+    ),
     ({"torque_coefficient": 1.6e-7 / 91.2}, "got 0.000175 m"),
 ]
 

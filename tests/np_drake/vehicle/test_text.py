@@ -8,11 +8,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from np_drake.files.number_text import NBSP
-from np_drake.rate_loop import RateLoop
-from np_drake.vehicle import Vehicle, load_vehicle, preset_names
-from np_drake.vehicle_calibration import Calibration, ThrottleMap
-from np_drake.vehicle_sources import part, values
-from np_drake.vehicle_text import CHOICES, UNITS, save_vehicle, vehicle_text
+from np_drake.vehicle.calibration import Calibration, ThrottleMap
+from np_drake.vehicle.rate_loop import RateLoop
+from np_drake.vehicle.sources import part, values
+from np_drake.vehicle.text import CHOICES, UNITS, save_vehicle, vehicle_text
+from np_drake.vehicle.vehicle import Vehicle, load_vehicle, preset_names
 
 MAP = ThrottleMap(full_thrust=6.0, linear=0.3)
 KNOWN = dc.replace(
@@ -26,7 +26,10 @@ KNOWN = dc.replace(
         "thrust_coefficient": "identified from 3 flights",
         "calibration.command_delay": "prior: hover alone does not tell it",
     },
-    intervals={"thrust_coefficient": [[9.9e-6, 1.01e-5]], "calibration.center_of_mass": [[-1e-3, 1e-3]] * 3},
+    intervals={
+        "thrust_coefficient": [[9.9e-6, 1.01e-5]],
+        "calibration.center_of_mass": [[-1e-3, 1e-3]] * 3,
+    },
 ).check()
 
 
@@ -92,7 +95,11 @@ def vehicles(draw):
     for field in draw(st.sets(st.sampled_from(sorted(set(UNITS) & set(known))), max_size=8)):
         if known[field] is not None:
             pairs = draw(
-                st.lists(numbers(-1e9, 1e9, 2), min_size=np.size(known[field]), max_size=np.size(known[field]))
+                st.lists(
+                    numbers(-1e9, 1e9, 2),
+                    min_size=np.size(known[field]),
+                    max_size=np.size(known[field]),
+                )
             )
             made.intervals[field] = [sorted(pair) for pair in pairs]
     return made.check()
@@ -107,7 +114,10 @@ def test_any_vehicle_is_read_as_it_was_written(again, made):
 def test_every_number_has_unit_source_and_interval_beside_it():
     lines = vehicle_text(KNOWN).splitlines()
     assert "mass: 1.5 # [kg] given" in lines
-    assert ("thrust_coefficient: 1.0e-05 # [N/(rad/s)²] identified from 3 flights, 95 %: 9.9e-06 … 1.01e-05") in lines
+    assert (
+        "thrust_coefficient: 1.0e-05 # [N/(rad/s)²] identified from 3 flights, 95 %: "
+        "9.9e-06 … 1.01e-05"
+    ) in lines
     assert "  command_delay: 0.012 # [s] prior: hover alone does not tell it" in lines
     assert all(len(line) <= 120 for line in lines if "]]" not in line)
 
@@ -137,8 +147,14 @@ def test_every_number_of_a_vehicle_has_a_unit_and_every_word_its_choices():
 def test_one_number_of_a_field_has_its_own_source_and_interval(again):
     dut = dc.replace(
         Vehicle(),
-        sources={"calibration.center_of_mass[0]": "identified", "calibration.center_of_mass[2]": "prior: level"},
-        intervals={part("inertia", 0, 1): [-1e-3, 1e-3], "calibration.center_of_mass[0]": [0.0, 0.002]},
+        sources={
+            "calibration.center_of_mass[0]": "identified",
+            "calibration.center_of_mass[2]": "prior: level",
+        },
+        intervals={
+            part("inertia", 0, 1): [-1e-3, 1e-3],
+            "calibration.center_of_mass[0]": [0.0, 0.002],
+        },
     ).check()
     lines = vehicle_text(dut).splitlines()
     at = lines.index("  center_of_mass: [0.0, 0.0, 0.0] # [m]")

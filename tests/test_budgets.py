@@ -1,0 +1,93 @@
+"""The size of the house: statements of each room, against tests/budgets.toml."""
+
+import ast
+import tomllib
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+BUDGETS = tomllib.loads((ROOT / "tests" / "budgets.toml").read_text(encoding="utf-8"))
+FLOORS = ("np_drake", "systems", "diagrams", "docs")
+FILES = sorted(path for floor in FLOORS for path in (ROOT / floor).rglob("*.py"))
+
+
+def statements(source: str) -> int:
+    """Return how many statements a source has, however it is laid out."""
+    return sum(isinstance(node, ast.stmt) for node in ast.walk(ast.parse(source)))
+
+
+def room_of(path: Path) -> str:
+    """Return the room whose longest prefix a file has; the floor's own is the rest of it."""
+    name = path.relative_to(ROOT).as_posix()
+    prefixes = [
+        (prefix, room)
+        for room, of in BUDGETS["rooms"].items()
+        for prefix in of["holds"]
+        if name == prefix or name.startswith(prefix + "/")
+    ]
+    assert prefixes, f"{name} is in no room of tests/budgets.toml"
+    return max(prefixes, key=lambda one: len(one[0]))[1]
+
+
+def sizes() -> dict[str, int]:
+    """Return the statements of every room."""
+    found = dict.fromkeys(BUDGETS["rooms"], 0)
+    for path in FILES:
+        found[room_of(path)] += statements(path.read_text(encoding="utf-8"))
+    return found
+
+
+def lines_of(paths: list[Path]) -> int:
+    """Return how many lines files have together."""
+    return sum(len(path.read_text(encoding="utf-8").splitlines()) for path in paths)
+
+
+def starred(source: str) -> list[int]:
+    """Return the lines of calls that take a starred tuple in place of arguments."""
+    calls = [node for node in ast.walk(ast.parse(source)) if isinstance(node, ast.Call)]
+    return [
+        call.lineno
+        for call in calls
+        if any(isinstance(a, ast.Starred) and isinstance(a.value, ast.Tuple) for a in call.args)
+    ]
+
+
+def test_no_room_exceeds_its_budget():
+    found = sizes()
+    over = {
+        room: f"{found[room]} of {of['statements']}"
+        for room, of in BUDGETS["rooms"].items()
+        if found[room] > of["statements"]
+    }
+    assert over == {}
+
+
+def test_the_rooms_add_up_to_the_sum():
+    asked = sum(of["statements"] for of in BUDGETS["rooms"].values())
+    assert asked <= BUDGETS["house"]["statements"]
+
+
+def test_the_house_has_no_more_files_test_lines_and_words_than_budgeted():
+    tests = sorted((ROOT / "tests").rglob("*.py"))
+    pages = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+    found = {
+        "files": len(FILES),
+        "test_lines": lines_of(tests),
+        "words": sum(len(path.read_text(encoding="utf-8").split()) for path in pages),
+    }
+    over = {name: n for name, n in found.items() if n > BUDGETS["house"][name]}
+    assert over == {}
+
+
+def test_a_statement_counts_however_it_is_laid_out():
+    assert statements("a = 1; b = 2") == statements("a = (\n    1\n)\nb = 2") == 2
+
+
+def test_nothing_is_written_for_the_count():
+    sources = {p: p.read_text(encoding="utf-8") for p in FILES}
+    assert {str(p): starred(text) for p, text in sources.items() if starred(text)} == {}
+    assert [str(p) for p, text in sources.items() if "# fmt:" in text] == []
+
+
+def test_the_law_sees_a_starred_tuple():
+    assert starred("f(*(1, 2), c=3)") == [1]
+    assert starred("f(*values)") == []
