@@ -12,7 +12,7 @@ CODE := np_drake systems diagrams tests docs
 export OMP_NUM_THREADS := 1
 export MPLBACKEND := Agg
 
-.PHONY: venv demo test suite autopilot fuzz mutants campaigns golden lint format docs clean
+.PHONY: venv demo test suite nightly autopilot fuzz mutants golden lint format docs clean
 
 venv: $(STAMP)
 
@@ -36,7 +36,11 @@ lint: venv
 test: lint suite
 
 suite: venv
-	$(BIN)/python -m pytest -n 2 --dist worksteal $(PYTEST_ARGS)
+	$(BIN)/python -m pytest -n 2 --dist loadfile $(PYTEST_ARGS)
+
+# The long tests too.
+nightly: venv
+	$(BIN)/python -m pytest -n 2 --dist loadfile --nightly $(PYTEST_ARGS)
 
 # Betaflight's firmware, built with gcc and make, and the tests that fly it.
 autopilot: $(AUTOPILOT_STAMP)
@@ -60,12 +64,6 @@ mutants: venv
 # All frozen diagnoses against their stored answers, the real flights too where NP_DRAKE_NEUROBEM names them.
 golden: venv
 	PYTHONPATH=. $(BIN)/python tests/golden/frozen_cases.py
-
-# Every verb of many cases, small: one process, two, a cluster of two, and after a kill. More than an hour for all.
-# Real flights where NP_DRAKE_NEUROBEM and NP_DRAKE_REAL name them.
-VERBS ?=
-campaigns: venv
-	PYTHONPATH=. $(BIN)/python tests/campaigns/verbs_alike.py --out out/campaigns $(VERBS)
 
 format: venv
 	$(BIN)/ruff check --fix $(CODE)

@@ -25,12 +25,14 @@ settings.load_profile("any machine")
 ROOT = Path(__file__).parents[1]
 MARKER = "real_flights"
 OPTION = "--require-real-flights"
+NIGHTLY = "--nightly"
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption(
         OPTION, action="store_true", help="fail where a test on real flights does not run"
     )
+    parser.addoption(NIGHTLY, action="store_true", help="run the long tests too")
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -45,11 +47,16 @@ def pytest_configure(config: pytest.Config) -> None:
     config.addinivalue_line(
         "markers", f"{MARKER}: needs the folder of real flights (set by the fixture)"
     )
+    config.addinivalue_line("markers", f"nightly: takes long, and runs by {NIGHTLY} alone")
     if config.getoption(OPTION) and not hasattr(config, "workerinput"):
         config.pluginmanager.register(RealFlightsRan(), "real_flights_ran")
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    if not config.getoption(NIGHTLY):
+        long = [item for item in items if item.get_closest_marker("nightly")]
+        config.hook.pytest_deselected(items=long)
+        items[:] = [item for item in items if item not in long]
     for item in items:
         if {"neurobem", "real_flights"} & set(getattr(item, "fixturenames", ())):
             item.add_marker(MARKER)
