@@ -77,9 +77,9 @@ def with_speed(config: FlightConfig, speed: float) -> FlightConfig:
     if not 0 < speed < np.inf:
         raise ValueError(f"--speed: must be positive and finite [m/s]; got {speed:g}.")
     reference = config.reference
-    if reference.track == "hover":
+    if reference.track in ("hover", "multisine"):
         raise ValueError(
-            f"--speed: {config.name} hovers, and has no speed. Leave it out, or name a track."
+            f"--speed: the track {reference.track} has no speed. Leave it out, or name another."
         )
     if isinstance(
         dc.replace(config, reference=dc.replace(reference, dither=[0.0] * 3)).track, Trajectory

@@ -119,7 +119,7 @@ class Multisine:
     """
 
     def __init__(
-        self, amplitude, *, frequencies=(0.23, 0.41, 0.67, 0.97), ramp: float = 5.0, seed: int = 0
+        self, amplitude, frequencies=(0.23, 0.41, 0.67, 0.97), *, ramp: float = 5.0, seed: int = 0
     ):
         self.frequencies = np.array(frequencies)[:, None] * np.array([1.0, 1.13, 1.27])
         share = 1 / self.frequencies

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from np_drake.files.number_text import with_unit
-from np_drake.files.yaml_text import read_yaml
+from np_drake.files.yaml_file import read_yaml
 from np_drake.vehicle.sources import parts_of, value_of, values
 from np_drake.vehicle.text import UNITS, interval_text, stated
 from np_drake.vehicle.vehicle import load_vehicle, vehicle_file

@@ -9,7 +9,7 @@ import numpy as np
 import yaml
 
 from np_drake.files.atomic_file import write_text
-from np_drake.files.yaml_text import quoted
+from np_drake.files.yaml_file import quoted
 from np_drake.vehicle.sources import parts_of, values
 from np_drake.vehicle.vehicle import INPUTS, Vehicle
 

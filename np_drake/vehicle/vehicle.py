@@ -6,8 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from np_drake.files.yaml_file import load_checked
-from np_drake.files.yaml_text import read_yaml
+from np_drake.files.yaml_file import load_checked, read_yaml
 from np_drake.vehicle.calibration import Calibration, ThrottleMap
 from np_drake.vehicle.physics import implausible
 from np_drake.vehicle.rate_loop import RateLoop

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from np_drake.faults.measurement import FrozenSamples, LateSamples, NanBurst
+from np_drake.control.faults import FrozenSamples, LateSamples, NanBurst
 from systems.sensor_faults import SensorFaults
 
 PERIOD = 0.02  # [s]

@@ -1,7 +1,5 @@
 """Laws of what a notebook shows of a log and of a diagnosis."""
 
-import sys
-
 import numpy as np
 import pytest
 
@@ -68,13 +66,6 @@ def test_a_log_says_name_rows_length_rate_and_input():
     assert page.count("<p>note") == 5
 
 
-def test_a_log_without_rows_prints_and_shows():
-    empty = LOG.rows(0, 0)
-    assert "0 rows" in repr(empty)
-    assert "<table>" not in empty._repr_html_()
-    assert set(empty.columns()) == set(LOG.columns())
-
-
 def test_a_diagnosis_says_its_headline_and_shows_its_causes():
     said = (
         "A suspended payload of 260\u00a0g explains 99.0\u00a0% of the gap on the held-out flight"
@@ -95,7 +86,6 @@ def test_the_columns_of_a_log_are_those_of_its_file(tmp_path):
 
 
 def test_data_frames_hold_the_values_with_the_times_as_index():
-    pytest.importorskip("pandas", reason="pip install 'np_drake[notebook]'")
     frame = LOG.to_dataframe()
     np.testing.assert_array_equal(frame.index, LOG.t)
     np.testing.assert_array_equal(frame[["px", "py", "pz"]], LOG.p)
@@ -106,15 +96,6 @@ def test_data_frames_hold_the_values_with_the_times_as_index():
         0.25983,
         "kg",
     )
-
-
-def test_without_pandas_a_data_frame_is_refused_in_one_line(monkeypatch):
-    monkeypatch.setitem(sys.modules, "pandas", None)
-    with pytest.raises(
-        ImportError,
-        match=r"needs pandas, which is not installed; pip install 'np_drake\[notebook\]'",
-    ):
-        LOG.to_dataframe()
 
 
 def test_a_log_draws_track_height_speed_and_thrust_with_units():
