@@ -15,7 +15,7 @@ from np_drake.control.faults import NanBurst, SolverFault
 from np_drake.effects.calibration import effects_of
 from np_drake.effects.effect_entry import EffectEntry
 from np_drake.mpc.problem import MpcStatus
-from np_drake.vehicle.calibration import Calibration
+from np_drake.vehicle.vehicle import Calibration
 
 
 def short(name):

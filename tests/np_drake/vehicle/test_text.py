@@ -8,11 +8,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from np_drake.files.number_text import NBSP
-from np_drake.vehicle.calibration import Calibration, ThrottleMap
-from np_drake.vehicle.rate_loop import RateLoop
 from np_drake.vehicle.sources import part, values
-from np_drake.vehicle.text import CHOICES, UNITS, save_vehicle, vehicle_text
-from np_drake.vehicle.vehicle import Vehicle, load_vehicle, preset_names
+from np_drake.vehicle.text import CHOICES, UNITS, save_vehicle, vehicle_rows, vehicle_text
+from np_drake.vehicle.vehicle import (
+    Calibration,
+    RateLoop,
+    ThrottleMap,
+    Vehicle,
+    load_vehicle,
+    preset_names,
+)
 
 MAP = ThrottleMap(full_thrust=6.0, linear=0.3)
 KNOWN = dc.replace(
@@ -49,9 +54,9 @@ def same(a, b):
     return a == b and (a.sources, a.intervals) == (b.sources, b.intervals)
 
 
-@pytest.mark.parametrize("name", preset_names())
-def test_a_preset_is_read_as_it_was_written(again, name):
-    assert same(again(load_vehicle(name)), load_vehicle(name))
+def test_presets_and_a_vehicle_of_which_all_is_known_are_read_as_they_were_written(again):
+    for vehicle in (KNOWN, *map(load_vehicle, preset_names())):
+        assert same(again(vehicle), vehicle)
 
 
 def numbers(low, high, size=None):
@@ -63,23 +68,12 @@ def numbers(low, high, size=None):
 def vehicles(draw):
     gains = np.array(draw(numbers(0.8, 1.2, 4)))
     calibration = Calibration(
-        draw(numbers(-0.05, 0.05, 3)),
-        (gains / gains.mean()).tolist(),
-        draw(st.none() | numbers(0, 1)),
-        draw(numbers(0, 1)),
-        draw(numbers(-1, 1)),
-        draw(numbers(0, 0.03)),
-        draw(st.none() | numbers(-1, 1, 3)),
-        draw(numbers(-1, 1, 3)),
+        center_of_mass=draw(numbers(-0.05, 0.05, 3)),
+        rotor_gains=(gains / gains.mean()).tolist(),
+        clock_offset=draw(numbers(-1, 1)),
+        imu_position=draw(st.none() | numbers(-1, 1, 3)),
     )
-    voltage = draw(st.none() | numbers(1e-3, 1e3))
-    throttle = ThrottleMap(
-        draw(numbers(1e-6, 1e6)),
-        draw(numbers(-0.5, 1.5)),
-        draw(numbers(0, 0.5)),
-        voltage,
-        draw(numbers(0, 4)) if voltage else 0.0,
-    )
+    throttle = ThrottleMap(draw(numbers(1e-6, 1e6)), draw(numbers(-0.5, 1.5)))
     made = dc.replace(
         Vehicle(),
         name=draw(st.text(st.characters(codec="utf-8"), max_size=20)),
@@ -105,7 +99,7 @@ def vehicles(draw):
     return made.check()
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(made=vehicles())
 def test_any_vehicle_is_read_as_it_was_written(again, made):
     assert same(again(made), made)
@@ -161,6 +155,19 @@ def test_one_number_of_a_field_has_its_own_source_and_interval(again):
     assert lines[at - 2 : at] == ["  # [0]: identified, 95 %: 0 … 0.002", "  # [2]: prior: level"]
     assert "# [0][1]: 95 %: -0.001 … 0.001" in lines
     assert same(again(dut), dut)
+
+
+def test_the_table_has_every_value_with_unit_interval_and_source(again, tmp_path):
+    save_vehicle(KNOWN, tmp_path / "v.yaml")
+    rows = {row.field: row for row in vehicle_rows(tmp_path / "v.yaml")}
+    assert rows["mass"][1:] == (f"1.5{NBSP}kg", "", "given")
+    assert rows["inertia[1]"][1:] == (f"[0, 0.02, 0]{NBSP}kg·m²", "", "")
+    assert rows["thrust_coefficient"].interval == "9.9e-06 … 1.01e-05"
+    assert rows["gravity"].source == "file"
+    (tmp_path / "v.yaml").write_text("mass: 1.5")
+    rows = {row.field: row for row in vehicle_rows(tmp_path / "v.yaml")}
+    assert (rows["mass"].source, rows["gravity"].source) == ("file", "default")
+    assert not any(name.startswith(("calibration", "throttle")) for name in rows)
 
 
 def test_an_impossible_vehicle_is_not_written(tmp_path):
