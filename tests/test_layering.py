@@ -33,7 +33,7 @@ DIAGNOSIS = (
     ),
 )
 GROUND = (
-    *("lazy_names", "attitude", "compiled", "files", "metrics", "vehicle", "neighbour"),
+    *("lazy_names", "attitude", "compiled", "files", "metrics", "vehicle"),
     *(
         "flight_log",
         "rigid_body",

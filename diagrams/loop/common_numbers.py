@@ -7,7 +7,7 @@ import numpy as np
 
 from diagrams.loop.flight import LIFTED, LOOKS, FlightConfig
 from np_drake.effects.suspended_payload import SuspendedPayload
-from np_drake.references.trajectory import Trajectory
+from np_drake.references.track_file import Trajectory
 from systems.payload_config import PayloadConfig
 
 

@@ -24,7 +24,7 @@ from np_drake.files.yaml_file import filled, one_line, read_yaml
 from np_drake.offboard.config import OffboardConfig
 from np_drake.references.base import Reference
 from np_drake.references.config import ReferenceConfig, make_reference
-from np_drake.references.payload_track import PayloadTrack
+from np_drake.references.payload import PayloadTrack
 from np_drake.residual_models.oracle import TrueModel
 from np_drake.vehicle import Vehicle
 from systems.payload_event import PayloadEvent

@@ -73,11 +73,11 @@ def atomic_path(path: str | Path) -> Iterator[Path]:
         umask = os.umask(0)
         os.umask(umask)
         temporary.chmod(0o666 & ~umask)  # some writers are stricter than open() would be
-        _to_disk(temporary)
+        with temporary.open("rb+") as file:
+            os.fsync(file.fileno())  # so that it survives a power cut
         require_no_input(path)  # again: it may have been read since
         os.replace(temporary, target)
         note_output(target)
-        _to_disk(target.parent)
     except OSError as error:
         if error.errno in FULL:
             error.filename = str(path)
@@ -163,12 +163,3 @@ def _remove_empty(folder: Path) -> None:
 def _is_sink(path: Path) -> bool:
     """Return whether a path is /dev/null, which a rename would replace by a file."""
     return os.path.realpath(path) == os.devnull
-
-
-def _to_disk(path: Path) -> None:
-    """Wait until a file, or a folder's list of names, is on the disk and survives a power cut."""
-    number = os.open(path, os.O_RDONLY)
-    try:
-        os.fsync(number)
-    finally:
-        os.close(number)

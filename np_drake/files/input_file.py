@@ -122,13 +122,12 @@ def open_compressed(path: str | Path) -> BinaryIO:
     Raises: ValueError: if it is damaged, or holds more than `block_budget`; OSError: if it cannot
     be opened.
     """
-    with Path(path).open("rb") as file:
-        compressed = file.read(len(GZIP)) == GZIP
-    if not compressed:
-        return Path(path).open("rb")
+    file = Path(path).open("rb")  # noqa: SIM115 - the caller closes it
+    if file.peek(len(GZIP))[: len(GZIP)] != GZIP:
+        return file
     most = block_budget(path)
     try:
-        with gzip.open(path) as unpacked:
+        with file, gzip.open(file) as unpacked:
             content = unpacked.read(most + 1)
     except (EOFError, zlib.error, gzip.BadGzipFile) as error:
         raise ValueError(f"{path}: must be a whole gzip file; copy it again.") from error
@@ -147,7 +146,9 @@ def size_of(path: str | Path) -> int:
 Identity = tuple[int, int]  # device and inode of a file, the same for all its links
 # Files that are read, by the path that names them; None for one that this run has written itself,
 # and may write again.
-_guarded: ContextVar[dict[Identity, Path | None] | None] = ContextVar("guarded", default=None)
+_guarded: ContextVar[dict[Identity | None, Path | None] | None] = ContextVar(
+    "guarded", default=None
+)
 
 
 @contextmanager

@@ -7,8 +7,8 @@ import numpy as np
 from np_drake.files.yaml_file import POSITIVE, check_fields, number, word
 from np_drake.references.base import Hover, Reference, Sum
 from np_drake.references.harmonic import Multisine, circle, lemniscate, vertical_lemniscate
-from np_drake.references.points import square
-from np_drake.references.track_file import CORNERS, ROUND, FileTrack, is_track_file, read_track
+from np_drake.references.track_file import CORNERS, ROUND, SUFFIXES, FileTrack, read_track
+from np_drake.references.waypoints import square
 
 TRACKS = ("circle", "lemniscate", "hover", "steps", "vertical", "multisine")
 TONES = 8  # of the multisine, over its band
@@ -77,7 +77,7 @@ class ReferenceConfig:
     @property
     def is_file(self) -> bool:
         """Whether the track is a CSV file's, and not one by name."""
-        return is_track_file(self.track)
+        return self.track.lower().endswith(SUFFIXES)
 
     @property
     def lead(self) -> float:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from np_drake.neighbour import Neighbour
+from np_drake.flight_log import Neighbour
 
 
 def test_a_path_is_linear_between_its_rows_and_unknown_beyond():

@@ -16,8 +16,7 @@ from np_drake.effects.base import Effect
 from np_drake.effects.constant_wind import ConstantWind
 from np_drake.effects.library import LIBRARY, REQUIREMENTS, effect_of, effects_for, unobservable
 from np_drake.effects.linear_drag import LinearDrag
-from np_drake.effects.parameter import usual_size
-from np_drake.effects.parameter_prior import prior_root
+from np_drake.effects.parameter import prior_root, usual_size
 from np_drake.effects.suspended_payload import SuspendedPayload
 
 DRAG = LinearDrag.identifier  # the effect through which winds act

@@ -9,7 +9,7 @@ from np_drake.effects.base import Motion
 from np_drake.effects.downwash import Downwash, jet_velocity, thrust_loss
 from np_drake.effects.library import BESIDE_NEIGHBOURS, LIBRARY, effects_for, in_scenarios
 from np_drake.effects.rotor_inflow import AIR_DENSITY, RotorInflow
-from np_drake.neighbour import Neighbour
+from np_drake.flight_log import Neighbour
 from np_drake.vehicle import Vehicle
 
 VEHICLE = Vehicle()

@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 
 from np_drake.effects.constant_wind import ConstantWind
-from np_drake.effects.effect_entry import EffectEntry
+from np_drake.effects.effect_entry import EffectEntry, Posterior
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError
 from np_drake.effects.motor_lag import MotorLag
-from np_drake.effects.posterior import Posterior
 
 DRAWS = 4000
 CHANCE = 4.5  # standard errors that draws may be off

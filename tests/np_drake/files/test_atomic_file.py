@@ -77,7 +77,7 @@ def test_a_file_is_on_the_disk_before_it_has_its_name(tmp_path, monkeypatch):
     monkeypatch.setattr(os, "fsync", lambda number: order.append("fsync"))
     monkeypatch.setattr(os, "replace", lambda a, b: order.append("replace"))
     write_text(tmp_path / "a.txt", "text")
-    assert order == ["fsync", "replace", "fsync"]  # the file, its name, the folder
+    assert order == ["fsync", "replace"]
 
 
 HOLD = """
