@@ -52,13 +52,6 @@ def test_controller_and_recorder_read_the_same_sample(fault, source):
     assert run(dut, dut.CreateDefaultContext()) == [(k, k) for k in expected]
 
 
-def test_before_the_first_sample_the_oldest_stands():
-    dut = SensorFaults(
-        [LateSamples(onset=0.0, duration=1.0, sensor="all", samples=5)], period=PERIOD
-    )
-    assert [at for at, _ in run(dut, dut.CreateDefaultContext(), 8)] == [0, 0, 0, 0, 0, 0, 1, 2]
-
-
 def test_a_burst_of_nan_ends():
     dut = SensorFaults([NanBurst(**SPAN)], period=PERIOD)
     read = np.array(run(dut, dut.CreateDefaultContext()))

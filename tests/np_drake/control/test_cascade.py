@@ -1,17 +1,7 @@
 import numpy as np
 import pytest
 
-from np_drake.control.cascade import (
-    AL,
-    TARGET_SIZE,
-    A,
-    CascadeGains,
-    P,
-    V,
-    W,
-    cascade,
-    cascade_target,
-)
+from np_drake.control.cascade import AL, TARGET_SIZE, CascadeGains, P, W, cascade, cascade_target
 from np_drake.references.base import Hover
 from np_drake.references.harmonic import lemniscate
 from np_drake.vehicle import Vehicle
@@ -55,11 +45,6 @@ def test_it_tilts_towards_the_target(where, torque, sign):
     assert sign * u[torque] > 0.01  # [N·m]
 
 
-def test_it_turns_to_the_heading():
-    assert step(yaw=0.3)[0][3] > 0.01
-    assert step(yaw=-0.3)[0][3] < -0.01
-
-
 def test_both_signs_of_a_quaternion_are_one_attitude():
     other = REST.copy()
     other[3:7] *= -1
@@ -84,13 +69,6 @@ def test_a_hover_asks_for_nothing_but_its_position():
     expected = np.zeros((2, TARGET_SIZE))
     expected[:, P] = [1.0, 2.0, 3.0]
     np.testing.assert_allclose(target, expected, atol=1e-12)  # rounding
-
-
-def test_position_velocity_and_acceleration_are_the_references():
-    flat = TRACK.sample(np.array([0.5, 3.0]))
-    target = cascade_target(Vehicle(), flat)
-    for part, expected in zip((P, V, A), flat, strict=False):
-        np.testing.assert_array_equal(target[:, part], expected)
 
 
 def test_the_angular_acceleration_is_the_derivative_of_the_rate():

@@ -22,13 +22,6 @@ WIDE = dc.replace(PAPER, rotor_positions=(2 * np.array(PAPER.rotor_positions)).t
 EVERY = pytest.mark.parametrize("effect", LIBRARY.values(), ids=LIBRARY.keys())
 
 
-@EVERY
-def test_for_the_papers_vehicle_a_size_is_the_librarys_typical_one(effect):
-    assert [usual_size(p, PAPER) for p in effect.parameters] == [
-        p.typical for p in effect.parameters
-    ]
-
-
 @pytest.mark.parametrize(
     "effect, heavy, wide",
     [

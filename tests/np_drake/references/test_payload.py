@@ -20,16 +20,6 @@ def test_over_a_payload_at_rest_the_vehicle_stands_by_cable_and_hook():
     np.testing.assert_allclose(flat[1:], 0.0, atol=1e-5)
 
 
-def test_round_a_circle_the_vehicle_leans_in_by_the_centripetal_share():
-    track = circle(radius=1.0, height=1.0, speed=1.5, ramp=3.0)
-    flat = PayloadTrack(track, Vehicle(), length=0.8, hook=HOOK).sample(np.linspace(4.0, 9.0, 50))
-    lean = np.arctan2(1.5**2, Vehicle().gravity)
-    np.testing.assert_allclose(
-        np.linalg.norm(flat[0, :, :2], axis=1), 1.0 - 0.825 * np.sin(lean), atol=1e-9
-    )
-    np.testing.assert_allclose(flat[0, :, 2], 1.0 + 0.825 * np.cos(lean), atol=1e-9)
-
-
 def test_the_cable_has_its_length_and_pulls_along_the_acceleration():
     track = lemniscate(length=1.5, width=0.75, height=1.0, speed=1.2, ramp=2.0)
     t = np.linspace(0.0, 12.0, 300)

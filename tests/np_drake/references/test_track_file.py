@@ -1,15 +1,11 @@
-import time
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from np_drake.logs.formats.csv_file import read_csv
-from np_drake.references.base import Paced
 from np_drake.references.config import TRACKS, ReferenceConfig, make_reference
-from np_drake.references.track_file import Trajectory, write_trajectory
-from np_drake.references.waypoints import Spline
+from np_drake.references.track_file import write_trajectory
 
 SQUARE = "x,y,z\n1,1,1\n-1,1,1\n-1,-1,1.5\n1,-1,1.5\n1,1,1\n"
 LINE = "x,y,z\n0,0,1\n3,0,1\n3,1,2\n0,1,2\n"
@@ -70,23 +66,6 @@ def test_open_waypoints_are_flown_from_rest_to_rest_closed_ones_lap_after_lap(tm
     assert 2 * np.pi / dut.rate == pytest.approx(dut.lap)
 
 
-@pytest.mark.parametrize(
-    "text", [SQUARE, LINE, "x,y,z\n0,0,1\n2,0,1\n"], ids=["closed", "open", "two"]
-)
-def test_waypoints_have_the_mean_speed_asked(tmp_path, text):
-    dut = track(tmp_path, text, ramp=0.5, speed=1.3)
-    length = dut._length * dut._stretch()
-    assert length / dut.lap == pytest.approx(1.3, rel=1e-3)
-
-
-def test_a_long_leg_between_short_ones_stays_near_its_line(tmp_path):
-    lawn = "x,y,z\n0,0,1\n3,0,1\n3,.3,1\n0,.3,1\n0,.6,1\n3,.6,1\n"
-    dut = track(tmp_path, lawn)
-    p = dut.sample(np.linspace(0.0, dut.end, 5000))[0]
-    assert p[:, 1].min() > -0.2  # [m]
-    assert p[:, 1].max() < 0.8
-
-
 @pytest.mark.parametrize("ramp", [1.0, 60.0])
 @pytest.mark.parametrize("text", [SQUARE, LINE], ids=["closed", "open"])
 def test_derivatives_of_waypoints_are_those_of_the_track(tmp_path, text, ramp):
@@ -114,21 +93,6 @@ def test_a_written_motion_read_back_is_the_same(tmp_path, name):
     error = np.abs(dut.sample(t) - motion.sample(t)).max(axis=(1, 2))
     assert dut.lead == 0.0
     assert (error <= (ROUND_TRIP_JUMP if name == "steps" else ROUND_TRIP)).all(), error
-
-
-@settings(max_examples=8, deadline=None)
-@given(seed=st.integers(0, 10**6), pace=st.floats(0.4, 1.0), count=st.integers(3, 6))
-def test_any_smooth_motion_written_and_read_back_is_the_same(tmp_path_factory, seed, pace, count):
-    folder = tmp_path_factory.mktemp("round")
-    points = np.random.default_rng(seed).uniform([-1, -1, 1], [1, 1, 2], (count, 3))
-    motion = Paced(Spline(points, 1.5 * np.arange(count)), pace)
-    duration = 1.5 * (count - 1) / pace
-    dut = written(folder, motion, duration)
-    t = np.linspace(0.0, duration, 1234)
-    error = np.abs(dut.sample(t) - motion.sample(t)).max(axis=2)
-    inside = (t > 0.4) & (t < duration - 0.4)  # the snap jumps at either end
-    assert (error.max(axis=1) <= ROUND_TRIP_JUMP).all(), error.max(axis=1)
-    assert (error[:, inside].max(axis=1) <= ROUND_TRIP).all(), error[:, inside].max(axis=1)
 
 
 def test_rounded_positions_leave_the_snap_smooth(tmp_path):
@@ -160,22 +124,6 @@ def test_after_an_end_in_motion_it_brakes_to_rest(tmp_path):
     after = dut.sample(dut.end + np.array([5.0, 50.0]))
     assert not after[1:].any()
     np.testing.assert_array_equal(after[0, 0], after[0, 1])
-
-
-def test_ten_minutes_at_100_hz_are_read_in_a_second_or_two():
-    t = np.arange(60_000) / 100
-    p = np.round(make_reference(ReferenceConfig(track="lemniscate")).sample(t)[0], 6)
-    begin = time.process_time()
-    Trajectory(t, p, ramp=5.0)
-    assert time.process_time() - begin < 1.7  # [s]; 0.3 here, and eleven times that by QR
-
-
-def test_times_since_1970_leave_the_snap_smooth(tmp_path):
-    motion = make_reference(ReferenceConfig(track="lemniscate", ramp=3.0))
-    t = np.arange(1201) / 100
-    dut = trajectory(tmp_path, 1.7e9 + t, motion.sample(t)[0])  # numbers resolve 0.24 µs there
-    fine = np.linspace(0.5, 11.5, 3001)
-    assert np.abs(dut.sample(fine) - motion.sample(fine))[4].max() < 1.0  # [m/s⁴]
 
 
 NUMBERS = st.sampled_from([0.0, 1e-5, 0.3, 1.0, 7.0, 1e3, 1e300, -2.0])

@@ -111,17 +111,6 @@ def test_the_distance_from_many_legs_is_that_of_the_worst():
     assert (off, leg) == (pytest.approx(np.hypot(0.2, 4.98), rel=0.01), 18)  # [m]; its last part
 
 
-def test_the_largest_distance_from_the_legs_is_that_of_the_worst_place():
-    angle = np.linspace(0.0, 2 * np.pi, 2001)
-    round_it = np.column_stack(
-        [0.5 + np.sqrt(0.5) * np.cos(angle), 0.5 + np.sqrt(0.5) * np.sin(angle), 1 + 0 * angle]
-    )
-    flat_square = np.column_stack([SQUARE[:, :2], np.ones(5)])
-    off, _ = off_legs(flat_square, round_it)
-    # the circle through the corners of a square of 1 m
-    assert off == pytest.approx(np.sqrt(0.5) - 0.5, abs=1e-5)  # [m]
-
-
 def test_a_point_between_two_rows_is_passed():
     p = np.array([[0, 0, 1.0], [1.0, 0, 1.0]])
     np.testing.assert_allclose(nearest(np.array([[0.4, 0.3, 1.0], [2.0, 0, 1.0]]), p), [0.3, 1.0])

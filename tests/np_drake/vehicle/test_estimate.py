@@ -77,12 +77,6 @@ def test_estimates_lie_in_the_stated_range_of_the_presets(name):
     assert np.all((guess / known > 0.5) & (guess / known < 2.0))
 
 
-def test_the_spread_of_thrust_is_that_of_the_presets():
-    vehicles = [load_vehicle(name) for name in preset_names()]
-    number = [v.thrust_coefficient / v.rotor_radius**4 for v in vehicles]
-    assert THRUST_SPREAD - 0.05 < np.std(number) / np.mean(number) <= THRUST_SPREAD
-
-
 def test_the_file_states_the_uncertainty_given_or_its_origin():
     assert (estimate(MINE).mass_uncertainty, estimate(MINE).thrust_uncertainty) == (
         MASS_SPREAD,
@@ -148,15 +142,6 @@ def test_a_presets_rotors_are_in_the_order_of_its_autopilot(name, order, said):
     assert corners == list(layout.positions)
     assert dut.rotor_directions == list(layout.directions)
     assert said in vehicle_file(name).read_text()
-
-
-def test_the_crazyflies_thrust_is_that_of_the_published_polynomials():
-    c = 65535
-    thrust = 2.130295e-11 * c**2 + 1.032633e-6 * c + 5.484560e-4  # [N]
-    speed = 0.04076521 * c + 380.8359  # [rad/s]
-    dut = load_vehicle("crazyflie")
-    assert dut.max_rotor_thrust == pytest.approx(thrust, rel=1e-3)
-    assert dut.thrust_coefficient == pytest.approx(thrust / speed**2, rel=1e-3)
 
 
 def test_an_unknown_name_lists_the_presets():

@@ -7,7 +7,6 @@ import math
 import numpy as np
 import pytest
 
-from np_drake.vehicle.estimate import Measured, estimate
 from np_drake.vehicle.published import (
     FILE,
     LogNormal,
@@ -15,7 +14,6 @@ from np_drake.vehicle.published import (
     published_priors,
     published_vehicles,
 )
-from np_drake.vehicle.scaling import numbers
 from np_drake.vehicle.vehicle import least_torque_over_thrust
 
 ROWS = list(csv.DictReader(FILE.read_text(encoding="utf-8").splitlines()))
@@ -73,16 +71,6 @@ def test_the_published_vehicles_can_exist_and_state_their_source():
     ):
         if np.isfinite([number, lever]).all():
             assert lever > least_torque_over_thrust(number, 2 * R)  # figure of merit below 1
-
-
-def test_an_estimate_from_four_measures_lies_within_the_published_spread():
-    dut, priors = numbers(estimate(Measured(1.2, 0.4, 0.23, 0.5))), published_priors()
-    for found, spread in (
-        (dut.inertia[0], priors.inertia),
-        (dut.thrust_to_weight, priors.thrust_to_weight),
-    ):
-        low, high = spread.within()
-        assert low < found < high
 
 
 def test_the_interval_of_a_logarithm_is_a_factor_to_either_side():

@@ -1,4 +1,4 @@
-"""Laws of what a notebook shows of a log and of a diagnosis."""
+"""Laws of what a notebook shows of a log and of a diagnosis, and of the path of a neighbour."""
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ from np_drake.diagnosis.result import (
     Identifiability,
     Remainder,
 )
-from np_drake.flight_log import FlightLog
+from np_drake.flight_log import FlightLog, Neighbour
 
 ROWS = 50
 LOG = FlightLog(
@@ -78,13 +78,6 @@ def test_a_diagnosis_says_its_headline_and_shows_its_causes():
     assert page.count("<p>warning") == 3
 
 
-def test_the_columns_of_a_log_are_those_of_its_file(tmp_path):
-    from np_drake.logs.formats.log_file import write_log
-
-    write_log(LOG, tmp_path / "log.csv")
-    assert list(LOG.columns()) == (tmp_path / "log.csv").read_text().splitlines()[0].split(",")
-
-
 def test_data_frames_hold_the_values_with_the_times_as_index():
     frame = LOG.to_dataframe()
     np.testing.assert_array_equal(frame.index, LOG.t)
@@ -102,3 +95,24 @@ def test_a_log_draws_track_height_speed_and_thrust_with_units():
     figure = LOG.plot()
     assert all("[" in ax.get_ylabel() for ax in figure.get_axes())
     assert figure._repr_png_().startswith(b"\x89PNG")
+
+
+def test_a_path_is_linear_between_its_rows_and_unknown_beyond():
+    dut = Neighbour(np.array([0.0, 2.0]), np.array([[0.0, 1.0, 2.0], [4.0, 1.0, 0.0]]))
+    np.testing.assert_allclose(dut.at(0.5), [1.0, 1.0, 1.5], atol=1e-12)
+    assert dut.at(np.zeros((3, 2))).shape == (3, 2, 3)
+    assert np.isnan(dut.at([-0.1, 2.1])).all()
+
+
+@pytest.mark.parametrize(
+    "t, p, says",
+    [
+        ([0.0], [[0.0, 0.0, 0.0]], "two rows at least"),
+        ([0.0, 1.0], [[0.0, 0.0], [0.0, 0.0]], "positions"),
+        ([0.0, 0.0], np.zeros((2, 3)), "increasing"),
+        ([0.0, 1.0], [[0.0, 0.0, np.nan], [0.0, 0.0, 0.0]], "finite"),
+    ],
+)
+def test_what_is_no_path_is_refused_in_one_line(t, p, says):
+    with pytest.raises(ValueError, match=f"^other: must have .*{says}"):
+        Neighbour(np.array(t), np.array(p), "other")
