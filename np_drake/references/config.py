@@ -25,14 +25,14 @@ class ReferenceConfig:
     width: float = number(0.75, "m", POSITIVE)  # half width of the lemniscate along y
     rise: float = number(0.5, "m", POSITIVE)  # half height of the vertical lemniscate along z
     height: float = number(1.6, "m", POSITIVE)
-    # mean speed after the ramp; of the steps: of a move; of corners `snap`: the largest
+    # mean speed after the ramp; of the steps: of a move
     speed: float = number(1.5, "m/s", POSITIVE)
     rest: float = number(2.0, "s", 0.0)  # of the steps, and of corners `stop`: at every one
     ramp: float = number(5.0, "s", 0.0)  # to full speed; of the steps: rest before the first move
     amplitude: list[float] = number([0.4, 0.4, 0.15], "m", 0.0)  # RMS of the multisine per axis
     band: list[float] = number([0.1, 0.8], "Hz", POSITIVE)  # lowest and highest tone of its x axis
     seed: int = number(0, "1", 0)  # of its phases
-    corners: str = word(ROUND, *CORNERS)  # of a file's waypoints: a stop at each, the least snap
+    corners: str = word(ROUND, *CORNERS)  # of a file's waypoints: rounded off, or a stop
     follow: str = word("vehicle", "vehicle", "payload")  # whose position the track is
     # distance from waypoints and their straight legs beyond which a flight warns
     within: float = number(0.1, "m", POSITIVE)

@@ -13,7 +13,7 @@ from np_drake.logs.errors import LogError
 from np_drake.logs.formats.csv_file import read_csv, write_csv
 from np_drake.references.base import Reference
 from np_drake.references.ramp import compose, ramped_phase
-from np_drake.references.waypoints import MinimumSnap, PointToPoint, Waypoints
+from np_drake.references.waypoints import PointToPoint, Waypoints
 
 DEGREE = 7  # six continuous derivatives
 LEAST_ROWS = DEGREE + 1
@@ -182,12 +182,8 @@ def _braking(last: np.ndarray, duration: float) -> list[np.polynomial.Polynomial
     return [np.polynomial.Polynomial(c) for c in np.linalg.solve(system, targets).T]
 
 
-FileTrack = Waypoints | MinimumSnap | PointToPoint | Trajectory
-ROUND, STOP, SNAP = CORNERS = (
-    "round",
-    "stop",
-    "snap",
-)  # of waypoints: rounded off, with a stop, of the least snap
+FileTrack = Waypoints | PointToPoint | Trajectory
+ROUND, STOP = CORNERS = ("round", "stop")  # of waypoints: rounded off, with a stop
 SUFFIXES = (".csv", ".csv.gz")
 TIME = "t"
 POSITION, VELOCITY, ACCELERATION = ("x", "y", "z"), ("vx", "vy", "vz"), ("ax", "ay", "az")
@@ -249,7 +245,7 @@ def _read_track(
     _require_rest(path, ramp, rests=corners == STOP)
     if corners == STOP:
         return PointToPoint(points, speed=speed, rest=rest)
-    return (MinimumSnap if corners == SNAP else Waypoints)(points, speed=speed, ramp=ramp)
+    return Waypoints(points, speed=speed, ramp=ramp)
 
 
 def _require_rest(path: str, ramp: float, *, rests: bool) -> None:

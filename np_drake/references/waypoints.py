@@ -1,8 +1,7 @@
-"""Motion through a list of points: without stopping, with a stop at each, of the least snap, or
-round a square; and how near it comes to them.
+"""Motion through a list of points: without stopping, with a stop at each, or round a
+square; and how near it comes to them.
 """
 
-from collections.abc import Callable
 from itertools import pairwise
 
 import numpy as np
@@ -132,11 +131,11 @@ def square(*, radius: float, height: float, speed: float, rest: float, ramp: flo
 
 # four continuous derivatives; the natural one has the least integral of the squared third
 # derivative
-ROUND_DEGREE = 5
+DEGREE = 5
 # ratio of neighbouring gaps beyond which the longer is halved; at least 2, so that it ends; own
 # choice
 STEEPEST = 2.0
-ROUND_SAMPLES = 64  # of the speed, a gap
+SAMPLES = 64  # of the speed, a gap
 
 
 class Waypoints:
@@ -156,16 +155,14 @@ class Waypoints:
     def __init__(self, points: np.ndarray, *, speed: float, ramp: float):
         self.points = np.array(points, float)
         self.closed = is_closed(self.points)
-        through = graded(self.points, self.closed)
+        through = _graded(self.points, self.closed)
         gaps = np.linalg.norm(np.diff(through, axis=0), axis=1)
         self._length = float(np.sum(gaps))
         if self.closed:
-            self._spline = periodic(through, gaps, ROUND_DEGREE)
+            self._spline = _periodic(through, gaps)
         else:
             free = [(3, np.zeros(3)), (4, np.zeros(3))]  # natural ends
-            self._spline = make_interp_spline(
-                _times(gaps), through, k=ROUND_DEGREE, bc_type=(free, free)
-            )
+            self._spline = make_interp_spline(_times(gaps), through, k=DEGREE, bc_type=(free, free))
         self._speed = speed / self._stretch()
         self.lap = self._length / self._speed
         self.lead = min(ramp, self.lap)
@@ -186,7 +183,7 @@ class Waypoints:
 
     def _stretch(self) -> float:
         """Return the mean length along the track over its parameter [1]."""
-        at = np.linspace(0.0, self._length, ROUND_SAMPLES * len(self._spline.t))
+        at = np.linspace(0.0, self._length, SAMPLES * len(self._spline.t))
         return float(np.linalg.norm(np.diff(self._spline(at), axis=0), axis=1).sum() / self._length)
 
 
@@ -195,7 +192,7 @@ def is_closed(points: np.ndarray) -> bool:
     return bool(np.allclose(points[0], points[-1], rtol=0.0, atol=1e-9))
 
 
-def graded(points: np.ndarray, closed: bool) -> np.ndarray:
+def _graded(points: np.ndarray, closed: bool) -> np.ndarray:
     """Return the points, and more on their legs, so that neighbouring gaps are of similar length.
 
     Args:
@@ -214,24 +211,21 @@ def graded(points: np.ndarray, closed: bool) -> np.ndarray:
         points = np.insert(points, long + 1, 0.5 * (points[long] + points[long + 1]), axis=0)
 
 
-def periodic(points: np.ndarray, gaps: np.ndarray, degree: int) -> BSpline:
+def _periodic(points: np.ndarray, gaps: np.ndarray) -> BSpline:
     """Return the periodic spline through points.
 
     Args:
         points: (k+1, 3), the last of which is the first [m].
         gaps: (k,) of its parameter between them.
     """
-    laps = -(-2 * degree // len(gaps))  # of points, so that there are enough for a periodic spline
+    laps = -(-2 * DEGREE // len(gaps))  # of points, so that there are enough for a periodic spline
     rows = np.concatenate([np.tile(points[:-1], (laps, 1)), points[:1]])
-    return make_interp_spline(_times(np.tile(gaps, laps)), rows, k=degree, bc_type="periodic")
+    return make_interp_spline(_times(np.tile(gaps, laps)), rows, k=DEGREE, bc_type="periodic")
 
 
 ACCELERATION = 3.0  # largest of a move between two stops [m/s²]; own choice: 17 degrees of tilt
-SNAP_DEGREE = 7  # of the spline with the least integral of the squared fourth derivative
 # of its length that a leg's time grows by; own choice: midway between chord length and centripetal
 # [1]
-POWER = 0.75
-SNAP_SAMPLES = 128  # of the speed, a leg
 
 
 class PointToPoint(Steps):
@@ -255,63 +249,8 @@ class PointToPoint(Steps):
         )
 
 
-class MinimumSnap:
-    """Motion through waypoints with the least integral of the squared snap, nowhere faster than
-    `speed`.
-
-    Closed where the first point equals the last: flown lap after lap, from rest by a ramp. Open:
-    from rest to rest, for which its first and last leg take about half a ramp longer. Source:
-    Mellinger and Kumar (2011); the minimum is the interpolating spline of degree 7.
-
-    Args:
-        points: (k, 3) waypoints [m].
-        speed: largest along the track [m/s].
-        ramp: from rest to full speed, and back at the end of an open track; at most the time of the
-            legs [s].
-    """
-
-    def __init__(self, points: np.ndarray, *, speed: float, ramp: float):
-        self.points = np.array(points, float)
-        self.closed = is_closed(self.points)
-        through = graded(self.points, self.closed)
-        lengths = np.linalg.norm(np.diff(through, axis=0), axis=1)
-        shortest = float(np.sum(lengths)) / speed
-        gaps, ramp = lengths**POWER * shortest / np.sum(lengths**POWER), min(ramp, shortest)
-        if self.closed:
-            gaps = _slowed(gaps, lambda gaps: periodic(through, gaps, SNAP_DEGREE), speed)
-            self._spline, self.lap = periodic(through, gaps, SNAP_DEGREE), float(np.sum(gaps))
-            self.lead, self.end, self.rate = ramp, np.inf, 2 * np.pi / self.lap
-            return
-        gaps[[0, -1]] += 0.5 * ramp
-        gaps = _slowed(gaps, lambda gaps: Spline(through, _times(gaps)).curve, speed)
-        self._open, self.lead, self.end = Spline(through, _times(gaps)), 0.0, float(np.sum(gaps))
-
-    def sample(self, t: np.ndarray) -> np.ndarray:
-        """Return p and its four derivatives in W, (5, n, 3), at times t (n,) [s]."""
-        t = np.asarray(t, float)
-        if self.closed:
-            phase = ramped_phase(t, 1.0, self.lead)
-            at = phase[0] % self.lap
-            return compose(np.stack([self._spline(at, k) for k in range(5)]), phase)
-        return self._open.sample(t)
-
-
 def _times(gaps: np.ndarray) -> np.ndarray:
     return np.concatenate([[0.0], np.cumsum(gaps)])
-
-
-def _slowed(gaps: np.ndarray, fit: Callable[[np.ndarray], BSpline], speed: float) -> np.ndarray:
-    """Return the times (k,) of the legs, all longer or shorter alike, at which the motion peaks at
-    `speed` [s].
-
-    Args:
-        gaps: (k,) times of any unit.
-        fit: makes the motion of such times, of which it takes the shape.
-        speed: largest [m/s].
-    """
-    share = np.linspace(0.0, 1.0, SNAP_SAMPLES, endpoint=False)
-    at = _times(gaps)[:-1, None] + gaps[:, None] * share
-    return gaps * float(np.linalg.norm(fit(gaps)(at.ravel(), 1), axis=1).max()) / speed
 
 
 def nearest(points: np.ndarray, p: np.ndarray) -> np.ndarray:

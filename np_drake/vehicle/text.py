@@ -106,18 +106,13 @@ def _lines(vehicle: Vehicle, content: dict[str, Any], indent: str = "") -> list[
         line = f"{indent}{field.rsplit('.', maxsplit=1)[-1]}: {text}"
         for name in parts_of(field, vehicle.sources | vehicle.intervals):
             lines += _above(f"{name.removeprefix(field)}: {_said(vehicle, name)}", indent)
-        comment = _comment(vehicle, field)
+        unit = f"[{UNITS[field]}]" if field in UNITS else CHOICES.get(field, "")
+        comment = f"{unit} {_said(vehicle, field)}".strip()
         if comment and len(line) + len(comment) + 3 > WIDTH:
             lines += _above(comment, indent)
             comment = ""
         lines.append(f"{line} # {comment}" if comment else line)
     return lines
-
-
-def _comment(vehicle: Vehicle, field: str) -> str:
-    """Return unit, or the words that it may be, source and interval of a field."""
-    unit = f"[{UNITS[field]}]" if field in UNITS else CHOICES.get(field, "")
-    return f"{unit} {_said(vehicle, field)}".strip()
 
 
 def _said(vehicle: Vehicle, name: str) -> str:

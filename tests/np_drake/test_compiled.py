@@ -7,7 +7,6 @@ import sys
 from types import SimpleNamespace
 
 import pytest
-from numba import njit
 from numba.core.caching import IndexDataCacheFile
 
 from np_drake import compiled
@@ -78,13 +77,3 @@ def test_a_wait_for_the_compiler_is_explained_once(monkeypatch, caplog, module, 
         for _ in range(2):
             dut.on_start(SimpleNamespace(data={"dispatcher": function}))
     assert [record.levelno for record in caplog.records] == said
-
-
-def test_a_compilation_is_heard_of(monkeypatch):
-    heard = []
-    monkeypatch.setattr(
-        compiled.Notice, "on_start", lambda self, event: heard.append(event.data["dispatcher"])
-    )
-    function = njit(lambda x: x + 1.0)
-    function(1.0)
-    assert heard == [function]

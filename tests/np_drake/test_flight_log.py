@@ -1,18 +1,8 @@
-"""Laws of what a notebook shows of a log and of a diagnosis, and of the path of a neighbour."""
+"""Laws of what a notebook shows of a log, and of the path of a neighbour."""
 
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.report.headline import headline
-from np_drake.diagnosis.residuals.residual_parts import ChannelGap, Localisation
-from np_drake.diagnosis.result import (
-    Cause,
-    Diagnosis,
-    Estimate,
-    GapReduction,
-    Identifiability,
-    Remainder,
-)
 from np_drake.flight_log import FlightLog, Neighbour
 
 ROWS = 50
@@ -27,35 +17,6 @@ LOG = FlightLog(
     name="<circle>",
     notes=[f"note {k}" for k in range(9)],
 )
-MASS = Estimate(0.25983, "kg", (0.2476, 0.2721))
-LEFT = Remainder(0.01, (0.0, 0.02), 0.1, 0.0, 0.01, 0.8, 0.0)
-FOUND = Diagnosis(
-    vehicle="paper",
-    train=("a", "b"),
-    held_out=("c",),
-    verdict=("suspended_payload",),
-    causes=(
-        Cause("suspended_payload", 0.99999, {"mass": MASS}, {}),
-        Cause("thrust_scale", 0.97, {}, {}),
-    ),
-    identifiability=Identifiability(True, {}, {}, ()),
-    localisation=Localisation(
-        (ChannelGap("force x", "N", 1.0, 0.1, 0.1, 0.9),),
-        before={"c": np.zeros((4000, 6))},
-        times={},
-    ),
-    gap_reduction=GapReduction(7.1, 0.98, 1.0, 0.99, (0.98, 1.0), (), left=LEFT),
-    warnings=tuple(f"warning {k}" for k in range(9)),
-)
-
-
-@pytest.mark.parametrize("shown, most", [(LOG, 100), (FOUND, 120)], ids=["log", "diagnosis"])
-def test_an_object_prints_one_line_and_shows_a_short_table(shown, most):
-    assert len(repr(shown)) < most
-    assert "\n" not in repr(shown)
-    page = shown._repr_html_()
-    assert page.count("<table>") == 1
-    assert len(page) < 3000
 
 
 def test_a_log_says_name_rows_length_rate_and_input():
@@ -66,29 +27,10 @@ def test_a_log_says_name_rows_length_rate_and_input():
     assert page.count("<p>note") == 5
 
 
-def test_a_diagnosis_says_its_headline_and_shows_its_causes():
-    said = (
-        "A suspended payload of 260\u00a0g explains 99.0\u00a0% of the gap on the held-out flight"
-    )
-    assert headline(FOUND) == said
-    assert repr(FOUND) == f"Diagnosis(paper: {said})"
-    page = FOUND._repr_html_().replace("\N{NO-BREAK SPACE}", " ")
-    assert "mass 0.260 ± 0.012 kg" in page
-    assert "&gt; 99.9 %" in page
-    assert page.count("<p>warning") == 3
-
-
 def test_data_frames_hold_the_values_with_the_times_as_index():
     frame = LOG.to_dataframe()
     np.testing.assert_array_equal(frame.index, LOG.t)
     np.testing.assert_array_equal(frame[["px", "py", "pz"]], LOG.p)
-    (row,) = FOUND.to_dataframe().to_dict("records")
-    assert (row["cause"], row["parameter"], row["value"], row["unit"]) == (
-        "suspended_payload",
-        "mass",
-        0.25983,
-        "kg",
-    )
 
 
 def test_a_log_draws_track_height_speed_and_thrust_with_units():

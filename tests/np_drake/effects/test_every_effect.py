@@ -36,13 +36,6 @@ def test_wrench_of_a_log_equals_wrench_row_by_row(effect, motion: Motion):
     assert np.abs(rows).max() + np.abs(winds).max() > 1e-3  # it does something
 
 
-@every(WrenchEffect, but=(SuspendedPayload,))
-def test_an_effect_that_says_so_feels_no_rotor_rate(effect, motion: Motion):
-    steady = dc.replace(motion, rotor_rate=0 * motion.rotor_rate)
-    same = np.array_equal(effect().wrench(VEHICLE, motion), effect().wrench(VEHICLE, steady))
-    assert same != effect.feels_rotor_rate
-
-
 @pytest.mark.parametrize(
     "effect",
     [

@@ -1,7 +1,5 @@
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from np_drake.logs.formats.csv_file import read_csv
 from np_drake.references.config import TRACKS, ReferenceConfig, make_reference
@@ -124,28 +122,6 @@ def test_after_an_end_in_motion_it_brakes_to_rest(tmp_path):
     after = dut.sample(dut.end + np.array([5.0, 50.0]))
     assert not after[1:].any()
     np.testing.assert_array_equal(after[0, 0], after[0, 1])
-
-
-NUMBERS = st.sampled_from([0.0, 1e-5, 0.3, 1.0, 7.0, 1e3, 1e300, -2.0])
-
-
-@settings(max_examples=40, deadline=None)
-@given(rows=st.lists(st.tuples(*[NUMBERS] * 4), max_size=14), timed=st.booleans())
-def test_any_numbers_make_a_finite_motion_or_one_line(tmp_path_factory, rows, timed):
-    folder = tmp_path_factory.mktemp("any")
-    t = np.cumsum([row[0] for row in rows]).tolist()
-    lines = ["t,x,y,z" if timed else "x,y,z"]
-    lines += [
-        ",".join(map(repr, [when, *row[1:]] if timed else row[1:]))
-        for when, row in zip(t, rows, strict=True)
-    ]
-    refused = ""
-    try:
-        dut = track(folder, "\n".join(lines) + "\n")
-        assert np.isfinite(dut.sample(np.linspace(0.0, 20.0, 50))).all()
-    except ValueError as error:
-        refused = str(error)
-    assert not refused or ("track.csv" in refused and "\n" not in refused)
 
 
 def test_a_written_file_names_its_columns_and_holds_a_row_a_period(tmp_path):

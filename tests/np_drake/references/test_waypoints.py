@@ -1,4 +1,4 @@
-"""Laws of motions through waypoints: stops, the least snap, and how near a motion comes to its
+"""Laws of motions through waypoints: stops, and how near a motion comes to its
 points.
 """
 
@@ -8,7 +8,6 @@ import pytest
 from np_drake.references.base import Paced
 from np_drake.references.waypoints import (
     ACCELERATION,
-    MinimumSnap,
     PointToPoint,
     Spline,
     Stops,
@@ -21,8 +20,6 @@ SQUARE = np.concatenate([LINE, LINE[:1]])
 MOTIONS = {
     "stops": PointToPoint(LINE, speed=0.8, rest=0.5),
     "stops round": PointToPoint(SQUARE, speed=0.8, rest=0.5),
-    "snap": MinimumSnap(LINE, speed=0.8, ramp=2.0),
-    "snap round": MinimumSnap(SQUARE, speed=0.8, ramp=2.0),
 }
 STOPS = Stops(LINE, np.array([0.5, 2.0, 3.5]), np.array([1.0, 1.5, 1.2]))
 SPLINE = Spline(LINE, np.array([0.0, 1.5, 3.0, 4.5]))
@@ -74,35 +71,6 @@ def test_a_short_leg_between_stops_takes_longer_than_its_speed_says():
     assert np.linalg.norm(flat[2], axis=1).max() == pytest.approx(ACCELERATION, rel=1e-3)
     long = PointToPoint(np.array([[0, 0, 1.0], [9, 0, 1.0]]), speed=0.5, rest=0.0)
     assert long.end == pytest.approx(9 / 0.5)
-
-
-def test_no_motion_through_the_points_at_these_times_has_less_snap():
-    dut = MOTIONS["snap"]
-    t = np.linspace(0.0, dut.end, 4001)
-    flat, step = dut.sample(t), t[1] - t[0]
-    first, last = (np.argmin(np.linalg.norm(flat[0] - p, axis=1)) for p in LINE[1:3])
-    # a bump between two waypoints, with five derivatives that vanish at its ends
-    s = np.clip((t - t[first]) / (t[last] - t[first]), 0.0, 1.0)
-    bump = np.polynomial.Polynomial.fromroots([0] * 5 + [1] * 5).deriv(4)(s) * 2**10
-    bump[(s <= 0) | (s >= 1)] = 0.0
-    for scale in (0.01, -0.01):
-        other = flat[4] + scale * (bump / (t[last] - t[first]) ** 4)[:, None]
-        assert np.sum(other**2) * step > np.sum(flat[4] ** 2) * step
-
-
-@pytest.mark.parametrize("closed", [False, True])
-@pytest.mark.parametrize(
-    "p",
-    [
-        LINE,
-        np.column_stack([np.arange(6.0), 2.0 * (np.arange(6) % 2), 1.0 + np.arange(6) % 3]),
-        np.array([[0, 0, 1.0], [0.1, 0, 1.0], [8, 0, 1.0], [8, 0.2, 1.0], [0, 3, 2.0]]),
-    ],
-)
-def test_the_least_snap_is_nowhere_faster_than_its_speed(p, closed):
-    dut = MinimumSnap(np.concatenate([p, p[:1]]) if closed else p, speed=1.5, ramp=1.0)
-    v = dut.sample(np.linspace(0.0, dut.lead + 2 * dut.lap if closed else dut.end, 50_001))[1]
-    assert 0.9 * 1.5 < np.linalg.norm(v, axis=1).max() < 1.5 * 1.001  # [m/s]
 
 
 def test_the_distance_from_many_legs_is_that_of_the_worst():

@@ -7,15 +7,7 @@ import numpy as np
 import pytest
 
 from np_drake.logs.formats.neurobem import published_vehicle
-from np_drake.vehicle.estimate import (
-    AIR,
-    FIGURE_OF_MERIT,
-    MASS_SPREAD,
-    THRUST_SPREAD,
-    Measured,
-    commented_file,
-    estimate,
-)
+from np_drake.vehicle.estimate import AIR, FIGURE_OF_MERIT, Measured, commented_file, estimate
 from np_drake.vehicle.rotor_layout import FIRMWARE
 from np_drake.vehicle.scaling import numbers
 from np_drake.vehicle.vehicle import (
@@ -75,18 +67,6 @@ def test_estimates_lie_in_the_stated_range_of_the_presets(name):
     known = np.array(numbers(vehicle).inertia)
     guess = np.array(numbers(estimate(MINE)).inertia)
     assert np.all((guess / known > 0.5) & (guess / known < 2.0))
-
-
-def test_the_file_states_the_uncertainty_given_or_its_origin():
-    assert (estimate(MINE).mass_uncertainty, estimate(MINE).thrust_uncertainty) == (
-        MASS_SPREAD,
-        THRUST_SPREAD,
-    )
-    assert "assumed: a kitchen scale" in commented_file(MINE)
-    known = dc.replace(MINE, mass_uncertainty=0.003, thrust_uncertainty=0.02)
-    assert (estimate(known).mass_uncertainty, estimate(known).thrust_uncertainty) == (0.003, 0.02)
-    assert "mass_uncertainty: 0.003 # [1] given" in commented_file(known)
-    assert "presets" not in commented_file(known)
 
 
 def test_the_file_holds_the_estimate_and_names_every_parameter(tmp_path):

@@ -74,15 +74,6 @@ def test_a_section_at_its_default_is_left_out_unless_it_is_spoken_of():
     assert "  imu_position: null # [m] prior: no rotation" in vehicle_text(told)
 
 
-def test_a_long_source_stands_above_its_value_in_lines_that_fit(again):
-    long = dc.replace(Vehicle(), sources={"mass": f"95{NBSP}% sure " * 20}).check()
-    lines = vehicle_text(long).splitlines()
-    at = lines.index("mass: 2.0")
-    assert lines[at - 1].startswith("# ")
-    assert max(len(line) for line in lines[:at]) <= 120
-    assert same(again(long), long)
-
-
 def test_one_number_of_a_field_has_its_own_source_and_interval(again):
     dut = dc.replace(
         Vehicle(),
