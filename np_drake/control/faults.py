@@ -1,4 +1,4 @@
-"""Faults of a sampled measurement and of a solver, as pure functions of time, sample and seed.
+"""Faults of a sampled measurement and of a solver, as pure functions of time and sample.
 
 A reading is the vector (23,) of x (13), acceleration (6) and rotor speed (4), in the order of
 `READING`.
@@ -72,24 +72,6 @@ class NanBurst(MeasurementFault):
         spoilt = reading.copy()
         spoilt[list(self.columns)] = np.nan
         return spoilt
-
-
-@dc.dataclass(frozen=True)
-class DroppedSamples(MeasurementFault):
-    """Samples that are lost independently; the last one received stands.
-
-    share: probability of a loss [1].   seed: of the losses.
-    """
-
-    share: float
-    seed: int
-
-    def delivered(self, k: int, period: float) -> int:
-        """Return the last sample up to k that was received."""
-        first = self.first(period)
-        while k >= first and np.random.default_rng((self.seed, k)).random() < self.share:
-            k -= 1
-        return k
 
 
 @dc.dataclass(frozen=True)

@@ -5,7 +5,6 @@ import pytest
 
 from np_drake.control.faults import (
     SENSORS,
-    DroppedSamples,
     FaultySolver,
     FrozenSamples,
     LateSamples,
@@ -27,15 +26,6 @@ SPAN = {"onset": 1.0, "duration": 0.2, "sensor": "all"}
 )
 def test_a_fault_delivers_an_older_sample(dut, sources):
     assert [dut.delivered(k, PERIOD) for k in range(50, 60)] == sources
-
-
-def test_lost_samples_leave_the_last_received_and_their_share_is_as_told():
-    dut = DroppedSamples(onset=0.0, duration=100.0, sensor="all", share=0.3, seed=4)
-    source = np.array([dut.delivered(k, PERIOD) for k in range(4000)])
-    lost = np.mean(source != np.arange(4000))
-    assert lost == pytest.approx(0.3, abs=0.03)  # four standard errors [1]
-    assert np.all(np.diff(source) >= 0)
-    assert np.all(source >= -1)  # no further back than the last sample before the fault
 
 
 @pytest.mark.parametrize("sensor", SENSORS)
