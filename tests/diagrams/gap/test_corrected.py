@@ -355,7 +355,7 @@ def test_what_remains_has_size_and_time_of_the_noiseless_residual():
             "parameters.scale must be a number; got nan",
         ),
         ("{effect: gyro_bias, onset: 2.0}", "acts from the start"),
-        ("{effect: thrust_scale, onset: -2.0}", "must be a time of the flight"),
+        ("{effect: thrust_scale, onset: -2.0}", "onset must be finite and not negative [s]"),
         ("{effect: thrust_scale, probability: 2.0}", "0 to 1"),
         ("{effect: thrust_scale, parameters: 3}", "names with their values"),
         ("{effect: suspended_payload}", "there must be one payload"),

@@ -52,7 +52,7 @@ def test_a_track_of_waypoints_passes_them_in_turn(tmp_path, text):
     assert first == sorted(first)
 
 
-def test_open_waypoints_are_flown_from_rest_to_rest_closed_ones_lap_after_lap(tmp_path):
+def test_open_waypoints_end_at_rest_and_closed_ones_go_round(tmp_path):
     dut = track(tmp_path, LINE, ramp=1.0)
     flat = dut.sample(np.array([-1.0, 0.0, dut.end, dut.end + 5.0]))
     ends = [[0, 0, 1], [0, 0, 1], [0, 1, 2], [0, 1, 2]]
