@@ -171,8 +171,6 @@ class FlightLog:
     def to_dataframe(self) -> Any:
         """Return the log as a pandas DataFrame, with the times as its index and the columns of its
         file.
-
-        Raises: ImportError: where pandas is not installed.
         """
         return data_frame(self.columns(), index="t")
 

@@ -2,9 +2,6 @@
 
 import errno
 import importlib.util
-import logging
-import sys
-from types import SimpleNamespace
 
 import pytest
 from numba.core.caching import IndexDataCacheFile
@@ -59,21 +56,3 @@ def test_a_full_disk_under_the_cache_costs_only_the_cache(monkeypatch, doubled, 
         path.unlink()
     monkeypatch.setattr(IndexDataCacheFile, "_open_for_write", full)
     assert doubled() == (42, 0)
-
-
-@pytest.mark.parametrize(
-    "module, looking, said",
-    [
-        ("np_drake.mpc", True, [logging.WARNING]),
-        ("np_drake.mpc", False, [logging.INFO]),  # stderr is for errors alone
-        ("elsewhere.code", True, []),
-    ],
-)
-def test_a_wait_for_the_compiler_is_explained_once(monkeypatch, caplog, module, looking, said):
-    monkeypatch.setattr(sys, "stderr", SimpleNamespace(isatty=lambda: looking))
-    dut = compiled.Notice()
-    function = SimpleNamespace(py_func=SimpleNamespace(__module__=module))
-    with caplog.at_level(logging.INFO):
-        for _ in range(2):
-            dut.on_start(SimpleNamespace(data={"dispatcher": function}))
-    assert [record.levelno for record in caplog.records] == said
