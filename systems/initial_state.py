@@ -8,7 +8,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import Context
 
 from np_drake.effects.base import MassProperties
-from np_drake.references.formation import payload_drop
+from np_drake.references.payload import payload_drop
 from systems.free_body import spatial_inertia, sphere
 from systems.payload_config import PayloadConfig
 

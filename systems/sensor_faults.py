@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from pydrake.systems.framework import BasicVector, Diagram, DiagramBuilder, LeafSystem
 
-from np_drake.faults.measurement import READING, READING_SIZE, MeasurementFault
+from np_drake.control.faults import READING, READING_SIZE, MeasurementFault
 
 _SIZES = {name: where.stop - where.start for name, where in READING.items()}
 

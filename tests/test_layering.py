@@ -33,7 +33,7 @@ DIAGNOSIS = (
     ),
 )
 GROUND = (
-    *("lazy_names", "attitude", "compiled", "files", "metrics", "vehicle", "neighbour"),
+    *("lazy_names", "attitude", "compiled", "files", "metrics", "vehicle"),
     *(
         "flight_log",
         "rigid_body",
@@ -43,8 +43,8 @@ GROUND = (
         "command_delay",
         "labels",
     ),
-    *("training_data", "identification", "effects", "logs", "references", "control", "diagnosis"),
-    *("flight_design", "mpc", "estimation", "faults", "offboard"),
+    *("training_data", "identification", "effects", "logs", "references", "diagnosis"),
+    *("mpc", "control", "estimation", "offboard"),
     *("lifting", "payload_filter", "residual_models", "skill", "__main__"),
 )
 EXPERIMENTS = (

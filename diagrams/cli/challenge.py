@@ -16,7 +16,7 @@ from diagrams.cli.verbs import Group, Verbs
 RETIRED = {
     "golden": "the frozen cases are tests: `make golden`",
     "logs": "round trips through files are tests: `pytest tests/diagrams/challenge/imported`",
-    "active": "`np-drake next-flight` writes a random multisine",
+    "active": "`np-drake fly multisine` flies a random multisine",
     "compare": "`challenge score` shows what is asked for, of one draw or of several together",
 }
 

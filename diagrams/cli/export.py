@@ -72,7 +72,7 @@ def _is_scenario(path: Path) -> bool:
     """Return whether a file names a part that a vehicle file has not; what is wrong in it is left
     to its reader.
     """
-    from np_drake.files.yaml_text import read_yaml
+    from np_drake.files.yaml_file import read_yaml
 
     try:
         content = read_yaml(path)

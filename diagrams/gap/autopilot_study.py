@@ -24,7 +24,7 @@ from np_drake.diagnosis.diagnose import diagnose
 from np_drake.identification.rate_loop import AxisLoop, identify_rate_loop
 from np_drake.metrics import half_width
 from np_drake.vehicle import Vehicle
-from np_drake.vehicle.rate_loop import RateLoop
+from np_drake.vehicle.vehicle import RateLoop
 
 ROWS = ("nominal", "hold", "observer", "np", "payload_filter")
 EXPERIMENTS = ("circle", "lemniscate", "hover", "attach")

@@ -25,7 +25,7 @@ from np_drake.flight_log import FlightLog
 from np_drake.identification.identify import identify
 from np_drake.logs.opening import open_flights
 from np_drake.vehicle import Vehicle
-from np_drake.vehicle.rate_loop import RateLoop
+from np_drake.vehicle.vehicle import RateLoop
 
 FILTERS = {
     "as delivered": [],

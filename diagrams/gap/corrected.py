@@ -17,11 +17,10 @@ from np_drake.diagnosis.report.headline import headline
 from np_drake.diagnosis.residuals.residual_parts import Localisation
 from np_drake.diagnosis.result import Cause, Diagnosis
 from np_drake.effects.disturbance import DisturbanceConfig
-from np_drake.effects.effect_entry import EffectEntry
-from np_drake.effects.posterior import Posterior
+from np_drake.effects.effect_entry import EffectEntry, Posterior
 from np_drake.files.atomic_file import write_text
 from np_drake.files.number_text import NBSP
-from np_drake.files.yaml_text import quoted
+from np_drake.files.yaml_file import quoted
 from np_drake.vehicle import Vehicle
 
 NAME = "corrected"

@@ -22,10 +22,15 @@ from np_drake.effects.calibration import effects_of
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.translational_lift import TranslationalLift
 from np_drake.flight_log import FlightLog
-from np_drake.vehicle.calibration import Calibration, ThrottleMap
-from np_drake.vehicle.physics import AIR, least_torque_over_thrust
 from np_drake.vehicle.published import LogNormal, published_priors
-from np_drake.vehicle.vehicle import MeasurementNoise, Vehicle
+from np_drake.vehicle.vehicle import (
+    AIR,
+    Calibration,
+    MeasurementNoise,
+    ThrottleMap,
+    Vehicle,
+    least_torque_over_thrust,
+)
 
 INPUTS = ("rotor_speed", "throttle", "command")
 LIGHTEST, HEAVIEST = 0.03, 20.0  # [kg]

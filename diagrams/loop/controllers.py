@@ -16,7 +16,7 @@ from diagrams.loop.own_controller import (
     make_own_controller,
 )
 from np_drake.command_delay import DelayFilter
-from np_drake.faults.solver import FaultySolver, SolverFault
+from np_drake.control.faults import FaultySolver, SolverFault
 from np_drake.labels import ReadsLabels, labelled
 from np_drake.mpc.controller import MpcController
 from np_drake.mpc.solvers import make_solver

@@ -19,10 +19,9 @@ from diagrams.loop.controllers import add_controller
 from diagrams.loop.flight import FlightConfig, flown_by
 from diagrams.loop.own_controller import Factory
 from diagrams.loop.real_vehicle import DRAKE, REAL_VEHICLE, RealVehicle
+from np_drake.control.faults import MeasurementFault, SolverFault
 from np_drake.effects.calibration import in_flight
 from np_drake.effects.imu_mounting import ImuMounting
-from np_drake.faults.measurement import MeasurementFault
-from np_drake.faults.solver import SolverFault
 from systems.recorder import add_recorder
 from systems.sensor_faults import add_sensor_faults
 from systems.sensor_model import add_sensor_model

@@ -14,9 +14,9 @@ from diagrams.loop.controller_config import ControllerConfig
 from diagrams.loop.controllers import add_controller
 from np_drake.effects.sensor_noise import SensorNoise
 from np_drake.metrics import tracking_errors
-from np_drake.references.base import Reference
-from np_drake.references.formation import closest_approach, fly_at, polygon
-from np_drake.references.points import Stops
+from np_drake.references.base import Hover, Reference, Sum
+from np_drake.references.payload import closest_approach, polygon
+from np_drake.references.waypoints import Stops
 from np_drake.vehicle import Vehicle
 from systems.cooperative_quadrotors import make_cooperative_quadrotors
 from systems.initial_state import set_formation
@@ -62,7 +62,7 @@ def make_cooperative_diagram(kind: str = "payload_filter") -> tuple[Diagram, Rec
     config, center = ControllerConfig(kind=kind, period=PERIOD), center_of_formation()
     signals: dict[str, OutputPort] = {}
     for i, corner in enumerate(CORNERS):
-        pilot = builder.AddSystem(make_pilot(config, fly_at(center, corner), i))
+        pilot = builder.AddSystem(make_pilot(config, Sum(center, Hover(corner)), i))
         for name in ("x", "acceleration", "nominal_rotor_thrust"):
             builder.Connect(fleet.GetOutputPort(f"{name}_{i}"), pilot.GetInputPort(name))
         builder.Connect(pilot.GetOutputPort("u"), fleet.GetInputPort(f"u_{i}"))

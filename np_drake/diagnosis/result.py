@@ -11,8 +11,7 @@ import numpy as np
 from np_drake.diagnosis.numerics import Readings
 from np_drake.diagnosis.residuals.residual_parts import Localisation, gap_kinds
 from np_drake.effects.base import Effect
-from np_drake.effects.explanation import Explanation
-from np_drake.effects.posterior import Posterior
+from np_drake.effects.effect_entry import Explanation, Posterior
 from np_drake.files.atomic_file import plain
 from np_drake.files.notebook import data_frame, html_table
 from np_drake.files.number_text import probability

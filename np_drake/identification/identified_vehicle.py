@@ -8,8 +8,7 @@ import numpy as np
 from np_drake.identification.identify import Identification
 from np_drake.identification.quantities import SURE, Identified
 from np_drake.vehicle import Vehicle
-from np_drake.vehicle.calibration import Calibration, ThrottleMap
-from np_drake.vehicle.rate_loop import RateLoop
+from np_drake.vehicle.vehicle import Calibration, RateLoop, ThrottleMap
 
 SHAPES = {
     "inertia": (3, 3),

@@ -9,7 +9,7 @@ import numpy as np
 
 from np_drake.mpc.problem import COMMANDS, MpcConfig
 from np_drake.vehicle import Vehicle
-from np_drake.vehicle.rate_loop import RateLoop
+from np_drake.vehicle.vehicle import RateLoop
 
 
 @dc.dataclass(frozen=True)

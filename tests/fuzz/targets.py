@@ -14,7 +14,6 @@ import numpy as np
 from pydrake.common.yaml import yaml_dump
 
 from diagrams.batch.campaign import read_record
-from diagrams.gap.next_flight import read_report
 from diagrams.loop.experiments import load_experiment
 from np_drake.files.input_file import read_json
 from np_drake.lifting.model.model_file import load_model
@@ -197,15 +196,6 @@ def _json(folder: Path) -> list[bytes]:
     return [json.dumps(answer).encode(), b"[1, 2.5e3, null, true]", b'{"a": {"b": [{}]}}']
 
 
-def _report(path: Path) -> Any:
-    """Read the folder of a diagnosis whose report is this file."""
-    folder = path.parent / "report"
-    folder.mkdir(exist_ok=True)
-    (folder / "diagnosis.json").write_bytes(path.read_bytes())
-    (folder / "corrected.yaml").write_text("vehicle: {}\n")
-    return read_report(folder)
-
-
 def _map(folder: Path) -> list[bytes]:
     return [b"columns:\n  t: {name: time, unit: s}\n  p: {names: [x, y, z], unit: m}\nframe: ENU\n"]
 
@@ -270,7 +260,6 @@ TARGETS = {
         Target("pendulum_model", ".safetensors", PayloadFilterModel.load, _models),
         Target("motion_model", ".safetensors", MotionModel.load, _models),
         Target("json", ".json", read_json, _json),
-        Target("report", ".json", _report, _json),
         Target("record", ".json", _record, _json),
     )
 }

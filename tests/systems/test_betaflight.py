@@ -11,7 +11,7 @@ from np_drake.autopilot.firmware import AutopilotError, find_firmware
 from np_drake.identification.rate_loop import identify_rate_loop
 from np_drake.logs.opening import open_flights
 from np_drake.vehicle import Vehicle
-from np_drake.vehicle.rate_loop import RateLoop
+from np_drake.vehicle.vehicle import RateLoop
 from systems.betaflight import BetaflightAutopilot
 
 VEHICLE = dc.replace(Vehicle(), rate_loop=RateLoop())

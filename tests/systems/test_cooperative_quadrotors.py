@@ -5,7 +5,7 @@ from pydrake.math import RotationMatrix
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.motor_lag import MotorLag
 from np_drake.effects.thrust_scale import ThrustScale
-from np_drake.references.formation import polygon
+from np_drake.references.payload import polygon
 from np_drake.vehicle import Vehicle
 from systems.cooperative_quadrotors import make_cooperative_quadrotors
 from systems.initial_state import set_formation

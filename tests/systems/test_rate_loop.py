@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from np_drake.vehicle import Vehicle
-from np_drake.vehicle.rate_loop import RateLoop
+from np_drake.vehicle.vehicle import RateLoop
 from systems.rate_loop import RateLoopTorque
 
 

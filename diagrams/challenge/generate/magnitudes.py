@@ -7,7 +7,7 @@ import numpy as np
 from np_drake.effects.base import Effect
 from np_drake.effects.library import LIBRARY
 from np_drake.effects.linear_drag import LinearDrag
-from np_drake.effects.random_sizes import drag_coefficients
+from np_drake.effects.parameter import drag_coefficients
 from np_drake.vehicle import Vehicle
 
 

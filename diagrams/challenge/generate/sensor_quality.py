@@ -14,7 +14,7 @@ from diagrams.challenge.simulators.coloured_noise import flicker, gauss_markov
 from np_drake import attitude
 from np_drake.effects.base import Effect
 from np_drake.effects.mass_error import MassError
-from np_drake.effects.random_sizes import log_uniform
+from np_drake.effects.parameter import log_uniform
 from np_drake.effects.thrust_scale import ThrustScale
 from np_drake.flight_log import FlightLog
 from np_drake.vehicle.vehicle import MeasurementNoise, Vehicle

@@ -9,7 +9,7 @@ import numpy as np
 from diagrams.challenge.simulators.flight_plan import Heading, Plan, within_limits
 from np_drake.references.base import Hover, Reference, Sum
 from np_drake.references.harmonic import Multisine, circle, lemniscate
-from np_drake.references.points import Spline, Stops
+from np_drake.references.waypoints import Spline, Stops
 from np_drake.vehicle import Vehicle
 
 RAMP = 3.0  # from rest to full speed on a closed track [s]

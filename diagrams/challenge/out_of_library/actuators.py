@@ -21,7 +21,7 @@ from diagrams.challenge.out_of_library.base import (
 )
 from np_drake.effects.air_speed import chi_from_body
 from np_drake.effects.base import Motion
-from np_drake.effects.random_sizes import arm, log_uniform, signed
+from np_drake.effects.parameter import arm, log_uniform, signed
 from np_drake.vehicle import Vehicle
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from np_drake.effects.air_speed import chi_from_body
 from np_drake.effects.base import ActuatorEffect, Effect, Motion, Parameter, WrenchEffect
-from np_drake.effects.random_sizes import direction
+from np_drake.effects.parameter import direction
 from np_drake.vehicle import Vehicle
 
 Draw = Callable[[np.random.Generator, Vehicle], Effect]

@@ -17,7 +17,7 @@ from diagrams.challenge.out_of_library.base import (
     level_direction,
 )
 from np_drake.effects.base import Motion
-from np_drake.effects.random_sizes import arm, log_uniform
+from np_drake.effects.parameter import arm, log_uniform
 from np_drake.rigid_body import P
 from np_drake.vehicle import Vehicle
 

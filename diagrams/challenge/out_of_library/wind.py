@@ -17,7 +17,7 @@ from diagrams.challenge.out_of_library.base import (
     weight,
 )
 from np_drake.effects.base import Motion
-from np_drake.effects.random_sizes import arm, direction, log_uniform, signed
+from np_drake.effects.parameter import arm, direction, log_uniform, signed
 from np_drake.rigid_body import P
 from np_drake.vehicle import Vehicle
 

@@ -16,7 +16,7 @@ from np_drake.diagnosis.residuals import WRENCH, FlightResiduals
 from np_drake.effects.base import ActuatorEffect, Effect, MassEffect
 from np_drake.effects.calibration import in_flight
 from np_drake.effects.inertia_error import InertiaError
-from np_drake.effects.random_sizes import arm
+from np_drake.effects.parameter import arm
 
 # Smooth functions of velocity, attitude rate and thrust: what an airframe has and no effect of the
 # library describes.

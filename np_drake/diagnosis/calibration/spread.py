@@ -26,7 +26,7 @@ from np_drake.effects.inertia_error import InertiaError
 from np_drake.effects.mass_error import MassError
 from np_drake.effects.mixer_gain import MixerGain
 from np_drake.effects.motor_lag import MotorLag
-from np_drake.effects.random_sizes import arm
+from np_drake.effects.parameter import arm
 from np_drake.effects.rotor_gyroscopic import RotorGyroscopic
 from np_drake.effects.thrust_scale import ThrustScale
 from np_drake.effects.translational_lift import TranslationalLift

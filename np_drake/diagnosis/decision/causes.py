@@ -17,7 +17,7 @@ from np_drake.diagnosis.held_out import HeldOut
 from np_drake.diagnosis.options import Priors
 from np_drake.diagnosis.result import Cause, Estimate, Finding
 from np_drake.diagnosis.selection import Ranking, names_of, names_of_fit
-from np_drake.effects.posterior import Posterior
+from np_drake.effects.effect_entry import Posterior
 from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.files.number_text import measure, percent
 from np_drake.vehicle import Vehicle

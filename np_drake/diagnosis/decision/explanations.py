@@ -9,7 +9,7 @@ from np_drake.diagnosis.fitting import Fit, greatest_height, is_possible, refit
 from np_drake.diagnosis.held_out import HeldOut
 from np_drake.diagnosis.regressors import Model, RegressionProblem
 from np_drake.diagnosis.selection import Ranking, names_of, names_of_fit, score_of
-from np_drake.effects.explanation import CALIBRATION, STANDS, Explanation
+from np_drake.effects.effect_entry import CALIBRATION, STANDS, Explanation
 from np_drake.effects.library import causes
 
 MOST_REFINED = 6  # further models that are refined; own choice

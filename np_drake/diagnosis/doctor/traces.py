@@ -25,11 +25,10 @@ from np_drake.diagnosis.regressors import (
 from np_drake.diagnosis.residuals import WRENCH, FlightResiduals, find_outliers
 from np_drake.diagnosis.residuals.residual_parts import CHANNELS
 from np_drake.diagnosis.selection.conditioning import noise_of
-from np_drake.effects.base import Parameter
+from np_drake.effects.base import Parameter, correlation_root
 from np_drake.effects.gusty_wind import GustyWind
 from np_drake.effects.library import LIBRARY, effect_of
 from np_drake.effects.parameter import usual_size
-from np_drake.effects.parameter_prior import correlation_root
 
 TRACE_LENGTHS = np.geomspace(
     0.3, 1.5, 5

@@ -8,8 +8,8 @@ import numpy as np
 from np_drake.diagnosis.forward_model import NEVER, STATE, Term, hidden_size, padded
 from np_drake.diagnosis.options import Priors
 from np_drake.diagnosis.residuals import FlightResiduals
+from np_drake.effects.base import correlation_root
 from np_drake.effects.parameter import usual_size
-from np_drake.effects.parameter_prior import correlation_root
 from np_drake.vehicle import Vehicle
 
 

@@ -13,11 +13,6 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from np_drake.diagnosis.options import Tolerance
-from np_drake.files.stored_number import stored_numbers
-
-# What a stored noise model may hold, own choice: beyond it a file is damaged.
-MOST_LAGS, LARGEST = 1000, 1e12
-SHORTEST_STEP, LONGEST_STEP = 1e-4, 1.0  # [s]
 
 
 @dc.dataclass(frozen=True)
@@ -152,49 +147,3 @@ class Readings:
             name: getattr(noise, name).tolist() for name in ("phi", "mixing", "rms", "innovation")
         }
         return {"noise": {**arrays, "step": noise.step}, "tolerance": dc.asdict(self.tolerance)}
-
-    @classmethod
-    def of_json(cls, content: Mapping[str, Any]) -> "Readings":
-        """Return the readings that `as_json` wrote.
-
-        Raises: ValueError: if a number cannot be that of a noise model or a tolerance.
-        """
-        found = content["noise"]
-        phi, mixing, rms, innovation, stored = (
-            stored_numbers(found[name], f"readings: {name} of the noise")
-            for name in ("phi", "mixing", "rms", "innovation", "step")
-        )
-        step = float(stored)
-        tolerance: dict[str, Any] = {
-            name: value
-            if isinstance(value, bool)
-            else float(stored_numbers(value, f"readings: tolerance of {name}"))
-            for name, value in content["tolerance"].items()
-        }
-        c = len(rms) if rms.ndim == 1 else 0
-        if (
-            phi.ndim != 2
-            or not 0 < phi.shape[1] <= MOST_LAGS
-            or innovation.shape != (c,)
-            or mixing.shape != (c, c)
-        ):
-            raise ValueError(
-                f"readings: phi must be (c, p) with p <= {MOST_LAGS}, mixing (c, c), rms "
-                f"and innovation (c,)."
-            )
-        every = np.concatenate(
-            [phi.ravel(), mixing.ravel(), rms, innovation, list(tolerance.values())]
-        )
-        if (
-            not (np.abs(every) <= LARGEST).all()
-            or min(rms.min(), innovation.min(), *tolerance.values()) < 0
-        ):
-            raise ValueError(
-                f"readings: numbers must be finite, at most {LARGEST:g}, and deviations "
-                f"not negative."
-            )
-        if not SHORTEST_STEP <= step <= LONGEST_STEP:
-            raise ValueError(
-                f"readings: step must be {SHORTEST_STEP:g} to {LONGEST_STEP:g} s; got {step:g}."
-            )
-        return cls(NoiseModel(phi, mixing, rms, innovation, step), Tolerance(**tolerance))

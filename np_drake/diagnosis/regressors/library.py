@@ -12,12 +12,11 @@ from scipy import special
 
 from np_drake.diagnosis.forward_model import StageCache, Term, predicted_residual
 from np_drake.diagnosis.residuals import FlightResiduals
-from np_drake.effects.base import Effect
+from np_drake.effects.base import Effect, prior_root
 from np_drake.effects.constant_wind import ConstantWind
 from np_drake.effects.library import LIBRARY, REQUIREMENTS, effect_of, effects_for, unobservable
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.parameter import usual_size
-from np_drake.effects.parameter_prior import prior_root
 from np_drake.effects.suspended_payload import SuspendedPayload
 
 DRAG = LinearDrag.identifier  # the effect through which winds act

@@ -115,7 +115,7 @@ def next_steps(diagnosis: Diagnosis) -> list[str]:
                 f"{name_of(cause.identifier)} from {listed([name_of(o) for o in others], 'or')}"
             )
             how = manoeuvre((cause.identifier, *others)).rstrip(".")
-            out.append(f"To tell {between}, fly: {how}; or the flight of np-drake next-flight.")
+            out.append(f"To tell {between}, fly: {how}; or np-drake fly multisine.")
         elif loose := _loose(cause):
             more = effect_of(cause.identifier).excited_by or "a longer one with more motion"
             out.append(

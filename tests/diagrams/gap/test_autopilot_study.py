@@ -8,7 +8,7 @@ from diagrams.gap.autopilot_study import CORRECTED, FIRMWARE, NOMINAL, Flying, f
 from diagrams.gap.step_response import SIZES, step_response
 from np_drake.autopilot.firmware import AutopilotError, find_firmware
 from np_drake.vehicle import Vehicle
-from np_drake.vehicle.rate_loop import RateLoop
+from np_drake.vehicle.vehicle import RateLoop
 
 
 @pytest.fixture(scope="module")

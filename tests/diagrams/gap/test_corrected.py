@@ -27,12 +27,11 @@ from np_drake.effects.center_of_mass_offset import CenterOfMassOffset
 from np_drake.effects.combine import split_effects
 from np_drake.effects.command_delay import CommandDelay
 from np_drake.effects.downwash import Downwash
-from np_drake.effects.effect_entry import EffectEntry
+from np_drake.effects.effect_entry import EffectEntry, Posterior
 from np_drake.effects.library import LIBRARY, MEASURED_ROTORS
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError
 from np_drake.effects.motor_lag import MotorLag
-from np_drake.effects.posterior import Posterior
 from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.effects.thrust_scale import ThrustScale
 from np_drake.flight_log import FlightLog
@@ -356,7 +355,7 @@ def test_what_remains_has_size_and_time_of_the_noiseless_residual():
             "parameters.scale must be a number; got nan",
         ),
         ("{effect: gyro_bias, onset: 2.0}", "acts from the start"),
-        ("{effect: thrust_scale, onset: -2.0}", "must be a time of the flight"),
+        ("{effect: thrust_scale, onset: -2.0}", "onset must be finite and not negative [s]"),
         ("{effect: thrust_scale, probability: 2.0}", "0 to 1"),
         ("{effect: thrust_scale, parameters: 3}", "names with their values"),
         ("{effect: suspended_payload}", "there must be one payload"),

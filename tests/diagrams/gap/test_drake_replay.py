@@ -18,10 +18,9 @@ from np_drake.effects.mass_error import MassError
 from np_drake.effects.motor_lag import MotorLag
 from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.effects.thrust_scale import ThrustScale
-from np_drake.flight_log import FlightLog
-from np_drake.neighbour import Neighbour
+from np_drake.flight_log import FlightLog, Neighbour
 from np_drake.vehicle import Vehicle
-from np_drake.vehicle.calibration import Calibration
+from np_drake.vehicle.vehicle import Calibration
 from systems.initial_state import set_hover
 from systems.payload_config import PayloadConfig
 from systems.tethered_quadrotor import make_tethered_quadrotor

@@ -26,7 +26,7 @@ from np_drake.flight_log import FlightLog
 from np_drake.identification.prediction import Prediction
 from np_drake.logs.formats.log_file import write_log
 from np_drake.vehicle import load_vehicle
-from np_drake.vehicle.calibration import ThrottleMap
+from np_drake.vehicle.vehicle import ThrottleMap
 
 
 @pytest.fixture(scope="module")

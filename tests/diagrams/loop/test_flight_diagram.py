@@ -11,12 +11,11 @@ from pydrake.systems.analysis import ApplySimulatorConfig, Simulator
 from diagrams.loop.experiments import load_experiment
 from diagrams.loop.flight_diagram import Faults, make_flight_diagram, recorded, set_initial_state
 from diagrams.loop.flight_result import fly, simulate
+from np_drake.control.faults import NanBurst, SolverFault
 from np_drake.effects.calibration import effects_of
 from np_drake.effects.effect_entry import EffectEntry
-from np_drake.faults.measurement import NanBurst
-from np_drake.faults.solver import SolverFault
 from np_drake.mpc.problem import MpcStatus
-from np_drake.vehicle.calibration import Calibration
+from np_drake.vehicle.vehicle import Calibration
 
 
 def short(name):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from diagrams.payload.cooperative import CORNERS, fly, make_cooperative_diagram
-from np_drake.references.formation import closest_approach
+from np_drake.references.payload import closest_approach
 
 SETTLED = 100  # rows: 2 s
 

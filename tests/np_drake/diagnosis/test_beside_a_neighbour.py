@@ -9,8 +9,7 @@ from np_drake.diagnosis.diagnose import diagnose
 from np_drake.diagnosis.forward_model import Term, predicted_residual
 from np_drake.diagnosis.residuals import make_flight_residuals
 from np_drake.effects.downwash import Downwash
-from np_drake.flight_log import FlightLog
-from np_drake.neighbour import Neighbour
+from np_drake.flight_log import FlightLog, Neighbour
 from np_drake.vehicle import Vehicle
 
 VEHICLE = Vehicle()

@@ -10,9 +10,9 @@ from np_drake.identification.identify import identify
 from np_drake.logs.hover_thrust import with_hover_thrust
 from np_drake.rotor_input import with_rotor_input
 from np_drake.vehicle import load_vehicle
-from np_drake.vehicle.calibration import Calibration
 from np_drake.vehicle.sources import values
 from np_drake.vehicle.text import save_vehicle
+from np_drake.vehicle.vehicle import Calibration
 
 
 @pytest.fixture(scope="module", params=["found", "by_throttle"])

@@ -10,8 +10,8 @@ from np_drake.identification.priors import parameters
 from np_drake.identification.quantities import QUANTITIES, Basis
 from np_drake.identification.rotor_response import target_speed
 from np_drake.vehicle import Vehicle
-from np_drake.vehicle.calibration import ThrottleMap
 from np_drake.vehicle.sources import values
+from np_drake.vehicle.vehicle import ThrottleMap
 
 PRIOR = {p.name: p.value(0.0) for p in parameters(600.0, 0.01)}
 BY_NAME = {q.name: q for q in QUANTITIES}

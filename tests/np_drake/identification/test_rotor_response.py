@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from np_drake.identification.rotor_response import FINEST, Substeps, at, lagged, means, target_speed
-from np_drake.vehicle.calibration import ThrottleMap
+from np_drake.vehicle.vehicle import ThrottleMap
 
 
 @pytest.mark.parametrize(("start", "end", "constant"), [(0.0, 1.0, 0.03), (1.0, 0.2, 0.05)])

@@ -10,7 +10,7 @@ import tempfile
 from collections.abc import Callable, Collection, Iterator
 from pathlib import Path, PurePath
 
-from np_drake.files.yaml_text import read_yaml
+from np_drake.files.yaml_file import read_yaml
 from np_drake.logs.formats.bags.budget import Budget, Channel, zstd
 
 MAGIC = b"SQLite format 3\0"
@@ -148,7 +148,7 @@ def described(folder: Path) -> tuple[list[Path], str]:
     Raises: ValueError: if the description does not serve; OSError: if it or a file is not there.
     """
     try:
-        about = read_yaml(folder / NAME, longest=LONGEST)["rosbag2_bagfile_information"]
+        about = read_yaml(folder / NAME)["rosbag2_bagfile_information"]
         names = [PurePath(name).name for name in about["relative_file_paths"]]
         mode = str(about.get("compression_mode") or "").lower()
         kind = about.get("compression_format")

@@ -15,7 +15,7 @@ from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.translational_lift import TranslationalLift
 from np_drake.logs.formats.log_file import write_log
 from np_drake.vehicle import load_vehicle
-from np_drake.vehicle.calibration import ThrottleMap
+from np_drake.vehicle.vehicle import ThrottleMap
 
 CASES = ("01-02_to_11-12", "11-12_to_01-02")
 

@@ -23,7 +23,7 @@ from np_drake.effects.thrust_scale import ThrustScale
 from np_drake.effects.uneven_lag import UnevenLag
 from np_drake.effects.weak_rotor import WeakRotor
 from np_drake.vehicle import Vehicle
-from np_drake.vehicle.calibration import Calibration
+from np_drake.vehicle.vehicle import Calibration
 
 PLAIN = Vehicle()
 KNOWN = Calibration(

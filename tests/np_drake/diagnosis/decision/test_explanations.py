@@ -8,7 +8,7 @@ import pytest
 from np_drake.diagnosis.decision import explanations
 from np_drake.diagnosis.decision.explanations import explanations_of
 from np_drake.diagnosis.decision.infer import infer
-from np_drake.effects.explanation import STANDS
+from np_drake.effects.effect_entry import STANDS
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError
 

@@ -9,9 +9,9 @@ from np_drake.diagnosis.forward_model.payload_state import Term
 from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.regressors.library import library_candidates
 from np_drake.diagnosis.regressors.regression_problem import RegressionProblem
+from np_drake.effects.base import prior_root
 from np_drake.effects.gyro_bias import GyroBias
 from np_drake.effects.linear_drag import LinearDrag
-from np_drake.effects.parameter_prior import prior_root
 from np_drake.effects.quadratic_drag import QuadraticDrag
 
 OPTIONS = Options.for_sensors(True)

@@ -21,10 +21,10 @@ from np_drake.diagnosis.regressors.library import (
 from np_drake.diagnosis.regressors.payload import LEAST_MASS_DEVIATIONS, heavy_enough, payloads_of
 from np_drake.diagnosis.residuals import flight_residuals as ev
 from np_drake.diagnosis.residuals.make_flight_residuals import make_flight_residuals
+from np_drake.effects.base import correlation_root
 from np_drake.effects.library import LIBRARY
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError
-from np_drake.effects.parameter_prior import correlation_root
 from np_drake.vehicle import Vehicle
 
 REAL, IDEAL = Options.for_sensors(True), Options.for_sensors(False)

@@ -4,11 +4,9 @@ import numpy as np
 import pytest
 
 from np_drake.effects.constant_wind import ConstantWind
-from np_drake.effects.effect_entry import EffectEntry
+from np_drake.effects.effect_entry import EffectEntry, Posterior
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError
-from np_drake.effects.motor_lag import MotorLag
-from np_drake.effects.posterior import Posterior
 
 DRAWS = 4000
 CHANCE = 4.5  # standard errors that draws may be off
@@ -35,32 +33,12 @@ def test_draws_have_the_mean_of_the_effects_and_the_stated_covariance():
     assert {d.made.d_y for _, d in drawn} == {0.3}  # it has no covariance
 
 
-def test_parameters_that_depend_on_each_other_exactly_move_together():
-    singular = np.outer([0.01, 0.02], [0.01, 0.02])
-    drawn = draws(Posterior(NAMES[:2], singular.tolist()).check(), ENTRIES, 20)
-    for mass, drag in drawn:
-        assert drag.made.d_x - 1.0 == pytest.approx(2 * (mass.made.delta_mass - 0.2), abs=1e-9)
-    assert len({mass.made.delta_mass for mass, _ in drawn}) == 20
-
-
 def test_an_effect_acts_with_its_probability():
     unsure = [EffectEntry.of(MassError(0.2), probability=0.3), EffectEntry.of(LinearDrag())]
     drawn = draws(Posterior(), unsure)
     share = np.mean([len(entries) == 2 for entries in drawn])
     assert share == pytest.approx(0.3, abs=CHANCE * np.sqrt(0.21 / DRAWS))
     assert all(entries[-1].effect == "linear_drag" for entries in drawn)
-
-
-def test_a_draw_outside_a_bound_is_at_it():
-    (bounds,) = MotorLag.parameters
-    entry = [EffectEntry.of(MotorLag(bounds.lower))]
-    values = [
-        d.made.time_constant
-        for (d,) in draws(Posterior(["motor_lag.time_constant"], [[1e-4]]), entry, 400)
-    ]
-    assert min(values) == bounds.lower
-    assert np.mean(np.array(values) == bounds.lower) == pytest.approx(0.5, abs=0.12)
-    assert max(values) > bounds.lower
 
 
 def test_a_wind_without_the_drag_through_which_it_acts_is_left_out():
@@ -70,12 +48,6 @@ def test_a_wind_without_the_drag_through_which_it_acts_is_left_out():
     ]
     drawn = {tuple(e.effect for e in entries) for entries in draws(Posterior(), unsure, 50)}
     assert drawn == {("constant_wind", "linear_drag"), ()}
-
-
-def test_deviations_are_the_roots_of_the_diagonal_by_name():
-    dut = Posterior(NAMES, C.tolist()).deviations
-    assert list(dut) == NAMES
-    np.testing.assert_allclose(list(dut.values()), DEVIATION)
 
 
 @pytest.mark.parametrize(

@@ -1,15 +1,15 @@
-"""Faults of a sampled measurement: which sample is delivered, and what is wrong with its content.
+"""Faults of a sampled measurement and of a solver, as pure functions of time and sample.
 
 A reading is the vector (23,) of x (13), acceleration (6) and rotor speed (4), in the order of
 `READING`.
 """
 
 import dataclasses as dc
+from collections.abc import Sequence
 
 import numpy as np
 
-from np_drake import attitude
-from np_drake.rigid_body import P, Q
+from np_drake.mpc.problem import MpcProblem, MpcSolution, MpcSolver, SolverFailure
 
 READING = {"x": slice(0, 13), "acceleration": slice(13, 19), "rotor_speed": slice(19, 23)}
 READING_SIZE = 23
@@ -22,7 +22,6 @@ SENSORS = {
     "all": (*range(0, 19),),
 }
 _ROUNDING = 1e-9  # of a sample's time [s]
-RATE, ACCELERATION = slice(10, 13), slice(13, 16)  # within a reading
 
 
 @dc.dataclass(frozen=True)
@@ -50,11 +49,7 @@ class MeasurementFault:
         return int(np.ceil(self.onset / period - 1e-6))
 
     def delivered(self, k: int, period: float) -> int:
-        """Return the sample that is delivered in place of another.
-
-        Args:
-            period: between samples [s].
-        """
+        """Return the sample that is delivered in place of sample k; `period` [s]."""
         return k
 
     def reads(self, reading: np.ndarray) -> np.ndarray:
@@ -77,35 +72,6 @@ class NanBurst(MeasurementFault):
         spoilt = reading.copy()
         spoilt[list(self.columns)] = np.nan
         return spoilt
-
-
-@dc.dataclass(frozen=True)
-class DroppedSamples(MeasurementFault):
-    """Samples that are lost independently; the last one received stands.
-
-    share: probability of a loss [1].   seed: of the losses.
-    """
-
-    share: float
-    seed: int
-
-    def delivered(self, k: int, period: float) -> int:
-        """Return the last sample up to k that was received."""
-        first = self.first(period)
-        while k >= first and np.random.default_rng((self.seed, k)).random() < self.share:
-            k -= 1
-        return k
-
-
-@dc.dataclass(frozen=True)
-class RepeatedSamples(MeasurementFault):
-    """Stream at a lower rate: each sample is delivered `times` times."""
-
-    times: int
-
-    def delivered(self, k: int, period: float) -> int:
-        """Return the first sample of the group of k."""
-        return k - (k - self.first(period)) % self.times
 
 
 @dc.dataclass(frozen=True)
@@ -133,36 +99,31 @@ class FrozenSamples(MeasurementFault):
 
 
 @dc.dataclass(frozen=True)
-class BiasJump(MeasurementFault):
-    """Constant error of rate and specific force, in body axes.
+class SolverFault:
+    """No solve from `onset` on for `duration` [s] has a usable answer."""
 
-    rate: (3,) [rad/s].   acceleration: (3,) [m/s²].
-    """
+    onset: float
+    duration: float
 
-    rate: tuple[float, float, float]
-    acceleration: tuple[float, float, float]
-
-    def reads(self, reading: np.ndarray) -> np.ndarray:
-        """Return the reading with both errors."""
-        biased = reading.copy()
-        biased[RATE] += self.rate
-        biased[ACCELERATION] += attitude.rotate(reading[Q], np.array(self.acceleration))
-        return biased
+    def spoils(self, t: float) -> bool:
+        """Return whether the solve of the measurement at time t [s] has no usable answer."""
+        return self.onset <= t < self.onset + self.duration
 
 
-@dc.dataclass(frozen=True)
-class PoseJump(MeasurementFault):
-    """Pose of motion capture that is off by a constant, as where it takes one marker for another.
+class FaultySolver:
+    """Solver that answers as another does, except while one of its faults acts."""
 
-    position: (3,) in W [m].   turn: (3,) rotation vector in body axes [rad].
-    """
+    def __init__(self, solver: MpcSolver, faults: Sequence[SolverFault]):
+        self.name = solver.name
+        self._solver, self._faults = solver, tuple(faults)
 
-    position: tuple[float, float, float]
-    turn: tuple[float, float, float]
+    def solve(self, problem: MpcProblem, warm_start: MpcSolution | None = None) -> MpcSolution:
+        """Solve one problem.
 
-    def reads(self, reading: np.ndarray) -> np.ndarray:
-        """Return the reading with position and attitude off."""
-        off = reading.copy()
-        off[P] += self.position
-        off[Q] = attitude.multiply(reading[Q], attitude.from_rotation_vector(np.array(self.turn)))
-        return off
+        Raises: SolverFailure: where a fault acts at the problem's time, or the solver fails of its
+        own.
+        """
+        for fault in self._faults:
+            if fault.spoils(problem.t):
+                raise SolverFailure(f"{self.name}: {type(fault).__name__} at {problem.t:.3f} s.")
+        return self._solver.solve(problem, warm_start)
