@@ -8,8 +8,7 @@ from np_drake.logs.checks import check_table
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats import csv_file, parquet_file
 from np_drake.logs.formats.format import first_bytes
-from np_drake.logs.formats.table import first_line
-from np_drake.logs.formats.table_text import is_comma_separated, split_header
+from np_drake.logs.formats.text_table import first_line, is_comma_separated, split_header
 from np_drake.logs.gaps import bridge_gaps, split_at_gaps
 from np_drake.logs.gaps import repair as repair_table
 from np_drake.logs.import_sheet import read_sheet

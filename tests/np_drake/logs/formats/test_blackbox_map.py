@@ -103,29 +103,12 @@ def test_a_command_is_sampled_where_not_every_loop_is_logged(log, writer, every,
     assert dut.command == meaning
 
 
-@pytest.mark.parametrize(("one_g", "taken"), [("2048", True), ("0", False), ("much", False)])
-def test_an_accelerometer_of_no_scale_is_not_taken(log, writer, one_g, taken):
-    found = contents(log, writer, *(f"accSmooth[{i}]" for i in XYZ), settings={"acc_1G": one_g})
-    dut = BLACKBOX.default_map(found)
-    assert dut is not None
-    assert bool(dut.acceleration) == taken
-
-
 @pytest.mark.parametrize(("version", "scale"), [("4.0.0", 0.01), ("3.5.7", 0.1), ("3.0.1", None)])
 def test_the_voltage_is_in_the_unit_of_its_version(log, writer, version, scale):
     settings = {"Firmware revision": f"Betaflight {version} (abc) OMNIBUSF4"}
     dut = BLACKBOX.default_map(contents(log, writer, "vbatLatest", settings=settings))
     assert dut is not None
     assert (dut.voltage.scale if dut.voltage else None) == scale
-
-
-@pytest.mark.parametrize("count", [0, 3, 4, 6, 8])
-def test_motors_are_those_that_are_logged(log, writer, count):
-    dut = BLACKBOX.motors(contents(log, writer, "x", *(f"motor[{i}]" for i in range(count))))
-    assert len(dut.throttle.columns) == (count if count in (4, 6, 8) else 0)
-    assert (dut.layout is not None) == (count == 4)
-    assert bool(dut.notes) == (count not in (0, 4))
-    assert not dut.throttle or dut.throttle.ends == [158, 2047]
 
 
 def test_a_turned_imu_is_told_from_where_it_is_learnt_on(log, writer):

@@ -68,14 +68,6 @@ def test_without_a_command_thrust_comes_from_rotor_speed(flight, tmp_path):
     assert any("rotor_speed" in note for note in dut.notes)
 
 
-def test_a_vehicle_file_can_ask_for_rotor_speed(flight, tmp_path):
-    write_log(flight, tmp_path / "made.csv")
-    assert (
-        open_flights(tmp_path / "made.csv", Vehicle(input="rotor_speed"))[0][0].input
-        == "rotor_speed"
-    )
-
-
 def test_a_vehicle_file_that_asks_for_rotor_speed_in_vain_is_told_of(flight, tmp_path):
     write_log(dc.replace(flight, rotor=None), tmp_path / "made.csv")
     dut = open_flights(tmp_path / "made.csv", Vehicle(input="rotor_speed"))[0][0]
@@ -86,13 +78,6 @@ def test_a_vehicle_file_that_asks_for_rotor_speed_in_vain_is_told_of(flight, tmp
             "input: rotor_speed"
         )
     ]
-
-
-def test_without_a_vehicle_rotor_speed_stays_what_it_is(flight, tmp_path):
-    write_log(dc.replace(flight, input="rotor_speed"), tmp_path / "made.csv")
-    (dut,) = read_flights(tmp_path / "made.csv")
-    assert dut.input == "rotor_speed"
-    assert np.isnan(dut.u).all()
 
 
 def test_no_command_and_no_way_to_one_is_refused(flight, tmp_path):

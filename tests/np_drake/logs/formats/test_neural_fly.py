@@ -4,15 +4,12 @@ real flights.
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from scipy.signal import butter, filtfilt
 from scipy.spatial.transform import Rotation
 
-from np_drake.logs.errors import LogError
 from np_drake.logs.formats.format import Stream, by_stream
 from np_drake.logs.formats.library import format_of
-from np_drake.logs.formats.neural_fly import NEURAL_FLY
+from np_drake.logs.formats.table import NEURAL_FLY
 
 FLIGHTS = [
     f"custom_figure8_{method}_{wind}.csv.gz"
@@ -56,26 +53,6 @@ def test_what_was_written_is_read_bit_for_bit(tmp_path, write_neural_fly):
 
 def test_a_file_without_its_columns_has_no_default_map():
     assert NEURAL_FLY.default_map({"table": ("t", "p[0]")}) is None
-
-
-@given(share=st.floats(0, 1), at=st.integers(0, 3000), byte=st.integers(0, 255))
-@settings(max_examples=60, deadline=None)
-@pytest.mark.parametrize("suffix", [".csv", ".csv.gz"])
-def test_a_damaged_file_ends_in_a_recording_or_one_line(
-    tmp_path_factory, write_neural_fly, suffix, share, at, byte
-):
-    path = tmp_path_factory.mktemp("neural_fly") / f"made{suffix}"
-    write_neural_fly(path, {"table": Stream(np.arange(6.0), {"p[0]": np.arange(6.0)})})
-    content = bytearray(path.read_bytes())
-    content[at % len(content)] = byte
-    path.write_bytes(content[: int(share * len(content))])
-    try:
-        wanted = {name: list(columns) for name, columns in NEURAL_FLY.contents(path).items()}
-        message = f"{path}: {len(NEURAL_FLY.read(path, wanted, lambda _: None).streams)} stream"
-    except LogError as error:
-        message = str(error)
-    assert message.startswith(str(path))
-    assert "\n" not in message
 
 
 def test_a_real_flight_is_recognised_with_all_its_columns(flight):

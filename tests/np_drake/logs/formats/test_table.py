@@ -8,11 +8,7 @@ import sys
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from hypothesis.extra import numpy as stn
 
-from np_drake.logs import text_lines
 from np_drake.logs.columns import NAMES
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.format import Stream
@@ -57,18 +53,8 @@ def test_what_was_written_is_read_bit_for_bit(made, tmp_path, write_table, suffi
     np.testing.assert_array_equal(dut.columns["y"], made.columns["y"])
 
 
-@given(stn.arrays(float, st.tuples(st.integers(1, 6), st.just(2)), elements=st.floats()))
-def test_every_number_is_read_bit_for_bit(tmp_path_factory, write_table, values):
-    path = tmp_path_factory.mktemp("table") / "any.csv"
-    write_table(path, {"table": Stream(values[:, 0], {"x": values[:, 1]})})
-    dut = read(path, "x").streams["table"]
-    np.testing.assert_array_equal(np.stack([dut.t, dut.columns["x"]], axis=1), values)
-
-
-@pytest.mark.parametrize("suffix", [".csv", ".csv.gz", ".parquet"])
+@pytest.mark.parametrize("suffix", [".csv", ".csv.gz"])
 def test_lists_in_cells_become_columns_row_by_row(tmp_path, write_table, suffix):
-    if suffix == ".parquet":
-        pytest.importorskip("pyarrow", reason="Parquet needs pyarrow")
     vectors, matrices = np.arange(12.0).reshape(4, 3), np.arange(36.0).reshape(4, 3, 3)
     path = tmp_path / f"made{suffix}"
     write_table(path, {"table": Stream(np.arange(4.0), {"p": vectors, "R": matrices})})
@@ -275,27 +261,6 @@ def test_a_damaged_gzip_is_refused(tmp_path):
         read(tmp_path / "made.csv.gz", "x")
 
 
-def test_a_line_that_is_too_long_is_refused(tmp_path):
-    path = tmp_path / "long.csv"
-    path.write_text("t,x\n1,2\n" + "1" * text_lines.MAX_LINE + ",2\n")
-    with pytest.raises(LogError, match="line 3: must have at most 1000000 characters"):
-        read(path, "x")
-
-
-def test_what_fills_the_memory_is_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr(text_lines, "text_budget", lambda path: 50_000)
-    (tmp_path / "bomb.csv.gz").write_bytes(gzip.compress(b"t,x\n" + b"1,2\n" * 10**6))
-    with pytest.raises(LogError, match="at most 0 MB of text"):
-        read(tmp_path / "bomb.csv.gz", "x")
-    require, more = text_lines.require_rows_within_limit, text_lines.MAX_ROWS - 10  # than there are
-    monkeypatch.setattr(
-        text_lines, "require_rows_within_limit", lambda path, rows: require(path, rows + more)
-    )
-    (tmp_path / "rows.csv").write_text("t,x\n" + "1,2\n" * 11)
-    with pytest.raises(LogError, match=r"at most .* rows"):
-        read(tmp_path / "rows.csv", "x")
-
-
 def test_a_header_of_absurd_width_is_refused_at_once(tmp_path):
     (tmp_path / "made.csv").write_text(",".join(f"c{i}" for i in range(20000)) + "\n")
     with pytest.raises(LogError, match="at most 10000 columns"):
@@ -303,69 +268,6 @@ def test_a_header_of_absurd_width_is_refused_at_once(tmp_path):
     (tmp_path / "list.csv").write_text('t,x\n0,"[' + "1 " * 20000 + ']"\n')
     with pytest.raises(LogError, match="at most 10000 numbers"):
         TABLE.contents(tmp_path / "list.csv")
-
-
-@pytest.mark.parametrize("suffix", [".csv", ".csv.gz", ".tsv", ".parquet"])
-@given(content=st.binary(max_size=300))
-@settings(max_examples=60, deadline=None)
-def test_any_bytes_end_in_a_recording_or_one_line(tmp_path_factory, suffix, content):
-    path = tmp_path_factory.mktemp("table") / f"any{suffix}"
-    path.write_bytes(content)
-    assert_recording_or_one_line(path)
-
-
-@given(text=st.text(alphabet='tx01.,;\t"[]- \nnae#', max_size=120))
-@settings(max_examples=300, deadline=None)
-def test_any_text_ends_in_a_recording_or_one_line(tmp_path_factory, text):
-    path = tmp_path_factory.mktemp("table") / "any.csv"
-    path.write_text("t,x\n" + text)
-    assert_recording_or_one_line(path)
-
-
-@pytest.mark.parametrize("suffix", SUFFIXES)
-@given(share=st.floats(0, 1))
-@settings(max_examples=40, deadline=None)
-def test_any_beginning_of_a_table_ends_in_a_recording_or_one_line(
-    tmp_path_factory, write_table, suffix, share
-):
-    if suffix == ".parquet":
-        pytest.importorskip("pyarrow", reason="Parquet needs pyarrow")
-    path = tmp_path_factory.mktemp("table") / f"made{suffix}"
-    write_table(
-        path, {"table": Stream(np.arange(20.0), {"x": np.arange(20.0), "p": np.ones((20, 3))})}
-    )
-    content = path.read_bytes()
-    path.write_bytes(content[: int(share * len(content))])
-    assert_recording_or_one_line(path)
-
-
-def assert_recording_or_one_line(path):
-    try:
-        message = f"{path}: {len(read(path).streams)} stream"
-    except LogError as error:
-        message = str(error)
-    assert message.startswith(str(path))
-    assert "\n" not in message
-
-
-def test_numbers_of_a_parquet_may_be_of_any_kind(tmp_path):
-    pyarrow = pytest.importorskip("pyarrow", reason="Parquet needs pyarrow")
-    parquet = pytest.importorskip("pyarrow.parquet", reason="Parquet needs pyarrow")
-    stamps = pyarrow.array([1_000_000, 1_500_000], pyarrow.timestamp("us"))
-    columns = {"time": stamps, "n": [1, None], "b": [True, False], "mode": ["auto", "manual"]}
-    parquet.write_table(pyarrow.table(columns), str(tmp_path / "made.parquet"))
-    assert TABLE.contents(tmp_path / "made.parquet") == {"table": ("time", "n", "b")}
-    dut = read(tmp_path / "made.parquet", "n", "b").streams["table"]
-    np.testing.assert_array_equal(dut.t, [1.0, 1.5])
-    np.testing.assert_array_equal(dut.columns["n"], [1, np.nan])
-    np.testing.assert_array_equal(dut.columns["b"], [1, 0])
-
-
-def test_parquet_without_pyarrow_says_what_to_install(tmp_path, monkeypatch):
-    monkeypatch.setitem(sys.modules, "pyarrow", None)
-    (tmp_path / "made.parquet").write_bytes(b"PAR1")
-    with pytest.raises(LogError, match=r"pip install 'np_drake\[parquet\]'"):
-        read(tmp_path / "made.parquet")
 
 
 MEASURE = """
