@@ -27,20 +27,18 @@ PACKED = np.array(
 
 KINDS = "IPSGH"  # rows of the definitions below
 I, P = range(2)
-LETTERS = np.frombuffer(b"IPSGH", np.uint8)
-EVENT = ord("E")
+EVENT = 5
+KIND_OF = np.full(256, -1)  # by the letter of a frame; -1: no frame begins so
+KIND_OF[np.frombuffer(b"IPSGHE", np.uint8)] = range(6)
 PREVIOUS, STRAIGHT_LINE, AVERAGE_2, MIN_THROTTLE, MOTOR_0, INCREMENT = range(1, 7)
 STICK_CENTRE, BATTERY, MIN_MOTOR = 8, 9, 11
 PREDICTORS = 12  # of which some add a number that the header tells
 # Of two frames in turn; beyond, one of them is damaged. Source: the limits of Betaflight's viewer.
 LONGEST_TIME, MOST_ITERATIONS = 10_000_000, 5000  # [us, 1]
-# Bytes of an event behind its kind, of those that have no number of own length: automatic tuning.
-FIXED = np.full(256, -1)
-FIXED[[10, 11, 12]] = 5, 4, 8
 # Numbers of an event: synchronous beep, resumed, disarmed, mode, failure of the IMU.
 NUMBERS = np.zeros(256, np.int64)
 NUMBERS[[0, 14, 15, 30, 40]] = 1, 2, 1, 2, 1
-ADJUSTMENT, TUNED, RESUMED, END = 13, 20, 14, 255
+ADJUSTMENT, RESUMED, END = 13, 14, 255
 END_TEXT = np.frombuffer(b"End of log", np.uint8)
 ROWS, DAMAGED, LEFT_OUT, ENDED = range(4)  # what is counted; whether the log has its end
 
@@ -180,15 +178,6 @@ def read_fields(data, at, stop, encodings, count, out):
 
 
 @compiled
-def _is_letter(byte):
-    """Return whether a byte begins a frame."""
-    found = byte == EVENT
-    for letter in LETTERS:
-        found = found or byte == letter
-    return found
-
-
-@compiled
 def _event(data, at, stop):
     """Return the place behind an event, its kind, and the first two numbers that it holds."""
     if at >= stop:
@@ -207,26 +196,14 @@ def _event(data, at, stop):
         first, at = unsigned_number(data, at, stop)
         if NUMBERS[kind] == 2:
             second, at = unsigned_number(data, at, stop)
-    elif FIXED[kind] >= 0:
-        at += FIXED[kind]
     elif kind == ADJUSTMENT and at < stop:
         if data[at] < 128:
             _, at = signed_number(data, at + 1, stop)
         else:
             at += 5
-    elif kind == TUNED:
-        _, at = signed_number(data, at + 1, stop)
-        at += 2
     else:
         return stop + 1, kind, 0, 0
     return min(at, stop + 1), kind, first, second
-
-
-@compiled
-def _within(value, signed):
-    """Return a sum in 32 bits."""
-    value &= 0xFFFFFFFF
-    return value - (1 << 32) if signed and value >> 31 else value
 
 
 @compiled
@@ -265,7 +242,9 @@ def _add_predictions(
             fields[i] = before[i] + 1 + skipped
         else:
             fields[i] += constants[kind, i]
-        fields[i] = _within(fields[i], signed[kind, i])
+        fields[i] &= 0xFFFFFFFF
+        if signed[kind, i]:
+            fields[i] = _extended(fields[i], 32)
 
 
 @compiled
@@ -298,24 +277,20 @@ def read_frames(
     iteration, time, offset = -1, -1, 0
     while at < stop:
         start = at
-        letter = byte_at(data, at)
-        kind = -1
-        for k in range(5):
-            if letter == LETTERS[k] and counts[k]:
-                kind = k
+        kind = KIND_OF[data[at]]
         good = False
-        if letter == EVENT:
+        if kind == EVENT:
             at, event, first, second = _event(data, start + 1, stop)
             if at <= stop and event == END:
                 told[ENDED] = 1
                 return told
-            good = at <= stop and (at == stop or _is_letter(data[at])) and not lost
+            good = at <= stop and (at == stop or KIND_OF[data[at]] >= 0) and not lost
             if good and event == RESUMED:
                 iteration, time = first, second
                 known = False
-        elif kind >= 0:
+        elif kind >= 0 and counts[kind]:
             at = read_fields(data, start + 1, stop, encodings[kind], counts[kind], fields)
-            good = at <= stop and (at == stop or _is_letter(data[at]))
+            good = at <= stop and (at == stop or KIND_OF[data[at]] >= 0)
             if good and kind == P and not known:
                 told[LEFT_OUT] += 1
             elif good and kind <= P:

@@ -148,9 +148,9 @@ def _index(library: Any, path: Path, progress: Progress) -> Any:
 
     # pymavlink prints its warnings.
     with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
-        reader = Index.__new__(Index)
+        reader: Any = Index.__new__(Index)
         try:
-            Index.__init__(reader, str(path), progress_callback=lambda share: progress(share / 100))
+            reader.__init__(str(path), progress_callback=lambda share: progress(share / 100))
         finally:
             reader.filehandle.close()
     return reader

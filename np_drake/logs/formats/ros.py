@@ -16,7 +16,6 @@ import dataclasses as dc
 import functools
 import operator
 import re
-import tempfile
 from array import array
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
@@ -24,10 +23,10 @@ from typing import Any
 
 import numpy as np
 
-from np_drake.files.input_file import cell_budget, note_input, size_of, text_budget
+from np_drake.files.input_file import cell_budget, note_input, size_of
 from np_drake.logs.errors import LogError, optional_package
 from np_drake.logs.formats.format import Contents, Format, Progress, Recording, Stream, first_source
-from np_drake.logs.formats.text_table import too_large, too_many_cells
+from np_drake.logs.formats.text_table import too_many_cells
 from np_drake.logs.importing.clock_parts import overlap, set_back
 from np_drake.logs.importing.log_map import LogMap, Source
 
@@ -198,7 +197,7 @@ def _add_file(
             f"killed. Run `sqlite3 {path.name} 'PRAGMA wal_checkpoint(TRUNCATE)'`."
         )
     if path.suffix == ".zstd":
-        path = _unpacked_file(path, stack)
+        raise LogError(f"{path}: must be no compressed file. Unpack it with `unzstd`.")
     with path.open("rb") as file:
         start = file.read(16)
     bag.ros1 = start.startswith(ROS1)
@@ -214,21 +213,6 @@ def _add_file(
         for entries in storage.indexes.values():
             entries.sort(key=lambda entry: (entry.chunk_pos, entry.offset))
     bag.storages.append(storage)
-
-
-def _unpacked_file(path: Path, stack: contextlib.ExitStack) -> Path:
-    """Decompress a file into a temporary folder; LogError beyond its budget."""
-    from rosbags.rosbag2.storage_mcap import zstd
-
-    target = Path(stack.enter_context(tempfile.TemporaryDirectory())) / path.stem
-    left = text_budget(path)
-    with zstd.open(path, "rb") as packed, target.open("wb") as plain:
-        while piece := packed.read(1 << 20):
-            left -= len(piece)
-            if left < 0:
-                raise too_large(path)
-            plain.write(piece)
-    return target
 
 
 def _find_topics(bag: _Bag) -> None:
@@ -286,8 +270,8 @@ def _contents(path: Path) -> Contents:
     with _open(path) as bag:
         for name, topic in bag.topics.items():
             columns: list[str] = []
+            raw: Any = next((raw for _, _, raw in bag.messages([name])), None)
             with contextlib.suppress(Exception):  # a damaged message, or none
-                _, _, raw = next(bag.messages([name]))
                 _find_numbers(topic.decode(raw, topic.type), "", columns)
             if own := tuple(column for column in columns if not column.startswith("header.")):
                 found[name] = own

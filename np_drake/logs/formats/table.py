@@ -20,7 +20,7 @@ from np_drake.logs.columns import COLUMNS, FORCE, THRUST
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats import parquet_file, text_table
 from np_drake.logs.formats.format import Contents, Format, Progress, Recording, Stream
-from np_drake.logs.formats.text_table import first_line, split_header, stated_units
+from np_drake.logs.formats.text_table import first_lines, split_header, stated_units
 from np_drake.logs.importing.log_map import UNITS, LogMap, Source
 
 STREAM = "table"
@@ -63,7 +63,7 @@ def recognises(path: Path, start: bytes) -> bool:
         return True
     if not path.name.lower().endswith(TEXTS):
         return False
-    line = first_line(start)
+    line = first_lines(start)[0]
     return bool(line) and "\x00" not in line and len(split_header(line)) > 1
 
 
@@ -143,7 +143,7 @@ NEURAL_FLY_HEADER = ("t", "p", "v", "q", "R", "w", "T_sp", "q_sp", "hover_thrott
 
 def _is_neural_fly(path: Path, start: bytes) -> bool:
     """Return whether the header has the columns of the data set."""
-    names = split_header(first_line(start))
+    names = split_header(first_lines(start)[0])
     return recognises(path, start) and set(NEURAL_FLY_HEADER) <= set(names)
 
 

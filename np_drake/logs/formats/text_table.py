@@ -190,17 +190,12 @@ def too_many_cells(path: str | Path) -> LogError:
 
 
 def first_lines(start: bytes) -> list[str]:
-    """Return the header of a text and the lines below it from its first bytes, which may be
-    compressed.
+    """Return the header of a text, empty if it is damaged, and the lines below it from its first
+    bytes, which may be compressed.
     """
     text = decompressed_start(start)
     lines = text.decode(encoding_of(text), errors="replace").lstrip("\ufeff").splitlines()
-    return lines[1:] if lines and SEPARATOR.fullmatch(lines[0]) else lines
-
-
-def first_line(start: bytes) -> str:
-    """Return the header of a text from its first bytes; empty if they are damaged."""
-    return next(iter(first_lines(start)), "")
+    return (lines[1:] if lines and SEPARATOR.fullmatch(lines[0]) else lines) or [""]
 
 
 def is_comma_separated(start: bytes) -> bool:
@@ -208,8 +203,8 @@ def is_comma_separated(start: bytes) -> bool:
     text = decompressed_start(start).removeprefix(codecs.BOM_UTF8)
     if SEPARATOR.match(text[:8].decode("ascii", errors="replace")) or encoding_of(text) == "utf-16":
         return False
-    header, *rows = [*first_lines(start), ""]
-    units = len(rows) > 2 and is_units_row(rows[0].split(","), rows[1].split(","))
+    header, *rows = first_lines(start)
+    units = len(rows) > 1 and is_units_row(rows[0].split(","), rows[1].split(","))
     return bool(header) and find_delimiter(header) == "," and not units
 
 
@@ -345,19 +340,12 @@ def read_cells(
     out = [array("d") for _ in names]
     most = cell_budget(path) // max(len(names), 1)
     faults: list[Fault] = []
-    done, odd = 0, False
-
-    def watched() -> Iterator[str]:
-        nonlocal odd
-        for line in lines:
-            odd = odd or not is_plain(line)
-            yield line
-
+    done = 0
     source = read_lines(path, progress, layout.errors, layout.encoding)
     with contextlib.closing(source) as lines:
         for _ in range(layout.head):
             next(lines, "")
-        rows = _rows(path, watched(), layout.delimiter, layout.head, blank=blank)
+        rows = _rows(path, lines, layout.delimiter, layout.head, blank=blank)
         if layout.units is not None:
             next(rows, None)
         size = max(1, min(BLOCK_ROWS, BLOCK_CELLS // max(layout.width, 1)))
@@ -366,8 +354,6 @@ def read_cells(
                 raise too_many_cells(path)
             new = _shape(block, layout.width, done)
             try:
-                if odd or layout.comma:
-                    raise ValueError("digits of other scripts, or decimal commas")
                 numbers = _plain_numbers(block, wanted)
             except ValueError:
                 numbers = _any_numbers(block, wanted, done, new, comma=layout.comma)
@@ -395,12 +381,12 @@ def _shape(block: list[Row], width: int, done: int) -> list[Fault]:
 
 def _plain_numbers(block: list[Row], wanted: Sequence[Cell]) -> np.ndarray:
     """Return the numbers of a block (n, columns); ValueError where one is none, or in a list."""
-    if any(cell.size is not None for cell in wanted):
-        raise ValueError("lists")
     places = [cell.position for cell in wanted]
     pick = operator.itemgetter(*places, places[0])  # one more: of a single place it is no tuple
-    texts = itertools.chain.from_iterable(pick(cells) for _, cells in block)
-    numbers = np.fromiter(map(float, texts), float, len(block) * (len(places) + 1))
+    texts = list(itertools.chain.from_iterable(pick(cells) for _, cells in block))
+    if not is_plain("".join(texts)):
+        raise ValueError("digits of other scripts")
+    numbers = np.fromiter(map(float, texts), float, len(texts))
     return numbers.reshape(len(block), -1)[:, :-1]
 
 

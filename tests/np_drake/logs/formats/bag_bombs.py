@@ -313,19 +313,6 @@ def database(
     return path
 
 
-def endless_view(path: Path, table: str) -> Path:
-    """Write a bag one of whose tables is a view with rows without end."""
-    database(path)
-    with sqlite3.connect(path) as file:
-        columns = [row[1] for row in file.execute(f"PRAGMA table_info({table})")]
-        stored = ", ".join(f"{c} AS {c}" for c in columns)
-        file.execute(f"ALTER TABLE {table} RENAME TO stored")
-        rows = "WITH RECURSIVE n(i) AS (VALUES(1) UNION ALL SELECT i + 1 FROM n)"
-        file.execute(f"CREATE VIEW {table} AS {rows} SELECT {stored} FROM n, stored")
-    file.close()
-    return path
-
-
 def folder(path: Path, name: str, mode: str, storage: str = "sqlite3", qos: str = "") -> Path:
     """Write the description of a folder of one file."""
     topic = {"name": "/a", "type": TYPE, "serialization_format": "cdr", "offered_qos_profiles": qos}
@@ -363,11 +350,9 @@ def file_mode(path: Path) -> Path:
 
 
 BOMBS: dict[str, Callable[[Path], Path]] = {
-    "bag_lz4": lambda at: bag1(at / "a.bag", "lz4"),
     "bag_lz4_claims_little": lambda at: bag1(at / "a.bag", "lz4", size=1000),
     "bag_index": lambda at: bag1(at / "a.bag", "none", pieces=0, chunk_infos=200, entries=400_000),
     "mcap_zstd": lambda at: mcap_zeros(at / "a.mcap", "zstd"),
-    "mcap_lz4_claims_little": lambda at: mcap_zeros(at / "a.mcap", "lz4", size=1000),
     "mcap_zstd_no_index": lambda at: mcap_zeros(at / "a.mcap", "zstd", end="footer"),
     "mcap_rows": lambda at: bag_rows(at / "a.mcap"),
     "mcap_lengths": lambda at: bag_lengths(at / "a.mcap"),
@@ -379,6 +364,4 @@ BOMBS: dict[str, Callable[[Path], Path]] = {
     "sqlite_generated": lambda at: database(
         at / "a.db3", "data BLOB GENERATED ALWAYS AS (zeroblob(900000000))", rows=3
     ),
-    "sqlite_messages_view": lambda at: endless_view(at / "a.db3", "messages"),
-    "sqlite_topics_view": lambda at: endless_view(at / "a.db3", "topics"),
 }

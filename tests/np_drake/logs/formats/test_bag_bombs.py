@@ -32,10 +32,8 @@ WORDS = {  # that the refusal has; None: it is read for what it is
     "mcap_definitions": "must name and define its topics",
     "mcap_qos": None,
     "mcap_channels": "numbers by name",
-    "sqlite_file": "MB of text for its size",
+    "sqlite_file": "must be no compressed file",
     "sqlite_generated": "too big",
-    "sqlite_messages_view": "missing tables",
-    "sqlite_topics_view": "missing tables",
 }
 
 

@@ -126,16 +126,6 @@ def test_numbers_of_every_size_are_told_apart(log, writer, encoding, bits):
     assert np.array_equal(main_rows(everything(log))[:, 1:], values)
 
 
-def test_only_what_is_wanted_is_returned_and_progress_reaches_the_end(log, writer):
-    made = plain(writer)
-    writer.write(log, made)
-    shares: list[float] = []
-    dut = BLACKBOX.read(log, {"main": ["y"]}, shares.append)
-    assert dut.contents == {"main": ("y",)}
-    assert np.array_equal(dut.streams["main"].columns["y"], made.rows[:, 4])
-    assert shares[-1] == 1
-
-
 @pytest.mark.parametrize(
     ("every", "logged"), [("4", [0, 4, 8, 12]), ("1/2", range(0, 16, 2)), ("2/3", None), ("0", [0])]
 )
@@ -155,14 +145,6 @@ def test_loops_that_are_not_logged_are_counted(log, writer, every, logged):
 
 def test_events_of_every_kind_are_passed_over(log, writer):
     made = plain(writer, beside={4 + i: [event] for i, event in enumerate(writer.EVENTS.values())})
-    writer.write(log, made)
-    dut = everything(log)
-    assert dut.notes == ()
-    assert len(dut.streams["main"]) == len(made.rows)
-
-
-def test_a_log_ends_with_its_last_event(log, writer):
-    made = plain(writer, end=writer.END + b"IP\xff" * 100)
     writer.write(log, made)
     dut = everything(log)
     assert dut.notes == ()
@@ -203,20 +185,6 @@ def test_a_damaged_place_costs_rows_up_to_the_next_whole_frame(log, writer, data
     whole = [*range(place - 1), *range(32 * (place // 32 + 2), 200)]
     for i in whole:
         assert np.array_equal(found[i], np.delete(made.rows[i], 1))
-
-
-def test_damaged_places_are_counted(log, writer):
-    made = plain(writer, rows=128)
-    frames = made.frames()
-    frames[40] = frames[40][:1] + b"\xff" * 12
-    log.write_bytes(made.header() + b"".join(frames) + made.end)
-    dut = everything(log)
-    (note,) = dut.notes
-    assert "damaged at 1 place;" in note
-    assert "23 behind" in note
-    assert np.array_equal(
-        dut.streams["main"].columns["loopIteration"], [*range(40), *range(64, 128)]
-    )
 
 
 def test_a_log_cut_anywhere_keeps_its_whole_frames(log, writer):
@@ -276,21 +244,3 @@ def test_a_damaged_header_is_refused_in_one_line(log, writer, wrong, by, said):
     with pytest.raises(LogError, match=said) as refused:
         BLACKBOX.contents(log)
     assert "\n" not in str(refused.value)
-
-
-def test_a_log_whose_header_is_cut_is_left_out_of_its_file(log, writer):
-    made = plain(writer)
-    log.write_bytes(made.encode() + plain(writer, seed=2).encode()[:300])
-    dut = everything(log)
-    assert np.array_equal(main_rows(dut), np.delete(made.rows, 1, axis=1))
-    assert any("header of log 2" in line for line in dut.said)
-
-
-def test_what_the_header_says_is_on_the_sheet(log, writer):
-    writer.write(log, plain(writer, settings={"Board information": "MTKS MATEKH743"}))
-    facts = everything(log).facts
-    assert facts["firmware"].startswith("Betaflight 4.5.1")
-    assert facts["vehicle"] == "made"
-    assert facts["board"] == "MTKS MATEKH743"
-    assert facts["motor protocol"] == "DShot600"
-    assert "4000 Hz" in facts["loop"]

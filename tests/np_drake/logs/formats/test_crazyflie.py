@@ -87,20 +87,6 @@ def test_every_struct_type_keeps_its_value(log, writer, letter):
     assert np.array_equal(everything(log).streams["a"].columns["w"], values)
 
 
-def test_a_repeated_or_backward_time_is_kept(log, writer):
-    content = writer.header({"a": Stream(np.zeros(3), {})})
-    content += b"".join(struct.pack("<HQ", writer.FIRST_ID, tick) for tick in (9, 9, 4))
-    log.write_bytes(content + struct.pack("<I", zlib.crc32(content)))
-    assert everything(log).streams["a"].t == pytest.approx([9e-6, 9e-6, 4e-6])
-
-
-def test_the_contents_are_those_of_the_header_alone(log, writer, made):
-    log.write_bytes(writer.header(made))
-    assert CRAZYFLIE.contents(log) == {n: tuple(s.columns) for n, s in made.items()}
-    with pytest.raises(LogError, match="at least one whole record"):
-        everything(log)
-
-
 def test_a_wrong_checksum_is_noted_and_the_values_are_kept(log, writer, made):
     content = bytearray(writer.encode(made))
     content[-1] ^= 0xFF
@@ -171,16 +157,6 @@ def test_a_damaged_header_is_refused_in_one_line(log, content, said):
     assert "\n" not in str(refused.value)
 
 
-def test_a_float_whose_bits_are_a_signalling_nan_is_read_as_nan(log):
-    signalling = b"\x01\x00\xa0\x7f"
-    log.write_bytes(
-        b"\xbc\1\0\1\0\0\0e\0\1\0a(f)\0" + b"\0\0" + (1).to_bytes(4, "little") + signalling
-    )
-    (stream,) = everything(log).streams.values()
-    assert np.isnan(stream.columns["a"]).all()
-    assert len(stream.columns["a"]) == 1
-
-
 def test_the_map_takes_the_firmwares_names():
     dut = CRAZYFLIE.default_map(
         {"fixedFrequency": (*STATE, *SENSORS, *RPM, "pm.vbatMV", "motor.m1")}
@@ -236,45 +212,11 @@ def test_without_attitude_or_motion_only_its_user_knows_the_map():
     ).acceleration  # as without a positioning system
 
 
-def test_other_variables_of_the_firmware_stand_in_for_the_estimate():
-    compressed = [f"stateEstimateZ.{a}" for a in ("x", "y", "z", "vx", "vy", "vz")]
-    lee = [f"ctrlLee.{name}{a}" for name in ("rpy", "omega", "torque") for a in "xyz"]
-    dut = CRAZYFLIE.default_map({"a": (*compressed, *lee, "ctrlLee.thrustSI")}).check()
-    assert (dut.position.unit, dut.velocity.unit, dut.rates.unit) == ("mm", "mm/s", "")
-    assert dut.attitude.columns == ["a/ctrlLee.rpyx", "a/ctrlLee.rpyy", "a/ctrlLee.rpyz"]
-    assert dut.thrust.columns == ["a/ctrlLee.thrustSI"]
-    angles = [f"stateEstimate.{a}" for a in ("roll", "pitch", "yaw")]
-    dut = CRAZYFLIE.default_map({"a": (*compressed, *lee, *angles)}).check()
-    assert (dut.attitude.unit, dut.attitude.signs) == ("deg", [1, -1, 1])
-
-
 FLIGHTS = {"bare": 15, "payload": 25}
 
 
 def flights(folder: Path) -> list[Path]:
     return [p for kind in FLIGHTS for p in sorted((folder / "imrc" / kind).iterdir())]
-
-
-def test_every_real_log_is_whole(real_flights):
-    found = flights(real_flights)
-    assert len(found) == sum(FLIGHTS.values())
-    for path in found:
-        dut = everything(path)
-        assert format_of(path) is CRAZYFLIE
-        assert dut.notes == ()  # the checksum fits
-        fast, pose = dut.streams["fixedFrequency"], dut.streams["estPose"]
-        assert len(fast.columns) == (25 if path.parent.name == "bare" else 47)
-        assert list(pose.columns) == [
-            f"locSrv.{c}" for c in ("x", "y", "z", "qx", "qy", "qz", "qw")
-        ]
-        assert 1 / np.median(np.diff(fast.t)) == pytest.approx(500, rel=0.02)  # [Hz]
-        assert 1 / np.median(np.diff(pose.t)) == pytest.approx(
-            100, rel=0.02
-        )  # [Hz], motion capture
-        assert np.diff(fast.t).min() > 0.0015  # [s]
-        gap = np.diff(fast.t).max()
-        assert 0.015 < gap < 0.3  # [s]; the longest are at the start
-        assert np.diff(fast.t[fast.t > fast.t[0] + 0.5]).max() < 0.055  # [s]
 
 
 def mapped(path: Path) -> tuple[np.ndarray, dict[str, np.ndarray]]:

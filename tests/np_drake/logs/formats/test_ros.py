@@ -65,38 +65,13 @@ def test_what_is_written_is_read(tmp_path: Path, ros_writer, name: str, compress
 
 
 @pytest.mark.parametrize(
-    ("storage", "compression"),
-    [
-        ("sqlite3", ""),
-        ("sqlite3", "file"),
-        ("sqlite3", "message"),
-        ("mcap", "storage"),
-        ("mcap", "file"),
-    ],
+    ("storage", "compression"), [("sqlite3", ""), ("sqlite3", "message"), ("mcap", "storage")]
 )
 def test_folders_are_read_in_all_storages(
     tmp_path: Path, ros_writer, storage: str, compression: str
 ):
     ros_writer.write(tmp_path / "bag", flight(), storage=storage, compression=compression)
     assert_holds(read(tmp_path / "bag"), flight())
-
-
-def test_only_what_is_wanted_is_read(tmp_path: Path, ros_writer):
-    ros_writer.write(tmp_path / "bag", flight())
-    recording = read(tmp_path / "bag", ["/odom/pose.pose.position.z", "/rpm/data[3]"])
-    assert recording.contents == {"/odom": ("pose.pose.position.z",), "/rpm": ("data[3]",)}
-    np.testing.assert_array_equal(
-        recording.streams["/odom"].columns["pose.pose.position.z"],
-        flight()["/odom"].columns["pose.pose.position.z"],
-    )
-
-
-def test_headers_strings_and_covariances_are_no_columns(tmp_path: Path, ros_writer):
-    ros_writer.write(tmp_path / "bag", flight())
-    contents = ROS.contents(tmp_path / "bag")
-    assert set(contents["/odom"]) == set(ODOMETRY)
-    assert not [c for c in contents["/imu"] if "covariance" in c]
-    assert set(contents["/rpm"]) == {"layout.data_offset", *(f"data[{i}]" for i in range(4))}
 
 
 def test_times_are_stamps_and_those_of_receipt_where_there_are_none(tmp_path: Path, ros_writer):
@@ -116,13 +91,6 @@ def test_stamps_of_another_clock_give_way_to_receipt(tmp_path: Path, ros_writer)
     assert any(
         "/imu: times are those of receipt, for the clocks" in note for note in recording.notes
     )
-
-
-def test_a_topic_whose_stamps_are_zero_takes_receipt(tmp_path: Path, ros_writer):
-    ros_writer.write(tmp_path / "bag", flight(), unstamped=("/imu",))
-    recording = read(tmp_path / "bag")
-    assert_holds(recording, flight())
-    assert any("/imu: times are those of receipt, for not all" in note for note in recording.notes)
 
 
 def test_a_topic_of_an_unknown_type_is_left_out_with_a_note(

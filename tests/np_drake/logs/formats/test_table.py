@@ -3,8 +3,6 @@ one line.
 """
 
 import gzip
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -15,8 +13,6 @@ from np_drake.logs.formats.format import Stream
 from np_drake.logs.formats.library import format_of
 from np_drake.logs.formats.log_file import write_log
 from np_drake.logs.formats.table import TABLE
-from np_drake.logs.importing.log_map import LogMap, Source
-from np_drake.logs.importing.signals import with_map_time
 
 SUFFIXES = (".csv", ".csv.gz", ".txt", ".tsv", ".parquet")
 
@@ -133,12 +129,6 @@ def test_a_table_as_a_spreadsheet_exports_it_holds_its_numbers(tmp_path, style, 
     assert any("line of units" in note for note in dut.notes) == ("units" in style)
 
 
-@pytest.mark.parametrize("first", ["n/a,,nan\n", "0,1,2\n", "true,1,0\n"])
-def test_a_first_row_of_numbers_or_gaps_is_no_line_of_units(tmp_path, first):
-    (tmp_path / "made.csv").write_text(f"t,x,y\n{first}1,2,3\n2,3,4\n")
-    assert len(read(tmp_path / "made.csv", "x", "y").streams["table"].t) == 3
-
-
 FAULTS = {  # content: what the message says when x is wanted
     "word": (
         "t,x\n0,1\n1,hello\n",
@@ -218,26 +208,6 @@ def test_a_last_row_that_is_cut_off_is_left_out_with_a_note(tmp_path):
     assert dut.notes == ("line 4, the last, is cut off: it has 2 of 3 cells; left out",)
 
 
-@pytest.mark.parametrize(
-    "name, unit", [("t", 1.0), ("time_ms", 1e-3), ("TimeUS", 1e-6), ("timestamp_ns", 1e-9)]
-)
-def test_a_known_time_column_is_in_its_unit(tmp_path, name, unit):
-    (tmp_path / "made.csv").write_text(f"x,{name}\n1,3\n2,4\n3,2\n")
-    dut = read(tmp_path / "made.csv", "x").streams["table"]
-    np.testing.assert_array_equal(dut.t, np.array([3, 4, 2]) * unit)  # also backward
-    assert list(dut.columns) == ["x"]
-
-
-def test_a_time_column_of_another_name_comes_from_the_map(tmp_path):
-    (tmp_path / "made.csv").write_text("clock,x\n1000,1\n1500,2\n")
-    dut = read(tmp_path / "made.csv", "clock", "x")
-    assert np.isnan(dut.streams["table"].t).all()
-    with pytest.raises(LogError, match="must have a time column; name it as time in the map"):
-        with_map_time(dut, LogMap())
-    timed = with_map_time(dut, LogMap(time=Source(["clock"], unit="ms")))
-    np.testing.assert_array_equal(timed.streams["table"].t, [1.0, 1.5])
-
-
 def test_our_own_columns_need_no_map(flight, tmp_path):
     write_log(flight, tmp_path / "made.csv")
     contents = TABLE.contents(tmp_path / "made.csv")
@@ -268,32 +238,3 @@ def test_a_header_of_absurd_width_is_refused_at_once(tmp_path):
     (tmp_path / "list.csv").write_text('t,x\n0,"[' + "1 " * 20000 + ']"\n')
     with pytest.raises(LogError, match="at most 10000 numbers"):
         TABLE.contents(tmp_path / "list.csv")
-
-
-MEASURE = """
-import resource, sys
-from pathlib import Path
-from np_drake.logs.formats import csv_file
-from np_drake.logs.formats.table import TABLE
-before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-if sys.argv[2] == "own":
-    csv_file.read_csv(sys.argv[1])
-else:
-    TABLE.read(Path(sys.argv[1]), {"table": ["x1", "x2"]}, lambda share: None)
-print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before)
-"""
-
-
-@pytest.mark.parametrize("way, numbers", [("plain", 3), ("own", 20)])
-def test_memory_grows_with_the_wanted_numbers_not_with_the_text(tmp_path, way, numbers):
-    rows = 200_000
-    path = tmp_path / "made.csv"
-    line = ",".join(["{}"] + ["0.1234567890123456"] * 19)
-    with path.open("w") as file:
-        file.write(",".join(["t", *(f"x{i}" for i in range(19))]) + "\n")
-        file.writelines(line.format(i * 0.002) + "\n" for i in range(rows))
-    command = [sys.executable, "-c", MEASURE, str(path), way]
-    grown = 1024 * int(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
-    assert path.stat().st_size > 72e6
-    blocks = 40e6  # of text and of Python's numbers [bytes]
-    assert grown < rows * numbers * 8 + blocks

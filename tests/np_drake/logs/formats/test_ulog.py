@@ -16,7 +16,6 @@ from np_drake.logs.formats.library import format_of
 from np_drake.logs.formats.ulog import ULOG
 
 Q = [f"q[{i}]" for i in range(4)]
-XYZ = [f"xyz[{i}]" for i in range(3)]
 
 
 @pytest.fixture(scope="module")
@@ -65,22 +64,6 @@ def test_what_is_written_is_read(log, writer, made):
             assert np.array_equal(dut.streams[name].columns[column], values)
 
 
-def test_only_what_is_wanted_is_returned_and_progress_reaches_the_end(log, writer, made):
-    writer.write(log, made)
-    shares: list[float] = []
-    dut = ULOG.read(log, {"vehicle_imu.1": ["gyro[1]"]}, shares.append)
-    assert dut.contents == {"vehicle_imu.1": ("gyro[1]",)}
-    assert len(dut.streams["vehicle_imu.1"]) == 20
-    assert shares[-1] == 1
-
-
-def test_a_message_without_rows_is_not_among_the_contents(log, writer, made):
-    writer.write(log, {**made, "vehicle_odometry": stream(["x"], rows=0)})
-    assert "vehicle_odometry" not in ULOG.contents(log)
-    with pytest.raises(LogError, match="must hold rows of vehicle_odometry"):
-        ULOG.read(log, {"vehicle_odometry": ["x"]}, lambda share: None)
-
-
 def sampled(writer, name, delay) -> dict[str, Stream]:
     """Return a stream whose samples are older than its messages by a delay (n,) [s]."""
     t = 0.1 + np.arange(20) * 0.02
@@ -114,13 +97,6 @@ def test_a_command_acts_when_it_is_published(log, writer, name):
     assert "published" in dut.notes[0]
 
 
-def test_a_sample_of_another_clock_is_no_time(log, writer):
-    writer.write(log, sampled(writer, "vehicle_odometry", np.full(20, -5.0)))
-    dut = ULOG.read(log, {"vehicle_odometry": ["xyz[0]"]}, lambda share: None)
-    assert dut.streams["vehicle_odometry"].t == pytest.approx(0.1 + np.arange(20) * 0.02, abs=1e-6)
-    assert dut.notes == ()
-
-
 def test_a_row_without_a_time_is_left_out_and_a_backward_time_is_kept(log, writer):
     t = np.array([0.5, 0.3, 0.3, -writer.START / 1e6])
     table = {"a": Stream(t, {"x": np.arange(4.0)})}
@@ -146,13 +122,6 @@ def test_facts_name_the_vehicle_and_the_parameters_of_its_thrust(log, writer, ma
     assert (dut["MPC_THR_HOVER"], dut["CA_ROTOR3_PX"]) == ("0.35", "0.25")
     assert (dut["CA_ROTOR_COUNT"], dut["PWM_MIN"], dut["BAT1_N_CELLS"]) == ("4", "1000", "6")
     assert not {"CA_ROTOR4_PX", "PWM_AUX_MIN1", "EKF2_AID_MASK"} & set(dut)
-
-
-def test_dropouts_are_noted(log, writer, made):
-    writer.write(log, made, dropouts=[20, 150])
-    assert everything(log).notes == (
-        "dropouts of the logger: 2, 0.170 s together, the longest 0.150 s.",
-    )
 
 
 def test_estimates_that_are_not_valid_or_jump_are_noted(log, writer):
@@ -184,17 +153,6 @@ def test_of_a_log_that_was_cut_the_whole_messages_are_kept(log, writer, made):
     dut = everything(log)
     assert len(dut.streams["vehicle_attitude"]) == 49
     assert "cut off" in dut.notes[0]
-
-
-def test_a_damaged_part_is_left_out_and_noted(log, writer, made):
-    writer.write(log, {"vehicle_attitude": made["vehicle_attitude"]})
-    content = log.read_bytes()
-    row = 3 + 2 + 8 + 4 * 8
-    bad = len(content) - 30 * row
-    log.write_bytes(content[:bad] + struct.pack("<HB", row - 3 - 8, ord("D")) + content[bad + 3 :])
-    dut = everything(log)
-    assert 0 < len(dut.streams["vehicle_attitude"]) < 60
-    assert any("damaged" in note for note in dut.notes)
 
 
 def test_warnings_of_the_parser_become_notes(log, writer, made, capsys):
@@ -235,12 +193,6 @@ def test_what_is_no_ulog_file_is_refused_in_one_line(log, content, said):
             call()
         assert str(log) in str(refused.value)
         assert "\n" not in str(refused.value)
-
-
-def test_subscriptions_of_absurd_size_are_left_out(log):
-    adds = b"".join(framed("A", struct.pack("<BH", 0, i) + b"a") for i in range(500))
-    log.write_bytes(HEADER + framed("F", b"a:uint64_t timestamp;int8_t[60000] x;") + adds)
-    assert ULOG.contents(log) == {}
 
 
 def test_a_damaged_file_does_not_lead_in_circles(log):
