@@ -4,14 +4,19 @@ what to do next.
 
 from diagrams.cli.output import Table
 from np_drake.diagnosis.report import words
-from np_drake.diagnosis.report.headline import headline, lead, named_causes
-from np_drake.diagnosis.report.remainder import GAP_HEADER, calibration_share, gap_rows, remains
-from np_drake.diagnosis.report.summary import (
+from np_drake.diagnosis.report.answer import (
     DIFFERENCE_HEADER,
+    GAP_HEADER,
     SHOWN,
+    calibration_share,
     cause_table,
     difference_rows,
+    gap_rows,
+    headline,
+    lead,
+    named_causes,
     next_steps,
+    remains,
     unseen,
     warnings,
 )

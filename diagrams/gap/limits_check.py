@@ -13,7 +13,7 @@ from diagrams.gap.next_flight import RATE, TRACK, DiagnosisReport
 from diagrams.loop.flight import FlightConfig
 from diagrams.loop.flight_result import FlightResult, LostVehicle, fly
 from np_drake import attitude
-from np_drake.diagnosis.calibration.columns import with_fixed_effects
+from np_drake.diagnosis.calibration import with_fixed_effects
 from np_drake.diagnosis.residuals import make_flight_residuals
 from np_drake.effects.effect_entry import EffectEntry
 from np_drake.effects.explanation import Explanation

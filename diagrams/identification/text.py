@@ -7,9 +7,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.report.words import UNITS, estimate, flights, listed, number, suited
+from np_drake.diagnosis.report.words import estimate, flights, listed
 from np_drake.diagnosis.result import Estimate
-from np_drake.files.number_text import percent
+from np_drake.files.number_text import UNITS, number, percent, suited
 from np_drake.identification.flight_agreement import DIFFER, FlightValues, flight_values, own_values
 from np_drake.identification.identify import Identification
 from np_drake.identification.quantities import Identified

@@ -18,28 +18,36 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from np_drake.diagnosis.calibration.columns import calibration_effects, with_fixed_effects
-from np_drake.diagnosis.calibration.differences import differences
-from np_drake.diagnosis.calibration.torque_gain import torque_gain, with_torque_gain
-from np_drake.diagnosis.decision.causes import joint_posterior, without_late_onsets
-from np_drake.diagnosis.decision.explanations import explanations_of
-from np_drake.diagnosis.decision.infer import Inference, as_named, infer
-from np_drake.diagnosis.decision.second_answer import novelty, second_answer, without_onsets_in
-from np_drake.diagnosis.doctor.doubts import as_lines, doubts
+from np_drake.diagnosis.calibration import (
+    calibration_effects,
+    differences,
+    torque_gain,
+    with_fixed_effects,
+    with_torque_gain,
+)
+from np_drake.diagnosis.decision.causes import explanations_of, joint_posterior, without_late_onsets
+from np_drake.diagnosis.decision.infer import (
+    Inference,
+    as_named,
+    infer,
+    novelty,
+    second_answer,
+    without_onsets_in,
+)
+from np_drake.diagnosis.doctor.flight_facts import as_lines, doubts
 from np_drake.diagnosis.forward_model import predicted_residual
-from np_drake.diagnosis.gap.gap_reduction import held_out_gains, measure_gap_reduction
-from np_drake.diagnosis.localisation.identifiability import (
+from np_drake.diagnosis.gap import held_out_gains, measure_gap_reduction
+from np_drake.diagnosis.localisation import (
     assess_identifiability,
     excitation,
     excited,
+    localise,
     unexcited_diagnosis,
 )
-from np_drake.diagnosis.localisation.localisation import localise
 from np_drake.diagnosis.numerics import Readings
 from np_drake.diagnosis.options import Options, Tolerance
 from np_drake.diagnosis.regressors import tolerance_of, with_input
-from np_drake.diagnosis.report import headline as headline  # which every `Diagnosis` says
-from np_drake.diagnosis.report.coverage import coverage
+from np_drake.diagnosis.report.answer import coverage
 from np_drake.diagnosis.residuals import (
     FlightResiduals,
     long_enough,

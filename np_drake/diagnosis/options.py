@@ -207,7 +207,7 @@ class Thresholds:
 class Spread:
     """Standard deviations of healthy vehicles and of their flights.
 
-    Source: the priors of the identification (`np_drake.identification.priors`) where a field names
+    Source: the priors of the identification (`np_drake.identification.model`) where a field names
     none.
     """
 

@@ -7,9 +7,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.calibration.columns import flight_errors
-from np_drake.diagnosis.fitting import Free, scaled_jacobian
-from np_drake.diagnosis.fitting.parameters import free_parameters
+from np_drake.diagnosis.calibration import flight_errors
+from np_drake.diagnosis.fitting import Free, free_parameters, scaled_jacobian
 from np_drake.diagnosis.forward_model import Term, predicted_residual
 from np_drake.diagnosis.numerics import Readings
 from np_drake.diagnosis.options import Options

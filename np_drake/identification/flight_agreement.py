@@ -10,9 +10,9 @@ from collections.abc import Callable, Mapping
 import numpy as np
 from scipy import stats
 
-from np_drake.identification.between_flights import Agreement, random_effect
-from np_drake.identification.frame import Values
+from np_drake.identification.estimation import Agreement, random_effect
 from np_drake.identification.identify import Identification
+from np_drake.identification.model import Values
 from np_drake.identification.quantities import SURE, TOLD, Basis, Identified, Quantity
 
 DIFFER = 0.01  # probability below which flights differ by more than chance [1]; own choice

@@ -7,15 +7,11 @@ from functools import cached_property
 import numpy as np
 
 from np_drake.flight_log import FlightLog
-from np_drake.identification.drives import common_drive
-from np_drake.identification.estimation import Estimate, estimate
-from np_drake.identification.frame import Frame, G
-from np_drake.identification.model import FlightModel
-from np_drake.identification.parameters import Layout
-from np_drake.identification.priors import parameters
+from np_drake.identification.estimation import Estimate, Layout, estimate, parameters
+from np_drake.identification.model import FlightModel, Frame
 from np_drake.identification.quantities import QUANTITIES, SURE, TOLD, Basis, Identified
 from np_drake.identification.rate_loop import AxisLoop, identify_rate_loop
-from np_drake.identification.signals import Signals, signals
+from np_drake.identification.signals import G, Signals, common_drive, signals
 from np_drake.vehicle import Vehicle
 
 SHORTEST = 3.0  # flight that tells anything [s]; own choice: three swings of a small vehicle

@@ -1,8 +1,10 @@
-"""What the estimator takes from a flight: specific force, angular acceleration and rotor inputs in
-bins of its rows.
+"""What the estimator takes from a flight: force, angular acceleration and rotor inputs in bins.
+
+What turns the rotors is measured rotor speed, throttle, or thrust and torque.
 """
 
 import dataclasses as dc
+from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
@@ -10,11 +12,100 @@ from scipy import ndimage
 
 from np_drake import attitude
 from np_drake.flight_log import FlightLog
-from np_drake.identification.drives import drives_of, of_four_rotors
-from np_drake.identification.frame import G
-from np_drake.identification.rotor_response import Substeps
 from np_drake.training_data.noise_removal import most_likely
 from np_drake.training_data.segments import white_noise
+
+G = 9.81  # of all logs; the accelerometer tells no other [m/s²]
+
+
+# longest substep of a lag [s]; own choice: a tenth of the time constant of a small motor
+FINEST = 2.5e-3
+
+
+@dc.dataclass(frozen=True)
+class Substeps:
+    """Uniform fine grid of a flight, and the row whose command is held in each of its steps.
+
+    t: (m,) starts of the steps, from the first row on [s].
+    row: (m,) index of the row.
+    step: [s].
+    """
+
+    t: np.ndarray
+    row: np.ndarray
+    step: float
+
+    @classmethod
+    def of(cls, t: np.ndarray) -> "Substeps":
+        """Return the grid of rows at t (n,) [s]."""
+        own = float(np.median(np.diff(t)))
+        step = own / max(1, int(np.ceil(own / FINEST - 1e-9)))
+        fine = np.arange(t[0], t[-1], step)
+        return cls(fine, np.searchsorted(t, fine + 0.5 * step, side="right") - 1, step)
+
+
+DRIVES = ("rotor_speed", "throttle", "command")  # the most telling first
+
+
+def drives_of(log: FlightLog) -> tuple[str, ...]:
+    """Return what a log holds of its four rotors in every row, of `DRIVES`.
+
+    Raises: ValueError: where the log has neither rotor speed, nor the throttle of four rotors, nor
+    thrust and torque.
+    """
+    held = {
+        "rotor_speed": of_four_rotors(log.rotor),
+        "throttle": of_four_rotors(log.throttle),
+        "command": log.input == "command" and bool(np.isfinite(log.u).all()),
+    }
+    if not any(held.values()):
+        raise ValueError(
+            f"{log.name}: identification needs what turns each rotor: rotor speed, "
+            f"throttle of four motors, or thrust "
+            "and torque; the log has none of them."
+        )
+    return tuple(kind for kind in DRIVES if held[kind])
+
+
+def of_four_rotors(values: np.ndarray | None) -> bool:
+    """Return whether readings are those of four rotors, in every row."""
+    return (
+        values is not None
+        and np.ndim(values) == 2
+        and values.shape[1] == 4
+        and bool(np.isfinite(values).all())
+    )
+
+
+def common_drive(logs: Sequence[FlightLog], asked: str = "") -> str:
+    """Return the input that all logs hold.
+
+    Args:
+        asked: of `DRIVES`; empty: the first that all hold.
+    Raises: ValueError: one line, where a log lacks it, or they hold none in common.
+    """
+    if asked and asked not in DRIVES:
+        raise ValueError(
+            f"identify: the input must be {', '.join(DRIVES[:-1])} or {DRIVES[-1]}; got {asked!r}."
+        )
+    held = {log.name: drives_of(log) for log in logs}
+    for log in logs:
+        if asked and asked not in held[log.name]:
+            raise ValueError(
+                f"{log.name}: holds {_listed(held[log.name])} of its rotors, not {asked}."
+            )
+    for kind in (asked,) if asked else DRIVES:
+        if all(kind in kinds for kinds in held.values()):
+            return kind
+    said = "; ".join(f"{name} {_listed(kinds)}" for name, kinds in held.items())
+    raise ValueError(
+        f"identify: flights must hold one kind of input of their rotors in common; got {said}."
+    )
+
+
+def _listed(kinds: Sequence[str]) -> str:
+    return " and ".join(kinds)
+
 
 # least length of a bin [s]; own choice: motors answer below 15 Hz, and a log at 100 Hz keeps its
 # rows

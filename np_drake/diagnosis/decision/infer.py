@@ -1,22 +1,7 @@
-"""Inference from one set of training flights: which effects are causes, and what they leave on all
-flights.
+"""Second answer: first halves of held-out flights join the fit where they show what training
+flights do not.
 
-Training flights alone give the model; held-out flights judge it. In the words of Bayesian model
-selection:
-
-1. search: the set of effects with the largest evidence, and its maximum a posteriori fit
-  (`find_map_model`);
-2. rank: rival sets, all parameters of each refined, and the probability of every effect
-  (`rank_models`);
-3. hold out: the best fit on flights that it has not seen, its parameters kept (`on_held_out`);
-4. structure: what no effect of the library explains, as generic structure
-  (`LinearModel.select_structure`) and as
-   signs in the residual (`find_unexplained`);
-5. decide: an effect is a cause where its probability of acting and of being material is large
-  enough (`causes_of`).
-
-A slow level force that sensors alone do not make is either that of gusts, which act through a drag,
-or unknown.
+The second halves alone judge it.
 """
 
 import dataclasses as dc
@@ -25,20 +10,24 @@ from functools import cached_property
 
 import numpy as np
 
-from np_drake.diagnosis.adequacy import (
-    LinearModel,
-    Unexplained,
-    find_unexplained,
-    measure_remainder,
-)
+from np_drake.diagnosis.calibration import with_fixed_effects, with_torque_gain
 from np_drake.diagnosis.decision.causes import causes_of, of_named_fit, open_timing
+from np_drake.diagnosis.decision.remainder import measure_remainder
+from np_drake.diagnosis.decision.unexplained import LinearModel, Unexplained, find_unexplained
 from np_drake.diagnosis.forward_model import Term, predicted_residual
-from np_drake.diagnosis.held_out import HeldOut, mark_outliers, on_held_out, with_calibration
+from np_drake.diagnosis.gusts import as_gusts, with_drag
+from np_drake.diagnosis.held_out import (
+    HeldOut,
+    mark_outliers,
+    misfit,
+    on_held_out,
+    with_calibration,
+)
 from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.regressors import DRAG, GUSTY
 from np_drake.diagnosis.regressors.generic import ELSEWHERE
-from np_drake.diagnosis.residuals import FlightResiduals
-from np_drake.diagnosis.result import Cause, Finding, Remainder
+from np_drake.diagnosis.residuals import FlightResiduals, make_flight_residuals
+from np_drake.diagnosis.result import CHANNELS, Cause, Finding, Remainder
 from np_drake.diagnosis.selection import (
     Ranking,
     SearchResult,
@@ -46,8 +35,9 @@ from np_drake.diagnosis.selection import (
     rank_models,
     with_named_fit,
 )
-from np_drake.diagnosis.wind import as_gusts, position_p_value, with_drag
+from np_drake.diagnosis.slow_force import position_p_value
 from np_drake.effects.gusty_wind import GustyWind
+from np_drake.files.number_text import number
 
 PLACE = Finding("place", "a slow force tied to a place", 1.0, {}, ELSEWHERE)
 
@@ -242,3 +232,83 @@ def in_gusts(held: HeldOut, causes: Sequence[Cause]) -> HeldOut:
         ]
         residual[e.name] = e.y - predicted_residual(e, terms[e.name])
     return dc.replace(held, terms=terms, residual=residual)
+
+
+NAME = "first half of {}"
+LEAST_HALF = 4.0  # duration of either half of a flight, below which it stays whole [s]; own choice
+
+
+def novelty(first: Inference) -> tuple[Finding, ...]:
+    """Return whether held-out flights show what training flights do not, as a sentence or none.
+
+    Gusts, which repeat nowhere, and a payload, whose swing may be lost, do not count.
+    """
+    ranking = first.ranking
+    if any(c.identifier == GustyWind.identifier for c in first.causes) or any(
+        t.has_hidden_state for t in ranking.best.terms
+    ):
+        return ()
+    ratio = misfit(first.held, ranking.noise)
+    channel = int(np.argmax(ratio))
+    if ratio[channel] <= first.options.thresholds.misfit_ratio:
+        return ()
+    text = (
+        f"{CHANNELS[channel]} is {number(float(ratio[channel]), 2)} times what the training "
+        f"flights leave"
+    )
+    return (
+        Finding(
+            "misfit",
+            text,
+            float(ratio[channel]),
+            {},
+            "fly the held-out trajectory again, and fit it",
+        ),
+    )
+
+
+def second_answer(first: Inference) -> tuple[Inference, list[FlightResiduals]] | None:
+    """Return the inference with halves of the held-out flights, and these halves; None where all
+    are too short.
+
+    A wind is a condition of a flight: where the first answer names none, one can act in the halves
+    alone.
+    """
+    joined, judges = split_flights(first.held_out)
+    if not joined:
+        return None
+    still_air = not any(c.effect and c.effect.needs for c in first.causes)
+    return conclude(
+        find_map_model([*first.flights, *joined], first.options, still_air=still_air), judges
+    ), joined
+
+
+def split_flights(
+    flights: Sequence[FlightResiduals],
+) -> tuple[list[FlightResiduals], list[FlightResiduals]]:
+    """Return the first halves of flights as flights of their own, and all flights with these rows
+    marked as joined.
+    """
+    halves, judges = [], []
+    for e in flights:
+        log = e.log
+        middle = 0.5 * (log.t[0] + log.t[-1])
+        if middle - log.t[0] < LEAST_HALF:
+            judges.append(e)
+            continue
+        half = dc.replace(
+            log.rows(0, int(np.searchsorted(log.t, middle))), name=NAME.format(e.name)
+        )
+        (own,) = with_torque_gain(
+            [with_fixed_effects(make_flight_residuals(half, e.vehicle, e.grid.step))],
+            np.array(e.torque_gain),
+        )
+        halves.append(dc.replace(own, goes_on=True))
+        judges.append(dc.replace(e, joined=e.t <= middle))
+    return halves, judges
+
+
+def without_onsets_in(flights: Sequence[FlightResiduals], cause: Cause) -> Cause:
+    """Return the cause without its onsets in these flights, which are parts of others."""
+    names = {e.name for e in flights}
+    return dc.replace(cause, onset={n: t for n, t in cause.onset.items() if n not in names})

@@ -10,9 +10,9 @@ import numpy as np
 from scipy import special
 
 from np_drake import attitude
-from np_drake.diagnosis.adequacy import LinearModel
-from np_drake.diagnosis.calibration.spread import ROTORS, of_battery, of_flight, of_vehicle
-from np_drake.diagnosis.cross_validation import Support
+from np_drake.diagnosis.calibration import ROTORS, of_battery, of_flight, of_vehicle
+from np_drake.diagnosis.decision.support import Support
+from np_drake.diagnosis.decision.unexplained import LinearModel
 from np_drake.diagnosis.fitting import Fit, greatest_height, impossible, scaled_jacobian
 from np_drake.diagnosis.forward_model import Term, predicted_residual
 from np_drake.diagnosis.held_out import HeldOut

@@ -1,5 +1,6 @@
-"""Examination of flight logs before a diagnosis: is the log usable, what does it excite, which
-effects can it tell.
+"""Examination of flight logs before a diagnosis: usable or not, and which effects they can tell.
+
+`LogReport.as_json` gives the content of `np-drake doctor --json`.
 """
 
 import dataclasses as dc
@@ -9,24 +10,28 @@ from typing import Any
 
 import numpy as np
 
-from np_drake.diagnosis.calibration.columns import nuisance_of, with_fixed_effects
-from np_drake.diagnosis.doctor.doubts import as_lines, doubts, law_doubts
-from np_drake.diagnosis.doctor.flight_facts import flight_facts
-from np_drake.diagnosis.doctor.log_report import NEVER, NO, YES, Answer, FlightFacts, LogReport
+from np_drake.diagnosis.calibration import nuisance_of, with_fixed_effects
+from np_drake.diagnosis.doctor.flight_facts import (
+    FlightFacts,
+    as_lines,
+    doubts,
+    flight_facts,
+    law_doubts,
+)
 from np_drake.diagnosis.doctor.smallest_sizes import (
+    GUSTS,
     Information,
     Smallest,
+    SwingTest,
+    explain,
+    nearest_usual,
+    payload_traces,
     smallest_gust,
     smallest_sizes,
+    swing_test,
+    traces,
 )
-from np_drake.diagnosis.doctor.swing_test import swing_test
-from np_drake.diagnosis.doctor.traces import GUSTS, explain, nearest_usual, payload_traces, traces
-from np_drake.diagnosis.localisation.identifiability import (
-    excitation,
-    excited,
-    manoeuvre,
-    tells_apart,
-)
+from np_drake.diagnosis.localisation import excitation, excited, manoeuvre, tells_apart
 from np_drake.diagnosis.regressors import DRAG, PAYLOAD, WIND, hidden_from, options_of
 from np_drake.diagnosis.residuals import (
     FORCE,
@@ -37,11 +42,79 @@ from np_drake.diagnosis.residuals import (
 )
 from np_drake.effects.library import LIBRARY, effects_for, unobservable
 from np_drake.effects.parameter import usual_size
+from np_drake.files.atomic_file import plain
 from np_drake.files.number_text import number
 from np_drake.flight_log import FlightLog
 from np_drake.logs.hover_thrust import with_hover_thrust
 from np_drake.logs.importing.crash import FITS
 from np_drake.vehicle import Vehicle
+
+YES, NO, NEVER = "yes", "no", "never"
+
+
+@dc.dataclass(frozen=True)
+class Answer:
+    """Whether a log can tell one parameter of an effect.
+
+    smallest: size that is told from zero at 99.7 % (three posterior deviations), beside nuisance
+    parameters and the
+    effects named in `beside`; infinite: none.   alone: the same beside nuisance parameters only.
+    typical: usual size for a vehicle of this mass and arm.
+    verdict: `yes` (smallest is at most typical), `no`, or `never` (a log of this kind has no trace
+        of it).
+    todo: what to log or fly instead; empty for `yes`.
+    """
+
+    identifier: str
+    parameter: str
+    unit: str
+    smallest: float
+    alone: float
+    typical: float
+    verdict: str
+    reason: str = ""
+    todo: str = ""
+    beside: tuple[str, ...] = ()
+
+
+@dc.dataclass(frozen=True)
+class LogReport:
+    """Result of `examine`.
+
+    usable: whether anything can be diagnosed; problems: what stands against it, or limits it, one
+    line each.
+    excitation: RMS values and spans over all flights; with the vehicle's where one is given.
+    residual_force: by axis of B, RMS of the residual force over weight, nothing fitted [1]; empty
+        without a vehicle.
+    noise_floor: by channel, RMS of what no effect explains [N, N·m]; empty without a vehicle.
+    """
+
+    flights: tuple[FlightFacts, ...]
+    usable: bool
+    problems: tuple[str, ...]
+    vehicle: str = ""
+    sensors: str = ""
+    excitation: dict[str, float] = dc.field(default_factory=dict)
+    noise_floor: dict[str, float] = dc.field(default_factory=dict)
+    swings: tuple[SwingTest, ...] = ()
+    answers: tuple[Answer, ...] = ()
+    residual_force: dict[str, float] = dc.field(default_factory=dict)
+
+    @property
+    def something_swings(self) -> bool:
+        """Whether something swings in any flight."""
+        return any(test.swings for test in self.swings)
+
+    def of(self, identifier: str) -> tuple[Answer, ...]:
+        """Return the answers for the parameters of one effect."""
+        return tuple(a for a in self.answers if a.identifier == identifier)
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the report in plain types; values that are not finite become None."""
+        content = dc.asdict(self)
+        content["something_swings"] = self.something_swings
+        return plain(content)
+
 
 Progress = Callable[[float, str], None]
 MOST_SECONDS = 120.0  # of a flight from which effects are answered for [s]; own choice: memory

@@ -7,10 +7,10 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
 
-from np_drake.diagnosis.report.words import fixed, number, plain_name, suited
-from np_drake.diagnosis.residuals.residual_parts import CHANNELS, Band, Localisation, Regime
-from np_drake.diagnosis.result import ReplayGap
+from np_drake.diagnosis.report.words import plain_name
+from np_drake.diagnosis.result import CHANNELS, Band, Localisation, Regime, ReplayGap
 from np_drake.files.figure_file import PALETTE, new_figure
+from np_drake.files.number_text import fixed, number, suited
 
 BEFORE, AFTER, NOISE = PALETTE[1], PALETTE[0], "0.25"
 NOMINAL, WITH = "nominal simulator", "with the causes"  # in every legend

@@ -13,15 +13,22 @@ from jinja2 import Environment, StrictUndefined, Template
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
-from np_drake.diagnosis.report import summary, words
+from np_drake.diagnosis.report import answer as summary
+from np_drake.diagnosis.report import words
+from np_drake.diagnosis.report.answer import (
+    GAP_HEADER,
+    calibration_share,
+    gap_rows,
+    headline,
+    lead,
+    remains,
+)
 from np_drake.diagnosis.report.figures import (
     regime_figure,
     replay_figure,
     spectrum_figure,
     timeline_figure,
 )
-from np_drake.diagnosis.report.headline import headline, lead
-from np_drake.diagnosis.report.remainder import GAP_HEADER, calibration_share, gap_rows, remains
 from np_drake.diagnosis.result import Diagnosis, Finding, ReplayGap
 from np_drake.files.atomic_file import require_writable, write_bytes, write_json, write_text
 from np_drake.files.figure_file import png

@@ -1,4 +1,7 @@
-"""Search for the MAP model: search and fit, repeated with the noise that the fit leaves."""
+"""Search for the MAP model: search and fit, repeated with the noise that the fit leaves.
+
+Outliers, nuisance and the noise if all candidates help are settled before (`condition`).
+"""
 
 import dataclasses as dc
 from collections.abc import Iterable, Sequence
@@ -6,23 +9,158 @@ from functools import partial
 
 import numpy as np
 
+from np_drake.diagnosis.calibration import calibrated_alone, nuisance_of
 from np_drake.diagnosis.fitting import Fit, first_fit, refit
-from np_drake.diagnosis.numerics import NoiseModel
+from np_drake.diagnosis.numerics import NoiseModel, fit_noise, no_worse, scale_only, with_loudness
 from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.regressors import (
+    PAYLOAD,
     Candidate,
     Model,
     RegressionProblem,
+    hidden_from,
+    library_candidates,
     options_of,
+    wind_candidates,
     with_input,
 )
-from np_drake.diagnosis.residuals import FlightResiduals
-from np_drake.diagnosis.selection.conditioning import ConditionedFlights, condition, noise_of
-from np_drake.diagnosis.selection.onset_candidates import (
+from np_drake.diagnosis.residuals import FORCE, FlightResiduals, find_outliers
+from np_drake.diagnosis.selection.change_point import (
     late_payloads,
     new_conditions,
     switched_candidates,
 )
+from np_drake.diagnosis.selection.payload_search import PayloadSearch
+
+
+@dc.dataclass(frozen=True)
+class ConditionedFlights:
+    """Flights with their outliers known, channels (m, 15) without them, nuisance columns,
+    candidates and noise.
+    """
+
+    flights: list[FlightResiduals]
+    channels: list[np.ndarray]
+    nuisance: list[Candidate]
+    candidates: list[Candidate]
+    noise: NoiseModel
+
+
+def condition(
+    flights: Sequence[FlightResiduals], options: Options, *, still_air: bool = False
+) -> ConditionedFlights:
+    """Return outliers, payloads and noise as they show when every effect helps.
+
+    Args:
+        still_air: whether no wind acts in all flights; one that begins, or that some lack, is tried
+            all the same.
+    """
+    error, step = options.priors.linear_error, flights[0].grid.step
+    nuisance = nuisance_of(flights, options.tolerance, options.priors)
+    known = calibrated_alone(flights[0], options.tolerance)
+    plain = [
+        dc.replace(c, calibrated=c.identifiers[0] in known) for c in library_candidates(flights)
+    ]
+    candidates = [*plain, *([] if still_air else wind_candidates(flights, plain))]
+
+    def problem(
+        noise: NoiseModel, some: Sequence[Candidate], temperature: float = 1.0
+    ) -> RegressionProblem:
+        return RegressionProblem(
+            flights, noise, nuisance, list(some), temperature=temperature, options=options
+        )
+
+    # 1. Outliers, by what is left of the channels under white weights.
+    white = scale_only([e.y for e in flights], step)
+    sought = problem(white, candidates, options.priors.temperature)
+    everything = [*candidates, *switched_candidates(sought), *new_conditions(sought)]
+    residual = _residuals_of_all_effects(problem(white, everything))
+    flights = [
+        dc.replace(e, outliers=e.outliers | find_outliers(r, step))
+        for e, r in zip(flights, residual, strict=True)
+    ]
+    channels = [e.bridged(e.y) for e in flights]
+    white = scale_only(channels, step)
+    if any(e.outliers.any() for e in flights):
+        residual = _residuals_of_all_effects(problem(white, everything))
+
+    # 2. Payloads, beside the best variant of every other effect.
+    noise = noise_of(flights, residual, channels, options, error)
+    alone = RegressionProblem(flights, noise, [], plain, temperature=1.0, options=options)
+    others = [plain[i] for i in _best_variants(alone)]
+    residual = _residuals_of_all_effects(problem(white, others))
+    weights = (
+        white,
+        scale_only(no_worse(residual, channels), step),
+    )  # a light payload shows in the second alone
+    search = PayloadSearch(flights, options)
+    tried = () if PAYLOAD in hidden_from(flights) else weights
+    payloads = next(filter(None, (search.best(n, nuisance, others) for n in tried)), [])
+
+    # 3. Noise. A swing that is not fitted yet is a resonance of the noise, which would hide it:
+    # white weights do not.
+    first = weights[1] if payloads else noise
+    residual = _residuals_of_all_effects(problem(first, [*everything, *payloads]))
+    noise = noise_of(flights, residual, channels, options, error)
+    return ConditionedFlights(list(flights), channels, nuisance, [*candidates, *payloads], noise)
+
+
+def noise_of(
+    flights: Sequence[FlightResiduals],
+    residuals: Sequence[np.ndarray],
+    channels: Sequence[np.ndarray],
+    options: Options,
+    inexact: float = 0.0,
+) -> NoiseModel:
+    """Return the noise that residuals show, with what errors of the regressors add to it.
+
+    A force is known in body axes as well as the attitude is: slow, as real sensors drift.
+    Thrust from rotor speed is known as well as that is read.
+
+    Args:
+        residuals: (m, 15) by flight, after a model.
+        channels: (m, 15) by flight, before it.
+        inexact: share of what the model explains that it gets wrong [1]; `linear_error` for linear
+            columns.
+    """
+    residuals = [e.known(r) for e, r in zip(flights, residuals, strict=True)]
+    explained = [y - r for y, r in zip(channels, residuals, strict=True)]
+    force = np.sqrt(np.mean(np.sum(np.concatenate(explained)[:, FORCE] ** 2, axis=1)))
+    slow = np.zeros(channels[0].shape[1])
+    slow[FORCE] = options.tolerance.attitude * force
+    white = np.sqrt(np.mean([e.rotor_noise**2 for e in flights], axis=0))
+    step = flights[0].grid.step
+    left = no_worse(residuals, list(channels))
+    noise = fit_noise(left, step, explained=explained, inexact=inexact, slow=slow, white=white)
+    if not flights[0].measured_rotors:
+        return noise
+    return with_loudness(noise, [r - r.mean(axis=0) for r in left], [e.name for e in flights])
+
+
+def _best_variants(problem: RegressionProblem) -> list[int]:
+    """Return of every effect the position of the variant that explains most alone."""
+    best: dict[tuple[str, ...], tuple[float, int]] = {}
+    for i, c in enumerate(problem.candidates):
+        gain = problem.total.log_evidence(problem.columns_of(i))
+        if c.identifiers not in best or gain > best[c.identifiers][0]:
+            best[c.identifiers] = (gain, i)
+    return [i for _, i in best.values()]
+
+
+def _residuals_of_all_effects(problem: RegressionProblem) -> list[np.ndarray]:
+    """Return what is left of the channels when every effect helps, each in its best single
+    variant.
+    """
+    chosen = _best_variants(problem)
+    mean, _ = problem.total.posterior(problem.columns(chosen))
+    columns = [*problem.nuisance, *(problem.candidates[i] for i in chosen)]
+    parts = np.split(mean, np.cumsum([c.size for c in columns])[:-1])
+    explained = ((e, zip(columns, parts, strict=True)) for e in problem.flights)
+    return [
+        e.known(e.bridged(e.y - sum(c.columns[e.name] @ part for c, part in own)))
+        for e, own in explained
+    ]
+
 
 BEAM = 6  # sets kept from step to step
 BEAM_MARGIN = 8.0  # log evidence below the best at which the beam stops growing

@@ -13,8 +13,8 @@ from diagrams.cli.main import run
 from diagrams.gap.side_by_side import NoReplay
 from diagrams.loop.flight_result import LostVehicle
 from np_drake.diagnosis import result as an
-from np_drake.diagnosis.report.headline import headline
-from np_drake.diagnosis.residuals import residual_parts
+from np_drake.diagnosis import result as residual_parts
+from np_drake.diagnosis.report.answer import headline
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError
 from np_drake.effects.thrust_scale import ThrustScale

@@ -21,7 +21,7 @@ from diagrams.loop.flight_result import fly
 from diagrams.loop.real_vehicle import make_real_vehicle
 from diagrams.loop.reality import RealityConfig
 from np_drake.diagnosis import result as an
-from np_drake.diagnosis.residuals import residual_parts
+from np_drake.diagnosis import result as residual_parts
 from np_drake.effects.base import Measurement, SensorEffect
 from np_drake.effects.center_of_mass_offset import CenterOfMassOffset
 from np_drake.effects.combine import split_effects

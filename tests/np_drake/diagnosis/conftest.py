@@ -16,17 +16,14 @@ from scipy import signal
 
 from np_drake import attitude
 from np_drake.diagnosis.decision.infer import Inference, conclude
-from np_drake.diagnosis.fitting.map_estimate import Fit
-from np_drake.diagnosis.fitting.parameters import free_parameters, read
-from np_drake.diagnosis.forward_model.payload_state import Term
-from np_drake.diagnosis.numerics.noise_fit import fit_noise
-from np_drake.diagnosis.numerics.noise_model import NoiseModel
+from np_drake.diagnosis.fitting import Fit, free_parameters, read
+from np_drake.diagnosis.forward_model import Term
+from np_drake.diagnosis.numerics import NoiseModel, fit_noise
 from np_drake.diagnosis.options import Options, Priors
-from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals
-from np_drake.diagnosis.residuals.make_flight_residuals import make_flight_residuals
-from np_drake.diagnosis.selection.map_model import SearchResult, find_map_model
-from np_drake.diagnosis.selection.payload_search import SEARCH_LENGTHS, PayloadSearch
-from np_drake.diagnosis.selection.ranking import Ranking, rank_models
+from np_drake.diagnosis.regressors.payload import SEARCH_LENGTHS
+from np_drake.diagnosis.residuals import FlightResiduals, make_flight_residuals
+from np_drake.diagnosis.selection import Ranking, SearchResult, find_map_model, rank_models
+from np_drake.diagnosis.selection.payload_search import PayloadSearch
 from np_drake.effects.base import Effect
 from np_drake.effects.library import LIBRARY
 from np_drake.effects.suspended_payload import SuspendedPayload

@@ -11,7 +11,7 @@ import pytest
 from np_drake.diagnosis.diagnose import diagnose
 from np_drake.diagnosis.doctor.examine import examine
 from np_drake.diagnosis.options import Tolerance
-from np_drake.diagnosis.residuals.make_flight_residuals import require_flights, with_same_readings
+from np_drake.diagnosis.residuals import require_flights, with_same_readings
 from np_drake.diagnosis.result import Diagnosis
 from np_drake.effects.base import Parameter, WrenchEffect
 from np_drake.effects.command_delay import CommandDelay

@@ -6,7 +6,7 @@ import json
 import numpy as np
 
 from np_drake.diagnosis import result as an
-from np_drake.diagnosis.residuals import residual_parts
+from np_drake.diagnosis import result as residual_parts
 
 GAP = an.ReplayGap(
     (0.5, 1.0), *(np.array([[0.1, 0.05, 0.2], [np.inf, 0.3, np.inf]]) for _ in range(3)), 24

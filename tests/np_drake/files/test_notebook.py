@@ -5,14 +5,15 @@ import sys
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.report.headline import headline
-from np_drake.diagnosis.residuals.residual_parts import ChannelGap, Localisation
+from np_drake.diagnosis.report.answer import headline
 from np_drake.diagnosis.result import (
     Cause,
+    ChannelGap,
     Diagnosis,
     Estimate,
     GapReduction,
     Identifiability,
+    Localisation,
     Remainder,
 )
 from np_drake.flight_log import FlightLog

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from np_drake.flight_log import FlightLog
-from np_drake.identification.drives import common_drive, drives_of
+from np_drake.identification.signals import common_drive, drives_of
 
 
 def log(name: str, **more) -> FlightLog:

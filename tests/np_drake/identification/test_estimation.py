@@ -3,8 +3,7 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.identification.estimation import BOUND, estimate
-from np_drake.identification.parameters import Layout, Parameter
+from np_drake.identification.estimation import BOUND, Layout, Parameter, estimate
 
 WIDE = Parameter("slope", 0.0, 10.0)
 OFFSET = Parameter("offset", 0.0, 10.0, flight=True)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from np_drake.identification.between_flights import Agreement
+from np_drake.identification.estimation import Agreement
 from np_drake.identification.flight_agreement import moves_with, outlying
 
 

@@ -3,7 +3,7 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.calibration.columns import with_fixed_effects
+from np_drake.diagnosis.calibration import with_fixed_effects
 from np_drake.diagnosis.residuals import TORQUE, make_flight_residuals
 from np_drake.identification.identified_vehicle import identified_vehicle
 from np_drake.identification.identify import identify

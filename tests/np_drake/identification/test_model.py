@@ -5,10 +5,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from np_drake.identification.frame import Frame, euler_of_moments, inertia
-from np_drake.identification.model import FORCE, SPEED, TORQUE, FlightModel
-from np_drake.identification.parameters import Layout
-from np_drake.identification.priors import parameters
+from np_drake.identification.estimation import Layout, parameters
+from np_drake.identification.model import (
+    FORCE,
+    SPEED,
+    TORQUE,
+    FlightModel,
+    Frame,
+    euler_of_moments,
+    inertia,
+)
 from np_drake.identification.signals import signals
 from np_drake.identification.validation import vehicle_values
 

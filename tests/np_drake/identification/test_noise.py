@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from np_drake.identification.noise import ORDER, Whitening
+from np_drake.identification.estimation import ORDER, Whitening
 
 
 @pytest.fixture

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from np_drake.identification.parameters import Layout, Parameter
+from np_drake.identification.estimation import Layout, Parameter
 
 ALL = (
     Parameter("a", 1.0, 0.5),

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from np_drake.identification.model import FlightModel
-from np_drake.identification.prediction import ERRORS, predict
 from np_drake.identification.signals import signals
-from np_drake.identification.validation import vehicle_values
+from np_drake.identification.validation import ERRORS, predict, vehicle_values
 
 
 @pytest.fixture(scope="module")

@@ -1,7 +1,6 @@
 import numpy as np
 
-from np_drake.identification.parameters import Layout
-from np_drake.identification.priors import parameters
+from np_drake.identification.estimation import Layout, parameters
 from np_drake.vehicle.published import dimensionless, published_vehicles
 
 EVERYTHING = {"motors", "speed", "throttle", "voltage", "velocity", "accelerometer"}

@@ -5,10 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from np_drake.identification.frame import Frame
-from np_drake.identification.priors import parameters
+from np_drake.identification.estimation import parameters
+from np_drake.identification.model import Frame, target_speed
 from np_drake.identification.quantities import QUANTITIES, Basis
-from np_drake.identification.rotor_response import target_speed
 from np_drake.vehicle import Vehicle
 from np_drake.vehicle.calibration import ThrottleMap
 from np_drake.vehicle.sources import values

@@ -3,7 +3,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from np_drake.identification.rotor_response import FINEST, Substeps, at, lagged, means, target_speed
+from np_drake.identification.model import at, lagged, means, target_speed
+from np_drake.identification.signals import FINEST, Substeps
 from np_drake.vehicle.calibration import ThrottleMap
 
 

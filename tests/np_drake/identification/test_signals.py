@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from np_drake import attitude
-from np_drake.identification.drives import DRIVES, drives_of
-from np_drake.identification.signals import signals
+from np_drake.identification.signals import DRIVES, drives_of, signals
 
 
 @pytest.fixture(scope="module")

@@ -3,8 +3,7 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.identification.prediction import ERRORS
-from np_drake.identification.validation import HORIZONS, held_out, vehicle_values
+from np_drake.identification.validation import ERRORS, HORIZONS, held_out, vehicle_values
 
 
 @pytest.fixture(scope="module")

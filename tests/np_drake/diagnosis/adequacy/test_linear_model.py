@@ -5,18 +5,15 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.adequacy.linear_model import LinearModel
-from np_drake.diagnosis.calibration.columns import flight_errors
-from np_drake.diagnosis.fitting.map_estimate import refine, scaled_jacobian
-from np_drake.diagnosis.fitting.parameters import prior_whitening
-from np_drake.diagnosis.forward_model.payload_state import NEVER, Term
-from np_drake.diagnosis.forward_model.prediction import predicted_residual
+from np_drake.diagnosis.calibration import flight_errors
+from np_drake.diagnosis.decision.unexplained import LinearModel
+from np_drake.diagnosis.fitting import prior_whitening, refine, scaled_jacobian
+from np_drake.diagnosis.forward_model import NEVER, Term, predicted_residual
 from np_drake.diagnosis.numerics import NoiseModel
 from np_drake.diagnosis.options import Options, Tolerance
-from np_drake.diagnosis.regressors.generic import PREFIX
-from np_drake.diagnosis.regressors.regression_problem import RegressionProblem
+from np_drake.diagnosis.regressors import PREFIX, RegressionProblem
 from np_drake.diagnosis.residuals import TORQUE
-from np_drake.diagnosis.selection.ranking import Ranking
+from np_drake.diagnosis.selection import Ranking
 from np_drake.effects.base import Effect
 from np_drake.effects.constant_wind import ConstantWind
 from np_drake.effects.linear_drag import LinearDrag

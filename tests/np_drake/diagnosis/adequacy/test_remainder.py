@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from np_drake.diagnosis.adequacy import Indication
-from np_drake.diagnosis.adequacy import remainder as dut
+from np_drake.diagnosis.decision import remainder as dut
+from np_drake.diagnosis.decision.unexplained import Indication
 from np_drake.diagnosis.held_out import HeldOut
-from np_drake.diagnosis.numerics.noise_fit import scale_only
+from np_drake.diagnosis.numerics import scale_only
 from np_drake.diagnosis.options import Materiality, Options, Tolerance
 from np_drake.diagnosis.residuals import FORCE, make_flight_residuals
 from np_drake.diagnosis.result import Finding

@@ -2,11 +2,7 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from np_drake.diagnosis.adequacy.residual_statistics import (
-    slow_torque,
-    strongest_burst,
-    strongest_line,
-)
+from np_drake.diagnosis.decision.unexplained import slow_torque, strongest_burst, strongest_line
 from np_drake.diagnosis.options import Options
 
 REAL, IDEAL = Options.for_sensors(True), Options.for_sensors(False)

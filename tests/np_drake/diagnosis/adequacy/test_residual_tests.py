@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.adequacy import unexplained as dut
+from np_drake.diagnosis.decision import unexplained as dut
 from np_drake.diagnosis.options import Options
 
 REAL, IDEAL = Options.for_sensors(True), Options.for_sensors(False)

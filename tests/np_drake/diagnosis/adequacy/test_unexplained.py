@@ -6,13 +6,17 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.adequacy import unexplained as module
-from np_drake.diagnosis.adequacy.linear_model import LinearModel
-from np_drake.diagnosis.adequacy.residual_statistics import strongest_line
-from np_drake.diagnosis.adequacy.unexplained import Unexplained, _indication, find_unexplained
-from np_drake.diagnosis.held_out.prediction import on_held_out
+from np_drake.diagnosis.decision import unexplained as module
+from np_drake.diagnosis.decision.unexplained import (
+    LinearModel,
+    Unexplained,
+    _indication,
+    find_unexplained,
+    strongest_line,
+)
+from np_drake.diagnosis.held_out import on_held_out
 from np_drake.diagnosis.options import Options
-from np_drake.diagnosis.residuals.residual_parts import CHANNELS
+from np_drake.diagnosis.result import CHANNELS
 from np_drake.effects.command_delay import CommandDelay
 from np_drake.effects.inertia_error import InertiaError
 from np_drake.effects.motor_lag import MotorLag

@@ -7,9 +7,7 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.calibration.columns import with_fixed_effects
-from np_drake.diagnosis.calibration.spread import of_vehicle
-from np_drake.diagnosis.calibration.torque_gain import with_torque_gain
+from np_drake.diagnosis.calibration import of_vehicle, with_fixed_effects, with_torque_gain
 from np_drake.diagnosis.forward_model import Term, predicted_residual
 from np_drake.diagnosis.options import SPREAD, Tolerance
 from np_drake.diagnosis.residuals import WRENCH, make_flight_residuals

@@ -4,8 +4,7 @@ import dataclasses as dc
 
 import pytest
 
-from np_drake.diagnosis.calibration.differences import differences
-from np_drake.diagnosis.calibration.spread import of_flight, of_vehicle, parameter_names
+from np_drake.diagnosis.calibration import differences, of_flight, of_vehicle, parameter_names
 from np_drake.diagnosis.options import IDEAL_SENSORS, Options, Tolerance
 from np_drake.effects.attitude_bias import AttitudeBias
 from np_drake.effects.library import NUISANCES

@@ -5,16 +5,18 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.calibration.columns import (
+from np_drake.diagnosis.calibration import (
+    calibrated_alone,
     calibration_columns,
     columns_of,
     drift_columns,
+    of_flight,
+    of_vehicle,
     vehicle_columns,
 )
-from np_drake.diagnosis.calibration.spread import calibrated_alone, of_flight, of_vehicle
 from np_drake.diagnosis.forward_model import Term, predicted_residual
 from np_drake.diagnosis.options import SPREAD, Options, Tolerance
-from np_drake.diagnosis.regressors.nuisance import with_input
+from np_drake.diagnosis.regressors import with_input
 from np_drake.effects.mass_error import MassError
 from np_drake.effects.weak_rotor import WeakRotor
 from np_drake.vehicle import Vehicle

@@ -5,7 +5,8 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.calibration.torque_gain import LEAST, torque_gain, with_torque_gain
+from np_drake.diagnosis.calibration import LEAST_GAIN as LEAST
+from np_drake.diagnosis.calibration import torque_gain, with_torque_gain
 from np_drake.diagnosis.forward_model import Term, predicted_residual
 from np_drake.diagnosis.residuals import TORQUE
 from np_drake.effects.blade_flapping import BladeFlapping

@@ -7,10 +7,11 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.calibration.columns import calibration_effects
-from np_drake.diagnosis.gap.gap_reduction import measure_gap_reduction
+from np_drake.diagnosis.calibration import calibration_effects
+from np_drake.diagnosis.gap import measure_gap_reduction
 from np_drake.diagnosis.options import SPREAD, Options
-from np_drake.diagnosis.residuals.make_flight_residuals import CLEAR, make_flight_residuals
+from np_drake.diagnosis.residuals import make_flight_residuals
+from np_drake.diagnosis.residuals.flight_residuals import CLEAR
 from np_drake.effects.blade_flapping import BladeFlapping
 from np_drake.effects.combine import mass_properties, split_effects
 from np_drake.effects.weak_rotor import WeakRotor

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.cross_validation.blocks import DEGREES, Block, Blocks, scores
+from np_drake.diagnosis.decision.support import DEGREES, Block, Blocks, scores
 
 NONE = np.zeros(0, int)
 

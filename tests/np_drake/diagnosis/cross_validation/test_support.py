@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.cross_validation.support import LEAST, Support, support_of
 from np_drake.diagnosis.decision.infer import infer
+from np_drake.diagnosis.decision.support import LEAST, Support, support_of
 from np_drake.effects.linear_drag import LinearDrag
 
 DRAG = LinearDrag(0.3, 0.3, 0.3)

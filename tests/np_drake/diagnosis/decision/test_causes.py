@@ -8,13 +8,12 @@ import numpy as np
 import pytest
 from scipy import special
 
-from np_drake.diagnosis.adequacy.linear_model import LinearModel
 from np_drake.diagnosis.decision import causes as module
-from np_drake.diagnosis.decision.causes import causes_of, without_missing_drag
-from np_drake.diagnosis.decision.explanations import equivalents
+from np_drake.diagnosis.decision.causes import causes_of, equivalents, without_missing_drag
 from np_drake.diagnosis.decision.term_assessment import TermAssessment, assess_term
+from np_drake.diagnosis.decision.unexplained import LinearModel
 from np_drake.diagnosis.forward_model import pendulum_error
-from np_drake.diagnosis.held_out.prediction import on_held_out
+from np_drake.diagnosis.held_out import on_held_out
 from np_drake.diagnosis.options import Options, Size
 from np_drake.diagnosis.result import Cause
 from np_drake.effects.command_delay import CommandDelay

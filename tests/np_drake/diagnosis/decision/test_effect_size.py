@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from np_drake.diagnosis.decision.term_assessment import size_of, within_calibration
-from np_drake.diagnosis.forward_model.payload_state import Term
+from np_drake.diagnosis.forward_model import Term
 from np_drake.diagnosis.options import IDEAL_SENSORS, Options, Tolerance
 from np_drake.effects.gyro_bias import GyroBias
 from np_drake.effects.linear_drag import LinearDrag

@@ -4,9 +4,9 @@ import dataclasses as dc
 
 import pytest
 
-from np_drake.diagnosis.decision.explanations import MOST_ALTERNATIVES, equivalents
+from np_drake.diagnosis.decision.causes import MOST_ALTERNATIVES, equivalents
 from np_drake.diagnosis.options import Options
-from np_drake.diagnosis.regressors.regression_problem import Model
+from np_drake.diagnosis.regressors import Model
 
 OPTIONS = Options.for_sensors(True)
 NEAR = OPTIONS.thresholds.indistinguishable_evidence

@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.decision import explanations
-from np_drake.diagnosis.decision.explanations import explanations_of
+from np_drake.diagnosis.decision import causes as explanations
+from np_drake.diagnosis.decision.causes import explanations_of
 from np_drake.diagnosis.decision.infer import infer
 from np_drake.effects.explanation import STANDS
 from np_drake.effects.linear_drag import LinearDrag

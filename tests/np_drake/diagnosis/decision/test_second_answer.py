@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.decision.second_answer import (
+from np_drake.diagnosis.decision.infer import (
     LEAST_HALF,
     novelty,
     second_answer,
@@ -16,7 +16,7 @@ from np_drake.diagnosis.decision.second_answer import (
     without_onsets_in,
 )
 from np_drake.diagnosis.diagnose import diagnose
-from np_drake.diagnosis.held_out.adaptation import scored_rows
+from np_drake.diagnosis.held_out import scored_rows
 from np_drake.diagnosis.result import Cause, Diagnosis
 from np_drake.effects.gusty_wind import GustyWind
 from np_drake.effects.linear_drag import LinearDrag
@@ -24,7 +24,7 @@ from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.vehicle import Vehicle
 
 module = importlib.import_module(
-    "np_drake.diagnosis.decision.second_answer"
+    "np_drake.diagnosis.decision.infer"
 )  # the package has a function so named
 
 DRAG = LinearDrag(0.6, 0.6, 0.0)

@@ -12,7 +12,7 @@ from np_drake.diagnosis.decision.term_assessment import (
     relative_sizes,
     wind_share,
 )
-from np_drake.diagnosis.fitting.map_estimate import scaled_jacobian
+from np_drake.diagnosis.fitting import scaled_jacobian
 from np_drake.diagnosis.forward_model import NEVER
 from np_drake.diagnosis.options import Options, Size
 from np_drake.effects.constant_wind import ConstantWind

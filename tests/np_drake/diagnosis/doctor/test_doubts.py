@@ -7,9 +7,9 @@ import pytest
 
 from np_drake import attitude
 from np_drake.diagnosis.diagnose import diagnose
-from np_drake.diagnosis.doctor.doubts import doubts, law_doubts
 from np_drake.diagnosis.doctor.examine import examine
-from np_drake.diagnosis.report.summary import warnings
+from np_drake.diagnosis.doctor.flight_facts import doubts, law_doubts
+from np_drake.diagnosis.report.answer import warnings
 from np_drake.diagnosis.residuals import make_flight_residuals
 from np_drake.vehicle import Vehicle
 

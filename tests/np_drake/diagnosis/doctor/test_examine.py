@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from np_drake.diagnosis.doctor.examine import examine
-from np_drake.diagnosis.doctor.traces import _drag
+from np_drake.diagnosis.doctor.smallest_sizes import _drag
 from np_drake.effects.library import LIBRARY, effects_for, unobservable
 from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.flight_log import FlightLog

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from np_drake import attitude
-from np_drake.diagnosis.doctor.lags import lags
+from np_drake.diagnosis.doctor.flight_facts import lags
 
 
 def late(log, field, seconds):

@@ -7,9 +7,15 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.calibration.columns import nuisance_of
-from np_drake.diagnosis.doctor.smallest_sizes import Information, smallest_gust, smallest_sizes
-from np_drake.diagnosis.doctor.traces import explain, nearest_usual, traces
+from np_drake.diagnosis.calibration import nuisance_of
+from np_drake.diagnosis.doctor.smallest_sizes import (
+    Information,
+    explain,
+    nearest_usual,
+    smallest_gust,
+    smallest_sizes,
+    traces,
+)
 from np_drake.diagnosis.numerics import Gram, NoiseModel
 from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.regressors import tolerance_of

@@ -5,9 +5,8 @@ one.
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.calibration.columns import nuisance_of
-from np_drake.diagnosis.doctor.swing_test import evident, swing_test
-from np_drake.diagnosis.doctor.traces import nearest_usual, traces
+from np_drake.diagnosis.calibration import nuisance_of
+from np_drake.diagnosis.doctor.smallest_sizes import evident, nearest_usual, swing_test, traces
 from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.regressors import tolerance_of
 from np_drake.effects.accelerometer_bias import AccelerometerBias

@@ -5,12 +5,10 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.fitting.map_estimate import refine, scaled_jacobian
-from np_drake.diagnosis.fitting.parameters import free_parameters, read, write
-from np_drake.diagnosis.forward_model.payload_state import NEVER, Term
-from np_drake.diagnosis.forward_model.prediction import predicted_residual
+from np_drake.diagnosis.fitting import free_parameters, read, refine, scaled_jacobian, write
+from np_drake.diagnosis.forward_model import NEVER, Term, predicted_residual
 from np_drake.diagnosis.options import Options
-from np_drake.diagnosis.regressors.library import LINEAR, Candidate
+from np_drake.diagnosis.regressors import LINEAR, Candidate
 from np_drake.effects.clock_offset import ClockOffset
 from np_drake.effects.command_delay import CommandDelay
 from np_drake.effects.gyro_bias import GyroBias

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.fitting.physical_bounds import at_its_bound, impossible, interval
+from np_drake.diagnosis.fitting import at_its_bound, impossible, interval
 from np_drake.effects.base import Effect
 from np_drake.effects.blade_flapping import BladeFlapping
 from np_drake.effects.center_of_mass_offset import CenterOfMassOffset

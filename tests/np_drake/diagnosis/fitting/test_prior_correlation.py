@@ -3,12 +3,10 @@
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.fitting.map_estimate import refine
-from np_drake.diagnosis.fitting.parameters import free_parameters, prior_whitening
-from np_drake.diagnosis.forward_model.payload_state import Term
+from np_drake.diagnosis.fitting import free_parameters, prior_whitening, refine
+from np_drake.diagnosis.forward_model import Term
 from np_drake.diagnosis.options import Options
-from np_drake.diagnosis.regressors.library import library_candidates
-from np_drake.diagnosis.regressors.regression_problem import RegressionProblem
+from np_drake.diagnosis.regressors import RegressionProblem, library_candidates
 from np_drake.effects.gyro_bias import GyroBias
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.parameter_prior import prior_root

@@ -5,10 +5,9 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.fitting.swing_fit import SwingFit
-from np_drake.diagnosis.forward_model.payload_state import STATE, Term
-from np_drake.diagnosis.forward_model.prediction import predicted_residual
+from np_drake.diagnosis.forward_model import STATE, Term, predicted_residual
 from np_drake.diagnosis.options import Options
+from np_drake.diagnosis.swing_fit import SwingFit
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.suspended_payload import SuspendedPayload
 

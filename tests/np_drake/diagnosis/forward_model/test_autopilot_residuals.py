@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.forward_model.payload_state import Term
-from np_drake.diagnosis.forward_model.prediction import predicted_residual
-from np_drake.diagnosis.residuals.flight_residuals import ATTITUDE, FORCE, TORQUE
+from np_drake.diagnosis.forward_model import Term, predicted_residual
+from np_drake.diagnosis.residuals import FORCE, TORQUE
+from np_drake.diagnosis.residuals.flight_residuals import ATTITUDE
 from np_drake.effects.attitude_bias import AttitudeBias
 from np_drake.effects.attitude_latency import AttitudeLatency
 from np_drake.effects.imu_mounting import ImuMounting

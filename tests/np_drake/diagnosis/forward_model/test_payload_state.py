@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from np_drake import attitude
-from np_drake.diagnosis.forward_model.payload_state import (
+from np_drake.diagnosis.forward_model import (
     MOST_JUMPS,
     NEVER,
     STATE,

@@ -7,8 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from np_drake.diagnosis.forward_model.payload_state import NEVER, Term
-from np_drake.diagnosis.forward_model.prediction import StageCache, gate, predicted_residual
+from np_drake.diagnosis.forward_model import NEVER, StageCache, Term, gate, predicted_residual
 from np_drake.diagnosis.residuals import flight_residuals as ev
 from np_drake.effects.accelerometer_bias import AccelerometerBias
 from np_drake.effects.attitude_bias import AttitudeBias

@@ -5,14 +5,14 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.adequacy import measure_remainder
-from np_drake.diagnosis.adequacy.linear_model import LinearModel
+from np_drake.diagnosis import gap as dut
 from np_drake.diagnosis.decision.causes import causes_of
-from np_drake.diagnosis.forward_model.payload_state import NEVER
-from np_drake.diagnosis.gap import gap_reduction as dut
-from np_drake.diagnosis.held_out.prediction import on_held_out
+from np_drake.diagnosis.decision.remainder import measure_remainder
+from np_drake.diagnosis.decision.unexplained import LinearModel
+from np_drake.diagnosis.forward_model import NEVER
+from np_drake.diagnosis.held_out import on_held_out
 from np_drake.diagnosis.options import Options
-from np_drake.diagnosis.residuals.make_flight_residuals import make_flight_residuals
+from np_drake.diagnosis.residuals import make_flight_residuals
 from np_drake.diagnosis.result import ReplayGap
 from np_drake.effects.gusty_wind import GustyWind
 from np_drake.effects.linear_drag import LinearDrag

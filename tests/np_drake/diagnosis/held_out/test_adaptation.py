@@ -3,10 +3,8 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.fitting.swing_fit import fitted_to_whole_flight
-from np_drake.diagnosis.forward_model.payload_state import NEVER, Term
-from np_drake.diagnosis.forward_model.prediction import predicted_residual
-from np_drake.diagnosis.held_out.adaptation import (
+from np_drake.diagnosis.forward_model import NEVER, Term, predicted_residual
+from np_drake.diagnosis.held_out import (
     HIDDEN_SPAN,
     JUMP_SPAN,
     _span_by_span,
@@ -17,9 +15,9 @@ from np_drake.diagnosis.held_out.adaptation import (
     scored_rows,
 )
 from np_drake.diagnosis.options import Options
-from np_drake.diagnosis.regressors.switched_regressors import onset_log_likelihood
-from np_drake.diagnosis.residuals.flight_residuals import WRENCH
-from np_drake.diagnosis.residuals.make_flight_residuals import make_flight_residuals
+from np_drake.diagnosis.regressors import onset_log_likelihood
+from np_drake.diagnosis.residuals import WRENCH, make_flight_residuals
+from np_drake.diagnosis.swing_fit import fitted_to_whole_flight
 from np_drake.effects.constant_wind import ConstantWind
 from np_drake.effects.gyro_bias import GyroBias
 from np_drake.effects.linear_drag import LinearDrag

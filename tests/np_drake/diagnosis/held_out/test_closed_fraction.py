@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from np_drake.diagnosis.held_out import closed_fraction, pooled
-from np_drake.diagnosis.numerics.noise_fit import scale_only
+from np_drake.diagnosis.numerics import scale_only
 
 NOISE = scale_only([np.random.default_rng(0).normal(size=(20000, 15))], 0.02)
 

@@ -5,8 +5,7 @@ import dataclasses as dc
 import pytest
 
 from diagrams.challenge.generate.collinearity import Collinearity
-from np_drake.diagnosis.forward_model.payload_state import Term
-from np_drake.diagnosis.forward_model.prediction import predicted_residual
+from np_drake.diagnosis.forward_model import Term, predicted_residual
 from np_drake.diagnosis.options import IDEAL_SENSORS, Tolerance
 from np_drake.effects.clock_offset import ClockOffset
 from np_drake.effects.command_delay import CommandDelay

@@ -5,15 +5,15 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.localisation.identifiability import (
+from np_drake.diagnosis.localisation import (
     _confusables,
     assess_identifiability,
     excitation,
     excited,
 )
-from np_drake.diagnosis.regressors.library import library_candidates
-from np_drake.diagnosis.residuals.make_flight_residuals import make_flight_residuals
-from np_drake.diagnosis.residuals.residual_parts import CHANNELS
+from np_drake.diagnosis.regressors import library_candidates
+from np_drake.diagnosis.residuals import make_flight_residuals
+from np_drake.diagnosis.result import CHANNELS
 from np_drake.vehicle import Vehicle
 
 

@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from np_drake.diagnosis.localisation import localisation as dut
-from np_drake.diagnosis.numerics.noise_fit import scale_only
-from np_drake.diagnosis.residuals.flight_residuals import WRENCH
-from np_drake.diagnosis.residuals.residual_parts import CHANNELS
+from np_drake.diagnosis import localisation as dut
+from np_drake.diagnosis.numerics import scale_only
+from np_drake.diagnosis.residuals import WRENCH
+from np_drake.diagnosis.result import CHANNELS
 from np_drake.effects.mass_error import MassError
 
 STEP = 0.02

@@ -2,7 +2,7 @@
 
 import pytest
 
-from np_drake.diagnosis.localisation.identifiability import manoeuvre
+from np_drake.diagnosis.localisation import manoeuvre
 from np_drake.effects.library import LIBRARY
 
 PAIRS = [(a, b, how) for a, effect in LIBRARY.items() for b, how in effect.told_from.items()]

@@ -6,14 +6,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import signal
 
-from np_drake.diagnosis.numerics.noise_fit import (
+from np_drake.diagnosis.numerics import (
     QUIETEST,
+    NoiseModel,
     fit_noise,
     no_worse,
     scale_only,
     with_loudness,
 )
-from np_drake.diagnosis.numerics.noise_model import NoiseModel
 
 STEP = 0.02
 PHI = {0: [1.2, -0.6], 1: [0.5], 2: []}  # of three processes

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
-from np_drake.diagnosis.numerics.bayesian_linear_regression import Gram, _alike
+from np_drake.diagnosis.numerics import Gram, _alike
 
 
 def problem(

@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from np_drake.diagnosis.numerics.gauss_newton import minimise
+from np_drake.diagnosis.numerics import minimise
 
 WIDE = np.full(3, 1e6)
 

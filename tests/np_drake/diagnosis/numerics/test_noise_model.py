@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.numerics import NoiseModel
-from np_drake.diagnosis.numerics.noise_fit import scale_only
+from np_drake.diagnosis.numerics import NoiseModel, scale_only
 
 M, C, P = 40, 5, 3
 ABSENT = 2  # channel that the logs lack

@@ -10,9 +10,13 @@ from scipy import signal
 
 from np_drake import attitude
 from np_drake.diagnosis.options import Options
-from np_drake.diagnosis.regressors.generic import PREFIX, _twist, generic_candidates
-from np_drake.diagnosis.regressors.library import library_candidates
-from np_drake.diagnosis.regressors.regression_problem import RegressionProblem
+from np_drake.diagnosis.regressors import (
+    PREFIX,
+    RegressionProblem,
+    generic_candidates,
+    library_candidates,
+)
+from np_drake.diagnosis.regressors.generic import _twist
 from np_drake.diagnosis.selection.map_model import search
 from np_drake.effects.base import WrenchEffect
 from np_drake.rigid_body import P, Q, V, W

@@ -9,8 +9,8 @@ import pytest
 
 from np_drake.diagnosis.diagnose import NO_REPLAY, diagnose
 from np_drake.diagnosis.options import Options, Tolerance
-from np_drake.diagnosis.regressors import library_candidates
-from np_drake.diagnosis.regressors.nuisance import THROTTLE_SCALE, command_timing, with_input
+from np_drake.diagnosis.regressors import library_candidates, with_input
+from np_drake.diagnosis.regressors.library import THROTTLE_SCALE, command_timing
 from np_drake.diagnosis.residuals import TORQUE, make_flight_residuals
 from np_drake.effects.clock_offset import ClockOffset
 from np_drake.effects.command_delay import CommandDelay

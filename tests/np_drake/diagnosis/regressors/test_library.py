@@ -8,19 +8,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
-from np_drake.diagnosis.forward_model.payload_state import Term
-from np_drake.diagnosis.forward_model.prediction import predicted_residual
+from np_drake.diagnosis.forward_model import Term, predicted_residual
 from np_drake.diagnosis.options import Options
-from np_drake.diagnosis.regressors.library import (
-    _effect_candidates,
-    _not_negative,
+from np_drake.diagnosis.regressors import (
+    heavy_enough,
     library_candidates,
+    payloads_of,
     switched,
     wind_candidates,
 )
-from np_drake.diagnosis.regressors.payload import LEAST_MASS_DEVIATIONS, heavy_enough, payloads_of
+from np_drake.diagnosis.regressors.library import _effect_candidates, _not_negative
+from np_drake.diagnosis.regressors.payload import LEAST_MASS_DEVIATIONS
 from np_drake.diagnosis.residuals import flight_residuals as ev
-from np_drake.diagnosis.residuals.make_flight_residuals import make_flight_residuals
+from np_drake.diagnosis.residuals import make_flight_residuals
 from np_drake.effects.library import LIBRARY
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError

@@ -5,16 +5,10 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.calibration.columns import flight_errors
-from np_drake.diagnosis.forward_model.payload_state import Term
-from np_drake.diagnosis.forward_model.prediction import predicted_residual
+from np_drake.diagnosis.calibration import flight_errors
+from np_drake.diagnosis.forward_model import Term, predicted_residual
 from np_drake.diagnosis.options import IDEAL_SENSORS, SPREAD, Options, Tolerance
-from np_drake.diagnosis.regressors.nuisance import (
-    calibration,
-    calibration_terms,
-    tolerance_of,
-    with_input,
-)
+from np_drake.diagnosis.regressors import calibration, calibration_terms, tolerance_of, with_input
 from np_drake.effects.accelerometer_bias import AccelerometerBias
 from np_drake.effects.gyro_bias import GyroBias
 from np_drake.effects.linear_drag import LinearDrag

@@ -5,11 +5,10 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.forward_model.payload_state import Term
-from np_drake.diagnosis.forward_model.prediction import predicted_residual
-from np_drake.diagnosis.held_out.adaptation import adapt
+from np_drake.diagnosis.forward_model import Term, predicted_residual
+from np_drake.diagnosis.held_out import adapt
 from np_drake.diagnosis.options import Options
-from np_drake.diagnosis.regressors.switched_regressors import SwitchedRegressors, SwitchedSums
+from np_drake.diagnosis.regressors import SwitchedRegressors, SwitchedSums
 from np_drake.effects.center_of_mass_offset import CenterOfMassOffset
 from np_drake.effects.command_delay import CommandDelay
 from np_drake.effects.linear_drag import LinearDrag

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from np_drake.diagnosis import result as an
-from np_drake.diagnosis.residuals import residual_parts
+from np_drake.diagnosis import result as residual_parts
 
 HELD_OUT = ("heldout_1", "heldout_2")
 NOISE = (0.05, 0.05, 0.08, 0.004, 0.004, 0.002)  # [N, N·m]

@@ -5,7 +5,7 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.report.coverage import coverage, reach, trace_ratio
+from np_drake.diagnosis.report.answer import coverage, reach, trace_ratio
 from np_drake.diagnosis.result import Cause
 from np_drake.effects.constant_wind import ConstantWind
 from np_drake.effects.ground_effect import GroundEffect

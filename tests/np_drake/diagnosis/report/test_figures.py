@@ -10,7 +10,7 @@ from matplotlib.text import Text
 
 from np_drake.diagnosis.report.figures import regime_figure, smoothed, timeline_figure
 from np_drake.diagnosis.report.page import figures
-from np_drake.diagnosis.residuals.residual_parts import Regime
+from np_drake.diagnosis.result import Regime
 from np_drake.files.figure_file import png
 
 COARSE = 30  # [dots an inch]

@@ -2,7 +2,7 @@
 
 import dataclasses as dc
 
-from np_drake.diagnosis.report.summary import next_steps
+from np_drake.diagnosis.report.answer import next_steps
 from np_drake.diagnosis.result import Estimate, Finding
 
 

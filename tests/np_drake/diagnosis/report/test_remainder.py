@@ -4,9 +4,8 @@ it.
 
 import dataclasses as dc
 
-from np_drake.diagnosis.report.remainder import calibration_share, gap_rows, remains
-from np_drake.diagnosis.residuals.residual_parts import ChannelGap
-from np_drake.diagnosis.result import Rung
+from np_drake.diagnosis.report.answer import calibration_share, gap_rows, remains
+from np_drake.diagnosis.result import ChannelGap, Rung
 
 
 def with_channels(diagnosis, *channels):

@@ -5,12 +5,14 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.report.headline import headline, lead, main_remainder
-from np_drake.diagnosis.report.remainder import gap_rows
-from np_drake.diagnosis.report.summary import (
+from np_drake.diagnosis.report.answer import (
     MOST_DIFFERENCES,
     cause_table,
     difference_rows,
+    gap_rows,
+    headline,
+    lead,
+    main_remainder,
     unseen,
     warnings,
 )

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from np_drake import attitude
 from np_drake.attitude import conjugate, from_rotation_vector, rotation_vector
-from np_drake.diagnosis.residuals.attitude_smoothing import smooth_attitude
+from np_drake.diagnosis.residuals import smooth_attitude
 from np_drake.effects.gyro_bias import GyroBias
 
 

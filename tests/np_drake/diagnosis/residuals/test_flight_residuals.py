@@ -8,11 +8,9 @@ import pytest
 from scipy import signal
 
 from np_drake import attitude
-from np_drake.diagnosis.forward_model.payload_state import Term
-from np_drake.diagnosis.forward_model.prediction import predicted_residual
+from np_drake.diagnosis.forward_model import Term, predicted_residual
 from np_drake.diagnosis.residuals import flight_residuals as ev
-from np_drake.diagnosis.residuals.accelerations import low_pass
-from np_drake.diagnosis.residuals.make_flight_residuals import make_flight_residuals
+from np_drake.diagnosis.residuals import low_pass, make_flight_residuals
 from np_drake.diagnosis.residuals.rotor_thrust import Rotors
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.motor_lag import MotorLag

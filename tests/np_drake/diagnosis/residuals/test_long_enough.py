@@ -2,7 +2,7 @@
 
 import dataclasses as dc
 
-from np_drake.diagnosis.residuals.make_flight_residuals import long_enough
+from np_drake.diagnosis.residuals import long_enough
 
 
 def test_a_part_that_is_too_short_is_left_out_and_said(fly):

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from np_drake.diagnosis.residuals.outliers import (
+from np_drake.diagnosis.residuals import (
     LONGEST_BOUNCE,
     MOST_OUTLIERS,
     OUTLIERS_APART,

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import signal
 
-from np_drake.diagnosis.residuals.accelerations import _corrected_acceleration
+from np_drake.diagnosis.residuals.smoothing import _corrected_acceleration
 
 STEP, SECONDS = 0.01, 20.0
 SIZES = st.floats(-1.0, 1.0)

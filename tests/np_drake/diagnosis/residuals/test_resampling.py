@@ -5,7 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from np_drake.diagnosis.residuals.resampling import STEP, TAPS, Resampler, make_grid, natural_step
+from np_drake.diagnosis.residuals import Resampler, natural_step
+from np_drake.diagnosis.residuals.resampling import STEP, TAPS, make_grid
 
 INSIDE = slice(TAPS + 1, -TAPS - 1)  # where the low-pass sees no held end
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.residuals.residual_parts import CHANNELS, ChannelGap, gap_kinds
+from np_drake.diagnosis.result import CHANNELS, ChannelGap, gap_kinds
 
 NOISE = (0.05, 0.05, 0.08, 0.004, 0.004, 0.002)  # [N, N·m]
 SIZE = (8.0, 7.0, 22.0, 3.0, 2.6, 1.3)  # of the gap in noise units

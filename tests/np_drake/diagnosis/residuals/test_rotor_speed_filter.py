@@ -5,10 +5,9 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.adequacy.residual_statistics import slow_torque
+from np_drake.diagnosis.decision.unexplained import slow_torque
 from np_drake.diagnosis.options import Options
-from np_drake.diagnosis.residuals.accelerations import low_pass
-from np_drake.diagnosis.residuals.make_flight_residuals import make_flight_residuals
+from np_drake.diagnosis.residuals import low_pass, make_flight_residuals
 from np_drake.diagnosis.residuals.rotor_thrust import _read_thrust
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.flight_log import FlightLog

@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from np_drake import attitude
-from np_drake.diagnosis.residuals.accelerations import velocity_before
-from np_drake.diagnosis.residuals.make_flight_residuals import make_flight_residuals
+from np_drake.diagnosis.residuals import make_flight_residuals
+from np_drake.diagnosis.residuals.smoothing import velocity_before
 from np_drake.rigid_body import V
 from np_drake.vehicle import Vehicle
 

@@ -5,8 +5,7 @@ import numpy as np
 import pytest
 
 from np_drake.diagnosis.options import Options
-from np_drake.diagnosis.regressors.library import Candidate, library_candidates
-from np_drake.diagnosis.regressors.regression_problem import RegressionProblem, prior_of
+from np_drake.diagnosis.regressors import Candidate, RegressionProblem, library_candidates, prior_of
 from np_drake.diagnosis.selection.map_model import search
 from np_drake.effects.clock_offset import ClockOffset
 from np_drake.effects.command_delay import CommandDelay

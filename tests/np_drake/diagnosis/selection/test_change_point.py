@@ -4,14 +4,15 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.forward_model.payload_state import NEVER
+from np_drake.diagnosis.forward_model import NEVER
 from np_drake.diagnosis.options import Options
-from np_drake.diagnosis.regressors.library import _effect_candidates, library_candidates, switched
-from np_drake.diagnosis.regressors.regression_problem import RegressionProblem
-from np_drake.diagnosis.residuals.make_flight_residuals import make_flight_residuals
-from np_drake.diagnosis.selection.change_point import OnsetScan, _onsets
-from np_drake.diagnosis.selection.onset_candidates import (
+from np_drake.diagnosis.regressors import RegressionProblem, library_candidates, switched
+from np_drake.diagnosis.regressors.library import _effect_candidates
+from np_drake.diagnosis.residuals import make_flight_residuals
+from np_drake.diagnosis.selection.change_point import (
     WEIGHTS,
+    OnsetScan,
+    _onsets,
     late_payloads,
     switched_candidates,
 )

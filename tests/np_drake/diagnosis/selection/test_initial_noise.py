@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from np_drake.diagnosis.options import Options
-from np_drake.diagnosis.selection.conditioning import condition, noise_of
+from np_drake.diagnosis.selection.map_model import condition, noise_of
 from np_drake.effects.mass_error import MassError
 from np_drake.effects.suspended_payload import SuspendedPayload
 

@@ -4,9 +4,9 @@ import dataclasses as dc
 
 import pytest
 
-from np_drake.diagnosis.forward_model.payload_state import NEVER
+from np_drake.diagnosis.forward_model import NEVER
 from np_drake.diagnosis.options import Options
-from np_drake.diagnosis.selection.onset_candidates import new_conditions
+from np_drake.diagnosis.selection.change_point import new_conditions
 from np_drake.effects.constant_wind import ConstantWind
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError

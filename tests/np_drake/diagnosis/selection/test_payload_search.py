@@ -3,19 +3,18 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.forward_model.prediction import predicted_residual
+from np_drake.diagnosis.forward_model import predicted_residual
 from np_drake.diagnosis.options import Options
-from np_drake.diagnosis.regressors.library import library_candidates
-from np_drake.diagnosis.regressors.payload import Guess, payload_about, payloads_of
-from np_drake.diagnosis.residuals.flight_residuals import FORCE
+from np_drake.diagnosis.regressors import Guess, library_candidates, payload_about, payloads_of
+from np_drake.diagnosis.regressors.payload import SEARCH_LENGTHS
+from np_drake.diagnosis.residuals import FORCE
 from np_drake.diagnosis.residuals.resampling import TAPS
-from np_drake.diagnosis.selection.payload_evidence import OtherRegressors
 from np_drake.diagnosis.selection.payload_search import (
     ENDS,
     KEPT,
     LOST,
     NEAR,
-    SEARCH_LENGTHS,
+    OtherRegressors,
     PayloadSearch,
 )
 from np_drake.effects.mass_error import MassError

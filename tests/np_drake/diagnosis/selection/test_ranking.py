@@ -3,15 +3,10 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.forward_model.payload_state import Term
-from np_drake.diagnosis.regressors.regression_problem import Model
-from np_drake.diagnosis.selection.ranking import (
-    drop_negligible,
-    names_of,
-    names_of_fit,
-    rank_models,
-    score_of,
-)
+from np_drake.diagnosis.forward_model import Term
+from np_drake.diagnosis.regressors import Model
+from np_drake.diagnosis.selection import names_of, names_of_fit, rank_models, score_of
+from np_drake.diagnosis.selection.ranking import drop_negligible
 from np_drake.effects.attitude_bias import AttitudeBias
 from np_drake.effects.blade_flapping import BladeFlapping
 from np_drake.effects.center_of_mass_offset import CenterOfMassOffset

@@ -3,18 +3,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.forward_model.payload_state import Term
-from np_drake.diagnosis.forward_model.prediction import predicted_residual
-from np_drake.diagnosis.wind.gauss_markov import (
-    BIN,
-    binned,
-    drags,
-    factor,
-    forces,
-    instants,
-    spans,
-    width,
-)
+from np_drake.diagnosis.forward_model import Term, predicted_residual
+from np_drake.diagnosis.gusts import BIN, binned, drags, factor, forces, instants, spans, width
 from np_drake.effects.linear_drag import LinearDrag
 
 

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from np_drake.diagnosis.decision.infer import in_gusts
-from np_drake.diagnosis.forward_model.payload_state import Term
-from np_drake.diagnosis.held_out.prediction import HeldOut
+from np_drake.diagnosis.forward_model import Term
+from np_drake.diagnosis.gusts import as_gusts
+from np_drake.diagnosis.held_out import HeldOut
 from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.result import Cause, Estimate
-from np_drake.diagnosis.wind.gusts import as_gusts
 from np_drake.effects.constant_wind import ConstantWind
 from np_drake.effects.gusty_wind import GustyWind
 from np_drake.effects.linear_drag import LinearDrag

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from np_drake import attitude
-from np_drake.diagnosis.wind.position_dependence import position_p_value
+from np_drake.diagnosis.slow_force import position_p_value
 from np_drake.rigid_body import P, V
 
 

@@ -7,11 +7,10 @@ from hypothesis import strategies as st
 from scipy import integrate, signal
 
 from np_drake import attitude
-from np_drake.diagnosis.forward_model.payload_state import Term
-from np_drake.diagnosis.forward_model.prediction import predicted_residual
+from np_drake.diagnosis.forward_model import Term, predicted_residual
 from np_drake.diagnosis.options import Options
-from np_drake.diagnosis.residuals.flight_residuals import FORCE, VELOCITY
-from np_drake.diagnosis.wind.whittle_test import SlowForce, _markov, _slow_power, slow_force
+from np_drake.diagnosis.residuals import FORCE, VELOCITY
+from np_drake.diagnosis.slow_force import SlowForce, _markov, _slow_power, slow_force
 from np_drake.effects.gusty_wind import GustyWind
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.rigid_body import Q

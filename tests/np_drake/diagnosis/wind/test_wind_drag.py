@@ -3,8 +3,8 @@
 import pytest
 
 from np_drake.diagnosis.decision.infer import conclude
-from np_drake.diagnosis.regressors.library import DRAG
-from np_drake.diagnosis.wind.gusts import with_drag
+from np_drake.diagnosis.gusts import with_drag
+from np_drake.diagnosis.regressors import DRAG
 from np_drake.effects.center_of_mass_offset import CenterOfMassOffset
 from np_drake.effects.gusty_wind import GustyWind
 from np_drake.effects.linear_drag import LinearDrag

@@ -1,9 +1,15 @@
 import numpy as np
 import pytest
 
+from np_drake.diagnosis.gusts import (
+    BIN,
+    WindForce,
+    still_air_loss,
+    wind_begins,
+    wind_force,
+    wind_onset,
+)
 from np_drake.diagnosis.options import Options
-from np_drake.diagnosis.wind.gauss_markov import BIN, WindForce, wind_force
-from np_drake.diagnosis.wind.wind_onset import still_air_loss, wind_begins, wind_onset
 
 REAL, IDEAL = Options.for_sensors(True), Options.for_sensors(False)
 
