@@ -7,11 +7,11 @@ import dataclasses as dc
 from pathlib import Path
 
 import matplotlib.pyplot as plt
+from diagrams.gap.next_flight import track_figure
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import FancyBboxPatch
 
-from diagrams.gap.next_flight import track_figure
 from diagrams.loop.flight import default_flight
 from diagrams.loop.flight_result import fly
 from np_drake.diagnosis.diagnose import diagnose
@@ -63,7 +63,7 @@ STEPS = (  # step, what it does, dataclass that it passes on, flights that it re
         "Identifiability",
         "training flights",
     ),
-    ("Localisation", "channels, times, regimes, frequencies", "Localisation", "held-out flights"),
+    ("Localisation", "channels, times", "Localisation", "held-out flights"),
     ("Gap reduction", "residual and replay before and after", "GapReduction", "held-out flights"),
 )
 HEIGHT, PITCH, WIDTH = 0.62, 1.0, 4.6

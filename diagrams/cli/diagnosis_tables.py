@@ -8,7 +8,6 @@ from np_drake.diagnosis.report.answer import (
     DIFFERENCE_HEADER,
     GAP_HEADER,
     SHOWN,
-    calibration_share,
     cause_table,
     difference_rows,
     gap_rows,
@@ -41,13 +40,10 @@ def judgement(diagnosis: Diagnosis) -> list[str]:
 def tables(diagnosis: Diagnosis) -> list[Table]:
     """Return the tables that have rows, the answer first."""
     refit = diagnosis.refit
-    tested = [*diagnosis.coverage, *filter(None, [unseen(diagnosis)])]
+    tested = [*filter(None, [unseen(diagnosis)])]
     traces = [(words.described(finding), finding.measurement) for finding in diagnosis.unexplained]
     minor = [(f"{finding.name}: {finding.text}",) for finding in diagnosis.below_threshold]
-    differs = (
-        f"what differs from the vehicle file (calibration, no cause). "
-        f"{calibration_share(diagnosis.gap_reduction)}"
-    )
+    differs = "what differs from the vehicle file (calibration, no cause)"
     left = "what remains" if diagnosis.cannot_tell else f"what remains. {remains(diagnosis)}"
     every: list[Table] = [
         (differs, DIFFERENCE_HEADER, difference_rows(diagnosis)),

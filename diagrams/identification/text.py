@@ -119,11 +119,9 @@ def summary(found: Identification) -> list[str]:
 
 
 def differences(each: Sequence[FlightValues]) -> list[str]:
-    """Return what flights differ in: a sentence for what stands out or moves with something, one
-    for all else.
-    """
+    """Return what flights differ in: a sentence for what stands out, one for all else."""
     differing = [told for told in each if told.differ]
-    plain = [told.quantity.name for told in differing if not told.apart and not told.moves_with]
+    plain = [told.quantity.name for told in differing if not told.apart]
     return [
         *([f"flights differ in: {'; '.join(plain)}"] if plain else []),
         *(told.text for told in differing if told.quantity.name not in plain),

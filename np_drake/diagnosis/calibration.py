@@ -10,7 +10,8 @@ of a payload does not count: effects explain it.
 """
 
 import dataclasses as dc
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from types import MappingProxyType
 
 import numpy as np
@@ -18,7 +19,7 @@ import numpy as np
 from np_drake import attitude
 from np_drake.diagnosis.fitting import Fit, LinearPart
 from np_drake.diagnosis.forward_model import StageCache, Term, predicted_residual
-from np_drake.diagnosis.options import SPREAD, Priors, Spread, Tolerance
+from np_drake.diagnosis.options import SPREAD, SURE, Priors, Spread, Tolerance
 from np_drake.diagnosis.regressors import (
     LINEAR,
     PREFIX,
@@ -30,39 +31,22 @@ from np_drake.diagnosis.regressors import (
 from np_drake.diagnosis.regressors.library import THROTTLE_CURVE
 from np_drake.diagnosis.residuals import FORCE, TORQUE, WRENCH, FlightResiduals
 from np_drake.diagnosis.result import Difference
-from np_drake.effects.accelerometer_bias import AccelerometerBias
-from np_drake.effects.attitude_bias import AttitudeBias
-from np_drake.effects.attitude_latency import AttitudeLatency
 from np_drake.effects.base import ActuatorEffect, Effect, MassEffect, Parameter
-from np_drake.effects.battery_sag import BatterySag
-from np_drake.effects.blade_flapping import BladeFlapping
 from np_drake.effects.calibration import in_flight
-from np_drake.effects.center_of_mass_offset import CenterOfMassOffset
-from np_drake.effects.clock_offset import ClockOffset
-from np_drake.effects.command_delay import CommandDelay
-from np_drake.effects.gyro_bias import GyroBias
-from np_drake.effects.imu_mounting import ImuMounting
 from np_drake.effects.inertia_error import InertiaError
-from np_drake.effects.mass_error import MassError
-from np_drake.effects.mixer_gain import MixerGain
-from np_drake.effects.motor_lag import MotorLag
+from np_drake.effects.library import effect_of
 from np_drake.effects.random_sizes import arm
-from np_drake.effects.rotor_gyroscopic import RotorGyroscopic
 from np_drake.effects.throttle_curve import ThrottleCurve
-from np_drake.effects.thrust_scale import ThrustScale
-from np_drake.effects.translational_lift import TranslationalLift
-from np_drake.effects.velocity_bias import VelocityBias
-from np_drake.effects.weak_rotor import WeakRotor
 from np_drake.files.number_text import departure_unit, measure, number, with_sign
 from np_drake.logs.throttle_input import VOLTAGE_SCATTER, hover_exponent, voltage_of
 from np_drake.rigid_body import V
-from np_drake.vehicle import Vehicle
 from np_drake.vehicle.published import published_priors
 from np_drake.vehicle.sources import part
 
 ROTORS = (1.0, 2.0, 3.0, 4.0)
-SURE = 1.96  # half of a 95 % interval over its standard deviation [1]
-LEAST_DEVIATION = 1e-3  # of a stated deviation over that of healthy vehicles [1]
+
+AXES, BATTERY = ("roll", "pitch", "yaw"), ("thrust_scale", "battery_sag")
+LEANING = 2  # last columns of the airframe: thrust that leans to x and y
 
 
 @dc.dataclass(frozen=True)
@@ -73,10 +57,20 @@ class Deviation:
     linear.
     """
 
-    effect: type[Effect]
+    identifier: str
     deviation: dict[str, float]
     fixed: dict[str, float] = dc.field(default_factory=dict)
     at_value: bool = False
+
+    @property
+    def effect(self) -> type[Effect]:
+        """Class of the effect."""
+        return effect_of(self.identifier)
+
+    def at(self, **values: float) -> Effect:
+        """Return the effect with these values, all other parameters neutral or fixed."""
+        free = {p.name: p.neutral for p in self.effect.parameters if not p.choices}
+        return self.effect.of({**free, **self.fixed, **values})
 
 
 def of_vehicle(
@@ -86,59 +80,49 @@ def of_vehicle(
     vehicle that flew.
 
     Of a number of its calibration for which the file states an interval, the deviation is that of
-    the interval.
+    the interval, but not less than 1e-3 of that of healthy vehicles.
     """
     if not tolerance.unmeasured:
         return []
     vehicle, measured = e.vehicle, e.measured_rotors
     span, mass = arm(vehicle), vehicle.mass
-    moment = spread.flapping * mass * span
-    rotor = published_priors().rotor_inertia.median * mass * span**2
-    gains = zip(ROTORS, _stated(vehicle, "rotor_gains", [spread.rotor_gain] * 4), strict=True)
+
+    def stated(field: str, *healthy: float) -> list[float]:
+        name, said, found = f"calibration.{field}", vehicle.intervals, []
+        for i, usual in enumerate(healthy):
+            ends = said.get(part(name, i)) or said.get(name, [])[i : i + 1]
+            half = [0.5 * (high - low) for low, high in ends]
+            found.append(max(*half, 1e-3 * usual) / SURE if half else usual)
+        return found
+
+    gains = zip(ROTORS, stated("rotor_gains", *[spread.rotor_gain] * 4), strict=True)
     level, height = spread.center_of_mass * span, spread.center_of_mass_height * span
-    (rotor,) = _stated(vehicle, "rotor_inertia", [rotor])
-    (clock,) = _stated(
-        vehicle, "clock_offset", [spread.rotor_speed_time if measured else spread.command_time]
-    )
-    tilt = _stated(vehicle, "imu_tilt", [spread.mounting] * 3)
+    center = stated("center_of_mass", level, level, height)
+    usual_inertia = published_priors().rotor_inertia.median * mass * span**2
+    (inertia,) = stated("rotor_inertia", usual_inertia)
+    (clock,) = stated("clock_offset", spread.rotor_speed_time if measured else spread.command_time)
     found = [
-        *(Deviation(WeakRotor, {"efficiency": gain}, {"rotor": i}) for i, gain in gains),
-        Deviation(
-            CenterOfMassOffset,
-            _by("xyz", _stated(vehicle, "center_of_mass", [level, level, height])),
-        ),
-        Deviation(MixerGain, dict.fromkeys(("roll", "pitch", "yaw"), spread.torque_gain)),
-        Deviation(BladeFlapping, {"moment": moment}),
-        Deviation(TranslationalLift, {"lift": spread.lift * mass}),
-        Deviation(RotorGyroscopic, {"rotor_inertia": rotor}),
-        Deviation(ClockOffset, {"offset": clock}),
+        *(Deviation("weak_rotor", {"efficiency": gain}, {"rotor": i}) for i, gain in gains),
+        Deviation("center_of_mass_offset", dict(zip("xyz", center, strict=True))),
+        Deviation("mixer_gain", dict.fromkeys(AXES, spread.torque_gain)),
+        Deviation("blade_flapping", {"moment": spread.flapping * mass * span}),
+        Deviation("translational_lift", {"lift": spread.lift * mass}),
+        Deviation("rotor_gyroscopic", {"rotor_inertia": inertia}),
+        Deviation("clock_offset", {"offset": clock}),
     ]
     if "attitude" not in e.log.lacks:
-        found += [
-            Deviation(ImuMounting, _by(("roll", "pitch", "yaw"), tilt)),
-            Deviation(AttitudeLatency, {"latency": spread.latency}),
-        ]
+        tilt = stated("imu_tilt", *[spread.mounting] * 3)
+        found.append(Deviation("imu_mounting", dict(zip(AXES, tilt, strict=True))))
+        found.append(Deviation("attitude_latency", {"latency": spread.latency}))
     if e.log.a is not None:
-        found.append(_axes(AccelerometerBias, spread.accelerometer_offset))
+        offset = dict.fromkeys("xyz", spread.accelerometer_offset)
+        found.append(Deviation("accelerometer_bias", offset))
     if not measured:
-        (delay,) = _stated(vehicle, "command_delay", [spread.command_time])
-        found.append(Deviation(CommandDelay, {"delay": delay}))
+        (delay,) = stated("command_delay", spread.command_time)
+        found.append(Deviation("command_delay", {"delay": delay}))
         lags = spread.lags if "rotor_time_constant" not in vehicle.intervals else ()
-        found += [Deviation(MotorLag, {"time_constant": lag}, at_value=True) for lag in lags]
+        found += [Deviation("motor_lag", {"time_constant": lag}, at_value=True) for lag in lags]
     return found
-
-
-def _stated(vehicle: Vehicle, field: str, healthy: list[float]) -> list[float]:
-    """Return the standard deviations of the numbers of a field of the calibration: as stated, else
-    of healthy ones.
-    """
-    name, said = f"calibration.{field}", vehicle.intervals
-    every = [said.get(part(name, i)) or said.get(name, [])[i : i + 1] for i in range(len(healthy))]
-    halves = ([0.5 * (high - low) for low, high in pairs] for pairs in every)
-    return [
-        max(*half, LEAST_DEVIATION * usual) / SURE if half else usual
-        for half, usual in zip(halves, healthy, strict=True)
-    ]
 
 
 def calibrated_alone(e: FlightResiduals, tolerance: Tolerance) -> set[str]:
@@ -148,51 +132,41 @@ def calibrated_alone(e: FlightResiduals, tolerance: Tolerance) -> set[str]:
     A mass, where the scale of a throttle's map takes its place; of an unmeasured vehicle sensors,
     torque gains, inertia and times of commands.
     """
-    mass = {MassError.identifier} if e.log.input == "normalised" else set[str]()
-    if not tolerance.unmeasured:
-        return mass
-    every = [*of_vehicle(e, tolerance), *of_flight(e, tolerance)]
-    # Of inertia and the share of torque that acts a flight shows the ratio alone.
-    return (
-        mass
-        | {InertiaError.identifier}
-        | {
-            d.effect.identifier
-            for d in every
-            if d.effect.place == "measurement"
-            or d.effect.role == "mixer"
-            or d.effect.shifts_commands
-        }
-    )
+    found = {"mass_error"} if e.log.input == "normalised" else set[str]()
+    if tolerance.unmeasured:
+        # Of inertia and the share of torque that acts a flight shows the ratio alone.
+        found.add("inertia_error")
+        for d in (*of_vehicle(e, tolerance), *of_flight(e, tolerance)):
+            effect = d.effect
+            sensor = effect.place == "measurement" or effect.role == "mixer"
+            if sensor or effect.shifts_commands:
+                found.add(d.identifier)
+    return found
 
 
 def of_flight(e: FlightResiduals, tolerance: Tolerance, spread: Spread = SPREAD) -> list[Deviation]:
     """Return by what a flight differs from the others of its vehicle: sensors, and for an
     unmeasured vehicle trim.
     """
-    least = (
-        spread
-        if tolerance.unmeasured
-        else Spread(tilt=0.0, gyro=0.0, velocity=0.0, accelerometer=0.0)
-    )
+    least = spread if tolerance.unmeasured else Spread(tilt=0, gyro=0, velocity=0, accelerometer=0)
+    found = []
+    if e.log.a is not None:
+        error = max(tolerance.acceleration, least.accelerometer)
+        found.append(Deviation("accelerometer_bias", dict.fromkeys("xyz", error)))
     tilt = max(tolerance.attitude, least.tilt)
-    found = [
-        *(
-            []
-            if e.log.a is None
-            else [_axes(AccelerometerBias, max(tolerance.acceleration, least.accelerometer))]
-        ),
-        Deviation(AttitudeBias, dict.fromkeys(("roll", "pitch", "yaw"), tilt)),
-        _axes(GyroBias, max(tolerance.rate, least.gyro)),
-        _axes(VelocityBias, max(tolerance.velocity, least.velocity)),
+    found += [
+        Deviation("attitude_bias", dict.fromkeys(AXES, tilt)),
+        Deviation("gyro_bias", dict.fromkeys("xyz", max(tolerance.rate, least.gyro))),
+        Deviation("velocity_bias", dict.fromkeys("xyz", max(tolerance.velocity, least.velocity))),
     ]
     if not tolerance.unmeasured:
         return [*found, *of_battery(e, spread)]
-    return [
-        *found,
-        *(Deviation(WeakRotor, {"efficiency": spread.rotor_trim}, {"rotor": i}) for i in ROTORS),
-        *(of_battery(e, spread) or _battery(spread.known_charge, spread.known_sag)),
-    ]
+    trim = {"efficiency": spread.rotor_trim}
+    found += [Deviation("weak_rotor", trim, {"rotor": i}) for i in ROTORS]
+    known = {"scale": spread.known_charge}, {"rate": spread.known_sag}
+    return found + (
+        of_battery(e, spread) or [Deviation(*pair) for pair in zip(BATTERY, known, strict=True)]
+    )
 
 
 def of_battery(e: FlightResiduals, spread: Spread = SPREAD) -> list[Deviation]:
@@ -201,39 +175,20 @@ def of_battery(e: FlightResiduals, spread: Spread = SPREAD) -> list[Deviation]:
     """
     if e.log.input != "normalised":
         return []
-    volts = voltage_of(e.log)
-    if volts is None:
-        return _battery(spread.unknown_charge, spread.sag)
-    # The power of a voltage that falls is known to a third: thrust falls by so much more or less.
-    fall = VOLTAGE_SCATTER * float(np.ptp(np.log(volts))) / float(np.ptp(e.log.t))
-    return _battery(spread.charge, float(np.hypot(spread.known_sag, fall)))
+    volts, charge, sag = voltage_of(e.log), spread.unknown_charge, spread.sag
+    if volts is not None:
+        # The power of a voltage that falls is known to a third: thrust falls by so much more or
+        # less.
+        fall = VOLTAGE_SCATTER * float(np.ptp(np.log(volts))) / float(np.ptp(e.log.t))
+        charge, sag = spread.charge, float(np.hypot(spread.known_sag, fall))
+    return [Deviation(BATTERY[0], {"scale": charge}), Deviation(BATTERY[1], {"rate": sag})]
 
 
-def _battery(charge: float, sag: float) -> list[Deviation]:
-    return [Deviation(ThrustScale, {"scale": charge}), Deviation(BatterySag, {"rate": sag})]
-
-
-def _axes(effect: type[Effect], deviation: float) -> Deviation:
-    return Deviation(effect, dict.fromkeys("xyz", deviation))
-
-
-def _by(names: Iterable[str], deviations: list[float]) -> dict[str, float]:
-    return dict(zip(names, deviations, strict=True))
-
-
-def parameter_names(deviations: list[Deviation]) -> list[str]:
+def parameter_names(deviations: Sequence[Deviation]) -> list[str]:
     """Return the names of all parameters of deviations, as `weak_rotor[2].efficiency`."""
-    return [f"{_name(d)}.{name}" for d in deviations for name in d.deviation]
-
-
-def _name(d: Deviation) -> str:
-    fixed = "".join(f"[{value:g}]" for value in d.fixed.values())
-    return f"{d.effect.identifier}{fixed}"
-
-
-def sizes(deviations: list[Deviation]) -> np.ndarray:
-    """Return the standard deviations (k,) of all parameters of deviations [SI]."""
-    return np.array([size for d in deviations for size in d.deviation.values()])
+    fixed = ["".join(f"[{value:g}]" for value in d.fixed.values()) for d in deviations]
+    pairs = zip(deviations, fixed, strict=True)
+    return [f"{d.identifier}{of}.{name}" for d, of in pairs for name in d.deviation]
 
 
 # Smooth functions of velocity, attitude rate and thrust: what an airframe has and no effect of the
@@ -248,53 +203,40 @@ def columns_of(e: FlightResiduals, deviations: Sequence[Deviation]) -> np.ndarra
     stages, out = StageCache(), []
     for d in deviations:
         parameters = {p.name: p for p in d.effect.parameters}
-        neutral = {name: p.neutral for name, p in parameters.items() if not p.choices} | d.fixed
         for name, deviation in d.deviation.items():
             p = parameters[name]
             step = deviation * (PART if d.effect.place == "mass" else 1.0)
             step = step if p.neutral + step <= p.upper else -step
-            effect = d.effect.of({**neutral, name: p.neutral + step})
-            out.append(predicted_residual(e, [Term(effect)], stages) * (deviation / step))
+            moved = Term(d.at(**{name: p.neutral + step}))
+            out.append(predicted_residual(e, [moved], stages) * (deviation / step))
     return np.stack(out, axis=-1) if out else np.zeros((*e.y.shape, 0))
 
 
 def nuisance_of(
     flights: Sequence[FlightResiduals], tolerance: Tolerance, priors: Priors
 ) -> list[Candidate]:
-    """Return all that every model holds, as columns with prior N(0, 1)."""
-    return [*calibration(flights, tolerance), *calibration_columns(flights, tolerance, priors)]
-
-
-def calibration_columns(
-    flights: Sequence[FlightResiduals], tolerance: Tolerance, priors: Priors
-) -> list[Candidate]:
-    """Return what flights differ by, and what an unmeasured vehicle and its airframe differ by from
-    the file.
+    """Return all that every model holds, as columns with prior N(0, 1): errors of the file, what
+    flights differ by, and what an unmeasured vehicle and its airframe differ by from the file.
     """
-    errors = flight_errors(flights, tolerance)
-    return [
-        *errors,
-        *(
-            Candidate((), LINEAR, {e.name: of(e) for e in flights}, lambda c: [], generic=of)
-            for of in vehicle_columns(flights, tolerance, priors)
-        ),
-    ]
+    found = [*calibration(flights, tolerance), *flight_errors(flights, tolerance)]
+    for of in vehicle_columns(flights, tolerance, priors):
+        columns = {e.name: of(e) for e in flights}
+        found.append(Candidate((), LINEAR, columns, lambda c: [], generic=of))
+    return found
 
 
 def vehicle_columns(
     flights: Sequence[FlightResiduals], tolerance: Tolerance, priors: Priors
 ) -> list[Callable[[FlightResiduals], np.ndarray]]:
     """Return functions that give the columns (m, 15, k) of any flight for what the vehicle and its
-    airframe differ by.
+    airframe differ by; the last two are thrust that leans to x and y in the axes of the
+    accelerometer.
     """
     shared = of_vehicle(flights[0], tolerance)
     if not shared:
         return []
-    groups = [
-        c
-        for c in generic_candidates(flights, priors)
-        if c.identifiers[0].removeprefix(PREFIX) in SMOOTH
-    ]
+    names = {f"{PREFIX}{name}" for name in SMOOTH}
+    groups = [c for c in generic_candidates(flights, priors) if c.identifiers[0] in names]
 
     # A force in proportion to the velocity along the same axis is linear drag, an effect; unless it
     # does not grow with rotor speed as that does.
@@ -303,39 +245,26 @@ def vehicle_columns(
         if c.identifiers == (f"{PREFIX}velocity",):
             own[[7 * axis for axis in range(3)]] = True
     own_axis = np.concatenate(drags)
+
+    def smooth(e: FlightResiduals) -> np.ndarray:
+        return np.concatenate([c.generic(e) for c in groups if c.generic], axis=-1)
+
     # Beyond the usual motion a function of it stays within its prior, so that it does not grow with
     # speed cubed.
-    weight, span = flights[0].weight, arm(flights[0].vehicle)
-    usual = (
-        priors.generic_size * weight * np.array([1.0, 1.0, 1.0, 0.3 * span, 0.3 * span, 0.1 * span])
-    )
-    flown = np.concatenate([_smooth(groups, e)[:, WRENCH] for e in flights]) / usual[:, None]
+    span = arm(flights[0].vehicle)
+    axes = np.array([1.0, 1.0, 1.0, 0.3 * span, 0.3 * span, 0.1 * span])
+    usual = priors.generic_size * flights[0].weight * axes
+    flown = np.concatenate([smooth(e)[:, WRENCH] for e in flights]) / usual[:, None]
     most = np.maximum(1.0, np.sqrt(np.mean(np.sum(flown**2, axis=1), axis=0)))
 
-    def of_body(e: FlightResiduals) -> np.ndarray:
-        return columns_of(e, shared)
-
     def of_air(e: FlightResiduals) -> np.ndarray:
-        columns = _smooth(groups, e) / most
+        columns, leaning = smooth(e) / most, np.zeros((*e.y.shape, LEANING))
         slower = 1.0 - np.sqrt(np.maximum(e.nominal[:, 2], 0.0) / e.weight)
         columns[..., own_axis] *= slower[:, None, None]
-        return np.concatenate([columns, thrust_axis_columns(e)], axis=-1)
+        leaning[:, 0, 0] = leaning[:, 1, 1] = SPREAD.mounting * e.nominal[:, 2]
+        return np.concatenate([columns, leaning], axis=-1)
 
-    return [of_body, of_air]
-
-
-def thrust_axis_columns(e: FlightResiduals, spread: Spread = SPREAD) -> np.ndarray:
-    """Return columns (m, 15, 2) of thrust that leans to x and y in the axes of the
-    accelerometer.
-    """
-    out = np.zeros((*e.y.shape, 2))
-    out[:, 0, 0] = out[:, 1, 1] = spread.mounting * e.nominal[:, 2]
-    return out
-
-
-def _smooth(groups: Sequence[Candidate], e: FlightResiduals) -> np.ndarray:
-    """Return the columns (m, 15, k) of groups of generic structure on a flight."""
-    return np.concatenate([c.generic(e) for c in groups if c.generic], axis=-1)
+    return [partial(columns_of, deviations=shared), of_air]
 
 
 def with_fixed_effects(flight: FlightResiduals) -> FlightResiduals:
@@ -352,9 +281,8 @@ def calibration_effects(fit: Fit, e: FlightResiduals, tolerance: Tolerance) -> l
     """Return the effects of the vehicle's calibration, without those of sensors, for a
     simulator.
     """
-    found: list[Effect] = [
-        t.effect for t in fit.calibration if isinstance(t.effect, ActuatorEffect | MassEffect)
-    ]
+    every = [t.effect for t in fit.calibration]
+    found: list[Effect] = [f for f in every if isinstance(f, ActuatorEffect | MassEffect)]
     if not fit.calibrated:
         return found
     # A share of all torque is shown as if the inertia were larger, by as much as a rigid body can
@@ -362,32 +290,27 @@ def calibration_effects(fit: Fit, e: FlightResiduals, tolerance: Tolerance) -> l
     moments = e.vehicle.J.diagonal() / e.torque_gain
     moments = np.minimum(moments, FLATTEST * (moments.sum() - moments))
     found.append(InertiaError(*(moments / e.vehicle.J.diagonal())))
-    coefficients, first = fit.calibrated[0][1], 0
+    coefficients = iter(fit.calibrated[0][1])
     for d in of_vehicle(e, tolerance):
-        own = coefficients[first : first + len(d.deviation)]
-        first += len(d.deviation)
+        own = [
+            c * deviation for deviation, c in zip(d.deviation.values(), coefficients, strict=False)
+        ]
         if d.at_value or d.effect.place == "measurement" or d.effect.shifts_commands:
             continue
         parameters = {p.name: p for p in d.effect.parameters}
-        values = {name: p.neutral for name, p in parameters.items() if not p.choices} | d.fixed
-        for (name, deviation), c in zip(d.deviation.items(), own, strict=True):
-            p = parameters[name]
-            values[name] = float(np.clip(p.neutral + c * deviation, p.lower, p.upper))
-        found.append(d.effect.of(values))
+        moved = {name: (parameters[name], c) for name, c in zip(d.deviation, own, strict=True)}
+        values = {n: float(np.clip(p.neutral + c, p.lower, p.upper)) for n, (p, c) in moved.items()}
+        found.append(d.at(**values))
     return found
 
 
 def flight_errors(flights: Sequence[FlightResiduals], tolerance: Tolerance) -> list[Candidate]:
     """Return what every flight differs by, a candidate a flight; none for ideal sensors."""
-    if not tolerance.real:
-        return []
     found = []
-    for e in flights:
+    for e in flights if tolerance.real else ():
         own = errors_of(e, tolerance)
-        nothing = {
-            other.name: np.broadcast_to(0.0, (*other.y.shape, own.shape[-1])) for other in flights
-        }
-        found.append(Candidate((), LINEAR, {**nothing, e.name: own}, lambda c: []))
+        columns = {o.name: np.broadcast_to(0.0, (*o.y.shape, own.shape[-1])) for o in flights}
+        found.append(Candidate((), LINEAR, {**columns, e.name: own}, lambda c: []))
     return found
 
 
@@ -411,13 +334,13 @@ def drift_columns(e: FlightResiduals, spread: Spread = SPREAD) -> np.ndarray:
     hats = np.stack([np.interp(e.t, knots, unit) for unit in np.eye(count)], axis=1)
     moment = spread.torque_drift * e.weight * arm(e.vehicle)
     level = spread.tilt_drift * e.weight
-    thrust = (
-        spread.known_sag * spread.drift_time * e.weight
-    )  # as much as a battery sags from knot to knot
-    size = (level, level, thrust, moment, moment, spread.yaw_drift * moment)
+    # As much as a battery sags from knot to knot.
+    thrust = spread.known_sag * spread.drift_time * e.weight
     out = np.zeros((*e.y.shape, 6 * count))
-    for channel in range(6):
-        out[:, channel, channel * count : (channel + 1) * count] = size[channel] * hats
+    for channel, size in enumerate(
+        (level, level, thrust, moment, moment, spread.yaw_drift * moment)
+    ):
+        out[:, channel, channel * count : (channel + 1) * count] = size * hats
     return e.known(out)
 
 
@@ -437,8 +360,7 @@ def torque_gain(flights: Sequence[FlightResiduals]) -> np.ndarray:
     """
     gain = np.ones(3)
     for axis in range(3):
-        given, shown = zip(*(_lagged(e, axis) for e in flights), strict=True)
-        X, y = np.concatenate(given), np.concatenate(shown)
+        X, y = map(np.concatenate, zip(*(_lagged(e, axis) for e in flights), strict=True))
         rms = np.sqrt(np.mean(X[:, 0] ** 2))
         if rms > 0:
             answer = X @ np.linalg.lstsq(X, y, rcond=None)[0]
@@ -481,7 +403,6 @@ def with_torque_gain(flights: Sequence[FlightResiduals], gain: np.ndarray) -> li
     return found
 
 
-AXES = 2  # last columns of the airframe: thrust that leans to x and y
 # half of an interval over the value, above which an exponent is hardly told [1]; own choice
 HARDLY = 0.25
 
@@ -491,77 +412,55 @@ def differences(
 ) -> tuple[Difference, ...]:
     """Return what an unmeasured vehicle and its flights differ by, the largest in standard
     deviations first.
-    Returns: where the file describes the vehicle that flew, the map of its throttle alone, if that
-        is the input.
+
+    Where the file describes the vehicle that flew: the map of its throttle alone, if that is the
+    input.
     """
-    of_throttle = _throttle_map(fit, flights[0])
+    found, vehicle, first = [], flights[0].vehicle, len(fit.terms)
+    priors = calibration_terms(vehicle, tolerance)
+    for i, (term, (_, deviation)) in enumerate(zip(fit.calibration, priors, strict=True)):
+        effect = term.effect
+        for p in effect.parameters:
+            own = [k for k, f in enumerate(fit.free) if (f.term, f.name) == (first + i, p.name)]
+            sigma = float(np.sqrt(fit.covariance[own[0], own[0]])) if own else np.nan
+            value = getattr(effect, p.name) - p.neutral
+            name = f"{effect.identifier}.{p.name}"
+            if isinstance(effect, ThrottleCurve):
+                found.append(_throttle_map(name, hover_exponent(vehicle), effect.curve, sigma))
+            elif tolerance.unmeasured:
+                found.append(_difference(name, type(effect), p, {}, value, sigma, deviation))
     if not tolerance.unmeasured:
-        return tuple(of_throttle)
+        return tuple(found)
     *errors, body, air = fit.linear
-    found = [
-        *of_throttle,
-        *_of_file(fit, flights[0], tolerance),
-        *_of_parameters(body, of_vehicle(flights[0], tolerance), flights[0].torque_share),
-        *_of_airframe(air, flights),
-        *_of_flights(dict(zip((e.name for e in flights), errors, strict=True)), flights, tolerance),
+    found += _of_parameters(body, of_vehicle(flights[0], tolerance), flights[0].torque_share)
+    found += _of_airframe(air, flights)
+    # What flights differ by, each parameter with its value in every flight and the words of the
+    # largest.
+    parts = dict(zip((e.name for e in flights), errors, strict=True))
+    each: dict[str, dict[str, Difference]] = {}
+    drift = {}
+    for own_e in flights:
+        deviations = of_flight(own_e, tolerance)
+        for own_d in _of_parameters(parts[own_e.name], deviations):
+            each.setdefault(own_d.name, {})[own_e.name] = own_d
+        columns = drift_columns(own_e)
+        drift[own_e.name] = columns, parts[own_e.name].coefficients[-columns.shape[-1] :]
+    found += [
+        *map(_largest, each.values()),
+        *_root_mean_square("drift", "{kind} that drifts by {size} RMS", drift),
     ]
     return tuple(sorted(found, key=lambda d: -d.in_deviations))
 
 
-def _of_file(fit: Fit, e: FlightResiduals, tolerance: Tolerance) -> Iterator[Difference]:
-    """Yield errors of mass, thrust and input within the tolerance of the file."""
-    priors = calibration_terms(e.vehicle, tolerance)
-    for i, (term, (_, deviation)) in enumerate(zip(fit.calibration, priors, strict=True)):
-        for p in term.effect.parameters:
-            if isinstance(term.effect, ThrottleCurve):
-                continue
-            sigma = _deviation_of(fit, i, p.name)
-            value = getattr(term.effect, p.name) - p.neutral
-            yield _difference(
-                f"{term.effect.identifier}.{p.name}",
-                type(term.effect),
-                p,
-                {},
-                value,
-                sigma,
-                deviation,
-            )
-
-
-def _deviation_of(fit: Fit, i: int, name: str) -> float:
-    """Return the standard deviation of a parameter of calibration term i; NaN where it is fixed."""
-    own = [k for k, f in enumerate(fit.free) if (f.term, f.name) == (len(fit.terms) + i, name)]
-    return float(np.sqrt(fit.covariance[own[0], own[0]])) if own else np.nan
-
-
-def _throttle_map(fit: Fit, e: FlightResiduals) -> list[Difference]:
-    """Return the power of throttle with which thrust goes, over that of the nominal map; none of
-    another input.
-    """
-    found = []
-    for i, term in enumerate(fit.calibration):
-        if isinstance(term.effect, ThrottleCurve):
-            nominal = hover_exponent(e.vehicle)
-            value, half = (
-                nominal * (1 + term.effect.curve),
-                SURE * nominal * _deviation_of(fit, i, "curve"),
-            )
-            told = f"thrust goes with the power {number(value, 3)} of throttle"
-            text = (
-                told if half < HARDLY * value else "the power of throttle in thrust is hardly told"
-            )
-            ci95 = (value - nominal - half, value - nominal + half)
-            found.append(
-                Difference(
-                    "throttle_curve.curve",
-                    text,
-                    value - nominal,
-                    "1",
-                    THROTTLE_CURVE * nominal,
-                    ci95,
-                )
-            )
-    return found
+def _throttle_map(name: str, nominal: float, curve: float, sigma: float) -> Difference:
+    """Return the power of throttle with which thrust goes, over that of the nominal map."""
+    value, half = nominal * (1 + curve), SURE * nominal * sigma
+    text = f"thrust goes with the power {number(value, 3)} of throttle"
+    if not half < HARDLY * value:
+        text = "the power of throttle in thrust is hardly told"
+    away = value - nominal
+    spread = THROTTLE_CURVE * nominal
+    return Difference(name, text, away, "1", spread, (away - half, away + half))
 
 
 def _of_parameters(
@@ -573,30 +472,23 @@ def _of_parameters(
     one.
     """
     lags = [d for d in deviations if d.at_value]
-    names, found, k = parameter_names(list(deviations)), [], 0
+    names, found, k = parameter_names(deviations), [], 0
     for d in deviations:
         parameters = {p.name: p for p in d.effect.parameters}
         for name, deviation in d.deviation.items():
             if not d.at_value:
-                value, sigma = (
-                    part.coefficients[k] * deviation,
-                    np.sqrt(part.covariance[k, k]) * deviation,
-                )
-                if d.effect is MixerGain:  # of the share of torque that the motion shows
+                value = part.coefficients[k] * deviation
+                sigma = np.sqrt(part.covariance[k, k]) * deviation
+                if d.identifier == "mixer_gain":  # of the share of torque that the motion shows
                     value, sigma = share[name] * (1.0 + value) - 1.0, share[name] * sigma
-                found.append(
-                    _difference(
-                        names[k], d.effect, parameters[name], d.fixed, value, sigma, deviation
-                    )
-                )
+                how = (d.effect, parameters[name], d.fixed, value, sigma, deviation)
+                found.append(_difference(names[k], *how))
             k += 1
     if lags:
         own = slice(k - len(lags), k)
         time = np.array([next(iter(d.deviation.values())) for d in lags])
-        value, sigma = (
-            part.coefficients[own] @ time,
-            np.sqrt(time @ part.covariance[own, own] @ time),
-        )
+        value = part.coefficients[own] @ time
+        sigma = np.sqrt(time @ part.covariance[own, own] @ time)
         effect, norm = lags[0].effect, float(np.linalg.norm(time))
         found.append(_difference(names[-1], effect, effect.parameters[0], {}, value, sigma, norm))
     return found
@@ -607,51 +499,18 @@ def _of_airframe(part: LinearPart, flights: Sequence[FlightResiduals]) -> list[D
     thrust.
     """
     assert part.columns is not None
-    found = []
-    for k, (more, less) in enumerate(
-        (("ahead", "back"), ("to the left", "to the right")), start=-AXES
-    ):
-        value, sigma = (
-            SPREAD.mounting * v for v in (part.coefficients[k], np.sqrt(part.covariance[k, k]))
-        )
-        p = Parameter(
-            "xy"[k],
-            "rad",
-            0.0,
-            -1.0,
-            1.0,
-            1.0,
-            departure=f"thrust leans {{size}} {more}|thrust leans {{size}} {less}",
-        )
-        found.append(
-            _difference(f"thrust_axis.{p.name}", Effect, p, {}, value, sigma, SPREAD.mounting)
-        )
-    columns = np.concatenate([part.columns(e)[..., :-AXES] for e in flights])
+    found, sides = [], (("ahead", "back"), ("to the left", "to the right"))
+    for k, (more, less) in enumerate(sides, start=-LEANING):
+        value, sigma = part.coefficients[k], np.sqrt(part.covariance[k, k])
+        departure = f"thrust leans {{size}} {more}|thrust leans {{size}} {less}"
+        p = Parameter("xy"[k], "rad", 0.0, -1.0, 1.0, 1.0, departure=departure)
+        unit = SPREAD.mounting
+        sizes = unit * value, unit * sigma, unit
+        found.append(_difference(f"thrust_axis.{p.name}", Effect, p, {}, *sizes))
+    columns = np.concatenate([part.columns(e)[..., :-LEANING] for e in flights])
     text = "airframe: {kind} of {size} RMS that goes with velocity, body rate and thrust"
-    return [
-        *found,
-        *_root_mean_square("airframe", text, {"": (columns, part.coefficients[:-AXES])}),
-    ]
-
-
-def _of_flights(
-    parts: Mapping[str, LinearPart], flights: Sequence[FlightResiduals], tolerance: Tolerance
-) -> list[Difference]:
-    """Return what flights differ by, each parameter with its value in every flight and the words of
-    the largest.
-    """
-    each: dict[str, dict[str, Difference]] = {}
-    drift = {}
-    for e in flights:
-        deviations = of_flight(e, tolerance)
-        for d in _of_parameters(parts[e.name], deviations):
-            each.setdefault(d.name, {})[e.name] = d
-        columns = drift_columns(e)
-        drift[e.name] = columns, parts[e.name].coefficients[-columns.shape[-1] :]
-    return [
-        *map(_largest, each.values()),
-        *_root_mean_square("drift", "{kind} that drifts by {size} RMS", drift),
-    ]
+    of = {"": (columns, part.coefficients[:-LEANING])}
+    return [*found, *_root_mean_square("airframe", text, of)]
 
 
 def _largest(of: Mapping[str, Difference]) -> Difference:

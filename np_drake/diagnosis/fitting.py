@@ -21,7 +21,7 @@ from np_drake.diagnosis.forward_model import (
     swing_wrenches,
 )
 from np_drake.diagnosis.numerics import NoiseModel, minimise, scale_only
-from np_drake.diagnosis.options import Priors
+from np_drake.diagnosis.options import SURE, Priors
 from np_drake.diagnosis.regressors import (
     LINEAR,
     Candidate,
@@ -411,7 +411,7 @@ def interval(fit: Fit, i: int, name: str) -> tuple[float, float]:
     """Return the 95 % interval of a parameter of term i, from the covariance of the fit."""
     value = float(getattr(fit.terms[i].effect, name))
     own = (k for k, f in enumerate(fit.free) if (f.term, f.name, f.flight) == (i, name, ""))
-    half = sum(1.96 * float(np.sqrt(fit.covariance[k, k])) for k in own)
+    half = sum(SURE * float(np.sqrt(fit.covariance[k, k])) for k in own)
     return value - half, value + half
 
 

@@ -250,15 +250,6 @@ def swing_wrenches(flight: FlightResiduals, terms: Sequence[Term]) -> np.ndarray
     return np.concatenate([force, np.cross(hooks, force)], axis=2)
 
 
-def swing_wrench(flight: FlightResiduals, term: Term) -> np.ndarray:
-    """Return the wrench (n, 6) of one suspended payload in B on the grid, the mean over samples of
-    its state [N, N·m].
-    """
-    ways = np.atleast_2d(term.hidden.get(flight.name, np.zeros(0)))
-    terms = [dc.replace(term, hidden={flight.name: way}) for way in ways]
-    return swing_wrenches(flight, terms).mean(axis=1)
-
-
 class ModifiedInertia:
     """Mass properties of a flight's vehicle under mass effects, applied to the motion of the
     flight.
@@ -496,7 +487,15 @@ def _left_by(flight: FlightResiduals, terms: Sequence[Term], stages: StageCache)
     turned = stages.once("turned", key, partial(_turned, flight, thrust))
     added = turned.wrench
     if flight.log.a is not None:
-        y[:, 11] += _after_rows(flight, terms, turned.after)
+        # The part (m,) of dv/dt - a along the thrust that is not nominal [m/s²].
+        share = np.ones(len(flight.t))
+        for onset, effects in _acting(flight, terms, MassEffect):
+            real = MassProperties.of(flight.vehicle)
+            for effect in effects:
+                real = effect.properties(real)
+            begun = 1.0 if onset == -NEVER else flight.begun(onset)[:, 11]
+            share += begun * (flight.vehicle.mass / real.mass - share)
+        y[:, 11] += share * turned.after + (share - 1.0) * flight.after
     if pushing:
         moving = (key, sensors, winds)
         motions = stages.once("motions", moving, partial(_motions, flight, thrust, winds))
@@ -506,14 +505,17 @@ def _left_by(flight: FlightResiduals, terms: Sequence[Term], stages: StageCache)
             )
     for term in terms:
         if term.has_hidden_state:
-            added = added + swing_wrench(flight, term)
-    needed = _through_mass(
-        flight,
-        terms,
-        added,
-        turned.ahead,
-        lambda now: stages.once("body", (sensors, now), partial(ModifiedInertia, flight, now)),
-    )
+            # The wrench (n, 6) of one suspended payload in B on the grid, the mean over samples
+            # of its state [N, N·m].
+            ways = np.atleast_2d(term.hidden.get(flight.name, np.zeros(0)))
+            swung = [dc.replace(term, hidden={flight.name: way}) for way in ways]
+            added = added + swing_wrenches(flight, swung).mean(axis=1)
+    needed = added
+    for onset, effects in _acting(flight, terms, MassEffect):
+        make = partial(ModifiedInertia, flight, effects)
+        moved = stages.once("body", (sensors, effects), make).needs(added, turned.ahead)
+        begun = 1.0 if onset == -NEVER else flight.begun(onset)[:, WRENCH]
+        needed = begun * moved + (1 - begun) * needed
     y[:, WRENCH] += needed * flight.shown
     return flight.known(y)
 
@@ -607,21 +609,6 @@ def _turned(flight: FlightResiduals, thrust: Thrust) -> Turned:
     return Turned(wrench, at_mids[:, 4], flight.ahead + at_rows - at_mids[:, :4])
 
 
-def _after_rows(flight: FlightResiduals, terms: Sequence[Term], excess: np.ndarray) -> np.ndarray:
-    """Return the part (m,) of dv/dt - a along the thrust that is not nominal [m/s²].
-
-    excess (m,): `Turned.after`, which counts with the mass of the vehicle file.
-    """
-    share = np.ones(len(flight.t))
-    for onset, effects in _acting(flight, terms, MassEffect):
-        real = MassProperties.of(flight.vehicle)
-        for effect in effects:
-            real = effect.properties(real)
-        begun = 1.0 if onset == -NEVER else flight.begun(onset)[:, 11]
-        share += begun * (flight.vehicle.mass / real.mass - share)
-    return share * excess + (share - 1.0) * flight.after
-
-
 def _motions(
     flight: FlightResiduals, thrust: Thrust, winds: Sequence[Begun]
 ) -> tuple[Motion, Motion]:
@@ -663,25 +650,4 @@ def _wrench(
         )
     if effect.turns:
         out[:, TORQUE] = flight.from_mids(at(at_torque)[:, 3:])
-    return out
-
-
-def _through_mass(
-    flight: FlightResiduals,
-    terms: Sequence[Term],
-    added: np.ndarray,
-    ahead: np.ndarray,
-    body: Callable[[tuple[MassEffect, ...]], ModifiedInertia],
-) -> np.ndarray:
-    """Return the residual (m, 6) of `ModifiedInertia.needs` with the mass effects that act at each
-    instant.
-
-    Without mass effects it is `added` (m, 6). ahead: as in `ModifiedInertia.needs`; body: makes its
-    object for effects.
-    """
-    out = added
-    for onset, effects in _acting(flight, terms, MassEffect):
-        moved = body(effects).needs(added, ahead)
-        begun = 1.0 if onset == -NEVER else flight.begun(onset)[:, WRENCH]
-        out = begun * moved + (1 - begun) * out
     return out

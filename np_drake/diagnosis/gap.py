@@ -9,7 +9,7 @@ from scipy import signal
 from scipy.integrate import cumulative_trapezoid
 
 from np_drake import attitude
-from np_drake.diagnosis.forward_model import predicted_residual, true_measurement
+from np_drake.diagnosis.forward_model import true_measurement
 from np_drake.diagnosis.held_out import (
     LEAST_GAP,
     HeldOut,
@@ -19,7 +19,7 @@ from np_drake.diagnosis.held_out import (
 )
 from np_drake.diagnosis.numerics import NoiseModel
 from np_drake.diagnosis.residuals import FlightResiduals, smooth_attitude
-from np_drake.diagnosis.result import Cause, GapReduction, Remainder, Replay, ReplayGap, Rung
+from np_drake.diagnosis.result import Cause, GapReduction, Remainder, Replay, ReplayGap
 from np_drake.effects.base import Effect, Measurement, Motion, SensorEffect
 from np_drake.effects.combine import EffectsByPlace, mass_properties, total_wrench
 from np_drake.effects.suspended_payload import SuspendedPayload
@@ -78,32 +78,22 @@ def true_states(
 
 
 def smooth_states(t: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """Return states (n, 13) with less noise in attitude, velocity and body rates, at zero phase.
+    """Return states (n, 13) at t (n,) with less noise in attitude, velocity and body rates, at zero
+    phase.
 
-    Args:
-        t: (n,) times [s].
-        x: (n, 13) states.
+    An estimator's velocity is off by some cm/s for about a second: its slow error against the
+    position, without the mean, is taken out. A constant offset is left: it is an effect to find.
+    Source: complementary filter, run in both directions; the span is own choice.
     """
     smooth, step = x.copy(), float(np.median(np.diff(t)))
     smooth[:, Q], _ = smooth_attitude(t, x[:, Q], x[:, W])
+    missed = x[:, P] - cumulative_trapezoid(x[:, V], t, axis=0, initial=0.0)
+    slope = _local_polynomial(missed, step, POSITION_SPAN, order=2, derivative=1)
     smooth[:, V] = _local_polynomial(
-        x[:, V] + _slow_velocity_error(t, x, step), step, VELOCITY_SPAN, order=3
+        x[:, V] + (slope - slope.mean(axis=0)), step, VELOCITY_SPAN, order=3
     )
     smooth[:, W] = _local_polynomial(x[:, W], step, RATE_SPAN, order=3)
     return smooth
-
-
-def _slow_velocity_error(t: np.ndarray, x: np.ndarray, step: float) -> np.ndarray:
-    """Return the slow error (n, 3) of the velocity against the position, without its mean over the
-    flight [m/s].
-
-    An estimator's velocity is off by some cm/s for about a second. A constant offset is left: it is
-    an effect to be
-    found.   Source: complementary filter, run in both directions; the span is own choice.
-    """
-    missed = x[:, P] - cumulative_trapezoid(x[:, V], t, axis=0, initial=0.0)
-    slope = _local_polynomial(missed, step, POSITION_SPAN, order=2, derivative=1)
-    return slope - slope.mean(axis=0)
 
 
 def _local_polynomial(
@@ -154,27 +144,24 @@ def payload_track(
     specific = (
         _local_polynomial(states.x[:, V], step, PAYLOAD_SPAN, order=2, derivative=1) + gravity
     )
-    pushed = _local_polynomial(
-        _other_forces(log, states, vehicle, effects), step, PAYLOAD_SPAN, order=2
-    )
-    pull = mass_properties(vehicle, effects.mass).mass * specific - pushed
-    strong = np.linalg.norm(pull, axis=1, keepdims=True) > SLACK * payload.mass * vehicle.gravity
-    down = np.where(strong, pull, -specific)
-    r = payload.length * down / np.maximum(np.linalg.norm(down, axis=1, keepdims=True), 1e-9)
-    return Track(states.t, r, _local_polynomial(r, step, PAYLOAD_SPAN, order=2, derivative=1))
-
-
-def _other_forces(
-    log: FlightLog, states: States, vehicle: Vehicle, effects: EffectsByPlace
-) -> np.ndarray:
-    """Return thrust plus the forces of the other effects (n, 3) in W [N]."""
+    # Thrust plus the forces of the other effects (n, 3) in W [N].
     u = np.stack([np.interp(states.t, log.t, column) for column in log.u.T], axis=1)
     thrust = vehicle.saturate(u) @ vehicle.unmixer.T
     for effect in effects.actuator:
         thrust = effect.respond(vehicle, states.t, thrust)
     pushing = [effect.beside(log.neighbours) for effect in effects.wrench]
     force = total_wrench(vehicle, pushing, Motion(states.t, states.x, thrust))[:, :3]
-    return force + attitude.body_z(states.x[:, Q]) * thrust.sum(axis=1, keepdims=True)
+    pushed = _local_polynomial(
+        (force + attitude.body_z(states.x[:, Q]) * thrust.sum(axis=1, keepdims=True)),
+        step,
+        PAYLOAD_SPAN,
+        order=2,
+    )
+    pull = mass_properties(vehicle, effects.mass).mass * specific - pushed
+    strong = np.linalg.norm(pull, axis=1, keepdims=True) > SLACK * payload.mass * vehicle.gravity
+    down = np.where(strong, pull, -specific)
+    r = payload.length * down / np.maximum(np.linalg.norm(down, axis=1, keepdims=True), 1e-9)
+    return Track(states.t, r, _local_polynomial(r, step, PAYLOAD_SPAN, order=2, derivative=1))
 
 
 def state_error(x: np.ndarray, x_true: np.ndarray) -> np.ndarray:
@@ -219,63 +206,49 @@ def measure_gap_reduction(
     replay: Replay | None,
     calibration: Sequence[Effect] = (),
 ) -> GapReduction:
-    """Return the held-out gap reduction with its interval, the ladder, and the replay before and
-    after.
+    """Return the held-out gap before and after the causes, and the replay before and after.
 
-    Args:
-        replay: the simulator; None: no replay.
-        calibration: effects of the vehicle's calibration, which the corrected simulator has as
-            well.
+    calibration: effects of the vehicle's calibration, which the corrected simulator has as well.
     """
-    flights = held.flights
-    before = {e.name: e.against_file[held.rows[e.name]] for e in flights}
-    named = {c.identifier for c in causes}
-    kept = {name: held.kept(name, named) for name in held.terms}
-    after = {
-        e.name: (e.y - predicted_residual(e, kept[e.name]))[held.rows[e.name]] for e in flights
-    }
-    size, rest = (pooled(list(part.values()), noise) for part in (before, after))
-    fraction, low, high = (max(1.0 - share, -1.0) for share in (left.share, *left.ci95[::-1]))
-    closed = (fraction, (low, high)) if left.share == left.share else (0.0, (0.0, 0.0))
+    flights, warnings = held.flights, []
+    for e in flights:
+        if scored_on_fitted_rows(held.terms[e.name], e):
+            said = "too short to judge a payload by rows to which its swing was not fitted."
+            warnings.append(f"{e.name}: {said}")
+    before = pooled([e.against_file[held.rows[e.name]] for e in flights], noise)
+    after = remaining_residual(causes, noise, held)
     replays: tuple[ReplayGap | None, ReplayGap | None] = (None, None)
-    warnings = [
-        f"{e.name}: too short to judge a payload by rows to which its swing was not fitted."
-        for e in flights
-        if scored_on_fitted_rows(held.terms[e.name], e)
-    ]
     if replay is not None:
-
-        def onset_of(identifier: str, e: FlightResiduals) -> float | None:
-            """Return the onset from the first row of the log on [s]."""
-            begin = next(
-                (t.begins(e.name) for t in kept[e.name] if t.effect.identifier == identifier), None
-            )
-            return None if begin is None else begin - float(e.log.t[0])
-
-        effects = [
-            (c.effect.predicted, {e.name: onset_of(c.identifier, e) for e in flights})
-            for c in causes
-            if c.effect is not None
-        ]
+        effects, named = [], {c.identifier for c in causes}
+        for c in causes:
+            onset = dict[str, float | None]()  # from the first row of the log on [s]
+            for e in flights:
+                kept = (t for t in held.kept(e.name, named) if t.effect.identifier == c.identifier)
+                begin = next((t.begins(e.name) for t in kept), None)
+                onset[e.name] = None if begin is None else begin - float(e.log.t[0])
+            if c.effect is not None:
+                effects.append((c.effect.predicted, onset))
         logs = [_judging(e, [onset[e.name] for _, onset in effects]) for e in flights]
         effects += [(effect, {e.name: None for e in flights}) for effect in calibration]
-        replays = (replay(logs, []), _with_effects(replay, logs, effects, warnings))
-    return GapReduction(
-        size, rest, 1.0, *closed, _ladder(causes, noise, held), *replays, tuple(warnings), left
-    )
+        replays = replay(logs, []), None
+        try:
+            replays = replays[0], replay(logs, effects) if effects else None
+        except ValueError as error:  # the simulator rejects their parameters
+            warnings.append(f"no replay with the effects: {' '.join(str(error).split())}")
+    return GapReduction(before, after, left, *replays, tuple(warnings))
 
 
-def held_out_gains(causes: Sequence[Cause], noise: NoiseModel, held: HeldOut) -> list[float]:
-    """Return the share of the held-out gap above the noise that comes back without each cause [1].
-    Returns: NaN where there is no gap.
+def with_held_out_gains(causes: Sequence[Cause], noise: NoiseModel, held: HeldOut) -> list[Cause]:
+    """Return the causes with the share of the held-out gap above the noise that comes back without
+    each [1]; NaN where there is no gap.
     """
     nominal = pooled([e.against_file[held.rows[e.name]] for e in held.flights], noise)
-    every = remaining_residual(causes, noise, held)
-    without = [
-        remaining_residual([c for c in causes if c is not one], noise, held) for one in causes
-    ]
-    gap = nominal**2 - 1.0
-    return [(rest**2 - every**2) / gap if gap > LEAST_GAP else np.nan for rest in without]
+    every, gap, found = remaining_residual(causes, noise, held), nominal**2 - 1.0, []
+    for one in causes:
+        rest = remaining_residual([c for c in causes if c is not one], noise, held)
+        gain = (rest**2 - every**2) / gap if gap > LEAST_GAP else np.nan
+        found.append(dc.replace(one, held_out_gain=gain))
+    return found
 
 
 def _judging(flight: FlightResiduals, onsets: Sequence[float | None]) -> FlightLog:
@@ -291,35 +264,3 @@ def _judging(flight: FlightResiduals, onsets: Sequence[float | None]) -> FlightL
     if log.t[-1] - acting > LEAST_REPLAYED:
         first = max(first, int(np.searchsorted(log.t, acting - LEAD)))
     return log.rows(first, len(log))
-
-
-def _with_effects(replay: Replay, logs, effects, warnings: list[str]) -> ReplayGap | None:
-    """Return the replay with the effects, or None with a warning where the simulator rejects their
-    parameters.
-    """
-    if not effects:
-        return None
-    try:
-        return replay(logs, effects)
-    except ValueError as error:
-        warnings.append(f"no replay with the effects: {' '.join(str(error).split())}")
-        return None
-
-
-def _ladder(causes: Sequence[Cause], noise: NoiseModel, held: HeldOut) -> tuple[Rung, ...]:
-    """Return the residual of the nominal model, with effects added in order of share, and of noise
-    alone.
-    """
-    nominal = pooled([e.against_file[held.rows[e.name]] for e in held.flights], noise)
-    rungs = [Rung("nominal", nominal)]
-    # The scale of a throttle's map is told together with what hangs below: alone it is none.
-    if held.calibrated and held.flights[0].log.input != "normalised":
-        rungs.append(Rung("+ calibration", remaining_residual([], noise, held)))
-    so_far: list[Cause] = []
-    # The largest share first, and a wind after the drag through which it acts.
-    for cause in sorted(
-        causes, key=lambda c: (bool(c.effect and c.effect.needs), -float(np.nan_to_num(c.share)))
-    ):
-        so_far.append(cause)
-        rungs.append(Rung(f"+ {cause.identifier}", remaining_residual(so_far, noise, held)))
-    return (*rungs, Rung("noise floor", 1.0))

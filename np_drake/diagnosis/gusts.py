@@ -13,7 +13,8 @@ from scipy import linalg, optimize
 from np_drake import attitude
 from np_drake.diagnosis.fitting import refit
 from np_drake.diagnosis.forward_model import Term, predicted_residual
-from np_drake.diagnosis.options import Options
+from np_drake.diagnosis.held_out import HeldOut
+from np_drake.diagnosis.options import SURE, Options
 from np_drake.diagnosis.regressors import DRAG, GUSTY, Model, Onset, switched
 from np_drake.diagnosis.residuals import FORCE, FlightResiduals
 from np_drake.diagnosis.result import Cause, Estimate
@@ -26,7 +27,6 @@ BIN = 0.1  # over which the force is averaged, to a whole number of rows [s]
 SPAN = 20.0  # what lies farther apart counts as independent [s]
 SHORTEST_TIME, LONGEST_TIME = 0.1, 20.0  # correlation time [s]
 STEP = 0.02  # of the logarithms, for their curvature [1]
-Z = 1.96  # deviations to either side: 95 %
 
 
 Begins = Mapping[str, float | None]  # by flight, when the wind begins [s]; None: from the start
@@ -79,11 +79,29 @@ def wind_force(
 
     best = optimize.minimize(loss, start, method="L-BFGS-B", bounds=bounds).x
     deviation, time, white = np.exp(best)
-    wide = np.exp(Z * np.sqrt(np.diag(np.linalg.inv(_curvature(loss, best)))))
+    # (k, k) second derivatives by central differences, with a weak prior: a figure may not
+    # matter at all.
+    k = len(best)
+    E = STEP * np.eye(k)
+    H = np.empty((k, k))
+    for i in range(k):
+        for j in range(i + 1):
+            four = (
+                loss(best + E[i] + E[j])
+                - loss(best + E[i] - E[j])
+                - loss(best - E[i] + E[j])
+                + loss(best - E[i] - E[j])
+            )
+            H[i, j] = H[j, i] = four / (4 * STEP**2)
+    values, vectors = np.linalg.eigh(H)
+    wide = np.exp(
+        SURE
+        * np.sqrt(np.diag(np.linalg.inv(vectors @ np.diag(np.maximum(values, 0.25)) @ vectors.T)))
+    )
     F, one, _ = _whitened(pieces, size_of_bin, deviation, time, white)
     mean = one @ F / (one @ one)  # generalised least squares, of variance 1 / (1'C^-1 1)
     return WindForce(
-        np.stack([mean, np.full(3, Z / np.sqrt(one @ one))], axis=1),
+        np.stack([mean, np.full(3, SURE / np.sqrt(one @ one))], axis=1),
         (float(deviation), float(deviation / wide[0]), float(deviation * wide[0])),
         (float(time), float(time / wide[1]), float(time * wide[1])),
         float(white),
@@ -119,26 +137,6 @@ def _restricted_loss(
     weight = one @ one
     power = np.sum(F**2) - np.sum((one @ F) ** 2) / weight
     return float(0.5 * (power + F.shape[1] * (logdet + np.log(weight))))
-
-
-def _curvature(loss, z: np.ndarray) -> np.ndarray:
-    """Return (k, k) second derivatives by central differences, with a weak prior: a figure may not
-    matter at all.
-    """
-    k = len(z)
-    E = STEP * np.eye(k)
-    H = np.empty((k, k))
-    for i in range(k):
-        for j in range(i + 1):
-            four = (
-                loss(z + E[i] + E[j])
-                - loss(z + E[i] - E[j])
-                - loss(z - E[i] + E[j])
-                + loss(z - E[i] - E[j])
-            )
-            H[i, j] = H[j, i] = four / (4 * STEP**2)
-    values, vectors = np.linalg.eigh(H)
-    return vectors @ np.diag(np.maximum(values, 0.25)) @ vectors.T
 
 
 def forces(e: FlightResiduals, residual: np.ndarray) -> np.ndarray:
@@ -459,12 +457,16 @@ def _statistics(
     known = max(drag.parameters[f"d_{axis}"].half for axis in "xy") / level
     tolerance = options.tolerance
     tilt = tolerance.attitude / np.sqrt(len(flights))
-    off = flights[0].weight * Z * np.array([tilt, tilt, np.hypot(tolerance.mass, tolerance.thrust)])
+    off = (
+        flights[0].weight
+        * SURE
+        * np.array([tilt, tilt, np.hypot(tolerance.mass, tolerance.thrust)])
+    )
     out = {}
     for i, p in enumerate(GustyWind.parameters[:3]):
         half = float(np.hypot(force.mean[i, 1], off[i])) / abs(d[i])
         usual = UPWARD if p.name == "mean_z" else p.typical
-        told = usual**2 / (usual**2 + (half / Z) ** 2)
+        told = usual**2 / (usual**2 + (half / SURE) ** 2)
         value = told * force.mean[i, 0] / d[i]
         half = float(np.hypot(np.sqrt(told) * half, known * value))
         out[p.name] = Estimate(float(value), "m/s", (float(value) - half, float(value) + half))
@@ -547,3 +549,40 @@ def with_drag(ranking: Ranking) -> Ranking:
     probability = ranking.probability | {DRAG: float(1 / (1 + np.exp(-odds)))}
     fits, models = (named, *ranking.fits), (best, *ranking.models)
     return dc.replace(ranking, fits=fits, problem=problem, models=models, probability=probability)
+
+
+def residuals_of(ranking: Ranking, held: HeldOut) -> dict[str, np.ndarray]:
+    """Return by flight the residual (m, 15) of the best model [N, N·m, …]."""
+    rest = {e.name: ranking.best.residual(e) for e in ranking.problem.flights}
+    return rest | {e.name: held.swing_free_residual(e) for e in held.flights}
+
+
+def with_gusts(
+    ranking: Ranking, held: HeldOut, causes: list[Cause], probability: float
+) -> list[Cause]:
+    """Return the causes with gusts among them, where a drag was found through which they act."""
+    flights, through_drag = ranking.problem.flights, residuals_of(ranking, held)
+    for e in (*flights, *held.flights):
+        every = held.terms.get(e.name, ranking.best.terms)
+        terms = [t for t in every if t.effect.identifier in GUSTY]
+        through_drag[e.name] = through_drag[e.name] + predicted_residual(e, terms)
+    return as_gusts(flights, through_drag, causes, probability, ranking.options, held.flights)
+
+
+def in_gusts(held: HeldOut, causes: Sequence[Cause]) -> HeldOut:
+    """Return the held-out flights with the mean of the gusts in the place of a steady wind.
+
+    causes: the gusts and the drag through which they act among them, each from when on it acts.
+    """
+    by_name = {c.identifier: c for c in causes}
+    gusts, drag = by_name[GustyWind.identifier], by_name[DRAG]
+    assert gusts.effect is not None
+    assert drag.effect is not None
+    terms, residual = dict(held.terms), dict(held.residual)
+    for e in held.flights:
+        rest = [t for t in held.terms[e.name] if t.effect.identifier not in GUSTY]
+        own = Term(drag.effect, {e.name: drag.onset.get(e.name)})
+        wind = Term(gusts.effect.predicted, {e.name: gusts.onset.get(e.name)})
+        terms[e.name] = [*rest, own, wind]
+        residual[e.name] = e.y - predicted_residual(e, terms[e.name])
+    return dc.replace(held, terms=terms, residual=residual)

@@ -50,70 +50,30 @@ def adapt(
     """Return the terms with onset and initial swing adapted to a held-out flight, parameters kept,
     and the calibration.
 
-    Args:
-        terms: terms of a model, with their onsets and hidden states.
-        unmeasured: whether the vehicle is, so that what is not known to begin does not, unless it
-            is sudden.
+    unmeasured: whether the vehicle is, so that what is not known to begin does not, unless it is
+    sudden.
     """
     if calibration:
         flight = dc.replace(flight, y=flight.y - predicted_residual(flight, calibration))
     known = [any(begin is not None for begin in t.onset.values()) for t in terms]
-    fitted = list(terms)
+    drag_of = {}  # of a wind, the drag through which it acts, if they began together in the fit
+    for i, t in enumerate(terms):
+        through = type(t.effect).needs
+        together = (
+            j
+            for j, other in enumerate(terms)
+            if other.effect.identifier in through and other.onset == t.onset
+        )
+        drag_of[i] = next(together, None)
     terms = [dc.replace(t, onset={}, hidden={}) for t in terms]
     terms = [_anchored(terms, i, flight, noise, priors) for i in range(len(terms))]
-    drag_of = {i: _drag_of(fitted, i) for i in range(len(terms))}
     for i in sorted(range(len(terms)), key=lambda i: (not known[i], drag_of[i] is not None)):
-        j = drag_of[i]
+        effect, j = terms[i].effect, drag_of[i]
         if j is not None:
             terms[i] = dc.replace(terms[i], onset=terms[j].onset)
-        elif known[i] or (
-            type(terms[i].effect).begins and (terms[i].effect.sudden or not unmeasured)
-        ):
+        elif known[i] or (type(effect).begins and (effect.sudden or not unmeasured)):
             terms[i] = _with_onset(terms, i, flight, noise, priors, known=known[i])
     return [*terms, *calibration]
-
-
-def predictive_terms(
-    terms: Sequence[Term], flight: FlightResiduals, noise: NoiseModel, priors: Priors
-) -> list[Term]:
-    """Return adapted terms with samples of each swing from its posterior.
-
-    The least squared miss of the rest of the flight is expected of their mean: a swing that is not
-    known, or that no
-    motion tells for long after its tether went slack, fades to the weight that hangs.
-    Source: mean of a posterior; own choice: by Laplace's approximation, parameters kept.
-
-    Args:
-        terms: terms of a model, with their onsets and hidden states.
-    Returns: the terms; hidden swings are (`WAYS`, size) [rad, rad/s].
-    """
-    out = list(terms)
-    for i, term in enumerate(terms):
-        begin = term.begins(flight.name)
-        spans = [
-            SwingFit(terms, i, flight, noise, begin, rows, priors)
-            for rows in hidden_state_rows(term, flight)
-        ]
-        if spans:
-            doubts = [
-                fit.posterior_swings(slice(k * STATE, (k + 1) * STATE))
-                for k, fit in enumerate(spans)
-            ]
-            out[i] = dc.replace(term, hidden={flight.name: spans[0].known + sum(doubts)})
-    return out
-
-
-def _drag_of(terms: Sequence[Term], i: int) -> int | None:
-    """Return the position of the drag through which term i, a wind, acts, if they began together in
-    the fit.
-    """
-    needed = type(terms[i].effect).needs
-    together = (
-        j
-        for j, t in enumerate(terms)
-        if t.effect.identifier in needed and t.onset == terms[i].onset
-    )
-    return next(together, None)
 
 
 def mark_outliers(
@@ -127,19 +87,18 @@ def mark_outliers(
 
     A swing is lost at an outlier, and what it misses from there on looks like more of them: they
     are taken in turn.
-
-    Args:
-        terms: terms of a model, with their onsets and hidden states.
     """
     given = predicted_residual(flight, calibration) if calibration else 0.0
     marked, flight = flight, dc.replace(flight, y=flight.y - given)
     for _ in range(MOST_JUMPS if any(t.has_hidden_state for t in terms) else 0):
-        found = _outliers(
-            terms, flight, noise, priors, most=1.0
-        )  # where a swing is lost it misses ever more
-        first = _first_run(found & (flight.t > _end_of(flight.t, flight.outliers) + OUTLIERS_APART))
-        if not first.any():
+        # Where a swing is lost it misses ever more.
+        found = _outliers(terms, flight, noise, priors, most=1.0)
+        if flight.outliers.any():
+            found &= flight.t > flight.t[np.flatnonzero(flight.outliers)[-1]] + OUTLIERS_APART
+        if not found.any():
             return dc.replace(marked, outliers=flight.outliers)
+        start, first = int(np.argmax(found)), np.zeros_like(found)
+        first[start : start + int(np.argmin(np.append(found[start:], False)))] = True
         flight = dc.replace(flight, outliers=flight.outliers | first)
     return dc.replace(marked, outliers=flight.outliers | _outliers(terms, flight, noise, priors))
 
@@ -154,21 +113,6 @@ def _outliers(
     residual = flight.y - predicted_residual(flight, adapt(terms, flight, noise, priors))
     longest = LONGEST_BOUNCE if any(t.has_hidden_state for t in terms) else LONGEST_OUTLIER
     return find_outliers(residual, flight.grid.step, longest, most)
-
-
-def _first_run(found: np.ndarray) -> np.ndarray:
-    """Return the first unbroken run of true rows (m,), alone."""
-    start = int(np.argmax(found))
-    run = np.zeros_like(found)
-    if found.any():
-        stop = start + int(np.argmin(np.append(found[start:], False)))
-        run[start:stop] = True
-    return run
-
-
-def _end_of(t: np.ndarray, rows: np.ndarray) -> float:
-    """Return the last of these rows [s]; before the flight where there are none."""
-    return float(t[np.flatnonzero(rows)[-1]]) if rows.any() else -np.inf
 
 
 def hidden_state_rows(term: Term, flight: FlightResiduals) -> list[np.ndarray]:
@@ -325,11 +269,6 @@ class HeldOut:
     effects: int = 0  # number of terms that are effects; those after them are calibration
     calibrations: frozenset[str] = frozenset()  # effects that count as calibration
 
-    @property
-    def calibrated(self) -> bool:
-        """Whether a calibration of the vehicle acts beside the effects."""
-        return any(isinstance(e.calibrated, np.ndarray) for e in self.flights)
-
     def kept(self, name: str, identifiers: Collection[str]) -> list[Term]:
         """Return the terms of some effects in a flight, and the calibration."""
         every = self.terms[name]
@@ -351,11 +290,24 @@ def on_held_out(
 ) -> HeldOut:
     """Return the fit on held-out flights, its onsets and swings adapted to each, its parameters
     kept.
+
+    The least squared miss of the rest of a flight is expected of the mean over samples of each
+    swing from its posterior: a swing that is not known, or that no motion tells for long after its
+    tether went slack, fades to the weight that hangs.
+    Source: mean of a posterior; own choice: by Laplace's approximation, parameters kept.
     """
     terms, residual, rows, whole = {}, {}, {}, {}
     for e in flights:
         known = adapt(fit.terms, e, noise, priors, fit.calibration, unmeasured=bool(fit.calibrated))
-        terms[e.name] = predictive_terms(known, e, noise, priors)
+        terms[e.name] = list(known)
+        for i, term in enumerate(known):
+            begin, doubts = term.begins(e.name), []
+            for k, own in enumerate(hidden_state_rows(term, e)):
+                span = SwingFit(known, i, e, noise, begin, own, priors)
+                doubts.append(span.posterior_swings(slice(k * STATE, (k + 1) * STATE)))
+            if doubts:
+                swings = span.known + sum(doubts)
+                terms[e.name][i] = dc.replace(term, hidden={e.name: swings})
         residual[e.name] = e.y - predicted_residual(e, terms[e.name])
         rows[e.name] = scored_rows(terms[e.name], e)
         whole[e.name] = fitted_to_whole_flight(known, e, noise, priors)
@@ -401,16 +353,6 @@ def pooled(parts: Sequence[np.ndarray], noise: NoiseModel) -> float:
     """
     rows = np.concatenate(parts)[:, WRENCH] / np.maximum(noise.rms[WRENCH], 1e-12)
     return float(np.sqrt(np.mean(rows**2)))
-
-
-def closed_fraction(before: float, after: float, floor: float) -> float:
-    """Return 1 - (after² - floor²) / (before² - floor²), limited to -1 … 1; zero where there was no
-    gap [1].
-    """
-    gap = before**2 - floor**2
-    if gap <= LEAST_GAP * floor**2:
-        return 0.0
-    return float(np.clip(1 - (after**2 - floor**2) / gap, -1.0, 1.0))
 
 
 def remaining_residual(causes: Sequence[Cause], noise: NoiseModel, held: HeldOut) -> float:

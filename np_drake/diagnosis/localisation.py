@@ -1,38 +1,28 @@
-"""Localisation of the gap in channel, time, regime and frequency, and what the logs can tell."""
+"""Localisation of the gap in channel and time, and what the logs excite and can tell apart."""
 
 from collections.abc import Sequence
-from itertools import pairwise
-from typing import Any
 
 import numpy as np
-import ruptures
-from scipy import signal
 
 from np_drake import attitude
-from np_drake.diagnosis.held_out import closed_fraction, pooled
+from np_drake.diagnosis.held_out import pooled
 from np_drake.diagnosis.numerics import NoiseModel, fit_noise
 from np_drake.diagnosis.regressors import Candidate, hidden_from, library_candidates
 from np_drake.diagnosis.residuals import QUIET, WRENCH, FlightResiduals
 from np_drake.diagnosis.result import (
     CHANNELS,
-    Band,
     ChannelGap,
     Confusable,
+    Diagnosis,
     GapReduction,
     Identifiability,
     Localisation,
-    Regime,
-    Segment,
 )
 from np_drake.effects.library import REQUIREMENTS, effect_of
 
 UNITS = ("N", "N", "N", "N·m", "N·m", "N·m")
-BINS = 4  # about as many regimes of each quantity
-# share of the rows at either end that widens the outer regimes, and makes none of its own [1]
-RARE = 0.02
-COARSE = 0.2  # time resolution of change points [s]
-PENALTY = 35.0  # penalty of a change point, in noise variance times channels; own choice
-LEAST_SPAN = 1e-3  # span of a quantity below which it has no regimes [its unit]
+
+CANNOT_TELL = "These logs cannot tell"
 
 
 def localise(
@@ -43,164 +33,20 @@ def localise(
 ) -> Localisation:
     """Localise the gap of flights, before and after the causes are added.
 
-    Args:
-        after: by flight, (m, 15) residual after the causes.
-        rows: by flight, (m,) bool, the rows that count.
+    after: by flight, (m, 15) residual after the causes. rows: (m,) bool, those that count.
     """
     before = {e.name: e.against_file[:, WRENCH] for e in flights}
     residual = {e.name: after[e.name][:, WRENCH] for e in flights}
+    was, now = (
+        np.sqrt(np.mean(np.concatenate([of[n][rows[n]] for n in of]) ** 2, axis=0))
+        for of in (before, residual)
+    )
+    channels = zip(CHANNELS, UNITS, was.tolist(), noise.rms.tolist(), now.tolist(), strict=False)
     return Localisation(
-        channels=_channel_gaps(before, residual, noise, rows),
-        segments=tuple(s for e in flights for s in _segments(e, noise)),
-        regimes=_regimes(flights, residual, noise),
-        bands=_bands(flights, residual, noise),
+        channels=tuple(ChannelGap(*channel) for channel in channels),
         times={e.name: e.t for e in flights},
         before=before,
         after=residual,
-    )
-
-
-def _channel_gaps(
-    before: dict[str, np.ndarray],
-    after: dict[str, np.ndarray],
-    noise: NoiseModel,
-    rows: dict[str, np.ndarray],
-) -> tuple[ChannelGap, ...]:
-    """Return the RMS residual (m, 6) by flight before and after, by channel, pooled over the rows
-    that count.
-    """
-
-    def rms(parts: dict[str, np.ndarray], c: int) -> float:
-        return float(np.sqrt(np.mean(np.concatenate([parts[n][rows[n], c] for n in parts]) ** 2)))
-
-    out = []
-    for c, name in enumerate(CHANNELS):
-        b, a, floor = rms(before, c), rms(after, c), float(noise.rms[c])
-        out.append(ChannelGap(name, UNITS[c], b, floor, a, closed_fraction(b, a, floor)))
-    return tuple(out)
-
-
-def _segments(flight: FlightResiduals, noise: NoiseModel) -> list[Segment]:
-    """Return the segments of a flight between change points of the residual's mean.
-
-    Source: exact segmentation by dynamic programming, PELT (Killick et al. 2012); the penalty is
-    own choice.
-    """
-    scaled = flight.against_file[:, WRENCH] / np.maximum(noise.rms[WRENCH], 1e-12)
-    bin_ = max(1, round(COARSE / flight.grid.step))
-    n = len(scaled) // bin_
-    coarse = scaled[: n * bin_].reshape(n, bin_, 6).mean(axis=1)
-    spread = np.maximum(coarse.std(axis=0), 1e-9)
-    ends = ruptures.Pelt(model="l2", min_size=5, jump=1).fit(coarse / spread).predict(pen=PENALTY)
-    out = []
-    for a, b in pairwise([0, *ends]):
-        part = scaled[a * bin_ : b * bin_]
-        start, end = flight.t[a * bin_], flight.t[min(b * bin_, len(flight.t) - 1)]
-        out.append(
-            Segment(
-                flight.name,
-                float(start),
-                float(end),
-                tuple(np.sqrt(np.mean(part**2, axis=0)).tolist()),
-            )
-        )
-    return out
-
-
-def quantities(flight: FlightResiduals) -> dict[str, tuple[np.ndarray, str]]:
-    """Return the quantities that define a regime: by name, values (m,) on the grid and unit; zero
-    where not logged.
-    """
-    mids = flight.mids
-    tilt = np.degrees(np.arccos(np.clip(attitude.body_z(mids.q)[:, 2], -1, 1)))
-    at_mids = np.stack(
-        [
-            np.linalg.norm(mids.x[:, 7:10], axis=1),
-            mids.x[:, 2],
-            tilt,
-            np.linalg.norm(mids.x[:, 10:13], axis=1),
-        ],
-        axis=1,
-    )
-    told = [name not in flight.log.lacks for name in ("velocity", "height", "attitude")] + [True]
-    on = flight.from_mids(at_mids) * told
-    return {
-        "speed": (on[:, 0], "m/s"),
-        "thrust": (flight.nominal[:, 2], "N"),
-        "height": (on[:, 1], "m"),
-        "tilt": (on[:, 2], "deg"),
-        "rate": (on[:, 3], "rad/s"),
-    }
-
-
-def _regimes(
-    flights: Sequence[FlightResiduals], after: dict[str, np.ndarray], noise: NoiseModel
-) -> tuple[Regime, ...]:
-    """Return the RMS residual before and after, (m, 6) by flight, in ranges of each quantity with
-    round bounds.
-    """
-    all_of = [quantities(e) for e in flights]
-    before = np.concatenate([e.against_file[:, WRENCH] for e in flights]) / np.maximum(
-        noise.rms[WRENCH], 1e-12
-    )
-    residual = np.concatenate([after[e.name] for e in flights]) / np.maximum(
-        noise.rms[WRENCH], 1e-12
-    )
-    out = []
-    for name in all_of[0]:
-        value = np.concatenate([q[name][0] for q in all_of])
-        if np.ptp(value) < LEAST_SPAN:
-            continue
-        edges = _round_bounds(value)
-        for i in range(len(edges) - 1):
-            inside = (value >= edges[i]) & ((value < edges[i + 1]) | (i == len(edges) - 2))
-            if not inside.any():
-                continue
-            rms = [
-                tuple(np.sqrt(np.mean(part[inside] ** 2, axis=0)).tolist())
-                for part in (before, residual)
-            ]
-            unit = all_of[0][name][1]
-            out.append(
-                Regime(name, unit, float(edges[i]), float(edges[i + 1]), int(inside.sum()), *rms)
-            )
-    return tuple(out)
-
-
-def _round_bounds(value: np.ndarray) -> np.ndarray:
-    """Return increasing multiples of 1, 2 or 5 times a power of ten that hold all values, some
-    `BINS` ranges.
-    """
-    low, high = np.quantile(value, (RARE, 1 - RARE))
-    width = max(high - low, LEAST_SPAN) / BINS
-    power = 10.0 ** np.floor(np.log10(width))
-    step = power * min((1.0, 2.0, 5.0, 10.0), key=lambda digit: abs(np.log(digit * power / width)))
-    inner = np.arange(np.floor(low / step) + 1, np.ceil(high / step))
-    outer = (
-        np.floor(value.min() / step),
-        max(np.ceil(value.max() / step), np.floor(value.min() / step) + 1),
-    )
-    return step * np.unique([outer[0], *inner, outer[1]])
-
-
-def _bands(
-    flights: Sequence[FlightResiduals], after: dict[str, np.ndarray], noise: NoiseModel
-) -> tuple[Band, ...]:
-    """Return Welch spectra by channel before and after, averaged over flights, with those of the
-    noise model.
-    """
-    rate = 1.0 / flights[0].grid.step
-    length = min(256, *(len(e.t) for e in flights))
-
-    def spectrum(parts: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-        found = [signal.welch(p, rate, nperseg=length, axis=0, detrend=False) for p in parts]
-        return found[0][0], np.mean([s for _, s in found], axis=0)
-
-    frequency, b = spectrum([e.against_file[:, WRENCH] for e in flights])
-    _, a = spectrum([after[e.name] for e in flights])
-    model = noise.spectrum(frequency)
-    return tuple(
-        Band(name, frequency, b[:, c], a[:, c], model[c]) for c, name in enumerate(CHANNELS)
     )
 
 
@@ -216,27 +62,26 @@ def excitation(flights: Sequence[FlightResiduals]) -> dict[str, float]:
     """Return RMS values and spans over all flights by quantity, with the unit in the key; 0 of what
     was not logged.
     """
-    v = np.concatenate([e.mids.x[:, 7:10] * ("velocity" not in e.log.lacks) for e in flights])
+    x = np.concatenate([e.mids.x for e in flights])
+    told = {
+        name: np.concatenate([np.full(len(e.mids.t), name not in e.log.lacks) for e in flights])
+        for name in ("velocity", "height")
+    }
     w = np.concatenate([e.w for e in flights])
-    tilt = np.degrees(
-        np.concatenate(
-            [np.arccos(np.clip(attitude.body_z(e.mids.q)[:, 2], -1, 1)) for e in flights]
-        )
-    )
-    f = np.concatenate([e.nominal[:, 2] for e in flights])
-    tau = np.concatenate([e.nominal[:, 3:] for e in flights])
-    z = np.concatenate([e.mids.x[:, 2] * ("height" not in e.log.lacks) for e in flights])
+    up = np.clip(attitude.body_z(np.concatenate([e.mids.q for e in flights]))[:, 2], -1, 1)
+    u = np.concatenate([e.nominal[:, 2:] for e in flights])
+    f = u[:, 0]
 
     def rms(a: np.ndarray) -> float:
-        return float(np.sqrt(np.mean(np.sum(np.atleast_2d(a.T).T ** 2, axis=1))))
+        return float(np.sqrt(np.mean(np.sum(a**2, axis=1))))
 
     return {
-        "speed [m/s]": rms(v),
+        "speed [m/s]": rms(x[:, 7:10] * told["velocity"][:, None]),
         "rate [rad/s]": rms(w),
-        "tilt [deg]": rms(tilt),
+        "tilt [deg]": rms(np.degrees(np.arccos(up))[:, None]),
         "thrust variation [1]": float(f.std() / max(abs(f.mean()), 1e-9)),
-        "torque [N·m]": rms(tau),
-        "height span [m]": float(np.ptp(z)),
+        "torque [N·m]": rms(u[:, 1:]),
+        "height span [m]": float(np.ptp(x[:, 2] * told["height"])),
         "duration [s]": float(sum(e.t[-1] - e.t[0] for e in flights)),
     }
 
@@ -257,37 +102,34 @@ def _confusables(
     distance to the other's columns is below `SAME_DISTANCE`; effects of one sign alone, as a delay
     and an early clock, where signs agree.
     """
-    blocks: dict[str, np.ndarray] = {}
-    one_sided: set[str] = set()
+    out, visible, bases, one_sided = [], {}, {}, set()
     for c in candidates:
         name = c.identifiers[-1]
-        if name in blocks or len(c.identifiers) > 1 or c.generic:
+        if name in visible or len(c.identifiers) > 1 or c.generic:
             continue
-        blocks[name] = np.concatenate(
-            [noise.whiten(c.columns[e.name]).reshape(-1, c.size) for e in flights]
-        )
+        X = np.concatenate([noise.whiten(c.columns[e.name]).reshape(-1, c.size) for e in flights])
+        visible[name] = X
         if c.size == 1 and c.possible is not None:
             one_sided.add(name)
-    sizes = {n: float(np.sqrt(np.max(np.sum(X**2, axis=0)))) for n, X in blocks.items()}
-    no_trace = "at its usual size it leaves no trace in these flights"
-    out = [Confusable((n,), no_trace, manoeuvre((n,))) for n, s in sizes.items() if s < 3.0]
-    visible = {n: X for n, X in blocks.items() if sizes[n] >= 3.0}
-    bases = {n: np.linalg.qr(X[:, np.linalg.norm(X, axis=0) > 1e-9])[0] for n, X in visible.items()}
+    sizes = {n: float(np.sqrt(np.max(np.sum(X**2, axis=0)))) for n, X in visible.items()}
+    for name in [n for n, size in sizes.items() if size < 3.0]:
+        no_trace = "at its usual size it leaves no trace in these flights"
+        out.append(Confusable((name,), no_trace, manoeuvre((name,))))
+        del visible[name]
+    for name, X in visible.items():
+        bases[name] = np.linalg.qr(X[:, np.linalg.norm(X, axis=0) > 1e-9])[0]
     found: set[tuple[str, str]] = set()
     for a, X in visible.items():
         direction = X[:, np.argmax(np.sum(X**2, axis=0))]
         direction = BARELY_VISIBLE * direction / np.linalg.norm(direction)
         for b, Q in bases.items():
             # No positive size of one is what a positive size of the other is.
-            if {a, b} <= one_sided and float(direction @ blocks[b][:, 0]) < 0:
+            if {a, b} <= one_sided and float(direction @ visible[b][:, 0]) < 0:
                 continue
             if a != b and float(np.sum((direction - Q @ (Q.T @ direction)) ** 2)) < SAME_DISTANCE:
                 found.add((a, b) if a < b else (b, a))
-    out += [
-        Confusable(pair, "their traces in these flights are collinear", manoeuvre(pair))
-        for pair in sorted(found)
-    ]
-    return out
+    collinear = "their traces in these flights are collinear"
+    return out + [Confusable(pair, collinear, manoeuvre(pair)) for pair in sorted(found)]
 
 
 def assess_identifiability(
@@ -346,26 +188,26 @@ def tells_apart(a: str, b: str) -> str:
 
 def unexcited_diagnosis(
     flights: Sequence[FlightResiduals], held_out: Sequence[FlightResiduals]
-) -> dict[str, Any]:
-    """Return the fields of a `Diagnosis` for flights in which nothing moves: an empty verdict,
-    nothing identifiable.
+) -> Diagnosis:
+    """Return the diagnosis of flights in which nothing moves: an empty verdict, nothing
+    identifiable.
     """
     noise = fit_noise([e.y for e in flights], flights[0].grid.step)
     pairs = _confusables(flights, library_candidates(flights), noise)
     rows = {e.name: np.ones(len(e.t), bool) for e in held_out}
-    checked = Identifiability(
-        False,
-        excitation(flights),
-        {},
-        tuple(pairs),
-        ("nothing is excited: these logs cannot tell.",),
-    )
+    warnings = ("nothing is excited: these logs cannot tell.",)
     size = pooled([e.y for e in held_out], noise)
-    return {
-        "verdict": (),
-        "causes": (),
-        "identifiability": checked,
-        "localisation": localise(held_out, {e.name: e.y for e in held_out}, noise, rows),
-        "gap_reduction": GapReduction(size, size, 1.0, 0.0, (0.0, 0.0), ()),
-        "warnings": checked.warnings,
-    }
+    return Diagnosis(
+        vehicle=flights[0].vehicle.name,
+        nominal=flights[0].vehicle,
+        train=tuple(e.name for e in flights),
+        held_out=tuple(e.name for e in held_out),
+        verdict=(),
+        causes=(),
+        identifiability=Identifiability(False, excitation(flights), {}, tuple(pairs), warnings),
+        localisation=localise(held_out, {e.name: e.y for e in held_out}, noise, rows),
+        gap_reduction=GapReduction(size, size),
+        warnings=warnings,
+        cannot_tell=True,
+        headline=CANNOT_TELL,
+    )

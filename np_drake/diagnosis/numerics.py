@@ -1,11 +1,10 @@
 """Numerical methods that know nothing of flights: noise model, regression, Gauss-Newton.
 
-Noise: each channel follows e_k = sum_i phi_i e_(k-i) + n_k with innovations n ~ N(0, Sigma) that
-are
-correlated across channels. Least squares on whitened channels is generalised least squares.
-Regression: y = X c + n, n white with unit variance, c ~ N(0, 1) for each column (columns carry the
-scale of the prior). log p(y) = -1/2 (y'y - b' A^-1 b) - 1/2 log det A + const, A = X'X + 1, b =
-X'y.
+Noise: each channel follows e_k = sum_i phi_i e_(k-i) + n_k, with innovations n ~ N(0, Sigma) that
+are correlated across channels. Least squares on whitened channels is generalised least squares.
+Regression: y = X c + n, n white with unit variance, c ~ N(0, 1) for each column, which carries the
+scale of the prior. log p(y) = -1/2 (y'y - b' A^-1 b) - 1/2 log det A + const, with A = X'X + 1 and
+b = X'y.
 Gauss-Newton: damped, within bounds, on the normal equations of tall problems with costly
 evaluations; own choice over scipy's trust region, which decomposes the Jacobian at every step.
 Source: Yule-Walker equations (noise; the order is own choice); standard (regression).
@@ -14,18 +13,10 @@ Source: Yule-Walker equations (noise; the order is own choice); standard (regres
 import dataclasses as dc
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from scipy import linalg
-
-from np_drake.diagnosis.options import Tolerance
-from np_drake.files.stored_number import stored_numbers
-
-# What a stored noise model may hold, own choice: beyond it a file is damaged.
-MOST_LAGS, LARGEST = 1000, 1e12
-SHORTEST_STEP, LONGEST_STEP = 1e-4, 1.0  # [s]
 
 
 @dc.dataclass(frozen=True)
@@ -144,70 +135,6 @@ class NoiseModel:
         return 2 * self.step * self.innovation[:, None] / np.abs(1 - self.phi @ powers) ** 2
 
 
-@dc.dataclass(frozen=True)
-class Readings:
-    """Noise of the residuals and tolerances of vehicle file and sensors that a diagnosis found or
-    used.
-    """
-
-    noise: NoiseModel
-    tolerance: Tolerance
-
-    def as_json(self) -> dict[str, Any]:
-        """Return noise and tolerances in plain types."""
-        noise = self.noise
-        arrays = {
-            name: getattr(noise, name).tolist() for name in ("phi", "mixing", "rms", "innovation")
-        }
-        return {"noise": {**arrays, "step": noise.step}, "tolerance": dc.asdict(self.tolerance)}
-
-    @classmethod
-    def of_json(cls, content: Mapping[str, Any]) -> "Readings":
-        """Return the readings that `as_json` wrote.
-
-        Raises: ValueError: if a number cannot be that of a noise model or a tolerance.
-        """
-        found = content["noise"]
-        phi, mixing, rms, innovation, stored = (
-            stored_numbers(found[name], f"readings: {name} of the noise")
-            for name in ("phi", "mixing", "rms", "innovation", "step")
-        )
-        step = float(stored)
-        tolerance: dict[str, Any] = {
-            name: value
-            if isinstance(value, bool)
-            else float(stored_numbers(value, f"readings: tolerance of {name}"))
-            for name, value in content["tolerance"].items()
-        }
-        c = len(rms) if rms.ndim == 1 else 0
-        if (
-            phi.ndim != 2
-            or not 0 < phi.shape[1] <= MOST_LAGS
-            or innovation.shape != (c,)
-            or mixing.shape != (c, c)
-        ):
-            raise ValueError(
-                f"readings: phi must be (c, p) with p <= {MOST_LAGS}, mixing (c, c), rms "
-                f"and innovation (c,)."
-            )
-        every = np.concatenate(
-            [phi.ravel(), mixing.ravel(), rms, innovation, list(tolerance.values())]
-        )
-        if (
-            not (np.abs(every) <= LARGEST).all()
-            or min(rms.min(), innovation.min(), *tolerance.values()) < 0
-        ):
-            raise ValueError(
-                f"readings: numbers must be finite, at most {LARGEST:g}, and deviations "
-                f"not negative."
-            )
-        if not SHORTEST_STEP <= step <= LONGEST_STEP:
-            raise ValueError(
-                f"readings: step must be {SHORTEST_STEP:g} to {LONGEST_STEP:g} s; got {step:g}."
-            )
-        return cls(NoiseModel(phi, mixing, rms, innovation, step), Tolerance(**tolerance))
-
-
 ORDER = 20  # 0.4 s at 50 Hz
 # white share added to every channel, for the highest frequencies that the low-pass removed [1]
 RIDGE = 1e-3
@@ -236,18 +163,15 @@ def with_loudness(
     """Return the noise with an error level of each flight's own, so that the loudest does not
     decide for all.
 
-    Args:
-        residuals: (m, c) residuals of each flight, without their means.
+    residuals: (m, c) of each flight, without their means.
     Source: feasible generalised least squares with one variance for each group.
     """
-    usual = np.sqrt(np.maximum(noise.innovation, 1e-300))
-    channels = range(len(usual))
-    driven = [
-        np.array([np.sqrt(np.mean(noise.driven_in(c, r[:, c]) ** 2)) for c in channels])
-        for r in residuals
-    ]
-    own = [np.where(noise.active, np.maximum(d / usual, QUIETEST), 1.0) for d in driven]
-    return dc.replace(noise, loudness=dict(zip(flights, own, strict=True)))
+    usual, loudness = np.sqrt(np.maximum(noise.innovation, 1e-300)), {}
+    for name, r in zip(flights, residuals, strict=True):
+        driven = [noise.driven_in(c, r[:, c]) for c in range(len(usual))]
+        own = np.array([np.sqrt(np.mean(d**2)) for d in driven]) / usual
+        loudness[name] = np.where(noise.active, np.maximum(own, QUIETEST), 1.0)
+    return dc.replace(noise, loudness=loudness)
 
 
 def no_worse(residuals: list[np.ndarray], before: list[np.ndarray]) -> list[np.ndarray]:
@@ -267,32 +191,25 @@ def fit_noise(
     residuals: list[np.ndarray],
     step: float,
     *,
-    explained: list[np.ndarray] | None = None,
+    explained: Sequence[np.ndarray] = (),
     inexact: float = 0.0,
-    slow: np.ndarray | None = None,
-    white: np.ndarray | None = None,
+    slow: np.ndarray | float = 0.0,
+    white: np.ndarray | float = 0.0,
 ) -> NoiseModel:
-    """Fit the noise model to the residuals of one or more flights, the mean of each removed: it is
-    a finding.
+    """Fit the noise model to the residuals (m, c) of flights, the mean of each removed: it is a
+    finding.
 
     Args:
-        residuals: (m, c) residuals of each flight.
-        step: sample interval [s].
         explained: (m, c) prediction of a model for each flight, of which the share `inexact` [1]
             counts as noise too.
-        inexact: relative error of that prediction [1].
         slow: (c,) RMS of errors that hardly change over the memory of the noise model.
         white: (c,) RMS of white errors that the residuals may lack.
     """
-    drift, sudden = (
-        np.zeros(residuals[0].shape[1]) if rms is None else rms**2 for rms in (slow, white)
-    )
-    smear = [inexact * (p - p.mean(axis=0)) for p in explained or []] if inexact else []
+    smear = [inexact * (p - p.mean(axis=0)) for p in explained] if inexact else []
     residuals = [r - r.mean(axis=0) for r in residuals]
-    channels = residuals[0].shape[1]
-    phi = np.zeros((channels, ORDER))
-    innovation = np.zeros(channels)
-    total = sum(len(r) for r in residuals)
+    channels, total = residuals[0].shape[1], sum(len(r) for r in residuals)
+    drift, sudden = (np.broadcast_to(rms, channels) ** 2.0 for rms in (slow, white))
+    phi, innovation = np.zeros((channels, ORDER)), np.zeros(channels)
     rms = np.sqrt(sum(np.sum(r**2, axis=0) for r in residuals) / total)
     rms[rms**2 < ACTIVE] = 0.0
     for c in np.flatnonzero(rms):
@@ -309,9 +226,14 @@ def fit_noise(
     driven = np.concatenate([plain.whiten(r) for r in [*residuals, *smear]])
     rows = total - ORDER * len(residuals)
     sudden = np.where(plain.active, sudden * (1 + np.sum(phi**2, axis=1)), 0.0)
-    return dc.replace(
-        plain, mixing=_mixing(driven.T @ driven / rows + np.diag(sudden), plain.active)
-    )
+    covariance, mixing = driven.T @ driven / rows + np.diag(sudden), np.zeros((channels, channels))
+    index = np.ix_(plain.active, plain.active)
+    scale = np.sqrt(np.diag(covariance[index]))
+    correlation = covariance[index] / np.outer(scale, scale) + 1e-6 * np.eye(len(scale))
+    # n = L u with unit white u, so that L^-1 maps innovations to white noise; on correlations, as
+    # units differ.
+    mixing[index] = np.linalg.inv(np.linalg.cholesky(correlation)) / scale
+    return dc.replace(plain, mixing=mixing)
 
 
 def _autocovariance(e: np.ndarray) -> np.ndarray:
@@ -321,22 +243,6 @@ def _autocovariance(e: np.ndarray) -> np.ndarray:
     # wrap-around.
     power = np.abs(np.fft.rfft(e, size)) ** 2
     return np.fft.irfft(power, size)[: ORDER + 1]
-
-
-def _mixing(covariance: np.ndarray, active: np.ndarray) -> np.ndarray:
-    """Return the inverse Cholesky factor of the covariance on the active channels; zero
-    elsewhere.
-    """
-    mixing = np.zeros_like(covariance)
-    index = np.ix_(active, active)
-    block = covariance[index]
-    scale = np.sqrt(np.diag(block))
-    correlation = block / np.outer(scale, scale) + 1e-6 * np.eye(len(scale))
-    # n = L u with unit white u, so that L^-1 maps innovations to white noise; on correlations, as
-    # units differ.
-    factor = np.linalg.cholesky(correlation)
-    mixing[index] = np.linalg.inv(factor) / scale
-    return mixing
 
 
 AT_ONCE = 200_000  # matrix entries of the sets that are solved together

@@ -322,34 +322,6 @@ def random_effect(values: np.ndarray, sd: np.ndarray) -> tuple[float, float]:
     return max(0.0, (Q - (len(values) - 1)) / spread), Q
 
 
-def between_flights(agreement: dict[str, Agreement], layout: Layout) -> np.ndarray:
-    """Return what the variance between flights adds to the variances of z (k,)."""
-    out = np.zeros(layout.size)
-    for i, name in enumerate(layout.names):
-        if name in agreement:
-            out[i] = _between(agreement[name])
-    return out
-
-
-def spread_of_own(covariance: np.ndarray, layout: Layout, z: np.ndarray) -> np.ndarray:
-    """Return what to add to the variances (k,) of flights' own parameters, by how much flights
-    differ beyond them.
-
-    A mean over flights is then that of any flight, not of these alone.
-
-    Args:
-        covariance: (k, k) of z.
-        z: (k,) the estimate.
-    """
-    out = np.zeros(layout.size)
-    if layout.flights > 1:
-        first, count = len(layout.shared), len(layout.own)
-        for i in range(count):
-            own = slice(first + i, None, count)
-            out[own] = max(float(np.var(z[own], ddof=1) - np.mean(np.diag(covariance)[own])), 0.0)
-    return out
-
-
 def _between(agreement: Agreement) -> float:
     """Return what the variance between flights adds to that of their mean, with Student's t for
     their number.
@@ -447,10 +419,30 @@ def estimate(models: Sequence[FlightModel], layout: Layout) -> Estimate:
     agreement = _agreement(single, layout, alone)
     covariances = [inverse]
     for together in TOGETHER:
-        scores = np.concatenate([_summed(part.scores, together) for part in single])
+        scores = np.concatenate(
+            [
+                (np.add.reduceat(part.scores, np.arange(0, len(part.scores), together)))
+                for part in single
+            ]
+        )
         if together == 1 or len(scores) >= LEAST_BLOCKS:
             covariances.append(_sandwich(inverse, scores))
-    between = between_flights(agreement, layout) + spread_of_own(covariances[1], layout, z)
+    # What the variance between flights adds to the variances of z (k,).
+    out = np.zeros(layout.size)
+    for i, name in enumerate(layout.names):
+        if name in agreement:
+            out[i] = _between(agreement[name])
+    # What to add to the variances (k,) of flights' own parameters, by how much flights differ
+    # beyond them.
+    own_out = np.zeros(layout.size)
+    if layout.flights > 1:
+        first, count = len(layout.shared), len(layout.own)
+        for own_i in range(count):
+            own_own = slice(first + own_i, None, count)
+            own_out[own_own] = max(
+                float(np.var(z[own_own], ddof=1) - np.mean(np.diag(covariances[1])[own_own])), 0.0
+            )
+    between = (out) + (own_out)
     covariances = [c + np.diag(between) for c in covariances]
     # The gradients of flights at the common estimate hold the differences between them.
     if len(parts) >= LEAST_FLIGHTS:
@@ -465,11 +457,6 @@ def _not_above_the_prior(covariance: np.ndarray) -> np.ndarray:
     """Return the covariance (k, k) of z with no deviation above that of the prior, 1."""
     known = np.minimum(1.0 / np.sqrt(np.diag(covariance)), 1.0)
     return covariance * np.outer(known, known)
-
-
-def _summed(scores: np.ndarray, together: int) -> np.ndarray:
-    """Return the sums (c, k) of so many consecutive scores (b, k)."""
-    return np.add.reduceat(scores, np.arange(0, len(scores), together))
 
 
 def _sandwich(inverse: np.ndarray, scores: np.ndarray) -> np.ndarray:

@@ -234,10 +234,8 @@ def held_out(
     """Return the errors on flights that the identification has not seen.
 
     The first seconds of each tell what is its own: battery, where that lies, clock and errors of
-    sensors. They are not scored.
-
-    Args:
-        parts: share of each flight that counts, first and last [1]; default: whole flights.
+    sensors. They are not scored. parts: share of each flight that counts, first and last [1];
+    default: whole flights.
     """
     basis = found.basis
     identified = found.estimate.layout.values(found.estimate.z)
@@ -249,7 +247,18 @@ def held_out(
     out = []
     for number, log in enumerate(logs):
         model, own = adapted(found, log, parts[number] if parts else (0.0, 1.0), rows)
-        out += [_errors(model, log, name, v, mass, J) for name, v in own.items()]
+        for name, v in own.items():
+            e = model.residual(v)[model.flight.good]
+            force = mass * np.sqrt(np.mean(e[:, 0:3] ** 2, axis=0))
+            torque = np.sqrt(np.mean((e[:, 3:6] @ J.T) ** 2, axis=0))
+            open_loop = np.full((len(HORIZONS), len(ERRORS)), np.nan)
+            for i, horizon in enumerate(() if log.lacks else HORIZONS):
+                try:
+                    errors = predict(model, log, v, seconds=horizon).errors(log)
+                    open_loop[i] = np.median(errors[-1], axis=0)
+                except ValueError:  # no stretch without gaps is as long
+                    continue
+            out.append(HeldOut(log.name, name, force, torque, open_loop))
     return out
 
 
@@ -273,27 +282,6 @@ def adapted(
     return FlightModel(flight.part(begin, last), frame), own
 
 
-def _errors(
-    model: FlightModel, log: FlightLog, name: str, v: Values, mass: float, J: np.ndarray
-) -> HeldOut:
-    e = model.residual(v)[model.flight.good]
-    force = mass * np.sqrt(np.mean(e[:, 0:3] ** 2, axis=0))
-    torque = np.sqrt(np.mean((e[:, 3:6] @ J.T) ** 2, axis=0))
-    return HeldOut(log.name, name, force, torque, _open_loop(model, log, v))
-
-
-def _open_loop(model: FlightModel, log: FlightLog, v: Values) -> np.ndarray:
-    out = np.full((len(HORIZONS), len(ERRORS)), np.nan)
-    if log.lacks:
-        return out
-    for i, horizon in enumerate(HORIZONS):
-        try:
-            out[i] = np.median(predict(model, log, v, seconds=horizon).errors(log)[-1], axis=0)
-        except ValueError:
-            continue
-    return out
-
-
 def plain_least_squares(found: Identification) -> Values:
     """Return the usual parameters by plain least squares, the others as in the vehicle file.
 
@@ -301,46 +289,30 @@ def plain_least_squares(found: Identification) -> Values:
     published vehicles.
     Source: the way of mujoco.sysid, where the user names the parameters.
     """
-    models, start = found.models, values_of_file(found)
+    models, start, layout = found.models, values_of_file(found), found.estimate.layout
     if not found.prior.rotor_time_constant:
-        layout = found.estimate.layout
         start["lag"] = layout.values(np.zeros(layout.size))["lag"]
-    names = [
-        name
-        for name in USUAL
-        if name in {p.name for p in (*found.estimate.layout.shared, *found.estimate.layout.own)}
-    ]
+    known = {p.name for p in (*layout.shared, *layout.own)}
+    names = [name for name in USUAL if name in known]
     logs = {"scale", "jxx", "jyy", "jzz", "torque", "lag"}
-    size = [
-        np.maximum(np.std(np.concatenate([m.flight.force, m.flight.alpha], axis=1), axis=0), 1e-6)
-        for m in models
-    ]
+    channels = [np.concatenate([m.flight.force, m.flight.alpha], axis=1) for m in models]
+    size = [np.maximum(np.std(c, axis=0), 1e-6) for c in channels]
 
     def values(x: np.ndarray) -> Values:
-        moved = {
-            n: start[n] * np.exp(c) if n in logs else start[n] + c
-            for n, c in zip(names, x, strict=True)
-        }
+        moved = {}
+        for n, c in zip(names, x, strict=True):
+            moved[n] = start[n] * np.exp(c) if n in logs else start[n] + c
         return start | moved
 
     def residual(x: np.ndarray) -> np.ndarray:
-        v = values(x)
-        return np.concatenate(
-            [
-                (m.residual(v)[m.flight.good, :6] / s).ravel()
-                for m, s in zip(models, size, strict=True)
-            ]
-        )
+        v, rows = values(x), []
+        for m, s in zip(models, size, strict=True):
+            rows.append((m.residual(v)[m.flight.good, :6] / s).ravel())
+        return np.concatenate(rows)
 
+    wide = ("com", "curve", "bias")
     scale = np.array([1.0 if n in logs else 0.01 for n in names])
-    bound = np.array(
-        [
-            3.0 if n in logs else 0.5 if n.startswith(("com", "curve", "bias")) else 0.05
-            for n in names
-        ]
-    )
-    return values(
-        least_squares(
-            residual, np.zeros(len(names)), x_scale=scale, bounds=(-bound, bound), max_nfev=30
-        ).x
-    )
+    free = np.array([0.5 if n.startswith(wide) else 0.05 for n in names])
+    bound = np.where(scale == 1.0, 3.0, free)
+    how = {"x_scale": scale, "bounds": (-bound, bound), "max_nfev": 30}
+    return values(least_squares(residual, np.zeros(len(names)), **how).x)

@@ -7,6 +7,7 @@ explains. Its share of the gap has a posterior over blocks of time and over whet
 is there.
 """
 
+import dataclasses as dc
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -22,7 +23,7 @@ from np_drake.diagnosis.fitting import BLOCK
 from np_drake.diagnosis.forward_model import predicted_residual
 from np_drake.diagnosis.held_out import HeldOut
 from np_drake.diagnosis.numerics import NoiseModel
-from np_drake.diagnosis.options import Materiality, Options
+from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.residuals import FORCE, TORQUE, WRENCH, FlightResiduals, low_pass
 from np_drake.diagnosis.result import Cause, Remainder
 from np_drake.effects.gusty_wind import GustyWind
@@ -36,7 +37,7 @@ NOISES = 4  # draws of the noise of each flight
 # explanation [1]. Source: own choice.
 NOTHING, TOO_MUCH = 0.02, 0.2
 NEVER_LESS = 1e-6  # share that is left: that nothing is, no flight shows [1]
-SURE = 0.025  # quantile of the gap that is above the noise where there is one [1]
+SURE_GAP = 0.025  # quantile of the gap that is above the noise where there is one [1]
 
 
 def measure_remainder(
@@ -48,54 +49,51 @@ def measure_remainder(
 ) -> Remainder:
     """Return what causes and calibration leave of the gap on held-out flights.
 
-    Args:
-        indications: of structure that no effect explains, whose power the noise model holds.
-        options: hold the sizes from which a remainder matters, and how far attitudes drift.
+    indications: of structure that no effect explains, whose power the noise model holds.
     """
     flights, named = held.flights, {c.identifier for c in causes}
     before = {e.name: e.against_file for e in flights}
     after = {e.name: e.y - predicted_residual(e, held.kept(e.name, named)) for e in flights}
-    if (
-        GustyWind.identifier in named
-    ):  # whose slow force is explained, though no simulator foresees it
-        for e in flights:
-            after[e.name][:, FORCE] -= low_pass(after[e.name][:, FORCE], e.grid.step, BRIEF)
+    # Of gusts the slow force is explained, though no simulator foresees it.
+    for e in flights if GustyWind.identifier in named else ():
+        after[e.name][:, FORCE] -= low_pass(after[e.name][:, FORCE], e.grid.step, BRIEF)
     rng = np.random.default_rng(SEED)
+    power = noise.rms[WRENCH] ** 2
     scale = np.maximum(noise.rms[WRENCH], 1e-12) ** -2.0 * noise.active[WRENCH] / 6
-    there = rng.uniform(size=(DRAWS, len(indications))) < [i.probability for i in indications]
+    likely = np.array([i.probability for i in indications])
+    there = rng.uniform(size=(DRAWS, len(indications))) < likely
     # What the noise holds is no larger than the noise, however large a part is that others cancel.
     whole = np.reshape([i.power for i in indications], (-1, 6))
-    powers = np.minimum(whole, noise.rms[WRENCH] ** 2)
-    weight, drift = flights[0].weight, np.zeros(6)
+    powers = np.minimum(whole, power)
+    materiality, weight, drift = options.materiality, flights[0].weight, np.zeros(6)
     drift[:2] = (options.tolerance.attitude * weight) ** 2
-    floor = (noise.rms[WRENCH] ** 2 + drift) @ scale
-    structure = np.minimum(there @ (powers @ scale), noise.rms[WRENCH] ** 2 @ scale)
+    floor = (power + drift) @ scale
+    structure = np.minimum(there @ (powers @ scale), power @ scale)
     gap, left = (
         np.maximum(draws - floor, 0.0) + structure
         for draws in _draws(before, after, held.rows, scale, flights[0].grid.step, rng)
     )
-    likely = np.array([i.probability for i in indications])
     held_share = powers @ scale / np.maximum(whole @ scale, 1e-300)
     hidden = likely @ powers, float((likely * held_share) @ [i.position for i in indications])
     was, now = (_sizes(flights, y, held.rows, noise, drift, hidden) for y in (before, after))
-    materiality = options.materiality
-    matters = np.quantile(gap, SURE) > 0 and _relative(was, weight, materiality) >= 1
-    if not matters:
-        return Remainder(float("nan"), (float("nan"), float("nan")), *now, was[2], 0.0)
+    # Sizes over the stated ones [1].
+    large_before, large = (
+        max(force / (materiality.remaining_force * weight), position / materiality.position)
+        for force, _, position in (was, now)
+    )
+    found = Remainder(force=now[0], torque=now[1], position=now[2], position_before=was[2])
+    if not (np.quantile(gap, SURE_GAP) > 0 and large_before >= 1):
+        return found
     shares = np.maximum(left / np.maximum(gap, 1e-12), NEVER_LESS)
-    share, ci95, probability = share_and_probability(shares, _relative(now, weight, materiality))
-    return Remainder(share, ci95, *now, was[2], probability)
+    share, ci95, probability = share_and_probability(shares, large)
+    return dc.replace(found, share=share, ci95=ci95, probability=probability)
 
 
 def share_and_probability(
     shares: np.ndarray, size: float
 ) -> tuple[float, tuple[float, float], float]:
     """Return the median share of a remainder, its 95 % interval, and the probability that it is
-    material [1].
-
-    Args:
-        shares: (n,) draws of its share of the gap [1].
-        size: of the remainder over the stated size [1].
+    material [1], from draws (n,) of its share and its size over the stated one [1].
     """
     share = float(np.median(shares))
     low, high = np.quantile(shares, [0.025, 0.975])
@@ -124,12 +122,6 @@ def _draws(
     return drawn[:, 0] / drawn[:, 2], drawn[:, 1] / drawn[:, 2]
 
 
-def _relative(sizes: tuple[float, float, float], weight: float, materiality: Materiality) -> float:
-    """Return a remainder's size over the stated one [1]."""
-    force, _, position = sizes
-    return max(force / (materiality.remaining_force * weight), position / materiality.position)
-
-
 def _sizes(
     flights: Sequence[FlightResiduals],
     wrench: Mapping[str, np.ndarray],
@@ -149,21 +141,15 @@ def _sizes(
     rng, moved = np.random.default_rng(SEED), []
     for e in flights:
         whole = rows[e.name] | e.outliers  # which are interpolated
-        chance = [
-            squared_position_errors(e, _noise_of(noise, len(e.t), rng), whole)
-            for _ in range(NOISES)
-        ]
-        moved += (
-            squared_position_errors(e, e.bridged(wrench[e.name])[:, WRENCH], whole)
-            - np.mean(chance, axis=0)
-        ).tolist()
+        drawn = [_noise_of(noise, len(e.t), rng) for _ in range(NOISES)]
+        chance = [squared_position_errors(e, one, whole) for one in drawn]
+        seen = squared_position_errors(e, e.bridged(wrench[e.name])[:, WRENCH], whole)
+        moved += (seen - np.mean(chance, axis=0)).tolist()
     tilted = drift[FORCE].sum() * (HORIZON**2 / 2 / flights[0].vehicle.mass) ** 2
     further = max(float(np.mean(moved)) - tilted, 0.0) if moved else 0.0
-    return (
-        float(np.sqrt(power[FORCE].sum())),
-        float(np.sqrt(power[TORQUE].sum())),
-        float(np.sqrt(further + hidden[1])),
-    )
+    squares = power[FORCE].sum(), power[TORQUE].sum(), further + hidden[1]
+    force, torque, position = np.sqrt(squares).tolist()
+    return force, torque, position
 
 
 def _noise_of(noise: NoiseModel, rows: int, rng: np.random.Generator) -> np.ndarray:

@@ -14,7 +14,7 @@ import numpy as np
 from scipy import linalg, special
 
 from np_drake.diagnosis.calibration import errors_of, of_flight, of_vehicle, vehicle_columns
-from np_drake.diagnosis.fitting import Fit, Free, prior_whitening, scaled_jacobian
+from np_drake.diagnosis.fitting import Fit, Free, prior_whitening, read, scaled_jacobian
 from np_drake.diagnosis.forward_model import NEVER, STATE, Term, predicted_residual, with_dependants
 from np_drake.diagnosis.numerics import NoiseModel
 from np_drake.diagnosis.options import Options
@@ -25,37 +25,33 @@ DEGREES = 8.0  # of freedom of the noise level of a block [1]
 
 
 @dc.dataclass(frozen=True)
-class Block:
-    """Gram matrix (k + 1, k + 1) of columns and target in a block of a flight, and the number of
-    its values.
+class Blocks:
+    """Blocks of a whitened flight in order of time, linear about a model.
+
+    grams: (k + 1, k + 1) Gram matrices of columns and target in each; values: their numbers.
+    owners: of each column, the term that it is a parameter of; -1: of none. shared: number of the
+    first columns, which are those of all flights.
     """
 
-    gram: np.ndarray
-    values: int
-
-
-@dc.dataclass(frozen=True)
-class Blocks:
-    """Blocks of a flight in order of time; its first `shared` columns are those of all flights."""
-
-    flight: str
-    parts: list[Block]
+    grams: list[np.ndarray]
+    values: list[int]
+    owners: np.ndarray
     shared: int
 
-    @property
-    def own(self) -> int:
-        """Number of columns of the flight alone."""
-        return self.parts[0].gram.shape[0] - 1 - self.shared
+    def without(self, gone: set[int]) -> "Blocks":
+        """Return the blocks without the columns of some terms."""
+        kept = ~np.isin(self.owners, [*gone])
+        index = np.append(np.flatnonzero(kept), -1)
+        grams = [gram[np.ix_(index, index)] for gram in self.grams]
+        return Blocks(grams, self.values, self.owners[kept], int(kept[: self.shared].sum()))
 
-    def of_others(self, shared: np.ndarray, own: np.ndarray) -> np.ndarray:
+    def of_others(self) -> np.ndarray:
         """Return the Gram matrix (k + 1, k + 1) of shared columns and target, those of the flight
         integrated out.
-
-        Args:
-            shared: (k,) indices of shared columns.
         """
-        total = np.sum([part.gram for part in self.parts], axis=0)
-        kept, gone = np.append(shared, -1), self.shared + own
+        total = np.sum(self.grams, axis=0)
+        size = len(self.owners)
+        kept, gone = np.append(np.arange(self.shared), -1), np.arange(self.shared, size)
         factor = linalg.cholesky(
             total[np.ix_(gone, gone)] + np.eye(len(gone)), lower=True, check_finite=False
         )
@@ -64,54 +60,26 @@ class Blocks:
         )
         return total[np.ix_(kept, kept)] - B.T @ B
 
-
-def blocks_of(
-    e: FlightResiduals, noise: NoiseModel, shared: np.ndarray, own: np.ndarray, target: np.ndarray
-) -> Blocks:
-    """Return the blocks of a flight.
-
-    Args:
-        shared: (m, 15, k) columns of all flights, in units of their prior.
-        own: (m, 15, k') those of this flight.
-        target: (m, 15) channels.
-    """
-    white = e.white(noise, np.concatenate([shared, own, target[..., None]], axis=-1))[
-        :, noise.active
-    ]
-    count = max(1, round(len(white) * e.grid.step / LENGTH))
-    parts = [part.reshape(-1, part.shape[-1]) for part in np.array_split(white, count) if len(part)]
-    return Blocks(e.name, [Block(part.T @ part, len(part)) for part in parts], shared.shape[-1])
-
-
-def scores(
-    following: Blocks, known: Sequence[np.ndarray], shared: np.ndarray, own: np.ndarray
-) -> np.ndarray:
-    """Return the log score (n,) of each block of a flight, predicted from other flights and the
-    blocks before it [nat].
-
-    Args:
-        known: Gram matrices of other flights (`Blocks.of_others`) of the same shared columns.
-        shared: (k,) indices of shared columns.
-        own: (k',) indices among the columns of the flight.
-    """
-    k, size = len(shared), len(shared) + len(own)
-    at = np.ix_(*[np.concatenate([shared, following.shared + own, [-1]])] * 2)
-    total = np.zeros((size + 1, size + 1))
-    total[:-1, :-1] = np.eye(size)
-    place = np.ix_(*[np.append(np.arange(k), -1)] * 2)
-    for gram in known:
-        total[place] += gram
-    before, found = _fitted(total), []
-    for block in following.parts:
-        total = total + block.gram[at]
-        after = _fitted(total)
-        # Of a Gaussian y = X c + n: the quadratic form and the determinant of a prediction are
-        # differences of those of all that is known after and before it.
-        square, logdet = after[0] - before[0], after[1] - before[1]
-        n = block.values
-        found.append(-0.5 * logdet - 0.5 * (DEGREES + n) * np.log1p(max(square, 0.0) / DEGREES))
-        before = after
-    return np.array(found)
+    def scores(self, known: Sequence[np.ndarray]) -> np.ndarray:
+        """Return the log score (n,) of each block, predicted from other flights and the blocks
+        before it [nat]; known: Gram matrices of other flights (`of_others`).
+        """
+        size = len(self.owners)
+        total = np.zeros((size + 1, size + 1))
+        total[:-1, :-1] = np.eye(size)
+        place = np.ix_(*[np.append(np.arange(self.shared), -1)] * 2)
+        for gram in known:
+            total[place] += gram
+        before, found = _fitted(total), []
+        for gram, n in zip(self.grams, self.values, strict=True):
+            total = total + gram
+            after = _fitted(total)
+            # Of a Gaussian y = X c + n: the quadratic form and the determinant of a prediction are
+            # differences of those of all that is known after and before it.
+            square, logdet = after[0] - before[0], after[1] - before[1]
+            found.append(-0.5 * logdet - 0.5 * (DEGREES + n) * np.log1p(max(square, 0.0) / DEGREES))
+            before = after
+        return np.array(found)
 
 
 def _fitted(gram: np.ndarray) -> tuple[float, float]:
@@ -196,92 +164,54 @@ def support_of(
     """Return the support of every term of a fit.
 
     The model is linear about the fit. Hidden states and what differs from flight to flight are free
-    in every flight.
-
-    Args:
-        adapted: by held-out flight, the terms with onsets and hidden states as they are there.
+    in every flight. adapted: by held-out flight, the terms with onsets and hidden states as they
+    are there.
     """
+    tolerance = options.tolerance
+    vehicle = vehicle_columns(flights, tolerance, options.priors)
     every = [*flights, *held_out]
-    vehicle = vehicle_columns(flights, options.tolerance, options.priors)
-    columns = {e.name: ([of(e) for of in vehicle], errors_of(e, options.tolerance)) for e in every}
+    columns = {e.name: ([of(e) for of in vehicle], errors_of(e, tolerance)) for e in every}
 
-    def linear_without(gone: set[int]) -> _Linear:
+    def linear_without(gone: set[int]) -> dict[str, Blocks]:
         """Return all flights, linear about the fit without some terms."""
-        blocks, owners = {}, {}
+        blocks = {}
         shared = [f for f in fit.free if not f.flight and f.term not in gone]
         for e in every:
             now = list(adapted.get(e.name, fit.everything))
             swings = [f for f in _swings(fit, e, now) if f.term not in gone]
-            left = [
-                dc.replace(t, onset={e.name: NEVER}) if k in gone else t for k, t in enumerate(now)
-            ]
-            blocks[e.name] = _blocks(e, left, (shared, swings), noise, *columns[e.name])
-            owners[e.name] = [f.term for f in swings]
-        return _Linear(flights, held_out, blocks, [f.term for f in shared], owners)
+            for k in gone:
+                now[k] = dc.replace(now[k], onset={e.name: NEVER})
+            blocks[e.name] = _blocks(e, now, (shared, swings), noise, *columns[e.name])
+        return blocks
+
+    def scores(blocks: dict[str, Blocks]) -> tuple[float, np.ndarray, np.ndarray]:
+        """Return log scores [nat]: of all training flights in turn, of each block from the other
+        flights, of held-out.
+        """
+        training = [blocks[e.name] for e in flights]
+        known = [b.of_others() for b in training]
+        turns = sum(float(b.scores(known[:i]).sum()) for i, b in enumerate(training))
+        others = [b.scores([*known[:i], *known[i + 1 :]]) for i, b in enumerate(training)]
+        judged = [blocks[e.name].scores(known) for e in held_out]
+        return turns, np.concatenate(others), np.concatenate(judged or [np.zeros(0)])
 
     whole = linear_without(set())
-    best, found = whole.scores(set()), []
-    names = tuple(e.name for e in flights for _ in whole.blocks[e.name].parts)
+    best, found = scores(whole), []
+    names = tuple(e.name for e in flights for _ in whole[e.name].values)
     calibrated = {t.effect.identifier for t in fit.calibration}
-    calibrated |= {
-        d.effect.identifier
-        for of in (of_vehicle, of_flight)
-        for d in of(flights[0], options.tolerance)
-    }
+    own = (*of_vehicle(flights[0], tolerance), *of_flight(flights[0], tolerance))
+    calibrated |= {d.effect.identifier for d in own}
     for i, term in enumerate(fit.terms):
         gone = with_dependants(fit.terms, i)
         # A wind is in the derivatives of the drag through which it acts.
-        rest = linear_without(gone).scores(set()) if term.effect.needs else whole.scores(gone)
+        through = term.effect.needs
+        left = {name: b.without(gone) for name, b in whole.items()}
+        rest = scores(linear_without(gone) if through else left)
         gains = best[1] - rest[1]
         total = best[0] - rest[0] if term.effect.identifier in calibrated else float(gains.sum())
         total += fit.onset_prior_of(i)  # an onset is of the flight itself that it predicts
         found.append(Support(total, gains, names, best[2] - rest[2]))
     return found
-
-
-@dc.dataclass(frozen=True)
-class _Linear:
-    """Flights, linear about a fit, with the term that each column of a parameter belongs to.
-
-    blocks: by flight.
-    shared: terms of the first columns of all flights.
-    own: by flight, of its first own columns.
-    """
-
-    flights: Sequence[FlightResiduals]
-    held_out: Sequence[FlightResiduals]
-    blocks: Mapping[str, Blocks]
-    shared: Sequence[int]
-    own: Mapping[str, Sequence[int]]
-
-    def scores(self, gone: set[int]) -> tuple[float, np.ndarray, np.ndarray]:
-        """Return log scores [nat]: of all training flights in turn, of each block from the other
-        flights, of held-out.
-
-        gone: terms without their columns.
-        """
-        first = self.blocks[self.flights[0].name]
-        index = _left(first.shared, self.shared, gone)
-        own = {name: _left(b.own, self.own[name], gone) for name, b in self.blocks.items()}
-        training = [self.blocks[e.name] for e in self.flights]
-        known = [b.of_others(index, own[b.flight]) for b in training]
-        turns, others = [], []
-        for i, b in enumerate(training):
-            turns.append(scores(b, known[:i], index, own[b.flight]))
-            others.append(scores(b, [*known[:i], *known[i + 1 :]], index, own[b.flight]))
-        judged = [scores(self.blocks[e.name], known, index, own[e.name]) for e in self.held_out]
-        return (
-            float(sum(map(np.sum, turns))),
-            np.concatenate(others),
-            np.concatenate(judged or [np.zeros(0)]),
-        )
-
-
-def _left(size: int, owners: Sequence[int], gone: set[int]) -> np.ndarray:
-    """Return the indices of `size` columns, of which the first belong to terms, without those of
-    some terms.
-    """
-    return np.array([k for k in range(size) if not (k < len(owners) and owners[k] in gone)], int)
 
 
 def _swings(fit: Fit, e: FlightResiduals, now: Sequence[Term]) -> list[Free]:
@@ -311,14 +241,23 @@ def _blocks(
     and of this one.
     """
     shared, own = free
-    every = [*shared, *own]
-    J = scaled_jacobian(now, every, e)
-    away = np.array([_value(f, now) for f in every])
-    J = _through_neutral(J, every, away, now, e)
+    every, n = [*shared, *own], len(shared)
+    scale, neutral = (np.array([getattr(f, name) for f in every]) for name in ("scale", "neutral"))
+    away = (read(now, every) - neutral) / scale
+    J = _through_neutral(scaled_jacobian(now, every, e), every, away, now, e)
     target = e.uncalibrated - predicted_residual(e, now) + J @ away
-    root, n = np.linalg.inv(prior_whitening(now, shared)), len(shared)
-    columns = np.concatenate([J[..., :n] @ root, *vehicle], axis=-1)
-    return blocks_of(e, noise, columns, np.concatenate([J[..., n:], errors], axis=-1), target)
+    root = np.linalg.inv(prior_whitening(now, shared))
+    parts = [J[..., :n] @ root, *vehicle, J[..., n:], errors, target[..., None]]
+    white = e.white(noise, np.concatenate(parts, axis=-1))[:, noise.active]
+    count = max(1, round(len(white) * e.grid.step / LENGTH))
+    rows = [part.reshape(-1, part.shape[-1]) for part in np.array_split(white, count) if len(part)]
+    sizes = [n, sum(X.shape[-1] for X in vehicle), len(own), errors.shape[-1]]
+    owners = np.full(sum(sizes), -1)
+    owners[:n], owners[sum(sizes[:2]) : sum(sizes[:3])] = (
+        [f.term for f in shared],
+        [f.term for f in own],
+    )
+    return Blocks([part.T @ part for part in rows], [len(r) for r in rows], owners, sum(sizes[:2]))
 
 
 def _through_neutral(
@@ -338,14 +277,3 @@ def _through_neutral(
             given = whole - predicted_residual(e, [t for k, t in enumerate(now) if k != i])
             J += (given - J @ distance)[..., None] * (distance / (distance @ distance))
     return J
-
-
-def _value(f: Free, terms: Sequence[Term]) -> float:
-    """Return the distance of a free parameter from neutral, over its scale [1]."""
-    term = terms[f.term]
-    if f.flight:
-        hidden = np.asarray(term.hidden.get(f.flight, np.zeros(f.entry + 1)))
-        value = float(hidden[f.entry]) if hidden.size > f.entry else 0.0
-    else:
-        value = float(getattr(term.effect, f.name))
-    return (value - f.neutral) / f.scale

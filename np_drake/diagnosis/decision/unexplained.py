@@ -20,14 +20,16 @@ from scipy.integrate import cumulative_trapezoid
 from np_drake.diagnosis.fitting import prior_whitening, scaled_jacobian
 from np_drake.diagnosis.forward_model import predicted_residual, with_dependants
 from np_drake.diagnosis.held_out import HeldOut
-from np_drake.diagnosis.numerics import Gram
-from np_drake.diagnosis.options import Materiality, Options
-from np_drake.diagnosis.regressors import LINEAR, PREFIX, Candidate, generic_candidates, prior_of
+from np_drake.diagnosis.options import Options
+from np_drake.diagnosis.regressors import LINEAR, PREFIX, generic_candidates, prior_of
+from np_drake.diagnosis.regressors.generic import ELSEWHERE
 from np_drake.diagnosis.residuals import FORCE, TORQUE, WRENCH, FlightResiduals, low_pass
 from np_drake.diagnosis.result import CHANNELS, Finding
 from np_drake.diagnosis.selection import Ranking
 from np_drake.diagnosis.slow_force import gust_probability
 from np_drake.files.number_text import measure
+
+PLACE = Finding("place", "a slow force tied to a place", 1.0, {}, ELSEWHERE)
 
 
 class LinearModel:
@@ -35,38 +37,32 @@ class LinearModel:
     structure.
 
     Generic structure has Gaussian coefficients of zero mean: it is a part of the disturbance's
-    covariance, of low rank.
-    It competes with the effects for the same evidence.
+    covariance, of low rank. It competes with the effects for the same evidence.
     Source: Laplace approximation about the fit.
     """
 
     def __init__(self, ranking: Ranking):
-        self.flights, self.fit, self._priors = (
-            ranking.problem.flights,
-            ranking.best,
-            ranking.options.priors,
-        )
+        fit, problem = ranking.best, ranking.problem
+        self.flights, self.fit, self._priors = problem.flights, fit, ranking.options.priors
         self.structure = generic_candidates(self.flights, self._priors)
-        drifting = [c for c in ranking.problem.nuisance if c.variant == LINEAR]
-        now, free = self.fit.everything, self.fit.free
-        self._root = np.linalg.inv(prior_whitening(now, free))
-        total = reduce(add, (self._gram(e, ranking, drifting) for e in self.flights))
-        self._total = total.tempered(ranking.problem.temperature)
+        drifting = [c for c in problem.nuisance if c.variant == LINEAR]
+        now, free = fit.everything, fit.free
+        root = np.linalg.inv(prior_whitening(now, free))
+        away = np.array([(v - f.neutral) / f.scale for v, f in zip(fit.values, free, strict=True)])
+        grams = []
+        for e in self.flights:
+            # Linearised about the fit z0: y - h(z) = y - h(z0) + J (z0 - neutral) - J (z -
+            # neutral), in scaled parameters.
+            J = scaled_jacobian(now, free, e)
+            target = e.y - predicted_residual(e, now) + J @ away
+            columns = [J @ root, *(c.columns[e.name] for c in (*drifting, *self.structure))]
+            grams.append(e.gram(ranking.noise, columns, target))
+        self._total = reduce(add, grams).tempered(problem.temperature)
         self._own = {i: [k for k, f in enumerate(free) if f.term == i] for i in range(len(now))}
         first = len(free) + sum(c.size for c in drifting)
         self._nuisance = np.arange(len(free), first)
         ends = np.cumsum([first, *(c.size for c in self.structure)])
         self._columns = [np.arange(*span) for span in pairwise(ends.tolist())]
-
-    def _gram(self, e: FlightResiduals, ranking: Ranking, drifting: Sequence[Candidate]) -> Gram:
-        fit, free = self.fit, self.fit.free
-        away = np.array([(v - f.neutral) / f.scale for v, f in zip(fit.values, free, strict=True)])
-        # Linearised about the fit z0: y - h(z) = y - h(z0) + J (z0 - neutral) - J (z - neutral), in
-        # scaled parameters.
-        J = scaled_jacobian(fit.everything, free, e)
-        target = e.y - predicted_residual(e, fit.everything) + J @ away
-        columns = [J @ self._root, *(c.columns[e.name] for c in (*drifting, *self.structure))]
-        return e.gram(ranking.noise, columns, target)
 
     def evidence(self, without: Collection[int] = (), structure: Sequence[int] = ()) -> float:
         """Return the log evidence, priors of structure included, without some terms and with some
@@ -80,10 +76,7 @@ class LinearModel:
         self, without: Collection[int] = (), first: Sequence[int] = ()
     ) -> tuple[float, tuple[int, ...]]:
         """Return the log evidence with the structure that describes the rest best, and that
-        structure.
-
-        Args:
-            first: structure from which forward selection begins, one variant of each kind.
+        structure, by forward selection from `first`, one variant of each kind.
         """
         found, best = tuple(first), self.evidence(without, first)
         while True:
@@ -103,13 +96,9 @@ class LinearModel:
         gone = with_dependants(self.fit.terms, i)
         names = [t.effect.identifier for t in self.fit.terms]
         left = [name for k, name in enumerate(names) if k not in gone]
-        prior = (
-            prior_of(names, self._priors)
-            - prior_of(left, self._priors)
-            + self.fit.onset_prior_of(i)
-        )
+        prior = prior_of(names, self._priors) - prior_of(left, self._priors)
         others = max(self.select_structure(gone)[0], self.select_structure(gone, structure)[0])
-        return self.evidence((), structure) - others + prior
+        return self.evidence((), structure) - others + (prior + self.fit.onset_prior_of(i))
 
     def part(self, structure: Sequence[int], g: int, e: FlightResiduals) -> np.ndarray:
         """Return the part (m, 15) of structure g in the channels of a flight, beside the rest of
@@ -117,8 +106,7 @@ class LinearModel:
         """
         index = self._index((), structure)
         mean, _ = self._total.posterior(index)
-        own = np.isin(index, self._columns[g])
-        return self.structure[g].columns[e.name] @ mean[own]
+        return self.structure[g].columns[e.name] @ mean[np.isin(index, self._columns[g])]
 
     def _index(self, without: Collection[int], structure: Sequence[int]) -> np.ndarray:
         kept = [k for i, own in self._own.items() if i not in without for k in own]
@@ -194,16 +182,12 @@ def strongest_burst(flights: Sequence[FlightResiduals], residual: dict[str, np.n
 def strongest_line(
     flights: Sequence[FlightResiduals],
     residual: dict[str, np.ndarray],
-    least: np.ndarray | None = None,
+    least: np.ndarray | float = 0.0,
 ) -> Line:
     """Return the strongest line of force and torque in body axes, over all flights together.
 
     It is the bin of the mean periodogram with the largest ratio to the median about it, material
-    where one is.
-
-    Args:
-        residual: by flight, (m, 15) what a model leaves of it.
-        least: (6,) RMS of a material line [N, N·m]; default: any.
+    where one is; least: (6,) RMS of a material line [N, N·m].
     """
     rate = 1.0 / flights[0].grid.step
     size = 2 ** int(np.ceil(np.log2(max(len(e.t) for e in flights))))
@@ -215,24 +199,18 @@ def strongest_line(
             np.abs(np.fft.rfft(y * window, size, axis=0)) ** 2 / np.sum(window**2) / len(flights)
         )
     frequency = np.fft.rfftfreq(size, 1 / rate)
-    floor = _floor(power, frequency, LOBE / max(e.t[-1] - e.t[0] for e in flights))
-    inside = (frequency > LOWEST) & (frequency < min(HIGHEST, 0.4 * rate))
-    ratio = np.where(inside[:, None], power / np.maximum(floor, 1e-300), 0.0)
-    rms = np.sqrt(2 * ndimage.convolve1d(power, np.ones(5), axis=0, mode="constant") / size)
-    matters = ratio * (rms >= (0.0 if least is None else least))
-    k, channel = np.unravel_index(np.argmax(matters if matters.any() else ratio), ratio.shape)
-    return Line(int(channel), float(frequency[k]), float(ratio[k, channel]), float(rms[k, channel]))
-
-
-def _floor(power: np.ndarray, frequency: np.ndarray, lobe: float) -> np.ndarray:
-    """Return (f, 6) the median of the powers about every frequency; `lobe` the least distance to
-    either side [Hz].
-    """
+    lobe = LOBE / max(e.t[-1] - e.t[0] for e in flights)
     down = np.maximum(lobe, np.minimum(NEIGHBOURHOOD, frequency * (1 - 1 / OCTAVE)))
     up = np.maximum(lobe, np.minimum(NEIGHBOURHOOD, frequency * (OCTAVE - 1)))
     first = np.searchsorted(frequency, frequency - down)
     last = np.searchsorted(frequency, frequency + up, side="right")
-    return np.stack([np.median(power[a:b], axis=0) for a, b in zip(first, last, strict=True)])
+    floor = np.stack([np.median(power[a:b], axis=0) for a, b in zip(first, last, strict=True)])
+    inside = (frequency > LOWEST) & (frequency < min(HIGHEST, 0.4 * rate))
+    ratio = np.where(inside[:, None], power / np.maximum(floor, 1e-300), 0.0)
+    rms = np.sqrt(2 * ndimage.convolve1d(power, np.ones(5), axis=0, mode="constant") / size)
+    matters = ratio * (rms >= least)
+    k, channel = np.unravel_index(np.argmax(matters if matters.any() else ratio), ratio.shape)
+    return Line(int(channel), float(frequency[k]), float(ratio[k, channel]), float(rms[k, channel]))
 
 
 def slow_torque(
@@ -360,20 +338,12 @@ class Unexplained:
     structures: tuple[Indication, ...]
     slow: Indication
 
-    @property
-    def findings(self) -> tuple[Finding, ...]:
-        """What is more probable than not, a slow level force apart."""
-        return tuple(s.finding for s in self.structures if s.probability > 0.5)
-
 
 def find_unexplained(
     ranking: Ranking, linear: LinearModel, structure: Sequence[int], held: HeldOut
 ) -> Unexplained:
-    """Return the generic structure beside the best model, and what the tests find in the residual
-    of all flights.
-
-    Args:
-        structure: positions of the generic structure that describes the rest.
+    """Return the generic structure (positions) beside the best model, and what the tests find in
+    the residual of all flights.
     """
     options, best, flights = ranking.options, ranking.best, ranking.problem.flights
     residual = {e.name: best.residual(e) for e in flights}
@@ -381,19 +351,36 @@ def find_unexplained(
     hidden = any(t.has_hidden_state for t in best.terms)
     slowly = gust_probability(flights, residual, held.flights, swung, options, hidden=hidden)
     both = residual | swung
-    slow = [_slow_part(e, residual, [0, 1]) for e in flights]
-    said = [_indication(linear, structure, g, options) for g in structure]
+    tau = np.concatenate([e.nominal[:, 3:] - e.nominal[:, 3:].mean(axis=0) for e in flights])
+    commanded = float(np.sqrt(np.mean(np.sum(tau**2, axis=1))))
+    # Least RMS force [N] and torque [N·m] of material structure.
+    least = options.materiality.force * flights[0].weight, options.materiality.torque * commanded
+    said = [_indication(linear, structure, g, options, least) for g in structure]
     # A payload, whose swing may be lost, and gusts burst as well.
-    said += (
-        [] if hidden or slowly > 0.5 else [_burst_test([*flights, *held.flights], both, options)]
-    )
-    said.append(_line_test(flights, held.flights, both, options))
-    said.append(_slow_torque_test(flights, held.flights, both, options, hidden=hidden))
+    if not (hidden or slowly > 0.5):
+        said.append(_burst_test([*flights, *held.flights], both, options, least[0]))
+    said.append(_line_test(flights, held.flights, both, options, least))
+    # A material slow torque that held-out flights show as well; hidden: whether a swing may
+    # have been lost.
+    shown, limit = options.thresholds.held_out_share, options.thresholds.slow_torque_ratio
+    ratio, share, rms, axis = slow_torque(flights, both)
+    large = rms > least[1] and (share > shown or not hidden)
+    again = slow_torque(held.flights, both)[0] > shown * limit
+    probability = _above(ratio, limit) if large and again else 0.0
+    figures, measurement = {"ratio": ratio}, "hover for a minute with rotor speed logged"
+    finding = Finding("slow torque", "a torque that comes and goes", ratio, figures, measurement)
+    parts = [_slow_part(e, both, [3 + axis]) for e in flights]
+    said.append(Indication.of(probability, finding, flights, parts))
+    slow = [_slow_part(e, residual, [0, 1]) for e in flights]
     return Unexplained(tuple(said), Indication.of(slowly, SLOW_FORCE, flights, slow))
 
 
 def _indication(
-    linear: LinearModel, structure: Sequence[int], g: int, options: Options
+    linear: LinearModel,
+    structure: Sequence[int],
+    g: int,
+    options: Options,
+    least: tuple[float, float],
 ) -> Indication:
     """Return structure g beside the best model and the rest of `structure`."""
     flights, candidate = linear.flights, linear.structure[g]
@@ -404,7 +391,6 @@ def _indication(
     force, torque = (
         float(np.sqrt(np.mean(np.sum(part[:, c] ** 2, axis=1)))) for c in (FORCE, TORQUE)
     )
-    least_force, least_torque = _least_structure(flights, options.materiality)
     figures = {"force": force, "torque": torque, **candidate.figures}
     name = candidate.identifiers[0].removeprefix(PREFIX)
     finding = Finding(
@@ -412,12 +398,15 @@ def _indication(
     )
     if name == "place" and options.tolerance.unmeasured:
         finding = dc.replace(finding, name="path", text=ALONG_PATH, measurement=OTHER_SPEED)
-    material = force >= least_force or torque >= least_torque
+    material = force >= least[0] or torque >= least[1]
     return Indication.of(there if material else 0.0, finding, flights, parts)
 
 
 def _burst_test(
-    flights: Sequence[FlightResiduals], residual: dict[str, np.ndarray], options: Options
+    flights: Sequence[FlightResiduals],
+    residual: dict[str, np.ndarray],
+    options: Options,
+    least: float,
 ) -> Indication:
     """Return a material burst, which neither noise nor sensors make."""
     burst = strongest_burst(flights, residual)
@@ -426,12 +415,11 @@ def _burst_test(
         f"a {axis} that comes now and then, as in {burst.flight} at {burst.time:.1f} s, "
         f"{measure(burst.size, 'N')}"
     )
-    large = burst.size > _least_structure(flights, options.materiality)[0]
-    probability = _above(burst.prominence, options.thresholds.burst_ratio) if large else 0.0
+    ratio = options.thresholds.burst_ratio
+    probability = _above(burst.prominence, ratio) if burst.size > least else 0.0
     finding = Finding("burst", text, burst.prominence, figures, "the same trajectory twice more")
-    return Indication.of(
-        probability, finding, flights, [_slow_part(e, residual, [burst.axis]) for e in flights]
-    )
+    parts = [_slow_part(e, residual, [burst.axis]) for e in flights]
+    return Indication.of(probability, finding, flights, parts)
 
 
 def _line_test(
@@ -439,18 +427,19 @@ def _line_test(
     held_out: Sequence[FlightResiduals],
     residual: dict[str, np.ndarray],
     options: Options,
+    least: tuple[float, float],
 ) -> Indication:
     """Return a material spectral line that held-out flights show as well."""
-    thresholds, least = options.thresholds, _least_lines(flights, options.materiality)
-    line = strongest_line(flights, residual, least)
-    again = (
-        strongest_line(held_out, residual).prominence
-        > thresholds.held_out_share * thresholds.line_ratio
-    )
+    thresholds, share = options.thresholds, options.materiality.structure_share
+    y = np.concatenate([e.y[:, WRENCH] for e in flights])
+    smallest = np.maximum(np.sqrt(share * np.mean(y**2, axis=0)), np.repeat(least, 3))
+    line = strongest_line(flights, residual, smallest)
+    again = strongest_line(held_out, residual).prominence
     text = f"a line in {CHANNELS[line.channel]} at {line.frequency:.2f} Hz"
     figures = {"frequency": line.frequency, "rms": line.rms}
-    large = line.rms >= least[line.channel]
-    probability = _above(line.prominence, thresholds.line_ratio) if large and again else 0.0
+    shown = again > thresholds.held_out_share * thresholds.line_ratio
+    large = line.rms >= smallest[line.channel] and shown
+    probability = _above(line.prominence, thresholds.line_ratio) if large else 0.0
     measurement = "hover at two thrusts with rotor speed logged: an imbalance turns with the rotors"
     finding = Finding("line", text, line.prominence, figures, measurement)
     channel = np.arange(6) == line.channel
@@ -459,30 +448,6 @@ def _line_test(
         for e in flights
     ]
     return Indication.of(probability, finding, flights, waves)
-
-
-def _slow_torque_test(
-    flights: Sequence[FlightResiduals],
-    held_out: Sequence[FlightResiduals],
-    residual: dict[str, np.ndarray],
-    options: Options,
-    *,
-    hidden: bool,
-) -> Indication:
-    """Return a material slow torque that held-out flights show as well; hidden: whether a swing may
-    have been lost.
-    """
-    thresholds, limit = options.thresholds, options.thresholds.slow_torque_ratio
-    ratio, share, rms, axis = slow_torque(flights, residual)
-    large = rms > _least_structure(flights, options.materiality)[1]
-    large = large and (share > thresholds.held_out_share or not hidden)
-    again = slow_torque(held_out, residual)[0] > thresholds.held_out_share * limit
-    probability = _above(ratio, limit) if large and again else 0.0
-    figures, measurement = {"ratio": ratio}, "hover for a minute with rotor speed logged"
-    finding = Finding("slow torque", "a torque that comes and goes", ratio, figures, measurement)
-    return Indication.of(
-        probability, finding, flights, [_slow_part(e, residual, [3 + axis]) for e in flights]
-    )
 
 
 def _slow_part(
@@ -496,19 +461,3 @@ def _slow_part(
 def _above(ratio: float, threshold: float) -> float:
     """Return the probability that a ratio is above what noise has: one half at the threshold."""
     return float(1 / (1 + (threshold / max(ratio, 1e-9)) ** STEEPNESS))
-
-
-def _least_structure(
-    flights: Sequence[FlightResiduals], materiality: Materiality
-) -> tuple[float, float]:
-    """Return the least RMS force [N] and torque [N·m] of material structure."""
-    tau = np.concatenate([e.nominal[:, 3:] - e.nominal[:, 3:].mean(axis=0) for e in flights])
-    commanded = float(np.sqrt(np.mean(np.sum(tau**2, axis=1))))
-    return materiality.force * flights[0].weight, materiality.torque * commanded
-
-
-def _least_lines(flights: Sequence[FlightResiduals], materiality: Materiality) -> np.ndarray:
-    """Return (6,) the least RMS of a material line by channel of the wrench [N, N·m]."""
-    y = np.concatenate([e.y[:, WRENCH] for e in flights])
-    least = np.repeat(_least_structure(flights, materiality), 3)
-    return np.maximum(np.sqrt(materiality.structure_share * np.mean(y**2, axis=0)), least)

@@ -119,7 +119,15 @@ def as_lines(found: Iterable[Doubt]) -> tuple[str, ...]:
 def doubts(flight: FlightResiduals) -> list[Doubt]:
     """Return what stands against a flight with a vehicle, the residual first."""
     log = flight.log
-    return [*_residual(flight), *_torque(flight), *law_doubts(log), *_taken_over(log)]
+    # What a reader found of order and coefficient of the rotors, which is not that of the
+    # vehicle file.
+    known = (rotor_order.NOTE, hover_thrust.NOTE)
+    return [
+        *_residual(flight),
+        *_torque(flight),
+        *law_doubts(log),
+        *([Doubt(log.name, note) for note in log.notes if note.startswith(known)]),
+    ]
 
 
 def law_doubts(log: FlightLog) -> list[Doubt]:
@@ -185,7 +193,17 @@ def _evenly(log: FlightLog, finest: float = LEAST_STEP) -> tuple[np.ndarray, dic
     """Return evenly spaced times and the quantities at them, of the first `MOST_ROWS` rows."""
     log = log.rows(0, MOST_ROWS)
     x = {"rates": log.w}
-    x |= {name: values for name, (lack, values) in _logged(log).items() if lack not in log.lacks}
+    x |= {
+        name: values
+        for name, (lack, values) in (
+            {
+                "position": ("height", log.p),
+                "velocity": ("velocity", log.v),
+                "attitude": ("attitude", log.q),
+            }
+        ).items()
+        if lack not in log.lacks
+    }
     if log.a is not None:
         g = np.array([0.0, 0.0, GRAVITY])
         # Without attitude as `convert` leaves it: the specific force in body axes, less g.
@@ -205,17 +223,6 @@ def _evenly(log: FlightLog, finest: float = LEAST_STEP) -> tuple[np.ndarray, dic
     if "attitude" in at:
         at["attitude"] /= np.linalg.norm(at["attitude"], axis=1, keepdims=True)
     return even, at
-
-
-def _logged(log: FlightLog) -> dict[str, tuple[str, np.ndarray]]:
-    """Return the states of a log by quantity, each with what `lacks` says where it was
-    integrated.
-    """
-    return {
-        "position": ("height", log.p),
-        "velocity": ("velocity", log.v),
-        "attitude": ("attitude", log.q),
-    }
 
 
 def _residual(e: FlightResiduals) -> list[Doubt]:
@@ -260,14 +267,6 @@ def _torque(e: FlightResiduals) -> list[Doubt]:
                 )
             )
     return out
-
-
-def _taken_over(log: FlightLog) -> list[Doubt]:
-    """Return what a reader found of order and coefficient of the rotors, which is not that of the
-    vehicle file.
-    """
-    known = (rotor_order.NOTE, hover_thrust.NOTE)
-    return [Doubt(log.name, note) for note in log.notes if note.startswith(known)]
 
 
 def _shown(laws: Sequence[str], own: dict[str, float]) -> str:
@@ -348,27 +347,26 @@ def _signals(log: FlightLog, usual: MeasurementNoise):
         values = getattr(log, field)
         if integrated.get(field) in log.lacks or values is None or not np.isfinite(values).all():
             continue
+        # The step to which values are rounded, 0 where noise hides it, and the share of
+        # repeated rows.
+        change = np.abs(np.diff(values, axis=0))
+        repeated = float(np.mean(~change.any(axis=1)))
+        steps = []
+        for column in change.T:
+            moved = column[column > 1e-12]
+            if len(moved) < 20:
+                continue
+            least = float(np.percentile(moved, 1))
+            whole = np.abs(moved / least - np.round(moved / least)) < 0.02
+            if whole.mean() > 0.95 and np.median(moved) < 20 * least:
+                steps.append(least)
         yield SignalFacts(
-            name, unit, float(white_noise([values]).max()), known.get(sensor, 0.0), *_grain(values)
+            name,
+            unit,
+            float(white_noise([values]).max()),
+            known.get(sensor, 0.0),
+            *(max(steps, default=0.0), repeated),
         )
-
-
-def _grain(values: np.ndarray) -> tuple[float, float]:
-    """Return the step to which values are rounded, 0 where noise hides it, and the share of
-    repeated rows.
-    """
-    change = np.abs(np.diff(values, axis=0))
-    repeated = float(np.mean(~change.any(axis=1)))
-    steps = []
-    for column in change.T:
-        moved = column[column > 1e-12]
-        if len(moved) < 20:
-            continue
-        least = float(np.percentile(moved, 1))
-        whole = np.abs(moved / least - np.round(moved / least)) < 0.02
-        if whole.mean() > 0.95 and np.median(moved) < 20 * least:
-            steps.append(least)
-    return max(steps, default=0.0), repeated
 
 
 def _motion(log: FlightLog) -> dict[str, float]:

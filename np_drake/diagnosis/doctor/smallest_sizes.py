@@ -23,7 +23,6 @@ import numpy as np
 from np_drake.diagnosis.numerics import Gram, NoiseModel, fit_noise, scale_only
 from np_drake.diagnosis.options import Options, Priors
 from np_drake.diagnosis.regressors import (
-    AT_REST,
     DRAG,
     PAYLOAD,
     WIND,
@@ -33,6 +32,7 @@ from np_drake.diagnosis.regressors import (
     payloads_of,
     wind_candidates,
 )
+from np_drake.diagnosis.regressors.payload import AT_REST
 from np_drake.diagnosis.residuals import WRENCH, FlightResiduals, find_outliers
 from np_drake.diagnosis.result import CHANNELS
 from np_drake.diagnosis.selection.map_model import noise_of
@@ -41,23 +41,6 @@ from np_drake.effects.gusty_wind import GustyWind
 from np_drake.effects.library import LIBRARY, effect_of
 from np_drake.effects.parameter import usual_size
 from np_drake.effects.parameter_prior import correlation_root
-
-
-@dc.dataclass(frozen=True)
-class SwingTest:
-    """Comparison of a pendulum of the best length with none, in one flight.
-
-    log_bayes_factor: for a pendulum of any length [nat]; something swings from `evident` on.
-    length, mass: of the best pendulum [m, kg].
-    """
-
-    flight: str
-    log_bayes_factor: float
-    evident: float
-    swings: bool
-    length: float
-    mass: float
-
 
 TRACE_LENGTHS = np.geomspace(
     0.3, 1.5, 5
@@ -86,14 +69,16 @@ class Trace:
 
 def traces(flights: Sequence[FlightResiduals], priors: Priors) -> list[Trace]:
     """Return the traces of all variants of all effects that such logs can show; payloads at
-    `TRACE_LENGTHS`.
+    `TRACE_LENGTHS`, a steady wind through the usual drag of such a vehicle.
 
     Gusts have none: they are a noise.
     """
     plain = library_candidates(flights)
     found = [_of_candidate(c, flights) for c in plain]
+    wind = LIBRARY[WIND].parameters
     for c in wind_candidates(flights, plain)[:1]:
-        found.append(_of_wind(c, flights))
+        columns = {n: X[..., 3:] for n, X in c.columns.items()}
+        found.append(Trace(WIND, wind, tuple(p.typical for p in wind), columns))
     return found + payload_traces(flights, TRACE_LENGTHS, priors)
 
 
@@ -112,34 +97,6 @@ def _of_candidate(c: Candidate, flights: Sequence[FlightResiduals]) -> Trace:
         n: 0.5 * X for n, X in c.columns.items()
     }  # at that size; a coefficient of one half stands for it
     return Trace(identifier, free[:1], (usual[0],), half, size)
-
-
-def _of_wind(c: Candidate, flights: Sequence[FlightResiduals]) -> Trace:
-    """Return the trace of a steady wind through the usual drag of such a vehicle."""
-    wind = LIBRARY[WIND].parameters
-    columns = {n: X[..., 3:] for n, X in c.columns.items()}
-    return Trace(WIND, wind, tuple(p.typical for p in wind), columns)
-
-
-def payload_traces(
-    flights: Sequence[FlightResiduals], lengths: np.ndarray, priors: Priors
-) -> list[Trace]:
-    """Return the traces of payloads on tethers of these lengths; none where library or flights tell
-    none.
-
-    Args:
-        lengths: (k,) of the tethers [m].
-    """
-    if PAYLOAD not in LIBRARY or PAYLOAD in hidden_from(flights):
-        return []
-    mass, found = LIBRARY[PAYLOAD].parameters[:1], []
-    usual = usual_size(mass[0], flights[0].vehicle)
-    for payload in payloads_of(flights, lengths, priors):
-        columns = payload.candidate(flights).columns
-        for X in columns.values():
-            X[..., 0] *= usual / payload.unit
-        found.append(Trace(PAYLOAD, mass, (usual,), columns))
-    return found
 
 
 def nearest_usual(found: Sequence[Trace]) -> list[Trace]:
@@ -317,26 +274,20 @@ def smallest_sizes(information: Information) -> list[Smallest]:
     """Return the smallest sizes of all effects; of several variants, those of the variant that
     shows least.
     """
-    known = nearest_usual(information.traces)
-    found = []
+    known, found = nearest_usual(information.traces), []
     for main in known:
-        name = main.identifier
-        variants = [t for t in information.traces if t.identifier == name]
-        others = [t for t in known if t.identifier != name]
-        alone = _sizes(information, variants, ())
-        wider = {}
-        for other in others:
-            if information.inside(main, other):
-                continue
-            ratio = float(
-                np.max(_sizes(information, [main], [other]) / _sizes(information, [main], ()))
-            )
-            if ratio > RESEMBLES:
-                wider[other.identifier] = ratio, other
-        most = sorted(wider.values(), key=lambda pair: -pair[0])[:MOST_BESIDE]
-        beside = np.maximum(alone, _sizes(information, variants, [t for _, t in most]))
+        variants = [t for t in information.traces if t.identifier == main.identifier]
+        alone, near = _sizes(information, variants, ()), _sizes(information, [main], ())
+        wider = []
+        for other in known:
+            if other is not main and not information.inside(main, other):
+                ratio = float(np.max(_sizes(information, [main], [other]) / near))
+                wider += [(ratio, other)] * (ratio > RESEMBLES)
+        most = [t for _, t in sorted(wider, key=lambda pair: -pair[0])[:MOST_BESIDE]]
+        beside = np.maximum(alone, _sizes(information, variants, most))
         names = tuple(p.name for p in main.parameters)
-        found.append(Smallest(name, names, alone, beside, tuple(t.identifier for _, t in most)))
+        like = tuple(t.identifier for t in most)
+        found.append(Smallest(main.identifier, names, alone, beside, like))
     return found
 
 
@@ -346,21 +297,15 @@ def _sizes(
     """Return the smallest size (k,) of each parameter."""
     linear = [t for t in variants if t.size is None]
     if linear:
-        each = [
-            DEVIATIONS * information.deviations(t, beside) * np.array(t.typical) for t in linear
-        ]
-        return np.max(each, axis=0)
+        sizes = [information.deviations(t, beside) * np.array(t.typical) for t in linear]
+        return np.max(DEVIATIONS * np.array(sizes), axis=0)
     sizes = []
     for sign in (1, -1):
-        same = sorted(
-            (t for t in variants if sign * float(t.size or 0) > 0), key=lambda t: abs(t.size or 0.0)
-        )
+        at = {sign * (t.size or 0.0): t for t in variants}
+        same = [size for size in sorted(at) if size > 0]
         if same:
-            at = np.array([abs(t.size or 0.0) for t in same])
-            told = np.array(
-                [1 / max(float(information.deviations(t, beside)[0]), 1e-12) for t in same]
-            )
-            sizes.append(_crossing(at, told))
+            told = [max(float(information.deviations(at[s], beside)[0]), 1e-12) for s in same]
+            sizes.append(_crossing(np.array(same), 1 / np.array(told)))
     return np.array([max(sizes)])
 
 
@@ -397,13 +342,60 @@ def smallest_gust(noise: NoiseModel, seconds: float, time: float = 1.0) -> float
     return math.sqrt(DEVIATIONS / math.sqrt(information)) if information > 0 else math.inf
 
 
+@dc.dataclass(frozen=True)
+class SwingTest:
+    """Comparison of a pendulum of the best length with none, in one flight.
+
+    log_bayes_factor: for a pendulum of any length [nat]; something swings from `evident` on.
+    length, mass: of the best pendulum [m, kg].
+    """
+
+    flight: str
+    log_bayes_factor: float
+    evident: float
+    swings: bool
+    length: float
+    mass: float
+
+
+def payload_traces(
+    flights: Sequence[FlightResiduals], lengths: np.ndarray, priors: Priors
+) -> list[Trace]:
+    """Return the traces of payloads on tethers of these lengths; none where library or flights tell
+    none.
+
+    Args:
+        lengths: (k,) of the tethers [m].
+    """
+    if PAYLOAD not in LIBRARY or PAYLOAD in hidden_from(flights):
+        return []
+    mass, found = LIBRARY[PAYLOAD].parameters[:1], []
+    usual = usual_size(mass[0], flights[0].vehicle)
+    for payload in payloads_of(flights, lengths, priors):
+        columns = payload.candidate(flights).columns
+        for X in columns.values():
+            X[..., 0] *= usual / payload.unit
+        found.append(Trace(PAYLOAD, mass, (usual,), columns))
+    return found
+
+
 SWING_TEST_LENGTHS = np.geomspace(0.15, 2.5, 32)  # of pendulums in the swing test [m]: 9 % apart
+
+
 LATERAL = slice(0, 2)  # channels: force across body z
+
+
 PIECE = (
     10.0  # of a flight, each with a swing of its own [s]: longer, and a linear swing is out of step
 )
+
+
 MOST_PIECES = 6  # of a flight that are used
+
+
 ROUNDS = 3  # of regression and noise in turn
+
+
 ODDS = math.log(
     1000.0
 )  # log posterior odds from which something swings [nat]: at most one false alarm in 1000

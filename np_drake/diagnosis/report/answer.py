@@ -1,11 +1,10 @@
-"""Answer of a diagnosis in words: headline, causes, calibration, coverage and remainder."""
+"""Answer of a diagnosis in words: headline, causes, calibration and remainder."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.forward_model import Term, predicted_residual
-from np_drake.diagnosis.localisation import manoeuvre, quantities
+from np_drake.diagnosis.localisation import CANNOT_TELL, manoeuvre
 from np_drake.diagnosis.report.words import (
     bare_name,
     capital,
@@ -20,16 +19,7 @@ from np_drake.diagnosis.report.words import (
     spread,
     unit_of,
 )
-from np_drake.diagnosis.residuals import WRENCH, FlightResiduals
-from np_drake.diagnosis.result import (
-    UNKNOWN,
-    Cause,
-    Diagnosis,
-    Finding,
-    GapReduction,
-    Remainder,
-    gap_kinds,
-)
+from np_drake.diagnosis.result import UNKNOWN, Cause, Diagnosis, GapReduction, Remainder, gap_kinds
 from np_drake.effects.library import effect_of
 from np_drake.files.number_text import (
     NBSP,
@@ -54,12 +44,11 @@ def gap_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
         factor, unit = suited(part.before, part.unit)
         sizes = [number(factor * value, 2) for value in (part.before, part.after, part.noise)]
         rows.append((f"{part.kind} [{unit}]", *sizes, percent(part.left)))
-    total = diagnosis.gap_reduction
+    total, share = diagnosis.gap_reduction, NOTHING
     sizes = [number(value, 2) for value in (total.before, total.after, total.floor)]
-    bounds = (1 - total.ci95[1], 1 - total.ci95[0])
-    share = (
-        f"{percent(share_left(total))} ({percent_interval(bounds)})" if total.material else NOTHING
-    )
+    if total.material:
+        low, high = total.ci95
+        share = f"{percent(share_left(total))} ({percent_interval((1 - high, 1 - low))})"
     return [*rows, ("all, over noise [1]", *sizes, share)]
 
 
@@ -96,23 +85,6 @@ def remains(diagnosis: Diagnosis) -> str:
     )
 
 
-def calibration_share(reduction: GapReduction) -> str:
-    """Return how much of the held-out gap the calibration of the vehicle explains by itself, in a
-    sentence.
-    """
-    after = {rung.name: rung.residual for rung in reduction.ladder}.get("+ calibration")
-    if after is None or not reduction.material:
-        return ""
-    before, floor = reduction.before, reduction.floor
-    share = 1 - (after**2 - floor**2) / (before**2 - floor**2)
-    if share >= 0:
-        return f"By itself it explains {percent(min(share, 1.0))} of the held-out gap."
-    return (
-        f"By itself it does not help on held-out flights: {number(before, 2)} to "
-        f"{number(after, 2)} times the noise."
-    )
-
-
 CONTRADICTED = -0.02  # held-out gain below which flights contradict a cause [1]; own choice
 MOST_NAMED = 3  # causes in the headline; the table has all
 PLAIN_GAIN = 1.1  # ratio of errors of the replay from which it is better or worse [1]; own choice
@@ -126,30 +98,23 @@ def headline(diagnosis: Diagnosis) -> str:
     held-out flights show no material gap, that is the answer, and nothing is named.
     """
     if diagnosis.cannot_tell:
-        return "These logs cannot tell"
+        return CANNOT_TELL
     reduction, judges = diagnosis.gap_reduction, _judges(diagnosis)
+    left, sizes = reduction.left, sizes_left(reduction.left)
+    unknown = UNKNOWN in diagnosis.verdict
     if not reduction.material:
         return f"There is no material gap on {judges}"
     causes = named_causes(diagnosis)
     if causes:
-        return capital(_explained(diagnosis, causes)) + _unknown(diagnosis)
-    sizes = sizes_left(reduction.left)
-    if UNKNOWN in diagnosis.verdict:
-        return (
-            f"No effect explains what is left on {judges} "
-            f"({probability(diagnosis.unknown_probability)}): {sizes}"
-        )
+        text = capital(_explained(diagnosis, causes))
+        told = f"probability that it is material {probability(left.probability)}"
+        rest = f"; {percent(share_left(reduction))} remains unexplained: {sizes} ({told})"
+        return text + rest * unknown
+    if unknown:
+        sure = probability(diagnosis.unknown_probability)
+        return f"No effect explains what is left on {judges} ({sure}): {sizes}"
     calibrated = "with calibration, " if diagnosis.calibration else ""
     return f"Nothing material is missing: {calibrated}the remainder on {judges} is {sizes}"
-
-
-def _unknown(diagnosis: Diagnosis) -> str:
-    """Return what is left that no effect explains, where that is probably material."""
-    if UNKNOWN not in diagnosis.verdict:
-        return ""
-    left, reduction = diagnosis.gap_reduction.left, diagnosis.gap_reduction
-    told = f"probability that it is material {probability(left.probability)}"
-    return f"; {percent(share_left(reduction))} remains unexplained: {sizes_left(left)} ({told})"
 
 
 def _explained(diagnosis: Diagnosis, causes: Sequence[Cause]) -> str:
@@ -201,26 +166,25 @@ def lead(diagnosis: Diagnosis) -> str:
     """Return what stands below the headline: probabilities, what remains, and what the second
     answer adds.
     """
-    reduction, said = diagnosis.gap_reduction, []
     if diagnosis.cannot_tell:
         return "The training flights excite too little to tell one effect from another."
-    causes, gap = named_causes(diagnosis), reduction.material
-    if causes and gap:
+    causes, said = named_causes(diagnosis), []
+    unknown, traces = UNKNOWN in diagnosis.verdict, diagnosis.unexplained
+    if causes and diagnosis.gap_reduction.material:
         least = min(cause.probability for cause in causes)
         one = f"probability {probability(least)}"
         said.append(one if len(causes) == 1 else f"each has a probability {of_at_least(least)}")
     elif causes:
         them = listed([bare_name(c.identifier) for c in causes])
         said.append(f"training names {them}, which these flights do not need")
-    elif UNKNOWN not in diagnosis.verdict:
+    elif not unknown:
         said.append("the simulator agrees with the logs, and nothing is named")
-    if UNKNOWN in diagnosis.verdict:
-        traces = diagnosis.unexplained
-        said.append(
-            f"to find what remains: {main_remainder(traces).measurement}"
-            if traces
-            else "it has no trace of its own"
-        )
+    if unknown and traces:
+        # That with the largest share of weight, else with the largest force, else the first.
+        main = max(traces, key=lambda f: (f.figures.get("share", 0.0), f.figures.get("force", 0.0)))
+        said.append(f"to find what remains: {main.measurement}")
+    elif unknown:
+        said.append("it has no trace of its own")
     if diagnosis.new_on_held_out:
         said.append(f"new on {_judges(diagnosis)}: {diagnosis.new_on_held_out[0].text.rstrip('.')}")
     if diagnosis.refit is not None and diagnosis.refit.verdict != diagnosis.verdict:
@@ -230,20 +194,10 @@ def lead(diagnosis: Diagnosis) -> str:
     return capital("; ".join(said)) + "."
 
 
-def main_remainder(remains: Sequence[Finding]) -> Finding:
-    """Return the finding with the largest share of weight, else with the largest force, else the
-    first.
-    """
-    return max(remains, key=lambda f: (f.figures.get("share", 0.0), f.figures.get("force", 0.0)))
-
-
 def named_causes(diagnosis: Diagnosis) -> list[Cause]:
     """Return the causes of the verdict, the one with the largest share of the gap first."""
     named = [cause for cause in diagnosis.causes if cause.identifier in diagnosis.verdict]
     return sorted(named, key=lambda cause: -np.nan_to_num(cause.share))
-
-
-Diagnosis.headline = headline
 
 
 DIFFERENCE_HEADER = ["difference", "95 % interval", "healthy vehicles"]
@@ -344,15 +298,13 @@ def next_steps(diagnosis: Diagnosis) -> list[str]:
                 f"{name_of(cause.identifier)} from {listed([name_of(o) for o in others], 'or')}"
             )
             how = manoeuvre((cause.identifier, *others)).rstrip(".")
-            out.append(f"To tell {between}, fly: {how}; or the flight of np-drake next-flight.")
+            out.append(f"To tell {between}, fly: {how}; or np-drake fly multisine.")
         elif loose := _loose(cause):
             more = effect_of(cause.identifier).excited_by or "a longer one with more motion"
             out.append(
                 f"Intervals of {cause.identifier} are wide ({listed(loose)}); a better "
                 f"flight: {more}."
             )
-    if any("not tested" in sentence for sentence in diagnosis.coverage):
-        out.append("Hold out a flight that moves like the training flights.")
     if diagnosis.not_flyable:
         out.insert(0, f"Do not fly the corrected simulator: {diagnosis.not_flyable}.")
     elif causes:
@@ -375,125 +327,3 @@ def _loose(cause: Cause) -> list[str]:
     alike = max((abs(p.value) for p in cause.parameters.values()), default=0.0)
     main = [name for name, p in cause.parameters.items() if abs(p.value) == alike]
     return [name for name in wide if wide[name]] if any(wide[name] for name in main) else []
-
-
-LEAST = 1 / 3  # of what it is in training, below which nothing is tested [1]; own choice
-UPPER = 0.95  # quantile of a quantity that a flight is said to reach [1]
-ALSO = {
-    "speed": "grows with speed",
-    "rate": "grows with body rates",
-}  # said of a quantity without a cause
-
-Reach = dict[str, tuple[float, str]]  # by quantity, what flights reach and its unit
-
-
-def coverage(
-    causes: Sequence[Cause], train: Sequence[FlightResiduals], held_out: Sequence[FlightResiduals]
-) -> tuple[str, ...]:
-    """Return sentences on which causes the held-out flights do not test, or one that they test all.
-
-    A cause is tested where its predicted residual on held-out flights is at least `LEAST` of that
-    in training. Rows that joined the fit do not count.
-    """
-    there, here = reach(train), reach(held_out)
-    low = [name for name, (value, _) in there.items() if here[name][0] < LEAST * value]
-    traces = {c.identifier: trace_ratio(c.identifier, causes, train, held_out) for c in causes}
-    untested = [name for name, ratio in traces.items() if ratio < LEAST]
-    out = []
-    for quantity in low:
-        names = [name for name in untested if effect_of(name).grows_with == quantity]
-        tested = any(effect_of(name).grows_with == quantity for name in set(traces) - set(untested))
-        if names or (quantity in ALSO and not tested):
-            what = listed([name_of(name) for name in names]) if names else f"what {ALSO[quantity]}"
-            out.append(_less(here, there, quantity, len(held_out)) + _not_tested(what, len(names)))
-    for name in untested:
-        if effect_of(name).grows_with not in low:
-            out.append(_faint(name, traces[name], len(held_out)))
-    return tuple(out) or (_all_tested(traces, len(held_out)),)
-
-
-def reach(flights: Sequence[FlightResiduals]) -> Reach:
-    """Return the speed, body rate and torque that flights reach, and the duration of the
-    longest.
-    """
-    upper: dict[str, tuple[float, str]] = {}
-    seen = [(quantities(e), ~e.joined) for e in flights]
-    for name in ("speed", "rate"):
-        values = np.concatenate([of[name][0][rows] for of, rows in seen])
-        upper[name] = float(np.quantile(values, UPPER)), seen[0][0][name][1]
-    told = [e.nominal[:, 3:] - e.nominal[:, 3:].mean(axis=0) for e in flights if e.knows_torque]
-    torque = (
-        np.concatenate(told)[np.concatenate([rows for _, rows in seen])]
-        if len(told) == len(seen)
-        else 0.0
-    )
-    upper["torque"] = (
-        float(np.quantile(np.linalg.norm(np.atleast_2d(torque), axis=1), UPPER)),
-        "N·m",
-    )
-    upper["duration"] = max(float(np.ptp(e.t[~e.joined])) for e in flights), "s"
-    return upper
-
-
-def trace_ratio(
-    identifier: str,
-    causes: Sequence[Cause],
-    train: Sequence[FlightResiduals],
-    held_out: Sequence[FlightResiduals],
-) -> float:
-    """Return the RMS that a cause predicts on held-out flights over that in training [1].
-
-    The channels of the wrench are divided by the RMS residual in training. Infinite where it
-    predicts nothing in training, as gusts do.
-    """
-    scale = np.sqrt(np.mean(np.concatenate([e.y[:, WRENCH] for e in train]) ** 2, axis=0))
-    sizes = [_trace(identifier, causes, flights, scale) for flights in (train, held_out)]
-    return sizes[1] / sizes[0] if sizes[0] > 0 else np.inf
-
-
-def _trace(
-    identifier: str, causes: Sequence[Cause], flights: Sequence[FlightResiduals], scale: np.ndarray
-) -> float:
-    """Return the RMS of what the residual of all causes owes to one, in units of `scale` (6,)."""
-    every = [Term(c.effect, c.onset) for c in causes if c.effect is not None]
-    others = [term for term in every if term.effect.identifier != identifier]
-    parts = [
-        (predicted_residual(e, every) - predicted_residual(e, others))[~e.joined] for e in flights
-    ]
-    own = np.concatenate(parts)[:, WRENCH][:, scale > 0] / scale[scale > 0]
-    return float(np.sqrt(np.mean(own**2)))
-
-
-def _less(here: Mapping, there: Mapping, quantity: str, flights: int) -> str:
-    subject = "The held-out flight reaches" if flights == 1 else "The held-out flights reach"
-    if quantity == "duration":
-        subject = "The held-out flight lasts" if flights == 1 else "The held-out flights last"
-    what = " of torque" if quantity == "torque" else ""
-    return f"{subject} {measure(*here[quantity])}{what}, training {measure(*there[quantity])}"
-
-
-def _not_tested(what: str, count: int) -> str:
-    return f": {what} {'were' if count > 1 else 'was'} not tested."
-
-
-def _faint(name: str, ratio: float, flights: int) -> str:
-    where = f"the held-out flight{'s' * (flights > 1)}"
-    if ratio == 0:
-        return f"{capital(name_of(name))} does not act in {where}: it was not tested."
-    return (
-        f"{capital(name_of(name))} has {percent(ratio)} of its training trace in {where}: it "
-        f"was not tested."
-    )
-
-
-def _all_tested(traces: Mapping[str, float], flights: int) -> str:
-    subject, end = ("The held-out flight", "s") if flights == 1 else ("The held-out flights", "")
-    known = {name: ratio for name, ratio in traces.items() if np.isfinite(ratio)}
-    if not known:
-        return f"{subject} move{end} like training: what acts there would show."
-    weakest = min(known, key=known.__getitem__)
-    who = name_of(weakest) if len(known) == 1 else f"the weakest, {name_of(weakest)},"
-    return (
-        f"{subject} test{end} every cause: {who} has {percent(known[weakest])} of its "
-        f"training trace."
-    )

@@ -128,7 +128,10 @@ def _along_path(t: np.ndarray, p: np.ndarray, a: np.ndarray, ratio: float) -> np
     """Return the second differences (n, 3) of the smoothed path; ratio = s_p / s_a [s²]."""
     # Normal equations (1 + r² D'D) path = p + r² D'a; D'D has five bands, so that they are solved
     # in linear time.
-    D = _second_difference(t)
+    # The weights (3, n-2) of the previous, current and next row in the second derivative.
+    before, after = np.diff(t)[:-1], np.diff(t)[1:]
+    left, right = 2 / ((before + after) * before), 2 / ((before + after) * after)
+    D = np.stack([left, -(left + right), right])
     bands = np.zeros((3, len(t)))  # bands of 1 + ratio² D'D, upper form
     bands[2] = 1.0
     target = p.copy()
@@ -152,15 +155,6 @@ def _ringing(error: np.ndarray, step: float) -> float:
     sos = signal.butter(2, RINGING, "bandpass", fs=1 / step, output="sos")
     power = np.mean(signal.sosfiltfilt(sos, error, axis=0) ** 2)
     return float(np.sqrt(power / (2 * step * (RINGING[1] - RINGING[0]))))
-
-
-def _second_difference(t: np.ndarray) -> np.ndarray:
-    """Return the weights (3, n-2) of the previous, current and next row in the second
-    derivative.
-    """
-    before, after = np.diff(t)[:-1], np.diff(t)[1:]
-    left, right = 2 / ((before + after) * before), 2 / ((before + after) * after)
-    return np.stack([left, -(left + right), right])
 
 
 def velocity_before(

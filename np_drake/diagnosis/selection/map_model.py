@@ -183,57 +183,41 @@ class SearchResult:
 def find_map_model(
     flights: Sequence[FlightResiduals], options: Options | None = None, *, still_air: bool = False
 ) -> SearchResult:
-    """Return the best model of these training flights.
+    """Return the best model of these training flights, searched and fitted twice: once more with
+    the noise that the fit leaves.
 
-    Args:
-        options: all that steers the answer; default: real where attitudes are noisy or rotor speed
-            is measured.
+    options: all that steers the answer; default: real where attitudes are noisy or rotor speed is
+    measured.
     """
     options = with_input(options, flights) if options else options_of(flights)
-    conditioned = condition(flights, options, still_air=still_air)
-    problem, models, best = _search_twice(conditioned, options)
-    return SearchResult(problem, models, best, _noise_left(conditioned, best, options), options)
-
-
-def _search_twice(
-    conditioned: ConditionedFlights, options: Options
-) -> tuple[RegressionProblem, list[Model], Fit]:
-    """Search and fit, once more with the noise that the fit leaves."""
-    best: Fit | None = None
-    noise, candidates, acting = conditioned.noise, list(conditioned.candidates), list[Candidate]()
+    of = condition(flights, options, still_air=still_air)
+    priors, best, noise = options.priors, None, of.noise
+    candidates, acting = list(of.candidates), list[Candidate]()
     for first in (True, False):
-        begun = [c for c in acting if c.onset and not any(c is known for known in candidates)]
-        candidates = [*candidates, *begun]
-        temperature = options.priors.temperature
+        candidates += [c for c in acting if c.onset and not any(c is known for known in candidates)]
         problem = RegressionProblem(
-            conditioned.flights,
+            of.flights,
             noise,
-            conditioned.nuisance,
-            candidates,
-            temperature=temperature,
+            of.nuisance,
+            list(candidates),
+            temperature=priors.temperature,
             options=options,
         )
         members = [i for i, c in enumerate(candidates) if any(c is a for a in acting)]
         late = switched_candidates(problem, members)
         hung = late_payloads(problem, late) if first else []
-        candidates = [*candidates, *hung]
+        candidates += hung
         if more := [*hung, *late, *new_conditions(problem)]:
             problem = problem.extended(more)
         models = search(problem)
         acting = [problem.candidates[i] for i in models[0].members]
         fit = first_fit if best is None else partial(refit, known=best)
         best = fit(problem, models[0], iterations=3)
-        noise = _noise_left(conditioned, best, options, options.priors.linear_error)
+        left = [best.residual(e) for e in of.flights]
+        noise = noise_of(of.flights, left, of.channels, options, priors.linear_error)
     assert best is not None
-    return problem, models, best
-
-
-def _noise_left(
-    of: ConditionedFlights, fit: Fit, options: Options, inexact: float = 0.0
-) -> NoiseModel:
-    return noise_of(
-        of.flights, [fit.residual(e) for e in of.flights], of.channels, options, inexact
-    )
+    exact = noise_of(of.flights, left, of.channels, options)
+    return SearchResult(problem, models, best, exact, options)
 
 
 def search(problem: RegressionProblem) -> list[Model]:
@@ -247,55 +231,35 @@ def search(problem: RegressionProblem) -> list[Model]:
         new = [members for members in sets if members not in seen]
         seen.update(zip(new, problem.scores(new), strict=True))
 
-    everyone = range(len(problem.candidates))
+    def with_one_more(members: tuple[int, ...], but: tuple[int, ...]) -> set[tuple[int, ...]]:
+        """Return the sets of these members and one candidate, but not these."""
+        more = ((*members, i) for i in range(len(problem.candidates)) if i not in but)
+        return {tuple(sorted(m)) for m in more if problem.fits_together(m)}
+
     layer: list[tuple[int, ...]] = [()]
     for _ in range(MOST_EFFECTS):
-        grown = {
-            tuple(sorted((*m, i)))
-            for m in layer
-            for i in everyone
-            if i not in m and problem.fits_together((*m, i))
-        }
+        grown = {one for m in layer for one in with_one_more(m, m)}
         if not grown:
             break
         score_all(grown)
-        ranked = sorted(grown, key=lambda m: (-seen[m], m))
-        best = max(seen.values())
-        layer = _diverse(problem, ranked, BEAM)
-        if seen[layer[0]] < best - BEAM_MARGIN:
+        # The best of each set of effects: variants of one effect must not fill the beam.
+        kept: dict[tuple[str, ...], tuple[int, ...]] = {}
+        for members in sorted(grown, key=lambda m: (-seen[m], m)):
+            if len(kept) < BEAM:
+                names = (name for i in members for name in problem.candidates[i].identifiers)
+                kept.setdefault(tuple(sorted(names)), members)
+        layer = list(kept.values())
+        if seen[layer[0]] < max(seen.values()) - BEAM_MARGIN:
             break
     current = max(seen, key=lambda m: seen[m])
     while True:
-        better = _neighbours(problem, current)
+        better = set()
+        for out in current:  # one candidate fewer, or one exchanged
+            rest = tuple(i for i in current if i != out)
+            better |= {rest, *with_one_more(rest, current)}
         score_all(better)
         candidate = max(better, key=lambda m: seen[m], default=current)
         if seen[candidate] <= seen[current]:
             break
         current = candidate
     return [Model(m, s) for m, s in sorted(seen.items(), key=lambda item: -item[1]) if s > -np.inf]
-
-
-def _diverse(
-    problem: RegressionProblem, ranked: list[tuple[int, ...]], beam: int
-) -> list[tuple[int, ...]]:
-    """Return the best of each set of effects: variants of one effect must not fill the beam."""
-    kept: dict[tuple[str, ...], tuple[int, ...]] = {}
-    for members in ranked:
-        names = tuple(sorted(name for i in members for name in problem.candidates[i].identifiers))
-        kept.setdefault(names, members)
-        if len(kept) == beam:
-            break
-    return list(kept.values())
-
-
-def _neighbours(problem: RegressionProblem, members: tuple[int, ...]) -> set[tuple[int, ...]]:
-    """Return the sets with one candidate fewer, or one exchanged."""
-    found = set()
-    for out in members:
-        rest = tuple(i for i in members if i != out)
-        found.add(rest)
-        for i in range(len(problem.candidates)):
-            new = tuple(sorted((*rest, i)))
-            if i not in members and problem.fits_together(new):
-                found.add(new)
-    return found

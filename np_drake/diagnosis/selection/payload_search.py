@@ -97,6 +97,11 @@ class OtherRegressors:
     def _begin(self, e: FlightResiduals) -> float:
         return max(self._onset.get(e.name) or 0.0, e.t[0])
 
+    def _rows(self, e: FlightResiduals, horizon: float) -> int:
+        """Whitened rows times channels until the horizon after the payload's begin."""
+        end = int(np.searchsorted(e.t, self._begin(e) + horizon))
+        return max(0, end - self._noise.phi.shape[1]) * CHANNELS
+
     def _after_outliers(self) -> list[float]:
         """Seconds after the payload's begin by which a jump shows, those that are close to one
         another once.
@@ -105,12 +110,6 @@ class OtherRegressors:
         ends = sorted(float(e.t[k] - self._begin(e) + AFTER_OUTLIER) for e, k in found)
         later = [*ends[1:], math.inf]
         return [end for end, following in zip(ends, later, strict=False) if following - end > 1.0]
-
-    def _rows(self, e: FlightResiduals, horizon: float) -> int:
-        """Whitened rows times channels until the horizon after the payload's begin."""
-        end = self._begin(e) + horizon
-        skipped = self._noise.phi.shape[1]
-        return max(0, int(np.searchsorted(e.t, end)) - skipped) * CHANNELS
 
     def _gram(self, horizon: float) -> tuple[Gram, float]:
         """Gram matrix of the others and their log evidence."""
@@ -273,36 +272,33 @@ class PayloadSearch:
             return []
         starts: dict[tuple[OtherRegressors, int, float], None] = {}
         for (beside, horizon), profile in zip(asked, gains, strict=True):
-            best, *others_of_it = _peaks(profile)[:FOLLOWED]
-            starts |= dict.fromkeys((beside, best, first) for first in (ENDS[0], horizon))
-            starts |= dict.fromkeys((beside, i, horizon) for i in others_of_it)
-        found = []
-        for beside, i, first in starts:
-            payload = self._follow(beside, Guess(float(self.lengths[i])), first)
-            if payload is not None:
-                found.append((everything.gain(everything.white(payload), math.inf)[0], payload))
-        return self._distinct(found)
+            peaks: list[int] = []  # by height, none next to a higher one
+            for i in np.argsort(-profile).tolist():
+                if all(abs(i - k) > 1 for k in peaks):
+                    peaks.append(i)
+            starts |= dict.fromkeys((beside, peaks[0], first) for first in (ENDS[0], horizon))
+            starts |= dict.fromkeys((beside, i, horizon) for i in peaks[1:FOLLOWED])
+        found = [
+            self._follow(beside, Guess(float(self.lengths[i])), first)
+            for beside, i, first in starts
+        ]
+        return self._distinct(everything, found)
 
     def from_guesses(
         self, noise: NoiseModel, nuisance: Sequence[Candidate], guesses: Sequence[Guess]
     ) -> list[tuple[Guess, Candidate]]:
         """Return payloads followed from guesses whose swing is not known."""
-        nuisance_only = OtherRegressors(self._flights, noise, nuisance, self._onset)
-        found = [self._follow(nuisance_only, dc.replace(g, swing={}), HORIZONS[0]) for g in guesses]
-        return self._distinct(
-            [
-                (nuisance_only.gain(nuisance_only.white(p), math.inf)[0], p)
-                for p in found
-                if p is not None
-            ]
-        )
+        beside = OtherRegressors(self._flights, noise, nuisance, self._onset)
+        found = [self._follow(beside, dc.replace(g, swing={}), HORIZONS[0]) for g in guesses]
+        return self._distinct(beside, found)
 
     def _distinct(
-        self, found: Sequence[tuple[float, PayloadColumns]]
+        self, beside: OtherRegressors, found: Sequence[PayloadColumns | None]
     ) -> list[tuple[Guess, Candidate]]:
         """Return the best, of different lengths."""
         kept: list[tuple[Guess, Candidate]] = []
-        for _, payload in sorted(found, key=lambda f: -f[0]):
+        scored = [(beside.gain(beside.white(p), math.inf)[0], p) for p in found if p is not None]
+        for _, payload in sorted(scored, key=lambda f: -f[0]):
             guess = payload.guess
             new = all(abs(math.log(guess.length / g.length)) > NEAR for g, _ in kept)
             if new and len(kept) < KEPT:
@@ -341,44 +337,34 @@ class PayloadSearch:
 
     def when(self, noise: NoiseModel, nuisance: Sequence[Candidate], guess: Guess) -> Onset:
         """Return sharpened onsets [s] of a payload like the guess, its swing free."""
-        found = dict(self._onset or {})
+        found, like, priors = dict(self._onset or {}), dc.replace(guess, swing={}), self._priors
+
+        def best_about(e: FlightResiduals, near: float, span: float, step: float) -> float:
+            """Return the best instant of one flight within `span` of `near` [s]."""
+            head = e.head(int(np.searchsorted(e.t, near + AFTER_ONSET)))
+            begin: Onset = {e.name: near}
+            beside = OtherRegressors([head], noise, nuisance, begin, horizons=(AFTER_ONSET,))
+            first, last = max(e.t[1], near - span), min(e.t[-1], near + span)
+            times, gains = np.arange(first, last, max(step, e.grid.step)).tolist(), []
+            for t in times:
+                payload = payload_about([head], like, priors, {e.name: t})
+                for _ in range(STEPS):
+                    _, mean = beside.gain(beside.white(payload), AFTER_ONSET)
+                    payload = payload_about([head], payload.moved(mean), priors, {e.name: t})
+                gains.append(beside.gain(beside.white(payload), AFTER_ONSET)[0])
+            return times[np.argmax(gains)]
+
         for e in self._flights:
             near = found.get(e.name)
             if near is None or near == NEVER:
                 continue
             for span, step in SHARPENED:
                 for _ in range(MOVES):
-                    before, near = (
-                        near,
-                        self._best_about(e, near, span, step, noise, nuisance, guess),
-                    )
+                    before, near = near, best_about(e, near, span, step)
                     if abs(near - before) <= 0.5 * span:
                         break
             found[e.name] = near
         return found
-
-    def _best_about(
-        self, e: FlightResiduals, near: float, span: float, step: float, noise, nuisance, guess
-    ) -> float:
-        """Return the best instant of one flight within `span` of `near` [s]."""
-        head = e.head(int(np.searchsorted(e.t, near + AFTER_ONSET)))
-        beside = OtherRegressors([head], noise, nuisance, {e.name: near}, horizons=(AFTER_ONSET,))
-        times = np.arange(
-            max(e.t[1], near - span), min(e.t[-1], near + span), max(step, e.grid.step)
-        )
-        return float(
-            times[np.argmax([self._gain_from(head, float(t), beside, guess) for t in times])]
-        )
-
-    def _gain_from(
-        self, e: FlightResiduals, begin: float, beside: OtherRegressors, guess: Guess
-    ) -> float:
-        """Log evidence of a payload that begins there, in one flight."""
-        payload = payload_about([e], dc.replace(guess, swing={}), self._priors, {e.name: begin})
-        for _ in range(STEPS):
-            _, mean = beside.gain(beside.white(payload), AFTER_ONSET)
-            payload = payload_about([e], payload.moved(mean), self._priors, {e.name: begin})
-        return beside.gain(beside.white(payload), AFTER_ONSET)[0]
 
     def _follow(self, beside: OtherRegressors, guess: Guess, first: float) -> PayloadColumns | None:
         """From a guess through the horizons, to the payload about which it fits best; none where it
@@ -411,12 +397,3 @@ class PayloadSearch:
                 return None
             guess = payload.guess
         return payload
-
-
-def _peaks(gains: np.ndarray) -> list[int]:
-    """Positions by height, none next to a higher one."""
-    kept: list[int] = []
-    for i in np.argsort(-gains):
-        if all(abs(i - k) > 1 for k in kept):
-            kept.append(int(i))
-    return kept

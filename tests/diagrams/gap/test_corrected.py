@@ -65,7 +65,7 @@ def cause(effect, onset=None, probability=0.97, deviation=0.01):
 
 def diagnosis(*causes, where=None, posterior=None):
     nothing = an.Identifiability(True, {}, {}, ())
-    gap_reduction = an.GapReduction(1.0, 1.0, 1.0, 0.0, (0.0, 0.0), ())
+    gap_reduction = an.GapReduction(1.0, 1.0)
     verdict = tuple(c.identifier for c in causes)
     located = residual_parts.Localisation(()) if where is None else where
     return an.Diagnosis(
@@ -335,7 +335,7 @@ def test_what_remains_has_size_and_time_of_the_noiseless_residual():
         slow[k] = keep * slow[k - 1] + np.sqrt(1 - keep**2) * rng.standard_normal(6)
     after = size * (slow + noise * rng.standard_normal((n, 6)))
     channels = tuple(
-        residual_parts.ChannelGap(name, "", 1.0, noise * s, float(np.hypot(s, noise * s)), 0.0)
+        residual_parts.ChannelGap(name, "", 1.0, noise * s, float(np.hypot(s, noise * s)))
         for name, s in zip(residual_parts.CHANNELS, size, strict=True)
     )
     where = residual_parts.Localisation(

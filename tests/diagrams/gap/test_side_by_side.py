@@ -42,7 +42,7 @@ def logged(**reality) -> FlightLog:
 
 def found(*causes, joined=()) -> an.Diagnosis:
     check = an.Identifiability(True, {}, {}, ())
-    gap_reduction = an.GapReduction(2.0, 1.0, 1.0, 1.0, (1.0, 1.0), ())
+    gap_reduction = an.GapReduction(2.0, 1.0)
     names = tuple(cause.identifier for cause in causes)
     where = residual_parts.Localisation(())
     return an.Diagnosis(

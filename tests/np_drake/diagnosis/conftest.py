@@ -90,7 +90,7 @@ def _content(e: FlightResiduals) -> tuple[object, ...]:
     return (e.name, repr(e.vehicle), e.log.input, e.goes_on, e.turned, e.attitude_noise, *content)
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def searched() -> Search:
     """Return `find_map_model`, which searches the same flights once in a module, with few
     lengths.
@@ -111,11 +111,9 @@ def searched() -> Search:
     return search
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def inferred(searched: Search) -> Callable[..., Inference]:
-    """Return `infer` with few lengths, which searches the same flights once in a module, and
-    concludes once.
-    """
+    """Return inferences with few lengths, each worked out once."""
     known: dict[tuple[object, ...], Inference] = {}
 
     def inference(
@@ -135,12 +133,9 @@ def inferred(searched: Search) -> Callable[..., Inference]:
 def quick_searches(searched: Search) -> Iterator[None]:
     """Let a diagnosis search with few lengths, and the same flights once in a module."""
     with pytest.MonkeyPatch.context() as patch:
-        for name in ("infer", "second_answer"):  # by path: the package has functions so named
-            patch.setattr(
-                importlib.import_module(f"np_drake.diagnosis.decision.{name}"),
-                "find_map_model",
-                searched,
-            )
+        # By path: the package has a function so named.
+        module = importlib.import_module("np_drake.diagnosis.diagnose")
+        patch.setattr(module, "find_map_model", searched)
         yield
 
 

@@ -16,11 +16,6 @@ def test_the_covariance_of_bins_is_that_of_averages():
     np.testing.assert_allclose(root @ root.T, exact, atol=2e-4)
 
 
-def test_what_all_bins_share_adds_the_same_to_all_of_their_covariance():
-    apart, shared = (factor(5, BIN, 0.7, 0.4, 0.1, common) for common in (0.0, 2.0))
-    np.testing.assert_allclose(shared @ shared.T - apart @ apart.T, 4.0, rtol=1e-9)
-
-
 @pytest.mark.parametrize("step", [0.01, 0.02, 0.03, 0.04, 0.07, 0.2])
 def test_bins_are_where_their_clock_says_at_every_rate(step):
     e = SimpleNamespace(
