@@ -60,7 +60,7 @@ STEPS = (  # step, what it does, dataclass that it passes on, flights that it re
         "Identifiability",
         "training flights",
     ),
-    ("Localisation", "channels, times, regimes, frequencies", "Localisation", "held-out flights"),
+    ("Localisation", "channels, times", "Localisation", "held-out flights"),
     ("Gap reduction", "residual and replay before and after", "GapReduction", "held-out flights"),
 )
 HEIGHT, PITCH, WIDTH = 0.62, 1.0, 4.6

@@ -15,22 +15,9 @@ FLOORS = ("np_drake", "systems", "diagrams")  # from the ground up
 FILES = sorted(path.relative_to(ROOT) for floor in FLOORS for path in (ROOT / floor).rglob("*.py"))
 # From the ground up: a module imports from its own room and from those before it.
 DIAGNOSIS = (
-    *("options", "numerics", "residuals", "result", "forward_model", "regressors"),
-    *(
-        "fitting",
-        "calibration",
-        "cross_validation",
-        "held_out",
-        "selection",
-        "wind",
-        "adequacy",
-        "decision",
-        "localisation",
-        "gap",
-        "doctor",
-        "report",
-        "diagnose",
-    ),
+    *("options", "numerics", "residuals", "result", "forward_model", "regressors", "swing_fit"),
+    *("fitting", "calibration", "held_out", "selection", "gusts", "slow_force", "decision"),
+    *("localisation", "gap", "doctor", "report", "diagnose"),
 )
 GROUND = (
     *("lazy_names", "attitude", "compiled", "files", "metrics", "vehicle"),

@@ -9,7 +9,7 @@ from diagrams.demo.figures import LABELS
 from diagrams.demo.story import HELD_OUT, SIMULATORS, Demo
 from diagrams.tracking.tracking import TRACKS
 from np_drake.diagnosis.report import words
-from np_drake.diagnosis.report.headline import named_causes
+from np_drake.diagnosis.report.answer import named_causes
 from np_drake.diagnosis.report.page import embedded, style, template_of
 from np_drake.diagnosis.result import UNKNOWN, Estimate
 from np_drake.files.atomic_file import write_text

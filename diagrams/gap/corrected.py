@@ -13,9 +13,8 @@ import numpy as np
 import yaml
 
 from diagrams.loop.flight import FlightConfig, default_flight
-from np_drake.diagnosis.report.headline import headline
-from np_drake.diagnosis.residuals.residual_parts import Localisation
-from np_drake.diagnosis.result import Cause, Diagnosis
+from np_drake.diagnosis.report.answer import headline
+from np_drake.diagnosis.result import Cause, Diagnosis, Localisation
 from np_drake.effects.disturbance import DisturbanceConfig
 from np_drake.effects.effect_entry import EffectEntry, Posterior
 from np_drake.files.atomic_file import write_text

@@ -12,8 +12,8 @@ import numpy as np
 
 from diagrams.gap.rollout import Commands, Rollout, Swing
 from np_drake import attitude
-from np_drake.diagnosis.gap.gap_reduction import LEAD
-from np_drake.diagnosis.gap.replay import (
+from np_drake.diagnosis.gap import (
+    LEAD,
     States,
     Track,
     payload_track,

@@ -16,7 +16,7 @@ from diagrams.batch.run import Report, Run
 from diagrams.batch.workers import Workers, every_result
 from diagrams.prediction.array_flights import neurobem_folder
 from np_drake.diagnosis.diagnose import diagnose
-from np_drake.diagnosis.residuals.make_flight_residuals import make_flight_residuals
+from np_drake.diagnosis.residuals import make_flight_residuals
 from np_drake.flight_log import FlightLog
 from np_drake.logs.formats.neurobem import AGILE, published_vehicle
 from np_drake.logs.opening import open_flights

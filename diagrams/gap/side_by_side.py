@@ -23,7 +23,7 @@ from diagrams.loop.replay.scene import (
     arm_length,
     new_scene,
 )
-from np_drake.diagnosis.gap.gap_reduction import LEAD
+from np_drake.diagnosis.gap import LEAD
 from np_drake.diagnosis.result import HORIZONS, Diagnosis
 from np_drake.effects.base import Effect
 from np_drake.flight_log import FlightLog

@@ -20,9 +20,14 @@ from np_drake.files.number_text import NOTHING
 from np_drake.flight_log import FlightLog
 from np_drake.identification.identify import identify
 from np_drake.identification.model import FlightModel
-from np_drake.identification.prediction import ERRORS, Prediction, predict
 from np_drake.identification.signals import signals
-from np_drake.identification.validation import plain_least_squares, values_of_file
+from np_drake.identification.validation import (
+    ERRORS,
+    Prediction,
+    plain_least_squares,
+    predict,
+    values_of_file,
+)
 
 STEPS = (1, 10, 50)
 STEP = 0.01  # [s]

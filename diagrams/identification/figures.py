@@ -11,8 +11,9 @@ from matplotlib.ticker import LogLocator, NullLocator
 
 from diagrams.identification.text import interval, shown_in
 from np_drake.diagnosis.report.figures import legend, plain_ticks
-from np_drake.diagnosis.report.words import plain_name, suited
+from np_drake.diagnosis.report.words import plain_name
 from np_drake.files.figure_file import PALETTE, new_figure
+from np_drake.files.number_text import suited
 from np_drake.identification.flight_agreement import FlightValues
 from np_drake.identification.identify import Identification
 from np_drake.identification.quantities import Identified

@@ -14,8 +14,7 @@ from np_drake.diagnosis.report.words import plain_name
 from np_drake.files.figure_file import DASHES, PALETTE, new_figure, new_mosaic
 from np_drake.flight_log import FlightLog
 from np_drake.identification.identify import Identification
-from np_drake.identification.prediction import Prediction, predict
-from np_drake.identification.validation import adapted, values_of_file
+from np_drake.identification.validation import Prediction, adapted, predict, values_of_file
 
 # length of a prediction, and time between those that are drawn [s]; that of the open-loop table
 HORIZON = 0.5

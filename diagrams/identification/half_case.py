@@ -8,8 +8,8 @@ import numpy as np
 
 from diagrams.batch.campaign import Case
 from diagrams.identification.real_sets import SETS, Folders, halves, open_set, stated_mass
-from np_drake.identification.frame import G
 from np_drake.identification.identify import identify
+from np_drake.identification.signals import G
 from np_drake.identification.validation import HORIZONS, HeldOut, held_out
 
 

@@ -35,10 +35,10 @@ from diagrams.identification.text import (
     prior_interval,
 )
 from np_drake.diagnosis.report.page import embedded, style, template_of
-from np_drake.diagnosis.report.words import capital, listed, measure
+from np_drake.diagnosis.report.words import capital, listed
 from np_drake.files.atomic_file import require_writable, write_bytes, write_text
 from np_drake.files.figure_file import png
-from np_drake.files.number_text import NOTHING, fixed
+from np_drake.files.number_text import NOTHING, fixed, measure
 from np_drake.flight_log import FlightLog
 from np_drake.identification.flight_agreement import FlightValues, flight_values, own_values
 from np_drake.identification.identify import Identification

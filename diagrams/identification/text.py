@@ -7,9 +7,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.report.words import UNITS, estimate, flights, listed, number, suited
+from np_drake.diagnosis.report.words import estimate, flights, listed
 from np_drake.diagnosis.result import Estimate
-from np_drake.files.number_text import percent
+from np_drake.files.number_text import UNITS, number, percent, suited
 from np_drake.identification.flight_agreement import DIFFER, FlightValues, flight_values, own_values
 from np_drake.identification.identify import Identification
 from np_drake.identification.quantities import Identified
@@ -119,11 +119,9 @@ def summary(found: Identification) -> list[str]:
 
 
 def differences(each: Sequence[FlightValues]) -> list[str]:
-    """Return what flights differ in: a sentence for what stands out or moves with something, one
-    for all else.
-    """
+    """Return what flights differ in: a sentence for what stands out, one for all else."""
     differing = [told for told in each if told.differ]
-    plain = [told.quantity.name for told in differing if not told.apart and not told.moves_with]
+    plain = [told.quantity.name for told in differing if not told.apart]
     return [
         *([f"flights differ in: {'; '.join(plain)}"] if plain else []),
         *(told.text for told in differing if told.quantity.name not in plain),

@@ -10,8 +10,8 @@ import numpy as np
 
 from diagrams.batch.campaign import Case
 from diagrams.identification.simulated import ATTEMPTS, INPUTS, Truth, draw_and_fly, draw_truth
-from np_drake.identification.frame import Values
 from np_drake.identification.identify import identify
+from np_drake.identification.model import Values
 from np_drake.identification.quantities import Basis, Identified, Quantity
 from np_drake.identification.validation import USUAL, plain_least_squares
 

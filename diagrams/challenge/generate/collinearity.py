@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.calibration.columns import flight_errors
+from np_drake.diagnosis.calibration import flight_errors
 from np_drake.diagnosis.forward_model import NEVER, StageCache, Term, predicted_residual
 from np_drake.diagnosis.numerics import NoiseModel
 from np_drake.diagnosis.options import Priors, Tolerance

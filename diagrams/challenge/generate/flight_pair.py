@@ -8,8 +8,7 @@ import numpy as np
 
 from diagrams.challenge.generate.case import Case
 from diagrams.challenge.generate.logged_input import best_known
-from np_drake.diagnosis.forward_model import Term
-from np_drake.diagnosis.forward_model.prediction import gate, predicted_residual
+from np_drake.diagnosis.forward_model import Term, gate, predicted_residual
 from np_drake.diagnosis.numerics import NoiseModel
 from np_drake.diagnosis.residuals import FlightResiduals, make_flight_residuals
 from np_drake.flight_log import FlightLog

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from np_drake.diagnosis.regressors import library_candidates
-from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals
+from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.effects.base import Motion
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.pendulum import hanging, swing_many

@@ -22,7 +22,7 @@ from diagrams.challenge.real.effect_columns import (
     wind_columns,
 )
 from diagrams.challenge.real.payload_position import wrench_of
-from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals
+from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.effects.constant_wind import ConstantWind
 from np_drake.effects.ground_effect import GroundEffect
 from np_drake.effects.linear_drag import LinearDrag

@@ -11,8 +11,7 @@ from scipy.optimize import least_squares
 
 from diagrams.challenge.real.logged_payload import logged_payload
 from np_drake import attitude
-from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals
-from np_drake.diagnosis.residuals.make_flight_residuals import make_flight_residuals
+from np_drake.diagnosis.residuals import FlightResiduals, make_flight_residuals
 from np_drake.effects.base import Effect, Motion, WrenchEffect
 from np_drake.effects.combine import split_effects, total_wrench
 from np_drake.effects.pendulum import Path as Swing

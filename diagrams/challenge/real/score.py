@@ -36,7 +36,7 @@ from diagrams.challenge.real.payload_position import (
 from diagrams.challenge.real.rules import Case
 from diagrams.challenge.real.truth import DIRECTION, GROUND, PAYLOAD, PLACE, WINDS, Truth
 from np_drake.diagnosis.diagnose import diagnose
-from np_drake.diagnosis.residuals.make_flight_residuals import make_flight_residuals
+from np_drake.diagnosis.residuals import make_flight_residuals
 from np_drake.diagnosis.result import UNKNOWN
 from np_drake.effects.base import Effect, WrenchEffect
 from np_drake.effects.combine import split_effects

@@ -21,7 +21,7 @@ from diagrams.loop.flight_result import fly
 from diagrams.loop.real_vehicle import make_real_vehicle
 from diagrams.loop.reality import RealityConfig
 from np_drake.diagnosis import result as an
-from np_drake.diagnosis.residuals import residual_parts
+from np_drake.diagnosis import result as residual_parts
 from np_drake.effects.base import Measurement, SensorEffect
 from np_drake.effects.center_of_mass_offset import CenterOfMassOffset
 from np_drake.effects.combine import split_effects
@@ -64,7 +64,7 @@ def cause(effect, onset=None, probability=0.97, deviation=0.01):
 
 def diagnosis(*causes, where=None, posterior=None):
     nothing = an.Identifiability(True, {}, {}, ())
-    gap_reduction = an.GapReduction(1.0, 1.0, 1.0, 0.0, (0.0, 0.0), ())
+    gap_reduction = an.GapReduction(1.0, 1.0)
     verdict = tuple(c.identifier for c in causes)
     located = residual_parts.Localisation(()) if where is None else where
     return an.Diagnosis(
@@ -334,7 +334,7 @@ def test_what_remains_has_size_and_time_of_the_noiseless_residual():
         slow[k] = keep * slow[k - 1] + np.sqrt(1 - keep**2) * rng.standard_normal(6)
     after = size * (slow + noise * rng.standard_normal((n, 6)))
     channels = tuple(
-        residual_parts.ChannelGap(name, "", 1.0, noise * s, float(np.hypot(s, noise * s)), 0.0)
+        residual_parts.ChannelGap(name, "", 1.0, noise * s, float(np.hypot(s, noise * s)))
         for name, s in zip(residual_parts.CHANNELS, size, strict=True)
     )
     where = residual_parts.Localisation(

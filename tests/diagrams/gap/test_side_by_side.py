@@ -11,7 +11,7 @@ from diagrams.loop.flight import default_flight
 from diagrams.loop.flight_result import fly
 from diagrams.loop.replay.film import FRAME_RATE
 from np_drake.diagnosis import result as an
-from np_drake.diagnosis.residuals import residual_parts
+from np_drake.diagnosis import result as residual_parts
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError
 from np_drake.effects.suspended_payload import SuspendedPayload
@@ -42,7 +42,7 @@ def logged(**reality) -> FlightLog:
 
 def found(*causes, joined=()) -> an.Diagnosis:
     check = an.Identifiability(True, {}, {}, ())
-    gap_reduction = an.GapReduction(2.0, 1.0, 1.0, 1.0, (1.0, 1.0), ())
+    gap_reduction = an.GapReduction(2.0, 1.0)
     names = tuple(cause.identifier for cause in causes)
     where = residual_parts.Localisation(())
     return an.Diagnosis(

@@ -9,7 +9,7 @@ import pytest
 from diagrams.identification.figures import place_in_prior
 from diagrams.identification.page import PICTURES, content, write_page
 from diagrams.identification.text import half_width, headline, interval, lead, not_told, summary
-from np_drake.identification.between_flights import Agreement
+from np_drake.identification.estimation import Agreement
 from np_drake.identification.flight_agreement import flight_values, own_values
 from np_drake.identification.identified_vehicle import identified_vehicle
 from np_drake.identification.identify import identify

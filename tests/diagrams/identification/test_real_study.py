@@ -23,7 +23,7 @@ from np_drake.effects.blade_flapping import BladeFlapping
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.translational_lift import TranslationalLift
 from np_drake.flight_log import FlightLog
-from np_drake.identification.prediction import Prediction
+from np_drake.identification.validation import Prediction
 from np_drake.logs.formats.log_file import write_log
 from np_drake.vehicle import load_vehicle
 from np_drake.vehicle.vehicle import ThrottleMap

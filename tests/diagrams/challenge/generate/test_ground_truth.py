@@ -8,9 +8,9 @@ from diagrams.challenge.generate.flight_pair import AROUND, FlightPair, best_ons
 from diagrams.challenge.generate.ground_truth import GroundTruth
 from diagrams.challenge.generate.make import fly_case
 from diagrams.challenge.out_of_library.ground_and_walls import CeilingEffect
-from np_drake.diagnosis.forward_model.payload_state import Term
-from np_drake.diagnosis.numerics.noise_fit import fit_noise
-from np_drake.diagnosis.residuals.make_flight_residuals import make_flight_residuals
+from np_drake.diagnosis.forward_model import Term
+from np_drake.diagnosis.numerics import fit_noise
+from np_drake.diagnosis.residuals import make_flight_residuals
 from np_drake.effects.gusty_wind import GustyWind
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.thrust_scale import ThrustScale

@@ -24,7 +24,7 @@ from diagrams.challenge.real.least_squares import (
     told_wind,
 )
 from diagrams.challenge.real.payload_position import wrench_of
-from np_drake.diagnosis.residuals.make_flight_residuals import make_flight_residuals
+from np_drake.diagnosis.residuals import make_flight_residuals
 from np_drake.effects.ground_effect import GroundEffect
 from np_drake.effects.pendulum import hanging, swing_many
 from np_drake.vehicle import Vehicle

@@ -12,9 +12,8 @@ from diagrams.challenge.generate.trajectories import draw_plan
 from diagrams.challenge.out_of_library.draw import OUT_OF_LIBRARY, draw_out_of_library
 from diagrams.challenge.simulators.rotorpy import simulator
 from np_drake import attitude
-from np_drake.diagnosis.forward_model.payload_state import Term
-from np_drake.diagnosis.forward_model.prediction import predicted_residual
-from np_drake.diagnosis.residuals.make_flight_residuals import make_flight_residuals
+from np_drake.diagnosis.forward_model import Term, predicted_residual
+from np_drake.diagnosis.residuals import make_flight_residuals
 from np_drake.effects.base import MassProperties, Measurement, Motion, WrenchEffect
 from np_drake.effects.combine import total_wrench
 from np_drake.effects.library import LIBRARY
