@@ -57,9 +57,7 @@ VERBS: dict[str, Verb] = {
     "reproduce sample-efficiency": Verb("--neurobem {arrays}"),
     "reproduce envelope": Verb("--flights 3"),
     "reproduce response": Verb("--neurobem {arrays}"),
-    "reproduce payload-flights": Verb(
-        "{real} --only ridge --only payload_filter", times=frozenset({"wall", "training"})
-    ),
+    "reproduce payload-flights": Verb("{real} --only ridge --only payload_filter"),
     "reproduce tether": Verb(""),
     "reproduce hover": Verb("--seeds 2 --only hold", times=FLIGHT),
     "reproduce attach": Verb("--seeds 1", times=FLIGHT),
@@ -74,11 +72,12 @@ VERBS: dict[str, Verb] = {
     "reproduce identification-flights": Verb(
         "{real} --only imrc", times=frozenset({"processor_time"}), columns=("processor time [s]",)
     ),
-    "reproduce real": Verb("{real} --only wind", columns=("s",), rows=("seconds a case, median",)),
+    "reproduce real": Verb(
+        "{real} --only wind", columns=("median", "max"), rows=("seconds a case, median",)
+    ),
     "reproduce vehicles": Verb("--seeds 1 --vehicle 35g --track circle --duration 10 --only hold"),
     "reproduce closing": Verb("--seeds 2"),
     "reproduce autopilot": Verb("--seeds 1 --duration 10"),
     "reproduce blackbox": Verb("--duration 20"),
     "reproduce node": Verb("--seeds 1"),
-    "reproduce replay": Verb("{real} --only wind"),
 }
