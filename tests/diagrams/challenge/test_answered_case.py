@@ -13,7 +13,7 @@ from diagrams.challenge.answered_case import (
     read_answered_cases,
     violation,
 )
-from diagrams.challenge.score import same_flight, score
+from diagrams.challenge.score import same_flight
 
 NUMBER = {"description": "a finite number", "type": "number"}
 PAIR = {
@@ -42,11 +42,6 @@ def folders(by_hand, tmp_path):
 )
 def test_what_is_no_finite_number_is_refused(value):
     assert violation(SchemaValidator(NUMBER), value).startswith("it must be a finite number; got ")
-
-
-@pytest.mark.parametrize("value", [0, -3, 1.5, 1e308, 10**300])
-def test_a_finite_number_suits(value):
-    assert violation(SchemaValidator(NUMBER), value) is None
 
 
 @pytest.mark.parametrize(
@@ -138,23 +133,12 @@ WRONG = [
     ("truth", EFFECT, 1, r"effects\[0\] must be an object with effect, parameters, onset; got 1\."),
     ("truth", EFFECT, {}, r"effects\[0\]\.effect is missing; it must be text\."),
     ("truth", [*EFFECT, "parameters", "scale"], "a", r"scale must be a finite number; got 'a'\."),
-    ("truth", [*EFFECT, "onset"], {"x.csv": "x"}, r"onset\.x\.csv must be a finite number, or"),
     ("truth", ["class"], [], "class and within_tolerance must hold one for each effect"),
-    ("truth", ["within_tolerance"], [], "class and within_tolerance must hold one for each"),
-    ("truth", ["class"], ["a"], r"class\[0\] must be a list, each text; got 'a'\."),
     ("truth", ["true_model_residual"], {}, "force_x is missing; it must be a finite number, at"),
-    ("truth", ["parameters_residual"], [1], "must be an object with force_x, .*, or null; got"),
     ("truth", ["visibility"], float("nan"), "visibility must be a finite number, at least 0; got"),
-    ("truth", ["visibility"], -1, "visibility must be a finite number, at least 0; got -1"),
     ("truth", ["kind"], "weird", "kind must be one of single, .*, foreign; got 'weird'"),
-    ("truth", ["kind"], ..., "kind is missing; it must be one of single, "),
-    ("truth", ["seed"], 1.5, "seed must be a whole number; got 1.5"),
-    ("answers", ["verdict"], [1], r"verdict\[0\] must be text; got 1"),
-    ("answers", CAUSE, {}, r"causes\[0\]\.effect is missing"),
     ("answers", [*CAUSE, "parameters"], {"x": None}, r"\.x must be an object with value, ci95"),
-    ("answers", [*CAUSE, "parameters", "scale", "ci95"], [1], r"ci95 must be a list of 2, each"),
     ("answers", [*CAUSE, "probability"], 2.0, "probability must be .* at most 1, or null; got 2"),
-    ("answers", ["gap"], {"force": [1]}, r"gap\.force must be an object with x, y, z; got"),
     ("answers", ["shrink"], ..., "shrink is missing; it must be an object with replay"),
     ("answers", ["shrink", "replay"], {"before": None}, r"shrink\.replay\.horizon is missing"),
     ("answers", ["wall"], "x", "wall must be a finite number, at least 0, or null; got 'x'"),
@@ -170,27 +154,6 @@ def test_an_unreadable_field_is_one_line_with_file_and_field(folders, kind, plac
     with pytest.raises(ValueError, match=rf"a1/{name}\.json: .*{said}") as caught:
         read_answered_cases(answers, truth)
     assert "\n" not in str(caught.value)
-
-
-def test_what_a_truth_or_an_answer_may_leave_out_is_no_fault(folders):
-    answers, truth = folders
-    spoilt(truth / "a1" / "truth.json", ["effects", 0, "onset"], ...)
-    spoilt(truth / "a1" / "truth.json", ["parameters_residual"], None)
-    left_out = [[*CAUSE, key] for key in ("probability", "onset", "indistinguishable_from")]
-    left_out += [["wall"], ["shrink", "replay"], ["gap", "torque"], ["gap", "force", "z"]]
-    for place in left_out:
-        spoilt(answers / "a1" / "diagnosis.json", place, ...)
-    cases = read_answered_cases(answers, truth)
-    score(cases)
-    assert cases[0].verdict == ("thrust_scale",)
-
-
-def test_an_out_of_library_effect_may_have_any_name_and_figures(folders):
-    answers, truth = folders
-    path, strange = truth / "a1" / "truth.json", {"effect": "jet", "parameters": {"place": [1, 2]}}
-    for place, value in ((EFFECT, strange), (["class"], [["jet"]]), (["kind"], "foreign")):
-        spoilt(path, place, value)
-    score(read_answered_cases(answers, truth))
 
 
 def test_a_flight_is_the_same_by_any_suffix():

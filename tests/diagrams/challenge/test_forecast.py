@@ -14,15 +14,12 @@ from diagrams.challenge.forecast import (
     STEP,
     HoldingOut,
     Options,
-    open_campaign,
     pooled,
     square_errors,
 )
 from diagrams.cli.main import run
 from np_drake.effects.pendulum import Payload
-from np_drake.labels import LabelConfig
 from np_drake.residual_models.hold import Constant, Hold
-from np_drake.skill.flight_walk import flight_forecasts
 from np_drake.training_data.sampled_flight import sampled_flight
 from np_drake.vehicle import Vehicle
 
@@ -68,16 +65,6 @@ def test_the_error_is_that_against_the_averaged_label(cones):
     assert found["square"][1][2] == pytest.approx(error[:, :3].sum())
 
 
-def test_a_model_with_a_low_pass_of_its_own_gets_its_labels(cones):
-    opened, model = cones["angle 0.2"][0], Hold(step=STEP)
-    model.label = LabelConfig(1.0, 1.0)
-    seen = sampled_flight(*opened, step=STEP, label=model.label)
-    chi_hat = flight_forecasts(model, seen, [1], first=HISTORY, motion="known")[:-1, 0]
-    error = (sampled_flight(*opened, step=STEP).chi[HISTORY + 1 :] - chi_hat) ** 2
-    found = square_errors(model, opened, "known")
-    assert found["square"][0][0] == pytest.approx(error[:, :2].sum())
-
-
 def test_no_row_is_trained_on_the_manoeuvre_that_it_is_scored_on(cones, monkeypatch):
     seen = []
 
@@ -89,11 +76,6 @@ def test_no_row_is_trained_on_the_manoeuvre_that_it_is_scored_on(cones, monkeypa
     found = HoldingOut(cones)({"manoeuvre": "angle 0.3", "row": "mine"})
     assert seen == ["00", "01", "20", "21"]
     assert list(found["known"]) == list(found["held"]) == ["10", "11"]
-
-
-def test_a_folder_needs_two_manoeuvres(tmp_path):
-    with pytest.raises(ValueError, match="two manoeuvres"):
-        open_campaign(tmp_path)
 
 
 @pytest.mark.parametrize(

@@ -11,8 +11,6 @@ from diagrams.challenge.real_score import (
     BIC,
     THIS,
     asked_figures,
-    effects_of,
-    held_out_cut,
     outcomes,
     scored,
     tables,
@@ -25,7 +23,6 @@ from diagrams.identification.simulated import Truth, fly_truth
 from np_drake.effects.blade_flapping import BladeFlapping
 from np_drake.effects.constant_wind import ConstantWind
 from np_drake.effects.linear_drag import LinearDrag
-from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.effects.translational_lift import TranslationalLift
 from np_drake.logs.formats.log_file import write_log
 from np_drake.vehicle import Vehicle, load_vehicle
@@ -48,12 +45,6 @@ def test_names_are_judged_and_only_what_is_scored_must_be_there():
     assert (dut["wrong"], dut["right"]) == (["constant_wind"], False)
     assert (dut["fraction"], dut["seconds"], dut["unknown"]) == (None, None, 0.0)
     assert dut["cut"] == {"lateral": None, "vertical": None, "torque": None}
-
-
-def test_held_out_figures_are_of_the_norm():
-    gap = {"force": {**FORCE, "z": {"rms": 2.0, "after": 1.0}}}
-    found = held_out_cut(gap)
-    assert (found["lateral"], found["vertical"]) == (pytest.approx(0.9), pytest.approx(0.5))
 
 
 def test_a_wind_of_the_held_out_flight_alone_is_said_and_not_wrong():
@@ -82,13 +73,6 @@ def test_the_unknown_counts_where_it_is_the_truth_and_where_a_place_pulls():
     assert not scored({"causes": []}, other)["right"]
     assert scored(said, healthy)["wrong"] == ["place"]
     assert scored({**said, "remains": []}, healthy)["right"]
-
-
-def test_effects_have_the_values_of_an_answer_and_unknown_ones_are_out():
-    given = {"mass": {"value": 0.01}, "length": {"value": 0.5}, "colour": {"value": 3.0}}
-    causes = [{"effect": "suspended_payload", "parameters": given}, {"effect": "vortex_ring"}]
-    (payload,) = effects_of({"causes": causes}, ["suspended_payload", "vortex_ring"])
-    assert payload == SuspendedPayload(mass=0.01, length=0.5)
 
 
 def test_the_mean_force_of_a_wind_is_that_of_its_drag(make_flight):
@@ -155,12 +139,6 @@ def test_of_healthy_flights_false_names_and_all_beyond_drag_count():
     assert dut["healthy: cases with a false name"][THIS] == "1 of 3"
     assert dut["healthy: names beyond drag, median"][THIS] == "1"
     assert dut["healthy: names beyond drag, mean"][THIS] == "1.00"
-
-
-def test_a_name_that_makes_the_held_out_flight_worse_counts():
-    pairs = ((1.0, -0.1), (0.4, -0.1), (1.0, None), (1.0, 0.3))
-    dut = asked(*(record("bare", {"linear_drag": p}, fraction=f) for p, f in pairs))
-    assert dut["all: named, and held out worse"][THIS] == "1 of 3"
 
 
 @pytest.mark.parametrize(
@@ -255,26 +233,3 @@ def test_what_the_diagnosis_says_is_scored_again_from_its_files(bare, tmp_path):
     assert before == after
     assert [list(row["methods"]) for row in before] == [[THIS, BIC]] * 2
     assert before[0]["vehicle"] == "imrc brushless"
-
-
-def test_a_case_without_an_answer_lacks_the_method_and_is_counted(bare, tmp_path, capsys):
-    (tmp_path / "bare" / CASES[0]).mkdir(parents=True)
-    said = {"causes": [cause("linear_drag", 0.9), cause("constant_wind", 0.8)], "wall": 7.0}
-    (tmp_path / "bare" / CASES[0] / "diagnosis.json").write_text(json.dumps(said))
-    written = tmp_path / "a.json"
-    study = ["reproduce", "real", str(bare), "--jobs", "1", "--json", str(written)]
-    assert run([*study, "--answers", str(tmp_path)]) == 0
-    table = json.loads(written.read_text())["table"]
-    assert [list(row["methods"]) for row in table] == [[THIS, BIC], [BIC]]
-    assert table[0]["methods"][THIS]["wrong"] == ["constant_wind"]
-    assert "1 of 2 cases have no answer" in capsys.readouterr().out
-
-
-@pytest.mark.nightly
-def test_a_real_payload_flight_is_nearer_to_the_corrected_simulator(real_flights, tmp_path):
-    written = tmp_path / "a.json"
-    given = ["--only", "payload", "--replay", "--json", str(written)]
-    assert run(["reproduce", "real", str(real_flights), *given]) == 0
-    (first, *_) = json.loads(written.read_text())["table"]
-    replay = first["methods"][THIS]["replay"]
-    assert replay["after"]["position"][-1] < replay["before"]["position"][-1]

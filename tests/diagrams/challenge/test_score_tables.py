@@ -4,9 +4,7 @@ import pytest
 
 from diagrams.challenge.score import score
 from diagrams.challenge.score_tables import (
-    ASKED,
     asked_tables,
-    at,
     calibration_figure,
     missed,
     table,
@@ -60,14 +58,6 @@ def test_what_falls_short_of_what_is_asked_stands_between_asterisks(by_hand):
         "in the 95 % interval": ("0.9 … 0.98", "**100 % [89, 100] 32/32**"),
         "calibration error": ("≤ 0.05", "0.0435"),
     }
-
-
-def test_every_figure_that_is_asked_is_one_of_the_score_by_quality(by_hand):
-    cases = by_hand.perfect_set()
-    noisy = [by_hand.again(c, truth={**c.truth, "quality": "real"}) for c in cases]
-    dut = score([*cases, *noisy])
-    assert [header[2] for _, header, _ in asked_tables(dut)] == ["clean", "real"]
-    assert {label: at(dut, keys) for label, keys, _ in ASKED}["shrink, mean"] == 1.0
 
 
 def test_the_figure_names_axes_and_series():
