@@ -136,7 +136,8 @@ def pooled(found: Mapping[tuple[str, str], Mapping[str, Mapping]]) -> list[dict[
     flights, lines = list(next(iter(found.values()))), []
     even = [1 / len(flights)] * len(flights)
     drawn = np.random.default_rng(0).multinomial(len(flights), even, DRAWS)
-    for (row, motion), own in found.items():
+    by_motion = sorted(found.items(), key=lambda item: MOTIONS.index(item[0][1]))
+    for (row, motion), own in by_motion:
         square, base = (
             np.array([of[flight]["square"] for flight in flights])
             for of in (own, found[PERSISTENCE, motion])

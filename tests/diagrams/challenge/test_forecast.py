@@ -72,7 +72,7 @@ def test_no_row_is_trained_on_the_manoeuvre_that_it_is_scored_on(cones, monkeypa
         seen.extend(log.name for log, _ in flights)
         return Hold(step=STEP)
 
-    monkeypatch.setattr(forecast, "ROWS", {"mine": trained})
+    monkeypatch.setitem(forecast.ROWS, "mine", trained)
     found = HoldingOut(cones)({"manoeuvre": "angle 0.3", "row": "mine"})
     assert seen == ["00", "01", "20", "21"]
     assert list(found["known"]) == list(found["held"]) == ["10", "11"]

@@ -42,7 +42,7 @@ def test_columns_of_noise_are_not_chosen_and_a_planted_one_is():
     assert list(select_by_bic(y, [*noise, planted])) == ["planted"]
 
 
-def test_the_criterion_is_that_of_gaussian_noise_and_a_fit_gives_coefficients_back():
+def test_the_criterion_is_that_of_gaussian_noise():
     draw = np.random.default_rng(1)
     X, noise = draw.normal(size=(500, 6, 2)), 0.1 * draw.normal(size=(500, 6))
     y = X @ [0.3, -0.2] + noise

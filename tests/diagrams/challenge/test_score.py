@@ -292,7 +292,7 @@ def test_half_are_found_where_the_classes_part():
     assert found == detection(visibility, visibility > 1.1)  # the bootstrap repeats
 
 
-def test_where_all_or_none_are_found_the_figures_stay_finite_and_few_have_no_curve():
+def test_where_all_or_none_are_found_the_figures_stay_finite():
     for found in (np.ones(12, bool), np.zeros(12, bool)):
         assert np.all(np.isfinite(detection(np.linspace(1.0, 9.0, 12), found)["curve"]))
     assert half_found((0.0, -1.0)) is None
@@ -373,7 +373,7 @@ def test_names_and_unknown_of_several_effects_are_pooled(cases, by_hand):
     assert found["pair"]["visible"]["f1"] == 1.0
 
 
-def test_a_mixed_set_is_scored_by_group_and_simulators_are_pooled_by_quality(cases, by_hand):
+def test_a_mixed_set_is_scored_by_group_and_by_quality(cases, by_hand):
     real = [by_hand.again(c, truth={**c.truth, "quality": "real"}, answer=None) for c in cases]
     dut = score([*cases, *real])
     singles = {name: own["accuracy"]["single"] for name, own in dut["groups"].items()}
