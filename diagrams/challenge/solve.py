@@ -11,7 +11,7 @@ from typing import Any
 
 from diagrams.batch.campaign import Case
 from diagrams.batch.workers import Workers
-from diagrams.challenge.score.answered_case import ANSWER_FILE
+from diagrams.challenge.answered_case import ANSWER_FILE
 from np_drake.diagnosis.diagnose import diagnose
 from np_drake.files.atomic_file import write_json
 from np_drake.files.input_file import kept_json

@@ -142,22 +142,19 @@ def _score(
     for folder in (answers, truth):
         if not folder.is_dir():
             raise ValueError(f"{folder}: must be a folder.")
-    from diagrams.challenge.score.answered_case import read_answered_cases
-    from diagrams.challenge.score.asked import asked_tables
-    from diagrams.challenge.score.figures import figures
-    from diagrams.challenge.score.score import score
-    from diagrams.challenge.score.tables import miss_table, set_lines, tables
+    from diagrams.challenge.answered_case import read_answered_cases
+    from diagrams.challenge.score import score
+    from diagrams.challenge.score_tables import calibration_figure, missed, set_lines, tables
 
     result = score(read_answered_cases(answers, truth, visible), seed=run.seed)
+    bins = result["reliability"]["bins"]
     return Report(
-        [
-            *asked_tables(result),
-            *tables(result, visible),
-            *([miss_table(result)] if misses else []),
-        ],
+        [*tables(result, visible), *(missed(result) if misses else [])],
         config={"answers": answers, "truth": truth, "visible": visible},
         metrics=result,
         summary=set_lines(result),
         notes=[f"warning: {text}" for text in result["warnings"]],
-        figures=figures(result),
+        figures={"reliability.png": lambda: calibration_figure({"named causes": bins})}
+        if bins
+        else {},
     )

@@ -102,19 +102,16 @@ STUDIES = {
         "robustness.margins", "Largest delay and loop gain that each controller bears."
     ),
     "real": Study(
-        "challenge.real.study", "The diagnosis on real flights with known causes.", seed=None
+        "challenge.real_score", "The diagnosis on real flights with known causes.", seed=None
     ),
     "payload-flights": Study(
-        "challenge.real.forecast.payload_flights",
-        "Forecasts on real flights with a payload.",
-        seed=None,
+        "challenge.forecast", "Forecasts on real flights with a payload.", seed=None
     ),
     "vehicles": Study("robustness.vehicles.study", "35 g, 2 kg and 6 kg on four tracks."),
     "models": Study("tracking.packaged", "The packaged model files, made anew.", seed=None),
     "closing": Study(
         "challenge.transfer.study", "Transfer of the controller from the corrected simulator."
     ),
-    "replay": Study("challenge.real.replay", "Real flights replayed open loop.", seed=None),
     "identification": Study(
         "identification.study", "Simulated vehicles identified from their logs.", 5800
     ),
@@ -127,6 +124,7 @@ STUDIES = {
 }
 RETIRED = {
     "pendulum": "it is called tether now: `np-drake reproduce tether`",
+    "replay": "it is an option of another study: `np-drake reproduce real --replay`",
     "cost": "`np-drake challenge solve --json` holds time and memory of every case",
     "cooperative": "cooperative transport is an example, `python -m diagrams.payload.cooperative`",
 }

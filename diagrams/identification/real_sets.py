@@ -6,9 +6,7 @@ import dataclasses as dc
 from collections.abc import Collection, Sequence
 from pathlib import Path
 
-from diagrams.challenge.real.campaigns import Campaign, campaign_of
-from diagrams.challenge.real.rules import in_circle
-from diagrams.challenge.real.truth import Truth
+from diagrams.challenge.real import Campaign, Truth, campaign_of, in_circle
 from np_drake.flight_log import FlightLog
 from np_drake.logs.importing.log_map import load_map_file
 from np_drake.logs.opening import read_as_logged, with_vehicle
@@ -24,7 +22,7 @@ INDIFLIGHT = Campaign(
     ("indiflight/LOG002*.BFL",),
     estimate(Measured(0.2, 0.16, 0.076, 0.5, order="betaflight"), "estimate"),
     Truth("Indiflight: what acts is not known.", ()),
-    in_circle(),
+    in_circle,
 )
 SETS = {
     "imrc": campaign_of("bare"),

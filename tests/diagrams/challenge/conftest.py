@@ -54,6 +54,12 @@ def by_hand():
 
 
 @pytest.fixture(scope="session")
+def make_flight():
+    """Return a flight with a force that the nominal model lacks."""
+    return _beside("made_flight").flight
+
+
+@pytest.fixture(scope="session")
 def moving():
     """Return a level state (13,) of that velocity, turning rate and place."""
 

@@ -13,9 +13,10 @@ FLOORS = (  # from the ground up
     ("out_of_library",),
     ("simulators",),
     ("generate",),
-    ("score",),
-    ("solve",),
-    ("transfer", "real"),
+    ("answered_case",),
+    ("solve", "score", "least_squares", "real"),
+    ("score_tables",),
+    ("transfer", "real_score", "forecast"),
 )
 LEVEL = {room: level for level, rooms in enumerate(FLOORS) for room in rooms}
 FILES = sorted(

@@ -34,7 +34,7 @@ from diagrams.challenge.generate.sensor_quality import (
     draw_sensor_quality,
     kept_rows,
 )
-from diagrams.challenge.score.identification import WIDEST
+from diagrams.challenge.score import WIDEST
 from diagrams.challenge.simulators.drake import simulator
 from np_drake.diagnosis.regressors import tolerance_of
 from np_drake.effects.command_delay import CommandDelay
