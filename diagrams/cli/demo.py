@@ -38,20 +38,20 @@ def demo(
     wall, trained = time.perf_counter() - start, result.trained
 
     def write(folder: Path) -> None:
-        from diagrams.demo.files import write_demo
+        from diagrams.demo.page import write_demo
 
         say(f"{result.seeds}; {wall:.0f} s. Start with {write_demo(result, folder)}")
 
     return Report(
         [
-            flights_table(result.flights),
+            flights_table(list(result.flights.values())),
             _reduction_table(result),
             _causes_table(result),
             _meeting_table(result),
         ],
-        config=as_config(result.flights[-1].config),
+        config=as_config(next(reversed(result.flights.values())).config),
         metrics={
-            "runs": [flight.summary() for flight in result.flights],
+            "runs": [flight.summary() for flight in result.flights.values()],
             "reduction": result.reduction(),
             "withheld": result.withheld,
             "verdict": list(result.diagnosis.verdict),

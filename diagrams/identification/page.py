@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from diagrams.identification.figures import (
     agreement_figure,
@@ -17,6 +18,7 @@ from diagrams.identification.figures import (
 )
 from diagrams.identification.ghosts import (
     HORIZON,
+    Ghosts,
     error_figure,
     ghosts_of,
     motion_figure,
@@ -34,11 +36,11 @@ from diagrams.identification.text import (
     not_told,
     prior_interval,
 )
-from np_drake.diagnosis.report.page import embedded, style, template_of
 from np_drake.diagnosis.report.words import capital, listed, measure
-from np_drake.files.atomic_file import require_writable, write_bytes, write_text
-from np_drake.files.figure_file import png
+from np_drake.files import page
+from np_drake.files.atomic_file import require_writable
 from np_drake.files.number_text import NOTHING, fixed
+from np_drake.files.page import Section
 from np_drake.flight_log import FlightLog
 from np_drake.identification.flight_agreement import FlightValues, flight_values, own_values
 from np_drake.identification.identify import Identification
@@ -67,45 +69,43 @@ def write_page(
     """
     require_writable(folder / PAGE)
     each = sorted([*own_values(found), *flight_values(found)], key=lambda told: not told.differ)
-    figures = {"intervals": interval_figure(found)}
+    figures: dict[str, Figure | None] = dict.fromkeys(PICTURES)
+    figures["intervals"] = interval_figure(found)
     if each:
         figures["agreement"] = agreement_figure(found, each)
     if rows:
         figures["residuals"] = residual_figure(rows, per_mass=found.basis.ratios)
-    ghosts, why = None, "No flight was held out."
-    for number, log in enumerate(judging):
-        if log.lacks:
-            why = (
-                f"{log.name} holds no "
-                f"{listed([{'height': 'position'}.get(w, w) for w in log.lacks])}: no ghosts."
-            )
-            continue
-        try:
-            ghosts = ghosts_of(found, log, parts[number] if parts else (0.0, 1.0))
-            break
-        except ValueError as error:
-            why = f"{str(error).rstrip('.')}: no ghosts."
-    if ghosts is not None:
-        figures |= {
-            "ghosts_path": path_figure(ghosts),
-            "ghosts_motion": motion_figure(ghosts),
-            "ghosts_error": error_figure(ghosts),
-        }
-    pictures = {name: png(figure) for name, figure in figures.items()}
-    values = content(found, rows, each) | {
-        "ghosts": "" if ghosts is None else title_of(ghosts),
+    shown, why = _ghosts(found, judging, parts)
+    if shown is not None:
+        figures["ghosts_path"] = path_figure(shown)
+        figures["ghosts_motion"] = motion_figure(shown)
+        figures["ghosts_error"] = error_figure(shown)
+    ghosts = {
+        "ghosts": "" if shown is None else title_of(shown),
         "no_ghosts": why,
         "thirds": bool(parts),
-        "figures": {name: embedded(picture) for name, picture in pictures.items()},
     }
-    page = template_of(TEMPLATE.read_text("utf-8")).render(**values, style=style())
-    for name in PICTURES:
-        if name in pictures:
-            write_bytes(folder / f"{name}.png", pictures[name])
-        else:
-            (folder / f"{name}.png").unlink(missing_ok=True)  # of an earlier identification
-    write_text(folder / PAGE, page)
-    return folder / PAGE
+    section = Section(TEMPLATE, content(found, rows, each) | ghosts)
+    return page.write_page(
+        folder / PAGE, f"Identification · {found.prior.name}", [section], figures
+    )
+
+
+def _ghosts(
+    found: Identification, judging: Sequence[FlightLog], parts: Sequence[tuple[float, float]]
+) -> tuple[Ghosts | None, str]:
+    """Return the ghosts of the first flight that can be predicted; None, and why there are none."""
+    why = "No flight was held out."
+    for number, log in enumerate(judging):
+        if log.lacks:
+            lacking = listed(["position" if w == "height" else w for w in log.lacks])
+            why = f"{log.name} holds no {lacking}: no ghosts."
+            continue
+        try:
+            return ghosts_of(found, log, parts[number] if parts else (0.0, 1.0)), ""
+        except ValueError as error:
+            why = f"{str(error).rstrip('.')}: no ghosts."
+    return None, why
 
 
 def content(

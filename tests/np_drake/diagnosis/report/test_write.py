@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
-from np_drake.diagnosis.report import page
 from np_drake.diagnosis.report.page import write_report
 from np_drake.diagnosis.result import Finding
+from np_drake.files import page
 
 HOSTILE = '<script>alert("x")</script>&$\\frac{$ 飞.csv'
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
