@@ -36,6 +36,7 @@ def demo(
     with progress("demo", 1.0) as advance:
         result = run_demo(run.folder, seed=run.seed, solver=solver, jobs=jobs, on_progress=advance)
     wall, trained = time.perf_counter() - start, result.trained
+    flights = list(result.flights.values())
 
     def write(folder: Path) -> None:
         from diagrams.demo.page import write_demo
@@ -44,14 +45,14 @@ def demo(
 
     return Report(
         [
-            flights_table(list(result.flights.values())),
+            flights_table(flights),
             _reduction_table(result),
             _causes_table(result),
             _meeting_table(result),
         ],
-        config=as_config(next(reversed(result.flights.values())).config),
+        config=as_config(flights[-1].config),
         metrics={
-            "runs": [flight.summary() for flight in result.flights.values()],
+            "runs": [flight.summary() for flight in flights],
             "reduction": result.reduction(),
             "withheld": result.withheld,
             "verdict": list(result.diagnosis.verdict),

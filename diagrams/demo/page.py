@@ -30,7 +30,6 @@ LABELS = {
     "np": "NP-MPC (np)",
     "payload_filter": "MPC with payload_filter",
 }
-COLOURS = dict(zip(SIMULATORS, (PALETTE[1], PALETTE[0]), strict=True))
 
 
 def write_demo(demo: Demo, folder: Path) -> Path:
@@ -59,13 +58,13 @@ def write_demo(demo: Demo, folder: Path) -> Path:
 
 def figures(demo: Demo) -> dict[str, Figure]:
     """Return the figures by name."""
-    found = {"foretold": foretold(demo)}
-    for track in TRACKS:
-        flights = [flight for (flown, _), flight in demo.flights.items() if flown == track]
-        title = f"{track} · seed {flights[0].seed}"
-        found[f"{track}_track"] = flight_figures.plane_track(flights, title)
-        found[f"{track}_errors"] = flight_figures.errors(flights, title)
-    return found
+    flights = [flight for (track, _), flight in demo.flights.items() if track == HELD_OUT]
+    title = f"{HELD_OUT} · seed {flights[0].seed}"
+    return {
+        "foretold": foretold(demo),
+        f"{HELD_OUT}_track": flight_figures.plane_track(flights, title),
+        f"{HELD_OUT}_errors": flight_figures.errors(flights, title),
+    }
 
 
 def foretold(demo: Demo) -> Figure:
@@ -77,7 +76,7 @@ def foretold(demo: Demo) -> Figure:
         flight = until(demo.flights[HELD_OUT, row.kind], demo.simulated_seconds)
         ax.plot(*_error(flight), color="0.1", linewidth=2.2, alpha=0.55, label="flight")
         for k, name in enumerate(SIMULATORS):
-            style = {"color": COLOURS[name], "linestyle": DASHES[1 - k], "linewidth": 1.2}
+            style = {"color": PALETTE[1 - k], "linestyle": DASHES[1 - k], "linewidth": 1.2}
             ax.plot(*_error(demo.simulated[name, row.kind]), label=f"{name} simulator", **style)
         ax.set(ylabel="position error [cm]", title=LABELS[row.kind], ylim=(0, None))
         ax.grid(alpha=0.3)
@@ -133,11 +132,10 @@ def headline(demo: Demo) -> str:
 
 def error_rows(demo: Demo) -> list[tuple[str, ...]]:
     """Return (track, controller, E_xy, E_z) of every flight."""
-    rows: list[tuple[str, ...]] = []
-    for (track, kind), flight in demo.flights.items():
-        m = flight.metrics()
-        rows.append((track, LABELS[kind], _cm(m["E_xy"]), _cm(m["E_z"])))
-    return rows
+    return [
+        (track, LABELS[kind], *(_cm(flight.metrics()[name]) for name in ("E_xy", "E_z")))
+        for (track, kind), flight in demo.flights.items()
+    ]
 
 
 def cause_rows(demo: Demo) -> list[tuple[str, ...]]:

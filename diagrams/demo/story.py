@@ -5,6 +5,7 @@ with the flights.
 import dataclasses as dc
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
+from operator import call
 from pathlib import Path
 from typing import Any
 
@@ -45,7 +46,8 @@ class Demo:
     trained: what the model was trained on. flights: by track and kind of controller.
     diagnosis: of the flights of the nominal MPC.
     beside: the held-out flight and its replays.
-    simulated: flights of the held-out track by simulator and kind of controller.
+    simulated: flights of the held-out track by simulator and kind of controller, of
+        `simulated_seconds` after the ramp [s].
     """
 
     seed: int
@@ -55,6 +57,7 @@ class Demo:
     diagnosis: Diagnosis
     beside: SideBySide
     simulated: Mapping[tuple[str, str], FlightResult]
+    simulated_seconds: float
 
     @property
     def withheld(self) -> dict[str, dict[str, float]]:
@@ -69,11 +72,6 @@ class Demo:
             f"seed {self.seed} of the training, {self.seed + 1} of the flights, "
             f"{self.seed + 2} of the simulators"
         )
-
-    @property
-    def simulated_seconds(self) -> float:
-        """Length of the flights in simulators, after the ramp [s]."""
-        return next(iter(self.simulated.values())).config.duration
 
     def reduction(self) -> dict[str, dict[str, float]]:
         """Return the relative reduction of the nominal MPC's error by NP-MPC, by track [1]."""
@@ -132,11 +130,11 @@ def run_demo(
     }
     trips = {key: partial(fly, config, seed=seed + 1) for key, config in configs.items()}
 
+    seconds = min(simulated, *(config.duration for config in configs.values()))
+
     def in_simulator(world: RealityConfig, kind: str) -> Callable[[], FlightResult]:
-        config = configs[HELD_OUT, kind]
-        duration = min(simulated, config.duration)
-        config = dc.replace(config, reality=world, duration=duration).check_and_step()
-        return partial(fly, config, seed=seed + 2)
+        config = dc.replace(configs[HELD_OUT, kind], reality=world, duration=seconds)
+        return partial(fly, config.check_and_step(), seed=seed + 2)
 
     learned = {key: trip for key, trip in trips.items() if key[1] in models}
     unlearned = {key: trip for key, trip in trips.items() if key[1] not in models}
@@ -160,7 +158,7 @@ def run_demo(
     diagnosis, beside, corrected = done.pop("diagnosis")
     flights = {key: done[key] for key in configs}
     simulations = {key: done[key] for key in foretold} | corrected
-    return Demo(seed, training, trained, flights, diagnosis, beside, simulations)
+    return Demo(seed, training, trained, flights, diagnosis, beside, simulations, seconds)
 
 
 def _side_by_side(
@@ -173,16 +171,12 @@ def _side_by_side(
     tell(0.0)
     keys, results = list(work), {}
     alone = enumerate(task() for task in work.values())
-    for number, value in alone if jobs == 1 else as_they_finish(_call, list(work.values()), jobs):
+    for number, value in alone if jobs == 1 else as_they_finish(call, list(work.values()), jobs):
         if isinstance(value, DeadProcess):
             raise value
         results[keys[number]] = value
         tell(len(results) / len(keys))
     return results
-
-
-def _call(work: Callable[[], Any]) -> Any:
-    return work()
 
 
 def _learn(

@@ -2,10 +2,8 @@
 shows; and the shape of the vehicle.
 """
 
-import dataclasses as dc
 import math
 from pathlib import Path
-from typing import ClassVar
 
 import numpy as np
 import pytest
@@ -20,14 +18,16 @@ from diagrams.exports.formats import (
     how_carried,
     hull,
 )
-from np_drake.effects.base import Parameter, SensorEffect, WrenchEffect
-from np_drake.effects.battery_sag import BatterySag
+from np_drake.effects import (
+    BatterySag,
+    LinearDrag,
+    MotorLag,
+    SensorNoise,
+    SuspendedPayload,
+    ThrustScale,
+)
+from np_drake.effects.base import SensorEffect
 from np_drake.effects.library import LIBRARY, effects_for
-from np_drake.effects.linear_drag import LinearDrag
-from np_drake.effects.motor_lag import MotorLag
-from np_drake.effects.sensor_noise import SensorNoise
-from np_drake.effects.suspended_payload import SuspendedPayload
-from np_drake.effects.thrust_scale import ThrustScale
 from np_drake.vehicle.vehicle import Vehicle, load_vehicle, preset_names
 
 EFFECTS = effects_for("rotor_speed", neighbours=True)
@@ -35,14 +35,10 @@ UNUSUAL = {"thrust_drift": {"start": 0.9}}  # whose usual start is that of the n
 PAGE = Path(__file__).parents[3] / "docs" / "guide" / "export.md"
 
 
-@dc.dataclass(frozen=True)
-class Hose(WrenchEffect):
+class Hose(LinearDrag):
     """A user's own effect."""
 
-    weight: float = 0.8  # [N/m]
-
-    identifier: ClassVar[str] = "hose"
-    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("weight", "N/m", 0.0, 0.0, 5.0, 0.5),)
+    identifier = "hose"
 
 
 @pytest.mark.parametrize("form", FORMATS)
