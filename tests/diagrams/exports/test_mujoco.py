@@ -29,6 +29,9 @@ mujoco = pytest.importorskip(
 )
 
 
+PERIOD, ROWS = 0.01, 20  # of a command [s]; commands between compared states
+
+
 def model(vehicle, effects, folder):
     """MuJoCo's model of the exported file, and its data in the keyframe `hover`."""
     write_mujoco(vehicle, effects, folder / "dut.xml")
@@ -119,28 +122,23 @@ class GentleFlight:
     some 10 m. Drake's steps of 10 ms, of third order, leave 1e-6 m.
     """
 
-    period, rows = 0.01, 20  # of a command [s]; commands between compared states
-
     def __init__(self, effects):
         self.vehicle, self.effects = Vehicle(), effects
         c = self.corrected = corrected(self.vehicle, effects)
-        t = np.arange(0.0, 5.0 - 1e-9, self.period)
+        t = self.t = np.arange(0.0, 5.0 - 1e-9, PERIOD)
         thrust = 4 * c.hover_thrust / c.scale * (1.0 + 0.04 * np.sin(2.1 * t))
         roll, pitch = 0.008 * np.cos(2.5 * t), 0.01 * np.cos(3.0 * t)
         if c.payload is not None:  # a hook in front pulls the nose down
             pitch = pitch - c.payload.hook_x * c.payload.mass * self.vehicle.gravity
         self.u = np.stack([thrust, roll, pitch, 0.004 * np.cos(1.3 * t)], axis=1)
-        self.thrusts = self.u @ self.vehicle.unmixer.T
 
     def drake(self):
-        """States (26, 13) of the flight in Drake."""
-        start = np.array([0.0, 0, 0, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0])
-        hung = self.corrected.payload
+        """States (25, 13) of the flight in Drake, every 0.2 s."""
+        start, hung = np.eye(16)[3, :13], self.corrected.payload
         swing = Swing(np.array([0, 0, -hung.length]), np.zeros(3), np.zeros(3)) if hung else None
-        commands = Commands(self.period * np.arange(len(self.u)), self.u)
-        times = np.arange(0.0, 5.0 + 1e-9, self.rows * self.period)
-        flown = Rollout(self.vehicle, self.effects).fly(start, commands, times, swing)[:, :13]
-        return np.concatenate([start[None], flown])
+        times = np.arange(0.0, 5.0 + 1e-9, ROWS * PERIOD)
+        dut = Rollout(self.vehicle, self.effects)
+        return dut.fly(start, Commands(self.t, self.u), times, swing)[:, :13]
 
 
 EFFECTS = {
@@ -152,8 +150,8 @@ EFFECTS = {
 # Position [m], attitude [rad]. exact: Drake's steps. lag: a lag of thrust differs from one of speed
 # by the square of the change of speed. drag: constant rotor speed is wrong by the 2 % of its sway.
 # payload: Drake's cable stretches by 0.13 mm.
-FLIGHTS = {"exact": (1e-6, 1e-7), "lag": (4e-2, 2e-3), "drag": (5e-3, 1e-7)}
-FLIGHTS["payload"] = (2e-3, 1e-4)
+FLIGHTS = {"exact": (1e-6, 1e-7), "lag": (4e-2, 2e-3)}
+FLIGHTS |= {"drag": (5e-3, 1e-7), "payload": (2e-3, 1e-4)}
 
 
 @pytest.mark.parametrize("name", FLIGHTS)
@@ -162,14 +160,12 @@ def test_a_flight_in_mujoco_is_that_in_drake(name, tmp_path):
     dut, data = model(flight.vehicle, flight.effects, tmp_path)
     if dut.na:
         data.act[:] = flight.corrected.hover_thrust
-    steps, states = round(flight.period / dut.opt.timestep), []
-    # A free joint has [p, q (w, x, y, z)] and [v in W, w in B].
-    for k in range(len(flight.u) + 1):
-        if k % flight.rows == 0:
+    steps, states = round(PERIOD / dut.opt.timestep), []
+    for k, thrusts in enumerate(flight.u @ flight.vehicle.unmixer.T):
+        data.ctrl[:4] = thrusts
+        mujoco.mj_step(dut, data, steps)
+        if (k + 1) % ROWS == 0:  # a free joint has [p, q (w, x, y, z)] and [v in W, w in B]
             states.append(np.concatenate([data.qpos[:7], data.qvel[:6]]))
-        if k < len(flight.u):
-            data.ctrl[:4] = flight.thrusts[k]
-            mujoco.mj_step(dut, data, steps)
     expected = flight.drake()
     assert np.linalg.norm(expected[-1, :3]) > 5.0  # it flew [m]
     off = np.array(states) - expected

@@ -33,13 +33,10 @@ def logged(**reality) -> FlightLog:
 
 
 def found(*causes, joined=()) -> an.Diagnosis:
-    check = an.Identifiability(True, {}, {}, ())
-    gap_reduction = an.GapReduction(2.0, 1.0, 1.0, 1.0, (1.0, 1.0), ())
     names = tuple(cause.identifier for cause in causes)
-    where = residual_parts.Localisation(())
-    return an.Diagnosis(
-        "paper", ("t",), (NAME,), names, causes, check, where, gap_reduction, joined=joined
-    )
+    where, check = residual_parts.Localisation(()), an.Identifiability(True, {}, {}, ())
+    parts = (causes, check, where, an.GapReduction(2.0, 1.0, 1.0, 1.0, (1.0, 1.0), ()))
+    return an.Diagnosis("paper", ("t",), (NAME,), names, *parts, joined=joined)
 
 
 def cause(effect, onset=None) -> an.Cause:
@@ -69,21 +66,14 @@ def test_the_ghost_of_a_perfect_simulator_lies_on_the_flight(seen):
 def test_a_cause_acts_from_its_onset_on(log):
     begins = side_by_side(found(cause(DRAG, onset=2.5)), VEHICLE, [log])
     before = begins.start + np.arange(len(begins.x)) / FRAME_RATE < 2.4
-    np.testing.assert_allclose(
-        begins.corrected.errors[:, 0][before], begins.nominal.errors[:, 0][before], atol=1e-9
-    )
+    corrected, nominal = begins.corrected.errors, begins.nominal.errors
+    np.testing.assert_allclose(corrected[before], nominal[before], atol=1e-6)
     after = begins.restarted / FRAME_RATE + begins.start > 2.5
-    assert begins.corrected.errors[:, 0][after].max() < 2e-3  # smoothing of the start [m]
-
-
-def test_onsets_count_by_the_clock_of_the_log(log):
-    later = dc.replace(log, t=log.t + 100.0)
-    early, late = (
-        side_by_side(found(cause(DRAG, onset=t)), VEHICLE, [some])
-        for t, some in ((2.5, log), (102.5, later))
-    )
-    assert late.start == pytest.approx(early.start)
-    np.testing.assert_allclose(late.corrected.x, early.corrected.x, atol=1e-6)
+    assert corrected[after, 0].max() < 2e-3  # smoothing of the start [m]
+    later = dc.replace(log, t=log.t + 100.0)  # an onset is on the clock of the log
+    late = side_by_side(found(cause(DRAG, onset=102.5)), VEHICLE, [later])
+    assert late.start == pytest.approx(begins.start)
+    np.testing.assert_allclose(late.corrected.x, begins.corrected.x, atol=1e-6)
 
 
 def test_of_a_flight_that_joined_the_fit_the_second_half_is_seen(log):
@@ -94,16 +84,13 @@ def test_of_a_flight_that_joined_the_fit_the_second_half_is_seen(log):
 def test_the_page_shows_what_was_computed(seen, replay_page, tmp_path):
     write_side_by_side(seen, VEHICLE, tmp_path / "replay.html")
     page = replay_page(tmp_path / "replay.html")
-    for name, x in {
-        "flight": seen.x,
-        "nominal": seen.nominal.x,
-        "corrected": seen.corrected.x,
-    }.items():
-        np.testing.assert_allclose(page.film[name]["position"], x[:, :3], atol=1e-12)
+    np.testing.assert_allclose(page.film["flight"]["position"], seen.x[:, :3], atol=1e-12)
     read = {error["label"]: error["cm"] for error in page.numbers["errors"]}
     for name in ("nominal", "corrected"):
-        error = getattr(seen, name).errors[:, 0]
-        np.testing.assert_allclose(read[f"{name} simulator"], 100 * error, atol=0.00501)
+        ghost = getattr(seen, name)
+        np.testing.assert_allclose(page.film[name]["position"], ghost.x[:, :3], atol=1e-12)
+        centimetres = 100 * ghost.errors[:, 0]
+        np.testing.assert_allclose(read[f"{name} simulator"], centimetres, atol=0.00501)
     assert len(page.text) < 6e6 * len(seen.x) / (FRAME_RATE * LONGEST) + 2.5e6
 
 
@@ -116,9 +103,8 @@ def test_the_payload_of_a_cause_hangs_under_the_corrected_ghost(replay_page, tmp
     assert np.isnan(both.nominal.p_WP).all()
     write_side_by_side(both, VEHICLE, tmp_path / "replay.html")
     page = replay_page(tmp_path / "replay.html")
-    np.testing.assert_allclose(
-        page.film["corrected_payload"]["position"], both.corrected.p_WP, atol=1e-12
-    )
+    shown = page.film["corrected_payload"]["position"]
+    np.testing.assert_allclose(shown, both.corrected.p_WP, atol=1e-12)
     assert "nominal_payload" not in page.objects
 
 
