@@ -52,8 +52,8 @@ def write_demo(demo: Demo, folder: Path) -> Path:
         name = f"{track}_{LEARNED.kind}_replay.html"
         write_replay(demo.flights[track, LEARNED.kind], folder / name)
         links[name] = f"NP-MPC on the {track}"
-    section = Section(TEMPLATE, content(demo) | {"links": links})
-    return write_page(folder / FILE, "np_drake demo", [section], figures(demo), closed=False)
+    sections = [Section(TEMPLATE, content(demo) | {"links": links})]
+    return write_page(folder / FILE, "np_drake demo", sections, figures(demo), closed=False)
 
 
 def figures(demo: Demo) -> dict[str, Figure]:

@@ -86,8 +86,9 @@ def drawn(config: FlightConfig, count: int, seed: int) -> list[FlightConfig]:
         effects = reality.posterior.draw(reality.effects, generator)
         disturbance = dc.replace(reality.disturbance, seed=int(generator.integers(2**31)))
         own = dc.replace(reality, effects=effects, disturbance=disturbance)
-        one = dc.replace(config, name=f"{config.name}_{k + 1}", reality=own)
-        found.append(one.check_and_step())
+        found.append(
+            dc.replace(config, name=f"{config.name}_{k + 1}", reality=own).check_and_step()
+        )
     return found
 
 

@@ -23,11 +23,10 @@ from np_drake.diagnosis.gap.replay import (
     true_states,
 )
 from np_drake.diagnosis.result import HORIZONS, ReplayGap
+from np_drake.effects import CommandDelay, GustyWind
 from np_drake.effects.base import Effect, SensorEffect, WrenchEffect
 from np_drake.effects.calibration import in_flight
 from np_drake.effects.combine import mass_properties, split_effects
-from np_drake.effects.command_delay import CommandDelay
-from np_drake.effects.gusty_wind import GustyWind
 from np_drake.effects.motor_lag import at_once
 from np_drake.effects.pendulum import tether_force
 from np_drake.flight_log import FlightLog

@@ -18,7 +18,6 @@ from np_drake.logs.opening import open_flights
 from np_drake.vehicle import Vehicle
 
 GROUPS = {"lateral force": [0, 1], "vertical force": [2], "torque": [3, 4, 5]}  # of the residual
-POOLED = "all four, pooled"  # name of the row over all flights
 COLUMNS = (
     ("held out", "flight"),
     ("RMS of", "group"),
@@ -78,7 +77,7 @@ def rows(folds: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
     [N, N·m], and the reduction `cut` [1].
     """
     out = []
-    for name, some in [*((f["flight"], [f]) for f in folds), (POOLED, list(folds))]:
+    for name, some in [*((f["flight"], [f]) for f in folds), ("all four, pooled", list(folds))]:
         for group in GROUPS:
             line: dict[str, Any] = {"flight": name, "group": group}
             for key in some[0]["squares"][group]:

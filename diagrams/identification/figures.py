@@ -35,11 +35,10 @@ def interval_figure(found: Identification) -> Figure:
     shown = found.quantities
     figure, grid = new_figure(1, 1, width=9.6, height=1.3 + 0.27 * len(shown))
     ax = grid[0, 0]
-    bar = {"color": PRIOR, "linewidth": 9, "solid_capstyle": "butt", "zorder": 1}
     for place, q in enumerate(shown):
         value, *ends = (place_in_prior(q, v) for v in (q.value, q.low, q.high))
         colour = TOLD if q.told else OTHER
-        ax.plot([-1, 1], [place, place], label="prior, 95 %", **bar)
+        ax.hlines(place, -1, 1, color=PRIOR, linewidth=9, label="prior, 95 %", zorder=1)
         reach = np.clip(ends, -REACH, REACH)
         ax.plot(reach, [place, place], color=colour, linewidth=2.4, zorder=2)
         ax.plot(
@@ -79,13 +78,14 @@ def agreement_figure(found: Identification, each: Sequence[FlightValues]) -> Fig
     """Return what each flight tells alone of each quantity, beside what all tell together."""
     rows, count = math.ceil(len(each) / ACROSS), len(found.models)
     figure, grid = new_figure(rows, ACROSS, width=10.5, height=0.9 + 1.75 * rows)
-    numbers = [str(i + 1) if count <= 15 else "" for i in range(count)]
     for place, ax in enumerate(grid.ravel()):
         if place >= len(each):
             ax.set_visible(False)
             continue
         _flights(ax, found, each[place])
-        ax.set_xticks(range(count), numbers, fontsize=8)
+        ax.set_xticks(
+            range(count), [str(i + 1) if count <= 15 else "" for i in range(count)], fontsize=8
+        )
         ax.set_xlim(-0.6, count - 0.4)
         if place >= len(each) - ACROSS:
             ax.set_xlabel("flight, in the order given")

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from diagrams.identification import figures
 from diagrams.identification.text import (
@@ -34,7 +33,6 @@ from np_drake.identification.validation import HORIZONS, HeldOut
 
 PAGE, TEMPLATE = "identification.html", Path(__file__).with_name("page.html.j2")
 VEHICLE = "vehicle.yaml"
-PICTURES = ("intervals", "agreement", "residuals")
 
 
 def write_page(
@@ -48,15 +46,15 @@ def write_page(
     """
     require_writable(folder / PAGE)
     each = sorted([*own_values(found), *flight_values(found)], key=lambda told: not told.differ)
-    pictures: dict[str, Figure | None] = dict.fromkeys(PICTURES)
-    pictures["intervals"] = figures.interval_figure(found)
-    if each:
-        pictures["agreement"] = figures.agreement_figure(found, each)
-    if rows:
-        pictures["residuals"] = figures.residual_figure(rows, per_mass=found.basis.ratios)
-    values = content(found, rows, each) | {"thirds": thirds}
-    title = f"Identification · {found.prior.name}"
-    return page.write_page(folder / PAGE, title, [Section(TEMPLATE, values)], pictures)
+    pictures = {
+        "intervals": figures.interval_figure(found),
+        "agreement": figures.agreement_figure(found, each) if each else None,
+        "residuals": figures.residual_figure(rows, per_mass=found.basis.ratios) if rows else None,
+    }
+    sections = [Section(TEMPLATE, content(found, rows, each) | {"thirds": thirds})]
+    return page.write_page(
+        folder / PAGE, f"Identification · {found.prior.name}", sections, pictures
+    )
 
 
 def content(

@@ -24,10 +24,8 @@ from diagrams.challenge.generate.sensor_quality import (
 from diagrams.challenge.generate.trajectories import draw_plans
 from diagrams.challenge.simulators.drake.simulator import fly
 from np_drake import attitude
-from np_drake.effects.blade_flapping import BladeFlapping
+from np_drake.effects import BladeFlapping, LinearDrag, TranslationalLift
 from np_drake.effects.calibration import effects_of
-from np_drake.effects.linear_drag import LinearDrag
-from np_drake.effects.translational_lift import TranslationalLift
 from np_drake.files.number_text import NOTHING
 from np_drake.flight_log import FlightLog
 from np_drake.identification.frame import G, Values
@@ -433,15 +431,19 @@ def run(run: Run, options: Options) -> Report:
     header = ["input", "vehicles", "vehicle file", "drag and lift"]
     shares = [
         (
-            *(line["input"], line["vehicles"]),
-            *(_share(line, key) for key in ("vehicle", "air")),
-            *(line["refused"], f"{line['processor_time']:.1f}"),
+            line["input"],
+            line["vehicles"],
+            _share(line, "vehicle"),
+            _share(line, "air"),
+            line["refused"],
+            f"{line['processor_time']:.1f}",
         )
         for line in pooled
     ]
     rows = [
         (
-            *(line["name"], f"{line['told']} of {line['count']}"),
+            line["name"],
+            f"{line['told']} of {line['count']}",
             _number(line["within"], "{:.1%}"),
             *(_number(line[key]) for key in ERRORS.values()),
             line["unit"],
@@ -461,9 +463,10 @@ def run(run: Run, options: Options) -> Report:
 
 
 def _share(line: Line, key: str) -> str:
-    half = line[f"{key}_ci95"]
+    share, half = line[key], line[f"{key}_ci95"]
     spread = "" if half is None else f" ± {100 * half:.1f}"
-    return f"{_number(line[key], '{:.1%}')}{spread} of {line[f'{key}_told']}"
+    told = NOTHING if share is None else f"{100 * share:.1f}{spread} %"
+    return f"{told} of {line[f'{key}_told']}"
 
 
 def _number(value: float | None, form: str = "{:.2g}") -> str:
