@@ -145,20 +145,33 @@ def run_demo(
         lambda share: on_progress(LEARNING * share, "training and flights"),
     )
     training, trained = done.pop("learned")
-    train = [diagnosed(training), diagnosed(done[TRACKS[0], NOMINAL.kind])]
-    held_out = [diagnosed(done[HELD_OUT, NOMINAL.kind])]
-    look = partial(_diagnose, vehicle, train, held_out, in_simulator)
-    nominal = practice.reality.nominal()
-    foretold = {("nominal", row.kind): in_simulator(nominal, row.kind) for row in FORETOLD}
+    foretold = {
+        ("nominal", row.kind): in_simulator(practice.reality.nominal(), row.kind)
+        for row in FORETOLD
+    }
+    look = partial(
+        _diagnose,
+        vehicle,
+        [diagnosed(training), diagnosed(done[TRACKS[0], NOMINAL.kind])],
+        [diagnosed(done[HELD_OUT, NOMINAL.kind])],
+        in_simulator,
+    )
     done |= _side_by_side(
         {"diagnosis": look, **learned, **foretold},
         jobs,
         lambda share: on_progress(LEARNING + (1 - LEARNING) * share, "diagnosis and flights"),
     )
     diagnosis, beside, corrected = done.pop("diagnosis")
-    flights = {key: done[key] for key in configs}
-    simulations = {key: done[key] for key in foretold} | corrected
-    return Demo(seed, training, trained, flights, diagnosis, beside, simulations, seconds)
+    return Demo(
+        seed=seed,
+        training=training,
+        trained=trained,
+        flights={key: done[key] for key in configs},
+        diagnosis=diagnosis,
+        beside=beside,
+        simulated={key: done[key] for key in foretold} | corrected,
+        simulated_seconds=seconds,
+    )
 
 
 def _side_by_side(
