@@ -105,7 +105,7 @@ def diagnose(
     found = diagnose_logs(nominal, *logs, **how, neighbours=beside)
     nominal = found.nominal or nominal
     if run.folder is not None:
-        from diagrams.gap.trial import with_trial
+        from diagrams.gap.corrected import with_trial
 
         with progress("trying the corrected simulator", 1.0) as advance:
             found = with_trial(found, nominal)

@@ -143,7 +143,7 @@ def identify(
             save_vehicle(own, folder / FILE)
             say(f"vehicle file: {folder / FILE}")
         output.write_metrics(folder / JSON, SCHEMA, seed=run.seed, config=config, **metrics)
-        say(f"page: {write_page(found, rows, judging, folder, parts=parts)}")
+        say(f"page: {write_page(found, rows, folder, thirds=bool(parts))}")
 
     from diagrams.identification.text import change, summary
 

@@ -71,7 +71,7 @@ STUDIES = {
         "tracking.configurations", "Every configuration of the predictor in the loop."
     ),
     "weights": Study("tracking.tuning", "How the MPC's weights were chosen."),
-    "gap": Study("gap.real_flights", "The diagnosis on agile real flights.", seed=None),
+    "gap": Study("gap.real_flights", "The diagnosis on agile real flights.", seed=None, many=False),
     "mhe": Study(
         "prediction.mhe_flights", "A moving-horizon estimator on real flights.", seed=None
     ),
@@ -86,12 +86,6 @@ STUDIES = {
     "hover": Study("payload.hover_study", "Hover while the payload swings."),
     "attach": Study(
         "payload.attach_study", "The payload changes in flight: attached, cut off, taut."
-    ),
-    "autopilot": Study(
-        "gap.autopilot_study", "Controllers on Betaflight's firmware; predicted errors."
-    ),
-    "blackbox": Study(
-        "gap.blackbox_study", "The firmware's own log identified and diagnosed.", 7100
     ),
     "node": Study("offboard.study", "Faults while a node flies: what is sent, when it stops."),
     "timing": Study("performance.timing", "What a period costs.", many=False),
@@ -113,16 +107,16 @@ STUDIES = {
         "challenge.transfer.study", "Transfer of the controller from the corrected simulator."
     ),
     "identification": Study(
-        "identification.study", "Simulated vehicles identified from their logs.", 5800
-    ),
-    "identification-flights": Study(
-        "identification.real_study", "Real vehicles from two halves of their flights.", seed=None
+        "identification.simulated", "Simulated vehicles identified from their logs.", 5800
     ),
     "deadlines": Study(
         "performance.deadlines", "Deadlines of the loop on this machine.", 9800, many=False
     ),
 }
 RETIRED = {
+    "autopilot": "`np-drake fly circle --autopilot betaflight` flies on the firmware",
+    "identification-flights": "`np-drake identify LOG... --held-out LOG` judges on other flights",
+    "blackbox": "`np-drake identify flight.bbl --vehicle FILE` reads the firmware's own log",
     "pendulum": "it is called tether now: `np-drake reproduce tether`",
     "replay": "it is an option of another study: `np-drake reproduce real --replay`",
     "cost": "`np-drake challenge solve --json` holds time and memory of every case",

@@ -9,9 +9,7 @@ from diagrams.loop import flight_figures
 from diagrams.loop.controller_config import LEARNED
 from diagrams.loop.flight_result import FlightResult
 from np_drake.diagnosis.report import words
-from np_drake.diagnosis.report.page import embedded, style, template_of
-from np_drake.files.atomic_file import write_bytes, write_text
-from np_drake.files.figure_file import png
+from np_drake.files.page import Section, write_page
 
 TEMPLATE = Path(__file__).with_name("comparison.html.j2")
 
@@ -57,24 +55,24 @@ def write_comparison(
     Raises: OSError: if a file cannot be written.
     """
     first = flights[0]
-    picture = png(flight_figures.overlay(flights, f"{first.config.name} · seed {first.seed}"))
-    write_bytes(folder / f"{first.config.name}_comparison.png", picture)
-    template = template_of(TEMPLATE.read_text("utf-8"))
-    page = folder / f"{first.config.name}_comparison.html"
+    name = first.config.name
     content = {
-        "style": style(),
-        "name": first.config.name,
+        "name": name,
         "vehicle": first.config.vehicle.name,
         "seed": first.seed,
         "headline": sentence(flights).rstrip("."),
         "conditions": " ".join(filter(None, [conditions(first), models(flights)])),
         "rows": [_row(flight) for flight in flights],
         "lost": lost,
-        "figure": embedded(picture),
         "files": [(flight.label, stem(flight)) for flight in flights],
     }
-    write_text(page, template.render(**content))
-    return page
+    picture = flight_figures.overlay(flights, f"{name} · seed {first.seed}")
+    return write_page(
+        folder / f"{name}_comparison.html",
+        f"{name}: controllers compared",
+        [Section(TEMPLATE, content)],
+        {f"{name}_comparison": picture},
+    )
 
 
 def conditions(flight: FlightResult) -> str:

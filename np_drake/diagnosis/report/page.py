@@ -1,16 +1,12 @@
 """The report's folder: HTML page, JSON and figures, all made before anything is written."""
 
-import base64
 import math
 from collections.abc import Mapping
-from importlib import resources
 from importlib.metadata import version
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from jinja2 import Environment, StrictUndefined, Template
-from markupsafe import Markup
 from matplotlib.figure import Figure
 
 from np_drake.diagnosis.report import answer as summary
@@ -18,66 +14,12 @@ from np_drake.diagnosis.report import words
 from np_drake.diagnosis.report.answer import GAP_HEADER, gap_rows, headline, lead, remains
 from np_drake.diagnosis.report.figures import replay_figure, timeline_figure
 from np_drake.diagnosis.result import Diagnosis, Finding, ReplayGap
-from np_drake.files.atomic_file import require_writable, write_bytes, write_json, write_text
-from np_drake.files.figure_file import png
-from np_drake.files.number_text import kept_together
+from np_drake.files.atomic_file import require_writable, write_json
+from np_drake.files.page import Section, write_page
 
-TEMPLATE, STYLE = "report.html.j2", "style.css"
+TEMPLATE = Path(__file__).with_name("report.html.j2")
 PAGE, DATA = "report.html", "diagnosis.json"
 PICTURES = ("timeline", "replay")
-
-
-def render(
-    diagnosis: Diagnosis,
-    figures: Mapping[str, bytes],
-    *,
-    seed: int = 0,
-    beside: Mapping[str, str] = MappingProxyType({}),
-) -> str:
-    """Return the HTML page.
-
-    Args:
-        beside: texts of links by the names of files in the same folder.
-    """
-    template = template_of(_text(TEMPLATE))
-    pictures = {name: embedded(png) for name, png in figures.items()}
-    return template.render(
-        **content(diagnosis, seed), figures=pictures, beside=beside, style=style()
-    )
-
-
-def template_of(text: str) -> Template:
-    """Return the template of a page; in what it puts in, a number stays with its unit."""
-    environment = Environment(
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        finalize=lambda value: kept_together(value) if type(value) is str else value,
-    )
-    environment.filters["longest_word"] = longest_word
-    return environment.from_string(text)
-
-
-def longest_word(text: str) -> int:
-    """Return the length of the longest part of a text that no line is broken in, as a name of a
-    file.
-    """
-    return max(map(len, text.split()), default=0)
-
-
-def style() -> Markup:
-    """Return the style sheet of the project's pages."""
-    return Markup(_text(STYLE))
-
-
-def embedded(png: bytes) -> str:
-    """Return a picture as text for a page's `data:image/png;base64,`."""
-    return base64.b64encode(png).decode("ascii")
-
-
-def _text(name: str) -> str:
-    return resources.files("np_drake.diagnosis.report").joinpath(name).read_text(encoding="utf-8")
 
 
 def content(diagnosis: Diagnosis, seed: int) -> dict[str, Any]:
@@ -199,17 +141,13 @@ def write_report(
     """
     folder = Path(folder)
     require_writable(folder / PAGE)
-    pictures = {name: png(figure) for name, figure in figures(diagnosis).items()}
-    page = render(diagnosis, pictures, seed=seed, beside=beside)
-    for name in set(PICTURES) - set(pictures):
-        (folder / f"{name}.png").unlink(missing_ok=True)  # of an earlier diagnosis
-    for name, picture in pictures.items():
-        write_bytes(folder / f"{name}.png", picture)
+    title = f"Sim-to-real diagnosis · {diagnosis.vehicle}"
+    section = Section(TEMPLATE, content(diagnosis, seed) | {"beside": beside})
+    write_page(folder / PAGE, title, [section], dict.fromkeys(PICTURES) | figures(diagnosis))
     found = diagnosis.as_json()
     # The head that every file of the project begins with (docs/reference/files.md).
     head = {"schema": found["schema"], "version": version("np_drake"), "seed": seed}
     write_json(folder / DATA, {**head, "config": config or {}, **found})
-    write_text(folder / PAGE, page)
     return folder / PAGE
 
 

@@ -243,7 +243,7 @@ def test_a_corrected_simulator_that_falls_is_not_recommended(case, tmp_path, mon
             )
 
     monkeypatch.setattr(importlib.import_module("np_drake.diagnosis.diagnose"), "diagnose", weak)
-    monkeypatch.setattr("diagrams.gap.trial.fly", falls)
+    monkeypatch.setattr("diagrams.gap.corrected.fly", falls)
     out = tmp_path / "out"
     assert run(["diagnose", str(case), "--no-replay", "--out", str(out)]) == 0
     printed = " ".join(capsys.readouterr().out.split())
