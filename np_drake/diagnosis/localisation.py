@@ -1,4 +1,4 @@
-"""Localisation of the gap in channel and time, and what the logs excite and can tell apart."""
+"""Localisation of the gap in channel, time and regime, and what the logs excite and can tell apart."""
 
 from collections.abc import Sequence
 
@@ -17,10 +17,16 @@ from np_drake.diagnosis.result import (
     GapReduction,
     Identifiability,
     Localisation,
+    Regime,
 )
 from np_drake.effects.library import REQUIREMENTS, effect_of
+from np_drake.rigid_body import V, W
 
 UNITS = ("N", "N", "N", "N·m", "N·m", "N·m")
+BINS = 4  # about as many regimes of each quantity
+# Share of the rows at either end that widens the outer regimes, and makes none of its own [1].
+RARE = 0.02
+LEAST_SPAN = 1e-3  # span of a quantity below which it has no regimes [its unit]
 
 CANNOT_TELL = "These logs cannot tell"
 
@@ -44,10 +50,62 @@ def localise(
     channels = zip(CHANNELS, UNITS, was.tolist(), noise.rms.tolist(), now.tolist(), strict=False)
     return Localisation(
         channels=tuple(ChannelGap(*channel) for channel in channels),
+        regimes=_regimes(flights, residual, noise),
         times={e.name: e.t for e in flights},
         before=before,
         after=residual,
     )
+
+
+def quantities(flight: FlightResiduals) -> dict[str, np.ndarray]:
+    """Return what defines a regime: by name and unit, (m,) on the grid; zero where not logged."""
+    mids = flight.mids
+    tilt = np.degrees(np.arccos(np.clip(attitude.body_z(mids.q)[:, 2], -1, 1)))
+    speed, rate = (np.linalg.norm(mids.x[:, part], axis=1) for part in (V, W))
+    told = [name not in flight.log.lacks for name in ("velocity", "height", "attitude")] + [True]
+    on = flight.from_mids(np.stack([speed, mids.x[:, 2], tilt, rate], axis=1)) * told
+    return {
+        "speed [m/s]": on[:, 0],
+        "thrust [N]": flight.nominal[:, 2],
+        "height [m]": on[:, 1],
+        "tilt [deg]": on[:, 2],
+        "rate [rad/s]": on[:, 3],
+    }
+
+
+def _regimes(
+    flights: Sequence[FlightResiduals], after: dict[str, np.ndarray], noise: NoiseModel
+) -> tuple[Regime, ...]:
+    """Return the RMS residual before and after, (m, 6) by flight, in ranges of each quantity."""
+    all_of = [quantities(e) for e in flights]
+    scale = np.maximum(noise.rms[WRENCH], 1e-12)
+    before = np.concatenate([e.against_file[:, WRENCH] for e in flights]) / scale
+    residual = np.concatenate([after[e.name] for e in flights]) / scale
+    out = []
+    for key in all_of[0]:
+        value = np.concatenate([q[key] for q in all_of])
+        if np.ptp(value) < LEAST_SPAN:
+            continue
+        edges = _round_bounds(value)
+        bins = np.clip(np.digitize(value, edges) - 1, 0, len(edges) - 2)
+        for i in np.unique(bins):
+            rms = [np.sqrt(np.mean(part[bins == i] ** 2, axis=0)) for part in (before, residual)]
+            bounds = float(edges[i]), float(edges[i + 1])
+            name, _, unit = key.removesuffix("]").partition(" [")
+            sizes = (tuple(one.tolist()) for one in rms)
+            out.append(Regime(name, unit, *bounds, int((bins == i).sum()), *sizes))
+    return tuple(out)
+
+
+def _round_bounds(value: np.ndarray) -> np.ndarray:
+    """Return multiples of 1, 2 or 5 times a power of ten that hold all values in `BINS` ranges."""
+    low, high = np.quantile(value, (RARE, 1 - RARE))
+    width = max(high - low, LEAST_SPAN) / BINS
+    power = 10.0 ** np.floor(np.log10(width))
+    step = power * min((1.0, 2.0, 5.0, 10.0), key=lambda digit: abs(np.log(digit * power / width)))
+    inner = np.arange(np.floor(low / step) + 1, np.ceil(high / step))
+    first = np.floor(value.min() / step)
+    return step * np.unique([first, *inner, max(np.ceil(value.max() / step), first + 1)])
 
 
 # Of any quantity, to tell effects apart [m/s, rad/s, deg, 1]; own choice.

@@ -63,13 +63,27 @@ class GapKind:
 
 
 @dc.dataclass(frozen=True)
+class Regime:
+    """Residual in a range of a quantity: RMS by channel in noise units, before and after."""
+
+    quantity: str
+    unit: str
+    lower: float
+    upper: float
+    rows: int
+    rms: tuple[float, ...]
+    rms_after: tuple[float, ...]
+
+
+@dc.dataclass(frozen=True)
 class Localisation:
-    """Localisation of the gap by channel and time.
+    """Localisation of the gap by channel, time and regime.
 
     times, before, after: residuals by flight, for figures.
     """
 
     channels: tuple[ChannelGap, ...]
+    regimes: tuple[Regime, ...] = ()
     times: dict[str, np.ndarray] = dc.field(default_factory=dict)  # flight -> (n,) [s]
     before: dict[str, np.ndarray] = dc.field(default_factory=dict)  # flight -> (n, 6) [N, N·m]
     after: dict[str, np.ndarray] = dc.field(default_factory=dict)
@@ -378,6 +392,7 @@ class Diagnosis:
             kind, axis = channel.channel.split()
             gap[kind][axis] = _fields(channel, "unit", "rms", "noise_floor", "after")
         gap["kinds"] = [_fields(kind) for kind in gap_kinds(self.localisation.channels)]
+        gap["regimes"] = [_fields(regime) for regime in self.localisation.regimes]
         gap["replay"] = None
         if reduction.replay_before is not None:
             medians = {

@@ -1,11 +1,13 @@
-"""Figures of the report: replay error, and the gap by regime, time and frequency."""
+"""Figures of the report: replay error, and the gap by regime and time."""
+
+from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, MaxNLocator
 
 from np_drake.diagnosis.report.words import plain_name
-from np_drake.diagnosis.result import Localisation, ReplayGap
+from np_drake.diagnosis.result import Localisation, Regime, ReplayGap
 from np_drake.files.figure_file import PALETTE, new_figure
 from np_drake.files.number_text import suited
 
@@ -74,6 +76,24 @@ def _tidy(ax, axis: str) -> None:
     ax.grid(axis=axis, alpha=0.3, linewidth=0.6)
     ax.set_axisbelow(True)
     ax.spines[["top", "right"]].set_visible(False)
+
+
+def regime_figure(regimes: Sequence[Regime]) -> Figure:
+    """Return the residual over noise against each quantity, before and after: largest channel."""
+    names = list(dict.fromkeys(regime.quantity for regime in regimes))
+    figure, grid = new_figure(1, len(names), width=9.0, height=2.6, sharey=True)
+    curves = (("rms", NOMINAL, BEFORE, "--"), ("rms_after", WITH, AFTER, "-"))
+    for ax, name in zip(grid[0], names, strict=True):
+        group = [regime for regime in regimes if regime.quantity == name]
+        edges = [group[0].lower, *(regime.upper for regime in group)]
+        for field, label, colour, dash in curves:
+            values = [max(getattr(regime, field)) for regime in group]
+            ax.stairs(values, edges, color=colour, linestyle=dash, linewidth=1.6, label=label)
+        ax.axhline(1.0, color=NOISE, linestyle=":", linewidth=1.0, label="noise")
+        ax.set(xlabel=f"{name} [{group[0].unit}]", yscale="log")
+    grid[0, 0].set_ylabel("RMS residual over noise [1]")
+    legend(figure)
+    return figure
 
 
 Onsets = dict[str, list[tuple[str, float]]]  # flight: (effect, time)

@@ -48,7 +48,7 @@ def cause(effect, onset=None, probability=0.97, deviation=0.01):
 
 def diagnosis(*causes, posterior=None):
     nothing = an.Identifiability(True, {}, {}, ())
-    gap_reduction = an.GapReduction(1.0, 1.0, 1.0, 0.0, (0.0, 0.0), ())
+    gap_reduction = an.GapReduction(1.0, 1.0)
     verdict = tuple(c.identifier for c in causes)
     where = result.Localisation(())
     parts = (verdict, causes, nothing, where, gap_reduction)
@@ -167,7 +167,7 @@ def test_what_remains_has_size_and_time_of_the_noiseless_residual():
     after = size * (slow + noise * rng.standard_normal((n, 6)))
     gap, names = result.ChannelGap, result.CHANNELS
     channels = tuple(
-        gap(name, "", 1.0, noise * s, float(np.hypot(s, noise * s)), 0.0)
+        gap(name, "", 1.0, noise * s, float(np.hypot(s, noise * s)))
         for name, s in zip(names, size, strict=True)
     )
     times = {"a": step * np.arange(n)}
@@ -183,7 +183,7 @@ def test_what_remains_has_size_and_time_of_the_noiseless_residual():
         ("{effect: linear_drag, parameters: {d: 1.0}}", "no parameter d; it has d_x, d_y, d_z"),
         ("{effect: thrust_scale, parameters: {scale: .nan}}", "scale must be a number; got nan"),
         ("{effect: gyro_bias, onset: 2.0}", "acts from the start"),
-        ("{effect: thrust_scale, onset: -2.0}", "must be a time of the flight"),
+        ("{effect: thrust_scale, onset: -2.0}", "must be finite and not negative"),
         ("{effect: thrust_scale, probability: 2.0}", "0 to 1"),
         ("{effect: thrust_scale, parameters: 3}", "names with their values"),
         ("{effect: suspended_payload}", "there must be one payload"),

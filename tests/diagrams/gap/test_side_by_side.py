@@ -35,7 +35,7 @@ def logged(**reality) -> FlightLog:
 def found(*causes, joined=()) -> an.Diagnosis:
     names = tuple(cause.identifier for cause in causes)
     where, check = result.Localisation(()), an.Identifiability(True, {}, {}, ())
-    parts = (causes, check, where, an.GapReduction(2.0, 1.0, 1.0, 1.0, (1.0, 1.0), ()))
+    parts = (causes, check, where, an.GapReduction(2.0, 1.0))
     return an.Diagnosis("paper", ("t",), (NAME,), names, *parts, joined=joined)
 
 

@@ -5,7 +5,6 @@ import json
 import numpy as np
 
 from np_drake.diagnosis import result as an
-from np_drake.diagnosis import result as residual_parts
 
 GAP = an.ReplayGap(
     (0.5, 1.0), *(np.array([[0.1, 0.05, 0.2], [np.inf, 0.3, np.inf]]) for _ in range(3)), 24
@@ -19,10 +18,10 @@ def small() -> an.Diagnosis:
         {"delta_mass": an.Estimate(0.1, "kg", (0.05, 0.15))},
         {"train_1": None, "heldout": 3.0},
     )
-    where = residual_parts.Localisation(
+    where = an.Localisation(
         (
-            residual_parts.ChannelGap("force x", "N", 0.4, 0.1, 0.11),
-            residual_parts.ChannelGap("torque z", "N·m", 0.1, 0.1, 0.1),
+            an.ChannelGap("force x", "N", 0.4, 0.1, 0.11),
+            an.ChannelGap("torque z", "N·m", 0.1, 0.1, 0.1),
         ),
         times={"heldout": np.arange(5.0)},
     )
@@ -44,7 +43,7 @@ def test_the_file_has_the_fields_of_the_schema():
     assert cause["onset"] == {"train_1": None, "heldout": 3.0}
     assert cause["parameters"]["delta_mass"] == {"value": 0.1, "unit": "kg", "ci95": [0.05, 0.15]}
     assert {"probability", "indistinguishable_from"} <= cause.keys()
-    assert dut["gap"].keys() == {"force", "torque", "kinds", "replay"}
+    assert dut["gap"].keys() == {"force", "torque", "kinds", "regimes", "replay"}
     assert {"rms", "noise_floor"} <= dut["gap"]["force"]["x"].keys()
     assert dut["gap"]["replay"].keys() == {"horizon", "position", "velocity", "attitude_deg"}
     assert {"before", "after", "fraction", "ci95"} <= dut["shrink"]["residual"].keys()

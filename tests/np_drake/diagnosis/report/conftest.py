@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from np_drake.diagnosis import result as an
-from np_drake.diagnosis import result as residual_parts
 
 HELD_OUT = ("heldout_1", "heldout_2")
 NOISE = (0.05, 0.05, 0.08, 0.004, 0.004, 0.002)  # [N, N·m]
@@ -38,18 +37,18 @@ def replay(scale: float) -> an.ReplayGap:
     )
 
 
-def where() -> residual_parts.Localisation:
+def where() -> an.Localisation:
     made = {name: traces(k) for k, name in enumerate(HELD_OUT)}
     channels = tuple(
-        residual_parts.ChannelGap(
-            channel, "N" if k < 3 else "N·m", noise * size, noise, 1.08 * noise
-        )
-        for k, (channel, noise, size) in enumerate(
-            zip(residual_parts.CHANNELS, NOISE, SIZE, strict=True)
-        )
+        an.ChannelGap(channel, "N" if k < 3 else "N·m", noise * size, noise, 1.08 * noise)
+        for k, (channel, noise, size) in enumerate(zip(an.CHANNELS, NOISE, SIZE, strict=True))
     )
-    return residual_parts.Localisation(
+    return an.Localisation(
         channels,
+        tuple(
+            an.Regime("speed", "m/s", k, k + 1.0, 100, (9.0 - k,) * 6, (1.0 + k,) * 6)
+            for k in range(4)
+        ),
         {name: t for name, (t, _, _) in made.items()},
         {name: before for name, (_, before, _) in made.items()},
         {name: after for name, (_, _, after) in made.items()},
@@ -95,7 +94,7 @@ def check() -> an.Identifiability:
             "tilt, RMS [deg]": 9.7,
             "rate, RMS [rad/s]": 0.74,
         },
-        dict(zip(residual_parts.CHANNELS, NOISE, strict=True)),
+        dict(zip(an.CHANNELS, NOISE, strict=True)),
         (confusable,),
         (
             (
