@@ -7,15 +7,15 @@ import dataclasses as dc
 import numpy as np
 
 from diagrams.batch.failed_run import FailedRun
-from diagrams.challenge.generate.sensor_quality import (
+from diagrams.challenge.flight import fly
+from diagrams.challenge.plans import draw_plans
+from diagrams.challenge.sensors import (
     REAL,
     draw_sensor_quality,
     kept_rows,
     rows_of,
     with_sensor_noise,
 )
-from diagrams.challenge.generate.trajectories import draw_plans
-from diagrams.challenge.simulators.drake.simulator import fly
 from np_drake import attitude
 from np_drake.effects.blade_flapping import BladeFlapping
 from np_drake.effects.calibration import effects_of

@@ -7,8 +7,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-from diagrams.challenge.generate.case import CLEAN, OUT_OF_LIBRARY
-from diagrams.challenge.generate.ground_truth import TRUTH_FILE
+from diagrams.challenge.draw import CLEAN, OUT_OF_LIBRARY
 from diagrams.challenge.score.schema import (
     SchemaValidator,
     list_of,
@@ -17,6 +16,7 @@ from diagrams.challenge.score.schema import (
     record,
     violation,
 )
+from diagrams.challenge.truth import TRUTH_FILE
 from np_drake.diagnosis.result import UNKNOWN
 from np_drake.effects.library import LIBRARY, MEASURED_ROTORS
 from np_drake.files.input_file import read_json

@@ -5,10 +5,10 @@ from typing import Any
 
 import numpy as np
 
-from diagrams.challenge.generate.case import CLEAN
-from diagrams.challenge.generate.ground_truth import NO_GAP
+from diagrams.challenge.draw import CLEAN
 from diagrams.challenge.score.answered_case import AnsweredCase
 from diagrams.challenge.score.binomial_intervals import binomial_interval, mean, median
+from diagrams.challenge.truth import NO_GAP
 
 HORIZON = 1.0  # of the replay [s]
 # What a true model leaves that knows every gust, and one that knows the parameters of the wind.

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from diagrams.challenge.generate.case import CLEAN, OUT_OF_LIBRARY
+from diagrams.challenge.draw import CLEAN, OUT_OF_LIBRARY
 from diagrams.challenge.score.answered_case import AnsweredCase
 from diagrams.challenge.score.binomial_intervals import (
     binned,

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from diagrams.challenge.generate.case import CLEAN, OUT_OF_LIBRARY
+from diagrams.challenge.draw import CLEAN, OUT_OF_LIBRARY
 from diagrams.challenge.score.answered_case import AnsweredCase
 from diagrams.challenge.score.binomial_intervals import binomial_interval, median
 from diagrams.challenge.score.detection import detection

@@ -5,27 +5,37 @@ import json
 import os
 import shutil
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from importlib.metadata import version
 from pathlib import Path
 
 from diagrams.batch.failed_run import FailedRun
 from diagrams.batch.workers import Workers
-from diagrams.challenge.generate.case import FILES, NOISE, Case, CaseDraw, case_name, draw_case
-from diagrams.challenge.generate.composition import TWO_AT_ONCE, compose
-from diagrams.challenge.generate.ground_truth import TRUTH_FILE, GroundTruth
-from diagrams.challenge.generate.logged_input import as_logged, per_row, with_input
-from diagrams.challenge.generate.sensor_quality import (
+from diagrams.challenge.draw import (
+    FILES,
+    NOISE,
+    TWO_AT_ONCE,
+    Case,
+    CaseDraw,
+    case_name,
+    compose,
+    draw_case,
+)
+from diagrams.challenge.flight import SIMULATORS, fly, require_rotorpy
+from diagrams.challenge.sensors import (
     QUALITIES,
     WILD,
+    as_logged,
     kept_rows,
     rows_of,
+    with_input,
     with_sensor_noise,
 )
-from diagrams.challenge.simulators.drake.simulator import fly
-from diagrams.challenge.simulators.rotorpy import optional_import
+from diagrams.challenge.truth import TRUTH_FILE, GroundTruth
 from np_drake.files.atomic_file import write_json, write_text
+from np_drake.files.input_file import kept_json
 from np_drake.flight_log import FlightLog
 from np_drake.logs.case_folder import VEHICLE
 from np_drake.logs.formats.log_file import write_log
@@ -33,13 +43,6 @@ from np_drake.logs.import_sheet import write_sheet
 from np_drake.vehicle.text import vehicle_text
 
 ATTEMPTS = 12  # draws of one case before the set fails
-
-
-def simulators() -> dict[str, Callable[..., FlightLog]]:
-    """Return simulators by name: fly(vehicle, plan, effects, *, t, onset, background) -> the exact
-    FlightLog.
-    """
-    return {"drake": fly, "rotorpy": optional_import.fly}
 
 
 def make(
@@ -85,23 +88,13 @@ def make(
     )
     if failed := [record["error"] for record in records if "error" in record]:
         raise FailedRun(f"{failed[0]} ({len(failed)} of {len(draws)} cases failed)")
-    return _set_summary(draws, truth, seed)
-
-
-def _set_summary(draws: Sequence[CaseDraw], truth: Path, seed: int) -> dict:
-    """Return what `make` returns of a whole set."""
-    lost: dict[str, int] = {}
+    lost: Counter[str] = Counter()
     for draw in draws:
-        content = json.loads(
-            (truth / case_name(seed, draw.index) / TRUTH_FILE).read_text(encoding="utf-8")
-        )
-        if content["attempt"]:
-            name = " + ".join(draw.names) or draw.kind
-            lost[name] = lost.get(name, 0) + content["attempt"]
-    kinds = {
-        kind: sum(draw.kind == kind for draw in draws) for kind in sorted({d.kind for d in draws})
-    }
-    return {"written": len(draws), "kinds": kinds, "redrawn": sum(lost.values()), "lost": lost}
+        path = truth / case_name(seed, draw.index) / TRUTH_FILE
+        attempt = json.loads(path.read_text(encoding="utf-8"))["attempt"]
+        lost.update({" + ".join(draw.names) or draw.kind: attempt} if attempt else {})
+    kinds = dict(sorted(Counter(draw.kind for draw in draws).items()))
+    return {"written": len(draws), "kinds": kinds, "redrawn": lost.total(), "lost": dict(lost)}
 
 
 @dc.dataclass(frozen=True)
@@ -134,52 +127,45 @@ class Making:
                 last = error
                 continue
             asked = {"seconds": self.seconds, "version": version("np_drake")}
-            return {
-                "name": drawn.name,
-                "files": _case_files(drawn, noisy),
-                "truth": {**truth.content(self.simulator), **asked},
-            }
+            content = {**truth.content(self.simulator), **asked}
+            return {"name": drawn.name, "files": _case_files(drawn, noisy), "truth": content}
         raise FailedRun(f"make: no draw of {tuple(case['names'])} could be flown; the last: {last}")
 
     def is_there(self, draw: CaseDraw, out: Path, truth: Path) -> bool:
         """Return whether both folders of the case are there and of this request."""
         name = case_name(self.seed, draw.index)
-        if not (out / name / VEHICLE).is_file():
-            return False
-        try:
-            found = json.loads((truth / name / TRUTH_FILE).read_text(encoding="utf-8"))
-        except (OSError, ValueError):
+        found = kept_json(truth / name / TRUTH_FILE)
+        if found is None or not (out / name / VEHICLE).is_file():
             return False
         asked = {**dc.asdict(self), "kind": draw.kind, "version": version("np_drake")}
         named = {effect["effect"] for effect in found.get("effects", ())}
-        return (
-            all(found.get(key) == value for key, value in asked.items())
-            and set(draw.names) <= named
-        )
+        same = all(found.get(key) == value for key, value in asked.items())
+        return same and set(draw.names) <= named
 
 
 def fly_case(case: Case, simulator: str) -> tuple[dict[str, FlightLog], dict[str, FlightLog]]:
     """Return the exact and the noisy logs of a case by file, with the same rows; the noisy hold the
     case's input.
     """
-    exact, noisy = {}, {}
+    exact, noisy, logged = {}, {}, case.input
     for flight, (file, plan) in enumerate(case.plans.items()):
-        every = simulators()[simulator](
+        every = fly(
             case.vehicle,
             plan,
             case.effects_of(file),
-            t=case.input.instants(case.instants(file)),  # a row a command
+            t=logged.instants(case.instants(file)),  # a row a command
             onset=case.onset[file],
             background=case.quality.background(case.vehicle),
+            simulator=simulator,
         )
         every.name = file.removesuffix(".csv")
         rng = case.draw.stream(case.seed, NOISE, flight)
-        log = per_row(every, case.input.finer)
+        log = as_logged(every, "averaged", logged.finer)  # as who knows all commands sees it
         rows = kept_rows(rng, case.quality, len(log))
         sensed = with_sensor_noise(log, case.vehicle, case.quality, rng)
-        u = as_logged(every, case.input.semantics, case.input.finer, case.input.late).u
-        logged = with_input(dc.replace(sensed, u=u), case.vehicle, case.input.kind)
-        exact[file], noisy[file] = rows_of(log, rows), rows_of(logged, rows)
+        u = as_logged(every, logged.semantics, logged.finer, logged.late).u
+        told = with_input(dc.replace(sensed, u=u), case.vehicle, logged.kind)
+        exact[file], noisy[file] = rows_of(log, rows), rows_of(told, rows)
     return exact, noisy
 
 
@@ -196,11 +182,7 @@ def _case_files(case: Case, noisy: dict[str, FlightLog]) -> dict[str, str]:
 
 
 def write_case(made: dict, out: Path, truth: Path) -> None:
-    """Write both folders of a case, each whole or not at all.
-
-    Args:
-        made: what a `Making` returned.
-    """
+    """Write both folders of a case that a `Making` returned, each whole or not at all."""
     with _whole_folder(truth / made["name"]) as folder:
         write_json(folder / TRUTH_FILE, made["truth"])
     with _whole_folder(out / made["name"]) as folder:
@@ -220,8 +202,7 @@ def _whole_folder(path: Path) -> Iterator[Path]:
     temporary.mkdir()
     try:
         yield temporary
-        if path.exists():
-            shutil.rmtree(path)
+        shutil.rmtree(path, ignore_errors=True)
         os.replace(temporary, path)
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
@@ -230,35 +211,28 @@ def _whole_folder(path: Path) -> Iterator[Path]:
 def check_request(
     out: Path, truth: Path, simulator: str, quality: str, cases: int, seconds: float, seed: int
 ) -> None:
-    """Raise ValueError where `make` would, before any work.
-
-    Args:
-        seconds: length of every flight [s].
-    """
+    """Raise ValueError where `make` would, before any work."""
     here, there = out.resolve(), truth.resolve()
     if here == there or here in there.parents or there in here.parents:
         raise ValueError(
             f"make: neither of cases and truth may lie in the other; got {out} and {truth}."
         )
-    if simulator not in simulators():
-        raise ValueError(
-            f"make: simulator must be one of {', '.join(simulators())}; got {simulator!r}."
-        )
+    for name, value, known in (
+        ("simulator", simulator, SIMULATORS),
+        ("quality", quality, QUALITIES),
+    ):
+        if value not in known:
+            raise ValueError(f"make: {name} must be one of {', '.join(known)}; got {value!r}.")
     if simulator == "rotorpy":
-        optional_import.require_rotorpy()
-    if quality not in QUALITIES:
-        raise ValueError(f"make: quality must be one of {', '.join(QUALITIES)}; got {quality!r}.")
+        require_rotorpy()
     if not 5 <= seconds <= 300:
         raise ValueError(f"make: seconds must be 5 … 300 [s]; got {seconds}.")
     if cases < 1:
         raise ValueError("make: there must be at least one case; got none.")
-    # Two sets in one folder could not be told apart.
+    # Two sets in one folder could not be told apart; what begins with a dot is of a killed run.
     own = {case_name(seed, index) for index in range(cases)}
-    own |= {f".{name}" for name in own}  # of a run that was killed
     for folder in (out, truth):
-        others = (
-            sorted({path.name for path in folder.glob("[!.]*")} - own) if folder.is_dir() else []
-        )
+        others = sorted({path.name for path in folder.glob("[!.]*")} - own)
         if others:
             raise ValueError(
                 f"make: {folder} holds another set, or {others[0]}; give an empty folder."
