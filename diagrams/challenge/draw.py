@@ -201,6 +201,13 @@ def draw_case(draw: CaseDraw, *, quality: str, seed: int, seconds: float) -> Cas
     for name in draw.names:  # each once: a wind's drag may be there already
         for effect in draw_effect(name, rng, vehicle, seconds):
             effects.setdefault(effect.identifier, effect)
+    rng = draw.stream(seed, _ONSET)
+    onset: dict[str, float | None] = dict.fromkeys(FILES)
+    if draw.kind == "onset":
+        times = np.round(rng.uniform(0.25, 0.75, 3) * seconds, 2).tolist()
+        # In mid-flight in the first; in mid-flight or from the start in the others.
+        begins = (True, rng.random() < 0.5, rng.random() < 0.3)
+        onset = {f: t if b else None for f, t, b in zip(FILES, times, begins, strict=True)}
     return Case(
         name=case_name(seed, draw.index),
         draw=draw,
@@ -210,7 +217,7 @@ def draw_case(draw: CaseDraw, *, quality: str, seed: int, seconds: float) -> Cas
         quality=drawn,
         plans=dict(zip(FILES, plans, strict=True)),
         effects=tuple(effects.values()),
-        onset=_draw_onset(draw, draw.stream(seed, _ONSET), seconds),
+        onset=onset,
         input=logged,
     )
 
@@ -218,21 +225,6 @@ def draw_case(draw: CaseDraw, *, quality: str, seed: int, seconds: float) -> Cas
 def case_name(seed: int, index: int) -> str:
     """Return a folder's name that tells nothing, not even the order in which cases were drawn."""
     return hashlib.sha256(f"challenge {seed} {index}".encode()).hexdigest()[:10]
-
-
-def _draw_onset(
-    draw: CaseDraw, rng: np.random.Generator, seconds: float
-) -> dict[str, float | None]:
-    """Draw onsets by file [s]: mid-flight in the first flight, mid-flight or from the start in the
-    others.
-    """
-    onset: dict[str, float | None] = dict.fromkeys(FILES)
-    if draw.kind == "onset":
-        times = np.round(rng.uniform(0.25, 0.75, 3) * seconds, 2).tolist()
-        shares = (1.0, 0.5, 0.3)  # of flights in which it begins
-        for file, time, share in zip(FILES, times, shares, strict=True):
-            onset[file] = time if share == 1.0 or rng.random() < share else None
-    return onset
 
 
 def compatible(names: tuple[str, ...]) -> bool:

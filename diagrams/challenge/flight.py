@@ -65,7 +65,7 @@ class DrakeWorld:
         ApplySimulatorConfig(config, self._simulator)
         self._root = self._simulator.get_mutable_context()
         self.command(vehicle.hover_input)
-        self._plant_context = self._plant.GetMyMutableContextFromRoot(self._root)
+        self._own = self._plant.GetMyMutableContextFromRoot(self._root)
         instance = self._plant.GetBodyByName("quadrotor").model_instance()
         acceleration = self._plant.get_generalized_acceleration_output_port(instance)
         self._ports = (self._plant.get_state_output_port(), acceleration)
@@ -78,24 +78,23 @@ class DrakeWorld:
         self._root.SetTime(t)
         q, v, w_W = x[3:7], x[7:10], attitude.rotate(x[3:7], x[10:13])
         R_WB = RotationMatrix(Quaternion(q / np.linalg.norm(q)))
-        self._place("quadrotor", RigidTransform(R_WB, x[0:3]), SpatialVelocity(w_W, v))
+        placed = {"quadrotor": (RigidTransform(R_WB, x[0:3]), SpatialVelocity(w_W, v))}
         if self._payload.tether == "cable":
             hook_W = attitude.rotate(q, np.array(self._payload.hook))
             stretch = self._payload.mass * self._vehicle.gravity / self._payload.stiffness
             p_WP = x[0:3] + hook_W - [0.0, 0.0, self._payload.length + stretch]
             v_WP = v + np.cross(w_W, hook_W)
-            self._place("payload", RigidTransform(p_WP), SpatialVelocity(np.zeros(3), v_WP))
+            placed["payload"] = RigidTransform(p_WP), SpatialVelocity(np.zeros(3), v_WP)
+        for name, (X_WB, V_WB) in placed.items():
+            body = self._plant.GetBodyByName(name)
+            self._plant.SetFreeBodyPose(self._own, body, X_WB)
+            self._plant.SetFreeBodySpatialVelocity(context=self._own, body=body, V_JpJc=V_WB)
         if before is not None:
             self.command(before._acting)
             if self._real.HasSubsystemNamed("actuators"):
                 actuators = self._real.GetSubsystemByName("actuators")
                 own = actuators.GetMyMutableContextFromRoot(self._root)
                 actuators.rest_at(own, before._eval("nominal_rotor_thrust"))
-
-    def _place(self, body: str, X_WB: RigidTransform, V_WB: SpatialVelocity) -> None:
-        own, moved = self._plant_context, self._plant.GetBodyByName(body)
-        self._plant.SetFreeBodyPose(own, moved, X_WB)
-        self._plant.SetFreeBodySpatialVelocity(context=own, body=moved, V_JpJc=V_WB)
 
     def _eval(self, port: str) -> np.ndarray:
         return self._real.GetOutputPort(port).Eval(self._root)
@@ -111,7 +110,7 @@ class DrakeWorld:
 
     def reading(self) -> np.ndarray:
         """Return Drake's state of the plant and the rates of its velocities."""
-        return np.concatenate([port.Eval(self._plant_context) for port in self._ports])
+        return np.concatenate([port.Eval(self._own) for port in self._ports])
 
     def unpacked(self, readings: np.ndarray) -> np.ndarray:
         """Return (n, 19) states of Bo, its accelerations in W and dw/dt in B, of readings."""
@@ -194,7 +193,10 @@ def fly(
     # rotorpy reads at the instants of the other clock; Drake's rows are interpolated there.
     offset = sum(sensor.clock_shift for sensor in sensors)
     interpolates = simulator == "drake"
-    rows = _instants(t, MARGIN if interpolates else max(offset, 0.0), warm_up)
+    step, margin = float(np.median(np.diff(t))), MARGIN if interpolates else max(offset, 0.0)
+    before = t[0] - step * np.arange(round(warm_up / step), 0, -1)
+    after = t[-1] + step * np.arange(1, 2 + int(np.ceil(margin / step)))
+    rows = np.concatenate([before, t, after])
     split = 0 if onset is None else int(np.searchsorted(rows, onset - 1e-9))
     make: type = DrakeWorld
     if simulator == "rotorpy":
@@ -224,15 +226,6 @@ def fly(
     return log.rows(first, first + len(t))
 
 
-def _instants(t: np.ndarray, margin: float, warm_up: float) -> np.ndarray:
-    """Return the rows (m,) [s]: those before the log, its own, and those after until its last state
-    has been read.
-    """
-    step = float(np.median(np.diff(t)))
-    before = t[0] - step * np.arange(round(warm_up / step), 0, -1)
-    return np.concatenate([before, t, t[-1] + step * np.arange(1, 2 + int(np.ceil(margin / step)))])
-
-
 class _Flight:
     """A flight under way, whose commands are kept back by the effects' dead time: exact for rows at
     any instants.
@@ -244,12 +237,10 @@ class _Flight:
         world.start(t, x)
 
     def change(self, world: Any) -> None:
-        """Fly on in another world, with the commands under way."""
         world.start(self.t, self.world.state(), self.world)
         self.world = world
 
     def give(self, u: np.ndarray) -> None:
-        """Give a command (4,) now [N, N·m]."""
         self._under_way.append((self.t + self.world.dead_time, u))
         self._deliver()
 
@@ -258,7 +249,6 @@ class _Flight:
             self.world.command(self._under_way.pop(0)[1])
 
     def advance(self, t: float) -> None:
-        """Fly on to t [s]."""
         while self._under_way and self._under_way[0][0] < t - 1e-9:
             self._integrate(self._under_way[0][0])
             self._deliver()

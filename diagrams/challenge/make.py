@@ -6,8 +6,7 @@ import os
 import shutil
 import tempfile
 from collections import Counter
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from importlib.metadata import version
 from pathlib import Path
 
@@ -182,30 +181,21 @@ def _case_files(case: Case, noisy: dict[str, FlightLog]) -> dict[str, str]:
 
 
 def write_case(made: dict, out: Path, truth: Path) -> None:
-    """Write both folders of a case that a `Making` returned, each whole or not at all."""
-    with _whole_folder(truth / made["name"]) as folder:
-        write_json(folder / TRUTH_FILE, made["truth"])
-    with _whole_folder(out / made["name"]) as folder:
-        for name, text in made["files"].items():
-            (folder / name).write_bytes(text.encode())
-
-
-@contextmanager
-def _whole_folder(path: Path) -> Iterator[Path]:
-    """Yield a temporary folder beside `path` that takes its name at the end; an older folder gives
-    way.
-
-    Its name is that of `path` behind a dot, so that what a killed run left is taken away.
+    """Write both folders of a case that a `Making` returned, each whole or not at all; older ones
+    give way.
     """
-    temporary = path.with_name(f".{path.name}")
-    shutil.rmtree(temporary, ignore_errors=True)
-    temporary.mkdir()
-    try:
-        yield temporary
-        shutil.rmtree(path, ignore_errors=True)
-        os.replace(temporary, path)
-    finally:
+    for parent in (truth, out):
+        # A name behind a dot, so that what a killed run left is taken away.
+        folder, temporary = parent / made["name"], parent / f".{made['name']}"
         shutil.rmtree(temporary, ignore_errors=True)
+        temporary.mkdir()
+        if parent is truth:
+            write_json(temporary / TRUTH_FILE, made["truth"])
+        else:
+            for name, text in made["files"].items():
+                (temporary / name).write_bytes(text.encode())
+        shutil.rmtree(folder, ignore_errors=True)
+        os.replace(temporary, folder)
 
 
 def check_request(

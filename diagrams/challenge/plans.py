@@ -2,6 +2,7 @@
 
 import dataclasses as dc
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 
@@ -104,37 +105,19 @@ def _hover(rng: np.random.Generator, seconds: float) -> Reference:
     return Hover(rng.uniform([-1.0, -1.0, 0.8], [1.0, 1.0, 3.0]))
 
 
-def _multisine(rng: np.random.Generator, amplitude: np.ndarray, pace: float) -> Reference:
+def _multisine(sizes: tuple, rise: float, paces: tuple, rng, seconds: float) -> Reference:
+    """Return a multisine of amplitudes [m], with `rise` of them upwards, and paces between
+    bounds.
+    """
+    amplitude, pace = rng.uniform(*sizes, 3) * [1, 1, rise], rng.uniform(*paces)
     frequencies = pace * np.array([0.23, 0.41, 0.67, 0.97]) * rng.uniform(0.9, 1.1, 4)
     motion = Multisine(amplitude, frequencies=frequencies, ramp=RAMP, seed=int(rng.integers(2**31)))
     return Sum(Hover(np.array([0.0, 0.0, rng.uniform(1.6, 3.0)])), motion)
 
 
-def _slow_multisine(rng: np.random.Generator, seconds: float) -> Reference:
-    return _multisine(rng, rng.uniform(0.25, 0.8, 3) * [1, 1, 0.5], rng.uniform(0.4, 0.7))
-
-
-def _aggressive_multisine(rng: np.random.Generator, seconds: float) -> Reference:
-    return _multisine(rng, rng.uniform(0.5, 1.2, 3) * [1, 1, 0.4], rng.uniform(1.0, 1.5))
-
-
-def _circle(rng: np.random.Generator, seconds: float) -> Reference:
-    return circle(
-        radius=rng.uniform(0.8, 3.0),
-        height=rng.uniform(1.0, 3.0),
-        speed=rng.uniform(1.0, 5.0),
-        ramp=RAMP,
-    )
-
-
-def _lemniscate(rng: np.random.Generator, seconds: float) -> Reference:
-    return lemniscate(
-        length=rng.uniform(1.2, 3.5),
-        width=rng.uniform(0.6, 1.8),
-        height=rng.uniform(1.0, 3.0),
-        speed=rng.uniform(1.0, 4.5),
-        ramp=RAMP,
-    )
+def _closed(track: Callable, bounds: dict, rng: np.random.Generator, seconds: float) -> Reference:
+    """Return a closed track whose figures lie between bounds [m, m/s]."""
+    return track(**{name: rng.uniform(*span) for name, span in bounds.items()}, ramp=RAMP)
 
 
 def _stops(
@@ -185,12 +168,14 @@ def _low_pass(rng: np.random.Generator, seconds: float) -> Reference:
     return _stops(rng, points, seconds, (1.6, 3.0))
 
 
+CIRCLE = {"radius": (0.8, 3.0), "height": (1.0, 3.0), "speed": (1.0, 5.0)}
+LEMNISCATE = {"length": (1.2, 3.5), "width": (0.6, 1.8), "height": (1.0, 3.0), "speed": (1.0, 4.5)}
 KINDS: dict[str, Callable[[np.random.Generator, float], Reference]] = {
     "hover": _hover,
-    "slow_multisine": _slow_multisine,
-    "aggressive_multisine": _aggressive_multisine,
-    "circle": _circle,
-    "lemniscate": _lemniscate,
+    "slow_multisine": partial(_multisine, (0.25, 0.8), 0.5, (0.4, 0.7)),
+    "aggressive_multisine": partial(_multisine, (0.5, 1.2), 0.4, (1.0, 1.5)),
+    "circle": partial(_closed, circle, CIRCLE),
+    "lemniscate": partial(_closed, lemniscate, LEMNISCATE),
     "vertical_steps": _vertical_steps,
     "waypoints": _waypoints,
     "sprints": _sprints,

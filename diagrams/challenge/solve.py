@@ -1,11 +1,9 @@
 """Diagnoses every case of a challenge set, from its case folder alone."""
 
 import dataclasses as dc
-import gc
 import resource
 import time
 from collections.abc import Callable
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -123,12 +121,5 @@ def diagnose_folder(folder: Path, replay: bool) -> dict[str, Any]:
         from diagrams.gap.drake_replay import DrakeReplay
 
         simulator = DrakeReplay(vehicle)
-    _keep_what_is_loaded()
     found = diagnose(vehicle, train, held_out, simulator)
     return (found.refit or found).as_json()
-
-
-@cache
-def _keep_what_is_loaded() -> None:
-    """Keep the garbage collector from going through all modules again and again."""
-    gc.freeze()
