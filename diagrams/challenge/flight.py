@@ -109,17 +109,13 @@ class DrakeWorld:
         return np.sqrt(thrust / self._vehicle.thrust_coefficient)
 
     def reading(self) -> np.ndarray:
-        """Return Drake's state of the plant and the rates of its velocities."""
-        return np.concatenate([port.Eval(self._own) for port in self._ports])
-
-    def unpacked(self, readings: np.ndarray) -> np.ndarray:
-        """Return (n, 19) states of Bo, its accelerations in W and dw/dt in B, of readings."""
-        velocities = readings[:, self._plant.num_positions() :]
-        w_W, v = velocities[:, 0:3], velocities[:, 3:6]
-        rates = velocities[:, self._plant.num_velocities() :]
-        q = readings[:, 0:4] / np.linalg.norm(readings[:, 0:4], axis=1, keepdims=True)
-        w, al = attitude.rotate_back(q, w_W), attitude.rotate_back(q, rates[:, 0:3])
-        return np.concatenate([readings[:, 4:7], q, v, w, rates[:, 3:6], al], axis=1)
+        """Return (19,) state of Bo, its acceleration in W and dw/dt in B."""
+        state, rates = (port.Eval(self._own)[None] for port in self._ports)
+        velocities = state[:, self._plant.num_positions() :]
+        q = state[:, 0:4] / np.linalg.norm(state[:, 0:4], axis=1, keepdims=True)
+        w, al = (attitude.rotate_back(q, turn[:, 0:3]) for turn in (velocities, rates))
+        parts = [state[:, 4:7], q, velocities[:, 3:6], w, rates[:, 3:6], al]
+        return np.concatenate(parts, axis=1)[0]
 
     def command(self, u: np.ndarray) -> None:
         """Let a command (4,) act from now on [N, N·m]."""
@@ -296,4 +292,4 @@ def _fly_rows(
             flight.advance(reads[len(readings)])
             readings.append(flight.world.reading())
         flight.advance(rows[k + 1])
-    return np.array(commands), flight.world.unpacked(np.array(readings))
+    return np.array(commands), np.array(readings)

@@ -219,10 +219,6 @@ class RotorPyWorld(Multirotor):
         a = rate[V] - attitude.rotate(self._s[Q][[3, 0, 1, 2]], swept)
         return np.concatenate([self.state(), a, rate[W]])
 
-    def unpacked(self, readings: np.ndarray) -> np.ndarray:
-        """Return readings (n, 19) as they are."""
-        return readings
-
     def command(self, u: np.ndarray) -> None:
         """Let a command (4,) act from now on [N, N·m]."""
         self._command = self._rotor_speeds(u)

@@ -81,7 +81,7 @@ class Collinearity:
         options = [option for option in options if option.identifiers[-1] not in known]
         return self._same(self.contribution(terms, i), options, DISTANCE)
 
-    def effects_of(self, trace: Trace, within: float) -> list[str]:
+    def effects_of(self, trace: Trace, within: float = DISTANCE) -> list[str]:
         """Return the library effects that come near a residual, nearest first; none where mass,
         thrust and sensors within tolerance come as near by themselves.
         """

@@ -111,9 +111,6 @@ STUDIES = {
     ),
     "vehicles": Study("robustness.vehicles.study", "35 g, 2 kg and 6 kg on four tracks."),
     "models": Study("tracking.packaged", "The packaged model files, made anew.", seed=None),
-    "closing": Study(
-        "challenge.transfer", "Transfer of the controller from the corrected simulator."
-    ),
     "replay": Study("challenge.real.replay", "Real flights replayed open loop.", seed=None),
     "identification": Study(
         "identification.study", "Simulated vehicles identified from their logs.", 5800

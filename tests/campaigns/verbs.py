@@ -76,7 +76,6 @@ VERBS: dict[str, Verb] = {
     ),
     "reproduce real": Verb("{real} --only wind", columns=("s",), rows=("seconds a case, median",)),
     "reproduce vehicles": Verb("--seeds 1 --vehicle 35g --track circle --duration 10 --only hold"),
-    "reproduce closing": Verb("--seeds 2"),
     "reproduce autopilot": Verb("--seeds 1 --duration 10"),
     "reproduce blackbox": Verb("--duration 20"),
     "reproduce node": Verb("--seeds 1"),

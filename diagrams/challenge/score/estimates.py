@@ -181,7 +181,7 @@ def onset_summary(cases: Sequence[AnsweredCase]) -> dict[str, Any]:
     within_all: of all.
     within_if_named: of visible cases whose effect is named. within_if_seen: of visible cases,
         flights in which the effect is visible. within_if_told: of visible cases, flights in which
-        the onset bound (`ground_truth.best_onset`)
+        the onset bound (`truth.best_onset`)
         is as near.
     """
     every = [(case, row) for case in cases for row in onset_errors(case)]

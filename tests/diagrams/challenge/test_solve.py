@@ -1,5 +1,3 @@
-import gc
-import inspect
 import json
 import subprocess
 import sys
@@ -183,11 +181,6 @@ def test_a_folder_without_cases_is_refused(tmp_path):
         case_folders(tmp_path)
 
 
-def test_nothing_that_solves_takes_a_truth():
-    for function in (solve, Solving, module.diagnose_folder):
-        assert not any("truth" in name for name in inspect.signature(function).parameters)
-
-
 WATCHED = """
 import sys
 opened = []
@@ -223,14 +216,3 @@ def test_no_truth_is_opened_wherever_one_lies(cases, tmp_path):
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert done.stdout.splitlines()[-1] == "[]"
-
-
-@pytest.mark.usefixtures("quick")
-def test_modules_are_not_gone_through_for_garbage_while_cases_are_solved(cases, tmp_path):
-    gc.unfreeze()
-    module._keep_what_is_loaded.cache_clear()
-    Solving(cases)({"case": "a1"})
-    kept = gc.get_freeze_count()
-    assert kept > 10_000
-    Solving(cases)({"case": "c3"})
-    assert gc.get_freeze_count() <= kept  # what a case leaves behind is not kept

@@ -4,7 +4,7 @@ import dataclasses as dc
 
 import pytest
 
-from diagrams.challenge.generate.collinearity import Collinearity
+from diagrams.challenge.truth import Collinearity
 from np_drake.diagnosis.forward_model.payload_state import Term
 from np_drake.diagnosis.forward_model.prediction import predicted_residual
 from np_drake.diagnosis.options import IDEAL_SENSORS, Tolerance

@@ -1,9 +1,16 @@
 import numpy as np
 import pytest
 
-from diagrams.challenge.generate.trajectories import KINDS, draw_plan, draw_plans
-from diagrams.challenge.generate.vehicles import VEHICLES
-from diagrams.challenge.simulators.flight_plan import FASTEST, ROTOR_SHARE, Heading, Plan
+from diagrams.challenge.draw import VEHICLES
+from diagrams.challenge.plans import (
+    FASTEST,
+    KINDS,
+    ROTOR_SHARE,
+    Heading,
+    Plan,
+    draw_plan,
+    draw_plans,
+)
 from np_drake import attitude
 from np_drake.references.base import Hover
 from np_drake.vehicle import Vehicle

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from diagrams.challenge.generate.case import FILES, CaseDraw, draw_case
-from diagrams.challenge.generate.composition import compatible, compose
+from diagrams.challenge.draw import FILES, TWO_AT_ONCE, CaseDraw, compatible, compose, draw_case
+from diagrams.challenge.out_of_library import DEVELOPMENT, HOLDOUT
 from np_drake.effects.gusty_wind import GustyWind
 from np_drake.effects.library import LIBRARY
 
@@ -24,11 +24,6 @@ def test_nothing_but_the_effect_depends_on_the_effect():
     assert one.vehicle == other.vehicle == clean.vehicle
     assert one.quality == other.quality == clean.quality
     assert one.name == other.name == clean.name
-
-
-def test_the_same_seed_draws_the_same_case():
-    assert case("linear_drag").effects == case("linear_drag").effects
-    assert case("linear_drag").effects != case("linear_drag", seed=6).effects
 
 
 @pytest.mark.parametrize("wind", ["constant_wind", "gusty_wind"])
@@ -85,3 +80,19 @@ def test_joint_effects_act_at_different_places():
             assert compatible(draw.names)
     assert not compatible(("mass_error", "thrust_scale"))
     assert not compatible(("command_delay", "clock_offset"))
+
+
+def test_held_out_effects_are_in_no_ordinary_set_and_alone_in_their_own():
+    usual, unseen = compose(200, 0, 1), compose(64, 8, 1, unseen=True)
+    assert {name for d in usual if d.kind == "foreign" for name in d.names} == set(DEVELOPMENT)
+    assert [d.kind for d in unseen].count("foreign") == 64
+    assert {name for d in unseen for name in d.names} == set(HOLDOUT)
+    assert not set(DEVELOPMENT) & set(HOLDOUT)
+
+
+def test_a_third_of_the_out_of_library_cases_of_wild_have_two_at_once():
+    dut, before = compose(200, 30, 0, two=TWO_AT_ONCE), compose(200, 30, 0)
+    foreign = [draw.names for draw in dut if draw.kind == "foreign"]
+    assert len(foreign) == 30
+    assert 8 <= sum(len(names) == 2 for names in foreign) <= 10  # two slots of one law are one
+    assert all(len(draw.names) == 1 for draw in before if draw.kind == "foreign")

@@ -1,3 +1,5 @@
+"""rotorpy's vehicle: conversion of states, tether, gusts."""
+
 import dataclasses as dc
 from functools import partial
 
@@ -6,16 +8,26 @@ import pytest
 
 pytest.importorskip("rotorpy", reason="rotorpy is not installed: pip install 'np_drake[challenge]'")
 
-from diagrams.challenge.generate.trajectories import draw_plan
-from diagrams.challenge.simulators.rotorpy import simulator
-from diagrams.challenge.simulators.rotorpy.tether import Tether
+from diagrams.challenge import flight
+from diagrams.challenge.plans import draw_plan
+from diagrams.challenge.rotorpy_vehicle import (
+    SPEED,
+    Gusts,
+    Q,
+    Tether,
+    V,
+    X,
+    from_rotorpy,
+    to_rotorpy,
+)
 from np_drake.effects.base import Motion
+from np_drake.effects.library import LIBRARY
 from np_drake.effects.pendulum import hook_acceleration, hook_velocity
 from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.labels import raw_labels
 
 # The laws hold from any start; a settled one only takes longer.
-fly = partial(simulator.fly, warm_up=0.5)  # [s]
+fly = partial(flight.fly, warm_up=0.5, simulator="rotorpy")  # [s]
 
 EFFECT = SuspendedPayload(0.3, 0.7, 0.01, -0.01, -0.03)
 GRAVITY = 9.81
@@ -65,17 +77,6 @@ def test_in_the_air_its_energy_decays_with_the_damping():
     )
 
 
-def test_a_payload_lifted_steadily_through_the_air_does_not_accelerate():
-    climb, wall = np.array([0.0, 0.0, 2.0]), (1e12, np.eye(3) * 1e-12, np.zeros(3))
-    own = np.concatenate([[0.0, 0.0, -0.7], climb])
-    now = dc.replace(hung_up(), x=np.concatenate([np.eye(13)[3, :7], climb, np.zeros(3)]))
-    pulled, rate = Tether(dc.replace(PAYLOAD, damping=0.5)).pull(
-        now, own, np.zeros(6), wall, GRAVITY
-    )
-    np.testing.assert_allclose(rate, [*climb, 0.0, 0.0, 0.0], atol=1e-9)
-    assert pulled[2] * 1e12 == pytest.approx(-0.3 * (GRAVITY + 0.5 * 2.0))  # [N]
-
-
 def test_a_slack_payload_falls_freely_and_is_caught_at_the_tethers_end(dut):
     states = swing(dut, np.array([0.3, 0.0, 0.2, 0.5, 0.0, 0.0]), 2.0)
     t = 0.002 * np.arange(len(states))
@@ -123,3 +124,48 @@ def test_a_payload_that_attaches_swings_as_the_effects_own(vehicle, damping):
     )
     left = np.sqrt(np.mean((chi[part] - own) ** 2, axis=0))
     assert np.all(left < 0.01 * own.std(axis=0) + 1e-5)
+
+
+CENTER = np.array([0.03, -0.02, 0.05])  # p_BoBcm_B [m]
+
+
+def test_a_state_comes_back_as_it_was():
+    rng = np.random.default_rng(0)
+    x, speed = rng.normal(size=13), rng.uniform(100.0, 900.0, 4)
+    x[3:7] /= np.linalg.norm(x[3:7])
+    s = to_rotorpy(x, CENTER, speed)
+    np.testing.assert_allclose(from_rotorpy(s, CENTER), x, atol=1e-14)
+    np.testing.assert_array_equal(s[SPEED], speed)
+
+
+def test_the_centre_of_mass_of_a_yawing_vehicle_moves_across_its_lever():
+    x = np.zeros(13)
+    x[3], x[12] = 1.0, 2.0  # level, yaw rate [rad/s]
+    s = to_rotorpy(x, CENTER, np.zeros(4))
+    np.testing.assert_array_equal(s[X], CENTER)
+    np.testing.assert_allclose(s[V], [-2.0 * CENTER[1], 2.0 * CENTER[0], 0.0])
+    np.testing.assert_array_equal(s[Q], [0.0, 0.0, 0.0, 1.0])
+
+
+def gusty(seed):
+    return LIBRARY["gusty_wind"](2.0, -1.0, 0.5, deviation=0.8, correlation_time=0.6, seed=seed)
+
+
+def test_gusts_have_their_mean_deviation_and_correlation_time():
+    profile = Gusts(gusty(3))
+    air = np.array([profile(now) for now in np.arange(0, 300, 0.02)])
+    # Of 250 independent gusts.
+    np.testing.assert_allclose(air.mean(axis=0), [2.0, -1.0, 0.5], atol=0.2)
+    np.testing.assert_allclose(air.std(axis=0), 0.8, rtol=0.15)
+    gust = air - air.mean(axis=0)
+    later = np.mean(gust[30:] * gust[:-30]) / np.mean(gust**2)
+    assert later == pytest.approx(np.exp(-1), abs=0.1)
+
+
+def test_gusts_push_through_the_drag(vehicle, plan, t):
+    drag, profile = LIBRARY["linear_drag"](0.4, 0.4, 0.4), Gusts(gusty(1))
+    log = fly(vehicle, plan, [gusty(1), drag], t=t)
+    air = np.array([profile(now) for now in t])
+    chi = drag.wrench(vehicle, Motion(t, log.x, log.u @ vehicle.unmixer.T, air))
+    np.testing.assert_allclose(raw_labels(log, vehicle), chi, atol=1e-9)  # [N]
+    assert np.abs(air - np.array(list(map(Gusts(gusty(2)), t)))).max() > 0.5
