@@ -52,22 +52,18 @@ EQUIVALENT = (
 )
 
 
-def _body(xx: float, yy: float, zz: float, x: float, y: float, z: float = 0.0) -> dict:
-    """Return inertia [kg·m²] and rotors 1 … 4 of an X frame with half lengths x, y and height z
-    [m].
-    """
-    return {
-        "inertia": [[xx, 0.0, 0.0], [0.0, yy, 0.0], [0.0, 0.0, zz]],
-        "rotor_positions": [[x, y, z], [x, -y, z], [-x, -y, z], [-x, y, z]],
-    }
-
-
 VEHICLES: tuple[Vehicle, ...] = (
     Vehicle(),
     Vehicle(
         name="racer",
         mass=0.75,
-        **_body(0.0025, 0.0021, 0.0043, 0.075, 0.1),
+        inertia=[[0.0025, 0.0, 0.0], [0.0, 0.0021, 0.0], [0.0, 0.0, 0.0043]],
+        rotor_positions=[
+            [0.075, 0.1, 0.0],
+            [0.075, -0.1, 0.0],
+            [-0.075, -0.1, 0.0],
+            [-0.075, 0.1, 0.0],
+        ],
         thrust_coefficient=1.6e-6,
         torque_coefficient=2.2e-8,
         rotor_radius=0.065,
@@ -77,7 +73,13 @@ VEHICLES: tuple[Vehicle, ...] = (
     Vehicle(
         name="mapper",
         mass=1.2,
-        **_body(0.0105, 0.0118, 0.0205, 0.15, 0.165, 0.02),
+        inertia=[[0.0105, 0.0, 0.0], [0.0, 0.0118, 0.0], [0.0, 0.0, 0.0205]],
+        rotor_positions=[
+            [0.15, 0.165, 0.02],
+            [0.15, -0.165, 0.02],
+            [-0.15, -0.165, 0.02],
+            [-0.15, 0.165, 0.02],
+        ],
         thrust_coefficient=8.5e-6,
         torque_coefficient=1.5e-7,
         rotor_radius=0.115,
@@ -87,7 +89,13 @@ VEHICLES: tuple[Vehicle, ...] = (
     Vehicle(
         name="carrier",
         mass=3.2,
-        **_body(0.046, 0.051, 0.088, 0.2, 0.21),
+        inertia=[[0.046, 0.0, 0.0], [0.0, 0.051, 0.0], [0.0, 0.0, 0.088]],
+        rotor_positions=[
+            [0.2, 0.21, 0.0],
+            [0.2, -0.21, 0.0],
+            [-0.2, -0.21, 0.0],
+            [-0.2, 0.21, 0.0],
+        ],
         rotor_directions=[-1.0, 1.0, -1.0, 1.0],
         thrust_coefficient=2.4e-5,
         torque_coefficient=4.3e-7,
@@ -98,7 +106,13 @@ VEHICLES: tuple[Vehicle, ...] = (
     Vehicle(
         name="compact",
         mass=1.5,
-        **_body(0.0095, 0.0088, 0.0165, 0.11, 0.13),
+        inertia=[[0.0095, 0.0, 0.0], [0.0, 0.0088, 0.0], [0.0, 0.0, 0.0165]],
+        rotor_positions=[
+            [0.11, 0.13, 0.0],
+            [0.11, -0.13, 0.0],
+            [-0.11, -0.13, 0.0],
+            [-0.11, 0.13, 0.0],
+        ],
         thrust_coefficient=7.0e-6,
         torque_coefficient=1.2e-7,
         rotor_radius=0.09,
@@ -147,7 +161,6 @@ class Case:
     start.
     """
 
-    name: str
     draw: CaseDraw
     seed: int
     seconds: float
@@ -209,7 +222,6 @@ def draw_case(draw: CaseDraw, *, quality: str, seed: int, seconds: float) -> Cas
         begins = (True, rng.random() < 0.5, rng.random() < 0.3)
         onset = {f: t if b else None for f, t, b in zip(FILES, times, begins, strict=True)}
     return Case(
-        name=case_name(seed, draw.index),
         draw=draw,
         seed=seed,
         seconds=seconds,

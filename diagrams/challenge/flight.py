@@ -238,16 +238,13 @@ class _Flight:
 
     def give(self, u: np.ndarray) -> None:
         self._under_way.append((self.t + self.world.dead_time, u))
-        self._deliver()
-
-    def _deliver(self) -> None:
-        while self._under_way and self._under_way[0][0] <= self.t + 1e-9:
-            self.world.command(self._under_way.pop(0)[1])
+        self.advance(self.t)
 
     def advance(self, t: float) -> None:
-        while self._under_way and self._under_way[0][0] < t - 1e-9:
-            self._integrate(self._under_way[0][0])
-            self._deliver()
+        while self._under_way and self._under_way[0][0] <= t + 1e-9:
+            arrival, u = self._under_way.pop(0)
+            self._integrate(arrival if arrival < t - 1e-9 else t)
+            self.world.command(u)
         self._integrate(t)
 
     def _integrate(self, t: float) -> None:

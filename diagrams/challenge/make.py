@@ -127,7 +127,11 @@ class Making:
                 continue
             asked = {"seconds": self.seconds, "version": version("np_drake")}
             content = {**truth.content(self.simulator), **asked}
-            return {"name": drawn.name, "files": _case_files(drawn, noisy), "truth": content}
+            return {
+                "name": case_name(self.seed, draw.index),
+                "files": _case_files(drawn, noisy),
+                "truth": content,
+            }
         raise FailedRun(f"make: no draw of {tuple(case['names'])} could be flown; the last: {last}")
 
     def is_there(self, draw: CaseDraw, out: Path, truth: Path) -> bool:

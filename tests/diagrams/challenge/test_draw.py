@@ -23,7 +23,6 @@ def test_nothing_but_the_effect_depends_on_the_effect():
             np.testing.assert_array_equal(case_.instants(file), one.instants(file))
     assert one.vehicle == other.vehicle == clean.vehicle
     assert one.quality == other.quality == clean.quality
-    assert one.name == other.name == clean.name
 
 
 @pytest.mark.parametrize("wind", ["constant_wind", "gusty_wind"])

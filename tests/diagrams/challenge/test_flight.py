@@ -13,9 +13,6 @@ from diagrams.challenge.out_of_library import DRAWS
 from diagrams.challenge.plans import draw_plan
 from diagrams.challenge.sensors import SensorQuality
 from np_drake import attitude
-from np_drake.diagnosis.forward_model.payload_state import Term
-from np_drake.diagnosis.forward_model.prediction import predicted_residual
-from np_drake.diagnosis.residuals.make_flight_residuals import make_flight_residuals
 from np_drake.effects.base import ActuatorEffect, MassProperties, Measurement, Motion, WrenchEffect
 from np_drake.effects.combine import total_wrench
 from np_drake.effects.library import LIBRARY
@@ -230,11 +227,6 @@ def test_a_lost_vehicle_is_said(fly, vehicle, plan, t):
         fly(vehicle, plan, [LIBRARY["thrust_scale"](0.4)], t=t)
 
 
-def test_what_is_no_effect_is_said(fly, vehicle, plan, t):
-    with pytest.raises(ValueError, match="must be of a class of effects"):
-        fly(vehicle, plan, ["haunted"], t=t)
-
-
 @pytest.mark.parametrize("name", SHARED)
 def test_both_simulators_fly_alike(name, vehicle, plan, t):
     pytest.importorskip("rotorpy")
@@ -262,21 +254,3 @@ def test_rotors_that_speed_up_twist_back_in_both_simulators(t):
     )
     assert rms(ours.al - theirs.al) < 0.02 * rms(theirs.al - clean.al)
     np.testing.assert_allclose(ours.p, theirs.p, atol=1e-4)  # [m]
-
-
-@pytest.mark.parametrize("name", [*MASSES, *MEMORYLESS, "motor_lag", "linear_drag", "rotor_inflow"])
-def test_a_diagnosis_finds_its_own_signature_in_rotorpy(name, vehicle):
-    pytest.importorskip("rotorpy")
-    plan, effects = (
-        draw_plan(np.random.default_rng(3), vehicle, 4.0, "aggressive_multisine"),
-        drawn(name, vehicle),
-    )
-    log = flight.fly(
-        vehicle, plan, effects, t=np.arange(400) / 100, warm_up=0.5, simulator="rotorpy"
-    )
-    evidence, inner = make_flight_residuals(log, vehicle), slice(20, -20)  # a lag begins before it
-    left = (evidence.y - predicted_residual(evidence, [Term(e) for e in effects]))[inner, :6]
-    size = np.sqrt(np.mean(evidence.y[inner, :6] ** 2, axis=0))
-    scale = np.repeat([size[:3].max() + 2e-3, size[3:].max() + 2e-4], 3)
-    # A mean over an interval stands for its middle, and over a quarter of it for a row.
-    assert np.all(np.sqrt(np.mean(left**2, axis=0)) < 0.05 * scale)

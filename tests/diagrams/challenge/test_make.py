@@ -109,13 +109,6 @@ def test_a_lost_vehicle_is_drawn_again_and_counted(tmp_path, monkeypatch):
     assert len(list(out.iterdir())) == 1
 
 
-def test_an_effect_that_a_library_effect_explains_is_drawn_again(monkeypatch):
-    answers = iter([["mass_error"], []])
-    monkeypatch.setattr(GroundTruth, "equivalent_library_effects", lambda _: next(answers))
-    made = Making(**OPTIONS)(dc.asdict(CaseDraw(0, "foreign", ("wall_suction",))))
-    assert made["truth"]["attempt"] == 1
-
-
 def test_a_case_that_cannot_be_flown_leaves_nothing_behind(tmp_path, monkeypatch, in_this_process):
     def lost(case, simulator):
         raise FailedRun("lost")
@@ -186,3 +179,10 @@ def test_a_set_of_rotorpy_names_its_simulator(tmp_path):
     (file,) = truth.glob("*/truth.json")
     assert '"simulator": "rotorpy"' in file.read_text(encoding="utf-8")
     assert len(list(out.glob("*/*.csv"))) == 3
+
+
+def test_an_effect_that_a_library_effect_explains_is_drawn_again(monkeypatch):
+    answers = iter([["mass_error"], []])
+    monkeypatch.setattr(GroundTruth, "equivalent_library_effects", lambda _: next(answers))
+    made = Making(**OPTIONS)(dc.asdict(CaseDraw(0, "foreign", ("wall_suction",))))
+    assert made["truth"]["attempt"] == 1

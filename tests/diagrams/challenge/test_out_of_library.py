@@ -30,7 +30,7 @@ def test_every_law_flies_in_a_set():
 
 
 @pytest.mark.parametrize("name", DRAWS)
-def test_one_instant_is_as_many_and_under_a_constant_command_a_hidden_state_rests(name, vehicle):
+def test_one_instant_is_as_many_and_hidden_states_rest(name, vehicle):
     effect, rng = drawn(name, vehicle), np.random.default_rng(7)
     if not isinstance(effect, WrenchEffect):
         command = np.array([3.0, 5.0, 6.0, 8.0])

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from diagrams.challenge.draw import CaseDraw, draw_case
-from diagrams.challenge.flight import fly
 from diagrams.challenge.sensors import (
     COMMAND_TIME,
     FINER,
@@ -27,18 +26,12 @@ from diagrams.challenge.sensors import (
     flicker,
     gauss_markov,
     kept_rows,
-    rows_of,
-    with_input,
     with_sensor_noise,
 )
 from np_drake import attitude
 from np_drake.effects.library import LIBRARY, unobservable
 from np_drake.flight_log import FlightLog
-from np_drake.logs.formats.log_file import write_log
 from np_drake.logs.gaps import LONGEST
-from np_drake.logs.import_sheet import read_sheet, write_sheet
-from np_drake.logs.opening import open_flights
-from np_drake.vehicle.text import vehicle_text
 from np_drake.vehicle.vehicle import INPUTS, MeasurementNoise, Vehicle
 
 N = 40000
@@ -125,23 +118,6 @@ def test_flicker_has_equal_power_in_every_decade():
     assert max(decades) / min(decades) < 2.0
 
 
-def test_dropped_rows_leave_no_gap_that_a_reader_refuses():
-    sensors = SensorQuality("real", drops=0.01)
-    rng = np.random.default_rng(0)
-    t, rows = sensors.instants(rng, 20.0), kept_rows(rng, sensors, 2000)
-    assert len(rows) == 1980
-    assert np.diff(t[rows]).max() < 2.5 * np.median(np.diff(t[rows]))
-    assert np.diff(t).std() == pytest.approx(
-        0.01 * 0.05 * np.sqrt(2 / 3), rel=0.1
-    )  # uniform, two instants
-
-
-def test_clean_rows_are_all_there_at_a_constant_rate():
-    sensors, rng = SensorQuality(), np.random.default_rng(0)
-    np.testing.assert_allclose(np.diff(sensors.instants(rng, 5.0)), 0.01, atol=1e-12)
-    assert len(rows_of(still(), kept_rows(rng, sensors, N))) == N
-
-
 @pytest.fixture(scope="module")
 def drawn():
     return [draw_sensor_quality("wild", np.random.default_rng(seed), SPIN) for seed in range(400)]
@@ -155,45 +131,6 @@ def spans(values, low, high):
         np.log(low) - 1e-9 <= values.min() <= np.log(low) + edge
         and np.log(high) - edge <= values.max() <= np.log(high) + 1e-9
     )
-
-
-@pytest.mark.parametrize("name", RANGES)
-def test_every_figure_has_three_times_the_range_of_real(drawn, name):
-    low, high = RANGES[name]
-    assert spans([getattr(sensors, name) for sensors in drawn], low / 3, 3 * high)
-    real = [
-        getattr(draw_sensor_quality("real", np.random.default_rng(k), SPIN), name)
-        for k in range(50)
-    ]
-    assert low <= min(real) <= max(real) <= high
-
-
-def test_the_vehicle_file_is_three_times_as_far_off_and_noise_is_misstated(drawn):
-    for name in ("mass_off", "thrust_off"):
-        off = np.array([getattr(sensors, name) for sensors in drawn])
-        assert 2.9 * OFF < np.abs(off).max() <= 3 * OFF
-        assert np.mean(off > 0) == pytest.approx(0.5, abs=0.1)
-        known = SensorQuality("wild").stated_uncertainty()[name.replace("off", "uncertainty")]
-        assert off.std() == pytest.approx(known, rel=0.05)
-    stated = SensorQuality("wild").stated_noise()
-    assert stated == SensorQuality("real").stated_noise()
-    for name in ("position", "velocity", "rate", "acceleration"):
-        value = getattr(stated, name)
-        assert spans([getattr(sensors.white, name) for sensors in drawn], value / 3, 3 * value)
-    rotor = [sensors.rotor for sensors in drawn]
-    assert spans(np.abs(rotor), ROTOR * SPIN / 3, 3 * ROTOR * SPIN)
-    assert np.mean(np.array(rotor) < 0) == pytest.approx(0.5, abs=0.1)
-
-
-def test_rates_are_log_uniform_between_their_bounds(drawn):
-    rates = [sensors.rate for sensors in drawn]
-    assert RATES == (50.0, 500.0)
-    assert spans(rates, *RATES)
-    assert np.median(np.log10(rates)) == pytest.approx(np.log10(RATES).mean(), abs=0.1)
-    for sensors in drawn[:5]:
-        t = sensors.instants(np.random.default_rng(0), 10.0)
-        assert 1 / np.mean(np.diff(t)) == pytest.approx(sensors.rate, rel=0.01)
-        assert np.diff(t).min() > 0
 
 
 def test_rows_are_lost_in_succession_and_no_reader_refuses_the_gaps():
@@ -241,30 +178,6 @@ def test_a_vehicle_file_says_held_where_commands_are_held_and_only_there():
     assert real.input == LoggedInput()
 
 
-def test_only_the_vehicle_file_of_wild_states_how_well_it_is_known():
-    for quality, stated in [("clean", None), ("real", None), ("wild", 0.0173)]:
-        case = draw_case(CaseDraw(0, "clean"), quality=quality, seed=4, seconds=5.0)
-        text = vehicle_text(case.vehicle)
-        assert ("uncertainty" in text) == (stated is not None)
-        assert (case.vehicle.mass_uncertainty, case.vehicle.thrust_uncertainty) == (stated, stated)
-
-
-@pytest.mark.parametrize("kind", INPUTS)
-@pytest.mark.parametrize("semantics", SEMANTICS)
-def test_a_log_states_when_its_commands_act_where_they_are_not_held(kind, semantics, tmp_path):
-    dut = LoggedInput(kind, semantics).sheet(0.02)
-    assert (dut is None) == (semantics == "held_after" or kind == "rotor_speed")
-    if dut is not None:
-        write_sheet(dut, tmp_path / "flight.csv")
-        assert read_sheet(tmp_path / "flight.csv").timing == pytest.approx(
-            TIMING[semantics] * 0.02, abs=1e-6
-        )
-        assert (semantics in (tmp_path / "flight.import.yaml").read_text()) == (
-            semantics != "held_before"
-        )
-    assert LoggedInput().sheet(0.02) is None  # of clean and real
-
-
 def counted(t):
     """A log at rest whose commands are their own times."""
     three, four = np.zeros((len(t), 3)), np.tile(t[:, None], (1, 4))
@@ -291,7 +204,39 @@ def test_a_late_sample_is_the_second_command_of_its_row():
 
 
 @pytest.mark.parametrize("kind", INPUTS)
-def test_a_file_is_read_with_the_input_that_was_drawn(kind, vehicle, plan, t, tmp_path):
-    log = with_input(fly(vehicle, plan, t=t, warm_up=0.5), vehicle, kind)
-    write_log(log, tmp_path / "flight.csv")
-    assert open_flights(tmp_path / "flight.csv", vehicle=vehicle)[0][0].input == kind
+@pytest.mark.parametrize("semantics", SEMANTICS)
+def test_a_log_states_when_its_commands_act_where_they_are_not_held(kind, semantics):
+    dut = LoggedInput(kind, semantics).sheet(0.02)
+    assert (dut is None) == (semantics == "held_after" or kind == "rotor_speed")
+    if dut is not None:
+        assert dut.timing == pytest.approx(TIMING[semantics] * 0.02, abs=1e-6)
+        assert (dut.content["command"] == semantics) == (semantics != "held_before")
+
+
+def test_every_figure_of_wild_has_three_times_the_range_of_real(drawn):
+    rng, stated = np.random.default_rng(0), SensorQuality("wild").stated_noise()
+    real = [draw_sensor_quality("real", rng, SPIN) for _ in range(50)]
+    for name, (low, high) in RANGES.items():
+        assert spans([getattr(sensors, name) for sensors in drawn], low / 3, 3 * high)
+        assert all(low <= getattr(sensors, name) <= high for sensors in real)
+    for name in ("position", "velocity", "rate", "acceleration"):
+        value = getattr(stated, name)
+        assert spans([getattr(sensors.white, name) for sensors in drawn], value / 3, 3 * value)
+    rotor = np.array([sensors.rotor for sensors in drawn])
+    assert spans(np.abs(rotor), ROTOR * SPIN / 3, 3 * ROTOR * SPIN)
+    assert np.mean(rotor < 0) == pytest.approx(0.5, abs=0.1)
+    assert spans([sensors.rate for sensors in drawn], *RATES)
+    for name in ("mass", "thrust"):
+        off = np.array([getattr(sensors, f"{name}_off") for sensors in drawn])
+        assert 2.9 * OFF < np.abs(off).max() <= 3 * OFF
+        known = SensorQuality("wild").stated_uncertainty()[f"{name}_uncertainty"]
+        assert off.std() == pytest.approx(known, rel=0.05)
+
+
+def test_clean_rows_are_all_there_and_real_ones_jitter():
+    clean, rng = SensorQuality(), np.random.default_rng(0)
+    np.testing.assert_allclose(np.diff(clean.instants(rng, 5.0)), 0.01, atol=1e-12)
+    assert len(kept_rows(rng, clean, N)) == N
+    real = np.diff(SensorQuality("real").instants(rng, 20.0))
+    # Uniform, two instants.
+    assert real.std() == pytest.approx(0.01 * 0.05 * np.sqrt(2 / 3), rel=0.1)
