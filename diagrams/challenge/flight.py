@@ -136,7 +136,7 @@ def _largest_step(vehicle: Vehicle, places: EffectsByPlace) -> float:
     """
     lags = [vehicle.rotor_time_constant] if vehicle.rotor_time_constant > 0 else []
     for effect in places.actuator:
-        lags += [getattr(effect, n) for n in ("time_constant", "time") if hasattr(effect, n)]
+        lags += [v for name, v in effect.values.items() if name in ("time_constant", "time")]
     return min([STEP if places.payload is None else CABLE_STEP, *(LAG_SHARE * lag for lag in lags)])
 
 
