@@ -11,7 +11,7 @@ from jsonschema import Draft202012Validator
 from jsonschema.protocols import Validator
 from jsonschema.validators import extend
 
-from diagrams.challenge.generate.ground_truth import TRUTH_FILE
+from diagrams.challenge.truth import TRUTH_FILE
 from np_drake.diagnosis.result import UNKNOWN
 from np_drake.files.input_file import read_json
 from np_drake.files.yaml_file import shown

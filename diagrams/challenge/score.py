@@ -14,8 +14,8 @@ from scipy.special import expit
 from scipy.stats import binomtest
 
 from diagrams.challenge.answered_case import AnsweredCase
-from diagrams.challenge.generate.case import CLEAN, OUT_OF_LIBRARY
-from diagrams.challenge.generate.ground_truth import NO_GAP
+from diagrams.challenge.draw import CLEAN, OUT_OF_LIBRARY
+from diagrams.challenge.truth import NO_GAP
 from np_drake.diagnosis.result import UNKNOWN
 from np_drake.effects.library import LIBRARY, MEASURED_ROTORS
 from np_drake.effects.parameter import Parameter

@@ -55,7 +55,7 @@ def _make(
 
     Cases of the same request that are there already stay, so that an interrupted run goes on.
     """
-    from diagrams.challenge.generate.make import check_request, make
+    from diagrams.challenge.make import check_request, make
 
     config: dict[str, Any] = {
         "simulator": simulator,

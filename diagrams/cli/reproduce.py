@@ -103,9 +103,6 @@ STUDIES = {
     ),
     "vehicles": Study("robustness.vehicles.study", "35 g, 2 kg and 6 kg on four tracks."),
     "models": Study("tracking.packaged", "The packaged model files, made anew.", seed=None),
-    "closing": Study(
-        "challenge.transfer.study", "Transfer of the controller from the corrected simulator."
-    ),
     "identification": Study(
         "identification.simulated", "Simulated vehicles identified from their logs.", 5800
     ),

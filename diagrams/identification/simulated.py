@@ -14,15 +14,15 @@ from diagrams.batch.campaign import Case
 from diagrams.batch.failed_run import FailedRun
 from diagrams.batch.run import Report, Run
 from diagrams.batch.workers import failures, require_result
-from diagrams.challenge.generate.sensor_quality import (
+from diagrams.challenge.flight import fly
+from diagrams.challenge.plans import draw_plans
+from diagrams.challenge.sensors import (
     REAL,
     draw_sensor_quality,
     kept_rows,
     rows_of,
     with_sensor_noise,
 )
-from diagrams.challenge.generate.trajectories import draw_plans
-from diagrams.challenge.simulators.drake.simulator import fly
 from np_drake import attitude
 from np_drake.effects import BladeFlapping, LinearDrag, TranslationalLift
 from np_drake.effects.calibration import effects_of

@@ -1,4 +1,4 @@
-"""Localisation of the gap in channel, time and regime, and what the logs excite and can tell apart."""
+"""Localisation of the gap, and what the logs excite and can tell apart."""
 
 from collections.abc import Sequence
 
