@@ -1,5 +1,4 @@
-"""Effects of the library as a scenario file and a report hold them: entries, their joint posterior,."""
-
+"""Effects as a scenario file and a report hold them: entries and their joint posterior."""
 import dataclasses as dc
 import difflib
 from collections.abc import Sequence
