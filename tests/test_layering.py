@@ -44,13 +44,12 @@ GROUND = (
         "labels",
     ),
     *("training_data", "identification", "effects", "logs", "references", "control", "diagnosis"),
-    *("flight_design", "mpc", "estimation", "faults", "offboard"),
+    *("flight_design", "mpc", "faults", "offboard"),
     *("lifting", "payload_filter", "residual_models", "skill", "__main__"),
 )
 EXPERIMENTS = (
     *("batch", "loop"),
-    *("prediction", "tracking", "payload", "robustness", "gap", "demo", "challenge"),
-    *("identification", "performance", "exports", "offboard", "cli"),
+    *("studies", "gap", "demo", "challenge", "identification", "exports", "offboard", "cli"),
 )
 MOST_IMPORTS = (
     10  # modules of the diagnosis that one of them imports; `diagnose` strings the steps together
@@ -126,7 +125,7 @@ def test_imports_run_downwards():
         ("np_drake/x.py", "from pydrake.systems.framework import LeafSystem"),
         ("np_drake/x.py", "from pydrake import multibody"),
         ("np_drake/x.py", "from . import y"),
-        ("systems/x.py", "from diagrams.tracking.tracking import run"),
+        ("systems/x.py", "from diagrams.studies.tracking import run"),
         ("systems/x.py", "from pydrake.all import *"),
         ("diagrams/x.py", "import pydrake.all"),
     ],

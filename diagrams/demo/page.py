@@ -7,7 +7,7 @@ from typing import Any
 
 from diagrams.demo.figures import LABELS
 from diagrams.demo.story import HELD_OUT, SIMULATORS, Demo
-from diagrams.tracking.tracking import TRACKS
+from diagrams.studies.tracking import TRACKS
 from np_drake.diagnosis.report import words
 from np_drake.diagnosis.report.headline import named_causes
 from np_drake.diagnosis.report.page import embedded, style, template_of

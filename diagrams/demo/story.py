@@ -10,15 +10,17 @@ from typing import Any
 
 import numpy as np
 
-from diagrams.batch.processes import DeadProcess, as_they_finish
+from diagrams.batch.failed_run import FailedRun
+from diagrams.batch.processes import as_they_finish
 from diagrams.gap.corrected import corrected_simulator
 from diagrams.gap.drake_replay import DrakeReplay
 from diagrams.gap.side_by_side import SideBySide, side_by_side
 from diagrams.loop.flight import FlightConfig
 from diagrams.loop.flight_result import FlightResult, fly
 from diagrams.loop.reality import RealityConfig
-from diagrams.prediction.learning import train_payload_filter_model, train_predictor
-from diagrams.tracking.tracking import TRACKS, Row, configure, training_config
+from diagrams.studies.learning import train_payload_filter_model, train_predictor
+from diagrams.studies.sweep import Row, configure, training_config
+from diagrams.studies.tracking import TRACKS
 from np_drake.diagnosis.diagnose import diagnose
 from np_drake.diagnosis.result import Diagnosis
 from np_drake.effects.base import Effect
@@ -187,7 +189,7 @@ class _Steps:
     def run(self, text: str, work: Mapping[Any, Callable[[], Any]]) -> dict[Any, Any]:
         """Return the results of one round by the keys of its work.
 
-        Raises: what the work raises; DeadProcess: where its process died.
+        Raises: what the work raises; FailedRun: where its process died.
         """
         share, keys = next(self._shares), list(work)
         self._on_progress(self._before, text)
@@ -195,7 +197,7 @@ class _Steps:
         one_by_one = enumerate(task() for task in work.values())  # in this process
         beside = as_they_finish(_call, list(work.values()), self._jobs)
         for number, value in one_by_one if self._jobs == 1 else beside:
-            if isinstance(value, DeadProcess):
+            if isinstance(value, FailedRun):
                 raise value
             results[keys[number]] = value
             self._on_progress(self._before + share * len(results) / len(keys), text)

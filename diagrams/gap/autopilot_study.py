@@ -8,17 +8,15 @@ from typing import Any
 import numpy as np
 
 from diagrams.batch.campaign import Case
-from diagrams.batch.columns import fixed, spread, tabulate
-from diagrams.batch.flown import FlownOptions, FlownRun
-from diagrams.batch.options import Duration, Seeds
-from diagrams.batch.run import Report, Run, Table
-from diagrams.batch.workers import failures, results
+from diagrams.batch.run import Report, Run, Table, failures, results
 from diagrams.gap.corrected import corrected_simulator
 from diagrams.gap.step_response import step_responses
 from diagrams.loop.experiments import load_experiment
 from diagrams.loop.flight import FlightConfig
 from diagrams.loop.flight_result import FlightResult, fly
 from diagrams.loop.reality import RealityConfig
+from diagrams.studies.columns import fixed, spread, tabulate
+from diagrams.studies.options import Duration, FlownOptions, FlownRun, Seeds
 from np_drake.autopilot.firmware import find_firmware
 from np_drake.diagnosis.diagnose import diagnose
 from np_drake.identification.rate_loop import AxisLoop, identify_rate_loop

@@ -10,15 +10,14 @@ from typing import Any
 import numpy as np
 
 from diagrams.batch.campaign import Case
-from diagrams.batch.options import Duration
-from diagrams.batch.run import Report, Run, Table
-from diagrams.batch.workers import failures, results
+from diagrams.batch.run import Report, Run, Table, failures, results
 from diagrams.gap.step_response import step_responses
 from diagrams.loop.common_numbers import with_payload
 from diagrams.loop.experiments import load_experiment
 from diagrams.loop.flight import FlightConfig
 from diagrams.loop.flight_result import fly
 from diagrams.loop.reality import RealityConfig
+from diagrams.studies.options import Duration
 from np_drake.autopilot.firmware import find_firmware
 from np_drake.diagnosis.diagnose import diagnose
 from np_drake.flight_log import FlightLog

@@ -8,13 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from diagrams.batch.arrays import packed, unpacked
-from diagrams.batch.campaign import Case
-from diagrams.batch.columns import percent, tabulate
-from diagrams.batch.options import Neurobem
-from diagrams.batch.run import Report, Run
-from diagrams.batch.workers import Workers, every_result
-from diagrams.prediction.array_flights import neurobem_folder
+from diagrams.batch.campaign import Case, packed, unpacked
+from diagrams.batch.run import Report, Run, Workers, every_result
+from diagrams.studies.columns import percent, tabulate
+from diagrams.studies.estimation import neurobem_folder
+from diagrams.studies.options import Neurobem
 from np_drake.diagnosis.diagnose import diagnose
 from np_drake.diagnosis.residuals.make_flight_residuals import make_flight_residuals
 from np_drake.flight_log import FlightLog

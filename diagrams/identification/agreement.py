@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from diagrams.batch.columns import tabulate
 from diagrams.batch.run import Table
+from diagrams.studies.columns import tabulate
 from np_drake.files.number_text import NOTHING
 from np_drake.identification.validation import HORIZONS
 

@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 
 from diagrams.batch.campaign import Case
-from diagrams.batch.columns import tabulate
 from diagrams.batch.run import Table
 from diagrams.identification.real_sets import BENCHMARK, SETS, Folders, open_set, stated_mass
+from diagrams.studies.columns import tabulate
 from np_drake import attitude
 from np_drake.files.number_text import NOTHING
 from np_drake.flight_log import FlightLog

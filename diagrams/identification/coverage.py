@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from diagrams.batch.columns import tabulate
 from diagrams.batch.run import Table
 from diagrams.identification.simulated import INPUTS
 from diagrams.identification.vehicle_case import SHARE, TIME
+from diagrams.studies.columns import tabulate
 from np_drake.files.number_text import NOTHING
 
 SCALES = ("thrust coefficient", "logged thrust, true over logged")

@@ -2,14 +2,13 @@
 
 from typing import Any
 
-from diagrams.batch.options import RealFlightOptions
-from diagrams.batch.run import Report, Run
-from diagrams.batch.workers import failures, require_result
+from diagrams.batch.run import Report, Run, failures, require_result
 from diagrams.identification import benchmark
 from diagrams.identification.agreement import agreement_lines, held_out_lines, printed
 from diagrams.identification.benchmark import JUDGING, BenchmarkCase
 from diagrams.identification.half_case import HalfCase
 from diagrams.identification.real_sets import BENCHMARK, Folders, present_sets
+from diagrams.studies.options import RealFlightOptions
 
 Options = RealFlightOptions
 
@@ -55,7 +54,5 @@ def _benchmark(
     if BENCHMARK not in names or not any(judging) or all(judging):
         return []
     cases = [{"set": BENCHMARK, "judging": JUDGING}]
-    records = run.cases(
-        "predicting", "", BenchmarkCase(folders), cases, config=config, part="benchmark"
-    )
+    records = run.cases("predicting", "", BenchmarkCase(folders), cases, config=config)
     return [r["result"] for r in records if "result" in r]

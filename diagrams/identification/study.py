@@ -5,8 +5,7 @@ from typing import Annotated, Any
 
 from typer import Option
 
-from diagrams.batch.run import Report, Run
-from diagrams.batch.workers import failures, require_result
+from diagrams.batch.run import Report, Run, failures, require_result
 from diagrams.identification.coverage import asked_lines, pooled_lines, printed, quantity_lines
 from diagrams.identification.vehicle_case import VehicleCase, make_cases
 

@@ -44,27 +44,16 @@ VERBS: dict[str, Verb] = {
     "train": Verb(
         "--envelope 3 --epochs 3", "--out {out}/np.safetensors --json {out}.json", "np.safetensors"
     ),
-    "reproduce models": Verb(""),
     "reproduce tracking": Verb("--seeds 1 --only np", times=FLIGHT),
-    "reproduce configurations": Verb("--seeds 1 --only hold", times=FLIGHT),
-    "reproduce weights": Verb(""),
     "reproduce gap": Verb("--neurobem {neurobem}"),
-    "reproduce mhe": Verb(
-        "--neurobem {arrays}", times=frozenset({"step_time", "exact", "program"})
-    ),
-    "reproduce theorem": Verb("--neurobem {arrays} --spacing 1000"),
     "reproduce estimation": Verb("--neurobem {neurobem}"),
     "reproduce sample-efficiency": Verb("--neurobem {arrays}"),
-    "reproduce envelope": Verb("--flights 3"),
-    "reproduce response": Verb("--neurobem {arrays}"),
     "reproduce payload-flights": Verb(
         "{real} --only ridge --only payload_filter", times=frozenset({"wall", "training"})
     ),
-    "reproduce tether": Verb(""),
     "reproduce hover": Verb("--seeds 2 --only hold", times=FLIGHT),
     "reproduce attach": Verb("--seeds 1", times=FLIGHT),
     "reproduce robustness": Verb("--seeds 1 --only np --axis loss --duration 10", times=FLIGHT),
-    "reproduce margins": Verb("--seeds 1 --only hold", times=FLIGHT),
     "reproduce identification": Verb(
         "--vehicles 2 --flights 1 --seconds 8",
         times=frozenset({"processor_time"}),
@@ -75,8 +64,6 @@ VERBS: dict[str, Verb] = {
         "{real} --only imrc", times=frozenset({"processor_time"}), columns=("processor time [s]",)
     ),
     "reproduce real": Verb("{real} --only wind", columns=("s",), rows=("seconds a case, median",)),
-    "reproduce vehicles": Verb("--seeds 1 --vehicle 35g --track circle --duration 10 --only hold"),
-    "reproduce closing": Verb("--seeds 2"),
     "reproduce autopilot": Verb("--seeds 1 --duration 10"),
     "reproduce blackbox": Verb("--duration 20"),
     "reproduce node": Verb("--seeds 1"),

@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 from verbs import SECONDS, VERBS, Verb
 
-from diagrams.batch.arrays import unpacked
+from diagrams.batch.campaign import unpacked
 
 SERIAL, PAIR, CLUSTER, KILLED = "jobs 1", "jobs 2", "cluster", "killed"
 FOLDERS = {
@@ -217,13 +217,14 @@ def made_arrays(folder: Path) -> Path:
     """Write made flights in the form of the real ones; the first is as long as `sample-efficiency`
     asks for.
     """
-    from diagrams.performance.predictor_bench import synthetic_flight
     from np_drake.logs.formats.neurobem_wrenches import TESTS, TRAINING
 
     (folder / "npy").mkdir(parents=True, exist_ok=True)
     for seed, stem in enumerate([TRAINING, *TESTS]):
-        flight = synthetic_flight(700 if seed else 4000, seed)
-        np.save(folder / "npy" / f"{stem}.npy", np.hstack([flight.zeta, flight.chi]))
+        draw, t = np.random.default_rng(seed), 0.0025 * np.arange(700 if seed else 4000)
+        rate, phase = draw.uniform(2.0, 25.0, (12, 8)), draw.uniform(0, 2 * np.pi, (12, 8))
+        waves = np.sin(rate * t[:, None, None] + phase).sum(axis=2)
+        np.save(folder / "npy" / f"{stem}.npy", waves * np.repeat([1.0, 1.0, 1.0, 0.05], 3))
     return folder
 
 

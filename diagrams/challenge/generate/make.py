@@ -11,7 +11,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from diagrams.batch.failed_run import FailedRun
-from diagrams.batch.workers import Workers
+from diagrams.batch.run import Workers
 from diagrams.challenge.generate.case import FILES, NOISE, Case, CaseDraw, case_name, draw_case
 from diagrams.challenge.generate.composition import TWO_AT_ONCE, compose
 from diagrams.challenge.generate.ground_truth import TRUTH_FILE, GroundTruth

@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from diagrams.batch.columns import fixed, tabulate
 from diagrams.batch.run import Table
 from diagrams.challenge.score.binomial_intervals import binned
+from diagrams.studies.columns import fixed, tabulate
 from np_drake.files.figure_file import DASHES, PALETTE, new_figure
 
 Pairs = Sequence[tuple[float, bool]]  # probability and truth of names

@@ -8,16 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from diagrams.batch.columns import tabulate
-from diagrams.batch.options import RealFlightOptions
-from diagrams.batch.run import Report, Run, Table
-from diagrams.batch.workers import failures, require_result
+from diagrams.batch.run import Report, Run, Table, failures, require_result
 from diagrams.challenge.real.campaigns import GROUPS
 from diagrams.challenge.real.cases import OfNamedCase, make_cases
 from diagrams.challenge.real.flights import open_case, require_logs
 from diagrams.challenge.real.payload_position import open_loop, plumb, position_errors
 from diagrams.challenge.real.rules import Case
 from diagrams.gap.drake_replay import DrakeReplay
+from diagrams.studies.columns import tabulate
+from diagrams.studies.options import RealFlightOptions
 from np_drake.diagnosis.diagnose import diagnose
 from np_drake.diagnosis.result import Diagnosis, ReplayGap
 from np_drake.files.number_text import NOTHING

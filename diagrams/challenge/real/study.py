@@ -8,9 +8,7 @@ from typing import Annotated, Any
 from typer import Option
 
 from diagrams.batch.failed_run import FailedRun
-from diagrams.batch.options import RealFlightOptions
-from diagrams.batch.run import Report, Run
-from diagrams.batch.workers import failures
+from diagrams.batch.run import Report, Run, failures
 from diagrams.challenge.real.answers import require_answers, write_answers
 from diagrams.challenge.real.calibration import bins, calibration_figure
 from diagrams.challenge.real.cases import RULE, OfNamedCase, make_cases
@@ -19,6 +17,7 @@ from diagrams.challenge.real.score import BASELINES, THIS, Scoring
 from diagrams.challenge.real.summary import judged_names, methods_of
 from diagrams.challenge.real.tables import tables
 from diagrams.challenge.score.answered_case import ANSWER_FILE
+from diagrams.studies.options import RealFlightOptions
 
 ANSWERS = "answers"  # folder in that of --out
 

@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 
-from diagrams.batch.columns import Column, tabulate
 from diagrams.batch.run import Table
 from diagrams.challenge.real.calibration import calibration_table
 from diagrams.challenge.real.campaigns import CAMPAIGNS, campaign_of
@@ -24,6 +23,7 @@ from diagrams.challenge.real.summary import (
     methods_of,
 )
 from diagrams.challenge.real.truth import NAMED, PAYLOAD, WINDS
+from diagrams.studies.columns import Column, tabulate
 from np_drake.files.number_text import NOTHING
 
 TOP = 5  # names that are shown of a method

@@ -13,11 +13,7 @@ import numpy as np
 from typer import Option
 
 from diagrams.batch.campaign import Case
-from diagrams.batch.columns import tabulate
-from diagrams.batch.flown import FlownOptions, FlownRun
-from diagrams.batch.options import Seeds
-from diagrams.batch.run import Report, Run, Table
-from diagrams.batch.workers import failures, results
+from diagrams.batch.run import Report, Run, Table, failures, results
 from diagrams.challenge.transfer import designs, reality
 from diagrams.challenge.transfer.designs import Chosen, Design, Errors, chosen_in, flown, learned
 from diagrams.challenge.transfer.reality import (
@@ -29,6 +25,8 @@ from diagrams.challenge.transfer.reality import (
 from diagrams.gap.corrected import corrected_simulator, drawn
 from diagrams.loop.flight import FlightConfig
 from diagrams.loop.reality import RealityConfig
+from diagrams.studies.columns import tabulate
+from diagrams.studies.options import FlownOptions, FlownRun, Seeds
 from np_drake.diagnosis.diagnose import diagnose
 from np_drake.mpc.solvers import require_solver
 from np_drake.vehicle import Vehicle

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from diagrams.batch.failed_run import one_line
-from diagrams.batch.workers import Workers
+from diagrams.batch.run import Workers
 from diagrams.challenge import solve as module
 from diagrams.challenge.solve import Solving, case_folders, solve, write_answer
 from np_drake.flight_log import FlightLog

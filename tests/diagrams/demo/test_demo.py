@@ -9,7 +9,7 @@ from diagrams.cli.main import run
 from diagrams.demo import page, story
 from diagrams.loop.experiments import load_experiment
 from diagrams.loop.flight import load_flight
-from diagrams.tracking import tracking
+from diagrams.studies import sweep, tracking
 from np_drake.logs.opening import open_flights
 
 DIAGNOSED = 20.0  # of a flight that is diagnosed, so that as much is seen as in the demo itself [s]
@@ -25,7 +25,7 @@ def shortened(name, vehicle=None, reality=None):
 
 
 def configured(track, row, **how):
-    config = tracking.configure(track, row, **how)
+    config = sweep.configure(track, row, **how)
     config.duration = DIAGNOSED if row == story.NOMINAL else OTHERS
     return config
 
@@ -45,7 +45,7 @@ def told(tmp_path_factory):
         return kept[0]
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(tracking, "load_experiment", shortened)
+        patch.setattr(sweep, "load_experiment", shortened)
         patch.setattr(story, "configure", configured)
         patch.setattr(story, "run_demo", kept_demo)
         metrics = folder / "demo.json"

@@ -5,7 +5,6 @@ from typing import Annotated
 
 from typer import Option
 
-from diagrams.batch.options import RealFlights, required
 from diagrams.batch.run import Report, Run
 from diagrams.challenge.real.forecast.figure import ratio_figure
 from diagrams.challenge.real.forecast.folds import DAMPINGS, open_campaign, true_estimate
@@ -17,6 +16,7 @@ from diagrams.challenge.real.forecast.tables import (
     persistence_rmse,
     ratio_tables,
 )
+from diagrams.studies.options import RealFlights, required
 
 
 @dc.dataclass(frozen=True)

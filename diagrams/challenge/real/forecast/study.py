@@ -6,9 +6,8 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
-from diagrams.batch.arrays import packed, unpacked
-from diagrams.batch.campaign import Case
-from diagrams.batch.workers import Workers, every_result
+from diagrams.batch.campaign import Case, packed, unpacked
+from diagrams.batch.run import Workers, every_result
 from diagrams.challenge.real.forecast.folds import PayloadFlight, drag_beside, told
 from diagrams.challenge.real.forecast.rows import HISTORY, ROWS, TOLD_ROWS
 from diagrams.challenge.real.forecast.scores import Score, diverged, pooled, score

@@ -1,12 +1,10 @@
 """Laws of the simulators in which the real vehicle flies."""
 
-import json
 from importlib.util import find_spec
 
 import numpy as np
 import pytest
 
-from diagrams.batch.campaign import run_campaign
 from diagrams.challenge.simulators.rotorpy import optional_import
 from diagrams.challenge.transfer import designs, reality, study
 from diagrams.challenge.transfer.study import (
@@ -18,7 +16,6 @@ from diagrams.challenge.transfer.study import (
     settings,
     table,
 )
-from diagrams.cli.main import run
 from diagrams.loop.experiments import load_experiment
 from diagrams.loop.real_vehicle import DRAKE
 from diagrams.loop.reality import RealityConfig
@@ -132,43 +129,3 @@ def test_the_settings_hold_rotorpys_own_physics():
     assert there["simulator"]["own_physics"]["k_d"] > 0
     assert there["simulator"]["version"].startswith("3.")
     assert there | {"simulator": {"name": "drake"}} == settings("sqp")
-
-
-@needs_rotorpy
-def test_a_folder_of_the_other_simulator_is_refused(tmp_path):
-    cases = [{"seed": 1}]
-    run_campaign(dict, cases, config=settings("sqp"), folder=tmp_path)
-    with pytest.raises(
-        ValueError, match=r'simulator\.name is "drake", .* "rotorpy"; choose another folder'
-    ):
-        run_campaign(dict, cases, config=settings("sqp", "rotorpy"), folder=tmp_path)
-
-
-@pytest.mark.parametrize(
-    "name, message",
-    [
-        ("gazebo", "simulator must be one of drake, rotorpy; got 'gazebo'"),
-        ("rotorpy", "pip install"),
-    ],
-)
-def test_a_simulator_that_there_is_not_is_one_line_before_any_flight(
-    name, message, monkeypatch, tmp_path, capsys
-):
-    monkeypatch.setattr(optional_import, "find_spec", lambda name: None)
-    assert run(["reproduce", "closing", "--simulator", name, "--out", str(tmp_path / "out")]) == 2
-    (line,) = capsys.readouterr().err.splitlines()
-    assert line.startswith("np-drake reproduce closing: ")
-    assert message in line
-    assert not (tmp_path / "out" / "cases").exists()
-
-
-@needs_rotorpy
-def test_the_printed_table_and_its_file_name_the_simulator(monkeypatch, tmp_path, capsys):
-    result, _ = fly_one(monkeypatch, "rotorpy")
-    record = {"case": {"seed": 4}, "result": result, "seconds": 1.0}
-    monkeypatch.setattr("diagrams.batch.workers.run_campaign", lambda *_, **__: [record])
-    out = tmp_path / "table.json"
-    arguments = ["--seeds", "1", "--seed", "3", "--simulator", "rotorpy", "--json", str(out)]
-    assert run(["reproduce", "closing", *arguments]) == 0
-    assert "1 vehicles in rotorpy, seeds 4 … 4, sqp" in capsys.readouterr().out
-    assert json.loads(out.read_text())["config"]["simulator"]["name"] == "rotorpy"

@@ -7,8 +7,8 @@ import tracemalloc
 import numpy as np
 import pytest
 
+from diagrams.studies.estimation import PUBLISHED
 from np_drake import attitude, labels
-from np_drake.estimation.wrench_table import PUBLISHED
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.neurobem import published_vehicle, read_array
 from np_drake.logs.formats.neurobem_wrenches import RACE_TRACK, TRAINING, read_wrenches, table_files
