@@ -76,11 +76,17 @@ def on_cluster(
     with connect(address) as client:
         futures = client.map(work, cases, pure=False)
         numbers = {future: number for number, future in enumerate(futures)}
+        suspects = []
         for future in as_completed(futures, loop=client.loop):
             try:
                 yield numbers[future], future.result()
+            except KilledWorker:
+                suspects.append(numbers[future])
+        for number in suspects:  # alone, only the one that killed its workers does so again
+            try:
+                yield number, client.submit(work, cases[number], pure=False).result()
             except KilledWorker as error:
-                yield numbers[future], FailedRun(f"lost: its workers died; {error}")
+                yield number, FailedRun(f"lost: its workers died; {error}")
 
 
 @contextmanager

@@ -19,7 +19,7 @@ NP_DRAKE_ACADOS names; that folder goes last on the path, behind the installed c
 """
 
 import ctypes
-import importlib
+import importlib.util
 import os
 import shutil
 import sys
@@ -42,7 +42,6 @@ from np_drake.vehicle import Vehicle
 FOLDER = "NP_DRAKE_ACADOS"  # environment variable: folder that holds the package `acados`
 _LIBRARIES = ("blasfeo", "hpipm", "qpOASES_e", "acados")  # each needs those before it
 _COLD_STEPS = 8  # iterations after a cold start, as `SqpSolver` takes at most [1]
-_BLOCK = 10  # stages that are condensed into one, the fastest of our settings [1]
 _OPTIONS = {
     **{"integrator_type": "DISCRETE", "nlp_solver_type": "SQP_RTI"},
     **{"hessian_approx": "GAUSS_NEWTON", "qp_solver": "PARTIAL_CONDENSING_HPIPM"},
@@ -83,23 +82,22 @@ class AcadosSolver:
             raise SolverFailure("MPC: acados: the peer solves linear forecasts only.")
         h = self.condensed.prepare(problem)
         t, cold = initial_trajectory(self.condensed, h, warm_start)
-        if len(f.z) not in self._programs:
+        program = self._programs.get(len(f.z))
+        if program is None:
             ocp = make_ocp(self._template, self.condensed.vehicle, self.condensed.config, len(f.z))
             with tempfile.TemporaryDirectory() as folder, chdir(folder):  # its templates change it
                 program = self._template.AcadosOcpSolver(ocp, verbose=False)
             program.constraints_set(0, "lh", np.array([-_FAR]))  # the first state is measured
             self._programs[len(f.z)] = program
-        program = self._programs[len(f.z)]
         _hand_over(program, h, t, f)
         steps, spent = max(self._steps, _COLD_STEPS) if cold else self._steps, 0.0
         for _ in range(steps):
             if status := program.solve():
-                program.reset()
                 raise SolverFailure(f"MPC: acados: status {status} of the QP.")
             spent += float(np.sum(program.get_stats("time_tot")))
-        T = np.array([program.get(i, "u") for i in range(self.condensed.config.horizon)])
+        T = self.condensed.clip(np.array([program.get(i, "u") for i in range(len(t.T))]))
         with np.errstate(all="ignore"):
-            end = self.condensed.rollout(h, self.condensed.clip(T))
+            end = self.condensed.rollout(h, T)
         return as_solution(end, MpcStatus.ITERATION_LIMIT, steps, spent)
 
 
@@ -107,33 +105,33 @@ def _acados_template() -> Any:
     """Return the module `acados_template`, its libraries loaded; ImportError if it is missing."""
     folder = os.environ.get(FOLDER)
     sys.path += [folder] if folder and folder not in sys.path else []
-    try:
-        package = Path(importlib.import_module("acados").__file__ or "").parent
-    except ImportError as error:
+    spec = importlib.util.find_spec("acados")
+    if spec is None:
         raise ImportError(
             "AcadosSolver: acados must be installed: pip install --no-deps --target DIR "
             f"comma-deps-acados, and {FOLDER}=DIR."
-        ) from error
-    os.environ["ACADOS_SOURCE_DIR"] = str(package / "install")
-    os.environ["ACADOS_PYTHON_INTERFACE_PATH"] = str(package / "acados_template")
+        )
+    built, templates = (
+        Path(spec.origin or "").with_name(n) for n in ("install", "acados_template")
+    )
+    os.environ |= {"ACADOS_SOURCE_DIR": str(built), "ACADOS_PYTHON_INTERFACE_PATH": str(templates)}
     for name in _LIBRARIES:
-        ctypes.CDLL(str(package / "install" / "lib" / f"lib{name}.so"), mode=ctypes.RTLD_GLOBAL)
+        ctypes.CDLL(f"{built}/lib/lib{name}.so", mode=ctypes.RTLD_GLOBAL)
     return importlib.import_module("acados.acados_template")
 
 
 def _hand_over(program: Any, h: Horizon, t: Trajectory, f: WrenchForecast) -> None:
     """Give a program the data of the problem and its initial trajectory."""
     x, n, dims = np.hstack([t.x, lifted(f, t.x)]), len(t.T), program.acados_ocp.dims
-    shared = [np.ravel(M, order="F") for M in (f.A, f.B, f.C)]
     y_ref = np.pad(np.hstack([h.x_ref[:-1], h.u_ref]), ((0, 0), (0, dims.ny - 17)))
+    program.reset()  # slacks and multipliers of the last solve
     program.set(n, "x", x[n])
     for i in range(n):
-        stage = np.resize(np.concatenate([*shared, f.offset[i]]), dims.np)
-        for name, value in (("x", x[i]), ("u", t.T[i]), ("p", stage)):
+        stage = np.concatenate([*(M.ravel(order="F") for M in (f.A, f.B, f.C)), f.offset[i]])
+        for name, value in (("x", x[i]), ("u", t.T[i]), ("p", np.resize(stage, dims.np))):
             program.set(i, name, value)
         program.cost_set(i, "yref", y_ref[i])
-    end = np.concatenate([h.P.ravel(order="F"), h.x_ref[-1]])
-    program.set(n, "p", np.resize(end, dims.np))
+    program.set(n, "p", np.resize(np.concatenate([h.P.ravel(order="F"), h.x_ref[-1]]), dims.np))
     program.cost_set(n, "yref", h.x_ref[-1])
     program.cost_set(n, "W", 2 * h.P)
     for bound in ("lbx", "ubx"):
@@ -176,20 +174,25 @@ def make_ocp(template: Any, vehicle: Vehicle, config: MpcConfig, K: int) -> Any:
     )
     # The hard thrust box and the soft rows: three velocities and tilt a stage, the ellipsoid at the
     # end.
-    rotors = {"idxbu": np.arange(4), "ubu": np.full(4, vehicle.max_rotor_thrust)}
-    _fill(ocp.constraints, x0=np.zeros(size), lbu=np.zeros(4), **rotors)
+    thrust = np.full(4, vehicle.max_rotor_thrust)
+    _fill(ocp.constraints, x0=np.zeros(size), idxbu=np.arange(4), lbu=0 * thrust, ubu=thrust)
     for end, lower, upper in (
         ("", [cosine], [_FAR]),
         ("_e", [cosine, -_FAR], [_FAR, config.terminal_radius]),
     ):
-        rows, slack = 3 + len(lower), config.slack_weight
+        price = np.full(3 + len(lower), config.slack_weight)
         bounds = {"lbx": -speed, "ubx": speed, "lh": np.array(lower), "uh": np.array(upper)}
-        indices = {"idxbx": np.arange(7, 10), "idxsbx": np.arange(3), "idxsh": np.arange(rows - 3)}
+        indices = {
+            "idxbx": np.arange(7, 10),
+            "idxsbx": np.arange(3),
+            "idxsh": np.arange(len(lower)),
+        }
         _fill(ocp.constraints, **{name + end: value for name, value in (bounds | indices).items()})
-        prices = {"z": np.full(rows, slack), "Z": np.full(rows, 2 * QUADRATIC * slack)}
-        _fill(ocp.cost, **{z + side + end: price for z, price in prices.items() for side in "lu"})
+        for side in ("l" + end, "u" + end):
+            _fill(ocp.cost, **{f"z{side}": price, f"Z{side}": 2 * QUADRATIC * price})
     ocp.parameter_values, ocp.dims.N = np.zeros(count), N
-    _fill(ocp.solver_options, tf=float(N), qp_solver_cond_N=max(N // _BLOCK, 1), **_OPTIONS)
+    # Ten stages are condensed into one: the fastest of our settings.
+    _fill(ocp.solver_options, tf=float(N), qp_solver_cond_N=max(N // 10, 1), **_OPTIONS)
     return ocp
 
 

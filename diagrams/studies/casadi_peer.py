@@ -86,13 +86,12 @@ class CasadiSolver:
         start = time.perf_counter()  # the time of this project's own preparation is not counted
         answer = solver(x0=x_init, p=p, **bounds)
         spent = time.perf_counter() - start
-        stats = solver.stats()
-        if not stats["success"]:
-            raise SolverFailure(f"MPC: casadi: {stats['return_status']}.")
+        if not solver.stats()["success"]:
+            raise SolverFailure(f"MPC: casadi: {solver.stats()['return_status']}.")
         T = self.condensed.clip(np.array(answer["x"][: 4 * n]).reshape(n, 4))
         with np.errstate(all="ignore"):
             end = self.condensed.rollout(h, T)
-        return as_solution(end, MpcStatus.OPTIMAL, int(stats["iter_count"]), spent)
+        return as_solution(end, MpcStatus.OPTIMAL, int(solver.stats()["iter_count"]), spent)
 
     def _build(self, K: int) -> tuple[Any, np.ndarray, np.ndarray]:
         ca, config, vehicle = self._casadi, self.condensed.config, self.condensed.vehicle
@@ -101,7 +100,6 @@ class CasadiSolver:
         sizes = [(13, 1), (13, n + 1), (4, n), (13, 13), (K, K), (K, 6), (6, K), (K, 1), (6, n)]
         parameters = [SX.sym(f"p{number}", *size) for number, size in enumerate(sizes)]
         x, x_ref, u_ref, P, A, B, C, z, offset = parameters
-        min_cosine = self.condensed.objective.min_cosine
         cost = config.slack_weight * ca.sum1(s + QUADRATIC * s**2)
         equal, soft = list[Any](), list[Any]()
         for i in range(n):
@@ -113,7 +111,7 @@ class CasadiSolver:
             equal += [X[:, i] - x_next, *([Z[:, i] - z_next] if K else [])]
             x, z = X[:, i], Z[:, i]
             soft += [x[7:10] - config.max_speed - s[0], -x[7:10] - config.max_speed - s[0]]
-            soft += [min_cosine - self._parts.upright(x) - s[1]]
+            soft += [self.condensed.objective.min_cosine - self._parts.upright(x) - s[1]]
         energy, far = self._parts.end(x - x_ref[:, n], P)
         cost += energy
         soft.append(far - config.terminal_radius - s[2])

@@ -9,6 +9,7 @@ RMSE [N, N·m].
 
 import dataclasses as dc
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -107,7 +108,6 @@ ROWS = ("NeuroBEM", "NeuroMHE", "NP", *OWN)  # in the order of the table
 KEYS = {"paper": "NP", "ours": OURS[BY_AXES["body"]], "ours_paper": OURS[PAPER]}  # of `--json`: row
 KEYS |= {name: name for name in ("NeuroMHE", "NeuroBEM", *NAIVE)}
 LEARNED = 4000  # samples that are trained on, ten seconds as in the paper [1]
-MILLI = 1e3  # small errors in mN and mN·m, three digits each
 SHOWN, SPAN = "random points", (45.0, 55.0)  # the flight and the time that the paper shows [s]
 FAR = 40  # steps ahead of the figure's forecast [1]
 
@@ -246,14 +246,11 @@ def run(run: Run, options: Options) -> Report:
     figure.
     """
     training, tests = flights(neurobem_folder("estimation", options.neurobem))
-    shown = tests.get(SHOWN) if run.out is not None else None
-    if shown is not None:
-        rows_of(shown, SPAN)  # before the long work
     models, settings = trained(run, training)
     cells, stability = estimation_table(run, models, tests, settings)
     below = {row: int((ratios(cells, row) <= 1.0).sum()) for row in OWN}
     of_flight = {
-        flight: [(name, *(f"{MILLI * of[c]:.3g}" for c in COLUMNS)) for name, of in rows.items()]
+        flight: [(name, *(f"{1e3 * of[c]:.3g}" for c in COLUMNS)) for name, of in rows.items()]
         for flight, rows in cells.items()
     }
     title = (
@@ -266,7 +263,6 @@ def run(run: Run, options: Options) -> Report:
         for flight, rows in cells.items()
         for column in COLUMNS
     ]
-    figures = {"random_points.png": lambda: window_figure(models, shown)} if shown else {}
     count = len(ratios(cells, NAIVE[0]))
     return Report(
         [grouped(title, ["", *COLUMNS], of_flight)],
@@ -279,26 +275,19 @@ def run(run: Run, options: Options) -> Report:
                 for row, n in below.items()
             ),
         ],
-        figures=figures,
+        figures={
+            f"{name.replace(' ', '_')}.png": partial(window_figure, models, flight)
+            for name, flight in tests.items()
+            if name == SHOWN and flight.step * len(flight) > SPAN[1]
+        },
     )
-
-
-def rows_of(flight: Segment, span: tuple[float, float]) -> np.ndarray:
-    """Return the samples (m,) of a time span [s]; ValueError if the flight is too short."""
-    rows = np.arange(*np.rint(np.array(span) / flight.step).astype(int))
-    if rows[-1] >= len(flight):
-        end = flight.step * len(flight)
-        raise ValueError(
-            f"{SHOWN}: must reach from {span[0]:g} s to {span[1]:g} s; it ends at {end:g} s."
-        )
-    return rows
 
 
 def window_figure(
     models: Mapping[str, LiftedModel], flight: Segment, span: tuple[float, float] = SPAN
 ) -> Figure:
     """Plot the six channels of label and forecasts over a span; each forecast `FAR` steps old."""
-    rows = rows_of(flight, span)
+    rows = np.arange(*np.rint(np.array(span) / flight.step).astype(int))
     found = naive_predictions(flight.chi, rows - FAR, [FAR], np.zeros(6))
     for name, model in models.items():
         course = forecasts(model, flight)

@@ -309,8 +309,8 @@ def attach(run: Run, options: AttachOptions) -> Report:
     _, records = fly_rows(run, "attach", ATTACH_ROWS, scenarios, work, config=settings, **world)
     runs = results(records)
     lines = attach_table(runs, config)
-    trained = f"trained on {DITHERED}, seed {run.seed}"
-    controller = dc.asdict(configure("attach", ATTACH_ROWS[0], model=trained, **how).controller)
+    model = f"trained on {DITHERED}, seed {run.seed}"
+    controller = dc.asdict(configure("attach", ATTACH_ROWS[0], model=model, **how).controller)
     return Report(
         [tabulate(run.title(), lines, ATTACH_COLUMNS)],
         config={**run.settings, "controller": controller},

@@ -327,8 +327,7 @@ def run(run: Run, options: Options) -> Report:
     require_result(flights)
     cells = cells_of(tidy(flights))
     lines, points = robustness_table(cells, axes), grid_points(cells, grid)
-    seeds = f"seeds {run.seeds[0]} … {run.seeds[-1]}"
-    title = f"{seeds}, {options.duration:g} s, trained on seed {run.seed}, {run.solver}"
+    title = f"{options.duration:g} s, {run.title()}"
     return Report(
         [
             *(errors_printed(lines, key, title) for key in ERRORS),

@@ -159,7 +159,6 @@ def run(run: Run, options: Options) -> Report:
         for s in summaries
         if "lost" in s
     ]
-    failed = sum(line["solve_failures"] for line in lines)
     return Report(
         [printed(lines, run.title())],
         config={
@@ -170,7 +169,8 @@ def run(run: Run, options: Options) -> Report:
         },
         metrics={"table": lines, "runs": summaries},
         notes=[
-            f"failed solves: {failed} in {len(summaries)} flights; lost flights: {len(lost)}",
+            f"failed solves: {sum(line['solve_failures'] for line in lines)} in {len(summaries)} "
+            f"flights; lost flights: {len(lost)}",
             *lost,
             *failures(run.workers.finished),
         ],

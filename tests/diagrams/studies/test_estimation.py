@@ -102,8 +102,6 @@ def test_the_figure_shows_every_row_at_the_time_it_speaks_of(made):
     rows = np.arange(800, 1200)
     np.testing.assert_array_equal(label, flight.chi[rows, 0])
     np.testing.assert_array_equal(held, flight.chi[rows - FAR, 0])
-    with pytest.raises(ValueError, match="must reach from 45 s to 55 s; it ends at"):
-        window_figure({NP: model}, flight)
 
 
 SIZES = (600, 1200)
@@ -145,20 +143,16 @@ def test_pieces_are_disjoint_and_of_one_size(synthetic_flight):
     [
         (["estimation"], "estimation: give the folder"),
         (["estimation", "--neurobem", "nowhere"], "nowhere"),
-        (["estimation", "--neurobem", "FOLDER", "--out", "OUT"], "must reach from 45 s"),
         (["sample-efficiency", "--neurobem", "FOLDER"], "must have 1000 samples; got 700."),
     ],
 )
-def test_bad_input_is_one_line_and_leaves_nothing(
-    folder, tmp_path, monkeypatch, capsys, arguments, message
-):
+def test_bad_input_is_one_line(folder, monkeypatch, capsys, arguments, message):
     monkeypatch.delenv("NP_DRAKE_NEUROBEM", raising=False)
-    words = {"FOLDER": str(folder), "OUT": str(tmp_path / "out")}
-    assert run(["reproduce", *(words.get(word, word) for word in arguments)]) == 2
+    given = [str(folder) if word == "FOLDER" else word for word in arguments]
+    assert run(["reproduce", *given]) == 2
     last = capsys.readouterr().err.splitlines()[-1]
     assert last.startswith(f"np-drake reproduce {arguments[0]}: ")
     assert message in last
-    assert not list(tmp_path.iterdir())
 
 
 @pytest.fixture(scope="module")

@@ -270,7 +270,7 @@ def test_the_verb_prints_errors_and_the_grid(monkeypatch, tmp_path, capsys):
     thin = ["--axis", "speed", "--grid", "--grid-values", "2", "--only", "hold", "--only", "np"]
     assert run(["reproduce", "robustness", "--seed", "40", "--seeds", "2", *thin, *files]) == 0
     said, page = capsys.readouterr().out, (tmp_path / "m.md").read_text()
-    assert "seeds 41 … 42, 20 s, trained on seed 40, sqp" in said
+    assert "20 s, 2 flights a row, seeds 41 … 42" in said
     assert "lost: 2 of" in said
     assert "lost 2 of 2" in page
     content = json.loads((tmp_path / "m.json").read_text())
