@@ -1,4 +1,5 @@
 """Effects as a scenario file and a report hold them: entries and their joint posterior."""
+
 import dataclasses as dc
 import difflib
 from collections.abc import Sequence
