@@ -44,7 +44,7 @@ GROUND = (
         "labels",
     ),
     *("training_data", "identification", "effects", "logs", "references", "control", "diagnosis"),
-    *("flight_design", "mpc", "estimation", "faults", "offboard"),
+    *("flight_design", "mpc", "estimation", "offboard"),
     *("lifting", "payload_filter", "residual_models", "skill", "__main__"),
 )
 EXPERIMENTS = (

@@ -128,7 +128,6 @@ STUDIES = {
 RETIRED = {
     "pendulum": "it is called tether now: `np-drake reproduce tether`",
     "cost": "`np-drake challenge solve --json` holds time and memory of every case",
-    "cooperative": "cooperative transport is an example, `python -m diagrams.payload.cooperative`",
 }
 
 

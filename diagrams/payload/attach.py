@@ -27,7 +27,7 @@ from np_drake import attitude
 from np_drake.lifting.model.lifted_model import NEURAL
 from np_drake.metrics import half_width
 from np_drake.payload_filter.model_file import PAYLOAD_FILTER
-from systems.payload_event import PayloadEvent, push, release
+from systems.payload_config import PayloadEvent, push, release
 
 AFTER = 2.0  # from here on after the event the new level counts as reached [s]
 TOSS = 0.3  # impulse upwards on the payload that makes the cable slack [N·s]

@@ -18,7 +18,7 @@ from np_drake.residual_model import Sample
 from np_drake.residual_models.neural_predictor import NeuralPredictor
 from np_drake.residual_models.predictor_training import train_on_flights
 from np_drake.training_data.training_segments import Flight
-from systems.initial_state import set_hover
+from systems.plant import set_hover
 from systems.tethered_quadrotor import make_tethered_quadrotor
 
 

@@ -12,7 +12,7 @@ from np_drake.effects.calibration import effects_of
 from np_drake.effects.combine import split_effects
 from np_drake.vehicle import Vehicle
 from np_drake.vehicle.calibration import Calibration
-from systems.initial_state import set_hover
+from systems.plant import set_hover
 from systems.tethered_quadrotor import PayloadConfig, make_tethered_quadrotor
 
 NO_PAYLOAD = PayloadConfig(tether="none")

@@ -3,7 +3,7 @@ import numpy as np
 from np_drake.control.cascade import cascade_target
 from np_drake.references.harmonic import circle
 from np_drake.vehicle import Vehicle
-from systems.cascade_target import FlatTarget
+from systems.cascaded_controller import FlatTarget
 
 TRACK = circle(radius=1.0, height=1.6, speed=1.5, ramp=2.0)
 

@@ -21,7 +21,7 @@ from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.effects.thrust_scale import ThrustScale
 from np_drake.neighbour import Neighbour
 from np_drake.vehicle import Vehicle
-from systems.initial_state import set_hover
+from systems.plant import set_hover
 from systems.tethered_quadrotor import PayloadConfig, make_tethered_quadrotor
 
 VEHICLE = Vehicle()

@@ -6,8 +6,8 @@ from pydrake.multibody.math import SpatialVelocity
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.analysis import Simulator
 
-from systems.free_body import add_free_body, sphere
 from systems.payload_config import PayloadConfig
+from systems.plant import add_free_body, sphere
 
 
 @pytest.fixture

@@ -12,9 +12,9 @@ from np_drake.effects.center_of_mass_offset import CenterOfMassOffset
 from np_drake.effects.combine import mass_properties
 from np_drake.effects.mass_error import MassError
 from np_drake.vehicle import Vehicle
-from systems.initial_state import set_payload_mass, set_vehicle_mass
 from systems.mass_change import MassChange
 from systems.payload_config import PayloadConfig
+from systems.plant import set_payload_mass, set_vehicle_mass
 from systems.tethered_quadrotor import make_plant, make_tethered_quadrotor
 
 VEHICLE = Vehicle()

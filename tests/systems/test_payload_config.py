@@ -7,8 +7,8 @@ from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorC
 from np_drake import attitude
 from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.vehicle import Vehicle
-from systems.initial_state import set_hover
 from systems.payload_config import PayloadConfig, payload_config
+from systems.plant import set_hover
 from systems.tethered_quadrotor import make_tethered_quadrotor
 
 VEHICLE, STEP = Vehicle(), 0.004

@@ -7,7 +7,7 @@ from np_drake.effects.motor_lag import MotorLag
 from np_drake.effects.thrust_scale import ThrustScale
 from np_drake.rigid_body import residual_wrench
 from np_drake.vehicle import Vehicle
-from systems.initial_state import set_hover, set_payload_mass
+from systems.plant import set_hover, set_payload_mass
 from systems.tethered_quadrotor import PayloadConfig, make_tethered_quadrotor
 
 VEHICLE = Vehicle()

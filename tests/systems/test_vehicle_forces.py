@@ -17,8 +17,7 @@ from np_drake.effects.thrust_scale import ThrustScale
 from np_drake.effects.uneven_lag import UnevenLag
 from np_drake.effects.weak_rotor import WeakRotor
 from np_drake.vehicle import Vehicle
-from systems.payload_config import PayloadConfig
-from systems.payload_event import PayloadEvent
+from systems.payload_config import PayloadConfig, PayloadEvent
 from systems.tethered_quadrotor import make_tethered_quadrotor
 from systems.vehicle_forces import SteadyEffects, VehicleForces
 

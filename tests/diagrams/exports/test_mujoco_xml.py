@@ -21,7 +21,7 @@ from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.effects.thrust_scale import ThrustScale
 from np_drake.effects.weak_rotor import WeakRotor
 from np_drake.vehicle.vehicle import Vehicle, load_vehicle, preset_names
-from systems.free_body import spatial_inertia
+from systems.plant import spatial_inertia
 
 mujoco = pytest.importorskip(
     "mujoco", reason="MuJoCo is not installed: pip install 'np_drake[exports]'"

@@ -37,7 +37,7 @@ from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.effects.translational_lift import TranslationalLift
 from np_drake.effects.weak_rotor import WeakRotor
 from np_drake.vehicle.vehicle import Vehicle, load_vehicle, preset_names
-from systems.free_body import spatial_inertia
+from systems.plant import spatial_inertia
 
 AT_ONCE = 1e-4  # time constant below which a rotor follows its command [s]
 

@@ -30,7 +30,7 @@ from np_drake import attitude
 from np_drake.effects.base import Effect, MeasurementEffect
 from np_drake.vehicle import Vehicle
 from systems.command_buffer import SOONEST, CommandBuffer
-from systems.payload_event import PayloadEvent
+from systems.payload_config import PayloadEvent
 
 OUTPUTS = ("x", "acceleration", "rotor_thrust", "nominal_rotor_thrust", "plant_state")
 

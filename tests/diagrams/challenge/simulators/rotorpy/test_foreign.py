@@ -17,8 +17,7 @@ from diagrams.loop.reality import RealityConfig
 from np_drake.effects.disturbance import DisturbanceConfig
 from np_drake.effects.effect_entry import EffectEntry
 from np_drake.vehicle.vehicle import MeasurementNoise, Vehicle
-from systems.payload_config import PayloadConfig
-from systems.payload_event import release
+from systems.payload_config import PayloadConfig, release
 
 VEHICLE, FOREIGN = Vehicle(), ForeignVehicle()
 SILENT = MeasurementNoise(0, 0, 0, 0, 0, 0)
