@@ -5,8 +5,8 @@ import dataclasses as dc
 import numpy as np
 
 from np_drake import attitude
+from np_drake.mpc.controller import shift
 from np_drake.mpc.dynamics import DiscreteDynamics
-from np_drake.mpc.plan import shift
 from np_drake.mpc.problem import MpcConfig, MpcProblem, MpcSolution
 from np_drake.mpc.sqp import SqpSolver
 from np_drake.residual_model import WrenchForecast

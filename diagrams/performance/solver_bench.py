@@ -11,8 +11,8 @@ from diagrams.performance.acados_peer import AcadosSolver
 from diagrams.performance.casadi_peer import CasadiSolver
 from diagrams.performance.problems import cold_problems, infeasible_problems, tracking_problems
 from diagrams.performance.split_sqp import PhaseTimes, SplitSqpSolver
+from np_drake.mpc.controller import shift
 from np_drake.mpc.ipopt import IpoptCondensedSolver
-from np_drake.mpc.plan import shift
 from np_drake.mpc.problem import (
     MpcConfig,
     MpcProblem,

@@ -8,7 +8,7 @@ import numpy as np
 from pydrake.solvers import ClarabelSolver
 
 from np_drake.estimation.mhe_config import CHANNELS, MheConfig
-from np_drake.mpc.drake_solvers import expected_early_ends, new_program, solver_options
+from np_drake.mpc.sqp import expected_early_ends, new_program, solver_options
 
 _STATE = 2 * CHANNELS  # entries of x = [y, d] [1]
 _TOLERANCES = {

@@ -16,11 +16,16 @@ from pydrake.solvers import IpoptSolver
 from scipy.linalg import lapack
 
 from np_drake.mpc.condensed import Condensed, Trajectory, initial_trajectory
-from np_drake.mpc.drake_solvers import expected_early_ends, new_program, solver_options
 from np_drake.mpc.horizon import Horizon
 from np_drake.mpc.objective import KINDS, QUADRATIC
 from np_drake.mpc.problem import MpcConfig, MpcProblem, MpcSolution, MpcStatus
-from np_drake.mpc.sqp import SqpSolver, as_solution
+from np_drake.mpc.sqp import (
+    SqpSolver,
+    as_solution,
+    expected_early_ends,
+    new_program,
+    solver_options,
+)
 from np_drake.vehicle import Vehicle
 
 _log = logging.getLogger(__name__)

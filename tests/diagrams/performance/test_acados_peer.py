@@ -7,7 +7,7 @@ from diagrams.performance import acados_code
 from diagrams.performance.acados_model import solver_options
 from diagrams.performance.acados_peer import AcadosSolver
 from diagrams.performance.problems import tracking_problems
-from np_drake.mpc.plan import shift
+from np_drake.mpc.controller import shift
 from np_drake.mpc.problem import SolverFailure
 from np_drake.mpc.sqp import SqpSolver
 

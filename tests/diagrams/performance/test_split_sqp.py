@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from diagrams.performance.split_sqp import SplitSqpSolver
-from np_drake.mpc.plan import shift
+from np_drake.mpc.controller import shift
 from np_drake.mpc.problem import MpcConfig, SolverFailure
 from np_drake.mpc.sqp import SqpSolver
 from np_drake.vehicle import Vehicle

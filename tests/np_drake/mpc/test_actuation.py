@@ -5,17 +5,16 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.mpc.actuation import Actuation
 from np_drake.mpc.controller import MpcController
-from np_drake.mpc.dynamics import DiscreteDynamics
+from np_drake.mpc.dynamics import Actuation, DiscreteDynamics
 from np_drake.mpc.ipopt import IpoptCondensedSolver
-from np_drake.mpc.ipopt_multiple_shooting import IpoptMultipleShootingSolver
 from np_drake.mpc.problem import MpcConfig
 from np_drake.mpc.sqp import SqpSolver
 from np_drake.references.base import Hover
 from np_drake.residual_model import constant_forecast
 from np_drake.vehicle import Vehicle
 from np_drake.vehicle.rate_loop import RateLoop
+from tests.np_drake.mpc.reference_solver import IpoptMultipleShootingSolver
 
 LOOP = RateLoop([0.05, 0.07, 0.2], [1.0, 0.9, 1.1], [2.0, 2.0, 1.0])
 VEHICLE = dc.replace(

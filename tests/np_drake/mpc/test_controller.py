@@ -5,8 +5,7 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.mpc.controller import MpcController
-from np_drake.mpc.plan import shift
+from np_drake.mpc.controller import MpcController, shift
 from np_drake.mpc.problem import MpcSolution, MpcStatus, SolverFailure
 from np_drake.references.base import Hover
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from np_drake.mpc.plan import shift
+from np_drake.mpc.controller import shift
 from np_drake.mpc.problem import MpcSolution, MpcStatus
 
 STEP = 0.04

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from pydrake.solvers import ClarabelSolver, MathematicalProgram
 
-from np_drake.mpc import qp
+from np_drake.mpc import sqp as qp
 from np_drake.mpc.condensed import Curvature, LocalModel
 from np_drake.mpc.objective import KINDS, SoftRows
 

@@ -8,11 +8,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from np_drake.mpc.ipopt import IpoptCondensedSolver
-from np_drake.mpc.ipopt_multiple_shooting import IpoptMultipleShootingSolver
 from np_drake.mpc.problem import MpcConfig, MpcStatus, SolverFailure
 from np_drake.mpc.sqp import SqpSolver
 from np_drake.residual_model import no_forecast
 from np_drake.vehicle import Vehicle
+from tests.np_drake.mpc.reference_solver import IpoptMultipleShootingSolver
 
 
 @pytest.fixture(scope="module")

@@ -8,11 +8,10 @@ from hypothesis import strategies as st
 
 from diagrams.performance.problems import infeasible_problems
 from np_drake import attitude
+from np_drake.mpc.controller import shift
 from np_drake.mpc.dynamics import DiscreteDynamics
-from np_drake.mpc.plan import shift
 from np_drake.mpc.problem import MpcConfig, MpcProblem, MpcStatus
-from np_drake.mpc.qp import Step
-from np_drake.mpc.sqp import SqpSolver
+from np_drake.mpc.sqp import SqpSolver, Step
 from np_drake.residual_model import no_forecast
 from np_drake.vehicle import Vehicle
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from np_drake.mpc.condensed import Condensed
-from np_drake.mpc.ipopt_multiple_shooting import StackedStages
+from tests.np_drake.mpc.reference_solver import StackedStages
 
 
 @pytest.fixture(params=[False, True], ids=["linear", "reacting"])

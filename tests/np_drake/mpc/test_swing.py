@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from np_drake.mpc.condensed import Condensed
-from np_drake.mpc.ipopt_multiple_shooting import IpoptMultipleShootingSolver
 from np_drake.mpc.objective import lateral_response, swing_cost
 from np_drake.mpc.problem import MpcConfig, MpcProblem
 from np_drake.mpc.sqp import SqpSolver
 from np_drake.residual_model import WrenchForecast, constant_forecast
+from tests.np_drake.mpc.reference_solver import IpoptMultipleShootingSolver
 
 
 @pytest.fixture

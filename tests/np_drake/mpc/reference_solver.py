@@ -15,11 +15,10 @@ from pydrake.autodiffutils import ExtractValue, InitializeAutoDiff
 from pydrake.solvers import IpoptSolver
 
 from np_drake.mpc.condensed import Condensed, Trajectory, initial_trajectory
-from np_drake.mpc.drake_solvers import expected_early_ends, new_program, solver_options
 from np_drake.mpc.horizon import Horizon
 from np_drake.mpc.objective import KINDS, LATERAL, QUADRATIC, TERMINAL, TILT, VELOCITY
 from np_drake.mpc.problem import MpcConfig, MpcProblem, MpcSolution, MpcStatus, SolverFailure
-from np_drake.mpc.sqp import as_solution
+from np_drake.mpc.sqp import as_solution, expected_early_ends, new_program, solver_options
 from np_drake.vehicle import Vehicle
 
 
