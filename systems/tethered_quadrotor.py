@@ -27,10 +27,9 @@ from systems.plant import (
     set_vehicle_mass,
 )
 from systems.plant_readings import BodyAcceleration, RodWrench, VehicleState
-from systems.push import Push
 from systems.rotors import add_rotors
 from systems.vehicle_forces import SteadyEffects, add_vehicle_forces
-from systems.wrench_effects import WrenchEffects
+from systems.wrench_effects import Push, WrenchEffects
 
 
 def make_tethered_quadrotor(

@@ -7,8 +7,8 @@ from collections.abc import Callable
 import numpy as np
 
 from np_drake.lifting.model.encoders import Phi
+from np_drake.lifting.model.lifted_linear_system import stabilized
 from np_drake.lifting.model.lifted_model import PAPER, LiftedModel
-from np_drake.lifting.model.stabilized import stabilized
 from np_drake.lifting.model.window_refit import RADIUS
 from np_drake.lifting.training.train import make_config, train
 from np_drake.residual_model import Sample, WrenchForecast

@@ -26,8 +26,8 @@ from diagrams.prediction.array_flights import (
 )
 from np_drake.estimation.wrench_table import COLUMNS, PUBLISHED, column_rmse
 from np_drake.lifting.model.lifted_model import BY_AXES, PAPER, LiftedModel
+from np_drake.skill.flight_skill import WindowStability, stability_of
 from np_drake.skill.skill import naive_predictions
-from np_drake.skill.window_stability import WindowStability, stability_of
 
 METHODS = ("NeuroBEM", "NeuroMHE", "NP")  # as published
 ROWS = (*METHODS, *OURS.values(), *NAIVE)  # in the order of the table

@@ -22,7 +22,7 @@ from np_drake import attitude
 from np_drake.identification.frame import MOMENTS, Frame, G, Values, euler_of_moments, inertia
 from np_drake.identification.rotor_response import at, lagged, means, target_speed
 from np_drake.identification.signals import Signals
-from np_drake.training_data.noise_removal import most_likely
+from np_drake.training_data.accelerations import most_likely
 from np_drake.training_data.segments import white_noise
 
 FORCE, TORQUE, SPEED = slice(0, 3), slice(3, 6), slice(6, 10)

@@ -13,7 +13,7 @@ from np_drake.flight_log import FlightLog
 from np_drake.identification.drives import drives_of, of_four_rotors
 from np_drake.identification.frame import G
 from np_drake.identification.rotor_response import Substeps
-from np_drake.training_data.noise_removal import most_likely
+from np_drake.training_data.accelerations import most_likely
 from np_drake.training_data.segments import white_noise
 
 # least length of a bin [s]; own choice: motors answer below 15 Hz, and a log at 100 Hz keeps its

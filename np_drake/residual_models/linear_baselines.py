@@ -8,11 +8,14 @@ from collections.abc import Sequence
 import numpy as np
 
 from np_drake import rigid_body
-from np_drake.lifting.model.delay_taps import DelayTaps
-from np_drake.lifting.model.encoders import DelayEncoder
+from np_drake.lifting.model.encoders import DelayEncoder, DelayTaps
 from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
-from np_drake.lifting.training.dmdc import fit_dmdc_system, sample_scale
-from np_drake.lifting.training.horizon_ridge import horizon_ridge, moments_of
+from np_drake.lifting.training.linear_fits import (
+    fit_dmdc_system,
+    horizon_ridge,
+    moments_of,
+    sample_scale,
+)
 from np_drake.residual_model import (
     FlightForecasts,
     Memory,

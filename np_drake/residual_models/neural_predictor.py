@@ -10,8 +10,7 @@ from np_drake.lifting.model.adaptive_family import EVERY, AdaptiveFamily
 from np_drake.lifting.model.encoders import DelayEncoder, Phi
 from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem, advance
 from np_drake.lifting.model.lifted_model import FAMILIES, MODE_DICTIONARY, LiftedModel
-from np_drake.lifting.model.model_file import load_model
-from np_drake.lifting.model.origin import rotor_lag_of
+from np_drake.lifting.model.model_file import load_model, rotor_lag_of
 from np_drake.lifting.model.window_refit import WindowRefit
 from np_drake.residual_model import FlightForecasts, Memory, Sample, WrenchForecast
 

@@ -10,7 +10,7 @@ import numpy as np
 from np_drake.flight_log import FlightLog
 from np_drake.labels import LabelConfig, default_labels
 from np_drake.lifting.model.lifted_model import LiftedModel
-from np_drake.lifting.model.origin import origin_of, require_origin, with_origin, with_rotor_lag
+from np_drake.lifting.model.model_file import origin_of, require_origin, with_origin, with_rotor_lag
 from np_drake.lifting.training.excitation import measure_excitation
 from np_drake.lifting.training.family_training import placed
 from np_drake.lifting.training.network_training import judged

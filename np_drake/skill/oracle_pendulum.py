@@ -11,8 +11,8 @@ from np_drake import attitude
 from np_drake.effects.pendulum import Payload, hook_velocity
 from np_drake.residual_model import Memory, Plan, Sample, WrenchForecast, constant_forecast
 from np_drake.residual_models.oracle import TrueModel
-from np_drake.skill.flight_walk import held_plan
-from np_drake.training_data.sampled_flight import SampledFlight
+from np_drake.skill.skill import held_plan
+from np_drake.training_data.training_segments import SampledFlight
 from np_drake.vehicle import Vehicle
 
 SUPPORT = (

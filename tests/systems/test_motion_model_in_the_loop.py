@@ -8,8 +8,7 @@ from np_drake.mpc.controller import MpcController
 from np_drake.mpc.problem import MpcConfig, MpcStatus
 from np_drake.mpc.solvers import make_solver
 from np_drake.references.config import ReferenceConfig, make_reference
-from np_drake.residual_models.gaussian_process import GaussianProcess
-from np_drake.residual_models.motion_model import MotionModel
+from np_drake.residual_models.motion_model import GaussianProcess, MotionModel
 from np_drake.vehicle import Vehicle
 from systems.np_mpc import NpMpc
 from systems.residual_predictor import ResidualPredictor

@@ -5,8 +5,8 @@ import pytest
 
 from np_drake.vehicle import Vehicle
 from systems.payload_config import PayloadConfig
-from systems.push import Push
 from systems.tethered_quadrotor import make_tethered_quadrotor
+from systems.wrench_effects import Push
 
 VEHICLE = Vehicle()
 BARE = PayloadConfig(tether="none")

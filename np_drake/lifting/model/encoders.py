@@ -1,8 +1,26 @@
-"""Encoders of the lifted state in numpy, as used in flight."""
+"""Encoders of the lifted state in numpy, as used in flight, and the trust in a linear one's forecast.
+
+Trust in a forecast, learned in flight from earlier forecasts whose outcome is known.
+
+A flight unlike those of the training can make a long forecast worse than holding the wrench. For
+every horizon h and each of four groups of channels (f_xy, f_z, tau_xy, tau_z) two numbers in [0, 1]
+are therefore kept up to date:
+
+    force:   chi_hat = chi + a (forecast - chi) + b (mean so far - chi)
+    torque:  chi_hat = a forecast + b chi
+
+by least squares over all origins up to k - h, ridge toward a = prior, b = 0. The result is one
+value of chi_hat for each horizon; its amplitudes on the modes are the new z. The system z+ = A z +
+B zeta, chi = C z stays as it is.
+Source: own choice; scalar recalibration of forecasts as in weather prediction ("model output
+    statistics").
+"""
 
 import dataclasses as dc
+import itertools
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 
 @dc.dataclass(frozen=True)
@@ -66,3 +84,216 @@ class DelayEncoder:
         for d, E in enumerate(self.E.reshape(self.K, self.delay, 12).transpose(1, 2, 0)):
             z += samples[d : d + count] @ E
         return z
+
+
+@dc.dataclass(frozen=True)
+class DelayTaps:
+    """Selection of the newest samples one by one and of older ones as box averages.
+
+    Averages lose little of what lies far back and reduce its noise.
+    """
+
+    delay: int  # samples of the window [1]
+    dense: int  # of them one by one, the newest [1]
+    averages: int  # box averages over the others [1]
+
+    def __post_init__(self):
+        if not 1 <= self.dense <= self.delay or not 0 <= self.averages <= self.delay - self.dense:
+            raise ValueError(
+                "DelayTaps: must have 1 <= dense <= delay and 0 <= averages <= delay - dense; "
+                f"got {self.dense}, {self.averages}, {self.delay}."
+            )
+
+    @property
+    def matrix(self) -> np.ndarray:
+        """Weights of the samples, (taps, delay), oldest sample first; row 0 is the newest sample
+        [1].
+        """
+        rows = [np.eye(1, self.delay, self.delay - 1 - d)[0] for d in range(self.dense)]
+        edges = _edges(self.dense, self.delay, self.averages) if self.averages else np.zeros(0, int)
+        for near, far in itertools.pairwise(edges):
+            row = np.zeros(self.delay)
+            row[self.delay - far : self.delay - near] = 1.0 / (far - near)
+            rows.append(row)
+        return np.array(rows)
+
+    def features(self, samples: np.ndarray, origins: np.ndarray) -> np.ndarray:
+        """Return the features of samples (n, c) at every origin, (o, taps * c).
+
+        Args:
+            samples: (n, c), oldest first.
+            origins: (o,) sample indices, each at least delay - 1.
+        """
+        windows = sliding_window_view(samples, self.delay, axis=0)[
+            origins - self.delay + 1
+        ]  # (o, c, delay)
+        return (windows @ self.matrix.T).transpose(0, 2, 1).reshape(len(origins), -1)
+
+    def expand(self, W: np.ndarray, channels: int) -> np.ndarray:
+        """Convert weights of features to weights of the window, oldest sample first, (K, delay *
+        c).
+
+        Args:
+            W: (K, taps * c).
+        """
+        return np.einsum("ktc,td->kdc", W.reshape(len(W), -1, channels), self.matrix).reshape(
+            len(W), -1
+        )
+
+
+def _edges(near: int, far: int, count: int) -> np.ndarray:
+    """Return whole numbers from near to far with growing steps of at least one, (count + 1,)."""
+    edges = np.round(np.geomspace(near, far, count + 1)).astype(int)
+    for i in range(1, count):
+        edges[i] = max(edges[i], edges[i - 1] + 1)
+    for i in range(count - 1, 0, -1):
+        edges[i] = min(edges[i], edges[i + 1] - 1)
+    return edges
+
+
+GROUPS = ((0, 1), (2,), (3, 4), (5,))  # channels of f_xy, f_z, tau_xy, tau_z
+MEMBER = np.array([[float(c in group) for c in range(6)] for group in GROUPS])  # (4, 6)
+OF_CHANNEL = np.argmax(MEMBER, axis=0)  # (6,) group of each channel
+IS_FORCE = np.arange(6) < 3
+
+Memory = dict[str, np.ndarray]
+
+
+@dc.dataclass(frozen=True)
+class Trust:
+    """Constants of the correction of forecasts in flight."""
+
+    horizons: np.ndarray  # (H,) whole numbers from 1 on [steps]
+    readout: np.ndarray  # (H, 6, K) forecast of each horizon from z, zeta held
+    projector: np.ndarray  # (K, H, 6) amplitudes of a predicted trajectory
+    mean: np.ndarray  # (6,) of chi in training [N, N·m]
+    half: float = (
+        400.0  # horizon at which half of a departure is believed before any evidence [steps]
+    )
+    evidence: float = 100.0  # samples that weigh as much as the prior, beside h itself [1]
+    caution: float = 3000.0  # the same for b [1]
+    settle: float = 800.0  # the same for the mean so far [1]
+
+    @property
+    def longest(self) -> int:
+        """Number of samples until the longest forecast is verified."""
+        return int(self.horizons[-1])
+
+    @property
+    def prior(self) -> np.ndarray:
+        """Weight a of each horizon before any evidence, (H,) [1]."""
+        return 1.0 / (1.0 + self.horizons / self.half)
+
+    def initial_memory(self) -> Memory:
+        """Return the memory at the start of a flight.
+
+        Returns: ring: (longest, K + 12) past [z, chi, mean], newest last.
+        sums: (5, H, 4) over verified forecasts. power: (2, H, 4) of all so far.
+        lifted: number of forecasts so far.
+        total: (6,) sum of chi.
+        seen: samples in it.
+        """
+        H, K = len(self.horizons), self.readout.shape[2]
+        return {
+            "ring": np.zeros((self.longest, K + 12)),
+            "sums": np.zeros((5, H, 4)),
+            "power": np.zeros((2, H, 4)),
+            "lifted": np.zeros(1),
+            "total": np.zeros(6),
+            "seen": np.zeros(1),
+        }
+
+    def observe(self, memory: Memory, chi: np.ndarray) -> Memory:
+        """Return the memory after one more label, with the forecasts that it verifies added to the
+        sums.
+
+        Args:
+            chi: (6,) [N, N·m].
+        """
+        memory = {**memory, "total": memory["total"] + chi, "seen": memory["seen"] + 1.0}
+        due = np.flatnonzero(self.horizons <= memory["lifted"][0])
+        if len(due):
+            rows = memory["ring"][-self.horizons[due]]
+            K = self.readout.shape[2]
+            z, then, mean = rows[:, :K], rows[:, K : K + 6], rows[:, K + 6 :]
+            forecast = np.einsum("hck,hk->hc", self.readout[due], z)
+            base, p, q = _regressors(forecast, then, mean)
+            sums = memory["sums"].copy()
+            sums[:, due] += _products(p, q, chi - base)
+            memory["sums"] = sums
+        return memory
+
+    def correct(self, memory: Memory, z: np.ndarray, chi: np.ndarray) -> tuple[Memory, np.ndarray]:
+        """Return (memory, corrected z (K,)).
+
+        Args:
+            memory: of the trust, after `observe` took the label in.
+            z: (K,) of now.
+            chi: (6,) label of now [N, N·m].
+        """
+        mean = self._mean(memory["total"], memory["seen"][0])
+        forecast = self.readout @ z
+        base, p, q = _regressors(forecast, chi, mean)
+        power = memory["power"] + _products(p, q, p)[[0, 2]]
+        lifted = memory["lifted"] + 1.0
+        a, b = self._weights(memory["sums"], power / lifted[0])
+        ring = np.concatenate([memory["ring"][1:], np.concatenate([z, chi, mean])[None]])
+        wanted = base + a[:, OF_CHANNEL] * p + b[:, OF_CHANNEL] * q
+        corrected = z + np.einsum("khc,hc->k", self.projector, wanted - forecast)
+        return {**memory, "power": power, "lifted": lifted, "ring": ring}, corrected
+
+    def along(self, z: np.ndarray, chi: np.ndarray, first: int) -> np.ndarray:
+        """Return the corrected z (o, K) of a whole flight without gaps.
+
+        Equal to `observe` and `correct` sample by sample.
+
+        Args:
+            z: (o, K) from sample `first` on.
+            chi: (n, 6) all labels [N, N·m].
+        """
+        n = len(chi)
+        mean = self._mean(np.cumsum(chi, axis=0), np.arange(1.0, n + 1)[:, None])[first:]
+        now, corrected, count = chi[first:], z.copy(), np.arange(1.0, len(z) + 1)[:, None]
+        for i, h in enumerate(self.horizons):
+            forecast = z @ self.readout[i].T
+            base, p, q = _regressors(forecast, now, mean)
+            power = np.cumsum(_products(p, q, p)[[0, 2]], axis=1) / count
+            sums = np.zeros((5, len(z), 4))
+            if h < len(z):
+                sums[:, h:] = np.cumsum(_products(p[:-h], q[:-h], now[h:] - base[:-h]), axis=1)
+            a, b = self._weights(sums, power, i)
+            wanted = base + a[:, OF_CHANNEL] * p + b[:, OF_CHANNEL] * q
+            corrected += (wanted - forecast) @ self.projector[:, i].T
+        return corrected
+
+    def _mean(self, total: np.ndarray, seen) -> np.ndarray:
+        return (total + self.settle * self.mean) / (seen + self.settle)
+
+    def _weights(self, sums: np.ndarray, power: np.ndarray, horizon: int | None = None):
+        """Return a, b (..., 4) in [0, 1] of sums (5, ..., 4) and mean power (2, ..., 4).
+
+        The middle axis is the horizon unless one is given by its number.
+        """
+        h = (self.horizons if horizon is None else self.horizons[[horizon]])[:, None]
+        prior = (self.prior if horizon is None else self.prior[[horizon]])[:, None]
+        pull = (self.evidence + h) * power[0]
+        pp, pq, qq = sums[0] + pull + 1e-12, sums[1], sums[2] + self.caution * power[1] + 1e-12
+        pa, qa = sums[3] + pull * prior, sums[4]
+        # Normal equations [[pp, pq], [pq, qq]] [a b]' = [pa qa]' by Cramer's rule, b first and a
+        # for the b that is kept
+        b = np.clip((pp * qa - pq * pa) / np.maximum(pp * qq - pq**2, 1e-300), 0.0, 1.0)
+        return np.clip((pa - pq * b) / pp, 0.0, 1.0), b
+
+
+def _regressors(
+    forecast: np.ndarray, chi: np.ndarray, mean: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the base, and what a and b multiply, (..., 6) each."""
+    base = np.where(IS_FORCE, chi, 0.0)
+    return base, forecast - base, np.where(IS_FORCE, mean - chi, chi)
+
+
+def _products(p: np.ndarray, q: np.ndarray, outcome: np.ndarray) -> np.ndarray:
+    """Return pp, pq, qq, p outcome, q outcome, summed over each group, (5, ..., 4)."""
+    q = np.broadcast_to(q, p.shape)
+    return np.stack([p * p, p * q, q * q, p * outcome, q * outcome]) @ MEMBER.T

@@ -7,10 +7,9 @@ from typing import Any
 import numpy as np
 
 from np_drake.lifting.model.adaptive_family import AdaptiveFamily
-from np_drake.lifting.model.encoders import DelayEncoder, Phi
+from np_drake.lifting.model.encoders import DelayEncoder, Phi, Trust
 from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem, advance
 from np_drake.lifting.model.neural_family import NeuralFamily
-from np_drake.lifting.model.trust import Trust
 
 PAPER, LIFTED, NEURAL, MODE_DICTIONARY = "paper", "lifted", "neural", "mode-dictionary"
 DMDC, DELAY_DMDC, RIDGE = "dmdc", "delay-dmdc", "ridge"

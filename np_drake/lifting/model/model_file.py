@@ -1,9 +1,12 @@
-"""Model files: safetensors with the configuration in the header. Nothing pickled is ever read."""
+"""Model files: safetensors with the configuration in the header, the conditions of a training, and
+whether a controller may use it. Nothing pickled is ever read.
+"""
 
+import dataclasses as dc
 import json
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 from safetensors import SafetensorError, safe_open
@@ -11,20 +14,122 @@ from safetensors.numpy import save
 
 from np_drake.files.atomic_file import write_bytes
 from np_drake.files.input_file import parse_json
+from np_drake.labels import LabelConfig
 from np_drake.lifting.model.adaptive_family import AdaptiveFamily, family_of, family_tensors
-from np_drake.lifting.model.encoders import DelayEncoder, Phi
+from np_drake.lifting.model.encoders import DelayEncoder, Phi, Trust
 from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
 from np_drake.lifting.model.lifted_model import ENCODERS, LiftedModel, require_configuration
-from np_drake.lifting.model.model_header import (
-    LARGEST_RIDGE,
-    LONGEST_WINDOW,
-    STEPS,
-    number_in,
-    summary_in,
-    truth_in,
-)
 from np_drake.lifting.model.neural_family import NeuralFamily, neural_family_of, neural_tensors
-from np_drake.lifting.model.trust import Trust
+from np_drake.vehicle import Vehicle
+
+
+class Trained(Protocol):
+    """A dataclass with a `summary` of its training."""
+
+    @property
+    def summary(self) -> dict[str, Any]:
+        """Key figures and conditions of the training."""
+
+
+M = TypeVar("M", bound=Trained)
+
+
+def origin_of(frame: str, vehicle: Vehicle, label: LabelConfig) -> dict[str, Any]:
+    """Return the conditions of a training by name.
+
+    Args:
+        vehicle: whose mass the labels assume [kg].
+    """
+    return {"frame": frame, "mass": vehicle.mass, "label": dc.asdict(label)}
+
+
+def with_origin(model: M, origin: dict[str, Any]) -> M:
+    """Return the model with `origin` in its summary, and so in its file.
+
+    Args:
+        origin: as of `origin_of`.
+    """
+    return dc.replace(model, summary={**model.summary, "origin": origin})  # type: ignore[type-var]
+
+
+def with_rotor_lag(model: M, lag: float) -> M:
+    """Return the model with the rotor lag of its vehicle in its summary; in flight it filters the
+    command.
+
+    Args:
+        lag: time constant [s].
+    """
+    return dc.replace(model, summary={**model.summary, "rotor_lag": lag})  # type: ignore[type-var]
+
+
+def rotor_lag_of(model: Trained) -> float:
+    """Return the rotor lag stored with the model [s]; 0 where there is none."""
+    return float(model.summary.get("rotor_lag", 0.0))
+
+
+def require_origin(model: Trained, origin: dict[str, Any]) -> None:
+    """Check that the model was trained on labels like those that it will be fed.
+
+    An origin that is unknown passes.
+
+    Args:
+        origin: of what it will be fed, or a part of it.
+    Raises: ValueError: if an item of the origin differs.
+    """
+    trained = model.summary.get("origin", {})
+    for name, value in origin.items():
+        if name in trained and trained[name] != value:
+            raise ValueError(
+                f"predictor: was trained with {name} {trained[name]}; here it is {value}. "
+                f"Train it on such labels."
+            )
+
+
+# What a header may hold, own choice: beyond it a file is damaged.
+STEPS = (1e-4, 10.0)  # shortest and longest step [s]
+LONGEST_WINDOW, LARGEST_RIDGE = 100_000, 1e12
+
+
+def summary_in(header: dict[str, Any]) -> dict[str, Any]:
+    """Return the summary of a header.
+
+    Raises: ValueError: if a part of it that a flight depends on is not what it must be; KeyError:
+    if there is none.
+    """
+    summary = dict(header["summary"])
+    if not isinstance(summary.get("origin", {}), dict):
+        raise ValueError(
+            f"summary.origin must be names with their values; got {summary['origin']!r}."
+        )
+    lag = summary.get("rotor_lag", 0.0)
+    if not isinstance(lag, int | float) or not 0 <= lag < 10:
+        raise ValueError(f"summary.rotor_lag must be 0 to 10 s; got {lag!r}.")
+    return summary
+
+
+def number_in(header: dict[str, Any], name: str, lowest: float, largest: float) -> float:
+    """Return a number of a header.
+    Raises: ValueError: if it is none, or outside these bounds; KeyError: if the header lacks it.
+    """
+    value = header[name]
+    if (
+        isinstance(value, bool)
+        or not isinstance(value, int | float)
+        or not lowest <= value <= largest
+    ):
+        raise ValueError(f"{name} must be a number from {lowest:g} to {largest:g}; got {value!r}.")
+    return float(value)
+
+
+def truth_in(header: dict[str, Any], name: str) -> bool:
+    """Return a truth value of a header.
+    Raises: ValueError: if it is none, as a text, which Python takes for true; KeyError: if the
+        header lacks it.
+    """
+    if not isinstance(header[name], bool):
+        raise ValueError(f"{name} must be true or false; got {header[name]!r}.")
+    return header[name]
+
 
 SCHEMA = "np_drake.lifted_model/1"  # format of the file and its version
 # What building a model of damaged content raises.

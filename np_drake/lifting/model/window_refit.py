@@ -7,8 +7,8 @@ from numpy.lib.stride_tricks import sliding_window_view
 from scipy.linalg import lapack
 
 from np_drake.lifting.model.encoders import Phi
+from np_drake.lifting.model.lifted_linear_system import stabilized, stabilized_all
 from np_drake.lifting.model.lifted_model import LiftedModel
-from np_drake.lifting.model.stabilized import stabilized, stabilized_all
 
 RADIUS = 0.9999  # largest |eigenvalue| of a refit A [1]
 CHUNK = 2000  # windows at a time, for memory [1]

@@ -11,8 +11,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from np_drake.lifting.model.delay_taps import DelayTaps
-from np_drake.lifting.model.encoders import DelayEncoder
+from np_drake.lifting.model.encoders import DelayEncoder, DelayTaps
 from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
 from np_drake.lifting.model.lifted_model import (
     BY_AXES,
@@ -27,14 +26,16 @@ from np_drake.lifting.model.lifted_model import (
     LiftedModel,
 )
 from np_drake.lifting.training import OnEpoch
-from np_drake.lifting.training.dmdc import fit_dmdc_system, sample_scale
 from np_drake.lifting.training.excitation import training_summary
 from np_drake.lifting.training.family_training import LiftedConfig, train_lifted
-from np_drake.lifting.training.horizon_ridge import horizon_ridge, moments_of, relative_error
-from np_drake.lifting.training.mode_dictionary_training import (
-    ModeDictionaryConfig,
-    train_mode_dictionary,
+from np_drake.lifting.training.linear_fits import (
+    fit_dmdc_system,
+    horizon_ridge,
+    moments_of,
+    relative_error,
+    sample_scale,
 )
+from np_drake.lifting.training.mode_dictionary import ModeDictionaryConfig, train_mode_dictionary
 from np_drake.lifting.training.network_training import NeuralConfig, train_neural
 from np_drake.lifting.training.paper_training import PaperConfig, train_paper
 from np_drake.training_data.segments import Segment, check_segments

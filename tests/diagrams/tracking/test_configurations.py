@@ -8,8 +8,7 @@ import pytest
 from diagrams.cli.main import run
 from diagrams.loop.experiments import load_experiment
 from diagrams.tracking import configurations, tracking
-from np_drake.lifting.model.model_file import save_model
-from np_drake.lifting.model.origin import with_origin
+from np_drake.lifting.model.model_file import save_model, with_origin
 from np_drake.lifting.training.train import CONFIGURATIONS, make_config, train
 from np_drake.training_data.segments import Segment
 

@@ -6,7 +6,7 @@ import pytest
 from np_drake import attitude
 from np_drake.mpc.problem import MpcConfig, MpcProblem
 from np_drake.residual_model import WrenchForecast
-from np_drake.residual_models.gaussian_process import GaussianProcess
+from np_drake.residual_models.motion_model import GaussianProcess
 from np_drake.vehicle import Vehicle
 
 

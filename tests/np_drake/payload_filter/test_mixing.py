@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from np_drake.payload_filter.kernel import PARAMETERS, POINT
-from np_drake.payload_filter.mixing import weigh_bank
+from np_drake.payload_filter.kernel import PARAMETERS, POINT, weigh_bank
 
 PRIOR, DEVIATION = np.zeros((3, 8)), np.ones((3, 8))
 FIRST = np.array([0.5, 0.3, 0.2])

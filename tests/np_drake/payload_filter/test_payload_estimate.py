@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from np_drake.payload_filter import kernel
-from np_drake.payload_filter.filter_bank import CONDITIONS
-from np_drake.payload_filter.payload_estimate import payload_estimate
+from np_drake.payload_filter.filter_bank import CONDITIONS, payload_estimate
 from np_drake.payload_filter.predictor import PayloadFilter
 
 MASS, STEP = 2.0, 0.02  # of the made-up flights: vehicle [kg], sample [s]

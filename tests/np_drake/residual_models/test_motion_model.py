@@ -2,10 +2,8 @@ import numpy as np
 import pytest
 
 from np_drake.residual_model import Sample
-from np_drake.residual_models.gaussian_process import GaussianProcess
-from np_drake.residual_models.motion_model import MotionModel
+from np_drake.residual_models.motion_model import GaussianProcess, MotionModel, WrenchNetwork
 from np_drake.residual_models.motion_training import train_motion_model
-from np_drake.residual_models.wrench_network import WrenchNetwork
 from np_drake.skill.skill import model_predictions
 from np_drake.training_data.segments import WrenchSequence
 from np_drake.vehicle import Vehicle

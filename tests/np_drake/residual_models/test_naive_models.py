@@ -6,8 +6,7 @@ from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.motor_lag import MotorLag
 from np_drake.effects.thrust_scale import ThrustScale
 from np_drake.residual_model import Sample, WrenchForecast, constant_forecast
-from np_drake.residual_models.disturbance_observer import DisturbanceObserver
-from np_drake.residual_models.hold import Hold
+from np_drake.residual_models.hold import DisturbanceObserver, Hold
 from np_drake.residual_models.oracle import TrueModel
 from np_drake.vehicle import Vehicle
 

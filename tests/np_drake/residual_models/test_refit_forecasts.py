@@ -7,8 +7,8 @@ from np_drake.lifting.model.encoders import Phi
 from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
 from np_drake.lifting.model.lifted_model import PAPER, LiftedModel
 from np_drake.residual_models.neural_predictor import NeuralPredictor, PredictorOptions
+from np_drake.skill.flight_skill import window_stability
 from np_drake.skill.skill import model_predictions
-from np_drake.skill.window_stability import window_stability
 
 W = 12  # samples of the window
 

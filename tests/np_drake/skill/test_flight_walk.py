@@ -4,9 +4,9 @@ import pytest
 from np_drake.residual_model import constant_forecast
 from np_drake.residual_models.hold import Hold
 from np_drake.residual_models.linear_baselines import fit_dmdc
-from np_drake.skill.flight_walk import flight_forecasts, held_plan
-from np_drake.training_data.sampled_flight import SampledFlight
+from np_drake.skill.skill import flight_forecasts, held_plan
 from np_drake.training_data.segments import Segment
+from np_drake.training_data.training_segments import SampledFlight
 
 STEP = 0.02
 

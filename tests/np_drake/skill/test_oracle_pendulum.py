@@ -5,9 +5,9 @@ import pytest
 
 from np_drake.effects.pendulum import Payload
 from np_drake.residual_model import ReadsPlan
-from np_drake.skill.flight_walk import flight_forecasts, held_plan
 from np_drake.skill.oracle_pendulum import Rest, oracle_pendulum, remaining_drag
-from np_drake.training_data.sampled_flight import sampled_flight
+from np_drake.skill.skill import flight_forecasts, held_plan
+from np_drake.training_data.training_segments import sampled_flight
 from np_drake.vehicle import Vehicle
 
 VEHICLE = Vehicle()

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from np_drake.residual_model import constant_forecast
-from np_drake.skill.window_stability import walked_stability
-from np_drake.training_data.sampled_flight import of_wrenches
+from np_drake.skill.flight_skill import walked_stability
+from np_drake.training_data.training_segments import of_wrenches
 
 
 class Growing:

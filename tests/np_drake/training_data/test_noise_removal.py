@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from np_drake.training_data.noise_removal import most_likely
+from np_drake.training_data.accelerations import most_likely
 
 
 def test_noise_alone_goes_and_slow_motion_stays():

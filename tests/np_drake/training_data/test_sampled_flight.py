@@ -5,7 +5,7 @@ import pytest
 
 from np_drake.flight_log import FlightLog
 from np_drake.labels import LabelConfig, labels
-from np_drake.training_data.sampled_flight import sampled_flight
+from np_drake.training_data.training_segments import sampled_flight
 from np_drake.vehicle import Vehicle
 
 VEHICLE = Vehicle()

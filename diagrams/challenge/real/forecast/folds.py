@@ -15,9 +15,9 @@ from diagrams.challenge.real.logged_payload import logged_payload
 from np_drake.effects.pendulum import Payload
 from np_drake.flight_log import FlightLog
 from np_drake.labels import LabelConfig
-from np_drake.payload_filter.payload_estimate import Estimate, PayloadEstimate
+from np_drake.payload_filter.filter_bank import Estimate, PayloadEstimate
 from np_drake.skill.oracle_pendulum import OraclePendulum, Rest, oracle_pendulum, remaining_drag
-from np_drake.training_data.sampled_flight import SampledFlight, sampled_flight
+from np_drake.training_data.training_segments import SampledFlight, sampled_flight
 from np_drake.vehicle import Vehicle
 
 PAYLOAD = campaign_of("payload")

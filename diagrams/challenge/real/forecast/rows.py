@@ -11,15 +11,14 @@ from np_drake.payload_filter.model_file import PAYLOAD_FILTER
 from np_drake.payload_filter.predictor import PayloadFilter
 from np_drake.payload_filter.training import train_payload_filter
 from np_drake.residual_model import ResidualModel
-from np_drake.residual_models.gaussian_process import fit_gaussian_process
 from np_drake.residual_models.hold import Constant, Hold
-from np_drake.residual_models.knode_training import Piece, fit_knode
 from np_drake.residual_models.linear_baselines import fit_dmdc
-from np_drake.residual_models.motion_model import GP, KNODE, MotionModel
+from np_drake.residual_models.motion_model import GP, KNODE, MotionModel, fit_gaussian_process
+from np_drake.residual_models.motion_training import Piece, fit_knode
 from np_drake.residual_models.neural_predictor import NeuralPredictor, PredictorOptions
 from np_drake.skill.naive import LinearExtrapolation, RidgeConfig, fit_force_ridge
-from np_drake.training_data.sampled_flight import SampledFlight, sampled_flight
 from np_drake.training_data.segments import Segment
+from np_drake.training_data.training_segments import SampledFlight, sampled_flight
 from np_drake.vehicle import Vehicle
 
 Opened = tuple[FlightLog, Vehicle]

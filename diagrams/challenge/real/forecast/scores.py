@@ -13,8 +13,8 @@ from np_drake.flight_log import FlightLog
 from np_drake.labels import ReadsLabels
 from np_drake.residual_model import ResidualModel
 from np_drake.skill.flight_skill import DIVERGED
-from np_drake.skill.flight_walk import MOTIONS, flight_forecasts
-from np_drake.training_data.sampled_flight import sampled_flight
+from np_drake.skill.skill import MOTIONS, flight_forecasts
+from np_drake.training_data.training_segments import sampled_flight
 from np_drake.vehicle import Vehicle
 
 KINDS = {

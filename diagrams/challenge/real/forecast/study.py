@@ -12,10 +12,10 @@ from diagrams.batch.workers import Workers, every_result
 from diagrams.challenge.real.forecast.folds import PayloadFlight, drag_beside, told
 from diagrams.challenge.real.forecast.rows import HISTORY, ROWS, TOLD_ROWS
 from diagrams.challenge.real.forecast.scores import Score, diverged, pooled, score
-from np_drake.payload_filter.payload_estimate import Estimate, PayloadEstimate, payload_estimate
+from np_drake.payload_filter.filter_bank import Estimate, PayloadEstimate, payload_estimate
 from np_drake.payload_filter.predictor import PayloadFilter
 from np_drake.residual_model import ResidualModel
-from np_drake.skill.flight_walk import MOTIONS, walk
+from np_drake.skill.skill import MOTIONS, walk
 
 HORIZONS = (0.02, 0.1, 0.2, 0.4, 0.6, 0.8, 1.0)  # [s]
 SCORED = ("square", "count", "peak")  # arrays of a `Score`

@@ -9,8 +9,8 @@ from diagrams.batch.run import Table
 from diagrams.challenge.real.forecast.rows import PERSISTENCE, TOLD_ROWS
 from diagrams.challenge.real.forecast.scores import KINDS
 from diagrams.challenge.real.forecast.study import FlownPayload
-from np_drake.payload_filter.payload_estimate import Estimate, PayloadEstimate
-from np_drake.skill.flight_walk import MOTIONS
+from np_drake.payload_filter.filter_bank import Estimate, PayloadEstimate
+from np_drake.skill.skill import MOTIONS
 
 # Ratio of the lateral force that is asked for, by horizon [s].
 ASKED = {0.1: 0.50, 0.2: 0.42, 0.4: 0.45, 0.8: 0.48}

@@ -7,9 +7,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from np_drake.lifting.model.adaptive_family import EVERY, AdaptiveFamily, family_of, family_tensors
+from np_drake.lifting.model.adaptive_family import (
+    EVERY,
+    AdaptiveFamily,
+    ModalAxis,
+    family_of,
+    family_tensors,
+)
 from np_drake.lifting.model.lifted_model import LIFTED, LiftedModel
-from np_drake.lifting.model.modal_axis import ModalAxis
 from np_drake.residual_model import Sample
 from np_drake.residual_models.neural_predictor import NeuralPredictor
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from np_drake.lifting.model.delay_taps import DelayTaps
+from np_drake.lifting.model.encoders import DelayTaps
 
 DUT = DelayTaps(delay=30, dense=5, averages=4)
 

@@ -10,7 +10,7 @@ import pytest
 import torch
 from safetensors.numpy import load_file, save_file
 
-from np_drake.lifting.model.adaptive_family import AdaptiveFamily
+from np_drake.lifting.model.adaptive_family import AdaptiveFamily, ModalAxis
 from np_drake.lifting.model.encoders import DelayEncoder, Phi
 from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
 from np_drake.lifting.model.lifted_model import (
@@ -21,11 +21,14 @@ from np_drake.lifting.model.lifted_model import (
     PAPER,
     LiftedModel,
 )
-from np_drake.lifting.model.modal_axis import ModalAxis
-from np_drake.lifting.model.model_file import SCHEMA, load_model, save_model
-from np_drake.lifting.model.neural_family import with_network
-from np_drake.lifting.model.origin import require_origin, rotor_lag_of
-from np_drake.lifting.model.window_network import WindowNetwork
+from np_drake.lifting.model.model_file import (
+    SCHEMA,
+    load_model,
+    require_origin,
+    rotor_lag_of,
+    save_model,
+)
+from np_drake.lifting.model.neural_family import WindowNetwork, with_network
 
 
 def family(generator: np.random.Generator) -> AdaptiveFamily:

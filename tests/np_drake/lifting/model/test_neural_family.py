@@ -7,9 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from np_drake.lifting.model.adaptive_family import AdaptiveFamily
+from np_drake.lifting.model.adaptive_family import AdaptiveFamily, ModalAxis
 from np_drake.lifting.model.lifted_model import LIFTED, NEURAL, LiftedModel
-from np_drake.lifting.model.modal_axis import ModalAxis
 from np_drake.lifting.model.model_file import (
     load_model,
     read_tensors,
@@ -17,8 +16,7 @@ from np_drake.lifting.model.model_file import (
     schema_of,
     write_tensors,
 )
-from np_drake.lifting.model.neural_family import NeuralFamily, with_network
-from np_drake.lifting.model.window_network import MOST, WindowNetwork
+from np_drake.lifting.model.neural_family import MOST, NeuralFamily, WindowNetwork, with_network
 from np_drake.residual_model import Sample
 from np_drake.residual_models.neural_predictor import NeuralPredictor
 

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from np_drake.lifting.model.stabilized import stabilized, stabilized_all
+from np_drake.lifting.model.lifted_linear_system import stabilized, stabilized_all
 
 
 @given(st.integers(0, 10_000), st.floats(0.8, 1.5))

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from np_drake.lifting.model.trust import Trust
+from np_drake.lifting.model.encoders import Trust
 from np_drake.lifting.training.mode_dictionary import time_constants
 
 HORIZONS = np.array([1, 2, 5, 10, 20])

@@ -6,9 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from np_drake.lifting.model.encoders import DelayEncoder, Phi
-from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
+from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem, stabilized
 from np_drake.lifting.model.lifted_model import DELAY_DMDC, PAPER, LiftedModel
-from np_drake.lifting.model.stabilized import stabilized
 from np_drake.lifting.model.window_refit import RADIUS, WindowRefit
 
 SCALE = np.array([1.5, 1.5, 1.5, 0.5, 0.5, 0.5])

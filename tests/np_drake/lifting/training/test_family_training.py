@@ -7,9 +7,13 @@ import pytest
 import torch
 
 from np_drake.lifting.model.adaptive_family import AdaptiveFamily
-from np_drake.lifting.training.family_axis import TrainedAxis
-from np_drake.lifting.training.family_moments import window_moments
-from np_drake.lifting.training.family_training import LiftedConfig, placed, train_lifted
+from np_drake.lifting.training.family_training import (
+    LiftedConfig,
+    TrainedAxis,
+    placed,
+    train_lifted,
+    window_moments,
+)
 from np_drake.training_data.segments import Segment
 
 STEP = 0.02

@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from np_drake.lifting.model.channel_views import turns
-from np_drake.lifting.model.delay_taps import DelayTaps
-from np_drake.lifting.training.horizon_ridge import (
+from np_drake.lifting.model.encoders import DelayTaps
+from np_drake.lifting.training.excitation import turns
+from np_drake.lifting.training.linear_fits import (
     flight_moments,
     horizon_grid,
     horizon_ridge,

@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
-from np_drake.lifting.model.delay_taps import DelayTaps
+from np_drake.lifting.model.encoders import DelayTaps
 from np_drake.lifting.model.lifted_model import DELAY_DMDC, DMDC
-from np_drake.lifting.training.dmdc import sample_scale
-from np_drake.lifting.training.horizon_ridge import flight_moments, horizon_ridge
+from np_drake.lifting.training.linear_fits import flight_moments, horizon_ridge, sample_scale
 from np_drake.lifting.training.train import (
     DmdcConfig,
     RidgeConfig,

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from np_drake.lifting.training.horizon_ridge import horizon_grid
+from np_drake.lifting.training.linear_fits import horizon_grid
 from np_drake.lifting.training.mode_dictionary import ModeDictionary, time_constants
 
 HORIZONS = horizon_grid(200, 14)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from np_drake.lifting.model.model_file import load_model, save_model
-from np_drake.lifting.training.mode_dictionary_training import ModeDictionaryConfig
+from np_drake.lifting.training.mode_dictionary import ModeDictionaryConfig
 from np_drake.lifting.training.train import make_config, train
 from np_drake.residual_model import Sample
 from np_drake.residual_models.neural_predictor import NeuralPredictor, PredictorOptions

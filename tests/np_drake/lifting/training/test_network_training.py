@@ -7,11 +7,21 @@ import pytest
 import torch
 
 from np_drake.lifting.model.lifted_model import NEURAL
-from np_drake.lifting.model.neural_family import NeuralFamily, with_network
-from np_drake.lifting.model.window_network import WindowNetwork, saturated
+from np_drake.lifting.model.neural_family import (
+    NeuralFamily,
+    WindowNetwork,
+    saturated,
+    with_network,
+)
 from np_drake.lifting.training.family_training import train_lifted
-from np_drake.lifting.training.family_windows import HORIZONS, family_windows, principal_components
-from np_drake.lifting.training.network_training import NeuralConfig, add_network, judged
+from np_drake.lifting.training.network_training import (
+    HORIZONS,
+    NeuralConfig,
+    add_network,
+    family_windows,
+    judged,
+    principal_components,
+)
 from np_drake.lifting.training.train import make_config, train
 from np_drake.residual_models.neural_predictor import NeuralPredictor
 from np_drake.training_data.segments import Segment

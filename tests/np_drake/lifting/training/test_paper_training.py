@@ -6,13 +6,18 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from np_drake.lifting.model.channel_views import turns
+from np_drake.lifting.model.lifted_linear_system import stabilized
 from np_drake.lifting.model.lifted_model import PAPER
-from np_drake.lifting.model.stabilized import stabilized
 from np_drake.lifting.model.window_refit import RADIUS
-from np_drake.lifting.training.paper_training import PaperConfig, PaperTrainer
+from np_drake.lifting.training.excitation import turns
+from np_drake.lifting.training.paper_training import (
+    PaperConfig,
+    PaperTrainer,
+    most_likely_ridge,
+    stable,
+    window_fit,
+)
 from np_drake.lifting.training.train import train
-from np_drake.lifting.training.window_fits import most_likely_ridge, stable, window_fit
 from np_drake.training_data.segments import Segment
 
 CONFIG = PaperConfig(epochs=2, spacing=20)

@@ -4,7 +4,7 @@ import torch
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from np_drake.lifting.training.phi_module import PhiModule
+from np_drake.lifting.training.paper_training import PhiModule
 
 SCALE = np.array([2.0, 2.0, 2.0, 0.1, 0.1, 0.1])
 

@@ -5,8 +5,8 @@ from diagrams.challenge.real.forecast.rows import PERSISTENCE
 from diagrams.challenge.real.forecast.scores import Score, diverged, pooled, score
 from np_drake.labels import LabelConfig
 from np_drake.residual_models.hold import Constant, Hold
-from np_drake.skill.flight_walk import flight_forecasts
-from np_drake.training_data.sampled_flight import sampled_flight
+from np_drake.skill.skill import flight_forecasts
+from np_drake.training_data.training_segments import sampled_flight
 
 
 def made(row, flight, square, motion="known", peak=1.0):

@@ -8,7 +8,7 @@ from diagrams.challenge.real.forecast.study import HORIZONS, FlownPayload
 from diagrams.challenge.real.forecast.tables import divergence_table, payload_table, ratio_tables
 from diagrams.cli.output import WIDTH
 from diagrams.cli.table_text import table_lines, wrapped
-from np_drake.payload_filter.payload_estimate import Estimate, PayloadEstimate
+from np_drake.payload_filter.filter_bank import Estimate, PayloadEstimate
 
 LINES = [
     {
