@@ -18,7 +18,7 @@ from np_drake.logs.formats.neurobem_wrenches import (
     table_files,
 )
 from np_drake.residual_model import FlightForecasts
-from np_drake.residual_models.neural_predictor import NeuralPredictor, PredictorOptions
+from np_drake.residual_models.neural_predictor import NeuralPredictor
 from np_drake.skill.response import jerk
 from np_drake.training_data.segments import Segment
 
@@ -124,9 +124,7 @@ def forecasts(model: LiftedModel, flight: Flight) -> FlightForecasts:
     """Return all forecasts of a model on a flight, force and torque predicted.
     Raises: ValueError: if it is too short.
     """
-    course = NeuralPredictor(model, PredictorOptions(torque="predict")).along(
-        flight.segment.chi, flight.segment.zeta
-    )
+    course = NeuralPredictor(model, torque="predict").along(flight.segment.chi, flight.segment.zeta)
     if course is None or len(flight.segment) < model.warm_up + 2:
         raise ValueError(f"{flight.name}: at least {model.warm_up + 2} samples are needed.")
     return course

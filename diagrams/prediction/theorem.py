@@ -13,8 +13,7 @@ from diagrams.batch.options import Neurobem
 from diagrams.batch.run import Report, Run
 from diagrams.batch.workers import failures, results
 from diagrams.prediction.array_flights import Flight, arrays, trained
-from np_drake.lifting.bounds.bound_check import BoundCheck, check_flight
-from np_drake.lifting.bounds.error_bound import largest_changes
+from np_drake.lifting.error_bound import BoundCheck, check_flight, largest_changes
 from np_drake.lifting.model.encoders import Phi
 from np_drake.lifting.model.lifted_model import LiftedModel
 

@@ -14,11 +14,7 @@ from np_drake.logs.formats.neurobem_wrenches import TESTS
 from np_drake.payload_filter.model_file import PAYLOAD_FILTER, PayloadFilterModel
 from np_drake.payload_filter.predictor import PayloadFilter
 from np_drake.residual_model import FlightForecasts, ResidualModel
-from np_drake.residual_models.neural_predictor import (
-    NeuralPredictor,
-    PredictorOptions,
-    RefitForecasts,
-)
+from np_drake.residual_models.neural_predictor import NeuralPredictor, RefitForecasts
 from np_drake.skill.skill import UNTRAINED, skill_table, walk
 from np_drake.training_data.segments import Segment, WrenchSequence
 from np_drake.training_data.training_segments import Flight, SampledFlight, flown_segments
@@ -146,9 +142,7 @@ def _predictor(model: Model) -> NeuralPredictor | PayloadFilter:
     """Return the predictor of a model; torque is predicted where it was trained."""
     if isinstance(model, PayloadFilterModel):
         return PayloadFilter(model)
-    return NeuralPredictor(
-        model, PredictorOptions(torque="predict" if model.predicts_torque else "hold")
-    )
+    return NeuralPredictor(model, torque="predict" if model.predicts_torque else "hold")
 
 
 def _longest_flown(

@@ -1,4 +1,4 @@
-"""Encoders of the lifted state in numpy, as used in flight, and the trust in a linear one's forecast.
+"""Encoders of the lifted state in numpy, as used in flight, and trust in a linear one's forecast.
 
 Trust in a forecast, learned in flight from earlier forecasts whose outcome is known.
 
@@ -187,65 +187,71 @@ class Trust:
     def initial_memory(self) -> Memory:
         """Return the memory at the start of a flight.
 
-        Returns: ring: (longest, K + 12) past [z, chi, mean], newest last.
-        sums: (5, H, 4) over verified forecasts. power: (2, H, 4) of all so far.
-        lifted: number of forecasts so far.
-        total: (6,) sum of chi.
-        seen: samples in it.
+        Returns: trust/ring: (longest, K + 12) past [z, chi, mean], newest last.
+        trust/sums: (5, H, 4) over verified forecasts. trust/power: (2, H, 4) of all so far.
+        trust/lifted: number of forecasts so far.
+        trust/total: (6,) sum of chi.
+        trust/seen: samples in it.
         """
         H, K = len(self.horizons), self.readout.shape[2]
         return {
-            "ring": np.zeros((self.longest, K + 12)),
-            "sums": np.zeros((5, H, 4)),
-            "power": np.zeros((2, H, 4)),
-            "lifted": np.zeros(1),
-            "total": np.zeros(6),
-            "seen": np.zeros(1),
+            "trust/ring": np.zeros((self.longest, K + 12)),
+            "trust/sums": np.zeros((5, H, 4)),
+            "trust/power": np.zeros((2, H, 4)),
+            "trust/lifted": np.zeros(1),
+            "trust/total": np.zeros(6),
+            "trust/seen": np.zeros(1),
         }
 
-    def observe(self, memory: Memory, chi: np.ndarray) -> Memory:
-        """Return the memory after one more label, with the forecasts that it verifies added to the
-        sums.
+    def update(
+        self, memory: Memory, z: np.ndarray | None, chi: np.ndarray, *, labelled: bool
+    ) -> Memory:
+        """Return what changes with one more sample: the sums, and where something was lifted the
+        corrected z (K,).
 
         Args:
-            chi: (6,) [N, N·m].
+            z: (K,) of now; None: nothing was lifted.
+            chi: (6,) of now [N, N·m], a label where `labelled`.
         """
-        memory = {**memory, "total": memory["total"] + chi, "seen": memory["seen"] + 1.0}
-        due = np.flatnonzero(self.horizons <= memory["lifted"][0])
+        found = self._verified(memory, chi) if labelled else {}
+        if z is None:
+            return found
+        memory = {**memory, **found}
+        mean = self._mean(memory["trust/total"], memory["trust/seen"][0])
+        forecast = self.readout @ z
+        base, p, q = _regressors(forecast, chi, mean)
+        power = memory["trust/power"] + _products(p, q, p)[[0, 2]]
+        lifted = memory["trust/lifted"] + 1.0
+        a, b = self._weights(memory["trust/sums"], power / lifted[0])
+        row = np.concatenate([z, chi, mean])
+        ring = np.concatenate([memory["trust/ring"][1:], row[None]])
+        wanted = base + a[:, OF_CHANNEL] * p + b[:, OF_CHANNEL] * q
+        corrected = z + np.einsum("khc,hc->k", self.projector, wanted - forecast)
+        kept = {"trust/power": power, "trust/lifted": lifted, "trust/ring": ring}
+        return {**found, **kept, "z": corrected}
+
+    def _verified(self, memory: Memory, chi: np.ndarray) -> Memory:
+        """Return totals after one more label (6,), with the forecasts that it verifies added to
+        the sums.
+        """
+        total, seen = memory["trust/total"] + chi, memory["trust/seen"] + 1.0
+        found = {"trust/total": total, "trust/seen": seen}
+        due = np.flatnonzero(self.horizons <= memory["trust/lifted"][0])
         if len(due):
-            rows = memory["ring"][-self.horizons[due]]
+            rows = memory["trust/ring"][-self.horizons[due]]
             K = self.readout.shape[2]
             z, then, mean = rows[:, :K], rows[:, K : K + 6], rows[:, K + 6 :]
             forecast = np.einsum("hck,hk->hc", self.readout[due], z)
             base, p, q = _regressors(forecast, then, mean)
-            sums = memory["sums"].copy()
+            sums = memory["trust/sums"].copy()
             sums[:, due] += _products(p, q, chi - base)
-            memory["sums"] = sums
-        return memory
-
-    def correct(self, memory: Memory, z: np.ndarray, chi: np.ndarray) -> tuple[Memory, np.ndarray]:
-        """Return (memory, corrected z (K,)).
-
-        Args:
-            memory: of the trust, after `observe` took the label in.
-            z: (K,) of now.
-            chi: (6,) label of now [N, N·m].
-        """
-        mean = self._mean(memory["total"], memory["seen"][0])
-        forecast = self.readout @ z
-        base, p, q = _regressors(forecast, chi, mean)
-        power = memory["power"] + _products(p, q, p)[[0, 2]]
-        lifted = memory["lifted"] + 1.0
-        a, b = self._weights(memory["sums"], power / lifted[0])
-        ring = np.concatenate([memory["ring"][1:], np.concatenate([z, chi, mean])[None]])
-        wanted = base + a[:, OF_CHANNEL] * p + b[:, OF_CHANNEL] * q
-        corrected = z + np.einsum("khc,hc->k", self.projector, wanted - forecast)
-        return {**memory, "power": power, "lifted": lifted, "ring": ring}, corrected
+            found["trust/sums"] = sums
+        return found
 
     def along(self, z: np.ndarray, chi: np.ndarray, first: int) -> np.ndarray:
         """Return the corrected z (o, K) of a whole flight without gaps.
 
-        Equal to `observe` and `correct` sample by sample.
+        Equal to `update` sample by sample, each with a label.
 
         Args:
             z: (o, K) from sample `first` on.

@@ -77,11 +77,6 @@ class LiftedModel:
             )
 
     @property
-    def refits(self) -> bool:
-        """Whether A and B are refit on the window in flight."""
-        return isinstance(self.encoder, Phi) and self.ridge > 0
-
-    @property
     def warm_up(self) -> int:
         """Samples before the first forecast: those that the encoder sees, or that the refit
         reads.

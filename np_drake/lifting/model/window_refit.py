@@ -38,7 +38,7 @@ class WindowRefit:
             )
         if not model.ridge > 0:
             raise ValueError(f"WindowRefit: ridge must be positive; got {model.ridge}.")
-        self._phi, self._ridge, self._late = model.encoder, model.ridge, model.late
+        self.phi, self._ridge, self._late = model.encoder, model.ridge, model.late
         self._scale = model.zeta_scale
         self._prior = np.hstack([model.system.A, model.system.B * self._scale]).T
         self._pull = model.ridge * self._prior.T
@@ -53,7 +53,7 @@ class WindowRefit:
         """Return the rows [z, zeta / scale] (n - late, K + 6) of the regression from samples [chi,
         zeta] (n, 12).
         """
-        z = self._phi(samples[self._late :, :6])
+        z = self.phi(samples[self._late :, :6])
         return np.concatenate([z, samples[: len(z), 6:] / self._scale], axis=-1)
 
     def solve(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -64,7 +64,7 @@ class WindowRefit:
         beat, and it accumulates no rounding error.
         """
         # (X'X + p) [A B]' = X'Y + p [A_0 B_0]', by Cholesky
-        X, K = rows[:-1], self._phi.K
+        X, K = rows[:-1], self.phi.K
         normal = X.T @ X
         normal.flat[:: len(normal) + 1] += self._ridge
         moments = rows[1:, :K].T @ X + self._pull
@@ -84,7 +84,7 @@ class WindowRefit:
         """
         rows, steps = self.rows(samples), W - self._late - 1
         X = sliding_window_view(rows[:-1], steps, axis=0)
-        Y = sliding_window_view(rows[1:, : self._phi.K], steps, axis=0)
+        Y = sliding_window_view(rows[1:, : self.phi.K], steps, axis=0)
         parts = [self._fit(X[i : i + CHUNK], Y[i : i + CHUNK]) for i in range(0, len(X), CHUNK)]
         A, B, before = (np.concatenate(column) for column in zip(*parts, strict=True))
         return A, B, before

@@ -15,7 +15,7 @@ from np_drake.residual_models.hold import Constant, Hold
 from np_drake.residual_models.linear_baselines import fit_dmdc
 from np_drake.residual_models.motion_model import GP, KNODE, MotionModel, fit_gaussian_process
 from np_drake.residual_models.motion_training import Piece, fit_knode
-from np_drake.residual_models.neural_predictor import NeuralPredictor, PredictorOptions
+from np_drake.residual_models.neural_predictor import NeuralPredictor
 from np_drake.skill.naive import LinearExtrapolation, RidgeConfig, fit_force_ridge
 from np_drake.training_data.segments import Segment
 from np_drake.training_data.training_segments import SampledFlight, sampled_flight
@@ -60,7 +60,7 @@ def _paper(flights: Sequence[Opened], step: float) -> NeuralPredictor:
     """Return `paper` with its usual settings, but for a window of `HISTORY`."""
     config = make_config(PAPER, window=round(HISTORY / step))
     model = train(_segments(flights, step), config).model
-    return NeuralPredictor(model, PredictorOptions(torque="predict"))
+    return NeuralPredictor(model, torque="predict")
 
 
 def _lifted(flights: Sequence[Opened], step: float) -> NeuralPredictor:
@@ -71,7 +71,7 @@ def _lifted(flights: Sequence[Opened], step: float) -> NeuralPredictor:
         LIFTED, torque=True, delay=round(HISTORY / step), horizon=round(LONGEST / step)
     )
     model = train(_segments(flights, step), config).model
-    return NeuralPredictor(model, PredictorOptions(torque="predict"))
+    return NeuralPredictor(model, torque="predict")
 
 
 ROWS: Mapping[str, Trainer] = {
