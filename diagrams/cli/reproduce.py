@@ -76,13 +76,11 @@ STUDIES = {
         "prediction.mhe_flights", "A moving-horizon estimator on real flights.", seed=None
     ),
     "theorem": Study("prediction.theorem", "Theorem 1, corrected: bound against error."),
-    "tether": Study("payload.tether", "The tether's length from the payload's mode."),
     "estimation": Study("prediction.estimation", "The paper's table, one step ahead."),
     "sample-efficiency": Study("prediction.sample_efficiency", "Error against training samples."),
     "envelope": Study(
         "prediction.envelope_study", "What the network adds on fresh simulated payloads."
     ),
-    "response": Study("prediction.response", "How late the prediction is."),
     "hover": Study("payload.hover_study", "Hover while the payload swings."),
     "attach": Study(
         "payload.attach_study", "The payload changes in flight: attached, cut off, taut."
@@ -125,10 +123,7 @@ STUDIES = {
         "performance.deadlines", "Deadlines of the loop on this machine.", 9800, many=False
     ),
 }
-RETIRED = {
-    "pendulum": "it is called tether now: `np-drake reproduce tether`",
-    "cost": "`np-drake challenge solve --json` holds time and memory of every case",
-}
+RETIRED = {"cost": "`np-drake challenge solve --json` holds time and memory of every case"}
 
 
 def reproduce(

@@ -19,12 +19,35 @@ from np_drake.logs.formats.neurobem_wrenches import (
 )
 from np_drake.residual_model import FlightForecasts
 from np_drake.residual_models.neural_predictor import NeuralPredictor
-from np_drake.skill.response import jerk
 from np_drake.training_data.segments import Segment
 
 OURS = {PAPER: "np: paper", BY_AXES["body"]: "np"}  # configuration: row
 NAIVE = ("persistence", "linear")  # rows without training
 LEARNED = 4000  # samples that are trained on, ten seconds as in the paper [1]
+
+
+REACH = 10  # samples on either side of the slope that gives the jerk [1]
+
+
+def jerk(s: np.ndarray, w: np.ndarray, step: float) -> np.ndarray:
+    """Return |d³p/dt³| (n,) from the specific force and the body rates [m/s³].
+
+    d³p/dt³ = R (ds/dt + w x s), ds/dt the least-squares slope over `REACH` samples on either side.
+    It uses future samples: it selects samples for evaluation, and no predictor sees it.
+
+    Args:
+        s: (n, 3) specific force in B [m/s²].
+        w: (n, 3) body rates in B [rad/s].
+        step: sampling time [s].
+    Raises: ValueError: if there are fewer than 2 REACH + 1 samples.
+    """
+    if len(s) < 2 * REACH + 1:
+        raise ValueError(f"jerk: at least {2 * REACH + 1} samples are needed; got {len(s)}.")
+    lags = np.arange(-REACH, REACH + 1)
+    slope = lags / (step * np.sum(lags**2))
+    padded = np.pad(s, ((REACH, REACH), (0, 0)), mode="edge")
+    rate = np.stack([np.correlate(padded[:, i], slope, mode="valid") for i in range(3)], axis=1)
+    return np.linalg.norm(rate + np.cross(w, s), axis=1)
 
 
 @dc.dataclass(frozen=True)

@@ -14,12 +14,10 @@ from diagrams.batch.run import Report, Run
 from diagrams.batch.workers import failures, results
 from diagrams.prediction.array_flights import Flight, arrays, trained
 from np_drake.lifting.error_bound import BoundCheck, check_flight, largest_changes
-from np_drake.lifting.model.encoders import Phi
 from np_drake.lifting.model.lifted_model import LiftedModel
 
 STEPS = (1, 10, 40)  # ahead, at which the tightness is shown [1]
 FORESEEN_SPACING = 10  # samples between windows where the alphas come from the other flights [1]
-BROKEN_SPACING = 20  # and of the models that violate an assumption [1]
 OWN, FORESEEN = "own", "others"  # sources of the alphas
 
 
@@ -31,18 +29,6 @@ class _Task:
     flight: str
     alpha: str
     arguments: dict
-
-
-def broken_models(model: LiftedModel) -> dict[str, tuple[LiftedModel, dict]]:
-    """Return models, with settings of the check, that violate one assumption each."""
-    assert isinstance(model.encoder, Phi)
-    unstable = dc.replace(model.system, A=model.system.A * (1.02 / model.system.spectral_radius))
-    *first, last = model.encoder.weights
-    steep = dc.replace(model.encoder, weights=(*first, 2.0 * last))
-    return {
-        "A not stable, no refit": (dc.replace(model, system=unstable), {"refit": False}),
-        "Phi not normalised": (dc.replace(model, encoder=steep), {}),
-    }
 
 
 def bound_table(
@@ -59,12 +45,6 @@ def bound_table(
     Raises: FailedRun: if no line has a result.
     """
     tasks = [task for name, model in models.items() for task in _tasks(name, model, flown, spacing)]
-    for name, (model, own) in broken_models(models["paper"]).items():
-        arguments = {"model": model, "spacing": BROKEN_SPACING, **own}
-        tasks.append(_Task(name, flown[0].name, OWN, {**_arrays(flown[0]), **arguments}))
-    half = tuple(alpha / 2 for alpha in _changes(models["paper"], flown[0]))
-    arguments = {"model": models["paper"], "spacing": BROKEN_SPACING, "alpha": half}
-    tasks.append(_Task("alphas halved", flown[0].name, "half", {**_arrays(flown[0]), **arguments}))
     cases = [{"model": task.model, "flight": task.flight, "alpha": task.alpha} for task in tasks]
     work, settings = _Checking(tuple(tasks)), {"spacing": spacing, **config}
     records = run.cases("every window", "", work, cases, config=settings)

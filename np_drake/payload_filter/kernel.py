@@ -20,7 +20,7 @@ so that the pull that both feel follows from the command and needs no measured a
 noise would be in regressor and measurement alike. Moments are propagated by second-order divided
 differences.
 Source: Nørgaard, Poulsen, Ravn 2000 (filter DD2).
-"""
+"""  # noqa: E501
 
 import math
 

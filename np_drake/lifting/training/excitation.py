@@ -85,7 +85,6 @@ AVERAGE = (
     8  # samples averaged before motion is compared with noise: dynamics are slower than noise [1]
 )
 RELEVANT = 0.01  # motion below this share of the group's (v or omega) counts as noise [1]
-LINE_BINS = 4  # bins on either side of a spectral line that its leakage fills, Hann window [1]
 THRESHOLD = 4.0  # motion this many times its noise is half trusted [1]
 
 
@@ -174,35 +173,6 @@ def training_summary(segments: Sequence[Segment], loss: float, step: float) -> d
     """
     text = measure_excitation([segment.zeta for segment in segments], step=step).text
     return {"samples": sum(map(len, segments)), "loss": {"all": loss}, "excitation": text}
-
-
-def motion_near(values: list[np.ndarray], frequency: float, *, step: float) -> float:
-    """Return the RMS of motion near a frequency over the white noise there, of the weakest channel
-    [1].
-
-    The band is a quarter of the frequency to either side. The strongest line of each piece is left
-    out: one line is one point of a response and shows no mode. Pieces are pooled.
-
-    Args:
-        values: pieces (n, c).
-        frequency: [Hz].
-        step: time between samples [s].
-    """
-    noise = white_noise(values)
-    power, expected = np.zeros(len(noise)), np.zeros(len(noise))
-    for piece in values:
-        taper = np.hanning(len(piece))[:, None]
-        spectrum = np.abs(np.fft.rfft(taper * (piece - piece.mean(axis=0)), axis=0)) ** 2 / np.sum(
-            taper**2
-        )
-        line = int(np.argmax(spectrum[1:].sum(axis=1))) + 1
-        hertz = np.fft.rfftfreq(len(piece), step)
-        band = (hertz > frequency / 1.25) & (hertz < frequency * 1.25)
-        band[max(line - LINE_BINS, 0) : line + LINE_BINS + 1] = False
-        power += spectrum[band].sum(axis=0)
-        expected += band.sum() * noise**2
-    floor = np.maximum(expected, 1e-18)
-    return float(np.sqrt(np.min(power / floor)))
 
 
 def _strongest_line(zeta: np.ndarray, step: float) -> tuple[float, float]:

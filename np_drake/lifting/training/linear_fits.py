@@ -182,6 +182,33 @@ def horizon_ridge(flights: Sequence[Moments], *, noise: float) -> np.ndarray:
     return W
 
 
+def window_ridge(
+    segments: Sequence[Segment],
+    taps: DelayTaps,
+    horizons: np.ndarray,
+    *,
+    noise: float,
+    origins: int,
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """Return weights (H, 6, 12 D) of the window, oldest sample first, and constants (H, 6), both in
+    physical units, and the mean error of force over that of the better naive row.
+
+    Args:
+        horizons: ascending [steps].
+        noise: as of `horizon_ridge`.
+        origins: of a segment at most; thinned beyond [1].
+    """
+    scale = sample_scale(segments)
+    flights = moments_of(
+        segments, scale, taps=taps, horizons=horizons, max_origins=origins, symmetry=0.0
+    )
+    W = horizon_ridge(flights, noise=noise)
+    loss = float(np.mean([relative_error(flight, W)[:, 0] for flight in flights]))
+    rows = (W * scale[:6]).reshape(len(W), -1).T
+    weights = taps.expand(rows[:, :-1], 12).reshape(-1, taps.delay, 12) / scale
+    return weights.reshape(len(horizons), 6, -1), rows[:, -1].reshape(-1, 6), loss
+
+
 def symmetrised(
     gram: np.ndarray,
     cross: np.ndarray,

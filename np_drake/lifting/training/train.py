@@ -28,13 +28,7 @@ from np_drake.lifting.model.lifted_model import (
 from np_drake.lifting.training import OnEpoch
 from np_drake.lifting.training.excitation import training_summary
 from np_drake.lifting.training.family_training import LiftedConfig, train_lifted
-from np_drake.lifting.training.linear_fits import (
-    fit_dmdc_system,
-    horizon_ridge,
-    moments_of,
-    relative_error,
-    sample_scale,
-)
+from np_drake.lifting.training.linear_fits import fit_dmdc_system, sample_scale, window_ridge
 from np_drake.lifting.training.mode_dictionary import ModeDictionaryConfig, train_mode_dictionary
 from np_drake.lifting.training.network_training import NeuralConfig, train_neural
 from np_drake.lifting.training.paper_training import PaperConfig, train_paper
@@ -178,21 +172,17 @@ def _train_ridge(
     """Return (model, [mean square error over that of the better naive row])."""
     segments = check_segments(segments, config.delay + config.horizon + 1)
     scale, taps = sample_scale(segments), DelayTaps(config.delay, config.dense, config.averages)
-    horizons = np.arange(config.horizon + 1)
-    flights = moments_of(
-        segments, scale, taps=taps, horizons=horizons, max_origins=config.max_origins, symmetry=0.0
+    horizons, step = np.arange(config.horizon + 1), segments[0].step
+    weights, constant, loss = window_ridge(
+        segments, taps, horizons, noise=config.noise, origins=config.max_origins
     )
-    W = horizon_ridge(flights, noise=config.noise)
-    loss = float(np.mean([relative_error(flight, W)[:, 0] for flight in flights]))
     on_epoch(1, 1, loss)
-    force = (W * scale[:6])[:, :, :3].transpose(1, 2, 0).reshape(3 * len(horizons), -1)
-    E = taps.expand(force[:, :-1], 12).reshape(-1, config.delay, 12) / scale
-    encoder = DelayEncoder(E.reshape(len(E), -1), config.delay, force[:, -1])
-    system = course_register(config.horizon, segments[0].step)
-    summary = training_summary(segments, loss, segments[0].step)
-    return LiftedModel(
-        RIDGE, system, encoder, config.delay, scale[:6], scale[6:], False, summary
-    ), [loss]
+    E = weights[:, :3].reshape(3 * len(horizons), -1)
+    encoder = DelayEncoder(E, config.delay, constant[:, :3].ravel())
+    system = course_register(config.horizon, step)
+    summary = training_summary(segments, loss, step)
+    model = LiftedModel(RIDGE, system, encoder, config.delay, scale[:6], scale[6:], False, summary)
+    return model, [loss]
 
 
 def course_register(horizon: int, step: float) -> LiftedLinearSystem:

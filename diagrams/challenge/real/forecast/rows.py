@@ -11,12 +11,11 @@ from np_drake.payload_filter.model_file import PAYLOAD_FILTER
 from np_drake.payload_filter.predictor import PayloadFilter
 from np_drake.payload_filter.training import train_payload_filter
 from np_drake.residual_model import ResidualModel
-from np_drake.residual_models.hold import Constant, Hold
-from np_drake.residual_models.linear_baselines import fit_dmdc
+from np_drake.residual_models.hold import Constant, Hold, LinearExtrapolation
+from np_drake.residual_models.linear_baselines import fit_dmdc, fit_force_ridge
 from np_drake.residual_models.motion_model import GP, KNODE, MotionModel, fit_gaussian_process
 from np_drake.residual_models.motion_training import Piece, fit_knode
 from np_drake.residual_models.neural_predictor import NeuralPredictor
-from np_drake.skill.naive import LinearExtrapolation, RidgeConfig, fit_force_ridge
 from np_drake.training_data.segments import Segment
 from np_drake.training_data.training_segments import SampledFlight, sampled_flight
 from np_drake.vehicle import Vehicle
@@ -29,7 +28,6 @@ HOLD_BANDWIDTH = (4.0, 1.0)  # of force and torque, those of the labels in fligh
 HISTORY = 0.6  # of labels that every window holds, and before the first origin [s]
 LONGEST = 1.0  # forecast [s]
 DELAYS = 10  # of delay DMDc [samples]
-RIDGE = RidgeConfig(span=HISTORY, horizon=LONGEST)
 
 
 def _sampled(flights: Sequence[Opened], step: float) -> list[SampledFlight]:
@@ -80,7 +78,9 @@ ROWS: Mapping[str, Trainer] = {
     "hold": _hold,
     "linear": lambda flights, step: LinearExtrapolation(step=step),
     "delay DMDc": lambda flights, step: fit_dmdc(_segments(flights, step), delays=DELAYS),
-    "ridge": lambda flights, step: fit_force_ridge(_segments(flights, step), RIDGE),
+    "ridge": lambda flights, step: fit_force_ridge(
+        _segments(flights, step), span=HISTORY, horizon=LONGEST
+    ),
     GP: lambda flights, step: MotionModel(GP, fit_gaussian_process(_segments(flights, step)), step),
     KNODE: _knode,
     PAPER: _paper,
