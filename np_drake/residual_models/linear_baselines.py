@@ -159,7 +159,7 @@ def fit_ridge(segments: Sequence[Segment], horizons: np.ndarray) -> RidgeBaselin
     """
     segments = check_segments(list(segments), DELAYS + int(horizons[-1]) + 1)
     taps = DelayTaps(DELAYS, DELAYS, 0)
-    weights, constant, _ = window_ridge(segments, taps, horizons, noise=NOISE, origins=4000)
+    weights, constant = window_ridge(segments, taps, horizons, noise=NOISE, origins=4000)
     return RidgeBaseline("ridge by horizon", segments[0].step, horizons, weights, constant)
 
 

@@ -147,10 +147,6 @@ class NeuralPredictor:
             system, z = dc.replace(system, B=np.zeros_like(system.B)), np.zeros_like(z)
         return WrenchForecast(system.A, system.B, self._C, z, np.tile(offset, (horizon, 1)))
 
-    def chi_hat(self, memory: Memory) -> np.ndarray:
-        """Return the wrench now, as the forecast begins, (6,) [N, N·m]."""
-        return self.forecast(memory, horizon=1, stride=1).rollout(np.zeros((1, 6)))[0]
-
     def system(self, memory: Memory) -> LiftedLinearSystem:
         """Return the lifted linear system in use now, at the model's step."""
         s = self.model.system

@@ -125,9 +125,9 @@ def score_flights(
                 seen={} if seen is None else {label: seen},
             )
             rows += [
-                {**dc.asdict(row), "horizon": row.horizon * segment.step, "zeta": zeta}
+                {**row, "horizon": row["horizon"] * segment.step, "zeta": zeta}
                 for row in table
-                if place == 0 or row.model not in UNTRAINED
+                if place == 0 or row["model"] not in UNTRAINED
             ]
             on_model(number * len(models) + place + 1, len(flights) * len(models))
     return rows

@@ -1,8 +1,8 @@
 """Multi-step prediction error of residual models on one flight, beside naive predictors."""
 
-import dataclasses as dc
 from collections.abc import Iterator, Mapping
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 from scipy import stats
@@ -49,7 +49,6 @@ def flight_forecasts(
     first: int,
     motion: str,
     averaged: bool = True,
-    at_once: bool = True,
 ) -> np.ndarray:
     """Return the forecasts of labels 'horizons' steps ahead from sample `first` on, (n - first, H,
     6) [N, N·m].
@@ -66,7 +65,7 @@ def flight_forecasts(
     if motion not in MOTIONS:
         raise ValueError(f"flight_forecasts: motion must be {' | '.join(MOTIONS)}; got {motion}.")
     reads_plan = isinstance(model, ReadsPlan)
-    if at_once and not reads_plan and isinstance(model, ForecastsWholeFlights) and flight.gapless:
+    if not reads_plan and isinstance(model, ForecastsWholeFlights) and flight.gapless:
         found = _at_once(model, flight, horizons, first=first, motion=motion)
         if found is not None:
             return found
@@ -140,33 +139,6 @@ NAIVE = ("persistence", "linear", "mean")  # whose best is what skill is measure
 UNTRAINED = (*NAIVE, "past mean")  # rows of every table
 
 
-@dc.dataclass(frozen=True)
-class SkillRow:
-    """Errors of one model at one horizon; each RMSE is of the norm over all origins.
-
-    skill: RMSE over that of the best naive row at that horizon [1].
-    ratio: over that of persistence [1]; interval: 95 % of the ratio within this flight (see
-        `skill_interval`), NaN where the flight is
-        too short for one.
-    peak: longest forecast of the flight over its longest label [1]; a forecast that diverges has a
-        large one.
-    """
-
-    flight: str
-    model: str
-    horizon: int  # [steps]
-    force_rmse: float  # [N]
-    torque_rmse: float  # [N·m]
-    force_skill: float  # [1]
-    torque_skill: float  # [1]
-    force_ratio: float  # [1]
-    torque_ratio: float  # [1]
-    force_peak: float  # [1]
-    torque_peak: float  # [1]
-    force_interval: tuple[float, ...]  # (low, high) [1]
-    torque_interval: tuple[float, ...]  # (low, high) [1]
-
-
 def skill_table(
     models: dict[str, ResidualModel],
     chi: np.ndarray,
@@ -179,8 +151,17 @@ def skill_table(
     warm_up: int = 40,
     flight: str = "flight",
     seen: Mapping[str, SampledFlight] = MappingProxyType({}),
-) -> list[SkillRow]:
+) -> list[dict[str, Any]]:
     """Return the rows of all models and naive predictors, horizon by horizon.
+
+    flight, model, horizon [steps], and of force and torque each (`force_rmse` …):
+
+    rmse: of the norm over all origins [N, N·m].
+    skill: RMSE over that of the best naive row at that horizon [1].
+    ratio: over that of persistence [1]; interval: 95 % of the ratio within this flight (see
+        `ratio_interval`), NaN where the flight is too short for one.
+    peak: longest forecast of the flight over its longest label [1]; a forecast that diverges has a
+        large one.
 
     Args:
         chi: (n, 6) labels as the models see them [N, N·m].
@@ -232,11 +213,8 @@ def skill_table(
                 for k, kind in enumerate(("force", "torque"))
             }
             force, torque = (tuple(map(float, bounds)) for bounds in interval[name][i])
-            rows.append(
-                SkillRow(
-                    flight, name, horizon, **figures, force_interval=force, torque_interval=torque
-                )
-            )
+            named = {"flight": flight, "model": name, "horizon": horizon}
+            rows.append({**named, **figures, "force_interval": force, "torque_interval": torque})
     return rows
 
 
@@ -290,7 +268,6 @@ def model_predictions(
     *,
     zeta_known: bool,
     seen: SampledFlight | None = None,
-    at_once: bool = True,
 ) -> np.ndarray:
     """Return chi_hat (o, len(horizons), 6) [N, N·m] of a model that walks along a flight, see
     `flight_walk`.
@@ -302,7 +279,6 @@ def model_predictions(
         horizons: [steps].
         zeta_known: use the true coming motion, else hold the last one.
         seen: the flight as the model sees it, where it needs more than chi and zeta.
-        at_once: of the whole flight at once where the model can.
     """
     flight = of_wrenches(chi, zeta, model.step) if seen is None else seen
     chi_hat = flight_forecasts(
@@ -312,7 +288,6 @@ def model_predictions(
         first=int(origins[0]),
         motion=KNOWN if zeta_known else HELD,
         averaged=False,
-        at_once=at_once,
     )
     return chi_hat[origins - origins[0]]
 

@@ -18,6 +18,7 @@ import dataclasses as dc
 import math
 from collections.abc import Iterator
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -323,15 +324,6 @@ class AdaptiveFamily:
             parts += [(E @ channels).reshape(axis.K, -1) for channels in axis.channels]
         return DelayEncoder(np.vstack(parts), self.delay)
 
-    def lift(self, windows: np.ndarray, theta: np.ndarray) -> np.ndarray:
-        """Return z (..., K) now, see `read`.
-
-        Args:
-            windows: (..., W, 12).
-            theta: (r,) or (..., r).
-        """
-        return self.read(windows, theta)[1]
-
     def read(self, windows: np.ndarray, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return theta (..., r) at which windows are forecast, the one given where nothing corrects
         it, and z (..., K).
@@ -444,35 +436,35 @@ class AdaptiveFamily:
         ]
         return np.concatenate([part.reshape(len(thetas), -1) for part in found], axis=1)
 
+    def tensors(self) -> dict[str, np.ndarray]:
+        """Return the arrays that a model file holds, by name."""
+        names = ("mean", "covariance", "lags", "noise")
+        tensors = {f"family/{name}": np.asarray(getattr(self, name), float) for name in names}
+        tensors["family/memory"] = np.array([self.memory])
+        for i, axis in enumerate(self.axes):
+            tensors |= {f"axis{i}/{f.name}": getattr(axis, f.name) for f in dc.fields(axis)}
+        return tensors
 
-def _chunks(rows: np.ndarray) -> list[np.ndarray]:
-    """Return rows in parts, as what is computed of a window is larger than the window."""
-    return np.split(rows, range(CHUNK, len(rows), CHUNK))
+    @classmethod
+    def from_tensors(cls, tensors: dict[str, np.ndarray]) -> "AdaptiveFamily":
+        """Return the family in the tensors of a model file.
+
+        Raises: KeyError, ValueError: where they hold none.
+        """
+        return cls(**family_fields(tensors))
 
 
-def family_tensors(family: AdaptiveFamily) -> dict[str, np.ndarray]:
-    """Return the arrays of a family by name, as a model file holds them."""
-    names = ("mean", "covariance", "lags", "noise")
-    tensors = {f"family/{name}": np.asarray(getattr(family, name), float) for name in names}
-    tensors["family/memory"] = np.array([family.memory])
-    for i, axis in enumerate(family.axes):
-        tensors |= {f"axis{i}/{field.name}": getattr(axis, field.name) for field in dc.fields(axis)}
-    return tensors
-
-
-def family_of(tensors: dict[str, np.ndarray]) -> AdaptiveFamily:
-    """Return the family in the tensors of a model file.
-
-    Raises: KeyError, ValueError: where they hold none.
-    """
+def family_fields(tensors: dict[str, np.ndarray]) -> dict[str, Any]:
+    """Return the fields of a family by name from the tensors of a model file."""
     count = len({name.partition("/")[0] for name in tensors if name.startswith("axis")})
     axes = []
     for i in range(count):
         own = {n.partition("/")[2]: v for n, v in tensors.items() if n.startswith(f"axis{i}/")}
         axes.append(ModalAxis(**own))
-    mean, covariance, lags, noise = (
-        tensors[f"family/{n}"] for n in ("mean", "covariance", "lags", "noise")
-    )
-    return AdaptiveFamily(
-        tuple(axes), mean, covariance, lags, noise, float(tensors["family/memory"][0])
-    )
+    plain = {name: tensors[f"family/{name}"] for name in ("mean", "covariance", "lags", "noise")}
+    return {"axes": tuple(axes), **plain, "memory": float(tensors["family/memory"][0])}
+
+
+def _chunks(rows: np.ndarray) -> list[np.ndarray]:
+    """Return rows in parts, as what is computed of a window is larger than the window."""
+    return np.split(rows, range(CHUNK, len(rows), CHUNK))

@@ -33,6 +33,27 @@ class Phi:
     weights: tuple[np.ndarray, ...]  # (out, in) matrices
     scale: np.ndarray  # (6,) of chi [N, N·m]; gamma bounds the Lipschitz constant in chi / scale
 
+    def __post_init__(self):
+        width = 6
+        for W in self.weights:
+            if W.ndim != 2 or W.shape[1] != width:
+                raise ValueError(
+                    f"each layer of Phi must take the {width} outputs before it; got {W.shape}."
+                )
+            width = len(W)
+        if not self.weights:
+            raise ValueError("lacks the layers of Phi.")
+
+    def tensors(self) -> dict[str, np.ndarray]:
+        """Return the arrays that a model file holds, by name."""
+        return {f"W{i}": W for i, W in enumerate(self.weights)}
+
+    @classmethod
+    def from_tensors(cls, tensors: dict[str, np.ndarray]) -> "Phi":
+        """Return the encoder in the tensors of a model file; ValueError where they hold none."""
+        layers = range(sum(name.startswith("W") for name in tensors))
+        return cls(tuple(tensors[f"W{i}"] for i in layers), tensors["chi_scale"])
+
     @property
     def K(self) -> int:
         """Number of lifted states."""
@@ -66,6 +87,16 @@ class DelayEncoder:
             )
         if self.E.ndim != 2 or self.E.shape[1] != 12 * self.delay:
             raise ValueError(f"DelayEncoder: E must be (K, {12 * self.delay}); got {self.E.shape}.")
+
+    def tensors(self) -> dict[str, np.ndarray]:
+        """Return the arrays that a model file holds, by name."""
+        return {"E": self.E} if self.offset is None else {"E": self.E, "offset": self.offset}
+
+    @classmethod
+    def from_tensors(cls, tensors: dict[str, np.ndarray]) -> "DelayEncoder":
+        """Return the encoder in the tensors of a model file; ValueError where they hold none."""
+        E = tensors["E"]
+        return cls(E, E.shape[1] // 12, tensors.get("offset"))
 
     @property
     def K(self) -> int:

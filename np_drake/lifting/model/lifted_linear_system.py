@@ -5,7 +5,6 @@ spectral radius, in real arithmetic, fast enough for every sample of a flight.
 import dataclasses as dc
 
 import numpy as np
-import scipy.linalg
 from scipy.linalg import blas, lapack
 
 # The limit lies this far inside, because two builds of LAPACK differ in the last bits. The pull's
@@ -95,18 +94,6 @@ def _radius(A: np.ndarray) -> float:
     return float(np.abs(np.linalg.eigvals(A)).max())
 
 
-_ON_AXIS = 1e-9  # distance from the negative real axis that counts as none [1]
-
-
-@dc.dataclass(frozen=True)
-class Mode:
-    """One eigenvalue of A_c = log(A) / step (a complex pair counts once)."""
-
-    frequency: float  # |Im| / 2 pi [Hz]
-    damping: float  # -Re / |s| in [-1, 1] [1]
-    time_constant: float  # -1 / Re, inf if undamped [s]
-
-
 @dc.dataclass(frozen=True)
 class LiftedLinearSystem:
     """Discrete-time linear system z+ = A z + B zeta, chi = C z.
@@ -172,43 +159,6 @@ class LiftedLinearSystem:
         A, B = power[: self.K, : self.K], power[: self.K, self.K :]
         return LiftedLinearSystem(A, B, self.C, self.step * stride)
 
-    def continuous(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return A_c (K, K) [1/s] and B_c (K, 6) of z' = A_c z + B_c zeta, which is this system
-        where zeta is held.
-
-        A_c = log(A) / t_s, and B_c solves (integral of exp(A_c t) over a step) B_c = B.
-        Source: Jin et al. 2025, eq. (lift_linear).
-        Raises: ValueError: if A has an eigenvalue at zero or on the negative real axis, and so no
-            real logarithm.
-        """
-        eigenvalue = np.linalg.eigvals(self.A)
-        if np.any((np.abs(eigenvalue.imag) <= _ON_AXIS) & (eigenvalue.real <= _ON_AXIS)):
-            raise ValueError(
-                "LiftedLinearSystem: A must have no eigenvalue at zero or on the negative "
-                "real axis to be continuous."
-            )
-        K = self.K
-        A_c = np.real(scipy.linalg.logm(self.A)) / self.step
-        # exp of [[A_c, 1], [0, 0]] t is [[exp(A_c t), integral of exp(A_c s) ds], [0, 1]]
-        augmented = np.block([[A_c, np.eye(K)], [np.zeros((K, 2 * K))]])
-        integral = scipy.linalg.expm(augmented * self.step)[:K, K:]
-        return A_c, np.linalg.solve(integral, self.B)
-
-    def stabilized(self, radius: float = 1.0) -> "LiftedLinearSystem":
-        """Return the system with every eigenvalue of A pulled radially into |lambda| <= radius
-        [1].
-        """
-        return dc.replace(self, A=stabilized(self.A, radius))
-
-    def modes(self) -> list[Mode]:
-        """Return the modes of A_c = log(A) / step, slowest decay first, without eigenvalues at zero
-        (no memory).
-        """
-        eigenvalue = np.linalg.eigvals(self.A).astype(complex)
-        eigenvalue = eigenvalue[(np.abs(eigenvalue) > 1e-9) & (eigenvalue.imag >= 0)]
-        s = np.log(eigenvalue) / self.step
-        return [_mode(value) for value in s[np.argsort(-s.real)]]
-
 
 def advance(z: np.ndarray, A: np.ndarray, B: np.ndarray, zeta: np.ndarray) -> np.ndarray:
     """Return z (..., K) after the steps of `zeta`, from z (..., K).
@@ -222,9 +172,3 @@ def advance(z: np.ndarray, A: np.ndarray, B: np.ndarray, zeta: np.ndarray) -> np
     for i in range(zeta.shape[-2]):
         z = (A @ z[..., None] + B @ zeta[..., i, :, None])[..., 0]
     return z
-
-
-def _mode(s: complex) -> Mode:
-    time_constant = np.inf if s.real >= 0 else -1.0 / s.real
-    damping = -s.real / abs(s) if abs(s) > 0 else 0.0
-    return Mode(float(abs(s.imag) / (2 * np.pi)), float(damping), float(time_constant))

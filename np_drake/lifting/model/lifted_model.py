@@ -111,10 +111,8 @@ class LiftedModel:
 
     def lift(self, window: np.ndarray) -> np.ndarray:
         """Return z (..., K) now from samples [chi, zeta] (..., window, 12), oldest first."""
-        if isinstance(self.encoder, DelayEncoder):
-            return self.encoder(window)
-        if isinstance(self.encoder, AdaptiveFamily):
-            return self.encoder.lift(window, self.encoder.mean)
+        if not isinstance(self.encoder, Phi):
+            return self.linear_encoder(window[..., -self.linear_encoder.delay :, :])
         z, s = self.encoder(window[..., -1, :6]), self.system
         return advance(z, s.A, s.B, self.since_label(window))
 

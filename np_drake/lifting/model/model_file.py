@@ -15,11 +15,9 @@ from safetensors.numpy import save
 from np_drake.files.atomic_file import write_bytes
 from np_drake.files.input_file import parse_json
 from np_drake.labels import LabelConfig
-from np_drake.lifting.model.adaptive_family import AdaptiveFamily, family_of, family_tensors
-from np_drake.lifting.model.encoders import DelayEncoder, Phi, Trust
+from np_drake.lifting.model.encoders import Trust
 from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
 from np_drake.lifting.model.lifted_model import ENCODERS, LiftedModel, require_configuration
-from np_drake.lifting.model.neural_family import NeuralFamily, neural_family_of, neural_tensors
 from np_drake.vehicle import Vehicle
 
 
@@ -43,23 +41,11 @@ def origin_of(frame: str, vehicle: Vehicle, label: LabelConfig) -> dict[str, Any
     return {"frame": frame, "mass": vehicle.mass, "label": dc.asdict(label)}
 
 
-def with_origin(model: M, origin: dict[str, Any]) -> M:
-    """Return the model with `origin` in its summary, and so in its file.
-
-    Args:
-        origin: as of `origin_of`.
+def with_origin(model: M, origin: dict[str, Any], **more: Any) -> M:
+    """Return the model with the `origin` of `origin_of` and more in its summary, and so in its
+    file; `rotor_lag`, the time constant of its vehicle's rotors [s], filters the command in flight.
     """
-    return dc.replace(model, summary={**model.summary, "origin": origin})  # type: ignore[type-var]
-
-
-def with_rotor_lag(model: M, lag: float) -> M:
-    """Return the model with the rotor lag of its vehicle in its summary; in flight it filters the
-    command.
-
-    Args:
-        lag: time constant [s].
-    """
-    return dc.replace(model, summary={**model.summary, "rotor_lag": lag})  # type: ignore[type-var]
+    return dc.replace(model, summary={**model.summary, "origin": origin, **more})  # type: ignore[type-var]
 
 
 def rotor_lag_of(model: Trained) -> float:
@@ -148,17 +134,8 @@ def save_model(model: LiftedModel, path: str | Path) -> None:
         "C": s.C,
         "chi_scale": model.chi_scale,
         "zeta_scale": model.zeta_scale,
+        **model.encoder.tensors(),
     }
-    if isinstance(model.encoder, Phi):
-        tensors |= {f"W{i}": W for i, W in enumerate(model.encoder.weights)}
-    elif isinstance(model.encoder, NeuralFamily):
-        tensors |= neural_tensors(model.encoder)
-    elif isinstance(model.encoder, AdaptiveFamily):
-        tensors |= family_tensors(model.encoder)
-    else:
-        tensors["E"] = model.encoder.E
-        if model.encoder.offset is not None:
-            tensors["offset"] = model.encoder.offset
     if model.trust is not None:
         tensors |= {
             f"trust/{name}": np.asarray(value, float) for name, value in vars(model.trust).items()
@@ -179,23 +156,13 @@ def save_model(model: LiftedModel, path: str | Path) -> None:
 def write_model(
     tensors: dict[str, np.ndarray], schema: str, header: dict[str, Any], path: str | Path
 ) -> None:
-    """Write a model file of any kind, whole or not at all.
+    """Write a model file of any kind, whole or not at all; equal content gives equal bytes.
 
     Args:
         header: all else that makes the model, `summary` among it.
     Raises: OSError: if it cannot be written.
     """
-    write_tensors(tensors, {"schema": schema, "model": json.dumps(header)}, path)
-
-
-def write_tensors(
-    tensors: dict[str, np.ndarray], metadata: dict[str, str], path: str | Path
-) -> None:
-    """Write a safetensors file, whole or not at all; equal content gives equal bytes.
-
-    Args:
-        metadata: texts by name, `schema` among them.
-    """
+    metadata = {"schema": schema, "model": json.dumps(header)}
     content = save({name: np.ascontiguousarray(value) for name, value in tensors.items()}, metadata)
     write_bytes(path, _with_sorted_header(content))
 
@@ -225,9 +192,7 @@ def schema_of(path: str | Path) -> str:
         return ""
 
 
-def read_tensors(
-    path: str | Path, schema: str, what: str = "model file"
-) -> tuple[dict[str, np.ndarray], dict[str, str]]:
+def read_tensors(path: str | Path, schema: str) -> tuple[dict[str, np.ndarray], dict[str, str]]:
     """Return (tensors, metadata) of a safetensors file of the given schema.
     Raises: ValueError: one line, if the file is missing or broken, has another schema or holds
         non-finite numbers.
@@ -237,15 +202,11 @@ def read_tensors(
             metadata = file.metadata() or {}
             tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
     except (SafetensorError, OSError, ValueError, TypeError, KeyError) as error:
-        raise ValueError(f"{path}: not a {what}: {_reason(path, error)}") from error
+        raise ValueError(f"{path}: not a model file: {_reason(path, error)}") from error
     if metadata.get("schema") != schema:
-        remedy = (
-            " Train again: another version or configuration made it."
-            if what == "model file"
-            else ""
-        )
         raise ValueError(
-            f"{path}: schema must be {schema}; got {metadata.get('schema', 'none')}.{remedy}"
+            f"{path}: schema must be {schema}; got {metadata.get('schema', 'none')}. Train again: "
+            "another version or configuration made it."
         )
     for name, value in tensors.items():
         if value.dtype.kind != "f" or not np.all(np.isfinite(value)):
@@ -285,10 +246,8 @@ def read_model(
 
 
 def _model(tensors: dict[str, np.ndarray], header: dict[str, Any]) -> LiftedModel:
-    configuration, window = (
-        str(header["configuration"]),
-        int(number_in(header, "window", 1, LONGEST_WINDOW)),
-    )
+    configuration = str(header["configuration"])
+    window = int(number_in(header, "window", 1, LONGEST_WINDOW))
     require_configuration(configuration)
     system = LiftedLinearSystem(
         tensors["A"], tensors["B"], tensors["C"], number_in(header, "step", *STEPS)
@@ -298,16 +257,7 @@ def _model(tensors: dict[str, np.ndarray], header: dict[str, Any]) -> LiftedMode
     for name in ("chi_scale", "zeta_scale"):
         if tensors[name].shape != (6,) or not np.all(tensors[name] > 0):
             raise ValueError(f"{name} must be six positive numbers.")
-    kind = ENCODERS[configuration]
-    encoder: Phi | DelayEncoder | AdaptiveFamily
-    if kind is Phi:
-        encoder = _phi(tensors)
-    elif kind is NeuralFamily:
-        encoder = neural_family_of(tensors)
-    elif kind is AdaptiveFamily:
-        encoder = family_of(tensors)
-    else:
-        encoder = DelayEncoder(tensors["E"], window, tensors.get("offset"))
+    encoder = ENCODERS[configuration].from_tensors(tensors)
     return LiftedModel(
         configuration,
         system,
@@ -346,20 +296,6 @@ def _trust(tensors: dict[str, np.ndarray], K: int) -> Trust | None:
         arrays["mean"],
         **{name: value.item() for name, value in found.items()},
     )
-
-
-def _phi(tensors: dict[str, np.ndarray]) -> Phi:
-    weights = tuple(tensors[f"W{i}"] for i in range(sum(name.startswith("W") for name in tensors)))
-    width = 6
-    for W in weights:
-        if W.ndim != 2 or W.shape[1] != width:
-            raise ValueError(
-                f"each layer of Phi must take the {width} outputs before it; got {W.shape}."
-            )
-        width = len(W)
-    if not weights:
-        raise ValueError("lacks the layers of Phi.")
-    return Phi(weights, tensors["chi_scale"])
 
 
 def _reason(path: str | Path, error: Exception) -> str:

@@ -18,7 +18,7 @@ import numpy as np
 from scipy.linalg import block_diag
 from scipy.special import expit
 
-from np_drake.lifting.model.adaptive_family import AdaptiveFamily, family_of, family_tensors
+from np_drake.lifting.model.adaptive_family import AdaptiveFamily, family_fields
 
 # that an input counts for, own choice: beyond four deviations it is unlike the training's [1]
 MOST = 4.0
@@ -193,43 +193,31 @@ class NeuralFamily(AdaptiveFamily):
         dz, change = self.network.correction(self.network.inputs(seen, theta))
         return theta + change, dz
 
+    def tensors(self) -> dict[str, np.ndarray]:
+        """Return the arrays of family and network that a model file holds, by name."""
+        n = self.network
+        tensors = {f"network/{name}": getattr(n, name) for name in ("center", "spread", "size")}
+        tensors["network/share"] = np.array([n.share])
+        for name in ("white", "weights", "biases"):
+            tensors |= {f"network/{name}{i}": array for i, array in enumerate(getattr(n, name))}
+        return super().tensors() | tensors
 
-def neural_tensors(family: NeuralFamily) -> dict[str, np.ndarray]:
-    """Return the arrays of a family and its network by name, as a model file holds them."""
-    n = family.network
-    tensors = {f"network/{name}": getattr(n, name) for name in ("center", "spread", "size")}
-    tensors["network/share"] = np.array([n.share])
-    for name, arrays in (("white", n.white), ("weights", n.weights), ("biases", n.biases)):
-        tensors |= {f"network/{name}{i}": array for i, array in enumerate(arrays)}
-    return family_tensors(family) | tensors
+    @classmethod
+    def from_tensors(cls, tensors: dict[str, np.ndarray]) -> "NeuralFamily":
+        """Return the family with its network in the tensors of a model file.
 
-
-def neural_family_of(tensors: dict[str, np.ndarray]) -> NeuralFamily:
-    """Return the family with its network in the tensors of a model file.
-
-    Raises: KeyError, ValueError: where they hold none.
-    """
-    family = family_of(tensors)
-
-    def listed(name: str) -> tuple[np.ndarray, ...]:
-        count = sum(key.startswith(f"network/{name}") for key in tensors)
-        return tuple(tensors[f"network/{name}{i}"] for i in range(count))
-
-    center, spread, size, share = (
-        tensors[f"network/{name}"] for name in ("center", "spread", "size", "share")
-    )
-    states = tuple((len(axis.channels), axis.K) for axis in family.axes)
-    network = WindowNetwork(
-        listed("white"),
-        states,
-        listed("weights"),
-        listed("biases"),
-        center,
-        spread,
-        size,
-        float(share[0]),
-    )
-    return with_network(family, network)
+        Raises: KeyError, ValueError: where they hold none.
+        """
+        fields = family_fields(tensors)
+        states = tuple((len(axis.channels), axis.K) for axis in fields["axes"])
+        layers: dict[str, Any] = {}
+        for name in ("white", "weights", "biases"):
+            count = sum(key.startswith(f"network/{name}") for key in tensors)
+            layers[name] = tuple(tensors[f"network/{name}{i}"] for i in range(count))
+        plain = {name: tensors[f"network/{name}"] for name in ("center", "spread", "size")}
+        share = float(tensors["network/share"][0])
+        network = WindowNetwork(states=states, **layers, **plain, share=share)
+        return cls(**fields, network=network)
 
 
 def with_network(family: AdaptiveFamily, network: WindowNetwork) -> NeuralFamily:

@@ -189,9 +189,9 @@ def window_ridge(
     *,
     noise: float,
     origins: int,
-) -> tuple[np.ndarray, np.ndarray, float]:
+) -> tuple[np.ndarray, np.ndarray]:
     """Return weights (H, 6, 12 D) of the window, oldest sample first, and constants (H, 6), both in
-    physical units, and the mean error of force over that of the better naive row.
+    physical units.
 
     Args:
         horizons: ascending [steps].
@@ -203,10 +203,9 @@ def window_ridge(
         segments, scale, taps=taps, horizons=horizons, max_origins=origins, symmetry=0.0
     )
     W = horizon_ridge(flights, noise=noise)
-    loss = float(np.mean([relative_error(flight, W)[:, 0] for flight in flights]))
     rows = (W * scale[:6]).reshape(len(W), -1).T
     weights = taps.expand(rows[:, :-1], 12).reshape(-1, taps.delay, 12) / scale
-    return weights.reshape(len(horizons), 6, -1), rows[:, -1].reshape(-1, 6), loss
+    return weights.reshape(len(horizons), 6, -1), rows[:, -1].reshape(-1, 6)
 
 
 def symmetrised(

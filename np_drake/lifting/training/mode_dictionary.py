@@ -44,19 +44,10 @@ class ModeDictionary:
 
     poles: tuple[np.ndarray, ...]  # six arrays, one a channel of chi, each lambda in (0, 1) [1]
 
-    def __post_init__(self):
-        if len(self.poles) != 6 or any(np.any(p <= 0) or np.any(p >= 1) for p in self.poles):
-            raise ValueError("ModeDictionary: there must be six lists of poles inside (0, 1).")
-
     @property
     def K(self) -> int:
         """Number of modes over all channels."""
         return sum(map(len, self.poles))
-
-    @property
-    def A(self) -> np.ndarray:
-        """Diagonal transition matrix, (K, K)."""
-        return np.diag(np.concatenate(self.poles))
 
     @property
     def C(self) -> np.ndarray:
@@ -201,7 +192,8 @@ def coupled(modes: ModeDictionary, B: np.ndarray, level: float, step: float) -> 
     """
     K = modes.K
     A = np.zeros((K + 6, K + 6))
-    A[:K, :K], A[:K, K:], A[K:, K:] = modes.A, -B, level * np.eye(6)
+    A[:K, :K], A[:K, K:] = np.diag(np.concatenate(modes.poles)), -B
+    A[K:, K:] = level * np.eye(6)
     return LiftedLinearSystem(
         A, np.vstack([B, np.zeros((6, 6))]), np.hstack([modes.C, np.zeros((6, 6))]), step
     )
