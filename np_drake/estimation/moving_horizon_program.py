@@ -5,10 +5,10 @@ variables.
 from typing import Any
 
 import numpy as np
-from pydrake.solvers import ClarabelSolver
+from pydrake.solvers import ClarabelSolver, MathematicalProgram
 
 from np_drake.estimation.mhe_config import CHANNELS, MheConfig
-from np_drake.mpc.sqp import expected_early_ends, new_program, solver_options
+from np_drake.mpc.sqp import expected_early_ends, solver_options
 
 _STATE = 2 * CHANNELS  # entries of x = [y, d] [1]
 _TOLERANCES = {
@@ -54,7 +54,7 @@ class _Program:
     """
 
     def __init__(self, config: MheConfig, step: float, n: int):
-        self.prog: Any = new_program()
+        self.prog: Any = MathematicalProgram()
         self._step, self._n = step, n
         age = np.arange(n, -1, -1.0)[:, None]
         self._measured = np.array(config.measurement) * config.forgetting_measurement**age

@@ -143,7 +143,7 @@ class _Theorem:
         window, N = samples[: self.samples], self.horizon
         system = self.model.system
         if self._refit is not None:
-            A, B = self._refit(window)
+            A, B = self._refit.solve(self._refit.rows(window))
             system = dc.replace(system, A=A, B=B)
         A_norms, B_norms, CB_norms = self._offline or self._norms(system)
         z = self.model.lift(window[-self.model.window :])
@@ -253,8 +253,6 @@ def _spectral_norms(matrices: np.ndarray) -> np.ndarray:
     matrix.
     """
     M = matrices if matrices.shape[-2] >= matrices.shape[-1] else matrices.swapaxes(-1, -2)
-    if M.shape[-1] == 0:
-        return np.zeros(M.shape[:-2])
     return np.sqrt(np.maximum(np.linalg.eigvalsh(M.swapaxes(-1, -2) @ M)[..., -1], 0.0))
 
 

@@ -363,7 +363,7 @@ class BoxProgram:
     """Quadratic program min d'Hd/2 + g'd over a box."""
 
     def __init__(self, size: int):
-        self.prog = new_program()
+        self.prog: Any = MathematicalProgram()  # the stubs' arrays do not admit NumPy's own
         self.d = self.prog.NewContinuousVariables(size, "d")
         self._cost = self.prog.AddQuadraticCost(
             np.eye(size), np.zeros(size), self.d, is_convex=True
@@ -426,14 +426,6 @@ class SoftProgram(BoxProgram):
             self._D[:, : self._size] = rows.jacobian
             self._D[:, self._size :] = -np.eye(KINDS)[rows.kind]
             self._rows.UpdateCoefficients(self._D, self._low, -rows.excess)
-
-
-def new_program() -> Any:
-    """Return a MathematicalProgram.
-
-    Its type is `Any`, because the stubs' array types do not admit NumPy's own.
-    """
-    return MathematicalProgram()
 
 
 def solver_options(options: Mapping[SolverId, Mapping[str, float | int | str]]) -> Any:

@@ -155,18 +155,15 @@ class PendulumBank:
         self._transition = np.tile(0.5 * leave[:, None], (1, len(CONDITIONS)))
         np.fill_diagonal(self._transition, 1 - leave)
 
-    def __len__(self) -> int:
-        return len(self.lengths)
-
     def initial_memory(self) -> Memory:
         """Return a tether that hangs still, with all parameters at their prior.
 
         mean: (k, POINT).   covariance: (k, SIZE, SIZE).   weight: (k,) [1].
         """
-        mean = np.zeros((len(self), kernel.POINT))
+        mean = np.zeros((len(self.lengths), kernel.POINT))
         mean[:, 2], mean[:, 3] = -1.0, 1.0
         mean[:, kernel.PARAMETERS] = self._prior
-        covariance = np.zeros((len(self), kernel.SIZE, kernel.SIZE))
+        covariance = np.zeros((len(self.lengths), kernel.SIZE, kernel.SIZE))
         diagonal = np.arange(kernel.SIZE)
         covariance[:, diagonal[:2], diagonal[:2]] = self.options.tilt**2
         covariance[:, diagonal[2:4], diagonal[2:4]] = (
@@ -246,29 +243,23 @@ class PendulumBank:
         return {"mean": updated, "covariance": narrowed, "weight": weighed}
 
     def _anew(self, mean: np.ndarray, covariance: np.ndarray) -> Memory:
-        """Return the memory after a sample that no member explains; the sample itself is not taken
-        in.
+        """Return the memory after a sample that no member explains: payload and swing are
+        forgotten, what belongs to the vehicle stays, and the sample itself is not taken in.
 
         A jerk of the cable tells nothing of the payload's mass. A change that lasts shows in the
         next sample.
         """
         if not (finite(mean) and finite(covariance)):
             return self.initial_memory()
-        self._forget(mean, covariance)
-        return {"mean": mean, "covariance": covariance, "weight": self._first_weight.copy()}
-
-    def _forget(self, mean: np.ndarray, covariance: np.ndarray) -> None:
-        """Forget payload and swing in place; what belongs to the vehicle stays."""
-        payload = slice(0, 7)
-        covariance[:, payload, :] = 0.0
-        covariance[:, :, payload] = 0.0
-        deviation = np.empty((len(self), 7))
+        covariance[:, :7, :], covariance[:, :, :7] = 0.0, 0.0
+        deviation = np.empty((len(self.lengths), 7))
         deviation[:, :2] = self.options.lost_tilt
         deviation[:, 2:4] = (self.options.lost_tilt * self._reach)[:, None]
         deviation[:, 4:] = self._deviation[:, :3]
         rows = np.arange(7)
         covariance[:, rows, rows] = deviation**2
         mean[:, kernel.MASS : kernel.DAMPING + 1] = self._prior[:, :3]
+        return {"mean": mean, "covariance": covariance, "weight": self._first_weight.copy()}
 
 
 LOW, HIGH = 0.025, 0.975  # quantiles of the interval [1]

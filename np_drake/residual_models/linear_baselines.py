@@ -115,10 +115,6 @@ class RidgeBaseline(Windowed):
         steps = stride * np.arange(horizon)
         return constant_forecast(self.weights_at(steps) @ np.append(window.ravel(), 1.0), horizon)
 
-    def along(self, chi: np.ndarray, zeta: np.ndarray) -> "RidgeForecasts":
-        """Return all forecasts of a flight chi, zeta (n, 6) without gaps."""
-        return RidgeForecasts(self, np.hstack([chi, zeta]))
-
     def weights_at(self, steps: np.ndarray) -> np.ndarray:
         """Return the weights of [w; 1], interpolated, (len(steps), 6, 12 D + 1)."""
         steps = np.minimum(steps, self._horizons[-1])
@@ -126,22 +122,6 @@ class RidgeBaseline(Windowed):
         low, high = self._horizons[right - 1], self._horizons[right]
         share = ((steps - low) / (high - low))[:, None, None]
         return (1 - share) * self._W[right - 1] + share * self._W[right]
-
-
-class RidgeForecasts:
-    """Forecasts of a `RidgeBaseline` over a whole flight of samples [chi, zeta] (n, 12)."""
-
-    def __init__(self, model: RidgeBaseline, samples: np.ndarray):
-        self.first, self._model, self._samples = model.window - 1, model, samples
-
-    def at(
-        self, horizons: list[int], origins: np.ndarray, zeta: np.ndarray, *, zeta_known: bool
-    ) -> np.ndarray:
-        """Return chi_hat (o, len(horizons), 6) [N, N·m]; zeta is ignored."""
-        windows = sliding_window_view(self._samples, self._model.window, axis=0)
-        seen = windows[origins - self.first].swapaxes(1, 2).reshape(len(origins), -1)
-        W = self._model.weights_at(np.array(horizons)).reshape(6 * len(horizons), -1)
-        return (seen @ W[:, :-1].T + W[:, -1]).reshape(len(origins), -1, 6)
 
 
 def fit_dmdc(segments: Sequence[Segment], *, delays: int = 1) -> LinearBaseline:

@@ -14,6 +14,7 @@ from np_drake.flight_log import FlightLog
 from np_drake.labels import LabelConfig, default_labels
 from np_drake.lifting.model.model_file import origin_of, with_origin
 from np_drake.lifting.training.excitation import measure_excitation
+from np_drake.lifting.training.train import configured
 from np_drake.residual_models.motion_model import (
     GP,
     KNODE,
@@ -24,7 +25,7 @@ from np_drake.residual_models.motion_model import (
 )
 from np_drake.rotor_input import acting_command
 from np_drake.training_data.segments import WrenchSequence, group_scale
-from np_drake.training_data.training_segments import training_segments
+from np_drake.training_data.training_segments import finite_runs, training_segments
 from np_drake.vehicle import Vehicle
 
 
@@ -60,9 +61,7 @@ def flown_pieces(log: FlightLog, vehicle: Vehicle) -> list[Piece]:
     Their command is the one that acts by the vehicle's rotor lag.
     """
     x, u = log.x, acting_command(log, vehicle)
-    good = np.isfinite(np.hstack([x, u])).all(axis=1)
-    edge = np.flatnonzero(np.diff(np.concatenate([[False], good, [False]]).astype(int)))
-    return [Piece(x[a:b], u[a:b], log.step) for a, b in zip(edge[::2], edge[1::2], strict=True)]
+    return [Piece(x[a:b], u[a:b], log.step) for a, b in finite_runs(x, u)]
 
 
 def fit_knode(
@@ -244,7 +243,7 @@ def train_motion_model(
         settings: of the configuration, `seed` among them.
     Raises: ValueError: on an unknown name or setting, or flights that the model cannot learn from.
     """
-    config = _config(name, settings)
+    config = configured(CONFIGURATIONS, name, settings)
     segments = [
         piece
         for flight in flights
@@ -267,16 +266,6 @@ def train_motion_model(
     model = MotionModel(name, reaction, step, summary)
     frame = flights[0].frame if isinstance(flights[0], WrenchSequence) else "world"
     return with_origin(model, origin_of(frame, vehicle, label or default_labels(vehicle))), loss
-
-
-def _config(name: str, settings: dict[str, Any]) -> GaussianProcessConfig | KnodeConfig:
-    if name not in CONFIGURATIONS:
-        raise ValueError(f"train: configuration must be {' | '.join(CONFIGURATIONS)}; got {name}.")
-    config = CONFIGURATIONS[name]
-    unknown = set(settings) - {field.name for field in dc.fields(config)}
-    if unknown:
-        raise ValueError(f"train: {name} has no setting {', '.join(sorted(unknown))}.")
-    return dc.replace(config, **settings)
 
 
 def _pieces(flights: Sequence[FlightLog | WrenchSequence], vehicle: Vehicle) -> list:

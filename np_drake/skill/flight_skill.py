@@ -37,22 +37,6 @@ class WindowStability:
     pulled: int
 
 
-def window_stability(model: NeuralPredictor, chi: np.ndarray, zeta: np.ndarray) -> WindowStability:
-    """Return the counts over every forecast along a flight without gaps.
-
-    Args:
-        chi: (n, 6) [N, N·m].
-        zeta: (n, 6) [m/s, rad/s].
-    Raises: ValueError: if the flight ends before the first forecast.
-    """
-    course = model.along(chi, zeta)
-    if course is None:
-        raise ValueError(
-            f"stability: at least {model.model.warm_up} samples are needed; got {len(chi)}."
-        )
-    return stability_of(course)
-
-
 def walked_stability(model: ResidualModel, flight: SampledFlight) -> WindowStability:
     """Return the counts over every sample of a flight, of a model that makes its A anew at each.
 
@@ -241,7 +225,13 @@ def flight_stability(
             predictor = _predictor(model)
             segment, seen = _longest_flown(flight, predictor)
             if isinstance(predictor, NeuralPredictor):
-                found = window_stability(predictor, segment.chi, segment.zeta)
+                course = predictor.along(segment.chi, segment.zeta)
+                if course is None:
+                    raise ValueError(
+                        f"stability: at least {predictor.model.warm_up} samples are needed; "
+                        f"got {len(segment)}."
+                    )
+                found = stability_of(course)
             elif seen is not None:
                 found = walked_stability(predictor, seen)
             lines.append({"flight": flight_name(flight), "model": label, **dc.asdict(found)})

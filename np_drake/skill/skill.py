@@ -187,7 +187,7 @@ def skill_table(
         predictions[name] = model_predictions(
             model, chi, zeta, origins, horizons, zeta_known=zeta_known, seen=seen.get(name)
         )
-    square = {name: _square(prediction - goal) for name, prediction in predictions.items()}
+    square = {name: _size(prediction - goal) ** 2 for name, prediction in predictions.items()}
     rmse = {name: np.sqrt(error.mean(axis=0)) for name, error in square.items()}
     longest = _size(chi).max(axis=0)
     peaks = {
@@ -290,12 +290,6 @@ def model_predictions(
         averaged=False,
     )
     return chi_hat[origins - origins[0]]
-
-
-def _square(error: np.ndarray) -> np.ndarray:
-    """Return the squared norm of force [N²] and torque [N²·m²], (o, len(horizons), 2)."""
-    square = error**2
-    return np.stack([square[..., :3].sum(-1), square[..., 3:].sum(-1)], axis=-1)
 
 
 BLOCKS = 20  # a flight is cut into at most so many [1]

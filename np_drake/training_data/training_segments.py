@@ -278,7 +278,7 @@ def flown_segments(
     causal = wrench_sequence(log, vehicle, step=step)
     smooth = wrench_sequence(log, vehicle, step=step, zero_phase=True)
     pieces = _pieces(causal.chi, causal.zeta, smooth.chi, step)
-    runs = _runs(causal.chi, causal.zeta, smooth.chi)
+    runs = finite_runs(causal.chi, causal.zeta, smooth.chi)
     return [(piece, seen.rows(*run)) for piece, run in zip(pieces, runs, strict=True)]
 
 
@@ -294,11 +294,11 @@ def _pieces(chi: np.ndarray, zeta: np.ndarray, target: np.ndarray, step: float) 
     """Return segments between the rows that hold a NaN."""
     return [
         Segment(chi[start:stop], zeta[start:stop], step, target[start:stop])
-        for start, stop in _runs(chi, zeta, target)
+        for start, stop in finite_runs(chi, zeta, target)
     ]
 
 
-def _runs(*arrays: np.ndarray) -> list[tuple[int, int]]:
+def finite_runs(*arrays: np.ndarray) -> list[tuple[int, int]]:
     """Return first row and the row behind the last of every run without NaN, of `SHORTEST` and
     more.
     """

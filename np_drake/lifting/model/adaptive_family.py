@@ -416,7 +416,9 @@ class AdaptiveFamily:
         windows = np.lib.stride_tricks.sliding_window_view(samples, self.delay, axis=0).swapaxes(
             1, 2
         )
-        parts = zip(_chunks(windows), _chunks(self.thetas(samples, step)), strict=True)
+        cuts = range(CHUNK, len(windows), CHUNK)  # what is computed of a window is larger than it
+        estimated = self.thetas(samples, step)
+        parts = zip(np.split(windows, cuts), np.split(estimated, cuts), strict=True)
         thetas, z = (
             np.concatenate(part) for part in zip(*(self.read(*part) for part in parts), strict=True)
         )
@@ -463,8 +465,3 @@ def family_fields(tensors: dict[str, np.ndarray]) -> dict[str, Any]:
         axes.append(ModalAxis(**own))
     plain = {name: tensors[f"family/{name}"] for name in ("mean", "covariance", "lags", "noise")}
     return {"axes": tuple(axes), **plain, "memory": float(tensors["family/memory"][0])}
-
-
-def _chunks(rows: np.ndarray) -> list[np.ndarray]:
-    """Return rows in parts, as what is computed of a window is larger than the window."""
-    return np.split(rows, range(CHUNK, len(rows), CHUNK))

@@ -205,16 +205,6 @@ class Trust:
     caution: float = 3000.0  # the same for b [1]
     settle: float = 800.0  # the same for the mean so far [1]
 
-    @property
-    def longest(self) -> int:
-        """Number of samples until the longest forecast is verified."""
-        return int(self.horizons[-1])
-
-    @property
-    def prior(self) -> np.ndarray:
-        """Weight a of each horizon before any evidence, (H,) [1]."""
-        return 1.0 / (1.0 + self.horizons / self.half)
-
     def initial_memory(self) -> Memory:
         """Return the memory at the start of a flight.
 
@@ -226,7 +216,7 @@ class Trust:
         """
         H, K = len(self.horizons), self.readout.shape[2]
         return {
-            "trust/ring": np.zeros((self.longest, K + 12)),
+            "trust/ring": np.zeros((int(self.horizons[-1]), K + 12)),
             "trust/sums": np.zeros((5, H, 4)),
             "trust/power": np.zeros((2, H, 4)),
             "trust/lifted": np.zeros(1),
@@ -248,7 +238,8 @@ class Trust:
         if z is None:
             return found
         memory = {**memory, **found}
-        mean = self._mean(memory["trust/total"], memory["trust/seen"][0])
+        seen = memory["trust/seen"][0] + self.settle
+        mean = (memory["trust/total"] + self.settle * self.mean) / seen
         forecast = self.readout @ z
         base, p, q = _regressors(forecast, chi, mean)
         power = memory["trust/power"] + _products(p, q, p)[[0, 2]]
@@ -282,37 +273,22 @@ class Trust:
     def along(self, z: np.ndarray, chi: np.ndarray, first: int) -> np.ndarray:
         """Return the corrected z (o, K) of a whole flight without gaps.
 
-        Equal to `update` sample by sample, each with a label.
-
         Args:
             z: (o, K) from sample `first` on.
             chi: (n, 6) all labels [N, N·m].
         """
-        n = len(chi)
-        mean = self._mean(np.cumsum(chi, axis=0), np.arange(1.0, n + 1)[:, None])[first:]
-        now, corrected, count = chi[first:], z.copy(), np.arange(1.0, len(z) + 1)[:, None]
-        for i, h in enumerate(self.horizons):
-            forecast = z @ self.readout[i].T
-            base, p, q = _regressors(forecast, now, mean)
-            power = np.cumsum(_products(p, q, p)[[0, 2]], axis=1) / count
-            sums = np.zeros((5, len(z), 4))
-            if h < len(z):
-                sums[:, h:] = np.cumsum(_products(p[:-h], q[:-h], now[h:] - base[:-h]), axis=1)
-            a, b = self._weights(sums, power, i)
-            wanted = base + a[:, OF_CHANNEL] * p + b[:, OF_CHANNEL] * q
-            corrected += (wanted - forecast) @ self.projector[:, i].T
+        memory, corrected = self.initial_memory(), np.empty_like(z)
+        for k, label in enumerate(chi):
+            lifted = None if k < first else z[k - first]
+            memory |= self.update(memory, lifted, label, labelled=True)
+            if k >= first:
+                corrected[k - first] = memory.pop("z")
         return corrected
 
-    def _mean(self, total: np.ndarray, seen) -> np.ndarray:
-        return (total + self.settle * self.mean) / (seen + self.settle)
-
-    def _weights(self, sums: np.ndarray, power: np.ndarray, horizon: int | None = None):
-        """Return a, b (..., 4) in [0, 1] of sums (5, ..., 4) and mean power (2, ..., 4).
-
-        The middle axis is the horizon unless one is given by its number.
-        """
-        h = (self.horizons if horizon is None else self.horizons[[horizon]])[:, None]
-        prior = (self.prior if horizon is None else self.prior[[horizon]])[:, None]
+    def _weights(self, sums: np.ndarray, power: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return a, b (H, 4) in [0, 1] of sums (5, H, 4) and mean power (2, H, 4)."""
+        h = self.horizons[:, None]
+        prior = 1.0 / (1.0 + h / self.half)  # a before any evidence
         pull = (self.evidence + h) * power[0]
         pp, pq, qq = sums[0] + pull + 1e-12, sums[1], sums[2] + self.caution * power[1] + 1e-12
         pa, qa = sums[3] + pull * prior, sums[4]

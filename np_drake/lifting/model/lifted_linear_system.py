@@ -126,19 +126,6 @@ class LiftedLinearSystem:
         """Largest |eigenvalue| of A [1]."""
         return float(np.max(np.abs(np.linalg.eigvals(self.A)))) if self.K else 0.0
 
-    def rollout(self, z: np.ndarray, zeta: np.ndarray) -> np.ndarray:
-        """Return chi_hat_i = C z_i for i = 0 … N-1, (..., N, 6) [N, N·m].
-
-        Args:
-            z: (..., K) initial state z_0.
-            zeta: (..., N, 6) inputs [m/s, rad/s].
-        """
-        chi = np.empty(zeta.shape[:-1] + (6,))
-        for i in range(zeta.shape[-2]):
-            chi[..., i, :] = z @ self.C.T
-            z = z @ self.A.T + zeta[..., i, :] @ self.B.T
-        return chi
-
     def resample(self, stride: int) -> "LiftedLinearSystem":
         """Return the system at `stride` times its step, with zeta held over the longer step.
 

@@ -214,19 +214,12 @@ def read_tensors(path: str | Path, schema: str) -> tuple[dict[str, np.ndarray], 
     return tensors, metadata
 
 
-def load_model(path: str | Path, configuration: str | None = None) -> LiftedModel:
+def load_model(path: str | Path) -> LiftedModel:
     """Return the model in a file.
 
-    Args:
-        configuration: where given, the configuration that the file must hold.
     Raises: ValueError: as `read_model`.
     """
-    model = read_model(path, SCHEMA, _model)
-    if configuration is not None and model.configuration != configuration:
-        raise ValueError(
-            f"{path}: configuration must be {configuration}; got {model.configuration}."
-        )
-    return model
+    return read_model(path, SCHEMA, _model)
 
 
 def read_model(

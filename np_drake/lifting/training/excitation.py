@@ -113,21 +113,17 @@ class Excitation:
         return N @ (V.T * self.gain) @ V @ np.linalg.inv(N)
 
     @property
-    def excited(self) -> np.ndarray:
-        """Whether each direction is trusted at least half, (6,)."""
-        return self.gain >= 0.5
-
-    @property
     def text(self) -> str:
         """Summary for people, in one line."""
-        weak = [
+        weak = self.gain < 0.5
+        named = [
             f"{_name(direction)} ({deviation:.1f} x noise)"
             for direction, deviation in zip(
-                self.directions[~self.excited], self.deviation[~self.excited], strict=True
+                self.directions[weak], self.deviation[weak], strict=True
             )
         ]
-        line = f"{self.excited.sum()} of 6 directions of zeta excited"
-        line += f"; B shrunk along {', '.join(weak)}" if weak else ""
+        line = f"{6 - weak.sum()} of 6 directions of zeta excited"
+        line += f"; B shrunk along {', '.join(named)}" if named else ""
         if self.line_share > 0.8:
             line += (
                 f"; {100 * self.line_share:.0f} % of the motion is one line at "

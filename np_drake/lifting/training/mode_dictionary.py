@@ -182,23 +182,6 @@ def fit_response(
     return B
 
 
-def coupled(modes: ModeDictionary, B: np.ndarray, level: float, step: float) -> LiftedLinearSystem:
-    """Return the system of z = [amplitudes; last zeta].
-
-    Args:
-        B: (K, 6) in physical units.
-        level: pole of the last zeta [1].
-        step: [s].
-    """
-    K = modes.K
-    A = np.zeros((K + 6, K + 6))
-    A[:K, :K], A[:K, K:] = np.diag(np.concatenate(modes.poles)), -B
-    A[K:, K:] = level * np.eye(6)
-    return LiftedLinearSystem(
-        A, np.vstack([B, np.zeros((6, 6))]), np.hstack([modes.C, np.zeros((6, 6))]), step
-    )
-
-
 def _turned(
     gram: np.ndarray, cross: np.ndarray, group: slice, turn: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -327,9 +310,13 @@ def _assemble(config, modes, encoder, B, projector, scale, step, segments) -> Li
     last[:, -1, 6:] = np.eye(6)  # the last zeta, as it is
     E = np.concatenate([window, last]).reshape(modes.K + 6, -1)
     offset = np.concatenate([encoder[:, -1] * unit, np.zeros(6)])
-    system = coupled(
-        modes, B * unit[:, None] / scale[6:], float(np.exp(-step / LEVEL_MEMORY)), step
-    )
+    # z = [amplitudes; last zeta], see the module
+    K, B = modes.K, B * unit[:, None] / scale[6:]
+    A = np.zeros((K + 6, K + 6))
+    A[:K, :K], A[:K, K:] = np.diag(np.concatenate(modes.poles)), -B
+    A[K:, K:] = np.exp(-step / LEVEL_MEMORY) * np.eye(6)
+    C = np.hstack([modes.C, np.zeros((6, 6))])
+    system = LiftedLinearSystem(A, np.vstack([B, np.zeros((6, 6))]), C, step)
     ahead = config.grid > 0
     readout = modes.readout(config.grid[ahead])
     unread = np.zeros((*readout.shape[:2], 6))  # the last zeta

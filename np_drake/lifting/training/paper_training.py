@@ -282,6 +282,7 @@ class PaperTrainer:
         self.samples = sum(map(len, segments))
         self.chi_scale = group_scale([segment.chi for segment in segments], centred=False)
         self.zeta_scale = group_scale([segment.zeta for segment in segments], centred=False)
+        self._scale = torch.from_numpy(self.chi_scale)
         zeta = [segment.zeta for segment in segments]
         if config.symmetric:
             zeta = [image for piece in zeta for image in turns(piece)]
@@ -340,7 +341,7 @@ class PaperTrainer:
             zeta: (b, W, 6), scaled.
         """
         z = self.phi(chi)
-        reconstruction = ((chi / self._scale() - z @ self.C.T) ** 2).mean()
+        reconstruction = ((chi / self._scale - z @ self.C.T) ** 2).mean()
         forward = self._rollout_error(z, zeta, self.forward_prior, backward=False)
         backward = self._rollout_error(z, zeta, self.backward_prior, backward=True)
         b = self.config.beta
@@ -387,7 +388,7 @@ class PaperTrainer:
             self.forward_prior, self.backward_prior = self._prior(z), self._prior(z, backward=True)
             others = torch.stack([self._prior(z, without=block) for block in range(BLOCKS)])
             self.ridge = most_likely_ridge(
-                self.phi(chi), zeta, chi / self._scale(), self.C, others[_blocks(len(chi))]
+                self.phi(chi), zeta, chi / self._scale, self.C, others[_blocks(len(chi))]
             )
 
     def _prior(self, z: torch.Tensor, *, backward: bool = False, without: int = -1) -> torch.Tensor:
@@ -401,14 +402,11 @@ class PaperTrainer:
         fit = global_fit(torch.cat([X[..., :K], X[..., K:] @ self._seen], dim=-1), Y)
         return torch.cat([stable(fit[:K]), self._seen @ fit[K:]])
 
-    def _scale(self) -> torch.Tensor:
-        return torch.from_numpy(self.chi_scale)
-
     def _best_readout(self, z: torch.Tensor) -> torch.Tensor:
         """Return the least squares of chi / scale on z over all windows, ridge 1e-6 of the mean
         power, (6, K).
         """
-        Z, chi = z.reshape(-1, z.shape[-1]), (self._chi / self._scale()).reshape(-1, 6)
+        Z, chi = (z.reshape(-1, z.shape[-1]), (self._chi / self._scale).reshape(-1, 6))
         normal = Z.T @ Z
         normal += (1e-6 * normal.diagonal().mean() + 1e-12) * torch.eye(len(normal), dtype=Z.dtype)
         return torch.linalg.solve(normal, Z.T @ chi).T

@@ -1,7 +1,8 @@
 """Training of a predictor from plain arrays, with configurations by name."""
 
 import dataclasses as dc
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from typing import Any, TypeVar
 
 from np_drake.lifting.model.lifted_model import (
     BY_AXES,
@@ -19,6 +20,7 @@ from np_drake.lifting.training.network_training import NeuralConfig, train_neura
 from np_drake.lifting.training.paper_training import PaperConfig, train_paper
 from np_drake.training_data.segments import Segment
 
+C = TypeVar("C")
 Config = LiftedConfig | NeuralConfig | ModeDictionaryConfig | PaperConfig
 DEFAULT_CONFIG = LiftedConfig()
 CONFIGURATIONS: dict[str, Config] = {
@@ -87,19 +89,25 @@ def make_config(
         raise ValueError(
             f"train: wrenches in {frame} axes need {BY_AXES[frame]}; got {configuration}."
         )
-    if configuration not in CONFIGURATIONS:
-        raise ValueError(
-            f"train: configuration must be {' | '.join(CONFIGURATIONS)}; got {configuration}."
-        )
-    config = CONFIGURATIONS[configuration]
-    names = {field.name for field in dc.fields(config)}
-    unknown = set(settings) - names
-    if unknown:
-        raise ValueError(f"train: {configuration} has no setting {', '.join(sorted(unknown))}.")
+    names = {field.name for field in dc.fields(CONFIGURATIONS.get(configuration, DEFAULT_CONFIG))}
     if frame != "world" and "symmetric" in names:
         settings = {"symmetric": False} | settings
     if epochs is not None:
         settings |= dict.fromkeys(names & {"epochs", "steps", "updates"}, epochs)
+    return configured(CONFIGURATIONS, configuration, settings)
+
+
+def configured(configurations: Mapping[str, C], name: str, settings: Mapping[str, Any]) -> C:
+    """Return the configuration of that name with the given settings.
+
+    Raises: ValueError: on an unknown name or setting.
+    """
+    if name not in configurations:
+        raise ValueError(f"train: configuration must be {' | '.join(configurations)}; got {name}.")
+    config: Any = configurations[name]
+    unknown = set(settings) - {field.name for field in dc.fields(config)}
+    if unknown:
+        raise ValueError(f"train: {name} has no setting {', '.join(sorted(unknown))}.")
     return dc.replace(config, **settings)
 
 
