@@ -111,8 +111,10 @@ class LiftedModel:
 
     def lift(self, window: np.ndarray) -> np.ndarray:
         """Return z (..., K) now from samples [chi, zeta] (..., window, 12), oldest first."""
-        if not isinstance(self.encoder, Phi):
-            return self.linear_encoder(window[..., -self.linear_encoder.delay :, :])
+        if isinstance(self.encoder, AdaptiveFamily):
+            return self.encoder.read(window, self.encoder.mean)[1]
+        if isinstance(self.encoder, DelayEncoder):
+            return self.encoder(window)
         z, s = self.encoder(window[..., -1, :6]), self.system
         return advance(z, s.A, s.B, self.since_label(window))
 

@@ -120,7 +120,6 @@ def truth_in(header: dict[str, Any], name: str) -> bool:
 SCHEMA = "np_drake.lifted_model/1"  # format of the file and its version
 # What building a model of damaged content raises.
 _DAMAGED = (KeyError, TypeError, ValueError, AttributeError, IndexError, ArithmeticError)
-M = TypeVar("M")
 
 
 def save_model(model: LiftedModel, path: str | Path) -> None:

@@ -144,8 +144,8 @@ class TrainedAxis:
         weight = 1.0 / np.maximum(
             moments.power, (0.02**2 * moments.power.max(axis=1, keepdims=True))
         )
-        self._gram, self._cross = _single(moments.gram), _single(moments.cross)
-        self._square, self._weight = _single(moments.square), _single(weight / weight.shape[1])
+        self._gram, self._cross = single(moments.gram), single(moments.cross)
+        self._square, self._weight = single(moments.square), single(weight / weight.shape[1])
         # Input j acts on the force h steps ahead through C A^(h-1-j) B
         since = horizons[:, None] - 1 - np.arange(H)
         self._since, self._acts = (
@@ -224,8 +224,9 @@ def readouts(
     return torch.cat([pairs, real], dim=1)
 
 
-def _single(values: np.ndarray) -> torch.Tensor:
-    return torch.from_numpy(values).float()
+def single(values: np.ndarray) -> torch.Tensor:
+    """Return an array in single precision."""
+    return torch.from_numpy(np.ascontiguousarray(values)).float()
 
 
 def descend(

@@ -26,7 +26,12 @@ from np_drake.lifting.model.neural_family import (
     with_network,
 )
 from np_drake.lifting.training import OnEpoch
-from np_drake.lifting.training.family_training import LiftedConfig, readouts, train_lifted
+from np_drake.lifting.training.family_training import (
+    LiftedConfig,
+    readouts,
+    single,
+    train_lifted,
+)
 from np_drake.lifting.training.paper_training import normalised
 from np_drake.training_data.segments import Segment
 
@@ -103,12 +108,12 @@ class FamilyWindows:
             added = dz[:, first : first + V * K].reshape(-1, V, K)
             first += V * K
             frequency, damping, decay = (
-                _single(part) for part in (axis.frequency, axis.damping, axis.decay)
+                single(part) for part in (axis.frequency, axis.damping, axis.decay)
             )
             CA = readouts(at, frequency, damping, decay, self.step * torch.arange(HORIZONS[-1] + 1))
             z = torch.einsum("nvkr,nr->nvk", own.lifted, at) + added
             response = CA[..., :-1].mT @ torch.einsum(
-                "kcr,nr->nkc", _single(axis.inputs), at
+                "kcr,nr->nkc", single(axis.inputs), at
             )  # (n, H, c - 1)
             # Input j acts on the force h steps ahead through C A^(h-1-j) B
             driven = [
@@ -199,19 +204,15 @@ def _of_flight(
         goal = np.moveaxis((flight.goal @ toward)[now[:, None] + ahead], 1, 2)
         still = goal - (flight.chi @ toward)[now][..., None]
         power += np.mean(np.sum(still**2, axis=1), axis=0)
-        parts.append(tuple(_single(part) for part in (seen @ W.T, lifted, coming, goal)))
+        parts.append(tuple(single(part) for part in (seen @ W.T, lifted, coming, goal)))
     weight = np.tile(1.0 / (power * len(ahead) * len(now)), (len(now), 1))
-    return parts, _single(theta), _single(weight)
+    return parts, single(theta), single(weight)
 
 
 def _windows(flight: Segment, delay: int) -> np.ndarray:
     """Return every window of a flight, (n - D + 1, D, 12), oldest sample first."""
     samples = np.hstack([flight.chi, flight.zeta])
     return np.lib.stride_tricks.sliding_window_view(samples, delay, axis=0).swapaxes(1, 2)
-
-
-def _single(values: np.ndarray) -> torch.Tensor:
-    return torch.from_numpy(np.ascontiguousarray(values)).float()
 
 
 SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)  # of the correction, that are compared [1]

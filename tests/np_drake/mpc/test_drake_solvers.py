@@ -3,7 +3,7 @@ import logging
 import pytest
 from pydrake.solvers import IpoptSolver
 
-from np_drake.mpc.sqp import expected_early_ends, new_program, solver_options
+from np_drake.mpc.sqp import expected_early_ends, solver_options
 
 
 def test_drakes_warnings_are_muted_inside_and_heard_after(caplog):
