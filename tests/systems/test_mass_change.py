@@ -1,6 +1,5 @@
 """Laws of mass properties that change in flight."""
 
-import dataclasses as dc
 from functools import partial
 
 import numpy as np
@@ -86,19 +85,3 @@ def test_a_vehicle_that_has_become_heavier_flies_as_one_that_always_was():
     )
     np.testing.assert_allclose(found, wanted, rtol=1e-9)
     assert np.abs(found).max() > 0.1
-
-
-def test_the_change_comes_at_its_time():
-    effect = dc.replace(EFFECTS[0])
-    dut = make_tethered_quadrotor(
-        VEHICLE, PayloadConfig(tether="none"), mass_effects=[effect], onsets={effect: 0.1}
-    )
-    simulator = Simulator(dut)
-    root = simulator.get_mutable_context()
-    dut.GetInputPort("u").FixValue(root, VEHICLE.hover_input)
-    simulator.AdvanceTo(0.1)
-    before = dut.GetOutputPort("acceleration").Eval(root)[2]
-    simulator.AdvancePendingEvents()
-    after = dut.GetOutputPort("acceleration").Eval(root)[2]
-    assert before == pytest.approx(0.0, abs=1e-9)  # [m/s²]
-    assert after == pytest.approx(-9.81 * 0.4 / (VEHICLE.mass + 0.4))

@@ -23,13 +23,6 @@ def test_the_effect_becomes_a_body_with_its_figures():
     )
 
 
-def test_a_payload_among_the_wrench_effects_is_refused_with_the_remedy():
-    with pytest.raises(ValueError, match="payload_config"):
-        make_tethered_quadrotor(
-            VEHICLE, PayloadConfig(tether="none"), wrench_effects=[SuspendedPayload()]
-        )
-
-
 @pytest.mark.parametrize("bad", [{"air_damping": -0.1}, {"tether": "rod", "air_damping": 0.1}])
 def test_air_that_drives_and_a_rod_in_the_air_are_refused(bad):
     with pytest.raises(ValueError, match="air_damping must"):

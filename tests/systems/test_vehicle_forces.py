@@ -2,11 +2,8 @@
 own systems.
 """
 
-import dataclasses as dc
-
 import numpy as np
 import pytest
-from pydrake.common import RandomGenerator
 from pydrake.systems.analysis import Simulator
 
 from np_drake.effects.command_delay import CommandDelay
@@ -147,17 +144,3 @@ def test_what_is_not_steady_has_no_compiled_form(actuators, wrenches, onsets):
     assert not make_tethered_quadrotor(VEHICLE, PayloadConfig(), **names).HasSubsystemNamed(
         "vehicle_forces"
     )
-
-
-def test_the_lag_of_the_vehicle_file_is_steady_too():
-    effects = SteadyEffects.of(dc.replace(VEHICLE, rotor_time_constant=0.05), [SCALE], [])
-    assert effects is not None
-    assert (effects.lag, effects.scale) == (MotorLag(0.05), 0.9)
-
-
-def test_the_way_in_which_forces_are_computed_changes_no_noise():
-    """No system of the vehicle draws from the seed."""
-    for dut, context in pair(PayloadConfig()):
-        generator, untouched = RandomGenerator(5), RandomGenerator(5)
-        dut.SetRandomContext(context, generator)
-        assert generator() == untouched()
