@@ -26,12 +26,7 @@ from np_drake.lifting.model.neural_family import (
     with_network,
 )
 from np_drake.lifting.training import OnEpoch
-from np_drake.lifting.training.family_training import (
-    LiftedConfig,
-    readouts,
-    single,
-    train_lifted,
-)
+from np_drake.lifting.training.family_training import LiftedConfig, readouts, single, train_lifted
 from np_drake.lifting.training.paper_training import normalised
 from np_drake.training_data.segments import Segment
 

@@ -69,7 +69,7 @@ def test_the_verb_trains_each_once_and_prints_seed_and_configuration(
 
     monkeypatch.setattr(tracking, "load_experiment", load)
     table, metrics, models = tmp_path / "table.md", tmp_path / "table.json", tmp_path / "models"
-    only = ["--only", "np: dmdc", "--only", "np: ridge"]
+    only = ["--only", "np: lifted", "--only", "np: paper"]
     arguments = [
         "reproduce",
         "configurations",
@@ -87,15 +87,15 @@ def test_the_verb_trains_each_once_and_prints_seed_and_configuration(
     rows = [
         line.split(" | ")[1] for line in table.read_text().splitlines() if line.startswith("| ")
     ]
-    assert rows == ["controller", *2 * ["nominal", "np: dmdc", "np: ridge"]]
+    assert rows == ["controller", *2 * ["nominal", "np: lifted", "np: paper"]]
     assert sorted(p.name for p in models.glob("*.safetensors")) == [
-        f"{n}_training_circle.safetensors" for n in ("dmdc", "ridge")
+        f"{n}_training_circle.safetensors" for n in ("lifted", "paper")
     ]
     content = json.loads(metrics.read_text())
-    assert content["config"]["configurations"]["ridge"]["delay"] == make_config("ridge").delay
-    assert {place["row"] for place in content["ranking"]} == {"nominal", "np: dmdc", "np: ridge"}
+    assert content["config"]["configurations"]["paper"]["width"] == make_config("paper").width
+    assert {place["row"] for place in content["ranking"]} == {"nominal", "np: lifted", "np: paper"}
     below = out[out.index("training: training_circle, seed 40; evaluation: seeds [41]") :]
-    assert "dmdc: DmdcConfig(" in below
+    assert "lifted: LiftedConfig(" in below
 
 
 @pytest.mark.parametrize(
@@ -113,7 +113,7 @@ def test_what_does_not_fit_the_flight_is_refused_in_one_line(
     frame, step, message, tmp_path, capsys
 ):
     noise = np.random.default_rng(0).standard_normal((200, 12))
-    model = train([Segment(noise[:, :6], noise[:, 6:], step)], make_config("dmdc")).model
+    model = train([Segment(noise[:, :6], noise[:, 6:], step)], make_config("paper", epochs=1)).model
     save_model(with_origin(model, {"frame": frame}), tmp_path / "np.safetensors")
     assert run(["fly", "circle", "--predictor", str(tmp_path / "np.safetensors")]) == 2
     error = capsys.readouterr().err.splitlines()
