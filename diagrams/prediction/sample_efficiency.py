@@ -26,7 +26,7 @@ from diagrams.prediction.array_flights import (
 from np_drake.files.figure_file import DASHES, PALETTE, new_figure
 from np_drake.lifting.training.train import Config, train
 from np_drake.residual_models.linear_baselines import fit_all
-from np_drake.skill.skill import naive_predictions
+from np_drake.skill.skill import model_predictions, naive_predictions
 from np_drake.training_data.segments import Segment
 
 SIZES = (
@@ -147,14 +147,13 @@ class Learning:
         segment = pieces(self.training.segment, case["samples"])[case["piece"]]
         chi, zeta, origins = self.test.segment.chi, self.test.segment.zeta, _origins(self.test)
         if case["row"] in BASELINES:
-            course = fit_all([segment], np.array(HORIZONS))[case["row"]].along(chi, zeta)
+            model = fit_all([segment], np.array(HORIZONS))[case["row"]]
+            arguments = (chi, zeta, origins, list(HORIZONS))
+            chi_hat = model_predictions(model, *arguments, zeta_known=False)
         else:
             course = forecasts(train([segment], self.configs[case["row"]]).model, self.test)
-        return {
-            "errors": _rmse(
-                course.at(list(HORIZONS), origins, zeta, zeta_known=False), chi, origins
-            )
-        }
+            chi_hat = course.at(list(HORIZONS), origins, zeta, zeta_known=False)
+        return {"errors": _rmse(chi_hat, chi, origins)}
 
 
 def _origins(test: Flight) -> np.ndarray:

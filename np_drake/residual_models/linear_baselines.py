@@ -113,15 +113,17 @@ class RidgeBaseline(Windowed):
 
     def _forecast(self, window: np.ndarray, horizon: int, stride: int) -> WrenchForecast:
         steps = stride * np.arange(horizon)
-        return constant_forecast(self.weights_at(steps) @ np.append(window.ravel(), 1.0), horizon)
+        return constant_forecast(
+            self._between(self._W @ np.append(window.ravel(), 1.0), steps), horizon
+        )
 
-    def weights_at(self, steps: np.ndarray) -> np.ndarray:
-        """Return the weights of [w; 1], interpolated, (len(steps), 6, 12 D + 1)."""
+    def _between(self, course: np.ndarray, steps: np.ndarray) -> np.ndarray:
+        """Return forecasts of the fitted horizons, (H, 6), interpolated, (len(steps), 6)."""
         steps = np.minimum(steps, self._horizons[-1])
         right = np.clip(np.searchsorted(self._horizons, steps), 1, len(self._horizons) - 1)
         low, high = self._horizons[right - 1], self._horizons[right]
-        share = ((steps - low) / (high - low))[:, None, None]
-        return (1 - share) * self._W[right - 1] + share * self._W[right]
+        share = ((steps - low) / (high - low))[:, None]
+        return (1 - share) * course[right - 1] + share * course[right]
 
 
 def fit_dmdc(segments: Sequence[Segment], *, delays: int = 1) -> LinearBaseline:

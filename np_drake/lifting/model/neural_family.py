@@ -210,13 +210,13 @@ class NeuralFamily(AdaptiveFamily):
         """
         fields = family_fields(tensors)
         states = tuple((len(axis.channels), axis.K) for axis in fields["axes"])
-        layers: dict[str, Any] = {}
+        parts: dict[str, Any] = {}
         for name in ("white", "weights", "biases"):
             count = sum(key.startswith(f"network/{name}") for key in tensors)
-            layers[name] = tuple(tensors[f"network/{name}{i}"] for i in range(count))
-        plain = {name: tensors[f"network/{name}"] for name in ("center", "spread", "size")}
+            parts[name] = tuple(tensors[f"network/{name}{i}"] for i in range(count))
+        parts |= {name: tensors[f"network/{name}"] for name in ("center", "spread", "size")}
         share = float(tensors["network/share"][0])
-        network = WindowNetwork(states=states, **layers, **plain, share=share)
+        network = WindowNetwork(states=states, **parts, share=share)
         return cls(**fields, network=network)
 
 
