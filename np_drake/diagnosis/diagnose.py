@@ -50,10 +50,9 @@ from np_drake.diagnosis.residuals import (
 )
 from np_drake.diagnosis.result import UNKNOWN, Diagnosis, Replay
 from np_drake.flight_log import FlightLog
-from np_drake.logs.gaps import said_of_bridged
-from np_drake.logs.hover_thrust import with_hover_thrust
-from np_drake.logs.neighbours import with_neighbours
-from np_drake.logs.throttle_input import with_throttle_map
+from np_drake.logs.case_folder import with_neighbours
+from np_drake.logs.columns import said_of_bridged
+from np_drake.logs.inputs import with_hover_thrust, with_throttle_map
 from np_drake.vehicle import Vehicle
 
 Progress = Callable[[float, str], None]

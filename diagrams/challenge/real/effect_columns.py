@@ -10,7 +10,7 @@ from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals
 from np_drake.effects.base import Motion
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.pendulum import hanging, swing_many
-from np_drake.logs.importing.interpolation import Signal
+from np_drake.logs.importing.signals import Signal
 from np_drake.rigid_body import V
 
 WRENCH = 6  # channels: force and torque in B

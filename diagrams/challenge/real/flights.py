@@ -9,10 +9,10 @@ from diagrams.challenge.real.campaigns import Campaign, campaign_of
 from diagrams.challenge.real.rules import Case
 from np_drake.flight_log import FlightLog
 from np_drake.logs import opening
+from np_drake.logs.case_folder import with_neighbours
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats import crazyflie
 from np_drake.logs.importing.log_map import LogMap, MapFile, load_map_file
-from np_drake.logs.neighbours import with_neighbours
 from np_drake.vehicle import Vehicle
 
 

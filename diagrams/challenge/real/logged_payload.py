@@ -8,7 +8,7 @@ from scipy.optimize import minimize_scalar
 from np_drake.flight_log import FlightLog
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats import crazyflie
-from np_drake.logs.importing.interpolation import Signal
+from np_drake.logs.importing.signals import Signal
 
 MILLIMETRE = 1e-3  # [m]
 PAYLOAD = tuple(f"stateEstimateZ.p{axis}" for axis in "xyz")  # [mm]

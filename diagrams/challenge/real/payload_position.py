@@ -18,7 +18,7 @@ from np_drake.effects.combine import split_effects, total_wrench
 from np_drake.effects.pendulum import Path as Swing
 from np_drake.effects.pendulum import Payload, hanging, hook_velocity, path_many
 from np_drake.flight_log import FlightLog
-from np_drake.logs.importing.interpolation import Signal
+from np_drake.logs.importing.signals import Signal
 from np_drake.vehicle import Vehicle
 
 START = 2.0  # of the flight, to which the start state is fitted [s]

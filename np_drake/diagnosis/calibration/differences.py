@@ -27,7 +27,7 @@ from np_drake.effects.base import Effect, Parameter
 from np_drake.effects.mixer_gain import MixerGain
 from np_drake.effects.throttle_curve import ThrottleCurve
 from np_drake.files.number_text import departure_unit, measure, number, with_sign
-from np_drake.logs.throttle_input import hover_exponent
+from np_drake.logs.inputs import hover_exponent
 
 AXES = 2  # last columns of the airframe: thrust that leans to x and y
 # half of an interval over the value, above which an exponent is hardly told [1]; own choice

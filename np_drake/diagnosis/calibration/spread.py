@@ -32,7 +32,7 @@ from np_drake.effects.thrust_scale import ThrustScale
 from np_drake.effects.translational_lift import TranslationalLift
 from np_drake.effects.velocity_bias import VelocityBias
 from np_drake.effects.weak_rotor import WeakRotor
-from np_drake.logs.throttle_input import VOLTAGE_SCATTER, voltage_of
+from np_drake.logs.inputs import VOLTAGE_SCATTER, voltage_of
 from np_drake.vehicle import Vehicle
 from np_drake.vehicle.published import published_priors
 from np_drake.vehicle.sources import part

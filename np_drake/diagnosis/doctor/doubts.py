@@ -12,8 +12,9 @@ import numpy as np
 from np_drake import attitude
 from np_drake.diagnosis.residuals import FORCE, FlightResiduals
 from np_drake.flight_log import FlightLog
-from np_drake.logs import hover_thrust, rotor_order
-from np_drake.logs.importing.consistency import (
+from np_drake.logs import inputs, rotors
+from np_drake.logs.clock import FINEST, Lag, state_lags
+from np_drake.logs.importing.laws import (
     OPPOSED,
     SCALE,
     failing,
@@ -21,10 +22,9 @@ from np_drake.logs.importing.consistency import (
     never_tilts,
     told_by_noise,
 )
-from np_drake.logs.importing.convert import GRAVITY
-from np_drake.logs.importing.interpolation import Signal
-from np_drake.logs.lags import FINEST, Lag, state_lags
-from np_drake.logs.rotor_torque import torque_agreement
+from np_drake.logs.importing.log_map import GRAVITY
+from np_drake.logs.importing.signals import Signal
+from np_drake.logs.rotors import torque_agreement
 
 MOST_RESIDUAL = 0.25  # of the weight, from which it is said first [1]
 # Of the weight along body z, from which thrust does not carry the vehicle: no payload or weak rotor
@@ -206,7 +206,7 @@ def _taken_over(log: FlightLog) -> list[Doubt]:
     """Return what a reader found of order and coefficient of the rotors, which is not that of the
     vehicle file.
     """
-    known = (rotor_order.NOTE, hover_thrust.NOTE)
+    known = (rotors.NOTE, inputs.COEFFICIENT_NOTE)
     return [Doubt(log.name, note) for note in log.notes if note.startswith(known)]
 
 

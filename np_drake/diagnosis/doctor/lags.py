@@ -5,8 +5,8 @@ import numpy as np
 from np_drake import attitude
 from np_drake.diagnosis.doctor.doubts import lags_of_state
 from np_drake.flight_log import FlightLog
-from np_drake.logs.importing.interpolation import Signal
-from np_drake.logs.lags import Lag, lag_of
+from np_drake.logs.clock import Lag, lag_of
+from np_drake.logs.importing.signals import Signal
 from np_drake.logs.opening import rotor_lift
 from np_drake.vehicle import Vehicle
 

@@ -6,7 +6,7 @@ import dataclasses as dc
 from typing import Any
 
 from np_drake.files.atomic_file import plain
-from np_drake.logs.lags import Lag
+from np_drake.logs.clock import Lag
 
 YES, NO, NEVER = "yes", "no", "never"
 

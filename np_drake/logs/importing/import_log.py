@@ -3,14 +3,20 @@ sheet beside it.
 """
 
 import dataclasses as dc
+import json
 import re
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from np_drake.effects.accelerometer_bias import AccelerometerBias
+from np_drake.effects.gyro_bias import GyroBias
+from np_drake.effects.library import unobservable
 from np_drake.flight_log import FlightLog
-from np_drake.logs.checks import LEAST_ROWS
+from np_drake.logs.columns import COLUMNS, FORCE, LEAST_ROWS
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.format import (
     Contents,
@@ -23,18 +29,359 @@ from np_drake.logs.formats.format import (
 )
 from np_drake.logs.formats.library import format_of
 from np_drake.logs.import_sheet import Sheet, read_sheet
-from np_drake.logs.importing.airborne import require_a_flight
-from np_drake.logs.importing.breaks import find_breaks, split, within
-from np_drake.logs.importing.clock_parts import clock_parts, without_merged_rows
-from np_drake.logs.importing.conventions import Change, fitting_time_unit
-from np_drake.logs.importing.interpolation import Signals, clock_of
-from np_drake.logs.importing.lacking import input_line, lacking
-from np_drake.logs.importing.log_map import UNITS, LogMap, MapFile
-from np_drake.logs.importing.output_unit import in_the_likely_unit
-from np_drake.logs.importing.parts import imported_parts
-from np_drake.logs.importing.sheet_content import sheet_content
-from np_drake.logs.importing.signals import gather, require_stated_units, with_map_time
-from np_drake.logs.importing.telemetry import usable_inputs
+from np_drake.logs.importing.breaks import (
+    clock_parts,
+    find_breaks,
+    split,
+    within,
+    without_merged_rows,
+)
+from np_drake.logs.importing.conventions import Change, Verdict, as_text, fitting_time_unit
+from np_drake.logs.importing.laws import SCALE, failing
+from np_drake.logs.importing.log_map import SIZES, UNITS, LogMap, MapFile, Source
+from np_drake.logs.importing.parts import Part, imported_parts, require_a_flight
+from np_drake.logs.importing.signals import (
+    Signal,
+    Signals,
+    clock_of,
+    gather,
+    require_stated_units,
+    usable_inputs,
+    with_map_time,
+)
+from np_drake.logs.inputs import lift_fit
+from np_drake.vehicle.vehicle import STRONGEST
+
+DRIVES = re.compile(
+    r"motor|rotor|throttle|pwm|esc|rpm|omega|actuator", re.IGNORECASE
+)  # in names of what turns rotors
+NUMBERED = re.compile(r"^(.*?)\d+\D?$")  # a name with the number of a rotor
+PLAIN = re.compile(r"[A-Za-z_][\w./]*")  # names that need no quotes in a map
+# In names of rotor speed, and their unit. Most motors have 14 magnets; source: the default of
+# Betaflight's motor_poles.
+SPEEDS = (("erpm", "erpm, pole_pairs: 7"), ("rpm", "rpm"), ("omega", "rad/s"), ("speed", "rad/s"))
+BODY = " ".join((*COLUMNS["w"], *FORCE))
+ANGLES = ("roll", "pitch", "yaw")
+# Largest reading of a throttle, and its unit: of 1 and per cent with an overdriven motor, of pulses
+# with trims.
+READINGS = ((1.5, "1"), (150.0, "percent"), (2200.0, "us"), (65535.0, "pwm16"))
+# reading of most rows below which a throttle of up to 2200 counts as DShot, not as pulses [1]
+COUNTS = 800.0
+
+
+def lacking(contents: Contents) -> str:
+    """Return what the names of a table do not tell, as a list; empty where they tell nothing or
+    all.
+    """
+    names = {column for columns in contents.values() for column in columns}
+    here = [field for field in ("t", "p", "q", "v", "w", "a") if names.issuperset(COLUMNS[field])]
+    said = []
+    if "t" not in here:
+        said.append("time (t)")
+    if "q" not in here:
+        missing = " ".join(name for name in COLUMNS["q"] if name not in names)
+        said.append(
+            f"attitude ({missing}, or Euler angles by a map{_angles(names)}), or gyro and "
+            f"accelerometer ({BODY})"
+        )
+    if not {"p", "v", "a"} & set(here):
+        said.append("position, velocity or acceleration (px py pz, vx vy vz, ax ay az)")
+    return "; ".join(said) if here else ""
+
+
+def _angles(names: set[str]) -> str:
+    """Return the line of a map for angles that a table names; empty where it names none."""
+    found = [next((n for n in sorted(names) if n.lower().endswith(angle)), "") for angle in ANGLES]
+    return (
+        f": `attitude: {{columns: [{', '.join(found)}], unit: rad}}`, or deg" if all(found) else ""
+    )
+
+
+def input_line(known: Format, path: Path, contents: Contents) -> str:
+    """Return which columns of a log may be its motors, and the line of a map that takes them;
+    empty: none.
+    """
+    for stream, columns in contents.items():
+        groups: dict[str, list[str]] = {}
+        for name in columns:
+            if (match := NUMBERED.match(name)) and DRIVES.search(name):
+                groups.setdefault(match[1], []).append(name)
+        for stem, found in groups.items():
+            unit = next((unit for word, unit in SPEEDS if word in stem.lower()), "")
+            quantity = "rotor_speed" if unit else "throttle"
+            if len(found) < 4 or len(found) not in SIZES[quantity]:
+                continue
+            unit = unit or _throttle_unit(known, path, stream, found)
+            listed = ", ".join(
+                _quoted(f"{stream}/{name}" if len(contents) > 1 else name) for name in found
+            )
+            line = f"{quantity}: {{columns: [{listed}]{f', unit: {unit}' * (unit != '1')}}}"
+            return (
+                f" Its columns {found[0]} … {found[-1]} may be such: write `{line}` in a map "
+                f"(--map FILE)."
+            )
+    return ""
+
+
+def _quoted(name: str) -> str:
+    """Return a name as YAML reads it within a list."""
+    return name if PLAIN.fullmatch(name) else json.dumps(name, ensure_ascii=False)
+
+
+def _throttle_unit(known: Format, path: Path, stream: str, names: list[str]) -> str:
+    """Return the unit of throttles, as their readings look."""
+    try:
+        values = np.stack(
+            [*known.read(path, {stream: names}, no_progress).streams[stream].columns.values()]
+        )
+    except (LogError, KeyError):
+        return "1"
+    if values.shape[1] < LEAST_ROWS or not np.isfinite(values).any():
+        return "1"
+    most = float(np.nanmax(values))
+    unit = next((unit for largest, unit in READINGS if most <= largest), "pwm16")
+    return "dshot" if unit == "us" and float(np.nanmedian(values)) < COUNTS else unit
+
+
+Parts = tuple[LogMap, list[Part], list[str]]  # map, what was made of every part, lines
+# Shortest pulse of an output that drives a motor [us]. Source: PX4, the least of PWM_MAIN_MINn. 0
+# is no pulse.
+SHORTEST_PULSE = 800.0
+MOST_COUNTS = 2047.0  # of 11 bits, as DShot sends them; of these 48 to 2047 are throttle
+FEW = 0.01  # share of samples outside that are glitches [1]; own choice
+SURE = (
+    10.0  # log likelihood ratio from which the lift tells the unit [nat]; own choice: 1 in 22,000
+)
+READ = {"us": "pulses of 1000 to 2000 us", "dshot": "DShot counts of 0 to 2000"}
+
+
+def in_the_likely_unit(
+    imported: Callable[[list[Signals], LogMap], Parts],
+    parts: list[Signals],
+    log_map: LogMap,
+    path: str,
+) -> Parts:
+    """Return what is made of a log whose outputs are pulses or counts: as that with which range and
+    lift agree.
+
+    Args:
+        log_map: with outputs whose unit the log does not state.
+    Raises: LogError: that of both readings, or one that asks for the unit where neither range nor
+        lift tells.
+    """
+    found: dict[str, Parts] = {}
+    failure: LogError | None = None
+    for unit in _in_range(np.concatenate([signals["throttle"].values for signals in parts])):
+        try:
+            found[unit] = imported(
+                parts, dc.replace(log_map, throttle=dc.replace(log_map.throttle, unit=unit))
+            )
+        except LogError as error:
+            failure = failure or error
+    if failure is not None and not found:
+        raise failure
+    flown = {
+        unit: [log for part in made[1] for log in part.flights if part.carried]
+        for unit, made in found.items()
+    }
+    flown = {unit: logs for unit, logs in flown.items() if logs}
+    if not flown:
+        return next(iter(found.values()))
+    unit, why = (
+        _by_the_lift(flown)
+        if len(flown) > 1
+        else (next(iter(flown)), "read otherwise they carry nothing")
+    )
+    if not unit and all(log.rotor is not None for logs in flown.values() for log in logs):
+        others: list[Signals] = [
+            {name: own for name, own in signals.items() if name != "throttle"} for signals in parts
+        ]
+        log_map, made, told = imported(others, dc.replace(log_map, throttle=Source()))
+        return (
+            log_map,
+            made,
+            [
+                *told,
+                "outputs whose unit the log does not state are left out; rotor speed is measured",
+            ],
+        )
+    if not unit:
+        raise LogError(
+            f"{path}, throttle ({log_map.throttle.columns[0]} …): must be "
+            f"{' or '.join(READ.values())}; neither the "
+            f"log nor its lift tells which ({why}). Write throttle: {{unit: us}} or "
+            f"throttle: {{unit: dshot}} in a map."
+        )
+    log_map, made, told = found[unit]
+    return (
+        log_map,
+        made,
+        [*told, f"outputs are taken as {READ[unit]}: {why}"] if unit != "us" else told,
+    )
+
+
+def _in_range(values: np.ndarray) -> list[str]:
+    """Return the units in which outputs can be by their range; both where neither fits."""
+    short = np.mean((values > 0) & (values < SHORTEST_PULSE)) > FEW
+    long = np.mean(values > MOST_COUNTS) > FEW
+    return {(True, False): ["dshot"], (False, True): ["us"]}.get(
+        (bool(short), bool(long)), list(READ)
+    )
+
+
+def _by_the_lift(flown: Mapping[str, Sequence[FlightLog]]) -> tuple[str, str]:
+    """Return the unit with which the lift agrees, and why; empty where it does not tell.
+
+    Full throttle gives no more than `STRONGEST` times the weight, and the lift goes with a power of
+    the throttle.
+    """
+    fits = {}
+    for unit, flights in flown.items():
+        try:
+            fits[unit] = lift_fit(flights)
+        except LogError:
+            continue  # a throttle that carries nothing
+    able = {unit: fit for unit, fit in fits.items() if fit.strength <= STRONGEST}
+    why = ", ".join(
+        f"thrust goes with the power {fit.exponent:.2g} of {READ[unit]}"
+        for unit, fit in fits.items()
+    )
+    ranked = sorted(able, key=lambda unit: able[unit].loss)
+    told = len(ranked) == 1 or (
+        len(ranked) > 1 and able[ranked[1]].loss - able[ranked[0]].loss > SURE
+    )
+    return (ranked[0] if told else ""), why
+
+
+def sheet_content(
+    path: str | Path,
+    title: str,
+    facts: Mapping[str, str],
+    log_map: LogMap,
+    parts: Sequence[Part],
+    flights: Sequence[FlightLog],
+    notes: Sequence[str],
+) -> dict[str, Any]:
+    """Return the content of the sheet of one log.
+
+    Args:
+        notes: what was derived, mended or left out, one line each.
+    """
+    longest = max(parts, key=lambda part: len(part.aligned.t))
+    spans = ", ".join(f"{log.name}: {len(log)} rows, {log.t[-1]:.4g} s" for log in flights)
+    return {
+        "source": Path(path).name,
+        "format": title,
+        **({"facts": dict(facts)} if facts else {}),
+        "frames": (
+            f"world {log_map.world}, body {log_map.body}; written as z up and z along the thrust"
+        ),
+        "columns": {
+            n: _described(n, own, log_map)
+            for n, own in longest.signals.items()
+            if getattr(log_map, n)
+        },
+        "conventions": _conventions_text(longest.verdict),
+        "rows": f"{1 / flights[0].step:.4g} Hz; {spans}",
+        "input": flights[0].input,
+        "command": log_map.command,
+        "gaps": _gaps_text(parts, flights),
+        "notes": [
+            *notes,
+            *(note for part in parts for note in (*part.aligned.notes, *ground_notes(part))),
+        ],
+        "cannot_be_told": unanswerable(flights[0]),
+    }
+
+
+def unanswerable(log: FlightLog) -> dict[str, list[str]]:
+    """Return the effects that this kind of log cannot tell, by reason."""
+    each_rotor = log.throttle is not None and log.throttle.shape[1] == 4
+    torque = log.input in ("command", "rotor_speed") or (log.input == "normalised" and each_rotor)
+    found: dict[str, list[str]] = {}
+    for identifier, reason in unobservable(
+        log.input, accelerations=log.a is not None, torque=torque, lacks=log.lacks
+    ).items():
+        found.setdefault(reason, []).append(identifier)
+    return found
+
+
+def _described(name: str, signal: Signal, log_map: LogMap) -> dict[str, Any]:
+    source = getattr(log_map, name)
+    keys = ["scale", "signs", "axes", "kind", "late"]
+    if name == "attitude" and len(source.columns) == 4:
+        keys += ["order", "direction"]
+    usual: dict[str, Any] = {"scale": 1.0, "signs": [], "late": 0.0}
+    shown = {
+        key: getattr(source, key)
+        for key in keys
+        if getattr(source, key) not in ("", None, usual.get(key))
+    }
+    unit = source.unit or next(iter(UNITS[name]))
+    return {
+        "from": list(source.columns),
+        "rate": f"{1 / signal.step:.4g} Hz",
+        "unit": unit,
+        **shown,
+    }
+
+
+def _conventions_text(verdict: Verdict) -> str:
+    if not verdict.misfits:
+        return "not checked: no flight, too short, or no two quantities that can be compared"
+    count, wrong = len(verdict.misfits), failing(verdict.misfits)
+    worst = max(verdict.misfits, key=lambda law: verdict.misfits[law])
+    text = (
+        f"agree with the log in {count} checks (worst misfit {verdict.misfits[worst]:.2g}, {worst})"
+    )
+    if wrong:
+        laws = ", ".join(f"{law} {verdict.misfits[law]:.2g}" for law in wrong)
+        text = (
+            f"hold in {count - len(wrong)} of {count} checks; misfit of {laws} ({SCALE}): "
+            f"{_why(wrong)}"
+        )
+    return text + (f"; adopted: {as_text(verdict.changes)}" if verdict.changes else "")
+
+
+def _why(laws: Sequence[str]) -> str:
+    """Return what may act where these laws fail, though no other convention makes them hold."""
+    reasons = {
+        "attitude": (
+            f"body rates drift or have a bias about that axis ({GyroBias.identifier} can be told)"
+        ),
+        "velocity": (
+            f"the acceleration drifts along that axis ({AccelerometerBias.identifier} can be told)"
+        ),
+        "position": "position or velocity drifts along that axis",
+        "lift": (
+            "a force that is neither thrust nor drag acts across the thrust axis, or the "
+            "attitude is wrong"
+        ),
+    }
+    kinds = dict.fromkeys(law.split()[0] for law in laws)
+    return "; ".join(reasons[kind] for kind in kinds if kind in reasons)
+
+
+def _gaps_text(parts: Sequence[Part], flights: Sequence[FlightLog]) -> str:
+    filled = sum(int((part.aligned.filled & ~part.ground).sum()) for part in parts)
+    longest = max(np.diff(log.t).max() for log in flights)
+    text = f"{filled} rows inside gaps left out" if filled else "none"
+    if filled or len(flights) > 1 or longest >= 2.5 * flights[0].step:
+        text += f"; longest gap in a part {longest:.3g} s"
+    return text + (f"; split into {len(flights)} parts" if len(flights) > 1 else "")
+
+
+def ground_notes(part: Part) -> list[str]:
+    """Return one line on the time on the ground that is left out of a part, or none."""
+    t, ground = part.aligned.t, part.ground
+    air = np.flatnonzero(~ground)
+    if not len(air):
+        return []
+    between = float(ground[air[0] : air[-1]].sum() * np.median(np.diff(t)))
+    spans = {"before": t[air[0]] - t[0], "after": t[-1] - t[air[-1]], "between flights": between}
+    told = [f"{span:.3g} s {when}" for when, span in spans.items() if span > 0]
+    return [f"on the ground: {', '.join(told)} left out"] if told else []
+
 
 GIVE_MAP = "Give a map (--map FILE, docs/reference/log-map.md)"
 SHORTEST = 1.0  # log whose unit of time is found by its rate alone [s]; own choice
@@ -98,7 +445,7 @@ def import_log(
     require_a_flight(log_map, str(path), partial(input_line, known, Path(path), contents))
     recording = known.read(Path(path), by_stream(contents, log_map.names(), str(path)), on_progress)
     require_stated_units(recording, log_map)
-    signals, clock, said, notes, origin = _parts(recording, log_map, str(path))
+    signals, clock, said, notes, origin = _signals_of_parts(recording, log_map, str(path))
     how = partial(imported_parts, path=str(path), origin=origin, clock=clock, adopt=adopt)
     log_map, parts, told = (
         how(signals, log_map)
@@ -182,7 +529,7 @@ def _motors_of(motors: Motors, log_map: LogMap) -> Motors:
     return motors if own else Motors()
 
 
-def _parts(
+def _signals_of_parts(
     recording: Recording, log_map: LogMap, path: str
 ) -> tuple[list[Signals], Change, list[str], list[str], float]:
     """Return the signals of every part of a recording, the change of their unit of time, lines on

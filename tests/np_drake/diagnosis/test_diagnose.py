@@ -18,7 +18,7 @@ from np_drake.effects.command_delay import CommandDelay
 from np_drake.effects.library import register
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError
-from np_drake.logs.throttle_input import USUAL, with_throttle_input
+from np_drake.logs.inputs import USUAL, with_throttle_input
 from np_drake.rigid_body import W
 from np_drake.rotor_input import rotor_speed, with_rotor_input
 from np_drake.vehicle import Vehicle

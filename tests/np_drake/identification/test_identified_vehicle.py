@@ -7,7 +7,7 @@ from np_drake.diagnosis.calibration.columns import with_fixed_effects
 from np_drake.diagnosis.residuals import TORQUE, make_flight_residuals
 from np_drake.identification.identified_vehicle import identified_vehicle
 from np_drake.identification.identify import identify
-from np_drake.logs.hover_thrust import with_hover_thrust
+from np_drake.logs.inputs import with_hover_thrust
 from np_drake.rotor_input import with_rotor_input
 from np_drake.vehicle import load_vehicle
 from np_drake.vehicle.sources import values

@@ -11,8 +11,8 @@ from np_drake.logs.errors import LogError
 from np_drake.logs.formats.csv_file import write_csv
 from np_drake.logs.formats.log_file import read as read_flights
 from np_drake.logs.formats.log_file import write_log
+from np_drake.logs.importing.laws import check_units
 from np_drake.logs.opening import open_flights
-from np_drake.logs.units import check_units
 from np_drake.vehicle import Vehicle
 
 

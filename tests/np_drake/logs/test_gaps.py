@@ -7,16 +7,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from np_drake.logs.columns import Table, present_fields
-from np_drake.logs.errors import LogError
-from np_drake.logs.formats.csv_file import write_csv
-from np_drake.logs.gaps import (
-    LONGEST,
+from np_drake.logs.columns import LONGEST_GAP as LONGEST
+from np_drake.logs.columns import (
+    Table,
     bridge_gaps,
+    present_fields,
     said_of_bridged,
     split_at_gaps,
     without_long_gaps,
 )
+from np_drake.logs.errors import LogError
+from np_drake.logs.formats.csv_file import write_csv
 from np_drake.logs.opening import open_flights
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from np_drake.flight_log import FlightLog
-from np_drake.logs.hover_thrust import FAR, with_hover_thrust
+from np_drake.logs.inputs import FAR, with_hover_thrust
 from np_drake.rotor_input import with_rotor_input
 from np_drake.vehicle import Vehicle
 

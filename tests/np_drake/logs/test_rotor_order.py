@@ -11,8 +11,7 @@ from np_drake.logs.case_folder import open_case
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.log_file import write_log
 from np_drake.logs.opening import open_flights
-from np_drake.logs.rotor_order import NOTE, in_vehicle_order
-from np_drake.logs.rotor_torque import torque_agreement
+from np_drake.logs.rotors import NOTE, in_vehicle_order, torque_agreement
 from np_drake.vehicle.vehicle import Vehicle, load_vehicle, preset_names, vehicle_file
 
 STEP, SECONDS = 0.01, 8.0

@@ -7,7 +7,7 @@ import pytest
 
 from np_drake.flight_log import FlightLog
 from np_drake.logs.errors import LogError
-from np_drake.logs.throttle_input import (
+from np_drake.logs.inputs import (
     USUAL,
     VOLTAGE,
     hover_exponent,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from np_drake.logs.errors import LogError
-from np_drake.logs.units import check_units
+from np_drake.logs.importing.laws import check_units
 from np_drake.rotor_input import with_rotor_input
 from np_drake.vehicle import Vehicle
 

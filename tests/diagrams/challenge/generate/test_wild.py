@@ -43,8 +43,8 @@ from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.thrust_scale import ThrustScale
 from np_drake.flight_log import FlightLog
 from np_drake.logs.case_folder import open_case
+from np_drake.logs.columns import LONGEST_GAP as LONGEST
 from np_drake.logs.formats.log_file import write_log
-from np_drake.logs.gaps import LONGEST
 from np_drake.logs.import_sheet import SUFFIX, read_sheet, write_sheet
 from np_drake.logs.opening import open_flights
 from np_drake.vehicle.text import vehicle_text

@@ -7,8 +7,17 @@ import numpy as np
 from np_drake import attitude
 from np_drake.files.atomic_file import write_text
 from np_drake.flight_log import FlightLog
-from np_drake.logs.importing.convert import FRD_TO_FLU, GRAVITY, NED_TO_ENU, Q_BODY, Q_WORLD
-from np_drake.logs.importing.log_map import SIZES, UNITS, LogMap, Source
+from np_drake.logs.importing.log_map import (
+    FRD_TO_FLU,
+    GRAVITY,
+    NED_TO_ENU,
+    Q_BODY,
+    Q_WORLD,
+    SIZES,
+    UNITS,
+    LogMap,
+    Source,
+)
 
 TIME = "t"
 Quantities = dict[str, np.ndarray]

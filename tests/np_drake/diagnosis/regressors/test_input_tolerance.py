@@ -19,7 +19,7 @@ from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError
 from np_drake.effects.motor_lag import MotorLag
 from np_drake.effects.thrust_scale import ThrustScale
-from np_drake.logs.throttle_input import with_throttle_input
+from np_drake.logs.inputs import with_throttle_input
 from np_drake.vehicle import Vehicle
 
 VEHICLE = Vehicle()

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from np_drake.logs.errors import LogError
-from np_drake.logs.importing.airborne import require_ranges, standing
 from np_drake.logs.importing.log_map import LogMap, Source
+from np_drake.logs.importing.parts import require_ranges, standing
 
 T = 0.01 * np.arange(3000)
 

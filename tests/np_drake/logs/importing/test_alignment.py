@@ -9,10 +9,10 @@ import pytest
 
 from np_drake import attitude
 from np_drake.logs.errors import LogError
-from np_drake.logs.importing.airborne import require_a_flight
 from np_drake.logs.importing.alignment import align, common_rows
-from np_drake.logs.importing.interpolation import Signal
 from np_drake.logs.importing.log_map import LogMap, Source
+from np_drake.logs.importing.parts import require_a_flight
+from np_drake.logs.importing.signals import Signal
 
 PLAIN = LogMap(
     command="held_after",

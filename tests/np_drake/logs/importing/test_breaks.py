@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 
 from np_drake.logs.formats.format import Recording, Stream
-from np_drake.logs.importing.breaks import find_breaks, split
-from np_drake.logs.importing.clock_parts import clock_parts
+from np_drake.logs.importing.breaks import clock_parts, find_breaks, split
 from np_drake.logs.importing.import_log import import_log
-from np_drake.logs.importing.interpolation import Signal
 from np_drake.logs.importing.log_map import LogMap, Source
+from np_drake.logs.importing.signals import Signal
 
 
 def delayed(streams: dict[str, Stream], after: float, by: float) -> dict[str, Stream]:

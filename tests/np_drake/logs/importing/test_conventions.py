@@ -18,7 +18,6 @@ from np_drake.effects.mass_error import MassError
 from np_drake.effects.motor_lag import MotorLag
 from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.effects.velocity_bias import VelocityBias
-from np_drake.logs.importing.consistency import FAILS, misfits, told_by_noise
 from np_drake.logs.importing.conventions import (
     Trial,
     as_text,
@@ -27,8 +26,8 @@ from np_drake.logs.importing.conventions import (
     fitting_time_unit,
     liveliest,
 )
-from np_drake.logs.importing.convert import convert
-from np_drake.logs.importing.log_map import SIZES, LogMap, Source
+from np_drake.logs.importing.laws import FAILS, misfits, told_by_noise
+from np_drake.logs.importing.log_map import SIZES, LogMap, Source, convert
 
 ERRORS = {
     "ned": (("world", "ned"),),

@@ -8,8 +8,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from np_drake.logs.importing.convert import convert, convert_quantity, from_roll_pitch_yaw
-from np_drake.logs.importing.log_map import BODIES, UNITS, WORLDS, LogMap, Source
+from np_drake.logs.importing.log_map import (
+    BODIES,
+    UNITS,
+    WORLDS,
+    LogMap,
+    Source,
+    convert,
+    convert_quantity,
+    from_roll_pitch_yaw,
+)
 
 VECTORS = ("position", "velocity", "rates", "acceleration")
 XYZ = ["x", "y", "z"]

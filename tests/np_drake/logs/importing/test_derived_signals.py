@@ -5,8 +5,8 @@ import pytest
 
 from np_drake import attitude
 from np_drake.logs.importing.alignment import align
-from np_drake.logs.importing.interpolation import Signal
 from np_drake.logs.importing.log_map import LogMap, Source
+from np_drake.logs.importing.signals import Signal
 
 SECONDS = 4.0
 AXIS = np.array([0.36, 0.48, 0.8])

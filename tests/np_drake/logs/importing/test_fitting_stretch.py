@@ -8,7 +8,7 @@ import pytest
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.format import Stream
 from np_drake.logs.importing.conventions import WrongConventions
-from np_drake.logs.importing.crash import before_the_crash, before_the_fall
+from np_drake.logs.importing.parts import before_the_crash, before_the_fall
 
 
 def tumbling(streams, at: float, seed: int = 0):

@@ -180,8 +180,8 @@ def test_what_a_row_means_is_carried_as_uncertainty_of_time(written, command, ti
 
 
 def test_averaged_commands_beside_fast_accelerations_are_certain(conventions):
-    from np_drake.logs.importing.interpolation import Signal
-    from np_drake.logs.importing.part import _timing
+    from np_drake.logs.importing.parts import _timing
+    from np_drake.logs.importing.signals import Signal
 
     slow, fast = 0.01 * np.arange(100), 0.001 * np.arange(1000)
     signals = {"thrust": Signal(slow, slow[:, None]), "acceleration": Signal(fast, fast[:, None])}

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from np_drake import attitude
-from np_drake.logs.importing.interpolation import Signal
+from np_drake.logs.importing.signals import Signal
 
 EXACT = 1e-12
 AXIS = np.array([0.36, 0.48, 0.8])

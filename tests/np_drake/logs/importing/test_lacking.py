@@ -10,8 +10,7 @@ import yaml
 
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.log_file import write_log
-from np_drake.logs.importing.import_log import import_log
-from np_drake.logs.importing.lacking import lacking
+from np_drake.logs.importing.import_log import import_log, lacking
 from np_drake.logs.importing.log_map import load_map_file
 
 OURS = ["t", "px", "py", "pz", "qw", "qx", "qy", "qz", "vx", "vy", "vz", "wx", "wy", "wz", "thrust"]

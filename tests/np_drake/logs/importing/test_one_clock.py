@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 
 from np_drake import attitude
+from np_drake.logs.clock import lag_of, on_one_clock, state_lags
 from np_drake.logs.importing.alignment import in_frames
-from np_drake.logs.importing.interpolation import Signal
 from np_drake.logs.importing.log_map import LogMap
-from np_drake.logs.importing.one_clock import on_one_clock
-from np_drake.logs.lags import lag_of, state_lags
+from np_drake.logs.importing.signals import Signal
 
 POSE, ATTITUDE, MOVED = (
     ("position", "velocity", "attitude"),

@@ -14,7 +14,7 @@ from np_drake.logs.formats.crazyflie import CRAZYFLIE
 from np_drake.logs.importing.import_log import import_log
 from np_drake.logs.importing.log_map import Source, load_map_file, presets
 from np_drake.logs.opening import open_flights
-from np_drake.logs.rotor_order import NOTE, rotor_orders, torques_seen
+from np_drake.logs.rotors import NOTE, rotor_orders, torques_seen
 from np_drake.rotor_input import with_rotor_input
 from np_drake.vehicle import Vehicle, load_vehicle
 

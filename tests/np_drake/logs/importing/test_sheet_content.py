@@ -8,7 +8,7 @@ import pytest
 from np_drake.effects.library import LIBRARY
 from np_drake.logs.errors import LogError
 from np_drake.logs.import_sheet import Sheet, read_sheet, write_sheet
-from np_drake.logs.importing.sheet_content import unanswerable
+from np_drake.logs.importing.import_log import unanswerable
 from np_drake.vehicle.rotor_layout import FIRMWARE
 
 TIMING, TORQUE, SCALE = (

@@ -1,6 +1,4 @@
-"""Thrust and torque from a normalised throttle, through a map that is estimated from the flights
-themselves.
-"""
+"""Inputs of a flight: throttle and rotor speed become thrust and torque, and one drives the model."""
 
 import dataclasses as dc
 from collections.abc import Sequence
@@ -10,6 +8,7 @@ from scipy import optimize
 
 from np_drake.flight_log import FlightLog
 from np_drake.logs.errors import LogError
+from np_drake.rotor_input import with_rotor_input
 from np_drake.training_data.accelerations import LIFT_BAND, lift_over_weight, smoothed
 from np_drake.vehicle import Vehicle
 from np_drake.vehicle.vehicle import ThrottleMap
@@ -243,3 +242,134 @@ def _loss(flights: Sequence[_Lifted], exponent: float) -> float:
     variance = [(seen.samples, float(np.mean(seen.rest(exponent) ** 2))) for seen in flights]
     prior = 0.5 * ((exponent - USUAL) / SCATTER) ** 2
     return prior + sum(0.5 * n * np.log(max(v, 1e-12)) for n, v in variance)
+
+
+GUESS = 0.1  # `thrust_uncertainty` from which a thrust coefficient is a guess [1]; own choice
+LEAST_SPEED = 10.0  # speed of a rotor that turns [rad/s]
+MOST_DEVIATIONS = (
+    3.0  # of the file's uncertainty beyond which its coefficient is another vehicle's [1]
+)
+COEFFICIENT_NOTE = "thrust coefficient"
+FAR = f"{COEFFICIENT_NOTE} of another vehicle"  # beginning of a note that says so
+
+
+def with_hover_thrust(
+    vehicle: Vehicle, train: Sequence[FlightLog], held_out: Sequence[FlightLog] = ()
+) -> tuple[Vehicle, list[FlightLog], list[FlightLog]]:
+    """Return vehicle and flights with the thrust coefficient with which rotor speed carries the
+    training flights.
+
+    The torque coefficient keeps its ratio to it. Mass and thrust scale then take each other's
+    place: neither can be told. All stays where the file's coefficient is no guess, or no flight has
+    rotor speed as its input.
+    """
+    driven = [log for log in train if log.input == "rotor_speed" and log.rotor is not None]
+    if not driven or (vehicle.thrust_uncertainty or 0.0) < GUESS:
+        return vehicle, list(train), list(held_out)
+    parts = [_speed_and_lift(log, vehicle) for log in driven]
+    squares = np.concatenate([square for square, _ in parts])
+    lift = np.concatenate([force for _, force in parts])
+    if not len(squares):
+        return vehicle, list(train), list(held_out)
+    factor = float(squares @ lift / (squares @ squares)) / vehicle.thrust_coefficient
+    if (
+        factor <= 0 or abs(factor - 1) < 1e-9
+    ):  # upside down, as the laws of the log say, or it is that one already
+        return vehicle, list(train), list(held_out)
+    fitted = dc.replace(
+        vehicle,
+        thrust_coefficient=factor * vehicle.thrust_coefficient,
+        torque_coefficient=factor * vehicle.torque_coefficient,
+    ).check()
+    note = _coefficient_note(vehicle, fitted.thrust_coefficient)
+
+    def noted(log: FlightLog) -> FlightLog:
+        if log.input != "rotor_speed" or log.rotor is None:
+            return log
+        others = [other for other in log.notes if not other.startswith(COEFFICIENT_NOTE)]
+        return dc.replace(with_rotor_input(log, fitted), notes=[*others, note])
+
+    return fitted, [noted(log) for log in train], [noted(log) for log in held_out]
+
+
+def _coefficient_note(vehicle: Vehicle, coefficient: float) -> str:
+    """Return what was taken in the place of the file's guess, and whether it is beyond its
+    uncertainty.
+    """
+    spread = vehicle.thrust_uncertainty or 0.0
+    given = (
+        f"{vehicle.thrust_coefficient:.4g} ± {100 * spread:.2g} % N/(rad/s)², a guess in the file"
+    )
+    times = coefficient / vehicle.thrust_coefficient
+    if abs(np.log(times)) > MOST_DEVIATIONS * spread:
+        return (
+            f"{FAR}: rotor speed carries {vehicle.mass:.4g} kg with {times:.2g} times that "
+            f"of {vehicle.name!r}, "
+            f"{given}; check vehicle and mass"
+        )
+    return (
+        f"{COEFFICIENT_NOTE} {coefficient:.4g}, with which rotor speed carries "
+        f"{vehicle.mass:.4g} kg, in the place of {given}"
+    )
+
+
+def _speed_and_lift(log: FlightLog, vehicle: Vehicle) -> tuple[np.ndarray, np.ndarray]:
+    """Return the sum of squared rotor speeds (n,) and the lift (n,) [N] in the rows in which rotors
+    turn.
+    """
+    assert log.rotor is not None
+    turning = log.rotor.mean(axis=1) > LEAST_SPEED
+    lift = vehicle.mass * vehicle.gravity * lift_over_weight(log.t, log.v, log.q, vehicle.gravity)
+    return np.sum(log.rotor**2, axis=1)[turning], lift[turning]
+
+
+WORDS = {  # of inputs, the best known first
+    **{"command": "the command", "rotor_speed": "rotor speed"},
+    **{"thrust_only": "thrust alone", "normalised": "throttle"},
+}
+
+
+def inputs_of(log: FlightLog) -> list[str]:
+    """Return the inputs that a log has, the best known first: a whole command, rotor speed, thrust,
+    throttle.
+    """
+    thrust, torque = np.isfinite(log.u[:, 0]).any(), np.isfinite(log.u[:, 1:]).any()
+    present = {
+        "command": thrust and torque,
+        "rotor_speed": log.rotor is not None,
+        "thrust_only": thrust,
+        "normalised": log.throttle is not None,
+    }
+    return [kind for kind in WORDS if present[kind]]
+
+
+def chosen_input(log: FlightLog, vehicle: Vehicle) -> str:
+    """Return the input that drives the model of a vehicle: that of its file where the log has it,
+    else the best known.
+    """
+    known = inputs_of(log)
+    return vehicle.input if vehicle.input in known else known[0]
+
+
+def with_vehicle_input(log: FlightLog, vehicle: Vehicle) -> FlightLog:
+    """Return the log with its command, or with thrust and torque from rotor speed or throttle, as
+    the vehicle asks.
+
+    Args:
+        log: of one flight, as logged, its rotors in the order of the vehicle file.
+        vehicle: that turns rotor speed or throttle into thrust and torque.
+    Raises: LogError: if a throttle never carries the vehicle.
+    """
+    chosen, wanted = chosen_input(log, vehicle), vehicle.input
+    if wanted not in (chosen, "command"):
+        note = (
+            f"no {WORDS[wanted]}: thrust and torque from {WORDS[chosen]}, though vehicle "
+            f"{vehicle.name!r} says"
+        )
+        log = dc.replace(log, notes=[*log.notes, f"{note} input: {wanted}"])
+    if chosen == "rotor_speed":
+        return with_rotor_input(log, vehicle)
+    if chosen == "normalised":
+        return with_throttle_input(log, vehicle)
+    hidden = [False, *[chosen == "thrust_only"] * 3]
+    return dc.replace(log, u=np.where(hidden, np.nan, log.u), input=chosen)
