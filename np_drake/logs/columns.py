@@ -1,4 +1,4 @@
-"""Table of numbers as a file holds it: columns, checks, gaps, and the flight log that it becomes."""
+"""Table of numbers as a file holds it: columns, checks, gaps, and the flight log of it."""
 
 import dataclasses as dc
 import itertools

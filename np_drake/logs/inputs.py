@@ -1,4 +1,4 @@
-"""Inputs of a flight: throttle and rotor speed become thrust and torque, and one drives the model."""
+"""Inputs of a flight: thrust and torque from throttle or rotor speed, and which is taken."""
 
 import dataclasses as dc
 from collections.abc import Sequence

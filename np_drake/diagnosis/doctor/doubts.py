@@ -75,7 +75,7 @@ def law_doubts(log: FlightLog) -> list[Doubt]:
         return [
             Doubt(log.name, f"{flat} ({1e3 * needed:.0f} mrad): its pose is planar", fails=True)
         ]
-    aside = told_by_noise(t, x, own)
+    aside = told_by_noise(own)
     lift = [law for law in failing(own) if law.startswith("lift")]
     other = [law for law in failing(own) if law not in (*aside, *lift)]
     found = []

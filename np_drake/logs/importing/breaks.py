@@ -3,8 +3,7 @@ format states a switch.
 """
 
 import dataclasses as dc
-import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -78,7 +77,7 @@ def find_breaks(
 
 
 def split(
-    signals: Signals, breaks: Sequence[Break], origin: float = 0.0
+    signals: Signals, breaks: Sequence[Break], origin: float
 ) -> tuple[list[Signals], list[str]]:
     """Return the signals of every part, and one line on every break and on every part that is left
     out.
@@ -86,8 +85,6 @@ def split(
     Args:
         origin: from which times of the lines count [s].
     """
-    if not breaks:
-        return [dict(signals)], []
     edges = [-np.inf, *(edge for b in breaks for edge in (b.before, b.after)), np.inf]
     parts, kept = [], []
     for start, stop in zip(edges[::2], edges[1::2], strict=True):
@@ -184,10 +181,11 @@ LEAST_STEP = 5  # samples by which a clock is set back; fewer are late messages;
 MOST_STEPS = 20  # in one recording; more are rows out of order; own choice
 # share of samples earlier than the one before from which these are in no order [1]; own choice
 MOST_LATE = 0.1
-SET = 1e6  # gap, in usual intervals, by which a clock was set [1]: hours at 100 Hz; own choice
 # gap, in usual intervals, after samples of one time from which these are before the clock [1]; own
 # choice
 LONGER = 10.0
+
+
 DENSE = 8  # intervals over which the rate of samples is compared [1]; own choice
 # interval over the usual one from which samples of two times are merged [1]; half is expected
 CLOSER = 0.7
@@ -201,16 +199,36 @@ MERGED = "the clock is set back, and rows of two times stand side by side"
 
 
 def clock_parts(recording: Recording) -> tuple[list[Recording], list[str]]:
-    """Return the parts between which the clock is set, in the order of the file, and one line on
-    each step.
+    """Return the parts between which the clock is set back, in the order of the file, and one line
+    on each step.
 
-    It is set back, or forward by hours. Rows before it runs, which all bear its first time, are
-    left out.
+    Rows before it runs, which all bear its first time, are left out.
     """
     running, said = _after_the_start(recording)
+    steps = {name: set_back(stream.t) for name, stream in running.streams.items()}
+    stepping = {
+        name: [0, *found, len(running.streams[name])] for name, found in steps.items() if found
+    }
+    counts = {len(edges) for edges in stepping.values()}
+    if len(counts) != 1:
+        return [running], said
+    name, edges = next(iter(stepping.items()))
+    t = running.streams[name].t
+    for k in edges[1:-1]:
+        said.append(
+            f"the clock is set back by {t[k - 1] - t[k]:.3g} s at {t[k - 1]:.6g} s: split there"
+        )
     parts = []
-    for piece in _parts_of_clocks(running, said):
-        parts += _parts_in_order(piece, said)
+    for i in range(len(edges) - 1):
+        spans = [running.streams[n].t[e[i] : e[i + 1]] for n, e in stepping.items()]
+        start, stop = min(s.min() for s in spans), max(s.max() for s in spans)
+        streams = {}
+        for n, stream in running.streams.items():
+            rows: slice | np.ndarray = (stream.t >= start) & (stream.t <= stop)
+            if n in stepping:  # else it is too slow to show the step
+                rows = slice(stepping[n][i], stepping[n][i + 1])
+            streams[n] = _rows(stream, rows)
+        parts.append(dc.replace(running, streams=streams))
     return parts, said
 
 
@@ -266,69 +284,6 @@ def _after_the_start(recording: Recording) -> tuple[Recording, list[str]]:
     return dc.replace(recording, streams=streams), lines
 
 
-def _parts_of_clocks(recording: Recording, said: list[str]) -> list[Recording]:
-    """Return the parts on clocks that are hours apart, as those of a simulator and of the wall."""
-    gaps = sorted(gap for stream in recording.streams.values() for gap in _hours(stream.t))
-    if not gaps:
-        return [recording]
-    edges = [-np.inf, *(0.5 * (start + stop) for start, stop in gaps), np.inf]
-    spans = [(a, b) for a, b in itertools.pairwise(sorted(set(edges)))]
-    cut = [
-        {n: _rows(s, (s.t > a) & (s.t <= b)) for n, s in recording.streams.items()}
-        for a, b in spans
-    ]
-    # A stream of its own may be slow, as that of a battery's voltage.
-    whole = [streams for streams in cut if any(len(s) >= LEAST_ROWS for s in streams.values())]
-    if len(whole) > 1:
-        start, stop = gaps[0]
-        said.append(f"the clock is set between {start:.6g} s and {stop:.6g} s: split there")
-    return [dc.replace(recording, streams=streams) for streams in whole] or [recording]
-
-
-def _hours(t: np.ndarray) -> Iterator[tuple[float, float]]:
-    """Yield the ends of the gaps in time, in whatever order samples come, that no recorder sits
-    through.
-    """
-    later = np.unique(t[np.isfinite(t)])
-    interval = np.diff(later)
-    for k in (
-        np.flatnonzero(interval > SET * np.median(interval))[:MOST_STEPS] if len(interval) else ()
-    ):
-        yield float(later[k]), float(later[k + 1])
-
-
-def _parts_in_order(recording: Recording, said: list[str]) -> list[Recording]:
-    """Return the parts of a recording whose rows are in the order in which they came."""
-    steps = {name: set_back(stream.t) for name, stream in recording.streams.items() if len(stream)}
-    counts = {len(found) for found in steps.values()} - {0}
-    if len(counts) != 1 or max(counts) > MOST_STEPS:
-        return [recording]
-    (count,) = counts
-    stepping = {
-        name: [0, *found, len(recording.streams[name])] for name, found in steps.items() if found
-    }
-    name, edges = next(iter(stepping.items()))
-    t = recording.streams[name].t
-    for k in edges[1:-1]:
-        said.append(
-            f"the clock is set back by {t[k - 1] - t[k]:.3g} s at {t[k - 1]:.6g} s: split there"
-        )
-    parts = []
-    for i in range(count + 1):
-        spans = [recording.streams[n].t[e[i] : e[i + 1]] for n, e in stepping.items()]
-        start, stop = min(s.min() for s in spans), max(s.max() for s in spans)
-        streams = {}
-        for n, stream in recording.streams.items():
-            inside = (stream.t >= start) & (
-                stream.t <= stop
-            )  # of a stream too slow to show the step
-            streams[n] = _rows(
-                stream, slice(stepping[n][i], stepping[n][i + 1]) if n in stepping else inside
-            )
-        parts.append(dc.replace(recording, streams=streams))
-    return parts
-
-
 def without_merged_rows(recording: Recording) -> tuple[Recording, list[Break]]:
     """Return a recording without rows of two times that are merged, and where it breaks for that.
 
@@ -340,7 +295,8 @@ def without_merged_rows(recording: Recording) -> tuple[Recording, list[Break]]:
         t, interval = stream.t, np.diff(stream.t)
         mean = np.convolve(interval, np.ones(DENSE) / DENSE, mode="same")
         usual = float(np.percentile(mean, SPARSE))
-        for start, stop in stretches(mean < CLOSER * usual) if np.all(interval >= 0) else ():
+        merged = (mean < CLOSER * usual) & np.all(interval >= 0)
+        for start, stop in stretches(merged):
             if not DENSE <= stop - start < MOST_MERGED * len(interval):
                 continue
             close = np.arange(max(start - DENSE, 0), min(stop + DENSE, len(interval)))

@@ -35,12 +35,13 @@ from np_drake.logs.importing.log_map import (
     convert,
     convert_quantity,
 )
-from np_drake.logs.importing.signals import Signals
+from np_drake.logs.importing.signals import Signals, clock_of
 
 DOUBTED = 0.15  # misfit above which conventions that agree better are looked for [1]; own choice
 BETTER = 3.0  # factor by which these must agree better [1]; own choice
 SHORTEST, LONGEST = 1e-4, 0.2  # interval of a state in a flight log [s]; own choice
 SEARCHED = 2000  # rows on which other conventions are tried; own choice
+LEAST_SECONDS = 1.0  # of a log whose unit of time is found by its rate alone [s]; own choice
 MOST_CHANGES = 3  # conventions that are changed together in search of agreement [1]
 
 Change = tuple[
@@ -127,7 +128,7 @@ def check_conventions(t: np.ndarray, raw: Values, log_map: LogMap) -> Verdict:
             return Verdict(
                 own, failed or tuple(doubted), found[0][1], tuple(change for _, change in found[1:])
             )
-    aside = told_by_noise(t, x, own)
+    aside = told_by_noise(own)
     disturbed = all(
         law in aside or (law.startswith("lift") and own[law] < OPPOSED) for law in failed
     )
@@ -197,22 +198,29 @@ def liveliest(raw: Values, rows: int) -> slice:
     return slice(first, first + SEARCHED)
 
 
-def fitting_time_unit(step: float, log_map: LogMap) -> Change:
-    """Return the unit of time with which samples come at a rate of flight logs; empty: as declared.
+def require_a_likely_clock(signals: Signals, log_map: LogMap, path: str) -> None:
+    """Check that samples come at a rate of flight logs, 5 Hz to 10 kHz.
 
-    The nearest such unit is taken: logs of 5 Hz to 10 kHz.
-
-    Args:
-        step: between samples, in the declared unit converted to [s].
+    Raises: WrongConventions: with the unit of time that gives such a rate, if the log would then be
+        long enough to be a flight; LogError: else.
     """
-    if SHORTEST <= step <= LONGEST:
-        return ()
-    declared = UNITS["time"][log_map.time.unit or "s"]
+    clock, declared = clock_of(signals), UNITS["time"][log_map.time.unit or "s"]
+    if SHORTEST <= clock.step <= LONGEST:
+        return
     units = sorted(UNITS["time"].items(), key=lambda unit: abs(np.log(unit[1] / declared)))
     for unit, factor in units:
-        if SHORTEST <= step * factor / declared <= LONGEST:
-            return (("time.unit", unit),)
-    return ()
+        scale = factor / declared
+        if SHORTEST <= clock.step * scale <= LONGEST and scale * np.ptp(clock.t) >= LEAST_SECONDS:
+            raise WrongConventions(
+                f"{path}: it does not fit the conventions declared (rows of the attitude not "
+                f"0.1 ms to 0.2 s apart), but fits time.unit: {unit}. Write that in the map.",
+                Verdict({}, ("interval",), (("time.unit", unit),)),
+            )
+    raise LogError(
+        f"{path}: rows of the state must be 0.1 ms to 0.2 s apart; got "
+        f"{clock.step * declared:.4g} s. Log at a higher rate, or export the times with all their "
+        "digits."
+    )
 
 
 def changed(log_map: LogMap, change: Change) -> LogMap:
@@ -387,21 +395,18 @@ def _checked_rows(signals: Signals) -> tuple[np.ndarray, dict[str, np.ndarray]]:
 
 
 def agreed(
-    verdict: Verdict, signals: Signals, log_map: LogMap, path: str, *, clock: Change, adopt: bool
+    verdict: Verdict, signals: Signals, log_map: LogMap, path: str, *, adopt: bool
 ) -> tuple[LogMap, Verdict]:
     """Return the map whose conventions agree with the log, and the verdict on them.
 
-    Args:
-        clock: change of the unit of time, made in the signals.
     Raises: WrongConventions: if those declared do not agree, unless others do and are to be
         adopted.
     """
-    if verdict.holds and not clock:
+    if verdict.holds:
         return log_map, verdict
     laws = [f"misfit of {law} {verdict.misfits[law]:.2g}" for law in verdict.failed[:4]]
-    laws[:0] = ["rows of the attitude not 0.1 ms to 0.2 s apart"] if clock else []
     wrong = f"{', '.join(laws)}; {SCALE}"
-    if verdict.failed and not verdict.changes:
+    if not verdict.changes:
         raise WrongConventions(
             f"{path}: its quantities must agree with each other in the conventions "
             f"declared ({wrong}), and agree in no "
@@ -410,21 +415,12 @@ def agreed(
             "--start and --stop.",
             verdict,
         )
-    verdict = dc.replace(
-        verdict,
-        failed=("interval",) * bool(clock) + verdict.failed,
-        changes=clock + verdict.changes,
-        rivals=tuple(clock + rival for rival in verdict.rivals),
-    )
-    fit = as_text(verdict.changes)
-    if verdict.rivals:
-        fit += "; or " + "; or ".join(as_text(change) for change in verdict.rivals[:2])
     if not adopt or verdict.rivals:
+        fit = "; or ".join(as_text(change) for change in (verdict.changes, *verdict.rivals[:2]))
         raise WrongConventions(
             f"{path}: it does not fit the conventions declared ({wrong}), but fits {fit}. "
             "Write that in the map" + ("." if verdict.rivals else ", or give --adopt."),
             verdict,
         )
     log_map = changed(log_map, verdict.changes)
-    now = judged(signals, log_map, path) if verdict.misfits else verdict
-    return log_map, dc.replace(now, changes=verdict.changes)
+    return log_map, dc.replace(judged(signals, log_map, path), changes=verdict.changes)

@@ -3,7 +3,6 @@ sheet beside it.
 """
 
 import dataclasses as dc
-import json
 import re
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
@@ -12,8 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from np_drake.effects.accelerometer_bias import AccelerometerBias
-from np_drake.effects.gyro_bias import GyroBias
 from np_drake.effects.library import unobservable
 from np_drake.flight_log import FlightLog
 from np_drake.logs.columns import COLUMNS, FORCE, LEAST_ROWS
@@ -36,9 +33,9 @@ from np_drake.logs.importing.breaks import (
     within,
     without_merged_rows,
 )
-from np_drake.logs.importing.conventions import Change, Verdict, as_text, fitting_time_unit
+from np_drake.logs.importing.conventions import Verdict, as_text, require_a_likely_clock
 from np_drake.logs.importing.laws import SCALE, failing
-from np_drake.logs.importing.log_map import SIZES, UNITS, LogMap, MapFile, Source
+from np_drake.logs.importing.log_map import UNITS, LogMap, MapFile, Source
 from np_drake.logs.importing.parts import Part, imported_parts, require_a_flight
 from np_drake.logs.importing.signals import (
     Signal,
@@ -52,21 +49,9 @@ from np_drake.logs.importing.signals import (
 from np_drake.logs.inputs import lift_fit
 from np_drake.vehicle.vehicle import STRONGEST
 
-DRIVES = re.compile(
-    r"motor|rotor|throttle|pwm|esc|rpm|omega|actuator", re.IGNORECASE
-)  # in names of what turns rotors
-NUMBERED = re.compile(r"^(.*?)\d+\D?$")  # a name with the number of a rotor
-PLAIN = re.compile(r"[A-Za-z_][\w./]*")  # names that need no quotes in a map
-# In names of rotor speed, and their unit. Most motors have 14 magnets; source: the default of
-# Betaflight's motor_poles.
-SPEEDS = (("erpm", "erpm, pole_pairs: 7"), ("rpm", "rpm"), ("omega", "rad/s"), ("speed", "rad/s"))
+# In names of what turns rotors.
+DRIVES = re.compile(r"(motor|rotor|throttle|pwm|esc|rpm|omega|actuator).*\d", re.IGNORECASE)
 BODY = " ".join((*COLUMNS["w"], *FORCE))
-ANGLES = ("roll", "pitch", "yaw")
-# Largest reading of a throttle, and its unit: of 1 and per cent with an overdriven motor, of pulses
-# with trims.
-READINGS = ((1.5, "1"), (150.0, "percent"), (2200.0, "us"), (65535.0, "pwm16"))
-# reading of most rows below which a throttle of up to 2200 counts as DShot, not as pulses [1]
-COUNTS = 800.0
 
 
 def lacking(contents: Contents) -> str:
@@ -81,66 +66,19 @@ def lacking(contents: Contents) -> str:
     if "q" not in here:
         missing = " ".join(name for name in COLUMNS["q"] if name not in names)
         said.append(
-            f"attitude ({missing}, or Euler angles by a map{_angles(names)}), or gyro and "
-            f"accelerometer ({BODY})"
+            f"attitude ({missing}, or Euler angles by a map), or gyro and accelerometer ({BODY})"
         )
     if not {"p", "v", "a"} & set(here):
         said.append("position, velocity or acceleration (px py pz, vx vy vz, ax ay az)")
     return "; ".join(said) if here else ""
 
 
-def _angles(names: set[str]) -> str:
-    """Return the line of a map for angles that a table names; empty where it names none."""
-    found = [next((n for n in sorted(names) if n.lower().endswith(angle)), "") for angle in ANGLES]
+def input_line(contents: Contents) -> str:
+    """Return which columns of a log may be its motors; empty: none."""
+    names = [name for columns in contents.values() for name in columns if DRIVES.search(name)]
     return (
-        f": `attitude: {{columns: [{', '.join(found)}], unit: rad}}`, or deg" if all(found) else ""
+        f" Its columns {names[0]} … {names[-1]} may be such; name them in a map." if names else ""
     )
-
-
-def input_line(known: Format, path: Path, contents: Contents) -> str:
-    """Return which columns of a log may be its motors, and the line of a map that takes them;
-    empty: none.
-    """
-    for stream, columns in contents.items():
-        groups: dict[str, list[str]] = {}
-        for name in columns:
-            if (match := NUMBERED.match(name)) and DRIVES.search(name):
-                groups.setdefault(match[1], []).append(name)
-        for stem, found in groups.items():
-            unit = next((unit for word, unit in SPEEDS if word in stem.lower()), "")
-            quantity = "rotor_speed" if unit else "throttle"
-            if len(found) < 4 or len(found) not in SIZES[quantity]:
-                continue
-            unit = unit or _throttle_unit(known, path, stream, found)
-            listed = ", ".join(
-                _quoted(f"{stream}/{name}" if len(contents) > 1 else name) for name in found
-            )
-            line = f"{quantity}: {{columns: [{listed}]{f', unit: {unit}' * (unit != '1')}}}"
-            return (
-                f" Its columns {found[0]} … {found[-1]} may be such: write `{line}` in a map "
-                f"(--map FILE)."
-            )
-    return ""
-
-
-def _quoted(name: str) -> str:
-    """Return a name as YAML reads it within a list."""
-    return name if PLAIN.fullmatch(name) else json.dumps(name, ensure_ascii=False)
-
-
-def _throttle_unit(known: Format, path: Path, stream: str, names: list[str]) -> str:
-    """Return the unit of throttles, as their readings look."""
-    try:
-        values = np.stack(
-            [*known.read(path, {stream: names}, no_progress).streams[stream].columns.values()]
-        )
-    except (LogError, KeyError):
-        return "1"
-    if values.shape[1] < LEAST_ROWS or not np.isfinite(values).any():
-        return "1"
-    most = float(np.nanmax(values))
-    unit = next((unit for largest, unit in READINGS if most <= largest), "pwm16")
-    return "dshot" if unit == "us" and float(np.nanmedian(values)) < COUNTS else unit
 
 
 Parts = tuple[LogMap, list[Part], list[str]]  # map, what was made of every part, lines
@@ -170,41 +108,25 @@ def in_the_likely_unit(
         lift tells.
     """
     found: dict[str, Parts] = {}
+    flown: dict[str, list[FlightLog]] = {}
     failure: LogError | None = None
     for unit in _in_range(np.concatenate([signals["throttle"].values for signals in parts])):
+        throttle = dc.replace(log_map.throttle, unit=unit)
         try:
-            found[unit] = imported(
-                parts, dc.replace(log_map, throttle=dc.replace(log_map.throttle, unit=unit))
-            )
+            found[unit] = imported(parts, dc.replace(log_map, throttle=throttle))
         except LogError as error:
             failure = failure or error
+            continue
+        logs = [log for part in found[unit][1] for log in part.flights if part.carried]
+        if logs:
+            flown[unit] = logs
     if failure is not None and not found:
         raise failure
-    flown = {
-        unit: [log for part in made[1] for log in part.flights if part.carried]
-        for unit, made in found.items()
-    }
-    flown = {unit: logs for unit, logs in flown.items() if logs}
     if not flown:
         return next(iter(found.values()))
-    unit, why = (
-        _by_the_lift(flown)
-        if len(flown) > 1
-        else (next(iter(flown)), "read otherwise they carry nothing")
-    )
-    if not unit and all(log.rotor is not None for logs in flown.values() for log in logs):
-        others: list[Signals] = [
-            {name: own for name, own in signals.items() if name != "throttle"} for signals in parts
-        ]
-        log_map, made, told = imported(others, dc.replace(log_map, throttle=Source()))
-        return (
-            log_map,
-            made,
-            [
-                *told,
-                "outputs whose unit the log does not state are left out; rotor speed is measured",
-            ],
-        )
+    unit, why = next(iter(flown)), "read otherwise they carry nothing"
+    if len(flown) > 1:
+        unit, why = _by_the_lift(flown)
     if not unit:
         raise LogError(
             f"{path}, throttle ({log_map.throttle.columns[0]} …): must be "
@@ -213,20 +135,18 @@ def in_the_likely_unit(
             f"throttle: {{unit: dshot}} in a map."
         )
     log_map, made, told = found[unit]
-    return (
-        log_map,
-        made,
-        [*told, f"outputs are taken as {READ[unit]}: {why}"] if unit != "us" else told,
-    )
+    if unit != "us":
+        told = [*told, f"outputs are taken as {READ[unit]}: {why}"]
+    return log_map, made, told
 
 
 def _in_range(values: np.ndarray) -> list[str]:
     """Return the units in which outputs can be by their range; both where neither fits."""
     short = np.mean((values > 0) & (values < SHORTEST_PULSE)) > FEW
     long = np.mean(values > MOST_COUNTS) > FEW
-    return {(True, False): ["dshot"], (False, True): ["us"]}.get(
-        (bool(short), bool(long)), list(READ)
-    )
+    if short == long:
+        return list(READ)
+    return ["dshot"] if short else ["us"]
 
 
 def _by_the_lift(flown: Mapping[str, Sequence[FlightLog]]) -> tuple[str, str]:
@@ -235,22 +155,18 @@ def _by_the_lift(flown: Mapping[str, Sequence[FlightLog]]) -> tuple[str, str]:
     Full throttle gives no more than `STRONGEST` times the weight, and the lift goes with a power of
     the throttle.
     """
-    fits = {}
+    able, said = {}, []
     for unit, flights in flown.items():
         try:
-            fits[unit] = lift_fit(flights)
+            fit = lift_fit(flights)
         except LogError:
             continue  # a throttle that carries nothing
-    able = {unit: fit for unit, fit in fits.items() if fit.strength <= STRONGEST}
-    why = ", ".join(
-        f"thrust goes with the power {fit.exponent:.2g} of {READ[unit]}"
-        for unit, fit in fits.items()
-    )
-    ranked = sorted(able, key=lambda unit: able[unit].loss)
-    told = len(ranked) == 1 or (
-        len(ranked) > 1 and able[ranked[1]].loss - able[ranked[0]].loss > SURE
-    )
-    return (ranked[0] if told else ""), why
+        said.append(f"thrust goes with the power {fit.exponent:.2g} of {READ[unit]}")
+        if fit.strength <= STRONGEST:
+            able[unit] = fit.loss
+    ranked = sorted(able, key=lambda unit: able[unit])
+    told = len(able) == 1 or (len(able) > 1 and able[ranked[1]] - able[ranked[0]] > SURE)
+    return (ranked[0] if told else ""), ", ".join(said)
 
 
 def sheet_content(
@@ -288,7 +204,7 @@ def sheet_content(
         "gaps": _gaps_text(parts, flights),
         "notes": [
             *notes,
-            *(note for part in parts for note in (*part.aligned.notes, *ground_notes(part))),
+            *(note for part in parts for note in (*part.aligned.notes, *_ground_notes(part))),
         ],
         "cannot_be_told": unanswerable(flights[0]),
     }
@@ -311,18 +227,13 @@ def _described(name: str, signal: Signal, log_map: LogMap) -> dict[str, Any]:
     keys = ["scale", "signs", "axes", "kind", "late"]
     if name == "attitude" and len(source.columns) == 4:
         keys += ["order", "direction"]
-    usual: dict[str, Any] = {"scale": 1.0, "signs": [], "late": 0.0}
-    shown = {
-        key: getattr(source, key)
-        for key in keys
-        if getattr(source, key) not in ("", None, usual.get(key))
-    }
-    unit = source.unit or next(iter(UNITS[name]))
+    usual = {**dc.asdict(Source()), "order": "", "direction": "", "late": 0.0}
+    settings = {key: getattr(source, key) for key in keys}
     return {
         "from": list(source.columns),
         "rate": f"{1 / signal.step:.4g} Hz",
-        "unit": unit,
-        **shown,
+        "unit": source.unit or next(iter(UNITS[name])),
+        **{key: value for key, value in settings.items() if value not in (None, usual[key])},
     }
 
 
@@ -336,55 +247,32 @@ def _conventions_text(verdict: Verdict) -> str:
     )
     if wrong:
         laws = ", ".join(f"{law} {verdict.misfits[law]:.2g}" for law in wrong)
-        text = (
-            f"hold in {count - len(wrong)} of {count} checks; misfit of {laws} ({SCALE}): "
-            f"{_why(wrong)}"
-        )
+        text = f"hold in {count - len(wrong)} of {count} checks; misfit of {laws} ({SCALE})"
     return text + (f"; adopted: {as_text(verdict.changes)}" if verdict.changes else "")
-
-
-def _why(laws: Sequence[str]) -> str:
-    """Return what may act where these laws fail, though no other convention makes them hold."""
-    reasons = {
-        "attitude": (
-            f"body rates drift or have a bias about that axis ({GyroBias.identifier} can be told)"
-        ),
-        "velocity": (
-            f"the acceleration drifts along that axis ({AccelerometerBias.identifier} can be told)"
-        ),
-        "position": "position or velocity drifts along that axis",
-        "lift": (
-            "a force that is neither thrust nor drag acts across the thrust axis, or the "
-            "attitude is wrong"
-        ),
-    }
-    kinds = dict.fromkeys(law.split()[0] for law in laws)
-    return "; ".join(reasons[kind] for kind in kinds if kind in reasons)
 
 
 def _gaps_text(parts: Sequence[Part], flights: Sequence[FlightLog]) -> str:
     filled = sum(int((part.aligned.filled & ~part.ground).sum()) for part in parts)
-    longest = max(np.diff(log.t).max() for log in flights)
     text = f"{filled} rows inside gaps left out" if filled else "none"
-    if filled or len(flights) > 1 or longest >= 2.5 * flights[0].step:
-        text += f"; longest gap in a part {longest:.3g} s"
+    if filled or len(flights) > 1:
+        text += f"; longest gap in a part {max(np.diff(log.t).max() for log in flights):.3g} s"
     return text + (f"; split into {len(flights)} parts" if len(flights) > 1 else "")
 
 
-def ground_notes(part: Part) -> list[str]:
+def _ground_notes(part: Part) -> list[str]:
     """Return one line on the time on the ground that is left out of a part, or none."""
-    t, ground = part.aligned.t, part.ground
-    air = np.flatnonzero(~ground)
-    if not len(air):
+    air = np.flatnonzero(~part.ground)
+    if len(air) in (0, len(part.ground)):
         return []
-    between = float(ground[air[0] : air[-1]].sum() * np.median(np.diff(t)))
-    spans = {"before": t[air[0]] - t[0], "after": t[-1] - t[air[-1]], "between flights": between}
-    told = [f"{span:.3g} s {when}" for when, span in spans.items() if span > 0]
-    return [f"on the ground: {', '.join(told)} left out"] if told else []
+    step = np.median(np.diff(part.aligned.t))
+    before, after = air[0], len(part.ground) - 1 - air[-1]
+    rows = {"before": before, "after": after}
+    rows["between flights"] = part.ground.sum() - before - after
+    told = [f"{count * step:.3g} s {when}" for when, count in rows.items() if count > 0]
+    return [f"on the ground: {', '.join(told)} left out"]
 
 
 GIVE_MAP = "Give a map (--map FILE, docs/reference/log-map.md)"
-SHORTEST = 1.0  # log whose unit of time is found by its rate alone [s]; own choice
 ENDINGS = re.compile(
     r"(\.(csv|tsv|txt|parquet|ulg|bin|log|mcap|db3|bag|bbl|bfl))?(\.gz)?$", re.IGNORECASE
 )
@@ -433,20 +321,19 @@ def import_log(
     be opened.
     """
     known, contents, found, motors = _map_for(Path(path), log_map)
-    beside = (
-        read_sheet(path) if log_map is None else Sheet()
-    )  # of a log that an import wrote, without its position
+    # Of a log that an import wrote, without its position.
+    beside = read_sheet(path) if log_map is None else Sheet()
     try:
         log_map = dc.replace(
             found, rate=rate or found.rate, start=start or found.start, stop=stop or found.stop
         ).check()
     except ValueError as error:
         raise LogError(f"{path}: {error}") from None
-    require_a_flight(log_map, str(path), partial(input_line, known, Path(path), contents))
+    require_a_flight(log_map, f"{path}", input_line(contents))
     recording = known.read(Path(path), by_stream(contents, log_map.names(), str(path)), on_progress)
     require_stated_units(recording, log_map)
-    signals, clock, said, notes, origin = _signals_of_parts(recording, log_map, str(path))
-    how = partial(imported_parts, path=str(path), origin=origin, clock=clock, adopt=adopt)
+    signals, said, notes, origin = _signals_of_parts(recording, log_map, str(path))
+    how = partial(imported_parts, path=str(path), origin=origin, adopt=adopt)
     log_map, parts, told = (
         how(signals, log_map)
         if motors.unit
@@ -456,10 +343,8 @@ def import_log(
     flights = [flight for part in parts for flight in part.flights]
     if not flights:
         raise LogError(f"{path}: must hold a flight; no part between gaps has {LEAST_ROWS} rows.")
-    timing, layout = (
-        max(beside.timing, *(part.timing for part in parts)),
-        motors.layout or beside.rotors,
-    )
+    timing = max(beside.timing, *(part.timing for part in parts))
+    layout = motors.layout or beside.rotors
     for number, flight in enumerate(flights, start=1):
         flight.name = name if len(flights) == 1 else f"{name}_part{number}"
         flight.timing, flight.layout = timing, layout
@@ -531,9 +416,8 @@ def _motors_of(motors: Motors, log_map: LogMap) -> Motors:
 
 def _signals_of_parts(
     recording: Recording, log_map: LogMap, path: str
-) -> tuple[list[Signals], Change, list[str], list[str], float]:
-    """Return the signals of every part of a recording, the change of their unit of time, lines on
-    both, and the origin.
+) -> tuple[list[Signals], list[str], list[str], float]:
+    """Return the signals of every part of a recording, two kinds of lines on them, and the origin.
 
     Times of messages count from the origin [s], the first row of the state, as start and stop do.
     Behind a step of the clock they go on counting.
@@ -542,7 +426,6 @@ def _signals_of_parts(
     parts: list[Signals] = []
     notes: list[str] = []
     failure: LogError | None = None
-    clock: Change = ()
     origin, elapsed = 0.0, 0.0
     for number, piece in enumerate(recordings):
         piece, merged = without_merged_rows(piece)
@@ -555,18 +438,15 @@ def _signals_of_parts(
                 f"the part from {min(times, default=0.0):.6g} s on has too few samples; left out"
             )
             continue
-        signals, clock = _on_a_likely_clock(signals, log_map, path)
+        require_a_likely_clock(signals, log_map, path)
         begun, ended = float(clock_of(signals).t[0]), float(clock_of(signals).t[-1])
         origin = begun if number == 0 else origin
         first, elapsed = begun - elapsed, elapsed + ended - begun
-        start, stop = (
-            first + log_map.start if log_map.start else -np.inf,
-            first + (log_map.stop or np.inf),
-        )
-        signals, lacking = within(signals, start, stop)
-        if lacking:
+        start = first + (log_map.start or -np.inf)
+        signals, short = within(signals, start, first + (log_map.stop or np.inf))
+        if short:
             failure = failure or LogError(
-                f"{path}: start and stop must leave samples; {lacking} in them."
+                f"{path}: start and stop must leave samples; {short} in them."
             )
             continue
         signals, slow = usable_inputs(signals, log_map)
@@ -580,29 +460,4 @@ def _signals_of_parts(
         raise failure or LogError(
             f"{path}: must hold a flight; no part has {LEAST_ROWS} samples of every signal."
         )
-    return parts, clock, said, notes, origin
-
-
-def _on_a_likely_clock(signals: Signals, log_map: LogMap, path: str) -> tuple[Signals, Change]:
-    """Return the signals with times in a unit that gives a rate of flight logs, and the change that
-    is; empty: none.
-
-    Raises: LogError: if the log would be too short in that unit to be a flight: its rows are slow,
-    not its clock.
-    """
-    clock = clock_of(signals)
-    change = fitting_time_unit(clock.step, log_map)
-    if not change:
-        return signals, ()
-    factor = UNITS["time"][str(change[0][1])] / UNITS["time"][log_map.time.unit or "s"]
-    t, step = clock.t, clock.step * UNITS["time"][log_map.time.unit or "s"]
-    if factor * (t[-1] - t[0]) < SHORTEST:
-        raise LogError(
-            f"{path}: rows of the state must be 0.1 ms to 0.2 s apart; got {step:.4g} s. "
-            f"Log at a higher rate, "
-            "or export the times with all their digits."
-        )
-    return {
-        name: dc.replace(own, t=own.t * factor, tick=own.tick * factor)
-        for name, own in signals.items()
-    }, change
+    return parts, said, notes, origin

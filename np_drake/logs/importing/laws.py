@@ -9,7 +9,6 @@ and 2900 simulated ones.
 from collections.abc import Callable, Collection, Mapping
 
 import numpy as np
-from scipy import stats
 
 from np_drake import attitude
 from np_drake.flight_log import FlightLog
@@ -88,7 +87,6 @@ LEAST = {
     "attitude": 0.08,  # [rad]
     "lift": 0.5,  # [m/s²]
 }
-CHANCE = 1e-3  # of an F test [1]; own choice
 AXES = "xyz"
 KINEMATIC = (
     "position",
@@ -124,51 +122,20 @@ def failing(own: Misfits) -> list[str]:
     return [law for law, misfit in own.items() if misfit > FAILS]
 
 
-def told_by_noise(t: np.ndarray, x: Mapping[str, np.ndarray], own: Misfits) -> list[str]:
-    """Return the laws that fail about an axis though noise and drift of its sensor explain that: it
-    tells nothing.
+def told_by_noise(own: Misfits) -> list[str]:
+    """Return the laws that fail about one axis alone, where the others agree or move too little.
 
-    One axis alone is among these where the others agree or move too little. Of two, each whose
-    disagreement is no larger than chance makes it where the sensor is as noisy as about the third,
-    by the log itself (F test). A law of the opposite sign is none of these.
-
-    Args:
-        t: (n,) evenly spaced times [s].
-        x: quantities as `convert` returns them, at these times.
+    Noise and drift of that axis' sensor explain it: it tells nothing. A law of the opposite sign is
+    none of these.
     """
     found = []
-    wrong = [law for law in failing(own) if law.split()[0] in KINEMATIC]
-    for kind in dict.fromkeys(law.split()[0] for law in wrong):
-        failed = [law for law in wrong if law.startswith(kind)]
-        others = [
-            misfit
-            for law, misfit in own.items()
-            if law.startswith(f"{kind} ") and law not in failed
-        ]
-        if max(others, default=0.0) >= AGREES or max(own[law] for law in failed) >= OPPOSED:
-            continue
-        if len(failed) == 1 or (len(failed) == 2 and not _stands_out(t, x, kind, failed)):
-            found += failed
+    for kind in KINEMATIC:
+        axes = {law: misfit for law, misfit in own.items() if law.split()[0] == kind}
+        failed = failing(axes)
+        others = [misfit for law, misfit in axes.items() if law not in failed]
+        alone = len(failed) == 1 and max(others, default=0.0) < AGREES
+        found += [law for law in failed if alone and own[law] < OPPOSED]
     return found
-
-
-def _stands_out(t: np.ndarray, x: Mapping[str, np.ndarray], kind: str, failed: list[str]) -> bool:
-    """Return whether the disagreement about an axis that fails is larger than noise as about the
-    third axis makes it.
-
-    Args:
-        t: (n,) [s].
-        failed: it, about two axes.
-    """
-    over = Windows(t, WINDOW)
-    state, rate = next(needed for needed, law in LAWS if law is _KINDS[kind])
-    change = over.turn(x[state]) if kind == "attitude" else over.change(x[state])
-    spread = np.var(change - over.integral(x[rate]), axis=0)  # the mean is a bias
-    tested = [AXES.index(law[-1]) for law in failed]
-    (third,) = {0, 1, 2} - set(tested)
-    # Windows one after the other are taken as independent: a slower drift makes the test stricter.
-    count = max(len(change) // over.rows - 1, 1)
-    return bool(spread[tested].max() > spread[third] * stats.f.ppf(1 - CHANCE, count, count))
 
 
 def never_tilts(t: np.ndarray, x: Mapping[str, np.ndarray]) -> tuple[float, float] | None:
@@ -261,7 +228,6 @@ def _rms(value: np.ndarray) -> float:
     return float(np.sqrt(np.mean(np.square(value))))
 
 
-_KINDS = {"position": _position, "attitude": _attitude, "velocity": _velocity}
 Law = Callable[..., Misfits]  # of windows, everything, and the quantities that it needs
 LAWS: tuple[tuple[tuple[str, ...], Law], ...] = (
     (("position", "velocity"), _position),
@@ -291,9 +257,6 @@ TORQUE_RATIO = (
 )
 OPPOSITE = (
     0.7  # share of the rotation left by the opposite torque if the sign is wrong; 0.97 if valid [1]
-)
-STRONGEST = (
-    6.0  # over the torque of the rotors; valid flights have 1 at saturation, 0.2 elsewhere [1]
 )
 FASTEST_ROTOR = 5000.0  # [rad/s]; 48,000 rpm
 SIGN = 0.25  # of the spreads below: an axis that moves so much shows its sign [1]; own choice
@@ -332,7 +295,6 @@ def check_units(log: FlightLog, path: object, vehicle: Vehicle | None = None) ->
     _check_lift(log, path)
     if vehicle is not None:
         _check_thrust(log, path, vehicle)
-        _check_torque_limit(log, path, vehicle)
         if len(log) > TORQUE_WINDOWS * over.rows:
             _check_torque(log, path, vehicle, over)
 
@@ -455,23 +417,6 @@ def _check_thrust(log: FlightLog, path: object, vehicle: Vehicle) -> None:
                 f"speed in rad/s), "
                 "and the vehicle file the right one?"
             )
-
-
-def _check_torque_limit(log: FlightLog, path: object, vehicle: Vehicle) -> None:
-    """Check that rotors can give the upper range of commanded torque; that from rotor speed always
-    is.
-    """
-    if log.input != "command" or not np.isfinite(log.u).any():
-        return
-    most = 0.5 * vehicle.max_rotor_thrust * np.abs(vehicle.mixer[1:]).sum(axis=1)
-    high = np.nanpercentile(np.abs(log.u[:, 1:]), 95, axis=0)
-    for i in np.flatnonzero(high > STRONGEST * most):
-        raise LogError(
-            f"{place(path, column=TORQUE[i])}: torque must be what the rotors of vehicle "
-            f"{vehicle.name!r} can give, at "
-            f"most {most[i]:.3g} N·m; got {high[i]:.3g}. Is it in N·m, and the vehicle "
-            f"file the right one?"
-        )
 
 
 def _check_torque(log: FlightLog, path: object, vehicle: Vehicle, over: Windows) -> None:

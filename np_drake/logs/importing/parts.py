@@ -3,7 +3,7 @@ flights in it.
 """
 
 import dataclasses as dc
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -22,7 +22,6 @@ from np_drake.logs.importing.alignment import (
 from np_drake.logs.importing.breaks import within
 from np_drake.logs.importing.conventions import (
     DOUBTED,
-    Change,
     Verdict,
     WrongConventions,
     agreed,
@@ -137,11 +136,11 @@ def require_ranges(values: Mapping[str, np.ndarray], log_map: LogMap, path: str)
         )
 
 
-def require_a_flight(log_map: LogMap, path: str, inputs: Callable[[], str] = str) -> None:
+def require_a_flight(log_map: LogMap, path: str, inputs: str = "") -> None:
     """Check that the map names what a flight log needs, before anything is read.
 
     Args:
-        inputs: returns which of its columns may be an input, for the message.
+        inputs: which of its columns may be an input, for the message.
     Raises: LogError: if it does not.
     """
     if not (log_map.attitude or log_map.in_body):
@@ -161,7 +160,7 @@ def require_a_flight(log_map: LogMap, path: str, inputs: Callable[[], str] = str
                 f"{path}: the map must name columns of thrust, rotor_speed or throttle; a "
                 f"flight log needs one of them."
             )
-            + inputs()
+            + inputs
         )
 
 
@@ -454,14 +453,13 @@ def _timing(signals: Signals, log_map: LogMap) -> float:
 
 
 def imported_parts(
-    parts: list[Signals], log_map: LogMap, path: str, *, origin: float, clock: Change, adopt: bool
+    parts: list[Signals], log_map: LogMap, path: str, *, origin: float, adopt: bool
 ) -> tuple[LogMap, list[Part], list[str]]:
     """Return the map that agrees with the longest part, what was made of every part, and one line
     on each left out.
 
     Args:
         origin: from which times of the lines count [s].
-        clock: change of the unit of time, made in the signals.
         adopt: take other conventions where the longest part fits those.
     Raises: WrongConventions, LogError: if that of the longest part that fails, where none holds a
         flight.
@@ -481,7 +479,7 @@ def imported_parts(
             continue
         try:
             log_map, found, told = _fitting(
-                parts[k], log_map, path, origin, clock=clock, adopt=adopt and not done
+                parts[k], log_map, path, origin, adopt=adopt and not done
             )
             made = import_part(*found, path, origin=origin, usual=usual)
             if done and not made.flights:
@@ -511,7 +509,7 @@ def imported_parts(
 
 
 def _fitting(
-    signals: Signals, log_map: LogMap, path: str, origin: float, *, clock: Change, adopt: bool
+    signals: Signals, log_map: LogMap, path: str, origin: float, *, adopt: bool
 ) -> tuple[LogMap, tuple[Signals, LogMap, Verdict], list[str]]:
     """Return the map, what of a part agrees with it, with the verdict, and a line where that is not
     all of it.
@@ -531,5 +529,5 @@ def _fitting(
                 f"{FITS}{since}until {stop - origin:.1f} s; beyond, {whole} do not agree: left out"
             ]
             signals, verdict = part, own
-    log_map, verdict = agreed(verdict, signals, log_map, path, clock=clock, adopt=adopt)
+    log_map, verdict = agreed(verdict, signals, log_map, path, adopt=adopt)
     return log_map, (signals, log_map, verdict), said
