@@ -36,6 +36,10 @@ class Table:
         """Return a table of the same file with other columns."""
         return Table(self.path, columns, header_lines=self.header_lines)
 
+    def rows(self, rows: slice | np.ndarray) -> "Table":
+        """Return a table of some rows of the same file."""
+        return self.with_columns({name: column[rows] for name, column in self.columns.items()})
+
     def array(self, names: tuple[str, ...]) -> np.ndarray:
         """Return the named columns, (n, len(names))."""
         return np.stack([self.columns[name] for name in names], axis=1)
@@ -261,22 +265,17 @@ def split_at_gaps(table: Table) -> tuple[list[Table], list[str]]:
     """
     t = table.columns["t"]
     edges = np.concatenate([[0], np.flatnonzero(np.diff(t) > LONGEST_GAP + 1e-9) + 1, [len(t)]])
-    if len(edges) == 2 or _usual(t) > LONGEST_GAP / GAP:
-        return [table], []
     parts = [slice(int(i), int(j)) for i, j in itertools.pairwise(edges)]
     kept = [rows for rows in parts if rows.stop - rows.start >= LEAST_ROWS]
-    if not kept:
+    if len(parts) == 1 or not kept or _usual(t) > LONGEST_GAP / GAP:
         return [table], []
-    longest = float(np.diff(t).max())
     note = (
-        f"{len(edges) - 2} gaps longer than {LONGEST_GAP:g} s (the longest {longest:.3g} s): "
-        f"{len(kept)} parts"
+        f"{len(parts) - 1} gaps longer than {LONGEST_GAP:g} s (the longest "
+        f"{np.diff(t).max():.3g} s): {len(kept)} parts"
     )
     if len(kept) < len(parts):
         note += f", {len(parts) - len(kept)} with fewer than {LEAST_ROWS} rows left out"
-    return [table.with_columns({n: c[rows] for n, c in table.columns.items()}) for rows in kept], [
-        note
-    ]
+    return [table.rows(rows) for rows in kept], [note]
 
 
 def without_long_gaps(table: Table) -> Table:
@@ -372,14 +371,21 @@ def repair(table: Table, fields: list[str]) -> tuple[Table, list[str]]:
     figures = {
         n: np.where(is_figure(table, n), column, np.nan) for n, column in table.columns.items()
     }
-    kept, dropped = _in_time(table.with_columns(figures))
-    normalised = _normalise(kept)
+    t = np.where(np.isfinite(figures["t"]), figures["t"], -np.inf)
+    later = t > np.concatenate([[-np.inf], np.maximum.accumulate(t)[:-1]])
+    kept = table.with_columns(figures).rows(later)
+    norm = quaternion_norm(kept)
+    off = np.abs(norm - 1) > NORM_TOLERANCE
+    usable = (norm > NORM_RANGE[0]) & (norm < NORM_RANGE[1])
+    for name in COLUMNS["q"]:
+        column = kept.columns[name] / np.where(off & usable, norm, 1.0)
+        kept.columns[name] = np.where(off & ~usable, np.nan, column)
     for field in fields:
         for name in FIELDS[field]:
             _refuse_long_run(kept, name, np.isfinite(kept.columns[name]))
     counts = {
-        "left out (time missing or not increasing)": dropped,
-        "given a unit quaternion": normalised,
+        "left out (time missing or not increasing)": int(np.sum(~later)),
+        "given a unit quaternion": int(np.sum(off & usable)),
         "interpolated (no number in a cell)": int(_fill_cells(kept, fields).sum()),
     }
     bad = sum(counts.values())
@@ -392,30 +398,6 @@ def repair(table: Table, fields: list[str]) -> tuple[Table, list[str]]:
         f"repaired: {count} of {len(table)} rows {what}" for what, count in counts.items() if count
     ]
     return kept, notes
-
-
-def _in_time(table: Table) -> tuple[Table, int]:
-    """Return the table of rows whose time is a number and later than every time before, and how
-    many are left out.
-    """
-    t = np.where(np.isfinite(table.columns["t"]), table.columns["t"], -np.inf)
-    before = np.concatenate([[-np.inf], np.maximum.accumulate(t)[:-1]])
-    keep = t > before
-    kept = table.with_columns({name: column[keep] for name, column in table.columns.items()})
-    return kept, int(np.sum(~keep))
-
-
-def _normalise(table: Table) -> int:
-    """Divide quaternions by their norm, set those beyond repair to NaN, and return how many were
-    normalised.
-    """
-    norm = quaternion_norm(table)
-    off = np.abs(norm - 1) > NORM_TOLERANCE
-    usable = (norm > NORM_RANGE[0]) & (norm < NORM_RANGE[1])
-    for name in COLUMNS["q"]:
-        column = table.columns[name] / np.where(off & usable, norm, 1.0)
-        table.columns[name] = np.where(off & ~usable, np.nan, column)
-    return int(np.sum(off & usable))
 
 
 def _refuse_long_run(table: Table, name: str, good: np.ndarray) -> None:

@@ -143,21 +143,9 @@ def voltage_of(log: FlightLog) -> np.ndarray | None:
     return log.voltage[:, None] if near else None
 
 
-@dc.dataclass(frozen=True)
-class LiftFit:
-    """Power of its throttle with which the lift of flights goes, within `EXPONENTS`.
-
-    strength: lift over weight at full throttle [1].
-    loss: negative logarithm of its likelihood and prior [nat].
-    """
-
-    exponent: float
-    strength: float
-    loss: float
-
-
-def lift_fit(flights: Sequence[FlightLog]) -> LiftFit:
-    """Return the most likely power of their throttle with which the lift of flights goes.
+def lift_fit(flights: Sequence[FlightLog]) -> tuple[float, float, float]:
+    """Return the likeliest power of their throttle with which the lift of flights goes, the lift
+    over weight at full throttle [1], and the loss [nat].
 
     Args:
         flights: of one vehicle, with a throttle that carries it.
@@ -165,9 +153,8 @@ def lift_fit(flights: Sequence[FlightLog]) -> LiftFit:
     """
     seen = [_lifted(log, GRAVITY) for log in flights]
     exponent = _fitted_exponent(seen)
-    return LiftFit(
-        exponent, float(np.median([own.scale(exponent) for own in seen])), _loss(seen, exponent)
-    )
+    strength = float(np.median([own.scale(exponent) for own in seen]))
+    return exponent, strength, _loss(seen, exponent)
 
 
 def _throttle(log: FlightLog) -> np.ndarray:
@@ -263,18 +250,13 @@ def with_hover_thrust(
     place: neither can be told. All stays where the file's coefficient is no guess, or no flight has
     rotor speed as its input.
     """
-    driven = [log for log in train if log.input == "rotor_speed" and log.rotor is not None]
-    if not driven or (vehicle.thrust_uncertainty or 0.0) < GUESS:
-        return vehicle, list(train), list(held_out)
-    parts = [_speed_and_lift(log, vehicle) for log in driven]
-    squares = np.concatenate([square for square, _ in parts])
-    lift = np.concatenate([force for _, force in parts])
-    if not len(squares):
-        return vehicle, list(train), list(held_out)
-    factor = float(squares @ lift / (squares @ squares)) / vehicle.thrust_coefficient
-    if (
-        factor <= 0 or abs(factor - 1) < 1e-9
-    ):  # upside down, as the laws of the log say, or it is that one already
+    guess = (vehicle.thrust_uncertainty or 0.0) >= GUESS
+    squares, lift = _speed_and_lift([log for log in train if guess and _by_speed(log)], vehicle)
+    factor = 1.0
+    if len(squares):
+        factor = float(squares @ lift / (squares @ squares)) / vehicle.thrust_coefficient
+    # Not above zero: upside down, as the laws of the log say.
+    if factor <= 0 or abs(factor - 1) < 1e-9:
         return vehicle, list(train), list(held_out)
     fitted = dc.replace(
         vehicle,
@@ -284,12 +266,16 @@ def with_hover_thrust(
     note = _coefficient_note(vehicle, fitted.thrust_coefficient)
 
     def noted(log: FlightLog) -> FlightLog:
-        if log.input != "rotor_speed" or log.rotor is None:
+        if not _by_speed(log):
             return log
         others = [other for other in log.notes if not other.startswith(COEFFICIENT_NOTE)]
         return dc.replace(with_rotor_input(log, fitted), notes=[*others, note])
 
     return fitted, [noted(log) for log in train], [noted(log) for log in held_out]
+
+
+def _by_speed(log: FlightLog) -> bool:
+    return log.input == "rotor_speed" and log.rotor is not None
 
 
 def _coefficient_note(vehicle: Vehicle, coefficient: float) -> str:
@@ -313,14 +299,17 @@ def _coefficient_note(vehicle: Vehicle, coefficient: float) -> str:
     )
 
 
-def _speed_and_lift(log: FlightLog, vehicle: Vehicle) -> tuple[np.ndarray, np.ndarray]:
+def _speed_and_lift(logs: Sequence[FlightLog], vehicle: Vehicle) -> tuple[np.ndarray, np.ndarray]:
     """Return the sum of squared rotor speeds (n,) and the lift (n,) [N] in the rows in which rotors
     turn.
     """
-    assert log.rotor is not None
-    turning = log.rotor.mean(axis=1) > LEAST_SPEED
-    lift = vehicle.mass * vehicle.gravity * lift_over_weight(log.t, log.v, log.q, vehicle.gravity)
-    return np.sum(log.rotor**2, axis=1)[turning], lift[turning]
+    squares, lifts = [np.empty(0)], [np.empty(0)]
+    for log in logs:
+        turning = log.rotor.mean(axis=1) > LEAST_SPEED  # type: ignore[union-attr]
+        lift = lift_over_weight(log.t, log.v, log.q, vehicle.gravity)
+        squares.append(np.sum(log.rotor**2, axis=1)[turning])  # type: ignore[operator]
+        lifts.append(vehicle.mass * vehicle.gravity * lift[turning])
+    return np.concatenate(squares), np.concatenate(lifts)
 
 
 WORDS = {  # of inputs, the best known first

@@ -33,22 +33,11 @@ DELAYS = (
 )  # of thrust behind a commanded throttle that are tried [s]; own choice
 LEAST_SECONDS = 3.0  # of a flight whose torque is looked at [s]; own choice
 
-Assignment = tuple[
-    tuple[int, ...], tuple[float, ...]
-]  # rotor of the file, from 0, and direction, by column
-
-
-@dc.dataclass(frozen=True)
-class Evidence:
-    """What one flight tells of its m possible assignments, for d delays of thrust behind a
-    throttle.
-
-    correlations: (d, m, 3) with the torque that turned the vehicle, about x, y, z [1].
-    scores: (d, m) log likelihood ratio to no relation [nat].
-    """
-
-    correlations: np.ndarray
-    scores: np.ndarray
+Assignment = tuple[tuple[int, ...], tuple[float, ...]]  # rotor of the file, direction; by column
+# Of one flight, of its m possible assignments, for d delays of thrust behind a throttle:
+# correlations (d, m, 3) with the torque that turned the vehicle [1], and scores (d, m), log
+# likelihood ratios to no relation [nat].
+Evidence = tuple[np.ndarray, np.ndarray]
 
 
 def given(vehicle: Vehicle) -> Assignment:
@@ -99,7 +88,7 @@ def evidence(log: FlightLog, vehicle: Vehicle) -> Evidence | None:
     correlations = np.stack(found)
     samples = 2 * (_upper(log) - BAND[0]) * (log.t[-1] - log.t[0])
     left = np.maximum(1 - np.maximum(correlations, 0.0) ** 2, 1e-12)
-    return Evidence(correlations, -0.5 * samples * np.log(left).sum(axis=2))
+    return correlations, -0.5 * samples * np.log(left).sum(axis=2)
 
 
 def torque_agreement(log: FlightLog, vehicle: Vehicle) -> tuple[np.ndarray, np.ndarray] | None:
@@ -208,14 +197,14 @@ def rotor_orders(
     """
     if not seen:
         return None
-    total = np.sum(np.stack(np.broadcast_arrays(*(e.scores for e in seen))), axis=0)
+    total = np.sum(np.stack(np.broadcast_arrays(*(scores for _, scores in seen))), axis=0)
     delay, likeliest = np.unravel_index(np.argmax(total), total.shape)
 
     def row(values: np.ndarray) -> np.ndarray:
         return values[min(int(delay), len(values) - 1)]
 
-    weights = [max(float(row(e.scores)[likeliest]), 1e-12) for e in seen]
-    correlations = np.average([row(e.correlations) for e in seen], axis=0, weights=weights)
+    weights = [max(float(row(scores)[likeliest]), 1e-12) for _, scores in seen]
+    correlations = np.average([row(own) for own, _ in seen], axis=0, weights=weights)
     known = assignments(vehicle)
     orders = [
         RotorOrder(*each, (float(r[0]), float(r[1]), float(r[2])), float(score))
@@ -244,7 +233,7 @@ def in_vehicle_order(
     note where not so.
 
     What the log states of its rotors counts first, and what turns the vehicle last. The order that
-    all flights together tell is taken, unless this log by itself is sure of another.
+    all flights together tell is taken.
 
     Args:
         flights: of one log, with a layout where its autopilot states one.
@@ -253,36 +242,13 @@ def in_vehicle_order(
         the rotors of the
     file turn or lie otherwise, in no order of the columns.
     """
-    own = torques_seen(flights, vehicle)
-    stated = [_in_stated_order(log, vehicle) for log in flights]
+    seen = torques_seen(flights, vehicle) if seen is None else seen
     out = []
-    for log, placed in zip(flights, stated, strict=True):
-        found = rotor_orders((seen or own).get(log.layout, ()), vehicle)
-        alone = rotor_orders(own.get(log.layout, ()), vehicle)
-        if found is not None and alone is not None:
-            taken, mine = _taken(*found, vehicle), _taken(*alone, vehicle)
-            same = next(
-                o for o in alone[1] if (o.rotors, o.directions) == (taken.rotors, taken.directions)
-            )
-            found = alone if mine.score - same.score > SURE else found
+    for log in flights:
+        placed = _in_stated_order(log, vehicle)
+        found = rotor_orders(seen.get(log.layout, ()), vehicle)
         out.append(placed if found is None else _ordered(log, placed, vehicle, *found))
     return out
-
-
-def _taken(own: RotorOrder, orders: Sequence[RotorOrder], vehicle: Vehicle) -> RotorOrder:
-    """Return the order of the file unless another is found that is far likelier; one of its rotors
-    where one can be.
-    """
-    best = orders[0]
-    if not _better(best, own):
-        return own
-    as_built = _as_built(orders, vehicle)  # columns in another order, of the vehicle as in its file
-    return as_built[0] if len(as_built) == 1 else best
-
-
-def _as_built(orders: Sequence[RotorOrder], vehicle: Vehicle) -> list[RotorOrder]:
-    """Return the likely orders in which the rotors turn as in the vehicle file."""
-    return [o for o in orders if orders[0].score - o.score < SURE and o.follows(vehicle)]
 
 
 def _ordered(
@@ -295,10 +261,13 @@ def _ordered(
     """Return a log, in its stated order, in that of the vehicle file, and a note where these
     differ.
     """
-    best = _taken(own, orders, vehicle)
-    if best is own:
+    best = orders[0]
+    if not _better(best, own):
         return log
-    as_built = _as_built(orders, vehicle)
+    # Likely orders of the columns in which the rotors turn as in the vehicle file.
+    as_built = [o for o in orders if best.score - o.score < SURE and o.follows(vehicle)]
+    if len(as_built) == 1:
+        best = as_built[0]
     stated = _stated_order(given_log, vehicle)
     logged = dc.replace(
         best,

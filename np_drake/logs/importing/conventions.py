@@ -276,42 +276,38 @@ def _alternatives(raw: Values, log_map: LogMap) -> Iterator[Change]:
         yield tuple((f"{name}.world", _other(WORLDS, own)) for name, own in worlds.items())
     for name in raw:
         for options in _of_quantity(name, log_map):
-            if "attitude" not in raw and ("kind" in options or "axes" in options):
-                continue  # of the body alone
-            yield tuple((f"{name}.{option}", value) for option, value in options.items())
+            if "attitude" in raw or not {"kind", "axes"} & options.keys():  # else of the body alone
+                yield tuple((f"{name}.{option}", value) for option, value in options.items())
 
 
-def _of_quantity(name: str, log_map: LogMap) -> Iterator[dict[str, Any]]:
+def _of_quantity(name: str, log_map: LogMap) -> list[dict[str, Any]]:
     source = getattr(log_map, name)
     world, body = log_map.frames(source)
     axes = source.axes_of(name)
+    out: list[dict[str, Any]] = []
     if name == "acceleration":
-        for kind, other in itertools.product(("specific_force", "acceleration"), ("body", "world")):
-            if (kind, other) != (source.kind or "specific_force", axes):
-                yield {"kind": kind, "axes": other}
-    if name == "attitude" and len(source.columns) != 3:
-        yield {"order": _other(("wxyz", "xyzw"), source.order)}
-    elif name == "attitude":
-        yield {"unit": "deg" if source.unit in ("", "1", "rad") else "rad"}
+        own = {"kind": source.kind or "specific_force", "axes": axes}
+        kinds = itertools.product(("specific_force", "acceleration"), ("body", "world"))
+        out = [other for k, a in kinds if (other := {"kind": k, "axes": a}) != own]
     if name == "attitude":
-        yield {"direction": _other(("body_to_world", "world_to_body"), source.direction)}
+        euler = len(source.columns) == 3
+        turned = {"unit": "deg" if source.unit != "deg" else "rad"}
+        out.append(turned if euler else {"order": _other(("wxyz", "xyzw"), source.order)})
+        out.append({"direction": _other(("body_to_world", "world_to_body"), source.direction)})
     if name == "attitude" or (axes == "world" and name in VECTORS):
-        yield {"world": _other(WORLDS, world)}
+        out.append({"world": _other(WORLDS, world)})
     if name == "attitude" or (axes == "body" and name in VECTORS):
-        yield {"body": _other(BODIES, body)}
+        out.append({"body": _other(BODIES, body)})
     if name in ("velocity", "rates"):
-        yield {"axes": _other(("world", "body"), axes)}
-    own = source.unit or _UNITS.get(name, ("",))[0]
-    yield from ({"unit": unit} for unit in _UNITS.get(name, ()) if unit != own)
+        out.append({"axes": _other(("world", "body"), axes)})
+    units = _UNITS.get(name, ())
+    out += [{"unit": unit} for unit in units if unit != (source.unit or units[0])]
     if name in ("acceleration", "thrust", "velocity"):
-        yield {"scale": -source.scale}
+        out.append({"scale": -source.scale})
     if name in HANDED and len(source.columns) == 3:
-        for axis in range(3):
-            yield {
-                "signs": [
-                    -sign if i == axis else sign for i, sign in enumerate(source.signs or [1, 1, 1])
-                ]
-            }
+        signs = np.array(source.signs or [1, 1, 1])
+        out += [{"signs": (signs * (1 - 2 * axis)).tolist()} for axis in np.eye(3, dtype=int)]
+    return out
 
 
 HANDED = (

@@ -158,12 +158,12 @@ def _by_the_lift(flown: Mapping[str, Sequence[FlightLog]]) -> tuple[str, str]:
     able, said = {}, []
     for unit, flights in flown.items():
         try:
-            fit = lift_fit(flights)
+            exponent, strength, loss = lift_fit(flights)
         except LogError:
             continue  # a throttle that carries nothing
-        said.append(f"thrust goes with the power {fit.exponent:.2g} of {READ[unit]}")
-        if fit.strength <= STRONGEST:
-            able[unit] = fit.loss
+        said.append(f"thrust goes with the power {exponent:.2g} of {READ[unit]}")
+        if strength <= STRONGEST:
+            able[unit] = loss
     ranked = sorted(able, key=lambda unit: able[unit])
     told = len(able) == 1 or (len(able) > 1 and able[ranked[1]] - able[ranked[0]] > SURE)
     return (ranked[0] if told else ""), ", ".join(said)

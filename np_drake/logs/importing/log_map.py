@@ -35,6 +35,14 @@ UNITS: dict[str, dict[str, float]] = {  # by quantity: factor to SI
     "commanded_rates": {"rad/s": 1.0, "deg/s": 0.017453292519943295},
     "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9},
 }
+WORDS = {  # of the options of a source
+    "axes": ("", "world", "body"),
+    "kind": ("", "specific_force", "acceleration"),
+    "order": ("wxyz", "xyzw"),
+    "world": ("", *WORLDS),
+    "body": ("", *BODIES),
+    "direction": ("body_to_world", "world_to_body"),
+}
 SIZES: dict[str, tuple[int, ...]] = {  # number of columns
     "position": (3,),
     "velocity": (3,),
@@ -257,49 +265,44 @@ def load_map_file(name: str | Path) -> MapFile:
 
 
 def _check_source(name: str, source: Source, known: tuple[int, ...]) -> None:
-    if len(source.columns) not in known:
+    count, usual = len(source.columns), next(iter(UNITS[name]))
+    if count not in known:
         sizes = " or ".join(map(str, known))
-        raise ValueError(f"LogMap: {name} must name {sizes} columns; got {len(source.columns)}.")
+        raise ValueError(f"LogMap: {name} must name {sizes} columns; got {count}.")
     _one_of(f"{name}.unit", source.unit, ("", *UNITS[name]))
-    _one_of(f"{name}.axes", source.axes, ("", "world", "body"))
-    _one_of(f"{name}.kind", source.kind, ("", "specific_force", "acceleration"))
-    _one_of(f"{name}.order", source.order, ("wxyz", "xyzw"))
-    _one_of(f"{name}.world", source.world, ("", *WORLDS))
-    _one_of(f"{name}.body", source.body, ("", *BODIES))
-    _one_of(f"{name}.direction", source.direction, ("body_to_world", "world_to_body"))
-    if source.signs and (
-        len(source.signs) != len(source.columns) or {abs(sign) for sign in source.signs} != {1.0}
-    ):
-        got = f"got {source.signs} for {len(source.columns)} columns"
-        raise ValueError(
-            f"LogMap: {name}.signs must be 1 or -1 for each column, as [1, -1, 1]; {got}."
-        )
-    if source.scale == 0 or not abs(source.scale) < 1e12:
-        raise ValueError(f"LogMap: {name}.scale must be finite and not zero; got {source.scale}.")
-    if source.ends and (
-        name not in ("throttle", "hover_throttle")
-        or len(source.ends) not in (2, 2 * len(source.columns))
-        or not all(
-            abs(low) < 1e6 and low < high < 1e6
-            for low, high in zip(source.ends[::2], source.ends[1::2], strict=True)
-        )
-    ):
-        raise ValueError(
-            f"LogMap: {name}.ends must be the readings of a throttle at 0 and at 1, once "
-            f"or for every column; got "
-            f"{source.ends}."
-        )
-    electrical = source.unit == "erpm"
-    if electrical != bool(source.pole_pairs) or not 0 <= source.pole_pairs <= MOST_POLE_PAIRS:
-        raise ValueError(
-            f"LogMap: {name}.pole_pairs must be 1 to {MOST_POLE_PAIRS} with unit: erpm, "
-            f"and 0 with any other; got "
-            f"{source.pole_pairs} with unit: {source.unit or next(iter(UNITS[name]))}. It "
-            f"is half the count of the "
-            "magnets of a motor."
-        )
-    if not abs(source.late or 0.0) <= 10:
-        raise ValueError(f"LogMap: {name}.late must be within 10 s; got {source.late}.")
+    for option, words in WORDS.items():
+        _one_of(f"{name}.{option}", getattr(source, option), words)
+    pairs = list(zip(source.ends[::2], source.ends[1::2], strict=False))
+    signs = [abs(sign) for sign in source.signs]
+    checks = [
+        (
+            f"signs must be 1 or -1 for each column, as [1, -1, 1]; got {source.signs} for "
+            f"{count} columns",
+            not signs or signs == [1.0] * count,
+        ),
+        (f"scale must be finite and not zero; got {source.scale}", 0 < abs(source.scale) < 1e12),
+        (
+            "ends must be the readings of a throttle at 0 and at 1, once or for every column; got "
+            f"{source.ends}",
+            not source.ends
+            or (
+                name in ("throttle", "hover_throttle")
+                and len(source.ends) in (2, 2 * count)
+                and all(abs(low) < 1e6 and low < high < 1e6 for low, high in pairs)
+            ),
+        ),
+        (
+            f"pole_pairs must be 1 to {MOST_POLE_PAIRS} with unit: erpm, and 0 with any other; got "
+            f"{source.pole_pairs} with unit: {source.unit or usual}. It is half the count of the "
+            "magnets of a motor",
+            (source.unit == "erpm") == bool(source.pole_pairs)
+            and 0 <= source.pole_pairs <= MOST_POLE_PAIRS,
+        ),
+        (f"late must be within 10 s; got {source.late}", abs(source.late or 0.0) <= 10),
+    ]
+    for what, holds in checks:
+        if not holds:
+            raise ValueError(f"LogMap: {name}.{what}.")
 
 
 def _one_of(field: str, value: str, known: tuple[str, ...]) -> None:

@@ -31,7 +31,6 @@ from np_drake.logs.importing.conventions import (
 from np_drake.logs.importing.laws import FASTEST_ROTOR, WINDOW, stretches
 from np_drake.logs.importing.log_map import GRAVITY, UNITS, LogMap, convert_quantity
 from np_drake.logs.importing.signals import FASTER, Signals, clock_of, collective, is_slow
-from np_drake.training_data.accelerations import LIFT_BAND, lift_over_weight
 
 MOVED = 0.05  # from where it rests before and after the flight [m]; own choice
 # share of the usual lift below which they carry no vehicle, even one that lost its load [1]; own
@@ -62,21 +61,29 @@ def standing(t: np.ndarray, p: np.ndarray, lift: np.ndarray, usual: float = 0.0)
     """
     out = np.zeros(len(t), bool)
     share = lift / (usual or usual_lift(lift))
-    for start, stop in stretches(share < RUNNING):
-        at_end = stop - start >= LEAST_ROWS and (start == 0 or stop == len(t))
-        if not (at_end or t[stop - 1] - t[start] >= STANDS) or _falls(
-            t[start:stop], p[start:stop, 2]
-        ):
+    for start, stop in _idle(t, share):
+        if _falls(t[start:stop], p[start:stop, 2]):
             continue
         drifts = np.linalg.norm(p[start:stop] - p[start], axis=1).max() > MOVED
         if drifts and np.median(share[start:stop]) > STOPPED:
             continue
         before = np.flatnonzero(np.linalg.norm(p[:start] - p[start], axis=1) > MOVED)
         after = np.flatnonzero(np.linalg.norm(p[stop:] - p[stop - 1], axis=1) > MOVED)
-        out[
-            (before[-1] + 1 if before.size else 0) : (stop + after[0] if after.size else len(t))
-        ] = True
+        first = before[-1] + 1 if before.size else 0
+        out[first : stop + after[0] if after.size else len(t)] = True
     return out
+
+
+def _idle(t: np.ndarray, share: np.ndarray) -> list[tuple[int, int]]:
+    """Return the stretches in which rotors give a small share of their usual lift (n,), for long or
+    at an end of the log.
+    """
+    return [
+        (start, stop)
+        for start, stop in stretches(share < RUNNING).tolist()
+        if (stop - start >= LEAST_ROWS and (start == 0 or stop == len(t)))
+        or t[stop - 1] - t[start] >= STANDS
+    ]
 
 
 def standing_by_force(
@@ -93,10 +100,8 @@ def standing_by_force(
         usual: lift in flight, in that unit; 0: that of these rows.
     """
     out = np.zeros(len(t), bool)
-    for start, stop in stretches(lift / (usual or usual_lift(lift)) < RUNNING):
-        at_end = stop - start >= LEAST_ROWS and (start == 0 or stop == len(t))
-        carried = np.median(force[start:stop]) > RUNNING * GRAVITY
-        out[start:stop] = carried and (at_end or t[stop - 1] - t[start] >= STANDS)
+    for start, stop in _idle(t, lift / (usual or usual_lift(lift))):
+        out[start:stop] = np.median(force[start:stop]) > RUNNING * GRAVITY
     return out
 
 
@@ -175,79 +180,18 @@ ABOVE = 0.3  # height over the ground of a flight [m]; own choice
 # Acceleration over g of an impact, and time over which it acts [1, s]; own choice: a landing is
 # softer.
 IMPACT, BLOW = 3.0, 0.1
+CRASHES = ", where the vehicle crashes"
 FITS = "fits "  # beginning of a note that not all of a log is taken
 # what is said of a log of nothing else
 WRECK = "must hold a flight; the vehicle lies still and tilted."
-CARRIED, FALLS = (
-    0.3,
-    0.3,
-)  # lift over the weight in a fall [1], and its least duration [s]; own choice
-
-
-def end_of_flight(
-    t: np.ndarray,
-    p: np.ndarray,
-    v: np.ndarray,
-    q: np.ndarray,
-    lift: np.ndarray,
-    *,
-    moves: bool = True,
-) -> tuple[int, str]:
-    """Return the row at which a flight ends that ends badly, and why; all rows and nothing where it
-    does not.
-
-    Args:
-        t: (n,) [s].
-        p: (n, 3) position in W [m].
-        v: (n, 3) velocity in W [m/s].
-        q: (n, 4) attitude, body to W.
-        lift: (n,) of the rotors in any unit; NaN where the log does not tell it.
-        moves: whether the log tells velocity; without, no wreck is seen to rest.
-    """
-    crash, fall = before_the_crash(t, p, v, q) if moves else len(t), before_the_fall(t, v, q, lift)
-    if min(crash, fall) == len(t):
-        return len(t), ""
-    return (
-        (crash, "the vehicle crashes")
-        if crash <= fall
-        else (fall, "the rotors carry it no longer though they run")
-    )
 
 
 def fits_until(time: float, why: str = "") -> str:
-    """Return the note of a log whose end is left out.
-
-    Args:
-        time: until which it is taken [s].
-    """
-    return f"{FITS}until {time:.1f} s{f', where {why}' * bool(why)}; what follows is left out"
+    """Return the note of a log that is taken until a time [s]."""
+    return f"{FITS}until {time:.1f} s{why}; what follows is left out"
 
 
-def before_the_fall(t: np.ndarray, v: np.ndarray, q: np.ndarray, lift: np.ndarray) -> int:
-    """Return the row at which the vehicle begins to fall although its rotors run; all rows where it
-    does not.
-
-    Args:
-        t: (n,) [s].
-        v: (n, 3) velocity in W [m/s].
-        q: (n, 4) attitude, body to W.
-        lift: (n,) of the rotors in any unit.
-    """
-    carried = lift_over_weight(t, v, q, GRAVITY)
-    flying = carried > 1 - CARRIED  # or on the ground, which carries
-    for start, stop in stretches(carried < CARRIED):
-        # The rotors of a vehicle that falls may run faster than in flight: what came before tells
-        # the usual lift.
-        if not np.any(flying[:start]) or np.median(carried[:start]) < 1 - CARRIED:
-            continue
-        runs = lift[start:stop] > RUNNING * usual_lift(lift[:start][flying[:start]])
-        for first, last in start + stretches(runs) - [0, 1]:
-            if t[last] - t[first] >= FALLS:
-                return max(int(np.searchsorted(t, t[first] - 0.5 / LIFT_BAND)), 0)
-    return len(t)
-
-
-def before_the_crash(t: np.ndarray, p: np.ndarray, v: np.ndarray, q: np.ndarray) -> int:
+def end_of_flight(t: np.ndarray, p: np.ndarray, v: np.ndarray, q: np.ndarray) -> int:
     """Return the row at which a flight ends that ends as a wreck; all rows where it does not.
 
     A wreck is at rest, tilted as none can hover, or after an impact where the flight is lowest. The
@@ -333,12 +277,13 @@ def import_part(
     if carried:
         require_ranges(aligned.values, log_map, path)
         x, lift = aligned.values, lift_of(aligned.values)
-        motion = (x["position"], x["velocity"], x["attitude"])
-        end, why = end_of_flight(aligned.t, *motion, lift, moves="velocity" not in lacks)
+        end = len(aligned.t)
+        if "velocity" not in lacks:  # without, no wreck is seen to rest
+            end = end_of_flight(aligned.t, x["position"], x["velocity"], x["attitude"])
         if end < LEAST_ROWS:
             raise LogError(f"{path}: {WRECK}")
-        if why:
-            said.append(fits_until(aligned.t[end - 1] - origin, why))
+        if end < len(aligned.t):
+            said.append(fits_until(aligned.t[end - 1] - origin, CRASHES))
         aligned = aligned.until(end)
         if "height" in lacks and "acceleration" in x:
             force = np.linalg.norm(x["acceleration"][:end] + [0.0, 0.0, GRAVITY], axis=1)
@@ -465,9 +410,8 @@ def imported_parts(
         flight.
     """
     moving = [flies(signals, log_map) for signals in parts]
-    by_length = sorted(
-        range(len(parts)), key=lambda k: (not moving[k], -np.ptp(clock_of(parts[k]).t))
-    )
+    length = [np.ptp(clock_of(signals).t) for signals in parts]
+    by_length = sorted(range(len(parts)), key=lambda k: (not moving[k], -length[k]))
     parts, log_map, said = on_one_clock(parts, parts[by_length[0]], log_map)
     done: dict[int, Part] = {}
     failure: LogError | None = None
@@ -493,11 +437,11 @@ def imported_parts(
                 raise
             failure = failure or error
             wrong = (
-                "does not agree with itself"
+                "does not agree with"
                 if isinstance(error, WrongConventions)
-                else "is no flight log by itself"
+                else "is no flight log by"
             )
-            said.append(f"{span} {wrong}; left out")
+            said.append(f"{span} {wrong} itself; left out")
     if failure is not None and not done:
         raise failure
     if max(done) < len(parts) - 1 and not any(line.startswith(FITS) for line in said):

@@ -194,8 +194,6 @@ def clock_of(signals: Signals) -> Signal:
     return signals["attitude" if "attitude" in signals else "rates"]
 
 
-# share of samples earlier than one before them from which these are another log [1]; own choice
-BACK = 0.1
 LEAST_NORM = 1e-3  # of a quaternion that is one, of whatever length [1]; own choice
 OPTIONAL = (
     "voltage",
@@ -215,7 +213,6 @@ def gather(recording: Recording, log_map: LogMap) -> tuple[Signals, list[str]]:
     notes: list[str] = []
     for name, source in log_map.sources():
         signal = _assembled(recording, source)
-        _require_one_log(signal, f"{recording.path}, {name}")
         signal, reasons = _cleaned(
             signal, quaternion=name == "attitude" and len(source.columns) == 4
         )
@@ -275,22 +272,6 @@ def _assembled(recording: Recording, source: Source) -> Signal:
             )
         columns.append(values)
     return Signal(np.asarray(t, float) - (source.late or 0.0), np.stack(columns, axis=1))
-
-
-def _require_one_log(signal: Signal, place: str) -> None:
-    """Check that time runs forward, but for a few samples; LogError if it does not, as in two logs
-    in one file.
-    """
-    t = signal.t[np.isfinite(signal.t)]
-    latest = np.maximum.accumulate(t)
-    back = np.flatnonzero(t < latest)
-    if len(back) > BACK * len(t):
-        row = back[0]
-        raise LogError(
-            f"{place}: time must increase; {len(back)} of {len(t)} samples run back, the "
-            f"first from {latest[row]:.9g} "
-            f"to {t[row]:.9g} s. Split the file there if it holds two logs, or sort its rows."
-        )
 
 
 def _cleaned(signal: Signal, *, quaternion: bool) -> tuple[Signal, str]:
