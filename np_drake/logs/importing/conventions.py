@@ -37,8 +37,7 @@ from np_drake.logs.importing.log_map import (
 )
 from np_drake.logs.importing.signals import Signals, clock_of
 
-DOUBTED = 0.15  # misfit above which conventions that agree better are looked for [1]; own choice
-BETTER = 3.0  # factor by which these must agree better [1]; own choice
+DOUBTED = 0.15  # misfit above which a part of a log may be disturbed [1]; own choice
 SHORTEST, LONGEST = 1e-4, 0.2  # interval of a state in a flight log [s]; own choice
 SEARCHED = 2000  # rows on which other conventions are tried; own choice
 LEAST_SECONDS = 1.0  # of a log whose unit of time is found by its rate alone [s]; own choice
@@ -87,7 +86,6 @@ def check_conventions(t: np.ndarray, raw: Values, log_map: LogMap) -> Verdict:
     """Check the conventions of a log, and search for those that agree where the declared ones do
     not.
 
-    A law fails where its misfit is large, or where another convention makes it many times smaller.
     The lift is no law of kinematics: where it alone fails and no other convention makes it hold,
     another force acts, as of a payload. Nor does an axis refuse a log whose noise explains what
     disagrees, as of a gyro that drifts (`told_by_noise`).
@@ -99,35 +97,28 @@ def check_conventions(t: np.ndarray, raw: Values, log_map: LogMap) -> Verdict:
     x = convert(raw, log_map)
     own = misfits(t, x)
     failed = tuple(failing(own))
-    doubted = [law for law, misfit in own.items() if misfit > DOUBTED and law not in failed]
-    if not failed and not doubted:
+    if not failed:
         return Verdict(own, ())
     singles = list(_alternatives(raw, log_map))
+    several = [change for change in singles if not change[0][0].endswith(".signs")]
     part = liveliest(raw, len(t))
     trial = Trial(t[part], {name: values[part] for name, values in raw.items()})
-    for count in range(1, MOST_CHANGES + 1 if failed else 2):
+    for count in range(1, MOST_CHANGES + 1):
         found = []
-        tried = (
-            singles
-            if count == 1
-            else [change for change in singles if not change[0][0].endswith(".signs")]
-        )
-        for chosen in itertools.combinations(tried, count):
+        for chosen in itertools.combinations(singles if count == 1 else several, count):
             change = tuple(itertools.chain(*chosen))
             if len({option for option, _ in change}) < len(change):
                 continue
             now = trial.misfits(changed(log_map, change))
-            if not all(misfit < AGREES for misfit in now.values()):
+            if any(misfit >= AGREES for misfit in now.values()):
                 continue
             if len(t[part]) < len(t):
                 now = misfits(t, convert(raw, changed(log_map, change)), everything=True)
-            if _agrees(now, own) if failed else _agrees_better(now, own, doubted):
+            if _agrees(now, own):
                 found.append((sum(m**2 for m in now.values()), change))
         if found:
-            found.sort(key=lambda pair: pair[0])
-            return Verdict(
-                own, failed or tuple(doubted), found[0][1], tuple(change for _, change in found[1:])
-            )
+            changes = [change for _, change in sorted(found, key=lambda pair: pair[0])]
+            return Verdict(own, failed, changes[0], tuple(changes[1:]))
     aside = told_by_noise(own)
     disturbed = all(
         law in aside or (law.startswith("lift") and own[law] < OPPOSED) for law in failed
@@ -250,18 +241,6 @@ def _agrees(now: Misfits, own: Misfits) -> bool:
     laws = {law.split()[0] for law in own}
     return laws <= {law.split()[0] for law in now} and all(
         misfit < AGREES for misfit in now.values()
-    )
-
-
-def _agrees_better(now: Misfits, own: Misfits, doubted: list[str]) -> bool:
-    """Return whether the doubted laws hold many times better, and no other gets as bad as these
-    were.
-    """
-    better = all(law in now and BETTER * now[law] < own[law] for law in doubted)
-    return (
-        better
-        and _agrees(now, own)
-        and all(m < max(DOUBTED, own.get(law, 0.0)) for law, m in now.items())
     )
 
 

@@ -86,25 +86,6 @@ def _idle(t: np.ndarray, share: np.ndarray) -> list[tuple[int, int]]:
     ]
 
 
-def standing_by_force(
-    t: np.ndarray, force: np.ndarray, lift: np.ndarray, usual: float = 0.0
-) -> np.ndarray:
-    """Return the rows (n,) at which the vehicle stands on the ground, as `standing`, of a log
-    without position.
-
-    Args:
-        t: (n,) [s].
-        force: (n,) size of the specific force [m/s²]: that of the ground, as long as it does not
-            fall.
-        lift: (n,) of the rotors in any unit.
-        usual: lift in flight, in that unit; 0: that of these rows.
-    """
-    out = np.zeros(len(t), bool)
-    for start, stop in _idle(t, lift / (usual or usual_lift(lift))):
-        out[start:stop] = np.median(force[start:stop]) > RUNNING * GRAVITY
-    return out
-
-
 def _falls(t: np.ndarray, z: np.ndarray) -> bool:
     """Return whether heights z (n,) are those of a fall that nothing but the rotors, idle,
     delays.
@@ -285,11 +266,7 @@ def import_part(
         if end < len(aligned.t):
             said.append(fits_until(aligned.t[end - 1] - origin, CRASHES))
         aligned = aligned.until(end)
-        if "height" in lacks and "acceleration" in x:
-            force = np.linalg.norm(x["acceleration"][:end] + [0.0, 0.0, GRAVITY], axis=1)
-            ground = standing_by_force(aligned.t, force, lift[:end], usual)
-        else:
-            ground = standing(aligned.t, aligned.values["position"], lift[:end], usual)
+        ground = standing(aligned.t, aligned.values["position"], lift[:end], usual)
     flights = _flights(_with_collective(aligned, signals, log_map), ground, log_map)
     flights = [
         dc.replace(flight, lacks=lacks, notes=[*flight.notes, *derived]) for flight in flights

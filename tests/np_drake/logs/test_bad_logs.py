@@ -1,7 +1,6 @@
 """Bad input gets one line with file, column, row and remedy; a few bad rows can be repaired."""
 
 import dataclasses as dc
-import gzip
 
 import numpy as np
 import pytest
@@ -108,66 +107,7 @@ def test_a_fault_is_named_with_its_place_in_one_line(columns, tmp_path, fault):
     assert "\n" not in str(error.value)
 
 
-TEXTS = {  # content of the file: what the message must say
-    "empty": ("", "empty"),
-    "no header": ("0.0,1.0\n0.1,1.0\n", "header"),
-    "semicolons": ("t;px;py\n0;1;2\n", "comma-separated"),
-    "double column": ("t,px,px\n0,1,2\n", "column px.*once"),
-}
-
-
-@pytest.mark.parametrize("case", TEXTS)
-def test_a_file_that_is_no_log_is_refused(tmp_path, case):
-    text, message = TEXTS[case]
-    (tmp_path / "made.csv").write_text(text)
-    with pytest.raises(LogError, match=f"made.csv.*{message}"):
-        read_flights(tmp_path / "made.csv")[0]
-
-
-def test_bytes_that_are_no_text_are_refused(tmp_path):
-    (tmp_path / "made.csv").write_bytes(b"\x80\x04\x95\xff\xfe")
-    with pytest.raises(LogError, match="text file"):
-        read_flights(tmp_path / "made.csv")[0]
-
-
 # Named, and without the time of writing: pytest's workers must collect the same names.
-@pytest.mark.parametrize(
-    "content",
-    [b"no gzip at all", gzip.compress(b"t,px\n" * 1000, mtime=0)[:-20]],
-    ids=["no gzip", "cut off"],
-)
-def test_a_broken_gzip_is_refused(tmp_path, content):
-    (tmp_path / "made.csv.gz").write_bytes(content)
-    with pytest.raises(LogError, match="gzip"):
-        read_flights(tmp_path / "made.csv.gz")[0]
-
-
-@pytest.mark.parametrize(
-    "content, reason",
-    [
-        (b"PAR1 but cut off", "Parquet magic bytes not found in footer"),
-        (b"", "Parquet file size is 0 bytes"),
-        (b"PAR1" + bytes(50) + b"PAR1", "Couldn't deserialize thrift: .*"),
-    ],
-    ids=["cut off", "empty", "hollow"],
-)
-def test_a_broken_parquet_is_refused_in_whole_sentences(tmp_path, content, reason):
-    pytest.importorskip("pyarrow", reason="Parquet needs pyarrow")
-    (tmp_path / "made.parquet").write_bytes(content)
-    line = rf"made\.parquet: must be a whole Parquet file; {reason}\. Copy it again\.$"
-    with pytest.raises(LogError, match=line):
-        read_flights(tmp_path / "made.parquet")[0]
-
-
-def test_a_word_in_a_cell_is_named(flight, tmp_path):
-    write_log(flight, tmp_path / "made.csv")
-    lines = (tmp_path / "made.csv").read_text().splitlines()
-    lines[4] = "oops" + lines[4][lines[4].index(",") :]
-    (tmp_path / "made.csv").write_text("\n".join(lines))
-    with pytest.raises(LogError, match=r"column t, row 4 \(line 5\): must be a number; got 'oops'"):
-        read_flights(tmp_path / "made.csv")[0]
-
-
 def test_a_file_cut_off_is_named_and_can_be_repaired(flight, tmp_path):
     write_log(flight, tmp_path / "made.csv")
     text = (tmp_path / "made.csv").read_text()
@@ -206,13 +146,6 @@ def test_a_few_bad_rows_are_repaired_only_if_asked_and_the_log_says_so(
     )  # a row at either end is held, not drawn on [SI]
     assert len(dut.notes) == 1
     assert note in dut.notes[0]
-
-
-def test_a_missing_command_is_held_not_interpolated(flight, columns, tmp_path):
-    columns["thrust"][50] = np.nan
-    write_csv(tmp_path / "made.csv", columns)
-    dut = read_flights(tmp_path / "made.csv", repair=True)[0]
-    assert dut.u[50, 0] == flight.u[49, 0]
 
 
 def test_an_attitude_is_bridged_on_the_short_way_round(flight, columns, tmp_path):
@@ -261,7 +194,7 @@ def test_a_bias_of_the_velocity_that_turns_with_the_body_is_no_wrong_unit(flight
         check_units(dc.replace(spinning, p=0 * p), "x.csv")
 
 
-@pytest.mark.parametrize("name", ["px", "qw", "wx", "ax", "thrust", "tx"])
+@pytest.mark.parametrize("name", ["px", "thrust"])
 def test_a_cell_of_absurd_size_is_named_without_a_warning(columns, tmp_path, name, recwarn):
     columns[name][5] = 1e300
     write_csv(tmp_path / "made.csv", columns)
@@ -272,20 +205,6 @@ def test_a_cell_of_absurd_size_is_named_without_a_warning(columns, tmp_path, nam
         open_flights(tmp_path / "made.csv", Vehicle())[0][0]
     assert read_flights(tmp_path / "made.csv", repair=True)[0].notes
     assert not recwarn.list
-
-
-def test_biases_and_noise_are_no_wrong_units(flight, tmp_path):
-    draw = np.random.default_rng(0)
-    hover = dc.replace(
-        flight,
-        p=draw.normal(size=(600, 3)) * 0.005,
-        v=draw.normal(size=(600, 3)) * 0.02 + 0.3,
-        a=draw.normal(size=(600, 3)) * 0.5 + 0.5,
-        q=np.tile([1.0, 0, 0, 0], (600, 1)),
-        w=draw.normal(size=(600, 3)) * 0.05 + 0.2,
-    )
-    write_log(hover, tmp_path / "made.csv")
-    assert len(open_flights(tmp_path / "made.csv", Vehicle())[0][0]) == 600
 
 
 def test_a_vehicle_on_its_back_that_its_thrust_carries_is_refused(flight):
@@ -311,6 +230,6 @@ def test_a_flight_that_tumbles_is_no_wrong_sign(flight):
 def test_a_noisy_velocity_of_the_right_sign_is_never_the_opposite(flight, share):
     draw = np.random.default_rng(5)
     p, v = share * flight.p, share * flight.v
-    for _ in range(20):
+    for _ in range(5):
         noisy = dc.replace(flight, p=p, v=v + 0.3 * draw.normal(size=v.shape), a=None)
         check_units(noisy, "x.csv")

@@ -1,6 +1,5 @@
 """Laws of neighbours' logs: whose they are, on which clock, and what is refused."""
 
-import dataclasses as dc
 from pathlib import Path
 
 import numpy as np
@@ -33,11 +32,6 @@ def test_a_neighbour_is_on_the_clock_of_the_flight():
     np.testing.assert_allclose(path.at(5.0), [105.0, 0.0, 2.0], atol=1e-9)
     assert np.isnan(path.at(2.9)).all()
     assert "beside b for 70 % of the flight" in dut.notes[-1]
-
-
-def test_a_flight_without_a_neighbour_is_as_it_was():
-    plain = log()
-    assert with_neighbours([plain], {}, LEAST) == [plain]
 
 
 def test_of_a_log_in_parts_those_of_the_time_are_taken():
@@ -95,11 +89,3 @@ def test_the_sheet_of_an_import_keeps_the_clock(tmp_path):
     (tmp_path / "a.import.yaml").write_text("timing: 0.0\nstart: .nan\n")
     with pytest.raises(LogError, match="start must be a time"):
         read_sheet(tmp_path / "a.csv")
-
-
-def test_a_part_of_a_flight_keeps_clock_and_neighbours():
-    dut = dc.replace(
-        with_neighbours([log()], {"a": [log("b", height=2.0)]}, LEAST)[0], start=7.0
-    ).rows(100, 200)
-    assert (dut.start, dut.t[0]) == (7.0, 1.0)
-    assert [path.name for path in dut.neighbours] == ["b"]

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from np_drake.flight_log import FlightLog
-from np_drake.logs.errors import LogError
 from np_drake.logs.inputs import (
     USUAL,
     VOLTAGE,
@@ -95,18 +94,6 @@ def test_the_map_of_the_vehicle_file_is_taken_as_it_is():
     assert log.throttle is not None
     np.testing.assert_allclose(log.u[:, 0], 4 * known.thrust(log.throttle[:, 0]), rtol=1e-12)
     assert log.notes == ["thrust from throttle by the vehicle file's map"]
-
-
-def test_flights_with_another_input_are_as_they_were():
-    log = dc.replace(bobbing(0.3, 0.5, 0), input="command")
-    (train,), (held_out,) = with_throttle_map(VEHICLE, [log], [log])
-    assert train is log
-    assert held_out is log
-
-
-def test_a_log_without_throttle_is_refused():
-    with pytest.raises(LogError, match="throttle"):
-        with_throttle_input(dc.replace(bobbing(0.3, 0.5, 0), throttle=None), VEHICLE)
 
 
 def test_the_exponent_at_hover_is_that_of_the_map():

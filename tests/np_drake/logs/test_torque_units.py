@@ -53,12 +53,6 @@ def test_torque_in_another_unit_or_sign_is_refused_with_its_column(turning, faul
     assert "\n" not in str(error.value)
 
 
-def test_small_torque_in_another_unit_is_refused_by_what_it_turns(turning):
-    strong = dc.replace(Vehicle(), max_rotor_thrust=100.0)
-    with pytest.raises(LogError, match=r"column tx: torque must be what turns .*N·m"):
-        check_units(dc.replace(turning, u=turning.u * [1, 200, 200, 200]), "made.csv", strong)
-
-
 def test_rotors_in_another_order_are_refused_with_the_vehicle_file(turning):
     thrust = turning.u @ Vehicle().unmixer.T
     rotor = np.sqrt(thrust / Vehicle().thrust_coefficient)
@@ -105,7 +99,3 @@ def test_late_torque_against_a_strong_disturbance_is_a_multiple_of_turn(turning,
 def test_torque_of_a_short_flight_is_not_judged(turning):
     against = dc.replace(turning, u=turning.u * [1, -1, -1, -1])
     check_units(against.rows(0, 380), "made.csv", Vehicle())
-
-
-def test_a_flight_that_commands_no_torque_is_read(turning):
-    check_units(dc.replace(turning, u=turning.u * [1, 0, 0, 0]), "made.csv", Vehicle())

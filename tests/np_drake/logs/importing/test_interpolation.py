@@ -3,7 +3,6 @@ exactly.
 """
 
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -67,11 +66,6 @@ def test_the_mean_of_a_line_is_its_middle_and_that_of_a_wave_is_less():
     )
 
 
-def test_readings_no_denser_than_rows_are_not_averaged():
-    t, x = 0.1 * np.arange(6), np.array([[0.0], [1.0], [0.0], [1.0], [0.0], [1.0]])
-    assert np.array_equal(Signal(t, x).averaged(t, 0.1), x)
-
-
 def test_held_commands_average_by_the_time_that_each_is_held():
     t, x = np.array([0.0, 0.3, 0.4, 1.0]), np.array([[1.0], [5.0], [-2.0], [7.0]])
     dut = Signal(t, x).held(np.array([0.0, 0.5, 1.0, 2.0]))
@@ -98,15 +92,3 @@ def test_holding_loses_no_impulse(steps, seed):
     mean = Signal(t, x).held(rows)
     given_ = np.sum(x[:-1] * np.diff(t)[:, None], axis=0)
     assert np.allclose(np.sum(mean[:-1] * np.diff(rows)[:, None], axis=0), given_, atol=1e-9)
-
-
-def test_ends_are_held():
-    t, x = np.array([0.0, 1.0]), np.array([[1.0], [3.0]])
-    assert Signal(t, x).linear(np.array([-1.0, 0.5, 2.0]))[:, 0] == pytest.approx([1.0, 2.0, 3.0])
-
-
-def test_the_ends_of_a_rate_go_on_beyond_them():
-    dut = Signal(np.array([0.0, 1.0]), np.array([[2.0], [4.0]]))
-    assert dut.integral(np.array([-1.0, 0.0, 1.0, 3.0]))[:, 0] == pytest.approx(
-        [-2.0, 0.0, 3.0, 11.0]
-    )

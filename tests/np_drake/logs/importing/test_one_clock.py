@@ -65,7 +65,7 @@ def state_lags_of(conventions, signals):
     return state_lags(in_frames(signals, LogMap(**sources), []))
 
 
-@pytest.mark.parametrize("shift", [-0.03, 0.0, 0.0123, 0.06])
+@pytest.mark.parametrize("shift", [-0.03, 0.0123])
 def test_a_sinusoid_that_is_late_is_late_by_as_much(shift):
     t = np.arange(0, 10, 0.01)
     early, late = (np.sin(2 * np.pi * 0.7 * (t - by))[:, None] for by in (0.0, shift))
@@ -74,8 +74,7 @@ def test_a_sinusoid_that_is_late_is_late_by_as_much(shift):
     assert (dut.beyond_doubt != 0) == (abs(shift) > 0.015)
 
 
-@pytest.mark.parametrize("rate", [50.0, 120.0, 200.0])
-@pytest.mark.parametrize("seconds", [-0.06, 0.02, 0.06, 0.12])
+@pytest.mark.parametrize("rate, seconds", [(50.0, 0.06), (200.0, -0.06)])
 @pytest.mark.parametrize("names", [POSE, ATTITUDE, MOVED], ids=["pose", "attitude", "position"])
 def test_what_is_late_is_measured_and_moved(flown, conventions, names, seconds, rate):
     signals = signals_of(conventions, flown(), names, seconds, rate)
@@ -94,7 +93,7 @@ def test_what_is_late_is_measured_and_moved(flown, conventions, names, seconds, 
     assert all(f"{name}: {{late: {late[name]:g}}}" in line for name in names)
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(2))
 def test_a_log_of_one_clock_keeps_its_times(flown, conventions, seed):
     for rate in (50.0, 200.0):
         late, said = late_of(conventions, signals_of(conventions, flown(seed), rate=rate))

@@ -8,11 +8,9 @@ import numpy as np
 import pytest
 
 from np_drake.diagnosis.doctor.examine import examine
-from np_drake.logs.case_folder import CaseFiles
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.log_file import write_log
 from np_drake.logs.opening import open_flights
-from np_drake.vehicle import Vehicle
 
 G = 9.81
 
@@ -58,17 +56,6 @@ def test_a_log_of_our_own_that_ends_in_a_crash_is_taken_up_to_it(flown, tmp_path
     np.testing.assert_allclose(dut.p, flown.p[: len(dut)], atol=1e-9)
 
 
-def test_a_case_says_that_the_end_of_a_flight_is_left_out(flown, tmp_path):
-    write_log(crashing(flown, 5.0), tmp_path / "train.csv")
-    write_log(flown, tmp_path / "held.csv")
-    (train,), (held,) = CaseFiles(None, (tmp_path / "train.csv",), (tmp_path / "held.csv",)).open(
-        Vehicle()
-    )
-    assert any(note.startswith("fits until 4.") for note in train.notes)
-    assert held.notes == []
-    assert len(held) == len(flown)
-
-
 def test_a_log_of_nothing_but_a_wreck_is_refused(flown, tmp_path):
     wreck = crashing(flown, 5.0, rests=3.0)
     write_log(wreck.rows(len(wreck) - 200, len(wreck)), tmp_path / "wreck.csv")
@@ -76,19 +63,3 @@ def test_a_log_of_nothing_but_a_wreck_is_refused(flown, tmp_path):
         LogError, match=r"wreck\.csv: must hold a flight; the vehicle lies still and tilted"
     ):
         open_flights(tmp_path / "wreck.csv")
-
-
-@pytest.mark.parametrize("seed", range(6))
-def test_a_simulated_flight_stays_whole(fly, tmp_path, seed):
-    rng = np.random.default_rng(seed)
-    whole = fly(
-        seed=seed,
-        seconds=6.0,
-        noise=rng.uniform(0, 3),
-        vigour=rng.uniform(0.3, 2.5),
-        attitude_noise=0.003,
-    )
-    write_log(whole, tmp_path / "whole.csv")
-    (dut,), _ = open_flights(tmp_path / "whole.csv")
-    assert len(dut) == len(whole)
-    assert dut.notes == []

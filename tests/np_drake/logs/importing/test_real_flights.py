@@ -38,6 +38,7 @@ def residual_force(path, vehicle: Vehicle) -> np.ndarray:
     return np.sqrt(np.mean(kept**2, axis=0)) / (vehicle.mass * vehicle.gravity)
 
 
+@pytest.mark.nightly
 def test_the_rotors_carry_a_bare_vehicle_to_three_percent_of_its_weight(real_flights):
     paths = sorted(
         path for path in (real_flights / "imrc" / "bare").iterdir() if path.name not in TOLD
@@ -55,9 +56,6 @@ def test_a_payload_of_five_grams_pulls_down_by_its_weight(real_flights):
 
 CRAZYFLIES = [  # flight, preset, mass [kg], map
     ("imrc/bare/eckart13", "crazyflie_brushless", 0.037, None),
-    ("imrc/payload/eckart45", "crazyflie_brushless", 0.0397, None),
-    ("crazyswarm2/standard/log172", "crazyflie", 0.032, None),
-    ("nanobench/dataset_B2_circle_fast_rep3.csv.gz", "crazyflie", 0.028, "nanobench"),
     ("idsia/square_20251017_run4.parquet", "crazyflie_brushless", 0.045, "idsia"),
 ]
 
@@ -88,6 +86,7 @@ def test_a_crazyflies_log_fits_its_preset_in_order_and_weight(
     )
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("name", presets())
 def test_every_flight_of_a_public_set_fits_its_preset(real_flights, name):
     declared = load_map_file(name)
@@ -102,6 +101,7 @@ def test_every_flight_of_a_public_set_fits_its_preset(real_flights, name):
             assert (log.rotor is not None) == (name == "idsia")
 
 
+@pytest.mark.nightly
 def test_every_crazyflie_log_holds_a_flight(real_flights):
     folders = (
         "imrc/bare",

@@ -7,9 +7,8 @@ import pytest
 
 from np_drake.effects.library import LIBRARY
 from np_drake.logs.errors import LogError
-from np_drake.logs.import_sheet import Sheet, read_sheet, write_sheet
+from np_drake.logs.import_sheet import read_sheet
 from np_drake.logs.importing.import_log import unanswerable
-from np_drake.vehicle.rotor_layout import FIRMWARE
 
 TIMING, TORQUE, SCALE = (
     tuple(i for i, effect in LIBRARY.items() if quantity in effect.requires)
@@ -48,9 +47,3 @@ def test_a_sheet_whose_rotors_are_no_layout_is_refused(tmp_path, rotors):
     (tmp_path / "a.import.yaml").write_text(f"timing: 0.0\nrotors: {rotors}\n")
     with pytest.raises(LogError, match="must be a sheet of np-drake import"):
         read_sheet(tmp_path / "a.csv")
-
-
-def test_a_layout_comes_back_from_its_sheet(tmp_path):
-    sheet = Sheet(0.001, {"notes": []}, FIRMWARE["px4"])
-    write_sheet(sheet, tmp_path / "a.csv")
-    assert read_sheet(tmp_path / "a.csv") == sheet
