@@ -77,7 +77,7 @@ def find_breaks(
 
 
 def split(
-    signals: Signals, breaks: Sequence[Break], origin: float
+    signals: Signals, breaks: Sequence[Break], origin: float = 0.0
 ) -> tuple[list[Signals], list[str]]:
     """Return the signals of every part, and one line on every break and on every part that is left
     out.

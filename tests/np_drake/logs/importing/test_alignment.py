@@ -91,20 +91,6 @@ def test_a_signal_of_another_rate_follows_the_flight_better_if_faster(slow, boun
     assert errors[0] < 1e-9 or errors[2] < 0.3 * errors[0]
 
 
-def test_a_fast_gyro_and_accelerometer_are_averaged_to_the_rows():
-    signals = signals_at({"rates": 1000.0, "acceleration": 1000.0})
-    buzz = np.cos(2 * np.pi * 200.0 * signals["rates"].t)[:, None]
-    noisy = dict(signals)
-    for name in ("rates", "acceleration"):
-        noisy[name] = Signal(signals[name].t, signals[name].values + buzz)
-    dut, plain = (
-        align(noisy, dc.replace(PLAIN, rate=100.0)),
-        align(signals, dc.replace(PLAIN, rate=100.0)),
-    )
-    for name in ("rates", "acceleration"):
-        assert np.abs(dut.values[name] - plain.values[name])[5:-5].max() < 0.02  # of 1
-
-
 def test_accelerations_of_a_row_are_those_under_its_command():
     """A thrust that jumps at every row is in the row's acceleration, not in half in that of the
     next.

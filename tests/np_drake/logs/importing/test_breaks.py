@@ -5,7 +5,6 @@ import pytest
 
 from np_drake.logs.formats.format import Recording, Stream
 from np_drake.logs.importing.breaks import clock_parts, find_breaks, split
-from np_drake.logs.importing.import_log import import_log
 from np_drake.logs.importing.log_map import LogMap, Source
 from np_drake.logs.importing.signals import Signal
 
@@ -30,31 +29,6 @@ def test_a_recorder_that_pauses_makes_two_flights(flown, autopilots, import_px4,
     assert [flight.name for flight in found.flights] == ["log_part1", "log_part2"]
 
 
-def test_a_part_in_which_the_vehicle_lies_with_idling_rotors_is_no_flight(
-    flown, autopilots, import_px4
-):
-    noise = np.random.default_rng(0).normal(0.0, 1e-3, len(flown.t))
-
-    def lying(streams):
-        out, level = {}, {"z": -0.1, "q[0]": 1.0, "accelerometer_m_s2[2]": -9.81}
-        for name, s in streams.items():
-            rest = {
-                c: 0.3 * v if "control" in c else level.get(c, 0.0) + noise
-                for c, v in s.columns.items()
-            }
-            out[name] = Stream(
-                s.t, {c: np.where(s.t > 6.0, rest[c], v) for c, v in s.columns.items()}
-            )
-        return delayed(out, 6.0, 5.0)
-
-    found = import_px4({"actuator_motors": autopilots.throttle(flown)}, change=lying)
-    assert spans(found) == pytest.approx([5.0], abs=0.02)
-    assert any(
-        line.startswith("the part from 10.") and line.endswith("holds no flight; left out")
-        for line in found.said
-    )
-
-
 @pytest.mark.parametrize("back", [0.317])
 def test_a_clock_that_is_set_back_in_a_sorted_file_makes_two_flights(
     flown, autopilots, import_ardupilot, back
@@ -73,40 +47,6 @@ def test_rows_in_the_order_in_which_they_came_lose_nothing(flown, back):
     parts, said = clock_parts(Recording("made.log", {"a": stream, "b": stream}))
     assert [len(part.streams["b"]) for part in parts] == [401, 400]
     assert said == [f"the clock is set back by {back - 0.01:.3g} s at 4 s: split there"]
-
-
-def test_late_messages_set_no_clock_back(flown):
-    t = flown.t.copy()
-    t[[100, 300]] -= 0.5
-    t[200] += 1e9
-    parts, said = clock_parts(Recording("made.log", {"a": Stream(t, {"x": flown.p[:, 0]})}))
-    assert (len(parts), said) == (1, [])
-
-
-def test_a_bag_with_stamps_before_the_clock_is_read_from_the_clock_on(flown, writer, tmp_path):
-    pytest.importorskip("rosbags", reason="ROS bags need rosbags")
-    t = np.where(flown.t < 1.0, 0.0, flown.t + 100.0)
-    pose = [f"pose.pose.position.{a}" for a in "xyz"] + [
-        f"pose.pose.orientation.{a}" for a in "wxyz"
-    ]
-    twist = [f"twist.twist.{kind}.{a}" for kind in ("linear", "angular") for a in "xyz"]
-    from np_drake import attitude
-
-    body = np.column_stack([attitude.rotate_back(flown.q, flown.v), flown.w])
-    columns = dict(zip([*pose, *twist], np.column_stack([flown.p, flown.q, body]).T, strict=True))
-    wrench = dict(
-        zip(["wrench.force.z", *(f"wrench.torque.{a}" for a in "xyz")], flown.u.T, strict=True)
-    )
-    wrench["wrench.force.x"] = 0 * flown.t
-    writer("ros").write(
-        tmp_path / "bag", {"/odom": Stream(t, columns), "/wrench": Stream(t, wrench)}
-    )
-    found = import_log(tmp_path / "bag")
-    assert spans(found) == pytest.approx([7.0], abs=0.02)
-    assert (
-        "/odom, /wrench: 100 rows at 0 s, before the clock runs from 101 s on, left out"
-        in found.said
-    )
 
 
 def shifted(stream: Stream, column: str, after: float, by: float) -> Stream:
@@ -147,34 +87,6 @@ def test_a_reset_of_the_attitude_breaks_and_one_bad_sample_does_not():
     place[100] += 5.0
     yaw[:, 2] = 0.2 * t
     assert find_breaks({**signals, "attitude": Signal(t, yaw)}, log_map, []) == []
-
-
-def test_a_switch_of_the_estimator_s_core_is_followed_and_splits(
-    flown, autopilots, import_ardupilot
-):
-    def lanes(streams):
-        one = streams.pop("XKF1.0")
-        drifted = dict(one.columns) | {c: one.columns[c] + 3.0 for c in ("PN", "PE")}
-        t = np.arange(1.0, 9.0, 0.1)
-        bad = {name: np.where(one.t > 5.0, 40.0, values) for name, values in one.columns.items()}
-        core = Stream(t, {"PI": (t > 5.0).astype(float)})
-        quaternion = streams.pop("XKQ.0")
-        both = {f"XKQ.{i}": quaternion for i in range(2)}
-        return {
-            **streams,
-            **both,
-            "XKF1.0": Stream(one.t, bad),
-            "XKF1.1": Stream(one.t, drifted),
-            "XKF4.0": core,
-        }
-
-    found = import_ardupilot(1000.0 + 1000.0 * autopilots.throttle(flown), change=lanes)
-    assert spans(found) == pytest.approx([4.0, 3.9], abs=0.15)
-    assert any(
-        "switches from core 0 of its estimator to core 1 at 3.9" in line for line in found.said
-    )
-    assert found.sheet.content["columns"]["position"]["from"][0] == "XKF1.primary/PN"
-    assert max(np.abs(flight.p).max() for flight in found.flights) < 10.0
 
 
 def test_a_part_that_contradicts_itself_is_left_out_and_named(flown, autopilots, import_px4):

@@ -7,7 +7,6 @@ import itertools
 import numpy as np
 import pytest
 
-from np_drake import attitude
 from np_drake.effects.accelerometer_bias import AccelerometerBias
 from np_drake.effects.attitude_bias import AttitudeBias
 from np_drake.effects.center_of_mass_offset import CenterOfMassOffset
@@ -26,7 +25,7 @@ from np_drake.logs.importing.conventions import (
     liveliest,
 )
 from np_drake.logs.importing.laws import FAILS, misfits, told_by_noise
-from np_drake.logs.importing.log_map import SIZES, LogMap, Source, convert
+from np_drake.logs.importing.log_map import Source, convert
 
 ERRORS = {
     "ned": (("world", "ned"),),
@@ -144,16 +143,6 @@ def test_one_axis_that_drifts_is_left_aside_and_not_refused(sampled, conventions
     assert told_by_noise({**verdict.misfits, other: 0.8}) == []
 
 
-@pytest.mark.parametrize("name, first, second", [("rates", 0, 1), ("velocity", 0, 2)])
-def test_two_swapped_columns_are_refused(sampled, conventions, name, first, second):
-    t, x = sampled
-    columns = conventions.columns_in(conventions.plain_map(), x)
-    order = [0, 1, 2]
-    order[first], order[second] = second, first
-    columns[name] = columns[name][:, order]
-    assert not check_conventions(t, columns, conventions.plain_map()).holds
-
-
 FLIGHTS = {
     "wind": (LinearDrag(0.5, 0.5, 0.3), ConstantWind(4.0, -2.0, 0.3)),
     "payload": (SuspendedPayload(mass=0.4, length=0.8),),
@@ -204,17 +193,6 @@ def test_a_long_log_is_searched_where_it_moves(sampled, conventions):
     assert liveliest(long, len(t) + 6000).stop > 6000
 
 
-def test_a_log_without_accelerometer_in_ned_is_named_by_its_lift(sampled, conventions):
-    t, x = sampled
-    x = {name: value for name, value in x.items() if name != "acceleration"}
-    declared = conventions.plain_map(acceleration=Source())
-    columns = conventions.columns_in(changed(declared, ERRORS["ned_frd"]), x)
-    verdict = check_conventions(t, columns, declared)
-    assert not verdict.holds
-    fits = (verdict.changes, *verdict.rivals)
-    assert any(same(convert(columns, changed(declared, fit)), x) for fit in fits)
-
-
 def test_a_trial_gives_the_misfits_of_a_whole_conversion(sampled, conventions):
     t, x = sampled
     declared = conventions.plain_map()
@@ -231,44 +209,7 @@ def test_a_trial_gives_the_misfits_of_a_whole_conversion(sampled, conventions):
         assert dut.misfits(own) == misfits(t, convert(columns, own), everything=True)
 
 
-def test_a_reversed_attitude_is_named_where_wind_meets_the_tail(fly):
-    """Turned nearly half round, a tilt and its reverse are nearly the same attitude; drag acts in
-    both.
-    """
-    log = fly(
-        LinearDrag(0.6, 0.6, 0.3),
-        ConstantWind(3.0, -2.0, 0.0),
-        seed=2,
-        noise=1.0,
-        vigour=(1, 1, 1, 0),
-    )
-    half = np.radians(170) / 2
-    turn = np.array([np.cos(half), 0.0, 0.0, np.sin(half)])
-    q = attitude.multiply(np.tile(turn, (len(log), 1)), log.q)
-    R = attitude.rotation_matrix(turn)
-    turned = {
-        "position": log.p @ R.T,
-        "velocity": log.v @ R.T,
-        "attitude": attitude.conjugate(q),
-        "rates": log.w,
-    }
-    declared = LogMap(
-        **{name: Source([f"{name}{i}" for i in range(SIZES[name][0])]) for name in turned}
-    )
-    raw = {name: value[::2] for name, value in turned.items()}
-    verdict = check_conventions(log.t[::2], raw, declared)
-    assert verdict.changes == (("attitude.direction", "world_to_body"),), verdict
-
-
 def test_a_drag_is_no_misfit_of_the_lift(fly):
     log = fly(LinearDrag(0.6, 0.6, 0.3), ConstantWind(3.0, -2.0, 0.0), seed=2, noise=1.0)
     found = misfits(log.t, {"velocity": log.v, "attitude": log.q})
     assert max(found["lift x"], found["lift y"]) < 0.1
-
-
-@pytest.mark.parametrize("name, seconds", [("rates", 1.5), ("velocity", 3.0)])
-def test_a_quantity_of_another_time_is_refused(sampled, conventions, name, seconds):
-    t, x = sampled
-    columns = conventions.columns_in(conventions.plain_map(), x)
-    columns[name] = np.roll(columns[name], round(seconds / (t[1] - t[0])), axis=0)
-    assert not check_conventions(t, columns, conventions.plain_map()).holds

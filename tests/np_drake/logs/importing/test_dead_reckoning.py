@@ -6,17 +6,14 @@ import numpy as np
 import pytest
 
 from np_drake import attitude
-from np_drake.diagnosis.diagnose import diagnose
 from np_drake.diagnosis.doctor.examine import examine
 from np_drake.diagnosis.residuals import FORCE, TORQUE, make_flight_residuals
 from np_drake.effects.base import SensorEffect
-from np_drake.effects.center_of_mass_offset import CenterOfMassOffset
 from np_drake.effects.library import LIBRARY
 from np_drake.logs.columns import COLUMNS
 from np_drake.logs.columns import FORCE as SPECIFIC
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.log_file import write_log
-from np_drake.logs.import_sheet import write_sheet
 from np_drake.logs.opening import open_flights
 from np_drake.vehicle import Vehicle
 
@@ -61,60 +58,6 @@ def test_a_log_without_columns_keeps_what_its_body_axes_tell(without, excited, s
     answers = examine([dut], Vehicle(), sheets={dut.name: sheet.content}).answers
     assert {a.identifier for a in answers if a.verdict == "never"} == hidden
     assert all("log " in a.todo for a in answers if a.identifier in hidden)
-
-
-PLACES = ("vehicle_local_position", "XKF1.0")  # of PX4 and ArduPilot
-
-
-def placeless(streams):
-    return {name: stream for name, stream in streams.items() if name not in PLACES}
-
-
-@pytest.fixture(params=["px4", "ardupilot"])
-def autopilot(request, flown, autopilots):
-    """Return a function that imports the flight from an autopilot's log, as changed."""
-    theirs = autopilots.throttle(flown)[:, autopilots.PX4_FROM_OURS]
-    if request.param == "px4":
-        go, how = (
-            request.getfixturevalue("import_px4"),
-            ({"actuator_motors": theirs}, autopilots.PX4_CORNERS),
-        )
-    else:
-        frame = {"FRAME_CLASS": 1.0, "FRAME_TYPE": 1.0}
-        go, how = request.getfixturevalue("import_ardupilot"), (1000.0 + 1000.0 * theirs, frame)
-    return lambda change: go(*how, change=change)
-
-
-def test_an_autopilots_log_without_pose_is_its_gyro_and_accelerometer(autopilot):
-    def poseless(streams):
-        return {
-            n: s
-            for n, s in placeless(streams).items()
-            if n not in ("vehicle_attitude", "ATT", "XKQ.0", "XKQ1")
-        }
-
-    (whole,), (dut,) = autopilot(dict).flights, autopilot(poseless).flights
-    assert dut.lacks == ("attitude", "velocity", "height")
-    assert np.median(specific_force(dut)[:, 2]) == pytest.approx(
-        np.median(specific_force(whole)[:, 2]), rel=0.02
-    )
-
-
-@pytest.mark.parametrize("suffix", [".csv"])
-def test_a_log_that_was_written_without_position_keeps_its_sheet(
-    flown, autopilots, import_px4, tmp_path, suffix
-):
-    ours = autopilots.throttle(flown)
-    outputs = {"actuator_motors": ours[:, autopilots.PX4_FROM_OURS]}
-    found = import_px4(outputs, autopilots.PX4_CORNERS, placeless)
-    path = tmp_path / f"again{suffix}"
-    write_log(found.flights[0], path)
-    write_sheet(found.sheet, path)
-    (again,), sheet = open_flights(path)
-    assert again.timing == sheet.timing == found.sheet.timing > 0.004
-    assert again.layout == sheet.rotors == found.sheet.rotors
-    (driven,), _ = open_flights(path, Vehicle())
-    np.testing.assert_allclose(driven.throttle, ours, atol=1e-9)
 
 
 @pytest.fixture
@@ -196,16 +139,3 @@ def test_an_accelerometer_in_another_unit_or_frame_is_refused(body, excited, nam
     with pytest.raises(LogError, match=r"misfit of (gravity|upright)") as error:
         open_flights(body(excited, TURNS[name]))
     assert {"g": "fits acceleration.unit: g", "frd": "body: frd"}.get(name, "") in str(error.value)
-
-
-@pytest.mark.nightly
-def test_a_diagnosis_of_gyro_and_accelerometer_finds_a_cause_of_the_body(body, fly):
-    cause = CenterOfMassOffset(0.01, -0.01, 0.0)
-    logs = [fly(cause, seed=seed, seconds=12.0, noise=1.0) for seed in (5, 6)]
-    flights = [
-        open_flights(body(log, name=f"f{k}.csv"), Vehicle())[0][0] for k, log in enumerate(logs)
-    ]
-    found = diagnose(Vehicle(), flights[:1], flights[1:])
-    assert found.verdict == ("center_of_mass_offset",)
-    assert found.causes[0].effect.x == pytest.approx(0.01, abs=0.003)
-    assert not found.unexplained

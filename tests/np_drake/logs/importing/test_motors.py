@@ -79,17 +79,6 @@ def test_px4_outputs_are_motors_by_their_functions_and_limits(
     ]
 
 
-@pytest.mark.parametrize("told", [{"DSHOT_CONFIG": 600}])
-def test_dshot_counts_are_throttle_of_two_thousand(flown, autopilots, import_px4, told):
-    ours = autopilots.throttle(flown)
-    functions = (
-        {f"PWM_MAIN_FUNC{n}": 100 + n for n in range(1, 5)} if "PWM_MAIN_TIM0" in told else {}
-    )
-    found = import_px4({"actuator_outputs": 2000.0 * ours}, told | functions)
-    np.testing.assert_allclose(found.flights[0].throttle, ours, atol=1e-9)
-    assert any("DShot" in line for line in found.said) == (not told)
-
-
 @pytest.mark.parametrize("hover", [250.0, 1000.0])
 def test_dshot_counts_are_told_however_low_the_vehicle_hovers(flown, autopilots, import_px4, hover):
     ours = autopilots.throttle(flown)
@@ -130,47 +119,6 @@ def test_outputs_of_a_hover_that_may_be_either_are_asked_for_by_name(
         (tmp_path / "map.yaml").write_text(f"throttle: {{unit: {unit}}}\n")
         (dut,) = import_log(tmp_path / "log.ulg", load_map_file(tmp_path / "map.yaml")).flights
         np.testing.assert_allclose(dut.throttle, read, atol=1e-9)
-
-
-@pytest.mark.parametrize("hover", [600.0])
-def test_counts_that_would_be_no_pulse_that_carries_need_no_motion(
-    fly, autopilots, writer, tmp_path, hover
-):
-    pytest.importorskip("pyulog", reason="ULog needs pyulog")
-    log, ours = resting(fly, autopilots)
-    counts = hover * ours / np.median(ours)
-    writer("ulog").write(
-        tmp_path / "log.ulg", autopilots.px4(log, {"actuator_outputs": counts}), parameters={}
-    )
-    (dut,) = import_log(tmp_path / "log.ulg").flights
-    np.testing.assert_allclose(dut.throttle, counts / 2000, atol=1e-9)
-
-
-@pytest.mark.parametrize("told", [{"MAV_TYPE": 13}])
-def test_a_px4_hexarotor_is_its_collective_thrust(flown, autopilots, import_px4, told):
-    six = autopilots.throttle(flown)[:, SIX]
-    found = import_px4({"actuator_motors": six, "esc_status": 9000.0 * six[:, :4]}, told)
-    (dut,) = found.flights
-    assert (dut.input, dut.rotor, dut.throttle.shape) == ("normalised", None, (len(dut), 1))
-    np.testing.assert_allclose(dut.throttle[:, 0] ** 2, np.mean(six**2, axis=1), atol=1e-9)
-    assert "6 motors: their collective thrust alone is taken, torque is not told" in found.said
-
-
-def test_a_vehicle_on_a_desk_is_no_flight_and_never_valid_on_the_screen(
-    flown, autopilots, import_px4
-):
-    def resting(streams):
-        place = streams["vehicle_local_position"]
-        still = {name: 0.0 * values for name, values in place.columns.items()} | {
-            "xy_valid": 0.0 * place.t
-        }
-        return {**streams, "vehicle_local_position": dc.replace(place, columns=still)}
-
-    found = import_px4(
-        {"actuator_motors": 0.02 + 0.01 * autopilots.throttle(flown)}, change=resting
-    )
-    assert "vehicle_local_position: xy never valid" in found.said
-    assert any(line.startswith("no flight: position stays") for line in found.said)
 
 
 def test_speed_controllers_are_rotors_by_their_functions(flown, autopilots, import_px4, tmp_path):
@@ -230,21 +178,3 @@ def test_an_ardupilot_hexarotor_is_its_collective_thrust(flown, autopilots, impo
         found.flights[0].throttle[:, 0] ** 2, np.mean(six**2, axis=1), atol=1e-9
     )
     assert any(line.startswith("6 motors: their collective") for line in found.said)
-
-
-@pytest.mark.parametrize(
-    "told, message",
-    [
-        ({"FRAME_CLASS": 7.0}, "FRAME_CLASS 7 is a tricopter"),
-        (
-            servos((1, 2, 3, 9)),
-            r"output 9 drives a motor \(SERVO9_FUNCTION\), and its column is not in RCOU",
-        ),
-        (servos((1, 2, 3)), "3 outputs drive motors"),
-    ],
-)
-def test_ardupilot_motors_that_cannot_be_read_are_refused_by_name(
-    flown, autopilots, import_ardupilot, told, message
-):
-    with pytest.raises(LogError, match=message):
-        import_ardupilot(1000.0 + 1000.0 * autopilots.throttle(flown), told)

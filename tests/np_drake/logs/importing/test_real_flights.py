@@ -7,12 +7,10 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake import attitude
 from np_drake.diagnosis.doctor.examine import examine
 from np_drake.diagnosis.residuals import make_flight_residuals
-from np_drake.logs.formats.crazyflie import CRAZYFLIE
 from np_drake.logs.importing.import_log import import_log
-from np_drake.logs.importing.log_map import Source, load_map_file, presets
+from np_drake.logs.importing.log_map import load_map_file
 from np_drake.logs.opening import open_flights
 from np_drake.logs.rotors import NOTE, rotor_orders, torques_seen
 from np_drake.rotor_input import with_rotor_input
@@ -87,21 +85,6 @@ def test_a_crazyflies_log_fits_its_preset_in_order_and_weight(
 
 
 @pytest.mark.nightly
-@pytest.mark.parametrize("name", presets())
-def test_every_flight_of_a_public_set_fits_its_preset(real_flights, name):
-    declared = load_map_file(name)
-    for path in sorted((real_flights / name).iterdir()):
-        found = import_log(path, declared)
-        assert sum(len(log) for log in found.flights) > 1600
-        for log in found.flights:
-            assert log.a is not None
-            assert log.throttle is not None
-            assert log.throttle.shape[1] == 4
-            assert log.voltage is not None
-            assert (log.rotor is not None) == (name == "idsia")
-
-
-@pytest.mark.nightly
 def test_every_crazyflie_log_holds_a_flight(real_flights):
     folders = (
         "imrc/bare",
@@ -125,18 +108,3 @@ def test_every_crazyflie_log_holds_a_flight(real_flights):
             assert all(
                 log.throttle.shape[1] == 4 and log.voltage is not None for log in found.flights
             )
-
-
-def test_a_flight_without_its_pose_keeps_its_specific_force(real_flights):
-    path = real_flights / "imrc" / "bare" / "eckart13"
-    (whole,) = import_log(path).flights
-    declared = CRAZYFLIE.default_map(CRAZYFLIE.contents(path))
-    bare = dc.replace(declared, position=Source(), velocity=Source(), attitude=Source(), rate=500.0)
-    (dut,) = import_log(path, bare).flights
-    assert dut.lacks == ("attitude", "velocity", "height")
-    g = np.array([0.0, 0.0, 9.81])
-    means = [np.mean(attitude.rotate_back(log.q, log.a + g), axis=0) for log in (whole, dut)]
-    np.testing.assert_allclose(means[1], means[0], atol=0.05)
-    tilt = [np.degrees(np.arccos(attitude.body_z(log.q)[:, 2])) for log in (whole, dut)]
-    rows = min(map(len, tilt))
-    assert np.sqrt(np.mean((tilt[0][:rows] - tilt[1][:rows]) ** 2)) < 5

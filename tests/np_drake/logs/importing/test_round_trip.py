@@ -139,39 +139,18 @@ def q_ned_frd(q):
     )
 
 
-def test_ulog(flight, specific, throttle, writer, tmp_path):
+def test_ulog(flight, throttle, autopilots, writer, tmp_path):
     pytest.importorskip("pyulog", reason="ULog needs pyulog")
-    columns = {
-        "vehicle_local_position": named(
-            ["x", "y", "z", "vx", "vy", "vz"], np.column_stack([ned(flight.p), ned(flight.v)])
-        ),
-        "vehicle_attitude": named([f"q[{i}]" for i in range(4)], q_ned_frd(flight.q)),
-        "vehicle_angular_velocity": named([f"xyz[{i}]" for i in range(3)], frd(flight.w)),
-        "sensor_combined": named([f"accelerometer_m_s2[{i}]" for i in range(3)], frd(specific)),
-        "actuator_motors": named([f"control[{i}]" for i in range(4)], throttle),
-    }
-    writer("ulog").write(
-        tmp_path / "log.ulg", {n: Stream(flight.t + 1.0, c) for n, c in columns.items()}
-    )
+    streams = autopilots.px4(flight, {"actuator_motors": throttle})
+    writer("ulog").write(tmp_path / "log.ulg", streams)
     dut = assert_same(imported(tmp_path / "log.ulg"), flight, DOUBLE, command=False)
     assert dut.input == "normalised"
     assert np.allclose(dut.throttle, throttle, atol=1e-9)
 
 
-def test_dataflash(flight, specific, throttle, writer, tmp_path):
+def test_dataflash(flight, throttle, autopilots, writer, tmp_path):
     pytest.importorskip("pymavlink", reason="DataFlash needs pymavlink")
-    columns = {
-        "XKF1.0": named(
-            ["PN", "PE", "PD", "VN", "VE", "VD"], np.column_stack([ned(flight.p), ned(flight.v)])
-        ),
-        "XKQ.0": named(["Q1", "Q2", "Q3", "Q4"], q_ned_frd(flight.q)),
-        "IMU.0": named(
-            ["GyrX", "GyrY", "GyrZ", "AccX", "AccY", "AccZ"],
-            np.column_stack([frd(flight.w), frd(specific)]),
-        ),
-        "RCOU": named(["C1", "C2", "C3", "C4"], 1000 + 1000 * throttle),
-    }
-    streams = {n: Stream(flight.t + 1.0, c) for n, c in columns.items()}
+    streams = autopilots.ardupilot(flight, 1000 + 1000 * throttle)
     writer("dataflash").write(tmp_path / "log.bin", streams)
     dut = assert_same(imported(tmp_path / "log.bin"), flight, DOUBLE, command=False)
     assert np.allclose(dut.throttle, throttle, atol=1e-9)
@@ -328,9 +307,7 @@ def test_a_table_in_ned_frd_by_its_map(flight, specific, writer, tmp_path, suffi
     assert_same(imported(path, NED_CSV, tmp_path), flight, DOUBLE)
 
 
-@pytest.mark.parametrize(
-    "kind", ["throttle", "collective", "thrust_only", "rotor_speed", "command"]
-)
+@pytest.mark.parametrize("kind", ["throttle", "collective", "thrust_only", "rotor_speed"])
 def test_our_own_log_of_any_input_comes_back_without_a_map(flight, throttle, tmp_path, kind):
     rest = np.full((len(flight), 3), np.nan)
     log = {
@@ -342,10 +319,9 @@ def test_our_own_log_of_any_input_comes_back_without_a_map(flight, throttle, tmp
             flight, u=np.column_stack([flight.u[:, 0], rest]), input="thrust_only"
         ),
         "rotor_speed": dc.replace(flight, rotor=800 * throttle, input="rotor_speed"),
-        "command": flight,
     }[kind]
     write_log(log, tmp_path / "own.csv")
     (dut,) = imported(tmp_path / "own.csv").flights
     assert dut.input == log.input
-    field = {"thrust_only": "u", "rotor_speed": "rotor", "command": "u"}.get(kind, "throttle")
+    field = {"thrust_only": "u", "rotor_speed": "rotor"}.get(kind, "throttle")
     assert np.allclose(getattr(dut, field), getattr(log, field), rtol=1e-9, equal_nan=True)

@@ -34,14 +34,6 @@ def test_a_neighbour_is_on_the_clock_of_the_flight():
     assert "beside b for 70 % of the flight" in dut.notes[-1]
 
 
-def test_of_a_log_in_parts_those_of_the_time_are_taken():
-    parts = [
-        log(name, start, height=2.0) for name, start in (("b1", -20.0), ("b2", -3.0), ("b3", 7.5))
-    ]
-    (dut,) = with_neighbours([log()], {"a": parts}, LEAST)
-    assert [path.name for path in dut.neighbours] == ["b2", "b3"]
-
-
 BAD = {
     "apart": (
         {"a": [log("b", start=20.0, height=2.0)]},

@@ -115,14 +115,6 @@ def test_a_gentle_part_of_a_log_takes_the_order_of_its_lively_part():
         assert NOTE in log.notes[0]
 
 
-def test_scores_of_flights_that_hardly_tell_the_order_add_up():
-    own = load_vehicle("crazyflie")
-    parts = [turned(turning(own, noise=5.5, seed=k).rows(0, 320), TURNED) for k in range(8)]
-    for log in parts:
-        assert not any("put into it" in note for note in in_vehicle_order([log], own)[0].notes)
-    assert all("put into it" in log.notes[0] for log in in_vehicle_order(parts, own))
-
-
 def test_torque_of_another_size_keeps_its_correlation_and_tells_the_factor():
     own = load_vehicle("crazyflie")
     log = turning(own, noise=0.0)

@@ -33,13 +33,6 @@ def test_north_is_y_east_is_x_and_down_is_minus_z():
     assert np.allclose(one("velocity", [1, 2, 3], world="ned"), [2, 1, -3])
 
 
-def test_level_and_facing_north_in_ned_is_a_quarter_turn_from_east():
-    dut = one("attitude", [1, 0, 0, 0], world="ned", body="frd")
-    half = np.sqrt(0.5)
-    assert np.allclose(np.abs(dut), [half, 0, 0, half])
-    assert dut[0] * dut[3] > 0  # counter-clockwise
-
-
 @given(st.integers(1, 14), st.floats(10.0, 4000.0))
 def test_an_electrical_speed_is_that_of_the_rotor_times_its_pole_pairs(pairs, speed):
     electrical = speed * 60 / (2 * np.pi) * pairs
@@ -47,27 +40,6 @@ def test_an_electrical_speed_is_that_of_the_rotor_times_its_pole_pairs(pairs, sp
         rotor_speed=Source(["a", "b", "c", "d"], unit="erpm", pole_pairs=pairs)
     ).check()
     assert np.allclose(convert_quantity("rotor_speed", np.full((1, 4), electrical), log_map), speed)
-
-
-@pytest.mark.parametrize(
-    "unit, pairs", [("erpm", 0), ("erpm", -1), ("erpm", 1000), ("rpm", 6), ("", 6)]
-)
-def test_pole_pairs_belong_to_an_electrical_speed_and_to_no_other(unit, pairs):
-    with pytest.raises(
-        ValueError, match=r"rotor_speed\.pole_pairs must be 1 to 50 with unit: erpm"
-    ):
-        LogMap(rotor_speed=Source(["a", "b", "c", "d"], unit=unit, pole_pairs=pairs)).check()
-
-
-@pytest.mark.parametrize("kind", ["specific_force", "acceleration"])
-def test_at_rest_nothing_accelerates(kind):
-    reading = [0.0, 0.0, -9.81 if kind == "specific_force" else 0.0]  # of a sensor in FRD
-    log_map = LogMap(
-        body="frd", acceleration=Source(XYZ, kind=kind, axes="body"), attitude=Source(["q"] * 4)
-    )
-    level = np.array([[0.0, 1.0, 0.0, 0.0]])  # FRD in a world with z up
-    dut = convert({"acceleration": np.array([reading]), "attitude": level}, log_map)
-    assert np.allclose(dut["acceleration"], 0.0, atol=1e-12)
 
 
 @pytest.mark.parametrize(
