@@ -23,49 +23,21 @@ WHOLE = (
 HOW = "Give the two logs of one run, with positions in one frame and times of one clock"
 
 
-def neighbour_of(text: str, files: Sequence[Path]) -> tuple[Path, Path | None]:
-    """Return the log of a neighbour and the log that it is beside, from LOG or LOG=OF; None: not
-    stated.
+def neighbour_of(text: str, files: Sequence[Path]) -> tuple[Path, Path]:
+    """Return the log of a neighbour and the log that it is beside, from LOG=OF.
 
     Args:
         files: logs that a neighbour may be beside, of which OF is a path or a file name.
     Raises: ValueError: if OF is none of them.
     """
-    path, equals, name = text.rpartition("=")
-    if not equals or Path(text).exists():
-        return Path(text), None
-    found = [file for file in files if file == Path(name)] or [
-        file for file in files if file.name == name
-    ]
+    path, _, name = text.rpartition("=")
+    found = [file for file in files if Path(name) in (file, Path(file.name))]
     if not path or len(found) != 1:
         raise ValueError(
-            f"--neighbour: OF of LOG=OF must be one of "
-            f"{', '.join(file.name for file in files)}; got {name!r}."
+            f"{text}: say beside which: --neighbour LOG=OF; OF must be one of "
+            f"{', '.join(file.name for file in files)}."
         )
     return Path(path), found[0]
-
-
-def whose(
-    parts: Sequence[FlightLog], flights: Mapping[Path, Sequence[FlightLog]], path: Path
-) -> Path:
-    """Return the only file whose flights have time in common with the log of a neighbour.
-    Raises: LogError: if there is none, or there are several, as where the clock of each log begins
-        at zero.
-    """
-    common = [
-        file
-        for file, own in flights.items()
-        if max(_common(log, part) for log in own for part in parts) > 0
-    ]
-    if len(common) == 1:
-        return common[0]
-    if not common:
-        raise LogError(f"{path}: must have time in common with a flight; it has with none. {HOW}.")
-    names = ", ".join(file.name for file in common)
-    raise LogError(
-        f"{path}: by their clocks it may be beside {names}; say beside which: --neighbour "
-        f"{path}={common[0].name}."
-    )
 
 
 def with_neighbours(
@@ -97,11 +69,10 @@ def _beside(log: FlightLog, others: Sequence[FlightLog], least: float) -> Flight
             )
     near = [other for other in others if _common(log, other) >= SHORTEST_COMMON]
     if others and not near:
-        spans = ", ".join(_span(other) for other in others)
+        own, *spans = ("{:.2f} to {:.2f} s".format(*_ends(other)) for other in (log, *others))
         raise LogError(
             f"{others[0].name}: must have {SHORTEST_COMMON:g} s in common with {log.name}, which "
-            f"is of {_span(log)}; it is of "
-            f"{spans}. {HOW}."
+            f"is of {own}; it is of {', '.join(spans)}. {HOW}."
         )
     paths = [Neighbour(other.t + (other.start - log.start), other.p, other.name) for other in near]
     notes = [_checked(log, path, least) for path in paths]
@@ -135,19 +106,12 @@ def _common(log: FlightLog, other: FlightLog) -> float:
     """Return the time that two logs have in common on the clocks of their recordings [s]; negative:
     apart.
     """
-    first, last = (
-        max(log.t[0] + log.start, other.t[0] + other.start),
-        min(*(_end(x) for x in (log, other))),
-    )
-    return float(last - first)
+    first, last = np.transpose([_ends(log), _ends(other)])
+    return float(last.min() - first.max())
 
 
-def _end(log: FlightLog) -> float:
-    return float(log.t[-1] + log.start)
-
-
-def _span(log: FlightLog) -> str:
-    return f"{log.t[0] + log.start:.2f} to {_end(log):.2f} s"
+def _ends(log: FlightLog) -> tuple[float, float]:
+    return float(log.t[0] + log.start), float(log.t[-1] + log.start)
 
 
 SHORTEST = 3.0  # part of a flight that can be diagnosed [s]
@@ -194,19 +158,17 @@ class CaseFiles:
         """Return the logs of vehicles that flew beside, by name of the flight of `logs`.
 
         Args:
-            given: LOG=OF, OF a file of the case, or LOG.
+            given: LOG=OF, OF a file of the case.
             logs: as `open` returned them.
-        Raises: LogError, ValueError, OSError: one line, if one is not usable, or whose neighbour it
-            is stays open.
+        Raises: LogError, ValueError, OSError: one line, if one is not usable.
         """
-        files = (*self.train, *self.held_out)
-        own = {file: [log for some in logs for log in some if _is_of(log, file)] for file in files}
         found: dict[str, list[FlightLog]] = {}
         for text in given:
-            path, of = neighbour_of(text, files)
+            path, of = neighbour_of(text, (*self.train, *self.held_out))
             parts = _parts(read_as_logged(path))
-            for log in own[of or whose(parts, own, path)]:
-                found.setdefault(log.name, []).extend(parts)
+            for log in (log for some in logs for log in some):
+                if log.name == of.name or log.name.startswith(f"{of.name} part "):
+                    found.setdefault(log.name, []).extend(parts)
         return found
 
 
@@ -270,17 +232,9 @@ def _parts(found: Opened) -> list[FlightLog]:
         dc.replace(
             log,
             name=f"{path.name} part {i}",
-            notes=[*log.notes, *note] if i == 1 else _own(log, kept[0]),
+            notes=[*log.notes, *note]
+            if i == 1
+            else [own for own in log.notes if own not in kept[0].notes],
         )
         for i, log in enumerate(kept, start=1)
     ]
-
-
-def _is_of(log: FlightLog, file: Path) -> bool:
-    """Return whether a flight is of a file, by the name that `_parts` gave it."""
-    return log.name == file.name or log.name.startswith(f"{file.name} part ")
-
-
-def _own(log: FlightLog, first: FlightLog) -> list[str]:
-    """Return the notes of a part that are not those of the whole file."""
-    return [note for note in log.notes if note not in first.notes]
