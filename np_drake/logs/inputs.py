@@ -32,7 +32,7 @@ def with_throttle_input(log: FlightLog, vehicle: Vehicle) -> FlightLog:
     own flight shows.
 
     A collective throttle says nothing of torque, which is then NaN.
-    Raises: LogError: if the log has no throttle, or never one that carries the vehicle.
+    Raises: LogError: if its throttle never carries the vehicle.
     """
     return _mapped(log, vehicle, _map_of(vehicle, [log]))
 
@@ -117,7 +117,7 @@ def _map_of(
 
 def _mapped(log: FlightLog, vehicle: Vehicle, known: ThrottleMap | _PowerMap) -> FlightLog:
     """Return the log with thrust, and torque where each rotor has its throttle, by a map."""
-    f = known.thrust(np.maximum(_throttle(log), 0.0), voltage_of(log))
+    f = known.thrust(np.maximum(np.asarray(log.throttle), 0.0), voltage_of(log))
     u = (
         np.column_stack([4 * f, np.full((len(log), 3), np.nan)])
         if f.shape[1] == 1
@@ -157,14 +157,6 @@ def lift_fit(flights: Sequence[FlightLog]) -> tuple[float, float, float]:
     return exponent, strength, _loss(seen, exponent)
 
 
-def _throttle(log: FlightLog) -> np.ndarray:
-    if log.throttle is None:
-        raise LogError(
-            f"{log.name}: must have a column throttle, or throttle1 … throttle4; got none."
-        )
-    return log.throttle
-
-
 @dc.dataclass(frozen=True)
 class _Lifted:
     """Throttle (m, k) and t (m,) [s] of a flight, the rows `flying` (m,) in which rotors turn, and
@@ -201,7 +193,7 @@ class _Lifted:
 
 
 def _lifted(log: FlightLog, gravity: float, volts: float | None = None) -> _Lifted:
-    throttle = np.maximum(_throttle(log), 0.0)
+    throttle = np.maximum(np.asarray(log.throttle), 0.0)
     flying = throttle.mean(axis=1) > LEAST
     if flying.sum() < 20:
         raise LogError(
