@@ -185,27 +185,6 @@ def test_more_than_a_few_bad_rows_are_refused(columns, tmp_path, spoil, message)
         read_flights(tmp_path / "made.csv", repair=True)[0]
 
 
-def test_a_bias_of_the_velocity_that_turns_with_the_body_is_no_wrong_unit(flight):
-    yaw = 0.8 * flight.t
-    q = np.column_stack([np.cos(yaw / 2), 0 * yaw, 0 * yaw, np.sin(yaw / 2)])
-    w, still = np.tile([0.0, 0.0, 0.8], (len(flight), 1)), np.zeros((len(flight), 3))
-    v = 0.6 * np.column_stack([np.cos(yaw), np.sin(yaw), 0 * yaw])
-    p = 0.01 * np.random.default_rng(3).normal(size=(len(flight), 3))
-    spinning = dc.replace(flight, p=p, q=q, v=v, w=w, a=still, al=still)
-    check_units(spinning, "x.csv")
-    with pytest.raises(LogError, match="SI units"):
-        check_units(dc.replace(spinning, p=1e-3 * np.cumsum(v, axis=0) * flight.step), "x.csv")
-    with pytest.raises(LogError, match="SI units"):
-        check_units(dc.replace(spinning, p=0 * p), "x.csv")
-
-
-def test_a_flight_that_tumbles_is_no_wrong_sign(flight):
-    angle = 12.0 * flight.t
-    q = np.column_stack([np.cos(angle / 2), np.sin(angle / 2), 0 * angle, 0 * angle])
-    w = np.column_stack([12.0 + 0 * angle, 0 * angle, 0 * angle])
-    check_units(dc.replace(flight, q=q, w=w, al=None), "x.csv")
-
-
 @pytest.mark.parametrize("share", [0.03, 1.0])
 def test_a_noisy_velocity_of_the_right_sign_is_never_the_opposite(flight, share):
     draw = np.random.default_rng(5)
@@ -339,15 +318,6 @@ def test_rotors_in_another_order_are_refused_with_the_vehicle_file(turning):
         check_units(swapped, "made.csv", vehicle)
 
 
-@pytest.mark.parametrize(
-    "factor", [0.5, 2.0, 5.0], ids=["weak rotors", "a rotor drag unknown", "an inertia unknown"]
-)
-def test_torque_that_a_wrong_model_explains_is_no_wrong_unit(turning, factor):
-    check_units(
-        dc.replace(turning, u=turning.u * [1, factor, factor, factor]), "made.csv", Vehicle()
-    )
-
-
 def test_torque_against_a_disturbance_is_no_wrong_sign(turning):
     """A load pushes, the controller holds against it: what is left of the turn is small, and
     early.
@@ -357,14 +327,3 @@ def test_torque_against_a_disturbance_is_no_wrong_sign(turning):
     q = np.tile([1.0, 0, 0, 0], (600, 1))
     held = np.column_stack([turning.u[:, 0], -0.3 * np.stack([np.cos(2 * turning.t)] * 3, axis=1)])
     check_units(dc.replace(turning, w=w, q=q, al=None, u=held), "made.csv", Vehicle())
-
-
-@pytest.mark.parametrize("times, sound", [(2.0, True), (1.5, False)])
-def test_late_torque_against_a_strong_disturbance_is_a_multiple_of_turn(turning, times, sound):
-    """A load swings the vehicle, the controller, a little late, takes most of it back."""
-    fought = dc.replace(turning, u=turning.u * [1, *[-times] * 3])
-    if sound:
-        check_units(fought, "made.csv", Vehicle())
-    else:
-        with pytest.raises(LogError, match="goes against"):
-            check_units(fought, "made.csv", Vehicle())

@@ -66,12 +66,6 @@ def test_one_vehicle_has_one_map_which_carries_its_weight_in_training():
     assert hovers[0] == pytest.approx(0.525, rel=0.01)  # the middle of the training flights
 
 
-def test_a_heavier_flight_is_heavier_by_the_map_of_the_others():
-    (light,), (heavy,) = with_throttle_map(VEHICLE, [bobbing(0.2, 0.5, 0)], [bobbing(0.2, 0.6, 1)])
-    assert light.u[:, 0].mean() == pytest.approx(WEIGHT, rel=0.01)  # of the noise
-    assert heavy.u[:, 0].mean() == pytest.approx(WEIGHT * 1.2**USUAL, rel=0.01)
-
-
 def test_a_held_out_flight_does_not_change_the_map():
     train = [bobbing(0.2, 0.5, 0)]
     (alone,), _ = with_throttle_map(VEHICLE, train, [])
@@ -161,8 +155,3 @@ def test_a_coefficient_that_is_no_guess_stays(spread):
     file = guessed(0.7, spread)
     log = hovering(file)
     assert with_hover_thrust(file, [log], [log]) == (file, [log], [log])
-
-
-def test_a_log_with_another_input_keeps_its_command():
-    log = dc.replace(hovering(TRUE), input="command")
-    assert with_hover_thrust(guessed(0.7), [log]) == (guessed(0.7), [log], [])

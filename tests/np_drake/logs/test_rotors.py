@@ -65,16 +65,6 @@ def test_rotors_that_turn_otherwise_than_in_the_file_are_refused():
     assert "\n" not in str(error.value)
 
 
-@pytest.mark.parametrize("guess", [2.2])
-def test_the_order_is_found_whatever_thrust_coefficient_and_inertia(guess):
-    own = load_vehicle("crazyflie")
-    log = turning(own)
-    J = (guess * own.J).tolist()
-    file = dc.replace(own, thrust_coefficient=guess * own.thrust_coefficient, inertia=J)
-    (dut,) = in_vehicle_order([dc.replace(log, rotor=log.rotor[:, [3, 0, 1, 2]])], file)
-    np.testing.assert_array_equal(dut.rotor, log.rotor)
-
-
 def test_a_throttle_of_each_rotor_tells_its_order_behind_the_motors_lag():
     own = load_vehicle("crazyflie")
     log = turning(own, noise=0.2)

@@ -45,22 +45,6 @@ def test_the_state_of_row_t_is_that_of_t_plus_offset_and_the_command_stays(offse
     assert then[-1] <= log.t[-1] + 1e-9
 
 
-def test_the_opposite_shift_undoes_it():
-    log = turning_flight()
-    back = shift_state(shift_state(log, 0.03), -0.03)
-    rows = np.searchsorted(log.t, back.t - 1e-9)
-    np.testing.assert_allclose(back.x, log.x[rows] * _signs(back, log, rows), atol=1e-9)
-    assert len(back.notes) == 2
-    assert log.notes == []
-
-
-def _signs(back, log, rows):
-    """q and -q are one attitude."""
-    signs = np.ones((len(rows), 13))
-    signs[:, 3:7] = np.sign(np.sum(back.q * log.q[rows], axis=1))[:, None]
-    return signs
-
-
 def test_an_offset_as_long_as_the_log_is_refused():
     with pytest.raises(ValueError, match="shift_state"):
         shift_state(turning_flight(), 2.5)
@@ -152,12 +136,6 @@ def test_a_log_of_one_clock_keeps_its_times(flown, conventions, seed):
         late, said = late_of(conventions, signals_of(conventions, flown(seed), rate=rate))
         assert set(late.values()) == {None}
         assert said == []
-
-
-def test_without_accelerometer_position_goes_with_the_attitude(flown, conventions):
-    signals = signals_of(conventions, flown(accelerations=False), POSE, 0.06)
-    late, _ = late_of(conventions, signals)
-    assert late == {name: pytest.approx(0.06, abs=0.001) for name in POSE}  # [s]
 
 
 def test_what_the_map_says_of_late_holds_also_zero(flown, conventions):

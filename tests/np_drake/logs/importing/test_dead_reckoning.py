@@ -115,17 +115,6 @@ def test_without_attitude_residuals_are_those_of_the_whole_log(body, excited):
     assert {"center_of_mass_offset", "inertia_error", "weak_rotor", "motor_lag"} & never == set()
 
 
-def test_a_log_without_attitude_comes_back_from_its_file(body, excited, tmp_path):
-    (first,), _ = open_flights(body(excited))
-    write_log(first, tmp_path / "again.csv")
-    header = (tmp_path / "again.csv").read_text().split("\n", 1)[0].split(",")
-    assert not {"qw", "px", "vx", "ax"} & set(header)
-    (again,), _ = open_flights(tmp_path / "again.csv")
-    assert again.lacks == first.lacks
-    for field in ("q", "v", "p", "a", "w"):
-        np.testing.assert_allclose(getattr(again, field), getattr(first, field), atol=1e-6)
-
-
 TURNS = {
     "g": lambda w, s: (w, s / 9.80665),
     "frd": lambda w, s: (w * [1, -1, -1], s * [1, -1, -1]),

@@ -11,7 +11,6 @@ import yaml
 from np_drake.effects.library import LIBRARY
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.log_file import write_log
-from np_drake.logs.import_sheet import read_sheet
 from np_drake.logs.importing.conventions import WrongConventions, changed
 from np_drake.logs.importing.import_log import import_log, input_line, lacking, unanswerable
 from np_drake.logs.importing.log_map import Source, load_map_file
@@ -151,13 +150,6 @@ def test_a_map_without_the_state_is_refused_before_the_log_is_read(written, name
         written(declared=tuple((f"{name}.columns", []) for name in names))
 
 
-def test_a_map_without_an_input_is_refused(written):
-    with pytest.raises(
-        LogError, match="the map must name columns of thrust, rotor_speed or throttle"
-    ):
-        written((), (("thrust.columns", []), ("torque.columns", [])))
-
-
 def test_times_of_whole_seconds_are_not_taken_for_milliseconds(written, excited):
     with pytest.raises(
         LogError, match=r"got 1 s\. Log at a higher rate, or export the times with all"
@@ -223,17 +215,3 @@ def test_the_sheet_names_what_the_input_cannot_tell(fly, kind, throttles, hidden
     named = {identifier for identifiers in told.values() for identifier in identifiers}
     assert named >= set(hidden)
     assert named.isdisjoint({*SCALE, *TIMING, *TORQUE} - set(hidden))
-
-
-@pytest.mark.parametrize(
-    "rotors",
-    [
-        "1",
-        "{positions: [[1, 1]], directions: [1]}",
-        "{positions: [1, 2, 3, 4], directions: [1, 1, 1, 1]}",
-    ],
-)
-def test_a_sheet_whose_rotors_are_no_layout_is_refused(tmp_path, rotors):
-    (tmp_path / "a.import.yaml").write_text(f"timing: 0.0\nrotors: {rotors}\n")
-    with pytest.raises(LogError, match="must be a sheet of np-drake import"):
-        read_sheet(tmp_path / "a.csv")

@@ -86,19 +86,6 @@ def test_single_readings_of_zero_are_left_out_and_said(flown, autopilots, tmp_pa
     assert "rotor_speed: 7 readings that no rotor has left out" in found.sheet.content["notes"]
 
 
-def test_rotor_speed_that_steps_is_held_between_its_readings(flown, autopilots, import_px4):
-    ours = 9000.0 * autopilots.throttle(flown)
-    steps = {"esc_status": ours}
-
-    def telemetry(streams):
-        return streams | {"esc_status": thinned(streams["esc_status"], 25.0)}
-
-    (dut,) = import_px4(steps, change=telemetry).flights
-    assert len(np.unique(np.round(dut.rotor[:, 0], 2))) == pytest.approx(len(dut) / 4, rel=0.02)
-    np.testing.assert_allclose(dut.rotor[:-1:4], ours[: len(dut) - 1 : 4] * np.pi / 30, rtol=1e-6)
-    assert dut.timing == pytest.approx(0.04 / np.sqrt(12), rel=0.01)
-
-
 @pytest.mark.parametrize("tick", [0.004])
 def test_ticks_of_a_coarse_clock_are_an_uncertainty_of_time(flown, autopilots, tmp_path, tick):
     speed = 900.0 * autopilots.throttle(flown)

@@ -15,8 +15,6 @@ from np_drake.logs.importing.log_map import load_map_file
 from np_drake.logs.opening import open_flights
 from np_drake.vehicle import Vehicle
 
-SIX = [0, 1, 2, 3, 0, 2]  # our rotors that stand for those of a hexarotor
-
 
 def noise(flown, columns: int) -> np.ndarray:
     """Return (n, columns) outputs of servos, which move."""
@@ -168,13 +166,3 @@ def test_an_ardupilot_frame_states_where_its_motors_are(
         1000.0 + 1000.0 * ours[:, order], {"FRAME_CLASS": 1.0, "FRAME_TYPE": float(kind)}
     )
     np.testing.assert_allclose(opened(found, tmp_path).throttle, ours, atol=1e-9)
-
-
-@pytest.mark.parametrize("told", [servos(range(1, 7))])
-def test_an_ardupilot_hexarotor_is_its_collective_thrust(flown, autopilots, import_ardupilot, told):
-    six = autopilots.throttle(flown)[:, SIX]
-    found = import_ardupilot(1000.0 + 1000.0 * six, told)
-    np.testing.assert_allclose(
-        found.flights[0].throttle[:, 0] ** 2, np.mean(six**2, axis=1), atol=1e-9
-    )
-    assert any(line.startswith("6 motors: their collective") for line in found.said)

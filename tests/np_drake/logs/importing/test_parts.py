@@ -9,7 +9,6 @@ from np_drake.diagnosis.doctor.examine import examine
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.format import Stream
 from np_drake.logs.formats.log_file import write_log
-from np_drake.logs.importing.conventions import WrongConventions
 from np_drake.logs.importing.log_map import LogMap, Source
 from np_drake.logs.importing.parts import end_of_flight, require_ranges, standing
 from np_drake.logs.opening import open_flights
@@ -54,19 +53,6 @@ def test_a_hover_is_flight_however_it_drifts():
         noise = np.cumsum(np.random.default_rng(seed).normal(0, 1e-3, (3000, 3)), axis=0)
         for p in (noise, 0.03 * np.tanh(noise / 0.03)):
             assert not standing(T, p, np.ones(3000)).any()
-
-
-@pytest.mark.parametrize("rest", [0.3, 5.0])
-def test_what_rests_before_take_off_and_after_landing_is_no_flight(rest):
-    stands = (rest > T) | (30 - rest <= T)
-    p = hop(np.clip(T - rest, 0.0, 30.0 - 2 * rest))
-    p[stands] = [0.0, 0.0, 0.0]
-    p[30 - rest <= T] = p[30 - rest > T][-1]
-    dut = standing(T, p, np.where(stands, 0.1, 1.0))
-    assert dut[stands].all()
-    assert (
-        dut.sum() < stands.sum() + 200
-    )  # [rows], of which the position is within the margin of the law
 
 
 def test_a_part_whose_rotors_give_a_fraction_of_another_part_stands():
@@ -135,13 +121,6 @@ def test_a_log_that_ends_in_a_crash_is_imported_up_to_it(flown, autopilots, impo
     assert at - 2.0 < dut.t[-1] < at - 1.0 + 0.1  # the log begins at 1 s
     assert any(line.startswith(f"fits until {dut.t[-1]:.1f} s; beyond, ") for line in found.said)
     assert np.abs(dut.w).max() < 10.0
-
-
-def test_what_never_fits_is_refused_as_before(flown, autopilots, import_px4):
-    with pytest.raises(WrongConventions, match="--start and --stop"):
-        import_px4(
-            {"actuator_motors": autopilots.throttle(flown)}, change=lambda s: tumbling(s, 1.5)
-        )
 
 
 def test_start_and_stop_of_a_call_count_from_the_log_s_own_start(flown, autopilots, import_px4):
@@ -224,12 +203,3 @@ def test_a_log_of_our_own_that_ends_in_a_crash_is_taken_up_to_it(flown, tmp_path
     report = examine([dut])
     assert f"crashed: {note}" in report.problems
     assert report.usable
-
-
-def test_a_log_of_nothing_but_a_wreck_is_refused(flown, tmp_path):
-    wreck = crashing(flown, 5.0, rests=3.0)
-    write_log(wreck.rows(len(wreck) - 200, len(wreck)), tmp_path / "wreck.csv")
-    with pytest.raises(
-        LogError, match=r"wreck\.csv: must hold a flight; the vehicle lies still and tilted"
-    ):
-        open_flights(tmp_path / "wreck.csv")

@@ -82,29 +82,3 @@ def test_a_crazyflies_log_fits_its_preset_in_order_and_weight(
     assert any(note.startswith(NOTE) for note in again.notes) == (
         log_map is not None or name.startswith("imrc")
     )
-
-
-@pytest.mark.nightly
-def test_every_crazyflie_log_holds_a_flight(real_flights):
-    folders = (
-        "imrc/bare",
-        "imrc/payload",
-        "crazyswarm2/payload",
-        "crazyswarm2/standard",
-        "crazyswarm2/upgraded",
-    )
-    folders += ("neural_swarm/downwash", "neural_swarm/ground", "neural_swarm/single")
-    paths = [
-        path
-        for folder in folders
-        for path in sorted((real_flights / folder).iterdir())
-        if path.suffix != ".yaml"
-    ]
-    assert len(paths) == 66
-    for path in paths:
-        found = import_log(path)
-        assert sum(float(np.ptp(log.t)) for log in found.flights) > 4
-        if path.suffix == ".gz" or "imrc" in str(path):
-            assert all(
-                log.throttle.shape[1] == 4 and log.voltage is not None for log in found.flights
-            )

@@ -222,25 +222,6 @@ INDIFLIGHT = {
 }
 
 
-def test_blackbox_of_betaflight(flight, specific, throttle, writer, tmp_path):
-    columns = vectors(
-        imuQuaternion=32767 * (flight.q * np.sign(flight.q[:, :1]))[:, 1:],
-        gyroADC=np.rad2deg(flight.w),
-        accSmooth=specific / 9.80665 * 2048,
-        motor=158 + 1889 * throttle,
-        eRPM=2000 * throttle * 60 / (2 * np.pi) * 7 / 100,  # 14 poles
-    )
-    columns["vbatLatest"] = np.full(len(flight), 1632.0)
-    options = {"step": round(1e6 * (flight.t[1] - flight.t[0])), "begin": 10}
-    writer("blackbox").write(tmp_path / "log.bbl", writer("blackbox").main_log(columns, **options))
-    (dut,) = imported(tmp_path / "log.bbl").flights
-    q = dut.q * np.sign(np.sum(dut.q * flight.q, axis=1, keepdims=True))
-    assert np.allclose(q, flight.q, atol=1e-3)
-    assert np.allclose(dut.w, flight.w, atol=np.radians(0.6))
-    assert np.allclose(dut.rotor, 2000 * throttle, atol=1.0)
-    assert dut.voltage == pytest.approx(np.full(len(dut), 16.32))
-
-
 @pytest.mark.parametrize("storage", ["mcap"])
 def test_ros(flight, specific, writer, tmp_path, storage):
     pytest.importorskip("rosbags", reason="ROS bags need rosbags")

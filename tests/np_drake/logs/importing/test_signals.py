@@ -71,24 +71,11 @@ def test_repeated_rows_are_a_signal_of_a_slower_rate(slower):
     assert "rows repeat" in notes[0]
 
 
-def test_a_late_sensor_is_moved_to_when_it_saw():
-    t = 0.01 * np.arange(100)
-    log_map = LogMap(position=Source(["x", "y", "z"], late=0.03))
-    signals, _ = gather(recording(t, **moving(t)), log_map)
-    assert np.allclose(signals["position"].t, t - 0.03)
-
-
 def test_columns_of_another_stream_are_read_at_the_times_of_the_first():
     t, other = 0.01 * np.arange(100), 0.004 * np.arange(250)
     streams = {"a": Stream(t, {"x": t}), "b": Stream(other, {"y": 2 * other, "z": 3 * other})}
     signals, _ = gather(Recording("made", streams), MAP)
     assert np.allclose(signals["position"].values, t[:, None] * [1, 2, 3])
-
-
-def test_a_signal_of_a_few_samples_is_refused():
-    t = 0.01 * np.arange(10)
-    with pytest.raises(LogError, match="position: must have at least 20 samples; got 10"):
-        gather(recording(t, **moving(t)), MAP)
 
 
 def test_times_that_do_not_increase_are_named_where_no_samples_are_left():
