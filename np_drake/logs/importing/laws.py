@@ -381,22 +381,18 @@ def _check_lift(log: FlightLog, path: object) -> None:
     attitude.
     """
     known = np.isfinite(log.u[:, 0])
-    if not known.any():
-        return
     thrust, up = log.u[known, 0], attitude.body_z(log.q[known])[:, 2]
-    if np.mean(thrust * up) >= -DOWN * np.mean(np.abs(thrust)):
+    if np.sum(thrust * up) >= -DOWN * np.sum(np.abs(thrust)):
         return
-    down = np.mean(thrust) < 0
-    what = (
-        f"thrust must push along body z, upwards on the whole; its mean is {np.mean(thrust):.3g} N"
-    )
-    if not down:
-        what = (
-            f"thrust must carry the vehicle upwards; body z points {np.mean(up):.2g} along z "
-            f"of W on the whole"
+    if np.mean(thrust) < 0:
+        raise LogError(
+            f"{place(path, column='thrust')}: thrust must push along body z, upwards on the whole; "
+            f"its mean is {np.mean(thrust):.3g} N. Turn the sign of thrust."
         )
-    remedy = "Turn the sign of thrust." if down else "Write attitude from body (z up) to W (z up)."
-    raise LogError(f"{place(path, column='thrust' if down else 'qw')}: {what}. {remedy}")
+    raise LogError(
+        f"{place(path, column='qw')}: thrust must carry the vehicle upwards; body z points "
+        f"{np.mean(up):.2g} along z of W on the whole. Write attitude from body (z up) to W (z up)."
+    )
 
 
 def _check_thrust(log: FlightLog, path: object, vehicle: Vehicle) -> None:

@@ -24,7 +24,7 @@ Quantities = dict[str, np.ndarray]
 
 
 def quantities_of(log: FlightLog) -> Quantities:
-    """Return the quantities (n, k) of a log, as `np_drake.logs.importing.convert` returns them."""
+    """Return the quantities (n, k) of a log, as `convert` of its map returns them."""
     out = {"position": log.p, "velocity": log.v, "attitude": log.q, "rates": log.w}
     if log.a is not None:
         out["acceleration"] = log.a
