@@ -279,7 +279,7 @@ def flights_table(flights: "Sequence[FlightResult]") -> Table:
 
 def _write_flight(flight: "FlightResult", folder: Path, *, figures: "Sequence[str]") -> None:
     """Write flight log, figures and replay page of a flight, named by its controller."""
-    from diagrams.loop.replay.flight_page import write_replay
+    from diagrams.loop.replay import write_replay
     from diagrams.tracking import comparison
     from np_drake.files.figure_file import save
     from np_drake.logs.formats.log_file import write_log

@@ -30,12 +30,7 @@ class Numbers:
 
         Raises: ValueError: on an impossible one.
         """
-        from diagrams.loop.common_numbers import (
-            require_clearance,
-            with_payload,
-            with_speed,
-            with_wind,
-        )
+        from diagrams.loop.experiments import require_clearance, with_payload, with_speed, with_wind
 
         config = (
             config if self.duration is None else dc.replace(config, duration=self.duration).check()
@@ -163,7 +158,7 @@ def _give(predictor: Path, configs: "Sequence[FlightConfig]") -> None:
     Raises: ValueError: where none of them flies a model, or this one.
     """
     from diagrams.loop.controller_config import LEARNED
-    from diagrams.loop.controller_models import kind_of_model
+    from diagrams.loop.controllers import kind_of_model
 
     controllers = [config.controller for config in configs if config.controller.kind in LEARNED]
     if not controllers:
@@ -186,7 +181,7 @@ def _require(config: "FlightConfig") -> None:
 
     Raises: ValueError: where one does not fit.
     """
-    from diagrams.loop.controller_models import make_residual_model
+    from diagrams.loop.controllers import make_residual_model
     from diagrams.loop.flight_diagram import make_flight_diagram
     from diagrams.loop.own_controller import is_own
     from np_drake.autopilot.firmware import find_firmware
@@ -205,7 +200,7 @@ def _default_controller(config: "FlightConfig", predictor: Path | None) -> str:
 
     The packaged model knows the paper's vehicle.
     """
-    from diagrams.loop.controller_models import kind_of_model, make_residual_model
+    from diagrams.loop.controllers import kind_of_model, make_residual_model
 
     if predictor is not None:
         return kind_of_model(str(predictor))

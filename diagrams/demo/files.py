@@ -9,7 +9,7 @@ from diagrams.demo.page import write_index
 from diagrams.demo.story import HELD_OUT, LEARNED, Demo
 from diagrams.gap import corrected, side_by_side
 from diagrams.loop import flight_figures
-from diagrams.loop.replay.flight_page import write_replay
+from diagrams.loop.replay import write_replay
 from diagrams.tracking.tracking import TRACKS
 from np_drake.diagnosis.report.page import write_report
 from np_drake.files.atomic_file import write_bytes

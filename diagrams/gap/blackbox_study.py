@@ -14,8 +14,7 @@ from diagrams.batch.options import Duration
 from diagrams.batch.run import Report, Run, Table
 from diagrams.batch.workers import failures, results
 from diagrams.gap.step_response import step_responses
-from diagrams.loop.common_numbers import with_payload
-from diagrams.loop.experiments import load_experiment
+from diagrams.loop.experiments import load_experiment, with_payload
 from diagrams.loop.flight import FlightConfig
 from diagrams.loop.flight_result import fly
 from diagrams.loop.reality import RealityConfig

@@ -11,17 +11,23 @@ import numpy as np
 from pydrake.geometry import Rgba
 
 from diagrams.gap.drake_replay import DrakeReplay
-from diagrams.loop.replay.film import FRAME_RATE, Film, frames
-from diagrams.loop.replay.page import Page, ReadOut, Trail, write_page
-from diagrams.loop.replay.scene import (
+from diagrams.loop.replay import (
     DARK,
+    FRAME_RATE,
     GREEN,
     RED,
+    Film,
+    Page,
+    ReadOut,
+    Trail,
     add_payload,
     add_quadrotor,
     add_trail,
     arm_length,
+    frames,
     new_scene,
+    pose,
+    write_page,
 )
 from np_drake.diagnosis.gap.gap_reduction import LEAD
 from np_drake.diagnosis.result import HORIZONS, Diagnosis
@@ -176,10 +182,9 @@ def write_side_by_side(found: SideBySide, vehicle: Vehicle, path: str | Path) ->
             add_payload(meshcat, 0.2 * size, size, f"{name}_", pale)
     away = float(np.clip(2.5 * np.quantile(found.nominal.error, 0.9), 7 * size, 20 * size))
     for k in range(len(found.x)):
-        film.quadrotor(k, "flight", found.x[k])
+        film.SetTransform(k, "flight", pose(found.x[k]))
         for name, (ghost, *_) in ghosts.items():
             _show(film, k, name, ghost, found.hook)
-    film.show(meshcat)
     page = Page(
         title=f"{found.flight}: flight and simulators",
         start=found.start,
@@ -192,7 +197,7 @@ def write_side_by_side(found: SideBySide, vehicle: Vehicle, path: str | Path) ->
         ),
         follow=("flight", (0.35 * away, -0.8 * away, 0.45 * away)),
     )
-    write_page(meshcat, page, path)
+    write_page(meshcat, film, page, path)
 
 
 def _show(film: Film, frame: int, name: str, ghost: Ghost, hook: np.ndarray | None) -> None:
@@ -200,7 +205,7 @@ def _show(film: Film, frame: int, name: str, ghost: Ghost, hook: np.ndarray | No
     there = bool(np.isfinite(ghost.x[frame]).all())
     film.visible(frame, name, there)
     if there:
-        film.quadrotor(frame, name, ghost.x[frame])
+        film.SetTransform(frame, name, pose(ghost.x[frame]))
     if hook is None or not np.isfinite(ghost.p_WP).any():
         return
     hangs = there and bool(np.isfinite(ghost.p_WP[frame]).all())

@@ -1,11 +1,13 @@
-"""Configuration of a controller: its kind, residual model, solver and timing."""
+"""Configuration of a controller, and of the autopilot that may stand behind it."""
 
 import dataclasses as dc
 from pathlib import Path
 
 import numpy as np
 
+from diagrams.batch.failed_run import require
 from diagrams.loop.own_controller import is_own
+from np_drake.autopilot.betaflight import BetaflightConfig
 from np_drake.command_delay import LONGEST_DELAY
 from np_drake.labels import LabelConfig
 from np_drake.mpc.problem import MpcConfig
@@ -19,6 +21,8 @@ SHORTEST_PERIOD = 1e-4  # of the controller [s]; own choice
 NP_MODEL = MODELS / "neural_predictor.safetensors"  # lifted linear system of any residual wrench
 FILTER_MODEL = MODELS / "payload_filter.safetensors"  # of the vehicle, for any tethered payload
 LEARNED = ("np", PAYLOAD_FILTER, *REACTIONS)  # kinds with a model file
+NONE = "none"  # no autopilot: the rotors take thrust and torque at once
+AUTOPILOTS = (NONE, "rate_loop", "betaflight")
 CONTROLLERS = ("nominal", "hold", "observer", "oracle", "cascade", *LEARNED)  # all kinds
 
 
@@ -50,48 +54,49 @@ class ControllerConfig:
         """
         self.mpc.check()
         self.label.check()
-        if self.kind not in CONTROLLERS and not is_own(self.kind):
-            raise ValueError(
-                f"controller: must be one of {', '.join(CONTROLLERS)}, or MODULE:NAME of "
-                f"your own; got {self.kind!r}."
-            )
-        if self.parameters and not is_own(self.kind):
-            raise ValueError(
-                f"controller: parameters are of one of your own (MODULE:NAME); got kind "
-                f"{self.kind}."
-            )
+        own = is_own(self.kind)
+        require(
+            own or self.kind in CONTROLLERS,
+            f"controller: must be one of {', '.join(CONTROLLERS)}, or MODULE:NAME of your own; "
+            f"got {self.kind!r}.",
+        )
+        require(
+            own or not self.parameters,
+            f"controller: parameters are of one of your own (MODULE:NAME); got kind {self.kind}.",
+        )
         require_solver(self.solver)
-        if not SHORTEST_PERIOD <= self.period < np.inf:
-            raise ValueError(
-                f"controller: period must be at least {SHORTEST_PERIOD:g} s; got {self.period}."
-            )
-        if not self.deadline > 0 or not self.hold_bandwidth > 0:
-            raise ValueError("controller: deadline [s] and hold_bandwidth [Hz] must be positive.")
-        if not 0 <= self.command_delay <= LONGEST_DELAY * self.period:
-            raise ValueError(
-                f"controller: command_delay must be 0 to {LONGEST_DELAY} periods, "
-                f"{LONGEST_DELAY * self.period:g} s "
-                f"for this vehicle; got {self.command_delay:g} s."
-            )
-        if not 0 <= self.extra_mass < np.inf:
-            raise ValueError(
-                f"controller: extra_mass must be finite and not negative [kg]; got "
-                f"{self.extra_mass}."
-            )
-        if self.predictor and self.kind not in LEARNED:
-            raise ValueError(
-                f"controller: a predictor is for kind {', '.join(LEARNED)}; got {self.kind}."
-            )
-        if self.kind in REACTIONS and not self.predictor:
-            raise ValueError(
-                f"controller: kind {self.kind} needs its model file (predictor); "
-                f"np-drake train LOG --configuration {self.kind} makes one."
-            )
-        if abs(self.stride * self.period - self.mpc.step) > 1e-9:
-            raise ValueError(
-                f"controller: mpc.step must be a whole multiple of period; got "
-                f"{self.mpc.step}, {self.period}."
-            )
+        require(
+            SHORTEST_PERIOD <= self.period < np.inf,
+            f"controller: period must be at least {SHORTEST_PERIOD:g} s; got {self.period}.",
+        )
+        require(
+            self.deadline > 0 and self.hold_bandwidth > 0,
+            "controller: deadline [s] and hold_bandwidth [Hz] must be positive.",
+        )
+        longest = LONGEST_DELAY * self.period
+        require(
+            0 <= self.command_delay <= longest,
+            f"controller: command_delay must be 0 to {LONGEST_DELAY} periods, {longest:g} s "
+            f"for this vehicle; got {self.command_delay:g} s.",
+        )
+        require(
+            0 <= self.extra_mass < np.inf,
+            f"controller: extra_mass must be finite and not negative [kg]; got {self.extra_mass}.",
+        )
+        require(
+            not self.predictor or self.kind in LEARNED,
+            f"controller: a predictor is for kind {', '.join(LEARNED)}; got {self.kind}.",
+        )
+        require(
+            bool(self.predictor) or self.kind not in REACTIONS,
+            f"controller: kind {self.kind} needs its model file (predictor); "
+            f"np-drake train LOG --configuration {self.kind} makes one.",
+        )
+        require(
+            abs(self.stride * self.period - self.mpc.step) <= 1e-9,
+            f"controller: mpc.step must be a whole multiple of period; got {self.mpc.step}, "
+            f"{self.period}.",
+        )
         return self
 
     def believed(self, vehicle: Vehicle) -> Vehicle:
@@ -107,3 +112,26 @@ class ControllerConfig:
     def stride(self) -> int:
         """Number of predictor steps in one MPC step."""
         return max(1, round(self.mpc.step / self.period))
+
+
+@dc.dataclass
+class AutopilotConfig:
+    """What stands between the controller and the rotors."""
+
+    kind: str = NONE  # none | rate_loop: as the vehicle file says | betaflight: its firmware
+    betaflight: BetaflightConfig = dc.field(default_factory=BetaflightConfig)
+
+    def check(self) -> "AutopilotConfig":
+        """Return self after checking all values.
+
+        Raises: ValueError: where one is impossible.
+        """
+        known = ", ".join(AUTOPILOTS)
+        require(self.kind in AUTOPILOTS, f"autopilot: must be one of {known}; got {self.kind!r}.")
+        self.betaflight.check()
+        return self
+
+    @property
+    def flies(self) -> bool:
+        """Whether there is an autopilot, which follows body rates."""
+        return self.kind != NONE

@@ -3,13 +3,13 @@ nothing.
 """
 
 from collections.abc import Sequence
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from diagrams.loop.flight import FlightConfig
+from diagrams.loop.flight_result import FlightResult
 from np_drake.files.figure_file import DASHES, PALETTE, new_figure, new_mosaic
 
 LEAST_EXTENT = 0.05  # of a track that is no hover [m]; half the window about a hover
@@ -19,46 +19,7 @@ LEAST_HEIGHT = (
 _AXES = ("x", "y", "z")
 
 
-class Shown(Protocol):
-    """What a figure needs of a flight: the members of `FlightResult`."""
-
-    config: FlightConfig
-    signals: dict[str, np.ndarray]
-
-    @property
-    def label(self) -> str:
-        """Name of the controller."""
-
-    @property
-    def followed(self) -> np.ndarray:
-        """Position of what follows the track (n, 3) [m]."""
-
-    @property
-    def wanted(self) -> np.ndarray:
-        """Position of the track (n, 3) [m]."""
-
-    @property
-    def scored(self) -> np.ndarray:
-        """Whether each row counts (n,)."""
-
-    @property
-    def last_lap(self) -> np.ndarray:
-        """Rows of the last lap (k,)."""
-
-    @property
-    def chi_true(self) -> np.ndarray:
-        """True wrench (n, 6) [N, N·m]."""
-
-    @property
-    def chi_foreseen(self) -> np.ndarray | None:
-        """Predicted wrench (n, 6) [N, N·m]."""
-
-    @property
-    def wrench_label(self) -> np.ndarray | None:
-        """Measured wrench (n, 6) [N, N·m]."""
-
-
-def plane_track(flights: Sequence[Shown], title: str = "") -> Figure:
+def plane_track(flights: Sequence[FlightResult], title: str = "") -> Figure:
     """Plot the track of several controllers from above and its height, with the reference; the last
     lap only.
 
@@ -73,7 +34,7 @@ def plane_track(flights: Sequence[Shown], title: str = "") -> Figure:
     return _legend(figure, axes["track"])
 
 
-def errors(flights: Sequence[Shown], title: str = "") -> Figure:
+def errors(flights: Sequence[FlightResult], title: str = "") -> Figure:
     """Plot the position error against time, one panel an axis."""
     figure, axes = new_figure(3, 1, width=7.0, height=5.0)
     _draw_errors(axes[:, 0], flights)
@@ -81,7 +42,7 @@ def errors(flights: Sequence[Shown], title: str = "") -> Figure:
     return _legend(figure, axes[0, 0])
 
 
-def overlay(flights: Sequence[Shown], title: str = "") -> Figure:
+def overlay(flights: Sequence[FlightResult], title: str = "") -> Figure:
     """Plot the flights of several controllers over each other: track, height, and the position
     error an axis.
     """
@@ -107,7 +68,7 @@ def _legend(figure: Figure, ax: Axes) -> Figure:
     return figure
 
 
-def _aspect(flight: Shown) -> float:
+def _aspect(flight: FlightResult) -> float:
     """Return the extent of the reference along y over that along x, at most 1 and at least a
     third.
     """
@@ -115,7 +76,7 @@ def _aspect(flight: Shown) -> float:
     return float(np.clip(y / x, 1 / 3, 1.0))
 
 
-def _draw_track(ax: Axes, flights: Sequence[Shown], title: str) -> None:
+def _draw_track(ax: Axes, flights: Sequence[FlightResult], title: str) -> None:
     """Draw the last lap from above, with waypoints."""
     first = flights[0]
     ref = first.wanted[first.last_lap]
@@ -155,7 +116,7 @@ def _draw_track(ax: Axes, flights: Sequence[Shown], title: str) -> None:
     ax.grid(alpha=0.3)
 
 
-def _draw_height(ax: Axes, flights: Sequence[Shown]) -> None:
+def _draw_height(ax: Axes, flights: Sequence[FlightResult]) -> None:
     """Draw the height against time, and the heights of waypoints."""
     first = flights[0]
     rows = first.last_lap
@@ -175,7 +136,7 @@ def _draw_height(ax: Axes, flights: Sequence[Shown]) -> None:
     ax.margins(x=0)
 
 
-def _draw_errors(axes: Sequence[Axes], flights: Sequence[Shown]) -> None:
+def _draw_errors(axes: Sequence[Axes], flights: Sequence[FlightResult]) -> None:
     """Draw the position error against time, an axis a panel."""
     for i, ax in enumerate(axes):
         for k, flight in enumerate(flights):
@@ -189,7 +150,7 @@ def _draw_errors(axes: Sequence[Axes], flights: Sequence[Shown]) -> None:
     axes[-1].set_xlabel("time [s] (grey: ramp, not scored)")
 
 
-def _label(flight: Shown) -> str:
+def _label(flight: FlightResult) -> str:
     """Return the controller, and that it is the payload that is shown where that follows the
     track.
     """
@@ -201,7 +162,7 @@ def _line(k: int) -> dict[str, Any]:
     return {"color": PALETTE[k % len(PALETTE)], "linestyle": DASHES[k % len(DASHES)]}
 
 
-def wrench(flight: Shown, span: float = 8.0) -> Figure:
+def wrench(flight: FlightResult, span: float = 8.0) -> Figure:
     """Plot external force and torque, as truth, label and prediction, at the end of a flight.
 
     Args:

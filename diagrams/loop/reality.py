@@ -1,11 +1,14 @@
-"""What acts on the simulated vehicle and its sensors beyond the model that the controller
-assumes.
+"""The vehicle that flies: what acts on it and its sensors beyond the model that the controller
+assumes, and who simulates it.
 """
 
 import dataclasses as dc
+from collections.abc import Sequence
 
 import numpy as np
+from pydrake.systems.framework import Context, Diagram
 
+from diagrams.batch.failed_run import require
 from np_drake.effects.base import (
     ActuatorEffect,
     Effect,
@@ -13,6 +16,7 @@ from np_drake.effects.base import (
     MeasurementEffect,
     WrenchEffect,
 )
+from np_drake.effects.calibration import in_flight
 from np_drake.effects.combine import acting, require_complete, split_effects
 from np_drake.effects.command_delay import CommandDelay
 from np_drake.effects.disturbance import Disturbance, DisturbanceConfig
@@ -25,7 +29,12 @@ from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.effects.thrust_drift import ThrustDrift
 from np_drake.effects.thrust_scale import ThrustScale
 from np_drake.vehicle.vehicle import MeasurementNoise, Vehicle
+from systems.initial_state import set_hover
 from systems.payload_config import PayloadConfig, as_light, payload_config
+from systems.payload_event import PayloadEvent
+from systems.tethered_quadrotor import make_tethered_quadrotor
+
+REAL_VEHICLE = "tethered_quadrotor"  # its name as a subsystem of a flight
 
 
 @dc.dataclass
@@ -66,35 +75,37 @@ class RealityConfig:
         self.payload.check()
         self.noise.check()
         for name in ("rotor_drag", "motor_lag", "command_delay", "thrust_loss", "gust"):
-            if not 0 <= getattr(self, name) < np.inf:
-                raise ValueError(
-                    f"RealityConfig: {name} must not be negative; got {getattr(self, name)}."
-                )
-        if not self.thrust_scale > 0:
-            raise ValueError(
-                f"RealityConfig: thrust_scale must be positive; got {self.thrust_scale}."
+            value = getattr(self, name)
+            require(
+                0 <= value < np.inf, f"RealityConfig: {name} must not be negative; got {value}."
             )
-        if np.shape(self.wind) != (3,) or not np.isfinite(self.wind).all():
-            raise ValueError(
-                f"RealityConfig: wind must be three finite speeds [m/s]; got {self.wind}."
-            )
-        if self.blows and not self.rotor_drag > 0:
-            raise ValueError(
-                "RealityConfig: wind acts through rotor_drag, which must then be positive."
-            )
+        require(
+            self.thrust_scale > 0,
+            f"RealityConfig: thrust_scale must be positive; got {self.thrust_scale}.",
+        )
+        require(
+            np.shape(self.wind) == (3,) and bool(np.isfinite(self.wind).all()),
+            f"RealityConfig: wind must be three finite speeds [m/s]; got {self.wind}.",
+        )
+        require(
+            self.rotor_drag > 0 or not self.blows,
+            "RealityConfig: wind acts through rotor_drag, which must then be positive.",
+        )
         for entry in self.effects:
             entry.check()
         require_complete(self.added)
         self.disturbance.check()
         self.posterior.check()
-        hung = split_effects(self.added).payload
-        if hung is not None and self.payload.tether != "none":
-            raise ValueError(
-                "RealityConfig: there must be one payload; got `payload` and the effect "
-                "suspended_payload. Write "
-                "payload: {tether: none} beside the effect."
-            )
+        require(
+            self._payload_effect is None or self.payload.tether == "none",
+            "RealityConfig: there must be one payload; got `payload` and the effect "
+            "suspended_payload. Write payload: {tether: none} beside the effect.",
+        )
         return self
+
+    @property
+    def _payload_effect(self) -> SuspendedPayload | None:
+        return split_effects(self.added).payload
 
     def nominal(self) -> "RealityConfig":
         """Return the vehicle as its file says, with the same noise of the sensors: the nominal
@@ -128,7 +139,7 @@ class RealityConfig:
     @property
     def hangs_at(self) -> float:
         """When the payload is hung; 0 from the start [s]."""
-        effect = split_effects(self.added).payload
+        effect = self._payload_effect
         return 0.0 if effect is None else self.onsets.get(effect, 0.0)
 
     @property
@@ -144,7 +155,7 @@ class RealityConfig:
     @property
     def hung(self) -> PayloadConfig:
         """The payload: `payload`, or the effect suspended_payload as a body."""
-        effect = split_effects(self.added).payload
+        effect = self._payload_effect
         return self.payload if effect is None else as_light(payload_config(effect))
 
     @property
@@ -157,14 +168,10 @@ class RealityConfig:
         d = self.rotor_drag
         effects: list[WrenchEffect] = [LinearDrag(d, d, d)] if d > 0 else []
         if self.blows:
-            x, y, z = self.wind
-            effects.append(GustyWind(x, y, z, deviation=self.gust, seed=self.gust_seed))
+            effects.append(GustyWind(*self.wind, deviation=self.gust, seed=self.gust_seed))
         effects += split_effects(self.added).wrench
-        return (
-            [*effects, Disturbance.of_config(self.disturbance)]
-            if self.disturbance.acts
-            else effects
-        )
+        gusts = [Disturbance.of_config(self.disturbance)] if self.disturbance.acts else []
+        return [*effects, *gusts]
 
     def actuator_effects(self) -> list[ActuatorEffect]:
         """Return the effects between command and thrust, in the order of action."""
@@ -192,11 +199,9 @@ class RealityConfig:
 
     def everything(self) -> list[Effect | MeasurementEffect]:
         """Return all effects, a payload among them; the noise of sensors is none."""
-        payload = split_effects(self.added).payload
-        if payload is None and self.hung.tether != "none":
-            hung = self.hung
-            x, y, z = hung.hook
-            payload = SuspendedPayload(hung.mass, hung.length, x, y, z, hung.air_damping)
+        payload, hung = self._payload_effect, self.hung
+        if payload is None and hung.tether != "none":
+            payload = SuspendedPayload(hung.mass, hung.length, *hung.hook, hung.air_damping)
         found: list[Effect | MeasurementEffect] = [*self.mass_effects(), *self.actuator_effects()]
         found += [*self.wrench_effects(), *([payload] if payload else [])]
         return [*found, *split_effects(self.added).measurement]
@@ -215,3 +220,59 @@ class RealityConfig:
 
 def _clock_shift(effect: MeasurementEffect) -> float:
     return float(getattr(effect, "clock_shift", 0.0))
+
+
+class RealVehicle:
+    """Maker of the vehicle that flies, with the effects of a reality: the project's own simulator,
+    Drake's, or in its place that of another.
+    """
+
+    def make(
+        self,
+        vehicle: Vehicle,
+        reality: RealityConfig,
+        *,
+        command_period: float = 0.001,
+        pushed: bool = False,
+        events: Sequence[PayloadEvent] = (),
+    ) -> Diagram:
+        """Return the vehicle with the ports of `make_tethered_quadrotor`; `tether_wrench` may be
+        missing.
+
+        It has the calibration of its file and the effects that `reality` switches on.
+
+        Args:
+            command_period: at whose multiples alone the command changes [s].
+            pushed: whether forces from outside may act.
+        Raises: ValueError: on what the simulator does not know.
+        """
+        own = split_effects(in_flight(vehicle, beside=reality.actuator_effects()))
+        return make_tethered_quadrotor(
+            vehicle,
+            reality.hung,
+            wrench_effects=[*own.wrench, *reality.wrench_effects()],
+            actuator_effects=[*reality.actuator_effects(), *own.actuator],
+            mass_effects=[*own.mass, *reality.mass_effects()],
+            command_period=command_period,
+            onsets=reality.onsets,
+            hangs_at=reality.hangs_at,
+            events=events,
+            pushed=pushed,
+        )
+
+    def hover(
+        self, system: Diagram, root: Context, reality: RealityConfig, p_WB: np.ndarray
+    ) -> None:
+        """Set the made vehicle level and at rest, with the payload at its static stretch.
+
+        Args:
+            system: that `make` returned.
+            reality: of `make`.
+            p_WB: (3,) in W [m].
+        """
+        plant = system.GetSubsystemByName("plant")
+        set_hover(plant, plant.GetMyMutableContextFromRoot(root), reality.hung, p_WB)
+
+
+DRAKE = RealVehicle()
+make_real_vehicle = DRAKE.make

@@ -9,7 +9,7 @@ from pydrake.systems.analysis import ApplySimulatorConfig, Simulator
 
 from diagrams.loop.experiments import load_experiment
 from diagrams.loop.flight import FlightConfig
-from diagrams.loop.flight_diagram import make_flight_diagram, set_initial_state
+from diagrams.loop.flight_diagram import make_flight_diagram, make_simulator
 from diagrams.tracking.tracking import training_flight
 from np_drake.lifting.model.model_file import save_model
 from np_drake.lifting.training.train import make_config
@@ -55,20 +55,11 @@ def record_problems(
         predictor,
     )
     config.duration = count * config.controller.period
-    simulator = _ready(config, seed)
+    simulator = make_simulator(make_flight_diagram(config), config, seed=seed)
     controller = simulator.get_system().GetSubsystemByName("np_mpc").controller
     controller.solver = recorder = RecordingSolver(controller.solver)
     simulator.AdvanceTo(config.end - 0.5 * config.controller.period)
     return config, recorder.problems[-count:]
-
-
-def _ready(config: FlightConfig, seed: int) -> Simulator:
-    """Return the simulator of a flight at its start."""
-    diagram = make_flight_diagram(config)
-    simulator = Simulator(diagram)
-    ApplySimulatorConfig(config.simulator, simulator)
-    set_initial_state(diagram, simulator.get_mutable_context(), config, seed=seed)
-    return simulator
 
 
 def time_predictor(
@@ -115,7 +106,7 @@ def real_time_factors(*, seconds: float, seed: int) -> dict[str, float]:
 
 def _closed_loop_factor(config: FlightConfig, seed: int) -> float:
     """Return the factor of the scored part, by which time every compiled loop is loaded."""
-    simulator = _ready(config, seed)
+    simulator = make_simulator(make_flight_diagram(config), config, seed=seed)
     simulator.AdvanceTo(config.reference.lead)
     start = time.perf_counter()
     simulator.AdvanceTo(config.end)

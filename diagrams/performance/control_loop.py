@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from diagrams.loop.controller_models import make_residual_model
+from diagrams.loop.controllers import make_residual_model
 from diagrams.loop.flight_result import FlightResult
 from np_drake.labels import LabelFilter, labelled
 from np_drake.mpc.controller import MpcController

@@ -11,8 +11,7 @@ import numpy as np
 from diagrams.challenge.transfer.reality import FLOWN_WITH, experiment
 from diagrams.loop.flight import FlightConfig
 from diagrams.loop.flight_result import LostVehicle, fly
-from diagrams.loop.real_vehicle import DRAKE, RealVehicle
-from diagrams.loop.reality import RealityConfig
+from diagrams.loop.reality import DRAKE, RealityConfig, RealVehicle
 from np_drake.command_delay import LONGEST_DELAY
 from np_drake.flight_log import FlightLog
 from np_drake.lifting.model.lifted_model import LIFTED

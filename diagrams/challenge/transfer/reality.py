@@ -15,8 +15,7 @@ from diagrams.challenge.simulators.rotorpy import optional_import
 from diagrams.loop.experiments import load_experiment
 from diagrams.loop.flight import FlightConfig
 from diagrams.loop.flight_result import fly
-from diagrams.loop.real_vehicle import DRAKE, RealVehicle
-from diagrams.loop.reality import RealityConfig
+from diagrams.loop.reality import DRAKE, RealityConfig, RealVehicle
 from np_drake.effects.effect_entry import EffectEntry
 from np_drake.flight_log import FlightLog
 from np_drake.vehicle import Vehicle

@@ -18,8 +18,7 @@ from diagrams.gap.corrected import (
 )
 from diagrams.loop.flight import default_flight, load_flight
 from diagrams.loop.flight_result import fly
-from diagrams.loop.real_vehicle import make_real_vehicle
-from diagrams.loop.reality import RealityConfig
+from diagrams.loop.reality import RealityConfig, make_real_vehicle
 from np_drake.diagnosis import result as an
 from np_drake.diagnosis.residuals import residual_parts
 from np_drake.effects.base import Measurement, SensorEffect

@@ -8,7 +8,7 @@ from pydrake.systems.analysis import ApplySimulatorConfig, Simulator
 
 from diagrams.loop.experiments import load_experiment
 from diagrams.loop.flight_result import fly
-from diagrams.loop.real_vehicle import make_real_vehicle
+from diagrams.loop.reality import make_real_vehicle
 from np_drake.effects.effect_entry import EffectEntry
 from systems.initial_state import set_hover
 from systems.payload_event import PayloadEvent, attach, push, release

@@ -5,7 +5,7 @@ from diagrams.loop import flight_figures
 from diagrams.loop.experiments import load_experiment
 from diagrams.loop.flight import load_flight
 from diagrams.loop.flight_result import fly
-from diagrams.loop.replay.flight_page import write_replay
+from diagrams.loop.replay import write_replay
 from np_drake.files.figure_file import save
 
 

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from diagrams.loop.controller_config import FILTER_MODEL, NP_MODEL, ControllerConfig
-from diagrams.loop.controller_models import make_residual_model
+from diagrams.loop.controllers import make_residual_model
 from np_drake.payload_filter.predictor import PayloadFilter
 from np_drake.residual_models.neural_predictor import NeuralPredictor
 from np_drake.vehicle import Vehicle

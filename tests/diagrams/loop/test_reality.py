@@ -8,7 +8,7 @@ from diagrams.loop.experiments import load_experiment
 from diagrams.loop.flight import FlightConfig, RealityConfig, load_flight
 from diagrams.loop.flight_diagram import make_flight_diagram
 from diagrams.loop.flight_result import fly
-from diagrams.loop.real_vehicle import make_real_vehicle
+from diagrams.loop.reality import make_real_vehicle
 from diagrams.loop.scaled import scaled
 from diagrams.robustness.axes import BASE
 from diagrams.robustness.robustness import flight_config

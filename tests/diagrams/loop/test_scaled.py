@@ -10,7 +10,7 @@ from diagrams.loop.experiments import EXPERIMENTS, load_experiment
 from diagrams.loop.flight import FlightConfig, default_flight, load_flight
 from diagrams.loop.flight_diagram import set_initial_state
 from diagrams.loop.flight_result import fly
-from diagrams.loop.real_vehicle import make_real_vehicle
+from diagrams.loop.reality import make_real_vehicle
 from np_drake.command_delay import LONGEST_DELAY
 from np_drake.references.config import make_reference
 from np_drake.vehicle.scaling import SPARE_LIFT, ratios, scales, similar

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from diagrams.loop.controller_config import FILTER_MODEL, NP_MODEL, ControllerConfig
-from diagrams.loop.controller_models import make_residual_model
+from diagrams.loop.controllers import make_residual_model
 from diagrams.loop.flight_result import fly
 from diagrams.tracking.packaged import difference, make_filter
 from diagrams.tracking.tracking import Row, configure, train_models

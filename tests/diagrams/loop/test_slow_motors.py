@@ -3,7 +3,7 @@
 import pytest
 
 from diagrams.loop.controller_config import NP_MODEL, ControllerConfig
-from diagrams.loop.controller_models import make_residual_model
+from diagrams.loop.controllers import make_residual_model
 from diagrams.loop.flight import FlightConfig
 from diagrams.loop.flight_result import fly
 from np_drake.labels import labelled

@@ -2,7 +2,7 @@
 
 from importlib.util import find_spec
 
-from diagrams.loop.real_vehicle import RealVehicle
+from diagrams.loop.reality import RealVehicle
 from np_drake.flight_log import FlightLog
 
 

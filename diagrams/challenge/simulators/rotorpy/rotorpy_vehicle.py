@@ -25,7 +25,7 @@ from diagrams.challenge.simulators.rotorpy.conversion import (
     to_rotorpy,
 )
 from diagrams.challenge.simulators.rotorpy.vehicle import RealMultirotor
-from diagrams.loop.reality import RealityConfig
+from diagrams.loop.reality import RealityConfig, RealVehicle
 from np_drake import attitude
 from np_drake.effects.base import Effect, MeasurementEffect
 from np_drake.vehicle import Vehicle
@@ -195,7 +195,7 @@ def make_rotorpy_vehicle(
 
 
 @dc.dataclass(frozen=True)
-class ForeignVehicle:
+class ForeignVehicle(RealVehicle):
     """The `RealVehicle` that rotorpy flies, with the effects of the reality.
 
     The sensors are those of the loop, and Drake integrates. A gusty wind has the same statistics as
@@ -211,7 +211,7 @@ class ForeignVehicle:
         vehicle: Vehicle,
         reality: RealityConfig,
         *,
-        command_period: float,
+        command_period: float = 0.001,
         pushed: bool = False,
         events: Sequence[PayloadEvent] = (),
     ) -> Diagram:

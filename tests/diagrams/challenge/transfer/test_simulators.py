@@ -20,8 +20,7 @@ from diagrams.challenge.transfer.study import (
 )
 from diagrams.cli.main import run
 from diagrams.loop.experiments import load_experiment
-from diagrams.loop.real_vehicle import DRAKE
-from diagrams.loop.reality import RealityConfig
+from diagrams.loop.reality import DRAKE, RealityConfig
 from np_drake.vehicle import Vehicle
 
 VEHICLE = Vehicle()

@@ -8,9 +8,7 @@ import pytest
 
 from diagrams.loop.experiments import load_experiment
 from diagrams.loop.flight_result import fly
-from diagrams.loop.replay.film import FRAME_RATE, frames
-from diagrams.loop.replay.flight_page import position_error, write_replay
-from diagrams.loop.replay.page import POLICY
+from diagrams.loop.replay import FRAME_RATE, POLICY, frames, position_error, write_replay
 from np_drake import attitude
 
 POSITION = 1e-12  # of what is copied, in double precision [m]

@@ -13,8 +13,7 @@ from diagrams.challenge.simulators.rotorpy.rotorpy_vehicle import (
     make_rotorpy_vehicle,
 )
 from diagrams.challenge.simulators.rotorpy.vehicle import own_physics
-from diagrams.loop.real_vehicle import make_real_vehicle
-from diagrams.loop.reality import RealityConfig
+from diagrams.loop.reality import RealityConfig, make_real_vehicle
 from np_drake.effects.library import LIBRARY
 from np_drake.vehicle import Vehicle
 
