@@ -10,7 +10,7 @@ from diagrams.batch.columns import Column, tabulate
 from diagrams.batch.failed_run import FailedRun
 from diagrams.cli import options
 from diagrams.cli.flying import all_lost, fly_all, fly_linked, fly_live
-from diagrams.cli.output import Table, say, tell
+from diagrams.cli.output import Table, say
 from diagrams.cli.runner import Report, Run, reports
 from diagrams.cli.scenario import Numbers, scenarios
 
@@ -118,7 +118,6 @@ def fly(
         autopilot=autopilot or (None if link is None else "rate_loop"),
         numbers=Numbers(payload, length, speed, wind, duration),
     )
-    tell(*(f"warning: {text}" for text in configs[0].warnings()), indent="  ")
     _require_one_flight(len(configs), sample=sample, mcap=mcap, live=live)
     if sample is not None:
         from diagrams.gap.corrected import drawn
@@ -206,11 +205,7 @@ def _require_one_flight(
 
 def _notes(flight: "FlightResult") -> list[str]:
     """Return lines about waypoints that a flight did not pass, and about the delay of commands."""
-    before = flight.config.warnings()
-    return [
-        *(f"warning: {text}" for text in flight.warnings() if text not in before),
-        *_delay_found(flight),
-    ]
+    return [*(f"warning: {text}" for text in flight.warnings()), *_delay_found(flight)]
 
 
 def _delay_found(flight: "FlightResult") -> list[str]:

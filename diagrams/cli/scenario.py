@@ -30,14 +30,13 @@ class Numbers:
 
         Raises: ValueError: on an impossible one.
         """
-        from diagrams.loop.experiments import require_clearance, with_payload, with_speed, with_wind
+        from diagrams.loop.experiments import with_payload, with_speed, with_wind
 
         config = (
             config if self.duration is None else dc.replace(config, duration=self.duration).check()
         )
         if self.payload is not None or self.length is not None:
             config = with_payload(config, mass=self.payload, length=self.length)
-            require_clearance(config)
             config = config.check_and_step()
         if self.wind is not None:
             config = with_wind(config, _vector(self.wind))
@@ -165,15 +164,13 @@ def _give(predictor: Path, configs: "Sequence[FlightConfig]") -> None:
         raise ValueError(f"--predictor: is for {', '.join(LEARNED)}; none of them flies.")
     kind = kind_of_model(str(predictor))
     fits = [one for one in controllers if one.kind == kind]
-    if not fits and [one.kind for one in controllers] != [
-        "np"
-    ]:  # which flies a payload filter, as it once did
+    if not fits:
         kinds = " and ".join(one.kind for one in controllers)
         raise ValueError(
             f"--predictor: {predictor} is for {kind}; {kinds} cannot fly it. Name "
             f"--controller {kind}."
         )
-    (fits or controllers)[0].predictor = str(predictor)
+    fits[0].predictor = str(predictor)
 
 
 def _require(config: "FlightConfig") -> None:

@@ -203,14 +203,14 @@ def write_side_by_side(found: SideBySide, vehicle: Vehicle, path: str | Path) ->
 def _show(film: Film, frame: int, name: str, ghost: Ghost, hook: np.ndarray | None) -> None:
     """Show a ghost and its payload where they are."""
     there = bool(np.isfinite(ghost.x[frame]).all())
-    film.visible(frame, name, there)
+    film.SetProperty(frame, name, "visible", there)
     if there:
         film.SetTransform(frame, name, pose(ghost.x[frame]))
     if hook is None or not np.isfinite(ghost.p_WP).any():
         return
     hangs = there and bool(np.isfinite(ghost.p_WP[frame]).all())
     for part in ("payload", "tether"):
-        film.visible(frame, f"{name}_{part}", hangs)
+        film.SetProperty(frame, f"{name}_{part}", "visible", hangs)
     if hangs:
         film.payload(frame, ghost.x[frame], hook, ghost.p_WP[frame], f"{name}_")
 

@@ -9,6 +9,7 @@ from diagrams.batch.failed_run import require
 from diagrams.loop.own_controller import is_own
 from np_drake.autopilot.betaflight import BetaflightConfig
 from np_drake.command_delay import LONGEST_DELAY
+from np_drake.files.yaml_file import check_fields, number, word
 from np_drake.labels import LabelConfig
 from np_drake.mpc.problem import MpcConfig
 from np_drake.mpc.solvers import require_solver
@@ -34,12 +35,13 @@ class ControllerConfig:
     # MODULE:NAME
     kind: str = "nominal"
     parameters: dict[str, float] = dc.field(default_factory=dict)  # of one's own, by name
-    extra_mass: float = 0.0  # that controller and estimator add to the vehicle's [kg]
+    extra_mass: float = number(0.0, "kg", 0)  # that controller and estimator add to the vehicle's
     hold_bandwidth: float = np.inf  # of kind hold: a low-pass on top of the labels' own [Hz]
     predictor: str = (
         ""  # model file of a learned kind; np, payload_filter: empty for the packaged one
     )
-    period: float = 0.02  # between solves, and between samples of the predictor [s]
+    # between solves, and between samples of the predictor
+    period: float = number(0.02, "s", SHORTEST_PERIOD)
     command_delay: float = 0.0  # of commands before the rotors' lag; 0: as trained [s]
     track_delay: bool = False  # follow the delay in flight; a model that knows its own always does
     solver: str = "sqp"  # sqp | ipopt | ipopt_multiple_shooting
@@ -65,10 +67,7 @@ class ControllerConfig:
             f"controller: parameters are of one of your own (MODULE:NAME); got kind {self.kind}.",
         )
         require_solver(self.solver)
-        require(
-            SHORTEST_PERIOD <= self.period < np.inf,
-            f"controller: period must be at least {SHORTEST_PERIOD:g} s; got {self.period}.",
-        )
+        check_fields(self, "controller")
         require(
             self.deadline > 0 and self.hold_bandwidth > 0,
             "controller: deadline [s] and hold_bandwidth [Hz] must be positive.",
@@ -78,10 +77,6 @@ class ControllerConfig:
             0 <= self.command_delay <= longest,
             f"controller: command_delay must be 0 to {LONGEST_DELAY} periods, {longest:g} s "
             f"for this vehicle; got {self.command_delay:g} s.",
-        )
-        require(
-            0 <= self.extra_mass < np.inf,
-            f"controller: extra_mass must be finite and not negative [kg]; got {self.extra_mass}.",
         )
         require(
             not self.predictor or self.kind in LEARNED,
@@ -118,7 +113,8 @@ class ControllerConfig:
 class AutopilotConfig:
     """What stands between the controller and the rotors."""
 
-    kind: str = NONE  # none | rate_loop: as the vehicle file says | betaflight: its firmware
+    # none | rate_loop: as the vehicle file says | betaflight: its firmware
+    kind: str = word(NONE, *AUTOPILOTS)
     betaflight: BetaflightConfig = dc.field(default_factory=BetaflightConfig)
 
     def check(self) -> "AutopilotConfig":
@@ -126,8 +122,7 @@ class AutopilotConfig:
 
         Raises: ValueError: where one is impossible.
         """
-        known = ", ".join(AUTOPILOTS)
-        require(self.kind in AUTOPILOTS, f"autopilot: must be one of {known}; got {self.kind!r}.")
+        check_fields(self, "autopilot")
         self.betaflight.check()
         return self
 

@@ -1,6 +1,5 @@
 """Controllers by name: one MPC with different residual models, a cascade, or the user's own."""
 
-import logging
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -29,30 +28,25 @@ from np_drake.payload_filter.model_file import PAYLOAD_FILTER, SCHEMAS
 from np_drake.payload_filter.predictor import PayloadFilter
 from np_drake.references.base import Reference
 from np_drake.residual_model import KnowsDelay, ReadsPlan, ResidualModel
+from np_drake.residual_models import motion_model
 from np_drake.residual_models.disturbance_observer import DisturbanceObserver
 from np_drake.residual_models.hold import Constant, Hold
-from np_drake.residual_models.motion_model import REACTIONS, MotionModel
-from np_drake.residual_models.motion_model import SCHEMA as MOTION_MODEL
 from np_drake.residual_models.neural_predictor import NeuralPredictor as NeuralPredictorModel
 from np_drake.residual_models.oracle import TrueModel
 from np_drake.vehicle import Vehicle
 from np_drake.vehicle.scaling import ratios
+from systems import NeuralPredictor, NpMpc, ReferenceSource, WrenchEstimator
 from systems.cascade_target import FlatTarget
 from systems.cascaded_controller import CascadedController
 from systems.delay_estimator import DelayEstimator
-from systems.neural_predictor import NeuralPredictor
-from systems.np_mpc import NpMpc
 from systems.rate_loop import RateLoopTorque
-from systems.reference_source import ReferenceSource
 from systems.residual_predictor import ResidualPredictor
-from systems.wrench_estimator import WrenchEstimator
 from systems.wrench_oracle import WrenchOracle
 
 SOLVER_SHARE = 0.5  # of the deadline, after which a solver wraps up with what it has [1]
 # A command that feeds through is read just after the events of an instant and just before the
 # recorder looks at it.
 _AFTER = 5e-7  # [s]
-_log = logging.getLogger(__name__)
 
 
 def connect(builder: DiagramBuilder, source: System, target: System, *names: str) -> None:
@@ -167,11 +161,12 @@ def _delay_filter(
     The oracle knows the delay by its `truth`. Others are given it, or have learned it; whoever has
     learned one follows it.
     """
-    learned = isinstance(model, KnowsDelay)
-    known = config.command_delay or (model.delay if isinstance(model, KnowsDelay) else 0.0)
-    track = config.track_delay or learned
+    own = isinstance(model, KnowsDelay)
+    known, track = config.command_delay, config.track_delay or own
     if config.kind == "oracle" and model is None:
         known, track = truth.delay if truth is not None else 0.0, False
+    elif isinstance(model, KnowsDelay):
+        known = known or model.delay
     if known == 0.0 and not track:
         return None
     return DelayFilter(labelled(vehicle, model), step=config.period, known=known, track=track)
@@ -282,8 +277,8 @@ def kind_of_model(path: str) -> str:
     Raises: ValueError: where it is no such file.
     """
     schema = schema_of(path)
-    if schema == MOTION_MODEL:
-        return MotionModel.load(path).name
+    if schema == motion_model.SCHEMA:
+        return motion_model.MotionModel.load(path).name
     if schema in SCHEMAS:
         return PAYLOAD_FILTER
     NeuralPredictorModel.load(path)
@@ -303,13 +298,7 @@ def _observer(config: ControllerConfig, vehicle: Vehicle) -> DisturbanceObserver
 
 def _neural_predictor(config: ControllerConfig, vehicle: Vehicle) -> ResidualModel:
     """Return the Neural Predictor, of the configuration that its file holds."""
-    path = config.predictor or NP_MODEL
-    if schema_of(path) in SCHEMAS:
-        _log.warning(
-            "%s holds a payload filter, which is no longer flown as np; use payload_filter.", path
-        )
-        return _payload_filter(config, vehicle)
-    predictor = NeuralPredictorModel.load(path)
+    predictor = NeuralPredictorModel.load(config.predictor or NP_MODEL)
     _require_fit(predictor.model, predictor.step, config, vehicle)
     return predictor
 
@@ -320,8 +309,8 @@ def _payload_filter(config: ControllerConfig, vehicle: Vehicle) -> PayloadFilter
     return model
 
 
-def _motion_model(config: ControllerConfig, vehicle: Vehicle) -> MotionModel:
-    model = MotionModel.load(config.predictor, config.kind)
+def _motion_model(config: ControllerConfig, vehicle: Vehicle) -> motion_model.MotionModel:
+    model = motion_model.MotionModel.load(config.predictor, config.kind)
     _require_fit(model, model.step, config, vehicle)
     return model
 
@@ -331,7 +320,7 @@ MODELS: dict[str, Callable[[ControllerConfig, Vehicle], ResidualModel]] = {
     "observer": _observer,
     "np": _neural_predictor,
     PAYLOAD_FILTER: _payload_filter,
-    **dict.fromkeys(REACTIONS, _motion_model),
+    **dict.fromkeys(motion_model.REACTIONS, _motion_model),
 }  # makers of residual models by kind of controller
 
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from diagrams.batch.failed_run import require
-from diagrams.loop.flight import LIFTED, LOOKS, FlightConfig, load_flight
+from diagrams.loop.flight import LOOKS, FlightConfig, load_flight
 from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.files.yaml_file import read_yaml
 from np_drake.references.track_file import Trajectory
@@ -119,12 +119,6 @@ def with_payload(
         effects = [e for e in reality.effects if not isinstance(e.made, SuspendedPayload)]
         none = dc.replace(reality, payload=PayloadConfig(tether="none"), effects=effects)
         return dc.replace(config, reality=none)
-    spare = config.carried_mass - (hung.mass if hangs else 0.0)
-    most = LIFTED * config.lift / config.vehicle.gravity - spare
-    require(
-        mass is None or mass <= most,
-        f"--payload: must be at most {most:.3g} kg, which the rotors carry; got {mass or 0:g}.",
-    )
     require(
         hangs or mass is not None,
         f"--length: {config.name} has no payload. Name its mass by --payload.",
@@ -134,6 +128,14 @@ def with_payload(
     require(
         new.length > new.radius,
         f"--length: must be above the payload's radius, {new.radius:g} m; got {new.length:g}.",
+    )
+    lowest = float(config.motion.sample(np.arange(0.0, config.end, LOOKS))[0, :, 2].min())
+    room = math.floor(100 * (lowest + new.hook[2] - new.radius)) / 100
+    require(
+        new.length <= room,
+        f"--length: must be at most {room:.2f} m, or the payload touches the ground where the "
+        f"vehicle flies at {lowest:.2f} m; got {new.length:g}. "
+        "Raise reference.height in a scenario file.",
     )
     effects = [
         dc.replace(e, parameters={**e.parameters, **changed})
@@ -147,24 +149,6 @@ def with_payload(
     new.stiffness = hung.stiffness * weight / longer
     new.damping = hung.damping * weight / math.sqrt(longer)
     return dc.replace(config, reality=dc.replace(reality, payload=new))
-
-
-def require_clearance(config: FlightConfig) -> None:
-    """Check that the payload does not hang below the ground anywhere on the track.
-
-    Raises: ValueError: where it does.
-    """
-    hung = config.reality.hung
-    if hung.tether == "none":
-        return
-    lowest = float(config.motion.sample(np.arange(0.0, config.end, LOOKS))[0, :, 2].min())
-    room = math.floor(100 * (lowest + hung.hook[2] - hung.radius)) / 100
-    require(
-        hung.length <= room,
-        f"--length: must be at most {room:.2f} m, or the payload touches the ground where the "
-        f"vehicle flies at {lowest:.2f} m; got {hung.length:g}. "
-        "Raise reference.height in a scenario file.",
-    )
 
 
 def with_speed(config: FlightConfig, speed: float) -> FlightConfig:
@@ -182,7 +166,7 @@ def with_speed(config: FlightConfig, speed: float) -> FlightConfig:
     )
     plain = dc.replace(config, reference=dc.replace(reference, dither=[0.0] * 3))
     require(
-        not isinstance(plain.track, Trajectory),
+        not isinstance(plain.motion, Trajectory),
         f"--speed: {reference.track} states its own times, and with them the speed. Leave it out.",
     )
     flown = dc.replace(config, reference=dc.replace(reference, speed=speed))
@@ -212,15 +196,14 @@ def with_wind(config: FlightConfig, wind: tuple[float, float, float]) -> FlightC
         wind: in W [m/s].
     Raises: ValueError: where there is no drag to feel it, or rotors cannot hold against it.
     """
-    drag, weight = config.reality.rotor_drag, config.carried_mass * config.vehicle.gravity
     require(bool(np.isfinite(wind).all()), f"--wind: must be finite [m/s]; got {wind}.")
     require(
-        not any(wind) or drag > 0,
+        not any(wind) or config.reality.rotor_drag > 0,
         f"--wind: acts through reality.rotor_drag, which is 0 in {config.name}. Name a positive "
         "one.",
     )
-    size, left = float(np.linalg.norm(wind)), math.sqrt(max(config.lift**2 - weight**2, 0.0))
-    most = left / max(drag, 1e-12)
+    weight, size = config.carried_mass * config.vehicle.gravity, float(np.linalg.norm(wind))
+    most = math.sqrt(max(config.lift**2 - weight**2, 0.0)) / max(config.reality.rotor_drag, 1e-12)
     require(
         size <= most,
         f"--wind: must be at most {most:.3g} m/s, which the rotors hold; got {size:.4g}.",

@@ -23,8 +23,6 @@ from np_drake.offboard.config import OffboardConfig
 from np_drake.references.base import Reference
 from np_drake.references.config import ReferenceConfig, make_reference
 from np_drake.references.flatness import targets
-from np_drake.references.payload import PayloadTrack
-from np_drake.references.waypoints import nearest, off_legs
 from np_drake.residual_models.oracle import TrueModel
 from np_drake.vehicle import Vehicle
 from systems.payload_event import PayloadEvent
@@ -34,10 +32,6 @@ FINEST_STEP = 1e-6  # of the simulator [s]; own choice
 RATE = 100.0  # at which a motion is looked at [Hz]
 LOOKS = 1 / RATE  # between two looks at a motion [s]
 MOST_INSTANTS = 200_000  # of a motion that are looked at
-MOST_TOLD = 5  # waypoints in a sentence
-# of a cable that is to stay taut, over the payload's weight; own choice: below it gusts slacken it
-# [1]
-LEAST_PULL = 0.2
 LIFTED = 0.9  # of the rotors' thrust that may hang on them; own choice: the rest steers [1]
 ARENA = 50.0  # farther than this from the origin a vehicle counts as lost [m]
 
@@ -94,36 +88,39 @@ class FlightConfig:
             f"FlightConfig: duration must be at most {longest:g} s with the ramp and at a period "
             f"of {self.controller.period:g} s; got {self.end:g}. Fly it in parts.",
         )
-        self._check_events()
-        self._check_autopilot()
-        if self.controller.kind == "oracle":
-            self._check_oracle()
+        times, tether = [event.check().time for event in self.events], self.reality.hung.tether
+        require(
+            len({*times}) == len(times) and all(t < self.end for t in times),
+            f"{self.name}: events must have times of their own within the flight; got {times} [s].",
+        )
+        require(
+            not times or tether == "cable",
+            f"{self.name}: events need a payload on a cable; got {tether}.",
+        )
+        self._check_controller()
         require(
             self.carried_mass * self.vehicle.gravity <= LIFTED * self.lift,
             f"FlightConfig: {self.carried_mass:.4g} kg are more than the rotors can carry "
             f"({self.lift:.3g} N). "
             "Name a lighter payload, or none, for the default scales with the vehicle.",
         )
-        self._check_simulator()
-        if self.follows_payload:
-            self._check_followed()
-        if self.reference.is_file or self.reference.track == "multisine" or self.follows_payload:
+        scheme, step = self.simulator.integration_scheme, self.simulator.max_step_size
+        require(
+            scheme in GetIntegrationSchemes() and FINEST_STEP <= step < np.inf,
+            f"FlightConfig: simulator must name a scheme of Drake's and a step of at least "
+            f"{FINEST_STEP:g} s; got {scheme}, {step}.",
+        )
+        require(
+            self.simulator.use_error_control or step <= self.largest_step,
+            f"FlightConfig: simulator.max_step_size must be at most {self.largest_step:.2g} s for "
+            f"this cable and these motors; got {step}. Take a smaller step or error control.",
+        )
+        if self.reference.is_file or self.reference.track == "multisine":
             self._check_track()
         return self
 
-    def _check_events(self) -> None:
-        times = [event.check().time for event in self.events]
-        require(
-            len({*times}) == len(times) and all(t < self.end for t in times),
-            f"{self.name}: events must have times of their own within the flight; got {times} [s].",
-        )
-        tether = self.reality.hung.tether
-        require(
-            not times or tether == "cable",
-            f"{self.name}: events need a payload on a cable; got {tether}.",
-        )
-
-    def _check_autopilot(self) -> None:
+    def _check_controller(self) -> None:
+        """Check that the controller commands what flies, and that an oracle can know it."""
         command, kind = self.controller.mpc.command, self.controller.kind
         rates = command == "rates"
         require(
@@ -140,6 +137,16 @@ class FlightConfig:
             f"{self.name}: vehicle {self.vehicle.name!r} must have a rate_loop for an autopilot; "
             "it has none.",
         )
+        oracle, longest = kind == "oracle", LONGEST_DELAY * self.controller.period
+        require(
+            not oracle or self.reality.payload.tether != "rod",
+            "FlightConfig: the oracle knows cable and no tether; got a rod.",
+        )
+        late = self.reality.dead_time
+        require(
+            not oracle or late <= longest,
+            f"FlightConfig: the oracle knows delays up to {longest:g} s; got {late:g}.",
+        )
 
     def with_autopilot(self, kind: str) -> "FlightConfig":
         """Return the flight with an autopilot, whose controller commands body rates.
@@ -153,39 +160,10 @@ class FlightConfig:
             self, autopilot=autopilot, controller=dc.replace(self.controller, mpc=mpc)
         )
 
-    def _check_oracle(self) -> None:
-        late, longest = self.reality.dead_time, LONGEST_DELAY * self.controller.period
-        require(
-            self.reality.payload.tether != "rod",
-            "FlightConfig: the oracle knows cable and no tether; got a rod.",
-        )
-        require(
-            late <= longest,
-            f"FlightConfig: the oracle knows delays up to {longest:g} s; got {late:g}.",
-        )
-
-    def _check_followed(self) -> None:
-        """Check that a payload hangs on a cable that stays taut all the time."""
-        who, tether = f"{self.name}: reference.follow: payload", self.reality.hung.tether
-        require(tether == "cable", f"{who} needs a payload on a cable; got {tether}.")
-        told = [f"hung on at {t:g} s" for t in [self.reality.hangs_at] if t > 0]
-        told += [f"released at {t:g} s" for t in [self.cut_at] if t < np.inf]
-        require(
-            not told,
-            f"{who} needs a payload that hangs all the time; it is {' and '.join(told)}. "
-            "Follow the vehicle, or leave that out.",
-        )
-        pull = self._payload_track.least_pull(np.arange(0.0, self.end, LOOKS))
-        require(
-            pull >= LEAST_PULL,
-            f"{self.name}: must keep the cable taut; its pull falls to {pull:.2g} of the "
-            f"payload's weight, and at least {LEAST_PULL:g} is needed. Take a lower speed.",
-        )
-
     def _check_track(self) -> None:
         """Check the motion against ground, arena, the controller's bounds and the rotors."""
         vehicle, mpc = self.vehicle.with_mass(self.carried_mass), self.controller.mpc
-        t = self._instants
+        t = np.linspace(0.0, self.end, min(int(self.end * RATE) + 2, MOST_INSTANTS))
         flat = self.motion.sample(t)
         force = flat[2] + [0.0, 0.0, vehicle.gravity]
         upright = force[:, 2] / np.maximum(np.linalg.norm(force, axis=1), 1e-9)
@@ -232,24 +210,6 @@ class FlightConfig:
                 told = f"must {what.format(values[k])} at {t[k]:.2f} s. {remedy}"
                 raise ValueError(f"{self.reference.track}: {told}")
 
-    @property
-    def _instants(self) -> np.ndarray:
-        """Times at which the motion is looked at (n,) [s]."""
-        return np.linspace(0.0, self.end, min(int(self.end * RATE) + 2, MOST_INSTANTS))
-
-    def _check_simulator(self) -> None:
-        scheme, step = self.simulator.integration_scheme, self.simulator.max_step_size
-        require(
-            scheme in GetIntegrationSchemes() and FINEST_STEP <= step < np.inf,
-            f"FlightConfig: simulator must name a scheme of Drake's and a step of at least "
-            f"{FINEST_STEP:g} s; got {scheme}, {step}.",
-        )
-        require(
-            self.simulator.use_error_control or step <= self.largest_step,
-            f"FlightConfig: simulator.max_step_size must be at most {self.largest_step:.2g} s for "
-            f"this cable and these motors; got {step}. Take a smaller step or error control.",
-        )
-
     def __getstate__(self) -> dict[str, Any]:
         """Return the fields for another process, Drake's settings of the simulator by name."""
         fields = SimulatorConfig.__fields__
@@ -259,24 +219,9 @@ class FlightConfig:
         vars(self).update(state | {"simulator": SimulatorConfig(**state["simulator"])})
 
     @property
-    def track(self) -> Reference:
-        """Motion that the scenario names: of the vehicle, or of its payload."""
-        return make_reference(self.reference)
-
-    @property
-    def follows_payload(self) -> bool:
-        """Whether the payload is to follow the track, and not the vehicle."""
-        return self.reference.follow == "payload"
-
-    @property
     def motion(self) -> Reference:
         """Motion of the vehicle that the controller follows."""
-        return self._payload_track if self.follows_payload else self.track
-
-    @property
-    def _payload_track(self) -> PayloadTrack:
-        hung = self.reality.hung
-        return PayloadTrack(self.track, self.vehicle, length=hung.length, hook=hung.hook)
+        return make_reference(self.reference)
 
     @property
     def carried_mass(self) -> float:
@@ -348,23 +293,6 @@ class FlightConfig:
         """When the cable is cut; infinite: never [s]."""
         return min((event.time for event in self.events if event.kind == "release"), default=np.inf)
 
-    def warnings(self) -> list[str]:
-        """Return sentences on waypoints that the track does not pass, and on legs that it
-        leaves.
-        """
-        points, within = self.reference.waypoints, self.reference.within
-        if points is None:
-            return []
-        p = self.track.sample(self._instants)[0]
-        said = missed(nearest(points, p), within, "the track")
-        off, leg = off_legs(points, p)
-        if self.reference.is_file and off > within:
-            said.append(
-                f"the track leaves the straight leg from waypoint {leg + 1} to {leg + 2} by "
-                f"{off:.2f} m; reference.corners: stop keeps to the legs."
-            )
-        return said
-
     def check_and_step(self) -> "FlightConfig":
         """Return a checked copy whose fixed step of the simulator is within `largest_step`."""
         simulator = copy.copy(self.simulator)
@@ -375,23 +303,6 @@ class FlightConfig:
     def end(self) -> float:
         """End of the flight [s]."""
         return self.reference.lead + self.duration
-
-
-def missed(distances: np.ndarray, within: float, who: str) -> list[str]:
-    """Return a sentence on the waypoints that were not passed within a distance; none where all
-    were.
-
-    Args:
-        distances: how near each was passed (k,) [m].
-        within: the distance [m].
-    """
-    rows = np.flatnonzero(distances > within)
-    if not len(rows):
-        return []
-    told = ", ".join(f"{k + 1} ({distances[k]:.2f} m)" for k in rows[:MOST_TOLD])
-    more = f" and {len(rows) - MOST_TOLD} more" if len(rows) > MOST_TOLD else ""
-    many = "waypoint" if len(rows) == 1 else "waypoints"
-    return [f"{who} does not come within {within:g} m of {many} {told}{more}."]
 
 
 def flown_by(config: FlightConfig, factory: Factory | None) -> FlightConfig:

@@ -18,18 +18,15 @@ from diagrams.loop.controllers import add_controller, connect
 from diagrams.loop.flight import FlightConfig, flown_by
 from diagrams.loop.own_controller import Factory
 from diagrams.loop.reality import DRAKE, REAL_VEHICLE, RealityConfig, RealVehicle
+from np_drake import effects
 from np_drake.autopilot.betaflight import Betaflight
 from np_drake.control.faults import MeasurementFault, SolverFault
 from np_drake.effects.calibration import in_flight
-from np_drake.effects.command_delay import CommandDelay
-from np_drake.effects.imu_mounting import ImuMounting
-from np_drake.effects.motor_lag import MotorLag
 from np_drake.vehicle import Vehicle
+from systems import add_recorder, add_sensor_model
 from systems.betaflight import BetaflightAutopilot
 from systems.rate_loop import RateLoopAutopilot
-from systems.recorder import add_recorder
 from systems.sensor_faults import add_sensor_faults
-from systems.sensor_model import add_sensor_model
 
 RECORDER, AUTOPILOT = "recorder", "autopilot"  # names as subsystems of a flight
 
@@ -74,7 +71,7 @@ def make_flight_diagram(
         REAL_VEHICLE,
         real.make(behind, reality, command_period=period, pushed=pushed, events=config.events),
     )
-    tilt: list[Any] = [e for e in in_flight(config.vehicle) if isinstance(e, ImuMounting)]
+    tilt: list[Any] = [e for e in in_flight(config.vehicle) if isinstance(e, effects.ImuMounting)]
     sensors = [*tilt, *config.reality.sensor_effects()]
     rig = add_sensor_model(builder, vehicle, config.vehicle, sensors, period=period)
     if faults.measurement and not knows:
@@ -135,17 +132,16 @@ def _as_flown(
     """
     if config.kind != "rate_loop":
         return vehicle, reality
-    late = (MotorLag, CommandDelay)
-    effects = [entry for entry in reality.effects if not isinstance(entry.made, late)]
-    at_once = dc.replace(reality, motor_lag=0.0, command_delay=0.0, effects=effects)
+    late = (effects.MotorLag, effects.CommandDelay)
+    others = [entry for entry in reality.effects if not isinstance(entry.made, late)]
+    at_once = dc.replace(reality, motor_lag=0.0, command_delay=0.0, effects=others)
     return dc.replace(vehicle, rotor_time_constant=0.0), at_once
 
 
 def firmware_of(diagram: Diagram) -> Betaflight | None:
     """Return the firmware of a flight of `make_flight_diagram`, None where it has none."""
-    if not diagram.HasSubsystemNamed(AUTOPILOT):
-        return None
-    return getattr(diagram.GetSubsystemByName(AUTOPILOT), "firmware", None)
+    known = diagram.HasSubsystemNamed(AUTOPILOT)
+    return getattr(diagram.GetSubsystemByName(AUTOPILOT), "firmware", None) if known else None
 
 
 def make_simulator(

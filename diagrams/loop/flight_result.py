@@ -1,10 +1,8 @@
 """Simulation of a flight, and its result: log, truth and metrics."""
 
 import dataclasses as dc
-import tempfile
 from collections.abc import Callable
 from functools import cached_property
-from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
@@ -12,7 +10,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, Diagram
 
 from diagrams.batch.failed_run import FailedRun, one_line, require
-from diagrams.loop.flight import ARENA, FlightConfig, flown_by, missed
+from diagrams.loop.flight import ARENA, FlightConfig, flown_by
 from diagrams.loop.flight_diagram import (
     NO_FAULTS,
     Faults,
@@ -24,7 +22,6 @@ from diagrams.loop.flight_diagram import (
 from diagrams.loop.own_controller import Factory, is_own
 from diagrams.loop.reality import DRAKE, REAL_VEHICLE, RealVehicle
 from np_drake import metrics, rigid_body
-from np_drake.autopilot.betaflight import Betaflight
 from np_drake.files.notebook import data_frame, html_table
 from np_drake.flight_log import COLUMNS, FlightLog
 from np_drake.logs.clock import shift_state
@@ -36,6 +33,7 @@ from np_drake.training_data.actuator_timing import delayed
 WRENCH = ("fx", "fy", "fz", "taux", "tauy", "tauz")  # columns of a wrench [N, N·m]
 # Height below which a vehicle counts as lost: the simulator has no ground, flights do [m].
 GROUND = 0.0
+MOST_TOLD = 5  # waypoints in a sentence
 
 
 class LostVehicle(FailedRun):
@@ -90,13 +88,8 @@ class FlightResult:
 
     def _repr_html_(self) -> str:
         """Return what a notebook shows: the metrics in a short table, and warnings."""
-        m, axes = self.metrics(), ("E_xy", "E_z")
-        rows = [(name, f"{100 * m[name]:.2f} cm") for name in axes]
-        rows += [
-            (f"payload {name}", f"{100 * m['payload'][name]:.2f} cm")
-            for name in axes
-            if "payload" in m
-        ]
+        m = self.metrics()
+        rows = [(name, f"{100 * m[name]:.2f} cm") for name in ("E_xy", "E_z")]
         rows.append(("median time of a solve", f"{m['solve_ms']['median']:.2f} ms"))
         rows.append(("failed", str(m["solve_failures"])))
         title = f"{self.config.name} with {self.label}, seed {self.seed}: {self.config.end:g} s"
@@ -187,7 +180,7 @@ class FlightResult:
     def last_lap(self) -> np.ndarray:
         """Rows of the last lap, or the scored rows of a motion that has none, (n,)."""
         rows = np.flatnonzero(self.scored)
-        rate = getattr(self.config.track, "rate", None)
+        rate = getattr(self.config.motion, "rate", None)
         return (
             rows[-(int(2 * np.pi / rate / self.config.controller.period) + 1) :] if rate else rows
         )
@@ -241,18 +234,10 @@ class FlightResult:
         s = self.signals["plant_state"]
         return s[:, 11:14] if s.shape[1] == 26 else None
 
-    @cached_property
-    def followed(self) -> np.ndarray:
-        """Position of what is to follow the track, vehicle or payload, in W (n, 3) [m]."""
-        hung = self.payload_position if self.config.follows_payload else None
-        return self.signals["x_true"][:, :3] if hung is None else hung
-
-    @cached_property
-    def wanted(self) -> np.ndarray:
-        """Position of the track, in W (n, 3) [m]."""
-        if self.config.follows_payload:
-            return self.config.track.sample(self.signals["t"])[0]
-        return self.signals["p_ref"]
+    @property
+    def flown(self) -> np.ndarray:
+        """Flown true positions in W (n, 3) [m]."""
+        return self.signals["x_true"][:, :3]
 
     @cached_property
     def waypoint_distances(self) -> np.ndarray | None:
@@ -260,30 +245,34 @@ class FlightResult:
         any.
         """
         points = self.config.reference.waypoints
-        return None if points is None else nearest(points, self.followed)
+        return None if points is None else nearest(points, self.flown)
 
     def warnings(self) -> list[str]:
-        """Return sentences on waypoints that track or flight do not pass."""
-        found, flown = self.config.warnings(), self.waypoint_distances
-        if flown is not None:
-            who = f"the flight with {self.label}"
-            found += missed(flown, self.config.reference.within, who)
-        return found
+        """Return a sentence on the waypoints that the flight did not pass; none where it passed
+        all.
+        """
+        distances, within = self.waypoint_distances, self.config.reference.within
+        rows = np.flatnonzero([] if distances is None else distances > within)
+        if distances is None or not len(rows):
+            return []
+        told = ", ".join(f"{k + 1} ({distances[k]:.2f} m)" for k in rows[:MOST_TOLD])
+        more = f" and {len(rows) - MOST_TOLD} more" if len(rows) > MOST_TOLD else ""
+        many = "waypoint" if len(rows) == 1 else "waypoints"
+        who = f"the flight with {self.label}"
+        return [f"{who} does not come within {within:g} m of {many} {told}{more}."]
 
     def metrics(self) -> dict:
         """Return the metrics of the scored part, as `--json` writes them."""
         s, rows = self.signals, self.scored
         status = s["status"][rows, 0]
         result = {
-            **metrics.tracking_errors(s["x_true"][rows, :3], s["p_ref"][rows]),
-            "growth": metrics.error_growth(s["x_true"][rows, :3], s["p_ref"][rows]),
+            **metrics.tracking_errors(self.flown[rows], s["p_ref"][rows]),
+            "growth": metrics.error_growth(self.flown[rows], s["p_ref"][rows]),
             "solve_ms": metrics.solve_times_ms(s["solve_time"][rows, 0]),
             "solve_failures": int(np.sum(status >= MpcStatus.SQP_FALLBACK)),
             "late_solves": int(np.sum(s["solve_time"][rows, 0] > self.config.controller.period)),
             "fallbacks": int(np.sum(status >= MpcStatus.SHIFTED_PLAN)),
         }
-        if self.config.follows_payload:
-            result["payload"] = metrics.tracking_errors(self.followed[rows], self.wanted[rows])
         if self.waypoint_distances is not None:
             result["waypoint_distances"] = self.waypoint_distances.tolist()
         if self.chi_foreseen is not None:
@@ -298,14 +287,6 @@ class FlightResult:
         """Return the `fly` object of `--json` (docs/reference/files.md)."""
         named = {"experiment": self.config.name, "controller": self.label, "seed": self.seed}
         return named | {"metrics": self.metrics()}
-
-
-def simulate(config: FlightConfig, *, seed: int, **how: Any) -> dict[str, np.ndarray]:
-    """Simulate the experiment and return the recorded signals (see `Recorder.read`).
-
-    Args: as of `fly`.
-    """
-    return fly(config, seed=seed, **how).signals
 
 
 def fly(
@@ -343,18 +324,10 @@ def fly(
     try:
         simulator = make_simulator(diagram, config, seed=seed, real=real)
         signals = _advance(simulator, diagram, config, monitor, tolerance, watch)
-        return FlightResult(config, seed, signals, b"" if firmware is None else _blackbox(firmware))
+        return FlightResult(config, seed, signals, firmware.blackbox() if firmware else b"")
     finally:
         if firmware is not None:
             firmware.close()
-
-
-def _blackbox(firmware: Betaflight) -> bytes:
-    """Return the log that the firmware itself has written; empty where it writes none."""
-    with tempfile.TemporaryDirectory() as folder:
-        log = Path(folder) / "blackbox"
-        firmware.keep_blackbox(log)
-        return log.read_bytes() if log.is_file() else b""
 
 
 def _advance(

@@ -1,13 +1,13 @@
 """Controller of the user's own: a Drake system in the place of the project's controllers."""
 
 import difflib
-import hashlib
 import importlib
 import inspect
 import re
 import sys
 from collections.abc import Callable, Mapping
 from functools import lru_cache
+from importlib.machinery import SourceFileLoader
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -33,7 +33,6 @@ COMMANDS = {
     "u": "the command [f_u, tau_m]",
     "rates_thrust": "collective thrust and body rates for the autopilot",
 }
-_PRIVATE = re.compile(r"own_[0-9a-f]{32}\.?")  # name of the package of a file, in messages
 
 
 def is_own(kind: str) -> bool:
@@ -51,9 +50,8 @@ def kind_of(factory: Factory) -> str:
 def beside(kind: str, folder: Path) -> str:
     """Return the kind with its file, where that lies in `folder`."""
     module, _, name = kind.rpartition(":")
-    stem = module.replace(".", "/")
-    names = (module,) if module.endswith(".py") else (f"{stem}.py", f"{stem}/__init__.py")
-    return next((f"{folder / file}:{name}" for file in names if (folder / file).is_file()), kind)
+    file = folder / (module if module.endswith(".py") else f"{module.replace('.', '/')}.py")
+    return f"{file}:{name}" if file.is_file() else kind
 
 
 def load_factory(kind: str) -> Factory:
@@ -75,13 +73,16 @@ def load_factory(kind: str) -> Factory:
         if of_file:
             module = _module_of_file(place, Path(place).stat().st_mtime_ns)
         else:
-            module = _installed(place)
+            module = importlib.import_module(place)
     except Exception as error:  # whatever the user's module raises
-        raise ValueError(
-            f"controller: {place} cannot be imported: {_PRIVATE.sub('', one_line(error))}."
-        ) from error
-    public = [n for n in vars(module) if not n.startswith("_")]
-    near = "".join(f"; did you mean {n}" for n in difflib.get_close_matches(name, public, n=1))
+        why = one_line(error)
+        if isinstance(error, ModuleNotFoundError) and error.name == place.split(".")[0]:
+            why = (
+                f"there is no {place.replace('.', '/')}.py beside the scenario or in the "
+                f"current folder, and no installed module {place}"
+            )
+        raise ValueError(f"controller: {place} cannot be imported: {why}.") from error
+    near = "".join(f"; did you mean {n}" for n in difflib.get_close_matches(name, vars(module), 1))
     factory: Any = getattr(module, name, None)
     require(factory is not None, f"controller: {place} has no {name}{near}.")
     require(
@@ -93,42 +94,19 @@ def load_factory(kind: str) -> Factory:
 
 @lru_cache
 def _module_of_file(file: str, version: int) -> ModuleType:
-    """Return the module of a file as of its `version`, within its package; its neighbours can be
-    imported meanwhile.
+    """Return the module of a file as of its `version`; its neighbours can be imported meanwhile.
 
-    It stands in a package of its own name, so that the user's may be called like an installed one.
+    Its name is its own, so that the file may be called like an installed module.
     """
     path = Path(file).resolve()
-    home = path.parent
-    while (home / "__init__.py").is_file():
-        home = home.parent
-    around = ModuleType(f"own_{hashlib.md5(f'{path}{version}'.encode()).hexdigest()}")
-    around.__path__ = [str(home)]
-    sys.modules[around.__name__] = around
-    names = [name for name in path.relative_to(home).with_suffix("").parts if name != "__init__"]
-    sys.path[:0] = added = [str(path.parent), str(home)]
-    importlib.invalidate_caches()
+    module = ModuleType(f"own_{path.stem}")
+    sys.modules[module.__name__] = module
+    sys.path.insert(0, str(path.parent))
     try:
-        return importlib.import_module(".".join([around.__name__, *names]))
+        SourceFileLoader(module.__name__, str(path)).exec_module(module)
     finally:
-        for folder in added:
-            sys.path.remove(folder)
-
-
-def _installed(name: str) -> ModuleType:
-    """Return an installed module.
-
-    Raises: ValueError: where there is none of this name.
-    """
-    try:
-        return importlib.import_module(name)
-    except ModuleNotFoundError as error:
-        if error.name is None or name.split(".")[0] != error.name.split(".")[0]:
-            raise
-        raise ValueError(
-            f"there is no {name.replace('.', '/')}.py beside the scenario or in the "
-            f"current folder, and no installed module {name}"
-        ) from error
+        sys.path.remove(str(path.parent))
+    return module
 
 
 def make_own_controller(
@@ -143,19 +121,11 @@ def make_own_controller(
     """
     who = f"controller {kind_of(factory).rpartition(':')[2]}"
     require(
-        not isinstance(factory, str),
-        f"controller: must be a class or function; got {factory!r}. Name it in "
-        "config.controller.kind.",
-    )
-    require(
         callable(factory) and not isinstance(factory, System),
         f"{who}: must be a class or function that makes a new system each flight; got "
         f"{type(factory).__name__}. Name the class, or write lambda: Mine(…).",
     )
-    try:
-        known = [*inspect.signature(factory).parameters.values()]
-    except ValueError:  # of compiled code
-        known = []
+    known = [*inspect.signature(factory).parameters.values()]
     own = [
         p.name
         for p in known

@@ -9,6 +9,7 @@ import numpy as np
 from pydrake.systems.framework import Context, Diagram
 
 from diagrams.batch.failed_run import require
+from np_drake import effects as library
 from np_drake.effects.base import (
     ActuatorEffect,
     Effect,
@@ -18,16 +19,10 @@ from np_drake.effects.base import (
 )
 from np_drake.effects.calibration import in_flight
 from np_drake.effects.combine import acting, require_complete, split_effects
-from np_drake.effects.command_delay import CommandDelay
 from np_drake.effects.disturbance import Disturbance, DisturbanceConfig
 from np_drake.effects.effect_entry import EffectEntry, Posterior
-from np_drake.effects.gusty_wind import GustyWind
-from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.motor_lag import MotorLag, at_once
-from np_drake.effects.sensor_noise import SensorNoise
-from np_drake.effects.suspended_payload import SuspendedPayload
-from np_drake.effects.thrust_drift import ThrustDrift
-from np_drake.effects.thrust_scale import ThrustScale
+from np_drake.files.yaml_file import POSITIVE, check_fields, number
 from np_drake.vehicle.vehicle import MeasurementNoise, Vehicle
 from systems.initial_state import set_hover
 from systems.payload_config import PayloadConfig, as_light, payload_config
@@ -42,20 +37,16 @@ class RealityConfig:
     """Differences of the real vehicle from the one that the controller assumes."""
 
     payload: PayloadConfig = dc.field(default_factory=PayloadConfig)
-    rotor_drag: float = 0.25  # on each body axis; 0 for none [N·s/m]
-    motor_lag: float = 0.03  # time constant of the rotor speed; 0 for none [s]
-    command_delay: float = (
-        0.0  # time from a command to its effect on the rotors, beyond their lag [s]
-    )
-    thrust_scale: float = 0.96  # real over nominal thrust at the start [1]
-    thrust_loss: float = (
-        0.0  # share of the starting thrust that a falling battery takes each second [1/s]
-    )
+    rotor_drag: float = number(0.25, "N·s/m", 0)  # on each body axis; 0 for none
+    motor_lag: float = number(0.03, "s", 0)  # time constant of the rotor speed; 0 for none
+    command_delay: float = number(0.0, "s", 0)  # from a command to the rotors, beyond their lag
+    thrust_scale: float = number(0.96, "1", POSITIVE)  # real over nominal thrust at the start
+    # share of the starting thrust that a falling battery takes each second
+    thrust_loss: float = number(0.0, "1/s", 0)
     noise: MeasurementNoise = dc.field(default_factory=lambda: MeasurementNoise(attitude=0.003))
-    wind: list[float] = dc.field(
-        default_factory=lambda: [0.0, 0.0, 0.0]
-    )  # mean, in W; the drag feels it [m/s]
-    gust: float = 0.0  # standard deviation of each axis of the wind, correlated over 1 s [m/s]
+    wind: list[float] = number([0.0, 0.0, 0.0], "m/s")  # mean, in W; the drag feels it
+    # standard deviation of each axis of the wind, correlated over 1 s
+    gust: float = number(0.0, "m/s", 0)
     gust_seed: int = 0  # of the wind's gusts
     # Act besides all of these, each from its onset on; a suspended payload here needs `payload:
     # {tether: none}`.
@@ -74,19 +65,7 @@ class RealityConfig:
         """
         self.payload.check()
         self.noise.check()
-        for name in ("rotor_drag", "motor_lag", "command_delay", "thrust_loss", "gust"):
-            value = getattr(self, name)
-            require(
-                0 <= value < np.inf, f"RealityConfig: {name} must not be negative; got {value}."
-            )
-        require(
-            self.thrust_scale > 0,
-            f"RealityConfig: thrust_scale must be positive; got {self.thrust_scale}.",
-        )
-        require(
-            np.shape(self.wind) == (3,) and bool(np.isfinite(self.wind).all()),
-            f"RealityConfig: wind must be three finite speeds [m/s]; got {self.wind}.",
-        )
+        check_fields(self, "RealityConfig")
         require(
             self.rotor_drag > 0 or not self.blows,
             "RealityConfig: wind acts through rotor_drag, which must then be positive.",
@@ -104,7 +83,7 @@ class RealityConfig:
         return self
 
     @property
-    def _payload_effect(self) -> SuspendedPayload | None:
+    def _payload_effect(self) -> library.SuspendedPayload | None:
         return split_effects(self.added).payload
 
     def nominal(self) -> "RealityConfig":
@@ -166,9 +145,9 @@ class RealityConfig:
     def wrench_effects(self) -> list[WrenchEffect]:
         """Return the effects that add a wrench to the body, or move the air."""
         d = self.rotor_drag
-        effects: list[WrenchEffect] = [LinearDrag(d, d, d)] if d > 0 else []
+        effects: list[WrenchEffect] = [library.LinearDrag(d, d, d)] if d > 0 else []
         if self.blows:
-            effects.append(GustyWind(*self.wind, deviation=self.gust, seed=self.gust_seed))
+            effects.append(library.GustyWind(*self.wind, deviation=self.gust, seed=self.gust_seed))
         effects += split_effects(self.added).wrench
         gusts = [Disturbance.of_config(self.disturbance)] if self.disturbance.acts else []
         return [*effects, *gusts]
@@ -176,11 +155,11 @@ class RealityConfig:
     def actuator_effects(self) -> list[ActuatorEffect]:
         """Return the effects between command and thrust, in the order of action."""
         effects: list[ActuatorEffect] = (
-            [CommandDelay(self.command_delay)] if self.command_delay > 0 else []
+            [library.CommandDelay(self.command_delay)] if self.command_delay > 0 else []
         )
         effects += [MotorLag(self.motor_lag)] if self.motor_lag > 0 else []
-        effects += [ThrustScale(self.thrust_scale)] if self.thrust_scale != 1.0 else []
-        effects += [ThrustDrift(1.0, -self.thrust_loss)] if self.thrust_loss > 0 else []
+        effects += [library.ThrustScale(self.thrust_scale)] if self.thrust_scale != 1.0 else []
+        effects += [library.ThrustDrift(1.0, -self.thrust_loss)] if self.thrust_loss > 0 else []
         return effects + [e for e in split_effects(self.added).actuator if not at_once(e)]
 
     def mass_effects(self) -> list[MassEffect]:
@@ -189,19 +168,21 @@ class RealityConfig:
 
     def sensor_effects(self) -> list[MeasurementEffect]:
         """Return what the sensors do, noise last; a shifted clock is left out (`clock_shift`)."""
-        found = [e for e in split_effects(self.added).measurement if not _clock_shift(e)]
-        return [*found, SensorNoise(self.noise)]
+        found = [
+            e for e in split_effects(self.added).measurement if not getattr(e, "clock_shift", 0.0)
+        ]
+        return [*found, library.SensorNoise(self.noise)]
 
     @property
     def clock_shift(self) -> float:
         """Time by which state rows of the log run ahead of the commands [s]."""
-        return sum(_clock_shift(e) for e in split_effects(self.added).measurement)
+        return sum(getattr(e, "clock_shift", 0.0) for e in split_effects(self.added).measurement)
 
     def everything(self) -> list[Effect | MeasurementEffect]:
         """Return all effects, a payload among them; the noise of sensors is none."""
         payload, hung = self._payload_effect, self.hung
         if payload is None and hung.tether != "none":
-            payload = SuspendedPayload(hung.mass, hung.length, *hung.hook, hung.air_damping)
+            payload = library.SuspendedPayload(hung.mass, hung.length, *hung.hook, hung.air_damping)
         found: list[Effect | MeasurementEffect] = [*self.mass_effects(), *self.actuator_effects()]
         found += [*self.wrench_effects(), *([payload] if payload else [])]
         return [*found, *split_effects(self.added).measurement]
@@ -216,10 +197,6 @@ class RealityConfig:
         for effect in acting(self.actuator_effects(), self.onsets, t if failing else 0.0):
             thrust = effect.thrust(vehicle, effect.state_at(vehicle, thrust), thrust, t)
         return float(thrust.mean())
-
-
-def _clock_shift(effect: MeasurementEffect) -> float:
-    return float(getattr(effect, "clock_shift", 0.0))
 
 
 class RealVehicle:

@@ -148,26 +148,17 @@ def pose(x: np.ndarray) -> RigidTransform:
     )
 
 
-def along(start: np.ndarray, vector: np.ndarray) -> RigidTransform:
-    """Return the pose whose z axis is along a vector.
-
-    Args:
-        start: (3,) origin of the pose in W [m].
-        vector: (3,) in W.
-    """
-    length = np.linalg.norm(vector)
-    axis = vector / length if length > 1e-9 else np.array([0.0, 0.0, 1.0])
-    return RigidTransform(RotationMatrix.MakeFromOneVector(axis, 2), start)
-
-
 def bar_pose(start: np.ndarray, vector: np.ndarray) -> tuple[RigidTransform, float]:
     """Return pose and length [m] of an object of unit length along z that shows a vector.
 
     Args:
         start: (3,) of the vector in W [m].
-        vector: (3,) in W.
+        vector: (3,) in W [m].
     """
-    return along(start, vector), max(float(np.linalg.norm(vector)), SHORTEST)
+    length = float(np.linalg.norm(vector))
+    axis = vector / length if length > 1e-9 else np.array([0.0, 0.0, 1.0])
+    X = RigidTransform(RotationMatrix.MakeFromOneVector(axis, 2), start)
+    return X, max(length, SHORTEST)
 
 
 def tether_pose(x: np.ndarray, hook: np.ndarray, p_WP: np.ndarray) -> tuple[RigidTransform, float]:
@@ -240,10 +231,6 @@ class Film(MeshcatAnimation):
         """Show an object of unit length along its z axis at another length [m]."""
         self.SetTransform(frame, path, X_W)
         self.SetProperty(frame, path, "scale", [1.0, 1.0, length])
-
-    def visible(self, frame: int, path: str, shown: bool) -> None:
-        """Show or hide an object."""
-        self.SetProperty(frame, path, "visible", shown)
 
 
 @dc.dataclass(frozen=True)
@@ -344,7 +331,7 @@ def write_replay(flight: FlightResult, path: str | Path) -> None:
     film, s, config, hung = Film(), flight.signals, flight.config, flight.payload_position
     rows, size, x, reality = frames(s["t"]), arm_length(config.vehicle), s["x_true"], config.reality
     meshcat = flight_scene(
-        config, flight.wanted[flight.scored], force="force", payload=hung is not None
+        config, s["p_ref"][flight.scored], force="force", payload=hung is not None
     )
     if len(rows) > 1:
         add_trail(meshcat, "trail", x[rows, :3], 0.06 * size, GREEN)
@@ -366,8 +353,8 @@ def write_replay(flight: FlightResult, path: str | Path) -> None:
         if hung is not None:
             hangs, cut = s["t"][k] >= reality.hangs_at, s["t"][k] >= config.cut_at
             film.payload(frame, x[k], np.array(reality.hung.hook), hung[k])
-            film.visible(frame, "payload", bool(hangs))
-            film.visible(frame, "tether", bool(hangs and not cut))
+            film.SetProperty(frame, "payload", "visible", bool(hangs))
+            film.SetProperty(frame, "tether", "visible", bool(hangs and not cut))
     count = np.arange(len(rows))
     page = Page(
         title=flight.title,
@@ -387,8 +374,8 @@ def write_replay(flight: FlightResult, path: str | Path) -> None:
 
 
 def position_error(flight: FlightResult) -> np.ndarray:
-    """Return the distance of vehicle or payload from the track of each row (n,) [m]."""
-    return np.linalg.norm(flight.followed - flight.wanted, axis=1)
+    """Return the distance from the reference of each row (n,) [m]."""
+    return np.linalg.norm(flight.flown - flight.signals["p_ref"], axis=1)
 
 
 def _arrows(flight: FlightResult) -> tuple[np.ndarray, np.ndarray, float]:

@@ -13,7 +13,7 @@ from diagrams.batch.campaign import Case, Record
 from diagrams.batch.flown import FlownOptions, FlownRun
 from diagrams.batch.run import Run
 from diagrams.loop.flight import FlightConfig
-from diagrams.loop.flight_result import LostVehicle, simulate
+from diagrams.loop.flight_result import LostVehicle, fly
 from diagrams.robustness.axes import BASE, FLOWN, Axis, Grid, axis_settings, distinct
 from diagrams.robustness.measures import LOST, SETTLING, lost_beyond, measures
 from diagrams.tracking.model_files import Training, digest_of, model_of, model_path, training_case
@@ -82,7 +82,7 @@ def flown(configure: Callable[[str], FlightConfig], model: bytes | None, seed: i
     with model_path(model) as path:
         config = configure(path)
         try:
-            signals = simulate(config, seed=seed, tolerance=lost_beyond(config))
+            signals = fly(config, seed=seed, tolerance=lost_beyond(config)).signals
         except LostVehicle as error:
             signals, why = error.signals, str(error)
     return measures(config, signals, why)
