@@ -18,8 +18,6 @@ from diagrams.loop.replay import (
     RED,
     Film,
     Page,
-    ReadOut,
-    Trail,
     add_payload,
     add_quadrotor,
     add_trail,
@@ -171,13 +169,13 @@ def write_side_by_side(found: SideBySide, vehicle: Vehicle, path: str | Path) ->
     if found.corrected is not None:
         ghosts["corrected"] = (found.corrected, GREEN, "corrected simulator")
     frame = np.arange(len(found.x))
-    trails, read_outs = [Trail("flight_trail", 0 * frame, frame)], []
+    trails, read_outs = [("flight_trail", 0 * frame, frame)], []
     for name, (ghost, color, label) in ghosts.items():
         pale = Rgba(color.r(), color.g(), color.b(), PALE)
         add_quadrotor(meshcat, vehicle, name, pale)
         add_trail(meshcat, f"{name}_trail", _unbroken(ghost, found), 0.05 * size, color)
-        trails.append(Trail(f"{name}_trail", found.restarted, _last_flown(ghost, found)))
-        read_outs.append(ReadOut(label, color, ghost.error))
+        trails.append((f"{name}_trail", found.restarted, _last_flown(ghost, found)))
+        read_outs.append((label, color, ghost.error))
         if found.hook is not None and np.isfinite(ghost.p_WP).any():
             add_payload(meshcat, 0.2 * size, size, f"{name}_", pale)
     away = float(np.clip(2.5 * np.quantile(found.nominal.error, 0.9), 7 * size, 20 * size))

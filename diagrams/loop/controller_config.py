@@ -72,11 +72,10 @@ class ControllerConfig:
             self.deadline > 0 and self.hold_bandwidth > 0,
             "controller: deadline [s] and hold_bandwidth [Hz] must be positive.",
         )
-        longest = LONGEST_DELAY * self.period
         require(
-            0 <= self.command_delay <= longest,
-            f"controller: command_delay must be 0 to {LONGEST_DELAY} periods, {longest:g} s "
-            f"for this vehicle; got {self.command_delay:g} s.",
+            0 <= self.command_delay <= LONGEST_DELAY * self.period,
+            f"controller: command_delay must be 0 to {LONGEST_DELAY} periods, "
+            f"{LONGEST_DELAY * self.period:g} s for this vehicle; got {self.command_delay:g} s.",
         )
         require(
             not self.predictor or self.kind in LEARNED,

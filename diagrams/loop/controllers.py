@@ -106,8 +106,10 @@ def add_controller(
     connect(builder, rig, mpc, "x")
     connect(builder, source, mpc, "flat")
     ports = {name: mpc.GetOutputPort(name) for name in ("u", "status", "solve_time")}
-    ports |= {"label": estimator.GetOutputPort("last_label")}
-    ports |= {"p_ref": source.GetOutputPort("position")}
+    ports |= {
+        "label": estimator.GetOutputPort("last_label"),
+        "p_ref": source.GetOutputPort("position"),
+    }
     if rates:
         ports["rates_thrust"] = mpc.GetOutputPort("rates_thrust")
         ports["u"] = _add_rate_loop(builder, believed, rig, in_force or ports["rates_thrust"])
@@ -259,8 +261,15 @@ def _add_own(
         builder.Connect(port, controller.GetInputPort(name))
     zero = builder.AddNamedSystem("nothing_solved", ConstantVectorSource([0.0])).get_output_port()
     given = {n: controller.GetOutputPort(n) for n in OUTPUTS if controller.HasOutputPort(n)}
-    more = {command: own, "u": u, "label": label, "p_ref": source.GetOutputPort("position")}
-    return {"status": zero, "solve_time": zero} | given | more
+    return {
+        "status": zero,
+        "solve_time": zero,
+        **given,
+        command: own,
+        "u": u,
+        "label": label,
+        "p_ref": source.GetOutputPort("position"),
+    }
 
 
 def make_residual_model(config: ControllerConfig, vehicle: Vehicle) -> ResidualModel | None:

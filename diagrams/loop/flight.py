@@ -71,8 +71,14 @@ class FlightConfig:
 
         Raises: ValueError: where one is impossible.
         """
-        parts = (self.vehicle, self.reality, self.reference, self.controller)
-        for part in (*parts, self.autopilot, self.offboard):
+        for part in (
+            self.vehicle,
+            self.reality,
+            self.reference,
+            self.controller,
+            self.autopilot,
+            self.offboard,
+        ):
             part.check()
         require(
             re.fullmatch(r"\w[\w.-]*", self.name) is not None,
@@ -142,10 +148,10 @@ class FlightConfig:
             not oracle or self.reality.payload.tether != "rod",
             "FlightConfig: the oracle knows cable and no tether; got a rod.",
         )
-        late = self.reality.dead_time
         require(
-            not oracle or late <= longest,
-            f"FlightConfig: the oracle knows delays up to {longest:g} s; got {late:g}.",
+            not oracle or self.reality.dead_time <= longest,
+            f"FlightConfig: the oracle knows delays up to {longest:g} s; got "
+            f"{self.reality.dead_time:g}.",
         )
 
     def with_autopilot(self, kind: str) -> "FlightConfig":
@@ -287,11 +293,6 @@ class FlightConfig:
                 payload = None
             changes.append((event.time, payload))
         return changes
-
-    @property
-    def cut_at(self) -> float:
-        """When the cable is cut; infinite: never [s]."""
-        return min((event.time for event in self.events if event.kind == "release"), default=np.inf)
 
     def check_and_step(self) -> "FlightConfig":
         """Return a checked copy whose fixed step of the simulator is within `largest_step`."""

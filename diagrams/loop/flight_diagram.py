@@ -94,8 +94,12 @@ def make_flight_diagram(
         if autopilot.HasOutputPort("motors"):
             signals["motors"] = autopilot.GetOutputPort("motors")
     builder.Connect(driven, vehicle.GetInputPort("u"))
-    signals |= {f"{name}_true": vehicle.GetOutputPort(name) for name in ("x", "acceleration")}
-    signals |= {name: vehicle.GetOutputPort(name) for name in ("rotor_thrust", "plant_state")}
+    signals |= {
+        "x_true": vehicle.GetOutputPort("x"),
+        "acceleration_true": vehicle.GetOutputPort("acceleration"),
+        "rotor_thrust": vehicle.GetOutputPort("rotor_thrust"),
+        "plant_state": vehicle.GetOutputPort("plant_state"),
+    }
     add_recorder(builder, signals, period=period)
     diagram = builder.Build()
     diagram.set_name(config.name)

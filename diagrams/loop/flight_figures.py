@@ -76,12 +76,10 @@ def _draw_track(ax: Axes, flights: Sequence[FlightResult], title: str) -> None:
     first = flights[0]
     ref, points = first.signals["p_ref"][first.last_lap], first.config.reference.waypoints
     drawn = "last lap" if len(ref) < np.sum(first.scored) else "as scored"
-    hovers = float(np.ptp(ref[:, :2], axis=0).max()) < LEAST_EXTENT
-    marker = "+" if hovers else None
-    ax.plot(ref[:, 0], ref[:, 1], **_REFERENCE, marker=marker, markersize=10, label="reference")
-    if hovers:  # a window about a hover, so that its noise does not look like a track
-        middle = 0.5 * (ref[:, :2].max(axis=0) + ref[:, :2].min(axis=0))
-        ax.update_datalim([middle - LEAST_EXTENT, middle + LEAST_EXTENT])
+    ax.plot(ref[:, 0], ref[:, 1], **_REFERENCE, label="reference")
+    # a window about a hover, so that its noise does not look like a track
+    middle = 0.5 * (ref[:, :2].max(axis=0) + ref[:, :2].min(axis=0))
+    ax.update_datalim([middle - LEAST_EXTENT, middle + LEAST_EXTENT])
     if points is not None:
         ax.plot(points[:, 0], points[:, 1], **_WAYPOINTS, label="waypoint")
     for k, flight in enumerate(flights):

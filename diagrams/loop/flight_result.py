@@ -258,8 +258,10 @@ class FlightResult:
         told = ", ".join(f"{k + 1} ({distances[k]:.2f} m)" for k in rows[:MOST_TOLD])
         more = f" and {len(rows) - MOST_TOLD} more" if len(rows) > MOST_TOLD else ""
         many = "waypoint" if len(rows) == 1 else "waypoints"
-        who = f"the flight with {self.label}"
-        return [f"{who} does not come within {within:g} m of {many} {told}{more}."]
+        return [
+            f"the flight with {self.label} does not come within {within:g} m of {many} "
+            f"{told}{more}."
+        ]
 
     def metrics(self) -> dict:
         """Return the metrics of the scored part, as `--json` writes them."""

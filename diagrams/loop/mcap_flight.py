@@ -39,11 +39,8 @@ def channels(flight: FlightResult) -> list[Channel]:
     s, every = flight.signals, max(1, round(1 / PATH_RATE / flight.config.controller.period))
     times = np.round(1e9 * s["t"]).astype(np.int64).tolist()
     points, level = s["p_ref"][::every], np.tile(foxglove.LEVEL, (len(times), 1))
-    path = _stamped(times[0], frame_id=WORLD, poses=[foxglove.pose(p) for p in points])
-    found = [
-        Channel("/scene", foxglove.SCENE_UPDATE, [(times[0], _scene(flight, times[0], points))]),
-        Channel("/reference/path", foxglove.POSES_IN_FRAME, [path]),
-    ]
+    scene = (times[0], _scene(flight, times[0], points))
+    found = [Channel("/scene", foxglove.SCENE_UPDATE, [scene])]
     x, p_WP = s["x_true"], flight.payload_position
     placed = {VEHICLE: (x[:, :3], x[:, 3:7])}
     if p_WP is not None:

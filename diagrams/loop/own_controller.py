@@ -1,6 +1,5 @@
 """Controller of the user's own: a Drake system in the place of the project's controllers."""
 
-import difflib
 import importlib
 import inspect
 import re
@@ -16,9 +15,9 @@ from pydrake.systems.framework import System
 
 from diagrams.batch.failed_run import one_line, require
 
+# Maker of a new system a flight: called with those of `vehicle` (that the controller assumes),
+# `reference` (the motion to follow) and `period` [s] that it names, and with its own parameters.
 Factory = Callable[..., System]
-"""Maker of a new system a flight: called with those of `vehicle` (that the controller assumes), `reference` (the motion
-to follow) and `period` [s] that it names, and with its own parameters."""  # noqa: E501
 
 INPUTS = {
     "x": 13,
@@ -82,9 +81,8 @@ def load_factory(kind: str) -> Factory:
                 f"current folder, and no installed module {place}"
             )
         raise ValueError(f"controller: {place} cannot be imported: {why}.") from error
-    near = "".join(f"; did you mean {n}" for n in difflib.get_close_matches(name, vars(module), 1))
     factory: Any = getattr(module, name, None)
-    require(factory is not None, f"controller: {place} has no {name}{near}.")
+    require(factory is not None, f"controller: {place} has no {name}.")
     require(
         callable(factory),
         f"controller: {kind} must be a class or a function; got {type(factory).__name__}.",

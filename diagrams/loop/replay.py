@@ -39,7 +39,6 @@ SIDES = 4  # of the tube that is a trail
 SHORTEST = 1e-3  # of an arrow, since three.js cannot invert a scale of 0 [m]
 FRAME_RATE = 25.0  # of a film [1/s]
 FOREVER = 10_000  # times that a page plays
-ROOMY = 25.0  # size of a track over the vehicle's above which the camera flies along [1]
 _THRUST = 3.0  # length of the arrow of hover thrust over the arm [1]
 TEMPLATE = Path(__file__).with_name("replay.html.j2")
 # A browser then refuses every address: what the page needs is in it.
@@ -83,10 +82,9 @@ def add_quadrotor(
         beam = Box(float(np.linalg.norm(arm[:2])), 0.07 * size, 0.07 * size)
         meshcat.SetObject(f"{path}/arm{i}", beam, overlay or DARK)
         meshcat.SetTransform(f"{path}/arm{i}", RigidTransform(yaw, arm * [0.5, 0.5, 1.0]))
+        disc = Cylinder(vehicle.rotor_radius, 0.04 * size)
         color = BLUE if arm[0] > 0 else GREY  # so that heading is seen
-        meshcat.SetObject(
-            f"{path}/rotor{i}", Cylinder(vehicle.rotor_radius, 0.04 * size), overlay or color
-        )
+        meshcat.SetObject(f"{path}/rotor{i}", disc, overlay or color)
         meshcat.SetTransform(f"{path}/rotor{i}", RigidTransform(arm + [0, 0, 0.09 * size]))
 
 
@@ -234,40 +232,21 @@ class Film(MeshcatAnimation):
 
 
 @dc.dataclass(frozen=True)
-class ReadOut:
-    """Position error that is shown as a number and as a curve: values (frames,) [m]; infinite where
-    lost.
-    """
-
-    label: str
-    color: Rgba
-    values: np.ndarray
-
-
-@dc.dataclass(frozen=True)
-class Trail:
-    """Trail that grows: in frame k, points `first[k]` to `last[k]` of the tube at `path` are
-    seen.
-    """
-
-    path: str
-    first: np.ndarray
-    last: np.ndarray
-
-
-@dc.dataclass(frozen=True)
 class Page:
     """What stands over the scene.
 
     start: the clock's time in the first frame [s].
+    read_outs: (label, colour, values): position errors that are shown as a number and as a curve,
+        (frames,) [m]; infinite where lost.
+    trails: (path, first, last): in frame k, points `first[k]` to `last[k]` of the tube are seen.
     legend: (colour, text).
     follow: path of the object with which the camera flies, and where from it the camera is [m].
     """
 
     title: str
     start: float
-    read_outs: tuple[ReadOut, ...]
-    trails: tuple[Trail, ...] = ()
+    read_outs: tuple[tuple[str, Rgba, np.ndarray], ...]
+    trails: tuple[tuple[str, np.ndarray, np.ndarray], ...] = ()
     legend: tuple[tuple[Rgba, str], ...] = ()
     note: str = ""
     follow: tuple[str, tuple[float, float, float]] | None = None
@@ -304,16 +283,16 @@ def _numbers(page: Page) -> dict:
         "rate": FRAME_RATE,
         "follow": page.follow and {"path": scene(page.follow[0]), "eye": list(page.follow[1])},
         "errors": [
-            {"label": r.label, "color": _css(r.color), "cm": [cm(value) for value in r.values]}
-            for r in page.read_outs
+            {"label": label, "color": _css(color), "cm": [cm(value) for value in values]}
+            for label, color, values in page.read_outs
         ],
         "trails": [
             {
-                "path": scene(t.path),
-                "first": (6 * SIDES * t.first).tolist(),
-                "last": (6 * SIDES * t.last).tolist(),
+                "path": scene(path),
+                "first": (6 * SIDES * first).tolist(),
+                "last": (6 * SIDES * last).tolist(),
             }
-            for t in page.trails
+            for path, first, last in page.trails
         ],
     }
 
@@ -341,17 +320,14 @@ def write_replay(flight: FlightResult, path: str | Path) -> None:
         meshcat.SetTransform(f"waypoints/{number}", RigidTransform(point))
     thrust, force, factor = _arrows(flight)
     told = "true" if flight.wrench_label is None else "estimated"
-    track, follow = s["p_ref"][rows], None
-    if float(np.linalg.norm(np.ptp(track, axis=0))) > ROOMY * size:
-        follow = "quadrotor", (4 * size, -12 * size, 6 * size)
-    else:
-        set_camera(meshcat, track, size)
+    set_camera(meshcat, s["p_ref"][rows], size)
+    released = [event.time for event in config.events if event.kind == "release"]
     for frame, k in enumerate(rows):
         film.SetTransform(frame, "quadrotor", pose(x[k]))
         film.bar(frame, "thrust", *bar_pose(x[k, :3], thrust[k]))
         film.bar(frame, "force", *bar_pose(x[k, :3], force[k]))
         if hung is not None:
-            hangs, cut = s["t"][k] >= reality.hangs_at, s["t"][k] >= config.cut_at
+            hangs, cut = s["t"][k] >= reality.hangs_at, any(s["t"][k] >= t for t in released)
             film.payload(frame, x[k], np.array(reality.hung.hook), hung[k])
             film.SetProperty(frame, "payload", "visible", bool(hangs))
             film.SetProperty(frame, "tether", "visible", bool(hangs and not cut))
@@ -359,8 +335,8 @@ def write_replay(flight: FlightResult, path: str | Path) -> None:
     page = Page(
         title=flight.title,
         start=float(s["t"][0]),
-        read_outs=(ReadOut("position error", GREEN, position_error(flight)[rows]),),
-        trails=(Trail("trail", 0 * count, count),) if len(rows) > 1 else (),
+        read_outs=(("position error", GREEN, position_error(flight)[rows]),),
+        trails=(("trail", 0 * count, count),) if len(rows) > 1 else (),
         legend=(
             (GREEN, "flown path"),
             (BLUE, "reference, and the front rotors"),
@@ -368,7 +344,6 @@ def write_replay(flight: FlightResult, path: str | Path) -> None:
             (PINK, f"{told} external force × {factor:g}"),
             *([] if points is None else [(GREY, "waypoints")]),
         ),
-        follow=follow,
     )
     write_page(meshcat, film, page, path)
 

@@ -90,8 +90,10 @@ def scaled(config: Any) -> Any:
         longest = LONGEST_DELAY * config.controller.period * unit.clock
         controller.command_delay = min(config.vehicle.calibration.command_delay, longest)
     thrust, *torques = controller.mpc.weight_input
-    weights = [thrust / unit.force**2, *(t / unit.torque**2 for t in torques)]
-    controller.mpc.weight_input = weights
+    controller.mpc.weight_input = [
+        thrust / unit.force**2,
+        *(torque / unit.torque**2 for torque in torques),
+    ]
     return flight
 
 
