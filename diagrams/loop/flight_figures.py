@@ -9,9 +9,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from diagrams.loop.flight_result import FlightResult
 from np_drake.files.figure_file import DASHES, PALETTE, new_figure, new_mosaic
 
+FlightResult = Any  # of diagrams.loop.flight_result, which draws these figures itself
 LEAST_EXTENT = 0.05  # of a track that is no hover [m]; half the window about a hover
 LEAST_HEIGHT = (
     0.05  # half the height that is shown at least, so that noise does not fill the panel [m]

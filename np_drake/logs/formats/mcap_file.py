@@ -107,9 +107,6 @@ FRAME_TRANSFORMS = _object(
     ),
 )
 POSE_IN_FRAME = _object("foxglove.PoseInFrame", timestamp=_TIME, frame_id=_TEXT, pose=_POSE)
-POSES_IN_FRAME = _object(
-    "foxglove.PosesInFrame", timestamp=_TIME, frame_id=_TEXT, poses=_list(_POSE)
-)
 SCENE_UPDATE = _object(
     "foxglove.SceneUpdate",
     deletions=_list(

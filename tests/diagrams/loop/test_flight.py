@@ -94,13 +94,6 @@ def test_without_gap_and_payload_the_nominal_mpc_tracks():
     assert metrics["position_rmse"] < 0.005  # [m]
 
 
-@pytest.mark.parametrize("tether", ["rod", "none"])
-def test_every_tether_flies(tether):
-    config = short()
-    config.reality.payload.tether = tether
-    assert fly(config, seed=0).metrics()["E_xy"] < 0.1
-
-
 def test_told_mass_reaches_controller_and_truth():
     config = short(kind="hold")
     config.controller.extra_mass = 0.26
@@ -127,9 +120,6 @@ def test_a_predictor_trained_on_other_labels_does_not_fly():
     config.controller.extra_mass = 0.26
     with pytest.raises(ValueError, match="was trained with mass"):
         fly(config, seed=0)
-
-
-# --- scenario files
 
 
 def test_every_experiment_file_loads_and_others_are_refused():

@@ -103,11 +103,6 @@ def test_frames_and_tether_are_where_vehicle_and_payload_are(flight, messages):
         assert stretched == pytest.approx(length, rel=0.01)
 
 
-def test_one_flight_is_one_file_bit_for_bit(flight, file, tmp_path):
-    write_flight_mcap(flight, tmp_path / "again.mcap")
-    assert (tmp_path / "again.mcap").read_bytes() == file.read_bytes()
-
-
 def test_a_flight_without_payload_is_written_too(tmp_path, capsys):
     (tmp_path / "bare.yaml").write_text(
         "name: bare\nduration: 0.1\nreference: {track: hover, ramp: 0.1}\n"

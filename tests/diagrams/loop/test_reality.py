@@ -8,7 +8,6 @@ from pydrake.systems.analysis import ApplySimulatorConfig, Simulator
 
 from diagrams.loop.experiments import load_experiment
 from diagrams.loop.flight import FlightConfig, RealityConfig
-from diagrams.loop.flight_diagram import make_flight_diagram
 from diagrams.loop.reality import make_real_vehicle
 from diagrams.loop.scaled import scaled
 from np_drake.effects.effect_entry import EffectEntry
@@ -58,17 +57,6 @@ def test_a_battery_loses_its_share_of_the_starting_thrust_each_second():
     assert dut.thrust_at(Vehicle(), 2.0) == pytest.approx(0.9 * 0.8)
 
 
-def test_a_delay_reaches_the_plant_at_the_controllers_period():
-    config = short("circle")
-    config.reality.command_delay = 0.045
-    vehicle = make_flight_diagram(config).GetSubsystemByName("tethered_quadrotor")
-    buffer = vehicle.GetSubsystemByName("command_buffer").CreateDefaultContext()
-    # two whole periods of 20 ms in 45 ms, and the offset's reading
-    assert buffer.get_discrete_state(0).size() == 4 * (2 + 1)
-    base = make_flight_diagram(short("circle")).GetSubsystemByName("tethered_quadrotor")
-    assert not base.HasSubsystemNamed("command_buffer")
-
-
 @pytest.mark.parametrize("value", [-0.01, np.inf, np.nan])
 def test_impossible_delays_are_refused(value):
     with pytest.raises(ValueError, match="command_delay must be finite and not negative"):
@@ -88,9 +76,6 @@ def test_delay_and_loss_scale_with_the_vehicles_time():
     assert time != 1.0
     assert dut.command_delay == pytest.approx(0.03 * time)
     assert dut.thrust_loss == pytest.approx(0.002 / time)
-
-
-# --- events of the payload
 
 
 def hanging(*events, reality=CONFIG.reality):
@@ -186,13 +171,6 @@ def test_impossible_events_are_refused_in_one_line(events, message):
     with pytest.raises(ValueError, match=message) as caught:
         short("hover", events=events).check()
     assert "\n" not in str(caught.value)
-
-
-def test_events_without_a_cable_are_refused():
-    config = short("hover", events=[release(0.4)])
-    config.reality.payload.tether = "none"
-    with pytest.raises(ValueError, match="events need a payload on a cable; got none"):
-        config.check()
 
 
 def test_the_oracle_is_told_what_hangs_after_every_event():
