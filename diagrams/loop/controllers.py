@@ -276,7 +276,7 @@ def make_residual_model(config: ControllerConfig, vehicle: Vehicle) -> ResidualM
     """Return the residual model of a controller; None for nominal, cascade, and the oracle, which
     is no model.
     """
-    make = MODELS.get(config.kind)
+    make = MAKERS.get(config.kind)
     return None if make is None else make(config, vehicle)
 
 
@@ -324,7 +324,7 @@ def _motion_model(config: ControllerConfig, vehicle: Vehicle) -> motion_model.Mo
     return model
 
 
-MODELS: dict[str, Callable[[ControllerConfig, Vehicle], ResidualModel]] = {
+MAKERS: dict[str, Callable[[ControllerConfig, Vehicle], ResidualModel]] = {
     "hold": _hold,
     "observer": _observer,
     "np": _neural_predictor,
