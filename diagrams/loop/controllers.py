@@ -135,8 +135,11 @@ def add_controller(
             connect(builder, rig, predictor, "x")
     elif model is not None or delay is not None:
         model = model or Constant(np.zeros(6), step=period, name="nominal")
-        how: dict[str, Any] = {"horizon": config.mpc.horizon, "stride": config.stride}
-        how["vehicle"] = believed if delay else None
+        how: dict[str, Any] = {
+            "horizon": config.mpc.horizon,
+            "stride": config.stride,
+            "vehicle": believed if delay else None,
+        }
         if isinstance(model, NeuralPredictorModel):
             predictor = NeuralPredictor(model, **how)
         else:

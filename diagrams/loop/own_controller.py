@@ -98,6 +98,7 @@ def _module_of_file(file: str, version: int) -> ModuleType:
     """
     path = Path(file).resolve()
     module = ModuleType(f"own_{path.stem}")
+    module.__file__ = str(path)
     sys.modules[module.__name__] = module
     sys.path.insert(0, str(path.parent))
     try:

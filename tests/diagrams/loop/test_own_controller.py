@@ -77,7 +77,7 @@ def test_a_factory_flies_as_the_scenario_that_names_it_and_its_command_is_held(m
 
 def test_a_file_may_import_its_neighbours_and_be_called_like_an_installed_module(tmp_path):
     (tmp_path / "base_of_mine.py").write_text(HOVER)
-    (tmp_path / "numpy.py").write_text("from base_of_mine import Hover\n")
+    (tmp_path / "numpy.py").write_text("from base_of_mine import Hover\nassert __file__\n")
     assert load_factory(f"{tmp_path / 'numpy.py'}:Hover").__name__ == "Hover"
     assert sys.modules["numpy"] is np
     assert str(tmp_path) not in sys.path
