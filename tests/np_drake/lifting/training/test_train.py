@@ -42,14 +42,6 @@ def test_on_an_unseen_path_it_predicts_far_better_than_holding(trained, lemnisca
     assert np.linalg.norm(trained.model.system.A, 2) < 1.0  # by construction
 
 
-@pytest.mark.nightly
-def test_a_threefold_run_is_no_better(trained, dithered, lemniscate):
-    longer = train([dithered.segment], LiftedConfig(steps=3 * LiftedConfig().steps)).model
-    short, long = (force_rows(model, lemniscate) for model in (trained.model, longer))
-    for horizon in HORIZONS:
-        assert short[horizon]["force_rmse"] < 1.05 * long[horizon]["force_rmse"]
-
-
 def test_turning_the_flight_turns_the_forecast(trained, lemniscate):
     turn = np.zeros((12, 12))  # 90 degrees about the vertical, of [chi, zeta]
     for start in (0, 3, 6, 9):
@@ -73,21 +65,6 @@ def test_the_seed_decides_and_progress_ascends_to_its_total(dithered):
     assert not np.array_equal(other.system.B, first.system.B)
     assert [call[:2] for call in calls] == [(n, 12) for n in range(1, 13)]
     assert all(np.isfinite(loss) for _, _, loss in calls)
-
-
-UNUSABLE = {
-    r"chi must be \(n, 6\)": {"chi": np.zeros((100, 5))},
-    r"zeta must be \(n, 6\)": {"zeta": np.zeros((99, 6))},
-    "chi must be finite; row 0": {"chi": np.full((100, 6), np.nan)},
-    "step must be positive": {"step": 0.0},
-}
-
-
-@pytest.mark.parametrize("match", UNUSABLE)
-def test_unusable_segments_are_named(match):
-    segment = Segment(np.zeros((100, 6)), np.zeros((100, 6)), 0.02)
-    with pytest.raises(ValueError, match=match):
-        train([dc.replace(segment, **UNUSABLE[match])])
 
 
 def test_too_little_or_mixed_data_is_refused():
