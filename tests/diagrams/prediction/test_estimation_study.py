@@ -1,4 +1,4 @@
-"""Laws of `np-drake reproduce estimation | sample-efficiency | response`, on arrays that are made here."""  # noqa: E501
+"""Laws of `np-drake reproduce estimation | sample-efficiency`, on arrays that are made here."""
 
 import json
 import shutil
@@ -81,16 +81,9 @@ def test_error_against_samples_needs_a_thousand(folder, capsys):
     assert "must have 1000 samples; got 700." in capsys.readouterr().err
 
 
-def test_response_is_a_line_a_flight_row_and_horizon(folder, tmp_path, capsys):
-    out = tmp_path / "response.json"
-    assert run(["reproduce", "response", "--neurobem", str(folder), "--json", str(out)]) == 0
-    assert "lag behind the label [ms]" in capsys.readouterr().out
-    assert len(json.loads(out.read_text())["table"]) == 5 * 5 * 2
-
-
 BAD = {  # arguments: what the line must say
     "no flights": (["estimation"], "estimation: give the folder"),
-    "no folder": (["response", "--neurobem", "nowhere"], "nowhere"),
+    "no folder": (["estimation", "--neurobem", "nowhere"], "nowhere"),
     "too short for the figure": (
         ["estimation", "--neurobem", "FOLDER", "--out", "OUT"],
         "must reach from 45 s",

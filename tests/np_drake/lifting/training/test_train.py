@@ -79,7 +79,7 @@ def test_too_little_or_mixed_data_is_refused():
 
 
 @pytest.mark.parametrize(
-    "config", [LiftedConfig(steps=1000), PaperConfig(epochs=1)], ids=["lifted", "paper"]
+    "config", [LiftedConfig(steps=400), PaperConfig(epochs=1)], ids=["lifted", "paper"]
 )
 def test_a_flight_that_shows_nothing_teaches_to_hold(config):
     still = Segment(np.tile([0.0, 0.0, -2.5, 0.0, 0.0, 0.0], (300, 1)), np.zeros((300, 6)), 0.02)
@@ -87,7 +87,7 @@ def test_a_flight_that_shows_nothing_teaches_to_hold(config):
     s, z = model.system, model.lift(np.hstack([still.chi, still.zeta])[: model.window])
     for steps in (0, 10, 40):
         later = s.C @ advance(z, s.A, s.B, np.ones((steps, 6)))
-        assert later[2] == pytest.approx(-2.5, abs=0.05)  # [N]
+        assert later[2] == pytest.approx(-2.5, abs=0.1)  # [N]
     assert "0 of 6" in model.summary["excitation"]
 
 
@@ -137,7 +137,7 @@ def test_on_a_plain_circle_the_vertical_speed_is_noise_and_with_dither_it_is_not
 
 def test_b_is_shrunk_where_the_flight_said_nothing(plain, trained, monkeypatch):
     """Unguarded, believed in every direction, the same flight teaches to answer v_z with force."""
-    config = LiftedConfig(steps=500)
+    config = LiftedConfig(steps=300)
     assert vertical_gain(train([plain.segment], config).model) < 0.1
     assert vertical_gain(trained.model) > 0.1
     monkeypatch.setattr(
