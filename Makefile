@@ -50,11 +50,10 @@ $(AUTOPILOT_STAMP): $(STAMP)
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[autopilot]'
 	touch $@
 
-# Hostile files for every reader: FUZZ_SECONDS each. What breaks one is kept in out/fuzz.
+# Hostile files for every reader: FUZZ_SECONDS each.
 FUZZ_SECONDS ?= 3600
 fuzz: venv
-	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[fuzz]'
-	$(BIN)/python tests/fuzz/fuzz.py --seconds $(FUZZ_SECONDS) --out out/fuzz
+	NP_DRAKE_FUZZ_SECONDS=$(FUZZ_SECONDS) $(BIN)/python -m pytest -q tests/fuzz
 
 # Small changes of the formulas, one at a time, and whether a test notices. Minutes each; not in CI.
 MUTANTS ?= --count 50 --seed 0

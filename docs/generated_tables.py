@@ -9,7 +9,7 @@ import re
 from itertools import groupby
 from typing import Any
 
-from diagrams.exports.coverage import coverage_markdown
+from diagrams.exports.formats import coverage_markdown
 from np_drake.effects.base import Effect
 from np_drake.effects.library import BESIDE_NEIGHBOURS, MEASURED_ROTORS, effects_for, in_scenarios
 from np_drake.effects.parameter import Parameter

@@ -36,7 +36,6 @@ PAGES = {  # verb -> the page that shows its use; a verb without one has an empt
     "doctor": "reference/doctor.md",
     "identify": "guide/identify.md",
     "diagnose": "guide/diagnose.md",
-    "next-flight": "guide/next-flight.md",
     "export": "guide/export.md",
     "vehicle": "reference/vehicle-file.md",
     "challenge": "studies/diagnosis-benchmark.md",

@@ -11,14 +11,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import FancyBboxPatch
 
-from diagrams.gap.next_flight import track_figure
 from diagrams.loop.flight import default_flight
 from diagrams.loop.flight_result import fly
 from np_drake.diagnosis.diagnose import diagnose
 from np_drake.diagnosis.report.figures import timeline_figure
 from np_drake.files.figure_file import png
-from np_drake.flight_design.limits import limits_for
-from np_drake.flight_design.multisine import random_multisine
 from np_drake.vehicle import Vehicle
 from systems.payload_config import PayloadConfig
 
@@ -63,7 +60,7 @@ STEPS = (  # step, what it does, dataclass that it passes on, flights that it re
         "Identifiability",
         "training flights",
     ),
-    ("Localisation", "channels, times, regimes, frequencies", "Localisation", "held-out flights"),
+    ("Localisation", "channels, times", "Localisation", "held-out flights"),
     ("Gap reduction", "residual and replay before and after", "GapReduction", "held-out flights"),
 )
 HEIGHT, PITCH, WIDTH = 0.62, 1.0, 4.6
@@ -165,14 +162,7 @@ def timeline() -> Figure:
     return timeline_figure(diagnose(config.vehicle, [train], [held_out]).localisation, {})
 
 
-def next_flight() -> Figure:
-    """Return the multisine of docs/guide/next-flight.md in its room."""
-    limits = limits_for(Vehicle(), [], box=(4.0, 4.0, 2.5), speed=3.6, tilt=0.45)
-    return track_figure(random_multisine(limits, 20.0, seed=0), limits)
-
-
 if __name__ == "__main__":
     plt.rcParams["svg.hashsalt"] = "diagnosis"
     draw().savefig(FILE, bbox_inches="tight", metadata={"Date": None})
-    for name, figure in (("report_timeline", timeline()), ("next_flight", next_flight())):
-        (FOLDER / f"{name}.png").write_bytes(png(figure, RESOLUTION))
+    (FOLDER / "report_timeline.png").write_bytes(png(timeline(), RESOLUTION))

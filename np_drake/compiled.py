@@ -1,11 +1,8 @@
 """Compilation of inner loops, and the compiled functions that many of them share."""
 
-import hashlib
 import logging
-import pickle
 import sys
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 from numba import njit
@@ -42,33 +39,10 @@ class Notice(event.Listener):
 event.register("numba:compile", Notice())
 
 
-class _CheckedFile(caching.IndexDataCacheFile):
-    """Cache file of machine code that ends in its SHA-256, so that damaged code is never run."""
-
-    def _dump(self, obj: Any) -> bytes:
-        data = super()._dump(obj)
-        return data + hashlib.sha256(data).digest()
-
-    def _load_data(self, name: str) -> Any:
-        data = Path(self._data_path(name)).read_bytes()
-        code, digest = data[:-32], data[-32:]
-        if hashlib.sha256(code).digest() != digest:
-            raise ValueError(f"{name}: damaged.")
-        return pickle.loads(code)
-
-
 class Cache(caching.FunctionCache):
-    """Cache of one compiled function. Damaged files are thrown away; where none can be written,
-    there is no cache.
-    Raises: RuntimeError: if no folder takes it.
+    """Cache of one compiled function, without which it goes on where its files are damaged or the
+    disk takes none.
     """
-
-    def __init__(self, function: Callable[..., Any]):
-        super().__init__(function)
-        file = self._cache_file
-        self._cache_file = _CheckedFile(
-            self._cache_path, self._impl.filename_base, file._source_stamp
-        )
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """Return the compiled function for a signature; None where there is none, or its files are
@@ -78,17 +52,13 @@ class Cache(caching.FunctionCache):
             return super().load_overload(sig, target_context)
         except Exception as error:  # unpickling damaged bytes raises nearly anything
             _log.debug("cache of %s: %s", self._name, error)
-        try:
-            self.flush()
-        except OSError:
-            self.disable()
-        return None
+            return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
         """Keep the compiled function, where the disk takes it."""
         try:
             super().save_overload(sig, data)
-        except OSError as error:
+        except Exception as error:  # it reads the index, which may be damaged
             _log.debug("cache of %s: %s", self._name, error)
             self.disable()
 

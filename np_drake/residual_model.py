@@ -39,11 +39,9 @@ class Reaction(Protocol):
 
     def __call__(self, zeta: np.ndarray) -> np.ndarray:
         """Return chi (..., 6) [N, N·m] at zeta (..., 6) [m/s, rad/s]."""
-        ...
 
     def jacobian(self, zeta: np.ndarray) -> np.ndarray:
         """Return dchi/dzeta (n, 6, 6) at zeta (n, 6)."""
-        ...
 
 
 @dc.dataclass(frozen=True)
@@ -182,7 +180,6 @@ class FlightCourse(Protocol):
             zeta: (n, 6) of the whole flight.
             zeta_known: use the coming zeta, else hold that of the origin.
         """
-        ...
 
 
 @runtime_checkable
@@ -198,7 +195,6 @@ class ForecastsWholeFlights(Protocol):
             chi: (n, 6) labels [N, N·m].
             zeta: (n, 6) [m/s, rad/s].
         """
-        ...
 
 
 @runtime_checkable
@@ -232,7 +228,6 @@ class ReadsPlan(Protocol):
             horizon: N [1].
             stride: model steps in one step of the forecast [1].
         """
-        ...
 
 
 class ResidualModel(Protocol):
@@ -241,16 +236,13 @@ class ResidualModel(Protocol):
     @property
     def name(self) -> str:
         """Name of its row in a table."""
-        ...
 
     @property
     def step(self) -> float:
         """Time between samples [s]."""
-        ...
 
     def initial_memory(self) -> Memory:
         """Return arrays (float) of fixed shape, before any sample."""
-        ...
 
     def update(self, memory: Memory, sample: Sample) -> Memory:
         """Return the memory after one more sample.
@@ -261,7 +253,6 @@ class ResidualModel(Protocol):
             memory: before the sample; it stays as it is.
             sample: of now.
         """
-        ...
 
     def forecast(self, memory: Memory, *, horizon: int, stride: int) -> WrenchForecast:
         """Return the forecast over the horizon.
@@ -271,7 +262,6 @@ class ResidualModel(Protocol):
             horizon: N [1].
             stride: model steps in one step of the forecast [1].
         """
-        ...
 
 
 def constant_forecast(chi: np.ndarray, horizon: int) -> WrenchForecast:

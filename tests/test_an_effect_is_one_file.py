@@ -10,8 +10,8 @@ from unittest import mock
 import numpy as np
 
 import np_drake.diagnosis
-from diagrams.challenge.generate.magnitudes import draw_effect
-from diagrams.exports.coverage import FORMATS
+from diagrams.challenge.draw import draw_effect
+from diagrams.exports.formats import FORMATS
 from diagrams.gap.corrected import FILE, corrected_simulator, write_corrected
 from diagrams.loop.flight import FlightConfig, load_flight
 from diagrams.loop.flight_result import fly

@@ -1,25 +1,21 @@
 """Diagnoses every case of a challenge set, from its case folder alone."""
 
 import dataclasses as dc
-import gc
 import resource
 import time
 from collections.abc import Callable
-from functools import cache
 from pathlib import Path
 from typing import Any
 
 from diagrams.batch.campaign import Case
-from diagrams.batch.workers import Workers
-from diagrams.challenge.score.answered_case import ANSWER_FILE
+from diagrams.batch.run import Workers
+from diagrams.challenge.answered_case import ANSWER_FILE
 from np_drake.diagnosis.diagnose import diagnose
 from np_drake.files.atomic_file import write_json
 from np_drake.files.input_file import kept_json
 from np_drake.logs.case_folder import TRAIN, VEHICLE, open_case
 
 COST = "cost.json"
-KIBIBYTE = 1024  # [byte]
-STATUS = Path("/proc/self/status")  # of Linux
 
 
 def solve(
@@ -97,33 +93,19 @@ class Solving:
         """Diagnose the case."""
         start = time.perf_counter()
         answer = diagnose_folder(self.cases / case["case"], self.replay)
-        wall = time.perf_counter() - start
-        return {
-            "answer": answer,
-            "cost": {"wall": wall, "peak_memory": peak_memory(), "replay": self.replay},
-        }
+        wall, peak = time.perf_counter() - start, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+        cost = {"wall": wall, "peak_memory": peak * 1024, "replay": self.replay}
+        return {"answer": answer, "cost": cost}
 
 
 def write_answer(out: Path, result: dict) -> dict:
-    """Write answer and cost of a case, the answer last, and return the cost.
-
-    Args:
-        result: of `Solving`.
+    """Write answer and cost of a case, as `Solving` returns them, the answer last, and return the
+    cost.
     """
     out.mkdir(parents=True, exist_ok=True)
     write_json(out / COST, result["cost"])
     write_json(out / ANSWER_FILE, result["answer"])
     return result["cost"]
-
-
-def peak_memory() -> int:
-    """Return the most that this process has held [byte]; where the system says no more, its
-    parent's before too.
-    """
-    if STATUS.is_file():
-        line = next(line for line in STATUS.read_text().splitlines() if line.startswith("VmHWM:"))
-        return int(line.split()[1]) * KIBIBYTE
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * KIBIBYTE
 
 
 def diagnose_folder(folder: Path, replay: bool) -> dict[str, Any]:
@@ -139,12 +121,5 @@ def diagnose_folder(folder: Path, replay: bool) -> dict[str, Any]:
         from diagrams.gap.drake_replay import DrakeReplay
 
         simulator = DrakeReplay(vehicle)
-    _keep_what_is_loaded()
     found = diagnose(vehicle, train, held_out, simulator)
     return (found.refit or found).as_json()
-
-
-@cache
-def _keep_what_is_loaded() -> None:
-    """Keep the garbage collector from going through all modules again and again."""
-    gc.freeze()

@@ -15,7 +15,6 @@ from diagrams.cli import (
     fly,
     identify,
     import_logs,
-    next_flight,
     node,
     options,
     train,
@@ -41,7 +40,6 @@ app.command("import")(import_logs.import_logs)
 app.command("doctor")(doctor.doctor)
 app.command("identify")(identify.identify)
 app.command("diagnose")(diagnose.diagnose)
-app.command("next-flight")(next_flight.next_flight)
 app.command(
     VERB,  # what follows the study's name is the study's
     context_settings={"allow_extra_args": True, "allow_interspersed_args": False},

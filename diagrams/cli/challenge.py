@@ -16,7 +16,7 @@ from diagrams.cli.verbs import Group, Verbs
 RETIRED = {
     "golden": "the frozen cases are tests: `make golden`",
     "logs": "round trips through files are tests: `pytest tests/diagrams/challenge/imported`",
-    "active": "`np-drake next-flight` writes a random multisine",
+    "active": "`np-drake fly multisine` flies a random multisine",
     "compare": "`challenge score` shows what is asked for, of one draw or of several together",
 }
 
@@ -55,7 +55,7 @@ def _make(
 
     Cases of the same request that are there already stay, so that an interrupted run goes on.
     """
-    from diagrams.challenge.generate.make import check_request, make
+    from diagrams.challenge.make import check_request, make
 
     config: dict[str, Any] = {
         "simulator": simulator,
@@ -142,22 +142,19 @@ def _score(
     for folder in (answers, truth):
         if not folder.is_dir():
             raise ValueError(f"{folder}: must be a folder.")
-    from diagrams.challenge.score.answered_case import read_answered_cases
-    from diagrams.challenge.score.asked import asked_tables
-    from diagrams.challenge.score.figures import figures
-    from diagrams.challenge.score.score import score
-    from diagrams.challenge.score.tables import miss_table, set_lines, tables
+    from diagrams.challenge.answered_case import read_answered_cases
+    from diagrams.challenge.score import score
+    from diagrams.challenge.score_tables import calibration_figure, missed, set_lines, tables
 
     result = score(read_answered_cases(answers, truth, visible), seed=run.seed)
+    bins = result["reliability"]["bins"]
     return Report(
-        [
-            *asked_tables(result),
-            *tables(result, visible),
-            *([miss_table(result)] if misses else []),
-        ],
+        [*tables(result, visible), *(missed(result) if misses else [])],
         config={"answers": answers, "truth": truth, "visible": visible},
         metrics=result,
         summary=set_lines(result),
         notes=[f"warning: {text}" for text in result["warnings"]],
-        figures=figures(result),
+        figures={"reliability.png": lambda: calibration_figure({"named causes": bins})}
+        if bins
+        else {},
     )

@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING, Annotated
 
 from typer import Option
 
-from diagrams.batch.columns import percent, tabulate
 from diagrams.cli import options
 from diagrams.cli.fly import as_config, flights_table
 from diagrams.cli.output import Table, progress, say
 from diagrams.cli.runner import Report, Run, reports
+from diagrams.studies.columns import percent, tabulate
 
 if TYPE_CHECKING:
     from diagrams.demo.story import Demo
@@ -36,22 +36,23 @@ def demo(
     with progress("demo", 1.0) as advance:
         result = run_demo(run.folder, seed=run.seed, solver=solver, jobs=jobs, on_progress=advance)
     wall, trained = time.perf_counter() - start, result.trained
+    flights = list(result.flights.values())
 
     def write(folder: Path) -> None:
-        from diagrams.demo.files import write_demo
+        from diagrams.demo.page import write_demo
 
         say(f"{result.seeds}; {wall:.0f} s. Start with {write_demo(result, folder)}")
 
     return Report(
         [
-            flights_table(result.flights),
+            flights_table(flights),
             _reduction_table(result),
             _causes_table(result),
             _meeting_table(result),
         ],
-        config=as_config(result.flights[-1].config),
+        config=as_config(flights[-1].config),
         metrics={
-            "runs": [flight.summary() for flight in result.flights],
+            "runs": [flight.summary() for flight in flights],
             "reduction": result.reduction(),
             "withheld": result.withheld,
             "verdict": list(result.diagnosis.verdict),
@@ -64,7 +65,7 @@ def demo(
 
 
 def _reduction_table(result: "Demo") -> Table:
-    from diagrams.tracking.tracking import PAPER
+    from diagrams.studies.tracking import PAPER
 
     lines = []
     for track, cut in result.reduction().items():

@@ -105,7 +105,7 @@ def diagnose(
     found = diagnose_logs(nominal, *logs, **how, neighbours=beside)
     nominal = found.nominal or nominal
     if run.folder is not None:
-        from diagrams.gap.trial import with_trial
+        from diagrams.gap.corrected import with_trial
 
         with progress("trying the corrected simulator", 1.0) as advance:
             found = with_trial(found, nominal)
@@ -278,7 +278,7 @@ def diagnose_logs(
     from diagrams.gap.drake_replay import DrakeReplay
     from np_drake.diagnosis.diagnose import diagnose as five_steps
     from np_drake.diagnosis.options import IDEAL_SENSORS, Tolerance
-    from np_drake.diagnosis.residuals.make_flight_residuals import require_flights
+    from np_drake.diagnosis.residuals import require_flights
 
     require_flights(train, held_out)  # what is refused is so without a bar
     with progress("diagnosing", 1.0) as advance:

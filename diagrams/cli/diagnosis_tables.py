@@ -4,14 +4,18 @@ what to do next.
 
 from diagrams.cli.output import Table
 from np_drake.diagnosis.report import words
-from np_drake.diagnosis.report.headline import headline, lead, named_causes
-from np_drake.diagnosis.report.remainder import GAP_HEADER, calibration_share, gap_rows, remains
-from np_drake.diagnosis.report.summary import (
+from np_drake.diagnosis.report.answer import (
     DIFFERENCE_HEADER,
+    GAP_HEADER,
     SHOWN,
     cause_table,
     difference_rows,
+    gap_rows,
+    headline,
+    lead,
+    named_causes,
     next_steps,
+    remains,
     unseen,
     warnings,
 )
@@ -36,13 +40,10 @@ def judgement(diagnosis: Diagnosis) -> list[str]:
 def tables(diagnosis: Diagnosis) -> list[Table]:
     """Return the tables that have rows, the answer first."""
     refit = diagnosis.refit
-    tested = [*diagnosis.coverage, *filter(None, [unseen(diagnosis)])]
+    tested = [*filter(None, [unseen(diagnosis)])]
     traces = [(words.described(finding), finding.measurement) for finding in diagnosis.unexplained]
     minor = [(f"{finding.name}: {finding.text}",) for finding in diagnosis.below_threshold]
-    differs = (
-        f"what differs from the vehicle file (calibration, no cause). "
-        f"{calibration_share(diagnosis.gap_reduction)}"
-    )
+    differs = "what differs from the vehicle file (calibration, no cause)"
     left = "what remains" if diagnosis.cannot_tell else f"what remains. {remains(diagnosis)}"
     every: list[Table] = [
         (differs, DIFFERENCE_HEADER, difference_rows(diagnosis)),

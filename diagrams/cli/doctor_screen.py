@@ -3,7 +3,8 @@ between words.
 """
 
 from diagrams.cli.table_text import wrapped
-from np_drake.diagnosis.doctor.log_report import NEVER, YES, Answer, FlightFacts, LogReport
+from np_drake.diagnosis.doctor.examine import NEVER, YES, Answer, LogReport
+from np_drake.diagnosis.doctor.flight_facts import FlightFacts
 from np_drake.files.number_text import NBSP, fixed, measure, number, percent, with_unit
 from np_drake.logs.importing.consistency import SCALE
 

@@ -12,7 +12,7 @@ from diagrams.cli.runner import Report, Run, reports
 if TYPE_CHECKING:
     from np_drake.vehicle import Vehicle
 
-NAMES = ("sdf", "mujoco")  # of diagrams.exports.coverage.FORMATS, which is imported late
+NAMES = ("sdf", "mujoco")  # of diagrams.exports.formats.FORMATS, which is imported late
 
 
 @reports("export", seed=None)
@@ -72,7 +72,7 @@ def _is_scenario(path: Path) -> bool:
     """Return whether a file names a part that a vehicle file has not; what is wrong in it is left
     to its reader.
     """
-    from np_drake.files.yaml_text import read_yaml
+    from np_drake.files.yaml_file import read_yaml
 
     try:
         content = read_yaml(path)
@@ -88,8 +88,7 @@ def export_corrected(vehicle: "Vehicle", effects: Sequence[Any], to: str, out: P
     """
     import dataclasses as dc
 
-    from diagrams.exports.carried import not_carried
-    from diagrams.exports.coverage import FORMATS
+    from diagrams.exports.formats import FORMATS, SHAPE, not_carried
 
     form = FORMATS[to]
     account = [*form.write(vehicle, effects, out), *not_carried(vehicle)]
@@ -101,9 +100,9 @@ def export_corrected(vehicle: "Vehicle", effects: Sequence[Any], to: str, out: P
         config={"vehicle": vehicle.name, "format": to},
         metrics={
             "carried": [dc.asdict(line) for line in account],
-            "shape": form.shape,
+            "shape": SHAPE,
             "files": [str(out)],
         },
         summary=[] if rows else [nothing],
-        notes=[f"shape: {form.shape}.", f"{to}: {out}"],
+        notes=[f"shape: {SHAPE}.", f"{to}: {out}"],
     )

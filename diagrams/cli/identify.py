@@ -95,8 +95,8 @@ def identify(
     flights.
     """
     with _earlier_named(run.out), progress("identifying", 1.0) as advance:
-        from np_drake.identification.drives import common_drive
         from np_drake.identification.identify import identify as identified
+        from np_drake.identification.signals import common_drive
         from np_drake.identification.validation import held_out as errors_on
 
         require_different(logs, held_out or [])
@@ -143,7 +143,7 @@ def identify(
             save_vehicle(own, folder / FILE)
             say(f"vehicle file: {folder / FILE}")
         output.write_metrics(folder / JSON, SCHEMA, seed=run.seed, config=config, **metrics)
-        say(f"page: {write_page(found, rows, judging, folder, parts=parts)}")
+        say(f"page: {write_page(found, rows, folder, thirds=bool(parts))}")
 
     from diagrams.identification.text import change, summary
 

@@ -104,7 +104,6 @@ def as_json(found: "Identification", rows: "list[HeldOut]") -> dict[str, Any]:
                     for row in zip(told.value, told.low, told.high, strict=True)
                 ],
                 "apart": [] if told is None else list(told.apart),
-                "moves_with": "" if told is None else told.moves_with,
             }
         )
     return {
@@ -120,7 +119,6 @@ def as_json(found: "Identification", rows: "list[HeldOut]") -> dict[str, Any]:
                     list(map(float, row)) for row in zip(own.value, own.low, own.high, strict=True)
                 ],
                 "apart": list(own.apart),
-                "moves_with": own.moves_with,
             }
             for own in own_values(found)
         ],

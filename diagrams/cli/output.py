@@ -18,7 +18,6 @@ from rich.text import Text
 from diagrams.batch.run import Advance, Table
 from diagrams.cli.table_text import cell_text, table_lines, wrapped
 from np_drake.files.atomic_file import is_regular, require_writable, write_json, write_text
-from np_drake.files.interruption import raise_again
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -82,7 +81,6 @@ def progress(description: str, total: float) -> Iterator[Advance]:
         task = bar.add_task(description, total=total, text="")
 
         def advance(done: float, text: str = "") -> None:
-            raise_again()
             bar.update(task, completed=done, text=text)
 
         yield advance

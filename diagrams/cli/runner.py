@@ -17,12 +17,10 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from diagrams.batch.run import Report, Run, counted, make_folder
-from diagrams.batch.workers import Workers
+from diagrams.batch.run import Report, Run, Workers, counted, make_folder
 from diagrams.cli import options, output
-from np_drake.files.atomic_file import is_regular
+from np_drake.files.atomic_file import is_regular, lock_outputs
 from np_drake.files.input_file import is_own
-from np_drake.files.run_lock import lock_outputs
 
 WRITTEN = ("out",)  # options of a body whose file or folder a run holds for itself
 KEYWORD = inspect.Parameter.KEYWORD_ONLY

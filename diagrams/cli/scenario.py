@@ -223,6 +223,6 @@ def _default_controller(config: "FlightConfig", predictor: Path | None) -> str:
 def named_solver(experiment: str) -> str | None:
     """Return the solver that a scenario names; None where it names none."""
     from diagrams.loop.experiments import scenario_file
-    from np_drake.files.yaml_text import read_yaml
+    from np_drake.files.yaml_file import read_yaml
 
     return (read_yaml(scenario_file(experiment)).get("controller") or {}).get("solver")

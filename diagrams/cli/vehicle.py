@@ -14,7 +14,7 @@ from diagrams.cli.verbs import Verbs
 
 if TYPE_CHECKING:
     from np_drake.vehicle import Vehicle
-    from np_drake.vehicle.table import Row
+    from np_drake.vehicle.text import Row
 
 vehicle = Verbs(help="Vehicle files: new, list, show.", add_completion=False)
 Preset = Annotated[
@@ -133,7 +133,7 @@ def show(
     """Print a vehicle file, where each value comes from, its scales and the default flight that
     follows from them.
     """
-    from np_drake.vehicle.table import vehicle_rows
+    from np_drake.vehicle.text import vehicle_rows
     from np_drake.vehicle.vehicle import load_vehicle, vehicle_file
 
     known = load_vehicle(name)
@@ -221,18 +221,10 @@ def _published_tables() -> tuple[Table, Table]:
         "rotor lag [s]",
         "source",
     ]
-    rows = []
-    for known in published_vehicles():
-        numbers = dimensionless(known)
-        rows.append(
-            (
-                known.name,
-                known.mass,
-                known.arm,
-                *(numbers.get(name) for name in shown),
-                known.source,
-            )
-        )
+    vehicles = published_vehicles()
+    told = dimensionless(vehicles)
+    columns = [vehicles["name"], vehicles["mass"], vehicles["arm"], *(told[name] for name in shown)]
+    rows = list(zip(*columns, vehicles["source"], strict=True))
     priors = published_priors()
     spreads = [(field.name, getattr(priors, field.name)) for field in dc.fields(priors)]
     spread = [

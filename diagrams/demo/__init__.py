@@ -1,3 +1,1 @@
-"""Demo: fly, learn, fly again, diagnose what the model lacks, correct the simulator, compare it
-with the flights.
-"""
+"""The whole story in one run."""

@@ -1,44 +1,102 @@
-"""Page of the demo: errors, causes and simulators, from top to bottom."""
+"""Files of the demo: logs, figures, replay pages, report, corrected simulator, and the page that
+shows them from top to bottom.
+"""
 
 import math
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from diagrams.demo.figures import LABELS
-from diagrams.demo.story import HELD_OUT, SIMULATORS, Demo
-from diagrams.tracking.tracking import TRACKS
+import numpy as np
+from matplotlib.figure import Figure
+
+from diagrams.demo.story import FORETOLD, HELD_OUT, LEARNED, SIMULATORS, Demo, until
+from diagrams.gap import corrected, side_by_side
+from diagrams.loop import flight_figures
+from diagrams.loop.flight_result import FlightResult
+from diagrams.loop.replay.flight_page import write_replay
+from diagrams.studies.tracking import TRACKS
 from np_drake.diagnosis.report import words
-from np_drake.diagnosis.report.headline import named_causes
-from np_drake.diagnosis.report.page import embedded, style, template_of
+from np_drake.diagnosis.report.answer import named_causes
+from np_drake.diagnosis.report.page import write_report
 from np_drake.diagnosis.result import UNKNOWN, Estimate
-from np_drake.files.atomic_file import write_text
+from np_drake.files.figure_file import DASHES, PALETTE, new_figure
+from np_drake.files.page import Section, write_page
+from np_drake.logs.formats.log_file import write_log
 
 FILE, TEMPLATE = "index.html", Path(__file__).with_name("index.html.j2")
-FARTHEST = -1  # horizon of the replay that the page states: the last
+LABELS = {
+    "nominal": "nominal MPC",
+    "hold": "hold",
+    "np": "NP-MPC (np)",
+    "payload_filter": "MPC with payload_filter",
+}
 
 
-def write_index(
-    demo: Demo, pictures: Mapping[str, bytes], links: Mapping[str, str], folder: Path
-) -> Path:
-    """Write the page, and return its path.
-
-    Args:
-        pictures: PNG bytes by name: of the held-out track its errors and track, and "foretold".
-        links: texts of links by the names of files in the same folder.
-    Raises: OSError: if it cannot be written.
+def write_demo(demo: Demo, folder: Path) -> Path:
+    """Write everything to a folder, and return the path of the page to begin with.
+    Raises: OSError: if a file cannot be written.
     """
-    template = template_of(TEMPLATE.read_text("utf-8"))
-    shown = {name: embedded(picture) for name, picture in pictures.items()}
-    write_text(
-        folder / FILE, template.render(**content(demo), figures=shown, links=links, style=style())
-    )
-    return folder / FILE
+    vehicle = demo.training.config.vehicle
+    simulator = corrected.corrected_simulator(demo.diagnosis, vehicle)
+    corrected.write_corrected(simulator, demo.diagnosis, folder / corrected.FILE)
+    side_by_side.write_side_by_side(demo.beside, vehicle, folder / side_by_side.FILE)
+    simulators = {
+        side_by_side.FILE: f"The {HELD_OUT} beside its simulators",
+        corrected.FILE: "Corrected simulator",
+    }
+    report = write_report(demo.diagnosis, folder, seed=demo.seed, beside=simulators)
+    links = {report.name: "Report of the diagnosis", **simulators}
+    for flight in (demo.training, *demo.flights.values()):
+        write_log(flight.log(), folder / f"{flight.config.name}_{flight.label}.csv")
+    for track in TRACKS:
+        name = f"{track}_{LEARNED.kind}_replay.html"
+        write_replay(demo.flights[track, LEARNED.kind], folder / name)
+        links[name] = f"NP-MPC on the {track}"
+    sections = [Section(TEMPLATE, content(demo) | {"links": links})]
+    return write_page(folder / FILE, "np_drake demo", sections, figures(demo), closed=False)
+
+
+def figures(demo: Demo) -> dict[str, Figure]:
+    """Return the figures by name."""
+    flights = [flight for (track, _), flight in demo.flights.items() if track == HELD_OUT]
+    title = f"{HELD_OUT} · seed {flights[0].seed}"
+    return {
+        "foretold": foretold(demo),
+        f"{HELD_OUT}_track": flight_figures.plane_track(flights, title),
+        f"{HELD_OUT}_errors": flight_figures.errors(flights, title),
+    }
+
+
+def foretold(demo: Demo) -> Figure:
+    """Return the position error of the held-out track against time, in flight and as either
+    simulator foretells it, a panel a controller.
+    """
+    figure, grid = new_figure(len(FORETOLD), 1, width=8.0, height=4.6, sharex=True)
+    for ax, row in zip(grid[:, 0], FORETOLD, strict=True):
+        flight = until(demo.flights[HELD_OUT, row.kind], demo.simulated_seconds)
+        ax.plot(*_error(flight), color="0.1", linewidth=2.2, alpha=0.55, label="flight")
+        for k, name in enumerate(SIMULATORS):
+            style = {"color": PALETTE[1 - k], "linestyle": DASHES[1 - k], "linewidth": 1.2}
+            ax.plot(*_error(demo.simulated[name, row.kind]), label=f"{name} simulator", **style)
+        ax.set(ylabel="position error [cm]", title=LABELS[row.kind], ylim=(0, None))
+        ax.grid(alpha=0.3)
+        ax.margins(x=0)
+    grid[-1, 0].set_xlabel("time [s]")
+    shown = grid[0, 0].get_legend_handles_labels()
+    figure.legend(*shown, loc="outside upper center", ncols=3, frameon=False)
+    return figure
+
+
+def _error(flight: FlightResult) -> tuple[np.ndarray, np.ndarray]:
+    """Return the scored times [s] and the distance from the reference there [cm]."""
+    s, rows = flight.signals, flight.scored
+    off = s["x_true"][rows, :3] - s["p_ref"][rows]
+    return s["t"][rows], 100 * np.linalg.norm(off, axis=1)
 
 
 def content(demo: Demo) -> dict[str, Any]:
     """Return all values that the template uses, with numbers formatted as text."""
-    replay = demo.diagnosis.gap_reduction
+    gaps = demo.diagnosis.gap_reduction.replay_before, demo.diagnosis.gap_reduction.replay_after
     return {
         "seeds": demo.seeds,
         "vehicle": demo.training.config.vehicle.name,
@@ -53,10 +111,9 @@ def content(demo: Demo) -> dict[str, Any]:
         "meeting": meeting_rows(demo),
         "simulated": words.number(demo.simulated_seconds, 2),
         "replayed": [
-            "–" if gap is None else words.measure(float(gap.position[FARTHEST, 0]), "m")
-            for gap in (replay.replay_before, replay.replay_after)
+            words.measure(None if gap is None else float(gap.position[-1, 0]), "m") for gap in gaps
         ],
-        "horizon": replay.replay_before and f"{replay.replay_before.horizon[FARTHEST]:g}",
+        "horizon": gaps[0] and f"{gaps[0].horizon[-1]:g}",
     }
 
 
@@ -64,28 +121,21 @@ def headline(demo: Demo) -> str:
     """Return the answer in one line."""
     cut, found = demo.reduction()[HELD_OUT]["E_xy"], demo.diagnosis.verdict
     right = sum(name in found for name in demo.withheld)
-    wrong = len([name for name in found if name not in demo.withheld])
-    others = (
-        f" and {wrong} that {'is' if wrong == 1 else 'are'} not there" if wrong else " and no other"
-    )
+    wrong = len(set(found) - set(demo.withheld))
+    others = f"{wrong} that {'is' if wrong == 1 else 'are'} not there" if wrong else "no other"
     off = max(abs(line["corrected"] / line["flight"] - 1.0) for line in demo.meeting())
     return (
         f"The error falls by {words.percent(cut)}; {right} of {len(demo.withheld)} missing "
-        f"effects are named{others}; "
-        f"simulator and flight meet within {words.percent(off)}"
+        f"effects are named and {others}; simulator and flight meet within {words.percent(off)}"
     )
 
 
 def error_rows(demo: Demo) -> list[tuple[str, ...]]:
     """Return (track, controller, E_xy, E_z) of every flight."""
-    rows: list[tuple[str, ...]] = []
-    for track in TRACKS:
-        for flight in [f for f in demo.flights if f.config.name == track]:
-            m = flight.metrics()
-            rows.append(
-                (track, LABELS[flight.config.controller.kind], _cm(m["E_xy"]), _cm(m["E_z"]))
-            )
-    return rows
+    return [
+        (track, LABELS[kind], *(_cm(flight.metrics()[name]) for name in ("E_xy", "E_z")))
+        for (track, kind), flight in demo.flights.items()
+    ]
 
 
 def cause_rows(demo: Demo) -> list[tuple[str, ...]]:
@@ -96,44 +146,29 @@ def cause_rows(demo: Demo) -> list[tuple[str, ...]]:
     rows: list[tuple[str, ...]] = []
     for name, cause in causes.items():
         first = (words.capital(words.bare_name(name)), words.probability(cause.probability))
-        for parameter, estimate in cause.parameters.items() or [("", None)]:
+        for parameter, estimate in cause.parameters.items():
             true = demo.withheld.get(name, {}).get(parameter)
-            if estimate is None or (true == 0.0 and estimate.ci95[0] <= 0.0 <= estimate.ci95[1]):
+            low, high = estimate.ci95
+            if true == 0.0 and low <= 0.0 <= high:
                 continue
-            unit = words.unit_of(cause, estimate)
-            told = (
-                words.NOTHING if true is None else words.estimate(_exact(true, estimate), unit)[0]
-            )
+            told, unit = words.NOTHING, words.unit_of(cause, estimate)
+            if true is not None:  # with the digits of the interval
+                half = 0.5 * (high - low)
+                exact = Estimate(true, estimate.unit, (true - half, true + half))
+                told = words.estimate(exact, unit)[0]
             rows.append((*first, parameter, *words.estimate(estimate, unit), told))
             first = ("", "")
     if UNKNOWN in demo.diagnosis.verdict:
-        rows.append(
-            (
-                UNKNOWN,
-                words.probability(demo.diagnosis.unknown_probability),
-                "",
-                "",
-                "",
-                words.NOTHING,
-            )
-        )
+        probability = words.probability(demo.diagnosis.unknown_probability)
+        rows.append((UNKNOWN, probability, "", "", "", words.NOTHING))
     missed = [name for name in demo.withheld if name not in causes]
     return rows + [
         (words.capital(words.bare_name(name)), "not named", "", "", "", "acts") for name in missed
     ]
 
 
-def _exact(true: float, estimate: Estimate) -> Estimate:
-    """Return the true value as the estimate is shown: with the digits of its interval."""
-    lower, upper = estimate.ci95
-    half = 0.5 * (upper - lower)
-    return Estimate(true, estimate.unit, (true - half, true + half))
-
-
 def meeting_rows(demo: Demo) -> list[tuple[str, ...]]:
-    """Return (controller, error, flight, nominal simulator, corrected simulator, its
-    difference).
-    """
+    """Return (controller, error, flight, nominal, corrected simulator, its difference)."""
     return [
         (
             LABELS[line["controller"]],

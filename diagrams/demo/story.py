@@ -1,24 +1,27 @@
-"""Steps of the demo: flights, training, diagnosis of these flights, and flights in the corrected
-simulator.
+"""Demo: fly, learn, fly again, diagnose what the model lacks, correct the simulator, compare it
+with the flights.
 """
 
 import dataclasses as dc
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
+from operator import call
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from diagrams.batch.processes import DeadProcess, as_they_finish
+from diagrams.batch.failed_run import FailedRun
+from diagrams.batch.processes import as_they_finish
 from diagrams.gap.corrected import corrected_simulator
 from diagrams.gap.drake_replay import DrakeReplay
 from diagrams.gap.side_by_side import SideBySide, side_by_side
 from diagrams.loop.flight import FlightConfig
 from diagrams.loop.flight_result import FlightResult, fly
 from diagrams.loop.reality import RealityConfig
-from diagrams.prediction.learning import train_payload_filter_model, train_predictor
-from diagrams.tracking.tracking import TRACKS, Row, configure, training_config
+from diagrams.studies.learning import train_payload_filter_model, train_predictor
+from diagrams.studies.sweep import Row, configure, training_config
+from diagrams.studies.tracking import TRACKS
 from np_drake.diagnosis.diagnose import diagnose
 from np_drake.diagnosis.result import Diagnosis
 from np_drake.effects.base import Effect
@@ -29,36 +32,34 @@ from np_drake.vehicle import Vehicle
 NOMINAL, HOLD, LEARNED = Row("nominal", "nominal"), Row("hold", "hold"), Row("np", "np")
 FILTER = Row(PAYLOAD_FILTER, PAYLOAD_FILTER)
 ROWS = (NOMINAL, HOLD, LEARNED, FILTER)
-TRAINED = (LEARNED.kind, FILTER.kind)
 TRAINING = "training_circle"
 HELD_OUT = TRACKS[-1]  # judges the diagnosis, and is flown in the simulators
 DIAGNOSED = 20.0  # of every flight of the nominal MPC, after the ramp [s]
 SIMULATED = 15.0  # in either simulator, after the ramp [s]
 SIMULATORS = ("nominal", "corrected")
 FORETOLD = (NOMINAL, LEARNED)  # controllers that fly in the simulators
-_SHARES = (0.6, 0.4)  # of the time, by round
+LEARNING = 0.6  # share of the time that training and the first flights take [1]
 
 
 @dc.dataclass(frozen=True)
 class Demo:
     """Results of the demo.
 
-    training: the training flight.
-    trained: what the model was trained on.
-    model: file of the Neural Predictor. flights: by track and controller.
+    trained: what the model was trained on. flights: by track and kind of controller.
     diagnosis: of the flights of the nominal MPC.
     beside: the held-out flight and its replays.
-    simulated: flights of the held-out track by (simulator, kind of controller).
+    simulated: flights of the held-out track by simulator and kind of controller, of
+        `simulated_seconds` after the ramp [s].
     """
 
     seed: int
     training: FlightResult
     trained: Mapping[str, Any]
-    model: Path
-    flights: Sequence[FlightResult]
+    flights: Mapping[tuple[str, str], FlightResult]
     diagnosis: Diagnosis
     beside: SideBySide
     simulated: Mapping[tuple[str, str], FlightResult]
+    simulated_seconds: float
 
     @property
     def withheld(self) -> dict[str, dict[str, float]]:
@@ -74,22 +75,11 @@ class Demo:
             f"{self.seed + 2} of the simulators"
         )
 
-    @property
-    def simulated_seconds(self) -> float:
-        """Length of the flights in simulators, after the ramp [s]."""
-        return next(iter(self.simulated.values())).config.duration
-
-    def flown(self, track: str, kind: str) -> FlightResult:
-        """Return the flight of a controller on a track."""
-        return next(
-            f for f in self.flights if f.config.name == track and f.config.controller.kind == kind
-        )
-
     def reduction(self) -> dict[str, dict[str, float]]:
         """Return the relative reduction of the nominal MPC's error by NP-MPC, by track [1]."""
         cuts = {}
         for track in TRACKS:
-            learned, nominal = (self.flown(track, row.kind).metrics() for row in (LEARNED, NOMINAL))
+            learned, nominal = (self.flights[track, r.kind].metrics() for r in (LEARNED, NOMINAL))
             cuts[track] = {key: 1.0 - learned[key] / nominal[key] for key in ("E_xy", "E_z")}
         return cuts
 
@@ -99,7 +89,7 @@ class Demo:
         """
         lines = []
         for row in FORETOLD:
-            flight = until(self.flown(HELD_OUT, row.kind), self.simulated_seconds).metrics()
+            flight = until(self.flights[HELD_OUT, row.kind], self.simulated_seconds).metrics()
             foretold = {name: self.simulated[name, row.kind].metrics() for name in SIMULATORS}
             for key in ("E_xy", "E_z"):
                 line = {"controller": row.kind, "error": key, "flight": flight[key]}
@@ -135,76 +125,73 @@ def run_demo(
     }
     practice = training_config(TRAINING, solver=solver)
     vehicle = dc.replace(practice.vehicle, command_timing="held")  # as a simulator logs them
-    nominal = practice.reality.nominal()
-    tracked = {
-        (track, row.kind): Trip(
-            configure(track, row, solver=solver, model=str(models.get(row.kind, ""))), seed + 1
-        )
+    configs = {
+        (track, row.kind): configure(track, row, solver=solver, model=str(models.get(row.kind, "")))
         for track in TRACKS
         for row in ROWS
     }
+    trips = {key: partial(fly, config, seed=seed + 1) for key, config in configs.items()}
 
-    def in_simulator(world: RealityConfig, kind: str) -> Trip:
-        return Trip(_within(world, tracked[HELD_OUT, kind].config, simulated), seed + 2)
+    seconds = min(simulated, *(config.duration for config in configs.values()))
 
-    steps = _Steps(jobs, on_progress)
-    unlearned = {key: trip for key, trip in tracked.items() if key[1] not in TRAINED}
-    done = steps.run(
-        "training and flights", {"learned": partial(_learn, practice, seed, models), **unlearned}
+    def in_simulator(world: RealityConfig, kind: str) -> Callable[[], FlightResult]:
+        config = dc.replace(configs[HELD_OUT, kind], reality=world, duration=seconds)
+        return partial(fly, config.check_and_step(), seed=seed + 2)
+
+    learned = {key: trip for key, trip in trips.items() if key[1] in models}
+    unlearned = {key: trip for key, trip in trips.items() if key[1] not in models}
+
+    done = _side_by_side(
+        {"learned": partial(_learn, practice, seed, models), **unlearned},
+        jobs,
+        lambda share: on_progress(LEARNING * share, "training and flights"),
     )
     training, trained = done.pop("learned")
-    train = [diagnosed(training), diagnosed(done[TRACKS[0], NOMINAL.kind])]
-    held_out = [diagnosed(done[HELD_OUT, NOMINAL.kind])]
-    learned = {key: trip for key, trip in tracked.items() if key not in unlearned}
-    look = partial(_diagnose, vehicle, train, held_out, in_simulator)
-    uncorrected = {("nominal", row.kind): in_simulator(nominal, row.kind) for row in FORETOLD}
-    done |= steps.run("diagnosis and flights", {"diagnosis": look, **learned, **uncorrected})
+    foretold = {
+        ("nominal", row.kind): in_simulator(practice.reality.nominal(), row.kind)
+        for row in FORETOLD
+    }
+    look = partial(
+        _diagnose,
+        vehicle,
+        [diagnosed(training), diagnosed(done[TRACKS[0], NOMINAL.kind])],
+        [diagnosed(done[HELD_OUT, NOMINAL.kind])],
+        in_simulator,
+    )
+    done |= _side_by_side(
+        {"diagnosis": look, **learned, **foretold},
+        jobs,
+        lambda share: on_progress(LEARNING + (1 - LEARNING) * share, "diagnosis and flights"),
+    )
     diagnosis, beside, corrected = done.pop("diagnosis")
-    flights = [done[key] for key in tracked]
-    foretold = {key: done[key] for key in uncorrected} | corrected
-    return Demo(seed, training, trained, models[LEARNED.kind], flights, diagnosis, beside, foretold)
+    return Demo(
+        seed=seed,
+        training=training,
+        trained=trained,
+        flights={key: done[key] for key in configs},
+        diagnosis=diagnosis,
+        beside=beside,
+        simulated={key: done[key] for key in foretold} | corrected,
+        simulated_seconds=seconds,
+    )
 
 
-@dc.dataclass(frozen=True)
-class Trip:
-    """Flight to be made."""
+def _side_by_side(
+    work: Mapping[Any, Callable[[], Any]], jobs: int, tell: Callable[[float], None]
+) -> dict[Any, Any]:
+    """Return the results by the keys of the work, done in several processes; 1: in this one.
 
-    config: FlightConfig
-    seed: int
-
-    def __call__(self) -> FlightResult:
-        """Return the flight."""
-        return fly(self.config, seed=self.seed)
-
-
-class _Steps:
-    """Rounds of work in several processes, behind one progress."""
-
-    def __init__(self, jobs: int, on_progress: Callable[[float, str], None]):
-        self._jobs, self._on_progress, self._before = jobs, on_progress, 0.0
-        self._shares = iter(_SHARES)
-
-    def run(self, text: str, work: Mapping[Any, Callable[[], Any]]) -> dict[Any, Any]:
-        """Return the results of one round by the keys of its work.
-
-        Raises: what the work raises; DeadProcess: where its process died.
-        """
-        share, keys = next(self._shares), list(work)
-        self._on_progress(self._before, text)
-        results = {}
-        one_by_one = enumerate(task() for task in work.values())  # in this process
-        beside = as_they_finish(_call, list(work.values()), self._jobs)
-        for number, value in one_by_one if self._jobs == 1 else beside:
-            if isinstance(value, DeadProcess):
-                raise value
-            results[keys[number]] = value
-            self._on_progress(self._before + share * len(results) / len(keys), text)
-        self._before += share
-        return results
-
-
-def _call(work: Callable[[], Any]) -> Any:
-    return work()
+    Raises: what the work raises; FailedRun: where its process died.
+    """
+    tell(0.0)
+    keys, results = list(work), {}
+    alone = enumerate(task() for task in work.values())
+    for number, value in alone if jobs == 1 else as_they_finish(call, list(work.values()), jobs):
+        if isinstance(value, FailedRun):
+            raise value
+        results[keys[number]] = value
+        tell(len(results) / len(keys))
+    return results
 
 
 def _learn(
@@ -220,7 +207,7 @@ def _diagnose(
     vehicle: Vehicle,
     train: Sequence[FlightLog],
     held_out: Sequence[FlightLog],
-    in_simulator: Callable[[RealityConfig, str], Trip],
+    in_simulator: Callable[[RealityConfig, str], Callable[[], FlightResult]],
 ) -> tuple[Diagnosis, SideBySide, dict[tuple[str, str], FlightResult]]:
     """Return the diagnosis, the held-out flight beside its simulators, and flights in the corrected
     one.
@@ -229,11 +216,8 @@ def _diagnose(
     found = diagnose(vehicle, train, held_out, replay, adaptive_split=False)
     beside = side_by_side(found, vehicle, held_out, replay)
     world = corrected_simulator(found, vehicle).reality
-    return (
-        found,
-        beside,
-        {("corrected", row.kind): in_simulator(world, row.kind)() for row in FORETOLD},
-    )
+    flown = {("corrected", row.kind): in_simulator(world, row.kind)() for row in FORETOLD}
+    return found, beside, flown
 
 
 def diagnosed(flight: FlightResult) -> FlightLog:
@@ -244,18 +228,7 @@ def diagnosed(flight: FlightResult) -> FlightLog:
 
 
 def until(flight: FlightResult, seconds: float) -> FlightResult:
-    """Return the flight up to some time after its ramp.
-
-    Args:
-        seconds: after the ramp [s].
-    """
+    """Return the flight up to `seconds` after its ramp."""
     rows = flight.signals["t"] < flight.config.reference.lead + seconds - 1e-9
-    return dc.replace(
-        flight, signals={name: signal[rows] for name, signal in flight.signals.items()}
-    )
-
-
-def _within(world: RealityConfig, config: FlightConfig, longest: float) -> FlightConfig:
-    """Return a flight in another simulator, of that length after the ramp at most [s]."""
-    duration = min(longest, config.duration)
-    return dc.replace(config, reality=world, duration=duration).check_and_step()
+    signals = {name: signal[rows] for name, signal in flight.signals.items()}
+    return dc.replace(flight, signals=signals)

@@ -10,21 +10,9 @@ from typing import Any
 import numpy as np
 
 from np_drake.effects.base import MassProperties
-from np_drake.effects.blade_flapping import BladeFlapping
 from np_drake.effects.combine import mass_properties, split_effects
-from np_drake.effects.constant_wind import ConstantWind
-from np_drake.effects.gusty_wind import GustyWind
-from np_drake.effects.linear_drag import LinearDrag
-from np_drake.effects.mixer_gain import MixerGain
-from np_drake.effects.motor_lag import MotorLag
-from np_drake.effects.quadratic_drag import QuadraticDrag
-from np_drake.effects.rotor_gyroscopic import RotorGyroscopic
-from np_drake.effects.rotor_inflow import AIR_DENSITY, RotorInflow
+from np_drake.effects.rotor_inflow import AIR_DENSITY
 from np_drake.effects.suspended_payload import SuspendedPayload
-from np_drake.effects.thrust_drift import ThrustDrift
-from np_drake.effects.thrust_scale import ThrustScale
-from np_drake.effects.translational_lift import TranslationalLift
-from np_drake.effects.weak_rotor import WeakRotor
 from np_drake.vehicle import Vehicle
 
 
@@ -44,12 +32,8 @@ class Corrected:
     time_constant: float  # of rotor speed; the vehicle file's where no effect has one [s]
     time_constant_down: float  # of a rotor that slows down [s]
     dead_time: float  # of commands [s]
-    torque_share: (
-        np.ndarray
-    )  # (3,) share of the rotors' torque about Bo that acts, axis by axis [1]
-    linear: (
-        np.ndarray
-    )  # (3,) d of f = -s d v, s = mean rotor speed over nominal hover speed [N·s/m]
+    torque_share: np.ndarray  # (3,) share of the rotors' torque about Bo that acts, by axis [1]
+    linear: np.ndarray  # (3,) d of f = -s d v, s = rotor speed over nominal hover speed [N·s/m]
     quadratic: np.ndarray  # (3,) c of f = -c |v| v, axis by axis [N·s²/m²]
     lift: float  # of f_z = lift (v_x² + v_y²) [N·s²/m²]
     flapping: float  # of tau = flapping [v_y, -v_x, 0] [N·m·s/m]
@@ -77,19 +61,6 @@ class Corrected:
         """Torque over thrust of a rotor [m]."""
         return self.vehicle.torque_coefficient / self.vehicle.thrust_coefficient
 
-    @property
-    def max_speed(self) -> float:
-        """Rotor speed at the largest commanded thrust [rad/s]."""
-        return float(np.sqrt(self.vehicle.max_rotor_thrust / self.vehicle.thrust_coefficient))
-
-    @cached_property
-    def rotor_positions(self) -> np.ndarray:
-        """Points (4, 3) in B, at which thrust has the roll and pitch torque after `torque_share`
-        [m].
-        """
-        share = np.array([self.torque_share[1], self.torque_share[0], 1.0])
-        return np.array(self.vehicle.rotor_positions, float) * share
-
     @cached_property
     def drag_in_hover(self) -> np.ndarray:
         """Linear drag (3,) d of f = -d v at the rotor speed that hovers, part of `rotor_inflow`
@@ -97,17 +68,14 @@ class Corrected:
         """
         nominal = self.vehicle.mass * self.vehicle.gravity / 4
         drag = self.linear * np.sqrt(self.hover_thrust / nominal)
-        drag[2] += (
-            4 * 0.5 * self.inflow * np.sqrt(self.hover_thrust / self.vehicle.thrust_coefficient)
-        )
+        speed = np.sqrt(self.hover_thrust / self.vehicle.thrust_coefficient)
+        drag[2] += 4 * 0.5 * self.inflow * speed
         return drag
 
 
 def corrected(vehicle: Vehicle, effects: Sequence[Any]) -> Corrected:
-    """Return the vehicle corrected by effects.
+    """Return the vehicle corrected by effects of `np_drake.effects`.
 
-    Args:
-        effects: objects of `np_drake.effects`.
     Raises: ValueError: if two payloads or two motor lags are given, the rotors give nothing, or no
         rigid body can have the mass properties.
     """
@@ -118,43 +86,44 @@ def corrected(vehicle: Vehicle, effects: Sequence[Any]) -> Corrected:
             f"corrected: the effects must leave a rigid body; got {mass.mass:g} kg and "
             f"{mass.J.diagonal()} kg·m²."
         )
-    lags = _of(MotorLag, effects) or [MotorLag(vehicle.rotor_time_constant)]
+    lags = _of(effects, "motor_lag", "uneven_lag")
     if len(lags) > 1:
         raise ValueError(f"corrected: there must be one motor_lag at most; got {len(lags)}.")
-    scale = _gain(vehicle, [*_of(ThrustScale, effects), *_of(ThrustDrift, effects)])
-    share = _gain(vehicle, _of(WeakRotor, effects))
+    lag = lags[0].time_constant if lags else vehicle.rotor_time_constant
+    scale = _gain(vehicle, _of(effects, "thrust_scale", "thrust_drift"))
     if not scale[0] > 0:
         raise ValueError(f"corrected: the scale of thrust must be positive; got {scale[0]:g}.")
-    gains = [np.array([e.roll, e.pitch, e.yaw]) for e in _of(MixerGain, effects)]
-    winds = [[e.x, e.y, e.z] for e in _of(ConstantWind, effects)]
-    winds += [[e.mean_x, e.mean_y, e.mean_z] for e in _of(GustyWind, effects)]
-    slope = sum(e.slope for e in _of(RotorInflow, effects))
+    mixers = _of(effects, "mixer_gain")
+    slope = _sum(effects, "rotor_inflow", "slope")[0]
+    gusts = _sum(effects, "gusty_wind", "mean_x", "mean_y", "mean_z")
     return Corrected(
         vehicle=vehicle,
         mass=mass,
         scale=float(scale[0]),
-        rotor_share=share,
-        time_constant=lags[0].time_constant,
-        time_constant_down=getattr(lags[0], "down", lags[0].time_constant),
+        rotor_share=_gain(vehicle, _of(effects, "weak_rotor")),
+        time_constant=lag,
+        time_constant_down=getattr(lags[0], "down", lag) if lags else lag,
         dead_time=sum(effect.dead_time for effect in parts.actuator),
-        torque_share=1.0 + sum((gain - 1.0 for gain in gains), np.zeros(3)),
-        linear=_total([[e.d_x, e.d_y, e.d_z] for e in _of(LinearDrag, effects)]),
-        quadratic=_total([[e.c_x, e.c_y, e.c_z] for e in _of(QuadraticDrag, effects)]),
-        lift=sum(e.lift for e in _of(TranslationalLift, effects)),
-        flapping=sum(e.moment for e in _of(BladeFlapping, effects)),
+        torque_share=1.0 + _sum(effects, "mixer_gain", "roll", "pitch", "yaw") - len(mixers),
+        linear=_sum(effects, "linear_drag", "d_x", "d_y", "d_z"),
+        quadratic=_sum(effects, "quadratic_drag", "c_x", "c_y", "c_z"),
+        lift=float(_sum(effects, "translational_lift", "lift")[0]),
+        flapping=float(_sum(effects, "blade_flapping", "moment")[0]),
         inflow=slope * AIR_DENSITY * np.pi * vehicle.rotor_radius**3 / 4,
-        wind=_total(winds),
-        rotor_inertia=sum(e.rotor_inertia for e in _of(RotorGyroscopic, effects)),
+        wind=_sum(effects, "constant_wind", "x", "y", "z") + gusts,
+        rotor_inertia=float(_sum(effects, "rotor_gyroscopic", "rotor_inertia")[0]),
         payload=parts.payload if parts.payload is not None and parts.payload.mass > 0 else None,
     )
 
 
-def _of(kind: type, effects: Sequence[Any]) -> list[Any]:
-    return [effect for effect in effects if isinstance(effect, kind)]
+def _of(effects: Sequence[Any], *identifiers: str) -> list[Any]:
+    return [effect for effect in effects if effect.identifier in identifiers]
 
 
-def _total(rows: list[list[float]]) -> np.ndarray:
-    return np.sum(np.array(rows, float).reshape(-1, 3), axis=0)
+def _sum(effects: Sequence[Any], identifier: str, *names: str) -> np.ndarray:
+    """Return the sums of these parameters over all effects of a kind."""
+    rows = [[getattr(effect, name) for name in names] for effect in _of(effects, identifier)]
+    return np.sum(np.reshape(rows, (-1, len(names))), axis=0, dtype=float)
 
 
 def _gain(vehicle: Vehicle, effects: list[Any]) -> np.ndarray:

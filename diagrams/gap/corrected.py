@@ -1,42 +1,35 @@
-"""Corrected simulator of a diagnosis: a scenario with its causes, draws from their posterior, and
-its file.
+"""Corrected simulator of a diagnosis: a scenario with its causes, draws from their posterior, its
+file, and the trial whether a plain controller keeps its vehicle in the air.
 """
 
 import dataclasses as dc
 import math
 import textwrap
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import yaml
+from jinja2 import Environment
 
 from diagrams.loop.flight import FlightConfig, default_flight
-from np_drake.diagnosis.report.headline import headline
-from np_drake.diagnosis.residuals.residual_parts import Localisation
-from np_drake.diagnosis.result import Cause, Diagnosis
+from diagrams.loop.flight_result import LostVehicle, fly
+from np_drake.diagnosis.report.answer import headline
+from np_drake.diagnosis.report.words import listed
+from np_drake.diagnosis.result import Cause, Diagnosis, Localisation
 from np_drake.effects.disturbance import DisturbanceConfig
-from np_drake.effects.effect_entry import EffectEntry
-from np_drake.effects.posterior import Posterior
-from np_drake.files.atomic_file import write_text
+from np_drake.effects.effect_entry import EffectEntry, Posterior
+from np_drake.files.atomic_file import plain, write_text
 from np_drake.files.number_text import NBSP
-from np_drake.files.yaml_text import quoted
+from np_drake.files.yaml_file import quoted
 from np_drake.vehicle import Vehicle
 
-NAME = "corrected"
 SHORTEST, LONGEST = 0.02, 20.0  # of a correlation time that a log can show [s]; own choice
 FILE = "corrected.yaml"
 SECOND = "corrected_second.yaml"  # of the second answer
-HEAD = """\
-# Corrected simulator: the vehicle file with the effects that the diagnosis found. Units are SI.
-{use}
-{headline}
-"""
-USE = """\
-#   np-drake fly {file}                    fly it
-#   np-drake fly {file} --sample 10        fly ten simulators drawn from the posterior
-#   np-drake fly lemniscate --reality {file}"""
+TEMPLATE = Path(__file__).with_name("corrected.yaml.j2")
+TRIED = ("nominal", "hold", "observer")  # controllers without training
+SECONDS = 2.0  # of the trial behind its ramp [s]; own choice: what falls has fallen by then
 
 
 def corrected_simulator(diagnosis: Diagnosis, vehicle: Vehicle) -> FlightConfig:
@@ -54,12 +47,14 @@ def corrected_simulator(diagnosis: Diagnosis, vehicle: Vehicle) -> FlightConfig:
         disturbance=remaining_disturbance(diagnosis.localisation),
         posterior=diagnosis.posterior or Posterior(),
     )
-    return dc.replace(config, name=NAME, reality=reality).check_and_step()
+    return dc.replace(config, name="corrected", reality=reality).check_and_step()
 
 
 def _entry(cause: Cause) -> EffectEntry | None:
     """Return the entry of a cause; None for one that is absent from all flights, or needs a
     neighbour.
+
+    In a flight to come it begins in mid-flight only if it did in every flight that shows it.
     """
     if cause.effect is None or cause.effect.lacking():
         return None
@@ -67,15 +62,9 @@ def _entry(cause: Cause) -> EffectEntry | None:
     seen = [t for t in onsets.values() if math.isfinite(t)]
     if onsets and not seen:
         return None
-    entry = EffectEntry.of(cause.effect, onset=_onset(seen), probability=cause.probability)
+    onset = float(np.median(seen)) if seen and min(seen) > 0 else None
+    entry = EffectEntry.of(cause.effect, onset=onset, probability=cause.probability)
     return dc.replace(entry, onsets=onsets)
-
-
-def _onset(seen: list[float]) -> float | None:
-    """Return when an effect begins in a flight to come: in mid-flight only if it did in every
-    flight that shows it.
-    """
-    return float(np.median(seen)) if seen and min(seen) > 0 else None
 
 
 def drawn(config: FlightConfig, count: int, seed: int) -> list[FlightConfig]:
@@ -87,9 +76,8 @@ def drawn(config: FlightConfig, count: int, seed: int) -> list[FlightConfig]:
     reality = config.reality
     if not reality.posterior.parameters and all(e.probability == 1.0 for e in reality.effects):
         raise ValueError(
-            f"{config.name}: there must be a posterior to draw from; name "
-            f"reality.posterior, or take the "
-            "corrected.yaml of a diagnosis."
+            f"{config.name}: there must be a posterior to draw from; name reality.posterior, or "
+            "take the corrected.yaml of a diagnosis."
         )
     generator, found = np.random.default_rng(seed), []
     for k in range(count):
@@ -106,21 +94,33 @@ def remaining_disturbance(where: Localisation) -> DisturbanceConfig:
     """Return deviation and correlation time of the residual after the causes, less the noise floor,
     in body axes.
     """
-    size = [float(np.sqrt(max(c.after**2 - c.noise_floor**2, 0.0))) for c in where.channels]
-    if len(size) != 6:  # no channel was judged
+    if len(where.channels) != 6:  # no channel was judged
         return DisturbanceConfig()
-    size = [value if np.isfinite(value) else 0.0 for value in size]
+    squares = np.array([c.after**2 - c.noise_floor**2 for c in where.channels])
+    size = np.sqrt(np.where(squares > 0, np.nan_to_num(squares, posinf=0.0), 0.0)).tolist()
     times = [_correlation_time(where, k) for k in range(6)]
     return DisturbanceConfig(size[:3], size[3:], times[:3], times[3:])
 
 
 def _correlation_time(where: Localisation, channel: int) -> float:
-    """Return the lag at which the autocovariance of a channel has fallen to 1/e of that at the
-    first lag [s].
+    """Return the lag at which the autocovariance of a channel, mean of all flights, has fallen to
+    1/e of that at the first lag [s].
 
     White noise of the sensors is in the variance alone, and so left out.
     """
-    step, covariance = _autocovariance(where, channel)
+    flights = []
+    for flight, t in where.times.items():
+        if flight in where.after and len(t) > 1:
+            series = where.after[flight][:, channel]
+            series = series[np.isfinite(series)]
+            if len(series) > 20:
+                flights.append((float(np.median(np.diff(t))), series - series.mean()))
+    if not flights:
+        return SHORTEST
+    step = flights[0][0]
+    lags = range(1, min(int(LONGEST / step), min(len(x) for _, x in flights) // 2))
+    rows = [[x[:-k] @ x[k:] / (len(x) - k) for k in lags] for _, x in flights]
+    covariance = np.mean(rows, axis=0)
     if not len(covariance) or covariance[0] <= 0:
         return SHORTEST
     below = np.flatnonzero(covariance < covariance[0] / np.e)
@@ -128,95 +128,102 @@ def _correlation_time(where: Localisation, channel: int) -> float:
     return float(np.clip(lag * step, SHORTEST, LONGEST))
 
 
-def _autocovariance(where: Localisation, channel: int) -> tuple[float, np.ndarray]:
-    """Return the step [s] and the autocovariance at lags of one step on, mean of all flights."""
-    flights = [(step, series[np.isfinite(series)]) for step, series in _series(where, channel)]
-    flights = [(step, series - series.mean()) for step, series in flights if len(series) > 20]
-    if not flights:
-        return SHORTEST, np.zeros(0)
-    step = flights[0][0]
-    lags = min(int(LONGEST / step), min(len(series) for _, series in flights) // 2)
-    total = sum(
-        np.array([series[:-k] @ series[k:] / (len(series) - k) for k in range(1, lags)])
-        for _, series in flights
-    )
-    return step, np.asarray(total) / len(flights)
-
-
-def _series(where: Localisation, channel: int) -> Iterator[tuple[float, np.ndarray]]:
-    for flight, t in where.times.items():
-        if flight in where.after and len(t) > 1:
-            yield float(np.median(np.diff(t))), where.after[flight][:, channel]
-
-
 def write_corrected(config: FlightConfig, diagnosis: Diagnosis, path: Path) -> None:
-    """Write the scenario with the 95 % interval of every parameter beside its value.
+    """Write the scenario with the 95 % interval of every parameter beside its value; numbers as
+    Python writes them, so that reading gives the same ones.
     Raises: OSError: if the file cannot be written.
     """
     said = textwrap.wrap(
         f"{headline(diagnosis)}.", 110, break_long_words=False, break_on_hyphens=False
     )
-    for name in (
-        c.identifier for c in diagnosis.causes if c.effect is not None and c.effect.lacking()
-    ):
-        said.append(f"Left out: {name}, which acts only beside a neighbour.")
-    use = (
-        f"# Do not fly it: {diagnosis.not_flyable}."
-        if diagnosis.not_flyable
-        else USE.format(file=path.name)
-    )
-    head = HEAD.format(use=use, headline="\n".join(f"# {line}" for line in said).replace(NBSP, " "))
-    reality, posterior = config.reality, config.reality.posterior
-    plain = {
+    said += [
+        f"Left out: {cause.identifier}, which acts only beside a neighbour."
+        for cause in diagnosis.causes
+        if cause.effect is not None and cause.effect.lacking()
+    ]
+    reality = {
         "payload": {"tether": "none"},
         "rotor_drag": 0.0,
         "motor_lag": 0.0,
         "thrust_scale": 1.0,
-        "disturbance": dc.asdict(reality.disturbance),
-        "posterior": dc.asdict(posterior),
+        "disturbance": dc.asdict(config.reality.disturbance),
+        "posterior": dc.asdict(config.reality.posterior),
     }
-    text = [
-        head,
-        _block({"name": config.name, "vehicle": dc.asdict(config.vehicle)}),
-        _block({"simulator": {"max_step_size": float(config.simulator.max_step_size)}}),
-        _block({"reality": plain}),
-        "  effects:" + ("" if reality.effects else " []") + "\n",
-        *(_entry_text(entry, posterior) for entry in reality.effects),
+    blocks: list[dict[str, Any]] = [
+        {"name": config.name, "vehicle": dc.asdict(config.vehicle)},
+        {"simulator": {"max_step_size": float(config.simulator.max_step_size)}},
+        {"reality": reality},
     ]
-    write_text(path, "".join(text))
+    environment = Environment(trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True)
+    environment.filters |= {"repr": repr, "quoted": quoted}
+    text = environment.from_string(TEMPLATE.read_text("utf-8")).render(
+        not_flyable=diagnosis.not_flyable,
+        file=path.name,
+        said=[line.replace(NBSP, " ") for line in said],
+        scenario="".join(
+            yaml.safe_dump(
+                _stated(plain(block)), sort_keys=False, default_flow_style=None, width=110
+            )
+            for block in blocks
+        ),
+        effects=config.reality.effects,
+        deviations=config.reality.posterior.deviations,
+        infinity=math.inf,
+    )
+    write_text(path, text)
 
 
-def _block(content: dict[str, Any]) -> str:
-    return yaml.safe_dump(_plain(content), sort_keys=False, default_flow_style=None, width=110)
-
-
-def _plain(value: Any) -> Any:
+def _stated(value: Any) -> Any:
+    """Return a value without what is None in it."""
     if isinstance(value, dict):
-        return {key: _plain(inner) for key, inner in value.items() if inner is not None}
-    if isinstance(value, (list, tuple, np.ndarray)):
-        return [_plain(inner) for inner in value]
-    return value.item() if isinstance(value, np.generic) else value
+        return {key: _stated(inner) for key, inner in value.items() if inner is not None}
+    return value
 
 
-def _entry_text(entry: EffectEntry, posterior: Posterior) -> str:
-    """Return the lines of an effect; numbers as Python writes them, so that reading gives the same
-    ones.
+def with_trial(diagnosis: Diagnosis, vehicle: Vehicle) -> Diagnosis:
+    """Return the diagnosis, and its second answer, with why nothing flies in its corrected
+    simulator, if so.
     """
-    deviations = posterior.deviations
-    lines = [f"  - effect: {entry.effect}"]
-    lines += [f"    probability: {entry.probability!r}"]
-    lines += [f"    onset: {entry.onset!r}  # [s]"] if entry.onset is not None else []
-    lines += ["    parameters:"]
-    for p in entry.made.parameters:
-        value, deviation = entry.made.values[p.name], deviations.get(f"{entry.effect}.{p.name}")
-        half = None if deviation is None else 1.96 * deviation
-        told = "" if half is None else f", 95 %: {value - half:.4g} to {value + half:.4g}"
-        lines.append(f"      {p.name}: {value!r}  # [{p.unit}]{told}")
-    if entry.onsets:
-        onsets = ", ".join(f"{quoted(name)}: {_number(t)}" for name, t in entry.onsets.items())
-        lines.append(f"    onsets: {{{onsets}}}  # by flight [s]")
-    return "\n".join(lines) + "\n"
+    if diagnosis.cannot_tell:
+        return diagnosis
+    second = None if diagnosis.refit is None else with_trial(diagnosis.refit, vehicle)
+    try:
+        why = not_flyable(corrected_simulator(diagnosis, vehicle))
+    except ValueError as error:
+        said = " ".join(str(error).split()).rstrip(".")
+        why = f"no simulator can be made of these causes: {said}; check them by hand"
+    return dc.replace(diagnosis, refit=second, not_flyable=why)
 
 
-def _number(value: float) -> str:
-    return ".inf" if np.isinf(value) else repr(float(value))
+def not_flyable(config: FlightConfig) -> str:
+    """Return why no plain controller flies a corrected simulator, and what to do; empty where one
+    does.
+    """
+    losses = []
+    for kind in TRIED:
+        losses.append(_loss(config, kind))
+        if not losses[-1]:
+            return ""
+    reality, guilty = config.reality, []
+    for k, entry in enumerate(reality.effects):
+        rest = [*reality.effects[:k], *reality.effects[k + 1 :]]
+        without = dc.replace(reality, effects=rest, posterior=Posterior())
+        if not _loss(dc.replace(config, reality=without), TRIED[0]):
+            guilty.append(entry.effect)
+    remedy = (
+        f"without {listed(guilty, 'or')} it flies: check that by hand"
+        if guilty
+        else "check mass, thrust and the order of the rotors in the vehicle file"
+    )
+    why = losses[0].partition(": ")[2] or losses[0]
+    return f"{listed(TRIED)} lose the vehicle ({why.rstrip('.')}); {remedy}, and diagnose again"
+
+
+def _loss(config: FlightConfig, kind: str) -> str:
+    """Return why a kind of controller loses the vehicle; empty where it flies."""
+    controller = dc.replace(config.controller, kind=kind)
+    try:
+        fly(dc.replace(config, duration=SECONDS, controller=controller).check_and_step(), seed=0)
+    except (LostVehicle, ValueError) as error:  # it falls, or is none that a controller could carry
+        return str(error)
+    return ""

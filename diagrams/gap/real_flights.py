@@ -1,49 +1,39 @@
-"""Diagnosis of the published real flights: each agile one held out in turn."""
+"""Study `gap`: diagnosis of the published real flights, each agile one held out in turn."""
 
 import dataclasses as dc
-from collections.abc import Callable, Sequence
-from functools import lru_cache
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from diagrams.batch.arrays import packed, unpacked
-from diagrams.batch.campaign import Case
-from diagrams.batch.columns import percent, tabulate
-from diagrams.batch.options import Neurobem
 from diagrams.batch.run import Report, Run
-from diagrams.batch.workers import Workers, every_result
-from diagrams.prediction.array_flights import neurobem_folder
+from diagrams.studies.columns import percent, tabulate
+from diagrams.studies.options import Neurobem, required
 from np_drake.diagnosis.diagnose import diagnose
-from np_drake.diagnosis.residuals.make_flight_residuals import make_flight_residuals
+from np_drake.diagnosis.residuals import make_flight_residuals
 from np_drake.flight_log import FlightLog
 from np_drake.logs.formats.neurobem import AGILE, published_vehicle
 from np_drake.logs.opening import open_flights
 from np_drake.vehicle import Vehicle
 
-GROUPS = {
-    "lateral force": (0, 1),
-    "vertical force": (2,),
-    "torque": (3, 4, 5),
-}  # channels of the residual
-POOLED = "all four, pooled"  # name of the row over all flights
+GROUPS = {"lateral force": [0, 1], "vertical force": [2], "torque": [3, 4, 5]}  # of the residual
+COLUMNS = (
+    ("held out", "flight"),
+    ("RMS of", "group"),
+    ("nominal", "nominal"),
+    ("after", "after"),
+    ("cut", percent("cut")),
+    ("zero", lambda line: line.get("zero")),
+    ("mean", lambda line: line.get("mean")),
+)
 
 
 @dc.dataclass(frozen=True)
-class Fold:
-    """Result on one held-out flight.
+class Options:
+    """Options of the study."""
 
-    before, after: (m, 6) residual [N, N·m].
-    zero, mean: (m, 3) total torque, and total torque less its mean in the training flights [N·m].
-    """
-
-    name: str  # of the held-out flight
-    verdict: tuple[str, ...]  # from the training flights
-    before: np.ndarray
-    after: np.ndarray
-    zero: np.ndarray
-    mean: np.ndarray
+    neurobem: Neurobem = None
 
 
 def agile_flights(folder: Path) -> list[FlightLog]:
@@ -54,130 +44,65 @@ def agile_flights(folder: Path) -> list[FlightLog]:
     return [open_flights(folder / "csv" / f"merged_{name}.csv")[0][0] for name in AGILE]
 
 
-def fold(vehicle: Vehicle, train: Sequence[FlightLog], held_out: FlightLog) -> Fold:
+def fold(vehicle: Vehicle, train: Sequence[FlightLog], held_out: FlightLog) -> dict[str, Any]:
     """Diagnose on `train` and evaluate on `held_out`, to which nothing is fitted.
 
-    `mean`: of the total torque in the training flights [N·m].
+    Returns: flight, verdict, and by group of channels (sum of squares, rows) of the residual before
+        and after; of the torque also of the total torque, and of that less its mean in `train`.
     """
     answer = diagnose(vehicle, train, [held_out], adaptive_split=False)
-    unseen = make_flight_residuals(held_out, vehicle)
-    total = unseen.y[:, 3:6] + unseen.nominal[:, 3:]
-    flown = [make_flight_residuals(log, vehicle) for log in train]
-    mean = np.concatenate([e.y[:, 3:6] + e.nominal[:, 3:] for e in flown]).mean(axis=0)
-    where = answer.localisation
-    name = held_out.name
-    return Fold(name, answer.verdict, where.before[name], where.after[name], total, total - mean)
-
-
-@dc.dataclass(frozen=True)
-class HoldingOut:
-    """Work of a case {"flight": name of the held-out one} -> its `Fold`, the others as training
-    flights.
-
-    folder: of the data set, under the same path on every worker.
-    """
-
-    folder: Path
-
-    def __call__(self, case: Case) -> dict[str, Any]:
-        """Diagnose the other flights and evaluate on the one of the case."""
-        flights = _opened(self.folder)
-        held_out = next(log for log in flights if log.name == case["flight"])
-        found = fold(published_vehicle(), [log for log in flights if log is not held_out], held_out)
-        arrays = {name: getattr(found, name) for name in ("before", "after", "zero", "mean")}
-        return {"verdict": found.verdict, "arrays": packed(arrays)}
-
-
-@lru_cache(maxsize=1)
-def _opened(folder: Path) -> list[FlightLog]:
-    return agile_flights(folder)
-
-
-def leave_one_out(
-    folder: Path,
-    *,
-    workers: Workers | None = None,
-    on_progress: Callable[[int, int], None] = lambda done, total: None,
-) -> list[Fold]:
-    """Return a fold for every agile flight, held out in turn, with the others as training flights.
-
-    Args:
-        on_progress: called with the number done and the number of all.
-    Raises: OSError, LogError: where a flight is missing or cannot be read; FailedRun: where a fold
-        has no result.
-    """
-    cases = [{"flight": log.name} for log in agile_flights(folder)]
-    records = (workers or Workers()).run(
-        HoldingOut(folder.resolve()),
-        cases,
-        config={"neurobem": folder.name},
-        on_progress=on_progress,
+    total, *flown = (
+        residuals.y[:, 3:6] + residuals.nominal[:, 3:]
+        for residuals in (make_flight_residuals(log, vehicle) for log in (held_out, *train))
     )
-    return [
-        Fold(case["flight"], tuple(result["verdict"]), **unpacked(result["arrays"]))
-        for case, result in zip(cases, every_result(records), strict=True)
-    ]
+    where, name = answer.localisation, held_out.name
+    found = {
+        group: {
+            "nominal": _squares(where.before[name][:, channels]),
+            "after": _squares(where.after[name][:, channels]),
+        }
+        for group, channels in GROUPS.items()
+    }
+    found["torque"]["zero"] = _squares(total)
+    found["torque"]["mean"] = _squares(total - np.concatenate(flown).mean(axis=0))
+    return {"flight": name, "verdict": list(answer.verdict), "squares": found}
 
 
-def rows(folds: Sequence[Fold]) -> list[dict]:
-    """Return the RMS by flight and group, pooled last.
+def _squares(residual: np.ndarray) -> list[float]:
+    return [float(np.sum(residual**2)), len(residual)]
 
-    The rows have nominal, after, zero and mean (torque alone) [N, N·m], and the reduction [1].
+
+def rows(folds: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Return the RMS by flight and group, pooled last: nominal, after, zero and mean (torque alone)
+    [N, N·m], and the reduction `cut` [1].
     """
     out = []
-    for name, some in [*((f.name, [f]) for f in folds), (POOLED, list(folds))]:
-        for group, channels in GROUPS.items():
-            before, after = (
-                _rms([getattr(f, key) for f in some], channels) for key in ("before", "after")
-            )
-            line = {
-                "flight": name,
-                "group": group,
-                "nominal": before,
-                "after": after,
-                "cut": 1 - after / before,
-            }
-            if group == "torque":
-                line["zero"] = _rms([f.zero for f in some], (0, 1, 2))
-                line["mean"] = _rms([f.mean for f in some], (0, 1, 2))
-            out.append(line)
+    for name, some in [*((f["flight"], [f]) for f in folds), ("all four, pooled", list(folds))]:
+        for group in GROUPS:
+            line: dict[str, Any] = {"flight": name, "group": group}
+            for key in some[0]["squares"][group]:
+                total, count = np.sum([f["squares"][group][key] for f in some], axis=0)
+                line[key] = float(np.sqrt(total / count))
+            out.append(line | {"cut": 1 - line["after"] / line["nominal"]})
     return out
-
-
-def _rms(parts: Sequence[np.ndarray], channels: tuple[int, ...]) -> float:
-    """Return the root of the mean squared norm of these channels."""
-    stacked = np.concatenate([p[:, list(channels)] for p in parts])
-    return float(np.sqrt(np.mean(np.sum(stacked**2, axis=1))))
-
-
-@dc.dataclass(frozen=True)
-class Options:
-    """Options of the study."""
-
-    neurobem: Neurobem = None
 
 
 def run(run: Run, options: Options) -> Report:
     """The diagnosis on agile real flights. Each is held out in turn."""
-    folder = neurobem_folder("gap", options.neurobem)
-    with run.counting("real flights") as on_progress:
-        folds = leave_one_out(folder, workers=run.workers, on_progress=on_progress)
-    lines, verdicts = rows(folds), {f.name: f.verdict for f in folds}
+    where = "give the folder of the NeuroBEM flights as --neurobem DIR or NP_DRAKE_NEUROBEM."
+    flights, folds = agile_flights(required(options.neurobem, f"gap: {where}")), []
+    with run.progress("real flights", len(flights)) as advance:
+        for held_out in flights:
+            train = [log for log in flights if log is not held_out]
+            folds.append(fold(published_vehicle(), train, held_out))
+            advance(len(folds))
+    lines, verdicts = rows(folds), {f["flight"]: f["verdict"] for f in folds}
     title = (
         "Real flights, each held out in turn; force [N], torque [N·m]; zero, mean: what "
         "predicting these leaves"
     )
-    columns = (
-        ("held out", "flight"),
-        ("RMS of", "group"),
-        ("nominal", "nominal"),
-        ("after", "after"),
-        ("cut", percent("cut")),
-        ("zero", lambda line: line.get("zero")),
-        ("mean", lambda line: line.get("mean")),
-    )
     return Report(
-        [tabulate(title, lines, columns)],
+        [tabulate(title, lines, COLUMNS)],
         config={"flights": list(verdicts)},
         metrics={"table": lines, "verdicts": verdicts},
         lines=[

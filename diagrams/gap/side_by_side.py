@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from pydrake.geometry import Rgba
 
-from diagrams.gap.drake_replay import DrakeReplay
+from diagrams.gap.drake_replay import DrakeReplay, Effects, Ghost
 from diagrams.loop.replay.film import FRAME_RATE, Film, frames
 from diagrams.loop.replay.page import Page, ReadOut, Trail, write_page
 from diagrams.loop.replay.scene import (
@@ -23,15 +23,12 @@ from diagrams.loop.replay.scene import (
     arm_length,
     new_scene,
 )
-from np_drake.diagnosis.gap.gap_reduction import LEAD
+from np_drake.diagnosis.gap import LEAD
 from np_drake.diagnosis.result import HORIZONS, Diagnosis
-from np_drake.effects.base import Effect
 from np_drake.flight_log import FlightLog
 from np_drake.vehicle import Vehicle
 
-RESTART = HORIZONS[
-    -1
-]  # time after which a simulator starts anew from the flight, as in the replay error [s]
+RESTART = HORIZONS[-1]  # after which a simulator starts anew, as in the replay error [s]
 # part of the flight that is shown [s]; own choice: a page stays small and is made in seconds
 LONGEST = 20.0
 BEFORE = 5.0  # shown before a cause begins [s]
@@ -39,24 +36,9 @@ SHORTEST = 2.0  # part of a flight that is worth a look [s]
 FILE = "replay.html"
 PALE = 0.45  # opacity of a ghost [1]
 
-Effects = list[tuple[Effect, dict[str, float | None]]]
-
 
 class NoReplay(ValueError):
     """Reason why there is nothing to be shown, in one line."""
-
-
-@dc.dataclass(frozen=True)
-class Ghost:
-    """Replay in one simulator: x (frames, 13), payload p_WP (frames, 3) [m] and distance from the
-    flight [m].
-
-    The payload is NaN where none hangs; a distance is infinite where the vehicle was lost.
-    """
-
-    x: np.ndarray
-    p_WP: np.ndarray
-    error: np.ndarray
 
 
 @dc.dataclass(frozen=True)
@@ -95,12 +77,17 @@ def side_by_side(
     Raises: NoReplay: where no flight can be replayed.
     """
     replay = replay or DrakeReplay(vehicle)
-    flights = [_rebased(log, diagnosis) for log in held_out if np.isfinite(log.u).all()]
+    flights = [log for log in held_out if np.isfinite(log.u).all()]
     if not flights:
         raise NoReplay(
             "the held-out logs do not tell the torque of the rotors, and a simulator needs it."
         )
-    for log, effects in flights:
+    for log in flights:
+        effects: Effects = [
+            (cause.effect.predicted, {log.name: cause.onset.get(log.name)})
+            for cause in diagnosis.causes
+            if cause.effect is not None
+        ]
         rows = _shown(log, effects, joined=log.name in diagnosis.joined)
         if len(rows) >= SHORTEST * FRAME_RATE:
             break
@@ -109,48 +96,38 @@ def side_by_side(
     frame = np.arange(len(rows))
     restarted = frame - frame % round(RESTART * FRAME_RATE)
     legs = [rows[restarted == first] for first in np.unique(restarted)]
-    payload = next((e for e, _ in effects if e.identifier == "suspended_payload"), None)
-    hook = None if payload is None else np.array([payload.values[f"hook_{axis}"] for axis in "xyz"])
-    nominal, corrected, missing = _ghost(replay, log, [], legs), None, ""
+    hooks = [
+        np.array([e.values[f"hook_{axis}"] for axis in "xyz"])
+        for e, _ in effects
+        if e.identifier == "suspended_payload"
+    ]
+    nominal, corrected, missing = replay.follow(log, [], legs), None, ""
     try:
-        corrected = _ghost(replay, log, effects, legs) if effects else None
+        corrected = replay.follow(log, effects, legs) if effects else None
     except ValueError as error:  # no rigid body has such parameters, as in the replay of the report
         missing = " ".join(str(error).split())
-    begin = float(log.t[rows[0]])
-    return SideBySide(log.name, begin, log.x[rows], restarted, nominal, corrected, hook, missing)
-
-
-def _rebased(log: FlightLog, answer: Diagnosis) -> tuple[FlightLog, Effects]:
-    """Return the flight on a clock that starts with it, and the effects of the causes with their
-    onset on it.
-    """
-    zero, effects = float(log.t[0]), []
-    for cause in answer.causes:
-        onset = cause.onset.get(log.name)
-        if cause.effect is not None:
-            shifted = None if onset is None else onset - zero
-            effects.append((cause.effect.predicted, {log.name: shifted}))
-    return dc.replace(log, t=log.t - zero), effects
+    return SideBySide(
+        flight=log.name,
+        start=float(log.t[rows[0]] - log.t[0]),
+        x=log.x[rows],
+        restarted=restarted,
+        nominal=nominal,
+        corrected=corrected,
+        hook=hooks[0] if hooks else None,
+        missing=missing,
+    )
 
 
 def _shown(log: FlightLog, effects: Effects, *, joined: bool) -> np.ndarray:
     """Return the rows of the frames: from shortly before a cause begins, or from where the fit
     knows nothing.
     """
-    onsets = [
-        t
-        for _, by_flight in effects
-        for t in by_flight.values()
-        if t is not None and math.isfinite(t)
-    ]
-    first = max(LEAD, min(onsets, default=0.0) - BEFORE, 0.5 * log.t[-1] if joined else 0.0)
-    kept = np.flatnonzero((log.t >= first) & (log.t <= first + LONGEST))
-    return kept[0] + frames(log.t[kept]) if len(kept) > 2 else np.zeros(0, int)
-
-
-def _ghost(replay: DrakeReplay, log: FlightLog, effects: Effects, legs: list[np.ndarray]) -> Ghost:
-    found = replay.follow(log, effects, legs)
-    return Ghost(*(np.concatenate(part) for part in zip(*(leg[1:] for leg in found), strict=True)))
+    t = log.t - log.t[0]
+    onsets = [at - log.t[0] for _, of in effects for at in of.values() if at is not None]
+    begins = min(filter(math.isfinite, onsets), default=0.0)
+    first = max(LEAD, begins - BEFORE, 0.5 * t[-1] if joined else 0.0)
+    kept = np.flatnonzero((t >= first) & (t <= first + LONGEST))
+    return kept[0] + frames(t[kept]) if len(kept) > 2 else np.zeros(0, int)
 
 
 def write_side_by_side(found: SideBySide, vehicle: Vehicle, path: str | Path) -> None:
@@ -161,23 +138,27 @@ def write_side_by_side(found: SideBySide, vehicle: Vehicle, path: str | Path) ->
     meshcat, film, size = new_scene(), Film(), arm_length(vehicle)
     add_quadrotor(meshcat, vehicle, "flight")
     add_trail(meshcat, "flight_trail", found.x[:, :3], 0.04 * size, DARK)
-    ghosts = {"nominal": (found.nominal, RED, "nominal simulator")}
+    ghosts = {"nominal": (found.nominal, RED)}
     if found.corrected is not None:
-        ghosts["corrected"] = (found.corrected, GREEN, "corrected simulator")
+        ghosts["corrected"] = (found.corrected, GREEN)
     frame = np.arange(len(found.x))
     trails, read_outs = [Trail("flight_trail", 0 * frame, frame)], []
-    for name, (ghost, color, label) in ghosts.items():
+    for name, (ghost, color) in ghosts.items():
         pale = Rgba(color.r(), color.g(), color.b(), PALE)
         add_quadrotor(meshcat, vehicle, name, pale)
-        add_trail(meshcat, f"{name}_trail", _unbroken(ghost, found), 0.05 * size, color)
-        trails.append(Trail(f"{name}_trail", found.restarted, _last_flown(ghost, found)))
-        read_outs.append(ReadOut(label, color, ghost.error))
+        # Where a ghost was lost, its trail stays at the last frame of the leg in which it was not.
+        error, p = ghost.errors[:, 0], ghost.x[:, :3]
+        flown = np.where(np.isfinite(p), p, found.x[:, :3])
+        add_trail(meshcat, f"{name}_trail", flown, 0.05 * size, color)
+        last = np.maximum.accumulate(np.where(np.isfinite(error), frame, found.restarted))
+        trails.append(Trail(f"{name}_trail", found.restarted, last))
+        read_outs.append(ReadOut(f"{name} simulator", color, error))
         if found.hook is not None and np.isfinite(ghost.p_WP).any():
             add_payload(meshcat, 0.2 * size, size, f"{name}_", pale)
-    away = float(np.clip(2.5 * np.quantile(found.nominal.error, 0.9), 7 * size, 20 * size))
+    away = float(np.clip(2.5 * np.quantile(found.nominal.errors[:, 0], 0.9), 7 * size, 20 * size))
     for k in range(len(found.x)):
         film.quadrotor(k, "flight", found.x[k])
-        for name, (ghost, *_) in ghosts.items():
+        for name, (ghost, _) in ghosts.items():
             _show(film, k, name, ghost, found.hook)
     film.show(meshcat)
     page = Page(
@@ -188,7 +169,7 @@ def write_side_by_side(found: SideBySide, vehicle: Vehicle, path: str | Path) ->
         legend=((DARK, "the flight, as logged"),),
         note=(
             f"Each simulator starts from the logged state every {RESTART:g} s and follows the "
-            f"logged commands."
+            "logged commands."
         ),
         follow=("flight", (0.35 * away, -0.8 * away, 0.45 * away)),
     )
@@ -208,15 +189,3 @@ def _show(film: Film, frame: int, name: str, ghost: Ghost, hook: np.ndarray | No
         film.visible(frame, f"{name}_{part}", hangs)
     if hangs:
         film.payload(frame, ghost.x[frame], hook, ghost.p_WP[frame], f"{name}_")
-
-
-def _unbroken(ghost: Ghost, found: SideBySide) -> np.ndarray:
-    """Return the positions of a ghost, those of the flight where it was lost, (frames, 3)."""
-    return np.where(np.isfinite(ghost.x[:, :3]), ghost.x[:, :3], found.x[:, :3])
-
-
-def _last_flown(ghost: Ghost, found: SideBySide) -> np.ndarray:
-    """Return by frame the last frame of its leg, until then, in which the ghost was not lost."""
-    frame = np.arange(len(found.x))
-    flown = np.where(np.isfinite(ghost.error), frame, found.restarted)
-    return np.maximum.accumulate(flown)

@@ -9,20 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from diagrams.identification.figures import (
-    agreement_figure,
-    flights_line,
-    interval_figure,
-    residual_figure,
-)
-from diagrams.identification.ghosts import (
-    HORIZON,
-    error_figure,
-    ghosts_of,
-    motion_figure,
-    path_figure,
-    title_of,
-)
+from diagrams.identification import figures
 from diagrams.identification.text import (
     KINDS,
     RATIOS,
@@ -34,85 +21,45 @@ from diagrams.identification.text import (
     not_told,
     prior_interval,
 )
-from np_drake.diagnosis.report.page import embedded, style, template_of
-from np_drake.diagnosis.report.words import capital, listed, measure
-from np_drake.files.atomic_file import require_writable, write_bytes, write_text
-from np_drake.files.figure_file import png
+from np_drake.diagnosis.report.words import capital, listed, measure, plain_name
+from np_drake.files import page
+from np_drake.files.atomic_file import require_writable
 from np_drake.files.number_text import NOTHING, fixed
-from np_drake.flight_log import FlightLog
+from np_drake.files.page import Section
 from np_drake.identification.flight_agreement import FlightValues, flight_values, own_values
 from np_drake.identification.identify import Identification
-from np_drake.identification.validation import HORIZONS, HeldOut
+from np_drake.identification.validation import ERRORS, HORIZONS, HeldOut
 
 PAGE, TEMPLATE = "identification.html", Path(__file__).with_name("page.html.j2")
 VEHICLE = "vehicle.yaml"
-PICTURES = ("intervals", "agreement", "residuals", "ghosts_path", "ghosts_motion", "ghosts_error")
 
 
 def write_page(
-    found: Identification,
-    rows: list[HeldOut],
-    judging: list[FlightLog],
-    folder: Path,
-    *,
-    parts: Sequence[tuple[float, float]] = (),
+    found: Identification, rows: list[HeldOut], folder: Path, *, thirds: bool = False
 ) -> Path:
     """Write `identification.html` and its figures to a folder, and return the path of the page.
 
     Args:
-        judging: these flights; the first that holds position, velocity and attitude gives the
-            ghosts.
-        parts: share of each that counts, first and last [1]; default: whole flights.
+        thirds: whether the last third of the flight was held out, not other flights.
     Raises: OSError: if the folder cannot be written.
     """
     require_writable(folder / PAGE)
     each = sorted([*own_values(found), *flight_values(found)], key=lambda told: not told.differ)
-    figures = {"intervals": interval_figure(found)}
-    if each:
-        figures["agreement"] = agreement_figure(found, each)
-    if rows:
-        figures["residuals"] = residual_figure(rows, per_mass=found.basis.ratios)
-    ghosts, why = None, "No flight was held out."
-    for number, log in enumerate(judging):
-        if log.lacks:
-            why = (
-                f"{log.name} holds no "
-                f"{listed([{'height': 'position'}.get(w, w) for w in log.lacks])}: no ghosts."
-            )
-            continue
-        try:
-            ghosts = ghosts_of(found, log, parts[number] if parts else (0.0, 1.0))
-            break
-        except ValueError as error:
-            why = f"{str(error).rstrip('.')}: no ghosts."
-    if ghosts is not None:
-        figures |= {
-            "ghosts_path": path_figure(ghosts),
-            "ghosts_motion": motion_figure(ghosts),
-            "ghosts_error": error_figure(ghosts),
-        }
-    pictures = {name: png(figure) for name, figure in figures.items()}
-    values = content(found, rows, each) | {
-        "ghosts": "" if ghosts is None else title_of(ghosts),
-        "no_ghosts": why,
-        "thirds": bool(parts),
-        "figures": {name: embedded(picture) for name, picture in pictures.items()},
+    pictures = {
+        "intervals": figures.interval_figure(found),
+        "agreement": figures.agreement_figure(found, each) if each else None,
+        "residuals": figures.residual_figure(rows, per_mass=found.basis.ratios) if rows else None,
     }
-    page = template_of(TEMPLATE.read_text("utf-8")).render(**values, style=style())
-    for name in PICTURES:
-        if name in pictures:
-            write_bytes(folder / f"{name}.png", pictures[name])
-        else:
-            (folder / f"{name}.png").unlink(missing_ok=True)  # of an earlier identification
-    write_text(folder / PAGE, page)
-    return folder / PAGE
+    sections = [Section(TEMPLATE, content(found, rows, each) | {"thirds": thirds})]
+    return page.write_page(
+        folder / PAGE, f"Identification · {found.prior.name}", sections, pictures
+    )
 
 
 def content(
     found: Identification, rows: Sequence[HeldOut], each: Sequence[FlightValues]
 ) -> dict[str, Any]:
     """Return the values that the template uses, with numbers formatted as text."""
-    drive = KINDS[found.basis.drive]
     units = ("N/kg", "N·m/kg") if found.basis.ratios else ("N", "N·m")
     return {
         "vehicle": found.prior.name,
@@ -141,7 +88,9 @@ def content(
         ],
         "agreeing": [told.quantity.name for told in each if not told.differ],
         "differing": [f"{capital(sentence)}." for sentence in differences(each)],
-        "numbers": flights_line(found),
+        "numbers": ", ".join(
+            f"{i + 1} {plain_name(model.flight.name)}" for i, model in enumerate(found.models)
+        ),
         "residual_header": [
             "flight",
             "model",
@@ -151,16 +100,15 @@ def content(
         "open_header": [
             "flight",
             "model",
-            *(f"{name}, {h:g} s" for h in HORIZONS for name in _OPEN),
+            *(f"{name}, {h:g} s" for h in HORIZONS for name in ERRORS),
         ],
         "open_loop": [_open_loop(row) for row in rows if np.isfinite(row.open_loop).any()],
-        "horizon": f"{HORIZON:g}",
         "flights": [
             *((model.flight.name, "fitted") for model in found.models),
             *((name, "held out") for name in dict.fromkeys(row.flight for row in rows)),
         ],
         "facts": [
-            ("rotors driven by", drive),
+            ("rotors driven by", KINDS[found.basis.drive]),
             ("geometry of", found.prior.name),
             ("mass", _mass(found)),
             ("np_drake", version("np_drake")),
@@ -169,33 +117,19 @@ def content(
     }
 
 
-_OPEN = {
-    "position": ("m", 1.0),
-    "velocity": ("m/s", 1.0),
-    "attitude": ("°", 180 / np.pi),
-    "rates": ("rad/s", 1.0),
-}
-
-
 def _residual(row: HeldOut, units: tuple[str, str]) -> list[str]:
     both = zip((row.force, row.torque), units, strict=True)
-    return [
-        row.flight,
-        row.model,
-        *(measure(float(v), unit) for values, unit in both for v in values),
-    ]
+    sizes = [measure(float(v), unit) for values, unit in both for v in values]
+    return [row.flight, row.model, *sizes]
 
 
 def _open_loop(row: HeldOut) -> list[str]:
     cells = [row.flight, row.model]
     for errors in row.open_loop:
-        for value, (unit, factor) in zip(errors, _OPEN.values(), strict=True):
-            if not np.isfinite(value):
-                cells.append(NOTHING)
-            elif unit == "°":
-                cells.append(f"{fixed(factor * float(value), 1)}°")
-            else:
-                cells.append(measure(float(value), unit))
+        *sizes, turned, rates = map(float, errors)
+        cells += [measure(size, unit) for size, unit in zip(sizes, ("m", "m/s"), strict=True)]
+        cells.append(f"{fixed(np.degrees(turned), 1)}°" if np.isfinite(turned) else NOTHING)
+        cells.append(measure(rates, "rad/s"))
     return cells
 
 
@@ -206,8 +140,5 @@ def _mass(found: Identification) -> str:
         return f"{measure(basis.mass, 'kg', 3)}, given"
     if basis.newtons:
         return "from commanded thrust, which counts as right"
-    return (
-        "not known"
-        if basis.ratios
-        else "from the thrust coefficient of the file, which counts as right"
-    )
+    right = "from the thrust coefficient of the file, which counts as right"
+    return "not known" if basis.ratios else right

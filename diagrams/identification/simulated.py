@@ -1,41 +1,67 @@
-"""Random vehicles flown in Drake, with logs as real sensors write them: the truth against which to
-identify.
+"""Study `identification`: random vehicles flown in Drake, with logs as real sensors write them,
+identified, beside the truth and two naive answers.
 """
 
 import dataclasses as dc
+import time
+from collections.abc import Sequence
+from typing import Annotated, Any
 
 import numpy as np
+from typer import Option
 
+from diagrams.batch.campaign import Case
 from diagrams.batch.failed_run import FailedRun
-from diagrams.challenge.generate.sensor_quality import (
+from diagrams.batch.run import Report, Run, failures, require_result
+from diagrams.challenge.flight import fly
+from diagrams.challenge.plans import draw_plans
+from diagrams.challenge.sensors import (
     REAL,
     draw_sensor_quality,
     kept_rows,
     rows_of,
     with_sensor_noise,
 )
-from diagrams.challenge.generate.trajectories import draw_plans
-from diagrams.challenge.simulators.drake.simulator import fly
 from np_drake import attitude
-from np_drake.effects.blade_flapping import BladeFlapping
+from np_drake.effects import BladeFlapping, LinearDrag, TranslationalLift
 from np_drake.effects.calibration import effects_of
-from np_drake.effects.linear_drag import LinearDrag
-from np_drake.effects.translational_lift import TranslationalLift
+from np_drake.files.number_text import NOTHING
 from np_drake.flight_log import FlightLog
-from np_drake.vehicle.calibration import Calibration, ThrottleMap
-from np_drake.vehicle.physics import AIR, least_torque_over_thrust
+from np_drake.identification.identify import identify
+from np_drake.identification.model import Values
+from np_drake.identification.quantities import Basis, Identified, Quantity
+from np_drake.identification.signals import G
+from np_drake.identification.validation import USUAL, plain_least_squares
 from np_drake.vehicle.published import LogNormal, published_priors
-from np_drake.vehicle.vehicle import MeasurementNoise, Vehicle
+from np_drake.vehicle.vehicle import (
+    AIR,
+    Calibration,
+    MeasurementNoise,
+    ThrottleMap,
+    Vehicle,
+    least_torque_over_thrust,
+)
 
 INPUTS = ("rotor_speed", "throttle", "command")
 LIGHTEST, HEAVIEST = 0.03, 20.0  # [kg]
-G = 9.81
 # white noise of rotor speed, of hover [1]; that of telemetry of the flights by IMRCLab is 0.001
 TACHOMETER = 0.002
-SATURATED = (
-    0.005  # share of rotor commands at a limit, from which a loop oscillates [1]; own choice
-)
+# share of rotor commands at a limit, from which a loop oscillates [1]; own choice
+SATURATED = 0.005
 ATTEMPTS = 40  # draws of a vehicle until its controller flies it
+SMALL = 1e-6  # move of a parameter that shows whether a quantity depends on it [1]
+ALIKE = {  # quantities of one kind, by the line that holds them
+    "inertia xx, yy": ("inertia xx", "inertia yy"),
+    "inertia xz, yz": ("inertia xz", "inertia yz"),
+    "centre of mass x, y": ("centre of mass x", "centre of mass y"),
+    "gains of the rotors": tuple(f"gain of rotor {i}" for i in (1, 2, 3, 4)),
+    "IMU x, y, z": ("IMU x", "IMU y", "IMU z"),
+    "IMU tilt x, y": ("IMU tilt x", "IMU tilt y"),
+    "time constants up, down": ("time constant up", "time constant down"),
+}
+LINE_OF = {name: line for line, names in ALIKE.items() for name in names}
+ERRORS = {"error": "error", "prior alone": "prior_error", "least squares": "plain_error"}
+Line = dict[str, Any]
 
 
 @dc.dataclass(frozen=True)
@@ -71,22 +97,16 @@ class Truth:
             "drag, lateral": self.drag.d_x / v.mass,
             "drag, vertical": self.drag.d_z / v.mass,
             "lift of lateral speed": self.lift.lift / v.mass,
+            **{f"inertia {'xyz'[i]}{'xyz'[j]}": v.J[i, j] for i in range(3) for j in range(i, 3)},
+            **{f"centre of mass {a}": c.center_of_mass[i] for i, a in enumerate("xy")},
+            **{f"gain of rotor {i + 1}": gain for i, gain in enumerate(c.rotor_gains)},
+            **{f"IMU {a}": float(self.imu[i]) for i, a in enumerate("xyz")},
+            **{f"IMU tilt {a}": c.imu_tilt[i] for i, a in enumerate("xyz")},
         }
-        found |= {
-            f"inertia {a}{b}": v.J["xyz".index(a), "xyz".index(b)]
-            for a, b in ("xx", "yy", "zz", "xy", "xz", "yz")
-        }
-        found |= {f"centre of mass {a}": c.center_of_mass[i] for i, a in enumerate("xy")}
-        found |= {f"gain of rotor {i + 1}": gain for i, gain in enumerate(c.rotor_gains)}
-        found |= {f"IMU {a}": float(self.imu[i]) for i, a in enumerate("xyz")}
-        found |= {f"IMU tilt {a}": c.imu_tilt[i] for i, a in enumerate("xyz")}
         if self.input == "rotor_speed":
             return found | {"thrust coefficient": v.thrust_coefficient, "clock of the state": 0.0}
-        found |= {
-            "time constant up": v.rotor_time_constant,
-            "time constant down": v.rotor_time_constant,
-            "transport delay": c.command_delay,
-        }
+        found |= dict.fromkeys(("time constant up", "time constant down"), v.rotor_time_constant)
+        found["transport delay"] = c.command_delay
         if self.input == "command":
             return found | {"logged thrust, true over logged": 1.0}
         return found | {
@@ -96,61 +116,57 @@ class Truth:
         }
 
 
-def _spread(rng: np.random.Generator, mean: float, sd: float) -> float:
-    """Return a uniform draw with this mean and standard deviation."""
-    return float(mean + np.sqrt(3.0) * sd * rng.uniform(-1.0, 1.0))
-
-
-def _drawn(rng: np.random.Generator, spread: LogNormal) -> float:
-    """Return a uniform draw of the logarithm with the mean and deviation of published vehicles."""
-    return float(np.exp(_spread(rng, spread.mean, spread.deviation)))
-
-
 def draw_truth(rng: np.random.Generator, kind: str) -> Truth:
-    """Draw a vehicle.
+    """Draw a vehicle, with the mean and deviation of published ones.
 
     Args:
         kind: of input, one of `INPUTS`.
     """
+
+    def spread(mean: float, sd: float) -> float:  # uniform
+        return float(mean + np.sqrt(3.0) * sd * rng.uniform(-1.0, 1.0))
+
+    def drawn(of: LogNormal) -> float:  # uniform in the logarithm
+        return float(np.exp(spread(of.mean, of.deviation)))
+
+    def uniform(low: float, high: float) -> float:
+        return float(rng.uniform(low, high))
+
     mass = float(np.exp(rng.uniform(np.log(LIGHTEST), np.log(HEAVIEST))))
-    arm = float(rng.uniform(0.13, 0.2)) * mass ** (1 / 3)
-    x, y = arm * np.sin(angle := rng.uniform(0.65, 0.92)), arm * np.cos(angle)
-    radius = float(rng.uniform(0.4, 0.65)) * arm
-    number = float(rng.uniform(0.06, 0.18))
-    k = number * AIR * (2 * radius) ** 4 / (2 * np.pi) ** 2
-    lever = least_torque_over_thrust(number, 2 * radius) / rng.uniform(0.4, 0.7)
+    arm = uniform(0.13, 0.2) * mass ** (1 / 3)
+    angle = uniform(0.65, 0.92)
+    x, y = arm * np.sin(angle), arm * np.cos(angle)
+    radius = uniform(0.4, 0.65) * arm
+    number = uniform(0.06, 0.18)
+    k = float(number * AIR * (2 * radius) ** 4 / (2 * np.pi) ** 2)
+    lever = least_torque_over_thrust(number, 2 * radius) / uniform(0.4, 0.7)
     told = published_priors()
-    xx = mass * arm**2 * _drawn(rng, told.inertia)
-    yy = xx * _drawn(rng, told.inertia_pitch)
-    zz = (xx + yy) * min(_drawn(rng, told.inertia_yaw), 0.98)
-    off = np.array([_spread(rng, 0.0, 0.02) for _ in range(3)])
-    mean = 0.5 * (xx + yy)
+    xx = mass * arm**2 * drawn(told.inertia)
+    yy = xx * drawn(told.inertia_pitch)
+    zz = (xx + yy) * min(drawn(told.inertia_yaw), 0.98)
     J = np.diag([xx, yy, zz])
-    for (i, j), value in zip(((0, 1), (0, 2), (1, 2)), off, strict=True):
-        J[i, j] = J[j, i] = -mean * value
-    gains = 1.0 + np.array([_spread(rng, 0.0, 0.02) for _ in range(4)])
+    for i, j in ((0, 1), (0, 2), (1, 2)):
+        J[i, j] = J[j, i] = -0.5 * (xx + yy) * spread(0.0, 0.02)
+    gains = 1.0 + np.array([spread(0.0, 0.02) for _ in range(4)])
     calibration = Calibration(
-        center_of_mass=[_spread(rng, 0.0, 0.03) * arm, _spread(rng, 0.0, 0.03) * arm, 0.0],
+        center_of_mass=[spread(0.0, 0.03) * arm, spread(0.0, 0.03) * arm, 0.0],
         rotor_gains=[float(g) for g in gains / gains.mean()],
-        command_delay=float(rng.uniform(0.0, 0.015)),
-        rotor_inertia=float(mass * arm**2 * min(_drawn(rng, told.rotor_inertia), 2e-3)),
-        imu_position=[_spread(rng, 0.0, 0.1) * arm for _ in range(3)],
-        imu_tilt=[_spread(rng, 0.0, 0.015) for _ in range(3)],
+        command_delay=uniform(0.0, 0.015),
+        rotor_inertia=float(mass * arm**2 * min(drawn(told.rotor_inertia), 2e-3)),
+        imu_position=[spread(0.0, 0.1) * arm for _ in range(3)],
+        imu_tilt=[spread(0.0, 0.015) for _ in range(3)],
     )
-    strongest = float(rng.uniform(1.9, 3.5)) * 0.25 * mass * G
-    throttle = ThrottleMap(
-        strongest, float(rng.uniform(0.0, 0.4)), 0.0, 3.7, float(rng.uniform(1.0, 2.0))
-    )
-    lag = float(np.clip(_drawn(rng, told.time_constant), 0.012, 0.07))
-    directions = [1.0, -1.0, 1.0, -1.0] if rng.integers(2) else [-1.0, 1.0, -1.0, 1.0]
-    positions = [[x, y, 0.0], [x, -y, 0.0], [-x, -y, 0.0], [-x, y, 0.0]]
+    strongest = uniform(1.9, 3.5) * 0.25 * mass * G
+    throttle = ThrottleMap(strongest, uniform(0.0, 0.4), 0.0, 3.7, uniform(1.0, 2.0))
+    lag = float(np.clip(drawn(told.time_constant), 0.012, 0.07))
+    turns = 1.0 if rng.integers(2) else -1.0
     vehicle = Vehicle(
         name="simulated",
         mass=mass,
         inertia=J.tolist(),
-        rotor_positions=positions,
-        rotor_directions=directions,
-        thrust_coefficient=float(k),
+        rotor_positions=[[x, y, 0.0], [x, -y, 0.0], [-x, -y, 0.0], [-x, y, 0.0]],
+        rotor_directions=[turns, -turns, turns, -turns],
+        thrust_coefficient=k,
         torque_coefficient=float(lever * k),
         rotor_radius=radius,
         max_rotor_thrust=strongest,
@@ -160,48 +176,44 @@ def draw_truth(rng: np.random.Generator, kind: str) -> Truth:
         command_timing="held",
         measurement_noise=MeasurementNoise(),
     ).check()
-    drag = mass * rng.uniform(0.05, 0.3)
-    dragging = LinearDrag(drag, drag, mass * float(rng.uniform(0.05, 0.3)))
-    flapping = BladeFlapping(float(mass * arm * rng.uniform(0.0, 0.15)))
-    lift = TranslationalLift(float(mass * rng.uniform(0.0, 0.03)))
     known = dc.replace(
         vehicle,
-        inertia=np.diag([0.3 * mass * arm**2] * 2 + [0.5 * mass * arm**2]).tolist(),
+        inertia=np.diag(mass * arm**2 * np.array([0.3, 0.3, 0.5])).tolist(),
         rotor_time_constant=0.0,
         calibration=Calibration(),
         throttle=None,
-        thrust_coefficient=1.4 * float(k),
+        thrust_coefficient=1.4 * k,
         torque_coefficient=1.4 * float(lever * k),
     ).check()
-    imu = np.array(calibration.imu_position)
-    return Truth(vehicle, throttle, imu, dragging, flapping, lift, kind, known)
+    drag = mass * uniform(0.05, 0.3)
+    return Truth(
+        vehicle=vehicle,
+        throttle=throttle,
+        imu=np.array(calibration.imu_position),
+        drag=LinearDrag(drag, drag, mass * uniform(0.05, 0.3)),
+        flapping=BladeFlapping(mass * arm * uniform(0.0, 0.15)),
+        lift=TranslationalLift(mass * uniform(0.0, 0.03)),
+        input=kind,
+        known=known,
+    )
 
 
 def fly_truth(
     truth: Truth, rng: np.random.Generator, flights: int, seconds: float
 ) -> list[FlightLog]:
-    """Return logs of ordinary flights.
-
-    Args:
-        seconds: length of each [s].
-    """
+    """Return logs of ordinary flights, of `seconds` [s] each."""
     v = truth.vehicle
     spin = float(np.sqrt(0.25 * v.mass * G / v.thrust_coefficient))
-    effects = effects_of(dc.replace(v.calibration, imu_tilt=[0.0, 0.0, 0.0], clock_offset=0.0), v)
-    logs, white = [], v.measurement_noise
+    own = effects_of(dc.replace(v.calibration, imu_tilt=[0.0, 0.0, 0.0], clock_offset=0.0), v)
+    acting = (*own, truth.drag, truth.flapping, truth.lift)
+    seen = np.array([0.002] * 3 + [0.0, *[0.003] * 3] + [0.02] * 3 + [v.measurement_noise.rate] * 3)
+    logs = []
     for number, plan in enumerate(draw_plans(rng, v, seconds, flights)):
         # The accelerometer's reading is turned to W by the attitude of the log.
-        quality = dc.replace(
-            draw_sensor_quality(REAL, rng, spin), rotor=TACHOMETER * spin, turned=True
-        )
-        seen = np.array([0.002] * 3 + [0.0, *[0.003] * 3] + [0.02] * 3 + [white.rate] * 3)
-        exact = fly(
-            v,
-            plan,
-            (*effects, truth.drag, truth.flapping, truth.lift),
-            t=quality.instants(rng, seconds),
-            noise=seen,
-        )
+        quality = draw_sensor_quality(REAL, rng, spin)
+        quality = dc.replace(quality, rotor=TACHOMETER * spin, turned=True)
+        t = quality.instants(rng, seconds)
+        exact = fly(v, plan, acting, t=t, noise=seen)
         thrust = exact.u @ v.unmixer.T
         limited = (thrust < 0.01 * v.max_rotor_thrust) | (thrust > 0.99 * v.max_rotor_thrust)
         if np.mean(limited) > SATURATED:
@@ -214,18 +226,17 @@ def fly_truth(
 
 def draw_and_fly(
     seed: int, kind: str, flights: int, seconds: float
-) -> tuple[Truth, list[FlightLog]]:
-    """Return a vehicle and its logs, drawn until its controller flies it without oscillation.
+) -> tuple[Truth, list[FlightLog], int]:
+    """Return a vehicle and its logs, drawn until its controller flies it without oscillation, and
+    how many draws it did not.
 
-    Args:
-        seconds: length of each [s].
     Raises: FailedRun: if no draw can be flown.
     """
     for attempt in range(ATTEMPTS):
         rng = np.random.default_rng((seed, attempt))
         truth = draw_truth(rng, kind)
         try:
-            return truth, fly_truth(truth, rng, flights, seconds)
+            return truth, fly_truth(truth, rng, flights, seconds), attempt
         except FailedRun:
             continue
     raise FailedRun(f"identification: no vehicle of seed {seed} could be flown.")
@@ -239,24 +250,17 @@ def _as_logged(
     # The accelerometer averages over the interval after a row: the change of its velocity.
     velocity = exact.v + attitude.rotate(exact.q, np.cross(exact.w, truth.imu))
     rate = np.diff(velocity, axis=0) / np.diff(exact.t)[:, None]
-    half = attitude.rotation_vector(
-        attitude.multiply(attitude.conjugate(exact.q[:-1]), exact.q[1:])
-    )
-    middle = attitude.multiply(exact.q[:-1], attitude.from_rotation_vector(0.5 * half))
-    force = attitude.rotate_back(middle, rate + g)
+    turned = attitude.multiply(attitude.conjugate(exact.q[:-1]), exact.q[1:])
+    half = attitude.from_rotation_vector(0.5 * attitude.rotation_vector(turned))
+    force = attitude.rotate_back(attitude.multiply(exact.q[:-1], half), rate + g)
     force = np.concatenate([force, force[-1:]])
     moved = dc.replace(exact, a=attitude.rotate(exact.q, force) - g)
     log = with_sensor_noise(moved, v, quality, rng)
     turn = attitude.from_rotation_vector(np.array([v.calibration.imu_tilt]))[0]
     turns = np.broadcast_to(turn, log.q.shape)
     force = attitude.rotate_back(turns, attitude.rotate_back(log.q, log.a + g))
-    log = dc.replace(
-        log,
-        a=attitude.rotate(log.q, force) - g,
-        w=attitude.rotate_back(turns, log.w),
-        al=None,
-        name=name,
-    )
+    a, w = attitude.rotate(log.q, force) - g, attitude.rotate_back(turns, log.w)
+    log = dc.replace(log, a=a, w=w, al=None, name=name)
     log = rows_of(log, kept_rows(rng, quality, len(log)))
     if truth.input == "rotor_speed":
         return dc.replace(log, input="rotor_speed")
@@ -266,3 +270,209 @@ def _as_logged(
     wanted = np.maximum(log.u @ v.unmixer.T, 0.0)
     throttle = truth.throttle.throttle(wanted, sagging[:, None])
     return dc.replace(log, rotor=None, throttle=throttle, voltage=sagging, input="normalised")
+
+
+@dc.dataclass(frozen=True)
+class Options:
+    """Options of the study."""
+
+    vehicles: Annotated[
+        int,
+        Option(
+            min=1, max=10_000, help="Vehicles; their input in turn: rotor speed, throttle, thrust."
+        ),
+    ] = 200
+    flights: Annotated[int, Option(min=1, max=100, help="Flights of each vehicle.")] = 3
+    seconds: Annotated[float, Option(min=5.0, max=600.0, help="Length of a flight [s].")] = 30.0
+
+
+@dc.dataclass(frozen=True)
+class VehicleCase:
+    """Work of a case {"seed", "kind"}: draw a vehicle, fly it so often and so long [s], identify
+    it.
+    """
+
+    flights: int
+    seconds: float
+
+    def __call__(self, case: Case) -> Line:
+        """Return what was told, and processor time of the identification alone [s].
+
+        Raises: FailedRun: if no vehicle of this seed can be flown.
+        """
+        truth, logs, refused = draw_and_fly(case["seed"], case["kind"], self.flights, self.seconds)
+        start = time.process_time()
+        found = identify(logs, truth.known, mass=truth.vehicle.mass)
+        quantities = found.quantities
+        spent = time.process_time() - start
+        known = truth.quantities(found.basis.frame.volts)
+        plain = plain_least_squares(found)
+        return {
+            "mass": truth.vehicle.mass,
+            "refused": refused,
+            "processor_time": spent,
+            "quantities": [
+                _beside_truth(q, known[q.name], truth, found.basis, plain)
+                for q in quantities
+                if q.name in known
+            ],
+        }
+
+
+def _beside_truth(q: Identified, true: float, truth: Truth, basis: Basis, plain: Values) -> Line:
+    (low, high), quantity = q.prior, q.quantity
+    guess = float(np.sqrt(low * high)) if quantity.positive else 0.5 * (low + high)
+    # Plain least squares has an answer where what it fits moves the quantity.
+    moved = {name: plain[name] * (1 + SMALL) + SMALL for name in USUAL if name in plain}
+    naive = quantity.of(plain, basis)
+    answers = quantity.of(plain | moved, basis) != naive
+    unit, error = error_of(quantity, q.value, true, truth)
+    return {
+        "name": q.name,
+        "air": "velocity" in quantity.needs,
+        "unit": unit,
+        "told": q.told,
+        "within": bool(q.low <= true <= q.high),
+        "value": q.value,
+        "ci95": [q.low, q.high],
+        "true": true,
+        "error": error,
+        "prior_error": error_of(quantity, guess, true, truth)[1],
+        "plain_error": error_of(quantity, naive, true, truth)[1] if answers else None,
+    }
+
+
+def error_of(quantity: Quantity, value: float, true: float, truth: Truth) -> tuple[str, float]:
+    """Return the unit in which a quantity is judged, and the error.
+
+    A share of the truth where the quantity is positive, of the inertia it belongs to where it is a
+    product of inertia.
+    """
+    off = abs(value - true)
+    if quantity.unit == "s":
+        return "ms", 1e3 * off
+    if quantity.positive and value > 0.0:
+        return "%", 100.0 * abs(float(np.log(value / true)))
+    if quantity.unit == "kg·m²":
+        return "%", 100.0 * off / float(np.mean(np.diag(truth.vehicle.J)[:2]))
+    if quantity.unit == "m":
+        arms = np.linalg.norm(np.array(truth.vehicle.rotor_positions)[:, :2], axis=1)
+        return "mm per 10 cm arm", 100.0 * off / float(arms.mean())
+    return "own unit", off
+
+
+def quantity_lines(results: Sequence[Line]) -> list[Line]:
+    """Return a line for every kind of quantity: how often told, share of intervals with the truth,
+    median errors over the vehicles of which it is told.
+    """
+    kinds: dict[str, list[Line]] = {}
+    for q in (q for result in results for q in result["quantities"]):
+        kinds.setdefault(LINE_OF.get(q["name"], q["name"]), []).append(q)
+    lines = []
+    for name, own in kinds.items():
+        told = [q for q in own if q["told"]]
+        line = {"name": name, "unit": own[0]["unit"], "air": own[0]["air"], "count": len(own)}
+        within = float(np.mean([q["within"] for q in told])) if told else None
+        line |= {"told": len(told), "within": within}
+        lines.append(line | {key: _median([q[key] for q in told]) for key in ERRORS.values()})
+    return lines
+
+
+def pooled_lines(results: Sequence[Line]) -> list[Line]:
+    """Return a line for all vehicles and for those of each input: shares of intervals with the
+    truth, and cost.
+    """
+    lines = []
+    for kind in ("all", *INPUTS):
+        own = [r for r in results if kind in ("all", r["kind"])]
+        if own:
+            line = {"input": kind, "vehicles": len(own), "refused": sum(r["refused"] for r in own)}
+            for air, key in ((False, "vehicle"), (True, "air")):
+                line[key], line[f"{key}_ci95"], line[f"{key}_told"] = _covered(own, air)
+            lines.append(line | {"processor_time": _median([r["processor_time"] for r in own])})
+    return lines
+
+
+def _covered(results: Sequence[Line], air: bool) -> tuple[float | None, float | None, int]:
+    """Return the share of intervals with the truth, half its 95 % interval by vehicles, and the
+    number of intervals.
+    """
+    counts = [
+        [q["within"] for q in r["quantities"] if q["told"] and q["air"] == air] for r in results
+    ]
+    inside, told = np.array([(sum(c), len(c)) for c in counts], float).T
+    every, n = int(told.sum()), len(results)
+    if not every:
+        return None, None, 0
+    share = float(inside.sum() / every)
+    # Intervals of one vehicle err together: variance of a ratio of sums over vehicles.
+    variance = n / max(n - 1, 1) * np.sum((inside - share * told) ** 2)
+    return share, 1.96 * float(np.sqrt(variance) / every) if n > 1 else None, every
+
+
+def _median(values: Sequence[float | None]) -> float | None:
+    known = [v for v in values if v is not None]
+    return float(np.median(known)) if known else None
+
+
+def run(run: Run, options: Options) -> Report:
+    """Simulated vehicles of 30 g to 20 kg, identified from their logs. --out DIR: cases to resume
+    from.
+    """
+    vehicles, flown = options.vehicles, {"flights": options.flights, "seconds": options.seconds}
+    cases = [
+        {"seed": run.seed + number, "kind": INPUTS[number % len(INPUTS)]}
+        for number in range(vehicles)
+    ]
+    work = VehicleCase(options.flights, options.seconds)
+    records = run.cases("identifying", "vehicles", work, cases, config=flown)
+    require_result(records)
+    results = [{**r["case"], **r["result"]} for r in records if "result" in r]
+    pooled, each = pooled_lines(results), quantity_lines(results)
+    title = (
+        f"truth inside its 95 % interval; {len(results)} vehicles, {options.flights} x "
+        f"{options.seconds:g} s, seeds {run.seed} … {run.seed + vehicles - 1}"
+    )
+    header = ["input", "vehicles", "vehicle file", "drag and lift"]
+    shares = [
+        (
+            line["input"],
+            line["vehicles"],
+            _share(line, "vehicle"),
+            _share(line, "air"),
+            line["refused"],
+            f"{line['processor_time']:.1f}",
+        )
+        for line in pooled
+    ]
+    rows = [
+        (
+            line["name"],
+            f"{line['told']} of {line['count']}",
+            _number(line["within"], "{:.1%}"),
+            *(_number(line[key]) for key in ERRORS.values()),
+            line["unit"],
+        )
+        for line in each
+    ]
+    told = "a quantity: where it is told, truth inside its interval, and median error"
+    return Report(
+        [
+            (title, [*header, "draws not flyable", "processor time [s]"], shares),
+            (told, ["quantity", "told", "inside", *ERRORS, "unit"], rows),
+        ],
+        config={"vehicles": vehicles, **flown},
+        metrics={"pooled": pooled, "table": each, "runs": records},
+        notes=failures(records),
+    )
+
+
+def _share(line: Line, key: str) -> str:
+    share, half = line[key], line[f"{key}_ci95"]
+    spread = "" if half is None else f" ± {100 * half:.1f}"
+    told = NOTHING if share is None else f"{100 * share:.1f}{spread} %"
+    return f"{told} of {line[f'{key}_told']}"
+
+
+def _number(value: float | None, form: str = "{:.2g}") -> str:
+    return NOTHING if value is None else form.format(value).replace("%", " %")

@@ -7,7 +7,15 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.report.words import UNITS, estimate, flights, listed, number, suited
+from np_drake.diagnosis.report.words import (
+    UNITS,
+    capital,
+    estimate,
+    flights,
+    listed,
+    number,
+    suited,
+)
 from np_drake.diagnosis.result import Estimate
 from np_drake.files.number_text import percent
 from np_drake.identification.flight_agreement import DIFFER, FlightValues, flight_values, own_values
@@ -26,6 +34,10 @@ SHOWN = {
     "rad": (float(np.degrees(1.0)), "°"),
     "1/s": (1.0, "s⁻¹"),
 }
+LEADING = (
+    *("mass", "thrust coefficient", "thrust at full throttle"),
+    *("inertia xx", "inertia yy", "inertia zz", "time constant up", "transport delay"),
+)
 RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 KINDS = {
     "rotor_speed": "measured rotor speed",
@@ -36,22 +48,22 @@ KINDS = {
 
 def unit_of(found: Identification, q: Identified) -> str:
     """Return the unit of a quantity, over the mass where only ratios are told."""
-    return (
-        f"{q.quantity.unit}/kg" if found.basis.ratios and q.quantity.per_mass else q.quantity.unit
-    )
+    return q.quantity.unit + "/kg" * (found.basis.ratios and q.quantity.per_mass)
 
 
 def interval(found: Identification, q: Identified) -> tuple[str, str]:
     """Return value and 95 % interval of a quantity as text, with the digits that the interval
     tells.
     """
-    return _text(shown_in(found, q), q.value, q.low, q.high)
+    factor, unit = shown_in(found, q)
+    return estimate(Estimate(factor * q.value, unit, (factor * q.low, factor * q.high)), unit)
 
 
 def prior_interval(found: Identification, q: Identified) -> str:
     """Return the 95 % interval of the prior as text, in the unit of the value."""
-    low, high = q.prior
-    return _text(shown_in(found, q), 0.5 * (low + high), low, high, brief=True)[1]
+    factor, unit = shown_in(found, q)
+    low, high = factor * q.prior[0], factor * q.prior[1]
+    return estimate(Estimate(0.5 * (low + high), unit, (low, high)), unit, brief=True)[1]
 
 
 def shown_in(found: Identification, q: Identified) -> tuple[float, str]:
@@ -63,15 +75,6 @@ def shown_in(found: Identification, q: Identified) -> tuple[float, str]:
     if (unit == "kg·m²" and -3 <= power <= -2) or (unit not in UNITS and power < -2):
         return 10.0**-power, f"× 10{str(power).translate(RAISED)} {unit}"
     return suited(largest, unit)
-
-
-def _text(
-    shown: tuple[float, str], value: float, low: float, high: float, *, brief: bool = False
-) -> tuple[str, str]:
-    factor, unit = shown
-    return estimate(
-        Estimate(factor * value, unit, (factor * low, factor * high)), unit, brief=brief
-    )
 
 
 def half_width(found: Identification, q: Identified, low: float, high: float) -> str:
@@ -108,14 +111,11 @@ def summary(found: Identification) -> list[str]:
     lines += [
         f"not told: {', '.join(names)}; {way} would tell" for way, names, _ in not_told(found)
     ]
-    lines += [
-        f"not told: {q.name}" for q in found.quantities if not q.told and not q.quantity.manoeuvre
-    ]
+    silent = (q.name for q in found.quantities if not q.told and not q.quantity.manoeuvre)
+    lines += [f"not told: {name}" for name in silent]
     if differing := differences([*own_values(found), *flight_values(found)]):
         lines += [*differing, "where flights differ, intervals hold the spread between them"]
-    if found.basis.ratios:
-        lines.append(RATIOS)
-    return lines
+    return [*lines, RATIOS] if found.basis.ratios else lines
 
 
 def differences(each: Sequence[FlightValues]) -> list[str]:
@@ -123,11 +123,9 @@ def differences(each: Sequence[FlightValues]) -> list[str]:
     for all else.
     """
     differing = [told for told in each if told.differ]
-    plain = [told.quantity.name for told in differing if not told.apart and not told.moves_with]
-    return [
-        *([f"flights differ in: {'; '.join(plain)}"] if plain else []),
-        *(told.text for told in differing if told.quantity.name not in plain),
-    ]
+    plain = [told.quantity.name for told in differing if not told.apart]
+    alone = [told.text for told in differing if told.quantity.name not in plain]
+    return [f"flights differ in: {'; '.join(plain)}", *alone] if plain else alone
 
 
 def agreement(q: Identified) -> str:
@@ -150,26 +148,13 @@ def headline(found: Identification) -> str:
 
 def lead(found: Identification, rows: Sequence[HeldOut]) -> str:
     """Return the leading values, and how the held-out residual changes."""
-    leading = (
-        "mass",
-        "thrust coefficient",
-        "thrust at full throttle",
-        "inertia xx",
-        "inertia yy",
-        "inertia zz",
-        "time constant up",
-        "transport delay",
-    )
-    known = {q.name: q for q in found.quantities if q.told}
-    first = [known[name] for name in leading if name in known and known[name].quantity.positive]
+    known = {q.name: q for q in found.quantities if q.told and q.quantity.positive}
     values = [
-        f"{q.name} {interval(found, q)[0]} ({half_width(found, q, q.low, q.high)})" for q in first
+        f"{q.name} {interval(found, q)[0]} ({half_width(found, q, q.low, q.high)})"
+        for q in (known[name] for name in LEADING if name in known)
     ]
-    said = [f"{listed(values)}."] if values else []
-    said[:1] = [said[0][:1].upper() + said[0][1:]] if said else []
-    if text := change(rows):
-        said.append(text)
-    return " ".join(said)
+    said = [f"{capital(listed(values))}."] if values else []
+    return " ".join([*said, *filter(None, [change(rows)])])
 
 
 def change(rows: Sequence[HeldOut]) -> str:

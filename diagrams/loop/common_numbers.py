@@ -7,7 +7,7 @@ import numpy as np
 
 from diagrams.loop.flight import LIFTED, LOOKS, FlightConfig
 from np_drake.effects.suspended_payload import SuspendedPayload
-from np_drake.references.trajectory import Trajectory
+from np_drake.references.track_file import Trajectory
 from systems.payload_config import PayloadConfig
 
 
@@ -77,9 +77,9 @@ def with_speed(config: FlightConfig, speed: float) -> FlightConfig:
     if not 0 < speed < np.inf:
         raise ValueError(f"--speed: must be positive and finite [m/s]; got {speed:g}.")
     reference = config.reference
-    if reference.track == "hover":
+    if reference.track in ("hover", "multisine"):
         raise ValueError(
-            f"--speed: {config.name} hovers, and has no speed. Leave it out, or name a track."
+            f"--speed: the track {reference.track} has no speed. Leave it out, or name another."
         )
     if isinstance(
         dc.replace(config, reference=dc.replace(reference, dither=[0.0] * 3)).track, Trajectory

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from diagrams.loop.flight import FlightConfig, load_flight
-from np_drake.files.yaml_text import read_yaml
+from np_drake.files.yaml_file import read_yaml
 from np_drake.vehicle import Vehicle
 
 FOLDER = Path(__file__).parents[1] / "scenarios"  # of the scenario files
@@ -17,6 +17,7 @@ EXPERIMENTS = (
     "fast_lemniscate",
     "steps",
     "vertical",
+    "multisine",
     "training_circle",
     "plain_circle",
     "hover",

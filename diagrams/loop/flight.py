@@ -20,11 +20,11 @@ from np_drake.command_delay import LONGEST_DELAY
 from np_drake.effects.calibration import in_flight
 from np_drake.effects.combine import mass_properties, split_effects
 from np_drake.effects.pendulum import Payload
-from np_drake.files.yaml_file import Read, load_checked
+from np_drake.files.yaml_file import filled, one_line, read_yaml
 from np_drake.offboard.config import OffboardConfig
 from np_drake.references.base import Reference
 from np_drake.references.config import ReferenceConfig, make_reference
-from np_drake.references.payload_track import PayloadTrack
+from np_drake.references.payload import PayloadTrack
 from np_drake.residual_models.oracle import TrueModel
 from np_drake.vehicle import Vehicle
 from systems.payload_config import PayloadEvent
@@ -110,7 +110,7 @@ class FlightConfig:
         self._check_simulator()
         if self.follows_payload:
             self._check_followed()
-        if self.reference.is_file or self.follows_payload:
+        if self.reference.is_file or self.reference.track == "multisine" or self.follows_payload:
             self._check_track()
         return self
 
@@ -370,28 +370,29 @@ def load_flight(filename: str, vehicle: Vehicle | None = None) -> FlightConfig:
         vehicle: flies in place of the file's.
     Raises: ValueError: one line with file and field, on bad content.
     """
-
-    def complete(read: Read) -> FlightConfig:
-        flight = fill(read)
+    with one_line(filename, "scenario file"):
+        flight = _read(read_yaml(filename), vehicle, Path(filename).parent)
         flight = flight.with_autopilot(flight.autopilot.kind) if flight.autopilot.flies else flight
         if is_own(flight.controller.kind):
             flight.controller.kind = beside(flight.controller.kind, Path(filename).parent)
-        return flight
+        return flight.check()
 
-    def fill(read: Read) -> FlightConfig:
-        named = read(FlightConfig())
-        own = vehicle or named.vehicle.check()
-        if named.scaled and named.reality.effects:
-            raise ValueError("reality.effects stand in SI and do not scale; leave `scaled` out.")
-        if named.scaled:
-            return scaled(dc.replace(named, vehicle=own))
-        flight = dc.replace(read(dc.replace(default_flight(own), duration=np.nan)), vehicle=own)
-        if flight.reference.is_file:
-            flight.reference.track = str(Path(filename).parent / flight.reference.track)
-            flight.reference.check()
-        if np.isnan(flight.duration):
-            natural = flight.reference.own_duration
-            flight.duration = default_flight(own).duration if natural is None else natural
-        return flight
 
-    return load_checked(FlightConfig, filename, "scenario file", complete)
+def _read(content: Any, vehicle: Vehicle | None, folder: Path) -> FlightConfig:
+    """Return what a scenario file in `folder` names, over the defaults of its vehicle."""
+    named = filled(FlightConfig(), content)
+    own = vehicle or named.vehicle.check()
+    if named.scaled and named.reality.effects:
+        raise ValueError("reality.effects stand in SI and do not scale; leave `scaled` out.")
+    if named.scaled:
+        return scaled(dc.replace(named, vehicle=own))
+    default = default_flight(own)
+    flight = filled(dc.replace(default, duration=np.nan), content)
+    flight.vehicle = own
+    if flight.reference.is_file:
+        flight.reference.track = str(folder / flight.reference.track)
+        flight.reference.check()
+    if np.isnan(flight.duration):
+        natural = flight.reference.own_duration
+        flight.duration = default.duration if natural is None else natural
+    return flight

@@ -23,7 +23,7 @@ from np_drake.files.notebook import data_frame, flattened, html_table
 from np_drake.flight_log import COLUMNS, FlightLog
 from np_drake.logs.clock import shift_state
 from np_drake.mpc.problem import MpcStatus
-from np_drake.references.passing import nearest
+from np_drake.references.waypoints import nearest
 from np_drake.rotor_input import acting_command
 from np_drake.training_data.actuator_timing import delayed
 

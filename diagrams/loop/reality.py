@@ -16,11 +16,10 @@ from np_drake.effects.base import (
 from np_drake.effects.combine import acting, require_complete, split_effects
 from np_drake.effects.command_delay import CommandDelay
 from np_drake.effects.disturbance import Disturbance, DisturbanceConfig
-from np_drake.effects.effect_entry import EffectEntry
+from np_drake.effects.effect_entry import EffectEntry, Posterior
 from np_drake.effects.gusty_wind import GustyWind
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.motor_lag import MotorLag, at_once
-from np_drake.effects.posterior import Posterior
 from np_drake.effects.sensor_noise import SensorNoise
 from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.effects.thrust_drift import ThrustDrift

@@ -20,10 +20,11 @@ REALITY = {
     **dict.fromkeys(("wind", "gust"), (1, 0, -1)),
 }
 REFERENCE = {
-    **dict.fromkeys(("radius", "length", "width", "rise", "height", "dither", "within"), (1, 0, 0)),
+    **dict.fromkeys(("radius", "length", "width", "rise", "height", "within"), (1, 0, 0)),
+    **dict.fromkeys(("amplitude", "dither"), (1, 0, 0)),
     "speed": (1, 0, -1),
     **dict.fromkeys(("ramp", "rest"), (0, 0, 1)),
-    "dither_frequencies": (0, 0, -1),
+    **dict.fromkeys(("band", "dither_frequencies"), (0, 0, -1)),
 }
 # The mass here is the payload's own (`payload_ratio`), so that the cable stretches by the same
 # share of its length under the payload's weight, and its axial oscillation takes the same share of

@@ -6,7 +6,7 @@ from np_drake.mpc.problem import MpcConfig
 from np_drake.references.base import Reference
 from np_drake.references.config import ReferenceConfig
 from np_drake.references.flatness import targets
-from np_drake.references.passing import nearest, off_legs
+from np_drake.references.waypoints import nearest, off_legs
 from np_drake.vehicle import Vehicle
 
 MOST_TOLD = 5  # waypoints in a sentence

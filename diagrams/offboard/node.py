@@ -19,7 +19,7 @@ from np_drake.offboard.message_clock import NodeClock
 from np_drake.offboard.phases import Phase, Phases
 from np_drake.offboard.readings import Reading, Readings
 from np_drake.rigid_body import Q, V, W
-from np_drake.vehicle.rate_loop import RateLoop
+from np_drake.vehicle.vehicle import RateLoop
 
 # Asked of the autopilot, at the node's rate.
 ASKED = ("ODOMETRY", "LOCAL_POSITION_NED", "ATTITUDE_QUATERNION", "HIGHRES_IMU", "ATTITUDE_TARGET")

@@ -11,9 +11,9 @@ import numpy as np
 from np_drake.autopilot.command_line import CommandLine
 from np_drake.autopilot.firmware import AutopilotError, Firmware, Sensed
 from np_drake.vehicle import Vehicle
-from np_drake.vehicle.calibration import ThrottleMap
 from np_drake.vehicle.rotor_layout import FIRMWARE
 from np_drake.vehicle.scaling import usual_rate_loop
+from np_drake.vehicle.vehicle import ThrottleMap
 
 PERIOD = 0.001  # between states of the vehicle that the firmware gets [s]
 LEAST_THROTTLE, MOST, MIDDLE, HALF = 1010, 2000, 1500, 500  # pulse widths of the receiver [µs]

@@ -1,45 +1,45 @@
 """Diagnosis of the gap between a nominal model and flight logs, in five steps.
 
 1. condition: residuals of every flight against the nominal model, on one grid
-  (`make_flight_residuals`);
+   (`make_flight_residuals`);
 2. fit and search: sets of effects by their Bayesian evidence on training flights, parameters by
-  maximum a posteriori
-   (`selection`, `fitting`);
+   maximum a posteriori (`selection`, `fitting`);
 3. decide: which effects of the best set are causes, judged by held-out flights (`decision.infer`);
 4. report: what the logs cannot tell (identifiability), where the gap lies (localisation), and how
-  far the causes close
-   it on held-out flights (gap reduction);
+   far the causes close it on held-out flights (gap reduction);
 5. second answer: where held-out flights show what training flights do not, the same with their
-  first halves.
+   first halves. The second halves alone judge it.
 """
 
 import dataclasses as dc
 import time
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
 
-from np_drake.diagnosis.calibration.columns import calibration_effects, with_fixed_effects
-from np_drake.diagnosis.calibration.differences import differences
-from np_drake.diagnosis.calibration.torque_gain import torque_gain, with_torque_gain
+import numpy as np
+
+from np_drake.diagnosis.calibration import (
+    calibration_effects,
+    differences,
+    torque_gain,
+    with_fixed_effects,
+    with_torque_gain,
+)
 from np_drake.diagnosis.decision.causes import joint_posterior, without_late_onsets
-from np_drake.diagnosis.decision.explanations import explanations_of
-from np_drake.diagnosis.decision.infer import Inference, as_named, infer
-from np_drake.diagnosis.decision.second_answer import novelty, second_answer, without_onsets_in
-from np_drake.diagnosis.doctor.doubts import as_lines, doubts
+from np_drake.diagnosis.decision.infer import Inference, as_named, conclude
+from np_drake.diagnosis.doctor.flight_facts import as_lines, doubts
 from np_drake.diagnosis.forward_model import predicted_residual
-from np_drake.diagnosis.gap.gap_reduction import held_out_gains, measure_gap_reduction
-from np_drake.diagnosis.localisation.identifiability import (
+from np_drake.diagnosis.gap import measure_gap_reduction, with_held_out_gains
+from np_drake.diagnosis.held_out import misfit
+from np_drake.diagnosis.localisation import (
     assess_identifiability,
     excitation,
     excited,
+    localise,
     unexcited_diagnosis,
 )
-from np_drake.diagnosis.localisation.localisation import localise
-from np_drake.diagnosis.numerics import Readings
 from np_drake.diagnosis.options import Options, Tolerance
 from np_drake.diagnosis.regressors import tolerance_of, with_input
-from np_drake.diagnosis.report import headline as headline  # which every `Diagnosis` says
-from np_drake.diagnosis.report.coverage import coverage
+from np_drake.diagnosis.report.answer import headline
 from np_drake.diagnosis.residuals import (
     FlightResiduals,
     long_enough,
@@ -48,7 +48,10 @@ from np_drake.diagnosis.residuals import (
     require_flights,
     with_same_readings,
 )
-from np_drake.diagnosis.result import UNKNOWN, Diagnosis, Replay
+from np_drake.diagnosis.result import CHANNELS, UNKNOWN, Diagnosis, Finding, Replay
+from np_drake.diagnosis.selection import find_map_model
+from np_drake.effects.gusty_wind import GustyWind
+from np_drake.files.number_text import number
 from np_drake.flight_log import FlightLog
 from np_drake.logs.gaps import said_of_bridged
 from np_drake.logs.hover_thrust import with_hover_thrust
@@ -56,10 +59,10 @@ from np_drake.logs.neighbours import with_neighbours
 from np_drake.logs.throttle_input import with_throttle_map
 from np_drake.vehicle import Vehicle
 
-Progress = Callable[[float, str], None]
 NO_REPLAY = (
     "no replay: the held-out logs do not tell the rotors' torque, or the motion to compare with."
 )
+LEAST_HALF = 4.0  # duration of either half of a flight, below which it stays whole [s]; own choice
 
 
 def diagnose(
@@ -73,7 +76,7 @@ def diagnose(
     options: Options | None = None,
     material: float | None = None,
     neighbours: Mapping[str, Sequence[FlightLog]] | None = None,
-    on_progress: Progress | None = None,
+    on_progress: Callable[[float, str], None] | None = None,
 ) -> Diagnosis:
     """Diagnose the gap between the nominal model and the flights: its causes, and how far adding
     them closes it.
@@ -108,31 +111,25 @@ def diagnose(
     if tolerance is not None:
         options = Options.for_sensors(tolerance.real, tolerance)
     start = time.perf_counter()
-    tell = on_progress or (lambda share, text: None)
+    tell = on_progress or (lambda share, step: None)
 
     # 1. Residuals of all flights on one grid, the coarsest of theirs.
     require_flights(train, held_out)
     alike, unread = with_same_readings([*train, *held_out])
-    train, held_out = alike[: len(train)], alike[len(train) :]
     if neighbours:
-        beside = with_neighbours([*train, *held_out], neighbours, vehicle.rotor_radius)
-        train, held_out = beside[: len(train)], beside[len(train) :]
-    (train, short), (held_out, brief) = long_enough(train), long_enough(held_out)
+        alike = with_neighbours(alike, neighbours, vehicle.rotor_radius)
+    (train, short), (held_out, brief) = map(long_enough, (alike[: len(train)], alike[len(train) :]))
     train, held_out = with_throttle_map(vehicle, train, held_out)
     file, (vehicle, train, held_out) = vehicle, with_hover_thrust(vehicle, train, held_out)
     if vehicle is not file:
         replay = getattr(replay, "of_vehicle", lambda _: replay)(vehicle)
     tell(0.0, "residuals")
     step = max(natural_step(log.t) for log in [*train, *held_out])
-    fitted = [with_fixed_effects(make_flight_residuals(log, vehicle, step)) for log in train]
-    judging = [with_fixed_effects(make_flight_residuals(log, vehicle, step)) for log in held_out]
-    names: dict[str, Any] = {
-        "vehicle": vehicle.name,
-        "nominal": vehicle,
-        "train": _names(fitted),
-        "held_out": _names(judging),
-    }
-    names["doubts"] = as_lines(doubt for e in (*fitted, *judging) for doubt in doubts(e))
+    fitted, judging = (
+        [with_fixed_effects(make_flight_residuals(log, vehicle, step)) for log in logs]
+        for logs in (train, held_out)
+    )
+    doubted = as_lines(doubt for e in (*fitted, *judging) for doubt in doubts(e))
     sensors = options or Options.for_sensors(tolerance_of(fitted).real)
     if material is not None:
         options = sensors = sensors.with_material(material)
@@ -143,80 +140,126 @@ def diagnose(
         fitted, judging = with_torque_gain(fitted, gain), with_torque_gain(judging, gain)
     if not excited(excitation(fitted)):
         nothing = unexcited_diagnosis(fitted, judging)
-        return Diagnosis(**names, **nothing, cannot_tell=True, wall=time.perf_counter() - start)
+        return dc.replace(nothing, doubts=doubted, wall=time.perf_counter() - start)
 
     # 2. and 3. Sets of effects searched and fitted, rivals ranked, causes decided; 4. report.
     tell(0.1, "effects")
-    first = infer(fitted, judging, options)
-    novel = novelty(first)
+    inference = conclude(find_map_model(fitted, options), judging)
+    novel = novelty(inference)
     tell(0.6, "how far")
-    answer = _answer(first, names, replay)
-    filled = said_of_bridged([*train, *held_out])
-    wall = time.perf_counter() - start
-    warnings = (*answer.warnings, *filled, *short, *brief, *unread)
-    answer = dc.replace(answer, new_on_held_out=novel, warnings=warnings, wall=wall)
-    if not (novel and adaptive_split):
-        return answer
+    answer = _answer(inference, replay, doubted)
+    said = (*said_of_bridged([*train, *held_out]), *short, *brief, *unread)
+    answer = dc.replace(answer, new_on_held_out=novel, warnings=(*answer.warnings, *said))
 
     # 5. Where held-out flights show more, the same again with their first halves: a second answer.
-    tell(0.7, "what held-out flights show")
-    again = second_answer(first)
-    if again is None:
-        return answer
-    second, joined = again
-    refit = _answer(second, names, replay)
-    causes = tuple(without_onsets_in(joined, cause) for cause in refit.causes)
-    halves = tuple(e.name for e in second.held_out if e.joined.any())
-    wall = time.perf_counter() - start
-    return dc.replace(
-        answer, refit=dc.replace(refit, causes=causes, joined=halves, wall=wall), wall=wall
-    )
+    halves, judges = split_flights(inference.held.flights) if novel and adaptive_split else ([], [])
+    if halves:
+        tell(0.7, "what held-out flights show")
+        # A wind is a condition of a flight: where none is named, one can act in the halves alone.
+        still_air = not any(c.effect and c.effect.needs for c in inference.causes)
+        flights = [*inference.flights, *halves]
+        found = find_map_model(flights, inference.ranking.options, still_air=still_air)
+        refit = _answer(conclude(found, judges), replay, doubted, halves)
+        answer = dc.replace(answer, refit=dc.replace(refit, wall=time.perf_counter() - start))
+    return dc.replace(answer, wall=time.perf_counter() - start)
 
 
-def _answer(found: Inference, names: dict[str, Any], replay: Replay | None) -> Diagnosis:
+def novelty(found: Inference) -> tuple[Finding, ...]:
+    """Return whether held-out flights show what training flights do not, as a sentence or none.
+
+    Gusts, which repeat nowhere, and a payload, whose swing may be lost, do not count.
+    """
+    ranking = found.ranking
+    if any(c.identifier == GustyWind.identifier for c in found.causes) or any(
+        t.has_hidden_state for t in ranking.best.terms
+    ):
+        return ()
+    ratios = misfit(found.held, ranking.noise)
+    channel = int(np.argmax(ratios))
+    ratio = float(ratios[channel])
+    if ratio <= ranking.options.thresholds.misfit_ratio:
+        return ()
+    text = f"{CHANNELS[channel]} is {number(ratio, 2)} times what the training flights leave"
+    return (Finding("misfit", text, ratio, {}, "fly the held-out trajectory again, and fit it"),)
+
+
+def split_flights(
+    flights: Sequence[FlightResiduals],
+) -> tuple[list[FlightResiduals], list[FlightResiduals]]:
+    """Return the first halves of flights as flights of their own, and all flights with these rows
+    marked as joined.
+    """
+    halves, judges = [], []
+    for e in flights:
+        log = e.log
+        middle = 0.5 * (log.t[0] + log.t[-1])
+        if middle - log.t[0] < LEAST_HALF:
+            judges.append(e)
+            continue
+        rows = log.rows(0, int(np.searchsorted(log.t, middle)))
+        half = dc.replace(rows, name=f"first half of {e.name}")
+        own = with_fixed_effects(make_flight_residuals(half, e.vehicle, e.grid.step))
+        (own,) = with_torque_gain([own], np.array(e.torque_gain))
+        halves.append(dc.replace(own, goes_on=True))
+        judges.append(dc.replace(e, joined=e.t <= middle))
+    return halves, judges
+
+
+def _answer(
+    found: Inference,
+    replay: Replay | None,
+    doubted: tuple[str, ...],
+    halves: Sequence[FlightResiduals] = (),
+) -> Diagnosis:
     """Return the diagnosis of an inference: its causes, what these logs cannot tell, where the gap
-    lies, how far.
+    lies, how far; halves: of held-out flights, which joined the fit.
     """
     found = as_named(found)
-    ends = {e.name: float(e.log.t[-1]) for e in (*found.flights, *found.held_out)}
-    causes, late = without_late_onsets(found.causes, ends)
-    found = dc.replace(found, causes=causes, below_threshold=[*found.below_threshold, *late])
-    noise, held = found.ranking.noise, found.held
-    gains = held_out_gains(causes, noise, held)
-    found = dc.replace(
-        found, causes=[dc.replace(c, held_out_gain=g) for c, g in zip(causes, gains, strict=True)]
+    flights, held, options = found.flights, found.held, found.ranking.options
+    best, noise, judging = found.ranking.best, found.ranking.noise, held.flights
+    causes, late = without_late_onsets(
+        found.causes, {e.name: float(e.log.t[-1]) for e in (*flights, *judging)}
     )
-    checked = assess_identifiability(
-        found.flights, found.held_out, found.ranking.problem.candidates, noise
-    )
-    named = {c.identifier for c in found.causes}
-    left = {e.name: e.y - predicted_residual(e, held.kept(e.name, named)) for e in found.held_out}
-    located = localise(found.held_out, left, noise, held.rows)
-    flyable = all(e.knows_torque and not e.log.lacks for e in found.held_out)
-    told = () if flyable or replay is None else (NO_REPLAY,)
-    calibration = calibration_effects(found.ranking.best, found.flights[0], found.options.tolerance)
+    causes = with_held_out_gains(causes, noise, held)
+    left = dc.replace(found, causes=causes).left
+    checked = assess_identifiability(flights, judging, found.ranking.problem.candidates, noise)
+    named = {c.identifier for c in causes}
+    rest = {e.name: e.y - predicted_residual(e, held.kept(e.name, named)) for e in judging}
+    flyable = all(e.knows_torque and not e.log.lacks for e in judging)
     reduction = measure_gap_reduction(
-        found.causes, noise, held, found.left, replay if flyable else None, calibration
+        causes,
+        noise,
+        held,
+        left,
+        replay if flyable else None,
+        calibration_effects(best, flights[0], options.tolerance),
     )
-    return Diagnosis(
-        **names,
-        judged_as=found.options.tolerance.name,
-        verdict=tuple(c.identifier for c in found.causes) + ((UNKNOWN,) if found.unknown else ()),
-        causes=tuple(found.causes),
-        calibration=differences(found.ranking.best, found.flights, found.options.tolerance),
+    own = {e.name for e in halves}
+    answer = Diagnosis(
+        vehicle=flights[0].vehicle.name,
+        nominal=flights[0].vehicle,
+        train=tuple(e.name for e in flights if e.name not in own),
+        held_out=tuple(e.name for e in judging),
+        joined=tuple(e.name for e in judging if e.joined.any()),
+        doubts=doubted,
+        judged_as=options.tolerance.name,
+        verdict=tuple(c.identifier for c in causes) + ((UNKNOWN,) if left.matters else ()),
+        causes=tuple(
+            dc.replace(c, onset={name: t for name, t in c.onset.items() if name not in own})
+            for c in causes
+        ),
+        calibration=differences(best, flights, options.tolerance),
         identifiability=checked,
-        localisation=located,
+        localisation=localise(judging, rest, noise, held.rows),
         gap_reduction=reduction,
-        coverage=coverage(tuple(found.causes), found.flights, found.held_out),
-        posterior=joint_posterior(found.ranking.best, found.causes),
-        explanations=explanations_of(found.ranking, held),
-        readings=Readings(noise, found.options.tolerance),
-        below_threshold=tuple(found.below_threshold),
+        posterior=joint_posterior(best, causes),
+        below_threshold=(*found.below_threshold, *late),
         unexplained=found.findings,
-        unknown_probability=found.left.probability,
-        warnings=(*checked.warnings, *reduction.warnings, *told),
+        unknown_probability=left.probability,
+        warnings=(
+            *checked.warnings,
+            *reduction.warnings,
+            *(() if flyable or replay is None else (NO_REPLAY,)),
+        ),
     )
-
-
-def _names(flights: Sequence[FlightResiduals]) -> tuple[str, ...]:
-    return tuple(e.name for e in flights)
+    return dc.replace(answer, headline=headline(answer))

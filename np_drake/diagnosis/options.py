@@ -12,6 +12,8 @@ from np_drake.vehicle import Vehicle
 
 REAL_ATTITUDE = 0.002  # tolerance of the attitude above which sensors are real ones [rad]
 
+SURE = 1.96  # half of a 95 % interval over its standard deviation [1]
+
 
 @dc.dataclass(frozen=True)
 class Tolerance:
@@ -207,7 +209,7 @@ class Thresholds:
 class Spread:
     """Standard deviations of healthy vehicles and of their flights.
 
-    Source: the priors of the identification (`np_drake.identification.priors`) where a field names
+    Source: the priors of the identification (`np_drake.identification.model`) where a field names
     none.
     """
 

@@ -3,21 +3,107 @@
 """
 
 import dataclasses as dc
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Sequence
 from typing import Any, ClassVar
 
 import numpy as np
 
-from np_drake.diagnosis.numerics import Readings
-from np_drake.diagnosis.residuals.residual_parts import Localisation, gap_kinds
 from np_drake.effects.base import Effect
-from np_drake.effects.explanation import Explanation
-from np_drake.effects.posterior import Posterior
+from np_drake.effects.effect_entry import Posterior
 from np_drake.files.atomic_file import plain
 from np_drake.files.notebook import data_frame, html_table
 from np_drake.files.number_text import probability
 from np_drake.flight_log import FlightLog
 from np_drake.vehicle import Vehicle
+
+CHANNELS = ("force x", "force y", "force z", "torque x", "torque y", "torque z")  # body axes
+KINDS = {
+    "lateral force": ("force x", "force y"),
+    "vertical force": ("force z",),
+    "torque": ("torque x", "torque y", "torque z"),
+}
+SHOWN_GAP = 1.05  # residual over noise from which a share of the gap has a meaning [1]; own choice
+# residual with the causes over that without, and over noise, from which it grows [1]; own choice
+GROWN = 1.1
+
+
+@dc.dataclass(frozen=True)
+class ChannelGap:
+    """Held-out residual of one channel of the wrench: RMS before and after, and noise floor."""
+
+    channel: str
+    unit: str
+    rms: float
+    noise_floor: float
+    after: float
+
+
+@dc.dataclass(frozen=True)
+class GapKind:
+    """Held-out residual of one kind, RMS of its vector: before and after the causes, and of noise
+    [unit].
+
+    left: share of the square above the noise that the causes leave [1]; NaN where there is hardly a
+    gap.
+    above_noise: RMS that is left above the noise [unit].
+    """
+
+    kind: str
+    unit: str
+    before: float
+    after: float
+    noise: float
+    left: float
+    above_noise: float
+
+    @property
+    def grows(self) -> bool:
+        """Whether the causes make it larger."""
+        return self.after > GROWN * max(self.before, self.noise)
+
+
+@dc.dataclass(frozen=True)
+class Regime:
+    """Residual in a range of a quantity: RMS by channel in noise units, before and after."""
+
+    quantity: str
+    unit: str
+    lower: float
+    upper: float
+    rows: int
+    rms: tuple[float, ...]
+    rms_after: tuple[float, ...]
+
+
+@dc.dataclass(frozen=True)
+class Localisation:
+    """Localisation of the gap by channel, time and regime.
+
+    times, before, after: residuals by flight, for figures.
+    """
+
+    channels: tuple[ChannelGap, ...]
+    regimes: tuple[Regime, ...] = ()
+    times: dict[str, np.ndarray] = dc.field(default_factory=dict)  # flight -> (n,) [s]
+    before: dict[str, np.ndarray] = dc.field(default_factory=dict)  # flight -> (n, 6) [N, N·m]
+    after: dict[str, np.ndarray] = dc.field(default_factory=dict)
+
+
+def gap_kinds(every: Sequence[ChannelGap]) -> list[GapKind]:
+    """Return the held-out gap of channels by kind, without kinds that the logs do not tell."""
+    out = []
+    for kind, names in KINDS.items():
+        channels = [c for c in every if c.channel in names]
+        sizes = [[c.rms, c.after, c.noise_floor] for c in channels]
+        before, after, noise = (
+            np.sqrt(np.sum(np.square(sizes), axis=0)).tolist() if channels else (0.0, 0.0, 0.0)
+        )
+        if noise > 0 and before > 0:
+            above = max(after**2 - noise**2, 0.0)
+            share = above / (before**2 - noise**2) if before > SHOWN_GAP * noise else np.nan
+            out.append(GapKind(kind, channels[0].unit, before, after, noise, share, above**0.5))
+    return out
+
 
 HORIZONS = (0.1, 0.25, 0.5, 1.0)  # horizons of the replay [s]
 SCHEMA = "np_drake.diagnosis/1"
@@ -124,16 +210,6 @@ class Identifiability:
 
 
 @dc.dataclass(frozen=True)
-class Rung:
-    """Rung of the ladder: pooled held-out residual in noise units once the effects so far are
-    added.
-    """
-
-    name: str
-    residual: float
-
-
-@dc.dataclass(frozen=True)
 class ReplayGap:
     """Error of open-loop replay against horizon: median over starts and its 95 % interval.
 
@@ -155,46 +231,55 @@ class Remainder:
     immaterial.
     force [N], torque [N·m]: RMS.
     position: error that they cause in a simulator after 1 s, RMS [m]. position_before: the same of
-        the gap [m].
+    the gap [m].
     probability: that it is material [1].
     """
 
-    share: float
-    ci95: tuple[float, float]
-    force: float
-    torque: float
-    position: float
-    position_before: float
-    probability: float
+    share: float = float("nan")
+    ci95: tuple[float, float] = (float("nan"), float("nan"))
+    force: float = 0.0
+    torque: float = 0.0
+    position: float = 0.0
+    position_before: float = 0.0
+    probability: float = 0.0
 
-
-NO_REMAINDER = Remainder(float("nan"), (float("nan"), float("nan")), 0.0, 0.0, 0.0, 0.0, 0.0)
+    @property
+    def matters(self) -> bool:
+        """Whether it is probably material."""
+        return self.probability >= 0.5
 
 
 @dc.dataclass(frozen=True)
 class GapReduction:
-    """Held-out residual in noise units before and after the causes are added.
-
-    fraction: share of the gap beyond the noise that causes and calibration close [1], at least -1,
-    with its interval;
-    0 where the gap is immaterial.   left: the rest.
+    """Held-out residual in noise units before and after the causes are added; left: what they leave
+    of the gap.
     """
 
     before: float
     after: float
-    floor: float
-    fraction: float
-    ci95: tuple[float, float]
-    ladder: tuple[Rung, ...]
+    left: Remainder = Remainder()
     replay_before: ReplayGap | None = None
     replay_after: ReplayGap | None = None
     warnings: tuple[str, ...] = ()
-    left: Remainder = NO_REMAINDER
+    floor: ClassVar[float] = 1.0
 
     @property
     def material(self) -> bool:
         """Whether there is a material gap, of which a share can be closed."""
         return self.left.share == self.left.share
+
+    @property
+    def fraction(self) -> float:
+        """Share of the gap beyond the noise that causes and calibration close [1], at least -1; 0
+        where the gap is immaterial.
+        """
+        return max(1.0 - self.left.share, -1.0) if self.material else 0.0
+
+    @property
+    def ci95(self) -> tuple[float, float]:
+        """95 % interval of `fraction`."""
+        low, high = self.left.ci95 if self.material else (1.0, 1.0)
+        return max(1.0 - high, -1.0), max(1.0 - low, -1.0)
 
 
 @dc.dataclass(frozen=True, repr=False)
@@ -214,17 +299,14 @@ class Diagnosis:
         more than the others.
     new_on_held_out: what held-out flights show that the training flights do not.
     judged_as: tolerance used: `rig` (real sensors) or `laboratory` (ideal sensors); empty: neither.
-    coverage: sentences on what the held-out flights test; empty: not computed.
     posterior: joint, of the parameters of the causes.
-    explanations: that still stand, best first; the verdict names the material effects of the first
-        that are probable.
-    readings: noise and tolerances by which another flight is read.
     doubts: what stands against any answer from these flights, as `np-drake doctor` finds it; said
         before the answer.
     not_flyable: why no plain controller flies the corrected simulator, and what to do; empty: one
         does, or none tried.
     calibration: by what an unmeasured vehicle and its flights differ, largest first; empty: the
         file describes it.
+    headline: the answer in one sentence (`report.answer.headline`).
     nominal: vehicle that was judged, that of the file unless a guess in it gave way; None: read
         from a report.
     """
@@ -247,22 +329,16 @@ class Diagnosis:
     judged_as: str = ""
     refit: "Diagnosis | None" = None
     new_on_held_out: tuple[Finding, ...] = ()
-    coverage: tuple[str, ...] = ()
     posterior: Posterior | None = None
-    explanations: tuple[Explanation, ...] = ()
-    readings: Readings | None = None
     doubts: tuple[str, ...] = ()
     not_flyable: str = ""
     nominal: Vehicle | None = None
     calibration: tuple[Difference, ...] = ()
-    headline: ClassVar[Callable[["Diagnosis"], str]] = lambda diagnosis: ", ".join(
-        diagnosis.verdict
-    )
-    """The answer in one sentence: `report.headline`, which needs this module, and puts itself here."""  # noqa: E501
+    headline: str = ""
 
     def __repr__(self) -> str:
         """Return vehicle and headline in a line."""
-        return f"Diagnosis({self.vehicle}: {self.headline()})"
+        return f"Diagnosis({self.vehicle}: {self.headline or ', '.join(self.verdict)})"
 
     def _repr_html_(self) -> str:
         """Return what a notebook shows: the headline, a row for every parameter of a cause, and the
@@ -277,7 +353,7 @@ class Diagnosis:
             for c in self.causes
         ]
         header = ("cause", "probability", "parameters, ± half of the 95 % interval")
-        return html_table(f"{self.vehicle}: {self.headline()}", header, rows, self.warnings[:3])
+        return html_table(f"{self.vehicle}: {self.headline}", header, rows, self.warnings[:3])
 
     def table(self) -> list[dict[str, Any]]:
         """Return a row for every parameter of a cause: its value, 95 % interval and unit."""
@@ -308,31 +384,54 @@ class Diagnosis:
         Values that are not finite become None.
         """
         identifiability, reduction = self.identifiability, self.gap_reduction
+        replays = reduction.replay_before, reduction.replay_after
+        head = ("vehicle", "train", "held_out", "joined", "judged_as", "doubts", "verdict")
+        # The gap by kind and axis, the replay's medians, and its parts by regime.
+        gap: dict[str, Any] = {"force": {}, "torque": {}}
+        for channel in self.localisation.channels:
+            kind, axis = channel.channel.split()
+            gap[kind][axis] = _fields(channel, "unit", "rms", "noise_floor", "after")
+        gap["kinds"] = [_fields(kind) for kind in gap_kinds(self.localisation.channels)]
+        gap["regimes"] = [_fields(regime) for regime in self.localisation.regimes]
+        gap["replay"] = None
+        if reduction.replay_before is not None:
+            medians = {
+                name: of[:, 0].tolist() for name, of in _quantities(reduction.replay_before).items()
+            }
+            gap["replay"] = {"horizon": reduction.replay_before.horizon, **medians}
         return plain(
             {
                 "schema": SCHEMA,
-                **_named(
-                    self, "vehicle", "train", "held_out", "joined", "judged_as", "doubts", "verdict"
-                ),
-                **_named(self, "cannot_tell", "unknown_probability"),
-                "calibration": [_difference(difference) for difference in self.calibration],
-                "causes": [_cause(cause) for cause in self.causes],
-                "gap": _gap(self.localisation, reduction.replay_before),
+                **_fields(self, *head, "cannot_tell", "unknown_probability"),
+                "calibration": [
+                    {k: v for k, v in dc.asdict(d).items() if k != "by_flight" or v}
+                    for d in self.calibration
+                ],
+                "causes": [
+                    {
+                        "effect": c.identifier,
+                        **_fields(c, "probability", "share", "held_out_gain"),
+                        "parameters": {name: dc.asdict(e) for name, e in c.parameters.items()},
+                        "onset": c.onset,
+                        "absent_from": [e for e, time in c.onset.items() if time == np.inf],
+                        "indistinguishable_from": c.indistinguishable_from,
+                    }
+                    for c in self.causes
+                ],
+                "gap": (gap),
                 "shrink": {
-                    "residual": _named(reduction, "before", "after", "floor", "fraction", "ci95"),
+                    "residual": _fields(reduction, "before", "after", "floor", "fraction", "ci95"),
                     "left": dc.asdict(reduction.left),
-                    "replay": _both_replays(reduction.replay_before, reduction.replay_after),
-                    "ladder": _fields(reduction.ladder),
+                    "replay": _both_replays(*replays),
                 },
-                "explanations": [explanation.as_json() for explanation in self.explanations],
-                "readings": None if self.readings is None else self.readings.as_json(),
-                "not_identifiable": _fields(identifiability.not_identifiable),
-                "minor": _fields(self.below_threshold),
-                "remains": _fields(self.unexplained),
-                "novel": _fields(self.new_on_held_out),
-                "coverage": self.coverage,
-                "check": _named(identifiability, "usable", "excitation", "noise_floor", "warnings"),
-                **_named(self, "not_flyable", "warnings", "wall"),
+                "not_identifiable": [_fields(item) for item in identifiability.not_identifiable],
+                "minor": [_fields(finding) for finding in self.below_threshold],
+                "remains": [_fields(finding) for finding in self.unexplained],
+                "novel": [_fields(finding) for finding in self.new_on_held_out],
+                "check": _fields(
+                    identifiability, "usable", "excitation", "noise_floor", "warnings"
+                ),
+                **_fields(self, "not_flyable", "warnings", "wall"),
                 "refit": None
                 if self.refit is None
                 else {k: v for k, v in self.refit.as_json().items() if k != "schema"},
@@ -356,49 +455,10 @@ Times of logs and onsets count from the flight's first row.
 """  # noqa: E501
 
 
-def _named(item: Any, *names: str) -> dict[str, Any]:
-    return {name: getattr(item, name) for name in names}
-
-
-def _fields(items: Iterable[Any]) -> list[dict[str, Any]]:
-    return [_named(item, *(field.name for field in dc.fields(item))) for item in items]
-
-
-def _difference(difference: Difference) -> dict[str, Any]:
-    return {
-        name: value for name, value in dc.asdict(difference).items() if name != "by_flight" or value
-    }
-
-
-def _cause(cause: Cause) -> dict[str, Any]:
-    return {
-        "effect": cause.identifier,
-        **_named(cause, "probability", "share", "held_out_gain"),
-        "parameters": {name: dc.asdict(estimate) for name, estimate in cause.parameters.items()},
-        "onset": cause.onset,
-        "absent_from": [flight for flight, time in cause.onset.items() if time == float("inf")],
-        "indistinguishable_from": cause.indistinguishable_from,
-    }
-
-
-def _gap(localisation: Localisation, replay: ReplayGap | None) -> dict[str, Any]:
-    """Return the gap by kind and axis, the replay's medians, and its parts in time, regime and
-    frequency.
-    """
-    gap: dict[str, Any] = {"force": {}, "torque": {}}
-    for channel in localisation.channels:
-        kind, axis = channel.channel.split()
-        gap[kind][axis] = _named(channel, "unit", "rms", "noise_floor", "after", "explained")
-    medians = (
-        {}
-        if replay is None
-        else {name: of[:, 0].tolist() for name, of in _quantities(replay).items()}
-    )
-    gap["kinds"] = _fields(gap_kinds(localisation.channels))
-    gap["replay"] = None if replay is None else {"horizon": replay.horizon, **medians}
-    return gap | {
-        name: _fields(getattr(localisation, name)) for name in ("segments", "regimes", "bands")
-    }
+def _fields(item: Any, *names: str) -> dict[str, Any]:
+    """Return some fields of a dataclass by name; default: all."""
+    every = names or [field.name for field in dc.fields(item)]
+    return {name: getattr(item, name) for name in every}
 
 
 def _both_replays(before: ReplayGap | None, after: ReplayGap | None) -> dict[str, Any] | None:
@@ -408,7 +468,7 @@ def _both_replays(before: ReplayGap | None, after: ReplayGap | None) -> dict[str
     known = before or after
     if known is None:
         return None
-    found: dict[str, Any] = {**_named(known, "horizon", "starts"), "before": None, "after": None}
+    found: dict[str, Any] = {**_fields(known, "horizon", "starts"), "before": None, "after": None}
     for name, gap in (("before", before), ("after", after)):
         if gap is not None:
             every = _quantities(gap).items()

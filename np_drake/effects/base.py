@@ -14,9 +14,8 @@ from typing import Any, ClassVar, Protocol
 import numpy as np
 
 from np_drake import attitude
-from np_drake.effects.parameter import Parameter, usual_size
-from np_drake.effects.random_sizes import direction, log_uniform, signed
-from np_drake.neighbour import Neighbour
+from np_drake.effects.parameter import Parameter, direction, log_uniform, signed, usual_size
+from np_drake.flight_log import Neighbour
 from np_drake.rigid_body import Q
 from np_drake.vehicle import Vehicle
 
@@ -390,7 +389,6 @@ class MeasurementEffect(Protocol):
             truth: what is to be read.
             white: (..., white_size) standard normal [1].
         """
-        ...
 
 
 class SensorEffect(Effect):
@@ -415,3 +413,25 @@ class SensorEffect(Effect):
     def measure(self, vehicle: Vehicle, truth: Measurement, white: np.ndarray) -> Measurement:
         """Return the reading of `truth`, as a `MeasurementEffect` that draws nothing."""
         return truth
+
+
+def prior_root(effect: type[Effect], vehicle: Vehicle) -> np.ndarray:
+    """Return the lower root (k, k) of the prior covariance of an effect's k continuous parameters,
+    in their units.
+    """
+    free = [p for p in effect.parameters if not p.choices]
+    sizes = np.array([usual_size(p, vehicle) for p in free])
+    # Covariance D P D with P = L L^T has the lower root D L.
+    return sizes[:, None] * correlation_root(effect)
+
+
+def correlation_root(effect: type[Effect]) -> np.ndarray:
+    """Return the lower root (k, k) of the prior correlation of an effect's k continuous parameters
+    [1].
+    """
+    size = sum(not p.choices for p in effect.parameters)
+    return (
+        np.linalg.cholesky(np.array(effect.prior_correlation))
+        if effect.prior_correlation
+        else np.eye(size)
+    )

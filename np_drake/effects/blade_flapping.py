@@ -6,7 +6,7 @@ import numpy as np
 
 from np_drake.effects.air_speed import air_velocity_B, chi_from_body
 from np_drake.effects.base import Motion, Parameter, WrenchEffect
-from np_drake.effects.random_sizes import arm, log_uniform
+from np_drake.effects.parameter import arm, log_uniform
 from np_drake.vehicle import Vehicle
 
 

@@ -15,7 +15,7 @@ from np_drake.effects.rotor_gyroscopic import RotorGyroscopic
 from np_drake.effects.uneven_lag import UnevenLag
 from np_drake.effects.weak_rotor import WeakRotor
 from np_drake.vehicle import Vehicle
-from np_drake.vehicle.calibration import Calibration
+from np_drake.vehicle.vehicle import Calibration
 
 FASTEST = 1e-3  # time constant below which a lag only makes an integrator stiff [s]; own choice
 

@@ -1,44 +1,32 @@
 """Random wrench with the statistics of what a model leaves unexplained."""
 
 import dataclasses as dc
+from functools import lru_cache
 
 import numpy as np
 
 from np_drake import attitude
 from np_drake.effects.base import Motion, WrenchEffect
-from np_drake.effects.gauss_markov_lines import LINES, lines
+from np_drake.files.yaml_file import POSITIVE, check_fields, number
 from np_drake.rigid_body import Q
 from np_drake.vehicle import Vehicle
+
+LINES = 60  # sinusoids an axis, of equal power
 
 
 @dc.dataclass
 class DisturbanceConfig:
     """Standard deviation and correlation time of a random force and torque, on each body axis."""
 
-    force: list[float] = dc.field(default_factory=lambda: [0.0, 0.0, 0.0])  # [N]
-    torque: list[float] = dc.field(default_factory=lambda: [0.0, 0.0, 0.0])  # [N·m]
-    force_time: list[float] = dc.field(default_factory=lambda: [1.0, 1.0, 1.0])  # [s]
-    torque_time: list[float] = dc.field(default_factory=lambda: [1.0, 1.0, 1.0])  # [s]
+    force: list[float] = number([0.0, 0.0, 0.0], "N", 0.0)
+    torque: list[float] = number([0.0, 0.0, 0.0], "N·m", 0.0)
+    force_time: list[float] = number([1.0, 1.0, 1.0], "s", POSITIVE)
+    torque_time: list[float] = number([1.0, 1.0, 1.0], "s", POSITIVE)
     seed: int = 0  # of the draw
 
     def check(self) -> "DisturbanceConfig":
-        """Return self after checking all values.
-
-        Raises: ValueError: on one that is no deviation or no time.
-        """
-        for name in ("force", "torque"):
-            if np.shape(getattr(self, name)) != (3,) or not all(
-                0 <= v < np.inf for v in getattr(self, name)
-            ):
-                raise ValueError(
-                    f"disturbance: {name} must be three deviations, none negative; got "
-                    f"{getattr(self, name)}."
-                )
-            times = getattr(self, f"{name}_time")
-            if np.shape(times) != (3,) or not all(0 < v < np.inf for v in times):
-                raise ValueError(
-                    f"disturbance: {name}_time must be three positive times [s]; got {times}."
-                )
+        """Return self after checking all values; ValueError on no deviation or no time."""
+        check_fields(self, "disturbance")
         return self
 
     @property
@@ -83,3 +71,16 @@ class Disturbance(WrenchEffect):
         chi = np.broadcast_to(body, (*motion.x.shape[:-1], 6)).copy()
         chi[..., :3] = attitude.rotate(motion.x[..., Q], chi[..., :3])
         return chi
+
+
+@lru_cache(maxsize=64)
+def lines(seed: int, axes: int = 3) -> tuple[np.ndarray, np.ndarray]:
+    """Return angular frequency times correlation time [1], and phase [rad], (axes, LINES) each.
+
+    A first-order Gauss-Markov process is their sum, so that it can be evaluated at any time. The
+    share (2/π) atan(w T) of a first-order process' power lies below w: one line in each of
+    `LINES` equal shares.
+    """
+    rng = np.random.default_rng(seed)
+    share = (np.arange(LINES) + rng.uniform(0.1, 0.9, (axes, LINES))) / LINES
+    return np.tan(0.5 * np.pi * share), rng.uniform(0.0, 2 * np.pi, (axes, LINES))

@@ -7,9 +7,9 @@ import numpy as np
 
 from np_drake.effects.air_speed import chi_from_body
 from np_drake.effects.base import Motion, Parameter, WrenchEffect
-from np_drake.effects.random_sizes import arm
+from np_drake.effects.parameter import arm
 from np_drake.effects.rotor_inflow import AIR_DENSITY, RotorInflow
-from np_drake.neighbour import Neighbour
+from np_drake.flight_log import Neighbour
 from np_drake.rigid_body import P
 from np_drake.vehicle import Vehicle
 

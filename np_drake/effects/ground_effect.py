@@ -6,7 +6,7 @@ import numpy as np
 
 from np_drake.effects.air_speed import chi_from_body
 from np_drake.effects.base import Motion, Parameter, WrenchEffect
-from np_drake.effects.random_sizes import log_uniform
+from np_drake.effects.parameter import log_uniform
 from np_drake.vehicle import Vehicle
 
 _LARGEST_RADIUS = 6.0  # of rotor radii: a disc twice as wide as the whole vehicle

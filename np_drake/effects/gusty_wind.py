@@ -5,8 +5,8 @@ import dataclasses as dc
 import numpy as np
 
 from np_drake.effects.base import Parameter, WrenchEffect
-from np_drake.effects.gauss_markov_lines import LINES, lines
-from np_drake.effects.random_sizes import direction, log_uniform
+from np_drake.effects.disturbance import LINES, lines
+from np_drake.effects.parameter import direction, log_uniform
 from np_drake.vehicle import Vehicle
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from np_drake.compiled import compiled, turned
 from np_drake.effects.air_speed import ALIKE, air_velocity_B, chi_from_body
 from np_drake.effects.base import Motion, Parameter, WrenchEffect
-from np_drake.effects.random_sizes import drag_coefficients
+from np_drake.effects.parameter import drag_coefficients
 from np_drake.vehicle import Vehicle
 
 

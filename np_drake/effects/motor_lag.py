@@ -6,7 +6,7 @@ import numpy as np
 from scipy import signal
 
 from np_drake.effects.base import ActuatorEffect, Parameter
-from np_drake.effects.random_sizes import log_uniform
+from np_drake.effects.parameter import log_uniform
 from np_drake.vehicle import Vehicle
 
 

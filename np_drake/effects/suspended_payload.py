@@ -5,8 +5,8 @@ import dataclasses as dc
 import numpy as np
 
 from np_drake.effects.base import Motion, Parameter, WrenchEffect
+from np_drake.effects.parameter import arm, log_uniform
 from np_drake.effects.pendulum import Payload, hook_acceleration, hook_velocity, hook_wrench, swing
-from np_drake.effects.random_sizes import arm, log_uniform
 from np_drake.rigid_body import Q
 from np_drake.vehicle import Vehicle
 

@@ -5,7 +5,7 @@ import dataclasses as dc
 import numpy as np
 
 from np_drake.effects.base import ActuatorEffect, Parameter
-from np_drake.effects.random_sizes import log_uniform
+from np_drake.effects.parameter import log_uniform
 from np_drake.vehicle import Vehicle
 
 

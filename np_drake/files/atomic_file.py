@@ -1,28 +1,27 @@
 """Files written whole or not at all: beside the target under a temporary name, to the disk, then
-renamed.
+renamed; and the lock by which a run holds them for itself.
 """
 
 import errno
 import json
 import os
 import secrets
-import shutil
-import stat
 import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Iterable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Any
+
+from filelock import FileLock, Timeout
 
 from np_drake.files.input_file import note_output, require_no_input
 
 FULL = (errno.ENOSPC, errno.EDQUOT)  # what a system says where no room is left
+LOCK = ".np-drake.lock"  # in a folder; beside a file behind its name
 
 
-class DiskFull(OSError):
-    """Lack of room on the disk, in one line: which file, how much it needs, what is free, and the
-    remedy.
-    """
+class Occupied(OSError):
+    """Output into which another run writes."""
 
 
 def require_writable(path: str | Path) -> Path:
@@ -34,27 +33,22 @@ def require_writable(path: str | Path) -> Path:
     path = Path(path)
     if _is_sink(path):
         return path
+    target = Path(os.path.realpath(path))  # of the file itself, where the path is a link
     if path.is_dir():
         raise IsADirectoryError(f"{path}: must be a file to write; it is a folder.")
-    folder = _resolved(path).parent  # of the file itself, where the path is a link
-    if not folder.is_dir():
+    if not target.parent.is_dir():
         raise FileNotFoundError(
-            f"{path}: the folder {folder} must exist; create it or choose another."
+            f"{path}: the folder {target.parent} must exist; create it or choose another."
         )
-    if path.exists() and not stat.S_ISREG(path.stat().st_mode):
+    if not is_regular(path):
         raise PermissionError(
             f"{path}: must be an ordinary file to write; it is a device. Choose another."
         )
     require_no_input(path)
-    probe = folder / f".{secrets.token_hex(4)}"
-    try:
-        probe.touch()
-        probe.unlink()
-    except OSError as error:
-        if error.errno in FULL:
-            raise _full(path, 0) from error
-        text = f"{path}: the folder {folder} must be writable ({error.strerror}); choose another."
-        raise PermissionError(text) from error
+    if not os.access(target.parent, os.W_OK):
+        raise PermissionError(
+            f"{path}: the folder {target.parent} must be writable; choose another."
+        )
     return path
 
 
@@ -65,41 +59,36 @@ def atomic_path(path: str | Path) -> Iterator[Path]:
 
     Where `path` is a link to a file, that file is replaced. What is written to /dev/null is
     discarded.
-    Raises: OSError: as `require_writable`; DiskFull: if there is no room, with the size that was
-        written until then.
+    Raises: OSError: as `require_writable`, and with the file where there is no room.
     """
     path = require_writable(path)
     if _is_sink(path):
         with tempfile.TemporaryDirectory() as folder:
             yield Path(folder) / path.name
         return
-    target = path.resolve()
+    target = Path(os.path.realpath(path))
     temporary = target.with_name(f".{secrets.token_hex(4)}_{target.name}")
     try:
         yield temporary
         umask = os.umask(0)
         os.umask(umask)
         temporary.chmod(0o666 & ~umask)  # some writers are stricter than open() would be
-        _to_disk(temporary)
+        with temporary.open("rb+") as file:
+            os.fsync(file.fileno())  # so that it survives a power cut
         require_no_input(path)  # again: it may have been read since
         os.replace(temporary, target)
         note_output(target)
-        _to_disk(target.parent)
     except OSError as error:
         if error.errno in FULL:
-            raise _full(path, temporary.stat().st_size if temporary.exists() else 0) from error
+            error.filename = str(path)
         raise
     finally:
         temporary.unlink(missing_ok=True)
 
 
 def write_bytes(path: str | Path, content: bytes) -> None:
-    """Write a binary file, whole or not at all.
-    Raises: OSError: as `atomic_path`; DiskFull: before anything is written where it does not fit.
-    """
+    """Write a binary file, whole or not at all; OSError as `atomic_path`."""
     with atomic_path(path) as temporary:
-        if not _is_sink(Path(path)) and shutil.disk_usage(temporary.parent).free < len(content):
-            raise _full(path, len(content))
         temporary.write_bytes(content)
 
 
@@ -109,11 +98,7 @@ def write_text(path: str | Path, text: str) -> None:
 
 
 def write_json(path: str | Path, content: Any) -> None:
-    """Write indented JSON; NumPy numbers and arrays become lists, NaN and infinity become null.
-
-    Args:
-        content: of any types that `plain` takes.
-    """
+    """Write indented JSON; NumPy numbers and arrays become lists, NaN and infinity become null."""
     write_text(path, json.dumps(plain(content), indent=2, allow_nan=False) + "\n")
 
 
@@ -135,40 +120,46 @@ def is_regular(path: Path) -> bool:
     return path.is_file() or not path.exists()
 
 
-def _resolved(path: Path) -> Path:
-    """Return where a path leads, through its links; OSError if they lead to themselves."""
+@contextmanager
+def lock_outputs(folders: Iterable[Path], files: Iterable[Path] = ()) -> Iterator[None]:
+    """Hold the outputs of a run for itself until the end of the block; the lock files go with it.
+
+    A folder is made where it is missing, and removed where it is still empty at the end. The system
+    drops the lock of a process that dies: the lock file that it leaves behind holds nobody up.
+    Raises: Occupied: if another run holds one of them; OSError: if there is no place for the lock
+        file.
+    """
+    with ExitStack() as held:
+        for folder in {folder.resolve(): folder for folder in folders}.values():
+            if not folder.exists():
+                folder.mkdir(parents=True, exist_ok=True)
+                held.callback(_remove_empty, folder)
+            held.enter_context(_locked(folder / LOCK, folder))
+        for file in files:
+            target = file.resolve()
+            held.enter_context(_locked(target.with_name(f".{target.name}{LOCK}"), file))
+        yield
+
+
+@contextmanager
+def _locked(path: Path, output: Path) -> Iterator[None]:
     try:
-        return path.resolve()
-    except RuntimeError as error:
-        raise OSError(f"{path}: must not be symbolic links in a circle. Choose another.") from error
+        with FileLock(path, timeout=0):
+            try:
+                yield
+            finally:
+                path.unlink(missing_ok=True)
+    except Timeout as error:
+        raise Occupied(
+            f"{output}: another run writes here. Wait for its end, or choose another --out."
+        ) from error
+
+
+def _remove_empty(folder: Path) -> None:
+    with suppress(OSError):  # it holds results
+        folder.rmdir()
 
 
 def _is_sink(path: Path) -> bool:
-    """Return whether a path is /dev/null, also by another name; a rename would replace the device
-    by a file.
-    """
-    try:
-        found = path.stat()
-    except OSError:
-        return False
-    return stat.S_ISCHR(found.st_mode) and found.st_rdev == os.stat(os.devnull).st_rdev
-
-
-def _to_disk(path: Path) -> None:
-    """Wait until a file, or a folder's list of names, is on the disk and survives a power cut."""
-    number = os.open(path, os.O_RDONLY)
-    try:
-        os.fsync(number)
-    finally:
-        os.close(number)
-
-
-def _full(path: str | Path, size: int) -> DiskFull:
-    """Return the error of a file of at least `size` bytes that finds no room."""
-    folder = Path(path).resolve().parent
-    free = shutil.disk_usage(folder).free
-    needs = f"at least {size / 1e6:.3g} MB" if size else "more than there is"
-    return DiskFull(
-        f"{path}: must have room on the disk, {needs}; {free / 1e6:.3g} MB are free in {folder}. "
-        "Free some, or choose another folder."
-    )
+    """Return whether a path is /dev/null, which a rename would replace by a file."""
+    return os.path.realpath(path) == os.devnull

@@ -1,10 +1,8 @@
-"""Reading of input files within budgets: what a file may ask of its reader, checked before memory
-is taken.
+"""Reading of input files within a size limit, and their protection from being written.
 
 A file of 10 MB, whatever it holds, is read or refused within 1 GB of memory.
 """
 
-import dataclasses as dc
 import gzip
 import io
 import json
@@ -20,25 +18,18 @@ from typing import Any, BinaryIO
 
 logger = logging.getLogger(__name__)
 
-# Budgets, own choice: beyond them a file is damaged, or made to fill the memory of its reader.
+# Limits, own choice: beyond them a file is damaged, or made to fill the memory of its reader.
 MAX_JSON = 200 * 10**6  # [byte]
 GZIP = b"\x1f\x8b"  # first bytes
 LEAST_CELLS = 4 * 10**6  # numbers that any table may hold: 20 minutes of 30 columns at 100 Hz
-CELLS_A_BYTE = (
-    1  # further numbers a byte of the file; plain text has less, compressed logs 0.1 to 0.5
-)
 LEAST_TEXT = 10**8  # [byte] that any file may hold after decompression
-TEXT_A_BYTE = (
-    50  # further ones a byte of the file; compressed logs have 2 to 20, gzip's limit is 1032
-)
+TEXT_A_BYTE = 50  # further ones a byte of the file; compressed logs have 2 to 20, gzip at most 1032
 
 
 def read_bytes(path: str | Path, most: int, *, kept: bool = False) -> bytes:
-    """Return the content of a file of at most `most` bytes; a device that never ends is refused
-    too.
+    """Return the content of a file of at most `most` bytes; `kept`: of an earlier run, and no
+    input.
 
-    Args:
-        kept: whether it is a result of an earlier run, which may be written again, and no input.
     Raises: ValueError: if it holds more, or is a pipe; OSError: if it cannot be read.
     """
     require_plain_file(path)
@@ -57,10 +48,7 @@ def require_plain_file(path: str | Path) -> None:
 
     Raises: ValueError: if it is one.
     """
-    try:
-        mode = os.stat(path).st_mode
-    except OSError:
-        return  # whoever opens it says why it cannot
+    mode = os.stat(path).st_mode if os.path.exists(path) else 0
     if stat.S_ISFIFO(mode) or stat.S_ISSOCK(mode):
         kind = "named pipe" if stat.S_ISFIFO(mode) else "socket"
         raise ValueError(
@@ -94,10 +82,7 @@ def kept_json(path: str | Path) -> Any | None:
 
 
 def parse_json(text: str | bytes) -> Any:
-    """Return what a JSON text holds.
-
-    Raises: ValueError: if it is none, or nested too deeply.
-    """
+    """Return what a JSON text holds; ValueError if it is none, or nested too deeply."""
     try:
         return json.loads(text)
     except RecursionError as error:
@@ -105,13 +90,18 @@ def parse_json(text: str | bytes) -> Any:
 
 
 def cell_budget(path: str | Path) -> int:
-    """Return how many numbers a table may hold, from the size of its file."""
-    return LEAST_CELLS + CELLS_A_BYTE * size_of(path)
+    """Return how many numbers a table may hold: one more a byte of its file."""
+    return LEAST_CELLS + size_of(path)
 
 
 def text_budget(path: str | Path) -> int:
     """Return how many bytes a file may hold after decompression, from its size."""
     return LEAST_TEXT + TEXT_A_BYTE * size_of(path)
+
+
+def block_budget(path: str | Path) -> int:
+    """Return how many decompressed bytes of a file may be in memory at once, from its size."""
+    return LEAST_TEXT + size_of(path)
 
 
 def decompressed_start(start: bytes) -> bytes:
@@ -132,27 +122,18 @@ def open_compressed(path: str | Path) -> BinaryIO:
     Raises: ValueError: if it is damaged, or holds more than `block_budget`; OSError: if it cannot
     be opened.
     """
-    with Path(path).open("rb") as file:
-        compressed = file.read(len(GZIP)) == GZIP
-    if not compressed:
-        return Path(path).open("rb")
+    file = Path(path).open("rb")  # noqa: SIM115 - the caller closes it
+    if file.peek(len(GZIP))[: len(GZIP)] != GZIP:
+        return file
+    most = block_budget(path)
     try:
-        with gzip.open(path) as unpacked:
-            content = unpacked.read(block_budget(path) + 1)
+        with file, gzip.open(file) as unpacked:
+            content = unpacked.read(most + 1)
     except (EOFError, zlib.error, gzip.BadGzipFile) as error:
         raise ValueError(f"{path}: must be a whole gzip file; copy it again.") from error
-    if len(content) > block_budget(path):
-        raise ValueError(
-            f"{path}: must hold at most {block_budget(path) / 1e6:.0f} MB. Is it the right file?"
-        )
+    if len(content) > most:
+        raise ValueError(f"{path}: must hold at most {most / 1e6:.0f} MB. Is it the right file?")
     return io.BytesIO(content)
-
-
-def block_budget(path: str | Path) -> int:
-    """Return how many bytes of a file may be in memory at once after decompression, from its
-    size.
-    """
-    return LEAST_TEXT + size_of(path)
 
 
 def size_of(path: str | Path) -> int:
@@ -163,20 +144,11 @@ def size_of(path: str | Path) -> int:
 
 
 Identity = tuple[int, int]  # device and inode of a file, the same for all its links
-
-
-@dc.dataclass
-class _Guard:
-    """Files that are read, that are to be written, and that this run has written itself and may
-    write again.
-    """
-
-    inputs: dict[Identity, Path] = dc.field(default_factory=dict)
-    outputs: set[str] = dc.field(default_factory=set)
-    own: set[Identity] = dc.field(default_factory=set)
-
-
-_guard: ContextVar[_Guard | None] = ContextVar("guard", default=None)
+# Files that are read, by the path that names them; None for one that this run has written itself,
+# and may write again.
+_guarded: ContextVar[dict[Identity | None, Path | None] | None] = ContextVar(
+    "guarded", default=None
+)
 
 
 @contextmanager
@@ -184,70 +156,49 @@ def guard_inputs(paths: Iterable[str | Path]) -> Iterator[None]:
     """Protect files, and those that `note_input` adds, from being written until the end of the
     block.
     """
-    token = _guard.set(_Guard())
+    token = _guarded.set({})
     try:
         for path in paths:
             note_input(path)
         yield
     finally:
-        _guard.reset(token)
+        _guarded.reset(token)
 
 
 def note_input(path: str | Path) -> None:
     """Add a file that is read; without effect outside `guard_inputs` and for a file of this run's
     own.
 
-    Raises: FileExistsError: if it is to be written, so that a run ends here, and not after its
-    work; ValueError: if it
-        is a pipe or a socket.
+    Raises: ValueError: if it is a pipe or a socket.
     """
     require_plain_file(path)
-    guard, file = _guard.get(), _identity(path)
-    if guard is None or file is None or file in guard.own:
-        return
-    guard.inputs.setdefault(file, Path(path))
-    for output in guard.outputs:
-        if _identity(output) == file:
-            raise _is_read(output, path)
+    guarded, file = _guarded.get(), _identity(path)
+    if guarded is not None and file is not None:
+        guarded.setdefault(file, Path(path))
 
 
 def note_output(path: str | Path) -> None:
     """Add a file that was written, which is no input when it is read."""
-    guard, file = _guard.get(), _identity(path)
-    if guard is not None and file is not None:
-        guard.own.add(file)
-        guard.outputs.discard(os.path.abspath(path))
+    guarded, file = _guarded.get(), _identity(path)
+    if guarded is not None and file is not None:
+        guarded[file] = None
 
 
 def is_own(path: str | Path) -> bool:
     """Return whether this run has written a file itself; False outside `guard_inputs`."""
-    guard, file = _guard.get(), _identity(path)
-    return guard is not None and file is not None and file in guard.own
+    return (_guarded.get() or {}).get(_identity(path), Path(path)) is None
 
 
 def require_no_input(path: str | Path) -> None:
-    """Check that a file to write is none that is read, and let none that is read later be it.
-
-    Raises: FileExistsError: if it is, also as a link to one.
-    """
-    guard, file = _guard.get(), _identity(path)
-    source = guard.inputs.get(file) if guard is not None and file is not None else None
+    """Check that a file to write is none that is read; FileExistsError if it is, also as a link."""
+    source = (_guarded.get() or {}).get(_identity(path))
     if source is not None:
-        raise _is_read(path, source)
-    if guard is not None and file is not None:
-        guard.outputs.add(os.path.abspath(path))
-
-
-def _is_read(path: str | Path, source: str | Path) -> FileExistsError:
-    also = (
-        "" if os.path.abspath(source) == os.path.abspath(path) else f" (the same file as {source})"
-    )
-    return FileExistsError(f"{path}: must not be a file that is read{also}. Choose another.")
+        same = os.path.abspath(source) == os.path.abspath(path)
+        also = "" if same else f" (the same file as {source})"
+        raise FileExistsError(f"{path}: must not be a file that is read{also}. Choose another.")
 
 
 def _identity(path: str | Path) -> Identity | None:
     """Return what tells a file apart; None where there is none, or where it is no ordinary file."""
-    if not os.path.isfile(path):
-        return None
-    found = os.stat(path)
-    return found.st_dev, found.st_ino
+    found = os.stat(path) if os.path.isfile(path) else None
+    return None if found is None else (found.st_dev, found.st_ino)

@@ -4,16 +4,12 @@ being imported.
 
 import os
 import signal
-import sys
-import threading
 from types import FrameType
-from typing import Any, NoReturn
+from typing import NoReturn
 
 ENDING = tuple(
     getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
 )
-PATIENCE = 3  # signals after which a run ends without clearing up
-AGAIN = 0.02  # after which a lost signal comes again [s]; own choice
 _seen: list[int] = []  # numbers of the signals of this process
 
 
@@ -34,12 +30,11 @@ def end_at_once() -> None:
 
 
 def end_in_order() -> None:
-    """Let signals raise in the main thread, so that temporary files and processes are cleared
-    away.
+    """Let the first signal raise in the main thread, so that temporary files and processes are
+    cleared away; a second one ends at once.
     """
     _seen.clear()
     _handle(_raise)
-    sys.unraisablehook = _without_signals
 
 
 def last_signal() -> int | None:
@@ -48,26 +43,6 @@ def last_signal() -> int | None:
     An exception that is raised inside an import or a callback may come out as another one.
     """
     return _seen[-1] if _seen else None
-
-
-def raise_again() -> None:
-    """Raise for a signal whose exception was lost, as one raised inside a finaliser is; call it as
-    work goes on.
-    """
-    if _seen:
-        raise _exception(_seen[-1])
-
-
-def _without_signals(lost: Any) -> None:
-    """Report an exception that nothing can catch; a signal that is lost in a callback or finaliser
-    comes again.
-    """
-    if not isinstance(lost.exc_value, KeyboardInterrupt | Ended) or not _seen:
-        sys.__unraisablehook__(lost)
-        return
-    again = threading.Timer(AGAIN, os.kill, (os.getpid(), _seen.pop()))  # which counts it, once
-    again.daemon = True
-    again.start()
 
 
 def _handle(handler) -> None:
@@ -83,10 +58,5 @@ def _leave(number: int, frame: FrameType | None) -> NoReturn:
 
 def _raise(number: int, frame: FrameType | None) -> NoReturn:
     _seen.append(number)
-    if len(_seen) >= PATIENCE:
-        _leave(number, frame)
-    raise _exception(number)
-
-
-def _exception(number: int) -> BaseException:
-    return KeyboardInterrupt() if number == signal.SIGINT else Ended(line(number))
+    end_at_once()
+    raise KeyboardInterrupt if number == signal.SIGINT else Ended(line(number))

@@ -1,4 +1,4 @@
-"""What a notebook shows of an object: a short table, and a data frame where pandas is installed."""
+"""What a notebook shows of an object: a short table, and a data frame."""
 
 from collections.abc import Mapping, Sequence
 from html import escape
@@ -14,8 +14,7 @@ def html_table(
 ) -> str:
     """Return a short HTML fragment: title, table and notes, in the colours of the notebook.
 
-    Args:
-        header: name of each column; none: a table without a head.
+    A table without a `header` has no head.
     """
     head = "".join(f'<th style="{SHOWN}">{escape(name)}</th>' for name in header)
     body = "".join(
@@ -28,20 +27,9 @@ def html_table(
 
 
 def data_frame(columns: Mapping[str, Any], *, index: str | None = None) -> Any:
-    """Return the columns as a pandas DataFrame.
+    """Return columns (n,) as a pandas DataFrame, one of them as its index."""
+    import pandas
 
-    Args:
-        columns: values (n,) by name.
-        index: name of the column that becomes the index; None: rows are counted.
-    Raises: ImportError: one line, where pandas is not installed.
-    """
-    try:
-        import pandas
-    except ImportError as error:
-        remedy = "pip install 'np_drake[notebook]'"
-        raise ImportError(
-            f"to_dataframe: needs pandas, which is not installed; {remedy}."
-        ) from error
     frame = pandas.DataFrame(dict(columns))
     return frame if index is None else frame.set_index(index)
 

@@ -1,199 +1,188 @@
-"""Reading of YAML files into checked dataclasses."""
+"""Reading of YAML files into dataclasses, whose fields state their kind, unit and bounds."""
 
+import copy
 import dataclasses as dc
 import difflib
 import math
-import re
+import reprlib
 import typing
-from collections.abc import Callable, Iterable
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import yaml
-from pydrake.common.yaml import yaml_load_data, yaml_load_typed
 
-from np_drake.files.yaml_text import read_yaml_text
+from np_drake.files.input_file import read_bytes
 
-Read = Callable[[Any], Any]  # from defaults to what the file makes of them
-
-
-def load_checked(
-    schema: type,
-    path: str | Path,
-    kind: str,
-    complete: Callable[[Read], Any] | None = None,
-    *,
-    part: str | None = None,
-) -> Any:
-    """Return a `schema` read from the YAML file at `path` and checked by its `check()`.
-
-    Fields that the file does not name keep their defaults.
-
-    Args:
-        schema: dataclass with a `check`.
-        complete: makes the object of a function that reads the file over given defaults, where
-            these depend on other fields; None: read once, over the defaults of `schema`.
-        part: field of the file in which the object stands, where the file has it.
-    Raises: ValueError: one line with file, field and reason, as "<path>: not a <kind>: …".
-    """
-    try:
-        default = schema()
-        text = read_yaml_text(path)
-        _require_once(yaml.compose(text, Loader=yaml.SafeLoader))
-        content = yaml_load_data(text, private=True)
-        within = part if isinstance(content, dict) and part in content else None
-        _require_kinds(schema, content if within is None else content[within], default)
-
-        def read(defaults: Any) -> Any:
-            return yaml_load_typed(schema=schema, data=text, child_name=within, defaults=defaults)
-
-        return (read(default) if complete is None else complete(read)).check()
-    except OSError as error:
-        raise ValueError(f"{path}: not a {kind}: {error.strerror or error}.") from error
-    # AssertionError, ArithmeticError: raised by Drake's reader and NumPy on unexpected content.
-    except (
-        *(yaml.YAMLError, RuntimeError, ValueError, TypeError, KeyError, AttributeError),
-        *(AssertionError, ArithmeticError),
-    ) as error:
-        reason = " ".join(str(error).removeprefix(f"{path}: ").split()) or "it cannot be read."
-        raise ValueError(
-            f"{path}: not a {kind}: {reason[:300]}{_remedy(schema, reason)}"
-        ) from error
-
-
-def _require_once(root: yaml.Node | None) -> None:
-    """Check that no field stands twice, since a reader would take the last; ValueError if one
-    does.
-    """
-    left: list[tuple[str, yaml.Node | None]] = [("", root)]
-    seen: set[int] = set()
-    while left:
-        name, node = left.pop()
-        if id(node) in seen:  # an alias, which may lie within itself
-            continue
-        seen.add(id(node))
-        if isinstance(node, yaml.SequenceNode):
-            left += [(f"{name}[{i}]", item) for i, item in enumerate(node.value)]
-        if isinstance(node, yaml.MappingNode):
-            left += _fields_once(name, node)
-
-
-def _fields_once(name: str, node: yaml.MappingNode) -> list[tuple[str, yaml.Node]]:
-    """Return name and value of every field of `name`, empty for the whole file; merge keys may
-    stand twice.
-
-    Raises: ValueError: if another field stands twice.
-    """
-    lines: dict[str, int] = {}
-    found = []
-    for key, value in node.value:
-        field, line = f"{name}.{key.value}" if name else str(key.value), key.start_mark.line + 1
-        if field in lines and key.tag != "tag:yaml.org,2002:merge":
-            raise ValueError(
-                f"{field} must stand once; it stands in lines {lines[field]} and {line}."
-            )
-        lines[field] = line
-        found.append((field, value))
-    return found
-
-
-def _require_kinds(schema: type, content: Any, default: Any) -> None:
-    """Check the kinds of all values before Drake reads them, whose errors do not always name the
-    field.
-
-    Raises: ValueError: if a value does not suit its field.
-    """
-    if content is None:
-        raise ValueError("it is empty; at least one field must be named.")
-    reason = misfit(schema, content, "", default)
-    if reason is not None:
-        raise ValueError(reason)
-
-
-def _remedy(schema: type, reason: str) -> str:
-    """Return a remedy for an unknown field: fields like it, else all of the schema; empty for
-    another reason.
-    """
-    unknown = re.search(r"fields \[(.*?)\] were unknown", reason)
-    if unknown is None:
-        return ""
-    known = _fields(schema)
-    asked = re.findall(r"'(.*?)'", unknown.group(1))
-    near = [name for field in asked for name in difflib.get_close_matches(field, known, n=1)]
-    if near:
-        return f"; did you mean {', '.join(near)}?"
-    return f"; known are {', '.join(field.name for field in dc.fields(schema))}."
-
-
-def _fields(schema: Any) -> list[str]:
-    """Return the names of all fields of a dataclass, and of those that its fields hold."""
-    kinds = fields_of(schema)
-    found = list(kinds)
-    for kind in kinds.values():
-        for inner in (kind, *typing.get_args(kind)):
-            found += _fields(inner)
-    return found
-
-
-LARGEST = (
-    1e15  # finite number that a field may hold in any unit; own choice: beyond it squares overflow
-)
+MAX_BYTES = 10**6  # own choice; the largest file that the package writes has 20 kB
+LARGEST = 1e15  # number that a field may hold in any unit; own choice: beyond it squares overflow
+POSITIVE = math.ulp(0.0)  # least number of a field that must be positive
 LONGEST = 60  # characters of a value that are quoted
+WORDS = {
+    (POSITIVE, math.inf): "positive and finite",
+    (0, math.inf): "finite and not negative",
+    (-math.inf, math.inf): "finite",
+}
+MERGE = "tag:yaml.org,2002:merge"
 PLAIN: dict[Any, str] = {
     float: "a number",
     int: "a whole number",
     bool: "true or false",
     str: "text (in quotes where it reads as a number)",
+    list[float]: "a list of numbers",
+    list[list[float]]: "a matrix, rows of as many numbers each",
 }
+_QUOTED = reprlib.Repr()  # of values that an alias may repeat without end
+_QUOTED.maxlevel, _QUOTED.maxlist, _QUOTED.maxdict = 4, 10, 10
+_QUOTED.maxstring = _QUOTED.maxlong = 2 * LONGEST
 
 
-def misfit(kind: Any, value: Any, name: str, default: Any = None) -> str | None:
-    """Return one sentence on why `value` does not suit `kind`, None where it does.
+def number(
+    default: Any,
+    unit: str,
+    least: float = -math.inf,
+    most: float = math.inf,
+    *,
+    shape: tuple[int, ...] | None = None,
+) -> Any:
+    """Return a dataclass field of a number, or of numbers, with unit and bounds [unit].
 
-    It names the field, what it must be, and what it is. Unknown fields, and kinds other than
-    numbers, text, lists and records, are left to the reader.
+    `shape` of lists: that of the default, if None.
     """
-    if type(None) in typing.get_args(kind):  # may be nothing
-        if value is None:
-            return None
-        kind = next(part for part in typing.get_args(kind) if part is not type(None))
-    fields, item = fields_of(kind), _item(kind)
-    if fields and isinstance(value, dict):
-        for strange in [field for field in value if not isinstance(field, str)]:
-            return (
-                f"the name of a field{f' of {name}' if name else ''} must be text; got "
-                f"{shown(strange)}."
-            )
-        return _first(
-            misfit(
-                fields[field],
-                inner,
-                f"{name}.{field}" if name else field,
-                getattr(default, field, None),
-            )
-            for field, inner in value.items()
-            if field in fields
-        )
-    if typing.get_origin(kind) is dict:
-        return _misfit_of_names(typing.get_args(kind)[1], value, name)
-    if fields_of(item) and isinstance(value, list):
-        return _first(misfit(item, inner, f"{name}[{i}]") for i, inner in enumerate(value))
-    if not fields and _suits(
-        kind, value, infinite=isinstance(default, float) and math.isinf(default)
-    ):
-        return None
-    return f"{name or 'it'} must be {_expected(kind, default)}; got {shown(value)}."
+    metadata = {
+        "unit": unit,
+        "bounds": (least, most),
+        "shape": np.shape(default) if shape is None else shape,
+    }
+    if isinstance(default, list):
+        return dc.field(default_factory=lambda: copy.deepcopy(default), metadata=metadata)
+    return dc.field(default=default, metadata=metadata)
 
 
-def _misfit_of_names(kind: Any, value: Any, name: str) -> str | None:
-    """Return as `misfit` for names with their values of one kind."""
-    if not isinstance(value, dict):
-        return f"{name or 'it'} must be names with their values; got {shown(value)}."
-    for strange in [field for field in value if not isinstance(field, str)]:
-        return f"a name in {name or 'it'} must be text; got {shown(strange)}."
-    default = math.inf if kind is float else None
-    return _first(misfit(kind, inner, f"{name}.{field}", default) for field, inner in value.items())
+def word(default: str, *known: str, meaning: str = "") -> Any:
+    """Return a dataclass field that holds one of some words."""
+    return dc.field(default=default, metadata={"words": known, "meaning": meaning})
+
+
+def check_fields(thing: Any, who: str) -> None:
+    """Check the fields of a dataclass that `number` and `word` made.
+
+    Raises: ValueError: one line with field, bounds, unit and value, where one is outside.
+    """
+    for field in dc.fields(thing):
+        value, about = getattr(thing, field.name), field.metadata
+        if value not in about.get("words", [value]):
+            words = ", ".join(about["words"])
+            raise ValueError(f"{who}: {field.name} must be one of {words}; got {value!r}.")
+        if "unit" in about and not (value is None and field.default is None):
+            _check_numbers(f"{who}: {field.name}", value, **about)
+
+
+def _check_numbers(
+    name: str, value: Any, unit: str, bounds: tuple[float, float], shape: tuple[int, ...]
+) -> None:
+    least, most = bounds
+    fits = np.shape(value) == shape and np.all(np.isfinite(value))
+    if fits and np.min(value) >= least and np.max(value) <= most:
+        return
+    words = WORDS.get(bounds, f"{least:g} to {most:g}")
+    count = f"{' x '.join(map(str, shape))} numbers, each " if shape else ""
+    remedy = f" Is it in {unit}?" if most < math.inf and unit != "1" else ""
+    raise ValueError(f"{name} must be {count}{words} [{unit}]; got {value}.{remedy}")
+
+
+class _Loader(yaml.SafeLoader):
+    """Reader that refuses a field which stands twice, since YAML would take the last."""
+
+    def flatten_mapping(self, node: yaml.MappingNode) -> None:
+        if not hasattr(node, "lines"):  # an alias comes again, merged already
+            node.lines = {}
+            for key in [key for key, _ in node.value if key.tag != MERGE]:
+                name, line = str(key.value), key.start_mark.line + 1
+                if name in node.lines:
+                    lines = f"{node.lines[name]} and {line}"
+                    raise ValueError(f"{name} must stand once; it stands in lines {lines}.")
+                node.lines[name] = line
+        super().flatten_mapping(node)
+
+
+def read_yaml(path: str | Path) -> Any:
+    """Return the plain content of a YAML file.
+
+    Raises: ValueError: if it is larger than `MAX_BYTES`, no UTF-8 text or no YAML of plain values,
+    or names a field twice; OSError: if it cannot be read.
+    """
+    content = read_bytes(path, MAX_BYTES)
+    try:
+        return yaml.load(content.decode("utf-8-sig"), Loader=_Loader)
+    except UnicodeDecodeError as error:
+        raise ValueError("must be a UTF-8 text file.") from error
+    except RecursionError as error:
+        raise ValueError("must not be nested as deeply as this.") from error
+    except yaml.YAMLError as error:
+        words = str(error).replace('in "<unicode string>", ', "in ").split()
+        raise ValueError(" ".join(words)) from error
+
+
+def quoted(text: str) -> str:
+    """Return a text as a YAML value on one line, which any reader takes for that text."""
+    return yaml.safe_dump(text, default_style='"', allow_unicode=True, width=float("inf")).strip()
+
+
+@contextmanager
+def one_line(path: str | Path, kind: str) -> Iterator[None]:
+    """Make one line of all that is raised on a file's content: "<path>: not a <kind>: …"."""
+    try:
+        yield
+    except OSError as error:
+        raise ValueError(f"{path}: not a {kind}: {error.strerror or error}.") from error
+    except Exception as error:  # of NumPy on unexpected content too
+        reason = " ".join(str(error).removeprefix(f"{path}: ").split()) or "it cannot be read."
+        raise ValueError(f"{path}: not a {kind}: {reason[:400]}") from error
+
+
+def load_checked(schema: type, path: str | Path, kind: str, *, part: str | None = None) -> Any:
+    """Return a `schema`, a dataclass, read from the YAML file at `path` and checked by its
+    `check()`.
+
+    Fields that the file does not name keep their defaults. The object may stand in the field
+    `part` of the file.
+    Raises: ValueError: one line with file, field and reason, as "<path>: not a <kind>: …".
+    """
+    with one_line(path, kind):
+        content = read_yaml(path)
+        if part is not None and isinstance(content, dict) and part in content:
+            content = content[part]
+        return filled(schema(), content).check()
+
+
+def filled(default: Any, content: Any, name: str = "") -> Any:
+    """Return a copy of a dataclass, or of a Drake class that lists its fields, with the values that
+    content names.
+
+    Raises: ValueError: on a field that it does not have, or a value of another kind.
+    """
+    kinds = fields_of(type(default))
+    values = {field: getattr(default, field) for field in kinds}
+    if content is None and not name:
+        raise ValueError("it is empty; at least one field must be named.")
+    if not isinstance(content, dict):
+        known = f"fields with their values ({', '.join(kinds)})"
+        raise ValueError(f"{name or 'it'} must be {known}; got {shown(content)}.")
+    for field, value in content.items():
+        inner = f"{name}.{field}" if name else field
+        if not isinstance(field, str):
+            where = f" of {name}" if name else ""
+            raise ValueError(f"the name of a field{where} must be text; got {shown(field)}.")
+        if field in kinds:
+            values[field] = _read(kinds[field], value, values[field], inner)
+        elif name or not field.startswith("_"):  # else of the file's own
+            near = difflib.get_close_matches(field, kinds, n=1)
+            remedy = f"did you mean {near[0]}?" if near else f"known are {', '.join(kinds)}."
+            raise ValueError(f"{shown(inner)} is an unknown field; {remedy}")
+    return type(default)(**values)
 
 
 def fields_of(kind: Any) -> dict[str, Any]:
@@ -207,12 +196,36 @@ def fields_of(kind: Any) -> dict[str, Any]:
 
 def shown(value: Any) -> str:
     """Return a value as text that fits into one line."""
-    words = "nothing" if value is None else " ".join(repr(value).split())
+    words = "nothing" if value is None else " ".join(_QUOTED.repr(value).split())
     return words if len(words) <= LONGEST else f"{words[: LONGEST - 2]} …"
 
 
-def _first(sentences: Iterable[str | None]) -> str | None:
-    return next((sentence for sentence in sentences if sentence is not None), None)
+def _read(kind: Any, value: Any, default: Any, name: str) -> Any:
+    """Return a value as the kind of its field.
+
+    Raises: ValueError: one sentence with field, what it must be, and what it is, where it is none.
+    """
+    options, item = typing.get_args(kind), _item(kind)
+    if type(None) in options and value is None:
+        return None
+    if type(None) in options:
+        kind = next(option for option in options if option is not type(None))
+    if fields_of(kind):
+        return filled(kind() if default is None else default, value, name)
+    if fields_of(item) and isinstance(value, list):
+        return [filled(item(), inner, f"{name}[{i}]") for i, inner in enumerate(value)]
+    infinite = isinstance(default, float) and math.isinf(default)
+    try:
+        if typing.get_origin(kind) is not dict:
+            return _plain(kind, value, infinite=infinite)
+    except (ValueError, OverflowError):
+        words = PLAIN.get(kind, "a list")
+        like = f", as {default}" if default and isinstance(default, list) else ""
+        raise ValueError(f"{name} must be {words}{like}; got {shown(value)}.") from None
+    if not isinstance(value, dict) or not all(isinstance(field, str) for field in value):
+        raise ValueError(f"{name} must be names with their values; got {shown(value)}.")
+    least = math.inf if options[1] is float else None
+    return {field: _read(options[1], one, least, f"{name}.{field}") for field, one in value.items()}
 
 
 def _item(kind: Any) -> Any:
@@ -220,46 +233,22 @@ def _item(kind: Any) -> Any:
     return typing.get_args(kind)[0] if typing.get_origin(kind) is list else None
 
 
-def _suits(kind: Any, value: Any, *, infinite: bool = False) -> bool:
-    item = _item(kind)
-    if item is not None:
-        whole = isinstance(value, list) and all(_suits(item, inner) for inner in value)
-        return whole and (_item(item) is None or len({len(row) for row in value}) <= 1)
-    if kind in (float, int):
-        return _is_number(value, whole=kind is int, infinite=infinite)
-    if kind is bool:
-        return isinstance(value, bool) or value in ("true", "false")
-    return kind not in PLAIN or isinstance(value, kind)
+def _plain(kind: Any, value: Any, *, infinite: bool) -> Any:
+    """Return a number, a text, or a list of them; ValueError where it is none.
 
-
-def _is_number(value: Any, *, whole: bool, infinite: bool) -> bool:
-    """Return whether the value is a number, also as text, for YAML 1.1 takes 1e-5, without a point,
-    for text.
-
-    NaN and numbers that no quantity has are none; infinity is one of a field whose default is
-    infinite, and of names.
+    A number may stand as text, for YAML 1.1 takes 1e-5, without a point, for text.
     """
-    if isinstance(value, bool) or not isinstance(value, (int, float, str)):
-        return False
-    try:
-        number = float(value)
-        if not abs(number) <= LARGEST and not (infinite and math.isinf(number)):
-            return False
-        return not whole or int(value) == number
-    except (ValueError, OverflowError):
-        return False
-
-
-def _expected(kind: Any, default: Any) -> str:
-    item = _item(kind)
-    if fields_of(kind):
-        return f"fields with their values ({', '.join(fields_of(kind))})"
-    if item is None:
-        return PLAIN[kind]
-    if _item(item) is None:
-        words = {float: "a list of numbers", int: "a list of whole numbers"}.get(item, "a list")
-    elif np.ndim(default) == 2:
-        words = "a matrix, {} rows of {} numbers".format(*np.shape(default))
-    else:
-        words = "a matrix, rows of as many numbers each"
-    return f"{words}, as {default}" if default else words
+    if _item(kind) is not None and isinstance(value, list):
+        rows = [_plain(_item(kind), inner, infinite=False) for inner in value]
+        np.asarray(rows)  # a ValueError where they are not of one length
+        return rows
+    if kind is bool and str(value).lower() in ("true", "false"):
+        return str(value).lower() == "true"
+    if kind in (float, int) and isinstance(value, int | float | str):
+        number = math.nan if isinstance(value, bool) else float(value)
+        within = abs(number) <= LARGEST or (infinite and math.isinf(number))
+        if within and (kind is float or int(value) == number):
+            return kind(value)
+    elif kind is str and isinstance(value, str):
+        return value
+    raise ValueError

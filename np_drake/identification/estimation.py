@@ -9,20 +9,329 @@ DerSimonian and Laird 1986 (variance between studies).
 """
 
 import dataclasses as dc
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
-from scipy import stats
+from scipy import linalg, signal, stats
 
-from np_drake.identification.between_flights import (
-    Agreement,
-    between_flights,
-    compare,
-    spread_of_own,
-)
 from np_drake.identification.model import FlightModel
-from np_drake.identification.noise import Whitening
-from np_drake.identification.parameters import Layout
+from np_drake.vehicle.published import published_priors
+
+
+@dc.dataclass(frozen=True)
+class Parameter:
+    """One coordinate of the model.
+
+    name: as the model reads it.
+    mean, sd: of its prior, in its own unit or, with `log`, of its logarithm. flight: whether each
+        flight has its own.
+    needs: what a log must hold for it, of `parts`; without it stays at its mean.
+    """
+
+    name: str
+    mean: float
+    sd: float
+    log: bool = False
+    flight: bool = False
+    needs: tuple[str, ...] = ()
+
+    def value(self, z: float) -> float:
+        """Return the parameter at a standardised coordinate."""
+        here = self.mean + self.sd * z
+        return float(np.exp(here)) if self.log else float(here)
+
+
+MOTORS, BOTH, ROTOR_SPEED = ("motors",), ("motors", "speed"), ("speed",)
+
+
+AIR = ("velocity",)
+
+
+def parameters(spin: float, step: float) -> tuple[Parameter, ...]:
+    """Return the parameters of the model with their priors.
+
+    Lengths count in mean arms, inertia in mass times squared arm.
+
+    Args:
+        spin: rotor speed in hover, or an estimate [rad/s].
+        step: between rows of the logs [s].
+    """
+    ln, known = np.log, published_priors()
+    # Jxx of any vehicle, and Jyy over it, with the variance that both share.
+    moment, yaw = known.inertia, known.inertia_yaw
+    zz = moment.mean + ln(1.0 + known.inertia_pitch.median) + yaw.mean
+    return (
+        Parameter(
+            "scale", 0.0, 1.0, log=True
+        ),  # thrust over mass, over that which hovers on the mean input
+        # Gains of the rotors against each other: left to right, front to rear, by direction.
+        Parameter("gain_roll", 0.0, 0.03),
+        Parameter("gain_pitch", 0.0, 0.03),
+        Parameter("gain_yaw", 0.0, 0.03),
+        Parameter("com_x", 0.0, 0.05),
+        Parameter("com_y", 0.0, 0.05),
+        Parameter("jxx", moment.mean, moment.deviation, log=True),
+        Parameter(
+            "jyy", known.inertia_pitch.mean, known.inertia_pitch.deviation, log=True
+        ),  # over jxx
+        Parameter(
+            "jzz", yaw.mean, yaw.deviation, log=True
+        ),  # over jxx + jyy, which a flat vehicle reaches
+        Parameter("jxy", 0.0, 0.03),  # products over the mean of jxx and jyy
+        Parameter("jxz", 0.0, 0.03),
+        Parameter("jyz", 0.0, 0.03),
+        # Torque over thrust of a rotor, over its radius.
+        Parameter("torque", known.torque_lever.mean, known.torque_lever.deviation, log=True),
+        Parameter("lean_x", 0.0, 0.2),  # yaw of motors that lean, over their torque
+        Parameter("lean_y", 0.0, 0.2),
+        # Angular momentum of a rotor in hover, over jzz [rad/s].
+        Parameter(
+            "rotor_momentum",
+            known.rotor_inertia.mean - zz + ln(spin),
+            known.rotor_inertia.deviation,
+            log=True,
+        ),
+        Parameter("imu_x", 0.0, 0.2, needs=("accelerometer",)),
+        Parameter("imu_y", 0.0, 0.2, needs=("accelerometer",)),
+        Parameter("imu_z", 0.0, 0.2, needs=("accelerometer",)),
+        Parameter("tilt_x", 0.0, 0.03, needs=("accelerometer",)),
+        Parameter("tilt_y", 0.0, 0.03, needs=("accelerometer",)),
+        Parameter("tilt_z", 0.0, 0.03, needs=("accelerometer",)),
+        # What rolls, pitches and yaws are coupled by beside tilt and products of inertia.
+        Parameter("twist_x", 0.0, 0.03),
+        Parameter("twist_y", 0.0, 0.03),
+        Parameter("twist_z", 0.0, 0.03),
+        # Force and moment against velocity, over mass [1/s, 1/s, 1/m, arms/s, arms/s].
+        Parameter("drag", 0.15, 0.15, needs=AIR),
+        Parameter("climb", 0.15, 0.15, needs=AIR),
+        Parameter("lift", 0.0, 0.1, needs=AIR),
+        Parameter("flap_x", 0.0, 0.2, needs=AIR),
+        Parameter("flap_y", 0.0, 0.2, needs=AIR),
+        # Times [s]: command to body, accelerometer after gyro, first-order lags.
+        Parameter("delay", 0.005, 0.01, needs=MOTORS),
+        Parameter("force_late", 0.0, 0.005 + 0.3 * step),
+        Parameter(
+            "window", 0.5, 0.3, needs=("accelerometer",)
+        ),  # over which it averages, of the interval of rows
+        Parameter(
+            "lag", known.time_constant.mean, known.time_constant.deviation, log=True, needs=MOTORS
+        ),
+        Parameter(
+            "lag_ratio",
+            known.time_constant_down.mean,
+            known.time_constant_down.deviation,
+            log=True,
+            needs=MOTORS,
+        ),
+        Parameter("curve", 0.2, 0.3, needs=("throttle",)),
+        Parameter("idle", 0.05, 0.04, needs=("throttle",)),
+        Parameter("sag", 1.5, 0.5, needs=("throttle", "voltage")),
+        Parameter("full_speed", 0.0, 0.5, log=True, needs=BOTH),
+        # Of one flight: battery and where it lies, clocks, errors of sensors.
+        Parameter("charge", 0.0, 0.03, log=True, flight=True),  # thrust over that of all flights
+        Parameter("shift_x", 0.0, 0.02, flight=True),  # centre of mass against that of all flights
+        Parameter("shift_y", 0.0, 0.02, flight=True),
+        Parameter("shift_yaw", 0.0, 0.02, flight=True),  # gain about z against that of all flights
+        Parameter("clock", 0.0, 0.01, flight=True, needs=ROTOR_SPEED),  # rotor speed to body [s]
+        Parameter(
+            "heading", 0.0, 0.02, flight=True, needs=AIR
+        ),  # of the attitude against the sensors [rad]
+        Parameter("bias_x", 0.0, 0.3, flight=True),
+        Parameter("bias_y", 0.0, 0.3, flight=True),
+        Parameter("bias_z", 0.0, 0.1, flight=True),
+    )
+
+
+@dc.dataclass(frozen=True)
+class Layout:
+    """Places of the parameters in the vector z of standardised coordinates, theta = mean + sd z.
+
+    shared: parameters of all flights.
+    own: parameters of each flight.
+    flights: their number.
+    fixed: values of those that these logs cannot tell.
+    """
+
+    shared: tuple[Parameter, ...]
+    own: tuple[Parameter, ...]
+    flights: int
+    fixed: Mapping[str, float] = dc.field(default_factory=dict)
+
+    @classmethod
+    def of(cls, parameters: Sequence[Parameter], parts: set[str], flights: int) -> "Layout":
+        """Return the layout of the parameters that logs can tell."""
+        acting = [p for p in parameters if parts.issuperset(p.needs)]
+        fixed = {p.name: p.value(0.0) for p in parameters if p not in acting}
+        return cls(
+            tuple(p for p in acting if not p.flight),
+            tuple(p for p in acting if p.flight),
+            flights,
+            fixed,
+        )
+
+    @property
+    def size(self) -> int:
+        """Length of z."""
+        return len(self.shared) + self.flights * len(self.own)
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the shared parameters."""
+        return [p.name for p in self.shared]
+
+    def indices(self, flight: int) -> np.ndarray:
+        """Return the places in z on which a flight depends."""
+        first = len(self.shared) + flight * len(self.own)
+        return np.r_[np.arange(len(self.shared)), np.arange(first, first + len(self.own))]
+
+    def values(self, z: np.ndarray, flight: int | None = None) -> dict[str, float]:
+        """Return parameters by name, those that these logs cannot tell included.
+
+        Args:
+            z: (size,) standardised coordinates.
+            flight: whose own parameters are included; None: the mean of those of all flights.
+        """
+        found = dict(self.fixed)
+        for p, c in zip(self.shared, z, strict=False):
+            found[p.name] = p.value(c)
+        own = z[len(self.shared) :].reshape(self.flights, len(self.own))
+        for p, c in zip(self.own, own.mean(axis=0) if flight is None else own[flight], strict=True):
+            found[p.name] = p.value(c)
+        return found
+
+
+ORDER = 16  # of the autoregressive model; own choice: 0.16 s at 100 Hz
+OUTLYING = 3.0  # standard deviations from which a whitened residual counts less; Huber's bend
+# noise below which no channel is [m/s², rad/s², 1]; source: sensors have ten times as much
+LEAST = 1e-4
+# from which it does not count; own choice: a Gaussian has none in a thousand years of flight
+IMPOSSIBLE = 8.0
+
+
+@dc.dataclass(frozen=True)
+class Whitening:
+    """Filters of the channels of one flight.
+
+    taps: (c, p + 1) filter of each channel that maps it to unit white noise.
+    good: (m,) rows that count. weight: (m, c) square root of Huber's weights [1].
+    """
+
+    taps: np.ndarray
+    good: np.ndarray
+    weight: np.ndarray
+
+    @classmethod
+    def of(cls, e: np.ndarray, good: np.ndarray, order: int = ORDER) -> "Whitening":
+        """Return the filters that whiten residuals.
+
+        Args:
+            e: (m, c) residuals.
+            good: (m,) rows that count.
+        """
+        # A constant is what parameters are to explain, not noise.
+        deviation = np.where(good[:, None], e - (e[good].mean(axis=0) if good.any() else 0.0), 0.0)
+        usual = (
+            np.median(np.abs(deviation[good]), axis=0) / 0.6745
+            if good.any()
+            else np.ones(e.shape[1])
+        )
+        bounded = np.clip(deviation, -IMPOSSIBLE * usual, IMPOSSIBLE * usual)
+        taps = np.stack([_filter(column, good, order) for column in bounded.T])
+        reach = np.convolve(~good, np.ones(order + 1))[: len(good)]
+        kept = (reach < 0.5) & (np.arange(len(good)) >= order)
+        plain = cls(taps, kept, np.ones(e.shape))
+        size = np.abs(plain.apply(deviation))
+        spread = np.median(size[kept], axis=0) / 0.6745 if kept.any() else np.ones(e.shape[1])
+        spread = np.maximum(spread, LEAST * taps[:, 0])
+        ratio = size / spread
+        weight = np.sqrt(np.minimum(1.0, OUTLYING / np.maximum(ratio, 1e-12))) / spread
+        weight[ratio > IMPOSSIBLE] = 0.0
+        return cls(taps, kept, weight)
+
+    def apply(self, values: np.ndarray) -> np.ndarray:
+        """Return whitened channels, zero where rows do not count.
+
+        Args:
+            values: (m, c) channels, or how they change with a parameter.
+        """
+        out = np.empty_like(values)
+        for i, taps in enumerate(self.taps):
+            out[:, i] = signal.lfilter(taps, 1.0, values[:, i])
+        return out * np.where(self.good[:, None], self.weight, 0.0)
+
+
+def _filter(x: np.ndarray, good: np.ndarray, order: int) -> np.ndarray:
+    """Return the prediction error filter (order + 1,) of a channel, over its deviation.
+
+    Args:
+        x: (m,) the channel, zero where rows do not count.
+        good: (m,) rows that count.
+    """
+    n = max(int(good.sum()), 1)
+    r = np.array([x[: len(x) - k] @ x[k:] for k in range(order + 1)]) / n
+    if r[0] <= 0.0:
+        return np.append(1.0, np.zeros(order))
+    r[0] *= 1.0 + 1e-9
+    phi = linalg.solve_toeplitz(r[:-1], r[1:])
+    return np.append(1.0, -phi) / np.sqrt(max(r[0] - phi @ r[1:], 1e-12 * r[0]))
+
+
+PRIOR_FLIGHTS = 2  # that the variance between flights is worth before any is seen; own choice
+
+
+@dc.dataclass(frozen=True)
+class Agreement:
+    """Whether flights tell the same of one parameter.
+
+    values, sd: (f,) what each flight tells alone and its deviation, in z; NaN where it tells
+    nothing.
+    variance: between flights, beside that within them.
+    p: probability of a larger disagreement by chance [1].
+    """
+
+    values: np.ndarray
+    sd: np.ndarray
+    variance: float
+    p: float
+
+
+def compare(values: np.ndarray, sd: np.ndarray) -> Agreement | None:
+    """Return the agreement of flights on a parameter; None where fewer than two tell anything.
+
+    Args:
+        values: (f,) what each tells alone; NaN where it tells nothing.
+        sd: (f,) standard deviations of these.
+    """
+    here = np.isfinite(values)
+    if here.sum() < 2:
+        return None
+    variance, Q = random_effect(values[here], sd[here])
+    return Agreement(values, sd, variance, float(stats.chi2.sf(Q, here.sum() - 1)))
+
+
+def random_effect(values: np.ndarray, sd: np.ndarray) -> tuple[float, float]:
+    """Return the variance between flights beside that within them, and Cochran's Q.
+
+    Args:
+        values: (f,) what each tells alone.
+        sd: (f,) standard deviations of these.
+    """
+    weight = 1.0 / sd**2
+    Q = float(weight @ (values - weight @ values / weight.sum()) ** 2)
+    spread = weight.sum() - (weight**2).sum() / weight.sum()
+    return max(0.0, (Q - (len(values) - 1)) / spread), Q
+
+
+def _between(agreement: Agreement) -> float:
+    """Return what the variance between flights adds to that of their mean, with Student's t for
+    their number.
+    """
+    here = np.isfinite(agreement.sd)
+    weight = 1.0 / agreement.sd[here] ** 2  # as flights count in the common estimate
+    share = float((weight**2).sum() / weight.sum() ** 2)
+    few = float(stats.t.ppf(0.975, here.sum() - 1 + PRIOR_FLIGHTS) / stats.norm.ppf(0.975))
+    return agreement.variance * share * few**2
+
 
 PASSES = 4  # of noise models
 ITERATIONS = 3  # of Gauss-Newton within one
@@ -110,10 +419,30 @@ def estimate(models: Sequence[FlightModel], layout: Layout) -> Estimate:
     agreement = _agreement(single, layout, alone)
     covariances = [inverse]
     for together in TOGETHER:
-        scores = np.concatenate([_summed(part.scores, together) for part in single])
+        scores = np.concatenate(
+            [
+                (np.add.reduceat(part.scores, np.arange(0, len(part.scores), together)))
+                for part in single
+            ]
+        )
         if together == 1 or len(scores) >= LEAST_BLOCKS:
             covariances.append(_sandwich(inverse, scores))
-    between = between_flights(agreement, layout) + spread_of_own(covariances[1], layout, z)
+    # What the variance between flights adds to the variances of z (k,).
+    out = np.zeros(layout.size)
+    for i, name in enumerate(layout.names):
+        if name in agreement:
+            out[i] = _between(agreement[name])
+    # What to add to the variances (k,) of flights' own parameters, by how much flights differ
+    # beyond them.
+    own_out = np.zeros(layout.size)
+    if layout.flights > 1:
+        first, count = len(layout.shared), len(layout.own)
+        for own_i in range(count):
+            own_own = slice(first + own_i, None, count)
+            own_out[own_own] = max(
+                float(np.var(z[own_own], ddof=1) - np.mean(np.diag(covariances[1])[own_own])), 0.0
+            )
+    between = (out) + (own_out)
     covariances = [c + np.diag(between) for c in covariances]
     # The gradients of flights at the common estimate hold the differences between them.
     if len(parts) >= LEAST_FLIGHTS:
@@ -128,11 +457,6 @@ def _not_above_the_prior(covariance: np.ndarray) -> np.ndarray:
     """Return the covariance (k, k) of z with no deviation above that of the prior, 1."""
     known = np.minimum(1.0 / np.sqrt(np.diag(covariance)), 1.0)
     return covariance * np.outer(known, known)
-
-
-def _summed(scores: np.ndarray, together: int) -> np.ndarray:
-    """Return the sums (c, k) of so many consecutive scores (b, k)."""
-    return np.add.reduceat(scores, np.arange(0, len(scores), together))
 
 
 def _sandwich(inverse: np.ndarray, scores: np.ndarray) -> np.ndarray:

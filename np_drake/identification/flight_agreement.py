@@ -1,24 +1,20 @@
-"""Flights that tell something else of a vehicle than the others, and what a quantity moves with.
+"""Flights that tell something else of a vehicle than the others.
 
-Source: DerSimonian and Laird 1986 (variance between studies); Thompson and Sharp 1999 (regression
-on a covariate).
+Source: DerSimonian and Laird 1986 (variance between studies).
 """
 
 import dataclasses as dc
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 
 import numpy as np
 from scipy import stats
 
-from np_drake.identification.between_flights import Agreement, random_effect
-from np_drake.identification.frame import Values
+from np_drake.identification.estimation import Agreement, random_effect
 from np_drake.identification.identify import Identification
+from np_drake.identification.model import Values
 from np_drake.identification.quantities import SURE, TOLD, Basis, Identified, Quantity
 
 DIFFER = 0.01  # probability below which flights differ by more than chance [1]; own choice
-MOVES = 0.05  # probability below which a quantity moves with a covariate [1]; the usual level
-# flights from which a trend is tested; own choice: a line through three has one degree of freedom
-FEWEST = 4
 
 
 @dc.dataclass(frozen=True)
@@ -29,7 +25,6 @@ class FlightValues:
     names: (f,) of the flights.
     value, low, high: (f,) with 95 % intervals; NaN where a flight tells nothing.
     apart: names of flights that stand out.
-    moves_with: covariate that a difference follows; empty: none.
     """
 
     quantity: Identified
@@ -38,7 +33,6 @@ class FlightValues:
     low: np.ndarray
     high: np.ndarray
     apart: tuple[str, ...] = ()
-    moves_with: str = ""
 
     @property
     def differ(self) -> bool:
@@ -51,8 +45,6 @@ class FlightValues:
         if not self.differ:
             return ""
         said = f"{self.quantity.name}: flights differ"
-        if self.moves_with:
-            return f"{said}; it moves with {self.moves_with}"
         others = len(self.names) - len(self.apart)
         if self.apart and others > 1:
             return (
@@ -87,10 +79,8 @@ def flight_values(found: Identification) -> list[FlightValues]:
         )
         names = tuple(model.flight.name for model in found.models)
         apart = tuple(names[i] for i in outlying(agreement)) if quantity.p < DIFFER else ()
-        moves = moves_with(agreement, covariates(found)) if quantity.p < DIFFER else ""
-        shown.append(
-            FlightValues(quantity, names, value, np.minimum(*both), np.maximum(*both), apart, moves)
-        )
+        low, high = np.minimum(*both), np.maximum(*both)
+        shown.append(FlightValues(quantity, names, value, low, high, apart))
     return shown
 
 
@@ -142,23 +132,10 @@ def own_values(found: Identification) -> list[FlightValues]:
         told = Agreement(z, sd, 0.0, p)
         names = tuple(model.flight.name for model in found.models)
         apart = tuple(names[i] for i in outlying(told)) if p < DIFFER else ()
-        moves = moves_with(told, covariates(found)) if p < DIFFER else ""
         shown.append(
-            FlightValues(quantity, names, each, np.minimum(*both), np.maximum(*both), apart, moves)
+            FlightValues(quantity, names, each, np.minimum(*both), np.maximum(*both), apart)
         )
     return shown
-
-
-def covariates(found: Identification) -> dict[str, np.ndarray]:
-    """Return by name what differs from flight to flight (f,): their order and the median voltage
-    [V].
-    """
-    along = {"the order of the flights": np.arange(len(found.models), dtype=float)}
-    volts = [model.flight.voltage for model in found.models]
-    known = [float(np.median(v)) for v in volts if v is not None]
-    if len(known) == len(volts) and np.ptp(known) > 0:
-        along["the voltage"] = np.array(known)
-    return along
 
 
 def outlying(agreement: Agreement) -> list[int]:
@@ -181,32 +158,6 @@ def outlying(agreement: Agreement) -> list[int]:
         if p < DIFFER / len(here):
             found.append(int(i))
     return found
-
-
-def moves_with(agreement: Agreement, along: Mapping[str, np.ndarray]) -> str:
-    """Return the covariate on which a line explains best how flights differ; empty where none does.
-
-    Args:
-        along: covariates (f,) by name.
-    """
-    here = np.isfinite(agreement.values)
-    count = int(here.sum())
-    if count < FEWEST:
-        return ""
-    y, weight = agreement.values[here], 1.0 / agreement.sd[here] ** 2
-    least, best = MOVES / max(len(along), 1), ""
-    for name, covariate in along.items():
-        columns = np.stack([np.ones(count), covariate[here]], axis=1)
-        if np.ptp(columns[:, 1]) == 0:
-            continue
-        root = np.sqrt(weight)
-        total = float(weight @ (y - weight @ y / weight.sum()) ** 2)
-        line = np.linalg.lstsq(columns * root[:, None], y * root, rcond=None)[0]
-        left = float(weight @ (y - columns @ line) ** 2)
-        p = float(stats.f.sf((total - left) / max(left / (count - 2), 1.0), 1, count - 2))
-        if p < least:
-            least, best = p, name
-    return best
 
 
 def _mean(values: np.ndarray, sd: np.ndarray) -> tuple[float, float, float]:

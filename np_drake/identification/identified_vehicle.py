@@ -2,14 +2,14 @@
 
 import dataclasses as dc
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
 from np_drake.identification.identify import Identification
 from np_drake.identification.quantities import SURE, Identified
 from np_drake.vehicle import Vehicle
-from np_drake.vehicle.calibration import Calibration, ThrottleMap
-from np_drake.vehicle.rate_loop import RateLoop
+from np_drake.vehicle.vehicle import Calibration, RateLoop, ThrottleMap
 
 SHAPES = {
     "inertia": (3, 3),
@@ -35,100 +35,112 @@ def identified_vehicle(found: Identification, name: str) -> Vehicle:
     """Return the vehicle as flights tell it.
     Raises: ValueError: where only ratios to the mass are told, or the values are no vehicle's.
     """
-    if found.basis.ratios:
+    basis, prior, count = found.basis, found.prior, len(found.models)
+    if basis.ratios:
         raise ValueError(
             "identify: a vehicle file needs the mass, for flights tell thrust and inertia "
             "over it. Give --mass KG."
         )
-    prior = found.prior
     fields: dict[str, list[Identified]] = {}
     for quantity in found.quantities:
-        if quantity.quantity.field:
-            fields.setdefault(quantity.quantity.field, []).append(quantity)
-    values = {field: _value(field, own, prior) for field, own in fields.items()}
-    intervals = {field: _intervals(field, own, prior) for field, own in fields.items()}
-    sources = {field: _source(own, len(found.models)) for field, own in fields.items()}
-    mass = found.basis.mass_of(found.estimate.layout.values(found.estimate.z))
-    if found.basis.mass is not None:
+        fields.setdefault(quantity.quantity.field, []).append(quantity)
+    fields.pop("", None)
+    named = f"identified from {count} flight{'s' * (count > 1)}"
+    values: dict[str, Any] = {}
+    intervals, sources = dict[str, list[list[float]]](), dict[str, str]()
+    for field, own in fields.items():
+        values[field], intervals[field] = _numbers(field, own, prior)
+        sources[field] = _source(own, named)
+    if basis.mass is not None:
         sources["mass"] = "given"
     for field in ("gravity", "rotor_positions", "rotor_directions", "rotor_radius"):
         sources[field] = f"given: {prior.name}"
     if (body := _possible(np.array(values["inertia"]))) is not None:
         values["inertia"] = body.tolist()
         sources["inertia"] += "; zz lowered to the largest that a body can have"
-    coefficient = values.get("thrust_coefficient", prior.thrust_coefficient)
-    if "torque_coefficient" in values:
-        intervals["torque_coefficient"] = [
-            [_rounded(coefficient * end) for end in intervals["torque_coefficient"][0]]
-        ]
-        values["torque_coefficient"] = _rounded(coefficient * values["torque_coefficient"])
-    throttle = None
-    if "throttle.full_thrust" in values:
-        volts = found.basis.frame.volts or None
-        throttle = ThrottleMap(
-            values["throttle.full_thrust"],
-            float(np.clip(values.get("throttle.linear", 0.0), -0.5, 1.5)),
-            0.0,
-            volts,
-            float(np.clip(values.get("throttle.voltage_exponent", 0.0), 0.0, 4.0))
-            if volts
-            else 0.0,
-        )
+    if "torque_coefficient" in values:  # told over thrust
+        scale = values.get("thrust_coefficient", prior.thrust_coefficient)
+        ends = intervals["torque_coefficient"][0]
+        intervals["torque_coefficient"] = [[_rounded(scale * end) for end in ends]]
+        values["torque_coefficient"] = _rounded(scale * values["torque_coefficient"])
+    throttle, full = None, values.get("throttle.full_thrust")
+    if full is not None:
+        volts, power = basis.frame.volts or None, 0.0
         if volts is None:
             intervals.pop("throttle.voltage_exponent", None)
             sources.pop("throttle.voltage_exponent", None)
+        else:
+            power = float(np.clip(values.get("throttle.voltage_exponent", 0.0), 0.0, 4.0))
+        linear = float(np.clip(values.get("throttle.linear", 0.0), -0.5, 1.5))
+        throttle = ThrottleMap(full, linear, 0.0, volts, power)
         intervals["max_rotor_thrust"] = intervals["throttle.full_thrust"]
         sources["max_rotor_thrust"] = sources["throttle.full_thrust"]
     # Thrust is told over the mass: an error of a given mass is one of thrust by the same share, and
     # cancels in flight.
-    for field, of in (
-        ("mass_uncertainty", "mass"),
-        ("thrust_uncertainty", SCALE_OF.get(found.basis.drive)),
-    ):
+    for field, of in (("mass", "mass"), ("thrust", SCALE_OF.get(basis.drive))):
         if of in intervals:
             low, high = intervals[of][0]
-            values[field], sources[field] = (
-                min(_rounded(np.log(high / low) / (2 * SURE)), VAGUE),
-                sources[of],
-            )
-    own = {
-        field.partition(".")[2]: value
-        for field, value in values.items()
-        if field.startswith("calibration.")
-    }
-    if "rotor_gains" in own:
-        own["rotor_gains"] = [
-            _rounded(gain / float(np.mean(own["rotor_gains"]))) for gain in own["rotor_gains"]
-        ]
-    if "command_delay" in own:
-        own["command_delay"] = max(own["command_delay"], 0.0)
-    calibration = Calibration(**own)
-    loop = None
-    if found.rate_loop:
-        lags, gains = (
-            [_rounded(getattr(axis, of)) for axis in found.rate_loop] for of in ("lag", "gain")
-        )
-        most = np.maximum([axis.max_rate for axis in found.rate_loop], RateLoop().max_rate)
+            spread = _rounded(np.log(high / low) / (2 * SURE))
+            values[f"{field}_uncertainty"] = min(spread, VAGUE)
+            sources[f"{field}_uncertainty"] = sources[of]
+    own_fields = {f.partition(".")[2]: v for f, v in values.items() if f.startswith("calibration.")}
+    if "rotor_gains" in own_fields:
+        gains = own_fields["rotor_gains"]
+        own_fields["rotor_gains"] = [_rounded(gain / float(np.mean(gains))) for gain in gains]
+    if "command_delay" in own_fields:
+        own_fields["command_delay"] = max(own_fields["command_delay"], 0.0)
+    loop, axes = None, found.rate_loop
+    if axes:
+        lags, gains = ([_rounded(getattr(axis, of)) for axis in axes] for of in ("lag", "gain"))
+        most = np.maximum([axis.max_rate for axis in axes], RateLoop().max_rate)
         loop = RateLoop(lags, gains, [_rounded(float(rate)) for rate in most])
         for of in ("lag", "gain"):
-            ends = (getattr(axis, f"{of}_interval") for axis in found.rate_loop)
-            intervals[f"rate_loop.{of}"] = [[_rounded(low), _rounded(high)] for low, high in ends]
-            sources[f"rate_loop.{of}"] = (
-                f"identified from {len(found.models)} flight{'s' * (len(found.models) > 1)}"
-            )
+            within = (getattr(axis, f"{of}_interval") for axis in axes)
+            intervals[f"rate_loop.{of}"] = [[_rounded(low), _rounded(high)] for low, high in within]
+            sources[f"rate_loop.{of}"] = named
     plain = {f: v for f, v in values.items() if "." not in f and f != "mass"}
     return dc.replace(
         prior,
         name=name,
-        mass=mass,
-        max_rotor_thrust=values.get("throttle.full_thrust", prior.max_rotor_thrust),
+        mass=basis.mass_of(found.estimate.layout.values(found.estimate.z)),
+        max_rotor_thrust=prior.max_rotor_thrust if full is None else full,
         throttle=throttle,
-        calibration=calibration,
+        calibration=Calibration(**own_fields),
         rate_loop=loop,
         sources=sources,
         intervals=intervals,
         **plain,
     ).check()
+
+
+def _numbers(
+    field: str, own: Sequence[Identified], prior: Vehicle
+) -> tuple[Any, list[list[float]]]:
+    """Return the value of a field as a vehicle file holds it, and the 95 % intervals of each of its
+    numbers row by row; what flights do not tell of an array is the prior's.
+    """
+    if field not in SHAPES:
+        return _rounded(own[0].value), [[_rounded(own[0].low), _rounded(own[0].high)]]
+    start = np.array(prior.inertia, float) if field == "inertia" else np.zeros(SHAPES[field])
+    value, low, high = start.copy(), start.copy(), start.copy()
+    for q in own:
+        for out, number in ((value, q.value), (low, q.low), (high, q.high)):
+            out[q.quantity.index] = out[q.quantity.index[::-1]] = _rounded(number)
+    if field == "calibration.center_of_mass":
+        arm = float(np.linalg.norm(prior.rotor_positions, axis=1).mean())
+        low[2], high[2] = _rounded(-HEIGHT * arm), _rounded(HEIGHT * arm)
+    return value.tolist(), np.stack([low.ravel(), high.ravel()], axis=1).tolist()
+
+
+def _source(own: Sequence[Identified], named: str) -> str:
+    """Return what told a field, or why flights do not."""
+    told, other = [q for q in own if q.told], [q for q in own if not q.told]
+    if not other:
+        return named
+    lacks = f"{other[0].quantity.why}; {other[0].quantity.manoeuvre} would tell"
+    if not told:
+        return f"prior: {lacks}"
+    return f"{named}: {', '.join(q.name for q in told)}; prior: the rest, for {lacks}"
 
 
 def _possible(J: np.ndarray) -> np.ndarray | None:
@@ -137,9 +149,11 @@ def _possible(J: np.ndarray) -> np.ndarray | None:
 
     Of a body, tr(J)/2 - J is the second moment of its mass, which no direction has below zero.
     """
+    out = J.copy()
 
     def flat(zz: float) -> bool:
-        moments = np.linalg.eigvalsh(0.5 * (np.trace(J) - J[2, 2] + zz) * np.eye(3) - _with(J, zz))
+        out[2, 2] = zz
+        moments = np.linalg.eigvalsh(0.5 * np.trace(out) * np.eye(3) - out)
         return bool(moments[0] < FLATTEST * moments[-1])
 
     low, high = float(max(J[0, 0], J[1, 1])), float(J[2, 2])
@@ -148,60 +162,9 @@ def _possible(J: np.ndarray) -> np.ndarray | None:
     while high - low > 10.0**-DIGITS * high:
         middle = 0.5 * (low + high)
         low, high = (low, middle) if flat(middle) else (middle, high)
-    return _with(J, _rounded(low))
-
-
-def _with(J: np.ndarray, zz: float) -> np.ndarray:
-    """Return the inertia (3, 3) with another moment about z.
-
-    Args:
-        J: inertia [kg·m²].
-        zz: moment about z [kg·m²].
-    """
-    out = J.copy()
-    out[2, 2] = zz
+    out[2, 2] = _rounded(low)
     return out
 
 
 def _rounded(value: float) -> float:
     return float(f"{value:.{DIGITS}g}")
-
-
-def _array(field: str, own: Sequence[Identified], prior: Vehicle, of) -> np.ndarray:
-    """Return an array of the field's shape with `of` of each quantity; what flights do not tell is
-    the prior's.
-    """
-    out = np.array(prior.inertia, float) if field == "inertia" else np.zeros(SHAPES[field])
-    for quantity in own:
-        out[quantity.quantity.index] = out[quantity.quantity.index[::-1]] = _rounded(of(quantity))
-    return out
-
-
-def _value(field: str, own: Sequence[Identified], prior: Vehicle):
-    """Return the value of a field as a vehicle file holds it."""
-    if field in SHAPES:
-        return _array(field, own, prior, lambda q: q.value).tolist()
-    return _rounded(own[0].value)
-
-
-def _intervals(field: str, own: Sequence[Identified], prior: Vehicle) -> list[list[float]]:
-    """Return the 95 % intervals of a field, of each number row by row."""
-    if field not in SHAPES:
-        return [[_rounded(own[0].low), _rounded(own[0].high)]]
-    low, high = (_array(field, own, prior, of) for of in (lambda q: q.low, lambda q: q.high))
-    if field == "calibration.center_of_mass":
-        arm = float(np.linalg.norm(prior.rotor_positions, axis=1).mean())
-        low[2], high[2] = _rounded(-HEIGHT * arm), _rounded(HEIGHT * arm)
-    return [[float(a), float(b)] for a, b in zip(low.ravel(), high.ravel(), strict=True)]
-
-
-def _source(own: Sequence[Identified], flights: int) -> str:
-    """Return what told a field, or why flights do not."""
-    named = f"identified from {flights} flight{'s' * (flights > 1)}"
-    told, other = [q for q in own if q.told], [q for q in own if not q.told]
-    if not other:
-        return named
-    lacks = f"{other[0].quantity.why}; {other[0].quantity.manoeuvre} would tell"
-    if not told:
-        return f"prior: {lacks}"
-    return f"{named}: {', '.join(q.name for q in told)}; prior: the rest, for {lacks}"

@@ -7,15 +7,11 @@ from functools import cached_property
 import numpy as np
 
 from np_drake.flight_log import FlightLog
-from np_drake.identification.drives import common_drive
-from np_drake.identification.estimation import Estimate, estimate
-from np_drake.identification.frame import Frame, G
-from np_drake.identification.model import FlightModel
-from np_drake.identification.parameters import Layout
-from np_drake.identification.priors import parameters
+from np_drake.identification.estimation import Estimate, Layout, estimate, parameters
+from np_drake.identification.model import FlightModel, Frame
 from np_drake.identification.quantities import QUANTITIES, SURE, TOLD, Basis, Identified
 from np_drake.identification.rate_loop import AxisLoop, identify_rate_loop
-from np_drake.identification.signals import Signals, signals
+from np_drake.identification.signals import G, Signals, common_drive, signals
 from np_drake.vehicle import Vehicle
 
 SHORTEST = 3.0  # flight that tells anything [s]; own choice: three swings of a small vehicle
@@ -48,39 +44,26 @@ class Identification:
     @cached_property
     def quantities(self) -> tuple[Identified, ...]:
         """What is told of the vehicle, in the order of a vehicle file."""
-        e, layout = self.estimate, self.estimate.layout
-        found = []
-        for q in QUANTITIES:
-            if not self.parts.issuperset(q.needs):
-                continue
+        e, layout, found = self.estimate, self.estimate.layout, []
+        for q in (q for q in QUANTITIES if self.parts.issuperset(q.needs)):
 
             def of(z: np.ndarray, q=q) -> float:
                 value = q.of(layout.values(z), self.basis)
                 return float(np.log(value)) if q.positive else value
 
-            z, zero = e.z, np.zeros_like(e.z)
-            here, gradient = of(z), _gradient(of, z)
-            before, slope = of(zero), _gradient(of, zero)
+            zero = np.zeros_like(e.z)
+            here, gradient, before = of(e.z), _gradient(of, e.z), of(zero)
             sd = float(np.sqrt(e.variance(gradient)))
-            prior = float(np.linalg.norm(_of_one_flight(slope, layout)))
-            bounds = np.array(
-                [
-                    here,
-                    here - SURE * sd,
-                    here + SURE * sd,
-                    before - SURE * prior,
-                    before + SURE * prior,
-                ]
-            )
-            value, low, high, *both = np.exp(bounds) if q.positive else bounds
+            prior = float(np.linalg.norm(_of_one_flight(_gradient(of, zero), layout)))
+            wide, known = SURE * sd, SURE * prior
+            ends = (here - wide, here + wide, before - known, before + known)
+            bounds = np.array([here, *ends])
+            value, low, high, *both = (np.exp(bounds) if q.positive else bounds).tolist()
             told = bool(0.0 < sd < TOLD * prior)
             steepest = int(np.argmax(np.abs(_of_one_flight(gradient, layout))))
             follows = layout.names[steepest] if steepest < len(layout.shared) else ""
             p = e.agreement[follows].p if follows in e.agreement else float("nan")
-            of_prior = (float(both[0]), float(both[1]))
-            found.append(
-                Identified(q, float(value), float(low), float(high), of_prior, told, p, follows)
-            )
+            found.append(Identified(q, value, low, high, (both[0], both[1]), told, p, follows))
         return tuple(found)
 
     def __getitem__(self, name: str) -> Identified:
@@ -105,24 +88,21 @@ def identify(
         mass: with battery [kg]; None: not known.
         trusted: whether logged thrust [N], or the prior's thrust coefficient, is right, so that the
             mass is told.
-        drive: what turns the rotors, of `drives.DRIVES`; empty: the first that all logs hold.
+        drive: what turns the rotors, of `signals.DRIVES`; empty: the first that all logs hold.
         stop: share of each flight that is used, from its beginning [1].
     Raises: ValueError: one line, where flights tell nothing of the vehicle or differ in what they
         hold.
     """
     drive = common_drive(flights, drive)
-    notes = [
-        f"{log.name}: shorter than {SHORTEST:g} s; left out"
-        for log in flights
-        if lasts(log) < SHORTEST
-    ]
+    notes, seen, kept = [], [], []
     long = [log for log in flights if lasts(log) >= SHORTEST]
+    for log in (log for log in flights if lasts(log) < SHORTEST):
+        notes.append(f"{log.name}: shorter than {SHORTEST:g} s; left out")
     if not long:
         most = max(map(lasts, flights), default=0.0)
         raise ValueError(
             f"identify: needs a flight of {SHORTEST:g} s at least; the longest lasts {most:.2g} s."
         )
-    seen, kept = [], []
     for log in long:
         flight = signals(log, prior.unmixer, drive).part(0.0, stop)
         if reason := unfit(flight, stop):
@@ -136,19 +116,14 @@ def identify(
         )
     if any(flight.command is None for flight in seen):
         seen = [dc.replace(flight, command=None) for flight in seen]
-    frame = _frame(seen, prior, drive)
-    parts = _parts(seen, drive)
-    coefficient = (
-        prior.thrust_coefficient if trusted and mass is None and drive == "rotor_speed" else None
-    )
-    newtons = trusted and mass is None and drive == "command"
-    known = set(parts) | (set() if coefficient is not None or newtons else {"mass"})
-    known |= {"trusted"} if coefficient is not None or newtons else set()
-    spin = (
-        frame.unit
-        if drive == "rotor_speed"
-        else float(np.sqrt(0.25 * (mass or prior.mass) * G / prior.thrust_coefficient))
-    )
+    frame, parts = _frame(seen, prior, drive), _parts(seen, drive)
+    told, measured = trusted and mass is None, drive == "rotor_speed"
+    coefficient = prior.thrust_coefficient if told and measured else None
+    newtons = told and drive == "command"
+    known = parts | ({"trusted"} if coefficient is not None or newtons else {"mass"})
+    spin = frame.unit
+    if not measured:
+        spin = float(np.sqrt(0.25 * (mass or prior.mass) * G / prior.thrust_coefficient))
     step = max(float(np.median(np.diff(log.t))) for log in kept)
     layout = Layout.of(parameters(spin, step), parts, len(seen))
     models = tuple(FlightModel(flight, frame) for flight in seen)
@@ -159,9 +134,8 @@ def identify(
             "rate loop: no body rate follows its command as a loop would, or flights are "
             "short; none is told"
         )
-    return Identification(
-        basis, estimate(models, layout), frozenset(known), models, prior, tuple(notes), loops
-    )
+    found = estimate(models, layout)
+    return Identification(basis, found, frozenset(known), models, prior, tuple(notes), loops)
 
 
 def lasts(log: FlightLog) -> float:
@@ -205,18 +179,17 @@ def _of_one_flight(gradient: np.ndarray, layout: Layout) -> np.ndarray:
 
 def _parts(flights: Sequence[Signals], drive: str) -> set[str]:
     """Return what the logs hold."""
-    parts = {"speed"} if drive == "rotor_speed" else {"motors"}
-    if drive == "command":
-        parts.add("newtons")
-    if drive == "throttle" or all(s.command is not None for s in flights):
-        parts |= {"throttle", "motors"}
-    if all(s.voltage is not None for s in flights):
-        parts.add("voltage")
-    if any(s.velocity is not None for s in flights):
-        parts.add("velocity")
-    if all(s.accelerometer for s in flights):
-        parts.add("accelerometer")
-    return parts
+    throttle = drive == "throttle" or all(s.command is not None for s in flights)
+    held = {
+        "speed": drive == "rotor_speed",
+        "motors": drive != "rotor_speed" or throttle,
+        "newtons": drive == "command",
+        "throttle": throttle,
+        "voltage": all(s.voltage is not None for s in flights),
+        "velocity": any(s.velocity is not None for s in flights),
+        "accelerometer": all(s.accelerometer for s in flights),
+    }
+    return {name for name, there in held.items() if there}
 
 
 def _frame(flights: Sequence[Signals], prior: Vehicle, drive: str) -> Frame:
@@ -226,18 +199,12 @@ def _frame(flights: Sequence[Signals], prior: Vehicle, drive: str) -> Frame:
     inputs = np.concatenate([s.input[s.edges[:-1]][s.good] for s in flights])
     if drive == "rotor_speed":
         unit = float(np.sqrt(np.mean(inputs**2) / level))
-    elif drive == "command":
-        unit = float(np.mean(inputs) / level)
     else:
-        unit = float(np.median(inputs))
+        unit = float(np.mean(inputs) / level if drive == "command" else np.median(inputs))
+    throttle = unit if drive == "throttle" else 0.0
     commands = [s.command[s.edges[:-1]][s.good] for s in flights if s.command is not None]
-    throttle = (
-        float(np.median(np.concatenate(commands)))
-        if commands
-        else unit
-        if drive == "throttle"
-        else 0.0
-    )
+    if commands:
+        throttle = float(np.median(np.concatenate(commands)))
     volts = [np.median(s.voltage) for s in flights if s.voltage is not None]
     return Frame(
         np.array(prior.rotor_positions, float),

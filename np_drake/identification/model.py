@@ -1,14 +1,4 @@
-"""Grey-box model of a quadrotor: specific force, angular acceleration and rotor speed from what
-turns its rotors.
-
-All wrenches are per mass, so that a flight tells thrust over mass and inertia over mass. Axes are
-those of the vehicle file, with Bo as origin. Channels are measured less predicted values of a bin:
-    0-2 specific force [m/s²]
-    3-5 angular acceleration [rad/s²]
-    6-9 rotor speed over hover speed [1]
-The last four exist where a log holds rotor speed and throttle.
-Source: Newton and Euler for a rigid body whose sensors, rotors and centre of mass are not at Bo.
-"""
+"""Priors of the grey-box model in dimensionless form."""
 
 import dataclasses as dc
 from collections.abc import Callable
@@ -19,11 +9,141 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from np_drake import attitude
-from np_drake.identification.frame import MOMENTS, Frame, G, Values, euler_of_moments, inertia
-from np_drake.identification.rotor_response import at, lagged, means, target_speed
-from np_drake.identification.signals import Signals
+from np_drake.compiled import compiled
+from np_drake.identification.signals import G, Signals
 from np_drake.training_data.accelerations import most_likely
 from np_drake.training_data.segments import white_noise
+
+Values = dict[str, float]  # parameters of the model by name
+MOMENTS = ([0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2])  # xx, yy, zz, xy, xz, yz of a matrix
+FLATTEST = 0.995  # of Jzz over Jxx + Jyy, whose bound is 1 [1]
+
+
+@dc.dataclass(frozen=True)
+class Frame:
+    """What is given of the vehicle: geometry and units of length.
+
+    positions: (4, 3) rotors from Bo [m].
+    directions: (4,) signs of their reaction torques.
+    radius: of a rotor [m]. unit: of inputs in hover: rotor speed [rad/s], throttle [1] or thrust
+        [N] of one rotor.
+    volts: reference [V]. throttle: throttle in hover [1].
+    """
+
+    positions: np.ndarray
+    directions: np.ndarray
+    radius: float
+    unit: float
+    volts: float = 0.0
+    throttle: float = 0.0
+
+    @cached_property
+    def arm(self) -> float:
+        """Mean distance of the rotors from their middle [m]."""
+        return float(np.linalg.norm(self.positions - self.positions.mean(axis=0), axis=1).mean())
+
+    @cached_property
+    def patterns(self) -> np.ndarray:
+        """(3, 4) unit differences between rotors: left to right, front to rear, by direction."""
+        p = self.positions - self.positions.mean(axis=0)
+        rows = np.stack([p[:, 1], p[:, 0], self.directions])
+        return rows / np.abs(rows).max(axis=1, keepdims=True)
+
+
+def inertia(v: Values) -> np.ndarray:
+    """Return the inertia (3, 3) over mass and squared arm [1]."""
+    xx, yy = v["jxx"], v["jxx"] * v["jyy"]
+    xy, xz, yz = (-0.5 * (xx + yy) * v[name] for name in ("jxy", "jxz", "jyz"))
+    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, min(v["jzz"], FLATTEST) * (xx + yy)]])
+
+
+def euler_of_moments(spread: np.ndarray) -> np.ndarray:
+    """Return the map (m, 3, 6) from the moments of an inertia to the mean of w x J w.
+
+    Args:
+        spread: (m, 3, 3) means of w w'.
+    """
+    xx, yy, zz, xy, xz, yz = (spread[:, i, k] for i, k in zip(*MOMENTS, strict=True))
+    out = np.zeros((len(spread), 3, 6))
+    out[:, 0] = np.stack([0 * xx, -yz, yz, -xz, xy, yy - zz], axis=1)
+    out[:, 1] = np.stack([xz, 0 * xx, -xz, yz, zz - xx, -xy], axis=1)
+    out[:, 2] = np.stack([-xy, xy, 0 * xx, xx - yy, -yz, xz], axis=1)
+    return out
+
+
+def target_speed(throttle: np.ndarray, linear: float, idle: float = 0.0) -> np.ndarray:
+    """Return rotor speed over that at full throttle [1].
+
+    Args:
+        throttle: (..., 4) of 0 to 1 [1].
+        linear: share of the curve's linear part [1].
+        idle: rotor speed at no throttle, over the full one [1].
+    """
+    u, idle = np.clip(throttle, 0.0, None), max(idle, 0.0)
+    return idle + (1.0 - idle) * np.sqrt(np.maximum((1.0 - linear) * u * u + linear * u, 0.0))
+
+
+@compiled
+def lagged(target: np.ndarray, row: np.ndarray, step: float, up: float, down: float) -> np.ndarray:
+    """Return rotor speeds (m + 1, 4) at the edges of substeps, exact for a held target.
+
+    Args:
+        target: (n, 4) speeds that the rows command.
+        row: (m,) row whose target is held in each substep.
+        step: length of a substep [s].
+        up: time constant of a rising speed [s].
+        down: time constant of a falling speed [s].
+    """
+    rise = np.exp(-step / up) if up > 0.0 else 0.0
+    fall = np.exp(-step / down) if down > 0.0 else 0.0
+    out = np.empty((row.size + 1, target.shape[1]))
+    out[0] = target[row[0]]
+    for k in range(row.size):
+        for i in range(target.shape[1]):
+            wanted = target[row[k], i]
+            share = rise if wanted > out[k, i] else fall
+            out[k + 1, i] = wanted + (out[k, i] - wanted) * share
+    return out
+
+
+def means(t: np.ndarray, values: np.ndarray, starts: np.ndarray, stops: np.ndarray) -> np.ndarray:
+    """Return the means (k, c) of piecewise linear values over spans.
+
+    Args:
+        t: (m,) times of the values, uniform [s].
+        values: (m, c) values; constant before the first and after the last.
+        starts: (k,) of the spans [s].
+        stops: (k,) of the spans [s].
+    """
+    step = t[1] - t[0]
+    total = np.zeros_like(values)
+    np.cumsum(0.5 * step * (values[1:] + values[:-1]), axis=0, out=total[1:])
+
+    def integral(instants: np.ndarray) -> np.ndarray:
+        place = (instants - t[0]) / step
+        inside = np.clip(place, 0.0, len(t) - 1)
+        k = np.minimum(inside.astype(int), len(t) - 2)
+        part = (inside - k)[:, None]
+        # Of a line from the node before, and of the constant beyond the ends.
+        own = total[k] + step * part * (values[k] + 0.5 * part * (values[k + 1] - values[k]))
+        beyond = step * (place - inside)[:, None]
+        return own + beyond * np.where(beyond < 0, values[:1], values[-1:])
+
+    return (integral(stops) - integral(starts)) / (stops - starts)[:, None]
+
+
+def at(t: np.ndarray, values: np.ndarray, instants: np.ndarray) -> np.ndarray:
+    """Return piecewise linear values (k, c) at instants (k,) [s].
+
+    Args:
+        t: (m,) times of the values, uniform [s].
+        values: (m, c) values.
+        instants: (k,) times [s].
+    """
+    place = np.clip((instants - t[0]) / (t[1] - t[0]), 0.0, len(t) - 1)
+    k = np.minimum(place.astype(int), len(t) - 2)
+    return values[k] + (place - k)[:, None] * (values[k + 1] - values[k])
+
 
 FORCE, TORQUE, SPEED = slice(0, 3), slice(3, 6), slice(6, 10)
 RESPONSE = ("lag", "lag_ratio", "curve", "idle", "sag")  # of a rotor to its command

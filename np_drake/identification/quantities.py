@@ -7,8 +7,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from np_drake.identification.frame import Frame, G, Values, inertia
-from np_drake.identification.rotor_response import target_speed
+from np_drake.identification.model import Frame, Values, inertia, target_speed
+from np_drake.identification.signals import G
 
 # deviation over that of the prior below which flights tell a quantity [1]; own choice: two bits
 TOLD = 0.5

@@ -10,7 +10,7 @@ from scipy.optimize import least_squares
 from scipy.signal import cont2discrete, lfilter, ss2tf, step
 
 from np_drake.flight_log import FlightLog
-from np_drake.vehicle.rate_loop import GAINS, SLOWEST
+from np_drake.vehicle.vehicle import LOOP_GAINS, SLOWEST
 
 # Frequency [rad/s], damping [1] and delay [s] of a loop: where they are looked for, and from where;
 # own choice.
@@ -86,7 +86,7 @@ def _axis(blocks: Sequence[_Block]) -> AxisLoop | None:
     if len(blocks) < FEWEST:
         return None
     z, gain, share = _fit(blocks, *np.log(STARTS))
-    if share < LEAST**2 or not (GAINS[0] <= gain <= GAINS[1] and _rise(z) <= SLOWEST):
+    if share < LEAST**2 or not (LOOP_GAINS[0] <= gain <= LOOP_GAINS[1] and _rise(z) <= SLOWEST):
         return None
     found = [_fit([*blocks[:k], *blocks[k + 1 :]], z)[:2] for k in range(len(blocks))]
     left = np.array([(_rise(part), g) for part, g in found])

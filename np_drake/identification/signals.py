@@ -1,8 +1,10 @@
-"""What the estimator takes from a flight: specific force, angular acceleration and rotor inputs in
-bins of its rows.
+"""What the estimator takes from a flight: force, angular acceleration and rotor inputs in bins.
+
+What turns the rotors is measured rotor speed, throttle, or thrust and torque.
 """
 
 import dataclasses as dc
+from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
@@ -10,11 +12,89 @@ from scipy import ndimage
 
 from np_drake import attitude
 from np_drake.flight_log import FlightLog
-from np_drake.identification.drives import drives_of, of_four_rotors
-from np_drake.identification.frame import G
-from np_drake.identification.rotor_response import Substeps
 from np_drake.training_data.accelerations import most_likely
 from np_drake.training_data.segments import white_noise
+
+G = 9.81  # of all logs; the accelerometer tells no other [m/s²]
+
+
+# longest substep of a lag [s]; own choice: a tenth of the time constant of a small motor
+FINEST = 2.5e-3
+
+
+@dc.dataclass(frozen=True)
+class Substeps:
+    """Uniform fine grid of a flight, and the row whose command is held in each of its steps.
+
+    t: (m,) starts of the steps, from the first row on [s].
+    row: (m,) index of the row.
+    step: [s].
+    """
+
+    t: np.ndarray
+    row: np.ndarray
+    step: float
+
+    @classmethod
+    def of(cls, t: np.ndarray) -> "Substeps":
+        """Return the grid of rows at t (n,) [s]."""
+        own = float(np.median(np.diff(t)))
+        step = own / max(1, int(np.ceil(own / FINEST - 1e-9)))
+        fine = np.arange(t[0], t[-1], step)
+        return cls(fine, np.searchsorted(t, fine + 0.5 * step, side="right") - 1, step)
+
+
+DRIVES = ("rotor_speed", "throttle", "command")  # the most telling first
+
+
+def of_four_rotors(values: np.ndarray | None) -> bool:
+    """Return whether readings are those of four rotors, in every row."""
+    return (
+        values is not None
+        and np.ndim(values) == 2
+        and values.shape[1] == 4
+        and bool(np.isfinite(values).all())
+    )
+
+
+def drives_of(log: FlightLog) -> tuple[str, ...]:
+    """Return what a log holds of its four rotors in every row, of `DRIVES`.
+
+    Raises: ValueError: where the log has neither rotor speed, nor the throttle of four rotors, nor
+    thrust and torque.
+    """
+    command = log.input == "command" and bool(np.isfinite(log.u).all())
+    held = (of_four_rotors(log.rotor), of_four_rotors(log.throttle), command)
+    if not any(held):
+        raise ValueError(
+            f"{log.name}: identification needs what turns each rotor: rotor speed, "
+            f"throttle of four motors, or thrust "
+            "and torque; the log has none of them."
+        )
+    return tuple(kind for kind, there in zip(DRIVES, held, strict=True) if there)
+
+
+def common_drive(logs: Sequence[FlightLog], asked: str = "") -> str:
+    """Return the input that all logs hold; the one of `DRIVES` that is asked for, if any.
+
+    Raises: ValueError: one line, where a log lacks it, or they hold none in common.
+    """
+    if asked and asked not in DRIVES:
+        raise ValueError(
+            f"identify: the input must be {', '.join(DRIVES[:-1])} or {DRIVES[-1]}; got {asked!r}."
+        )
+    held = {log.name: drives_of(log) for log in logs}
+    for name, kinds in held.items():
+        if asked and asked not in kinds:
+            raise ValueError(f"{name}: holds {' and '.join(kinds)} of its rotors, not {asked}.")
+    for kind in (asked,) if asked else DRIVES:
+        if all(kind in kinds for kinds in held.values()):
+            return kind
+    said = "; ".join(f"{name} {' and '.join(kinds)}" for name, kinds in held.items())
+    raise ValueError(
+        f"identify: flights must hold one kind of input of their rotors in common; got {said}."
+    )
+
 
 # least length of a bin [s]; own choice: motors answer below 15 Hz, and a log at 100 Hz keeps its
 # rows
@@ -142,7 +222,13 @@ def signals(log: FlightLog, unmixer: np.ndarray, drive: str = "") -> Signals:
         )
     source = np.asarray(source, float)
     logged = log.throttle if drive == "throttle" else source
-    spikes = _spikes(np.concatenate([logged, log.w], axis=1))
+    # Which rows (n,) of readings (n, c) stand out of their neighbours, which a step does not.
+    values = np.concatenate([logged, log.w], axis=1)
+    apart = np.abs(values - ndimage.median_filter(values, size=(7, 1), mode="nearest"))
+    usual = np.median(apart, axis=0) / 0.6745
+    # Readings that mostly repeat have no usual deviation: that of those that do not.
+    moving = np.array([np.median(a[a > 0]) / 0.6745 if (a > 0).any() else np.inf for a in apart.T])
+    spikes = np.any(apart > SPIKE * np.maximum(usual, moving), axis=1)
     w = _across(log.w, spikes)
     # Readings of rotor speed have noise. A command that changes between rows is noise to them, a
     # held one is exact.
@@ -153,7 +239,10 @@ def signals(log: FlightLog, unmixer: np.ndarray, drive: str = "") -> Signals:
     smooth = most_likely(w, white_noise([w]), log.step)
     products = smooth[:, :, None] * smooth[:, None, :]
     bad = spikes if log.bridged is None else spikes | log.bridged
-    good &= _carried(source[edges[:-1]] ** (2 if drive == "rotor_speed" else 1), force, good)
+    # In which bins (m,) the rotors carry the vehicle, and not the ground.
+    lift = source[edges[:-1]] ** (2 if drive == "rotor_speed" else 1)
+    ratio = lift.mean(axis=1) / np.maximum(np.linalg.norm(force, axis=1), FLYING * G)
+    good &= ratio > CARRIED * np.quantile(ratio[good], 0.9) if good.any() else good
     # A bin reaches to the row after its last.
     touched = bad[:-1] | bad[1:]
     good &= np.add.reduceat(touched[: edges[-1]], edges[:-1]) == 0
@@ -176,31 +265,6 @@ def signals(log: FlightLog, unmixer: np.ndarray, drive: str = "") -> Signals:
         voltage=volts,
         accelerometer=log.a is not None,
     )
-
-
-def _carried(lift: np.ndarray, force: np.ndarray, good: np.ndarray) -> np.ndarray:
-    """Return in which bins (m,) the rotors carry the vehicle, and not the ground.
-
-    Args:
-        lift: (m, 4) inputs that grow with thrust.
-        force: (m, 3) specific force [m/s²].
-        good: (m,) bins that count.
-    """
-    ratio = lift.mean(axis=1) / np.maximum(np.linalg.norm(force, axis=1), FLYING * G)
-    return ratio > CARRIED * np.quantile(ratio[good], 0.9) if good.any() else good
-
-
-def _spikes(values: np.ndarray) -> np.ndarray:
-    """Return which rows (n,) of readings (n, c) stand out of their neighbours, which a step does
-    not.
-
-    Source: Hampel's identifier, with the median of seven rows and the deviation of all.
-    """
-    apart = np.abs(values - ndimage.median_filter(values, size=(7, 1), mode="nearest"))
-    usual = np.median(apart, axis=0) / 0.6745
-    # Readings that mostly repeat have no usual deviation: that of those that do not.
-    moving = np.array([np.median(a[a > 0]) / 0.6745 if (a > 0).any() else np.inf for a in apart.T])
-    return np.any(apart > SPIKE * np.maximum(usual, moving), axis=1)
 
 
 def _across(values: np.ndarray, bad: np.ndarray) -> np.ndarray:

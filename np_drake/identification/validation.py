@@ -1,5 +1,6 @@
-"""Identified model on flights that it has not seen, beside the vehicle file as it was and plain
-least squares.
+"""Identified model on flights that it has not seen, beside the vehicle file and least squares.
+
+Open-loop predictions run the model from logged states on, driven by what turned the rotors.
 """
 
 import dataclasses as dc
@@ -8,15 +9,114 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from scipy.optimize import least_squares
 
+from np_drake import attitude
 from np_drake.flight_log import FlightLog
-from np_drake.identification.estimation import estimate
-from np_drake.identification.frame import Frame, G, Values, inertia
+from np_drake.identification.estimation import Layout, estimate
 from np_drake.identification.identify import Identification
-from np_drake.identification.model import FlightModel
-from np_drake.identification.parameters import Layout
-from np_drake.identification.prediction import ERRORS, predict
-from np_drake.identification.signals import signals
+from np_drake.identification.model import FlightModel, Frame, Values, inertia
+from np_drake.identification.signals import G, signals
 from np_drake.vehicle import Vehicle
+
+# of a bin; own choice: half of 10 ms, at which the fourth-order rule is exact for a rigid body
+SUBSTEPS = 2
+ERRORS = ("position", "velocity", "attitude", "rates")  # [m, m/s, rad, rad/s]
+
+
+@dc.dataclass(frozen=True)
+class Prediction:
+    """Predictions from several starts of one flight.
+
+    t: (k + 1,) time from the start [s].
+    first: (s,) rows of the log at which they start.
+    x: (k + 1, s, 13) states. rows: (k + 1, s) rows of the log at these times.
+    """
+
+    t: np.ndarray
+    first: np.ndarray
+    x: np.ndarray
+    rows: np.ndarray
+
+    def errors(self, log: FlightLog) -> np.ndarray:
+        """Return the errors (k + 1, s, 4), of `ERRORS`."""
+        true = log.x[self.rows]
+        between = attitude.multiply(attitude.conjugate(true[..., 3:7]), self.x[..., 3:7])
+        return np.stack(
+            [
+                np.linalg.norm(self.x[..., 0:3] - true[..., 0:3], axis=-1),
+                np.linalg.norm(self.x[..., 7:10] - true[..., 7:10], axis=-1),
+                np.linalg.norm(attitude.rotation_vector(between), axis=-1),
+                np.linalg.norm(self.x[..., 10:13] - true[..., 10:13], axis=-1),
+            ],
+            axis=-1,
+        )
+
+
+def predict(
+    model: FlightModel, log: FlightLog, v: Values, *, seconds: float, every: float = 0.1
+) -> Prediction:
+    """Return open-loop predictions.
+
+    Args:
+        seconds: length of a prediction [s].
+        every: between starts [s].
+    """
+    s = model.flight
+    steps, apart = max(1, round(seconds / s.step)), max(1, round(every / s.step))
+    first = np.arange(0, len(s) - steps, apart)
+    first = np.array([b for b in first if s.good[b : b + steps].all()], int)
+    if not len(first):
+        raise ValueError(f"{log.name}: no stretch of {seconds:g} s without gaps to predict.")
+    center = model.center(v)
+    x = log.x[s.edges[first]]
+    R = attitude.rotation_matrix(x[:, 3:7])
+    x[:, 0:3] += R @ center
+    x[:, 7:10] += np.einsum("sij,sj->si", R, np.cross(x[:, 10:13], center))
+    thrust, forces = model.wrench(v)
+    out, h = [x], s.step / SUBSTEPS
+    for k in range(steps):
+        held = tuple(part[first + k] for part in (thrust, *forces))
+        for _ in range(SUBSTEPS):
+            x = _step(model, v, x, held, h)
+        out.append(x)
+    states_out = np.array(out)
+    R = attitude.rotation_matrix(states_out[..., 3:7])
+    turned = np.cross(states_out[..., 10:13], center)
+    states_out[..., 0:3] -= R @ center
+    states_out[..., 7:10] -= np.einsum("ksij,ksj->ksi", R, turned)
+    rows = s.edges[first[None, :] + np.arange(steps + 1)[:, None]]
+    return Prediction(np.arange(steps + 1) * s.step, first, states_out, rows)
+
+
+def _step(model: FlightModel, v: Values, x: np.ndarray, held: tuple, h: float) -> np.ndarray:
+    """Return states (s, 13) one Runge-Kutta step later."""
+    one = _rate(model, v, x, held)
+    two = _rate(model, v, x + 0.5 * h * one, held)
+    three = _rate(model, v, x + 0.5 * h * two, held)
+    four = _rate(model, v, x + h * three, held)
+    out = x + h / 6 * (one + 2 * two + 2 * three + four)
+    out[:, 3:7] /= np.linalg.norm(out[:, 3:7], axis=1, keepdims=True)
+    return out
+
+
+def _rate(model: FlightModel, v: Values, x: np.ndarray, held: tuple) -> np.ndarray:
+    """Return the rates of change (s, 13) of states x (s, 13), of the centre of mass."""
+    thrust, moment, spin, change, mean = held
+    q, w = x[:, 3:7], x[:, 10:13]
+    u = attitude.rotate_back(q, x[:, 7:10])
+    air, torque = model.air_wrench(v, u, mean)
+    push = air.copy()
+    push[:, 2] += thrust
+    a = attitude.rotate(q, push) - [0.0, 0.0, G]
+    j = inertia(v) * model.frame.arm**2
+    total = moment + torque - np.cross(w, w @ j.T)
+    h = v["rotor_momentum"] * j[2, 2] * spin
+    total[:, 0] += w[:, 1] * h
+    total[:, 1] -= w[:, 0] * h
+    total[:, 2] += v["rotor_momentum"] * j[2, 2] * change
+    return np.concatenate(
+        [x[:, 7:10], attitude.quaternion_rate(q, w), a, total @ np.linalg.inv(j).T], axis=1
+    )
+
 
 HORIZONS = (0.1, 0.5)  # of open-loop prediction [s]
 ADAPTED = 5.0  # beginning of a held-out flight that tells its own parameters [s]; own choice
@@ -134,10 +234,8 @@ def held_out(
     """Return the errors on flights that the identification has not seen.
 
     The first seconds of each tell what is its own: battery, where that lies, clock and errors of
-    sensors. They are not scored.
-
-    Args:
-        parts: share of each flight that counts, first and last [1]; default: whole flights.
+    sensors. They are not scored. parts: share of each flight that counts, first and last [1];
+    default: whole flights.
     """
     basis = found.basis
     identified = found.estimate.layout.values(found.estimate.z)
@@ -149,7 +247,18 @@ def held_out(
     out = []
     for number, log in enumerate(logs):
         model, own = adapted(found, log, parts[number] if parts else (0.0, 1.0), rows)
-        out += [_errors(model, log, name, v, mass, J) for name, v in own.items()]
+        for name, v in own.items():
+            e = model.residual(v)[model.flight.good]
+            force = mass * np.sqrt(np.mean(e[:, 0:3] ** 2, axis=0))
+            torque = np.sqrt(np.mean((e[:, 3:6] @ J.T) ** 2, axis=0))
+            open_loop = np.full((len(HORIZONS), len(ERRORS)), np.nan)
+            for i, horizon in enumerate(() if log.lacks else HORIZONS):
+                try:
+                    errors = predict(model, log, v, seconds=horizon).errors(log)
+                    open_loop[i] = np.median(errors[-1], axis=0)
+                except ValueError:  # no stretch without gaps is as long
+                    continue
+            out.append(HeldOut(log.name, name, force, torque, open_loop))
     return out
 
 
@@ -173,27 +282,6 @@ def adapted(
     return FlightModel(flight.part(begin, last), frame), own
 
 
-def _errors(
-    model: FlightModel, log: FlightLog, name: str, v: Values, mass: float, J: np.ndarray
-) -> HeldOut:
-    e = model.residual(v)[model.flight.good]
-    force = mass * np.sqrt(np.mean(e[:, 0:3] ** 2, axis=0))
-    torque = np.sqrt(np.mean((e[:, 3:6] @ J.T) ** 2, axis=0))
-    return HeldOut(log.name, name, force, torque, _open_loop(model, log, v))
-
-
-def _open_loop(model: FlightModel, log: FlightLog, v: Values) -> np.ndarray:
-    out = np.full((len(HORIZONS), len(ERRORS)), np.nan)
-    if log.lacks:
-        return out
-    for i, horizon in enumerate(HORIZONS):
-        try:
-            out[i] = np.median(predict(model, log, v, seconds=horizon).errors(log)[-1], axis=0)
-        except ValueError:
-            continue
-    return out
-
-
 def plain_least_squares(found: Identification) -> Values:
     """Return the usual parameters by plain least squares, the others as in the vehicle file.
 
@@ -201,46 +289,30 @@ def plain_least_squares(found: Identification) -> Values:
     published vehicles.
     Source: the way of mujoco.sysid, where the user names the parameters.
     """
-    models, start = found.models, values_of_file(found)
+    models, start, layout = found.models, values_of_file(found), found.estimate.layout
     if not found.prior.rotor_time_constant:
-        layout = found.estimate.layout
         start["lag"] = layout.values(np.zeros(layout.size))["lag"]
-    names = [
-        name
-        for name in USUAL
-        if name in {p.name for p in (*found.estimate.layout.shared, *found.estimate.layout.own)}
-    ]
+    known = {p.name for p in (*layout.shared, *layout.own)}
+    names = [name for name in USUAL if name in known]
     logs = {"scale", "jxx", "jyy", "jzz", "torque", "lag"}
-    size = [
-        np.maximum(np.std(np.concatenate([m.flight.force, m.flight.alpha], axis=1), axis=0), 1e-6)
-        for m in models
-    ]
+    channels = [np.concatenate([m.flight.force, m.flight.alpha], axis=1) for m in models]
+    size = [np.maximum(np.std(c, axis=0), 1e-6) for c in channels]
 
     def values(x: np.ndarray) -> Values:
-        moved = {
-            n: start[n] * np.exp(c) if n in logs else start[n] + c
-            for n, c in zip(names, x, strict=True)
-        }
+        moved = {}
+        for n, c in zip(names, x, strict=True):
+            moved[n] = start[n] * np.exp(c) if n in logs else start[n] + c
         return start | moved
 
     def residual(x: np.ndarray) -> np.ndarray:
-        v = values(x)
-        return np.concatenate(
-            [
-                (m.residual(v)[m.flight.good, :6] / s).ravel()
-                for m, s in zip(models, size, strict=True)
-            ]
-        )
+        v, rows = values(x), []
+        for m, s in zip(models, size, strict=True):
+            rows.append((m.residual(v)[m.flight.good, :6] / s).ravel())
+        return np.concatenate(rows)
 
+    wide = ("com", "curve", "bias")
     scale = np.array([1.0 if n in logs else 0.01 for n in names])
-    bound = np.array(
-        [
-            3.0 if n in logs else 0.5 if n.startswith(("com", "curve", "bias")) else 0.05
-            for n in names
-        ]
-    )
-    return values(
-        least_squares(
-            residual, np.zeros(len(names)), x_scale=scale, bounds=(-bound, bound), max_nfev=30
-        ).x
-    )
+    free = np.array([0.5 if n.startswith(wide) else 0.05 for n in names])
+    bound = np.where(scale == 1.0, 3.0, free)
+    how = {"x_scale": scale, "bounds": (-bound, bound), "max_nfev": 30}
+    return values(least_squares(residual, np.zeros(len(names)), **how).x)

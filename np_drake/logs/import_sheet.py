@@ -9,7 +9,7 @@ import numpy as np
 import yaml
 
 from np_drake.files.atomic_file import write_text
-from np_drake.files.yaml_text import read_yaml
+from np_drake.files.yaml_file import read_yaml
 from np_drake.logs.errors import LogError
 from np_drake.vehicle.rotor_layout import RotorLayout
 

@@ -8,9 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from np_drake.flight_log import FlightLog
+from np_drake.flight_log import FlightLog, Neighbour
 from np_drake.logs.errors import LogError
-from np_drake.neighbour import Neighbour
 
 SHORTEST = (
     1.0  # time that two logs have in common, below which they are not of one run [s]; own choice

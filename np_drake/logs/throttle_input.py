@@ -12,7 +12,7 @@ from np_drake.flight_log import FlightLog
 from np_drake.logs.errors import LogError
 from np_drake.training_data.accelerations import LIFT_BAND, lift_over_weight, smoothed
 from np_drake.vehicle import Vehicle
-from np_drake.vehicle.calibration import ThrottleMap
+from np_drake.vehicle.vehicle import ThrottleMap
 
 EXPONENTS = (0.5, 2.5)  # of thrust over throttle: from a linearised to a bare motor [1]
 # Prior of the exponent, mean and deviation [1]. Source: a linearised motor has 1; a propeller's

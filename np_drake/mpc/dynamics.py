@@ -16,7 +16,7 @@ from np_drake.compiled import compiled
 from np_drake.mpc.problem import COMMANDS, MpcConfig
 from np_drake.rigid_body import STATE_SIZE
 from np_drake.vehicle import Vehicle
-from np_drake.vehicle.rate_loop import RateLoop
+from np_drake.vehicle.vehicle import RateLoop
 
 _AHEAD = (0.5, 0.5, 1.0, 0.0)  # of a step, from one stage of Runge and Kutta to the next [1]
 _WEIGHT_V = (1.0, 2.0, 2.0, 1.0)  # of the stages in the velocity, over 6 [1]

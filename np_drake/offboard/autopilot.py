@@ -9,7 +9,7 @@ from np_drake.offboard.codec import AUTOPILOT, PX4, Codec, Command, HoldPlace
 from np_drake.offboard.command import rates_towards, throttle_of, thrust_of
 from np_drake.rigid_body import P, Q, V, W
 from np_drake.vehicle import Vehicle
-from np_drake.vehicle.rate_loop import RateLoop
+from np_drake.vehicle.vehicle import RateLoop
 
 # without a command after which the autopilot holds its place [s]; source: PX4's COM_OF_LOSS_T is 1
 # s

@@ -4,8 +4,7 @@ import numpy as np
 
 from np_drake import attitude
 from np_drake.vehicle import Vehicle
-from np_drake.vehicle.calibration import ThrottleMap
-from np_drake.vehicle.rate_loop import RateLoop
+from np_drake.vehicle.vehicle import RateLoop, ThrottleMap
 
 # share by which a battery's voltage may differ from that of the map [1]; source: own choice
 BELIEVED = 0.3

@@ -10,7 +10,6 @@ class Reference(Protocol):
 
     def sample(self, t: np.ndarray) -> np.ndarray:
         """Return p, v, a, jerk, snap in W, (5, n, 3) [m, m/s, …, m/s⁴], at times t (n,) [s]."""
-        ...
 
 
 class Sum:

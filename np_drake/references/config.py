@@ -4,105 +4,80 @@ import dataclasses as dc
 
 import numpy as np
 
+from np_drake.files.yaml_file import POSITIVE, check_fields, number, word
 from np_drake.references.base import Hover, Reference, Sum
 from np_drake.references.harmonic import Multisine, circle, lemniscate, vertical_lemniscate
-from np_drake.references.points import square
-from np_drake.references.track_file import CORNERS, ROUND, FileTrack, is_track_file, read_track
+from np_drake.references.track_file import CORNERS, ROUND, SUFFIXES, FileTrack, read_track
+from np_drake.references.waypoints import square
 
-FOLLOWED = ("vehicle", "payload")
-TRACKS = ("circle", "lemniscate", "hover", "steps", "vertical")
+TRACKS = ("circle", "lemniscate", "hover", "steps", "vertical", "multisine")
+TONES = 8  # of the multisine, over its band
 
 
 @dc.dataclass
 class ReferenceConfig:
     """Track, size, speed and dither of a reference motion."""
 
-    track: str = "circle"  # circle | lemniscate | hover | steps | vertical | a CSV file
-    radius: float = 1.0  # of the circle; from the centre to a corner of the steps' square [m]
-    length: float = 1.5  # half length of a lemniscate along x [m]
-    width: float = 0.75  # half width of the lemniscate along y [m]
-    rise: float = 0.5  # half height of the vertical lemniscate along z [m]
-    height: float = 1.6  # [m]
-    # mean speed after the ramp; of the steps: of a move; of corners `snap`: the largest [m/s]
-    speed: float = 1.5
-    rest: float = 2.0  # of the steps, and of corners `stop`: at every one [s]
-    ramp: float = 5.0  # from rest to full speed; of the steps: rest before the first move [s]
-    corners: str = (
-        "round"  # of a file's waypoints: round | stop (at rest at each) | snap (the least)
-    )
-    follow: str = "vehicle"  # whose position the track is: vehicle | payload (of the reality)
-    within: float = (
-        0.1  # distance from waypoints and their straight legs beyond which a flight warns [m]
-    )
-    dither: list[float] = dc.field(
-        default_factory=lambda: [0.0, 0.0, 0.0]
-    )  # RMS multisine per axis [m]
-    dither_frequencies: list[float] = (
-        dc.field(  # tones of x; those of y and z lie between them [Hz]
-            default_factory=lambda: [0.23, 0.41, 0.67, 0.97]
-        )
-    )
-    dither_seed: int = 0  # of the multisine's phases [1]
+    track: str = "circle"  # one of `TRACKS`, or a CSV file
+    # of the circle; from the centre to a corner of the steps' square [m]
+    radius: float = number(1.0, "m", POSITIVE)
+    length: float = number(1.5, "m", POSITIVE)  # half length of a lemniscate along x
+    width: float = number(0.75, "m", POSITIVE)  # half width of the lemniscate along y
+    rise: float = number(0.5, "m", POSITIVE)  # half height of the vertical lemniscate along z
+    height: float = number(1.6, "m", POSITIVE)
+    # mean speed after the ramp; of the steps: of a move
+    speed: float = number(1.5, "m/s", POSITIVE)
+    rest: float = number(2.0, "s", 0.0)  # of the steps, and of corners `stop`: at every one
+    ramp: float = number(5.0, "s", 0.0)  # to full speed; of the steps: rest before the first move
+    amplitude: list[float] = number([0.4, 0.4, 0.15], "m", 0.0)  # RMS of the multisine per axis
+    band: list[float] = number([0.1, 0.8], "Hz", POSITIVE)  # lowest and highest tone of its x axis
+    seed: int = number(0, "1", 0)  # of its phases
+    corners: str = word(ROUND, *CORNERS)  # of a file's waypoints: rounded off, or a stop
+    follow: str = word("vehicle", "vehicle", "payload")  # whose position the track is
+    # distance from waypoints and their straight legs beyond which a flight warns
+    within: float = number(0.1, "m", POSITIVE)
+    dither: list[float] = number([0.0, 0.0, 0.0], "m", 0.0)  # RMS multisine per axis
+    # tones of x; those of y and z lie between them [Hz]
+    dither_frequencies: list[float] = dc.field(default_factory=lambda: [0.23, 0.41, 0.67, 0.97])
+    dither_seed: int = number(0, "1", 0)  # of the dither's phases
 
     def check(self) -> "ReferenceConfig":
         """Return self after checking track and sizes.
 
         Raises: ValueError: on an unknown track or an impossible size.
         """
+        who = "ReferenceConfig:"
+        check_fields(self, "ReferenceConfig")
         if self.track not in TRACKS and not self.is_file:
+            known = ", ".join(TRACKS)
             raise ValueError(
-                f"ReferenceConfig: track must be one of {', '.join(TRACKS)} or a CSV file; "
-                f"got {self.track!r}."
+                f"{who} track must be one of {known} or a CSV file; got {self.track!r}."
             )
-        for name in ("radius", "length", "width", "rise", "height", "speed"):
-            if not 0 < getattr(self, name) < np.inf:
-                raise ValueError(
-                    f"ReferenceConfig: {name} must be positive and finite; got "
-                    f"{getattr(self, name)}."
-                )
         if self.track == "vertical" and not self.rise < self.height:
             raise ValueError(
-                f"ReferenceConfig: rise must be below height, or the track leads into the "
-                f"ground; got {self.rise}, "
-                f"{self.height} [m]."
+                f"{who} rise must be below height, or the track leads into the ground; got "
+                f"{self.rise}, {self.height} [m]."
             )
-        for name in ("ramp", "rest"):
-            if not 0 <= getattr(self, name) < np.inf:
-                raise ValueError(
-                    f"ReferenceConfig: {name} must not be negative [s]; got {getattr(self, name)}."
-                )
-        if np.shape(self.dither) != (3,) or min(self.dither) < 0:
-            raise ValueError(
-                f"ReferenceConfig: dither must be three RMS values [m]; got {self.dither}."
-            )
+        if not self.band[0] < self.band[1]:
+            raise ValueError(f"{who} band must be a lower and a higher frequency; got {self.band}.")
         if not self.dither_frequencies or not all(0 < f < np.inf for f in self.dither_frequencies):
             raise ValueError(
-                f"ReferenceConfig: dither_frequencies must be positive and finite [Hz]; "
-                f"got {self.dither_frequencies}."
-            )
-        for name, known in (("corners", CORNERS), ("follow", FOLLOWED)):
-            if getattr(self, name) not in known:
-                got = getattr(self, name)
-                raise ValueError(
-                    f"ReferenceConfig: {name} must be one of {', '.join(known)}; got {got!r}."
-                )
-        if not 0 < self.within < np.inf:
-            raise ValueError(
-                f"ReferenceConfig: within must be positive and finite [m]; got {self.within}."
+                f"{who} dither_frequencies must be positive and finite [Hz]; got "
+                f"{self.dither_frequencies}."
             )
         if self.is_file:
             self._file()
         elif self.corners != ROUND:
             raise ValueError(
-                f"ReferenceConfig: corners is for the waypoints of a CSV file; got "
-                f"{self.corners} and {self.track}."
+                f"{who} corners is for the waypoints of a CSV file; got {self.corners} and "
+                f"{self.track}."
             )
         return self
 
     @property
     def is_file(self) -> bool:
         """Whether the track is a CSV file's, and not one by name."""
-        return is_track_file(self.track)
+        return self.track.lower().endswith(SUFFIXES)
 
     @property
     def lead(self) -> float:
@@ -135,13 +110,8 @@ def make_reference(config: ReferenceConfig) -> Reference:
     track = _track(config)
     if not np.any(config.dither):
         return track
-    dither = Multisine(
-        config.dither,
-        frequencies=tuple(config.dither_frequencies),
-        ramp=max(config.ramp, 1.0),
-        seed=config.dither_seed,
-    )
-    return Sum(track, dither)
+    tones, ramp = tuple(config.dither_frequencies), max(config.ramp, 1.0)
+    return Sum(track, Multisine(config.dither, tones, ramp=ramp, seed=config.dither_seed))
 
 
 def _track(config: ReferenceConfig) -> Reference:
@@ -157,4 +127,8 @@ def _track(config: ReferenceConfig) -> Reference:
         return vertical_lemniscate(length=config.length, rise=config.rise, **common)
     if config.track == "steps":
         return square(radius=config.radius, rest=config.rest, **common)
-    return Hover(np.array([0.0, 0.0, config.height]))
+    hover = Hover(np.array([0.0, 0.0, config.height]))
+    if config.track == "hover":
+        return hover
+    tones, ramp = np.geomspace(config.band[0], config.band[1], TONES), max(config.ramp, 1.0)
+    return Sum(hover, Multisine(config.amplitude, tones, ramp=ramp, seed=config.seed))

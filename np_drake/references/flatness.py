@@ -2,9 +2,11 @@
 wrench.
 """
 
+import math
+
 import numpy as np
 
-from np_drake.references import kernels
+from np_drake.compiled import compiled
 from np_drake.vehicle import Vehicle
 
 _DELTA = 1e-4  # step of the central difference that turns body rate into angular acceleration [s]
@@ -26,7 +28,7 @@ def targets(vehicle: Vehicle, flat: np.ndarray, chi: np.ndarray) -> tuple[np.nda
     flat, chi = np.ascontiguousarray(flat, float), np.ascontiguousarray(chi, float)
     x, u = np.empty((flat.shape[1], 13)), np.empty((flat.shape[1], 4))
     J = np.ascontiguousarray(vehicle.J, float)
-    kernels.follow(flat, chi, float(vehicle.mass), float(vehicle.gravity), J, _DELTA, x, u)
+    _follow(flat, chi, float(vehicle.mass), float(vehicle.gravity), J, _DELTA, x, u)
     return x, u
 
 
@@ -38,5 +40,94 @@ def body_rates(vehicle: Vehicle, flat: np.ndarray) -> np.ndarray:
     """
     flat = np.ascontiguousarray(flat, float)
     w = np.empty((flat.shape[1], 3))
-    kernels.rates(flat, float(vehicle.gravity), w)
+    _rates(flat, float(vehicle.gravity), w)
     return w
+
+
+@compiled
+def _attitude_and_rate(f_x, f_y, f_z, r_x, r_y, r_z):
+    """Return quaternion and body rate [rad/s] of a thrust f in W and its rate r, component by
+    component.
+
+    The attitude is the shortest tilt to the thrust, so that q_z = 0.
+    """
+    size = max(math.sqrt(f_x * f_x + f_y * f_y + f_z * f_z), 1e-6)
+    x, y, z = f_x / size, f_y / size, f_z / size
+    along = x * r_x + y * r_y + z * r_z
+    x_1, y_1, z_1 = (r_x - x * along) / size, (r_y - y * along) / size, (r_z - z * along) / size
+    w = math.sqrt(max(0.5 * (1 + z), 1e-12))
+    i, j = -y / (2 * w), x / (2 * w)
+    w_1 = z_1 / (4 * w)
+    i_1 = -y_1 / (2 * w) + y * w_1 / (2 * w * w)
+    j_1 = x_1 / (2 * w) - x * w_1 / (2 * w * w)
+    # Body rate from w = 2 q^* dq/dt
+    return w, i, j, 0.0, 2 * (w * i_1 - i * w_1), 2 * (w * j_1 - j * w_1), 2 * (j * i_1 - i * j_1)
+
+
+@compiled
+def _follow(flat, chi, mass, gravity, J, delta, x, u):
+    """Write the states x (n, 13) and inputs u (n, 4) that follow flat (5, n, 3) under chi (n, 6),
+    see `targets`.
+
+    Args:
+        flat: (5, n, 3) motion and its derivatives by time.
+        chi: (n, 6) wrench [N, N·m].
+        mass: [kg].
+        gravity: [m/s²].
+        J: (3, 3) inertia [kg·m²].
+        delta: step of the central difference that turns body rate into angular acceleration [s].
+        x: (n, 13) to be written.
+        u: (n, 4) as well.
+    """
+    for i in range(flat.shape[1]):
+        # Thrust m (a + g z) - f_e and its rate; the angular acceleration is a central difference of
+        # the body rate
+        f_x, f_y = mass * flat[2, i, 0] - chi[i, 0], mass * flat[2, i, 1] - chi[i, 1]
+        f_z = mass * (flat[2, i, 2] + gravity) - chi[i, 2]
+        j_x, j_y, j_z = mass * flat[3, i, 0], mass * flat[3, i, 1], mass * flat[3, i, 2]
+        d_x, d_y, d_z = delta * j_x, delta * j_y, delta * j_z
+        s_x, s_y, s_z = (
+            delta * mass * flat[4, i, 0],
+            delta * mass * flat[4, i, 1],
+            delta * mass * flat[4, i, 2],
+        )
+        w, q_x, q_y, q_z, a, b, c = _attitude_and_rate(f_x, f_y, f_z, j_x, j_y, j_z)
+        later = _attitude_and_rate(f_x + d_x, f_y + d_y, f_z + d_z, j_x + s_x, j_y + s_y, j_z + s_z)
+        sooner = _attitude_and_rate(
+            f_x - d_x, f_y - d_y, f_z - d_z, j_x - s_x, j_y - s_y, j_z - s_z
+        )
+        for axis in range(3):
+            x[i, axis], x[i, 7 + axis] = flat[0, i, axis], flat[1, i, axis]
+        x[i, 3], x[i, 4], x[i, 5], x[i, 6] = w, q_x, q_y, q_z
+        x[i, 10], x[i, 11], x[i, 12] = a, b, c
+        u[i, 0] = math.sqrt(f_x * f_x + f_y * f_y + f_z * f_z)
+        h_x = J[0, 0] * a + J[0, 1] * b + J[0, 2] * c
+        h_y = J[1, 0] * a + J[1, 1] * b + J[1, 2] * c
+        h_z = J[2, 0] * a + J[2, 1] * b + J[2, 2] * c
+        u[i, 1], u[i, 2], u[i, 3] = b * h_z - c * h_y, c * h_x - a * h_z, a * h_y - b * h_x
+        for row in range(3):
+            turn = 0.0
+            for axis in range(3):
+                turn += J[row, axis] * (later[4 + axis] - sooner[4 + axis])
+            u[i, 1 + row] += turn / (2 * delta) - chi[i, 3 + row]
+
+
+@compiled
+def _rates(flat, gravity, w):
+    """Write the body rates that follow a motion without any wrench.
+
+    Args:
+        flat: (5, n, 3).
+        gravity: [m/s²].
+        w: (n, 3) is written [rad/s].
+    """
+    for i in range(flat.shape[1]):
+        found = _attitude_and_rate(
+            flat[2, i, 0],
+            flat[2, i, 1],
+            flat[2, i, 2] + gravity,
+            flat[3, i, 0],
+            flat[3, i, 1],
+            flat[3, i, 2],
+        )
+        w[i, 0], w[i, 1], w[i, 2] = found[4], found[5], found[6]

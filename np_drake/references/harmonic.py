@@ -1,9 +1,11 @@
 """Closed tracks as short Fourier sums: circle, lemniscate, and a lemniscate that stands upright."""
 
+import math
+
 import numpy as np
 from scipy.integrate import quad
 
-from np_drake.references import kernels
+from np_drake.compiled import compiled
 from np_drake.references.ramp import compose, ramped_phase
 
 
@@ -26,9 +28,7 @@ class HarmonicTrack:
     def path(self, phase: np.ndarray) -> np.ndarray:
         """Return the track and its four derivatives by phase, (5, n, 3), at phases (n,) [rad]."""
         flat = np.empty((5, len(phase), 3))
-        kernels.fourier(
-            np.ascontiguousarray(phase), self.center, self.amplitudes, self.shifts, flat
-        )
+        _fourier(np.ascontiguousarray(phase), self.center, self.amplitudes, self.shifts, flat)
         return flat
 
     def length(self) -> float:
@@ -119,7 +119,7 @@ class Multisine:
     """
 
     def __init__(
-        self, amplitude, *, frequencies=(0.23, 0.41, 0.67, 0.97), ramp: float = 5.0, seed: int = 0
+        self, amplitude, frequencies=(0.23, 0.41, 0.67, 0.97), *, ramp: float = 5.0, seed: int = 0
     ):
         self.frequencies = np.array(frequencies)[:, None] * np.array([1.0, 1.13, 1.27])
         share = 1 / self.frequencies
@@ -142,3 +142,28 @@ class Multisine:
             for k in range(1, 5):
                 path[k] += amplitude * omega**k * np.sin(angle + k * np.pi / 2)
         return compose(path, warped)
+
+
+@compiled
+def _fourier(phase, center, amplitudes, shifts, out):
+    """Write the sum of harmonics 1 … H and its four derivatives by phase to out (5, n, 3).
+
+    Args:
+        phase: (n,) [rad].
+        center: (3,) [m].
+        amplitudes: (H, 3) of amplitude cos(h phase + shift).
+        shifts: (H, 3) [rad].
+        out: (5, n, 3) to be written.
+    """
+    for i in range(len(phase)):
+        for axis in range(3):
+            p, v, a, j, s = center[axis], 0.0, 0.0, 0.0, 0.0
+            for row in range(len(amplitudes)):
+                h, size = row + 1.0, amplitudes[row, axis]
+                if size != 0.0:
+                    angle = h * phase[i] + shifts[row, axis]
+                    cosine, sine = size * math.cos(angle), size * math.sin(angle)
+                    p, v, a = p + cosine, v - h * sine, a - h * h * cosine
+                    j, s = j + h * h * h * sine, s + h * h * h * h * cosine
+            out[0, i, axis], out[1, i, axis], out[2, i, axis] = p, v, a
+            out[3, i, axis], out[4, i, axis] = j, s

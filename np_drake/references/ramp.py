@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.polynomial import Polynomial
 
-from np_drake.references import kernels
+from np_drake.compiled import compiled
 
 # Rate of the phase on s in [0, 1]: the lowest polynomial from 0 to 1 with three vanishing
 # derivatives at both ends, so that the phase is four times differentiable and thrust, torque and
@@ -14,11 +14,8 @@ _PHASE = _RATE[0].integ()  # phase on s in [0, 1], from 0 to 1/2
 
 
 def _coefficients(polynomials: list[Polynomial]) -> np.ndarray:
-    """Return coefficients (k, m) of the polynomials, lowest power first."""
-    rows = np.zeros((len(polynomials), max(len(p.coef) for p in polynomials)))
-    for row, polynomial in zip(rows, polynomials, strict=True):
-        row[: len(polynomial.coef)] = polynomial.coef
-    return rows
+    """Return coefficients (k, 9) of the polynomials, lowest power first."""
+    return np.array([np.pad(p.coef, (0, 9 - len(p.coef))) for p in polynomials])
 
 
 _RAMP = _coefficients([_PHASE, *_RATE])
@@ -38,21 +35,17 @@ def ramped_phase(t: np.ndarray, rate: float, ramp: float) -> np.ndarray:
     if ramp <= 0:
         return np.stack([rate * t, np.full_like(t, rate), *np.zeros((3, len(t)))])
     out = np.empty((5, len(t)))
-    kernels.ramped(_RAMP, np.ascontiguousarray(t), float(rate), float(ramp), out)
+    _ramped(_RAMP, np.ascontiguousarray(t), float(rate), float(ramp), out)
     return out
 
 
-def rest_to_rest(s: np.ndarray, duration: float) -> np.ndarray:
+def rest_to_rest(s: np.ndarray, duration: float | np.ndarray) -> np.ndarray:
     """Return a step from 0 to 1 and its time derivatives, (5, n) [1/s^k], while s (n,) goes from 0
-    to 1.
-
-    Args:
-        s: (n,) share of the duration that has passed [1].
-        duration: one, or (n,) [s].
+    to 1; the duration is one, or (n,) [s].
     """
-    return (
-        _at(_STEP, np.clip(s, 0.0, 1.0)) * np.asarray(duration, float) ** -np.arange(5.0)[:, None]
-    )
+    out = np.empty((5, len(s)))
+    _horner(_STEP, np.ascontiguousarray(np.clip(s, 0.0, 1.0), float), out)
+    return out * np.asarray(duration, float) ** -np.arange(5.0)[:, None]
 
 
 def compose(path: np.ndarray, phase: np.ndarray) -> np.ndarray:
@@ -64,12 +57,78 @@ def compose(path: np.ndarray, phase: np.ndarray) -> np.ndarray:
     Returns: (5, n, 3).
     """
     out = np.empty_like(path)
-    kernels.compose(path, np.ascontiguousarray(phase), out)
+    _compose(path, np.ascontiguousarray(phase), out)
     return out
 
 
-def _at(polynomials: np.ndarray, s: np.ndarray) -> np.ndarray:
-    """Return the polynomials (k, m) at points s (n,), as (k, n)."""
-    out = np.empty((len(polynomials), len(s)))
-    kernels.horner(polynomials, np.ascontiguousarray(s, float), out)
-    return out
+@compiled
+def _horner(coefficients, s, out):
+    """Write polynomials at given points.
+
+    Args:
+        coefficients: (k, m), lowest power first.
+        s: (n,) points.
+        out: (k, n).
+    """
+    for row in range(len(coefficients)):
+        for i in range(len(s)):
+            out[row, i] = _polynomial(coefficients[row], s[i])
+
+
+@compiled
+def _polynomial(coefficients, s):
+    """Return a polynomial (m,), lowest power first, at one point."""
+    m = len(coefficients)
+    total = coefficients[m - 1]
+    for power in range(m - 2, -1, -1):
+        total = total * s + coefficients[power]
+    return total
+
+
+@compiled
+def _ramped(polynomials, t, rate, ramp, out):
+    """Write a phase that runs at a constant rate after a ramp from rest, and its derivatives by
+    time.
+
+    Args:
+        polynomials: (5, m) phase and its derivatives on the ramp, both of unit rate and duration,
+            lowest power first.
+        t: (n,) [s].
+        rate: final one [rad/s].
+        ramp: its duration [s].
+        out: (5, n) to be written.
+    """
+    for i in range(len(t)):
+        s = min(max(t[i] / ramp, 0.0), 1.0)
+        out[0, i] = rate * (ramp * _polynomial(polynomials[0], s) + max(t[i] - ramp, 0.0))
+        scale = rate
+        for row in range(1, 5):
+            out[row, i] = scale * _polynomial(polynomials[row], s)
+            scale /= ramp
+
+
+@compiled
+def _compose(path, phase, out):
+    """Write the time derivatives of path(phase(t)).
+
+    Source: Faà di Bruno's formula up to the fourth derivative.
+
+    Args:
+        path: (5, n, 3) derivatives by phase.
+        phase: (5, n) derivatives by time.
+        out: (5, n, 3).
+    """
+    for i in range(path.shape[1]):
+        d1, d2, d3, d4 = phase[1, i], phase[2, i], phase[3, i], phase[4, i]
+        for axis in range(3):
+            a, b, c, d = path[1, i, axis], path[2, i, axis], path[3, i, axis], path[4, i, axis]
+            out[0, i, axis] = path[0, i, axis]
+            out[1, i, axis] = a * d1
+            out[2, i, axis] = b * d1 * d1 + a * d2
+            out[3, i, axis] = c * d1 * d1 * d1 + 3 * b * d1 * d2 + a * d3
+            out[4, i, axis] = (
+                d * d1 * d1 * d1 * d1
+                + 6 * c * d1 * d1 * d2
+                + b * (3 * d2 * d2 + 4 * d1 * d3)
+                + a * d4
+            )

@@ -1,9 +1,133 @@
-"""Motion through waypoints at an almost constant speed, from rest to rest or lap after lap."""
+"""Motion through a list of points: without stopping, with a stop at each, or round a
+square; and how near it comes to them.
+"""
+
+from itertools import pairwise
 
 import numpy as np
 from scipy.interpolate import BSpline, make_interp_spline
 
-from np_drake.references.ramp import compose, ramped_phase
+from np_drake.references.ramp import compose, ramped_phase, rest_to_rest
+
+# largest acceleration of a move of 1 m in 1 s, by the polynomial of `rest_to_rest` [m/s²]
+PEAK = 7.5132
+
+
+class Spline:
+    """Spline of degree 7 through points, at rest at both ends and beyond them.
+
+    Three derivatives vanish at the ends, so that body rates begin at zero.
+
+    Args:
+        points: (k, 3) [m].
+        times: (k,) [s].
+    """
+
+    def __init__(self, points: np.ndarray, times: np.ndarray):
+        rest = [(order, np.zeros(3)) for order in (1, 2, 3)]
+        self.curve = make_interp_spline(times, points, k=7, bc_type=(rest, rest))
+        self._start, self._end = float(times[0]), float(times[-1])
+
+    def sample(self, t: np.ndarray) -> np.ndarray:
+        """Return p and its four derivatives in W, (5, n, 3), at times t (n,) [s]."""
+        t = np.asarray(t, float)
+        inside = ((t >= self._start) & (t <= self._end))[:, None]
+        at = np.clip(t, self._start, self._end)
+        return np.stack([self.curve(at, k) * (1.0 if k == 0 else inside) for k in range(5)])
+
+
+class Stops:
+    """Moves from points[i] to points[i+1] during durations[i] from starts[i] on; moves may overlap.
+
+    Each move is the lowest polynomial with three vanishing derivatives at both ends.
+
+    Args:
+        points: (k+1, 3) [m].
+        starts: (k,) of the moves [s].
+        durations: (k,) [s].
+    """
+
+    def __init__(self, points: np.ndarray, starts: np.ndarray, durations: np.ndarray):
+        self.points, self.starts, self.durations = np.array(points, float), starts, durations
+
+    def sample(self, t: np.ndarray) -> np.ndarray:
+        """Return p and its four derivatives in W, (5, n, 3), at times t (n,) [s]."""
+        flat = np.zeros((5, len(t), 3))
+        flat[0] = self.points[0]
+        for (a, b), start, duration in zip(
+            pairwise(self.points), self.starts, self.durations, strict=True
+        ):
+            flat += rest_to_rest((np.asarray(t, float) - start) / duration, duration)[
+                :, :, None
+            ] * (b - a)
+        return flat
+
+
+class Steps:
+    """Straight moves between `corners` (k, 3) [m] with a rest at each: round after round, or from
+    first to last.
+
+    A move is the lowest polynomial with three vanishing derivatives at both ends, so that thrust
+    and body rates have no jump. A true step has none of the derivatives that the feed-forward
+    needs, and most of its error is the distance that any vehicle has to fly, whatever its
+    controller knows of the wrench.
+
+    Args:
+        speed: mean of a move [m/s].
+        rest: at every corner after a move [s].
+        start: of the first move, before which it rests at the first corner [s].
+        closed: whether a move leads from the last corner to the first, and all begins anew.
+        most: largest acceleration of a move, for which a short one is slower than `speed` [m/s²].
+    """
+
+    def __init__(
+        self,
+        corners: np.ndarray,
+        *,
+        speed: float,
+        rest: float,
+        start: float,
+        closed: bool = True,
+        most: float = np.inf,
+    ):
+        self.corners = np.array(corners, float)
+        ends = np.concatenate([self.corners[1:], self.corners[:1]]) if closed else self.corners[1:]
+        self._way = ends - self.corners[: len(ends)]
+        lengths = np.linalg.norm(self._way, axis=1)
+        self.durations = np.maximum(lengths / speed, np.sqrt(PEAK * lengths / most))
+        self._begin = np.concatenate([[0.0], np.cumsum(self.durations + rest)])
+        self.start, self.closed = start, closed
+        self.lead = start
+        self.end = np.inf if closed else start + self._begin[-1]
+        if closed:
+            self.rate = 2 * np.pi / self._begin[-1]
+
+    def sample(self, t: np.ndarray) -> np.ndarray:
+        """Return p and its four derivatives in W, (5, n, 3), at times t (n,) [s]."""
+        elapsed = np.maximum(np.asarray(t, float) - self.start, 0.0)
+        elapsed = elapsed % self._begin[-1] if self.closed else np.minimum(elapsed, self._begin[-1])
+        at = np.minimum(np.searchsorted(self._begin, elapsed, side="right") - 1, len(self._way) - 1)
+        duration, since = self.durations[at], elapsed - self._begin[at]
+        flat = rest_to_rest(since / duration, duration)[:, :, None] * self._way[at]
+        flat[1:, (since == 0.0) | (since >= duration)] = 0.0
+        flat[0] += self.corners[at]
+        return flat
+
+
+def square(*, radius: float, height: float, speed: float, rest: float, ramp: float) -> Steps:
+    """Return the moves between the corners of a square, which lie at x, y = ± radius / sqrt(2).
+
+    Args:
+        radius: from the centre to a corner [m].
+        height: [m].
+        speed: see `Steps` [m/s].
+        rest: at every corner [s].
+        ramp: rest before the first move [s].
+    """
+    side = radius / np.sqrt(2)
+    corners = [[side * x, side * y, height] for x, y in ((1, 1), (-1, 1), (-1, -1), (1, -1))]
+    return Steps(np.array(corners), speed=speed, rest=rest, start=ramp)
+
 
 # four continuous derivatives; the natural one has the least integral of the squared third
 # derivative
@@ -31,7 +155,14 @@ class Waypoints:
     def __init__(self, points: np.ndarray, *, speed: float, ramp: float):
         self.points = np.array(points, float)
         self.closed = is_closed(self.points)
-        self._spline, self._length = _through(self.points, self.closed)
+        through = _graded(self.points, self.closed)
+        gaps = np.linalg.norm(np.diff(through, axis=0), axis=1)
+        self._length = float(np.sum(gaps))
+        if self.closed:
+            self._spline = _periodic(through, gaps)
+        else:
+            free = [(3, np.zeros(3)), (4, np.zeros(3))]  # natural ends
+            self._spline = make_interp_spline(_times(gaps), through, k=DEGREE, bc_type=(free, free))
         self._speed = speed / self._stretch()
         self.lap = self._length / self._speed
         self.lead = min(ramp, self.lap)
@@ -61,14 +192,7 @@ def is_closed(points: np.ndarray) -> bool:
     return bool(np.allclose(points[0], points[-1], rtol=0.0, atol=1e-9))
 
 
-def _through(points: np.ndarray, closed: bool) -> tuple[BSpline, float]:
-    """Return the spline through points, and the end of its parameter, which starts at 0."""
-    points = graded(points, closed)
-    gaps = np.linalg.norm(np.diff(points, axis=0), axis=1)
-    return _fit(points, gaps, closed), float(np.sum(gaps))
-
-
-def graded(points: np.ndarray, closed: bool) -> np.ndarray:
+def _graded(points: np.ndarray, closed: bool) -> np.ndarray:
     """Return the points, and more on their legs, so that neighbouring gaps are of similar length.
 
     Args:
@@ -87,25 +211,84 @@ def graded(points: np.ndarray, closed: bool) -> np.ndarray:
         points = np.insert(points, long + 1, 0.5 * (points[long] + points[long + 1]), axis=0)
 
 
-def _fit(points: np.ndarray, gaps: np.ndarray, closed: bool) -> BSpline:
-    """Return the spline through points whose parameter grows by `gaps` between them."""
-    if not closed:
-        free = [(3, np.zeros(3)), (4, np.zeros(3))]  # natural ends
-        return make_interp_spline(
-            np.concatenate([[0.0], np.cumsum(gaps)]), points, k=DEGREE, bc_type=(free, free)
-        )
-    return periodic(points, gaps, DEGREE)
-
-
-def periodic(points: np.ndarray, gaps: np.ndarray, degree: int) -> BSpline:
+def _periodic(points: np.ndarray, gaps: np.ndarray) -> BSpline:
     """Return the periodic spline through points.
 
     Args:
         points: (k+1, 3), the last of which is the first [m].
         gaps: (k,) of its parameter between them.
     """
-    laps = -(-2 * degree // len(gaps))  # of points, so that there are enough for a periodic spline
+    laps = -(-2 * DEGREE // len(gaps))  # of points, so that there are enough for a periodic spline
     rows = np.concatenate([np.tile(points[:-1], (laps, 1)), points[:1]])
-    return make_interp_spline(
-        np.concatenate([[0.0], np.cumsum(np.tile(gaps, laps))]), rows, k=degree, bc_type="periodic"
-    )
+    return make_interp_spline(_times(np.tile(gaps, laps)), rows, k=DEGREE, bc_type="periodic")
+
+
+ACCELERATION = 3.0  # largest of a move between two stops [m/s²]; own choice: 17 degrees of tilt
+# of its length that a leg's time grows by; own choice: midway between chord length and centripetal
+# [1]
+
+
+class PointToPoint(Steps):
+    """Straight legs between waypoints, with a stop at each; a closed track is flown round after
+    round.
+
+    A leg takes its length over `speed`, and longer where that took more than 3 m/s².
+
+    Args:
+        points: (k, 3) waypoints [m].
+        speed: mean of a leg [m/s].
+        rest: at every waypoint [s].
+    """
+
+    def __init__(self, points: np.ndarray, *, speed: float, rest: float):
+        self.points = np.array(points, float)
+        closed = is_closed(self.points)
+        corners = self.points[:-1] if closed else self.points
+        super().__init__(
+            corners, speed=speed, rest=rest, start=0.0, closed=closed, most=ACCELERATION
+        )
+
+
+def _times(gaps: np.ndarray) -> np.ndarray:
+    return np.concatenate([[0.0], np.cumsum(gaps)])
+
+
+def nearest(points: np.ndarray, p: np.ndarray) -> np.ndarray:
+    """Return how near a path comes to each point (k,) [m].
+
+    Args:
+        points: (k, 3) [m].
+        p: (n, 3) positions of the path, joined by straight lines [m].
+    """
+    if len(p) == 1:
+        return np.linalg.norm(points - p, axis=1)
+    return np.array([np.min(_off(point[None], p[:-1], p[1:])) for point in points])
+
+
+def off_legs(points: np.ndarray, p: np.ndarray) -> tuple[float, int]:
+    """Return the largest distance of a path from the legs between waypoints [m], and the leg next
+    to which it is.
+
+    Args:
+        points: (k, 3) waypoints in their order [m].
+        p: (n, 3) positions of the path [m].
+    """
+    least, leg = np.full(len(p), np.inf), np.zeros(len(p), int)
+    for k, (a, b) in enumerate(pairwise(points)):  # of one leg at a time, as there may be many
+        off = _off(p, a[None], b[None])
+        leg[off < least] = k
+        least = np.minimum(least, off)
+    row = int(np.argmax(least))
+    return float(least[row]), int(leg[row])
+
+
+def _off(p: np.ndarray, start: np.ndarray, end: np.ndarray) -> np.ndarray:
+    """Return the distances of points from the straight lines between start and end, row by row [m].
+
+    Args:
+        p: (n, 3), or one for all lines.
+        start: (n, 3), or one for all points.
+    """
+    way = end - start
+    share = np.sum((p - start) * way, axis=1) / np.maximum(np.sum(way**2, axis=1), 1e-18)
+    return np.linalg.norm(p - start - np.clip(share, 0.0, 1.0)[:, None] * way, axis=1)

@@ -7,10 +7,10 @@ with; measured values should take its place.
 import dataclasses as dc
 import math
 
-from np_drake.vehicle.physics import AIR, least_torque_over_thrust
+from np_drake.files.yaml_file import POSITIVE, check_fields, number, word
 from np_drake.vehicle.rotor_layout import CORNERS, FIRMWARE
 from np_drake.vehicle.text import vehicle_text
-from np_drake.vehicle.vehicle import Vehicle
+from np_drake.vehicle.vehicle import AIR, Vehicle, least_torque_over_thrust
 
 GRAVITY = 9.81  # [m/s²]
 AT_ROTORS = 0.5  # share of the mass at the rotors: motors, propellers, outer arms [1]
@@ -35,48 +35,27 @@ LIGHTEST, HEAVIEST = 0.005, 1000.0  # [kg]
 class Measured:
     """What the owner measured."""
 
-    mass: float  # without payload, with battery [kg]
-    wheelbase: float  # from motor to motor across the centre [m]
-    propeller: float  # diameter [m]
-    hover_throttle: float  # 0 to 1 [1]
-    curve: str = "quadratic"  # thrust over throttle: quadratic (throttle is rotor speed) | linear
-    order: str = "px4"  # of the rotors: an autopilot of `FIRMWARE`
+    mass: float = number(0.0, "kg", LIGHTEST, HEAVIEST)  # without payload, with battery
+    # from motor to motor across the centre
+    wheelbase: float = number(0.0, "m", POSITIVE, 10.0)
+    propeller: float = number(0.0, "m", POSITIVE)  # diameter
+    hover_throttle: float = number(0.0, "1", 0.05, 0.95)
+    curve: str = word("quadratic", *CURVES)  # thrust over throttle: quadratic: it is rotor speed
+    order: str = word("px4", *FIRMWARE)  # of the rotors
     # Standard deviation over the value [1].
     mass_uncertainty: float = MASS_SPREAD
     thrust_uncertainty: float = THRUST_SPREAD
 
     def check(self) -> "Measured":
-        """Return self after checking all values.
-
-        Raises: ValueError: where one is impossible or in another unit.
+        """Return self after checking all values; ValueError where one is impossible or in another
+        unit.
         """
-        _require(
-            LIGHTEST <= self.mass <= HEAVIEST,
-            f"mass must be {LIGHTEST:g} to {HEAVIEST:g} kg; got {self.mass:g}",
-        )
-        _require(
-            0 < self.wheelbase <= 10,
-            f"wheelbase must be positive and at most 10 m; got {self.wheelbase:g}",
-        )
-        _require(
-            0 < self.propeller <= self.wheelbase,
-            (
-                f"propeller must be a diameter up to the wheelbase, {self.wheelbase:g} m; got "
-                f"{self.propeller:g}"
-            ),
-        )
-        _require(
-            0.05 <= self.hover_throttle <= 0.95,
-            f"hover throttle must be 0.05 to 0.95; got {self.hover_throttle:g}",
-        )
-        _require(
-            self.curve in CURVES,
-            f"throttle curve must be {' or '.join(CURVES)}; got {self.curve!r}",
-        )
-        _require(
-            self.order in FIRMWARE,
-            f"order of the rotors must be {' or '.join(FIRMWARE)}; got {self.order!r}",
-        )
+        check_fields(self, "vehicle")
+        if not self.propeller <= self.wheelbase:
+            raise ValueError(
+                f"vehicle: propeller must be a diameter up to the wheelbase, {self.wheelbase:g} m; "
+                f"got {self.propeller:g}."
+            )
         return self
 
 
@@ -87,10 +66,6 @@ def estimate(measured: Measured, name: str = "mine") -> Vehicle:
     J_xx = m_r L²/2 + m_b (3 r² + h²)/12 and J_zz = m_r L² + m_b r²/2 with r = h = L/2.
     Thrust coefficient: C_T rho D⁴ / (2 pi)². Torque over thrust: `least_torque_over_thrust` over the figure of merit.
     Largest thrust: a quarter of the weight over throttle to the curve's power.
-
-    Args:
-        measured: what the owner knows.
-        name: of the vehicle.
     """  # noqa: E501
     m = measured.check()
     L, D = 0.5 * m.wheelbase, m.propeller
@@ -119,12 +94,7 @@ def estimate(measured: Measured, name: str = "mine") -> Vehicle:
 
 
 def commented_file(measured: Measured, name: str = "mine") -> str:
-    """Return the vehicle file (YAML) of `estimate`, with unit and origin of every value in comments.
-
-    Args:
-        measured: what the owner knows.
-        name: of the vehicle.
-    """  # noqa: E501
+    """Return the vehicle file (YAML) of `estimate`, with unit and origin of every value."""
     return vehicle_text(estimate(measured, name), HEAD)
 
 
@@ -173,8 +143,3 @@ def _sources(m: Measured, lever: float) -> dict[str, str]:
 def _digits(value: float) -> float:
     """Return the value with six digits, as a file holds it."""
     return float(f"{value:.6g}")
-
-
-def _require(condition: bool, message: str) -> None:
-    if not condition:
-        raise ValueError(f"vehicle: {message}.")

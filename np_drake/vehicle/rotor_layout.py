@@ -42,10 +42,11 @@ class RotorLayout:
         order = min(orders, key=lambda chosen: float(np.sum((own[chosen] - other) ** 2)))
         apart = float(np.linalg.norm(own[order] - other, axis=1).max())
         if apart > NEAR:
+            found = ", ".join(f"[{x:.3g}, {y:.3g}, 0]" for x, y in self.positions)
             raise ValueError(
                 f"its rotors ({self.source}) must be where the vehicle file has them; one "
                 f"is {apart:.2g} arms away "
-                f"from the nearest. Write rotor_positions: {self._text(self.positions)}, "
+                f"from the nearest. Write rotor_positions: [{found}], "
                 f"or measured ones."
             )
         turns = np.array(self.directions, float)[order]
@@ -57,10 +58,6 @@ class RotorLayout:
                 f"rotor_directions: {wanted} there if the log is right."
             )
         return order
-
-    @staticmethod
-    def _text(positions: Sequence[Sequence[float]]) -> str:
-        return "[" + ", ".join(f"[{x:.3g}, {y:.3g}, 0]" for x, y in positions) + "]"
 
 
 def _scaled(positions: Sequence[Sequence[float]]) -> np.ndarray:

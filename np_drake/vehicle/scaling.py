@@ -15,9 +15,7 @@ import math
 
 import numpy as np
 
-from np_drake.vehicle.calibration import Calibration
-from np_drake.vehicle.rate_loop import RateLoop
-from np_drake.vehicle.vehicle import Vehicle
+from np_drake.vehicle.vehicle import Calibration, RateLoop, Vehicle
 
 PERIOD = 0.02  # between solves, of the paper's vehicle [s]
 SPARE_LIFT = (

@@ -41,28 +41,19 @@ def part(field: str, *index: int) -> str:
     """Return the name by which sources and intervals speak of one number of a list or matrix, as
     `inertia[0][1]`.
 
-    Args:
-        field: as `calibration.center_of_mass`.
-        index: place in it, from 0; none: the field itself.
+    `index` counts from 0; none: the field itself.
     """
     return field + "".join(f"[{i}]" for i in index)
 
 
 def parts_of(field: str, statements: Mapping[str, Any]) -> list[str]:
-    """Return the names of single numbers of a field of which something is said.
-
-    Args:
-        field: as `calibration.center_of_mass`.
-    """
+    """Return the names of single numbers of a field of which something is said."""
     return [name for name in statements if name.startswith(f"{field}[")]
 
 
 def value_of(name: str, known: Mapping[str, Any]) -> Any:
-    """Return the value of a field, or of one number of it.
-
-    Args:
-        name: of a field or, as `part` writes it, of one number.
-    Raises: KeyError: where there is none.
+    """Return the value of a field, or of one number of it that `part` names; KeyError where there
+    is none.
     """
     field, places = PART.match(name).groups()  # type: ignore[union-attr]
     value = known[field]

@@ -1,59 +1,47 @@
-"""A vehicle as the text of its file: every value with unit, source and interval in a comment."""
+"""A vehicle as the text of its file, and as a table: every value with unit, source and interval."""
 
 import dataclasses as dc
 import textwrap
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import yaml
 
 from np_drake.files.atomic_file import write_text
-from np_drake.files.yaml_text import quoted
-from np_drake.vehicle.sources import parts_of, values
-from np_drake.vehicle.vehicle import INPUTS, Vehicle
+from np_drake.files.number_text import with_unit
+from np_drake.files.yaml_file import quoted, read_yaml
+from np_drake.vehicle.sources import parts_of, value_of, values
+from np_drake.vehicle.vehicle import (
+    Calibration,
+    MeasurementNoise,
+    RateLoop,
+    ThrottleMap,
+    Vehicle,
+    load_vehicle,
+    vehicle_file,
+)
 
-UNITS = {  # of every field that is a number, or numbers
-    "mass": "kg",
-    "inertia": "kg·m²",
-    "gravity": "m/s²",
-    "rotor_positions": "m",
-    "rotor_directions": "1",
-    "thrust_coefficient": "N/(rad/s)²",
-    "torque_coefficient": "N·m/(rad/s)²",
-    "rotor_radius": "m",
-    "max_rotor_thrust": "N",
-    "rotor_time_constant": "s",
-    "measurement_noise.position": "m",
-    "measurement_noise.velocity": "m/s",
-    "measurement_noise.attitude": "rad",
-    "measurement_noise.rate": "rad/s",
-    "measurement_noise.acceleration": "m/s²",
-    "measurement_noise.angular_acceleration": "rad/s²",
-    "mass_uncertainty": "1",
-    "thrust_uncertainty": "1",
-    "throttle.full_thrust": "N",
-    "throttle.linear": "1",
-    "throttle.idle": "1",
-    "throttle.voltage": "V",
-    "throttle.voltage_exponent": "1",
-    "rate_loop.lag": "s",
-    "rate_loop.gain": "1",
-    "rate_loop.max_rate": "rad/s",
-    "calibration.center_of_mass": "m",
-    "calibration.rotor_gains": "1",
-    "calibration.rotor_time_constant_down": "s",
-    "calibration.command_delay": "s",
-    "calibration.clock_offset": "s",
-    "calibration.rotor_inertia": "kg·m²",
-    "calibration.imu_position": "m",
-    "calibration.imu_tilt": "rad",
+SECTIONS = {
+    "": Vehicle,
+    "measurement_noise.": MeasurementNoise,
+    "throttle.": ThrottleMap,
+    "rate_loop.": RateLoop,
+    "calibration.": Calibration,
 }
-CHOICES = {  # of every field that is one of several words
-    "logged_point": "of a log's position: origin (middle of the rotors) | center_of_mass",
-    "input": f"what drives the model: {' | '.join(INPUTS)}",
-    "command_timing": "held: from its row until the next | unknown: as the log looks",
+UNITS: dict[str, str] = {  # of every field that is a number, or numbers
+    section + field.name: field.metadata["unit"]
+    for section, kind in SECTIONS.items()
+    for field in dc.fields(kind)
+    if "unit" in field.metadata
 }
+CHOICES: dict[str, str] = {  # of every field that is one of several words
+    field.name: field.metadata["meaning"]
+    for field in dc.fields(Vehicle)
+    if "words" in field.metadata
+}
+# sources of a value of which the file says nothing, and that it does not name
+FROM_FILE, DEFAULT = "file", "default"
 WIDTH = 120  # columns of a line with its comment
 HEAD = "# Vehicle file of np_drake. docs/reference/vehicle-file.md lists all fields."
 
@@ -61,8 +49,6 @@ HEAD = "# Vehicle file of np_drake. docs/reference/vehicle-file.md lists all fie
 def save_vehicle(vehicle: Vehicle, path: str | Path, head: str = HEAD) -> None:
     """Write the vehicle file (YAML) of `vehicle`, whole or not at all.
 
-    Args:
-        head: see `vehicle_text`.
     Raises: ValueError: on an impossible vehicle; OSError: if the file cannot be written.
     """
     write_text(Path(path), vehicle_text(vehicle.check(), head))
@@ -72,10 +58,8 @@ def vehicle_text(vehicle: Vehicle, head: str = HEAD) -> str:
     """Return the vehicle file (YAML), from which `load_vehicle` reads the same vehicle, sources and
     intervals.
 
-    A section that is at its default, and of which nothing is said, is left out.
-
-    Args:
-        head: comment lines that the file begins with; empty: none.
+    It begins with the comment lines `head`. A section that is at its default, and of which nothing
+    is said, is left out.
     """
     lines = [head] if head else []
     for field in dc.fields(vehicle):
@@ -96,10 +80,7 @@ def vehicle_text(vehicle: Vehicle, head: str = HEAD) -> str:
 
 def stated(vehicle: Vehicle, field: str) -> bool:
     """Return whether a field is of the vehicle itself, or of a section that differs from its
-    default or is spoken of.
-
-    Args:
-        field: as `calibration.command_delay`, `mass`.
+    default or is spoken of; `field` as `calibration.command_delay`, `mass`.
     """
     section, dot, _ = field.partition(".")
     differs = getattr(vehicle, section) != getattr(Vehicle(), section)
@@ -125,18 +106,13 @@ def _lines(vehicle: Vehicle, content: dict[str, Any], indent: str = "") -> list[
         line = f"{indent}{field.rsplit('.', maxsplit=1)[-1]}: {text}"
         for name in parts_of(field, vehicle.sources | vehicle.intervals):
             lines += _above(f"{name.removeprefix(field)}: {_said(vehicle, name)}", indent)
-        comment = _comment(vehicle, field)
+        unit = f"[{UNITS[field]}]" if field in UNITS else CHOICES.get(field, "")
+        comment = f"{unit} {_said(vehicle, field)}".strip()
         if comment and len(line) + len(comment) + 3 > WIDTH:
             lines += _above(comment, indent)
             comment = ""
         lines.append(f"{line} # {comment}" if comment else line)
     return lines
-
-
-def _comment(vehicle: Vehicle, field: str) -> str:
-    """Return unit, or the words that it may be, source and interval of a field."""
-    unit = f"[{UNITS[field]}]" if field in UNITS else CHOICES.get(field, "")
-    return f"{unit} {_said(vehicle, field)}".strip()
 
 
 def _said(vehicle: Vehicle, name: str) -> str:
@@ -166,3 +142,60 @@ def _yaml(value: Any) -> str:
         .removesuffix("...\n")
         .strip()
     )
+
+
+class Row(NamedTuple):
+    """A value of a vehicle file, or a row of a matrix."""
+
+    field: str  # as `calibration.command_delay`, `inertia[0]`
+    value: str  # with its unit
+    interval: str  # of 95 %; empty: none is stated
+    source: str  # of a matrix beside its first row
+
+
+def vehicle_rows(name: str | Path) -> list[Row]:
+    """Return the table of a vehicle file, or of the preset of that name.
+
+    It is without what is not known, and without a section that is at its default and of which
+    nothing is said.
+    Raises: ValueError: on a bad vehicle file.
+    """
+    vehicle = load_vehicle(name)
+    content = read_yaml(vehicle_file(name))
+    named = {
+        f"{field}.{inner}" if inner else field
+        for field, value in (content.get("vehicle") or content).items()
+        for inner in (value if isinstance(value, dict) else [""])
+    }
+    everything, rows = values(vehicle), []
+    for field, value in everything.items():
+        source = vehicle.sources.get(field) or (FROM_FILE if field in named else DEFAULT)
+        known = value is not None or field in vehicle.sources
+        if known and (field in named or stated(vehicle, field)):
+            rows += _rows(field, value, vehicle.intervals.get(field), source)
+            for part in parts_of(field, vehicle.sources | vehicle.intervals):
+                shown = with_unit(_shown(value_of(part, everything)), UNITS[field])
+                interval = vehicle.intervals.get(part)
+                told = interval_text(interval) if interval else ""
+                rows.append(Row(part, shown, told, vehicle.sources.get(part, "")))
+    return rows
+
+
+def _rows(field: str, value: Any, pairs: list[list[float]] | None, source: str) -> list[Row]:
+    unit = UNITS.get(field, "") if value is not None else ""
+    lines = [value] if np.ndim(value) < 2 else value
+    size = np.size(lines[0])
+    made = []
+    for k, line in enumerate(lines):
+        interval = interval_text(pairs[k * size : (k + 1) * size]) if pairs else ""
+        name = f"{field}[{k}]" if np.ndim(value) == 2 else field
+        made.append(Row(name, with_unit(_shown(line), unit), interval, "" if k else source))
+    return made
+
+
+def _shown(value: Any) -> str:
+    if isinstance(value, list):
+        return f"[{', '.join(f'{number:.4g}' for number in value)}]"
+    if value is None:
+        return "not known"
+    return value if isinstance(value, str) else f"{value:.6g}"

@@ -1,25 +1,41 @@
-"""The vehicle file: parameters of the nominal model of a quadrotor."""
+"""The vehicle file: parameters of the nominal model of a quadrotor, and what a healthy vehicle
+differs by from its drawing.
+"""
 
 import dataclasses as dc
+import math
 from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 
-from np_drake.files.yaml_file import load_checked
-from np_drake.files.yaml_text import read_yaml
-from np_drake.vehicle.calibration import Calibration, ThrottleMap
-from np_drake.vehicle.physics import implausible
-from np_drake.vehicle.rate_loop import RateLoop
+from np_drake.files.yaml_file import POSITIVE, check_fields, load_checked, number, read_yaml, word
 from np_drake.vehicle.sources import Intervals, checked_intervals, without
 
 PRESETS = Path(__file__).parent / "presets"  # vehicle files by name
-SLOWEST_ROTOR = 1.0  # time constant beyond which the file's is in another unit than seconds [s]
-VAGUEST = (
-    0.5  # standard deviation over the value at which a figure is no figure [1]; source: own choice
-)
-LONGEST_ARM = 5.0  # beyond which rotor positions are in another unit than metres [m]
-POSITIVE = ("mass", "gravity", "thrust_coefficient", "rotor_radius", "max_rotor_thrust")
+SLOWEST = 1.0  # time beyond which a lag, a delay or a clock is in another unit than seconds [s]
+LONGEST = 5.0  # coordinate beyond which a position is in another unit than metres [m]
+# standard deviation over the value below which a figure is one [1]; source: own choice
+VAGUEST = math.nextafter(0.5, 0.0)
+MOST_IDLE = 0.5  # throttle at which any rotor turns [1]; source: own choice
+# of `ThrottleMap.linear`: outside thrust falls with throttle, or a third of it gives none [1]
+LINEAR = (-0.5, 1.5)
+# power of voltage in thrust [1]; own choice: thrust goes with rotor speed squared, speed with
+# voltage
+STEEPEST = 4.0
+HEALTHY = (0.5, 1.5)  # gain of a rotor [1]; own choice: one outside is broken, which is a cause
+UNEQUAL = 1e-3  # of the mean of the rotors' gains and 1 [1]
+LOOP_GAINS = (0.2, 5.0)  # rate over commanded rate of any loop that flies [1]; source: own choice
+FASTEST = 44.0  # rate beyond which it is in another unit than rad/s [rad/s]; source: own choice
+AIR = 1.225  # density at sea level, 15 °C [kg/m³]
+SOUND = 340.0  # its speed of sound [m/s]
+# Largest moment of inertia over mass times squared arm [1]; own choice. All mass at the rotors
+# gives 1, the presets 0.3 to 0.6, a vehicle whose payload bay is as long as its arms below 2.
+INERTIA = (0.005, 5.0)
+# Torque over that of a rotor without loss, from which it is one [1]; own choice: 1 is the bound,
+# and C_T is a guess.
+EFFICIENT = 0.25
+STRONGEST = 50.0  # largest thrust over weight [1]; own choice: racing quadrotors have 10 to 20
 ALIASES = {"thrust_torque": "command"}
 INPUTS = ("command", "rotor_speed", "thrust_only", "normalised")
 RIGID = (
@@ -30,33 +46,168 @@ RIGID = (
     "torque_coefficient",
     "max_rotor_thrust",
 )
+INERTIA_OF_PAPER = [[0.02, 0.0, 0.0], [0.0, 0.02, 0.0], [0.0, 0.0, 0.035]]  # [kg·m²]
+ROTORS_OF_PAPER = [
+    [0.127, 0.127, 0.0],
+    [0.127, -0.127, 0.0],
+    [-0.127, -0.127, 0.0],
+    [-0.127, 0.127, 0.0],
+]
 
 
-def _paper_rotors() -> list[list[float]]:
-    return [[0.127, 0.127, 0.0], [0.127, -0.127, 0.0], [-0.127, -0.127, 0.0], [-0.127, 0.127, 0.0]]
+@dc.dataclass
+class ThrottleMap:
+    """Thrust of one rotor over its throttle.
+
+    f = full_thrust (V / voltage)^voltage_exponent ((1 - linear) u² + linear u) with u = (throttle -
+    idle) / (1 - idle),
+    not below zero; V is the battery's voltage.
+    Source: the usual maps lie between a linear and a quadratic one.
+    """
+
+    # of one rotor at full throttle and the reference voltage; a file must name it
+    full_thrust: float = number(0.0, "N", POSITIVE)
+    linear: float = number(0.0, "1", *LINEAR)  # share of the linear part
+    idle: float = number(0.0, "1", 0.0, MOST_IDLE)  # throttle at which a rotor begins to turn
+    # reference voltage; None: no battery voltage is known
+    voltage: float | None = number(None, "V", POSITIVE)
+    voltage_exponent: float = number(0.0, "1", 0.0, STEEPEST)
+
+    def check(self) -> "ThrottleMap":
+        """Return self after checking the map; ValueError where a value is impossible."""
+        check_fields(self, "throttle")
+        if self.voltage is None and self.voltage_exponent != 0:
+            raise ValueError(
+                "throttle: voltage must be named where voltage_exponent is [V]; got none."
+            )
+        return self
+
+    def thrust(
+        self, throttle: np.ndarray | float, voltage: np.ndarray | float | None = None
+    ) -> np.ndarray:
+        """Return the thrust of a rotor [N], at rest as it will be once its lag is over.
+
+        Args:
+            throttle: of any shape, 0 to 1 [1].
+            voltage: of the battery, of the same shape or one for all [V]; None: the reference
+                voltage.
+        """
+        u = np.maximum((np.asarray(throttle, float) - self.idle) / (1 - self.idle), 0.0)
+        share = (1 - self.linear) * np.square(u) + self.linear * u
+        return self._full(voltage) * np.maximum(share, 0.0)
+
+    def throttle(
+        self, thrust: np.ndarray | float, voltage: np.ndarray | float | None = None
+    ) -> np.ndarray:
+        """Return the throttle that gives a thrust, the inverse of `thrust`; for none, that at which
+        it begins [1].
+        """
+        share = np.maximum(np.asarray(thrust, float), 0.0) / self._full(voltage)
+        root = np.sqrt(np.maximum(self.linear**2 + 4 * (1 - self.linear) * share, 0.0))
+        if self.linear <= 0.5:
+            return self.idle + (1 - self.idle) * (root - self.linear) / (2 * (1 - self.linear))
+        # near 1 that difference is rounding
+        return self.idle + (1 - self.idle) * 2 * share / (root + self.linear)
+
+    def _full(self, voltage: np.ndarray | float | None) -> np.ndarray | float:
+        if voltage is None or self.voltage is None:
+            return self.full_thrust
+        return (
+            self.full_thrust * (np.asarray(voltage, float) / self.voltage) ** self.voltage_exponent
+        )
+
+
+@dc.dataclass
+class Calibration:
+    """What a healthy vehicle differs by from its drawing; the defaults are no difference.
+
+    `np_drake.effects.calibration.effects_of` makes the effects of it with which a simulator flies.
+    """
+
+    # from Bo, body axes
+    center_of_mass: list[float] = number([0.0, 0.0, 0.0], "m", -LONGEST, LONGEST)
+    # Thrust of each rotor over that of the thrust map; mean 1.
+    rotor_gains: list[float] = number([1.0, 1.0, 1.0, 1.0], "1", *HEALTHY)
+    # Of a rotor that slows down; None: `rotor_time_constant`, which is then that of one that speeds
+    # up.
+    rotor_time_constant_down: float | None = number(None, "s", 0.0, SLOWEST)
+    # from a command to the rotors, beyond their lag
+    command_delay: float = number(0.0, "s", 0.0, SLOWEST)
+    # the state in row t of a log is that of t + clock_offset, as effect `clock_offset`
+    clock_offset: float = number(0.0, "s", -SLOWEST, SLOWEST)
+    # of one rotor and propeller about its axis
+    rotor_inertia: float = number(0.0, "kg·m²", 0.0)
+    # of the accelerometer from Bo, body axes; None: not known
+    imu_position: list[float] | None = number(None, "m", -LONGEST, LONGEST, shape=(3,))
+    # rotation vector, body to IMU axes
+    imu_tilt: list[float] = number([0.0, 0.0, 0.0], "rad", -math.pi, math.pi)
+
+    def check(self) -> "Calibration":
+        """Return self after checking all values; ValueError where one is impossible."""
+        check_fields(self, "calibration")
+        mean = float(np.mean(self.rotor_gains))
+        if abs(mean - 1) > UNEQUAL:
+            raise ValueError(
+                f"calibration: rotor_gains must have the mean 1, for thrust_coefficient holds "
+                f"the rest; got {mean:g}."
+            )
+        return self
+
+
+@dc.dataclass
+class RateLoop:
+    """What an autopilot makes of commanded body rates: on each body axis a first-order lag.
+
+    dw/dt = (gain w_c - w) / lag. Besides the autopilot's controller, the lag holds the motors' and
+    the link's.
+    """
+
+    lag: list[float] = number([0.075, 0.075, 0.2], "s", 1e-3, SLOWEST)  # time constants
+    gain: list[float] = number([1.0, 1.0, 1.0], "1", *LOOP_GAINS)  # rate over command, at rest
+    # that may be commanded
+    max_rate: list[float] = number([6.0, 6.0, 3.0], "rad/s", 1e-2, FASTEST)
+
+    def check(self) -> "RateLoop":
+        """Return self after checking all values; ValueError where one is impossible."""
+        check_fields(self, "rate_loop")
+        return self
+
+    def torque(self, J: np.ndarray, w: np.ndarray, command: np.ndarray) -> np.ndarray:
+        """Return the torque (..., 3) by which the loop turns the vehicle, with what its own
+        rotation needs [N·m].
+
+        Args:
+            J: (3, 3) inertia [kg·m²].
+            w: (..., 3) body rates [rad/s].
+            command: (..., 3) commanded body rates [rad/s].
+        """
+        al = (np.array(self.gain) * command - w) / np.array(self.lag)
+        return al @ J.T + np.cross(w, w @ J.T)
+
+    def command(self, w: np.ndarray, al: np.ndarray) -> np.ndarray:
+        """Return the commanded rates (..., 3) that give an angular acceleration [rad/s].
+
+        Args:
+            w: (..., 3) body rates [rad/s].
+            al: (..., 3) angular acceleration in body axes [rad/s²].
+        """
+        return (w + np.array(self.lag) * al) / np.array(self.gain)
 
 
 @dc.dataclass
 class MeasurementNoise:
     """Standard deviations of white measurement noise, one sample of the log each."""
 
-    position: float = 0.001  # [m]
-    velocity: float = 0.01  # [m/s]
-    attitude: float = 0.0  # [rad]
-    rate: float = 0.01  # [rad/s]
-    acceleration: float = 0.1  # [m/s²]
-    angular_acceleration: float = 0.5  # [rad/s²]
+    position: float = number(0.001, "m", 0.0)
+    velocity: float = number(0.01, "m/s", 0.0)
+    attitude: float = number(0.0, "rad", 0.0)
+    rate: float = number(0.01, "rad/s", 0.0)
+    acceleration: float = number(0.1, "m/s²", 0.0)
+    angular_acceleration: float = number(0.5, "rad/s²", 0.0)
 
     def check(self) -> "MeasurementNoise":
-        """Return self after checking the deviations.
-
-        Raises: ValueError: where one is negative or not finite.
-        """
-        for name, value in dc.asdict(self).items():
-            if not 0 <= value < np.inf:
-                raise ValueError(
-                    f"MeasurementNoise: {name} must be finite and not negative; got {value}."
-                )
+        """Return self after checking the deviations; ValueError where one is negative."""
+        check_fields(self, "MeasurementNoise")
         return self
 
 
@@ -70,61 +221,54 @@ class Vehicle:
     """
 
     name: str = "paper"
-    mass: float = 2.0  # [kg]
-    inertia: list[list[float]] = dc.field(  # about the centre of mass, body axes [kg·m²]
-        default_factory=lambda: [[0.02, 0.0, 0.0], [0.0, 0.02, 0.0], [0.0, 0.0, 0.035]]
+    mass: float = number(2.0, "kg", POSITIVE)
+    # about the centre of mass, body axes
+    inertia: list[list[float]] = number(INERTIA_OF_PAPER, "kg·m²")
+    gravity: float = number(9.81, "m/s²", POSITIVE)
+    # body axes
+    rotor_positions: list[list[float]] = number(ROTORS_OF_PAPER, "m", -LONGEST, LONGEST)
+    rotor_directions: list[float] = number([1.0, -1.0, 1.0, -1.0], "1", -1.0, 1.0)
+    thrust_coefficient: float = number(1.0e-5, "N/(rad/s)²", POSITIVE)
+    torque_coefficient: float = number(1.6e-7, "N·m/(rad/s)²", 0.0)
+    rotor_radius: float = number(0.1, "m", POSITIVE)
+    max_rotor_thrust: float = number(12.0, "N", POSITIVE)
+    # what the nominal simulator assumes
+    rotor_time_constant: float = number(0.0, "s", 0.0, SLOWEST)
+    logged_point: str = word(
+        "origin",
+        "origin",
+        "center_of_mass",
+        meaning="of a log's position: origin (middle of the rotors) | center_of_mass",
     )
-    gravity: float = 9.81  # [m/s²]
-    rotor_positions: list[list[float]] = dc.field(default_factory=_paper_rotors)  # body axes [m]
-    rotor_directions: list[float] = dc.field(default_factory=lambda: [1.0, -1.0, 1.0, -1.0])  # [1]
-    thrust_coefficient: float = 1.0e-5  # [N/(rad/s)²]
-    torque_coefficient: float = 1.6e-7  # [N·m/(rad/s)²]
-    rotor_radius: float = 0.1  # [m]
-    max_rotor_thrust: float = 12.0  # [N]
-    rotor_time_constant: float = 0.0  # what the nominal simulator assumes [s]
-    logged_point: str = "origin"  # origin | center_of_mass
-    input: str = "command"  # command | rotor_speed | thrust_only | normalised
-    command_timing: str = "unknown"  # held: from its row until the next | unknown: as the log looks
-    measurement_noise: MeasurementNoise = dc.field(
-        default_factory=MeasurementNoise
-    )  # of the sensors
-    # Standard deviation over the value [1]; None: the file does not say.
-    mass_uncertainty: float | None = None
-    thrust_uncertainty: float | None = None  # of thrust from command, rotor speed or throttle
+    input: str = word("command", *INPUTS, meaning=f"what drives the model: {' | '.join(INPUTS)}")
+    command_timing: str = word(
+        "unknown",
+        "held",
+        "unknown",
+        meaning="held: from its row until the next | unknown: as the log looks",
+    )
+    # of the sensors
+    measurement_noise: MeasurementNoise = dc.field(default_factory=MeasurementNoise)
+    # Standard deviation over the value; None: the file does not say.
+    mass_uncertainty: float | None = number(None, "1", 0.0, VAGUEST)
+    # of thrust from command, rotor speed or throttle
+    thrust_uncertainty: float | None = number(None, "1", 0.0, VAGUEST)
     throttle: ThrottleMap | None = None  # None: not known
     calibration: Calibration = dc.field(default_factory=Calibration)
     rate_loop: RateLoop | None = None  # of the autopilot; None: not known
     # By field, as `mass` or `calibration.command_delay`; they say nothing of the vehicle itself, so
     # two are equal whatever is said of them.
     sources: dict[str, str] = dc.field(default_factory=dict, compare=False)
-    intervals: Intervals = dc.field(
-        default_factory=dict, compare=False
-    )  # of 95 %; a single number has one pair
+    # of 95 %; a single number has one pair
+    intervals: Intervals = dc.field(default_factory=dict, compare=False)
 
     def check(self) -> "Vehicle":
-        """Return self after checking all parameters.
-
-        Raises: ValueError: where one is impossible.
-        """
+        """Return self after checking all parameters; ValueError where one is impossible."""
         self.input = ALIASES.get(self.input, self.input)
-        for name, value in dc.asdict(self).items():
-            if not isinstance(value, (str, dict, type(None))):
-                _require(bool(np.all(np.isfinite(value))), f"{name} must be finite; got {value}")
-        for name in POSITIVE:
-            _require(getattr(self, name) > 0, f"{name} must be positive; got {getattr(self, name)}")
-        _require(
-            0 <= self.rotor_time_constant <= SLOWEST_ROTOR,
-            (
-                f"rotor_time_constant must be 0 to {SLOWEST_ROTOR:g} s; got "
-                f"{self.rotor_time_constant}. Is it in seconds?"
-            ),
-        )
-        _require(np.shape(self.rotor_positions) == (4, 3), "rotor_positions must be 4 x 3 [m]")
-        _require(
-            np.shape(self.rotor_directions) == (4,) and set(np.abs(self.rotor_directions)) == {1.0},
-            "rotor_directions must be four signs, 1 or -1",
-        )
-        _require(np.shape(self.inertia) == (3, 3), "inertia must be 3 x 3 [kg·m²]")
+        check_fields(self, "Vehicle")
+        for part in (self.measurement_noise, self.calibration, self.throttle, self.rate_loop):
+            if part is not None:
+                part.check()
         J = np.array(self.inertia, float)
         moments = np.linalg.eigvalsh(J) if np.allclose(J, J.T) else np.zeros(3)
         _require(moments[0] > 0, "inertia must be symmetric and positive definite [kg·m²]")
@@ -133,75 +277,85 @@ class Vehicle:
             "inertia must meet the triangle inequality",
         )
         _require(
-            self.logged_point in ("origin", "center_of_mass"),
-            "logged_point: origin | center_of_mass",
-        )
-        _require(self.command_timing in ("held", "unknown"), "command_timing: held | unknown")
-        _require(self.input in INPUTS, f"input: {' | '.join(INPUTS)}")
-        self.measurement_noise.check()
-        self._check_rotors()
-        self._check_uncertainty()
-        self._check_calibration()
-        self.intervals = checked_intervals(self)
-        return self
-
-    def _check_uncertainty(self) -> None:
-        for name in ("mass_uncertainty", "thrust_uncertainty"):
-            value = getattr(self, name)
-            _require(
-                value is None or 0 <= value < VAGUEST,
-                (
-                    f"{name} must be a standard deviation over the value, 0 to below "
-                    f"{VAGUEST:g}; got {value}"
-                ),
-            )
-
-    def _check_rotors(self) -> None:
-        longest = float(np.linalg.norm(self.rotor_positions, axis=1).max())
-        _require(
-            longest <= LONGEST_ARM,
-            (
-                f"rotor_positions must be within {LONGEST_ARM:g} m of the origin; got "
-                f"{longest:g}. Are they in metres?"
-            ),
-        )
-        _require(
-            self.torque_coefficient >= 0,
-            "torque_coefficient must not be negative, for rotor_directions hold the signs; "
-            f"got {self.torque_coefficient}",
+            set(np.abs(self.rotor_directions)) == {1.0},
+            "rotor_directions must be four signs, 1 or -1",
         )
         _require(
             abs(np.linalg.det(self.mixer)) > 1e-12, "the rotors must span thrust and three torques"
         )
-        lift, weight = 4 * self.max_rotor_thrust, self.mass * self.gravity
+        self._check_sizes(float(moments[2]))
+        self._check_rotors()
+        self.intervals = checked_intervals(self)
+        return self
+
+    def _check_sizes(self, largest: float) -> None:
+        """Check inertia, of which `largest` is the largest moment [kg·m²], and thrust against mass
+        and arms.
+        """
+        arm = float(np.linalg.norm(self.rotor_positions, axis=1).max())
+        weight = self.mass * self.gravity
+        unit, most = self.mass * arm**2, self.max_rotor_thrust
+        offset = float(np.linalg.norm(self.calibration.center_of_mass))
         _require(
-            lift >= weight,
-            f"max_rotor_thrust must let four rotors carry the weight, {weight:.4g} N; got "
-            f"{self.max_rotor_thrust} N "
+            4 * most >= weight,
+            f"max_rotor_thrust must let four rotors carry the weight, {weight:.4g} N; got {most} N "
             "each. Is it in N, of one rotor, and the mass in kg?",
         )
-        if wrong := implausible(self):
-            raise ValueError(f"Vehicle: {wrong}")
-
-    def _check_calibration(self) -> None:
-        known = self.calibration.check()
-        if self.throttle is not None:
-            self.throttle.check()
-        if self.rate_loop is not None:
-            self.rate_loop.check()
-        reach = float(np.linalg.norm(self.rotor_positions, axis=1).max())
-        offset = float(np.linalg.norm(known.center_of_mass))
         _require(
-            offset <= reach,
-            f"calibration.center_of_mass must lie no farther from Bo than the rotors, "
-            f"{reach:g} m; got {offset:g}. "
-            "Is it in metres?",
+            INERTIA[0] * unit <= largest <= INERTIA[1] * unit,
+            f"inertia must be comparable with mass times squared arm, {unit:.2g} kg·m² "
+            f"({INERTIA[0] * unit:.2g} to {INERTIA[1] * unit:.2g}); got {largest:.3g}. Is it in "
+            "kg·m² (1 g·mm² is 1e-9, 1 g·cm² 1e-7 kg·m²), the mass in kg, the arm in m?",
         )
         _require(
-            known.rotor_inertia <= self.inertia[2][2],
+            4 * most <= STRONGEST * weight,
+            f"max_rotor_thrust must be of one rotor, in all at most {STRONGEST:g} times the "
+            f"weight of {weight:.3g} N; got {most:.4g} N each. Is it in N (1 gf is 0.0098 N), and "
+            "the mass in kg?",
+        )
+        _require(
+            offset <= arm,
+            f"calibration.center_of_mass must lie no farther from Bo than the rotors, {arm:g} m; "
+            f"got {offset:g}. Is it in metres?",
+        )
+        _require(
+            self.calibration.rotor_inertia <= self.inertia[2][2],
             f"calibration.rotor_inertia must be below that of the vehicle, "
-            f"{self.inertia[2][2]:g} kg·m²; got "
-            f"{known.rotor_inertia:g}. Is it in kg·m²?",
+            f"{self.inertia[2][2]:g} kg·m²; got {self.calibration.rotor_inertia:g}. Is it in "
+            "kg·m²?",
+        )
+
+    def _check_rotors(self) -> None:
+        """Check thrust and torque of a rotor against momentum theory."""
+        most, D = self.max_rotor_thrust, 2 * self.rotor_radius
+        speed = math.sqrt(most / self.thrust_coefficient)
+        tip = speed * self.rotor_radius
+        # The air through the disc moves at sqrt(T / (2 rho A)), which no blade's tip can be slower
+        # than.
+        induced = math.sqrt(most / (2 * AIR * math.pi * self.rotor_radius**2))
+        unit = (
+            "Is thrust_coefficient in N/(rad/s)² (1 N/rpm² is 91.2 N/(rad/s)²), and rotor_radius "
+            "in m?"
+        )
+        named = (
+            f"thrust_coefficient must give {most:.4g} N from a rotor of {self.rotor_radius:.3g} m"
+        )
+        _require(
+            tip < SOUND,
+            f"{named} below the speed of sound; got tips at {tip:.0f} m/s ({speed:.5g} rad/s). "
+            f"{unit}",
+        )
+        _require(
+            tip >= induced,
+            f"{named} with tips faster than its air, {induced:.3g} m/s; got {tip:.2g} m/s. {unit}",
+        )
+        lever = self.torque_coefficient / self.thrust_coefficient
+        number = self.thrust_coefficient * (2 * math.pi) ** 2 / (AIR * D**4)
+        least = EFFICIENT * least_torque_over_thrust(number, D)
+        _require(
+            least <= lever <= D,
+            f"torque_coefficient over thrust_coefficient must be {least:.2g} to {D:.2g} m, the "
+            f"rotor's diameter; got {lever:.3g} m. Are both per (rad/s)², and rotor_radius in m?",
         )
 
     @property
@@ -250,6 +404,19 @@ class Vehicle:
         """
         sources, intervals = without(self.sources, "mass"), without(self.intervals, "mass")
         return dc.replace(self, mass=mass, sources=sources, intervals=intervals).check()
+
+
+def least_torque_over_thrust(number: float, diameter: float) -> float:
+    """Return torque over thrust of a rotor without loss, of figure of merit 1 [m].
+
+    Momentum theory: the power Omega Q of a propeller of disc area A that hovers at thrust T is T
+    sqrt(T / (2 rho A)), hence Q / T = D sqrt(2 C_T / pi) / (2 pi).
+
+    Args:
+        number: thrust number C_T = T / (rho n² D⁴), n in revolutions a second [1].
+        diameter: D of the rotor [m].
+    """
+    return diameter * math.sqrt(2 * number / math.pi) / (2 * math.pi)
 
 
 def preset_names() -> list[str]:

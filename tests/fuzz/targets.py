@@ -13,10 +13,8 @@ from typing import Any
 import numpy as np
 from pydrake.common.yaml import yaml_dump
 
-from diagrams.batch.campaign import read_record
-from diagrams.gap.next_flight import read_report
 from diagrams.loop.experiments import load_experiment
-from np_drake.files.input_file import read_json
+from np_drake.files.input_file import kept_json, read_json
 from np_drake.lifting.model.model_file import load_model
 from np_drake.logs.formats.format import Stream
 from np_drake.logs.formats.neurobem import FIRST_COLUMNS
@@ -189,21 +187,8 @@ def _models(folder: Path) -> list[bytes]:
 
 
 def _json(folder: Path) -> list[bytes]:
-    answer = {
-        "explanations": [{"effects": [], "probability": 1.0}],
-        "readings": {"noise": {}},
-        "refit": None,
-    }
+    answer = {"readings": {"noise": {}}, "refit": None}
     return [json.dumps(answer).encode(), b"[1, 2.5e3, null, true]", b'{"a": {"b": [{}]}}']
-
-
-def _report(path: Path) -> Any:
-    """Read the folder of a diagnosis whose report is this file."""
-    folder = path.parent / "report"
-    folder.mkdir(exist_ok=True)
-    (folder / "diagnosis.json").write_bytes(path.read_bytes())
-    (folder / "corrected.yaml").write_text("vehicle: {}\n")
-    return read_report(folder)
 
 
 def _map(folder: Path) -> list[bytes]:
@@ -215,7 +200,7 @@ def _track(folder: Path) -> list[bytes]:
 
 
 def _record(path: Path) -> Any:
-    return read_record(path, {"schema": "np_drake.campaign/1"})
+    return kept_json(path)
 
 
 ODOMETRY = {"/rpm": stream(*(f"data[{i}]" for i in range(4)))}
@@ -270,7 +255,6 @@ TARGETS = {
         Target("pendulum_model", ".safetensors", PayloadFilterModel.load, _models),
         Target("motion_model", ".safetensors", MotionModel.load, _models),
         Target("json", ".json", read_json, _json),
-        Target("report", ".json", _report, _json),
         Target("record", ".json", _record, _json),
     )
 }

@@ -21,8 +21,8 @@ from typing import Any
 
 from joblib import Parallel, delayed
 
-from diagrams.challenge.generate.case import CaseDraw, case_name
-from diagrams.challenge.generate.make import Making, write_case
+from diagrams.challenge.draw import CaseDraw, case_name
+from diagrams.challenge.make import Making, write_case
 from diagrams.challenge.solve import diagnose_folder
 from diagrams.gap.real_flights import agile_flights
 from np_drake.diagnosis.diagnose import diagnose

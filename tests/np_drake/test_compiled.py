@@ -2,13 +2,9 @@
 
 import errno
 import importlib.util
-import logging
-import pickle
-import sys
-from types import SimpleNamespace
 
 import pytest
-from numba import njit
+from numba.core.caching import IndexDataCacheFile
 
 from np_drake import compiled
 
@@ -43,33 +39,13 @@ def doubled(tmp_path):
     return run
 
 
-def flipped(path):
-    data = bytearray(path.read_bytes())
-    data[len(data) // 2] ^= 0xFF
-    path.write_bytes(data)
-
-
-DAMAGE = {
-    "empty": lambda path: path.write_bytes(b""),
-    "cut off": lambda path: path.write_bytes(path.read_bytes()[:-7]),
-    "garbage": lambda path: path.write_bytes(b"\x80garbage" * 40),
-    "one byte": flipped,
-    "another object": lambda path: path.write_bytes(pickle.dumps("0.0") + pickle.dumps(3)),
-    "a folder": lambda path: (path.unlink(), path.mkdir()),
-    "zeros": lambda path: path.write_bytes(bytes(path.stat().st_size)),
-}
-
-
-@pytest.mark.parametrize("files", ["*.nbi", "*.nbc", "*.nb?"])
-@pytest.mark.parametrize("damage", DAMAGE.values(), ids=DAMAGE)
-def test_damaged_machine_code_is_thrown_away_and_compiled_again(tmp_path, doubled, damage, files):
+@pytest.mark.parametrize("files", ["*.nbi", "*.nbc"])
+@pytest.mark.parametrize("content", [b"", b"\x80garbage" * 40])
+def test_damaged_machine_code_is_compiled_again(tmp_path, doubled, content, files):
     assert doubled() == (42, 1)
     for path in list(tmp_path.rglob(files)):
-        damage(path)
+        path.write_bytes(content)
     assert doubled()[0] == 42
-    assert doubled()[0] == 42
-    if not any(path.is_dir() for path in tmp_path.rglob("*.nb?")):
-        assert doubled() == (42, 1)
 
 
 def test_a_full_disk_under_the_cache_costs_only_the_cache(monkeypatch, doubled, tmp_path):
@@ -78,33 +54,5 @@ def test_a_full_disk_under_the_cache_costs_only_the_cache(monkeypatch, doubled, 
 
     for path in tmp_path.rglob("*.nb?"):
         path.unlink()
-    monkeypatch.setattr(compiled._CheckedFile, "_open_for_write", full)
+    monkeypatch.setattr(IndexDataCacheFile, "_open_for_write", full)
     assert doubled() == (42, 0)
-
-
-@pytest.mark.parametrize(
-    "module, looking, said",
-    [
-        ("np_drake.mpc", True, [logging.WARNING]),
-        ("np_drake.mpc", False, [logging.INFO]),  # stderr is for errors alone
-        ("elsewhere.code", True, []),
-    ],
-)
-def test_a_wait_for_the_compiler_is_explained_once(monkeypatch, caplog, module, looking, said):
-    monkeypatch.setattr(sys, "stderr", SimpleNamespace(isatty=lambda: looking))
-    dut = compiled.Notice()
-    function = SimpleNamespace(py_func=SimpleNamespace(__module__=module))
-    with caplog.at_level(logging.INFO):
-        for _ in range(2):
-            dut.on_start(SimpleNamespace(data={"dispatcher": function}))
-    assert [record.levelno for record in caplog.records] == said
-
-
-def test_a_compilation_is_heard_of(monkeypatch):
-    heard = []
-    monkeypatch.setattr(
-        compiled.Notice, "on_start", lambda self, event: heard.append(event.data["dispatcher"])
-    )
-    function = njit(lambda x: x + 1.0)
-    function(1.0)
-    assert heard == [function]

@@ -67,19 +67,6 @@ def test_the_streaming_form_equals_the_batch_form(lag, order):
     assert np.isnan(batch).any(axis=1).sum() == 12
 
 
-@pytest.mark.parametrize("order", [1, 3])
-def test_labels_of_infinite_bandwidth_are_the_raw_ones(order):
-    vehicle, log, _ = flight()
-    log.a += np.random.default_rng(1).normal(size=log.a.shape)
-    config = lb.LabelConfig(force_bandwidth=np.inf, torque_bandwidth=np.inf, order=order)
-    raw = lb.raw_labels(log, vehicle)
-    np.testing.assert_allclose(
-        lb.labels(log, vehicle, config), raw, atol=1e-12
-    )  # round-off [N, N·m]
-    dut = lb.LabelFilter(vehicle, config, step=log.step)
-    np.testing.assert_allclose(stream(dut, log, log.u), raw, atol=1e-12)  # round-off [N, N·m]
-
-
 def test_a_first_order_label_answers_a_step_with_its_time_constant():
     vehicle, log, _ = flight(chi=np.zeros(6))
     log.a[200:, 0] += 1.0 / vehicle.mass
@@ -92,13 +79,6 @@ def test_a_first_order_label_answers_a_step_with_its_time_constant():
         np.testing.assert_allclose(
             after[:, channel], expected, atol=2e-3
         )  # bilinear against exact [N, N·m]
-
-
-def test_labels_never_use_the_future():
-    vehicle, log, _ = flight()
-    before = lb.labels(log, vehicle)
-    log.a[300:] += 5.0
-    np.testing.assert_array_equal(lb.labels(log, vehicle)[:300], before[:300])
 
 
 def test_smooth_labels_have_no_delay():
@@ -122,14 +102,6 @@ def test_a_slow_force_comes_late_by_the_delay_of_the_low_pass(order):
     )  # [s]
 
 
-def test_after_a_dropped_sample_the_filter_carries_on():
-    vehicle, log, chi = flight()
-    log.a[100:110] = np.nan
-    out = lb.labels(log, vehicle)
-    assert np.isnan(out[100:110]).all()
-    np.testing.assert_allclose(out[110:], np.tile(chi, (290, 1)), atol=1e-9)  # round-off [N, N·m]
-
-
 def test_a_command_through_the_vehicle_files_lag_leaves_no_torque():
     vehicle, log, _ = flight(chi=np.zeros(6), lag=0.03)
     assert np.abs(lb.raw_labels(log, vehicle)).max() < 1e-9  # [N, N·m]
@@ -140,17 +112,6 @@ def test_measured_rotor_speed_is_not_lagged_again():
     vehicle, log, _ = flight(lag=0.03)
     log.input = "rotor_speed"
     assert lb.acting_command(log, vehicle) is log.u
-
-
-def test_two_memories_of_one_filter_are_independent():
-    vehicle, log, _ = flight(lag=0.03)
-    dut = lb.LabelFilter(vehicle, step=STEP)
-    first = dut.initial_memory()
-    kept = {name: value.copy() for name, value in first.items()}
-    sample = {"x": log.x[0], "a": log.a[0], "al": log.al[0], "u": log.u[0]}
-    dut.step(first, **sample)
-    for name, value in kept.items():
-        np.testing.assert_array_equal(first[name], value)
 
 
 @pytest.mark.parametrize(

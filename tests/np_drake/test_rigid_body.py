@@ -1,3 +1,5 @@
+"""Laws of rotations and of the rigid body."""
+
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
@@ -54,8 +56,13 @@ def test_vectorised_and_single_calls_agree():
     )
 
 
-def test_without_force_the_body_falls_freely():
-    x = np.zeros(13)
-    x[3] = 1.0
-    rate = rigid_body.state_derivative(VEHICLE, x, np.zeros(4), np.zeros(6))
-    np.testing.assert_allclose(rate, [0, 0, 0, 0, 0, 0, 0, 0, 0, -9.81, 0, 0, 0])
+VECTORS = arrays(float, 3, elements=st.floats(-10, 10))
+
+
+@given(VECTORS, VECTORS)
+def test_the_skew_matrix_of_a_vector_times_another_is_their_cross_product(r, s):
+    np.testing.assert_allclose(attitude.skew(r) @ s, np.cross(r, s), atol=1e-12)
+    np.testing.assert_array_equal(attitude.skew(r).T, -attitude.skew(r))
+    np.testing.assert_array_equal(
+        attitude.skew(np.stack([r, s])), [attitude.skew(r), attitude.skew(s)]
+    )

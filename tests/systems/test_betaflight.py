@@ -9,7 +9,7 @@ from diagrams.loop.flight_result import fly
 from np_drake.autopilot.firmware import AutopilotError, find_firmware
 from np_drake.identification.rate_loop import identify_rate_loop
 from np_drake.vehicle import Vehicle
-from np_drake.vehicle.rate_loop import RateLoop
+from np_drake.vehicle.vehicle import RateLoop
 
 VEHICLE = dc.replace(Vehicle(), rate_loop=RateLoop())
 

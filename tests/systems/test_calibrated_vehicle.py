@@ -9,8 +9,7 @@ from pydrake.systems.analysis import Simulator
 from np_drake.effects.calibration import effects_of
 from np_drake.effects.combine import split_effects
 from np_drake.vehicle import Vehicle
-from np_drake.vehicle.calibration import Calibration
-from np_drake.vehicle.rate_loop import RateLoop
+from np_drake.vehicle.vehicle import Calibration, RateLoop
 from systems.plant import set_hover
 from systems.rate_loop import RateLoopTorque
 from systems.tethered_quadrotor import PayloadConfig, make_tethered_quadrotor

@@ -16,7 +16,7 @@ from np_drake.effects.quadratic_drag import QuadraticDrag
 from np_drake.effects.rotor_gyroscopic import RotorGyroscopic
 from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.effects.thrust_scale import ThrustScale
-from np_drake.neighbour import Neighbour
+from np_drake.flight_log import Neighbour
 from np_drake.vehicle import Vehicle
 from systems.plant import set_hover
 from systems.tethered_quadrotor import PayloadConfig, make_tethered_quadrotor

@@ -9,7 +9,7 @@ from np_drake.offboard.codec import COMPANION, Codec, Command, Heartbeat, Inerti
 from np_drake.offboard.link import Channel
 from np_drake.rigid_body import P
 from np_drake.vehicle import Vehicle
-from np_drake.vehicle.rate_loop import RateLoop
+from np_drake.vehicle.vehicle import RateLoop
 from systems.offboard_autopilot import PERIOD, OffboardAutopilot
 
 pytest.importorskip("pymavlink", reason="messages need pymavlink")

@@ -5,15 +5,14 @@ Training flights alone give the model; held-out flights judge it. In the words o
 selection:
 
 1. search: the set of effects with the largest evidence, and its maximum a posteriori fit
-  (`find_map_model`);
+   (`find_map_model`);
 2. rank: rival sets, all parameters of each refined, and the probability of every effect
-  (`rank_models`);
+   (`rank_models`);
 3. hold out: the best fit on flights that it has not seen, its parameters kept (`on_held_out`);
 4. structure: what no effect of the library explains, as generic structure
-  (`LinearModel.select_structure`) and as
-   signs in the residual (`find_unexplained`);
+   (`LinearModel.select_structure`) and as signs in the residual (`find_unexplained`);
 5. decide: an effect is a cause where its probability of acting and of being material is large
-  enough (`causes_of`).
+   enough (`causes_of`).
 
 A slow level force that sensors alone do not make is either that of gusts, which act through a drag,
 or unknown.
@@ -23,33 +22,22 @@ import dataclasses as dc
 from collections.abc import Sequence
 from functools import cached_property
 
-import numpy as np
-
-from np_drake.diagnosis.adequacy import (
+from np_drake.diagnosis.decision.causes import causes_of, estimates
+from np_drake.diagnosis.decision.remainder import measure_remainder
+from np_drake.diagnosis.decision.term_assessment import within_timing
+from np_drake.diagnosis.decision.unexplained import (
+    PLACE,
     LinearModel,
     Unexplained,
     find_unexplained,
-    measure_remainder,
 )
-from np_drake.diagnosis.decision.causes import causes_of, of_named_fit, open_timing
-from np_drake.diagnosis.forward_model import Term, predicted_residual
+from np_drake.diagnosis.gusts import in_gusts, residuals_of, with_drag, with_gusts
 from np_drake.diagnosis.held_out import HeldOut, mark_outliers, on_held_out, with_calibration
-from np_drake.diagnosis.options import Options
-from np_drake.diagnosis.regressors import DRAG, GUSTY
-from np_drake.diagnosis.regressors.generic import ELSEWHERE
 from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.diagnosis.result import Cause, Finding, Remainder
-from np_drake.diagnosis.selection import (
-    Ranking,
-    SearchResult,
-    find_map_model,
-    rank_models,
-    with_named_fit,
-)
-from np_drake.diagnosis.wind import as_gusts, position_p_value, with_drag
+from np_drake.diagnosis.selection import Ranking, SearchResult, rank_models, with_named_fit
+from np_drake.diagnosis.slow_force import position_p_value
 from np_drake.effects.gusty_wind import GustyWind
-
-PLACE = Finding("place", "a slow force tied to a place", 1.0, {}, ELSEWHERE)
 
 
 @dc.dataclass(frozen=True)
@@ -66,78 +54,48 @@ class Inference:
     causes: list[Cause]
     below_threshold: list[Finding]
 
-    @property
-    def held_out(self) -> Sequence[FlightResiduals]:
-        """Held-out flights, with their outliers marked."""
-        return self.held.flights
-
-    @property
-    def options(self) -> Options:
-        """Options of the ranking."""
-        return self.ranking.options
-
     @cached_property
     def left(self) -> Remainder:
         """What the causes leave of the held-out gap."""
-        said = self.unexplained
-        return measure_remainder(
-            self.causes, self.ranking.noise, self.held, [*said.structures, said.slow], self.options
-        )
-
-    @property
-    def unknown(self) -> bool:
-        """Whether something material remains that no effect explains."""
-        return self.left.probability >= 0.5
+        said = [*self.unexplained.structures, self.unexplained.slow]
+        ranking = self.ranking
+        return measure_remainder(self.causes, ranking.noise, self.held, said, ranking.options)
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """Where the remainder lives."""
-        slow = self.unexplained.slow
-        return (*([slow.finding] if slow.probability > 0.5 else []), *self.unexplained.findings)
-
-
-def infer(
-    flights: Sequence[FlightResiduals],
-    held_out: Sequence[FlightResiduals],
-    options: Options | None = None,
-) -> Inference:
-    """Search the effects by training flights, and return the causes that they show; held-out
-    flights judge them.
-
-    Args:
-        options: all that steers the answer; default: by the sensors of the flights.
-    """
-    return conclude(find_map_model(flights, options), held_out)
+        """Where the remainder lives: what is more probable than not."""
+        said = (self.unexplained.slow, *self.unexplained.structures)
+        return tuple(s.finding for s in said if s.probability > 0.5)
 
 
 def conclude(found: SearchResult, held_out: Sequence[FlightResiduals]) -> Inference:
     """Rank the models of a search, judge the best by held-out flights, and decide which of its
     effects are causes.
-
-    Args:
-        found: by `find_map_model`.
     """
     ranking = rank_models(found)
     flights, held = ranking.problem.flights, _held_out(ranking, held_out)
     linear = LinearModel(ranking)
     _, structure = linear.select_structure()
-    unexplained = find_unexplained(ranking, linear, structure, held)
-    if unexplained.slow.probability > 0.5:
-        # The drift of an estimator that nobody measured is neither told from gusts nor from a force
-        # tied to a place.
-        told = not ranking.options.tolerance.unmeasured
-        position_dependent = told and _depends_on_position(ranking, held)
-        ask_gusts = told and not position_dependent
-        found_gusts = (
-            _in_gusts(ranking, linear, structure, held, unexplained) if ask_gusts else None
+    unexplained, blown = find_unexplained(ranking, linear, structure, held), None
+    slow = unexplained.slow
+    # The drift of an estimator that nobody measured is neither told from gusts nor from a force
+    # tied to a place.
+    if slow.probability > 0.5 and not ranking.options.tolerance.unmeasured:
+        # Gusts do not depend on position alike in all flights.
+        every = [*flights, *(e for e in held.flights if not e.joined.any())]
+        p_value = position_p_value(
+            every, residuals_of(ranking, held), {e.name: None for e in every}
         )
-        if found_gusts is not None:
-            ranking, held, causes, minor = found_gusts
-            blown = dc.replace(unexplained, slow=unexplained.slow._replace(probability=0.0))
-            return Inference(flights, ranking, held, blown, causes, minor)
-        if position_dependent:
-            unexplained = dc.replace(unexplained, slow=unexplained.slow._replace(finding=PLACE))
-    causes, minor = causes_of(ranking, linear, structure, held)
+        if p_value < ranking.options.thresholds.position_p_value:
+            slow = slow._replace(finding=PLACE)
+        else:
+            blown = _in_gusts(ranking, linear, structure, held, slow.probability)
+    if blown is None:
+        causes, minor = causes_of(ranking, linear, structure, held)
+    else:
+        ranking, held, causes, minor = blown
+        slow = slow._replace(probability=0.0)
+    unexplained = dc.replace(unexplained, slow=slow)
     return Inference(flights, ranking, held, unexplained, causes, minor)
 
 
@@ -149,12 +107,20 @@ def as_named(found: Inference) -> Inference:
     delay that the logs leave open is calibration too.
     """
     named, ranking = {c.identifier for c in found.causes}, found.ranking
-    open_ = open_timing(ranking)
-    if not open_ and not named < {t.effect.identifier for t in ranking.best.terms}:
+    vehicle, options = ranking.problem.flights[0].vehicle, ranking.options
+    effects = [t.effect for t in ranking.best.terms]
+    open_ = frozenset(e.identifier for e in effects if within_timing(e, vehicle, options))
+    if not open_ and not named < {e.identifier for e in effects}:
         return found
     ranking = with_named_fit(ranking, named | open_)
-    causes = of_named_fit(found.causes, ranking.best, ranking)
-    held = dc.replace(_held_out(ranking, found.held_out), calibrations=open_)
+    fit = ranking.best
+    terms = {t.effect.identifier: i for i, t in enumerate(fit.terms)}
+    causes = []
+    for c in found.causes:
+        i = terms[c.identifier]
+        own = estimates(fit, i, vehicle, options.priors)
+        causes.append(dc.replace(c, parameters=own, effect=fit.terms[i].effect))
+    held = dc.replace(_held_out(ranking, found.held.flights), calibrations=open_)
     return dc.replace(found, ranking=ranking, held=held, causes=causes)
 
 
@@ -171,74 +137,16 @@ def _in_gusts(
     linear: LinearModel,
     structure: Sequence[int],
     held: HeldOut,
-    unexplained: Unexplained,
+    probability: float,
 ) -> tuple[Ranking, HeldOut, list[Cause], list[Finding]] | None:
-    """Return ranking, held-out flights and causes with gusts as the slow force; None where it can
-    be no wind.
+    """Return ranking, held-out flights and causes with gusts of this probability as the slow force;
+    None where it can be no wind.
     """
     if (with_one := with_drag(ranking)) is not ranking:
         ranking, linear = with_one, LinearModel(with_one)
     held = on_held_out(ranking.best, held.flights, ranking.noise, ranking.options.priors)
     causes, minor = causes_of(ranking, linear, structure, held, gusts=True)
-    causes = with_gusts(ranking, held, causes, unexplained)
+    causes = with_gusts(ranking, held, causes, probability)
     if not any(c.identifier == GustyWind.identifier for c in causes):
         return None
     return ranking, in_gusts(held, causes), causes, minor
-
-
-def _depends_on_position(ranking: Ranking, held: HeldOut) -> bool:
-    """Return whether the slow force depends on position alike in all flights, as gusts would
-    not.
-    """
-    every = [*ranking.problem.flights, *(e for e in held.flights if not e.joined.any())]
-    p_value = position_p_value(every, _residuals(ranking, held), {e.name: None for e in every})
-    return p_value < ranking.options.thresholds.position_p_value
-
-
-def with_gusts(
-    ranking: Ranking, held: HeldOut, causes: list[Cause], unexplained: Unexplained
-) -> list[Cause]:
-    """Return the causes with gusts among them, where a drag was found through which they act.
-
-    Args:
-        unexplained: what it leaves, with the probability of a slow force.
-    """
-    flights, rest = ranking.problem.flights, _residuals(ranking, held)
-    through_drag = {}
-    for e in (*flights, *held.flights):
-        terms = [
-            t for t in held.terms.get(e.name, ranking.best.terms) if t.effect.identifier in GUSTY
-        ]
-        through_drag[e.name] = rest[e.name] + predicted_residual(e, terms)
-    return as_gusts(
-        flights, through_drag, causes, unexplained.slow.probability, ranking.options, held.flights
-    )
-
-
-def _residuals(ranking: Ranking, held: HeldOut) -> dict[str, np.ndarray]:
-    """Return by flight the residual (m, 15) of the best model [N, N·m, …]."""
-    rest = {e.name: ranking.best.residual(e) for e in ranking.problem.flights}
-    return rest | {e.name: held.swing_free_residual(e) for e in held.flights}
-
-
-def in_gusts(held: HeldOut, causes: Sequence[Cause]) -> HeldOut:
-    """Return the held-out flights with the mean of the gusts in the place of a steady wind.
-
-    Args:
-        causes: the gusts and the drag through which they act among them, each from when on it acts.
-    """
-    by_name = {c.identifier: c for c in causes}
-    gusts, drag = by_name[GustyWind.identifier], by_name[DRAG]
-    assert gusts.effect is not None
-    assert drag.effect is not None
-    terms, residual = dict(held.terms), dict(held.residual)
-    for e in held.flights:
-        rest = [t for t in held.terms[e.name] if t.effect.identifier not in GUSTY]
-        own_drag = Term(drag.effect, {e.name: drag.onset.get(e.name)})
-        terms[e.name] = [
-            *rest,
-            own_drag,
-            Term(gusts.effect.predicted, {e.name: gusts.onset.get(e.name)}),
-        ]
-        residual[e.name] = e.y - predicted_residual(e, terms[e.name])
-    return dc.replace(held, terms=terms, residual=residual)

@@ -10,9 +10,9 @@ import numpy as np
 from scipy import special
 
 from np_drake import attitude
-from np_drake.diagnosis.adequacy import LinearModel
-from np_drake.diagnosis.calibration.spread import ROTORS, of_battery, of_flight, of_vehicle
-from np_drake.diagnosis.cross_validation import Support
+from np_drake.diagnosis.calibration import ROTORS, of_battery, of_flight, of_vehicle
+from np_drake.diagnosis.decision.support import Support
+from np_drake.diagnosis.decision.unexplained import LinearModel
 from np_drake.diagnosis.fitting import Fit, greatest_height, impossible, scaled_jacobian
 from np_drake.diagnosis.forward_model import Term, predicted_residual
 from np_drake.diagnosis.held_out import HeldOut
@@ -63,20 +63,16 @@ class TermAssessment:
     @property
     def reason(self) -> str:
         """Why it is below the threshold of a cause."""
+        support = self.support
         if self.stands_for:
             return self.stands_for
-        if self.support is not None and self.support.contradicted:
+        if support is not None and support.contradicted:
             return "held-out flights are predicted better without it"
-        if self.support is not None and self.support.probability < min(
-            self.material, self.in_model
-        ):
-            gain, error = number(self.support.total, 2), number(self.support.error, 2)
+        if support is not None and support.probability < min(self.material, self.in_model):
+            gain, error = number(support.total, 2), number(support.error, 2)
             return f"it does not predict: {gain} ± {error} nat in time that did not fit it"
-        return (
-            "immaterial"
-            if self.material < self.in_model
-            else f"not sure, {probability(self.in_model)}"
-        )
+        unsure = f"not sure, {probability(self.in_model)}"
+        return "immaterial" if self.material < self.in_model else unsure
 
 
 def assess_term(
@@ -92,57 +88,42 @@ def assess_term(
 ) -> TermAssessment:
     """Assess term i of the best model.
 
-    Args:
-        same: effects that cannot be told from term i, whose probability is added.
-        gusts: whether the slow force is that of gusts. The drag through which they act is material
-            and stands for nothing else; its prior is that of gusts against structure that is no
-            effect.
+    same: effects that cannot be told from term i, whose probability is added.
+    gusts: whether the slow force is that of gusts. The drag through which they act is material and
+    stands for nothing else; its prior is that of gusts against structure that is no effect.
     """
     fit, flights, options = ranking.best, ranking.problem.flights, ranking.options
-    effect, tolerance, materiality, priors = (
-        fit.terms[i].effect,
-        options.tolerance,
-        options.materiality,
-        options.priors,
-    )
+    term, vehicle, priors = fit.terms[i], flights[0].vehicle, options.priors
+    effect, tolerance, materiality = term.effect, options.tolerance, options.materiality
     named = min(1.0, sum(ranking.probability.get(name, 0.0) for name in (effect.identifier, *same)))
     through_drag = gusts and effect.identifier == DRAG
     brought = priors.generic - priors.of_effect(DRAG) if through_drag else 0.0
     in_model = named * float(special.expit(linear.margin(i, structure) + brought))
     unseen = [(e, held.terms[e.name]) for e in held.flights]
     size = size_of(fit, i, flights, ranking.noise.rms, tolerance, unseen)
-    material = material_share(
-        size,
-        relative_sizes(fit, i, flights),
-        materiality,
-        calibration=within_calibration(fit.terms[i], options),
-        sensor=tolerance.of(effect) > 0,
-    )
-    error = (
-        float(np.hypot(SPREAD.tilt, SPREAD.mounting))
-        if tolerance.unmeasured
-        else tolerance.attitude_error
-    )
-    largest_error = materiality.sensor * error
-    material *= wind_share(fit, i, flights, materiality.still_air, largest_error)
-    if within_timing(effect, flights[0].vehicle, options):
-        material = 0.0
     if through_drag:
         return TermAssessment(in_model, 1.0, size, "")
-    material *= beyond_spread(fit, i, flights[0], tolerance)
-    stands_for = impossible(fit, i, flights[0].vehicle, greatest_height(flights))
+    material = 0.0
+    if not within_timing(effect, vehicle, options):
+        material = material_share(
+            size,
+            relative_sizes(fit, i, flights),
+            materiality,
+            calibration=within_calibration(term, options),
+            sensor=tolerance.of(effect) > 0,
+        )
+        tilt = float(np.hypot(SPREAD.tilt, SPREAD.mounting))
+        error = materiality.sensor * (tilt if tolerance.unmeasured else tolerance.attitude_error)
+        material *= wind_share(fit, i, flights, materiality.still_air, error)
+        material *= beyond_spread(fit, i, flights[0], tolerance)
+    stands_for = impossible(fit, i, vehicle, greatest_height(flights))
     return TermAssessment(in_model, material, size, stands_for, support)
 
 
 def within_timing(effect: Effect, vehicle: Vehicle, options: Options) -> bool:
-    """Return whether an effect shifts commands by no more than the logs leave open.
-
-    Args:
-        options: hold the tolerance of the time at which commands act.
-    """
-    return (
-        0 < abs(effect.time_shift(vehicle)) < options.materiality.sensor * options.tolerance.timing
-    )
+    """Return whether an effect shifts commands by no more than the logs leave open."""
+    shift = abs(effect.time_shift(vehicle))
+    return 0 < shift < options.materiality.sensor * options.tolerance.timing
 
 
 def beyond_spread(fit: Fit, i: int, e: FlightResiduals, tolerance: Tolerance) -> float:
@@ -261,11 +242,8 @@ def wind_share(
     """Return the posterior probability that the mean level wind of term i is none of still air; 1
     where it is no wind.
 
-    It is faster than a draught, and pushes harder than an attitude error that the sensors may have.
-
-    Args:
-        still_air: largest speed of a draught [m/s].
-        attitude_error: that the sensors may have, under which thrust pushes as a wind does [rad].
+    It is faster than a draught [m/s], and pushes harder than an attitude error that the sensors may
+    have [rad], under which thrust pushes as a wind does.
     """
     own = {f.name: k for k, f in enumerate(fit.free) if f.term == i and not f.flight}
     if not fit.terms[i].effect.needs or not {"x", "y"} <= set(own):
@@ -274,22 +252,14 @@ def wind_share(
     covariance = fit.covariance[np.ix_(level, level)]
     draws = np.random.default_rng(SEED).multivariate_normal(fit.values[level], covariance, DRAWS)
     speed, at_fit = np.linalg.norm(draws, axis=1), float(np.linalg.norm(fit.values[level]))
-    least = (
-        attitude_error * flights[0].weight * at_fit / max(_mean_level_force(fit, i, flights), 1e-12)
-    )
-    return float(np.mean(speed > max(still_air, least)))
-
-
-def _mean_level_force(fit: Fit, i: int, flights: Sequence[FlightResiduals]) -> float:
-    """Return the size of the mean level force of term i in W while it acts, over all flights
-    [N].
-    """
-    forces = []
+    forces = []  # in W while it acts
     for e in flights:
         part, begin = _part_of(fit.everything, i, e), fit.terms[i].begins(e.name)
         acts = e.t >= (-np.inf if begin is None else begin)
         forces.append(attitude.rotate(e.q, part[:, FORCE])[acts])
-    return float(np.linalg.norm(np.concatenate(forces).mean(axis=0)[:2]))
+    force = float(np.linalg.norm(np.concatenate(forces).mean(axis=0)[:2]))
+    least = attitude_error * flights[0].weight * at_fit / max(force, 1e-12)
+    return float(np.mean(speed > max(still_air, least)))
 
 
 def material_share(
@@ -297,12 +267,11 @@ def material_share(
 ) -> float:
     """Return the posterior probability that an effect is larger than what is practically none [1].
 
-    Args:
-        relative: draws (n,) of the size over that at the fit [1].
-        calibration: whether the effect is what a vehicle file may be off by.
+    relative: draws (n,) of the size over that at the fit [1]. calibration: whether the effect is
+    what a vehicle file may be off by.
     """
-    sizes = (
-        Size(size.force * r, size.torque * r, size.gap * r**2, size.sensor * r) for r in relative
-    )
-    found = [s.material(materiality, calibration=calibration, sensor=sensor) for s in sizes]
+    found = []
+    for r in relative:
+        drawn = Size(size.force * r, size.torque * r, size.gap * r**2, size.sensor * r)
+        found.append(drawn.material(materiality, calibration=calibration, sensor=sensor))
     return float(np.mean(found))

@@ -1,5 +1,6 @@
-"""Examination of flight logs before a diagnosis: is the log usable, what does it excite, which
-effects can it tell.
+"""Examination of flight logs before a diagnosis: usable or not, and which effects they can tell.
+
+`LogReport.as_json` gives the content of `np-drake doctor --json`.
 """
 
 import dataclasses as dc
@@ -9,41 +10,105 @@ from typing import Any
 
 import numpy as np
 
-from np_drake.diagnosis.calibration.columns import nuisance_of, with_fixed_effects
-from np_drake.diagnosis.doctor.doubts import as_lines, doubts, law_doubts
-from np_drake.diagnosis.doctor.flight_facts import flight_facts
-from np_drake.diagnosis.doctor.log_report import NEVER, NO, YES, Answer, FlightFacts, LogReport
+from np_drake.diagnosis.calibration import nuisance_of, with_fixed_effects
+from np_drake.diagnosis.doctor.flight_facts import (
+    FlightFacts,
+    as_lines,
+    doubts,
+    flight_facts,
+    law_doubts,
+)
 from np_drake.diagnosis.doctor.smallest_sizes import (
+    GUSTS,
     Information,
     Smallest,
+    SwingTest,
+    explain,
+    nearest_usual,
+    payload_traces,
     smallest_gust,
     smallest_sizes,
+    swing_test,
+    traces,
 )
-from np_drake.diagnosis.doctor.swing_test import swing_test
-from np_drake.diagnosis.doctor.traces import GUSTS, explain, nearest_usual, payload_traces, traces
-from np_drake.diagnosis.localisation.identifiability import (
-    excitation,
-    excited,
-    manoeuvre,
-    tells_apart,
-)
-from np_drake.diagnosis.regressors import DRAG, PAYLOAD, WIND, hidden_from, options_of
-from np_drake.diagnosis.residuals import (
-    FORCE,
-    LEAST_DURATION,
-    FlightResiduals,
-    make_flight_residuals,
-    natural_step,
-)
+from np_drake.diagnosis.localisation import excitation, excited, manoeuvre, tells_apart
+from np_drake.diagnosis.regressors import DRAG, PAYLOAD, WIND, options_of
+from np_drake.diagnosis.regressors.library import hidden_from
+from np_drake.diagnosis.residuals import FORCE, LEAST_DURATION, make_flight_residuals, natural_step
 from np_drake.effects.library import LIBRARY, effects_for, unobservable
 from np_drake.effects.parameter import usual_size
+from np_drake.files.atomic_file import plain
 from np_drake.files.number_text import number
 from np_drake.flight_log import FlightLog
 from np_drake.logs.hover_thrust import with_hover_thrust
 from np_drake.logs.importing.crash import FITS
 from np_drake.vehicle import Vehicle
 
-Progress = Callable[[float, str], None]
+YES, NO, NEVER = "yes", "no", "never"
+
+
+@dc.dataclass(frozen=True)
+class Answer:
+    """Whether a log can tell one parameter of an effect.
+
+    smallest: size that is told from zero at 99.7 % (three posterior deviations), beside nuisance
+    parameters and the
+    effects named in `beside`; infinite: none.   alone: the same beside nuisance parameters only.
+    typical: usual size for a vehicle of this mass and arm.
+    verdict: `yes` (smallest is at most typical), `no`, or `never` (a log of this kind has no trace
+        of it).
+    todo: what to log or fly instead; empty for `yes`.
+    """
+
+    identifier: str
+    parameter: str
+    unit: str
+    smallest: float
+    alone: float
+    typical: float
+    verdict: str
+    reason: str = ""
+    todo: str = ""
+    beside: tuple[str, ...] = ()
+
+
+@dc.dataclass(frozen=True)
+class LogReport:
+    """Result of `examine`.
+
+    usable: whether anything can be diagnosed; problems: what stands against it, or limits it, one
+    line each.
+    excitation: RMS values and spans over all flights; with the vehicle's where one is given.
+    residual_force: by axis of B, RMS of the residual force over weight, nothing fitted [1]; empty
+        without a vehicle.
+    noise_floor: by channel, RMS of what no effect explains [N, N·m]; empty without a vehicle.
+    """
+
+    flights: tuple[FlightFacts, ...]
+    usable: bool
+    problems: tuple[str, ...]
+    vehicle: str = ""
+    sensors: str = ""
+    excitation: dict[str, float] = dc.field(default_factory=dict)
+    noise_floor: dict[str, float] = dc.field(default_factory=dict)
+    swings: tuple[SwingTest, ...] = ()
+    answers: tuple[Answer, ...] = ()
+    residual_force: dict[str, float] = dc.field(default_factory=dict)
+
+    @property
+    def something_swings(self) -> bool:
+        """Whether something swings in any flight."""
+        return any(test.swings for test in self.swings)
+
+    def of(self, identifier: str) -> tuple[Answer, ...]:
+        """Return the answers for the parameters of one effect."""
+        return tuple(a for a in self.answers if a.identifier == identifier)
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the report in plain types; values that are not finite become None."""
+        return plain({**dc.asdict(self), "something_swings": self.something_swings})
+
+
 MOST_SECONDS = 120.0  # of a flight from which effects are answered for [s]; own choice: memory
 MOST_GAPS = 0.1  # share of rows put into gaps from which a log is limited [1]; own choice
 MOST_SATURATED = (
@@ -66,7 +131,7 @@ def examine(
     vehicle: Vehicle | None = None,
     *,
     sheets: Mapping[str, Mapping[str, Any]] | None = None,
-    on_progress: Progress | None = None,
+    on_progress: Callable[[float, str], None] | None = None,
 ) -> LogReport:
     """Examine flight logs of one kind together.
 
@@ -88,9 +153,17 @@ def examine(
         for log in logs
     )
     own = [doubt for log in logs for doubt in law_doubts(log)]
-    wrong = [line for f in facts for line in _no_flight(f)]
+    wrong, limits = [], []
+    for f in facts:
+        notes = f.imported.get("notes", ())
+        wrong += [f"{f.name}: {note}" for note in notes if note.startswith("no flight")]
+        limits += [f"{f.name}: {note}" for note in f.notes if note.startswith(FITS)]
+        if f.bridged > MOST_GAPS * f.rows:
+            limits.append(f"{f.name}: {f.bridged / f.rows:.0%} of the rows were put into gaps")
+        if f.saturated is not None and f.saturated > MOST_SATURATED:
+            limits.append(f"{f.name}: a rotor is at its limit in {f.saturated:.0%} of the rows")
     wrong += as_lines(doubt for doubt in own if doubt.fails)
-    problems = wrong + [line for f in facts for line in _limits(f)]
+    problems = wrong + limits
     long_enough = [log for log in logs if log.t[-1] - log.t[0] >= LEAST_DURATION]
     if not long_enough:
         problems.append(f"no flight lasts {LEAST_DURATION:g} s: fly longer")
@@ -104,19 +177,21 @@ def examine(
             key: max(f.motion[key] for f in facts)
             for key in ("speed [m/s]", "rate [rad/s]", "tilt [deg]")
         }
-        still = [] if excited(fastest | {"thrust variation [1]": 0.0}) else [_still(fastest, logs)]
+        still = nothing_moves(fastest | {"thrust variation [1]": 0.0}, logs)
         return LogReport(facts, bool(long_enough) and not (wrong or still), (*still, *problems))
-    return _with_answers(
-        LogReport(facts, True, tuple(problems), vehicle.name), long_enough, vehicle, tell
-    )
+    report = LogReport(facts, True, tuple(problems), vehicle.name)
+    return _with_answers(report, long_enough, vehicle, tell)
 
 
 def _with_answers(
-    report: LogReport, logs: Sequence[FlightLog], vehicle: Vehicle, tell: Progress
+    report: LogReport,
+    logs: Sequence[FlightLog],
+    vehicle: Vehicle,
+    tell: Callable[[float, str], None],
 ) -> LogReport:
-    """Return the report with excitation, swings and answers."""
+    """Return the report with excitation and answers, from the first `MOST_SECONDS` of flights."""
     tell(0.2, "residuals")
-    logs = [_head(log) for log in logs]
+    logs = [log.rows(0, int((log.t <= log.t[0] + MOST_SECONDS).sum())) for log in logs]
     step = max(natural_step(log.t) for log in logs)
     flights = [with_fixed_effects(make_flight_residuals(log, vehicle, step)) for log in logs]
     first_of_all = [doubt for e in flights for doubt in doubts(e)]
@@ -129,78 +204,48 @@ def _with_answers(
     tests = []
     for e in [] if PAYLOAD in hidden_from(flights) else flights:
         tell(0.5, "swing")
-        others = nuisance_of([e], options.tolerance, options.priors)
-        own = [dc.replace(t, columns={e.name: t.columns[e.name]}) for t in near]
-        tests.append(swing_test(e, [c.columns for c in others] + [t.columns for t in own], options))
-    swinging = [test for test in tests if test.swings]
+        others = [c.columns for c in nuisance_of([e], options.tolerance, options.priors)]
+        own = [{e.name: t.columns[e.name]} for t in near]
+        tests.append(swing_test(e, [*others, *own], options))
     tell(0.7, "noise")
-    lengths = np.array([test.length for test in swinging[:1]])
-    beside = payload_traces(flights, lengths, options.priors) if swinging else []
+    lengths = np.array([test.length for test in tests if test.swings][:1])
+    beside = payload_traces(flights, lengths, options.priors) if len(lengths) else []
     explained = explain(flights, nuisance, [*near, *beside], options)
     tell(0.8, "smallest sizes")
     information = Information(explained.flights, explained.noise, nuisance, every)
-    first = logs[0]
     known: dict[str, Any] = {
-        "accelerations": first.a is not None,
+        "accelerations": logs[0].a is not None,
         "torque": flights[0].knows_torque,
+        "lacks": sorted({quantity for log in logs for quantity in log.lacks}),
     }
-    known["lacks"] = sorted({quantity for log in logs for quantity in log.lacks})
     gust = smallest_gust(explained.noise, moving["duration [s]"])
-    found = answers(
-        smallest_sizes(information), gust, explained.drag, vehicle, log_input=first.input, **known
-    )
-    still = () if excited(moving) else (_still(moving, logs),)
+    smallest, drag = smallest_sizes(information), explained.drag
+    still = nothing_moves(moving, logs)
+    y = np.concatenate([e.y[~e.outliers, FORCE] for e in flights])
+    force = np.sqrt(np.mean(y**2, axis=0)) / flights[0].weight
     return dc.replace(
         report,
         usable=not still and not any(doubt.fails for doubt in first_of_all),
         problems=(*as_lines(first_of_all), *report.problems, *still),
         sensors="real" if options.tolerance.real else "ideal",
         excitation=moving,
-        residual_force=_residual_force(flights),
+        residual_force=dict(zip("xyz", force.tolist(), strict=True)),
         noise_floor=explained.floor,
         swings=tuple(tests),
-        answers=found,
+        answers=answers(smallest, gust, drag, vehicle, log_input=logs[0].input, **known),
     )
 
 
-def _residual_force(flights: Sequence[FlightResiduals]) -> dict[str, float]:
-    """Return by axis of B the RMS of the residual force over weight [1]."""
-    y = np.concatenate([e.y[~e.outliers, FORCE] for e in flights])
-    weight = flights[0].weight
-    return dict(zip("xyz", (np.sqrt(np.mean(y**2, axis=0)) / weight).tolist(), strict=True))
-
-
-def _still(moving: Mapping[str, float], logs: Sequence[FlightLog]) -> str:
-    """Return that flights do not move, and what to fly."""
+def nothing_moves(moving: Mapping[str, float], logs: Sequence[FlightLog]) -> tuple[str, ...]:
+    """Return that flights do not move, and what to fly; empty where they do."""
+    if excited(dict(moving)):
+        return ()
     speed, rate = number(moving["speed [m/s]"], 2), number(moving["rate [rad/s]"], 2)
     logged = "" if any("velocity" in log.lacks for log in logs) else f"speed {speed} m/s, "
     return (
-        f"nothing moves ({logged}rates {rate} rad/s): fly sprints in both horizontal "
-        f"directions, climbs, "
-        "and turns about every axis, for a minute"
+        f"nothing moves ({logged}rates {rate} rad/s): fly sprints in both horizontal directions, "
+        "climbs, and turns about every axis, for a minute",
     )
-
-
-def _head(log: FlightLog) -> FlightLog:
-    rows = int((log.t <= log.t[0] + MOST_SECONDS).sum())
-    return log if rows == len(log) else log.rows(0, rows)
-
-
-def _no_flight(f: FlightFacts) -> list[str]:
-    """Return that a log holds no flight, as its import found."""
-    return [
-        f"{f.name}: {note}" for note in f.imported.get("notes", ()) if note.startswith("no flight")
-    ]
-
-
-def _limits(f: FlightFacts) -> list[str]:
-    """Return what limits the use of a flight, one line each."""
-    found = [f"{f.name}: {note}" for note in f.notes if note.startswith(FITS)]
-    if f.bridged > MOST_GAPS * f.rows:
-        found.append(f"{f.name}: {f.bridged / f.rows:.0%} of the rows were put into gaps")
-    if f.saturated is not None and f.saturated > MOST_SATURATED:
-        found.append(f"{f.name}: a rotor is at its limit in {f.saturated:.0%} of the rows")
-    return found
 
 
 def _require(logs: Sequence[FlightLog]) -> None:
@@ -236,82 +281,42 @@ def answers(
     """Return an answer for each parameter of each effect: told, not told, never told, in the order
     of the library.
 
-    Args:
-        found: smallest sizes; those of the wind are for the usual drag of such a vehicle.
-        gust: least deviation of the force of gusts [N].
-        drag: that of the vehicle, where it is known [N·s/m]: winds act through it.
-        log_input: as `FlightLog.input`.
-        known: whether the log has `accelerations` and `torque`, and what it `lacks`.
+    found: smallest sizes; those of the wind are for the usual drag of such a vehicle.
+    gust: least deviation of the force of gusts [N]. drag: that of the vehicle, where it is known
+    [N·s/m]: winds act through it.
+    known: whether the log has `accelerations` and `torque`, and what it `lacks`.
     """
-    hidden = unobservable(log_input, **known)
-    sizes = {s.identifier: s for s in found}
+    hidden, sizes = unobservable(log_input, **known), {s.identifier: s for s in found}
     usual_drag = usual_size(LIBRARY[DRAG].parameters[0], vehicle)
+    through = "with their drag" if drag else "with usual drag: these flights tell none"
     out: list[Answer] = []
-    for identifier, effect in effects_for(log_input).items():
+    for name, effect in effects_for(log_input).items():
+        parameters, fly = {p.name: p for p in effect.parameters}, manoeuvre((name,))
         p = next(p for p in effect.parameters if not p.choices)
-        if identifier in hidden:
-            reason = hidden[identifier]
-            todo = next(
-                (what for words, what in INSTEAD.items() if words in reason),
-                manoeuvre((identifier,)),
-            )
+        if name in hidden:
+            reason = hidden[name]
+            todo = next((what for words, what in INSTEAD.items() if words in reason), fly)
             never = (math.inf, math.inf, usual_size(p, vehicle), NEVER, reason, todo)
-            out.append(Answer(identifier, p.name, p.unit, *never))
-        elif identifier == GUSTS:
-            size = gust / (drag or usual_drag)
-            out.append(_gust_answer(size, drag is None))
-        elif identifier in sizes:
-            scale = usual_drag / drag if identifier == WIND and drag else 1.0
-            out += _answers(
-                sizes[identifier],
-                effect,
-                vehicle,
-                scale,
-                told=identifier != WIND or drag is not None,
-            )
+            out.append(Answer(name, p.name, p.unit, *never))
+        elif name == GUSTS:
+            p, size = parameters["deviation"], gust / (drag or usual_drag)
+            told = (YES, through, "") if size <= p.typical else (NO, through, fly)
+            out.append(Answer(name, p.name, p.unit, size, size, p.typical, *told))
+        elif name in sizes:
+            s, scale = sizes[name], usual_drag / drag if name == WIND and drag else 1.0
+            for own, alone, beside in zip(s.parameters, s.alone, s.beside, strict=True):
+                p, verdict, reason, todo = parameters[own], YES, "", ""
+                alone, beside = float(alone * scale), float(beside * scale)
+                usual = p.typical if name == WIND else usual_size(p, vehicle)
+                if not beside <= usual:
+                    verdict, todo = NO, fly
+                    reason = "at its usual size it leaves no clear trace in these flights"
+                    if not alone > usual:
+                        reason = f"it cannot be told from {', '.join(s.resembles)} in these flights"
+                        todo = tells_apart(name, s.resembles[0]) or fly
+                if name == WIND:
+                    reason = reason or through
+                beside, alone = (v if v <= FAR * usual else math.inf for v in (beside, alone))
+                said = (verdict, reason, todo, s.resembles)
+                out.append(Answer(name, own, p.unit, beside, alone, usual, *said))
     return tuple(out)
-
-
-def _answers(s: Smallest, effect, vehicle: Vehicle, scale: float, *, told: bool) -> list[Answer]:
-    parameters = {p.name: p for p in effect.parameters}
-    out = []
-    for name, alone, beside in zip(s.parameters, s.alone * scale, s.beside * scale, strict=True):
-        p = parameters[name]
-        typical = p.typical if s.identifier == WIND else usual_size(p, vehicle)
-        far = FAR * typical
-        verdict = YES if beside <= typical else NO
-        reason, todo = "", ""
-        if verdict == NO and alone > typical:
-            reason = "at its usual size it leaves no clear trace in these flights"
-            todo = manoeuvre((s.identifier,))
-        elif verdict == NO:
-            reason = f"it cannot be told from {', '.join(s.resembles)} in these flights"
-            todo = tells_apart(s.identifier, s.resembles[0]) or manoeuvre((s.identifier,))
-        if s.identifier == WIND:
-            reason = reason or (
-                "with their drag" if told else "with usual drag: these flights tell none"
-            )
-        alone, beside = (float(v) if v <= far else math.inf for v in (alone, beside))
-        out.append(
-            Answer(
-                s.identifier,
-                name,
-                p.unit,
-                beside,
-                alone,
-                typical,
-                verdict,
-                reason,
-                todo,
-                s.resembles,
-            )
-        )
-    return out
-
-
-def _gust_answer(size: float, guessed: bool) -> Answer:
-    p = next(p for p in LIBRARY[GUSTS].parameters if p.name == "deviation")
-    verdict = YES if size <= p.typical else NO
-    reason = "with usual drag: these flights tell none" if guessed else "with their drag"
-    todo = "" if verdict == YES else manoeuvre((GUSTS,))
-    return Answer(GUSTS, p.name, p.unit, size, size, p.typical, verdict, reason, todo)

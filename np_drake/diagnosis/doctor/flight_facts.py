@@ -1,25 +1,303 @@
-"""Facts of one flight log that need no vehicle: rows, gaps, noise of signals, conventions, lags and
-motion.
+"""What a flight log shows by itself: its facts, and what stands against any answer from it.
+
+Laws that fail and a large share of the weight are said first by `np-drake doctor`, and by a
+diagnosis
+before its answer.
 """
 
 import dataclasses as dc
+from collections.abc import Iterable, Sequence
+from typing import Any
 
 import numpy as np
 
 from np_drake import attitude
-from np_drake.diagnosis.doctor.doubts import agreement
-from np_drake.diagnosis.doctor.lags import lags
-from np_drake.diagnosis.doctor.log_report import FlightFacts, SignalFacts
-from np_drake.diagnosis.residuals import smooth_attitude
+from np_drake.diagnosis.residuals import FORCE, FlightResiduals, smooth_attitude
 from np_drake.flight_log import FlightLog
+from np_drake.logs import hover_thrust, rotor_order
+from np_drake.logs.importing.consistency import (
+    OPPOSED,
+    SCALE,
+    failing,
+    misfits,
+    never_tilts,
+    told_by_noise,
+)
+from np_drake.logs.importing.convert import GRAVITY
+from np_drake.logs.importing.interpolation import Signal
+from np_drake.logs.lags import FINEST, Lag, lag_of, state_lags
+from np_drake.logs.opening import rotor_lift
+from np_drake.logs.rotor_torque import torque_agreement
 from np_drake.training_data.segments import white_noise
 from np_drake.vehicle.vehicle import MeasurementNoise, Vehicle
 
+
+@dc.dataclass(frozen=True)
+class SignalFacts:
+    """Facts of one signal of a log: white noise and what is usual, resolution and share of repeated
+    rows.
+
+    white: standard deviation of its white noise, from second differences; the largest of its
+    columns, in `unit`.
+    usual: that of the vehicle file or of usual sensors; 0: none is known.
+    resolution: step to which the values are rounded, where that is above the noise; else 0.
+    repeated: share of rows equal to the row before [1].
+    """
+
+    name: str
+    unit: str
+    white: float
+    usual: float
+    resolution: float
+    repeated: float
+
+
+@dc.dataclass(frozen=True)
+class FlightFacts:
+    """Facts of one flight that need no vehicle.
+
+    step: median interval [s]; jitter: standard deviation of intervals over it [1].
+    gaps: intervals longer than 2.5 of it; longest: the longest interval [s]; bridged: rows that a
+        reader put into gaps. attitude_noise: white noise of the attitude against the integrated
+        gyro [rad]. misfits: by law, disagreement of quantities with each other: 0 agree, 1 do not
+        [1]. motion: by quantity, RMS or span, with the unit in the key.
+    saturated: share of rows with a rotor at a limit [1]; None where no limit is known.
+    imported: what its import did; empty for a log of our format.
+    """
+
+    name: str
+    duration: float
+    rows: int
+    step: float
+    jitter: float
+    gaps: int
+    longest: float
+    bridged: int
+    input: str
+    timing: float
+    signals: tuple[SignalFacts, ...]
+    attitude_noise: float
+    misfits: dict[str, float]
+    lags: tuple[Lag, ...]
+    motion: dict[str, float]
+    saturated: float | None = None
+    notes: tuple[str, ...] = ()
+    imported: dict[str, Any] = dc.field(default_factory=dict)
+
+
+MOST_RESIDUAL = 0.25  # of the weight, from which it is said first [1]
+# Of the weight along body z, from which thrust does not carry the vehicle: no payload or weak rotor
+# is that large [1]; own choice.
+NO_LIFT = 0.5
+TOLD = 0.5  # correlation of torque with J dw/dt from which sign and size are told [1]; own choice
+# of the torque that turned the vehicle over the model's, beyond which a law fails [1]; own choice
+FACTOR = 3.0
+# Of a flight in which noise of its attitude, and agreement, are looked for; own choice.
+MOST_ROWS = 60_000
+LEAST_STEP = 0.02  # of the rows on which it is looked for [s]
+
+
+@dc.dataclass(frozen=True)
+class Doubt:
+    """A reason to doubt all answers from a flight. fails: a law fails, and the flight is not
+    usable.
+    """
+
+    flight: str
+    what: str
+    fails: bool = False
+
+
+def as_lines(found: Iterable[Doubt]) -> tuple[str, ...]:
+    """Return one line for each reason, which names all its flights."""
+    flights: dict[str, list[str]] = {}
+    for doubt in found:
+        flights.setdefault(doubt.what, []).append(doubt.flight)
+    return tuple(f"{', '.join(names)}: {what}" for what, names in flights.items())
+
+
+def doubts(flight: FlightResiduals) -> list[Doubt]:
+    """Return what stands against a flight with a vehicle, the residual first."""
+    log = flight.log
+    # What a reader found of order and coefficient of the rotors, which is not that of the
+    # vehicle file.
+    known = (rotor_order.NOTE, hover_thrust.NOTE)
+    return [
+        *_residual(flight),
+        *_torque(flight),
+        *law_doubts(log),
+        *([Doubt(log.name, note) for note in log.notes if note.startswith(known)]),
+    ]
+
+
+def law_doubts(log: FlightLog) -> list[Doubt]:
+    """Return what stands against a flight without knowing its vehicle."""
+    t, x = _evenly(log)
+    own = misfits(t, x)
+    if level := never_tilts(t, x):
+        tilt, needed = level
+        flat = (
+            f"the attitude never tilts ({1e3 * tilt:.2g} mrad) where the vehicle accelerates "
+            f"sideways"
+        )
+        return [
+            Doubt(log.name, f"{flat} ({1e3 * needed:.0f} mrad): its pose is planar", fails=True)
+        ]
+    aside = told_by_noise(t, x, own)
+    lift = [law for law in failing(own) if law.startswith("lift")]
+    other = [law for law in failing(own) if law not in (*aside, *lift)]
+    found = []
+    if other:
+        laws = f"{', '.join(other)} contradict each other"
+        found.append(Doubt(log.name, f"{laws}; check columns, frames and units", fails=True))
+    if lift:
+        opposed = any(own[law] >= OPPOSED for law in lift)
+        what = (
+            f"misfit of {_shown(lift, own)} ({SCALE}): horizontal acceleration is not along "
+            f"the thrust axis"
+        )
+        why = (
+            "check attitude and frames"
+            if opposed
+            else "another force acts, or the attitude is wrong"
+        )
+        found.append(Doubt(log.name, f"{what}; {why}", fails=opposed))
+    if aside:
+        what = f"misfit of {_shown(aside, own)} ({SCALE}): no more than noise or drift of a sensor"
+        found.append(Doubt(log.name, what))
+    late = [lag for lag in lags_of_state(log).values() if lag.beyond_doubt]
+    if late:
+        what = ", ".join(
+            f"{lag.late} {1e3 * lag.seconds:+.0f} ms after {lag.early}" for lag in late
+        )
+        found.append(
+            Doubt(log.name, f"{what}: stamps of two clocks; np-drake import takes that out")
+        )
+    return found
+
+
+def agreement(log: FlightLog) -> dict[str, float]:
+    """Return the misfit of every law of consistency that the log can test
+    (`consistency.misfits`).
+    """
+    return misfits(*_evenly(log))
+
+
+def lags_of_state(log: FlightLog) -> dict[str, Lag]:
+    """Return the lags between states that the log tells (`state_lags`)."""
+    t, x = _evenly(log, FINEST)
+    return state_lags({name: Signal(t, values) for name, values in x.items()})
+
+
+def _evenly(log: FlightLog, finest: float = LEAST_STEP) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    """Return evenly spaced times and the quantities at them, of the first `MOST_ROWS` rows."""
+    log = log.rows(0, MOST_ROWS)
+    x = {"rates": log.w}
+    x |= {
+        name: values
+        for name, (lack, values) in (
+            {
+                "position": ("height", log.p),
+                "velocity": ("velocity", log.v),
+                "attitude": ("attitude", log.q),
+            }
+        ).items()
+        if lack not in log.lacks
+    }
+    if log.a is not None:
+        g = np.array([0.0, 0.0, GRAVITY])
+        # Without attitude as `convert` leaves it: the specific force in body axes, less g.
+        x["acceleration"] = (
+            attitude.rotate_back(log.q, log.a + g) - g if "attitude" in log.lacks else log.a
+        )
+    even = np.arange(log.t[0], log.t[-1], max(log.step, finest))
+    near = np.cumprod(
+        np.concatenate([[1.0], np.where(np.sum(log.q[1:] * log.q[:-1], axis=1) < 0, -1.0, 1.0)])
+    )
+    if "attitude" in x:
+        x["attitude"] = log.q * near[:, None]
+    at = {
+        name: np.stack([np.interp(even, log.t, c) for c in values.T], axis=1)
+        for name, values in x.items()
+    }
+    if "attitude" in at:
+        at["attitude"] /= np.linalg.norm(at["attitude"], axis=1, keepdims=True)
+    return even, at
+
+
+def _residual(e: FlightResiduals) -> list[Doubt]:
+    share = np.sqrt(np.mean(e.y[~e.outliers, FORCE] ** 2, axis=0)) / e.weight
+    worst = int(np.argmax(share))
+    if share[worst] <= MOST_RESIDUAL:
+        return []
+    where = f"{share[worst]:.0%} of the weight along body {'xyz'[worst]}"
+    remedy = "check mass, thrust coefficient, units and columns before any answer"
+    return [
+        Doubt(e.name, f"the vehicle file misses {where}: {remedy}", fails=bool(share[2] > NO_LIFT))
+    ]
+
+
+def _torque(e: FlightResiduals) -> list[Doubt]:
+    """Return the doubts about the torque by its correlation with J dw/dt + w x J w, and by the size
+    of both.
+    """
+    found = torque_agreement(e.log, e.vehicle) if e.knows_torque else None
+    if found is None:
+        return []
+    out = []
+    for axis, correlation, ratio in zip("xyz", *found, strict=True):
+        about = f"torque about body {axis}"
+        if correlation < -TOLD:
+            what = f"goes against J dw/dt (correlation {correlation:.2f})"
+            out.append(
+                Doubt(
+                    e.name, f"{about} {what}; check signs and the order of the rotors", fails=True
+                )
+            )
+        # Noise lies on both: the factor is between the regressions of one on the other.
+        elif correlation > TOLD and (
+            correlation * ratio > FACTOR or ratio / correlation < 1 / FACTOR
+        ):
+            what = f"is not what turns the vehicle, {ratio:.2g} times as much"
+            out.append(
+                Doubt(
+                    e.name,
+                    f"{about} {what}; check inertia, arms and torque coefficient",
+                    fails=True,
+                )
+            )
+    return out
+
+
+def _shown(laws: Sequence[str], own: dict[str, float]) -> str:
+    return ", ".join(f"{law} {own[law]:.2g}" for law in laws)
+
+
+def lags(log: FlightLog, vehicle: Vehicle | None = None) -> tuple[Lag, ...]:
+    """Return the lags between states, and between command and response, as far as the log tells
+    them.
+
+    Args:
+        vehicle: for the torque of measured rotor speed; None: that lag is left out.
+    """
+    found: list[Lag | None] = [*lags_of_state(log).values()]
+    rise = Signal(log.t, log.v).rate
+    up = attitude.body_z(Signal(log.t, log.q).turned(None, rise.t))
+    lift = np.sum((rise.values + [0.0, 0.0, 9.81]) * up, axis=1)[:, None]
+    held = (
+        log.t if log.input == "rotor_speed" else log.t + 0.5 * log.step
+    )  # a held command acts half a row later
+    found.append(
+        lag_of("lift", "thrust", Signal(rise.t, lift), Signal(held, rotor_lift(log)[:, None]))
+    )
+    u = log.u[:, 1:]
+    if np.isfinite(u).all() and (log.input != "rotor_speed" or vehicle is not None):
+        found.append(lag_of("turning", "torque", Signal(log.t, log.w).rate, Signal(held, u)))
+    return tuple(lag for lag in found if lag is not None)
+
+
 GAP = 2.5  # median intervals of a longer one, a gap [1]; as in the import
 NEAR_LIMIT = 0.99  # share of a rotor's largest thrust from which it is saturated [1]; own choice
-MOST_ROWS = (
-    60_000  # of a flight in which noise of its attitude, and agreement, are looked for; own choice
-)
 SIGNALS = (  # field of the log, name, unit, field of `MeasurementNoise`
     ("p", "position", "m", "position"),
     ("v", "velocity", "m/s", "velocity"),
@@ -69,27 +347,26 @@ def _signals(log: FlightLog, usual: MeasurementNoise):
         values = getattr(log, field)
         if integrated.get(field) in log.lacks or values is None or not np.isfinite(values).all():
             continue
+        # The step to which values are rounded, 0 where noise hides it, and the share of
+        # repeated rows.
+        change = np.abs(np.diff(values, axis=0))
+        repeated = float(np.mean(~change.any(axis=1)))
+        steps = []
+        for column in change.T:
+            moved = column[column > 1e-12]
+            if len(moved) < 20:
+                continue
+            least = float(np.percentile(moved, 1))
+            whole = np.abs(moved / least - np.round(moved / least)) < 0.02
+            if whole.mean() > 0.95 and np.median(moved) < 20 * least:
+                steps.append(least)
         yield SignalFacts(
-            name, unit, float(white_noise([values]).max()), known.get(sensor, 0.0), *_grain(values)
+            name,
+            unit,
+            float(white_noise([values]).max()),
+            known.get(sensor, 0.0),
+            *(max(steps, default=0.0), repeated),
         )
-
-
-def _grain(values: np.ndarray) -> tuple[float, float]:
-    """Return the step to which values are rounded, 0 where noise hides it, and the share of
-    repeated rows.
-    """
-    change = np.abs(np.diff(values, axis=0))
-    repeated = float(np.mean(~change.any(axis=1)))
-    steps = []
-    for column in change.T:
-        moved = column[column > 1e-12]
-        if len(moved) < 20:
-            continue
-        least = float(np.percentile(moved, 1))
-        whole = np.abs(moved / least - np.round(moved / least)) < 0.02
-        if whole.mean() > 0.95 and np.median(moved) < 20 * least:
-            steps.append(least)
-    return max(steps, default=0.0), repeated
 
 
 def _motion(log: FlightLog) -> dict[str, float]:

@@ -1,25 +1,187 @@
-"""Smallest size of each effect that logs can tell from zero, beside nuisance parameters and the
-effects it resembles.
+"""Test whether something swings below the vehicle: log Bayes factor of a pendulum, in the lateral
+residual force.
 
-With whitened columns X of an effect and N of the nuisance (prior N(0, 1)), the information on its
-parameters is X'X - X'N (N'N + 1)^-1 N'X. Three deviations of the inverse are the smallest size at
-99.7 %. An effect that is not linear is told where the trace that it leaves at a size is three
-deviations long.
+Both models hold the nuisance parameters and all effects of the library. The pendulum is driven by
+the measured motion; its mass and the swing at the start of each piece are free, and its length is
+averaged over. Each model has the autoregressive noise that fits it best, so that a model cannot
+gain by the noise of the other, at the temperature of the search: noise is never quite its model.
+Only the force across body z is used: a payload that hangs still pulls along it, as an error of mass
+or thrust does.
 
-Source: Cramér-Rao bound of linear regression with Gaussian priors on nuisance parameters.
+Source: Bayesian linear regression with plug-in noise; pieces, lengths and rounds are own choice.
 """
 
 import dataclasses as dc
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from functools import reduce
 from itertools import pairwise
+from operator import add
 
 import numpy as np
 
-from np_drake.diagnosis.doctor.traces import Trace, nearest_usual
-from np_drake.diagnosis.numerics import NoiseModel
-from np_drake.diagnosis.regressors import Candidate
-from np_drake.diagnosis.residuals import FlightResiduals
+from np_drake.diagnosis.numerics import Gram, NoiseModel, fit_noise, scale_only
+from np_drake.diagnosis.options import Options, Priors
+from np_drake.diagnosis.regressors import (
+    DRAG,
+    PAYLOAD,
+    WIND,
+    Candidate,
+    hidden_from,
+    library_candidates,
+    payloads_of,
+    wind_candidates,
+)
+from np_drake.diagnosis.regressors.payload import AT_REST
+from np_drake.diagnosis.residuals import WRENCH, FlightResiduals, find_outliers
+from np_drake.diagnosis.result import CHANNELS
+from np_drake.diagnosis.selection.map_model import noise_of
+from np_drake.effects.base import Parameter, correlation_root
+from np_drake.effects.gusty_wind import GustyWind
+from np_drake.effects.library import LIBRARY, effect_of
+from np_drake.effects.parameter import usual_size
+
+TRACE_LENGTHS = np.geomspace(
+    0.3, 1.5, 5
+)  # of tethers at which an examination asks for a payload [m]; own choice
+GUSTS = GustyWind.identifier
+LEAST_DRAG = 2.0  # posterior deviations from which a drag is taken as that of the vehicle [1]
+
+
+@dc.dataclass(frozen=True)
+class Trace:
+    """Columns (m, 15, k) by flight of one variant of an effect, for parameters at their usual size.
+
+    parameters: of the first columns; further columns are free beside them and not asked for.
+    typical: usual size of each.
+    sizes: for an effect that is not linear, the size at which its trace is predicted, in the
+        parameter's unit; None:
+    it is linear.
+    """
+
+    identifier: str
+    parameters: tuple[Parameter, ...]
+    typical: tuple[float, ...]
+    columns: dict[str, np.ndarray]
+    size: float | None = None
+
+
+def traces(flights: Sequence[FlightResiduals], priors: Priors) -> list[Trace]:
+    """Return the traces of all variants of all effects that such logs can show; payloads at
+    `TRACE_LENGTHS`, a steady wind through the usual drag of such a vehicle.
+
+    Gusts have none: they are a noise.
+    """
+    plain = library_candidates(flights)
+    found = [_of_candidate(c, flights) for c in plain]
+    wind = LIBRARY[WIND].parameters
+    for c in wind_candidates(flights, plain)[:1]:
+        columns = {n: X[..., 3:] for n, X in c.columns.items()}
+        found.append(Trace(WIND, wind, tuple(p.typical for p in wind), columns))
+    return found + payload_traces(flights, TRACE_LENGTHS, priors)
+
+
+def _of_candidate(c: Candidate, flights: Sequence[FlightResiduals]) -> Trace:
+    (identifier,) = c.identifiers
+    effect = effect_of(identifier)
+    free = tuple(p for p in effect.parameters if not p.choices)
+    vehicle = flights[0].vehicle
+    usual = tuple(usual_size(p, vehicle) for p in free)
+    if effect.linear or len(free) < len(effect.parameters) or not effect.grid(vehicle):
+        alone = np.linalg.inv(correlation_root(effect))  # each parameter by itself
+        return Trace(identifier, free, usual, {n: X @ alone for n, X in c.columns.items()})
+    values = next(iter(c.terms(np.array([0.5])))).effect.values
+    size = values[free[0].name] - free[0].neutral
+    half = {
+        n: 0.5 * X for n, X in c.columns.items()
+    }  # at that size; a coefficient of one half stands for it
+    return Trace(identifier, free[:1], (usual[0],), half, size)
+
+
+def nearest_usual(found: Sequence[Trace]) -> list[Trace]:
+    """Return one trace of each effect: of those that are not linear, the one nearest its usual
+    size.
+    """
+    best: dict[str, tuple[float, Trace]] = {}
+    for trace in found:
+        away = 0.0 if trace.size is None else abs(math.log(abs(trace.size) / trace.typical[0]))
+        if trace.identifier not in best or away < best[trace.identifier][0]:
+            best[trace.identifier] = (away, trace)
+    return [trace for _, trace in best.values()]
+
+
+@dc.dataclass(frozen=True)
+class Explained:
+    """Flights with their outliers known, the noise model of what no effect explains, and the drag
+    of the vehicle.
+
+    floor: by channel of the wrench, RMS of what no effect explains [N, N·m].
+    drag: mean lateral drag that explains them best [N·s/m]; None where it is not told from zero.
+    """
+
+    flights: list[FlightResiduals]
+    noise: NoiseModel
+    floor: dict[str, float]
+    drag: float | None
+
+
+def explain(
+    flights: Sequence[FlightResiduals],
+    nuisance: Sequence[Candidate],
+    traces: Sequence[Trace],
+    options: Options,
+) -> Explained:
+    """Fit all traces and the nuisance together, and return what is left as noise.
+
+    An effect that is in the logs does not count as noise; what no effect explains does.
+
+    Args:
+        nuisance: nuisance columns, with prior N(0, 1).
+        options: tolerances of sensors, and the share of a linear prediction that is wrong.
+    """
+    blocks = [c.columns for c in nuisance] + [t.columns for t in traces]
+    step = flights[0].grid.step
+    _, _, residual = _fitted(flights, blocks, scale_only([e.y for e in flights], step))
+    flights = [
+        dc.replace(e, outliers=find_outliers(r, step))
+        for e, r in zip(flights, residual, strict=True)
+    ]
+    channels = [e.bridged(e.y) for e in flights]
+    _, _, residual = _fitted(flights, blocks, scale_only(channels, step))
+    noise = noise_of(flights, residual, channels, options, options.priors.linear_error)
+    mean, deviation, residual = _fitted(flights, blocks, noise)
+    noise = noise_of(flights, residual, channels, options, options.priors.linear_error)
+    floor = {name: float(noise.rms[WRENCH][c]) for c, name in enumerate(CHANNELS)}
+    return Explained(list(flights), noise, floor, _drag(mean, deviation, nuisance, traces))
+
+
+def _fitted(
+    flights: Sequence[FlightResiduals], blocks: Sequence[dict[str, np.ndarray]], noise: NoiseModel
+) -> tuple[np.ndarray, np.ndarray, list[np.ndarray]]:
+    """Return coefficients (k,), their deviations, and by flight the residual (m, 15) without
+    outliers.
+    """
+    total = reduce(add, (e.gram(noise, [b[e.name] for b in blocks]) for e in flights))
+    mean, covariance = total.posterior(np.arange(len(total.Xy)))
+    sizes = [next(iter(b.values())).shape[-1] for b in blocks]
+    parts = np.split(mean, np.cumsum(sizes)[:-1])
+    residual = [
+        e.bridged(e.y - sum(b[e.name] @ part for b, part in zip(blocks, parts, strict=True)))
+        for e in flights
+    ]
+    return mean, np.sqrt(np.diag(covariance)), residual
+
+
+def _drag(mean, deviation, nuisance: Sequence[Candidate], traces: Sequence[Trace]) -> float | None:
+    at = sum(c.size for c in nuisance)
+    for trace in traces:
+        if trace.identifier == DRAG:
+            weight = deviation[at : at + 2] ** -2.0
+            size = float(weight @ mean[at : at + 2] / weight.sum())
+            return size * trace.typical[0] if size > LEAST_DRAG * weight.sum() ** -0.5 else None
+        at += next(iter(trace.columns.values())).shape[-1]
+    return None
+
 
 DEVIATIONS = 3.0  # 99.7 %
 RESEMBLES = (
@@ -111,26 +273,20 @@ def smallest_sizes(information: Information) -> list[Smallest]:
     """Return the smallest sizes of all effects; of several variants, those of the variant that
     shows least.
     """
-    known = nearest_usual(information.traces)
-    found = []
+    known, found = nearest_usual(information.traces), []
     for main in known:
-        name = main.identifier
-        variants = [t for t in information.traces if t.identifier == name]
-        others = [t for t in known if t.identifier != name]
-        alone = _sizes(information, variants, ())
-        wider = {}
-        for other in others:
-            if information.inside(main, other):
-                continue
-            ratio = float(
-                np.max(_sizes(information, [main], [other]) / _sizes(information, [main], ()))
-            )
-            if ratio > RESEMBLES:
-                wider[other.identifier] = ratio, other
-        most = sorted(wider.values(), key=lambda pair: -pair[0])[:MOST_BESIDE]
-        beside = np.maximum(alone, _sizes(information, variants, [t for _, t in most]))
+        variants = [t for t in information.traces if t.identifier == main.identifier]
+        alone, near = _sizes(information, variants, ()), _sizes(information, [main], ())
+        wider = []
+        for other in known:
+            if other is not main and not information.inside(main, other):
+                ratio = float(np.max(_sizes(information, [main], [other]) / near))
+                wider += [(ratio, other)] * (ratio > RESEMBLES)
+        most = [t for _, t in sorted(wider, key=lambda pair: -pair[0])[:MOST_BESIDE]]
+        beside = np.maximum(alone, _sizes(information, variants, most))
         names = tuple(p.name for p in main.parameters)
-        found.append(Smallest(name, names, alone, beside, tuple(t.identifier for _, t in most)))
+        like = tuple(t.identifier for t in most)
+        found.append(Smallest(main.identifier, names, alone, beside, like))
     return found
 
 
@@ -140,21 +296,15 @@ def _sizes(
     """Return the smallest size (k,) of each parameter."""
     linear = [t for t in variants if t.size is None]
     if linear:
-        each = [
-            DEVIATIONS * information.deviations(t, beside) * np.array(t.typical) for t in linear
-        ]
-        return np.max(each, axis=0)
+        sizes = [information.deviations(t, beside) * np.array(t.typical) for t in linear]
+        return np.max(DEVIATIONS * np.array(sizes), axis=0)
     sizes = []
     for sign in (1, -1):
-        same = sorted(
-            (t for t in variants if sign * float(t.size or 0) > 0), key=lambda t: abs(t.size or 0.0)
-        )
+        at = {sign * (t.size or 0.0): t for t in variants}
+        same = [size for size in sorted(at) if size > 0]
         if same:
-            at = np.array([abs(t.size or 0.0) for t in same])
-            told = np.array(
-                [1 / max(float(information.deviations(t, beside)[0]), 1e-12) for t in same]
-            )
-            sizes.append(_crossing(at, told))
+            told = [max(float(information.deviations(at[s], beside)[0]), 1e-12) for s in same]
+            sizes.append(_crossing(np.array(same), 1 / np.array(told)))
     return np.array([max(sizes)])
 
 
@@ -189,3 +339,150 @@ def smallest_gust(noise: NoiseModel, seconds: float, time: float = 1.0) -> float
         np.sum((gust / own) ** 2) for own in noise.spectrum(frequency)[:2] if own[0] > 0
     )
     return math.sqrt(DEVIATIONS / math.sqrt(information)) if information > 0 else math.inf
+
+
+@dc.dataclass(frozen=True)
+class SwingTest:
+    """Comparison of a pendulum of the best length with none, in one flight.
+
+    log_bayes_factor: for a pendulum of any length [nat]; something swings from `evident` on.
+    length, mass: of the best pendulum [m, kg].
+    """
+
+    flight: str
+    log_bayes_factor: float
+    evident: float
+    swings: bool
+    length: float
+    mass: float
+
+
+def payload_traces(
+    flights: Sequence[FlightResiduals], lengths: np.ndarray, priors: Priors
+) -> list[Trace]:
+    """Return the traces of payloads on tethers of these lengths; none where library or flights tell
+    none.
+
+    Args:
+        lengths: (k,) of the tethers [m].
+    """
+    if PAYLOAD not in LIBRARY or PAYLOAD in hidden_from(flights):
+        return []
+    mass, found = LIBRARY[PAYLOAD].parameters[:1], []
+    usual = usual_size(mass[0], flights[0].vehicle)
+    for payload in payloads_of(flights, lengths, priors):
+        columns = payload.candidate(flights).columns
+        for X in columns.values():
+            X[..., 0] *= usual / payload.unit
+        found.append(Trace(PAYLOAD, mass, (usual,), columns))
+    return found
+
+
+SWING_TEST_LENGTHS = np.geomspace(0.15, 2.5, 32)  # of pendulums in the swing test [m]: 9 % apart
+
+
+LATERAL = slice(0, 2)  # channels: force across body z
+
+
+PIECE = (
+    10.0  # of a flight, each with a swing of its own [s]: longer, and a linear swing is out of step
+)
+
+
+MOST_PIECES = 6  # of a flight that are used
+
+
+ROUNDS = 3  # of regression and noise in turn
+
+
+ODDS = math.log(
+    1000.0
+)  # log posterior odds from which something swings [nat]: at most one false alarm in 1000
+
+
+def swing_test(
+    flight: FlightResiduals, others: Sequence[Mapping[str, np.ndarray]], options: Options
+) -> SwingTest:
+    """Compare a pendulum with none in one flight.
+
+    Args:
+        others: by flight, (m, 15, k) columns of nuisance and effects that both models hold.
+        options: priors of the payload, and the temperature of the noise.
+    """
+    X = np.concatenate([X[flight.name][:, LATERAL] for X in others], axis=-1)
+    X = flight.bridged(X[..., np.abs(X).max(axis=(0, 1)) > 1e-12])
+    y = flight.bridged(flight.y[:, LATERAL])
+    pieces = _pieces(flight)
+    priors, how = options.priors, (pieces, flight.grid.step, options.priors.temperature)
+    _, without = _with_own_noise(y, X, *how)
+    gains, masses = [], []
+    for payload in payloads_of([flight], SWING_TEST_LENGTHS, priors):
+        own = flight.bridged(payload.own[flight.name][:, LATERAL])
+        P = _in_pieces(own[..., :1], own[..., AT_REST:], pieces)
+        mean, evidence = _with_own_noise(y, np.concatenate([X, P], axis=-1), *how)
+        gains.append(evidence - without)
+        masses.append(float(mean[X.shape[-1]]) * payload.unit)
+    best = int(np.argmax(gains))
+    factor = float(np.log(np.mean(np.exp(np.array(gains) - gains[best]))) + gains[best])
+    swings = masses[best] > 0 and factor > evident(priors)
+    return SwingTest(
+        flight.name,
+        factor,
+        evident(priors),
+        bool(swings),
+        float(SWING_TEST_LENGTHS[best]),
+        masses[best],
+    )
+
+
+def evident(priors: Priors) -> float:
+    """Return the log Bayes factor from which something swings: that of `ODDS`, with the prior of
+    any effect [nat].
+    """
+    return ODDS - priors.effect
+
+
+def _pieces(flight: FlightResiduals) -> list[slice]:
+    """Return the rows of the pieces, at most `MOST_PIECES`, spread evenly over the flight."""
+    rows = max(1, round(PIECE / flight.grid.step))
+    count = max(1, round(len(flight.t) / rows))
+    edges = np.linspace(0, len(flight.t), count + 1).astype(int)
+    chosen = np.unique(np.linspace(0, count - 1, min(count, MOST_PIECES)).astype(int))
+    return [slice(int(edges[i]), int(edges[i + 1])) for i in chosen]
+
+
+def _in_pieces(mass: np.ndarray, swing: np.ndarray, pieces: Sequence[slice]) -> np.ndarray:
+    """Return the column of the mass and, piece by piece, those of a swing."""
+    columns = [mass]
+    for rows in pieces:
+        own = np.zeros_like(swing)
+        own[rows] = swing[rows]
+        columns.append(own)
+    return np.concatenate(columns, axis=-1)
+
+
+def _with_own_noise(
+    y: np.ndarray, X: np.ndarray, pieces: Sequence[slice], step: float, temperature: float
+) -> tuple[np.ndarray, float]:
+    """Return coefficients and log evidence of a regression with the autoregressive noise of its own
+    residual.
+    """
+    noise = scale_only([y[rows] for rows in pieces], step)
+    for _ in range(ROUNDS):
+        mean, _ = _regression(y, X, pieces, noise, temperature)
+        noise = fit_noise([y[rows] - X[rows] @ mean for rows in pieces], step)
+    return _regression(y, X, pieces, noise, temperature)
+
+
+def _regression(
+    y, X, pieces: Sequence[slice], noise: NoiseModel, temperature: float
+) -> tuple[np.ndarray, float]:
+    products = (
+        np.sum([noise.products([X[rows], y[rows][..., None]]) for rows in pieces], axis=0)
+        / temperature
+    )
+    total, every = Gram(products[:-1, :-1], products[:-1, -1]), np.arange(X.shape[-1])
+    mean, _ = total.posterior(every)
+    samples = sum(rows.stop - rows.start - noise.phi.shape[1] for rows in pieces) / temperature
+    spread = float(np.log(np.diag(noise.mixing)[noise.active]).sum())
+    return mean, total.log_evidence(every) - 0.5 * float(products[-1, -1]) + samples * spread

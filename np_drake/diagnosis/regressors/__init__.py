@@ -12,16 +12,14 @@ from np_drake.diagnosis.regressors.library import (
     Candidate,
     Onset,
     at_value,
-    hidden_from,
-    library_candidates,
-    switched,
-    wind_candidates,
-)
-from np_drake.diagnosis.regressors.nuisance import (
     calibration,
     calibration_terms,
+    hidden_from,
+    library_candidates,
     options_of,
+    switched,
     tolerance_of,
+    wind_candidates,
     with_input,
 )
 from np_drake.diagnosis.regressors.payload import (
@@ -33,10 +31,12 @@ from np_drake.diagnosis.regressors.payload import (
     payload_about,
     payloads_of,
 )
-from np_drake.diagnosis.regressors.regression_problem import Model, RegressionProblem, prior_of
-from np_drake.diagnosis.regressors.switched_regressors import (
+from np_drake.diagnosis.regressors.regression_problem import (
+    Model,
+    RegressionProblem,
     Sums,
     SwitchedRegressors,
     SwitchedSums,
     onset_log_likelihood,
+    prior_of,
 )

@@ -1,6 +1,4 @@
-"""Linear regression over flights: log evidence of any set of candidates, with nuisance columns and
-priors.
-"""
+"""Whitened columns of effects that begin in flight."""
 
 import dataclasses as dc
 from collections.abc import Iterable, Sequence
@@ -9,11 +7,12 @@ from itertools import pairwise
 from operator import add
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from np_drake.diagnosis.numerics import Gram, NoiseModel
 from np_drake.diagnosis.options import Options, Priors
 from np_drake.diagnosis.regressors.library import Candidate
-from np_drake.diagnosis.residuals import FlightResiduals
+from np_drake.diagnosis.residuals import SIZE, FlightResiduals
 from np_drake.effects.library import LIBRARY, effect_of
 
 
@@ -159,3 +158,159 @@ class RegressionProblem:
         return (
             len(names) == len(set(names)) and sum(effect_of(name).pure_delay for name in names) < 2
         )
+
+
+Sums = tuple[np.ndarray, np.ndarray, np.ndarray]  # X'X (n, k, k), X'B (n, k, b), X'y (n, k)
+
+
+class SwitchedRegressors:
+    """Sums over the whitened rows of one flight, for columns X that begin at any of them.
+
+    Target y (m', 15) and columns B (m', 15, b) that act as well are not whitened yet.
+    products (b + 1, b + 1): inner products of whitened B and y. t (m,): times of the whitened rows
+    [s].
+
+    Args:
+        target: (m', 15) channels y.
+        others: (m', 15, b) columns B that act as well.
+        scale: factor on whitened values [1].
+    """
+
+    def __init__(
+        self,
+        flight: FlightResiduals,
+        noise: NoiseModel,
+        target: np.ndarray,
+        others: np.ndarray,
+        scale=1.0,
+    ):
+        self._e, self._noise, self._scale = flight, noise, scale
+        self._order = noise.phi.shape[1]
+        self.t = flight.t[self._order :]
+        self._rise = flight.rise()
+        both = np.concatenate([others, target[..., None]], axis=-1)
+        active, half, m = np.flatnonzero(noise.active), len(self._rise) // 2, len(self.t)
+        driven = self._driven(active, flight.bridged(both[:, active]))
+        # Innovations times this equal whitened values times whitened `both`; rows beyond either end
+        # are zero.
+        padded = np.zeros((both.shape[1], half + m + half + self._order, both.shape[2]))
+        self._facing = padded[:, half : half + m]
+        self._facing[active] = np.tensordot(self._weight(active), driven, 1)
+        self._windows = sliding_window_view(padded, self._near, axis=1)
+        self.products = np.sum(np.swapaxes(driven, 1, 2) @ self._facing[active], axis=0)
+
+    @property
+    def _near(self) -> int:
+        """Number of whitened rows about an onset in which switched and whole columns differ.
+
+        They begin half a rise before the onset.
+        """
+        return len(self._rise) + self._order
+
+    def whole(self, X: np.ndarray) -> Sums:
+        """Return the sums for columns (m', 15, k) over all rows from each row (m + 1) on, without a
+        jump there.
+        """
+        channels = self._channels(X)
+        own = self._driven(channels, self._e.bridged(X[:, channels]))
+        weighted = np.tensordot(self._weight(channels), own, 1)
+        by_row = own.transpose(1, 2, 0)
+        XX, XBy = (by_row @ np.swapaxes(a, 0, 1) for a in (weighted, self._facing[channels]))
+        XX, XBy = (np.concatenate([np.cumsum(a[::-1], axis=0)[::-1], 0 * a[:1]]) for a in (XX, XBy))
+        return XX, XBy[..., :-1], XBy[..., -1]
+
+    def begun(self, X: np.ndarray, whole: Sums, rows: np.ndarray) -> Sums:
+        """Return the sums for columns (m', 15, k) switched on at each of `rows`, smeared by the
+        grid.
+
+        Args:
+            X: (m', 15, k) columns.
+            whole: their sums from `whole`.
+            rows: (n,) whitened rows at which they begin.
+        """
+        half, order, m = len(self._rise) // 2, self._order, len(self.t)
+        offsets = np.arange(-half - order, half + order + 1)
+        gate = np.concatenate([np.zeros((order, SIZE)), self._rise, np.ones((order, SIZE))])
+        at = np.clip(rows + order + offsets[:, None], 0, len(X) - 1)
+        channels = self._channels(X)
+        late = self._e.bridged(X[:, channels])[at] * gate[:, None, channels, None]
+        own = self._driven(channels, np.moveaxis(late, 2, 1))
+        row = rows - half + np.arange(self._near)[:, None]
+        own = np.where(((row >= 0) & (row < m))[..., None], own, 0.0).transpose(0, 2, 3, 1)
+        weighted = np.tensordot(self._weight(channels), own, 1)
+        XX, XB, Xy = (part[np.clip(rows - half + self._near, 0, m)] for part in whole)
+        XX += np.sum(own @ np.swapaxes(weighted, 2, 3), axis=0)
+        for part, c in zip(own, channels, strict=True):
+            XBy = part @ np.swapaxes(_taken(self._windows[c], rows), 1, 2)
+            XB += XBy[..., :-1]
+            Xy += XBy[..., -1]
+        return XX, XB, Xy
+
+    def _channels(self, X: np.ndarray) -> np.ndarray:
+        """Return the active channels in which a column is not zero."""
+        return np.flatnonzero(self._noise.active & X.any(axis=(0, 2)))
+
+    def _driven(self, channels: np.ndarray, values: np.ndarray) -> np.ndarray:
+        """Return the innovations (a, m - p, ...) of the channels (a,), for values (m, a, ...)."""
+        parts = [
+            self._noise.driven_in(c, values[:, i], self._e.name)
+            for i, c in enumerate(channels.tolist())
+        ]
+        shape = (len(values) - self._order, *values.shape[2:])
+        return self._scale * np.reshape(parts, (len(parts), *shape))
+
+    def _weight(self, channels: np.ndarray) -> np.ndarray:
+        return self._noise.weight[np.ix_(channels, channels)]
+
+
+class SwitchedSums:
+    """Cache of the sums of one candidate's columns X (m', 15, k) in one flight.
+
+    Args:
+        X: (m', 15, k) columns.
+    """
+
+    def __init__(self, columns: SwitchedRegressors, X: np.ndarray):
+        self.t, self._columns, self._X = columns.t, columns, X
+        self.whole = columns.whole(X)
+        self._begun: dict[bytes, Sums] = {}
+
+    def begun(self, rows: np.ndarray) -> Sums:
+        """Return the read-only sums for columns switched on at each of the whitened rows (n,)."""
+        key = rows.tobytes()
+        if key not in self._begun:
+            self._begun[key] = self._columns.begun(self._X, self.whole, rows)
+        return self._begun[key]
+
+
+def onset_log_likelihood(
+    flight: FlightResiduals, noise: NoiseModel, target: np.ndarray, own: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return (n,) times of the grid, the last one "not at all", and log likelihoods if `own` begins
+    there.
+
+    Args:
+        target: (m, 15) residual without the effect.
+        own: (m, 15) what the effect leaves.
+    """
+    columns = SwitchedRegressors(flight, noise, target, np.zeros((*target.shape, 0)))
+    t, X = columns.t, own[..., None]
+    rows = np.arange(1, len(t))
+    whole = columns.whole(X)
+    XX, _, Xy = (
+        np.concatenate([a[:1], b, 0 * a[:1]])
+        for a, b in zip(whole, columns.begun(X, whole, rows), strict=True)
+    )
+    after = (Xy - 0.5 * XX[..., 0])[:, 0]
+    times = np.append(t, t[-1] + flight.grid.step)
+    usable = (times < t[0] + 0.3) & (times > t[0])
+    after[usable] = -np.inf
+    return times, after
+
+
+def _taken(windows: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """Return windows[rows], as a view where rows (n,) are equally spaced."""
+    steps = np.unique(np.diff(rows))
+    if len(steps) != 1 or steps[0] <= 0:
+        return windows[rows]
+    return windows[rows[0] : rows[-1] + 1 : steps[0]]

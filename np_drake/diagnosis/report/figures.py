@@ -1,23 +1,21 @@
-"""Figures of the report: replay error, and the gap by regime, time and frequency."""
+"""Figures of the report: replay error, and the gap by regime and time."""
 
 from collections.abc import Sequence
 
 import numpy as np
-from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
+from matplotlib.ticker import FuncFormatter, MaxNLocator
 
-from np_drake.diagnosis.report.words import fixed, number, plain_name, suited
-from np_drake.diagnosis.residuals.residual_parts import CHANNELS, Band, Localisation, Regime
-from np_drake.diagnosis.result import ReplayGap
+from np_drake.diagnosis.report.words import plain_name
+from np_drake.diagnosis.result import Localisation, Regime, ReplayGap
 from np_drake.files.figure_file import PALETTE, new_figure
+from np_drake.files.number_text import suited
 
 BEFORE, AFTER, NOISE = PALETTE[1], PALETTE[0], "0.25"
 NOMINAL, WITH = "nominal simulator", "with the causes"  # in every legend
 FLIGHTS = 4  # largest number of flights in the timeline
 _WINDOW = 0.25  # window of the running RMS in the timeline [s]
 _KINDS = (("force", "N", slice(0, 3)), ("torque", "N·m", slice(3, 6)))
-_OCTAVES = 4  # ranges of frequency in an octave, over which a spectrum is averaged
 
 
 def legend(figure: Figure) -> None:
@@ -80,78 +78,29 @@ def _tidy(ax, axis: str) -> None:
     ax.spines[["top", "right"]].set_visible(False)
 
 
-Onsets = dict[str, list[tuple[str, float]]]  # flight: (effect, time)
-
-
 def regime_figure(regimes: Sequence[Regime]) -> Figure:
-    """Return a heat map of RMS residual in noise units, channel against regime, before and, where
-    known, after.
-    """
-    quantities = list(dict.fromkeys(regime.quantity for regime in regimes))
-    groups = [
-        [regime for regime in regimes if regime.quantity == quantity] for quantity in quantities
-    ]
-    known = [
-        c for c in range(len(CHANNELS)) if any(r.rms[c] != 0 for r in regimes)
-    ]  # no log tells every torque
-    rows = [(NOMINAL, "rms")]
-    if all(regime.rms_after for regime in regimes):
-        rows.append((WITH, "rms_after"))
-    values = np.concatenate(
-        [[getattr(r, name)[c] for c in known] for _, name in rows for r in regimes]
-    )
-    scale = LogNorm(1.0, max([3.0, *values[np.isfinite(values)]]), clip=True)
-    widths = {"width_ratios": [len(group) for group in groups]}
-    columns = sum(map(len, groups))
-    figure, grid = new_figure(
-        len(rows),
-        len(groups),
-        width=1.6 + 0.46 * max(columns, 12),
-        height=max(1.1 + len(rows) * (0.25 + 0.32 * len(known)), 2.9),
-        gridspec_kw=widths,
-        sharey=True,
-    )
-    for axes, (when, name) in zip(grid, rows, strict=True):
-        for ax, group in zip(axes, groups, strict=True):
-            shown = _heat(ax, np.array([getattr(r, name) for r in group], float).T[known], scale)
-        axes[0].set_yticks(range(len(known)), [CHANNELS[c] for c in known])
-        axes[0].set_title(when, loc="left", fontsize=9)
-    for ax, group in zip(grid[-1], groups, strict=True):
-        ax.set_xticks(range(len(group)), _ranges(group), rotation=60, ha="right", fontsize=7.5)
-        ax.tick_params(axis="x", pad=1)
-        ax.set_xlabel(f"{group[0].quantity} [{group[0].unit}]")
-    figure.align_xlabels(grid[-1])
-    bar = figure.colorbar(shown, ax=grid, pad=0.01, aspect=30)
-    bar.set_label("RMS residual over noise [1]")
-    bar.ax.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-    bar.ax.yaxis.set_major_formatter(plain_ticks())
-    bar.ax.yaxis.set_minor_locator(NullLocator())
+    """Return the residual over noise against each quantity, before and after: largest channel."""
+    names = list(dict.fromkeys(regime.quantity for regime in regimes))
+    figure, grid = new_figure(1, len(names), width=9.0, height=2.6, sharey=True)
+    curves = (("rms", NOMINAL, BEFORE, "--"), ("rms_after", WITH, AFTER, "-"))
+    for ax, name in zip(grid[0], names, strict=True):
+        group = [regime for regime in regimes if regime.quantity == name]
+        edges = [group[0].lower, *(regime.upper for regime in group)]
+        for field, label, colour, dash in curves:
+            values = [max(getattr(regime, field)) for regime in group]
+            ax.stairs(values, edges, color=colour, linestyle=dash, linewidth=1.6, label=label)
+        ax.axhline(1.0, color=NOISE, linestyle=":", linewidth=1.0, label="noise")
+        ax.set(xlabel=f"{name} [{group[0].unit}]", yscale="log")
+    grid[0, 0].set_ylabel("RMS residual over noise [1]")
+    legend(figure)
     return figure
 
 
-def _heat(ax, values: np.ndarray, scale: LogNorm):
-    """Draw one panel of values (channel, regime) with its numbers, and return its image."""
-    shown = ax.imshow(np.maximum(values, 1.0), cmap="Blues", norm=scale, aspect="auto")
-    for (row, column), value in np.ndenumerate(values):
-        colour = "white" if np.isfinite(value) and scale(max(value, 1.0)) > 0.6 else "black"
-        ax.text(column, row, number(value, 2), ha="center", va="center", fontsize=7, color=colour)
-    ax.set_xticks([])
-    ax.tick_params(length=0)
-    return shown
-
-
-def _ranges(group: Sequence[Regime]) -> list[str]:
-    """Return 'lower to upper' of regimes of one quantity, with as few decimals as tell the bounds
-    apart.
-    """
-    width = min(regime.upper - regime.lower for regime in group)
-    decimals = int(np.clip(-np.floor(np.log10(max(width, 1e-6)) + 1e-9), 0, 6))
-    return [f"{fixed(r.lower, decimals)} to {fixed(r.upper, decimals)}" for r in group]
+Onsets = dict[str, list[tuple[str, float]]]  # flight: (effect, time)
 
 
 def timeline_figure(localisation: Localisation, onsets: Onsets) -> Figure:
-    """Return the running RMS of force and torque residual of each flight, with noise, change points
-    and onsets.
+    """Return the running RMS of force and torque residual of each flight, with noise and onsets.
 
     Args:
         onsets: by flight, effects and when they begin [s].
@@ -171,7 +120,8 @@ def timeline_figure(localisation: Localisation, onsets: Onsets) -> Figure:
     for axes, flight in zip(grid, flights, strict=True):
         for ax, (kind, unit, channels) in zip(axes, kinds, strict=False):
             factor, shown = _trace(ax, localisation, flight, channels, unit)
-            _marks(ax, localisation, flight, onsets.get(flight, []))
+            for _, time in onsets.get(flight, []):
+                ax.axvline(time, color=PALETTE[2], linewidth=1.6, label="a cause begins")
             if floor := factor * np.linalg.norm(
                 [c.noise_floor for c in localisation.channels[channels]]
             ):
@@ -199,85 +149,26 @@ def _trace(
     for traces, label, colour, dash in curves:
         if flight in traces:
             size = factor * np.linalg.norm(traces[flight][:, channels], axis=1)
+            # The root mean square (n,) over `_WINDOW` [s]; rows that are not finite are left
+            # out.
+            rows = (
+                max(1, round(_WINDOW / max(float(np.median(np.diff(t))), 1e-6)))
+                if len(t) > 1
+                else 1
+            )
+            good = np.isfinite(size)
+            kernel = np.ones(min(rows, len(t)))
+            square = np.convolve(np.where(good, size, 0.0) ** 2, kernel, "same")
+            count = np.convolve(good.astype(float), kernel, "same")
             ax.plot(
-                t, _running_rms(size, t), color=colour, linestyle=dash, linewidth=1.1, label=label
+                t,
+                (np.sqrt(square / np.where(count > 0.5, count, np.nan))),
+                color=colour,
+                linestyle=dash,
+                linewidth=1.1,
+                label=label,
             )
     ax.margins(x=0)
     ax.xaxis.set_major_locator(MaxNLocator(8, steps=[1, 2, 5, 10]))
     ax.grid(alpha=0.3, linewidth=0.6)
     return factor, shown
-
-
-def _marks(ax, localisation: Localisation, flight: str, onsets: list[tuple[str, float]]) -> None:
-    """Draw onsets as solid lines, and change points, where no onset is, as dotted ones."""
-    segments = [segment for segment in localisation.segments if segment.flight == flight]
-    for start in (segment.start for segment in segments[1:]):
-        if all(abs(start - time) > _WINDOW for _, time in onsets):
-            ax.axvline(start, color=NOISE, linestyle=":", linewidth=1.0, label="change point")
-    for _, time in onsets:
-        ax.axvline(time, color=PALETTE[2], linewidth=1.6, label="a cause begins")
-
-
-def _running_rms(size: np.ndarray, t: np.ndarray) -> np.ndarray:
-    """Return the root mean square (n,) over `_WINDOW` [s]; rows that are not finite are left
-    out.
-    """
-    rows = max(1, round(_WINDOW / max(float(np.median(np.diff(t))), 1e-6))) if len(t) > 1 else 1
-    good = np.isfinite(size)
-    kernel = np.ones(min(rows, len(t)))
-    square = np.convolve(np.where(good, size, 0.0) ** 2, kernel, "same")
-    count = np.convolve(good.astype(float), kernel, "same")
-    return np.sqrt(square / np.where(count > 0.5, count, np.nan))
-
-
-def spectrum_figure(bands: Sequence[Band]) -> Figure:
-    """Return the spectral density of the residual before and after, with that of the noise
-    model.
-    """
-    bands = [band for band in bands[:6] if np.any(band.before > 0)]
-    rows = max(-(-len(bands) // 3), 1)
-    figure, grid = new_figure(
-        rows, min(3, max(len(bands), 1)), width=9.0, height=0.8 + 2.1 * rows, sharex=True
-    )
-    for ax, band in zip(grid.flat, bands, strict=False):
-        curves = (
-            (band.before, NOMINAL, BEFORE, "--"),
-            (band.after, WITH, AFTER, "-"),
-            (band.noise, "noise", NOISE, ":"),
-        )
-        for density, label, colour, dash in curves:
-            ax.loglog(
-                *smoothed(band.frequency, density),
-                color=colour,
-                linestyle=dash,
-                linewidth=1.4,
-                label=label,
-            )
-        unit = "N²/Hz" if band.channel.startswith("force") else "(N·m)²/Hz"
-        ax.set_ylabel(f"{band.channel} [{unit}]")
-        if np.any(band.noise > 0):  # below it there is only the roll-off of a filter
-            ax.set_ylim(bottom=0.05 * np.quantile(band.noise[band.noise > 0], 0.1))
-        ax.xaxis.set_major_formatter(plain_ticks())
-        ax.grid(alpha=0.3, linewidth=0.6)
-    for ax in grid.flat[len(bands) :]:
-        ax.set_visible(False)
-    for ax in grid[-1]:
-        ax.set_xlabel("frequency [Hz]")
-    legend(figure)
-    return figure
-
-
-def smoothed(frequency: np.ndarray, density: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return frequency and density averaged over `_OCTAVES` ranges in an octave, without frequency
-    zero.
-
-    Args:
-        frequency: (m,) [Hz].
-        density: (m,) in any unit.
-    """
-    frequency, density = frequency[frequency > 0], density[frequency > 0]
-    place = np.round(_OCTAVES * np.log2(frequency / frequency[0])).astype(int)
-    count = np.bincount(place)
-    kept = count > 0
-    f, mean = (np.bincount(place, values)[kept] / count[kept] for values in (frequency, density))
-    return f, mean

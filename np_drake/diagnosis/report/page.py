@@ -1,88 +1,25 @@
 """The report's folder: HTML page, JSON and figures, all made before anything is written."""
 
-import base64
 import math
 from collections.abc import Mapping
-from importlib import resources
 from importlib.metadata import version
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from jinja2 import Environment, StrictUndefined, Template
-from markupsafe import Markup
 from matplotlib.figure import Figure
 
-from np_drake.diagnosis.report import summary, words
-from np_drake.diagnosis.report.figures import (
-    regime_figure,
-    replay_figure,
-    spectrum_figure,
-    timeline_figure,
-)
-from np_drake.diagnosis.report.headline import headline, lead
-from np_drake.diagnosis.report.remainder import GAP_HEADER, calibration_share, gap_rows, remains
+from np_drake.diagnosis.report import answer as summary
+from np_drake.diagnosis.report import words
+from np_drake.diagnosis.report.answer import GAP_HEADER, gap_rows, headline, lead, remains
+from np_drake.diagnosis.report.figures import regime_figure, replay_figure, timeline_figure
 from np_drake.diagnosis.result import Diagnosis, Finding, ReplayGap
-from np_drake.files.atomic_file import require_writable, write_bytes, write_json, write_text
-from np_drake.files.figure_file import png
-from np_drake.files.number_text import kept_together
+from np_drake.files.atomic_file import require_writable, write_json
+from np_drake.files.page import Section, write_page
 
-TEMPLATE, STYLE = "report.html.j2", "style.css"
+TEMPLATE = Path(__file__).with_name("report.html.j2")
 PAGE, DATA = "report.html", "diagnosis.json"
-PICTURES = ("regimes", "timeline", "spectrum", "replay")
-
-
-def render(
-    diagnosis: Diagnosis,
-    figures: Mapping[str, bytes],
-    *,
-    seed: int = 0,
-    beside: Mapping[str, str] = MappingProxyType({}),
-) -> str:
-    """Return the HTML page.
-
-    Args:
-        beside: texts of links by the names of files in the same folder.
-    """
-    template = template_of(_text(TEMPLATE))
-    pictures = {name: embedded(png) for name, png in figures.items()}
-    return template.render(
-        **content(diagnosis, seed), figures=pictures, beside=beside, style=style()
-    )
-
-
-def template_of(text: str) -> Template:
-    """Return the template of a page; in what it puts in, a number stays with its unit."""
-    environment = Environment(
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        finalize=lambda value: kept_together(value) if type(value) is str else value,
-    )
-    environment.filters["longest_word"] = longest_word
-    return environment.from_string(text)
-
-
-def longest_word(text: str) -> int:
-    """Return the length of the longest part of a text that no line is broken in, as a name of a
-    file.
-    """
-    return max(map(len, text.split()), default=0)
-
-
-def style() -> Markup:
-    """Return the style sheet of the project's pages."""
-    return Markup(_text(STYLE))
-
-
-def embedded(png: bytes) -> str:
-    """Return a picture as text for a page's `data:image/png;base64,`."""
-    return base64.b64encode(png).decode("ascii")
-
-
-def _text(name: str) -> str:
-    return resources.files("np_drake.diagnosis.report").joinpath(name).read_text(encoding="utf-8")
+PICTURES = ("timeline", "regimes", "replay")
 
 
 def content(diagnosis: Diagnosis, seed: int) -> dict[str, Any]:
@@ -96,9 +33,8 @@ def content(diagnosis: Diagnosis, seed: int) -> dict[str, Any]:
         "calibrated": bool(diagnosis.calibration),
         "difference_header": summary.DIFFERENCE_HEADER,
         "differences": summary.difference_rows(diagnosis),
-        "calibration_share": calibration_share(reduction),
         "next_steps": summary.next_steps(diagnosis),
-        "coverage": [*diagnosis.coverage, *filter(None, [summary.unseen(diagnosis)])],
+        "unseen": summary.unseen(diagnosis),
         "alike": [
             (
                 words.listed([words.bare_name(e) for e in item.effects], "or"),
@@ -172,18 +108,13 @@ def _replay_rows(
         cells = []
         for name in ("position", "velocity", "attitude"):
             for figures in (before, after):
-                cells.append(
-                    _with_interval([] if figures is None else getattr(figures, name)[k].tolist())
-                )
+                cell = words.NOTHING, ""
+                if figures is not None:
+                    value, *ends = (words.number(v, 2) for v in getattr(figures, name)[k].tolist())
+                    cell = value, " to ".join(ends)
+                cells.append(cell)
         rows.append((f"{horizon:g}", cells))
     return rows
-
-
-def _with_interval(figures: list[float]) -> tuple[str, str]:
-    if not figures:
-        return words.NOTHING, ""
-    value, lower, upper = (words.number(figure, 2) for figure in figures)
-    return value, f"{lower} to {upper}"
 
 
 def _finding(finding: Finding) -> tuple[str, str, str]:
@@ -210,50 +141,29 @@ def write_report(
     """
     folder = Path(folder)
     require_writable(folder / PAGE)
-    pictures = {name: png(figure) for name, figure in figures(diagnosis).items()}
-    page = render(diagnosis, pictures, seed=seed, beside=beside)
-    for name in set(PICTURES) - set(pictures):
-        (folder / f"{name}.png").unlink(missing_ok=True)  # of an earlier diagnosis
-    for name, picture in pictures.items():
-        write_bytes(folder / f"{name}.png", picture)
-    write_json(folder / DATA, _with_head(diagnosis.as_json(), seed=seed, config=config or {}))
-    write_text(folder / PAGE, page)
+    title = f"Sim-to-real diagnosis · {diagnosis.vehicle}"
+    section = Section(TEMPLATE, content(diagnosis, seed) | {"beside": beside})
+    write_page(folder / PAGE, title, [section], dict.fromkeys(PICTURES) | figures(diagnosis))
+    found = diagnosis.as_json()
+    # The head that every file of the project begins with (docs/reference/files.md).
+    head = {"schema": found["schema"], "version": version("np_drake"), "seed": seed}
+    write_json(folder / DATA, {**head, "config": config or {}, **found})
     return folder / PAGE
-
-
-def _with_head(content: dict[str, Any], *, seed: int, config: dict[str, Any]) -> dict[str, Any]:
-    """Return the content after the head that every file of the project begins with
-    (docs/reference/files.md).
-    """
-    head = {
-        "schema": content["schema"],
-        "version": version("np_drake"),
-        "seed": seed,
-        "config": config,
-    }
-    return {**head, **content}
 
 
 def figures(diagnosis: Diagnosis) -> dict[str, Figure]:
     """Return by name the figures for which the diagnosis has data."""
     localisation, reduction = diagnosis.localisation, diagnosis.gap_reduction
     out: dict[str, Figure] = {}
+    if localisation.times:
+        onsets: dict[str, list[tuple[str, float]]] = {}
+        for cause in diagnosis.causes:
+            for flight, time in cause.onset.items():
+                if time is not None and math.isfinite(time):
+                    onsets.setdefault(flight, []).append((cause.identifier, time))
+        out["timeline"] = timeline_figure(localisation, onsets)
     if localisation.regimes:
         out["regimes"] = regime_figure(localisation.regimes)
-    if localisation.times:
-        out["timeline"] = timeline_figure(localisation, _onsets(diagnosis))
-    if localisation.bands:
-        out["spectrum"] = spectrum_figure(localisation.bands)
     if reduction.replay_before is not None or reduction.replay_after is not None:
         out["replay"] = replay_figure(reduction.replay_before, reduction.replay_after)
-    return out
-
-
-def _onsets(diagnosis: Diagnosis) -> dict[str, list[tuple[str, float]]]:
-    """Return by flight the (effect, time [s]) of every cause that begins in it."""
-    out: dict[str, list[tuple[str, float]]] = {}
-    for cause in diagnosis.causes:
-        for flight, time in cause.onset.items():
-            if time is not None and math.isfinite(time):
-                out.setdefault(flight, []).append((cause.identifier, time))
     return out

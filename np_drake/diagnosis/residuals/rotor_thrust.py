@@ -156,7 +156,21 @@ def _read_thrust(log: FlightLog, vehicle: Vehicle) -> tuple[np.ndarray, np.ndarr
     """
     noise = white_noise(_measured_pieces(log))
     likely = most_likely(log.u, noise, log.step)
-    if _answered(log, vehicle, log.u - likely) > ANSWERED:
+    # A lower bound on the share of fast thrust and torque (n, 4) to which the motion responds
+    # [1].
+    fast = log.u - likely
+    given = 0.5 * (fast[1:] + fast[:-1])
+    answer = np.zeros_like(given)
+    answer[:, 1:] = np.diff(log.w, axis=0) / np.diff(log.t)[:, None] @ vehicle.J.T
+    if log.a is not None:
+        force = vehicle.mass * attitude.rotate_back(log.q, log.a)[:, 2]
+        answer[:, 0] = 0.5 * (force[1:] + force[:-1])
+    rough = np.mean(np.diff(answer, axis=0) ** 2, axis=0) / 3
+    weight = np.divide(1.0, rough, out=np.zeros(4), where=rough > 0)
+    known = max(float(np.sum(weight * given**2)), 1e-300)
+    if (
+        float(np.sum(weight * given * answer)) / known - SURE_DEVIATIONS / np.sqrt(known)
+    ) > ANSWERED:
         return log.u @ vehicle.unmixer.T, np.zeros(4)
     return likely @ vehicle.unmixer.T, noise
 
@@ -170,22 +184,3 @@ def _measured_pieces(log: FlightLog) -> list[np.ndarray]:
     edges = np.concatenate([[-1], np.flatnonzero(log.bridged), [len(log)]])
     pieces = [log.u[a + 1 : b] for a, b in itertools.pairwise(edges) if b - a > LEAST_ROWS]
     return pieces or [log.u]
-
-
-def _answered(log: FlightLog, vehicle: Vehicle, fast: np.ndarray) -> float:
-    """Return a lower bound on the share of fast thrust and torque (n, 4) to which the motion
-    responds [1].
-
-    Source: generalised least squares. The noise of differentiated readings follows from their own
-    differences, whose variance is three times as large.
-    """
-    given = 0.5 * (fast[1:] + fast[:-1])
-    answer = np.zeros_like(given)
-    answer[:, 1:] = np.diff(log.w, axis=0) / np.diff(log.t)[:, None] @ vehicle.J.T
-    if log.a is not None:
-        force = vehicle.mass * attitude.rotate_back(log.q, log.a)[:, 2]
-        answer[:, 0] = 0.5 * (force[1:] + force[:-1])
-    rough = np.mean(np.diff(answer, axis=0) ** 2, axis=0) / 3
-    weight = np.divide(1.0, rough, out=np.zeros(4), where=rough > 0)
-    known = max(float(np.sum(weight * given**2)), 1e-300)
-    return float(np.sum(weight * given * answer)) / known - SURE_DEVIATIONS / np.sqrt(known)

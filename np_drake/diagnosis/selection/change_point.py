@@ -1,4 +1,7 @@
-"""Change points: the best onset of an effect in every flight, from suffix sums of Gram matrices."""
+"""Change points: the best onset of an effect in every flight, and candidates from there on.
+
+Onsets are scanned by suffix sums of Gram matrices.
+"""
 
 import copy
 import dataclasses as dc
@@ -9,13 +12,23 @@ import numpy as np
 
 from np_drake.diagnosis.forward_model import NEVER
 from np_drake.diagnosis.regressors import (
+    AT_REST,
+    DRAG,
+    PAYLOAD,
     Candidate,
     RegressionProblem,
     Sums,
     SwitchedRegressors,
     SwitchedSums,
+    hidden_from,
+    switched,
+    wind_candidates,
 )
 from np_drake.diagnosis.residuals import LEAST_DURATION
+from np_drake.diagnosis.selection.payload_search import PayloadSearch
+from np_drake.effects.library import LIBRARY, effect_of
+from np_drake.effects.mass_error import MassError
+from np_drake.effects.thrust_scale import ThrustScale
 
 COARSE = 5  # rows between instants that are tried at first
 EDGE = 0.7  # from either end of a flight, without onsets [s]
@@ -36,15 +49,15 @@ class TriedOnsets:
         self.start, self.never = at_rows(self.ends, [0]), at_rows(self.ends, [1])
         self.now = self.start
         self.onset: float | None = None
-        self._inside, self.goes_on = possible_onsets(late.t, edge), goes_on
-        self.rows = self._inside[::COARSE]
+        self.inside, self.goes_on = possible_onsets(late.t, edge), goes_on
+        self.rows = self.inside[::COARSE]
         self.sums = late.begun(self.rows)
 
     def finer(self, profile: np.ndarray) -> np.ndarray:
         """Return untried rows about the best of the profile (n,)."""
         if not len(profile):
             return self.rows
-        about = self._inside[np.abs(self._inside - self.rows[np.argmax(profile)]) < 2 * COARSE]
+        about = self.inside[np.abs(self.inside - self.rows[np.argmax(profile)]) < 2 * COARSE]
         return np.setdiff1d(about, self.rows)
 
     def add(self, rows: np.ndarray) -> None:
@@ -55,19 +68,12 @@ class TriedOnsets:
         XX, XB, Xy = (np.concatenate(pair)[order] for pair in zip(self.sums, new, strict=True))
         self.sums = (XX, XB, Xy)
 
-    def log_width(self, profile: np.ndarray) -> float:
-        """Return the log width of the profile's peak, in shares of the flight."""
-        if not len(profile):
-            return -np.inf
-        width = np.gradient(self.rows.astype(float)) if len(self.rows) > 1 else np.ones(1)
-        return math.log(float(np.exp(profile - profile.max()) @ width) / len(self._inside))
-
     def most_likely(self, profile: np.ndarray) -> int:
         """Return the row in the middle of the span of `SPAN` that most likely holds the onset.
 
         Source: own choice.
         """
-        dense = np.interp(self._inside, self.rows, profile)
+        dense = np.interp(self.inside, self.rows, profile)
         weight = np.exp(dense - dense.max())
         step = self._late.t[1] - self._late.t[0]
         width = max(1, round(SPAN / step))
@@ -78,16 +84,12 @@ class TriedOnsets:
         )
         first = int(np.argmax(mass))
         span = np.cumsum(weight[first : first + width])
-        return int(self._inside[first + np.searchsorted(span, 0.5 * span[-1])])
+        return int(self.inside[first + np.searchsorted(span, 0.5 * span[-1])])
 
     @property
     def begins(self) -> bool:
         """Whether it is settled on an instant of the flight."""
         return self.onset is not None and self.onset != NEVER
-
-    def leave_out(self) -> None:
-        """Settle on absence."""
-        self.now, self.onset = self.never, NEVER
 
     def settle(self, row: int | None) -> None:
         """Settle on this row; None: from the start."""
@@ -190,39 +192,30 @@ class OnsetScan:
     def best(
         self, candidate: Candidate, sums: Mapping[str, SwitchedSums] | None = None
     ) -> "Onsets":
-        """Return the onsets at which the candidate explains the flights best.
+        """Return the onsets at which the candidate, with its `sums`, explains the flights best.
 
         The prior is that of an instant as wide as the evidence leaves it: an onset that is known to
         a row has one in all rows, one that is known to half a flight has one half.
-
-        Args:
-            sums: its `sums`, where they are known.
         """
         late = sums or self.sums(candidate)
         scans = {n: TriedOnsets(of, self._edge, goes_on=n in self._go_on) for n, of in late.items()}
         found = [self._climbed(scans)]
+        # A climb begins where the effect would begin with parameters of each flight's own, no prior
+        # asked. Flights that start from its beginning in all others may never leave it: a drift
+        # from the start stands for a step in each.
         for scan in scans.values():
-            self._settle_alone(scan)
+            profile = self._evidence(scan.sums, [])
+            later = profile.max(initial=-np.inf) > self._evidence(scan.start, [])[0]
+            scan.settle(scan.rows[np.argmax(profile)] if later else None)
         if sum(scan.begins for scan in scans.values()) > 1:
             found.append(self._climbed(scans))
         return max(found, key=lambda f: f.evidence + f.prior)
-
-    def _settle_alone(self, scan: TriedOnsets) -> None:
-        """Settle where the effect would begin with parameters of that flight's own, no prior asked.
-
-        The climb begins there. Flights that start from its beginning in all others may never leave
-        it: a drift from the start stands for a step in each.
-        """
-        profile = self._evidence(scan.sums, [])
-        late = profile.max(initial=-np.inf) > self._evidence(scan.start, [])[0]
-        scan.settle(scan.rows[np.argmax(profile)] if late else None)
 
     def _climbed(self, scans: dict[str, TriedOnsets]) -> "Onsets":
         """Return the onsets from where they are settled, flight by flight, the others as they
         are.
         """
-        widths = dict[str, float]()
-        priors = self._options.priors
+        widths, prior = dict[str, float](), self._options.priors.onset
         for _ in range(2):
             for name, scan in scans.items():
                 rest = [s.now for n, s in scans.items() if n != name]
@@ -234,23 +227,33 @@ class OnsetScan:
                 start, never = self._evidence(scan.ends, rest).tolist()
                 others = any(s.begins for n, s in scans.items() if n != name)
                 may_lack = others and scan.goes_on
-                best, widths[name] = float(profile.max(initial=-np.inf)), scan.log_width(profile)
-                best += priors.onset + widths[name]
-                never += priors.onset if may_lack else 0.0
+                # The log width of the profile's peak, in shares of the flight.
+                widths[name] = -np.inf
+                if len(profile):
+                    rows = scan.rows.astype(float)
+                    width = np.gradient(rows) if len(rows) > 1 else np.ones(1)
+                    share = float(np.exp(profile - profile.max()) @ width) / len(scan.inside)
+                    widths[name] = math.log(share)
+                best = float(profile.max(initial=-np.inf)) + (prior + widths[name])
+                never += prior if may_lack else 0.0
                 if best - max(start, never) > LEAST_GAIN:
                     scan.settle(scan.most_likely(profile))
                 elif may_lack and never - start > LEAST_GAIN:
-                    scan.leave_out()
+                    scan.now, scan.onset = scan.never, NEVER
                 else:
                     scan.settle(None)
             if not any(scan.begins for scan in scans.values()):
                 break
-        onset = _onsets(scans)
+        if not any(scan.begins for scan in scans.values()):  # what begins nowhere lacks nowhere
+            for scan in scans.values():
+                scan.settle(None)
+        onset: dict[str, float | None] = {
+            name: scan.onset for name, scan in scans.items() if scan.onset is not None
+        }
         begin = [widths[name] for name in onset if scans[name].begins]
-        prior = sum(begin) + priors.onset * len(onset)
         all_of = ([getattr(scan, at) for scan in scans.values()] for at in ("now", "start"))
         now, start = (float(self._evidence(first, rest)[0]) for first, *rest in all_of)
-        return Onsets(onset, prior, now - start, now)
+        return Onsets(onset, sum(begin) + prior * len(onset), now - start, now)
 
     def _evidence(self, own: Sums, rest: list[Sums]) -> np.ndarray:
         """Return (n,) the log evidence with these sums of one flight, each with those of the
@@ -270,11 +273,89 @@ class OnsetScan:
         return 0.5 * (explained - np.linalg.slogdet(A)[1])
 
 
-def _onsets(scans: Mapping[str, TriedOnsets]) -> dict[str, float | None]:
-    """Return those of flights in which it does not act from the start. What begins nowhere is
-    absent from none.
+WEIGHTS = ((MassError.identifier,), (ThrustScale.identifier,))
+MOST_COLUMNS = 8  # of a candidate that is scanned
+VARIANTS = 2  # of an effect that are scanned
+
+
+def switched_candidates(problem: RegressionProblem, members: Sequence[int] = ()) -> list[Candidate]:
+    """Return for every effect that gains by an onset the candidate from its best onsets on.
+
+    Every effect is tried alone, and beside those members that are another effect.
     """
-    if not any(scan.begins for scan in scans.values()):
-        for scan in scans.values():
-            scan.settle(None)
-    return {name: scan.onset for name, scan in scans.items() if scan.onset is not None}
+    variants: dict[tuple[str, ...], list[Candidate]] = {}  # of effects that may begin in flight
+    for c in problem.candidates:
+        effects = [effect_of(name) for name in c.identifiers]
+        sudden = all(f.sudden for f in effects) or not problem.options.tolerance.unmeasured
+        if c.size <= MOST_COLUMNS and not c.onset and sudden and all(f.begins for f in effects):
+            variants.setdefault(c.identifiers, []).append(c)
+    found: dict[tuple, Candidate] = {}
+    whole = OnsetScan(problem, members)
+    for own, same in variants.items():
+        others = tuple(i for i in members if not set(own) & set(problem.candidates[i].identifiers))
+        tried = [(c, whole.sums(c)) for c in same]
+        for scan in map(whole.given, dict.fromkeys([(), others])):
+            ranked = sorted(tried, key=lambda pair: scan.rough_evidence(pair[1]))
+            for candidate, sums in ranked[-VARIANTS:]:
+                at = scan.best(candidate, sums)
+                if at.onset:
+                    late = switched(candidate, problem.flights, at.onset)
+                    key = (late.identifiers, late.variant, tuple(sorted(at.onset.items())))
+                    found.setdefault(key, dc.replace(late, onset_prior=at.prior))
+    return list(found.values())
+
+
+def late_payloads(problem: RegressionProblem, late: list[Candidate]) -> list[Candidate]:
+    """Return payloads that begin where a weight does, as a payload at rest, a mass or a thrust
+    shows it.
+
+    A payload from the start that swings as it likes may explain more than such a weight; which is
+    there is told later.
+    """
+    if PAYLOAD in hidden_from(problem.flights):
+        return []
+    weights, scan, options = list[Candidate](), OnsetScan(problem), problem.options
+    noise, nuisance = problem.noise, problem.nuisance
+    for c in (c for c in problem.candidates if not c.onset):
+        if c.identifiers == (PAYLOAD,) and not any(PAYLOAD in w.identifiers for w in weights):
+            # Its mass and hook alone, as if its swing were known.
+            at_rest = {n: X[..., :AT_REST] for n, X in c.columns.items()}
+            weights.insert(0, dc.replace(c, columns=at_rest))
+        elif c.identifiers in WEIGHTS:
+            weights.append(c)
+    heavy = [f for f in map(scan.best, weights) if f.onset]
+    heavy = [f for f in heavy if f.gain + f.prior > options.priors.onset_gain]
+    if not heavy:
+        return []
+    found = max(heavy, key=lambda f: f.evidence + f.prior)
+    unlike = [c for c in late if c.onset != found.onset]  # what begins when it does stands for it
+    every = (*problem.candidates, *unlike)
+    others = [c for c in every if c.size <= 3 and PAYLOAD not in c.identifiers]
+    first = PayloadSearch(problem.flights, options, found.onset)
+    guesses = [guess for guess, _ in first.followed(noise, nuisance, others)]
+    if not guesses:
+        return []
+    onset = first.when(noise, nuisance, guesses[0])
+    sharp = PayloadSearch(problem.flights, options, onset).from_guesses(noise, nuisance, guesses)
+    return [dc.replace(c, onset_prior=found.prior) for _, c in sharp]
+
+
+def new_conditions(problem: RegressionProblem) -> list[Candidate]:
+    """Return the effects that may begin, each absent from all training flights; none where no half
+    has joined.
+
+    The air is always there: a new wind comes with a drag that acts in all flights.
+    """
+    flights = problem.flights
+    lacking: dict[str, float | None] = {e.name: NEVER for e in flights if not e.goes_on}
+    if not lacking or len(lacking) == len(flights):
+        return []
+    plain = [
+        c for c in problem.candidates if not (c.onset or c.generic) and len(c.identifiers) == 1
+    ]
+    effects = [LIBRARY.get(c.identifiers[0]) for c in plain]
+    begin = [bool(f and f.begins and not f.has_hidden_state) for f in effects]
+    found = [switched(c, flights, lacking) for c, yes in zip(plain, begin, strict=True) if yes]
+    found += wind_candidates(flights, [c for c in plain if c.identifiers == (DRAG,)], lacking)
+    prior = problem.options.priors.onset * len(lacking)
+    return [dc.replace(c, onset_prior=prior) for c in found]

@@ -1,4 +1,7 @@
-"""Search for the MAP model: search and fit, repeated with the noise that the fit leaves."""
+"""Search for the MAP model: search and fit, repeated with the noise that the fit leaves.
+
+Outliers, nuisance and the noise if all candidates help are settled before (`condition`).
+"""
 
 import dataclasses as dc
 from collections.abc import Iterable, Sequence
@@ -6,23 +9,158 @@ from functools import partial
 
 import numpy as np
 
+from np_drake.diagnosis.calibration import calibrated_alone, nuisance_of
 from np_drake.diagnosis.fitting import Fit, first_fit, refit
-from np_drake.diagnosis.numerics import NoiseModel
+from np_drake.diagnosis.numerics import NoiseModel, fit_noise, no_worse, scale_only, with_loudness
 from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.regressors import (
+    PAYLOAD,
     Candidate,
     Model,
     RegressionProblem,
+    hidden_from,
+    library_candidates,
     options_of,
+    wind_candidates,
     with_input,
 )
-from np_drake.diagnosis.residuals import FlightResiduals
-from np_drake.diagnosis.selection.conditioning import ConditionedFlights, condition, noise_of
-from np_drake.diagnosis.selection.onset_candidates import (
+from np_drake.diagnosis.residuals import FORCE, FlightResiduals, find_outliers
+from np_drake.diagnosis.selection.change_point import (
     late_payloads,
     new_conditions,
     switched_candidates,
 )
+from np_drake.diagnosis.selection.payload_search import PayloadSearch
+
+
+@dc.dataclass(frozen=True)
+class ConditionedFlights:
+    """Flights with their outliers known, channels (m, 15) without them, nuisance columns,
+    candidates and noise.
+    """
+
+    flights: list[FlightResiduals]
+    channels: list[np.ndarray]
+    nuisance: list[Candidate]
+    candidates: list[Candidate]
+    noise: NoiseModel
+
+
+def condition(
+    flights: Sequence[FlightResiduals], options: Options, *, still_air: bool = False
+) -> ConditionedFlights:
+    """Return outliers, payloads and noise as they show when every effect helps.
+
+    Args:
+        still_air: whether no wind acts in all flights; one that begins, or that some lack, is tried
+            all the same.
+    """
+    error, step = options.priors.linear_error, flights[0].grid.step
+    nuisance = nuisance_of(flights, options.tolerance, options.priors)
+    known = calibrated_alone(flights[0], options.tolerance)
+    plain = [
+        dc.replace(c, calibrated=c.identifiers[0] in known) for c in library_candidates(flights)
+    ]
+    candidates = [*plain, *([] if still_air else wind_candidates(flights, plain))]
+
+    def problem(
+        noise: NoiseModel, some: Sequence[Candidate], temperature: float = 1.0
+    ) -> RegressionProblem:
+        return RegressionProblem(
+            flights, noise, nuisance, list(some), temperature=temperature, options=options
+        )
+
+    # 1. Outliers, by what is left of the channels under white weights.
+    white = scale_only([e.y for e in flights], step)
+    sought = problem(white, candidates, options.priors.temperature)
+    everything = [*candidates, *switched_candidates(sought), *new_conditions(sought)]
+    residual = _residuals_of_all_effects(problem(white, everything))
+    flights = [
+        dc.replace(e, outliers=e.outliers | find_outliers(r, step))
+        for e, r in zip(flights, residual, strict=True)
+    ]
+    channels = [e.bridged(e.y) for e in flights]
+    white = scale_only(channels, step)
+    if any(e.outliers.any() for e in flights):
+        residual = _residuals_of_all_effects(problem(white, everything))
+
+    # 2. Payloads, beside the best variant of every other effect.
+    noise = noise_of(flights, residual, channels, options, error)
+    alone = RegressionProblem(flights, noise, [], plain, temperature=1.0, options=options)
+    others = [plain[i] for i in _best_variants(alone)]
+    residual = _residuals_of_all_effects(problem(white, others))
+    weights = (
+        white,
+        scale_only(no_worse(residual, channels), step),
+    )  # a light payload shows in the second alone
+    search = PayloadSearch(flights, options)
+    tried = () if PAYLOAD in hidden_from(flights) else weights
+    payloads = next(filter(None, (search.best(n, nuisance, others) for n in tried)), [])
+
+    # 3. Noise. A swing that is not fitted yet is a resonance of the noise, which would hide it:
+    # white weights do not.
+    first = weights[1] if payloads else noise
+    residual = _residuals_of_all_effects(problem(first, [*everything, *payloads]))
+    noise = noise_of(flights, residual, channels, options, error)
+    return ConditionedFlights(list(flights), channels, nuisance, [*candidates, *payloads], noise)
+
+
+def noise_of(
+    flights: Sequence[FlightResiduals],
+    residuals: Sequence[np.ndarray],
+    channels: Sequence[np.ndarray],
+    options: Options,
+    inexact: float = 0.0,
+) -> NoiseModel:
+    """Return the noise that residuals show, with what errors of the regressors add to it.
+
+    A force is known in body axes as well as the attitude is: slow, as real sensors drift.
+    Thrust from rotor speed is known as well as that is read.
+
+    Args:
+        residuals: (m, 15) by flight, after a model.
+        channels: (m, 15) by flight, before it.
+        inexact: share of what the model explains that it gets wrong [1]; `linear_error` for linear
+            columns.
+    """
+    residuals = [e.known(r) for e, r in zip(flights, residuals, strict=True)]
+    explained = [y - r for y, r in zip(channels, residuals, strict=True)]
+    force = np.sqrt(np.mean(np.sum(np.concatenate(explained)[:, FORCE] ** 2, axis=1)))
+    slow = np.zeros(channels[0].shape[1])
+    slow[FORCE] = options.tolerance.attitude * force
+    white = np.sqrt(np.mean([e.rotor_noise**2 for e in flights], axis=0))
+    step = flights[0].grid.step
+    left = no_worse(residuals, list(channels))
+    noise = fit_noise(left, step, explained=explained, inexact=inexact, slow=slow, white=white)
+    if not flights[0].measured_rotors:
+        return noise
+    return with_loudness(noise, [r - r.mean(axis=0) for r in left], [e.name for e in flights])
+
+
+def _best_variants(problem: RegressionProblem) -> list[int]:
+    """Return of every effect the position of the variant that explains most alone."""
+    best: dict[tuple[str, ...], tuple[float, int]] = {}
+    for i, c in enumerate(problem.candidates):
+        gain = problem.total.log_evidence(problem.columns_of(i))
+        if c.identifiers not in best or gain > best[c.identifiers][0]:
+            best[c.identifiers] = (gain, i)
+    return [i for _, i in best.values()]
+
+
+def _residuals_of_all_effects(problem: RegressionProblem) -> list[np.ndarray]:
+    """Return what is left of the channels when every effect helps, each in its best single
+    variant.
+    """
+    chosen = _best_variants(problem)
+    mean, _ = problem.total.posterior(problem.columns(chosen))
+    columns = [*problem.nuisance, *(problem.candidates[i] for i in chosen)]
+    parts = np.split(mean, np.cumsum([c.size for c in columns])[:-1])
+    explained = ((e, zip(columns, parts, strict=True)) for e in problem.flights)
+    return [
+        e.known(e.bridged(e.y - sum(c.columns[e.name] @ part for c, part in own)))
+        for e, own in explained
+    ]
+
 
 BEAM = 6  # sets kept from step to step
 BEAM_MARGIN = 8.0  # log evidence below the best at which the beam stops growing
@@ -45,57 +183,41 @@ class SearchResult:
 def find_map_model(
     flights: Sequence[FlightResiduals], options: Options | None = None, *, still_air: bool = False
 ) -> SearchResult:
-    """Return the best model of these training flights.
+    """Return the best model of these training flights, searched and fitted twice: once more with
+    the noise that the fit leaves.
 
-    Args:
-        options: all that steers the answer; default: real where attitudes are noisy or rotor speed
-            is measured.
+    options: all that steers the answer; default: real where attitudes are noisy or rotor speed is
+    measured.
     """
     options = with_input(options, flights) if options else options_of(flights)
-    conditioned = condition(flights, options, still_air=still_air)
-    problem, models, best = _search_twice(conditioned, options)
-    return SearchResult(problem, models, best, _noise_left(conditioned, best, options), options)
-
-
-def _search_twice(
-    conditioned: ConditionedFlights, options: Options
-) -> tuple[RegressionProblem, list[Model], Fit]:
-    """Search and fit, once more with the noise that the fit leaves."""
-    best: Fit | None = None
-    noise, candidates, acting = conditioned.noise, list(conditioned.candidates), list[Candidate]()
+    of = condition(flights, options, still_air=still_air)
+    priors, best, noise = options.priors, None, of.noise
+    candidates, acting = list(of.candidates), list[Candidate]()
     for first in (True, False):
-        begun = [c for c in acting if c.onset and not any(c is known for known in candidates)]
-        candidates = [*candidates, *begun]
-        temperature = options.priors.temperature
+        candidates += [c for c in acting if c.onset and not any(c is known for known in candidates)]
         problem = RegressionProblem(
-            conditioned.flights,
+            of.flights,
             noise,
-            conditioned.nuisance,
-            candidates,
-            temperature=temperature,
+            of.nuisance,
+            list(candidates),
+            temperature=priors.temperature,
             options=options,
         )
         members = [i for i, c in enumerate(candidates) if any(c is a for a in acting)]
         late = switched_candidates(problem, members)
         hung = late_payloads(problem, late) if first else []
-        candidates = [*candidates, *hung]
+        candidates += hung
         if more := [*hung, *late, *new_conditions(problem)]:
             problem = problem.extended(more)
         models = search(problem)
         acting = [problem.candidates[i] for i in models[0].members]
         fit = first_fit if best is None else partial(refit, known=best)
         best = fit(problem, models[0], iterations=3)
-        noise = _noise_left(conditioned, best, options, options.priors.linear_error)
+        left = [best.residual(e) for e in of.flights]
+        noise = noise_of(of.flights, left, of.channels, options, priors.linear_error)
     assert best is not None
-    return problem, models, best
-
-
-def _noise_left(
-    of: ConditionedFlights, fit: Fit, options: Options, inexact: float = 0.0
-) -> NoiseModel:
-    return noise_of(
-        of.flights, [fit.residual(e) for e in of.flights], of.channels, options, inexact
-    )
+    exact = noise_of(of.flights, left, of.channels, options)
+    return SearchResult(problem, models, best, exact, options)
 
 
 def search(problem: RegressionProblem) -> list[Model]:
@@ -109,55 +231,35 @@ def search(problem: RegressionProblem) -> list[Model]:
         new = [members for members in sets if members not in seen]
         seen.update(zip(new, problem.scores(new), strict=True))
 
-    everyone = range(len(problem.candidates))
+    def with_one_more(members: tuple[int, ...], but: tuple[int, ...]) -> set[tuple[int, ...]]:
+        """Return the sets of these members and one candidate, but not these."""
+        more = ((*members, i) for i in range(len(problem.candidates)) if i not in but)
+        return {tuple(sorted(m)) for m in more if problem.fits_together(m)}
+
     layer: list[tuple[int, ...]] = [()]
     for _ in range(MOST_EFFECTS):
-        grown = {
-            tuple(sorted((*m, i)))
-            for m in layer
-            for i in everyone
-            if i not in m and problem.fits_together((*m, i))
-        }
+        grown = {one for m in layer for one in with_one_more(m, m)}
         if not grown:
             break
         score_all(grown)
-        ranked = sorted(grown, key=lambda m: (-seen[m], m))
-        best = max(seen.values())
-        layer = _diverse(problem, ranked, BEAM)
-        if seen[layer[0]] < best - BEAM_MARGIN:
+        # The best of each set of effects: variants of one effect must not fill the beam.
+        kept: dict[tuple[str, ...], tuple[int, ...]] = {}
+        for members in sorted(grown, key=lambda m: (-seen[m], m)):
+            if len(kept) < BEAM:
+                names = (name for i in members for name in problem.candidates[i].identifiers)
+                kept.setdefault(tuple(sorted(names)), members)
+        layer = list(kept.values())
+        if seen[layer[0]] < max(seen.values()) - BEAM_MARGIN:
             break
     current = max(seen, key=lambda m: seen[m])
     while True:
-        better = _neighbours(problem, current)
+        better = set()
+        for out in current:  # one candidate fewer, or one exchanged
+            rest = tuple(i for i in current if i != out)
+            better |= {rest, *with_one_more(rest, current)}
         score_all(better)
         candidate = max(better, key=lambda m: seen[m], default=current)
         if seen[candidate] <= seen[current]:
             break
         current = candidate
     return [Model(m, s) for m, s in sorted(seen.items(), key=lambda item: -item[1]) if s > -np.inf]
-
-
-def _diverse(
-    problem: RegressionProblem, ranked: list[tuple[int, ...]], beam: int
-) -> list[tuple[int, ...]]:
-    """Return the best of each set of effects: variants of one effect must not fill the beam."""
-    kept: dict[tuple[str, ...], tuple[int, ...]] = {}
-    for members in ranked:
-        names = tuple(sorted(name for i in members for name in problem.candidates[i].identifiers))
-        kept.setdefault(names, members)
-        if len(kept) == beam:
-            break
-    return list(kept.values())
-
-
-def _neighbours(problem: RegressionProblem, members: tuple[int, ...]) -> set[tuple[int, ...]]:
-    """Return the sets with one candidate fewer, or one exchanged."""
-    found = set()
-    for out in members:
-        rest = tuple(i for i in members if i != out)
-        found.add(rest)
-        for i in range(len(problem.candidates)):
-            new = tuple(sorted((*rest, i)))
-            if i not in members and problem.fits_together(new):
-                found.add(new)
-    return found

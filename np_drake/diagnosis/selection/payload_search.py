@@ -11,26 +11,187 @@ Source: progressive horizons, as in multiple shooting; own choice of both.
 import dataclasses as dc
 import math
 from collections.abc import Sequence
+from functools import reduce
+from operator import add
 
 import numpy as np
 
-from np_drake.diagnosis.fitting.physical_bounds import greatest_height
-from np_drake.diagnosis.forward_model import NEVER
-from np_drake.diagnosis.numerics import NoiseModel
+from np_drake.diagnosis.fitting import greatest_height
+from np_drake.diagnosis.forward_model import NEVER, jumps
+from np_drake.diagnosis.numerics import Gram, NoiseModel
 from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.regressors import (
+    AT_REST,
     PAYLOAD,
+    SHAPE,
     Candidate,
     Guess,
     Onset,
     PayloadColumns,
+    heavy_enough,
     payload_about,
     payloads_of,
 )
 from np_drake.diagnosis.regressors.payload import LONGEST_TETHER, SEARCH_LENGTHS
-from np_drake.diagnosis.residuals import FlightResiduals
-from np_drake.diagnosis.selection.payload_evidence import HORIZONS, OtherRegressors
+from np_drake.diagnosis.residuals import FlightResiduals, bridge
 from np_drake.effects.library import LIBRARY
+
+CHANNELS = 6  # force and torque alone see a payload
+HORIZONS = (5.0, 10.0, math.inf)  # over which a guess is followed, one after the other [s]
+AFTER_OUTLIER = 2.0  # a horizon of its own, for the swing that an outlier leaves [s]
+
+
+@dc.dataclass(frozen=True)
+class WhitenedPayload:
+    """Whitened columns of a payload, flight by flight, and its log prior.
+
+    columns: (rows x channels, k') by flight; at: (k',) their positions among all `size` of them.
+    """
+
+    columns: list[np.ndarray]
+    at: list[np.ndarray]
+    size: int
+    log_prior: float
+
+
+class OtherRegressors:
+    """The columns of others, whitened, with their Gram matrices up to each horizon.
+
+    Args:
+        onset: onsets of the payload by flight [s].
+        horizons: up to which a payload is followed [s]; default: `HORIZONS` and after outliers.
+    """
+
+    def __init__(
+        self,
+        flights: Sequence[FlightResiduals],
+        noise: NoiseModel,
+        others: Sequence[Candidate],
+        onset: Onset | None,
+        horizons: Sequence[float] = (),
+    ):
+        self._flights, self._noise, self._onset = list(flights), noise.head(CHANNELS), onset or {}
+        self._heads: dict[float, list[FlightResiduals]] = {}
+        self._white = []
+        for e in flights:
+            y = e.y[:, :CHANNELS, None]
+            X = np.concatenate(
+                [y[..., :0], *(c.columns[e.name][: len(y), :CHANNELS] for c in others)], axis=-1
+            )
+            self._white.append((self._flat(e, X), self._flat(e, y)[:, 0]))
+        self.horizons = sorted({*(horizons or (*HORIZONS, *self._after_outliers()))})
+        self._base = {horizon: self._gram(horizon) for horizon in self.horizons}
+
+    @property
+    def size(self) -> int:
+        """Number of columns of the others."""
+        return self._white[0][0].shape[1]
+
+    def heads(self, horizon: float) -> list[FlightResiduals]:
+        """Return the flights up to the horizon [s]."""
+        if horizon not in self._heads:
+            ends = [int(np.searchsorted(e.t, self._begin(e) + horizon)) for e in self._flights]
+            self._heads[horizon] = [e.head(end) for e, end in zip(self._flights, ends, strict=True)]
+        return self._heads[horizon]
+
+    def _begin(self, e: FlightResiduals) -> float:
+        return max(self._onset.get(e.name) or 0.0, e.t[0])
+
+    def _rows(self, e: FlightResiduals, horizon: float) -> int:
+        """Whitened rows times channels until the horizon after the payload's begin."""
+        end = int(np.searchsorted(e.t, self._begin(e) + horizon))
+        return max(0, end - self._noise.phi.shape[1]) * CHANNELS
+
+    def _after_outliers(self) -> list[float]:
+        """Seconds after the payload's begin by which a jump shows, those that are close to one
+        another once.
+        """
+        found = [(e, k) for e in self._flights for k in jumps(e, self._onset.get(e.name))]
+        ends = sorted(float(e.t[k] - self._begin(e) + AFTER_OUTLIER) for e, k in found)
+        later = [*ends[1:], math.inf]
+        return [end for end, following in zip(ends, later, strict=False) if following - end > 1.0]
+
+    def _gram(self, horizon: float) -> tuple[Gram, float]:
+        """Gram matrix of the others and their log evidence."""
+        parts = []
+        for e, (X, y) in zip(self._flights, self._white, strict=True):
+            n = self._rows(e, horizon)
+            parts.append(Gram(X[:n].T @ X[:n], X[:n].T @ y[:n]))
+        total = reduce(add, parts)
+        return total, total.log_evidence(np.arange(len(total.Xy)))
+
+    def white(self, payload: PayloadColumns) -> WhitenedPayload:
+        """Return the payload's columns whitened, of the flights or of `heads`."""
+        own = [self._flat(e, payload.own[e.name]) for e in self._flights]
+        at = [payload.at(e.name) for e in self._flights]
+        return WhitenedPayload(own, at, payload.size, payload.log_prior)
+
+    def gain(self, candidate: WhitenedPayload, horizon: float) -> tuple[float, np.ndarray]:
+        """Return the log evidence that the candidate adds, priors included, and its physical
+        coefficients.
+
+        Args:
+            horizon: up to which rows count, from the payload's begin on [s].
+        """
+        (both,), n = self.joints(candidate, [horizon]), self.size
+        mean, covariance = both.posterior(np.arange(len(both.Xy)))
+        mean, log_probability = heavy_enough(mean[n:], covariance[n:, n:])
+        return self.gain_of(both, candidate, horizon) + log_probability, mean
+
+    def gain_of(self, both: Gram, candidate: WhitenedPayload, horizon: float) -> float:
+        """Return the log evidence alone, of one of the candidate's `joints`.
+
+        Args:
+            horizon: up to which rows count, from the payload's begin on [s].
+        """
+        evidence = both.log_evidence(np.arange(len(both.Xy))) - self._base[horizon][1]
+        return evidence + candidate.log_prior
+
+    def swing_alone(self, candidate: WhitenedPayload, horizon: float, mass: float) -> np.ndarray:
+        """Return (k,) coefficients of a `shaped` payload with the mass given; hook, length and
+        damping stay.
+
+        Args:
+            horizon: up to which rows count, from the payload's begin on [s].
+        """
+        (both,), n = self.joints(candidate, [horizon]), self.size
+        first = AT_REST + SHAPE
+        free = np.r_[:n, n + first : len(both.Xy)]
+        residual = Gram(both.XX, both.Xy - both.XX[:, n] * mass)
+        fixed = np.concatenate([[mass], np.zeros(first - 1)])
+        return np.concatenate([fixed, residual.posterior(free)[0][n:]])
+
+    def joints(self, candidate: WhitenedPayload, horizons: Sequence[float]) -> list[Gram]:
+        """Return Gram matrices of others and candidate up to these horizons [s], from one pass over
+        the rows.
+
+        Args:
+            horizons: [s].
+        """
+        n, k = self.size, candidate.size
+        PX, PP, Py = np.zeros((k, n)), np.zeros((k, k)), np.zeros(k)
+        done = dict.fromkeys((e.name for e in self._flights), 0)
+        found = {}
+        for horizon in sorted(horizons):
+            for e, (X, y), columns, some in zip(
+                self._flights, self._white, candidate.columns, candidate.at, strict=True
+            ):
+                rows = slice(done[e.name], self._rows(e, horizon))
+                P = columns[rows]
+                PX[some] += P.T @ X[rows]
+                PP[np.ix_(some, some)] += P.T @ P
+                Py[some] += P.T @ y[rows]
+                done[e.name] = rows.stop
+            base, _ = self._base[horizon]
+            XX = np.block([[base.XX, PX.T], [PX, PP]])
+            found[horizon] = Gram(XX, np.concatenate([base.Xy, Py]))
+        return [found[horizon] for horizon in horizons]
+
+    def _flat(self, e: FlightResiduals, values: np.ndarray) -> np.ndarray:
+        """Return (rows x channels, k) force and torque (m, 6, k), of the first m rows, whitened."""
+        white = self._noise.whiten(bridge(values, e.outliers[: len(values)]))
+        return white.reshape(len(white) * CHANNELS, values.shape[-1])
+
 
 KEPT = 3  # candidates of the search
 FOLLOWED = 2  # lengths followed from each profile
@@ -111,36 +272,33 @@ class PayloadSearch:
             return []
         starts: dict[tuple[OtherRegressors, int, float], None] = {}
         for (beside, horizon), profile in zip(asked, gains, strict=True):
-            best, *others_of_it = _peaks(profile)[:FOLLOWED]
-            starts |= dict.fromkeys((beside, best, first) for first in (ENDS[0], horizon))
-            starts |= dict.fromkeys((beside, i, horizon) for i in others_of_it)
-        found = []
-        for beside, i, first in starts:
-            payload = self._follow(beside, Guess(float(self.lengths[i])), first)
-            if payload is not None:
-                found.append((everything.gain(everything.white(payload), math.inf)[0], payload))
-        return self._distinct(found)
+            peaks: list[int] = []  # by height, none next to a higher one
+            for i in np.argsort(-profile).tolist():
+                if all(abs(i - k) > 1 for k in peaks):
+                    peaks.append(i)
+            starts |= dict.fromkeys((beside, peaks[0], first) for first in (ENDS[0], horizon))
+            starts |= dict.fromkeys((beside, i, horizon) for i in peaks[1:FOLLOWED])
+        found = [
+            self._follow(beside, Guess(float(self.lengths[i])), first)
+            for beside, i, first in starts
+        ]
+        return self._distinct(everything, found)
 
     def from_guesses(
         self, noise: NoiseModel, nuisance: Sequence[Candidate], guesses: Sequence[Guess]
     ) -> list[tuple[Guess, Candidate]]:
         """Return payloads followed from guesses whose swing is not known."""
-        nuisance_only = OtherRegressors(self._flights, noise, nuisance, self._onset)
-        found = [self._follow(nuisance_only, dc.replace(g, swing={}), HORIZONS[0]) for g in guesses]
-        return self._distinct(
-            [
-                (nuisance_only.gain(nuisance_only.white(p), math.inf)[0], p)
-                for p in found
-                if p is not None
-            ]
-        )
+        beside = OtherRegressors(self._flights, noise, nuisance, self._onset)
+        found = [self._follow(beside, dc.replace(g, swing={}), HORIZONS[0]) for g in guesses]
+        return self._distinct(beside, found)
 
     def _distinct(
-        self, found: Sequence[tuple[float, PayloadColumns]]
+        self, beside: OtherRegressors, found: Sequence[PayloadColumns | None]
     ) -> list[tuple[Guess, Candidate]]:
         """Return the best, of different lengths."""
         kept: list[tuple[Guess, Candidate]] = []
-        for _, payload in sorted(found, key=lambda f: -f[0]):
+        scored = [(beside.gain(beside.white(p), math.inf)[0], p) for p in found if p is not None]
+        for _, payload in sorted(scored, key=lambda f: -f[0]):
             guess = payload.guess
             new = all(abs(math.log(guess.length / g.length)) > NEAR for g, _ in kept)
             if new and len(kept) < KEPT:
@@ -179,44 +337,34 @@ class PayloadSearch:
 
     def when(self, noise: NoiseModel, nuisance: Sequence[Candidate], guess: Guess) -> Onset:
         """Return sharpened onsets [s] of a payload like the guess, its swing free."""
-        found = dict(self._onset or {})
+        found, like, priors = dict(self._onset or {}), dc.replace(guess, swing={}), self._priors
+
+        def best_about(e: FlightResiduals, near: float, span: float, step: float) -> float:
+            """Return the best instant of one flight within `span` of `near` [s]."""
+            head = e.head(int(np.searchsorted(e.t, near + AFTER_ONSET)))
+            begin: Onset = {e.name: near}
+            beside = OtherRegressors([head], noise, nuisance, begin, horizons=(AFTER_ONSET,))
+            first, last = max(e.t[1], near - span), min(e.t[-1], near + span)
+            times, gains = np.arange(first, last, max(step, e.grid.step)).tolist(), []
+            for t in times:
+                payload = payload_about([head], like, priors, {e.name: t})
+                for _ in range(STEPS):
+                    _, mean = beside.gain(beside.white(payload), AFTER_ONSET)
+                    payload = payload_about([head], payload.moved(mean), priors, {e.name: t})
+                gains.append(beside.gain(beside.white(payload), AFTER_ONSET)[0])
+            return times[np.argmax(gains)]
+
         for e in self._flights:
             near = found.get(e.name)
             if near is None or near == NEVER:
                 continue
             for span, step in SHARPENED:
                 for _ in range(MOVES):
-                    before, near = (
-                        near,
-                        self._best_about(e, near, span, step, noise, nuisance, guess),
-                    )
+                    before, near = near, best_about(e, near, span, step)
                     if abs(near - before) <= 0.5 * span:
                         break
             found[e.name] = near
         return found
-
-    def _best_about(
-        self, e: FlightResiduals, near: float, span: float, step: float, noise, nuisance, guess
-    ) -> float:
-        """Return the best instant of one flight within `span` of `near` [s]."""
-        head = e.head(int(np.searchsorted(e.t, near + AFTER_ONSET)))
-        beside = OtherRegressors([head], noise, nuisance, {e.name: near}, horizons=(AFTER_ONSET,))
-        times = np.arange(
-            max(e.t[1], near - span), min(e.t[-1], near + span), max(step, e.grid.step)
-        )
-        return float(
-            times[np.argmax([self._gain_from(head, float(t), beside, guess) for t in times])]
-        )
-
-    def _gain_from(
-        self, e: FlightResiduals, begin: float, beside: OtherRegressors, guess: Guess
-    ) -> float:
-        """Log evidence of a payload that begins there, in one flight."""
-        payload = payload_about([e], dc.replace(guess, swing={}), self._priors, {e.name: begin})
-        for _ in range(STEPS):
-            _, mean = beside.gain(beside.white(payload), AFTER_ONSET)
-            payload = payload_about([e], payload.moved(mean), self._priors, {e.name: begin})
-        return beside.gain(beside.white(payload), AFTER_ONSET)[0]
 
     def _follow(self, beside: OtherRegressors, guess: Guess, first: float) -> PayloadColumns | None:
         """From a guess through the horizons, to the payload about which it fits best; none where it
@@ -249,12 +397,3 @@ class PayloadSearch:
                 return None
             guess = payload.guess
         return payload
-
-
-def _peaks(gains: np.ndarray) -> list[int]:
-    """Positions by height, none next to a higher one."""
-    kept: list[int] = []
-    for i in np.argsort(-gains):
-        if all(abs(i - k) > 1 for k in kept):
-            kept.append(int(i))
-    return kept

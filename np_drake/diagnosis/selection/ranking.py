@@ -47,32 +47,43 @@ class Ranking:
 
 
 def rank_models(found: SearchResult) -> Ranking:
-    """Return the best model ranked among its rivals, each refined."""
-    problem = found.problem
-    refined = _refined(problem, found.models, found.best, found.noise)
+    """Return the best model ranked among its rivals, each refined: those that come close to it, and
+    the best without its faint effects.
+    """
+    problem, noise, priors = found.problem, found.noise, found.options.priors
+    least = found.models[0].score - RANKING_MARGIN
+    close = [m for m in _distinct(problem, found.models) if m.score > least]
+    refined = {m: refit(problem, m, found.best, noise) for m in close[:REFINED]}
+    first = max(refined, key=lambda m: score_of(refined[m], priors))
+    best = refined[first] = restart(problem, first, refined[first], noise)
+    for m in drop_negligible(problem, first, best):
+        if m not in refined:
+            names = names_of(problem, m)
+            kept = tuple(t for t in best.terms if t.effect.identifier in names)
+            refined[m] = refit(problem, m, dc.replace(best, terms=kept), noise)
     models = [*found.models, *(m for m in refined if m not in found.models)]
     vehicle, height = problem.flights[0].vehicle, greatest_height(problem.flights)
     possible = [f for f in refined.values() if is_possible(f, vehicle, height)]
-    fits = sorted(possible or refined.values(), key=lambda f: -score_of(f, found.options.priors))
+    fits = sorted(possible or refined.values(), key=lambda f: -score_of(f, priors))
     probability = probabilities(problem, models, fits)
-    return Ranking(tuple(fits), probability, found.noise, problem, tuple(models), found.options)
+    return Ranking(tuple(fits), probability, noise, problem, tuple(models), found.options)
 
 
-def _refined(
-    problem: RegressionProblem, models: Sequence[Model], best: Fit, noise: NoiseModel
-) -> dict[Model, Fit]:
-    """The models that come close to the best, each with its fit, and the best without its faint
-    effects.
-    """
-    options = problem.options
-    close = [m for m in _distinct(problem, models) if m.score > models[0].score - RANKING_MARGIN]
-    fits = {m: refit(problem, m, best, noise) for m in close[:REFINED]}
-    first = max(fits, key=lambda m: score_of(fits[m], options.priors))
-    fits[first] = restart(problem, first, fits[first], noise)
-    for m in drop_negligible(problem, first, fits[first]):
-        if m not in fits:
-            fits[m] = refit(problem, m, _only(problem, m, fits[first]), noise)
-    return fits
+def probabilities(
+    problem: RegressionProblem, models: Sequence[Model], fits: Sequence[Fit]
+) -> dict[str, float]:
+    """Return for every effect the share of evidence of the models that hold it [1]."""
+    priors = problem.options.priors
+    scored = sorted((score_of(f, priors), k) for k, f in enumerate(fits))
+    refined = {names_of_fit(fits[k]): score for score, k in scored}
+    linear = {names_of(problem, m): m.score for m in _distinct(problem, models)[:200]}
+    shift = scored[-1][0] - max(linear[n] for n in refined if n in linear)
+    scores = {n: s + min(shift, 0.0) for n, s in linear.items()} | refined
+    top = max(scores.values())
+    weight = {n: np.exp(s - top) for n, s in scores.items()}
+    total = sum(weight.values())
+    names = {name for n in weight for name in n}
+    return {name: float(sum(w for n, w in weight.items() if name in n) / total) for name in names}
 
 
 def drop_negligible(problem: RegressionProblem, model: Model, fit: Fit) -> list[Model]:
@@ -83,43 +94,32 @@ def drop_negligible(problem: RegressionProblem, model: Model, fit: Fit) -> list[
     another that shifts them more: these are tried a third apart, and all of them, as a lag that is
     shorter than the vehicle file's and a delay may stand for that lag.
     """
-    own = {i: _trace(fit, problem.candidates[i].identifiers, problem) for i in model.members}
-    whole = _trace(fit, None, problem)
-    shifting = [
-        i for i in model.members if effect_of(problem.candidates[i].identifiers[0]).shifts_commands
-    ]
+
+    def trace(names: Sequence[str] | None) -> float:
+        """Return the whitened size of what these effects, or all, leave in the flights."""
+        rest = [t for t in fit.everything if names is not None and t.effect.identifier not in names]
+        total = 0.0
+        for e in problem.flights:
+            part = predicted_residual(e, fit.everything)
+            part = part - predicted_residual(e, rest) if rest else part
+            total += float(np.sum(e.white(problem.noise, part) ** 2))
+        return float(np.sqrt(total))
+
+    effects = {i: problem.candidates[i].identifiers for i in model.members}
+    own, whole = {i: trace(names) for i, names in effects.items()}, trace(None)
+    shifting = [i for i, names in effects.items() if effect_of(names[0]).shifts_commands]
     lesser = sorted(shifting, key=lambda i: own[i])[:-1]
     faint = [i for i in model.members if own[i] < NEGLIGIBLE * whole or i in lesser]
-    dropped = dict.fromkeys(
-        [tuple(faint), tuple(shifting if lesser else []), *((i,) for i in faint)]
-    )
+    together = [tuple(faint), tuple(shifting if lesser else [])]
+    dropped = dict.fromkeys([*together, *((i,) for i in faint)])
     kept = [tuple(i for i in model.members if i not in some) for some in dropped if some]
-    kept = [members for members in kept if members]
-    return [Model(members, problem.score(members)) for members in kept]
+    return [Model(members, problem.score(members)) for members in kept if members]
 
 
 def with_named_fit(ranking: Ranking, names: Collection[str]) -> Ranking:
     """Return the ranking with a fit of some effects of the best model alone before the others."""
     fit = fit_of_some(ranking.problem, ranking.best, names, ranking.noise)
     return dc.replace(ranking, fits=(fit, *ranking.fits))
-
-
-def _only(problem: RegressionProblem, model: Model, fit: Fit) -> Fit:
-    """The fit with the terms of a smaller model alone."""
-    names = names_of(problem, model)
-    return dc.replace(fit, terms=tuple(t for t in fit.terms if t.effect.identifier in names))
-
-
-def _trace(fit: Fit, names: tuple[str, ...] | None, problem: RegressionProblem) -> float:
-    """Whitened RMS of what these effects, or all, leave in the channels of the flights."""
-    total = 0.0
-    for e in problem.flights:
-        rest = [t for t in fit.everything if names is not None and t.effect.identifier not in names]
-        part = predicted_residual(e, fit.everything) - (
-            predicted_residual(e, rest) if rest else 0.0
-        )
-        total += float(np.sum(e.white(problem.noise, part) ** 2))
-    return float(np.sqrt(total))
 
 
 def score_of(fit: Fit, priors: Priors) -> float:
@@ -143,19 +143,3 @@ def names_of(problem: RegressionProblem, model: Model) -> tuple[str, ...]:
 def names_of_fit(fit: Fit) -> tuple[str, ...]:
     """Return the identifiers of a fit, sorted."""
     return tuple(sorted(t.effect.identifier for t in fit.terms))
-
-
-def probabilities(
-    problem: RegressionProblem, models: Sequence[Model], fits: Sequence[Fit]
-) -> dict[str, float]:
-    """Return for every effect the share of evidence of the models that hold it [1]."""
-    scored = {id(f): score_of(f, problem.options.priors) for f in fits}
-    refined = {names_of_fit(f): scored[id(f)] for f in sorted(fits, key=lambda f: scored[id(f)])}
-    linear = {names_of(problem, m): m.score for m in _distinct(problem, models)[:200]}
-    shift = max(scored.values()) - max(linear[n] for n in refined if n in linear)
-    scores = {n: s + min(shift, 0.0) for n, s in linear.items()} | refined
-    top = max(scores.values())
-    weight = {n: np.exp(s - top) for n, s in scores.items()}
-    total = sum(weight.values())
-    names = {name for n in weight for name in n}
-    return {name: float(sum(w for n, w in weight.items() if name in n) / total) for name in names}

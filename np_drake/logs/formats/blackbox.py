@@ -1,24 +1,274 @@
 """Blackbox logs of Betaflight and Indiflight: `.bbl`, `.bfl`, `.txt`.
 
-Streams are `main` (fields of I and P frames), `slow` (S frames), `gps` (G frames) and `body`
-(`blackbox_body`). Times are those of the firmware's clock; a slow frame has that of the main frame
-before it.
+A file holds one log or several, each from its own header on. A header is lines `H name:value`;
+those named `Field I name`, `Field P encoding` and so on tell the fields. Streams are `main` (fields
+of I and P frames) and `body`. Times are those of the firmware's clock.
+Source: Betaflight, "Blackbox logging internals".
+
+The body: where a log writes a part of a quaternion, or the motion of a turned IMU.
+Betaflight writes x, y and z of a quaternion whose w is not negative. Indiflight learns in flight
+how its IMU is turned against the body that hovers (`hoverAttitude`, from the body to the IMU), and
+its attitude is that of the body from then on, of the IMU before. As it begins to learn it forgets
+how its IMU was turned in the flight before: its attitude jumps, and the axes of what comes before
+are not told.
+Source: Betaflight's blackbox fields and the units of its viewer. Those of Indiflight are measured:
+its gyro against its attitude, the torque of its rotors against its gyro, on twelve logs.
 """
 
+import dataclasses as dc
+import math
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
+from np_drake import attitude
 from np_drake.logs.errors import LogError
-from np_drake.logs.formats import blackbox_body
-from np_drake.logs.formats.blackbox_frames import DAMAGED, ENDED, LEFT_OUT, ROWS, read_frames
-from np_drake.logs.formats.blackbox_header import MARK, REMEDY, STREAMS, Session, sessions
-from np_drake.logs.formats.blackbox_map import default_map, motors
-from np_drake.logs.formats.blackbox_values import GROUPS, NULL
-from np_drake.logs.formats.format import Contents, Format, Progress, Recording, Scanned, Stream
+from np_drake.logs.formats.blackbox_frames import (
+    BATTERY,
+    DAMAGED,
+    ENCODINGS,
+    ENDED,
+    KINDS,
+    LEFT_OUT,
+    MIN_MOTOR,
+    MIN_THROTTLE,
+    NULL,
+    PREDICTORS,
+    ROWS,
+    STICK_CENTRE,
+    read_frames,
+)
+from np_drake.logs.formats.format import (
+    Contents,
+    Format,
+    Motors,
+    Progress,
+    Recording,
+    Scanned,
+    Stream,
+    first_source,
+)
+from np_drake.logs.importing.log_map import LogMap, Source
+from np_drake.vehicle.rotor_layout import FIRMWARE
 
+MOTOR = re.compile(r"motor\[\d\]")
+# Delay of a low-pass at low frequencies, over 1 / (2 pi cutoff), by its type: PT1, biquad, PT2, PT3
+# [1]. Betaflight raises the cutoffs of the stages of the last two so that together they have the
+# one that is set.
+DELAYS = (1.0, 2**0.5, 2 * (2**0.5 - 1) ** 0.5, 3 * (2 ** (1 / 3) - 1) ** 0.5)
+# the type of the accelerometer's; measured on Indiflight's logs: 7 to 7.5 ms below 30 Hz, where its
+# is 7.6
+PT2 = 2
+GYRO_FILTERS = ("gyro_lpf1", "gyro_lpf2")
+FINE = 0.1  # of a gyro in high resolution [1]
+BODY = "body"
+FULL = 32767.0  # of a component of Betaflight's quaternion that is 1
+FORGETS = np.radians(20.0)  # turn between two rows that no vehicle makes; own choice
+AXES = range(3)
+QUATERNION = [f"quat[{i}]" for i in range(4)]
+GYRO, ACCELEROMETER = [f"gyro[{i}]" for i in AXES], [f"acc[{i}]" for i in AXES]
+VECTOR_PART = [f"imuQuaternion[{i}]" for i in AXES]
+TURNED = [
+    f"{name}[{i}]" for name, count in (("hoverAttitude", 4), ("quat", 4)) for i in range(count)
+]
+IMU = [f"{name}[{i}]" for name in ("gyroADC", "accSmooth") for i in AXES]
+
+
+def default_map(contents: Contents) -> LogMap | None:
+    """Return the map of the firmware's own names; None of another firmware.
+
+    Betaflight's axes are x forward, y left, z up, and so are those of Indiflight's sensors unless
+    it learns how they are turned; its estimates are in NED and FRD. The attitude integrates the
+    filtered gyro, and is as late. Rotor speed is measured: Indiflight's without its filter, which
+    is 15 ms late. Throttle is what is sent to the motors, 0 where they idle; Indiflight's `u` is
+    the thrust that it asks for, over the largest one.
+    """
+    told = _settings_of(contents)
+    indiflight = "indiflight" in told
+    if not indiflight and "betaflight" not in told:
+        return None
+    turned = GYRO[0] in contents.get(BODY, ())
+    body = "frd" if turned else "flu"
+    scale = told.get("gyro_scale", 1.0) * (
+        FINE if told.get("blackbox_high_resolution", 0) > 0 else 1.0
+    )
+    driven, delay = motors(contents), _gyro_delay(told)
+    quaternion = ([f"body/{n}" for n in QUATERNION], [f"main/{n}" for n in QUATERNION])
+    rates = ([f"body/{n}" for n in GYRO], _indexed("gyroADC", 3))
+    forces = (
+        ([f"body/{n}" for n in ACCELEROMETER], _indexed("accSmooth", 3))
+        if told.get("acc_1G", 0) >= 1
+        else ()
+    )
+    return LogMap(
+        format="blackbox",
+        world="ned" if indiflight else "enu",
+        body="frd" if indiflight else "flu",
+        command="held_after" if told.get("P interval", 1.0) == 1 else "sampled",
+        position=first_source(contents, [_indexed("pos", 3)], unit="mm")
+        if indiflight
+        else Source(),
+        velocity=first_source(contents, [_indexed("vel", 3)], unit="cm/s", axes="world")
+        if indiflight
+        else Source(),
+        attitude=first_source(
+            contents, quaternion, order="wxyz", direction="body_to_world", late=delay
+        ),
+        rates=first_source(
+            contents, rates, unit="deg/s", scale=scale, axes="body", body=body, late=delay
+        ),
+        acceleration=first_source(
+            contents,
+            forces,
+            unit="g",
+            scale=1 / max(told.get("acc_1G", 1.0), 1.0),
+            axes="body",
+            kind="specific_force",
+            body=body,
+            late=_delay(told.get("acc_lpf_hz", 0.0) / 100, PT2),
+        ),
+        rotor_speed=driven.rotor_speed,
+        throttle=driven.throttle,
+        voltage=_voltage(contents, told),
+        commanded_rates=_setpoint(contents, indiflight),
+    )
+
+
+def motors(contents: Contents) -> Motors:
+    """Return the motors of a log, and their layout, that of Betaflight's Quad X, where they are
+    four.
+    """
+    told = _settings_of(contents)
+    columns = [name for name in contents.get("main", ()) if MOTOR.fullmatch(name)]
+    ends = [
+        told.get(f"motorOutput[{i}]", told.get(old, 0.0))
+        for i, old in enumerate(("minthrottle", "maxthrottle"))
+    ]
+    whole = len(columns) in (4, 6, 8) and ends[0] < ends[1]
+    throttle = Source([f"main/{name}" for name in columns], "us", ends=ends) if whole else Source()
+    if len(columns) != 4:
+        told_of = (
+            f"{len(columns)} motors: their collective thrust alone is taken, torque is not told"
+        )
+        return Motors(throttle, notes=(told_of,) if columns else ())
+    speed = first_source(
+        contents, (_indexed(name, 4) for name in ("omegaUnfiltered", "omega")), unit="rad/s"
+    )
+    if (
+        not speed and told.get("motor_poles", 0) > 0
+    ):  # written in hundreds of electrical revolutions a minute
+        names = (_indexed(name, 4) for name in ("eRPM", "eRPM(/100)"))
+        speed = first_source(contents, names, unit="rpm", scale=200 / told["motor_poles"])
+    return Motors(throttle, speed, FIRMWARE["betaflight"])
+
+
+def _settings_of(contents: Contents) -> dict[str, float]:
+    return getattr(contents, "parameters", {})
+
+
+def _indexed(name: str, count: int) -> list[str]:
+    return [f"main/{name}[{i}]" for i in range(count)]
+
+
+def _voltage(contents: Contents, told: dict[str, float]) -> Source:
+    """Return the voltage of the battery; none of a firmware that writes the reading of its
+    converter.
+    """
+    version = told.get("betaflight", 4.0)
+    found = first_source(
+        contents, [["main/vbatLatest"]], unit="V", scale=0.01 if version >= 4 else 0.1
+    )
+    return found if version >= 3.01 else Source()  # 3.1
+
+
+def _setpoint(contents: Contents, indiflight: bool) -> Source:
+    """Return the rates that the controller is asked for, as logged beside the gyro; none of
+    Indiflight's.
+    """
+    if indiflight:
+        return Source()
+    return first_source(contents, [_indexed("setpoint", 3)], unit="deg/s", axes="body", body="flu")
+
+
+def _gyro_delay(told: dict[str, float]) -> float:
+    """Return the delay of the filters of the gyro whose cutoff the header states [s]; the moving
+    ones are left out.
+    """
+    found = 0.0
+    for name in GYRO_FILTERS:
+        if not told.get(f"{name}_dyn_hz[0]", 0.0) > 0:
+            found += _delay(told.get(f"{name}_static_hz", 0.0), int(told.get(f"{name}_type", 0.0)))
+    return found
+
+
+def _delay(cutoff: float, kind: int) -> float:
+    """Return the delay of a low-pass [s] by its cutoff [Hz] and its type; 0 of one that is off or
+    not known.
+    """
+    return DELAYS[kind] / (2 * math.pi * cutoff) if cutoff > 0 and 0 <= kind < len(DELAYS) else 0.0
+
+
+def body_columns(names: Collection[str]) -> tuple[str, ...]:
+    """Return the columns of the body that follow from those of the main frames; none: all are
+    written as they are.
+    """
+    if set(VECTOR_PART) <= set(names):
+        return tuple(QUATERNION)
+    return (*QUATERNION, *GYRO, *ACCELEROMETER) if {*TURNED, *IMU} <= set(names) else ()
+
+
+def needed(names: Collection[str]) -> list[str]:
+    """Return the columns of the main frames from which those of the body follow."""
+    return VECTOR_PART if set(VECTOR_PART) <= set(names) else [*TURNED, *IMU]
+
+
+def body_values(main: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Return the columns of the body (n,).
+
+    Args:
+        main: those that are needed (n,), in the units of the file, which remain.
+    """
+    if VECTOR_PART[0] in main:
+        xyz = np.stack([main[name] for name in VECTOR_PART])
+        w = np.sqrt(np.maximum(FULL**2 - np.sum(xyz**2, axis=0), 0.0))
+        return dict(zip(QUATERNION, (w, *xyz), strict=True))
+    turn, logged = (
+        np.stack([main[f"{name}[{i}]"] for i in range(4)], axis=1)
+        for name in ("hoverAttitude", "quat")
+    )
+    turn = turn / np.maximum(np.linalg.norm(turn, axis=1, keepdims=True), 1.0)
+    final = np.broadcast_to(turn[-1:], turn.shape)
+    logged = logged / np.maximum(np.linalg.norm(logged, axis=1, keepdims=True), 1.0)
+    of_imu = attitude.multiply(logged, attitude.conjugate(turn))
+    found = dict(zip(QUATERNION, attitude.multiply(of_imu, final).T, strict=True))
+    for name, columns in (("gyroADC", GYRO), ("accSmooth", ACCELEROMETER)):
+        vector = np.stack([main[f"{name}[{i}]"] for i in AXES], axis=1)
+        found |= zip(columns, attitude.rotate_back(final, vector).T, strict=True)
+    told = _told(of_imu, turn)
+    return {name: np.where(told, values, np.nan) for name, values in found.items()}
+
+
+def _told(of_imu: np.ndarray, turn: np.ndarray) -> np.ndarray:
+    """Return the rows (n,) behind the last at which the IMU's attitude jumps before any turn of it
+    is learnt.
+    """
+    steps = attitude.rotation_vector(attitude.multiply(attitude.conjugate(of_imu[:-1]), of_imu[1:]))
+    unlearnt = np.all(turn[1:, 1:] == 0, axis=1)
+    jumps = np.flatnonzero(unlearnt & (np.linalg.norm(steps, axis=1) > FORGETS))
+    return np.arange(len(of_imu)) > (jumps[-1] if len(jumps) else -1)
+
+
+MAIN = "main"
+MARK = b"H Product:Blackbox flight data recorder"
+MOST_FIELDS = 4096  # of a kind of frame, own choice: Indiflight has 200
+MOST_LOOPS = 1 << 14  # between two frames, own choice: 2 s at 8 kHz; the firmware has 256
+LONGEST_LINE = 1 << 16  # [bytes], own choice
+FIELD = re.compile(r"Field ([A-Z]) (\w+)")
+NUMBER = re.compile(r"[+-]?\d+(\.\d+)?")
+REMEDY = "Copy it again from the vehicle"
+STARTS = {MIN_THROTTLE: "minthrottle", BATTERY: "vbatref", MIN_MOTOR: "motorOutput"}  # by predictor
 # Settings that give columns their meaning: logs of one file that differ in them cannot share a map.
 SCALES = (
     "Firmware revision",
@@ -57,13 +307,199 @@ FACTS = {  # by setting: name on the sheet
 REVISION = re.compile(r"(\w+) (\d{1,4})\.(\d{1,4})")
 
 
+@dc.dataclass(frozen=True)
+class _Session:
+    """One log of a file.
+
+    number: from 1.   settings: of its header, by name.   names: of the fields of its main frames.
+    first, stop: place of its first frame and behind its last byte.
+    The others are arguments of `read_frames`.
+    """
+
+    number: int
+    settings: Mapping[str, str]
+    names: tuple[str, ...]
+    first: int
+    stop: int
+    counts: np.ndarray
+    tables: Mapping[str, np.ndarray]
+    places: np.ndarray
+    intervals: np.ndarray
+
+    @property
+    def columns(self) -> dict[str, tuple[str, ...]]:
+        """Names of the columns of every stream."""
+        main = tuple(name for name in self.names if name != "time")
+        body = body_columns(main)
+        return {MAIN: main, BODY: body} if body else {MAIN: main}
+
+    @property
+    def scales(self) -> list[str]:
+        """Settings that give the columns their meaning."""
+        return [self.settings.get(name, "") for name in SCALES]
+
+    def numbers(self, name: str) -> list[float]:
+        """Return the numbers of a setting; none where it holds another text, or is not there."""
+        return _numbers(self.settings.get(name, ""))
+
+
+def _numbers(text: str) -> list[float]:
+    """Return the numbers of a setting; a float whose bits are written in hexadecimal is one,
+    too.
+    """
+    found = []
+    for part in text.split(","):
+        if re.fullmatch(r"0x[0-9a-fA-F]{1,8}", part.strip()):
+            found.append(float(np.uint32(int(part, 16)).view(np.float32)))
+        elif NUMBER.fullmatch(part.strip()):
+            found.append(float(part))
+        else:
+            return []
+    return found if np.all(np.isfinite(found)) else []
+
+
+def _sessions(path: Path, content: bytes) -> tuple[list[_Session], list[str]]:
+    """Return the logs of a file, and what is wrong with the headers of others.
+    Raises: LogError: if there is none, or none whose header is whole and of the version that is
+        known.
+    """
+    starts = [match.start() for match in re.finditer(re.escape(MARK), content)]
+    if not starts:
+        raise LogError(
+            f"{path}: must hold the header of a blackbox log ({MARK.decode()}); it has "
+            f"none. {REMEDY}."
+        )
+    found, bad = [], []
+    for number, (start, stop) in enumerate(
+        zip(starts, [*starts[1:], len(content)], strict=True), start=1
+    ):
+        place = f"header of log {number}" if len(starts) > 1 else "header"
+        try:
+            settings, first = _settings(content, start, stop)
+            found.append(_session(number, settings, first, stop))
+        except ValueError as error:
+            bad.append(f"{place}: {error}")
+    if not found:
+        raise LogError(f"{path}, {bad[0]}. {REMEDY}.")
+    return found, bad
+
+
+def _settings(content: bytes, start: int, stop: int) -> tuple[dict[str, str], int]:
+    """Return the lines of a header by name, and the place behind it.
+
+    Raises: ValueError: if a line is cut or damaged.
+    """
+    found: dict[str, str] = {}
+    while content.startswith(b"H ", start, stop):
+        end = content.find(b"\n", start, min(start + LONGEST_LINE, stop))
+        line = content[start + 2 : end]
+        if end < 0 or not line.isascii() or b":" not in line:
+            last = next(reversed(found), "none")
+            raise ValueError(
+                f"lines must be `H name:value`; that behind {last!r} is cut or damaged"
+            )
+        name, _, value = line.decode("ascii").partition(":")
+        found[name.strip()] = value.strip()
+        start = end + 1
+    return found, start
+
+
+def _session(number: int, settings: Mapping[str, str], first: int, stop: int) -> _Session:
+    version = settings.get("Data version", "")
+    if version != "2":
+        raise ValueError(f"Data version must be 2; got {version!r}")
+    told: dict[str, dict[str, list[str]]] = {kind: {} for kind in KINDS}
+    for name, value in settings.items():
+        match = FIELD.fullmatch(name)
+        if match and match[1] in told:
+            told[match[1]][match[2]] = value.split(",")
+    told["P"] = {key: told["I"][key] for key in ("name", "signed") if key in told["I"]} | told["P"]
+    names = {k: own["name"] for k, own in told.items() if {"predictor", "name"} <= own.keys()}
+    if not {"I", "P"} <= set(names):
+        raise ValueError("must tell name, predictor and encoding of the fields of I and P frames")
+    width = max(len(own) for own in names.values())
+    if width > MOST_FIELDS:
+        raise ValueError(f"a frame must have at most {MOST_FIELDS} fields; got {width}")
+    tables = {
+        key: np.zeros((len(KINDS), width), np.int64)
+        for key in ("encoding", "predictor", "signed", "constant")
+    }
+    for kind, own in names.items():
+        row = KINDS.index(kind)
+        for key in ("encoding", "predictor", "signed"):
+            values = _column(kind, key, told[kind].get(key, []), len(own))
+            tables[key][row, : len(own)] = values
+        for i, name in enumerate(own):
+            tables["constant"][row, i] = _constant(tables["predictor"][row, i], name, settings)
+    main = names["I"]
+    if "loopIteration" not in main or "time" not in main:
+        raise ValueError("Field I name must have loopIteration and time")
+    motor0 = main.index("motor[0]") if "motor[0]" in main else 0
+    return _Session(
+        number,
+        settings,
+        tuple(main),
+        first,
+        stop,
+        np.array([len(names.get(kind, ())) for kind in KINDS]),
+        tables,
+        np.array([main.index("loopIteration"), main.index("time"), motor0]),
+        _intervals(settings),
+    )
+
+
+def _column(kind: str, key: str, texts: list[str], count: int) -> np.ndarray:
+    """Return the numbers of one line on the fields of a kind of frame.
+
+    Raises: ValueError: if they are not as many as the fields, or not known.
+    """
+    known = {"encoding": ENCODINGS, "predictor": tuple(range(PREDICTORS)), "signed": (0, 1)}[key]
+    if len(texts) != count:
+        raise ValueError(
+            f"Field {kind} {key} must have {count} numbers, one for each name; got {len(texts)}"
+        )
+    values = [int(text) if text.isascii() and text.isdecimal() else -1 for text in texts]
+    for text, value in zip(texts, values, strict=True):
+        if value not in known:
+            raise ValueError(
+                f"Field {kind} {key} must be of {', '.join(map(str, known))}; got {text[:20]!r}"
+            )
+    return np.array(values)
+
+
+def _constant(predictor: int, name: str, settings: Mapping[str, str]) -> int:
+    """Return what a predictor adds that the header tells."""
+    if predictor == STICK_CENTRE:
+        return 1500
+    setting = STARTS.get(int(predictor))
+    if setting is None:
+        return 0
+    text = settings.get(setting, "")
+    values = _numbers(text)
+    if not values or not abs(values[0]) < 1 << 31:
+        raise ValueError(f"{setting} must be a number, which {name} begins from; got {text[:20]!r}")
+    return int(values[0])
+
+
+def _intervals(settings: Mapping[str, str]) -> np.ndarray:
+    """Return the interval of I frames, numerator and denominator of that of P frames [loops]."""
+    interval = _numbers(settings.get("I interval", "1"))
+    numerator, _, denominator = settings.get("P interval", "1").rpartition("/")
+    values = [*interval[:1], *_numbers(numerator or "1")[:1], *_numbers(denominator)[:1]]
+    if len(values) != 3 or not all(
+        least <= v <= MOST_LOOPS for v, least in zip(values, (1, 1, 0), strict=True)
+    ):
+        raise ValueError("I interval and P interval must be numbers of loops")
+    return np.array(values).astype(np.int64)
+
+
 def _contents(path: Path) -> Contents:
-    """Return the fields of every kind of frame; reads the headers only.
+    """Return the fields of the frames; reads the headers only.
 
     Raises: LogError: if no header is whole.
     """
-    session = _largest(sessions(path, path.read_bytes())[0])
-    return Scanned(_columns(session), _parameters(session))
+    session = _largest(_sessions(path, path.read_bytes())[0])
+    return Scanned(session.columns, _parameters(session))
 
 
 def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Recording:
@@ -72,14 +508,14 @@ def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Re
     Raises: LogError: if no header is whole, a field is not there, or no log has a frame.
     """
     content = path.read_bytes()
-    known, bad = sessions(path, content)
+    known, bad = _sessions(path, content)
     session = _largest(known)
-    columns = _columns(session)
+    columns = session.columns
     for stream, names in wanted.items():
         for name in names:
             if name not in columns.get(stream, ()):
                 raise LogError(f"{path}: must hold the field {name} of {stream}; it does not.")
-    alike = [s for s in known if _columns(s) == columns and _scales(s) == _scales(session)]
+    alike = [s for s in known if s.columns == columns and s.scales == session.scales]
     others = [str(s.number) for s in known if s not in alike]
     said = [f"{line}; left out" for line in bad]
     if len(alike) > 1:
@@ -112,22 +548,11 @@ def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Re
     return Recording(str(path), streams, _facts(session), tuple(notes), tuple(said), tuple(breaks))
 
 
-def _largest(known: Sequence[Session]) -> Session:
+def _largest(known: Sequence[_Session]) -> _Session:
     return max(known, key=lambda session: session.stop - session.first)
 
 
-def _columns(session: Session) -> dict[str, tuple[str, ...]]:
-    """Return the names of the columns of every stream that has any."""
-    found = {stream: session.columns(stream) for stream in STREAMS}
-    found[blackbox_body.STREAM] = blackbox_body.body_columns(found["main"])
-    return {stream: names for stream, names in found.items() if names}
-
-
-def _scales(session: Session) -> list[str]:
-    return [session.settings.get(name, "") for name in SCALES]
-
-
-def _parameters(session: Session) -> dict[str, float]:
+def _parameters(session: _Session) -> dict[str, float]:
     """Return the settings that are numbers, one of a list as `name[i]`, and the version by the name
     of the firmware.
     """
@@ -147,61 +572,37 @@ def _parameters(session: Session) -> dict[str, float]:
 
 
 def _decoded(
-    session: Session, content: bytes, wanted: Mapping[str, list[str]]
+    session: _Session, content: bytes, wanted: Mapping[str, list[str]]
 ) -> tuple[dict[str, Stream], np.ndarray]:
     """Return the wanted streams of one log, and what is counted of it."""
-    main = list(wanted.get("main", ()))
-    if blackbox_body.STREAM in wanted:
-        main += [name for name in blackbox_body.needed(session.columns("main")) if name not in main]
-    names = {**wanted, "main": main}
-    places, outs = [], []
-    for stream, kind in STREAMS.items():
-        own = names.get(stream, ())
-        places.append(np.array([session.names[kind].index(name) for name in own], np.int64))
-        outs.append(np.empty((len(own) + 1, _most_rows(session, kind))))
+    names = list(wanted.get(MAIN, ()))
+    if BODY in wanted:
+        names += [name for name in needed(session.columns[MAIN]) if name not in names]
+    # Rows that the bytes can hold: at most eight fields share one byte.
+    span, written = session.stop - session.first, session.tables["encoding"] != NULL
+    fewest = min(1 + int(written[row, : session.counts[row]].sum()) // 8 for row in (0, 1))
+    out = np.empty((len(names) + 1, span // fewest + 1))
     told = read_frames(
         np.frombuffer(content, np.uint8),
         session.first,
         session.stop,
         session.counts,
-        session.encodings,
-        session.predictors,
-        session.signed,
-        session.constants,
+        session.tables["encoding"],
+        session.tables["predictor"],
+        session.tables["signed"],
+        session.tables["constant"],
         session.places,
         session.intervals,
-        tuple(places),
-        tuple(outs),
+        np.array([session.names.index(name) for name in names], np.int64),
+        out,
     )
-    streams = {}
-    for row, stream in enumerate(STREAMS):
-        values = outs[row][:, : told[row]]
-        streams[stream] = Stream(
-            values[0] * 1e-6, dict(zip(names.get(stream, ()), values[1:], strict=True))
-        )
-    if blackbox_body.STREAM in wanted:
-        found = blackbox_body.body_values(streams["main"].columns) if told[ROWS] else {}
-        streams[blackbox_body.STREAM] = Stream(
-            streams["main"].t,
-            {name: found.get(name, np.empty(0)) for name in wanted[blackbox_body.STREAM]},
-        )
+    t, values = out[0, : told[ROWS]] * 1e-6, dict(zip(names, out[1:, : told[ROWS]], strict=True))
+    streams = {MAIN: Stream(t, {name: values[name] for name in wanted.get(MAIN, ())})}
+    if BODY in wanted:
+        found = body_values(values) if told[ROWS] else {}
+        body = {name: found.get(name, np.empty(0)) for name in wanted[BODY]}
+        streams[BODY] = Stream(t, body)
     return {stream: streams[stream] for stream in wanted}, told
-
-
-def _most_rows(session: Session, kind: str) -> int:
-    """Return how many frames of a kind the bytes of a log can hold, by the fewest that one
-    takes.
-    """
-    fewest = session.stop - session.first + 1
-    for letter in "IP" if kind == "I" else kind:
-        row = "IPSGH".index(letter)
-        size, i = 1, 0
-        while i < session.counts[row]:
-            encoding = int(session.encodings[row, i])
-            size += encoding != NULL
-            i += GROUPS.get(encoding, 1)
-        fewest = min(fewest, size) if session.counts[row] else fewest
-    return (session.stop - session.first) // fewest + 1
 
 
 def _joined(parts: Sequence[Stream]) -> Stream:
@@ -230,20 +631,17 @@ def _damage(which: str, told: np.ndarray) -> Iterator[str]:
 
 def _untold(which: str, streams: Mapping[str, Stream]) -> Iterator[str]:
     """Yield a note on the rows whose axes are not told."""
-    body = streams.get(blackbox_body.STREAM)
-    count = (
-        int(np.sum(np.isnan(next(iter(body.columns.values())))))
-        if body is not None and len(body)
-        else 0
-    )
-    if count and body is not None:
-        yield (
-            f"{which}the first {body.t[count] - body.t[0]:.2f} s are before the turn of the "
-            f"IMU is learnt; left out."
-        )
+    body = streams.get(BODY)
+    if body is not None and len(body):
+        count = int(np.sum(np.isnan(next(iter(body.columns.values())))))
+        if count:
+            yield (
+                f"{which}the first {body.t[count] - body.t[0]:.2f} s are before the turn of the "
+                f"IMU is learnt; left out."
+            )
 
 
-def _facts(session: Session) -> dict[str, str]:
+def _facts(session: _Session) -> dict[str, str]:
     """Return what the header says of vehicle, firmware and scales, and the rate of its rows."""
     found = {"clock": "time since the start of the firmware [s]"}
     found |= {

@@ -1,62 +1,180 @@
-"""Frames of one blackbox log: what each field adds to its prediction, and where the log is damaged.
+"""Frames of one blackbox log: the encodings of their fields, what each adds to its prediction, and
+where the log is damaged.
 
-A frame is the letter of its kind, then its fields: I alone, P on the frames before it, S, G and H
-beside them; E is an event. Source: Betaflight, "Blackbox logging internals", data version 2.
+A frame is the letter of its kind, then its fields: I alone, P on the frames before it; S, G and H
+stand beside them and are passed over, E is an event. A reader takes the bytes of a log, the place
+of its first byte and the place behind the last one, and returns the place behind what it read;
+beyond that of the last byte: the bytes end within the value, or are none.
+Source: Betaflight, "Blackbox logging internals", data version 2.
 """
 
 import numpy as np
 
 from np_drake.compiled import compiled
-from np_drake.logs.formats.blackbox_values import (
-    byte_at,
-    read_fields,
-    signed_number,
-    unsigned_number,
+
+SIGNED_VB, UNSIGNED_VB, NEG_14BIT = 0, 1, 3
+TAG8_8SVB, TAG2_3S32, TAG8_4S16, NULL, TAG2_3SVARIABLE = 6, 7, 8, 9, 10
+ENCODINGS = (0, 1, 3, 6, 7, 8, 9, 10)
+LONGEST = 5  # bytes of a number of 32 bits, 7 in each
+# Of three numbers in 1 to 3 bytes, by encoding and the two bits that tell: bytes, and of each
+# number its lowest bit and how many it has.
+PACKED = np.array(
+    [
+        [[1, 4, 2, 2, 2, 0, 2], [2, 8, 4, 4, 4, 0, 4], [3, 16, 6, 8, 6, 0, 6]],
+        [[1, 4, 2, 2, 2, 0, 2], [2, 9, 5, 4, 5, 0, 4], [3, 14, 8, 7, 7, 0, 7]],
+    ]
 )
 
 KINDS = "IPSGH"  # rows of the definitions below
-I, P, S, G, H = range(5)
-LETTERS = np.frombuffer(b"IPSGH", np.uint8)
-EVENT = ord("E")
-(
-    NOTHING,
-    PREVIOUS,
-    STRAIGHT_LINE,
-    AVERAGE_2,
-    MIN_THROTTLE,
-    MOTOR_0,
-    INCREMENT,
-    HOME,
-    STICK_CENTRE,
-    BATTERY,
-    MAIN_TIME,
-    MIN_MOTOR,
-) = range(12)
-CONSTANTS = 12  # predictors, of which some add a number that the header tells
+I, P = range(2)
+EVENT = 5
+KIND_OF = np.full(256, -1)  # by the letter of a frame; -1: no frame begins so
+KIND_OF[np.frombuffer(b"IPSGHE", np.uint8)] = range(6)
+PREVIOUS, STRAIGHT_LINE, AVERAGE_2, MIN_THROTTLE, MOTOR_0, INCREMENT = range(1, 7)
+STICK_CENTRE, BATTERY, MIN_MOTOR = 8, 9, 11
+PREDICTORS = 12  # of which some add a number that the header tells
 # Of two frames in turn; beyond, one of them is damaged. Source: the limits of Betaflight's viewer.
 LONGEST_TIME, MOST_ITERATIONS = 10_000_000, 5000  # [us, 1]
-FIXED = np.full(
-    256, -1
-)  # bytes of an event behind its kind, of those that have no number of own length
-FIXED[[10, 11, 12]] = 5, 4, 8  # of automatic tuning
-NUMBERS = np.zeros(
-    256, np.int64
-)  # of an event: synchronous beep, resumed, disarmed, mode, failure of the IMU
+# Numbers of an event: synchronous beep, resumed, disarmed, mode, failure of the IMU.
+NUMBERS = np.zeros(256, np.int64)
 NUMBERS[[0, 14, 15, 30, 40]] = 1, 2, 1, 2, 1
-ADJUSTMENT, TUNED, RESUMED, END = 13, 20, 14, 255
+ADJUSTMENT, RESUMED, END = 13, 14, 255
 END_TEXT = np.frombuffer(b"End of log", np.uint8)
-# Of what is counted: rows of the main, S and G frames, damaged places, frames left out; whether the
-# log has its end.
-ROWS, SLOW_ROWS, GPS_ROWS, DAMAGED, LEFT_OUT, ENDED = range(6)
+ROWS, DAMAGED, LEFT_OUT, ENDED = range(4)  # what is counted; whether the log has its end
 
 
 @compiled
-def _is_letter(byte):
-    """Return whether a byte begins a frame."""
-    found = byte == EVENT
-    for letter in LETTERS:
-        found = found or byte == letter
-    return found
+def byte_at(data, at):
+    """Return a byte as a signed integer, with which the others mix."""
+    return np.int64(data[at])
+
+
+@compiled
+def unsigned_number(data, at, stop):
+    """Return a number whose bytes have 7 bits each, the lowest first, and the place behind it."""
+    value, shift = 0, 0
+    for k in range(LONGEST):
+        if at + k >= stop:
+            break
+        byte = byte_at(data, at + k)
+        value |= (byte & 0x7F) << shift
+        if byte < 0x80:
+            return value & 0xFFFFFFFF, at + k + 1
+        shift += 7
+    return 0, stop + 1
+
+
+@compiled
+def signed_number(data, at, stop):
+    """Return a number whose lowest bit is its sign, and the place behind it."""
+    value, at = unsigned_number(data, at, stop)
+    return (value >> 1) ^ -(value & 1), at
+
+
+@compiled
+def _extended(value, bits):
+    """Return the signed number that is in the lowest bits of a value."""
+    value &= (1 << bits) - 1
+    return value - (1 << bits) if value >> (bits - 1) else value
+
+
+@compiled
+def _three(data, at, stop, encoding, out, first, last):
+    """Write three numbers whose sizes the two highest bits of their first byte tell."""
+    lead = byte_at(data, at)
+    size = lead >> 6
+    if size == 3:
+        at += 1
+        for k in range(3):
+            count = ((lead >> (2 * k)) & 3) + 1
+            if at + count > stop:
+                return stop + 1
+            value = 0
+            for i in range(count):
+                value |= byte_at(data, at + i) << (8 * i)
+            if first + k < last:
+                out[first + k] = _extended(value, 8 * count)
+            at += count
+        return at
+    packed = PACKED[int(encoding == TAG2_3SVARIABLE), size]
+    if at + packed[0] > stop:
+        return stop + 1
+    value = 0
+    for i in range(packed[0]):
+        value = value << 8 | byte_at(data, at + i)
+    for k in range(3):
+        if first + k < last:
+            out[first + k] = _extended(value >> packed[1 + 2 * k], packed[2 + 2 * k])
+    return at + packed[0]
+
+
+@compiled
+def _four(data, at, stop, out, first, last):
+    """Write four numbers of 0, 4, 8 or 16 bits, which a byte before them tells; they lie in half
+    bytes.
+    """
+    selector = byte_at(data, at)
+    nibble = 2 * (at + 1)
+    for k in range(4):
+        size = (selector >> (2 * k)) & 3
+        count = size if size < 3 else 4
+        if nibble + count > 2 * stop:
+            return stop + 1
+        value = 0
+        for _ in range(count):
+            byte = byte_at(data, nibble >> 1)
+            value = (value << 4) | (byte & 15 if nibble & 1 else byte >> 4)
+            nibble += 1
+        if first + k < last:
+            out[first + k] = _extended(value, 4 * count) if count else 0
+    return (nibble + 1) >> 1
+
+
+@compiled
+def read_fields(data, at, stop, encodings, count, out):
+    """Write the encoded numbers (m,) of one frame, which begins behind the letter of its kind, and
+    return the place behind them.
+    """
+    i = 0
+    while i < count:
+        encoding = encodings[i]
+        if encoding == NULL:
+            out[i] = 0
+            i += 1
+            continue
+        if at >= stop:
+            return stop + 1
+        if encoding == SIGNED_VB:
+            out[i], at = signed_number(data, at, stop)
+            i += 1
+        elif encoding == UNSIGNED_VB:
+            out[i], at = unsigned_number(data, at, stop)
+            i += 1
+        elif encoding == NEG_14BIT:
+            value, at = unsigned_number(data, at, stop)
+            out[i] = -_extended(value, 14)
+            i += 1
+        elif encoding == TAG8_8SVB:
+            last = i + 1
+            while last < min(i + 8, count) and encodings[last] == TAG8_8SVB:
+                last += 1
+            tags = 1
+            if last > i + 1:
+                tags = byte_at(data, at)
+                at += 1
+            for k in range(i, last):
+                out[k] = 0
+                if tags & 1:
+                    out[k], at = signed_number(data, at, stop)
+                tags >>= 1
+            i = last
+        elif encoding == TAG8_4S16:
+            at = _four(data, at, stop, out, i, count)
+            i += 4
+        else:
+            at = _three(data, at, stop, encoding, out, i, count)
+            i += 3
+    return at
 
 
 @compiled
@@ -78,26 +196,14 @@ def _event(data, at, stop):
         first, at = unsigned_number(data, at, stop)
         if NUMBERS[kind] == 2:
             second, at = unsigned_number(data, at, stop)
-    elif FIXED[kind] >= 0:
-        at += FIXED[kind]
     elif kind == ADJUSTMENT and at < stop:
         if data[at] < 128:
             _, at = signed_number(data, at + 1, stop)
         else:
             at += 5
-    elif kind == TUNED:
-        _, at = signed_number(data, at + 1, stop)
-        at += 2
     else:
         return stop + 1, kind, 0, 0
     return min(at, stop + 1), kind, first, second
-
-
-@compiled
-def _within(value, signed):
-    """Return a sum in 32 bits."""
-    value &= 0xFFFFFFFF
-    return value - (1 << 32) if signed and value >> 31 else value
 
 
 @compiled
@@ -119,9 +225,9 @@ def _skipped(iteration, interval, numerator, denominator):
 
 @compiled
 def _add_predictions(
-    fields, kind, count, predictors, signed, constants, before, earlier, home, skipped, motor0, time
+    fields, kind, count, predictors, signed, constants, before, earlier, skipped, motor0
 ):
-    """Add to the numbers of a frame what is predicted for them."""
+    """Add to the numbers of a main frame what is predicted for them."""
     for i in range(count):
         predictor = predictors[kind, i]
         if predictor == PREVIOUS:
@@ -134,40 +240,19 @@ def _add_predictions(
             fields[i] += fields[motor0]
         elif predictor == INCREMENT:
             fields[i] = before[i] + 1 + skipped
-        elif predictor == HOME:
-            fields[i] += home[constants[kind, i]]
-        elif predictor == MAIN_TIME:
-            fields[i] += time
         else:
             fields[i] += constants[kind, i]
-        fields[i] = _within(fields[i], signed[kind, i])
-
-
-@compiled
-def _put(out, row, time, fields, wanted):
-    """Write the time and the wanted fields of a frame."""
-    out[0, row] = time
-    for k in range(len(wanted)):
-        out[k + 1, row] = fields[wanted[k]]
+        fields[i] &= 0xFFFFFFFF
+        if signed[kind, i]:
+            fields[i] = _extended(fields[i], 32)
 
 
 @compiled
 def read_frames(
-    data,
-    at,
-    stop,
-    counts,
-    encodings,
-    predictors,
-    signed,
-    constants,
-    places,
-    intervals,
-    wanted,
-    outs,
+    data, at, stop, counts, encodings, predictors, signed, constants, places, intervals, wanted, out
 ):
-    """Write the wanted fields of all frames of one log, and return what is counted of it, as `ROWS`
-    and so on.
+    """Write the wanted fields of all main frames of one log, and return what is counted of it, as
+    `ROWS` and so on.
 
     A damaged frame is passed over byte by byte up to one that reads; P frames behind it wait for
     the next I frame, as their prediction is lost.
@@ -176,57 +261,44 @@ def read_frames(
         data: (n,) bytes.
         at: place of its first frame.
         counts: (5,) of the fields of every kind of frame, as `KINDS`; 0: there is none.
-        encodings: (5, m) of the fields.
-        predictors: (5, m).
-        signed: (5, m), 1 or 0.
-        constants: (5, m) what a predictor adds that the header tells; of `HOME`, which of its
-            coordinates.
-        places: of loop iteration, time and first motor in a main frame, and of the time in a G
-            frame (-1: none).
+        encodings, predictors, signed: (5, m) of the fields; signed is 1 or 0.
+        constants: (5, m) what a predictor adds that the header tells.
+        places: of loop iteration, time and first motor in a main frame.
         intervals: of I frames, numerator and denominator of those of P frames [loops].
-        wanted: places of the fields that are written, of the main, S and G frames.
-        outs: (fields, rows) of these, with the time [us] before them.
+        wanted: places of the fields that are written.
+        out: (fields, rows) of these, with the time [us] before them.
     """
-    iteration_at, time_at, motor0, gps_time_at = places
-    told = np.zeros(6, np.int64)
+    iteration_at, time_at, motor0 = places
+    told = np.zeros(4, np.int64)
     width = encodings.shape[1]
-    fields, before, earlier = (
-        np.zeros(width, np.int64),
-        np.zeros(width, np.int64),
-        np.zeros(width, np.int64),
-    )
-    home = np.zeros(2, np.int64)
-    known, lost, located = False, False, False  # whether predictions, the place, and home are known
+    fields, before = np.zeros(width, np.int64), np.zeros(width, np.int64)
+    earlier = np.zeros(width, np.int64)
+    known, lost = False, False  # whether predictions, and the place, are known
     iteration, time, offset = -1, -1, 0
     while at < stop:
         start = at
-        letter = byte_at(data, at)
-        kind = -1
-        for k in range(5):
-            if letter == LETTERS[k] and counts[k]:
-                kind = k
+        kind = KIND_OF[data[at]]
         good = False
-        if letter == EVENT:
+        if kind == EVENT:
             at, event, first, second = _event(data, start + 1, stop)
             if at <= stop and event == END:
                 told[ENDED] = 1
                 return told
-            good = at <= stop and (at == stop or _is_letter(data[at])) and not lost
+            good = at <= stop and (at == stop or KIND_OF[data[at]] >= 0) and not lost
             if good and event == RESUMED:
                 iteration, time = first, second
                 known = False
-        elif kind >= 0:
+        elif kind >= 0 and counts[kind]:
             at = read_fields(data, start + 1, stop, encodings[kind], counts[kind], fields)
-            good = at <= stop and (at == stop or _is_letter(data[at]))
+            good = at <= stop and (at == stop or KIND_OF[data[at]] >= 0)
             if good and kind == P and not known:
                 told[LEFT_OUT] += 1
-            elif good and (kind <= P or not lost):
-                skipped = (
-                    _skipped(before[iteration_at], intervals[0], intervals[1], intervals[2])
-                    if kind == P
-                    else 0
-                )
-                main_time = max(time, 0)
+            elif good and kind <= P:
+                skipped = 0
+                if kind == P:
+                    skipped = _skipped(
+                        before[iteration_at], intervals[0], intervals[1], intervals[2]
+                    )
                 _add_predictions(
                     fields,
                     kind,
@@ -236,34 +308,23 @@ def read_frames(
                     constants,
                     before,
                     earlier,
-                    home,
                     skipped,
                     motor0,
-                    main_time,
                 )
-                if kind <= P:
-                    later = (fields[time_at] - time) & 0xFFFFFFFF
-                    loops = (fields[iteration_at] - iteration) & 0xFFFFFFFF
-                    good = iteration < 0 or (later < LONGEST_TIME and loops < MOST_ITERATIONS)
-                    if good and 0 <= fields[time_at] < time:
-                        offset += 1 << 32
-                    iteration, time = (fields[iteration_at], fields[time_at]) if good else (-1, -1)
-                if good and kind <= P:
+                later = (fields[time_at] - time) & 0xFFFFFFFF
+                loops = (fields[iteration_at] - iteration) & 0xFFFFFFFF
+                good = iteration < 0 or (later < LONGEST_TIME and loops < MOST_ITERATIONS)
+                if good and 0 <= fields[time_at] < time:
+                    offset += 1 << 32
+                iteration, time = (fields[iteration_at], fields[time_at]) if good else (-1, -1)
+                if good:
                     earlier[:] = fields if kind == I else before
                     before[:] = fields
-                    _put(outs[0], told[ROWS], time + offset, fields, wanted[0])
+                    out[0, told[ROWS]] = time + offset
+                    for k in range(len(wanted)):
+                        out[k + 1, told[ROWS]] = fields[wanted[k]]
                     told[ROWS] += 1
                     known, lost = True, False
-                elif kind == H:
-                    home[0], home[1] = fields[0], fields[1] if counts[H] > 1 else 0
-                    located = True
-                elif kind == S and time >= 0:
-                    _put(outs[1], told[SLOW_ROWS], time + offset, fields, wanted[1])
-                    told[SLOW_ROWS] += 1
-                elif kind == G and time >= 0 and (located or not counts[H]):
-                    own = fields[gps_time_at] if gps_time_at >= 0 else time
-                    _put(outs[2], told[GPS_ROWS], own + offset, fields, wanted[2])
-                    told[GPS_ROWS] += 1
         if not good:
             told[DAMAGED] += not lost
             known, lost = False, True

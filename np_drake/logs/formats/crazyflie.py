@@ -6,25 +6,31 @@ Little-endian, as Bitcraze documents it for the Micro SD card deck:
     count       uint16, number of event types, and for each of them
                 uint16 id, name, uint16 number of variables, and each of these as text `name(type)`;
                 texts end with a zero byte, a type is a letter of Python's `struct`
-    records
-    uint16 id, time since the start of the firmware (version 1: uint32 [ms]; 2: uint64 [us]),
-    variables checksum
-    CRC32 of all before it; a log that ends in a crash has none
+    records     uint16 id, time since the start of the firmware (version 1: uint32 [ms]; 2: uint64
+                [us]), variables
+    checksum    CRC32 of all before it; a log that ends in a crash has none
+
+Early firmware, before 2019, wrote one table in blocks:
+    count       uint8, number of variables, and for each of them its name as text `name(type)`,
+                ended by a comma
+    checksum    uint32
+    blocks      uint8 number of records, these (variables, packed), uint32 checksum
+Its checksums are of a kind that is not documented; a damaged block shows by its times. The first
+variable is the time since the start [us]. `stateEstimateZ.quat` holds a quaternion in 32 bits.
 """
 
 import dataclasses as dc
 import re
 import struct
 import zlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import BinaryIO
 
 import numpy as np
 
 from np_drake.files.input_file import decompressed_start, open_compressed
 from np_drake.logs.errors import LogError
-from np_drake.logs.formats import crazyflie_blocks
 from np_drake.logs.formats.format import Contents, Format, Progress, Recording, Stream, first_source
 from np_drake.logs.importing.log_map import LogMap, Source
 
@@ -38,9 +44,11 @@ TYPES = {letter: f"<{letter}" for letter in "hHiIqQefd"} | {
     "?": "?",
 }
 VARIABLE = re.compile(r"(.+)\((.)\)", re.DOTALL)
-LARGEST_HEADER = 4 << 20  # [bytes]
-START = 64  # [bytes] that tell a layout
-CHUNK = 4 << 20  # [bytes] of the file that are decoded together
+BLOCKS = b"tick(I),"  # how the names of a log in blocks begin, behind their number
+TABLE = "log"  # stream of such a log
+QUATERNION = "stateEstimateZ.quat"
+PARTS = tuple(f"stateEstimateZ.q{axis}" for axis in "xyzw")
+LONGEST_PAUSE = 60.0  # between two records of a log that is whole [s]; own choice
 REMEDY = "copy it again from the card"
 
 
@@ -55,197 +63,139 @@ class _Event:
     record: np.dtype
 
 
-@dc.dataclass(frozen=True)
-class _Header:
-    """Event types by id; size [bytes] of the header."""
-
-    version: int
-    events: Mapping[int, _Event]
-    size: int
-
-
-class _Columns:
-    """Grows the wanted columns of one event, piece by piece."""
-
-    def __init__(self, event: _Event, wanted: Sequence[str], unit: float) -> None:
-        self._places = {name: str(event.variables.index(name)) for name in wanted}
-        self._record = event.record
-        self._unit = unit
-        self._t: list[np.ndarray] = [np.empty(0)]
-        self._pieces: dict[str, list[np.ndarray]] = {name: [np.empty(0)] for name in wanted}
-
-    def add(self, content: bytes) -> None:
-        """Append whole records."""
-        rows = np.frombuffer(content, self._record)
-        self._t.append(rows["time"] * self._unit)
-        with np.errstate(invalid="ignore"):  # the bits of a damaged float may be a signalling NaN
-            for name, place in self._places.items():
-                self._pieces[name].append(rows[place].astype(float))
-
-    def stream(self) -> Stream:
-        """Return all that was added."""
-        return Stream(
-            np.concatenate(self._t), {n: np.concatenate(p) for n, p in self._pieces.items()}
-        )
-
-
 def _recognises(path: Path, start: bytes) -> bool:
     """Return whether the first bytes, which may be compressed, are the header of a usd-log of any
     version.
     """
     start = decompressed_start(start)
-    if crazyflie_blocks.recognises(start):
+    if start[1:].startswith(BLOCKS):
         return True
-    if len(start) < 8 or start[0] != MAGIC or start[2] != 0:
-        return False
     name, zero, _ = start[7:].partition(b"\0")
-    return bool(zero) and name.isascii() and name.decode("ascii").isprintable()
+    known = len(start) >= 8 and start[0] == MAGIC and start[2] == 0
+    return known and bool(zero) and name.isascii() and name.decode("ascii").isprintable()
 
 
 def contents(path: Path) -> Contents:
-    """Return the variables of every event type; reads the header only.
+    """Return the variables of every event type.
 
-    Raises: LogError: if it is no such header.
+    Raises: LogError: if the header is damaged.
     """
-    with _opened(path) as file:
-        if crazyflie_blocks.recognises(file.read(START)):
-            return crazyflie_blocks.contents(_whole(file), path)
-        file.seek(0)
-        header = _read_header(path, file)
-    return {event.name: event.variables for event in header.events.values()}
+    content = _content(path)
+    if not content[1:].startswith(BLOCKS):
+        events = _header(path, content)[1]
+        return {event.name: event.variables for event in events.values()}
+    names = [name for name, _ in _variables(path, content)[0][1:]]
+    return {TABLE: (*names, *(PARTS if QUATERNION in names else ()))}
 
 
-def read(
-    path: Path, wanted: Mapping[str, list[str]], progress: Progress, chunk: int = CHUNK
-) -> Recording:
+def read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Recording:
     """Decode the wanted variables of the wanted events.
 
-    Args:
-        progress: called with the share that is read [1].
-        chunk: of the file that is decoded together [byte].
-
-    Raises: LogError: if the header is damaged or a variable is not there.
+    Raises: LogError: if the header is damaged, a variable is not there, or no record is whole.
     """
-    path = Path(path)
-    with _opened(path) as file:
-        if crazyflie_blocks.recognises(file.read(START)):
-            return crazyflie_blocks.read(_whole(file), path, wanted, progress)
-        file.seek(0)
-        header = _read_header(path, file)
-        columns = _wanted_columns(path, header, wanted)
-        notes = _decode(path, file, header, columns, progress, chunk)
-    streams = {header.events[key].name: grown.stream() for key, grown in columns.items()}
-    facts = {
-        "log version": str(header.version),
-        "clock": "time since the start of the firmware [s], when the row was written",
-        "events": ", ".join(event.name for event in header.events.values()),
-    }
-    return Recording(str(path), streams, facts, notes)
+    known = contents(path)
+    for stream, names in wanted.items():
+        for name in names:
+            if name not in known.get(stream, ()):
+                raise LogError(
+                    f"{path}: must hold the variable {name} of the event {stream}; it does not."
+                )
+    content = _content(path)
+    blocks = content[1:].startswith(BLOCKS)
+    recording = (_read_blocks if blocks else _read_events)(path, content, wanted)
+    progress(1.0)
+    return recording
 
 
-def default_map(contents: Contents) -> LogMap | None:
-    """Return the map of the firmware's own log variables; None without any motion of the centre, or
-    what turns it.
-
-    The compressed state and the Lee controller's angles stand in for the estimate, whose pitch is
-    nose up, against a right-handed y. Rotor speed is measured; thrust and torque of the Lee
-    controller [N, N m] are used where there is none. PWM is a throttle beside either.
-    Source: Bitcraze, logging groups and variables of the firmware; world z up, body x forward, y
-        left.
-    """
-
-    def source(*names: str, **how: str) -> Source:
-        return first_source(
-            contents, ([f"{stream}/{name}" for name in names] for stream in contents), **how
-        )
-
-    estimate, compressed = "stateEstimate.", "stateEstimateZ."
-    found = LogMap(
-        format="crazyflie",
-        position=source(*_xyz(estimate), unit="m") or source(*_xyz(compressed), unit="mm"),
-        velocity=source(*_xyz(f"{estimate}v"), unit="m/s", axes="world")
-        or source(*_xyz(f"{compressed}v"), unit="mm/s", axes="world"),
-        attitude=source(
-            *(f"{estimate}q{a}" for a in "xyzw"), order="xyzw", direction="body_to_world"
-        )
-        or source(*(f"{compressed}q{a}" for a in "xyzw"), order="xyzw", direction="body_to_world")
-        or _left_handed(source(*(f"{estimate}{a}" for a in ("roll", "pitch", "yaw")), unit="deg"))
-        or source(*_xyz("ctrlLee.rpy")),
-        rates=source(*_xyz("gyro."), unit="deg/s", axes="body")
-        or source(*_xyz("ctrlLee.omega"), axes="body")
-        or source(
-            *(f"{compressed}rate{a}" for a in ("Roll", "Pitch", "Yaw")), unit="mrad/s", axes="body"
-        ),
-        acceleration=source(*_xyz("acc."), unit="g", axes="body", kind="specific_force")
-        or source(*_xyz(f"{compressed}a"), unit="mm/s2", axes="world", kind="specific_force"),
-        voltage=source("pm.vbatMV", unit="mV") or source("pm.vbat", unit="V"),
-    )
-    _add_inputs(found, source)
-    return found if found.tells_motion else None
-
-
-def _opened(path: Path) -> BinaryIO:
+def _content(path: Path) -> bytes:
+    """Return the bytes of a log, decompressed; LogError if they are damaged, or too many."""
     try:
-        return open_compressed(path)
+        with open_compressed(path) as file:
+            return file.read()
     except ValueError as error:
         raise LogError(str(error)) from error
 
 
-def _whole(file: BinaryIO) -> bytes:
-    file.seek(0)
-    return file.read()
+def _read_events(path: Path, content: bytes, wanted: Mapping[str, list[str]]) -> Recording:
+    version, events, start = _header(path, content)
+    starts: dict[int, list[int]] = {key: [] for key in events}
+    sizes = {key: event.record.itemsize for key, event in events.items()}
+    end, at, key = start, start, 0
+    while at + 2 <= len(content):
+        key = content[at] | content[at + 1] << 8
+        at += sizes.get(key, len(content))
+        if at > len(content):
+            break
+        starts[key].append(end)
+        end = at
+    if end == start:
+        raise LogError(f"{path}: must hold at least one whole record after its header; {REMEDY}.")
+    streams = {}
+    for key, event in events.items():
+        if event.name in wanted:
+            rows = _records(content, starts[key], event.record)
+            columns = {n: event.variables.index(n) for n in wanted[event.name]}
+            streams[event.name] = Stream(
+                rows["time"] * TIMES[version][1],
+                {name: _floats(rows[str(i)]) for name, i in columns.items()},
+            )
+    facts = {
+        "log version": str(version),
+        "clock": "time since the start of the firmware [s], when the row was written",
+        "events": ", ".join(event.name for event in events.values()),
+    }
+    return Recording(str(path), streams, facts, _end(content, end, sizes))
 
 
-def _add_inputs(found: LogMap, source: Callable[..., Source]) -> None:
-    """Set rotor speed and throttle of the four, and without rotor speed the command of the Lee
-    controller.
-    """
-    found.throttle = source(*_rotors("pwm.m{}_pwm"), unit="pwm16") or source(
-        *_rotors("motor.m{}"), unit="pwm16"
+def _end(content: bytes, end: int, sizes: Mapping[int, int]) -> tuple[str, ...]:
+    """Return what there is to say of the end of a log, behind its last whole record."""
+    rest = content[end:]
+    if len(rest) == 4 and struct.unpack("<I", rest)[0] == zlib.crc32(content[:end]):
+        return ()
+    if len(rest) >= min(sizes.values()) and int.from_bytes(rest[:2], "little") not in sizes:
+        return (
+            f"byte {end}: a record of no known event type; what follows is left out (damaged log).",
+        )
+    if len(rest) == 4:
+        return ("the checksum does not fit: some values may be damaged, or the log is cut.",)
+    cut = f"{len(rest)} bytes after its last whole record are left out"
+    return (f"the log is cut (no checksum); {cut}.",)
+
+
+def _records(content: bytes, starts: Sequence[int], record: np.dtype) -> np.ndarray:
+    """Return the records (n,) that begin at these places."""
+    if not starts:
+        return np.empty(0, record)
+    windows = np.lib.stride_tricks.sliding_window_view(
+        np.frombuffer(content, np.uint8), record.itemsize
     )
-    found.rotor_speed = source(*_rotors("rpm.m{}"), unit="rpm")
-    if found.rotor_speed:
-        return
-    found.thrust = source("ctrlLee.thrustSi", unit="N") or source("ctrlLee.thrustSI", unit="N")
-    if found.thrust:
-        found.torque = source(*_xyz("ctrlLee.torque"), unit="N.m")
+    return windows[np.array(starts)].view(record)[:, 0]
 
 
-def _left_handed(angles: Source) -> Source:
-    """Return roll, pitch and yaw of which pitch is positive nose up."""
-    return dc.replace(angles, signs=[1.0, -1.0, 1.0]) if angles else angles
+def _floats(values: np.ndarray) -> np.ndarray:
+    with np.errstate(invalid="ignore"):  # the bits of a damaged float may be a signalling NaN
+        return values.astype(float)
 
 
-def _xyz(prefix: str) -> list[str]:
-    return [f"{prefix}{axis}" for axis in "xyz"]
-
-
-def _rotors(pattern: str) -> list[str]:
-    return [pattern.format(rotor) for rotor in (1, 2, 3, 4)]
-
-
-def _read_header(path: Path, file: BinaryIO) -> _Header:
-    """Read the event types and leave the file at its first record."""
-    start = file.read(LARGEST_HEADER)
-    if len(start) < 5 or start[0] != MAGIC:
+def _header(path: Path, content: bytes) -> tuple[int, dict[int, _Event], int]:
+    """Return version, event types by id, and where they end."""
+    if len(content) < 5 or content[0] != MAGIC:
         raise LogError(
             f"{path}: must begin with the header of a Crazyflie usd-log (byte 0xBC); {REMEDY}."
         )
-    version, count = struct.unpack_from("<HH", start, 1)
+    version, count = struct.unpack_from("<HH", content, 1)
     if version not in TIMES:
         raise LogError(
             f"{path}: must be a usd-log of version 1 or 2; got {version}. Convert it, or "
             f"import a CSV."
         )
     try:
-        events, size = _events(start, count, TIMES[version][0])
+        return version, *_events(content, count, TIMES[version][0])
     except (IndexError, UnicodeDecodeError, struct.error) as error:
         cut = "must name all event types and variables; it is cut or damaged"
         raise LogError(f"{path}, header: {cut}; {REMEDY}.") from error
     except ValueError as error:
         raise LogError(f"{path}, header: {error}; {REMEDY}.") from error
-    file.seek(size)
-    return _Header(version, events, size)
 
 
 def _events(start: bytes, count: int, time: str) -> tuple[dict[int, _Event], int]:
@@ -295,119 +245,149 @@ def _variable(text: str) -> tuple[str, str]:
 
 def _different(names: Sequence[str]) -> list[str]:
     """Return the names with a number after each that is taken by one before it."""
-    taken: set[str] = set()
-    numbers: dict[str, int] = {}
-    found = []
+    found: dict[str, None] = {}
+    numbers: Counter[str] = Counter()
     for name in names:
         candidate = name
-        while candidate in taken:
-            numbers[name] = numbers.get(name, 0) + 1
+        while candidate in found:
+            numbers[name] += 1
             candidate = f"{name}.{numbers[name]}"
-        taken.add(candidate)
-        found.append(candidate)
-    return found
+        found[candidate] = None
+    return list(found)
 
 
-def _wanted_columns(
-    path: Path, header: _Header, wanted: Mapping[str, list[str]]
-) -> dict[int, _Columns]:
-    known = {event.name: event.variables for event in header.events.values()}
-    for stream, names in wanted.items():
-        for name in names:
-            if name not in known.get(stream, ()):
-                raise LogError(
-                    f"{path}: must hold the variable {name} of the event {stream}; it does not."
-                )
-    unit = TIMES[header.version][1]
-    return {
-        key: _Columns(event, wanted[event.name], unit)
-        for key, event in header.events.items()
-        if event.name in wanted
-    }
+def _read_blocks(path: Path, content: bytes, wanted: Mapping[str, list[str]]) -> Recording:
+    variables, at = _variables(path, content)
+    record = np.dtype([(name, kind) for name, kind in variables])
+    pieces: list[bytes] = []
+    notes: tuple[str, ...] = ()
+    while at < len(content):
+        end = at + 1 + content[at] * record.itemsize
+        if end + 4 > len(content):
+            left = len(content) - at
+            notes = (f"the log is cut; {left} bytes after its last whole block are left out.",)
+            break
+        pieces.append(content[at + 1 : end])
+        at = end + 4
+    rows = np.frombuffer(b"".join(pieces), record)
+    if not len(rows):
+        raise LogError(f"{path}: must hold at least one whole block after its header; {REMEDY}.")
+    # The counter of microseconds has 32 bits and begins anew after 71 minutes.
+    ticks = rows[variables[0][0]].astype(np.uint32)
+    steps = 1e-6 * np.diff(ticks, prepend=ticks[:1]).astype(float)
+    if len(odd := np.flatnonzero(steps > LONGEST_PAUSE)):
+        rows, steps = rows[: odd[0]], steps[: odd[0]]
+        notes += (f"row {odd[0] + 1}: the time is damaged; what follows is left out.",)
+    t = 1e-6 * float(ticks[0]) + np.cumsum(steps)
+    names = wanted.get(TABLE, ())
+    q = _quaternions(rows[QUATERNION]) if QUATERNION in dict(variables) else {}
+    columns = {name: q[name] if name in q else _floats(rows[name]) for name in names}
+    facts = {"log version": "0, in blocks", "clock": "time since the start of the firmware [s]"}
+    return Recording(str(path), {TABLE: Stream(t, columns)}, facts, notes)
 
 
-def _decode(
-    path: Path,
-    file: BinaryIO,
-    header: _Header,
-    columns: Mapping[int, _Columns],
-    progress: Progress,
-    chunk: int,
-) -> tuple[str, ...]:
-    """Add all whole records to the columns, and return what there is to say of the end of the
-    file.
+def _variables(path: Path, content: bytes) -> tuple[list[tuple[str, str]], int]:
+    """Return name and NumPy type of every variable of a log in blocks, and where these begin."""
+    found, at = [], 1
+    try:
+        for _ in range(content[0]):
+            end = content.index(b",", at)
+            found.append(_variable(content[at:end].decode("ascii", "replace")))
+            at = end + 1
+        names = _different([name for name, _ in found])
+    except ValueError as error:
+        raise LogError(f"{path}, header: {error}; {REMEDY}.") from error
+    return [(name, kind) for name, (_, kind) in zip(names, found, strict=True)], at + 4
+
+
+def _quaternions(packed: np.ndarray) -> dict[str, np.ndarray]:
+    """Return the components x, y, z, w (n,) of quaternions in 32 bits, by name.
+
+    Two bits tell the largest component, which is positive; of the others each has a sign and nine
+    bits of size over the square root of one half.
     """
-    total = max(file.seek(0, 2), 1)
-    file.seek(0)
-    crc = zlib.crc32(file.read(header.size))
-    sizes = {key: event.record.itemsize for key, event in header.events.items()}
-    bad: int | None = None  # place of a record of no known type [byte]
-    empty, done, rest = True, header.size, b""
-    while bad is None and (more := file.read(chunk)):
-        data = rest + more
-        begin = done - len(rest)
-        used = 0
-        parts: dict[int, list[bytes]] = {key: [] for key in columns}
-        for key, first, end in _runs(data, sizes):
-            if key not in sizes:
-                bad = begin + first
-                break
-            used, empty = end, False
-            if key in parts:
-                parts[key].append(data[first:end])
-        for key, pieces in parts.items():
-            columns[key].add(b"".join(pieces))
-        done += len(more)
-        crc = zlib.crc32(data[:used], crc)
-        rest = data[used:]
-        progress(done / total)
-    if empty:
-        raise LogError(f"{path}: must hold at least one whole record after its header; {REMEDY}.")
-    if bad is not None:
-        return (
-            f"byte {bad}: a record of no known event type; what follows is left out (damaged log).",
+    packed = packed.astype(np.uint32)
+    largest = packed >> 30
+    q = np.zeros((len(packed), 4))
+    shift = np.zeros(len(packed), np.uint32)
+    for i in (3, 2, 1, 0):
+        small = largest != i
+        part = packed >> shift
+        size = (part & 0x1FF) / 0x1FF * np.sqrt(0.5)
+        q[:, i] = np.where(small, np.where(part >> 9 & 1, -size, size), 0.0)
+        shift = shift + np.where(small, 10, 0).astype(np.uint32)
+    rest = np.sqrt(np.maximum(1 - np.sum(q**2, axis=1), 0.0))
+    q[np.arange(len(q)), largest] = rest
+    return dict(zip(PARTS, q.T, strict=True))
+
+
+def default_map(contents: Contents) -> LogMap | None:
+    """Return the map of the firmware's own log variables; None without any motion of the centre, or
+    what turns it.
+
+    The compressed state and the Lee controller's angles stand in for the estimate, whose pitch is
+    nose up, against a right-handed y. Rotor speed is measured; thrust and torque of the Lee
+    controller [N, N m] are used where there is none. PWM is a throttle beside either.
+    Source: Bitcraze, logging groups and variables of the firmware; world z up, body x forward, y
+        left.
+    """
+
+    def source(*names: str, **how: str) -> Source:
+        return first_source(
+            contents, ([f"{stream}/{name}" for name in names] for stream in contents), **how
         )
-    if len(rest) != 4:
-        return (
-            (
-                f"the log is cut (no checksum); {len(rest)} bytes after its last whole record "
-                f"are left out."
-            ),
+
+    estimate, compressed = "stateEstimate.", "stateEstimateZ."
+    found = LogMap(
+        format="crazyflie",
+        position=source(*_xyz(estimate), unit="m") or source(*_xyz(compressed), unit="mm"),
+        velocity=source(*_xyz(f"{estimate}v"), unit="m/s", axes="world")
+        or source(*_xyz(f"{compressed}v"), unit="mm/s", axes="world"),
+        attitude=source(
+            *(f"{estimate}q{a}" for a in "xyzw"), order="xyzw", direction="body_to_world"
         )
-    if struct.unpack("<I", rest)[0] != crc:
-        return ("the checksum does not fit: some values may be damaged, or the log is cut.",)
-    return ()
+        or source(*(f"{compressed}q{a}" for a in "xyzw"), order="xyzw", direction="body_to_world")
+        or _left_handed(source(*(f"{estimate}{a}" for a in ("roll", "pitch", "yaw")), unit="deg"))
+        or source(*_xyz("ctrlLee.rpy")),
+        rates=source(*_xyz("gyro."), unit="deg/s", axes="body")
+        or source(*_xyz("ctrlLee.omega"), axes="body")
+        or source(
+            *(f"{compressed}rate{a}" for a in ("Roll", "Pitch", "Yaw")), unit="mrad/s", axes="body"
+        ),
+        acceleration=source(*_xyz("acc."), unit="g", axes="body", kind="specific_force")
+        or source(*_xyz(f"{compressed}a"), unit="mm/s2", axes="world", kind="specific_force"),
+        voltage=source("pm.vbatMV", unit="mV") or source("pm.vbat", unit="V"),
+    )
+    _add_inputs(found, source)
+    return found if found.tells_motion else None
 
 
-def _runs(data: bytes, sizes: Mapping[int, int]) -> Iterator[tuple[int, int, int]]:
-    """Yield id, begin and end of runs of whole records of one type; a run of an unknown id ends
-    them.
+def _add_inputs(found: LogMap, source: Callable[..., Source]) -> None:
+    """Set rotor speed and throttle of the four, and without rotor speed the command of the Lee
+    controller.
     """
-    offset, window = 0, 16
-    last = len(data) - min(sizes.values())
-    while offset <= last:
-        key = data[offset] | data[offset + 1] << 8
-        size = sizes.get(key, 0)
-        if not size:
-            yield key, offset, offset
-            return
-        after = offset + size
-        if after > len(data):
-            return
-        if after <= last and data[after] | data[after + 1] << 8 == key:
-            after = _end_of_run(data, offset, size, window)
-            window = 2 * (after - offset) // size + 16
-        yield key, offset, after
-        offset = after
+    found.throttle = source(*_rotors("pwm.m{}_pwm"), unit="pwm16") or source(
+        *_rotors("motor.m{}"), unit="pwm16"
+    )
+    found.rotor_speed = source(*_rotors("rpm.m{}"), unit="rpm")
+    if found.rotor_speed:
+        return
+    found.thrust = source("ctrlLee.thrustSi", unit="N") or source("ctrlLee.thrustSI", unit="N")
+    if found.thrust:
+        found.torque = source(*_xyz("ctrlLee.torque"), unit="N.m")
 
 
-def _end_of_run(data: bytes, offset: int, size: int, most: int) -> int:
-    """Return the end of whole records that follow each other with one id, the first of which begins
-    at an offset.
-    """
-    count = min((len(data) - offset) // size, most)
-    ids = np.ndarray((count,), "<u2", data, offset, (size,))
-    return offset + size * (int((ids != ids[0]).argmax()) or count)
+def _left_handed(angles: Source) -> Source:
+    """Return roll, pitch and yaw of which pitch is positive nose up."""
+    return dc.replace(angles, signs=[1.0, -1.0, 1.0]) if angles else angles
+
+
+def _xyz(prefix: str) -> list[str]:
+    return [f"{prefix}{axis}" for axis in "xyz"]
+
+
+def _rotors(pattern: str) -> list[str]:
+    return [pattern.format(rotor) for rotor in (1, 2, 3, 4)]
 
 
 CRAZYFLIE = Format("crazyflie", "Crazyflie micro-SD log", _recognises, contents, default_map, read)

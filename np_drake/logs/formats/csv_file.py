@@ -1,9 +1,7 @@
 """CSV and .csv.gz as tables of numbers."""
 
 import gzip
-from collections import Counter
-from collections.abc import Callable, Sequence
-from contextlib import closing, suppress
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -11,11 +9,9 @@ import numpy as np
 from np_drake.files.atomic_file import atomic_path
 from np_drake.logs.columns import Table
 from np_drake.logs.errors import LogError
-from np_drake.logs.formats.table_cells import is_plain, plain_float
-from np_drake.logs.text_lines import MAX_COLUMNS, GrowingColumns, read_lines
+from np_drake.logs.formats.text_table import Cell, Layout, check_header, read_cells, read_lines
 
-MAX_UNREADABLE = 10**5  # cells that are kept with their text; the first is named in a message
-SHOWN = 80  # characters that are kept of such a text
+SHOWN = 80  # characters that are kept of a cell that is no number
 BLOCK = 10_000  # rows that are written at a time
 
 
@@ -29,20 +25,18 @@ def read_csv(path: str | Path) -> Table:
         header = next(lines, "")
         if not header.strip() and not any(line.strip() for line in lines):
             raise LogError(f"{path}: must hold a header line and rows; the file is empty.")
-        names = [name.strip() for name in header.split(",")]
-        check_header(path, names)
-        rows = _Rows(path, names)
-        for line in lines:
-            rows.add(line)
-        return rows.table()
+    names = [name.strip() for name in header.split(",")]
+    check_header(path, names)
+    cells = tuple(Cell(name, i) for i, name in enumerate(names))
+    layout = Layout(",", len(cells), cells, errors="strict")
+    columns, faults = read_cells(path, layout, cells, blank=True)
+    bad = [(f.row, f.cell.name, f.text.strip()[:SHOWN]) for f in faults if f.cell]
+    return Table(str(path), columns, bad, [f.row for f in faults if f.cell is None])
 
 
 def write_csv(path: str | Path, columns: dict[str, np.ndarray]) -> None:
-    """Write a table atomically; numbers are read back bit for bit, NaN is an empty cell.
-
-    Args:
-        path: of the file, gzip-compressed where the name ends in .gz.
-        columns: (n,) by name.
+    """Write columns (n,) by name atomically, gzip-compressed where the name ends in .gz; numbers
+    are read back bit for bit, NaN is an empty cell.
     """
     with atomic_path(path) as temporary, temporary.open("wb") as raw:
         # No name and no time in a gzip header, so that equal logs are equal files.
@@ -55,74 +49,3 @@ def write_csv(path: str | Path, columns: dict[str, np.ndarray]) -> None:
                 ).tolist()
                 text = "\n".join(",".join(map(repr, row)) for row in rows).replace("nan", "")
                 stream.write((text + "\n").encode())
-
-
-def check_header(path: str | Path, names: Sequence[str]) -> None:
-    """Check the names of a header line.
-    Raises: LogError: if there is one name only, too many, none that is a word, or one twice.
-    """
-    if len(names) == 1:
-        raise LogError(
-            f"{path}, line 1: the header must name comma-separated columns; got {names[0][:60]!r}."
-        )
-    if len(names) > MAX_COLUMNS:
-        raise LogError(
-            f"{path}, line 1: must name at most {MAX_COLUMNS} columns; got {len(names)}."
-        )
-    twice = sorted(name for name, count in Counter(names).items() if count > 1)
-    if all(is_number(name) for name in names):
-        raise LogError(
-            f"{path}: must start with a header line of column names; line 1 holds numbers."
-        )
-    if twice:
-        raise LogError(f"{path}, column {twice[0] or '(no name)'}: must stand once in the header.")
-
-
-def is_number(text: str) -> bool:
-    """Return whether a cell holds a number, nan and inf among them."""
-    try:
-        plain_float(text)
-    except ValueError:
-        return False
-    return True
-
-
-class _Rows:
-    """Rows of the table that is being read; float() is as fast as a C parser here."""
-
-    def __init__(self, path: str | Path, names: list[str]) -> None:
-        self._path = path
-        self._names = names
-        self._columns = GrowingColumns(path, names)
-        self._blank = (
-            0  # lines since the last that holds something; at the end of the file they are no rows
-        )
-        self._unreadable: list[tuple[int, str, str]] = []
-        self._ragged: list[int] = []
-
-    def add(self, line: str) -> None:
-        """Append the row of a line."""
-        if not line.strip():
-            self._blank += 1
-            return
-        for _ in range(self._blank):
-            self._columns.append(self._numbers([]))
-        self._blank = 0
-        self._columns.append(
-            self._numbers(line.split(","), float if is_plain(line) else plain_float)
-        )
-
-    def table(self) -> Table:
-        """Return the table of all rows."""
-        return Table(str(self._path), self._columns.arrays(), self._unreadable, self._ragged)
-
-    def _numbers(self, cells: list[str], number: Callable[[str], float] = float) -> list[float]:
-        if len(cells) != len(self._names):
-            self._ragged.append(len(self._columns))
-            return [float("nan")] * len(self._names)
-        with suppress(ValueError):
-            return [number(cell) for cell in cells]
-        for name, cell in zip(self._names, cells, strict=True):
-            if cell.strip() and not is_number(cell) and len(self._unreadable) < MAX_UNREADABLE:
-                self._unreadable.append((len(self._columns), name, cell.strip()[:SHOWN]))
-        return [float(cell) if is_number(cell) else float("nan") for cell in cells]

@@ -1,327 +1,308 @@
-"""ArduPilot DataFlash logs: binary (`.bin`) and as text (`.log`).
+"""ArduPilot DataFlash logs (`.bin`), read with pymavlink (extra `node`), and the map of ArduPilot's
+own messages, in NED and FRD. Of a log that was converted to text (`.log`) the `.bin` is wanted.
 
-A log describes itself: FMT records hold name, length, format characters and columns of every
-message, FMTU records mark the column that numbers the instances of a sensor. Streams are messages
-by name, with `.<instance>` where they are numbered: `ATT`, `IMU.0`, `XKF1.0`, `ESC.3`.
-`XKF1.primary` is what the autopilot flies by: of every time the row of the core that XKF4 names as
-primary. Values are in the units of ArduPilot's log message reference: the format characters c, C,
-e, E (hundredths) and L (1e-7 deg) are applied. Strings and arrays are left out. Times are those
-since boot [s], from TimeUS or, in old logs, TimeMS.
+Streams are messages by name, with `.<instance>` where they are numbered: `ATT`, `IMU.0`, `XKF1.0`,
+`ESC.3`. `XKF1.primary` is what the autopilot flies by: of every time the row of the core that XKF4
+names as primary. Values are in the units of ArduPilot's log message reference. Strings and arrays
+are left out. Times are those since boot [s], from TimeUS or, in old logs, TimeMS.
 
-Source: ArduPilot's documentation of its logs and log messages; `DFReader` of pymavlink, which the
-tests compare with.
+Source: ArduPilot's documentation of its logs, log messages and parameters. pymavlink finds the
+records; the numbers of all records of a message are taken at once.
 """
 
-import abc
-import dataclasses as dc
+import contextlib
+import io
 import mmap
 import re
-from array import array
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from np_drake.files.input_file import cell_budget
-from np_drake.logs.errors import LogError
-from np_drake.logs.formats.dataflash_map import default_map
-from np_drake.logs.formats.dataflash_motors import FUNCTION, USED, motors
+from np_drake.logs.errors import LogError, optional_package
 from np_drake.logs.formats.format import (
     Contents,
     Format,
+    Motors,
     Progress,
     Recording,
     Scanned,
     Stream,
+    first_source,
     no_progress,
 )
-from np_drake.logs.text_lines import too_many_cells
+from np_drake.logs.importing.log_map import LogMap, Source
+from np_drake.vehicle.rotor_layout import RotorLayout
 
-HEADER = b"\xa3\x95"  # begins every record; the type follows
-FMT = b"\xa3\x95\x80"
-DEFINITION = ("Type", "Length", "Name", "Format", "Columns")  # columns of a FMT record
-NUMBERS = {  # numpy type of a format character and the divisor of its values
+FUNCTION = re.compile(r"SERVO(\d+)_FUNCTION")
+MOTOR_FUNCTIONS = (*range(33, 41), *range(82, 86))  # of an output: motor 1 to 8, 9 to 12
+USED = re.compile(r"SERVO\d+_FUNCTION|FRAME_(CLASS|TYPE)|MOT_PWM_(MIN|MAX)")
+CLASSES = {1: 4, 2: 6, 3: 8, 4: 8, 5: 6}  # motors by FRAME_CLASS: quad, hexa, octa, octaquad, Y6
+OTHERS = {
     **{
-        "b": ("<i1", 1.0),
-        "B": ("<u1", 1.0),
-        "M": ("<u1", 1.0),
-        "g": ("<f2", 1.0),
-        "h": ("<i2", 1.0),
+        6: "a helicopter",
+        7: "a tricopter",
+        8: "a single copter",
+        9: "a coaxial copter",
+        10: "a tailsitter",
     },
     **{
-        "H": ("<u2", 1.0),
-        "i": ("<i4", 1.0),
-        "I": ("<u4", 1.0),
-        "f": ("<f4", 1.0),
-        "d": ("<f8", 1.0),
+        11: "a dual helicopter",
+        12: "a dodecahexacopter",
+        13: "a quad helicopter",
+        14: "a decacopter",
     },
-    **{"q": ("<i8", 1.0), "Q": ("<u8", 1.0), "c": ("<i2", 100.0), "C": ("<u2", 100.0)},
-    **{"e": ("<i4", 100.0), "E": ("<u4", 100.0), "L": ("<i4", 1e7)},
 }
+# by FRAME_TYPE: angle of motors 1 to 4 from the front, to the right [deg]; sign, 1 turns clockwise
+QUADS = {
+    0: ("plus", (90, -90, 0, 180), (-1, -1, 1, 1)),
+    1: ("X", (45, -135, -45, 135), (-1, -1, 1, 1)),
+    2: ("V", (45, -135, -45, 135), (-1, -1, 1, 1)),
+    3: ("H", (45, -135, -45, 135), (1, 1, -1, -1)),
+    6: ("plus reversed", (90, -90, 0, 180), (1, 1, -1, -1)),
+    12: ("Betaflight X", (135, 45, -135, -45), (1, -1, -1, 1)),
+    13: ("DJI X", (45, -45, -135, 135), (-1, 1, -1, 1)),
+    14: ("clockwise X", (45, 135, -135, -45), (-1, 1, -1, 1)),
+    18: ("Betaflight X reversed", (135, 45, -135, -45), (-1, 1, 1, -1)),
+}
+
+
+def motors(contents: Contents) -> Motors:
+    """Return the motors of a log, and their layout where it has four.
+
+    Raises: ValueError: if the frame is none of rotors of equal duty, or an output of a motor is not
+    logged.
+    """
+    parameters: Mapping[str, float] = getattr(contents, "parameters", {})
+    frame = int(parameters.get("FRAME_CLASS", 0))
+    if frame and frame not in CLASSES:
+        raise ValueError(
+            f"FRAME_CLASS {frame} is {OTHERS.get(frame, 'none that is known')}; the rotors "
+            f"of a vehicle file push "
+            "alike. Name one column as throttle in a map to take its collective."
+        )
+    outputs = _outputs(parameters) or list(range(1, CLASSES.get(frame, 4) + 1))
+    columns = [_output(contents, number) for number in outputs]
+    if _stated(parameters) and not all(columns) and any(c.startswith("RCOU") for c in contents):
+        missing = outputs[columns.index("")]
+        raise ValueError(
+            f"output {missing} drives a motor (SERVO{missing}_FUNCTION), and its column is "
+            f"not in RCOU. Log it, or "
+            "name columns as throttle in a map."
+        )
+    count = len(outputs)
+    if count not in (4, 6, 8):
+        raise ValueError(
+            f"{count} outputs drive motors (SERVOn_FUNCTION); 4, 6 or 8 can be read. Name "
+            f"them in a map."
+        )
+    low, high = (parameters.get(f"MOT_PWM_{end}", 0.0) for end in ("MIN", "MAX"))
+    throttle = (
+        Source(columns, "us", ends=[low, high] if 0 < low < high else [])
+        if all(columns)
+        else Source()
+    )
+    notes = (
+        []
+        if count == 4
+        else [f"{count} motors: their collective thrust alone is taken, torque is not told"]
+    )
+    if count == 4 and outputs != [1, 2, 3, 4]:
+        notes.append(f"motors are on the outputs {', '.join(map(str, outputs))} (SERVOn_FUNCTION)")
+    speed = Source(_escs(contents, outputs), "rpm") if count == 4 else Source()
+    return Motors(throttle, speed, _layout(parameters) if count == 4 else None, tuple(notes))
+
+
+def _stated(parameters: Mapping[str, float]) -> bool:
+    return any(FUNCTION.fullmatch(name) for name in parameters)
+
+
+def _outputs(parameters: Mapping[str, float]) -> list[int]:
+    """Return the outputs of motor 1, 2, …; none where no parameter says it."""
+    found: dict[int, int] = {}
+    for name, value in parameters.items():
+        match = FUNCTION.fullmatch(name)
+        if match and value in MOTOR_FUNCTIONS:
+            found.setdefault(MOTOR_FUNCTIONS.index(int(value)), int(match[1]))
+    return [found[motor] for motor in sorted(found)]
+
+
+def _output(contents: Contents, number: int) -> str:
+    """Return the column of an output; empty: it is not logged."""
+    return next(
+        (f"{s}/C{number}" for s in ("RCOU", "RCO2", "RCO3") if f"C{number}" in contents.get(s, ())),
+        "",
+    )
+
+
+def _escs(contents: Contents, outputs: Sequence[int]) -> list[str]:
+    """Return the rotor speeds of the motors: of the controllers numbered as the outputs, else of
+    the only four.
+    """
+    for name, first in (("ESC.{}", 0), ("ESC{}", 1)):
+        known = [
+            name.format(i) for i in range(first, 33) if "RPM" in contents.get(name.format(i), ())
+        ]
+        own = [name.format(number - 1 + first) for number in outputs]
+        chosen = own if set(own) <= set(known) else known
+        if len(chosen) == 4:
+            return [f"{stream}/RPM" for stream in chosen]
+    return []
+
+
+def _layout(parameters: Mapping[str, float]) -> RotorLayout | None:
+    """Return where four rotors are, by class and type of the frame; None where these do not say."""
+    kind = QUADS.get(int(parameters.get("FRAME_TYPE", -1)))
+    if kind is None or int(parameters.get("FRAME_CLASS", 0)) != 1:
+        return None
+    name, angles, directions = kind
+    turned = np.radians(angles)
+    positions = tuple(
+        (float(np.round(np.cos(a), 6)), float(np.round(-np.sin(a), 6))) for a in turned
+    )
+    return RotorLayout(
+        positions, directions, f"FRAME_CLASS 1, FRAME_TYPE {int(parameters['FRAME_TYPE'])}: {name}"
+    )
+
+
+FMT = b"\xa3\x95\x80"  # begins the definition of a message
 MOST_INSTANCES = 256  # of a message; a byte numbers them
-TEXTS = {
-    "n": 4,
-    "N": 16,
-    "Z": 64,
-    "a": 64,
-}  # bytes of the other characters; `a` is an array of 32 int16
-HEADERS = (
-    "FMT",
-    "FMTU",
-    "UNIT",
-    "MULT",
-    "PARM",
-    "MSG",
-    "VER",
-)  # messages about the log: no streams
+HEADERS = ("FMT", "FMTU", "UNIT", "MULT", "PARM", "MSG", "VER")  # about the log: no streams
 TIMES = {"TimeUS": 1e-6, "TimeMS": 1e-3}  # [s]
 PARAMETERS = re.compile(rf"{USED.pattern}|MOT_SPIN_(MIN|MAX)|MOT_THST_(EXPO|HOVER)|SCHED_LOOP_RATE")
 PRIMARY = "primary"  # in place of an instance
 LANES = {
     name: f"{kind}4" for kind in ("XKF", "NKF") for name in (f"{kind}1", f"{kind[:2]}Q")
 }  # messages with the lane
-BLOCK = 1 << 22  # bytes between two calls of progress
 
 
-@dc.dataclass
-class Message:
-    """Definition of a message, and where its records start in the file [bytes]."""
+class _Message:
+    """A message of a log: its columns, and where its records start in the file [bytes].
 
-    name: str
-    length: int
-    characters: str
-    columns: tuple[str, ...]
-    instance: str = ""  # column that numbers the instances; empty: there is one
-    starts: "array[int]" = dc.field(default_factory=lambda: array("Q"))
+    kinds: NumPy type and divisor by column.   time: name of the column of times; empty: it is no
+        stream (TimeMS of GPS is on another clock).
+    numbers: names of the columns of numbers, without time and instance.
+    """
 
-    @property
-    def time(self) -> str:
-        """Name of the column of times; empty: it is no stream (TimeMS of GPS is on another
-        clock).
-        """
-        if self.name in HEADERS:
-            return ""
-        kinds = dict(zip(self.columns, self.characters, strict=True))
+    def __init__(self, form: Any, starts: Any, data: mmap.mmap, codes: Mapping[str, Any]) -> None:
+        self.name = form.name
+        self._bytes = np.frombuffer(data, np.uint8)
+        self.kinds: dict[str, tuple[str, int]] = {}
+        for column, character in zip(form.columns, form.format, strict=False):
+            code, factor, _ = codes[character]
+            kind = f"S{code[:-1]}" if code.endswith("s") else f"<{code}"
+            self.kinds[column.strip()] = kind, round(1 / factor) if factor else 1
+        self.record = np.dtype([(name, kind) for name, (kind, _) in self.kinds.items()])
+        self.length = 3 + self.record.itemsize
+        whole = len(self.kinds) == len(form.columns) == len(form.format)
+        places = np.array(starts, dtype=np.int64)
+        last = len(data) - self.length if whole and form.len == self.length else -1
+        self.starts = places[places <= last]
+        figures = [c for c, (kind, _) in self.kinds.items() if not kind.startswith("S")]
         clocks = ("TimeUS",) if self.name.startswith("GPS") else tuple(TIMES)
-        return next((c for c in clocks if kinds.get(c) in NUMBERS), "")
+        clock = next((c for c in clocks if c in figures), "")
+        self.time = clock if self.name not in HEADERS else ""
+        self.instance = form.instance_field if form.instance_field in figures else ""
+        self.numbers = tuple(c for c in figures if c not in (*TIMES, self.instance))
 
-    @property
-    def numbers(self) -> tuple[str, ...]:
-        """Names of the columns of numbers, without time and instance."""
-        pairs = zip(self.columns, self.characters, strict=True)
-        return tuple(c for c, kind in pairs if kind in NUMBERS and c not in (*TIMES, self.instance))
+    def column(self, name: str) -> np.ndarray:
+        """Return the values of a column (n,), as they are stored."""
+        kind, offset = self.record.fields[name][:2]  # type: ignore[index]
+        windows = np.lib.stride_tricks.sliding_window_view(self._bytes, kind.itemsize)
+        return windows[self.starts + 3 + offset].view(kind)[:, 0]
+
+    def values(self, names: list[str]) -> np.ndarray:
+        """Return columns of numbers (n, names)."""
+        out = np.empty((len(self.starts), len(names)))
+        with np.errstate(invalid="ignore"):  # signalling NaN
+            for i, name in enumerate(names if len(out) else ()):
+                out[:, i] = self.column(name).astype(float) / self.kinds[name][1]
+        return out
+
+    def instances(self) -> list[int]:
+        """Return the numbers of the instances; none: the message is not numbered."""
+        if not self.instance:
+            return []
+        numbers = self.values([self.instance])
+        return np.unique(numbers[np.abs(numbers) < 1 << 32]).astype(int).tolist()[:MOST_INSTANCES]
 
 
-class _Log(abc.ABC):
+class _Log:
     """Messages of a file by name, and what was odd in it."""
 
     def __init__(self, path: Path, progress: Progress) -> None:
+        """Find all messages; LogError if there is none, or without the library."""
+        needs = "ArduPilot logs need pymavlink; pip install 'np_drake[node]', or convert to CSV."
+        library = optional_package("pymavlink.DFReader", path, needs).DFReader
         self.path = path
-        self.messages: dict[str, Message] = {}
+        self.messages: dict[str, _Message] = {}
         self.notes: list[str] = []
-        self.size = path.stat().st_size
-        if not self.size:
-            raise LogError(f"{path}: must be an ArduPilot log; the file is empty. Copy it again.")
-        with path.open("rb") as file:
-            self.bytes = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
-        self._scan(progress)
-        self._mark_instances()
-        if not any(m.starts and m.time for m in self.messages.values()):
+        try:
+            with path.open("rb") as file:
+                data = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
+            if data[:2] != FMT[:2]:
+                raise ValueError("it is no binary log, of which the text was made")
+            reader = _index(library, path, progress)
+            for number, form in reader.formats.items():
+                message = _Message(form, reader.offsets[number], data, library.FORMAT_TO_STRUCT)
+                self.messages.setdefault(message.name, message)
+        except OSError:
+            raise
+        except Exception as error:  # pymavlink says what is wrong with a file in many ways
+            reason = (str(error).splitlines() or [type(error).__name__])[0].rstrip(".")
+            raise LogError(
+                f"{path}: must be a whole ArduPilot log (.bin); {reason}; copy it again from the "
+                f"vehicle."
+            ) from error
+        if not any(len(m.starts) and m.time for m in self.messages.values()):
             raise LogError(
                 f"{path}: must hold ArduPilot messages with times; there are none. Copy it again."
             )
+        known = sum(len(m.starts) * m.length for m in self.messages.values())
+        if known < len(data):
+            self.notes.append(f"{len(data) - known} bytes are no whole record")
 
-    @abc.abstractmethod
-    def _scan(self, progress: Progress) -> None:
-        """Find all messages and where their records start."""
-
-    @abc.abstractmethod
-    def values(self, message: Message, names: list[str]) -> np.ndarray:
-        """Return the columns of numbers (n, names)."""
-
-    @abc.abstractmethod
-    def texts(self, name: str) -> Iterator[dict[str, str]]:
-        """Yield the records of a message as text by column."""
-
-    def instances(self, message: Message) -> list[int]:
-        """Return the numbers of the instances; none: the message is not numbered."""
-        if not message.instance:
-            return []
-        numbers = self.values(message, [message.instance])
-        return np.unique(numbers[np.abs(numbers) < 1 << 32]).astype(int).tolist()[:MOST_INSTANCES]
-
-    def _mark_instances(self) -> None:
-        numbers = {
-            row["Type"]: row["Name"] for row in self.texts("FMT") if {"Type", "Name"} <= row.keys()
-        }
-        for row in self.texts("FMTU"):
-            message = self.messages.get(numbers.get(row.get("FmtType", ""), ""))
-            at = row.get("UnitIds", "").find("#")
-            if message and 0 <= at < len(message.columns) and message.characters[at] in "bBhHiI":
-                message.instance = message.columns[at]
-
-    def _define(self, name: str, characters: str, columns: str, length: int) -> Message | None:
-        """Keep and return the message that a FMT record defines; None: it is not readable."""
-        names = tuple(c.strip() for c in columns.split(",")) if columns else ()
-        size = 3 + sum(_size(c) for c in characters)
-        whole = len(set(names)) == len(names) == len(characters) and length == size
-        if not whole or not re.fullmatch(r"\w+", name):
-            return None
-        return self.messages.setdefault(name, Message(name, length, characters, names))
-
-
-class _BinaryLog(_Log):
-    """A binary log."""
-
-    def _scan(self, progress: Progress) -> None:
-        self.known: dict[bytes, tuple[int, Callable[[int], None]]] = {}
-        message = self.messages["FMT"] = Message("FMT", 89, "BBnNZ", DEFINITION)
-        self.known[FMT] = message.length, message.starts.append
-        data, size, known, at = self.bytes, self.size, self.known, 0
-        lost, first = 0, -1  # bytes that are no record, and where the first is
-        for block in range(BLOCK, size + BLOCK, BLOCK):
-            stop = min(block, size)
-            while at < stop:
-                head = data[at : at + 3]
-                length, keep = known.get(head, (0, _forget))
-                if not length:
-                    found = data.find(HEADER, at + 1)
-                    found = size if found < 0 else found
-                    lost, first = lost + found - at, at if first < 0 else first
-                    at = found
-                elif at + length > size:
-                    self.notes.append("the last record is cut off")
-                    at = size
-                else:
-                    keep(at)
-                    if head == FMT:
-                        self._learn_from(data[at : at + length])
-                    at += length
-            progress(at / size)
-        if lost:
-            self.notes.append(f"{lost} bytes are no record, from byte {first} on")
-
-    def _learn_from(self, record: bytes) -> None:
-        number, length = record[3], record[4]
-        name, characters, columns = (_text(record[a:b]) for a, b in ((5, 9), (9, 25), (25, 89)))
-        head = HEADER + bytes([number])
-        if head == FMT:
-            return
-        message = self._define(name, characters, columns, length)
-        if message and (message.length, message.characters) == (length, characters):
-            self.known[head] = length, message.starts.append
-        elif length > 2:
-            self.notes.append(
-                f"message type {number} is left out: its definition is not readable or changes"
-            )
-            self.known[head] = length, _forget
-
-    def _field(self, message: Message, name: str) -> np.ndarray:
-        at = message.columns.index(name)
-        offset = 3 + sum(map(_size, message.characters[:at]))
-        kind = NUMBERS.get(message.characters[at], (f"S{_size(message.characters[at])}", 1.0))[0]
-        width = np.dtype(kind).itemsize
-        windows = np.lib.stride_tricks.sliding_window_view(
-            np.frombuffer(self.bytes, np.uint8), width
-        )
-        starts = np.frombuffer(message.starts, np.uint64)
-        return windows[starts + np.uint64(offset)].view(kind)[:, 0]
-
-    def values(self, message: Message, names: list[str]) -> np.ndarray:
-        out = np.empty((len(message.starts), len(names)))
-        for i, name in enumerate(names if len(out) else ()):
-            divisor = NUMBERS[message.characters[message.columns.index(name)]][1]
-            with np.errstate(invalid="ignore"):  # signalling NaN
-                out[:, i] = self._field(message, name).astype(float) / divisor
-        return out
-
-    def texts(self, name: str) -> Iterator[dict[str, str]]:
+    def texts(self, name: str, *columns: str) -> Iterator[tuple[str, ...]]:
+        """Yield the records of a message as text."""
         message = self.messages.get(name)
-        if message and message.starts:
-            fields = [self._field(message, c).tolist() for c in message.columns]
-            for row in zip(*fields, strict=True):
-                texts = (_text(v) if isinstance(v, bytes) else str(v) for v in row)
-                yield dict(zip(message.columns, texts, strict=True))
+        if message and len(message.starts) and set(columns) <= message.kinds.keys():
+            for row in zip(*(message.column(c).tolist() for c in columns), strict=True):
+                yield tuple(_text(v) if isinstance(v, bytes) else str(v) for v in row)
 
 
-class _TextLog(_Log):
-    """A log as text: a line a record, `name, value, value`."""
+def _index(library: Any, path: Path, progress: Progress) -> Any:
+    """Return pymavlink's reader of a log, whose file is closed, with the places of all records."""
 
-    def _scan(self, progress: Progress) -> None:
-        self.messages["FMT"] = Message("FMT", 89, "BBnNZ", DEFINITION)
-        unknown = 0
-        report = BLOCK
-        at = 0
-        while line := self.bytes.readline():
-            message = self.messages.get(line.split(b",", 1)[0].strip().decode("ascii", "replace"))
-            if message:
-                message.starts.append(at)
-                if message.name == "FMT":
-                    self._learn_from(line)
-            else:
-                unknown += bool(line.strip())
-            at += len(line)
-            if at > report:
-                progress(at / self.size)
-                report += BLOCK
-        progress(1.0)
-        if self.bytes[-1:] != b"\n":
-            self.notes.append("the last line is cut off")
-            for message in self.messages.values():
-                while message.starts and self.bytes.find(b"\n", message.starts[-1]) < 0:
-                    message.starts.pop()
-        if unknown:
-            self.notes.append(f"{unknown} lines are of no message that the log defines")
+    class Index(library.DFReader_binary):  # type: ignore[misc]
+        def init_clock(self) -> None:
+            """Do not read the log for the time of the day."""
 
-    def _learn_from(self, line: bytes) -> None:
-        cells = [c.strip() for c in line.decode("utf-8", "replace").split(",", 5)]
-        if len(cells) == 6 and cells[3] != "FMT":
-            message = self._define(cells[3], cells[4], cells[5], 3 + sum(map(_size, cells[4])))
-            if message is None:
-                self.notes.append(
-                    f"message {cells[3][:16]!a} is left out: its definition is not readable"
-                )
-
-    def _cells(self, message: Message) -> Iterator[list[str]]:
-        for at in message.starts:
-            self.bytes.seek(at)
-            line = self.bytes.readline().decode("utf-8", "replace")
-            yield [c.strip() for c in line.split(",", len(message.columns))[1:]]
-
-    def values(self, message: Message, names: list[str]) -> np.ndarray:
-        places = [message.columns.index(name) for name in names]
-        out = array("d")
-        for cells in self._cells(message):
-            out.extend(_number(cells[i]) if i < len(cells) else np.nan for i in places)
-        return np.array(out).reshape(-1, len(names))
-
-    def texts(self, name: str) -> Iterator[dict[str, str]]:
-        message = self.messages.get(name)
-        for cells in self._cells(message) if message else ():
-            yield dict(zip(self.messages[name].columns, cells, strict=False))
-
-
-def _open(path: Path, progress: Progress = no_progress) -> _Log:
-    with path.open("rb") as file:
-        binary = file.read(2) == HEADER
-    return _BinaryLog(path, progress) if binary else _TextLog(path, progress)
+    # pymavlink prints its warnings.
+    with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
+        reader: Any = Index.__new__(Index)
+        try:
+            reader.__init__(str(path), progress_callback=lambda share: progress(share / 100))
+        finally:
+            reader.filehandle.close()
+    return reader
 
 
 def _contents(path: Path) -> Contents:
-    log = _open(path)
+    log = _Log(path, no_progress)
     found: dict[str, tuple[str, ...]] = {}
     for message in log.messages.values():
-        if message.starts and message.time and message.numbers:
-            for name in [f"{message.name}.{i}" for i in log.instances(message)] or [message.name]:
+        if len(message.starts) and message.time and message.numbers:
+            instances = message.instances()
+            for name in [f"{message.name}.{i}" for i in instances] or [message.name]:
                 found[name] = message.numbers
-            if len(log.instances(message)) > 1 and len(_lanes(log, message.name)[0]):
+            if len(instances) > 1 and len(_lanes(log, message.name)[0]):
                 found[f"{message.name}.{PRIMARY}"] = message.numbers
     return Scanned(found, _parameters(log))
 
 
 def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Recording:
-    log = _open(path, lambda share: progress(0.7 * share))
-    _require_cells(log, wanted)
+    log = _Log(path, lambda share: progress(0.7 * share))
     streams = {}
     for i, (name, columns) in enumerate(wanted.items(), start=1):
         streams[name] = _stream(log, name, columns)
@@ -336,20 +317,6 @@ def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Re
     return Recording(str(path), streams, _facts(log), notes, breaks=tuple(_switches(log, estimate)))
 
 
-def _require_cells(log: _Log, wanted: Mapping[str, list[str]]) -> None:
-    """Check how many numbers the wanted columns take: in text, a short line stands for all of them.
-
-    Raises: LogError: if they are too many for the size of the file.
-    """
-    widths: dict[str, int] = {}  # instances share the rows of their message
-    for name, columns in wanted.items():
-        message = name.partition(".")[0]
-        widths[message] = max(widths.get(message, 0), len(columns) + 2)
-    rows = {name: len(log.messages[name].starts) for name in widths if name in log.messages}
-    if sum(count * widths[name] for name, count in rows.items()) > cell_budget(log.path):
-        raise too_many_cells(log.path)
-
-
 def _stream(log: _Log, name: str, columns: list[str]) -> Stream:
     message = log.messages.get(name.partition(".")[0])
     if message is None or not message.time or not set(columns) <= set(message.numbers):
@@ -357,7 +324,7 @@ def _stream(log: _Log, name: str, columns: list[str]) -> Stream:
             f"{log.path}, {name}: must hold the columns {', '.join(columns)}; mend the map."
         )
     names = [message.time, *columns] + ([message.instance] if message.instance else [])
-    values = log.values(message, names)
+    values = message.values(names)
     if message.instance and name.endswith(PRIMARY):
         since, lane = _lanes(log, message.name)
         at = np.searchsorted(since, values[:, 0] * TIMES[message.time], side="right") - 1
@@ -374,9 +341,14 @@ def _lanes(log: _Log, name: str) -> tuple[np.ndarray, np.ndarray]:
     message says so.
     """
     message = log.messages.get(LANES.get(name, ""))
-    if message is None or not message.starts or not message.time or "PI" not in message.numbers:
+    if (
+        message is None
+        or not len(message.starts)
+        or not message.time
+        or "PI" not in message.numbers
+    ):
         return np.zeros(0), np.zeros(0)
-    values = log.values(message, [message.time, "PI"])
+    values = message.values([message.time, "PI"])
     values = values[np.all(np.isfinite(values), axis=1)]
     values = values[np.argsort(values[:, 0], kind="stable")]
     new = np.diff(values[:, 1], prepend=np.nan) != 0
@@ -398,8 +370,7 @@ def _switches(log: _Log, name: str) -> Iterator[tuple[float, str]]:
 def _facts(log: _Log) -> dict[str, str]:
     """Return firmware, frame and the parameters of the motors."""
     facts: dict[str, str] = {}
-    for row in log.texts("MSG"):
-        text = row.get("Message", "")
+    for (text,) in log.texts("MSG", "Message"):
         if text.startswith("Ardu"):
             facts.setdefault("firmware", text)
         if text.startswith("Frame:"):
@@ -414,18 +385,9 @@ def _facts(log: _Log) -> dict[str, str]:
 
 def _parameters(log: _Log) -> dict[str, float]:
     """Return the parameters that bear on motors and thrust, as they are at the end."""
-    rows = (row for row in log.texts("PARM") if PARAMETERS.fullmatch(row.get("Name", "")))
-    values = {row["Name"]: _number(row.get("Value", "")) for row in rows}
+    rows = log.texts("PARM", "Name", "Value")
+    values = {name: _number(value) for name, value in rows if PARAMETERS.fullmatch(name)}
     return {name: value for name, value in values.items() if np.isfinite(value)}
-
-
-def _size(character: str) -> int:
-    """Return the bytes of a value; a character that is not known makes the record's length
-    wrong.
-    """
-    if character in NUMBERS:
-        return np.dtype(NUMBERS[character][0]).itemsize
-    return TEXTS.get(character, 1 << 20)
 
 
 def _text(raw: bytes) -> str:
@@ -439,13 +401,69 @@ def _number(cell: str) -> float:
         return np.nan
 
 
-def _forget(_: int) -> None:
-    """Keep no start of a record that is not readable."""
+def default_map(contents: Contents) -> LogMap | None:
+    """Return the map of the names that ArduPilot gives; None without an IMU, or attitude and
+    position.
+
+    Position, velocity and attitude are those of the primary core of the EKF, else the first. Body
+    rates and acceleration are those of the first IMU, with its biases. Motors are those that the
+    parameters name, else on the outputs 1 to 4.
+    Raises: ValueError: if the frame is none that a vehicle file can hold, or an output of a motor
+        is not logged.
+    """
+    ekf = _first(contents, ("XKF1", "NKF1"), ("PN", "PE", "PD", "VN", "VE", "VD"))
+    attitude = _attitude(contents)
+    imu = _first(contents, ("IMU",), ("GyrX", "GyrY", "GyrZ", "AccX", "AccY", "AccZ"))
+    if not (imu or (attitude and ekf)):
+        return None
+    driven = motors(contents)
+    battery = _first(contents, ("BAT", "CURR"), ("Volt",))
+    throttle, hover = driven.throttle, Source()
+    if not throttle:
+        throttle = Source(_first(contents, ("CTUN",), ("ThO",)))
+        hover = Source(_first(contents, ("CTUN",), ("ThH",)))
+    return LogMap(
+        format="dataflash",
+        world="ned",
+        body="frd",
+        command="unknown",  # setpoints are logged at less than their own rate
+        position=Source(ekf[:3]),
+        velocity=Source(ekf[3:], axes="world"),
+        attitude=attitude or Source(),
+        rates=Source(imu[:3]),
+        acceleration=Source(imu[3:], kind="specific_force", axes="body"),
+        rotor_speed=driven.rotor_speed,
+        throttle=throttle,
+        hover_throttle=hover if throttle else Source(),
+        voltage=Source(battery),
+    )
+
+
+def _attitude(contents: Contents) -> Source | None:
+    quaternion = ("Q1", "Q2", "Q3", "Q4")
+    for names in (("XKQ", "XKQ1", "NKQ", "NKQ1"), ("ATT",), ("AHR2",)):
+        columns = _first(contents, names, quaternion)
+        if columns:
+            return Source(columns, order="wxyz", direction="body_to_world")
+        columns = _first(contents, names, ("Roll", "Pitch", "Yaw"))
+        if columns:
+            return Source(columns, "deg")
+    return None
+
+
+def _first(contents: Contents, names: tuple[str, ...], columns: tuple[str, ...]) -> list[str]:
+    """Return `stream/column` of the first message that has all columns: its primary or first
+    instance, if numbered.
+    """
+    streams = (stream for name in names for stream in (f"{name}.primary", f"{name}.0", name))
+    return first_source(
+        contents, ([f"{stream}/{column}" for column in columns] for stream in streams)
+    ).columns
 
 
 def _recognises(path: Path, start: bytes) -> bool:
     return start.startswith(FMT) or bool(re.match(rb"\s*FMT,\s*\d+,\s*\d+,", start))
 
 
-TITLE = "ArduPilot DataFlash .bin and .log"
+TITLE = "ArduPilot DataFlash .bin"
 DATAFLASH = Format("dataflash", TITLE, _recognises, _contents, default_map, _read, motors)

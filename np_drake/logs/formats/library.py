@@ -1,6 +1,5 @@
 """The list of all formats of flight logs, and which of them a file is of."""
 
-import codecs
 from pathlib import Path
 
 from np_drake.logs.errors import LogError
@@ -8,9 +7,9 @@ from np_drake.logs.formats.blackbox import BLACKBOX
 from np_drake.logs.formats.crazyflie import CRAZYFLIE
 from np_drake.logs.formats.dataflash import DATAFLASH
 from np_drake.logs.formats.format import Format, first_bytes
-from np_drake.logs.formats.neural_fly import NEURAL_FLY
 from np_drake.logs.formats.ros import ROS
-from np_drake.logs.formats.table import TABLE
+from np_drake.logs.formats.table import NEURAL_FLY, TABLE
+from np_drake.logs.formats.text_table import encoding_of
 from np_drake.logs.formats.ulog import ULOG
 
 FORMATS: tuple[Format, ...] = (  # the first that recognises a file reads it
@@ -51,16 +50,12 @@ def format_of(path: str | Path, name: str = "") -> Format:
 
 
 def _remedy(path: Path, start: bytes) -> str:
-    """Return how a text or a folder becomes a log, from its first bytes; empty for other files."""
+    """Return how a text or a folder becomes a log; empty for other files."""
     if path.is_dir():
         return " Of a folder name its files."
-    if start[:2] in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE):
+    if encoding_of(start) == "utf-16":
         return " Save the text as UTF-8."
-    try:
-        start[: start.rfind(b"\n") + 1].decode()
-    except UnicodeDecodeError:
-        return ""
-    if b"\x00" in start:
+    if encoding_of(start) == "cp1252" or b"\x00" in start:
         return ""
     return (
         " A table must be named .csv, .tsv or .txt, its columns apart by comma, semicolon or tab."

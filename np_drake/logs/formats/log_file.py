@@ -8,8 +8,7 @@ from np_drake.logs.checks import check_table
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats import csv_file, parquet_file
 from np_drake.logs.formats.format import first_bytes
-from np_drake.logs.formats.table import first_line
-from np_drake.logs.formats.table_text import is_comma_separated, split_header
+from np_drake.logs.formats.text_table import first_lines, is_comma_separated, split_header
 from np_drake.logs.gaps import bridge_gaps, split_at_gaps
 from np_drake.logs.gaps import repair as repair_table
 from np_drake.logs.import_sheet import read_sheet
@@ -32,7 +31,7 @@ def is_flight_log(path: Path) -> bool:
         names = set(parquet_file.column_names(path))
     else:
         start = first_bytes(path)
-        names = set(split_header(first_line(start)))
+        names = set(split_header(first_lines(start)[0]))
         if not is_comma_separated(start):
             return False
     needed = [name for field in columns.STATE for name in columns.COLUMNS[field]]

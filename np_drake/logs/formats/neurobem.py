@@ -17,7 +17,7 @@ from np_drake.logs.columns import COLUMNS, Table
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.csv_file import read_csv
 from np_drake.logs.formats.format import first_bytes
-from np_drake.logs.formats.table import first_line
+from np_drake.logs.formats.text_table import first_lines
 from np_drake.logs.gaps import bridge_gaps, without_long_gaps
 from np_drake.logs.gaps import repair as repair_table
 from np_drake.logs.units import check_units
@@ -62,7 +62,7 @@ def is_neurobem(path: str | Path) -> bool:
     """
     path = Path(path)
     csv = path.name.endswith((".csv", ".csv.gz"))
-    return is_array(path) or (csv and first_line(first_bytes(path)).startswith(FIRST_COLUMNS))
+    return is_array(path) or (csv and first_lines(first_bytes(path))[0].startswith(FIRST_COLUMNS))
 
 
 def is_array(path: Path) -> bool:

@@ -1,4 +1,5 @@
-"""ROS bags: ROS 2 (a folder with sqlite3 or MCAP storage, or one such file) and ROS 1 (`.bag`).
+"""ROS bags, read with rosbags (extra `ros`): ROS 2 (a folder with sqlite3 or MCAP storage, or one
+such file) and ROS 1 (`.bag`).
 
 Streams are topics, columns the numbers of their messages by dotted path:
 `/odom/pose.pose.position.x`, `/rpm/data[0]`. Covariances, strings and arrays of more than 32
@@ -7,40 +8,41 @@ frames are those of the messages (REP 103: SI, x forward, y left, z up). Times a
 headers where all messages of a topic have one, else the times of receipt; where these clocks
 differ, all are times of receipt. The first time of all that is read is 0.
 
-Types are defined by the bag, or else by the library's latest ROS 2. Source: documentation of
-rosbag2, MCAP and rosbags.
+Types are defined by the bag, or else by the library's latest ROS 2.
 """
 
 import contextlib
 import dataclasses as dc
-import tempfile
+import functools
+import operator
+import re
 from array import array
-from collections import ChainMap
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from np_drake.files.input_file import cell_budget, note_input
+from np_drake.files.input_file import cell_budget, note_input, size_of
 from np_drake.logs.errors import LogError, optional_package
-from np_drake.logs.formats.bags.budget import Budget, Channel, unpacked
-from np_drake.logs.formats.bags.mcap import MAGIC as MCAP
-from np_drake.logs.formats.bags.mcap import Mcap
-from np_drake.logs.formats.bags.ros1 import MAGIC as ROS1
-from np_drake.logs.formats.bags.ros1 import Ros1
-from np_drake.logs.formats.bags.sqlite import MAGIC as SQLITE
-from np_drake.logs.formats.bags.sqlite import Sqlite, described, unpack
 from np_drake.logs.formats.format import Contents, Format, Progress, Recording, Stream, first_source
-from np_drake.logs.formats.ros_message import Decoder, Types, find_fields, missing_types
+from np_drake.logs.formats.text_table import too_many_cells
 from np_drake.logs.importing.clock_parts import overlap, set_back
 from np_drake.logs.importing.log_map import LogMap, Source
-from np_drake.logs.text_lines import too_many_cells
 
-STORAGES: dict[bytes, Callable[[Path, Budget], Any]] = {MCAP: Mcap, ROS1: Ros1, SQLITE: Sqlite}
-MOST_COLUMNS = 200_000  # of all topics together, own choice
+MCAP, ROS1, SQLITE = b"\x89MCAP0\r\n", b"#ROSBAG V", b"SQLite format 3\0"  # first bytes of a file
+ZSTD = b"\x28\xb5\x2f\xfd"  # first bytes of a message that is compressed by itself
+FILES = (".mcap", ".db3", ".zstd")  # suffixes in the folder of a bag
+# Own choice; beyond them a file is made to fill the memory of its reader.
+MOST_UNPACKED = 100 * 10**6  # [byte] of a chunk or a message
+MOST_TEXT = 5 * 10**6  # characters of all definitions; parsing takes 20 bytes each
+MOST_COLUMNS = 200_000  # of all topics together
+MOST_NUMBERS = 10_000  # of a message that become columns; further ones are left out
+LONGEST = 32  # elements of an array that become columns
 SAME_CLOCK = 1_000_000_000  # [ns] between the delays of topics on one clock; own choice
 EVERY = 2000  # messages between two calls of progress
+PADDING = "structure_needs_at_least_one_member"  # of empty types in ROS 2
+REMEDY = "Copy it again, or mend it with `ros2 bag reindex`, `mcap recover` or `rosbag reindex`."
 XYZ = ("x", "y", "z")
 POSE = tuple(f"position.{c}" for c in XYZ) + tuple(f"orientation.{c}" for c in (*XYZ, "w"))
 ODOMETRY = tuple(f"pose.pose.{c}" for c in POSE)
@@ -51,181 +53,229 @@ WRENCH = tuple(f"wrench.{kind}.{c}" for kind in ("force", "torque") for c in XYZ
 
 
 @dc.dataclass
-class Topic:
-    """A topic of a bag: type of its messages, definitions of types, and where they are stored."""
+class _Topic:
+    """A topic of a bag: type of its messages, what decodes one, its connections by storage."""
 
     type: str
-    types: Types
-    sources: list[tuple[Any, Channel]]  # storage, channel
-
-    @property
-    def count(self) -> int:
-        """Number of messages, as the bag says."""
-        return sum(channel.count for _, channel in self.sources)
+    decode: Callable[[bytes, str], Any]
+    sources: list[tuple[Any, Any]] = dc.field(default_factory=list)
 
 
 @dc.dataclass
-class Bag:
-    """An open bag. packed: every message of it is compressed by itself."""
+class _Bag:
+    """An open bag."""
 
     path: Path
-    budget: Budget
     ros1: bool = False
-    packed: bool = False
     storages: list[Any] = dc.field(default_factory=list)
-    topics: dict[str, Topic] = dc.field(default_factory=dict)
+    topics: dict[str, _Topic] = dc.field(default_factory=dict)
     notes: list[str] = dc.field(default_factory=list)
 
-    def messages(self, topics: list[str]) -> Iterator[tuple[str, int, bytes]]:
-        """Yield topic, time of receipt [ns] and bytes of all messages; a damaged end becomes a
-        note.
-
-        Raises: LogError: beyond the budget.
+    def messages(self, topics: Iterable[str]) -> Iterator[tuple[str, Any, Any]]:
+        """Yield topic, time of receipt [ns] and bytes of all messages, as they lie in the files; a
+        damaged end becomes a note.
         """
         for storage in self.storages:
             wanted = [c for t in topics for s, c in self.topics[t].sources if s is storage]
             try:
-                for channel, time, raw in storage.messages(wanted) if wanted else ():
-                    yield channel.topic, time, self._unpacked(raw) if self.packed else raw
-            except LogError:
-                raise
+                for connection, time, raw in _in_file_order(storage, wanted) if wanted else ():
+                    packed = not self.ros1 and isinstance(raw, bytes) and raw.startswith(ZSTD)
+                    yield connection.topic, time, _unpacked("zstd", raw) if packed else raw
+            except MemoryError as error:
+                raise LogError(f"{self.path}: {_one_line(error)}") from error
             except Exception as error:  # whatever may be met in damaged bytes
                 self.notes.append(f"reading ended before the end of the bag ({_one_line(error)})")
 
-    def _unpacked(self, raw: bytes) -> bytes:
-        content = unpacked("zstd", raw, self.budget.block)
-        if len(content) > self.budget.block:
-            raise self.budget.too_large_block()
-        return content
+
+def _in_file_order(storage: Any, wanted: list[Any]) -> Iterator[tuple[Any, Any, Any]]:
+    """Yield connection, time [ns] and bytes of messages as they lie in a file; rosbags would sort
+    them by time, which hides a clock that was set back.
+    """
+    by_id = {connection.id: connection for connection in wanted}
+    if hasattr(storage, "dbconn"):
+        numbers = ",".join(map(str, by_id))
+        query = f"SELECT topic_id, timestamp, data FROM messages WHERE topic_id IN ({numbers})"
+        for number, time, raw in storage.dbconn.execute(query):
+            yield by_id[number], time, raw
+    elif hasattr(storage, "messages_scan"):
+        chunks = [chunk for chunk in storage.chunks if by_id.keys() & chunk.channel_count.keys()]
+        start = min((chunk.message_start_time for chunk in chunks), default=None)
+        yield from storage.messages_scan(wanted, start)
+    else:
+        for topic in dict.fromkeys(connection.topic for connection in wanted):
+            yield from storage.messages([c for c in wanted if c.topic == topic])
+
+
+def _unpacked(kind: str, data: bytes, size: int = 0) -> bytes:
+    """Return decompressed data.
+
+    Raises: MemoryError: if there are more than `MOST_UNPACKED`; ValueError: if they are cut off.
+    """
+    import bz2
+
+    import lz4.frame
+    from rosbags.rosbag2.storage_mcap import zstd
+
+    makers = {
+        "bz2": bz2.BZ2Decompressor,
+        "lz4": lz4.frame.LZ4FrameDecompressor,
+        "zstd": zstd.ZstdDecompressor,
+    }
+    decompressor = makers[kind]()
+    content: bytes = decompressor.decompress(data, MOST_UNPACKED + 1)
+    if len(content) > MOST_UNPACKED:
+        raise MemoryError(
+            f"must hold chunks and messages that unpack to at most {MOST_UNPACKED / 1e6:g} MB. If "
+            f"it is right, write it without compression."
+        )
+    if not decompressor.eof:
+        raise ValueError("a chunk is cut off")
+    return content
+
+
+def _readers(path: Path) -> dict[bytes, Any]:
+    """Return the readers of rosbags by the first bytes of a file.
+
+    From here on they unpack within bounds, and leave the quality of service, whose YAML may take
+    minutes.
+    """
+    optional_package("rosbags", path, "ROS bags need rosbags: pip install 'np_drake[ros]'.")
+    from rosbags.rosbag1 import reader
+    from rosbags.rosbag2 import storage_mcap, storage_sqlite3
+
+    for kind in ("lz4", "zstd"):
+        storage_mcap.DECOMPRESSORS[kind] = functools.partial(_unpacked, kind)
+    for kind in ("lz4", "bz2"):
+        reader.decompressors[kind] = functools.partial(_unpacked, kind)
+    for module in (storage_mcap, storage_sqlite3):
+        module.parse_qos = lambda text: []  # type: ignore[attr-defined]
+
+    class Reader1(reader.Reader):
+        """A reader whose index names no more messages than the file can hold."""
+
+        def read_index_data(self, pos: int, indexes: Any) -> None:
+            super().read_index_data(pos, indexes)
+            if 12 * sum(map(len, indexes.values())) > size_of(path):
+                raise ValueError("its index names more messages than it holds")
+
+    return {MCAP: storage_mcap.McapReader, ROS1: Reader1, SQLITE: storage_sqlite3.Sqlite3Reader}
 
 
 @contextlib.contextmanager
-def _open(path: Path) -> Iterator[Bag]:
-    optional_package("rosbags", path, "ROS bags need rosbags: pip install 'np_drake[ros]'.")
+def _open(path: Path) -> Iterator[_Bag]:
+    readers = _readers(path)
     with contextlib.ExitStack() as stack:
-        bag = Bag(path, Budget(path))
+        bag = _Bag(path)
         try:
+            files = [path]
             if path.is_dir():
-                _open_folder(bag, stack)
-            else:
-                _open_file(bag, path, stack)
+                files = [file for file in path.iterdir() if file.suffix in FILES]
+                files.sort(key=lambda file: (len(file.name), file.name))  # bag_2 before bag_10
+            if not files:
+                raise ValueError("its files are missing")
+            for file in files:
+                _add_file(bag, file, readers, stack)
             _find_topics(bag)
         except LogError:
             raise
         except Exception as error:  # whatever may be met in damaged bytes
-            remedy = "Copy it again, or mend it with `ros2 bag reindex` or `mcap recover`."
             raise LogError(
-                f"{path}: must be a whole ROS bag; {_one_line(error)}. {remedy}"
+                f"{path}: must be a whole ROS bag; {_one_line(error)}. {REMEDY}"
             ) from error
         yield bag
 
 
-def _open_folder(bag: Bag, stack: contextlib.ExitStack) -> None:
-    """Open the files that the description of a folder names, or all where it does not serve."""
-    try:
-        files, mode = described(bag.path)
-    except (ValueError, OSError) as error:
-        files, mode = [f for f in bag.path.iterdir() if f.suffix in (".mcap", ".db3")], ""
-        files.sort(key=lambda file: (len(file.name), file.name))  # bag_2 before bag_10
-        if not files:
-            raise
-        bag.notes.append(
-            f"metadata.yaml does not serve ({_one_line(error)}); its files are read one by one"
+def _add_file(
+    bag: _Bag, path: Path, readers: Mapping[bytes, Any], stack: contextlib.ExitStack
+) -> None:
+    """Open a file of a bag; ValueError or what rosbags raises if it is none, or damaged."""
+    note_input(path)
+    ahead = path.with_name(f"{path.name}-wal")
+    if ahead.is_file() and ahead.stat().st_size:
+        raise LogError(
+            f"{path}: must hold what lies in {ahead.name}, which its recorder left as it was "
+            f"killed. Run `sqlite3 {path.name} 'PRAGMA wal_checkpoint(TRUNCATE)'`."
         )
-    bag.packed = mode == "message"
-    if mode == "file":
-        folder, take = (
-            Path(stack.enter_context(tempfile.TemporaryDirectory())),
-            bag.budget.one_pass(),
-        )
-    last = None
-    for file in files:
-        try:
-            _open_file(bag, unpack(file, folder, take) if mode == "file" else file, stack)
-        except LogError:
-            raise
-        except Exception as error:  # whatever may be met in damaged bytes
-            last = error
-            bag.notes.append(f"{file.name} is left out ({_one_line(error)})")
-    if last and not bag.storages:
-        raise last
-
-
-def _open_file(bag: Bag, path: Path, stack: contextlib.ExitStack) -> None:
-    """Add the storage of a file to its bag."""
+    if path.suffix == ".zstd":
+        raise LogError(f"{path}: must be no compressed file. Unpack it with `unzstd`.")
     with path.open("rb") as file:
         start = file.read(16)
-    note_input(path)
     bag.ros1 = start.startswith(ROS1)
-    kind = next((k for magic, k in STORAGES.items() if start.startswith(magic)), None)
+    kind = next((reader for magic, reader in readers.items() if start.startswith(magic)), None)
     if kind is None:
         raise ValueError(f"{path.name} is no file of a bag")
-    storage = kind(path, bag.budget)
+    storage = kind(path)
+    storage.open()
     stack.callback(storage.close)
-    if not storage.whole:
-        bag.notes.append(
-            f"the end of {path.name} is cut off or damaged; its whole records are read"
-        )
-    bag.notes += getattr(storage, "notes", ())
+    if start.startswith(SQLITE):
+        storage.dbconn.limit(0, MOST_UNPACKED)  # bytes of a value
+    if bag.ros1:
+        for entries in storage.indexes.values():
+            entries.sort(key=lambda entry: (entry.chunk_pos, entry.offset))
     bag.storages.append(storage)
 
 
-def _find_topics(bag: Bag) -> None:
+def _find_topics(bag: _Bag) -> None:
     """Find the topics whose types are known; the others become notes."""
     from rosbags.typesys import Stores, get_typestore
 
-    known = get_typestore(Stores.ROS1_NOETIC if bag.ros1 else Stores.LATEST).fielddefs
-    texts: dict[Any, Types] = {}
-    for storage in bag.storages:
-        for channel in storage.channels:
-            topic = bag.topics.get(channel.topic)
-            if topic is None:
-                text = channel.type, channel.definition
-                if text not in texts:
-                    texts[text] = ChainMap(_types_of(channel), known)
-                topic = bag.topics[channel.topic] = Topic(channel.type, texts[text], [])
-            if channel.type == topic.type:
-                topic.sources.append((storage, channel))
-            else:
-                bag.notes.append(
-                    f"{channel.topic}: its messages of type {channel.type} are left out"
+    known: dict[Any, Any] = {}  # stores of types by definition
+    for storage, connection in [(s, c) for s in bag.storages for c in s.connections]:
+        kind, definition = connection.msgtype, connection.msgdef
+        if definition not in known:
+            if sum(len(other.data) for other in known) + len(definition.data) > MOST_TEXT:
+                raise LogError(
+                    f"{bag.path}: must name and define its topics in {MOST_TEXT / 1e6:g} million "
+                    f"characters. Is it the right file?"
                 )
-    for name, topic in list(bag.topics.items()):
-        missing = missing_types(topic.types, topic.type)
-        if missing:
-            bag.notes.append(f"{name} is left out: the type {missing[0]} is not defined")
-            del bag.topics[name]
+            store = get_typestore(Stores.ROS1_NOETIC if bag.ros1 else Stores.LATEST)
+            own = _types_of(kind, definition)
+            for name in own:
+                store.fielddefs.pop(name, None)
+            store.register(own)
+            known[definition] = store
+        store = known[definition]
+        try:
+            store.get_msgdef(kind)
+        except Exception as error:  # of the library, which does not know a part of it
+            bag.notes.append(
+                f"{connection.topic} is left out: the type {_one_line(error)} is not defined"
+            )
+            continue
+        decode = store.deserialize_ros1 if bag.ros1 else store.deserialize_cdr
+        topic = bag.topics.setdefault(connection.topic, _Topic(kind, decode))
+        if kind == topic.type:
+            topic.sources.append((storage, connection))
+        else:
+            bag.notes.append(f"{connection.topic}: its messages of type {kind} are left out")
 
 
-def _types_of(channel: Channel) -> dict[str, Any]:
-    """Return the types that a channel defines; none where the library does not understand them."""
+def _types_of(kind: str, definition: Any) -> dict[str, Any]:
+    """Return the types that a definition holds; none where the library does not understand it."""
     from rosbags.typesys import get_types_from_idl, get_types_from_msg
 
-    kind, text = channel.language, channel.definition
     found: dict[str, Any] = {}
     with contextlib.suppress(Exception):  # the types are missing then
-        if kind == "MSG":
-            found.update(get_types_from_msg(text, channel.type))
-        for part in text.split("=" * 80 + "\n") if kind == "IDL" else ():
-            lines = part.split("\n", 1)
-            found.update(get_types_from_idl(lines[-1] if lines[0].startswith("IDL: ") else part))
+        if definition.format.name == "MSG":
+            found.update(get_types_from_msg(definition.data, kind))
+        for part in (
+            definition.data.split("=" * 80 + "\n") if definition.format.name == "IDL" else ()
+        ):
+            found.update(get_types_from_idl(re.sub(r"\AIDL: .*\n", "", part)))
     return found
 
 
 def _contents(path: Path) -> Contents:
     found: dict[str, tuple[str, ...]] = {}
-    left = MOST_COLUMNS
     with _open(path) as bag:
         for name, topic in bag.topics.items():
-            raw = next((raw for _, _, raw in bag.messages([name])), None)
-            if not isinstance(raw, bytes):
-                continue
-            with contextlib.suppress(ValueError):  # a damaged message
-                columns = find_fields(raw, topic.types, topic.type, ros1=bag.ros1).columns
-                if columns:
-                    found[name] = columns
-                    left -= len(columns)
-            if left < 0:
+            columns: list[str] = []
+            raw: Any = next((raw for _, _, raw in bag.messages([name])), None)
+            with contextlib.suppress(Exception):  # a damaged message, or none
+                _find_numbers(topic.decode(raw, topic.type), "", columns)
+            if own := tuple(column for column in columns if not column.startswith("header.")):
+                found[name] = own
+            if sum(map(len, found.values())) > MOST_COLUMNS:
                 raise LogError(
                     f"{path}: must hold at most {MOST_COLUMNS} numbers by name. Keep fewer topics."
                 )
@@ -237,28 +287,67 @@ def _contents(path: Path) -> Contents:
     return found
 
 
+def _find_numbers(value: Any, path: str, found: list[str]) -> None:
+    """Add the paths of the numbers within a part of a message."""
+    if dc.is_dataclass(value):
+        for field in dc.fields(value):
+            if "covariance" not in field.name and field.name != PADDING:
+                name = f"{path}.{field.name}" if path else field.name
+                _find_numbers(getattr(value, field.name), name, found)
+    elif isinstance(value, list | np.ndarray):
+        for i, item in enumerate(value if len(value) <= LONGEST else ()):
+            _find_numbers(item, f"{path}[{i}]", found)
+    elif not isinstance(value, str) and len(found) < MOST_NUMBERS:
+        found.append(path)
+
+
+def _getter(path: str) -> Callable[[Any], float]:
+    """Return what takes a number out of a message: NaN where its list is shorter."""
+    if "[" not in path:
+        return operator.attrgetter(path)
+    steps = re.findall(r"[^.\[\]]+", path)
+
+    def get(message: Any) -> float:
+        for step in steps:
+            if not step.isdigit():
+                message = getattr(message, step)
+            elif int(step) < len(message):
+                message = message[int(step)]
+            else:
+                return np.nan
+        return float(message)
+
+    return get
+
+
 @dc.dataclass
 class _Rows:
     """What is read of a topic: times of receipt and stamps [ns], numbers row by row."""
 
     columns: list[str]
-    decoder: Decoder
+    topic: _Topic
     received: "array[int]" = dc.field(default_factory=lambda: array("q"))
     stamps: "array[int]" = dc.field(default_factory=lambda: array("q"))
     numbers: "array[float]" = dc.field(default_factory=lambda: array("d"))
     damaged: int = 0
 
+    def __post_init__(self) -> None:
+        self._getters = [_getter(column) for column in self.columns]
+
     def take(self, time: Any, raw: Any) -> None:
         """Read a message; one that is damaged is counted."""
         try:
-            if not (isinstance(raw, bytes) and isinstance(time, int) and 0 <= time < 1 << 62):
-                raise ValueError("no message")
-            seconds, nanoseconds, *numbers = self.decoder(raw)
-        except ValueError:
+            message = self.topic.decode(raw, self.topic.type)
+            numbers = [get(message) for get in self._getters]
+            stamp = getattr(getattr(message, "header", None), "stamp", None)
+            self.stamps.append(stamp.sec * 1_000_000_000 + stamp.nanosec if stamp else 0)
+            if not 0 <= time < 1 << 62:
+                raise ValueError("no time")
+        except Exception:  # whatever may be met in damaged bytes
             self.damaged += 1
+            del self.stamps[len(self.received) :]
             return
         self.received.append(time)
-        self.stamps.append(int(seconds) * 1_000_000_000 + int(nanoseconds))
         self.numbers.extend(numbers)
 
     def sort(self) -> None:
@@ -289,41 +378,36 @@ class _Rows:
 
 def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Recording:
     with _open(path) as bag:
-        rows = {}
-        for name, columns in wanted.items():
-            if name not in bag.topics:
-                raise LogError(
-                    f"{path}, {name}: must be a topic of a known type in the bag; mend the map."
-                )
-            topic = bag.topics[name]
-            rows[name] = _Rows(columns, Decoder(topic.types, topic.type, columns, ros1=bag.ros1))
-        total = max(1, sum(bag.topics[name].count for name in wanted))
+        lacking = next((name for name in wanted if name not in bag.topics), None)
+        if lacking is not None:
+            raise LogError(
+                f"{path}, {lacking}: must be a topic of a known type in the bag; mend the map."
+            )
+        rows = {name: _Rows(columns, bag.topics[name]) for name, columns in wanted.items()}
+        total = sum(c.msgcount for name in wanted for _, c in bag.topics[name].sources)
         cells = cell_budget(path)
-        for i, (name, time, raw) in enumerate(bag.messages(list(wanted))):
+        for i, (name, time, raw) in enumerate(bag.messages(wanted)):
             rows[name].take(time, raw)
             cells -= 2 + len(rows[name].columns)
             if cells < 0:
                 raise too_many_cells(path)
             if i % EVERY == 0:
-                progress(min(1.0, i / total))
-        progress(1.0)
-        facts = {"ros": "1" if bag.ros1 else "2"}
-        facts |= {f"type of {name}": bag.topics[name].type for name in wanted}
-        notes = bag.notes + [
-            f"{n}: {r.damaged} messages are damaged" for n, r in rows.items() if r.damaged
-        ]
-        for r in rows.values():
-            r.sort()
-        times, clocks = _times(rows)
-        streams = {}
-        for name, r in rows.items():
-            values = np.array(r.numbers).reshape(len(times[name]), len(r.columns))
-            streams[name] = Stream(times[name], {c: values[:, i] for i, c in enumerate(r.columns)})
-        said = tuple(note for storage in bag.storages for note in getattr(storage, "notes", ()))
-    lines = tuple(
-        f"{path}: {note}" for note in [*dict.fromkeys(notes), *clocks] if note not in said
-    )
-    return Recording(str(path), streams, facts, lines, said)
+                progress(min(1.0, i / max(total, 1)))
+    progress(1.0)
+    facts = {"ros": "1" if bag.ros1 else "2"}
+    facts |= {f"type of {name}": bag.topics[name].type for name in wanted}
+    notes = bag.notes + [
+        f"{n}: {r.damaged} messages are damaged" for n, r in rows.items() if r.damaged
+    ]
+    for r in rows.values():
+        r.sort()
+    times, clocks = _times(rows)
+    streams = {}
+    for name, r in rows.items():
+        values = np.array(r.numbers).reshape(len(times[name]), len(r.columns))
+        streams[name] = Stream(times[name], {c: values[:, i] for i, c in enumerate(r.columns)})
+    lines = tuple(f"{path}: {note}" for note in [*dict.fromkeys(notes), *clocks])
+    return Recording(str(path), streams, facts, lines)
 
 
 def _times(rows: Mapping[str, _Rows]) -> tuple[dict[str, np.ndarray], list[str]]:
@@ -401,13 +485,13 @@ def _topic(contents: Contents, columns: tuple[str, ...], preferred: str = "") ->
 def _recognises(path: Path, start: bytes) -> bool:
     if path.is_dir():
         return (path / "metadata.yaml").exists() or any(
-            f.suffix in (".mcap", ".db3") for f in path.iterdir()
+            f.suffix in FILES[:2] for f in path.iterdir()
         )
     return start.startswith((MCAP, ROS1)) or (path.suffix == ".db3" and start.startswith(SQLITE))
 
 
 def _one_line(error: BaseException) -> str:
-    return " ".join(f"{error or type(error).__name__}".split())[:200].rstrip(".")
+    return " ".join((str(error) or type(error).__name__).split())[:200].rstrip(".")
 
 
 TITLE = "ROS 2 bag (folder, .mcap, .db3) and ROS 1 .bag"

@@ -1,20 +1,26 @@
 """Tables: CSV with any delimiter and Parquet, one stream whose columns only their user's map can
-tell.
+tell; and flights of the Neural-Fly data set (O'Connell et al. 2022), CSV at 50 Hz.
 
 A cell may hold a list of numbers, or a list of lists: its numbers are columns `name[0]`, `name[1]`,
 … row by row.
+Of Neural-Fly, W is z up. The attitude `q` is x, y, z, w from body to W, the body's z axis along the
+thrust. The rates `w` are in axes of W, not of the body: where the vehicle leans against the wind
+they differ, and the derivative of `q` agrees in W only. `T_sp` is the normalised collective thrust
+command, `hover_throttle` the one that hovers, by battery voltage; thrust grows with about the 1.3th
+power of their quotient about hover. `pwm` [us] is that of the four motors.
 """
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from np_drake.logs.columns import COLUMNS, FORCE
+from np_drake.logs.columns import COLUMNS, FORCE, THRUST
 from np_drake.logs.errors import LogError
-from np_drake.logs.formats import parquet_file, table_text
+from np_drake.logs.formats import parquet_file, text_table
 from np_drake.logs.formats.format import Contents, Format, Progress, Recording, Stream
-from np_drake.logs.formats.table_units import stated_units
+from np_drake.logs.formats.text_table import first_lines, split_header, stated_units
 from np_drake.logs.importing.log_map import UNITS, LogMap, Source
 
 STREAM = "table"
@@ -31,6 +37,24 @@ TIMES = {
 }
 
 
+# Our own columns: field of the map, group of columns, how they are meant; the first that is there.
+OWN: tuple[tuple[str, str, dict[str, Any]], ...] = (
+    ("attitude", "q", {}),
+    ("position", "p", {}),
+    ("velocity", "v", {"axes": "world"}),
+    ("rates", "w", {"axes": "body"}),
+    ("acceleration", "a", {"axes": "world", "kind": "acceleration"}),
+    ("acceleration", "force", {"axes": "body", "kind": "specific_force"}),
+    ("angular_acceleration", "al", {"axes": "body"}),
+    ("thrust", "thrust", {}),
+    ("torque", "torque", {}),
+    ("rotor_speed", "rotor", {}),
+    ("throttle", "throttles", {}),
+    ("throttle", "throttle", {}),
+    ("voltage", "voltage", {}),
+)
+
+
 def recognises(path: Path, start: bytes) -> bool:
     """Return whether the name is that of a table, and the first line, of a text, has several
     columns.
@@ -39,15 +63,8 @@ def recognises(path: Path, start: bytes) -> bool:
         return True
     if not path.name.lower().endswith(TEXTS):
         return False
-    line = first_line(start)
-    return bool(line) and "\x00" not in line and len(table_text.split_header(line)) > 1
-
-
-def first_line(start: bytes) -> str:
-    """Return the header of a text table from its first bytes, which may be compressed; empty if
-    they are no gzip.
-    """
-    return next(iter(table_text.first_lines(start)), "")
+    line = first_lines(start)[0]
+    return bool(line) and "\x00" not in line and len(split_header(line)) > 1
 
 
 def contents(path: Path) -> Contents:
@@ -56,7 +73,7 @@ def contents(path: Path) -> Contents:
     Raises: LogError: if the file is no table; OSError: if it cannot be opened.
     """
     names = (
-        parquet_file.column_names(path) if is_parquet(path) else table_text.read_layout(path).names
+        parquet_file.column_names(path) if is_parquet(path) else text_table.read_layout(path).names
     )
     return {STREAM: tuple(names)}
 
@@ -68,35 +85,16 @@ def default_map(contents: Contents) -> LogMap | None:
     with specific force; what else the state lacks, an import derives.
     """
     names = set(contents.get(STREAM, ()))
-    here = {field: list(group) for field, group in COLUMNS.items() if names.issuperset(group)}
+    groups = {**COLUMNS, "force": FORCE, "thrust": THRUST, "torque": COLUMNS["u"][1:]}
+    here = {field: list(group) for field, group in groups.items() if names.issuperset(group)}
     posed = "q" in here and {"p", "v", "a"} & here.keys()
-    if "t" not in here or not (posed or ("w" in here and names.issuperset(FORCE))):
+    if "t" not in here or not (posed or {"w", "force"} <= here.keys()):
         return None
     log_map = LogMap(format=STREAM, command="held_after", time=Source(["t"]))
-    if "q" in here:
-        log_map.attitude = Source(here["q"])
-    if "p" in here:
-        log_map.position = Source(here["p"])
-    if "v" in here:
-        log_map.velocity = Source(here["v"], axes="world")
-    if "w" in here:
-        log_map.rates = Source(here["w"], axes="body")
-    if "a" in here:
-        log_map.acceleration = Source(here["a"], axes="world", kind="acceleration")
-    elif names.issuperset(FORCE):
-        log_map.acceleration = Source(list(FORCE), axes="body", kind="specific_force")
-    if "al" in here:
-        log_map.angular_acceleration = Source(here["al"], axes="body")
-    if "u" in here:
-        log_map.thrust, log_map.torque = Source(here["u"][:1]), Source(here["u"][1:])
-    elif "thrust" in names:
-        log_map.thrust = Source(["thrust"])
-    if "rotor" in here:
-        log_map.rotor_speed = Source(here["rotor"])
-    if throttle := here.get("throttles", here.get("throttle")):
-        log_map.throttle = Source(throttle)
-    if "voltage" in here:
-        log_map.voltage = Source(here["voltage"])
+    for name, field, how in OWN:
+        columns = here.get(field)
+        if columns and not getattr(log_map, name):
+            setattr(log_map, name, Source(columns, **how))
     return log_map.check()
 
 
@@ -121,11 +119,12 @@ def read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Rec
     time = next((name for name in TIMES if name in known), None)
     needed = list(dict.fromkeys([*names, *([time] if time else [])])) or list(known[:1])
     if is_parquet(path):
-        columns, notes = parquet_file.read_columns(path, needed, progress)
+        columns, notes = parquet_file.read_columns(path, needed), list[str]()
         units = stated_units(known)
+        progress(1.0)
     else:
-        columns, notes = table_text.read_columns(path, needed, progress)
-        units = {**stated_units(known), **table_text.read_layout(path).units}
+        columns, notes = text_table.read_columns(path, needed, progress)
+        units = {**stated_units(known), **(text_table.read_layout(path).units or {})}
     length = len(next(iter(columns.values()), ()))
     t = columns[time] * UNITS["time"][TIMES[time]] if time else np.full(length, np.nan)
     clock = f"column {time} [{TIMES[time]}]" if time else "none of the known names"
@@ -138,4 +137,42 @@ def is_parquet(path: Path) -> bool:
     return path.name.lower().endswith(PARQUET)
 
 
+# Columns of every file of Neural-Fly.
+NEURAL_FLY_HEADER = ("t", "p", "v", "q", "R", "w", "T_sp", "q_sp", "hover_throttle", "fa", "pwm")
+
+
+def _is_neural_fly(path: Path, start: bytes) -> bool:
+    """Return whether the header has the columns of the data set."""
+    names = split_header(first_lines(start)[0])
+    return recognises(path, start) and set(NEURAL_FLY_HEADER) <= set(names)
+
+
+def _neural_fly_map(contents: Contents) -> LogMap | None:
+    """Return the map of the data set; None if a column is not there.
+
+    The rows are a thinned record of a faster loop: a command is a sample of one that changes in
+    between.
+    """
+    log_map = LogMap(
+        format="neural_fly",
+        world="enu",
+        body="flu",
+        command="sampled",
+        time=Source(["t"]),
+        position=Source(_items("p", 3)),
+        velocity=Source(_items("v", 3), axes="world"),
+        attitude=Source(_items("q", 4), order="xyzw", direction="body_to_world"),
+        rates=Source(_items("w", 3), axes="world"),
+        throttle=Source(_items("T_sp", 1)),
+        hover_throttle=Source(_items("hover_throttle", 1)),
+    ).check()
+    return log_map if set(log_map.names()) <= set(contents.get(STREAM, ())) else None
+
+
+def _items(name: str, count: int) -> list[str]:
+    return [f"{name}[{i}]" for i in range(count)]
+
+
 TABLE = Format(STREAM, "CSV or Parquet table with a map", recognises, contents, default_map, read)
+TITLE = "Neural-Fly data set, CSV"
+NEURAL_FLY = Format("neural_fly", TITLE, _is_neural_fly, contents, _neural_fly_map, read)

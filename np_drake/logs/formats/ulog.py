@@ -1,36 +1,259 @@
-"""PX4 ULog, read with pyulog (extra `ulog`).
+"""PX4 ULog, read with pyulog (extra `ulog`), and the map of PX4's own messages, in NED and FRD.
 
 Streams bear the message's name (`vehicle_attitude`, a further instance `vehicle_imu.1`), columns
 its fields (`q[0]`, `esc[0].esc_rpm`). Source: PX4 user guide, "ULog File Format", and PX4's message
 reference (uORB).
+Of the motors: parameter reference (CA_ROTORn_…, PWM_MAIN_FUNCn, …).
 """
 
 import contextlib
 import dataclasses as dc
+import io
+import itertools
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from np_drake.logs.errors import LogError
+from np_drake.logs.errors import LogError, optional_package
 from np_drake.logs.formats.format import (
     Contents,
     Format,
+    Motors,
     Progress,
     Recording,
     Scanned,
     Stream,
+    first_source,
     no_progress,
 )
-from np_drake.logs.formats.ulog_map import default_map
-from np_drake.logs.formats.ulog_motors import ROTOR_COLUMN, motors
-from np_drake.logs.formats.ulog_parser import Guarded, parse, stream_name
+from np_drake.logs.importing.interpolation import SLOWEST_ROTORS
+from np_drake.logs.importing.log_map import SIZES, LogMap, Source
+from np_drake.vehicle.rotor_layout import FIRMWARE, RotorLayout
+
+ROTOR_COLUMN = re.compile(r"(esc\[\d+\]\.esc_rpm|control\[\d+\]|output\[\d+\])")
+FUNCTION = re.compile(r"([A-Z0-9_]+)_FUNC(\d+)")  # of an output
+FIRST_MOTOR = 101  # function of an output, or of a speed controller, that is motor 1
+MOST_MOTORS = 12
+BY_TYPE = {2: 4, 13: 6, 14: 8}  # rotors by MAV_TYPE
+DSHOT_TIMERS = range(-5, -1)  # PWM_MAIN_TIMn of DShot 150 to 1200
+ENDS = {
+    "UAVCAN_EC": (0.0, 8191.0),
+    "SIM_GZ_EC": (0.0, 1000.0),
+}  # of outputs whose parameters do not say
+Parameters = Mapping[str, float]
+
+
+def require_motors(contents: Contents) -> None:
+    """Check that the outputs of a log, where nothing else tells its thrust, do not move for unknown
+    reasons.
+
+    Raises: ValueError: if they do.
+    """
+    for name, columns in contents.items():
+        moving = sum(bool(ROTOR_COLUMN.fullmatch(column)) for column in columns)
+        if name.partition(".")[0] in ("actuator_motors", "actuator_outputs") and moving:
+            raise ValueError(
+                f"{moving} outputs of {name} move, and nothing says which are all of the "
+                f"motors (PWM_MAIN_FUNCn, "
+                "CA_ROTOR_COUNT). Name them as throttle in a map."
+            )
+
+
+def motors(contents: Contents, slowest: float = 0.0) -> Motors:
+    """Return the motors of a log, and their layout where it has four.
+
+    Args:
+        slowest: rate below which a stream is passed over [Hz].
+    Raises: ValueError: if outputs move and nothing says which are motors.
+    """
+    parameters: Parameters = getattr(contents, "parameters", {})
+    rates = getattr(contents, "rates", {})
+    fast = {
+        name: columns for name, columns in contents.items() if rates.get(name, np.inf) >= slowest
+    }
+    lifting = _lifting(parameters)
+    throttle = _motor_throttle(fast, parameters, lifting)
+    count = len(lifting) if lifting else len(throttle.columns)
+    speed = (
+        Source() if count > 4 else _rotor_speed(fast, getattr(contents, "values_of", {}), lifting)
+    )
+    notes = (
+        []
+        if count in (0, 4)
+        else [f"{count} motors: their collective thrust alone is taken, torque is not told"]
+    )
+    layout = (
+        _layout(parameters, lifting) if 4 in (len(throttle.columns), len(speed.columns)) else None
+    )
+    return Motors(
+        throttle, speed, layout, tuple(notes), unit=throttle.unit != "us" or bool(throttle.ends)
+    )
+
+
+def _lifting(parameters: Parameters) -> list[int]:
+    """Return the numbers of the rotors whose thrust is along body z, from 0; empty: the log does
+    not state them.
+    """
+    count = int(parameters.get("CA_ROTOR_COUNT", 0)) or BY_TYPE.get(
+        int(parameters.get("MAV_TYPE", 0)), 0
+    )
+    count = min(count, MOST_MOTORS)
+    tilted = {
+        n
+        for n in range(count)
+        for axis in "XY"
+        if abs(parameters.get(f"CA_ROTOR{n}_A{axis}", 0.0)) > 0.5
+    }
+    return [n for n in range(count) if n not in tilted]
+
+
+def _motor_throttle(contents: Contents, parameters: Parameters, lifting: Sequence[int]) -> Source:
+    """Return the throttle of every motor: as it is allocated, else as it is put out."""
+    moving = [c for c in contents.get("actuator_motors", ()) if ROTOR_COLUMN.fullmatch(c)]
+    wanted = [f"control[{n}]" for n in lifting]
+    columns = wanted if wanted and set(wanted) <= set(moving) else [] if wanted else moving
+    if len(columns) in SIZES["throttle"][1:]:
+        return Source([f"actuator_motors/{c}" for c in columns], "1")
+    return _outputs(contents, parameters, lifting)
+
+
+def _outputs(contents: Contents, parameters: Parameters, lifting: Sequence[int]) -> Source:
+    """Return the outputs of the motors by their functions, else those that move if they are as many
+    as motors.
+    """
+    streams = {
+        name: [c for c in columns if ROTOR_COLUMN.fullmatch(c)]
+        for name, columns in contents.items()
+        if name.partition(".")[0] == "actuator_outputs"
+    }
+    functions = _functions(parameters)
+    if functions:
+        chosen = [functions[n] for n in lifting or sorted(functions) if n in functions]
+        found = _by_function(streams, chosen) if len(chosen) == len(lifting or functions) else []
+        if len(found) not in SIZES["throttle"][1:]:
+            return Source()
+        return Source(found, **_unit(parameters, chosen))
+    for name, columns in streams.items():
+        if len(columns) in SIZES["throttle"][1:] and len(columns) == (len(lifting) or 4):
+            return Source([f"{name}/{c}" for c in columns], **_unit(parameters, []))
+    return Source()
+
+
+def _functions(parameters: Parameters) -> dict[int, tuple[str, int]]:
+    """Return by motor, from 0, the group of outputs that drives it and the number of the output,
+    from 1.
+    """
+    found: dict[int, tuple[str, int]] = {}
+    for name, value in parameters.items():
+        match = FUNCTION.fullmatch(name)
+        if match and FIRST_MOTOR <= value < FIRST_MOTOR + MOST_MOTORS:
+            found.setdefault(int(value) - FIRST_MOTOR, (match[1], int(match[2])))
+    return found
+
+
+def _by_function(
+    streams: Mapping[str, Sequence[str]], chosen: Sequence[tuple[str, int]]
+) -> list[str]:
+    """Return the columns of outputs; each group of them is one stream, that in which all of its
+    outputs move.
+
+    Raises: ValueError: if several streams can be a group.
+    """
+    stream_of: dict[str, str] = {}
+    for group in dict.fromkeys(group for group, _ in chosen):
+        wanted = {f"output[{number - 1}]" for own, number in chosen if own == group}
+        able = [
+            n
+            for n, columns in streams.items()
+            if wanted <= set(columns) and n not in stream_of.values()
+        ]
+        exact = [n for n in able if wanted == set(streams[n])]
+        if len(able) > 1 and len(exact) != 1:
+            raise ValueError(
+                f"{' and '.join(able)} must tell which is {group}; the outputs of its "
+                f"motors move in each. Name the "
+                "columns of throttle in a map."
+            )
+        if not able:
+            return []
+        stream_of[group] = (exact or able)[0]
+    return [f"{stream_of[group]}/output[{number - 1}]" for group, number in chosen]
+
+
+def _unit(parameters: Parameters, chosen: Sequence[tuple[str, int]]) -> dict[str, Any]:
+    """Return unit and ends of outputs; `us` without ends: the log does not state it."""
+    groups = {group for group, _ in chosen}
+    timers = [
+        value for name, value in parameters.items() if re.fullmatch(r"PWM_(MAIN|AUX)_TIM\d+", name)
+    ]
+    digital = bool(timers) and all(value in DSHOT_TIMERS for value in timers)
+    if parameters.get("DSHOT_CONFIG", 0) > 0 or (digital and groups <= {"PWM_MAIN", "PWM_AUX"}):
+        return {"unit": "dshot"}
+    if groups == {"HIL_ACT"}:
+        return {"unit": "1"}
+    ends: list[float] = []
+    for group, number in chosen or [("", 0)]:
+        usual = ENDS.get(group, (np.nan, np.nan))
+        low = _first(parameters, f"{group}_MIN{number}", "PWM_MAIN_MIN", "PWM_MIN", usual=usual[0])
+        high = _first(parameters, f"{group}_MAX{number}", "PWM_MAIN_MAX", "PWM_MAX", usual=usual[1])
+        ends += [low, high]
+    mixed = any(value in DSHOT_TIMERS for value in timers)
+    whole = not mixed and all(low < high for low, high in zip(ends[::2], ends[1::2], strict=True))
+    return {
+        "unit": "us",
+        "ends": (ends[:2] if ends == ends[:2] * (len(ends) // 2) else ends) if whole else [],
+    }
+
+
+def _first(parameters: Parameters, *names: str, usual: float) -> float:
+    """Return the first of the parameters that is there and positive."""
+    return next(
+        (float(parameters[name]) for name in names if parameters.get(name, -1.0) > 0), usual
+    )
+
+
+def _layout(parameters: Parameters, lifting: Sequence[int]) -> RotorLayout | None:
+    """Return where four rotors are: as the allocation has them, else as the airframe's number
+    says.
+    """
+    if len(lifting) == 4 and all(
+        f"CA_ROTOR{n}_P{axis}" in parameters for n in lifting for axis in "XY"
+    ):
+        # FRD: y is to the right, and a moment about z that is positive turns to the right.
+        positions = tuple(
+            (parameters[f"CA_ROTOR{n}_PX"], -parameters[f"CA_ROTOR{n}_PY"]) for n in lifting
+        )
+        directions = tuple(-float(np.sign(parameters.get(f"CA_ROTOR{n}_KM", 0.0))) for n in lifting)
+        if any(x or y for x, y in positions):
+            return RotorLayout(positions, directions, "CA_ROTORn_PX, PY, KM")
+    frame = int(parameters.get("SYS_AUTOSTART", 0))
+    if 4000 <= frame < 5000 and len(lifting) in (0, 4):
+        return dc.replace(FIRMWARE["px4"], source=f"SYS_AUTOSTART {frame}, Quadrotor x")
+    return None
+
+
+def _rotor_speed(contents: Contents, values: Mapping[str, float], lifting: Sequence[int]) -> Source:
+    """Return the speeds of the four motors that report; in the order of their functions where these
+    are logged.
+    """
+    columns = [c for c in contents.get("esc_status", ()) if ROTOR_COLUMN.fullmatch(c)]
+    functions = [
+        values.get(f"esc_status/{c.partition('.')[0]}.actuator_function", 0.0) for c in columns
+    ]
+    if all(FIRST_MOTOR <= f < FIRST_MOTOR + MOST_MOTORS for f in functions):
+        ordered = sorted(zip(functions, columns, strict=True))
+        columns = [c for f, c in ordered if not lifting or int(f) - FIRST_MOTOR in lifting]
+    return Source([f"esc_status/{c}" for c in columns], "rpm") if len(columns) == 4 else Source()
+
 
 MAGIC = b"\x55\x4c\x6f\x67\x01\x12\x35"
 LONGEST_DELAY = 1_000_000  # of a message; beyond, timestamp_sample means something else [us]
 PROBED = ("esc_status", "actuator_motors", "actuator_outputs")  # their unused columns are left out
+LARGEST_MESSAGE = 65_535  # [bytes], its size is a uint16
+MOST_FIELDS = 200_000  # of all subscriptions together
 # They act when they are published, whatever they were computed from.
 COMMANDS = re.compile(r"actuator_.*|.*_setpoint")
 PARAMETERS = re.compile(
@@ -49,56 +272,127 @@ VALID = ("xy_valid", "z_valid", "v_xy_valid", "v_z_valid")  # of a local positio
 RESETS = "_reset_counter"  # end of the names of its counters
 
 
-@dc.dataclass
-class _Said:
-    """What is to be said of a stream.
+class _Bounded(io.BufferedReader):
+    """A file of which at most so much is read, as a damaged one may send its reader in circles.
 
-    delay: of its messages after their samples [s]; None: its times are those of the messages.
-    notes: one line each. never: flags that are not set in any row.
-    resets: times at which its estimate is reset, with the reason.
+    cut: it ends within a message.
     """
 
-    name: str
-    delay: float | None
-    notes: list[str]
-    never: list[str]
-    resets: list[tuple[float, str]]
+    cut = False
+
+    def __init__(self, path: Path, progress: Progress) -> None:
+        super().__init__(io.FileIO(path))
+        self._size, self._progress = max(path.stat().st_size, 1), progress
+        self._left, self._calls = 100 * self._size + (16 << 20), 0
+
+    def read(self, size: int | None = -1, /) -> bytes:
+        """Read bytes; ValueError where far more was read than a file of this size takes."""
+        data = super().read(size)
+        self.cut = len(data) < (size or 0) and (size != 3 or bool(data))
+        self._left -= len(data) + 32
+        if self._left < 0:
+            raise RuntimeError("its messages lead in circles")
+        self._calls += 1
+        if not self._calls & 0x3FFF:
+            self._progress(min(self.tell() / self._size, 1.0))
+        return data
+
+
+def _parse(path: Path, names: Sequence[str] | None, progress: Progress) -> tuple[Any, bool]:
+    """Return pyulog's log with the rows of the named messages, None: of all, and whether it ends
+    within a message.
+
+    Raises: LogError: if it is no ULog file, or pyulog is not installed.
+    """
+    needs = "ULog needs pyulog; pip install 'np_drake[ulog]', or convert to CSV."
+    pyulog = optional_package("pyulog", path, needs)
+    left = MOST_FIELDS
+
+    class Added(pyulog.ULog._MessageAddLogged):  # type: ignore[misc,name-defined]
+        """A subscription; pyulog leaves one out that has no time, or too many fields."""
+
+        def __init__(self, data: bytes, header: Any, formats: Any) -> None:
+            nonlocal left
+            left -= counts.get(data[3:].decode("utf-8", "ignore"), 0)
+            if left < 0:
+                raise ValueError("more fields than a log has")
+            super().__init__(data, header, formats)
+            if self.timestamp_idx < 0 or self.field_data[self.timestamp_idx].type_str != "uint64_t":
+                raise ValueError("a message without a time")
+
+    class Log(pyulog.ULog):  # type: ignore[misc,name-defined]
+        _MessageAddLogged = Added
+
+    with _Bounded(path, no_progress) as start, _Bounded(path, progress) as file:
+        try:
+            with contextlib.redirect_stdout(io.StringIO()):  # pyulog prints its warnings
+                head = pyulog.ULog(start, parse_header_only=True)
+                if any(b <= a for a, b in itertools.pairwise(head._appended_offsets)):
+                    raise ValueError("its appended data lead back")  # and would be read twice
+                counts = _field_counts(head.message_formats)
+                log = Log(file, names)
+        except Exception as error:  # pyulog says what is wrong with a file in many ways
+            reason = (str(error).splitlines() or [type(error).__name__])[0].rstrip(".")
+            raise LogError(
+                f"{path}: must be a whole ULog file; {reason}; copy it again from the vehicle."
+            ) from error
+    progress(1.0)
+    return log, file.cut
+
+
+def _field_counts(formats: Mapping[str, Any]) -> dict[str, int]:
+    """Return the number of scalars in every message.
+
+    Raises: ValueError: if a message holds more than a message can; RecursionError: if one holds
+    itself.
+    """
+    counts: dict[str, int] = {}
+
+    def count(name: str) -> int:
+        if name not in counts and name in formats:
+            fields = formats[name].fields
+            counts[name] = sum(max(size, 1) * count(kind) for kind, size, _ in fields)
+            if counts[name] > LARGEST_MESSAGE:
+                raise ValueError(f"the message {name[:40]!r} is larger than a message can be")
+        return counts.get(name, 1)
+
+    return {name: count(name) for name in formats}
+
+
+def _stream_name(data: Any) -> str:
+    return f"{data.name}.{data.multi_id}" if data.multi_id else str(data.name)
+
+
+def _is_column(name: str, kind: str) -> bool:
+    field = name.rpartition(".")[2]
+    return name != "timestamp" and kind != "char" and not field.startswith("_padding")
 
 
 def _contents(path: Path) -> Contents:
-    """Return the fields of every message that has a row; the rows of three messages on rotors alone
-    are loaded.
+    """Return the fields of every message that has a row.
 
     Columns of rotors that never change are left out: an ESC, motor or output that is not there.
     Raises: LogError: if it is no ULog file, or pyulog is not installed.
     """
-    path = Path(path)
-    log, subscriptions, _ = parse(path, PROBED, no_progress)
-    unused: dict[str, set[str]] = {}
+    log, _ = _parse(Path(path), None, no_progress)
+    found: dict[str, tuple[str, ...]] = {}
     rates: dict[str, float] = {}
     values: dict[str, float] = {}
-    for data in log.data_list:
-        name = stream_name(data.name, data.multi_id)
-        unused[name] = {
-            c for c, v in data.data.items() if ROTOR_COLUMN.fullmatch(c) and not _changes(v)
-        }
-        span = float(data.data["timestamp"].max() - data.data["timestamp"].min())
-        values |= {
-            f"{name}/{c}": float(v[-1])
-            for c, v in data.data.items()
-            if c.endswith(".actuator_function")
-        }
-        rates[name] = (len(data.data["timestamp"]) - 1) * 1e6 / span if span else 0.0
-    found = {}
-    for s in subscriptions:
-        if s.rows:
-            found[s.name] = tuple(c for c in s.columns if c not in unused.get(s.name, ()))
-    numbers = {
-        name: value
-        for name, value in log.initial_parameters.items()
-        if isinstance(value, (int, float))
-    }
-    parameters = {name: float(value) for name, value in numbers.items() if np.isfinite(value)}
+    for data in sorted(log.data_list, key=lambda data: data.msg_id):  # as the log names them
+        name = _stream_name(data)
+        columns = [f.field_name for f in data.field_data if _is_column(f.field_name, f.type_str)]
+        if data.name in PROBED:
+            t = data.data["timestamp"]
+            span = float(t.max() - t.min())
+            rates[name] = (len(t) - 1) * 1e6 / span if span else 0.0
+            for c in [c for c in columns if c.endswith(".actuator_function")]:
+                values[f"{name}/{c}"] = float(data.data[c][-1])
+            columns = [
+                c for c in columns if not ROTOR_COLUMN.fullmatch(c) or _changes(data.data[c])
+            ]
+        found.setdefault(name, tuple(columns))
+    numbers = log.initial_parameters.items()
+    parameters = {n: float(v) for n, v in numbers if isinstance(v, int | float) and np.isfinite(v)}
     return Scanned(found, parameters, rates, values)
 
 
@@ -110,65 +404,51 @@ def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Re
     latter of commands.
     Raises: LogError: if it is no ULog file, a field is not there, or pyulog is not installed.
     """
-    path = Path(path)
-    log, _, guarded = parse(path, sorted({name.split(".")[0] for name in wanted}), progress)
-    streams, said = {}, []
+    log, cut = _parse(Path(path), sorted({name.split(".")[0] for name in wanted}), progress)
+    streams: dict[str, Stream] = {}
+    delays: dict[str, float] = {}
+    notes: list[str] = []
+    said: list[str] = []
+    resets: list[tuple[float, str]] = []
     for name, columns in wanted.items():
-        parts = [d for d in log.data_list if stream_name(d.name, d.multi_id) == name]
+        parts = [data.data for data in log.data_list if _stream_name(data) == name]
         if not parts:
             raise LogError(
                 f"{path}: must hold rows of {name}; it has none. Name another stream in the map."
             )
-        streams[name], told = _stream(path, name, parts, columns, log)
-        said.append(told)
-    notes = [*_damage(log, guarded), *_timing(said), *(note for s in said for note in s.notes)]
-    never = tuple(f"{s.name}: {', '.join(s.never)} never valid" for s in said if s.never)
-    resets = tuple(reset for s in said for reset in s.resets)
-    return Recording(str(path), streams, _facts(log), tuple(notes), never, resets)
-
-
-def _stream(
-    path: Path, name: str, parts: Sequence[Any], columns: Sequence[str], log: Any
-) -> tuple[Stream, _Said]:
-    """Return the wanted columns of one stream, and what there is to say of it."""
-    for column in columns:
-        if any(column not in part.data for part in parts):
-            raise LogError(f"{path}: must hold the field {column} of {name}; it does not.")
-
-    def joined(column: str) -> np.ndarray:
-        return np.concatenate([part.data[column] for part in parts])
-
-    known = set.intersection(*(set(part.data) for part in parts))
-    published = joined("timestamp")
-    kept = published != 0
-    measured = None
-    if "timestamp_sample" in known and not COMMANDS.fullmatch(name):
-        measured = joined("timestamp_sample")[kept]
-    times, delay = _times(published[kept], measured, log.start_timestamp)
-    flags = {
-        c: joined(c)[kept] for c in sorted(known) if c in VALID or c.endswith(RESETS.strip("_"))
-    }
-    lost = [] if kept.all() else [f"{name}: {np.sum(~kept)} rows without a time are left out."]
-    never = [
-        column.removesuffix("_valid")
-        for column in VALID
-        if column in flags and not flags[column].any()
-    ]
-    said = _Said(name, delay, [*lost, *_validity(name, times, flags)], never, _resets(times, flags))
-    return Stream(times, {c: joined(c)[kept].astype(float) for c in columns}), said
+        known = set.intersection(*map(set, parts))
+        for column in columns:
+            if column not in known:
+                raise LogError(f"{path}: must hold the field {column} of {name}; it does not.")
+        timed = np.concatenate([part["timestamp"] for part in parts]) != 0
+        data = {c: np.concatenate([part[c] for part in parts])[timed] for c in known}
+        sampled = None if COMMANDS.fullmatch(name) else data.get("timestamp_sample")
+        t, delay = _times(data["timestamp"], sampled, log.start_timestamp)
+        streams[name] = Stream(t, {c: data[c].astype(float) for c in columns})
+        if delay is not None:
+            delays[name] = delay
+        if not timed.all():
+            notes.append(f"{name}: {np.sum(~timed)} rows without a time are left out.")
+        flags = {c: data[c] for c in sorted(known) if c in VALID or c.endswith("reset_counter")}
+        notes += _validity(name, t, flags)
+        never = [c.removesuffix("_valid") for c in VALID if c in flags and not flags[c].any()]
+        said += [f"{name}: {', '.join(never)} never valid"] if never else []
+        resets += _resets(t, flags)
+    notes = [*_damage(log, cut), *_timing(wanted, delays), *notes]
+    return Recording(str(path), streams, _facts(log), tuple(notes), tuple(said), tuple(resets))
 
 
 def _times(
-    published: np.ndarray, measured: np.ndarray | None, start: int
+    published: np.ndarray, sampled: np.ndarray | None, start: int
 ) -> tuple[np.ndarray, float | None]:
     """Return times since the start of the log [s], and the median delay of the message [s] where
     samples are timed.
     """
     since = (published - np.uint64(start)).astype(np.int64)
-    if measured is None or measured.dtype != np.uint64 or not len(since):
+    if sampled is None or sampled.dtype != np.uint64:
         return since / 1e6, None
-    delay = (published - measured).astype(np.int64)
-    usable = (measured != 0) & (np.abs(delay) <= LONGEST_DELAY)
+    delay = (published - sampled).astype(np.int64)
+    usable = (sampled != 0) & (np.abs(delay) <= LONGEST_DELAY)
     if not usable.any():
         return since / 1e6, None
     return np.where(usable, since - delay, since) / 1e6, float(np.median(delay[usable])) / 1e6
@@ -204,24 +484,23 @@ def _resets(t: np.ndarray, flags: Mapping[str, np.ndarray]) -> list[tuple[float,
     return [(at, f"the estimator resets {what or 'its state'}?") for at, what in sorted(found)]
 
 
-def _timing(streams: Sequence[_Said]) -> Iterator[str]:
+def _timing(names: Iterable[str], delays: Mapping[str, float]) -> Iterator[str]:
     """Yield what the times of the streams are."""
-    sampled = [s for s in streams if s.delay is not None]
-    commands = [s.name for s in streams if COMMANDS.fullmatch(s.name)]
-    if sampled:
-        names = ", ".join(f"{s.name} ({1000 * (s.delay or 0):.1f} ms)" for s in sampled)
-        yield f"times are those of the sample, not of the message (median delay): {names}."
+    commands = [name for name in names if COMMANDS.fullmatch(name)]
+    if delays:
+        said = ", ".join(f"{name} ({1000 * delay:.1f} ms)" for name, delay in delays.items())
+        yield f"times are those of the sample, not of the message (median delay): {said}."
     if commands:
         yield f"times are those at which a command was published: {', '.join(commands)}."
 
 
-def _damage(log: Any, guarded: Guarded) -> Iterator[str]:
+def _damage(log: Any, cut: bool) -> Iterator[str]:
     """Yield notes on what is damaged, and on what the logger lost."""
     if log.file_corruption:
         yield "the log is damaged; messages that could not be read are left out."
-    if guarded.cut:
+    if cut:
         yield "the log ends within a message (cut off); its whole messages are kept."
-    lost = np.array(log.durations_lost) / 1000
+    lost = np.array([dropout.duration for dropout in log.dropouts]) / 1000
     if len(lost):
         yield (
             f"dropouts of the logger: {len(lost)}, {lost.sum():.3f} s together, the longest "
@@ -260,12 +539,98 @@ def _changes(values: np.ndarray) -> bool:
     return bool(len(finite)) and bool(finite.min() != finite.max())
 
 
+def _indexed(name: str, count: int) -> list[str]:
+    return [f"{name}[{i}]" for i in range(count)]
+
+
+_RATES = (
+    _indexed("vehicle_angular_velocity/xyz", 3),
+    _indexed("sensor_combined/gyro_rad", 3),
+    [f"vehicle_attitude/{axis}speed" for axis in ("roll", "pitch", "yaw")],
+    _indexed("vehicle_odometry/angular_velocity", 3),
+)
+_FORCES = (
+    _indexed("sensor_combined/accelerometer_m_s2", 3),
+    _indexed("vehicle_acceleration/xyz", 3),
+)
+
+
+def _default_map(contents: Contents) -> LogMap | None:
+    """Return the map of PX4's own messages (NED, FRD); None without position and attitude.
+
+    Rotor speed is measured, by the ESCs. Throttle is that of the motors where it is logged at 20 Hz
+    or more, else collective. Torque setpoints are normalised and have no unit: they are left out.
+    The velocity of an external vision is taken to be in body axes, as MAVLink's ODOMETRY has it.
+    Raises: ValueError: if outputs move and nothing says which are motors.
+    """
+    position, velocity, odometry = _position(contents)
+    found = LogMap(
+        format="ulog",
+        world="ned",
+        body="frd",
+        command="unknown",  # setpoints are logged at less than their own rate
+        position=position,
+        velocity=velocity,
+        attitude=first_source(
+            contents,
+            (_indexed(f"{stream}/q", 4) for stream in ("vehicle_attitude", odometry)),
+            order="wxyz",
+            direction="body_to_world",
+        ),
+        rates=first_source(contents, _RATES, unit="rad/s", axes="body"),
+        acceleration=first_source(
+            contents, _FORCES, unit="m/s2", axes="body", kind="specific_force"
+        ),
+        rotor_speed=motors(contents, SLOWEST_ROTORS).rotor_speed,
+        throttle=_throttle(contents),
+        hover_throttle=first_source(contents, [["hover_thrust_estimate/hover_thrust"]], unit="1"),
+        voltage=first_source(contents, [["battery_status/voltage_v"]], unit="V"),
+    )
+    if not found.tells_motion:
+        return None
+    if not (found.throttle or found.rotor_speed):
+        require_motors(contents)
+    return found
+
+
+def _position(contents: Contents) -> tuple[Source, Source, str]:
+    """Return position and velocity of one stream, and the odometry that may give the attitude."""
+    odometry = next(
+        (s for s in ("vehicle_odometry", "vehicle_visual_odometry") if s in contents), ""
+    )
+    for stream in ("vehicle_local_position", odometry):
+        axes = "body" if stream == "vehicle_visual_odometry" else "world"
+        places = [[f"{stream}/{axis}" for axis in "xyz"], _indexed(f"{stream}/position", 3)]
+        speeds = [[f"{stream}/v{axis}" for axis in "xyz"], _indexed(f"{stream}/velocity", 3)]
+        position = first_source(contents, places, unit="m")
+        if position:
+            return position, first_source(contents, speeds, unit="m/s", axes=axes), odometry
+    return Source(), Source(), odometry
+
+
+def _throttle(contents: Contents) -> Source:
+    """Return throttle of four motors, else collective, else that of motors of another number or
+    however slow.
+    """
+    own = motors(contents, SLOWEST_ROTORS).throttle
+    if len(own.columns) == 4:
+        return own
+    collective = (
+        first_source(contents, [["vehicle_thrust_setpoint/xyz[2]"]], unit="1", scale=-1.0)
+        or first_source(contents, [["actuator_controls_0/control[3]"]], unit="1")
+        or first_source(
+            contents, [["vehicle_attitude_setpoint/thrust_body[2]"]], unit="1", scale=-1.0
+        )
+    )
+    return collective or own or motors(contents).throttle
+
+
 ULOG = Format(
     "ulog",
     "PX4 ULog",
     lambda path, start: start.startswith(MAGIC),
     _contents,
-    default_map,
+    _default_map,
     _read,
     motors,
 )

@@ -4,8 +4,7 @@ import dataclasses as dc
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-from np_drake.files.yaml_file import load_checked
-from np_drake.files.yaml_text import read_yaml
+from np_drake.files.yaml_file import load_checked, read_yaml
 
 WORLDS = ("enu", "ned")  # z up (any horizontal axes), z down
 BODIES = ("flu", "frd")  # z along the thrust, z against it

@@ -13,7 +13,7 @@ from np_drake.logs.importing.interpolation import Signals
 from np_drake.logs.importing.log_map import LogMap, Source
 from np_drake.logs.importing.part import Part
 from np_drake.logs.throttle_input import lift_fit
-from np_drake.vehicle.physics import STRONGEST
+from np_drake.vehicle.vehicle import STRONGEST
 
 Parts = tuple[LogMap, list[Part], list[str]]  # map, what was made of every part, lines
 # Shortest pulse of an output that drives a motor [us]. Source: PX4, the least of PWM_MAIN_MINn. 0

@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from diagrams.challenge.generate import make
-from diagrams.challenge.generate.trajectories import draw_plan
-from diagrams.challenge.generate.vehicles import VEHICLES
+from diagrams.challenge import flight, make
+from diagrams.challenge.draw import VEHICLES
+from diagrams.challenge.plans import draw_plan
 
 SECONDS = 2.5
 
@@ -17,9 +17,8 @@ def short_warm_up():
     """Cases are made with a short warm-up: the laws hold from any start; a settled one only takes
     longer.
     """
-    short = {name: partial(fly, warm_up=0.5) for name, fly in make.simulators().items()}
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(make, "simulators", lambda: short)
+        patch.setattr(make, "fly", partial(flight.fly, warm_up=0.5))
         yield
 
 
@@ -51,6 +50,12 @@ def _beside(name):
 def by_hand():
     """Answers and truths whose score can be counted."""
     return _beside("hand_made")
+
+
+@pytest.fixture(scope="session")
+def make_flight():
+    """Return a flight with a force that the nominal model lacks."""
+    return _beside("made_flight").flight
 
 
 @pytest.fixture(scope="session")

@@ -3,7 +3,7 @@
 import copy
 from typing import Any
 
-from diagrams.challenge.score.answered_case import AnsweredCase
+from diagrams.challenge.answered_case import AnsweredCase
 
 FLOOR = {"force": 0.2, "torque": 0.02}  # that the true model leaves in every channel [N, N·m]
 SCALE = {"effect": "thrust_scale", "parameters": {"scale": 0.9}}
@@ -86,6 +86,12 @@ def make_case(
 ) -> AnsweredCase:
     """The two together."""
     return AnsweredCase(name, truth, answer)
+
+
+def again(case: AnsweredCase, **changes: Any) -> AnsweredCase:
+    """The case with another name, truth, answer or least visibility."""
+    own = {key: getattr(case, key) for key in ("name", "truth", "answer", "least")}
+    return AnsweredCase(**own | changes)
 
 
 def named(

@@ -7,7 +7,7 @@ import pytest
 
 from diagrams.cli.export import NAMES, export_corrected
 from diagrams.cli.main import run
-from diagrams.exports.coverage import FORMATS
+from diagrams.exports.formats import FORMATS
 from np_drake.effects.ground_effect import GroundEffect
 from np_drake.effects.thrust_scale import ThrustScale
 from np_drake.vehicle.vehicle import PRESETS, Vehicle

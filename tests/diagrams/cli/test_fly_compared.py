@@ -174,9 +174,12 @@ def test_a_number_out_of_range_is_refused_in_one_line(case, tmp_path, monkeypatc
     assert len(err.splitlines()) == 1
 
 
+STILL = ("hover", "hover_swing", "attach", "multisine")  # tracks without a speed
+
+
 @pytest.mark.parametrize("name", EXPERIMENTS)
 def test_the_common_numbers_suit_every_track(name):
-    speed = None if "hover" in name or name == "attach" else 0.8
+    speed = None if name in STILL else 0.8
     (config,) = loaded(name, payload=0.1, length=0.5, speed=speed, wind="1,0,-0.5")
     assert (config.reality.payload.mass, config.reality.payload.length) == (0.1, 0.5)
     assert config.reality.wind == [1.0, 0.0, -0.5]
@@ -186,12 +189,12 @@ def test_the_common_numbers_suit_every_track(name):
 def test_every_experiment_may_be_flown_at_its_own_speed():
     for name in EXPERIMENTS:
         (config,) = loaded(name)
-        if "hover" not in name and name != "attach":
+        if name not in STILL:
             loaded(name, speed=config.reference.speed)
 
 
 def test_a_track_without_a_speed_refuses_one(tmp_path):
-    with pytest.raises(ValueError, match="--speed: hover hovers"):
+    with pytest.raises(ValueError, match="--speed: the track hover has no speed"):
         loaded("hover", speed=1.0)
     (tmp_path / "t.csv").write_text(
         "t,x,y,z\n" + "\n".join(f"{k},{0.01 * k * k},0,1.5" for k in range(9))

@@ -3,7 +3,7 @@
 import pytest
 
 from diagrams.cli.main import run
-from np_drake.files.run_lock import lock_outputs
+from np_drake.files.atomic_file import lock_outputs
 
 PRESET = ["vehicle", "new", "--preset", "crazyflie", "--out"]
 MAKE = [

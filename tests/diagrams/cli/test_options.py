@@ -123,7 +123,7 @@ def test_verbs_of_many_cases_share_the_options_of_their_workers():
     many = {name: {p.name: p for p in verb.params} for name, verb in VERBS.items()}
     many = {name: known for name, known in many.items() if "jobs" in known}
     flown = {"tracking", "configurations", "hover", "attach", "weights", "tether", "theorem"}
-    flown |= {"robustness", "margins", "vehicles", "closing", "replay", "real"}
+    flown |= {"robustness", "margins", "vehicles", "real"}
     solved = {"make", "solve"}
     assert {f"reproduce {name}" for name in flown} | {
         f"challenge {name}" for name in solved

@@ -5,16 +5,13 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from diagrams.gap.drake_replay import DrakeReplay
 from diagrams.gap.side_by_side import LONGEST, RESTART, NoReplay, side_by_side, write_side_by_side
 from diagrams.loop.flight import default_flight
 from diagrams.loop.flight_result import fly
 from diagrams.loop.replay.film import FRAME_RATE
+from np_drake.diagnosis import result
 from np_drake.diagnosis import result as an
-from np_drake.diagnosis.residuals import residual_parts
-from np_drake.effects.linear_drag import LinearDrag
-from np_drake.effects.mass_error import MassError
-from np_drake.effects.suspended_payload import SuspendedPayload
+from np_drake.effects import LinearDrag, MassError, SuspendedPayload
 from np_drake.flight_log import FlightLog
 from np_drake.vehicle.vehicle import MeasurementNoise, Vehicle
 from systems.payload_config import PayloadConfig
@@ -27,27 +24,19 @@ NAME = "heldout"
 def logged(**reality) -> FlightLog:
     """Flight of 4 s on a circle, with ideal sensors."""
     config = default_flight(VEHICLE)
-    defaults = {
-        "rotor_drag": 0.5,
-        "motor_lag": 0.0,
-        "thrust_scale": 1.0,
-        "noise": MeasurementNoise(0, 0, 0, 0),
-    }
-    for name, value in {**defaults, "payload": PayloadConfig(tether="none"), **reality}.items():
-        setattr(config.reality, name, value)
+    given = {"rotor_drag": 0.5, "motor_lag": 0.0, "thrust_scale": 1.0}
+    given |= {"noise": MeasurementNoise(0, 0, 0, 0), "payload": PayloadConfig(tether="none")}
+    config.reality = dc.replace(config.reality, **given | reality)
     config.duration, config.reference.ramp = 3.0, 1.0
     config.controller.kind, config.controller.solver = "hold", "sqp"
     return dc.replace(fly(config, seed=0).log(), name=NAME)
 
 
 def found(*causes, joined=()) -> an.Diagnosis:
-    check = an.Identifiability(True, {}, {}, ())
-    gap_reduction = an.GapReduction(2.0, 1.0, 1.0, 1.0, (1.0, 1.0), ())
     names = tuple(cause.identifier for cause in causes)
-    where = residual_parts.Localisation(())
-    return an.Diagnosis(
-        "paper", ("t",), (NAME,), names, causes, check, where, gap_reduction, joined=joined
-    )
+    where, check = result.Localisation(()), an.Identifiability(True, {}, {}, ())
+    parts = (causes, check, where, an.GapReduction(2.0, 1.0))
+    return an.Diagnosis("paper", ("t",), (NAME,), names, *parts, joined=joined)
 
 
 def cause(effect, onset=None) -> an.Cause:
@@ -66,53 +55,25 @@ def seen(log):
 
 def test_the_ghost_of_a_perfect_simulator_lies_on_the_flight(seen):
     assert seen.corrected is not None
-    assert seen.corrected.error.max() < 2e-3  # smoothing of the start [m]
+    assert seen.corrected.errors[:, 0].max() < 2e-3  # smoothing of the start [m]
     assert np.abs(seen.corrected.x[:, :3] - seen.x[:, :3]).max() < 2e-3
-    assert seen.nominal.error.max() > 20 * seen.corrected.error.max()
-
-
-def test_both_ghosts_start_anew_from_the_flight(seen):
+    assert seen.nominal.errors[:, 0].max() > 20 * seen.corrected.errors[:, 0].max()
     starts = np.flatnonzero(seen.restarted == np.arange(len(seen.x)))
     np.testing.assert_allclose(np.diff(starts) / FRAME_RATE, RESTART)
-    for ghost in (seen.nominal, seen.corrected):
-        assert np.all(ghost.error[starts] == 0)
-
-
-def test_the_distance_grows_as_the_replay_error_does(log, seen):
-    almost = RESTART - 1 / FRAME_RATE  # last frame of a leg
-    start = int(np.searchsorted(log.t, seen.start - 1e-6))
-    replay = DrakeReplay(VEHICLE, starts=1, horizons=[almost])
-    replay._start_rows = lambda _: [start]
-    leg = seen.nominal.error[: round(RESTART * FRAME_RATE)]
-    assert leg[-1] == pytest.approx(replay([log], []).position[0, 0], rel=1e-6)
-
-
-def test_a_simulator_that_found_nothing_has_no_ghost(log, replay_page, tmp_path):
-    alone = side_by_side(found(), VEHICLE, [log])
-    assert alone.corrected is None
-    write_side_by_side(alone, VEHICLE, tmp_path / "replay.html")
-    page = replay_page(tmp_path / "replay.html")
-    assert "nominal/body" in page.objects
-    assert "corrected/body" not in page.objects
+    assert np.all(seen.nominal.errors[starts, 0] == 0)  # both start anew from the flight
 
 
 def test_a_cause_acts_from_its_onset_on(log):
     begins = side_by_side(found(cause(DRAG, onset=2.5)), VEHICLE, [log])
     before = begins.start + np.arange(len(begins.x)) / FRAME_RATE < 2.4
-    np.testing.assert_allclose(
-        begins.corrected.error[before], begins.nominal.error[before], atol=1e-9
-    )
+    corrected, nominal = begins.corrected.errors, begins.nominal.errors
+    np.testing.assert_allclose(corrected[before], nominal[before], atol=1e-6)
     after = begins.restarted / FRAME_RATE + begins.start > 2.5
-    assert begins.corrected.error[after].max() < 2e-3  # smoothing of the start [m]
-
-
-def test_onsets_count_by_the_clock_of_the_log(log):
-    later = dc.replace(log, t=log.t + 100.0)
-    early, late = (
-        side_by_side(found(cause(DRAG, onset=t)), VEHICLE, [some])
-        for t, some in ((2.5, log), (102.5, later))
-    )
-    np.testing.assert_allclose(late.corrected.x, early.corrected.x, atol=1e-9)
+    assert corrected[after, 0].max() < 2e-3  # smoothing of the start [m]
+    later = dc.replace(log, t=log.t + 100.0)  # an onset is on the clock of the log
+    late = side_by_side(found(cause(DRAG, onset=102.5)), VEHICLE, [later])
+    assert late.start == pytest.approx(begins.start)
+    np.testing.assert_allclose(late.corrected.x, begins.corrected.x, atol=1e-6)
 
 
 def test_of_a_flight_that_joined_the_fit_the_second_half_is_seen(log):
@@ -123,17 +84,13 @@ def test_of_a_flight_that_joined_the_fit_the_second_half_is_seen(log):
 def test_the_page_shows_what_was_computed(seen, replay_page, tmp_path):
     write_side_by_side(seen, VEHICLE, tmp_path / "replay.html")
     page = replay_page(tmp_path / "replay.html")
-    for name, x in {
-        "flight": seen.x,
-        "nominal": seen.nominal.x,
-        "corrected": seen.corrected.x,
-    }.items():
-        np.testing.assert_allclose(page.film[name]["position"], x[:, :3], atol=1e-12)
+    np.testing.assert_allclose(page.film["flight"]["position"], seen.x[:, :3], atol=1e-12)
     read = {error["label"]: error["cm"] for error in page.numbers["errors"]}
-    np.testing.assert_allclose(read["nominal simulator"], 100 * seen.nominal.error, atol=0.00501)
-    np.testing.assert_allclose(
-        read["corrected simulator"], 100 * seen.corrected.error, atol=0.00501
-    )
+    for name in ("nominal", "corrected"):
+        ghost = getattr(seen, name)
+        np.testing.assert_allclose(page.film[name]["position"], ghost.x[:, :3], atol=1e-12)
+        centimetres = 100 * ghost.errors[:, 0]
+        np.testing.assert_allclose(read[f"{name} simulator"], centimetres, atol=0.00501)
     assert len(page.text) < 6e6 * len(seen.x) / (FRAME_RATE * LONGEST) + 2.5e6
 
 
@@ -146,21 +103,20 @@ def test_the_payload_of_a_cause_hangs_under_the_corrected_ghost(replay_page, tmp
     assert np.isnan(both.nominal.p_WP).all()
     write_side_by_side(both, VEHICLE, tmp_path / "replay.html")
     page = replay_page(tmp_path / "replay.html")
-    np.testing.assert_allclose(
-        page.film["corrected_payload"]["position"], both.corrected.p_WP, atol=1e-12
-    )
+    shown = page.film["corrected_payload"]["position"]
+    np.testing.assert_allclose(shown, both.corrected.p_WP, atol=1e-12)
     assert "nominal_payload" not in page.objects
 
 
 def test_a_lost_ghost_is_hidden_and_read_as_lost(seen, replay_page, tmp_path):
-    x, error = seen.nominal.x.copy(), seen.nominal.error.copy()
-    x[20:25], error[20:25] = np.nan, np.inf
-    lost = dc.replace(seen, nominal=dc.replace(seen.nominal, x=x, error=error))
+    x, errors = seen.nominal.x.copy(), seen.nominal.errors.copy()
+    x[20:25], errors[20:25] = np.nan, np.inf
+    lost = dc.replace(seen, corrected=None, nominal=dc.replace(seen.nominal, x=x, errors=errors))
     write_side_by_side(lost, VEHICLE, tmp_path / "replay.html")
     page = replay_page(tmp_path / "replay.html")
     assert page.numbers["errors"][0]["cm"][20:25] == [None] * 5
-    expected = np.isfinite(error)
-    np.testing.assert_array_equal(page.film["nominal"]["visible"], expected)
+    np.testing.assert_array_equal(page.film["nominal"]["visible"], np.isfinite(errors[:, 0]))
+    assert "corrected/body" not in page.objects
 
 
 def test_causes_of_no_rigid_body_leave_the_nominal_ghost_and_a_reason(log):

@@ -11,8 +11,8 @@ from diagrams.loop.flight_result import fly
 from np_drake.effects.effect_entry import EffectEntry
 from np_drake.identification.rate_loop import identify_rate_loop
 from np_drake.vehicle import Vehicle, load_vehicle
-from np_drake.vehicle.rate_loop import RateLoop
 from np_drake.vehicle.scaling import ratios, usual_rate_loop
+from np_drake.vehicle.vehicle import RateLoop
 
 VEHICLE = dc.replace(Vehicle(), rate_loop=RateLoop())
 

@@ -13,7 +13,7 @@ from diagrams.loop.flight_diagram import make_flight_diagram, recorded, set_init
 from diagrams.loop.flight_result import fly
 from np_drake.effects.calibration import effects_of
 from np_drake.effects.effect_entry import EffectEntry
-from np_drake.vehicle.calibration import Calibration
+from np_drake.vehicle.vehicle import Calibration
 
 
 def short(name):

@@ -59,7 +59,6 @@ def test_a_flight_prints_one_line_and_shows_its_metrics(flight):
 
 
 def test_the_data_frame_of_a_flight_holds_log_reference_and_truth(flight):
-    pytest.importorskip("pandas", reason="pip install 'np_drake[notebook]'")
     frame = flight.to_dataframe()
     np.testing.assert_array_equal(frame[["px_ref", "py_ref", "pz_ref"]], flight.signals["p_ref"])
     np.testing.assert_array_equal(frame["fz_true"], flight.chi_true[:, 2])

@@ -18,7 +18,7 @@ from diagrams.loop.flight import load_flight
 from diagrams.loop.flight_diagram import make_flight_diagram, recorded, set_initial_state
 from diagrams.loop.flight_result import LostVehicle, fly
 from diagrams.loop.own_controller import load_factory
-from np_drake.vehicle.rate_loop import RateLoop
+from np_drake.vehicle.vehicle import RateLoop
 
 EXAMPLE = Path(__file__).parents[3] / "docs" / "examples" / "own_controller.py"
 HOVER = """\

@@ -13,9 +13,8 @@ from diagrams.loop.flight_result import fly
 from diagrams.loop.real_vehicle import make_real_vehicle
 from np_drake.command_delay import LONGEST_DELAY
 from np_drake.references.config import make_reference
-from np_drake.vehicle.calibration import Calibration
 from np_drake.vehicle.scaling import SPARE_LIFT, ratios, scales, similar
-from np_drake.vehicle.vehicle import MeasurementNoise, Vehicle, load_vehicle
+from np_drake.vehicle.vehicle import Calibration, MeasurementNoise, Vehicle, load_vehicle
 
 SMALL = Vehicle(
     name="small",

@@ -15,7 +15,7 @@ from np_drake.autopilot.betaflight import Betaflight, BetaflightConfig
 from np_drake.autopilot.command_line import CommandLine
 from np_drake.autopilot.firmware import BINARY, PORTS, AutopilotError, Firmware, find_firmware
 from np_drake.vehicle import Vehicle, load_vehicle
-from np_drake.vehicle.rate_loop import RateLoop
+from np_drake.vehicle.vehicle import RateLoop
 
 HOVER = 19.62  # thrust of the paper's vehicle [N]
 

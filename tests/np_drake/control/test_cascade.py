@@ -1,10 +1,13 @@
 import numpy as np
 import pytest
 
-from np_drake.control.cascade import TARGET_SIZE, CascadeGains, cascade
+from np_drake.control.cascade import AL, TARGET_SIZE, CascadeGains, P, W, cascade, cascade_target
+from np_drake.references.base import Hover
+from np_drake.references.harmonic import lemniscate
 from np_drake.vehicle import Vehicle
 
 VEHICLE = Vehicle()
+TRACK = lemniscate(length=1.5, width=0.75, height=1.6, speed=1.5, ramp=2.0)
 REST = np.array([0, 0, 1.0, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0])
 
 
@@ -42,11 +45,6 @@ def test_it_tilts_towards_the_target(where, torque, sign):
     assert sign * u[torque] > 0.01  # [N·m]
 
 
-def test_it_turns_to_the_heading():
-    assert step(yaw=0.3)[0][3] > 0.01
-    assert step(yaw=-0.3)[0][3] < -0.01
-
-
 def test_both_signs_of_a_quaternion_are_one_attitude():
     other = REST.copy()
     other[3:7] *= -1
@@ -64,3 +62,17 @@ def test_rotors_get_no_more_than_they_can_give():
     rotors = VEHICLE.unmixer @ u
     assert rotors.min() >= -1e-9
     assert rotors.max() <= VEHICLE.max_rotor_thrust + 1e-9
+
+
+def test_a_hover_asks_for_nothing_but_its_position():
+    target = cascade_target(Vehicle(), Hover(np.array([1.0, 2.0, 3.0])).sample(np.zeros(2)))
+    expected = np.zeros((2, TARGET_SIZE))
+    expected[:, P] = [1.0, 2.0, 3.0]
+    np.testing.assert_allclose(target, expected, atol=1e-12)  # rounding
+
+
+def test_the_angular_acceleration_is_the_derivative_of_the_rate():
+    h = 1e-4  # [s]
+    target = cascade_target(Vehicle(), TRACK.sample(3.0 + h * np.array([-1.0, 0.0, 1.0])))
+    slope = (target[2, W] - target[0, W]) / (2 * h)
+    np.testing.assert_allclose(target[1, AL], slope, atol=1e-4)  # of central differences [rad/s²]

@@ -16,17 +16,14 @@ from scipy import signal
 
 from np_drake import attitude
 from np_drake.diagnosis.decision.infer import Inference, conclude
-from np_drake.diagnosis.fitting.map_estimate import Fit
-from np_drake.diagnosis.fitting.parameters import free_parameters, read
-from np_drake.diagnosis.forward_model.payload_state import Term
-from np_drake.diagnosis.numerics.noise_fit import fit_noise
-from np_drake.diagnosis.numerics.noise_model import NoiseModel
+from np_drake.diagnosis.fitting import Fit, free_parameters, read
+from np_drake.diagnosis.forward_model import Term
+from np_drake.diagnosis.numerics import NoiseModel, fit_noise
 from np_drake.diagnosis.options import Options, Priors
-from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals
-from np_drake.diagnosis.residuals.make_flight_residuals import make_flight_residuals
-from np_drake.diagnosis.selection.map_model import SearchResult, find_map_model
-from np_drake.diagnosis.selection.payload_search import SEARCH_LENGTHS, PayloadSearch
-from np_drake.diagnosis.selection.ranking import Ranking, rank_models
+from np_drake.diagnosis.regressors.payload import SEARCH_LENGTHS
+from np_drake.diagnosis.residuals import FlightResiduals, make_flight_residuals
+from np_drake.diagnosis.selection import Ranking, SearchResult, find_map_model, rank_models
+from np_drake.diagnosis.selection.payload_search import PayloadSearch
 from np_drake.effects.base import Effect
 from np_drake.effects.library import LIBRARY
 from np_drake.effects.suspended_payload import SuspendedPayload
@@ -93,7 +90,7 @@ def _content(e: FlightResiduals) -> tuple[object, ...]:
     return (e.name, repr(e.vehicle), e.log.input, e.goes_on, e.turned, e.attitude_noise, *content)
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def searched() -> Search:
     """Return `find_map_model`, which searches the same flights once in a module, with few
     lengths.
@@ -114,11 +111,9 @@ def searched() -> Search:
     return search
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def inferred(searched: Search) -> Callable[..., Inference]:
-    """Return `infer` with few lengths, which searches the same flights once in a module, and
-    concludes once.
-    """
+    """Return inferences with few lengths, each worked out once."""
     known: dict[tuple[object, ...], Inference] = {}
 
     def inference(
@@ -138,12 +133,9 @@ def inferred(searched: Search) -> Callable[..., Inference]:
 def quick_searches(searched: Search) -> Iterator[None]:
     """Let a diagnosis search with few lengths, and the same flights once in a module."""
     with pytest.MonkeyPatch.context() as patch:
-        for name in ("infer", "second_answer"):  # by path: the package has functions so named
-            patch.setattr(
-                importlib.import_module(f"np_drake.diagnosis.decision.{name}"),
-                "find_map_model",
-                searched,
-            )
+        # By path: the package has a function so named.
+        module = importlib.import_module("np_drake.diagnosis.diagnose")
+        patch.setattr(module, "find_map_model", searched)
         yield
 
 

@@ -1,16 +1,11 @@
 """Laws of a diagnosis beside a neighbour, whose downwash is simulated."""
 
-import dataclasses as dc
-
 import numpy as np
 import pytest
 
 from np_drake.diagnosis.diagnose import diagnose
-from np_drake.diagnosis.forward_model import Term, predicted_residual
-from np_drake.diagnosis.residuals import make_flight_residuals
 from np_drake.effects.downwash import Downwash
-from np_drake.flight_log import FlightLog
-from np_drake.neighbour import Neighbour
+from np_drake.flight_log import FlightLog, Neighbour
 from np_drake.vehicle import Vehicle
 
 VEHICLE = Vehicle()
@@ -59,26 +54,6 @@ def test_the_strength_of_a_downwash_lies_in_its_interval(answers):
     assert strength.ci95[1] - strength.ci95[0] < 0.2
     assert dut.gap_reduction.fraction > 0.9
     assert any("beside neighbour" in line for line in dut.warnings)
-
-
-def test_without_the_log_of_the_neighbour_its_downwash_is_not_named(answers):
-    _, dut = answers
-    assert "downwash" not in {*dut.verdict, *(cause.identifier for cause in dut.causes)}
-
-
-def test_a_neighbour_whose_jet_is_missed_is_no_cause(fly, quick_searches):
-    logs = [fly(name=name, seed=seed, noise=1.0, seconds=8.0) for name, seed in FLIGHTS]
-    below = hovering(np.linspace(-1.0, 20.0, 211), -5.0)
-    dut = diagnose(VEHICLE, logs[:2], logs[2:], neighbours={name: [below] for name, _ in FLIGHTS})
-    assert dut.verdict == ()
-
-
-def test_a_flight_without_a_neighbour_has_no_downwash(fly):
-    e = make_flight_residuals(fly(seconds=4.0), VEHICLE)
-    np.testing.assert_array_equal(predicted_residual(e, [Term(Downwash(1.0))]), 0.0)
-    above = Neighbour(np.array([0.0, 9.0]), np.tile([0.0, 0.0, 2.5], (2, 1)))
-    beside = dc.replace(e, log=dc.replace(e.log, neighbours=(above,)))
-    assert predicted_residual(beside, [Term(Downwash(1.0))])[:, 2].min() < -0.5  # [N]
 
 
 def test_neighbours_of_no_flight_are_refused_in_one_line(fly):

@@ -23,13 +23,6 @@ def test_an_effect_matters_by_force_or_torque(size, matters):
     assert size.material(REAL, **PLAIN) is matters
 
 
-def test_of_ideal_sensors_less_matters():
-    faint = Size(1.01 * IDEAL.force, 0.0, 0.0, 0.0)
-    assert not faint.material(REAL, **PLAIN)
-    assert faint.material(IDEAL, **PLAIN)
-    assert not dc.replace(faint, force=0.99 * IDEAL.force).material(IDEAL, **PLAIN)
-
-
 def test_calibration_matters_by_force_alone_and_a_sensor_by_its_tolerance():
     wide = Size(0.0, 1.0, 1.0, 1.0)
     assert not wide.material(REAL, calibration=True, sensor=False)

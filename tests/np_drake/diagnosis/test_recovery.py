@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.fitting.map_estimate import refine
-from np_drake.diagnosis.fitting.parameters import read
-from np_drake.diagnosis.forward_model.payload_state import Term
+from np_drake.diagnosis.fitting import read, refine
+from np_drake.diagnosis.forward_model import Term
 from np_drake.diagnosis.options import Options
 from np_drake.effects.base import Effect
 from np_drake.effects.library import LIBRARY

@@ -2,8 +2,6 @@
 late.
 """
 
-import dataclasses as dc
-
 import numpy as np
 import pytest
 
@@ -11,7 +9,6 @@ from np_drake import attitude
 from np_drake.effects.attitude_latency import AttitudeLatency
 from np_drake.effects.base import Measurement
 from np_drake.effects.imu_mounting import ImuMounting
-from np_drake.effects.library import LIBRARY
 from np_drake.rigid_body import P, Q, V, W
 from np_drake.vehicle import Vehicle
 
@@ -39,11 +36,6 @@ TRUTH = spinning(np.array([0.5, -0.8, 0.3]), T)
 @pytest.mark.parametrize("effect", [ImuMounting, AttitudeLatency])
 def test_a_neutral_one_reads_the_truth(effect):
     np.testing.assert_allclose(measured(effect.neutral(), TRUTH).x, TRUTH.x, atol=1e-15)
-
-
-@pytest.mark.parametrize("effect", [ImuMounting, AttitudeLatency])
-def test_it_is_a_nuisance_and_never_searched(effect):
-    assert effect.identifier not in LIBRARY
 
 
 def test_turned_axes_read_a_vector_of_the_world_turned_by_the_mounting():
@@ -74,8 +66,3 @@ def test_a_late_attitude_is_that_of_before_and_all_else_is_of_now():
     same = np.delete(np.arange(13), np.arange(13)[Q])
     np.testing.assert_array_equal(late.x[:, same], TRUTH.x[:, same])
     np.testing.assert_array_equal(late.a, TRUTH.a)
-
-
-def test_an_attitude_that_is_early_undoes_one_that_is_late():
-    back = measured(dc.replace(LATE, latency=-LATE.latency), measured(LATE, TRUTH))
-    np.testing.assert_allclose(back.x, TRUTH.x, atol=1e-12)

@@ -5,19 +5,9 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.effects.base import (
-    ActuatorEffect,
-    Effect,
-    MassEffect,
-    MassProperties,
-    Measurement,
-    Motion,
-    SensorEffect,
-    WrenchEffect,
-)
+from np_drake.effects.base import ActuatorEffect, Measurement, Motion, SensorEffect, WrenchEffect
 from np_drake.effects.clock_offset import ClockOffset
 from np_drake.effects.library import LIBRARY, effects_for
-from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.logs.columns import COLUMNS
 from np_drake.vehicle import Vehicle
@@ -46,13 +36,6 @@ def test_wrench_of_a_log_equals_wrench_row_by_row(effect, motion: Motion):
     assert np.abs(rows).max() + np.abs(winds).max() > 1e-3  # it does something
 
 
-@every(WrenchEffect, but=(SuspendedPayload,))
-def test_an_effect_that_says_so_feels_no_rotor_rate(effect, motion: Motion):
-    steady = dc.replace(motion, rotor_rate=0 * motion.rotor_rate)
-    same = np.array_equal(effect().wrench(VEHICLE, motion), effect().wrench(VEHICLE, steady))
-    assert same != effect.feels_rotor_rate
-
-
 @pytest.mark.parametrize(
     "effect",
     [
@@ -64,18 +47,6 @@ def test_an_effect_that_says_so_feels_no_rotor_rate(effect, motion: Motion):
 def test_an_effect_that_says_so_has_no_force_or_no_torque(effect, motion: Motion):
     chi = effect().wrench(VEHICLE, motion)
     assert (chi[:, :3].any(), chi[:, 3:].any()) == (effect.pushes, effect.turns)
-
-
-def test_a_wrench_of_its_own_inherits_no_such_word():
-    class Twisting(LinearDrag):
-        def wrench(self, vehicle, motion):
-            return super().wrench(vehicle, motion) + 1e-3
-
-    class Plain(LinearDrag):
-        pass
-
-    assert (Twisting.pushes, Twisting.turns, Twisting.feels_rotor_rate) == (True, True, True)
-    assert (Plain.pushes, Plain.turns, Plain.feels_rotor_rate) == (True, False, False)
 
 
 @every(WrenchEffect, but=(SuspendedPayload,))
@@ -120,15 +91,6 @@ def test_a_constant_command_meets_an_actuator_at_rest(effect):
     np.testing.assert_allclose(dut.respond(VEHICLE, t, command), np.broadcast_to(expected, (50, 4)))
 
 
-@every(MassEffect)
-def test_neutral_mass_effect_changes_nothing(effect):
-    nominal = MassProperties.of(VEHICLE)
-    found = effect.neutral().properties(nominal)
-    assert found.mass == nominal.mass
-    np.testing.assert_array_equal(found.J, nominal.J)
-    np.testing.assert_array_equal(found.p_BoBcm_B, nominal.p_BoBcm_B)
-
-
 @every(SensorEffect)
 def test_reading_of_a_log_equals_reading_row_by_row(effect, reading: Measurement):
     dut, white = effect(), np.zeros((7, 0))
@@ -160,16 +122,3 @@ def test_a_sensor_effect_touches_the_columns_that_it_names_and_no_other(
     assert changed <= set(effect.corrupts)
     assert changed
     np.testing.assert_array_equal(found.rotor, reading.rotor)
-
-
-@every(Effect)
-def test_all_of_an_effect_is_predicted_but_what_is_drawn_anew(effect):
-    dut = effect()
-    again = dc.replace(dut, seed=5) if hasattr(dut, "seed") else dut
-    assert dut.predicted.identifier == dut.identifier
-    assert (dut.predicted is dut) is (again is dut)
-    if isinstance(dut, WrenchEffect):
-        t = np.linspace(0.0, 3.0, 7)
-        np.testing.assert_array_equal(
-            dut.predicted.air_velocity(t), again.predicted.air_velocity(t)
-        )

@@ -37,19 +37,6 @@ def test_neutral_and_default_lie_within_the_bounds(effect):
             assert not p.choices or values[p.name] in p.choices
 
 
-@EFFECTS
-def test_an_effect_is_its_values(effect):
-    assert effect.of(effect().values).values == effect().values
-    assert hash(effect()) == hash(effect())  # frozen, so that it can be a key
-
-
-@EFFECTS
-def test_an_effect_acts_at_a_known_place_and_says_what_it_needs(effect):
-    assert effect.place in ("wrench", "actuator", "mass", "measurement")
-    assert set(effect.needs) <= set(LIBRARY)
-    assert not (effect.place == "measurement" and effect.begins)
-
-
 @dc.dataclass(frozen=True)
 class Push(WrenchEffect):
     force: float = 1.0
@@ -68,20 +55,6 @@ def test_an_own_effect_can_be_registered_twice_but_not_under_a_taken_name():
     )
     with pytest.raises(ValueError, match="mass_error"):
         register(thief)
-
-
-def test_a_parameter_without_a_field_is_refused():
-    class Lost(WrenchEffect):
-        identifier = "lost"
-        parameters = (Parameter("force", "N", 0.0, -5.0, 5.0, 1.0),)
-
-        @classmethod
-        def of(cls, values):
-            return cls()
-
-    with pytest.raises(ValueError, match="force"):
-        register(Lost)
-    assert "lost" not in LIBRARY
 
 
 @dc.dataclass(frozen=True)
@@ -107,8 +80,3 @@ def test_what_is_felt_through_another_effect_alone_is_refused(effect):
     ):
         register(effect)
     assert effect.identifier not in LIBRARY
-
-
-def test_what_an_own_effect_leaves_out_does_nothing(motion):
-    np.testing.assert_array_equal(Push().wrench(None, motion), np.zeros((7, 6)))
-    np.testing.assert_array_equal(Push().air_velocity(motion.t), np.zeros((7, 3)))

@@ -1,4 +1,7 @@
+"""Laws of effects of mass, sensors and time, and of effects together."""
+
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -7,10 +10,17 @@ from np_drake.effects.attitude_bias import AttitudeBias
 from np_drake.effects.base import MassProperties, Measurement
 from np_drake.effects.center_of_mass_offset import CenterOfMassOffset
 from np_drake.effects.clock_offset import ClockOffset
-from np_drake.effects.combine import mass_properties
+from np_drake.effects.combine import mass_properties, split_effects
+from np_drake.effects.command_delay import CommandDelay
 from np_drake.effects.gyro_bias import GyroBias
 from np_drake.effects.inertia_error import InertiaError
+from np_drake.effects.library import LIBRARY
+from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError
+from np_drake.effects.motor_lag import MotorLag
+from np_drake.effects.sensor_noise import SensorNoise
+from np_drake.effects.suspended_payload import SuspendedPayload
+from np_drake.effects.thrust_ceiling import ThrustCeiling
 from np_drake.effects.velocity_bias import VelocityBias
 from np_drake.vehicle import Vehicle
 
@@ -32,22 +42,6 @@ def test_inertia_error_scales_the_moments_and_leaves_the_products():
     np.testing.assert_allclose(found, [[0.022, 0.001, 0], [0.001, 0.018, 0], [0, 0, 0.042]])
 
 
-@settings(max_examples=30, deadline=None)
-@given(st.integers(0, 10**6), st.integers(4, 7))
-def test_points_of_mass_are_a_rigid_body_and_an_excess_about_one_axis_not(seed, points):
-    rng = np.random.default_rng(seed)
-    mass, r = rng.uniform(0.1, 1.0, points), rng.normal(size=(points, 3))
-    r -= mass @ r / mass.sum()
-    J = np.einsum("n,ij->ij", mass * np.sum(r**2, axis=1), np.eye(3)) - np.einsum(
-        "n,ni,nj->ij", mass, r, r
-    )
-    assert MassProperties(float(mass.sum()), np.zeros(3), J).rigid
-    moments, axes = np.linalg.eigh(J)
-    beyond = axes @ np.diag([*moments[:2], 1.01 * moments[:2].sum()]) @ axes.T
-    assert not MassProperties(1.0, np.zeros(3), beyond).rigid
-    assert not MassProperties(0.0, np.zeros(3), J).rigid
-
-
 def test_mass_effects_add_up_whatever_their_order():
     effects = [MassError(0.3), InertiaError(1.2, 1.2, 1.2), CenterOfMassOffset(0.01, 0.02, 0.03)]
     for order in (effects, effects[::-1]):
@@ -67,18 +61,6 @@ def test_a_velocity_bias_turns_with_the_body():
     np.testing.assert_allclose(found.x[7:10], [0, 1.0, 0.5], atol=1e-15)
 
 
-def test_an_attitude_bias_turns_about_the_bodys_own_axes():
-    found = AttitudeBias(roll=0.1, pitch=0.0, yaw=0.0).measure(VEHICLE, reading(QUARTER), NO_DRAWS)
-    # Body x is world y: the body's z axis tips towards world +x when it rolls.
-    np.testing.assert_allclose(
-        attitude.body_z(found.x[3:7]), [np.sin(0.1), 0, np.cos(0.1)], atol=1e-12
-    )
-    found = AttitudeBias(roll=0.0, pitch=0.1, yaw=0.0).measure(VEHICLE, reading(), NO_DRAWS)
-    np.testing.assert_allclose(
-        attitude.body_z(found.x[3:7]), [np.sin(0.1), 0, np.cos(0.1)], atol=1e-12
-    )
-
-
 @settings(max_examples=50, deadline=None)
 @given(ANGLES, ANGLES, ANGLES)
 def test_an_attitude_bias_is_a_rotation_by_yaw_pitch_roll(roll, pitch, yaw):
@@ -93,3 +75,47 @@ def test_a_clock_offset_says_by_how_much_and_reads_the_truth():
     truth = reading()
     assert ClockOffset(0.05).measure(VEHICLE, truth, NO_DRAWS) is truth
     assert ClockOffset(0.05).clock_shift == 0.05
+
+
+def test_every_effect_has_its_place():
+    effects = [effect() for effect in LIBRARY.values()]
+    found = split_effects([*effects, SensorNoise()])
+    assert found.payload == SuspendedPayload()
+    assert [e for e in effects if e.place == "mass"] == found.mass
+    assert [e for e in effects if e.place == "actuator"] == found.actuator
+    assert [e for e in effects if e.place == "wrench" and e != found.payload] == found.wrench
+    assert [*(e for e in effects if e.place == "measurement"), SensorNoise()] == found.measurement
+
+
+def test_two_payloads_and_strangers_are_refused():
+    with pytest.raises(ValueError, match="got two"):
+        split_effects([SuspendedPayload(), SuspendedPayload(0.5)])
+    with pytest.raises(ValueError, match="split_effects"):
+        split_effects([object()])
+
+
+def test_no_rotor_gives_more_than_the_ceiling():
+    thrust = ThrustCeiling(share=0.5).thrust(
+        Vehicle(), np.zeros(0), np.array([1.0, 5.9, 6.1, 12.0])
+    )
+    np.testing.assert_allclose(thrust, [1.0, 5.9, 6.0, 6.0])  # half of 12 N
+
+
+LAGGED = Vehicle(rotor_time_constant=0.02)
+
+
+@pytest.mark.parametrize(
+    "effect, shift",
+    [
+        (MotorLag(0.05), 0.03),
+        (MotorLag(0.013), -0.007),
+        (CommandDelay(0.02), 0.02),
+        (ClockOffset(0.02), -0.02),
+    ],
+)
+def test_lag_delay_and_clock_move_commands(effect, shift):
+    assert effect.time_shift(LAGGED) == pytest.approx(shift)
+
+
+def test_a_drag_moves_no_command():
+    assert LinearDrag(1.0, 1.0, 1.0).time_shift(LAGGED) == 0.0

@@ -4,7 +4,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from np_drake.effects import pendulum
 from np_drake.effects.pendulum import (
     Payload,
     hanging,
@@ -90,66 +89,6 @@ def test_many_pendulums_swing_as_each_does_alone(seed):
         np.testing.assert_allclose(alone, 2.0 * found[:, i], rtol=1e-9, atol=1e-9)
 
 
-def undamped(lengths, r, r_rate, a_hook, step):
-    """Reference: the leapfrog of a pendulum in a vacuum, (n, m, 3) [m/s²]."""
-    pulls = np.empty((len(a_hook), *r.shape))
-    now, move = (s.T for s in pendulum._start(lengths, r.T, r_rate.T, step))
-    for i, limit in enumerate(np.square(lengths)):
-        x, u = now[i], move[i]
-        square = x[0] * x[0] + x[1] * x[1] + x[2] * x[2]
-        for k, kick in enumerate(-(step**2) * (a_hook + WEIGHT)):
-            u = u + kick
-            b = x + u
-            along, far = (
-                x[0] * b[0] + x[1] * b[1] + x[2] * b[2],
-                b[0] * b[0] + b[1] * b[1] + b[2] * b[2],
-            )
-            mu, excess = 0.0, far - limit
-            if excess > 0:
-                mu = max(0.0, excess / (along + np.sqrt(max(0.0, along * along - square * excess))))
-            pulls[k, i], u = mu * x, u - mu * x
-            x, square = x + u, min(far, limit)
-    return pulls / step**2
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_without_damping_not_a_bit_is_other_than_in_a_vacuum(seed):
-    lengths, r, r_rate, a = some_pendulums(seed)
-    found = swing_many(lengths, r, r_rate, a, 0.004, GRAVITY, damping=0.0, v_hook=a)
-    np.testing.assert_array_equal(found, undamped(lengths, r, r_rate, a, 0.004))
-    assert 0.2 < (found[..., 2] != 0).mean() < 1.0  # taut and slack
-
-
-def test_a_small_damped_swing_is_that_of_the_closed_form():
-    length, damping, step, angle = 0.5, 0.4, 0.004, 0.02
-    r = length * np.array([[np.sin(angle), 0.0, -np.cos(angle)]])
-    found = path_many(
-        np.array([length]), r, np.zeros((1, 3)), np.zeros((2500, 3)), step, GRAVITY, damping=damping
-    )
-    t, rate = step * np.arange(2501), np.sqrt(GRAVITY / length - 0.25 * damping**2)
-    decay = np.exp(-0.5 * damping * t) * (
-        np.cos(rate * t) + 0.5 * damping / rate * np.sin(rate * t)
-    )
-    # [m], of 0.01: the period is longer by angle²/16 and, by the step, shorter by (rate step)²/24
-    np.testing.assert_allclose(found.r[:, 0, 0], r[0, 0] * decay, atol=5e-5)
-    slope = (
-        -r[0, 0] * GRAVITY / length / rate * np.exp(-0.5 * damping * t[-1]) * np.sin(rate * t[-1])
-    )
-    np.testing.assert_allclose(found.r_rate[0, 0], slope, atol=2e-4)  # [m/s]
-
-
-@settings(max_examples=20, deadline=None)
-@given(st.integers(0, 10**6), st.floats(0.0, 1.0))
-def test_the_energy_of_a_payload_under_a_hook_at_rest_never_grows(seed, damping):
-    lengths, r, r_rate, _ = some_pendulums(seed)
-    step = 0.002
-    ends, _, _ = path_many(lengths, r, r_rate, np.zeros((1500, 3)), step, GRAVITY, damping=damping)
-    middle, v = 0.5 * (ends[1:] + ends[:-1]), np.diff(ends, axis=0) / step
-    energy = 0.5 * np.sum(v**2, axis=2) + GRAVITY * middle[..., 2]
-    # [m²/s²]: the integrator's own ripple, of second order in the step
-    assert (energy - np.minimum.accumulate(energy, axis=0)).max() < 0.01
-
-
 def test_in_steady_flight_the_payload_hangs_back_by_drag_over_weight():
     payload, v = Payload(0.1, 0.6, damping=0.5), np.array([3.0, 0.0, 0.0])
     lag = np.arctan(payload.damping * v[0] / GRAVITY)
@@ -167,14 +106,6 @@ def test_in_steady_flight_the_payload_hangs_back_by_drag_over_weight():
     np.testing.assert_allclose(
         tether_force(payload, *start, np.zeros(3), GRAVITY, v), expected, atol=1e-12
     )
-
-
-def test_a_slack_payload_falls_to_its_final_speed():
-    still, damping = np.zeros((4000, 3)), 2.0
-    fallen = path_many(
-        np.full(1, 1e3), np.zeros((1, 3)), np.zeros((1, 3)), still, 0.002, GRAVITY, damping=damping
-    )
-    assert fallen.r_rate[0, 2] == pytest.approx(-GRAVITY / damping, rel=1e-6)
 
 
 @settings(max_examples=20, deadline=None)
@@ -199,43 +130,12 @@ def test_the_hook_of_a_turning_body_moves_across_its_arm():
     np.testing.assert_allclose(hook_velocity((0.1, 0, 0), x), [0.5, 0.2, 0.0], atol=1e-12)
 
 
-def test_a_hanging_tether_is_taut_and_moves_along_its_sphere():
-    r, rate = hanging(np.array([[0.2, 0.1], [5.0, 0.0]]), np.array([[0.3, -0.5], [0.0, 1.0]]), 0.5)
-    np.testing.assert_allclose(np.linalg.norm(r, axis=1), 0.5)
-    np.testing.assert_allclose(np.sum(r * rate, axis=1), 0.0, atol=1e-12)
-
-
 def test_a_hanging_tether_leans_as_asked_and_never_is_level():
     r, rate = hanging(np.array([[0.2, 0.1], [-3.0, 4.0]]), np.array([[0.3, -0.5], [0.0, 1.0]]), 0.5)
     np.testing.assert_allclose(r[0], [0.2, 0.1, -np.sqrt(0.25 - 0.05)])
     np.testing.assert_allclose(r[1, :2], 0.99 * 0.5 * np.array([-0.6, 0.8]))
     np.testing.assert_allclose(rate[:, :2], [[0.3, -0.5], [0.0, 1.0]])
     assert (r[:, 2] < 0).all()
-
-
-@settings(max_examples=30, deadline=None)
-@given(st.integers(0, 10**6))
-def test_a_tether_only_pulls_and_is_never_longer_than_it_is(seed):
-    lengths, r, r_rate, a = some_pendulums(seed)
-    step = 0.004
-    pull = swing_many(lengths, r, r_rate, a, step, GRAVITY)
-    r, v = r + 0.5 * step * r_rate, r_rate  # what the payloads do under these pulls
-    reach = np.linalg.norm(r, axis=1) / lengths
-    r = r / np.maximum(reach, 1.0)[:, None]
-    for p, a_hook in zip(pull, a, strict=True):
-        assert (np.sum(p * r, axis=1) >= -1e-9).all()
-        np.testing.assert_allclose(np.cross(p, r), 0.0, atol=1e-6)
-        v = v - step * (p + a_hook + WEIGHT)
-        r = r + step * v
-        assert (np.linalg.norm(r, axis=1) <= lengths * (1 + 1e-9)).all()
-
-
-def test_a_falling_hook_feels_nothing():
-    r = np.array([[0.3, 0.0, -0.4]])
-    found = swing_many(
-        np.array([0.5]), r, np.zeros((1, 3)), np.tile(-WEIGHT, (100, 1)), 0.01, GRAVITY
-    )
-    np.testing.assert_allclose(found, 0.0, atol=1e-9)
 
 
 def test_a_slack_tether_is_silent_until_it_snaps_and_then_stops_the_fall():
@@ -250,17 +150,6 @@ def test_a_slack_tether_is_silent_until_it_snaps_and_then_stops_the_fall():
     impulse = -found[pulled[0] : pulled[0] + 3, 2].sum() * step
     assert impulse == pytest.approx(GRAVITY * snap, abs=3 * GRAVITY * step)  # [m/s]: inelastic
     np.testing.assert_allclose(found[pulled[0] + 3 :, 2], -GRAVITY, rtol=1e-9)  # then it hangs
-
-
-def test_a_conical_pendulum_keeps_its_tension():
-    length, tilt = 0.8, 0.6
-    r = length * np.array([np.sin(tilt), 0, -np.cos(tilt)])
-    speed = np.sqrt(GRAVITY * length * np.sin(tilt) * np.tan(tilt))
-    found = swing(
-        Payload(1.0, length), r, np.array([0, speed, 0]), np.zeros((20000, 3)), 0.005, GRAVITY
-    )
-    tension = np.linalg.norm(found, axis=1)
-    np.testing.assert_allclose(tension, GRAVITY / np.cos(tilt), rtol=1e-3)  # over 100 s: no drift
 
 
 def test_a_turning_hook_accelerates_to_the_axis_and_along_the_turn():

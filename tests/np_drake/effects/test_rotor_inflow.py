@@ -1,5 +1,3 @@
-import dataclasses as dc
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -43,24 +41,3 @@ def test_a_slow_climb_loses_half_of_what_a_fixed_inflow_would():
     climb = 1e-4
     force = RotorInflow().wrench(VEHICLE, flying((0, 0, climb)))[2]
     assert force == pytest.approx(-4 * GAIN * SPEED * climb / 2, rel=1e-3)
-
-
-def test_fast_flight_leaves_no_induced_velocity():
-    force = RotorInflow().wrench(VEHICLE, flying((300.0, 0, 0)))[2]
-    assert force == pytest.approx(4 * GAIN * SPEED * V_HOVER, rel=0.05)
-
-
-@given(st.integers(0, 2**31))
-def test_it_is_linear_in_its_slope_and_feels_airspeed_alone(seed):
-    rng = np.random.default_rng(seed)
-    x = rng.normal(scale=2.0, size=13)
-    x[3:7] /= np.linalg.norm(x[3:7])
-    motion = Motion(0.0, x, rng.uniform(0, 12, 4), wind=rng.normal(size=3))
-    chi = RotorInflow(0.4).wrench(VEHICLE, motion)
-    np.testing.assert_allclose(
-        RotorInflow(1.2).wrench(VEHICLE, motion), 3 * chi, rtol=1e-9, atol=1e-12
-    )
-    boosted = x.copy()
-    boosted[7:10] += [1.0, -2.0, 0.5]
-    moved = dc.replace(motion, x=boosted, wind=motion.wind + [1.0, -2.0, 0.5])
-    np.testing.assert_allclose(RotorInflow(0.4).wrench(VEHICLE, moved), chi, rtol=1e-7, atol=1e-9)

@@ -5,13 +5,13 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
+from np_drake.effects.base import correlation_root, prior_root
 from np_drake.effects.center_of_mass_offset import CenterOfMassOffset
 from np_drake.effects.gyro_bias import GyroBias
 from np_drake.effects.library import LIBRARY
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError
 from np_drake.effects.parameter import usual_size
-from np_drake.effects.parameter_prior import correlation_root, prior_root
 from np_drake.effects.quadratic_drag import QuadraticDrag
 from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.vehicle import Vehicle
@@ -20,13 +20,6 @@ PAPER = Vehicle()
 HEAVY = dc.replace(PAPER, mass=3 * PAPER.mass)
 WIDE = dc.replace(PAPER, rotor_positions=(2 * np.array(PAPER.rotor_positions)).tolist())
 EVERY = pytest.mark.parametrize("effect", LIBRARY.values(), ids=LIBRARY.keys())
-
-
-@EVERY
-def test_for_the_papers_vehicle_a_size_is_the_librarys_typical_one(effect):
-    assert [usual_size(p, PAPER) for p in effect.parameters] == [
-        p.typical for p in effect.parameters
-    ]
 
 
 @pytest.mark.parametrize(

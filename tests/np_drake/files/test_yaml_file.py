@@ -1,8 +1,10 @@
 import dataclasses as dc
+import math
+import time
 
 import pytest
 
-from np_drake.files.yaml_file import load_checked
+from np_drake.files.yaml_file import POSITIVE, check_fields, load_checked, number, read_yaml, word
 
 
 @dc.dataclass
@@ -37,62 +39,35 @@ def said(tmp_path, text: str) -> str:
 
 
 @pytest.mark.parametrize(
-    "text, near",
+    "text, end",
     [
-        ("sped: 2.0", "speed"),
-        ("first: {wieght: 2.0}", "weight"),
-        ("many: [{weigth: 2.0}]", "weight"),
+        ("sped: 2.0", "'sped' is an unknown field; did you mean speed?"),
+        ("first: {wieght: 2.0}", "'first.wieght' is an unknown field; did you mean weight?"),
+        ("many: [{weigth: 2.0}]", "'many[0].weigth' is an unknown field; did you mean weight?"),
+        ("xyz: 1", "; known are speed, first, many, count, name, asked, turn."),
+        ("", "it is empty; at least one field must be named."),
+        (
+            "speed: 2.0\ncount: 3\n'speed': 2.0",
+            "speed must stand once; it stands in lines 1 and 3.",
+        ),
+        (
+            "many: [{}, {weight: 1.0,\n weight: 2.0}]",
+            "must stand once; it stands in lines 1 and 2.",
+        ),
     ],
 )
-def test_a_misspelt_field_is_answered_with_the_one_it_is_like(tmp_path, text, near):
-    assert said(tmp_path, text).endswith(f"; did you mean {near}?")
-
-
-def test_a_field_like_none_is_answered_with_all_there_are(tmp_path):
-    assert said(tmp_path, "xyz: 1").endswith(
-        "; known are speed, first, many, count, name, asked, turn."
-    )
-
-
-def test_other_errors_have_no_such_remedy(tmp_path):
-    for text in ("speed: fast", "- 1", "speed: ["):
-        message = said(tmp_path, text)
-        assert "known are" not in message
-        assert "did you mean" not in message
-
-
-@pytest.mark.parametrize("text", ["", "# nothing but this"])
-def test_an_empty_file_is_said_to_be_empty(tmp_path, text):
-    assert said(tmp_path, text).endswith("it is empty; at least one field must be named.")
-
-
-@pytest.mark.parametrize(
-    "text, field, lines",
-    [
-        ("speed: 2.0\ncount: 3\n'speed': 2.0", "speed", "1 and 3"),
-        ("first:\n  weight: 1.0\n  weight: 2.0", "first.weight", "2 and 3"),
-        ("many: [{}, {weight: 1.0,\n weight: 2.0}]", "many[1].weight", "1 and 2"),
-    ],
-)
-def test_a_field_that_stands_twice_is_refused_with_its_lines(tmp_path, text, field, lines):
-    assert said(tmp_path, text).endswith(
-        f": not a thing: {field} must stand once; it stands in lines {lines}."
-    )
-
-
-def test_an_alias_may_stand_as_often_as_it_is_wanted(tmp_path):
-    (tmp_path / "x.yaml").write_text("first: &a {weight: 3.0}\nmany: [*a, *a]")
-    assert load_checked(Outer, tmp_path / "x.yaml", "thing").many == [Inner(3.0), Inner(3.0)]
+def test_a_wrong_field_is_answered_with_a_remedy(tmp_path, text, end):
+    assert said(tmp_path, text).endswith(end)
 
 
 def test_what_the_file_does_not_name_keeps_its_default(tmp_path):
-    (tmp_path / "x.yaml").write_text("first: {weight: 3.0}")
+    (tmp_path / "x.yaml").write_text("first: &a {weight: 3.0}\nmany: [*a, {<<: *a, weight: 4}]")
     dut = load_checked(Outer, tmp_path / "x.yaml", "thing")
-    assert (dut.speed, dut.first.weight, dut.many) == (1.0, 3.0, [])
+    assert (dut.speed, dut.first, dut.many) == (1.0, Inner(3.0), [Inner(3.0), Inner(4.0)])
 
 
 INNER = "fields with their values (weight, place)"
-TURN = "a matrix, 2 rows of 2 numbers, as [[1.0, 0.0], [0.0, 1.0]]"
+TURN = "a matrix, rows of as many numbers each, as [[1.0, 0.0], [0.0, 1.0]]"
 
 
 @pytest.mark.parametrize(
@@ -108,16 +83,13 @@ TURN = "a matrix, 2 rows of 2 numbers, as [[1.0, 0.0], [0.0, 1.0]]"
         ("asked: 3", "asked must be true or false; got 3."),
         ("first: 0.1", f"first must be {INNER}; got 0.1."),
         ("first:", f"first must be {INNER}; got nothing."),
-        ("first: []", f"first must be {INNER}; got []."),
         ("first: {weight: [1]}", "first.weight must be a number; got [1]."),
         ("first: {place: 3}", "first.place must be a list of numbers, as [0.0, 1.0]; got 3."),
         ("first: {1: 2}", "the name of a field of first must be text; got 1."),
-        ("1: 2", "the name of a field must be text; got 1."),
         ("many: 3", "many must be a list; got 3."),
         ("many: [{}, {weight: x}]", "many[1].weight must be a number; got 'x'."),
-        ("turn: [1, 2]", f"turn must be {TURN}; got [1, 2]."),
         ("turn: [[1, 2], [3]]", f"turn must be {TURN}; got [[1, 2], [3]]."),
-        ("turn: &a [*a]", f"turn must be {TURN}; got [[...]]."),
+        ("turn: &a [*a]", f"turn must be {TURN}; got [[[[[...]]]]]."),
     ],
 )
 def test_a_value_of_another_kind_is_told_with_field_asked_and_given(tmp_path, text, reason):
@@ -144,3 +116,64 @@ def test_an_error_that_nobody_foresaw_is_one_line_too(tmp_path, monkeypatch, err
 
     monkeypatch.setattr(Outer, "check", check)
     said(tmp_path, "speed: 2.0")
+
+
+LAUGHS = "_a0: &a0 [x, x, x, x, x, x, x, x, x]\n" + "".join(
+    f"_a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 9)}]\n" for i in range(1, 10)
+)
+
+
+@pytest.mark.parametrize(
+    "text, reason",
+    [
+        (f"{LAUGHS}turn: *a9", "turn must be a matrix"),
+        (f"{LAUGHS}many: *a9", "many[0] must be fields with their values"),
+        ("speed: " + "[" * 20_000 + "]" * 20_000, "nested"),
+        ("speed: " + "{a: " * 3000 + "1" + "}" * 3000, "nested"),
+        ('speed: !!python/object/apply:os.system ["true"]', "tag"),
+        ("speed: !foo bar", "tag"),
+        ("#" * 10**6 + "\n", "must hold at most 1 MB"),
+    ],
+)
+def test_no_text_takes_long_or_makes_an_object_of_another_program(tmp_path, text, reason):
+    start = time.process_time()
+    assert reason in said(tmp_path, text)
+    assert time.process_time() - start < 2.0  # [s]; a reader without bounds never ends
+
+
+def test_bytes_that_are_no_text_are_refused(tmp_path):
+    (tmp_path / "a.yaml").write_bytes(b"a: \xff\xfe")
+    with pytest.raises(ValueError, match="UTF-8"):
+        read_yaml(tmp_path / "a.yaml")
+
+
+@dc.dataclass
+class Bounded:
+    size: float = number(1.0, "m", POSITIVE)
+    delay: float | None = number(None, "s", 0.0, 1.0)
+    place: list[float] = number([0.0, 0.0], "m", -1.0, 2.0)
+    kind: str = word("one", "one", "two")
+
+
+@pytest.mark.parametrize(
+    "change, reason",
+    [
+        ({"size": 0.0}, "size must be positive and finite [m]; got 0.0."),
+        ({"size": math.inf}, "size must be positive and finite [m]; got inf."),
+        ({"delay": 1.5}, "delay must be 0 to 1 [s]; got 1.5. Is it in s?"),
+        ({"delay": math.nan}, "delay must be 0 to 1 [s]; got nan. Is it in s?"),
+        ({"place": [0.0]}, "place must be 2 numbers, each -1 to 2 [m]; got [0.0]."),
+        ({"place": [0.0, 3.0]}, "place must be 2 numbers, each -1 to 2 [m]; got [0.0, 3.0]."),
+        ({"kind": "three"}, "kind must be one of one, two; got 'three'."),
+    ],
+)
+def test_a_value_outside_its_bounds_is_told_with_them(change, reason):
+    check_fields(Bounded(delay=1.0, place=[-1.0, 2.0]), "thing")
+    with pytest.raises(ValueError) as found:
+        check_fields(dc.replace(Bounded(), **change), "thing")
+    assert str(found.value).startswith(f"thing: {reason}")
+
+
+def test_a_default_is_no_one_elses():
+    Bounded().place.append(3.0)
+    assert Bounded().place == [0.0, 0.0]

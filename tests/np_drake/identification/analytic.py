@@ -7,7 +7,7 @@ import numpy as np
 from np_drake import attitude
 from np_drake.flight_log import FlightLog
 from np_drake.vehicle import Vehicle
-from np_drake.vehicle.calibration import Calibration, ThrottleMap
+from np_drake.vehicle.vehicle import Calibration, ThrottleMap
 
 G = 9.81
 FINE = 8  # steps in an interval of rows

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from np_drake.flight_log import FlightLog
-from np_drake.identification.drives import common_drive, drives_of
+from np_drake.identification.signals import common_drive
 
 
 def log(name: str, **more) -> FlightLog:
@@ -23,10 +23,6 @@ ROTORS, THROTTLES = (
 )
 
 
-def test_rotor_speed_comes_before_throttle():
-    assert drives_of(log("a", **ROTORS, **THROTTLES)) == ("rotor_speed", "throttle")
-
-
 def test_flights_are_read_by_what_all_of_them_hold():
     assert (
         common_drive([log("a", **ROTORS, **THROTTLES), log("b", **THROTTLES, input="normalised")])
@@ -37,11 +33,6 @@ def test_flights_are_read_by_what_all_of_them_hold():
 def test_flights_without_an_input_in_common_are_refused_by_name():
     with pytest.raises(ValueError, match="a rotor_speed; b command"):
         common_drive([log("a", **ROTORS), log("b")])
-
-
-def test_what_a_log_does_not_hold_cannot_be_asked_for():
-    with pytest.raises(ValueError, match="b: holds command of its rotors, not throttle"):
-        common_drive([log("b")], "throttle")
 
 
 def test_a_log_without_four_rotors_is_refused():

@@ -5,10 +5,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from np_drake.identification.frame import Frame, euler_of_moments, inertia
-from np_drake.identification.model import FORCE, SPEED, TORQUE, FlightModel
-from np_drake.identification.parameters import Layout
-from np_drake.identification.priors import parameters
+from np_drake.identification.estimation import parameters
+from np_drake.identification.model import (
+    FORCE,
+    TORQUE,
+    FlightModel,
+    Frame,
+    euler_of_moments,
+    inertia,
+)
 from np_drake.identification.signals import signals
 from np_drake.identification.validation import vehicle_values
 
@@ -96,57 +101,12 @@ def test_at_the_true_parameters_nothing_is_left(model_of, truth, drive, share):
     assert np.all(np.std(e[:, FORCE], axis=0) < share * np.std(flight.force, axis=0))
 
 
-def test_throttle_beside_rotor_speed_tells_the_motors(model_of, truth, frame_of):
-    dut, v = model_of("both"), truth("rotor_speed")
-    e = dut.residual(v)[3:, SPEED]
-    wrong = dut.residual(v | {"lag": 1.5 * v["lag"]})[3:, SPEED]
-    assert np.std(e) < 0.005
-    assert np.std(wrong) > 3 * np.std(e)
-
-
-def test_each_parameter_that_a_log_tells_moves_the_residual(model_of, truth):
-    dut, v = model_of("both"), truth("rotor_speed")
-    told = Layout.of(
-        parameters(600.0, 0.01), {"motors", "speed", "throttle", "velocity", "accelerometer"}, 1
-    )
-    here = dut.residual(v)
-    for name in [p.name for p in (*told.shared, *told.own)]:
-        # Some are at a bound: a window of the whole interval, no idle speed.
-        moved = [dut.residual(v | {name: v[name] + step}) - here for step in (-0.01, 0.01)]
-        assert np.abs(moved).max() > 1e-6, name
-
-
-def test_the_order_of_evaluations_does_not_matter(model_of, truth):
-    dut, v = model_of("throttle"), truth("throttle")
-    others = [
-        v | {name: v[name] * 1.1 + 0.001}
-        for name in ("lag", "delay", "curve", "force_late", "window")
-    ]
-    first = [dut.residual(o) for o in others]
-    again = [dut.residual(o) for o in reversed(others)][::-1]
-    for one, two in zip(first, again, strict=True):
-        np.testing.assert_array_equal(one, two)
-
-
 def test_a_bias_of_the_accelerometer_is_what_is_left_of_the_force(model_of, truth):
     dut, v = model_of("rotor_speed"), truth("rotor_speed")
     moved = dut.residual(v) - dut.residual(v | {"bias_x": 0.1, "bias_z": -0.2})
     np.testing.assert_allclose(
         moved[:, FORCE], np.tile([0.1, 0.0, -0.2], (len(moved), 1)), atol=1e-12
     )
-
-
-def test_late_commands_look_like_a_longer_delay(analytic, frame_of, truth):
-    late = dc.replace(
-        analytic.TRUE, calibration=dc.replace(analytic.TRUE.calibration, command_delay=0.02)
-    )
-    log = analytic.flight(late, 0, seconds=5.0, drive="throttle", noisy=False)
-    dut, v = (
-        FlightModel(signals(log, analytic.KNOWN.unmixer), frame_of("throttle")),
-        truth("throttle"),
-    )
-    left = {d: np.std(dut.residual(v | {"delay": d})[10:, TORQUE]) for d in (0.015, 0.02, 0.025)}
-    assert min(left, key=left.get) == 0.02
 
 
 def test_a_mirrored_vehicle_has_mirrored_parameters(analytic, truth, frame_of):

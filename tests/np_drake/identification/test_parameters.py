@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from np_drake.identification.parameters import Layout, Parameter
+from np_drake.identification.estimation import Layout, Parameter
 
 ALL = (
     Parameter("a", 1.0, 0.5),
@@ -22,11 +22,6 @@ def dut():
 def test_a_logarithmic_parameter_stays_positive_and_a_plain_one_is_linear(z):
     assert ALL[1].value(z) == pytest.approx(np.exp(0.3 * z))
     assert ALL[0].value(z) == pytest.approx(1.0 + 0.5 * z)
-
-
-def test_what_logs_do_not_hold_stays_at_its_mean(dut):
-    assert dut.fixed == {"c": 2.0}
-    assert dut.values(np.full(dut.size, 3.0), 0)["c"] == 2.0
 
 
 def test_each_place_belongs_to_all_flights_or_to_one(dut):

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from np_drake.identification.model import FlightModel
-from np_drake.identification.prediction import ERRORS, predict
 from np_drake.identification.signals import signals
-from np_drake.identification.validation import vehicle_values
+from np_drake.identification.validation import ERRORS, predict, vehicle_values
 
 
 @pytest.fixture(scope="module")
@@ -44,13 +43,6 @@ def test_at_the_start_a_prediction_is_the_log(case):
     assert predict(model, log, v, seconds=0.1).errors(log)[0].max() < 1e-7
 
 
-def test_a_shorter_prediction_is_the_beginning_of_a_longer_one(case):
-    model, log, v = case
-    long, short = (predict(model, log, v, seconds=s) for s in (0.3, 0.1))
-    common = np.intersect1d(long.first, short.first, return_indices=True)[1:]
-    np.testing.assert_array_equal(long.x[: len(short.t), common[0]], short.x[:, common[1]])
-
-
 def test_predictions_do_not_cross_a_gap(case):
     model, log, v = case
     good = model.flight.good.copy()
@@ -59,24 +51,3 @@ def test_predictions_do_not_cross_a_gap(case):
         FlightModel(dc.replace(model.flight, good=good), model.frame), log, v, seconds=0.2
     )
     assert not np.any((dut.first <= 200) & (dut.first + 20 > 200))
-
-
-def test_a_flight_without_a_whole_stretch_is_refused(case):
-    model, log, v = case
-    flight = dc.replace(model.flight, good=np.arange(len(model.flight)) % 5 > 0)
-    with pytest.raises(ValueError, match=r"no stretch of 0.5 s"):
-        predict(FlightModel(flight, model.frame), log, v, seconds=0.5)
-
-
-def test_with_wrong_inertia_the_rates_drift(case):
-    model, log, v = case
-    wrong = predict(model, log, v | {"jxx": 1.2 * v["jxx"]}, seconds=0.5).errors(log)[-1, :, 3]
-    right = predict(model, log, v, seconds=0.5).errors(log)[-1, :, 3]
-    assert np.median(wrong) > 10 * np.median(right)
-
-
-def test_what_is_identified_predicts_another_flight(case, found):
-    model, log, _ = case
-    v = found.estimate.layout.values(found.estimate.z)
-    dut = predict(FlightModel(model.flight, found.basis.frame), log, v, seconds=0.5)
-    assert np.median(dut.errors(log)[-1], axis=0) == pytest.approx([0.0, 0.0, 0.0, 0.0], abs=0.05)

@@ -1,17 +1,12 @@
-import dataclasses as dc
-
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from np_drake.identification.frame import Frame
-from np_drake.identification.priors import parameters
+from np_drake.identification.estimation import parameters
+from np_drake.identification.model import Frame, target_speed
 from np_drake.identification.quantities import QUANTITIES, Basis
-from np_drake.identification.rotor_response import target_speed
-from np_drake.vehicle import Vehicle
-from np_drake.vehicle.calibration import ThrottleMap
-from np_drake.vehicle.sources import values
+from np_drake.vehicle.vehicle import ThrottleMap
 
 PRIOR = {p.name: p.value(0.0) for p in parameters(600.0, 0.01)}
 BY_NAME = {q.name: q for q in QUANTITIES}
@@ -23,18 +18,6 @@ def basis(
 ) -> Basis:
     frame = Frame(SQUARE, np.array([1.0, -1.0, 1.0, -1.0]), 0.08, 500.0, 0.0, throttle)
     return Basis(frame, "rotor_speed", mass, coefficient, 500.0)
-
-
-def test_names_are_unique_and_fields_are_those_of_a_vehicle_file():
-    assert len(BY_NAME) == len(QUANTITIES)
-    known = values(dc.replace(Vehicle(), throttle=ThrottleMap(1.0))).keys()
-    assert {q.field for q in QUANTITIES if q.field} <= known
-
-
-def test_what_may_not_be_told_says_why_and_what_would_tell_it():
-    always = {"mass", "thrust coefficient", "logged thrust, true over logged"}
-    for q in QUANTITIES:
-        assert q.name in always or (q.why and q.manoeuvre), q.name
 
 
 @given(factor=st.floats(0.1, 10.0))
@@ -51,13 +34,6 @@ def test_four_rotors_in_hover_carry_the_weight():
     hovers = PRIOR | {"scale": 1.0, "charge": 1.0}
     assert 4 * dut.hover_thrust(hovers) == pytest.approx(1.7 * 9.81)
     assert dut.coefficient_of(hovers) * 500.0**2 == pytest.approx(dut.hover_thrust(hovers))
-
-
-@given(scale=st.floats(0.5, 2.0))
-def test_a_trusted_coefficient_is_found_again_with_the_mass_that_it_tells(scale):
-    dut, v = basis(None, coefficient=9e-6), PRIOR | {"scale": scale}
-    assert dut.coefficient_of(v) == pytest.approx(9e-6)
-    assert dut.mass_of(v) == pytest.approx(4 * 9e-6 * 500.0**2 / (9.81 * scale))
 
 
 @given(gains=st.tuples(*[st.floats(-0.1, 0.1)] * 3))
@@ -82,9 +58,3 @@ def test_the_throttle_map_of_the_file_gives_hover_its_thrust(hover, curve, idle)
         assert float(own.thrust(u)) == pytest.approx(
             full * float(target_speed(np.array(u), curve, idle)) ** 2, abs=0.04 * full
         )
-
-
-@pytest.mark.parametrize("throttle", [0.0, 1.0])
-def test_no_throttle_in_hover_gives_finite_curves(throttle):
-    dut = basis(1.0, throttle=throttle)
-    assert np.isfinite(BY_NAME["linear share of throttle"].of(PRIOR, dut))

@@ -47,30 +47,7 @@ def test_a_delay_is_part_of_the_lag():
     assert [loop.lag for loop in late] == pytest.approx([0.05 + STEP] * 3, rel=0.05)
 
 
-def test_a_log_without_commanded_rates_tells_none():
-    assert (
-        identify_rate_loop([dc.replace(flown([0.05] * 3, np.ones(3)), commanded_rates=None)])
-        is None
-    )
-
-
 def test_rates_that_do_not_follow_show_no_loop():
     log = flown([0.05] * 3, np.ones(3))
     rng = np.random.default_rng(1)
     assert identify_rate_loop([dc.replace(log, w=rng.normal(size=log.w.shape))]) is None
-
-
-@pytest.mark.parametrize("gain", [-1.0, 0.0, 0.017])
-def test_an_axis_that_no_loop_turns_so_shows_none(gain):
-    log = flown([0.05] * 3, np.ones(3), noise=0.0)
-    w = log.w.copy()
-    w[:, 2] *= gain
-    assert identify_rate_loop([dc.replace(log, w=w)]) is None
-
-
-def test_missing_rows_are_left_out():
-    log = flown([0.05] * 3, np.ones(3))
-    holed = log.w.copy()
-    holed[100:140] = np.nan
-    found = identify_rate_loop([dc.replace(log, w=holed)])
-    assert [loop.lag for loop in found] == pytest.approx([0.05] * 3, rel=0.03)

@@ -3,8 +3,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from np_drake.identification.rotor_response import FINEST, Substeps, at, lagged, means, target_speed
-from np_drake.vehicle.calibration import ThrottleMap
+from np_drake.identification.model import lagged, means, target_speed
+from np_drake.identification.signals import FINEST, Substeps
+from np_drake.vehicle.vehicle import ThrottleMap
 
 
 @pytest.mark.parametrize(("start", "end", "constant"), [(0.0, 1.0, 0.03), (1.0, 0.2, 0.05)])
@@ -14,11 +15,6 @@ def test_a_step_is_answered_by_the_exponential_of_its_direction(start, end, cons
     speed = lagged(target, np.r_[0, np.arange(100) + 1], 1e-3, 0.03, 0.05)
     expected = end + (start - end) * np.exp(-np.arange(101) * 1e-3 / constant)
     np.testing.assert_allclose(speed[1:], np.repeat(expected[:, None], 4, axis=1), atol=1e-12)
-
-
-def test_without_lag_the_speed_is_that_commanded():
-    target = np.random.default_rng(0).uniform(0.5, 1.5, (50, 4))
-    np.testing.assert_array_equal(lagged(target, np.arange(50), 0.01, 0.0, 0.0)[1:], target)
 
 
 @given(
@@ -41,21 +37,6 @@ def test_beyond_the_ends_the_first_and_last_values_hold():
     np.testing.assert_allclose(dut[:, 0], [2.0, 3.0, (2.0 + 2.5) / 2], atol=1e-12)
 
 
-@given(values=st.lists(st.floats(-3.0, 3.0), min_size=6, max_size=6), place=st.floats(0.001, 0.499))
-def test_means_of_two_halves_make_the_mean_of_the_whole(values, place):
-    t, values = np.linspace(0.0, 0.5, 6), np.array(values)[:, None]
-    cut = np.array([0.0, place, 0.5])
-    halves = means(t, values, cut[:-1], cut[1:])
-    whole = means(t, values, cut[:1], cut[-1:])
-    np.testing.assert_allclose(np.diff(cut) @ halves / 0.5, whole[0], atol=1e-9)
-
-
-def test_values_between_nodes_are_on_the_line_and_beyond_the_ends_constant():
-    t = np.linspace(1.0, 2.0, 5)
-    dut = at(t, (3.0 * t)[:, None], np.array([0.0, 1.1, 1.99, 5.0]))
-    np.testing.assert_allclose(dut[:, 0], [3.0, 3.3, 5.97, 6.0], atol=1e-12)
-
-
 @settings(max_examples=50)
 @given(linear=st.floats(0.0, 1.0), throttle=st.floats(0.01, 1.0))
 def test_the_square_of_the_target_speed_is_the_throttle_map_of_the_file(linear, throttle):
@@ -63,17 +44,6 @@ def test_the_square_of_the_target_speed_is_the_throttle_map_of_the_file(linear, 
     own = ThrottleMap(1.0, linear)
     assert float(dut) ** 2 == pytest.approx(float(own.thrust(throttle)), rel=1e-9)
     assert target_speed(np.array(1.0), linear) == 1.0
-
-
-@given(
-    throttle=st.floats(0.0, 1.0),
-    more=st.floats(0.0, 1.0),
-    linear=st.floats(0.0, 1.0),
-    idle=st.floats(0.0, 0.2),
-)
-def test_more_throttle_never_gives_less_speed_than_idle(throttle, more, linear, idle):
-    low, high = target_speed(np.array(sorted([throttle, more])), linear, idle)
-    assert idle <= low <= high + 1e-12
 
 
 @pytest.mark.parametrize("rate", [50.0, 100.0, 250.0, 1000.0, 333.0])

@@ -3,9 +3,7 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake import attitude
-from np_drake.identification.drives import DRIVES, drives_of
-from np_drake.identification.signals import signals
+from np_drake.identification.signals import DRIVES, drives_of, signals
 
 
 @pytest.fixture(scope="module")
@@ -23,25 +21,6 @@ def test_the_mean_acceleration_of_a_span_is_the_change_of_its_rates(log, dut):
     np.testing.assert_allclose(total, log.w[dut.edges[-1]] - log.w[0], atol=1e-9)
 
 
-def test_the_spread_of_rates_is_symmetric_and_positive(dut):
-    np.testing.assert_allclose(dut.spread, np.swapaxes(dut.spread, 1, 2), atol=1e-12)
-    assert np.linalg.eigvalsh(dut.spread).min() > -1e-9
-
-
-@pytest.mark.parametrize("yaw", [0.7, -2.5])
-def test_neither_heading_nor_place_of_the_world_matter(analytic, log, dut, yaw):
-    turn = attitude.from_rotation_vector(np.array([[0.0, 0.0, yaw]]))
-    turned = {
-        f: attitude.rotate(np.broadcast_to(turn, log.q.shape), getattr(log, f)) for f in "pva"
-    }
-    moved = dc.replace(
-        log, q=attitude.multiply(turn, log.q), **(turned | {"p": turned["p"] + [100.0, -20.0, 3.0]})
-    )
-    again = signals(moved, analytic.KNOWN.unmixer)
-    for name in ("force", "velocity", "alpha", "spread"):
-        np.testing.assert_allclose(getattr(again, name), getattr(dut, name), atol=1e-9)
-
-
 def test_without_accelerometer_the_force_is_that_of_the_velocities(analytic, dut):
     level = dc.replace(analytic.TRUE.calibration, imu_position=[0.0] * 3, imu_tilt=[0.0] * 3)
     log = analytic.flight(dc.replace(analytic.TRUE, calibration=level), 3, seconds=5.0, noisy=False)
@@ -51,13 +30,6 @@ def test_without_accelerometer_the_force_is_that_of_the_velocities(analytic, dut
     assert (
         np.sqrt(np.mean((own.force - other.force) ** 2)) < 0.03
     )  # m/s²; log.a turns with the row, not within it
-
-
-@pytest.mark.parametrize(("rate", "rows"), [(50.0, 1), (100.0, 1), (250.0, 3), (1000.0, 9)])
-def test_bins_are_nine_milliseconds_or_a_row(analytic, rate, rows):
-    dut = signals(analytic.flight(seconds=4.0, rate=rate), analytic.KNOWN.unmixer)
-    assert np.all(np.diff(dut.edges) == rows)
-    assert dut.good.mean() > 0.99
 
 
 def test_a_gap_a_fall_a_spike_and_bridged_rows_do_not_count(analytic, log):
@@ -86,36 +58,9 @@ def test_rotor_speed_goes_before_throttle_and_throttle_before_thrust(analytic):
     assert {"rotor_speed", "throttle", "command"} == set(DRIVES)
 
 
-def test_a_log_without_anything_that_turns_rotors_is_refused(log):
-    bare = dc.replace(log, rotor=None, input="normalised")
-    with pytest.raises(ValueError, match=r"flight3: .* needs what turns each rotor"):
-        drives_of(bare)
-
-
-@pytest.mark.parametrize("drive", ["rotor_speed", "throttle"])
-def test_a_log_without_the_drive_that_is_asked_for_is_refused(analytic, log, drive):
-    bare = dc.replace(log, rotor=None, throttle=None)
-    with pytest.raises(ValueError, match=f"flight3: .*{drive.replace('_', ' ')}"):
-        signals(bare, analytic.KNOWN.unmixer, drive)
-
-
-@pytest.mark.parametrize("volts", [np.nan, 0.0, -1.0])
-def test_a_voltage_that_is_none_is_left_out(analytic, log, volts):
-    voltage = np.full(len(log), 12.0)
-    voltage[7] = volts
-    assert signals(dc.replace(log, voltage=voltage), analytic.KNOWN.unmixer).voltage is None
-
-
 @pytest.mark.parametrize("field", ["t", "q", "v", "w", "a"])
 def test_a_log_with_holes_is_refused(analytic, log, field):
     values = getattr(log, field).copy()
     values[50] = np.nan
     with pytest.raises(ValueError, match=f"flight3: {field} must be numbers"):
         signals(dc.replace(log, **{field: values}), analytic.KNOWN.unmixer)
-
-
-def test_throttle_with_holes_is_left_out_beside_rotor_speed(analytic):
-    log = analytic.flight(seconds=4.0, drive="both")
-    log.throttle[5, 1] = np.nan
-    assert signals(log, analytic.KNOWN.unmixer).command is None
-    assert drives_of(dc.replace(log, rotor=None, input="command"))[0] == "command"

@@ -6,7 +6,7 @@ import zlib
 import numpy as np
 import pytest
 
-from np_drake.files.input_file import CELLS_A_BYTE, size_of
+from np_drake.files.input_file import size_of
 from np_drake.logs import columns
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats import csv_file
@@ -113,7 +113,7 @@ def test_a_log_of_plain_text_is_always_within_its_budget(flight, tmp_path):
     table |= {name: np.zeros(len(flight)) for name in table if name.startswith(("a", "rotor"))}
     csv_file.write_csv(tmp_path / "made.csv", table)
     assert len(csv_file.read_csv(tmp_path / "made.csv")) == len(flight)
-    assert len(table) * len(flight) <= CELLS_A_BYTE * size_of(tmp_path / "made.csv")
+    assert len(table) * len(flight) <= size_of(tmp_path / "made.csv")
 
 
 def test_a_log_that_is_compressed_well_is_within_its_budget(flight, tmp_path):

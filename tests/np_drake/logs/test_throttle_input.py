@@ -15,7 +15,7 @@ from np_drake.logs.throttle_input import (
     with_throttle_map,
 )
 from np_drake.vehicle import Vehicle
-from np_drake.vehicle.calibration import ThrottleMap
+from np_drake.vehicle.vehicle import ThrottleMap
 
 VEHICLE = Vehicle()
 WEIGHT = VEHICLE.mass * VEHICLE.gravity

@@ -12,7 +12,7 @@ from np_drake.mpc.sqp import SqpSolver
 from np_drake.references.base import Hover
 from np_drake.residual_model import constant_forecast
 from np_drake.vehicle import Vehicle
-from np_drake.vehicle.rate_loop import RateLoop
+from np_drake.vehicle.vehicle import RateLoop
 
 LOOP = RateLoop([0.05, 0.07, 0.2], [1.0, 0.9, 1.1], [2.0, 2.0, 1.0])
 VEHICLE = dc.replace(

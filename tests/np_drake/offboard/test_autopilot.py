@@ -13,7 +13,7 @@ from np_drake.offboard.codec import COMPANION, PX4, Codec, Command, Heartbeat, I
 from np_drake.offboard.command import throttle_of
 from np_drake.rigid_body import P, Q, V, W
 from np_drake.vehicle import Vehicle
-from np_drake.vehicle.rate_loop import RateLoop
+from np_drake.vehicle.vehicle import RateLoop
 
 pytest.importorskip("pymavlink", reason="messages need pymavlink")
 

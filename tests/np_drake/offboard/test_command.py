@@ -13,8 +13,7 @@ from hypothesis.extra.numpy import arrays
 from np_drake import attitude
 from np_drake.offboard.command import TURN, rates_towards, throttle_of, thrust_of
 from np_drake.vehicle import Vehicle
-from np_drake.vehicle.calibration import ThrottleMap
-from np_drake.vehicle.rate_loop import RateLoop
+from np_drake.vehicle.vehicle import RateLoop, ThrottleMap
 
 PLAIN = Vehicle()
 LOOP = RateLoop(gain=[1.0, 0.8, 1.25])

@@ -15,6 +15,7 @@ MOTIONS = [
     ReferenceConfig(dither=[0.05, 0.05, 0.05]),
     ReferenceConfig(track="vertical", length=1.0, height=2.0),
     ReferenceConfig(track="steps", radius=0.7, speed=0.66, ramp=1.0),
+    ReferenceConfig(track="multisine", amplitude=[0.3, 0.3, 0.1], band=[0.1, 0.6], seed=2),
 ]
 STEPS = ReferenceConfig(track="steps", radius=0.7, speed=0.66, rest=2.0, ramp=1.0)
 
@@ -41,8 +42,7 @@ def test_circle_after_the_ramp_has_radius_and_speed():
 
 def test_lemniscate_has_the_mean_speed_asked():
     dut = make_reference(ReferenceConfig(track="lemniscate"))
-    lap = 2 * np.pi / dut.rate
-    flat = dut.sample(5.0 + np.linspace(0, lap, 4000, endpoint=False))
+    flat = dut.sample(5.0 + np.linspace(0, 2 * np.pi / dut.rate, 4000, endpoint=False))
     assert np.mean(np.linalg.norm(flat[1], axis=1)) == pytest.approx(1.5, rel=1e-6)
     assert np.ptp(flat[0, :, 0]) == pytest.approx(3.0, rel=1e-5)
 
@@ -106,6 +106,11 @@ def test_feed_forward_flies_the_reference_open_loop(config):
         {"ramp": -1.0},
         {"rest": -1.0},
         {"track": "vertical", "rise": 2.0},
+        {"track": "circle", "corners": "stop"},
+        {"dither_frequencies": []},
+        {"amplitude": [0.1, 0.1, -0.1]},
+        {"band": [0.5, 0.2]},
+        {"seed": -1},
     ],
 )
 def test_impossible_reference_is_refused(bad):
@@ -118,3 +123,18 @@ def test_dither_has_the_rms_asked_and_starts_without_offset():
     np.testing.assert_allclose(flat[0].std(axis=0), [0.1, 0.05, 0.02], rtol=0.02)
     start = Multisine([0.1, 0.05, 0.02], ramp=1.0).sample(np.zeros(1))
     np.testing.assert_allclose(start, 0.0, atol=1e-12)
+
+
+def test_a_multisine_is_random_of_the_sizes_asked_within_its_band():
+    config = ReferenceConfig(
+        track="multisine", amplitude=[0.3, 0.2, 0.1], band=[0.2, 0.8], ramp=1.0
+    )
+    t = np.arange(10.0, 1010.0, 0.1)
+    p = make_reference(config).sample(t)[0]
+    np.testing.assert_allclose(p.std(axis=0), [0.3, 0.2, 0.1], rtol=0.02)
+    power = np.abs(np.fft.rfft(p - p.mean(axis=0), axis=0)) ** 2
+    frequency = np.fft.rfftfreq(len(t), 0.1)
+    band = (frequency > 0.19) & (frequency < 1.03)  # of x; the others up to 1.27 times higher
+    assert (power[band].sum(axis=0) > 0.99 * power.sum(axis=0)).all()
+    again = ReferenceConfig(track="multisine", seed=1)
+    assert not np.allclose(make_reference(again).sample(t)[0], p)

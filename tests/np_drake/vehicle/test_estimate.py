@@ -7,16 +7,8 @@ import numpy as np
 import pytest
 
 from np_drake.logs.formats.neurobem import published_vehicle
-from np_drake.vehicle.estimate import (
-    AIR,
-    FIGURE_OF_MERIT,
-    MASS_SPREAD,
-    THRUST_NUMBER,
-    THRUST_SPREAD,
-    Measured,
-    commented_file,
-    estimate,
-)
+from np_drake.vehicle.estimate import AIR, FIGURE_OF_MERIT, Measured, commented_file, estimate
+from np_drake.vehicle.rotor_layout import FIRMWARE
 from np_drake.vehicle.scaling import numbers
 from np_drake.vehicle.vehicle import (
     RIGID,
@@ -36,16 +28,6 @@ def test_four_rotors_at_hover_throttle_carry_the_weight():
     assert 4 * linear.max_rotor_thrust * 0.5 == pytest.approx(1.2 * 9.81, rel=1e-5)
 
 
-@pytest.mark.parametrize("order", ["px4", "ardupilot", "betaflight", "crazyflie"])
-def test_opposite_motors_are_a_wheelbase_apart_and_turn_alike(order):
-    dut = estimate(dc.replace(MINE, order=order))
-    p = np.array(dut.rotor_positions)
-    apart = np.linalg.norm(p[:, None] - p, axis=2)
-    assert apart.max(axis=1) == pytest.approx(4 * [0.4], rel=1e-5)
-    opposite = apart.argmax(axis=1)
-    assert dut.rotor_directions == [dut.rotor_directions[i] for i in opposite]
-
-
 @pytest.mark.parametrize(
     "order, corners",  # x forward, y left; then 1 turns clockwise, seen from above
     [
@@ -55,17 +37,14 @@ def test_opposite_motors_are_a_wheelbase_apart_and_turn_alike(order):
         ("crazyflie", [(1, -1, -1), (-1, -1, 1), (-1, 1, -1), (1, 1, 1)]),
     ],
 )
-def test_rotors_stand_in_the_order_of_the_autopilot(order, corners):
+def test_rotors_stand_in_the_order_of_the_autopilot_a_wheelbase_apart(order, corners):
     dut = estimate(dc.replace(MINE, order=order))
-    signs = np.sign(np.array(dut.rotor_positions)[:, :2])
-    np.testing.assert_array_equal(np.column_stack([signs, dut.rotor_directions]), corners)
-
-
-def test_an_order_of_no_autopilot_is_refused():
-    with pytest.raises(
-        ValueError, match="order of the rotors must be px4 or ardupilot or betaflight or crazyflie"
-    ):
-        estimate(dc.replace(MINE, order="paper"))
+    p = np.array(dut.rotor_positions)
+    np.testing.assert_array_equal(
+        np.column_stack([np.sign(p[:, :2]), dut.rotor_directions]), corners
+    )
+    apart = np.linalg.norm(p[:, None] - p, axis=2)
+    assert apart.max(axis=1) == pytest.approx(4 * [0.4], rel=1e-5)
 
 
 def test_the_rotor_spends_the_ideal_power_over_the_figure_of_merit():
@@ -77,40 +56,17 @@ def test_the_rotor_spends_the_ideal_power_over_the_figure_of_merit():
 
 
 @pytest.mark.parametrize("name", preset_names())
-def test_the_estimate_of_inertia_is_of_the_order_of_published_ones(name):
-    known = np.array(numbers(load_vehicle(name)).inertia)
-    guess = np.array(numbers(estimate(MINE)).inertia)
-    assert np.all((guess / known > 0.5) & (guess / known < 2.0))
-
-
-@pytest.mark.parametrize("name", preset_names())
-def test_coefficients_lie_in_the_stated_range_of_the_presets(name):
+def test_estimates_lie_in_the_stated_range_of_the_presets(name):
     vehicle = load_vehicle(name)
     D = 2 * vehicle.rotor_radius
-    number = vehicle.thrust_coefficient * (2 * math.pi) ** 2 / (AIR * D**4)
+    thrust_number = vehicle.thrust_coefficient * (2 * math.pi) ** 2 / (AIR * D**4)
     lever = vehicle.torque_coefficient / vehicle.thrust_coefficient
-    merit = D * math.sqrt(2 * number / math.pi) / (2 * math.pi * lever)
-    assert 0.045 <= round(number, 3) <= 0.201
+    merit = D * math.sqrt(2 * thrust_number / math.pi) / (2 * math.pi * lever)
+    assert 0.045 <= round(thrust_number, 3) <= 0.201
     assert 0.32 <= round(merit, 2) <= 0.71
-    assert 0.045 < THRUST_NUMBER < 0.201
-
-
-def test_the_spread_of_thrust_is_that_of_the_presets():
-    vehicles = [load_vehicle(name) for name in preset_names()]
-    number = [v.thrust_coefficient / v.rotor_radius**4 for v in vehicles]
-    assert THRUST_SPREAD - 0.05 < np.std(number) / np.mean(number) <= THRUST_SPREAD
-
-
-def test_the_file_states_the_uncertainty_given_or_its_origin():
-    assert (estimate(MINE).mass_uncertainty, estimate(MINE).thrust_uncertainty) == (
-        MASS_SPREAD,
-        THRUST_SPREAD,
-    )
-    assert "assumed: a kitchen scale" in commented_file(MINE)
-    known = dc.replace(MINE, mass_uncertainty=0.003, thrust_uncertainty=0.02)
-    assert (estimate(known).mass_uncertainty, estimate(known).thrust_uncertainty) == (0.003, 0.02)
-    assert "mass_uncertainty: 0.003 # [1] given" in commented_file(known)
-    assert "presets" not in commented_file(known)
+    known = np.array(numbers(vehicle).inertia)
+    guess = np.array(numbers(estimate(MINE)).inertia)
+    assert np.all((guess / known > 0.5) & (guess / known < 2.0))
 
 
 def test_the_file_holds_the_estimate_and_names_every_parameter(tmp_path):
@@ -127,7 +83,8 @@ def test_the_file_holds_the_estimate_and_names_every_parameter(tmp_path):
         (1.2, 40.0, 0.2, 0.5),
         (1.2, 0.4, 9.0, 0.5),
         (1.2, 0.4, 0.2, 50.0),
-        (0.0, 0.4, 0.2, 0.5),
+        (1.2, 0.4, 0.2, 0.5, "square"),
+        (1.2, 0.4, 0.2, 0.5, "linear", "paper"),
     ],
 )
 def test_measures_in_another_unit_are_refused(bad):
@@ -151,45 +108,20 @@ def test_every_preset_states_its_source_and_all_parameters(name):
     assert load_vehicle(name).name == name
 
 
-@pytest.mark.parametrize("name", ["crazyflie", "crazyflie_brushless"])
-def test_a_crazyflies_rotors_are_in_the_order_of_its_firmware(name):
-    dut = load_vehicle(name)
-    corners = [tuple(np.sign(position[:2]).astype(int)) for position in dut.rotor_positions]
-    assert corners == [
-        (1, -1),
-        (-1, -1),
-        (-1, 1),
-        (1, 1),
-    ]  # front right, rear right, rear left, front left
-    assert dut.rotor_directions == [
-        -1,
-        1,
-        -1,
-        1,
-    ]  # m1 turns counter-clockwise, and the body the other way
-    assert "order of the firmware" in vehicle_file(name).read_text()
-
-
-def test_the_x500s_rotors_are_in_the_order_of_px4():
-    dut = load_vehicle("x500")
-    corners = [tuple(np.sign(position[:2]).astype(int)) for position in dut.rotor_positions]
-    assert corners == [
-        (1, -1),
-        (-1, 1),
-        (1, 1),
-        (-1, -1),
-    ]  # front right, rear left, front left, rear right
-    assert dut.rotor_directions == [-1, -1, 1, 1]
-    assert "order of PX4" in vehicle_file("x500").read_text()
-
-
-def test_the_crazyflies_thrust_is_that_of_the_published_polynomials():
-    c = 65535
-    thrust = 2.130295e-11 * c**2 + 1.032633e-6 * c + 5.484560e-4  # [N]
-    speed = 0.04076521 * c + 380.8359  # [rad/s]
-    dut = load_vehicle("crazyflie")
-    assert dut.max_rotor_thrust == pytest.approx(thrust, rel=1e-3)
-    assert dut.thrust_coefficient == pytest.approx(thrust / speed**2, rel=1e-3)
+@pytest.mark.parametrize(
+    "name, order, said",
+    [
+        ("crazyflie", "crazyflie", "order of the firmware"),
+        ("crazyflie_brushless", "crazyflie", "order of the firmware"),
+        ("x500", "px4", "order of PX4"),
+    ],
+)
+def test_a_presets_rotors_are_in_the_order_of_its_autopilot(name, order, said):
+    dut, layout = load_vehicle(name), FIRMWARE[order]
+    corners = [tuple(np.sign(position[:2])) for position in dut.rotor_positions]
+    assert corners == list(layout.positions)
+    assert dut.rotor_directions == list(layout.directions)
+    assert said in vehicle_file(name).read_text()
 
 
 def test_an_unknown_name_lists_the_presets():

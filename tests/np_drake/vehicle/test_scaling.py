@@ -6,7 +6,6 @@ import math
 import numpy as np
 import pytest
 
-from np_drake.labels import LabelConfig, default_labels
 from np_drake.vehicle.scaling import (
     numbers,
     payload_ratio,
@@ -46,12 +45,6 @@ def test_weak_gravity_slows_the_clock():
     moon = dc.replace(Vehicle(), gravity=9.81 / 4)
     assert ratios(moon).time == pytest.approx(2.0)
     assert sampling_period(moon) == 0.04
-
-
-@pytest.mark.parametrize("name", ["paper", "neurobem", "hummingbird", "x500"])
-def test_vehicles_near_the_papers_size_are_sampled_as_the_papers(name):
-    assert sampling_period(load_vehicle(name)) == 0.02
-    assert default_labels(load_vehicle(name)) == LabelConfig()
 
 
 def test_the_presets_hover_and_carry_their_payload():

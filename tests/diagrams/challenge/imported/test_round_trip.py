@@ -11,16 +11,13 @@ import pytest
 import yaml
 from written import columns_in, default_map, quantities_of, write_table
 
-from diagrams.challenge.generate.case import CaseDraw, draw_case
-from diagrams.challenge.generate.logged_input import FINER, as_logged
-from diagrams.challenge.generate.make import fly_case
-from diagrams.challenge.generate.sensor_quality import SensorQuality, rows_of, with_sensor_noise
-from diagrams.challenge.generate.trajectories import draw_plan
-from diagrams.challenge.generate.vehicles import draw_vehicle
-from diagrams.challenge.simulators.drake import simulator
+from diagrams.challenge import flight
+from diagrams.challenge.draw import VEHICLES, CaseDraw, draw_case
+from diagrams.challenge.make import fly_case
+from diagrams.challenge.plans import draw_plan
+from diagrams.challenge.sensors import FINER, SensorQuality, as_logged, rows_of, with_sensor_noise
 from np_drake.diagnosis.diagnose import diagnose
 from np_drake.effects.library import LIBRARY
-from np_drake.flight_log import FlightLog
 from np_drake.logs.case_folder import VEHICLE, open_case
 from np_drake.logs.formats.log_file import write_log
 from np_drake.logs.import_sheet import write_sheet
@@ -31,7 +28,7 @@ from np_drake.logs.importing.log_map import load_map_file
 from np_drake.vehicle.text import vehicle_text
 
 # The laws hold from any start; a settled one only takes longer.
-fly = partial(simulator.fly, warm_up=0.5)  # [s]
+fly = partial(flight.fly, warm_up=0.5)  # [s]
 
 ERRORS = {  # by name: how the log is written, where its map declares the defaults
     "world NED": (("world", "ned"),),
@@ -66,7 +63,7 @@ TRIPS = (("linear_drag", 100, "held_after"), ("thrust_scale", 100, "averaged"))
 def flown():
     """Vehicle, and a flight of 15 s with drag and wind, at 100 Hz."""
     rng = np.random.default_rng([3700, 1, 0, 0])
-    vehicle = draw_vehicle(rng, SensorQuality().stated_noise())
+    vehicle = dc.replace(VEHICLES[rng.integers(len(VEHICLES))], command_timing="held")
     effects = [
         LIBRARY["linear_drag"].of(EFFECTS["linear_drag"](vehicle.mass)),
         LIBRARY["constant_wind"].of({"x": 1.5, "y": -1.0, "z": 0.0}),
@@ -111,8 +108,7 @@ def diagnosed(folder, vehicle):
 @pytest.mark.parametrize("effect, rate, semantics", TRIPS)
 def test_an_imported_log_is_diagnosed_as_its_original(effect, rate, semantics, tmp_path):
     rng = np.random.default_rng([3700, 2, rate])
-    drawn = draw_vehicle(rng, SensorQuality().stated_noise())
-    vehicle = dc.replace(drawn, command_timing="unknown")
+    vehicle = dc.replace(VEHICLES[rng.integers(len(VEHICLES))], command_timing="unknown")
     acting = LIBRARY[effect].of(EFFECTS[effect](vehicle.mass))
     finer = 1 if semantics.startswith("held") else FINER
     folders = [tmp_path / "original", tmp_path / "imported"]
@@ -143,7 +139,6 @@ def test_an_imported_log_is_diagnosed_as_its_original(effect, rate, semantics, t
         told.identifier != effect
     ):  # of a vehicle that nobody measured, less thrust looks as more mass does
         assert effect in told.indistinguishable_from
-        assert sum(e.probability for e in imported.explanations if e.named == (effect,)) > 0.3
         return
     for name, estimate in original.causes[0].parameters.items():
         low, high = told.parameters[name].ci95  # wider: the vehicle of an imported log may differ
@@ -157,16 +152,3 @@ def test_a_thinned_clean_log_has_no_cause_of_timing(tmp_path):
         write_log(rows_of(log, np.arange(0, len(log), 2)), tmp_path / file)
     found = diagnosed(tmp_path, dc.replace(case.vehicle, command_timing="unknown"))
     assert not {"clock_offset", "command_delay", "motor_lag"} & set(found.verdict)
-
-
-def test_a_row_holds_the_command_that_its_meaning_says():
-    rng = np.random.default_rng(0)
-    three = [rng.normal(size=(8, 3)) for _ in range(4)]
-    q = rng.normal(size=(8, 4))
-    p, v, w, a = three
-    q = q / np.linalg.norm(q, axis=1, keepdims=True)
-    log = FlightLog(t=0.01 * np.arange(8), p=p, q=q, v=v, w=w, a=a, u=rng.uniform(1.0, 9.0, (8, 4)))
-    assert np.array_equal(as_logged(log, "held_after", 1).u, log.u)
-    assert np.array_equal(as_logged(log, "held_before", 1).u[1:], log.u[:-1])
-    assert np.allclose(as_logged(log, "averaged", 2).u, 0.5 * (log.u[::2] + log.u[1::2]))
-    assert np.array_equal(as_logged(log, "sampled", 2).u, log.u[::2])

@@ -2,7 +2,7 @@ import json
 
 import pytest
 
-from diagrams.challenge.out_of_library.draw import HOLDOUT
+from diagrams.challenge.out_of_library import HOLDOUT
 from diagrams.cli.main import run
 
 

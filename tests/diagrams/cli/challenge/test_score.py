@@ -70,8 +70,8 @@ def test_answers_are_scored_into_tables_figures_and_metrics(folders, tmp_path, c
     assert written["accuracy"]["single"] == 0.5
     assert written["parameters"]["median_error"] == pytest.approx(0.05)
     assert written["shrink_relative"]["mean"] == 1.0
-    assert "| mass_error | 2 | 1 of 2 |" in files["markdown"].read_text()
-    assert (tmp_path / "out" / "confusion.png").is_file()
+    assert "| mass_error | 2 | 50 % [1, 99] 1/2 |" in files["markdown"].read_text()
+    assert (tmp_path / "out" / "reliability.png").is_file()
 
 
 def test_misses_are_listed_only_if_asked(folders, capsys):

@@ -7,23 +7,19 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.calibration.columns import with_fixed_effects
-from np_drake.diagnosis.calibration.spread import of_vehicle
-from np_drake.diagnosis.calibration.torque_gain import with_torque_gain
+from np_drake.diagnosis.calibration import of_vehicle, with_fixed_effects
 from np_drake.diagnosis.forward_model import Term, predicted_residual
 from np_drake.diagnosis.options import SPREAD, Tolerance
 from np_drake.diagnosis.residuals import WRENCH, make_flight_residuals
-from np_drake.effects.calibration import effects_of, in_flight
+from np_drake.effects.calibration import effects_of
 from np_drake.effects.center_of_mass_offset import CenterOfMassOffset
-from np_drake.effects.command_delay import CommandDelay
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError
 from np_drake.effects.motor_lag import MotorLag
 from np_drake.effects.thrust_scale import ThrustScale
-from np_drake.effects.uneven_lag import UnevenLag
 from np_drake.effects.weak_rotor import WeakRotor
 from np_drake.vehicle import Vehicle
-from np_drake.vehicle.calibration import Calibration
+from np_drake.vehicle.vehicle import Calibration
 
 PLAIN = Vehicle()
 KNOWN = Calibration(
@@ -66,31 +62,6 @@ def test_an_effect_acts_with_the_calibration(flown, effect):
     left = e.y - predicted_residual(e, [Term(effect)])
     assert np.linalg.norm(rms(left) / rms(flown(vehicle=PLAIN).y)) < 0.2
     assert predicted_residual(e, []) == pytest.approx(np.zeros_like(e.y))
-
-
-def test_a_share_of_the_calibrations_torque_is_shown(flown):
-    e, share = flown(), np.array([0.4, 0.5, 0.6])
-    scaled, rotors = with_torque_gain([e, make_flight_residuals(e.log, FILE)], share)
-    given = predicted_residual(rotors, [Term(effect) for effect in e.fixed])
-    assert scaled.against_file == pytest.approx(e.y)
-    assert scaled.y == pytest.approx(
-        rotors.y - given, abs=3e-3
-    )  # [N, N·m]: a tilted gyro's torque is no torque
-
-
-def test_a_file_without_calibration_fixes_nothing(seen):
-    e = seen(name="a", seed=1, seconds=4.0)
-    dut = with_fixed_effects(e)
-    assert dut.fixed == ()
-    assert np.array_equal(dut.y, e.y)
-
-
-def test_motors_are_behind_measured_speed_and_a_lag_replaces_the_files():
-    file = dc.replace(FILE, calibration=dc.replace(KNOWN, rotor_time_constant_down=0.03))
-    kinds = {type(e) for e in in_flight(file)}
-    assert kinds >= {CenterOfMassOffset, WeakRotor, UnevenLag, CommandDelay}
-    assert kinds - {type(e) for e in in_flight(file, measured=True)} == {UnevenLag, CommandDelay}
-    assert kinds - {type(e) for e in in_flight(file, beside=[MotorLag(0.1)])} == {UnevenLag}
 
 
 def test_a_stated_interval_is_the_spread_of_its_number(seen):

@@ -5,16 +5,16 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.calibration.columns import (
-    calibration_columns,
+from np_drake.diagnosis.calibration import (
+    calibrated_alone,
     columns_of,
     drift_columns,
+    of_vehicle,
     vehicle_columns,
 )
-from np_drake.diagnosis.calibration.spread import calibrated_alone, of_flight, of_vehicle
 from np_drake.diagnosis.forward_model import Term, predicted_residual
 from np_drake.diagnosis.options import SPREAD, Options, Tolerance
-from np_drake.diagnosis.regressors.nuisance import with_input
+from np_drake.diagnosis.regressors import with_input
 from np_drake.effects.mass_error import MassError
 from np_drake.effects.weak_rotor import WeakRotor
 from np_drake.vehicle import Vehicle
@@ -37,27 +37,12 @@ def test_a_file_that_states_how_commands_act_describes_the_vehicle(fly, seen):
         assert bool(of_vehicle(e, with_input(real, [e]).tolerance)) is unmeasured
 
 
-def test_ideal_sensors_are_of_a_vehicle_as_its_file_says(flight):
-    assert not with_input(Options.for_sensors(False), [flight]).tolerance.unmeasured
-
-
 def test_a_column_is_what_one_deviation_does(flight):
     shared = of_vehicle(flight, UNMEASURED)
     (first,) = [d for d in shared if d.effect is WeakRotor and d.fixed == {"rotor": 1.0}]
     column = columns_of(flight, [first])[..., 0]
     expected = predicted_residual(flight, [Term(WeakRotor(1.0, 1.0 + SPREAD.rotor_gain))])
     np.testing.assert_allclose(column, expected, atol=1e-12)
-
-
-def test_columns_of_the_vehicle_are_shared_and_those_of_a_flight_are_not(seen):
-    flights = [seen(name=n, seed=i, seconds=4.0) for i, n in enumerate("ab")]
-    first, second, *shared = calibration_columns(flights, UNMEASURED, PRIORS)
-    assert not first.columns["b"].any()
-    assert not second.columns["a"].any()
-    for c in shared:
-        assert c.generic is not None
-        assert all(c.columns[e.name].any() for e in flights)
-        np.testing.assert_array_equal(c.generic(flights[0]), c.columns["a"])
 
 
 def test_an_airframe_has_no_drag_of_its_own_beside_the_effect(flight):
@@ -84,8 +69,3 @@ def test_sensors_and_times_are_calibration_whatever_their_size(flight):
     assert {"attitude_bias", "gyro_bias", "motor_lag", "mixer_gain"} <= known
     assert known.isdisjoint({"weak_rotor", "center_of_mass_offset", MassError.identifier})
     assert calibrated_alone(flight, Tolerance()) == set()
-
-
-def test_a_flight_of_a_described_vehicle_differs_by_its_sensors_alone(flight):
-    names = {d.effect.identifier for d in of_flight(flight, Tolerance())}
-    assert names == {"accelerometer_bias", "attitude_bias", "gyro_bias", "velocity_bias"}

@@ -3,17 +3,13 @@
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.cross_validation.blocks import DEGREES, Block, Blocks, scores
-
-NONE = np.zeros(0, int)
+from np_drake.diagnosis.decision.support import DEGREES, Blocks
 
 
 def made(X: np.ndarray, y: np.ndarray, size: int, shared: int) -> Blocks:
-    parts = []
-    for start in range(0, len(y), size):
-        W = np.column_stack([X, y])[start : start + size]
-        parts.append(Block(W.T @ W, size))
-    return Blocks("a", parts, shared)
+    W = np.column_stack([X, y])
+    parts = [W[start : start + size] for start in range(0, len(y), size)]
+    return Blocks([P.T @ P for P in parts], [size] * len(parts), np.arange(X.shape[1]), shared)
 
 
 @pytest.fixture
@@ -36,7 +32,7 @@ def gaussian(X, y, before: int, upto: int) -> tuple[float, float]:
 
 def test_a_score_is_that_of_the_prediction_from_all_before(data):
     X, y = data
-    found = scores(made(X, y, 20, 3), [], np.arange(3), NONE)
+    found = made(X, y, 20, 3).scores([])
     for k, score in enumerate(found):
         square, logdet = gaussian(X, y, 20 * k, 20 * k + 20)
         expected = -0.5 * logdet - 0.5 * (DEGREES + 20) * np.log1p(square / DEGREES)
@@ -46,14 +42,14 @@ def test_a_score_is_that_of_the_prediction_from_all_before(data):
 def test_other_flights_are_known_before(data):
     X, y = data
     first, second = made(X[:40], y[:40], 20, 3), made(X[40:], y[40:], 20, 3)
-    (found,) = scores(second, [first.of_others(np.arange(3), NONE)], np.arange(3), NONE)
-    assert found == pytest.approx(scores(made(X, y, 20, 3), [], np.arange(3), NONE)[2], abs=1e-9)
+    (found,) = second.scores([first.of_others()])
+    assert found == pytest.approx(made(X, y, 20, 3).scores([])[2], abs=1e-9)
 
 
 def test_what_is_of_another_flight_alone_tells_nothing_of_this_one(data):
     X, y = data
     dut = made(X, y, 20, 2)  # the third column is its own
-    told = dut.of_others(np.arange(2), np.arange(1))
+    told = dut.of_others()
     A = X.T @ X + np.diag([0.0, 0.0, 1.0])
     expected = np.linalg.inv(
         np.linalg.inv(A)[:2, :2]
@@ -68,7 +64,5 @@ def test_a_block_that_no_model_explains_counts_little(data):
     gains = []
     for target in (y, spoilt):
         dut = made(X, target, 20, 3)
-        gains.append(
-            scores(dut, [], np.arange(3), NONE)[1] - scores(dut, [], np.arange(1), NONE)[1]
-        )
+        gains.append(dut.scores([])[1] - dut.without({1, 2}).scores([])[1])
     assert abs(gains[1]) < abs(gains[0])

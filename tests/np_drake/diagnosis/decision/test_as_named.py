@@ -20,11 +20,6 @@ def both(seen, inferred):
     return inferred(flights[:2], flights[2:])
 
 
-def test_what_is_all_named_stays_as_it_is(both):
-    assert {c.identifier for c in both.causes} == {"linear_drag", "weak_rotor"}
-    assert as_named(both) is both
-
-
 def test_what_is_not_named_is_not_in_the_fit(both):
     (drag,) = (c for c in both.causes if c.identifier == "linear_drag")
     dut = as_named(dc.replace(both, causes=[drag]))

@@ -1,31 +1,18 @@
 """Laws of the second answer, in whose fit the first halves of held-out flights are."""
 
 import dataclasses as dc
-import importlib
 from functools import cache
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.decision.second_answer import (
-    LEAST_HALF,
-    novelty,
-    second_answer,
-    split_flights,
-    without_onsets_in,
-)
-from np_drake.diagnosis.diagnose import diagnose
-from np_drake.diagnosis.held_out.adaptation import scored_rows
+from np_drake.diagnosis.diagnose import diagnose, novelty, split_flights
+from np_drake.diagnosis.held_out import scored_rows
 from np_drake.diagnosis.result import Cause, Diagnosis
 from np_drake.effects.gusty_wind import GustyWind
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.vehicle import Vehicle
-
-module = importlib.import_module(
-    "np_drake.diagnosis.decision.second_answer"
-)  # the package has a function so named
 
 DRAG = LinearDrag(0.6, 0.6, 0.0)
 UP_AND_DOWN = (0.0, 0.0, 1.0, 0.0)
@@ -75,25 +62,6 @@ def test_second_halves_judge_the_second_answer_whole_flights_the_first(diagnosed
     assert dut.refit.refit is None
 
 
-def test_the_half_that_joins_is_no_flight_of_the_answer(diagnosed):
-    dut = diagnosed(DRAG).refit
-    assert (dut.train, dut.held_out) == (("a", "b"), ("c",))
-    assert set(dut.causes[0].onset) == {"a", "b", "c"}
-
-
-def test_a_held_out_flight_like_training_shows_nothing_novel(diagnosed):
-    dut = diagnosed()
-    assert dut.new_on_held_out == ()
-    assert dut.refit is None
-    assert dut.verdict == ()
-
-
-def test_without_a_second_answer_what_is_novel_is_told_all_the_same(logs):
-    dut = diagnose(Vehicle(), *logs(DRAG), adaptive_split=False)
-    assert dut.new_on_held_out
-    assert dut.refit is None
-
-
 @pytest.fixture(scope="module")
 def first(seen, inferred):
     """Return an inference that leaves much of its held-out flight."""
@@ -112,12 +80,6 @@ def test_gusts_that_do_not_repeat_and_a_lost_swing_are_not_novel(first):
     assert novelty(dc.replace(first, ranking=hung)) == ()
 
 
-def test_no_flight_long_enough_for_two_halves_means_no_second_answer(first, monkeypatch):
-    monkeypatch.setattr(module, "find_map_model", None)  # which is never asked
-    short = [dc.replace(e, log=e.log.rows(0, 780)) for e in first.held_out]
-    assert second_answer(dc.replace(first, held=dc.replace(first.held, flights=short))) is None
-
-
 def test_a_half_is_the_flight_up_to_its_middle_and_its_rows_do_not_count(seen):
     flight = seen(name="c", seconds=10.0)
     (half,), (judge,) = split_flights([flight])
@@ -127,17 +89,3 @@ def test_a_half_is_the_flight_up_to_its_middle_and_its_rows_do_not_count(seen):
     assert half.grid.step == pytest.approx(flight.grid.step)
     np.testing.assert_array_equal(scored_rows([], judge), judge.t > 5.0)
     np.testing.assert_array_equal(judge.y, flight.y)
-
-
-def test_a_flight_too_short_for_two_halves_judges_whole(seen):
-    flight = seen(name="c", seconds=2 * LEAST_HALF - 0.5)
-    halves, (judge,) = split_flights([flight])
-    assert halves == []
-    assert scored_rows([], judge).all()
-
-
-def test_a_cause_begins_in_flights_and_not_in_their_halves():
-    begun = Cause("mass_error", 0.9, {}, {"a": 2.0, "c": None, "first half of c": 3.0})
-    half = SimpleNamespace(name="first half of c")
-    assert without_onsets_in([half], begun) == dc.replace(begun, onset={"a": 2.0, "c": None})
-    assert without_onsets_in([], begun) == begun

@@ -12,11 +12,10 @@ from np_drake.diagnosis.decision.term_assessment import (
     relative_sizes,
     wind_share,
 )
-from np_drake.diagnosis.fitting.map_estimate import scaled_jacobian
+from np_drake.diagnosis.fitting import scaled_jacobian
 from np_drake.diagnosis.forward_model import NEVER
 from np_drake.diagnosis.options import Options, Size
 from np_drake.effects.constant_wind import ConstantWind
-from np_drake.effects.gusty_wind import GustyWind
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError
 
@@ -52,37 +51,6 @@ def test_the_size_of_several_parameters_is_the_power_of_what_they_predict(fit_at
     )  # scales are alike
     error = np.std(drawn**2) / np.sqrt(DRAWS)
     assert np.mean(drawn**2) == pytest.approx(expected, abs=CHANCE * error)
-
-
-def test_where_parameters_are_known_exactly_so_is_the_size(fit_at, flights):
-    np.testing.assert_allclose(
-        relative_sizes(fit_at(DRAG, covariance=1e-9), 0, flights), 1.0, rtol=1e-6
-    )
-
-
-@pytest.mark.parametrize(
-    "times, share", [(2.0, 1.0), (0.5, 0.0)], ids=["twice the bound", "half of it"]
-)
-def test_in_the_limit_of_a_known_size_an_effect_is_material_or_it_is_not(times, share):
-    size = dc.replace(UNIT, force=times * UNIT.force)
-    assert material_share(size, np.ones(10), MATERIALITY, **PLAIN) == share
-
-
-@pytest.mark.parametrize(
-    "size, kind",
-    [
-        (Size(0.0, MATERIALITY.torque, 0.0, 0.0), PLAIN),
-        (
-            Size(MATERIALITY.calibration_force, 9.0, 0.0, 9.0),
-            {"calibration": True, "sensor": False},
-        ),
-        (Size(9.0, 9.0, 0.0, MATERIALITY.sensor), {"calibration": False, "sensor": True}),
-    ],
-    ids=["torque", "calibration", "sensor"],
-)
-def test_every_kind_of_size_scales_with_the_draws(size, kind):
-    drawn = np.array([0.5, 0.9, 0.99, 1.01, 1.1, 2.0, 3.0, 4.0])
-    assert material_share(size, drawn, MATERIALITY, **kind) == 5 / 8
 
 
 @pytest.mark.parametrize("times", [0.8, 1.0, 1.1])
@@ -127,17 +95,3 @@ def test_a_wind_counts_by_what_it_pushes_while_it_acts(fit_at, flights):
     absent = dc.replace(e, log=dc.replace(e.log, name="b"))
     new = dc.replace(fit, terms=(fit.terms[0], dc.replace(fit.terms[1], onset={"b": NEVER})))
     assert wind_share(new, 1, [e, absent, absent], 0.0, lean) == 1.0
-
-
-def test_an_unknown_wind_is_no_draught_with_the_prior_probability(fit_at, flights):
-    deviation = 0.2  # [m/s]
-    found = wind_at(fit_at, flights, ConstantWind(0.0, 0.0, 0.0), 0.25, covariance=deviation)
-    expected = np.exp(-0.5 * (0.25 / deviation) ** 2)  # Rayleigh
-    assert found == pytest.approx(expected, abs=CHANCE * np.sqrt(expected * (1 - expected) / DRAWS))
-
-
-def test_a_wind_straight_up_alone_is_a_draught_and_what_is_no_wind_never(fit_at, flights):
-    up = fit_at(DRAG, ConstantWind(0.0, 0.0, 5.0), covariance=1e-3)
-    assert wind_share(up, 1, flights, 0.25, 0.0) == 0.0
-    assert wind_share(up, 0, flights, 0.25, 0.0) == 1.0
-    assert wind_share(fit_at(DRAG, GustyWind(), covariance=1e-3), 1, flights, 0.25, 0.0) == 1.0

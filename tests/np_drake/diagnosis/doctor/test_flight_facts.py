@@ -33,16 +33,6 @@ def test_rounded_values_and_repeated_rows_are_noticed(fly):
     assert signal(flight_facts(held), "position").repeated == pytest.approx(0.75, abs=0.01)
 
 
-def test_a_gap_is_counted(fly):
-    log = fly()
-    keep = np.r_[0:300, 308 : len(log)]
-    cut = dc.replace(log, **{f: getattr(log, f)[keep] for f in ("t", "p", "q", "v", "w", "u", "a")})
-    dut = flight_facts(cut)
-    assert dut.gaps == 1
-    assert dut.longest == pytest.approx(0.09)
-    assert flight_facts(log).gaps == 0
-
-
 def test_rotors_at_their_limit_are_counted_with_a_vehicle_alone(fly):
     log = fly()
     weak = dc.replace(Vehicle(), max_rotor_thrust=4.95)

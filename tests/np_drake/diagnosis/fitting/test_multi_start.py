@@ -4,12 +4,11 @@ import dataclasses as dc
 
 import pytest
 
-from np_drake.diagnosis.fitting.multi_start import first_fit, refit, restart
-from np_drake.diagnosis.forward_model.payload_state import Term
-from np_drake.diagnosis.numerics.noise_fit import fit_noise
+from np_drake.diagnosis.fitting import first_fit, refit, restart
+from np_drake.diagnosis.forward_model import Term
+from np_drake.diagnosis.numerics import fit_noise
 from np_drake.diagnosis.options import Options
-from np_drake.diagnosis.regressors.payload import Guess, payload_about
-from np_drake.diagnosis.regressors.regression_problem import Model, RegressionProblem
+from np_drake.diagnosis.regressors import Guess, Model, RegressionProblem, payload_about
 from np_drake.effects.suspended_payload import SuspendedPayload
 
 REAL, IDEAL = Options.for_sensors(True), Options.for_sensors(False)

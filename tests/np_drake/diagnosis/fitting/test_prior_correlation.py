@@ -3,15 +3,13 @@
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.fitting.map_estimate import refine
-from np_drake.diagnosis.fitting.parameters import free_parameters, prior_whitening
-from np_drake.diagnosis.forward_model.payload_state import Term
+from np_drake.diagnosis.fitting import free_parameters, prior_whitening, refine
+from np_drake.diagnosis.forward_model import Term
 from np_drake.diagnosis.options import Options
-from np_drake.diagnosis.regressors.library import library_candidates
-from np_drake.diagnosis.regressors.regression_problem import RegressionProblem
+from np_drake.diagnosis.regressors import library_candidates
+from np_drake.effects.base import prior_root
 from np_drake.effects.gyro_bias import GyroBias
 from np_drake.effects.linear_drag import LinearDrag
-from np_drake.effects.parameter_prior import prior_root
 from np_drake.effects.quadratic_drag import QuadraticDrag
 
 OPTIONS = Options.for_sensors(True)
@@ -49,21 +47,6 @@ def test_whitened_deviations_of_the_prior_are_independent(flight, effect):
     np.testing.assert_array_equal(W[:3], np.eye(6)[:3])
 
 
-def test_a_coefficient_that_no_motion_excites_follows_those_that_one_does(fit):
-    d_x, d_y, d_z = fit.values
-    prior = np.array(LinearDrag.prior_correlation)
-    told = prior[1, [0, 2]] @ np.linalg.inv(prior[np.ix_([0, 2], [0, 2])])
-    expected, left = told @ [d_x, d_z], np.sqrt(1 - told @ prior[[0, 2], 1])
-    assert d_x == pytest.approx(0.4, abs=0.02)
-    deviation = np.sqrt(np.diag(fit.covariance))
-    assert d_y == pytest.approx(
-        expected, abs=deviation[1]
-    )  # the noise of the velocity tells a little
-    assert (
-        deviation[0] < 0.02 < deviation[1] < left * fit.free[1].scale
-    )  # known from the other axis
-
-
 def marginal(flight, noise, X: np.ndarray, prior: np.ndarray) -> float:
     """Return log N(y; 0, 1 + X S X') of the whitened flight, less its constant, for a prior
     covariance S.
@@ -86,11 +69,3 @@ def test_a_fit_has_the_evidence_of_the_linear_problem_with_its_prior(flight, noi
     assert fit.log_evidence == pytest.approx(expected, abs=1e-3)
     independent = marginal(flight, noise, X, np.diag(np.diag(prior)))
     assert abs(expected - independent) > 0.3  # the correlation matters here
-
-
-def test_the_search_scores_the_drag_by_the_same_prior(flight, noise, fit):
-    (drag,) = (c for c in library_candidates([flight]) if c.identifiers == ("linear_drag",))
-    problem = RegressionProblem([flight], noise, [], [drag], temperature=1.0, options=OPTIONS)
-    y = flight.white(noise, flight.y)
-    score = problem.score((0,)) - PRIORS.of_effect("linear_drag") - 0.5 * float(np.sum(y**2))
-    assert score == pytest.approx(fit.log_evidence, abs=1e-3)

@@ -7,8 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from np_drake import attitude
-from np_drake.diagnosis.forward_model.payload_state import (
+from np_drake.diagnosis.forward_model import (
     MOST_JUMPS,
     NEVER,
     STATE,
@@ -33,14 +32,6 @@ def test_a_swing_begins_on_the_sphere_and_moves_along_it(swing, length, pull):
     r, rate = _start_of_swing(np.array([length]), np.array([swing]), 9.81 * np.array(pull))
     assert np.linalg.norm(r) == pytest.approx(length)
     assert np.sum(r * rate) == pytest.approx(0.0, abs=1e-9)
-
-
-@settings(max_examples=20, deadline=None)
-@given(st.tuples(SMALL, SMALL, st.floats(0.5, 2.0)))
-def test_without_swing_it_hangs_against_the_pull(pull):
-    r, rate = _start_of_swing(np.array([0.7]), np.zeros((1, 4)), np.array(pull))
-    np.testing.assert_allclose(r[0], -0.7 * np.array(pull) / np.linalg.norm(pull), atol=1e-12)
-    np.testing.assert_array_equal(rate, 0.0)
 
 
 def test_an_angle_of_swing_is_an_angle():
@@ -89,36 +80,6 @@ def test_the_air_brakes_a_swing_under_a_hovering_vehicle(seen):
     assert air.max() / vacuum.max() == pytest.approx(decay, rel=0.02)
 
 
-def test_a_hook_accelerates_as_a_point_of_the_body_many_as_each_alone(seen):
-    dut = seen()
-    hooks = np.array([[0.1, 0.0, 0.0], [0.03, -0.2, 0.05], [0.1, 0.0, 0.0]])
-    together, rows = _at_hooks(dut.driving, hooks), dut.rows
-    middle = 0.5 * (dut.t[1:] + dut.t[:-1])
-    for i, hook in enumerate(hooks):
-        w = rows.x[:, 10:13]
-        turned = attitude.rotate(rows.q, np.cross(rows.al, hook) + np.cross(w, np.cross(w, hook)))
-        expected = [np.interp(middle, rows.t, column) for column in (rows.a + turned).T]
-        np.testing.assert_allclose(together[:, i], np.transpose(expected), atol=1e-9)
-        np.testing.assert_allclose(
-            together[:, i], _at_hooks(dut.driving, hooks[i : i + 1])[:, 0], atol=1e-12
-        )
-
-
-def test_many_payloads_pull_as_each_does_alone(seen):
-    dut = seen(seconds=5.0)
-    terms = [
-        Term(
-            SuspendedPayload(0.1 * (i + 1), 0.4 + 0.3 * i, 0.02, 0.0, -0.05, 0.2 * i),
-            {"a": 1.0},
-            {"a": np.full(4, 0.1 * i)},
-        )
-        for i in range(3)
-    ]
-    together = swing_wrenches(dut, terms)
-    for i, term in enumerate(terms):
-        np.testing.assert_allclose(together[:, i], swing_wrenches(dut, [term])[:, 0], atol=1e-9)
-
-
 def test_before_its_onset_nothing_pulls_and_what_never_begins_never_does(seen):
     dut = seen(seconds=5.0)
     late = swing_wrenches(dut, [Term(SuspendedPayload(), {"a": 2.0})])[:, 0]
@@ -145,17 +106,3 @@ def test_a_swing_may_jump_after_every_outlier_not_close_to_another(seen):
     assert hidden_size(dut, None) == 3 * STATE
     assert len(jumps(dut, NEVER)) == 0
     assert len(jumps(knocked(seen(seconds=8.0), *np.arange(1.0, 7.0)), None)) == MOST_JUMPS
-
-
-def test_a_jump_of_the_swing_changes_what_comes_after_it_alone(seen):
-    dut = knocked(seen(seconds=8.0), 3.0)
-    calm = np.array([0.1, 0.0, 0.0, 0.2])
-    still, moved = (
-        swing_wrenches(dut, [Term(SuspendedPayload(), {}, {"a": np.concatenate([calm, j])})])[:, 0]
-        for j in (np.zeros(4), np.array([0.2, 0.0, 0.0, 0.0]))
-    )
-    after = dut.t[jumps(dut, None)[0]]
-    np.testing.assert_array_equal(still[dut.t < after - 0.03], moved[dut.t < after - 0.03])
-    assert np.abs(still - moved)[dut.t > after + 0.03][:, :3].max() > 0.05  # [N]
-    short = swing_wrenches(dut, [Term(SuspendedPayload(), {}, {"a": calm})])[:, 0]
-    np.testing.assert_array_equal(short, still)  # what is not known is no jump

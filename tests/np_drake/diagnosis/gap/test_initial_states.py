@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.gap.replay import smooth_states
+from np_drake.diagnosis.gap import smooth_states
 from np_drake.rigid_body import P, Q, V
 
 RATE = 100.0

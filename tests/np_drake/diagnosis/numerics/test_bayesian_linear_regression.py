@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
-from np_drake.diagnosis.numerics.bayesian_linear_regression import Gram, _alike
+from np_drake.diagnosis.numerics import Gram
 
 
 def problem(
@@ -101,49 +101,3 @@ def test_many_sets_at_once_have_each_its_density_at_the_widths_asked(seed, sets)
         width = np.repeat(own, [len(one) for one in g])
         expected = density(4.0 * X[..., index] * width, y) - density(X[..., :0], y)
         assert found == pytest.approx(expected, abs=1e-7)
-
-
-@given(st.lists(st.integers(0, 4), max_size=12), st.sampled_from([1, 30, 10**6]))
-def test_sets_that_are_solved_together_are_alike_and_few_and_none_is_lost(sizes, at_once):
-    found = list(_alike(sizes, at_once))
-    assert sorted(np.concatenate([np.zeros(0), *found])) == [
-        i for i, size in enumerate(sizes) if size
-    ]
-    for some in found:
-        assert len({sizes[i] for i in some}) == 1
-        assert len(some) == 1 or len(some) * sizes[some[0]] ** 2 <= at_once
-
-
-def test_an_effect_of_ten_times_the_usual_size_is_not_punished_for_it():
-    rng = np.random.default_rng(5)
-    X = rng.normal(size=(200, 1, 3))
-    groups = [np.array([0, 1]), np.array([2])]
-    for size, gains in ((0.5, False), (10.0, True)):
-        dut = gram(X, X @ np.array([size, -size, 0.3]) + rng.normal(size=(200, 1)))
-        narrow, wide = dut.evidence_of_sets([groups, groups], [[False, False], [True, True]])
-        assert narrow == pytest.approx(dut.log_evidence(np.arange(3)))
-        gain = wide - narrow
-        assert gain > 50.0 if gains else gain == 0.0
-    cost = 0.5 * 2 * 10.0**2 - 2 * (np.log(10.0) + 0.5)
-    assert gain == pytest.approx(cost, rel=0.1)
-    np.testing.assert_array_equal(dut.evidence_of_sets([[]], [[]]), [0.0])
-
-
-def test_grams_of_two_flights_add_to_that_of_both():
-    (X, y), (Z, u) = problem(0), problem(1, rows=7)
-    both = gram(np.concatenate([X, Z]), np.concatenate([y, u]))
-    total = gram(X, y) + gram(Z, u)
-    np.testing.assert_allclose(total.XX, both.XX)
-    np.testing.assert_allclose(total.Xy, both.Xy)
-
-
-def test_an_empty_model_has_the_evidence_of_noise():
-    X, y = problem(3)
-    assert gram(X, y).log_evidence(np.zeros(0, int)) == 0.0
-
-
-def test_a_column_that_explains_nothing_costs_evidence():
-    X, y = problem(4, rows=200)
-    useless = np.random.default_rng(9).normal(size=(200, 2, 1))
-    dut = gram(np.concatenate([X, useless], axis=-1), y)
-    assert dut.log_evidence(np.arange(5)) < dut.log_evidence(np.arange(4))

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from np_drake.diagnosis.numerics import NoiseModel
-from np_drake.diagnosis.numerics.noise_fit import scale_only
 
 M, C, P = 40, 5, 3
 ABSENT = 2  # channel that the logs lack
@@ -55,29 +54,9 @@ def test_columns_of_zeros_and_absent_channels_change_no_product(flight):
     np.testing.assert_allclose(model.products(groups, flight)[4:], 0.0, atol=1e-12)
 
 
-def test_only_channels_that_are_there_and_act_have_innovations():
-    model, values = a_model(5), np.random.default_rng(6).standard_normal((M, C))
-    values[:, 4] = 0.0
-    parts = model._driven([values[..., None]], "")
-    assert [c for c, _, _ in parts] == [0, 1, 3]
-    np.testing.assert_allclose(parts[0][2], values[P:, :1])
-
-
 def test_the_spectrum_integrates_to_the_variance_of_the_process():
     a, variance = 0.6, 2.0
     model = NoiseModel(np.array([[a]]), np.eye(1), np.ones(1), np.array([variance]), 0.02)
     frequency = np.linspace(0.0, 25.0, 20001)
     power = np.trapezoid(model.spectrum(frequency)[0], frequency)
     assert power == pytest.approx(variance / (1 - a**2), rel=1e-4)
-
-
-def test_white_noise_by_scale_alone_has_the_power_of_the_residuals():
-    rng = np.random.default_rng(5)
-    residuals = [rng.standard_normal((n, 3)) * [0.5, 2.0, 0.0] for n in (300, 500)]
-    found = scale_only(residuals, 0.02)
-    power = np.mean(np.concatenate(residuals) ** 2, axis=0)
-    np.testing.assert_allclose(found.innovation, power)
-    np.testing.assert_array_equal(found.mixing[2], 0.0)  # a channel that the logs lack
-    white = np.concatenate([found.whiten(r) for r in residuals])
-    assert len(white) == 300 + 500 - 2  # the first row of a flight is its past
-    np.testing.assert_allclose(np.mean(white**2, axis=0), [1.0, 1.0, 0.0], rtol=0.02)

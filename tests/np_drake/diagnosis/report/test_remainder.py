@@ -4,9 +4,7 @@ it.
 
 import dataclasses as dc
 
-from np_drake.diagnosis.report.remainder import calibration_share, gap_rows, remains
-from np_drake.diagnosis.residuals.residual_parts import ChannelGap
-from np_drake.diagnosis.result import Rung
+from np_drake.diagnosis.report.answer import gap_rows, remains
 
 
 def with_channels(diagnosis, *channels):
@@ -34,32 +32,8 @@ def test_of_an_immaterial_gap_no_share_is_said(diagnosis):
     )
 
 
-def test_what_is_not_left_is_not_named(diagnosis):
-    assert "44\u00a0mN and 1.3\u00a0cm after" in remains(with_left(diagnosis, torque=0.0))
-
-
-def test_small_vehicles_have_small_units(diagnosis):
-    row, _ = gap_rows(
-        with_channels(diagnosis, ChannelGap("force z", "N", 0.034, 0.0038, 0.0066, 0.97))
-    )
-    assert row[:4] == ("vertical force [mN]", "34", "6.6", "3.8")
-
-
 def test_a_torque_that_the_log_does_not_tell_is_no_part_of_the_gap(diagnosis):
     channels = diagnosis.localisation.channels
     silent = (dc.replace(c, rms=0.0, after=1e-14) if c.unit == "N·m" else c for c in channels)
     names = [row[0] for row in gap_rows(with_channels(diagnosis, *silent))]
     assert names == ["lateral force [N]", "vertical force [N]", "all, over noise [1]"]
-
-
-def test_calibration_says_what_it_explains_by_itself(diagnosis):
-    reduction = diagnosis.gap_reduction
-    assert (
-        calibration_share(reduction).replace("\u00a0", " ")
-        == "By itself it explains 75 % of the held-out gap."
-    )
-    worse = dc.replace(reduction, ladder=(Rung("nominal", 9.84), Rung("+ calibration", 12.0)))
-    assert calibration_share(worse).endswith(
-        "does not help on held-out flights: 9.8 to 12 times the noise."
-    )
-    assert calibration_share(dc.replace(reduction, ladder=())) == ""

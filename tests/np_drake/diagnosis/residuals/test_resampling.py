@@ -1,11 +1,11 @@
 """Laws of resampling to a uniform grid."""
 
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from np_drake.diagnosis.residuals.resampling import STEP, TAPS, Resampler, make_grid, natural_step
+from np_drake.diagnosis.residuals import Resampler
+from np_drake.diagnosis.residuals.resampling import STEP, TAPS, make_grid
 
 INSIDE = slice(TAPS + 1, -TAPS - 1)  # where the low-pass sees no held end
 
@@ -38,14 +38,6 @@ def test_the_grid_is_uniform_and_covers_the_flight(rate):
     )  # a whole number of rows; the median of jittered ones
 
 
-def test_a_constant_passes_up_to_the_ends():
-    t = jittered(500, 4.0, 1)
-    grid = make_grid(t)
-    np.testing.assert_allclose(
-        Resampler.of_instants(grid, t)(np.full((len(t), 2), 7.0)), 7.0, rtol=1e-12
-    )
-
-
 def test_what_the_grid_cannot_show_is_removed_and_not_folded():
     t = 0.001 * np.arange(5000)
     grid = make_grid(t)
@@ -55,39 +47,6 @@ def test_what_the_grid_cannot_show_is_removed_and_not_folded():
         found[:, 0], np.sin(2 * np.pi * 3 * grid.t)[INSIDE], atol=0.005
     )  # of the pass band
     assert np.abs(found[:, 1]).max() < 0.005
-
-
-def test_a_log_slower_than_the_grid_keeps_its_own_rows():
-    t = 0.05 * np.arange(80)
-    grid, values = make_grid(t), np.random.default_rng(0).normal(size=(80, 3))
-    assert grid.factor == 1
-    np.testing.assert_allclose(Resampler.of_instants(grid, t)(values), values, atol=1e-9)
-
-
-@pytest.mark.parametrize("shape", [(), (3,), (3, 3)])
-def test_every_shape_of_values_is_kept(shape):
-    t = 0.005 * np.arange(800)
-    grid = make_grid(t)
-    assert Resampler.of_instants(grid, t)(np.ones((800, *shape))).shape == (len(grid), *shape)
-
-
-@given(st.floats(0.95, 1.05), st.integers(0, 9))
-def test_jitter_does_not_change_how_many_rows_make_a_step(drift, seed):
-    t = drift * 0.01 * (np.arange(400) + np.random.default_rng(seed).uniform(-0.05, 0.05, 400))
-    assert make_grid(t).factor == 2
-
-
-def test_flights_of_different_rates_share_a_step():
-    slow, fast = 0.03 * np.arange(200), 0.01 * np.arange(600)
-    step = natural_step(slow)
-    assert step == pytest.approx(0.03)
-    assert natural_step(fast) == pytest.approx(0.02)
-    assert make_grid(fast, step).step == pytest.approx(make_grid(slow, step).step)
-    odd = 0.0073 * np.arange(800)
-    grid = make_grid(odd, step)
-    assert grid.step == step
-    slope = Resampler.of_instants(grid, odd)(3.0 * odd[:, None])[TAPS:-TAPS, 0]
-    np.testing.assert_allclose(slope, 3.0 * grid.t[TAPS:-TAPS], atol=1e-9)
 
 
 @given(st.integers(0, 1000), st.integers(1, 30))
@@ -104,10 +63,3 @@ def test_means_over_intervals_of_any_length_keep_their_integral(seed, lost):
     np.testing.assert_allclose(
         np.diff(passed)[inside[1:]], (found[1:] * grid.step)[inside[1:]], atol=1e-12
     )
-
-
-def test_the_mean_about_a_row_of_even_ones_is_that_of_its_two_intervals():
-    t, values = 0.02 * np.arange(200), np.random.default_rng(0).normal(size=199)
-    found = Resampler.of_intervals(make_grid(t), t)(values)
-    np.testing.assert_allclose(found[1:-1], 0.5 * (values[1:] + values[:-1]), atol=1e-9)
-    np.testing.assert_allclose(found[[0, -1]], values[[0, -1]], atol=1e-9)  # half a step of one

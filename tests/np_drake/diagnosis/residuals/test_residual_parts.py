@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.residuals.residual_parts import CHANNELS, ChannelGap, gap_kinds
+from np_drake.diagnosis.result import CHANNELS, ChannelGap, gap_kinds
 
 NOISE = (0.05, 0.05, 0.08, 0.004, 0.004, 0.002)  # [N, N·m]
 SIZE = (8.0, 7.0, 22.0, 3.0, 2.6, 1.3)  # of the gap in noise units
@@ -11,7 +11,7 @@ SIZE = (8.0, 7.0, 22.0, 3.0, 2.6, 1.3)  # of the gap in noise units
 
 def channels(after=1.08):
     return [
-        ChannelGap(name, "N" if k < 3 else "N·m", noise * size, noise, after * noise, np.nan)
+        ChannelGap(name, "N" if k < 3 else "N·m", noise * size, noise, after * noise)
         for k, (name, noise, size) in enumerate(zip(CHANNELS, NOISE, SIZE, strict=True))
     ]
 
@@ -35,5 +35,5 @@ def test_a_kind_grows_where_causes_make_it_larger():
 
 
 def test_without_a_gap_no_share_is_left_of_it():
-    assert np.isnan(gap_kinds([ChannelGap("force z", "N", 0.08, 0.08, 0.08, np.nan)])[0].left)
+    assert np.isnan(gap_kinds([ChannelGap("force z", "N", 0.08, 0.08, 0.08)])[0].left)
     assert gap_kinds([]) == []

@@ -3,14 +3,12 @@
 import dataclasses as dc
 
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from np_drake.diagnosis.residuals.rotor_thrust import Rotors
 from np_drake.effects.command_delay import CommandDelay
 from np_drake.effects.motor_lag import MotorLag
-from np_drake.effects.thrust_drift import ThrustDrift
 from np_drake.effects.thrust_scale import ThrustScale
 from np_drake.flight_log import FlightLog
 from np_drake.vehicle import Vehicle
@@ -39,25 +37,6 @@ def test_a_command_is_held_from_its_row_to_the_next():
     np.testing.assert_allclose(mids, f[:-1], atol=1e-9)
 
 
-@pytest.mark.parametrize("rows", [2, 4])
-def test_rotor_speed_whose_readings_repeat_is_held(rows):
-    f = np.repeat(commands(3, 40), rows, axis=0)
-    log = dc.replace(log_of(f), rotor=np.sqrt(f / VEHICLE.thrust_coefficient), input="rotor_speed")
-    dut = Rotors(log, VEHICLE)
-    np.testing.assert_allclose(dut.thrust([])[1], f[:-1], atol=1e-9)
-    assert not dut.noise.any()
-
-
-def test_commands_are_held_between_rows_of_any_spacing():
-    f = commands(1)
-    log = log_of(f)
-    spacing = np.random.default_rng(2).choice([STEP, 2 * STEP], 59, p=[0.8, 0.2])
-    log.t = 2.0 + np.concatenate([[0.0], np.cumsum(spacing)])
-    rows, mids = Rotors(log, VEHICLE).thrust([])
-    np.testing.assert_allclose(rows, f, atol=1e-9)
-    np.testing.assert_allclose(mids, f[:-1], atol=1e-9)
-
-
 @settings(max_examples=40, deadline=None)
 @given(st.floats(0.0, 0.12), st.integers(0, 100))
 def test_a_delay_mixes_two_commands_in_the_mean_of_an_interval(delay, seed):
@@ -77,13 +56,6 @@ def test_a_late_clock_and_a_delay_shift_the_command_alike_and_once(delay, seed):
     by_clock = Rotors(log, VEHICLE).thrust([], shift=delay)
     np.testing.assert_allclose(by_clock[1], by_delay[1], atol=1e-6)
     np.testing.assert_allclose(by_clock[0], by_delay[0], atol=1e-6)
-
-
-def test_a_clock_that_runs_ahead_takes_commands_earlier():
-    f = commands()
-    rows, mids = Rotors(log_of(f), VEHICLE).thrust([], shift=-3 * STEP)
-    np.testing.assert_allclose(rows[:-3], f[3:], atol=1e-9)
-    np.testing.assert_allclose(mids[:-3], f[3:-1], atol=1e-9)
 
 
 def test_a_lag_answers_a_step_as_an_exponential_of_rotor_speed():
@@ -111,40 +83,6 @@ def test_a_lag_answers_a_step_as_an_exponential_of_rotor_speed():
     )  # continued over a quarter of a row [N]
 
 
-def test_rotors_that_swing_by_row_have_the_thrust_of_their_speed():
-    f, T = np.tile([[0.1], [9.0]], (30, 4)), 0.02
-    rows, _ = Rotors(log_of(f), VEHICLE).thrust([MotorLag(T)])
-    speed, target = np.sqrt(f[0, 0]), np.sqrt(f[:, 0])
-    for k in range(1, len(f)):
-        speed = target[k - 1] + (speed - target[k - 1]) * np.exp(-STEP / T)
-        assert rows[k] == pytest.approx(speed**2, abs=3e-3 * f.max())
-
-
-def test_the_vehicles_own_lag_acts_unless_an_effect_brings_one():
-    slow, log = dc.replace(VEHICLE, rotor_time_constant=0.05), log_of(commands())
-    own = Rotors(log, VEHICLE).thrust([MotorLag(0.05)])[1]
-    np.testing.assert_allclose(Rotors(log, slow).thrust([])[1], own, atol=1e-9)
-    other = Rotors(log, VEHICLE).thrust([MotorLag(0.02)])[1]
-    np.testing.assert_allclose(Rotors(log, slow).thrust([MotorLag(0.02)])[1], other, atol=1e-9)
-    assert np.abs(own - other).max() > 0.1  # [N]
-
-
-def test_what_is_found_once_does_not_depend_on_what_was_asked_before():
-    slow, log = dc.replace(VEHICLE, rotor_time_constant=0.05), log_of(commands())
-    dut = Rotors(log, slow)
-    asked = [
-        ([ThrustScale(0.8)], 0.0),
-        ([], 0.01),
-        ([MotorLag(0.02)], 0.0),
-        ([], 0.0),
-        ([ThrustScale(0.8)], 0.0),
-    ]
-    for effects, shift in asked:
-        alone = Rotors(log, slow).thrust(effects, shift=shift)
-        for found, expected in zip(dut.thrust(effects, shift=shift), alone, strict=True):
-            np.testing.assert_array_equal(found, expected)
-
-
 def test_measured_rotor_speed_is_between_rows_and_passes_propellers_only():
     f = 5.0 + np.linspace(-1.0, 1.0, 60)[:, None] ** 3 * [
         1.0,
@@ -160,28 +98,3 @@ def test_measured_rotor_speed_is_between_rows_and_passes_propellers_only():
     np.testing.assert_array_equal(mids, between)
     np.testing.assert_allclose(rows, 0.9 * f, atol=1e-9)
     np.testing.assert_allclose(mids, 0.9 * 0.5 * (f[:-1] + f[1:]), atol=1e-6)
-
-
-@pytest.mark.parametrize("scale", [0.5, 1.2])
-def test_a_memoryless_effect_scales_every_mean(scale):
-    f = commands()
-    rows, mids = Rotors(log_of(f), VEHICLE).thrust([ThrustScale(scale)])
-    np.testing.assert_allclose(rows, scale * f, atol=1e-9)
-    np.testing.assert_allclose(mids, scale * f[:-1], atol=1e-9)
-
-
-def test_a_rotor_cannot_pull():
-    f = commands()
-    f[:, 0] = -1.0
-    rows, _ = Rotors(log_of(f), VEHICLE).thrust([])
-    np.testing.assert_array_equal(rows[:, 0], 0.0)
-
-
-@pytest.mark.parametrize("start", [0.0, 50.0, 1.7e9])
-def test_a_drift_counts_from_the_flights_first_row(start):
-    log = log_of(commands())
-    log.t = start + log.t - log.t[0]
-    rows, _ = Rotors(log, VEHICLE).thrust([ThrustDrift(0.9, -0.01)])
-    np.testing.assert_allclose(
-        rows, (0.9 - 0.01 * STEP * np.arange(60))[:, None] * commands(), atol=2e-3
-    )  # [N]; stamps of 1e9 s are rounded

@@ -3,13 +3,12 @@
 import dataclasses as dc
 
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from np_drake import attitude
-from np_drake.diagnosis.residuals.accelerations import velocity_before
-from np_drake.diagnosis.residuals.make_flight_residuals import make_flight_residuals
+from np_drake.diagnosis.residuals import make_flight_residuals
+from np_drake.diagnosis.residuals.smoothing import velocity_before
 from np_drake.rigid_body import V
 from np_drake.vehicle import Vehicle
 
@@ -47,11 +46,6 @@ class PointMass:
         return velocity_before(self.t, self.dt, self.v, self.q, self.thrust, VEHICLE, STEP)
 
 
-def test_without_a_disturbance_it_is_the_velocity():
-    mass = PointMass(np.zeros((ROWS, 3)))
-    np.testing.assert_allclose(mass.known(), mass.v, atol=1e-9)
-
-
 @given(row=st.integers(5, ROWS - 2), size=st.floats(1, 50))
 @settings(max_examples=20, deadline=None)
 def test_an_interval_does_not_change_the_velocity_known_before_it(row, size):
@@ -61,32 +55,6 @@ def test_an_interval_does_not_change_the_velocity_known_before_it(row, size):
     np.testing.assert_allclose(after[: row + 1], before[: row + 1], rtol=0, atol=1e-12)
     changed = np.abs(after[row + 1] - before[row + 1]).max()
     assert changed > 1e-3 * size
-
-
-def test_a_drag_is_not_fitted_to_the_gusts_to_which_the_vehicle_yields():
-    """A hovering mass in white gusts: on its velocity at once, least squares finds no drag at all.
-
-    Gusts of variance s² give the velocity the variance s² dt / (2 m d) and, within their interval,
-    the covariance s² dt / (2 m) with the force.
-    """
-    drag, deviation = 0.5, 3.0
-    gusts = np.random.default_rng(3).normal(0.0, deviation, (40 * ROWS, 3))
-    mass = PointMass(gusts, drag, vigour=0.0)
-
-    def fitted(v: np.ndarray) -> float:
-        return -float(np.sum(v * mass.force) / np.sum(v**2))
-
-    spread = deviation / np.sqrt(np.sum(mass.v**2))
-    assert fitted(mass.v) == pytest.approx(0.0, abs=3 * spread)
-    assert fitted(mass.known()) == pytest.approx(drag, abs=3 * spread)
-
-
-def test_a_flight_with_accelerations_feels_its_velocity_itself(fly):
-    log = fly(seconds=6.0)
-    assert log.a is not None
-    e = make_flight_residuals(log, VEHICLE)
-    assert e.wrench_states[0] is e.rows.x
-    assert e.wrench_states[1] is e.mids.x
 
 
 def test_a_flight_without_accelerations_feels_the_velocity_known_before(fly):

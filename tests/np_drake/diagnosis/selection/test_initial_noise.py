@@ -2,9 +2,7 @@ import numpy as np
 import pytest
 
 from np_drake.diagnosis.options import Options
-from np_drake.diagnosis.selection.conditioning import condition, noise_of
-from np_drake.effects.mass_error import MassError
-from np_drake.effects.suspended_payload import SuspendedPayload
+from np_drake.diagnosis.selection.map_model import noise_of
 
 REAL, IDEAL = Options.for_sensors(True), Options.for_sensors(False)
 
@@ -32,28 +30,6 @@ def test_a_force_that_is_explained_is_known_no_better_than_the_attitude(seen, re
         assert _slow_power(pulled, channel) == pytest.approx(_slow_power(calm, channel))
     laboratory = noise_of(flights, residual, [residual[0] + force], IDEAL)
     assert _slow_power(laboratory, 0) < _slow_power(pulled, 0)
-
-
-def test_a_payload_is_among_the_candidates_of_flights_that_have_one(seen):
-    flights = [seen(SuspendedPayload(0.15, 0.6), name="1", seed=1, noise=1.0, seconds=8.0)]
-    conditioned = condition(flights, IDEAL)
-    lengths = [c.variant for c in conditioned.candidates if c.identifiers == ("suspended_payload",)]
-    assert min(abs(float(v.removeprefix("length=")) - 0.6) for v in lengths) < 0.02
-
-
-def test_a_light_payload_is_found_beside_an_effect_that_is_much_larger(seen):
-    effects = MassError(0.6), SuspendedPayload(0.01, 0.6)
-    flights = [seen(*effects, name=str(i), seed=i, noise=1.0, seconds=8.0) for i in (1, 2)]
-    conditioned = condition(flights, IDEAL)
-    lengths = [c.variant for c in conditioned.candidates if c.identifiers == ("suspended_payload",)]
-    assert min(abs(float(v.removeprefix("length=")) - 0.6) for v in lengths) < 0.02
-
-
-def test_flights_without_outliers_are_left_as_they_are(seen):
-    (flight,) = flights = [seen(name="1", seed=1, noise=1.0, seconds=6.0)]
-    conditioned = condition(flights, IDEAL)
-    assert not conditioned.flights[0].outliers.any()
-    np.testing.assert_array_equal(conditioned.channels[0], flight.y)
 
 
 def test_the_power_of_errors_of_measured_rotor_speed_is_added(seen, residual):

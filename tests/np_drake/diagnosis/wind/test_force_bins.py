@@ -3,18 +3,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.forward_model.payload_state import Term
-from np_drake.diagnosis.forward_model.prediction import predicted_residual
-from np_drake.diagnosis.wind.gauss_markov import (
-    BIN,
-    binned,
-    drags,
-    factor,
-    forces,
-    instants,
-    spans,
-    width,
-)
+from np_drake.diagnosis.forward_model import Term, predicted_residual
+from np_drake.diagnosis.gusts import BIN, binned, drags, factor, forces, instants, spans, width
 from np_drake.effects.linear_drag import LinearDrag
 
 
@@ -24,11 +14,6 @@ def test_the_covariance_of_bins_is_that_of_averages():
     exact = np.exp(-np.abs(t[:, None] - t) / time).reshape(4, fine, 4, fine).mean(axis=(1, 3))
     root = factor(4, BIN, 1.0, time, 0.0)
     np.testing.assert_allclose(root @ root.T, exact, atol=2e-4)
-
-
-def test_what_all_bins_share_adds_the_same_to_all_of_their_covariance():
-    apart, shared = (factor(5, BIN, 0.7, 0.4, 0.1, common) for common in (0.0, 2.0))
-    np.testing.assert_allclose(shared @ shared.T - apart @ apart.T, 4.0, rtol=1e-9)
 
 
 @pytest.mark.parametrize("step", [0.01, 0.02, 0.03, 0.04, 0.07, 0.2])

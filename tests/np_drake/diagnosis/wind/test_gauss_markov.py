@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.wind.gauss_markov import wind_force
+from np_drake.diagnosis.gusts import wind_force
 
 DEVIATION, MEAN = 0.5, np.array([0.3, -0.2, 0.1])  # of `pushed`
 

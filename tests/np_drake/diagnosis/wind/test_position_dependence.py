@@ -1,13 +1,10 @@
 """Laws of what follows a place."""
 
-import dataclasses as dc
-
 import numpy as np
 import pytest
 
 from np_drake import attitude
-from np_drake.diagnosis.wind.position_dependence import position_p_value
-from np_drake.rigid_body import P, V
+from np_drake.diagnosis.slow_force import position_p_value
 
 
 @pytest.fixture(scope="module")
@@ -38,62 +35,3 @@ def test_a_force_tied_to_a_place_is_no_gust_whatever_its_mean_in_a_flight(flight
         residual[e.name] = 0.3 * residual[e.name]
         residual[e.name][:, :3] += attitude.rotate_back(e.q, tied)
     assert position_p_value(flights, residual, {}) < 1e-6
-
-
-def jet(e):
-    """(n, 3) level force in W about the middle of a flight: it points one way on all sides."""
-    p = np.stack([np.interp(e.t, e.rows.t, axis) for axis in e.rows.x[:, :3].T], axis=1)
-    away = (p - p.mean(axis=0)) / p.std(axis=0)
-    return np.exp(-0.5 * np.sum(away[:, :2] ** 2, axis=1))[:, None] * np.array([1.0, -0.5, 0.0])
-
-
-def behind(e):
-    """(n, 3) a drag's force in W."""
-    return -0.3 * np.stack([np.interp(e.t, e.rows.t, axis) for axis in e.rows.x[:, 7:10].T], axis=1)
-
-
-@pytest.mark.parametrize(("force", "tied"), [(jet, True), (behind, False)])
-def test_a_force_beside_gusts_depends_on_place_if_velocity_does_not_tell(
-    flights, force, tied, pushed
-):
-    residual = pushed(flights, np.random.default_rng(4), 0.6)
-    for e in flights:
-        residual[e.name] = 0.3 * residual[e.name]
-        residual[e.name][:, :3] += attitude.rotate_back(e.q, force(e))
-    chance = position_p_value(flights, residual, {})
-    assert chance < 1e-6 if tied else chance > 1e-2
-
-
-def around(e):
-    """The flight on a circle, its attitude kept."""
-    angle, x = 2 * np.pi * 0.25 * e.rows.t, e.rows.x.copy()
-    zero = np.zeros_like(angle)
-    x[:, P] = np.stack([np.cos(angle), np.sin(angle), zero + 1.2], axis=1)
-    x[:, V] = 0.5 * np.pi * np.stack([-np.sin(angle), np.cos(angle), zero], axis=1)
-    return dc.replace(e, rows=dc.replace(e.rows, x=x))
-
-
-def test_on_a_circle_where_velocity_goes_with_the_place_a_field_is_no_drag(flights, pushed):
-    normal, residual = np.array([0.8, 0.6, 0.0]), pushed(flights, np.random.default_rng(5), 0.6)
-    circles = [around(e) for e in flights]
-    assert position_p_value(circles, residual, {}) > 1e-2
-    for e in circles:
-        residual[e.name] = 0.3 * residual[e.name]
-        residual[e.name][:, :3] += attitude.rotate_back(e.q, field(e, 0.6, normal))
-    assert position_p_value(circles, residual, {}) < 1e-3
-
-
-def test_gusts_in_one_flight_alone_or_from_late_on_are_tied_to_no_place(flights, pushed):
-    for seed in range(20):
-        begins = ({}, {e.name: 10.0 for e in flights}, {flights[0].name: np.inf})[seed % 3]
-        residual = pushed(flights, np.random.default_rng(seed), 0.6)
-        for e in flights:
-            residual[e.name] *= (e.t >= begins.get(e.name, -np.inf))[:, None]
-        assert position_p_value(flights, residual, begins) > 1e-3
-
-
-def test_where_no_wind_blows_nothing_follows_the_place(flights, pushed):
-    residual = pushed(flights, np.random.default_rng(1), 0.6, begin=15.0)
-    assert (
-        position_p_value(flights, residual, {flights[0].name: 19.95, flights[1].name: 15.0}) > 1e-3
-    )

@@ -242,12 +242,8 @@ def four(v: Sequence[int]) -> bytes:
 
 EVENTS = {  # one of every kind that is known
     "beep": b"E\x00" + unsigned(123456),
-    "tuning begins": b"E\x0a" + bytes(5),
-    "tuning ends": b"E\x0b" + bytes(4),
-    "tuning aims": b"E\x0c" + bytes(8),
     "adjusted": b"E\x0d\x05" + signed(-300),
     "adjusted to a float": b"E\x0d\x85" + struct.pack("<f", 1.5),
-    "tuned": b"E\x14\x01" + signed(1000) + b"\x02\x03",
     "disarmed": b"E\x0f" + unsigned(4),
     "mode": b"E\x1e" + unsigned(5) + unsigned(1 << 31),
     "IMU failed": b"E\x28" + unsigned(1),

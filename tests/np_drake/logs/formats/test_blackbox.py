@@ -1,7 +1,6 @@
 """Laws of blackbox logs: what was written is read, and damage is passed over."""
 
 import contextlib
-import dataclasses as dc
 from pathlib import Path
 from types import ModuleType
 
@@ -13,7 +12,6 @@ from hypothesis import strategies as st
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.blackbox import BLACKBOX
 from np_drake.logs.formats.format import Recording
-from np_drake.logs.formats.library import format_of
 
 SIZES = {
     0: 1,
@@ -128,22 +126,6 @@ def test_numbers_of_every_size_are_told_apart(log, writer, encoding, bits):
     assert np.array_equal(main_rows(everything(log))[:, 1:], values)
 
 
-def test_its_format_is_known_by_the_first_line(log, writer):
-    writer.write(log, plain(writer))
-    assert format_of(log) is BLACKBOX
-    assert BLACKBOX.contents(log)["main"] == ("loopIteration", "x", "motor[0]", "y")
-
-
-def test_only_what_is_wanted_is_returned_and_progress_reaches_the_end(log, writer):
-    made = plain(writer)
-    writer.write(log, made)
-    shares: list[float] = []
-    dut = BLACKBOX.read(log, {"main": ["y"]}, shares.append)
-    assert dut.contents == {"main": ("y",)}
-    assert np.array_equal(dut.streams["main"].columns["y"], made.rows[:, 4])
-    assert shares[-1] == 1
-
-
 @pytest.mark.parametrize(
     ("every", "logged"), [("4", [0, 4, 8, 12]), ("1/2", range(0, 16, 2)), ("2/3", None), ("0", [0])]
 )
@@ -161,40 +143,8 @@ def test_loops_that_are_not_logged_are_counted(log, writer, every, logged):
     assert np.array_equal(everything(log).streams["main"].columns["loopIteration"], logged)
 
 
-def test_slow_and_position_frames_stand_beside_the_main_ones(log, writer):
-    home, places = [518_000_000, 43_000_000], [[518_000_100, 42_999_900], [517_999_000, 43_000_007]]
-    beside = {
-        2: [("S", [3074, 1, 0, 1])],
-        5: [("H", home), ("G", [1_000_000 + 2000 * 5 + 77, 9, *places[0]])],
-        9: [("S", [1 << 31, -2, 1, 1]), ("G", [1_000_000 + 2000 * 9, 12, *places[1]])],
-    }
-    made = plain(writer, beside=beside)
-    made.kinds = {
-        **made.kinds,
-        "S": [dc.replace(f, signed=int(f.name != "flags")) for f in writer.SLOW],
-    }
-    writer.write(log, made)
-    dut = everything(log)
-    assert dut.notes == ()
-    assert dut.streams["slow"].t == pytest.approx([1.004, 1.018])
-    assert np.array_equal(dut.streams["slow"].columns["flags"], [3074, 1 << 31])
-    assert np.array_equal(dut.streams["slow"].columns["a"], [1, -2])
-    assert dut.streams["gps"].t == pytest.approx([1.010077, 1.018])
-    assert np.array_equal(
-        np.column_stack([dut.streams["gps"].columns[f"GPS_coord[{i}]"] for i in (0, 1)]), places
-    )
-
-
 def test_events_of_every_kind_are_passed_over(log, writer):
     made = plain(writer, beside={4 + i: [event] for i, event in enumerate(writer.EVENTS.values())})
-    writer.write(log, made)
-    dut = everything(log)
-    assert dut.notes == ()
-    assert len(dut.streams["main"]) == len(made.rows)
-
-
-def test_a_log_ends_with_its_last_event(log, writer):
-    made = plain(writer, end=writer.END + b"IP\xff" * 100)
     writer.write(log, made)
     dut = everything(log)
     assert dut.notes == ()
@@ -237,20 +187,6 @@ def test_a_damaged_place_costs_rows_up_to_the_next_whole_frame(log, writer, data
         assert np.array_equal(found[i], np.delete(made.rows[i], 1))
 
 
-def test_damaged_places_are_counted(log, writer):
-    made = plain(writer, rows=128)
-    frames = made.frames()
-    frames[40] = frames[40][:1] + b"\xff" * 12
-    log.write_bytes(made.header() + b"".join(frames) + made.end)
-    dut = everything(log)
-    (note,) = dut.notes
-    assert "damaged at 1 place;" in note
-    assert "23 behind" in note
-    assert np.array_equal(
-        dut.streams["main"].columns["loopIteration"], [*range(40), *range(64, 128)]
-    )
-
-
 def test_a_log_cut_anywhere_keeps_its_whole_frames(log, writer):
     made = plain(writer, rows=40)
     content = made.encode()
@@ -262,23 +198,6 @@ def test_a_log_cut_anywhere_keeps_its_whole_frames(log, writer):
             assert np.array_equal(rows, np.delete(made.rows[: len(rows)], 1, axis=1))
             (note,) = dut.notes
             assert "no end" in note
-
-
-def test_zeros_are_no_log(log, writer):
-    log.write_bytes(bytes(100_000))
-    with pytest.raises(LogError, match="known format"):
-        format_of(log)
-    log.write_bytes(plain(writer).header() + bytes(100_000))
-    with pytest.raises(LogError, match="whole I frame"):
-        everything(log)
-
-
-@settings(max_examples=60, deadline=None)
-@given(st.binary(max_size=300))
-def test_bytes_of_any_kind_are_read_or_refused_in_words(log, writer, content):
-    log.write_bytes(plain(writer).header() + content)
-    with contextlib.suppress(LogError):
-        everything(log)
 
 
 def test_logs_of_one_file_follow_each_other(log, writer):
@@ -325,27 +244,3 @@ def test_a_damaged_header_is_refused_in_one_line(log, writer, wrong, by, said):
     with pytest.raises(LogError, match=said) as refused:
         BLACKBOX.contents(log)
     assert "\n" not in str(refused.value)
-
-
-def test_a_log_whose_header_is_cut_is_left_out_of_its_file(log, writer):
-    made = plain(writer)
-    log.write_bytes(made.encode() + plain(writer, seed=2).encode()[:300])
-    dut = everything(log)
-    assert np.array_equal(main_rows(dut), np.delete(made.rows, 1, axis=1))
-    assert any("header of log 2" in line for line in dut.said)
-
-
-def test_what_the_header_says_is_on_the_sheet(log, writer):
-    writer.write(log, plain(writer, settings={"Board information": "MTKS MATEKH743"}))
-    facts = everything(log).facts
-    assert facts["firmware"].startswith("Betaflight 4.5.1")
-    assert facts["vehicle"] == "made"
-    assert facts["board"] == "MTKS MATEKH743"
-    assert facts["motor protocol"] == "DShot600"
-    assert "4000 Hz" in facts["loop"]
-
-
-def test_a_field_that_is_not_there_is_refused(log, writer):
-    writer.write(log, plain(writer))
-    with pytest.raises(LogError, match="field z of main"):
-        BLACKBOX.read(log, {"main": ["z"]}, lambda share: None)

@@ -2,7 +2,6 @@
 hold.
 """
 
-import time
 from pathlib import Path
 from types import ModuleType
 
@@ -45,11 +44,6 @@ def imported(real_logs) -> list[Imported]:
 def contents(log, writer, *names, **options):
     writer.write(log, writer.main_log({name: np.arange(40) % 7 for name in names}, **options))
     return BLACKBOX.contents(log)
-
-
-def test_a_log_of_another_firmware_has_no_map(log, writer):
-    settings = {"Firmware revision": "INAV 7.1.0 (abc) MATEKF405"}
-    assert BLACKBOX.default_map(contents(log, writer, *MOTORS, settings=settings)) is None
 
 
 @pytest.mark.parametrize(("resolution", "scale"), [("0", 1.0), ("1", 0.1)])
@@ -103,29 +97,12 @@ def test_a_command_is_sampled_where_not_every_loop_is_logged(log, writer, every,
     assert dut.command == meaning
 
 
-@pytest.mark.parametrize(("one_g", "taken"), [("2048", True), ("0", False), ("much", False)])
-def test_an_accelerometer_of_no_scale_is_not_taken(log, writer, one_g, taken):
-    found = contents(log, writer, *(f"accSmooth[{i}]" for i in XYZ), settings={"acc_1G": one_g})
-    dut = BLACKBOX.default_map(found)
-    assert dut is not None
-    assert bool(dut.acceleration) == taken
-
-
 @pytest.mark.parametrize(("version", "scale"), [("4.0.0", 0.01), ("3.5.7", 0.1), ("3.0.1", None)])
 def test_the_voltage_is_in_the_unit_of_its_version(log, writer, version, scale):
     settings = {"Firmware revision": f"Betaflight {version} (abc) OMNIBUSF4"}
     dut = BLACKBOX.default_map(contents(log, writer, "vbatLatest", settings=settings))
     assert dut is not None
     assert (dut.voltage.scale if dut.voltage else None) == scale
-
-
-@pytest.mark.parametrize("count", [0, 3, 4, 6, 8])
-def test_motors_are_those_that_are_logged(log, writer, count):
-    dut = BLACKBOX.motors(contents(log, writer, "x", *(f"motor[{i}]" for i in range(count))))
-    assert len(dut.throttle.columns) == (count if count in (4, 6, 8) else 0)
-    assert (dut.layout is not None) == (count == 4)
-    assert bool(dut.notes) == (count not in (0, 4))
-    assert not dut.throttle or dut.throttle.ends == [158, 2047]
 
 
 def test_a_turned_imu_is_told_from_where_it_is_learnt_on(log, writer):
@@ -165,18 +142,6 @@ def test_a_turned_imu_is_told_from_where_it_is_learnt_on(log, writer):
     found = np.column_stack([body[f"quat[{i}]"] for i in range(4)])[forgets:]
     turned = attitude.rotation_vector(attitude.multiply(attitude.conjugate(q[forgets:]), found))
     assert np.abs(turned).max() < 0.001
-
-
-def test_every_real_log_is_whole_and_read_fast(real_logs):
-    for path in real_logs:
-        wanted = {name: list(columns) for name, columns in BLACKBOX.contents(path).items()}
-        begun = time.perf_counter()
-        dut = BLACKBOX.read(path, wanted, lambda share: None)
-        assert (
-            time.perf_counter() - begun < 3.0
-        )  # [s]; the first compiles nothing: another test has
-        assert not any("damaged" in note or "no end" in note for note in dut.notes)
-        assert np.all(np.diff(dut.streams["main"].t) > 0)
 
 
 def test_every_real_log_becomes_a_flight_of_its_conventions(imported):

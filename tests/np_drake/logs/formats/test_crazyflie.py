@@ -1,20 +1,15 @@
 """Laws of Crazyflie micro-SD logs: what was written is read, and what the real flights obey."""
 
-import contextlib
 import struct
-import tracemalloc
 import zlib
 from pathlib import Path
 from types import ModuleType
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from np_drake import attitude
 from np_drake.logs.errors import LogError
-from np_drake.logs.formats import crazyflie
 from np_drake.logs.formats.crazyflie import CRAZYFLIE
 from np_drake.logs.formats.format import Recording, Stream
 from np_drake.logs.formats.library import format_of
@@ -51,17 +46,9 @@ def made() -> dict[str, Stream]:
     }
 
 
-def everything(path: Path, chunk: int = crazyflie.CHUNK) -> Recording:
+def everything(path: Path) -> Recording:
     wanted = {name: list(columns) for name, columns in CRAZYFLIE.contents(path).items()}
-    return crazyflie.read(path, wanted, lambda share: None, chunk)
-
-
-def same(one: Recording, other: Recording) -> bool:
-    return one.contents == other.contents and all(
-        np.array_equal(a.t, other.streams[n].t)
-        and all(np.array_equal(a.columns[c], other.streams[n].columns[c]) for c in a.columns)
-        for n, a in one.streams.items()
-    )
+    return CRAZYFLIE.read(path, wanted, lambda share: None)
 
 
 @pytest.mark.parametrize(("version", "resolution"), [(1, 1e-3), (2, 1e-6)])
@@ -98,53 +85,6 @@ def test_every_struct_type_keeps_its_value(log, writer, letter):
     )
     assert np.array_equal(everything(log).streams["a"].columns["v"], values)
     assert np.array_equal(everything(log).streams["a"].columns["w"], values)
-
-
-@pytest.mark.parametrize("chunk", [1, 50, 1000])
-def test_records_across_the_pieces_of_a_file_are_whole(log, writer, made, chunk):
-    writer.write(log, made)
-    whole = everything(log)
-    dut = everything(log, chunk)
-    assert same(dut, whole)
-    assert dut.notes == ()
-
-
-def test_only_what_is_wanted_is_returned_and_progress_reaches_the_end(log, writer, made):
-    writer.write(log, made)
-    shares: list[float] = []
-    dut = CRAZYFLIE.read(log, {"estPose": ["locSrv.x"]}, shares.append)
-    assert dut.contents == {"estPose": ("locSrv.x",)}
-    assert shares[-1] == 1
-    assert len(CRAZYFLIE.read(log, {"fixedFrequency": ["gyro.z"]}, shares.append).streams) == 1
-
-
-def test_a_repeated_or_backward_time_is_kept(log, writer):
-    content = writer.header({"a": Stream(np.zeros(3), {})})
-    content += b"".join(struct.pack("<HQ", writer.FIRST_ID, tick) for tick in (9, 9, 4))
-    log.write_bytes(content + struct.pack("<I", zlib.crc32(content)))
-    assert everything(log).streams["a"].t == pytest.approx([9e-6, 9e-6, 4e-6])
-
-
-def test_the_contents_are_those_of_the_header_alone(log, writer, made):
-    log.write_bytes(writer.header(made))
-    assert CRAZYFLIE.contents(log) == {n: tuple(s.columns) for n, s in made.items()}
-    with pytest.raises(LogError, match="at least one whole record"):
-        everything(log)
-
-
-def test_memory_grows_with_what_is_wanted_and_not_with_the_file(log, writer):
-    rows = 60_000
-    wide = {f"v{i}": np.zeros(rows) for i in range(60)}
-    writer.write(log, {"wide": Stream(np.arange(rows) * 0.002, wide)})
-    assert log.stat().st_size > 14e6
-    CRAZYFLIE.read(log, {"wide": ["v0"]}, lambda share: None)
-    tracemalloc.start()
-    CRAZYFLIE.read(log, {"wide": ["v0"]}, lambda share: None)
-    peak = tracemalloc.get_traced_memory()[1]
-    tracemalloc.stop()
-    assert (
-        peak < 5 * crazyflie.CHUNK + 4 * 8 * 2 * rows
-    )  # [bytes]; a piece and its copies, and two columns
 
 
 def test_a_wrong_checksum_is_noted_and_the_values_are_kept(log, writer, made):
@@ -217,56 +157,6 @@ def test_a_damaged_header_is_refused_in_one_line(log, content, said):
     assert "\n" not in str(refused.value)
 
 
-def test_a_variable_that_is_not_there_is_refused(log, writer, made):
-    writer.write(log, made)
-    for wanted in ({"estPose": ["gyro.z"]}, {"nothing": ["gyro.z"]}):
-        with pytest.raises(LogError, match=r"must hold the variable gyro\.z"):
-            CRAZYFLIE.read(log, wanted, lambda share: None)
-
-
-def ends_well(path: Path) -> None:
-    """Read a file that may be refused."""
-    with contextlib.suppress(LogError):
-        everything(path)
-
-
-@settings(max_examples=200, deadline=None)
-@given(
-    content=st.binary(max_size=200),
-    begin=st.sampled_from([b"", b"\xbc", b"\xbc\1\0\1\0\0\0e\0\1\0a(f)\0"]),
-)
-def test_arbitrary_bytes_are_read_or_refused(log, content, begin):
-    log.write_bytes(begin + content)
-    CRAZYFLIE.recognises(log, begin + content)
-    ends_well(log)
-
-
-def test_a_float_whose_bits_are_a_signalling_nan_is_read_as_nan(log):
-    signalling = b"\x01\x00\xa0\x7f"
-    log.write_bytes(
-        b"\xbc\1\0\1\0\0\0e\0\1\0a(f)\0" + b"\0\0" + (1).to_bytes(4, "little") + signalling
-    )
-    (stream,) = everything(log).streams.values()
-    assert np.isnan(stream.columns["a"]).all()
-    assert len(stream.columns["a"]) == 1
-
-
-@settings(max_examples=200, deadline=None)
-@given(data=st.data())
-def test_a_truncated_or_damaged_log_is_read_or_refused(log, writer, made, data):
-    content = bytearray(writer.encode(made)[: data.draw(st.integers(0, 600))])
-    for _ in range(data.draw(st.integers(0, 3)) if content else 0):
-        content[data.draw(st.integers(0, len(content) - 1))] = data.draw(st.integers(0, 255))
-    log.write_bytes(content)
-    ends_well(log)
-
-
-def test_a_csv_file_is_no_usd_log():
-    assert not CRAZYFLIE.recognises(Path("a.csv"), b"t,px,py\n0,1,2\n")
-    assert not CRAZYFLIE.recognises(Path("a"), b"")
-    assert not CRAZYFLIE.recognises(Path("a"), b"\xbc\2\0\1\0\0\0no zero byte ends the name")
-
-
 def test_the_map_takes_the_firmwares_names():
     dut = CRAZYFLIE.default_map(
         {"fixedFrequency": (*STATE, *SENSORS, *RPM, "pm.vbatMV", "motor.m1")}
@@ -322,45 +212,11 @@ def test_without_attitude_or_motion_only_its_user_knows_the_map():
     ).acceleration  # as without a positioning system
 
 
-def test_other_variables_of_the_firmware_stand_in_for_the_estimate():
-    compressed = [f"stateEstimateZ.{a}" for a in ("x", "y", "z", "vx", "vy", "vz")]
-    lee = [f"ctrlLee.{name}{a}" for name in ("rpy", "omega", "torque") for a in "xyz"]
-    dut = CRAZYFLIE.default_map({"a": (*compressed, *lee, "ctrlLee.thrustSI")}).check()
-    assert (dut.position.unit, dut.velocity.unit, dut.rates.unit) == ("mm", "mm/s", "")
-    assert dut.attitude.columns == ["a/ctrlLee.rpyx", "a/ctrlLee.rpyy", "a/ctrlLee.rpyz"]
-    assert dut.thrust.columns == ["a/ctrlLee.thrustSI"]
-    angles = [f"stateEstimate.{a}" for a in ("roll", "pitch", "yaw")]
-    dut = CRAZYFLIE.default_map({"a": (*compressed, *lee, *angles)}).check()
-    assert (dut.attitude.unit, dut.attitude.signs) == ("deg", [1, -1, 1])
-
-
 FLIGHTS = {"bare": 15, "payload": 25}
 
 
 def flights(folder: Path) -> list[Path]:
     return [p for kind in FLIGHTS for p in sorted((folder / "imrc" / kind).iterdir())]
-
-
-def test_every_real_log_is_whole(real_flights):
-    found = flights(real_flights)
-    assert len(found) == sum(FLIGHTS.values())
-    for path in found:
-        dut = everything(path)
-        assert format_of(path) is CRAZYFLIE
-        assert dut.notes == ()  # the checksum fits
-        fast, pose = dut.streams["fixedFrequency"], dut.streams["estPose"]
-        assert len(fast.columns) == (25 if path.parent.name == "bare" else 47)
-        assert list(pose.columns) == [
-            f"locSrv.{c}" for c in ("x", "y", "z", "qx", "qy", "qz", "qw")
-        ]
-        assert 1 / np.median(np.diff(fast.t)) == pytest.approx(500, rel=0.02)  # [Hz]
-        assert 1 / np.median(np.diff(pose.t)) == pytest.approx(
-            100, rel=0.02
-        )  # [Hz], motion capture
-        assert np.diff(fast.t).min() > 0.0015  # [s]
-        gap = np.diff(fast.t).max()
-        assert 0.015 < gap < 0.3  # [s]; the longest are at the start
-        assert np.diff(fast.t[fast.t > fast.t[0] + 0.5]).max() < 0.055  # [s]
 
 
 def mapped(path: Path) -> tuple[np.ndarray, dict[str, np.ndarray]]:

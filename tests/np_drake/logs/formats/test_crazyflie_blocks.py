@@ -124,11 +124,5 @@ def test_a_counter_that_begins_anew_goes_on(made, tmp_path):
 )
 def test_a_header_or_log_without_records_is_refused(tmp_path, content):
     (tmp_path / "log00").write_bytes(content)
-    with pytest.raises(LogError, match=r"must (name its variables|hold at least one whole block)"):
+    with pytest.raises(LogError, match=r"header: |must hold at least one whole block"):
         CRAZYFLIE.read(tmp_path / "log00", {"log": []}, no_progress)
-
-
-def test_a_compressed_log_that_is_cut_is_refused(made, tmp_path):
-    (tmp_path / "log00.gz").write_bytes(gzip.compress(encode(*made))[:-20])
-    with pytest.raises(LogError, match="must be a whole gzip file"):
-        CRAZYFLIE.contents(tmp_path / "log00.gz")

@@ -68,33 +68,6 @@ def test_without_a_command_thrust_comes_from_rotor_speed(flight, tmp_path):
     assert any("rotor_speed" in note for note in dut.notes)
 
 
-def test_a_vehicle_file_can_ask_for_rotor_speed(flight, tmp_path):
-    write_log(flight, tmp_path / "made.csv")
-    assert (
-        open_flights(tmp_path / "made.csv", Vehicle(input="rotor_speed"))[0][0].input
-        == "rotor_speed"
-    )
-
-
-def test_a_vehicle_file_that_asks_for_rotor_speed_in_vain_is_told_of(flight, tmp_path):
-    write_log(dc.replace(flight, rotor=None), tmp_path / "made.csv")
-    dut = open_flights(tmp_path / "made.csv", Vehicle(input="rotor_speed"))[0][0]
-    assert dut.input == "command"
-    assert dut.notes == [
-        (
-            "no rotor speed: thrust and torque from the command, though vehicle 'paper' says "
-            "input: rotor_speed"
-        )
-    ]
-
-
-def test_without_a_vehicle_rotor_speed_stays_what_it_is(flight, tmp_path):
-    write_log(dc.replace(flight, input="rotor_speed"), tmp_path / "made.csv")
-    (dut,) = read_flights(tmp_path / "made.csv")
-    assert dut.input == "rotor_speed"
-    assert np.isnan(dut.u).all()
-
-
 def test_no_command_and_no_way_to_one_is_refused(flight, tmp_path):
     write_log(dc.replace(flight, input="rotor_speed"), tmp_path / "made.csv")
     table = csv_file.read_csv(tmp_path / "made.csv").columns
@@ -106,16 +79,6 @@ def test_no_command_and_no_way_to_one_is_refused(flight, tmp_path):
 def test_a_rotor_log_without_rotor_speed_cannot_be_written(flight, tmp_path):
     with pytest.raises(LogError, match="rotor speed"):
         write_log(dc.replace(flight, input="rotor_speed", rotor=None), tmp_path / "made.csv")
-
-
-def test_a_failed_write_leaves_the_old_file_and_nothing_else(flight, tmp_path, monkeypatch):
-    write_log(flight, tmp_path / "made.csv")
-    before = (tmp_path / "made.csv").read_bytes()
-    monkeypatch.setattr("os.replace", lambda *_: (_ for _ in ()).throw(OSError("disk full")))
-    with pytest.raises(OSError, match="disk full"):
-        write_log(flight.rows(0, 100), tmp_path / "made.csv")
-    assert [path.name for path in tmp_path.iterdir()] == ["made.csv"]
-    assert (tmp_path / "made.csv").read_bytes() == before
 
 
 def test_an_unknown_suffix_is_refused(flight, tmp_path):

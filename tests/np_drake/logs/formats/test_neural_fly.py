@@ -4,15 +4,12 @@ real flights.
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from scipy.signal import butter, filtfilt
 from scipy.spatial.transform import Rotation
 
-from np_drake.logs.errors import LogError
 from np_drake.logs.formats.format import Stream, by_stream
 from np_drake.logs.formats.library import format_of
-from np_drake.logs.formats.neural_fly import NEURAL_FLY
+from np_drake.logs.formats.table import NEURAL_FLY
 
 FLIGHTS = [
     f"custom_figure8_{method}_{wind}.csv.gz"
@@ -58,26 +55,6 @@ def test_a_file_without_its_columns_has_no_default_map():
     assert NEURAL_FLY.default_map({"table": ("t", "p[0]")}) is None
 
 
-@given(share=st.floats(0, 1), at=st.integers(0, 3000), byte=st.integers(0, 255))
-@settings(max_examples=60, deadline=None)
-@pytest.mark.parametrize("suffix", [".csv", ".csv.gz"])
-def test_a_damaged_file_ends_in_a_recording_or_one_line(
-    tmp_path_factory, write_neural_fly, suffix, share, at, byte
-):
-    path = tmp_path_factory.mktemp("neural_fly") / f"made{suffix}"
-    write_neural_fly(path, {"table": Stream(np.arange(6.0), {"p[0]": np.arange(6.0)})})
-    content = bytearray(path.read_bytes())
-    content[at % len(content)] = byte
-    path.write_bytes(content[: int(share * len(content))])
-    try:
-        wanted = {name: list(columns) for name, columns in NEURAL_FLY.contents(path).items()}
-        message = f"{path}: {len(NEURAL_FLY.read(path, wanted, lambda _: None).streams)} stream"
-    except LogError as error:
-        message = str(error)
-    assert message.startswith(str(path))
-    assert "\n" not in message
-
-
 def test_a_real_flight_is_recognised_with_all_its_columns(flight):
     assert format_of(flight) is NEURAL_FLY
     stream, _, log_map = read_mapped(flight, "R[8]", "pwm[3]", "fa[2]", "q_sp[0]")
@@ -85,16 +62,6 @@ def test_a_real_flight_is_recognised_with_all_its_columns(flight):
     np.testing.assert_allclose(np.diff(stream.t), 0.02, atol=1e-4)
     assert all(np.isfinite(column).all() for column in stream.columns.values())
     assert log_map.command == "sampled"
-
-
-def test_the_attitude_is_the_rotation_matrix_of_the_file(flight):
-    stream, fields, log_map = read_mapped(flight, *(f"R[{i}]" for i in range(9)))
-    assert log_map.attitude.order == "xyzw"
-    matrices = np.stack([stream.columns[f"R[{i}]"] for i in range(9)], axis=1).reshape(-1, 3, 3)
-    rotation = Rotation.from_quat(fields["attitude"])
-    np.testing.assert_allclose(
-        rotation.as_matrix(), matrices, atol=2e-4
-    )  # the file rounds one of both
 
 
 def test_the_rates_are_those_of_the_attitude_in_axes_of_w(flight):
@@ -111,16 +78,6 @@ def test_the_rates_are_those_of_the_attitude_in_axes_of_w(flight):
     assert log_map.rates.axes == "world"
     assert error["world"] < 0.012  # [rad/s]
     assert error["world"] < error["body"] / (2 if "100wind" in flight.name else 1)
-
-
-def test_the_velocity_is_the_derivative_of_the_position_in_w(flight):
-    stream, fields, log_map = read_mapped(flight)
-    rate = np.diff(fields["position"], axis=0) / np.diff(stream.t)[:, None]
-    mean = (fields["velocity"][1:] + fields["velocity"][:-1]) / 2
-    in_body = Rotation.from_quat(fields["attitude"])[1:].apply(mean)  # if `velocity` were in B
-    assert log_map.velocity.axes == "world"
-    assert rms(rate - mean) < 0.14 * rms(mean)
-    assert rms(rate - mean) < rms(rate - in_body)
 
 
 def test_w_is_z_up_and_thrust_carries_the_weight(flight):

@@ -9,7 +9,6 @@ import pytest
 
 pytest.importorskip("pyulog", reason="ULog needs pyulog")
 
-from np_drake import attitude
 from np_drake.logs.formats.format import Contents, Recording, Stream, by_stream
 from np_drake.logs.formats.ulog import ULOG
 
@@ -158,13 +157,6 @@ def test_rotors_not_four_or_logged_slowly_leave_collective_thrust(log, writer, u
     assert "rotor_speed" not in dut
 
 
-def test_slow_motors_are_taken_where_there_is_nothing_else(log, writer):
-    streams = rotors({"actuator_motors": 12}, 4, 10.0)
-    del streams["vehicle_thrust_setpoint"]
-    writer.write(log, streams)
-    assert len(sources(ULOG.contents(log))["throttle"]) == 4
-
-
 def mapped(path: Path) -> Recording:
     """Read what the default map names."""
     contents = ULOG.contents(path)
@@ -194,18 +186,3 @@ def test_the_simulated_flight_of_px4_obeys_kinematics_in_ned_and_frd(real_flight
     assert dut.facts["CA_ROTOR_COUNT"] == "4"
     assert dut.facts["hardware"] == "PX4_SITL"
     assert any("xy_valid is 0 in 31 %" in note for note in dut.notes)
-
-
-def test_the_old_log_of_a_vtol_is_read_with_its_gaps(real_flights):
-    dut = mapped(real_flights / "ulog" / "sample_log_small.ulg")
-    turn = dut.streams["vehicle_angular_velocity"]
-    assert 1 / np.median(np.diff(turn.t)) == pytest.approx(409, rel=0.01)  # [Hz]
-    assert 0.15 < np.diff(turn.t).max() < 0.17  # [s], at its start
-    assert list(dut.streams["actuator_controls_0"].columns) == ["control[3]"]
-    assert any("dropouts of the logger: 1" in note for note in dut.notes)
-    assert any("xy_valid is 0 in 100 %" in note for note in dut.notes)
-    assert dut.facts["software version"] == "1.11.2"
-    q = stack(dut.streams["vehicle_attitude"], *Q)
-    down = attitude.rotate_back(q, np.tile([0.0, 0.0, -9.81], (len(q), 1))).mean(axis=0)
-    force = stack(dut.streams["sensor_combined"], *(f"accelerometer_m_s2[{i}]" for i in range(3)))
-    assert force.mean(axis=0) == pytest.approx(down, abs=0.25)  # [m/s²]: body to world, FRD to NED

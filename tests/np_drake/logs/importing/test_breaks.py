@@ -247,40 +247,6 @@ def test_a_part_that_contradicts_itself_is_left_out_and_named(flown, autopilots,
     assert found.flights[0].name == "log"
 
 
-def test_a_write_ahead_file_beside_a_bag_is_read(tmp_path, writer, flown):
-    pytest.importorskip("rosbags", reason="ROS bags need rosbags")
-    import sqlite3
-
-    from np_drake.logs.formats.ros import ROS
-
-    stream = Stream(flown.t, {"data": flown.p[:, 0]})
-    writer("ros").write(tmp_path / "bag", {"/x": stream}, storage="sqlite3")
-    file = next((tmp_path / "bag").glob("*.db3"))
-    keeper = sqlite3.connect(file)
-    keeper.execute("PRAGMA journal_mode = WAL")
-    keeper.execute("PRAGMA wal_autocheckpoint = 0")
-    rows = keeper.execute(
-        "SELECT topic_id, timestamp, data FROM messages ORDER BY id LIMIT 50"
-    ).fetchall()
-    keeper.executemany(
-        "INSERT INTO messages (topic_id, timestamp, data) VALUES (?, ?, ?)",
-        [(topic, time + 10**10, data) for topic, time, data in rows],
-    )
-    keeper.commit()
-    before = {
-        path.name: path.read_bytes()
-        for path in file.parent.iterdir()
-        if not path.name.endswith("-shm")
-    }
-    recording = ROS.read(tmp_path / "bag", {"/x": ["data"]}, lambda share: None)
-    assert {
-        p.name: p.read_bytes() for p in file.parent.iterdir() if not p.name.endswith("-shm")
-    } == before
-    keeper.close()
-    assert len(recording.streams["/x"]) == len(flown) + 50
-    assert any("write-ahead file" in line for line in recording.said)
-
-
 def test_signals_without_a_break_stay_one_part(flown):
     t = flown.t
     signals = {

@@ -1,0 +1,132 @@
+"""A case with its truth and its answer, read from files and checked by the schemas beside this
+module (docs/reference/files.md).
+"""
+
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+from jsonschema import Draft202012Validator
+from jsonschema.protocols import Validator
+from jsonschema.validators import extend
+
+from diagrams.challenge.truth import TRUTH_FILE
+from np_drake.diagnosis.result import UNKNOWN
+from np_drake.files.input_file import read_json
+from np_drake.files.yaml_file import shown
+
+ANSWER_FILE = "diagnosis.json"
+VISIBLE = 1.5  # least visibility of a case that must be found [1]
+
+
+def _is_number(checker: Any, value: Any) -> bool:
+    """JSON Schema itself would take NaN, Infinity and what overflows."""
+    numeric = isinstance(value, (int, float)) and not isinstance(value, bool)
+    return numeric and abs(value) <= sys.float_info.max
+
+
+TYPES = Draft202012Validator.TYPE_CHECKER.redefine("number", _is_number)
+SchemaValidator = extend(Draft202012Validator, type_checker=TYPES)
+
+
+# In a schema, `description` says what a value must be, in the words that follow "must be".
+TRUTH, ANSWER, REAL_ANSWER = (
+    SchemaValidator(json.loads(Path(__file__).with_name(f"{name}.schema.json").read_text("utf-8")))
+    for name in ("truth", "diagnosis", "real_diagnosis")
+)
+
+
+def violation(form: Validator, value: Any) -> str | None:
+    """Return where the value first violates the schema, what it must be there and what it is; None
+    where it suits.
+    """
+    error = next(form.iter_errors(value), None)
+    if error is None:
+        return None
+    place = ""
+    for step in error.absolute_path:
+        dot = "." if place else ""
+        place += f"[{step}]" if isinstance(step, int) else f"{dot}{' '.join(step.split())}"
+    if error.validator != "required":
+        must = error.schema["description"]
+        return f"{place or 'it'} must be {must}; got {shown(error.instance)}."
+    name = next(name for name in error.validator_value if name not in error.instance)
+    must = error.schema["properties"][name]["description"]
+    return f"{place}{'.' if place else ''}{name} is missing; it must be {must}."
+
+
+def read_checked(path: Path, form: Validator) -> dict[str, Any]:
+    """Return the content of a JSON file that holds an object.
+
+    Raises: ValueError: one line with file, field and what it must be; OSError: if it cannot be
+        read.
+    """
+    wrong: str | None = "must hold a JSON object."
+    try:
+        content = read_json(path)
+        wrong = violation(form, content) if isinstance(content, dict) else wrong
+    except (ValueError, RecursionError):  # no JSON; too deep to be read or to be quoted
+        pass
+    if wrong is not None:
+        raise ValueError(f"{path}: {wrong}")
+    return content
+
+
+class AnsweredCase:
+    """A case with the content of truth.json and diagnosis.json; answer None: there is none.
+
+    kind: single | pair | triple | onset | clean | foreign. group: simulator and quality, as `drake,
+    real`. true_names: all effects that act. must_be_named: numbers of those that are not within
+    what vehicle file, input and sensors may be off by. visibility: largest ratio of a channel's RMS
+    to its noise, 1 where nothing must be named: nobody can tell [1]. visible: whether the case must
+    be found. verdict: all that is said to be missing. named: the same without `unknown`. causes: of
+    the answer, by effect.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        truth: dict[str, Any],
+        answer: dict[str, Any] | None,
+        least: float = VISIBLE,
+    ):
+        """Take a case that must be found from a visibility `least` on [1]."""
+        self.name, self.truth, self.answer, self.least = name, truth, answer, least
+        self.kind, said = str(truth["kind"]), answer or {"verdict": (), "causes": ()}
+        self.group = f"{truth['simulator']}, {truth['quality']}"
+        self.true_names = tuple(effect["effect"] for effect in truth["effects"])
+        lost = truth.get("within_tolerance") or [False] * len(self.true_names)
+        self.must_be_named = {i for i, within in enumerate(lost) if not within}
+        tells = bool(self.must_be_named) or not self.true_names
+        self.visibility = float(truth["visibility"]) if tells else 1.0
+        self.visible = self.visibility >= least
+        self.verdict = tuple(said["verdict"])
+        self.named = tuple(name for name in self.verdict if name != UNKNOWN)
+        self.causes = {cause["effect"]: cause for cause in said["causes"]}
+
+
+def read_answered_cases(answers: Path, truth: Path, least: float = VISIBLE) -> list[AnsweredCase]:
+    """Return every case that has a truth, sorted by name; of a folder of sets, `<set>/<case>`.
+
+    Raises: ValueError: if there is no truth, or a file is no JSON or not what
+        docs/reference/files.md says: one line with file, field and what it must be; OSError: if one
+        cannot be read.
+    """
+    names = [
+        file.parent.relative_to(truth)
+        for file in sorted(truth.rglob(TRUTH_FILE))
+        if file.parent != truth
+    ]
+    if not names:
+        raise ValueError(f"{truth}: must hold <case>/{TRUTH_FILE}; got none.")
+    cases = []
+    for name in names:
+        file, known = answers / name / ANSWER_FILE, read_checked(truth / name / TRUTH_FILE, TRUTH)
+        answer = read_checked(file, ANSWER) if file.is_file() else None
+        lists = (known["effects"], known["class"], known.get("within_tolerance", known["effects"]))
+        if len(set(map(len, lists))) > 1:
+            place = truth / name / TRUTH_FILE
+            raise ValueError(f"{place}: class and within_tolerance must hold one for each effect.")
+        cases.append(AnsweredCase(str(name), known, answer, least))
+    return cases

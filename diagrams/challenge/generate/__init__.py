@@ -1,1 +1,0 @@
-"""Challenge cases: drawn from a seed, flown, written with their ground truth."""

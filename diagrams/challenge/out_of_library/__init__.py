@@ -1,1 +1,0 @@
-"""Effects that the library does not have, by their physics."""

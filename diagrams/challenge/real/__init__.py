@@ -1,1 +1,0 @@
-"""Diagnosis of real flights whose cause is known: cases, truth, opponents and score."""

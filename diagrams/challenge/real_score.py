@@ -1,0 +1,490 @@
+"""Study `real`: the diagnosis, or answers of any tool, on real flights whose cause is known."""
+
+import dataclasses as dc
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Annotated, Any
+
+import joblib
+import numpy as np
+import pandas as pd
+from typer import Option
+
+from diagrams.batch.failed_run import FailedRun
+from diagrams.batch.run import Report, Run, Table, failures
+from diagrams.challenge import real
+from diagrams.challenge.answered_case import ANSWER_FILE, REAL_ANSWER, read_checked
+from diagrams.challenge.least_squares import WRENCH, library_columns, select_by_bic
+from diagrams.challenge.real import DRAG, GROUND, PAYLOAD, PLACE, WINDS, Case, Truth, campaign_of
+from diagrams.challenge.score import SURE, calibration
+from diagrams.challenge.score_tables import calibration_figure, table
+from diagrams.gap.drake_replay import DrakeReplay
+from diagrams.studies.options import RealFlightOptions
+from np_drake.diagnosis.diagnose import diagnose
+from np_drake.diagnosis.residuals import make_flight_residuals
+from np_drake.diagnosis.result import UNKNOWN
+from np_drake.effects.base import Effect, Motion, WrenchEffect
+from np_drake.effects.combine import split_effects, total_wrench
+from np_drake.effects.library import causes as library_causes
+from np_drake.files.atomic_file import write_json
+from np_drake.flight_log import FlightLog
+from np_drake.logs.importing.interpolation import Signal
+from np_drake.vehicle import Vehicle
+
+THIS, BIC = "this", "BIC"  # the diagnosis; forward selection by least squares
+AXES = {"lateral": "xy", "vertical": "z", "torque": "xyz"}  # of the held-out residual
+STEP = 0.02  # between the instants at which a force is averaged [s]
+PROBABILITIES = (0.0, 0.3, 0.5, 0.7, 0.9, 0.97, 1.0001)  # edges of bins [1]
+TOP = 5  # names that are shown of a method
+DIRECTION = np.array([-1.0, 0.0])  # of the wind of the fans in the plane [1]
+# Asked of a wind: figure, what it should be, and within what. Its speed only up to 6 m/s, to which
+# linear drag holds.
+WITHIN = {"angle": (0.0, 10.0), "force": (1.0, 0.15), "speed": (1.0, 0.30)}  # [deg, 1, 1]
+GENTLE = 6.0  # [m/s]
+BESIDE_WIND = {"mass_error", "clock_offset"}  # no names beside a wind
+
+
+# Score of one case
+
+
+def read_answer(folder: Path, case: Case) -> dict[str, Any] | None:
+    """Return the answer to a case; None where the folder holds none.
+
+    Raises: ValueError: one line with file and field, if it is no such answer.
+    """
+    file = folder / case.folder / ANSWER_FILE
+    return read_checked(file, REAL_ANSWER) if file.is_file() else None
+
+
+def effects_of(answer: Mapping[str, Any], names: Iterable[str]) -> list[Effect]:
+    """Return the effects of an answer at their values, as far as the library knows them."""
+    found = []
+    for cause in answer["causes"]:
+        kind = library_causes().get(cause["effect"]) if cause["effect"] in names else None
+        given = cause.get("parameters", {})
+        told = {p.name: given.get(p.name, {}).get("value") for p in getattr(kind, "parameters", ())}
+        found += [kind(**{n: v for n, v in told.items() if v is not None})] if kind else []
+    return found
+
+
+def mean_force(flights: Iterable[FlightLog], vehicle: Vehicle) -> np.ndarray:
+    """Return the mean force that the nominal model leaves, over flights, (3,) in W [N]."""
+    residuals = [make_flight_residuals(log, vehicle) for log in flights]
+    forces = [(e.R_WB @ e.y[:, :3, None])[..., 0].mean(axis=0) for e in residuals]
+    return np.mean(forces, axis=0)
+
+
+def force_of(log: FlightLog, vehicle: Vehicle, effects: Sequence[WrenchEffect]) -> np.ndarray:
+    """Return the mean force of effects over a flight, (3,) in W [N]; rotors share the thrust."""
+    t = log.t[:: max(1, int(STEP / log.step))]
+    x = Signal(log.t, log.x).linear(t)
+    x[:, 3:7] /= np.linalg.norm(x[:, 3:7], axis=1, keepdims=True)
+    thrust = np.repeat(0.25 * Signal(log.t, log.u[:, :1]).linear(t), 4, axis=1)
+    return total_wrench(vehicle, effects, Motion(t, x, thrust))[:, :3].mean(axis=0)
+
+
+def wind_figures(
+    effects: Sequence[Effect],
+    flights: Sequence[FlightLog],
+    vehicle: Vehicle,
+    measured: np.ndarray,
+    speed: float,
+) -> dict[str, float]:
+    """Return direction error [deg], mean force over that measured [1], speed over that of the fans
+    [1], and speed upwards [m/s] of a wind; empty where no wind is among the effects.
+
+    flights: in the wind, over which its force is averaged. measured: (3,) mean force of the wind in
+    W [N]. speed: of the fans [m/s].
+    """
+    acting = split_effects(effects).wrench
+    winds: list[Any] = [effect.predicted for effect in acting if effect.identifier in WINDS]
+    if not winds:
+        return {}
+    drags = [effect for effect in acting if effect.identifier not in WINDS]
+    # Of the drags in wind less that of the drags in still air.
+    blown = np.mean([force_of(log, vehicle, [*drags, *winds]) for log in flights], axis=0)
+    calm = np.mean([force_of(log, vehicle, drags) for log in flights], axis=0) if drags else 0.0
+    wind = np.sum([w.air_velocity(0.0) for w in winds], axis=0)
+    across = float(np.linalg.norm(wind[:2]))
+    along = float(wind[:2] @ DIRECTION) / across if across > 0 else math.nan
+    return {
+        "angle": math.degrees(math.acos(np.clip(along, -1, 1))),
+        "force": float((blown - calm)[:2] @ DIRECTION / (measured[:2] @ DIRECTION)),
+        "speed": across / speed,
+        "up": float(wind[2]),
+    }
+
+
+def score_case(
+    record: dict[str, Any],
+    *,
+    folder: Path,
+    neurobem: Path | None = None,
+    answers: Path | None = None,
+    replay: bool = False,
+) -> dict[str, Any]:
+    """Return of a record {"group", "name"} {"group", "vehicle", "case", "methods", "answer"}:
+    names, right, wrong, parameters, held-out figures and seconds of every method.
+
+    folder, neurobem: of the flights, under the same path for all workers.
+    answers: folder of answers to score; None: the case is diagnosed, and "answer" holds what was
+    said. A case that it does not answer lacks that method.
+    replay: the held-out flights are replayed in the nominal and in the corrected simulator.
+    Raises: LogError, OSError: if a flight cannot be used; ValueError: if an answer is none.
+    """
+    cases = real.make_cases(folder, neurobem, [record["group"]])
+    case = next(case for case in cases if case.name == record["name"])
+    campaign, (vehicle, train, held_out) = campaign_of(case.group), real.open_case(case)
+    truth, fitted = campaign.truth, {log.name for log in train}
+    found: dict[str, Any] = {"group": case.group, "vehicle": campaign.vehicle}
+    found |= {"case": case.name, **({"wind": case.speed} if case.speed else {})}
+    if answers is None:
+        flown = DrakeReplay(vehicle) if replay else None
+        diagnosis = diagnose(vehicle, train, held_out, flown, adaptive_split=case.second)
+        found["answer"] = diagnosis.as_json()
+    answer = read_answer(answers, case) if answers else found["answer"]
+    methods = {} if answer is None else {THIS: scored(answer, truth, fitted)}
+    if case.still:
+        calm = [log for path in case.still for log in campaign.open_flights(path)]
+        force = mean_force(train, vehicle) - mean_force(calm, vehicle)
+        found["force"] = force.tolist()
+        for own in methods.values():
+            effects = effects_of(answer or {}, own["causes"])
+            own["wind"] = wind_figures(effects, train, vehicle, force, case.speed)
+    flights = [make_flight_residuals(log, vehicle) for log in train]
+    y = np.concatenate([e.y[:, :WRENCH] for e in flights])
+    methods[BIC] = verdict(select_by_bic(y, library_columns(flights)), truth)
+    return found | {"methods": methods}
+
+
+def scored(answer: Mapping[str, Any], truth: Truth, fitted: Iterable[str] = ()) -> dict[str, Any]:
+    """Return what the content of a `diagnosis.json` says, against the truth.
+
+    A cause that is absent from all flights of the fit is said of the held-out flight, and is not
+    judged as theirs.
+
+    fitted: names of the flights of the fit; empty: every cause is theirs.
+    """
+    fit, second = set(fitted), (answer.get("refit") or {}).get("causes", ())
+
+    def absent(cause: Mapping[str, Any]) -> bool:
+        return bool(fit) and fit <= set(cause.get("absent_from") or ())
+
+    own = [cause for cause in answer["causes"] if not absent(cause)]
+    new = (cause["effect"] for cause in (*answer["causes"], *second) if absent(cause))
+    unknown = float(answer.get("unknown_probability") or 0.0)
+    causes = {cause["effect"]: float(cause["probability"]) for cause in own}
+    if UNKNOWN in truth.present:
+        causes[UNKNOWN] = unknown
+    if any(finding["name"] == PLACE for finding in answer.get("remains", ())):
+        causes[PLACE] = unknown
+    begun = (c for c in own if set((c.get("onset") or {}).values()) - {None})
+    shrink = answer.get("shrink") or {}
+    return {
+        **verdict(causes, truth, [cause["effect"] for cause in begun]),
+        "parameters": {cause["effect"]: cause.get("parameters", {}) for cause in own},
+        "unknown": unknown,
+        "cut": held_out_cut(answer.get("gap") or {}),
+        "fraction": (shrink.get("residual") or {}).get("fraction"),
+        "replay": shrink.get("replay"),
+        # A wind that it, or its second answer, finds in held-out flights alone.
+        "new_condition": next((name for name in new if name in WINDS), ""),
+        "seconds": answer.get("wall"),
+    }
+
+
+def verdict(causes: Mapping[str, float], truth: Truth, late: Sequence[str] = ()) -> dict[str, Any]:
+    """Return the probabilities, whether all that is named is right, and names that are wrong."""
+    right, wrong = truth.right(causes, late), truth.wrong(causes, late)
+    own = {"causes": dict(causes), "late": list(late), "parameters": {}}
+    return {**own, "right": right, "wrong": wrong}
+
+
+def held_out_cut(gap: Mapping[str, Any]) -> dict[str, float | None]:
+    """Return by how much the causes reduce the RMS of the held-out residual, by group of channels
+    [1].
+    """
+    cut: dict[str, float | None] = {}
+    for group, axes in AXES.items():
+        kind = gap.get("torque" if group == "torque" else "force") or {}
+        before, after = (
+            math.sqrt(sum((kind.get(axis, {}).get(key) or 0.0) ** 2 for axis in axes))
+            for key in ("rms", "after")
+        )
+        cut[group] = 1 - after / before if before > 0 else None
+    return cut
+
+
+# All cases, by method
+
+HEALTHY = [c.group for c in real.CAMPAIGNS if c.truth.healthy]
+PAYLOADS = ["payload", "crazyswarm2-payload"]
+COMMANDED = ["payload-command"]  # the payload flights of another group once more
+GROUNDS = ["swarm-ground-small", "swarm-ground-large"]
+# What is asked, what is wanted, groups of cases, column of `outcomes`, and what is told of it.
+ASKED = (
+    ("healthy: cases with a false name", "≤ 5 %", HEALTHY, "false", "count"),
+    ("healthy: names beyond drag, median", "0", HEALTHY, "beyond", "median"),
+    ("healthy: names beyond drag, mean", "≤ 0.5", HEALTHY, "beyond", "mean"),
+    ("payload: named", "≥ 95 %", PAYLOADS, "payload", "count"),
+    ("payload: mass within 10 %", "all", PAYLOADS, "mass", "count"),
+    ("payload: length within 5 %", "all", PAYLOADS, "length", "count"),
+    ("payload: both in the 95 % interval", "≥ 90 %", PAYLOADS, "covered", "count"),
+    ("payload, command: named", "≥ 95 %", COMMANDED, "payload", "count"),
+    ("payload, command: mass within 10 %", "all", COMMANDED, "mass", "count"),
+    ("payload, command: length within 5 %", "all", COMMANDED, "length", "count"),
+    ("payload, command: both in the 95 % interval", "≥ 90 %", COMMANDED, "covered", "count"),
+    ("wind: with drag, no mass or clock error", "all", ["wind"], "blown", "count"),
+    ("wind: direction within 10°", "all", ["wind"], "angle", "count"),
+    ("wind: mean force within 15 %", "5 of 6", ["wind"], "force", "count"),
+    ("wind below 6 m/s: speed within 30 %", "all", ["wind"], "speed", "count"),
+    ("still air: cases with a false name", "0", ["still"], "false", "count"),
+    ("new wind: said so", "all", ["new-wind"], "new", "count"),
+    ("new wind: cases with a false name", "0", ["new-wind"], "false", "count"),
+    ("ground effect: named, of the right size", "≥ 80 %", GROUNDS, "ground", "count"),
+    ("all: named, and held out worse", "0", real.GROUPS, "worse", "count"),
+    ("known cause: right", f"more than {BIC}", real.GROUPS[:-1], "right", "count"),
+    (f"all: wrong names, p > {SURE:g}", "0", real.GROUPS, "sure", "sum"),
+    ("all: calibration error of names", "", real.GROUPS, "judged", "calibration"),
+    ("seconds a case, median", "", real.GROUPS, "seconds", "seconds"),
+    ("seconds a case, most", "", real.GROUPS, "seconds", "most"),
+)
+
+
+def calibrated(judged: Iterable[Sequence[tuple[float, bool]]]) -> dict[str, Any]:
+    """Return the calibration of names of which the truth is known."""
+    return calibration([pair for own in judged for pair in own], PROBABILITIES, side="right")
+
+
+GATHER = {
+    "count": lambda values: f"{sum(values)} of {len(values)}",
+    "sum": lambda values: str(sum(values)),
+    "median": lambda values: f"{np.median(values):g}",
+    "mean": lambda values: f"{np.mean(values):.2f}",
+    "seconds": lambda values: f"{np.median(values):.1f}",
+    "most": lambda values: f"{max(values):.1f}",
+    "calibration": lambda values: calibrated(values)["ece"],
+}
+
+
+def estimates(answer: Mapping[str, Any], truth: Truth) -> list[dict[str, Any]]:
+    """Return a line for every parameter of the known cause: whether it is told, within what is
+    asked, covered by its interval, and its error [%].
+    """
+    given = {n: e for name in truth.present for n, e in answer["parameters"].get(name, {}).items()}
+    lines = []
+    for name, known in truth.parameters.items():
+        own = given.get(name, {})
+        value, (low, high) = own.get("value"), own.get("ci95") or (None, None)
+        lines.append(
+            {
+                "parameter": name,
+                "asked": f"{known.low:.2g} to {known.high:.2g}",
+                "told": name in given,
+                "within": value is not None and known.low <= value <= known.high,
+                "covered": low is not None and high is not None and low <= known.value <= high,
+                "error": math.nan if value is None else 100 * (value / known.value - 1),
+            }
+        )
+    return lines
+
+
+def outcome(record: Mapping[str, Any], by: str) -> dict[str, Any]:
+    """Return all that counts of a method in a case; None where it does not count."""
+    own, truth = record["methods"][by], campaign_of(record["group"]).truth
+    causes, fans, wind = own["causes"], record.get("wind"), own.get("wind", {})
+    names, sizes = set(real.named(causes)), estimates(own, truth)
+    within = {line["parameter"]: line["within"] for line in sizes}
+    near = {
+        figure: figure in wind and abs(wind[figure] - about) <= most
+        for figure, (about, most) in WITHIN.items()
+        if fans and (figure != "speed" or fans <= GENTLE)
+    }
+    gained, replay = own.get("fraction"), own.get("replay") or {}
+    flown = {
+        f"{horizon:g} s {when}": 100 * replay[when]["position"][k]
+        for k, horizon in enumerate(replay.get("horizon", ()))
+        for when in ("before", "after")
+        if replay.get(when)
+    }
+    shown = [
+        f"{name.upper() if truth.holds(name, own['late']) is False else name} {p:.2f}"
+        for name, p in sorted(causes.items(), key=lambda pair: -pair[1])
+    ]
+    more = [f"and {len(shown) - TOP} more"] if len(shown) > TOP else []
+    return {
+        **{key: record[key] for key in ("group", "case")},
+        "by": by,
+        "right": own["right"],
+        "false": bool(own["wrong"]),
+        "beyond": len(names - {DRAG, "quadratic_drag", PLACE, UNKNOWN}),
+        "worse": None if gained is None else bool(gained < 0 and names),
+        "unknown": None if by == BIC else own["unknown"] > real.NAMED,
+        "payload": PAYLOAD in names,
+        **within,
+        "covered": all(line["covered"] for line in sizes) if sizes else None,
+        "ground": GROUND in names and within.get("effective_radius", False),
+        "blown": DRAG in names and bool(names & set(WINDS)) and not names & BESIDE_WIND,
+        **near,
+        "new": None if by == BIC else bool(own["new_condition"]),
+        "sure": sum(causes[name] > SURE for name in own["wrong"]),
+        "judged": truth.judged(causes, own["late"]),
+        "seconds": own.get("seconds"),
+        "replay": flown,
+        "sizes": sizes,
+        "names": ", ".join([*shown[:TOP], *more]) or "nothing",
+    }
+
+
+def calibrations(rows: pd.DataFrame) -> dict[str, list[dict[str, Any]]]:
+    """Return the calibration of names by method, by bin of probability."""
+    return {by: calibrated(own["judged"])["bins"] for by, own in rows.groupby("by", sort=False)}
+
+
+def outcomes(records: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
+    """Return a row for every case and method."""
+    answered = [(r, by) for by in (THIS, BIC) for r in records if by in r["methods"]]
+    return pd.DataFrame([outcome(record, by) for record, by in answered])
+
+
+def asked_figures(rows: pd.DataFrame) -> list[dict[str, Any]]:
+    """Return lines with what is asked, what is wanted, and what each method gives, where one gives
+    anything.
+    """
+    lines = []
+    for what, wanted, groups, column, gather in ASKED:
+        own = rows[rows["group"].isin(groups)]
+        if column in own and own[column].notna().any():
+            told = own.dropna(subset=[column]).groupby("by", sort=False)[column]
+            cells = {by: GATHER[gather](values.tolist()) for by, values in told}
+            lines.append({"asked": what, "wanted": wanted, **cells})
+    return lines
+
+
+def tables(rows: pd.DataFrame) -> list[Table]:
+    """Return all tables that the cases give, what is asked first, the names of every case last."""
+    counts = ["right", "false", "beyond", "worse", "unknown"]
+    keys = ["group", "by"]
+    cases = rows.groupby(keys, sort=False)
+    groups = cases.size().to_frame("n").join(cases[counts].sum(min_count=1))
+    groups = groups.join(cases["seconds"].agg(["median", "max"]))
+    sizes = pd.DataFrame(
+        {"group": row.group, "by": row.by, **line}
+        for row in rows.itertuples()
+        for line in row.sizes
+    )
+    if len(sizes):
+        by_parameter = sizes[sizes["told"]].groupby(
+            ["group", "parameter", "asked", "by"], sort=False
+        )
+        sizes = by_parameter[["told", "within", "covered"]].sum()
+        sizes = sizes.join(by_parameter["error"].agg(["median", "min", "max"])).reset_index()
+    flown = pd.DataFrame(rows["replay"].tolist(), index=rows.index).join(rows[keys])
+    replays = flown.groupby(keys, sort=False).median().dropna(how="all").reset_index()
+    bins = [{"by": by, **row} for by, own in calibrations(rows).items() for row in own]
+    told = [
+        {key: row[key] for key in ("by", "lower", "upper", "n", "mean", "rate")} for row in bins
+    ]
+    return [
+        *table("asked of the diagnosis; BIC: forward selection", asked_figures(rows)),
+        *table(
+            "cases: known cause named and no false name; with a false name; names beyond drag; "
+            "named, and held out worse; unknown; seconds, median and most",
+            groups.reset_index().to_dict("records"),
+        ),
+        *table(
+            "parameters of known causes [SI]: told, within what is asked, covered by the 95 % "
+            "interval; error: median and range [%]",
+            sizes.to_dict("records"),
+        ),
+        *table("position error of the replay, median over cases [cm]", replays.to_dict("records")),
+        *table("names of which the truth is known, by reported probability", told),
+        *table(
+            f"names and probabilities, the first {TOP}; WRONG ones in capitals, those above "
+            f"{real.NAMED:g} count",
+            rows.assign(case=rows["group"] + ": " + rows["case"])[["case", "by", "names"]].to_dict(
+                "records"
+            ),
+        ),
+    ]
+
+
+# The study
+
+
+@dc.dataclass(frozen=True)
+class Options(RealFlightOptions):
+    """Options of the study."""
+
+    answers: Annotated[
+        Path | None,
+        Option(
+            "--answers",
+            metavar="DIR",
+            help=f"Score DIR/<group>/<case>/{ANSWER_FILE} of any tool; nothing is diagnosed.",
+        ),
+    ] = None
+    replay: Annotated[
+        bool,
+        Option("--replay", help="Replay held-out flights in the nominal and corrected simulator."),
+    ] = False
+
+
+def run(run: Run, options: Options) -> Report:
+    """The diagnosis, or answers of any tool, on real flights with known causes, beside least
+    squares.
+    """
+    folder, given = options.given("real"), options.answers
+    cases = real.make_cases(folder, options.neurobem, options.only or ())
+    lost = [c.folder / ANSWER_FILE for c in cases if given and read_answer(given, c) is None]
+    if len(lost) == len(cases):
+        raise ValueError(
+            f"--answers: {given} must hold <group>/<case>/{ANSWER_FILE}, as {lost[0]}; got none."
+        )
+    for case in cases:  # before the long work
+        for path in (*case.train, case.held_out, *case.still):
+            campaign_of(case.group).open_flights(path)
+    config: dict[str, Any] = {"folder": folder, "neurobem": options.neurobem, "only": options.only}
+    config |= {"replay": True} if options.replay else {}
+    if given is not None:  # their content, so that others are not taken for them
+        files = sorted(given.rglob(ANSWER_FILE))
+        config["answers"] = joblib.hash(
+            [(str(f.relative_to(given)), f.read_bytes()) for f in files]
+        )
+    work = partial(
+        score_case,
+        folder=folder.resolve(),
+        neurobem=options.neurobem and options.neurobem.resolve(),
+        answers=given and given.resolve(),
+        replay=options.replay,
+    )
+    listed = [{"group": case.group, "name": case.name} for case in cases]
+    title = "diagnosing" if given is None else "scoring"
+    finished = run.cases(title, "cases", work, listed, config=config)
+    failed, records = failures(finished), [dict(r["result"]) for r in finished if "result" in r]
+    folders = {(case.group, case.name): case.folder for case in cases}
+    made = {folders[r["group"], r["case"]]: r.pop("answer") for r in records if "answer" in r}
+    rows = outcomes(records)
+    bins = calibrations(rows) if records else {}
+
+    def write(out: Path) -> None:
+        for own, answer in made.items():
+            (out / "answers" / own).mkdir(parents=True, exist_ok=True)
+            write_json(out / "answers" / own / ANSWER_FILE, answer)
+
+    return Report(
+        tables(rows) if records else [],
+        config={**config, "cases": [f"{case.group}: {case.name}" for case in cases]},
+        metrics={"table": records, "calibration": bins, "failures": failed},
+        summary=[f"{len(records)} cases, by this rule:", *real.RULE],
+        notes=[f"{len(lost)} of {len(cases)} cases have no answer; the first: {lost[0]}"]
+        if lost
+        else [],
+        figures={"calibration.png": lambda: calibration_figure(bins)} if any(bins.values()) else {},
+        write=write if made else None,
+        failure=FailedRun(f"{failed[0]} ({len(failed)} of {len(cases)} cases failed)")
+        if failed
+        else None,
+    )

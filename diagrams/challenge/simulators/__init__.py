@@ -1,1 +1,0 @@
-"""Simulators that fly challenge cases."""

@@ -1,1 +1,0 @@
-"""Challenge flights in Drake."""

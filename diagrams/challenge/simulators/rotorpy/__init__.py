@@ -1,1 +1,0 @@
-"""Challenge flights in RotorPy, with effects implemented independently of the library."""

@@ -1,0 +1,370 @@
+"""What truth.json holds of a case: its effects, and what anybody could tell of them."""
+
+import dataclasses as dc
+from collections.abc import Mapping, Sequence
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from diagrams.challenge.draw import FILES, Case
+from diagrams.challenge.sensors import WILD, best_known
+from np_drake.diagnosis.calibration import flight_errors
+from np_drake.diagnosis.forward_model import NEVER, StageCache, Term, gate, predicted_residual
+from np_drake.diagnosis.numerics import NoiseModel, fit_noise
+from np_drake.diagnosis.options import Options, Priors, Tolerance
+from np_drake.diagnosis.regressors import (
+    Candidate,
+    Onset,
+    at_value,
+    calibration,
+    library_candidates,
+    payloads_of,
+    tolerance_of,
+    wind_candidates,
+    with_input,
+)
+from np_drake.diagnosis.residuals import FlightResiduals, make_flight_residuals
+from np_drake.effects.base import Effect
+from np_drake.effects.clock_offset import ClockOffset
+from np_drake.effects.command_delay import CommandDelay
+from np_drake.flight_log import FlightLog
+
+TRUTH_FILE = "truth.json"
+NO_GAP = 1.1  # residual over what the true model leaves, pooled: less is no gap [1]
+CHANNELS = tuple(
+    f"{kind}_{axis}"
+    for kind in ("force", "torque", "velocity", "acceleration", "rate")
+    for axis in "xyz"
+)
+AROUND = 4.0  # of the true onset, in which others are weighed [s]
+SPAN = 0.4  # that is to hold the onset as likely as may be: twice the tolerance of the score [s]
+# Squared whitened distance below which noise hides the difference; own choice: about four sigma.
+DISTANCE = 14.0
+TETHERS = np.geomspace(0.2, 2.0, 12)  # lengths of payloads that are compared [m]
+Trace = Mapping[str, np.ndarray]  # by flight, (m, 15) residual in the channels of `FlightResiduals`
+
+
+class Collinearity:
+    """What explains a residual in these flights as well, up to noise and to what vehicle file and
+    sensors are off by.
+
+    Two explanations are the same where one comes within a squared whitened distance of the other.
+    The parameters of effects are free; mass, thrust and sensors are free within tolerance.
+    """
+
+    def __init__(
+        self, flights: Sequence[FlightResiduals], noise: NoiseModel, tolerance: Tolerance
+    ) -> None:
+        """Whiten the tolerated errors."""
+        self._flights, self._noise = flights, noise
+        files, drifting = calibration(flights, tolerance), flight_errors(flights, tolerance)
+        self._files = self._columns(files)
+        self._tolerated = self._columns([*files, *drifting])
+
+    def contribution(self, terms: Sequence[Term], i: int) -> Trace:
+        """Return what the predicted residual with terms[i] has over that without it."""
+        rest = [t for j, t in enumerate(terms) if j != i]
+        return {
+            e.name: predicted_residual(e, terms) - predicted_residual(e, rest)
+            for e in self._flights
+        }
+
+    def doubles(self, terms: Sequence[Term], i: int) -> list[str]:
+        """Return the effects that are indistinguishable from terms[i], nearest first; what the
+        other terms hold is no double.
+        """
+        onset: Onset = {n: t for n, t in terms[i].onset.items() if t is not None and t != NEVER}
+        known = {t.effect.identifier for t in terms}
+        options = [*self._library(onset), *self._mirror_images(terms[i], onset)]
+        options = [option for option in options if option.identifiers[-1] not in known]
+        return self._same(self.contribution(terms, i), options, DISTANCE)
+
+    def effects_of(self, trace: Trace, within: float = DISTANCE) -> list[str]:
+        """Return the library effects that come near a residual, nearest first; none where mass,
+        thrust and sensors within tolerance come as near by themselves.
+        """
+        if self._distance(trace, self._tolerated) < within:
+            return []
+        return self._same(trace, self._library({}), within)
+
+    def is_calibration(self, trace: Trace, within: float = DISTANCE) -> bool:
+        """Return whether what vehicle file and input may be off by is the same as a residual that
+        noise alone does not hide.
+        """
+        target = self._whitened(trace)
+        return self._distance(trace, self._files) < within <= float(target @ target)
+
+    def _same(self, trace: Trace, options: Sequence[Candidate], within: float) -> list[str]:
+        found: dict[str, float] = {}
+        for option in options:
+            name = option.identifiers[-1]
+            X = np.hstack([self._tolerated, self._columns([option])])
+            found[name] = min(self._distance(trace, X), found.get(name, np.inf))
+        return sorted((n for n, d in found.items() if d < within), key=lambda n: found[n])
+
+    def _library(self, onset: Onset) -> list[Candidate]:
+        plain = library_candidates(self._flights, onset or None)
+        payloads = payloads_of(self._flights, TETHERS, Priors(), onset)
+        winds = wind_candidates(self._flights, plain, onset)
+        return [*plain, *winds, *(p.candidate(self._flights) for p in payloads)]
+
+    def _mirror_images(self, term: Term, onset: Onset) -> list[Candidate]:
+        """Return a delay and a clock offset of the size of the given shift, because they are not
+        linear in it.
+        """
+        if not term.effect.pure_delay:
+            return []
+        delay = term.effect.time_shift(self._flights[0].vehicle)
+        twins: list[tuple[type[Effect], dict[str, float]]] = [(ClockOffset, {"offset": -delay})]
+        twins += [(CommandDelay, {"delay": delay})] if delay > 0 else []
+        stages = {e.name: StageCache() for e in self._flights}
+        return [
+            at_value(effect, self._flights, onset, values, 1, stages)
+            for effect, values in twins
+            if not onset or effect.begins
+        ]
+
+    def _distance(self, trace: Trace, X: np.ndarray) -> float:
+        """Return the squared whitened distance of a residual from the span of X."""
+        # Ridge regression: min |target - X c|² + |c|² over c, whose penalty is the prior of
+        # whitened columns.
+        target = self._whitened(trace)
+        b = X.T @ target
+        return float(target @ target - b @ np.linalg.solve(X.T @ X + np.eye(X.shape[1]), b))
+
+    def _whitened(self, trace: Trace) -> np.ndarray:
+        return np.concatenate([self._noise.whiten(trace[e.name]).ravel() for e in self._flights])
+
+    def _columns(self, candidates: Sequence[Candidate]) -> np.ndarray:
+        parts = []
+        for e in self._flights:
+            X = self._noise.whiten(np.concatenate([c.columns[e.name] for c in candidates], axis=-1))
+            parts.append(X.reshape(-1, X.shape[-1]))
+        return np.concatenate(parts)
+
+
+def best_onset(
+    exact: FlightResiduals,
+    errors: np.ndarray,
+    terms: Sequence[Term],
+    onset: float,
+    noise: NoiseModel,
+) -> float:
+    """Return the middle of the span of `SPAN` that most likely holds the onset [s], under a uniform
+    prior about the true one.
+
+    Args:
+        errors: (m, 15) what noise adds to its channels.
+        noise: model of `errors`.
+    """
+    t, name = exact.t, exact.name
+    begun = left_by(exact, terms)
+    always = left_by(exact, [dc.replace(term, onset={**term.onset, name: None}) for term in terms])
+    tried = np.flatnonzero(np.abs(t - onset) <= AROUND)
+    # Left if it began at k: as it is where it has begun, as from the start before that.
+    acting = np.where(gate(t, onset) > 0, begun, always)
+    cost = [
+        float(np.sum(noise.whiten(errors + begun - gate(t, k) * acting) ** 2)) for k in t[tried]
+    ]
+    # Posterior of the onset on a grid: Gaussian likelihood of the whitened residual, normalised by
+    # its largest value.
+    likely = np.exp(-0.5 * (np.array(cost) - min(cost)))
+    width = min(len(likely), max(1, round(SPAN / exact.grid.step)))
+    first = int(np.argmax(np.convolve(likely, np.ones(width), "valid")))
+    within = np.cumsum(likely[first : first + width])
+    return float(t[tried[first + np.searchsorted(within, 0.5 * within[-1])]])
+
+
+def left_by(flight: FlightResiduals, terms: Sequence[Term]) -> np.ndarray:
+    """Return what terms leave (m, 15), in the channels that the log tells."""
+    return flight.known(predicted_residual(flight, terms))
+
+
+@dc.dataclass(frozen=True)
+class FlightPair:
+    """The residuals of one flight as measured, and without noise on the same grid."""
+
+    measured: FlightResiduals
+    true: FlightResiduals
+
+    @classmethod
+    def of(cls, case: Case, file: str, exact: FlightLog, noisy: FlightLog) -> "FlightPair":
+        """Return the pair of one flight; both begin where the measured one counts, and know when
+        commands act.
+        """
+        measured, true = (
+            best_known(dc.replace(log, name=file), exact.u, case.vehicle, case.input.kind)
+            for log in (noisy, exact)
+        )
+        first = make_flight_residuals(measured, case.vehicle)
+        return cls(first, make_flight_residuals(true, case.vehicle, since=float(first.t[0])))
+
+    @property
+    def errors(self) -> np.ndarray:
+        """Return what noise leaves to the true model (m, 15)."""
+        return self.measured.y - self.true.y
+
+    @cached_property
+    def noise(self) -> np.ndarray:
+        """Return the RMS (15,) that noise leaves to the true model."""
+        return np.sqrt(np.mean(self.errors**2, axis=0))
+
+
+@dc.dataclass(frozen=True)
+class GroundTruth:
+    """A case, and its flights by file."""
+
+    case: Case
+    flights: dict[str, FlightPair]
+
+    @classmethod
+    def of(
+        cls, case: Case, exact: dict[str, FlightLog], noisy: dict[str, FlightLog]
+    ) -> "GroundTruth":
+        """Return the truth of a case that was flown; both logs of a flight have the same rows."""
+        pairs = {file: FlightPair.of(case, file, exact[file], noisy[file]) for file in FILES}
+        return cls(case, pairs)
+
+    def content(self, simulator: str) -> dict[str, Any]:
+        """Return the content of truth.json."""
+        case, held_out, quality = self.case, FILES[-1], self.case.quality
+        onsets = {file: self.best_onset(file) for file in FILES}
+        content = {
+            "effects": [
+                {"effect": e.identifier, "parameters": e.values, "onset": case.onset}
+                for e in case.effects
+            ],
+            "class": self.collinear_class(),
+            "true_model_residual": _by_channel(self.flights[held_out].noise),
+            "parameters_residual": _by_channel(self.residual_of_true_parameters(held_out)),
+            "best_onset": {file: onset for file, onset in onsets.items() if onset is not None},
+            "visibility": self.visibility(held_out),
+            "visibility_in_training": {file: self.visibility(file) for file in FILES[:-1]},
+            "simulator": simulator,
+            "quality": quality.name,
+            "kind": case.draw.kind,
+            "seed": case.seed,
+            "index": case.draw.index,
+            "attempt": case.draw.attempt,
+            "vehicle_off": {"mass": quality.mass_off, "thrust": quality.thrust_off},
+            "plans": {file: plan.kind for file, plan in case.plans.items()},
+        }
+        if quality.name == WILD:
+            logged = {"input": case.input.kind, "semantics": case.input.semantics}
+            content["within_tolerance"] = self.within_tolerance()
+            content["sensors"] = {**logged, **dc.asdict(quality)}
+        return content
+
+    def equivalent_library_effects(self) -> list[str]:
+        """Return library effects that explain, in all flights, what the out-of-library effect of a
+        case leaves there.
+
+        A ceiling effect, for example, is a mass error to a vehicle that stays where its lift is
+        even. The remainder must be of a visibility below `NO_GAP`, were all of it in one channel.
+        """
+        if not self.case.out_of_library:
+            return []
+        same, trace, within = self._left_by_all()
+        return same.effects_of(trace, within)
+
+    def collinear_class(self) -> list[list[str]]:
+        """Return per effect the names that are physically the same in the training flights, its own
+        first.
+
+        Whitened with what noise really left there, so that nothing is solved for it.
+        """
+        effects = self.case.effects
+        if not effects or self.case.out_of_library:
+            return [[effect.identifier] for effect in effects]
+        same, terms = self._collinearity(FILES[:-1]), self._terms(effects)
+        return [[effect.identifier, *same.doubles(terms, i)] for i, effect in enumerate(effects)]
+
+    def within_tolerance(self) -> list[bool]:
+        """Return per effect whether it is the same, in all flights, as what vehicle file and input
+        may be off by; out-of-library effects are taken together.
+        """
+        if self.case.out_of_library:
+            same, trace, within = self._left_by_all()
+            return [same.is_calibration(trace, within)] * len(self.case.effects)
+        same, terms = self._collinearity(FILES), self._terms(self.case.effects)
+        return [same.is_calibration(same.contribution(terms, i)) for i in range(len(terms))]
+
+    def _collinearity(self, files: Sequence[str]) -> Collinearity:
+        """Return what is the same in these flights as measured, under the noise that the true model
+        leaves.
+        """
+        pairs = [self.flights[file] for file in files]
+        measured = [pair.measured for pair in pairs]
+        noise = fit_noise([pair.errors for pair in pairs], measured[0].grid.step)
+        return Collinearity(measured, noise, self.stated_tolerance(files))
+
+    def _left_by_all(self) -> tuple[Collinearity, Trace, float]:
+        """Return all flights, what all effects leave there, and the squared distance of no gap."""
+        trace = {
+            pair.true.name: pair.true.y - self._background(pair) for pair in self.flights.values()
+        }
+        within = (NO_GAP**2 - 1.0) * sum(len(y) for y in trace.values())
+        return self._collinearity(list(self.flights)), trace, within
+
+    def stated_tolerance(self, files: Sequence[str] = FILES) -> Tolerance:
+        """Return what vehicle file, input and sensors may be off by, as the files of a case state
+        it.
+
+        Of `wild` alone it holds what the vehicle file states, a throttle's scale and curve, and
+        when commands act: the flights know all of these, but nobody else does.
+        """
+        flights = [self.flights[file].measured for file in files]
+        tolerance, logged = tolerance_of(flights), self.case.input
+        if self.case.quality.name != WILD:
+            return tolerance
+        told = [
+            dc.replace(
+                e,
+                log=dc.replace(e.log, input=logged.kind, timing=logged.timing(e.log.step)),
+                vehicle=dc.replace(e.vehicle, command_timing="held"),
+            )
+            for e in flights
+        ]
+        return with_input(Options.for_sensors(tolerance.real, tolerance), told).tolerance
+
+    def visibility(self, file: str) -> float:
+        """Return the largest ratio, over channels, of a flight's RMS to that which noise leaves to
+        the true model [1].
+
+        What the vehicle file is off by is no effect: it is taken out of the nominal residual.
+        """
+        pair = self.flights[file]
+        total = np.sqrt(np.mean((pair.measured.y - self._background(pair)) ** 2, axis=0))
+        return float(np.max(total / np.maximum(pair.noise, 1e-12)))
+
+    def residual_of_true_parameters(self, file: str) -> np.ndarray:
+        """Return the RMS (15,) that the true parameters leave: noise, and gusts, of which they give
+        the strength.
+        """
+        case, pair = self.case, self.flights[file]
+        if case.out_of_library or all(effect.predicted is effect for effect in case.effects):
+            return pair.noise
+        known = [*case.quality.background(case.vehicle), *(e.predicted for e in case.effects)]
+        left = pair.true.y - left_by(pair.true, self._terms(known))
+        return np.sqrt(pair.noise**2 + np.mean(left**2, axis=0))
+
+    def best_onset(self, file: str) -> float | None:
+        """Return `best_onset` of a flight [s]; None where nothing begins in it."""
+        onset, pair = self.case.onset[file], self.flights[file]
+        if onset is None or self.case.out_of_library:
+            return None
+        noise, terms = fit_noise([pair.errors], pair.true.grid.step), self.case.effects_of(file)
+        return best_onset(pair.true, pair.errors, self._terms(terms), onset, noise)
+
+    def _terms(self, effects: Sequence[Effect]) -> list[Term]:
+        return [Term(effect, dict(self.case.onset)) for effect in effects]
+
+    def _background(self, pair: FlightPair) -> np.ndarray:
+        """Return what the errors of the vehicle file leave (m, 15)."""
+        effects = self.case.quality.background(self.case.vehicle)
+        return left_by(pair.true, [Term(effect) for effect in effects])
+
+
+def _by_channel(values: np.ndarray) -> dict[str, float]:
+    return dict(zip(CHANNELS, values.tolist(), strict=True))

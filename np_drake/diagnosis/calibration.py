@@ -1,0 +1,560 @@
+"""Calibration: what healthy vehicles differ by from their file, and flights from one another.
+
+It is part of every model and no cause: columns of the regression in units of documented standard
+deviations. Lengths count in mean arms, moments in weight times arm.
+The share of the rotors' torque to which the motion responds comes before everything else:
+controllers run faster than logs, and of logged torque the motion may show a small part.
+J dw/dt = gain (torque of rotors and effects) holds for both. Torque that trims a moment of the air
+or
+of a payload does not count: effects explain it.
+"""
+
+import dataclasses as dc
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from types import MappingProxyType
+
+import numpy as np
+
+from np_drake import attitude
+from np_drake.diagnosis.fitting import Fit, LinearPart
+from np_drake.diagnosis.forward_model import StageCache, Term, predicted_residual
+from np_drake.diagnosis.options import SPREAD, SURE, Priors, Spread, Tolerance
+from np_drake.diagnosis.regressors import (
+    LINEAR,
+    PREFIX,
+    Candidate,
+    calibration,
+    calibration_terms,
+    generic_candidates,
+)
+from np_drake.diagnosis.regressors.library import THROTTLE_CURVE
+from np_drake.diagnosis.residuals import FORCE, TORQUE, WRENCH, FlightResiduals
+from np_drake.diagnosis.result import Difference
+from np_drake.effects.base import ActuatorEffect, Effect, MassEffect, Parameter
+from np_drake.effects.calibration import in_flight
+from np_drake.effects.inertia_error import InertiaError
+from np_drake.effects.library import effect_of
+from np_drake.effects.parameter import arm
+from np_drake.effects.throttle_curve import ThrottleCurve
+from np_drake.files.number_text import departure_unit, measure, number, with_sign
+from np_drake.logs.throttle_input import VOLTAGE_SCATTER, hover_exponent, voltage_of
+from np_drake.rigid_body import V
+from np_drake.vehicle.published import published_priors
+from np_drake.vehicle.sources import part
+
+ROTORS = (1.0, 2.0, 3.0, 4.0)
+
+AXES, BATTERY = ("roll", "pitch", "yaw"), ("thrust_scale", "battery_sag")
+LEANING = 2  # last columns of the airframe: thrust that leans to x and y
+
+
+@dc.dataclass(frozen=True)
+class Deviation:
+    """Standard deviations of parameters of an effect, by name [SI]; `fixed` ones have a value.
+
+    at_value: the deviation is that of a coefficient of the effect at these values, which is not
+    linear.
+    """
+
+    identifier: str
+    deviation: dict[str, float]
+    fixed: dict[str, float] = dc.field(default_factory=dict)
+    at_value: bool = False
+
+    @property
+    def effect(self) -> type[Effect]:
+        """Class of the effect."""
+        return effect_of(self.identifier)
+
+    def at(self, **values: float) -> Effect:
+        """Return the effect with these values, all other parameters neutral or fixed."""
+        free = {p.name: p.neutral for p in self.effect.parameters if not p.choices}
+        return self.effect.of({**free, **self.fixed, **values})
+
+
+def of_vehicle(
+    e: FlightResiduals, tolerance: Tolerance, spread: Spread = SPREAD
+) -> list[Deviation]:
+    """Return by what a healthy vehicle differs from its file; nothing where the file describes the
+    vehicle that flew.
+
+    Of a number of its calibration for which the file states an interval, the deviation is that of
+    the interval, but not less than 1e-3 of that of healthy vehicles.
+    """
+    if not tolerance.unmeasured:
+        return []
+    vehicle, measured = e.vehicle, e.measured_rotors
+    span, mass = arm(vehicle), vehicle.mass
+
+    def stated(field: str, *healthy: float) -> list[float]:
+        name, said, found = f"calibration.{field}", vehicle.intervals, []
+        for i, usual in enumerate(healthy):
+            ends = said.get(part(name, i)) or said.get(name, [])[i : i + 1]
+            half = [0.5 * (high - low) for low, high in ends]
+            found.append(max(*half, 1e-3 * usual) / SURE if half else usual)
+        return found
+
+    gains = zip(ROTORS, stated("rotor_gains", *[spread.rotor_gain] * 4), strict=True)
+    level, height = spread.center_of_mass * span, spread.center_of_mass_height * span
+    center = stated("center_of_mass", level, level, height)
+    usual_inertia = published_priors().rotor_inertia.median * mass * span**2
+    (inertia,) = stated("rotor_inertia", usual_inertia)
+    (clock,) = stated("clock_offset", spread.rotor_speed_time if measured else spread.command_time)
+    found = [
+        *(Deviation("weak_rotor", {"efficiency": gain}, {"rotor": i}) for i, gain in gains),
+        Deviation("center_of_mass_offset", dict(zip("xyz", center, strict=True))),
+        Deviation("mixer_gain", dict.fromkeys(AXES, spread.torque_gain)),
+        Deviation("blade_flapping", {"moment": spread.flapping * mass * span}),
+        Deviation("translational_lift", {"lift": spread.lift * mass}),
+        Deviation("rotor_gyroscopic", {"rotor_inertia": inertia}),
+        Deviation("clock_offset", {"offset": clock}),
+    ]
+    if "attitude" not in e.log.lacks:
+        tilt = stated("imu_tilt", *[spread.mounting] * 3)
+        found.append(Deviation("imu_mounting", dict(zip(AXES, tilt, strict=True))))
+        found.append(Deviation("attitude_latency", {"latency": spread.latency}))
+    if e.log.a is not None:
+        offset = dict.fromkeys("xyz", spread.accelerometer_offset)
+        found.append(Deviation("accelerometer_bias", offset))
+    if not measured:
+        (delay,) = stated("command_delay", spread.command_time)
+        found.append(Deviation("command_delay", {"delay": delay}))
+        lags = spread.lags if "rotor_time_constant" not in vehicle.intervals else ()
+        found += [Deviation("motor_lag", {"time_constant": lag}, at_value=True) for lag in lags]
+    return found
+
+
+def calibrated_alone(e: FlightResiduals, tolerance: Tolerance) -> set[str]:
+    """Return the effects that are calibration whatever their size, and causes only where they begin
+    in flight.
+
+    A mass, where the scale of a throttle's map takes its place; of an unmeasured vehicle sensors,
+    torque gains, inertia and times of commands.
+    """
+    found = {"mass_error"} if e.log.input == "normalised" else set[str]()
+    if tolerance.unmeasured:
+        # Of inertia and the share of torque that acts a flight shows the ratio alone.
+        found.add("inertia_error")
+        for d in (*of_vehicle(e, tolerance), *of_flight(e, tolerance)):
+            effect = d.effect
+            sensor = effect.place == "measurement" or effect.role == "mixer"
+            if sensor or effect.shifts_commands:
+                found.add(d.identifier)
+    return found
+
+
+def of_flight(e: FlightResiduals, tolerance: Tolerance, spread: Spread = SPREAD) -> list[Deviation]:
+    """Return by what a flight differs from the others of its vehicle: sensors, and for an
+    unmeasured vehicle trim.
+    """
+    least = spread if tolerance.unmeasured else Spread(tilt=0, gyro=0, velocity=0, accelerometer=0)
+    found = []
+    if e.log.a is not None:
+        error = max(tolerance.acceleration, least.accelerometer)
+        found.append(Deviation("accelerometer_bias", dict.fromkeys("xyz", error)))
+    tilt = max(tolerance.attitude, least.tilt)
+    found += [
+        Deviation("attitude_bias", dict.fromkeys(AXES, tilt)),
+        Deviation("gyro_bias", dict.fromkeys("xyz", max(tolerance.rate, least.gyro))),
+        Deviation("velocity_bias", dict.fromkeys("xyz", max(tolerance.velocity, least.velocity))),
+    ]
+    if not tolerance.unmeasured:
+        return [*found, *of_battery(e, spread)]
+    trim = {"efficiency": spread.rotor_trim}
+    found += [Deviation("weak_rotor", trim, {"rotor": i}) for i in ROTORS]
+    known = {"scale": spread.known_charge}, {"rate": spread.known_sag}
+    return found + (
+        of_battery(e, spread) or [Deviation(*pair) for pair in zip(BATTERY, known, strict=True)]
+    )
+
+
+def of_battery(e: FlightResiduals, spread: Spread = SPREAD) -> list[Deviation]:
+    """Return by what thrust over throttle differs from that of other flights, as the battery does;
+    else nothing.
+    """
+    if e.log.input != "normalised":
+        return []
+    volts, charge, sag = voltage_of(e.log), spread.unknown_charge, spread.sag
+    if volts is not None:
+        # The power of a voltage that falls is known to a third: thrust falls by so much more or
+        # less.
+        fall = VOLTAGE_SCATTER * float(np.ptp(np.log(volts))) / float(np.ptp(e.log.t))
+        charge, sag = spread.charge, float(np.hypot(spread.known_sag, fall))
+    return [Deviation(BATTERY[0], {"scale": charge}), Deviation(BATTERY[1], {"rate": sag})]
+
+
+def parameter_names(deviations: Sequence[Deviation]) -> list[str]:
+    """Return the names of all parameters of deviations, as `weak_rotor[2].efficiency`."""
+    fixed = ["".join(f"[{value:g}]" for value in d.fixed.values()) for d in deviations]
+    pairs = zip(deviations, fixed, strict=True)
+    return [f"{d.identifier}{of}.{name}" for d, of in pairs for name in d.deviation]
+
+
+# Smooth functions of velocity, attitude rate and thrust: what an airframe has and no effect of the
+# library describes.
+SMOOTH = ("rates", "side force", "velocity", "cross flow", "thrust curve", "command")
+FLATTEST = 0.98  # of the sum of two moments of inertia that the third may reach [1]
+PART = 0.2  # of a deviation at which a mass effect is differenced, as it is not quite linear [1]
+
+
+def columns_of(e: FlightResiduals, deviations: Sequence[Deviation]) -> np.ndarray:
+    """Return columns (m, 15, k) of all parameters of deviations, of one standard deviation each."""
+    stages, out = StageCache(), []
+    for d in deviations:
+        parameters = {p.name: p for p in d.effect.parameters}
+        for name, deviation in d.deviation.items():
+            p = parameters[name]
+            step = deviation * (PART if d.effect.place == "mass" else 1.0)
+            step = step if p.neutral + step <= p.upper else -step
+            moved = Term(d.at(**{name: p.neutral + step}))
+            out.append(predicted_residual(e, [moved], stages) * (deviation / step))
+    return np.stack(out, axis=-1) if out else np.zeros((*e.y.shape, 0))
+
+
+def nuisance_of(
+    flights: Sequence[FlightResiduals], tolerance: Tolerance, priors: Priors
+) -> list[Candidate]:
+    """Return all that every model holds, as columns with prior N(0, 1): errors of the file, what
+    flights differ by, and what an unmeasured vehicle and its airframe differ by from the file.
+    """
+    found = [*calibration(flights, tolerance), *flight_errors(flights, tolerance)]
+    for of in vehicle_columns(flights, tolerance, priors):
+        columns = {e.name: of(e) for e in flights}
+        found.append(Candidate((), LINEAR, columns, lambda c: [], generic=of))
+    return found
+
+
+def vehicle_columns(
+    flights: Sequence[FlightResiduals], tolerance: Tolerance, priors: Priors
+) -> list[Callable[[FlightResiduals], np.ndarray]]:
+    """Return functions that give the columns (m, 15, k) of any flight for what the vehicle and its
+    airframe differ by; the last two are thrust that leans to x and y in the axes of the
+    accelerometer.
+    """
+    shared = of_vehicle(flights[0], tolerance)
+    if not shared:
+        return []
+    names = {f"{PREFIX}{name}" for name in SMOOTH}
+    groups = [c for c in generic_candidates(flights, priors) if c.identifiers[0] in names]
+
+    # A force in proportion to the velocity along the same axis is linear drag, an effect; unless it
+    # does not grow with rotor speed as that does.
+    drags = [np.zeros(c.size, bool) for c in groups]
+    for c, own in zip(groups, drags, strict=True):
+        if c.identifiers == (f"{PREFIX}velocity",):
+            own[[7 * axis for axis in range(3)]] = True
+    own_axis = np.concatenate(drags)
+
+    def smooth(e: FlightResiduals) -> np.ndarray:
+        return np.concatenate([c.generic(e) for c in groups if c.generic], axis=-1)
+
+    # Beyond the usual motion a function of it stays within its prior, so that it does not grow with
+    # speed cubed.
+    span = arm(flights[0].vehicle)
+    axes = np.array([1.0, 1.0, 1.0, 0.3 * span, 0.3 * span, 0.1 * span])
+    usual = priors.generic_size * flights[0].weight * axes
+    flown = np.concatenate([smooth(e)[:, WRENCH] for e in flights]) / usual[:, None]
+    most = np.maximum(1.0, np.sqrt(np.mean(np.sum(flown**2, axis=1), axis=0)))
+
+    def of_air(e: FlightResiduals) -> np.ndarray:
+        columns, leaning = smooth(e) / most, np.zeros((*e.y.shape, LEANING))
+        slower = 1.0 - np.sqrt(np.maximum(e.nominal[:, 2], 0.0) / e.weight)
+        columns[..., own_axis] *= slower[:, None, None]
+        leaning[:, 0, 0] = leaning[:, 1, 1] = SPREAD.mounting * e.nominal[:, 2]
+        return np.concatenate([columns, leaning], axis=-1)
+
+    return [partial(columns_of, deviations=shared), of_air]
+
+
+def with_fixed_effects(flight: FlightResiduals) -> FlightResiduals:
+    """Return the flight against the vehicle with the calibration of its file: its part that is not
+    in the rotors.
+    """
+    fixed = tuple(e for e in in_flight(flight.vehicle) if not isinstance(e, ActuatorEffect))
+    given = predicted_residual(flight, [Term(effect) for effect in fixed])
+    wrench, y = given[:, WRENCH], flight.known(flight.y - given)
+    return dc.replace(flight, y=y, nominal=flight.nominal + wrench, fixed=fixed, given=wrench)
+
+
+def calibration_effects(fit: Fit, e: FlightResiduals, tolerance: Tolerance) -> list[Effect]:
+    """Return the effects of the vehicle's calibration, without those of sensors, for a
+    simulator.
+    """
+    every = [t.effect for t in fit.calibration]
+    found: list[Effect] = [f for f in every if isinstance(f, ActuatorEffect | MassEffect)]
+    if not fit.calibrated:
+        return found
+    # A share of all torque is shown as if the inertia were larger, by as much as a rigid body can
+    # have it.
+    moments = e.vehicle.J.diagonal() / e.torque_gain
+    moments = np.minimum(moments, FLATTEST * (moments.sum() - moments))
+    found.append(InertiaError(*(moments / e.vehicle.J.diagonal())))
+    coefficients = iter(fit.calibrated[0][1])
+    for d in of_vehicle(e, tolerance):
+        own = [
+            c * deviation for deviation, c in zip(d.deviation.values(), coefficients, strict=False)
+        ]
+        if d.at_value or d.effect.place == "measurement" or d.effect.shifts_commands:
+            continue
+        parameters = {p.name: p for p in d.effect.parameters}
+        moved = {name: (parameters[name], c) for name, c in zip(d.deviation, own, strict=True)}
+        values = {n: float(np.clip(p.neutral + c, p.lower, p.upper)) for n, (p, c) in moved.items()}
+        found.append(d.at(**values))
+    return found
+
+
+def flight_errors(flights: Sequence[FlightResiduals], tolerance: Tolerance) -> list[Candidate]:
+    """Return what every flight differs by, a candidate a flight; none for ideal sensors."""
+    found = []
+    for e in flights if tolerance.real else ():
+        own = errors_of(e, tolerance)
+        columns = {o.name: np.broadcast_to(0.0, (*o.y.shape, own.shape[-1])) for o in flights}
+        found.append(Candidate((), LINEAR, {**columns, e.name: own}, lambda c: []))
+    return found
+
+
+def errors_of(e: FlightResiduals, tolerance: Tolerance) -> np.ndarray:
+    """Return columns (m, 15, k) of what a flight differs by from others of its vehicle."""
+    constant = columns_of(e, of_flight(e, tolerance))
+    if not tolerance.unmeasured:
+        return constant
+    return np.concatenate([constant, drift_columns(e)], axis=-1)
+
+
+def drift_columns(e: FlightResiduals, spread: Spread = SPREAD) -> np.ndarray:
+    """Return columns (m, 15, 6 k) of slow changes of each channel of the wrench: hats between k
+    knots.
+
+    Attitude and gyro drift, a battery sags and warms, trim changes: slower than the noise model
+    remembers.
+    """
+    count = max(2, round((e.t[-1] - e.t[0]) / spread.drift_time) + 1)
+    knots = np.linspace(e.t[0], e.t[-1], count)
+    hats = np.stack([np.interp(e.t, knots, unit) for unit in np.eye(count)], axis=1)
+    moment = spread.torque_drift * e.weight * arm(e.vehicle)
+    level = spread.tilt_drift * e.weight
+    # As much as a battery sags from knot to knot.
+    thrust = spread.known_sag * spread.drift_time * e.weight
+    out = np.zeros((*e.y.shape, 6 * count))
+    for channel, size in enumerate(
+        (level, level, thrust, moment, moment, spread.yaw_drift * moment)
+    ):
+        out[:, channel, channel * count : (channel + 1) * count] = size * hats
+    return e.known(out)
+
+
+LAGS = (0.0, 0.04, 0.08)  # at which motion may answer torque, as rotors do [s]
+CHANGE = 0.1  # over which torque changes; own choice: faster than a trim, slower than noise [s]
+LEAST_GAIN = 0.02  # so that calibration still has a torque to scale [1]
+
+
+def torque_gain(flights: Sequence[FlightResiduals]) -> np.ndarray:
+    """Return (3,) the share of the rotors' torque about each axis to which the motion of all
+    flights responds [1].
+
+    It is the RMS of the change of the motion's torque that lagged rotor torque predicts, over that
+    of rotor torque.
+    Source: least squares, whose gain is the conditional mean given a noisy regressor, beside
+        moments of air and load.
+    """
+    gain = np.ones(3)
+    for axis in range(3):
+        X, y = map(np.concatenate, zip(*(_lagged(e, axis) for e in flights), strict=True))
+        rms = np.sqrt(np.mean(X[:, 0] ** 2))
+        if rms > 0:
+            answer = X @ np.linalg.lstsq(X, y, rcond=None)[0]
+            gain[axis] = np.clip(np.sqrt(np.mean(answer**2)) / rms, LEAST_GAIN, 1.0)
+    return gain
+
+
+def _lagged(e: FlightResiduals, axis: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return rotor torque about an axis at all lags (m, k), and the torque of the motion (m,)
+    [N·m].
+
+    Both as changes, and without what goes with the changes of velocity, thrust and residual force.
+    """
+    torque = e.nominal[:, TORQUE][:, axis]
+    v_B = e.from_mids(attitude.rotate_back(e.mids.q, e.wrench_states[1][:, V]))
+    rows = [round(lag / e.grid.step) for lag in LAGS]
+    lagged = [torque[rows[-1] - k : len(torque) - k] for k in rows]
+    others = (torque + e.y[:, TORQUE][:, axis], v_B, e.nominal[:, 2], e.y[:, FORCE])
+    signals = np.column_stack([*lagged, *(signal[rows[-1] :] for signal in others)])
+    apart = max(1, round(CHANGE / e.grid.step))
+    change = signals[apart:] - signals[:-apart]
+    own, beside = np.split(change, [len(LAGS) + 1], axis=1)
+    own = own - beside @ np.linalg.lstsq(beside, own, rcond=None)[0]
+    return own[:, :-1], own[:, -1]
+
+
+def with_torque_gain(flights: Sequence[FlightResiduals], gain: np.ndarray) -> list[FlightResiduals]:
+    """Return flights whose motion shows that share of all torque: that of the rotors, and that of
+    any effect.
+
+    Args:
+        gain: (3,) by `torque_gain` [1].
+    """
+    found = []
+    for e in flights:
+        scaled = dc.replace(e, torque_gain=tuple(gain.tolist()))
+        y, nominal = e.y.copy(), e.nominal * scaled.shown
+        y[:, WRENCH] += e.nominal - nominal
+        found.append(dc.replace(scaled, y=e.known(y), nominal=nominal))
+    return found
+
+
+# half of an interval over the value, above which an exponent is hardly told [1]; own choice
+HARDLY = 0.25
+
+
+def differences(
+    fit: Fit, flights: Sequence[FlightResiduals], tolerance: Tolerance
+) -> tuple[Difference, ...]:
+    """Return what an unmeasured vehicle and its flights differ by, the largest in standard
+    deviations first.
+
+    Where the file describes the vehicle that flew: the map of its throttle alone, if that is the
+    input.
+    """
+    found, vehicle, first = [], flights[0].vehicle, len(fit.terms)
+    priors = calibration_terms(vehicle, tolerance)
+    for i, (term, (_, deviation)) in enumerate(zip(fit.calibration, priors, strict=True)):
+        effect = term.effect
+        for p in effect.parameters:
+            own = [k for k, f in enumerate(fit.free) if (f.term, f.name) == (first + i, p.name)]
+            sigma = float(np.sqrt(fit.covariance[own[0], own[0]])) if own else np.nan
+            value = getattr(effect, p.name) - p.neutral
+            name = f"{effect.identifier}.{p.name}"
+            if isinstance(effect, ThrottleCurve):
+                found.append(_throttle_map(name, hover_exponent(vehicle), effect.curve, sigma))
+            elif tolerance.unmeasured:
+                found.append(_difference(name, type(effect), p, {}, value, sigma, deviation))
+    if not tolerance.unmeasured:
+        return tuple(found)
+    *errors, body, air = fit.linear
+    found += _of_parameters(body, of_vehicle(flights[0], tolerance), flights[0].torque_share)
+    found += _of_airframe(air, flights)
+    # What flights differ by, each parameter with its value in every flight and the words of the
+    # largest.
+    parts = dict(zip((e.name for e in flights), errors, strict=True))
+    each: dict[str, dict[str, Difference]] = {}
+    drift = {}
+    for own_e in flights:
+        deviations = of_flight(own_e, tolerance)
+        for own_d in _of_parameters(parts[own_e.name], deviations):
+            each.setdefault(own_d.name, {})[own_e.name] = own_d
+        columns = drift_columns(own_e)
+        drift[own_e.name] = columns, parts[own_e.name].coefficients[-columns.shape[-1] :]
+    found += [
+        *map(_largest, each.values()),
+        *_root_mean_square("drift", "{kind} that drifts by {size} RMS", drift),
+    ]
+    return tuple(sorted(found, key=lambda d: -d.in_deviations))
+
+
+def _throttle_map(name: str, nominal: float, curve: float, sigma: float) -> Difference:
+    """Return the power of throttle with which thrust goes, over that of the nominal map."""
+    value, half = nominal * (1 + curve), SURE * nominal * sigma
+    text = f"thrust goes with the power {number(value, 3)} of throttle"
+    if not half < HARDLY * value:
+        text = "the power of throttle in thrust is hardly told"
+    away = value - nominal
+    spread = THROTTLE_CURVE * nominal
+    return Difference(name, text, away, "1", spread, (away - half, away + half))
+
+
+def _of_parameters(
+    part: LinearPart,
+    deviations: Sequence[Deviation],
+    share: Mapping[str, float] = MappingProxyType({}),
+) -> list[Difference]:
+    """Return the parameters of deviations; the lags of rotors, which each act by a share, as
+    one.
+    """
+    lags = [d for d in deviations if d.at_value]
+    names, found, k = parameter_names(deviations), [], 0
+    for d in deviations:
+        parameters = {p.name: p for p in d.effect.parameters}
+        for name, deviation in d.deviation.items():
+            if not d.at_value:
+                value = part.coefficients[k] * deviation
+                sigma = np.sqrt(part.covariance[k, k]) * deviation
+                if d.identifier == "mixer_gain":  # of the share of torque that the motion shows
+                    value, sigma = share[name] * (1.0 + value) - 1.0, share[name] * sigma
+                how = (d.effect, parameters[name], d.fixed, value, sigma, deviation)
+                found.append(_difference(names[k], *how))
+            k += 1
+    if lags:
+        own = slice(k - len(lags), k)
+        time = np.array([next(iter(d.deviation.values())) for d in lags])
+        value = part.coefficients[own] @ time
+        sigma = np.sqrt(time @ part.covariance[own, own] @ time)
+        effect, norm = lags[0].effect, float(np.linalg.norm(time))
+        found.append(_difference(names[-1], effect, effect.parameters[0], {}, value, sigma, norm))
+    return found
+
+
+def _of_airframe(part: LinearPart, flights: Sequence[FlightResiduals]) -> list[Difference]:
+    """Return how thrust leans, and the RMS of what goes smoothly with velocity, body rate and
+    thrust.
+    """
+    assert part.columns is not None
+    found, sides = [], (("ahead", "back"), ("to the left", "to the right"))
+    for k, (more, less) in enumerate(sides, start=-LEANING):
+        value, sigma = part.coefficients[k], np.sqrt(part.covariance[k, k])
+        departure = f"thrust leans {{size}} {more}|thrust leans {{size}} {less}"
+        p = Parameter("xy"[k], "rad", 0.0, -1.0, 1.0, 1.0, departure=departure)
+        unit = SPREAD.mounting
+        sizes = unit * value, unit * sigma, unit
+        found.append(_difference(f"thrust_axis.{p.name}", Effect, p, {}, *sizes))
+    columns = np.concatenate([part.columns(e)[..., :-LEANING] for e in flights])
+    text = "airframe: {kind} of {size} RMS that goes with velocity, body rate and thrust"
+    of = {"": (columns, part.coefficients[:-LEANING])}
+    return [*found, *_root_mean_square("airframe", text, of)]
+
+
+def _largest(of: Mapping[str, Difference]) -> Difference:
+    name = max(of, key=lambda flight: of[flight].in_deviations)
+    values = {flight: d.value for flight, d in of.items()}
+    return dc.replace(of[name], text=f"{of[name].text} in {name}", by_flight=values)
+
+
+def _root_mean_square(
+    name: str, text: str, parts: Mapping[str, tuple[np.ndarray, np.ndarray]]
+) -> list[Difference]:
+    """Return the RMS force and torque of columns with their coefficients, and what it is under
+    their prior.
+    """
+    found = []
+    for kind, channels, unit in (("force", FORCE, "N"), ("torque", TORQUE, "N·m")):
+        of = {}
+        for flight, (columns, coefficients) in parts.items():
+            X = columns[:, channels]
+            value = float(np.sqrt(np.mean(np.sum((X @ coefficients) ** 2, axis=1))))
+            deviation = float(np.sqrt(np.mean(np.sum(X**2, axis=(1, 2)))))
+            said = text.format(kind=kind, size=measure(value, unit))
+            of[flight] = Difference(f"{name}.{kind}", said, value, unit, deviation)
+        found.append(_largest(of) if "" not in of else of[""])
+    return found
+
+
+def _difference(
+    name: str,
+    effect: type[Effect],
+    p: Parameter,
+    fixed: Mapping[str, float],
+    value: float,
+    sigma: float,
+    deviation: float,
+) -> Difference:
+    """Return a departure from the neutral value in words."""
+    unit = "share" if p.unit == "1" and effect.shares else p.unit
+    more, _, less = p.departure.partition("|")
+    factor, shown = departure_unit(unit)
+    size = measure(factor * abs(value), shown)
+    words = less if less and value < 0 else more
+    text = words.format(
+        size=size, signed=with_sign(size, value), **{n: f"{v:g}" for n, v in fixed.items()}
+    )
+    ci95 = (float(value - SURE * sigma), float(value + SURE * sigma))
+    return Difference(name, text, float(value), unit or "1", float(deviation), ci95)

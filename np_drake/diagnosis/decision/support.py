@@ -1,0 +1,279 @@
+"""Predictive evidence: what the terms of a fit gain where they were not fitted.
+
+Blocks of time of whitened flights are scored by y = X c + n with c ~ N(0, 1), n white. A block of N
+values whose own noise level is uncertain is predicted by a Student t density of `DEGREES` degrees
+of
+freedom, so that no block counts for more than it tells.
+Source: prequential analysis (Dawid 1984); multivariate t density.
+"""
+
+import dataclasses as dc
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from scipy import linalg, special
+
+from np_drake.diagnosis.calibration import errors_of, of_flight, of_vehicle, vehicle_columns
+from np_drake.diagnosis.fitting import Fit, Free, prior_whitening, read, scaled_jacobian
+from np_drake.diagnosis.forward_model import NEVER, STATE, Term, predicted_residual, with_dependants
+from np_drake.diagnosis.numerics import NoiseModel
+from np_drake.diagnosis.options import Options
+from np_drake.diagnosis.residuals import FlightResiduals
+
+LENGTH = 1.5  # of a block [s]
+DEGREES = 8.0  # of freedom of the noise level of a block [1]
+
+
+@dc.dataclass(frozen=True)
+class Blocks:
+    """Blocks of a whitened flight in order of time, linear about a model.
+
+    grams: (k + 1, k + 1) Gram matrices of columns and target in each; values: their numbers.
+    owners: of each column, the term that it is a parameter of; -1: of none. shared: number of the
+    first columns, which are those of all flights.
+    """
+
+    grams: list[np.ndarray]
+    values: list[int]
+    owners: np.ndarray
+    shared: int
+
+    def without(self, gone: set[int]) -> "Blocks":
+        """Return the blocks without the columns of some terms."""
+        kept = ~np.isin(self.owners, [*gone])
+        index = np.append(np.flatnonzero(kept), -1)
+        grams = [gram[np.ix_(index, index)] for gram in self.grams]
+        return Blocks(grams, self.values, self.owners[kept], int(kept[: self.shared].sum()))
+
+    def of_others(self) -> np.ndarray:
+        """Return the Gram matrix (k + 1, k + 1) of shared columns and target, those of the flight
+        integrated out.
+        """
+        total = np.sum(self.grams, axis=0)
+        size = len(self.owners)
+        kept, gone = np.append(np.arange(self.shared), -1), np.arange(self.shared, size)
+        factor = linalg.cholesky(
+            total[np.ix_(gone, gone)] + np.eye(len(gone)), lower=True, check_finite=False
+        )
+        B = linalg.solve_triangular(
+            factor, total[np.ix_(gone, kept)], lower=True, check_finite=False
+        )
+        return total[np.ix_(kept, kept)] - B.T @ B
+
+    def scores(self, known: Sequence[np.ndarray]) -> np.ndarray:
+        """Return the log score (n,) of each block, predicted from other flights and the blocks
+        before it [nat]; known: Gram matrices of other flights (`of_others`).
+        """
+        size = len(self.owners)
+        total = np.zeros((size + 1, size + 1))
+        total[:-1, :-1] = np.eye(size)
+        place = np.ix_(*[np.append(np.arange(self.shared), -1)] * 2)
+        for gram in known:
+            total[place] += gram
+        before, found = _fitted(total), []
+        for gram, n in zip(self.grams, self.values, strict=True):
+            total = total + gram
+            after = _fitted(total)
+            # Of a Gaussian y = X c + n: the quadratic form and the determinant of a prediction are
+            # differences of those of all that is known after and before it.
+            square, logdet = after[0] - before[0], after[1] - before[1]
+            found.append(-0.5 * logdet - 0.5 * (DEGREES + n) * np.log1p(max(square, 0.0) / DEGREES))
+            before = after
+        return np.array(found)
+
+
+def _fitted(gram: np.ndarray) -> tuple[float, float]:
+    """Return the least squared misfit y'y - b'A^-1 b and log det A of a Gram matrix with its
+    prior.
+    """
+    factor = linalg.cholesky(gram[:-1, :-1], lower=True, check_finite=False)
+    b = linalg.solve_triangular(factor, gram[:-1, -1], lower=True, check_finite=False)
+    return float(gram[-1, -1] - b @ b), float(2.0 * np.log(np.diag(factor)).sum())
+
+
+LEAST = 3.0  # log score by which a term must predict better, as of a prior of one in twenty [nat]
+
+
+@dc.dataclass(frozen=True)
+class Support:
+    """Gain of a term in log score, block by block: by training flight predicted from the others,
+    and held-out flight.
+
+    total: of all training flights [nat]: each predicted from the others; of an effect that the
+    calibration can take,
+        whose size is improbable for a healthy vehicle, from those before it, the first from priors
+        alone.
+    gains: (n,) of the training flights; flights: (n,) their names.
+    held_out: (m,) of held-out flights.
+    """
+
+    total: float
+    gains: np.ndarray
+    flights: tuple[str, ...]
+    held_out: np.ndarray
+
+    @property
+    def error(self) -> float:
+        """Standard error of the gain, as it varies from block to block, or between flights that
+        disagree [nat].
+        """
+        flights = np.array([*self.by_flight().values()])
+        return max(
+            _error(self.gains), _error(flights) if len(flights) > 1 and flights.min() < 0 else 0.0
+        )
+
+    @property
+    def probability(self) -> float:
+        """Probability that the term gains by `LEAST`, and that flights do not contradict one
+        another [1].
+        """
+        gain, others = self.total - LEAST, float(self.gains.sum()) + LEAST
+        return float(special.ndtr(min(gain, others) / np.hypot(self.error, LEAST)))
+
+    def by_flight(self) -> dict[str, float]:
+        """Return the gain of every training flight [nat]."""
+        names = np.array(self.flights)
+        return {
+            name: float(self.gains[names == name].sum()) for name in dict.fromkeys(self.flights)
+        }
+
+    @property
+    def contradicted(self) -> bool:
+        """Whether the held-out flights are predicted worse with the term, by `LEAST` and a standard
+        error.
+        """
+        return bool(self.held_out.size and self.held_out.sum() < -LEAST - _error(self.held_out))
+
+
+def _error(gains: np.ndarray) -> float:
+    return (
+        float(np.sqrt(len(gains)) * gains.std(ddof=1))
+        if len(gains) > 1
+        else float(np.abs(gains).sum())
+    )
+
+
+def support_of(
+    fit: Fit,
+    flights: Sequence[FlightResiduals],
+    held_out: Sequence[FlightResiduals],
+    adapted: Mapping[str, Sequence[Term]],
+    noise: NoiseModel,
+    options: Options,
+) -> list[Support]:
+    """Return the support of every term of a fit.
+
+    The model is linear about the fit. Hidden states and what differs from flight to flight are free
+    in every flight. adapted: by held-out flight, the terms with onsets and hidden states as they
+    are there.
+    """
+    tolerance = options.tolerance
+    vehicle = vehicle_columns(flights, tolerance, options.priors)
+    every = [*flights, *held_out]
+    columns = {e.name: ([of(e) for of in vehicle], errors_of(e, tolerance)) for e in every}
+
+    def linear_without(gone: set[int]) -> dict[str, Blocks]:
+        """Return all flights, linear about the fit without some terms."""
+        blocks = {}
+        shared = [f for f in fit.free if not f.flight and f.term not in gone]
+        for e in every:
+            now = list(adapted.get(e.name, fit.everything))
+            swings = [f for f in _swings(fit, e, now) if f.term not in gone]
+            for k in gone:
+                now[k] = dc.replace(now[k], onset={e.name: NEVER})
+            blocks[e.name] = _blocks(e, now, (shared, swings), noise, *columns[e.name])
+        return blocks
+
+    def scores(blocks: dict[str, Blocks]) -> tuple[float, np.ndarray, np.ndarray]:
+        """Return log scores [nat]: of all training flights in turn, of each block from the other
+        flights, of held-out.
+        """
+        training = [blocks[e.name] for e in flights]
+        known = [b.of_others() for b in training]
+        turns = sum(float(b.scores(known[:i]).sum()) for i, b in enumerate(training))
+        others = [b.scores([*known[:i], *known[i + 1 :]]) for i, b in enumerate(training)]
+        judged = [blocks[e.name].scores(known) for e in held_out]
+        return turns, np.concatenate(others), np.concatenate(judged or [np.zeros(0)])
+
+    whole = linear_without(set())
+    best, found = scores(whole), []
+    names = tuple(e.name for e in flights for _ in whole[e.name].values)
+    calibrated = {t.effect.identifier for t in fit.calibration}
+    own = (*of_vehicle(flights[0], tolerance), *of_flight(flights[0], tolerance))
+    calibrated |= {d.effect.identifier for d in own}
+    for i, term in enumerate(fit.terms):
+        gone = with_dependants(fit.terms, i)
+        # A wind is in the derivatives of the drag through which it acts.
+        through = term.effect.needs
+        left = {name: b.without(gone) for name, b in whole.items()}
+        rest = scores(linear_without(gone) if through else left)
+        gains = best[1] - rest[1]
+        total = best[0] - rest[0] if term.effect.identifier in calibrated else float(gains.sum())
+        total += fit.onset_prior_of(i)  # an onset is of the flight itself that it predicts
+        found.append(Support(total, gains, names, best[2] - rest[2]))
+    return found
+
+
+def _swings(fit: Fit, e: FlightResiduals, now: Sequence[Term]) -> list[Free]:
+    """Return the free hidden states of a flight, also of one that is not of the fit."""
+    known = [f for f in fit.free if f.flight == e.name]
+    if known or not any(t.has_hidden_state for t in now):
+        return known
+    first = next((f.flight for f in fit.free if f.flight), "")
+    alike = {(f.term, f.entry % STATE): f for f in fit.free if f.flight == first}
+    return [
+        dc.replace(alike[i, k % STATE], flight=e.name, entry=k)
+        for i, t in enumerate(now)
+        if t.has_hidden_state and alike
+        for k in range(len(t.hidden.get(e.name, ())))
+    ]
+
+
+def _blocks(
+    e: FlightResiduals,
+    now: Sequence[Term],
+    free: tuple[Sequence[Free], Sequence[Free]],
+    noise: NoiseModel,
+    vehicle: Sequence[np.ndarray],
+    errors: np.ndarray,
+) -> Blocks:
+    """Return the blocks of a flight, linear about the terms; `free` are parameters of all flights,
+    and of this one.
+    """
+    shared, own = free
+    every, n = [*shared, *own], len(shared)
+    scale, neutral = (np.array([getattr(f, name) for f in every]) for name in ("scale", "neutral"))
+    away = (read(now, every) - neutral) / scale
+    J = _through_neutral(scaled_jacobian(now, every, e), every, away, now, e)
+    target = e.uncalibrated - predicted_residual(e, now) + J @ away
+    root = np.linalg.inv(prior_whitening(now, shared))
+    parts = [J[..., :n] @ root, *vehicle, J[..., n:], errors, target[..., None]]
+    white = e.white(noise, np.concatenate(parts, axis=-1))[:, noise.active]
+    count = max(1, round(len(white) * e.grid.step / LENGTH))
+    rows = [part.reshape(-1, part.shape[-1]) for part in np.array_split(white, count) if len(part)]
+    sizes = [n, sum(X.shape[-1] for X in vehicle), len(own), errors.shape[-1]]
+    owners = np.full(sum(sizes), -1)
+    owners[:n], owners[sum(sizes[:2]) : sum(sizes[:3])] = (
+        [f.term for f in shared],
+        [f.term for f in own],
+    )
+    return Blocks([part.T @ part for part in rows], [len(r) for r in rows], owners, sum(sizes[:2]))
+
+
+def _through_neutral(
+    J: np.ndarray, free: Sequence[Free], away: np.ndarray, now: Sequence[Term], e: FlightResiduals
+) -> np.ndarray:
+    """Return the derivatives (m, 15, k), changed so that they lead from each term to its absence.
+
+    A term that is far from neutral is not linear in its parameters: its derivative there would
+    predict something of
+    its absence.   Source: secant update of rank one (Broyden).
+    """
+    J, whole = J.copy(), predicted_residual(e, now)
+    for i in {f.term for f in free}:
+        own = np.array([f.term == i for f in free])
+        distance = np.where(own, away, 0.0)
+        if distance.any():
+            given = whole - predicted_residual(e, [t for k, t in enumerate(now) if k != i])
+            J += (given - J @ distance)[..., None] * (distance / (distance @ distance))
+    return J

@@ -1,0 +1,463 @@
+"""What the causes leave: noise, or something the library does not have.
+
+The best model, linear about its fit, has generic structure beside it: evidence of any part of
+either.
+Every test returns the probability that something material is there, and its power. residual: by
+flight, (m, 15) what a model leaves.
+"""
+
+import dataclasses as dc
+from collections.abc import Collection, Sequence
+from functools import reduce
+from itertools import pairwise
+from operator import add
+from typing import NamedTuple
+
+import numpy as np
+from scipy import ndimage, signal, special
+from scipy.integrate import cumulative_trapezoid
+
+from np_drake.diagnosis.fitting import prior_whitening, scaled_jacobian
+from np_drake.diagnosis.forward_model import predicted_residual, with_dependants
+from np_drake.diagnosis.held_out import HeldOut
+from np_drake.diagnosis.options import Options
+from np_drake.diagnosis.regressors import LINEAR, PREFIX, generic_candidates, prior_of
+from np_drake.diagnosis.regressors.generic import ELSEWHERE
+from np_drake.diagnosis.residuals import FORCE, TORQUE, WRENCH, FlightResiduals, low_pass
+from np_drake.diagnosis.result import CHANNELS, Finding
+from np_drake.diagnosis.selection import Ranking
+from np_drake.diagnosis.slow_force import gust_probability
+from np_drake.files.number_text import measure
+
+PLACE = Finding("place", "a slow force tied to a place", 1.0, {}, ELSEWHERE)
+
+
+class LinearModel:
+    """Linear regression of the flights on the parameters of the best fit, sensor errors and generic
+    structure.
+
+    Generic structure has Gaussian coefficients of zero mean: it is a part of the disturbance's
+    covariance, of low rank. It competes with the effects for the same evidence.
+    Source: Laplace approximation about the fit.
+    """
+
+    def __init__(self, ranking: Ranking):
+        fit, problem = ranking.best, ranking.problem
+        self.flights, self.fit, self._priors = problem.flights, fit, ranking.options.priors
+        self.structure = generic_candidates(self.flights, self._priors)
+        drifting = [c for c in problem.nuisance if c.variant == LINEAR]
+        now, free = fit.everything, fit.free
+        root = np.linalg.inv(prior_whitening(now, free))
+        away = np.array([(v - f.neutral) / f.scale for v, f in zip(fit.values, free, strict=True)])
+        grams = []
+        for e in self.flights:
+            # Linearised about the fit z0: y - h(z) = y - h(z0) + J (z0 - neutral) - J (z -
+            # neutral), in scaled parameters.
+            J = scaled_jacobian(now, free, e)
+            target = e.y - predicted_residual(e, now) + J @ away
+            columns = [J @ root, *(c.columns[e.name] for c in (*drifting, *self.structure))]
+            grams.append(e.gram(ranking.noise, columns, target))
+        self._total = reduce(add, grams).tempered(problem.temperature)
+        self._own = {i: [k for k, f in enumerate(free) if f.term == i] for i in range(len(now))}
+        first = len(free) + sum(c.size for c in drifting)
+        self._nuisance = np.arange(len(free), first)
+        ends = np.cumsum([first, *(c.size for c in self.structure)])
+        self._columns = [np.arange(*span) for span in pairwise(ends.tolist())]
+
+    def evidence(self, without: Collection[int] = (), structure: Sequence[int] = ()) -> float:
+        """Return the log evidence, priors of structure included, without some terms and with some
+        structure [nat].
+        """
+        priors = (self._priors.of_effect(self.structure[g].identifiers[0]) for g in structure)
+        variants = sum(self.structure[g].log_prior for g in structure)
+        return self._total.log_evidence(self._index(without, structure)) + sum(priors) + variants
+
+    def select_structure(
+        self, without: Collection[int] = (), first: Sequence[int] = ()
+    ) -> tuple[float, tuple[int, ...]]:
+        """Return the log evidence with the structure that describes the rest best, and that
+        structure, by forward selection from `first`, one variant of each kind.
+        """
+        found, best = tuple(first), self.evidence(without, first)
+        while True:
+            known = {self.structure[g].identifiers for g in found}
+            open_ = (g for g, c in enumerate(self.structure) if c.identifiers not in known)
+            gain, g = max(
+                ((self.evidence(without, (*found, g)), g) for g in open_), default=(-np.inf, -1)
+            )
+            if gain <= best:
+                return best, found
+            found, best = (*found, g), gain
+
+    def margin(self, i: int, structure: Sequence[int]) -> float:
+        """Return the log odds of term i, priors included, against structure of any kind in its
+        place [nat].
+        """
+        gone = with_dependants(self.fit.terms, i)
+        names = [t.effect.identifier for t in self.fit.terms]
+        left = [name for k, name in enumerate(names) if k not in gone]
+        prior = prior_of(names, self._priors) - prior_of(left, self._priors)
+        others = max(self.select_structure(gone)[0], self.select_structure(gone, structure)[0])
+        return self.evidence((), structure) - others + (prior + self.fit.onset_prior_of(i))
+
+    def part(self, structure: Sequence[int], g: int, e: FlightResiduals) -> np.ndarray:
+        """Return the part (m, 15) of structure g in the channels of a flight, beside the rest of
+        `structure`.
+        """
+        index = self._index((), structure)
+        mean, _ = self._total.posterior(index)
+        return self.structure[g].columns[e.name] @ mean[np.isin(index, self._columns[g])]
+
+    def _index(self, without: Collection[int], structure: Sequence[int]) -> np.ndarray:
+        kept = [k for i, own in self._own.items() if i not in without for k in own]
+        return np.concatenate(
+            [np.array(kept, int), self._nuisance, *(self._columns[g] for g in structure)]
+        )
+
+
+NEIGHBOURHOOD = 1.2  # of a line, to either side at most [Hz]
+OCTAVE = (
+    2.0  # and at most this factor: slow noise is steep, and its level is another an octave away [1]
+)
+# but at least so many over the flight's length, for a line of a short flight is wide itself [1]
+LOBE = 4.0
+LOWEST, HIGHEST = 0.4, 15.0  # [Hz]
+SLOW = 1.0  # torque below it is compared with that in `MIDDLE` [Hz]
+MIDDLE = (4.0, 8.0)  # [Hz]
+BRIEF = 1.5  # below it a force is asked for bursts [Hz]
+EDGE = 1.0  # of a flight, where the filter errs [s]
+NORMAL = 1.4826  # deviations of a normal variate that its median size is, inverted
+
+
+@dc.dataclass(frozen=True)
+class Line:
+    """The strongest line of a channel: frequency [Hz], power over the median of its neighbours [1],
+    RMS [unit].
+    """
+
+    channel: int
+    frequency: float
+    prominence: float
+    rms: float
+
+
+@dc.dataclass(frozen=True)
+class Burst:
+    """The largest deviation of a force from its median: axis, flight, time [s], size [N], and over
+    noise's own [1].
+    """
+
+    axis: int
+    flight: str
+    time: float
+    size: float
+    prominence: float
+
+
+def strongest_burst(flights: Sequence[FlightResiduals], residual: dict[str, np.ndarray]) -> Burst:
+    """Return the largest slow force, axis by axis, over its usual deviation by the median of all
+    flights.
+
+    Args:
+        residual: by flight, (m, 15) what a model leaves of it.
+    """
+    parts = []
+    for e in flights:
+        edge = min(round(EDGE / e.grid.step), (len(e.t) - 1) // 2)
+        force = low_pass(residual[e.name][:, FORCE], e.grid.step, BRIEF)[edge : len(e.t) - edge]
+        parts.append(force - np.median(force, axis=0))
+    every = np.abs(np.concatenate(parts))
+    usual = NORMAL * np.median(every, axis=0)
+    ratio = np.divide(every, usual, out=np.zeros_like(every), where=usual > 0)
+    row, axis = np.unravel_index(np.argmax(ratio), ratio.shape)
+    ends = np.cumsum([len(f) for f in parts])
+    k = int(np.searchsorted(ends, row, side="right"))
+    e, i = flights[k], int(row) - (int(ends[k - 1]) if k else 0)
+    first = (len(e.t) - len(parts[k])) // 2
+    return Burst(
+        int(axis), e.name, float(e.t[first + i]), float(every[row, axis]), float(ratio[row, axis])
+    )
+
+
+def strongest_line(
+    flights: Sequence[FlightResiduals],
+    residual: dict[str, np.ndarray],
+    least: np.ndarray | float = 0.0,
+) -> Line:
+    """Return the strongest line of force and torque in body axes, over all flights together.
+
+    It is the bin of the mean periodogram with the largest ratio to the median about it, material
+    where one is; least: (6,) RMS of a material line [N, N·m].
+    """
+    rate = 1.0 / flights[0].grid.step
+    size = 2 ** int(np.ceil(np.log2(max(len(e.t) for e in flights))))
+    power = np.zeros((size // 2 + 1, 6))
+    for e in flights:
+        y = residual[e.name][:, WRENCH] - residual[e.name][:, WRENCH].mean(axis=0)
+        window = signal.windows.hann(len(y))[:, None]
+        power += (
+            np.abs(np.fft.rfft(y * window, size, axis=0)) ** 2 / np.sum(window**2) / len(flights)
+        )
+    frequency = np.fft.rfftfreq(size, 1 / rate)
+    lobe = LOBE / max(e.t[-1] - e.t[0] for e in flights)
+    down = np.maximum(lobe, np.minimum(NEIGHBOURHOOD, frequency * (1 - 1 / OCTAVE)))
+    up = np.maximum(lobe, np.minimum(NEIGHBOURHOOD, frequency * (OCTAVE - 1)))
+    first = np.searchsorted(frequency, frequency - down)
+    last = np.searchsorted(frequency, frequency + up, side="right")
+    floor = np.stack([np.median(power[a:b], axis=0) for a, b in zip(first, last, strict=True)])
+    inside = (frequency > LOWEST) & (frequency < min(HIGHEST, 0.4 * rate))
+    ratio = np.where(inside[:, None], power / np.maximum(floor, 1e-300), 0.0)
+    rms = np.sqrt(2 * ndimage.convolve1d(power, np.ones(5), axis=0, mode="constant") / size)
+    matters = ratio * (rms >= least)
+    k, channel = np.unravel_index(np.argmax(matters if matters.any() else ratio), ratio.shape)
+    return Line(int(channel), float(frequency[k]), float(ratio[k, channel]), float(rms[k, channel]))
+
+
+def slow_torque(
+    flights: Sequence[FlightResiduals], residual: dict[str, np.ndarray]
+) -> tuple[float, float, float, int]:
+    """Return the largest ratio over axes of slow torque to that of gyro noise [1], its share [1],
+    RMS [N·m], and axis.
+
+    The share is of the slow torque of that axis before anything was explained. Differentiated white
+    gyro noise, of a power proportional to frequency squared, is known from the middle band; noise
+    of rotor speed is white.
+
+    Args:
+        residual: by flight, (m, 15) what a model leaves of it.
+    """
+    slow, middle, before = np.zeros(3), np.zeros(3), np.zeros(3)
+    for e in flights:
+        tau = residual[e.name][:, TORQUE] - residual[e.name][:, TORQUE].mean(axis=0)
+        inside = slice(
+            round(1 / (SLOW * e.grid.step)), -round(1 / (SLOW * e.grid.step))
+        )  # without filter edges
+        low = low_pass(tau, e.grid.step, SLOW)[inside]
+        band = (low_pass(tau, e.grid.step, MIDDLE[1]) - low_pass(tau, e.grid.step, MIDDLE[0]))[
+            inside
+        ]
+        first = e.y[:, TORQUE] - e.y[:, TORQUE].mean(axis=0)
+        before += np.mean(low_pass(first, e.grid.step, SLOW)[inside] ** 2, axis=0)
+        slow += np.mean(low**2, axis=0)
+        middle += np.mean(band**2, axis=0)
+    rotors = sum(2 * SLOW * e.grid.step * e.rotor_noise[TORQUE] ** 2 for e in flights)
+    expected = SLOW**3 / (MIDDLE[1] ** 3 - MIDDLE[0] ** 3)
+    ratio = slow / np.maximum(middle * expected + rotors, 1e-30)
+    axis = int(np.argmax(ratio))
+    rms = float(np.sqrt(slow[axis] / len(flights)))
+    return float(np.sqrt(ratio[axis])), float(slow[axis] / max(before[axis], 1e-30)), rms, axis
+
+
+HORIZON = 1.0  # after which it counts [s]
+STARTS = 0.25  # between its starts [s]
+
+
+def squared_position_errors(e: FlightResiduals, wrench: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """Return the squared position errors (k,) that a wrench causes within `HORIZON`, to first order
+    [m²].
+
+    A simulator without it, started from the flight's state every `STARTS`, is off by as much: force
+    moves the vehicle,
+    and torque turns its thrust.
+    Source: double integration along the flown attitude; gyroscopic coupling neglected.
+
+    Args:
+        wrench: (m, 6) in B on its grid [N, N·m].
+        rows: (m,) bool, those that count.
+    """
+    step, mass = e.grid.step, e.vehicle.mass
+    n = max(2, round(HORIZON / step))
+    first = np.arange(0, len(e.t) - n, max(1, round(STARTS / step)))
+    window = first[:, None] + np.arange(n + 1)
+    window = window[rows[window].all(axis=1)]
+
+    def integrated(rate: np.ndarray) -> np.ndarray:
+        return cumulative_trapezoid(rate, dx=step, axis=1, initial=0.0)
+
+    turning = np.einsum("mij,mj->mi", e.R_WB, wrench[:, TORQUE] @ np.linalg.inv(e.vehicle.J).T)
+    tilt = integrated(integrated(turning[window]))
+    # Turned thrust pushes by no more than all of it.
+    tilt = tilt / np.maximum(np.linalg.norm(tilt, axis=-1, keepdims=True), 1.0)
+    lift = (e.R_WB[..., 2] * e.nominal[:, 2:3])[window]
+    push = np.einsum("mij,mj->mi", e.R_WB, wrench[:, FORCE])[window]
+    moved = integrated(integrated((push + np.cross(tilt, lift)) / mass))[:, -1]
+    return np.sum(moved**2, axis=1)
+
+
+# Slope of a probability's logit in the logarithm of a ratio: no verdict depends on it; own choice.
+STEEPNESS = 6.0
+ALONG_PATH = "a force that goes with the path: with the place, or with the motion there"
+OTHER_SPEED = "the same places at another speed"
+SLOW_FORCE = Finding(
+    "slow force",
+    "a level force that comes and goes, of which no wind can be made",
+    1.0,
+    measurement=(
+        "hover for 20 s each with two opposite headings: a tilt turns with the "
+        "vehicle, air does not"
+    ),
+)
+
+
+class Indication(NamedTuple):
+    """Structure that the flights of a fit show.
+
+    probability: that it is there and material [1].
+    power: (6,) in the channels of the wrench [N², (N·m)²]. position: mean squared position error
+        that it causes [m²].
+    """
+
+    probability: float
+    finding: Finding
+    power: np.ndarray
+    position: float
+
+    @classmethod
+    def of(
+        cls,
+        probability: float,
+        finding: Finding,
+        flights: Sequence[FlightResiduals],
+        wrench: Sequence[np.ndarray],
+    ) -> "Indication":
+        """Return the structure that is a wrench (m, 6) in each of the flights [N, N·m]."""
+        moved = [
+            squared_position_errors(e, w, np.ones(len(w), bool))
+            for e, w in zip(flights, wrench, strict=True)
+        ]
+        power = np.mean(np.concatenate(wrench) ** 2, axis=0)
+        return cls(probability, finding, power, float(np.mean(np.concatenate(moved))))
+
+
+@dc.dataclass(frozen=True)
+class Unexplained:
+    """What the effects of the best model leave: every structure, and a slow level force, which may
+    be that of gusts.
+    """
+
+    structures: tuple[Indication, ...]
+    slow: Indication
+
+
+def find_unexplained(
+    ranking: Ranking, linear: LinearModel, structure: Sequence[int], held: HeldOut
+) -> Unexplained:
+    """Return the generic structure (positions) beside the best model, and what the tests find in
+    the residual of all flights.
+    """
+    options, best, flights = ranking.options, ranking.best, ranking.problem.flights
+    residual = {e.name: best.residual(e) for e in flights}
+    swung = {e.name: held.swing_free_residual(e) for e in held.flights}
+    hidden = any(t.has_hidden_state for t in best.terms)
+    slowly = gust_probability(flights, residual, held.flights, swung, options, hidden=hidden)
+    both = residual | swung
+    tau = np.concatenate([e.nominal[:, 3:] - e.nominal[:, 3:].mean(axis=0) for e in flights])
+    commanded = float(np.sqrt(np.mean(np.sum(tau**2, axis=1))))
+    # Least RMS force [N] and torque [N·m] of material structure.
+    least = options.materiality.force * flights[0].weight, options.materiality.torque * commanded
+    said = [_indication(linear, structure, g, options, least) for g in structure]
+    # A payload, whose swing may be lost, and gusts burst as well.
+    if not (hidden or slowly > 0.5):
+        said.append(_burst_test([*flights, *held.flights], both, options, least[0]))
+    said.append(_line_test(flights, held.flights, both, options, least))
+    # A material slow torque that held-out flights show as well; hidden: whether a swing may
+    # have been lost.
+    shown, limit = options.thresholds.held_out_share, options.thresholds.slow_torque_ratio
+    ratio, share, rms, axis = slow_torque(flights, both)
+    large = rms > least[1] and (share > shown or not hidden)
+    again = slow_torque(held.flights, both)[0] > shown * limit
+    probability = _above(ratio, limit) if large and again else 0.0
+    figures, measurement = {"ratio": ratio}, "hover for a minute with rotor speed logged"
+    finding = Finding("slow torque", "a torque that comes and goes", ratio, figures, measurement)
+    parts = [_slow_part(e, both, [3 + axis]) for e in flights]
+    said.append(Indication.of(probability, finding, flights, parts))
+    slow = [_slow_part(e, residual, [0, 1]) for e in flights]
+    return Unexplained(tuple(said), Indication.of(slowly, SLOW_FORCE, flights, slow))
+
+
+def _indication(
+    linear: LinearModel,
+    structure: Sequence[int],
+    g: int,
+    options: Options,
+    least: tuple[float, float],
+) -> Indication:
+    """Return structure g beside the best model and the rest of `structure`."""
+    flights, candidate = linear.flights, linear.structure[g]
+    rest = tuple(k for k in structure if k != g)
+    there = float(special.expit(linear.evidence((), structure) - linear.evidence((), rest)))
+    parts = [linear.part(structure, g, e)[:, WRENCH] for e in flights]
+    part = np.concatenate(parts)
+    force, torque = (
+        float(np.sqrt(np.mean(np.sum(part[:, c] ** 2, axis=1)))) for c in (FORCE, TORQUE)
+    )
+    figures = {"force": force, "torque": torque, **candidate.figures}
+    name = candidate.identifiers[0].removeprefix(PREFIX)
+    finding = Finding(
+        name, candidate.variant, force / flights[0].weight, figures, candidate.measurement
+    )
+    if name == "place" and options.tolerance.unmeasured:
+        finding = dc.replace(finding, name="path", text=ALONG_PATH, measurement=OTHER_SPEED)
+    material = force >= least[0] or torque >= least[1]
+    return Indication.of(there if material else 0.0, finding, flights, parts)
+
+
+def _burst_test(
+    flights: Sequence[FlightResiduals],
+    residual: dict[str, np.ndarray],
+    options: Options,
+    least: float,
+) -> Indication:
+    """Return a material burst, which neither noise nor sensors make."""
+    burst = strongest_burst(flights, residual)
+    axis, figures = CHANNELS[burst.axis], {"time": burst.time, "force": burst.size}
+    text = (
+        f"a {axis} that comes now and then, as in {burst.flight} at {burst.time:.1f} s, "
+        f"{measure(burst.size, 'N')}"
+    )
+    ratio = options.thresholds.burst_ratio
+    probability = _above(burst.prominence, ratio) if burst.size > least else 0.0
+    finding = Finding("burst", text, burst.prominence, figures, "the same trajectory twice more")
+    parts = [_slow_part(e, residual, [burst.axis]) for e in flights]
+    return Indication.of(probability, finding, flights, parts)
+
+
+def _line_test(
+    flights: Sequence[FlightResiduals],
+    held_out: Sequence[FlightResiduals],
+    residual: dict[str, np.ndarray],
+    options: Options,
+    least: tuple[float, float],
+) -> Indication:
+    """Return a material spectral line that held-out flights show as well."""
+    thresholds, share = options.thresholds, options.materiality.structure_share
+    y = np.concatenate([e.y[:, WRENCH] for e in flights])
+    smallest = np.maximum(np.sqrt(share * np.mean(y**2, axis=0)), np.repeat(least, 3))
+    line = strongest_line(flights, residual, smallest)
+    again = strongest_line(held_out, residual).prominence
+    text = f"a line in {CHANNELS[line.channel]} at {line.frequency:.2f} Hz"
+    figures = {"frequency": line.frequency, "rms": line.rms}
+    shown = again > thresholds.held_out_share * thresholds.line_ratio
+    large = line.rms >= smallest[line.channel] and shown
+    probability = _above(line.prominence, thresholds.line_ratio) if large else 0.0
+    measurement = "hover at two thrusts with rotor speed logged: an imbalance turns with the rotors"
+    finding = Finding("line", text, line.prominence, figures, measurement)
+    channel = np.arange(6) == line.channel
+    waves = [
+        np.sqrt(2) * line.rms * np.sin(2 * np.pi * line.frequency * e.t)[:, None] * channel
+        for e in flights
+    ]
+    return Indication.of(probability, finding, flights, waves)
+
+
+def _slow_part(
+    e: FlightResiduals, residual: dict[str, np.ndarray], channels: Sequence[int]
+) -> np.ndarray:
+    """Return the slow part (m, 6) of some channels of a residual, without its mean."""
+    slow = low_pass(residual[e.name][:, WRENCH], e.grid.step, SLOW)
+    return (slow - slow.mean(axis=0)) * np.isin(np.arange(6), channels)
+
+
+def _above(ratio: float, threshold: float) -> float:
+    """Return the probability that a ratio is above what noise has: one half at the threshold."""
+    return float(1 / (1 + (threshold / max(ratio, 1e-9)) ** STEEPNESS))

@@ -1,0 +1,573 @@
+"""Maximum a posteriori fit of a model: nonlinear least squares in whitened channels, with priors.
+
+Several starts are tried where there is a hidden swing.
+"""
+
+import dataclasses as dc
+from collections.abc import Callable, Collection, Sequence
+from functools import partial
+from itertools import pairwise, product
+
+import numpy as np
+
+from np_drake.diagnosis.forward_model import (
+    NEVER,
+    STATE,
+    StageCache,
+    Term,
+    hidden_size,
+    padded,
+    predicted_residual,
+    swing_wrenches,
+)
+from np_drake.diagnosis.numerics import NoiseModel, minimise, scale_only
+from np_drake.diagnosis.options import SURE, Priors
+from np_drake.diagnosis.regressors import (
+    LINEAR,
+    Candidate,
+    Model,
+    RegressionProblem,
+    calibration_terms,
+)
+from np_drake.diagnosis.residuals import WRENCH, FlightResiduals
+from np_drake.diagnosis.swing_fit import fitted_to_whole_flight
+from np_drake.effects.base import Effect, SensorEffect, correlation_root
+from np_drake.effects.parameter import usual_size
+from np_drake.rigid_body import P
+from np_drake.vehicle import Vehicle
+
+
+@dc.dataclass(frozen=True)
+class Free:
+    """Free parameter of term `term`: a parameter by name, or an entry of the hidden state of a
+    flight.
+    """
+
+    term: int
+    name: str
+    scale: float
+    neutral: float
+    lower: float
+    upper: float
+    flight: str = ""
+    entry: int = 0
+
+
+def free_parameters(
+    terms: Sequence[Term],
+    flights: Sequence[FlightResiduals],
+    scales: dict[int, float],
+    priors: Priors,
+) -> list[Free]:
+    """Return the free parameters of the terms.
+
+    Args:
+        scales: by position, the prior standard deviation of calibration terms, in place of the
+            typical one.
+    """
+    found = []
+    for i, term in enumerate(terms):
+        vehicle = flights[0].vehicle
+        width = _width(term, vehicle) if term.effect.widens else 1.0
+        for p in term.effect.parameters:
+            if not p.choices:
+                scale = scales.get(i, width * usual_size(p, vehicle))
+                found.append(Free(i, p.name, scale, p.neutral, p.lower, p.upper))
+        if not term.has_hidden_state:
+            continue
+        for e in flights:
+            if term.begins(e.name) != NEVER:
+                scales_of = [
+                    priors.swing * (1 if k % STATE < 2 else 3)
+                    for k in range(hidden_size(e, term.begins(e.name)))
+                ]
+                found += [
+                    Free(i, "swing", s, 0.0, -4.0, 4.0, e.name, k) for k, s in enumerate(scales_of)
+                ]
+    return found
+
+
+def prior_whitening(terms: Sequence[Term], free: Sequence[Free]) -> np.ndarray:
+    """Return the matrix (k, k) that maps deviations from neutral over scale to independent standard
+    ones [1].
+
+    Args:
+        terms: terms of a model, with their onsets and hidden states.
+    """
+    W = np.eye(len(free))
+    for i, term in enumerate(terms):
+        own = [k for k, f in enumerate(free) if f.term == i and not f.flight]
+        if term.effect.prior_correlation and own:
+            W[np.ix_(own, own)] = np.linalg.inv(correlation_root(type(term.effect)))
+    return W
+
+
+def _width(term: Term, vehicle: Vehicle) -> float:
+    """Return the width of the prior over the typical one: the size of the effect, at least 1.
+
+    `Gram.evidence_of_sets` uses the same rule.
+    """
+    free = [p for p in term.effect.parameters if not p.choices]
+    sizes = [
+        (float(getattr(term.effect, p.name)) - p.neutral) / usual_size(p, vehicle) for p in free
+    ]
+    return max(1.0, float(np.sqrt(np.mean(np.square(sizes)))))
+
+
+def read(terms: Sequence[Term], free: Sequence[Free]) -> np.ndarray:
+    """Return the values (k,) of the free parameters."""
+
+    def value(f: Free) -> float:
+        if f.flight:
+            return padded(terms[f.term].hidden.get(f.flight), f.entry + 1)[f.entry]
+        return getattr(terms[f.term].effect, f.name)
+
+    return np.array([value(f) for f in free])
+
+
+def write(terms: Sequence[Term], free: Sequence[Free], values: np.ndarray) -> list[Term]:
+    """Return the terms with the free parameters set to `values` (k,); other terms are unchanged.
+
+    Args:
+        values: (k,) in physical units.
+    """
+    moved = {f.term for f in free}
+    fields: list[dict[str, float]] = [{} for _ in terms]
+    hidden = {i: {k: np.array(v) for k, v in terms[i].hidden.items()} for i in moved}
+    for f, value in zip(free, values, strict=True):
+        if f.flight:
+            known = padded(
+                hidden[f.term].get(f.flight),
+                max(f.entry + 1, len(hidden[f.term].get(f.flight, ()))),
+            )
+            known[f.entry] = value
+            hidden[f.term][f.flight] = known
+        else:
+            fields[f.term][f.name] = float(value)
+    return [
+        dc.replace(t, effect=dc.replace(t.effect, **fields[i]), hidden=hidden[i])  # type: ignore[type-var]
+        if i in moved
+        else t
+        for i, t in enumerate(terms)
+    ]
+
+
+BLOCK = 1.0  # length of blocks within which residuals may correlate, for the robust covariance [s]
+
+
+@dc.dataclass(frozen=True)
+class LinearPart:
+    """Nuisance with free coefficients (k,) of prior N(0, 1), and their covariance (k, k).
+
+    columns: of any flight, if all flights share it.
+    """
+
+    columns: Callable[[FlightResiduals], np.ndarray] | None
+    coefficients: np.ndarray
+    covariance: np.ndarray
+
+
+@dc.dataclass(frozen=True)
+class Fit:
+    """Fitted model of effects and calibration.
+
+    terms, calibration: fitted terms.
+    free, values: free parameters and their values (k,) in physical units; covariance (k, k): of
+    these. log_evidence: log evidence of the model on the flights of the fit [nat]. sensor_drift: by
+    flight, (m, 15) contribution of linear nuisance: sensor errors and calibration. linear: the same
+    part by part, in the order of the candidates. onset_prior: log prior of the onsets.
+    """
+
+    terms: tuple[Term, ...]
+    calibration: tuple[Term, ...]
+    free: tuple[Free, ...]
+    values: np.ndarray
+    covariance: np.ndarray
+    log_evidence: float
+    sensor_drift: dict[str, np.ndarray] = dc.field(default_factory=dict)
+    onset_prior: float = 0.0
+    linear: tuple[LinearPart, ...] = ()
+
+    @property
+    def calibrated(self) -> tuple[tuple[Callable[[FlightResiduals], np.ndarray], np.ndarray], ...]:
+        """Linear parts that all flights share: their columns on any flight, and the
+        coefficients.
+        """
+        return tuple((part.columns, part.coefficients) for part in self.linear if part.columns)
+
+    def calibration_on(self, e: FlightResiduals) -> np.ndarray:
+        """Return the channels (m, 15) that the linear calibration of the vehicle gives on any
+        flight.
+        """
+        return sum((columns(e) @ c for columns, c in self.calibrated), start=np.zeros_like(e.y))
+
+    def residual(self, e: FlightResiduals) -> np.ndarray:
+        """Return the residual (m, 15) of the model on a flight, with outlier rows interpolated.
+
+        On a flight of the fit, sensor errors are removed as well.
+        """
+        residual = e.y - predicted_residual(e, self.everything)
+        return e.bridged(
+            residual - self.sensor_drift[e.name] if e.name in self.sensor_drift else residual
+        )
+
+    def onset_prior_of(self, i: int) -> float:
+        """Return the part of the log prior of all onsets that is that of term i; 0 if it acts from
+        the start.
+        """
+        begin = [t for t in self.terms if t.onset]
+        return self.onset_prior / len(begin) if self.terms[i].onset else 0.0
+
+    @property
+    def everything(self) -> list[Term]:
+        """Terms and calibration, which together predict the channels."""
+        return [*self.terms, *self.calibration]
+
+
+def refine(
+    terms: Sequence[Term],
+    calibration: Sequence[tuple[Term, float]],
+    flights: Sequence[FlightResiduals],
+    noise: NoiseModel,
+    *,
+    temperature: float,
+    linear: Sequence[Candidate] = (),
+    white: Callable[[FlightResiduals, Candidate], np.ndarray] | None = None,
+    evaluations: int = 8,
+    priors: Priors,
+) -> Fit:
+    """Fit terms and calibration to the flights by bounded Gauss-Newton, starting from the terms'
+    values.
+
+    Args:
+        temperature: factor on the noise variance [1].
+        white: gives the whitened columns (m - p, 15, k) of one of these in a flight; default: by
+            `noise`.
+    """
+    everything = [*terms, *(t for t, _ in calibration)]
+    scales = {len(terms) + i: s for i, (_, s) in enumerate(calibration)}
+    free = free_parameters(everything, flights, scales, priors)
+    scale, neutral, lower, upper = (
+        np.array([(f.scale, f.neutral, f.lower, f.upper) for f in free]).reshape(-1, 4).T
+    )
+    root, n, sizes_of = 1.0 / np.sqrt(temperature), len(free), [c.size for c in linear]
+    k = sum(sizes_of)
+    sizes = [(len(e.t) - noise.phi.shape[1]) * noise.phi.shape[0] for e in flights]
+    spans = [slice(*ends) for ends in pairwise(np.cumsum([0, *sizes]).tolist())]
+    rows = sum(sizes)
+    # One buffer serves all steps: only the first n columns of its rows change, and each step uses
+    # only its own.
+    J = np.zeros((rows + n + k, n + k))
+    J[rows:] = np.eye(n + k)
+    # The prior is a block of rows W z ~ N(0, 1), so that least squares on all rows gives the
+    # maximum a posteriori.
+    W = prior_whitening(everything, free)
+    J[rows : rows + n, :n] = W
+    for c, at in zip(linear, pairwise(np.cumsum([n, *sizes_of]).tolist()), strict=True):
+        for e, own in zip(flights, spans, strict=True):
+            if not c.columns[e.name].any():
+                J[own, slice(*at)] = 0.0
+                continue
+            columns = e.white(noise, c.columns[e.name]) if white is None else white(e, c)
+            np.multiply(columns.reshape(-1, c.size), -root, out=J[own, slice(*at)])
+
+    def residual(z: np.ndarray) -> np.ndarray:
+        now = write(everything, free, z[:n] * scale)
+        r = np.concatenate([np.empty(rows), W @ (z[:n] - neutral / scale), z[n:]])
+        for e, own in zip(flights, spans, strict=True):
+            np.multiply(e.white(noise, e.y - predicted_residual(e, now)).ravel(), root, out=r[own])
+        if k:
+            r[:rows] += J[:rows, n:] @ z[n:]
+        return r
+
+    def jacobian(z: np.ndarray) -> np.ndarray:
+        now = write(everything, free, z[:n] * scale)
+        for e, own in zip(flights, spans, strict=True):
+            columns = e.white(noise, scaled_jacobian(now, free, e))
+            np.multiply(columns.reshape(-1, n), -root, out=J[own, :n])
+        return J
+
+    lower, upper = lower / scale, upper / scale
+    start = np.clip(read(everything, free) / scale, lower + 1e-6, upper - 1e-6)
+    wide = np.full(k, 20.0)  # bounds of linear coefficients, in deviations of their prior
+    best = minimise(
+        residual,
+        jacobian,
+        np.concatenate([start, np.zeros(k)]),
+        np.concatenate([lower, -wide]),
+        np.concatenate([upper, wide]),
+        evaluations,
+        J[:, n:].T @ J[:, n:] if k else None,
+    )
+    fitted = write(everything, free, best.z[:n] * scale)
+    # Laplace approximation: at the minimum the posterior is Gaussian with covariance (J'J)^-1.
+    covariance = np.linalg.inv(best.information)
+    robust = _robust(covariance, best.jacobian, best.residual, flights, noise)
+    covariance = covariance * np.sqrt(np.outer(robust, robust))
+    logdet = np.linalg.slogdet(best.information)[1]
+    places = [slice(*at) for at in pairwise(np.cumsum([n, *sizes_of]).tolist())]
+    parts = tuple(
+        LinearPart(c.generic, best.z[at], covariance[at, at])
+        for c, at in zip(linear, places, strict=True)
+    )
+    pairs = list(zip(linear, parts, strict=True))
+    drifted = {
+        e.name: sum(c.columns[e.name] @ part.coefficients for c, part in pairs)
+        for e in flights
+        if pairs
+    }
+    return Fit(
+        tuple(fitted[: len(terms)]),
+        tuple(fitted[len(terms) :]),
+        tuple(free),
+        best.z[:n] * scale,
+        covariance[:n, :n] * np.outer(scale, scale),
+        float(-best.cost - 0.5 * logdet + np.linalg.slogdet(W)[1]),
+        drifted,
+        linear=parts,
+    )
+
+
+def scaled_jacobian(
+    now: Sequence[Term], free: Sequence[Free], flight: FlightResiduals
+) -> np.ndarray:
+    """Return the derivative (m, 15, k) of the predicted residual by the free parameters over their
+    scales.
+    """
+    values = read(now, free)
+    scale = np.array([f.scale for f in free])
+    columns = np.zeros((*flight.y.shape, len(free)))
+    base: dict[tuple[int, ...], np.ndarray] = {}
+    stages = StageCache()
+    swinging: dict[int, list[tuple[int, float, Term]]] = {}
+    for k, f in enumerate(free):
+        if f.flight and f.flight != flight.name:
+            continue
+        # A force at rows changes with a delay only when a jump of the held command passes a row.
+        step = max(0.01 * scale[k], flight.log.step if now[f.term].effect.pure_delay else 0.0)
+        if values[k] + step > f.upper:
+            step = -step
+        moved = write(now, [f], np.array([values[k] + step]))
+        group = _group(now, f.term)
+        if now[f.term].has_hidden_state and len(group) == 1:
+            swinging.setdefault(f.term, []).append((k, step, moved[f.term]))
+            continue
+        if group not in base:
+            base[group] = predicted_residual(flight, [now[i] for i in group], stages)
+        columns[..., k] = (
+            (predicted_residual(flight, [moved[i] for i in group], stages) - base[group])
+            / step
+            * scale[k]
+        )
+    for term, moves in swinging.items():
+        wrench = swing_wrenches(flight, [now[term], *(m for _, _, m in moves)]) * flight.shown
+        for i, (k, step, _) in enumerate(moves, start=1):
+            columns[:, WRENCH, k] = (wrench[:, i] - wrench[:, 0]) / step * scale[k]
+    return columns
+
+
+def _group(terms: Sequence[Term], i: int) -> tuple[int, ...]:
+    """Return the positions of the terms whose predicted residuals interact with that of term i, to
+    first order.
+    """
+
+    def alone(t: Term) -> bool:
+        sensor = isinstance(t.effect, SensorEffect) and not t.effect.shifts_commands
+        return sensor or t.has_hidden_state
+
+    if alone(terms[i]):
+        return (i,)
+    return tuple(j for j, t in enumerate(terms) if not alone(t))
+
+
+def _robust(covariance, J, fun, flights, noise) -> np.ndarray:
+    """Return the factor (k,) by which variances grow for residuals that correlate within blocks, at
+    least 1.
+    """
+    step = flights[0].grid.step
+    p, channels = noise.phi.shape[1], noise.phi.shape[0]
+    rows = max(1, round(BLOCK / step)) * channels
+    meat = np.zeros_like(covariance)
+    start = 0
+    for e in flights:
+        stop = start + (len(e.t) - p) * channels
+        for a in range(start, stop, rows):
+            b = min(a + rows, stop)
+            g = J[a:b].T @ fun[a:b]
+            meat += np.outer(g, g)
+        start = stop
+    # Sandwich estimator (Huber-White), clustered by blocks: C (sum g g') C with the score g of each
+    # block.
+    sandwich = np.diag(covariance @ meat @ covariance)
+    return np.maximum(1.0, sandwich / np.maximum(np.diag(covariance), 1e-300))
+
+
+EDGE = 1e-3  # share of a parameter's range within which it is at its bound [1]; own choice
+STEPS = 3  # points of an interval that are tried; own choice
+
+
+def interval(fit: Fit, i: int, name: str) -> tuple[float, float]:
+    """Return the 95 % interval of a parameter of term i, from the covariance of the fit."""
+    value = float(getattr(fit.terms[i].effect, name))
+    own = (k for k, f in enumerate(fit.free) if (f.term, f.name, f.flight) == (i, name, ""))
+    half = sum(SURE * float(np.sqrt(fit.covariance[k, k])) for k in own)
+    return value - half, value + half
+
+
+def greatest_height(flights: Sequence[FlightResiduals]) -> float:
+    """Return the largest height of flights above the ground [m]; infinite where logs do not tell
+    it.
+    """
+    if any("height" in e.log.lacks for e in flights):
+        return np.inf
+    return max(float(e.rows.x[:, P][:, 2].max()) for e in flights)
+
+
+def at_its_bound(effect: Effect) -> bool:
+    """Return whether a parameter lies at a physical bound that is not its neutral value."""
+    for p in effect.parameters:
+        value, edge = float(getattr(effect, p.name)), EDGE * (p.upper - p.lower)
+        ends = value <= p.lower + edge or value >= p.upper - edge
+        if ends and not p.choices and abs(value - p.neutral) > edge:
+            return True
+    return False
+
+
+def impossible(fit: Fit, i: int, vehicle: Vehicle, height: float) -> str:
+    """Return why the effect of term i must stand in for another, or "" where it need not.
+
+    A parameter is at its bound, or no vehicle can have such parameters within their 95 % intervals.
+
+    Args:
+        height: largest above the ground that it flies at; infinite: not known [m].
+    """
+    effect = fit.terms[i].effect
+    if at_its_bound(effect):
+        return "a figure at its bound is none"
+    tried = [np.linspace(*interval(fit, i, p.name), STEPS).tolist() for p in effect.parameters]
+    figures = (dict(zip(effect.values, some, strict=True)) for some in product(*tried))
+    possible = (effect.of({**effect.values, **some}).possible(vehicle, height) for some in figures)
+    return "" if any(possible) else "no vehicle can have such figures"
+
+
+def is_possible(fit: Fit, vehicle: Vehicle, height: float) -> bool:
+    """Return whether no effect of a fit need stand in for another.
+
+    Args:
+        height: largest above the ground that it flies at; infinite: not known [m].
+    """
+    return not any(impossible(fit, i, vehicle, height) for i in range(len(fit.terms)))
+
+
+ITERATIONS = 6
+AGAIN = 3  # largest number of restarts of a descent with a hidden swing; own choice
+
+
+def refit(
+    problem: RegressionProblem,
+    model: Model,
+    known: Fit | None,
+    noise: NoiseModel | None = None,
+    iterations: int = ITERATIONS,
+) -> Fit:
+    """Fit a model's parameters, starting from a known fit of the same effects where there is one.
+
+    Args:
+        known: an earlier fit, or None.
+        noise: noise model that whitens; default: that of the problem.
+    """
+    noise = noise or problem.noise
+    terms = _terms_at_posterior(problem, model)
+    starts, kind = [terms], [(type(t.effect), t.onset) for t in terms]
+    if known is not None and [(type(t.effect), t.onset) for t in known.terms] == kind:
+        starts = (
+            [list(known.terms), terms]
+            if any(t.has_hidden_state for t in terms)
+            else [list(known.terms)]
+        )
+    fits = [_descend(problem, model, start, noise, iterations) for start in starts]
+    return max(fits, key=lambda f: f.log_evidence)
+
+
+def first_fit(problem: RegressionProblem, model: Model, iterations: int) -> Fit:
+    """Fit a model's parameters where no fit is known; its residual becomes the noise of the next.
+
+    A swing starts as it suits the posterior's other parameters, flight by flight, under white
+    noise.
+    """
+    flights, terms = problem.flights, _terms_at_posterior(problem, model)
+    if not any(t.has_hidden_state for t in terms):
+        return refit(problem, model, None, iterations=iterations)
+    left = [e.known(e.bridged(e.y - predicted_residual(e, terms))) for e in flights]
+    same_scale = scale_only(left, flights[0].grid.step)
+    found = {
+        e.name: fitted_to_whole_flight(terms, e, same_scale, problem.options.priors)
+        for e in flights
+    }
+    swung = [
+        dc.replace(
+            t, hidden={n: now[i].hidden[n] for n, now in found.items() if n in now[i].hidden}
+        )
+        for i, t in enumerate(terms)
+    ]
+    return _descend(problem, model, swung, same_scale, iterations)
+
+
+def restart(problem: RegressionProblem, model: Model, fit: Fit, noise: NoiseModel) -> Fit:
+    """Return the fit, restarted until it gains no more where it has a hidden swing.
+
+    Args:
+        fit: a `refit` with this noise.
+    """
+    for _ in range(AGAIN if any(t.has_hidden_state for t in fit.terms) else 0):
+        before, fit = fit, _descend(problem, model, list(fit.terms), noise, ITERATIONS)
+        if fit.log_evidence < before.log_evidence + 1.0:
+            return max(before, fit, key=lambda f: f.log_evidence)
+    return fit
+
+
+def fit_of_some(
+    problem: RegressionProblem, fit: Fit, names: Collection[str], noise: NoiseModel
+) -> Fit:
+    """Return the fit of some effects of another fit alone, with the calibration that suits them."""
+    kept = [i for i, t in enumerate(fit.terms) if t.effect.identifier in names]
+    found = _descend(problem, Model((), 0.0), [fit.terms[i] for i in kept], noise, ITERATIONS)
+    return dc.replace(found, onset_prior=sum(fit.onset_prior_of(i) for i in kept))
+
+
+def _descend(
+    problem: RegressionProblem, model: Model, start: list[Term], noise: NoiseModel, iterations: int
+) -> Fit:
+    fit = refine(
+        start,
+        calibration_terms(problem.flights[0].vehicle, problem.options.tolerance),
+        problem.flights,
+        noise,
+        temperature=problem.temperature,
+        linear=[c for c in problem.nuisance if c.variant == LINEAR],
+        white=partial(problem.white, noise),
+        evaluations=iterations,
+        priors=problem.options.priors,
+    )
+    return dc.replace(
+        fit, onset_prior=sum(problem.candidates[i].onset_prior for i in model.members)
+    )
+
+
+def _terms_at_posterior(problem: RegressionProblem, model: Model) -> list[Term]:
+    """Return the terms of a model's members at the posterior of the linear regression, given that
+    each is physical.
+    """
+    mean, covariance = problem.total.posterior(problem.columns(model.members))
+    first = sum(c.size for c in problem.nuisance)
+    chosen = [problem.candidates[i] for i in model.members]
+    ends = np.cumsum([first, *(c.size for c in chosen)])
+    parts = [(c, slice(a, b)) for c, a, b in zip(chosen, ends[:-1], ends[1:], strict=True)]
+    for candidate, own in parts:
+        coefficients, _ = candidate.physical(mean[own], covariance[own, own])
+        # Conditioning of a Gaussian: fixing some coefficients moves the others by their covariance
+        # with them.
+        mean = mean + covariance[:, own] @ np.linalg.solve(
+            covariance[own, own], coefficients - mean[own]
+        )
+    return [term for candidate, own in parts for term in candidate.terms(mean[own])]

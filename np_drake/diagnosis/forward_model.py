@@ -1,0 +1,653 @@
+"""Forward model: the residual that effects leave in the channels of a flight."""
+
+import dataclasses as dc
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from np_drake import attitude
+from np_drake.diagnosis.options import Priors
+from np_drake.diagnosis.residuals import (
+    OUTLIERS_APART,
+    FlightResiduals,
+    Instants,
+    Resampler,
+    low_pass,
+)
+from np_drake.diagnosis.residuals.flight_residuals import (
+    ATTITUDE,
+    FORCE,
+    POSITION,
+    TORQUE,
+    VELOCITY,
+    WRENCH,
+    after_rows,
+)
+from np_drake.effects.base import (
+    ActuatorEffect,
+    Effect,
+    MassEffect,
+    MassProperties,
+    Measurement,
+    Motion,
+    SensorEffect,
+    WrenchEffect,
+)
+from np_drake.effects.motor_lag import MotorLag
+from np_drake.effects.pendulum import across, swing_many
+from np_drake.effects.rotor_inflow import hover_induced_velocity
+from np_drake.effects.suspended_payload import SuspendedPayload
+from np_drake.effects.throttle_curve import ThrottleCurve
+from np_drake.rigid_body import Q, V, W
+from np_drake.vehicle import Vehicle
+
+NEVER = float("inf")  # onset of an effect that is absent from a flight [s]
+STATE = 4  # swing angles [rad] and their rates [rad/s] about the direction of rest
+MOST_JUMPS = 4  # in a flight; sampled motion does not show how a snap changes the swing
+PENDULUM = {
+    "mass": 1.0,
+    "length": 0.4,
+    "hook": 0.05,
+    "damping": 0.5,
+}  # errors over that of the mass [1, 1, m, 1/s]
+
+
+@dc.dataclass(frozen=True)
+class Term:
+    """Effect in a model of the logs.
+
+    onset: by flight, the time at which it begins [s]; missing or None: from the start; `NEVER`:
+    absent.
+    hidden: by flight, the hidden state (size,), a payload's initial swing and its jumps at
+        outliers. It may hold several samples (k, size), whose mean prediction counts.
+    """
+
+    effect: Effect
+    onset: dict[str, float | None] = dc.field(default_factory=dict)
+    hidden: dict[str, np.ndarray] = dc.field(default_factory=dict)
+
+    @property
+    def has_hidden_state(self) -> bool:
+        """Whether the effect has a hidden swing."""
+        return self.effect.has_hidden_state
+
+    def begins(self, flight: str) -> float | None:
+        """Return the onset in this flight [s]."""
+        return self.onset.get(flight)
+
+
+def with_dependants(terms: Sequence[Term], i: int) -> set[int]:
+    """Return term i and the terms that act through it alone, as a wind through a drag."""
+    left = {t.effect.identifier for k, t in enumerate(terms) if k != i}
+    return {i, *(k for k, t in enumerate(terms) if t.effect.needs and not left & {*t.effect.needs})}
+
+
+def pendulum_error(name: str, payload: SuspendedPayload, vehicle: Vehicle, priors: Priors) -> float:
+    """Return the standard deviation of a payload parameter that its fit does not account for, in
+    the parameter's unit.
+
+    The downwash w that damps a payload pushes it down as well: c w / g more weight makes the mass
+    too large and the tether too short by that share. It is between none and twice the induced
+    velocity of hover.
+
+    Args:
+        name: name of the parameter, beginning with mass, length, hook or damping.
+    Source: own choice, from errors in simulated flights; w from momentum theory.
+    """
+    kind, value = name.split("_")[0], float(getattr(payload, name))
+    own = priors.pendulum * PENDULUM[kind]
+    if kind in ("hook", "damping"):
+        return own
+    return abs(value) * float(
+        np.hypot(own, payload.damping * hover_induced_velocity(vehicle) / vehicle.gravity)
+    )
+
+
+def jumps(flight: FlightResiduals, onset: float | None) -> np.ndarray:
+    """Return the rows (k,) of the grid right after outliers, at which the swing may jump.
+
+    Args:
+        onset: time at which it begins [s]; None: from the start; infinite: not at all.
+    """
+    if onset == NEVER:
+        return np.zeros(0, int)
+    ends = np.flatnonzero(np.diff(flight.outliers.astype(int)) < 0) + 1
+    after = (flight.t[0] if onset is None else onset) + OUTLIERS_APART
+    kept: list[int] = []
+    for k in ends:
+        if flight.t[k] > after and len(kept) < MOST_JUMPS:
+            kept.append(int(k))
+            after = flight.t[k] + OUTLIERS_APART
+    return np.array(kept, int)
+
+
+def hidden_size(flight: FlightResiduals, onset: float | None) -> int:
+    """Return the size of a payload's hidden state in a flight: its initial swing, and a jump after
+    every outlier.
+
+    Args:
+        onset: time at which it begins [s]; None: from the start; infinite: not at all.
+    """
+    return STATE * (1 + len(jumps(flight, onset)))
+
+
+def swing_units(size: int, rate: float) -> np.ndarray:
+    """Return the scale (size,) of a hidden state: 1 rad for angles, and for rates the value of
+    equal energy.
+
+    Args:
+        rate: natural rate [1/s].
+    """
+    return np.tile([1.0, 1.0, rate, rate], size // STATE)
+
+
+def padded(hidden: np.ndarray | None, size: int) -> np.ndarray:
+    """Return the known entries of a hidden state, padded with zeros to (size,).
+
+    Args:
+        hidden: known entries; None: none.
+    """
+    known = np.zeros(0) if hidden is None else hidden[:size]
+    return np.concatenate([known, np.zeros(size - len(known))])
+
+
+def _at_hooks(motion: np.ndarray, hooks: np.ndarray) -> np.ndarray:
+    """Return the motion (n-1, m, 3) in W of hooks (m, 3) at the middles of the grid's steps; m is 1
+    where all are one.
+
+    motion: (n-1, 3, 4) of Bo and of its levers, `FlightResiduals.driving` [m/s², 1/s²] or `moving`
+    [m/s, 1/s].
+    """
+    own = hooks[:1] if np.all(hooks == hooks[0]) else hooks
+    return motion[:, None, :, 0] + np.swapaxes(motion[..., 1:] @ own.T, 1, 2)
+
+
+def _start_of_swing(
+    lengths: np.ndarray, swing: np.ndarray, pull: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the initial position (m, 3) [m] and velocity (m, 3) [m/s] of payloads relative to
+    their hooks, in W.
+
+    lengths: (m,) [m].
+    swing: (m, 4) angles [rad] and rates [rad/s] from rest, along -`pull`, (3,) in W [m/s²].
+    """
+    down = -pull / np.linalg.norm(pull)
+    e_x, e_y = across(down)
+    side = swing[:, :1] * e_x + swing[:, 1:2] * e_y
+    angle = np.linalg.norm(side, axis=1, keepdims=True)
+    n = np.cos(angle) * down + np.sinc(angle / np.pi) * side
+    rate = swing[:, 2:3] * e_x + swing[:, 3:4] * e_y
+    rate = rate - n * np.sum(n * rate, axis=1, keepdims=True)
+    return lengths[:, None] * n, lengths[:, None] * rate
+
+
+def specific_pull(
+    flight: FlightResiduals,
+    lengths: np.ndarray,
+    swing: np.ndarray,
+    hooks: np.ndarray,
+    onset: float | None,
+    damping: float | np.ndarray = 0.0,
+) -> np.ndarray:
+    """Return the force (n, m, 3) of payloads on their hooks in B per payload mass, on the grid
+    [m/s²].
+
+    Args:
+        lengths: (m,) tether lengths [m].
+        swing: (m, k) initial swing (`start_of_swing`), then jumps; k at most `hidden_size`.
+        hooks: (m, 3) or (1, 3) positions p_BoTo_B [m].
+        onset: time at which the payload is attached [s]; None: from the start.
+        damping: of all or of each, (m,) [1/s].
+    """
+    a = _at_hooks(flight.driving, hooks)
+    first = 0 if onset is None else int(np.clip(np.searchsorted(flight.t, onset), 0, len(a) - 2))
+    weight = np.array([0.0, 0.0, flight.vehicle.gravity])
+    window = a[first : first + 25, 0].mean(axis=0)
+    r, r_rate = _start_of_swing(lengths, swing[:, :STATE], window + weight)
+    at = zip(jumps(flight, onset) - first, range(STATE, swing.shape[1], STATE), strict=False)
+    jumped = {int(k): swing[:, j : j + STATE] for k, j in at}
+    driving = a[first:, 0] if a.shape[1] == 1 else a[first:]
+    v_hook = _at_hooks(flight.moving, hooks)[first:] if np.any(damping) else None
+    middle = swing_many(
+        lengths,
+        r,
+        r_rate,
+        driving,
+        flight.grid.step,
+        flight.vehicle.gravity,
+        jumped,
+        damping=damping,
+        v_hook=v_hook,
+    )
+    at_grid = np.concatenate([middle[:1], 0.5 * (middle[1:] + middle[:-1]), middle[-1:]])
+    if onset is None:
+        return at_grid @ flight.R_WB
+    begun = flight.begun(onset)[:, None, FORCE]
+    held = np.concatenate([np.repeat(at_grid[:1], first, axis=0), at_grid])
+    return begun * (held @ flight.R_WB)
+
+
+def swing_wrenches(flight: FlightResiduals, terms: Sequence[Term]) -> np.ndarray:
+    """Return the wrenches (n, m, 6) of payloads in B on the grid [N, N·m].
+
+    Args:
+        terms: payloads, which begin at the onset of the first.
+    """
+    onset = terms[0].begins(flight.name)
+    if onset == NEVER:
+        return np.zeros((len(flight.t), len(terms), 6))
+    payloads = [t.effect.payload for t in terms]  # type: ignore[attr-defined]
+    hooks = np.array([p.hook for p in payloads])
+    size = hidden_size(flight, onset)
+    swing = np.array([padded(t.hidden.get(flight.name), size) for t in terms])
+    lengths, damping = (
+        np.array([getattr(p, name) for p in payloads]) for name in ("length", "damping")
+    )
+    pull = specific_pull(flight, lengths, swing, hooks, onset, damping)
+    force = np.array([p.mass for p in payloads])[:, None] * pull
+    return np.concatenate([force, np.cross(hooks, force)], axis=2)
+
+
+class ModifiedInertia:
+    """Mass properties of a flight's vehicle under mass effects, applied to the motion of the
+    flight.
+
+    Args:
+        effects: mass effects, in the order in which they act.
+    """
+
+    def __init__(self, flight: FlightResiduals, effects: Sequence[MassEffect]):
+        self._e = flight
+        real = MassProperties.of(flight.vehicle)
+        for effect in effects:
+            real = effect.properties(real)
+        w, c = flight.w, np.asarray(real.p_BoBcm_B, float)
+        self._mass, self._lever, self._turned = (
+            real.mass,
+            attitude.skew(c).T,
+            np.linalg.inv(real.J).T,
+        )
+        self._gyroscopic = np.cross(w, w @ real.J.T)
+        self._offset, self._at_origin = c.any(), c.any() and flight.vehicle.logged_point == "origin"
+        self._inward = w * (w @ c)[:, None] - c * np.sum(w**2, axis=1)[:, None]  # w x (w x c)
+
+    def needs(self, added: np.ndarray, ahead: np.ndarray) -> np.ndarray:
+        """Return the residual wrench (m, 6) in B that the changed mass properties leave [N, N·m].
+
+        By forward dynamics with the real m', c, J': al = J'^-1 (tau - c x F - w x J' w), s = F / m'
+        - al x c - w x (w x c), or F / m' where the log follows the centre of mass. The residual is
+        m s - thrust and J al + w x J w - tau_nominal.
+
+        Args:
+            added: (m, 6) wrench in B in addition to the nominal one [N, N·m].
+            ahead: (m, 4) thrust and torques at rows less their mean around the rows [N, N·m].
+        """
+        e = self._e
+        rotors = e.unscaled - e.given
+        wrench = rotors + added
+        F, tau = wrench[:, :3], wrench[:, 3:]
+        at_mids = F - ahead[:, :1] * [0.0, 0.0, 1.0] if self._offset else F
+        s, al = F / self._mass, self._angular(at_mids, tau)
+        if self._at_origin:
+            s = s + self._angular(F, tau + ahead[:, 1:]) @ self._lever - self._inward
+        needed = np.concatenate([e.vehicle.mass * s, al @ e.vehicle.J.T + e.gyroscopic], axis=1)
+        return needed - rotors
+
+    def _angular(self, F: np.ndarray, tau: np.ndarray) -> np.ndarray:
+        return (tau - F @ self._lever - self._gyroscopic) @ self._turned
+
+
+# Low-pass on accelerations from velocities where an attitude error turns them [Hz]; own choice.
+DIFFERENTIATED_BAND = 2.0
+
+
+def sensor_residual(flight: FlightResiduals, effect: SensorEffect) -> np.ndarray:
+    """Return the channels as measured less the true ones (m, 15), to third order in the error, to
+    first in a small one.
+    """
+    if not effect.small:
+        return _exact(flight, effect)
+    known, kind = flight.small_errors, type(effect)
+    if kind not in known:
+        units = [{p.name: p.typical} for p in kind.parameters]
+        none = kind.neutral().values
+        columns = [_exact(flight, kind.of({**none, **u})) / sum(u.values()) for u in units]  # type: ignore[arg-type]
+        known[kind] = np.stack(columns, axis=-1)
+    return known[kind] @ np.array(list(effect.values.values()))
+
+
+def _exact(flight: FlightResiduals, effect: SensorEffect) -> np.ndarray:
+    log, y = flight.log, np.zeros_like(flight.y)
+    if not effect.corrupts or effect.clock_shift:
+        return y
+    a = np.zeros((len(log), 3)) if log.a is None else log.a
+    x = log.x if log.a is None else flight.rows.x  # with the attitude that the channels use
+    logged = Measurement(x, a, np.zeros((len(log), 3)), np.zeros((len(log), 4)))
+    truth = true_measurement(flight.vehicle, logged, [effect])
+    read = effect.measure(flight.vehicle, truth, np.zeros((len(log), 0)))
+    onto = Resampler.of_instants(flight.grid, log.t) if log.a is None else flight.from_rows
+    mass, moved = flight.vehicle.mass, read.x - truth.x
+    if moved[:, V].any():
+        y[:, POSITION] = -onto(attitude.rotate_back(truth.x[:, Q], moved[:, V]))
+        dv_W = np.diff(moved[:, V], axis=0) / np.diff(log.t)[:, None]
+        rate = flight.from_mids(attitude.rotate_back(flight.mids.q, dv_W))
+        if log.a is None:
+            y[:, FORCE] = mass * rate
+        else:
+            y[:, VELOCITY] = rate
+    if moved[:, W].any():
+        dw = flight.from_mids(0.5 * (moved[1:, W] + moved[:-1, W]))
+        J, w, rate = (
+            flight.vehicle.J,
+            flight.w - dw,
+            np.diff(moved[:, W], axis=0) / np.diff(log.t)[:, None],
+        )
+        y[:, TORQUE] = flight.gyroscopic - np.cross(w, w @ J.T) + flight.from_mids(rate) @ J.T
+        y[:, ATTITUDE] = -dw
+    turned, biased = bool(moved[:, Q].any()), log.a is not None and bool(np.any(read.a != truth.a))
+    if turned:
+        y[:, ATTITUDE] += flight.from_mids(_turn_rate(log.t, read) - _turn_rate(log.t, truth))
+    if turned or biased:
+        y[:, FORCE] += mass * onto(_specific_force(flight, read) - _specific_force(flight, truth))
+    if biased:
+        y[:, VELOCITY] -= onto(attitude.rotate_back(truth.x[:, Q], read.a - truth.a))
+    return y
+
+
+def _turn_rate(t: np.ndarray, read: Measurement) -> np.ndarray:
+    """Return the mean rate of the measured attitude between rows (n-1, 3) in B [rad/s]."""
+    q = read.x[:, Q]
+    return (
+        attitude.rotation_vector(attitude.multiply(attitude.conjugate(q[:-1]), q[1:]))
+        / np.diff(t)[:, None]
+    )
+
+
+def _specific_force(flight: FlightResiduals, read: Measurement) -> np.ndarray:
+    """Return the measured specific force (n, 3) in B [m/s²]; from smoothed accelerations where none
+    are logged.
+    """
+    a = read.a
+    if flight.log.a is None:
+        # A noisy regressor would pull its coefficient towards zero: differentiated velocities are
+        # mostly noise above.
+        a = low_pass(
+            np.concatenate([flight.rows.a, flight.rows.a[-1:]]),
+            flight.log.step,
+            DIFFERENTIATED_BAND,
+        )
+    return attitude.rotate_back(read.x[:, Q], a + np.array([0.0, 0.0, flight.vehicle.gravity]))
+
+
+def without_errors(flight: FlightResiduals, effects: Sequence[SensorEffect]) -> FlightResiduals:
+    """Return the flight with its instants and rates corrected for the sensor errors; channels stay
+    as measured.
+    """
+    acting = [
+        effect
+        for effect in effects
+        if effect.corrupts and not effect.clock_shift and not effect.small
+    ]
+    if not acting:
+        return flight
+    rows = _instants_before(flight, flight.rows, acting)
+    mids = _instants_before(flight, flight.mids, acting)
+    dw = flight.from_mids(flight.mids.x[:, W] - mids.x[:, W])
+    return dc.replace(flight, rows=rows, mids=mids, w=flight.w - dw)
+
+
+def _instants_before(
+    flight: FlightResiduals, read: Instants, effects: Sequence[SensorEffect]
+) -> Instants:
+    none = np.zeros((len(read.t), 4))
+    truth = true_measurement(
+        flight.vehicle, Measurement(read.x, read.a, none[:, :3], none), effects
+    )
+    return dc.replace(read, x=truth.x)
+
+
+def true_measurement(
+    vehicle: Vehicle, read: Measurement, effects: Sequence[SensorEffect]
+) -> Measurement:
+    """Return the true quantities to third order, by fixed-point iteration on what measuring them
+    would read.
+
+    Args:
+        effects: sensor errors, in the order in which they act.
+    """
+    truth = read
+    for _ in range(3):  # a bias is exact after one or two
+        again = truth
+        for effect in effects:
+            again = effect.measure(vehicle, again, np.zeros((len(read.x), 0)))
+        x = truth.x + read.x - again.x
+        x[:, Q] /= np.linalg.norm(x[:, Q], axis=1, keepdims=True)
+        truth = dc.replace(read, x=x, a=truth.a + read.a - again.a)
+    return truth
+
+
+class StageCache:
+    """Cache of the parts of one flight's predicted residuals, keyed by the terms on which each part
+    depends.
+
+    Finite differences change one parameter at a time, so that most parts are reused.
+    """
+
+    def __init__(self) -> None:
+        self._known: dict[tuple, Any] = {}
+
+    def once(self, stage: str, key: tuple, make: Callable[[], Any]) -> Any:
+        """Return the cached value of a stage for this key, computed by `make` on first use."""
+        if (stage, key) not in self._known:
+            self._known[stage, key] = make()
+        return self._known[stage, key]
+
+
+def predicted_residual(
+    flight: FlightResiduals, terms: Sequence[Term], stages: StageCache | None = None
+) -> np.ndarray:
+    """Return the sum (m, 15) of what the terms leave in the channels of a flight; wind acts through
+    drags among them.
+
+    It is beyond what the fixed effects of the flight leave, with which they act.
+    """
+    stages, fixed = stages or StageCache(), [Term(effect) for effect in flight.fixed]
+    left = _left_by(flight, [*fixed, *terms], stages)
+    return (
+        left - stages.once("fixed", (), partial(_left_by, flight, fixed, stages)) if fixed else left
+    )
+
+
+def _left_by(flight: FlightResiduals, terms: Sequence[Term], stages: StageCache) -> np.ndarray:
+    """Return the sum (m, 15) of what terms leave against the rotors alone."""
+    log = flight.name
+    sensors = tuple(t.effect for t in terms if isinstance(t.effect, SensorEffect))
+    turning = tuple(
+        (t.effect, t.begins(log)) for t in terms if isinstance(t.effect, ActuatorEffect)
+    )
+    pushing = [
+        (t.effect, t.begins(log))
+        for t in terms
+        if isinstance(t.effect, WrenchEffect) and not t.has_hidden_state
+    ]
+    winds = tuple(
+        pair for pair in pushing if type(pair[0]).air_velocity is not WrenchEffect.air_velocity
+    )
+    y = np.zeros_like(flight.y)
+    for sensor in sensors:
+        y += stages.once("sensor", (sensor,), partial(sensor_residual, flight, sensor))
+    if len(sensors) == len(terms) and not any(s.clock_shift for s in sensors):
+        return flight.known(y)  # sensor effects alone change no wrench
+    sensors = tuple(s for s in sensors if not s.small)
+    flight = stages.once("before", sensors, partial(without_errors, flight, sensors))
+    key = (turning, sum(s.clock_shift for s in sensors))
+    thrust = stages.once("thrust", key, partial(_thrust, flight, terms))
+    turned = stages.once("turned", key, partial(_turned, flight, thrust))
+    added = turned.wrench
+    if flight.log.a is not None:
+        # The part (m,) of dv/dt - a along the thrust that is not nominal [m/s²].
+        share = np.ones(len(flight.t))
+        for onset, effects in _acting(flight, terms, MassEffect):
+            real = MassProperties.of(flight.vehicle)
+            for effect in effects:
+                real = effect.properties(real)
+            begun = 1.0 if onset == -NEVER else flight.begun(onset)[:, 11]
+            share += begun * (flight.vehicle.mass / real.mass - share)
+        y[:, 11] += share * turned.after + (share - 1.0) * flight.after
+    if pushing:
+        moving = (key, sensors, winds)
+        motions = stages.once("motions", moving, partial(_motions, flight, thrust, winds))
+        for one in (pair for pair in pushing if pair[0].pushes or pair[0].turns):
+            added = added + stages.once(
+                "wrench", (moving, one), partial(_wrench, flight, *one, *motions)
+            )
+    for term in terms:
+        if term.has_hidden_state:
+            # The wrench (n, 6) of one suspended payload in B on the grid, the mean over samples
+            # of its state [N, N·m].
+            ways = np.atleast_2d(term.hidden.get(flight.name, np.zeros(0)))
+            swung = [dc.replace(term, hidden={flight.name: way}) for way in ways]
+            added = added + swing_wrenches(flight, swung).mean(axis=1)
+    needed = added
+    for onset, effects in _acting(flight, terms, MassEffect):
+        make = partial(ModifiedInertia, flight, effects)
+        moved = stages.once("body", (sensors, effects), make).needs(added, turned.ahead)
+        begun = 1.0 if onset == -NEVER else flight.begun(onset)[:, WRENCH]
+        needed = begun * moved + (1 - begun) * needed
+    y[:, WRENCH] += needed * flight.shown
+    return flight.known(y)
+
+
+def gate(t: np.ndarray, onset: float | None) -> np.ndarray:
+    """Return a step (n, 1) that is one from the onset on.
+
+    Args:
+        t: (n,) instants [s].
+        onset: time at which it begins [s]; None: from the start; infinite: not at all.
+    """
+    return (
+        np.ones((len(t), 1)) if onset is None else (np.asarray(t) >= onset).astype(float)[:, None]
+    )
+
+
+Begun = tuple[WrenchEffect, float | None]  # an effect and its onset [s]
+Thrust = tuple[
+    np.ndarray, np.ndarray, np.ndarray, np.ndarray
+]  # at rows, mids [N]; rotor accelerations there [rad/s²]
+
+
+def _thrust(flight: FlightResiduals, terms: Sequence[Term]) -> Thrust:
+    """Return the actual thrust; effects that begin later are switched in at their onset."""
+    log, vehicle = flight.log, flight.vehicle
+    ordered = sorted(terms, key=lambda t: _place_in_chain(t.effect))
+    shift = sum(t.effect.clock_shift for t in terms if isinstance(t.effect, SensorEffect))
+    acting = dict(_acting(flight, ordered, ActuatorEffect))
+    rows, mids = flight.rotors.thrust(acting.pop(-NEVER, ()), shift=-shift)
+    for onset, now in acting.items():
+        late_rows, late_mids = flight.rotors.thrust(now, shift=-shift)
+        rows = np.where(gate(log.t, onset) > 0, late_rows, rows)
+        mids = np.where(gate(flight.mids.t, onset) > 0, late_mids, mids)
+    lagged = (
+        log.input == "rotor_speed"
+        or vehicle.rotor_time_constant > 0
+        or any(isinstance(t.effect, MotorLag) for t in terms)
+    )
+    speed = np.sqrt(np.maximum(rows, 0.0) / vehicle.thrust_coefficient)
+    rate = np.diff(speed, axis=0) / np.diff(log.t)[:, None] if lagged else np.zeros_like(mids)
+    return rows, mids, np.concatenate([rate, rate[-1:]]), rate
+
+
+def _place_in_chain(effect: Effect) -> int:
+    """Return the place of an actuator effect: what a throttle asks of the motor, the motor, and the
+    propeller.
+    """
+    if isinstance(effect, ThrottleCurve):
+        return 0
+    return 1 if isinstance(effect, ActuatorEffect) and effect.turns_rotor else 2
+
+
+def _acting(
+    flight: FlightResiduals, terms: Sequence[Term], kind: type[Effect]
+) -> Iterator[tuple[float, tuple]]:
+    """Yield every onset [s] of effects of a kind in a flight (-`NEVER`: the start), with those that
+    act from then.
+    """
+    acting = [
+        (t.effect, t.begins(flight.name) or -NEVER) for t in terms if isinstance(t.effect, kind)
+    ]
+    for onset in sorted({begin for _, begin in acting} - {NEVER}):
+        yield onset, tuple(effect for effect, begin in acting if begin <= onset)
+
+
+class Turned(NamedTuple):
+    """Response of the rotors on the grid: wrench (m, 6) in excess of the nominal one in B [N, N·m].
+
+    after (m,): part of dv/dt - a along the thrust in excess of the nominal one
+    (`FlightResiduals.after`) [m/s²]. ahead (m, 4): as `FlightResiduals.ahead`, of the actual rotors
+    [N, N·m].
+    """
+
+    wrench: np.ndarray
+    after: np.ndarray
+    ahead: np.ndarray
+
+
+def _turned(flight: FlightResiduals, thrust: Thrust) -> Turned:
+    mixer = flight.vehicle.mixer
+    du_rows = (thrust[0] - flight.thrust_rows) @ mixer.T
+    du_mids = (thrust[1] - flight.thrust_mids) @ mixer.T
+    wrench = np.zeros((len(flight.t), 6))
+    if flight.log.a is None:
+        wrench[:, 2:] = flight.from_mids(du_mids)
+        return Turned(wrench, wrench[:, 0], flight.ahead)
+    after = after_rows(du_rows[:, 0], du_mids[:, 0]) / flight.vehicle.mass
+    at_rows = flight.from_rows(du_rows)
+    at_mids = flight.from_mids(np.column_stack([du_mids, after]))
+    wrench[:, 2], wrench[:, 3:] = at_rows[:, 0], at_mids[:, 1:4]
+    return Turned(wrench, at_mids[:, 4], flight.ahead + at_rows - at_mids[:, :4])
+
+
+def _motions(
+    flight: FlightResiduals, thrust: Thrust, winds: Sequence[Begun]
+) -> tuple[Motion, Motion]:
+    """Return the motions at the instants of force and of torque, with the air velocity of the
+    winds.
+    """
+    rows, mids, rate_rows, rate_mids = thrust
+    at_force = (mids, rate_mids) if flight.log.a is None else (rows, rate_rows)
+
+    def at(instants: Instants, x: np.ndarray, f: np.ndarray, rate: np.ndarray) -> Motion:
+        t, still = instants.t, np.zeros((len(instants.t), 3))
+        wind = sum(
+            (effect.air_velocity(t) * gate(t, begin) for effect, begin in winds), start=still
+        )
+        return Motion(t, x, f, wind, rate)
+
+    x_rows, x_mids = flight.wrench_states
+    return at(flight.rows, x_rows, *at_force), at(flight.mids, x_mids, mids, rate_mids)
+
+
+def _wrench(
+    flight: FlightResiduals,
+    effect: WrenchEffect,
+    begin: float | None,
+    at_force: Motion,
+    at_torque: Motion,
+) -> np.ndarray:
+    """Return the wrench (m, 6) of one effect in B on the grid [N, N·m]."""
+
+    beside = effect.beside(flight.log.neighbours)
+
+    def at(motion: Motion) -> np.ndarray:
+        return beside.wrench(flight.vehicle, motion) * gate(motion.t, begin)  # type: ignore[arg-type]
+
+    out = np.zeros((len(flight.t), 6))
+    if effect.pushes:
+        out[:, FORCE] = flight.from_rows(
+            np.einsum("mi,mij->mj", at(at_force)[:, :3], flight.rows.R_WB)
+        )
+    if effect.turns:
+        out[:, TORQUE] = flight.from_mids(at(at_torque)[:, 3:])
+    return out

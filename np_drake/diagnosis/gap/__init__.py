@@ -1,1 +1,0 @@
-"""Gap reduction: held-out residual and open-loop replay, before and after the causes are added."""

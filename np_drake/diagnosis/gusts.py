@@ -1,0 +1,588 @@
+"""Gusts as a cause: slow forces that act through the drag that was found, from their onset on.
+
+The force is a first-order Gauss-Markov process under white noise, in residual forces that are
+averaged over bins; a wind begins where gusts are likelier than sensor errors alone.
+"""
+
+import dataclasses as dc
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from scipy import linalg, optimize
+
+from np_drake import attitude
+from np_drake.diagnosis.fitting import refit
+from np_drake.diagnosis.forward_model import Term, predicted_residual
+from np_drake.diagnosis.held_out import HeldOut
+from np_drake.diagnosis.options import SURE, Options
+from np_drake.diagnosis.regressors import DRAG, GUSTY, Model, Onset, switched
+from np_drake.diagnosis.residuals import FORCE, FlightResiduals
+from np_drake.diagnosis.result import Cause, Estimate
+from np_drake.diagnosis.selection import Ranking, names_of, names_of_fit
+from np_drake.diagnosis.selection.change_point import EDGE
+from np_drake.effects.gusty_wind import GustyWind
+from np_drake.effects.linear_drag import LinearDrag
+
+BIN = 0.1  # over which the force is averaged, to a whole number of rows [s]
+SPAN = 20.0  # what lies farther apart counts as independent [s]
+SHORTEST_TIME, LONGEST_TIME = 0.1, 20.0  # correlation time [s]
+STEP = 0.02  # of the logarithms, for their curvature [1]
+
+
+Begins = Mapping[str, float | None]  # by flight, when the wind begins [s]; None: from the start
+
+
+@dc.dataclass(frozen=True)
+class WindForce:
+    """Force in W of a wind on a vehicle. mean (3, 2): axes by value and half width of the 95 %
+    interval [N].
+
+    deviation [N], correlation_time [s]: value, lower and upper end; of a first-order Gauss-Markov
+    process. white: deviation of a bin's noise [N].
+    """
+
+    mean: np.ndarray
+    deviation: tuple[float, float, float]
+    correlation_time: tuple[float, float, float]
+    white: float
+
+    @property
+    def figures(self) -> tuple[float, float, float]:
+        """Deviation [N], correlation time [s] and noise [N] alone."""
+        return self.deviation[0], self.correlation_time[0], self.white
+
+
+def wind_force(
+    flights: Sequence[FlightResiduals], residual: Mapping[str, np.ndarray], begins: Begins
+) -> WindForce:
+    """Return the wind force that a residual (m, 15) by flight shows from the begin of the wind on.
+
+    Args:
+        residual: by flight, (m, 15) what a model leaves of it.
+        begins: by flight, when the wind begins [s]; None: from the start.
+    Source: restricted maximum likelihood, the mean of each axis taken out; the intervals by its
+        curvature in the
+    logarithms. Deviation and correlation time are those of the two level axes together.
+    """
+    pieces = [s for e in flights for s in spans(e, forces(e, residual[e.name]), begins.get(e.name))]
+    level, size_of_bin = [span[:, :2] for span in pieces], width(flights[0])
+    size = float(np.sqrt(np.mean(np.concatenate(level).var(axis=0))))
+    start = np.log([size, 1.0, 0.3 * size])
+    bounds = [
+        (start[0] - 4, start[0] + 3),
+        (np.log(SHORTEST_TIME), np.log(LONGEST_TIME)),
+        (start[0] - 6, start[0] + 1),
+    ]
+
+    def loss(z: np.ndarray) -> float:
+        return _restricted_loss(level, size_of_bin, *np.exp(z))
+
+    best = optimize.minimize(loss, start, method="L-BFGS-B", bounds=bounds).x
+    deviation, time, white = np.exp(best)
+    # (k, k) second derivatives by central differences, with a weak prior: a figure may not
+    # matter at all.
+    k = len(best)
+    E = STEP * np.eye(k)
+    H = np.empty((k, k))
+    for i in range(k):
+        for j in range(i + 1):
+            four = (
+                loss(best + E[i] + E[j])
+                - loss(best + E[i] - E[j])
+                - loss(best - E[i] + E[j])
+                + loss(best - E[i] - E[j])
+            )
+            H[i, j] = H[j, i] = four / (4 * STEP**2)
+    values, vectors = np.linalg.eigh(H)
+    wide = np.exp(
+        SURE
+        * np.sqrt(np.diag(np.linalg.inv(vectors @ np.diag(np.maximum(values, 0.25)) @ vectors.T)))
+    )
+    F, one, _ = _whitened(pieces, size_of_bin, deviation, time, white)
+    mean = one @ F / (one @ one)  # generalised least squares, of variance 1 / (1'C^-1 1)
+    return WindForce(
+        np.stack([mean, np.full(3, SURE / np.sqrt(one @ one))], axis=1),
+        (float(deviation), float(deviation / wide[0]), float(deviation * wide[0])),
+        (float(time), float(time / wide[1]), float(time * wide[1])),
+        float(white),
+    )
+
+
+def _whitened(
+    pieces: Sequence[np.ndarray], size, deviation, time, white
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """Return forces (k, a) and ones (k,) whitened, all spans in a row, and the log determinant of
+    their covariance.
+    """
+    # Whitening: with the Cholesky factor L of the covariance, L^-1 x has unit covariance.
+    factors = {n: factor(n, size, deviation, time, white) for n in {len(s) for s in pieces}}
+    both = [
+        linalg.solve_triangular(factors[len(s)], np.column_stack([s, np.ones(len(s))]), lower=True)
+        for s in pieces
+    ]
+    whole = np.concatenate(both)
+    return (
+        whole[:, :-1],
+        whole[:, -1],
+        sum(2 * np.log(np.diag(factors[len(s)])).sum() for s in pieces),
+    )
+
+
+def _restricted_loss(
+    pieces: Sequence[np.ndarray], size: float, deviation: float, time: float, white: float
+) -> float:
+    # Restricted likelihood: the mean, projected out of the whitened forces, costs log(1'C^-1 1) / 2
+    # an axis.
+    F, one, logdet = _whitened(pieces, size, deviation, time, white)
+    weight = one @ one
+    power = np.sum(F**2) - np.sum((one @ F) ** 2) / weight
+    return float(0.5 * (power + F.shape[1] * (logdet + np.log(weight))))
+
+
+def forces(e: FlightResiduals, residual: np.ndarray) -> np.ndarray:
+    """Return (k, 3) the residual force in W averaged over bins [N], from a residual (m, 15).
+
+    Args:
+        residual: (m, 15) of the flight.
+    """
+    return binned(e, attitude.rotate(e.q, residual[:, FORCE]))
+
+
+def drags(e: FlightResiduals) -> np.ndarray:
+    """Return (k, 3, 3) the force in W of a unit drag along each body axis (the last), averaged over
+    bins [m/s].
+    """
+    units = [Term(LinearDrag(*axis)) for axis in np.eye(3).tolist()]
+    return np.stack([forces(e, predicted_residual(e, [unit])) for unit in units], axis=-1)
+
+
+def binned(e: FlightResiduals, values: np.ndarray) -> np.ndarray:
+    """Return (k, a) the means over bins of values (m, a) on the grid.
+
+    Args:
+        values: (m, a) on the grid.
+    """
+    size = _size(e)
+    return values[: len(values) // size * size].reshape(-1, size, values.shape[1]).mean(axis=1)
+
+
+def width(e: FlightResiduals) -> float:
+    """Return the width of a bin [s]."""
+    return _size(e) * e.grid.step
+
+
+def instants(e: FlightResiduals) -> np.ndarray:
+    """Return (k,) the times at which bins begin [s]."""
+    return e.t[0] + width(e) * np.arange(len(e.t) // _size(e))
+
+
+def spans(e: FlightResiduals, values: np.ndarray, begin: float | None) -> list[np.ndarray]:
+    """Return bins (k, a) of a flight from `begin` on [s] (None: from the start), in pieces of at
+    most `SPAN`.
+
+    Args:
+        values: (k, a) of all bins.
+        begin: [s]; None: from the start.
+    """
+    later = values[0 if begin is None else np.searchsorted(instants(e), begin) :]
+    most = round(SPAN / width(e))
+    return [later[i : i + most] for i in range(0, len(later), most) if len(later) - i > 1]
+
+
+def factor(
+    n: int, width: float, deviation: float, time: float, white: float, common: float = 0.0
+) -> np.ndarray:
+    """Return (n, n) the lower Cholesky factor of the covariance of n bins of an averaged
+    Gauss-Markov process.
+
+    Args:
+        width: of a bin [s].
+        deviation: of the process [N].
+        time: its correlation time [s].
+        white: deviation of a bin's noise [N].
+        common: of what all bins share [N].
+    Source: own derivation: the double integral of exp(-|t| / time) over bins.
+    """
+    b = width / time
+    column = 2 * (np.cosh(b) - 1) / b**2 * np.exp(-np.arange(n) * b)
+    column[0] = 2 * (b - 1 + np.exp(-b)) / b**2
+    column = column * deviation**2 + common**2
+    column[0] += white**2
+    return linalg.cholesky(linalg.toeplitz(column), lower=True)
+
+
+def _size(e: FlightResiduals) -> int:
+    return max(1, round(BIN / e.grid.step))
+
+
+LAST = 1.0  # of a flight, in which no begin is looked for [s]
+LEAST_STILL = 2.0  # that is quiet at least before a wind whose begin is not known at all [s]
+ROUNDS = 2  # of wind and its begins: at first it is that of all the flight
+SIZES = (0.35, 0.5, 0.7, 1.0, 1.4, 2.0)  # of that error, in tolerances [1]; own choice
+WHITES = (
+    0.6,
+    0.8,
+    1.0,
+)  # of a bin's noise, in what bins differ by from their neighbours' line [1]; own choice
+
+
+@dc.dataclass(frozen=True)
+class Begin:
+    """When the wind begins [s] (None: from the start; infinite: not at all), and its -2 log
+    likelihood.
+    """
+
+    at: float | None
+    loss: float
+
+
+def wind_onset(
+    e: FlightResiduals,
+    residual: np.ndarray,
+    begin: float | None,
+    wind: WindForce,
+    before: np.ndarray,
+    gain: float,
+) -> Begin:
+    """Return when the wind begins, given a known onset [s] (None: from the start; infinite: not at
+    all).
+
+    Gusts show by their power at once. What was known stays where a better one brings less than
+    `gain`.
+
+    Args:
+        residual: (m, 15) what is left of the flight under the wind.
+        begin: known onset [s]; None: from the start; infinite: not at all.
+        before: (k,) `still_air_loss` of what is left until then.
+        gain: least log likelihood that a better onset must bring.
+    Source: likelihood of a change point; the two sides independent (own choice).
+    """
+    bins, t = forces(e, residual)[:, :2], instants(e)
+    k = np.arange(len(t))
+    here = 0 if begin is None else int(np.argmin(np.abs(t - min(begin, t[-1]))))
+    root = factor(len(t), width(e), *wind.figures, wind.deviation[0])
+    # A stationary process is the same backwards: one solution has those from every bin to the last.
+    loss = before + np.cumsum(_loss_of_bins((bins - wind.mean[:2, 0])[::-1], root))[::-1]
+    near = (t > t[0] + (LEAST_STILL if begin is None else EDGE)) & (t < t[-1] - LAST)
+    tried = np.union1d(k[near], [0, here])
+    best = int(tried[np.argmin(loss[tried])])
+    if loss[here] - loss[best] <= 2 * gain:
+        return Begin(begin, float(loss[here]))
+    return Begin(float(t[best]) if best else None, float(loss[best]))
+
+
+def wind_begins(
+    flights: Sequence[FlightResiduals],
+    residual: Mapping[str, np.ndarray],
+    known: Begins,
+    options: Options,
+) -> Begins:
+    """Return by flight when the wind begins by its own power [s], given known onsets and residuals
+    (m, 15).
+
+    Args:
+        residual: by flight, (m, 15) what a model leaves of it.
+        known: by flight, known onsets [s]; None: from the start.
+    """
+    for _ in range(ROUNDS):
+        wind = wind_force(flights, residual, known)
+        known = {
+            name: begin.at
+            for name, begin in onsets_of(
+                flights, [], (residual, residual), known, wind, options
+            ).items()
+        }
+    return known
+
+
+def onsets_of(
+    flights: Sequence[FlightResiduals],
+    held_out: Sequence[FlightResiduals],
+    left: tuple[Mapping[str, np.ndarray], Mapping[str, np.ndarray]],
+    known: Begins,
+    wind: WindForce,
+    options: Options,
+) -> dict[str, Begin]:
+    """Return the onset of a wind in every flight.
+
+    Args:
+        held_out: held-out flights: what acts throughout the others hardly begins late in these.
+        left: by flight, (m, 15) what is left of it under the wind and before.
+        known: by flight, known onsets [s]; None: from the start.
+    """
+    windy, still = left
+    before = {
+        e.name: still_air_loss(e, still[e.name], wind, options) for e in (*flights, *held_out)
+    }
+
+    def sought(e: FlightResiduals, begin: float | None, gain: float) -> Begin:
+        return wind_onset(e, windy[e.name], begin, wind, before[e.name], gain)
+
+    found = {e.name: sought(e, known.get(e.name), options.priors.onset_gain) for e in flights}
+    late = any(begin.at is not None for begin in found.values())
+    gain = options.priors.onset_gain if late else options.priors.new_onset_gain
+    return found | {e.name: sought(e, known.get(e.name) if late else None, gain) for e in held_out}
+
+
+def still_air_loss(
+    e: FlightResiduals, residual: np.ndarray, wind: WindForce, options: Options
+) -> np.ndarray:
+    """Return (k,) the -2 log likelihood of the level forces in the bins before each bin, without a
+    wind.
+
+    Ideal sensors leave white noise. A real attitude errs slowly as well, a Gauss-Markov process
+    about the tolerance in
+    size, whichever fits best.   Source: profile likelihood; own choice of the grid.
+
+    Args:
+        residual: (m, 15) what is left of the flight in still air.
+        wind: statistics of the wind's force, for its white noise.
+    """
+    bins = forces(e, residual)[:, :2]
+    if not options.tolerance.real:
+        count = 2 * np.arange(len(bins))
+        power = _before(np.sum(bins**2, axis=1))
+        noise = np.maximum(wind.white**2, power / np.maximum(count, 1))
+        return power / noise + count * np.log(noise)
+    size = e.weight * options.tolerance.attitude
+    (drift, _), spread = options.priors.attitude_drift, options.priors.attitude_spread
+    rough = np.sqrt(np.mean(np.diff(bins, 2, axis=0) ** 2) / 6)
+    n = min(len(bins), round(SPAN / width(e)))
+    losses = [
+        _still_air_loss_of(bins, factor(n, width(e), s * size, drift, w * rough, size))
+        + (np.log(s) / spread) ** 2
+        for s in SIZES
+        for w in WHITES
+    ]
+    return np.min(losses, axis=0)
+
+
+def _still_air_loss_of(bins: np.ndarray, root: np.ndarray) -> np.ndarray:
+    """Return (k,) the loss of the bins before each; beyond the reach of the covariance they count
+    as independent.
+    """
+    n = len(root)
+    pieces = [bins[i : i + n] for i in range(0, len(bins), n)]
+    return _before(np.concatenate([_loss_of_bins(p, root[: len(p), : len(p)]) for p in pieces]))
+
+
+def _loss_of_bins(bins: np.ndarray, root: np.ndarray) -> np.ndarray:
+    """Return (k,) the -2 log likelihood of each bin (k, 2) after those before it."""
+    white = linalg.solve_triangular(root, bins, lower=True)
+    return np.sum(white**2, axis=1) + 4 * np.log(np.diag(root))
+
+
+def _before(values: np.ndarray) -> np.ndarray:
+    """Return (k,) the sums of the values before each."""
+    return np.concatenate([[0.0], np.cumsum(values)[:-1]])
+
+
+WEAKEST = 1e-4  # level drag through which anything acts [N·s/m]; own choice
+UPWARD = 0.5  # deviation of a mean wind upward: the ground is near [m/s]; own choice
+STRONGEST = next(p.upper for p in GustyWind.parameters if p.name == "deviation")  # of gusts [m/s]
+
+
+def as_gusts(
+    flights: Sequence[FlightResiduals],
+    through_drag: Mapping[str, np.ndarray],
+    causes: list[Cause],
+    probability: float,
+    options: Options,
+    held_out: Sequence[FlightResiduals] = (),
+) -> list[Cause]:
+    """Return the causes with gusts among them, where a drag was found through which they can act.
+
+    A steady wind among the causes becomes the mean of the gusts.
+
+    Args:
+        through_drag: by flight, (m, 15) what drag and wind together leave in it.
+        probability: of gusts [1].
+        held_out: held-out flights, in which the wind may begin as well.
+    """
+    drag = next((c for c in causes if c.identifier == DRAG), None)
+    if drag is None:
+        return causes
+    steady = next((c.onset for c in causes if c.identifier in GUSTY[1:]), {})
+    known = {
+        name: steady.get(name) if begin is None else begin for name, begin in drag.onset.items()
+    }
+    if not any(spans(e, instants(e)[:, None], known.get(e.name)) for e in flights):  # too few bins
+        return causes
+    onset, begun = _onsets(flights, held_out, through_drag, drag, known, options)
+    drag = dc.replace(drag, onset=dict(begun))
+    if not isinstance(drag.effect, LinearDrag) or not _acts_through(drag.effect):
+        return causes
+    force = wind_force(
+        flights,
+        {e.name: _without_drag(through_drag[e.name], e, drag.effect, begun) for e in flights},
+        onset,
+    )
+    # Stronger than winds are, even through the largest drag of the interval, they are none.
+    most = STRONGEST * float(
+        np.mean([max(map(abs, drag.parameters[name].ci95)) for name in ("d_x", "d_y")])
+    )
+    if not options.materiality.force * flights[0].weight <= force.deviation[0] <= most:
+        return causes
+    parameters = _statistics(flights, force, drag, options)
+    effect = GustyWind.of({name: e.value for name, e in parameters.items()})
+    gusts = Cause(GustyWind.identifier, probability, parameters, dict(onset), (), effect=effect)
+    others = [c for c in causes if c.identifier not in GUSTY[1:]]
+    return [*(drag if c.identifier == DRAG else c for c in others), gusts]
+
+
+def _acts_through(drag: LinearDrag) -> bool:
+    """Return whether a wind acts through this drag: physical, and not negligible."""
+    inside = all(p.lower <= drag.values[p.name] <= p.upper for p in LinearDrag.parameters)
+    return inside and 0.5 * (drag.d_x + drag.d_y) > WEAKEST
+
+
+def _without_drag(
+    through_drag: np.ndarray, e: FlightResiduals, drag: LinearDrag, begins: Begins
+) -> np.ndarray:
+    """Return (m, 15) what the wind pushes through the drag, without the drag itself, which acts
+    from its begin on.
+    """
+    return through_drag - predicted_residual(e, [Term(drag, {e.name: begins.get(e.name)})])
+
+
+def _statistics(
+    flights: Sequence[FlightResiduals], force: WindForce, drag: Cause, options: Options
+) -> dict[str, Estimate]:
+    """Return the wind's parameters [m/s, s] from those of its force, as uncertain as the drag and
+    the sensors' axes.
+    """
+    d = np.array([drag.parameters[f"d_{axis}"].value for axis in "xyz"])
+    d[np.abs(d) < 1e-6] = 1e-6  # avoids a division by zero [N·s/m]
+    level = float(np.abs(d[:2]).mean())
+    known = max(drag.parameters[f"d_{axis}"].half for axis in "xy") / level
+    tolerance = options.tolerance
+    tilt = tolerance.attitude / np.sqrt(len(flights))
+    off = (
+        flights[0].weight
+        * SURE
+        * np.array([tilt, tilt, np.hypot(tolerance.mass, tolerance.thrust)])
+    )
+    out = {}
+    for i, p in enumerate(GustyWind.parameters[:3]):
+        half = float(np.hypot(force.mean[i, 1], off[i])) / abs(d[i])
+        usual = UPWARD if p.name == "mean_z" else p.typical
+        told = usual**2 / (usual**2 + (half / SURE) ** 2)
+        value = told * force.mean[i, 0] / d[i]
+        half = float(np.hypot(np.sqrt(told) * half, known * value))
+        out[p.name] = Estimate(float(value), "m/s", (float(value) - half, float(value) + half))
+    value, lower, upper = force.deviation
+    wider = [float(np.exp(np.hypot(np.log(end / value), known))) for end in (lower, upper)]
+    out["deviation"] = Estimate(
+        value / level, "m/s", (value / level / wider[0], value / level * wider[1])
+    )
+    time, lower, upper = force.correlation_time
+    out["correlation_time"] = Estimate(time, "s", (lower, upper))
+    return out
+
+
+def _onsets(
+    flights: Sequence[FlightResiduals],
+    held_out: Sequence[FlightResiduals],
+    through_drag: Mapping[str, np.ndarray],
+    drag: Cause,
+    known: Begins,
+    options: Options,
+) -> tuple[Begins, Begins]:
+    """Return by flight when the wind begins [s], given the `known` onsets, and when the drag does.
+
+    A drag that begins with the wind in one flight does so in all. Flights of the fit say whether it
+    does: what a held-out one seems to show moves nothing in them.
+    """
+    acts, effect = drag.onset, drag.effect
+    assert isinstance(effect, LinearDrag)
+    windy = {
+        e.name: _without_drag(through_drag[e.name], e, effect, {}) for e in (*flights, *held_out)
+    }
+    at_once = (
+        2 * options.priors.onset_gain * any(drag.onset.get(e.name) is not None for e in flights)
+    )
+    for _ in range(ROUNDS):
+        left = {e.name: _without_drag(through_drag[e.name], e, effect, acts) for e in flights}
+        wind = wind_force(flights, left, known)
+        apart, together = (
+            onsets_of(flights, held_out, (windy, still), known, wind, options)
+            for still in (windy, through_drag)
+        )
+        late = [e for e in flights if any(b[e.name].at is not None for b in (apart, together))]
+        gain = sum(apart[e.name].loss - together[e.name].loss for e in late or held_out)
+        both = gain + at_once > 0
+        known = {name: begin.at for name, begin in (together if both else apart).items()}
+        acts = known if both else drag.onset
+    return known, acts
+
+
+def with_drag(ranking: Ranking) -> Ranking:
+    """Return the ranking with a linear drag in the named model, where flights do not speak against
+    it.
+
+    The prior of the drag is that of generic structure. Where the slow force begins in flight, so
+    may the drag.
+    """
+    priors, problem, key = ranking.options.priors, ranking.problem, names_of_fit(ranking.best)
+    known = next((m for m in ranking.models if names_of(problem, m) == key), None)
+    if known is None or DRAG in key:
+        return ranking
+    drags = [
+        i for i, c in enumerate(problem.candidates) if c.identifiers == (DRAG,) and not c.onset
+    ]
+    # The slow force that is left may begin in flight: its own power pays for instants.
+    left = {e.name: ranking.best.residual(e) for e in problem.flights}
+    begins = wind_begins(problem.flights, left, {}, ranking.options)
+    onset: Onset = {name: begin for name, begin in begins.items() if begin is not None}
+    if onset:
+        late = [switched(problem.candidates[i], problem.flights, onset) for i in drags]
+        drags += [len(problem.candidates) + k for k in range(len(late))]
+        problem = problem.extended(late)
+    sets = [(*known.members, i) for i in drags if problem.fits_together((*known.members, i))]
+    best = max((Model(m, problem.score(m)) for m in sets), key=lambda m: m.score, default=None)
+    if best is None:
+        return ranking
+    odds = best.score - problem.score(known.members) - priors.of_effect(DRAG) + priors.generic
+    if odds < 0:
+        return ranking
+    named = refit(problem, best, None, ranking.noise)
+    probability = ranking.probability | {DRAG: float(1 / (1 + np.exp(-odds)))}
+    fits, models = (named, *ranking.fits), (best, *ranking.models)
+    return dc.replace(ranking, fits=fits, problem=problem, models=models, probability=probability)
+
+
+def residuals_of(ranking: Ranking, held: HeldOut) -> dict[str, np.ndarray]:
+    """Return by flight the residual (m, 15) of the best model [N, N·m, …]."""
+    rest = {e.name: ranking.best.residual(e) for e in ranking.problem.flights}
+    return rest | {e.name: held.swing_free_residual(e) for e in held.flights}
+
+
+def with_gusts(
+    ranking: Ranking, held: HeldOut, causes: list[Cause], probability: float
+) -> list[Cause]:
+    """Return the causes with gusts among them, where a drag was found through which they act."""
+    flights, through_drag = ranking.problem.flights, residuals_of(ranking, held)
+    for e in (*flights, *held.flights):
+        every = held.terms.get(e.name, ranking.best.terms)
+        terms = [t for t in every if t.effect.identifier in GUSTY]
+        through_drag[e.name] = through_drag[e.name] + predicted_residual(e, terms)
+    return as_gusts(flights, through_drag, causes, probability, ranking.options, held.flights)
+
+
+def in_gusts(held: HeldOut, causes: Sequence[Cause]) -> HeldOut:
+    """Return the held-out flights with the mean of the gusts in the place of a steady wind.
+
+    causes: the gusts and the drag through which they act among them, each from when on it acts.
+    """
+    by_name = {c.identifier: c for c in causes}
+    gusts, drag = by_name[GustyWind.identifier], by_name[DRAG]
+    assert gusts.effect is not None
+    assert drag.effect is not None
+    terms, residual = dict(held.terms), dict(held.residual)
+    for e in held.flights:
+        rest = [t for t in held.terms[e.name] if t.effect.identifier not in GUSTY]
+        own = Term(drag.effect, {e.name: drag.onset.get(e.name)})
+        wind = Term(gusts.effect.predicted, {e.name: gusts.onset.get(e.name)})
+        terms[e.name] = [*rest, own, wind]
+        residual[e.name] = e.y - predicted_residual(e, terms[e.name])
+    return dc.replace(held, terms=terms, residual=residual)

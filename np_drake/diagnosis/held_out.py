@@ -1,0 +1,365 @@
+"""Models on flights to which they were not fitted.
+
+Swings are taken from the first seconds and onsets from a scan; parameters are kept.
+"""
+
+import dataclasses as dc
+from collections.abc import Collection, Sequence
+
+import numpy as np
+
+from np_drake.diagnosis.calibration import errors_of
+from np_drake.diagnosis.fitting import Fit
+from np_drake.diagnosis.forward_model import (
+    MOST_JUMPS,
+    NEVER,
+    STATE,
+    Term,
+    jumps,
+    predicted_residual,
+)
+from np_drake.diagnosis.numerics import NoiseModel
+from np_drake.diagnosis.options import Options, Priors
+from np_drake.diagnosis.regressors import onset_log_likelihood
+from np_drake.diagnosis.residuals import (
+    LONGEST_BOUNCE,
+    LONGEST_OUTLIER,
+    MOST_OUTLIERS,
+    OUTLIERS_APART,
+    WRENCH,
+    FlightResiduals,
+    find_outliers,
+)
+from np_drake.diagnosis.result import Cause
+from np_drake.diagnosis.swing_fit import SwingFit, fitted_to_whole_flight
+
+# Over which a hidden start is fitted, at least, and a swing anew after an outlier; these rows are
+# not scored [s].
+HIDDEN_SPAN, JUMP_SPAN = 2.0, 1.5
+
+
+def adapt(
+    terms: Sequence[Term],
+    flight: FlightResiduals,
+    noise: NoiseModel,
+    priors: Priors,
+    calibration: Sequence[Term] = (),
+    *,
+    unmeasured: bool = False,
+) -> list[Term]:
+    """Return the terms with onset and initial swing adapted to a held-out flight, parameters kept,
+    and the calibration.
+
+    unmeasured: whether the vehicle is, so that what is not known to begin does not, unless it is
+    sudden.
+    """
+    if calibration:
+        flight = dc.replace(flight, y=flight.y - predicted_residual(flight, calibration))
+    known = [any(begin is not None for begin in t.onset.values()) for t in terms]
+    drag_of = {}  # of a wind, the drag through which it acts, if they began together in the fit
+    for i, t in enumerate(terms):
+        through = type(t.effect).needs
+        together = (
+            j
+            for j, other in enumerate(terms)
+            if other.effect.identifier in through and other.onset == t.onset
+        )
+        drag_of[i] = next(together, None)
+    terms = [dc.replace(t, onset={}, hidden={}) for t in terms]
+    terms = [_anchored(terms, i, flight, noise, priors) for i in range(len(terms))]
+    for i in sorted(range(len(terms)), key=lambda i: (not known[i], drag_of[i] is not None)):
+        effect, j = terms[i].effect, drag_of[i]
+        if j is not None:
+            terms[i] = dc.replace(terms[i], onset=terms[j].onset)
+        elif known[i] or (type(effect).begins and (effect.sudden or not unmeasured)):
+            terms[i] = _with_onset(terms, i, flight, noise, priors, known=known[i])
+    return [*terms, *calibration]
+
+
+def mark_outliers(
+    terms: Sequence[Term],
+    flight: FlightResiduals,
+    noise: NoiseModel,
+    priors: Priors,
+    calibration: Sequence[Term] = (),
+) -> FlightResiduals:
+    """Return the flight with its outliers marked, as the residual of the terms shows them.
+
+    A swing is lost at an outlier, and what it misses from there on looks like more of them: they
+    are taken in turn.
+    """
+    given = predicted_residual(flight, calibration) if calibration else 0.0
+    marked, flight = flight, dc.replace(flight, y=flight.y - given)
+    for _ in range(MOST_JUMPS if any(t.has_hidden_state for t in terms) else 0):
+        # Where a swing is lost it misses ever more.
+        found = _outliers(terms, flight, noise, priors, most=1.0)
+        if flight.outliers.any():
+            found &= flight.t > flight.t[np.flatnonzero(flight.outliers)[-1]] + OUTLIERS_APART
+        if not found.any():
+            return dc.replace(marked, outliers=flight.outliers)
+        start, first = int(np.argmax(found)), np.zeros_like(found)
+        first[start : start + int(np.argmin(np.append(found[start:], False)))] = True
+        flight = dc.replace(flight, outliers=flight.outliers | first)
+    return dc.replace(marked, outliers=flight.outliers | _outliers(terms, flight, noise, priors))
+
+
+def _outliers(
+    terms: Sequence[Term],
+    flight: FlightResiduals,
+    noise: NoiseModel,
+    priors: Priors,
+    most: float = MOST_OUTLIERS,
+) -> np.ndarray:
+    residual = flight.y - predicted_residual(flight, adapt(terms, flight, noise, priors))
+    longest = LONGEST_BOUNCE if any(t.has_hidden_state for t in terms) else LONGEST_OUTLIER
+    return find_outliers(residual, flight.grid.step, longest, most)
+
+
+def hidden_state_rows(term: Term, flight: FlightResiduals) -> list[np.ndarray]:
+    """Return rows (m,) to which the hidden state is fitted: at its start, and after every
+    outlier.
+    """
+    start = term.begins(flight.name)
+    if not term.has_hidden_state or start == NEVER:
+        return []
+    begin = flight.t[0] if start is None else start
+    # A swing is told by a period: on a tether of a metre by `HIDDEN_SPAN`.
+    length = term.effect.payload.length  # type: ignore[attr-defined]
+    slow = max(1.0, 2 * np.pi * np.sqrt(length / flight.vehicle.gravity) / HIDDEN_SPAN)
+    spans = [
+        (begin, slow * HIDDEN_SPAN),
+        *((float(flight.t[k]), slow * JUMP_SPAN) for k in jumps(flight, start)),
+    ]
+    return [(flight.t >= a) & (flight.t < a + span) for a, span in spans]
+
+
+def scored_rows(terms: Sequence[Term], flight: FlightResiduals) -> np.ndarray:
+    """Return (m,) the rows that count: seen by no fit and no hidden state, without a tether's
+    outliers.
+
+    In a flight so short that none would be left, all rows that no fit has seen
+    (`scored_on_fitted_rows`).
+
+    Args:
+        terms: terms of a model, with their onsets and hidden states.
+    """
+    rows = ~flight.joined
+    for term in terms:
+        fitted = hidden_state_rows(term, flight)
+        for some in [*fitted, flight.outliers] if fitted else []:
+            rows = rows & ~some
+    return rows if rows.any() else ~flight.joined
+
+
+def scored_on_fitted_rows(terms: Sequence[Term], flight: FlightResiduals) -> bool:
+    """Return whether a short flight is scored on rows to which its own swing was fitted.
+
+    Args:
+        terms: terms of a model, with their onsets and hidden states.
+    """
+    rows = scored_rows(terms, flight)
+    return any(
+        bool(np.any(rows & fitted)) for term in terms for fitted in hidden_state_rows(term, flight)
+    )
+
+
+def _anchored(
+    terms: Sequence[Term],
+    i: int,
+    flight: FlightResiduals,
+    noise: NoiseModel,
+    priors: Priors,
+    onset: float | None = None,
+) -> Term:
+    """Return the term, its swing fitted to the rows at its start, then every jump to those after
+    the outlier.
+    """
+    now = list(terms)
+    for k, rows in enumerate(
+        hidden_state_rows(dc.replace(terms[i], onset={flight.name: onset}), flight)
+    ):
+        fit = SwingFit(now, i, flight, noise, onset, rows, priors)
+        swing = fit.descend_from_grid(fit.known, slice(k * STATE, (k + 1) * STATE))
+        now[i] = fit.term(swing)
+    return now[i]
+
+
+def _with_onset(
+    terms: list[Term],
+    i: int,
+    flight: FlightResiduals,
+    noise: NoiseModel,
+    priors: Priors,
+    *,
+    known: bool,
+) -> Term:
+    """Return the term from where it begins in this flight, its parameters being known (whatever a
+    payload's swing was).
+
+    known: to begin in flight. What acts from the start in all flights of the fit hardly begins late
+    here, and is not excused where it is not there at all.
+    """
+    term = terms[i]
+    rest = predicted_residual(flight, [t for j, t in enumerate(terms) if j != i])
+    trace = (
+        _span_by_span(terms, i, flight, noise, priors)
+        if term.has_hidden_state
+        else predicted_residual(flight, terms)
+    )
+    t, profile = onset_log_likelihood(flight, noise, flight.y - rest, trace - rest)
+    k = int(np.argmax(profile))
+    if k == 0 or profile[k] - profile[0] < (priors.onset_gain if known else priors.new_onset_gain):
+        return term
+    onset = NEVER if k == len(t) - 1 else float(t[k])
+    if onset == NEVER and not known:
+        return term
+    late = dc.replace(term, onset={flight.name: onset}, hidden={})
+    return _anchored([*terms[:i], late, *terms[i + 1 :]], i, flight, noise, priors, onset)
+
+
+def _span_by_span(
+    terms: Sequence[Term], i: int, flight: FlightResiduals, noise: NoiseModel, priors: Priors
+) -> np.ndarray:
+    """Return (m, 15) the predicted residual with a payload that swings in every span as that span
+    shows it by itself.
+
+    A swing that is followed from the start of the flight is wrong wherever the payload was hung on
+    later; where it explains a span better, it is right.
+    """
+    followed = predicted_residual(flight, terms)
+    trace = followed.copy()
+    for start in np.arange(flight.t[0], flight.t[-1], HIDDEN_SPAN):
+        rows = (flight.t >= start) & (flight.t < start + HIDDEN_SPAN)
+        inside = rows[noise.phi.shape[1] :]
+        if np.sum(inside) <= MOST_JUMPS * STATE:
+            continue
+        onset = None if start == flight.t[0] else float(start)
+        now = [
+            *terms[:i],
+            dc.replace(terms[i], onset={flight.name: onset}, hidden={}),
+            *terms[i + 1 :],
+        ]
+        fit = SwingFit(now, i, flight, noise, onset, rows, priors)
+        now[i] = fit.term(fit.descend(fit.known))
+        alone = predicted_residual(flight, now)
+        losses = [
+            np.sum(flight.white(noise, flight.y - way)[inside] ** 2) for way in (alone, followed)
+        ]
+        if losses[0] < losses[1]:
+            trace[rows] = alone[rows]
+    return trace
+
+
+LEAST_GAP = 0.02  # gap over noise power below which there is none to close [1]; own choice
+
+
+@dc.dataclass(frozen=True)
+class HeldOut:
+    """Held-out flights under a fit: adapted terms, residual (m, 15), and rows that count, by
+    flight.
+
+    whole_flight_terms: the terms with hidden states that fit the whole flight.
+    """
+
+    flights: Sequence[FlightResiduals]
+    terms: dict[str, list[Term]]
+    residual: dict[str, np.ndarray]
+    rows: dict[str, np.ndarray]
+    whole_flight_terms: dict[str, list[Term]]
+    effects: int = 0  # number of terms that are effects; those after them are calibration
+    calibrations: frozenset[str] = frozenset()  # effects that count as calibration
+
+    def kept(self, name: str, identifiers: Collection[str]) -> list[Term]:
+        """Return the terms of some effects in a flight, and the calibration."""
+        every = self.terms[name]
+        kept = {*identifiers, *self.calibrations}
+        return [
+            *(t for t in every[: self.effects] if t.effect.identifier in kept),
+            *every[self.effects :],
+        ]
+
+    def swing_free_residual(self, e: FlightResiduals) -> np.ndarray:
+        """Return the residual (m, 15) of a flight with a payload's swing fitted to all of it,
+        outliers interpolated.
+        """
+        return e.bridged(e.y - predicted_residual(e, self.whole_flight_terms[e.name]))
+
+
+def on_held_out(
+    fit: Fit, flights: Sequence[FlightResiduals], noise: NoiseModel, priors: Priors
+) -> HeldOut:
+    """Return the fit on held-out flights, its onsets and swings adapted to each, its parameters
+    kept.
+
+    The least squared miss of the rest of a flight is expected of the mean over samples of each
+    swing from its posterior: a swing that is not known, or that no motion tells for long after its
+    tether went slack, fades to the weight that hangs.
+    Source: mean of a posterior; own choice: by Laplace's approximation, parameters kept.
+    """
+    terms, residual, rows, whole = {}, {}, {}, {}
+    for e in flights:
+        known = adapt(fit.terms, e, noise, priors, fit.calibration, unmeasured=bool(fit.calibrated))
+        terms[e.name] = list(known)
+        for i, term in enumerate(known):
+            begin, doubts = term.begins(e.name), []
+            for k, own in enumerate(hidden_state_rows(term, e)):
+                span = SwingFit(known, i, e, noise, begin, own, priors)
+                doubts.append(span.posterior_swings(slice(k * STATE, (k + 1) * STATE)))
+            if doubts:
+                swings = span.known + sum(doubts)
+                terms[e.name][i] = dc.replace(term, hidden={e.name: swings})
+        residual[e.name] = e.y - predicted_residual(e, terms[e.name])
+        rows[e.name] = scored_rows(terms[e.name], e)
+        whole[e.name] = fitted_to_whole_flight(known, e, noise, priors)
+    return HeldOut(flights, terms, residual, rows, whole, len(fit.terms))
+
+
+def with_calibration(
+    fit: Fit, e: FlightResiduals, noise: NoiseModel, options: Options
+) -> FlightResiduals:
+    """Return a held-out flight without what the calibration of the vehicle gives, and what it
+    differs by itself.
+
+    An earlier calibration of the flight is undone.
+    """
+    unmeasured = options.tolerance.unmeasured
+    if not options.tolerance.real:
+        return e
+    own = errors_of(e, options.tolerance)
+    e = dc.replace(e, y=e.uncalibrated, calibrated=0.0)
+    shared = fit.calibration_on(e)
+    there = dc.replace(e, y=e.y - shared)
+    terms = adapt(fit.terms, there, noise, options.priors, fit.calibration, unmeasured=unmeasured)
+    left = there.y - predicted_residual(there, terms)
+    gram = dc.replace(there, y=left).gram(noise, [own])
+    mean, _ = gram.posterior(np.arange(own.shape[-1]))
+    given = shared + own @ mean
+    return dc.replace(e, y=e.known(e.y - given), calibrated=e.known(given))
+
+
+def misfit(held: HeldOut, noise: NoiseModel) -> np.ndarray:
+    """Return (6,) the RMS residual of held-out flights over noise, by channel of the wrench [1]."""
+    residual = np.concatenate(
+        [held.residual[name][rows, WRENCH] for name, rows in held.rows.items()]
+    )
+    return np.sqrt(np.mean(residual**2, axis=0)) / np.maximum(noise.rms[WRENCH], 1e-12)
+
+
+def pooled(parts: Sequence[np.ndarray], noise: NoiseModel) -> float:
+    """Return the RMS over rows and wrench channels, channels divided by their noise [1].
+
+    Args:
+        parts: residuals (m, 15), which count together.
+    """
+    rows = np.concatenate(parts)[:, WRENCH] / np.maximum(noise.rms[WRENCH], 1e-12)
+    return float(np.sqrt(np.mean(rows**2)))
+
+
+def remaining_residual(causes: Sequence[Cause], noise: NoiseModel, held: HeldOut) -> float:
+    """Return the RMS residual of some causes on held-out flights, in units of the noise [1]."""
+    names = {c.identifier for c in causes}
+    parts = []
+    for e in held.flights:
+        terms = held.kept(e.name, names)
+        parts.append((e.y - predicted_residual(e, terms))[held.rows[e.name]])
+    return pooled(parts, noise)

@@ -1,0 +1,329 @@
+"""Answer of a diagnosis in words: headline, causes, calibration and remainder."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from np_drake.diagnosis.localisation import CANNOT_TELL, manoeuvre
+from np_drake.diagnosis.report.words import (
+    bare_name,
+    capital,
+    estimate,
+    flights,
+    listed,
+    name_of,
+    onset,
+    percent_interval,
+    phrase,
+    plain_name,
+    spread,
+    unit_of,
+)
+from np_drake.diagnosis.result import UNKNOWN, Cause, Diagnosis, GapReduction, Remainder, gap_kinds
+from np_drake.effects.library import effect_of
+from np_drake.files.number_text import (
+    NBSP,
+    NOTHING,
+    measure,
+    number,
+    of_at_least,
+    percent,
+    probability,
+    suited,
+)
+
+GAP_HEADER = ["held-out residual, RMS", "nominal", "with causes", "noise", "left"]
+
+
+def gap_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
+    """Return (kind, before, after, noise, left) of each kind of gap, and of all channels in noise
+    units.
+    """
+    rows = []
+    for part in gap_kinds(diagnosis.localisation.channels):
+        factor, unit = suited(part.before, part.unit)
+        sizes = [number(factor * value, 2) for value in (part.before, part.after, part.noise)]
+        rows.append((f"{part.kind} [{unit}]", *sizes, percent(part.left)))
+    total, share = diagnosis.gap_reduction, NOTHING
+    sizes = [number(value, 2) for value in (total.before, total.after, total.floor)]
+    if total.material:
+        low, high = total.ci95
+        share = f"{percent(share_left(total))} ({percent_interval((1 - high, 1 - low))})"
+    return [*rows, ("all, over noise [1]", *sizes, share)]
+
+
+def share_left(reduction: GapReduction) -> float:
+    """Return the share of the held-out gap that causes and calibration leave [1]."""
+    return max(reduction.left.share, 0.0)
+
+
+def sizes_left(left: Remainder) -> str:
+    """Return the remainder's force, torque and position error, as in '1.5 mN, 20 µN·m and 3 cm
+    after 1 s'.
+    """
+    sizes = [
+        measure(size, unit) for size, unit in ((left.force, "N"), (left.torque, "N·m")) if size > 0
+    ]
+    return listed([*sizes, f"{measure(left.position, 'm')} after 1{NBSP}s"])
+
+
+def remains(diagnosis: Diagnosis) -> str:
+    """Return how much of the held-out gap is left, and the probability that it is material."""
+    left = diagnosis.gap_reduction.left
+    if not diagnosis.gap_reduction.material:
+        return (
+            f"The held-out gap is immaterial: {measure(left.position_before, 'm')} after "
+            f"1{NBSP}s, beyond the noise."
+        )
+    said = (
+        f"{percent(share_left(diagnosis.gap_reduction))} of the held-out gap is left beyond "
+        f"the noise"
+    )
+    return (
+        f"{said}: {sizes_left(left)}. Probability that this is material: "
+        f"{probability(left.probability)}."
+    )
+
+
+CONTRADICTED = -0.02  # held-out gain below which flights contradict a cause [1]; own choice
+MOST_NAMED = 3  # causes in the headline; the table has all
+PLAIN_GAIN = 1.1  # ratio of errors of the replay from which it is better or worse [1]; own choice
+
+
+def headline(diagnosis: Diagnosis) -> str:
+    """Return the answer in one sentence: the causes, their share of the whole gap, and what the
+    replay makes of it.
+
+    At most `MOST_NAMED` causes are named, those with the largest share of the gap. Where the
+    held-out flights show no material gap, that is the answer, and nothing is named.
+    """
+    if diagnosis.cannot_tell:
+        return CANNOT_TELL
+    reduction, judges = diagnosis.gap_reduction, _judges(diagnosis)
+    left, sizes = reduction.left, sizes_left(reduction.left)
+    unknown = UNKNOWN in diagnosis.verdict
+    if not reduction.material:
+        return f"There is no material gap on {judges}"
+    causes = named_causes(diagnosis)
+    if causes:
+        text = capital(_explained(diagnosis, causes))
+        told = f"probability that it is material {probability(left.probability)}"
+        rest = f"; {percent(share_left(reduction))} remains unexplained: {sizes} ({told})"
+        return text + rest * unknown
+    if unknown:
+        sure = probability(diagnosis.unknown_probability)
+        return f"No effect explains what is left on {judges} ({sure}): {sizes}"
+    calibrated = "with calibration, " if diagnosis.calibration else ""
+    return f"Nothing material is missing: {calibrated}the remainder on {judges} is {sizes}"
+
+
+def _explained(diagnosis: Diagnosis, causes: Sequence[Cause]) -> str:
+    """Return the causes as subject, what flights contradict, the share of the gap, and whether the
+    replay improves.
+    """
+    names = [phrase(cause) for cause in causes[:MOST_NAMED]]
+    rest = len(causes) - len(names)
+    names += [f"{rest} more"] * (rest > 0) + ["calibration"] * bool(diagnosis.calibration)
+    one, share, judges = len(names) == 1, diagnosis.gap_reduction.fraction, _judges(diagnosis)
+    if share < 0:
+        return f"{listed(names)} {'does' if one else 'do'} not help: the gap on {judges} grows"
+    text = f"{listed(names)} explain{'s' if one else ''} {percent(share)} of the gap on {judges}"
+    against = [bare_name(c.identifier) for c in causes if c.held_out_gain < CONTRADICTED]
+    if against:
+        text += (
+            f", which {'is' if len(diagnosis.held_out) == 1 else 'are'} predicted better "
+            f"without {listed(against)}"
+        )
+    if grown := [part.kind for part in gap_kinds(diagnosis.localisation.channels) if part.grows]:
+        text += f" and make{'s' * one} {listed(grown)} worse"
+    return text + _replayed(diagnosis.gap_reduction)
+
+
+def _replayed(reduction: GapReduction) -> str:
+    """Return how the position error of the replay changes at its last horizon; empty where it was
+    not made.
+    """
+    before, after = reduction.replay_before, reduction.replay_after
+    if before is None or after is None:
+        return ""
+    was, now = float(before.position[-1, 0]), float(after.position[-1, 0])
+    horizon = f"after {before.horizon[-1]:g}{NBSP}s"
+    if not np.isfinite(now):
+        return f"; the corrected simulator loses the vehicle {horizon}"
+    if not np.isfinite(was):
+        return f"; the replay, lost until now, is off by {measure(now, 'm')} {horizon}"
+    if now < was / PLAIN_GAIN:
+        return f"; the replay improves from {measure(was, 'm')} to {measure(now, 'm')} {horizon}"
+    worse = "gets worse" if now > PLAIN_GAIN * was else "does not improve"
+    return f"; the replay {worse} ({measure(was, 'm')} to {measure(now, 'm')} {horizon})"
+
+
+def _judges(diagnosis: Diagnosis) -> str:
+    return f"{'the second half of ' if diagnosis.joined else ''}{flights(len(diagnosis.held_out))}"
+
+
+def lead(diagnosis: Diagnosis) -> str:
+    """Return what stands below the headline: probabilities, what remains, and what the second
+    answer adds.
+    """
+    if diagnosis.cannot_tell:
+        return "The training flights excite too little to tell one effect from another."
+    causes, said = named_causes(diagnosis), []
+    unknown, traces = UNKNOWN in diagnosis.verdict, diagnosis.unexplained
+    if causes and diagnosis.gap_reduction.material:
+        least = min(cause.probability for cause in causes)
+        one = f"probability {probability(least)}"
+        said.append(one if len(causes) == 1 else f"each has a probability {of_at_least(least)}")
+    elif causes:
+        them = listed([bare_name(c.identifier) for c in causes])
+        said.append(f"training names {them}, which these flights do not need")
+    elif not unknown:
+        said.append("the simulator agrees with the logs, and nothing is named")
+    if unknown and traces:
+        # That with the largest share of weight, else with the largest force, else the first.
+        main = max(traces, key=lambda f: (f.figures.get("share", 0.0), f.figures.get("force", 0.0)))
+        said.append(f"to find what remains: {main.measurement}")
+    elif unknown:
+        said.append("it has no trace of its own")
+    if diagnosis.new_on_held_out:
+        said.append(f"new on {_judges(diagnosis)}: {diagnosis.new_on_held_out[0].text.rstrip('.')}")
+    if diagnosis.refit is not None and diagnosis.refit.verdict != diagnosis.verdict:
+        said.append(
+            "a second answer, which knows halves of the held-out flights, differs: see below"
+        )
+    return capital("; ".join(said)) + "."
+
+
+def named_causes(diagnosis: Diagnosis) -> list[Cause]:
+    """Return the causes of the verdict, the one with the largest share of the gap first."""
+    named = [cause for cause in diagnosis.causes if cause.identifier in diagnosis.verdict]
+    return sorted(named, key=lambda cause: -np.nan_to_num(cause.share))
+
+
+DIFFERENCE_HEADER = ["difference", "95 % interval", "healthy vehicles"]
+MOST_DIFFERENCES = 8  # that are shown
+LEAST_DIFFERENCE = (
+    0.5  # of the standard deviation of healthy vehicles, below which none is shown [1]; own choice
+)
+SHOWN = 6  # columns of the table of causes that are always there
+LOOSE = 0.5  # half-width of an interval over the value, above which it is loose [1]; own choice
+
+
+def difference_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
+    """Return (what differs, its 95 % interval, the standard deviation of healthy vehicles), the
+    largest first.
+    """
+    large = [d for d in diagnosis.calibration if d.in_deviations > LEAST_DIFFERENCE]
+    return [(capital(d.text), *spread(d)) for d in large[:MOST_DIFFERENCES]]
+
+
+def cause_table(diagnosis: Diagnosis, longest: int = 20) -> tuple[list[str], list[tuple[str, ...]]]:
+    """Return header and rows of the causes, a row for every parameter; the first has what is of the
+    whole cause.
+
+    When an effect begins, and what it cannot be told from, are columns only where there is such a
+    thing to say.
+    """
+    header = [
+        "cause",
+        "parameter",
+        "value",
+        "95 % interval",
+        "probability",
+        "held-out gain",
+        "begins",
+        "or else",
+    ]
+    rows: list[tuple[str, ...]] = []
+    for cause in named_causes(diagnosis):
+        begins = [onset(t, plain_name(n, longest)) for n, t in cause.onset.items() if t is not None]
+        last = [probability(cause.probability), percent(cause.held_out_gain)]
+        last += ["\n".join(begins), "\n".join(cause.indistinguishable_from)]
+        for k, (name, parameter) in enumerate(cause.parameters.items() or [("", None)]):
+            shown = estimate(parameter, unit_of(cause, parameter)) if parameter else ("", "")
+            rows.append(
+                (cause.identifier, name, *shown, *last)
+                if k == 0
+                else ("", name, *shown, "", "", "", "")
+            )
+    keep = [k for k in range(len(header)) if k < SHOWN or any(row[k] for row in rows)]
+    return [header[k] for k in keep], [tuple(row[k] for k in keep) for row in rows]
+
+
+def unseen(diagnosis: Diagnosis) -> str:
+    """Return which effects would leave no trace in the training flights at their usual size; empty:
+    none.
+    """
+    alone = [
+        item.effects[0]
+        for item in diagnosis.identifiability.not_identifiable
+        if len(item.effects) == 1
+    ]
+    names = listed([bare_name(name) for name in alone])
+    return f"At its usual size the training flights would not show: {names}." if alone else ""
+
+
+def warnings(diagnosis: Diagnosis) -> list[str]:
+    """Return every warning once; what holds of several flights names them in one line."""
+    flights_of: dict[str, list[str]] = {}
+    for warning in dict.fromkeys((*diagnosis.identifiability.warnings, *diagnosis.warnings)):
+        name, _, text = warning.partition(": ")
+        known = name in diagnosis.train + diagnosis.held_out
+        flights_of.setdefault(text if known else warning, []).extend([name] if known else [])
+    return [f"{', '.join(names)}: {text}" if names else text for text, names in flights_of.items()]
+
+
+def next_steps(diagnosis: Diagnosis) -> list[str]:
+    """Return what to do next, the most useful first."""
+    if diagnosis.cannot_tell:
+        tried = [
+            item.manoeuvre for item in diagnosis.identifiability.not_identifiable if item.manoeuvre
+        ]
+        return [
+            (
+                f"Fly with more motion in every "
+                f"axis{f', such as: {tried[0]}' if tried else ''}. Diagnose again."
+            )
+        ]
+    causes = named_causes(diagnosis)
+    out = [
+        f"To check {name_of(c.identifier)}: {check}."
+        for c in causes
+        if (check := effect_of(c.identifier).bench_check)
+    ]
+    for cause in causes:
+        others = cause.indistinguishable_from
+        if others:
+            between = (
+                f"{name_of(cause.identifier)} from {listed([name_of(o) for o in others], 'or')}"
+            )
+            how = manoeuvre((cause.identifier, *others)).rstrip(".")
+            out.append(f"To tell {between}, fly: {how}; or np-drake fly multisine.")
+        elif loose := _loose(cause):
+            more = effect_of(cause.identifier).excited_by or "a longer one with more motion"
+            out.append(
+                f"Intervals of {cause.identifier} are wide ({listed(loose)}); a better "
+                f"flight: {more}."
+            )
+    if diagnosis.not_flyable:
+        out.insert(0, f"Do not fly the corrected simulator: {diagnosis.not_flyable}.")
+    elif causes:
+        them = "it" if len(causes) == 1 else "them"
+        out.append(
+            f"Add {them} to the simulator with the values of the table, and diagnose new "
+            f"flights with that."
+        )
+    return [capital(step) for step in out]
+
+
+def _loose(cause: Cause) -> list[str]:
+    """Return the parameters whose interval is wide, if the widest of the effect's values is one of
+    them.
+    """
+    wide = {
+        name: 0.5 * (p.ci95[1] - p.ci95[0]) > LOOSE * abs(p.value) > 0
+        for name, p in cause.parameters.items()
+    }
+    alike = max((abs(p.value) for p in cause.parameters.values()), default=0.0)
+    main = [name for name, p in cause.parameters.items() if abs(p.value) == alike]
+    return [name for name in wide if wide[name]] if any(wide[name] for name in main) else []

@@ -1,0 +1,261 @@
+"""Slow forces: whether air or sensors make them, and whether they depend on position.
+
+A force acts on position and accelerometer alike; an attitude that drifts errs in the one, an
+accelerometer that drifts in the other. Gusts do not depend on position.
+Source: Whittle's likelihood, with cosine transforms, as the spectra are steep; own priors.
+"""
+
+import dataclasses as dc
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from scipy import fft, linalg, optimize, stats
+
+from np_drake import attitude
+from np_drake.diagnosis.gusts import (
+    Begins,
+    WindForce,
+    binned,
+    drags,
+    factor,
+    forces,
+    spans,
+    width,
+    wind_force,
+)
+from np_drake.diagnosis.options import Options
+from np_drake.diagnosis.residuals import FORCE, POSITION, VELOCITY, FlightResiduals, low_pass
+from np_drake.rigid_body import P
+
+TOP = 1.0  # of what counts as slow [Hz]
+REACH = 3.0  # spreads to either side
+WHITE = 3.0  # deviation of the white noise of attitude and accelerometer [e-folds]: as good as free
+STARTS = (0.2, 1.0)  # of the force's size, over the attitude's
+
+
+@dc.dataclass(frozen=True)
+class SlowForce:
+    """Log evidence of a Gauss-Markov force over sensors alone, and its deviation by level axis
+    [N].
+    """
+
+    log_evidence: float
+    deviation: float
+
+    def probability(self, even: float) -> float:
+        """Return the probability that a force is there; `even`: log evidence of even odds."""
+        return float(1 / (1 + np.exp(np.clip(even - self.log_evidence, -50, 50))))
+
+
+@dc.dataclass(frozen=True)
+class _Spectra:
+    """Of one flight: f (k,) [Hz], values (c, k, 2) of position, or position and accelerometer, by
+    level axes.
+
+    Their squares are in the mean one-sided power spectral densities [m²/s³].
+    """
+
+    f: np.ndarray
+    values: np.ndarray
+
+
+def slow_force(
+    flights: Sequence[FlightResiduals], residual: Mapping[str, np.ndarray], options: Options
+) -> SlowForce:
+    """Return the evidence of a slow force in a residual (m, 15) by flight.
+
+    Args:
+        residual: by flight, (m, 15) what a model leaves of it.
+    """
+    spectra = [_spectra(e, residual[e.name]) for e in flights]
+    mass, gravity = flights[0].vehicle.mass, flights[0].vehicle.gravity
+    centre, spread = _prior(options, gravity, max(len(s.values) for s in spectra))
+    bounds = list(zip(centre - REACH * spread, centre + REACH * spread, strict=True))
+    n, (time, times) = len(centre), options.priors.gust_time
+
+    def without_force(z: np.ndarray) -> float:
+        return _loss(spectra, z, None) + 0.5 * float(np.sum(((z - centre) / spread) ** 2))
+
+    def with_force(z: np.ndarray) -> float:
+        own = 0.5 * float(np.sum(((z[:n] - centre) / spread) ** 2))
+        return _loss(spectra, z[:n], z[n:]) + own + 0.5 * ((z[n + 1] - np.log(time)) / times) ** 2
+
+    sensors = optimize.minimize(without_force, centre, method="L-BFGS-B", bounds=bounds)
+    about = [
+        (centre[0] - 4, centre[0] + 4),
+        (np.log(time) - REACH * times, np.log(time) + REACH * times),
+    ]
+    starts = [
+        [*z, centre[0] + np.log(s), np.log(time)]
+        for z, s in zip((sensors.x, centre), STARTS, strict=True)
+    ]
+    ends = [
+        optimize.minimize(with_force, z, method="L-BFGS-B", bounds=[*bounds, *about])
+        for z in starts
+    ]
+    best = min(ends, key=lambda end: end.fun)
+    return SlowForce(max(float(sensors.fun - best.fun), 0.0), mass * float(np.exp(best.x[n])))
+
+
+def _slow_power(flights: Sequence[FlightResiduals], residual: Mapping[str, np.ndarray]) -> float:
+    """Return the mean square of the slow force on a level axis, its mean apart [N²], from a
+    residual (m, 15) by flight.
+
+    In the body as in W: an attitude that is read askew turns with a vehicle that yaws.
+    """
+    spectra = [_spectra(e, residual[e.name], upright=True) for e in flights]
+    width = [s.f[0] for s in spectra]
+    power = [
+        np.sum(np.mean(s.values[0] ** 2, axis=1)) * w for s, w in zip(spectra, width, strict=True)
+    ]
+    return float(flights[0].vehicle.mass ** 2 * np.mean(power))
+
+
+def _spectra(e: FlightResiduals, residual: np.ndarray, *, upright: bool = False) -> _Spectra:
+    """Return the spectra of what is left of a flight (m, 15); `upright`: without its mean in body
+    axes, (3,).
+    """
+    step, R = e.grid.step, e.q
+    slip = attitude.rotate(R, residual[:, POSITION])
+    from_position = np.gradient(slip, step, axis=0) + attitude.rotate(R, residual[:, VELOCITY])
+    read = residual[:, FORCE] / e.vehicle.mass
+    both = [read + attitude.rotate_back(R, from_position), *([read] if e.turned else [])]
+    both = [b - b.mean(axis=0) for b in both] if upright else both
+    across = [attitude.rotate(R, b * [1.0, 1.0, 0.0])[:, :2] for b in both]
+    edge = round(0.25 / (TOP * step))
+    slow = [low_pass(a, step, 4 * TOP)[edge : len(a) - edge] for a in across]
+    n = len(slow[0])
+    f = np.arange(n) / (2 * n * step)
+    some = (f > 0) & (f <= TOP)
+    return _Spectra(
+        f[some],
+        np.stack([fft.dct(a, axis=0, norm="ortho")[some] * np.sqrt(2 * step) for a in slow]),
+    )
+
+
+def _prior(options: Options, gravity: float, channels: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return centre and spread of log sensor errors: attitude (RMS [m/s²], time [s], white),
+    accelerometer.
+    """
+    tolerance, priors = options.tolerance, options.priors
+    turned = gravity * tolerance.attitude
+    found = [(turned, priors.attitude_spread), priors.attitude_drift, (0.02 * turned, WHITE)]
+    if channels == 2:
+        size, spread = priors.accelerometer_flicker
+        found += [(size * tolerance.acceleration, spread)]
+        found += [(0.2 * tolerance.acceleration, WHITE)]
+    return np.log([centre for centre, _ in found]), np.array([wide for _, wide in found])
+
+
+def _markov(f: np.ndarray, rms: float, time: float) -> np.ndarray:
+    """Return (k,) the one-sided power spectral density of a first-order Gauss-Markov process, of
+    the logarithms.
+    """
+    return 4 * np.exp(2 * rms + time) / (1 + (2 * np.pi * f * np.exp(time)) ** 2)
+
+
+def _loss(spectra: Sequence[_Spectra], z: np.ndarray, force: np.ndarray | None) -> float:
+    """Return minus the log likelihood, up to a constant; sensors' z and the force's (size, time)
+    are logarithms.
+    """
+    total = 0.0
+    for s in spectra:
+        common = np.zeros(len(s.f)) if force is None else _markov(s.f, *force)
+        position = _markov(s.f, z[0], z[1]) + np.exp(2 * z[2]) + common
+        if len(s.values) == 1:
+            total += float(
+                np.sum(0.5 * np.sum(s.values[0] ** 2, axis=1) / position + np.log(position))
+            )
+            continue
+        read = np.exp(2 * z[3]) / s.f + np.exp(2 * z[4]) + common
+        # Whittle: at every frequency both channels are Gaussian, with the force as common part of
+        # their spectra.
+        det = position * read - common**2
+        (pp, pr, rr) = (
+            np.sum(s.values[i] * s.values[j], axis=1) for i, j in ((0, 0), (0, 1), (1, 1))
+        )
+        total += float(
+            np.sum(0.5 * (read * pp - 2 * common * pr + position * rr) / det + np.log(det))
+        )
+    return total
+
+
+def gust_probability(
+    flights: Sequence[FlightResiduals],
+    residual: Mapping[str, np.ndarray],
+    held_out: Sequence[FlightResiduals],
+    held_out_residual: Mapping[str, np.ndarray],
+    options: Options,
+    *,
+    hidden: bool,
+) -> float:
+    """Return the probability of a slow force in the air; 0 where training flights show none.
+
+    Args:
+        residual: by flight, (m, 15) what a model leaves of them.
+        hidden: whether the model has a payload, whose swing may have been lost.
+    """
+    seen = slow_force(flights, residual, options)
+    both = slow_force([*flights, *held_out], {**residual, **held_out_residual}, options)
+    thresholds = options.thresholds
+    matters = both.deviation > options.materiality.force * flights[0].weight
+    shown = seen.log_evidence > thresholds.held_out_share * thresholds.slow_force_evidence
+    lost = hidden and _slow_power(flights, residual) < thresholds.held_out_share * _slow_power(
+        flights, {e.name: e.y for e in flights}
+    )
+    return (
+        both.probability(thresholds.slow_force_evidence) if matters and shown and not lost else 0.0
+    )
+
+
+def position_p_value(
+    flights: Sequence[FlightResiduals], residual: Mapping[str, np.ndarray], begins: Begins
+) -> float:
+    """Return the probability that gusts follow the position as much as this force does [1].
+
+    Args:
+        residual: by flight, (m, 15) what a model leaves of it.
+        begins: by flight, when the wind begins [s]; None: from the start.
+    Source: likelihood ratio of a level force that is quadratic in the position beside gusts, a mean
+        in each span and a
+    drag, under the gusts' covariance, as strong in each flight as they are there.
+    """
+    wind = wind_force(flights, residual, begins)
+    x = np.concatenate([e.rows.x[:, P] for e in flights])
+    middle, size = x.mean(axis=0), x.std(axis=0) + 1e-9  # [m], for a height that is kept
+    first, second = np.triu_indices(3)
+    white = []
+    for e in flights:
+        at = np.stack([np.interp(e.t, e.rows.t, axis) for axis in e.rows.x[:, P].T], axis=1)
+        place = (at - middle) / size
+        dragged = np.hstack([*np.moveaxis(drags(e)[:, :2], 1, 0)])
+        level = np.hstack(
+            [
+                forces(e, residual[e.name])[:, :2],
+                dragged,
+                binned(e, place),
+                binned(e, place[:, first] * place[:, second]),
+            ]
+        )
+        pieces = [_about_its_mean(p, width(e), wind) for p in spans(e, level, begins.get(e.name))]
+        if pieces:
+            own = np.concatenate(pieces)
+            white.append(own / np.sqrt(np.mean(own[:, :2] ** 2)))
+    if not white:
+        return 1.0
+    force, drag_x, drag_y, place = np.split(np.concatenate(white), [2, 5, 8], axis=1)
+    less = linalg.orth(np.vstack([drag_x, drag_y]))
+    more = linalg.orth(np.hstack([np.vstack([drag_x, drag_y]), linalg.block_diag(place, place)]))
+    both = force.T.ravel()
+    # Likelihood ratio: the power that the position explains beside the drag, by projection on both
+    # column spaces.
+    gain = np.sum((more.T @ both) ** 2) - np.sum((less.T @ both) ** 2)
+    return float(stats.chi2.sf(gain, more.shape[1] - less.shape[1]))
+
+
+def _about_its_mean(span: np.ndarray, width: float, wind: WindForce) -> np.ndarray:
+    """Return (k, a) columns whitened, without what is constant before it was."""
+    root = factor(len(span), width, *wind.figures)
+    white = linalg.solve_triangular(root, np.column_stack([span, np.ones(len(span))]), lower=True)
+    one = white[:, -1:]
+    return white[:, :-1] - one @ (one.T @ white[:, :-1]) / np.sum(one**2)

@@ -1,0 +1,161 @@
+"""Laws of truths and answers: every truth is a case, and what cannot be read is one line."""
+
+import json
+import shutil
+
+import pytest
+
+from diagrams.challenge.answered_case import (
+    ANSWER,
+    REAL_ANSWER,
+    TRUTH,
+    SchemaValidator,
+    read_answered_cases,
+    violation,
+)
+from diagrams.challenge.score import same_flight
+
+NUMBER = {"description": "a finite number", "type": "number"}
+PAIR = {
+    "description": "an object with a, b",
+    "type": "object",
+    "properties": {"a": NUMBER, "b": {"description": "text", "type": "string"}},
+    "required": ["a", "b"],
+}
+DEEP = {"description": "a list, each an object with a, b", "type": "array", "items": PAIR}
+
+
+@pytest.fixture
+def folders(by_hand, tmp_path):
+    truths = {"a1": by_hand.make_truth(by_hand.SCALE), "b2": by_hand.make_truth(kind="clean")}
+    for name, truth in truths.items():
+        (tmp_path / "truth" / name).mkdir(parents=True)
+        (tmp_path / "truth" / name / "truth.json").write_text(json.dumps(truth))
+    (tmp_path / "answers" / "a1").mkdir(parents=True)
+    said = by_hand.perfect(truths["a1"])
+    (tmp_path / "answers" / "a1" / "diagnosis.json").write_text(json.dumps(said))
+    return tmp_path / "answers", tmp_path / "truth"
+
+
+@pytest.mark.parametrize(
+    "value", [float("nan"), float("inf"), -float("inf"), 10**400, True, "1", None, [1]], ids=str
+)
+def test_what_is_no_finite_number_is_refused(value):
+    assert violation(SchemaValidator(NUMBER), value).startswith("it must be a finite number; got ")
+
+
+@pytest.mark.parametrize(
+    "value, sentence",
+    [
+        ([], None),
+        ([{"a": 1, "b": "", "d": "not read"}], None),
+        ({}, "it must be a list, each an object with a, b; got {}."),
+        ([{"a": 1, "b": ""}, 1], "[1] must be an object with a, b; got 1."),
+        ([{"a": 1}], "[0].b is missing; it must be text."),
+        ([{"a": None, "b": ""}], "[0].a must be a finite number; got nothing."),
+    ],
+    ids=str,
+)
+def test_a_misfit_names_place_what_it_must_be_and_what_it_is(value, sentence):
+    assert violation(SchemaValidator(DEEP), value) == sentence
+
+
+def inner(schema):
+    """The schema and all that it holds, but for references."""
+    parts = [*schema.get("properties", {}).values(), *schema.get("patternProperties", {}).values()]
+    parts += [*schema.get("$defs", {}).values(), *([schema["items"]] if "items" in schema else [])]
+    return [schema, *(deeper for part in parts for deeper in inner(part))]
+
+
+@pytest.mark.parametrize("form", [TRUTH, ANSWER, REAL_ANSWER], ids=["truth", "answer", "real"])
+def test_a_form_is_a_json_schema_and_says_of_every_value_what_it_must_be(form):
+    SchemaValidator.check_schema(form.schema)
+    assert all(part.get("description") or "$ref" in part for part in inner(form.schema))
+    for part in inner(form.schema):
+        assert all("description" in part["properties"][name] for name in part.get("required", ()))
+
+
+def test_every_truth_is_a_case_with_or_without_an_answer(folders):
+    first, second = read_answered_cases(*folders)
+    assert (first.name, first.group, first.verdict) == ("a1", "drake, clean", ("thrust_scale",))
+    assert (second.name, second.kind, second.answer, second.verdict) == ("b2", "clean", None, ())
+
+
+def test_a_folder_of_sets_is_read_as_all_their_cases(folders, tmp_path):
+    sets = [tmp_path / kind for kind in ("answers", "truths")]
+    for whole, part in zip(sets, folders, strict=True):
+        for name in ("one", "two"):
+            shutil.copytree(part, whole / name)
+    alone, together = read_answered_cases(*folders), read_answered_cases(*sets)
+    assert [c.name for c in together] == [f"{s}/{c.name}" for s in ("one", "two") for c in alone]
+    assert [c.verdict for c in together] == 2 * [c.verdict for c in alone]
+
+
+def test_a_folder_without_truth_is_refused(folders):
+    with pytest.raises(ValueError, match=r"must hold <case>/truth\.json"):
+        read_answered_cases(folders[0], folders[0])
+
+
+@pytest.mark.parametrize(
+    "content, said",
+    [
+        ("{", "must hold a JSON object"),
+        ("[]", "must hold a JSON object"),
+        ("[" * 100_000, "must hold a JSON object"),
+        ("{}", "verdict is missing"),
+        ('{"verdict": 3}', "verdict"),
+        (f'{{"verdict": [{"[" * 700}{"]" * 700}]}}', r"(must hold a JSON object|verdict\[0\])"),
+    ],
+    ids=["broken", "a list", "too deep", "empty", "a number", "too deep to quote"],
+)
+def test_a_file_that_is_no_diagnosis_is_named(folders, content, said):
+    answers, truth = folders
+    (answers / "a1" / "diagnosis.json").write_text(content)
+    with pytest.raises(ValueError, match=rf"a1/diagnosis\.json: {said}"):
+        read_answered_cases(answers, truth)
+
+
+def spoilt(path, place, value):
+    """Set one field of a JSON file; `...` takes it out."""
+    content = json.loads(path.read_text())
+    within = content
+    for key in place[:-1]:
+        within = within[key]
+    within[place[-1]] = value
+    if value is ...:
+        del within[place[-1]]
+    path.write_text(json.dumps(content))
+
+
+EFFECT = ["effects", 0]
+CAUSE = ["causes", 0]
+WRONG = [
+    ("truth", EFFECT, 1, r"effects\[0\] must be an object with effect, parameters, onset; got 1\."),
+    ("truth", EFFECT, {}, r"effects\[0\]\.effect is missing; it must be text\."),
+    ("truth", [*EFFECT, "parameters", "scale"], "a", r"scale must be a finite number; got 'a'\."),
+    ("truth", ["class"], [], "class and within_tolerance must hold one for each effect"),
+    ("truth", ["true_model_residual"], {}, "force_x is missing; it must be a finite number, at"),
+    ("truth", ["visibility"], float("nan"), "visibility must be a finite number, at least 0; got"),
+    ("truth", ["kind"], "weird", "kind must be one of single, .*, foreign; got 'weird'"),
+    ("answers", [*CAUSE, "parameters"], {"x": None}, r"\.x must be an object with value, ci95"),
+    ("answers", [*CAUSE, "probability"], 2.0, "probability must be .* at most 1, or null; got 2"),
+    ("answers", ["shrink"], ..., "shrink is missing; it must be an object with replay"),
+    ("answers", ["shrink", "replay"], {"before": None}, r"shrink\.replay\.horizon is missing"),
+    ("answers", ["wall"], "x", "wall must be a finite number, at least 0, or null; got 'x'"),
+]
+
+
+@pytest.mark.parametrize("kind, place, value, said", WRONG)
+def test_an_unreadable_field_is_one_line_with_file_and_field(folders, kind, place, value, said):
+    answers, truth = folders
+    name = {"truth": "truth", "answers": "diagnosis"}[kind]
+    path = {"truth": truth, "answers": answers}[kind] / "a1" / f"{name}.json"
+    spoilt(path, place, value)
+    with pytest.raises(ValueError, match=rf"a1/{name}\.json: .*{said}") as caught:
+        read_answered_cases(answers, truth)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_flight_is_the_same_by_any_suffix():
+    names = ("train_1", "train_1.csv", "x/train_1.csv.gz", "train_1.parquet")
+    assert {same_flight(name) for name in names} == {"train_1"}

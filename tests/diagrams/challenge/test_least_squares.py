@@ -1,0 +1,72 @@
+"""Laws of the opponent: a planted effect is found, and BIC is sure of it."""
+
+import numpy as np
+import pytest
+
+from diagrams.challenge.least_squares import (
+    DAMPING,
+    LENGTHS,
+    WRENCH,
+    fit,
+    library_columns,
+    payload_columns,
+    select_by_bic,
+)
+from np_drake.diagnosis.residuals import make_flight_residuals
+from np_drake.effects.pendulum import hanging, swing_many
+from np_drake.vehicle import Vehicle
+
+
+def found_on(log):
+    e = make_flight_residuals(log, Vehicle())
+    return select_by_bic(e.y[:, :WRENCH], library_columns([e]))
+
+
+def test_a_planted_drag_is_found_first_and_for_sure(make_flight):
+    found = found_on(make_flight(1, lambda t, p, v, a: -0.4 * v))
+    assert next(iter(found)) in ("linear_drag", "quadratic_drag")
+    assert found.get("linear_drag", 0.0) > 0.99
+
+
+def test_a_steady_force_is_a_wind(make_flight):
+    found = found_on(make_flight(2, lambda t, p, v, a: np.array([-0.5, 0.2, 0.0]) + 0 * v))
+    assert found.get("constant_wind", 0.0) > 0.99
+
+
+def test_columns_of_noise_are_not_chosen_and_a_planted_one_is():
+    draw = np.random.default_rng(0)
+    y = draw.normal(size=(2000, 6))
+    noise = [(f"noise_{i}", draw.normal(size=(2000, 6, 2))) for i in range(5)]
+    assert select_by_bic(y, noise) == {}
+    planted = ("planted", y[..., None] + draw.normal(size=(2000, 6, 1)))
+    assert list(select_by_bic(y, [*noise, planted])) == ["planted"]
+
+
+def test_the_criterion_is_that_of_gaussian_noise():
+    draw = np.random.default_rng(1)
+    X, noise = draw.normal(size=(500, 6, 2)), 0.1 * draw.normal(size=(500, 6))
+    y = X @ [0.3, -0.2] + noise
+    c, bic = fit(y, [("made", X)])
+    assert c == pytest.approx([0.3, -0.2], abs=0.01)  # noise over root of 3000 rows
+    left = np.mean((y - X @ c) ** 2, axis=0)
+    assert bic == pytest.approx(500 * np.log(left).sum() + 2 * np.log(3000))
+
+
+def test_a_planted_payload_is_found_at_its_length(make_flight):
+    mass, length = 0.15, LENGTHS[13]
+
+    def pull(t, p, v, a):
+        start = hanging(np.array([[0.1, -0.05]]), np.zeros((1, 2)), length)
+        a, v = 0.5 * (a[1:] + a[:-1]), 0.5 * (v[1:] + v[:-1])
+        how = {"damping": DAMPING, "v_hook": v}
+        pulls = swing_many(np.array([length]), *start, a, t[1] - t[0], 9.81, **how)[:, 0]
+        return mass * np.concatenate([pulls[:1], 0.5 * (pulls[1:] + pulls[:-1]), pulls[-1:]])
+
+    log = make_flight(4, pull)
+    assert found_on(log).get("suspended_payload", 0.0) > 0.99
+    e = make_flight_residuals(log, Vehicle())
+    y = e.y[:, :WRENCH] * [1, 1, 1, 0, 0, 0]
+    fits = [fit(y, [columns]) for columns in payload_columns([e])]
+    best = min(range(len(LENGTHS)), key=lambda i: fits[i][1])
+    assert best == 13
+    assert fits[best][0][0] == pytest.approx(mass, rel=0.06)  # linear about hanging still

@@ -1,0 +1,123 @@
+"""Effects that the library does not have: closed forms of their laws."""
+
+import numpy as np
+import pytest
+
+from diagrams.challenge import out_of_library as laws
+from diagrams.challenge.draw import draw_effect
+from diagrams.challenge.out_of_library import DEVELOPMENT, DRAWS, HOLDOUT
+from np_drake.effects.base import Motion, WrenchEffect
+
+LEVEL = np.eye(13)[3]  # at the origin, at rest
+
+
+def drawn(name, vehicle):
+    (effect,) = draw_effect(name, np.random.default_rng(9), vehicle, 20.0)
+    return effect
+
+
+def hover(vehicle):
+    return np.full(4, vehicle.mass * vehicle.gravity / 4)
+
+
+def wrench(law, vehicle, x, thrust=None, wind=(0.0, 0.0, 0.0), t=0.0, **sizes):
+    thrust = np.ones(4) if thrust is None else thrust
+    return law(vehicle, Motion(t, x, thrust, np.array(wind)), **sizes)
+
+
+def test_every_law_flies_in_a_set():
+    assert {*DEVELOPMENT, *HOLDOUT} == set(DRAWS)
+
+
+@pytest.mark.parametrize("name", DRAWS)
+def test_one_instant_is_as_many_and_hidden_states_rest(name, vehicle):
+    effect, rng = drawn(name, vehicle), np.random.default_rng(7)
+    if not isinstance(effect, WrenchEffect):
+        command = np.array([3.0, 5.0, 6.0, 8.0])
+        rate = effect.state_rate(vehicle, effect.state_at(vehicle, command), command)
+        assert rate.shape == (effect.state_size,)
+        np.testing.assert_allclose(rate, 0.0, atol=1e-12)
+        return
+    x = rng.normal(size=(20, 13))
+    x[:, 3:7] /= np.linalg.norm(x[:, 3:7], axis=1, keepdims=True)
+    motion = Motion(rng.uniform(0, 20, 20), x, rng.uniform(0, 9, (20, 4)), rng.normal(size=(20, 3)))
+    one = Motion(motion.t[3], x[3], motion.rotor_thrust[3], motion.wind[3])
+    np.testing.assert_allclose(
+        effect.wrench(vehicle, one), effect.wrench(vehicle, motion)[3], atol=1e-12
+    )
+
+
+def test_a_motor_stays_in_step_with_slow_rises_and_loses_it_with_fast_ones(vehicle):
+    """In full from twice the jump on; a fall does no harm, and the other motors stay in step."""
+    h = hover(vehicle)[0]
+    at_rest, rate, given = laws.losing_sync(vehicle, rotor=1, loss=0.4, jump=0.1, time=0.2)
+    s = at_rest(hover(vehicle))
+    for rise, out_of_step in ((0.1, 0.0), (0.15, 0.5), (0.5, 1.0), (-0.5, 0.0)):
+        command = hover(vehicle) + rise * h * (np.arange(4) == 1)
+        np.testing.assert_allclose(rate(s, command), [rise * h / 0.2, out_of_step / 0.2], atol=1e-9)
+    np.testing.assert_allclose(given(s, hover(vehicle)), hover(vehicle))
+    np.testing.assert_allclose(given(np.array([h, 0.5]), hover(vehicle)), [h, 0.8 * h, h, h])
+
+
+def test_blades_give_way_over_time(vehicle):
+    """After a step from hover to twice the thrust they give all of it at once, and 0.8 of it
+    later.
+    """
+    h = hover(vehicle)
+    at_rest, _, given = laws.creeping_blades(vehicle, creep=0.2, time=1.0)
+    np.testing.assert_allclose(given(at_rest(h), 2 * h), 2.0 * h)
+    np.testing.assert_allclose(given(at_rest(2 * h), 2 * h), 1.6 * h)
+
+
+def test_no_rotor_gives_more_than_where_it_saturates(vehicle):
+    thrust = np.array([1.0, 2.5, 2.0, 3.0])
+    expected = vehicle.mixer @ (np.minimum(thrust, 2.0) - thrust)
+    chi = wrench(laws.rotor_saturation, vehicle, LEVEL, thrust, limit=2.0)
+    np.testing.assert_allclose(chi, [0.0, 0.0, *expected], atol=1e-12)
+
+
+def test_an_odd_propeller_pushes_aside_of_the_way_at_its_place(vehicle, moving):
+    """Ahead through the air: to the left, with the rotor's speed, which doubles at four times the
+    thrust.
+    """
+    (x, _, z), thrust = vehicle.rotor_positions[2], hover(vehicle)
+    thrust[2] *= 4
+    at = moving((3.0, 0.0, 0.5))
+    chi = wrench(laws.odd_propeller, vehicle, at, thrust, (1.0, 0, 0), rotor=2, c=0.1)
+    np.testing.assert_allclose(chi, [0, 0.4, 0, -0.4 * z, 0, 0.4 * x], atol=1e-12)
+
+
+def test_a_line_rubs_against_the_motion_and_no_more_at_speed(vehicle, moving):
+    """Over ground: wind is none of it."""
+    for speed, friction in ((0.0, 0.0), (0.2, 0.5 * np.tanh(1.0)), (3.0, 0.5), (9.0, 0.5)):
+        x = moving(speed * np.array([0.6, 0.0, -0.8]))
+        chi = wrench(laws.rubbing_line, vehicle, x, wind=(2.0, 1.0, 0), force=0.5, creep=0.2)
+        np.testing.assert_allclose(chi, [-0.6 * friction, 0, 0.8 * friction, 0, 0, 0], atol=1e-9)
+
+
+def test_a_winch_pulls_alike_from_afar_and_harder_while_it_pays_out(vehicle, moving):
+    """Towards its anchor; motion across the tether changes nothing."""
+    sizes = {"tension": 0.5, "friction": 0.2, "creep": 0.1, "anchor": (1.0, 0.0, 0.0)}
+    for span, v, pull in (
+        (1.0, (0.0, 0.0, 0.0), 0.5),
+        (4.0, (0.0, 0.0, 0.0), 0.5),
+        (2.0, (0.0, 0.0, 5.0), 0.6),
+        (2.0, (0.0, 0.0, -5.0), 0.4),
+        (2.0, (3.0, -2.0, 0.0), 0.5),
+    ):
+        chi = wrench(laws.winch_tether, vehicle, moving(v, p=(1.0, 0.0, span)), **sizes)
+        np.testing.assert_allclose(chi, [0, 0, -pull, 0, 0, 0], atol=1e-9)
+
+
+def test_a_lidar_couples_roll_and_pitch_and_does_no_work(vehicle, moving):
+    w = np.array([0.5, -0.8, 0.3])
+    tau = wrench(laws.spinning_lidar, vehicle, moving((0, 0, 0), w), h=0.02)[3:]
+    np.testing.assert_allclose(tau, [0.02 * 0.8, 0.02 * 0.5, 0.0], atol=1e-12)
+    assert abs(tau @ w) < 1e-12
+
+
+def test_a_draft_blows_on_one_side_and_half_at_its_edge(vehicle, moving):
+    sizes = {"force": (0.3, -0.2, 0.1), "normal": (0, 1.0, 0), "from_origin": 0.5, "edge": 0.1}
+    for y, share in ((2.0, 1.0), (0.5, 0.5), (-2.0, 0.0)):
+        chi = wrench(laws.doorway_draft, vehicle, moving((0, 0, 0), p=(0.0, y, 1.0)), **sizes)
+        np.testing.assert_allclose(chi, share * np.array([0.3, -0.2, 0.1, 0, 0, 0]), atol=1e-12)

@@ -1,0 +1,230 @@
+"""Laws of the campaigns of real flights: names decide which flights judge, none judges its own fit,
+and what is not known is neither right nor wrong.
+"""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from diagrams.challenge import real
+from diagrams.challenge.real import (
+    CAMPAIGNS,
+    DRAG,
+    GROUND,
+    GROUPS,
+    across_blocks,
+    block_name,
+    by_blocks,
+    by_controller,
+    campaign_of,
+    in_circle,
+    make_cases,
+    named,
+    numbered_blocks,
+)
+from np_drake.diagnosis.result import UNKNOWN
+from np_drake.effects.base import Motion
+from np_drake.effects.ground_effect import GroundEffect
+from np_drake.effects.library import BESIDE_NEIGHBOURS, LIBRARY
+
+BLOCKS = (range(6, 11), range(17, 22), (43, 45, 46), range(57, 62))
+WINDS = ("nowind", "35wind", "100wind")
+CONTROLLERS = ("baseline", "indi", "pid")
+FLOWN = [Path(f"custom_figure8_{c}_{w}.csv") for c in CONTROLLERS for w in WINDS]
+FILES = (  # of all campaigns, as they are named there
+    *(f"imrc/payload/flight{n:02}" for block in BLOCKS for n in block),
+    *(f"imrc/bare/flight{n:02}" for n in (0, 1, 2, 12, 13, 22, 23)),
+    *(f"neural_fly/{path}" for path in FLOWN),
+    *(f"idsia/{kind}_run{n}.parquet" for kind in ("melon", "random1", "zoo") for n in (1, 2)),
+    *(f"nanobench/dataset_B{n}_{k}_rep1.csv.gz" for n, k in enumerate(("oval", "star"))),
+    *(
+        f"crazyswarm2/{kind}/{name}{n}"
+        for kind in ("standard", "upgraded", "payload")
+        for n in (1, 3, 5)
+        for name in ("log", "info")
+    ),
+    *(
+        f"neural_swarm/{kind}/walk_{kind}_{name}_0{n}.gz"
+        for kind in ("ground", "single")
+        for name in ("cf50", "cf101")
+        for n in (1, 2)
+    ),
+    *(f"neural_swarm/downwash/cf5{v}_0{n}.gz" for v in (0, 1) for n in (0, 2)),
+)
+
+
+def paths(numbers, stem="flight") -> list[Path]:
+    return [Path(f"{stem}{n:02}") for n in numbers]
+
+
+ALL = [path for block in BLOCKS for path in paths(block)]
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch) -> Path:
+    """Empty files of all campaigns; what lies in `single` flew high."""
+    for name in FILES:
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).touch()
+    high = lambda path: 0.8 if path.parent.name == "single" else 0.1  # noqa: E731
+    monkeypatch.setattr(real, "exceeded_height", high)
+    return tmp_path
+
+
+# Rules
+
+
+def test_a_block_is_of_consecutive_numbers_of_one_stem():
+    names = [block_name(block) for block in numbered_blocks(reversed(ALL))]
+    assert names == ["06-10", "17-21", "43-46", "57-61"]
+    found = numbered_blocks([*paths([1, 2]), *paths([3], "other"), Path("README")])
+    assert [len(block) for block in found] == [2, 1]
+
+
+def test_a_block_is_fitted_and_the_next_one_judges():
+    cases = [case for case in by_blocks("payload", ALL) if "+" not in case.name]
+    assert [(case.train, case.held_out) for case in cases] == [
+        (tuple(paths([6, 7])), Path("flight17")),
+        (tuple(paths([17, 18])), Path("flight43")),
+        (tuple(paths([43, 45])), Path("flight57")),
+        (tuple(paths([57, 58])), Path("flight06")),
+    ]
+    (single,) = by_blocks("payload", paths([1, 5, 6]))  # a block of one flight is not fitted
+    assert (single.train, single.held_out) == (tuple(paths([5, 6])), Path("flight01"))
+
+
+def test_every_block_judges_once_and_is_not_fitted_then():
+    cases = list(across_blocks("payload", ALL))
+    assert [case.held_out for case in cases] == paths([10, 21, 46, 61])
+    assert cases[0].name == "17-21 + 43-46 -> 06-10"
+    assert str(cases[0].folder) == "payload/17-21+43-46_to_06-10"
+    for case, block in zip(cases, BLOCKS, strict=True):
+        assert len(case.train) == 2
+        assert not set(case.train) & set(paths(block))
+    assert not list(across_blocks("payload", ALL[:10]))
+
+
+@pytest.mark.parametrize("flights, fitted", [(5, 2), (2, 1)])
+def test_in_a_circle_every_flight_judges_once(flights, fitted):
+    files = paths(range(flights))
+    cases = list(in_circle("bare", files))
+    assert [case.held_out for case in cases] == files
+    assert all(len(case.train) == fitted and case.held_out not in case.train for case in cases)
+    assert not list(in_circle("bare", files[:1]))
+
+
+def test_of_every_manoeuvre_the_first_judges_the_last_of_others():
+    kinds = ("melon", "random", "square")
+    files = [Path(f"dataset_{kind}_run{n}.csv") for kind in kinds for n in (2, 4)]
+    first, *_ = cases = list(in_circle("idsia", files, r"dataset_([^_]+)_"))
+    assert [case.name for case in cases] == ["melon_run2", "random_run2", "square_run2"]
+    assert [path.name[8:] for path in first.train] == ["random_run4.csv", "square_run4.csv"]
+
+
+@pytest.mark.parametrize("windy, count", [(True, 6), (False, 3)])
+def test_in_every_wind_each_controller_is_held_out_once(windy, count):
+    cases = list(by_controller("wind", FLOWN, windy))
+    assert len(cases) == count
+    for case in cases:
+        wind, fitted = (case.held_out.stem.split("_")[-1], [p.stem for p in case.train])
+        assert all(name.endswith(f"_{wind}") for name in fitted)
+        assert len({n.split("_")[2] for n in (*fitted, case.held_out.stem)}) == 3
+        calm = [name.replace(wind, "nowind") for name in fitted] if windy else []
+        assert [path.stem for path in case.still] == calm
+    speeds = sorted({case.speed for case in cases})
+    assert speeds == pytest.approx([4.2, 12.1] if windy else [0.0], abs=0.05)  # m/s
+
+
+def test_into_wind_the_fit_is_still_air_of_other_controllers():
+    cases = list(by_controller("new-wind", FLOWN, windy=True, fit_still=True))
+    assert len(cases) == 6
+    assert cases[0].name == "still indi + pid -> 35wind baseline"
+    for case in cases:
+        assert all("nowind" in path.name for path in case.train)
+        others = {path.name.split("_")[2] for path in case.train}
+        assert case.held_out.name.split("_")[2] not in others
+        assert case.speed > 0
+        assert case.second
+
+
+# Cases
+
+
+def test_no_flight_judges_its_own_fit_and_folders_of_answers_differ(folder):
+    cases = make_cases(folder)
+    assert {case.group for case in cases} == set(GROUPS) - {"neurobem"}
+    assert all(case.held_out not in case.train and case.train for case in cases)
+    assert len({case.folder for case in cases}) == len(cases)
+    assert all(len(case.folder.parts) == 2 for case in cases)
+    for group in GROUPS[:-1]:
+        judging = [case.held_out for case in cases if case.group == group]
+        assert len(judging) <= campaign_of(group).most
+        assert max(map(judging.count, judging)) <= 2
+        assert not any(path.name.startswith(("info", "pid_mell", "LOG")) for path in judging)
+
+
+def test_what_cannot_be_made_is_said_in_one_line(folder, tmp_path):
+    with pytest.raises(ValueError, match="not there"):
+        make_cases(tmp_path / "nowhere")
+    with pytest.raises(ValueError, match="got none"):
+        make_cases(folder / "idsia")
+    with pytest.raises(ValueError, match=f"must be of {GROUPS[0]}"):
+        make_cases(folder, only=["storm"])
+
+
+def test_a_real_flight_beside_another_has_its_path(real_flights):
+    beside, alone = (campaign_of(f"swarm-downwash{suffix}") for suffix in ("", "-alone"))
+    path, *_ = beside.files(real_flights)
+    near, far = (campaign.open_flights(path)[0] for campaign in (beside, alone))
+    assert len(near.neighbours) == 1
+    assert not far.neighbours
+
+
+# Truth
+
+
+@pytest.mark.parametrize("group", GROUPS)
+def test_a_false_name_makes_an_answer_wrong_and_a_silent_one_does_not(group):
+    truth = campaign_of(group).truth
+    library = {*LIBRARY, *BESIDE_NEIGHBOURS, UNKNOWN}
+    assert truth.source
+    assert {*truth.present, DRAG, *truth.false} <= library
+    assert not {*truth.present, DRAG} & set(truth.false)
+    assert not (truth.healthy and truth.present)
+    present = {truth.present[0]: 0.6} if truth.present else {}
+    assert truth.right({**present, DRAG: 0.9})
+    assert truth.right({}) == (not truth.present)
+    for name in truth.false:
+        assert truth.wrong({**present, name: 0.6}) == [name]
+        assert not truth.right({**present, name: 0.6})
+        assert truth.right({**present, name: 0.4})
+
+
+def test_what_is_not_known_is_not_judged():
+    causes = {"suspended_payload": 0.8, DRAG: 0.7, "mixer_gain": 0.9, "constant_wind": 0.3}
+    assert campaign_of("bare").truth.judged(causes) == [(0.8, False), (0.7, True), (0.3, False)]
+    assert named({DRAG: 0.5, "mass_error": 0.51}) == ["mass_error"]
+
+
+@pytest.mark.parametrize("group", [c.group for c in CAMPAIGNS if GROUND in c.truth.present])
+def test_the_asked_radii_halve_and_double_the_ground_effect(group):
+    campaign = campaign_of(group)
+    known = campaign.truth.parameters["effective_radius"]
+    # Four rotors have the area of one twice as wide.
+    assert known.value == pytest.approx(2 * campaign.nominal.rotor_radius)
+
+    def thrust(radius: float) -> float:
+        x = np.zeros(13)
+        x[2], x[3] = 2 * known.value, 1.0
+        motion = Motion(np.zeros(1), x[None], np.full((1, 4), 0.1))
+        return float(GroundEffect(radius).wrench(campaign.nominal, motion)[0, 2])
+
+    for radius, part in ((known.low, 0.5), (known.high, 2.0)):  # 1 / (1 - s), s up to 3 %
+        assert thrust(radius) / thrust(known.value) == pytest.approx(part, rel=0.02)
+
+
+def test_a_vehicle_weighs_what_its_campaign_states_without_the_payload():
+    assert campaign_of("crazyswarm2-payload").nominal.mass == pytest.approx(0.0419 - 0.005)
+    assert campaign_of("payload").nominal.mass == pytest.approx(0.0397)
+    assert (campaign_of("swarm-ground-large").nominal.thrust_uncertainty or 0) > 0.3  # a guess

@@ -1,0 +1,235 @@
+"""Laws of `np-drake reproduce real`: answers of any tool are scored against what is known."""
+
+import dataclasses as dc
+import json
+
+import numpy as np
+import pytest
+
+from diagrams.challenge.real import campaign_of
+from diagrams.challenge.real_score import (
+    BIC,
+    THIS,
+    asked_figures,
+    outcomes,
+    scored,
+    tables,
+    verdict,
+    wind_figures,
+)
+from diagrams.cli.main import run
+from diagrams.cli.output import WIDTH, print_table
+from diagrams.identification.simulated import Truth, fly_truth
+from np_drake.effects.blade_flapping import BladeFlapping
+from np_drake.effects.constant_wind import ConstantWind
+from np_drake.effects.linear_drag import LinearDrag
+from np_drake.effects.translational_lift import TranslationalLift
+from np_drake.logs.formats.log_file import write_log
+from np_drake.vehicle import Vehicle, load_vehicle
+from np_drake.vehicle.vehicle import ThrottleMap
+
+FORCE = {axis: {"rms": 2.0 + k, "after": 0.2 + 0.1 * k} for k, axis in enumerate("xy")}
+CASES = ("01-02_to_11-12", "11-12_to_01-02")
+
+
+def cause(effect, probability, absent_from=(), **more):
+    return {"effect": effect, "probability": probability, "absent_from": list(absent_from), **more}
+
+
+# One case
+
+
+def test_names_are_judged_and_only_what_is_scored_must_be_there():
+    said = {"causes": [cause("suspended_payload", 0.95), cause("constant_wind", 0.6)]}
+    dut = scored(said, campaign_of("payload").truth)
+    assert (dut["wrong"], dut["right"]) == (["constant_wind"], False)
+    assert (dut["fraction"], dut["seconds"], dut["unknown"]) == (None, None, 0.0)
+    assert dut["cut"] == {"lateral": None, "vertical": None, "torque": None}
+
+
+def test_a_wind_of_the_held_out_flight_alone_is_said_and_not_wrong():
+    truth, new = campaign_of("new-wind").truth, cause("constant_wind", 0.9, ("a", "b"))
+    drag = cause("linear_drag", 0.9, ("a", "b"))
+    for said in ({"causes": [new]}, {"causes": [drag], "refit": {"causes": [new]}}):
+        dut = scored(said, truth, {"a", "b"})
+        assert (dut["new_condition"], dut["right"]) == ("constant_wind", True)
+    assert scored({"causes": [new]}, truth, {"a", "c"})["wrong"] == ["constant_wind"]
+    assert scored({"causes": [drag], "refit": None}, truth, {"a", "b"})["new_condition"] == ""
+
+
+def test_a_cause_that_begins_in_a_healthy_flight_is_wrong():
+    early = cause("thrust_scale", 0.9, onset={"a": None, "b": None})
+    late = {**early, "onset": {"a": None, "b": 3.2}}
+    healthy, other = (campaign_of(g).truth for g in ("bare", "swarm-downwash-alone"))
+    assert scored({"causes": [early]}, healthy)["right"]
+    assert scored({"causes": [late]}, healthy)["wrong"] == ["thrust_scale"]
+    assert scored({"causes": [late]}, other)["wrong"] == []
+
+
+def test_the_unknown_counts_where_it_is_the_truth_and_where_a_place_pulls():
+    said = {"causes": [], "unknown_probability": 0.8, "remains": [{"name": "place"}]}
+    healthy, other = (campaign_of(g).truth for g in ("bare", "swarm-downwash-alone"))
+    assert scored({**said, "remains": []}, other)["right"]
+    assert not scored({"causes": []}, other)["right"]
+    assert scored(said, healthy)["wrong"] == ["place"]
+    assert scored({**said, "remains": []}, healthy)["right"]
+
+
+def test_the_mean_force_of_a_wind_is_that_of_its_drag(make_flight):
+    log = make_flight(5, lambda t, p, v, a: 0 * v)
+    # Drag in still air has a mean of its own, which is no wind's.
+    log = dc.replace(log, v=log.v + [3.0, 0.0, 0.0])
+    drag, wind, measured = (
+        LinearDrag(0.5, 0.5, 0.5),
+        ConstantWind(-4.0, 0.0),
+        np.array([-2.0, 0, 0]),
+    )
+    dut = wind_figures([drag, wind], [log], Vehicle(), measured, 4.0)
+    assert dut["force"] == pytest.approx(1.0, rel=0.05)  # rotor speed enters the drag
+    assert (dut["angle"], dut["speed"]) == (pytest.approx(0.0), pytest.approx(1.0))
+    aside = wind_figures([drag, ConstantWind(0.0, 4.0)], [log], Vehicle(), measured, 4.0)
+    assert aside["angle"] == pytest.approx(90.0)
+    assert wind_figures([wind], [log], Vehicle(), measured, 4.0)["force"] == 0.0
+    assert wind_figures([drag], [log], Vehicle(), measured, 4.0) == {}
+
+
+# All cases
+
+
+def record(group, causes, by=THIS, late=(), wind=None, **more):
+    own = {**verdict(causes, campaign_of(group).truth, late), "fraction": 0.5, "unknown": 0.1}
+    own |= {"seconds": 3.0, "new_condition": "", **more}
+    return {"group": group, "case": "a", "methods": {by: own}, "wind": wind}
+
+
+def estimate(value, half):
+    return {"value": value, "ci95": [value - half, value + half]}
+
+
+def payload(mass=0.0047, length=0.497, p=0.95, wrong=0.2):
+    own = {"mass": estimate(mass, 0.0002), "length": estimate(length, 0.01)}
+    causes = {"suspended_payload": p, "constant_wind": wrong}
+    return record("payload", causes, parameters={"suspended_payload": own})
+
+
+def asked(*records):
+    return {line["asked"]: line for line in asked_figures(outcomes(records))}
+
+
+def test_what_is_asked_counts_what_is_within_and_what_is_not():
+    dut = asked(payload(), payload(mass=0.0040, p=0.5), payload(length=0.55, wrong=0.95))
+    assert dut["payload: named"][THIS] == "2 of 3"
+    assert dut["payload: mass within 10 %"][THIS] == "2 of 3"
+    assert dut["payload: length within 5 %"][THIS] == "2 of 3"
+    assert dut["payload: both in the 95 % interval"][THIS] == "1 of 3"
+    assert dut["known cause: right"][THIS] == "1 of 3"
+    assert dut["all: wrong names, p > 0.9"][THIS] == "1"
+    assert dut["seconds a case, median"][THIS] == "3.0"
+
+
+def test_of_healthy_flights_false_names_and_all_beyond_drag_count():
+    names = {"linear_drag": 1.0, "quadratic_drag": 0.9, "place": 0.4}
+    two = {**names, "weak_rotor": 0.9, "constant_wind": 0.8, "mixer_gain": 0.3}
+    dut = asked(
+        record("bare", names),
+        record("idsia", two),
+        record("still", {**names, "weak_rotor": 0.9}),
+        record("swarm-downwash", {"constant_wind": 1.0}),
+    )
+    assert dut["healthy: cases with a false name"][THIS] == "1 of 3"
+    assert dut["healthy: names beyond drag, median"][THIS] == "1"
+    assert dut["healthy: names beyond drag, mean"][THIS] == "1.00"
+
+
+@pytest.mark.parametrize(
+    "over, p, right", [(1.0, 0.9, 1), (1.3, 0.9, 1), (1.5, 0.9, 0), (0.6, 0.9, 0), (1.0, 0.4, 0)]
+)
+def test_a_ground_effect_is_told_where_its_size_is_right(over, p, right):
+    radius = campaign_of("swarm-ground-small").truth.parameters["effective_radius"].value
+    own = {"ground_effect": {"effective_radius": estimate(over * radius, 0.001)}}
+    dut = asked(record("swarm-ground-small", {"ground_effect": p}, parameters=own))
+    assert dut["ground effect: named, of the right size"][THIS] == f"{right} of 1"
+
+
+@pytest.mark.parametrize(
+    "more, blown", [({}, 1), ({"mass_error": 0.9}, 0), ({"linear_drag": 0.4}, 0)]
+)
+def test_a_wind_is_asked_for_its_drag_direction_force_and_gentle_speed(more, blown):
+    causes, wind = {"constant_wind": 0.9, "linear_drag": 0.9, **more}, {"angle": 12.0, "force": 0.9}
+    strong = record("wind", causes, wind=12.1)
+    gentle = record("wind", causes, wind=4.2)
+    for own in (strong, gentle):
+        own["methods"][THIS]["wind"] = {**wind, "speed": 1.2}
+    dut = asked(strong, gentle)
+    assert dut["wind: with drag, no mass or clock error"][THIS] == f"{2 * blown} of 2"
+    assert dut["wind: direction within 10°"][THIS] == "0 of 2"
+    assert dut["wind: mean force within 15 %"][THIS] == "2 of 2"
+    assert dut["wind below 6 m/s: speed within 30 %"][THIS] == "1 of 1"
+
+
+def test_tables_keep_within_their_width_and_the_replay_has_one(capsys):
+    replay = {"horizon": [0.25, 1.0], **{w: {"position": [0.1, 0.4]} for w in ("before", "after")}}
+    flown = record("bare", {"linear_drag": 0.9, "constant_wind": 0.8}, replay=replay)
+    made = tables(outcomes([payload(), flown, record("bare", {}, by=BIC)]))
+    for table in made:
+        print_table(*table)
+    printed = capsys.readouterr().out
+    assert max(map(len, printed.splitlines())) <= WIDTH
+    assert "CONSTANT_WIND 0.80" in printed
+    (rows,) = [rows for title, _, rows in made if "replay" in title]
+    assert rows == [("bare", THIS, "10", "10", "40", "40")]
+
+
+# The study
+
+
+@pytest.fixture(scope="module")
+def bare(tmp_path_factory):
+    """Folder of real flights with two manoeuvres of a simulated vehicle that is healthy."""
+    vehicle = load_vehicle("crazyflie_brushless")
+    air = (LinearDrag(0.005, 0.005, 0.005), BladeFlapping(0.0), TranslationalLift(0.0))
+    throttle = ThrottleMap(vehicle.max_rotor_thrust, 0.0, 0.0, 3.7, 1.5)
+    truth = Truth(vehicle, throttle, np.zeros(3), *air, "rotor_speed", vehicle)
+    root = tmp_path_factory.mktemp("real")
+    (root / "imrc" / "bare").mkdir(parents=True)
+    logs = fly_truth(truth, np.random.default_rng(4), 4, 6.0)
+    for number, log in zip((1, 2, 11, 12), logs, strict=True):
+        name = f"flight{number:02}"
+        write_log(dc.replace(log, name=name), root / "imrc" / "bare" / f"{name}.csv")
+    return root
+
+
+def refused(capfd, *arguments) -> str:
+    """Return the one line on stderr of a refused command."""
+    assert run(["reproduce", "real", *map(str, arguments)]) == 2
+    (line,) = [text for text in capfd.readouterr().err.splitlines() if text]
+    return line
+
+
+def test_bad_input_is_one_line(bare, capfd, tmp_path, monkeypatch):
+    for name in ("NP_DRAKE_REAL", "NP_DRAKE_NEUROBEM"):
+        monkeypatch.delenv(name, raising=False)
+    assert "NP_DRAKE_REAL" in refused(capfd)
+    assert "not there" in refused(capfd, tmp_path / "nowhere")
+    assert "got none" in refused(capfd, tmp_path)
+    assert "--only" in refused(capfd, tmp_path, "--only", "storm")
+    assert "<group>/<case>/diagnosis.json" in refused(capfd, bare, "--answers", tmp_path)
+    (tmp_path / "bare" / CASES[0]).mkdir(parents=True)
+    (tmp_path / "bare" / CASES[0] / "diagnosis.json").write_text("{}")
+    assert "causes is missing" in refused(capfd, bare, "--answers", tmp_path)
+    (tmp_path / "imrc" / "bare").mkdir(parents=True)
+    for number in (1, 2, 11):
+        (tmp_path / "imrc" / "bare" / f"flight{number:02}").write_bytes(b"no log")
+    assert "flight" in refused(capfd, tmp_path, "--out", tmp_path / "out")
+    assert not list(tmp_path.glob("out/**/*.json"))
+
+
+def test_what_the_diagnosis_says_is_scored_again_from_its_files(bare, tmp_path):
+    out, first, again = tmp_path / "out", tmp_path / "first.json", tmp_path / "again.json"
+    study = ["reproduce", "real", str(bare), "--jobs", "1"]
+    assert run([*study, "--out", str(out), "--json", str(first)]) == 0
+    assert run([*study, "--answers", str(out / "answers"), "--json", str(again)]) == 0
+    before, after = (json.loads(file.read_text())["table"] for file in (first, again))
+    assert before == after
+    assert [list(row["methods"]) for row in before] == [[THIS, BIC]] * 2
+    assert before[0]["vehicle"] == "imrc brushless"

@@ -1,0 +1,396 @@
+"""Laws of the score of a challenge set."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+from scipy.special import expit
+
+from diagrams.challenge.score import (
+    abscissa,
+    calibration,
+    detection,
+    errors_of,
+    half_found,
+    logistic,
+    matches,
+    median,
+    onset_errors,
+    outcome,
+    precision_and_recall,
+    relative_gap_reduction,
+    replay_reduction,
+    score,
+    share,
+)
+from np_drake.effects.library import LIBRARY
+from np_drake.files.atomic_file import plain
+
+
+def counted(rate):
+    return rate["count"], rate["n"]
+
+
+# Statistics
+
+
+def test_the_interval_is_exact_at_its_bounds():
+    low, high = share([True] * 3 + [False] * 7)["ci95"]
+    tail = sum(math.comb(10, k) * low**k * (1 - low) ** (10 - k) for k in range(3, 11))
+    other = sum(math.comb(10, k) * high**k * (1 - high) ** (10 - k) for k in range(4))
+    assert [tail, other] == pytest.approx([0.025, 0.025], rel=1e-9)
+
+
+def test_of_nothing_there_is_no_rate():
+    assert share([]) == {"count": 0, "n": 0, "rate": None, "ci95": [0.0, 1.0]}
+    assert precision_and_recall([])["f1"] is None
+    assert median([]) is None
+    assert calibration([])["brier"] is None
+
+
+def test_names_are_pooled_over_cases_and_what_is_not_finite_does_not_count():
+    found = precision_and_recall([(2, 0, 0), (1, 2, 1)])
+    figures = [found[name] for name in ("precision", "recall", "f1")]
+    assert figures == pytest.approx([3 / 5, 3 / 4, 6 / 9])
+    assert median([1.0, float("nan"), 3.0, None]) == 2.0
+
+
+def test_probabilities_are_held_against_what_is_true():
+    dut = calibration([(0.8, True)] * 3 + [(0.6, False)])
+    assert dut["brier"] == pytest.approx((3 * 0.04 + 0.36) / 4)
+    assert dut["ece"] == pytest.approx((3 * 0.2 + 0.6) / 4)
+    assert [counted(row) for row in dut["bins"]] == [(0, 1), (3, 3)]
+
+
+# Identification
+
+
+@pytest.mark.parametrize(
+    "names, unknown, counts",
+    [
+        (("thrust_scale",), False, (1, 0, 0)),
+        ((), False, (0, 0, 1)),
+        (("mass_error",), False, (0, 1, 1)),
+        (("thrust_scale", "mass_error"), False, (1, 1, 0)),
+        (("thrust_scale",), True, (1, 1, 0)),
+        ((), True, (0, 1, 1)),
+    ],
+)
+def test_every_verdict_but_the_right_name_alone_is_a_miss(by_hand, names, unknown, counts):
+    dut = outcome(by_hand.named(by_hand.make_truth(by_hand.SCALE), *names, unknown=unknown))
+    assert dut["counts"] == counts
+    assert dut["exact"] == dut["right_class"] == (counts[1:] == (0, 0))
+    assert dut["class_unknown_allowed"] == (names == ("thrust_scale",))
+
+
+def test_a_class_is_right_from_either_side(by_hand):
+    truth = by_hand.make_truth(by_hand.SCALE)
+    by_answer = by_hand.named(truth, "mass_error", alike=("thrust_scale",))
+    by_truth = by_hand.named({**truth, "class": [["thrust_scale", "mass_error"]]}, "mass_error")
+    for case, true in ((by_answer, False), (by_truth, True)):
+        dut = outcome(case)
+        assert dut["right_class"]
+        assert not dut["exact"]
+        assert dut["judged"] == [("mass_error", 1.0, true)]
+
+
+def test_a_cause_stands_for_one_effect_and_its_own_name_goes_first(by_hand):
+    truth, alike = by_hand.make_truth(by_hand.SCALE, by_hand.DRAG, kind="pair"), ("thrust_scale",)
+    one = by_hand.named(truth, "mass_error", alike=(*alike, "linear_drag"))
+    both = by_hand.named(truth, "linear_drag", "thrust_scale", alike=(*alike, "linear_drag"))
+    assert outcome(one)["counts"] == (1, 0, 1)
+    assert matches(both) == {0: "thrust_scale", 1: "linear_drag"}
+
+
+def test_a_wind_may_lack_its_drag_only_in_the_lenient_count(by_hand):
+    truth = by_hand.make_truth(by_hand.WIND, by_hand.DRAG)
+    wind, drag = (outcome(by_hand.named(truth, n)) for n in ("constant_wind", "linear_drag"))
+    keys = ("exact_lenient", "detected", "exact", "right_class")
+    assert [wind[key] for key in keys] == [True, True, False, False]
+    assert [drag[key] for key in keys] == [False] * 4
+    scale = by_hand.named(by_hand.make_truth(by_hand.SCALE), "thrust_scale", "linear_drag")
+    assert not outcome(scale)["exact_lenient"]  # a drag alone has no companion
+
+
+def test_an_effect_within_the_files_tolerance_may_be_named_or_not(by_hand):
+    lost = {"kind": "pair", "within_tolerance": [True, False]}
+    truth = by_hand.make_truth(by_hand.SCALE, by_hand.DRAG, **lost)
+    for names, found in [
+        (("linear_drag",), (1, 0, 0)),
+        (("linear_drag", "thrust_scale"), (2, 0, 0)),
+        (("thrust_scale",), (1, 0, 1)),
+        (("linear_drag", "weak_rotor"), (1, 1, 0)),
+    ]:
+        dut = outcome(by_hand.named(truth, *names))
+        assert dut["counts"] == found
+        assert dut["right_class"] == dut["exact"] == (found[1:] == (0, 0))
+
+
+# Parameters
+
+
+def answered(by_hand, truth, name, **parameters):
+    return by_hand.make_case(truth, by_hand.make_answer(by_hand.make_cause(name, parameters)))
+
+
+def summary(*cases):
+    return score(list(cases))["parameters"]
+
+
+@pytest.mark.parametrize(
+    "effect, given, size, inside",
+    [
+        ("SCALE", {"scale": 0.92}, 0.2, (True,)),  # 0.02 of 0.1 from neutral
+        ("DRAG", {"d_x": 0.3, "d_y": 0.4, "d_z": 0.25}, 0.5, (True, True, False)),  # of a vector
+    ],
+)
+def test_an_error_is_relative_to_the_distance_from_neutral(by_hand, effect, given, size, inside):
+    effect = getattr(by_hand, effect)
+    ((_, _, found, kind, held, _),) = errors_of(
+        answered(by_hand, by_hand.make_truth(effect), effect["effect"], **given)
+    )
+    assert (found, kind, held) == (pytest.approx(size), "relative", inside)
+
+
+def test_a_hook_has_its_error_in_metres_and_a_rotor_is_right_or_not(by_hand):
+    own = {**by_hand.PAYLOAD["parameters"], "hook_x": 0.03, "length": 0.88}
+    case = answered(by_hand, by_hand.make_truth(by_hand.PAYLOAD), "suspended_payload", **own)
+    weak = by_hand.make_truth(by_hand.WEAK)
+    found = summary(case, answered(by_hand, weak, "weak_rotor", rotor=3.0, efficiency=0.8))
+    assert found["place_error"] == pytest.approx(0.03)
+    assert counted(found["choice"]) == (0, 1)
+    assert found["coverage_rate"]["n"] == 6  # mass, length, hook, efficiency; not the rotor
+    sizes = {row["parameter"]: row["median_error"] for row in found["rows"]}
+    assert sizes["length"] == pytest.approx(0.1)  # 0.8 m, against itself
+
+
+# Onsets
+
+
+def begun(by_hand, onset, name="thrust_scale", **other):
+    starts = {"train_1.csv": 8.0, "train_2.csv": None, "heldout_1.csv": 5.0}
+    truth = by_hand.make_truth({**by_hand.SCALE, "onset": starts}, kind="onset", **other)
+    cause = {**by_hand.make_cause(name, {}), "onset": onset}
+    return by_hand.make_case(truth, by_hand.make_answer(cause))
+
+
+def onsets(case):
+    return score([case])["onset"]
+
+
+def test_flights_with_an_onset_are_counted(by_hand):
+    case = begun(by_hand, {"train_1": 8.15, "train_2": None, "heldout_1": 5.3})
+    rows = onset_errors(case)
+    assert [row["flight"] for row in rows] == ["train_1.csv", "heldout_1.csv"]
+    assert [row["error"] for row in rows] == pytest.approx([0.15, 0.3])
+    assert counted(onsets(case)["within"]) == (1, 2)
+    assert onsets(case)["median_error"] == pytest.approx(0.225)
+    assert counted(onsets(begun(by_hand, {"train_1": None}))["within"]) == (0, 2)
+
+
+def test_a_wrong_name_has_no_onset_but_a_class_has(by_hand):
+    wrong = begun(by_hand, {"train_1": 8.0, "heldout_1": 5.0}, name="motor_lag")
+    found = onsets(wrong)
+    assert (counted(found["within"]), found["within_if_named"]["n"]) == ((0, 2), 0)
+    wrong.causes["motor_lag"]["indistinguishable_from"].append("thrust_scale")
+    assert onsets(wrong)["within"]["count"] == 2
+
+
+def test_what_begins_together_counts_once_by_the_one_that_is_worst(by_hand):
+    onset, names = {"train_1.csv": 8.0}, ("thrust_scale", "motor_lag")
+    both = [{**by_hand.SCALE, "effect": name, "onset": onset} for name in names]
+    truth = by_hand.make_truth(*both, kind="onset")
+    for late, right in ((8.1, 1), (8.4, 0)):
+        causes = [
+            {**by_hand.make_cause(name, {}), "onset": {"train_1": t}}
+            for name, t in zip(names, (8.0, late), strict=True)
+        ]
+        case = by_hand.make_case(truth, by_hand.make_answer(*causes))
+        assert counted(onsets(case)["within"]) == (right, 1)
+
+
+@pytest.mark.parametrize(
+    "key, other, counts",
+    [
+        ("within_all", {"visibility": 1.1}, (1, 2)),
+        ("within", {"visibility": 1.1}, (0, 0)),
+        ("within_if_told", {"best_onset": {"train_1.csv": 8.1, "heldout_1.csv": 6.0}}, (1, 1)),
+        ("within_if_seen", {"visibility_in_training": {"heldout_1.csv": 1.0}}, (1, 1)),
+    ],
+)
+def test_onsets_that_are_faint_or_not_told_stand_apart(by_hand, key, other, counts):
+    case = begun(by_hand, {"train_1": 8.15, "heldout_1": None}, **other)
+    assert counted(onsets(case)[key]) == counts
+
+
+# Gap and replay
+
+
+def closing(by_hand, kind="single", **figures):
+    effects = () if kind == "clean" else (by_hand.SCALE,)
+    truth = by_hand.make_truth(*effects, kind=kind)
+    return by_hand.make_case(truth, by_hand.make_answer(**figures))
+
+
+@pytest.mark.parametrize(
+    "after, shrink", [(1.0, 1.0), (3.0, 0.0), (2.0, 1 - 3 / 8), (0.5, 1.0), (9.0, -1.0)]
+)
+def test_the_true_model_has_one_and_no_change_none(by_hand, after, shrink):
+    dut = relative_gap_reduction(closing(by_hand, before=3.0, after=after))
+    assert dut == pytest.approx(shrink)
+
+
+def test_channels_are_pooled_in_units_of_their_floor(by_hand):
+    case = closing(by_hand, before=2.0, after=1.5)
+    case.answer["gap"]["torque"]["y"]["rms"] = 5 * 0.02  # five times its floor of 0.02 N·m
+    assert relative_gap_reduction(case) == pytest.approx(1 - (1.5**2 - 1) / ((5 * 4 + 25) / 6 - 1))
+
+
+def test_without_a_gap_or_figures_there_is_nothing_to_shrink(by_hand):
+    case = closing(by_hand)
+    assert relative_gap_reduction(closing(by_hand, before=1.05)) is None
+    assert relative_gap_reduction(closing(by_hand, kind="clean", before=3.0)) is None
+    assert relative_gap_reduction(by_hand.again(case, answer=None)) is None
+    del case.answer["gap"]["force"]["x"]["after"]
+    assert relative_gap_reduction(case) is None
+
+
+def test_the_replay_is_compared_at_one_second(by_hand):
+    case = closing(by_hand)
+    assert replay_reduction(case) is None
+    before, after = {"position": [0.1, 0.4]}, {"position": [0.1, 0.1]}
+    case.answer["shrink"]["replay"] = {"horizon": [0.5, 1.0], "before": before, "after": after}
+    worse = {"horizon": [1.0], "before": {"position": [0.1]}, "after": {"position": [0.2]}}
+    other = by_hand.again(case, answer={**case.answer, "shrink": {"replay": worse}})
+    assert [replay_reduction(c) for c in (case, other)] == pytest.approx([0.75, -1.0])
+    dut = score([case, other])["replay"]
+    assert (dut["n"], counted(dut["worse"])) == (2, (1, 2))
+    case.answer["shrink"]["replay"]["after"] = None
+    assert replay_reduction(case) is None
+
+
+# Detection
+
+
+def test_the_fit_gives_the_curve_back_that_the_draws_came_from():
+    rng = np.random.default_rng(0)
+    x = rng.uniform(-3, 1, 20000)
+    intercept, slope = logistic(x, (rng.random(20000) < expit(1.0 + 2.0 * x)).astype(float))
+    assert intercept == pytest.approx(1.0, abs=0.1)  # four deviations at this count
+    assert slope == pytest.approx(2.0, abs=0.12)
+
+
+def test_half_are_found_where_the_classes_part():
+    visibility = 1 + np.geomspace(0.01, 1.0, 41)
+    found = detection(visibility, visibility > 1.1)
+    assert found["half"] == pytest.approx(1.1, abs=0.02)
+    low, high = found["half_ci95"]
+    assert low < found["half"] < high
+    assert sum(row["n"] for row in found["bins"]) == 41
+    assert sum(row["count"] for row in found["bins"]) == 20
+    assert found == detection(visibility, visibility > 1.1)  # the bootstrap repeats
+
+
+def test_where_all_or_none_are_found_the_figures_stay_finite():
+    for found in (np.ones(12, bool), np.zeros(12, bool)):
+        assert np.all(np.isfinite(detection(np.linspace(1.0, 9.0, 12), found)["curve"]))
+    assert half_found((0.0, -1.0)) is None
+    assert detection([2.0, 3.0], [True, False])["curve"] is None
+    assert detection([], [])["bins"] == []
+    assert abscissa(1.0) == abscissa(1.0 + 1e-9) == pytest.approx(-3.0)
+
+
+# The whole set
+
+
+@pytest.fixture
+def cases(by_hand):
+    return by_hand.perfect_set()
+
+
+def test_perfect_answers_have_full_marks(cases):
+    dut = score(cases)
+    full = {"single": 1.0, "single_exact": 1.0, "pair": 1.0, "triple": 1.0, "unknown": 1.0}
+    assert dut["accuracy"] == {**full, "clean_false_alarm": 0.0}
+    assert [dut["parameters"][key] for key in ("median_error", "place_error")] == [0.0, 0.0]
+    assert dut["parameters"]["coverage"] == dut["parameters"]["choice"]["rate"] == 1.0
+    assert counted(dut["onset"]["within"]) == (1, 1)
+    assert dut["shrink_relative"] == {"n": 16, "mean": 1.0, "median": 1.0}
+    assert dut["rates"]["foreign"]["wrong_and_sure"]["count"] == 0
+    assert dut["warnings"] == []
+    assert not any(row["missed"] for row in dut["cases"])
+
+
+def test_without_answers_all_is_missed_and_said(cases, by_hand):
+    dut = score([by_hand.again(case, answer=None) for case in cases])
+    none = {"single": 0.0, "single_exact": 0.0, "pair": 0.0, "triple": 0.0, "unknown": 0.0}
+    assert dut["accuracy"] == {**none, "clean_false_alarm": 1.0}
+    assert dut["onset"]["within"]["rate"] == 0.0
+    assert all(row["missed"] for row in dut["cases"])
+    assert dut["warnings"][0].startswith("18 cases have no answer and count as misses: case 0,")
+
+
+@pytest.mark.parametrize(
+    "lost, key, counts",
+    [
+        ({"visibility_in_training": {"train_1.csv": 1.2}}, "single_felt", (0, 0)),
+        ({"class": [list(LIBRARY)]}, "single_tellable", (12, 12)),
+        ({"within_tolerance": [True]}, "single", (12, 12)),
+        ({"within_tolerance": [False]}, "single", (12, 13)),
+        ({"visibility": 1.4}, "single", (12, 12)),
+        ({}, "single", (12, 13)),
+    ],
+)
+def test_singles_that_cannot_be_told_stand_apart(cases, by_hand, lost, key, counts):
+    hidden = by_hand.again(cases[0], truth={**cases[0].truth, **lost}, answer=None)
+    assert counted(score([hidden, *cases[1:]])["rates"][key]["class"]) == counts
+
+
+def test_an_out_of_library_effect_must_be_called_unknown_alone(cases, by_hand):
+    truth = by_hand.make_truth(by_hand.OUT_OF_LIBRARY, kind="foreign")
+    sure, unsure = (by_hand.make_cause("gusty_wind", {}, probability=p) for p in (0.95, 0.85))
+    more = [
+        by_hand.make_case(truth, by_hand.make_answer(sure)),
+        by_hand.make_case(truth, by_hand.make_answer(unsure, unknown=True)),
+        by_hand.named({**truth, "visibility": 1.2}),
+    ]
+    found = score([*cases, *more])["rates"]["foreign"]
+    assert [counted(found[k]) for k in ("unknown", "unknown_all")] == [(2, 3), (2, 4)]
+    assert [counted(found[k]) for k in ("wrong_and_sure", "alone")] == [(1, 3), (1, 3)]
+    (kind,) = found["kinds"]
+    assert [kind[how]["count"] for how in ("unknown", "alone", "wrong_and_sure")] == [2, 1, 1]
+    assert kind["named"] == {"gusty_wind": 2}
+
+
+def test_names_and_unknown_of_several_effects_are_pooled(cases, by_hand):
+    truth = by_hand.make_truth(by_hand.SCALE, by_hand.DRAG, kind="pair", visibility=1.1)
+    half = by_hand.named(truth, "thrust_scale", "weak_rotor", unknown=True)
+    found = score([*cases, half])["rates"]
+    assert counted(found["several"]["unknown"]) == (1, 3)
+    pair = found["pair"]["all"]  # right 2 + 1, extra 0 + 2, missing 0 + 1
+    assert (pair["precision"], pair["recall"]) == (pytest.approx(3 / 5), pytest.approx(3 / 4))
+    assert found["pair"]["visible"]["f1"] == 1.0
+
+
+def test_a_mixed_set_is_scored_by_group_and_by_quality(cases, by_hand):
+    real = [by_hand.again(c, truth={**c.truth, "quality": "real"}, answer=None) for c in cases]
+    dut = score([*cases, *real])
+    singles = {name: own["accuracy"]["single"] for name, own in dut["groups"].items()}
+    assert (dut["accuracy"]["single"], singles) == (0.5, {"drake, clean": 1.0, "drake, real": 0.0})
+    assert dut["sets"][1] == {"group": "drake, real", "cases": 18, "seeds": [3]}
+    assert dut["qualities"] == {}  # one simulator: they are the groups
+    other = [by_hand.again(c, truth={**c.truth, "simulator": "rotorpy"}) for c in cases]
+    pooled = score([*cases, *other, *real])["qualities"]
+    assert {q: s["accuracy"]["single"] for q, s in pooled.items()} == {"clean": 1.0, "real": 0.0}
+
+
+def test_a_score_is_json_without_holes(cases, by_hand):
+    holes = json.loads(json.dumps(plain(by_hand.perfect(cases[10].truth))))
+    empty = {"value": None, "unit": "", "ci95": [None, None]}
+    for cause in holes["causes"]:
+        cause |= {"probability": None, "parameters": dict.fromkeys(cause["parameters"], empty)}
+    dut = score([*cases, by_hand.again(cases[10], answer=holes)])
+    assert dut["parameters"]["median_error"] == 0.0
+    assert dut["parameters"]["coverage"] < 1.0
+    json.dumps(plain(dut), allow_nan=False)

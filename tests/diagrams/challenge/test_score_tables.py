@@ -1,0 +1,71 @@
+"""Laws of a score's tables and of its figure."""
+
+import pytest
+
+from diagrams.challenge.score import score
+from diagrams.challenge.score_tables import (
+    asked_tables,
+    calibration_figure,
+    missed,
+    table,
+    tables,
+    written,
+)
+from np_drake.files.figure_file import png
+
+
+def test_a_share_shows_interval_and_counts_and_nothing_a_dash():
+    rate = {"count": 1, "n": 2, "rate": 0.5, "ci95": [0.0126, 0.9874]}
+    assert written(rate) == "50 % [1, 99] 1/2"
+    assert written({"n": 2, "mean": 0.25, "median": None}) == "0.25, – (2)"
+    nothing = [None, float("nan"), {**rate, "n": 0}]
+    assert [written(value) for value in nothing] == ["–"] * 3
+    assert table("t", [{"a": 1}, {"b": 0.5}]) == [("t", ["a", "b"], [(1, "–"), ("–", "0.5")])]
+    assert table("t", []) == []
+
+
+@pytest.mark.parametrize("perfect", [True, False])
+def test_tables_are_full_rows_and_every_miss_is_listed(by_hand, perfect):
+    lost = by_hand.make_case(by_hand.make_truth(by_hand.SCALE), None)
+    dut = score(by_hand.perfect_set() if perfect else [lost])
+    for _, header, rows in [*tables(dut, 1.5), *missed(dut)]:
+        assert all(len(row) == len(header) for row in rows)
+    assert [len(rows) for _, _, rows in missed(dut)] == ([] if perfect else [1])
+
+
+def test_what_is_found_is_a_table_by_visibility(by_hand):
+    made = tables(score(by_hand.perfect_set()), 1.5)
+    (rows,) = [rows for title, _, rows in made if title.startswith("single effects found")]
+    assert [(row[0], row[1][-3:]) for row in (rows[0], rows[-1])] == [
+        ("1.5 … 2", "1/1"),
+        ("10 … inf", "1/1"),
+    ]
+
+
+def test_what_falls_short_of_what_is_asked_stands_between_asterisks(by_hand):
+    cases = [by_hand.again(c, truth={**c.truth, "quality": "wild"}) for c in by_hand.perfect_set()]
+    pair = next(c.truth for c in cases if c.kind == "pair")
+    cases += [by_hand.named(pair, "thrust_scale", "linear_drag", unknown=True)]
+    control = {**cases[0].truth, "kind": "clean", "effects": [], "class": []}
+    cases += [by_hand.named(control, "mass_error")]
+    ((_, header, rows),) = asked_tables(score(cases))
+    assert header == ["figure", "asked", "wild"]
+    assert {row[0]: row[1:] for row in rows} == {
+        "single: right class": ("≥ 0.85", "100 % [75, 100] 13/13"),
+        "`unknown` added to them": ("≤ 0.1", "**33 % [1, 91] 1/3**"),
+        "clean controls: false alarm": ("≤ 0.02", "**50 % [1, 99] 1/2**"),
+        "foreign: `unknown`": ("≥ 0.85", "100 % [2, 100] 1/1"),
+        "in the 95 % interval": ("0.9 … 0.98", "**100 % [89, 100] 32/32**"),
+        "calibration error": ("≤ 0.05", "0.0435"),
+    }
+
+
+def test_the_figure_names_axes_and_series():
+    row = {"mean": 0.9, "rate": 1.0, "ci95": [0.4, 1.0], "n": 3}
+    figure = calibration_figure({"real flights": [row], "nothing": []})
+    assert "share that is true" in figure.axes[0].get_ylabel()
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == [
+        "as reported",
+        "real flights (n = 3)",
+    ]
+    assert png(figure).startswith(b"\x89PNG")

@@ -1,0 +1,112 @@
+"""The account of an export: no effect is left out in silence, and what it says is what the file
+shows; and the shape of the vehicle.
+"""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from diagrams.exports.corrected import corrected
+from diagrams.exports.formats import (
+    EXACT,
+    FORMATS,
+    LEFT_OUT,
+    carried,
+    coverage_markdown,
+    how_carried,
+    hull,
+)
+from np_drake.effects import (
+    BatterySag,
+    LinearDrag,
+    MotorLag,
+    SensorNoise,
+    SuspendedPayload,
+    ThrustScale,
+)
+from np_drake.effects.base import SensorEffect
+from np_drake.effects.library import LIBRARY, effects_for
+from np_drake.vehicle.vehicle import Vehicle, load_vehicle, preset_names
+
+EFFECTS = effects_for("rotor_speed", neighbours=True)
+UNUSUAL = {"thrust_drift": {"start": 0.9}}  # whose usual start is that of the nominal model
+PAGE = Path(__file__).parents[3] / "docs" / "guide" / "export.md"
+
+
+class Hose(LinearDrag):
+    """A user's own effect."""
+
+    identifier = "hose"
+
+
+@pytest.mark.parametrize("form", FORMATS)
+@pytest.mark.parametrize("identifier", EFFECTS)
+def test_the_file_shows_an_effect_exactly_where_the_account_does(form, identifier, tmp_path):
+    effect = EFFECTS[identifier](**UNUSUAL.get(identifier, {}))
+    beside = [] if identifier == "linear_drag" else [LinearDrag()]  # through which a wind acts
+
+    def written(effects):
+        account = FORMATS[form].write(Vehicle(), effects, tmp_path / "dut")
+        return account, (tmp_path / "dut").read_text()
+
+    account, text = written([*beside, effect])
+    assert (text != written(beside)[1]) == (account[len(beside)].how != LEFT_OUT)
+
+
+@pytest.mark.parametrize("form", FORMATS)
+def test_the_account_has_a_line_with_a_reason_for_every_effect(form, tmp_path):
+    effects = [effect() for effect in EFFECTS.values()] + [SensorNoise(), BatterySag(), Hose()]
+    account = FORMATS[form].write(Vehicle(), effects, tmp_path / "dut")
+    assert [line.identifier for line in account][: len(effects)] == [e.identifier for e in effects]
+    assert all(line.note for line in account)
+    assert account[len(effects) - 1].how == LEFT_OUT  # the user's own
+    (line,) = carried([SensorNoise()], {"mass_error": (EXACT, "mass")})
+    assert (line.how, line.note) == (LEFT_OUT, "an error of the sensors, not of the motion")
+
+
+@pytest.mark.parametrize("form", FORMATS)
+def test_a_format_has_a_word_for_every_effect_of_the_motion_and_no_other(form):
+    moving = [effect for effect in EFFECTS.values() if not issubclass(effect, SensorEffect)]
+    law = FORMATS[form].law
+    assert all(effect.identifier in law or effect.place in law for effect in moving)
+    assert law.keys() <= {effect.identifier for effect in moving} | {"mass", "uneven_lag"}
+    for effect in EFFECTS.values():  # as the page says of them in words
+        assert not issubclass(effect, SensorEffect) or how_carried(effect, law)[0] == LEFT_OUT
+        assert issubclass(effect, SensorEffect) != (f"`{effect.identifier}`" in coverage_markdown())
+    assert "<!-- exports -->" in PAGE.read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("form", FORMATS)
+@pytest.mark.parametrize(
+    "effects, reason",
+    [
+        ([MotorLag(), MotorLag()], "one motor_lag at most"),
+        ([SuspendedPayload(), SuspendedPayload()], "one suspended_payload at most"),
+        ([ThrustScale(0.0)], "scale of thrust must be positive"),
+        ([LIBRARY["mass_error"](-3.0)], "leave a rigid body"),
+        ([LIBRARY["inertia_error"](scale_zz=3.0)], "leave a rigid body"),
+    ],
+)
+def test_an_impossible_vehicle_is_refused_and_nothing_is_written(form, effects, reason, tmp_path):
+    with pytest.raises(ValueError, match=reason) as error:
+        FORMATS[form].write(Vehicle(), effects, tmp_path / "dut")
+    assert "\n" not in str(error.value)
+    assert not (tmp_path / "dut").exists()
+
+
+def test_two_drags_add_up_and_two_scales_multiply():
+    dut = corrected(Vehicle(), [LinearDrag(0.1, 0.2, 0.3), LinearDrag(0.1, 0.2, 0.3)])
+    assert dut.linear.tolist() == [0.2, 0.4, 0.6]
+    assert math.isclose(corrected(Vehicle(), [ThrustScale(0.9), ThrustScale(0.8)]).scale, 0.72)
+
+
+@pytest.mark.parametrize("name", preset_names())
+def test_the_box_that_collides_reaches_as_far_as_the_rotors(name):
+    vehicle = load_vehicle(name)
+    box, p = hull(vehicle), np.array(vehicle.rotor_positions, float)
+    reach = np.abs(p - box.center)[:, :2] + vehicle.rotor_radius
+    assert np.all(reach <= 0.5 * box.size[:2] + 1e-12)
+    assert np.all(np.abs(box.center) <= 0.5 * box.size)  # Bo lies within
+    assert box.size.min() > 0
