@@ -6,8 +6,6 @@ import numpy as np
 import pytest
 from pydrake.systems.analysis import Simulator
 
-from np_drake import attitude
-from np_drake.effects.base import Measurement
 from np_drake.effects.calibration import effects_of
 from np_drake.effects.combine import split_effects
 from np_drake.vehicle import Vehicle
@@ -41,11 +39,6 @@ def read(dut, context, name):
     return dut.GetOutputPort(name).Eval(context)
 
 
-def test_the_defaults_add_nothing():
-    assert effects_of(Calibration(), Vehicle()) == ()
-    assert effects_of(Calibration(rotor_time_constant_down=0.03), NOMINAL) == ()
-
-
 def test_a_thrust_about_the_true_centre_of_mass_hovers():
     calibration = Calibration(
         center_of_mass=[0.004, -0.006, 0.01], rotor_gains=[0.96, 1.02, 1.03, 0.99]
@@ -76,29 +69,6 @@ def test_a_command_arrives_late_and_lags_by_its_direction(lift, lag):
     np.testing.assert_allclose(
         share, 1 - np.exp(-1), atol=0.02
     )  # the command steps at a multiple of 1 ms
-
-
-def test_turning_rotors_resist_a_roll_by_a_pitching_moment():
-    (effect,) = effects_of(Calibration(rotor_inertia=1e-5), NOMINAL)
-    assert effect.values == {"rotor_inertia": 1e-5}
-
-
-def test_a_tilted_imu_reads_the_bodys_rates_in_its_own_axes():
-    tilt = [0.0, 0.0, 0.3]
-    (effect,) = effects_of(Calibration(imu_tilt=tilt), NOMINAL)
-    truth = Measurement(
-        np.r_[np.zeros(3), 1, np.zeros(6), 1.0, 0, 0], np.zeros(3), np.zeros(3), np.zeros(4)
-    )
-    turn = attitude.rotation_matrix(attitude.from_rotation_vector(np.array([tilt]))[0])
-    np.testing.assert_allclose(
-        effect.measure(NOMINAL, truth, np.zeros(0)).x[10:], turn.T @ [1, 0, 0]
-    )
-
-
-@pytest.mark.parametrize("offset", [-0.01, 0.01])
-def test_a_clock_offset_is_that_of_the_state_columns(offset):
-    (effect,) = effects_of(Calibration(clock_offset=offset), NOMINAL)
-    assert effect.clock_shift == offset
 
 
 def test_it_passes_thrust_and_turns_by_the_loops_torque():

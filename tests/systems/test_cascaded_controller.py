@@ -1,14 +1,9 @@
 import numpy as np
-import pytest
-from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import DiagramBuilder
 
 from np_drake.control.cascade import TARGET_SIZE, CascadeGains, cascade, cascade_target
 from np_drake.references.harmonic import circle
 from np_drake.vehicle import Vehicle
 from systems.cascaded_controller import CascadedController, FlatTarget
-from systems.payload_config import PayloadConfig
-from systems.tethered_quadrotor import make_tethered_quadrotor
 
 VEHICLE = Vehicle()
 X = np.array([0.1, 0, 1.0, 1, 0, 0, 0, 0, 0.2, 0, 0, 0, 0.1])
@@ -37,33 +32,6 @@ def test_forced_and_periodic_updates_are_the_pure_law():
     state = dut.EvalUniquePeriodicDiscreteUpdate(periodic).get_vector(0).CopyToVector()
     np.testing.assert_array_equal(dut.GetOutputPort("u").Eval(forced), expected)
     np.testing.assert_array_equal(state, [*expected, *integral, 0.0])
-
-
-def test_the_integral_grows_by_the_time_since_the_last_update():
-    dut = CascadedController(VEHICLE, period=None)
-    context = fixed(dut)
-    dut.update(context)
-    context.SetTime(0.02)
-    dut.update(context)
-    integral = context.get_discrete_state(0).CopyToVector()[4:7]
-    np.testing.assert_allclose(integral, [-0.1 * 0.02, 0, 0], atol=1e-12)
-
-
-def test_in_a_diagram_it_brings_the_vehicle_to_the_target():
-    builder = DiagramBuilder()
-    real = builder.AddSystem(make_tethered_quadrotor(VEHICLE, PayloadConfig(tether="none")))
-    dut = builder.AddNamedSystem("controller", CascadedController(VEHICLE))
-    builder.Connect(real.GetOutputPort("x"), dut.GetInputPort("x"))
-    builder.Connect(dut.GetOutputPort("u"), real.GetInputPort("u"))
-    diagram = builder.Build()
-    simulator = Simulator(diagram)
-    root = simulator.get_mutable_context()
-    goal = target()
-    goal[:3] = [0.5, -0.3, 0.4]
-    dut.GetInputPort("target").FixValue(dut.GetMyMutableContextFromRoot(root), goal)
-    simulator.AdvanceTo(12.0)
-    x = real.GetOutputPort("x").Eval(real.GetMyContextFromRoot(root))
-    assert x[:3] == pytest.approx(goal[:3], abs=0.02)  # [m]; the integral fades slowly
 
 
 def test_a_nan_reading_holds_command_and_integral_until_the_next_good():

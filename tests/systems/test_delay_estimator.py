@@ -115,10 +115,3 @@ def test_the_oracle_knows_the_commands_that_are_under_way():
     np.testing.assert_allclose(
         forecast.start[7], 0.5 * np.exp(-0.25 / VEHICLE.mass * 0.05), rtol=1e-3
     )
-
-
-def test_along_its_plan_a_late_oracle_says_what_one_without_delay_says():
-    later = oracle(0.05, LEVEL)
-    now = oracle(0.0, LEVEL)
-    np.testing.assert_allclose(later.offset[1:], now.offset[1:], atol=1e-9)
-    assert now.start is None

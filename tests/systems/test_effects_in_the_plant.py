@@ -7,13 +7,10 @@ import pytest
 
 from np_drake import attitude
 from np_drake.effects.base import ActuatorEffect, MassEffect, WrenchEffect
-from np_drake.effects.center_of_mass_offset import CenterOfMassOffset
 from np_drake.effects.combine import mass_properties, total_wrench
 from np_drake.effects.downwash import Downwash
-from np_drake.effects.inertia_error import InertiaError
 from np_drake.effects.library import LIBRARY
 from np_drake.effects.linear_drag import LinearDrag
-from np_drake.effects.mass_error import MassError
 from np_drake.effects.motor_lag import MotorLag
 from np_drake.effects.quadratic_drag import QuadraticDrag
 from np_drake.effects.rotor_gyroscopic import RotorGyroscopic
@@ -79,15 +76,6 @@ def test_the_plant_obeys_newton_and_euler_about_its_true_centre_of_mass(fly, eff
     _follows_newton_and_euler(now, mass_properties(VEHICLE, [effect()]))
 
 
-@SEEDS
-def test_mass_effects_together_with_a_drag_at_the_body_origin(fly, seed):
-    masses = [MassError(0.4), InertiaError(1.3, 1.1, 0.9), CenterOfMassOffset(0.02, -0.03, 0.04)]
-    drag = LinearDrag(0.3, 0.2, 0.1)
-    now = fly(seed, mass_effects=masses, wrench_effects=[drag])
-    chi = drag.wrench(VEHICLE, now.motion)
-    _follows_newton_and_euler(now, mass_properties(VEHICLE, masses), chi)
-
-
 def _follows_newton_and_euler(now, true, chi=np.zeros(6)):  # noqa: B008
     q, w, c, J = now.x[3:7], now.x[10:13], true.p_BoBcm_B, true.J
     a_cm = now.a + attitude.rotate(q, np.cross(now.al, c) + np.cross(w, np.cross(w, c)))
@@ -95,12 +83,6 @@ def _follows_newton_and_euler(now, true, chi=np.zeros(6)):  # noqa: B008
     np.testing.assert_allclose(true.mass * (a_cm + [0, 0, VEHICLE.gravity]), F_W, atol=1e-9)
     tau_Bcm = now.u[1:] + chi[3:] - np.cross(c, attitude.rotate_back(q, F_W))
     np.testing.assert_allclose(J @ now.al + np.cross(w, J @ w), tau_Bcm, atol=1e-9)
-
-
-@pytest.mark.parametrize("effect", [MassError(-2.0), InertiaError(0.2, 0.2, 1.0)])
-def test_a_body_that_cannot_be_is_refused(effect):
-    with pytest.raises(ValueError, match="mass effects"):
-        make_tethered_quadrotor(VEHICLE, PayloadConfig(tether="none"), mass_effects=[effect])
 
 
 @pytest.mark.parametrize("tether", ["cable", "none"])

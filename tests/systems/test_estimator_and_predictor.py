@@ -8,7 +8,7 @@ import pytest
 
 from np_drake import rigid_body
 from np_drake.labels import LabelConfig, LabelFilter
-from np_drake.residual_model import Sample, constant_forecast
+from np_drake.residual_model import constant_forecast
 from np_drake.residual_models.hold import Hold
 from np_drake.residual_models.neural_predictor import NeuralPredictor as NeuralPredictorModel
 from np_drake.vehicle import Vehicle
@@ -35,16 +35,6 @@ def estimator_under(chi):
     dut.GetInputPort("acceleration").FixValue(context, np.concatenate([rate[7:10], rate[10:13]]))
     dut.GetInputPort("u").FixValue(context, VEHICLE.hover_input)
     return dut, context
-
-
-def test_estimator_output_and_event_take_a_sample_in_once():
-    dut, context = estimator_under(CHI)
-    event(dut, context)
-    dut.GetInputPort("u").FixValue(context, VEHICLE.hover_input + [1.0, 0, 0, 0])
-    seen = dut.GetOutputPort("label").Eval(context).copy()
-    assert not np.allclose(seen, dut.GetOutputPort("last_label").Eval(context))
-    event(dut, context)
-    np.testing.assert_array_equal(dut.GetOutputPort("last_label").Eval(context), seen)
 
 
 def test_estimator_is_the_label_filter_in_a_context():
@@ -91,25 +81,6 @@ def test_forecast_feeds_through_and_chi_hat_waits_for_the_event():
     np.testing.assert_allclose(dut.GetOutputPort("chi_hat").Eval(context), CHI)
 
 
-def test_predictor_is_the_model_in_a_context():
-    dut, context = predictor_on(CHI)
-    model, rng = (
-        Hold(step=0.02, force_bandwidth=2.0, torque_bandwidth=1.0),
-        np.random.default_rng(0),
-    )
-    dut = ResidualPredictor(model, horizon=4, stride=2)
-    context = dut.CreateDefaultContext()
-    memory = model.initial_memory()
-    dut.GetInputPort("x").FixValue(context, LEVEL)
-    dut.GetInputPort("u").FixValue(context, VEHICLE.hover_input)
-    for _ in range(6):
-        label = rng.normal(size=6)
-        dut.GetInputPort("label").FixValue(context, label)
-        memory = model.update(memory, Sample(LEVEL, VEHICLE.hover_input, label))
-        event(dut, context)
-        np.testing.assert_allclose(dut.memory(context)["chi"], memory["chi"], atol=1e-14)
-
-
 def neural_predictor_on_labels():
     dut = NeuralPredictor(NeuralPredictorModel.load(NP_MODEL), horizon=4, stride=2)
     context = dut.CreateDefaultContext()
@@ -143,15 +114,6 @@ def test_two_contexts_of_one_system_never_influence_each_other(make, port, outpu
     alone = list(fly(first.Clone(), one))
     interleaved = [a for a, _ in zip(fly(first, one), fly(second, other), strict=True)]
     np.testing.assert_array_equal(interleaved, alone)
-
-
-def test_the_neural_predictor_shows_its_lifted_linear_system():
-    dut, context = neural_predictor_on_labels()
-    system = dut.GetOutputPort("lifted_linear_system").Eval(context)
-    trained = NeuralPredictorModel.load(NP_MODEL).model.system
-    np.testing.assert_array_equal(system.A, trained.A)
-    np.testing.assert_array_equal(system.C, trained.C)
-    assert system.step == 0.02
 
 
 N, STEP, STRIDE = 4, 0.02, 2

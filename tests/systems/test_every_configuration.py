@@ -74,17 +74,3 @@ def test_it_is_its_model_in_a_context(model):
     np.testing.assert_array_equal(
         state["window"][:, :6], [s.chi for s in flown[-model.model.window :]]
     )
-
-
-def test_two_contexts_of_it_never_influence_each_other(model):
-    def flown(context, seed):
-        for sample in samples(seed, model.model.window + 2):
-            feed(dut, context, sample)
-            yield dut.GetOutputPort("chi_hat").Eval(context).copy()
-
-    dut = NeuralPredictor(model, horizon=HORIZON, stride=STRIDE)
-    alone = list(flown(dut.CreateDefaultContext(), 1))
-    both = zip(
-        flown(dut.CreateDefaultContext(), 1), flown(dut.CreateDefaultContext(), 2), strict=True
-    )
-    np.testing.assert_array_equal([one for one, _ in both], alone)

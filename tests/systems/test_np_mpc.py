@@ -7,7 +7,6 @@ from np_drake.mpc.controller import MpcController
 from np_drake.mpc.problem import MpcConfig, MpcStatus
 from np_drake.mpc.sqp import SqpSolver
 from np_drake.references.base import Hover
-from np_drake.residual_model import constant_forecast
 from np_drake.vehicle import Vehicle
 from systems.np_mpc import NpMpc
 
@@ -43,17 +42,6 @@ def test_an_autopilot_gets_the_plans_thrust_and_its_next_rates():
     assert thrust == evaluate(dut, context, "u")[0]
     np.testing.assert_array_equal(rates, evaluate(dut, context, "plan_x").reshape(-1, 13)[1, 10:])
     assert rates[1] < -0.1  # it leans back to where it belongs
-
-
-def test_at_the_reference_a_known_weight_is_carried_at_once():
-    pull = np.array([0, 0, -2.5, 0, 0, 0])
-    dut, context = mpc_at(LEVEL, forecast=constant_forecast(pull, 10))
-    event(dut, context)
-    np.testing.assert_allclose(
-        evaluate(dut, context, "u"), VEHICLE.hover_input + [2.5, 0, 0, 0], atol=1e-5
-    )
-    plan = evaluate(dut, context, "plan_chi").reshape(10, 6)
-    np.testing.assert_allclose(plan, np.tile(pull, (10, 1)))
 
 
 def test_a_failed_solve_flies_the_last_plan_one_period_on_and_says_so():

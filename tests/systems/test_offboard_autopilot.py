@@ -5,7 +5,7 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.offboard.codec import AUTOPILOT, COMPANION, Codec, Command, Heartbeat, Inertial, Pose
+from np_drake.offboard.codec import COMPANION, Codec, Command, Heartbeat, Inertial, Pose
 from np_drake.offboard.link import Channel
 from np_drake.rigid_body import P
 from np_drake.vehicle import Vehicle
@@ -60,10 +60,6 @@ def flight() -> Flight:
     return Flight()
 
 
-def test_before_the_first_event_it_gives_the_weight(flight):
-    np.testing.assert_allclose(flight.output, HOVER)
-
-
 def test_state_and_what_it_feels_and_what_is_in_force_are_sent(flight):
     flight.fix(acceleration=np.array([0.0, 0.0, 2.0, 0.0, 0.0, 0.0]))
     said = flight.event(0.0)
@@ -96,11 +92,3 @@ def test_a_companion_that_falls_silent_loses_command(flight):
         flight.event(PERIOD * k)
     np.testing.assert_allclose(flight.output, HOVER, atol=1e-9)
     assert len(flight.dut.autopilot.failsafes) == 1
-
-
-def test_messages_come_from_the_component_of_an_autopilot(flight):
-    common = pytest.importorskip("pymavlink.dialects.v20.common")
-    flight.dut.link.send = (sent := []).append
-    flight.event(0.0)
-    found = common.MAVLink(None).parse_buffer(b"".join(sent))
-    assert {(one.get_srcSystem(), one.get_srcComponent()) for one in found} == {(1, AUTOPILOT)}

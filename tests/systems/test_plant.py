@@ -43,12 +43,6 @@ def test_each_force_stands_at_its_own_body():
     np.testing.assert_array_equal(dut.get_output_port().Eval(context), expected)
 
 
-def test_a_payload_that_there_is_not_cannot_be_pushed():
-    dut = Push(6, payload=False)
-    with pytest.raises(ValueError, match="payload"):
-        dut.set_force(dut.CreateDefaultContext(), np.zeros(3), np.ones(3))
-
-
 @pytest.fixture
 def plant():
     plant = MultibodyPlant(time_step=0.0)

@@ -67,10 +67,3 @@ def test_a_lag_that_begins_in_flight_takes_over_at_its_onset(start, lag):
     np.testing.assert_allclose(
         speeds(T, own, onsets={own: 0.25}, start=start), rising(T, lag), atol=2e-3
     )
-
-
-def test_the_same_lag_again_from_some_time_on_changes_nothing():
-    own = MotorLag(LAG)
-    np.testing.assert_allclose(
-        speeds(T, own, onsets={own: 0.25}, start=0.22), rising(T, LAG), atol=1e-3
-    )

@@ -42,14 +42,6 @@ def test_noise_repeats_by_seed_and_changes_between_instants():
     assert not np.array_equal(readings[0][0], readings[0][1])
 
 
-def test_controller_and_log_read_the_same_noise_at_an_instant():
-    dut, simulator, context = rig_with([SensorNoise(MeasurementNoise())])
-    simulator.AdvanceTo(0.0599999)
-    before = dut.GetOutputPort("x").Eval(context).copy()
-    simulator.AdvanceTo(0.0600011)
-    np.testing.assert_array_equal(dut.GetOutputPort("x").Eval(context), before)
-
-
 def test_row_k_holds_what_acts_just_after_its_instant():
     builder = DiagramBuilder()
     # Counts its own updates: 1 from t = 0 on, 2 from t = 0.1 on.

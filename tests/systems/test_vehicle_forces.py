@@ -4,7 +4,6 @@ own systems.
 
 import numpy as np
 import pytest
-from pydrake.systems.analysis import Simulator
 
 from np_drake.effects.command_delay import CommandDelay
 from np_drake.effects.constant_wind import ConstantWind
@@ -14,7 +13,7 @@ from np_drake.effects.thrust_scale import ThrustScale
 from np_drake.effects.uneven_lag import UnevenLag
 from np_drake.effects.weak_rotor import WeakRotor
 from np_drake.vehicle import Vehicle
-from systems.payload_config import PayloadConfig, PayloadEvent
+from systems.payload_config import PayloadConfig
 from systems.tethered_quadrotor import make_tethered_quadrotor
 from systems.vehicle_forces import SteadyEffects, VehicleForces
 
@@ -86,25 +85,6 @@ def test_the_compiled_forces_are_the_sum_of_the_single_effects(payload, actuator
         np.testing.assert_allclose(
             found[0], found[1], rtol=1e-11, atol=1e-10
         )  # round-off of the sums
-
-
-def test_a_flight_with_a_delay_and_events_is_that_of_the_single_effects():
-    events = [
-        PayloadEvent(kind="impulse", time=0.1, impulse=[0.2, 0.0, 0.1]),
-        PayloadEvent(kind="attach", time=0.2, mass=0.1),
-        PayloadEvent(kind="release", time=0.3),
-    ]
-    rows = []
-    for dut, context in pair(
-        PayloadConfig(), (SCALE, CommandDelay(0.02)), (DRAG,), events=events, hangs_at=0.05
-    ):
-        place(dut, context, 3)
-        simulator = Simulator(dut, context)
-        simulator.AdvanceTo(0.6)
-        rows.append(read(dut, context, (*PORTS, "plant_state", "tether_wrench")))
-    np.testing.assert_allclose(
-        rows[0], rows[1], rtol=1e-8, atol=1e-8
-    )  # round-off, grown by the integrator's steps
 
 
 def test_level_rotors_lift_along_z_and_turn_about_the_body_axes():

@@ -131,5 +131,5 @@ def lemniscate() -> Flight:
 
 @pytest.fixture(scope="session")
 def trained(dithered) -> TrainingResult:
-    """The default configuration as it comes."""
-    return train([dithered.segment], LiftedConfig())
+    """The default configuration, in half its steps."""
+    return train([dithered.segment], LiftedConfig(steps=1200))

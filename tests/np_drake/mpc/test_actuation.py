@@ -68,11 +68,6 @@ def test_the_driving_input_of_a_torque_gives_its_motion(by, point):
     np.testing.assert_allclose(found, torque, atol=1e-7)
 
 
-def test_without_a_rate_loop_rates_cannot_be_commanded():
-    with pytest.raises(ValueError, match="must have a rate_loop"):
-        Actuation.of(Vehicle(), "rates")
-
-
 @pytest.mark.parametrize("offset", [0.1, 1.5])
 def test_the_plan_is_optimal_within_the_largest_rates(by, offset, least_cost):
     dut = SqpSolver(VEHICLE, RATES, steps=30, max_steps=30, time_limit=np.inf)

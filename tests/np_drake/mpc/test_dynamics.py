@@ -27,16 +27,6 @@ def random_stages(seed, n=3):
     return rng.normal(size=(n, 13)), u, rng.normal(size=(n, 6))
 
 
-def test_without_force_the_body_falls_freely():
-    dut = DiscreteDynamics(Vehicle().check(), STEP)
-    x = [1.0, 2.0, 3.0, 1.0, 0.0, 0.0, 0.0, 0.5, -0.5, 1.0, 0.0, 0.0, 0.0]
-    after = dut.advance(x, [0.0] * 4, [0.0] * 6)
-    assert after[2] == pytest.approx(
-        3.0 + STEP - 9.81 * STEP**2 / 2, abs=1e-12
-    )  # [m] exact for RK4
-    assert after[9] == pytest.approx(1.0 - 9.81 * STEP, abs=1e-12)  # [m/s]
-
-
 @settings(max_examples=25, deadline=None)
 @given(seed=st.integers(0, 10_000), skewed=st.booleans())
 def test_value_is_one_runge_kutta_step_of_eq_1(seed, skewed):

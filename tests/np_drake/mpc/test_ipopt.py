@@ -45,11 +45,6 @@ def test_an_end_that_is_worse_than_the_sqp_answer_is_not_believed(
     )
 
 
-def test_where_soft_sets_are_active_the_sqp_answer_flies(vehicle, config, make_problem):
-    dut = IpoptCondensedSolver(vehicle, config, time_limit=np.inf)
-    assert dut.solve(make_problem(config, offset=3.0)).status == MpcStatus.SQP_FALLBACK
-
-
 def test_a_solution_that_leaves_the_input_set_is_solved_again(
     vehicle, config, make_problem, monkeypatch
 ):

@@ -7,11 +7,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from pydrake.solvers import IpoptSolver, MathematicalProgram
 
 from np_drake.mpc.ipopt import IpoptCondensedSolver
 from np_drake.mpc.problem import MpcConfig, MpcStatus, SolverFailure
-from np_drake.mpc.sqp import SqpSolver, expected_early_ends, solver_options
+from np_drake.mpc.sqp import SqpSolver, expected_early_ends
 from np_drake.residual_model import no_forecast
 from np_drake.vehicle import Vehicle
 
@@ -110,12 +109,6 @@ def test_any_state_has_a_finite_plan_or_a_typed_failure(make_problem, seed, magn
         assert np.isfinite(solution.u).all()
 
 
-@pytest.mark.parametrize("make", [SqpSolver, IpoptCondensedSolver])
-def test_a_short_horizon_of_one_works(vehicle, config, make_problem, make):
-    short = dc.replace(config, horizon=1)
-    assert make(vehicle, short, time_limit=np.inf).solve(make_problem(short)).u.shape == (1, 4)
-
-
 def test_drakes_warnings_are_muted_inside_and_heard_after(caplog):
     log = logging.getLogger("drake")
 
@@ -130,13 +123,3 @@ def test_drakes_warnings_are_muted_inside_and_heard_after(caplog):
             fail()
         log.warning("after")
     assert [record.message for record in caplog.records] == ["an error inside", "after"]
-
-
-def test_options_reach_their_solver():
-    prog = MathematicalProgram()
-    x = prog.NewContinuousVariables(1)
-    prog.AddCost((x[0] - 1) ** 4)
-    options = solver_options({IpoptSolver.id(): {"max_iter": 1}})
-    with expected_early_ends():
-        assert not IpoptSolver().Solve(prog, [10.0], options).is_success()
-        assert IpoptSolver().Solve(prog, [10.0], None).is_success()

@@ -8,7 +8,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydrake.solvers import ClarabelSolver, MathematicalProgram
 
-from diagrams.studies.bench import tracking_problems
 from np_drake import attitude
 from np_drake.mpc import sqp as qp
 from np_drake.mpc.condensed import Curvature, LocalModel
@@ -47,38 +46,12 @@ def test_one_warm_step_is_near_the_optimum(make_problem):
     assert once.cost == pytest.approx(exact.solve(moved).cost, rel=1e-4)
 
 
-def test_a_warm_start_that_leads_nowhere_counts_as_none(make_problem):
-    problem = make_problem(CONFIG)
-    plan = PATIENT.solve(problem)
-    broken = dc.replace(plan, u=np.full_like(plan.u, np.nan))
-    np.testing.assert_array_equal(PATIENT.solve(problem, broken).u, plan.u)
-
-
 def test_a_cold_start_is_followed_until_it_settles(make_problem):
     problem = make_problem(CONFIG, offset=0.1)
     cold = PATIENT.solve(problem)
     assert 1 < cold.iterations <= 8
     assert cold.solve_time > 0
     assert PATIENT.solve(problem, cold).iterations == 1
-
-
-@pytest.mark.parametrize("index", [0, 3])
-def test_an_infeasible_start_degrades(index):
-    """Far outside every soft set: 9 m/s, 80 deg of tilt, metres away, tumbling."""
-    rng, problem = np.random.default_rng(index), tracking_problems(VEHICLE, CONFIG, count=1)[0]
-    far = 4.0 * rng.normal(size=3)
-    tilt = [np.cos(np.radians(40.0)), np.sin(np.radians(40.0)), 0.0, 0.0]
-    x0 = np.concatenate([problem.x0[:3] + far, tilt, [9.0, 0.0, 0.0], 3.0 * rng.normal(size=3)])
-    problem = dc.replace(problem, x0=x0)
-    solution = PATIENT.solve(problem)
-    hover = PATIENT.condensed.rollout(
-        PATIENT.condensed.prepare(problem),
-        np.tile(VEHICLE.unmixer @ VEHICLE.hover_input, (CONFIG.horizon, 1)),
-    )
-    assert np.isfinite(solution.u).all()
-    assert solution.status in (MpcStatus.OPTIMAL, MpcStatus.ITERATION_LIMIT)
-    assert solution.violation > 0  # said, not swallowed
-    assert solution.cost < hover.merit
 
 
 def test_from_an_infeasible_start_the_loop_comes_back():
@@ -133,27 +106,6 @@ def test_the_step_minimises_the_model(seed, level):
     assert start - step.decrease == pytest.approx(
         reference_value(model, lower, upper), rel=1e-4, abs=1e-4
     )
-
-
-@pytest.mark.parametrize("seed", range(2))
-def test_the_active_set_meets_the_optimality_conditions(seed):
-    model = random_model(seed)
-    H = model.curvature.full
-    d = qp.active_set(model.curvature, model.gradient, np.full(12, -0.1), np.full(12, 0.1))
-    assert d is not None
-    force = H @ d + model.gradient
-    assert np.all(np.abs(force[np.abs(d) < 0.1]) < 1e-9)  # free: stationary
-    assert np.all(force[d == 0.1] <= 1e-9)
-    assert np.all(force[d == -0.1] >= -1e-9)
-
-
-def test_rows_left_out_at_first_come_in_where_they_matter():
-    model = random_model(3, m=30, level=1.0)
-    lower, upper = np.full(12, -0.3), np.full(12, 0.4)
-    worst = np.maximum(0.0, [model.rows.excess[k::KINDS].max() for k in range(KINDS)])
-    step = qp.QpSolver(12, 30, WEIGHT, critical_rows=1).solve(model, lower, upper, time_limit=1.0)
-    start = WEIGHT * np.sum(worst + 0.1 * worst**2)
-    assert start - step.decrease == pytest.approx(reference_value(model, lower, upper), rel=1e-4)
 
 
 def test_osqp_takes_over_where_the_active_set_cycles(monkeypatch):

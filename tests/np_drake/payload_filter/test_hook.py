@@ -103,11 +103,3 @@ def test_each_axis_has_a_level_of_its_own_kind():
     assert np.sqrt(np.mean((found[:, 1] - 5.0) ** 2)) < 0.2
     assert not found[:, 2].any()
     np.testing.assert_allclose(levels(1e-6 * torque), 1e-6 * levels(torque), rtol=1e-9)
-
-
-@pytest.mark.parametrize("step", [0.0025, 0.02, 20.0])
-def test_the_gains_reach_from_persistence_to_the_longest_mean(step):
-    gains = hook.gains_of(step)[:, 0]
-    assert gains[0] == pytest.approx(1.0)
-    assert gains[-1] == pytest.approx(min(1.0, step / hook.LONGEST_MEAN))
-    assert np.all(gains[1:] >= 0.5 * gains[:-1] - 1e-12)

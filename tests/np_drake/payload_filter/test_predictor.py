@@ -10,13 +10,12 @@ from scipy.linalg import expm
 
 from np_drake import attitude
 from np_drake.command_delay import KEPT
-from np_drake.labels import ReadsLabels
 from np_drake.mpc.look_ahead import LookAhead
 from np_drake.payload_filter import kernel
 from np_drake.payload_filter.filter_bank import carries, payload_estimate
 from np_drake.payload_filter.forecast import linear_pendulum
 from np_drake.payload_filter.predictor import PayloadFilter
-from np_drake.residual_model import Plan, ReadsPlan, Sample
+from np_drake.residual_model import Plan, Sample
 from np_drake.vehicle import Vehicle
 
 G, MASS, STEP = 9.81, 2.0, 0.02  # of the made-up flights: gravity [m/s²], vehicle [kg], sample [s]
@@ -42,13 +41,6 @@ def mean_force(flight, k, horizon=20, stride=2):
     return ends[k : k + horizon * stride].reshape(horizon, stride, 3).mean(axis=1)
 
 
-def test_it_reads_raw_labels_and_the_plan(model):
-    predictor = PayloadFilter(model())
-    assert isinstance(predictor, ReadsPlan)
-    assert isinstance(predictor, ReadsLabels)
-    assert np.isinf(predictor.label.force_bandwidth)
-
-
 def test_a_hanging_payload_pulls_with_its_weight_over_the_horizon(model, flown):
     predictor = PayloadFilter(model())
     forecast = predictor.forecast(run(predictor, flown(seconds=4.0).samples), **SPAN)
@@ -67,17 +59,6 @@ def test_a_bare_vehicle_is_believed_bare_however_long_it_flies(model, flown):
         # Share of the vehicle's mass [1]
         assert memory["weight"] @ memory["mean"][:, kernel.MASS] < 0.002
     assert np.linalg.norm(predictor.pull(memory)) < 0.02 * MASS * G  # thrust error's prior [N]
-
-
-@pytest.mark.nightly
-@pytest.mark.parametrize("swing", [0.0, 0.2])
-def test_a_payload_is_not_taken_for_a_steady_push_upwards_or_a_weak_thrust(swing, model, flown):
-    predictor = PayloadFilter(model())
-    flight = flown(mass=0.26, seconds=20.0, radius=1.0, speed=1.0, swing=swing)
-    memory = run(predictor, flight.samples[:150])
-    for sample in flight.samples[150:]:
-        memory = predictor.update(memory, sample)
-        assert memory["weight"][carries(len(memory["weight"]))].sum() > 0.9
 
 
 @pytest.mark.parametrize(("before", "after"), [(0.0, 0.1), (0.26, 0.36), (0.26, 0.0)])
@@ -142,21 +123,6 @@ def test_torque_of_rates_and_velocity_follows_the_plan(model, flown):
         [-0.04 * v[:, 0], 0.05 * v[:, 1], np.zeros(20)]
     )  # v of B is [v_y, -v_x] of W
     np.testing.assert_allclose(tau[1] - tau[0], by_speed + [0.001, 0.004, 0.009], atol=1e-12)
-
-
-def test_torque_of_rates_and_velocity_is_not_part_of_the_level(model, flown):
-    flight = flown(seconds=3.0, radius=1.0, torque_noise=0.0)
-    moved = dc.replace(model(), speed_torque=np.array([0.04, 0.05]))
-    turned = []  # with the torque of the velocity in the label
-    for sample in flight.samples:
-        v = attitude.rotate_back(sample.x[3:7], sample.x[7:10])
-        torque = [0, 0, 0, 0.04 * v[1], 0.05 * v[0], 0]
-        turned.append(dc.replace(sample, chi=sample.chi + torque))
-    plain, own = (
-        run(PayloadFilter(moved), samples)["steady"] for samples in (flight.samples, turned)
-    )
-    assert np.abs(own).max() < 0.01  # what the hook leaves while the bank settles [N·m]
-    assert np.abs(plain).max() > 0.02
 
 
 def test_after_a_swing_the_truth_lies_in_the_intervals(model, flown):
@@ -241,31 +207,6 @@ def test_a_sample_with_nan_leaves_a_usable_memory(part, model, flown):
     np.testing.assert_allclose(
         predictor.pull(memory), predictor.pull(whole), atol=0.3
     )  # a tenth of the pull [N]
-
-
-def test_a_label_of_a_member_without_weight_leaves_a_usable_memory(model, flown):
-    predictor = PayloadFilter(model())
-    samples = flown(seconds=2.0).samples
-    memory = run(predictor, samples[:50])
-    bare = ~carries(len(memory["weight"]))
-    memory["weight"] = np.where(bare, 0.0, memory["weight"]) / memory["weight"][~bare].sum()
-    rise = kernel.PUSH + 2
-    memory["mean"][bare, rise] = -0.13 * G  # as the payload's weight
-    memory["mean"][~bare, rise] = 40.0
-    memory["covariance"][~bare] *= 1e-6
-    memory = predictor.update(memory, samples[50])
-    assert np.all(np.isfinite(memory["weight"]))
-    assert memory["weight"].sum() == pytest.approx(1.0)
-
-
-def test_an_update_changes_no_memory_but_its_own(model, flown):
-    flight, predictor = flown(seconds=1.0), PayloadFilter(model())
-    memory = run(predictor, flight.samples[:20])
-    before = {name: value.copy() for name, value in memory.items()}
-    predictor.update(memory, flight.samples[20])
-    predictor.forecast(memory, **SPAN)
-    for name, value in before.items():
-        np.testing.assert_array_equal(memory[name], value)
 
 
 def test_rotors_behind_the_command_show_in_the_forecast(model, flown):

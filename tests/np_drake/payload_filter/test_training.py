@@ -71,6 +71,7 @@ def test_torque_of_the_speed_is_not_taken_for_the_hooks(flown, vehicle):
     np.testing.assert_allclose(model.hook, [0.0, 0.0, -0.025], atol=0.004)  # the same [m]
 
 
+@pytest.mark.nightly
 def test_of_similar_vehicles_it_finds_the_same_in_their_own_units(flown, vehicle):
     length, time, mass = 4.0, 2.0, 64.0  # over the paper's
     flight = flown(seconds=12.0, radius=1.0, dither=0.08, thrust_error=-0.04, drag=0.15)

@@ -2,7 +2,6 @@ import numpy as np
 import pytest
 
 from np_drake.residual_models.motion_model import (
-    GaussianProcess,
     GaussianProcessConfig,
     closed_form,
     fit_gaussian_process,
@@ -39,13 +38,6 @@ def test_the_jacobian_is_that_of_finite_differences(fitted):
     np.testing.assert_allclose(dut.jacobian(ZETA), numeric, atol=1e-7)  # central differences
 
 
-def test_far_from_the_samples_it_knows_the_mean_alone(fitted):
-    dut = fitted[1]
-    far = np.full(6, 1e6)
-    np.testing.assert_allclose(dut(far), dut.mean)
-    np.testing.assert_allclose(dut.jacobian(far[None])[0], 0.0)
-
-
 def test_it_learns_from_a_hundred_samples_spread_over_the_flights():
     segments = [
         Segment(np.zeros_like(CHI), ZETA, 0.02, CHI),
@@ -57,16 +49,3 @@ def test_it_learns_from_a_hundred_samples_spread_over_the_flights():
     np.testing.assert_allclose(
         dut.mean, CHI[np.linspace(0, 399, 100).round().astype(int) % 200].mean(axis=0)
     )
-
-
-def test_the_same_seed_gives_the_same_process():
-    config = GaussianProcessConfig(samples=20, restarts=1, seed=3)
-    first, second = (fit_gaussian_process([Segment(CHI, ZETA, 0.02)], config) for _ in range(2))
-    for name, value in first.tensors().items():
-        np.testing.assert_array_equal(value, second.tensors()[name])
-
-
-def test_lengths_are_positive(fitted):
-    dut = fitted[1]
-    with pytest.raises(ValueError, match="length must be positive"):
-        GaussianProcess(dut.X, dut.weight, -dut.length, dut.mean)

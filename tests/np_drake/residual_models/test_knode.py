@@ -88,24 +88,6 @@ def test_the_jacobian_is_that_of_finite_differences(trained):
     )  # no edge of a ReLU within eps of these
 
 
-def test_the_seed_decides_the_network(pieces):
-    config = KnodeConfig(width=8, window=3, epochs=1)
-    same = [fit_knode(pieces[:20], VEHICLE, config)[0] for _ in range(2)]
-    other = fit_knode(pieces[:20], VEHICLE, KnodeConfig(width=8, window=3, epochs=1, seed=1))[0]
-    np.testing.assert_array_equal(same[0].weights[0], same[1].weights[0])
-    assert not np.allclose(same[0].weights[0], other.weights[0])
-
-
-def test_the_network_has_the_size_of_phi(pieces):
-    dut, _ = fit_knode(pieces, VEHICLE, KnodeConfig(window=3, epochs=0))
-    assert [W.shape for W in dut.weights] == [(128, 6), (128, 128), (6, 128)]
-    untrained = dut(np.array([[0.0] * 6, [1.0] * 6]))
-    np.testing.assert_array_equal(untrained[0], untrained[1])  # a constant
-    np.testing.assert_allclose(
-        untrained[0], [0, 0, -2.5, 0, 0, 0], atol=0.05
-    )  # [N, N·m] drag of random motion
-
-
 def test_a_row_with_nan_parts_a_log(pieces):
     p = pieces[0]
     x = np.vstack([p.x] * 4)

@@ -3,10 +3,7 @@ import pytest
 
 from np_drake.residual_model import Sample
 from np_drake.residual_models.motion_model import GaussianProcess, MotionModel, WrenchNetwork
-from np_drake.residual_models.motion_training import train_motion_model
 from np_drake.skill.skill import model_predictions
-from np_drake.training_data.segments import WrenchSequence
-from np_drake.vehicle import Vehicle
 
 RNG = np.random.default_rng(0)
 PROCESS = GaussianProcess(
@@ -43,12 +40,6 @@ def test_every_step_of_the_forecast_is_the_function_at_its_own_motion(dut):
     np.testing.assert_allclose(forecast.first, expected[0], atol=1e-12)
 
 
-def test_a_missing_sample_leaves_the_last_motion(dut):
-    memory = dut.update(dut.initial_memory(), sample(np.ones(6)))
-    memory = dut.update(memory, sample(np.full(6, np.nan), np.full(6, np.nan)))
-    np.testing.assert_array_equal(memory["zeta"], 1.0)
-
-
 @pytest.mark.parametrize("known", [True, False])
 def test_a_whole_flight_is_what_single_samples_are(dut, known, one_by_one):
     zeta, arguments = RNG.normal(size=(30, 6)), (np.arange(3, 20), [0, 1, 4])
@@ -77,18 +68,3 @@ def test_another_model_or_another_file_is_refused_in_one_line(dut, tmp_path):
     path.write_bytes(b"PK nothing")
     with pytest.raises(ValueError, match="pickle"):
         MotionModel.load(path)
-
-
-def test_a_network_needs_flights_with_commands():
-    flight = WrenchSequence(
-        chi=np.zeros((50, 6)), zeta=RNG.normal(size=(50, 6)), step=0.02, name="array"
-    )
-    with pytest.raises(ValueError, match="array holds no command"):
-        train_motion_model("knode", [flight], Vehicle(), step=0.02)
-
-
-def test_what_is_not_known_is_named():
-    with pytest.raises(ValueError, match=r"gp \| knode"):
-        train_motion_model("np", [], Vehicle(), step=0.02)
-    with pytest.raises(ValueError, match="gp has no setting epochs"):
-        train_motion_model("gp", [], Vehicle(), step=0.02, epochs=3)

@@ -23,13 +23,6 @@ def labels(*rows):
     return [Sample(LEVEL, np.zeros(4), chi) for chi in rows]
 
 
-def test_hold_forecasts_the_last_label_everywhere():
-    dut = Hold(step=STEP)
-    memory = fed(dut, labels(CHI, np.full(6, np.nan)))
-    chi = dut.forecast(memory, horizon=5, stride=2).rollout(np.zeros((5, 6)))
-    np.testing.assert_allclose(chi, np.tile(CHI, (5, 1)))
-
-
 def test_hold_with_a_bandwidth_rises_by_63_percent_in_one_time_constant():
     bandwidth = 1 / (2 * np.pi * 0.2)
     dut = Hold(step=STEP, force_bandwidth=bandwidth, torque_bandwidth=bandwidth)

@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 from np_drake.lifting.model.encoders import DelayEncoder, Phi
 from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
 from np_drake.lifting.model.lifted_model import DELAY_DMDC, PAPER, LiftedModel
-from np_drake.lifting.model.model_file import save_model
 from np_drake.residual_model import Sample
 from np_drake.residual_models.neural_predictor import NeuralPredictor
 from np_drake.skill.flight_skill import stability_of
@@ -81,12 +80,6 @@ def test_a_long_step_is_many_short_ones_under_held_zeta(stride):
     np.testing.assert_allclose(coarse, expected, atol=1e-12)
 
 
-def test_before_any_label_the_forecast_is_zero():
-    dut = NeuralPredictor(last_sample_model())
-    for memory in (dut.initial_memory(), fed(dut, without(sequence(9), range(9)))):
-        assert not dut.forecast(memory, horizon=5, stride=1).rollout(np.ones((5, 6))).any()
-
-
 def test_until_the_window_is_full_and_of_the_torque_the_low_pass_is_held():
     dut, samples = NeuralPredictor(last_sample_model()), sequence(30)
     held, blend = samples[0].chi, 1 - np.exp(-2 * np.pi * 4.0 * STEP)
@@ -106,14 +99,6 @@ def test_a_dropped_label_is_filled_with_the_own_prediction():
     memory = fed(dut, without(samples, (9, 13, 18, 19)))
     np.testing.assert_allclose(memory["z"], fed(dut, samples)["z"], atol=1e-12)
     assert (memory["dropped"], memory["labels"], memory["gap"]) == (4, 16, 2)
-
-
-def test_a_dropped_state_is_filled_with_the_last_zeta():
-    dut, samples = NeuralPredictor(last_sample_model()), sequence(10)
-    lost = dut.update(fed(dut, samples[:9]), dc.replace(samples[9], x=np.full(13, np.nan)))
-    np.testing.assert_array_equal(lost["window"][-1, 6:], samples[8].x[7:])
-    np.testing.assert_array_equal(lost["window"][-1, :6], samples[9].chi)
-    assert lost["dropped"] == 1
 
 
 def test_a_long_gap_starts_the_window_afresh():
@@ -180,18 +165,6 @@ def test_a_label_that_is_late_gives_the_wrench_of_now(late):
     memory = fed(dut, without(late_ones, (55,)))
     first = dut.forecast(memory, horizon=1, stride=1).first
     np.testing.assert_allclose(first, now[-1].chi, atol=1e-9)
-
-
-def test_a_model_file_flies(tmp_path):
-    save_model(last_sample_model(), tmp_path / "m.safetensors")
-    found, expected = (
-        fed(dut, sequence(10))["z"]
-        for dut in (
-            NeuralPredictor.load(tmp_path / "m.safetensors"),
-            predictor(last_sample_model()),
-        )
-    )
-    np.testing.assert_array_equal(found, expected)
 
 
 def test_impossible_options_are_refused():

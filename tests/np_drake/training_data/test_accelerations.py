@@ -3,10 +3,9 @@
 import dataclasses as dc
 
 import numpy as np
-import pytest
 
 from np_drake import labels
-from np_drake.rotor_input import rotor_speed, rotor_wrench, with_rotor_input
+from np_drake.rotor_input import rotor_speed, rotor_wrench
 from np_drake.training_data.accelerations import (
     most_likely,
     rows_at,
@@ -14,7 +13,6 @@ from np_drake.training_data.accelerations import (
     with_accelerations,
     wrench_sequence,
 )
-from np_drake.training_data.segments import WrenchSequence
 from np_drake.vehicle import Vehicle
 
 
@@ -29,19 +27,6 @@ def test_a_smooth_flight_is_differentiated_to_its_true_accelerations(flight):
     )  # half a row of 3.2 rad/s³ [rad/s²]
     assert "zero phase" in dut.notes[-1]
     assert "a, al" in dut.notes[-1]
-
-
-def test_only_what_is_missing_is_differentiated(flight):
-    dut = with_accelerations(dc.replace(flight, al=None))
-    assert dut.a is flight.a
-    assert with_accelerations(flight) is flight
-
-
-def test_the_derivative_has_no_phase():
-    t = 0.01 * np.arange(2000)
-    dut = smooth_derivative(-np.cos(2 * np.pi * 3 * t)[:, None], t, 15.0)[200:-200, 0]
-    wave = np.sin(2 * np.pi * 3 * (t + 0.005))[200:-200]
-    assert np.argmax(np.correlate(dut, wave, "full")) == len(dut) - 1  # zero shift [samples]
 
 
 def test_command_and_acceleration_stay_paired_under_differentiation():
@@ -65,11 +50,6 @@ def test_rotor_speed_and_command_are_inverse():
     vehicle = Vehicle()
     u = np.array([[19.62, 0.1, -0.2, 0.03], [25.0, 0.0, 0.3, -0.05]])
     np.testing.assert_allclose(rotor_wrench(vehicle, rotor_speed(vehicle, u)), u, atol=1e-12)
-
-
-def test_without_rotor_columns_there_is_no_rotor_input(flight):
-    with pytest.raises(ValueError, match="rotor1"):
-        with_rotor_input(dc.replace(flight, rotor=None), Vehicle())
 
 
 def test_a_step_picks_the_nearest_rows_of_labels_filtered_at_the_logs_own_rate(flight):
@@ -104,20 +84,3 @@ def test_white_noise_alone_leaves_its_mean_only():
     left = most_likely(values, np.ones(12), 0.01)
     np.testing.assert_allclose(left.mean(axis=0), values.mean(axis=0), atol=1e-12)
     assert left.var(axis=0).mean() < 0.012  # of the power that was read
-
-
-@pytest.mark.parametrize(
-    "step, message", [(0.005, "at least that of made"), (10.0, "lasts 5.99 s")]
-)
-def test_a_step_that_does_not_fit_is_refused(flight, step, message):
-    with pytest.raises(ValueError, match=message):
-        rows_at(flight, step)
-
-
-@pytest.mark.parametrize(
-    "bad", [{"frame": "moon"}, {"step": 0.0}, {"chi": np.zeros((5, 3))}, {"zeta": np.zeros((4, 6))}]
-)
-def test_a_sequence_of_wrong_shape_or_frame_is_refused(bad):
-    good = {"step": 0.02, "chi": np.zeros((5, 6)), "zeta": np.zeros((5, 6))}
-    with pytest.raises(ValueError, match="WrenchSequence"):
-        WrenchSequence(**{**good, **bad}).check()

@@ -68,14 +68,6 @@ def test_a_lag_of_the_vehicle_file_and_measured_rotors_are_believed():
     assert learned_timing([(measured, Vehicle())], [0.0, 0.02]) == (0.0, 0.0)
 
 
-def test_rows_without_a_reading_do_no_harm():
-    log = flight(0.03)
-    log.a[100:120] = np.nan
-    assert learned_rotor_lag([(log, Vehicle())]) == pytest.approx(0.03, abs=0.003)  # [s]
-    log.a[:] = np.nan
-    assert learned_rotor_lag([(log, Vehicle())]) == 0.0
-
-
 @pytest.mark.parametrize("delay", [0.0, 0.05])
 @pytest.mark.parametrize("lag", [0.0, 0.03])
 def test_delay_and_lag_are_found_together(lag, delay):

@@ -94,13 +94,6 @@ def test_of_a_flight_of_one_member_its_theta_is_found():
     assert along[0] == pytest.approx(0.4, abs=0.05)
 
 
-def test_a_vehicle_at_rest_leaves_theta_at_its_prior():
-    dut = family()
-    theta, covariance = dut.update(np.zeros(r), dut.covariance, np.zeros((dut.window, 12)), STEP)
-    np.testing.assert_allclose(theta, 0.0, atol=1e-12)
-    np.testing.assert_allclose(covariance, dut.covariance, rtol=1e-9)
-
-
 @settings(max_examples=25)
 @given(st.integers(0, 10**6), st.floats(0.01, 100.0))
 def test_the_covariance_never_exceeds_the_prior_and_stays_positive(seed, size):
@@ -133,12 +126,6 @@ def test_departures_are_those_of_the_recursion():
             for sample in window[len(window) - 1 - lag : -1]:
                 z = s.A @ z + s.B @ sample[6:]
             np.testing.assert_allclose(at[:, i], (s.C @ (now - z))[:2], atol=1e-12)
-
-
-def test_the_encoder_at_theta_lifts_as_the_family_does():
-    dut, rng = family(), np.random.default_rng(3)
-    theta, window = rng.standard_normal(r), rng.standard_normal((D, 12))
-    np.testing.assert_allclose(dut.encoder(theta)(window), dut.read(window, theta)[1])
 
 
 def network(share=1.0):
@@ -229,18 +216,6 @@ def test_the_correction_is_bounded_however_wild_the_window(size):
     assert np.linalg.norm(here - least, axis=1).max() <= most
     change = here[0, 9:] * dut.spread
     assert with_network(plain, dut).system(plain.mean + change, STEP).spectral_radius <= 1.0
-
-
-def test_its_slope_is_at_most_that_of_its_layers():
-    dut, rng = network(), np.random.default_rng(3)
-    x = rng.standard_normal((200, 8 + 3 + r))
-    shift = 1e-4 * rng.standard_normal(x.shape)
-    unit = np.concatenate([dut.size, dut.spread])
-    here, there = (np.concatenate(dut.correction(at), axis=1) / unit for at in (x, x + shift))
-    slope = np.linalg.norm(there - here, axis=1) / np.linalg.norm(shift, axis=1)
-    assert slope.max() <= dut.lipschitz_bound * (1 + 1e-6)
-    with pytest.raises(TypeError, match="not linear"):
-        _ = model().linear_encoder
 
 
 @pytest.mark.parametrize("own", [model(0.75), model().without_network], ids=[NEURAL, LIFTED])

@@ -180,20 +180,6 @@ def test_the_loss_is_the_error_over_that_of_persistence(name, request):
     assert data.loss(dz, change).item() == pytest.approx(np.mean(expected), rel=1e-3)
 
 
-def test_the_network_starts_from_the_familys_own_forecasts(family, flights):
-    untrained = add_network(family, flights, dc.replace(CONFIG, updates=0))
-    found, expected = (errors(model, flights[:2], 10)[0] for model in (untrained, family))
-    np.testing.assert_allclose(found, expected, rtol=1e-9)
-
-
-def test_hidden_layers_are_normalised(neural):
-    network = neural.encoder.network
-    for W in network.weights[:-1]:
-        assert np.linalg.norm(W, 2) == pytest.approx(CONFIG.gain, rel=1e-4)
-    told = neural.summary["network"]["lipschitz_bound"]
-    assert told == pytest.approx(network.lipschitz_bound, abs=1e-3)
-
-
 def test_it_is_trained_by_its_name_and_is_the_same_again(flights):
     short = {f.name: getattr(CONFIG, f.name) for f in dc.fields(CONFIG)} | {
         "steps": 3,

@@ -5,12 +5,7 @@ import pytest
 
 from np_drake.lifting.model.encoders import DelayTaps
 from np_drake.lifting.training.excitation import turns
-from np_drake.lifting.training.linear_fits import (
-    flight_moments,
-    horizon_grid,
-    horizon_ridge,
-    relative_error,
-)
+from np_drake.lifting.training.linear_fits import flight_moments, horizon_ridge, relative_error
 
 TAPS = DelayTaps(4, 4, 0)
 HORIZONS = np.array([0, 1, 3, 9])
@@ -72,12 +67,6 @@ def test_full_symmetry_makes_the_turned_flight_the_same_flight():
             found, expected = (getattr(moments(y, 1.0), name) for y in (image, x))
             np.testing.assert_allclose(found, expected, atol=1e-9)
     assert np.abs(moments(turned[1]).gram - moments(x).gram).max() > 0.01
-
-
-def test_the_grid_begins_now_and_ends_at_the_longest_horizon():
-    grid = horizon_grid(400, 18)
-    assert list(grid[[0, 1, -1]]) == [0, 1, 400]
-    assert np.all(np.diff(grid) > 0)
 
 
 @pytest.mark.parametrize(("most", "stride"), [(588, 1), (300, 2), (7, 84)])

@@ -7,7 +7,6 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.lifting.model.model_file import load_model, save_model
 from np_drake.lifting.training.mode_dictionary import (
     ModeDictionaryConfig,
     departures,
@@ -105,15 +104,6 @@ def test_a_held_zeta_leaves_the_held_forecast(model):
         moved, still = s.A @ z + s.B @ z[-6:], without.A @ z
         np.testing.assert_allclose(moved, still, atol=1e-9)
         z = moved
-
-
-def test_the_file_holds_all_of_it(model, dut, tmp_path):
-    save_model(model, tmp_path / "np.safetensors")
-    loaded = NeuralPredictor(load_model(tmp_path / "np.safetensors"), torque="predict")
-    unseen = flight(3, 400)
-    found, expected = (p.along(unseen.chi, unseen.zeta) for p in (loaded, dut))
-    for name in ("z", "offset", "A", "B", "C"):
-        np.testing.assert_array_equal(getattr(found, name), getattr(expected, name))
 
 
 @pytest.mark.parametrize("torque", ["predict", "hold"])
