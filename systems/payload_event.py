@@ -15,7 +15,7 @@ class PayloadEvent:
     kind: str = (
         "impulse"  # attach: more is hung on | impulse: it is pushed | release: the cable is cut
     )
-    time: float = 0.0  # from the start of the ramp; must be named [s]
+    time: float = 0.0  # at which it happens [s]
     mass: float = 0.0  # of kind attach: what is hung on the payload and moves with it [kg]
     impulse: list[float] = dc.field(
         default_factory=lambda: [0.0, 0.0, 0.0]

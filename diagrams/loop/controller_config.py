@@ -36,7 +36,7 @@ class ControllerConfig:
         ""  # model file of a learned kind; np, payload_filter: empty for the packaged one
     )
     period: float = 0.02  # between solves, and between samples of the predictor [s]
-    command_delay: float = 0.0  # that it assumes beyond the rotors' lag; 0: as trained [s]
+    command_delay: float = 0.0  # of commands before the rotors' lag; 0: as trained [s]
     track_delay: bool = False  # follow the delay in flight; a model that knows its own always does
     solver: str = "sqp"  # sqp | ipopt | ipopt_multiple_shooting
     deadline: float = np.inf  # a later answer is discarded; solvers wrap up at half of it [s]

@@ -33,7 +33,7 @@ class RealityConfig:
     """Differences of the real vehicle from the one that the controller assumes."""
 
     payload: PayloadConfig = dc.field(default_factory=PayloadConfig)
-    rotor_drag: float = 0.25  # linear drag on each body axis; 0: none [N·s/m]
+    rotor_drag: float = 0.25  # on each body axis; 0 for none [N·s/m]
     motor_lag: float = 0.03  # time constant of the rotor speed; 0 for none [s]
     command_delay: float = (
         0.0  # time from a command to its effect on the rotors, beyond their lag [s]
@@ -45,7 +45,7 @@ class RealityConfig:
     noise: MeasurementNoise = dc.field(default_factory=lambda: MeasurementNoise(attitude=0.003))
     wind: list[float] = dc.field(
         default_factory=lambda: [0.0, 0.0, 0.0]
-    )  # mean, in W; acts through rotor_drag, not on the payload [m/s]
+    )  # mean, in W; the drag feels it [m/s]
     gust: float = 0.0  # standard deviation of each axis of the wind, correlated over 1 s [m/s]
     gust_seed: int = 0  # of the wind's gusts
     # Act besides all of these, each from its onset on; a suspended payload here needs `payload:
