@@ -11,11 +11,10 @@ import numpy as np
 import pandas as pd
 from typer import Option
 
-from diagrams.batch.options import RealFlights, required
-from diagrams.batch.run import Report, Run
-from diagrams.batch.workers import every_result
+from diagrams.batch.run import Report, Run, every_result
 from diagrams.challenge.real import block_name, campaign_of, numbered_blocks
 from diagrams.challenge.score_tables import table
+from diagrams.studies.options import RealFlights, required
 from np_drake.flight_log import FlightLog
 from np_drake.labels import ReadsLabels
 from np_drake.lifting.model.lifted_model import LIFTED, PAPER

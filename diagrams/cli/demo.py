@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING, Annotated
 
 from typer import Option
 
-from diagrams.batch.columns import percent, tabulate
 from diagrams.cli import options
 from diagrams.cli.fly import as_config, flights_table
 from diagrams.cli.output import Table, progress, say
 from diagrams.cli.runner import Report, Run, reports
+from diagrams.studies.columns import percent, tabulate
 
 if TYPE_CHECKING:
     from diagrams.demo.story import Demo
@@ -65,7 +65,7 @@ def demo(
 
 
 def _reduction_table(result: "Demo") -> Table:
-    from diagrams.tracking.tracking import PAPER
+    from diagrams.studies.tracking import PAPER
 
     lines = []
     for track, cut in result.reduction().items():

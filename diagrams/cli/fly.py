@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING, Annotated
 
 from typer import Argument, Option
 
-from diagrams.batch.columns import Column, tabulate
 from diagrams.batch.failed_run import FailedRun
 from diagrams.cli import options
 from diagrams.cli.flying import all_lost, fly_all, fly_linked, fly_live
 from diagrams.cli.output import Table, say, tell
 from diagrams.cli.runner import Report, Run, reports
 from diagrams.cli.scenario import Numbers, scenarios
+from diagrams.studies.columns import Column, tabulate
 
 if TYPE_CHECKING:
     from diagrams.loop.flight import FlightConfig
@@ -100,7 +100,7 @@ def fly(
     ] = False,
 ) -> Report:
     """Simulate an experiment; with --out: flight log, figures and a 3-D replay page."""
-    from diagrams.tracking import comparison
+    from diagrams.loop.replay import comparison
 
     if link is not None and (
         controller or solver or predictor or told_mass or live or sample is not None
@@ -279,8 +279,8 @@ def flights_table(flights: "Sequence[FlightResult]") -> Table:
 
 def _write_flight(flight: "FlightResult", folder: Path, *, figures: "Sequence[str]") -> None:
     """Write flight log, figures and replay page of a flight, named by its controller."""
+    from diagrams.loop.replay import comparison
     from diagrams.loop.replay.flight_page import write_replay
-    from diagrams.tracking import comparison
     from np_drake.files.figure_file import save
     from np_drake.logs.formats.log_file import write_log
 

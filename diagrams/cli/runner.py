@@ -17,8 +17,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from diagrams.batch.run import Report, Run, counted, make_folder
-from diagrams.batch.workers import Workers
+from diagrams.batch.run import Report, Run, Workers, counted, make_folder
 from diagrams.cli import options, output
 from np_drake.files.atomic_file import is_regular, lock_outputs
 from np_drake.files.input_file import is_own

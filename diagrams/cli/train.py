@@ -64,8 +64,7 @@ def train(
     curve = out.with_suffix(".png")
     require_outputs(out, curve, run.json)
     from diagrams.cli.flights import open_flights
-    from diagrams.prediction.envelope import train_on_envelope
-    from diagrams.tracking.network_share import flown_share
+    from diagrams.studies.learning import flown_share, train_on_envelope
     from np_drake.files.figure_file import save
     from np_drake.lifting.model.lifted_model import FAMILIES, LIFTED, NEURAL
     from np_drake.lifting.model.model_file import save_model
@@ -164,7 +163,7 @@ def _placed(
         step: time between samples [s].
         envelope: 0 where the logs alone count.
     """
-    from diagrams.prediction.learning import placed_family
+    from diagrams.studies.learning import placed_family
     from np_drake.lifting.model.model_file import load_model
     from np_drake.residual_models.predictor_training import place_on_flights
 

@@ -34,7 +34,7 @@ class ReferenceConfig:
     band: list[float] = number([0.1, 0.8], "Hz", POSITIVE)  # its lowest and highest tone on x
     seed: int = number(0, "1", 0)  # of its phases
     corners: str = word(ROUND, *CORNERS)  # of a file's waypoints: rounded off, or a stop
-    follow: str = word("vehicle", "vehicle", "payload")  # which of them follows the track
+    follow: str = word("vehicle", "vehicle", "payload")  # whose position the track is
     # distance from waypoints and their straight legs beyond which a flight warns
     within: float = number(0.1, "m", POSITIVE)
     dither: list[float] = number(

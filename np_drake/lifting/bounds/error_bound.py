@@ -1,7 +1,7 @@
 """Bound on the error of the lifted prediction (Theorem 1), computed before the error is seen.
 
 E_n = z_n - z_hat_n with z_hat_0 = z_0, z_hat_(i+1) = A z_hat_i + B zeta_i and the A, B that fly.
-Source: Jin et al. 2025, Theorem 1, corrected; derivation and proof in docs/studies/error-bound.md.
+Source: Jin et al. 2025, Theorem 1, corrected; proof in docs/reference/error-bound.md.
 """
 
 import dataclasses as dc

@@ -10,8 +10,7 @@ from diagrams.loop.flight_diagram import make_flight_diagram
 from diagrams.loop.flight_result import fly
 from diagrams.loop.real_vehicle import make_real_vehicle
 from diagrams.loop.scaled import scaled
-from diagrams.robustness.axes import BASE
-from diagrams.robustness.robustness import flight_config
+from diagrams.studies.robustness import BASE, flight_config
 from np_drake.vehicle import Vehicle
 from np_drake.vehicle.scaling import ratios, similar
 
@@ -57,12 +56,12 @@ def test_a_battery_loses_its_share_of_the_starting_thrust_each_second():
 
 
 def test_a_delay_of_the_axis_reaches_the_plant_at_the_controllers_period():
-    config = flight_config({"row": "nominal", "seed": 1, **BASE, "delay": 0.045}, solver="sqp")
+    config = flight_config({"seed": 1, **BASE, "delay": 0.045}, solver="sqp")
     diagram = make_flight_diagram(config)
     buffer = diagram.GetSubsystemByName("tethered_quadrotor").GetSubsystemByName("command_buffer")
     readings = buffer.CreateDefaultContext().get_discrete_state(0).size()
     assert readings == 4 * (2 + 1)  # two whole periods of 20 ms in 45 ms, and the offset's reading
-    base = make_flight_diagram(flight_config({"row": "nominal", "seed": 1, **BASE}, solver="sqp"))
+    base = make_flight_diagram(flight_config({"seed": 1, **BASE}, solver="sqp"))
     assert not base.GetSubsystemByName("tethered_quadrotor").HasSubsystemNamed("command_buffer")
 
 

@@ -5,7 +5,7 @@ import pytest
 
 from diagrams.loop.controller_config import NP_MODEL
 from diagrams.loop.flight_result import fly
-from diagrams.tracking.tracking import Row, configure
+from diagrams.studies.sweep import Row, configure
 from np_drake.labels import smooth_labels
 from np_drake.lifting.model.model_file import load_model
 from np_drake.residual_models.neural_predictor import NeuralPredictor
