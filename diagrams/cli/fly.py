@@ -37,9 +37,8 @@ def fly(
     solver: Annotated[
         str | None,
         Option(
-            help="sqp | ipopt (MathematicalProgram, the reference) | ipopt_multiple_shooting "
-            "(the test oracle: "
-            f"0.2 to 1 s a solve); default: the scenario file's, or {options.DEFAULT_SOLVER}."
+            help="sqp | ipopt (MathematicalProgram, the reference); default: the scenario "
+            f"file's, or {options.DEFAULT_SOLVER}."
         ),
     ] = None,
     predictor: Annotated[

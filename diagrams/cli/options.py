@@ -72,9 +72,8 @@ Configuration = Annotated[
     Option(
         "--configuration",
         metavar="NAME",
-        help="neural | lifted (world axes) | mode-dictionary (body axes) | paper | dmdc | "
-        "delay-dmdc | ridge, "
-        "of np; payload_filter; gp | knode. Default: the first that suits the axes.",
+        help="neural | lifted (world axes) | mode-dictionary (body axes) | paper, of np; "
+        "payload_filter; gp | knode. Default: the first that suits the axes.",
     ),
 ]
 Step = Annotated[

@@ -67,8 +67,7 @@ def train(
     from diagrams.studies.learning import flown_share, train_on_envelope
     from np_drake.files.figure_file import save
     from np_drake.lifting.model.lifted_model import FAMILIES, LIFTED, NEURAL
-    from np_drake.lifting.model.model_file import save_model
-    from np_drake.lifting.model.origin import rotor_lag_of
+    from np_drake.lifting.model.model_file import rotor_lag_of, save_model
     from np_drake.lifting.training.network_training import PART
     from np_drake.lifting.training.train import CONFIGURATIONS, TrainingResult, make_config
     from np_drake.residual_models.motion_model import KNODE, REACTIONS

@@ -38,7 +38,7 @@ class ControllerConfig:
     period: float = 0.02  # between solves, and between samples of the predictor [s]
     command_delay: float = 0.0  # of commands before the rotors' lag; 0: as trained [s]
     track_delay: bool = False  # follow the delay in flight; a model that knows its own always does
-    solver: str = "sqp"  # sqp | ipopt | ipopt_multiple_shooting
+    solver: str = "sqp"  # sqp | ipopt
     deadline: float = np.inf  # a later answer is discarded; solvers wrap up at half of it [s]
     mpc: MpcConfig = dc.field(default_factory=MpcConfig)
     label: LabelConfig = dc.field(default_factory=LabelConfig)

@@ -1,7 +1,5 @@
 """Controllers by name: one MPC with different residual models."""
 
-from collections.abc import Sequence
-
 import numpy as np
 from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
 from pydrake.systems.primitives import ConstantVectorSource
@@ -16,7 +14,6 @@ from diagrams.loop.own_controller import (
     make_own_controller,
 )
 from np_drake.command_delay import DelayFilter
-from np_drake.control.faults import FaultySolver, SolverFault
 from np_drake.labels import ReadsLabels, labelled
 from np_drake.mpc.controller import MpcController
 from np_drake.mpc.solvers import make_solver
@@ -26,8 +23,7 @@ from np_drake.residual_models.hold import Constant
 from np_drake.residual_models.neural_predictor import NeuralPredictor as NeuralPredictorModel
 from np_drake.residual_models.oracle import TrueModel
 from np_drake.vehicle import Vehicle
-from systems.cascade_target import FlatTarget
-from systems.cascaded_controller import CascadedController
+from systems.cascaded_controller import CascadedController, FlatTarget
 from systems.delay_estimator import DelayEstimator
 from systems.neural_predictor import NeuralPredictor
 from systems.np_mpc import NpMpc
@@ -50,7 +46,6 @@ def add_controller(
     truth: Diagram | None = None,
     true_model: TrueModel | None = None,
     model: ResidualModel | None = None,
-    solver_faults: Sequence[SolverFault] = (),
     factory: Factory | None = None,
     in_force: OutputPort | None = None,
 ) -> dict[str, OutputPort]:
@@ -66,7 +61,6 @@ def add_controller(
         truth: the real vehicle; for the oracle alone.
         true_model: what the nominal vehicle leaves out; likewise.
         model: used in place of the one that `config` names.
-        solver_faults: while which solves have no answer.
         factory: makes a controller in the place of the one that `config` names.
         in_force: collective thrust and body rates that an autopilot follows; None: those of the
             MPC.
@@ -102,7 +96,6 @@ def add_controller(
     solver = make_solver(
         config.solver, believed, config.mpc, time_limit=SOLVER_SHARE * config.deadline
     )
-    solver = FaultySolver(solver, solver_faults) if solver_faults else solver
     mpc = builder.AddNamedSystem(
         "np_mpc",
         NpMpc(MpcController(believed, config.mpc, solver, period=period, deadline=config.deadline)),

@@ -27,7 +27,7 @@ from np_drake.references.config import ReferenceConfig, make_reference
 from np_drake.references.payload import PayloadTrack
 from np_drake.residual_models.oracle import TrueModel
 from np_drake.vehicle import Vehicle
-from systems.payload_event import PayloadEvent
+from systems.payload_config import PayloadEvent
 
 MOST_ROWS = 10**6  # of a record, at one a period, which takes 700 MB; own choice: 5 hours at 50 Hz
 FINEST_STEP = 1e-6  # of the simulator [s]; own choice

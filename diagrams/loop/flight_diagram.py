@@ -7,7 +7,6 @@ set_initial_state(diagram, simulator.get_mutable_context(), config, seed=0)
 simulator.AdvanceTo(config.end)
 """
 
-import dataclasses as dc
 from typing import Any
 
 import numpy as np
@@ -19,36 +18,18 @@ from diagrams.loop.controllers import add_controller
 from diagrams.loop.flight import FlightConfig, flown_by
 from diagrams.loop.own_controller import Factory
 from diagrams.loop.real_vehicle import DRAKE, REAL_VEHICLE, RealVehicle
-from np_drake.control.faults import MeasurementFault, SolverFault
 from np_drake.effects.calibration import in_flight
 from np_drake.effects.imu_mounting import ImuMounting
 from systems.recorder import add_recorder
-from systems.sensor_faults import add_sensor_faults
 from systems.sensor_model import add_sensor_model
 
 RECORDER = "recorder"  # its name as a subsystem of a flight
-
-
-@dc.dataclass(frozen=True)
-class Faults:
-    """Faults of what the controller reads and computes.
-
-    Those of rotors and air are effects with an onset (`RealityConfig.effects`), those of the
-    payload are events (`FlightConfig.events`).
-    """
-
-    measurement: tuple[MeasurementFault, ...] = ()  # between the sensors and all that reads them
-    solver: tuple[SolverFault, ...] = ()  # of the MPC
-
-
-NO_FAULTS = Faults()
 
 
 def make_flight_diagram(
     config: FlightConfig,
     *,
     pushed: bool = False,
-    faults: Faults = NO_FAULTS,
     real: RealVehicle = DRAKE,
     controller: Factory | None = None,
 ) -> Diagram:
@@ -57,12 +38,11 @@ def make_flight_diagram(
     Args:
         config: of the experiment.
         pushed: whether forces from outside may act (`make_tethered_quadrotor`).
-        faults: of sensors and solver; none reaches the oracle.
         real: makes the vehicle that flies.
         controller: makes a controller of one's own, in the place of the one that `config` names.
     """
     config = flown_by(config, controller).check()
-    period, knows = config.controller.period, config.controller.kind == "oracle"
+    period = config.controller.period
     builder = DiagramBuilder()
     behind, reality = as_flown(config.autopilot, config.vehicle, config.reality)
     vehicle = builder.AddNamedSystem(
@@ -72,8 +52,6 @@ def make_flight_diagram(
     tilt: list[Any] = [e for e in in_flight(config.vehicle) if isinstance(e, ImuMounting)]
     sensors = [*tilt, *config.reality.sensor_effects()]
     rig = add_sensor_model(builder, vehicle, config.vehicle, sensors, period=period)
-    if faults.measurement and not knows:
-        rig = add_sensor_faults(builder, rig, faults.measurement, period=period)
     ports = add_controller(
         builder,
         config.controller,
@@ -82,7 +60,6 @@ def make_flight_diagram(
         rig,
         truth=vehicle,
         true_model=config.true_model(),
-        solver_faults=() if knows else faults.solver,
         factory=controller,
     )
     driven, autopilot = ports["u"], {}

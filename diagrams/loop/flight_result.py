@@ -14,13 +14,7 @@ from pydrake.systems.framework import Context, Diagram
 from diagrams.batch.failed_run import FailedRun, one_line
 from diagrams.loop.autopilots import firmware_of
 from diagrams.loop.flight import ARENA, FlightConfig, flown_by
-from diagrams.loop.flight_diagram import (
-    NO_FAULTS,
-    Faults,
-    make_flight_diagram,
-    recorded,
-    set_initial_state,
-)
+from diagrams.loop.flight_diagram import make_flight_diagram, recorded, set_initial_state
 from diagrams.loop.own_controller import Factory, is_own
 from diagrams.loop.real_vehicle import DRAKE, REAL_VEHICLE, RealVehicle
 from diagrams.loop.track_limits import missed
@@ -80,7 +74,6 @@ def simulate(
     *,
     seed: int,
     monitor: Callable[[float], None] | None = None,
-    faults: Faults = NO_FAULTS,
     tolerance: float = np.inf,
     watch: Watch | None = None,
     real: RealVehicle = DRAKE,
@@ -93,7 +86,6 @@ def simulate(
         config: of the experiment.
         seed: of the noise.
         monitor: called with the flight's time [s] about every second, for progress.
-        faults: of sensors and solver.
         tolerance: distance from the reference beyond which the flight ends, looked at about every
             second [m].
         watch: looks at the flight, sets its pace and may end it early.
@@ -108,7 +100,7 @@ def simulate(
     """
     config = flown_by(config, controller)
     diagram = make_flight_diagram(
-        config, pushed=watch is not None, faults=faults, real=real, controller=controller
+        config, pushed=watch is not None, real=real, controller=controller
     )
     firmware = firmware_of(diagram)
     try:

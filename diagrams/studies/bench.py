@@ -18,9 +18,9 @@ from diagrams.studies.acados_peer import AcadosSolver
 from diagrams.studies.casadi_peer import CasadiSolver
 from diagrams.studies.sweep import Row, configure
 from np_drake import attitude
+from np_drake.mpc.controller import shift
 from np_drake.mpc.dynamics import DiscreteDynamics
 from np_drake.mpc.ipopt import IpoptCondensedSolver
-from np_drake.mpc.plan import shift
 from np_drake.mpc.problem import (
     MpcConfig,
     MpcProblem,

@@ -26,9 +26,9 @@ from np_drake.lifting.model.lifted_model import BY_AXES, PAPER, LiftedModel
 from np_drake.lifting.training.train import Config, make_config, train
 from np_drake.logs.formats.neurobem_wrenches import read_training, read_wrenches, table_files
 from np_drake.residual_model import FlightForecasts
-from np_drake.residual_models.neural_predictor import NeuralPredictor, PredictorOptions
+from np_drake.residual_models.neural_predictor import NeuralPredictor
+from np_drake.skill.flight_skill import stability_of
 from np_drake.skill.skill import naive_predictions
-from np_drake.skill.window_stability import stability_of
 from np_drake.training_data.segments import Segment
 
 CHANNELS = {  # of chi, in each column
@@ -165,7 +165,7 @@ def forecasts(model: LiftedModel, flight: Segment) -> FlightForecasts:
     """Return all forecasts of a model on a flight, force and torque predicted; ValueError if it is
     too short.
     """
-    predictor = NeuralPredictor(model, PredictorOptions(torque="predict"))
+    predictor = NeuralPredictor(model, torque="predict")
     course = predictor.along(flight.chi, flight.zeta)
     if course is None or len(flight) < model.warm_up + 2:
         raise ValueError(f"at least {model.warm_up + 2} samples are needed; got {len(flight)}.")

@@ -23,9 +23,8 @@ from diagrams.loop.scaled import scaled
 from np_drake.flight_log import FlightLog
 from np_drake.labels import LabelConfig, default_labels
 from np_drake.lifting.model.lifted_model import FAMILIES, LIFTED, NEURAL, LiftedModel
-from np_drake.lifting.model.model_file import load_model, save_model
+from np_drake.lifting.model.model_file import load_model, origin_of, require_origin, save_model
 from np_drake.lifting.model.neural_family import NeuralFamily, with_network
-from np_drake.lifting.model.origin import origin_of, require_origin
 from np_drake.lifting.training.network_training import PART
 from np_drake.lifting.training.train import Config, TrainingResult, make_config
 from np_drake.payload_filter.model_file import PayloadFilterModel

@@ -3,14 +3,14 @@
 import numpy as np
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
 from pydrake.systems.framework import DiagramBuilder
+from systems.cooperative_quadrotors import make_cooperative_quadrotors
+from systems.initial_state import set_formation
 
 from diagrams import ControllerConfig, add_controller
 from np_drake import Vehicle, tracking_errors
 from np_drake.effects.sensor_noise import SensorNoise
 from np_drake.references.payload import closest_approach, fly_at, polygon
 from np_drake.references.waypoints import Stops
-from systems.cooperative_quadrotors import make_cooperative_quadrotors
-from systems.initial_state import set_formation
 from systems.payload_config import PayloadConfig
 from systems.recorder import add_recorder
 from systems.sensor_model import make_sensor_model

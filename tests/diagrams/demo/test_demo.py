@@ -8,7 +8,7 @@ import pytest
 from diagrams.cli.main import run
 from diagrams.demo import page, story
 from diagrams.loop.experiments import load_experiment
-from diagrams.studies import tracking
+from diagrams.studies import sweep, tracking
 
 DIAGNOSED = 20.0  # of a flight that is diagnosed, so that as much is seen as in the demo itself [s]
 OTHERS = 8.0  # of any other flight [s]

@@ -10,8 +10,8 @@ from diagrams.loop.experiments import load_experiment
 from diagrams.loop.flight_result import fly
 from diagrams.loop.real_vehicle import make_real_vehicle
 from np_drake.effects.effect_entry import EffectEntry
-from systems.initial_state import set_hover
-from systems.payload_event import PayloadEvent, attach, push, release
+from systems.payload_config import PayloadEvent, push, release
+from systems.plant import set_hover
 
 CONFIG = load_experiment("hover")
 PAYLOAD = CONFIG.reality.payload
@@ -51,13 +51,13 @@ def test_a_push_changes_the_payloads_momentum_by_the_impulse():
 
 
 def test_a_push_after_an_attachment_moves_the_heavier_payload():
-    events = attach(0.05, 0.1), push(0.1, [0.36, 0.0, 0.0])
+    events = PayloadEvent("attach", 0.05, mass=0.1), push(0.1, [0.36, 0.0, 0.0])
     before, after = around(*hanging(*events), 0.1)
     assert (after - before)[23] == pytest.approx(1.0)  # [m/s]
 
 
 def test_what_is_attached_brings_weight_and_no_momentum():
-    simulator, vehicle, root = hanging(attach(0.1, 0.1))
+    simulator, vehicle, root = hanging(PayloadEvent("attach", 0.1, mass=0.1))
     before, after = around(simulator, vehicle, root, 0.1)
     np.testing.assert_array_equal(before, after)
     simulator.AdvanceTo(0.4)
@@ -125,7 +125,7 @@ def test_events_outside_the_flight_or_at_once_are_refused(times):
             "kind must be one of attach, impulse, release; got 'explode'",
         ),
         (release(0.0), "time must be positive"),
-        (attach(0.4, 0.0), "mass must be positive for kind attach"),
+        (PayloadEvent("attach", 0.4, mass=0.0), "mass must be positive for kind attach"),
         (PayloadEvent("release", 0.4, mass=0.1), "0 for another"),
         (push(0.4, [0.0, 0.0, 0.0]), "impulse must be given for kind impulse alone"),
         (push(0.4, [np.nan, 0.0, 0.0]), "three finite values"),
@@ -146,7 +146,11 @@ def test_events_without_a_cable_are_refused():
 
 def test_the_oracle_is_told_what_hangs_after_every_event():
     config = load_experiment("hover")
-    config.events = [release(3.0), push(2.0, [0.0, 0.0, 0.1]), attach(1.0, 0.1)]
+    config.events = [
+        release(3.0),
+        push(2.0, [0.0, 0.0, 0.1]),
+        PayloadEvent("attach", 1.0, mass=0.1),
+    ]
     model = config.true_model()
     assert [model.payload_at(t) is None for t in (0.0, 2.9, 3.0)] == [False, False, True]
     assert [model.payload_at(t).mass for t in (0.0, 1.0, 2.5)] == [

@@ -30,14 +30,14 @@ def rows():
         target=smooth_labels(log, config.vehicle, config.controller.label),
         warm_up=250,
     )
-    return {(row.model, row.horizon): row for row in table}
+    return {(row["model"], row["horizon"]): row for row in table}
 
 
 def test_the_shipped_model_beats_every_naive_row_on_an_unseen_track(rows):
     for horizon in (5, 20, 40):
-        assert rows["shipped", horizon].force_skill < 0.85
+        assert rows["shipped", horizon]["force_skill"] < 0.85
     # Now, there is hardly anything to predict: the label is 40 ms old.
-    assert rows["shipped", 0].force_skill < 1.0
+    assert rows["shipped", 0]["force_skill"] < 1.0
 
 
 def test_the_shipped_model_is_stable_for_every_payload_and_small():

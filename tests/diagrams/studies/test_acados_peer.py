@@ -8,7 +8,7 @@ import pytest
 
 from diagrams.studies.acados_peer import FOLDER, AcadosSolver
 from diagrams.studies.bench import tracking_problems
-from np_drake.mpc.plan import shift
+from np_drake.mpc.controller import shift
 from np_drake.mpc.problem import SolverFailure
 from np_drake.mpc.sqp import SqpSolver
 
