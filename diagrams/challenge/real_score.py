@@ -30,7 +30,7 @@ from np_drake.effects.combine import split_effects, total_wrench
 from np_drake.effects.library import causes as library_causes
 from np_drake.files.atomic_file import write_json
 from np_drake.flight_log import FlightLog
-from np_drake.logs.importing.interpolation import Signal
+from np_drake.logs.importing.signals import Signal
 from np_drake.vehicle import Vehicle
 
 THIS, BIC = "this", "BIC"  # the diagnosis; forward selection by least squares

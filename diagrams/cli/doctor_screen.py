@@ -6,7 +6,7 @@ from diagrams.cli.table_text import wrapped
 from np_drake.diagnosis.doctor.examine import NEVER, YES, Answer, LogReport
 from np_drake.diagnosis.doctor.flight_facts import FlightFacts
 from np_drake.files.number_text import NBSP, fixed, measure, number, percent, with_unit
-from np_drake.logs.importing.consistency import SCALE
+from np_drake.logs.importing.laws import SCALE
 
 WIDTH = 80  # columns of the usual terminal
 NOTED = 3.0  # times its usual noise from which a signal's is noted as high [1]

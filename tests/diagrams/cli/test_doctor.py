@@ -12,8 +12,8 @@ from np_drake.diagnosis.doctor.examine import Answer, LogReport
 from np_drake.diagnosis.doctor.flight_facts import FlightFacts, SignalFacts
 from np_drake.diagnosis.doctor.smallest_sizes import SwingTest
 from np_drake.flight_log import FlightLog
+from np_drake.logs.clock import Lag
 from np_drake.logs.formats.log_file import write_log
-from np_drake.logs.lags import Lag
 from np_drake.logs.opening import open_flights
 from np_drake.rotor_input import rotor_speed
 from np_drake.vehicle import Vehicle

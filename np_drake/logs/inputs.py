@@ -1,6 +1,4 @@
-"""Thrust and torque from a normalised throttle, through a map that is estimated from the flights
-themselves.
-"""
+"""Inputs of a flight: thrust and torque from throttle or rotor speed, and which is taken."""
 
 import dataclasses as dc
 from collections.abc import Sequence
@@ -10,6 +8,7 @@ from scipy import optimize
 
 from np_drake.flight_log import FlightLog
 from np_drake.logs.errors import LogError
+from np_drake.rotor_input import with_rotor_input
 from np_drake.training_data.accelerations import LIFT_BAND, lift_over_weight, smoothed
 from np_drake.vehicle import Vehicle
 from np_drake.vehicle.vehicle import ThrottleMap
@@ -33,7 +32,7 @@ def with_throttle_input(log: FlightLog, vehicle: Vehicle) -> FlightLog:
     own flight shows.
 
     A collective throttle says nothing of torque, which is then NaN.
-    Raises: LogError: if the log has no throttle, or never one that carries the vehicle.
+    Raises: LogError: if its throttle never carries the vehicle.
     """
     return _mapped(log, vehicle, _map_of(vehicle, [log]))
 
@@ -118,7 +117,7 @@ def _map_of(
 
 def _mapped(log: FlightLog, vehicle: Vehicle, known: ThrottleMap | _PowerMap) -> FlightLog:
     """Return the log with thrust, and torque where each rotor has its throttle, by a map."""
-    f = known.thrust(np.maximum(_throttle(log), 0.0), voltage_of(log))
+    f = known.thrust(np.maximum(np.asarray(log.throttle), 0.0), voltage_of(log))
     u = (
         np.column_stack([4 * f, np.full((len(log), 3), np.nan)])
         if f.shape[1] == 1
@@ -144,21 +143,9 @@ def voltage_of(log: FlightLog) -> np.ndarray | None:
     return log.voltage[:, None] if near else None
 
 
-@dc.dataclass(frozen=True)
-class LiftFit:
-    """Power of its throttle with which the lift of flights goes, within `EXPONENTS`.
-
-    strength: lift over weight at full throttle [1].
-    loss: negative logarithm of its likelihood and prior [nat].
-    """
-
-    exponent: float
-    strength: float
-    loss: float
-
-
-def lift_fit(flights: Sequence[FlightLog]) -> LiftFit:
-    """Return the most likely power of their throttle with which the lift of flights goes.
+def lift_fit(flights: Sequence[FlightLog]) -> tuple[float, float, float]:
+    """Return the likeliest power of their throttle with which the lift of flights goes, the lift
+    over weight at full throttle [1], and the loss [nat].
 
     Args:
         flights: of one vehicle, with a throttle that carries it.
@@ -166,17 +153,8 @@ def lift_fit(flights: Sequence[FlightLog]) -> LiftFit:
     """
     seen = [_lifted(log, GRAVITY) for log in flights]
     exponent = _fitted_exponent(seen)
-    return LiftFit(
-        exponent, float(np.median([own.scale(exponent) for own in seen])), _loss(seen, exponent)
-    )
-
-
-def _throttle(log: FlightLog) -> np.ndarray:
-    if log.throttle is None:
-        raise LogError(
-            f"{log.name}: must have a column throttle, or throttle1 … throttle4; got none."
-        )
-    return log.throttle
+    strength = float(np.median([own.scale(exponent) for own in seen]))
+    return exponent, strength, _loss(seen, exponent)
 
 
 @dc.dataclass(frozen=True)
@@ -215,7 +193,7 @@ class _Lifted:
 
 
 def _lifted(log: FlightLog, gravity: float, volts: float | None = None) -> _Lifted:
-    throttle = np.maximum(_throttle(log), 0.0)
+    throttle = np.maximum(np.asarray(log.throttle), 0.0)
     flying = throttle.mean(axis=1) > LEAST
     if flying.sum() < 20:
         raise LogError(
@@ -243,3 +221,136 @@ def _loss(flights: Sequence[_Lifted], exponent: float) -> float:
     variance = [(seen.samples, float(np.mean(seen.rest(exponent) ** 2))) for seen in flights]
     prior = 0.5 * ((exponent - USUAL) / SCATTER) ** 2
     return prior + sum(0.5 * n * np.log(max(v, 1e-12)) for n, v in variance)
+
+
+GUESS = 0.1  # `thrust_uncertainty` from which a thrust coefficient is a guess [1]; own choice
+LEAST_SPEED = 10.0  # speed of a rotor that turns [rad/s]
+MOST_DEVIATIONS = (
+    3.0  # of the file's uncertainty beyond which its coefficient is another vehicle's [1]
+)
+COEFFICIENT_NOTE = "thrust coefficient"
+FAR = f"{COEFFICIENT_NOTE} of another vehicle"  # beginning of a note that says so
+
+
+def with_hover_thrust(
+    vehicle: Vehicle, train: Sequence[FlightLog], held_out: Sequence[FlightLog] = ()
+) -> tuple[Vehicle, list[FlightLog], list[FlightLog]]:
+    """Return vehicle and flights with the thrust coefficient with which rotor speed carries the
+    training flights.
+
+    The torque coefficient keeps its ratio to it. Mass and thrust scale then take each other's
+    place: neither can be told. All stays where the file's coefficient is no guess, or no flight has
+    rotor speed as its input.
+    """
+    guess = (vehicle.thrust_uncertainty or 0.0) >= GUESS
+    squares, lift = _speed_and_lift([log for log in train if guess and _by_speed(log)], vehicle)
+    factor = 1.0
+    if len(squares):
+        factor = float(squares @ lift / (squares @ squares)) / vehicle.thrust_coefficient
+    # Not above zero: upside down, as the laws of the log say.
+    if factor <= 0 or abs(factor - 1) < 1e-9:
+        return vehicle, list(train), list(held_out)
+    fitted = dc.replace(
+        vehicle,
+        thrust_coefficient=factor * vehicle.thrust_coefficient,
+        torque_coefficient=factor * vehicle.torque_coefficient,
+    ).check()
+    note = _coefficient_note(vehicle, fitted.thrust_coefficient)
+
+    def noted(log: FlightLog) -> FlightLog:
+        if not _by_speed(log):
+            return log
+        others = [other for other in log.notes if not other.startswith(COEFFICIENT_NOTE)]
+        return dc.replace(with_rotor_input(log, fitted), notes=[*others, note])
+
+    return fitted, [noted(log) for log in train], [noted(log) for log in held_out]
+
+
+def _by_speed(log: FlightLog) -> bool:
+    return log.input == "rotor_speed" and log.rotor is not None
+
+
+def _coefficient_note(vehicle: Vehicle, coefficient: float) -> str:
+    """Return what was taken in the place of the file's guess, and whether it is beyond its
+    uncertainty.
+    """
+    spread = vehicle.thrust_uncertainty or 0.0
+    given = (
+        f"{vehicle.thrust_coefficient:.4g} ± {100 * spread:.2g} % N/(rad/s)², a guess in the file"
+    )
+    times = coefficient / vehicle.thrust_coefficient
+    if abs(np.log(times)) > MOST_DEVIATIONS * spread:
+        return (
+            f"{FAR}: rotor speed carries {vehicle.mass:.4g} kg with {times:.2g} times that "
+            f"of {vehicle.name!r}, "
+            f"{given}; check vehicle and mass"
+        )
+    return (
+        f"{COEFFICIENT_NOTE} {coefficient:.4g}, with which rotor speed carries "
+        f"{vehicle.mass:.4g} kg, in the place of {given}"
+    )
+
+
+def _speed_and_lift(logs: Sequence[FlightLog], vehicle: Vehicle) -> tuple[np.ndarray, np.ndarray]:
+    """Return the sum of squared rotor speeds (n,) and the lift (n,) [N] in the rows in which rotors
+    turn.
+    """
+    squares, lifts = [np.empty(0)], [np.empty(0)]
+    for log in logs:
+        turning = log.rotor.mean(axis=1) > LEAST_SPEED  # type: ignore[union-attr]
+        lift = lift_over_weight(log.t, log.v, log.q, vehicle.gravity)
+        squares.append(np.sum(log.rotor**2, axis=1)[turning])  # type: ignore[operator]
+        lifts.append(vehicle.mass * vehicle.gravity * lift[turning])
+    return np.concatenate(squares), np.concatenate(lifts)
+
+
+WORDS = {  # of inputs, the best known first
+    **{"command": "the command", "rotor_speed": "rotor speed"},
+    **{"thrust_only": "thrust alone", "normalised": "throttle"},
+}
+
+
+def inputs_of(log: FlightLog) -> list[str]:
+    """Return the inputs that a log has, the best known first: a whole command, rotor speed, thrust,
+    throttle.
+    """
+    thrust, torque = np.isfinite(log.u[:, 0]).any(), np.isfinite(log.u[:, 1:]).any()
+    present = {
+        "command": thrust and torque,
+        "rotor_speed": log.rotor is not None,
+        "thrust_only": thrust,
+        "normalised": log.throttle is not None,
+    }
+    return [kind for kind in WORDS if present[kind]]
+
+
+def chosen_input(log: FlightLog, vehicle: Vehicle) -> str:
+    """Return the input that drives the model of a vehicle: that of its file where the log has it,
+    else the best known.
+    """
+    known = inputs_of(log)
+    return vehicle.input if vehicle.input in known else known[0]
+
+
+def with_vehicle_input(log: FlightLog, vehicle: Vehicle) -> FlightLog:
+    """Return the log with its command, or with thrust and torque from rotor speed or throttle, as
+    the vehicle asks.
+
+    Args:
+        log: of one flight, as logged, its rotors in the order of the vehicle file.
+        vehicle: that turns rotor speed or throttle into thrust and torque.
+    Raises: LogError: if a throttle never carries the vehicle.
+    """
+    chosen, wanted = chosen_input(log, vehicle), vehicle.input
+    if wanted not in (chosen, "command"):
+        note = (
+            f"no {WORDS[wanted]}: thrust and torque from {WORDS[chosen]}, though vehicle "
+            f"{vehicle.name!r} says"
+        )
+        log = dc.replace(log, notes=[*log.notes, f"{note} input: {wanted}"])
+    if chosen == "rotor_speed":
+        return with_rotor_input(log, vehicle)
+    if chosen == "normalised":
+        return with_throttle_input(log, vehicle)
+    hidden = [False, *[chosen == "thrust_only"] * 3]
+    return dc.replace(log, u=np.where(hidden, np.nan, log.u), input=chosen)

@@ -1,6 +1,4 @@
-"""Laws of clocks: states that are late by gyro and accelerometer are moved by as much; others keep
-their times.
-"""
+"""Laws of clocks: states that are late are moved by as much."""
 
 import dataclasses as dc
 
@@ -8,11 +6,49 @@ import numpy as np
 import pytest
 
 from np_drake import attitude
+from np_drake.flight_log import FlightLog
+from np_drake.logs.clock import lag_of, on_one_clock, shift_state, state_lags
 from np_drake.logs.importing.alignment import in_frames
-from np_drake.logs.importing.interpolation import Signal
 from np_drake.logs.importing.log_map import LogMap
-from np_drake.logs.importing.one_clock import on_one_clock
-from np_drake.logs.lags import lag_of, state_lags
+from np_drake.logs.importing.signals import Signal
+
+
+def turning_flight(n=200, step=0.01, **more):
+    t = 3.0 + step * np.arange(n)
+    half = 0.5 * 2.0 * t  # yaw at 2 rad/s: the sign of q turns over on the way
+    q = np.stack([np.cos(half), 0 * t, 0 * t, np.sin(half)], axis=1)
+    q[q[:, 0] < 0] *= -1
+    p = np.stack([t, 2 * t, np.sin(t)], axis=1)
+    v = np.stack([1 + 0 * t, 2 + 0 * t, np.cos(t)], axis=1)
+    w = np.tile([0, 0, 2.0], (n, 1))
+    u = np.random.default_rng(0).normal(size=(n, 4))
+    return FlightLog(t, p, q, v, w, u, **more)
+
+
+@pytest.mark.parametrize("offset", [0.013, -0.027, 0.02, 0.0])
+def test_the_state_of_row_t_is_that_of_t_plus_offset_and_the_command_stays(offset):
+    log = turning_flight(a=np.zeros((200, 3)), rotor=np.arange(800.0).reshape(200, 4))
+    dut = shift_state(log, offset)
+    then = dut.t + offset
+    np.testing.assert_allclose(dut.p[:, 0], then, atol=1e-12)
+    np.testing.assert_allclose(dut.p[:, 2], np.sin(then), atol=2e-5)  # [m]; linear between rows
+    np.testing.assert_allclose(dut.v[:, 2], np.cos(then), atol=2e-5)
+    heading = attitude.rotate(dut.q, np.broadcast_to([1.0, 0, 0], (len(dut), 3)))
+    np.testing.assert_allclose(heading[:, 0], np.cos(2 * then), atol=1e-7)
+    np.testing.assert_allclose(np.linalg.norm(dut.q, axis=1), 1.0, rtol=1e-12)
+    rows = np.searchsorted(log.t, dut.t)
+    np.testing.assert_array_equal(dut.u, log.u[rows])
+    np.testing.assert_array_equal(dut.rotor, log.rotor[rows])
+    assert dut.al is None
+    assert len(dut) == 200 - int(np.ceil(abs(offset) / 0.01 - 1e-6))
+    assert then[0] >= log.t[0] - 1e-9
+    assert then[-1] <= log.t[-1] + 1e-9
+
+
+def test_an_offset_as_long_as_the_log_is_refused():
+    with pytest.raises(ValueError, match="shift_state"):
+        shift_state(turning_flight(), 2.5)
+
 
 POSE, ATTITUDE, MOVED = (
     ("position", "velocity", "attitude"),
@@ -66,7 +102,7 @@ def state_lags_of(conventions, signals):
     return state_lags(in_frames(signals, LogMap(**sources), []))
 
 
-@pytest.mark.parametrize("shift", [-0.03, 0.0, 0.0123, 0.06])
+@pytest.mark.parametrize("shift", [-0.03, 0.0123])
 def test_a_sinusoid_that_is_late_is_late_by_as_much(shift):
     t = np.arange(0, 10, 0.01)
     early, late = (np.sin(2 * np.pi * 0.7 * (t - by))[:, None] for by in (0.0, shift))
@@ -75,8 +111,7 @@ def test_a_sinusoid_that_is_late_is_late_by_as_much(shift):
     assert (dut.beyond_doubt != 0) == (abs(shift) > 0.015)
 
 
-@pytest.mark.parametrize("rate", [50.0, 120.0, 200.0])
-@pytest.mark.parametrize("seconds", [-0.06, 0.02, 0.06, 0.12])
+@pytest.mark.parametrize("rate, seconds", [(50.0, 0.06), (200.0, -0.06)])
 @pytest.mark.parametrize("names", [POSE, ATTITUDE, MOVED], ids=["pose", "attitude", "position"])
 def test_what_is_late_is_measured_and_moved(flown, conventions, names, seconds, rate):
     signals = signals_of(conventions, flown(), names, seconds, rate)
@@ -95,18 +130,12 @@ def test_what_is_late_is_measured_and_moved(flown, conventions, names, seconds, 
     assert all(f"{name}: {{late: {late[name]:g}}}" in line for name in names)
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(2))
 def test_a_log_of_one_clock_keeps_its_times(flown, conventions, seed):
     for rate in (50.0, 200.0):
         late, said = late_of(conventions, signals_of(conventions, flown(seed), rate=rate))
         assert set(late.values()) == {None}
         assert said == []
-
-
-def test_without_accelerometer_position_goes_with_the_attitude(flown, conventions):
-    signals = signals_of(conventions, flown(accelerations=False), POSE, 0.06)
-    late, _ = late_of(conventions, signals)
-    assert late == {name: pytest.approx(0.06, abs=0.001) for name in POSE}  # [s]
 
 
 def test_what_the_map_says_of_late_holds_also_zero(flown, conventions):

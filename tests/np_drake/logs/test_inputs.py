@@ -1,4 +1,4 @@
-"""Laws of thrust from throttle: its map is the vehicle's, and the same in all of its flights."""
+"""Laws of inputs: one throttle map of a vehicle, and a thrust coefficient that is a guess."""
 
 import dataclasses as dc
 
@@ -6,14 +6,16 @@ import numpy as np
 import pytest
 
 from np_drake.flight_log import FlightLog
-from np_drake.logs.errors import LogError
-from np_drake.logs.throttle_input import (
+from np_drake.logs.inputs import (
+    FAR,
     USUAL,
     VOLTAGE,
     hover_exponent,
+    with_hover_thrust,
     with_throttle_input,
     with_throttle_map,
 )
+from np_drake.rotor_input import with_rotor_input
 from np_drake.vehicle import Vehicle
 from np_drake.vehicle.vehicle import ThrottleMap
 
@@ -64,12 +66,6 @@ def test_one_vehicle_has_one_map_which_carries_its_weight_in_training():
     assert hovers[0] == pytest.approx(0.525, rel=0.01)  # the middle of the training flights
 
 
-def test_a_heavier_flight_is_heavier_by_the_map_of_the_others():
-    (light,), (heavy,) = with_throttle_map(VEHICLE, [bobbing(0.2, 0.5, 0)], [bobbing(0.2, 0.6, 1)])
-    assert light.u[:, 0].mean() == pytest.approx(WEIGHT, rel=0.01)  # of the noise
-    assert heavy.u[:, 0].mean() == pytest.approx(WEIGHT * 1.2**USUAL, rel=0.01)
-
-
 def test_a_held_out_flight_does_not_change_the_map():
     train = [bobbing(0.2, 0.5, 0)]
     (alone,), _ = with_throttle_map(VEHICLE, train, [])
@@ -97,20 +93,65 @@ def test_the_map_of_the_vehicle_file_is_taken_as_it_is():
     assert log.notes == ["thrust from throttle by the vehicle file's map"]
 
 
-def test_flights_with_another_input_are_as_they_were():
-    log = dc.replace(bobbing(0.3, 0.5, 0), input="command")
-    (train,), (held_out,) = with_throttle_map(VEHICLE, [log], [log])
-    assert train is log
-    assert held_out is log
-
-
-def test_a_log_without_throttle_is_refused():
-    with pytest.raises(LogError, match="throttle"):
-        with_throttle_input(dc.replace(bobbing(0.3, 0.5, 0), throttle=None), VEHICLE)
-
-
 def test_the_exponent_at_hover_is_that_of_the_map():
     assert hover_exponent(VEHICLE) == USUAL
     for linear, exponent in ((0.0, 2.0), (1.0, 1.0)):
         vehicle = dc.replace(VEHICLE, throttle=ThrottleMap(full_thrust=10.0, linear=linear))
         assert hover_exponent(vehicle) == pytest.approx(exponent, rel=1e-6)
+
+
+TRUE = Vehicle(input="rotor_speed")
+
+
+def hovering(vehicle: Vehicle, name: str = "made", above: float = 0.0) -> FlightLog:
+    """Return a hover with rotor speed; above: share of the weight that the rotors carry beside
+    it.
+    """
+    t = np.arange(0.0, 5.0, 0.02)
+    thrust = 0.25 * TRUE.mass * TRUE.gravity * (1 + above) * (1 + 0.01 * np.sin(9 * t))
+    rotor = np.repeat(np.sqrt(thrust / TRUE.thrust_coefficient)[:, None], 4, axis=1)
+    still = np.zeros((len(t), 3))
+    q = np.column_stack([np.ones(len(t)), still])
+    log = FlightLog(t, still, q, still, still, np.full((len(t), 4), np.nan), rotor=rotor, name=name)
+    return with_rotor_input(log, vehicle)
+
+
+def guessed(factor: float, spread: float | None = 0.2) -> Vehicle:
+    """Return the vehicle with coefficients that are off by a factor, and how well they are
+    known.
+    """
+    k, c = factor * TRUE.thrust_coefficient, factor * TRUE.torque_coefficient
+    return dc.replace(TRUE, thrust_coefficient=k, torque_coefficient=c, thrust_uncertainty=spread)
+
+
+@pytest.mark.parametrize("factor", [1.4])
+def test_a_guess_gives_way_to_the_speed_that_carries_the_vehicle(factor):
+    file = guessed(factor)
+    dut, train, held_out = with_hover_thrust(
+        file, [hovering(file)], [hovering(file, "other", above=0.1)]
+    )
+    assert dut.thrust_coefficient == pytest.approx(TRUE.thrust_coefficient, rel=1e-3)
+    assert dut.torque_coefficient / dut.thrust_coefficient == pytest.approx(0.016)
+    weight = TRUE.mass * TRUE.gravity
+    assert np.mean(train[0].u[:, 0]) == pytest.approx(weight, rel=1e-3)
+    assert np.mean(held_out[0].u[:, 0]) == pytest.approx(
+        1.1 * weight, rel=1e-3
+    )  # by the training flights' coefficient
+    assert all(
+        "with which rotor speed carries 2 kg" in log.notes[-1] for log in (train[0], held_out[0])
+    )
+
+
+def test_a_coefficient_beyond_its_uncertainty_is_of_another_vehicle():
+    file = guessed(1 / 2.2)
+    _, (dut,), _ = with_hover_thrust(file, [hovering(file)])
+    assert dut.notes[-1].startswith(
+        f"{FAR}: rotor speed carries 2 kg with 2.2 times that of 'paper'"
+    )
+
+
+@pytest.mark.parametrize("spread", [0.03])
+def test_a_coefficient_that_is_no_guess_stays(spread):
+    file = guessed(0.7, spread)
+    log = hovering(file)
+    assert with_hover_thrust(file, [log], [log]) == (file, [log], [log])

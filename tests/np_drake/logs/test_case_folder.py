@@ -1,15 +1,14 @@
 """Laws of neighbours' logs: whose they are, on which clock, and what is refused."""
 
-import dataclasses as dc
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from np_drake.flight_log import FlightLog
+from np_drake.logs.case_folder import neighbour_of, with_neighbours
 from np_drake.logs.errors import LogError
 from np_drake.logs.import_sheet import Sheet, read_sheet, write_sheet
-from np_drake.logs.neighbours import neighbour_of, whose, with_neighbours
 
 A, B = Path("here/a.csv"), Path("here/b.csv")
 LEAST = 0.1  # [m]
@@ -35,19 +34,6 @@ def test_a_neighbour_is_on_the_clock_of_the_flight():
     assert "beside b for 70 % of the flight" in dut.notes[-1]
 
 
-def test_a_flight_without_a_neighbour_is_as_it_was():
-    plain = log()
-    assert with_neighbours([plain], {}, LEAST) == [plain]
-
-
-def test_of_a_log_in_parts_those_of_the_time_are_taken():
-    parts = [
-        log(name, start, height=2.0) for name, start in (("b1", -20.0), ("b2", -3.0), ("b3", 7.5))
-    ]
-    (dut,) = with_neighbours([log()], {"a": parts}, LEAST)
-    assert [path.name for path in dut.neighbours] == ["b2", "b3"]
-
-
 BAD = {
     "apart": (
         {"a": [log("b", start=20.0, height=2.0)]},
@@ -67,28 +53,6 @@ def test_what_is_no_neighbour_is_refused_in_one_line(name):
     assert "\n" not in str(caught.value)
 
 
-def test_an_option_names_a_log_and_whose_neighbour_it_is(tmp_path):
-    assert neighbour_of("n.csv", [A, B]) == (Path("n.csv"), None)
-    assert neighbour_of("n.csv=b.csv", [A, B]) == (Path("n.csv"), B)
-    assert neighbour_of(f"n.csv={A}", [A, B]) == (Path("n.csv"), A)
-    (tmp_path / "odd=name.csv").touch()
-    assert neighbour_of(str(tmp_path / "odd=name.csv"), [A, B]) == (tmp_path / "odd=name.csv", None)
-    for text in ("n.csv=c.csv", "=a.csv", "n.csv="):
-        with pytest.raises(
-            ValueError, match=r"--neighbour: OF of LOG=OF must be one of a\.csv, b\.csv"
-        ):
-            neighbour_of(text, [A, B])
-
-
-def test_times_tell_whose_neighbour_it_is_unless_all_begin_at_zero():
-    flights = {A: [log("a", 100.0)], B: [log("b", 200.0)]}
-    assert whose([log("n", 205.0)], flights, Path("n.csv")) == B
-    with pytest.raises(LogError, match=r"n\.csv: must have time in common with a flight"):
-        whose([log("n", 300.0)], flights, Path("n.csv"))
-    with pytest.raises(LogError, match=r"say beside which: --neighbour n\.csv=a\.csv"):
-        whose([log("n")], {A: [log("a")], B: [log("b")]}, Path("n.csv"))
-
-
 def test_the_sheet_of_an_import_keeps_the_clock(tmp_path):
     write_sheet(Sheet(0.001, {}, start=1234.5), tmp_path / "a.csv")
     assert read_sheet(tmp_path / "a.csv").start == 1234.5
@@ -97,9 +61,9 @@ def test_the_sheet_of_an_import_keeps_the_clock(tmp_path):
         read_sheet(tmp_path / "a.csv")
 
 
-def test_a_part_of_a_flight_keeps_clock_and_neighbours():
-    dut = dc.replace(
-        with_neighbours([log()], {"a": [log("b", height=2.0)]}, LEAST)[0], start=7.0
-    ).rows(100, 200)
-    assert (dut.start, dut.t[0]) == (7.0, 1.0)
-    assert [path.name for path in dut.neighbours] == ["b"]
+def test_an_option_names_a_log_and_whose_neighbour_it_is():
+    assert neighbour_of("n.csv=b.csv", [A, B]) == (Path("n.csv"), B)
+    assert neighbour_of(f"n.csv={A}", [A, B]) == (Path("n.csv"), A)
+    for text in ("n.csv=c.csv", "=a.csv", "n.csv"):
+        with pytest.raises(ValueError, match=r"LOG=OF; OF must be one of a\.csv, b\.csv"):
+            neighbour_of(text, [A, B])
