@@ -9,7 +9,7 @@ from typer import Argument, Option
 from diagrams.batch.failed_run import FailedRun
 from diagrams.cli import options
 from diagrams.cli.flying import all_lost, fly_all, fly_linked, fly_live
-from diagrams.cli.output import Table, say, tell
+from diagrams.cli.output import Table, say
 from diagrams.cli.runner import Report, Run, reports
 from diagrams.cli.scenario import Numbers, scenarios
 from diagrams.studies.columns import Column, tabulate
@@ -99,7 +99,7 @@ def fly(
     ] = False,
 ) -> Report:
     """Simulate an experiment; with --out: flight log, figures and a 3-D replay page."""
-    from diagrams.loop.replay import comparison
+    from diagrams.loop import comparison
 
     if link is not None and (
         controller or solver or predictor or told_mass or live or sample is not None
@@ -117,7 +117,6 @@ def fly(
         autopilot=autopilot or (None if link is None else "rate_loop"),
         numbers=Numbers(payload, length, speed, wind, duration),
     )
-    tell(*(f"warning: {text}" for text in configs[0].warnings()), indent="  ")
     _require_one_flight(len(configs), sample=sample, mcap=mcap, live=live)
     if sample is not None:
         from diagrams.gap.corrected import drawn
@@ -205,11 +204,7 @@ def _require_one_flight(
 
 def _notes(flight: "FlightResult") -> list[str]:
     """Return lines about waypoints that a flight did not pass, and about the delay of commands."""
-    before = flight.config.warnings()
-    return [
-        *(f"warning: {text}" for text in flight.warnings() if text not in before),
-        *_delay_found(flight),
-    ]
+    return [*(f"warning: {text}" for text in flight.warnings()), *_delay_found(flight)]
 
 
 def _delay_found(flight: "FlightResult") -> list[str]:
@@ -278,8 +273,8 @@ def flights_table(flights: "Sequence[FlightResult]") -> Table:
 
 def _write_flight(flight: "FlightResult", folder: Path, *, figures: "Sequence[str]") -> None:
     """Write flight log, figures and replay page of a flight, named by its controller."""
-    from diagrams.loop.replay import comparison
-    from diagrams.loop.replay.flight_page import write_replay
+    from diagrams.loop import comparison
+    from diagrams.loop.replay import write_replay
     from np_drake.files.figure_file import save
     from np_drake.logs.formats.log_file import write_log
 

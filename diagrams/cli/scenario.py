@@ -30,19 +30,13 @@ class Numbers:
 
         Raises: ValueError: on an impossible one.
         """
-        from diagrams.loop.common_numbers import (
-            require_clearance,
-            with_payload,
-            with_speed,
-            with_wind,
-        )
+        from diagrams.loop.experiments import with_payload, with_speed, with_wind
 
         config = (
             config if self.duration is None else dc.replace(config, duration=self.duration).check()
         )
         if self.payload is not None or self.length is not None:
             config = with_payload(config, mass=self.payload, length=self.length)
-            require_clearance(config)
             config = config.check_and_step()
         if self.wind is not None:
             config = with_wind(config, _vector(self.wind))
@@ -163,22 +157,20 @@ def _give(predictor: Path, configs: "Sequence[FlightConfig]") -> None:
     Raises: ValueError: where none of them flies a model, or this one.
     """
     from diagrams.loop.controller_config import LEARNED
-    from diagrams.loop.controller_models import kind_of_model
+    from diagrams.loop.controllers import kind_of_model
 
     controllers = [config.controller for config in configs if config.controller.kind in LEARNED]
     if not controllers:
         raise ValueError(f"--predictor: is for {', '.join(LEARNED)}; none of them flies.")
     kind = kind_of_model(str(predictor))
     fits = [one for one in controllers if one.kind == kind]
-    if not fits and [one.kind for one in controllers] != [
-        "np"
-    ]:  # which flies a payload filter, as it once did
+    if not fits:
         kinds = " and ".join(one.kind for one in controllers)
         raise ValueError(
             f"--predictor: {predictor} is for {kind}; {kinds} cannot fly it. Name "
             f"--controller {kind}."
         )
-    (fits or controllers)[0].predictor = str(predictor)
+    fits[0].predictor = str(predictor)
 
 
 def _require(config: "FlightConfig") -> None:
@@ -186,7 +178,7 @@ def _require(config: "FlightConfig") -> None:
 
     Raises: ValueError: where one does not fit.
     """
-    from diagrams.loop.controller_models import make_residual_model
+    from diagrams.loop.controllers import make_residual_model
     from diagrams.loop.flight_diagram import make_flight_diagram
     from diagrams.loop.own_controller import is_own
     from np_drake.autopilot.firmware import find_firmware
@@ -205,7 +197,7 @@ def _default_controller(config: "FlightConfig", predictor: Path | None) -> str:
 
     The packaged model knows the paper's vehicle.
     """
-    from diagrams.loop.controller_models import kind_of_model, make_residual_model
+    from diagrams.loop.controllers import kind_of_model, make_residual_model
 
     if predictor is not None:
         return kind_of_model(str(predictor))

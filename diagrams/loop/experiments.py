@@ -1,12 +1,21 @@
-"""Experiments by name: scenario files in `diagrams/scenarios`."""
+"""Experiments by name, scenario files in `diagrams/scenarios`, and their numbers that are changed
+most: payload, cable, speed and wind.
+"""
 
 import dataclasses as dc
+import math
 from pathlib import Path
 from typing import Any
 
-from diagrams.loop.flight import FlightConfig, load_flight
+import numpy as np
+
+from diagrams.batch.failed_run import require
+from diagrams.loop.flight import LOOKS, FlightConfig, load_flight
+from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.files.yaml_file import read_yaml
+from np_drake.references.track_file import Trajectory
 from np_drake.vehicle import Vehicle
+from systems.payload_config import PayloadConfig
 
 FOLDER = Path(__file__).parents[1] / "scenarios"  # of the scenario files
 SOLVER = "sqp"  # of a training flight whose scenario names none: the fast one
@@ -27,14 +36,9 @@ EXPERIMENTS = (
 )
 
 
-def settings_of(config: Any) -> dict:
-    """Return the settings of a flight, a dataclass, as a dictionary; the simulator's are Drake's
-    own type.
-    """
-    simulator = config.simulator
-    return dc.asdict(config) | {
-        "simulator": {field.name: getattr(simulator, field.name) for field in simulator.__fields__}
-    }
+def settings_of(config: FlightConfig) -> dict[str, Any]:
+    """Return the settings of a flight as a dictionary."""
+    return dc.asdict(config) | {"simulator": config.__getstate__()["simulator"]}
 
 
 def load_experiment(
@@ -57,11 +61,11 @@ def load_experiment(
         if "controller" not in read_yaml(scenario_file(name)):
             config = dc.replace(config, controller=other.controller)
         return dc.replace(config, reality=other.reality, simulator=other.simulator).check_and_step()
-    if name in EXPERIMENTS or name.endswith((".yaml", ".yml")):
-        return load_flight(str(scenario_file(name)), vehicle)
-    raise ValueError(
-        f"experiment: must be one of {', '.join(EXPERIMENTS)} or a YAML file; got {name!r}."
+    require(
+        name in EXPERIMENTS or name.endswith((".yaml", ".yml")),
+        f"experiment: must be one of {', '.join(EXPERIMENTS)} or a YAML file; got {name!r}.",
     )
+    return load_flight(str(scenario_file(name)), vehicle)
 
 
 def scenario_file(name: str | Path) -> Path:
@@ -84,3 +88,124 @@ def training_flight(scenario: Path) -> FlightConfig:
     if "solver" not in (named.get("controller") or {}):
         config.controller.solver = SOLVER
     return config.check()
+
+
+def with_payload(
+    config: FlightConfig, *, mass: float | None = None, length: float | None = None
+) -> FlightConfig:
+    """Return the scenario with another payload; its cable stretches by the same share of its
+    length.
+
+    Args:
+        mass: of the payload; 0: none; None: the scenario's [kg].
+        length: of the cable; None: the scenario's [m].
+    Raises: ValueError: on an impossible value, or a length without a payload.
+    """
+    require(
+        mass is None or 0 <= mass < np.inf,
+        f"--payload: must not be negative [kg] and finite; got {mass or 0:g}.",
+    )
+    require(
+        length is None or 0 < length < np.inf,
+        f"--length: must be positive [m] and finite; got {length or 0:g}.",
+    )
+    reality, hung = config.reality, config.reality.hung
+    hangs = hung.tether != "none"
+    if mass == 0.0:
+        require(
+            length is None,
+            f"--length: there is no cable without a payload; got {length or 0:g} m. Leave it out.",
+        )
+        effects = [e for e in reality.effects if not isinstance(e.made, SuspendedPayload)]
+        none = dc.replace(reality, payload=PayloadConfig(tether="none"), effects=effects)
+        return dc.replace(config, reality=none)
+    require(
+        hangs or mass is not None,
+        f"--length: {config.name} has no payload. Name its mass by --payload.",
+    )
+    changed: dict[str, Any] = {"mass": mass or hung.mass, "length": length or hung.length}
+    new = dc.replace(hung, tether=hung.tether if hangs else "cable", **changed)
+    require(
+        new.length > new.radius,
+        f"--length: must be above the payload's radius, {new.radius:g} m; got {new.length:g}.",
+    )
+    lowest = float(config.motion.sample(np.arange(0.0, config.end, LOOKS))[0, :, 2].min())
+    room = math.floor(100 * (lowest + new.hook[2] - new.radius)) / 100
+    require(
+        new.length <= room,
+        f"--length: must be at most {room:.2f} m, or the payload touches the ground where the "
+        f"vehicle flies at {lowest:.2f} m; got {new.length:g}. "
+        "Raise reference.height in a scenario file.",
+    )
+    effects = [
+        dc.replace(e, parameters={**e.parameters, **changed})
+        if isinstance(e.made, SuspendedPayload)
+        else e
+        for e in reality.effects
+    ]
+    if any(isinstance(e.made, SuspendedPayload) for e in effects):
+        return dc.replace(config, reality=dc.replace(reality, effects=effects))
+    weight, longer = new.mass / hung.mass, new.length / hung.length
+    new.stiffness = hung.stiffness * weight / longer
+    new.damping = hung.damping * weight / math.sqrt(longer)
+    return dc.replace(config, reality=dc.replace(reality, payload=new))
+
+
+def with_speed(config: FlightConfig, speed: float) -> FlightConfig:
+    """Return the scenario at another speed along its track.
+
+    Args:
+        speed: mean after the ramp; of the steps: of a move [m/s].
+    Raises: ValueError: where the track has no speed, or vehicle and controller cannot fly it.
+    """
+    require(0 < speed < np.inf, f"--speed: must be positive and finite [m/s]; got {speed:g}.")
+    reference = config.reference
+    require(
+        reference.track not in ("hover", "multisine"),
+        f"--speed: the track {reference.track} has no speed. Leave it out, or name another.",
+    )
+    plain = dc.replace(config, reference=dc.replace(reference, dither=[0.0] * 3))
+    require(
+        not isinstance(plain.motion, Trajectory),
+        f"--speed: {reference.track} states its own times, and with them the speed. Leave it out.",
+    )
+    flown = dc.replace(config, reference=dc.replace(reference, speed=speed))
+    now = flown.reference.own_duration
+    if now is not None and config.duration == reference.own_duration:
+        flown = dc.replace(flown, duration=now)
+    flat = flown.motion.sample(np.arange(0.0, flown.end, LOOKS))
+    fastest, most = float(np.abs(flat[1]).max()), flown.controller.mpc.max_speed
+    force = np.linalg.norm(flat[2] + [0.0, 0.0, flown.vehicle.gravity], axis=1)
+    pull = float(force.max()) * flown.carried_mass
+    for value, bound, unit, of in (
+        (fastest, most, "m/s", "controller.mpc.max_speed"),
+        (pull, flown.lift, "N", "the rotors' thrust"),
+    ):
+        require(
+            value <= bound,
+            f"--speed: must be lower; at {speed:g} m/s {flown.name} demands {value:.3g} {unit}, "
+            f"and {of} is {bound:.3g} {unit}.",
+        )
+    return flown
+
+
+def with_wind(config: FlightConfig, wind: tuple[float, float, float]) -> FlightConfig:
+    """Return the scenario in another mean wind.
+
+    Args:
+        wind: in W [m/s].
+    Raises: ValueError: where there is no drag to feel it, or rotors cannot hold against it.
+    """
+    require(bool(np.isfinite(wind).all()), f"--wind: must be finite [m/s]; got {wind}.")
+    require(
+        not any(wind) or config.reality.rotor_drag > 0,
+        f"--wind: acts through reality.rotor_drag, which is 0 in {config.name}. Name a positive "
+        "one.",
+    )
+    weight, size = config.carried_mass * config.vehicle.gravity, float(np.linalg.norm(wind))
+    most = math.sqrt(max(config.lift**2 - weight**2, 0.0)) / max(config.reality.rotor_drag, 1e-12)
+    require(
+        size <= most,
+        f"--wind: must be at most {most:.3g} m/s, which the rotors hold; got {size:.4g}.",
+    )
+    return dc.replace(config, reality=dc.replace(config.reality, wind=list(wind)))

@@ -19,7 +19,7 @@ from diagrams.batch.run import Report, Run, Table, failures, require_result
 from diagrams.loop.controller_config import LEARNED
 from diagrams.loop.experiments import load_experiment
 from diagrams.loop.flight import FlightConfig
-from diagrams.loop.flight_result import LostVehicle, simulate
+from diagrams.loop.flight_result import LostVehicle, fly
 from diagrams.studies.columns import Column, fixed, percent, spread, tabulate
 from diagrams.studies.options import Duration, FlownOptions, FlownRun, Only, Seeds, chosen
 from diagrams.studies.sweep import Row, choose_rows, configure, fly_rows, means, named, tidy
@@ -116,7 +116,7 @@ def flown(case: Case, row: Row, model: str, **how: Any) -> dict:
     """Fly a case and return its measures."""
     config, why = flight_config(case, row, model=model, **how), ""
     try:
-        signals = simulate(config, seed=case["seed"], tolerance=LOST)
+        signals = fly(config, seed=case["seed"], tolerance=LOST).signals
     except LostVehicle as error:
         signals, why = error.signals, str(error)
     return measures(config, signals, why)

@@ -13,7 +13,7 @@ import numpy as np
 
 from diagrams.batch.run import Report, Run, Table
 from diagrams.loop.controller_config import LEARNED
-from diagrams.loop.controller_models import make_residual_model
+from diagrams.loop.controllers import make_residual_model
 from diagrams.loop.flight_result import FlightResult, fly
 from diagrams.studies.columns import fixed, tabulate
 from diagrams.studies.options import FlownRun, Only

@@ -124,7 +124,7 @@ def test_all_controllers_that_fail_are_named(tmp_path, monkeypatch, capsys):
 
 BAD = {  # words behind `fly circle`: what the line says
     "negative payload": (["--payload", "-1"], "--payload: must not be negative"),
-    "heavy payload": (["--payload", "5"], "--payload: must be at most 2."),
+    "heavy payload": (["--payload", "5"], "7 kg are more than the rotors can carry"),
     "no length": (["--length", "0"], "--length: must be positive"),
     "long cable": (
         ["--length", "3"],

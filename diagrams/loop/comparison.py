@@ -15,12 +15,11 @@ TEMPLATE = Path(__file__).with_name("comparison.html.j2")
 
 
 def sentence(flights: Sequence[FlightResult]) -> str:
-    """Return which controller has the least {what} error, and that of the others."""
+    """Return which controller has the least position error, and that of the others."""
     errors = sorted((_error(flight), flight.label) for flight in flights)
-    what = "payload" if flights[0].config.follows_payload else "position"
     (least, best), *others = ((f"{100 * error:.2f} cm", label) for error, label in errors)
     rest = "".join(f"; {label} {error}" for error, label in others)
-    return f"{best} has the least {what} error, {least} RMS{rest}."
+    return f"{best} has the least position error, {least} RMS{rest}."
 
 
 def models(flights: Sequence[FlightResult]) -> str:
@@ -35,9 +34,8 @@ def models(flights: Sequence[FlightResult]) -> str:
 
 
 def _error(flight: FlightResult) -> float:
-    """Return the RMS distance from the track, of the payload where that follows it [m]."""
-    m = flight.metrics()
-    return float(m.get("payload", m)["position_rmse"])
+    """Return the RMS distance from the track [m]."""
+    return float(flight.metrics()["position_rmse"])
 
 
 def stem(flight: FlightResult) -> str:
