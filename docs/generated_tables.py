@@ -1,11 +1,18 @@
-"""Hook of mkdocs: writes into the pages what the code itself says, in place of marks such as `<!--
-effects -->`.
+"""Hook of mkdocs: writes into the pages what the code itself says, in place of marks.
 
-`page(text)` returns the text of a page as the built site has it.
+A mark is a comment of HTML: `effects`, `parameters`, `exports`, or `fields MODULE.CLASS PART` for
+the fields of a dataclass, or of its part, as `reality.payload`. `page(text)` returns the text of a
+page as the built site has it.
 """
 
+import ast
+import dataclasses as dc
+import importlib
 import inspect
+import io
 import re
+import tokenize
+import typing
 from itertools import groupby
 from typing import Any
 
@@ -13,7 +20,10 @@ from diagrams.exports.formats import coverage_markdown
 from np_drake.effects.base import Effect
 from np_drake.effects.library import BESIDE_NEIGHBOURS, MEASURED_ROTORS, effects_for, in_scenarios
 from np_drake.effects.parameter import Parameter
+from np_drake.files.yaml_file import fields_of
 
+MARK = re.compile(r"<!-- (\w+)([\w. ]*) -->")
+UNIT = re.compile(r"\s*\[([^\]]*)\]\.?$")  # at the end of a comment
 ROTORS_ONLY = "The diagnosis tries it on logs of measured rotor speed only."
 NEIGHBOURS_ONLY = "The diagnosis tries it where the log of a neighbour is given."
 
@@ -25,8 +35,13 @@ def on_page_markdown(markdown: str, **given: Any) -> str:
 
 def page(text: str) -> str:
     """Return the text of a page with what the code says in place of each mark."""
-    written = {"effects": effects, "parameters": parameters, "exports": coverage_markdown}
-    return re.sub(r"<!-- (\w+) -->", lambda mark: written[mark[1]](), text)
+    written = {
+        "effects": effects,
+        "parameters": parameters,
+        "exports": coverage_markdown,
+        "fields": fields,
+    }
+    return MARK.sub(lambda mark: written[mark[1]](*mark[2].split()), text)
 
 
 def effects() -> str:
@@ -48,6 +63,68 @@ def parameters() -> str:
             *rows,
         ]
     )
+
+
+def fields(name: str, path: str = "") -> str:
+    """Return the table of the fields of a dataclass, or of the part of it at a path of fields."""
+    about = described(part(name, path))
+    rows = [
+        f"| `{field}` | {unit} | {default} | {_plain(meaning)} |"
+        for field, (unit, default, meaning) in about.items()
+    ]
+    return "\n".join(["| field | unit | default | meaning |", "|---|---|---|---|", *rows])
+
+
+def part(name: str, path: str = "") -> Any:
+    """Return a dataclass at its defaults, by its module and name, or the part of it at a path."""
+    module, _, kind = name.rpartition(".")
+    thing = getattr(importlib.import_module(module), kind)()
+    for field in filter(None, path.split(".")):
+        hint, thing = fields_of(type(thing))[field], getattr(thing, field)
+        if not dc.is_dataclass(thing):  # a list of them, or none yet
+            thing = next(kind for kind in typing.get_args(hint) if dc.is_dataclass(kind))()
+    return thing
+
+
+def described(thing: Any) -> dict[str, tuple[str, str, str]]:
+    """Return unit, default and meaning of every field of a dataclass, from its metadata and the
+    comments beside and above it.
+    """
+    source = inspect.getsource(type(thing))
+    tokens = tokenize.generate_tokens(io.StringIO(source).readline)
+    comments = {t.start[0]: t for t in tokens if t.type == tokenize.COMMENT}
+    metadata, found = {field.name: field.metadata for field in dc.fields(thing)}, {}
+    for node in ast.parse(source).body[0].body:  # type: ignore[attr-defined]
+        if not isinstance(node, ast.AnnAssign):
+            continue
+        first = node.lineno
+        while first - 1 in comments and comments[first - 1].line.lstrip().startswith("#"):
+            first -= 1
+        lines = range(first, (node.end_lineno or first) + 1)
+        text = " ".join(comments[k].string.strip("# ") for k in lines if k in comments)
+        name, unit = node.target.id, UNIT.search(text)  # type: ignore[union-attr]
+        about, value = metadata[name], getattr(thing, name)
+        shown = about.get("unit") or (unit[1] if unit else "1" if type(value) is int else "–")
+        meaning = about.get("meaning") or UNIT.sub("", text)
+        if "words" in about and not about["meaning"]:
+            meaning = f"{' | '.join(about['words'])}: {meaning}"
+        if dc.is_dataclass(value) and not meaning:
+            meaning = (inspect.getdoc(type(value)) or "").split("\n\n")[0]
+        found[name] = (shown, _value(value), meaning)
+    return found
+
+
+def _value(value: Any) -> str:
+    """Return a default as a scenario file would name it."""
+    if dc.is_dataclass(value) or hasattr(value, "__fields__"):
+        return "below"
+    if isinstance(value, list):
+        return f"[{', '.join(map(_value, value))}]"
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, int | float):
+        return f"{value:g}".replace("-", "−").replace("inf", "∞")
+    return "none" if value is None else str(value) or "empty"
 
 
 def _section(effect: type[Effect]) -> str:

@@ -32,9 +32,9 @@ class LabelConfig:
     above 2 Hz, so that their bandwidth is lower.
     """
 
-    force_bandwidth: float = 4.0  # -3 dB; inf for labels as they are [Hz]
-    torque_bandwidth: float = 1.0  # -3 dB; inf for labels as they are [Hz]
-    order: int = 1  # Butterworth; 1 is the first-order lag
+    force_bandwidth: float = 4.0  # −3 dB, of the force label; infinite: none [Hz]
+    torque_bandwidth: float = 1.0  # −3 dB, of the torque label; infinite: none [Hz]
+    order: int = 1  # of the Butterworth filter, 1 to 4
 
     def check(self) -> "LabelConfig":
         """Return self after checking bandwidths and order.

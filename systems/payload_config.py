@@ -14,14 +14,17 @@ from np_drake.effects.suspended_payload import SuspendedPayload
 class PayloadConfig:
     """Payload and tether of the simulated vehicle."""
 
-    tether: str = "cable"  # cable | rod | none
-    mass: float = 0.26  # [kg]
-    length: float = 0.8  # [m]
-    hook: list[float] = dc.field(default_factory=lambda: [0.0, 0.0, -0.025])  # p_BoTo_B [m]
+    # cable: tension-only spring-damper | rod: universal joint and massless rod | none: no payload
+    tether: str = "cable"
+    mass: float = 0.26  # of the payload [kg]
+    length: float = 0.8  # of the tether [m]
+    hook: list[float] = dc.field(
+        default_factory=lambda: [0.0, 0.0, -0.025]
+    )  # p_BoTo_B, the attachment [m]
     radius: float = 0.03  # of the solid sphere that the payload is [m]
     stiffness: float = 2.0e4  # of the cable [N/m]
     damping: float = 40.0  # of the cable [N·s/m]
-    air_damping: float = 0.0  # drag of the payload in still air over its mass [1/s]
+    air_damping: float = 0.0  # drag of the payload in still air over mass and velocity [1/s]
 
     def check(self) -> "PayloadConfig":
         """Return self after checking tether and sizes.

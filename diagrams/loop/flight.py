@@ -40,8 +40,8 @@ ARENA = 50.0  # farther than this from the origin a vehicle counts as lost [m]
 class FlightConfig:
     """Tracking experiment: a ramp, then `duration` seconds that are scored."""
 
-    name: str = "circle"  # of the experiment and of its files
-    duration: float = 50.0  # scored, after the ramp [s]
+    name: str = "circle"  # of the experiment and its files; letters, digits, `_`, `-`, `.`
+    duration: float = 50.0  # scored, after the ramp; of a track with an end: until there [s]
     scaled: bool = (
         False  # the file's values are those for the paper's vehicle and scale with this one
     )
@@ -53,13 +53,13 @@ class FlightConfig:
     )  # its kind, MPC and timing
     autopilot: AutopilotConfig = dc.field(
         default_factory=AutopilotConfig
-    )  # between controller and rotors
+    )  # what stands between controller and rotors
     offboard: OffboardConfig = dc.field(
         default_factory=OffboardConfig
     )  # of `np-drake node`; a simulation has none
-    # What happens to the payload in flight, at times of their own.
+    # what happens to the payload in flight
     events: list[PayloadEvent] = dc.field(default_factory=list)
-    # Drake's integrator and its step.
+    # Drake's integrator and its step
     simulator: SimulatorConfig = dc.field(
         default_factory=lambda: SimulatorConfig(
             integration_scheme="runge_kutta3", max_step_size=0.004, use_error_control=False

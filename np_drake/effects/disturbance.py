@@ -18,10 +18,10 @@ LINES = 60  # sinusoids an axis, of equal power
 class DisturbanceConfig:
     """Standard deviation and correlation time of a random force and torque, on each body axis."""
 
-    force: list[float] = number([0.0, 0.0, 0.0], "N", 0.0)
-    torque: list[float] = number([0.0, 0.0, 0.0], "N·m", 0.0)
-    force_time: list[float] = number([1.0, 1.0, 1.0], "s", POSITIVE)
-    torque_time: list[float] = number([1.0, 1.0, 1.0], "s", POSITIVE)
+    force: list[float] = number([0.0, 0.0, 0.0], "N", 0.0)  # standard deviations
+    torque: list[float] = number([0.0, 0.0, 0.0], "N·m", 0.0)  # standard deviations
+    force_time: list[float] = number([1.0, 1.0, 1.0], "s", POSITIVE)  # correlation times
+    torque_time: list[float] = number([1.0, 1.0, 1.0], "s", POSITIVE)  # correlation times
     seed: int = 0  # of the draw
 
     def check(self) -> "DisturbanceConfig":

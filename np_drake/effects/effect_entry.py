@@ -15,13 +15,13 @@ from np_drake.files.yaml_file import check_fields, number
 class EffectEntry:
     """Effect by its identifier, with its parameters, when it begins, and how sure it is."""
 
-    effect: str = ""  # identifier in the library
+    effect: str = ""  # identifier
     parameters: dict[str, float] = dc.field(
         default_factory=dict
     )  # others at the effect's defaults [SI]
     onset: float | None = number(None, "s", 0.0)  # when it begins; None: from the start
-    probability: float = number(1.0, "1", 0.0, 1.0)  # that it acts at all
-    # By flight of a diagnosis, when it began there: 0 from the start, infinite: absent [s].
+    probability: float = number(1.0, "1", 0.0, 1.0)  # that it acts at all, for `--sample`
+    # By flight of a diagnosis, when it began there: 0 from the start, `.inf` absent [s].
     onsets: dict[str, float] = dc.field(default_factory=dict)
 
     @staticmethod

@@ -35,31 +35,36 @@ class MpcConfig:
     weights`).
     """
 
-    horizon: int = 20  # N [1]
-    step: float = 0.04  # [s]
-    weight_position: list[float] = dc.field(default_factory=lambda: [160.0, 160.0, 320.0])  # [1/m²]
+    horizon: int = 20  # number of steps N, 200 at most [1]
+    step: float = 0.04  # a whole multiple of the controller's period, 10 at most [s]
+    # Q on position [1/m²]
+    weight_position: list[float] = dc.field(default_factory=lambda: [160.0, 160.0, 320.0])
     weight_attitude: list[float] = dc.field(
         default_factory=lambda: [1.0, 5.0, 5.0, 5.0]
-    )  # per q component
-    weight_velocity: list[float] = dc.field(default_factory=lambda: [2.0, 2.0, 2.0])  # [s²/m²]
-    weight_rate: list[float] = dc.field(default_factory=lambda: [0.03, 0.03, 0.03])  # [s²/rad²]
+    )  # Q on the quaternion's components [1]
+    # Q on velocity [s²/m²]
+    weight_velocity: list[float] = dc.field(default_factory=lambda: [2.0, 2.0, 2.0])
+    # Q on body rates [s²/rad²]
+    weight_rate: list[float] = dc.field(default_factory=lambda: [0.03, 0.03, 0.03])
     weight_input: list[float] = dc.field(
         default_factory=lambda: [0.02, 18.0, 18.0, 45.0]
-    )  # [1/N², 1/(N·m)²]
-    # rotors: thrust and torque | rates: body rates and collective thrust, for an autopilot
+    )  # R on thrust and torques [1/N², 1/(N·m)²]
+    # rotors: thrust and torque | rates: rates and collective thrust, set by an autopilot
     command: str = "rotors"
     weight_rates: list[float] = dc.field(
         default_factory=lambda: [0.3, 0.3, 0.3]
-    )  # of commanded rates [s²/rad²]
+    )  # R on commanded body rates, with command `rates` [s²/rad²]
     weight_swing: float = (
         0.0  # on the predicted lateral force, to damp a payload's swing; 0: off [1/N²]
     )
-    terminal: str = "riccati"  # P: riccati = cost-to-go at hover | scaled = terminal_scale * Q
+    terminal: str = "riccati"  # P: riccati: cost-to-go at hover | scaled: terminal_scale * Q
     terminal_scale: float = 5.0  # of Q on position and velocity, where terminal is `scaled` [1]
-    max_speed: float = 6.0  # soft box on each component of v_WB [m/s]
+    max_speed: float = 6.0  # soft, on each component of velocity [m/s]
     max_tilt: float = 0.9  # soft, angle of body z from world z [rad]
-    terminal_radius: float = 1.5  # soft: sqrt(e_N^T P_f e_N) with P_f = P / P_xx, so [m]
-    slack_weight: float = 1000.0  # L1 (exact) penalty on each violated set [1 per unit of the set]
+    terminal_radius: float = (
+        1.5  # soft ellipsoid on the last state: sqrt(e_N^T P_f e_N), P_f = P / P_xx [m]
+    )
+    slack_weight: float = 1000.0  # exact L1 penalty on each violated set [1 per unit of the set]
 
     def check(self) -> "MpcConfig":
         """Return self after checking weights, sets and horizon.

@@ -13,12 +13,12 @@ class OffboardConfig:
     """What must hold while the vehicle is commanded, and what happens when it does not."""
 
     system: int = 0  # MAV_SYS_ID of the autopilot; 0: that which is heard first
-    rate: float = 100.0  # of what is sent [Hz]
+    rate: float = 100.0  # of what is sent, a whole multiple of the controller's [Hz]
     stale_after: float = 0.1  # age of a state that is too old [s]
     heartbeat_lost: float = 3.0  # time without a heartbeat after which the autopilot is lost [s]
     margin: float = 1.0  # largest distance from the reference [m]
-    max_speed: float = 8.0  # [m/s]
-    max_tilt: float = 1.2  # [rad]
+    max_speed: float = 8.0  # of the vehicle [m/s]
+    max_tilt: float = 1.2  # of body z from world z [rad]
     max_rate: float = 12.0  # of the body [rad/s]
     max_jump: float = (
         0.3  # of a position from where its velocity led; a message beyond is not taken [m]

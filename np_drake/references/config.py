@@ -18,24 +18,27 @@ TONES = 8  # of the multisine, over its band
 class ReferenceConfig:
     """Track, size, speed and dither of a reference motion."""
 
-    track: str = "circle"  # one of `TRACKS`, or a CSV file
+    # circle | lemniscate | hover | steps | vertical | multisine, or a CSV file
+    track: str = "circle"
     # of the circle; from the centre to a corner of the steps' square [m]
     radius: float = number(1.0, "m", POSITIVE)
     length: float = number(1.5, "m", POSITIVE)  # half length of a lemniscate along x
     width: float = number(0.75, "m", POSITIVE)  # half width of the lemniscate along y
-    rise: float = number(0.5, "m", POSITIVE)  # half height of the vertical lemniscate along z
-    height: float = number(1.6, "m", POSITIVE)
+    rise: float = number(0.5, "m", POSITIVE)  # half height of `vertical`, below `height`
+    height: float = number(1.6, "m", POSITIVE)  # above the ground
     # mean speed after the ramp; of the steps: of a move
     speed: float = number(1.5, "m/s", POSITIVE)
     rest: float = number(2.0, "s", 0.0)  # of the steps, and of corners `stop`: at every one
-    ramp: float = number(5.0, "s", 0.0)  # to full speed; of the steps: rest before the first move
-    amplitude: list[float] = number([0.4, 0.4, 0.15], "m", 0.0)  # RMS of the multisine per axis
-    band: list[float] = number([0.1, 0.8], "Hz", POSITIVE)  # lowest and highest tone of its x axis
+    ramp: float = number(5.0, "s", 0.0)  # to full speed, not scored; of the steps: first rest
+    amplitude: list[float] = number([0.4, 0.4, 0.15], "m", 0.0)  # RMS of the multisine on each axis
+    band: list[float] = number([0.1, 0.8], "Hz", POSITIVE)  # its lowest and highest tone on x
     seed: int = number(0, "1", 0)  # of its phases
     corners: str = word(ROUND, *CORNERS)  # of a file's waypoints: rounded off, or a stop
     # distance from waypoints beyond which a flight warns
     within: float = number(0.1, "m", POSITIVE)
-    dither: list[float] = number([0.0, 0.0, 0.0], "m", 0.0)  # RMS multisine per axis
+    dither: list[float] = number(
+        [0.0, 0.0, 0.0], "m", 0.0
+    )  # RMS of a multisine on each axis, which excites all directions of zeta
     # tones of x; those of y and z lie between them [Hz]
     dither_frequencies: list[float] = dc.field(default_factory=lambda: [0.23, 0.41, 0.67, 0.97])
     dither_seed: int = number(0, "1", 0)  # of the dither's phases

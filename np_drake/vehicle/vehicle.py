@@ -65,13 +65,13 @@ class ThrottleMap:
     Source: the usual maps lie between a linear and a quadratic one.
     """
 
-    # of one rotor at full throttle and the reference voltage; a file must name it
+    # f_1, of one rotor at full throttle and the reference voltage; a file must name it
     full_thrust: float = number(0.0, "N", POSITIVE)
-    linear: float = number(0.0, "1", *LINEAR)  # share of the linear part
-    idle: float = number(0.0, "1", 0.0, MOST_IDLE)  # throttle at which a rotor begins to turn
-    # reference voltage; None: no battery voltage is known
+    linear: float = number(0.0, "1", *LINEAR)  # l, share of the linear part; −0.5 to 1.5
+    idle: float = number(0.0, "1", 0.0, MOST_IDLE)  # i, where a rotor begins to turn
+    # V_0, the reference; None: no battery voltage is known
     voltage: float | None = number(None, "V", POSITIVE)
-    voltage_exponent: float = number(0.0, "1", 0.0, STEEPEST)
+    voltage_exponent: float = number(0.0, "1", 0.0, STEEPEST)  # e
 
     def check(self) -> "ThrottleMap":
         """Return self after checking the map; ValueError where a value is impossible."""
@@ -126,14 +126,13 @@ class Calibration:
 
     # from Bo, body axes
     center_of_mass: list[float] = number([0.0, 0.0, 0.0], "m", -LONGEST, LONGEST)
-    # Thrust of each rotor over that of the thrust map; mean 1.
+    # of thrust; mean 1
     rotor_gains: list[float] = number([1.0, 1.0, 1.0, 1.0], "1", *HEALTHY)
-    # Of a rotor that slows down; None: `rotor_time_constant`, which is then that of one that speeds
-    # up.
+    # of a rotor that slows; None: `rotor_time_constant`
     rotor_time_constant_down: float | None = number(None, "s", 0.0, SLOWEST)
     # from a command to the rotors, beyond their lag
     command_delay: float = number(0.0, "s", 0.0, SLOWEST)
-    # the state in row t of a log is that of t + clock_offset, as effect `clock_offset`
+    # row t of a log holds the state of t + offset
     clock_offset: float = number(0.0, "s", -SLOWEST, SLOWEST)
     # of one rotor and propeller about its axis
     rotor_inertia: float = number(0.0, "kg·m²", 0.0)
@@ -162,9 +161,9 @@ class RateLoop:
     the link's.
     """
 
-    lag: list[float] = number([0.075, 0.075, 0.2], "s", 1e-3, SLOWEST)  # time constants
+    lag: list[float] = number([0.075, 0.075, 0.2], "s", 1e-3, SLOWEST)  # with rotors, filters, link
     gain: list[float] = number([1.0, 1.0, 1.0], "1", *LOOP_GAINS)  # rate over command, at rest
-    # that may be commanded
+    # largest that may be commanded
     max_rate: list[float] = number([6.0, 6.0, 3.0], "rad/s", 1e-2, FASTEST)
 
     def check(self) -> "RateLoop":
@@ -198,12 +197,12 @@ class RateLoop:
 class MeasurementNoise:
     """Standard deviations of white measurement noise, one sample of the log each."""
 
-    position: float = number(0.001, "m", 0.0)
-    velocity: float = number(0.01, "m/s", 0.0)
-    attitude: float = number(0.0, "rad", 0.0)
-    rate: float = number(0.01, "rad/s", 0.0)
-    acceleration: float = number(0.1, "m/s²", 0.0)
-    angular_acceleration: float = number(0.5, "rad/s²", 0.0)
+    position: float = number(0.001, "m", 0.0)  # of px, py, pz
+    velocity: float = number(0.01, "m/s", 0.0)  # of vx, vy, vz
+    attitude: float = number(0.0, "rad", 0.0)  # of the quaternion, as a small rotation
+    rate: float = number(0.01, "rad/s", 0.0)  # of wx, wy, wz
+    acceleration: float = number(0.1, "m/s²", 0.0)  # of specific force, in body axes
+    angular_acceleration: float = number(0.5, "rad/s²", 0.0)  # of alx, aly, alz
 
     def check(self) -> "MeasurementNoise":
         """Return self after checking the deviations; ValueError where one is negative."""
@@ -220,19 +219,23 @@ class Vehicle:
     and the torque `rotor_directions[i] * torque_coefficient * speed²` about body z.
     """
 
-    name: str = "paper"
-    mass: float = number(2.0, "kg", POSITIVE)
-    # about the centre of mass, body axes
+    name: str = "paper"  # in messages and reports
+    mass: float = number(2.0, "kg", POSITIVE)  # without payload
+    # about the centre of mass, body axes; symmetric, positive definite, triangle inequality
     inertia: list[list[float]] = number(INERTIA_OF_PAPER, "kg·m²")
-    gravity: float = number(9.81, "m/s²", POSITIVE)
-    # body axes
+    gravity: float = number(9.81, "m/s²", POSITIVE)  # positive
+    # rotor 1 to 4 from Bo, body axes
     rotor_positions: list[list[float]] = number(ROTORS_OF_PAPER, "m", -LONGEST, LONGEST)
+    # sign of the reaction torque about body z
     rotor_directions: list[float] = number([1.0, -1.0, 1.0, -1.0], "1", -1.0, 1.0)
+    # thrust over squared rotor speed
     thrust_coefficient: float = number(1.0e-5, "N/(rad/s)²", POSITIVE)
+    # torque over squared rotor speed
     torque_coefficient: float = number(1.6e-7, "N·m/(rad/s)²", 0.0)
-    rotor_radius: float = number(0.1, "m", POSITIVE)
+    rotor_radius: float = number(0.1, "m", POSITIVE)  # tips stay below the speed of sound
+    # of one rotor; four must carry the weight
     max_rotor_thrust: float = number(12.0, "N", POSITIVE)
-    # what the nominal simulator assumes
+    # lag of rotor speed that the nominal model assumes
     rotor_time_constant: float = number(0.0, "s", 0.0, SLOWEST)
     logged_point: str = word(
         "origin",
@@ -249,17 +252,16 @@ class Vehicle:
     )
     # of the sensors
     measurement_noise: MeasurementNoise = dc.field(default_factory=MeasurementNoise)
-    # Standard deviation over the value; None: the file does not say.
+    # standard deviation over the value; None: that of the diagnosis
     mass_uncertainty: float | None = number(None, "1", 0.0, VAGUEST)
-    # of thrust from command, rotor speed or throttle
+    # the same of thrust from command, rotor speed or throttle; from 0.1 on a guess
     thrust_uncertainty: float | None = number(None, "1", 0.0, VAGUEST)
-    throttle: ThrottleMap | None = None  # None: not known
+    throttle: ThrottleMap | None = None  # thrust over throttle; None: not known
     calibration: Calibration = dc.field(default_factory=Calibration)
-    rate_loop: RateLoop | None = None  # of the autopilot; None: not known
-    # By field, as `mass` or `calibration.command_delay`; they say nothing of the vehicle itself, so
-    # two are equal whatever is said of them.
+    rate_loop: RateLoop | None = None  # of an autopilot; None: not known
+    # by field, as `calibration.command_delay`, or number, as `inertia[0][1]`: where it is from
     sources: dict[str, str] = dc.field(default_factory=dict, compare=False)
-    # of 95 %; a single number has one pair
+    # by field: 95 % [low, high] of each of its numbers
     intervals: Intervals = dc.field(default_factory=dict, compare=False)
 
     def check(self) -> "Vehicle":

@@ -1,7 +1,9 @@
-"""Every script of docs/examples runs in an empty folder, and says what the guide says that it
-does.
+"""Every script and notebook of docs/examples runs in an empty folder, and shows what the guide says
+that it does; formulas of the built site.
 """
 
+import ast
+import json
 import runpy
 from pathlib import Path
 from unittest import mock
@@ -10,19 +12,18 @@ import pytest
 
 from np_drake.effects.library import LIBRARY
 
-SCRIPTS = sorted((Path(__file__).parents[2] / "docs" / "examples").glob("*.py"))
-GUIDE = SCRIPTS[0].parents[1] / "guide"
+ROOT = Path(__file__).parents[2]
+EXAMPLES = ROOT / "docs" / "examples"
+SCRIPTS = sorted(EXAMPLES.glob("*.py"))
 PRINTS = {  # script: what stands in its last lines
     "add_an_effect": "('ground_spring',)",
     "custom_diagram": "E_xy",
     "own_controller": ", 0.3",
-    "cooperative": "closest approach",
     "diagnose_a_log": "suspended_payload",
     "fly_a_scenario": "np",
     "learn_a_correction": "cascade + correction: 4.",
     "train_and_evaluate": "lifted linear system",
 }
-
 NEEDS = {"learn_a_correction": "gymnasium"}  # script: package that no command needs
 SHORTER = {"learn_a_correction": {"policies": 8}}  # script: what `main` takes, for time
 
@@ -39,7 +40,35 @@ def test_the_script_runs_in_an_empty_folder(script, tmp_path, monkeypatch, capsy
     assert PRINTS[script.stem] in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("script", SCRIPTS, ids=lambda script: script.stem)
-def test_the_script_is_short_and_a_page_of_the_guide_links_it(script):
-    assert 30 <= len(script.read_text().splitlines()) <= 65
-    assert any(f"(../examples/{script.name})" in page.read_text() for page in GUIDE.glob("*.md"))
+def test_a_page_of_the_guide_links_every_example():
+    guide = "".join(page.read_text() for page in (ROOT / "docs" / "guide").glob("*.md"))
+    examples = [*SCRIPTS, *EXAMPLES.glob("*.ipynb")]
+    assert not [path.name for path in examples if f"(../examples/{path.name})" not in guide]
+
+
+def test_the_notebook_holds_no_output_and_runs_from_top_to_bottom(tmp_path, monkeypatch):
+    cells = json.loads((EXAMPLES / "look_at_a_flight.ipynb").read_text(encoding="utf-8"))["cells"]
+    assert not any(cell.get("outputs") for cell in cells)
+    monkeypatch.chdir(tmp_path)
+    space, seen = {"__name__": "__main__"}, []
+    for cell in cells:
+        if cell["cell_type"] == "code":
+            parts = ast.parse("".join(cell["source"])).body
+            last = parts.pop() if isinstance(parts[-1], ast.Expr) else None
+            exec(compile(ast.Module(parts, []), "cell", "exec"), space)
+            if last is not None:
+                seen.append(eval(compile(ast.Expression(last.value), "cell", "eval"), space))
+    assert sum(hasattr(value, "_repr_png_") for value in seen) > 3
+    text = "".join(getattr(v, "_repr_html_", lambda: None)() or repr(v) for v in seen)
+    assert all(word in text for word in ("E_xy", "suspended_payload"))
+
+
+def test_a_formula_is_mathml_and_the_site_fetches_nothing():
+    pytest.importorskip("latex2mathml", reason="pip install 'np_drake[docs]'")
+    settings = (ROOT / "mkdocs.yml").read_text()
+    assert "https://" not in settings
+    assert "extra_javascript" not in settings
+    page = '<span class="arithmatex">\\(a &lt; b\\)</span><div class="arithmatex">\\[x^2\\]</div>'
+    shown = runpy.run_path(str(ROOT / "docs" / "formulas.py"))["on_page_content"](page)
+    assert shown.count("<math") == 2
+    assert 'display="block"' in shown

@@ -1,202 +1,169 @@
 """The pages of docs/guide run from top to bottom, each in one empty folder.
 
-What a fenced block is, its language says:
-    bash
-    every command is an `np-drake` command and runs in this process (`diagrams.cli.main.run`); `\\`
-    at the
-              end of a line continues it;
-    python
-    runs as it stands, in a namespace of its own, among the files that the page has made so far;
-    yaml
-    where its first line is `# NAME.yaml`, it is saved under that name; console
-    is not run: pip, git, make, and what needs minutes or data of one's own.
-Blocks of another language, or of none, are refused.
+Of fenced blocks, `bash` holds commands of `np-drake`, which run in this process; `python` runs in a
+namespace of its own; `yaml` is saved where its first line is `# NAME.yaml`; `console` is not run.
 """
 
-import importlib.util
 import json
 import re
+import runpy
 import shlex
-from collections.abc import Callable
+import shutil
 from pathlib import Path
+from typing import Any
 from unittest import mock
 
+import numpy as np
 import pytest
 
 from diagrams.cli.main import run
 from diagrams.cli.outcome import PROGRAM
-from diagrams.loop.flight import load_flight
+from np_drake import attitude
 from np_drake.effects.library import LIBRARY
 from np_drake.effects.linear_drag import LinearDrag
-from np_drake.vehicle import load_vehicle
+from np_drake.flight_log import FlightLog
+from np_drake.logs.formats.format import Stream
+from np_drake.vehicle import Vehicle, load_vehicle
 
 GUIDE = Path(__file__).parents[2] / "docs" / "guide"
 PAGES = sorted(GUIDE.glob("*.md"))
 BLOCK = re.compile(r"^```(\w*)\n(.*?)^```$", re.S | re.M)
-FEWEST, MOST = 200, 720  # words of a page, code included: five minutes
-
-
-def run_commands(block: str, page: Path) -> None:
-    for line in block.replace("\\\n", " ").splitlines():
-        words = shlex.split(line, comments=True)
-        if words:
-            assert words[0] == PROGRAM, (
-                f"{page.name}: only {PROGRAM} runs in a bash block; got {line!r}"
-            )
-            assert run(words[1:]) == 0, f"{page.name}: {line}"
-
-
-def run_python(block: str, page: Path) -> None:
-    exec(compile(block, str(page), "exec"), {"__name__": "example"})
-
-
-def save_yaml(block: str, page: Path) -> None:
-    named = re.match(r"# ([\w-]+\.yaml)\n", block)
-    if named:
-        Path(named.group(1)).write_text(block)
-
-
-RUNNERS: dict[str, Callable[[str, Path], None]] = {
-    "bash": run_commands,
-    "python": run_python,
-    "yaml": save_yaml,
-    "console": lambda block, page: None,
+TOLD = {  # page: folder of a report, parameter of a cause, its true value and what it may be off by
+    "diagnose.md": [("report", "scale", 0.92, 0.02), ("report", "d_x", 0.3, 0.05)],
+    "import.md": [("px4_report", "d_x", 0.3, 0.05), ("crazyflie_report", "d_x", 0.006, 0.001)],
+    "corrected-simulator.md": [("report", "d_x", 0.006, 0.001)],
 }
+FEWEST, MOST = 200, 720  # words of a page, code included: five minutes
+HOVER = 0.41  # throttle
+TO_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
+Q_NED = np.array([0.0, np.sqrt(0.5), np.sqrt(0.5), 0.0])
+Q_FRD = np.array([0.0, 1.0, 0.0, 0.0])
+FRD = np.array([1.0, -1.0, -1.0])
+CRAZYFLIE = load_vehicle("crazyflie_brushless").with_mass(0.0397)
+
+
+def run_block(language: str, block: str, page: Path) -> None:
+    if language == "bash":
+        for line in block.replace("\\\n", " ").splitlines():
+            program, *words = shlex.split(line, comments=True)
+            assert program == PROGRAM, f"{page.name}: only {PROGRAM} runs; got {line!r}"
+            assert run(words) == 0, f"{page.name}: {line}"
+    elif language == "python":
+        exec(compile(block, str(page), "exec"), {"__name__": "example"})
+    elif language == "yaml":
+        if named := re.match(r"# ([\w-]+\.yaml)\n", block):
+            Path(named[1]).write_text(block)
+    else:
+        assert language == "console", f"{page.name}: a block is bash, python, yaml or console"
 
 
 def run_page(page: Path, section: str = "") -> None:
-    """Every block of the page, or of one section, in order, in the current folder."""
+    """Run every block of the page, or of one section, in the current folder."""
     text = page.read_text()
     if section:
         text = text.split(f"## {section}\n")[1].split("\n## ")[0]
     with mock.patch.dict(LIBRARY):  # an example may register an effect of its own
         for language, block in BLOCK.findall(text):
-            RUNNERS[language](block, page)
+            run_block(language, block, page)
 
 
-def no_more_is_said() -> None:
-    """What a page leaves is not looked at."""
-
-
-def the_diagnosis_names_what_was_put_in() -> None:
-    found = json.loads(Path("report/diagnosis.json").read_text())
-    assert set(found["verdict"]) == {"thrust_scale", "linear_drag"}
-    values = {
-        name: p["value"] for cause in found["causes"] for name, p in cause["parameters"].items()
-    }
-    assert abs(values["scale"] - 0.92) < 0.02  # [1]; its interval is as wide
-    assert abs(values["d_x"] - 0.3) < 0.05  # [N·s/m]; several times its interval
-
-
-def the_vehicle_file_has_the_thrust_of_the_page() -> None:
-    found = load_vehicle("found/vehicle.yaml")
-    assert abs(found.thrust_coefficient / 9.2e-6 - 1) < 0.02  # its interval is 1.5 % wide
-
-
-def the_report_has_the_sections_that_the_page_lists() -> None:
-    page, report = (
-        (GUIDE / "read-the-report.md").read_text(),
-        Path("report/report.html").read_text(),
-    )
-    table = page[page.index("| section of") : page.index("## What differs")]
-    sections = [
-        name
-        for row in re.findall(r"^\| ([A-Z][\w ;]+)", table, re.M)
-        for name in row.strip().split("; ")
-    ]
-    assert len(sections) == 9
-    missing = [section for section in sections if f"<h2>{section}</h2>" not in report]
-    # The file describes the vehicle, and the held-out flights show nothing that training does not.
-    assert missing == ["What differs from the vehicle file", "Second answer"]
-    keys = [
-        key
-        for cell in re.findall(r"`([\w.]+)`", table)
-        for key in [cell.split(".")]
-        if key[0] not in ("report", "diagnosis")
-    ]
-    found = json.loads(Path("report/diagnosis.json").read_text())
-    assert not [
-        key for key in keys if key[0] not in found or (len(key) > 1 and key[1] not in found[key[0]])
-    ]
-
-
-def a_model_was_trained() -> None:
-    assert Path("mine.safetensors").stat().st_size > 0
-
-
-def drag_is_named_in_both_reports() -> None:
-    for report, drag, tolerance in (("px4_report", 0.3, 0.05), ("crazyflie_report", 0.006, 0.001)):
-        found = json.loads(Path(report, "diagnosis.json").read_text())
-        (cause,) = (c for c in found["causes"] if c["effect"] == "linear_drag")
-        assert abs(cause["parameters"]["d_x"]["value"] - drag) < tolerance  # [N·s/m]
-
-
-def the_corrected_simulator_has_the_drag() -> None:
-    corrected = load_flight("report/corrected.yaml")
-    (drag,) = (e for e in corrected.reality.added if isinstance(e, LinearDrag))
-    assert abs(drag.d_x - 0.006) < 0.001  # [N·s/m]
-    assert list(Path("flights").glob("corrected_hold*.csv"))
-
-
-def memory_cards():
-    """The module beside this one that writes what a page reads from memory cards."""
-    spec = importlib.util.spec_from_file_location(
-        "memory_cards", Path(__file__).with_name("memory_cards.py")
-    )
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-def fill(folder: Path) -> None:
-    memory_cards().fill(folder)
-
-
-BEFOREHAND = {"import.md": fill, "corrected-simulator.md": fill}
-AFTERWARDS = {
-    "import.md": drag_is_named_in_both_reports,
-    "identify.md": the_vehicle_file_has_the_thrust_of_the_page,
-    "diagnose.md": the_diagnosis_names_what_was_put_in,
-    "read-the-report.md": the_report_has_the_sections_that_the_page_lists,
-    "train.md": a_model_was_trained,
-    "corrected-simulator.md": the_corrected_simulator_has_the_drag,
-}
+def diagnosed(folder: str) -> dict:
+    """Return the diagnosis in a folder, with the values of its causes' parameters by name."""
+    found = json.loads(Path(folder, "diagnosis.json").read_text())
+    parameters = [cause["parameters"] for cause in found["causes"]]
+    return found | {"values": {name: p["value"] for of in parameters for name, p in of.items()}}
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_the_page_runs_from_top_to_bottom(page, tmp_path, monkeypatch, capsys):
+    assert FEWEST <= len(page.read_text().split()) <= MOST
+    assert f"(guide/{page.name})" in (GUIDE.parent / "index.md").read_text()
     monkeypatch.chdir(tmp_path)
-    BEFOREHAND.get(page.name, lambda folder: None)(tmp_path)
+    if page.name in ("import.md", "corrected-simulator.md"):
+        fill(tmp_path, px4=page.name == "import.md")
     run_page(page)
-    AFTERWARDS.get(page.name, no_more_is_said)()
+    for folder, name, true, tolerance in TOLD.get(page.name, []):
+        assert abs(diagnosed(folder)["values"][name] - true) < tolerance
+    if page.name == "identify.md":  # the interval is 1.5 % wide
+        assert abs(load_vehicle("found/vehicle.yaml").thrust_coefficient / 9.2e-6 - 1) < 0.02
 
 
+@pytest.mark.nightly
 def test_the_page_on_memory_cards_runs_on_real_ones(real_flights, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    cards = [
-        real_flights / "imrc" / "payload" / name for name in ("eckart06", "eckart07", "eckart08")
-    ]
-    memory_cards().fill(tmp_path, cards)
+    for number, name in enumerate(("eckart06", "eckart07", "eckart08"), 1):
+        shutil.copy(real_flights / "imrc" / "payload" / name, tmp_path / f"card0{number}")
     run_page(GUIDE / "import.md", "Crazyflie")
-    found = json.loads(Path("crazyflie_report/diagnosis.json").read_text())
-    assert "suspended_payload" in found["verdict"]
+    assert "suspended_payload" in diagnosed("crazyflie_report")["verdict"]
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
-def test_the_page_is_read_in_five_minutes(page):
-    assert FEWEST <= len(page.read_text().split()) <= MOST
+# Memory cards: simulated flights as PX4 and Crazyflie logs, in the conventions of those formats.
 
 
-def test_every_page_of_the_guide_is_in_the_index():
-    index = (GUIDE.parent / "index.md").read_text()
-    assert not [page.name for page in PAGES if f"(guide/{page.name})" not in index]
+def script(name: str) -> dict[str, Any]:
+    """Return what a module of tests/np_drake holds."""
+    return runpy.run_path(str(Path(__file__).parents[1] / "np_drake" / name))
 
 
-def test_a_command_that_fails_fails_its_page(tmp_path, monkeypatch, capsys):
-    page = tmp_path / "page.md"
-    page.write_text("```bash\nnp-drake fly \\\n    spiral\n```\n")
-    monkeypatch.chdir(tmp_path)
-    with pytest.raises(AssertionError, match="fly"):
-        run_page(page)
+def flown(seed: int, vehicle: Vehicle, drag: float) -> FlightLog:
+    """Return a flight under drag [N·s/m], with noise."""
+    fly = script("diagnosis/simulated_flights.py")["fly"]
+    effect = LinearDrag(drag, drag, drag)
+    log: FlightLog = fly(effect, seed=seed, seconds=9.0, noise=1.0, vehicle=vehicle)
+    return log
+
+
+def columns(names: str, values: np.ndarray) -> dict[str, np.ndarray]:
+    """Return columns (n,) by name."""
+    return dict(zip(names.split(), np.reshape(values, (len(values), -1)).T, strict=True))
+
+
+def specific_force(log: FlightLog) -> np.ndarray:
+    """Return what an accelerometer reads, (n, 3) in B [m/s²]."""
+    assert log.a is not None
+    return attitude.rotate_back(log.q, log.a + [0.0, 0.0, 9.81])
+
+
+def write_px4(path: Path, seed: int) -> None:
+    """Write a PX4 log: NED and FRD, normalised collective thrust, no torque."""
+    log, vehicle = flown(seed, Vehicle(), 0.3), Vehicle()
+    ones = np.ones((len(log), 1))
+    q = attitude.multiply(attitude.multiply(ones * Q_NED, log.q), ones * Q_FRD)
+    throttle = HOVER * np.maximum(log.u[:, 0] / (vehicle.mass * vehicle.gravity), 0.0) ** (1 / 1.5)
+    setpoint = np.column_stack([0 * throttle, 0 * throttle, -throttle])
+    p, v = log.p @ TO_NED.T, log.v @ TO_NED.T
+    streams = {
+        "vehicle_local_position": columns("x y z vx vy vz", np.hstack([p, v])),
+        "vehicle_attitude": columns("q[0] q[1] q[2] q[3]", q),
+        "vehicle_angular_velocity": columns("xyz[0] xyz[1] xyz[2]", log.w * FRD),
+        "sensor_combined": columns(
+            " ".join(f"accelerometer_m_s2[{i}]" for i in range(3)), specific_force(log) * FRD
+        ),
+        "vehicle_thrust_setpoint": columns("xyz[0] xyz[1] xyz[2]", setpoint),
+    }
+    write = script("logs/formats/ulog_writer.py")["write"]
+    write(path, {name: Stream(10.0 + log.t, content) for name, content in streams.items()})
+
+
+def write_crazyflie(path: Path, seed: int) -> None:
+    """Write a Crazyflie micro-SD log: degrees, g, rotor speed in rpm, one event."""
+    log = flown(seed, CRAZYFLIE, 0.006)
+    speed = np.sqrt(np.maximum(log.u @ CRAZYFLIE.unmixer.T, 0.0) / CRAZYFLIE.thrust_coefficient)
+    content = columns(
+        " ".join(f"stateEstimate.{name}" for name in ("x", "y", "z", "vx", "vy", "vz")),
+        np.hstack([log.p, log.v]),
+    )
+    content |= columns("stateEstimate.qw stateEstimate.qx stateEstimate.qy stateEstimate.qz", log.q)
+    content |= columns("gyro.x gyro.y gyro.z", np.degrees(log.w))
+    content |= columns("acc.x acc.y acc.z", specific_force(log) / 9.80665)
+    content |= columns("rpm.m1 rpm.m2 rpm.m3 rpm.m4", speed * 60 / (2 * np.pi))
+    write = script("logs/formats/crazyflie_writer.py")["write"]
+    write(path, {"fixedFrequency": Stream(3.0 + log.t, content)})
+
+
+def fill(folder: Path, px4: bool = True) -> None:
+    """Write what a page of the guide reads from memory cards."""
+    for number in (1, 2, 3):
+        if px4:
+            write_px4(folder / f"px4_{number}.ulg", number)
+        write_crazyflie(folder / f"card0{number}", number)

@@ -66,39 +66,26 @@ PRESETS = Path(__file__).parents[1] / "maps"  # maps of public data sets, by nam
 
 @dc.dataclass
 class Source:
-    """Columns that hold one quantity; none: the log lacks it.
+    """Columns that hold one quantity; none: the log lacks it."""
 
-    columns: `stream/column`, or `column` where one stream alone has it.
-    unit: of `UNITS`; empty: SI.
-    scale: factor on the columns before the unit, -1 turns a sign [1]. signs: of each column, 1 or
-        -1, as of a left-handed pitch; none: all 1. axes: `world` or `body`, of a velocity, an
-        acceleration or rates; empty: world for velocity and
-        dv/dt, else body.
-    kind: of an acceleration: `specific_force` (what an accelerometer reads) or `acceleration`
-        (dv/dt).
-    order: of a quaternion: `wxyz` or `xyzw`; three columns are roll, pitch, yaw.
-    direction: of an attitude: `body_to_world` or `world_to_body`.
-    world, body: frames of this quantity, where they differ from those of the map.
-    late: time by which the stamps are later than the quantity [s]; None: 0, unless the log shows it
-        (`one_clock`).
-    ends: of a throttle, its readings at 0 and at 1: two numbers, or two for every column; none:
-        those of its unit.
-    pole_pairs: of the motors, by which an electrical speed (`erpm`) is divided; 0: not stated.
-    """
-
+    # `stream/column`, or `column` where one stream alone has it
     columns: list[str] = dc.field(default_factory=list)
-    unit: str = ""
-    scale: float = 1.0
+    unit: str = ""  # of `UNITS`; empty: SI
+    scale: float = 1.0  # factor on the columns before the unit; −1 turns a sign [1]
+    # of each column, 1 or −1: `[1, -1, 1]` turns a left-handed pitch; empty: all 1
     signs: list[float] = dc.field(default_factory=list)
-    axes: str = ""
+    axes: str = ""  # world | body; empty: world for velocity and dv/dt, else body
+    # of an acceleration: specific_force (an accelerometer's; so if empty) | acceleration (dv/dt)
     kind: str = ""
-    order: str = "wxyz"
-    direction: str = "body_to_world"
-    world: str = ""
-    body: str = ""
+    order: str = "wxyz"  # of a quaternion: wxyz | xyzw
+    direction: str = "body_to_world"  # of an attitude: body_to_world | world_to_body
+    world: str = ""  # frame of this quantity, where it differs from the map's
+    body: str = ""  # frame of this quantity, where it differs from the map's
+    # by which the stamps are later than the quantity; None: measured (`one_clock`) [s]
     late: float | None = None
+    # of a throttle, its readings at 0 and 1, once or for each column; empty: those of the unit
     ends: list[float] = dc.field(default_factory=list)
-    pole_pairs: int = 0
+    pole_pairs: int = 0  # of motors whose speed is in `erpm`; 0: not stated
 
     def __bool__(self) -> bool:
         return bool(self.columns)
@@ -123,40 +110,38 @@ class Source:
 
 @dc.dataclass
 class LogMap:
-    """Columns and conventions of a log (docs/reference/log-map.md).
+    """Columns and conventions of a log (docs/reference/log-map.md)."""
 
-    format: of the file; empty: as it looks.
-    world: `enu` (z up) or `ned` (z down).
-    body: `flu` or `frd`. command: when a row's command acts: `held_after` (from this row to the
-        next), `held_before`
-        (until this row),
-    `averaged` (its mean over the interval after this row), `sampled` (of a command that changes in
-    between, as in a thinned log), or `unknown`. start, stop: the part to import, from the first row
-    of the log [s]; stop 0: to its end. rate: of the rows that are written [Hz], within `RATES`; 0:
-    of the fastest stream that is used, at most 500 Hz. time: column that holds the times of its
-    stream, of a table whose time column has a name of its own; none: as the format knows it.
-    """
-
+    # crazyflie | blackbox | ulog | dataflash | ros | neural_fly | table; empty: as the file looks
     format: str = ""
-    world: str = "enu"
-    body: str = "flu"
+    world: str = "enu"  # frame of the world: enu (z up) | ned (z down)
+    body: str = "flu"  # frame of the body: flu (z along the thrust) | frd (z against it)
+    # when a row's command acts: held_after (from this row to the next) | held_before (until this
+    # row) | averaged (its mean over the interval after this row) | sampled (of one that changes in
+    # between, as in a thinned log) | unknown
     command: str = "unknown"
-    start: float = 0.0
-    stop: float = 0.0
+    start: float = 0.0  # of the part to import, from the first attitude [s]
+    stop: float = 0.0  # its end; 0: the end of the log [s]
+    # of the rows, 4 to 20 000; 0: that of the fastest signal, at most 500 [Hz]
     rate: float = 0.0
+    # the column of times, where the format does not know it
     time: Source = dc.field(default_factory=Source)
-    position: Source = dc.field(default_factory=Source)
+    position: Source = dc.field(default_factory=Source)  # 3 columns
+    # 3 columns, of the world unless `axes: body`
     velocity: Source = dc.field(default_factory=Source)
+    # 4 columns of a quaternion, or 3: roll, pitch, yaw
     attitude: Source = dc.field(default_factory=Source)
-    rates: Source = dc.field(default_factory=Source)
-    acceleration: Source = dc.field(default_factory=Source)
-    angular_acceleration: Source = dc.field(default_factory=Source)
-    thrust: Source = dc.field(default_factory=Source)
-    torque: Source = dc.field(default_factory=Source)
-    rotor_speed: Source = dc.field(default_factory=Source)
+    rates: Source = dc.field(default_factory=Source)  # 3 columns, of the body unless `axes: world`
+    acceleration: Source = dc.field(default_factory=Source)  # 3 columns
+    angular_acceleration: Source = dc.field(default_factory=Source)  # 3 columns
+    thrust: Source = dc.field(default_factory=Source)  # 1 column, collective
+    torque: Source = dc.field(default_factory=Source)  # 3 columns
+    rotor_speed: Source = dc.field(default_factory=Source)  # 4 columns, in the vehicle file's order
+    # 1 column (collective), 4 (rotors), or 6 or 8, of which the collective is taken
     throttle: Source = dc.field(default_factory=Source)
-    hover_throttle: Source = dc.field(default_factory=Source)
-    voltage: Source = dc.field(default_factory=Source)
+    hover_throttle: Source = dc.field(default_factory=Source)  # 1 column: the throttle that hovers
+    voltage: Source = dc.field(default_factory=Source)  # 1 column, of the battery
+    # 3 columns: body rates that an autopilot was asked for
     commanded_rates: Source = dc.field(default_factory=Source)
 
     def frames(self, source: Source) -> tuple[str, str]:
