@@ -93,7 +93,6 @@ STUDIES = {
     "blackbox": Study(
         "gap.blackbox_study", "The firmware's own log identified and diagnosed.", 7100
     ),
-    "node": Study("offboard.study", "Faults while a node flies: what is sent, when it stops."),
     "timing": Study("performance.timing", "What a period costs.", many=False),
     "robustness": Study(
         "robustness.study", "Payload, tether, speed, air, noise, lag, delay, battery."

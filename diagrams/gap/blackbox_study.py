@@ -19,7 +19,7 @@ from diagrams.loop.experiments import load_experiment
 from diagrams.loop.flight import FlightConfig
 from diagrams.loop.flight_result import fly
 from diagrams.loop.reality import RealityConfig
-from np_drake.autopilot.firmware import find_firmware
+from np_drake.autopilot.betaflight import find_firmware
 from np_drake.diagnosis.diagnose import diagnose
 from np_drake.flight_log import FlightLog
 from np_drake.identification.identify import identify

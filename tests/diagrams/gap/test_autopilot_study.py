@@ -6,7 +6,7 @@ import pytest
 from diagrams.gap import autopilot_study as study
 from diagrams.gap.autopilot_study import CORRECTED, FIRMWARE, NOMINAL, Flying, flight
 from diagrams.gap.step_response import SIZES, step_response
-from np_drake.autopilot.firmware import AutopilotError, find_firmware
+from np_drake.autopilot.betaflight import AutopilotError, find_firmware
 from np_drake.vehicle import Vehicle
 from np_drake.vehicle.vehicle import RateLoop
 
