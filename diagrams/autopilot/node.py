@@ -52,9 +52,7 @@ LEAVING, LEAVES = 0.2, 3.0  # between two requests to hold, and how long they ar
 SLOW = 0.5  # speed above which nothing begins [m/s]; source: own choice
 WARM_UP = 5  # steps before the first message [1]
 LEVEL_THRUST = np.array([0.5, 1.6])  # of level thrust over the weight [1]; source: own choice
-INPUTS = {"x": 13, "acceleration": 6, "in_force": 4}  # of the companion's Diagram, and their sizes
 PATIENCE = 0.7  # share of a tick that a solve may take [1]; source: own choice
-SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 LOOKS = 0.5  # between two calls of the monitor, or two looks at a simulated flight [s]
 
 
@@ -75,7 +73,10 @@ def make_companion_diagram(config: FlightConfig) -> Diagram:
             f"{config.name}: controller.mpc.command must be rates beside an autopilot; got rotors."
         )
     builder = DiagramBuilder()
-    wires = {name: builder.AddNamedSystem(name, PassThrough(n)) for name, n in INPUTS.items()}
+    wires = {
+        name: builder.AddNamedSystem(name, PassThrough(size))
+        for name, size in (("x", 13), ("acceleration", 6), ("in_force", 4))
+    }
     for name, wire in wires.items():
         builder.ExportInput(wire.get_input_port(), name)
     sensors: Any = SimpleNamespace(GetOutputPort=lambda name: wires[name].get_output_port())
@@ -299,7 +300,7 @@ class Node:
             self.readings.take(said, now)
         reading, before = self.readings.at(now), self.phase
         self.x, self._is_known = reading.x, not reading.problem
-        problem = reading.problem or self._out_of_order(now, reading)
+        problem = reading.problem or self._out_of_order(reading)
         self._is_trusted = not problem
         if not problem and self.phase.sends and self._without_answer >= self._limits.late_solves:
             problem = f"no answer of the controller for {self._without_answer} periods"
@@ -323,15 +324,14 @@ class Node:
             self._send(now, x, a)
         self._say_hello(now)
 
-    def _out_of_order(self, now: float, reading: Reading) -> str:
+    def _out_of_order(self, reading: Reading) -> str:
         """Return why a state that is known may not be flown by; empty where it may."""
         if self.phase is Phase.STOPPED:
             return ""
         start, anchor = self._place(0.0), self._anchor
         if self.phase is Phase.WAITING:
             anchor = Anchor.at(reading.x, start)
-        place = self._place(self.flown_for)
-        beyond = out_of_limits(anchor.seen(reading.x), place, self._limits)
+        beyond = out_of_limits(anchor.seen(reading.x), self._place(self.flown_for), self._limits)
         if beyond or self.phase in (Phase.FLYING, Phase.LEVEL):
             return beyond
         if np.linalg.norm(reading.x[V]) > SLOW:
@@ -363,7 +363,7 @@ class Node:
             self._without_answer += self._is_owed
             self.counts["late"] += self._is_owed
             self._is_owed = self._is_trusted
-            self._begin_step(now, reading, x, a)
+            self._begin_step(reading, x, a)
         found = self._worker.answer(patience)
         if found is None or found.context is not self._memory:
             return
@@ -375,21 +375,22 @@ class Node:
         if usable and found.status < MpcStatus.SHIFTED_PLAN:
             self._without_answer, self._is_owed = 0, False
 
-    def _begin_step(self, now: float, reading: Reading, x: np.ndarray, a: np.ndarray) -> None:
+    def _begin_step(self, reading: Reading, x: np.ndarray, a: np.ndarray) -> None:
         in_force = self._sent
         if self.phase is Phase.READY and np.isfinite(reading.in_force).all():
             in_force = reading.in_force.copy()
             in_force[0] = thrust_of(self._vehicle, in_force[0], self.readings.voltage)
-        step = partial(
-            answer_of,
-            self._companion,
-            self._memory,
-            self.flown_for,
-            x=x if self._is_trusted else np.full(13, np.nan),
-            acceleration=a,
-            in_force=in_force,
+        self._worker.submit(
+            partial(
+                answer_of,
+                self._companion,
+                self._memory,
+                self.flown_for,
+                x=x if self._is_trusted else np.full(13, np.nan),
+                acceleration=a,
+                in_force=in_force,
+            )
         )
-        self._worker.submit(step)
         self.counts["periods"] += 1
 
     def _send(self, now: float, x: np.ndarray, a: np.ndarray) -> None:
@@ -440,7 +441,10 @@ def ended_by_user() -> Iterator[Callable[[], bool]]:
             raise KeyboardInterrupt
         asked.append(number)
 
-    before = {number: signal.signal(number, take) for number in SIGNALS}
+    before = {
+        number: signal.signal(number, take)
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    }
     try:
         yield lambda: bool(asked)
     finally:
@@ -502,13 +506,12 @@ def deadlines(node: Node) -> dict[str, Any]:
     """Return counts and times of a node: ticks, late solves, jitter, ages, messages that were not
     taken.
     """
-    readings = node.readings
-    times = {"solve_ms": node.solves, "jitter_ms": node.delays, "state_age_ms": readings.ages}
+    times = {"solve_ms": node.solves, "jitter_ms": node.delays, "state_age_ms": node.readings.ages}
     return {
         **node.counts,
         **{name: metrics.solve_times_ms(np.array(t or [np.nan])) for name, t in times.items()},
-        "refused": dict(readings.refused),
-        "restarts": readings.restarts,
+        "refused": dict(node.readings.refused),
+        "restarts": node.readings.restarts,
     }
 
 
@@ -586,5 +589,5 @@ class LinkedFlight(Watch):
                 ("took over at [s]", seen.failsafes),
             )
         ]
-        pace = ("simulated time over real time", f"{self.mean:.2f}")
-        return ("autopilot", ["what", "value"], [*rows, pace])
+        rows.append(("simulated time over real time", f"{self.mean:.2f}"))
+        return ("autopilot", ["what", "value"], rows)

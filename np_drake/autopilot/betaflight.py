@@ -29,7 +29,6 @@ PORTS = (9001, PWM, STATE, STICKS, *range(5761, 5769))
 OFFSETS = range(2000, 50000, 16)
 # real time after which a firmware that does not answer counts as hung [s]; source: own choice
 ANSWERS = 20.0
-CHANNELS = 16  # of the receiver
 LOG = "firmware.log"  # what it prints
 TICK = 0.005  # by which the firmware goes on while it is asked [s]
 BOOT = 10.0  # of the firmware's time until its command line must answer [s]
@@ -180,13 +179,12 @@ class Firmware:
 
     def sense(self, seen: Sensed) -> None:
         """Hand the firmware's sensors their readings of this instant."""
-        w, f = seen.w, seen.f
-        values = (self.time, w[0], -w[1], -w[2], *(-f), *seen.q, *seen.v, *seen.p, 101325.0)
-        self._send(STATE, struct.pack("<18d", *values))
+        parts = [seen.w * [1.0, -1.0, -1.0], -seen.f, seen.q, seen.v, seen.p]
+        self._send(STATE, struct.pack("<18d", self.time, *np.concatenate(parts), 101325.0))
 
     def stick(self, channels: np.ndarray) -> None:
         """Hand the receiver its channels (n,), n up to 16, pulse widths from 1000 to 2000 [µs]."""
-        whole = np.full(CHANNELS, 1000)
+        whole = np.full(16, 1000)
         whole[: len(channels)] = np.clip(np.round(channels), 1000, 2000)
         self._send(STICKS, struct.pack("<d16H", self.time, *whole.astype(int)))
 
@@ -294,7 +292,6 @@ class Firmware:
         self._sent += 1
 
     def _wait(self) -> None:
-        """Wait until the granted time is used up."""
         if not select.select([self._event], [], [], ANSWERS)[0]:
             raise AutopilotError(f"betaflight: the firmware has not answered for {ANSWERS:g} s.")
         if not os.read(self._event, 1):
@@ -421,11 +418,7 @@ class Betaflight(Firmware):
         self._last: tuple[Sensed, np.ndarray] | None = None  # what was seen and commanded last
         gains = gain_lines(vehicle, self.config.bandwidth) if self.config.bandwidth else []
         super().__init__()
-        try:
-            self._idle = self._set_up(gains)
-        except AutopilotError:
-            self.close()
-            raise
+        self._idle = self._set_up(gains)
 
     def arm(self, at_rest: Sensed, thrust: float) -> np.ndarray:
         """Arm the firmware at rest, and bring the motors to a collective thrust [N]; return their

@@ -58,6 +58,7 @@ class Inertial:
     stamp: float  # by the sender's clock [s]
     f: np.ndarray  # (3,) specific force in B [m/s²]
     w: np.ndarray  # (3,) body rates [rad/s]
+    kind: str = "HIGHRES_IMU"  # of the message
 
 
 @dc.dataclass(frozen=True)
@@ -66,7 +67,6 @@ class Command:
     tells.
     """
 
-    stamp: float  # by the sender's clock [s]
     rates: np.ndarray  # (3,) in B [rad/s]
     thrust: float  # over that at full throttle [1]
 
@@ -146,8 +146,12 @@ class Codec:
         """Return specific force (3,) and body rates (3,) in B at a time as HIGHRES_IMU
         [s, m/s², rad/s].
         """
-        values = (*FRD_TO_FLU * f, *FRD_TO_FLU * w, *[0.0] * 7)
-        return self._pack(self._out.highres_imu_encode(round(1e6 * stamp), *values, 0b111111))
+        rest = [0.0] * 7
+        return self._pack(
+            self._out.highres_imu_encode(
+                round(1e6 * stamp), *FRD_TO_FLU * f, *FRD_TO_FLU * w, *rest, 0b111111
+            )
+        )
 
     def command(self, stamp: float, rates: np.ndarray, thrust: float) -> bytes:
         """Return body rates (3,) in B [rad/s] and thrust over that at full throttle [1]: a
@@ -168,8 +172,12 @@ class Codec:
 
     def request(self, message: str, rate: float) -> bytes:
         """Return the request that the autopilot send a message at a rate [Hz]."""
-        identifier = getattr(self._mavlink, f"MAVLINK_MSG_ID_{message}")
-        return self._ask(self._mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, identifier, 1e6 / rate, 0)
+        return self._ask(
+            self._mavlink.MAV_CMD_SET_MESSAGE_INTERVAL,
+            getattr(self._mavlink, f"MAVLINK_MSG_ID_{message}"),
+            1e6 / rate,
+            0,
+        )
 
     def hold(self, autopilot: int) -> bytes:
         """Return the request that an autopilot, of a kind of MAV_AUTOPILOT, hold its place."""
@@ -178,8 +186,9 @@ class Codec:
 
     def _ask(self, command: int, first: float, second: float, third: float) -> bytes:
         values = (float(first), float(second), float(third), 0.0, 0.0, 0.0, 0.0)
-        to = (self._system or SYSTEM, AUTOPILOT)
-        return self._pack(self._out.command_long_encode(*to, command, 0, *values))
+        return self._pack(
+            self._out.command_long_encode(self._system or SYSTEM, AUTOPILOT, command, 0, *values)
+        )
 
     def _pack(self, message: Any) -> bytes:
         self._out.seq = (self._out.seq + 1) % 256
@@ -220,7 +229,7 @@ class Codec:
             return Battery(1e-3 * m.voltage_battery)
         if kind == ("ATTITUDE_TARGET" if self._is_companion else "SET_ATTITUDE_TARGET"):
             rates = np.array([m.body_roll_rate, m.body_pitch_rate, m.body_yaw_rate])
-            return Command(1e-3 * m.time_boot_ms, FRD_TO_FLU * rates, float(m.thrust))
+            return Command(FRD_TO_FLU * rates, float(m.thrust))
         return None
 
 

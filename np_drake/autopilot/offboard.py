@@ -21,7 +21,6 @@ FORGOTTEN = 1.0  # after which a state says nothing of where the next may be [s]
 HARDEST = 60.0
 KEPT = 100_000  # numbers that a report reads, the last [1]; source: own choice
 SPAN = 0.015  # over which body rates are differentiated [s]; source: own choice
-INERTIAL = "HIGHRES_IMU"
 # messages that make a state together
 SOURCES = (("ODOMETRY",), ("LOCAL_POSITION_NED", "ATTITUDE_QUATERNION"))
 OWN = {  # entries of the state that a message has
@@ -178,18 +177,14 @@ class Readings:
             self.voltage = said.voltage
         elif isinstance(said, Command) and np.isfinite([said.thrust, *said.rates]).all():
             self._in_force, self._in_force_at = np.array([said.thrust, *said.rates]), now
-        elif isinstance(said, Pose) and self._in_turn(said.kind, said.stamp, now):
+        elif isinstance(said, Pose | Inertial) and self._in_turn(said.kind, said.stamp, now):
             if self._is_absurd(said, now):
                 self.refused["absurd"] += 1
-            else:
+            elif isinstance(said, Pose):
                 self._poses[said.kind], self._taken[said.kind] = said, now
-        elif isinstance(said, Inertial) and self._in_turn(INERTIAL, said.stamp, now):
-            turn, fastest = np.linalg.norm(said.w), 2 * self._config.max_rate
-            if np.linalg.norm(said.f) <= HARDEST and turn <= fastest:
+            else:
                 kept = [one for one in self._inertial if said.stamp - one.stamp <= 2 * SPAN]
                 self._inertial = [*kept, said]
-            else:
-                self.refused["absurd"] += 1
 
     def at(self, now: float) -> Reading:
         """Return what is known at our time [s]."""
@@ -215,8 +210,7 @@ class Readings:
         if age < FORGOTTEN:
             self.ages.append(age)
             _bring(x, np.nan_to_num(acceleration), ages[0], ages[-1])
-        is_told = now - self._in_force_at <= limit
-        in_force = self._in_force if is_told else np.full(4, np.nan)
+        in_force = self._in_force if now - self._in_force_at <= limit else np.full(4, np.nan)
         return Reading(x, acceleration, in_force, self._engaged, problem)
 
     def _newest(self, now: float) -> list[Pose]:
@@ -228,8 +222,7 @@ class Readings:
         return min(found, key=lambda poses: max(self._age(one, now) for one in poses), default=[])
 
     def _age(self, said: Pose | Inertial, now: float) -> float:
-        """Return the age of a message [s]."""
-        return self._clocks[getattr(said, "kind", INERTIAL)].age(said.stamp, now)
+        return self._clocks[said.kind].age(said.stamp, now)
 
     def _in_turn(self, kind: str, stamp: float, now: float) -> bool:
         """Take the stamp of a message, and return whether it is newer than all before."""
@@ -243,10 +236,13 @@ class Readings:
         self.refused["late"] += stamp <= newest
         return stamp > newest
 
-    def _is_absurd(self, said: Pose, now: float) -> bool:
-        """Return whether a message cannot be true: not finite, no rotation, or too far from where
-        it was.
+    def _is_absurd(self, said: Pose | Inertial, now: float) -> bool:
+        """Return whether a message cannot be true: not finite, beyond what flies, no rotation, or
+        too far from where it was.
         """
+        if isinstance(said, Inertial):
+            fastest = 2 * self._config.max_rate
+            return not (np.linalg.norm(said.f) <= HARDEST and np.linalg.norm(said.w) <= fastest)
         own, x = OWN[said.kind], said.x
         if not np.isfinite(x[own]).all() or (own[3] and abs(np.linalg.norm(x[Q]) - 1) > 0.1):
             return True

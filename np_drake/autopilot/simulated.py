@@ -157,6 +157,5 @@ def _map(vehicle: Vehicle, voltage: float | None) -> tuple[ThrottleMap, float | 
     """Return the thrust map of a vehicle, and the voltage where it can be that of its battery."""
     curve = vehicle.throttle or ThrottleMap(full_thrust=vehicle.max_rotor_thrust, linear=1.0)
     own = curve.voltage
-    if voltage is None or own is None or abs(voltage / own - 1) > BELIEVED:
-        return curve, None
-    return curve, voltage
+    is_far = voltage is None or own is None or abs(voltage / own - 1) > BELIEVED
+    return curve, None if is_far else voltage
