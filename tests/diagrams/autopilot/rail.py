@@ -19,8 +19,7 @@ from tests.np_drake.autopilot.channel import Channel, local_position
 
 TICK, WAY = 0.01, 0.001  # of a node, and of a message [s]
 PLACE = np.array([3.0, -2.0, 1.6])  # in the autopilot's local frame [m]
-STATE_LOST = ("silence", "frozen clock", "autopilot restart", "not finite", "no inertial sensor")
-STATE_LOST = (*STATE_LOST, "no attitude")
+STATE_LOST = ("silence", "frozen clock", "restart", "not finite", "no gyro", "no attitude")
 SOLVER = ("hanging solve", "failing solve", "command not finite")
 # Faults, with their sizes where they have one.
 KINDS = {
@@ -103,11 +102,11 @@ class FaultyAutopilot(SimulatedAutopilot):
         self._fault, self._began = fault, False
 
     def take(self, data: bytes, t: float) -> None:
-        if not (self._fault.kind == "autopilot restart" and self._fault.acts(t)):
+        if not (self._fault.kind == "restart" and self._fault.acts(t)):
             super().take(data, t)
 
     def step(self, t: float, x: np.ndarray) -> np.ndarray:
-        if self._fault.acts(t) and self._fault.kind in ("autopilot restart", "pilot"):
+        if self._fault.acts(t) and self._fault.kind in ("restart", "pilot"):
             if not self._began:
                 self.hold()
             self._began, self._alive_since = True, t
@@ -116,9 +115,9 @@ class FaultyAutopilot(SimulatedAutopilot):
     def messages(self, t: float, x: np.ndarray, acceleration: np.ndarray) -> bytes:
         fault, acts, x = self._fault, self._fault.acts(t), x.copy()
         size, way = KINDS.get(fault.kind, 0.0), np.array([0.6, 0.0, 0.8])
-        if fault.kind == "autopilot restart" and acts:
+        if fault.kind == "restart" and acts:
             return b""
-        if t >= fault.begin and fault.kind in ("autopilot restart", "clock jump"):
+        if t >= fault.begin and fault.kind in ("restart", "clock jump"):
             jumped = BOOT + size
             self.boot = jumped if fault.kind == "clock jump" else -fault.begin - fault.lasts
         if fault.kind == "frozen clock":
@@ -128,7 +127,7 @@ class FaultyAutopilot(SimulatedAutopilot):
         if acts and fault.kind in ("not finite", "no attitude", "absurd speed"):
             part = {"not finite": V, "no attitude": Q, "absurd speed": V}[fault.kind]
             x[part] = {"not finite": np.nan, "no attitude": 0.0}.get(fault.kind, size)
-        felt = acceleration * (np.nan if acts and fault.kind == "no inertial sensor" else 1.0)
+        felt = acceleration * (np.nan if acts and fault.kind == "no gyro" else 1.0)
         noise = np.random.default_rng(round(1e4 * t)).bytes(99)
         return super().messages(t, x, felt) + (noise if acts and fault.kind == "noise" else b"")
 

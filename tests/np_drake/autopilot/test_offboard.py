@@ -14,7 +14,6 @@ from hypothesis.extra.numpy import arrays
 from np_drake import attitude
 from np_drake.autopilot.mavlink import PX4, Battery, Command, Heartbeat, Inertial, Pose
 from np_drake.autopilot.offboard import (
-    PATIENCE,
     SLACK,
     WINDOW,
     Anchor,
@@ -132,12 +131,6 @@ def test_the_age_is_the_delay_beyond_the_least_whatever_the_clocks_show(ways, of
         assert age >= delays[k] - delays[: k + 1][times[: k + 1] > times[k] - WINDOW].min() - 1e-8
 
 
-@pytest.mark.parametrize("drift", [-5e-4, 5e-4])
-def test_clocks_that_run_apart_make_no_message_old(drift):
-    messages = [((1 + drift) * now, now) for now in np.arange(0.0, 2000.0, 0.5).tolist()]
-    assert ages(messages).max() <= 2 * WINDOW * abs(drift) + 1e-9
-
-
 def test_a_clock_that_steps_back_is_followed_after_two_windows():
     found = ages([(t - (0.2 if t >= 5.0 else 0.0), t) for t in 0.01 * np.arange(2000)])
     assert found.max() == pytest.approx(0.2, abs=1e-9)
@@ -186,12 +179,6 @@ def test_the_time_of_a_node_is_that_of_a_simulated_vehicle_and_ours_on_any_other
 @given(rates=st.lists(st.floats(0.0, 3.0), min_size=1, max_size=20))
 def test_the_time_of_a_node_never_goes_back_whatever_a_vehicle_does(rates):
     assert (np.diff(node_times(np.repeat(rates, 100))[:, 2]) >= -1e-9).all()
-
-
-def test_a_silent_simulated_vehicle_is_waited_for_while_patience_lasts():
-    ours, _, dut = node_times(np.repeat([1.0, 0.0], 1000)).T
-    waited = ours[-1] - ours[1000] - PATIENCE
-    assert dut[-1] - dut[1000] == pytest.approx(waited, abs=SLACK + 2 * STEP)
 
 
 @pytest.mark.parametrize("boot", [3.0, 1e6])
@@ -266,28 +253,6 @@ def test_what_is_missing_is_named_and_what_falls_silent_once_it_is_too_old(
         if k < 100 + round(after / 0.01):
             assert dut.at(0.01 * k).problem == ""
     assert old in dut.at(0.01 * k).problem
-
-
-def test_a_state_that_comes_late_is_as_old_as_if_it_had_not_come(dut):
-    at_rest(dut)
-    for k in range(101, 140):
-        send(dut, 0.01 * k, delay=min(0.15, 0.01 * (k - 100)))
-    assert "older" in dut.at(1.39 + 0.15).problem
-
-
-@settings(max_examples=25, deadline=None)
-@given(offset=OFFSETS, delays=st.lists(st.floats(0.0, 0.08), min_size=5, max_size=5))
-def test_a_constant_offset_of_the_clocks_changes_nothing(offset, delays):
-    found, v = [], np.array([1.0, 0.0, 0.5])
-    for shift in (0.0, offset):
-        dut = Readings(LIMITS)
-        for k, delay in enumerate([0.0, *delays]):
-            x = state(0.1 * k * v, v=v, w=(0.1, 0.2, 0.3))
-            send(dut, 0.1 * k, x, kinds=ALL, offset=shift, delay=delay)
-        found.append(dut.at(0.59))
-    np.testing.assert_allclose(found[1].x, found[0].x, atol=1e-6)
-    np.testing.assert_allclose(found[1].acceleration, found[0].acceleration, atol=1e-6)
-    assert found[1].problem == found[0].problem
 
 
 @given(p=VECTORS, v=VECTORS, turn=VECTORS, w=VECTORS, a=VECTORS, age=st.floats(0.0, 0.09))
@@ -439,14 +404,6 @@ def test_at_the_anchor_a_vehicle_is_at_the_start_and_heads_along_x(x, start):
     assert abs(heading[1]) < 1e-9
 
 
-def test_a_level_vehicle_flies_forward_along_x_of_the_track():
-    yaw = (0, 0, np.pi / 2)
-    dut = Anchor.at(state((5, 6, 2), turn=yaw), START)
-    found = dut.seen(state((5, 7, 2), turn=yaw, v=(0, 3, 0)))
-    np.testing.assert_allclose(found[P], START + [1.0, 0.0, 0.0], atol=1e-12)
-    np.testing.assert_allclose(found[V], [3.0, 0.0, 0.0], atol=1e-12)
-
-
 @given(anchor=STATES, one=STATES, other=STATES)
 def test_what_is_seen_is_a_rigid_motion_about_the_vertical(anchor, one, other):
     dut = Anchor.at(anchor, START)
@@ -499,11 +456,6 @@ def run(course, config: OffboardConfig = QUICK) -> list[tuple[bool, bool, Phase]
     return found
 
 
-def last(*parts: tuple[float, bool, bool], config: OffboardConfig = QUICK) -> Phase:
-    """Phase after parts whose lengths are times [s]."""
-    return run([(round(t / TICK), good, engaged) for t, good, engaged in parts], config)[-1][2]
-
-
 def test_a_flight_goes_through_its_phases_at_their_times():
     course = [(20, False, False), (60, True, False), (50, True, True), (15, False, True)]
     course += [(55, True, True), (60, False, True), (50, True, True), (90, True, False)]
@@ -542,37 +494,20 @@ def test_laws_of_any_course(course):
     assert most * TICK <= QUICK.level + TICK + 1e-9
 
 
+# After a hand-over: a fault of a length, then a time in order, and so on [s].
 @pytest.mark.parametrize(
-    ("parts", "phase"),
+    ("lengths", "phase"),
     [
-        ([(0.1, False, True)], Phase.LEVEL),
-        ([(0.1, False, True), (0.05, True, True)], Phase.LEVEL),
-        ([(0.1, False, True), (0.15, True, True)], Phase.FLYING),
-        ([(0.15, False, True), (0.2, True, True), (0.02, False, True)], Phase.STOPPED),
-        ([(0.15, False, True), (0.6, True, True), (0.25, False, True)], Phase.LEVEL),
-        ([*2 * [(0.02, False, True), (0.12, True, True)], (0.02, False, True)], Phase.LEVEL),
-        ([*3 * [(0.02, False, True), (0.12, True, True)], (0.02, False, True)], Phase.STOPPED),
+        ([0.1], Phase.LEVEL),
+        ([0.1, 0.05], Phase.LEVEL),
+        ([0.1, 0.15], Phase.FLYING),
+        ([0.15, 0.2, 0.02], Phase.STOPPED),
+        ([0.15, 0.6, 0.25], Phase.LEVEL),
+        ([*2 * [0.02, 0.12], 0.02], Phase.LEVEL),
+        ([*3 * [0.02, 0.12], 0.02], Phase.STOPPED),
     ],
 )
-def test_a_flight_goes_on_after_a_short_fault_and_ends_with_one_that_stays(parts, phase):
-    assert last((0.6, True, False), (0.5, True, True), *parts) is phase
-
-
-def test_a_mode_that_changes_during_a_problem_or_before_the_start_is_not_taken():
-    assert last((0.6, True, False), (0.1, False, True), (2.0, True, True)) is Phase.WAITING
-    assert last((2.0, True, True)) is Phase.WAITING
-    slow = OffboardConfig(settle=2.0, level=1.0)
-    assert last((1.9, True, False), config=slow) is Phase.WAITING
-    flight = ((2.1, True, False), (0.1, True, True), (0.9, False, True))
-    assert last(*flight, config=slow) is Phase.LEVEL
-
-
-@pytest.mark.parametrize("engaged", [True, False])
-def test_the_reason_of_a_change_stays_until_the_next(engaged):
-    dut = Phases()
-    for k in range(60):
-        dut = dut.advanced(TICK * k, problem="", engaged=False, config=QUICK)
-    dut = dut.advanced(0.60, problem="", engaged=True, config=QUICK)
-    dut = dut.advanced(0.61, problem="the wind", engaged=engaged, config=QUICK)
-    assert dut.reason == ("the wind" if engaged else "the autopilot has taken over")
-    assert dut.advanced(0.62, problem="b", engaged=engaged, config=QUICK).reason == dut.reason
+def test_a_flight_goes_on_after_a_short_fault_and_ends_with_one_that_stays(lengths, phase):
+    faults = [(round(t / TICK), k % 2 == 1, True) for k, t in enumerate(lengths)]
+    assert run([(60, True, False), (50, True, True), *faults])[-1][2] is phase
+    assert run([(60, True, False), (10, False, True), (200, True, True)])[-1][2] is Phase.WAITING
