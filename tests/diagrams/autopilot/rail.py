@@ -21,7 +21,6 @@ TICK, WAY = 0.01, 0.001  # of a node, and of a message [s]
 PLACE = np.array([3.0, -2.0, 1.6])  # in the autopilot's local frame [m]
 STATE_LOST = ("silence", "frozen clock", "restart", "not finite", "no gyro", "no attitude")
 SOLVER = ("hanging solve", "failing solve", "command not finite")
-# Faults, with their sizes where they have one.
 KINDS = {
     **dict.fromkeys((*STATE_LOST, *SOLVER, "noise", "node restart", "pilot"), 0.0),
     **{"loss": 0.7, "delay": 0.2, "disorder": 0.2},  # share [1], times [s]
@@ -31,7 +30,6 @@ KINDS = {
 
 
 def flight(controller: str, experiment: str = "circle") -> FlightConfig:
-    """Return an experiment of the paper's vehicle, for a node."""
     config = load_experiment(experiment)
     vehicle = dc.replace(config.vehicle, rate_loop=usual_rate_loop(config.vehicle))
     config = dc.replace(config, vehicle=vehicle).with_autopilot("rate_loop")
@@ -40,7 +38,6 @@ def flight(controller: str, experiment: str = "circle") -> FlightConfig:
 
 
 def hover(**changes: object) -> FlightConfig:
-    """Return a hover for a node, with the controller `hold`."""
     config = flight("hold", "hover")
     config.offboard.settle = 0.3
     return dc.replace(config, **changes).check()
@@ -58,7 +55,6 @@ class Fault:
         return self.begin <= t < self.begin + self.lasts
 
     def passes(self):
-        """Return when a message that is sent at a time arrives [s]."""
         rng, size = np.random.default_rng(5), KINDS.get(self.kind, 0.0)
 
         def arrival(t: float) -> float:
@@ -95,8 +91,6 @@ class AtOnce:
 
 
 class FaultyAutopilot(SimulatedAutopilot):
-    """Autopilot whose messages may have a fault."""
-
     def __init__(self, vehicle, fault: Fault):
         super().__init__(vehicle)
         self._fault, self._began = fault, False
@@ -114,16 +108,16 @@ class FaultyAutopilot(SimulatedAutopilot):
 
     def messages(self, t: float, x: np.ndarray, acceleration: np.ndarray) -> bytes:
         fault, acts, x = self._fault, self._fault.acts(t), x.copy()
-        size, way = KINDS.get(fault.kind, 0.0), np.array([0.6, 0.0, 0.8])
+        size = KINDS.get(fault.kind, 0.0)
         if fault.kind == "restart" and acts:
             return b""
         if t >= fault.begin and fault.kind in ("restart", "clock jump"):
-            jumped = BOOT + size
-            self.boot = jumped if fault.kind == "clock jump" else -fault.begin - fault.lasts
+            restarted = -fault.begin - fault.lasts
+            self.boot = BOOT + size if fault.kind == "clock jump" else restarted
         if fault.kind == "frozen clock":
             self.boot = BOOT + (fault.begin - t if acts else 0.0)
         if acts and fault.kind == "position jump":
-            x[P] += size * way
+            x[P] += size * np.array([0.6, 0.0, 0.8])
         if acts and fault.kind in ("not finite", "no attitude", "absurd speed"):
             part = {"not finite": V, "no attitude": Q, "absurd speed": V}[fault.kind]
             x[part] = {"not finite": np.nan, "no attitude": 0.0}.get(fault.kind, size)

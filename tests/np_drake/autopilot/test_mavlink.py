@@ -68,7 +68,6 @@ def sent(kind: str) -> bytes:
     return {
         "heartbeat": codec.heartbeat(True),
         "odometry": codec.odometry(1.0, np.eye(13)[3]),
-        "local_position": local_position(codec, 1.0, np.eye(13)[3]),
         "inertial": codec.inertial(1.0, np.ones(3), np.ones(3)),
         "command": codec.command(1.0, np.ones(3), 0.5),
     }[kind]
@@ -204,19 +203,6 @@ def test_requests_name_message_and_interval_or_the_mode_of_the_autopilot(autopil
     dut, set_mode = raw(data), common.MAV_CMD_DO_SET_MODE
     assert (dut.command, dut.param1, dut.param2, dut.param3) == (set_mode, 1.0, *mode)
     assert Codec(AUTOPILOT).parse(data) == [HoldPlace()]
-
-
-@settings(max_examples=50, deadline=None)
-@given(
-    chosen=st.lists(st.sampled_from([*KINDS, "local_position"]), min_size=1, max_size=6),
-    cuts=st.lists(st.integers(0, 600), max_size=8),
-)
-def test_a_stream_may_be_cut_anywhere(chosen, cuts):
-    data = b"".join(sent(kind) for kind in chosen)
-    dut, ends = Codec(COMPANION, 1), [0, *sorted(min(cut, len(data)) for cut in cuts), len(data)]
-    found = [said for begin, end in pairwise(ends) for said in dut.parse(data[begin:end])]
-    assert [type(one) for one in found] == [type(one) for one in parsed(data)]
-    assert len(found) == len(chosen) + chosen.count("local_position")
 
 
 @settings(max_examples=50, deadline=None)

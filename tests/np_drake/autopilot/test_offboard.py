@@ -153,15 +153,15 @@ SIMULATED, REAL = Heartbeat(False, PX4, simulated=True), Heartbeat(False, PX4)
 STEP, EVERY = 0.004, 0.01
 
 
-def node_times(rates, *, beat=SIMULATED, boot=7.0, dut: NodeClock | None = None) -> np.ndarray:
+def node_times(rates, beat=SIMULATED) -> np.ndarray:
     """Our time, the vehicle's and the node's (n, 3) of a vehicle whose clock runs at these rates, a
     step each.
     """
-    dut, found, sent, theirs = dut or NodeClock(), [], 0, 0.0
+    dut, found, sent, theirs = NodeClock(), [], 0, 0.0
     for k, rate in enumerate(rates):
         theirs += rate * STEP
         due = int(theirs / EVERY + 1e-9)
-        stamps = [boot + EVERY * (n + 1) for n in range(sent, due)]
+        stamps = [7.0 + EVERY * (n + 1) for n in range(sent, due)]
         said = [beat, *(Pose(stamp, "ODOMETRY", np.zeros(13)) for stamp in stamps)]
         found.append((100.0 + k * STEP, theirs, dut.read(100.0 + k * STEP, said)))
         sent = due
@@ -171,22 +171,10 @@ def node_times(rates, *, beat=SIMULATED, boot=7.0, dut: NodeClock | None = None)
 @pytest.mark.parametrize("rate", [0.05, 0.3, 1.0, 1.5])
 def test_the_time_of_a_node_is_that_of_a_simulated_vehicle_and_ours_on_any_other(rate):
     _, theirs, dut = node_times(np.full(3000, rate))[100:].T
+    assert (np.diff(dut) >= -1e-9).all()
     np.testing.assert_allclose(np.ptp(dut - theirs), 0.0, atol=EVERY + SLACK + STEP)
     ours, _, dut = node_times(np.full(300, rate), beat=REAL).T
     np.testing.assert_array_equal(dut, ours)
-
-
-@given(rates=st.lists(st.floats(0.0, 3.0), min_size=1, max_size=20))
-def test_the_time_of_a_node_never_goes_back_whatever_a_vehicle_does(rates):
-    assert (np.diff(node_times(np.repeat(rates, 100))[:, 2]) >= -1e-9).all()
-
-
-@pytest.mark.parametrize("boot", [3.0, 1e6])
-def test_a_simulated_vehicle_that_starts_anew_leaves_the_time_of_a_node(boot):
-    clock = NodeClock()
-    before = node_times(np.full(1000, 0.5), boot=500.0, dut=clock)[-1, 2]
-    again = [Pose(boot + n * EVERY, "ODOMETRY", np.zeros(13)) for n in range(2)]
-    assert 0.0 <= clock.read(100.0 + 1000 * STEP, again) - before <= STEP + EVERY + 1e-9
 
 
 # Readings
@@ -243,15 +231,14 @@ def test_a_vehicle_that_says_all_is_in_order(dut, kinds):
 def test_what_is_missing_is_named_and_what_falls_silent_once_it_is_too_old(
     missing, named, old, after
 ):
-    dut, kinds = Readings(LIMITS), [kind for kind in ALL if kind not in missing]
-    at_rest(dut, kinds=kinds)
-    assert named in dut.at(1.0).problem
-    dut = Readings(LIMITS)
+    silent, dut = Readings(LIMITS), Readings(LIMITS)
+    kinds, last = [kind for kind in ALL if kind not in missing], 100 + round(after / 0.01)
+    at_rest(silent, kinds=kinds)
+    assert named in silent.at(1.0).problem
     at_rest(dut, kinds=ALL)
-    for k in range(101, 105 + round(after / 0.01)):
+    for k in range(101, last + 5):
         send(dut, 0.01 * k, kinds=kinds)
-        if k < 100 + round(after / 0.01):
-            assert dut.at(0.01 * k).problem == ""
+        assert k >= last or dut.at(0.01 * k).problem == ""
     assert old in dut.at(0.01 * k).problem
 
 
@@ -454,19 +441,6 @@ def run(course, config: OffboardConfig = QUICK) -> list[tuple[bool, bool, Phase]
         dut = dut.advanced(TICK * k, problem=problem, engaged=engaged, config=config)
         found.append((good, engaged, dut.phase))
     return found
-
-
-def test_a_flight_goes_through_its_phases_at_their_times():
-    course = [(20, False, False), (60, True, False), (50, True, True), (15, False, True)]
-    course += [(55, True, True), (60, False, True), (50, True, True), (90, True, False)]
-    found = run(course)
-    phases = [Phase.WAITING, *(phase for *_, phase in found)]
-    changes = [(k - 1, b) for k, (a, b) in enumerate(pairwise(phases), 1) if a != b]
-    expected = [(60, Phase.READY), (80, Phase.FLYING), (130, Phase.LEVEL), (155, Phase.FLYING)]
-    expected += [(200, Phase.LEVEL), (230, Phase.STOPPED)]
-    assert [phase for _, phase in changes] == [phase for _, phase in expected]
-    assert np.abs(np.subtract([k for k, _ in changes], [k for k, _ in expected])).max() <= 1
-    assert [phase for phase in Phase if not phase.sends] == [Phase.WAITING, Phase.STOPPED]
 
 
 @settings(max_examples=300, deadline=None)

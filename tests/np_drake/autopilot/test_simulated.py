@@ -186,15 +186,3 @@ def test_it_tells_the_state_what_it_feels_and_what_is_in_force(dut):
     assert pose.stamp == pytest.approx(felt.stamp, abs=1e-3)
     np.testing.assert_allclose(target.rates, rates, atol=1e-6)
     assert target.thrust == pytest.approx(throttle_of(VEHICLE, thrust), abs=1e-6)
-
-
-def test_heartbeats_come_once_a_second_and_states_at_100_hz_with_stamps_that_grow(dut, companion):
-    beats, stamps = [], []
-    for k in range(2400):
-        companion.talk(0.0025 * k, 0.0025 * (k + 1))
-        for one in told(dut, 0.0025 * k):
-            stamps += [one.stamp] if isinstance(one, Pose) else []
-            beats += [one.engaged] if isinstance(one, Heartbeat) else []
-    assert beats == [False, False, True, True, True, True]
-    np.testing.assert_allclose(np.diff(stamps), 0.01, atol=2e-6)
-    assert len(stamps) == 600
