@@ -45,8 +45,6 @@ def hover(**changes: object) -> FlightConfig:
 
 @dc.dataclass(frozen=True)
 class Fault:
-    """One fault of link, state, solver or a process, from a time on [s]."""
-
     kind: str = ""
     begin: float = np.inf
     lasts: float = 0.0
@@ -168,7 +166,6 @@ class Rail:
         return [] if self.node is None else [phase.value for _, phase, _ in self.node.events]
 
     def silent_from(self, begin: float, gap: float = 0.3) -> float | None:
-        """Time of the last command before a gap, since `begin`; None for no gap [s]."""
         times = np.array([t for t, _ in self.sent if t >= begin - gap] + [self.time])
         ends = np.flatnonzero(np.diff(times) > gap)
         return float(times[ends[0]] - begin) if len(ends) else None
