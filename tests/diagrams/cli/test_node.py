@@ -43,7 +43,7 @@ def test_what_does_not_fit_is_refused_in_one_line(arguments, named, capsys):
     assert named in refused(arguments, capsys)
 
 
-def test_a_link_that_is_taken_and_a_vehicle_that_is_silent_are_said_in_one_line(capsys):
+def test_a_link_that_is_taken_or_silent_is_said_in_one_line(capsys):
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one:
         one.bind(("127.0.0.1", 0))
         taken = f"udp:127.0.0.1:{one.getsockname()[1]}"

@@ -47,7 +47,7 @@ def is_alive(pid: int) -> bool:
 
 
 @needs_firmware
-def test_its_time_goes_on_only_as_far_as_it_is_granted_and_nothing_is_left_after_close():
+def test_its_time_is_granted_and_nothing_is_left_after_close():
     with Firmware() as dut, Firmware() as other:
         assert dut.offset != other.offset
         time.sleep(1.0)
@@ -127,7 +127,7 @@ def test_gains_are_in_proportion_to_the_bandwidth_and_within_the_firmwares():
 
 @needs_firmware
 @pytest.mark.parametrize("lines", [[], ["set motor_idle = 1000"]])
-def test_at_hover_every_motor_gives_a_quarter_and_the_same_inputs_the_same_outputs(lines):
+def test_at_hover_every_motor_gives_a_quarter_each_time(lines):
     runs = []
     for _ in range(2):
         with Betaflight(Vehicle(), BetaflightConfig(lines=lines)) as dut:

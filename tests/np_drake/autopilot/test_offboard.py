@@ -84,7 +84,7 @@ def test_the_tilt_is_the_angle_of_body_z_to_the_vertical(axis, yaw, tilt):
     assert out_of_limits(x, np.zeros(3), LIMITS).startswith("tilt") == (tilt > LIMITS.max_tilt)
 
 
-def test_what_is_out_of_order_names_value_and_limit_and_nothing_is_not_a_number():
+def test_what_is_out_of_order_names_value_and_limit():
     assert out_of_limits(state(v=(0, 7.25, 0)), np.zeros(3), LIMITS) == "speed 7.25 m/s, limit 6"
     assert out_of_limits(state(), np.array([0.0, np.nan, 0.0]), LIMITS)
     for entry in range(13):
@@ -169,7 +169,7 @@ def node_times(rates, beat=SIMULATED) -> np.ndarray:
 
 
 @pytest.mark.parametrize("rate", [0.05, 0.3, 1.0, 1.5])
-def test_the_time_of_a_node_is_that_of_a_simulated_vehicle_and_ours_on_any_other(rate):
+def test_the_time_of_a_node_is_ours_or_that_of_a_simulated_vehicle(rate):
     _, theirs, dut = node_times(np.full(3000, rate))[100:].T
     assert (np.diff(dut) >= -1e-9).all()
     np.testing.assert_allclose(np.ptp(dut - theirs), 0.0, atol=EVERY + SLACK + STEP)
@@ -278,7 +278,7 @@ def test_a_turn_is_brought_forward_with_its_angular_acceleration(way, rate, al, 
 
 
 @pytest.mark.parametrize(("older", "newer"), [(("ODOMETRY",), PAIR), (PAIR, ("ODOMETRY",))])
-def test_the_newer_of_two_sources_is_used_and_a_pair_is_as_old_as_its_older(dut, older, newer):
+def test_the_newer_source_is_used_and_a_pair_is_as_old_as_its_older(dut, older, newer):
     at_rest(dut, kinds=ALL)
     send(dut, 1.01, state((0.1, 0, 0)), kinds=older)
     send(dut, 1.02, state((0, 0.2, 0)), kinds=newer)
@@ -339,7 +339,7 @@ def test_what_cannot_be_true_is_counted_and_not_taken(dut, kind, x, f):
     np.testing.assert_allclose(found.acceleration, 0.0, atol=1e-12)
 
 
-def test_a_fast_vehicle_does_not_jump_and_a_place_that_stays_is_taken_in_the_end(dut):
+def test_a_fast_vehicle_does_not_jump_and_a_place_that_stays_is_taken(dut):
     v = np.array([11.0, 0.0, 0.0])
     for k in range(20):
         send(dut, 0.05 * k, state(0.05 * k * v, v=v))  # 55 cm from one to the next
@@ -363,7 +363,7 @@ def test_a_restart_is_noticed_and_the_state_begins_anew(dut):
     np.testing.assert_allclose(found.x[P], [9.0, 0.0, 0.0], atol=1e-12)
 
 
-def test_mode_kind_voltage_and_what_is_in_force_are_those_that_were_said_last(dut):
+def test_mode_voltage_and_what_is_in_force_are_those_said_last(dut):
     found = dut.at(0.0)
     assert found.problem
     assert np.isnan([*found.x, *found.acceleration, *found.in_force]).all()
@@ -406,7 +406,7 @@ def test_what_is_seen_is_a_rigid_motion_about_the_vertical(anchor, one, other):
 
 
 @given(p=VECTORS, yaw=st.floats(-3.1, 3.1), towards=st.floats(-np.pi, np.pi))
-def test_a_vehicle_holds_where_it_is_and_not_once_it_has_left_or_turned_away(p, yaw, towards):
+def test_a_vehicle_holds_until_it_has_left_or_turned_away(p, yaw, towards):
     dut, turn = Anchor.at(state(p, turn=(0, 0, yaw)), START), np.array([0.0, 0.0, yaw])
     way = np.array([np.cos(towards), np.sin(towards), 0.0])
     assert dut.holds(state(p + 0.25 * way, turn=turn), START)

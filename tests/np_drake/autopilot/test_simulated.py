@@ -52,7 +52,7 @@ def test_throttle_and_thrust_are_inverse(vehicle, voltage, share):
     assert thrust_of(vehicle, throttle, voltage) == pytest.approx(thrust, abs=1e-9)
 
 
-def test_throttle_is_linear_without_a_map_and_that_of_the_map_at_the_batterys_voltage():
+def test_throttle_is_linear_or_that_of_the_map_at_the_voltage():
     most = 4 * PLAIN.max_rotor_thrust
     for share in (-1.0, 0.0, 0.3, 1.0, 2.0):
         assert throttle_of(PLAIN, share * most) == pytest.approx(np.clip(share, 0.0, 1.0))
@@ -74,7 +74,7 @@ def test_a_tilt_is_taken_back_in_proportion(axis, tilt, yaw):
 
 
 @given(turn=VECTORS, wanted=VECTORS)
-def test_rates_are_within_the_loops_and_turn_the_thrust_to_where_it_is_wanted(turn, wanted):
+def test_rates_turn_the_thrust_to_where_it_is_wanted(turn, wanted):
     assume(np.linalg.norm(wanted) > 0.1)
     q, wanted = attitude.from_rotation_vector(turn), wanted / np.linalg.norm(wanted)
     rates = rates_towards(q, wanted, LOOP)
