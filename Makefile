@@ -44,7 +44,7 @@ nightly: venv
 
 # Betaflight's firmware, built with gcc and make, and the tests that fly it.
 autopilot: $(AUTOPILOT_STAMP)
-	$(BIN)/python -m pytest $(PYTEST_ARGS) tests/np_drake/autopilot tests/systems/test_betaflight.py
+	$(BIN)/python -m pytest $(PYTEST_ARGS) tests/np_drake/autopilot/test_betaflight.py tests/systems/test_betaflight.py
 
 $(AUTOPILOT_STAMP): $(STAMP)
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[autopilot]'

@@ -4,8 +4,7 @@ import numpy as np
 from pydrake.systems.framework import BasicVector, LeafSystem
 
 from np_drake import attitude
-from np_drake.autopilot.betaflight import PERIOD, Betaflight
-from np_drake.autopilot.firmware import Sensed
+from np_drake.autopilot.betaflight import PERIOD, Betaflight, Sensed
 from np_drake.rigid_body import P, Q, V, W
 from np_drake.vehicle import Vehicle
 

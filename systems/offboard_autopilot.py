@@ -3,8 +3,8 @@
 import numpy as np
 from pydrake.systems.framework import BasicVector, LeafSystem
 
-from np_drake.offboard.autopilot import SimulatedAutopilot
-from np_drake.offboard.link import Link
+from np_drake.autopilot.mavlink import MavlinkLink
+from np_drake.autopilot.simulated import SimulatedAutopilot
 from np_drake.vehicle import Vehicle
 
 # between two looks at the link [s]; source: own choice, 400 Hz as of an autopilot's attitude loop
@@ -36,12 +36,11 @@ class OffboardAutopilot(LeafSystem):
     Args:
         vehicle: that flies, with a `rate_loop`.
         link: to whoever commands it; whoever made it closes it.
-        autopilot: of the vehicle; None: as usual.
     """
 
-    def __init__(self, vehicle: Vehicle, link: Link, autopilot: SimulatedAutopilot | None = None):
+    def __init__(self, vehicle: Vehicle, link: MavlinkLink):
         super().__init__()
-        self.link, self.autopilot = link, autopilot or SimulatedAutopilot(vehicle)
+        self.link, self.autopilot = link, SimulatedAutopilot(vehicle)
         self._x_port = self.DeclareVectorInputPort("x", 13)
         self._acceleration_port = self.DeclareVectorInputPort("acceleration", 6)
         hover = np.array([vehicle.mass * vehicle.gravity, 0.0, 0.0, 0.0])

@@ -21,22 +21,14 @@ DIAGNOSIS = (
 )
 GROUND = (
     *("lazy_names", "attitude", "compiled", "files", "metrics", "vehicle"),
-    *(
-        "flight_log",
-        "rigid_body",
-        "rotor_input",
-        "autopilot",
-        "residual_model",
-        "command_delay",
-        "labels",
-    ),
+    *("flight_log", "rigid_body", "rotor_input", "residual_model", "command_delay", "labels"),
     *("training_data", "identification", "effects", "logs", "references", "diagnosis"),
-    *("mpc", "control", "offboard"),
+    *("mpc", "control", "autopilot"),
     *("lifting", "payload_filter", "residual_models", "skill", "__main__"),
 )
 EXPERIMENTS = (
     *("batch", "loop"),
-    *("studies", "gap", "demo", "challenge", "identification", "exports", "offboard", "cli"),
+    *("studies", "gap", "demo", "challenge", "identification", "exports", "autopilot", "cli"),
 )
 MOST_IMPORTS = (
     10  # modules of the diagnosis that one of them imports; `diagnose` strings the steps together

@@ -50,23 +50,23 @@ def fly_linked(config: "FlightConfig", seed: int, address: str) -> "tuple[Flight
     """Simulate in real time a vehicle that a process outside commands by MAVLink, until its end.
     Raises: ValueError: where the link cannot be opened.
     """
+    from diagrams.autopilot.node import LinkedFlight
     from diagrams.loop.flight_result import fly as simulate
-    from diagrams.offboard.linked_flight import CommandedByLink, RealTime
-    from np_drake.offboard.link import MavlinkLink
+    from np_drake.autopilot.mavlink import MavlinkLink
 
-    link, pace = MavlinkLink(address), RealTime()
+    link = MavlinkLink(address)
+    linked = LinkedFlight(link)
     try:
-        factory = CommandedByLink(link)
         say(f"{config.name} behind {address}: np-drake node flies it.")
         with progress(f"flying {config.name}", config.end) as advance:
 
             def shown(t: float) -> None:
-                advance(t, f"at {pace.factor(t):.2f} of real time")
+                advance(t, f"at {linked.factor(t):.2f} of real time")
 
-            flight = simulate(config, seed=seed, monitor=shown, watch=pace, controller=factory)
+            flight = simulate(config, seed=seed, monitor=shown, watch=linked, controller=linked)
     finally:
         link.close()
-    return flight, factory.table(pace.mean)
+    return flight, linked.table()
 
 
 def fly_live(config: "FlightConfig", seed: int) -> "FlightResult":

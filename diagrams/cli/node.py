@@ -16,11 +16,9 @@ from diagrams.cli.scenario import Numbers, scenarios
 if TYPE_CHECKING:
     import numpy as np
 
-    from diagrams.offboard.node import Node
+    from diagrams.autopilot.node import Node
 
 DEADLINE = 1.0  # of a solve, over the controller's period, where the scenario names none [1]
-# share of the rate of the vehicle's clock that was told last, below which it is told again [1]
-TOLD = 0.8
 
 
 @reports("node", seed=None, out=options.Out, markdown=False)
@@ -80,11 +78,9 @@ def node(
     """
     import dataclasses as dc
 
+    from diagrams.autopilot import node as nodes
     from diagrams.loop.own_controller import is_own
-    from diagrams.offboard import real_time, report
-    from diagrams.offboard.node import Node
-    from diagrams.offboard.solver_thread import SolverThread
-    from np_drake.offboard.link import MavlinkLink
+    from np_drake.autopilot.mavlink import MavlinkLink
 
     if controller is not None and is_own(controller):
         raise ValueError(
@@ -110,15 +106,15 @@ def node(
         config = dc.replace(config, offboard=dc.replace(config.offboard, rate=rate)).check()
     if config.controller.deadline == float("inf"):
         config.controller.deadline = DEADLINE * config.controller.period
-    port, worker = MavlinkLink(link, baud), SolverThread()
+    port, worker = MavlinkLink(link, baud), nodes.SolverThread()
     try:
-        flying = Node(config, port, worker)
+        flying = nodes.Node(config, port, worker)
         say(
             f"{config.name} with {config.controller.name} at {config.offboard.rate:g} Hz "
             f"on {link}; Ctrl-C ends it."
         )
         with (
-            real_time.Ended() as ended,
+            nodes.ended_by_user() as ended,
             progress(f"flying {config.name}", config.end) as advance,
             _Told() as told,
         ):
@@ -127,11 +123,8 @@ def node(
                 told.show(now)
                 advance(t, f"{now.phase.value}{_pose(now.x)}")
 
-            real_time.fly(
-                flying,
-                wait=float("inf") if wait is None else wait,
-                ended=lambda: ended.asked,
-                monitor=monitor,
+            nodes.fly(
+                flying, wait=float("inf") if wait is None else wait, ended=ended, monitor=monitor
             )
             told.show(flying)
     finally:
@@ -142,19 +135,19 @@ def node(
         from np_drake.logs.formats.log_file import write_log
 
         file = run.folder / f"{config.name}_{config.controller.name}.csv"
-        write_log(flown.log, file)
+        write_log(flown, file)
         say(f"log: {file}")
     return Report(
-        report.tables(flying),
+        nodes.tables(flying),
         config={**named, "offboard": dc.asdict(config.offboard)},
         metrics={
-            "flight": None if flown is None else report.flight_metrics(flying, flown),
-            "deadlines": report.deadlines(flying),
-            "phases": [(event.time, event.phase.value, event.reason) for event in flying.events],
+            "flight": None if flown is None else nodes.flight_metrics(flying, flown),
+            "deadlines": nodes.deadlines(flying),
+            "phases": [(t, phase.value, reason) for t, phase, reason in flying.events],
         },
         failure=None
         if flown is not None
-        else FailedRun(f"node: nothing was flown: {flying.lacks or flying.events[-1].reason}."),
+        else FailedRun(f"node: nothing was flown: {flying.lacks or flying.events[-1][2]}."),
     )
 
 
@@ -183,7 +176,7 @@ class _Told:
 
     def __enter__(self) -> "_Told":
         self._lines: SimpleQueue[str | None] = SimpleQueue()
-        self._shown, self._lacks, self._rate = 0, list[str](), 1.0
+        self._shown, self._lacks = 0, list[str]()
         self._thread = Thread(target=self._work, daemon=True)
         self._thread.start()
         return self
@@ -193,8 +186,8 @@ class _Told:
         self._thread.join(timeout=1.0)
 
     def show(self, node: "Node") -> None:
-        for event in node.events[self._shown :]:
-            self._lines.put(f"{event.time:8.2f} s  {event.phase.value}: {event.reason}")
+        for t, phase, reason in node.events[self._shown :]:
+            self._lines.put(f"{t:8.2f} s  {phase.value}: {reason}")
         self._shown = len(node.events)
         lacks = [
             word for word in node.lacks.split() if word.isalpha()
@@ -202,10 +195,6 @@ class _Told:
         if lacks and lacks != self._lacks:
             self._lines.put(f"{node.phase.value}: {node.lacks}")
         self._lacks = lacks
-        if (node.lacks or node.clock.waits) and 0 < node.clock.rate < TOLD * self._rate:
-            self._rate = node.clock.rate
-            by = ", and the flight by it" if node.clock.waits else ""
-            self._lines.put(f"the vehicle's clock runs at {self._rate:.2f} of real time{by}")
 
     def _work(self) -> None:
         while (line := self._lines.get()) is not None:

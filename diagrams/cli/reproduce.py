@@ -80,7 +80,6 @@ STUDIES = {
     ),
     "timing": Study("studies.speed", "What a period costs.", many=False),
     "gap": Study("gap.real_flights", "The diagnosis on agile real flights.", seed=None, many=False),
-    "node": Study("offboard.study", "Faults while a node flies: what is sent, when it stops."),
     "real": Study(
         "challenge.real_score", "The diagnosis on real flights with known causes.", seed=None
     ),

@@ -181,7 +181,7 @@ def _require(config: "FlightConfig") -> None:
     from diagrams.loop.controllers import make_residual_model
     from diagrams.loop.flight_diagram import make_flight_diagram
     from diagrams.loop.own_controller import is_own
-    from np_drake.autopilot.firmware import find_firmware
+    from np_drake.autopilot.betaflight import find_firmware
 
     config.check()
     if config.autopilot.kind == "betaflight":

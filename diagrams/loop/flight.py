@@ -14,12 +14,12 @@ from diagrams.loop.controller_config import NONE, AutopilotConfig, ControllerCon
 from diagrams.loop.own_controller import Factory, beside, is_own, kind_of
 from diagrams.loop.reality import RealityConfig
 from diagrams.loop.scaled import scaled
+from np_drake.autopilot.offboard import OffboardConfig
 from np_drake.command_delay import LONGEST_DELAY
 from np_drake.effects.calibration import in_flight
 from np_drake.effects.combine import mass_properties, split_effects
 from np_drake.effects.pendulum import Payload
 from np_drake.files.yaml_file import filled, one_line, read_yaml
-from np_drake.offboard.config import OffboardConfig
 from np_drake.references.base import Reference
 from np_drake.references.config import ReferenceConfig, make_reference
 from np_drake.references.flatness import targets

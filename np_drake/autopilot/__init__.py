@@ -1,1 +1,1 @@
-"""Autopilots that run as a process of their own."""
+"""Autopilots beside a vehicle: MAVLink, readings, limits, phases of a flight, and firmware."""

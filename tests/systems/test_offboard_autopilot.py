@@ -5,12 +5,20 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.offboard.codec import COMPANION, Codec, Command, Heartbeat, Inertial, Pose
-from np_drake.offboard.link import Channel
+from np_drake.autopilot.mavlink import (
+    AUTOPILOT,
+    COMPANION,
+    Codec,
+    Command,
+    Heartbeat,
+    Inertial,
+    Pose,
+)
 from np_drake.rigid_body import P
 from np_drake.vehicle import Vehicle
 from np_drake.vehicle.vehicle import RateLoop
 from systems.offboard_autopilot import PERIOD, OffboardAutopilot
+from tests.np_drake.autopilot.channel import Channel
 
 pytest.importorskip("pymavlink", reason="messages need pymavlink")
 
@@ -22,10 +30,10 @@ X = np.array([1.0, 2.0, 3.0, 1.0, *np.zeros(9)])
 class Flight:
     """The system in its Context, at the near end of a channel, and a companion at the far end."""
 
-    def __init__(self, *, takes: float = 0.0, **how) -> None:
+    def __init__(self, *, takes: float = 0.0) -> None:
         self.now = 0.0
         near, self.far = Channel.pair(lambda: self.now, lambda now: now + takes)
-        self.dut = OffboardAutopilot(VEHICLE, near, **how)
+        self.dut = OffboardAutopilot(VEHICLE, near)
         self.context = self.dut.CreateDefaultContext()
         self.fix(x=X, acceleration=np.zeros(6))
         self.codec = Codec(COMPANION, 1)
@@ -92,3 +100,18 @@ def test_a_companion_that_falls_silent_loses_command(flight):
         flight.event(PERIOD * k)
     np.testing.assert_allclose(flight.output, HOVER, atol=1e-9)
     assert len(flight.dut.autopilot.failsafes) == 1
+
+
+def test_commands_that_are_under_way_are_not_yet_in_force():
+    flight = Flight(takes=100.0)
+    flight.talk(0.0, 3.0)
+    assert not flight.dut.autopilot.engaged
+    np.testing.assert_allclose(flight.output, HOVER, atol=1e-9)
+
+
+def test_messages_come_from_the_component_of_an_autopilot(flight):
+    common = pytest.importorskip("pymavlink.dialects.v20.common")
+    flight.dut.link.send = (sent := []).append
+    flight.event(0.0)
+    found = common.MAVLink(None).parse_buffer(b"".join(sent))
+    assert {(one.get_srcSystem(), one.get_srcComponent()) for one in found} == {(1, AUTOPILOT)}

@@ -5,25 +5,26 @@ heard.
 import numpy as np
 
 from np_drake import attitude
-from np_drake.offboard.codec import AUTOPILOT, PX4, Codec, Command, HoldPlace
-from np_drake.offboard.command import rates_towards, throttle_of, thrust_of
+from np_drake.autopilot.mavlink import AUTOPILOT, Codec, Command, HoldPlace
 from np_drake.rigid_body import P, Q, V, W
 from np_drake.vehicle import Vehicle
-from np_drake.vehicle.vehicle import RateLoop
+from np_drake.vehicle.vehicle import RateLoop, ThrottleMap
 
 # without a command after which the autopilot holds its place [s]; source: PX4's COM_OF_LOSS_T is 1
 # s
 LOST = 0.5
-ALIVE, GAP = (
-    1.5,
-    0.2,
-)  # how long commands have come when the pilot hands over, and the longest gap meanwhile [s]
+# how long commands have come when the pilot hands over, and the longest gap meanwhile [s]
+ALIVE, GAP = 1.5, 0.2
 # after a hand-over, in which what is in force is not told [s]; source: PX4's ATTITUDE_TARGET stream
 QUIET = 0.5
 HEARTBEAT = 1.0  # between two [s]; source: MAVLink's heartbeat protocol
+EVERY = 0.01  # between two states [s]
 BOOT = 7.0  # its clock at the beginning [s]
 STIFFNESS, DAMPING, INTEGRAL = 4.0, 3.0, 1.5  # of the hold [1/s², 1/s, 1/s³]; source: own choice
 MOST = 4.0  # largest acceleration of the hold [m/s²]; source: own choice
+# share by which a battery's voltage may differ from that of the map [1]; source: own choice
+BELIEVED = 0.3
+TURN = 4.0  # body rate over the error of tilt [1/s]; source: own choice
 
 
 class SimulatedAutopilot:
@@ -31,27 +32,17 @@ class SimulatedAutopilot:
 
     It is armed and in hold. A pilot hands over once commands have come for `ALIVE`, and the
     autopilot takes over where none has come for `LOST`.
-
-    Args:
-        rate: of its messages [Hz].
-        pairs: whether it sends LOCAL_POSITION_NED and ATTITUDE_QUATERNION, and not ODOMETRY.
     """
 
-    def __init__(self, vehicle: Vehicle, *, rate: float = 100.0, pairs: bool = False):
-        self._vehicle, self._every, self._pairs = vehicle, 1 / rate, pairs
-        self._loop = vehicle.rate_loop or RateLoop()
+    def __init__(self, vehicle: Vehicle):
+        self._vehicle, self._loop = vehicle, vehicle.rate_loop or RateLoop()
         self.codec = Codec(AUTOPILOT)
         self.boot = BOOT  # its clock less the simulation's [s]
         self.engaged = False
         self.handovers: list[float] = []  # when the pilot handed over [s]
         self.failsafes: list[float] = []  # when the autopilot took over [s]
-        self.commands, self.largest_gap = (
-            0,
-            -np.inf,
-        )  # number [1], between two while it is engaged [s]
-        self.asked_to_hold = (
-            False  # by the companion, which must fall silent before the pilot hands over again
-        )
+        # by the companion, which must fall silent before the pilot hands over again
+        self.asked_to_hold = False
         self._told: Command | None = None
         self._told_at, self._alive_since = -np.inf, np.inf
         self._place: np.ndarray | None = None
@@ -60,16 +51,9 @@ class SimulatedAutopilot:
         self.in_force = np.zeros(4)  # thrust and body rates [N, rad/s]
 
     def take(self, data: bytes, t: float) -> None:
-        """Take what has come by the link.
-
-        Args:
-            t: [s].
-        """
+        """Take what has come by the link at a time [s]."""
         for said in self.codec.parse(data):
             if isinstance(said, Command) and np.isfinite([said.thrust, *said.rates]).all():
-                self.commands += 1
-                if self.engaged:
-                    self.largest_gap = max(self.largest_gap, t - self._told_at)
                 self._alive_since = t if t - self._told_at > GAP else min(self._alive_since, t)
                 self.asked_to_hold = self.asked_to_hold and t - self._told_at <= GAP
                 self._told, self._told_at = said, t
@@ -82,21 +66,14 @@ class SimulatedAutopilot:
         self.engaged, self._place, self._alive_since = False, None, np.inf
 
     def step(self, t: float, x: np.ndarray) -> np.ndarray:
-        """Return collective thrust and body rates (4,) in force from a time on [N, rad/s].
-
-        Args:
-            t: [s].
-            x: (13,) state.
+        """Return collective thrust and body rates (4,) in force from a time [s] on, at a state
+        (13,) [N, rad/s].
         """
+        alive = t - self._told_at <= GAP and t - self._alive_since >= ALIVE
         if self.engaged and t - self._told_at > LOST:
             self.hold()
             self.failsafes.append(t)
-        elif (
-            not self.engaged
-            and not self.asked_to_hold
-            and t - self._told_at <= GAP
-            and t - self._alive_since >= ALIVE
-        ):
+        elif not self.engaged and not self.asked_to_hold and alive:
             self.engaged = True
             self.handovers.append(t)
         if self.engaged and self._told is not None:
@@ -108,25 +85,20 @@ class SimulatedAutopilot:
         return self.in_force
 
     def messages(self, t: float, x: np.ndarray, acceleration: np.ndarray) -> bytes:
-        """Return what is due at a time.
-
-        Args:
-            t: [s].
-            x: (13,) state.
-            acceleration: (6,) [a in W, al in B] [m/s², rad/s²].
+        """Return what is due at a time [s], at a state (13,) and [a in W, al in B] (6,)
+        [m/s², rad/s²].
         """
         out, stamp = b"", self.boot + t
         if t >= self._next_heartbeat - 1e-9:
             self._next_heartbeat = t + HEARTBEAT
-            out += self.codec.heartbeat(engaged=self.engaged, autopilot=PX4)
+            out += self.codec.heartbeat(self.engaged)
         if t >= self._next_state - 1e-9:
-            self._next_state = max(self._next_state + self._every, t - self._every)
-            state = self.codec.local_position if self._pairs else self.codec.odometry
+            self._next_state = max(self._next_state + EVERY, t - EVERY)
             f = attitude.rotate_back(x[Q], acceleration[:3] + [0.0, 0.0, self._vehicle.gravity])
-            out += self.codec.inertial(stamp, f, x[W]) + state(stamp, x)
+            out += self.codec.inertial(stamp, f, x[W]) + self.codec.odometry(stamp, x)
             throttle = throttle_of(self._vehicle, self.in_force[0])
             if not self.handovers or t - self.handovers[-1] >= QUIET:
-                out += self.codec.command(stamp, self.in_force[1:], throttle, in_force=True)
+                out += self.codec.command(stamp, self.in_force[1:], throttle)
         return out
 
     def _hold(self, t: float, x: np.ndarray) -> np.ndarray:
@@ -142,3 +114,48 @@ class SimulatedAutopilot:
         rates = rates_towards(x[Q], wanted, self._loop)
         thrust = self._vehicle.mass * float(wanted @ attitude.body_z(x[Q]))
         return np.array([np.clip(thrust, 0.0, 4 * self._vehicle.max_rotor_thrust), *rates])
+
+
+def throttle_of(vehicle: Vehicle, thrust: float, voltage: float | None = None) -> float:
+    """Return the thrust of SET_ATTITUDE_TARGET, over that at full throttle [1].
+
+    By the vehicle file's thrust map; linear in thrust where the file names none.
+
+    Args:
+        thrust: collective [N].
+        voltage: of the battery [V]; None, or one that is far from the map's: the map's own.
+    """
+    curve, believed = _map(vehicle, voltage)
+    return float(np.clip(curve.throttle(thrust / 4, believed), 0.0, 1.0))
+
+
+def thrust_of(vehicle: Vehicle, throttle: float, voltage: float | None = None) -> float:
+    """Return the collective thrust [N] of SET_ATTITUDE_TARGET's, the inverse of `throttle_of`."""
+    curve, believed = _map(vehicle, voltage)
+    return 4 * float(curve.thrust(throttle, believed))
+
+
+def rates_towards(q: np.ndarray, z_W: np.ndarray, loop: RateLoop) -> np.ndarray:
+    """Return the commanded body rates (3,) that turn body z to a direction, within the loop's
+    largest [rad/s].
+
+    Args:
+        q: (4,) attitude.
+        z_W: (3,) in W, of any length.
+    """
+    z_B = attitude.rotate_back(q, z_W / np.linalg.norm(z_W))
+    axis = np.array([-z_B[1], z_B[0], 0.0])  # body z x z_B
+    sine = float(np.linalg.norm(axis))
+    angle = float(np.arctan2(sine, z_B[2]))
+    # upside down any axis does
+    turn = axis * (angle / sine) if sine > 1e-9 else np.array([angle, 0.0, 0.0])
+    most = np.array(loop.max_rate)
+    return np.clip(TURN * turn / np.array(loop.gain), -most, most)
+
+
+def _map(vehicle: Vehicle, voltage: float | None) -> tuple[ThrottleMap, float | None]:
+    """Return the thrust map of a vehicle, and the voltage where it can be that of its battery."""
+    curve = vehicle.throttle or ThrottleMap(full_thrust=vehicle.max_rotor_thrust, linear=1.0)
+    own = curve.voltage
+    is_far = voltage is None or own is None or abs(voltage / own - 1) > BELIEVED
+    return curve, None if is_far else voltage

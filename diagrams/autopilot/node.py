@@ -1,0 +1,593 @@
+"""Node of offboard control: estimator, predictor and MPC as they run beside a vehicle, one tick
+after the other, from messages to a command; its real time and its report, and a simulated flight
+that it commands.
+"""
+
+import contextlib
+import dataclasses as dc
+import signal
+import time
+from collections import deque
+from collections.abc import Callable, Iterator
+from functools import partial
+from queue import Empty, SimpleQueue
+from threading import Thread
+from types import FrameType, SimpleNamespace
+from typing import Any
+
+import numpy as np
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder
+from pydrake.systems.primitives import PassThrough
+
+from diagrams.batch.failed_run import one_line
+from diagrams.batch.run import Table
+from diagrams.loop.controllers import add_controller
+from diagrams.loop.flight import FlightConfig
+from diagrams.loop.flight_result import Watch
+from np_drake import metrics
+from np_drake.autopilot.mavlink import COMPANION, Codec, MavlinkLink, Said
+from np_drake.autopilot.offboard import (
+    KEPT,
+    Anchor,
+    NodeClock,
+    Phase,
+    Phases,
+    Reading,
+    Readings,
+    out_of_limits,
+)
+from np_drake.autopilot.simulated import rates_towards, throttle_of, thrust_of
+from np_drake.flight_log import FlightLog
+from np_drake.mpc.problem import MpcStatus
+from np_drake.rigid_body import P, Q, V, W
+from np_drake.vehicle import Vehicle
+from np_drake.vehicle.vehicle import RateLoop
+from systems.offboard_autopilot import OffboardAutopilot
+
+# Asked of the autopilot, at the node's rate.
+ASKED = ("ODOMETRY", "LOCAL_POSITION_NED", "ATTITUDE_QUATERNION", "HIGHRES_IMU", "ATTITUDE_TARGET")
+# between two of the node's own [s]; asked of the autopilot's [Hz]
+HEARTBEAT, HEARTBEATS = 1.0, 10.0
+LEAVING, LEAVES = 0.2, 3.0  # between two requests to hold, and how long they are made [s]
+SLOW = 0.5  # speed above which nothing begins [m/s]; source: own choice
+WARM_UP = 5  # steps before the first message [1]
+LEVEL_THRUST = np.array([0.5, 1.6])  # of level thrust over the weight [1]; source: own choice
+PATIENCE = 0.7  # share of a tick that a solve may take [1]; source: own choice
+LOOKS = 0.5  # between two calls of the monitor, or two looks at a simulated flight [s]
+
+
+def make_companion_diagram(config: FlightConfig) -> Diagram:
+    """Return the controller of a flight, without its vehicle, with input ports for what is
+    measured.
+
+    | port | size | meaning | unit |
+    |---|---|---|---|
+    | x | 13 | measured state | |
+    | acceleration | 6 | measured [a in W, al in B] | m/s², rad/s² |
+    | in_force | 4 | collective thrust and body rates that the autopilot follows | N, rad/s |
+    | rates_thrust | 4 | what it is to follow | N, rad/s |
+    Raises: ValueError: where it does not.
+    """
+    if config.controller.mpc.command != "rates":
+        raise ValueError(
+            f"{config.name}: controller.mpc.command must be rates beside an autopilot; got rotors."
+        )
+    builder = DiagramBuilder()
+    wires = {
+        name: builder.AddNamedSystem(name, PassThrough(size))
+        for name, size in (("x", 13), ("acceleration", 6), ("in_force", 4))
+    }
+    for name, wire in wires.items():
+        builder.ExportInput(wire.get_input_port(), name)
+    sensors: Any = SimpleNamespace(GetOutputPort=lambda name: wires[name].get_output_port())
+    ports = add_controller(
+        builder,
+        config.controller,
+        config.vehicle,
+        config.motion,
+        sensors,
+        in_force=sensors.GetOutputPort("in_force"),
+    )
+    for name, port in ports.items():
+        builder.ExportOutput(port, name)
+    return builder.Build()
+
+
+@dc.dataclass(frozen=True)
+class Answer:
+    """What the controller says of one instant."""
+
+    rates_thrust: np.ndarray  # (4,) collective thrust and body rates [N, rad/s]
+    # (3,) residual force that is predicted; zero of a model that predicts none [N]
+    force: np.ndarray
+    status: MpcStatus
+    solve_time: float  # [s]
+    context: Context  # the memory that it is of
+
+
+def answer_of(companion: Diagram, context: Context, t: float, **measured: np.ndarray) -> Answer:
+    """Tell the companion Diagram the measurements of an instant and return what to do.
+
+    Args:
+        context: memory of what was measured before.
+        t: time on the reference [s].
+        measured: x (13,) in the axes of the reference, NaN where nothing is measured; acceleration
+            (6,), [a in these axes, al in B]; in_force (4,), collective thrust and body rates since
+            the last instant [m/s², rad/s², N, rad/s].
+    """
+    context.SetTime(t)
+    for name, value in measured.items():
+        companion.GetInputPort(name).FixValue(context, value)
+    context.SetDiscreteState(companion.EvalUniquePeriodicDiscreteUpdate(context))
+
+    def read(name: str) -> np.ndarray:
+        return companion.GetOutputPort(name).Eval(context)
+
+    return Answer(
+        rates_thrust=read("rates_thrust"),
+        force=read("chi_hat")[:3] if companion.HasOutputPort("chi_hat") else np.zeros(3),
+        status=MpcStatus(int(read("status")[0])),
+        solve_time=float(read("solve_time")[0]),
+        context=context,
+    )
+
+
+class SolverThread:
+    """Steps the controller in a thread, one step at a time, so that a solve that takes too long
+    stops nothing else, nor the end of the process.
+    """
+
+    def __init__(self) -> None:
+        self._steps: SimpleQueue[Callable[[], Answer] | None] = SimpleQueue()
+        self._answers: SimpleQueue[Answer | None] = SimpleQueue()
+        self._is_busy = False
+        Thread(target=self._work, name="companion", daemon=True).start()
+
+    def submit(self, step: Callable[[], Answer]) -> None:
+        """Begin a step; nothing is begun while the last goes on."""
+        if not self._is_busy:
+            self._is_busy = True
+            self._steps.put(step)
+
+    def answer(self, patience: float) -> Answer | None:
+        """Return the answer of the last step, once; None where there is none after a time [s], or
+        the step has failed.
+        """
+        with contextlib.suppress(Empty):
+            found = self._answers.get(timeout=patience if self._is_busy else 0.0)
+            self._is_busy = False
+            return found
+        return None
+
+    def close(self) -> None:
+        """End it, without waiting for a step that hangs."""
+        self._steps.put(None)
+
+    def _work(self) -> None:
+        while (step := self._steps.get()) is not None:
+            try:
+                self._answers.put(step())
+            except Exception:  # whatever a controller raises: it counts as no answer
+                self._answers.put(None)
+
+
+class Node:
+    """Reads the messages of an autopilot and commands it, while all is in order; flies once.
+
+    Args:
+        config: of the flight: reference, controller that commands body rates, vehicle, limits.
+    Raises: ValueError: on a controller that does not command body rates, or whose period is no
+        multiple of a tick.
+    """
+
+    def __init__(self, config: FlightConfig, link: MavlinkLink, worker: SolverThread):
+        self.config, self._limits = config, config.offboard.check()
+        self._link, self._worker = link, worker
+        ticks = config.controller.period * config.offboard.rate
+        if abs(ticks - round(ticks)) > 1e-6 or ticks < 1 - 1e-6:
+            raise ValueError(
+                f"offboard: rate must be a whole multiple of the controller's, "
+                f"{1 / config.controller.period:g} Hz; "
+                f"got {config.offboard.rate:g}."
+            )
+        vehicle = config.controller.believed(config.vehicle)
+        self._vehicle, self._weight = vehicle, vehicle.mass * vehicle.gravity
+        self._loop = vehicle.rate_loop or RateLoop()
+        self._codec = Codec(COMPANION, self._limits.system)
+        self._companion = make_companion_diagram(config)
+        self._memory = self._companion.CreateDefaultContext()
+        self.readings, self.clock = Readings(self._limits, vehicle.gravity), NodeClock()
+        # ticks, those that had no time, and those that failed; the controller's periods while it
+        # commands, and those without an answer until the next
+        self.counts = dict.fromkeys(("ticks", "skipped", "periods", "late", "errors"), 0)
+        # times of solves, and of ticks after their time [s]
+        self.solves, self.delays = deque[float](maxlen=KEPT), deque[float](maxlen=KEPT)
+        # changes of phase: since the first tick [s], to which, and why
+        self.phases, self.events = Phases(), list[tuple[float, Phase, str]]()
+        self._heard, self._rows = list[Said](), list[tuple[np.ndarray, ...]]()
+        self.x = np.full(13, np.nan)  # state in the autopilot's local frame, z up
+        self._begin = np.inf  # time of the first tick [s]
+        at_rest = np.array([*self._place(0.0), 1.0, *np.zeros(9)])
+        self._anchor = Anchor.at(at_rest, self._place(0.0))  # until there is one
+        self._next_step = self._next_heartbeat = -np.inf
+        # when the autopilot handed over, and was asked to hold its place [s]
+        self._handed_over = self._left_at = np.inf
+        self.flown_for = 0.0  # time on the reference, 0 before the autopilot has handed over [s]
+        self._answer: Answer | None = None
+        # the state of this tick: whether it is, and within limits
+        self._is_known = self._is_trusted = False
+        self._is_owed = False  # an answer, since the period began
+        self._without_answer = 0  # periods in succession [1]
+        self._sent = np.array([self._weight, 0.0, 0.0, 0.0])
+        self._force, self._problem = np.zeros(3), ""  # predicted; what is not in order
+        # what is compiled or built on first use is done before it matters
+        measured = {"x": at_rest, "acceleration": np.zeros(6), "in_force": self._sent}
+        for _ in range(WARM_UP):
+            answer_of(self._companion, self._memory, 0.0, **measured)
+
+    @property
+    def phase(self) -> Phase:
+        """Phase of the flight."""
+        return self.phases.phase
+
+    @property
+    def lacks(self) -> str:
+        """What it waits for before it flies; empty once it does."""
+        settling = f"in order, and not in offboard, for less than {self._limits.settle:g} s"
+        waiting = {
+            Phase.WAITING: self._problem or settling,
+            Phase.READY: "the pilot has not handed over",
+        }
+        return waiting.get(self.phase, "")
+
+    @property
+    def leaves(self) -> bool:
+        """Whether the autopilot has been asked to hold its place."""
+        return self._left_at < np.inf
+
+    @property
+    def flown(self) -> FlightLog | None:
+        """The flight so far, in the axes of its reference; None where there are no two rows."""
+        if len(self._rows) < 2:
+            return None
+        t, x, acceleration, u, rates = map(np.array, zip(*self._rows, strict=True))
+        return FlightLog(
+            t=t,
+            p=x[:, P],
+            q=x[:, Q],
+            v=x[:, V],
+            w=x[:, W],
+            u=self._vehicle.saturate(u),
+            a=acceleration[:, :3],
+            al=acceleration[:, 3:],
+            commanded_rates=rates,
+            name=self.config.name,
+        )
+
+    def leave(self, now: float) -> None:
+        """Ask the autopilot at our time [s] to hold its place, and go on commanding until it
+        does.
+        """
+        self._left_at, self._next_heartbeat = now, -np.inf
+
+    def listen(self) -> list[Said]:
+        """Return what has come since the last tick; the next takes it, by its time."""
+        try:
+            self._heard += [one for data in self._link.receive() for one in self._codec.parse(data)]
+        except Exception:  # nothing may end a flight but its phases
+            self.counts["errors"] += 1
+        return self._heard
+
+    def tick(self, now: float, patience: float = 0.0) -> None:
+        """Read what has come, and send what follows; a tick that fails sends nothing, and counts as
+        a problem.
+
+        Args:
+            now: our time, not before that of the last tick [s].
+            patience: longest time to wait for a solve [s].
+        """
+        self.counts["ticks"] += 1
+        self._begin, self.flown_for = min(self._begin, now), max(now - self._handed_over, 0.0)
+        try:
+            self._tick(now, patience)
+        except Exception as error:  # nothing may end a flight but its phases
+            self.counts["errors"] += 1
+            self._change(now, f"internal error: {one_line(error)}", self.phases.was_engaged)
+
+    def _tick(self, now: float, patience: float) -> None:
+        heard, self._heard = self.listen(), []
+        for said in heard:
+            self.readings.take(said, now)
+        reading, before = self.readings.at(now), self.phase
+        self.x, self._is_known = reading.x, not reading.problem
+        problem = reading.problem or self._out_of_order(reading)
+        self._is_trusted = not problem
+        if not problem and self.phase.sends and self._without_answer >= self._limits.late_solves:
+            problem = f"no answer of the controller for {self._without_answer} periods"
+        if not problem and now > self._left_at + LEAVES:
+            problem = "the autopilot does not hold its place when it is asked to"
+        self._change(now, problem, reading.engaged)
+        if self.phase is Phase.READY and before is not Phase.READY:
+            self._anchor = Anchor.at(reading.x, self._place(0.0))
+            # forget all that was measured; a step that goes on meanwhile does not count
+            self._memory = self._companion.CreateDefaultContext()
+            self._answer, self._next_step = None, -np.inf
+            self._without_answer, self._is_owed = 0, False
+        elif self.phase is Phase.FLYING and before is Phase.READY:
+            self._handed_over = now
+        elif self.phase is Phase.LEVEL:
+            self._answer = None
+        if self.phase.sends:
+            a_W, al = np.split(reading.acceleration, 2)
+            x, a = self._anchor.seen(reading.x), np.concatenate([self._anchor.turned(a_W), al])
+            self._solve(now, reading, x, a, patience)
+            self._send(now, x, a)
+        self._say_hello(now)
+
+    def _out_of_order(self, reading: Reading) -> str:
+        """Return why a state that is known may not be flown by; empty where it may."""
+        if self.phase is Phase.STOPPED:
+            return ""
+        start, anchor = self._place(0.0), self._anchor
+        if self.phase is Phase.WAITING:
+            anchor = Anchor.at(reading.x, start)
+        beyond = out_of_limits(anchor.seen(reading.x), self._place(self.flown_for), self._limits)
+        if beyond or self.phase in (Phase.FLYING, Phase.LEVEL):
+            return beyond
+        if np.linalg.norm(reading.x[V]) > SLOW:
+            return f"the vehicle moves by more than {SLOW:g} m/s"
+        if not anchor.holds(reading.x, start):
+            return "the vehicle has moved on"
+        is_told = self.phase is Phase.READY or np.isfinite(reading.in_force).all()
+        return "" if is_told else "no ATTITUDE_TARGET"
+
+    def _place(self, t: float) -> np.ndarray:
+        """Return where the vehicle should be (3,) at a time on the reference [m, s]."""
+        return self.config.motion.sample(np.array([t]))[0, 0]
+
+    def _change(self, now: float, problem: str, engaged: bool) -> None:
+        before, self._problem = self.phase, problem
+        self.phases = self.phases.advanced(
+            now, problem=problem, engaged=engaged, config=self._limits
+        )
+        if self.phase is not before:
+            self.events.append((now - self._begin, self.phase, self.phases.reason))
+
+    def _solve(
+        self, now: float, reading: Reading, x: np.ndarray, a: np.ndarray, patience: float
+    ) -> None:
+        """Step the controller where a period begins, and take its answer where there is one."""
+        period = self.config.controller.period
+        if now >= self._next_step - 1e-9:
+            self._next_step = max(self._next_step, now - period) + period
+            self._without_answer += self._is_owed
+            self.counts["late"] += self._is_owed
+            self._is_owed = self._is_trusted
+            self._begin_step(reading, x, a)
+        found = self._worker.answer(patience)
+        if found is None or found.context is not self._memory:
+            return
+        self.solves.append(found.solve_time)
+        usable = bool(np.isfinite(found.rates_thrust).all())
+        self._answer = found if usable else None
+        if usable and self._is_trusted and np.isfinite(found.force).all():
+            self._force = found.force
+        if usable and found.status < MpcStatus.SHIFTED_PLAN:
+            self._without_answer, self._is_owed = 0, False
+
+    def _begin_step(self, reading: Reading, x: np.ndarray, a: np.ndarray) -> None:
+        in_force = self._sent
+        if self.phase is Phase.READY and np.isfinite(reading.in_force).all():
+            in_force = reading.in_force.copy()
+            in_force[0] = thrust_of(self._vehicle, in_force[0], self.readings.voltage)
+        self._worker.submit(
+            partial(
+                answer_of,
+                self._companion,
+                self._memory,
+                self.flown_for,
+                x=x if self._is_trusted else np.full(13, np.nan),
+                acceleration=a,
+                in_force=in_force,
+            )
+        )
+        self.counts["periods"] += 1
+
+    def _send(self, now: float, x: np.ndarray, a: np.ndarray) -> None:
+        command = self._level(x) if self._answer is None else self._answer.rates_thrust.copy()
+        most = np.array(self._loop.max_rate)
+        command[0] = np.clip(command[0], 0.0, 4 * self._vehicle.max_rotor_thrust)
+        command[1:] = np.clip(command[1:], -most, most)
+        self._sent = command
+        throttle = throttle_of(self._vehicle, command[0], self.readings.voltage)
+        self._link.send(self._codec.command(now - self._begin, command[1:], throttle))
+        if self.phase in (Phase.FLYING, Phase.LEVEL) and not self.leaves and self._is_trusted:
+            u = np.array([command[0], *self._loop.torque(self._vehicle.J, x[W], command[1:])])
+            row = (np.array(self.flown_for), x, a, u, command[1:])
+            if all(np.isfinite(part).all() for part in row):
+                self._rows.append(row)
+
+    def _level(self, x: np.ndarray) -> np.ndarray:
+        """Return level thrust (4,), with the residual force that was predicted last [N, rad/s]."""
+        least, most = self._weight * LEVEL_THRUST
+        thrust = np.clip(self._weight - self._force[2], least, most)
+        rates = rates_towards(x[Q], np.eye(3)[2], self._loop) if self._is_known else np.zeros(3)
+        return np.array([thrust, *rates])
+
+    def _say_hello(self, now: float) -> None:
+        """Send the node's heartbeat, and ask for the messages that it needs."""
+        if now < self._next_heartbeat - 1e-9:
+            return
+        self._next_heartbeat = now + (LEAVING if self.leaves else HEARTBEAT)
+        out = self._codec.heartbeat()
+        if self.leaves:
+            out += self._codec.hold(self.readings.autopilot)
+        elif not self.phase.sends:
+            out += self._codec.request("HEARTBEAT", HEARTBEATS)
+            out += b"".join(self._codec.request(name, self._limits.rate) for name in ASKED)
+        self._link.send(out)
+
+
+@contextlib.contextmanager
+def ended_by_user() -> Iterator[Callable[[], bool]]:
+    """Give whether the user has asked for the end, by SIGINT, SIGTERM or the end of the terminal.
+
+    A second SIGINT ends at once.
+    """
+    asked: list[int] = []
+
+    def take(number: int, frame: FrameType | None) -> None:
+        if asked and number == signal.SIGINT:
+            raise KeyboardInterrupt
+        asked.append(number)
+
+    before = {
+        number: signal.signal(number, take)
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    }
+    try:
+        yield lambda: bool(asked)
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def fly(
+    node: Node,
+    *,
+    wait: float = float("inf"),
+    ended: Callable[[], bool] = lambda: False,
+    monitor: Callable[[Node, float], None] = lambda node, t: None,
+) -> None:
+    """Tick a node in real time until it has stopped; at the end of its motion the autopilot is
+    asked to hold its place.
+
+    On a simulated vehicle the time is the vehicle's (`NodeClock`).
+
+    Args:
+        wait: longest time until the autopilot hands over, by our clock [s].
+        monitor: is shown the node every half a second of our clock, and the time on its reference
+            [s].
+    """
+    period = 1 / node.config.offboard.rate
+    begin = planned = time.monotonic()
+    looked = -float("inf")
+    while True:
+        while (early := planned - (now := node.clock.read(time.monotonic(), node.listen()))) > 0:
+            time.sleep(early)
+        node.delays.append(now - planned)
+        node.tick(now, PATIENCE * period)
+        flown = node.flown_for
+        if not node.leaves and (flown >= node.config.end or ended()):
+            node.leave(now)
+        is_over = node.leaves or time.monotonic() - begin > wait
+        if node.phase is Phase.STOPPED or (node.phase in (Phase.WAITING, Phase.READY) and is_over):
+            return
+        if time.monotonic() - looked >= LOOKS:
+            looked = time.monotonic()
+            monitor(node, flown)
+        planned += period
+        if (behind := node.clock.read(time.monotonic(), []) - planned) > period:
+            skipped = int(behind / period)
+            node.counts["skipped"] += skipped
+            planned += skipped * period
+
+
+def flight_metrics(node: Node, flown: FlightLog) -> dict[str, Any]:
+    """Return time and errors of a flight, without the ramp where it lasted longer."""
+    scored = flown.t >= node.config.reference.lead
+    scored = scored if scored.any() else ~scored
+    reference = node.config.motion.sample(flown.t[scored])[0]
+    errors = metrics.tracking_errors(flown.p[scored], reference)
+    return {"flown": float(flown.t[-1]), **errors}
+
+
+def deadlines(node: Node) -> dict[str, Any]:
+    """Return counts and times of a node: ticks, late solves, jitter, ages, messages that were not
+    taken.
+    """
+    times = {"solve_ms": node.solves, "jitter_ms": node.delays, "state_age_ms": node.readings.ages}
+    return {
+        **node.counts,
+        **{name: metrics.solve_times_ms(np.array(t or [np.nan])) for name, t in times.items()},
+        "refused": dict(node.readings.refused),
+        "restarts": node.readings.restarts,
+    }
+
+
+def tables(node: Node) -> list[Table]:
+    """Return the tables of a node: its flight, its phases, its deadlines."""
+    phases = [(f"{t:.2f}", phase.value, reason) for t, phase, reason in node.events]
+    found, refused = deadlines(node), node.readings.refused
+    times = [
+        (name, *(f"{found[key][part]:.2f}" for part in ("median", "p95", "max")))
+        for name, key in (
+            ("solve", "solve_ms"),
+            ("tick after its time", "jitter_ms"),
+            ("age of the state", "state_age_ms"),
+        )
+    ]
+    counted = [
+        ("ticks, of them skipped", f"{found['ticks']}, {found['skipped']}"),
+        ("solves, of them late", f"{found['periods']}, {found['late']}"),
+        ("messages out of turn, absurd", f"{refused['late']}, {refused['absurd']}"),
+        ("restarts of the autopilot", str(found["restarts"])),
+        ("ticks that failed", str(found["errors"])),
+    ]
+    shown: list[Table] = [
+        ("phases", ["at [s]", "phase", "why"], phases),
+        ("times [ms]", ["of", "median", "p95", "max"], times),
+        ("counts", ["of", "number"], counted),
+    ]
+    if (flown := node.flown) is not None:
+        own = flight_metrics(node, flown)
+        row = (f"{own['flown']:.1f}", f"{100 * own['E_xy']:.2f}", f"{100 * own['E_z']:.2f}")
+        shown.insert(0, ("flight", ["flown [s]", "E_xy [cm]", "E_z [cm]"], [row]))
+    return shown
+
+
+class LinkedFlight(Watch):
+    """Simulated flight that takes its commands from a link: makes the controller of its vehicle,
+    sets the pace of the flight, and measures it.
+
+    mean: simulated time over real time, at the last measurement [1].
+    """
+
+    period, rate, mean = LOOKS, 1.0, 1.0
+
+    def __init__(self, link: MavlinkLink):
+        self.__name__ = "mavlink"  # of the controller, in the flight's files
+        self._link = link
+
+    def __call__(self, vehicle: Vehicle) -> OffboardAutopilot:
+        """Return the controller of a vehicle."""
+        self._system = OffboardAutopilot(vehicle, self._link)
+        return self._system
+
+    def begin(self, diagram: Diagram, context: Context) -> None:
+        """Begin to measure."""
+        self._begin = self._measured = np.array([context.get_time(), time.monotonic()])
+
+    def look(self, context: Context) -> bool:
+        """Let the flight go on."""
+        return True
+
+    def factor(self, t: float) -> float:
+        """Return simulated time over real time since the last call, at a time of the flight [s]."""
+        now = np.array([t, time.monotonic()])
+        (flown, passed), (all_flown, all_passed) = now - self._measured, now - self._begin
+        self._measured, self.mean = now, all_flown / all_passed
+        return flown / passed
+
+    def table(self) -> Table:
+        """Return what the autopilot has seen of the flight."""
+        seen = self._system.autopilot
+        rows = [
+            (name, ", ".join(f"{t:.1f}" for t in times) or "never")
+            for name, times in (
+                ("handed over at [s]", seen.handovers),
+                ("took over at [s]", seen.failsafes),
+            )
+        ]
+        rows.append(("simulated time over real time", f"{self.mean:.2f}"))
+        return ("autopilot", ["what", "value"], rows)

@@ -1,1 +1,0 @@
-"""Offboard control by MAVLink: messages, readings, limits and the phases of a flight."""

@@ -1,0 +1,277 @@
+"""Laws of a node: what its controller says, when it commands, when it stops, what it records, and
+its real time.
+"""
+
+import os
+import signal
+import threading
+import time
+
+import numpy as np
+import pytest
+
+from diagrams.autopilot import node as nodes
+from diagrams.autopilot.node import Node, SolverThread, answer_of, make_companion_diagram
+from np_drake.autopilot.offboard import OffboardConfig, Phase
+from np_drake.autopilot.simulated import SimulatedAutopilot
+from np_drake.mpc.problem import MpcStatus
+from np_drake.references.config import ReferenceConfig
+from tests.diagrams.autopilot.rail import (
+    KINDS,
+    PLACE,
+    SOLVER,
+    STATE_LOST,
+    TICK,
+    Fault,
+    Rail,
+    VirtualFlight,
+    flight,
+    hover,
+)
+
+FLYING_AT = 3.2  # when any flight here has long been handed over [s]
+
+
+@pytest.mark.parametrize("controller", ["np", "observer"])
+def test_a_companion_commands_what_the_diagram_of_a_flight_commands(controller):
+    from pydrake.systems.analysis import ApplySimulatorConfig, Simulator
+
+    from diagrams.loop.flight_diagram import make_flight_diagram, set_initial_state
+
+    config = flight(controller)
+    diagram = make_flight_diagram(config)
+    simulator = Simulator(diagram)
+    ApplySimulatorConfig(config.simulator, simulator)
+    context = simulator.get_mutable_context()
+    set_initial_state(diagram, context, config, seed=3)
+    sensors, mpc = diagram.GetSubsystemByName("sensor_model"), diagram.GetSubsystemByName("np_mpc")
+
+    def read(system, name):
+        return system.GetOutputPort(name).Eval(system.GetMyContextFromRoot(context)).copy()
+
+    dut, in_force = make_companion_diagram(config), read(mpc, "rates_thrust")
+    memory = dut.CreateDefaultContext()
+    for k in range(60):
+        if k > 0:
+            simulator.AdvanceTo(k * config.controller.period)
+        seen = {name: read(sensors, name) for name in ("x", "acceleration")}
+        simulator.AdvancePendingEvents()
+        answer = answer_of(dut, memory, context.get_time(), in_force=in_force, **seen)
+        in_force = read(mpc, "rates_thrust")
+        np.testing.assert_allclose(answer.rates_thrust, in_force, rtol=0, atol=1e-9)
+
+
+def test_two_memories_of_a_companion_do_not_meet():
+    dut, x = make_companion_diagram(flight("hold")), np.array([1, 0, 1.6, 1, *np.zeros(9)])
+    rest = {"acceleration": np.zeros(6), "in_force": np.array([19.62, 0.0, 0.0, 0.0])}
+    one, other = dut.CreateDefaultContext(), dut.CreateDefaultContext()
+    first = answer_of(dut, one, 0.0, x=x, **rest)
+    for k in range(3):
+        heavy = {**rest, "acceleration": np.array([0.0, 0.0, -3.0, 0.0, 0.0, 0.0])}
+        moved = answer_of(dut, one, 0.02 * k, x=x, **heavy)
+    again = answer_of(dut, other, 0.0, x=x, **rest)
+    np.testing.assert_array_equal(again.rates_thrust, first.rates_thrust)
+    assert not np.allclose(moved.rates_thrust, first.rates_thrust)
+    assert again.status == MpcStatus.OPTIMAL
+    unseen = answer_of(dut, other, 0.02, x=np.full(13, np.nan), **rest)
+    assert unseen.status == MpcStatus.SHIFTED_PLAN
+    assert np.isfinite(unseen.rates_thrust).all()
+
+
+@pytest.mark.parametrize("rate", [20.0, 75.0])
+def test_a_controller_or_a_rate_that_does_not_fit_is_refused(rate):
+    with pytest.raises(ValueError, match=r"command must be rates"):
+        make_companion_diagram(flight("hold").with_autopilot("none"))
+    config = hover()
+    config.offboard.rate = rate
+    with pytest.raises(ValueError, match="whole multiple"):
+        Rail(config)
+
+
+def test_it_flies_once_all_is_in_order_and_the_pilot_hands_over():
+    rail = Rail(hover()).advance(FLYING_AT)
+    assert rail.phases == ["ready", "flying"]
+    assert rail.config.offboard.settle <= rail.sent[0][0] <= rail.autopilot.handovers[0]
+    np.testing.assert_allclose(np.diff([t for t, _ in rail.sent]), TICK, atol=1e-9)
+    _, last = rail.sent[-1]
+    vehicle = rail.config.vehicle
+    share = vehicle.mass * vehicle.gravity / (4 * vehicle.max_rotor_thrust)
+    np.testing.assert_allclose(last.rates, 0.0, atol=1e-3)
+    assert last.thrust == pytest.approx(share, rel=0.02)
+    log = rail.node.flown
+    np.testing.assert_allclose(log.p, rail.config.motion.sample(log.t)[0], atol=1e-5)
+    assert not np.allclose(log.p[0], PLACE)
+    assert log.t[0] == pytest.approx(0.0, abs=1e-9)
+    assert np.all(np.diff(log.t) > 0)
+    np.testing.assert_allclose(log.commanded_rates[-1], last.rates, atol=1e-6)
+    assert np.isfinite(np.column_stack([log.p, log.q, log.v, log.w, log.u, log.a, log.al])).all()
+    pairs = Rail(hover(), pairs=True).advance(FLYING_AT)
+    assert pairs.phases == ["ready", "flying"]
+    np.testing.assert_allclose(pairs.node.flown.x[-1], log.x[-1], atol=1e-5)
+
+
+def stays_in_offboard(rail: Rail) -> None:
+    rail.autopilot.step = lambda t, x: rail.autopilot.in_force
+    rail.autopilot.hold = lambda: None
+
+
+def test_an_autopilot_that_is_in_offboard_already_is_not_taken():
+    rail = Rail(hover()).advance(FLYING_AT)
+    rail.node, before = rail.new_node(), len(rail.sent)
+    stays_in_offboard(rail)
+    rail.advance(rail.time + 3.0)
+    assert rail.autopilot.engaged
+    assert len(rail.sent) == before
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_no_fault_raises_and_one_that_lasts_ends_the_commands(kind):
+    rail = Rail(hover(), Fault(kind, FLYING_AT, 3.0)).advance(FLYING_AT + 0.5)
+    if kind == "node restart":
+        rail.node = rail.new_node()
+    rail.advance(FLYING_AT + 1.5)
+    assert rail.sent
+    assert all(np.isfinite([*said.rates, said.thrust]).all() for _, said in rail.sent)
+    assert rail.node.counts["errors"] == 0
+    limits, period = rail.config.offboard, rail.config.controller.period
+    noticed = limits.stale_after if kind in STATE_LOST else (limits.late_solves + 1) * period
+    if kind in (*STATE_LOST, *SOLVER):
+        assert rail.silent_from(FLYING_AT) <= noticed + limits.level + 0.03
+
+
+@pytest.mark.parametrize(
+    ("kind", "lasts"), [("silence", 0.05), ("silence", 0.3), ("failing solve", 0.3)]
+)
+def test_a_short_fault_is_levelled_and_flown_on_from(kind, lasts):
+    rail = Rail(hover(), Fault(kind, FLYING_AT, lasts)).advance(FLYING_AT + 1.0)
+    assert rail.phases == ["ready", "flying", *(["level", "flying"] if lasts > 0.1 else [])]
+
+
+def test_a_tilted_vehicle_is_turned_level():
+    rail = Rail(hover(), Fault("hanging solve", FLYING_AT, 9.0)).advance(FLYING_AT)
+    rail.x[3:7] = [np.cos(0.2), np.sin(0.2), 0.0, 0.0]  # rolled by 0.4 rad
+    rail.x[1] += 0.2
+    rail.advance(FLYING_AT + 0.3)
+    assert rail.node.phase is Phase.LEVEL
+    assert rail.sent[-1][1].rates[0] < -0.5
+
+
+def test_when_the_pilot_takes_over_it_is_silent_for_good():
+    rail = Rail(hover()).advance(FLYING_AT)
+    rail.autopilot.hold()
+    rail.advance(FLYING_AT + 1.1)
+    assert rail.phases == ["ready", "flying", "stopped"]
+    before, rail.autopilot.engaged = len(rail.sent), True
+    stays_in_offboard(rail)
+    rail.advance(FLYING_AT + 3.0)
+    assert len(rail.sent) == before
+
+
+@pytest.mark.parametrize("holds", [True, False])
+def test_when_it_leaves_the_autopilot_holds_its_place_or_is_left_level(holds):
+    rail = Rail(hover()).advance(FLYING_AT)
+    if not holds:
+        stays_in_offboard(rail)
+    rail.node.leave(rail.time)
+    rail.advance(FLYING_AT + 4.5)
+    assert rail.phases == ["ready", "flying", *([] if holds else ["level"]), "stopped"]
+    assert ("does not hold" in rail.node.phases.reason) == (not holds)
+    assert holds or rail.silent_from(FLYING_AT) == pytest.approx(3.5, abs=0.05)
+
+
+def test_a_tick_that_fails_ends_in_level_thrust_and_silence(monkeypatch):
+    rail = Rail(hover()).advance(FLYING_AT)
+
+    def fails(*_):
+        raise MemoryError("broken")
+
+    monkeypatch.setattr(rail.node.readings, "at", fails)
+    rail.advance(FLYING_AT + 1.0)
+    assert rail.phases == ["ready", "flying", "level", "stopped"]
+    assert "internal error" in rail.node.phases.reason
+
+
+def test_its_report_counts_what_was_late_and_what_was_not_taken():
+    rail = Rail(hover(), Fault("late solves", FLYING_AT, 0.5)).advance(FLYING_AT + 1.0)
+    found = nodes.deadlines(rail.node)
+    assert found["late"] > 0
+    keys = "ticks skipped periods late solve_ms jitter_ms state_age_ms refused restarts errors"
+    assert set(found) == set(keys.split())
+    rail = Rail(hover(), Fault("position jump", FLYING_AT, 0.1)).advance(FLYING_AT + 0.5)
+    assert nodes.deadlines(rail.node)["refused"]["absurd"] > 0
+    names = [title for title, *_ in nodes.tables(rail.node)]
+    assert names == ["flight", "phases", "times [ms]", "counts"]
+
+
+# Real time
+
+
+class SlowVehicle:
+    """Link to a vehicle on a rail whose clock runs at a rate of ours."""
+
+    def __init__(self, config, rate):
+        self.autopilot, self.rate = SimulatedAutopilot(config.vehicle), rate
+        self.x, self.time, self.begin = np.array([*PLACE, 1.0, *np.zeros(9)]), 0.0, time.monotonic()
+
+    def send(self, data):
+        self.autopilot.take(data, self.time)
+
+    def receive(self):
+        found = []
+        while self.time + TICK <= self.rate * (time.monotonic() - self.begin):
+            self.time += TICK
+            self.autopilot.step(self.time, self.x)
+            found.append(self.autopilot.messages(self.time, self.x, np.zeros(6)))
+        return found
+
+
+@pytest.mark.parametrize("rate", [0.3, 1.0])
+def test_a_simulated_vehicle_is_flown_by_its_own_clock_however_slow(rate):
+    config = hover(duration=0.2, reference=ReferenceConfig(track="hover", ramp=0.2))
+    # the machine may be busy
+    config.offboard = OffboardConfig(late_solves=100, settle=0.3, stale_after=0.5)
+    vehicle, worker = SlowVehicle(config, rate), SolverThread()
+    dut = Node(config, vehicle, worker)
+    vehicle.begin = time.monotonic()
+    nodes.fly(dut, wait=20.0)
+    worker.close()
+    assert [phase.value for _, phase, _ in dut.events] == ["ready", "flying", "stopped"]
+    assert dut.flown.t[-1] == pytest.approx(config.end, abs=0.1)
+    assert dut.events[-1][0] <= vehicle.time + 0.1  # by the vehicle's clock
+    assert max(dut.readings.ages) < config.offboard.stale_after
+
+
+def test_an_interrupt_asks_for_the_end_and_raises_nothing():
+    before = signal.getsignal(signal.SIGINT)
+    with nodes.ended_by_user() as asked:
+        assert not asked()
+        os.kill(os.getpid(), signal.SIGINT)
+        assert asked()
+        with pytest.raises(KeyboardInterrupt):
+            os.kill(os.getpid(), signal.SIGINT)
+    assert signal.getsignal(signal.SIGINT) is before
+
+
+def test_a_solve_that_hangs_or_fails_stops_nothing_else():
+    released, begun = threading.Event(), []
+    dut = SolverThread()
+    dut.submit(lambda: released.wait(10.0))
+    begin = time.monotonic()
+    assert dut.answer(0.01) is None
+    assert time.monotonic() - begin < 1.0
+    dut.submit(lambda: begun.append(1))
+    released.set()
+    assert dut.answer(5.0) is True
+    assert dut.answer(0.1) is None
+    assert begun == []
+    dut.submit(lambda: 1 / 0)
+    assert dut.answer(1.0) is None
+    dut.submit(lambda: 7)
+    assert dut.answer(1.0) == 7
+    dut.close()
+
+
+def test_it_flies_a_simulated_vehicle_along_its_reference():
+    rail = VirtualFlight(flight("np")).advance(6.0)
+    assert rail.node.phase is Phase.FLYING
+    assert nodes.flight_metrics(rail.node, rail.node.flown)["E_xy"] < 0.005
