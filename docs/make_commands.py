@@ -10,8 +10,7 @@ from typing import Any
 
 import typer
 
-from diagrams.cli.app import app
-from diagrams.cli.outcome import PROGRAM
+from diagrams.cli.app import PROGRAM, app
 
 PAGE = Path(__file__).parent / "reference" / "commands.md"
 MANY = 8  # verbs from which on a group is one row

@@ -1,30 +1,48 @@
-"""The verbs of `np-drake`."""
+"""The verbs of `np-drake`, and the outcome of a run: an exit code and, for every failure, one line
+on stderr.
+"""
 
+import errno
+import os
+import traceback
+from pathlib import Path
 from typing import Annotated
 
 import typer
 from typer import Option
 
+from diagrams.batch.failed_run import FailedRun, one_line
 from diagrams.cli import (
     bench,
+    challenge,
     demo,
     diagnose,
     doctor,
     evaluate,
-    export,
     fly,
     identify,
     import_logs,
     node,
     options,
+    reproduce,
     train,
     vehicle,
 )
-from diagrams.cli.challenge import challenge
-from diagrams.cli.outcome import PROGRAM
-from diagrams.cli.output import say
-from diagrams.cli.reproduce import VERB, reproduce
-from diagrams.cli.verbs import Verbs
+from diagrams.cli.output import console, discard_output, say
+from diagrams.cli.runner import Verbs
+from np_drake.files.atomic_file import FULL
+from np_drake.files.input_file import guard_inputs
+from np_drake.files.interruption import Ended, last_signal, line
+
+PROGRAM = "np-drake"
+BAD_INPUT, FAILED, FAULT, INTERRUPTED = 2, 1, 70, 130
+DEBUG = "--debug"  # anywhere on the command line
+CASE_FILES = ("vehicle.yaml", "train_*", "heldout*")  # that a verb reads of a case folder
+OUTPUTS = ("--out", "--json", "--markdown", "--mcap")  # options whose file is written
+REPORT = (
+    "Please report it with this line and the command to the maintainers; --debug shows the "
+    "traceback"
+)
 
 app = Verbs(
     name=PROGRAM,
@@ -41,13 +59,13 @@ app.command("doctor")(doctor.doctor)
 app.command("identify")(identify.identify)
 app.command("diagnose")(diagnose.diagnose)
 app.command(
-    VERB,  # what follows the study's name is the study's
+    reproduce.VERB,  # what follows the study's name is the study's
     context_settings={"allow_extra_args": True, "allow_interspersed_args": False},
-)(reproduce)
+)(reproduce.reproduce)
 app.add_typer(vehicle.vehicle, name="vehicle")
-app.command("export")(export.export)
+app.command("export")(vehicle.export)
 app.command("bench")(bench.bench)
-app.add_typer(challenge, name="challenge")
+app.add_typer(challenge.challenge, name="challenge")
 
 
 @app.callback(invoke_without_command=True)
@@ -65,3 +83,98 @@ def about(
         say(f"{PROGRAM} {installed('np_drake')}")
     elif context.invoked_subcommand is None:
         say(context.get_help())
+
+
+def run_app(app: typer.Typer, arguments: list[str]) -> int:
+    """Run an application and return its exit code; every failure is one line on stderr."""
+    debug = DEBUG in arguments or bool(os.environ.get("NP_DRAKE_TRACEBACK"))
+    arguments = [argument for argument in arguments if argument != DEBUG]
+    try:
+        _require_words(arguments)
+        with guard_inputs(inputs_of(arguments)):
+            code = app(arguments, prog_name=PROGRAM, standalone_mode=False)
+        if code == INTERRUPTED:
+            raise KeyboardInterrupt
+        return int(code or 0)
+    except BrokenPipeError:  # of who reads the help
+        discard_output()
+        return 0
+    except SystemExit as leaving:
+        return leaving.code if isinstance(leaving.code, int) else FAILED
+    except (
+        BaseException
+    ) as error:  # MemoryError, RecursionError and panics of native code among them
+        if debug:
+            traceback.print_exc()
+        message, code = _line_of(error)
+        _report(app, arguments, " ".join(message.split()))
+        return code
+
+
+def _require_words(arguments: list[str]) -> None:
+    """Check that no argument is empty; as a path it would be the current folder."""
+    for before, argument in zip([PROGRAM, *arguments], arguments, strict=False):
+        if not argument or (argument.startswith("--") and argument.find("=") == len(argument) - 1):
+            raise ValueError(
+                f"an argument must not be empty; got '{argument}' behind {before}. Name a file, a "
+                f"folder or a value, or leave it out."
+            )
+
+
+def inputs_of(arguments: list[str]) -> list[Path]:
+    """Return the files that are named on the command line, and those of case folders, but for
+    options that write.
+    """
+    found: list[Path] = []
+    for before, argument in zip([PROGRAM, *arguments], arguments, strict=False):
+        name, _, value = argument.rpartition("=") if argument[:2] == "--" else ("", "", argument)
+        if before in OUTPUTS or name in OUTPUTS:
+            continue
+        if os.path.isdir(value):
+            for pattern in CASE_FILES:
+                found += [*Path(value).glob(pattern), *Path(value).glob(f"*/{pattern}")]
+        elif os.path.exists(value):
+            found.append(Path(value))
+    return found
+
+
+def _line_of(error: BaseException) -> tuple[str, int]:
+    """Return what is said of an error, and the exit code."""
+    if (number := last_signal()) is not None or isinstance(error, KeyboardInterrupt | Ended):
+        number = number or INTERRUPTED - 128
+        return line(number), 128 + number
+    usage = getattr(error, "format_message", None)  # of a wrong option or argument
+    if usage is not None:
+        return usage(), BAD_INPUT
+    if isinstance(error, ValueError | OSError):
+        return text_of(error), BAD_INPUT
+    if isinstance(error, FailedRun):
+        return str(error), FAILED
+    if isinstance(error, typer.Abort) and isinstance(error.__cause__, Exception):
+        error = error.__cause__  # an EOFError, which typer takes for the end of the terminal
+    what = one_line(error) if isinstance(error, Exception) else f"{type(error).__name__}: {error}"
+    return f"internal error: {what}. {REPORT}.", FAULT
+
+
+def text_of(error: Exception) -> str:
+    """Return the message; for a bare operating-system error, the file and the reason."""
+    if isinstance(error, OSError) and error.strerror:
+        full = error.errno in (*FULL, errno.EFBIG)
+        remedy = " Free some room, or choose another folder." if full else ""
+        return f"{error.filename or 'writing'}: {error.strerror}.{remedy}"
+    return str(error) or type(error).__name__
+
+
+def _report(app: typer.Typer, arguments: list[str], message: str) -> None:
+    """Print a line that begins with the verb; a study is one."""
+    command, verbs = typer.main.get_command(app), list[str]()
+    for argument in arguments:
+        command = getattr(command, "commands", {}).get(argument)
+        if command is None:
+            verbs += [argument] if verbs == [reproduce.VERB] else []
+            break
+        verbs.append(argument)
+    for verb in verbs:
+        message = message.removeprefix(f"{verb}: ")
+    text = f"{' '.join([PROGRAM, *verbs])}: {message}"
+    console(stderr=True).print(text, soft_wrap=True)

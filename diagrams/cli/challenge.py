@@ -10,31 +10,13 @@ from typer import Argument, Option
 
 from diagrams.cli import options
 from diagrams.cli.output import say
-from diagrams.cli.runner import Report, Run, counting, reports
-from diagrams.cli.verbs import Group, Verbs
+from diagrams.cli.runner import Report, Run, Verbs, reports
 
-RETIRED = {
-    "golden": "the frozen cases are tests: `make golden`",
-    "logs": "round trips through files are tests: `pytest tests/diagrams/challenge/imported`",
-    "active": "`np-drake fly multisine` flies a random multisine",
-    "compare": "`challenge score` shows what is asked for, of one draw or of several together",
-}
-
-
-class _Challenge(Group):
-    """Verbs of challenge sets; one that is gone says what took its place."""
-
-    def resolve_command(self, context, arguments):
-        if arguments and arguments[0] in RETIRED:
-            raise ValueError(f"{arguments[0]} is gone: {RETIRED[arguments[0]]}.")
-        return super().resolve_command(context, arguments)
-
-
-challenge = Verbs(cls=_Challenge, help="Withheld-effect challenge sets.", add_completion=False)
+challenge = Verbs(help="Withheld-effect challenge sets.", add_completion=False)
 
 
 @challenge.command("make")
-@reports("challenge_make", seed=0, markdown=False, many=True, holds=("truth",))
+@reports("challenge_make", seed=0, markdown=False, many=True, folders=("out", "truth"))
 def _make(
     run: Run,
     out: Annotated[Path, Option(metavar="DIR", help="Folder for the case folders.")],
@@ -62,10 +44,11 @@ def _make(
         "quality": quality,
         "cases": cases,
         "clean": clean,
+        "seconds": seconds,
+        "unseen": unseen,
     }
-    config |= {"seconds": seconds, "unseen": unseen}
     check_request(out, truth, simulator, quality, cases + clean, seconds, run.seed)
-    with counting("flying", "cases") as on_progress:
+    with run.counting("flying", "cases") as on_progress:
         result = make(
             out, truth, seed=run.seed, workers=run.workers, on_progress=on_progress, **config
         )
@@ -75,7 +58,7 @@ def _make(
 
 
 @challenge.command("solve")
-@reports("challenge_solve", seed=None, markdown=False, many=True)
+@reports("challenge_solve", seed=None, markdown=False, many=True, folders=("out",))
 def _solve(
     run: Run,
     cases: Annotated[Path, Argument(metavar="CASES", help="Folder of case folders.")],
@@ -94,7 +77,7 @@ def _solve(
     from diagrams.challenge.solve import case_folders, solve
 
     case_folders(cases)  # asks before the bar appears
-    with counting("diagnosing", "cases") as on_progress:
+    with run.counting("diagnosing", "cases") as on_progress:
         result = solve(
             cases, out, workers=run.workers, replay=replay, again=again, on_progress=on_progress
         )

@@ -30,7 +30,8 @@ def demo(
     from np_drake.mpc.solvers import require_solver
 
     require_solver(solver)
-    from diagrams.demo.story import run_demo
+    from diagrams.demo.page import cause_rows, meeting_rows, write_demo
+    from diagrams.demo.story import HELD_OUT, run_demo
 
     start = time.perf_counter()
     with progress("demo", 1.0) as advance:
@@ -39,16 +40,18 @@ def demo(
     flights = list(result.flights.values())
 
     def write(folder: Path) -> None:
-        from diagrams.demo.page import write_demo
-
         say(f"{result.seeds}; {wall:.0f} s. Start with {write_demo(result, folder)}")
 
+    effects = ["effect", "probability", "parameter", "found", "95 % interval", "true"]
+    errors = ["controller", "error [cm]", "flight", "nominal simulator", "corrected", "off"]
+    causes = "what the diagnosis finds in the flights of the nominal MPC"
+    meeting = f"{HELD_OUT}, {result.simulated_seconds:g} s, in flight and in simulators"
     return Report(
         [
             flights_table(flights),
             _reduction_table(result),
-            _causes_table(result),
-            _meeting_table(result),
+            (causes, effects, list(cause_rows(result))),
+            (meeting, errors, list(meeting_rows(result))),
         ],
         config=as_config(flights[-1].config),
         metrics={
@@ -83,23 +86,3 @@ def _reduction_table(result: "Demo") -> Table:
     return tabulate(
         "NP-MPC against nominal MPC (the paper: its own vehicle, real flights)", lines, columns
     )
-
-
-def _causes_table(result: "Demo") -> Table:
-    from diagrams.demo.page import cause_rows
-
-    header = ["effect", "probability", "parameter", "found", "95 % interval", "true"]
-    return (
-        "what the diagnosis finds in the flights of the nominal MPC",
-        header,
-        list(cause_rows(result)),
-    )
-
-
-def _meeting_table(result: "Demo") -> Table:
-    from diagrams.demo.page import meeting_rows
-    from diagrams.demo.story import HELD_OUT
-
-    header = ["controller", "error [cm]", "flight", "nominal simulator", "corrected", "off"]
-    title = f"{HELD_OUT}, {result.simulated_seconds:g} s, in flight and in simulators"
-    return title, header, list(meeting_rows(result))

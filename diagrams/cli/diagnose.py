@@ -2,14 +2,13 @@
 shrinks.
 """
 
-from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Argument, Option
 
 from diagrams.cli import options
-from diagrams.cli.output import progress, say, tell
+from diagrams.cli.output import Table, progress, say, tell
 from diagrams.cli.runner import Report, Run, reports
 
 if TYPE_CHECKING:
@@ -88,21 +87,32 @@ def diagnose(
     """Diagnose the gap between the nominal simulator and flights; with --out: report, replay,
     figures, JSON.
     """
-    files = _choose_files(case, vehicle, list(train or ()), list(held_out or ()))
-    nominal = nominal_vehicle(files)
+    from diagrams.gap.drake_replay import DrakeReplay
+    from np_drake.diagnosis.diagnose import diagnose as five_steps
+    from np_drake.diagnosis.options import IDEAL_SENSORS, Tolerance
+    from np_drake.diagnosis.residuals import require_flights
+
+    files = _choose_files(case, vehicle, train or [], held_out or [])
+    nominal = _nominal_vehicle(files)
     logs = files.open(nominal, repair=repair)
     tell(
         *(f"{log.name}: {note}" for flights in logs for log in flights for note in log.notes),
         indent="  ",
     )
     beside = files.open_neighbours(neighbour or (), logs)
-    how: dict[str, Any] = {
-        "replay": not no_replay,
-        "second_look": not no_second_look,
-        "rig": rig,
-        "material": material,
-    }
-    found = diagnose_logs(nominal, *logs, **how, neighbours=beside)
+    require_flights(*logs)  # what is refused is so without a bar
+    with progress("diagnosing", 1.0) as advance:
+        found = five_steps(
+            nominal,
+            *logs,
+            None if no_replay else DrakeReplay(nominal),
+            adaptive_split=not no_second_look,
+            tolerance={None: None, True: Tolerance(), False: IDEAL_SENSORS}[rig],
+            material=material,
+            neighbours=beside,
+            on_progress=advance,
+        )
+        advance(1.0)
     nominal = found.nominal or nominal
     if run.folder is not None:
         from diagrams.gap.corrected import with_trial
@@ -114,19 +124,20 @@ def diagnose(
         "vehicle": nominal.name,
         "train": files.train,
         "held_out": files.held_out,
+        "replay": not no_replay,
+        "second_look": not no_second_look,
+        "rig": rig,
+        "material": material,
+        "repair": repair,
     }
-    config |= {**how, "repair": repair, **({"neighbour": neighbour} if neighbour else {})}
+    config |= {"neighbour": neighbour} if neighbour else {}
 
     def write(folder: Path) -> None:
         from np_drake.diagnosis.report.page import write_report
 
-        beside = {}
-        if page := _write_overlay(found, nominal, logs[1] if not no_replay else [], folder):
-            beside[page.name] = "Watch the flight beside its simulators"
-        beside |= _write_simulators(found, nominal, folder)
-        say(f"report: {write_report(found, folder, seed=run.seed, config=config, beside=beside)}")
-
-    from diagrams.cli.diagnosis_tables import judgement, notes, tables
+        links = _write_overlay(found, nominal, [] if no_replay else logs[1], folder)
+        links |= _write_simulators(found, nominal, folder)
+        say(f"report: {write_report(found, folder, seed=run.seed, config=config, beside=links)}")
 
     content = found.as_json()
     del content["schema"]  # the head says it
@@ -138,6 +149,93 @@ def diagnose(
         notes=notes(found),
         write=write,
     )
+
+
+def judgement(diagnosis: "Diagnosis") -> list[str]:
+    """Return what stands against any answer, the headline, the sentence below it, and the same of a
+    second answer.
+    """
+    from np_drake.diagnosis.report import words
+    from np_drake.diagnosis.report.answer import headline, lead
+
+    said = [f"Before the answer: {doubt}." for doubt in diagnosis.doubts]
+    said += [f"{headline(diagnosis)}.", lead(diagnosis)]
+    if (refit := diagnosis.refit) is not None:
+        flights = words.flights(len(diagnosis.held_out))
+        again = f"Second answer, with the first halves of {flights} in the fit:"
+        said += ["", f"{again} {headline(refit)}.", lead(refit)]
+    return [*said, ""]
+
+
+def tables(diagnosis: "Diagnosis") -> list[Table]:
+    """Return the tables that have rows, the answer first."""
+    from np_drake.diagnosis.report import answer, words
+
+    every: list[Table] = [
+        (
+            "what differs from the vehicle file (calibration, no cause)",
+            answer.DIFFERENCE_HEADER,
+            answer.difference_rows(diagnosis),
+        )
+    ]
+    found = [(diagnosis, "")]
+    found += [(diagnosis.refit, "second answer: ")] if diagnosis.refit is not None else []
+    for one, which in found:
+        header, rows = answer.cause_table(one)
+        shown = [row[: answer.SHOWN] for row in rows]
+        every.append((f"{which}what the model lacks", header[: answer.SHOWN], shown))
+        said = []
+        for cause in answer.named_causes(one):
+            onsets = {words.plain_name(n): t for n, t in cause.onset.items() if t is not None}
+            begins = ", ".join(words.onset(t, name) for name, t in onsets.items())
+            said += [f"{cause.identifier} begins in {begins}"] if begins else []
+            others = words.listed(cause.indistinguishable_from, "or")
+            alike = f"{cause.identifier}, or else {others}: these logs cannot tell"
+            said += [alike] if others else []
+        every.append(("of these causes", ["said"], [(text,) for text in said]))
+    for one, which in found:
+        left = "" if one.cannot_tell else f". {answer.remains(one)}"
+        every.append((f"{which}what remains{left}", answer.GAP_HEADER, answer.gap_rows(one)))
+    traces = [(words.described(one), one.measurement) for one in diagnosis.unexplained]
+    every.append(("what would end it", ["trace", "measurement"], traces))
+    tested = [text for text in (answer.unseen(diagnosis),) if text]
+    minor = [f"{one.name}: {one.text}" for one in diagnosis.below_threshold]
+    for title, texts in (
+        ("what to do next", answer.next_steps(diagnosis)),
+        ("what the flights tested", tested),
+        ("minor findings", minor),
+    ):
+        every.append((title, ["finding"], [(text,) for text in texts]))
+    header = ["horizon [s]", "position [m]", "velocity [m/s]", "attitude [deg]"]
+    replayed = "replay, median error, nominal → with causes"
+    every.append((replayed, header, _replay_rows(diagnosis)))
+    return [table for table in every if table[-1]]
+
+
+def notes(diagnosis: "Diagnosis") -> list[str]:
+    """Return the sensors that were assumed, and every warning once."""
+    from np_drake.diagnosis.report.answer import warnings
+
+    named = {"rig": "real", "laboratory": "ideal"}
+    sensors = named.get(diagnosis.judged_as, diagnosis.judged_as)
+    judged = [f"Judged as logs of {sensors} sensors (--rig, --laboratory)."] if sensors else []
+    return [*judged, *(f"warning: {text}" for text in warnings(diagnosis))]
+
+
+def _replay_rows(diagnosis: "Diagnosis") -> list[tuple]:
+    """Return a row for every horizon."""
+    from np_drake.diagnosis.report import words
+
+    reduction = diagnosis.gap_reduction
+    gaps = [gap for gap in (reduction.replay_before, reduction.replay_after) if gap is not None]
+    rows = list[tuple]()
+    for k, horizon in enumerate(gaps[0].horizon if gaps else ()):
+        row = [f"{horizon:g}"]
+        for name in ("position", "velocity", "attitude"):
+            errors = [words.number(float(getattr(gap, name)[k, 0]), 2) for gap in gaps]
+            row.append(" → ".join(errors))
+        rows.append(tuple(row))
+    return rows
 
 
 def _write_simulators(found: "Diagnosis", vehicle: "Vehicle", folder: Path) -> dict[str, str]:
@@ -167,11 +265,9 @@ def _write_simulators(found: "Diagnosis", vehicle: "Vehicle", folder: Path) -> d
 
 def _write_overlay(
     found: "Diagnosis", vehicle: "Vehicle", held_out: "list[FlightLog]", folder: Path
-) -> Path | None:
-    """Write `replay.html` to a folder and print where it is, or why there is none; without flights
-    say nothing.
-
-    Raises: OSError: if it cannot be written.
+) -> dict[str, str]:
+    """Write `replay.html` to a folder and return the text of its link; print where it is, or why
+    there is none.
     """
     from diagrams.gap.side_by_side import FILE, NoReplay, side_by_side, write_side_by_side
     from np_drake.rotor_input import with_rotor_input
@@ -179,7 +275,7 @@ def _write_overlay(
     path = folder / FILE
     path.unlink(missing_ok=True)  # of an earlier diagnosis
     if not held_out:
-        return None
+        return {}
     try:
         driven = [
             with_rotor_input(log, vehicle) if log.input == "rotor_speed" else log
@@ -188,25 +284,17 @@ def _write_overlay(
         beside = side_by_side(found, vehicle, driven)
     except NoReplay as reason:
         tell(f"no {FILE}: {reason}")
-        return None
+        return {}
     write_side_by_side(beside, vehicle, path)
-    if beside.missing:
-        say(
-            f"flight beside the nominal simulator alone: {path}",
-            f"  the corrected one: {beside.missing}",
-        )
-    else:
-        say(f"flight beside its simulators: {path}")
-    return path
+    say(f"flight beside its simulators: {path}")
+    say(*([f"  the corrected one: {beside.missing}"] if beside.missing else []))
+    return {path.name: "Watch the flight beside its simulators"}
 
 
 def _choose_files(
     case: Path | None, vehicle: Path | None, train: list[Path], held_out: list[Path]
 ) -> "CaseFiles":
-    """Return the files of a case folder, or those given one by one.
-
-    Raises: ValueError: if both or neither are given, or the folder is no case.
-    """
+    """Return the files of a case folder, or those given one by one."""
     from np_drake.logs.case_folder import CaseFiles, find_case
 
     if case is None:
@@ -224,7 +312,7 @@ def _choose_files(
     return find_case(case, vehicle)
 
 
-def nominal_vehicle(files: "CaseFiles") -> "Vehicle":
+def _nominal_vehicle(files: "CaseFiles") -> "Vehicle":
     """Return the nominal vehicle; without a file the published one where all flights are
     NeuroBEM's.
 
@@ -255,42 +343,3 @@ def vehicle_of(path: Path) -> "Vehicle":
             indent="  ",
         )
     return vehicle
-
-
-def diagnose_logs(
-    vehicle: "Vehicle",
-    train: "list[FlightLog]",
-    held_out: "list[FlightLog]",
-    *,
-    replay: bool,
-    second_look: bool = True,
-    rig: bool | None = None,
-    material: float | None = None,
-    neighbours: Mapping[str, "list[FlightLog]"] | None = None,
-) -> "Diagnosis":
-    """Run the five steps behind a progress bar.
-
-    Args:
-        rig: whether sensors are real or ideal; None: as the logs look.
-        material: position error from which what is left is material [m]; None: the usual one.
-        neighbours: by name of a flight, logs of vehicles that flew beside it.
-    """
-    from diagrams.gap.drake_replay import DrakeReplay
-    from np_drake.diagnosis.diagnose import diagnose as five_steps
-    from np_drake.diagnosis.options import IDEAL_SENSORS, Tolerance
-    from np_drake.diagnosis.residuals import require_flights
-
-    require_flights(train, held_out)  # what is refused is so without a bar
-    with progress("diagnosing", 1.0) as advance:
-        simulator = DrakeReplay(vehicle) if replay else None
-        tolerance = {None: None, True: Tolerance(), False: IDEAL_SENSORS}[rig]
-        how: dict[str, Any] = {
-            "adaptive_split": second_look,
-            "tolerance": tolerance,
-            "material": material,
-        }
-        found = five_steps(
-            vehicle, train, held_out, simulator, **how, neighbours=neighbours, on_progress=advance
-        )
-        advance(1.0)
-    return found

@@ -1,17 +1,16 @@
 """`np-drake node`: fly a vehicle through its autopilot, by MAVLink."""
 
-from pathlib import Path
 from queue import SimpleQueue
 from threading import Thread
 from typing import TYPE_CHECKING, Annotated
 
-from typer import Argument, Option
+from typer import Option
 
 from diagrams.batch.failed_run import FailedRun
 from diagrams.cli import options
+from diagrams.cli.fly import Experiment, Fields, Predictor, scenarios
 from diagrams.cli.output import progress, say, tell
 from diagrams.cli.runner import Report, Run, reports
-from diagrams.cli.scenario import Numbers, scenarios
 
 if TYPE_CHECKING:
     import numpy as np
@@ -26,9 +25,7 @@ TOLD = 0.8
 @reports("node", seed=None, out=options.Out, markdown=False)
 def node(
     run: Run,
-    experiment: Annotated[
-        str, Argument(help="circle, lemniscate, hover, … or a scenario file (YAML).")
-    ],
+    experiment: Experiment,
     link: Annotated[
         str,
         Option(
@@ -41,15 +38,6 @@ def node(
     baud: Annotated[
         int, Option(min=1200, max=10_000_000, help="Of a serial device [1/s].")
     ] = 921600,
-    rate: Annotated[
-        float | None,
-        Option(
-            min=2.0,
-            max=500.0,
-            metavar="HZ",
-            help="Of commands; default: the scenario's, or 100 Hz.",
-        ),
-    ] = None,
     controller: Annotated[
         str | None,
         Option(
@@ -57,22 +45,13 @@ def node(
             help="nominal | hold | observer | np | payload_filter | gp | knode. Default: np.",
         ),
     ] = None,
-    solver: Annotated[
-        str | None,
-        Option(
-            help="sqp | ipopt (MathematicalProgram, the reference); default: the scenario "
-            "file's, or "
-            f"{options.DEFAULT_SOLVER}."
-        ),
-    ] = None,
-    predictor: Annotated[
-        Path | None, Option(help="Model file of controller np, payload_filter, gp or knode.")
-    ] = None,
+    predictor: Predictor = None,
     duration: Annotated[float | None, Option(help="Time after the ramp [s].")] = None,
     wait: Annotated[
         float | None,
         Option(min=1.0, max=86_400.0, help="Longest wait for the pilot; default: without end [s]."),
     ] = None,
+    fields: Fields = None,
     vehicle: options.VehicleFile = None,
 ) -> Report:
     """Fly an experiment on a vehicle: state in and body rates out by MAVLink, while all is in
@@ -86,28 +65,20 @@ def node(
     from diagrams.offboard.solver_thread import SolverThread
     from np_drake.offboard.link import MavlinkLink
 
-    if controller is not None and is_own(controller):
-        raise ValueError(
-            f"--controller: must be one of this project's; got {controller}. Simulate your own."
-        )
     config = scenarios(
         experiment,
         [controller] if controller else [],
         vehicle=vehicle,
-        reality=None,
-        solver=solver,
         predictor=predictor,
-        told_mass=False,
         autopilot="rate_loop",
-        numbers=Numbers(duration=duration),
+        duration=duration,
+        fields=fields or (),
     )[0]
     if is_own(config.controller.kind):
         raise ValueError(
-            f"controller: must be one of this project's; got {config.controller.kind}. "
-            f"Name --controller."
+            f"controller: must be one of this project's; got {config.controller.kind}. Name "
+            f"another --controller, or simulate your own."
         )
-    if rate is not None:
-        config = dc.replace(config, offboard=dc.replace(config.offboard, rate=rate)).check()
     if config.controller.deadline == float("inf"):
         config.controller.deadline = DEADLINE * config.controller.period
     port, worker = MavlinkLink(link, baud), SolverThread()
@@ -137,7 +108,9 @@ def node(
     finally:
         worker.close()
         port.close()
-    flown, named = flying.flown, {"experiment": config.name, "controller": config.controller.name}
+    flown, failure = flying.flown, None
+    if flown is None:
+        failure = FailedRun(f"node: nothing was flown: {flying.lacks or flying.events[-1].reason}.")
     if flown is not None and run.out is not None:
         from np_drake.logs.formats.log_file import write_log
 
@@ -146,15 +119,17 @@ def node(
         say(f"log: {file}")
     return Report(
         report.tables(flying),
-        config={**named, "offboard": dc.asdict(config.offboard)},
+        config={
+            "experiment": config.name,
+            "controller": config.controller.name,
+            "offboard": dc.asdict(config.offboard),
+        },
         metrics={
             "flight": None if flown is None else report.flight_metrics(flying, flown),
             "deadlines": report.deadlines(flying),
             "phases": [(event.time, event.phase.value, event.reason) for event in flying.events],
         },
-        failure=None
-        if flown is not None
-        else FailedRun(f"node: nothing was flown: {flying.lacks or flying.events[-1].reason}."),
+        failure=failure,
     )
 
 
@@ -196,9 +171,7 @@ class _Told:
         for event in node.events[self._shown :]:
             self._lines.put(f"{event.time:8.2f} s  {event.phase.value}: {event.reason}")
         self._shown = len(node.events)
-        lacks = [
-            word for word in node.lacks.split() if word.isalpha()
-        ]  # numbers change at every look
+        lacks = [w for w in node.lacks.split() if w.isalpha()]  # numbers change at every look
         if lacks and lacks != self._lacks:
             self._lines.put(f"{node.phase.value}: {node.lacks}")
         self._lacks = lacks

@@ -24,7 +24,7 @@ from unittest import mock
 import pytest
 
 from diagrams.cli.main import run
-from diagrams.cli.outcome import PROGRAM
+from diagrams.cli.app import PROGRAM
 from diagrams.loop.flight import load_flight
 from np_drake.effects.library import LIBRARY
 from np_drake.effects.linear_drag import LinearDrag
