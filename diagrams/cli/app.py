@@ -5,31 +5,18 @@ on stderr.
 import errno
 import os
 import traceback
+from importlib import import_module
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from typer import Option
+from typer.core import TyperGroup
 
 from diagrams.batch.failed_run import FailedRun, one_line
-from diagrams.cli import (
-    bench,
-    challenge,
-    demo,
-    diagnose,
-    doctor,
-    evaluate,
-    fly,
-    identify,
-    import_logs,
-    node,
-    options,
-    reproduce,
-    train,
-    vehicle,
-)
+from diagrams.cli import options
 from diagrams.cli.output import console, discard_output, say
-from diagrams.cli.runner import Verbs
+from diagrams.cli.runner import HELP, Verbs
 from np_drake.files.atomic_file import FULL
 from np_drake.files.input_file import guard_inputs
 from np_drake.files.interruption import Ended, last_signal, line
@@ -44,28 +31,57 @@ REPORT = (
     "traceback"
 )
 
+VERBS = {  # verb: module of diagrams.cli and name there, which are loaded on use
+    "demo": ("demo", "demo"),
+    "fly": ("fly", "fly"),
+    "node": ("node", "node"),
+    "train": ("train", "train"),
+    "evaluate": ("evaluate", "evaluate"),
+    "import": ("import_logs", "import_logs"),
+    "doctor": ("doctor", "doctor"),
+    "identify": ("identify", "identify"),
+    "diagnose": ("diagnose", "diagnose"),
+    "reproduce": ("reproduce", "reproduce"),
+    "vehicle": ("vehicle", "vehicle"),
+    "export": ("vehicle", "export"),
+    "bench": ("bench", "bench"),
+    "challenge": ("challenge", "challenge"),
+}
+GROUPS = ("reproduce", "vehicle", "challenge")  # behind whose name another stands
+
+
+class _Lazy(TyperGroup):
+    """Group of the verbs, whose modules take seconds to load."""
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        """Return the names of the verbs."""
+        return list(VERBS)
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        """Return the command of a verb; None where there is none."""
+        if cmd_name not in VERBS:
+            return None
+        module, name = VERBS[cmd_name]
+        verb = getattr(import_module(f"diagrams.cli.{module}"), name)
+        if not isinstance(verb, typer.Typer):
+            body, verb = verb, Verbs(add_completion=False)
+            rest = cmd_name == "reproduce"  # what follows the study's name is the study's
+            verb.command(
+                cmd_name,
+                context_settings=HELP
+                | {"allow_extra_args": rest, "allow_interspersed_args": not rest},
+            )(body)
+        command = typer.main.get_command(verb)
+        command.name = cmd_name
+        return command
+
+
 app = Verbs(
     name=PROGRAM,
+    cls=_Lazy,
     help="Neural Predictor and NP-MPC for a quadrotor with a tethered payload, on Drake.",
     epilog=options.EPILOG,
 )
-app.command("demo")(demo.demo)
-app.command("fly")(fly.fly)
-app.command("node")(node.node)
-app.command("train")(train.train)
-app.command("evaluate")(evaluate.evaluate)
-app.command("import")(import_logs.import_logs)
-app.command("doctor")(doctor.doctor)
-app.command("identify")(identify.identify)
-app.command("diagnose")(diagnose.diagnose)
-app.command(
-    reproduce.VERB,  # what follows the study's name is the study's
-    context_settings={"allow_extra_args": True, "allow_interspersed_args": False},
-)(reproduce.reproduce)
-app.add_typer(vehicle.vehicle, name="vehicle")
-app.command("export")(vehicle.export)
-app.command("bench")(bench.bench)
-app.add_typer(challenge.challenge, name="challenge")
 
 
 @app.callback(invoke_without_command=True)
@@ -107,7 +123,7 @@ def run_app(app: typer.Typer, arguments: list[str]) -> int:
         if debug:
             traceback.print_exc()
         message, code = _line_of(error)
-        _report(app, arguments, " ".join(message.split()))
+        _report(arguments, " ".join(message.split()))
         return code
 
 
@@ -165,15 +181,10 @@ def text_of(error: Exception) -> str:
     return str(error) or type(error).__name__
 
 
-def _report(app: typer.Typer, arguments: list[str], message: str) -> None:
-    """Print a line that begins with the verb; a study is one."""
-    command, verbs = typer.main.get_command(app), list[str]()
-    for argument in arguments:
-        command = getattr(command, "commands", {}).get(argument)
-        if command is None:
-            verbs += [argument] if verbs == [reproduce.VERB] else []
-            break
-        verbs.append(argument)
+def _report(arguments: list[str], message: str) -> None:
+    """Print a line that begins with the verb."""
+    words = [argument for argument in arguments if argument and not argument.startswith("-")]
+    verbs = words[: 2 if words[:1] and words[0] in GROUPS else 1]
     for verb in verbs:
         message = message.removeprefix(f"{verb}: ")
     text = f"{' '.join([PROGRAM, *verbs])}: {message}"

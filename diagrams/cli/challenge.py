@@ -8,6 +8,11 @@ from typing import Annotated, Any
 
 from typer import Argument, Option
 
+from diagrams.challenge.answered_case import read_answered_cases
+from diagrams.challenge.make import check_request, make
+from diagrams.challenge.score import score
+from diagrams.challenge.score_tables import calibration_figure, missed, set_lines, tables
+from diagrams.challenge.solve import case_folders, solve
 from diagrams.cli import options
 from diagrams.cli.output import say
 from diagrams.cli.runner import Report, Run, Verbs, reports
@@ -37,8 +42,6 @@ def _make(
 
     Cases of the same request that are there already stay, so that an interrupted run goes on.
     """
-    from diagrams.challenge.make import check_request, make
-
     config: dict[str, Any] = {
         "simulator": simulator,
         "quality": quality,
@@ -74,8 +77,6 @@ def _solve(
     """
     if not cases.is_dir():
         raise ValueError(f"{cases}: CASES must be a folder of case folders.")
-    from diagrams.challenge.solve import case_folders, solve
-
     case_folders(cases)  # asks before the bar appears
     with run.counting("diagnosing", "cases") as on_progress:
         result = solve(
@@ -125,10 +126,6 @@ def _score(
     for folder in (answers, truth):
         if not folder.is_dir():
             raise ValueError(f"{folder}: must be a folder.")
-    from diagrams.challenge.answered_case import read_answered_cases
-    from diagrams.challenge.score import score
-    from diagrams.challenge.score_tables import calibration_figure, missed, set_lines, tables
-
     result = score(read_answered_cases(answers, truth, visible), seed=run.seed)
     bins = result["reliability"]["bins"]
     return Report(

@@ -2,7 +2,7 @@
 
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from typer import Option
 
@@ -11,9 +11,10 @@ from diagrams.cli import options
 from diagrams.cli.fly import as_config, flights_table
 from diagrams.cli.output import Table, progress, say
 from diagrams.cli.runner import Report, Run, reports
-
-if TYPE_CHECKING:
-    from diagrams.demo.story import Demo
+from diagrams.demo.page import cause_rows, meeting_rows, write_demo
+from diagrams.demo.story import HELD_OUT, Demo, run_demo
+from diagrams.tracking.tracking import PAPER
+from np_drake.mpc.solvers import require_solver
 
 Out = Annotated[
     Path, Option("--out", metavar="DIR", help="Folder for model, log, figures, replay.")
@@ -27,12 +28,7 @@ def demo(
     """Fly, learn, fly again, diagnose these flights, correct the simulator and compare it with
     them: index.html.
     """
-    from np_drake.mpc.solvers import require_solver
-
     require_solver(solver)
-    from diagrams.demo.page import cause_rows, meeting_rows, write_demo
-    from diagrams.demo.story import HELD_OUT, run_demo
-
     start = time.perf_counter()
     with progress("demo", 1.0) as advance:
         result = run_demo(run.folder, seed=run.seed, solver=solver, jobs=jobs, on_progress=advance)
@@ -68,8 +64,6 @@ def demo(
 
 
 def _reduction_table(result: "Demo") -> Table:
-    from diagrams.tracking.tracking import PAPER
-
     lines = []
     for track, cut in result.reduction().items():
         xy, z = (

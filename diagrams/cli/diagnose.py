@@ -3,19 +3,28 @@ shrinks.
 """
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 from typer import Argument, Option
 
 from diagrams.cli import options
 from diagrams.cli.output import Table, progress, say, tell
 from diagrams.cli.runner import Report, Run, reports
-
-if TYPE_CHECKING:
-    from np_drake.diagnosis.result import Diagnosis
-    from np_drake.flight_log import FlightLog
-    from np_drake.logs.case_folder import CaseFiles
-    from np_drake.vehicle import Vehicle
+from diagrams.gap import side_by_side
+from diagrams.gap.corrected import FILE, SECOND, corrected_simulator, with_trial, write_corrected
+from diagrams.gap.drake_replay import DrakeReplay
+from np_drake.diagnosis.diagnose import diagnose as five_steps
+from np_drake.diagnosis.options import IDEAL_SENSORS, Tolerance
+from np_drake.diagnosis.report import answer, words
+from np_drake.diagnosis.report.page import write_report
+from np_drake.diagnosis.residuals import require_flights
+from np_drake.diagnosis.result import Diagnosis
+from np_drake.flight_log import FlightLog
+from np_drake.logs.case_folder import CaseFiles, find_case
+from np_drake.logs.formats.neurobem import is_neurobem
+from np_drake.rotor_input import with_rotor_input
+from np_drake.vehicle import Vehicle
+from np_drake.vehicle.vehicle import left_out, load_vehicle
 
 Out = Annotated[
     Path | None, Option("--out", metavar="DIR", help="Folder for report, figures and JSON.")
@@ -87,11 +96,6 @@ def diagnose(
     """Diagnose the gap between the nominal simulator and flights; with --out: report, replay,
     figures, JSON.
     """
-    from diagrams.gap.drake_replay import DrakeReplay
-    from np_drake.diagnosis.diagnose import diagnose as five_steps
-    from np_drake.diagnosis.options import IDEAL_SENSORS, Tolerance
-    from np_drake.diagnosis.residuals import require_flights
-
     files = _choose_files(case, vehicle, train or [], held_out or [])
     nominal = _nominal_vehicle(files)
     logs = files.open(nominal, repair=repair)
@@ -115,8 +119,6 @@ def diagnose(
         advance(1.0)
     nominal = found.nominal or nominal
     if run.folder is not None:
-        from diagrams.gap.corrected import with_trial
-
         with progress("trying the corrected simulator", 1.0) as advance:
             found = with_trial(found, nominal)
             advance(1.0)
@@ -133,8 +135,6 @@ def diagnose(
     config |= {"neighbour": neighbour} if neighbour else {}
 
     def write(folder: Path) -> None:
-        from np_drake.diagnosis.report.page import write_report
-
         links = _write_overlay(found, nominal, [] if no_replay else logs[1], folder)
         links |= _write_simulators(found, nominal, folder)
         say(f"report: {write_report(found, folder, seed=run.seed, config=config, beside=links)}")
@@ -155,22 +155,17 @@ def judgement(diagnosis: "Diagnosis") -> list[str]:
     """Return what stands against any answer, the headline, the sentence below it, and the same of a
     second answer.
     """
-    from np_drake.diagnosis.report import words
-    from np_drake.diagnosis.report.answer import headline, lead
-
     said = [f"Before the answer: {doubt}." for doubt in diagnosis.doubts]
-    said += [f"{headline(diagnosis)}.", lead(diagnosis)]
+    said += [f"{answer.headline(diagnosis)}.", answer.lead(diagnosis)]
     if (refit := diagnosis.refit) is not None:
         flights = words.flights(len(diagnosis.held_out))
         again = f"Second answer, with the first halves of {flights} in the fit:"
-        said += ["", f"{again} {headline(refit)}.", lead(refit)]
+        said += ["", f"{again} {answer.headline(refit)}.", answer.lead(refit)]
     return [*said, ""]
 
 
 def tables(diagnosis: "Diagnosis") -> list[Table]:
     """Return the tables that have rows, the answer first."""
-    from np_drake.diagnosis.report import answer, words
-
     every: list[Table] = [
         (
             "what differs from the vehicle file (calibration, no cause)",
@@ -214,18 +209,14 @@ def tables(diagnosis: "Diagnosis") -> list[Table]:
 
 def notes(diagnosis: "Diagnosis") -> list[str]:
     """Return the sensors that were assumed, and every warning once."""
-    from np_drake.diagnosis.report.answer import warnings
-
     named = {"rig": "real", "laboratory": "ideal"}
     sensors = named.get(diagnosis.judged_as, diagnosis.judged_as)
     judged = [f"Judged as logs of {sensors} sensors (--rig, --laboratory)."] if sensors else []
-    return [*judged, *(f"warning: {text}" for text in warnings(diagnosis))]
+    return [*judged, *(f"warning: {text}" for text in answer.warnings(diagnosis))]
 
 
 def _replay_rows(diagnosis: "Diagnosis") -> list[tuple]:
     """Return a row for every horizon."""
-    from np_drake.diagnosis.report import words
-
     reduction = diagnosis.gap_reduction
     gaps = [gap for gap in (reduction.replay_before, reduction.replay_after) if gap is not None]
     rows = list[tuple]()
@@ -244,21 +235,19 @@ def _write_simulators(found: "Diagnosis", vehicle: "Vehicle", folder: Path) -> d
 
     Raises: OSError: if one cannot be written.
     """
-    from diagrams.gap.corrected import FILE, SECOND, corrected_simulator, write_corrected
-
     links = {}
-    for answer, name, which in ((found, FILE, ""), (found.refit, SECOND, " of the second answer")):
+    for one, name, which in ((found, FILE, ""), (found.refit, SECOND, " of the second answer")):
         (folder / name).unlink(missing_ok=True)  # of an earlier diagnosis
-        if answer is None or answer.cannot_tell:
+        if one is None or one.cannot_tell:
             continue
         try:
-            config = corrected_simulator(answer, vehicle)
+            config = corrected_simulator(one, vehicle)
         except ValueError as error:
             tell(f"no {name}: {' '.join(str(error).split())}")
             continue
-        write_corrected(config, answer, folder / name)
+        write_corrected(config, one, folder / name)
         say(f"corrected simulator{which}: {folder / name}")
-        how = "which no controller keeps in the air" if answer.not_flyable else "to fly"
+        how = "which no controller keeps in the air" if one.not_flyable else "to fly"
         links[name] = f"Corrected simulator{which}, {how}"
     return links
 
@@ -269,10 +258,7 @@ def _write_overlay(
     """Write `replay.html` to a folder and return the text of its link; print where it is, or why
     there is none.
     """
-    from diagrams.gap.side_by_side import FILE, NoReplay, side_by_side, write_side_by_side
-    from np_drake.rotor_input import with_rotor_input
-
-    path = folder / FILE
+    path = folder / side_by_side.FILE
     path.unlink(missing_ok=True)  # of an earlier diagnosis
     if not held_out:
         return {}
@@ -281,11 +267,11 @@ def _write_overlay(
             with_rotor_input(log, vehicle) if log.input == "rotor_speed" else log
             for log in held_out
         ]
-        beside = side_by_side(found, vehicle, driven)
-    except NoReplay as reason:
-        tell(f"no {FILE}: {reason}")
+        beside = side_by_side.side_by_side(found, vehicle, driven)
+    except side_by_side.NoReplay as reason:
+        tell(f"no {side_by_side.FILE}: {reason}")
         return {}
-    write_side_by_side(beside, vehicle, path)
+    side_by_side.write_side_by_side(beside, vehicle, path)
     say(f"flight beside its simulators: {path}")
     say(*([f"  the corrected one: {beside.missing}"] if beside.missing else []))
     return {path.name: "Watch the flight beside its simulators"}
@@ -295,8 +281,6 @@ def _choose_files(
     case: Path | None, vehicle: Path | None, train: list[Path], held_out: list[Path]
 ) -> "CaseFiles":
     """Return the files of a case folder, or those given one by one."""
-    from np_drake.logs.case_folder import CaseFiles, find_case
-
     if case is None:
         if not train or not held_out:
             raise ValueError(
@@ -318,9 +302,6 @@ def _nominal_vehicle(files: "CaseFiles") -> "Vehicle":
 
     Raises: ValueError: on a bad vehicle file; OSError: if a flight cannot be opened.
     """
-    from np_drake.logs.formats.neurobem import is_neurobem
-    from np_drake.vehicle import load_vehicle
-
     if files.vehicle is None:
         published = all(is_neurobem(path) for path in files.train + files.held_out)
         vehicle = load_vehicle("neurobem" if published else "paper")
@@ -334,8 +315,6 @@ def vehicle_of(path: Path) -> "Vehicle":
 
     Raises: ValueError: on a bad vehicle file.
     """
-    from np_drake.vehicle.vehicle import left_out, load_vehicle
-
     vehicle = load_vehicle(path)
     if missing := left_out(path):
         tell(

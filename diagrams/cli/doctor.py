@@ -1,18 +1,21 @@
 """`np-drake doctor`: is a flight log usable, and which effects can it tell, to what size."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from typer import Argument, Option
 
 from diagrams.cli import options
+from diagrams.cli.diagnose import vehicle_of
 from diagrams.cli.output import Table, progress, tell
 from diagrams.cli.runner import Report, Run, reports
+from np_drake.diagnosis.doctor.examine import NEVER, YES, Answer, LogReport, examine
+from np_drake.diagnosis.doctor.flight_facts import FlightFacts
 from np_drake.files.number_text import fixed, measure, number, percent, with_unit
-
-if TYPE_CHECKING:
-    from np_drake.diagnosis.doctor.examine import Answer, LogReport
-    from np_drake.diagnosis.doctor.flight_facts import FlightFacts
+from np_drake.logs.errors import LogError
+from np_drake.logs.importing.consistency import SCALE
+from np_drake.logs.importing.log_map import load_map_file
+from np_drake.logs.opening import Opened, read_as_logged, with_vehicle
 
 NOTED = 3.0  # times its usual noise from which a signal's is noted as high [1]
 SHOWN = 0.5  # share of repeated rows from which a signal's are noted [1]
@@ -50,12 +53,6 @@ def doctor(
     """Examine flight logs: rates, gaps, noise, clocks, motion, and which effects they can tell, to
     what size.
     """
-    from diagrams.cli.diagnose import vehicle_of
-    from np_drake.diagnosis.doctor.examine import examine
-    from np_drake.logs.errors import LogError
-    from np_drake.logs.importing.log_map import load_map_file
-    from np_drake.logs.opening import Opened, read_as_logged, with_vehicle
-
     nominal = None if vehicle is None else vehicle_of(vehicle)
     declared = None if log_map is None else load_map_file(log_map)
     opened, failures, refused = list[Opened](), list[Exception](), list[LogError]()
@@ -111,8 +108,6 @@ def judgement(report: "LogReport") -> list[str]:
 
 def tables(report: "LogReport") -> list[Table]:
     """Return the tables of a report that have rows: flights, findings, and what they can tell."""
-    from np_drake.diagnosis.doctor.examine import NEVER, YES
-
     swings = {test.flight: test.swings for test in report.swings}
     flights = [
         (f.name, f.duration, 1 / f.step, _gaps(f), "yes" if swings.get(f.name) else "no")
@@ -189,8 +184,6 @@ def _gaps(f: "FlightFacts") -> str:
 
 
 def _conventions(f: "FlightFacts") -> str:
-    from np_drake.logs.importing.consistency import SCALE
-
     if not f.misfits:
         return "not checked: too short, or no two quantities can be compared"
     worst = max(f.misfits, key=lambda law: f.misfits[law])
@@ -234,8 +227,6 @@ def _motion(report: "LogReport") -> str:
 
 def _sizes(answers: "list[Answer]", told: bool) -> str:
     """Return the smallest sizes that can be told, in brackets those that cannot."""
-    from np_drake.diagnosis.doctor.examine import YES
-
     shown = []
     for a in answers:
         own = f"{a.parameter.split('_')[-1]} " if len(answers) > 1 else ""

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import numpy as np
 from typer import Argument, Option
@@ -23,12 +23,27 @@ from diagrams.cli.train import (
     require_one_frame,
     train_reaction,
 )
+from diagrams.loop.controller_config import NP_MODEL
 from np_drake.files.number_text import number
-
-if TYPE_CHECKING:
-    from np_drake.residual_model import ResidualModel
-    from np_drake.skill.flight_skill import Model
-    from np_drake.training_data.training_segments import Flight
+from np_drake.lifting.model.model_file import load_model, schema_of
+from np_drake.lifting.training.train import CONFIGURATIONS as KNOWN
+from np_drake.lifting.training.train import make_config, train
+from np_drake.logs.formats.neurobem_wrenches import RACE_TRACK, TRAINING
+from np_drake.payload_filter.model_file import SCHEMAS, PayloadFilterModel
+from np_drake.payload_filter.training import opened_logs, train_payload_filter
+from np_drake.residual_model import ResidualModel
+from np_drake.residual_models.linear_baselines import fit_all
+from np_drake.residual_models.motion_model import REACTIONS
+from np_drake.skill.flight_skill import (
+    Model,
+    diverged,
+    flight_stability,
+    label_distances,
+    score_flights,
+)
+from np_drake.skill.skill import mean_interval
+from np_drake.training_data.training_segments import Flight, require_motion
+from np_drake.vehicle.scaling import sampling_period
 
 AXES_CHOOSE = ""  # the configuration that suits the axes of the flights
 CONFIGURATIONS = ("paper", AXES_CHOOSE)  # that are trained unless some are named
@@ -74,9 +89,6 @@ def evaluate(
     and known.
     """
     steps = parse_horizons(horizons)
-    from np_drake.lifting.training.train import CONFIGURATIONS as KNOWN
-    from np_drake.residual_models.motion_model import REACTIONS
-
     known = (*KNOWN, PAYLOAD_FILTER)
     asked = [asked_configuration(name, "--only", known) for name in only or ()]
     names = list(dict.fromkeys(asked or CONFIGURATIONS))
@@ -92,22 +104,11 @@ def evaluate(
         )
     train, logs = _choose_flights(list(train or ()), list(logs or ()), predictor, neurobem)
     if not train and not leave_one_out:
-        from diagrams.loop.controller_config import NP_MODEL
-
         predictor = predictor or NP_MODEL
     loaded = load(predictor) if predictor else {}
     tests = open_flights(logs, vehicle, repair=repair)
     training = open_flights(train, vehicle, repair=repair)
     require_one_frame([*training, *tests])
-    from np_drake.skill.flight_skill import (
-        diverged,
-        flight_stability,
-        label_distances,
-        score_flights,
-    )
-    from np_drake.training_data.training_segments import require_motion
-    from np_drake.vehicle.scaling import sampling_period
-
     step = step or sampling_period(tests[0].vehicle)
     folds = [([other for other in tests if other is not test], [test]) for test in tests]
     folds = folds if leave_one_out else [(training, tests)]
@@ -175,8 +176,6 @@ def _choose_flights(
             "give flights, or the folder of the NeuroBEM flights as --neurobem DIR or "
             "NP_DRAKE_NEUROBEM."
         )
-    from np_drake.logs.formats.neurobem_wrenches import RACE_TRACK, TRAINING
-
     say("the paper prints 0.057 N and 0.006 N·m for race track 1 (one step ahead).")
     return [neurobem / "npy" / f"{TRAINING}.npy"], [neurobem / "npy" / f"{RACE_TRACK}.npy"]
 
@@ -191,8 +190,6 @@ def _train_baselines(
         if also:
             raise ValueError("--also: gp and knode need flights to train on; give --train LOG.")
         return {}
-    from np_drake.residual_models.linear_baselines import fit_all
-
     segments = [segment for flight in flights for segment in flight.segments(step)]
     mean = np.concatenate([segment.goal for segment in segments]).mean(axis=0)
     models: dict[str, ResidualModel] = dict(fit_all(segments, np.unique([0, *horizons])))
@@ -206,9 +203,6 @@ def load(path: Path) -> dict[str, "Model"]:
     """Load the model of a file, lifted linear system or payload filter; return it by its
     configuration.
     """
-    from np_drake.lifting.model.model_file import load_model, schema_of
-    from np_drake.payload_filter.model_file import SCHEMAS, PayloadFilterModel
-
     if schema_of(path) in SCHEMAS:
         return {PAYLOAD_FILTER: PayloadFilterModel.load(path)}
     model = load_model(path)
@@ -222,9 +216,6 @@ def _train_all(
 
     Raises: ValueError: if `payload_filter` is among them and a flight is an array.
     """
-    from np_drake.lifting.training.train import make_config, train
-    from np_drake.payload_filter.training import opened_logs, train_payload_filter
-
     segments = [segment for flight in flights for segment in flight.segments(step)]
     models: dict[str, Model] = {}
     for asked in names:
@@ -266,8 +257,6 @@ def tables(rows: list[dict[str, Any]], zeta: str, *, mean: bool) -> list[Table]:
 
 def _cell(kind: str, rows: list[dict[str, Any]], mean: bool) -> str:
     """Return error and skill of a flight, or of several their mean ratio and worst skill."""
-    from np_drake.skill.skill import mean_interval
-
     if not mean:
         return f"{number(rows[-1][f'{kind}_rmse'])} ({rows[-1][f'{kind}_skill']:.2f})"
     middle, low, high = mean_interval(np.array([row[f"{kind}_ratio"] for row in rows]))
@@ -284,8 +273,6 @@ def stability_text(lines: list[dict[str, Any]], rows: list[dict[str, Any]]) -> l
     """Return two sentences for every model: spectral radii of its windows; flights that diverge,
     longest forecast.
     """
-    from np_drake.skill.flight_skill import diverged
-
     said = []
     for name in dict.fromkeys(line["model"] for line in lines):
         of = [line for line in lines if line["model"] == name]

@@ -4,7 +4,7 @@ import copy
 import dataclasses as dc
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import yaml
 from typer import Argument, Option
@@ -14,11 +14,30 @@ from diagrams.batch.failed_run import FailedRun
 from diagrams.cli import options
 from diagrams.cli.output import Table, progress, say, tell
 from diagrams.cli.runner import Report, Run, reports
+from diagrams.gap.corrected import drawn
+from diagrams.loop.controller_config import LEARNED
+from diagrams.loop.controller_models import kind_of_model, make_residual_model
+from diagrams.loop.experiments import EXPERIMENTS, load_experiment, scenario_file, settings_of
+from diagrams.loop.flight import FlightConfig
+from diagrams.loop.flight_diagram import make_flight_diagram
+from diagrams.loop.flight_result import FlightResult, LostVehicle
+from diagrams.loop.flight_result import fly as simulate
+from diagrams.loop.live import LiveView
+from diagrams.loop.mcap_flight import write_flight_mcap
+from diagrams.loop.own_controller import is_own
+from diagrams.loop.replay.flight_page import write_replay
+from diagrams.offboard.linked_flight import CommandedByLink, RealTime
+from diagrams.tracking import comparison
+from np_drake.autopilot.firmware import find_firmware
+from np_drake.command_delay import LONGEST_DELAY
+from np_drake.files.figure_file import save
 from np_drake.files.yaml_file import filled, read_yaml
-
-if TYPE_CHECKING:
-    from diagrams.loop.flight import FlightConfig
-    from diagrams.loop.flight_result import FlightResult
+from np_drake.logs.formats.log_file import write_log
+from np_drake.logs.formats.mcap_file import require_mcap
+from np_drake.offboard.link import MavlinkLink
+from np_drake.vehicle import load_vehicle
+from np_drake.vehicle.scaling import usual_rate_loop
+from systems.payload_config import PayloadConfig
 
 Experiment = Annotated[
     str, Argument(help="circle, lemniscate, hover, … or a scenario file (YAML).")
@@ -94,8 +113,6 @@ def fly(
     ] = False,
 ) -> Report:
     """Simulate an experiment; with --out: flight log, figures and a 3-D replay page."""
-    from diagrams.tracking import comparison
-
     if link is not None and (controller or predictor or live or sample is not None):
         others = "--controller, --predictor, --live and --sample"
         raise ValueError(f"give either --link, whose node has the controller, or {others}.")
@@ -118,16 +135,12 @@ def fly(
             "--controller."
         )
     if mcap is not None:
-        from np_drake.logs.formats.mcap_file import require_mcap
-
         require_mcap(mcap)
         if mcap.suffix != ".mcap":
             raise ValueError(f"--mcap: must be a file whose name ends in .mcap; got {mcap}.")
     flown, compared, lost = configs, len(configs) > 1, list[FailedRun]()
     tables, metrics, figures = list[Table](), None, ["track", "errors", "wrench"]
     if sample is not None:
-        from diagrams.gap.corrected import drawn
-
         flown = drawn(configs[0], sample, run.seed)
     if link is not None:
         flight, linked = _fly_linked(configs[0], run.seed, link)
@@ -138,8 +151,6 @@ def fly(
     else:
         flights = fly_all(flown, run.seed, lost if compared else None)
     if mcap is not None:
-        from diagrams.loop.mcap_flight import write_flight_mcap
-
         write_flight_mcap(flights[0], mcap)
         say(f"MCAP: {mcap}")
     if metrics is None:
@@ -183,9 +194,6 @@ def scenarios(
 
     Raises: ValueError: on bad input.
     """
-    from diagrams.loop.experiments import EXPERIMENTS, load_experiment, scenario_file
-    from np_drake.vehicle import load_vehicle
-
     if reality is not None and vehicle is not None:
         raise ValueError("give either --reality, which has a vehicle of its own, or --vehicle.")
     first = load_experiment(experiment, None if vehicle is None else load_vehicle(vehicle), reality)
@@ -242,8 +250,6 @@ def _with_payload(config: "FlightConfig", mass: float) -> "FlightConfig":
     """Return the scenario with a payload of another mass [kg], or with none; its cable stretches by
     the same share of its length.
     """
-    from systems.payload_config import PayloadConfig
-
     hung = config.reality.payload
     tether = "cable" if hung.tether == "none" else hung.tether
     share = mass / hung.mass
@@ -257,8 +263,6 @@ def _with_autopilot(config: "FlightConfig", kind: str) -> "FlightConfig":
     """Return the scenario with an autopilot, by the loop of a usual tune where the vehicle's file
     names none.
     """
-    from np_drake.vehicle.scaling import usual_rate_loop
-
     config = config.with_autopilot(kind)
     config.autopilot.check()
     if config.autopilot.flies and config.vehicle.rate_loop is None:
@@ -277,9 +281,6 @@ def _give(predictor: Path, configs: "Sequence[FlightConfig]") -> None:
 
     Raises: ValueError: where none of them flies a model, or this one.
     """
-    from diagrams.loop.controller_config import LEARNED
-    from diagrams.loop.controller_models import kind_of_model
-
     controllers = [config.controller for config in configs if config.controller.kind in LEARNED]
     if not controllers:
         raise ValueError(f"--predictor: is for {', '.join(LEARNED)}; none of them flies.")
@@ -299,11 +300,6 @@ def _require_flyable(config: "FlightConfig") -> None:
 
     Raises: ValueError: where one does not fit.
     """
-    from diagrams.loop.controller_models import make_residual_model
-    from diagrams.loop.flight_diagram import make_flight_diagram
-    from diagrams.loop.own_controller import is_own
-    from np_drake.autopilot.firmware import find_firmware
-
     config.check()
     if config.autopilot.kind == "betaflight":
         find_firmware()
@@ -318,8 +314,6 @@ def _default_controller(config: "FlightConfig", predictor: Path | None) -> str:
 
     The packaged model knows the paper's vehicle.
     """
-    from diagrams.loop.controller_models import kind_of_model, make_residual_model
-
     if predictor is not None:
         return kind_of_model(str(predictor))
     try:
@@ -342,8 +336,6 @@ def fly_all(
         lost: takes what ended a flight early; None: nothing may.
     Raises: FailedRun: where nothing may end one early, or no flight is left; it names all.
     """
-    from diagrams.loop.flight_result import fly as simulate
-
     flights, first = [], configs[0]
     names = ", ".join(dict.fromkeys(config.controller.name for config in configs))
     with progress(f"flying {first.name} with {names}", len(configs) * first.end) as advance:
@@ -369,10 +361,6 @@ def _fly_linked(config: "FlightConfig", seed: int, address: str) -> "tuple[Fligh
 
     Raises: ValueError: where the link cannot be opened.
     """
-    from diagrams.loop.flight_result import fly as simulate
-    from diagrams.offboard.linked_flight import CommandedByLink, RealTime
-    from np_drake.offboard.link import MavlinkLink
-
     link, pace = MavlinkLink(address), RealTime()
     try:
         factory = CommandedByLink(link)
@@ -394,10 +382,6 @@ def _fly_live(config: "FlightConfig", seed: int) -> "FlightResult":
 
     Raises: LostVehicle: where it was lost before anything was recorded.
     """
-    from diagrams.loop.flight_result import FlightResult, LostVehicle
-    from diagrams.loop.flight_result import fly as simulate
-    from diagrams.loop.live import LiveView
-
     with LiveView(config) as view:
         payload = ", P the payload" if view.has_payload else ""
         say(f"watch it at {view.meshcat.web_url()}: V pushes{payload}; Esc or Ctrl-C ends it.")
@@ -420,8 +404,6 @@ def _notes(flight: "FlightResult") -> list[str]:
     """Return lines about waypoints that a flight did not pass, and about the delay of commands with
     which the controller reckoned at the end.
     """
-    from np_drake.command_delay import LONGEST_DELAY
-
     before = flight.config.warnings()
     said = [f"warning: {text}" for text in flight.warnings() if text not in before]
     longest = LONGEST_DELAY * flight.config.controller.period
@@ -434,8 +416,6 @@ def _notes(flight: "FlightResult") -> list[str]:
 
 def as_config(config: "FlightConfig") -> dict:
     """Return the scenario as plain data, for `--json`."""
-    from diagrams.loop.experiments import settings_of
-
     kept = ("integration_scheme", "max_step_size", "accuracy")
     return settings_of(config) | {
         "simulator": {name: getattr(config.simulator, name) for name in kept}
@@ -460,11 +440,6 @@ def flights_table(flights: "Sequence[FlightResult]") -> Table:
 
 def _write_flight(flight: "FlightResult", folder: Path, figures: Sequence[str]) -> None:
     """Write flight log, figures and replay page of a flight, named by its controller."""
-    from diagrams.loop.replay.flight_page import write_replay
-    from diagrams.tracking import comparison
-    from np_drake.files.figure_file import save
-    from np_drake.logs.formats.log_file import write_log
-
     stem = comparison.stem(flight)
     write_log(flight.log(), folder / f"{stem}.csv")
     if flight.blackbox:

@@ -1,22 +1,43 @@
 """`np-drake identify`: what flight logs tell of a vehicle, as a vehicle file."""
 
+import dataclasses as dc
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
+import numpy as np
 from typer import Argument, Option
 
 from diagrams.batch.failed_run import FailedRun
 from diagrams.cli import output
+from diagrams.cli.app import text_of
 from diagrams.cli.output import Table, progress, say, tell
 from diagrams.cli.runner import Report, Run, reports
-
-if TYPE_CHECKING:
-    from np_drake.flight_log import FlightLog
-    from np_drake.identification.identify import Identification
-    from np_drake.identification.validation import HeldOut
-    from np_drake.vehicle import Vehicle
+from diagrams.identification.page import write_page
+from diagrams.identification.text import (
+    agreement,
+    change,
+    half_width,
+    interval,
+    not_told,
+    summary,
+    unit_of,
+)
+from np_drake.flight_log import FlightLog
+from np_drake.identification.flight_agreement import flight_values, own_values
+from np_drake.identification.identified_vehicle import identified_vehicle
+from np_drake.identification.identify import REMEDY, SHORTEST, Identification, lasts, unfit
+from np_drake.identification.identify import identify as identified
+from np_drake.identification.signals import common_drive, signals
+from np_drake.identification.validation import HeldOut
+from np_drake.identification.validation import held_out as errors_on
+from np_drake.logs.importing.log_map import load_map_file
+from np_drake.logs.opening import read_as_logged, with_vehicle
+from np_drake.vehicle import Vehicle, load_vehicle
+from np_drake.vehicle.estimate import HEAVIEST, LIGHTEST, Measured, estimate
+from np_drake.vehicle.rotor_layout import FIRMWARE
+from np_drake.vehicle.text import save_vehicle
 
 Out = Annotated[
     Path | None,
@@ -92,10 +113,6 @@ def identify(
     flights.
     """
     with _earlier_named(run.out), progress("identifying", 1.0) as advance:
-        from np_drake.identification.identify import identify as identified
-        from np_drake.identification.signals import common_drive
-        from np_drake.identification.validation import held_out as errors_on
-
         judges = held_out or []
         named = [path.resolve() for path in (*logs, *judges)]
         if twice := [path for path in (*logs, *judges) if named.count(path.resolve()) > 1]:
@@ -135,17 +152,12 @@ def identify(
     metrics = as_json(found, rows)
 
     def write(folder: Path) -> None:
-        from diagrams.identification.page import write_page
-        from np_drake.vehicle.text import save_vehicle
-
         (folder / FILE).unlink(missing_ok=True)  # of an earlier identification
         if own is not None:
             save_vehicle(own, folder / FILE)
             say(f"vehicle file: {folder / FILE}")
         output.write_metrics(folder / JSON, SCHEMA, seed=run.seed, config=config, **metrics)
         say(f"page: {write_page(found, rows, folder, thirds=bool(parts))}")
-
-    from diagrams.identification.text import change, summary
 
     lines = [*summary(found), *filter(None, [change(rows)])]
     shown = [table for table in _tables(found, rows) if table[-1]]
@@ -160,15 +172,11 @@ def _earlier_named(folder: Path | None) -> Iterator[None]:
     except (ValueError, OSError) as error:
         if folder is None or not (folder / FILE).is_file():
             raise
-        from diagrams.cli.app import text_of
-
         raise ValueError(f"{text_of(error)} {folder / FILE} is of an earlier run.") from error
 
 
 def _vehicle(found: "Identification", name: str) -> "tuple[Vehicle | None, FailedRun | None]":
     """Return the identified vehicle, or None with the reason where its values are none's."""
-    from np_drake.identification.identified_vehicle import identified_vehicle
-
     if found.basis.ratios:
         return None, None
     try:
@@ -191,12 +199,6 @@ def _prior_of(
     Without a file, a frame of this wheelbase and propeller [m] and order of rotors.
     Raises: ValueError: where they do not go together.
     """
-    import dataclasses as dc
-
-    from np_drake.vehicle import load_vehicle
-    from np_drake.vehicle.estimate import HEAVIEST, LIGHTEST, Measured, estimate
-    from np_drake.vehicle.rotor_layout import FIRMWARE
-
     if trust not in ("mass", "thrust"):
         raise ValueError(f"--trust must be mass or thrust; got {trust!r}.")
     if mass is not None and not LIGHTEST <= mass <= HEAVIEST:
@@ -238,10 +240,6 @@ def _open_logs(
 
     Raises: ValueError: where the rotors of a log do not turn, with what would tell the vehicle.
     """
-    from np_drake.identification.identify import REMEDY
-    from np_drake.logs.importing.log_map import load_map_file
-    from np_drake.logs.opening import read_as_logged, with_vehicle
-
     declared = None if log_map is None else load_map_file(log_map)
     read = []
     for number, path in enumerate(paths):
@@ -271,9 +269,6 @@ def _split(
         logs: flights of each log to fit; a log with gaps has several.
         held_out: flights to judge by; none: the last log, or the last third of a single flight.
     """
-    from np_drake.identification.identify import SHORTEST, lasts, unfit
-    from np_drake.identification.signals import signals
-
     flights = [log for found in logs for log in found]
     short = [log for log in (*flights, *held_out) if lasts(log) < SHORTEST]
     said = [f"{log.name}: shorter than {SHORTEST:g} s; left out" for log in short]
@@ -306,10 +301,6 @@ def _split(
 
 def _tables(found: "Identification", rows: "list[HeldOut]") -> list[Table]:
     """Return what is told, the rate loop of an autopilot, and the errors on what was not fitted."""
-    import numpy as np
-
-    from diagrams.identification.text import agreement, half_width, interval
-
     told = []
     for q in found.quantities:
         widths = (half_width(found, q, q.low, q.high), half_width(found, q, *q.prior))
@@ -348,9 +339,6 @@ def _tables(found: "Identification", rows: "list[HeldOut]") -> list[Table]:
 
 def as_json(found: "Identification", rows: "list[HeldOut]") -> dict[str, Any]:
     """Return the values of `--json`."""
-    from diagrams.identification.text import not_told, unit_of
-    from np_drake.identification.flight_agreement import flight_values, own_values
-
     each = {told.quantity.name: told for told in flight_values(found)}
     quantities = []
     for q in found.quantities:

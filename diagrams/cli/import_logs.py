@@ -4,16 +4,18 @@ what was done.
 
 import dataclasses as dc
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from typer import Argument, Option
 
 from diagrams.batch.run import make_folder
 from diagrams.cli.output import progress, say
 from diagrams.cli.runner import Report, Run, reports
-
-if TYPE_CHECKING:
-    from np_drake.logs.importing.import_log import Imported
+from np_drake.logs.errors import LogError
+from np_drake.logs.formats.log_file import write_log
+from np_drake.logs.import_sheet import sheet_path, write_sheet
+from np_drake.logs.importing.import_log import Imported, import_log
+from np_drake.logs.importing.log_map import load_map_file
 
 SUFFIXES = (".csv", ".csv.gz", ".parquet")
 Out = Annotated[
@@ -75,10 +77,6 @@ def import_logs(
     """Import flight logs of other formats, with a sheet beside each: what was mapped, turned,
     aligned and left out.
     """
-    from np_drake.logs.errors import LogError
-    from np_drake.logs.importing.import_log import import_log
-    from np_drake.logs.importing.log_map import load_map_file
-
     if suffix not in SUFFIXES:
         raise ValueError(f"--suffix must be one of {', '.join(SUFFIXES)}; got {suffix!r}.")
     declared = None if log_map is None else load_map_file(log_map)
@@ -130,10 +128,6 @@ def _write(found: "Imported", folder: Path, suffix: str, before: list[str]) -> l
 
     Raises: LogError: if a file is there already.
     """
-    from np_drake.logs.errors import LogError
-    from np_drake.logs.formats.log_file import write_log
-    from np_drake.logs.import_sheet import sheet_path, write_sheet
-
     make_folder(folder)
     targets = [folder / f"{flight.name}{suffix}" for flight in found.flights]
     for path in (p for target in targets for p in (target, sheet_path(target))):

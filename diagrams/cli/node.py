@@ -1,9 +1,13 @@
 """`np-drake node`: fly a vehicle through its autopilot, by MAVLink."""
 
+import dataclasses as dc
 from queue import SimpleQueue
 from threading import Thread
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
+import numpy as np
+from pydrake.common.eigen_geometry import Quaternion
+from pydrake.math import RollPitchYaw
 from typer import Option
 
 from diagrams.batch.failed_run import FailedRun
@@ -11,11 +15,12 @@ from diagrams.cli import options
 from diagrams.cli.fly import Experiment, Fields, Predictor, scenarios
 from diagrams.cli.output import progress, say, tell
 from diagrams.cli.runner import Report, Run, reports
-
-if TYPE_CHECKING:
-    import numpy as np
-
-    from diagrams.offboard.node import Node
+from diagrams.loop.own_controller import is_own
+from diagrams.offboard import real_time, report
+from diagrams.offboard.node import Node
+from diagrams.offboard.solver_thread import SolverThread
+from np_drake.logs.formats.log_file import write_log
+from np_drake.offboard.link import MavlinkLink
 
 DEADLINE = 1.0  # of a solve, over the controller's period, where the scenario names none [1]
 # share of the rate of the vehicle's clock that was told last, below which it is told again [1]
@@ -57,14 +62,6 @@ def node(
     """Fly an experiment on a vehicle: state in and body rates out by MAVLink, while all is in
     order.
     """
-    import dataclasses as dc
-
-    from diagrams.loop.own_controller import is_own
-    from diagrams.offboard import real_time, report
-    from diagrams.offboard.node import Node
-    from diagrams.offboard.solver_thread import SolverThread
-    from np_drake.offboard.link import MavlinkLink
-
     config = scenarios(
         experiment,
         [controller] if controller else [],
@@ -112,8 +109,6 @@ def node(
     if flown is None:
         failure = FailedRun(f"node: nothing was flown: {flying.lacks or flying.events[-1].reason}.")
     if flown is not None and run.out is not None:
-        from np_drake.logs.formats.log_file import write_log
-
         file = run.folder / f"{config.name}_{config.controller.name}.csv"
         write_log(flown.log, file)
         say(f"log: {file}")
@@ -135,10 +130,6 @@ def node(
 
 def _pose(x: "np.ndarray") -> str:
     """Return attitude and height of a state (13,) in words; nothing where it is not known."""
-    import numpy as np
-    from pydrake.common.eigen_geometry import Quaternion
-    from pydrake.math import RollPitchYaw
-
     if not np.isfinite(x).all():
         return ""
     roll, pitch, yaw = np.degrees(

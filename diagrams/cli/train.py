@@ -5,7 +5,7 @@ import time
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, TypeVar
+from typing import Annotated, Any, TypeVar
 
 from typer import Argument, Option
 
@@ -13,11 +13,29 @@ from diagrams.cli import options
 from diagrams.cli.fly import fly_all
 from diagrams.cli.output import progress, require_outputs, say, tell
 from diagrams.cli.runner import Report, Run, reports
-
-if TYPE_CHECKING:
-    from np_drake.lifting.model.lifted_model import LiftedModel
-    from np_drake.residual_models.motion_model import MotionModel
-    from np_drake.training_data.training_segments import Flight
+from diagrams.loop.experiments import training_flight
+from diagrams.prediction.envelope import train_on_envelope
+from diagrams.prediction.learning import placed_family
+from diagrams.tracking.network_share import flown_share
+from np_drake.files.figure_file import new_figure, save
+from np_drake.lifting.model.lifted_model import FAMILIES, LIFTED, NEURAL, LiftedModel
+from np_drake.lifting.model.model_file import load_model, save_model
+from np_drake.lifting.model.origin import rotor_lag_of
+from np_drake.lifting.training.network_training import PART
+from np_drake.lifting.training.train import CONFIGURATIONS, TrainingResult, make_config, suited
+from np_drake.logs import opening
+from np_drake.logs.formats.neurobem import is_array, published_vehicle
+from np_drake.logs.formats.neurobem_wrenches import read_wrenches
+from np_drake.payload_filter.model_file import OLD_NAME
+from np_drake.payload_filter.training import opened_logs, train_payload_filter
+from np_drake.residual_models.motion_model import KNODE, REACTIONS, MotionModel
+from np_drake.residual_models.motion_training import train_motion_model
+from np_drake.residual_models.predictor_training import place_on_flights, train_on_flights
+from np_drake.training_data.accelerations import with_accelerations
+from np_drake.training_data.segments import WrenchSequence
+from np_drake.training_data.training_segments import Flight, require_motion, require_torque
+from np_drake.vehicle import Vehicle, load_vehicle
+from np_drake.vehicle.scaling import sampling_period
 
 PAYLOAD_FILTER = "payload_filter"
 SCENARIOS = (".yaml", ".yml")  # files that are flown
@@ -63,20 +81,6 @@ def train(
         raise ValueError(f"--out: must end in .safetensors; got {out.name}.")
     curve = out.with_suffix(".png")
     require_outputs(out, curve, run.json)
-    from diagrams.prediction.envelope import train_on_envelope
-    from diagrams.tracking.network_share import flown_share
-    from np_drake.files.figure_file import new_figure, save
-    from np_drake.lifting.model.lifted_model import FAMILIES, LIFTED, NEURAL
-    from np_drake.lifting.model.model_file import save_model
-    from np_drake.lifting.model.origin import rotor_lag_of
-    from np_drake.lifting.training.network_training import PART
-    from np_drake.lifting.training.train import CONFIGURATIONS, TrainingResult, make_config
-    from np_drake.residual_models.motion_model import KNODE, REACTIONS
-    from np_drake.residual_models.predictor_training import train_on_flights
-    from np_drake.training_data.training_segments import require_motion
-    from np_drake.vehicle import Vehicle, load_vehicle
-    from np_drake.vehicle.scaling import sampling_period
-
     name = asked_configuration(
         configuration, "--configuration", (*CONFIGURATIONS, PAYLOAD_FILTER, *REACTIONS)
     )
@@ -166,10 +170,6 @@ def _placed(
     """Return a family as the logs place it, that of a file or the packaged one, and say which; None
     where they are to be learnt from alone.
     """
-    from diagrams.prediction.learning import placed_family
-    from np_drake.lifting.model.model_file import load_model
-    from np_drake.residual_models.predictor_training import place_on_flights
-
     if prior is not None:
         return place_on_flights(flights, load_model(prior), step=step)
     if envelope is not None:
@@ -186,8 +186,6 @@ def asked_configuration(name: str | None, option: str, known: Sequence[str]) -> 
 
     Raises: ValueError: on an unknown name.
     """
-    from np_drake.payload_filter.model_file import OLD_NAME
-
     if name == OLD_NAME:
         say(f"{option}: {OLD_NAME} is now called {PAYLOAD_FILTER}.")
         return PAYLOAD_FILTER
@@ -200,8 +198,6 @@ def configuration_for(name: str, frame: str) -> str:
     """Return the configuration to train, and say which where none was named; wrenches are in world
     or body axes.
     """
-    from np_drake.lifting.training.train import suited
-
     configuration = suited(name, frame)
     if not name:
         say(f"configuration: {configuration}, as the wrenches are in {frame} axes.")
@@ -210,8 +206,6 @@ def configuration_for(name: str, frame: str) -> str:
 
 def _payload_filter_report(flights: "Sequence[Flight]", out: Path, *, step: float) -> Report:
     """Train a payload filter, write its file, and return what it found of the vehicle."""
-    from np_drake.payload_filter.training import opened_logs, train_payload_filter
-
     start = time.perf_counter()
     with progress("training payload_filter", 1.0) as advance:
 
@@ -244,8 +238,6 @@ def train_reaction(
     name: str, flights: "Sequence[Flight]", *, step: float, settings: dict
 ) -> "tuple[MotionModel, list[float], float]":
     """Return gp or knode trained, its loss, and how long the training took [s]."""
-    from np_drake.residual_models.motion_training import train_motion_model
-
     vehicle = flights[0].vehicle
     if any(flight.vehicle != vehicle for flight in flights):
         raise ValueError(
@@ -280,15 +272,6 @@ def open_flights(
     Raises: LogError, OSError: one line, at the first file that is not usable; ValueError: on a bad
         vehicle file, or if NeuroBEM arrays are mixed with logs.
     """
-    from diagrams.loop.experiments import training_flight
-    from np_drake.logs import opening
-    from np_drake.logs.formats.neurobem import is_array, published_vehicle
-    from np_drake.logs.formats.neurobem_wrenches import read_wrenches
-    from np_drake.training_data.accelerations import with_accelerations
-    from np_drake.training_data.segments import WrenchSequence
-    from np_drake.training_data.training_segments import Flight, require_torque
-    from np_drake.vehicle import Vehicle, load_vehicle
-
     vehicle = None if vehicle_file is None else load_vehicle(vehicle_file)
     inputs: list[Any] = []
     for path in paths:

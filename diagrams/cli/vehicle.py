@@ -8,16 +8,26 @@ import re
 from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 from typer import Argument, Option
 
 from diagrams.cli.output import Table, print_table, require_outputs, say
 from diagrams.cli.runner import Report, Run, Verbs, reports
+from diagrams.exports.formats import FORMATS, SHAPE, not_carried
+from diagrams.loop.experiments import load_experiment
+from diagrams.loop.flight import FlightConfig, load_flight
+from np_drake.effects.calibration import in_flight
 from np_drake.files.atomic_file import is_regular, lock_outputs, write_text
-
-if TYPE_CHECKING:
-    from np_drake.vehicle import Vehicle
+from np_drake.files.yaml_file import read_yaml
+from np_drake.vehicle import Vehicle
+from np_drake.vehicle.estimate import Measured, commented_file
+from np_drake.vehicle.published import dimensionless, published_priors, published_vehicles
+from np_drake.vehicle.rotor_layout import FIRMWARE
+from np_drake.vehicle.scaling import numbers, scales
+from np_drake.vehicle.sources import without
+from np_drake.vehicle.text import vehicle_rows, vehicle_text
+from np_drake.vehicle.vehicle import load_vehicle, preset_names, vehicle_file
 
 NAMES = ("sdf", "mujoco")  # of diagrams.exports.formats.FORMATS, which is imported late
 vehicle = Verbs(help="Vehicle files: new, list, show.", add_completion=False)
@@ -74,9 +84,6 @@ def new(
 
     The file states how well mass and thrust are known, which a diagnosis takes into account.
     """
-    from np_drake.vehicle.estimate import Measured, commented_file
-    from np_drake.vehicle.rotor_layout import FIRMWARE
-
     stated = {"mass_uncertainty": mass_uncertainty, "thrust_uncertainty": thrust_uncertainty}
     stated = {key: value for key, value in stated.items() if value is not None}
     measures = {
@@ -129,9 +136,6 @@ def show(
     """Print a vehicle file, where each value comes from, its scales and the default flight that
     follows from them.
     """
-    from np_drake.vehicle.text import vehicle_rows
-    from np_drake.vehicle.vehicle import load_vehicle, vehicle_file
-
     known = load_vehicle(name)
     say(vehicle_file(name).read_text(encoding="utf-8").rstrip("\n"), "")
     rows = [(row.field, row.value, row.interval, row.source) for row in vehicle_rows(name)]
@@ -146,10 +150,6 @@ def _copy_of(preset: str, changed: Mapping[str, Any]) -> str:
     Raises: ValueError: if there is no such preset, it cannot carry that mass, or an uncertainty is
         impossible.
     """
-    from np_drake.vehicle.sources import without
-    from np_drake.vehicle.text import vehicle_text
-    from np_drake.vehicle.vehicle import load_vehicle, vehicle_file
-
     known = load_vehicle(preset)
     given = {field: value for field, value in changed.items() if value is not None}
     sources = known.sources | dict.fromkeys(given, "given")
@@ -163,9 +163,6 @@ def _copy_of(preset: str, changed: Mapping[str, Any]) -> str:
 
 def _preset_table() -> Table:
     """Return a table with a line for every preset, and the first words of its source."""
-    from np_drake.vehicle.scaling import numbers, scales
-    from np_drake.vehicle.vehicle import load_vehicle, preset_names, vehicle_file
-
     rows = []
     for name in preset_names():
         known, lines = load_vehicle(name), vehicle_file(name).read_text("utf-8").splitlines()
@@ -180,8 +177,6 @@ def _published_tables() -> tuple[Table, Table]:
     """Return a table of the published vehicles, and one of the spread of their dimensionless
     numbers.
     """
-    from np_drake.vehicle.published import dimensionless, published_priors, published_vehicles
-
     header = {
         "name": "name",
         "mass [kg]": "mass",
@@ -204,9 +199,6 @@ def _published_tables() -> tuple[Table, Table]:
 
 def _scale_rows(known: "Vehicle") -> list[tuple]:
     """Return the scales and dimensionless numbers of a vehicle, and its default flight."""
-    from diagrams.loop.experiments import load_experiment
-    from np_drake.vehicle.scaling import numbers, scales
-
     unit, number, circle = scales(known), numbers(known), load_experiment("circle", known)
     payload, reference = circle.reality.payload, circle.reference
     stated = [
@@ -256,8 +248,6 @@ def export(
     """Write a vehicle as SDF (Gazebo, Drake) or MJCF (MuJoCo), and say what it leaves out."""
     if to not in NAMES:
         raise ValueError(f"--format must be one of {', '.join(NAMES)}; got {to!r}.")
-    from diagrams.exports.formats import FORMATS, SHAPE, not_carried
-
     vehicle, effects = read_corrected(file)
     form = FORMATS[to]
     account = [*form.write(vehicle, effects, out), *not_carried(vehicle)]
@@ -282,12 +272,6 @@ def read_corrected(file: str) -> tuple["Vehicle", list[Any]]:
 
     No format knows an onset: an effect that begins in flight acts from the start, which is said.
     """
-    from diagrams.loop.flight import FlightConfig, load_flight
-    from np_drake.effects.calibration import in_flight
-    from np_drake.files.yaml_file import read_yaml
-    from np_drake.vehicle import Vehicle
-    from np_drake.vehicle.vehicle import load_vehicle, vehicle_file
-
     source = vehicle_file(file)
     content: Any = None
     with suppress(OSError, ValueError):  # what is wrong in it is left to its reader
