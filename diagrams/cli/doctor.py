@@ -5,20 +5,16 @@ from typing import Annotated
 
 from typer import Argument, Option
 
+from diagrams.batch.columns import tabulate
 from diagrams.cli import options
 from diagrams.cli.diagnose import vehicle_of
 from diagrams.cli.output import Table, progress, tell
 from diagrams.cli.runner import Report, Run, reports
 from np_drake.diagnosis.doctor.examine import NEVER, YES, Answer, LogReport, examine
-from np_drake.diagnosis.doctor.flight_facts import FlightFacts
-from np_drake.files.number_text import fixed, measure, number, percent, with_unit
+from np_drake.files.number_text import measure, number, percent, with_unit
 from np_drake.logs.errors import LogError
-from np_drake.logs.importing.consistency import SCALE
 from np_drake.logs.importing.log_map import load_map_file
 from np_drake.logs.opening import Opened, read_as_logged, with_vehicle
-
-NOTED = 3.0  # times its usual noise from which a signal's is noted as high [1]
-SHOWN = 0.5  # share of repeated rows from which a signal's are noted [1]
 
 
 @reports("doctor", seed=None, markdown=False)
@@ -103,16 +99,12 @@ def judgement(report: "LogReport") -> list[str]:
     return [
         f"{head}{judged}: usable: {usable if report.usable else 'no'}",
         *(f"! {problem}" for problem in report.problems),
+        f"clocks: {'; '.join(map(str, report.flights[0].lags)) or 'no lag can be told'}",
     ]
 
 
 def tables(report: "LogReport") -> list[Table]:
     """Return the tables of a report that have rows: flights, findings, and what they can tell."""
-    swings = {test.flight: test.swings for test in report.swings}
-    flights = [
-        (f.name, f.duration, 1 / f.step, _gaps(f), "yes" if swings.get(f.name) else "no")
-        for f in report.flights
-    ]
     groups: dict[str, list[Answer]] = {}
     for answer in report.answers:
         groups.setdefault(answer.identifier, []).append(answer)
@@ -130,8 +122,7 @@ def tables(report: "LogReport") -> list[Table]:
             missed.append((*row, why, first.todo))
     header = ["effect", "from this size", "usual"]
     every: list[Table] = [
-        ("flights", ["flight", "s", "Hz", "gaps", "swings"], flights if len(flights) > 1 else []),
-        ("findings", ["", "found"], _findings(report)),
+        *_findings(report),
         ("can be told (in brackets: not)", [*header, "note"], told),
         ("cannot be told", [*header, "why", "to fly"], missed),
         ("never", ["effect", "why"], never),
@@ -139,90 +130,50 @@ def tables(report: "LogReport") -> list[Table]:
     return [table for table in every if table[-1]]
 
 
-def _findings(report: "LogReport") -> list[tuple[str, str]]:
-    """Return what was found of the first flight and, in motion and residual, of all."""
-    f, floor = report.flights[0], report.noise_floor
-    rows = [("rows", f"{number(f.duration)} s, {f.rows} at {number(1 / f.step)} Hz, {_gaps(f)}")]
-    rows.append(("input", f.input + (f", known to {measure(f.timing, 's')}" if f.timing else "")))
-    if f.saturated is not None:
-        rows.append(("limits", f"a rotor at its limit in {percent(f.saturated)} of the rows"))
-    if f.imported:
-        slow = [f"{name} {entry['rate']}" for name, entry in f.imported["columns"].items()]
-        rows.append(("import", f"{f.imported['format']}: {', '.join(slow)}"))
-    rows.append(("conventions", _conventions(f)))
-    rows.append(("noise", _noise(f)))
-    unknown = "no two signals move alike enough to tell their lag"
-    rows.append(("clocks", "; ".join(map(str, f.lags)) or unknown))
-    rows.append(("motion", _motion(report)))
-    if floor:
-        shares = ", ".join(fixed(100 * share, 1) for share in report.residual_force.values())
-        force = measure(max(floor[f"force {axis}"] for axis in "xyz"), "N")
-        torque = max(floor[f"torque {axis}"] for axis in "xyz")
-        turning = f"up to {measure(torque, 'N·m')}" if torque > 0 else "not known"
-        rows.append(
-            (
-                "residual",
-                f"force x, y, z {shares} % of weight (RMS); when every effect helps up to {force}, "
-                f"torque {turning}",
-            )
-        )
-    if report.swings:
-        best = max(report.swings, key=lambda test: test.log_bayes_factor)
-        what = "nothing does"
-        if report.something_swings:
-            size = f"{measure(best.mass, 'kg')} on {measure(best.length, 'm')}"
-            what = f"SOMETHING SWINGS, as {size}"
-        factor = f"log Bayes factor of a pendulum {fixed(best.log_bayes_factor, 0)}"
-        rows.append(("swings", f"{what} ({factor}; evident from {fixed(best.evident, 1)})"))
-    return rows
-
-
-def _gaps(f: "FlightFacts") -> str:
-    several = "s" * (f.gaps != 1)
-    gaps = f"{f.gaps} gap{several} up to {number(f.longest, 2)} s" if f.gaps else "no gaps"
-    return gaps + (f", {f.bridged} rows bridged" if f.bridged else "")
-
-
-def _conventions(f: "FlightFacts") -> str:
-    if not f.misfits:
-        return "not checked: too short, or no two quantities can be compared"
-    worst = max(f.misfits, key=lambda law: f.misfits[law])
-    own = f"{f.imported['frames'].split(';')[0]}; " if f.imported else ""
-    misfit = f"worst misfit {number(f.misfits[worst], 2)} ({worst}; {SCALE})"
-    return f"{own}{len(f.misfits)} checks, {misfit}"
-
-
-def _noise(f: "FlightFacts") -> str:
-    """Return the white noise of every signal, and what is unusual about it."""
-    parts = []
-    for s in f.signals:
-        text = f"{s.name} {measure(s.white, s.unit)}"
-        if s.usual and s.white > NOTED * s.usual:
-            text += f" (usual {measure(s.usual, s.unit)})"
-        if s.repeated > SHOWN:
-            text += f" ({percent(s.repeated)} of the rows repeat)"
-        if s.resolution > s.white:
-            text += f" (rounded to {measure(s.resolution, s.unit)})"
-        parts.append(text)
-    return f"{', '.join([*parts, 'attitude ' + measure(f.attitude_noise, 'rad')])}, white, per row"
-
-
-def _motion(report: "LogReport") -> str:
-    every = [f.motion for f in report.flights]
-    own = every[0] | report.excitation
-    fastest = max(motion["fastest [m/s]"] for motion in every)
-    lowest = min(motion["lowest [m]"] for motion in every)
-    parts = [f"rates {number(own['rate [rad/s]'], 2)} rad/s"]
-    parts.append(f"tilt {number(own['tilt [deg]'], 2)} deg")
-    if fastest:  # 0 where no velocity is logged
-        speed = measure(own["speed [m/s]"], "m/s")
-        parts.insert(0, f"speed {speed} (at most {measure(fastest, 'm/s')})")
-    if own["height span [m]"]:
-        span = number(own["height span [m]"], 2)
-        parts.append(f"height from {number(lowest, 2)} m over {span} m")
-    if report.excitation:
-        parts.append(f"thrust varies by {percent(own['thrust variation [1]'])}")
-    return ", ".join(parts)
+def _findings(report: LogReport) -> list[Table]:
+    """Return flights, and noise, motion, residual and swings of the first or of all."""
+    first = report.flights[0]
+    flights = tabulate(
+        "flights",
+        report.flights,
+        (
+            ("flight", lambda f: f.name),
+            ("s", lambda f: f.duration),
+            ("rows", lambda f: f.rows),
+            ("Hz", lambda f: 1 / f.step),
+            ("gaps", lambda f: f"{f.gaps} up to {number(f.longest, 2)} s" if f.gaps else "none"),
+            ("bridged", lambda f: f.bridged),
+            ("input", lambda f: f.input),
+            ("timing", lambda f: measure(f.timing, "s") if f.timing else None),
+            ("rotor at limit", lambda f: percent(f.saturated)),
+            ("worst misfit [1]", lambda f: max(f.misfits.values(), default=None)),
+        ),
+    )
+    noise = tabulate(
+        f"white noise of {first.name}, per row",
+        first.signals,
+        (
+            ("signal", lambda s: s.name),
+            ("found", lambda s: measure(s.white, s.unit)),
+            ("usual", lambda s: measure(s.usual, s.unit) if s.usual else None),
+            ("rows that repeat", lambda s: percent(s.repeated)),
+            ("rounded to", lambda s: measure(s.resolution, s.unit)),
+        ),
+    )
+    floor = report.noise_floor
+    residual = [(f"force {axis}, RMS", percent(x)) for axis, x in report.residual_force.items()]
+    residual += [(f"{name}, when every effect helps", value) for name, value in floor.items()]
+    swings = [
+        (test.flight, "yes" if test.swings else "no", test.log_bayes_factor, test.evident)
+        for test in report.swings
+    ]
+    return [
+        flights,
+        noise,
+        ("motion", ["quantity", "value"], list((first.motion | report.excitation).items())),
+        ("residual", ["of weight; [N, N·m]", "value"], residual if floor else []),
+        ("pendulum", ["flight", "swings", "log Bayes factor [1]", "evident from"], swings),
+    ]
 
 
 def _sizes(answers: "list[Answer]", told: bool) -> str:

@@ -8,6 +8,7 @@ from typing import Annotated, Any
 import numpy as np
 from typer import Argument, Option
 
+from diagrams.batch.columns import tabulate
 from diagrams.batch.failed_run import FailedRun
 from diagrams.cli import options
 from diagrams.cli.output import Table, say
@@ -128,6 +129,11 @@ def evaluate(
         "leave_one_out": leave_one_out,
         "training": [flight.data.name for flight in training],
     }
+    said = tabulate(
+        "stability of the forecasts; spectral radius above 1: unstable",
+        windows,
+        [(key, key) for key in ("model", "flight", "windows", "unstable", "pulled", "largest")],
+    )
     unfiltered = [
         f"{line['model']} forecasts without low-pass; such labels of {line['flight']} are "
         f"{number(line['force'])} N and {number(line['torque'])} N·m from the target"
@@ -135,10 +141,10 @@ def evaluate(
     ]
     lost = diverged(rows) or [line["flight"] for line in windows if line["unstable"]]
     return Report(
-        [table for zeta in MOTIONS for table in tables(rows, zeta, mean=leave_one_out)],
+        [*(t for zeta in MOTIONS for t in tables(rows, zeta, mean=leave_one_out)), said],
         config=settings,
         metrics={"rows": rows, "stability": windows, "label_distances": distances},
-        notes=[*stability_text(windows, rows), *unfiltered],
+        notes=unfiltered,
         failure=FailedRun(f"a forecast diverged on {', '.join(sorted(set(lost)))}.")
         if lost
         else None,
@@ -267,25 +273,3 @@ def _cell(kind: str, rows: list[dict[str, Any]], mean: bool) -> str:
 def _short(value: float) -> str:
     """Format with two digits behind the point, or two significant ones."""
     return f"{value:.2f}" if 0.1 <= value < 1000 or value != value else number(value, 2)
-
-
-def stability_text(lines: list[dict[str, Any]], rows: list[dict[str, Any]]) -> list[str]:
-    """Return two sentences for every model: spectral radii of its windows; flights that diverge,
-    longest forecast.
-    """
-    said = []
-    for name in dict.fromkeys(line["model"] for line in lines):
-        of = [line for line in lines if line["model"] == name]
-        scored = [row for row in rows if row["model"] == name]
-        sums = {key: sum(line[key] for line in of) for key in ("windows", "unstable", "pulled")}
-        made = f" ({sums['pulled']} were made stable)" if sums["pulled"] else ""
-        flown, farthest = {line["flight"] for line in of}, max(row["horizon"] for row in scored)
-        peaks = [row[f"{kind}_peak"] for row in scored for kind in ("force", "torque")]
-        said += [
-            f"{name}: spectral radius above 1 in {sums['unstable']} of {sums['windows']} "
-            f"windows{made}, largest {max(line['largest'] for line in of):.6f}",
-            f"{name}: {len(diverged(scored))} of {len(flown)} flights diverge up to "
-            f"{farthest:.4g} s; longest forecast {np.nanmax(peaks, initial=0.0):.2f} x the longest "
-            "label",
-        ]
-    return said

@@ -30,6 +30,7 @@ from diagrams.offboard.linked_flight import CommandedByLink, RealTime
 from diagrams.tracking import comparison
 from np_drake.autopilot.firmware import find_firmware
 from np_drake.command_delay import LONGEST_DELAY
+from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.files.figure_file import save
 from np_drake.files.yaml_file import filled, read_yaml
 from np_drake.logs.formats.log_file import write_log
@@ -250,13 +251,26 @@ def _with_payload(config: "FlightConfig", mass: float) -> "FlightConfig":
     """Return the scenario with a payload of another mass [kg], or with none; its cable stretches by
     the same share of its length.
     """
-    hung = config.reality.payload
-    tether = "cable" if hung.tether == "none" else hung.tether
+    reality, hung = copy.deepcopy(config.reality), config.reality.payload
+    bobs = [effect for effect in reality.effects if isinstance(effect.made, SuspendedPayload)]
     share = mass / hung.mass
-    new = dc.replace(hung, mass=mass, tether=tether)
-    new.stiffness, new.damping = share * hung.stiffness, share * hung.damping
-    new = new if mass else PayloadConfig(tether="none")
-    return dc.replace(config, reality=dc.replace(config.reality, payload=new))
+    if mass == 0:
+        reality.payload = PayloadConfig(tether="none")
+        reality.effects = [effect for effect in reality.effects if effect not in bobs]
+    elif bobs:  # of a corrected simulator
+        for effect in bobs:
+            heavier = dc.replace(effect, parameters={**effect.parameters, "mass": mass})
+            reality.effects[reality.effects.index(effect)] = heavier
+    else:
+        tether = "cable" if hung.tether == "none" else hung.tether
+        reality.payload = dc.replace(
+            hung,
+            mass=mass,
+            tether=tether,
+            stiffness=share * hung.stiffness,
+            damping=share * hung.damping,
+        )
+    return dc.replace(config, reality=reality)
 
 
 def _with_autopilot(config: "FlightConfig", kind: str) -> "FlightConfig":

@@ -77,7 +77,7 @@ def plain(text):
 @pytest.fixture
 def case(logs, tmp_path, monkeypatch):
     """A case folder, and a diagnosis that takes no time."""
-    monkeypatch.setattr(importlib.import_module("np_drake.diagnosis.diagnose"), "diagnose", answer)
+    monkeypatch.setattr(importlib.import_module("diagrams.cli.diagnose"), "five_steps", answer)
     folder = tmp_path / "case"
     folder.mkdir()
     (folder / "vehicle.yaml").write_text(VEHICLE)
@@ -149,39 +149,6 @@ def test_logs_can_be_named_one_by_one_and_the_replay_left_out(case, tmp_path, ca
     assert "position [m]" not in capsys.readouterr().out
 
 
-def test_what_counts_as_material_reaches_the_diagnosis(case, capsys):
-    assert run(["diagnose", str(case), "--no-replay", "--material", "0.2"]) == 0
-    assert "material from 0.2 m on" in capsys.readouterr().out
-
-
-def test_a_second_answer_is_printed_beside_the_first(case, logs, monkeypatch, capsys):
-    def twice(*arguments, **how):
-        found = answer(*arguments, **how)
-        novel = (an.Finding("wind", "a slow force along x, 3 N", 3.0),)
-        alone = dc.replace(found, verdict=(), causes=(), new_on_held_out=novel)
-        alone = dc.replace(alone, gap_reduction=dc.replace(found.gap_reduction, after=5.0))
-        return dc.replace(alone, refit=dc.replace(found, joined=found.held_out))
-
-    monkeypatch.setattr(importlib.import_module("np_drake.diagnosis.diagnose"), "diagnose", twice)
-    assert run(["diagnose", str(case), "--no-replay"]) == 0
-    printed = " ".join(capsys.readouterr().out.split())
-    places = [
-        printed.index(text)
-        for text in (
-            "Nothing material is missing",
-            "new on the held-out flight: a slow force along x, 3 N; a second answer",
-            (
-                "Second answer, with the first halves of the held-out flight in the fit: A "
-                "mass error of 100 g explains"
-            ),
-            "on the second half of the held-out flight.",
-            "second answer: what the model lacks",
-            "second answer: what remains",
-        )
-    ]
-    assert places == sorted(places)
-
-
 @pytest.mark.parametrize("held_out_shows_more", [False, True])
 def test_verdict_causes_and_corrected_simulator_name_the_same(
     case, tmp_path, monkeypatch, held_out_shows_more
@@ -193,7 +160,7 @@ def test_verdict_causes_and_corrected_simulator_name_the_same(
         cause = dc.replace(found.causes[0], onset={}, effect=MassError(0.1))
         return dc.replace(found, causes=(cause,), refit=second if held_out_shows_more else None)
 
-    monkeypatch.setattr(importlib.import_module("np_drake.diagnosis.diagnose"), "diagnose", twice)
+    monkeypatch.setattr(importlib.import_module("diagrams.cli.diagnose"), "five_steps", twice)
     out = tmp_path / "out"
     assert run(["diagnose", str(case), "--no-replay", "--out", str(out)]) == 0
     content = json.loads((out / "diagnosis.json").read_text())
@@ -219,7 +186,7 @@ def test_screen_page_notebook_and_simulator_say_the_same_headline(
         made.append(answer(*arguments, **how))
         return made[-1]
 
-    monkeypatch.setattr(importlib.import_module("np_drake.diagnosis.diagnose"), "diagnose", kept)
+    monkeypatch.setattr(importlib.import_module("diagrams.cli.diagnose"), "five_steps", kept)
     out = tmp_path / "out"
     assert run(["diagnose", str(case), "--no-replay", "--out", str(out)]) == 0
     said = plain(headline(made[0]))
@@ -228,47 +195,6 @@ def test_screen_page_notebook_and_simulator_say_the_same_headline(
     assert f"{said}." in plain((out / "corrected.yaml").read_text().replace("\n# ", " "))
     for page in (made[0]._repr_html_(), (out / "report.html").read_text()):
         assert said in plain(unescape(page))
-
-
-def test_a_corrected_simulator_that_falls_is_not_recommended(case, tmp_path, monkeypatch, capsys):
-    def weak(*arguments, **how):
-        found = answer(*arguments, **how)
-        cause = an.Cause("thrust_scale", 0.97, {}, {}, effect=ThrustScale(0.7))
-        return dc.replace(found, verdict=("thrust_scale",), causes=(cause,))
-
-    def falls(config, **_):
-        if config.reality.effects:
-            raise LostVehicle(
-                f"{config.name}: {config.controller.kind} flew into the ground before 2.0 s."
-            )
-
-    monkeypatch.setattr(importlib.import_module("np_drake.diagnosis.diagnose"), "diagnose", weak)
-    monkeypatch.setattr("diagrams.gap.corrected.fly", falls)
-    out = tmp_path / "out"
-    assert run(["diagnose", str(case), "--no-replay", "--out", str(out)]) == 0
-    printed = " ".join(capsys.readouterr().out.split())
-    assert (
-        "Do not fly the corrected simulator: nominal, hold and observer lose the vehicle" in printed
-    )
-    assert "without thrust_scale it flies: check that by hand, and diagnose again" in printed
-    assert "np-drake fly" not in (out / "corrected.yaml").read_text()
-    assert "which no controller keeps in the air" in (out / "report.html").read_text()
-
-
-def test_causes_of_which_no_simulator_can_be_made_are_said_to_be(
-    case, tmp_path, monkeypatch, capsys
-):
-    def weak(*arguments, **how):
-        cause = an.Cause(
-            "thrust_scale", 0.97, {}, {}, effect=ThrustScale(0.3)
-        )  # less than the weight
-        return dc.replace(answer(*arguments, **how), verdict=("thrust_scale",), causes=(cause,))
-
-    monkeypatch.setattr(importlib.import_module("np_drake.diagnosis.diagnose"), "diagnose", weak)
-    assert run(["diagnose", str(case), "--no-replay", "--out", str(tmp_path / "out")]) == 0
-    assert "no simulator can be made of these causes" in " ".join(capsys.readouterr().out.split())
-    assert {"report.html", "diagnosis.json"} <= {path.name for path in (tmp_path / "out").iterdir()}
-    assert not (tmp_path / "out" / "corrected.yaml").exists()
 
 
 def test_without_a_replay_there_is_no_page_of_it_and_an_old_one_goes(case, tmp_path, capsys):
@@ -280,16 +206,6 @@ def test_without_a_replay_there_is_no_page_of_it_and_an_old_one_goes(case, tmp_p
     assert "replay.html" not in capsys.readouterr().out
 
 
-def test_why_there_is_no_page_is_said(case, tmp_path, monkeypatch, capsys):
-    def refuse(*_, **__):
-        raise NoReplay("no held-out flight leaves 2 s to be replayed.")
-
-    monkeypatch.setattr("diagrams.gap.side_by_side.side_by_side", refuse)
-    assert run(["diagnose", str(case), "--out", str(tmp_path / "out")]) == 0
-    assert "no replay.html: no held-out flight leaves 2 s" in capsys.readouterr().out
-    assert not (tmp_path / "out" / "replay.html").exists()
-
-
 @pytest.mark.parametrize("name, sensors", [("rig", "real"), ("laboratory", "ideal")])
 def test_the_user_says_whether_sensors_are_real_or_ideal(case, tmp_path, capsys, name, sensors):
     metrics = tmp_path / "d.json"
@@ -297,19 +213,6 @@ def test_the_user_says_whether_sensors_are_real_or_ideal(case, tmp_path, capsys,
     assert f"Judged as logs of {sensors} sensors" in capsys.readouterr().out
     content = json.loads(metrics.read_text())
     assert (content["judged_as"], content["config"]["rig"]) == (name, name == "rig")
-
-
-def test_what_a_vehicle_file_leaves_out_is_said(case, capsys):
-    assert run(["diagnose", str(case), "--no-replay"]) == 0
-    printed = " ".join(capsys.readouterr().out.split())
-    assert (
-        "inertia, rotor_positions, thrust_coefficient, torque_coefficient, "
-        "max_rotor_thrust not named"
-    ) in printed
-    full = VEHICLE + yaml.safe_dump({name: getattr(Vehicle(), name) for name in RIGID[1:]})
-    (case / "vehicle.yaml").write_text(full)
-    assert run(["diagnose", str(case), "--no-replay"]) == 0
-    assert "not named" not in capsys.readouterr().out
 
 
 def test_a_real_flight_has_its_published_vehicle(case, neurobem, tmp_path, capsys):
@@ -392,31 +295,3 @@ def test_a_flight_that_was_fitted_to_judges_nothing(case, tmp_path, capsys):
     (line,) = capsys.readouterr().err.strip().splitlines()[-1:]
     assert "other.csv is the same flight as train_1.csv" in line
     assert "diagnosing" not in line
-
-
-def test_flights_without_vehicle_file_are_a_case_if_a_vehicle_is_named(case, tmp_path):
-    named = tmp_path / "mine.yaml"
-    (case / "vehicle.yaml").rename(named)
-    assert run(["diagnose", str(case), "--vehicle", str(named), "--no-replay"]) == 0
-
-
-def test_logs_that_cannot_be_diagnosed_leave_nothing(case, tmp_path, monkeypatch, capsys):
-    def refuse(*_, **__):
-        raise ValueError("diagnose: flights must have different names.")
-
-    monkeypatch.setattr(importlib.import_module("np_drake.diagnosis.diagnose"), "diagnose", refuse)
-    assert run(["diagnose", str(case), "--out", str(tmp_path / "out")]) == 2
-    assert "different names" in capsys.readouterr().err
-    assert not (tmp_path / "out").exists()
-
-
-def test_a_case_has_flights_of_both_kinds(case):
-    files = find_case(case)
-    assert [path.name for path in (files.vehicle, *files.train, *files.held_out)] == [
-        "vehicle.yaml",
-        "train_1.csv",
-        "heldout.csv",
-    ]
-    (case / "heldout.csv").unlink()
-    with pytest.raises(ValueError, match="heldout"):
-        find_case(case)

@@ -58,41 +58,6 @@ def rest(logs, tmp_path):
     return str(tmp_path / "rest.csv")
 
 
-def test_nothing_is_trained_on_a_log_in_which_nothing_moves_unless_forced(logs, rest, capsys):
-    command = ["evaluate", str(logs[1]), "--train", rest, "--only", "lifted", "--epochs", "2"]
-    assert run([*command, "--horizons", "1"]) == 2
-    assert "the vehicle must move in the logs" in capsys.readouterr().err
-    run([*command, "--horizons", "1", "--force"])
-    assert "must move" not in capsys.readouterr().err
-
-
-def test_a_bad_model_is_refused_before_a_scenario_is_flown(tmp_path, monkeypatch, capsys):
-    (tmp_path / "mine.yaml").write_text("duration: 0.5\n")
-    (tmp_path / "bad.safetensors").write_bytes(bytes(16))
-    monkeypatch.setattr("diagrams.cli.flights.simulated", lambda *_: pytest.fail("flown"))
-    command = [
-        "evaluate",
-        str(tmp_path / "mine.yaml"),
-        "--predictor",
-        str(tmp_path / "bad.safetensors"),
-    ]
-    assert run(command) == 2
-    assert "bad.safetensors" in capsys.readouterr().err
-
-
-def test_a_log_at_rest_is_scored(logs, rest, capsys):
-    assert run(
-        ["evaluate", rest, "--train", str(logs[0]), "--only", "lifted", "--epochs", "2"]
-    ) in (0, 1)
-    assert "must move" not in capsys.readouterr().err
-
-
-def test_every_fold_needs_motion(logs, rest, capsys):
-    """The log that is left out is the only one that moves."""
-    assert run(["evaluate", str(logs[0]), rest, "--leave-one-out", "--epochs", "2"]) == 2
-    assert "the vehicle must move" in capsys.readouterr().err
-
-
 def test_a_predictor_is_scored_beside_the_naive_rows(logs, model, tmp_path, capsys):
     out = tmp_path / "rows.json"
     code = run(
@@ -140,58 +105,6 @@ def test_a_predictor_is_scored_beside_the_naive_rows(logs, model, tmp_path, caps
     assert f" of its error at {skill[1]:g} s)" in said
 
 
-@pytest.fixture(scope="module")
-def pendulum(logs, tmp_path_factory):
-    """A pendulum predictor trained on the first log."""
-    out = tmp_path_factory.mktemp("model") / "payload_filter.safetensors"
-    assert run(["train", str(logs[0]), "--out", str(out), "--configuration", "payload_filter"]) == 0
-    return out
-
-
-def test_a_payload_filter_file_is_scored_beside_the_naive_rows(logs, pendulum, tmp_path, capsys):
-    out = tmp_path / "rows.json"
-    assert run(command(logs, pendulum, "1,10", out)) == 0, capsys.readouterr().err
-    rows = rows_of(out)
-    assert {row["model"] for row in rows} == {*UNTRAINED, "payload_filter"}
-    assert {(row["horizon"], row["zeta"]) for row in rows} == {
-        (h, zeta) for h in (0.02, 0.2) for zeta in ("held", "known")
-    }
-    assert all(np.isfinite(row["force_rmse"]) for row in rows)
-    printed = capsys.readouterr().out
-    assert "payload_filter: spectral radius above 1 in 0 of " in printed
-    assert "payload_filter: 0 of 1 flights diverge up to 0.2 s" in printed
-    assert "payload_filter forecasts without low-pass" in printed
-
-
-def test_a_pendulum_is_trained_where_it_is_named(logs, tmp_path, capsys):
-    out = tmp_path / "rows.json"
-    arguments = [
-        "evaluate",
-        str(logs[1]),
-        "--train",
-        str(logs[0]),
-        "--only",
-        "payload_filter",
-        "--json",
-        str(out),
-    ]
-    assert run([*arguments, "--horizons", "5"]) == 0, capsys.readouterr().err
-    assert {row["model"] for row in rows_of(out)} == {"payload_filter", *UNTRAINED, *TRAINED}
-
-
-def test_a_pendulum_of_another_vehicle_or_for_arrays_is_bad_input(logs, pendulum, tmp_path, capsys):
-    array, light = tmp_path / "array.npy", tmp_path / "light.yaml"
-    np.save(array, np.zeros((500, 12)))
-    light.write_text("name: light\nmass: 1.0\n")
-    arguments = ["--predictor", str(pendulum)]
-    for flown, message in (
-        ([str(array)], "trained with frame world; here it is body"),
-        ([str(logs[1]), "--vehicle", str(light)], "trained with mass 2.0; here it is 1.0"),
-    ):
-        assert run(["evaluate", *flown, *arguments]) == 2
-        assert message in capsys.readouterr().err.splitlines()[-1]
-
-
 def test_a_force_of_motion_is_predicted_better_than_by_any_naive_row(logs, model, tmp_path):
     """The force is mass times dv/dt of a multisine: its past tells its future, persistence does
     not.
@@ -215,24 +128,6 @@ def test_a_force_of_motion_is_predicted_better_than_by_any_naive_row(logs, model
     assert next(row for row in rows_of(out) if row["model"] == "lifted")["force_skill"] < 1.0
 
 
-def test_both_configurations_are_trained_and_scored(logs, tmp_path, capsys):
-    out = tmp_path / "rows.json"
-    arguments = [
-        "evaluate",
-        str(logs[1]),
-        "--train",
-        str(logs[0]),
-        "--epochs",
-        "1",
-        "--json",
-        str(out),
-    ]
-    assert run(arguments) == 0, capsys.readouterr().err
-    rows = [(row["model"], (row["horizon"], row["zeta"])) for row in rows_of(out)]
-    assert {model for model, _ in rows} == {"paper", "lifted", *UNTRAINED, *TRAINED}
-    assert len(rows) == len(set(rows))
-
-
 def test_gp_and_knode_are_rows_where_they_are_asked_for(logs, tmp_path, capsys):
     out = tmp_path / "rows.json"
     arguments = [
@@ -251,16 +146,6 @@ def test_gp_and_knode_are_rows_where_they_are_asked_for(logs, tmp_path, capsys):
     for name in ("gp", "knode"):
         # No label enters: what the coming motion is decides, not how far ahead it is.
         assert rows[name, 0.02, "known"] == pytest.approx(rows[name, 0.4, "known"], rel=0.05)
-
-
-def test_rows_that_cannot_be_trained_are_bad_input(logs, model, capsys):
-    for arguments, message in (
-        (["--also", "gq"], "must be gp | knode"),
-        (["--also", "gp", "--predictor", str(model)], "leave out --predictor"),
-        (["--also", "gp"], "need flights to train on"),
-    ):
-        assert run(["evaluate", str(logs[1]), *arguments]) == 2
-        assert message in capsys.readouterr().err
 
 
 def test_without_arguments_it_is_race_track_1(neurobem, tmp_path, monkeypatch, capsys):
@@ -324,15 +209,6 @@ def test_bad_input_is_one_line_and_leaves_nothing(logs, model, tmp_path, monkeyp
     assert list(tmp_path.iterdir()) == [array]
 
 
-def test_without_a_predictor_it_is_the_packaged_one(logs, monkeypatch, capsys):
-    assert run(["evaluate", str(logs[1]), "--horizons", "2"]) == 0
-    assert "neural" in capsys.readouterr().out
-    is_file = Path.is_file
-    monkeypatch.setattr(Path, "is_file", lambda path: path != NP_MODEL and is_file(path))
-    assert run(["evaluate", str(logs[1])]) == 2
-    assert "--predictor FILE" in capsys.readouterr().err
-
-
 def test_every_flight_left_out_in_turn_is_scored_by_models_blind_to_it(logs, tmp_path, capsys):
     out = tmp_path / "rows.json"
     arguments = [
@@ -388,46 +264,3 @@ def without(lines, *names):
 def with_nan(lines):
     lines[300][lines[0].index("vx")] = "nan"
     return lines
-
-
-BAD_LOGS = {  # change of the table: what the line must say
-    "too short": (lambda lines: lines[:40], "bad: more than 60 samples are needed; got 39."),
-    "no velocity": (lambda lines: without(lines, "vx"), "bad.csv, column vx: is missing"),
-    "a NaN": (with_nan, "bad.csv, column vx, row 300 (line 301): must be finite"),
-}
-
-
-@pytest.mark.parametrize("case", BAD_LOGS)
-def test_a_bad_log_is_one_line_and_leaves_nothing(logs, model, tmp_path, capsys, case):
-    change, message = BAD_LOGS[case]
-    bad = altered(logs[1], tmp_path / "bad.csv", change)
-    command = ["evaluate", str(bad), "--predictor", str(model), "--horizons", "1,10"]
-    assert run([*command, "--json", str(tmp_path / "rows.json")]) == 2
-    last = capsys.readouterr().err.splitlines()[-1]
-    assert last.startswith("np-drake evaluate: ")
-    assert message in last
-    assert list(tmp_path.iterdir()) == [bad]
-
-
-def test_a_log_without_accelerations_is_scored_and_says_how(logs, model, tmp_path, capsys):
-    bare = altered(
-        logs[1],
-        tmp_path / "bare.csv",
-        lambda lines: without(lines, "ax", "ay", "az", "alx", "aly", "alz"),
-    )
-    assert run(["evaluate", str(bare), "--predictor", str(model), "--horizons", "1"]) == 0
-    assert "lifted: spectral radius above 1 in 0 of " in capsys.readouterr().out
-
-
-def test_the_first_seconds_of_a_real_flights_csv_are_scored(neurobem, tmp_path, capsys):
-    path = tmp_path / "race.csv"
-    with open(neurobem / "csv" / f"{RACE_TRACK}.csv") as stream:
-        path.write_text("".join(line for _, line in zip(range(1500), stream, strict=False)))
-    assert run(["evaluate", str(path), "--horizons", "1"]) == 0, capsys.readouterr().err
-    assert "race: force RMSE [N]" in capsys.readouterr().out
-
-
-@pytest.mark.parametrize("text", ["1000001", "9" * 30])
-def test_a_horizon_longer_than_any_flight_is_refused_by_name(text):
-    with pytest.raises(ValueError, match=r"--horizons: must be .*; got '"):
-        parse_horizons(text)

@@ -4,7 +4,7 @@ import dataclasses as dc
 
 import pytest
 
-from diagrams.cli.flights import open_flights
+from diagrams.cli.train import open_flights
 from np_drake.logs.formats.log_file import write_log
 from np_drake.logs.formats.neurobem_wrenches import RACE_TRACK
 
@@ -17,33 +17,6 @@ def test_a_log_is_labelled_with_the_given_vehicle_or_the_papers(logs, tmp_path):
     (dut,) = open_flights(logs[:1], tmp_path / "vehicle.yaml")
     assert dut.vehicle.mass == 2.5
     assert dut.frame == "world"
-
-
-def test_the_vehicle_that_stands_in_is_said(logs, tmp_path, capsys):
-    (tmp_path / "vehicle.yaml").write_text(VEHICLE)
-    open_flights(logs, tmp_path / "vehicle.yaml")
-    assert "no --vehicle" not in capsys.readouterr().out
-    open_flights(logs, None)
-    assert "vehicle: paper, 2 kg, as no --vehicle was given." in capsys.readouterr().out
-
-
-def test_accelerations_that_are_derived_are_said(logs, tmp_path, capsys):
-    (flight,) = open_flights(logs[:1], None)
-    assert "differentiated" not in capsys.readouterr().out
-    write_log(dc.replace(flight.data, a=None, al=None), tmp_path / "bare.csv")
-    (bare,) = open_flights([tmp_path / "bare.csv"], None)
-    assert "a, al differentiated" in capsys.readouterr().out
-    assert bare.data.a.shape == flight.data.a.shape
-
-
-def test_a_log_without_attitude_or_velocity_trains_nothing(logs, tmp_path):
-    (flight,) = open_flights(logs[:1], None)
-    for lacks in (("attitude", "velocity", "height"), ("velocity", "height")):
-        write_log(dc.replace(flight.data, lacks=lacks), tmp_path / "part.csv")
-        with pytest.raises(
-            ValueError, match=f"must tell attitude and velocity to train on; its {lacks[0]}"
-        ):
-            open_flights([tmp_path / "part.csv"], None)
 
 
 def test_a_real_flight_is_labelled_with_the_published_vehicle(neurobem, capsys):
@@ -59,7 +32,7 @@ def test_nothing_is_flown_before_every_file_is_open(logs, tmp_path, monkeypatch)
     scenario.write_text("duration: 0.5\n")
     (tmp_path / "bad.csv").write_text("t,px\n0,1\n")
     (tmp_path / "bad.yaml").write_text("duration: none\n")
-    monkeypatch.setattr("diagrams.cli.flights.simulated", lambda *_: pytest.fail("flown"))
+    monkeypatch.setattr("diagrams.cli.train.fly_all", lambda *_: pytest.fail("flown"))
     for bad in ("bad.csv", "bad.yaml"):
         with pytest.raises(ValueError, match=bad):
             open_flights([scenario, tmp_path / bad], None)

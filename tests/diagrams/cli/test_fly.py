@@ -53,16 +53,6 @@ def test_a_live_flight_says_where_it_is_seen_and_leaves_its_files(tmp_path, caps
     assert {"mine_nominal.csv", "mine_nominal_replay.html"} <= {path.name for path in out.iterdir()}
 
 
-def test_a_live_flight_that_is_stopped_at_once_leaves_its_files(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(
-        "diagrams.loop.live.LiveView.look", lambda self, context: context.get_time() < 0.6
-    )
-    out = tmp_path / "out"
-    assert run(["fly", "circle", "--controller", "hold", "--live", "--out", str(out)]) == 0
-    assert open_flights(out / "circle_hold.csv")[0][0].t[-1] < 0.65
-    assert (out / "circle_hold_replay.html").exists()
-
-
 def test_a_vehicle_that_is_lost_live_leaves_its_files(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(
         "diagrams.loop.live.LiveView.forces",
@@ -72,13 +62,6 @@ def test_a_vehicle_that_is_lost_live_leaves_its_files(tmp_path, monkeypatch, cap
     assert run(["fly", "circle", "--controller", "hold", "--live", "--out", str(out)]) == 0
     assert "flew into the ground" in capsys.readouterr().out
     assert (out / "circle_hold_replay.html").exists()
-
-
-def test_a_scenario_file_flies(tmp_path, capsys):
-    scenario = tmp_path / "mine.yaml"
-    scenario.write_text("name: mine\nduration: 0.5\nreference: {track: hover, ramp: 0.5}\n")
-    assert run(["fly", str(scenario), "--controller", "nominal"]) == 0, capsys.readouterr().err
-    assert "mine" in capsys.readouterr().out
 
 
 def test_the_scenarios_controller_flies_unless_another_is_asked_for(tmp_path, capsys):
@@ -93,26 +76,6 @@ def test_the_scenarios_controller_flies_unless_another_is_asked_for(tmp_path, ca
             capsys.readouterr().err
         )
         assert json.loads(file.read_text())["controller"] == kind
-
-
-@pytest.mark.parametrize(
-    "named, asked, flown", [("", None, "sqp"), ("ipopt", None, "ipopt"), ("ipopt", "sqp", "sqp")]
-)
-def test_the_solver_is_that_asked_for_else_the_scenarios_else_default(
-    named, asked, flown, tmp_path, capsys
-):
-    scenario, file = tmp_path / "mine.yaml", tmp_path / "m.json"
-    controller = f"controller: {{kind: nominal{', solver: ' + named if named else ''}}}\n"
-    scenario.write_text(
-        "name: mine\nduration: 0.2\nreference: {track: hover, ramp: 0.2}\n" + controller
-    )
-    arguments = ["fly", str(scenario), "--json", str(file), *(["--solver", asked] if asked else [])]
-    assert run(arguments) == 0, capsys.readouterr().err
-    assert json.loads(file.read_text())["config"]["controller"]["solver"] == flown
-
-
-def test_a_packaged_experiment_flies_with_the_default_solver():
-    assert {named_solver(name) or DEFAULT_SOLVER for name in EXPERIMENTS} == {DEFAULT_SOLVER}
 
 
 BAD = {  # arguments: what the line must say

@@ -25,17 +25,6 @@ class Fails(LeafSystem):
 """  # noqa: E501
 
 
-def loaded(experiment, *, controllers=("cascade",), reality=None, predictor=None, **numbers):
-    options = {
-        "vehicle": None,
-        "solver": None,
-        "told_mass": False,
-        "reality": reality,
-        "predictor": predictor,
-    }
-    return scenarios(experiment, controllers, numbers=Numbers(**numbers), **options)
-
-
 @pytest.fixture(scope="module")
 def compared(tmp_path_factory):
     """Folder that two controllers leave, and what they say."""
@@ -105,103 +94,6 @@ def test_a_controller_that_fails_leaves_the_others_to_compare(tmp_path, monkeypa
     assert "Fails failed at 0.00 s: AttributeError" in said.err.splitlines()[-1]
     assert "cascade" in said.out
     assert "Fails failed" in Path("o/hover_comparison.html").read_text()
-
-
-def test_all_controllers_that_fail_are_named(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    Path("bad.py").write_text(FAILS + "\n\nclass Worse(Fails):\n    pass\n")
-    assert (
-        run(
-            ["fly", "hover", "--controller", "bad:Worse", "--controller", "bad:Fails", "--out", "o"]
-        )
-        == 1
-    )
-    (line,) = capsys.readouterr().err.splitlines()
-    assert "Worse failed at 0.00 s" in line
-    assert "Fails failed at 0.00 s" in line
-    assert not Path("o").exists()
-
-
-BAD = {  # words behind `fly circle`: what the line says
-    "negative payload": (["--payload", "-1"], "--payload: must not be negative"),
-    "heavy payload": (["--payload", "5"], "--payload: must be at most 2."),
-    "no length": (["--length", "0"], "--length: must be positive"),
-    "long cable": (
-        ["--length", "3"],
-        "--length: must be at most 1.54 m, or the payload touches the ground",
-    ),
-    "cable alone": (
-        ["--payload", "0", "--length", "1"],
-        "--length: there is no cable without a payload",
-    ),
-    "no speed": (["--speed", "0"], "--speed: must be positive"),
-    "fast": (
-        ["--speed", "30"],
-        "at 30 m/s circle demands 30 m/s, and controller.mpc.max_speed is 6 m/s",
-    ),
-    "storm": (["--wind", "900"], "--wind: must be at most"),
-    "two of a wind": (["--wind", "1,2"], "--wind: must be a speed along x"),
-    "twice": (
-        ["--controller", "np", "--controller", "np"],
-        "must name each once; np stands 2 times",
-    ),
-    "live": (
-        ["--controller", "np", "--controller", "hold", "--live"],
-        "--live, which shows one flight",
-    ),
-    "file": (
-        ["--controller", "np", "--controller", "hold", "--mcap", "a.mcap"],
-        "--mcap, which holds one flight",
-    ),
-    "draws": (
-        ["--controller", "np", "--controller", "hold", "--sample", "2"],
-        "--sample, or several --controller",
-    ),
-    "model": (
-        ["--controller", "nominal", "--controller", "hold", "--predictor", "x"],
-        "none of them flies",
-    ),
-}
-
-
-@pytest.mark.parametrize("case", BAD)
-def test_a_number_out_of_range_is_refused_in_one_line(case, tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    words, said = BAD[case]
-    assert run(["fly", "circle", *words]) == 2
-    err = capsys.readouterr().err
-    assert said in err
-    assert len(err.splitlines()) == 1
-
-
-STILL = ("hover", "hover_swing", "attach", "multisine")  # tracks without a speed
-
-
-@pytest.mark.parametrize("name", EXPERIMENTS)
-def test_the_common_numbers_suit_every_track(name):
-    speed = None if name in STILL else 0.8
-    (config,) = loaded(name, payload=0.1, length=0.5, speed=speed, wind="1,0,-0.5")
-    assert (config.reality.payload.mass, config.reality.payload.length) == (0.1, 0.5)
-    assert config.reality.wind == [1.0, 0.0, -0.5]
-    assert config.reference.speed == speed or speed is None
-
-
-def test_every_experiment_may_be_flown_at_its_own_speed():
-    for name in EXPERIMENTS:
-        (config,) = loaded(name)
-        if name not in STILL:
-            loaded(name, speed=config.reference.speed)
-
-
-def test_a_track_without_a_speed_refuses_one(tmp_path):
-    with pytest.raises(ValueError, match="--speed: the track hover has no speed"):
-        loaded("hover", speed=1.0)
-    (tmp_path / "t.csv").write_text(
-        "t,x,y,z\n" + "\n".join(f"{k},{0.01 * k * k},0,1.5" for k in range(9))
-    )
-    (tmp_path / "s.yaml").write_text("reference: {track: t.csv, ramp: 1.0}\n")
-    with pytest.raises(ValueError, match=r"--speed: .*t\.csv states its own times"):
-        loaded(str(tmp_path / "s.yaml"), speed=1.0)
 
 
 def test_the_stretch_of_another_cable_is_the_same_share_of_its_length():

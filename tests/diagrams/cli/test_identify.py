@@ -100,11 +100,6 @@ def test_the_json_holds_every_quantity_and_the_held_out_errors(result):
     assert {row["flight"] for row in values["held_out"]} == {"b"}
 
 
-def test_the_page_is_beside_the_vehicle_file(result):
-    page = (result / "identification.html").read_text()
-    assert 'href="vehicle.yaml"' in page
-
-
 @pytest.mark.parametrize(
     "arguments, said",
     [
@@ -152,13 +147,6 @@ def test_bad_input_is_one_clear_line(folder, monkeypatch, capsys, arguments, sai
     assert said in refusal(capsys, *arguments)
 
 
-def test_a_folder_that_cannot_be_written_is_refused_before_any_work(folder, tmp_path, capsys):
-    (tmp_path / "file").write_text("")
-    assert "must be a folder" in refusal(
-        capsys, folder / "a.csv", *GUESS, "--out", tmp_path / "file"
-    )
-
-
 def test_a_run_that_fails_says_that_the_vehicle_file_is_of_an_earlier_one(folder, tmp_path, capsys):
     (tmp_path / "vehicle.yaml").write_text("earlier")
     line = refusal(capsys, folder / "short.csv", *GUESS, "--out", tmp_path)
@@ -198,15 +186,3 @@ def test_a_hover_says_what_it_does_not_tell_and_which_manoeuvre_would(folder, ca
     said = " ".join(capsys.readouterr().out.split())
     assert re.search(r"not told: [^;]*inertia xx[^;]*; roll and pitch doublets would tell", said)
     assert re.search(r"not told: [^;]*drag, lateral[^;]*; speed would tell", said)
-
-
-def test_logs_of_different_inputs_are_read_by_the_one_they_share(folder, tmp_path):
-    values = tmp_path / "values.json"
-    logs = [str(folder / "both.csv"), "--held-out", str(folder / "throttle.csv")]
-    assert run(["identify", *logs, *GUESS, "--json", str(values)]) == 0
-    assert json.loads(values.read_text())["config"]["input"] == "throttle"
-
-
-def test_a_short_flight_beside_others_is_left_out_with_a_line(folder, capsys):
-    assert run(["identify", str(folder / "a.csv"), str(folder / "short.csv"), *GUESS]) == 0
-    assert "short: shorter than 3 s; left out" in capsys.readouterr().out

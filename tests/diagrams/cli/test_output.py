@@ -30,12 +30,6 @@ def test_a_metrics_file_names_its_schema_version_and_seed(tmp_path):
     assert content["version"].count(".") == 2
 
 
-def test_without_a_file_no_metrics_are_written(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    dut.write_metrics(None, "fly", seed=0, config={})
-    assert list(tmp_path.iterdir()) == []
-
-
 def test_two_outputs_are_never_one_file(tmp_path):
     (tmp_path / "link").symlink_to(tmp_path / "a")
     for other in (tmp_path / "a", tmp_path / "." / "a", tmp_path / "link"):
@@ -53,21 +47,7 @@ def test_progress_ends_at_a_hundred_percent_where_a_person_looks(capsys, monkeyp
         advance(10)
     err = capsys.readouterr().err
     assert "working" in err
-    assert "100 %" in err
-
-
-def test_the_text_of_a_progress_is_whole_and_lines_stand_above_it(capsys, monkeypatch):
-    monkeypatch.setenv("FORCE_COLOR", "1")
-    monkeypatch.setenv("TERM", "xterm")
-    monkeypatch.setenv("COLUMNS", "80")
-    text = "flying: right down +10, nose up -10, left of east +100 deg, height 1.50 m"
-    with dut.progress("flying circle", 10) as advance:
-        monkeypatch.setattr(sys.stdout, "isatty", lambda: True, raising=False)
-        advance(5, text)
-        dut.say("above")
-    err = capsys.readouterr().err
-    assert text in err
-    assert "above" in err  # by way of the bar's own console
+    assert "100%" in err
 
 
 def test_a_long_line_is_not_wrapped(capsys):
@@ -79,7 +59,7 @@ def test_a_long_line_is_not_wrapped(capsys):
 def test_a_link_to_nothing_is_no_folder(target, tmp_path):
     (tmp_path / "link").symlink_to(target)
     with pytest.raises(NotADirectoryError, match="must be a folder"):
-        dut.require_folder(tmp_path / "link" / "sub")
+        dut.require_outputs(folders=[tmp_path / "link" / "sub"])
 
 
 def test_off_a_terminal_progress_leaves_no_line_beside_that_of_an_error(capsys):
@@ -93,13 +73,3 @@ def test_off_a_terminal_progress_leaves_no_line_beside_that_of_an_error(capsys):
     with pytest.raises(ValueError, match="bad"):
         work()
     assert capsys.readouterr().err == ""
-
-
-def test_sentences_take_the_columns_of_tables(capsys):
-    dut.tell(
-        "a sentence of many words that goes on below, as 12 kg of payload do " * 4, indent="  "
-    )
-    first, *others = capsys.readouterr().out.splitlines()
-    assert max(map(len, (first, *others))) <= dut.NARROW
-    assert not first.startswith(" ")
-    assert all(line.startswith("  ") for line in others)

@@ -9,8 +9,8 @@ import typer
 
 from diagrams.batch.failed_run import FailedRun
 from diagrams.cli import options
-from diagrams.cli.outcome import run_app
-from diagrams.cli.runner import Report, Run, counting, reports
+from diagrams.cli.app import run_app
+from diagrams.cli.runner import Report, Run, reports
 from np_drake.files.atomic_file import write_text
 from np_drake.files.figure_file import new_figure
 
@@ -120,16 +120,6 @@ def test_an_option_may_not_name_a_file_that_the_verb_writes(option, written_by, 
     assert (tmp_path / "out" / "log.csv").read_text() == "the log"
 
 
-def test_without_a_folder_a_run_has_a_scratch_folder_that_ends_with_it(tmp_path):
-    there = []
-    app, seen = made(lambda run: there.append(run.folder.is_dir()) or {})
-    assert call(app) == 0
-    assert there == [True]
-    assert not seen[0].folder.exists()
-    assert call(app, "--out", tmp_path / "out") == 0
-    assert seen[1].folder == tmp_path / "out"
-
-
 def test_a_failure_comes_last(tmp_path, capsys):
     app, _ = made(lambda run: {"failure": FailedRun("it diverged.")})
     assert call(app, "--json", tmp_path / "m.json") == 1
@@ -139,16 +129,6 @@ def test_a_failure_comes_last(tmp_path, capsys):
     assert (tmp_path / "m.json").exists()
 
 
-def test_shared_options_stand_behind_the_verbs_own(capsys):
-    app, _ = made(markdown=False)
-    verb = app.registered_commands[0].callback
-    assert list(inspect.signature(verb).parameters) == ["size", "seed", "out", "json"]
-    assert call(app, "--help") == 0
-    said = capsys.readouterr().out
-    assert "Size [m]." in said
-    assert "--markdown" not in said
-
-
 def test_the_seed_of_a_verb_without_a_draw_is_accepted_and_hidden(capsys):
     app, seen = made(seed=None)
     assert call(app, "--seed", 3) == 0
@@ -156,15 +136,6 @@ def test_the_seed_of_a_verb_without_a_draw_is_accepted_and_hidden(capsys):
     assert [run.seed for run in seen] == [3, 0]
     assert call(app, "--help") == 0
     assert "--seed" not in capsys.readouterr().out.split("Usage")[1]
-
-
-def test_counting_counts_up_to_a_hundred_percent(capsys, monkeypatch):
-    monkeypatch.setenv("FORCE_COLOR", "1")
-    monkeypatch.setenv("TERM", "xterm")
-    with counting("flying", "flights") as on_progress:
-        on_progress(4, 4)
-    assert "100 %" in (err := capsys.readouterr().err)
-    assert "4 of 4 flights" in err
 
 
 @pytest.mark.parametrize("there", [False, True], ids=["a new folder", "a folder with results"])
@@ -198,15 +169,3 @@ def test_what_others_write_meanwhile_stays(tmp_path):
     app, _ = made(change)
     assert call(app, "--out", tmp_path / "out") == 2
     assert [path.name for path in (tmp_path / "out").iterdir()] == ["notes.txt"]
-
-
-def test_a_report_whose_cases_failed_is_written_whole(tmp_path):
-    app, _ = made(
-        lambda run: {
-            "failure": FailedRun("1 of 2 failed."),
-            "write": lambda at: (at / "a").write_text("1"),
-        }
-    )
-    assert call(app, "--out", tmp_path / "out", "--json", tmp_path / "m.json") == 1
-    assert (tmp_path / "out" / "a").is_file()
-    assert (tmp_path / "m.json").is_file()

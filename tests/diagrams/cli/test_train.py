@@ -77,16 +77,6 @@ def test_a_log_places_the_packaged_family(flown, tmp_path, capsys):
     assert np.abs(model.encoder.mean - packaged.encoder.mean).max() > 0
 
 
-def test_a_log_that_the_family_does_not_foresee_is_learnt_from_alone(
-    logs, tmp_path, monkeypatch, capsys
-):
-    monkeypatch.setattr("np_drake.residual_models.predictor_training.foresight", lambda *_: 1.7)
-    out = tmp_path / "np.safetensors"
-    assert run(["train", str(logs[0]), "--epochs", "5", "--out", str(out)]) == 0
-    assert "times as much here as persistence" in capsys.readouterr().out
-    assert load_model(out).encoder.mean.shape == (0,)
-
-
 def test_a_log_places_a_family_of_ones_own(logs, flown, tmp_path, capsys):
     out = tmp_path / "np.safetensors"
     assert run(["train", str(flown), "--prior", str(NP_MODEL), "--out", str(out)]) == 0
@@ -119,30 +109,6 @@ def test_a_family_is_flown_and_trained_without_a_log(tmp_path, capsys):
     assert run(arguments) == 0, capsys.readouterr().err
     assert load_model(out).encoder.mean.shape == (1,)
     assert "2 of 2 flights" not in capsys.readouterr().out  # a bar, not a table
-
-
-def test_nothing_to_learn_from_is_refused(logs, tmp_path, capsys):
-    assert run(["train", "--out", str(tmp_path / "np.safetensors")]) == 2
-    assert "give LOG, or --envelope N" in capsys.readouterr().err
-    arguments = [
-        "--configuration",
-        "paper",
-        "--envelope",
-        "3",
-        "--out",
-        str(tmp_path / "np.safetensors"),
-    ]
-    assert run(["train", str(logs[0]), *arguments]) == 2
-    assert "must be of lifted" in capsys.readouterr().err
-
-
-def test_the_paper_configuration_is_trained_by_name(logs, tmp_path, capsys):
-    out = tmp_path / "np.safetensors"
-    code = run(
-        ["train", str(logs[0]), "--out", str(out), "--configuration", "paper", "--epochs", "1"]
-    )
-    assert code == 0, capsys.readouterr().err
-    assert load_model(out).configuration == "paper"
 
 
 @pytest.mark.parametrize("name", ["dmdc", "delay-dmdc", "ridge"])
@@ -191,15 +157,6 @@ def test_a_pendulum_is_trained_by_name_and_says_what_it_found(logs, tmp_path, ca
     assert not (tmp_path / "model.png").exists()
 
 
-def test_the_same_seed_trains_the_same_model(logs, tmp_path):
-    files = [tmp_path / f"{name}.safetensors" for name in ("a", "b")]
-    for out in files:
-        run(["train", str(logs[0]), "--out", str(out), "--epochs", "5", "--seed", "4"])
-    first, second = map(load_model, files)
-    for name in ("A", "B", "C"):
-        np.testing.assert_array_equal(getattr(first.system, name), getattr(second.system, name))
-
-
 BAD = {  # extra arguments: what the line must say
     "no file": (["missing.csv"], "missing.csv: No such file"),
     "configuration": (
@@ -223,18 +180,6 @@ def test_bad_input_is_one_line_and_leaves_nothing(logs, tmp_path, monkeypatch, c
     assert message in err
     assert err.splitlines()[-1].startswith("np-drake train: ")
     assert list(tmp_path.iterdir()) == []
-
-
-def test_a_log_with_a_bad_row_is_refused_and_repaired_if_asked(logs, tmp_path, capsys):
-    lines = logs[0].read_text().splitlines()
-    lines[40] = "nan" + lines[40][lines[40].index(",", 20) :]
-    bad = tmp_path / "bad.csv"
-    bad.write_text("\n".join(lines))
-    arguments = ["train", str(bad), "--out", str(tmp_path / "np.safetensors"), "--epochs", "2"]
-    assert run(arguments) == 2
-    assert "--repair" in capsys.readouterr().err
-    assert run([*arguments, "--repair"]) == 0
-    assert "repaired: 1 of 1500 rows" in capsys.readouterr().out
 
 
 def test_arrays_and_logs_are_not_mixed(logs, tmp_path, capsys):

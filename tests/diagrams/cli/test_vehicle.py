@@ -30,13 +30,6 @@ def test_new_writes_a_file_that_every_verb_takes(tmp_path, capsys):
     assert "controller: hold" in capsys.readouterr().out
 
 
-def test_new_without_out_prints_the_file(capsys, tmp_path):
-    assert run(["vehicle", "new", "--preset", "crazyflie", "--mass", "0.035"]) == 0
-    (tmp_path / "mine.yaml").write_text(capsys.readouterr().out)
-    dut, preset = load_vehicle(tmp_path / "mine.yaml"), load_vehicle("crazyflie")
-    assert dut == preset.with_mass(0.035)
-
-
 @pytest.mark.parametrize(
     "arguments, text",
     [
@@ -111,13 +104,6 @@ def test_list_names_every_preset(capsys):
     assert all(name in printed for name in preset_names())
 
 
-def test_list_prints_published_vehicles_with_source_and_spread(capsys):
-    assert run(["vehicle", "list", "--published"]) == 0
-    printed = capsys.readouterr().out
-    assert "Bouabdallah 2007" in printed
-    assert "thrust_to_weight" in printed
-
-
 def test_show_prints_source_and_default_flight(capsys):
     assert run(["vehicle", "show", "crazyflie"]) == 0
     printed = capsys.readouterr().out
@@ -148,18 +134,6 @@ def test_show_says_where_each_value_comes_from(tmp_path, capsys):
     assert "identified" in dut["thrust_coefficient"]
     assert dut["inertia[0][1]"].split()[1:] == ["0", "kg·m²", "prior:", "no", "roll"]
     assert not any(field.startswith("measurement_noise") for field in dut)
-
-
-def test_a_copy_says_what_was_given_and_keeps_other_sources(tmp_path, capsys):
-    out = tmp_path / "mine.yaml"
-    assert (
-        run(["vehicle", "new", "--preset", "crazyflie", "--mass", "0.035", "--out", str(out)]) == 0
-    )
-    capsys.readouterr()
-    dut = lines_of(capsys, "vehicle", "show", str(out))
-    assert "given" in dut["mass"]
-    assert dut["rotor_radius"].endswith("Förster 2015")
-    assert out.read_text().startswith("# Crazyflie 2.0 and 2.1")
 
 
 @pytest.mark.parametrize("start", [MEASURES, ("--preset", "crazyflie")], ids=["measures", "preset"])
