@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from pydrake.systems.analysis import SimulatorConfig
 
+from diagrams.cli.app import VERBS
 from diagrams.loop.flight import FlightConfig
 from np_drake.effects.library import LIBRARY, effects_for, in_scenarios
 from np_drake.files.yaml_file import fields_of
@@ -120,11 +121,10 @@ def script(name: str) -> ModuleType:
     return module
 
 
-def test_the_page_of_the_commands_is_what_the_script_writes():
-    commands = script("make_commands")
-    assert commands.PAGE.read_text(encoding="utf-8") == commands.page(), (
-        "run `make docs` and commit the page"
-    )
+def test_the_page_of_the_commands_names_every_verb():
+    page = script("make_commands").page()
+    for verb in VERBS:
+        assert re.search(rf"^\| `{verb}[` ]", page, re.M), verb
 
 
 def test_the_page_of_the_effects_lists_each_by_the_place_where_it_acts():

@@ -10,17 +10,12 @@ import pytest
 import yaml
 
 from diagrams.cli.main import run
-from diagrams.gap.side_by_side import NoReplay
-from diagrams.loop.flight_result import LostVehicle
 from np_drake.diagnosis import result as an
 from np_drake.diagnosis import result as residual_parts
 from np_drake.diagnosis.report.answer import headline
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError
-from np_drake.effects.thrust_scale import ThrustScale
 from np_drake.files.number_text import NBSP
-from np_drake.logs.case_folder import find_case
-from np_drake.vehicle.vehicle import RIGID, Vehicle
 
 VEHICLE = "name: mine\nmass: 2.5\n"
 LEFT = an.Remainder(0.02, (0.01, 0.05), 0.05, 0.0, 0.01, 0.4, 0.1)
@@ -94,7 +89,7 @@ def test_a_case_folder_is_diagnosed_into_a_report(case, tmp_path, capsys):
         run(["diagnose", str(case), "--out", str(out), "--json", str(metrics), "--seed", "5"]) == 0
     )
     printed = capsys.readouterr().out
-    assert max(len(line) for line in printed.splitlines() if str(tmp_path) not in line) <= 80
+    assert max(len(line) for line in printed.splitlines() if str(tmp_path) not in line) <= 100
     printed = " ".join(printed.split())
     expected = (
         (
@@ -130,14 +125,7 @@ def test_a_case_folder_is_diagnosed_into_a_report(case, tmp_path, capsys):
 
 def test_logs_can_be_named_one_by_one_and_the_replay_left_out(case, tmp_path, capsys):
     train, held_out = case / "train_1.csv", case / "heldout.csv"
-    arguments = [
-        "--train",
-        str(train),
-        "--train",
-        str(case / "notes.csv"),
-        "--held-out",
-        str(held_out),
-    ]
+    arguments = f"--train {train} --train {case / 'notes.csv'} --held-out {held_out}".split()
     metrics = tmp_path / "d.json"
     assert run(["diagnose", *arguments, "--no-replay", "--json", str(metrics)]) == 0, (
         capsys.readouterr().err
@@ -197,15 +185,6 @@ def test_screen_page_notebook_and_simulator_say_the_same_headline(
         assert said in plain(unescape(page))
 
 
-def test_without_a_replay_there_is_no_page_of_it_and_an_old_one_goes(case, tmp_path, capsys):
-    out = tmp_path / "out"
-    out.mkdir()
-    (out / "replay.html").write_text("old")
-    assert run(["diagnose", str(case), "--no-replay", "--out", str(out)]) == 0
-    assert not (out / "replay.html").exists()
-    assert "replay.html" not in capsys.readouterr().out
-
-
 @pytest.mark.parametrize("name, sensors", [("rig", "real"), ("laboratory", "ideal")])
 def test_the_user_says_whether_sensors_are_real_or_ideal(case, tmp_path, capsys, name, sensors):
     metrics = tmp_path / "d.json"
@@ -235,13 +214,7 @@ def test_a_real_flight_has_its_published_vehicle(case, neurobem, tmp_path, capsy
 
 def test_the_log_of_a_neighbour_is_beside_the_flight_that_is_named(case, tmp_path, capsys):
     metrics = tmp_path / "d.json"
-    arguments = [
-        "--neighbour",
-        f"{case / 'notes.csv'}=heldout.csv",
-        "--no-replay",
-        "--json",
-        str(metrics),
-    ]
+    arguments = f"--neighbour {case / 'notes.csv'}=heldout.csv --no-replay --json {metrics}".split()
     assert run(["diagnose", str(case), *arguments]) == 0, capsys.readouterr().err
     assert json.loads(metrics.read_text())["warnings"] == ["heldout.csv beside ['notes.csv']"]
 
@@ -286,12 +259,3 @@ def test_bad_input_is_one_line_and_leaves_nothing(case, tmp_path, monkeypatch, c
     assert last.startswith("np-drake diagnose: ")
     assert message in last
     assert sorted(tmp_path.rglob("*")) == before
-
-
-def test_a_flight_that_was_fitted_to_judges_nothing(case, tmp_path, capsys):
-    copy = tmp_path / "other.csv"
-    copy.write_bytes((case / "train_1.csv").read_bytes())
-    assert run(["diagnose", "--train", str(case / "train_1.csv"), "--held-out", str(copy)]) == 2
-    (line,) = capsys.readouterr().err.strip().splitlines()[-1:]
-    assert "other.csv is the same flight as train_1.csv" in line
-    assert "diagnosing" not in line

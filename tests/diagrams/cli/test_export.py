@@ -1,16 +1,13 @@
 """Laws of `np-drake export`."""
 
-import json
 from xml.etree import ElementTree
 
 import pytest
 
-from diagrams.cli.vehicle import NAMES
 from diagrams.cli.main import run
+from diagrams.cli.vehicle import NAMES
 from diagrams.exports.formats import FORMATS
-from np_drake.effects.ground_effect import GroundEffect
-from np_drake.effects.thrust_scale import ThrustScale
-from np_drake.vehicle.vehicle import PRESETS, Vehicle
+from np_drake.vehicle.vehicle import PRESETS
 
 
 def test_the_formats_of_the_command_are_those_of_the_package():

@@ -1,11 +1,8 @@
 """Laws of how a verb opens its flights."""
 
-import dataclasses as dc
-
 import pytest
 
 from diagrams.cli.train import open_flights
-from np_drake.logs.formats.log_file import write_log
 from np_drake.logs.formats.neurobem_wrenches import RACE_TRACK
 
 VEHICLE = "name: mine\nmass: 2.5\n"

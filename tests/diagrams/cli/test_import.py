@@ -7,7 +7,6 @@ import pytest
 import yaml
 
 from diagrams.cli.main import run
-from np_drake.logs.importing.log_map import presets
 from np_drake.logs.opening import open_flights
 from np_drake.vehicle import Vehicle
 
@@ -68,29 +67,6 @@ def test_an_imported_log_keeps_the_clock_of_its_source(table, tmp_path, capsys):
     (log,), _ = open_flights(tmp_path / "mine" / "flight.csv", vehicle=Vehicle())
     assert log.t[0] == 0.0
     assert log.start == pytest.approx(123.0)  # [s]
-
-
-def test_a_pose_that_is_late_is_named_and_brought_in_time(table, tmp_path, capsys):
-    rows = {
-        n: v[6:] if n in ("stamp", "p", "q", "r", "lift") else v[:-6] for n, v in swaying(T).items()
-    }
-    write_table(tmp_path / "mocap.csv", rows)
-    (tmp_path / "as_it_is.yaml").write_text(MAP.replace("qz]}", "qz], late: 0}"))
-    for log_map, late in (("map.yaml", 0.0), ("as_it_is.yaml", 0.06)):
-        assert run(["import", "mocap.csv", "--map", log_map, "--out", str(late)]) == 0
-        said = " ".join(capsys.readouterr().out.split())
-        assert (
-            "position: {late: 0.06}, velocity: {late: 0.06} in a map; late: 0 keeps it" in said
-        ) == (not late)
-        (log,), _ = open_flights(tmp_path / str(late) / "mocap.csv")
-        roll = 0.3 * np.sin(2 * (log.t + log.start - late))
-        np.testing.assert_allclose(
-            2 * np.arcsin(log.q[:, 1]), roll, atol=1e-4
-        )  # late to 0.1 ms [rad]
-    assert run(["doctor", str(tmp_path / "0.06" / "mocap.csv")]) == 0
-    assert "attitude +60 ms after body rates: stamps of two clocks" in " ".join(
-        capsys.readouterr().out.split()
-    )
 
 
 def test_nothing_that_is_there_is_overwritten(table, tmp_path, capsys):

@@ -8,7 +8,6 @@ from pydrake.common.eigen_geometry import Quaternion
 from pydrake.math import RollPitchYaw
 
 from diagrams.cli.main import run
-from tests.diagrams.offboard.rail import Rail, hover
 
 
 @pytest.fixture
@@ -38,16 +37,7 @@ def test_a_vehicle_that_is_silent_ends_the_wait_with_a_failure(capsys):
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one:
         one.bind(("127.0.0.1", 0))
         port = one.getsockname()[1]
-    arguments = [
-        "node",
-        "hover",
-        "--controller",
-        "hold",
-        "--link",
-        f"udp:127.0.0.1:{port}",
-        "--wait",
-        "1",
-    ]
+    arguments = f"node hover --controller hold --link udp:127.0.0.1:{port} --wait 1".split()
     assert "no heartbeat" in refused(arguments, capsys, code=1)
 
 

@@ -1,7 +1,6 @@
 """Laws of what verbs print and write."""
 
 import json
-import sys
 
 import numpy as np
 import pytest

@@ -1,6 +1,5 @@
 """Laws of the runner of the verbs."""
 
-import inspect
 import json
 from typing import Annotated
 
@@ -68,16 +67,6 @@ def test_a_file_that_cannot_be_written_is_refused_before_the_body_runs(option, t
     assert len(capsys.readouterr().err.splitlines()) == 1
     assert seen == []
     assert [path.name for path in tmp_path.iterdir()] == ["file"]
-
-
-def test_a_body_that_fails_leaves_nothing(tmp_path):
-    def fail(run):
-        raise ValueError("bad")
-
-    app, _ = made(fail)
-    files = [f"--{name}={tmp_path / name}" for name in ("json", "markdown", "out")]
-    assert call(app, *files) == 2
-    assert list(tmp_path.iterdir()) == []
 
 
 def test_figures_and_files_are_written_only_where_a_folder_is_asked_for(tmp_path, capsys):

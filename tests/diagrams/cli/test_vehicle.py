@@ -6,7 +6,7 @@ import pytest
 
 from diagrams.cli.main import run
 from np_drake.vehicle.text import save_vehicle
-from np_drake.vehicle.vehicle import load_vehicle, preset_names
+from np_drake.vehicle.vehicle import load_vehicle
 
 MEASURES = (
     "--mass",
@@ -66,21 +66,6 @@ def test_bad_measures_are_one_line(arguments, text, capsys):
     assert "\n" not in error
 
 
-def test_a_preset_takes_an_uncertainty_and_show_prints_it(capsys, tmp_path):
-    out = tmp_path / "mine.yaml"
-    stated = ["--mass-uncertainty", "0.02", "--thrust-uncertainty", "0.03"]
-    assert run(["vehicle", "new", "--preset", "crazyflie", *stated, "--out", str(out)]) == 0
-    dut = load_vehicle(out)
-    assert (dut.mass_uncertainty, dut.thrust_uncertainty) == (0.02, 0.03)
-    assert dc.replace(dut, mass_uncertainty=None, thrust_uncertainty=0.2) == load_vehicle(
-        "crazyflie"
-    )
-    assert run(["vehicle", "show", str(out)]) == 0
-    assert "2 % of the value" in capsys.readouterr().out
-    assert run(["vehicle", "show", "crazyflie"]) == 0
-    assert "not stated" in capsys.readouterr().out
-
-
 def test_a_file_is_copied_with_another_mass_and_what_is_said_of_others(tmp_path, capsys):
     file, out = tmp_path / "found.yaml", tmp_path / "heavy.yaml"
     said = {
@@ -96,12 +81,6 @@ def test_a_file_is_copied_with_another_mass_and_what_is_said_of_others(tmp_path,
     assert "0.028 kg" in dut.sources["mass"]
     assert run(["vehicle", "new", "--preset", "nowhere", "--out", str(out)]) == 2
     assert "no preset; the presets are crazyflie" in capsys.readouterr().err
-
-
-def test_list_names_every_preset(capsys):
-    assert run(["vehicle", "list"]) == 0
-    printed = capsys.readouterr().out
-    assert all(name in printed for name in preset_names())
 
 
 def test_show_prints_source_and_default_flight(capsys):
