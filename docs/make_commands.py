@@ -10,7 +10,7 @@ from typing import Any
 
 import typer
 
-from diagrams.cli.app import PROGRAM, app
+from diagrams.cli.app import PROGRAM, VERBS, app
 
 PAGE = Path(__file__).parent / "reference" / "commands.md"
 HEAD = f"""# Commands

@@ -99,10 +99,7 @@ def diagnose(
     files = _choose_files(case, vehicle, train or [], held_out or [])
     nominal = _nominal_vehicle(files)
     logs = files.open(nominal, repair=repair)
-    tell(
-        *(f"{log.name}: {note}" for flights in logs for log in flights for note in log.notes),
-        indent="  ",
-    )
+    tell(*(f"{log.name}: {note}" for flights in logs for log in flights for note in log.notes))
     beside = files.open_neighbours(neighbour or (), logs)
     require_flights(*logs)  # what is refused is so without a bar
     with progress("diagnosing", 1.0) as advance:
@@ -201,9 +198,6 @@ def tables(diagnosis: "Diagnosis") -> list[Table]:
         ("minor findings", minor),
     ):
         every.append((title, ["finding"], [(text,) for text in texts]))
-    header = ["horizon [s]", "position [m]", "velocity [m/s]", "attitude [deg]"]
-    replayed = "replay, median error, nominal → with causes"
-    every.append((replayed, header, _replay_rows(diagnosis)))
     return [table for table in every if table[-1]]
 
 
@@ -213,20 +207,6 @@ def notes(diagnosis: "Diagnosis") -> list[str]:
     sensors = named.get(diagnosis.judged_as, diagnosis.judged_as)
     judged = [f"Judged as logs of {sensors} sensors (--rig, --laboratory)."] if sensors else []
     return [*judged, *(f"warning: {text}" for text in answer.warnings(diagnosis))]
-
-
-def _replay_rows(diagnosis: "Diagnosis") -> list[tuple]:
-    """Return a row for every horizon."""
-    reduction = diagnosis.gap_reduction
-    gaps = [gap for gap in (reduction.replay_before, reduction.replay_after) if gap is not None]
-    rows = list[tuple]()
-    for k, horizon in enumerate(gaps[0].horizon if gaps else ()):
-        row = [f"{horizon:g}"]
-        for name in ("position", "velocity", "attitude"):
-            errors = [words.number(float(getattr(gap, name)[k, 0]), 2) for gap in gaps]
-            row.append(" → ".join(errors))
-        rows.append(tuple(row))
-    return rows
 
 
 def _write_simulators(found: "Diagnosis", vehicle: "Vehicle", folder: Path) -> dict[str, str]:
@@ -317,8 +297,5 @@ def vehicle_of(path: Path) -> "Vehicle":
     """
     vehicle = load_vehicle(path)
     if missing := left_out(path):
-        tell(
-            f"{path}: {', '.join(missing)} not named: those of the paper's vehicle are taken.",
-            indent="  ",
-        )
+        tell(f"{path}: {', '.join(missing)} not named: those of the paper's vehicle are taken.")
     return vehicle

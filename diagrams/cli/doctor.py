@@ -79,7 +79,7 @@ def doctor(
 
         report = examine(flights, nominal, sheets=sheets, on_progress=examining)
         advance(1.0)
-    tell(*(f"not usable: {failure}" for failure in failures[1:]), indent="  ")
+    tell(*(f"not usable: {failure}" for failure in failures[1:]))
     named = None if nominal is None else nominal.name
     return Report(
         tables(report),
@@ -161,7 +161,9 @@ def _findings(report: LogReport) -> list[Table]:
         ),
     )
     floor = report.noise_floor
-    residual = [(f"force {axis}, RMS", percent(x)) for axis, x in report.residual_force.items()]
+    residual: list[tuple] = [
+        (f"force {axis}, RMS", percent(x)) for axis, x in report.residual_force.items()
+    ]
     residual += [(f"{name}, when every effect helps", value) for name, value in floor.items()]
     swings = [
         (test.flight, "yes" if test.swings else "no", test.log_bayes_factor, test.evident)

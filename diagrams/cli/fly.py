@@ -29,7 +29,6 @@ from diagrams.loop.replay.flight_page import write_replay
 from diagrams.offboard.linked_flight import CommandedByLink, RealTime
 from diagrams.tracking import comparison
 from np_drake.autopilot.firmware import find_firmware
-from np_drake.command_delay import LONGEST_DELAY
 from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.files.figure_file import save
 from np_drake.files.yaml_file import filled, read_yaml
@@ -128,7 +127,7 @@ def fly(
         duration=duration,
         fields=fields or (),
     )
-    tell(*(f"warning: {text}" for text in configs[0].warnings()), indent="  ")
+    tell(*(f"warning: {text}" for text in configs[0].warnings()))
     single = live or mcap is not None
     if single + (sample is not None) + (len(configs) > 1) > 1:
         raise ValueError(
@@ -137,8 +136,6 @@ def fly(
         )
     if mcap is not None:
         require_mcap(mcap)
-        if mcap.suffix != ".mcap":
-            raise ValueError(f"--mcap: must be a file whose name ends in .mcap; got {mcap}.")
     flown, compared, lost = configs, len(configs) > 1, list[FailedRun]()
     tables, metrics, figures = list[Table](), None, ["track", "errors", "wrench"]
     if sample is not None:
@@ -200,12 +197,10 @@ def scenarios(
     first = load_experiment(experiment, None if vehicle is None else load_vehicle(vehicle), reality)
     if "solver" not in (read_yaml(scenario_file(experiment)).get("controller") or {}):
         first.controller.solver = options.DEFAULT_SOLVER
-    if duration is not None:
-        first = dc.replace(first, duration=duration).check()
     if payload is not None:
         first = _with_payload(first, payload)
-    first = _with_fields(first, fields)
-    first = first.check_and_step() if payload is not None or fields else first
+    first = _with_fields(first, [*fields, *([f"duration={duration}"] if duration else [])])
+    first = first.check_and_step() if payload is not None or fields else first.check()
     if autopilot is not None:
         first = _with_autopilot(first, autopilot)
     kinds = list(controllers) or [first.controller.kind]
@@ -420,12 +415,8 @@ def _notes(flight: "FlightResult") -> list[str]:
     """
     before = flight.config.warnings()
     said = [f"warning: {text}" for text in flight.warnings() if text not in before]
-    longest = LONGEST_DELAY * flight.config.controller.period
-    more = " or later, the latest that is looked for" if flight.delay > longest - 1e-9 else ""
-    if flight.delay != 0.0:
-        late = f"{1e3 * flight.delay:.3g} ms late{more}"
-        said.append(f"the controller takes commands to act {late}")
-    return said
+    late = f"the controller takes commands to act {1e3 * flight.delay:.3g} ms late"
+    return [*said, *([late] if flight.delay else [])]
 
 
 def as_config(config: "FlightConfig") -> dict:

@@ -1,8 +1,6 @@
 """`np-drake identify`: what flight logs tell of a vehicle, as a vehicle file."""
 
 import dataclasses as dc
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -11,7 +9,6 @@ from typer import Argument, Option
 
 from diagrams.batch.failed_run import FailedRun
 from diagrams.cli import output
-from diagrams.cli.app import text_of
 from diagrams.cli.output import Table, progress, say, tell
 from diagrams.cli.runner import Report, Run, reports
 from diagrams.identification.page import write_page
@@ -112,7 +109,7 @@ def identify(
     """Identify mass or thrust, inertia, motors, delays and sensors of a vehicle from its
     flights.
     """
-    with _earlier_named(run.out), progress("identifying", 1.0) as advance:
+    with progress("identifying", 1.0) as advance:
         judges = held_out or []
         named = [path.resolve() for path in (*logs, *judges)]
         if twice := [path for path in (*logs, *judges) if named.count(path.resolve()) > 1]:
@@ -138,7 +135,7 @@ def identify(
         advance(FITTED, "judging")
         rows = errors_on(found, judging, parts, plain=True)
         advance(1.0)
-    tell(*notes, *said, *found.notes, indent="  ")
+    tell(*notes, *said, *found.notes)
     config: dict[str, Any] = {
         "logs": logs,
         "vehicle": prior.name,
@@ -162,17 +159,6 @@ def identify(
     lines = [*summary(found), *filter(None, [change(rows)])]
     shown = [table for table in _tables(found, rows) if table[-1]]
     return Report(shown, config=config, metrics=metrics, lines=lines, write=write, failure=failure)
-
-
-@contextmanager
-def _earlier_named(folder: Path | None) -> Iterator[None]:
-    """Say with the reason of a failure that the folder's vehicle file is of an earlier run."""
-    try:
-        yield
-    except (ValueError, OSError) as error:
-        if folder is None or not (folder / FILE).is_file():
-            raise
-        raise ValueError(f"{text_of(error)} {folder / FILE} is of an earlier run.") from error
 
 
 def _vehicle(found: "Identification", name: str) -> "tuple[Vehicle | None, FailedRun | None]":

@@ -92,8 +92,8 @@ def import_logs(
                 found = import_log(path, declared, **how, on_progress=reading)  # type: ignore[arg-type]
                 written += _write(found, run.folder, suffix, written)
             except (LogError, OSError) as error:
-                own = isinstance(error, LogError)
-                failures.append(str(error) if own else f"{path}: {error.strerror or error}.")
+                reason = getattr(error, "strerror", None)
+                failures.append(f"{path}: {reason}." if reason else str(error))
                 continue
             sheet = found.sheet.content
             left += [  # what must be known, and what is left out

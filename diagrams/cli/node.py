@@ -173,4 +173,4 @@ class _Told:
 
     def _work(self) -> None:
         while (line := self._lines.get()) is not None:
-            tell(line, indent="  ")
+            tell(line)

@@ -5,7 +5,6 @@ Only the command line prints. Files appear whole or not at all (`np_drake.files.
 
 import os
 import sys
-import textwrap
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from importlib.metadata import version
@@ -20,7 +19,7 @@ from rich.table import Table as RichTable
 
 from diagrams.batch.run import Advance, Table
 from np_drake.files.atomic_file import is_regular, require_writable, write_json, write_text
-from np_drake.files.number_text import NBSP, NOTHING, kept_together, number
+from np_drake.files.number_text import NBSP, NOTHING, number
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -68,29 +67,25 @@ def progress(description: str, total: float) -> Iterator[Advance]:
         yield advance
 
 
-def wrapped(text: str, width: int, *, indent: str = "") -> list[str]:
-    """Return the lines of a text: no word is broken, and a number stays with its unit."""
-    broken = textwrap.wrap(
-        kept_together(text),
-        width,
-        subsequent_indent=indent,
-        break_long_words=False,
-        break_on_hyphens=False,
-    )
-    return [line.replace(NBSP, " ") for line in broken or [""]]
+def _drawn(thing: str | RichTable) -> list[str]:
+    """Return the lines of a text or table, broken between words alone."""
+    screen = console()
+    with screen.capture() as drawn:
+        screen.print(thing, overflow="ignore", crop=False)
+    return [line.rstrip() for line in drawn.get().splitlines()]
 
 
-def tell(*lines: str, indent: str = "") -> None:
+def tell(*lines: str) -> None:
     """Print sentences on stdout, broken between words."""
     for line in lines:
-        say(*wrapped(line, console().width, indent=indent))
+        say(*_drawn(line))
 
 
 def print_table(title: str, header: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
     """Print a table: text to the left, numbers to the right; one column of text is a list."""
     tell(title)
     if len(header) == 1:
-        tell(*(f"- {cell_text(text)}" for (text,) in rows), indent="  ")
+        tell(*(f"- {cell_text(text)}" for (text,) in rows))
     else:
         table = RichTable(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False)
         for k, name in enumerate(header):
@@ -98,10 +93,7 @@ def print_table(title: str, header: Sequence[str], rows: Sequence[Sequence[Any]]
             table.add_column(name, justify="right" if right else "left", overflow="fold")
         for row in rows:
             table.add_row(*map(cell_text, row))
-        screen = console()
-        with screen.capture() as drawn:
-            screen.print(table)
-        say(*(line.rstrip() for line in drawn.get().rstrip("\n").split("\n")))
+        say(*_drawn(table))
     say("")
 
 

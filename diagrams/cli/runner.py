@@ -147,7 +147,7 @@ def _show(report: Report, out: Path | None) -> None:
     for table in report.tables:
         output.print_table(*table)
     output.tell(*report.summary)
-    output.tell(*report.notes, indent="  ")
+    output.tell(*report.notes)
     if out is None:
         return
     for name, draw in report.figures.items():

@@ -26,7 +26,6 @@ from np_drake.lifting.training.train import CONFIGURATIONS, TrainingResult, make
 from np_drake.logs import opening
 from np_drake.logs.formats.neurobem import is_array, published_vehicle
 from np_drake.logs.formats.neurobem_wrenches import read_wrenches
-from np_drake.payload_filter.model_file import OLD_NAME
 from np_drake.payload_filter.training import opened_logs, train_payload_filter
 from np_drake.residual_models.motion_model import KNODE, REACTIONS, MotionModel
 from np_drake.residual_models.motion_training import train_motion_model
@@ -186,9 +185,6 @@ def asked_configuration(name: str | None, option: str, known: Sequence[str]) -> 
 
     Raises: ValueError: on an unknown name.
     """
-    if name == OLD_NAME:
-        say(f"{option}: {OLD_NAME} is now called {PAYLOAD_FILTER}.")
-        return PAYLOAD_FILTER
     if name is not None and name not in known:
         raise ValueError(f"{option}: must be one of {', '.join(known)}; got {name}.")
     return name or ""
@@ -291,7 +287,7 @@ def open_flights(
             for data in map(require_torque, log.flights):
                 flights.append(Flight(with_accelerations(data), own))
                 notes = flights[-1].data.notes
-                tell(*(f"{data.name}: {note}" for note in notes), indent="  ")
+                tell(*(f"{data.name}: {note}" for note in notes))
         elif isinstance(found, WrenchSequence):
             flights.append(Flight(found, vehicle or published_vehicle()))
         else:

@@ -12,7 +12,7 @@ from typing import Annotated, Any
 
 from typer import Argument, Option
 
-from diagrams.cli.output import Table, print_table, require_outputs, say
+from diagrams.cli.output import print_table, require_outputs, say
 from diagrams.cli.runner import Report, Run, Verbs, reports
 from diagrams.exports.formats import FORMATS, SHAPE, not_carried
 from diagrams.loop.experiments import load_experiment
@@ -22,7 +22,6 @@ from np_drake.files.atomic_file import is_regular, lock_outputs, write_text
 from np_drake.files.yaml_file import read_yaml
 from np_drake.vehicle import Vehicle
 from np_drake.vehicle.estimate import Measured, commented_file
-from np_drake.vehicle.published import dimensionless, published_priors, published_vehicles
 from np_drake.vehicle.rotor_layout import FIRMWARE
 from np_drake.vehicle.scaling import numbers, scales
 from np_drake.vehicle.sources import without
@@ -84,7 +83,10 @@ def new(
 
     The file states how well mass and thrust are known, which a diagnosis takes into account.
     """
-    stated = {"mass_uncertainty": mass_uncertainty, "thrust_uncertainty": thrust_uncertainty}
+    stated: dict[str, Any] = {
+        "mass_uncertainty": mass_uncertainty,
+        "thrust_uncertainty": thrust_uncertainty,
+    }
     stated = {key: value for key, value in stated.items() if value is not None}
     measures = {
         "--wheelbase": wheelbase,
@@ -117,14 +119,17 @@ def new(
 
 
 @vehicle.command("list")
-def presets(
-    published: Annotated[
-        bool, Option("--published", help="Published vehicles, and their spread, instead.")
-    ] = False,
-) -> None:
+def presets() -> None:
     """List the vehicles that come with the package, which --vehicle takes by name."""
-    for table in _published_tables() if published else (_preset_table(),):
-        print_table(*table)
+    rows = []
+    for name in preset_names():
+        known, lines = load_vehicle(name), vehicle_file(name).read_text("utf-8").splitlines()
+        source = next(line for line in lines if line.startswith("# Source")).split(": ", 1)[1]
+        source = re.split(r",| for |;", source)[0].rstrip(".")
+        arm, ratio = 100 * scales(known).length, numbers(known).thrust_to_weight
+        rows.append((name, known.mass, arm, ratio, source))
+    header = ["name", "mass [kg]", "arm [cm]", "thrust/weight [1]", "source"]
+    print_table("vehicles", header, rows)
 
 
 @vehicle.command("show")
@@ -159,42 +164,6 @@ def _copy_of(preset: str, changed: Mapping[str, Any]) -> str:
     lines = vehicle_file(preset).read_text(encoding="utf-8").splitlines()
     head = itertools.takewhile(lambda line: line.startswith("#"), lines)
     return vehicle_text(copy.check(), "\n".join(head))
-
-
-def _preset_table() -> Table:
-    """Return a table with a line for every preset, and the first words of its source."""
-    rows = []
-    for name in preset_names():
-        known, lines = load_vehicle(name), vehicle_file(name).read_text("utf-8").splitlines()
-        source = next(line for line in lines if line.startswith("# Source")).split(": ", 1)[1]
-        source = re.split(r",| for |;", source)[0].rstrip(".")
-        arm, ratio = 100 * scales(known).length, numbers(known).thrust_to_weight
-        rows.append((name, known.mass, arm, ratio, source))
-    return "vehicles", ["name", "mass [kg]", "arm [cm]", "thrust/weight [1]", "source"], rows
-
-
-def _published_tables() -> tuple[Table, Table]:
-    """Return a table of the published vehicles, and one of the spread of their dimensionless
-    numbers.
-    """
-    header = {
-        "name": "name",
-        "mass [kg]": "mass",
-        "arm [m]": "arm",
-        "thrust/weight [1]": "thrust_to_weight",
-        "J_xx/(m l²) [1]": "inertia",
-        "rotor lag [s]": "time_constant",
-        "source": "source",
-    }
-    vehicles, priors = published_vehicles(), published_priors()
-    columns = {**vehicles, **dimensionless(vehicles)}
-    rows = list(zip(*(columns[key] for key in header.values()), strict=True))
-    spread = []
-    for field in dc.fields(priors):
-        told = getattr(priors, field.name)
-        spread.append((field.name, told.count, told.median, told.deviation, *told.within()))
-    names = ["number", "vehicles", "median", "deviation of the logarithm", "95 % from", "to"]
-    return ("published vehicles", list(header), rows), ("spread", names, spread)
 
 
 def _scale_rows(known: "Vehicle") -> list[tuple]:

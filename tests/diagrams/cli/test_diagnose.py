@@ -221,23 +221,16 @@ def test_the_log_of_a_neighbour_is_beside_the_flight_that_is_named(case, tmp_pat
 
 BAD = {  # arguments: what the line must say
     "nothing": ([], "give a case folder"),
-    "half": (["--train", "TRAIN"], "--held-out LOG"),
     "both": (["CASE", "--train", "TRAIN"], "not both"),
     "a log as case": (["TRAIN"], "must be a folder"),
     "no case": (["nowhere"], "not there"),
-    "empty case": (["empty"], "vehicle.yaml"),
-    "vehicle": (["CASE", "--vehicle", "missing.yaml"], "missing.yaml"),
-    "missing log": (["--train", "TRAIN", "--held-out", "missing.csv"], "missing.csv"),
     "array": (["--train", "TRAIN", "--held-out", "array.npy"], "give the flight's CSV"),
     "folder is a file": (["CASE", "--out", "TRAIN"], "must be a folder"),
-    "folder below a file": (["CASE", "--out", "TRAIN/report"], "must be a folder"),
     "neighbour of none": (
         ["CASE", "--neighbour", "TRAIN=other.csv"],
         "must be one of train_1.csv, heldout.csv",
     ),
     "neighbour of any": (["CASE", "--neighbour", "TRAIN"], "say beside which: --neighbour"),
-    "missing neighbour": (["CASE", "--neighbour", "missing.csv=heldout.csv"], "missing.csv"),
-    "metrics": (["CASE", "--json", "nowhere/x.json"], "nowhere must exist"),
 }
 
 

@@ -58,20 +58,11 @@ def test_a_predictor_is_scored_beside_the_naive_rows(logs, model, tmp_path, caps
 BAD = {  # arguments: what the line must say
     "nothing": ([], "NP_DRAKE_NEUROBEM"),
     "two sources": (["LOG", "--predictor", "MODEL", "--train", "LOG"], "leave out --train"),
-    "no flight": (["--predictor", "MODEL"], "flights to score"),
     "no model": (["LOG", "--predictor", "LOG"], "not a model file"),
-    "no folder": (["--neurobem", "nowhere"], "nowhere"),
-    "configuration": (["LOG", "--train", "LOG", "--only", "best"], "lifted, paper"),
-    "alone": (["LOG", "--leave-one-out"], "two LOG or more"),
     "trained on": (["LOG", "--train", "LOG"], "must be held out of training"),
     "twice": (["LOG", "LOG", "--leave-one-out"], "must be given once"),
-    "horizon": (["LOG", "--predictor", "MODEL", "--horizons", "1,-2"], "--horizons"),
     "too far": (["LOG", "--predictor", "MODEL", "--horizons", "5000"], "samples are needed"),
     "two kinds": (["LOG", "--train", "ARRAY"], "give one kind"),
-    "another frame": (
-        ["ARRAY", "--predictor", "MODEL"],
-        "trained with frame world; here it is body",
-    ),
 }
 
 

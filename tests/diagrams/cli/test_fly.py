@@ -117,25 +117,15 @@ BAD = {  # arguments: what the line must say
     "negative payload": (["fly", "circle", "--payload", "-1"], "mass must be positive"),
     "twice": (["fly", "hover", "--controller", "np", "--controller", "np"], "two are called np"),
     "solver": (["fly", "circle", "--set", "controller.solver=snopt"], "ipopt"),
-    "live draws": (["fly", "circle", "--live", "--sample", "2"], "either --live"),
     "duration": (["fly", "circle", "--duration", "-1"], "duration must be positive"),
-    "missing scenario": (["fly", "missing.yaml"], "missing.yaml"),
     "missing model": (
         ["fly", "circle", "--predictor", "missing.safetensors"],
         "missing.safetensors",
     ),
-    "folder of metrics": (["fly", "circle", "--json", "nowhere/x.json"], "nowhere must exist"),
-    "seed": (["fly", "circle", "--seed", "99999999999999999999"], "--seed"),
     "predictor for another": (
         ["fly", "circle", "--controller", "hold", "--predictor", "x"],
         "is for np",
     ),
-    "bad model and a folder": (["fly", "circle", "--predictor", "taken", "--out", "dd"], "taken"),
-    "vehicle": (["fly", "circle", "--vehicle", "missing.yaml"], "missing.yaml"),
-    "table": (["reproduce", "tea"], "tracking"),
-    "row": (["reproduce", "tracking", "--only", "pid"], "--only"),
-    "demo folder": (["demo", "--out", "taken"], "taken"),
-    "bench metrics": (["bench", "--json", "nowhere/x.json"], "nowhere must exist"),
 }
 
 

@@ -3,14 +3,16 @@
 import json
 from typing import Annotated
 
+import numpy as np
 import pytest
 import typer
 
 from diagrams.batch.failed_run import FailedRun
-from diagrams.cli import options
+from diagrams.cli import options, output
 from diagrams.cli.app import run_app
+from diagrams.cli.main import run
 from diagrams.cli.runner import Report, Run, reports
-from np_drake.files.atomic_file import write_text
+from np_drake.files.atomic_file import lock_outputs, write_text
 from np_drake.files.figure_file import new_figure
 
 TABLE = ("a title", ["what", "value"], [("one | two", 1.23456)])
@@ -158,3 +160,91 @@ def test_what_others_write_meanwhile_stays(tmp_path):
     app, _ = made(change)
     assert call(app, "--out", tmp_path / "out") == 2
     assert [path.name for path in (tmp_path / "out").iterdir()] == ["notes.txt"]
+
+
+@pytest.mark.parametrize(
+    ("words", "folder"),
+    [
+        ("vehicle new --preset crazyflie --out", False),
+        ("challenge make --clean 1 --cases 0 --out own --truth", True),
+        ("fly hover --duration 0.2 --mcap", False),
+        ("fly hover --duration 0.2 --out", True),
+    ],
+)
+def test_an_output_that_another_run_holds_is_refused_before_any_work(
+    tmp_path, monkeypatch, capsys, words, folder
+):
+    monkeypatch.chdir(tmp_path)
+    path = tmp_path / "own.mcap"
+    with lock_outputs([path] if folder else [], [] if folder else [path]):
+        before = set(tmp_path.rglob("*"))
+        assert run([*words.split(), path.name]) == 2
+        assert "another run" in capsys.readouterr().err
+        assert set(tmp_path.rglob("*")) == before
+    assert not set(tmp_path.rglob(".*lock"))
+
+
+def test_a_table_fits_a_hundred_columns(capsys):
+    rows = [("a flight with a rather long name indeed " * 3, "np", 0.02, 1.23456, None, 3)] * 2
+    output.print_table(
+        "skill", ["flight", "model", "horizon [s]", "force [N]", "torque [N·m]", "n"], rows
+    )
+    lines = capsys.readouterr().out.splitlines()
+    assert max(map(len, lines)) <= 100
+    assert any("1.23 " in line for line in lines)
+    assert any("–" in line for line in lines)
+
+
+def test_a_metrics_file_names_its_schema_version_and_seed(tmp_path):
+    output.write_metrics(
+        tmp_path / "m.json", "fly", seed=3, config={"a": 1}, metrics={"E_z": np.float64(0.5)}
+    )
+    content = json.loads((tmp_path / "m.json").read_text())
+    assert content["schema"] == "np_drake.fly/1"
+    assert (content["seed"], content["config"], content["metrics"]) == (3, {"a": 1}, {"E_z": 0.5})
+    assert content["version"].count(".") == 2
+
+
+def test_two_outputs_are_never_one_file(tmp_path):
+    (tmp_path / "link").symlink_to(tmp_path / "a")
+    for other in (tmp_path / "a", tmp_path / "." / "a", tmp_path / "link"):
+        with pytest.raises(ValueError, match="two files are to be written there"):
+            output.require_outputs(tmp_path / "a", other)
+    output.require_outputs(tmp_path / "a", tmp_path / "b", None)
+    assert [path.name for path in tmp_path.iterdir()] == ["link"]
+
+
+def test_progress_ends_at_a_hundred_percent_where_a_person_looks(capsys, monkeypatch):
+    monkeypatch.setenv("FORCE_COLOR", "1")  # what a terminal is for rich
+    monkeypatch.setenv("TERM", "xterm")
+    with output.progress("working", 10) as advance:
+        advance(5, "half")
+        advance(10)
+    err = capsys.readouterr().err
+    assert "working" in err
+    assert "100%" in err
+
+
+def test_a_long_line_is_not_wrapped(capsys):
+    output.say("x" * 300, "[bold] is no markup")
+    assert capsys.readouterr().out == "x" * 300 + "\n[bold] is no markup\n"
+
+
+@pytest.mark.parametrize("target", ["link", "nowhere"])
+def test_a_link_to_nothing_is_no_folder(target, tmp_path):
+    (tmp_path / "link").symlink_to(target)
+    with pytest.raises(NotADirectoryError, match="must be a folder"):
+        output.require_outputs(folders=[tmp_path / "link" / "sub"])
+
+
+def test_off_a_terminal_progress_leaves_no_line_beside_that_of_an_error(capsys):
+    def work():
+        with output.progress("before", 1.0) as advance:
+            advance(1.0)
+        with output.progress("work", 2.0) as advance:
+            advance(1.0)
+            raise ValueError("bad")
+
+    with pytest.raises(ValueError, match="bad"):
+        work()
+    assert capsys.readouterr().err == ""
