@@ -14,7 +14,7 @@ from typer import Option
 from typer.core import TyperGroup
 
 from diagrams.batch.failed_run import FailedRun, one_line
-from diagrams.cli import options
+from diagrams.cli import options, reproduce
 from diagrams.cli.output import console, discard_output, say
 from diagrams.cli.runner import HELP, Verbs
 from np_drake.files.atomic_file import FULL
@@ -185,6 +185,8 @@ def _report(arguments: list[str], message: str) -> None:
     """Print a line that begins with the verb."""
     words = [argument for argument in arguments if argument and not argument.startswith("-")]
     verbs = words[: 2 if words[:1] and words[0] in GROUPS else 1]
+    if verbs[:1] == ["reproduce"] and verbs[-1] not in reproduce.STUDIES:
+        verbs = verbs[:1]
     for verb in verbs:
         message = message.removeprefix(f"{verb}: ")
     text = f"{' '.join([PROGRAM, *verbs])}: {message}"

@@ -63,7 +63,7 @@ def demo(
     )
 
 
-def _reduction_table(result: "Demo") -> Table:
+def _reduction_table(result: Demo) -> Table:
     lines = []
     for track, cut in result.reduction().items():
         xy, z = (

@@ -148,7 +148,7 @@ def diagnose(
     )
 
 
-def judgement(diagnosis: "Diagnosis") -> list[str]:
+def judgement(diagnosis: Diagnosis) -> list[str]:
     """Return what stands against any answer, the headline, the sentence below it, and the same of a
     second answer.
     """
@@ -161,7 +161,7 @@ def judgement(diagnosis: "Diagnosis") -> list[str]:
     return [*said, ""]
 
 
-def tables(diagnosis: "Diagnosis") -> list[Table]:
+def tables(diagnosis: Diagnosis) -> list[Table]:
     """Return the tables that have rows, the answer first."""
     every: list[Table] = [
         (
@@ -201,7 +201,7 @@ def tables(diagnosis: "Diagnosis") -> list[Table]:
     return [table for table in every if table[-1]]
 
 
-def notes(diagnosis: "Diagnosis") -> list[str]:
+def notes(diagnosis: Diagnosis) -> list[str]:
     """Return the sensors that were assumed, and every warning once."""
     named = {"rig": "real", "laboratory": "ideal"}
     sensors = named.get(diagnosis.judged_as, diagnosis.judged_as)
@@ -209,7 +209,7 @@ def notes(diagnosis: "Diagnosis") -> list[str]:
     return [*judged, *(f"warning: {text}" for text in answer.warnings(diagnosis))]
 
 
-def _write_simulators(found: "Diagnosis", vehicle: "Vehicle", folder: Path) -> dict[str, str]:
+def _write_simulators(found: Diagnosis, vehicle: Vehicle, folder: Path) -> dict[str, str]:
     """Write the corrected simulator of each answer to a folder, and return the texts of links by
     file.
 
@@ -233,7 +233,7 @@ def _write_simulators(found: "Diagnosis", vehicle: "Vehicle", folder: Path) -> d
 
 
 def _write_overlay(
-    found: "Diagnosis", vehicle: "Vehicle", held_out: "list[FlightLog]", folder: Path
+    found: Diagnosis, vehicle: Vehicle, held_out: list[FlightLog], folder: Path
 ) -> dict[str, str]:
     """Write `replay.html` to a folder and return the text of its link; print where it is, or why
     there is none.
@@ -259,7 +259,7 @@ def _write_overlay(
 
 def _choose_files(
     case: Path | None, vehicle: Path | None, train: list[Path], held_out: list[Path]
-) -> "CaseFiles":
+) -> CaseFiles:
     """Return the files of a case folder, or those given one by one."""
     if case is None:
         if not train or not held_out:
@@ -276,7 +276,7 @@ def _choose_files(
     return find_case(case, vehicle)
 
 
-def _nominal_vehicle(files: "CaseFiles") -> "Vehicle":
+def _nominal_vehicle(files: CaseFiles) -> Vehicle:
     """Return the nominal vehicle; without a file the published one where all flights are
     NeuroBEM's.
 
@@ -290,7 +290,7 @@ def _nominal_vehicle(files: "CaseFiles") -> "Vehicle":
     return vehicle_of(files.vehicle)
 
 
-def vehicle_of(path: Path) -> "Vehicle":
+def vehicle_of(path: Path) -> Vehicle:
     """Return the vehicle of a file or preset, and print which parameters it does not name.
 
     Raises: ValueError: on a bad vehicle file.

@@ -90,7 +90,7 @@ def doctor(
     )
 
 
-def judgement(report: "LogReport") -> list[str]:
+def judgement(report: LogReport) -> list[str]:
     """Return whether the logs are usable, and what limits their use."""
     several = len(report.flights) > 1
     head = f"{len(report.flights)} flights" if several else report.flights[0].name
@@ -103,7 +103,7 @@ def judgement(report: "LogReport") -> list[str]:
     ]
 
 
-def tables(report: "LogReport") -> list[Table]:
+def tables(report: LogReport) -> list[Table]:
     """Return the tables of a report that have rows: flights, findings, and what they can tell."""
     groups: dict[str, list[Answer]] = {}
     for answer in report.answers:
@@ -178,7 +178,7 @@ def _findings(report: LogReport) -> list[Table]:
     ]
 
 
-def _sizes(answers: "list[Answer]", told: bool) -> str:
+def _sizes(answers: list[Answer], told: bool) -> str:
     """Return the smallest sizes that can be told, in brackets those that cannot."""
     shown = []
     for a in answers:

@@ -187,7 +187,7 @@ def _choose_flights(
 
 
 def _train_baselines(
-    flights: list["Flight"], horizons: list[int], step: float, also: Sequence[str], seed: int
+    flights: list[Flight], horizons: list[int], step: float, also: Sequence[str], seed: int
 ) -> dict[str, Any]:
     """Train the baselines and return `baselines` and `mean` as `score_flights` takes them; empty
     without flights.
@@ -205,7 +205,7 @@ def _train_baselines(
     return {"baselines": models, "mean": mean}
 
 
-def load(path: Path) -> dict[str, "Model"]:
+def load(path: Path) -> dict[str, Model]:
     """Load the model of a file, lifted linear system or payload filter; return it by its
     configuration.
     """
@@ -216,8 +216,8 @@ def load(path: Path) -> dict[str, "Model"]:
 
 
 def _train_all(
-    flights: list["Flight"], names: Sequence[str], *, step: float, seed: int, epochs: int | None
-) -> dict[str, "Model"]:
+    flights: list[Flight], names: Sequence[str], *, step: float, seed: int, epochs: int | None
+) -> dict[str, Model]:
     """Train the configurations of these names on the same flights.
 
     Raises: ValueError: if `payload_filter` is among them and a flight is an array.

@@ -186,7 +186,7 @@ def scenarios(
     payload: float | None = None,
     duration: float | None = None,
     fields: Sequence[str] = (),
-) -> "list[FlightConfig]":
+) -> list[FlightConfig]:
     """Return a checked scenario for every controller; what cannot be flown is refused before any
     work.
 
@@ -223,7 +223,7 @@ def scenarios(
     return configs
 
 
-def _with_fields(config: "FlightConfig", fields: Sequence[str]) -> "FlightConfig":
+def _with_fields(config: FlightConfig, fields: Sequence[str]) -> FlightConfig:
     """Return the scenario with the fields of `--set`.
 
     Raises: ValueError: on an unknown field, or a value of another kind.
@@ -242,7 +242,7 @@ def _with_fields(config: "FlightConfig", fields: Sequence[str]) -> "FlightConfig
     return config
 
 
-def _with_payload(config: "FlightConfig", mass: float) -> "FlightConfig":
+def _with_payload(config: FlightConfig, mass: float) -> FlightConfig:
     """Return the scenario with a payload of another mass [kg], or with none; its cable stretches by
     the same share of its length.
     """
@@ -268,7 +268,7 @@ def _with_payload(config: "FlightConfig", mass: float) -> "FlightConfig":
     return dc.replace(config, reality=reality)
 
 
-def _with_autopilot(config: "FlightConfig", kind: str) -> "FlightConfig":
+def _with_autopilot(config: FlightConfig, kind: str) -> FlightConfig:
     """Return the scenario with an autopilot, by the loop of a usual tune where the vehicle's file
     names none.
     """
@@ -285,7 +285,7 @@ def _with_autopilot(config: "FlightConfig", kind: str) -> "FlightConfig":
     return config
 
 
-def _give(predictor: Path, configs: "Sequence[FlightConfig]") -> None:
+def _give(predictor: Path, configs: Sequence[FlightConfig]) -> None:
     """Give a model file to the controller that it is for; others fly the packaged model.
 
     Raises: ValueError: where none of them flies a model, or this one.
@@ -304,7 +304,7 @@ def _give(predictor: Path, configs: "Sequence[FlightConfig]") -> None:
     (fits or controllers)[0].predictor = str(predictor)
 
 
-def _require_flyable(config: "FlightConfig") -> None:
+def _require_flyable(config: FlightConfig) -> None:
     """Check the scenario, its model file and a controller of one's own.
 
     Raises: ValueError: where one does not fit.
@@ -317,7 +317,7 @@ def _require_flyable(config: "FlightConfig") -> None:
         make_flight_diagram(config)
 
 
-def _default_controller(config: "FlightConfig", predictor: Path | None) -> str:
+def _default_controller(config: FlightConfig, predictor: Path | None) -> str:
     """Return the kind of the model file; without one `np`, or `hold`, which needs no model, and say
     so.
 
@@ -337,8 +337,8 @@ def _default_controller(config: "FlightConfig", predictor: Path | None) -> str:
 
 
 def fly_all(
-    configs: "list[FlightConfig]", seed: int, lost: list[FailedRun] | None = None
-) -> "list[FlightResult]":
+    configs: list[FlightConfig], seed: int, lost: list[FailedRun] | None = None
+) -> list[FlightResult]:
     """Simulate scenarios that begin and end alike, one after the other, behind one progress bar.
 
     Args:
@@ -364,7 +364,7 @@ def fly_all(
     return flights
 
 
-def _fly_linked(config: "FlightConfig", seed: int, address: str) -> "tuple[FlightResult, Table]":
+def _fly_linked(config: FlightConfig, seed: int, address: str) -> tuple[FlightResult, Table]:
     """Simulate in real time a vehicle that a process outside commands by MAVLink; return the table
     of what its autopilot has seen too.
 
@@ -385,7 +385,7 @@ def _fly_linked(config: "FlightConfig", seed: int, address: str) -> "tuple[Fligh
     return flight, factory.table(pace.mean)
 
 
-def _fly_live(config: "FlightConfig", seed: int) -> "FlightResult":
+def _fly_live(config: FlightConfig, seed: int) -> FlightResult:
     """Simulate in real time before a browser's eyes, until the end, `stop`, Ctrl-C or the loss of
     the vehicle.
 
@@ -409,7 +409,7 @@ def _fly_live(config: "FlightConfig", seed: int) -> "FlightResult":
     return flight
 
 
-def _notes(flight: "FlightResult") -> list[str]:
+def _notes(flight: FlightResult) -> list[str]:
     """Return lines about waypoints that a flight did not pass, and about the delay of commands with
     which the controller reckoned at the end.
     """
@@ -419,7 +419,7 @@ def _notes(flight: "FlightResult") -> list[str]:
     return [*said, *([late] if flight.delay else [])]
 
 
-def as_config(config: "FlightConfig") -> dict:
+def as_config(config: FlightConfig) -> dict:
     """Return the scenario as plain data, for `--json`."""
     kept = ("integration_scheme", "max_step_size", "accuracy")
     return settings_of(config) | {
@@ -427,7 +427,7 @@ def as_config(config: "FlightConfig") -> dict:
     }
 
 
-def flights_table(flights: "Sequence[FlightResult]") -> Table:
+def flights_table(flights: Sequence[FlightResult]) -> Table:
     """Return a table with a line for every flight: errors in cm, solve times in ms."""
     lines = []
     for flight in flights:
@@ -443,7 +443,7 @@ def flights_table(flights: "Sequence[FlightResult]") -> Table:
     return tabulate(title, lines, [(name, name) for name in lines[0]])
 
 
-def _write_flight(flight: "FlightResult", folder: Path, figures: Sequence[str]) -> None:
+def _write_flight(flight: FlightResult, folder: Path, figures: Sequence[str]) -> None:
     """Write flight log, figures and replay page of a flight, named by its controller."""
     stem = comparison.stem(flight)
     write_log(flight.log(), folder / f"{stem}.csv")

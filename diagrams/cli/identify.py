@@ -161,7 +161,7 @@ def identify(
     return Report(shown, config=config, metrics=metrics, lines=lines, write=write, failure=failure)
 
 
-def _vehicle(found: "Identification", name: str) -> "tuple[Vehicle | None, FailedRun | None]":
+def _vehicle(found: Identification, name: str) -> tuple[Vehicle | None, FailedRun | None]:
     """Return the identified vehicle, or None with the reason where its values are none's."""
     if found.basis.ratios:
         return None, None
@@ -178,7 +178,7 @@ def _prior_of(
     propeller: float | None,
     order: str | None,
     trust: str,
-) -> "tuple[Vehicle, float | None]":
+) -> tuple[Vehicle, float | None]:
     """Return the vehicle whose geometry is given, and its mass [kg]; None where it is to be told or
     is not known.
 
@@ -204,7 +204,9 @@ def _prior_of(
         )
     if order is None:
         raise ValueError(f"give --order {'|'.join(FIRMWARE)} (whose logs you have) as well.")
-    guess = min(max(DENSITY * (0.5 * max(wheelbase, 0.0)) ** 3, LIGHTEST), HEAVIEST)
+    guess = LIGHTEST
+    if wheelbase > 0:
+        guess = min(max(DENSITY * (0.5 * wheelbase) ** 3, LIGHTEST), HEAVIEST)
     diameter = 0.5 * wheelbase if propeller is None else propeller
     measured = Measured(guess if mass is None else mass, wheelbase, diameter, 0.5, order=order)
     frame = estimate(measured, f"frame of {wheelbase:g} m")
@@ -219,8 +221,8 @@ def _prior_of(
 
 
 def _open_logs(
-    paths: list[Path], vehicle: "Vehicle", log_map: Path | None, advance: Any
-) -> "tuple[list[list[FlightLog]], list[str]]":
+    paths: list[Path], vehicle: Vehicle, log_map: Path | None, advance: Any
+) -> tuple[list[list[FlightLog]], list[str]]:
     """Return the flights of each log, with rotors in the order of the vehicle, and what readers
     derived.
 
@@ -246,8 +248,8 @@ def _open_logs(
 
 
 def _split(
-    logs: "list[list[FlightLog]]", held_out: "list[FlightLog]", vehicle: "Vehicle", drive: str
-) -> "tuple[list[FlightLog], list[FlightLog], bool, list[str]]":
+    logs: list[list[FlightLog]], held_out: list[FlightLog], vehicle: Vehicle, drive: str
+) -> tuple[list[FlightLog], list[FlightLog], bool, list[str]]:
     """Return flights to fit and those to judge by, whether these are the last third of a single
     one, and what is left out.
 
@@ -285,7 +287,7 @@ def _split(
     return fitted, kept, single, said
 
 
-def _tables(found: "Identification", rows: "list[HeldOut]") -> list[Table]:
+def _tables(found: Identification, rows: list[HeldOut]) -> list[Table]:
     """Return what is told, the rate loop of an autopilot, and the errors on what was not fitted."""
     told = []
     for q in found.quantities:
@@ -323,7 +325,7 @@ def _tables(found: "Identification", rows: "list[HeldOut]") -> list[Table]:
     ]
 
 
-def as_json(found: "Identification", rows: "list[HeldOut]") -> dict[str, Any]:
+def as_json(found: Identification, rows: list[HeldOut]) -> dict[str, Any]:
     """Return the values of `--json`."""
     each = {told.quantity.name: told for told in flight_values(found)}
     quantities = []

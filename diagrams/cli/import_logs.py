@@ -122,7 +122,7 @@ def import_logs(
     )
 
 
-def _write(found: "Imported", folder: Path, suffix: str, before: list[str]) -> list[str]:
+def _write(found: Imported, folder: Path, suffix: str, before: list[str]) -> list[str]:
     """Write the flights of one log and their sheets, and return the files; `before` are those of
     other logs.
 

@@ -91,7 +91,7 @@ def node(
             _Told() as told,
         ):
 
-            def monitor(now: "Node", t: float) -> None:
+            def monitor(now: Node, t: float) -> None:
                 told.show(now)
                 advance(t, f"{now.phase.value}{_pose(now.x)}")
 
@@ -128,7 +128,7 @@ def node(
     )
 
 
-def _pose(x: "np.ndarray") -> str:
+def _pose(x: np.ndarray) -> str:
     """Return attitude and height of a state (13,) in words; nothing where it is not known."""
     if not np.isfinite(x).all():
         return ""
@@ -158,7 +158,7 @@ class _Told:
         self._lines.put(None)
         self._thread.join(timeout=1.0)
 
-    def show(self, node: "Node") -> None:
+    def show(self, node: Node) -> None:
         for event in node.events[self._shown :]:
             self._lines.put(f"{event.time:8.2f} s  {event.phase.value}: {event.reason}")
         self._shown = len(node.events)

@@ -5,6 +5,7 @@ Only the command line prints. Files appear whole or not at all (`np_drake.files.
 
 import os
 import sys
+import textwrap
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from importlib.metadata import version
@@ -67,18 +68,12 @@ def progress(description: str, total: float) -> Iterator[Advance]:
         yield advance
 
 
-def _drawn(thing: str | RichTable) -> list[str]:
-    """Return the lines of a text or table, broken between words alone."""
-    screen = console()
-    with screen.capture() as drawn:
-        screen.print(thing, overflow="ignore", crop=False)
-    return [line.rstrip() for line in drawn.get().splitlines()]
-
-
 def tell(*lines: str) -> None:
     """Print sentences on stdout, broken between words."""
     for line in lines:
-        say(*_drawn(line))
+        width = console().width
+        broken = textwrap.wrap(line, width, break_long_words=False, break_on_hyphens=False)
+        say(*(broken or [""]))
 
 
 def print_table(title: str, header: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
@@ -93,7 +88,10 @@ def print_table(title: str, header: Sequence[str], rows: Sequence[Sequence[Any]]
             table.add_column(name, justify="right" if right else "left", overflow="fold")
         for row in rows:
             table.add_row(*map(cell_text, row))
-        say(*_drawn(table))
+        screen = console()
+        with screen.capture() as drawn:
+            screen.print(table)
+        say(*(line.rstrip() for line in drawn.get().splitlines()))
     say("")
 
 

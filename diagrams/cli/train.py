@@ -164,8 +164,8 @@ def train(
 
 
 def _placed(
-    flights: "Sequence[Flight]", prior: Path | None, step: float, envelope: int | None
-) -> "LiftedModel | None":
+    flights: Sequence[Flight], prior: Path | None, step: float, envelope: int | None
+) -> LiftedModel | None:
     """Return a family as the logs place it, that of a file or the packaged one, and say which; None
     where they are to be learnt from alone.
     """
@@ -200,7 +200,7 @@ def configuration_for(name: str, frame: str) -> str:
     return configuration
 
 
-def _payload_filter_report(flights: "Sequence[Flight]", out: Path, *, step: float) -> Report:
+def _payload_filter_report(flights: Sequence[Flight], out: Path, *, step: float) -> Report:
     """Train a payload filter, write its file, and return what it found of the vehicle."""
     start = time.perf_counter()
     with progress("training payload_filter", 1.0) as advance:
@@ -231,8 +231,8 @@ def _payload_filter_report(flights: "Sequence[Flight]", out: Path, *, step: floa
 
 
 def train_reaction(
-    name: str, flights: "Sequence[Flight]", *, step: float, settings: dict
-) -> "tuple[MotionModel, list[float], float]":
+    name: str, flights: Sequence[Flight], *, step: float, settings: dict
+) -> tuple[MotionModel, list[float], float]:
     """Return gp or knode trained, its loss, and how long the training took [s]."""
     vehicle = flights[0].vehicle
     if any(flight.vehicle != vehicle for flight in flights):
@@ -260,7 +260,7 @@ def behind_bar(description: str, learn: Callable[..., T]) -> tuple[T, float]:
 
 def open_flights(
     paths: list[Path], vehicle_file: Path | None, *, repair: bool = False
-) -> "list[Flight]":
+) -> list[Flight]:
     """Open and check every file, and print what a reader derived or repaired; a scenario file is
     flown, once every other file is open.
 
@@ -301,7 +301,7 @@ def open_flights(
     return flights
 
 
-def require_one_frame(flights: "list[Flight]") -> None:
+def require_one_frame(flights: list[Flight]) -> None:
     """Check that total wrenches in body axes are not mixed with residual ones in W."""
     if len({flight.frame for flight in flights}) > 1:
         raise ValueError(

@@ -166,7 +166,7 @@ def _copy_of(preset: str, changed: Mapping[str, Any]) -> str:
     return vehicle_text(copy.check(), "\n".join(head))
 
 
-def _scale_rows(known: "Vehicle") -> list[tuple]:
+def _scale_rows(known: Vehicle) -> list[tuple]:
     """Return the scales and dimensionless numbers of a vehicle, and its default flight."""
     unit, number, circle = scales(known), numbers(known), load_experiment("circle", known)
     payload, reference = circle.reality.payload, circle.reference
@@ -235,7 +235,7 @@ def export(
     )
 
 
-def read_corrected(file: str) -> tuple["Vehicle", list[Any]]:
+def read_corrected(file: str) -> tuple[Vehicle, list[Any]]:
     """Return vehicle and effects of a scenario file, vehicle file or preset, those of the vehicle's
     calibration first.
 

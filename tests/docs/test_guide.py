@@ -23,8 +23,8 @@ from unittest import mock
 
 import pytest
 
-from diagrams.cli.main import run
 from diagrams.cli.app import PROGRAM
+from diagrams.cli.main import run
 from diagrams.loop.flight import load_flight
 from np_drake.effects.library import LIBRARY
 from np_drake.effects.linear_drag import LinearDrag

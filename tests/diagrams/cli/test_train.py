@@ -40,7 +40,7 @@ def test_training_leaves_a_model_a_curve_and_figures(logs, tmp_path, capsys):
 def flown(tmp_path_factory):
     """Log of a short training flight with a payload."""
     folder = tmp_path_factory.mktemp("flown")
-    arguments = f"--controller nominal --solver sqp --duration 4 --seed 0 --out {folder}".split()
+    arguments = f"--controller nominal --duration 4 --seed 0 --out {folder}".split()
     assert run(["fly", "training_circle", *arguments]) == 0
     return folder / "training_circle_nominal.csv"
 
