@@ -183,15 +183,6 @@ def test_screen_page_notebook_and_simulator_say_the_same_headline(
         assert said in plain(unescape(page))
 
 
-@pytest.mark.parametrize("name, sensors", [("rig", "real"), ("laboratory", "ideal")])
-def test_the_user_says_whether_sensors_are_real_or_ideal(case, tmp_path, capsys, name, sensors):
-    metrics = tmp_path / "d.json"
-    assert run(["diagnose", str(case), "--no-replay", f"--{name}", "--json", str(metrics)]) == 0
-    assert f"Judged as logs of {sensors} sensors" in capsys.readouterr().out
-    content = json.loads(metrics.read_text())
-    assert (content["judged_as"], content["config"]["rig"]) == (name, name == "rig")
-
-
 def test_a_real_flight_has_its_published_vehicle(case, neurobem, tmp_path, capsys):
     flight, other = (str(path) for path in sorted((neurobem / "csv").glob("*.csv"))[:2])
     for extra in ([], ["--vehicle", "neurobem"]):

@@ -19,7 +19,7 @@ def model(logs, tmp_path_factory):
     """A predictor trained on the first log."""
     out = tmp_path_factory.mktemp("model") / "np.safetensors"
     assert (
-        run(["train", str(logs[0]), "--out", str(out), "--envelope", "0", "--epochs", "1500"]) == 0
+        run(["train", str(logs[0]), "--out", str(out), "--envelope", "0", "--epochs", "300"]) == 0
     )
     return out
 

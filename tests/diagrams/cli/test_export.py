@@ -6,12 +6,7 @@ import pytest
 
 from diagrams.cli.main import run
 from diagrams.cli.vehicle import NAMES
-from diagrams.exports.formats import FORMATS
 from np_drake.vehicle.vehicle import PRESETS
-
-
-def test_the_formats_of_the_command_are_those_of_the_package():
-    assert tuple(FORMATS) == NAMES
 
 
 @pytest.mark.parametrize("form", NAMES)

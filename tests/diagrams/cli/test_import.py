@@ -104,25 +104,6 @@ def test_two_logs_of_one_name_are_told_apart_from_a_file_that_was_there(table, t
     assert "another log of this command has the same name" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(
-    ("name", "content", "message"),
-    [
-        ("flight.csv", b"", "flight.csv: must hold a flight log; it is empty"),
-        ("flight.dat", b"t,x\n0,1\n", "A table must be named .csv, .tsv or .txt"),
-        ("flight.csv", b"t x\n0 1\n", "its columns apart by comma, semicolon or tab"),
-        ("flight.csv", "t,x\n0,1\n".encode("utf-32"), "Save the text as UTF-8"),
-    ],
-)
-def test_a_file_that_is_no_table_says_how_it_becomes_one(
-    tmp_path, monkeypatch, capsys, name, content, message
-):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "map.yaml").write_text(MAP)
-    (tmp_path / name).write_bytes(content)
-    assert run(["import", name, "--map", "map.yaml", "--out", "mine"]) == 2
-    assert message in capsys.readouterr().err
-
-
 def test_every_real_log_is_imported_without_a_map(real_flights, tmp_path, capsys):
     logs = [
         *sorted((real_flights / "imrc").glob("*/*")),

@@ -2,10 +2,7 @@
 
 import socket
 
-import numpy as np
 import pytest
-from pydrake.common.eigen_geometry import Quaternion
-from pydrake.math import RollPitchYaw
 
 from diagrams.cli.main import run
 
@@ -41,12 +38,6 @@ def test_a_vehicle_that_is_silent_ends_the_wait_with_a_failure(capsys):
     assert "no heartbeat" in refused(arguments, capsys, code=1)
 
 
-def test_a_rate_that_no_autopilot_takes_is_refused(capsys):
-    assert "offboard: rate" in refused(
-        ["node", "hover", "--controller", "hold", "--set", "offboard.rate=20"], capsys
-    )
-
-
 def test_a_vehicle_behind_a_link_takes_no_controller(capsys):
     arguments = ["fly", "hover", "--link", "udpout:127.0.0.1:9", "--controller", "hold"]
     assert "--link" in refused(arguments, capsys)
@@ -61,15 +52,3 @@ def test_a_vehicle_that_nobody_commands_holds_its_place(tmp_path, capsys):
     assert "never" in shown
     assert "simulated time over real time" in shown
     assert {path.name for path in out.iterdir()} == {"mine_mavlink.csv", "mine_mavlink_replay.html"}
-
-
-def test_the_attitude_that_is_shown_is_that_of_a_pilot():
-    from diagrams.cli.node import _pose
-
-    x = np.zeros(13)
-    x[2], x[3:7] = (
-        1.5,
-        Quaternion(RollPitchYaw(0.1, -0.2, np.pi / 2).ToRotationMatrix().matrix()).wxyz(),
-    )
-    assert _pose(x) == ": right down +6, nose up +11, left of east +90 deg, height 1.50 m"
-    assert _pose(np.full(13, np.nan)) == ""

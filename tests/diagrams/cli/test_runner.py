@@ -13,7 +13,6 @@ from diagrams.cli.app import run_app
 from diagrams.cli.main import run
 from diagrams.cli.runner import Report, Run, reports
 from np_drake.files.atomic_file import lock_outputs, write_text
-from np_drake.files.figure_file import new_figure
 
 TABLE = ("a title", ["what", "value"], [("one | two", 1.23456)])
 
@@ -69,22 +68,6 @@ def test_a_file_that_cannot_be_written_is_refused_before_the_body_runs(option, t
     assert len(capsys.readouterr().err.splitlines()) == 1
     assert seen == []
     assert [path.name for path in tmp_path.iterdir()] == ["file"]
-
-
-def test_figures_and_files_are_written_only_where_a_folder_is_asked_for(tmp_path, capsys):
-    def change(run):
-        figures = {"f.png": lambda: new_figure(1, 1, width=1.0, height=1.0)[0]}
-        return {
-            "figures": figures,
-            "write": lambda folder: (folder / "extra.txt").write_text("more"),
-        }
-
-    app, _ = made(change)
-    assert call(app) == 0
-    assert "figure: " not in capsys.readouterr().out
-    assert call(app, "--out", tmp_path / "a" / "b") == 0
-    assert {path.name for path in (tmp_path / "a" / "b").iterdir()} == {"f.png", "extra.txt"}
-    assert "figure: " in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("option", ["--json", "--markdown"])
@@ -223,11 +206,6 @@ def test_progress_ends_at_a_hundred_percent_where_a_person_looks(capsys, monkeyp
     err = capsys.readouterr().err
     assert "working" in err
     assert "100%" in err
-
-
-def test_a_long_line_is_not_wrapped(capsys):
-    output.say("x" * 300, "[bold] is no markup")
-    assert capsys.readouterr().out == "x" * 300 + "\n[bold] is no markup\n"
 
 
 @pytest.mark.parametrize("target", ["link", "nowhere"])

@@ -14,7 +14,6 @@ from np_drake.lifting.model.model_file import load_model
 from np_drake.logs.formats.log_file import write_log
 from np_drake.logs.opening import open_flights
 from np_drake.payload_filter.model_file import PayloadFilterModel
-from np_drake.residual_models.motion_model import MotionModel
 
 
 def test_training_leaves_a_model_a_curve_and_figures(logs, tmp_path, capsys):
@@ -54,6 +53,7 @@ def test_a_log_places_the_packaged_family(flown, tmp_path, capsys):
     assert np.abs(model.encoder.mean - packaged.encoder.mean).max() > 0
 
 
+@pytest.mark.nightly
 def test_a_family_is_flown_and_trained_without_a_log(tmp_path, capsys):
     out = tmp_path / "np.safetensors"
     arguments = ["train", "--envelope", "2", "--epochs", "3", "--jobs", "1", "--out", str(out)]
@@ -62,7 +62,7 @@ def test_a_family_is_flown_and_trained_without_a_log(tmp_path, capsys):
     assert "2 of 2 flights" not in capsys.readouterr().out  # a bar, not a table
 
 
-@pytest.mark.parametrize("name", ["dmdc", "delay-dmdc", "ridge"])
+@pytest.mark.parametrize("name", ["dmdc", "ridge"])
 def test_a_closed_form_configuration_trains_by_name_without_epochs(name, logs, tmp_path, capsys):
     outs = [tmp_path / f"{n}.safetensors" for n in (1, 9)]
     for out, epochs in zip(outs, ("1", "9"), strict=True):
@@ -73,25 +73,6 @@ def test_a_closed_form_configuration_trains_by_name_without_epochs(name, logs, t
     one, nine = map(load_model, outs)
     assert one.configuration == name
     np.testing.assert_array_equal(one.encoder.E, nine.encoder.E)
-
-
-@pytest.mark.parametrize("name", ["gp", "knode"])
-def test_a_model_of_the_motion_is_trained_by_name(name, logs, tmp_path, capsys):
-    out, metrics = tmp_path / "model.safetensors", tmp_path / "train.json"
-    arguments = [
-        "train",
-        str(logs[0]),
-        "--configuration",
-        name,
-        "--epochs",
-        "1",
-        "--json",
-        str(metrics),
-    ]
-    assert run([*arguments, "--out", str(out)]) == 0, capsys.readouterr().err
-    assert MotionModel.load(out).name == name
-    assert json.loads(metrics.read_text())["summary"]["samples"] > 1000
-    assert (tmp_path / "model.png").exists() == (name == "knode")
 
 
 def test_a_pendulum_is_trained_by_name_and_says_what_it_found(logs, tmp_path, capsys):

@@ -83,13 +83,6 @@ def test_a_file_is_copied_with_another_mass_and_what_is_said_of_others(tmp_path,
     assert "no preset; the presets are crazyflie" in capsys.readouterr().err
 
 
-def test_show_prints_source_and_default_flight(capsys):
-    assert run(["vehicle", "show", "crazyflie"]) == 0
-    printed = capsys.readouterr().out
-    assert "Förster" in printed
-    assert "control period" in printed
-
-
 def lines_of(capsys, *arguments):
     """Each printed line by its first word."""
     assert run(list(arguments)) == 0
@@ -121,13 +114,3 @@ def test_new_writes_any_name_as_its_reader_reads_it(start, name, tmp_path):
     out = tmp_path / "mine.yaml"
     assert run(["vehicle", "new", *start, "--name", name, "--out", str(out)]) == 0
     assert load_vehicle(out).name == name
-
-
-@pytest.mark.parametrize("start", [MEASURES[2:], ("--preset", "paper")], ids=["measures", "preset"])
-def test_new_writes_given_numbers_as_they_were_given(start, tmp_path):
-    out = tmp_path / "mine.yaml"
-    given = {"mass": 1.7712345678, "mass_uncertainty": 1e-5, "thrust_uncertainty": 0.4999999}
-    options = [f"--{key.replace('_', '-')}={value}" for key, value in given.items()]
-    assert run(["vehicle", "new", *start, *options, "--out", str(out)]) == 0
-    read = load_vehicle(out)
-    assert {key: getattr(read, key) for key in given} == given
