@@ -136,6 +136,8 @@ def fly(
         )
     if mcap is not None:
         require_mcap(mcap)
+        if mcap.suffix != ".mcap":
+            raise ValueError(f"--mcap: must be a file whose name ends in .mcap; got {mcap}.")
     flown, compared, lost = configs, len(configs) > 1, list[FailedRun]()
     tables, metrics, figures = list[Table](), None, ["track", "errors", "wrench"]
     if sample is not None:
