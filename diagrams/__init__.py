@@ -12,7 +12,6 @@ NAMES = {
     "load_experiment": "diagrams.loop.experiments",
     "make_flight_diagram": "diagrams.loop.flight_diagram",
     "fly": "diagrams.loop.flight_result",
-    "simulate": "diagrams.loop.flight_result",
     "DrakeReplay": "diagrams.gap.drake_replay",
 }
 __getattr__, __dir__ = lazy_names(__name__, NAMES)

@@ -10,7 +10,7 @@ NAMES = {
     "make_tethered_quadrotor": "systems.tethered_quadrotor",
     "add_sensor_model": "systems.sensor_model",
     "add_recorder": "systems.recorder",
-    "set_hover": "systems.initial_state",
+    "set_hover": "systems.plant",
     "NeuralPredictor": "systems.neural_predictor",
     "NpMpc": "systems.np_mpc",
     "ReferenceSource": "systems.reference_source",

@@ -7,7 +7,7 @@ from pydrake.systems.framework import LeafSystem
 
 from np_drake import attitude
 from np_drake.compiled import compiled, turned
-from systems.plant_events import declare_event_at, setting
+from systems.plant import declare_event_at, setting
 
 
 class Cable(LeafSystem):

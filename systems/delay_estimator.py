@@ -3,7 +3,7 @@
 import numpy as np
 
 from np_drake.command_delay import KEPT, DelayFilter, acting_command, newest_first
-from systems.memory import MemorySystem
+from systems.residual_predictor import MemorySystem
 
 
 class DelayEstimator(MemorySystem):

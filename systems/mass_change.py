@@ -11,7 +11,7 @@ from pydrake.systems.framework import Context, LeafSystem
 
 from np_drake import attitude
 from np_drake.vehicle import Vehicle
-from systems.plant_events import declare_event_at, setting
+from systems.plant import declare_event_at, setting
 from systems.wrench_effects import generalized_force
 
 # Time [s], and what sets the mass properties in a context

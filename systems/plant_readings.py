@@ -44,13 +44,12 @@ class VehicleState(LeafSystem):
     | x | 13 | [p_WB, q_WB, v_WB, w_WB_B] |
 
     Args:
-        plant: whose state is read.
-        body: which floating body B is; its joint has the same name.
+        plant: whose state is read, with a floating joint `quadrotor`.
     """
 
-    def __init__(self, plant: MultibodyPlant, body: str = "quadrotor"):
+    def __init__(self, plant: MultibodyPlant):
         super().__init__()
-        joint = plant.GetJointByName(body)
+        joint = plant.GetJointByName("quadrotor")
         self._starts = joint.position_start(), plant.num_positions() + joint.velocity_start()
         self._state_port = self.DeclareVectorInputPort("plant_state", plant.num_multibody_states())
         self.DeclareVectorOutputPort("x", 13, self._calc_x, {self._state_port.ticket()})
@@ -93,13 +92,12 @@ class BodyAcceleration(LeafSystem):
     | acceleration | 6 | [dv_WB/dt in W, dw_WB_B/dt in B] | m/s², rad/s² |
 
     Args:
-        plant: whose state is read.
-        body: which floating body B is; its joint has the same name.
+        plant: whose state is read, with a floating joint `quadrotor`.
     """
 
-    def __init__(self, plant: MultibodyPlant, body: str = "quadrotor"):
+    def __init__(self, plant: MultibodyPlant):
         super().__init__()
-        joint = plant.GetJointByName(body)
+        joint = plant.GetJointByName("quadrotor")
         self._starts = joint.position_start(), joint.velocity_start()
         self._state_port = self.DeclareVectorInputPort("plant_state", plant.num_multibody_states())
         self._rates_port = self.DeclareVectorInputPort(

@@ -1,17 +1,104 @@
-"""LeafSystem for any residual model."""
+"""LeafSystem for any residual model, with its memory in the Context."""
 
 import dataclasses as dc
+from collections.abc import Callable
 
 import numpy as np
 from pydrake.common.value import Value
-from pydrake.systems.framework import BasicVector
+from pydrake.systems.framework import (
+    BasicVector,
+    CacheEntry,
+    DiscreteStateIndex,
+    LeafSystem,
+    ValueProducer,
+)
 
 from np_drake.command_delay import KEPT
+from np_drake.mpc.controller import shift
 from np_drake.mpc.look_ahead import LookAhead
-from np_drake.residual_model import Memory, ReadsPlan, ResidualModel, Sample, WrenchForecast
+from np_drake.mpc.problem import MpcSolution, MpcStatus
+from np_drake.residual_model import Memory, Plan, ReadsPlan, ResidualModel, Sample, WrenchForecast
 from np_drake.vehicle import Vehicle
-from systems.memory import MemorySystem
-from systems.plan_ports import PlanPorts
+
+
+class MemorySystem(LeafSystem):
+    """LeafSystem that keeps a pure algorithm's memory in the Context: one discrete group for each
+    array.
+
+    The step of the algorithm runs once per sampling instant: the feed-through output and the event
+    that stores the new memory read the same cache entry.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._groups: dict[
+            str, tuple[DiscreteStateIndex, tuple[int, ...]]
+        ] = {}  # index and shape by name
+
+    def _declare_memory(self, initial: Memory) -> None:
+        """Declare a group for each array that has none yet, sorted by name."""
+        for name in sorted(set(initial) - set(self._groups)):
+            self._declare_group(name, initial)
+
+    def _declare_group(self, name: str, initial: Memory) -> DiscreteStateIndex:
+        """Declare the group of one array, row by row, and return its index in the Context.
+
+        Args:
+            name: of the array in the memory.
+            initial: the memory before any sample.
+        """
+        index = self.DeclareDiscreteState(BasicVector(np.ravel(initial[name]).astype(float)))
+        self._groups[name] = index, np.shape(initial[name])
+        return index
+
+    def _declare_step(self, calc: Callable) -> CacheEntry:
+        """Declare the cache entry that holds `calc(context)`."""
+
+        def store(context, value) -> None:
+            value.set_value(calc(context))
+
+        return self.DeclareCacheEntry(
+            "step",
+            ValueProducer(allocate=Value[object], calc=store),
+            {self.all_input_ports_ticket(), self.xd_ticket()},
+        )
+
+    def memory(self, context) -> Memory:
+        """Return the memory as of the last event."""
+        state = context.get_discrete_state()
+        return {
+            name: state.value(index).reshape(shape).copy()
+            for name, (index, shape) in self._groups.items()
+        }
+
+    def _store_memory(self, memory: Memory, discrete_state) -> None:
+        for name, (index, _) in self._groups.items():
+            discrete_state.set_value(index, np.ravel(memory[name]))
+
+
+class PlanPorts:
+    """Ports plan_u (4 N) and plan_x (13 (N+1)) of a LeafSystem.
+
+    Args:
+        system: that gets the ports.
+        horizon: N.
+        step: of the plan [s].
+        age: of the plan when it is read [s].
+    """
+
+    def __init__(self, system, *, horizon: int, step: float, age: float):
+        self._horizon, self._step, self._age = horizon, step, age
+        self._u_port = system.DeclareVectorInputPort("plan_u", 4 * horizon)
+        self._x_port = system.DeclareVectorInputPort("plan_x", 13 * (horizon + 1))
+
+    def read(self, context) -> Plan:
+        """Return the plan from now on, held beyond its end."""
+        N = self._horizon
+        u = self._u_port.Eval(context).reshape(N, 4)
+        x = self._x_port.Eval(context).reshape(N + 1, 13)
+        plan = MpcSolution(u, x, np.zeros((N, 6)), MpcStatus.OPTIMAL, 0.0, 0.0, 0.0, 0)
+        plan = shift(plan, elapsed=self._age, step=self._step)
+        return Plan(plan.x, plan.u)
 
 
 class ResidualPredictor(MemorySystem):

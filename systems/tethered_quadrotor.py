@@ -7,9 +7,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import FixedOffsetFrame, UniversalJoint
 from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
 from pydrake.systems.primitives import Adder, ConstantVectorSource
 
@@ -18,47 +16,20 @@ from np_drake.effects.combine import NO_ONSETS, Onsets, acting, mass_properties
 from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.vehicle import Vehicle
 from systems.cable import Cable
-from systems.free_body import add_free_body, spatial_inertia, sphere
-from systems.initial_state import set_payload_mass, set_vehicle_mass
 from systems.mass_change import Change, MassChange
-from systems.payload_config import PayloadConfig
-from systems.payload_event import PayloadEvent
-from systems.plant_events import declare_hanging, declare_impulse, declare_step_end
+from systems.payload_config import PayloadConfig, PayloadEvent
+from systems.plant import (
+    declare_hanging,
+    declare_impulse,
+    declare_step_end,
+    make_plant,
+    set_payload_mass,
+    set_vehicle_mass,
+)
 from systems.plant_readings import BodyAcceleration, RodWrench, VehicleState
-from systems.push import Push
 from systems.rotors import add_rotors
 from systems.vehicle_forces import SteadyEffects, add_vehicle_forces
-from systems.wrench_effects import WrenchEffects
-
-
-def make_plant(
-    vehicle: Vehicle, payload: PayloadConfig, mass_effects: Sequence[MassEffect] = ()
-) -> MultibodyPlant:
-    """Return a continuous MultibodyPlant with the bodies `quadrotor` and, unless there is no
-    tether, `payload`.
-
-    The air brakes a payload on a cable by the damping of its floating joint.
-
-    Args:
-        vehicle: as its file says.
-        payload: what hangs under it, and how.
-        mass_effects: that act from the start.
-    """
-    plant = MultibodyPlant(time_step=0.0)
-    plant.set_name("plant")
-    plant.mutable_gravity_field().set_gravity_vector([0.0, 0.0, -vehicle.gravity])
-    inertia = spatial_inertia(mass_properties(vehicle, mass_effects))
-    B = add_free_body(plant, "quadrotor", inertia)
-    if payload.tether == "cable":
-        add_free_body(plant, "payload", sphere(payload), drag=payload.air_damping * payload.mass)
-    elif payload.tether == "rod":
-        P = plant.AddRigidBody("payload", sphere(payload))
-        T = plant.AddFrame(FixedOffsetFrame("hook", B.body_frame(), RigidTransform(payload.hook)))
-        offset = RigidTransform([0.0, 0.0, payload.length])
-        F = plant.AddFrame(FixedOffsetFrame("rod_top", P.body_frame(), offset))
-        plant.AddJoint(UniversalJoint("rod", T, F))
-    plant.Finalize()
-    return plant
+from systems.wrench_effects import Push, WrenchEffects
 
 
 def make_tethered_quadrotor(

@@ -5,7 +5,7 @@ from pydrake.systems.framework import BasicVector
 
 from np_drake.labels import LabelConfig, LabelFilter
 from np_drake.vehicle import Vehicle
-from systems.memory import MemorySystem
+from systems.residual_predictor import MemorySystem
 
 
 class WrenchEstimator(MemorySystem):

@@ -13,7 +13,7 @@ from np_drake.mpc.problem import MpcConfig
 from np_drake.residual_model import Plan, WrenchForecast, constant_forecast
 from np_drake.residual_models.oracle import TrueModel
 from np_drake.rigid_body import Q
-from systems.plan_ports import PlanPorts
+from systems.residual_predictor import PlanPorts
 
 
 class WrenchOracle(LeafSystem):

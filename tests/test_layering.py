@@ -31,13 +31,12 @@ GROUND = (
         "labels",
     ),
     *("training_data", "identification", "effects", "logs", "references", "diagnosis"),
-    *("mpc", "control", "estimation", "offboard"),
+    *("mpc", "control", "offboard"),
     *("lifting", "payload_filter", "residual_models", "skill", "__main__"),
 )
 EXPERIMENTS = (
     *("batch", "loop"),
-    *("prediction", "tracking", "payload", "robustness", "gap", "demo", "challenge"),
-    *("identification", "performance", "exports", "offboard", "cli"),
+    *("studies", "gap", "demo", "challenge", "identification", "exports", "offboard", "cli"),
 )
 MOST_IMPORTS = (
     10  # modules of the diagnosis that one of them imports; `diagnose` strings the steps together
@@ -113,7 +112,7 @@ def test_imports_run_downwards():
         ("np_drake/x.py", "from pydrake.systems.framework import LeafSystem"),
         ("np_drake/x.py", "from pydrake import multibody"),
         ("np_drake/x.py", "from . import y"),
-        ("systems/x.py", "from diagrams.tracking.tracking import run"),
+        ("systems/x.py", "from diagrams.studies.tracking import run"),
         ("systems/x.py", "from pydrake.all import *"),
         ("diagrams/x.py", "import pydrake.all"),
     ],

@@ -4,23 +4,25 @@ A case is plain data; the work is a function of it alone. Local processes or a D
 same results.
 """
 
+import base64
 import hashlib
+import io
 import json
-import resource
+import os
 import socket
-import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from diagrams.batch.cluster import on_cluster
+import numpy as np
+
 from diagrams.batch.failed_run import FailedRun, one_line
-from diagrams.batch.processes import as_they_finish
+from diagrams.batch.processes import as_they_finish, on_cluster
 from np_drake.files.atomic_file import plain, write_text
 from np_drake.files.input_file import kept_json
 
-SCHEMA = "np_drake.campaign/1"  # format of the file and its version
 Case = dict[str, Any]
 Record = dict[str, Any]
 
@@ -38,144 +40,89 @@ def run_campaign(
 ) -> list[Record]:
     """Run all cases and return a record of each, in their order.
 
-    Records do not depend on where the cases ran, `seconds` aside.
-
     A record is {"case", "result", "seconds"}, or {"case", "error": one line, "seconds"}. Results
-    already in `folder` are reused; cases that failed, or whose file was cut off, are run again.
-    `seconds`: processor time of the case [s].
+    already in `folder` are reused; cases that failed, or whose file was cut off, are run again, and
+    so is all of another configuration or version. Records do not depend on where the cases ran,
+    `seconds` of processor time aside.
 
     Args:
         work: case -> values of JSON's types; its NaN and infinities become None.
         folder: takes a file for every case; created where it is missing.
-        keep: called in this process with every new result; writes what a result brings along, and
-            returns what its record holds.
+        keep: called in this process with every new result; returns what its record holds.
         on_progress: called with cases done, reused ones included, and all.
     Raises:
-        ValueError: where cases repeat, or `folder` holds a file of the same case and another
-            configuration or version: it is never overwritten.
-        OSError: where `folder` cannot be written.
+        ValueError: where cases repeat. OSError: where `folder` cannot be written.
     """
-    names = [case_file(case) for case in cases]
+    head = _pure({"version": version("np_drake"), "config": config})
+    names = [case_file(case, head) for case in cases]
     if len(set(names)) < len(names):
         raise ValueError("campaign: cases must differ from each other.")
-    head = _pure({"schema": SCHEMA, "version": version("np_drake"), "config": config})
-    records = {} if folder is None else _finished(folder, names, head)
+    records: dict[int, Record] = {}
+    if folder is not None:
+        folder.mkdir(parents=True, exist_ok=True)
+        found = {number: kept_json(folder / name) for number, name in enumerate(names)}
+        records = {
+            n: record
+            for n, record in found.items()
+            if isinstance(record, dict) and "result" in record
+        }
     left = [number for number in range(len(cases)) if number not in records]
     if records:
         on_progress(len(records), len(cases))
-    for at, record in _run(work, [cases[number] for number in left], jobs, scheduler):
-        number = left[at]
-        if "result" in record:
-            record = {**record, "result": _pure(keep(cases[number], record["result"]))}
-        records[number] = {"case": _pure(cases[number]), **record}
+    if not left:  # nor is a process or a cluster asked for
+        return [records[number] for number in range(len(cases))]
+    work_left = [cases[number] for number in left]
+    guarded = partial(_guarded, work, head["version"])
+    outcomes = (
+        on_cluster(guarded, work_left, scheduler)
+        if scheduler
+        else as_they_finish(guarded, work_left, jobs)
+    )
+    for at, outcome in outcomes:
+        if isinstance(outcome, FailedRun):
+            outcome = {"error": one_line(outcome), "seconds": None}
+        elif "result" in outcome:
+            outcome = {**outcome, "result": keep(work_left[at], _pure(outcome["result"]))}
+        record = records[left[at]] = _pure({"case": work_left[at], **outcome})
         if folder is not None:
-            write_text(
-                folder / names[number], json.dumps({**head, **records[number]}, indent=1) + "\n"
-            )
+            write_text(folder / names[left[at]], json.dumps(record, indent=1) + "\n")
         on_progress(len(records), len(cases))
     return [records[number] for number in range(len(cases))]
 
 
-def _finished(folder: Path, names: Sequence[str], head: dict) -> dict[int, Record]:
-    """Return the records with a result in the folder, which is created where it is missing, by
-    number.
-    """
-    folder.mkdir(parents=True, exist_ok=True)
-    found = {number: read_record(folder / name, head) for number, name in enumerate(names)}
-    return {number: record for number, record in found.items() if record and "error" not in record}
-
-
-def case_file(case: Case) -> str:
-    """Return the name of the case's file, equal for equal content, whatever the order of its
-    keys.
-    """
-    text = json.dumps(plain(case), sort_keys=True, allow_nan=False)
+def case_file(case: Case, head: dict) -> str:
+    """Return the name of the case's file: a digest of all that its result depends on."""
+    text = json.dumps(plain([head, case]), sort_keys=True, allow_nan=False)
     return f"{hashlib.sha256(text.encode()).hexdigest()[:16]}.json"
 
 
-def read_record(path: Path, head: dict) -> Record | None:
-    """Return the record of an earlier campaign; None where there is no file, or one that was cut
-    off.
-    Raises: ValueError: where the file is another campaign's, or none of a campaign.
-    """
-    content = kept_json(path)
-    if content is None:
-        return None
-    theirs = content if isinstance(content, dict) else {}
-    for key, mine in head.items():
-        if theirs.get(key) != mine:
-            raise ValueError(
-                f"{path}: {_difference(key, theirs.get(key), mine)}; choose another folder."
-            )
-    if not {"case", "seconds"} <= theirs.keys() or case_file(theirs["case"]) != path.name:
-        raise ValueError(
-            f"{path}: must be the file of a case; its content is of none. Delete it to resume."
-        )
-    return {key: value for key, value in theirs.items() if key not in head}
-
-
-def _difference(key: str, theirs: Any, mine: Any) -> str:
-    """Return how a file and this campaign differ, by the first key that does."""
-    if isinstance(theirs, dict) and isinstance(mine, dict):
-        for name in sorted({*theirs, *mine}):
-            if theirs.get(name) != mine.get(name):
-                return _difference(f"{key}.{name}", theirs.get(name), mine.get(name))
-    return f"its {key} is {json.dumps(theirs)}, this campaign's {json.dumps(mine)}"
-
-
-def _run(
-    work: Callable[[Case], dict], cases: list[Case], jobs: int, scheduler: str
-) -> Iterator[tuple[int, Record]]:
-    """Yield (number, {"result" or "error", "seconds"}) as cases finish, never in this process."""
-    guarded = Guarded(work)
-    if not cases:
-        return
-    outcomes = (
-        on_cluster(guarded, cases, scheduler) if scheduler else as_they_finish(guarded, cases, jobs)
-    )
-    for number, outcome in outcomes:
-        lost = isinstance(outcome, Exception)
-        yield number, {"error": one_line(outcome), "seconds": None} if lost else _pure(outcome)
-
-
-class Guarded:
-    """Wrapper of `work` that never raises: an error becomes a line, so that none has to travel
-    between processes.
-    """
-
-    def __init__(self, work: Callable[[Case], dict]):
-        self.work, self.version = work, version("np_drake")
-
-    def __call__(self, case: Case) -> Record:
-        """Return {"result"} or {"error"}, and processor time "seconds" [s]."""
-        start = _processor_time()
-        try:
-            self._require_same_version()
-            record: Record = {"result": plain(self.work(case))}
-            json.dumps(
-                record, allow_nan=False
-            )  # what JSON does not know is the error of this case alone
-        except Exception as error:
-            record = {"error": one_line(error)}
-        return {**record, "seconds": _processor_time() - start}
-
-    def _require_same_version(self) -> None:
-        """Check that a worker of a cluster runs this campaign's np_drake.
-
-        Raises: FailedRun: where it does not.
-        """
-        if (found := version("np_drake")) != self.version:
-            raise FailedRun(
-                f"{socket.gethostname()}: np_drake must be {self.version}; got {found}."
-            )
-
-
-def _processor_time() -> float:
-    """Return what this process and its finished children have used [s]."""
-    children = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return time.process_time() + children.ru_utime + children.ru_stime
+def _guarded(work: Callable[[Case], dict], mine: str, case: Case) -> Record:
+    """Return {"result"} or {"error"}, and processor time "seconds" [s]: no error has to travel."""
+    start = os.times()
+    try:
+        if (found := version("np_drake")) != mine:
+            raise FailedRun(f"{socket.gethostname()}: np_drake must be {mine}; got {found}.")
+        record: Record = {"result": plain(work(case))}
+        json.dumps(record, allow_nan=False)  # what JSON does not know fails this case alone
+    except Exception as error:
+        record = {"error": one_line(error)}
+    end = os.times()  # of this process and its finished children
+    return {**record, "seconds": sum(end[:4]) - sum(start[:4])}
 
 
 def _pure(content: Any) -> Any:
     """Return the value as it comes back from a file."""
     return json.loads(json.dumps(plain(content), allow_nan=False))
+
+
+def packed(arrays: Mapping[str, np.ndarray]) -> str:
+    """Return arrays as .npz in base 64, bit for bit, for the result of a case."""
+    buffer = io.BytesIO()
+    np.savez_compressed(buffer, **arrays)  # type: ignore[arg-type]
+    return base64.b64encode(buffer.getvalue()).decode()
+
+
+def unpacked(text: str) -> dict[str, np.ndarray]:
+    """Return the arrays of `packed`; nothing pickled is read."""
+    with np.load(io.BytesIO(base64.b64decode(text)), allow_pickle=False) as content:
+        return {name: content[name] for name in content.files}

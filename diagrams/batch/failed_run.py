@@ -8,6 +8,15 @@ class FailedRun(RuntimeError):
     """Failure of a run, in one line for people: who failed, when, and why."""
 
 
+def require(condition: bool, otherwise: str) -> None:
+    """Check a condition of the user's input.
+
+    Raises: ValueError: with the line `otherwise`, where it does not hold.
+    """
+    if not condition:
+        raise ValueError(otherwise)
+
+
 def one_line(error: Exception) -> str:
     """Return what went wrong, and where if the error was not expected."""
     text = " ".join(str(error).split()) or "no message"

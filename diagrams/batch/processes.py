@@ -1,115 +1,119 @@
-"""Cases in processes of this machine, by joblib; a process that dies costs only the case that
-killed it.
+"""Cases in other processes: of this machine by joblib, or of a Dask cluster (extra `cluster`).
+
+A process that dies costs only the case that killed it.
 """
 
-import re
-import threading
+import asyncio
 import warnings
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
+from importlib.util import find_spec
 from typing import Any
 
 from diagrams.batch.failed_run import FailedRun
 
-
-class DeadProcess(FailedRun):
-    """Loss of a case with the process that worked on it, twice: out of memory, a fault in native
-    code, or an exit.
-    """
+PATIENCE = 10.0  # until a scheduler that does not answer counts as unreachable [s]
 
 
 def as_they_finish(
     work: Callable[[Any], Any], cases: Sequence[Any], jobs: int
 ) -> Iterator[tuple[int, Any]]:
-    """Yield (number of the case, what `work` returns, or DeadProcess), in the order in which they
-    finish.
+    """Yield (number of the case, what `work` returns), in the order in which they finish.
 
-    The work never runs in this process. joblib gives up all that it has taken when a process dies,
-    at most twice as many cases as there are jobs: these run once more, each in a process of its
-    own, and what dies again is lost.
-
-    Args:
-        work: function of a case alone; what it raises ends all.
+    The work never runs in this process; what it raises ends all. When a process dies, the oldest
+    cases run once more, each alone, and what dies again has a FailedRun in place of a value.
     """
-    waiting = iter(enumerate(cases))
-    suspects: dict[int, Any] | None = None
-    while suspects is None or suspects:
-        suspects, _ = yield from _until_one_dies(work, waiting, jobs)
-        for suspect in sorted(suspects.items()):
-            guilty, reason = yield from _until_one_dies(work, iter([suspect]), 1)
-            yield from ((number, DeadProcess(reason)) for number in guilty)
+    left = dict(enumerate(cases))
+    while left:
+        try:
+            yield from _together(work, left, jobs)
+        except BrokenProcessPool:
+            for suspect in list(left)[: 2 * jobs]:  # more are not dispatched
+                alone = {suspect: left.pop(suspect)}
+                try:
+                    yield from _together(work, alone, 1)
+                except BrokenProcessPool as error:
+                    why = " ".join(str(error).split())
+                    yield suspect, FailedRun(f"lost: its process died twice; {why}")
 
 
-def _until_one_dies(
-    work: Callable[[Any], Any], waiting: Iterator[tuple[int, Any]], jobs: int
-) -> Generator[tuple[int, Any], None, tuple[dict[int, Any], str]]:
-    """Take numbered cases from `waiting` until none is left or a process dies.
-
-    Returns: the cases that were taken and have no outcome, by number, and what is known about the
-    process's end.
-    """
+def _together(
+    work: Callable[[Any], Any], left: dict[int, Any], jobs: int
+) -> Iterator[tuple[int, Any]]:
+    """Yield what finishes, and take it from the cases that are left."""
     from joblib import Parallel, delayed, parallel_config  # takes a while: not where nothing is run
 
-    # Of processes that have grown and are replaced between two cases, and of a campaign that ends
-    # early.
+    # Of processes that have grown and are replaced between two cases, and of a campaign that ends.
     warnings.filterwarnings("ignore", module="joblib")
-    taken: dict[int, Any] = {}
-
-    def tasks() -> Iterator[Any]:
-        for number, case in waiting:
-            taken[number] = case
-            yield delayed(_numbered)(work, number, case)
-
+    tasks = [delayed(_numbered)(work, number, case) for number, case in left.items()]
     with parallel_config("loky", inner_max_num_threads=1):
         parallel = Parallel(
-            max(
-                jobs, 2
-            ),  # of which one idles where jobs is 1: Parallel(1) would work in this process
+            max(jobs, 2),  # of which one idles where jobs is 1: Parallel(1) would work here
             pre_dispatch=jobs,
             batch_size=1,
             max_nbytes=None,
             return_as="generator_unordered",
         )
-    outcomes = parallel(tasks())
-    try:
-        for number, value in outcomes:
-            del taken[number]
-            yield number, value
-    except BrokenProcessPool as error:
-        return taken, _reason(error)
-    finally:
-        with _quiet_threads():
-            outcomes.close()
-    return {}, ""
-
-
-@contextmanager
-def _quiet_threads() -> Iterator[None]:
-    """Drop what joblib's managing thread raises: it may look for a case that is gone when its pool
-    ends early.
-    """
-    from joblib.externals.loky.process_executor import _ExecutorManagerThread
-
-    before = threading.excepthook
-    threading.excepthook = lambda failed: (
-        None if isinstance(failed.thread, _ExecutorManagerThread) else before(failed)
-    )
-    try:
-        yield
-    finally:
-        threading.excepthook = before
+    for number, value in parallel(tasks):
+        del left[number]
+        yield number, value
 
 
 def _numbered(work: Callable[[Any], Any], number: int, case: Any) -> tuple[int, Any]:
     return number, work(case)
 
 
-def _reason(error: BrokenProcessPool) -> str:
-    """Return the exit code where there is one, in one line; a process with an unreadable answer
-    counts as dead too.
+def on_cluster(
+    work: Callable[[Any], Any], cases: Sequence[Any], address: str
+) -> Iterator[tuple[int, Any]]:
+    """Yield as `as_they_finish`; Dask itself tries a case again whose worker dies.
+
+    Raises: ValueError: as `connect`.
     """
-    text = " ".join(str(error).split())
-    code = re.search(r"exit codes? of the workers? (?:are|is) \{(.*?)\}", text)
-    why = f"({code[1]}); is the memory exhausted?" if code else f"({text})."
-    return f"lost: its process died twice {why}"
+    from distributed import KilledWorker, as_completed
+
+    with connect(address) as client:
+        futures = client.map(work, cases, pure=False)
+        numbers = {future: number for number, future in enumerate(futures)}
+        suspects = []
+        for future in as_completed(futures, loop=client.loop):
+            try:
+                yield numbers[future], future.result()
+            except KilledWorker:
+                suspects.append(numbers[future])
+        for number in suspects:  # alone, only the one that killed its workers does so again
+            try:
+                yield number, client.submit(work, cases[number], pure=False).result()
+            except KilledWorker as error:
+                yield number, FailedRun(f"lost: its workers died; {error}")
+
+
+@contextmanager
+def connect(address: str, patience: float = PATIENCE) -> Iterator[Any]:
+    """Yield a `distributed.Client`.
+
+    Raises: ValueError: without the extra, or where no scheduler answers within `patience` [s], or
+        where a worker has several threads, of which all cases die with one.
+    """
+    if find_spec("distributed") is None:
+        raise ValueError(
+            "--scheduler: its packages must be installed; pip install 'np_drake[cluster]'."
+        )
+    from distributed import Client
+    from distributed.comm import connect as reach
+
+    async def answers() -> None:  # Dask's own limit does not hold for its handshake
+        await (await asyncio.wait_for(reach(address, timeout=patience), patience)).close()
+
+    try:
+        asyncio.run(answers())  # first: a client that never connects leaves a thread
+        connected = Client(address, timeout=patience, set_as_default=False)
+    except (OSError, ValueError, TypeError) as error:  # unreachable, or no address at all
+        raise ValueError(f"--scheduler: no Dask scheduler answers at {address!r}.") from error
+    with connected:
+        if max(connected.nthreads().values(), default=1) > 1:
+            raise ValueError(
+                "--scheduler: workers must have one thread each; start them with --nthreads 1."
+            )
+        yield connected

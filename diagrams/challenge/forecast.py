@@ -11,11 +11,10 @@ import numpy as np
 import pandas as pd
 from typer import Option
 
-from diagrams.batch.options import RealFlights, required
-from diagrams.batch.run import Report, Run
-from diagrams.batch.workers import every_result
+from diagrams.batch.run import Report, Run, every_result
 from diagrams.challenge.real import block_name, campaign_of, numbered_blocks
 from diagrams.challenge.score_tables import table
+from diagrams.studies.options import RealFlights, required
 from np_drake.flight_log import FlightLog
 from np_drake.labels import ReadsLabels
 from np_drake.lifting.model.lifted_model import LIFTED, PAPER
@@ -24,15 +23,13 @@ from np_drake.payload_filter.model_file import PAYLOAD_FILTER
 from np_drake.payload_filter.predictor import PayloadFilter
 from np_drake.payload_filter.training import train_payload_filter
 from np_drake.residual_model import ResidualModel
-from np_drake.residual_models.gaussian_process import fit_gaussian_process
 from np_drake.residual_models.hold import Hold
-from np_drake.residual_models.linear_baselines import fit_dmdc
-from np_drake.residual_models.motion_model import GP, MotionModel
-from np_drake.residual_models.neural_predictor import NeuralPredictor, PredictorOptions
-from np_drake.skill.flight_walk import MOTIONS, flight_forecasts
-from np_drake.skill.naive import RidgeConfig, fit_force_ridge
-from np_drake.training_data.sampled_flight import sampled_flight
+from np_drake.residual_models.linear_baselines import fit_dmdc, fit_force_ridge
+from np_drake.residual_models.motion_model import GP, MotionModel, fit_gaussian_process
+from np_drake.residual_models.neural_predictor import NeuralPredictor
+from np_drake.skill.skill import MOTIONS, flight_forecasts
 from np_drake.training_data.segments import Segment
+from np_drake.training_data.training_segments import sampled_flight
 from np_drake.vehicle import Vehicle
 
 Opened = tuple[FlightLog, Vehicle]
@@ -53,15 +50,16 @@ def _segments(flights: Sequence[Opened]) -> list[Segment]:
 def _trained(name: str, flights: Sequence[Opened], **more: Any) -> NeuralPredictor:
     """Return a lifted system with its usual settings, but for some."""
     model = train(_segments(flights), make_config(name, **more)).model
-    return NeuralPredictor(model, PredictorOptions(torque="predict"))
+    return NeuralPredictor(model, torque="predict")
 
 
-RIDGE = RidgeConfig(span=STEP * HISTORY, horizon=STEP * HORIZONS[-1])
 SEEN = {"delay": HISTORY, "horizon": HORIZONS[-1]}  # by `lifted` [steps]
 ROWS: Mapping[str, Callable[[Sequence[Opened]], ResidualModel]] = {
     PERSISTENCE: lambda flights: Hold(step=STEP),
     "delay DMDc": lambda flights: fit_dmdc(_segments(flights), delays=DELAYS),
-    "ridge": lambda flights: fit_force_ridge(_segments(flights), RIDGE),
+    "ridge": lambda flights: fit_force_ridge(
+        _segments(flights), span=STEP * HISTORY, horizon=STEP * HORIZONS[-1]
+    ),
     GP: lambda flights: MotionModel(GP, fit_gaussian_process(_segments(flights)), STEP),
     PAPER: lambda flights: _trained(PAPER, flights, window=HISTORY),
     LIFTED: lambda flights: _trained(LIFTED, flights, torque=True, **SEEN),

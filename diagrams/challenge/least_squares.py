@@ -11,7 +11,7 @@ from scipy.special import expit
 from np_drake.diagnosis.regressors import library_candidates
 from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.effects.pendulum import hanging, swing_many
-from np_drake.logs.importing.interpolation import Signal
+from np_drake.logs.importing.signals import Signal
 from np_drake.rigid_body import V
 
 WRENCH = 6  # channels: force and torque in B

@@ -11,7 +11,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from diagrams.batch.failed_run import FailedRun
-from diagrams.batch.workers import Workers
+from diagrams.batch.run import Workers
 from diagrams.challenge.draw import (
     FILES,
     NOISE,

@@ -17,10 +17,10 @@ import yaml
 
 from np_drake.flight_log import FlightLog
 from np_drake.logs import opening
+from np_drake.logs.case_folder import with_neighbours
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats import crazyflie
 from np_drake.logs.importing.log_map import LogMap, MapFile, load_map_file
-from np_drake.logs.neighbours import with_neighbours
 from np_drake.vehicle import Vehicle, load_vehicle
 from np_drake.vehicle.estimate import Measured, estimate
 

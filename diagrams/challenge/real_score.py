@@ -13,9 +13,7 @@ import pandas as pd
 from typer import Option
 
 from diagrams.batch.failed_run import FailedRun
-from diagrams.batch.options import RealFlightOptions
-from diagrams.batch.run import Report, Run, Table
-from diagrams.batch.workers import failures
+from diagrams.batch.run import Report, Run, Table, failures
 from diagrams.challenge import real
 from diagrams.challenge.answered_case import ANSWER_FILE, REAL_ANSWER, read_checked
 from diagrams.challenge.least_squares import WRENCH, library_columns, select_by_bic
@@ -23,6 +21,7 @@ from diagrams.challenge.real import DRAG, GROUND, PAYLOAD, PLACE, WINDS, Case, T
 from diagrams.challenge.score import SURE, calibration
 from diagrams.challenge.score_tables import calibration_figure, table
 from diagrams.gap.drake_replay import DrakeReplay
+from diagrams.studies.options import RealFlightOptions
 from np_drake.diagnosis.diagnose import diagnose
 from np_drake.diagnosis.residuals import make_flight_residuals
 from np_drake.diagnosis.result import UNKNOWN
@@ -31,7 +30,7 @@ from np_drake.effects.combine import split_effects, total_wrench
 from np_drake.effects.library import causes as library_causes
 from np_drake.files.atomic_file import write_json
 from np_drake.flight_log import FlightLog
-from np_drake.logs.importing.interpolation import Signal
+from np_drake.logs.importing.signals import Signal
 from np_drake.vehicle import Vehicle
 
 THIS, BIC = "this", "BIC"  # the diagnosis; forward selection by least squares

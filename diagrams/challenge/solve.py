@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from diagrams.batch.campaign import Case
-from diagrams.batch.workers import Workers
+from diagrams.batch.run import Workers
 from diagrams.challenge.answered_case import ANSWER_FILE
 from np_drake.diagnosis.diagnose import diagnose
 from np_drake.files.atomic_file import write_json

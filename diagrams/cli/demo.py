@@ -6,14 +6,14 @@ from typing import Annotated
 
 from typer import Option
 
-from diagrams.batch.columns import percent, tabulate
 from diagrams.cli import options
 from diagrams.cli.fly import as_config, flights_table
 from diagrams.cli.output import Table, progress, say
 from diagrams.cli.runner import Report, Run, reports
 from diagrams.demo.page import cause_rows, meeting_rows, write_demo
 from diagrams.demo.story import HELD_OUT, Demo, run_demo
-from diagrams.tracking.tracking import PAPER
+from diagrams.studies.columns import percent, tabulate
+from diagrams.studies.tracking import PAPER
 from np_drake.mpc.solvers import require_solver
 
 Out = Annotated[

@@ -85,10 +85,9 @@ def diagnose(
     neighbour: Annotated[
         list[str] | None,
         Option(
-            metavar="LOG[=OF]",
+            metavar="LOG=OF",
             help="Log of a vehicle that flew beside the flight of the log OF, whose downwash is "
-            "then tried; without "
-            "OF, their times tell. Repeatable.",
+            "then tried. Repeatable.",
         ),
     ] = None,
     repair: options.Repair = False,

@@ -5,11 +5,11 @@ from typing import Annotated
 
 from typer import Argument, Option
 
-from diagrams.batch.columns import tabulate
 from diagrams.cli import options
 from diagrams.cli.diagnose import vehicle_of
 from diagrams.cli.output import Table, progress, tell
 from diagrams.cli.runner import Report, Run, reports
+from diagrams.studies.columns import tabulate
 from np_drake.diagnosis.doctor.examine import NEVER, YES, Answer, LogReport, examine
 from np_drake.files.number_text import measure, number, percent, with_unit
 from np_drake.logs.errors import LogError

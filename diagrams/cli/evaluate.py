@@ -8,7 +8,6 @@ from typing import Annotated, Any
 import numpy as np
 from typer import Argument, Option
 
-from diagrams.batch.columns import tabulate
 from diagrams.batch.failed_run import FailedRun
 from diagrams.cli import options
 from diagrams.cli.output import Table, say
@@ -25,6 +24,7 @@ from diagrams.cli.train import (
     train_reaction,
 )
 from diagrams.loop.controller_config import NP_MODEL
+from diagrams.studies.columns import tabulate
 from np_drake.files.number_text import number
 from np_drake.lifting.model.model_file import load_model, schema_of
 from np_drake.lifting.training.train import CONFIGURATIONS as KNOWN

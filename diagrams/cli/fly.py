@@ -9,15 +9,21 @@ from typing import Annotated
 import yaml
 from typer import Argument, Option
 
-from diagrams.batch.columns import tabulate
 from diagrams.batch.failed_run import FailedRun
 from diagrams.cli import options
 from diagrams.cli.output import Table, progress, say, tell
 from diagrams.cli.runner import Report, Run, reports
 from diagrams.gap.corrected import drawn
+from diagrams.loop import comparison
 from diagrams.loop.controller_config import LEARNED
-from diagrams.loop.controller_models import kind_of_model, make_residual_model
-from diagrams.loop.experiments import EXPERIMENTS, load_experiment, scenario_file, settings_of
+from diagrams.loop.controllers import kind_of_model, make_residual_model
+from diagrams.loop.experiments import (
+    EXPERIMENTS,
+    load_experiment,
+    scenario_file,
+    settings_of,
+    with_payload,
+)
 from diagrams.loop.flight import FlightConfig
 from diagrams.loop.flight_diagram import make_flight_diagram
 from diagrams.loop.flight_result import FlightResult, LostVehicle
@@ -25,11 +31,10 @@ from diagrams.loop.flight_result import fly as simulate
 from diagrams.loop.live import LiveView
 from diagrams.loop.mcap_flight import write_flight_mcap
 from diagrams.loop.own_controller import is_own
-from diagrams.loop.replay.flight_page import write_replay
+from diagrams.loop.replay import write_replay
 from diagrams.offboard.linked_flight import CommandedByLink, RealTime
-from diagrams.tracking import comparison
+from diagrams.studies.columns import tabulate
 from np_drake.autopilot.firmware import find_firmware
-from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.files.figure_file import save
 from np_drake.files.yaml_file import filled, read_yaml
 from np_drake.logs.formats.log_file import write_log
@@ -37,7 +42,6 @@ from np_drake.logs.formats.mcap_file import require_mcap
 from np_drake.offboard.link import MavlinkLink
 from np_drake.vehicle import load_vehicle
 from np_drake.vehicle.scaling import usual_rate_loop
-from systems.payload_config import PayloadConfig
 
 Experiment = Annotated[
     str, Argument(help="circle, lemniscate, hover, … or a scenario file (YAML).")
@@ -127,7 +131,6 @@ def fly(
         duration=duration,
         fields=fields or (),
     )
-    tell(*(f"warning: {text}" for text in configs[0].warnings()))
     single = live or mcap is not None
     if single + (sample is not None) + (len(configs) > 1) > 1:
         raise ValueError(
@@ -200,7 +203,7 @@ def scenarios(
     if "solver" not in (read_yaml(scenario_file(experiment)).get("controller") or {}):
         first.controller.solver = options.DEFAULT_SOLVER
     if payload is not None:
-        first = _with_payload(first, payload)
+        first = with_payload(first, mass=payload)
     first = _with_fields(first, [*fields, *([f"duration={duration}"] if duration else [])])
     first = first.check_and_step() if payload is not None or fields else first.check()
     if autopilot is not None:
@@ -244,32 +247,6 @@ def _with_fields(config: FlightConfig, fields: Sequence[str]) -> FlightConfig:
     return config
 
 
-def _with_payload(config: FlightConfig, mass: float) -> FlightConfig:
-    """Return the scenario with a payload of another mass [kg], or with none; its cable stretches by
-    the same share of its length.
-    """
-    reality, hung = copy.deepcopy(config.reality), config.reality.payload
-    bobs = [effect for effect in reality.effects if isinstance(effect.made, SuspendedPayload)]
-    share = mass / hung.mass
-    if mass == 0:
-        reality.payload = PayloadConfig(tether="none")
-        reality.effects = [effect for effect in reality.effects if effect not in bobs]
-    elif bobs:  # of a corrected simulator
-        for effect in bobs:
-            heavier = dc.replace(effect, parameters={**effect.parameters, "mass": mass})
-            reality.effects[reality.effects.index(effect)] = heavier
-    else:
-        tether = "cable" if hung.tether == "none" else hung.tether
-        reality.payload = dc.replace(
-            hung,
-            mass=mass,
-            tether=tether,
-            stiffness=share * hung.stiffness,
-            damping=share * hung.damping,
-        )
-    return dc.replace(config, reality=reality)
-
-
 def _with_autopilot(config: FlightConfig, kind: str) -> FlightConfig:
     """Return the scenario with an autopilot, by the loop of a usual tune where the vehicle's file
     names none.
@@ -298,12 +275,12 @@ def _give(predictor: Path, configs: Sequence[FlightConfig]) -> None:
     kind = kind_of_model(str(predictor))
     fits = [one for one in controllers if one.kind == kind]
     kinds = " and ".join(one.kind for one in controllers)
-    if not fits and kinds != "np":  # which flies a payload filter, as it once did
+    if not fits:
         raise ValueError(
             f"--predictor: {predictor} is for {kind}; {kinds} cannot fly it. Name "
             f"--controller {kind}."
         )
-    (fits or controllers)[0].predictor = str(predictor)
+    fits[0].predictor = str(predictor)
 
 
 def _require_flyable(config: FlightConfig) -> None:
@@ -415,8 +392,7 @@ def _notes(flight: FlightResult) -> list[str]:
     """Return lines about waypoints that a flight did not pass, and about the delay of commands with
     which the controller reckoned at the end.
     """
-    before = flight.config.warnings()
-    said = [f"warning: {text}" for text in flight.warnings() if text not in before]
+    said = [f"warning: {text}" for text in flight.warnings()]
     late = f"the controller takes commands to act {1e3 * flight.delay:.3g} ms late"
     return [*said, *([late] if flight.delay else [])]
 

@@ -5,10 +5,10 @@ from typing import Annotated
 
 from typer import Option
 
-from diagrams.batch.options import DEFAULT_SOLVER as DEFAULT_SOLVER
-from diagrams.batch.options import Neurobem as Neurobem
-from diagrams.batch.options import Reality as Reality
-from diagrams.batch.options import Solver as Solver
+from diagrams.studies.options import DEFAULT_SOLVER as DEFAULT_SOLVER
+from diagrams.studies.options import Neurobem as Neurobem
+from diagrams.studies.options import Reality as Reality
+from diagrams.studies.options import Solver as Solver
 
 EPILOG = (
     "Shared options: --seed fixes every random draw. --out DIR is created where it is "
@@ -72,9 +72,8 @@ Configuration = Annotated[
     Option(
         "--configuration",
         metavar="NAME",
-        help="neural | lifted (world axes) | mode-dictionary (body axes) | paper | dmdc | "
-        "delay-dmdc | ridge, "
-        "of np; payload_filter; gp | knode. Default: the first that suits the axes.",
+        help="neural | lifted (world axes) | mode-dictionary (body axes) | paper, of np; "
+        "payload_filter; gp | knode. Default: the first that suits the axes.",
     ),
 ]
 Step = Annotated[

@@ -1,6 +1,6 @@
 """`np-drake reproduce STUDY`: a table of the paper or of the docs, made anew.
 
-A study is a module with `Options`, a dataclass of its options, and `run(run, options) -> Report`.
+A study is a function `run(run, options: Options) -> Report`; `Options` is a dataclass.
 What all of them share (seed, processes, cluster, files) is added by `reports`.
 """
 
@@ -23,7 +23,7 @@ VERB = "reproduce"
 
 @dc.dataclass(frozen=True)
 class Study:
-    """Study by the name of its module; the module is loaded on use.
+    """Study by its module, loaded on use, and its function there.
 
     seed: default of `--seed`; None: nothing is drawn.
     many: works on many cases, in several processes.
@@ -33,27 +33,29 @@ class Study:
     summary: str
     seed: int | None = 1000
     many: bool = True
+    function: str = "run"
 
     def verb(self) -> Callable[..., None]:
         """Return the study as a verb with all its options."""
-        module: Any = import_module(f"diagrams.{self.module}")
-
-        def body(run: Run, **given: Any) -> Report:
-            return module.run(run, module.Options(**given))
-
+        study = getattr(import_module(f"diagrams.{self.module}"), self.function)
+        options_of = get_type_hints(study)["options"]
         keyword, hints = (
             inspect.Parameter.KEYWORD_ONLY,
-            get_type_hints(module.Options, include_extras=True),
+            get_type_hints(options_of, include_extras=True),
         )
+
+        def body(run: Run, **given: Any) -> Report:
+            return study(run, options_of(**given))
+
         own = [
             inspect.Parameter(
                 field.name, keyword, default=field.default, annotation=hints[field.name]
             )
-            for field in dc.fields(module.Options)
+            for field in dc.fields(options_of)
         ]
         run = inspect.Parameter("run", inspect.Parameter.POSITIONAL_OR_KEYWORD, annotation=Run)
         body.__signature__ = inspect.Signature([run, *own])  # type: ignore[attr-defined]
-        body.__doc__ = module.run.__doc__.split("Args:")[0].rstrip()  # what `--help` says
+        body.__doc__ = study.__doc__.split("Args:")[0].rstrip()  # what `--help` says
         out = options.OutOfCases if self.many else options.Out
         return reports(VERB, seed=self.seed, out=out, many=self.many)(body)
 
@@ -65,58 +67,28 @@ class Study:
 
 
 STUDIES = {
-    "tracking": Study("tracking.study", "Every controller on circle and lemniscate."),
-    "configurations": Study(
-        "tracking.configurations", "Every configuration of the predictor in the loop."
-    ),
-    "weights": Study("tracking.tuning", "How the MPC's weights were chosen."),
-    "gap": Study("gap.real_flights", "The diagnosis on agile real flights.", seed=None, many=False),
-    "mhe": Study(
-        "prediction.mhe_flights", "A moving-horizon estimator on real flights.", seed=None
-    ),
-    "theorem": Study("prediction.theorem", "Theorem 1, corrected: bound against error."),
-    "tether": Study("payload.tether", "The tether's length from the payload's mode."),
-    "estimation": Study("prediction.estimation", "The paper's table, one step ahead."),
-    "sample-efficiency": Study("prediction.sample_efficiency", "Error against training samples."),
-    "envelope": Study(
-        "prediction.envelope_study", "What the network adds on fresh simulated payloads."
-    ),
-    "response": Study("prediction.response", "How late the prediction is."),
-    "hover": Study("payload.hover_study", "Hover while the payload swings."),
-    "attach": Study(
-        "payload.attach_study", "The payload changes in flight: attached, cut off, taut."
-    ),
-    "node": Study("offboard.study", "Faults while a node flies: what is sent, when it stops."),
-    "timing": Study("performance.timing", "What a period costs.", many=False),
+    "tracking": Study("studies.tracking", "Every controller on circle and lemniscate."),
+    "hover": Study("studies.payload", "Hover while the payload swings.", function="hover"),
+    "attach": Study("studies.payload", "100 g more are hung on in flight.", function="attach"),
     "robustness": Study(
-        "robustness.study", "Payload, tether, speed, air, noise, lag, delay, battery."
+        "studies.robustness", "Payload, tether, speed, air, noise, lag, delay, battery."
     ),
-    "margins": Study(
-        "robustness.margins", "Largest delay and loop gain that each controller bears."
+    "estimation": Study("studies.estimation", "The paper's table, one step ahead."),
+    "sample-efficiency": Study(
+        "studies.estimation", "Error against training samples.", function="sample_study"
     ),
+    "timing": Study("studies.speed", "What a period costs.", many=False),
+    "gap": Study("gap.real_flights", "The diagnosis on agile real flights.", seed=None, many=False),
+    "node": Study("offboard.study", "Faults while a node flies: what is sent, when it stops."),
     "real": Study(
         "challenge.real_score", "The diagnosis on real flights with known causes.", seed=None
     ),
     "payload-flights": Study(
         "challenge.forecast", "Forecasts on real flights with a payload.", seed=None
     ),
-    "vehicles": Study("robustness.vehicles.study", "35 g, 2 kg and 6 kg on four tracks."),
-    "models": Study("tracking.packaged", "The packaged model files, made anew.", seed=None),
     "identification": Study(
         "identification.simulated", "Simulated vehicles identified from their logs.", 5800
     ),
-    "deadlines": Study(
-        "performance.deadlines", "Deadlines of the loop on this machine.", 9800, many=False
-    ),
-}
-RETIRED = {
-    "autopilot": "`np-drake fly circle --autopilot betaflight` flies on the firmware",
-    "identification-flights": "`np-drake identify LOG... --held-out LOG` judges on other flights",
-    "blackbox": "`np-drake identify flight.bbl --vehicle FILE` reads the firmware's own log",
-    "pendulum": "it is called tether now: `np-drake reproduce tether`",
-    "replay": "it is an option of another study: `np-drake reproduce real --replay`",
-    "cost": "`np-drake challenge solve --json` holds time and memory of every case",
-    "cooperative": "cooperative transport is an example, `python -m diagrams.payload.cooperative`",
 }
 
 
@@ -142,12 +114,7 @@ def reproduce(
 
 
 def find(name: str) -> Study:
-    """Return the study of this name.
-
-    Raises: ValueError: where there is none, or no longer.
-    """
-    if name in RETIRED:
-        raise ValueError(f"{name} is gone: {RETIRED[name]}.")
+    """Return the study of this name; ValueError where there is none."""
     if name not in STUDIES:
         raise ValueError(f"STUDY must be one of {', '.join(STUDIES)}; got {name!r}.")
     return STUDIES[name]

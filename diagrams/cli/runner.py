@@ -21,8 +21,7 @@ import typer
 
 from diagrams.batch.run import Report as Report
 from diagrams.batch.run import Run as Run
-from diagrams.batch.run import make_folder
-from diagrams.batch.workers import Workers
+from diagrams.batch.run import Workers, make_folder
 from diagrams.cli import options, output
 from np_drake.files.atomic_file import is_regular, lock_outputs
 from np_drake.files.input_file import is_own

@@ -14,13 +14,10 @@ from diagrams.cli.fly import fly_all
 from diagrams.cli.output import progress, require_outputs, say, tell
 from diagrams.cli.runner import Report, Run, reports
 from diagrams.loop.experiments import training_flight
-from diagrams.prediction.envelope import train_on_envelope
-from diagrams.prediction.learning import placed_family
-from diagrams.tracking.network_share import flown_share
+from diagrams.studies.learning import flown_share, placed_family, train_on_envelope
 from np_drake.files.figure_file import new_figure, save
 from np_drake.lifting.model.lifted_model import FAMILIES, LIFTED, NEURAL, LiftedModel
-from np_drake.lifting.model.model_file import load_model, save_model
-from np_drake.lifting.model.origin import rotor_lag_of
+from np_drake.lifting.model.model_file import load_model, rotor_lag_of, save_model
 from np_drake.lifting.training.network_training import PART
 from np_drake.lifting.training.train import CONFIGURATIONS, TrainingResult, make_config, suited
 from np_drake.logs import opening

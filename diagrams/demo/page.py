@@ -13,8 +13,8 @@ from diagrams.demo.story import FORETOLD, HELD_OUT, LEARNED, SIMULATORS, Demo, u
 from diagrams.gap import corrected, side_by_side
 from diagrams.loop import flight_figures
 from diagrams.loop.flight_result import FlightResult
-from diagrams.loop.replay.flight_page import write_replay
-from diagrams.tracking.tracking import TRACKS
+from diagrams.loop.replay import write_replay
+from diagrams.studies.tracking import TRACKS
 from np_drake.diagnosis.report import words
 from np_drake.diagnosis.report.answer import named_causes
 from np_drake.diagnosis.report.page import write_report

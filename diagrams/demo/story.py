@@ -11,15 +11,17 @@ from typing import Any
 
 import numpy as np
 
-from diagrams.batch.processes import DeadProcess, as_they_finish
+from diagrams.batch.failed_run import FailedRun
+from diagrams.batch.processes import as_they_finish
 from diagrams.gap.corrected import corrected_simulator
 from diagrams.gap.drake_replay import DrakeReplay
 from diagrams.gap.side_by_side import SideBySide, side_by_side
 from diagrams.loop.flight import FlightConfig
 from diagrams.loop.flight_result import FlightResult, fly
 from diagrams.loop.reality import RealityConfig
-from diagrams.prediction.learning import train_payload_filter_model, train_predictor
-from diagrams.tracking.tracking import TRACKS, Row, configure, training_config
+from diagrams.studies.learning import train_payload_filter_model, train_predictor
+from diagrams.studies.sweep import Row, configure, training_config
+from diagrams.studies.tracking import TRACKS
 from np_drake.diagnosis.diagnose import diagnose
 from np_drake.diagnosis.result import Diagnosis
 from np_drake.effects.base import Effect
@@ -179,13 +181,13 @@ def _side_by_side(
 ) -> dict[Any, Any]:
     """Return the results by the keys of the work, done in several processes; 1: in this one.
 
-    Raises: what the work raises; DeadProcess: where its process died.
+    Raises: what the work raises; FailedRun: where its process died.
     """
     tell(0.0)
     keys, results = list(work), {}
     alone = enumerate(task() for task in work.values())
     for number, value in alone if jobs == 1 else as_they_finish(call, list(work.values()), jobs):
-        if isinstance(value, DeadProcess):
+        if isinstance(value, FailedRun):
             raise value
         results[keys[number]] = value
         tell(len(results) / len(keys))

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from diagrams.batch.columns import percent, tabulate
-from diagrams.batch.options import Neurobem, required
 from diagrams.batch.run import Report, Run
+from diagrams.studies.columns import percent, tabulate
+from diagrams.studies.options import Neurobem, required
 from np_drake.diagnosis.diagnose import diagnose
 from np_drake.diagnosis.residuals import make_flight_residuals
 from np_drake.flight_log import FlightLog

@@ -11,17 +11,21 @@ import numpy as np
 from pydrake.geometry import Rgba
 
 from diagrams.gap.drake_replay import DrakeReplay, Effects, Ghost
-from diagrams.loop.replay.film import FRAME_RATE, Film, frames
-from diagrams.loop.replay.page import Page, ReadOut, Trail, write_page
-from diagrams.loop.replay.scene import (
+from diagrams.loop.replay import (
     DARK,
+    FRAME_RATE,
     GREEN,
     RED,
+    Film,
+    Page,
     add_payload,
     add_quadrotor,
     add_trail,
     arm_length,
+    frames,
     new_scene,
+    pose,
+    write_page,
 )
 from np_drake.diagnosis.gap import LEAD
 from np_drake.diagnosis.result import HORIZONS, Diagnosis
@@ -142,7 +146,7 @@ def write_side_by_side(found: SideBySide, vehicle: Vehicle, path: str | Path) ->
     if found.corrected is not None:
         ghosts["corrected"] = (found.corrected, GREEN)
     frame = np.arange(len(found.x))
-    trails, read_outs = [Trail("flight_trail", 0 * frame, frame)], []
+    trails, read_outs = [("flight_trail", 0 * frame, frame)], []
     for name, (ghost, color) in ghosts.items():
         pale = Rgba(color.r(), color.g(), color.b(), PALE)
         add_quadrotor(meshcat, vehicle, name, pale)
@@ -151,16 +155,15 @@ def write_side_by_side(found: SideBySide, vehicle: Vehicle, path: str | Path) ->
         flown = np.where(np.isfinite(p), p, found.x[:, :3])
         add_trail(meshcat, f"{name}_trail", flown, 0.05 * size, color)
         last = np.maximum.accumulate(np.where(np.isfinite(error), frame, found.restarted))
-        trails.append(Trail(f"{name}_trail", found.restarted, last))
-        read_outs.append(ReadOut(f"{name} simulator", color, error))
+        trails.append((f"{name}_trail", found.restarted, last))
+        read_outs.append((f"{name} simulator", color, error))
         if found.hook is not None and np.isfinite(ghost.p_WP).any():
             add_payload(meshcat, 0.2 * size, size, f"{name}_", pale)
     away = float(np.clip(2.5 * np.quantile(found.nominal.errors[:, 0], 0.9), 7 * size, 20 * size))
     for k in range(len(found.x)):
-        film.quadrotor(k, "flight", found.x[k])
+        film.SetTransform(k, "flight", pose(found.x[k]))
         for name, (ghost, _) in ghosts.items():
             _show(film, k, name, ghost, found.hook)
-    film.show(meshcat)
     page = Page(
         title=f"{found.flight}: flight and simulators",
         start=found.start,
@@ -173,19 +176,19 @@ def write_side_by_side(found: SideBySide, vehicle: Vehicle, path: str | Path) ->
         ),
         follow=("flight", (0.35 * away, -0.8 * away, 0.45 * away)),
     )
-    write_page(meshcat, page, path)
+    write_page(meshcat, film, page, path)
 
 
 def _show(film: Film, frame: int, name: str, ghost: Ghost, hook: np.ndarray | None) -> None:
     """Show a ghost and its payload where they are."""
     there = bool(np.isfinite(ghost.x[frame]).all())
-    film.visible(frame, name, there)
+    film.SetProperty(frame, name, "visible", there)
     if there:
-        film.quadrotor(frame, name, ghost.x[frame])
+        film.SetTransform(frame, name, pose(ghost.x[frame]))
     if hook is None or not np.isfinite(ghost.p_WP).any():
         return
     hangs = there and bool(np.isfinite(ghost.p_WP[frame]).all())
     for part in ("payload", "tether"):
-        film.visible(frame, f"{name}_{part}", hangs)
+        film.SetProperty(frame, f"{name}_{part}", "visible", hangs)
     if hangs:
         film.payload(frame, ghost.x[frame], hook, ghost.p_WP[frame], f"{name}_")

@@ -12,8 +12,7 @@ from typer import Option
 
 from diagrams.batch.campaign import Case
 from diagrams.batch.failed_run import FailedRun
-from diagrams.batch.run import Report, Run
-from diagrams.batch.workers import failures, require_result
+from diagrams.batch.run import Report, Run, failures, require_result
 from diagrams.challenge.flight import fly
 from diagrams.challenge.plans import draw_plans
 from diagrams.challenge.sensors import (

@@ -1,12 +1,15 @@
-"""Configuration of a controller: its kind, residual model, solver and timing."""
+"""Configuration of a controller, and of the autopilot that may stand behind it."""
 
 import dataclasses as dc
 from pathlib import Path
 
 import numpy as np
 
+from diagrams.batch.failed_run import require
 from diagrams.loop.own_controller import is_own
+from np_drake.autopilot.betaflight import BetaflightConfig
 from np_drake.command_delay import LONGEST_DELAY
+from np_drake.files.yaml_file import check_fields, number, word
 from np_drake.labels import LabelConfig
 from np_drake.mpc.problem import MpcConfig
 from np_drake.mpc.solvers import require_solver
@@ -19,6 +22,8 @@ SHORTEST_PERIOD = 1e-4  # of the controller [s]; own choice
 NP_MODEL = MODELS / "neural_predictor.safetensors"  # lifted linear system of any residual wrench
 FILTER_MODEL = MODELS / "payload_filter.safetensors"  # of the vehicle, for any tethered payload
 LEARNED = ("np", PAYLOAD_FILTER, *REACTIONS)  # kinds with a model file
+NONE = "none"  # no autopilot: the rotors take thrust and torque at once
+AUTOPILOTS = (NONE, "rate_loop", "betaflight")
 CONTROLLERS = ("nominal", "hold", "observer", "oracle", "cascade", *LEARNED)  # all kinds
 
 
@@ -30,15 +35,16 @@ class ControllerConfig:
     # MODULE:NAME
     kind: str = "nominal"
     parameters: dict[str, float] = dc.field(default_factory=dict)  # of one's own, by name
-    extra_mass: float = 0.0  # that controller and estimator add to the vehicle's [kg]
+    extra_mass: float = number(0.0, "kg", 0)  # that controller and estimator add to the vehicle's
     hold_bandwidth: float = np.inf  # of kind hold: a low-pass on top of the labels' own [Hz]
     predictor: str = (
         ""  # model file of a learned kind; np, payload_filter: empty for the packaged one
     )
-    period: float = 0.02  # between solves, and between samples of the predictor [s]
+    # between solves, and between samples of the predictor
+    period: float = number(0.02, "s", SHORTEST_PERIOD)
     command_delay: float = 0.0  # of commands before the rotors' lag; 0: as trained [s]
     track_delay: bool = False  # follow the delay in flight; a model that knows its own always does
-    solver: str = "sqp"  # sqp | ipopt | ipopt_multiple_shooting
+    solver: str = "sqp"  # sqp | ipopt
     deadline: float = np.inf  # a later answer is discarded; solvers wrap up at half of it [s]
     mpc: MpcConfig = dc.field(default_factory=MpcConfig)
     label: LabelConfig = dc.field(default_factory=LabelConfig)
@@ -50,48 +56,41 @@ class ControllerConfig:
         """
         self.mpc.check()
         self.label.check()
-        if self.kind not in CONTROLLERS and not is_own(self.kind):
-            raise ValueError(
-                f"controller: must be one of {', '.join(CONTROLLERS)}, or MODULE:NAME of "
-                f"your own; got {self.kind!r}."
-            )
-        if self.parameters and not is_own(self.kind):
-            raise ValueError(
-                f"controller: parameters are of one of your own (MODULE:NAME); got kind "
-                f"{self.kind}."
-            )
+        own = is_own(self.kind)
+        require(
+            own or self.kind in CONTROLLERS,
+            f"controller: must be one of {', '.join(CONTROLLERS)}, or MODULE:NAME of your own; "
+            f"got {self.kind!r}.",
+        )
+        require(
+            own or not self.parameters,
+            f"controller: parameters are of one of your own (MODULE:NAME); got kind {self.kind}.",
+        )
         require_solver(self.solver)
-        if not SHORTEST_PERIOD <= self.period < np.inf:
-            raise ValueError(
-                f"controller: period must be at least {SHORTEST_PERIOD:g} s; got {self.period}."
-            )
-        if not self.deadline > 0 or not self.hold_bandwidth > 0:
-            raise ValueError("controller: deadline [s] and hold_bandwidth [Hz] must be positive.")
-        if not 0 <= self.command_delay <= LONGEST_DELAY * self.period:
-            raise ValueError(
-                f"controller: command_delay must be 0 to {LONGEST_DELAY} periods, "
-                f"{LONGEST_DELAY * self.period:g} s "
-                f"for this vehicle; got {self.command_delay:g} s."
-            )
-        if not 0 <= self.extra_mass < np.inf:
-            raise ValueError(
-                f"controller: extra_mass must be finite and not negative [kg]; got "
-                f"{self.extra_mass}."
-            )
-        if self.predictor and self.kind not in LEARNED:
-            raise ValueError(
-                f"controller: a predictor is for kind {', '.join(LEARNED)}; got {self.kind}."
-            )
-        if self.kind in REACTIONS and not self.predictor:
-            raise ValueError(
-                f"controller: kind {self.kind} needs its model file (predictor); "
-                f"np-drake train LOG --configuration {self.kind} makes one."
-            )
-        if abs(self.stride * self.period - self.mpc.step) > 1e-9:
-            raise ValueError(
-                f"controller: mpc.step must be a whole multiple of period; got "
-                f"{self.mpc.step}, {self.period}."
-            )
+        check_fields(self, "controller")
+        require(
+            self.deadline > 0 and self.hold_bandwidth > 0,
+            "controller: deadline [s] and hold_bandwidth [Hz] must be positive.",
+        )
+        require(
+            0 <= self.command_delay <= LONGEST_DELAY * self.period,
+            f"controller: command_delay must be 0 to {LONGEST_DELAY} periods, "
+            f"{LONGEST_DELAY * self.period:g} s for this vehicle; got {self.command_delay:g} s.",
+        )
+        require(
+            not self.predictor or self.kind in LEARNED,
+            f"controller: a predictor is for kind {', '.join(LEARNED)}; got {self.kind}.",
+        )
+        require(
+            bool(self.predictor) or self.kind not in REACTIONS,
+            f"controller: kind {self.kind} needs its model file (predictor); "
+            f"np-drake train LOG --configuration {self.kind} makes one.",
+        )
+        require(
+            abs(self.stride * self.period - self.mpc.step) <= 1e-9,
+            f"controller: mpc.step must be a whole multiple of period; got {self.mpc.step}, "
+            f"{self.period}.",
+        )
         return self
 
     def believed(self, vehicle: Vehicle) -> Vehicle:
@@ -107,3 +106,26 @@ class ControllerConfig:
     def stride(self) -> int:
         """Number of predictor steps in one MPC step."""
         return max(1, round(self.mpc.step / self.period))
+
+
+@dc.dataclass
+class AutopilotConfig:
+    """What stands between the controller and the rotors."""
+
+    # none | rate_loop: as the vehicle file says | betaflight: its firmware
+    kind: str = word(NONE, *AUTOPILOTS)
+    betaflight: BetaflightConfig = dc.field(default_factory=BetaflightConfig)
+
+    def check(self) -> "AutopilotConfig":
+        """Return self after checking all values.
+
+        Raises: ValueError: where one is impossible.
+        """
+        check_fields(self, "autopilot")
+        self.betaflight.check()
+        return self
+
+    @property
+    def flies(self) -> bool:
+        """Whether there is an autopilot, which follows body rates."""
+        return self.kind != NONE

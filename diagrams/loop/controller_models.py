@@ -4,13 +4,11 @@ import logging
 
 from diagrams.loop.controller_config import FILTER_MODEL, NP_MODEL, ControllerConfig
 from np_drake.labels import LabelConfig
-from np_drake.lifting.model.model_file import schema_of
-from np_drake.lifting.model.origin import Trained, origin_of, require_origin
+from np_drake.lifting.model.model_file import Trained, origin_of, require_origin, schema_of
 from np_drake.payload_filter.model_file import PAYLOAD_FILTER, SCHEMAS
 from np_drake.payload_filter.predictor import PayloadFilter
 from np_drake.residual_model import ResidualModel
-from np_drake.residual_models.disturbance_observer import DisturbanceObserver
-from np_drake.residual_models.hold import Hold
+from np_drake.residual_models.hold import DisturbanceObserver, Hold
 from np_drake.residual_models.motion_model import REACTIONS, MotionModel
 from np_drake.residual_models.motion_model import SCHEMA as MOTION_MODEL
 from np_drake.residual_models.neural_predictor import NeuralPredictor as NeuralPredictorModel

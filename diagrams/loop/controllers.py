@@ -1,43 +1,54 @@
-"""Controllers by name: one MPC with different residual models."""
+"""Controllers by name: one MPC with different residual models, a cascade, or the user's own."""
 
-from collections.abc import Sequence
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
-from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
-from pydrake.systems.primitives import ConstantVectorSource
+from pydrake.systems.framework import DiagramBuilder, OutputPort, System
+from pydrake.systems.primitives import ConstantVectorSource, ZeroOrderHold
 
-from diagrams.loop.controller_config import ControllerConfig
-from diagrams.loop.controller_models import make_residual_model
+from diagrams.batch.failed_run import require
+from diagrams.loop.controller_config import FILTER_MODEL, NP_MODEL, ControllerConfig
 from diagrams.loop.own_controller import (
+    INPUTS,
+    OUTPUTS,
     Factory,
-    add_own_controller,
     is_own,
     load_factory,
     make_own_controller,
 )
 from np_drake.command_delay import DelayFilter
-from np_drake.control.faults import FaultySolver, SolverFault
-from np_drake.labels import ReadsLabels, labelled
+from np_drake.labels import LabelConfig, ReadsLabels, labelled
+from np_drake.lifting.model.model_file import Trained, origin_of, require_origin, schema_of
 from np_drake.mpc.controller import MpcController
 from np_drake.mpc.solvers import make_solver
+from np_drake.payload_filter.model_file import PAYLOAD_FILTER, SCHEMAS
+from np_drake.payload_filter.predictor import PayloadFilter
 from np_drake.references.base import Reference
 from np_drake.residual_model import KnowsDelay, ReadsPlan, ResidualModel
-from np_drake.residual_models.hold import Constant
+from np_drake.residual_models import motion_model
+from np_drake.residual_models.hold import Constant, DisturbanceObserver, Hold
 from np_drake.residual_models.neural_predictor import NeuralPredictor as NeuralPredictorModel
 from np_drake.residual_models.oracle import TrueModel
 from np_drake.vehicle import Vehicle
-from systems.cascade_target import FlatTarget
-from systems.cascaded_controller import CascadedController
+from np_drake.vehicle.scaling import ratios
+from systems import NeuralPredictor, NpMpc, ReferenceSource, WrenchEstimator
+from systems.cascaded_controller import CascadedController, FlatTarget
 from systems.delay_estimator import DelayEstimator
-from systems.neural_predictor import NeuralPredictor
-from systems.np_mpc import NpMpc
 from systems.rate_loop import RateLoopTorque
-from systems.reference_source import ReferenceSource
 from systems.residual_predictor import ResidualPredictor
-from systems.wrench_estimator import WrenchEstimator
 from systems.wrench_oracle import WrenchOracle
 
 SOLVER_SHARE = 0.5  # of the deadline, after which a solver wraps up with what it has [1]
+# A command that feeds through is read just after the events of an instant and just before the
+# recorder looks at it.
+_AFTER = 5e-7  # [s]
+
+
+def connect(builder: DiagramBuilder, source: System, target: System, *names: str) -> None:
+    """Connect output ports of one system to the input ports of another that have their names."""
+    for name in names:
+        builder.Connect(source.GetOutputPort(name), target.GetInputPort(name))
 
 
 def add_controller(
@@ -45,12 +56,10 @@ def add_controller(
     config: ControllerConfig,
     vehicle: Vehicle,
     reference: Reference,
-    rig: Diagram,
+    rig: System,
     *,
-    truth: Diagram | None = None,
-    true_model: TrueModel | None = None,
+    truth: tuple[System, TrueModel] | None = None,
     model: ResidualModel | None = None,
-    solver_faults: Sequence[SolverFault] = (),
     factory: Factory | None = None,
     in_force: OutputPort | None = None,
 ) -> dict[str, OutputPort]:
@@ -58,15 +67,11 @@ def add_controller(
     name.
 
     Args:
-        builder: of the flight's Diagram.
-        config: of the controller.
         vehicle: nominal vehicle.
         reference: motion to follow.
-        rig: has the measured `x` and `acceleration`.
-        truth: the real vehicle; for the oracle alone.
-        true_model: what the nominal vehicle leaves out; likewise.
+        rig: has the measured `x`, `acceleration` and `rotor_speed`.
+        truth: for the oracle alone, the real vehicle and what the nominal one leaves out.
         model: used in place of the one that `config` names.
-        solver_faults: while which solves have no answer.
         factory: makes a controller in the place of the one that `config` names.
         in_force: collective thrust and body rates that an autopilot follows; None: those of the
             MPC.
@@ -75,77 +80,131 @@ def add_controller(
     """
     believed = config.believed(vehicle)
     if factory is not None or is_own(config.kind):
-        command = "rates_thrust" if config.mpc.command == "rates" else "u"
-        system = make_own_controller(
-            factory or load_factory(config.kind),
-            config.parameters,
-            vehicle=believed,
-            reference=reference,
-            period=config.period,
-            command=command,
-        )
-        times = {"period": config.period, "step": config.mpc.step}
-        return add_own_controller(
-            builder, system, believed, reference, rig, label=config.label, command=command, **times
+        return _add_own(
+            builder, factory or load_factory(config.kind), config, believed, reference, rig
         )
     if config.kind == "cascade":
         return _add_cascade(builder, believed, reference, rig, period=config.period)
-    N, period = config.mpc.horizon, config.period
+    period, rates = config.period, config.mpc.command == "rates"
     model = model or make_residual_model(config, believed)
-    source = builder.AddNamedSystem(
-        "reference", ReferenceSource(reference, horizon=N, step=config.mpc.step)
-    )
     label = model.label if isinstance(model, ReadsLabels) else config.label
-    estimator = builder.AddNamedSystem(
-        "wrench_estimator", WrenchEstimator(labelled(believed, model), label, step=period)
+    source, estimator = _add_source_and_estimator(
+        builder, config, labelled(believed, model), reference, rig, label, config.mpc.horizon
     )
     solver = make_solver(
         config.solver, believed, config.mpc, time_limit=SOLVER_SHARE * config.deadline
     )
-    solver = FaultySolver(solver, solver_faults) if solver_faults else solver
-    mpc = builder.AddNamedSystem(
-        "np_mpc",
-        NpMpc(MpcController(believed, config.mpc, solver, period=period, deadline=config.deadline)),
-    )
-    builder.Connect(rig.GetOutputPort("x"), mpc.GetInputPort("x"))
-    builder.Connect(source.GetOutputPort("flat"), mpc.GetInputPort("flat"))
-    u, rates_thrust = mpc.GetOutputPort("u"), mpc.GetOutputPort("rates_thrust")
-    if config.mpc.command == "rates":
-        loop = builder.AddNamedSystem("believed_rate_loop", RateLoopTorque(believed))
-        builder.Connect(in_force or rates_thrust, loop.GetInputPort("rates_thrust"))
-        builder.Connect(rig.GetOutputPort("x"), loop.GetInputPort("x"))
-        u = loop.get_output_port()
-    builder.Connect(rig.GetOutputPort("x"), estimator.GetInputPort("x"))
-    builder.Connect(rig.GetOutputPort("acceleration"), estimator.GetInputPort("acceleration"))
-    ports = {"u": u, "label": estimator.GetOutputPort("last_label")}
-    timing = delay_filter(config, believed, model, true_model)
-    delay = None if timing is None else _add_delay_estimator(builder, timing, rig, u, source)
-    acting = u if delay is None else delay.GetOutputPort("acting")
-    if delay is not None:
-        ports["delay"] = delay.GetOutputPort("delay")
+    control = MpcController(believed, config.mpc, solver, period=period, deadline=config.deadline)
+    mpc = builder.AddNamedSystem("np_mpc", NpMpc(control))
+    connect(builder, rig, mpc, "x")
+    connect(builder, source, mpc, "flat")
+    ports = {name: mpc.GetOutputPort(name) for name in ("u", "status", "solve_time")}
+    ports |= {
+        "label": estimator.GetOutputPort("last_label"),
+        "p_ref": source.GetOutputPort("position"),
+    }
+    if rates:
+        ports["rates_thrust"] = mpc.GetOutputPort("rates_thrust")
+        ports["u"] = _add_rate_loop(builder, believed, rig, in_force or ports["rates_thrust"])
+    acting = ports["u"]
+    is_oracle = config.kind == "oracle" and model is None
+    timing = _delay_filter(config, believed, model, truth[1] if is_oracle and truth else None)
+    delay = None
+    if timing is not None:
+        delay = builder.AddNamedSystem("delay_estimator", DelayEstimator(timing))
+        connect(builder, rig, delay, "x", "acceleration")
+        builder.Connect(acting, delay.GetInputPort("u"))
+        ports["delay"], acting = delay.GetOutputPort("delay"), delay.GetOutputPort("acting")
+        builder.Connect(ports["delay"], source.GetInputPort("lead"))
     builder.Connect(acting, estimator.GetInputPort("u"))
-    if config.kind == "oracle" and model is None:
-        if truth is None or true_model is None:
+    predictor: System | None = None
+    if is_oracle:
+        if truth is None:
             raise ValueError("controller: the oracle needs the real vehicle; there is none here.")
-        oracle = _add_oracle(builder, true_model, config, truth, mpc)
-        _connect_delay(builder, delay, oracle, rig)
+        oracle = WrenchOracle(truth[1], config.mpc, period=period)
+        predictor = builder.AddNamedSystem("oracle", oracle)
+        connect(builder, truth[0], predictor, "plant_state", "rotor_thrust")
+        if delay is not None:
+            connect(builder, rig, predictor, "x")
     elif model is not None or delay is not None:
         model = model or Constant(np.zeros(6), step=period, name="nominal")
-        system = _make_predictor(model, config, believed if delay else None)
-        predictor = _add_predictor(
-            builder, system, model, acting, rig=rig, estimator=estimator, mpc=mpc
-        )
-        _connect_delay(builder, delay, predictor)
+        how: dict[str, Any] = {
+            "horizon": config.mpc.horizon,
+            "stride": config.stride,
+            "vehicle": believed if delay else None,
+        }
+        if isinstance(model, NeuralPredictorModel):
+            predictor = NeuralPredictor(model, **how)
+        else:
+            predictor = ResidualPredictor(model, **how)
+        builder.AddNamedSystem("predictor", predictor)
+        connect(builder, rig, predictor, "x")
+        connect(builder, estimator, predictor, "label")
+        builder.Connect(acting, predictor.GetInputPort("u"))
         ports["chi_hat"] = predictor.GetOutputPort("chi_hat")
-    ports |= {name: mpc.GetOutputPort(name) for name in ("status", "solve_time")}
-    if config.mpc.command == "rates":
-        ports["rates_thrust"] = rates_thrust
-    ports["p_ref"] = source.GetOutputPort("position")
+    if predictor is not None:
+        connect(builder, predictor, mpc, "forecast")
+        if is_oracle or isinstance(model, ReadsPlan):
+            connect(builder, mpc, predictor, "plan_u", "plan_x")
+        if delay is not None:
+            connect(builder, delay, predictor, "sent", "delay")
     return ports
 
 
+def _delay_filter(
+    config: ControllerConfig, vehicle: Vehicle, model: ResidualModel | None, truth: TrueModel | None
+) -> DelayFilter | None:
+    """Return what tells which command acts; None where all act at once.
+
+    The oracle knows the delay by its `truth`. Others are given it, or have learned it; whoever has
+    learned one follows it.
+    """
+    own = isinstance(model, KnowsDelay)
+    known, track = config.command_delay, config.track_delay or own
+    if config.kind == "oracle" and model is None:
+        known, track = truth.delay if truth is not None else 0.0, False
+    elif isinstance(model, KnowsDelay):
+        known = known or model.delay
+    if known == 0.0 and not track:
+        return None
+    return DelayFilter(labelled(vehicle, model), step=config.period, known=known, track=track)
+
+
+def _add_source_and_estimator(
+    builder: DiagramBuilder,
+    config: ControllerConfig,
+    vehicle: Vehicle,
+    reference: Reference,
+    rig: System,
+    label: LabelConfig,
+    horizon: int,
+) -> tuple[ReferenceSource, WrenchEstimator]:
+    """Add the source of the reference and the estimator of wrenches, which still lacks its command.
+
+    Args:
+        vehicle: that the estimator assumes.
+        horizon: MPC steps of the reference beyond now.
+    """
+    source = ReferenceSource(reference, horizon=horizon, step=config.mpc.step)
+    estimator = WrenchEstimator(vehicle, label, step=config.period)
+    builder.AddNamedSystem("reference", source)
+    builder.AddNamedSystem("wrench_estimator", estimator)
+    connect(builder, rig, estimator, "x", "acceleration")
+    return source, estimator
+
+
+def _add_rate_loop(
+    builder: DiagramBuilder, vehicle: Vehicle, rig: System, rates_thrust: OutputPort
+) -> OutputPort:
+    """Add the rate loop that the controller assumes; return thrust and torque that it commands."""
+    loop = builder.AddNamedSystem("believed_rate_loop", RateLoopTorque(vehicle))
+    builder.Connect(rates_thrust, loop.GetInputPort("rates_thrust"))
+    connect(builder, rig, loop, "x")
+    return loop.get_output_port()
+
+
 def _add_cascade(
-    builder: DiagramBuilder, vehicle: Vehicle, reference: Reference, rig, *, period: float
+    builder: DiagramBuilder, vehicle: Vehicle, reference: Reference, rig: System, *, period: float
 ) -> dict[str, OutputPort]:
     """Add reference source and cascaded controller, which runs twice a `period` [s]; nothing is
     solved or predicted.
@@ -155,109 +214,143 @@ def _add_cascade(
     cascade = builder.AddNamedSystem("cascade", CascadedController(vehicle, period=0.5 * period))
     builder.Connect(source.GetOutputPort("flat"), target.get_input_port())
     builder.Connect(target.get_output_port(), cascade.GetInputPort("target"))
-    builder.Connect(rig.GetOutputPort("x"), cascade.GetInputPort("x"))
+    connect(builder, rig, cascade, "x")
     zero = builder.AddNamedSystem("nothing_solved", ConstantVectorSource([0.0])).get_output_port()
     ports = {"u": cascade.GetOutputPort("u"), "status": zero, "solve_time": zero}
     return {**ports, "p_ref": source.GetOutputPort("position")}
 
 
-def delay_filter(
+def _add_own(
+    builder: DiagramBuilder,
+    factory: Factory,
     config: ControllerConfig,
     vehicle: Vehicle,
-    model: ResidualModel | None,
-    true_model: TrueModel | None,
-) -> DelayFilter | None:
-    """Return what tells which command acts; None where all act at once.
+    reference: Reference,
+    rig: System,
+) -> dict[str, OutputPort]:
+    """Add a controller of the user's own with reference source and estimator of wrenches.
 
-    The oracle knows the delay. Others are given it, or have learned it; whoever has learned one
-    follows it.
-
-    Args:
-        config: of the controller.
-        vehicle: that it assumes.
-        model: its residual model.
-        true_model: all that acts on the real vehicle; for the oracle alone.
+    A command that feeds through is read at multiples of `config.period`, and held.
     """
-    lagged = labelled(vehicle, model)
-    if config.kind == "oracle" and model is None:
-        known = true_model.delay if true_model is not None else 0.0
-        return (
-            DelayFilter(lagged, step=config.period, known=known, track=False) if known > 0 else None
-        )
-    learns = isinstance(model, KnowsDelay)
-    known = config.command_delay or (model.delay if isinstance(model, KnowsDelay) else 0.0)
-    if known == 0.0 and not (config.track_delay or learns):
-        return None
-    return DelayFilter(lagged, step=config.period, known=known, track=config.track_delay or learns)
+    command = "rates_thrust" if config.mpc.command == "rates" else "u"
+    offered = {"vehicle": vehicle, "reference": reference, "period": config.period}
+    controller = make_own_controller(factory, config.parameters, command, **offered)
+    builder.AddNamedSystem("own_controller", controller)
+    inputs = [name for name in INPUTS if controller.HasInputPort(name)]
+    size = controller.GetInputPort("flat").size() if "flat" in inputs else INPUTS["flat"]
+    source, estimator = _add_source_and_estimator(
+        builder, config, vehicle, reference, rig, config.label, size // INPUTS["flat"] - 1
+    )
+    u = own = controller.GetOutputPort(command)
+    if controller.HasDirectFeedthrough(own.get_index()):
+        hold = ZeroOrderHold(config.period, OUTPUTS[command], _AFTER)
+        builder.AddNamedSystem("held_command", hold)
+        builder.Connect(own, hold.get_input_port())
+        u = own = hold.get_output_port()
+    if command == "rates_thrust":
+        u = _add_rate_loop(builder, vehicle, rig, own)
+    builder.Connect(u, estimator.GetInputPort("u"))
+    label = estimator.GetOutputPort("last_label")
+    for name in inputs:
+        read = source if name == "flat" else rig
+        port = label if name == "label" else read.GetOutputPort(name)
+        builder.Connect(port, controller.GetInputPort(name))
+    zero = builder.AddNamedSystem("nothing_solved", ConstantVectorSource([0.0])).get_output_port()
+    given = {n: controller.GetOutputPort(n) for n in OUTPUTS if controller.HasOutputPort(n)}
+    return {
+        "status": zero,
+        "solve_time": zero,
+        **given,
+        command: own,
+        "u": u,
+        "label": label,
+        "p_ref": source.GetOutputPort("position"),
+    }
 
 
-def _add_delay_estimator(
-    builder, timing: DelayFilter, rig, u: OutputPort, source
-) -> DelayEstimator:
-    """Add the estimator of the delay between sensors, controller and reference."""
-    system = builder.AddNamedSystem("delay_estimator", DelayEstimator(timing))
-    for name in ("x", "acceleration"):
-        builder.Connect(rig.GetOutputPort(name), system.GetInputPort(name))
-    builder.Connect(u, system.GetInputPort("u"))
-    builder.Connect(system.GetOutputPort("delay"), source.GetInputPort("lead"))
-    return system
-
-
-def _connect_delay(builder, delay: DelayEstimator | None, system, rig=None) -> None:
-    """Tell `system` which commands are on their way, and the measured state where a rig is
-    given.
+def make_residual_model(config: ControllerConfig, vehicle: Vehicle) -> ResidualModel | None:
+    """Return the residual model of a controller; None for nominal, cascade, and the oracle, which
+    is no model.
     """
-    if delay is None:
-        return
-    for name in ("sent", "delay"):
-        builder.Connect(delay.GetOutputPort(name), system.GetInputPort(name))
-    if rig is not None:
-        builder.Connect(rig.GetOutputPort("x"), system.GetInputPort("x"))
+    make = MAKERS.get(config.kind)
+    return None if make is None else make(config, vehicle)
 
 
-def _make_predictor(
-    model: ResidualModel, config: ControllerConfig, vehicle: Vehicle | None
-) -> ResidualPredictor:
-    """Return the LeafSystem of a model; see it for `vehicle`."""
-    horizon, stride = config.mpc.horizon, config.stride
-    if isinstance(model, NeuralPredictorModel):
-        return NeuralPredictor(model, horizon=horizon, stride=stride, vehicle=vehicle)
-    return ResidualPredictor(model, horizon=horizon, stride=stride, vehicle=vehicle)
+def kind_of_model(path: str) -> str:
+    """Return the kind of controller that flies a model file.
+
+    Raises: ValueError: where it is no such file.
+    """
+    schema = schema_of(path)
+    if schema == motion_model.SCHEMA:
+        return motion_model.MotionModel.load(path).name
+    if schema in SCHEMAS:
+        return PAYLOAD_FILTER
+    NeuralPredictorModel.load(path)
+    return "np"
 
 
-def _add_predictor(
-    builder,
-    system: ResidualPredictor,
-    model: ResidualModel,
-    acting: OutputPort,
-    *,
-    rig,
-    estimator,
-    mpc,
-) -> ResidualPredictor:
-    """Add the residual model between estimator and MPC."""
-    predictor = builder.AddNamedSystem("predictor", system)
-    builder.Connect(rig.GetOutputPort("x"), predictor.GetInputPort("x"))
-    builder.Connect(acting, predictor.GetInputPort("u"))
-    builder.Connect(estimator.GetOutputPort("label"), predictor.GetInputPort("label"))
-    if isinstance(model, ReadsPlan):
-        _connect_plan(builder, mpc, predictor)
-    builder.Connect(predictor.GetOutputPort("forecast"), mpc.GetInputPort("forecast"))
+def _hold(config: ControllerConfig, vehicle: Vehicle) -> Hold:
+    band = config.hold_bandwidth
+    return Hold(step=config.period, force_bandwidth=band, torque_bandwidth=band)
+
+
+def _observer(config: ControllerConfig, vehicle: Vehicle) -> DisturbanceObserver:
+    unit = ratios(vehicle).clock
+    bands = {"force_bandwidth": 5.0 / unit, "torque_bandwidth": 1.0 / unit}  # [Hz]
+    return DisturbanceObserver(vehicle, step=config.period, **bands)
+
+
+def _neural_predictor(config: ControllerConfig, vehicle: Vehicle) -> ResidualModel:
+    """Return the Neural Predictor, of the configuration that its file holds."""
+    predictor = NeuralPredictorModel.load(config.predictor or NP_MODEL)
+    _require_fit(predictor.model, predictor.step, config, vehicle)
     return predictor
 
 
-def _add_oracle(
-    builder, model: TrueModel, config: ControllerConfig, truth: Diagram, mpc
-) -> WrenchOracle:
-    """Add the oracle between the real vehicle and the MPC."""
-    oracle = builder.AddNamedSystem("oracle", WrenchOracle(model, config.mpc, period=config.period))
-    for name in ("plant_state", "rotor_thrust"):
-        builder.Connect(truth.GetOutputPort(name), oracle.GetInputPort(name))
-    _connect_plan(builder, mpc, oracle)
-    builder.Connect(oracle.GetOutputPort("forecast"), mpc.GetInputPort("forecast"))
-    return oracle
+def _payload_filter(config: ControllerConfig, vehicle: Vehicle) -> PayloadFilter:
+    model = PayloadFilter.load(config.predictor or FILTER_MODEL)
+    _require_fit(model.model, model.step, config, vehicle, model.label)
+    return model
 
 
-def _connect_plan(builder, mpc, system) -> None:
-    for name in ("plan_u", "plan_x"):
-        builder.Connect(mpc.GetOutputPort(name), system.GetInputPort(name))
+def _motion_model(config: ControllerConfig, vehicle: Vehicle) -> motion_model.MotionModel:
+    model = motion_model.MotionModel.load(config.predictor, config.kind)
+    _require_fit(model, model.step, config, vehicle)
+    return model
+
+
+MAKERS: dict[str, Callable[[ControllerConfig, Vehicle], ResidualModel]] = {
+    "hold": _hold,
+    "observer": _observer,
+    "np": _neural_predictor,
+    PAYLOAD_FILTER: _payload_filter,
+    **dict.fromkeys(motion_model.REACTIONS, _motion_model),
+}  # makers of residual models by kind of controller
+
+
+def _require_fit(
+    model: Trained,
+    step: float,
+    config: ControllerConfig,
+    vehicle: Vehicle,
+    label: LabelConfig | None = None,
+) -> None:
+    """Check that the model was trained for world axes, labels (default: those of config) and steps.
+
+    In body axes its zeta would be R^T v, which is not linear in the predicted state: the lifted
+    linear system could not be eliminated exactly.
+    Raises: ValueError: if it was not.
+    """
+    frame = model.summary.get("origin", {}).get("frame", "world")
+    require(
+        frame == "world",
+        f"controller: the predictor must be trained on wrenches in world axes; its are "
+        f"in {frame} axes. Train it on a flight log.",
+    )
+    require_origin(model, origin_of("world", vehicle, label or config.label))
+    require(
+        abs(step - config.period) <= 1e-9,
+        f"controller: the predictor's step must equal the period; got {step}, "
+        f"{config.period} [s]. Train it with --step {config.period:g}.",
+    )

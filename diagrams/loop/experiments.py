@@ -1,12 +1,20 @@
-"""Experiments by name: scenario files in `diagrams/scenarios`."""
+"""Experiments by name, scenario files in `diagrams/scenarios`, and their numbers that are changed
+most: payload, cable, speed and wind.
+"""
 
 import dataclasses as dc
+import math
 from pathlib import Path
 from typing import Any
 
-from diagrams.loop.flight import FlightConfig, load_flight
+import numpy as np
+
+from diagrams.batch.failed_run import require
+from diagrams.loop.flight import LOOKS, FlightConfig, load_flight
+from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.files.yaml_file import read_yaml
 from np_drake.vehicle import Vehicle
+from systems.payload_config import PayloadConfig
 
 FOLDER = Path(__file__).parents[1] / "scenarios"  # of the scenario files
 SOLVER = "sqp"  # of a training flight whose scenario names none: the fast one
@@ -27,14 +35,9 @@ EXPERIMENTS = (
 )
 
 
-def settings_of(config: Any) -> dict:
-    """Return the settings of a flight, a dataclass, as a dictionary; the simulator's are Drake's
-    own type.
-    """
-    simulator = config.simulator
-    return dc.asdict(config) | {
-        "simulator": {field.name: getattr(simulator, field.name) for field in simulator.__fields__}
-    }
+def settings_of(config: FlightConfig) -> dict[str, Any]:
+    """Return the settings of a flight as a dictionary."""
+    return dc.asdict(config) | {"simulator": config.__getstate__()["simulator"]}
 
 
 def load_experiment(
@@ -57,11 +60,11 @@ def load_experiment(
         if "controller" not in read_yaml(scenario_file(name)):
             config = dc.replace(config, controller=other.controller)
         return dc.replace(config, reality=other.reality, simulator=other.simulator).check_and_step()
-    if name in EXPERIMENTS or name.endswith((".yaml", ".yml")):
-        return load_flight(str(scenario_file(name)), vehicle)
-    raise ValueError(
-        f"experiment: must be one of {', '.join(EXPERIMENTS)} or a YAML file; got {name!r}."
+    require(
+        name in EXPERIMENTS or name.endswith((".yaml", ".yml")),
+        f"experiment: must be one of {', '.join(EXPERIMENTS)} or a YAML file; got {name!r}.",
     )
+    return load_flight(str(scenario_file(name)), vehicle)
 
 
 def scenario_file(name: str | Path) -> Path:
@@ -84,3 +87,64 @@ def training_flight(scenario: Path) -> FlightConfig:
     if "solver" not in (named.get("controller") or {}):
         config.controller.solver = SOLVER
     return config.check()
+
+
+def with_payload(
+    config: FlightConfig, *, mass: float | None = None, length: float | None = None
+) -> FlightConfig:
+    """Return the scenario with another payload; its cable stretches by the same share of its
+    length.
+
+    Args:
+        mass: of the payload; 0: none; None: the scenario's [kg].
+        length: of the cable; None: the scenario's [m].
+    Raises: ValueError: on an impossible value, or a length without a payload.
+    """
+    require(
+        mass is None or 0 <= mass < np.inf,
+        f"--payload: must not be negative [kg] and finite; got {mass or 0:g}.",
+    )
+    require(
+        length is None or 0 < length < np.inf,
+        f"--length: must be positive [m] and finite; got {length or 0:g}.",
+    )
+    reality, hung = config.reality, config.reality.hung
+    hangs = hung.tether != "none"
+    if mass == 0.0:
+        require(
+            length is None,
+            f"--length: there is no cable without a payload; got {length or 0:g} m. Leave it out.",
+        )
+        effects = [e for e in reality.effects if not isinstance(e.made, SuspendedPayload)]
+        none = dc.replace(reality, payload=PayloadConfig(tether="none"), effects=effects)
+        return dc.replace(config, reality=none)
+    require(
+        hangs or mass is not None,
+        f"--length: {config.name} has no payload. Name its mass by --payload.",
+    )
+    changed: dict[str, Any] = {"mass": mass or hung.mass, "length": length or hung.length}
+    new = dc.replace(hung, tether=hung.tether if hangs else "cable", **changed)
+    require(
+        new.length > new.radius,
+        f"--length: must be above the payload's radius, {new.radius:g} m; got {new.length:g}.",
+    )
+    lowest = float(config.motion.sample(np.arange(0.0, config.end, LOOKS))[0, :, 2].min())
+    room = math.floor(100 * (lowest + new.hook[2] - new.radius)) / 100
+    require(
+        new.length <= room,
+        f"--length: must be at most {room:.2f} m, or the payload touches the ground where the "
+        f"vehicle flies at {lowest:.2f} m; got {new.length:g}. "
+        "Raise reference.height in a scenario file.",
+    )
+    effects = [
+        dc.replace(e, parameters={**e.parameters, **changed})
+        if isinstance(e.made, SuspendedPayload)
+        else e
+        for e in reality.effects
+    ]
+    if any(isinstance(e.made, SuspendedPayload) for e in effects):
+        return dc.replace(config, reality=dc.replace(reality, effects=effects))
+    weight, longer = new.mass / hung.mass, new.length / hung.length
+    new.stiffness = hung.stiffness * weight / longer
+    new.damping = hung.damping * weight / math.sqrt(longer)
+    return dc.replace(config, reality=dc.replace(reality, payload=new))

@@ -3,19 +3,17 @@
 import copy
 import dataclasses as dc
 import re
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from pydrake.systems.analysis import GetIntegrationSchemes, SimulatorConfig
 
-from diagrams.loop.autopilots import NONE, AutopilotConfig
-from diagrams.loop.controller_config import ControllerConfig
+from diagrams.batch.failed_run import require
+from diagrams.loop.controller_config import NONE, AutopilotConfig, ControllerConfig
 from diagrams.loop.own_controller import Factory, beside, is_own, kind_of
 from diagrams.loop.reality import RealityConfig
 from diagrams.loop.scaled import scaled
-from diagrams.loop.track_limits import require_flyable, warnings
 from np_drake.command_delay import LONGEST_DELAY
 from np_drake.effects.calibration import in_flight
 from np_drake.effects.combine import mass_properties, split_effects
@@ -24,17 +22,16 @@ from np_drake.files.yaml_file import filled, one_line, read_yaml
 from np_drake.offboard.config import OffboardConfig
 from np_drake.references.base import Reference
 from np_drake.references.config import ReferenceConfig, make_reference
-from np_drake.references.payload import PayloadTrack
+from np_drake.references.flatness import targets
 from np_drake.residual_models.oracle import TrueModel
 from np_drake.vehicle import Vehicle
-from systems.payload_event import PayloadEvent
+from systems.payload_config import PayloadEvent
 
 MOST_ROWS = 10**6  # of a record, at one a period, which takes 700 MB; own choice: 5 hours at 50 Hz
 FINEST_STEP = 1e-6  # of the simulator [s]; own choice
-LOOKS = 0.01  # between two looks at a motion [s]
-# of a cable that is to stay taut, over the payload's weight; own choice: below it gusts slacken it
-# [1]
-LEAST_PULL = 0.2
+RATE = 100.0  # at which a motion is looked at [Hz]
+LOOKS = 1 / RATE  # between two looks at a motion [s]
+MOST_INSTANTS = 200_000  # of a motion that are looked at
 LIFTED = 0.9  # of the rotors' thrust that may hang on them; own choice: the rest steers [1]
 ARENA = 50.0  # farther than this from the origin a vehicle counts as lost [m]
 
@@ -83,66 +80,79 @@ class FlightConfig:
             self.offboard,
         ):
             part.check()
-        if not re.fullmatch(r"\w[\w.-]*", self.name):
-            raise ValueError(
-                f"FlightConfig: name must be letters, digits, '_', '-' and '.'; got {self.name!r}."
-            )
-        if not 0 < self.duration < np.inf:
-            raise ValueError(
-                f"FlightConfig: duration must be positive and finite [s]; got {self.duration}."
-            )
-        if self.end > MOST_ROWS * self.controller.period:
-            raise ValueError(
-                f"FlightConfig: duration must be at most "
-                f"{MOST_ROWS * self.controller.period:g} s with the ramp and at "
-                f"a period of {self.controller.period:g} s; got {self.end:g}. Fly it in parts."
-            )
-        self._check_events()
-        self._check_autopilot()
-        if self.controller.kind == "oracle":
-            self._check_oracle()
-        if self.carried_mass * self.vehicle.gravity > LIFTED * self.lift:
-            raise ValueError(
-                f"FlightConfig: {self.carried_mass:.4g} kg are more than the rotors can "
-                f"carry ({self.lift:.3g} N). "
-                "Name a lighter payload, or none, for the default scales with the vehicle."
-            )
-        self._check_simulator()
-        if self.follows_payload:
-            self._check_followed()
-        if self.reference.is_file or self.reference.track == "multisine" or self.follows_payload:
+        require(
+            re.fullmatch(r"\w[\w.-]*", self.name) is not None,
+            f"FlightConfig: name must be letters, digits, '_', '-' and '.'; got {self.name!r}.",
+        )
+        require(
+            0 < self.duration < np.inf,
+            f"FlightConfig: duration must be positive and finite [s]; got {self.duration}.",
+        )
+        longest = MOST_ROWS * self.controller.period
+        require(
+            self.end <= longest,
+            f"FlightConfig: duration must be at most {longest:g} s with the ramp and at a period "
+            f"of {self.controller.period:g} s; got {self.end:g}. Fly it in parts.",
+        )
+        times, tether = [event.check().time for event in self.events], self.reality.hung.tether
+        require(
+            len({*times}) == len(times) and all(t < self.end for t in times),
+            f"{self.name}: events must have times of their own within the flight; got {times} [s].",
+        )
+        require(
+            not times or tether == "cable",
+            f"{self.name}: events need a payload on a cable; got {tether}.",
+        )
+        self._check_controller()
+        require(
+            self.carried_mass * self.vehicle.gravity <= LIFTED * self.lift,
+            f"FlightConfig: {self.carried_mass:.4g} kg are more than the rotors can carry "
+            f"({self.lift:.3g} N). "
+            "Name a lighter payload, or none, for the default scales with the vehicle.",
+        )
+        scheme, step = self.simulator.integration_scheme, self.simulator.max_step_size
+        require(
+            scheme in GetIntegrationSchemes() and FINEST_STEP <= step < np.inf,
+            f"FlightConfig: simulator must name a scheme of Drake's and a step of at least "
+            f"{FINEST_STEP:g} s; got {scheme}, {step}.",
+        )
+        require(
+            self.simulator.use_error_control or step <= self.largest_step,
+            f"FlightConfig: simulator.max_step_size must be at most {self.largest_step:.2g} s for "
+            f"this cable and these motors; got {step}. Take a smaller step or error control.",
+        )
+        if self.reference.is_file or self.reference.track == "multisine":
             self._check_track()
         return self
 
-    def _check_events(self) -> None:
-        times = [event.check().time for event in self.events]
-        if len({*times}) < len(times) or not all(t < self.end for t in times):
-            raise ValueError(
-                f"{self.name}: events must have times of their own within the flight; got "
-                f"{times} [s]."
-            )
-        if times and self.reality.hung.tether != "cable":
-            raise ValueError(
-                f"{self.name}: events need a payload on a cable; got {self.reality.hung.tether}."
-            )
-
-    def _check_autopilot(self) -> None:
-        rates, kind = self.controller.mpc.command == "rates", self.controller.kind
-        if rates != self.autopilot.flies:
-            raise ValueError(
-                f"{self.name}: controller.mpc.command must be rates with an autopilot and "
-                f"rotors without; got "
-                f"{self.controller.mpc.command} and autopilot {self.autopilot.kind}."
-            )
-        if rates and kind in ("oracle", "cascade"):
-            raise ValueError(
-                f"{self.name}: autopilot: {kind} commands torque, which an autopilot does not take."
-            )
-        if rates and self.vehicle.rate_loop is None:
-            raise ValueError(
-                f"{self.name}: vehicle {self.vehicle.name!r} must have a rate_loop for an "
-                f"autopilot; it has none."
-            )
+    def _check_controller(self) -> None:
+        """Check that the controller commands what flies, and that an oracle can know it."""
+        command, kind = self.controller.mpc.command, self.controller.kind
+        rates = command == "rates"
+        require(
+            rates == self.autopilot.flies,
+            f"{self.name}: controller.mpc.command must be rates with an autopilot and rotors "
+            f"without; got {command} and autopilot {self.autopilot.kind}.",
+        )
+        require(
+            not rates or kind not in ("oracle", "cascade"),
+            f"{self.name}: autopilot: {kind} commands torque, which an autopilot does not take.",
+        )
+        require(
+            not rates or self.vehicle.rate_loop is not None,
+            f"{self.name}: vehicle {self.vehicle.name!r} must have a rate_loop for an autopilot; "
+            "it has none.",
+        )
+        oracle, longest = kind == "oracle", LONGEST_DELAY * self.controller.period
+        require(
+            not oracle or self.reality.payload.tether != "rod",
+            "FlightConfig: the oracle knows cable and no tether; got a rod.",
+        )
+        require(
+            not oracle or self.reality.dead_time <= longest,
+            f"FlightConfig: the oracle knows delays up to {longest:g} s; got "
+            f"{self.reality.dead_time:g}.",
+        )
 
     def with_autopilot(self, kind: str) -> "FlightConfig":
         """Return the flight with an autopilot, whose controller commands body rates.
@@ -151,70 +161,60 @@ class FlightConfig:
             kind: of `AUTOPILOTS`.
         """
         mpc = dc.replace(self.controller.mpc, command="rates" if kind != NONE else "rotors")
-        autopilot, controller = (
-            dc.replace(self.autopilot, kind=kind),
-            dc.replace(self.controller, mpc=mpc),
+        autopilot = dc.replace(self.autopilot, kind=kind)
+        return dc.replace(
+            self, autopilot=autopilot, controller=dc.replace(self.controller, mpc=mpc)
         )
-        return dc.replace(self, autopilot=autopilot, controller=controller)
-
-    def _check_oracle(self) -> None:
-        reality, longest = self.reality, LONGEST_DELAY * self.controller.period
-        if reality.payload.tether == "rod":
-            raise ValueError("FlightConfig: the oracle knows cable and no tether; got a rod.")
-        if reality.dead_time > longest:
-            raise ValueError(
-                f"FlightConfig: the oracle knows delays up to {longest:g} s; got "
-                f"{reality.dead_time:g}."
-            )
-
-    def _check_followed(self) -> None:
-        if self.reality.hung.tether != "cable":
-            raise ValueError(
-                f"{self.name}: reference.follow: payload needs a payload on a cable; got "
-                f"{self.reality.hung.tether}."
-            )
-        released = [f"released at {t:g} s" for t in [self.cut_at] if t < np.inf]
-        hung = [f"hung on at {t:g} s" for t in [self.reality.hangs_at] if t > 0]
-        if told := " and ".join([*hung, *released]):
-            raise ValueError(
-                f"{self.name}: reference.follow: payload needs a payload that hangs all "
-                f"the time; it is {told}. "
-                "Follow the vehicle, or leave that out."
-            )
-        pull = self._payload_track.least_pull(np.arange(0.0, self.end, LOOKS))
-        if pull < LEAST_PULL:
-            raise ValueError(
-                f"{self.name}: must keep the cable taut; its pull falls to {pull:.2g} of "
-                f"the payload's weight, and at "
-                f"least {LEAST_PULL:g} is needed. Take a lower speed."
-            )
 
     def _check_track(self) -> None:
-        vehicle, thrust = (
-            self.vehicle.with_mass(self.carried_mass),
-            self.reality.thrust_at(self.vehicle, self.end),
+        """Check the motion against ground, arena, the controller's bounds and the rotors."""
+        vehicle, mpc = self.vehicle.with_mass(self.carried_mass), self.controller.mpc
+        t = np.linspace(0.0, self.end, min(int(self.end * RATE) + 2, MOST_INSTANTS))
+        flat = self.motion.sample(t)
+        force = flat[2] + [0.0, 0.0, vehicle.gravity]
+        upright = force[:, 2] / np.maximum(np.linalg.norm(force, axis=1), 1e-9)
+        thrust = targets(vehicle, flat, np.zeros((len(t), 6)))[1] @ vehicle.unmixer.T
+        rotors = thrust / self.reality.thrust_at(self.vehicle, self.end)
+        most, speed, tilt = vehicle.max_rotor_thrust, mpc.max_speed, mpc.max_tilt
+        slower = "Take a lower speed, or more time between the rows."
+        smoother = "Take a lower speed, or smoother positions with more digits."
+        bounds = (
+            (
+                -flat[0, :, 2],
+                0.0,
+                "stay above the ground; is {:.3g} m below it",
+                "Raise its points.",
+            ),
+            (
+                np.linalg.norm(flat[0], axis=1),
+                ARENA,
+                f"stay within {ARENA:g} m of the origin; is {{:.4g}} m away",
+                "Move it.",
+            ),
+            (
+                np.abs(flat[1]).max(axis=1),
+                speed,
+                f"be within controller.mpc.max_speed, {speed:.3g} m/s; demands {{:.3g}} m/s",
+                slower,
+            ),
+            (
+                rotors.max(axis=1),
+                most,
+                f"be within max_rotor_thrust, {most:.3g} N; demands {{:.3g}} N of a rotor",
+                smoother,
+            ),
+            (
+                np.arccos(np.clip(upright, -1.0, 1.0)),
+                tilt,
+                f"be within controller.mpc.max_tilt, {tilt:.3g} rad; demands {{:.3g}} rad",
+                slower,
+            ),
+            (-rotors.min(axis=1), 0.0, "pull no rotor down; demands {:.3g} N of one", smoother),
         )
-        try:
-            require_flyable(
-                self.motion, vehicle, self.controller.mpc, end=self.end, arena=ARENA, thrust=thrust
-            )
-        except ValueError as error:
-            raise ValueError(f"{self.reference.track}: {error}") from error
-
-    def _check_simulator(self) -> None:
-        scheme, step = self.simulator.integration_scheme, self.simulator.max_step_size
-        if scheme not in GetIntegrationSchemes() or not FINEST_STEP <= step < np.inf:
-            raise ValueError(
-                f"FlightConfig: simulator must name a scheme of Drake's and a step of at "
-                f"least {FINEST_STEP:g} s; "
-                f"got {scheme}, {step}."
-            )
-        if not self.simulator.use_error_control and step > self.largest_step:
-            raise ValueError(
-                f"FlightConfig: simulator.max_step_size must be at most "
-                f"{self.largest_step:.2g} s for this cable and "
-                f"these motors; got {step}. Take a smaller step or error control."
-            )
+        for values, bound, what, remedy in bounds:
+            for k in np.flatnonzero(values > bound)[:1]:
+                told = f"must {what.format(values[k])} at {t[k]:.2f} s. {remedy}"
+                raise ValueError(f"{self.reference.track}: {told}")
 
     def __getstate__(self) -> dict[str, Any]:
         """Return the fields for another process, Drake's settings of the simulator by name."""
@@ -225,24 +225,9 @@ class FlightConfig:
         vars(self).update(state | {"simulator": SimulatorConfig(**state["simulator"])})
 
     @property
-    def track(self) -> Reference:
-        """Motion that the scenario names: of the vehicle, or of its payload."""
-        return make_reference(self.reference)
-
-    @property
-    def follows_payload(self) -> bool:
-        """Whether the payload is to follow the track, and not the vehicle."""
-        return self.reference.follow == "payload"
-
-    @property
     def motion(self) -> Reference:
         """Motion of the vehicle that the controller follows."""
-        return self._payload_track if self.follows_payload else self.track
-
-    @property
-    def _payload_track(self) -> PayloadTrack:
-        hung = self.reality.hung
-        return PayloadTrack(self.track, self.vehicle, length=hung.length, hook=hung.hook)
+        return make_reference(self.reference)
 
     @property
     def carried_mass(self) -> float:
@@ -265,12 +250,13 @@ class FlightConfig:
         motors [s].
 
         The cable moves the payload against the quadrotor, which yields by its mass and, where the
-        cable pulls across
-        the hook's lever, by turning: 1 / reduced = 1 / m_P + 1 / m + |p_BoTo_B|² / J.
+        cable pulls across the hook's lever, by turning:
+        1 / reduced = 1 / m_P + 1 / m + |p_BoTo_B|² / J.
         """
         payload, rates = self.reality.hung, [1e-3]
         if payload.tether == "cable":
-            reduced = 1 / (1 / payload.mass + _hook_mobility(self.vehicle, payload.hook))
+            turning = np.sum(np.square(payload.hook)) / np.linalg.eigvalsh(self.vehicle.J)[0]
+            reduced = 1 / (1 / payload.mass + float(1 / self.vehicle.mass + turning))
             rates += [np.sqrt(payload.stiffness / reduced), payload.damping / reduced]
         rates += [
             1 / lag for lag in (*self.reality.lags, self.vehicle.rotor_time_constant) if lag > 0
@@ -308,17 +294,6 @@ class FlightConfig:
             changes.append((event.time, payload))
         return changes
 
-    @property
-    def cut_at(self) -> float:
-        """When the cable is cut; infinite: never [s]."""
-        return min((event.time for event in self.events if event.kind == "release"), default=np.inf)
-
-    def warnings(self) -> list[str]:
-        """Return sentences on waypoints that the track does not pass, and on legs that it
-        leaves.
-        """
-        return warnings(self.reference, self.track, end=self.end)
-
     def check_and_step(self) -> "FlightConfig":
         """Return a checked copy whose fixed step of the simulator is within `largest_step`."""
         simulator = copy.copy(self.simulator)
@@ -329,13 +304,6 @@ class FlightConfig:
     def end(self) -> float:
         """End of the flight [s]."""
         return self.reference.lead + self.duration
-
-
-def _hook_mobility(vehicle: Vehicle, hook: Sequence[float]) -> float:
-    """Return the acceleration of the hook over a pull across its lever, 1 / m + |p_BoTo_B|² / J
-    [1/kg].
-    """
-    return float(1 / vehicle.mass + np.sum(np.square(hook)) / np.linalg.eigvalsh(vehicle.J)[0])
 
 
 def flown_by(config: FlightConfig, factory: Factory | None) -> FlightConfig:

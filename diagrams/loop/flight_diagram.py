@@ -1,9 +1,7 @@
 """The closed loop of a flight as one Drake Diagram, and its initial state.
 
 diagram = make_flight_diagram(config)
-simulator = Simulator(diagram)
-ApplySimulatorConfig(config.simulator, simulator)
-set_initial_state(diagram, simulator.get_mutable_context(), config, seed=0)
+simulator = make_simulator(diagram, config, seed=0)
 simulator.AdvanceTo(config.end)
 """
 
@@ -12,43 +10,29 @@ from typing import Any
 
 import numpy as np
 from pydrake.common import RandomGenerator
-from pydrake.systems.framework import Context, Diagram, DiagramBuilder
+from pydrake.systems.analysis import ApplySimulatorConfig, Simulator
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder, LeafSystem, OutputPort
 
-from diagrams.loop.autopilots import add_autopilot, as_flown
-from diagrams.loop.controllers import add_controller
+from diagrams.loop.controller_config import AutopilotConfig
+from diagrams.loop.controllers import add_controller, connect
 from diagrams.loop.flight import FlightConfig, flown_by
 from diagrams.loop.own_controller import Factory
-from diagrams.loop.real_vehicle import DRAKE, REAL_VEHICLE, RealVehicle
-from np_drake.control.faults import MeasurementFault, SolverFault
+from diagrams.loop.reality import DRAKE, REAL_VEHICLE, RealityConfig, RealVehicle
+from np_drake import effects
+from np_drake.autopilot.betaflight import Betaflight
 from np_drake.effects.calibration import in_flight
-from np_drake.effects.imu_mounting import ImuMounting
-from systems.recorder import add_recorder
-from systems.sensor_faults import add_sensor_faults
-from systems.sensor_model import add_sensor_model
+from np_drake.vehicle import Vehicle
+from systems import add_recorder, add_sensor_model
+from systems.betaflight import BetaflightAutopilot
+from systems.rate_loop import RateLoopAutopilot
 
-RECORDER = "recorder"  # its name as a subsystem of a flight
-
-
-@dc.dataclass(frozen=True)
-class Faults:
-    """Faults of what the controller reads and computes.
-
-    Those of rotors and air are effects with an onset (`RealityConfig.effects`), those of the
-    payload are events (`FlightConfig.events`).
-    """
-
-    measurement: tuple[MeasurementFault, ...] = ()  # between the sensors and all that reads them
-    solver: tuple[SolverFault, ...] = ()  # of the MPC
-
-
-NO_FAULTS = Faults()
+RECORDER, AUTOPILOT = "recorder", "autopilot"  # names as subsystems of a flight
 
 
 def make_flight_diagram(
     config: FlightConfig,
     *,
     pushed: bool = False,
-    faults: Faults = NO_FAULTS,
     real: RealVehicle = DRAKE,
     controller: Factory | None = None,
 ) -> Diagram:
@@ -57,50 +41,38 @@ def make_flight_diagram(
     Args:
         config: of the experiment.
         pushed: whether forces from outside may act (`make_tethered_quadrotor`).
-        faults: of sensors and solver; none reaches the oracle.
         real: makes the vehicle that flies.
         controller: makes a controller of one's own, in the place of the one that `config` names.
     """
     config = flown_by(config, controller).check()
-    period, knows = config.controller.period, config.controller.kind == "oracle"
+    period = config.controller.period
     builder = DiagramBuilder()
-    behind, reality = as_flown(config.autopilot, config.vehicle, config.reality)
+    behind, reality = _as_flown(config.autopilot, config.vehicle, config.reality)
     vehicle = builder.AddNamedSystem(
         REAL_VEHICLE,
         real.make(behind, reality, command_period=period, pushed=pushed, events=config.events),
     )
-    tilt: list[Any] = [e for e in in_flight(config.vehicle) if isinstance(e, ImuMounting)]
+    tilt: list[Any] = [e for e in in_flight(config.vehicle) if isinstance(e, effects.ImuMounting)]
     sensors = [*tilt, *config.reality.sensor_effects()]
     rig = add_sensor_model(builder, vehicle, config.vehicle, sensors, period=period)
-    if faults.measurement and not knows:
-        rig = add_sensor_faults(builder, rig, faults.measurement, period=period)
-    ports = add_controller(
+    signals = {name: rig.GetOutputPort(name) for name in ("x", "acceleration", "rotor_speed")}
+    signals |= add_controller(
         builder,
         config.controller,
         config.vehicle,
         config.motion,
         rig,
-        truth=vehicle,
-        true_model=config.true_model(),
-        solver_faults=() if knows else faults.solver,
+        truth=(vehicle, config.true_model()),
         factory=controller,
     )
-    driven, autopilot = ports["u"], {}
+    driven = signals["u"]
     if config.autopilot.flies:
-        system = add_autopilot(
-            builder, config.autopilot, config.vehicle, vehicle, ports["rates_thrust"]
-        )
-        driven = system.GetOutputPort("u")
-        autopilot = (
-            {"motors": system.GetOutputPort("motors")} if system.HasOutputPort("motors") else {}
-        )
+        autopilot = _add_autopilot(builder, config, vehicle, signals["rates_thrust"])
+        driven = autopilot.GetOutputPort("u")
+        if autopilot.HasOutputPort("motors"):
+            signals["motors"] = autopilot.GetOutputPort("motors")
     builder.Connect(driven, vehicle.GetInputPort("u"))
-    signals = {
-        "x": rig.GetOutputPort("x"),
-        "acceleration": rig.GetOutputPort("acceleration"),
-        "rotor_speed": rig.GetOutputPort("rotor_speed"),
-        **ports,
-        **autopilot,
+    signals |= {
         "x_true": vehicle.GetOutputPort("x"),
         "acceleration_true": vehicle.GetOutputPort("acceleration"),
         "rotor_thrust": vehicle.GetOutputPort("rotor_thrust"),
@@ -110,6 +82,61 @@ def make_flight_diagram(
     diagram = builder.Build()
     diagram.set_name(config.name)
     return diagram
+
+
+def _add_autopilot(
+    builder: DiagramBuilder, config: FlightConfig, real: Diagram, rates_thrust: OutputPort
+) -> LeafSystem:
+    """Add the autopilot of a flight, and return it; its port `u` drives the rotors.
+
+    Args:
+        real: the vehicle that flies, whose true motion the autopilot's sensors see.
+    Raises: ValueError: where the firmware is missing or refuses its settings.
+    """
+    vehicle, names = config.vehicle, ["x"]
+    system: LeafSystem
+    if config.autopilot.kind == "rate_loop":
+        system = RateLoopAutopilot(vehicle)
+    else:
+        system = BetaflightAutopilot(vehicle, Betaflight(vehicle, config.autopilot.betaflight))
+        names.append("acceleration")
+    builder.AddNamedSystem(AUTOPILOT, system)
+    connect(builder, real, system, *names)
+    builder.Connect(rates_thrust, system.GetInputPort("rates_thrust"))
+    return system
+
+
+def _as_flown(
+    config: AutopilotConfig, vehicle: Vehicle, reality: RealityConfig
+) -> tuple[Vehicle, RealityConfig]:
+    """Return the vehicle and what acts on it behind an autopilot; lag and delay of the rotors are
+    within a rate loop.
+    """
+    if config.kind != "rate_loop":
+        return vehicle, reality
+    late = (effects.MotorLag, effects.CommandDelay)
+    others = [entry for entry in reality.effects if not isinstance(entry.made, late)]
+    at_once = dc.replace(reality, motor_lag=0.0, command_delay=0.0, effects=others)
+    return dc.replace(vehicle, rotor_time_constant=0.0), at_once
+
+
+def firmware_of(diagram: Diagram) -> Betaflight | None:
+    """Return the firmware of a flight of `make_flight_diagram`, None where it has none."""
+    known = diagram.HasSubsystemNamed(AUTOPILOT)
+    return getattr(diagram.GetSubsystemByName(AUTOPILOT), "firmware", None) if known else None
+
+
+def make_simulator(
+    diagram: Diagram, config: FlightConfig, *, seed: int = 0, real: RealVehicle = DRAKE
+) -> Simulator:
+    """Return Drake's Simulator of a flight by the integrator of `config`, at the flight's start.
+
+    Args: as of `set_initial_state`.
+    """
+    simulator = Simulator(diagram)
+    ApplySimulatorConfig(config.simulator, simulator)
+    set_initial_state(diagram, simulator.get_mutable_context(), config, seed=seed, real=real)
+    return simulator
 
 
 def set_initial_state(

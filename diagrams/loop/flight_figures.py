@@ -3,68 +3,38 @@ nothing.
 """
 
 from collections.abc import Sequence
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from diagrams.loop.flight import FlightConfig
 from np_drake.files.figure_file import DASHES, PALETTE, new_figure, new_mosaic
 
+FlightResult = Any  # of diagrams.loop.flight_result, which draws these figures itself
 LEAST_EXTENT = 0.05  # of a track that is no hover [m]; half the window about a hover
 LEAST_HEIGHT = (
     0.05  # half the height that is shown at least, so that noise does not fill the panel [m]
 )
 _AXES = ("x", "y", "z")
+_REFERENCE: dict[str, Any] = {"color": "0.3", "linestyle": ":", "linewidth": 1.5}
+_WAYPOINTS: dict[str, Any] = {
+    "color": "black",
+    "marker": "x",
+    "linestyle": "none",
+    "markersize": 7,
+    "markeredgewidth": 1.6,
+}
 
 
-class Shown(Protocol):
-    """What a figure needs of a flight: the members of `FlightResult`."""
-
-    config: FlightConfig
-    signals: dict[str, np.ndarray]
-
-    @property
-    def label(self) -> str:
-        """Name of the controller."""
-
-    @property
-    def followed(self) -> np.ndarray:
-        """Position of what follows the track (n, 3) [m]."""
-
-    @property
-    def wanted(self) -> np.ndarray:
-        """Position of the track (n, 3) [m]."""
-
-    @property
-    def scored(self) -> np.ndarray:
-        """Whether each row counts (n,)."""
-
-    @property
-    def last_lap(self) -> np.ndarray:
-        """Rows of the last lap (k,)."""
-
-    @property
-    def chi_true(self) -> np.ndarray:
-        """True wrench (n, 6) [N, N·m]."""
-
-    @property
-    def chi_foreseen(self) -> np.ndarray | None:
-        """Predicted wrench (n, 6) [N, N·m]."""
-
-    @property
-    def wrench_label(self) -> np.ndarray | None:
-        """Measured wrench (n, 6) [N, N·m]."""
-
-
-def plane_track(flights: Sequence[Shown], title: str = "") -> Figure:
+def plane_track(flights: Sequence[FlightResult], title: str = "") -> Figure:
     """Plot the track of several controllers from above and its height, with the reference; the last
     lap only.
 
     An error along the track does not show here; `errors` has it.
     """
-    tall = 1.0 + 5.0 * _aspect(flights[0])
+    x, y = np.ptp(flights[0].signals["p_ref"][flights[0].last_lap, :2], axis=0) + 0.3
+    tall = 1.0 + 5.0 * float(np.clip(y / x, 1 / 3, 1.0))
     figure, axes = new_mosaic(
         [["track"], ["height"]], width=6.0, height=tall + 1.8, height_ratios=[tall, 1.4]
     )
@@ -73,7 +43,7 @@ def plane_track(flights: Sequence[Shown], title: str = "") -> Figure:
     return _legend(figure, axes["track"])
 
 
-def errors(flights: Sequence[Shown], title: str = "") -> Figure:
+def errors(flights: Sequence[FlightResult], title: str = "") -> Figure:
     """Plot the position error against time, one panel an axis."""
     figure, axes = new_figure(3, 1, width=7.0, height=5.0)
     _draw_errors(axes[:, 0], flights)
@@ -81,18 +51,11 @@ def errors(flights: Sequence[Shown], title: str = "") -> Figure:
     return _legend(figure, axes[0, 0])
 
 
-def overlay(flights: Sequence[Shown], title: str = "") -> Figure:
+def overlay(flights: Sequence[FlightResult], title: str = "") -> Figure:
     """Plot the flights of several controllers over each other: track, height, and the position
     error an axis.
     """
-    layout = [
-        ["track", "x"],
-        ["track", "x"],
-        ["track", "y"],
-        ["track", "y"],
-        ["height", "z"],
-        ["height", "z"],
-    ]
+    layout = [["track", "x"]] * 2 + [["track", "y"]] * 2 + [["height", "z"]] * 2
     figure, axes = new_mosaic(layout, width=12.0, height=6.4)
     _draw_track(axes["track"], flights, "")
     _draw_height(axes["height"], flights)
@@ -101,99 +64,62 @@ def overlay(flights: Sequence[Shown], title: str = "") -> Figure:
     return _legend(figure, axes["track"])
 
 
-def _legend(figure: Figure, ax: Axes) -> Figure:
+def _legend(figure: Figure, ax: Axes, columns: int = 4) -> Figure:
     """Return the figure with the legend of one of its axes below."""
-    figure.legend(*ax.get_legend_handles_labels(), loc="outside lower center", ncols=4, fontsize=8)
+    handles, labels = ax.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=columns, fontsize=8)
     return figure
 
 
-def _aspect(flight: Shown) -> float:
-    """Return the extent of the reference along y over that along x, at most 1 and at least a
-    third.
-    """
-    x, y = np.ptp(flight.wanted[flight.last_lap, :2], axis=0) + 0.3
-    return float(np.clip(y / x, 1 / 3, 1.0))
-
-
-def _draw_track(ax: Axes, flights: Sequence[Shown], title: str) -> None:
+def _draw_track(ax: Axes, flights: Sequence[FlightResult], title: str) -> None:
     """Draw the last lap from above, with waypoints."""
     first = flights[0]
-    ref = first.wanted[first.last_lap]
+    ref, points = first.signals["p_ref"][first.last_lap], first.config.reference.waypoints
     drawn = "last lap" if len(ref) < np.sum(first.scored) else "as scored"
-    middle, extent = (
-        0.5 * (ref.max(axis=0) + ref.min(axis=0)),
-        float(np.ptp(ref[:, :2], axis=0).max()),
-    )
-    point: dict[str, Any] = {"marker": "+", "markersize": 10} if extent < LEAST_EXTENT else {}
-    ax.plot(
-        ref[:, 0], ref[:, 1], color="0.3", linestyle=":", linewidth=1.5, label="reference", **point
-    )
-    if point:  # a window about a hover, so that its noise does not look like a track
-        around = [[-LEAST_EXTENT, -LEAST_EXTENT], [LEAST_EXTENT, LEAST_EXTENT]]
-        ax.update_datalim(middle[:2] + around)
-    points = first.config.reference.waypoints
+    ax.plot(ref[:, 0], ref[:, 1], **_REFERENCE, label="reference")
+    # a window about a hover, so that its noise does not look like a track
+    middle = 0.5 * (ref[:, :2].max(axis=0) + ref[:, :2].min(axis=0))
+    ax.update_datalim([middle - LEAST_EXTENT, middle + LEAST_EXTENT])
     if points is not None:
-        ax.plot(
-            points[:, 0],
-            points[:, 1],
-            "x",
-            color="black",
-            markersize=7,
-            markeredgewidth=1.6,
-            label="waypoint",
-        )
+        ax.plot(points[:, 0], points[:, 1], **_WAYPOINTS, label="waypoint")
     for k, flight in enumerate(flights):
-        p = flight.followed[flight.last_lap]
-        ax.plot(p[:, 0], p[:, 1], **_line(k), linewidth=1.3, label=_label(flight))
-    ax.set(
-        xlabel="x [m]",
-        ylabel="y [m]",
-        title=" · ".join(filter(None, (title, drawn))),
-        aspect="equal",
-    )
-    ax.set_adjustable("datalim")
+        p = flight.flown[flight.last_lap]
+        ax.plot(p[:, 0], p[:, 1], **_line(k), linewidth=1.3, label=flight.label)
+    title = " · ".join(filter(None, (title, drawn)))
+    ax.set(xlabel="x [m]", ylabel="y [m]", title=title, aspect="equal", adjustable="datalim")
     ax.grid(alpha=0.3)
 
 
-def _draw_height(ax: Axes, flights: Sequence[Shown]) -> None:
+def _draw_height(ax: Axes, flights: Sequence[FlightResult]) -> None:
     """Draw the height against time, and the heights of waypoints."""
-    first = flights[0]
-    rows = first.last_lap
-    t, ref = first.signals["t"][rows], first.wanted[rows]
-    ax.plot(t, ref[:, 2], color="0.3", linestyle=":", linewidth=1.5)
-    points = first.config.reference.waypoints
+    first, points = flights[0], flights[0].config.reference.waypoints
+    t, ref = first.signals["t"][first.last_lap], first.signals["p_ref"][first.last_lap]
+    ax.plot(t, ref[:, 2], **_REFERENCE)
     if points is not None:
         near = [int(np.argmin(np.linalg.norm(ref - point, axis=1))) for point in points]
-        ax.plot(t[near], points[:, 2], "x", color="black", markersize=7, markeredgewidth=1.6)
+        ax.plot(t[near], points[:, 2], **_WAYPOINTS)
     for k, flight in enumerate(flights):
         own = flight.last_lap
-        ax.plot(flight.signals["t"][own], flight.followed[own, 2], **_line(k), linewidth=1.3)
+        ax.plot(flight.signals["t"][own], flight.flown[own, 2], **_line(k), linewidth=1.3)
     low, high = ax.get_ylim()
     middle, half = 0.5 * (low + high), max(0.5 * (high - low), LEAST_HEIGHT)
-    ax.set(xlabel="time [s]", ylabel="height z [m]", ylim=(middle - half, middle + half))
-    ax.grid(alpha=0.3)
-    ax.margins(x=0)
+    _against_time(ax, "height z [m]", ylim=(middle - half, middle + half), xlabel="time [s]")
 
 
-def _draw_errors(axes: Sequence[Axes], flights: Sequence[Shown]) -> None:
+def _draw_errors(axes: Sequence[Axes], flights: Sequence[FlightResult]) -> None:
     """Draw the position error against time, an axis a panel."""
     for i, ax in enumerate(axes):
         for k, flight in enumerate(flights):
-            s = flight.signals
-            e = 100 * (flight.followed[:, i] - flight.wanted[:, i])
-            ax.plot(s["t"], e, **_line(k), linewidth=1.0, label=_label(flight))
+            e = 100 * (flight.flown[:, i] - flight.signals["p_ref"][:, i])
+            ax.plot(flight.signals["t"], e, **_line(k), linewidth=1.0, label=flight.label)
         ax.axvspan(0, flights[0].config.reference.lead, color="0.92", zorder=0)
-        ax.set_ylabel(f"$e_{_AXES[i]}$ [cm]")
-        ax.grid(alpha=0.3)
-        ax.margins(x=0)
+        _against_time(ax, f"$e_{_AXES[i]}$ [cm]")
     axes[-1].set_xlabel("time [s] (grey: ramp, not scored)")
 
 
-def _label(flight: Shown) -> str:
-    """Return the controller, and that it is the payload that is shown where that follows the
-    track.
-    """
-    return f"payload, {flight.label}" if flight.config.follows_payload else flight.label
+def _against_time(ax: Axes, ylabel: str, **more: Any) -> None:
+    ax.set(ylabel=ylabel, xmargin=0, **more)
+    ax.grid(alpha=0.3)
 
 
 def _line(k: int) -> dict[str, Any]:
@@ -201,36 +127,28 @@ def _line(k: int) -> dict[str, Any]:
     return {"color": PALETTE[k % len(PALETTE)], "linestyle": DASHES[k % len(DASHES)]}
 
 
-def wrench(flight: Shown, span: float = 8.0) -> Figure:
+def wrench(flight: FlightResult, span: float = 8.0) -> Figure:
     """Plot external force and torque, as truth, label and prediction, at the end of a flight.
 
     Args:
         span: that is shown [s].
     """
-    s = flight.signals
-    rows = s["t"] > s["t"][-1] - span
+    rows = flight.signals["t"] > flight.signals["t"][-1] - span
+    t = flight.signals["t"][rows]
+    lines = [
+        ("truth", flight.chi_true, {"color": "0.55", "linewidth": 2.0}),
+        ("label", flight.wrench_label, {"color": PALETTE[4], "linestyle": ":", "linewidth": 1.2}),
+        ("prediction", flight.chi_foreseen, {"color": PALETTE[0], "linewidth": 1.1}),
+    ]
     figure, axes = new_figure(3, 2, width=9.0, height=5.5)
-    for c in range(6):
-        ax = axes[c % 3, c // 3]
-        t = s["t"][rows]
-        ax.plot(t, flight.chi_true[rows, c], color="0.55", linewidth=2.0, label="truth")
-        if (label := flight.wrench_label) is not None:
-            ax.plot(
-                t, label[rows, c], color=PALETTE[4], linestyle=":", linewidth=1.2, label="label"
-            )
-        if flight.chi_foreseen is not None:
-            ax.plot(
-                t, flight.chi_foreseen[rows, c], color=PALETTE[0], linewidth=1.1, label="prediction"
-            )
+    for c, ax in enumerate(axes.T.flat):
+        for label, chi, style in lines:
+            if chi is not None:
+                ax.plot(t, chi[rows, c], label=label, **style)
         name, unit = ("f", "N") if c < 3 else ("\\tau", "N·m")
-        ax.set_ylabel(f"${name}_{_AXES[c % 3]}$ [{unit}]")
-        ax.grid(alpha=0.3)
-        ax.margins(x=0)
+        _against_time(ax, f"${name}_{_AXES[c % 3]}$ [{unit}]")
     axes[0, 0].set_title(f"external force in W · {flight.config.name} · {flight.label}", fontsize=9)
     axes[0, 1].set_title("external torque in B", fontsize=9)
-    figure.legend(
-        *axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=3, fontsize=8
-    )
     for ax in axes[-1]:
         ax.set_xlabel("time [s]")
-    return figure
+    return _legend(figure, axes[0, 0], columns=3)

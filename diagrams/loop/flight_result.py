@@ -1,31 +1,21 @@
 """Simulation of a flight, and its result: log, truth and metrics."""
 
 import dataclasses as dc
-import tempfile
 from collections.abc import Callable
 from functools import cached_property
-from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
-from pydrake.systems.analysis import ApplySimulatorConfig, Simulator
+from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, Diagram
 
-from diagrams.batch.failed_run import FailedRun, one_line
-from diagrams.loop.autopilots import firmware_of
+from diagrams.batch.failed_run import FailedRun, one_line, require
 from diagrams.loop.flight import ARENA, FlightConfig, flown_by
-from diagrams.loop.flight_diagram import (
-    NO_FAULTS,
-    Faults,
-    make_flight_diagram,
-    recorded,
-    set_initial_state,
-)
+from diagrams.loop.flight_diagram import firmware_of, make_flight_diagram, make_simulator, recorded
 from diagrams.loop.own_controller import Factory, is_own
-from diagrams.loop.real_vehicle import DRAKE, REAL_VEHICLE, RealVehicle
-from diagrams.loop.track_limits import missed
+from diagrams.loop.reality import DRAKE, REAL_VEHICLE, RealVehicle
 from np_drake import metrics, rigid_body
-from np_drake.files.notebook import data_frame, flattened, html_table
+from np_drake.files.notebook import data_frame, html_table
 from np_drake.flight_log import COLUMNS, FlightLog
 from np_drake.logs.clock import shift_state
 from np_drake.mpc.problem import MpcStatus
@@ -34,13 +24,9 @@ from np_drake.rotor_input import acting_command
 from np_drake.training_data.actuator_timing import delayed
 
 WRENCH = ("fx", "fy", "fz", "taux", "tauy", "tauz")  # columns of a wrench [N, N·m]
-LEARNED_WRENCHES = (
-    ("label", "label"),
-    ("chi_hat", "predicted"),
-)  # signals of a wrench, and the ends of their columns
-GROUND = (
-    0.0  # height below which a vehicle counts as lost: the simulator has no ground, flights do [m]
-)
+# Height below which a vehicle counts as lost: the simulator has no ground, flights do [m].
+GROUND = 0.0
+MOST_TOLD = 5  # waypoints in a sentence
 
 
 class LostVehicle(FailedRun):
@@ -75,114 +61,6 @@ class Watch(Protocol):
         """See the flight, and return whether it goes on."""
 
 
-def simulate(
-    config: FlightConfig,
-    *,
-    seed: int,
-    monitor: Callable[[float], None] | None = None,
-    faults: Faults = NO_FAULTS,
-    tolerance: float = np.inf,
-    watch: Watch | None = None,
-    real: RealVehicle = DRAKE,
-    controller: Factory | None = None,
-    blackbox: Path | None = None,
-) -> dict[str, np.ndarray]:
-    """Simulate the experiment and return the recorded signals (see `Recorder.read`).
-
-    Args:
-        config: of the experiment.
-        seed: of the noise.
-        monitor: called with the flight's time [s] about every second, for progress.
-        faults: of sensors and solver.
-        tolerance: distance from the reference beyond which the flight ends, looked at about every
-            second [m].
-        watch: looks at the flight, sets its pace and may end it early.
-        real: makes the vehicle that flies.
-        controller: makes a controller of one's own, in the place of the one that `config` names.
-        blackbox: file to which an autopilot's own log goes, where it writes one.
-    Raises: LostVehicle: if the integrator gives up, or the vehicle leaves arena or tolerance, or is
-        below ground;
-    FailedRun: if a controller of one's own fails; ValueError: on what `real` cannot do, or if such
-        a controller
-    does not fit.
-    """
-    config = flown_by(config, controller)
-    diagram = make_flight_diagram(
-        config, pushed=watch is not None, faults=faults, real=real, controller=controller
-    )
-    firmware = firmware_of(diagram)
-    try:
-        signals = _advance(
-            diagram, config, seed=seed, monitor=monitor, tolerance=tolerance, watch=watch, real=real
-        )
-        if firmware is not None and blackbox is not None:
-            firmware.keep_blackbox(blackbox)
-        return signals
-    finally:
-        if firmware is not None:
-            firmware.close()
-
-
-def _advance(
-    diagram: Diagram, config: FlightConfig, *, seed, monitor, tolerance, watch, real
-) -> dict[str, np.ndarray]:
-    """Fly the diagram to its end; arguments as of `simulate`."""
-    simulator = Simulator(diagram)
-    ApplySimulatorConfig(config.simulator, simulator)
-    context = simulator.get_mutable_context()
-    set_initial_state(diagram, context, config, seed=seed, real=real)
-    vehicle, reference = diagram.GetSubsystemByName(REAL_VEHICLE), config.motion
-
-    def lost(why: str) -> LostVehicle:
-        error = LostVehicle(f"{config.name}: {why}")
-        error.signals = recorded(diagram, context)
-        return error
-
-    if watch is not None:
-        simulator.set_target_realtime_rate(watch.rate)
-        watch.begin(diagram, context)
-    for t in _stops(config, watch):
-        try:
-            simulator.AdvanceTo(t)
-        except RuntimeError as error:
-            if is_own(config.controller.kind) and "NaN" in str(error):
-                raise lost(
-                    f"{config.controller.name} commanded what is not a number before {t:.1f} s."
-                ) from error
-            raise lost(f"the simulation ended before {t:.1f} s: {error}") from error
-        except Exception as error:
-            if not is_own(config.controller.kind):
-                raise
-            who = f"{config.name}: {config.controller.name}"
-            raise FailedRun(
-                f"{who} failed at {context.get_time():.2f} s: {one_line(error)}."
-            ) from error
-        # where it is to run in real time, time that was lost is not caught up with
-        simulator.ResetStatistics()
-        p_WB = vehicle.GetOutputPort("x").Eval(vehicle.GetMyContextFromRoot(context))[:3]
-        if not np.linalg.norm(p_WB) < ARENA:
-            raise lost(f"{config.controller.name} lost the vehicle before {t:.1f} s.")
-        if p_WB[2] < GROUND:
-            raise lost(f"{config.controller.name} flew into the ground before {t:.1f} s.")
-        if not np.linalg.norm(p_WB - reference.sample(np.array([t]))[0, 0]) < tolerance:
-            raise lost(f"{config.controller.name} was off its reference at {t:.1f} s.")
-        if monitor is not None:
-            monitor(min(t, config.end))
-        if watch is not None and not watch.look(context):
-            break
-    return recorded(diagram, context)
-
-
-def _stops(config: FlightConfig, watch: Watch | None) -> list[float]:
-    """Return the times at which a flight is looked at, the last of which is its end [s]."""
-    looks = [] if watch is None else np.arange(watch.period, config.end, watch.period).tolist()
-    changes = [*(event.time for event in config.events), *config.reality.onsets.values()]
-    # Half a period beyond the end: the recorder passes the last row on at the end itself.
-    end = config.end + 0.5 * config.controller.period
-    seconds = np.arange(1.0, config.end, 1.0).tolist()
-    return sorted({*seconds, *looks, *(t for t in changes if 0 < t < config.end), end})
-
-
 @dc.dataclass(repr=False)
 class FlightResult:
     """One simulated flight.
@@ -205,15 +83,8 @@ class FlightResult:
         """Return what a notebook shows: the metrics in a short table, and warnings."""
         m = self.metrics()
         rows = [(name, f"{100 * m[name]:.2f} cm") for name in ("E_xy", "E_z")]
-        if "payload" in m:
-            rows += [
-                (f"payload {name}", f"{100 * m['payload'][name]:.2f} cm")
-                for name in ("E_xy", "E_z")
-            ]
-        rows += [
-            ("median time of a solve", f"{m['solve_ms']['median']:.2f} ms"),
-            ("failed", str(m["solve_failures"])),
-        ]
+        rows.append(("median time of a solve", f"{m['solve_ms']['median']:.2f} ms"))
+        rows.append(("failed", str(m["solve_failures"])))
         title = f"{self.config.name} with {self.label}, seed {self.seed}: {self.config.end:g} s"
         return html_table(title, (), rows, self.warnings())
 
@@ -224,26 +95,18 @@ class FlightResult:
         (`px_true` …) and residual wrench (`fx_true` …).
         Raises: ImportError: where pandas is not installed.
         """
+        s, columns = self.signals, dict(self._rows().columns())
         state = [name for field in ("p", "q", "v", "w") for name in COLUMNS[field]]
-        names = {
-            "p_ref": COLUMNS["p"],
-            "x_true": state,
-            "chi_true": WRENCH,
-            "label": WRENCH,
-            "chi_hat": WRENCH,
-        }
-        known = {**self.signals, "chi_true": self.chi_true}
-        more: dict[str, np.ndarray] = {}
-        for signal, end in (
-            ("p_ref", "ref"),
-            ("x_true", "true"),
-            ("chi_true", "true"),
-            *LEARNED_WRENCHES,
+        for end, names, values in (
+            ("ref", COLUMNS["p"], s["p_ref"]),
+            ("true", state, s["x_true"]),
+            ("true", WRENCH, self.chi_true),
+            ("label", WRENCH, s.get("label")),
+            ("predicted", WRENCH, s.get("chi_hat")),
         ):
-            more |= {
-                f"{name}_{end}": v for name, v in flattened({signal: names[signal]}, known).items()
-            }
-        return data_frame({**self._rows().columns(), **more}, index="t")
+            if values is not None:
+                columns |= {f"{name}_{end}": values[:, k] for k, name in enumerate(names)}
+        return data_frame(columns, index="t")
 
     def plot(self, what: str = "track") -> Any:
         """Return a Figure: `track` from above and height, `errors` against time, or the residual
@@ -251,14 +114,16 @@ class FlightResult:
 
         Raises: ValueError: on another word.
         """
-        from diagrams.loop import flight_figures
+        from diagrams.loop import flight_figures as figures
 
+        require(
+            what in ("track", "errors", "wrench"),
+            f"plot: must be one of track, errors, wrench; got {what!r}.",
+        )
         if what == "wrench":
-            return flight_figures.wrench(self)
-        drawn = {"track": flight_figures.plane_track, "errors": flight_figures.errors}
-        if what not in drawn:
-            raise ValueError(f"plot: must be one of track, errors, wrench; got {what!r}.")
-        return drawn[what]([self], self.title)
+            return figures.wrench(self)
+        draw = figures.plane_track if what == "track" else figures.errors
+        return draw([self], self.title)
 
     @property
     def label(self) -> str:
@@ -308,7 +173,7 @@ class FlightResult:
     def last_lap(self) -> np.ndarray:
         """Rows of the last lap, or the scored rows of a motion that has none, (n,)."""
         rows = np.flatnonzero(self.scored)
-        rate = getattr(self.config.track, "rate", None)
+        rate = getattr(self.config.motion, "rate", None)
         return (
             rows[-(int(2 * np.pi / rate / self.config.controller.period) + 1) :] if rate else rows
         )
@@ -362,18 +227,10 @@ class FlightResult:
         s = self.signals["plant_state"]
         return s[:, 11:14] if s.shape[1] == 26 else None
 
-    @cached_property
-    def followed(self) -> np.ndarray:
-        """Position of what is to follow the track, vehicle or payload, in W (n, 3) [m]."""
-        hung = self.payload_position if self.config.follows_payload else None
-        return self.signals["x_true"][:, :3] if hung is None else hung
-
-    @cached_property
-    def wanted(self) -> np.ndarray:
-        """Position of the track, in W (n, 3) [m]."""
-        if self.config.follows_payload:
-            return self.config.track.sample(self.signals["t"])[0]
-        return self.signals["p_ref"]
+    @property
+    def flown(self) -> np.ndarray:
+        """Flown true positions in W (n, 3) [m]."""
+        return self.signals["x_true"][:, :3]
 
     @cached_property
     def waypoint_distances(self) -> np.ndarray | None:
@@ -381,32 +238,36 @@ class FlightResult:
         any.
         """
         points = self.config.reference.waypoints
-        return None if points is None else nearest(points, self.followed)
+        return None if points is None else nearest(points, self.flown)
 
     def warnings(self) -> list[str]:
-        """Return sentences on waypoints that track or flight do not pass."""
-        flown = self.waypoint_distances
-        found = (
-            []
-            if flown is None
-            else missed(flown, self.config.reference.within, f"the flight with {self.label}")
-        )
-        return [*self.config.warnings(), *found]
+        """Return a sentence on the waypoints that the flight did not pass; none where it passed
+        all.
+        """
+        distances, within = self.waypoint_distances, self.config.reference.within
+        rows = np.flatnonzero([] if distances is None else distances > within)
+        if distances is None or not len(rows):
+            return []
+        told = ", ".join(f"{k + 1} ({distances[k]:.2f} m)" for k in rows[:MOST_TOLD])
+        more = f" and {len(rows) - MOST_TOLD} more" if len(rows) > MOST_TOLD else ""
+        many = "waypoint" if len(rows) == 1 else "waypoints"
+        return [
+            f"the flight with {self.label} does not come within {within:g} m of {many} "
+            f"{told}{more}."
+        ]
 
     def metrics(self) -> dict:
         """Return the metrics of the scored part, as `--json` writes them."""
         s, rows = self.signals, self.scored
         status = s["status"][rows, 0]
         result = {
-            **metrics.tracking_errors(s["x_true"][rows, :3], s["p_ref"][rows]),
-            "growth": metrics.error_growth(s["x_true"][rows, :3], s["p_ref"][rows]),
+            **metrics.tracking_errors(self.flown[rows], s["p_ref"][rows]),
+            "growth": metrics.error_growth(self.flown[rows], s["p_ref"][rows]),
             "solve_ms": metrics.solve_times_ms(s["solve_time"][rows, 0]),
             "solve_failures": int(np.sum(status >= MpcStatus.SQP_FALLBACK)),
             "late_solves": int(np.sum(s["solve_time"][rows, 0] > self.config.controller.period)),
             "fallbacks": int(np.sum(status >= MpcStatus.SHIFTED_PLAN)),
         }
-        if self.config.follows_payload:
-            result["payload"] = metrics.tracking_errors(self.followed[rows], self.wanted[rows])
         if self.waypoint_distances is not None:
             result["waypoint_distances"] = self.waypoint_distances.tolist()
         if self.chi_foreseen is not None:
@@ -428,6 +289,7 @@ def fly(
     *,
     seed: int = 0,
     monitor: Callable[[float], None] | None = None,
+    tolerance: float = np.inf,
     watch: Watch | None = None,
     real: RealVehicle = DRAKE,
     controller: Factory | None = None,
@@ -437,21 +299,87 @@ def fly(
     Args:
         config: of the experiment.
         seed: of the noise.
-        monitor: called with the flight's time [s], see `simulate`.
+        monitor: called with the flight's time [s] about every second, for progress.
+        tolerance: distance from the reference beyond which the flight ends, looked at about every
+            second [m].
         watch: looks at the flight, sets its pace and may end it early.
         real: makes the vehicle that flies.
         controller: makes a controller of one's own, in the place of the one that `config` names.
+    Raises: LostVehicle: if the integrator gives up, or the vehicle leaves arena or tolerance, or is
+        below ground; FailedRun: if a controller of one's own fails; ValueError: on what `real`
+        cannot do, or if such a controller does not fit.
     """
-    how: dict[str, Any] = {
-        "monitor": monitor,
-        "watch": watch,
-        "real": real,
-        "controller": controller,
-    }
-    if config.autopilot.kind != "betaflight":
-        return FlightResult(flown_by(config, controller), seed, simulate(config, seed=seed, **how))
-    with tempfile.TemporaryDirectory() as folder:
-        log = Path(folder) / "blackbox"
-        signals = simulate(config, seed=seed, blackbox=log, **how)
-        own = log.read_bytes() if log.is_file() else b""
-        return FlightResult(flown_by(config, controller), seed, signals, own)
+    config = flown_by(config, controller)
+    diagram = make_flight_diagram(
+        config, pushed=watch is not None, real=real, controller=controller
+    )
+    firmware = firmware_of(diagram)
+    try:
+        simulator = make_simulator(diagram, config, seed=seed, real=real)
+        signals = _advance(simulator, diagram, config, monitor, tolerance, watch)
+        return FlightResult(config, seed, signals, firmware.blackbox() if firmware else b"")
+    finally:
+        if firmware is not None:
+            firmware.close()
+
+
+def _advance(
+    simulator: Simulator,
+    diagram: Diagram,
+    config: FlightConfig,
+    monitor: Callable[[float], None] | None,
+    tolerance: float,
+    watch: Watch | None,
+) -> dict[str, np.ndarray]:
+    """Fly to the end, and return the recorded signals; arguments as of `fly`."""
+    context, who = simulator.get_mutable_context(), config.controller.name
+    vehicle, reference = diagram.GetSubsystemByName(REAL_VEHICLE), config.motion
+    own = is_own(config.controller.kind)
+
+    def lost(why: str) -> LostVehicle:
+        error = LostVehicle(f"{config.name}: {why}")
+        error.signals = recorded(diagram, context)
+        return error
+
+    if watch is not None:
+        simulator.set_target_realtime_rate(watch.rate)
+        watch.begin(diagram, context)
+    for t in _stops(config, watch):
+        try:
+            simulator.AdvanceTo(t)
+        except RuntimeError as error:
+            why = f"the simulation ended before {t:.1f} s: {error}"
+            if own and "NaN" in str(error):
+                why = f"{who} commanded what is not a number before {t:.1f} s."
+            raise lost(why) from error
+        except Exception as error:
+            if not own:
+                raise
+            when = f"{config.name}: {who} failed at {context.get_time():.2f} s"
+            raise FailedRun(f"{when}: {one_line(error)}.") from error
+        # where it is to run in real time, time that was lost is not caught up with
+        simulator.ResetStatistics()
+        p_WB = vehicle.GetOutputPort("x").Eval(vehicle.GetMyContextFromRoot(context))[:3]
+        off = np.linalg.norm(p_WB - reference.sample(np.array([t]))[0, 0])
+        for holds, why in (
+            (np.linalg.norm(p_WB) < ARENA, "lost the vehicle before"),
+            (p_WB[2] >= GROUND, "flew into the ground before"),
+            (off < tolerance, "was off its reference at"),
+        ):
+            if not holds:
+                raise lost(f"{who} {why} {t:.1f} s.")
+        if monitor is not None:
+            monitor(min(t, config.end))
+        if watch is not None and not watch.look(context):
+            break
+    return recorded(diagram, context)
+
+
+def _stops(config: FlightConfig, watch: Watch | None) -> list[float]:
+    """Return the times at which a flight is looked at, the last of which is its end [s]."""
+    changes = [*(event.time for event in config.events), *config.reality.onsets.values()]
+    stops = [t for t in changes if 0 < t < config.end]
+    for period in (1.0, *([] if watch is None else [watch.period])):
+        stops += np.arange(period, config.end, period).tolist()
+    # Half a period beyond the end: the recorder passes the last row on at the end itself.
+    return sorted({*stops, config.end + 0.5 * config.controller.period})

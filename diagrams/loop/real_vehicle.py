@@ -10,8 +10,8 @@ from diagrams.loop.reality import RealityConfig
 from np_drake.effects.calibration import in_flight
 from np_drake.effects.combine import split_effects
 from np_drake.vehicle import Vehicle
-from systems.initial_state import set_hover
-from systems.payload_event import PayloadEvent
+from systems.payload_config import PayloadEvent
+from systems.plant import set_hover
 from systems.tethered_quadrotor import make_tethered_quadrotor
 
 REAL_VEHICLE = "tethered_quadrotor"  # its name as a subsystem of a flight

@@ -1,11 +1,15 @@
-"""What acts on the simulated vehicle and its sensors beyond the model that the controller
-assumes.
+"""The vehicle that flies: what acts on it and its sensors beyond the model that the controller
+assumes, and who simulates it.
 """
 
 import dataclasses as dc
+from collections.abc import Sequence
 
 import numpy as np
+from pydrake.systems.framework import Context, Diagram
 
+from diagrams.batch.failed_run import require
+from np_drake import effects as library
 from np_drake.effects.base import (
     ActuatorEffect,
     Effect,
@@ -13,19 +17,18 @@ from np_drake.effects.base import (
     MeasurementEffect,
     WrenchEffect,
 )
+from np_drake.effects.calibration import in_flight
 from np_drake.effects.combine import acting, require_complete, split_effects
-from np_drake.effects.command_delay import CommandDelay
 from np_drake.effects.disturbance import Disturbance, DisturbanceConfig
 from np_drake.effects.effect_entry import EffectEntry, Posterior
-from np_drake.effects.gusty_wind import GustyWind
-from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.motor_lag import MotorLag, at_once
-from np_drake.effects.sensor_noise import SensorNoise
-from np_drake.effects.suspended_payload import SuspendedPayload
-from np_drake.effects.thrust_drift import ThrustDrift
-from np_drake.effects.thrust_scale import ThrustScale
+from np_drake.files.yaml_file import POSITIVE, check_fields, number
 from np_drake.vehicle.vehicle import MeasurementNoise, Vehicle
-from systems.payload_config import PayloadConfig, as_light, payload_config
+from systems.payload_config import PayloadConfig, PayloadEvent, as_light, payload_config
+from systems.plant import set_hover
+from systems.tethered_quadrotor import make_tethered_quadrotor
+
+REAL_VEHICLE = "tethered_quadrotor"  # its name as a subsystem of a flight
 
 
 @dc.dataclass
@@ -33,20 +36,16 @@ class RealityConfig:
     """Differences of the real vehicle from the one that the controller assumes."""
 
     payload: PayloadConfig = dc.field(default_factory=PayloadConfig)
-    rotor_drag: float = 0.25  # on each body axis; 0 for none [N·s/m]
-    motor_lag: float = 0.03  # time constant of the rotor speed; 0 for none [s]
-    command_delay: float = (
-        0.0  # time from a command to its effect on the rotors, beyond their lag [s]
-    )
-    thrust_scale: float = 0.96  # real over nominal thrust at the start [1]
-    thrust_loss: float = (
-        0.0  # share of the starting thrust that a falling battery takes each second [1/s]
-    )
+    rotor_drag: float = number(0.25, "N·s/m", 0)  # on each body axis; 0 for none
+    motor_lag: float = number(0.03, "s", 0)  # time constant of the rotor speed; 0 for none
+    command_delay: float = number(0.0, "s", 0)  # from a command to the rotors, beyond their lag
+    thrust_scale: float = number(0.96, "1", POSITIVE)  # real over nominal thrust at the start
+    # share of the starting thrust that a falling battery takes each second
+    thrust_loss: float = number(0.0, "1/s", 0)
     noise: MeasurementNoise = dc.field(default_factory=lambda: MeasurementNoise(attitude=0.003))
-    wind: list[float] = dc.field(
-        default_factory=lambda: [0.0, 0.0, 0.0]
-    )  # mean, in W; the drag feels it [m/s]
-    gust: float = 0.0  # standard deviation of each axis of the wind, correlated over 1 s [m/s]
+    wind: list[float] = number([0.0, 0.0, 0.0], "m/s")  # mean, in W; the drag feels it
+    # standard deviation of each axis of the wind, correlated over 1 s
+    gust: float = number(0.0, "m/s", 0)
     gust_seed: int = 0  # of the wind's gusts
     # Act besides all of these, each from its onset on; a suspended payload here needs `payload:
     # {tether: none}`.
@@ -65,36 +64,26 @@ class RealityConfig:
         """
         self.payload.check()
         self.noise.check()
-        for name in ("rotor_drag", "motor_lag", "command_delay", "thrust_loss", "gust"):
-            if not 0 <= getattr(self, name) < np.inf:
-                raise ValueError(
-                    f"RealityConfig: {name} must not be negative; got {getattr(self, name)}."
-                )
-        if not self.thrust_scale > 0:
-            raise ValueError(
-                f"RealityConfig: thrust_scale must be positive; got {self.thrust_scale}."
-            )
-        if np.shape(self.wind) != (3,) or not np.isfinite(self.wind).all():
-            raise ValueError(
-                f"RealityConfig: wind must be three finite speeds [m/s]; got {self.wind}."
-            )
-        if self.blows and not self.rotor_drag > 0:
-            raise ValueError(
-                "RealityConfig: wind acts through rotor_drag, which must then be positive."
-            )
+        check_fields(self, "RealityConfig")
+        require(
+            self.rotor_drag > 0 or not self.blows,
+            "RealityConfig: wind acts through rotor_drag, which must then be positive.",
+        )
         for entry in self.effects:
             entry.check()
         require_complete(self.added)
         self.disturbance.check()
         self.posterior.check()
-        hung = split_effects(self.added).payload
-        if hung is not None and self.payload.tether != "none":
-            raise ValueError(
-                "RealityConfig: there must be one payload; got `payload` and the effect "
-                "suspended_payload. Write "
-                "payload: {tether: none} beside the effect."
-            )
+        require(
+            self._payload_effect is None or self.payload.tether == "none",
+            "RealityConfig: there must be one payload; got `payload` and the effect "
+            "suspended_payload. Write payload: {tether: none} beside the effect.",
+        )
         return self
+
+    @property
+    def _payload_effect(self) -> library.SuspendedPayload | None:
+        return split_effects(self.added).payload
 
     def nominal(self) -> "RealityConfig":
         """Return the vehicle as its file says, with the same noise of the sensors: the nominal
@@ -128,7 +117,7 @@ class RealityConfig:
     @property
     def hangs_at(self) -> float:
         """When the payload is hung; 0 from the start [s]."""
-        effect = split_effects(self.added).payload
+        effect = self._payload_effect
         return 0.0 if effect is None else self.onsets.get(effect, 0.0)
 
     @property
@@ -144,7 +133,7 @@ class RealityConfig:
     @property
     def hung(self) -> PayloadConfig:
         """The payload: `payload`, or the effect suspended_payload as a body."""
-        effect = split_effects(self.added).payload
+        effect = self._payload_effect
         return self.payload if effect is None else as_light(payload_config(effect))
 
     @property
@@ -155,25 +144,21 @@ class RealityConfig:
     def wrench_effects(self) -> list[WrenchEffect]:
         """Return the effects that add a wrench to the body, or move the air."""
         d = self.rotor_drag
-        effects: list[WrenchEffect] = [LinearDrag(d, d, d)] if d > 0 else []
+        effects: list[WrenchEffect] = [library.LinearDrag(d, d, d)] if d > 0 else []
         if self.blows:
-            x, y, z = self.wind
-            effects.append(GustyWind(x, y, z, deviation=self.gust, seed=self.gust_seed))
+            effects.append(library.GustyWind(*self.wind, deviation=self.gust, seed=self.gust_seed))
         effects += split_effects(self.added).wrench
-        return (
-            [*effects, Disturbance.of_config(self.disturbance)]
-            if self.disturbance.acts
-            else effects
-        )
+        gusts = [Disturbance.of_config(self.disturbance)] if self.disturbance.acts else []
+        return [*effects, *gusts]
 
     def actuator_effects(self) -> list[ActuatorEffect]:
         """Return the effects between command and thrust, in the order of action."""
         effects: list[ActuatorEffect] = (
-            [CommandDelay(self.command_delay)] if self.command_delay > 0 else []
+            [library.CommandDelay(self.command_delay)] if self.command_delay > 0 else []
         )
         effects += [MotorLag(self.motor_lag)] if self.motor_lag > 0 else []
-        effects += [ThrustScale(self.thrust_scale)] if self.thrust_scale != 1.0 else []
-        effects += [ThrustDrift(1.0, -self.thrust_loss)] if self.thrust_loss > 0 else []
+        effects += [library.ThrustScale(self.thrust_scale)] if self.thrust_scale != 1.0 else []
+        effects += [library.ThrustDrift(1.0, -self.thrust_loss)] if self.thrust_loss > 0 else []
         return effects + [e for e in split_effects(self.added).actuator if not at_once(e)]
 
     def mass_effects(self) -> list[MassEffect]:
@@ -182,21 +167,21 @@ class RealityConfig:
 
     def sensor_effects(self) -> list[MeasurementEffect]:
         """Return what the sensors do, noise last; a shifted clock is left out (`clock_shift`)."""
-        found = [e for e in split_effects(self.added).measurement if not _clock_shift(e)]
-        return [*found, SensorNoise(self.noise)]
+        found = [
+            e for e in split_effects(self.added).measurement if not getattr(e, "clock_shift", 0.0)
+        ]
+        return [*found, library.SensorNoise(self.noise)]
 
     @property
     def clock_shift(self) -> float:
         """Time by which state rows of the log run ahead of the commands [s]."""
-        return sum(_clock_shift(e) for e in split_effects(self.added).measurement)
+        return sum(getattr(e, "clock_shift", 0.0) for e in split_effects(self.added).measurement)
 
     def everything(self) -> list[Effect | MeasurementEffect]:
         """Return all effects, a payload among them; the noise of sensors is none."""
-        payload = split_effects(self.added).payload
-        if payload is None and self.hung.tether != "none":
-            hung = self.hung
-            x, y, z = hung.hook
-            payload = SuspendedPayload(hung.mass, hung.length, x, y, z, hung.air_damping)
+        payload, hung = self._payload_effect, self.hung
+        if payload is None and hung.tether != "none":
+            payload = library.SuspendedPayload(hung.mass, hung.length, *hung.hook, hung.air_damping)
         found: list[Effect | MeasurementEffect] = [*self.mass_effects(), *self.actuator_effects()]
         found += [*self.wrench_effects(), *([payload] if payload else [])]
         return [*found, *split_effects(self.added).measurement]
@@ -213,5 +198,57 @@ class RealityConfig:
         return float(thrust.mean())
 
 
-def _clock_shift(effect: MeasurementEffect) -> float:
-    return float(getattr(effect, "clock_shift", 0.0))
+class RealVehicle:
+    """Maker of the vehicle that flies, with the effects of a reality: the project's own simulator,
+    Drake's, or in its place that of another.
+    """
+
+    def make(
+        self,
+        vehicle: Vehicle,
+        reality: RealityConfig,
+        *,
+        command_period: float = 0.001,
+        pushed: bool = False,
+        events: Sequence[PayloadEvent] = (),
+    ) -> Diagram:
+        """Return the vehicle with the ports of `make_tethered_quadrotor`; `tether_wrench` may be
+        missing.
+
+        It has the calibration of its file and the effects that `reality` switches on.
+
+        Args:
+            command_period: at whose multiples alone the command changes [s].
+            pushed: whether forces from outside may act.
+        Raises: ValueError: on what the simulator does not know.
+        """
+        own = split_effects(in_flight(vehicle, beside=reality.actuator_effects()))
+        return make_tethered_quadrotor(
+            vehicle,
+            reality.hung,
+            wrench_effects=[*own.wrench, *reality.wrench_effects()],
+            actuator_effects=[*reality.actuator_effects(), *own.actuator],
+            mass_effects=[*own.mass, *reality.mass_effects()],
+            command_period=command_period,
+            onsets=reality.onsets,
+            hangs_at=reality.hangs_at,
+            events=events,
+            pushed=pushed,
+        )
+
+    def hover(
+        self, system: Diagram, root: Context, reality: RealityConfig, p_WB: np.ndarray
+    ) -> None:
+        """Set the made vehicle level and at rest, with the payload at its static stretch.
+
+        Args:
+            system: that `make` returned.
+            reality: of `make`.
+            p_WB: (3,) in W [m].
+        """
+        plant = system.GetSubsystemByName("plant")
+        set_hover(plant, plant.GetMyMutableContextFromRoot(root), reality.hung, p_WB)
+
+
+DRAKE = RealVehicle()
+make_real_vehicle = DRAKE.make

@@ -7,16 +7,14 @@ import numpy as np
 from typer import Option
 
 from diagrams.batch.campaign import Case
-from diagrams.batch.columns import tabulate
-from diagrams.batch.flown import FlownOptions, FlownRun
-from diagrams.batch.options import Seeds
-from diagrams.batch.run import Report, Run, Table
-from diagrams.batch.workers import failures, results
+from diagrams.batch.run import Report, Run, Table, failures, results
 from diagrams.loop.experiments import load_experiment
 from diagrams.loop.flight import FlightConfig
 from diagrams.offboard.beside import flown_beside
 from diagrams.offboard.faults import KINDS, SOLVER, STATE_LOST, Fault, FaultyAutopilot
 from diagrams.offboard.virtual_flight import VirtualFlight
+from diagrams.studies.columns import tabulate
+from diagrams.studies.options import FlownOptions, FlownRun, Seeds
 from np_drake.offboard.phases import Phase
 from np_drake.vehicle.scaling import usual_rate_loop
 

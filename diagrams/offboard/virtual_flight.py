@@ -6,11 +6,10 @@ import dataclasses as dc
 from collections.abc import Callable
 
 import numpy as np
-from pydrake.systems.analysis import ApplySimulatorConfig, Simulator
 
-from diagrams.loop.flight import FlightConfig, flown_by
-from diagrams.loop.flight_diagram import make_flight_diagram, set_initial_state
-from diagrams.loop.real_vehicle import REAL_VEHICLE
+from diagrams.loop.flight import FlightConfig
+from diagrams.loop.flight_diagram import make_flight_diagram, make_simulator
+from diagrams.loop.reality import REAL_VEHICLE
 from diagrams.offboard.node import Node
 from diagrams.offboard.solver_thread import AtOnce, Worker
 from np_drake.offboard.autopilot import SimulatedAutopilot
@@ -75,11 +74,7 @@ class VirtualFlight:
         start = config.motion.sample(np.zeros(1))[0, 0]
         hover = dc.replace(config, reference=_hover(start), events=[])
         diagram = make_flight_diagram(hover, controller=make)
-        self._simulator = Simulator(diagram)
-        ApplySimulatorConfig(config.simulator, self._simulator)
-        set_initial_state(
-            diagram, self._simulator.get_mutable_context(), flown_by(hover, make), seed=seed
-        )
+        self._simulator = make_simulator(diagram, hover, seed=seed)
         self._vehicle = diagram.GetSubsystemByName(REAL_VEHICLE)
         self.node: Node | None = self.new_node()  # None: its process is dead
 

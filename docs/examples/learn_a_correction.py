@@ -11,7 +11,7 @@ from pydrake.systems.primitives import Adder, Multiplexer
 
 from diagrams import add_controller, load_experiment
 from diagrams.loop.flight_diagram import set_initial_state
-from diagrams.loop.real_vehicle import REAL_VEHICLE, make_real_vehicle
+from diagrams.loop.reality import REAL_VEHICLE, make_real_vehicle
 
 STEP, SPAN = 0.04, np.array([5.0, 0.6, 0.6, 0.1])  # between two actions [s]; largest one [N, N·m]
 ERROR = np.eye(3, 16, 13) - np.eye(3, 16)  # position error in an observation [m]

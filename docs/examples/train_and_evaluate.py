@@ -43,10 +43,10 @@ def main() -> None:
         models, unseen.chi, unseen.zeta, horizons=HORIZONS, mean=mean, target=unseen.goal
     )
     for row in table:
-        if row.model in ("persistence", "np"):
+        if row["model"] in ("persistence", "np"):
             print(
-                f"{row.model:12} {row.horizon * learned.step:.1f} s ahead: force RMSE "
-                f"{row.force_rmse:.3f} N"
+                f"{row['model']:12} {row['horizon'] * learned.step:.1f} s ahead: force RMSE "
+                f"{row['force_rmse']:.3f} N"
             )
 
 

@@ -2,9 +2,7 @@
 
 import contextlib
 import dataclasses as dc
-import shutil
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 
@@ -194,17 +192,17 @@ class Betaflight:
         """Return the thrust (..., 4) of rotors at motor outputs (..., 4) [N]."""
         return self._map.thrust(motors)
 
-    def keep_blackbox(self, filename: Path) -> None:
-        """Disarm, which ends the blackbox file of the flight, and copy it to `filename`, where
-        there is one.
+    def blackbox(self) -> bytes:
+        """Disarm, which ends the blackbox file of the flight, and return it; empty where there is
+        none.
 
         Sticks and sensors stay as they are until then, so that the file holds nothing but flight.
         """
         if self._last is not None:
             seen, command = self._last
             self._hold(seen, self._channels(command) - _ARMED, SETTLED)
-        if files := sorted(self.firmware.folder.glob("LOG*.BF*")):
-            shutil.copyfile(files[-1], filename)
+        files = sorted(self.firmware.folder.glob("LOG*.BF*"))
+        return files[-1].read_bytes() if files else b""
 
     def close(self) -> None:
         """End the firmware."""

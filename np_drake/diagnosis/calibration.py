@@ -38,7 +38,7 @@ from np_drake.effects.library import effect_of
 from np_drake.effects.parameter import arm
 from np_drake.effects.throttle_curve import ThrottleCurve
 from np_drake.files.number_text import departure_unit, measure, number, with_sign
-from np_drake.logs.throttle_input import VOLTAGE_SCATTER, hover_exponent, voltage_of
+from np_drake.logs.inputs import VOLTAGE_SCATTER, hover_exponent, voltage_of
 from np_drake.rigid_body import V
 from np_drake.vehicle.published import published_priors
 from np_drake.vehicle.sources import part

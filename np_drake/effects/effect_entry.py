@@ -1,20 +1,14 @@
-"""Effects of the library as a scenario file and a report hold them: entries, their joint posterior,
-and the explanations that stand.
-"""
+"""Effects as a scenario file and a report hold them: entries and their joint posterior."""
 
 import dataclasses as dc
 import difflib
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
 from np_drake.effects.base import Effect
 from np_drake.effects.library import causes, in_scenarios
 from np_drake.files.yaml_file import check_fields, number
-
-STANDS = 20.0  # ratio of probabilities to the best explanation, beyond which one no longer stands
-CALIBRATION = "calibration."  # in front of the parameters of vehicle file and sensors
 
 
 @dc.dataclass
@@ -162,38 +156,3 @@ def _moved(entry: EffectEntry, change: dict[str, float]) -> EffectEntry:
             float(np.clip(moved, p.lower, p.upper)) if not p.choices else values[p.name]
         )
     return dc.replace(entry, parameters=values)
-
-
-@dc.dataclass(frozen=True)
-class Explanation:
-    """Model that explains the logs about as well as the best.
-
-    named: identifiers of its material effects, sorted; none: nothing is missing.
-    probability: of the explanation among those that stand [1].
-    effects: all fitted effects, those that are immaterial too.
-    calibration: errors of the vehicle file within tolerance, at their fit.
-    parameters: (k,) names EFFECT.PARAMETER, with `calibration.` in front of those of `calibration`.
-    covariance: (k, k) joint posterior of these, in SI.
-    """
-
-    named: tuple[str, ...]
-    probability: float
-    effects: tuple[Effect, ...]
-    calibration: tuple[Effect, ...] = ()
-    parameters: tuple[str, ...] = ()
-    covariance: np.ndarray = dc.field(default_factory=lambda: np.zeros((0, 0)))
-
-    def as_json(self) -> dict[str, Any]:
-        """Return the explanation in plain types."""
-        return {
-            "named": self.named,
-            "probability": self.probability,
-            "effects": [_entry(effect) for effect in self.effects],
-            "calibration": [_entry(effect) for effect in self.calibration],
-            "parameters": self.parameters,
-            "covariance": self.covariance.tolist(),
-        }
-
-
-def _entry(effect: Effect) -> dict[str, Any]:
-    return {"effect": effect.identifier, "parameters": effect.values}

@@ -4,8 +4,6 @@ from collections.abc import Mapping, Sequence
 from html import escape
 from typing import Any
 
-import numpy as np
-
 SHOWN = "padding: 2px 12px 2px 0; text-align: left"
 
 
@@ -32,14 +30,3 @@ def data_frame(columns: Mapping[str, Any], *, index: str | None = None) -> Any:
 
     frame = pandas.DataFrame(dict(columns))
     return frame if index is None else frame.set_index(index)
-
-
-def flattened(
-    names: Mapping[str, Sequence[str]], values: Mapping[str, np.ndarray]
-) -> dict[str, np.ndarray]:
-    """Return columns (n,) by their own names of arrays (n, k) that are there."""
-    found: dict[str, np.ndarray] = {}
-    for name, columns in names.items():
-        if name in values:
-            found |= dict(zip(columns, np.reshape(values[name], (-1, len(columns))).T, strict=True))
-    return found

@@ -11,7 +11,7 @@ from scipy.interpolate import CubicSpline
 from np_drake import attitude
 from np_drake.compiled import compiled
 from np_drake.identification.signals import G, Signals
-from np_drake.training_data.noise_removal import most_likely
+from np_drake.training_data.accelerations import most_likely
 from np_drake.training_data.segments import white_noise
 
 Values = dict[str, float]  # parameters of the model by name

@@ -12,7 +12,7 @@ from scipy import ndimage
 
 from np_drake import attitude
 from np_drake.flight_log import FlightLog
-from np_drake.training_data.noise_removal import most_likely
+from np_drake.training_data.accelerations import most_likely
 from np_drake.training_data.segments import white_noise
 
 G = 9.81  # of all logs; the accelerometer tells no other [m/s²]

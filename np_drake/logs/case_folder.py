@@ -1,16 +1,118 @@
-"""Case folder: one vehicle, the flights to fit and the held-out flights
-(docs/reference/files.md).
+"""Case folder: one vehicle, the flights to fit, the held-out flights (docs/reference/files.md), and
+logs of vehicles that flew nearby.
 """
 
 import dataclasses as dc
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from np_drake.flight_log import FlightLog
+import numpy as np
+
+from np_drake.flight_log import FlightLog, Neighbour
+from np_drake.logs.errors import LogError
 from np_drake.logs.formats.log_file import SUFFIXES
-from np_drake.logs.neighbours import neighbour_of, whose
 from np_drake.logs.opening import Opened, read_as_logged, with_vehicle
 from np_drake.vehicle import Vehicle, load_vehicle
+
+SHORTEST_COMMON = (
+    1.0  # time that two logs have in common, below which they are not of one run [s]; own choice
+)
+WHOLE = (
+    0.99  # share of a flight that a neighbour covers, below which a note says so [1]; own choice
+)
+HOW = "Give the two logs of one run, with positions in one frame and times of one clock"
+
+
+def neighbour_of(text: str, files: Sequence[Path]) -> tuple[Path, Path]:
+    """Return the log of a neighbour and the log that it is beside, from LOG=OF.
+
+    Args:
+        files: logs that a neighbour may be beside, of which OF is a path or a file name.
+    Raises: ValueError: if OF is none of them.
+    """
+    path, _, name = text.rpartition("=")
+    found = [file for file in files if Path(name) in (file, Path(file.name))]
+    if not path or len(found) != 1:
+        raise ValueError(
+            f"{text}: say beside which: --neighbour LOG=OF; OF must be one of "
+            f"{', '.join(file.name for file in files)}."
+        )
+    return Path(path), found[0]
+
+
+def with_neighbours(
+    flights: Sequence[FlightLog], neighbours: Mapping[str, Sequence[FlightLog]], least: float
+) -> list[FlightLog]:
+    """Return flights with the paths of their neighbours, on the clock of each flight.
+
+    Args:
+        neighbours: by name of a flight, logs of vehicles that flew beside it.
+        least: distance below which two vehicles would touch [m].
+    Raises: LogError: one line with the remedy, if a name is of no flight, a log has no position or
+        no time in common with its flight, or is of another frame or clock, so that the two would
+        touch.
+    """
+    names = [log.name for log in flights]
+    if unknown := [name for name in neighbours if name not in names]:
+        raise LogError(
+            f"neighbours: must be of {', '.join(names)}; got {unknown[0]!r}. Name a flight "
+            f"that is given."
+        )
+    return [_beside(log, neighbours.get(log.name, ()), least) for log in flights]
+
+
+def _beside(log: FlightLog, others: Sequence[FlightLog], least: float) -> FlightLog:
+    for other in (log, *others) if others else ():
+        if "height" in other.lacks:
+            raise LogError(
+                f"{other.name}: must tell the position beside a neighbour; it does not. {HOW}."
+            )
+    near = [other for other in others if _common(log, other) >= SHORTEST_COMMON]
+    if others and not near:
+        own, *spans = ("{:.2f} to {:.2f} s".format(*_ends(other)) for other in (log, *others))
+        raise LogError(
+            f"{others[0].name}: must have {SHORTEST_COMMON:g} s in common with {log.name}, which "
+            f"is of {own}; it is of {', '.join(spans)}. {HOW}."
+        )
+    paths = [Neighbour(other.t + (other.start - log.start), other.p, other.name) for other in near]
+    notes = [_checked(log, path, least) for path in paths]
+    return dc.replace(log, neighbours=(*log.neighbours, *paths), notes=[*log.notes, *notes])
+
+
+def _checked(log: FlightLog, path: Neighbour, least: float) -> str:
+    """Return a note on what a neighbour covers of a flight, and how near it comes.
+
+    Raises: LogError: if the two would touch.
+    """
+    away = path.at(log.t) - log.p
+    known = np.isfinite(away[:, 0])
+    distance = np.linalg.norm(away[known], axis=1)
+    if not len(distance) or distance.min() < least:
+        nearest = f"they are {distance.min():.2g} m apart" if len(distance) else "they share no row"
+        raise LogError(
+            f"{path.name}: must stay {least:.2g} m away from {log.name}; {nearest}. It is "
+            f"the same vehicle, or of "
+            f"another frame or clock. {HOW}."
+        )
+    above = away[known, 2] > 0
+    share = "" if known.mean() > WHOLE else f" for {100 * known.mean():.0f} % of the flight"
+    return (
+        f"beside {path.name}{share}: nearest {distance.min():.2f} m, below it "
+        f"{100 * above.mean():.0f} % of that time"
+    )
+
+
+def _common(log: FlightLog, other: FlightLog) -> float:
+    """Return the time that two logs have in common on the clocks of their recordings [s]; negative:
+    apart.
+    """
+    first, last = np.transpose([_ends(log), _ends(other)])
+    return float(last.min() - first.max())
+
+
+def _ends(log: FlightLog) -> tuple[float, float]:
+    return float(log.t[0] + log.start), float(log.t[-1] + log.start)
+
 
 SHORTEST = 3.0  # part of a flight that can be diagnosed [s]
 VEHICLE, TRAIN, HELD_OUT = (
@@ -56,19 +158,17 @@ class CaseFiles:
         """Return the logs of vehicles that flew beside, by name of the flight of `logs`.
 
         Args:
-            given: LOG=OF, OF a file of the case, or LOG.
+            given: LOG=OF, OF a file of the case.
             logs: as `open` returned them.
-        Raises: LogError, ValueError, OSError: one line, if one is not usable, or whose neighbour it
-            is stays open.
+        Raises: LogError, ValueError, OSError: one line, if one is not usable.
         """
-        files = (*self.train, *self.held_out)
-        own = {file: [log for some in logs for log in some if _is_of(log, file)] for file in files}
         found: dict[str, list[FlightLog]] = {}
         for text in given:
-            path, of = neighbour_of(text, files)
+            path, of = neighbour_of(text, (*self.train, *self.held_out))
             parts = _parts(read_as_logged(path))
-            for log in own[of or whose(parts, own, path)]:
-                found.setdefault(log.name, []).extend(parts)
+            for log in (log for some in logs for log in some):
+                if log.name == of.name or log.name.startswith(f"{of.name} part "):
+                    found.setdefault(log.name, []).extend(parts)
         return found
 
 
@@ -132,17 +232,9 @@ def _parts(found: Opened) -> list[FlightLog]:
         dc.replace(
             log,
             name=f"{path.name} part {i}",
-            notes=[*log.notes, *note] if i == 1 else _own(log, kept[0]),
+            notes=[*log.notes, *note]
+            if i == 1
+            else [own for own in log.notes if own not in kept[0].notes],
         )
         for i, log in enumerate(kept, start=1)
     ]
-
-
-def _is_of(log: FlightLog, file: Path) -> bool:
-    """Return whether a flight is of a file, by the name that `_parts` gave it."""
-    return log.name == file.name or log.name.startswith(f"{file.name} part ")
-
-
-def _own(log: FlightLog, first: FlightLog) -> list[str]:
-    """Return the notes of a part that are not those of the whole file."""
-    return [note for note in log.notes if note not in first.notes]

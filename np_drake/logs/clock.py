@@ -1,9 +1,15 @@
-"""Time shift of a log whose state was stamped by another clock than its commands."""
+"""Clocks of a log: how late a signal is behind another, and a state moved against its commands."""
+
+import dataclasses as dc
 
 import numpy as np
 
 from np_drake import attitude
+from np_drake.files.number_text import fixed
 from np_drake.flight_log import FlightLog
+from np_drake.logs.importing.alignment import in_frames
+from np_drake.logs.importing.log_map import GRAVITY, LogMap
+from np_drake.logs.importing.signals import Signal, Signals
 
 _STATE = ("p", "q", "v", "w", "a", "al")  # fields that are shifted
 
@@ -41,3 +47,185 @@ def _at(t: np.ndarray, value: np.ndarray, wanted: np.ndarray, *, turn: bool) -> 
         value = attitude.one_hemisphere(value, value[0])
     out = np.stack([np.interp(wanted, t, column) for column in value.T], axis=1)
     return out / np.linalg.norm(out, axis=1, keepdims=True) if turn else out
+
+
+LONGEST_LAG = 0.2  # lag that is looked for [s]; own choice
+# of the mean about each row of both signals [s]; own choice: the same on both moves neither
+WIDTH = 0.08
+FINEST = 0.005  # between two shifts, and between two rows [s]; own choice
+SHIFTS = FINEST * np.arange(-round(LONGEST_LAG / FINEST), round(LONGEST_LAG / FINEST) + 1)
+PARTS = 10  # of a flight, each left out once for the deviation [1]; own choice
+LEAST_PART = 0.5  # of a part [s]; own choice
+# Below which no lag is told [1]; own choice: in a narrow band, other shifts fit as well.
+LEAST_CORRELATION = 0.9
+MOST_DEVIATION = 0.02  # above which no lag is told [s]; own choice
+MOST_ROWS = 60_000  # of a flight; own choice: the deviation is then far below a row
+# lag that filters of a healthy estimator have [s]; own choice: 12 ms at most in real campaigns
+HEALTHY = 0.015
+SURE = 8.0  # standard deviations from which a lag is no chance [1]; own choice
+BETTER = (
+    2.0  # factor by which signals disagree less without it [1]; own choice: 1.6 at most in these
+)
+STATES = (  # state, its rate of change, and the name of that
+    ("attitude", "rates", "body rates"),
+    ("velocity", "acceleration", "acceleration"),
+    ("position", "velocity", "velocity"),
+)
+_G = np.array([0.0, 0.0, GRAVITY])
+
+
+@dc.dataclass(frozen=True)
+class Lag:
+    """Time by which `late` runs behind `early` [s], its standard deviation, and the correlation at
+    it [1].
+
+    mends: factor by which the two disagree less without the lag, of variances [1].
+    """
+
+    late: str
+    early: str
+    seconds: float
+    deviation: float
+    correlation: float
+    mends: float = 1.0
+
+    @property
+    def beyond_doubt(self) -> float:
+        """The lag where no healthy log has it and no chance makes it, else 0 [s]."""
+        clear = abs(self.seconds) > max(HEALTHY, SURE * self.deviation) and self.mends > BETTER
+        return self.seconds if clear else 0.0
+
+    def __str__(self) -> str:
+        value = (
+            f"{'+' * (self.seconds > 0)}{fixed(1e3 * self.seconds, 1)} ± "
+            f"{fixed(1e3 * self.deviation, 1)} ms"
+        )
+        return f"{self.late} {value} after {self.early}"
+
+
+def state_lags(x: Signals) -> dict[str, Lag]:
+    """Return the lags of attitude, velocity and position behind their rates of change, where they
+    are told.
+
+    Args:
+        x: what the log has of these, in our frames; acceleration: dv/dt in W, turned there by this
+            attitude.
+    """
+    found: dict[str, Lag] = {}
+    for state, rate, early in STATES:
+        if state not in x or rate not in x:
+            continue
+        other = x[rate]
+        if (
+            rate == "acceleration"
+            and "attitude" in found
+            and (late := found["attitude"].beyond_doubt)
+        ):
+            force = attitude.rotate_back(x["attitude"].turned(None, other.t), other.values + _G)
+            other = Signal(
+                other.t, attitude.rotate(x["attitude"].turned(None, other.t + late), force) - _G
+            )
+        if lag := lag_of(state, early, x[state].rate, other):
+            found[state] = lag
+    return found
+
+
+def lag_of(late: str, early: str, y: Signal, x: Signal) -> Lag | None:
+    """Return the lag of y behind x, axis by axis in proportion, of all axes together; None where it
+    is not told.
+
+    The lag is where y is closest to gain times x plus a constant, over a grid and a parabola about
+    its best. Its deviation is that of the jackknife over parts of the flight.
+
+    Args:
+        y: (n, k).
+        x: (m, k).
+    """
+    start, stop = max(y.t[0], x.t[0]) + LONGEST_LAG, min(y.t[-1], x.t[-1]) - LONGEST_LAG
+    parts = min(PARTS, int((stop - start) / LEAST_PART))
+    if parts < 3:
+        return None
+    t = np.arange(start, stop, max(FINEST, x.step, (stop - start) / MOST_ROWS))
+    around = np.arange(start - LONGEST_LAG, stop + LONGEST_LAG, t[1] - t[0])
+    own, other = y.averaged(t, WIDTH), Signal(around, x.averaged(around, WIDTH))
+    own, other = (
+        own - own.mean(axis=0),
+        dc.replace(other, values=other.values - other.values.mean(axis=0)),
+    )
+    moved = (other.linear(t - shift) for shift in SHIFTS)
+    cuts = np.linspace(0, len(t), parts, endpoint=False).astype(int)
+    # Moments of both by shift, moment, part and axis.
+    moments = np.array(
+        [
+            [np.add.reduceat(z, cuts) for z in (own**0, z, own, z * z, z * own, own * own)]
+            for z in moved
+        ]
+    )
+    best, score = _best(moments.sum(axis=2))
+    others = [_best(np.delete(moments, i, axis=2).sum(axis=2))[0] for i in range(parts)]
+    deviation = float(np.std(others) * np.sqrt(parts - 1))
+    if not (
+        deviation < MOST_DEVIATION and abs(best) < SHIFTS[-2] and score.max() > LEAST_CORRELATION**2
+    ):
+        return None
+    mends = (1 - score[len(SHIFTS) // 2]) / max(1 - score.max(), 1e-9)
+    return Lag(late, early, best, deviation, float(np.sqrt(score.max())), float(mends))
+
+
+def _best(moments: np.ndarray) -> tuple[float, np.ndarray]:
+    """Return the shift at which the loss is least, by a parabola, and the squared correlation by
+    shift.
+
+    The loss of an axis is relative to what it moves; axes count by their share of the explained
+    part.
+    """
+    n, sx, sy, sxx, sxy, syy = np.moveaxis(moments, 1, 0)
+    xx, xy, yy = sxx - sx**2 / n, sxy - sx * sy / n, syy - sy**2 / n
+    r2 = np.maximum(xy, 0) ** 2 / (np.maximum(xx, 1e-12) * np.maximum(yy, 1e-12))
+    weight = r2.max(axis=0) / np.maximum(1 - r2.max(axis=0), 1e-3)
+    score = r2 @ weight / max(float(weight.sum()), 1e-12)
+    k = np.clip(np.argmax(score), 1, len(SHIFTS) - 2)
+    a, b, c = score[k - 1 : k + 2]
+    return float(SHIFTS[k] + FINEST * 0.5 * (a - c) / min(a - 2 * b + c, -1e-15)), score
+
+
+def on_one_clock(
+    parts: list[Signals], longest: Signals, log_map: LogMap
+) -> tuple[list[Signals], LogMap, list[str]]:
+    """Return the parts of a log and its map without lags that are beyond doubt, and a line on
+    these.
+
+    Velocity goes with an attitude that is late, as of one motion capture, where its own lag is not
+    told or nearer to that than to none, and position with velocity. What the map says of a
+    quantity's `late`, also 0, holds.
+    """
+    if "attitude" not in longest:
+        return parts, log_map, []
+    lags = state_lags(in_frames(longest, log_map, []))
+    late = {name: lag.beyond_doubt for name, lag in lags.items()}
+    turned, moved = (
+        late.get("attitude", 0.0) * (log_map.attitude.late is None),
+        lags.get("velocity"),
+    )
+    if moved is None or abs(moved.seconds - turned) < (
+        HEALTHY if late["velocity"] else abs(moved.seconds)
+    ):
+        late["velocity"] = turned
+    late["position"] = late.get("position", 0.0) + late["velocity"]
+    late = {
+        n: round(by, 4)
+        for n, by in late.items()
+        if by and n in longest and getattr(log_map, n).late is None
+    }
+    if not late:
+        return parts, log_map, []
+    parts = [
+        {n: dc.replace(own, t=own.t - late.get(n, 0.0)) for n, own in signals.items()}
+        for signals in parts
+    ]
+    log_map = dc.replace(
+        log_map, **{n: dc.replace(getattr(log_map, n), late=by) for n, by in late.items()}
+    )
+    seen = ", ".join(str(lag) for lag in lags.values() if lag.beyond_doubt)
+    stated = ", ".join(f"{name}: {{late: {by:g}}}" for name, by in late.items())
+    return parts, log_map, [f"{seen}: taken out, as by {stated} in a map; late: 0 keeps it"]

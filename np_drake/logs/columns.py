@@ -1,12 +1,13 @@
-"""Table of numbers as a file holds it, and the mapping of its columns to the fields of a
-FlightLog.
-"""
+"""Table of numbers as a file holds it: columns, checks, gaps, and the flight log of it."""
 
 import dataclasses as dc
+import itertools
+from collections.abc import Sequence
 
 import numpy as np
 
 from np_drake import attitude
+from np_drake.files.number_text import percent
 from np_drake.flight_log import COLUMNS as COLUMNS
 from np_drake.flight_log import FlightLog
 from np_drake.logs.errors import LogError, place
@@ -34,6 +35,10 @@ class Table:
     def with_columns(self, columns: dict[str, np.ndarray]) -> "Table":
         """Return a table of the same file with other columns."""
         return Table(self.path, columns, header_lines=self.header_lines)
+
+    def rows(self, rows: slice | np.ndarray) -> "Table":
+        """Return a table of some rows of the same file."""
+        return self.with_columns({name: column[rows] for name, column in self.columns.items()})
 
     def array(self, names: tuple[str, ...]) -> np.ndarray:
         """Return the named columns, (n, len(names))."""
@@ -160,3 +165,269 @@ def disassemble(log: FlightLog) -> dict[str, np.ndarray]:
 
 def _shorten(names: list[str]) -> str:
     return ", ".join(names[:8]) + (", …" if len(names) > 8 else "")
+
+
+LEAST_ROWS = 20  # own choice: below it nothing can be filtered or differentiated
+GAP = 2.5  # median intervals between two rows that count as a gap
+NORM_TOLERANCE = 0.01  # of a quaternion [1]; rounding to two decimals stays inside
+STEP_RANGE = (5e-5, 0.25)  # plausible sampling intervals [s]
+LARGEST = 1e12  # largest cell, but for time, that is plausible in any unit; own choice
+
+
+def check_table(table: Table, fields: list[str]) -> None:
+    """Check the columns of the fields.
+    Raises: LogError: at the first fault.
+    """
+    table.require_cells()
+    if len(table) < LEAST_ROWS:
+        raise table.error(f"must have at least {LEAST_ROWS} rows; got {len(table)}.")
+    _check_finite(table, fields)
+    _check_time(table)
+    off = np.flatnonzero(np.abs(quaternion_norm(table) - 1) > NORM_TOLERANCE)
+    if off.size:
+        norm = quaternion_norm(table)[off[0]]
+        raise table.error(
+            (
+                f"the quaternion's norm must be 1; got {norm:.4g}{_more(off)}. Use --repair to "
+                f"normalise a few rows."
+            ),
+            column="qw",
+            row=int(off[0]),
+        )
+
+
+def _check_finite(table: Table, fields: list[str]) -> None:
+    names = [name for field in fields for name in FIELDS[field]]
+    bad = ~np.stack([is_figure(table, name) for name in names], axis=1)
+    rows = np.flatnonzero(bad.any(axis=1))
+    if rows.size:
+        row = int(rows[0])
+        name = names[int(np.flatnonzero(bad[row])[0])]
+        given = table.columns[name][row]
+        must = f"below {LARGEST:g} in size" if np.isfinite(given) else "finite"
+        raise table.error(
+            f"must be {must}; got {given}{_more(rows)}. Use --repair to interpolate a few rows.",
+            column=name,
+            row=row,
+        )
+
+
+def _check_time(table: Table) -> None:
+    """Check that time increases, at a plausible rate."""
+    t = table.columns["t"]
+    interval = np.diff(t)
+    back = np.flatnonzero(interval <= 0)
+    if back.size:
+        row = int(back[0]) + 1
+        raise table.error(
+            f"time must increase; got {t[row]:.9g} s after {t[row - 1]:.9g} s{_more(back)}. "
+            "Sort the rows, or use --repair to leave a few out.",
+            column="t",
+            row=row,
+        )
+    step = float(np.median(interval))
+    if not STEP_RANGE[0] <= step <= STEP_RANGE[1]:
+        raise table.error(
+            f"rows must be {STEP_RANGE[0]:g} … {STEP_RANGE[1]:g} s apart; got {step:.4g}. "
+            "Is time in seconds (not ms, µs or ns)?",
+            column="t",
+        )
+
+
+def is_figure(table: Table, name: str) -> np.ndarray:
+    """Return whether each cell of a column is a usable number, (n,).
+
+    It must be finite and, but for time, small enough to be squared; time may count nanoseconds,
+    which the check of time reports.
+    """
+    column = table.columns[name]
+    return np.isfinite(column) if name == "t" else np.abs(column) <= LARGEST
+
+
+def quaternion_norm(table: Table) -> np.ndarray:
+    """Return the norm of q, (n,) [1]."""
+    return np.linalg.norm(table.array(COLUMNS["q"]), axis=1)
+
+
+def _more(rows: np.ndarray) -> str:
+    return f" (and {len(rows) - 1} rows more)" if len(rows) > 1 else ""
+
+
+# gap that is bridged [s]; own choice: a flight's motion is known across it, its command is not
+LONGEST_GAP = 0.1
+HELD = ("u", "throttle", "throttles", "thrust")  # fields that are held, not interpolated
+
+
+def split_at_gaps(table: Table) -> tuple[list[Table], list[str]]:
+    """Return the parts of a table between long gaps, and one line that says so.
+
+    Parts of fewer than `LEAST_ROWS` rows are left out, unless no other is there.
+    """
+    t = table.columns["t"]
+    edges = np.concatenate([[0], np.flatnonzero(np.diff(t) > LONGEST_GAP + 1e-9) + 1, [len(t)]])
+    parts = [slice(int(i), int(j)) for i, j in itertools.pairwise(edges)]
+    kept = [rows for rows in parts if rows.stop - rows.start >= LEAST_ROWS]
+    if len(parts) == 1 or not kept or _usual(t) > LONGEST_GAP / GAP:
+        return [table], []
+    note = (
+        f"{len(parts) - 1} gaps longer than {LONGEST_GAP:g} s (the longest "
+        f"{np.diff(t).max():.3g} s): {len(kept)} parts"
+    )
+    if len(kept) < len(parts):
+        note += f", {len(parts) - len(kept)} with fewer than {LEAST_ROWS} rows left out"
+    return [table.rows(rows) for rows in kept], [note]
+
+
+def without_long_gaps(table: Table) -> Table:
+    """Return the table, where no gap is longer than `LONGEST_GAP`.
+
+    Raises: LogError: where one is.
+    """
+    interval = np.diff(table.columns["t"])
+    if len(split_at_gaps(table)[0]) > 1:
+        row = int(np.argmax(interval)) + 1
+        raise table.error(
+            f"must have no gap longer than {LONGEST_GAP:g} s; the one before this row lasts "
+            f"{interval[row - 1]:.3g} s. "
+            "Cut the log there.",
+            column="t",
+            row=row,
+        )
+    return table
+
+
+def bridge_gaps(table: Table, fields: list[str]) -> tuple[Table, np.ndarray]:
+    """Return the table with rows at the median interval inside every gap, and which rows (n,) these
+    are.
+
+    Every column is interpolated linearly, but a command is held.
+    """
+    t = table.columns["t"]
+    interval, step = np.diff(t), _usual(t)
+    gaps = np.flatnonzero(interval > GAP * step)
+    if not gaps.size:
+        return table, np.zeros(len(t), bool)
+    fills = [np.linspace(t[k], t[k + 1], round(interval[k] / step) + 1)[1:-1] for k in gaps]
+    where = np.repeat(gaps + 1, [len(fill) for fill in fills])
+    new = {name: np.insert(column, where, np.nan) for name, column in table.columns.items()}
+    new["t"] = np.insert(t, where, np.concatenate(fills))
+    bridged = np.insert(np.zeros(len(t), bool), where, True)
+    out = table.with_columns(new)
+    _fill_cells(out, fields)
+    return out, bridged
+
+
+def _fill_cells(table: Table, fields: list[str]) -> np.ndarray:
+    """Interpolate what is not finite, in place, and return in which rows (n,)."""
+    t = table.columns["t"]
+    touched = np.zeros(len(t), bool)
+    _one_hemisphere(table)
+    for field in fields:
+        for name in FIELDS[field]:
+            column = table.columns[name]
+            good = np.isfinite(column)
+            if good.all() or not good.any():
+                continue
+            touched |= ~good
+            if field in HELD:
+                last = np.maximum.accumulate(np.where(good, np.arange(len(t)), 0))
+                column = np.where(good, column, column[last])
+                good = np.isfinite(column)
+            table.columns[name] = np.interp(t, t[good], column[good])
+    norm = np.where(touched, quaternion_norm(table), 1.0)
+    for name in COLUMNS["q"]:
+        table.columns[name] = table.columns[name] / norm
+    return touched
+
+
+def _usual(t: np.ndarray) -> float:
+    return float(np.median(np.diff(t))) if len(t) > 1 else 1.0
+
+
+def _one_hemisphere(table: Table) -> None:
+    """Flip signs of quaternions so that neighbours are near, as interpolation needs."""
+    q = table.array(COLUMNS["q"])
+    rows = np.flatnonzero(np.all(np.isfinite(q), axis=1))
+    if len(rows) == 0:
+        return
+    q[rows] = attitude.one_hemisphere(q[rows], q[rows[0]])
+    for name, column in zip(COLUMNS["q"], q.T, strict=True):
+        table.columns[name] = column
+
+
+LARGEST_SHARE = 0.02  # of the rows that may be dropped or changed
+NORM_RANGE = (0.5, 2.0)  # a quaternion outside it is not normalised but interpolated [1]
+
+
+def repair(table: Table, fields: list[str]) -> tuple[Table, list[str]]:
+    """Drop rows out of time, interpolate bad cells and normalise quaternions.
+
+    Every column is interpolated linearly, but a command is held.  Source: own choice.
+    Returns: the repaired table (its rows are renumbered) and what was done, one line each.
+    Raises:  LogError: if more than `LARGEST_SHARE` of the rows, or too long a run, is bad.
+    """
+    if len(table) < LEAST_ROWS:
+        return table, []  # the check says so
+    figures = {
+        n: np.where(is_figure(table, n), column, np.nan) for n, column in table.columns.items()
+    }
+    t = np.where(np.isfinite(figures["t"]), figures["t"], -np.inf)
+    later = t > np.concatenate([[-np.inf], np.maximum.accumulate(t)[:-1]])
+    kept = table.with_columns(figures).rows(later)
+    norm = quaternion_norm(kept)
+    off = np.abs(norm - 1) > NORM_TOLERANCE
+    usable = (norm > NORM_RANGE[0]) & (norm < NORM_RANGE[1])
+    for name in COLUMNS["q"]:
+        column = kept.columns[name] / np.where(off & usable, norm, 1.0)
+        kept.columns[name] = np.where(off & ~usable, np.nan, column)
+    for field in fields:
+        for name in FIELDS[field]:
+            _refuse_long_run(kept, name, np.isfinite(kept.columns[name]))
+    counts = {
+        "left out (time missing or not increasing)": int(np.sum(~later)),
+        "given a unit quaternion": int(np.sum(off & usable)),
+        "interpolated (no number in a cell)": int(_fill_cells(kept, fields).sum()),
+    }
+    bad = sum(counts.values())
+    if bad > LARGEST_SHARE * len(table):
+        raise table.error(
+            f"can repair at most {LARGEST_SHARE:.0%} of the rows; {bad} of {len(table)} are bad. "
+            "Record it again, or cut out a good part."
+        )
+    notes = [
+        f"repaired: {count} of {len(table)} rows {what}" for what, count in counts.items() if count
+    ]
+    return kept, notes
+
+
+def _refuse_long_run(table: Table, name: str, good: np.ndarray) -> None:
+    """Check that the column is not bad for longer than `LONGEST_GAP`; LogError if it is."""
+    t = table.columns["t"]
+    edge = np.flatnonzero(good)
+    start = np.concatenate([[0], edge])
+    stop = np.concatenate([edge, [len(t) - 1]])
+    duration = np.where(stop - start > 1, t[stop] - t[start], 0.0)
+    worst = int(np.argmax(duration))
+    if good.any() and duration[worst] > LONGEST_GAP:
+        raise table.error(
+            f"can bridge at most {LONGEST_GAP} s; from here this column has no number for "
+            f"{duration[worst]:.3g} s. Cut the log there.",
+            column=name,
+            row=int(start[worst]),
+        )
+
+
+def said_of_bridged(logs: Sequence[FlightLog]) -> list[str]:
+    """Return one line on the rows that readers put into short gaps of flights; none where there are
+    none.
+    """
+    counts = [int(log.bridged.sum()) for log in logs if log.bridged is not None]
+    if not any(counts):
+        return []
+    share = sum(counts) / sum(map(len, logs))
+    flights = f"{sum(map(bool, counts))} of {len(logs)} flights"
+    return [
+        f"{sum(counts)} rows ({percent(share)}) in gaps of up to {LONGEST_GAP:g} s of "
+        f"{flights} were filled in; they do "
+        "not count in the answer, and below 10 % nothing needs to be done."
+    ]

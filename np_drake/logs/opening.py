@@ -7,17 +7,17 @@ from pathlib import Path
 import numpy as np
 
 from np_drake.flight_log import FlightLog
-from np_drake.logs.checks import LEAST_ROWS
+from np_drake.logs.columns import LEAST_ROWS
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats import log_file, neurobem
 from np_drake.logs.formats.format import Progress, first_bytes, no_progress
 from np_drake.logs.import_sheet import Sheet
-from np_drake.logs.importing.crash import FITS, WRECK, end_of_flight, fits_until
 from np_drake.logs.importing.import_log import import_log
+from np_drake.logs.importing.laws import check_units
 from np_drake.logs.importing.log_map import LogMap, MapFile
-from np_drake.logs.input_choice import chosen_input, with_vehicle_input
-from np_drake.logs.rotor_order import Seen, in_vehicle_order, torques_seen
-from np_drake.logs.units import check_units
+from np_drake.logs.importing.parts import CRASHES, FITS, WRECK, end_of_flight, fits_until
+from np_drake.logs.inputs import chosen_input, with_vehicle_input
+from np_drake.logs.rotors import Seen, in_vehicle_order, torques_seen
 from np_drake.vehicle import Vehicle
 
 
@@ -105,12 +105,12 @@ def _flown(flights: Sequence[FlightLog], path: Path) -> list[FlightLog]:
     """
     kept: list[FlightLog] = []
     for log in flights:
-        end, why = end_of_flight(log.t, log.p, log.v, log.q, rotor_lift(log))
+        end = end_of_flight(log.t, log.p, log.v, log.q)
         if end < LEAST_ROWS:
             continue
-        kept.append(log.rows(0, end) if why else log)
-        if why:
-            kept[-1].notes.append(fits_until(log.t[end - 1] - log.t[0], why))
+        kept.append(log.rows(0, end))
+        if end < len(log):
+            kept[-1].notes.append(fits_until(log.t[end - 1] - log.t[0], CRASHES))
     if not kept:
         raise LogError(f"{path}: {WRECK}")
     return kept

@@ -10,8 +10,7 @@ import numpy as np
 from scipy.linalg import solve_discrete_are
 
 from np_drake.compiled import compiled, finite
-from np_drake.mpc.actuation import Actuation
-from np_drake.mpc.dynamics import DiscreteDynamics
+from np_drake.mpc.dynamics import Actuation, DiscreteDynamics
 from np_drake.mpc.problem import MpcConfig, MpcProblem, SolverFailure
 from np_drake.residual_model import Reaction, WrenchForecast
 from np_drake.rigid_body import INPUT_SIZE, STATE_SIZE, WRENCH_SIZE

@@ -12,15 +12,14 @@ from typing import Any
 
 import numpy as np
 from pydrake.autodiffutils import AutoDiffXd, ExtractValue, InitializeAutoDiff
-from pydrake.solvers import IpoptSolver
+from pydrake.solvers import IpoptSolver, MathematicalProgram
 from scipy.linalg import lapack
 
 from np_drake.mpc.condensed import Condensed, Trajectory, initial_trajectory
-from np_drake.mpc.drake_solvers import expected_early_ends, new_program, solver_options
 from np_drake.mpc.horizon import Horizon
 from np_drake.mpc.objective import KINDS, QUADRATIC
 from np_drake.mpc.problem import MpcConfig, MpcProblem, MpcSolution, MpcStatus
-from np_drake.mpc.sqp import SqpSolver, as_solution
+from np_drake.mpc.sqp import SqpSolver, as_solution, expected_early_ends, solver_options
 from np_drake.vehicle import Vehicle
 
 _log = logging.getLogger(__name__)
@@ -165,7 +164,7 @@ class Preconditioned:
         Args:
             time_limit: [s].
         """
-        prog = new_program()
+        prog: Any = MathematicalProgram()
         w = prog.NewContinuousVariables(len(self._w), "w")
         prog.AddCost(self._cost, vars=w)
         start = self._w

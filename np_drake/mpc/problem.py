@@ -11,6 +11,19 @@ from np_drake.residual_model import WrenchForecast
 LONGEST_HORIZON = 200  # [1]; own choice: ten times the usual one, and 100 MB of matrices
 COMMANDS = ("rotors", "rates")  # what an MPC may decide on
 LONGEST_STEP = 10.0  # [s]; own choice
+_WEIGHTS = {  # entries of each
+    "weight_position": 3,
+    "weight_attitude": 4,
+    "weight_velocity": 3,
+    "weight_rate": 3,
+    "weight_rates": 3,
+    "weight_input": 4,
+}
+_POSITIVE = {  # each with the reason, where it is not plain
+    "weight_input": "",
+    "weight_rates": "",
+    "weight_position": ": the terminal set needs it",
+}
 
 
 @dc.dataclass
@@ -61,30 +74,18 @@ class MpcConfig:
             0 < self.step <= LONGEST_STEP,
             f"step must be positive, {LONGEST_STEP:g} s at most; got {self.step}",
         )
-        for name, size in (
-            ("position", 3),
-            ("attitude", 4),
-            ("velocity", 3),
-            ("rate", 3),
-            ("rates", 3),
-            ("input", 4),
-        ):
-            weight = np.array(getattr(self, f"weight_{name}"), float)
+        for name, size in _WEIGHTS.items():
+            weight = np.array(getattr(self, name), float)
             _require(
-                weight.shape == (size,),
-                f"weight_{name} must have {size} entries; got {weight.shape}",
+                weight.shape == (size,), f"{name} must have {size} entries; got {weight.shape}"
             )
             _require(
                 bool(np.all((weight >= 0) & (weight < np.inf))),
-                f"weight_{name} must be finite and not negative; got {weight.tolist()}",
+                f"{name} must be finite and not negative; got {weight.tolist()}",
             )
-        _require(min(self.weight_input) > 0, "weight_input must be positive")
-        _require(min(self.weight_rates) > 0, "weight_rates must be positive")
         _require(self.command in COMMANDS, f"command: {' | '.join(COMMANDS)}; got {self.command!r}")
-        _require(
-            min(self.weight_position) > 0,
-            "weight_position must be positive: the terminal set needs it",
-        )
+        for name, why in _POSITIVE.items():
+            _require(min(getattr(self, name)) > 0, f"{name} must be positive{why}")
         _require(
             0 <= self.weight_swing < np.inf,
             f"weight_swing must be finite and not negative; got {self.weight_swing}",

@@ -3,7 +3,7 @@
 from np_drake.mpc.problem import MpcConfig, MpcSolver
 from np_drake.vehicle import Vehicle
 
-SOLVERS = ("ipopt", "sqp", "ipopt_multiple_shooting")  # names for `make_solver`
+SOLVERS = ("ipopt", "sqp")  # names for `make_solver`
 
 
 def require_solver(name: str) -> None:
@@ -30,10 +30,6 @@ def make_solver(
         from np_drake.mpc.sqp import SqpSolver
 
         return SqpSolver(vehicle, config, time_limit=time_limit)
-    if name == "ipopt":
-        from np_drake.mpc.ipopt import IpoptCondensedSolver
+    from np_drake.mpc.ipopt import IpoptCondensedSolver
 
-        return IpoptCondensedSolver(vehicle, config, time_limit=time_limit)
-    from np_drake.mpc.ipopt_multiple_shooting import IpoptMultipleShootingSolver
-
-    return IpoptMultipleShootingSolver(vehicle, config)
+    return IpoptCondensedSolver(vehicle, config, time_limit=time_limit)

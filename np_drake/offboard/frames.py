@@ -7,7 +7,7 @@ The turn between them is its own inverse.
 import numpy as np
 
 from np_drake import attitude
-from np_drake.logs.importing.convert import FRD_TO_FLU, NED_TO_ENU, Q_BODY, Q_WORLD
+from np_drake.logs.importing.log_map import FRD_TO_FLU, NED_TO_ENU, Q_BODY, Q_WORLD
 
 
 def turned_world(r: np.ndarray) -> np.ndarray:

@@ -9,14 +9,15 @@ attached, lost or snapped taut: what is known of it is then forgotten.
 """
 
 import dataclasses as dc
-from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.optimize import brentq
+from scipy.special import ndtr
 
 from np_drake.compiled import finite
 from np_drake.payload_filter import kernel
-from np_drake.payload_filter.mixing import mix_bank, weigh_bank
+from np_drake.payload_filter.kernel import mix_bank, weigh_bank
 from np_drake.residual_model import Memory
 from np_drake.vehicle.scaling import Scales
 
@@ -119,91 +120,50 @@ class PendulumBank:
     """
 
     def __init__(self, options: BankOptions, *, step: float, gravity: float):
-        self.options, self.step, self.gravity = options, step, gravity
+        o = self.options = options
+        self.step, self.gravity = step, gravity
         # The length of a member without a payload means nothing: the geometric mean of the others
-        bare = float(np.exp(np.mean(np.log(options.lengths))))
-        lengths = (*options.lengths, bare)
+        bare = float(np.exp(np.mean(np.log(o.lengths))))
+        lengths = (*o.lengths, bare)
         self.lengths = np.tile(np.array(lengths, float), len(CONDITIONS))
-        self._condition = np.repeat(np.arange(len(CONDITIONS)), len(lengths))
-        self._carries = carries(len(self.lengths))
+        condition = np.repeat(np.arange(len(CONDITIONS)), len(lengths))
+        loaded, count = carries(len(self.lengths)), len(self.lengths)
         self._reach = np.sqrt(gravity / self.lengths)  # rate of a swing over its angle [1/s]
-
-    def __len__(self) -> int:
-        return len(self.lengths)
-
-    @cached_property
-    def _first_weight(self) -> np.ndarray:
-        """Probability of each member before any flight, (k,)."""
-        bare = self.options.bare
-        share = np.where(
-            self._carries, (1 - bare) / self._carries.sum(), bare / (~self._carries).sum()
-        )
-        return np.asarray(share)
-
-    @cached_property
-    def _deviation(self) -> np.ndarray:
-        """Prior standard deviation of the parameters, (k, 8)."""
-        o = self.options
-        found = np.empty((len(self), 8))
-        found[:, 0] = np.where(self._carries, o.mass.deviation, NO_MASS.deviation)
-        found[:, [1, 2]] = o.log_length, o.damping.deviation
-        found[:, 3:6] = np.array(o.push)[self._condition][:, None] * [1.0, 1.0, o.vertical]
-        found[:, [6, 7]] = o.thrust_error.deviation, o.drag.deviation
-        return found
-
-    @cached_property
-    def _prior(self) -> np.ndarray:
-        """Prior mean of the parameters, (k, 8)."""
-        o = self.options
-        found = np.zeros((len(self), 8))
-        found[:, 0] = np.where(self._carries, o.mass.mean, NO_MASS.mean)
-        found[:, 1], found[:, 2] = np.log(self.lengths), o.damping.mean
-        found[:, 6], found[:, 7] = o.thrust_error.mean, o.drag.mean
-        return found
-
-    @cached_property
-    def _keep(self) -> np.ndarray:
-        """Share of the distance to the prior that a parameter keeps in a step, (k, 8)."""
-        found = np.full((len(self), 8), np.exp(-self.step / self.options.memory))
-        found[:, 3:6] = np.exp(-self.step / np.array(self.options.push_time)[self._condition])[
-            :, None
-        ]
-        return found
-
-    @cached_property
-    def _noise(self) -> np.ndarray:
-        """Variance that a step adds, (k, SIZE): with it the parameters keep their prior
-        deviation.
-        """
-        found = np.zeros((len(self), kernel.SIZE))
-        found[:, 2:4] = (
-            np.array(self.options.swing_noise)[self._condition] * self.step / self.lengths**2
-        )[:, None]
-        found[:, 4:] = (1 - self._keep**2) * self._deviation**2
-        return found
-
-    @cached_property
-    def _rise(self) -> np.ndarray:
-        """Variance of the slow force upwards by condition, (3,) [m²/s⁴]."""
-        return (np.array(self.options.push) * self.options.vertical) ** 2
-
-    @cached_property
-    def _transition(self) -> np.ndarray:
-        """Probability of a change from one condition to another in a step, (3, 3)."""
-        leave = 1 - np.exp(-self.step / np.array(self.options.duration))
-        found = np.tile(0.5 * leave[:, None], (1, len(CONDITIONS)))
-        np.fill_diagonal(found, 1 - leave)
-        return found
+        # Probability of each member before any flight, (k,)
+        self._first_weight = np.where(loaded, (1 - o.bare) / loaded.sum(), o.bare / (~loaded).sum())
+        # Prior mean and standard deviation of the parameters, (k, 8)
+        self._prior, self._deviation = np.zeros((count, 8)), np.empty((count, 8))
+        self._prior[:, 0] = np.where(loaded, o.mass.mean, NO_MASS.mean)
+        self._prior[:, 1], self._prior[:, 2] = np.log(self.lengths), o.damping.mean
+        self._prior[:, 6], self._prior[:, 7] = o.thrust_error.mean, o.drag.mean
+        self._deviation[:, 0] = np.where(loaded, o.mass.deviation, NO_MASS.deviation)
+        self._deviation[:, [1, 2]] = o.log_length, o.damping.deviation
+        push = np.array(o.push)
+        self._deviation[:, 3:6] = push[condition][:, None] * [1.0, 1.0, o.vertical]
+        self._deviation[:, [6, 7]] = o.thrust_error.deviation, o.drag.deviation
+        # Share of the distance to the prior that a parameter keeps in a step, (k, 8)
+        self._keep = np.full((count, 8), np.exp(-step / o.memory))
+        self._keep[:, 3:6] = np.exp(-step / np.array(o.push_time)[condition])[:, None]
+        # Variance that a step adds, (k, SIZE): the parameters keep their prior deviation
+        swing = np.array(o.swing_noise)[condition] * step / self.lengths**2
+        self._noise = np.zeros((count, kernel.SIZE))
+        self._noise[:, 2:4] = swing[:, None]
+        self._noise[:, 4:] = (1 - self._keep**2) * self._deviation**2
+        self._rise = (push * o.vertical) ** 2  # variance of the slow force upwards, (3,) [m²/s⁴]
+        # Probability of a change from one condition to another in a step, (3, 3)
+        leave = 1 - np.exp(-step / np.array(o.duration))
+        self._transition = np.tile(0.5 * leave[:, None], (1, len(CONDITIONS)))
+        np.fill_diagonal(self._transition, 1 - leave)
 
     def initial_memory(self) -> Memory:
         """Return a tether that hangs still, with all parameters at their prior.
 
         mean: (k, POINT).   covariance: (k, SIZE, SIZE).   weight: (k,) [1].
         """
-        mean = np.zeros((len(self), kernel.POINT))
+        mean = np.zeros((len(self.lengths), kernel.POINT))
         mean[:, 2], mean[:, 3] = -1.0, 1.0
         mean[:, kernel.PARAMETERS] = self._prior
-        covariance = np.zeros((len(self), kernel.SIZE, kernel.SIZE))
+        covariance = np.zeros((len(self.lengths), kernel.SIZE, kernel.SIZE))
         diagonal = np.arange(kernel.SIZE)
         covariance[:, diagonal[:2], diagonal[:2]] = self.options.tilt**2
         covariance[:, diagonal[2:4], diagonal[2:4]] = (
@@ -283,26 +243,82 @@ class PendulumBank:
         return {"mean": updated, "covariance": narrowed, "weight": weighed}
 
     def _anew(self, mean: np.ndarray, covariance: np.ndarray) -> Memory:
-        """Return the memory after a sample that no member explains; the sample itself is not taken
-        in.
+        """Return the memory after a sample that no member explains: payload and swing are
+        forgotten, what belongs to the vehicle stays, and the sample itself is not taken in.
 
         A jerk of the cable tells nothing of the payload's mass. A change that lasts shows in the
         next sample.
         """
         if not (finite(mean) and finite(covariance)):
             return self.initial_memory()
-        self._forget(mean, covariance)
-        return {"mean": mean, "covariance": covariance, "weight": self._first_weight.copy()}
-
-    def _forget(self, mean: np.ndarray, covariance: np.ndarray) -> None:
-        """Forget payload and swing in place; what belongs to the vehicle stays."""
-        payload = slice(0, 7)
-        covariance[:, payload, :] = 0.0
-        covariance[:, :, payload] = 0.0
-        deviation = np.empty((len(self), 7))
+        covariance[:, :7, :], covariance[:, :, :7] = 0.0, 0.0
+        deviation = np.empty((len(self.lengths), 7))
         deviation[:, :2] = self.options.lost_tilt
         deviation[:, 2:4] = (self.options.lost_tilt * self._reach)[:, None]
         deviation[:, 4:] = self._deviation[:, :3]
         rows = np.arange(7)
         covariance[:, rows, rows] = deviation**2
         mean[:, kernel.MASS : kernel.DAMPING + 1] = self._prior[:, :3]
+        return {"mean": mean, "covariance": covariance, "weight": self._first_weight.copy()}
+
+
+LOW, HIGH = 0.025, 0.975  # quantiles of the interval [1]
+FAR = 9.0  # deviations beyond which a member has no probability [1]
+
+
+class Estimate(NamedTuple):
+    """Posterior mean of a quantity, and the ends of its 95 % interval."""
+
+    mean: float
+    low: float
+    high: float
+
+
+class PayloadEstimate(NamedTuple):
+    """Tether length [m], mass over that of the vehicle [1], and drag over mass and velocity
+    [1/s].
+    """
+
+    length: Estimate
+    mass: Estimate
+    damping: Estimate
+
+
+def payload_estimate(memory: Memory) -> PayloadEstimate:
+    """Return what the members of a `PayloadFilter`'s memory believe of the payload.
+
+    Every member has a Gaussian of mass, logarithm of length and damping; their weights mix them.
+    Length and damping are those of a payload if there is one.
+    """
+    weight = memory["weight"]
+    loaded = np.where(carries(len(weight)), weight, 0.0)
+    loaded = loaded / loaded.sum()
+    mass = _marginal(memory, weight, kernel.MASS)
+    log_length, damping = (
+        _marginal(memory, loaded, index) for index in (kernel.LOG_LENGTH, kernel.DAMPING)
+    )
+    weight, mean, deviation = log_length
+    low, high = (float(np.exp(_quantile(*log_length, share))) for share in (LOW, HIGH))
+    length = Estimate(float(weight @ np.exp(mean + 0.5 * deviation**2)), low, high)
+    return PayloadEstimate(length, _estimate(*mass), _estimate(*damping))
+
+
+def _marginal(
+    memory: Memory, weight: np.ndarray, index: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return weight, mean and standard deviation of one number of the points, (k,) each."""
+    error = index - (kernel.POINT - kernel.SIZE)
+    variance = memory["covariance"][:, error, error]
+    return weight, memory["mean"][:, index], np.sqrt(np.maximum(variance, 0.0))
+
+
+def _estimate(weight: np.ndarray, mean: np.ndarray, deviation: np.ndarray) -> Estimate:
+    low, high = (_quantile(weight, mean, deviation, share) for share in (LOW, HIGH))
+    return Estimate(float(weight @ mean), low, high)
+
+
+def _quantile(weight: np.ndarray, mean: np.ndarray, deviation: np.ndarray, share: float) -> float:
+    """Return the number below which a mixture of Gaussians has a share of its probability."""
+    spread = np.maximum(deviation, 1e-12)
+    start, stop = float(np.min(mean - FAR * spread)), float(np.max(mean + FAR * spread))
+    return float(brentq(lambda value: weight @ ndtr((value - mean) / spread) - share, start, stop))

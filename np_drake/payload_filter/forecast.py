@@ -90,28 +90,20 @@ def along_plan(
     for i in range(members):
         mean += weight[i] * points[i]
     pull = _pulls(points, weight, x, hook, gravity, step, stride)
-    z, lag, behind = np.zeros(3), np.zeros(4), acting.copy()
-    q = np.zeros(4)
-    error = mean[THRUST_ERROR]
+    z, behind, error = np.zeros(3), acting.copy(), mean[THRUST_ERROR]
     for i in range(n):
-        for k in range(4):
-            q[k] = x[i, 3 + k] + x[i + 1, 3 + k]
-        size = math.sqrt(q[0] ** 2 + q[1] ** 2 + q[2] ** 2 + q[3] ** 2)
-        for k in range(4):
-            q[k] /= size
-            missing = behind[k] - u[i, k]
-            lag[k] = mean_decay * missing
-            behind[k] = u[i, k] + decay * missing
+        q = x[i, 3:7] + x[i + 1, 3:7]
+        q /= math.sqrt(q[0] ** 2 + q[1] ** 2 + q[2] ** 2 + q[3] ** 2)
+        missing = behind - u[i]
+        lag, behind = mean_decay * missing, u[i] + decay * missing
         _body_z(q[0], q[1], q[2], q[3], z)
         thrust = (1.0 + error) * lag[0] + error * u[i, 0]
-        for k in range(3):
-            drag = 0.5 * mean[DRAG] * (x[i, 7 + k] + x[i + 1, 7 + k])
-            wrench[i, k] = mass * (pull[i, k] + mean[PUSH + k] - drag) + thrust * z[k]
+        drag = 0.5 * mean[DRAG] * (x[i, 7:10] + x[i + 1, 7:10])
+        wrench[i, :3] = mass * (pull[i] + mean[PUSH : PUSH + 3] - drag) + thrust * z
         _hook_torque(q, hook, mass * pull[i], wrench[i])
         start = motion_torque(x[i], rate_torque, speed_torque)
         end = motion_torque(x[i + 1], rate_torque, speed_torque)
-        for k in range(3):
-            wrench[i, 3 + k] += lag[1 + k] + steady[k] + 0.5 * (start[k] + end[k])
+        wrench[i, 3:] += lag[1:] + steady + 0.5 * (start + end)
 
 
 @compiled
@@ -123,11 +115,8 @@ def motion_torque(state, rate_torque, speed_torque):
         rate_torque: (3,) [N·m·s].
         speed_torque: (2,) [N·s].
     """
-    v = np.zeros(3)
-    _rotate(state[3], -state[4], -state[5], -state[6], state[7], state[8], state[9], v)
-    out = np.empty(3)
-    for k in range(3):
-        out[k] = rate_torque[k] * state[10 + k]
+    v = turned(state[3], -state[4], -state[5], -state[6], state[7], state[8], state[9])
+    out = rate_torque * state[10:13]
     out[0] += speed_torque[0] * v[1]
     out[1] += speed_torque[1] * v[0]
     return out
@@ -137,19 +126,16 @@ def motion_torque(state, rate_torque, speed_torque):
 def _pulls(points, weight, x, hook, gravity, step, stride):
     """Return the mean pull of the tethers over each step of a plan, (N, 3) [m/s²]."""
     n, members, fine = len(x) - 1, len(points), step / stride
-    v, turn = np.zeros((n + 1, 3)), np.zeros(3)
+    v, turn, fall = np.zeros((n + 1, 3)), np.zeros(3), np.array([0.0, 0.0, gravity])
     for i in range(n + 1):
         _turning(x[i], hook, turn)
-        for k in range(3):
-            v[i, k] = x[i, 7 + k] + turn[k]
+        v[i] = x[i, 7:10] + turn
     kicks, drift = np.zeros((n * stride, 3, 1)), np.zeros((n * stride, 3, 1))
     for i in range(n):
         for j in range(stride):
-            for k in range(3):
-                change = v[i + 1, k] - v[i, k]
-                fall = gravity if k == 2 else 0.0
-                kicks[i * stride + j, k, 0] = -(fine**2) * (change / step + fall)
-                drift[i * stride + j, k, 0] = fine * (v[i, k] + (j + 0.5) / stride * change)
+            at, change = i * stride + j, v[i + 1] - v[i]
+            kicks[at, :, 0] = -(fine**2) * (change / step + fall)
+            drift[at, :, 0] = fine * (v[i] + (j + 0.5) / stride * change)
     limit, half = np.zeros(members), np.zeros(members)
     now, move = np.zeros((3, members)), np.zeros((3, members))
     for i in range(members):
@@ -168,8 +154,7 @@ def _pulls(points, weight, x, hook, gravity, step, stride):
     for i in range(members):
         share = weight[i] * points[i, MASS] / (fine**2 * stride)
         for row in range(n * stride):
-            for k in range(3):
-                found[row // stride, k] += share * pulls[row, k, i]
+            found[row // stride] += share * pulls[row, :, i]
     return found
 
 
@@ -183,23 +168,16 @@ def _turning(state, hook, out):
     """Write the velocity of the hook about Bo, in W [m/s]."""
     p, q, r = state[10], state[11], state[12]
     a, b, c = q * hook[2] - r * hook[1], r * hook[0] - p * hook[2], p * hook[1] - q * hook[0]
-    _rotate(state[3], state[4], state[5], state[6], a, b, c, out)
-
-
-@compiled
-def _rotate(w, x, y, z, a, b, c, out):
-    """Write R(q) (a, b, c)."""
-    out[0], out[1], out[2] = turned(w, x, y, z, a, b, c)
+    out[0], out[1], out[2] = turned(state[3], state[4], state[5], state[6], a, b, c)
 
 
 @compiled
 def _hook_torque(q, hook, force, out):
     """Write the torque of a force in W at the hook into out[3:6], in B."""
-    turned = np.zeros(3)
-    _rotate(q[0], -q[1], -q[2], -q[3], force[0], force[1], force[2], turned)
-    out[3] = hook[1] * turned[2] - hook[2] * turned[1]
-    out[4] = hook[2] * turned[0] - hook[0] * turned[2]
-    out[5] = hook[0] * turned[1] - hook[1] * turned[0]
+    f_x, f_y, f_z = turned(q[0], -q[1], -q[2], -q[3], force[0], force[1], force[2])
+    out[3] = hook[1] * f_z - hook[2] * f_y
+    out[4] = hook[2] * f_x - hook[0] * f_z
+    out[5] = hook[0] * f_y - hook[1] * f_x
 
 
 @compiled

@@ -102,9 +102,8 @@ def next_shift(
     deviation = length_unit * DEVIATION
     column = attitude.skew(-pull)  # of shift x pull over the shift
     before, finest = (memory[name] for name in READ), (FINEST * deviation) ** 2
-    after = {name: np.empty_like(memory[name]) for name in (*READ, "shift", "steady")}
-    _regress(gains_of(step), *before, rest, column, doubt, step, deviation, finest, *after.values())
-    return after
+    after = _regress(gains_of(step), *before, rest, column, doubt, step, deviation, finest)
+    return dict(zip((*READ, "shift", "steady"), after, strict=True))
 
 
 @compiled
@@ -122,16 +121,8 @@ def _regress(
     step,
     deviation,
     finest,
-    levels_out,
-    errors_out,
-    torques_out,
-    columns_out,
-    gram_out,
-    right_out,
-    shift,
-    steady,
 ):
-    """Write the arrays `READ`, shift and steady of the memory after one more rest.
+    """Return the arrays `READ`, shift and steady of the memory after one more rest.
 
     Args:
         gains: (g,) of the filters [1].
@@ -147,8 +138,6 @@ def _regress(
         step: between samples [s].
         deviation: prior one of the shift [m].
         finest: least variance of a torque over its column squared [m²].
-        shift: (3,) of the hook [m].
-        steady: (3,) what it leaves [N·m].
     """
     keep = math.exp(-step / MEMORY)
     gram, right = keep * gram, keep * right
@@ -163,22 +152,14 @@ def _regress(
             right += share * (rest[k] - level) * X
     torques = torques + 1
     levels, errors = _filtered(gains, levels, errors, torques, rest, step)
-    columns = columns + _gains_at(gains, torques).reshape(-1, 1, 1) * (column - columns)
-    shift[:] = _solved(gram + np.eye(3) / deviation**2, right.copy())
+    columns = columns + np.maximum(gains, 1.0 / torques[0]).reshape(-1, 1, 1) * (column - columns)
+    steady = np.empty(3)
+    shift = _solved(gram + np.eye(3) / deviation**2, right.copy())
     weight, _ = _followed(errors, torques, step)
     for k in range(3):
         level, usual = _on_axis(k, weight, levels, columns)
         steady[k] = level - np.sum(usual * shift)
-    levels_out[:], errors_out[:], torques_out[:], columns_out[:] = levels, errors, torques, columns
-    gram_out[:], right_out[:] = gram, right
-
-
-@compiled
-def _gains_at(gains, torques):
-    """Return the gains (g, 1) of the filters at the torque of number `torques` (1,): at first every
-    one is a mean.
-    """
-    return np.maximum(gains, 1.0 / torques[0])
+    return levels, errors, torques, columns, gram, right, shift, steady
 
 
 @compiled
@@ -190,7 +171,9 @@ def _filtered(gains, levels, errors, torques, torque, step):
     share = 0.0  # no filter forecast the first
     if torques[0] > 1:
         share = max(step / LONGEST_MEAN, 1.0 / (torques[0] - 1))
-    return levels + _gains_at(gains, torques) * error, errors + share * (error**2 - errors)
+    return levels + np.maximum(gains, 1.0 / torques[0]) * error, errors + share * (
+        error**2 - errors
+    )
 
 
 @compiled
@@ -210,11 +193,10 @@ def _followed(errors, torques, step):
 @compiled
 def _on_axis(k, weight, levels, columns):
     """Return the level [N·m] and the column (3,) [N] that the weighed filters follow on axis k."""
-    level, column = 0.0, np.zeros(3)
+    column = np.zeros(3)
     for i in range(len(weight)):
-        level += weight[i, k] * levels[i, k]
         column += weight[i, k] * columns[i, k]
-    return level, column
+    return np.sum(weight[:, k] * levels[:, k]), column
 
 
 @compiled

@@ -104,31 +104,25 @@ def filter_bank(
 
 
 @compiled
-def pull_moments(mean, weight, now, centre, covariance):
-    """Write mean (3,) and covariance (3, 3) over the members of the pull on the vehicle, in W
+def pull_moments(mean, weight, now):
+    """Return mean (3,) and covariance (3, 3) over the members of the pull on the vehicle, in W
     [m/s², m²/s⁴].
 
     Args:
         mean: (k, POINT) of the members.
         weight: (k,) of each [1].
         now: (9,) as of `filter_bank`.
-        centre: (3,) to be written [m/s²].
-        covariance: (3, 3) as well [m²/s⁴].
     """
+    centre, covariance = np.zeros(3), np.zeros((3, 3))
     pulls = np.empty((len(mean), 3))
     for i in range(len(mean)):
         _pull(mean[i], now, pulls[i])
-    centre[:] = 0.0
-    covariance[:] = 0.0
     for i in range(len(mean)):
-        for row in range(3):
-            centre[row] += weight[i] * pulls[i, row]
+        centre += weight[i] * pulls[i]
     for i in range(len(mean)):
-        for row in range(3):
-            for col in range(3):
-                covariance[row, col] += (
-                    weight[i] * (pulls[i, row] - centre[row]) * (pulls[i, col] - centre[col])
-                )
+        apart = pulls[i] - centre
+        covariance += np.outer(weight[i] * apart, apart)
+    return centre, covariance
 
 
 @compiled
@@ -142,8 +136,7 @@ def _predict(mean, covariance, drive, step, prior, keep, noise, out, out_covaria
     error = np.zeros(SIZE)
     for j in range(SIZE):
         for sign in (1.0, -1.0):
-            for k in range(SIZE):
-                error[k] = sign * width * root[k, j]
+            error[:] = sign * width * root[:, j]
             displace(mean, error, point)
             _advance(point, drive, step, prior, keep)
             difference(out, point, plus[j] if sign > 0 else minus[j])
@@ -169,15 +162,13 @@ def _update(mean, covariance, now, label, label_variance, out, out_covariance):
     width = math.sqrt(SPREAD)
     for j in range(SIZE):
         for sign in (1.0, -1.0):
-            for k in range(SIZE):
-                error[k] = sign * width * root[k, j]
+            error[:] = sign * width * root[:, j]
             displace(mean, error, point)
             _measure(point, now, force)
-            for k in range(3):
-                if sign > 0:
-                    plus[j, k] = force[k] - centre[k]
-                else:
-                    minus[j, k] = force[k] - centre[k]
+            if sign > 0:
+                plus[j] = force - centre
+            else:
+                minus[j] = force - centre
     shift, spread = np.zeros(3), np.zeros((3, 3))
     _moments(plus, minus, shift, spread)
     innovation = np.zeros(3)
@@ -186,10 +177,9 @@ def _update(mean, covariance, now, label, label_variance, out, out_covariance):
         innovation[k] = label[k] - centre[k] - shift[k]
     cross = np.zeros((SIZE, 3))
     for j in range(SIZE):
-        for k in range(3):
-            slope = (plus[j, k] - minus[j, k]) / (2.0 * width)
-            for row in range(j, SIZE):
-                cross[row, k] += root[row, j] * slope
+        slope = (plus[j] - minus[j]) / (2.0 * width)
+        for row in range(j, SIZE):
+            cross[row] += root[row, j] * slope
     # Kalman update: K = P_xy S^-1, x + K (y - y_hat), P - K P_xy'; P_xy by divided differences
     # along P's root
     inverse, determinant = _inverse(spread)
@@ -242,8 +232,7 @@ def _keep_mass_positive(mean, error, covariance):
     short = mean[MASS] + error[index]
     if short < 0.0:
         scale = short / max(covariance[index, index], TINY)
-        for k in range(SIZE):
-            error[k] -= covariance[k, index] * scale
+        error -= covariance[:, index] * scale
 
 
 @compiled
@@ -255,14 +244,11 @@ def _moments(plus, minus, mean, covariance):
     # with h² = `SPREAD`
     first, second = math.sqrt(1.0 / (4.0 * SPREAD)), math.sqrt((SPREAD - 1.0) / (4.0 * SPREAD**2))
     size = plus.shape[1]
-    odd, even = np.empty(size), np.empty(size)
     mean[:] = 0.0
     covariance[:] = 0.0
     for j in range(SIZE):
-        for a in range(size):
-            mean[a] += (plus[j, a] + minus[j, a]) / (2.0 * SPREAD)
-            odd[a] = first * (plus[j, a] - minus[j, a])
-            even[a] = second * (plus[j, a] + minus[j, a])
+        mean += (plus[j] + minus[j]) / (2.0 * SPREAD)
+        odd, even = first * (plus[j] - minus[j]), second * (plus[j] + minus[j])
         for a in range(size):
             for b in range(size):
                 covariance[a, b] += odd[a] * odd[b] + even[a] * even[b]
@@ -302,8 +288,7 @@ def displace(point, error, out):
     out[1] = near * n[1] + along * (a * e[1] + b * f1)
     out[2] = near * n[2] + along * (a * e[2] + b * f2)
     _across(out, e)
-    for k in range(2, SIZE):
-        out[k + 4] = point[k + 4] + error[k]
+    out[6:] = point[6:] + error[2:]
 
 
 @compiled
@@ -341,8 +326,7 @@ def difference(origin, point, out):
     w0, w1, w2 = tether_rate(point)
     out[2] = w0 * e[0] + w1 * e[1] + w2 * e[2] - origin[6]
     out[3] = w0 * f0 + w1 * f1 + w2 * f2 - origin[7]
-    for k in range(4, SIZE):
-        out[k] = point[k + 4] - origin[k + 4]
+    out[4:] = point[8:] - origin[8:]
 
 
 @compiled
@@ -388,8 +372,7 @@ def _advance(p, drive, step, prior, keep):
     p[6] = w0 * p[3] + w1 * p[4] + w2 * p[5]
     f0, f1, f2 = p[1] * p[5] - p[2] * p[4], p[2] * p[3] - p[0] * p[5], p[0] * p[4] - p[1] * p[3]
     p[7] = w0 * f0 + w1 * f1 + w2 * f2
-    for k in range(FIRST, POINT):
-        p[k] = prior[k - FIRST] + keep[k - FIRST] * (p[k] - prior[k - FIRST])
+    p[FIRST:] = prior + keep * (p[FIRST:] - prior)
 
 
 @compiled
@@ -413,13 +396,120 @@ def _pull(p, now, out):
     for k in range(3):
         along += p[k] * (_felt(p, now, k) + damping * now[3 + k])
     tension = max(0.0, length * (p[6] * p[6] + p[7] * p[7]) - along)
-    for k in range(3):
-        out[k] = mass / (1.0 + mass) * tension * p[k]
+    out[:] = mass / (1.0 + mass) * tension * p[:3]
 
 
 @compiled
 def _measure(p, now, out):
     """Write the label (3,) that a point predicts [m/s²]."""
     _pull(p, now, out)
-    for k in range(3):
-        out[k] += p[THRUST_ERROR] * now[k] - p[DRAG] * now[3 + k] + p[PUSH + k]
+    out += p[THRUST_ERROR] * now[:3] - p[DRAG] * now[3:6] + p[PUSH : PUSH + 3]
+
+
+RISE = PUSH + 2  # the slow force upwards, in a point; its error is `RISE_ERROR`
+RISE_ERROR = 9
+
+
+@compiled
+def mix_bank(mean, covariance, weight, transition, rise, mixed, mixed_covariance, mixed_weight):
+    """Let the conditions of each length interact: what one of them found is where the others go on
+    from.
+
+    A steady wind is level: a slow force upwards that a condition does not know keeps a member from
+    changing to it, so that such a force has under every condition the prior of that condition.
+
+    Args:
+        mean: (k, POINT), ordered by condition, then by length.
+        covariance: (k, SIZE, SIZE).
+        weight: (k,) [1].
+        transition: (c, c) probability of a change from one condition to another in a step.
+        rise: (c,) variance of the slow force upwards [m²/s⁴].
+        mixed: (k, POINT) to be written.
+        mixed_covariance: (k, SIZE, SIZE) as well.
+        mixed_weight: (k,) as well.
+    Source: Blom, Bar-Shalom 1988 (interacting multiple models); the changes balance as of
+        Metropolis et al. 1953.
+    """
+    kinds = len(transition)
+    lengths = len(mean) // kinds
+    shift, errors, shares = np.zeros(SIZE), np.zeros((kinds, SIZE)), np.zeros(kinds)
+    change = np.zeros((lengths, kinds, kinds))
+    for length in range(lengths):
+        for i in range(kinds):
+            own = i * lengths + length
+            _changes(
+                mean[own, RISE],
+                covariance[own, RISE_ERROR, RISE_ERROR],
+                transition[i],
+                rise,
+                i,
+                change[length, i],
+            )
+    for j in range(kinds):
+        for length in range(lengths):
+            here = j * lengths + length
+            total = 0.0
+            for i in range(kinds):
+                shares[i] = change[length, i, j] * weight[i * lengths + length]
+                total += shares[i]
+            mixed_weight[here] = total
+            shift[:] = 0.0
+            for i in range(kinds):
+                shares[i] = shares[i] / total if total > 0.0 else (1.0 if i == j else 0.0)
+                difference(mean[here], mean[i * lengths + length], errors[i])
+                shift += shares[i] * errors[i]
+            for a in range(SIZE):
+                for b in range(a + 1):
+                    value = 0.0
+                    for i in range(kinds):
+                        apart = (errors[i, a] - shift[a]) * (errors[i, b] - shift[b])
+                        value += shares[i] * (covariance[i * lengths + length, a, b] + apart)
+                    mixed_covariance[here, a, b] = value
+                    mixed_covariance[here, b, a] = value
+            displace(mean[here], shift, mixed[here])
+
+
+@compiled
+def weigh_bank(weight, likelihood, mean, prior, deviation, first, stay, out):
+    """Write the weights of the members after a label, of which a small share is drawn anew.
+
+    A change leads to a member whose parameters were fitted all along, as if it had always been
+    true: they must be such as could have been drawn.
+
+    Args:
+        weight: (k,) before it [1].
+        likelihood: (k,) logarithm of that of the label.
+        mean: (k, POINT) with the label.
+        prior: (k, 8) mean of the parameters.
+        deviation: (k, 8) of that prior.
+        first: (k,) weight before any flight [1].
+        stay: share that is not drawn anew [1].
+        out: (k,) to be written; they sum to one.
+    """
+    # Bayes: weight times likelihood, less the largest logarithm, so that nothing underflows
+    score = np.log(weight) + likelihood
+    largest, total, sum_out = score.max(), 0.0, 0.0
+    for i in range(len(out)):
+        out[i] = math.exp(score[i] - largest)
+        total += out[i]
+    for i in range(len(out)):
+        apart = 0.0  # squared distance of the parameters from their prior, in deviations
+        for k in range(prior.shape[1]):
+            apart += ((mean[i, FIRST + k] - prior[i, k]) / deviation[i, k]) ** 2
+        out[i] = stay * out[i] / total + (1.0 - stay) * first[i] * math.exp(-0.5 * apart)
+        sum_out += out[i]
+    out /= sum_out
+
+
+@compiled
+def _changes(push, variance, transition, rise, i, out):
+    """Write the probabilities (c,) of a change from condition i under a slow force upwards and its
+    variance.
+    """
+    own, out[i] = rise[i] + variance, 1.0
+    for j in range(len(rise)):
+        if j != i:
+            other = rise[j] + variance
+            odds = 0.5 * (math.log(own / other) + push * push * (1.0 / own - 1.0 / other))
+            out[j] = transition[j] * math.exp(min(odds, 0.0))
+            out[i] -= out[j]

@@ -9,8 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from np_drake.lifting.model.model_file import read_model, schema_of, write_model
-from np_drake.lifting.model.model_header import summary_in
+from np_drake.lifting.model.model_file import read_model, schema_of, summary_in, write_model
 from np_drake.vehicle.scaling import Scales, over_paper
 
 PAYLOAD_FILTER, OLD_NAME = (
@@ -66,17 +65,10 @@ class PayloadFilterModel:
                 raise ValueError(
                     f"PayloadFilterModel: {name} must be positive; got {getattr(self, name)}."
                 )
-        if not 0 <= self.delay < np.inf:
+        delayed = 0 <= self.delay < np.inf and 0 <= self.rotor_lag < np.inf
+        if not (delayed and self.thrust_error > -1 and np.isfinite(self.drag)):
             raise ValueError(
-                f"PayloadFilterModel: delay must not be negative [s]; got {self.delay}."
-            )
-        if (
-            not 0 <= self.rotor_lag < np.inf
-            or not self.thrust_error > -1
-            or not np.isfinite(self.drag)
-        ):
-            raise ValueError(
-                "PayloadFilterModel: rotor_lag must not be negative, thrust_error above "
+                "PayloadFilterModel: delay and rotor_lag must not be negative, thrust_error above "
                 "-1, drag finite."
             )
         for name, (length, unit) in VECTORS.items():

@@ -27,6 +27,8 @@ FIRST_NOISE = 0.3  # noise of a force label before any was seen [m/s²]; source:
 # second difference that counts as noise, in standard deviations [1]: larger ones are events
 CLIP = 4.0
 LEAST_WEIGHT = 0.01  # of a member in a forecast [1]
+PULL = ("mean", "weight", "now")  # of the memory, by the moments of the pull
+NOISE = ("labels", "variance", "seen")  # of the memory, by the noise of the labels
 
 
 class PayloadFilter:
@@ -100,24 +102,24 @@ class PayloadFilter:
         x, u = np.asarray(sample.x, float), np.asarray(sample.u, float)
         if not finite(x):
             return memory
-        if not finite(u):
-            u = memory["acting"]
+        u = u if finite(u) else memory["acting"]
         if not memory["seen"][0]:
             return {**memory, "x": x.copy(), "acting": u.copy(), "seen": np.ones(1)}
         mean_decay, decay = _lag(self.rotor_lag, self.step)
         before = memory["acting"] - u
         acting, over_step = u + decay * before, u + mean_decay * before
-        mass = self.model.mass
-        drive, now = np.empty(9), np.empty(9)
+        mass, chi = self.model.mass, np.asarray(sample.chi, float)
+        drive, now, force = np.empty(9), np.empty(9), chi[:3] / mass
         drives(
             memory["x"], x, self._hook, over_step[0] / mass, acting[0] / mass, self.step, drive, now
         )
-        chi = np.asarray(sample.chi, float)
-        force = chi[:3] / self.model.mass
         bank = self.bank.step_on(memory, drive, now, force, memory["variance"])
         new = {**memory, **bank, "x": x.copy(), "acting": acting, "now": now}
         if finite(chi):
-            new |= self._noise(memory, force)
+            known = (memory[name] for name in NOISE)
+            least = self.bank.options.least_noise
+            noise = _take_noise(*known, force, self._noise_share, least)
+            new |= dict(zip(NOISE, noise, strict=True))
             new |= self._hook_and_level(
                 new, chi[3:] - motion_torque(x, self._rate_torque, self._speed_torque)
             )
@@ -129,7 +131,7 @@ class PayloadFilter:
 
         What the members disagree about the pull is a doubt about its torque.
         """
-        pull, spread = self._pull_moments(memory)
+        pull, spread = kernel.pull_moments(*(memory[name] for name in PULL))
         turn = self.model.mass * attitude.rotation_matrix(memory["x"][Q])
         pull, spread = pull @ turn, turn.T @ spread @ turn
         doubt = torque_doubt(spread, self._cross, self._length_unit)
@@ -140,26 +142,7 @@ class PayloadFilter:
         """Return the pull of the tether on the vehicle at the last sample, mean of all members, in
         W (3,) [N].
         """
-        return self.model.mass * self._pull_moments(memory)[0]
-
-    @staticmethod
-    def _pull_moments(memory: Memory) -> tuple[np.ndarray, np.ndarray]:
-        """Return mean (3,) and covariance (3, 3) over the members of the pull in W [m/s²,
-        m²/s⁴].
-        """
-        centre, covariance = np.empty(3), np.empty((3, 3))
-        kernel.pull_moments(memory["mean"], memory["weight"], memory["now"], centre, covariance)
-        return centre, covariance
-
-    def _noise(self, memory: Memory, force: np.ndarray) -> Memory:
-        """Return the labels and the variance of their noise: a sixth of that of second
-        differences.
-        """
-        after = {name: np.empty_like(memory[name]) for name in ("labels", "variance", "seen")}
-        least = self.bank.options.least_noise
-        before = (memory[name] for name in after)
-        _take_noise(*before, force, self._noise_share, least, *after.values())
-        return after
+        return self.model.mass * kernel.pull_moments(*(memory[name] for name in PULL))[0]
 
     def forecast(self, memory: Memory, *, horizon: int, stride: int) -> WrenchForecast:
         """Return the forecast for a motion that goes on at the velocity and attitude of now."""
@@ -202,28 +185,25 @@ class PayloadFilter:
 
 
 @compiled
-def _take_noise(labels, variance, seen, force, share, least, labels_out, variance_out, seen_out):
-    """Write labels, variance and seen of the memory after one more force (3,) [m/s²].
+def _take_noise(labels, variance, seen, force, share, least):
+    """Return labels, variance and seen of the memory after one more force (3,) [m/s²]; the variance
+    of noise is a sixth of that of second differences.
 
     Args:
         labels: (2, 3) last forces, older first [m/s²].
         variance: (3,) of their noise [m²/s⁴].
         seen: (1,) samples so far.
-        force: (3,) new [m/s²].
         share: of a sample in the variance.
         least: deviation of the noise [m/s²].
-        labels_out: after the new one, like the others.
-        variance_out: (3,).
-        seen_out: (1,).
     """
     square = (force - 2 * labels[1] + labels[0]) ** 2 / 6
-    labels_out[0], labels_out[1] = labels[1], force
-    variance_out[:], seen_out[:] = variance, seen
-    if np.isfinite(square).all():
-        blend = max(share, 1.0 / (2.0 + seen[0]))
-        square = np.minimum(square, CLIP**2 * variance)
-        variance_out[:] = np.maximum(variance + blend * (square - variance), least**2)
-        seen_out[:] = seen + 1
+    kept = np.empty_like(labels)
+    kept[0], kept[1] = labels[1], force
+    if not np.isfinite(square).all():
+        return kept, variance.copy(), seen.copy()
+    blend = max(share, 1.0 / (2.0 + seen[0]))
+    square = np.minimum(square, CLIP**2 * variance)
+    return kept, np.maximum(variance + blend * (square - variance), least**2), seen + 1
 
 
 @lru_cache(maxsize=16)

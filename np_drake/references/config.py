@@ -33,8 +33,7 @@ class ReferenceConfig:
     band: list[float] = number([0.1, 0.8], "Hz", POSITIVE)  # lowest and highest tone of its x axis
     seed: int = number(0, "1", 0)  # of its phases
     corners: str = word(ROUND, *CORNERS)  # of a file's waypoints: rounded off, or a stop
-    follow: str = word("vehicle", "vehicle", "payload")  # whose position the track is
-    # distance from waypoints and their straight legs beyond which a flight warns
+    # distance from waypoints beyond which a flight warns
     within: float = number(0.1, "m", POSITIVE)
     dither: list[float] = number([0.0, 0.0, 0.0], "m", 0.0)  # RMS multisine per axis
     # tones of x; those of y and z lie between them [Hz]

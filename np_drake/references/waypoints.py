@@ -265,23 +265,6 @@ def nearest(points: np.ndarray, p: np.ndarray) -> np.ndarray:
     return np.array([np.min(_off(point[None], p[:-1], p[1:])) for point in points])
 
 
-def off_legs(points: np.ndarray, p: np.ndarray) -> tuple[float, int]:
-    """Return the largest distance of a path from the legs between waypoints [m], and the leg next
-    to which it is.
-
-    Args:
-        points: (k, 3) waypoints in their order [m].
-        p: (n, 3) positions of the path [m].
-    """
-    least, leg = np.full(len(p), np.inf), np.zeros(len(p), int)
-    for k, (a, b) in enumerate(pairwise(points)):  # of one leg at a time, as there may be many
-        off = _off(p, a[None], b[None])
-        leg[off < least] = k
-        least = np.minimum(least, off)
-    row = int(np.argmax(least))
-    return float(least[row]), int(leg[row])
-
-
 def _off(p: np.ndarray, start: np.ndarray, end: np.ndarray) -> np.ndarray:
     """Return the distances of points from the straight lines between start and end, row by row [m].
 

@@ -1,8 +1,12 @@
-"""Naive baselines: a constant wrench, and the last low-passed label, held over the horizon."""
+"""Baselines without training: a constant wrench, the last low-passed label held, the line through
+the last two, and a disturbance observer.
+"""
 
 import numpy as np
 
+from np_drake import rigid_body
 from np_drake.residual_model import Memory, Sample, WrenchForecast, constant_forecast
+from np_drake.vehicle import Vehicle
 
 
 class Constant:
@@ -60,4 +64,112 @@ class Hold:
 
     def forecast(self, memory: Memory, *, horizon: int, stride: int) -> WrenchForecast:
         """Return the held wrench."""
+        return constant_forecast(memory["chi"], horizon)
+
+
+class LinearExtrapolation:
+    """Residual model chi_i = chi + i (chi - chi before) of the last two labels."""
+
+    name = "linear"
+
+    def __init__(self, *, step: float):
+        self.step = step
+
+    def initial_memory(self) -> Memory:
+        """Return the memory before any sample: the last label and the one before, chi (2, 6), and
+        their count.
+        """
+        return {"chi": np.zeros((2, 6)), "count": np.zeros(1)}
+
+    def update(self, memory: Memory, sample: Sample) -> Memory:
+        """Return the memory after one more sample; a label with NaN is taken as on the line so
+        far.
+        """
+        now, before = memory["chi"]
+        good = bool(np.isfinite(sample.chi).all())
+        label = sample.chi if good else 2 * now - before
+        before = now if memory["count"][0] else label
+        return {"chi": np.stack([label, before]), "count": memory["count"] + float(good)}
+
+    def forecast(self, memory: Memory, *, horizon: int, stride: int) -> WrenchForecast:
+        """Return the line through the last two labels."""
+        now, before = memory["chi"]
+        return constant_forecast(
+            now + stride * np.arange(horizon)[:, None] * (now - before), horizon
+        )
+
+
+class DisturbanceObserver:
+    """Luenberger observer of eq. (1) with a constant disturbance: chi_dot = 0.
+
+    v_hat+ = v_hat + h v_dot(x, u, chi_hat) + l1 e,  chi_hat+ = chi_hat + M l2 e / h,  e = v -
+    v_hat; both poles of the error at p = exp(-2 pi bandwidth h), so l1 = 1 - p², l2 = (1 - p)².
+    Source: own choice; the standard form of offset-free MPC with pole placement, with the best of
+        seven
+    pairs of bandwidths.
+
+    Args:
+        step: time between samples [s].
+        force_bandwidth: [Hz].
+        torque_bandwidth: [Hz].
+    """
+
+    name = "observer"
+
+    def __init__(
+        self,
+        vehicle: Vehicle,
+        *,
+        step: float,
+        force_bandwidth: float = 5.0,
+        torque_bandwidth: float = 1.0,
+    ):
+        self.step, self._vehicle = step, vehicle
+        pole = np.exp(-2 * np.pi * np.repeat([force_bandwidth, torque_bandwidth], 3) * step)
+        self._l1, self._l2 = 1 - pole**2, (1 - pole) ** 2
+
+    def initial_memory(self) -> Memory:
+        """Return the memory before any sample.
+
+        chi: (6,) [N, N·m].
+        zeta: (6,) estimated [m/s, rad/s].
+        x: (13,) last measured state.
+        started: (1,).
+        """
+        return {"chi": np.zeros(6), "zeta": np.zeros(6), "x": np.zeros(13), "started": np.zeros(1)}
+
+    def update(self, memory: Memory, sample: Sample) -> Memory:
+        """Return the memory after one predictor-corrector step; a sample with NaN predicts only."""
+        seen = bool(np.all(np.isfinite(sample.x)))
+        if not memory["started"][0]:
+            if not seen:
+                return memory
+            return {
+                **memory,
+                "zeta": rigid_body.zeta(sample.x),
+                "x": sample.x,
+                "started": np.ones(1),
+            }
+        x = memory["x"].copy()
+        x[7:13] = memory["zeta"]
+        rate = rigid_body.state_derivative(self._vehicle, x, sample.u, memory["chi"])
+        predicted = memory["zeta"] + self.step * rate[7:13]
+        if not seen:
+            q = x[3:7] + self.step * rate[3:7]
+            x[3:7] = q / np.linalg.norm(q)
+            return {**memory, "zeta": predicted, "x": x}
+        error = rigid_body.zeta(sample.x) - predicted
+        impulse = self._l2 * error / self.step
+        chi = memory["chi"].copy()
+        chi[:3] += self._vehicle.mass * impulse[:3]
+        chi[3:] += self._vehicle.J @ impulse[3:]
+        return {
+            "chi": chi,
+            "zeta": predicted + self._l1 * error,
+            "x": sample.x,
+            "started": np.ones(1),
+        }
+
+    def forecast(self, memory: Memory, *, horizon: int, stride: int) -> WrenchForecast:
+        """Return the estimated disturbance, held over the horizon."""
         return constant_forecast(memory["chi"], horizon)

@@ -6,13 +6,12 @@ All are trained in closed form on the same segments, and nothing keeps them stab
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from np_drake import rigid_body
-from np_drake.lifting.model.delay_taps import DelayTaps
-from np_drake.lifting.model.encoders import DelayEncoder
+from np_drake.lifting.model.encoders import DelayEncoder, DelayTaps
 from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
-from np_drake.lifting.training.dmdc import fit_dmdc_system, sample_scale
-from np_drake.lifting.training.horizon_ridge import horizon_ridge, moments_of
+from np_drake.lifting.training.linear_fits import fit_dmdc_system, window_ridge
 from np_drake.residual_model import (
     FlightForecasts,
     Memory,
@@ -24,6 +23,13 @@ from np_drake.training_data.segments import Segment, check_segments
 
 DELAYS = 10  # samples that delay DMDc and the ridge see [1]
 NOISE = 1e-3  # of the ridge's samples, in units of their scale [1]
+# Of the ridge by groups: horizons that are fitted, and deviation of the features that a weight pays
+# for, in their standard deviation [1]
+GRID, GROUP_NOISE = 20, 0.1
+# Channels of chi that are forecast, and of a sample [chi, zeta] that they are forecast from:
+# lateral force from itself and the lateral velocity, vertical force from force and velocity, torque
+# from itself and the body rates
+GROUPS = (((0, 1), (0, 1, 6, 7)), ((2,), (0, 1, 2, 6, 7, 8)), ((3, 4, 5), (3, 4, 5, 9, 10, 11)))
 
 
 class Windowed:
@@ -82,100 +88,113 @@ class LinearBaseline(Windowed):
 
 
 class RidgeBaseline(Windowed):
-    """Separate linear map chi_hat_h = W_h w for every fitted horizon; it ignores the coming zeta.
+    """Separate linear map chi_hat_h = W_h [w; 1] for every fitted horizon; it ignores the coming
+    zeta.
 
     It is interpolated linearly between them and held beyond.
+
+    Args:
+        horizons: (H,) ascending [steps].
+        weights: (H, 6, 12 D) of the window, oldest sample first, in physical units.
+        constant: (H, 6) [N, N·m].
     """
 
-    def __init__(self, name: str, step: float, horizons: np.ndarray, W: np.ndarray):
-        """Keep the weights.
-
-        Args:
-            step: time between samples [s].
-            horizons: (H,) ascending [steps].
-            W: (12 D + 1, H, 6) weights of the window, oldest sample first, and of 1, in physical
-                units.
-        """
-        super().__init__(name, step, (len(W) - 1) // 12)
-        self._horizons, self._W = horizons, W
+    def __init__(
+        self,
+        name: str,
+        step: float,
+        horizons: np.ndarray,
+        weights: np.ndarray,
+        constant: np.ndarray,
+    ):
+        super().__init__(name, step, weights.shape[2] // 12)
+        self._horizons = horizons
+        self._W = np.concatenate([weights, constant[..., None]], axis=2)
 
     def _forecast(self, window: np.ndarray, horizon: int, stride: int) -> WrenchForecast:
-        features = np.append(window.ravel(), 1.0)
         steps = stride * np.arange(horizon)
-        return constant_forecast(np.einsum("p,phc->hc", features, self._at(steps)), horizon)
+        return constant_forecast(
+            self._between(self._W @ np.append(window.ravel(), 1.0), steps), horizon
+        )
 
-    def along(self, chi: np.ndarray, zeta: np.ndarray) -> "RidgeForecasts":
-        """Return all forecasts of a flight chi, zeta (n, 6) without gaps."""
-        return RidgeForecasts(self, np.hstack([chi, zeta]))
-
-    def _at(self, steps: np.ndarray) -> np.ndarray:
-        """Return the weights, interpolated, (12 D + 1, len(steps), 6)."""
+    def _between(self, course: np.ndarray, steps: np.ndarray) -> np.ndarray:
+        """Return forecasts of the fitted horizons, (H, 6), interpolated, (len(steps), 6)."""
         steps = np.minimum(steps, self._horizons[-1])
         right = np.clip(np.searchsorted(self._horizons, steps), 1, len(self._horizons) - 1)
         low, high = self._horizons[right - 1], self._horizons[right]
         share = ((steps - low) / (high - low))[:, None]
-        return (1 - share) * self._W[:, right - 1] + share * self._W[:, right]
-
-
-class RidgeForecasts:
-    """Forecasts of a `RidgeBaseline` over a whole flight.
-
-    Args:
-        samples: (n, 12) of [chi, zeta].
-    """
-
-    def __init__(self, model: RidgeBaseline, samples: np.ndarray):
-        self.first, self._model, self._samples = model.window - 1, model, samples
-
-    def at(
-        self, horizons: list[int], origins: np.ndarray, zeta: np.ndarray, *, zeta_known: bool
-    ) -> np.ndarray:
-        """Return chi_hat (o, len(horizons), 6) [N, N·m]; zeta is ignored."""
-        taps = DelayTaps(self._model.window, self._model.window, 0)
-        features = taps.features(self._samples, origins).reshape(len(origins), -1, 12)[:, ::-1]
-        features = np.hstack([features.reshape(len(origins), -1), np.ones((len(origins), 1))])
-        W = self._model._at(np.array(horizons))
-        return (features @ W.reshape(len(W), -1)).reshape(len(origins), len(horizons), 6)
+        return (1 - share) * course[right - 1] + share * course[right]
 
 
 def fit_dmdc(segments: Sequence[Segment], *, delays: int = 1) -> LinearBaseline:
-    """Fit chi+ = A chi + B zeta by least squares.
+    """Fit chi+ = A chi + B zeta by least squares over the last `delays` samples.
 
     z = [chi now, chi before, …, zeta before, …]; the coming zeta is the input.
-
-    Args:
-        delays: samples of chi and zeta that the system sees [1].
     """
-    return LinearBaseline(
-        "DMDc" if delays == 1 else "delay DMDc", *fit_dmdc_system(segments, delays)
-    )
+    name = "DMDc" if delays == 1 else "delay DMDc"
+    return LinearBaseline(name, *fit_dmdc_system(segments, delays))
 
 
 def fit_ridge(segments: Sequence[Segment], horizons: np.ndarray) -> RidgeBaseline:
-    """Fit the best linear map of the last `DELAYS` samples for every horizon; flights are weighted
-    alike.
-
-    Args:
-        horizons: (H,) ascending [steps].
+    """Fit the best linear map of the last `DELAYS` samples for every horizon (H,), ascending
+    [steps]; flights are weighted alike.
     """
     segments = check_segments(list(segments), DELAYS + int(horizons[-1]) + 1)
-    scale, taps = sample_scale(segments), DelayTaps(DELAYS, DELAYS, 0)
-    flights = moments_of(
-        segments, scale, taps=taps, horizons=horizons, max_origins=4000, symmetry=0.0
-    )
-    W = horizon_ridge(flights, noise=NOISE) * scale[:6]
-    newest_first = W[:-1].reshape(DELAYS, 12, len(horizons), 6) / scale[:, None, None]
-    W = np.concatenate([newest_first[::-1].reshape(12 * DELAYS, len(horizons), 6), W[-1:]])
-    return RidgeBaseline("ridge by horizon", segments[0].step, horizons, W)
+    taps = DelayTaps(DELAYS, DELAYS, 0)
+    weights, constant = window_ridge(segments, taps, horizons, noise=NOISE, origins=4000)
+    return RidgeBaseline("ridge by horizon", segments[0].step, horizons, weights, constant)
 
 
 def fit_all(
     segments: Sequence[Segment], horizons: np.ndarray
 ) -> dict[str, LinearBaseline | RidgeBaseline]:
-    """Return every linear baseline, by name.
-
-    Args:
-        horizons: (H,) of the ridge, ascending [steps].
-    """
+    """Return every linear baseline, by name; horizons (H,) are those of the ridge [steps]."""
     models = (fit_dmdc(segments), fit_dmdc(segments, delays=DELAYS), fit_ridge(segments, horizons))
     return {model.name: model for model in models}
+
+
+def fit_force_ridge(segments: Sequence[Segment], *, span: float, horizon: float) -> RidgeBaseline:
+    """Fit a ridge to every origin of the segments, by groups of channels, each of which sees its
+    own inputs.
+
+    Args:
+        span: of the window [s].
+        horizon: longest forecast [s].
+    Raises: ValueError: if no segment is longer than the window.
+    """
+    step = segments[0].step if segments else 1.0
+    window, longest = round(span / step), round(horizon / step)
+    segments = check_segments(list(segments), window + longest + 1)
+    horizons = np.unique(np.round(np.linspace(0, longest, GRID)).astype(int))
+    weights, constant = np.zeros((len(horizons), 6, window, 12)), np.zeros((len(horizons), 6))
+    for outputs, inputs in GROUPS:
+        X, Y = _origins(segments, outputs, inputs, window, horizons)
+        W, level = _centred_ridge(X, Y)
+        place = np.ix_(range(len(horizons)), outputs, range(window), inputs)
+        size = (window, len(inputs), len(horizons), len(outputs))
+        weights[place] = W.reshape(size).transpose(2, 3, 0, 1)
+        constant[:, outputs] = level.reshape(len(horizons), -1)
+    return RidgeBaseline("ridge", step, horizons, weights.reshape(*constant.shape, -1), constant)
+
+
+def _origins(segments, outputs, inputs, window: int, horizons: np.ndarray):
+    """Return the windows (o, W c) and goals (o, H k) of every origin, of these channels."""
+    features, goals = [], []
+    for segment in segments:
+        samples = np.hstack([segment.chi, segment.zeta])[:, inputs]
+        windows = sliding_window_view(samples, window, axis=0).transpose(0, 2, 1)
+        origins = np.arange(window - 1, len(samples) - int(horizons[-1]))
+        features.append(windows[: len(origins)].reshape(len(origins), -1))
+        goals.append(segment.goal[origins[:, None] + horizons][..., outputs])
+    Y = np.concatenate(goals)
+    return np.concatenate(features), Y.reshape(len(Y), -1)
+
+
+def _centred_ridge(X: np.ndarray, Y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return weights and constant of the ridge of Y on features of mean 0 and deviation 1."""
+    middle, level, scale = X.mean(axis=0), Y.mean(axis=0), np.maximum(X.std(axis=0), 1e-12)
+    Z = (X - middle) / scale
+    # (Z'Z + n noise² 1) W = Z'Y
+    gram = Z.T @ Z + GROUP_NOISE**2 * len(Z) * np.eye(Z.shape[1])
+    W = np.linalg.solve(gram, Z.T @ (Y - level)) / scale[:, None]
+    return W, level - middle @ W

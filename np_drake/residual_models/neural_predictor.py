@@ -1,4 +1,4 @@
-"""The Neural Predictor as a residual model: one class, configurations by name."""
+"""The Neural Predictor as a residual model: one class, and one for each way of lifting."""
 
 import dataclasses as dc
 from pathlib import Path
@@ -7,22 +7,14 @@ import numpy as np
 
 from np_drake import rigid_body
 from np_drake.lifting.model.adaptive_family import EVERY, AdaptiveFamily
-from np_drake.lifting.model.encoders import DelayEncoder, Phi
+from np_drake.lifting.model.encoders import Phi
 from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem, advance
 from np_drake.lifting.model.lifted_model import FAMILIES, MODE_DICTIONARY, LiftedModel
-from np_drake.lifting.model.model_file import load_model
-from np_drake.lifting.model.origin import rotor_lag_of
+from np_drake.lifting.model.model_file import load_model, rotor_lag_of
 from np_drake.lifting.model.window_refit import WindowRefit
 from np_drake.residual_model import FlightForecasts, Memory, Sample, WrenchForecast
 
-
-@dc.dataclass(frozen=True)
-class PredictorOptions:
-    """Options of a trained model in flight."""
-
-    torque: str = "hold"  # hold (last low-passed label) | predict
-    cutoff: float = 4.0  # of the low-pass on held labels [Hz]
-    refit: bool | None = None  # refit A, B on the window in flight; None: as the model asks
+CUTOFF = 4.0  # of the low-pass on held labels [Hz]
 
 
 @dc.dataclass
@@ -72,68 +64,43 @@ class NeuralPredictor:
 
     Args:
         model: of any configuration.
-        options: of its flight.
+        torque: hold (last low-passed label) | predict.
     """
 
-    def __init__(self, model: LiftedModel, options: PredictorOptions = PredictorOptions()):
-        if options.torque not in ("hold", "predict"):
-            raise ValueError(
-                f"NeuralPredictor: torque must be hold | predict; got {options.torque}."
-            )
-        if options.torque == "predict" and not model.predicts_torque:
+    def __init__(self, model: LiftedModel, *, torque: str = "hold"):
+        if torque not in ("hold", "predict"):
+            raise ValueError(f"NeuralPredictor: torque must be hold | predict; got {torque}.")
+        if torque == "predict" and not model.predicts_torque:
             raise ValueError(
                 "NeuralPredictor: this model must not predict torque; it was trained "
                 "without. Use hold."
             )
-        self.name = (
-            "np"
-            if model.configuration in (*FAMILIES, MODE_DICTIONARY)
-            else f"np-{model.configuration}"
-        )
-        self.step = model.step
-        self.model, self.options = model, options
+        ours = model.configuration in (*FAMILIES, MODE_DICTIONARY)
+        self.name = "np" if ours else f"np-{model.configuration}"
+        self.model, self.step = model, model.step
         self.rotor_lag = rotor_lag_of(model)  # through which its labels want the command [s]
-        self._blend = 1.0 - np.exp(-2 * np.pi * options.cutoff * model.step)
+        self._blend = 1.0 - np.exp(-2 * np.pi * CUTOFF * model.step)
+        self._predicted = 6 if torque == "predict" else 3  # channels of chi
         self._C = model.system.C.copy()
-        if options.torque == "hold":
-            self._C[3:] = 0.0
-        refit = model.refits if options.refit is None else options.refit
-        self._refit = WindowRefit(model) if refit else None
-        self._family = model.encoder if isinstance(model.encoder, AdaptiveFamily) else None
+        self._C[self._predicted :] = 0.0
+        self._lifting = _lifting_of(model)
         # Constants by stride, computed when first asked for
         self._resampled_offline: dict[int, LiftedLinearSystem] = {}
 
     @classmethod
-    def load(
-        cls, path: str | Path, options: PredictorOptions = PredictorOptions()
-    ) -> "NeuralPredictor":
+    def load(cls, path: str | Path) -> "NeuralPredictor":
         """Return the predictor of a model file.
 
-        Args:
-            path: of the model file.
-            options: of its flight.
         Raises: ValueError: one line, on a bad file.
         """
-        return cls(load_model(path), options)
+        return cls(load_model(path))
 
     def initial_memory(self) -> Memory:
         """Return the memory before any sample, whose forecast is zero."""
-        s = self.model.system
         scalars = {name: np.zeros(1) for name in ("count", "labels", "dropped", "gap")}
         window = np.zeros((self.model.window, 12))
-        memory = {"window": window, "z": np.zeros(s.K), "lowpass": np.zeros(6), **scalars}
-        rows = np.zeros((self.model.window - self.model.late, s.K + 6))
-        refit = {} if self._refit is None else {"A": s.A, "B": s.B, "rows": rows}
-        family = self._family
-        adapted = {}
-        if family is not None:
-            adapted = {
-                "A": s.A,
-                "B": s.B,
-                "theta": family.mean.copy(),
-                "covariance": family.covariance.copy(),
-            }
-        return memory | refit | adapted | self._fresh_trust()
+        memory = {"window": window, "z": np.zeros(self.model.system.K), "lowpass": np.zeros(6)}
+        return memory | scalars | self._lifting.initial_memory()
 
     def update(self, memory: Memory, sample: Sample) -> Memory:
         """Return the memory after one more sample; see the class for samples with NaN."""
@@ -144,18 +111,11 @@ class NeuralPredictor:
             blend = max(self._blend, 1.0 / new["labels"][0])
             new["lowpass"] = memory["lowpass"] + blend * (label - memory["lowpass"])
         if new["count"][0] == 0:
-            return new | self._fresh_trust()
+            return new if self.model.trust is None else new | self.model.trust.initial_memory()
         chi = label if labelled else self._own_prediction(memory)
         row = np.concatenate([chi, zeta if seen else memory["window"][-1, 6:]])
         new["window"] = np.concatenate([memory["window"][1:], row[None]])
-        warm = self._warm(new)
-        if self._refit is not None:
-            return new | self._refitted(memory["rows"], new["window"], warm)
-        if warm:
-            new |= self._lifted(new, labelled)
-        elif self.model.trust is not None and labelled:
-            new |= _named(self.model.trust.observe(_trust_of(new), chi))
-        return new
+        return new | self._lifting.update(new, warm=self._warm(new), labelled=labelled)
 
     def along(self, chi: np.ndarray, zeta: np.ndarray) -> FlightForecasts | None:
         """Return the forecasts from `warm_up` samples on, equal to those of `update` sample by
@@ -165,26 +125,12 @@ class NeuralPredictor:
             chi: (n, 6) [N, N·m].
             zeta: (n, 6) [m/s, rad/s], without gaps.
         """
-        first, s, samples = self.model.warm_up - 1, self.model.system, np.hstack([chi, zeta])
-        A, B, before = s.A, s.B, None
+        first = self.model.warm_up - 1
         if len(chi) <= first:
             return None
-        if self._family is not None:
-            A, B, z = self._family.along(samples, self.step)
-            before = np.zeros(len(z))
-        elif isinstance(self.model.encoder, DelayEncoder):
-            z = self.model.encoder.along(samples)
-        else:
-            if self._refit is not None:
-                A, B, before = self._refit.along(samples, self.model.window)
-            since = np.arange(first, len(chi))[:, None] - np.arange(self.model.late, 0, -1)
-            assert isinstance(self.model.encoder, Phi)
-            z = advance(self.model.encoder(chi[first:]), A, B, zeta[since])
-        if self.model.trust is not None:
-            z = self.model.trust.along(z, chi, first)
+        A, B, z, before = self._lifting.along(chi, zeta)
         offset = np.zeros((len(z), 6))
-        if self.options.torque == "hold":
-            offset[:, 3:] = self._lowpassed(chi)[first:, 3:]
+        offset[:, self._predicted :] = self._lowpassed(chi)[first:, self._predicted :]
         if before is None:
             return FlightForecasts(first, A, B, self._C, z, offset)
         return RefitForecasts(first, A, B, self._C, z, offset, before)
@@ -194,18 +140,17 @@ class NeuralPredictor:
 
         Torque (unless predicted), and everything before `warm_up`, is held in `offset`.
         """
-        warm = self._warm(memory)
-        offset = memory["lowpass"].copy()
-        if warm:
-            offset[: 6 if self.options.torque == "predict" else 3] = 0.0
-        system = self._resampled(memory, stride)
-        B = system.B if warm else np.zeros_like(system.B)
-        z = memory["z"] if warm else np.zeros_like(memory["z"])
-        return WrenchForecast(system.A, B, self._C, z, np.tile(offset, (horizon, 1)))
+        offset, system, z = memory["lowpass"].copy(), self._resampled(memory, stride), memory["z"]
+        if self._warm(memory):
+            offset[: self._predicted] = 0.0
+        else:
+            system, z = dc.replace(system, B=np.zeros_like(system.B)), np.zeros_like(z)
+        return WrenchForecast(system.A, system.B, self._C, z, np.tile(offset, (horizon, 1)))
 
-    def chi_hat(self, memory: Memory) -> np.ndarray:
-        """Return the wrench now, as the forecast begins, (6,) [N, N·m]."""
-        return self.forecast(memory, horizon=1, stride=1).rollout(np.zeros((1, 6)))[0]
+    def system(self, memory: Memory) -> LiftedLinearSystem:
+        """Return the lifted linear system in use now, at the model's step."""
+        s = self.model.system
+        return LiftedLinearSystem(memory["A"], memory["B"], s.C, s.step) if "A" in memory else s
 
     def _lowpassed(self, chi: np.ndarray) -> np.ndarray:
         """Return the low-passed labels of a flight without gaps, (n, 6)."""
@@ -220,62 +165,16 @@ class NeuralPredictor:
         W = self.model.window
         gap = np.zeros(1) if complete else memory["gap"] + 1.0
         lost = gap[0] >= W or (not complete and memory["count"][0] == 0)
-        count = np.zeros(1) if lost else np.minimum(memory["count"] + 1.0, W)
-        labels, dropped = (
-            memory["labels"] + float(labelled),
-            memory["dropped"] + float(not complete),
-        )
-        return {"gap": gap, "count": count, "labels": labels, "dropped": dropped}
-
-    def _fresh_trust(self) -> Memory:
-        return {} if self.model.trust is None else _named(self.model.trust.initial_memory())
+        return {
+            "gap": gap,
+            "count": np.zeros(1) if lost else np.minimum(memory["count"] + 1.0, W),
+            "labels": memory["labels"] + float(labelled),
+            "dropped": memory["dropped"] + float(not complete),
+        }
 
     def _warm(self, memory: Memory) -> bool:
         """Return whether there are samples enough for a forecast."""
         return bool(memory["count"][0] >= self.model.warm_up)
-
-    def _refitted(self, rows: np.ndarray, window: np.ndarray, full: bool) -> Memory:
-        """Return the rows with the newest sample of the window (W, 12); of a full window also z, A
-        and B.
-        """
-        assert self._refit is not None
-        rows = np.concatenate([rows[1:], self._refit.rows(window[-1 - self.model.late :])])
-        if not full:
-            return {"rows": rows}
-        A, B = self._refit.solve(rows)
-        return {
-            "rows": rows,
-            "z": advance(rows[-1, :-6], A, B, self.model.since_label(window)),
-            "A": A,
-            "B": B,
-        }
-
-    def _lifted(self, memory: Memory, labelled: bool) -> Memory:
-        """Return z, and the memory of the trust; of a family also theta and its covariance, where
-        they change.
-        """
-        if self._family is not None:
-            found: Memory = {}
-            theta = memory["theta"]
-            full = memory["count"][0] == self.model.window
-            if full and labelled and memory["labels"][0] % EVERY == 0:
-                theta, covariance = self._family.update(
-                    theta, memory["covariance"], memory["window"], self.step
-                )
-                found = {"theta": theta, "covariance": covariance}
-            at, z = self._family.read(memory["window"], theta)
-            if at is not memory["theta"]:  # newly estimated, or corrected by the network
-                s = self._family.system(at, self.step)
-                found |= {"A": s.A, "B": s.B}
-            return {"z": z, **found}
-        z, chi = self.model.lift(memory["window"]), memory["window"][-1, :6]
-        if self.model.trust is None:
-            return {"z": z}
-        kept = _trust_of(memory)
-        if labelled:
-            kept = self.model.trust.observe(kept, chi)
-        kept, z = self.model.trust.correct(kept, z, chi)
-        return {"z": z, **_named(kept)}
 
     def _own_prediction(self, memory: Memory) -> np.ndarray:
         """Return what the model expected for this sample before it came, (6,)."""
@@ -288,29 +187,111 @@ class NeuralPredictor:
             chi[3:] = memory["lowpass"][3:]
         return chi
 
-    def system(self, memory: Memory) -> LiftedLinearSystem:
-        """Return the lifted linear system in use now, at the model's step."""
-        s = self.model.system
-        return LiftedLinearSystem(memory["A"], memory["B"], s.C, s.step) if "A" in memory else s
-
     def _resampled(self, memory: Memory, stride: int) -> LiftedLinearSystem:
-        s = self.model.system
         if "A" in memory:
             return self.system(memory).resample(stride)
         if stride not in self._resampled_offline:
-            self._resampled_offline[stride] = s.resample(stride)
+            self._resampled_offline[stride] = self.model.system.resample(stride)
         return self._resampled_offline[stride]
 
 
-def _named(memory: Memory) -> Memory:
-    """Return the memory of a trust under its names in the predictor's memory."""
-    return {f"trust/{name}": value for name, value in memory.items()}
+Along = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray | None]  # A, B, z, radius before
 
 
-def _trust_of(memory: Memory) -> Memory:
-    """Return the memory of the trust under its own names, the inverse of `_named`."""
-    return {
-        name.removeprefix("trust/"): value
-        for name, value in memory.items()
-        if name.startswith("trust/")
-    }
+class _Windowed:
+    """Linear encoder of the window, its forecast corrected by a trust where the model has one."""
+
+    def __init__(self, model: LiftedModel):
+        self.model, self._encoder = model, model.linear_encoder
+
+    def initial_memory(self) -> Memory:
+        """Return what is kept beside the predictor's own memory."""
+        return {} if self.model.trust is None else self.model.trust.initial_memory()
+
+    def update(self, memory: Memory, *, warm: bool, labelled: bool) -> Memory:
+        """Return z, once `warm`, and what else changes with the newest sample of the window."""
+        z = self._encoder(memory["window"]) if warm else None
+        if self.model.trust is None:
+            return {} if z is None else {"z": z}
+        return self.model.trust.update(memory, z, memory["window"][-1, :6], labelled=labelled)
+
+    def along(self, chi: np.ndarray, zeta: np.ndarray) -> Along:
+        """Return A, B and z (o, K) from `warm_up` samples on of a flight without gaps."""
+        z = self._encoder.along(np.hstack([chi, zeta]))
+        if self.model.trust is not None:
+            z = self.model.trust.along(z, chi, self.model.warm_up - 1)
+        return self.model.system.A, self.model.system.B, z, None
+
+
+class _Refitted:
+    """Phi of one label, with A and B refit on the window."""
+
+    def __init__(self, model: LiftedModel):
+        self.model, self._refit = model, WindowRefit(model)
+
+    def initial_memory(self) -> Memory:
+        """Return A, B, and the window as the refit reads it."""
+        s = self.model.system
+        rows = np.zeros((self.model.window - self.model.late, s.K + 6))
+        return {"A": s.A, "B": s.B, "rows": rows}
+
+    def update(self, memory: Memory, *, warm: bool, labelled: bool) -> Memory:
+        """Return the rows with the newest sample; of a full window also z, A and B."""
+        window = memory["window"]
+        newest = self._refit.rows(window[-1 - self.model.late :])
+        rows = np.concatenate([memory["rows"][1:], newest])
+        if not warm:
+            return {"rows": rows}
+        A, B = self._refit.solve(rows)
+        z = advance(rows[-1, :-6], A, B, self.model.since_label(window))
+        return {"rows": rows, "z": z, "A": A, "B": B}
+
+    def along(self, chi: np.ndarray, zeta: np.ndarray) -> Along:
+        """Return A (o, K, K), B (o, K, 6), z (o, K), and A's spectral radius before it was made
+        stable.
+        """
+        first, late = self.model.warm_up - 1, self.model.late
+        A, B, before = self._refit.along(np.hstack([chi, zeta]), self.model.window)
+        since = np.arange(first, len(chi))[:, None] - np.arange(late, 0, -1)
+        return A, B, advance(self._refit.phi(chi[first:]), A, B, zeta[since]), before
+
+
+class _Adapted:
+    """Family of systems whose theta is estimated in flight."""
+
+    def __init__(self, model: LiftedModel, family: AdaptiveFamily):
+        self.model, self._family = model, family
+
+    def initial_memory(self) -> Memory:
+        """Return A, B, theta and its covariance."""
+        s, family = self.model.system, self._family
+        adapted = {"theta": family.mean.copy(), "covariance": family.covariance.copy()}
+        return {"A": s.A, "B": s.B, **adapted}
+
+    def update(self, memory: Memory, *, warm: bool, labelled: bool) -> Memory:
+        """Return z, and where they change theta, its covariance, A and B."""
+        if not warm:
+            return {}
+        found: Memory = {}
+        theta, window, step = memory["theta"], memory["window"], self.model.step
+        full = memory["count"][0] == self.model.window
+        if full and labelled and memory["labels"][0] % EVERY == 0:
+            theta, covariance = self._family.update(theta, memory["covariance"], window, step)
+            found = {"theta": theta, "covariance": covariance}
+        at, z = self._family.read(window, theta)
+        if at is not memory["theta"]:  # newly estimated, or corrected by the network
+            s = self._family.system(at, step)
+            found |= {"A": s.A, "B": s.B}
+        return {"z": z, **found}
+
+    def along(self, chi: np.ndarray, zeta: np.ndarray) -> Along:
+        """Return A (o, K, K), B (o, K, 6) and z (o, K) from `warm_up` samples on."""
+        A, B, z = self._family.along(np.hstack([chi, zeta]), self.model.step)
+        return A, B, z, np.zeros(len(z))
+
+
+def _lifting_of(model: LiftedModel) -> _Windowed | _Refitted | _Adapted:
+    """Return how windows are lifted in flight."""
+    if isinstance(model.encoder, AdaptiveFamily):
+        return _Adapted(model, model.encoder)
+    return _Refitted(model) if isinstance(model.encoder, Phi) else _Windowed(model)

@@ -10,7 +10,7 @@ import numpy as np
 from np_drake.flight_log import FlightLog
 from np_drake.labels import LabelConfig, default_labels
 from np_drake.lifting.model.lifted_model import LiftedModel
-from np_drake.lifting.model.origin import origin_of, require_origin, with_origin, with_rotor_lag
+from np_drake.lifting.model.model_file import origin_of, require_origin, with_origin
 from np_drake.lifting.training.excitation import measure_excitation
 from np_drake.lifting.training.family_training import placed
 from np_drake.lifting.training.network_training import judged
@@ -142,6 +142,5 @@ def _signed(
 ) -> LiftedModel:
     """Return the model with its origin and the rotor lag."""
     vehicle, frame = vehicle or flights[0].vehicle, flights[0].frame if flights else "world"
-    return with_rotor_lag(
-        with_origin(model, origin_of(frame, vehicle, label or default_labels(vehicle))), lag
-    )
+    origin = origin_of(frame, vehicle, label or default_labels(vehicle))
+    return with_origin(model, origin, rotor_lag=lag)

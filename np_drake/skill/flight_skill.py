@@ -9,17 +9,57 @@ import numpy as np
 
 from np_drake.flight_log import FlightLog
 from np_drake.lifting.model.lifted_model import FAMILIES, MODE_DICTIONARY, PAPER, LiftedModel
-from np_drake.lifting.model.origin import origin_of, require_origin
+from np_drake.lifting.model.model_file import origin_of, require_origin
 from np_drake.logs.formats.neurobem_wrenches import TESTS
 from np_drake.payload_filter.model_file import PAYLOAD_FILTER, PayloadFilterModel
 from np_drake.payload_filter.predictor import PayloadFilter
-from np_drake.residual_model import ResidualModel
-from np_drake.residual_models.neural_predictor import NeuralPredictor, PredictorOptions
-from np_drake.skill.skill import UNTRAINED, skill_table
-from np_drake.skill.window_stability import walked_stability, window_stability
-from np_drake.training_data.sampled_flight import SampledFlight
+from np_drake.residual_model import FlightForecasts, ResidualModel
+from np_drake.residual_models.neural_predictor import NeuralPredictor, RefitForecasts
+from np_drake.skill.skill import UNTRAINED, skill_table, walk
 from np_drake.training_data.segments import Segment, WrenchSequence
-from np_drake.training_data.training_segments import Flight, flown_segments
+from np_drake.training_data.training_segments import Flight, SampledFlight, flown_segments
+
+ROUNDING = 1e-9  # of a spectral radius [1]
+CHUNK = 4000  # windows at a time, for memory [1]
+
+
+@dc.dataclass(frozen=True)
+class WindowStability:
+    """Counts of unstable windows of one flight.
+
+    pulled: windows whose least-squares A lay outside and was made stable before use (0 without a
+    refit).
+    """
+
+    windows: int  # of the flight
+    unstable: int  # of these, with a spectral radius of A above 1
+    largest: float  # of all radii [1]
+    pulled: int
+
+
+def walked_stability(model: ResidualModel, flight: SampledFlight) -> WindowStability:
+    """Return the counts over every sample of a flight, of a model that makes its A anew at each.
+
+    A pendulum without damping lies on the unit circle, so that rounding does not count.
+    """
+    forecasts = [model.forecast(memory, horizon=1, stride=1) for _, memory in walk(model, flight)]
+    radius = np.abs(np.linalg.eigvals(np.stack([forecast.A for forecast in forecasts]))).max(axis=1)
+    return WindowStability(
+        len(radius), int(np.sum(radius > 1.0 + ROUNDING)), float(radius.max()), 0
+    )
+
+
+def stability_of(course: FlightForecasts) -> WindowStability:
+    """Return the counts over given forecasts."""
+    windows = len(course.z)
+    if not isinstance(course, RefitForecasts):
+        radius = np.full(windows, np.abs(np.linalg.eigvals(course.A)).max(initial=0.0))
+        return WindowStability(windows, int(np.sum(radius > 1.0)), float(radius[0]), 0)
+    pieces = [course.A[i : i + CHUNK] for i in range(0, len(course.A), CHUNK)]
+    radius = np.concatenate([np.abs(np.linalg.eigvals(A)).max(axis=1) for A in pieces])
+    pulled = int(np.sum(course.before > radius + 1e-12))
+    return WindowStability(len(radius), int(np.sum(radius > 1.0)), float(radius.max()), pulled)
+
 
 OURS = (PAPER, *FAMILIES, MODE_DICTIONARY, PAYLOAD_FILTER)
 WARM_UP = 40  # samples before the first origin, at least [1]
@@ -69,9 +109,9 @@ def score_flights(
                 seen={} if seen is None else {label: seen},
             )
             rows += [
-                {**dc.asdict(row), "horizon": row.horizon * segment.step, "zeta": zeta}
+                {**row, "horizon": row["horizon"] * segment.step, "zeta": zeta}
                 for row in table
-                if place == 0 or row.model not in UNTRAINED
+                if place == 0 or row["model"] not in UNTRAINED
             ]
             on_model(number * len(models) + place + 1, len(flights) * len(models))
     return rows
@@ -86,9 +126,7 @@ def _predictor(model: Model) -> NeuralPredictor | PayloadFilter:
     """Return the predictor of a model; torque is predicted where it was trained."""
     if isinstance(model, PayloadFilterModel):
         return PayloadFilter(model)
-    return NeuralPredictor(
-        model, PredictorOptions(torque="predict" if model.predicts_torque else "hold")
-    )
+    return NeuralPredictor(model, torque="predict" if model.predicts_torque else "hold")
 
 
 def _longest_flown(
@@ -187,7 +225,13 @@ def flight_stability(
             predictor = _predictor(model)
             segment, seen = _longest_flown(flight, predictor)
             if isinstance(predictor, NeuralPredictor):
-                found = window_stability(predictor, segment.chi, segment.zeta)
+                course = predictor.along(segment.chi, segment.zeta)
+                if course is None:
+                    raise ValueError(
+                        f"stability: at least {predictor.model.warm_up} samples are needed; "
+                        f"got {len(segment)}."
+                    )
+                found = stability_of(course)
             elif seen is not None:
                 found = walked_stability(predictor, seen)
             lines.append({"flight": flight_name(flight), "model": label, **dc.asdict(found)})

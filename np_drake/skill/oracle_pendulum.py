@@ -11,8 +11,8 @@ from np_drake import attitude
 from np_drake.effects.pendulum import Payload, hook_velocity
 from np_drake.residual_model import Memory, Plan, Sample, WrenchForecast, constant_forecast
 from np_drake.residual_models.oracle import TrueModel
-from np_drake.skill.flight_walk import held_plan
-from np_drake.training_data.sampled_flight import SampledFlight
+from np_drake.skill.skill import held_plan
+from np_drake.training_data.training_segments import SampledFlight
 from np_drake.vehicle import Vehicle
 
 SUPPORT = (
@@ -115,13 +115,8 @@ class OraclePendulum:
         thrust = np.zeros(4)  # of no matter: without actuator effects commands act at once
         chi = self._truth.wrench_along(plan.x, plan.u, step, rotor_thrust=thrust, swing_state=state)
         if self._rest is not None:
-            chi[:, :3] -= self._rest.drag * _mean_velocity(plan.x)
+            chi[:, :3] -= self._rest.drag * 0.5 * (plan.x[1:, 7:10] + plan.x[:-1, 7:10])
         return chi
-
-
-def _mean_velocity(x: np.ndarray) -> np.ndarray:
-    """Return the mean velocity over each step (N, 3) [m/s] of states x (N+1, 13)."""
-    return 0.5 * (x[1:, 7:10] + x[:-1, 7:10])
 
 
 def oracle_pendulum(
@@ -162,7 +157,7 @@ def remaining_drag(flights: Iterable[tuple[SampledFlight, OraclePendulum]]) -> f
         driven = np.array(
             [model._driven(k, plan, flight.step)[0, :2] for k, plan in enumerate(steps)]
         )
-        left, v = flight.chi[1:, :2] - driven, _mean_velocity(flight.x)[:, :2]
+        left, v = flight.chi[1:, :2] - driven, 0.5 * (flight.x[1:, 7:9] + flight.x[:-1, 7:9])
         good = np.isfinite(left).all(axis=1)
         left, v = left[good] - left[good].mean(axis=0), v[good] - v[good].mean(axis=0)
         over, under = over - float(np.sum(left * v)), under + float(np.sum(v * v))

@@ -1,45 +1,142 @@
 """Multi-step prediction error of residual models on one flight, beside naive predictors."""
 
-import dataclasses as dc
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 from scipy import stats
 
-from np_drake.residual_model import ResidualModel
-from np_drake.skill.flight_walk import HELD, KNOWN, flight_forecasts
-from np_drake.training_data.sampled_flight import SampledFlight, of_wrenches
+from np_drake.residual_model import ForecastsWholeFlights, Memory, Plan, ReadsPlan, ResidualModel
+from np_drake.rigid_body import P, V, W
+from np_drake.training_data.training_segments import SampledFlight, of_wrenches
+
+KNOWN, HELD = "known", "held"  # coming motion
+MOTIONS = (KNOWN, HELD)
+
+
+def walk(model: ResidualModel, flight: SampledFlight) -> Iterator[tuple[int, Memory]]:
+    """Yield every sample's number and the memory after it."""
+    memory = model.initial_memory()
+    for k in range(len(flight)):
+        memory = model.update(memory, flight.sample(k))
+        yield k, memory
+
+
+def held_plan(x: np.ndarray, u: np.ndarray, *, steps: int, step: float) -> Plan:
+    """Return the motion x (13,) continued: velocity, attitude and command stay, and the body rates
+    are zero.
+
+    Own choice: a constant rate would turn the vehicle over within a second.
+
+    Args:
+        x: (13,) state now.
+        u: (4,) command that goes on [N, N·m].
+        steps: of the plan [1].
+        step: [s].
+    """
+    course = np.tile(x, (steps + 1, 1))
+    course[:, P] += step * np.arange(steps + 1)[:, None] * x[V]
+    course[1:, W] = 0.0
+    return Plan(course, np.tile(u, (steps, 1)))
+
+
+def flight_forecasts(
+    model: ResidualModel,
+    flight: SampledFlight,
+    horizons: list[int],
+    *,
+    first: int,
+    motion: str,
+    averaged: bool = True,
+) -> np.ndarray:
+    """Return the forecasts of labels 'horizons' steps ahead from sample `first` on, (n - first, H,
+    6) [N, N·m].
+
+    NaN where the flight ends before.
+
+    Args:
+        horizons: ascending [steps]; from 1 on for a model that reads a plan.
+        motion: `known`: the coming motion as flown; `held`: zeta stays, or for a model that reads a
+            plan `held_plan`.
+        averaged: whether the labels to be forecast are means of the step up to their sample, else
+            of its instant.
+    """
+    if motion not in MOTIONS:
+        raise ValueError(f"flight_forecasts: motion must be {' | '.join(MOTIONS)}; got {motion}.")
+    reads_plan = isinstance(model, ReadsPlan)
+    if not reads_plan and isinstance(model, ForecastsWholeFlights) and flight.gapless:
+        found = _at_once(model, flight, horizons, first=first, motion=motion)
+        if found is not None:
+            return found
+    if reads_plan and horizons[0] < 1:
+        raise ValueError(
+            f"flight_forecasts: horizons of {model.name} must be 1 or more; got {horizons[0]}."
+        )
+    chi_hat = np.full((len(flight) - first, len(horizons), 6), np.nan)
+    for k, memory in walk(model, flight):
+        steps = min(horizons[-1], len(flight) - 1 - k)
+        if k < first or steps < horizons[0]:
+            continue
+        if isinstance(model, ReadsPlan):
+            plan = _plan(flight, k, steps + (not averaged), motion)
+            course = _labels_along(model, memory, plan, averaged=averaged)
+        else:
+            zeta = flight.zeta[k : k + steps + 1]
+            zeta = zeta if motion == KNOWN else np.tile(zeta[0], (steps + 1, 1))
+            course = model.forecast(memory, horizon=steps + 1, stride=1).rollout(zeta)
+        reached = [h for h in horizons if h <= steps]
+        chi_hat[k - first, : len(reached)] = course[reached]
+    return chi_hat
+
+
+def _plan(flight: SampledFlight, k: int, steps: int, motion: str) -> Plan:
+    """Return the motion after sample k over `steps` steps, as flown until the flight ends, or
+    held.
+    """
+    if motion == KNOWN:
+        return Plan(flight.x[k : k + steps + 1], flight.u[k + 1 : k + steps + 1])
+    return held_plan(flight.x[k], flight.u[k], steps=steps, step=flight.step)
+
+
+def _labels_along(model: ReadsPlan, memory: Memory, plan: Plan, *, averaged: bool) -> np.ndarray:
+    """Return the forecasts of the labels 0, 1, … ahead along a plan, (N + 1, 6); of label 0 there
+    is none.
+    """
+    chi = model.forecast_along(memory, plan, horizon=len(plan.u), stride=1).rollout(
+        plan.x[:-1, 7:13]
+    )
+    if not averaged:
+        chi = 0.5 * (chi + np.vstack([chi[1:], chi[-1:]]))
+    return np.vstack([np.full((1, 6), np.nan), chi])
+
+
+def _at_once(
+    model: ForecastsWholeFlights,
+    flight: SampledFlight,
+    horizons: list[int],
+    *,
+    first: int,
+    motion: str,
+) -> np.ndarray | None:
+    """Return the forecasts by the model's own shortcut for whole flights; None where it cannot."""
+    course = model.along(flight.chi, flight.zeta)
+    if course is None or course.first > first:
+        return None
+    known, zeta, n = motion == KNOWN, flight.zeta, len(flight)
+    chi_hat = np.full((n - first, len(horizons), 6), np.nan)
+    whole = np.arange(first, n - horizons[-1])  # origins of which every target is there
+    if len(whole):
+        chi_hat[: len(whole)] = course.at(horizons, whole, zeta, zeta_known=known)
+    for i, h in enumerate(horizons[:-1]):
+        rest = np.arange(first + len(whole), n - h)
+        if len(rest):
+            chi_hat[rest - first, i] = course.at([h], rest, zeta, zeta_known=known)[:, 0]
+    return chi_hat
+
 
 NAIVE = ("persistence", "linear", "mean")  # whose best is what skill is measured by
 UNTRAINED = (*NAIVE, "past mean")  # rows of every table
-
-
-@dc.dataclass(frozen=True)
-class SkillRow:
-    """Errors of one model at one horizon; each RMSE is of the norm over all origins.
-
-    skill: RMSE over that of the best naive row at that horizon [1].
-    ratio: over that of persistence [1]; interval: 95 % of the ratio within this flight (see
-        `skill_interval`), NaN where the flight is
-        too short for one.
-    peak: longest forecast of the flight over its longest label [1]; a forecast that diverges has a
-        large one.
-    """
-
-    flight: str
-    model: str
-    horizon: int  # [steps]
-    force_rmse: float  # [N]
-    torque_rmse: float  # [N·m]
-    force_skill: float  # [1]
-    torque_skill: float  # [1]
-    force_ratio: float  # [1]
-    torque_ratio: float  # [1]
-    force_peak: float  # [1]
-    torque_peak: float  # [1]
-    force_interval: tuple[float, ...]  # (low, high) [1]
-    torque_interval: tuple[float, ...]  # (low, high) [1]
 
 
 def skill_table(
@@ -54,8 +151,17 @@ def skill_table(
     warm_up: int = 40,
     flight: str = "flight",
     seen: Mapping[str, SampledFlight] = MappingProxyType({}),
-) -> list[SkillRow]:
+) -> list[dict[str, Any]]:
     """Return the rows of all models and naive predictors, horizon by horizon.
+
+    flight, model, horizon [steps], and of force and torque each (`force_rmse` …):
+
+    rmse: of the norm over all origins [N, N·m].
+    skill: RMSE over that of the best naive row at that horizon [1].
+    ratio: over that of persistence [1]; interval: 95 % of the ratio within this flight (see
+        `ratio_interval`), NaN where the flight is too short for one.
+    peak: longest forecast of the flight over its longest label [1]; a forecast that diverges has a
+        large one.
 
     Args:
         chi: (n, 6) labels as the models see them [N, N·m].
@@ -81,7 +187,7 @@ def skill_table(
         predictions[name] = model_predictions(
             model, chi, zeta, origins, horizons, zeta_known=zeta_known, seen=seen.get(name)
         )
-    square = {name: _square(prediction - goal) for name, prediction in predictions.items()}
+    square = {name: _size(prediction - goal) ** 2 for name, prediction in predictions.items()}
     rmse = {name: np.sqrt(error.mean(axis=0)) for name, error in square.items()}
     longest = _size(chi).max(axis=0)
     peaks = {
@@ -107,11 +213,8 @@ def skill_table(
                 for k, kind in enumerate(("force", "torque"))
             }
             force, torque = (tuple(map(float, bounds)) for bounds in interval[name][i])
-            rows.append(
-                SkillRow(
-                    flight, name, horizon, **figures, force_interval=force, torque_interval=torque
-                )
-            )
+            named = {"flight": flight, "model": name, "horizon": horizon}
+            rows.append({**named, **figures, "force_interval": force, "torque_interval": torque})
     return rows
 
 
@@ -165,7 +268,6 @@ def model_predictions(
     *,
     zeta_known: bool,
     seen: SampledFlight | None = None,
-    at_once: bool = True,
 ) -> np.ndarray:
     """Return chi_hat (o, len(horizons), 6) [N, N·m] of a model that walks along a flight, see
     `flight_walk`.
@@ -177,7 +279,6 @@ def model_predictions(
         horizons: [steps].
         zeta_known: use the true coming motion, else hold the last one.
         seen: the flight as the model sees it, where it needs more than chi and zeta.
-        at_once: of the whole flight at once where the model can.
     """
     flight = of_wrenches(chi, zeta, model.step) if seen is None else seen
     chi_hat = flight_forecasts(
@@ -187,15 +288,8 @@ def model_predictions(
         first=int(origins[0]),
         motion=KNOWN if zeta_known else HELD,
         averaged=False,
-        at_once=at_once,
     )
     return chi_hat[origins - origins[0]]
-
-
-def _square(error: np.ndarray) -> np.ndarray:
-    """Return the squared norm of force [N²] and torque [N²·m²], (o, len(horizons), 2)."""
-    square = error**2
-    return np.stack([square[..., :3].sum(-1), square[..., 3:].sum(-1)], axis=-1)
 
 
 BLOCKS = 20  # a flight is cut into at most so many [1]

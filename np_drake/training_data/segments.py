@@ -26,11 +26,6 @@ class WrenchSequence:
     def __len__(self) -> int:
         return len(self.chi)
 
-    @property
-    def t(self) -> np.ndarray:
-        """Time from the first row, (n,) [s]."""
-        return self.step * np.arange(len(self))
-
     def check(self) -> "WrenchSequence":
         """Return self after checking shapes and names.
 

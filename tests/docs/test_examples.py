@@ -16,6 +16,7 @@ PRINTS = {  # script: what stands in its last lines
     "add_an_effect": "('ground_spring',)",
     "custom_diagram": "E_xy",
     "own_controller": ", 0.3",
+    "cooperative": "closest approach",
     "diagnose_a_log": "suspended_payload",
     "fly_a_scenario": "np",
     "learn_a_correction": "cascade + correction: 4.",

@@ -9,7 +9,6 @@ from diagrams.loop.flight import default_flight
 from diagrams.loop.flight_result import fly
 from np_drake.autopilot.firmware import AutopilotError, find_firmware
 from np_drake.identification.rate_loop import identify_rate_loop
-from np_drake.logs.opening import open_flights
 from np_drake.vehicle import Vehicle
 from np_drake.vehicle.vehicle import RateLoop
 from systems.betaflight import BetaflightAutopilot
@@ -50,15 +49,6 @@ def test_its_rate_loop_is_that_of_the_gains_it_was_given(flown):
             1 / 20.0 < loop.lag < 0.1
         )  # behind the bandwidth of 20 rad/s: rotors, filters and link
         assert loop.gain == pytest.approx(1.05, abs=0.1)
-
-
-def test_the_firmwares_own_log_is_read_as_that_of_any_betaflight(flown, tmp_path):
-    (tmp_path / "flight.bbl").write_bytes(flown["nominal"].blackbox)
-    (log,), _ = open_flights(tmp_path / "flight.bbl", VEHICLE)
-    own = flown["nominal"].log()
-    assert log.commanded_rates is not None
-    assert log.t[-1] == pytest.approx(own.t[-1], abs=3.0)
-    assert np.std(log.w[:, 0]) == pytest.approx(np.std(own.w[:, 0]), rel=0.15)
 
 
 @pytest.mark.parametrize("port", ["x", "acceleration", "rates_thrust"])

@@ -11,8 +11,9 @@ from np_drake.effects.base import Measurement
 from np_drake.effects.calibration import effects_of
 from np_drake.effects.combine import split_effects
 from np_drake.vehicle import Vehicle
-from np_drake.vehicle.vehicle import Calibration
-from systems.initial_state import set_hover
+from np_drake.vehicle.vehicle import Calibration, RateLoop
+from systems.plant import set_hover
+from systems.rate_loop import RateLoopTorque
 from systems.tethered_quadrotor import PayloadConfig, make_tethered_quadrotor
 
 NO_PAYLOAD = PayloadConfig(tether="none")
@@ -98,3 +99,16 @@ def test_a_tilted_imu_reads_the_bodys_rates_in_its_own_axes():
 def test_a_clock_offset_is_that_of_the_state_columns(offset):
     (effect,) = effects_of(Calibration(clock_offset=offset), NOMINAL)
     assert effect.clock_shift == offset
+
+
+def test_it_passes_thrust_and_turns_by_the_loops_torque():
+    vehicle = dc.replace(Vehicle(), rate_loop=RateLoop())
+    dut = RateLoopTorque(vehicle)
+    context = dut.CreateDefaultContext()
+    x, command = np.eye(13)[3], np.array([21.0, 0.5, -0.2, 0.1])
+    x[10:] = [0.3, 0.1, -0.4]
+    dut.GetInputPort("x").FixValue(context, x)
+    dut.GetInputPort("rates_thrust").FixValue(context, command)
+    u = dut.get_output_port().Eval(context)
+    assert u[0] == 21.0
+    np.testing.assert_allclose(u[1:], RateLoop().torque(vehicle.J, x[10:], command[1:]))

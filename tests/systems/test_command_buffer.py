@@ -92,22 +92,3 @@ def test_the_resting_value_holds_until_the_start_then_each_command(period):
     )  # a sample at an instant sees what was before it
     expected = np.where(t < 0.25, -1.0, np.floor((t - 0.25) / 0.1 + 1e-6) + 1)
     np.testing.assert_array_equal(found, expected)
-
-
-def test_two_contexts_do_not_share_their_memory():
-    dut = CommandBuffer(np.zeros(1), dead_time=0.02, period=0.01)
-    contexts = [dut.CreateDefaultContext() for _ in range(2)]
-    for value, context in enumerate(contexts, start=1):
-        dut.get_input_port().FixValue(context, [float(value)])
-        for _ in range(3):
-            state = dut.EvalUniquePeriodicDiscreteUpdate(context)
-            context.get_mutable_discrete_state().SetFrom(state)
-    assert [dut.get_output_port().Eval(c)[0] for c in contexts] == [1.0, 2.0]
-
-
-@pytest.mark.parametrize(
-    "bad", [{"dead_time": 0.0, "period": 0.01}, {"dead_time": 0.1, "period": 0.0}]
-)
-def test_impossible_delays_are_refused(bad):
-    with pytest.raises(ValueError, match="CommandBuffer"):
-        CommandBuffer(np.zeros(4), **bad)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from np_drake import attitude
-from np_drake.effects.base import ActuatorEffect, MassEffect, Motion, WrenchEffect
+from np_drake.effects.base import ActuatorEffect, MassEffect, WrenchEffect
 from np_drake.effects.center_of_mass_offset import CenterOfMassOffset
 from np_drake.effects.combine import mass_properties, total_wrench
 from np_drake.effects.downwash import Downwash
@@ -21,11 +21,11 @@ from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.effects.thrust_scale import ThrustScale
 from np_drake.flight_log import Neighbour
 from np_drake.vehicle import Vehicle
-from systems.initial_state import set_hover
+from systems.plant import set_hover
 from systems.tethered_quadrotor import PayloadConfig, make_tethered_quadrotor
 
 VEHICLE = Vehicle()
-SEEDS = pytest.mark.parametrize("seed", [0, 1, 2])
+SEEDS = pytest.mark.parametrize("seed", [0, 1])
 
 
 def every(base):
@@ -97,17 +97,6 @@ def _follows_newton_and_euler(now, true, chi=np.zeros(6)):  # noqa: B008
     np.testing.assert_allclose(J @ now.al + np.cross(w, J @ w), tau_Bcm, atol=1e-9)
 
 
-def test_with_an_offset_the_hovering_vehicle_tips_towards_the_heavy_side():
-    quadrotor = make_tethered_quadrotor(
-        VEHICLE, PayloadConfig(tether="none"), mass_effects=[CenterOfMassOffset(0.02, 0.0, 0.0)]
-    )
-    context = quadrotor.CreateDefaultContext()
-    quadrotor.GetInputPort("u").FixValue(context, VEHICLE.hover_input)
-    assert (
-        quadrotor.GetOutputPort("acceleration").Eval(context)[4] > 1.0
-    )  # nose (x) down: + about y
-
-
 @pytest.mark.parametrize("effect", [MassError(-2.0), InertiaError(0.2, 0.2, 1.0)])
 def test_a_body_that_cannot_be_is_refused(effect):
     with pytest.raises(ValueError, match="mass effects"):
@@ -133,13 +122,6 @@ def test_neutral_effects_leave_the_hovering_vehicle_alone(tether):
     dut.GetInputPort("u").FixValue(context, [carried * VEHICLE.gravity, 0, 0, 0])
     np.testing.assert_allclose(dut.GetOutputPort("acceleration").Eval(context), 0.0, atol=1e-9)
     assert not dut.HasSubsystemNamed("actuators")
-
-
-def test_an_unconnected_rotor_rate_is_zero(fly):
-    now = fly(0, wrench_effects=[RotorGyroscopic(2e-4)])
-    motion = Motion(now.motion.t, now.x, now.motion.rotor_thrust)
-    np.testing.assert_allclose(now.chi, RotorGyroscopic(2e-4).wrench(VEHICLE, motion), atol=1e-9)
-    assert now.chi[5] == pytest.approx(0.0, abs=1e-9)
 
 
 def test_a_downwash_acts_in_the_plant_and_is_refused_without_a_neighbour(fly):

@@ -1,3 +1,6 @@
+"""Laws of the estimator of the wrench and of predictors as systems."""
+
+import dataclasses as dc
 from pathlib import Path
 
 import numpy as np
@@ -5,7 +8,7 @@ import pytest
 
 from np_drake import rigid_body
 from np_drake.labels import LabelConfig, LabelFilter
-from np_drake.residual_model import Sample
+from np_drake.residual_model import Sample, constant_forecast
 from np_drake.residual_models.hold import Hold
 from np_drake.residual_models.neural_predictor import NeuralPredictor as NeuralPredictorModel
 from np_drake.vehicle import Vehicle
@@ -32,11 +35,6 @@ def estimator_under(chi):
     dut.GetInputPort("acceleration").FixValue(context, np.concatenate([rate[7:10], rate[10:13]]))
     dut.GetInputPort("u").FixValue(context, VEHICLE.hover_input)
     return dut, context
-
-
-def test_estimator_finds_the_wrench_that_acts():
-    dut, context = estimator_under(CHI)
-    np.testing.assert_allclose(dut.GetOutputPort("label").Eval(context), CHI, atol=1e-12)
 
 
 def test_estimator_output_and_event_take_a_sample_in_once():
@@ -147,49 +145,6 @@ def test_two_contexts_of_one_system_never_influence_each_other(make, port, outpu
     np.testing.assert_array_equal(interleaved, alone)
 
 
-def test_the_neural_predictor_is_its_model_in_a_context():
-    dut, context = neural_predictor_on_labels()
-    model, rng = NeuralPredictorModel.load(NP_MODEL), np.random.default_rng(1)
-    memory = model.initial_memory()
-    for _ in range(model.model.window + 3):
-        label = CHI + 0.1 * rng.normal(size=6)
-        dut.GetInputPort("label").FixValue(context, label)
-        memory = model.update(memory, Sample(LEVEL, VEHICLE.hover_input, label))
-        expected = model.forecast(memory, horizon=4, stride=2)
-        forecast = dut.GetOutputPort("forecast").Eval(context)
-        np.testing.assert_allclose(forecast.z, expected.z, atol=1e-12)
-        event(dut, context)
-        np.testing.assert_allclose(
-            dut.GetOutputPort("chi_hat").Eval(context), expected.first, atol=1e-12
-        )
-    np.testing.assert_allclose(dut.memory(context)["window"], memory["window"])
-
-
-def test_z_and_window_stand_in_groups_of_their_own():
-    dut, context = neural_predictor_on_labels()
-    for _ in range(60):
-        event(dut, context)
-    z = context.get_discrete_state(dut.z_index).value()
-    np.testing.assert_array_equal(z, dut.memory(context)["z"])
-    np.testing.assert_array_equal(z, dut.GetOutputPort("forecast").Eval(context).z)
-    window = context.get_discrete_state(dut.window_index).value().reshape(-1, 12)
-    np.testing.assert_allclose(window[-1, :6], CHI)
-
-
-def test_the_predictor_sees_in_a_context_what_begins_in_its_window():
-    dut, context = neural_predictor_on_labels()
-    window = NeuralPredictorModel.load(NP_MODEL).model.window
-    after, errors = CHI + np.array([0.0, 0.0, -1.0, 0.0, 0.0, 0.0]), []  # 100 g more [N]
-    for label in [CHI] * 2 * window + [after] * window:
-        dut.GetInputPort("label").FixValue(context, label)
-        event(dut, context)
-        errors.append(dut.GetOutputPort("chi_hat").Eval(context)[2] - label[2])
-    assert np.abs(errors[window + 5 : 2 * window]).max() < 0.1  # [N], before
-    assert (
-        np.sqrt(np.mean(np.square(errors[2 * window + 5 :]))) < 0.3
-    )  # [N], while both are in the window
-
-
 def test_the_neural_predictor_shows_its_lifted_linear_system():
     dut, context = neural_predictor_on_labels()
     system = dut.GetOutputPort("lifted_linear_system").Eval(context)
@@ -199,11 +154,49 @@ def test_the_neural_predictor_shows_its_lifted_linear_system():
     assert system.step == 0.02
 
 
-def test_the_neural_predictor_survives_missing_labels():
-    dut, context = neural_predictor_on_labels()
-    for k in range(80):
-        dut.GetInputPort("label").FixValue(context, np.full(6, np.nan) if k % 7 == 3 else CHI)
-        event(dut, context)
-    chi_hat = dut.GetOutputPort("chi_hat").Eval(context)
-    assert np.isfinite(chi_hat).all()
-    assert dut.memory(context)["dropped"][0] == 11.0
+N, STEP, STRIDE = 4, 0.02, 2
+
+
+@dc.dataclass
+class FollowsThePlan:
+    """Forecasts what is planned: the force is the velocity, the torque that of the command."""
+
+    name: str = "follower"
+    step: float = STEP
+
+    def initial_memory(self):
+        return {"seen": np.zeros(1)}
+
+    def update(self, memory, sample):
+        return {"seen": memory["seen"] + 1}
+
+    def forecast(self, memory, *, horizon, stride):
+        return constant_forecast(np.zeros(6), horizon)
+
+    def forecast_along(self, memory, plan, *, horizon, stride):
+        assert plan.x.shape == (horizon + 1, 13)
+        assert plan.u.shape == (horizon, 4)
+        return constant_forecast(np.hstack([plan.x[:-1, 7:10], plan.u[:, 1:]]), horizon)
+
+
+@pytest.fixture
+def evaluated():
+    system = ResidualPredictor(FollowsThePlan(), horizon=N, stride=STRIDE)
+    context = system.CreateDefaultContext()
+    x = np.zeros((N + 1, 13))
+    x[:, 3], x[:, 7], x[:, 9] = 1.0, np.arange(N + 1), -1.0
+    u = np.column_stack([np.full(N, 20.0), np.zeros((N, 2)), 0.1 * np.arange(N)])
+    values = {"x": x[0], "u": u[0], "label": np.zeros(6), "plan_x": x.ravel(), "plan_u": u.ravel()}
+    for name, value in values.items():
+        system.GetInputPort(name).FixValue(context, value)
+    return system.GetOutputPort("forecast").Eval(context).rollout(np.zeros((N, 6)))
+
+
+def test_a_plan_is_read_as_of_now_one_period_after_it_was_made(evaluated):
+    half = 0.5  # of a step of the plan is one period
+    np.testing.assert_allclose(evaluated[:, 0], np.arange(N) + half)
+    np.testing.assert_allclose(evaluated[:, 2], -1.0)
+
+
+def test_commands_are_averaged_over_the_shifted_steps_and_the_last_is_held(evaluated):
+    np.testing.assert_allclose(evaluated[:, 5], [0.05, 0.15, 0.25, 0.3])

@@ -5,9 +5,8 @@ exactly.
 import numpy as np
 import pytest
 
-from np_drake.lifting.model.lifted_model import FAMILIES, MODE_DICTIONARY, NEURAL, PAPER
+from np_drake.lifting.model.lifted_model import MODE_DICTIONARY, NEURAL
 from np_drake.lifting.training.train import CONFIGURATIONS, make_config, train
-from np_drake.mpc.horizon import eliminate
 from np_drake.residual_model import Sample
 from np_drake.residual_models.neural_predictor import NeuralPredictor as NeuralPredictorModel
 from np_drake.training_data.segments import Segment
@@ -89,37 +88,3 @@ def test_two_contexts_of_it_never_influence_each_other(model):
         flown(dut.CreateDefaultContext(), 1), flown(dut.CreateDefaultContext(), 2), strict=True
     )
     np.testing.assert_array_equal([one for one, _ in both], alone)
-
-
-def test_the_controller_eliminates_it_exactly(model):
-    """free + markov zeta is the roll-out of z+ = A z + B zeta, chi = C z, for any coming motion."""
-    dut = NeuralPredictor(model, horizon=HORIZON, stride=STRIDE)
-    context = dut.CreateDefaultContext()
-    for sample in samples(1, model.model.window + 2):
-        feed(dut, context, sample)
-    forecast = dut.GetOutputPort("forecast").Eval(context)
-    free, markov = eliminate(forecast)
-    zeta = np.random.default_rng(0).standard_normal((HORIZON, 6))
-    chi = free.copy()
-    for i in range(1, HORIZON):
-        chi[i] += markov[:, -6 * i :] @ zeta[:i].ravel()
-    np.testing.assert_allclose(chi, forecast.rollout(zeta), atol=1e-9)  # [N, N·m]
-    assert np.abs(np.linalg.eigvals(forecast.A)).max() <= 1.0 + 1e-9
-
-
-def test_missing_samples_leave_a_usable_forecast(model):
-    dut = NeuralPredictor(model, horizon=HORIZON, stride=STRIDE)
-    context, lost = dut.CreateDefaultContext(), np.full(6, np.nan)
-    for k, sample in enumerate(samples(1, 2 * model.model.window + 20)):
-        gone = k % 7 == 3 or k > 2 * model.model.window + 15
-        feed(dut, context, Sample(sample.x, sample.u, lost if gone else sample.chi))
-    assert np.isfinite(
-        dut.GetOutputPort("forecast").Eval(context).rollout(np.ones((HORIZON, 6)))
-    ).all()
-
-
-def test_only_what_changes_in_flight_keeps_its_system_in_the_state(model):
-    state = NeuralPredictor(model, horizon=HORIZON, stride=STRIDE)
-    names = set(state.memory(state.CreateDefaultContext()))
-    assert ({"A", "B"} <= names) == (model.model.configuration in (PAPER, *FAMILIES))
-    assert ({"theta", "covariance"} <= names) == (model.model.configuration in FAMILIES)

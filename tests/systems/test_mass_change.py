@@ -1,6 +1,5 @@
 """Laws of mass properties that change in flight."""
 
-import dataclasses as dc
 from functools import partial
 
 import numpy as np
@@ -12,9 +11,9 @@ from np_drake.effects.center_of_mass_offset import CenterOfMassOffset
 from np_drake.effects.combine import mass_properties
 from np_drake.effects.mass_error import MassError
 from np_drake.vehicle import Vehicle
-from systems.initial_state import set_payload_mass, set_vehicle_mass
 from systems.mass_change import MassChange
 from systems.payload_config import PayloadConfig
+from systems.plant import set_payload_mass, set_vehicle_mass
 from systems.tethered_quadrotor import make_plant, make_tethered_quadrotor
 
 VEHICLE = Vehicle()
@@ -86,19 +85,3 @@ def test_a_vehicle_that_has_become_heavier_flies_as_one_that_always_was():
     )
     np.testing.assert_allclose(found, wanted, rtol=1e-9)
     assert np.abs(found).max() > 0.1
-
-
-def test_the_change_comes_at_its_time():
-    effect = dc.replace(EFFECTS[0])
-    dut = make_tethered_quadrotor(
-        VEHICLE, PayloadConfig(tether="none"), mass_effects=[effect], onsets={effect: 0.1}
-    )
-    simulator = Simulator(dut)
-    root = simulator.get_mutable_context()
-    dut.GetInputPort("u").FixValue(root, VEHICLE.hover_input)
-    simulator.AdvanceTo(0.1)
-    before = dut.GetOutputPort("acceleration").Eval(root)[2]
-    simulator.AdvancePendingEvents()
-    after = dut.GetOutputPort("acceleration").Eval(root)[2]
-    assert before == pytest.approx(0.0, abs=1e-9)  # [m/s²]
-    assert after == pytest.approx(-9.81 * 0.4 / (VEHICLE.mass + 0.4))

@@ -5,7 +5,6 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.offboard.autopilot import SimulatedAutopilot
 from np_drake.offboard.codec import AUTOPILOT, COMPANION, Codec, Command, Heartbeat, Inertial, Pose
 from np_drake.offboard.link import Channel
 from np_drake.rigid_body import P
@@ -65,16 +64,6 @@ def test_before_the_first_event_it_gives_the_weight(flight):
     np.testing.assert_allclose(flight.output, HOVER)
 
 
-def test_in_hold_what_it_gives_depends_on_the_state(flight):
-    flight.event(0.0)
-    np.testing.assert_allclose(flight.output, HOVER, atol=1e-9)
-    below = X - np.eye(13)[2]
-    flight.fix(x=below)
-    np.testing.assert_allclose(flight.output, HOVER, atol=1e-9)  # until the next event
-    flight.event(PERIOD)
-    assert flight.output[0] > HOVER[0] + 1.0
-
-
 def test_state_and_what_it_feels_and_what_is_in_force_are_sent(flight):
     flight.fix(acceleration=np.array([0.0, 0.0, 2.0, 0.0, 0.0, 0.0]))
     said = flight.event(0.0)
@@ -107,22 +96,6 @@ def test_a_companion_that_falls_silent_loses_command(flight):
         flight.event(PERIOD * k)
     np.testing.assert_allclose(flight.output, HOVER, atol=1e-9)
     assert len(flight.dut.autopilot.failsafes) == 1
-
-
-def test_commands_that_are_under_way_are_not_yet_in_force():
-    flight = Flight(takes=100.0)
-    flight.talk(0.0, 3.0)
-    assert flight.dut.autopilot.commands == 0
-    np.testing.assert_allclose(flight.output, HOVER, atol=1e-9)
-
-
-def test_it_flies_the_autopilot_that_it_is_given():
-    flight = Flight(autopilot=SimulatedAutopilot(VEHICLE, rate=50.0, pairs=True))
-    kinds = [
-        one.kind for k in range(41) for one in flight.event(PERIOD * k) if isinstance(one, Pose)
-    ]
-    assert set(kinds) == {"LOCAL_POSITION_NED", "ATTITUDE_QUATERNION"}
-    assert len(kinds) == 2 * 6
 
 
 def test_messages_come_from_the_component_of_an_autopilot(flight):

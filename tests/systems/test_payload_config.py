@@ -7,8 +7,8 @@ from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorC
 from np_drake import attitude
 from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.vehicle import Vehicle
-from systems.initial_state import set_hover
 from systems.payload_config import PayloadConfig, payload_config
+from systems.plant import set_hover
 from systems.tethered_quadrotor import make_tethered_quadrotor
 
 VEHICLE, STEP = Vehicle(), 0.004
@@ -21,13 +21,6 @@ def test_the_effect_becomes_a_body_with_its_figures():
     assert (
         payload_config(None).tether == payload_config(SuspendedPayload(mass=0.0)).tether == "none"
     )
-
-
-def test_a_payload_among_the_wrench_effects_is_refused_with_the_remedy():
-    with pytest.raises(ValueError, match="payload_config"):
-        make_tethered_quadrotor(
-            VEHICLE, PayloadConfig(tether="none"), wrench_effects=[SuspendedPayload()]
-        )
 
 
 @pytest.mark.parametrize("bad", [{"air_damping": -0.1}, {"tether": "rod", "air_damping": 0.1}])

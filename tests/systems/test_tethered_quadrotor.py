@@ -2,12 +2,9 @@ import numpy as np
 import pytest
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
 
-from np_drake.effects.linear_drag import LinearDrag
-from np_drake.effects.motor_lag import MotorLag
-from np_drake.effects.thrust_scale import ThrustScale
 from np_drake.rigid_body import residual_wrench
 from np_drake.vehicle import Vehicle
-from systems.initial_state import set_hover, set_payload_mass
+from systems.plant import set_hover
 from systems.tethered_quadrotor import PayloadConfig, make_tethered_quadrotor
 
 VEHICLE = Vehicle()
@@ -58,15 +55,6 @@ def test_hover_thrust_carries_both_weights(tether):
 
 
 @pytest.mark.parametrize("tether", ["cable", "rod"])
-def test_static_tension_is_the_payloads_weight(tether):
-    simulator, *_ = simulator_of(PayloadConfig(tether=tether), u=[WEIGHT, 0, 0, 0])
-    simulator.AdvanceTo(0.2)
-    np.testing.assert_allclose(
-        evaluate(simulator, "tether_wrench")[:3], [0, 0, -0.26 * 9.81], atol=1e-6
-    )
-
-
-@pytest.mark.parametrize("tether", ["cable", "rod"])
 def test_small_swing_has_the_period_of_the_coupled_system(tether, apply_impulse):
     # Hook at the centre of mass: the pair swings about its common centre of mass under constant
     # vertical thrust, with reduced mass mu: mu L² phi'' = -T_static L phi, T_static = m g, so w² =
@@ -106,15 +94,6 @@ def test_tether_wrench_is_what_the_equation_of_motion_misses():
         assert np.linalg.norm(wrench[3:]) > 1e-4
 
 
-def test_taut_cable_and_rod_swing_alike():
-    ends = []
-    for tether in ("cable", "rod"):
-        simulator, *_ = simulator_of(PayloadConfig(tether=tether), u=[WEIGHT, 0.001, 0.0005, 0])
-        simulator.AdvanceTo(1.0)
-        ends.append(evaluate(simulator, "x")[:3])
-    np.testing.assert_allclose(ends[0], ends[1], atol=1e-4)  # [m]; the cable stretches by 0.1 mm
-
-
 def test_slack_cable_pulls_taut_after_its_slack_is_fallen_through():
     # Under hover thrust for both weights the quadrotor rises at g m / M while the payload falls at
     # g.
@@ -135,16 +114,6 @@ def test_slack_cable_pulls_taut_after_its_slack_is_fallen_through():
         simulator.AdvanceTo(t)
         peak = max(peak, -evaluate(simulator, "tether_wrench")[2])
     assert 50.0 < peak < 300.0  # [N]; undamped bound: relative speed * sqrt(k mu) = 226 N
-
-
-def test_cable_only_pulls():
-    simulator, _, plant, plant_context = simulator_of(PayloadConfig(), u=[2.0 * 9.81, 0, 0, 0])
-    X_WP = plant.EvalBodyPoseInWorld(plant_context, plant.GetBodyByName("payload"))
-    X_WP.set_translation([0, 0, 1.6])
-    plant.SetFreeBodyPose(plant_context, plant.GetBodyByName("payload"), X_WP)
-    for t in np.linspace(0.0, 1.0, 101):
-        simulator.AdvanceTo(t)
-        assert evaluate(simulator, "tether_wrench")[2] <= 0.0
 
 
 def test_tether_forces_are_internal_and_conserve_momentum(apply_impulse):
@@ -177,48 +146,9 @@ def test_taut_swing_keeps_its_energy(apply_impulse):
     assert energy() == pytest.approx(before, abs=1e-4)  # [J]
 
 
-def test_added_mass_adds_its_weight_to_the_tension():
-    payload = PayloadConfig()
-    simulator, _, plant, plant_context = simulator_of(payload, u=[WEIGHT + 0.1 * 9.81, 0, 0, 0])
-    set_payload_mass(plant, plant_context, payload, 0.36)
-    simulator.AdvanceTo(0.5)
-    acceleration = evaluate(simulator, "acceleration")[2]
-    tension = -evaluate(simulator, "tether_wrench")[2]
-    assert tension == pytest.approx(
-        0.36 * (9.81 + acceleration), abs=1e-2
-    )  # [N]; the stretch still rings
-    assert tension == pytest.approx(0.36 * 9.81, abs=2e-2)
-
-
-def test_mixer_turns_a_roll_torque_into_roll_acceleration():
-    simulator, *_ = simulator_of(PayloadConfig(tether="none"), u=[2.0 * 9.81, 0.02, -0.04, 0.035])
-    np.testing.assert_allclose(evaluate(simulator, "acceleration")[3:], [1.0, -2.0, 1.0], atol=1e-9)
-
-
 def test_rotor_thrust_saturates():
     simulator, *_ = simulator_of(PayloadConfig(tether="none"), u=[100.0, 0, 0, 0])
     np.testing.assert_allclose(evaluate(simulator, "rotor_thrust"), 12.0)
-
-
-def test_lagging_rotors_reach_63_percent_after_one_time_constant():
-    lag = MotorLag(0.03)
-    simulator, _dut, *_ = simulator_of(PayloadConfig(tether="none"), actuator_effects=[lag])
-    start = np.sqrt(evaluate(simulator, "rotor_thrust"))
-    simulator.AdvanceTo(0.03)
-    ratio = np.sqrt(evaluate(simulator, "rotor_thrust")) / start
-    np.testing.assert_allclose(ratio, np.exp(-1.0), rtol=1e-6)
-
-
-def test_effects_add_up_in_the_equation_of_motion():
-    simulator, _, plant, plant_context = simulator_of(
-        PayloadConfig(tether="none"),
-        u=[2.0 * 9.81, 0, 0, 0],
-        wrench_effects=[LinearDrag(0.25, 0.25, 0.25)],
-        actuator_effects=[ThrustScale(0.96)],
-    )
-    plant.SetVelocities(plant_context, [0, 0, 0, 1.0, 0, 0])
-    a = evaluate(simulator, "acceleration")[:3]
-    np.testing.assert_allclose(a, [-0.25 * np.sqrt(0.96) / 2.0, 0, -0.04 * 9.81], atol=1e-9)
 
 
 @pytest.mark.parametrize("bad", [{"mass": -0.1}, {"tether": "spring"}, {"length": 0.0}])

@@ -2,11 +2,8 @@
 own systems.
 """
 
-import dataclasses as dc
-
 import numpy as np
 import pytest
-from pydrake.common import RandomGenerator
 from pydrake.systems.analysis import Simulator
 
 from np_drake.effects.command_delay import CommandDelay
@@ -17,8 +14,7 @@ from np_drake.effects.thrust_scale import ThrustScale
 from np_drake.effects.uneven_lag import UnevenLag
 from np_drake.effects.weak_rotor import WeakRotor
 from np_drake.vehicle import Vehicle
-from systems.payload_config import PayloadConfig
-from systems.payload_event import PayloadEvent
+from systems.payload_config import PayloadConfig, PayloadEvent
 from systems.tethered_quadrotor import make_tethered_quadrotor
 from systems.vehicle_forces import SteadyEffects, VehicleForces
 
@@ -148,17 +144,3 @@ def test_what_is_not_steady_has_no_compiled_form(actuators, wrenches, onsets):
     assert not make_tethered_quadrotor(VEHICLE, PayloadConfig(), **names).HasSubsystemNamed(
         "vehicle_forces"
     )
-
-
-def test_the_lag_of_the_vehicle_file_is_steady_too():
-    effects = SteadyEffects.of(dc.replace(VEHICLE, rotor_time_constant=0.05), [SCALE], [])
-    assert effects is not None
-    assert (effects.lag, effects.scale) == (MotorLag(0.05), 0.9)
-
-
-def test_the_way_in_which_forces_are_computed_changes_no_noise():
-    """No system of the vehicle draws from the seed."""
-    for dut, context in pair(PayloadConfig()):
-        generator, untouched = RandomGenerator(5), RandomGenerator(5)
-        dut.SetRandomContext(context, generator)
-        assert generator() == untouched()

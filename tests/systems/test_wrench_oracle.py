@@ -48,12 +48,6 @@ def test_a_payload_to_the_side_pulls_to_the_side_and_turns_the_body():
     assert chi[4] == np.float64(-0.025 * chi[0])  # hook below the centre of mass
 
 
-def test_without_payload_and_effects_there_is_nothing_to_foresee():
-    dut, context = oracle_over(None)
-    dut.GetInputPort("plant_state").FixValue(context, np.array([1.0, *np.zeros(12)]))
-    np.testing.assert_allclose(dut.GetOutputPort("forecast").Eval(context).offset, 0.0, atol=1e-12)
-
-
 def test_a_drift_is_foreseen_from_the_flights_own_time():
     dut = WrenchOracle(TrueModel(VEHICLE, None, [], [ThrustDrift(1.0, -0.01)]), CONFIG, period=0.02)
     context = dut.CreateDefaultContext()

@@ -40,8 +40,8 @@ from np_drake.effects.parameter import usual_size
 from np_drake.files.atomic_file import plain
 from np_drake.files.number_text import number
 from np_drake.flight_log import FlightLog
-from np_drake.logs.hover_thrust import with_hover_thrust
-from np_drake.logs.importing.crash import FITS
+from np_drake.logs.importing.parts import FITS
+from np_drake.logs.inputs import with_hover_thrust
 from np_drake.vehicle import Vehicle
 
 YES, NO, NEVER = "yes", "no", "never"

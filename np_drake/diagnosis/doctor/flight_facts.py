@@ -14,8 +14,9 @@ import numpy as np
 from np_drake import attitude
 from np_drake.diagnosis.residuals import FORCE, FlightResiduals, smooth_attitude
 from np_drake.flight_log import FlightLog
-from np_drake.logs import hover_thrust, rotor_order
-from np_drake.logs.importing.consistency import (
+from np_drake.logs import inputs, rotors
+from np_drake.logs.clock import FINEST, Lag, lag_of, state_lags
+from np_drake.logs.importing.laws import (
     OPPOSED,
     SCALE,
     failing,
@@ -23,11 +24,10 @@ from np_drake.logs.importing.consistency import (
     never_tilts,
     told_by_noise,
 )
-from np_drake.logs.importing.convert import GRAVITY
-from np_drake.logs.importing.interpolation import Signal
-from np_drake.logs.lags import FINEST, Lag, lag_of, state_lags
+from np_drake.logs.importing.log_map import GRAVITY
+from np_drake.logs.importing.signals import Signal
 from np_drake.logs.opening import rotor_lift
-from np_drake.logs.rotor_torque import torque_agreement
+from np_drake.logs.rotors import torque_agreement
 from np_drake.training_data.segments import white_noise
 from np_drake.vehicle.vehicle import MeasurementNoise, Vehicle
 
@@ -121,7 +121,7 @@ def doubts(flight: FlightResiduals) -> list[Doubt]:
     log = flight.log
     # What a reader found of order and coefficient of the rotors, which is not that of the
     # vehicle file.
-    known = (rotor_order.NOTE, hover_thrust.NOTE)
+    known = (rotors.NOTE, inputs.COEFFICIENT_NOTE)
     return [
         *_residual(flight),
         *_torque(flight),
@@ -143,7 +143,7 @@ def law_doubts(log: FlightLog) -> list[Doubt]:
         return [
             Doubt(log.name, f"{flat} ({1e3 * needed:.0f} mrad): its pose is planar", fails=True)
         ]
-    aside = told_by_noise(t, x, own)
+    aside = told_by_noise(own)
     lift = [law for law in failing(own) if law.startswith("lift")]
     other = [law for law in failing(own) if law not in (*aside, *lift)]
     found = []

@@ -1,22 +1,97 @@
-"""The lifted linear system z+ = A z + B zeta, chi = C z."""
+"""The lifted linear system z+ = A z + B zeta, chi = C z, and the projection of a matrix onto a
+spectral radius, in real arithmetic, fast enough for every sample of a flight.
+"""
 
 import dataclasses as dc
 
 import numpy as np
-import scipy.linalg
+from scipy.linalg import blas, lapack
 
-from np_drake.lifting.model.stabilized import stabilized
+# The limit lies this far inside, because two builds of LAPACK differ in the last bits. The pull's
+# rounding moves an eigenvalue by at most K eps cond(V)^2 (Bauer-Fike), which is less while the
+# condition is below the first number; up to the second the eigenvalues are counted once more.
+_MARGIN = 1.0 - 1e-9
+_CERTAIN, _ILL = 400.0, 1e8
 
-_ON_AXIS = 1e-9  # distance from the negative real axis that counts as none [1]
+
+def stabilized(A: np.ndarray, radius: float = 1.0) -> np.ndarray:
+    """Return A (K, K) with every |eigenvalue| <= radius; unchanged where that holds already (to one
+    part in 1e9).
+
+    Eigenvalues outside are pulled radially onto the circle and keep their eigenvectors, so that
+    stable modes stay as learned; where the eigenvectors are too ill-conditioned for that, all of A
+    is scaled. Own choice: the nearest stable matrix in the Frobenius norm is a non-convex problem,
+    too slow for a flight.
+
+    Args:
+        A: (K, K).
+        radius: [1].
+    Raises: numpy.linalg.LinAlgError: if an entry of A is not finite, or its eigenvalues do not
+        converge.
+    """
+    return _stabilized(A, radius)[0] if A.size else A
 
 
-@dc.dataclass(frozen=True)
-class Mode:
-    """One eigenvalue of A_c = log(A) / step (a complex pair counts once)."""
+def stabilized_all(A: np.ndarray, radius: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
+    """Return every A made stable, (n, K, K), and the spectral radii before, (n,).
 
-    frequency: float  # |Im| / 2 pi [Hz]
-    damping: float  # -Re / |s| in [-1, 1] [1]
-    time_constant: float  # -1 / Re, inf if undamped [s]
+    Args:
+        A: (n, K, K).
+        radius: as of `stabilized` [1].
+    """
+    stable, before = np.empty_like(A), np.empty(len(A))
+    for k, one in enumerate(A):
+        stable[k], before[k] = _stabilized(one, radius)
+    return stable, before
+
+
+def _stabilized(A: np.ndarray, radius: float) -> tuple[np.ndarray, float]:
+    """Return one A made stable, and its spectral radius before.
+
+    LAPACK's own real form of V costs less than numpy's complex one.
+    """
+    if not np.isfinite(A).all():
+        raise np.linalg.LinAlgError("stabilized: every entry of A must be finite.")
+    re, im, _, V, info = lapack.dgeev(A, compute_vl=0, compute_vr=1)
+    if info:
+        raise np.linalg.LinAlgError("stabilized: the eigenvalues of A must converge.")
+    size = np.hypot(re, im)
+    largest, limit = float(size.max()), radius * _MARGIN
+    if largest <= limit:
+        return A, largest
+    pulled, condition = _pulled(A, V, size, limit)
+    if condition < _CERTAIN or (condition < _ILL and _radius(pulled) <= radius):
+        return pulled, largest
+    return A * (limit / largest), largest
+
+
+def _pulled(
+    A: np.ndarray, V: np.ndarray, size: np.ndarray, limit: float
+) -> tuple[np.ndarray, float]:
+    """Return A V diag(factor) V^-1, factor < 1 where the eigenvalue's size (K,) > limit, and a
+    bound of V's condition.
+
+    V (K, K) holds Re and Im of a pair's eigenvector side by side; the two share their factor, so
+    that A V need not be separated. The complex columns have length 1, and the rows of their inverse
+    are no longer than those of the real one.
+    """
+    lu, pivots, singular = lapack.dgetrf(V)
+    if singular:  # no full set of eigenvectors
+        return A, np.inf
+    inverse = lapack.dgetri(lu, pivots, overwrite_lu=1)[0]
+    condition = len(A) ** 0.5 * float(blas.dnrm2(inverse.ravel("K")))
+    if not condition < _ILL:
+        return A, np.inf
+    # A V diag(f) V^-1 = A + A V diag(f - 1) V^-1, where f is 1 inside: a sum over the few columns
+    # outside
+    outside = np.flatnonzero(size > limit)
+    less = limit / size[outside] - 1.0
+    return A + (A @ (V[:, outside] * less)) @ inverse[outside], condition
+
+
+def _radius(A: np.ndarray) -> float:
+    """Return the spectral radius [1]."""
+    return float(np.abs(np.linalg.eigvals(A)).max())
 
 
 @dc.dataclass(frozen=True)
@@ -51,19 +126,6 @@ class LiftedLinearSystem:
         """Largest |eigenvalue| of A [1]."""
         return float(np.max(np.abs(np.linalg.eigvals(self.A)))) if self.K else 0.0
 
-    def rollout(self, z: np.ndarray, zeta: np.ndarray) -> np.ndarray:
-        """Return chi_hat_i = C z_i for i = 0 … N-1, (..., N, 6) [N, N·m].
-
-        Args:
-            z: (..., K) initial state z_0.
-            zeta: (..., N, 6) inputs [m/s, rad/s].
-        """
-        chi = np.empty(zeta.shape[:-1] + (6,))
-        for i in range(zeta.shape[-2]):
-            chi[..., i, :] = z @ self.C.T
-            z = z @ self.A.T + zeta[..., i, :] @ self.B.T
-        return chi
-
     def resample(self, stride: int) -> "LiftedLinearSystem":
         """Return the system at `stride` times its step, with zeta held over the longer step.
 
@@ -84,43 +146,6 @@ class LiftedLinearSystem:
         A, B = power[: self.K, : self.K], power[: self.K, self.K :]
         return LiftedLinearSystem(A, B, self.C, self.step * stride)
 
-    def continuous(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return A_c (K, K) [1/s] and B_c (K, 6) of z' = A_c z + B_c zeta, which is this system
-        where zeta is held.
-
-        A_c = log(A) / t_s, and B_c solves (integral of exp(A_c t) over a step) B_c = B.
-        Source: Jin et al. 2025, eq. (lift_linear).
-        Raises: ValueError: if A has an eigenvalue at zero or on the negative real axis, and so no
-            real logarithm.
-        """
-        eigenvalue = np.linalg.eigvals(self.A)
-        if np.any((np.abs(eigenvalue.imag) <= _ON_AXIS) & (eigenvalue.real <= _ON_AXIS)):
-            raise ValueError(
-                "LiftedLinearSystem: A must have no eigenvalue at zero or on the negative "
-                "real axis to be continuous."
-            )
-        K = self.K
-        A_c = np.real(scipy.linalg.logm(self.A)) / self.step
-        # exp of [[A_c, 1], [0, 0]] t is [[exp(A_c t), integral of exp(A_c s) ds], [0, 1]]
-        augmented = np.block([[A_c, np.eye(K)], [np.zeros((K, 2 * K))]])
-        integral = scipy.linalg.expm(augmented * self.step)[:K, K:]
-        return A_c, np.linalg.solve(integral, self.B)
-
-    def stabilized(self, radius: float = 1.0) -> "LiftedLinearSystem":
-        """Return the system with every eigenvalue of A pulled radially into |lambda| <= radius
-        [1].
-        """
-        return dc.replace(self, A=stabilized(self.A, radius))
-
-    def modes(self) -> list[Mode]:
-        """Return the modes of A_c = log(A) / step, slowest decay first, without eigenvalues at zero
-        (no memory).
-        """
-        eigenvalue = np.linalg.eigvals(self.A).astype(complex)
-        eigenvalue = eigenvalue[(np.abs(eigenvalue) > 1e-9) & (eigenvalue.imag >= 0)]
-        s = np.log(eigenvalue) / self.step
-        return [_mode(value) for value in s[np.argsort(-s.real)]]
-
 
 def advance(z: np.ndarray, A: np.ndarray, B: np.ndarray, zeta: np.ndarray) -> np.ndarray:
     """Return z (..., K) after the steps of `zeta`, from z (..., K).
@@ -134,9 +159,3 @@ def advance(z: np.ndarray, A: np.ndarray, B: np.ndarray, zeta: np.ndarray) -> np
     for i in range(zeta.shape[-2]):
         z = (A @ z[..., None] + B @ zeta[..., i, :, None])[..., 0]
     return z
-
-
-def _mode(s: complex) -> Mode:
-    time_constant = np.inf if s.real >= 0 else -1.0 / s.real
-    damping = -s.real / abs(s) if abs(s) > 0 else 0.0
-    return Mode(float(abs(s.imag) / (2 * np.pi)), float(damping), float(time_constant))

@@ -7,10 +7,9 @@ from typing import Any
 import numpy as np
 
 from np_drake.lifting.model.adaptive_family import AdaptiveFamily
-from np_drake.lifting.model.encoders import DelayEncoder, Phi
+from np_drake.lifting.model.encoders import DelayEncoder, Phi, Trust
 from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem, advance
 from np_drake.lifting.model.neural_family import NeuralFamily
-from np_drake.lifting.model.trust import Trust
 
 PAPER, LIFTED, NEURAL, MODE_DICTIONARY = "paper", "lifted", "neural", "mode-dictionary"
 DMDC, DELAY_DMDC, RIDGE = "dmdc", "delay-dmdc", "ridge"
@@ -78,11 +77,6 @@ class LiftedModel:
             )
 
     @property
-    def refits(self) -> bool:
-        """Whether A and B are refit on the window in flight."""
-        return isinstance(self.encoder, Phi) and self.ridge > 0
-
-    @property
     def warm_up(self) -> int:
         """Samples before the first forecast: those that the encoder sees, or that the refit
         reads.
@@ -117,10 +111,10 @@ class LiftedModel:
 
     def lift(self, window: np.ndarray) -> np.ndarray:
         """Return z (..., K) now from samples [chi, zeta] (..., window, 12), oldest first."""
+        if isinstance(self.encoder, AdaptiveFamily):
+            return self.encoder.read(window, self.encoder.mean)[1]
         if isinstance(self.encoder, DelayEncoder):
             return self.encoder(window)
-        if isinstance(self.encoder, AdaptiveFamily):
-            return self.encoder.lift(window, self.encoder.mean)
         z, s = self.encoder(window[..., -1, :6]), self.system
         return advance(z, s.A, s.B, self.since_label(window))
 

@@ -1,9 +1,12 @@
-"""Model files: safetensors with the configuration in the header. Nothing pickled is ever read."""
+"""Model files: safetensors with the configuration in the header, the conditions of a training, and
+whether a controller may use it. Nothing pickled is ever read.
+"""
 
+import dataclasses as dc
 import json
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 from safetensors import SafetensorError, safe_open
@@ -11,25 +14,112 @@ from safetensors.numpy import save
 
 from np_drake.files.atomic_file import write_bytes
 from np_drake.files.input_file import parse_json
-from np_drake.lifting.model.adaptive_family import AdaptiveFamily, family_of, family_tensors
-from np_drake.lifting.model.encoders import DelayEncoder, Phi
+from np_drake.labels import LabelConfig
+from np_drake.lifting.model.encoders import Trust
 from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
 from np_drake.lifting.model.lifted_model import ENCODERS, LiftedModel, require_configuration
-from np_drake.lifting.model.model_header import (
-    LARGEST_RIDGE,
-    LONGEST_WINDOW,
-    STEPS,
-    number_in,
-    summary_in,
-    truth_in,
-)
-from np_drake.lifting.model.neural_family import NeuralFamily, neural_family_of, neural_tensors
-from np_drake.lifting.model.trust import Trust
+from np_drake.vehicle import Vehicle
+
+
+class Trained(Protocol):
+    """A dataclass with a `summary` of its training."""
+
+    @property
+    def summary(self) -> dict[str, Any]:
+        """Key figures and conditions of the training."""
+
+
+M = TypeVar("M", bound=Trained)
+
+
+def origin_of(frame: str, vehicle: Vehicle, label: LabelConfig) -> dict[str, Any]:
+    """Return the conditions of a training by name.
+
+    Args:
+        vehicle: whose mass the labels assume [kg].
+    """
+    return {"frame": frame, "mass": vehicle.mass, "label": dc.asdict(label)}
+
+
+def with_origin(model: M, origin: dict[str, Any], **more: Any) -> M:
+    """Return the model with the `origin` of `origin_of` and more in its summary, and so in its
+    file; `rotor_lag`, the time constant of its vehicle's rotors [s], filters the command in flight.
+    """
+    return dc.replace(model, summary={**model.summary, "origin": origin, **more})  # type: ignore[type-var]
+
+
+def rotor_lag_of(model: Trained) -> float:
+    """Return the rotor lag stored with the model [s]; 0 where there is none."""
+    return float(model.summary.get("rotor_lag", 0.0))
+
+
+def require_origin(model: Trained, origin: dict[str, Any]) -> None:
+    """Check that the model was trained on labels like those that it will be fed.
+
+    An origin that is unknown passes.
+
+    Args:
+        origin: of what it will be fed, or a part of it.
+    Raises: ValueError: if an item of the origin differs.
+    """
+    trained = model.summary.get("origin", {})
+    for name, value in origin.items():
+        if name in trained and trained[name] != value:
+            raise ValueError(
+                f"predictor: was trained with {name} {trained[name]}; here it is {value}. "
+                f"Train it on such labels."
+            )
+
+
+# What a header may hold, own choice: beyond it a file is damaged.
+STEPS = (1e-4, 10.0)  # shortest and longest step [s]
+LONGEST_WINDOW, LARGEST_RIDGE = 100_000, 1e12
+
+
+def summary_in(header: dict[str, Any]) -> dict[str, Any]:
+    """Return the summary of a header.
+
+    Raises: ValueError: if a part of it that a flight depends on is not what it must be; KeyError:
+    if there is none.
+    """
+    summary = dict(header["summary"])
+    if not isinstance(summary.get("origin", {}), dict):
+        raise ValueError(
+            f"summary.origin must be names with their values; got {summary['origin']!r}."
+        )
+    lag = summary.get("rotor_lag", 0.0)
+    if not isinstance(lag, int | float) or not 0 <= lag < 10:
+        raise ValueError(f"summary.rotor_lag must be 0 to 10 s; got {lag!r}.")
+    return summary
+
+
+def number_in(header: dict[str, Any], name: str, lowest: float, largest: float) -> float:
+    """Return a number of a header.
+    Raises: ValueError: if it is none, or outside these bounds; KeyError: if the header lacks it.
+    """
+    value = header[name]
+    if (
+        isinstance(value, bool)
+        or not isinstance(value, int | float)
+        or not lowest <= value <= largest
+    ):
+        raise ValueError(f"{name} must be a number from {lowest:g} to {largest:g}; got {value!r}.")
+    return float(value)
+
+
+def truth_in(header: dict[str, Any], name: str) -> bool:
+    """Return a truth value of a header.
+    Raises: ValueError: if it is none, as a text, which Python takes for true; KeyError: if the
+        header lacks it.
+    """
+    if not isinstance(header[name], bool):
+        raise ValueError(f"{name} must be true or false; got {header[name]!r}.")
+    return header[name]
+
 
 SCHEMA = "np_drake.lifted_model/1"  # format of the file and its version
 # What building a model of damaged content raises.
 _DAMAGED = (KeyError, TypeError, ValueError, AttributeError, IndexError, ArithmeticError)
-M = TypeVar("M")
 
 
 def save_model(model: LiftedModel, path: str | Path) -> None:
@@ -43,17 +133,8 @@ def save_model(model: LiftedModel, path: str | Path) -> None:
         "C": s.C,
         "chi_scale": model.chi_scale,
         "zeta_scale": model.zeta_scale,
+        **model.encoder.tensors(),
     }
-    if isinstance(model.encoder, Phi):
-        tensors |= {f"W{i}": W for i, W in enumerate(model.encoder.weights)}
-    elif isinstance(model.encoder, NeuralFamily):
-        tensors |= neural_tensors(model.encoder)
-    elif isinstance(model.encoder, AdaptiveFamily):
-        tensors |= family_tensors(model.encoder)
-    else:
-        tensors["E"] = model.encoder.E
-        if model.encoder.offset is not None:
-            tensors["offset"] = model.encoder.offset
     if model.trust is not None:
         tensors |= {
             f"trust/{name}": np.asarray(value, float) for name, value in vars(model.trust).items()
@@ -74,23 +155,13 @@ def save_model(model: LiftedModel, path: str | Path) -> None:
 def write_model(
     tensors: dict[str, np.ndarray], schema: str, header: dict[str, Any], path: str | Path
 ) -> None:
-    """Write a model file of any kind, whole or not at all.
+    """Write a model file of any kind, whole or not at all; equal content gives equal bytes.
 
     Args:
         header: all else that makes the model, `summary` among it.
     Raises: OSError: if it cannot be written.
     """
-    write_tensors(tensors, {"schema": schema, "model": json.dumps(header)}, path)
-
-
-def write_tensors(
-    tensors: dict[str, np.ndarray], metadata: dict[str, str], path: str | Path
-) -> None:
-    """Write a safetensors file, whole or not at all; equal content gives equal bytes.
-
-    Args:
-        metadata: texts by name, `schema` among them.
-    """
+    metadata = {"schema": schema, "model": json.dumps(header)}
     content = save({name: np.ascontiguousarray(value) for name, value in tensors.items()}, metadata)
     write_bytes(path, _with_sorted_header(content))
 
@@ -120,9 +191,7 @@ def schema_of(path: str | Path) -> str:
         return ""
 
 
-def read_tensors(
-    path: str | Path, schema: str, what: str = "model file"
-) -> tuple[dict[str, np.ndarray], dict[str, str]]:
+def read_tensors(path: str | Path, schema: str) -> tuple[dict[str, np.ndarray], dict[str, str]]:
     """Return (tensors, metadata) of a safetensors file of the given schema.
     Raises: ValueError: one line, if the file is missing or broken, has another schema or holds
         non-finite numbers.
@@ -132,15 +201,11 @@ def read_tensors(
             metadata = file.metadata() or {}
             tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
     except (SafetensorError, OSError, ValueError, TypeError, KeyError) as error:
-        raise ValueError(f"{path}: not a {what}: {_reason(path, error)}") from error
+        raise ValueError(f"{path}: not a model file: {_reason(path, error)}") from error
     if metadata.get("schema") != schema:
-        remedy = (
-            " Train again: another version or configuration made it."
-            if what == "model file"
-            else ""
-        )
         raise ValueError(
-            f"{path}: schema must be {schema}; got {metadata.get('schema', 'none')}.{remedy}"
+            f"{path}: schema must be {schema}; got {metadata.get('schema', 'none')}. Train again: "
+            "another version or configuration made it."
         )
     for name, value in tensors.items():
         if value.dtype.kind != "f" or not np.all(np.isfinite(value)):
@@ -148,19 +213,12 @@ def read_tensors(
     return tensors, metadata
 
 
-def load_model(path: str | Path, configuration: str | None = None) -> LiftedModel:
+def load_model(path: str | Path) -> LiftedModel:
     """Return the model in a file.
 
-    Args:
-        configuration: where given, the configuration that the file must hold.
     Raises: ValueError: as `read_model`.
     """
-    model = read_model(path, SCHEMA, _model)
-    if configuration is not None and model.configuration != configuration:
-        raise ValueError(
-            f"{path}: configuration must be {configuration}; got {model.configuration}."
-        )
-    return model
+    return read_model(path, SCHEMA, _model)
 
 
 def read_model(
@@ -180,10 +238,8 @@ def read_model(
 
 
 def _model(tensors: dict[str, np.ndarray], header: dict[str, Any]) -> LiftedModel:
-    configuration, window = (
-        str(header["configuration"]),
-        int(number_in(header, "window", 1, LONGEST_WINDOW)),
-    )
+    configuration = str(header["configuration"])
+    window = int(number_in(header, "window", 1, LONGEST_WINDOW))
     require_configuration(configuration)
     system = LiftedLinearSystem(
         tensors["A"], tensors["B"], tensors["C"], number_in(header, "step", *STEPS)
@@ -193,16 +249,7 @@ def _model(tensors: dict[str, np.ndarray], header: dict[str, Any]) -> LiftedMode
     for name in ("chi_scale", "zeta_scale"):
         if tensors[name].shape != (6,) or not np.all(tensors[name] > 0):
             raise ValueError(f"{name} must be six positive numbers.")
-    kind = ENCODERS[configuration]
-    encoder: Phi | DelayEncoder | AdaptiveFamily
-    if kind is Phi:
-        encoder = _phi(tensors)
-    elif kind is NeuralFamily:
-        encoder = neural_family_of(tensors)
-    elif kind is AdaptiveFamily:
-        encoder = family_of(tensors)
-    else:
-        encoder = DelayEncoder(tensors["E"], window, tensors.get("offset"))
+    encoder = ENCODERS[configuration].from_tensors(tensors)
     return LiftedModel(
         configuration,
         system,
@@ -241,20 +288,6 @@ def _trust(tensors: dict[str, np.ndarray], K: int) -> Trust | None:
         arrays["mean"],
         **{name: value.item() for name, value in found.items()},
     )
-
-
-def _phi(tensors: dict[str, np.ndarray]) -> Phi:
-    weights = tuple(tensors[f"W{i}"] for i in range(sum(name.startswith("W") for name in tensors)))
-    width = 6
-    for W in weights:
-        if W.ndim != 2 or W.shape[1] != width:
-            raise ValueError(
-                f"each layer of Phi must take the {width} outputs before it; got {W.shape}."
-            )
-        width = len(W)
-    if not weights:
-        raise ValueError("lacks the layers of Phi.")
-    return Phi(weights, tensors["chi_scale"])
 
 
 def _reason(path: str | Path, error: Exception) -> str:

@@ -3,15 +3,13 @@ projected stable.
 """
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 from scipy.linalg import lapack
 
 from np_drake.lifting.model.encoders import Phi
+from np_drake.lifting.model.lifted_linear_system import stabilized, stabilized_all
 from np_drake.lifting.model.lifted_model import LiftedModel
-from np_drake.lifting.model.stabilized import stabilized, stabilized_all
 
 RADIUS = 0.9999  # largest |eigenvalue| of a refit A [1]
-CHUNK = 2000  # windows at a time, for memory [1]
 
 
 class WindowRefit:
@@ -38,64 +36,43 @@ class WindowRefit:
             )
         if not model.ridge > 0:
             raise ValueError(f"WindowRefit: ridge must be positive; got {model.ridge}.")
-        self._phi, self._ridge, self._late = model.encoder, model.ridge, model.late
+        self.phi, self._ridge, self._late = model.encoder, model.ridge, model.late
         self._scale = model.zeta_scale
-        self._prior = np.hstack([model.system.A, model.system.B * self._scale]).T
-        self._pull = model.ridge * self._prior.T
-
-    def __call__(self, window: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return stable A (K, K) and B (K, 6) in physical units from samples [chi, zeta] (W, 12),
-        oldest first.
-        """
-        return self.solve(self.rows(window))
+        self._pull = model.ridge * np.hstack([model.system.A, model.system.B * self._scale])
 
     def rows(self, samples: np.ndarray) -> np.ndarray:
         """Return the rows [z, zeta / scale] (n - late, K + 6) of the regression from samples [chi,
         zeta] (n, 12).
         """
-        z = self._phi(samples[self._late :, :6])
+        z = self.phi(samples[self._late :, :6])
         return np.concatenate([z, samples[: len(z), 6:] / self._scale], axis=-1)
 
     def solve(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return A and B from the `rows` (W - late, K + 6) of a window.
+        """Return stable A (K, K) and B (K, 6) from the `rows` (W - late, K + 6) of a window.
 
         A flight keeps the rows, so that each sample is lifted once. The normal matrix is formed
         anew at every sample: one product of 2 us, which adding one row and removing one would not
         beat, and it accumulates no rounding error.
         """
+        A, B = self._posterior(rows)
+        return stabilized(A, RADIUS), B
+
+    def along(self, samples: np.ndarray, W: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return A (o, K, K) and B (o, K, 6) of all o = n - W + 1 windows of an uninterrupted
+        flight of samples (n, 12), and A's spectral radii (o,) before it was made stable [1].
+        """
+        rows, steps = self.rows(samples), W - self._late
+        found = [self._posterior(rows[i : i + steps]) for i in range(len(rows) - steps + 1)]
+        A, before = stabilized_all(np.stack([A for A, _ in found]), RADIUS)
+        return A, np.stack([B for _, B in found]), before
+
+    def _posterior(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return A and B of a window before A is made stable."""
         # (X'X + p) [A B]' = X'Y + p [A_0 B_0]', by Cholesky
-        X, K = rows[:-1], self._phi.K
+        X, K = rows[:-1], self.phi.K
         normal = X.T @ X
         normal.flat[:: len(normal) + 1] += self._ridge
         moments = rows[1:, :K].T @ X + self._pull
         # Transposed: no copies
         solution = lapack.dposv(normal.T, moments.T, overwrite_a=1, overwrite_b=1)[1].T
-        return stabilized(solution[:, :K], RADIUS), solution[:, K:] / self._scale
-
-    def along(self, samples: np.ndarray, W: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return A and B of all o = n - W + 1 windows of an uninterrupted flight.
-
-        Args:
-            samples: (n, 12) of [chi, zeta] [N, N·m, m/s, rad/s].
-            W: samples of a window [1].
-        Returns: A (o, K, K), B (o, K, 6), equal to the results one by one; (o,) spectral radius of
-            A before it was made
-        stable [1].
-        """
-        rows, steps = self.rows(samples), W - self._late - 1
-        X = sliding_window_view(rows[:-1], steps, axis=0)
-        Y = sliding_window_view(rows[1:, : self._phi.K], steps, axis=0)
-        parts = [self._fit(X[i : i + CHUNK], Y[i : i + CHUNK]) for i in range(0, len(X), CHUNK)]
-        A, B, before = (np.concatenate(column) for column in zip(*parts, strict=True))
-        return A, B, before
-
-    def _fit(self, XT: np.ndarray, YT: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Compute `along` from regressors (o, K+6, steps) and targets (o, K, steps)."""
-        XT, K = np.ascontiguousarray(XT), YT.shape[1]
-        X = XT.swapaxes(1, 2)
-        normal = XT @ X
-        diagonal = np.arange(normal.shape[1])
-        normal[:, diagonal, diagonal] += self._ridge
-        solution = self._prior + np.linalg.solve(normal, XT @ (YT.swapaxes(1, 2) - X @ self._prior))
-        A, before = stabilized_all(np.ascontiguousarray(solution[:, :K].swapaxes(1, 2)), RADIUS)
-        return A, solution[:, K:].swapaxes(1, 2) / self._scale[:, None].T, before
+        return solution[:, :K], solution[:, K:] / self._scale

@@ -15,12 +15,76 @@ from scipy.ndimage import uniform_filter1d
 
 from np_drake.training_data.segments import Segment, group_scale, white_noise
 
+_CHI = {"fx": 0, "fy": 1, "fz": 2, "tx": 3, "ty": 4, "tz": 5}  # index of each channel
+_ZETA = {"vx": 0, "vy": 1, "vz": 2, "wx": 3, "wy": 4, "wz": 5}  # index of each channel
+
+
+@dc.dataclass(frozen=True)
+class View:
+    """Signed selections of the channels of chi and zeta that one view of a block uses."""
+
+    output: np.ndarray  # (6,) selection from chi of what is foreseen [1]
+    inputs: np.ndarray  # (p, 6) selection from zeta [1]
+
+
+@dc.dataclass(frozen=True)
+class Block:
+    """One fitted block of the lifted linear system, whose views share its matrices.
+
+    lateral: whether it swings as a payload does; the vertical force oscillates with the horizontal
+    swing only.
+    """
+
+    views: tuple[View, ...]
+    lateral: bool
+
+
+def symmetric_blocks(*, torque: bool) -> list[Block]:
+    """Return blocks tied by symmetry about the vertical.
+
+    Rotation by 90 degrees takes x to y and y to -x, so that w_y, t_y of the first view are -w_x,
+    -t_x of the second. It takes body rates and torques with it, which holds while the yaw angle
+    stays small. Reflection forbids any coupling between the horizontal and the vertical.
+    """
+    blocks = [
+        Block((_view("fx", "vx wy"), _view("fy", "vy -wx")), True),
+        Block((_view("fz", "vz"),), False),
+    ]
+    if torque:
+        blocks.append(Block((_view("ty", "vx wy"), _view("-tx", "vy -wx")), True))
+        blocks.append(Block((_view("tz", "wz"),), False))
+    return blocks
+
+
+def turns(zeta: np.ndarray) -> list[np.ndarray]:
+    """Return the eight images of zeta (n, 6) under quarter turns about the vertical and the mirror
+    y -> -y.
+    """
+    quarter, mirror = (
+        zeta[:, [1, 0, 2, 4, 3, 5]] * [1, -1, 1, 1, -1, 1],
+        np.array([1, -1, 1, -1, 1, -1]),
+    )
+    half = np.array([-1, -1, 1, -1, -1, 1])
+    images = [zeta, quarter, zeta * half, quarter * half]
+    return images + [image * mirror for image in images]
+
+
+def _view(output: str, inputs: str) -> View:
+    return View(_selection(output, _CHI)[0], _selection(inputs, _ZETA))
+
+
+def _selection(names: str, index: dict[str, int]) -> np.ndarray:
+    rows = np.zeros((len(names.split()), 6))
+    for row, name in zip(rows, names.split(), strict=True):
+        row[index[name.lstrip("-")]] = -1.0 if name.startswith("-") else 1.0
+    return rows
+
+
 CHANNELS = ("vx", "vy", "vz", "wx", "wy", "wz")
 AVERAGE = (
     8  # samples averaged before motion is compared with noise: dynamics are slower than noise [1]
 )
 RELEVANT = 0.01  # motion below this share of the group's (v or omega) counts as noise [1]
-LINE_BINS = 4  # bins on either side of a spectral line that its leakage fills, Hann window [1]
 THRESHOLD = 4.0  # motion this many times its noise is half trusted [1]
 
 
@@ -49,21 +113,17 @@ class Excitation:
         return N @ (V.T * self.gain) @ V @ np.linalg.inv(N)
 
     @property
-    def excited(self) -> np.ndarray:
-        """Whether each direction is trusted at least half, (6,)."""
-        return self.gain >= 0.5
-
-    @property
     def text(self) -> str:
         """Summary for people, in one line."""
-        weak = [
+        weak = self.gain < 0.5
+        named = [
             f"{_name(direction)} ({deviation:.1f} x noise)"
             for direction, deviation in zip(
-                self.directions[~self.excited], self.deviation[~self.excited], strict=True
+                self.directions[weak], self.deviation[weak], strict=True
             )
         ]
-        line = f"{self.excited.sum()} of 6 directions of zeta excited"
-        line += f"; B shrunk along {', '.join(weak)}" if weak else ""
+        line = f"{6 - weak.sum()} of 6 directions of zeta excited"
+        line += f"; B shrunk along {', '.join(named)}" if named else ""
         if self.line_share > 0.8:
             line += (
                 f"; {100 * self.line_share:.0f} % of the motion is one line at "
@@ -109,35 +169,6 @@ def training_summary(segments: Sequence[Segment], loss: float, step: float) -> d
     """
     text = measure_excitation([segment.zeta for segment in segments], step=step).text
     return {"samples": sum(map(len, segments)), "loss": {"all": loss}, "excitation": text}
-
-
-def motion_near(values: list[np.ndarray], frequency: float, *, step: float) -> float:
-    """Return the RMS of motion near a frequency over the white noise there, of the weakest channel
-    [1].
-
-    The band is a quarter of the frequency to either side. The strongest line of each piece is left
-    out: one line is one point of a response and shows no mode. Pieces are pooled.
-
-    Args:
-        values: pieces (n, c).
-        frequency: [Hz].
-        step: time between samples [s].
-    """
-    noise = white_noise(values)
-    power, expected = np.zeros(len(noise)), np.zeros(len(noise))
-    for piece in values:
-        taper = np.hanning(len(piece))[:, None]
-        spectrum = np.abs(np.fft.rfft(taper * (piece - piece.mean(axis=0)), axis=0)) ** 2 / np.sum(
-            taper**2
-        )
-        line = int(np.argmax(spectrum[1:].sum(axis=1))) + 1
-        hertz = np.fft.rfftfreq(len(piece), step)
-        band = (hertz > frequency / 1.25) & (hertz < frequency * 1.25)
-        band[max(line - LINE_BINS, 0) : line + LINE_BINS + 1] = False
-        power += spectrum[band].sum(axis=0)
-        expected += band.sum() * noise**2
-    floor = np.maximum(expected, 1e-18)
-    return float(np.sqrt(np.min(power / floor)))
 
 
 def _strongest_line(zeta: np.ndarray, step: float) -> tuple[float, float]:

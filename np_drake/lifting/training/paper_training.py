@@ -24,26 +24,221 @@ and effects):
 """
 
 import dataclasses as dc
+import itertools
 
 import numpy as np
 import torch
 from torch import nn
 
-from np_drake.lifting.model.channel_views import turns
-from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
+from np_drake.lifting.model.encoders import Phi
+from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem, stabilized_all
 from np_drake.lifting.model.lifted_model import PAPER, LiftedModel
+from np_drake.lifting.model.window_refit import RADIUS
 from np_drake.lifting.training import OnEpoch
-from np_drake.lifting.training.excitation import measure_excitation
-from np_drake.lifting.training.phi_module import PhiModule
-from np_drake.lifting.training.window_fits import (
-    forgetful,
-    global_fit,
-    most_likely_ridge,
-    regression,
-    stable,
-    window_fit,
-)
+from np_drake.lifting.training.excitation import measure_excitation, turns
 from np_drake.training_data.segments import Segment, check_segments, group_scale
+
+
+class PhiModule(nn.Module):
+    """Spectrally normalised perceptron, W_hat = W / sigma(W) gamma^(1/(L+1)) in every layer.
+
+    The input is chi / scale, so gamma is the Lipschitz constant in those scaled coordinates; in N
+    and N·m it is at most gamma / min(scale). sigma and its gradient u v^T come from a singular
+    value decomposition, so that the bound holds for close singular values too, where a power
+    iteration stands still early; training takes as long with
+    either (own measurement).   Source: Jin et al. 2025, eq. (sn).
+
+    Args:
+        gamma: [1].
+        scale: (6,) of chi [N, N·m].
+    """
+
+    def __init__(
+        self, *, width: int, layers: int, K: int, gamma: float, scale: np.ndarray, seed: int
+    ):
+        super().__init__()
+        generator = torch.Generator().manual_seed(seed)
+        start = _initial_weights([6] + [width] * layers + [K], generator)
+        self.raw = nn.ParameterList(nn.Parameter(raw) for raw in start)
+        self._layer_gain = gamma ** (1.0 / len(self.raw))
+        self._scale = torch.from_numpy(scale)
+
+    def weights(self) -> list[torch.Tensor]:
+        """Return the normalised weights, each of largest singular value gamma^(1/(L+1))."""
+        return [normalised(W, self._layer_gain) for W in self.raw]
+
+    def forward(self, chi: torch.Tensor) -> torch.Tensor:
+        """Return z (..., K) of chi (..., 6) [N, N·m]."""
+        z = chi / self._scale
+        *hidden, last = self.weights()
+        for W in hidden:
+            z = torch.relu(z @ W.T)
+        return z @ last.T
+
+    def export(self) -> Phi:
+        """Return the map in numpy, normalised once more with exact singular values."""
+        exact = []
+        for W in self.weights():
+            array = W.detach().numpy()
+            exact.append(array * (self._layer_gain / np.linalg.norm(array, 2)))
+        return Phi(tuple(exact), self._scale.numpy().copy())
+
+
+def normalised(W: torch.Tensor, gain: float) -> torch.Tensor:
+    """Return a matrix of largest singular value `gain` along W, with its gradient.
+
+    Args:
+        gain: [1].
+    """
+    with torch.no_grad():
+        U, _, Vh = torch.linalg.svd(W, full_matrices=False)
+    return W * (gain / (U[:, 0] @ W @ Vh[0]))
+
+
+def _initial_weights(sizes: list[int], generator: torch.Generator) -> list[torch.Tensor]:
+    """Return layers whose first outputs carry chi itself, as relu(chi) - relu(-chi), beside random
+    features.
+
+    So chi = C z holds from the start and training need not find the identity first. Own choice: one
+    step ahead on a real flight the error is 0.8 of persistence's this way, and 8 times it from a
+    plain random start.
+    """
+    weights = []
+    for layer, (inputs, outputs) in enumerate(itertools.pairwise(sizes)):
+        raw = torch.randn(outputs, inputs, generator=generator, dtype=torch.float64)
+        raw = raw / torch.linalg.matrix_norm(raw, 2)
+        eye = torch.eye(6, dtype=torch.float64)
+        if layer == 0:
+            carrier = torch.cat([eye, -eye])
+        elif layer < len(sizes) - 2:
+            carrier = torch.eye(12, dtype=torch.float64)
+        else:
+            carrier = torch.cat([eye, -eye], dim=1)
+        raw[: len(carrier)] = 0.0
+        raw[: len(carrier), : carrier.shape[1]] = carrier
+        weights.append(raw)
+    return weights
+
+
+RIDGES = tuple(
+    10.0**k for k in range(9)
+)  # that are tried, up to no refit at all [samples of unit size]
+NULL = 1e-4  # of the mean power, added to that of every direction: Phi may have null directions [1]
+EXACT = 1e-12  # variance of labels that are exact, over their scale [1]
+
+
+def regression(
+    z: torch.Tensor, zeta: torch.Tensor, *, backward: bool = False
+) -> tuple[torch.Tensor, torch.Tensor]:
+    """Return regressors [z, zeta] (b, W-1, K+6) and targets (b, W-1, K): z_(k+1) from z_k, or z_k
+    from z_(k+1).
+
+    Args:
+        z: (b, W, K).
+        zeta: (b, W, 6).
+    """
+    before, after = (z[:, 1:], z[:, :-1]) if backward else (z[:, :-1], z[:, 1:])
+    return torch.cat([before, zeta[:, :-1]], dim=-1), after
+
+
+def global_fit(X: torch.Tensor, Y: torch.Tensor) -> torch.Tensor:
+    """Return the least squares of Y (..., q) on X (..., d) over all rows, (d, q).
+
+    Args:
+        X: (..., d) regressors.
+        Y: (..., q) targets.
+    """
+    X, Y = X.reshape(-1, X.shape[-1]), Y.reshape(-1, Y.shape[-1])
+    normal = X.T @ X
+    normal += (NULL * normal.diagonal().mean() + 1e-12) * torch.eye(len(normal), dtype=X.dtype)
+    return torch.linalg.solve(normal, X.T @ Y)
+
+
+def window_fit(
+    X: torch.Tensor, Y: torch.Tensor, prior: torch.Tensor, ridge: float
+) -> tuple[torch.Tensor, torch.Tensor]:
+    """Return A' (b, K, K), stable, and B' (b, 6, K) of each window: the posterior mean, as
+    `WindowRefit` has it.
+
+    Args:
+        X: (b, T, K + 6) regressors.
+        Y: (b, T, K) targets.
+        prior: (K + 6, K) mean of the prior, or one for each window.
+        ridge: its precision [samples of unit size].
+    """
+    K = Y.shape[-1]
+    normal = X.mT @ X + ridge * torch.eye(X.shape[-1], dtype=X.dtype)
+    solution = prior + torch.cholesky_solve(X.mT @ (Y - X @ prior), torch.linalg.cholesky(normal))
+    return stable(solution[:, :K]), solution[:, K:]
+
+
+def most_likely_ridge(
+    z: torch.Tensor, zeta: torch.Tensor, goal: torch.Tensor, C: torch.Tensor, priors: torch.Tensor
+) -> float:
+    """Return the ridge under which what follows the windows of a training is most likely [samples
+    of unit size].
+
+    A window's own A, B, fitted under the ridge, forecast the next window from its first sample on.
+    Of the error at every step ahead, normal with a covariance of its own, the log likelihood at its
+    maximum is
+    -n/2 log|covariance| + const; summed over the steps, it is the evidence of the ridge. The
+    likelihood of the windows themselves, one step ahead, would ask for matrices of their own
+    wherever the network is bent; these pump a swing.
+    Source: prequential likelihood, Dawid 1984.
+
+    Args:
+        z: (n, 2 W, K) of a window and the next.
+        zeta: (n, 2 W, 6).
+        goal: (n, 2 W, 6) chi / scale.
+        C: (6, K) reads it out of z.
+        priors: (n, K + 6, K) mean of the prior of each, learned on windows at other times: about a
+            prior that knows a window already, nothing would be left to learn in flight.
+    """
+    X, Y = regression(z, zeta)
+    K, last = z.shape[-1], z.shape[1] // 2 - 1  # of the window
+    evidence = []
+    for ridge in RIDGES:
+        A, B = window_fit(X[:, :last], Y[:, :last], priors, ridge)
+        state, found = z[:, last], 0.0
+        for j in range(last, X.shape[1]):
+            state = (state[:, None] @ A + X[:, j, None, K:] @ B)[:, 0]
+            error = state @ C.T - goal[:, j + 1]
+            covariance = error.T @ error / len(error) + EXACT * torch.eye(
+                error.shape[1], dtype=error.dtype
+            )
+            found -= 0.5 * len(error) * torch.logdet(covariance).item()
+        evidence.append(found)
+    return RIDGES[int(np.argmax(evidence))]
+
+
+def forgetful(A: torch.Tensor, z: torch.Tensor, window: int) -> torch.Tensor:
+    """Return A' (K, K) with modes that decay within a window, but for the level of z.
+
+    z = m (l'z) + rest: m is its mean, and the level l'z, least squares of 1, stays.
+
+    Args:
+        A: (K, K), transposed.
+        z: (..., K) of the training.
+        window: time constant [samples].
+    """
+    Z = z.reshape(-1, z.shape[-1])
+    mean, level = Z.mean(dim=0), global_fit(Z, torch.ones(len(Z), 1, dtype=Z.dtype))[:, 0]
+    decaying = stable(A, np.exp(-1.0 / window))
+    return stable(decaying + torch.outer(level / (level @ mean), mean - mean @ decaying))
+
+
+def stable(A: torch.Tensor, radius: float = RADIUS) -> torch.Tensor:
+    """Make A (..., K, K) stable as `stabilized` does in flight; what that adds is taken as a
+    constant in gradients.
+
+    Args:
+        A: (..., K, K).
+        radius: largest |eigenvalue| [1].
+    """
+    given = A.detach().numpy()
+    found = stabilized_all(given.reshape(-1, *given.shape[-2:]), radius)[0].reshape(given.shape)
+    return A + torch.from_numpy(found - given)
+
 
 BLOCKS = 4  # of time; the windows of one are judged about the prior of the others [1]
 
@@ -87,6 +282,7 @@ class PaperTrainer:
         self.samples = sum(map(len, segments))
         self.chi_scale = group_scale([segment.chi for segment in segments], centred=False)
         self.zeta_scale = group_scale([segment.zeta for segment in segments], centred=False)
+        self._scale = torch.from_numpy(self.chi_scale)
         zeta = [segment.zeta for segment in segments]
         if config.symmetric:
             zeta = [image for piece in zeta for image in turns(piece)]
@@ -145,7 +341,7 @@ class PaperTrainer:
             zeta: (b, W, 6), scaled.
         """
         z = self.phi(chi)
-        reconstruction = ((chi / self._scale() - z @ self.C.T) ** 2).mean()
+        reconstruction = ((chi / self._scale - z @ self.C.T) ** 2).mean()
         forward = self._rollout_error(z, zeta, self.forward_prior, backward=False)
         backward = self._rollout_error(z, zeta, self.backward_prior, backward=True)
         b = self.config.beta
@@ -192,7 +388,7 @@ class PaperTrainer:
             self.forward_prior, self.backward_prior = self._prior(z), self._prior(z, backward=True)
             others = torch.stack([self._prior(z, without=block) for block in range(BLOCKS)])
             self.ridge = most_likely_ridge(
-                self.phi(chi), zeta, chi / self._scale(), self.C, others[_blocks(len(chi))]
+                self.phi(chi), zeta, chi / self._scale, self.C, others[_blocks(len(chi))]
             )
 
     def _prior(self, z: torch.Tensor, *, backward: bool = False, without: int = -1) -> torch.Tensor:
@@ -206,14 +402,11 @@ class PaperTrainer:
         fit = global_fit(torch.cat([X[..., :K], X[..., K:] @ self._seen], dim=-1), Y)
         return torch.cat([stable(fit[:K]), self._seen @ fit[K:]])
 
-    def _scale(self) -> torch.Tensor:
-        return torch.from_numpy(self.chi_scale)
-
     def _best_readout(self, z: torch.Tensor) -> torch.Tensor:
         """Return the least squares of chi / scale on z over all windows, ridge 1e-6 of the mean
         power, (6, K).
         """
-        Z, chi = z.reshape(-1, z.shape[-1]), (self._chi / self._scale()).reshape(-1, 6)
+        Z, chi = (z.reshape(-1, z.shape[-1]), (self._chi / self._scale).reshape(-1, 6))
         normal = Z.T @ Z
         normal += (1e-6 * normal.diagonal().mean() + 1e-12) * torch.eye(len(normal), dtype=Z.dtype)
         return torch.linalg.solve(normal, Z.T @ chi).T

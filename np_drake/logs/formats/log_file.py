@@ -4,16 +4,15 @@ from pathlib import Path
 
 from np_drake.flight_log import FlightLog
 from np_drake.logs import columns
-from np_drake.logs.checks import check_table
+from np_drake.logs.columns import bridge_gaps, check_table, split_at_gaps
+from np_drake.logs.columns import repair as repair_table
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats import csv_file, parquet_file
 from np_drake.logs.formats.format import first_bytes
 from np_drake.logs.formats.text_table import first_lines, is_comma_separated, split_header
-from np_drake.logs.gaps import bridge_gaps, split_at_gaps
-from np_drake.logs.gaps import repair as repair_table
 from np_drake.logs.import_sheet import read_sheet
-from np_drake.logs.input_choice import WORDS, inputs_of
-from np_drake.logs.units import check_units
+from np_drake.logs.importing.laws import check_units
+from np_drake.logs.inputs import WORDS, inputs_of
 
 SUFFIXES = (".csv", ".csv.gz", ".parquet")  # of the formats
 

@@ -21,20 +21,105 @@ from np_drake.logs.errors import optional_package
 Json = dict[str, Any]
 
 
-SCHEMAS: dict[str, Json] = json.loads(Path(__file__).with_name("mcap_schemas.json").read_text())
-FRAME_TRANSFORMS, POSE_IN_FRAME = SCHEMAS["FRAME_TRANSFORMS"], SCHEMAS["POSE_IN_FRAME"]
-POSES_IN_FRAME, SCENE_UPDATE = SCHEMAS["POSES_IN_FRAME"], SCHEMAS["SCENE_UPDATE"]
-ENTITY = SCENE_UPDATE["properties"]["entities"]["items"]["properties"]
-SHAPES = [name for name, own in ENTITY.items() if own["type"] == "array" and name != "metadata"]
-TIME = POSE_IN_FRAME["properties"]["timestamp"]
+def _object(title: str, **properties: Json) -> Json:
+    """Return the schema of an object that has all of `properties`."""
+    return {
+        "title": title,
+        "type": "object",
+        "properties": properties,
+        "required": list(properties),
+    }
+
+
+def _list(items: Json) -> Json:
+    return {"type": "array", "items": items}
+
+
+NUMBER: Json = {"type": "number"}
+_TEXT: Json = {"type": "string"}
+_FLAG: Json = {"type": "boolean"}
+_WHOLE: Json = {"type": "integer"}
+_NANOSECONDS: Json = {"type": "integer", "minimum": 0, "maximum": 999999999}
+_TIME: Json = {
+    "title": "time",
+    "type": "object",
+    "properties": {"sec": {"type": "integer", "minimum": 0}, "nsec": _NANOSECONDS},
+}
+_DURATION: Json = {
+    "title": "duration",
+    "type": "object",
+    "properties": {"sec": _WHOLE, "nsec": _NANOSECONDS},
+}
+_VECTOR = _object("foxglove.Vector3", x=NUMBER, y=NUMBER, z=NUMBER)
+_POINT = _object("foxglove.Point3", x=NUMBER, y=NUMBER, z=NUMBER)
+_QUATERNION = _object("foxglove.Quaternion", x=NUMBER, y=NUMBER, z=NUMBER, w=NUMBER)
+_POSE = _object("foxglove.Pose", position=_VECTOR, orientation=_QUATERNION)
+_COLOR = _object("foxglove.Color", r=NUMBER, g=NUMBER, b=NUMBER, a=NUMBER)
+_LINE = _object(
+    "foxglove.LinePrimitive",
+    type={"oneOf": [{"const": k} for k in range(3)]},
+    pose=_POSE,
+    thickness=NUMBER,
+    scale_invariant=_FLAG,
+    points=_list(_POINT),
+    color=_COLOR,
+    colors=_list(_COLOR),
+    indices=_list(_WHOLE),
+)
+_SHAPES = {
+    "arrows": _object("foxglove.ArrowPrimitive"),
+    "cubes": _object("foxglove.CubePrimitive", pose=_POSE, size=_VECTOR, color=_COLOR),
+    "spheres": _object("foxglove.SpherePrimitive", pose=_POSE, size=_VECTOR, color=_COLOR),
+    "cylinders": _object(
+        "foxglove.CylinderPrimitive",
+        pose=_POSE,
+        size=_VECTOR,
+        bottom_scale=NUMBER,
+        top_scale=NUMBER,
+        color=_COLOR,
+    ),
+    "lines": _LINE,
+    "triangles": _object("foxglove.TriangleListPrimitive"),
+    "texts": _object("foxglove.TextPrimitive"),
+    "models": _object("foxglove.ModelPrimitive"),
+}
+_ENTITY = _object(
+    "foxglove.SceneEntity",
+    timestamp=_TIME,
+    frame_id=_TEXT,
+    id=_TEXT,
+    lifetime=_DURATION,
+    frame_locked=_FLAG,
+    metadata=_list(_object("foxglove.KeyValuePair", key=_TEXT, value=_TEXT)),
+    **{name: _list(shape) for name, shape in _SHAPES.items()},
+)
+FRAME_TRANSFORMS = _object(
+    "foxglove.FrameTransforms",
+    transforms=_list(
+        _object(
+            "foxglove.FrameTransform",
+            timestamp=_TIME,
+            parent_frame_id=_TEXT,
+            child_frame_id=_TEXT,
+            translation=_VECTOR,
+            rotation=_QUATERNION,
+        )
+    ),
+)
+POSE_IN_FRAME = _object("foxglove.PoseInFrame", timestamp=_TIME, frame_id=_TEXT, pose=_POSE)
+SCENE_UPDATE = _object(
+    "foxglove.SceneUpdate",
+    deletions=_list(
+        _object("foxglove.SceneEntityDeletion", timestamp=_TIME, type=_WHOLE, id=_TEXT)
+    ),
+    entities=_list(_ENTITY),
+)
 LEVEL = (1.0, 0.0, 0.0, 0.0)  # quaternion of no rotation
 
 
 def numbers(title: str, names: Sequence[str]) -> Json:
     """Return the schema of a message of numbers by name, with its time."""
-    properties = {"timestamp": TIME, **{name: {"type": "number"} for name in names}}
-    required = list(properties)
-    return {"title": title, "type": "object", "properties": properties, "required": required}
+    return _object(title, timestamp=_TIME, **dict.fromkeys(names, NUMBER))
 
 
 def time(nanoseconds: int) -> Json:
@@ -48,15 +133,26 @@ def vector(p: np.ndarray | Sequence[float]) -> Json:
 
 
 def pose(p: np.ndarray | Sequence[float], q: np.ndarray | Sequence[float] = LEVEL) -> Json:
-    """Return a pose of a position (3,) [m] and a quaternion (4,) w, x, y, z."""
+    """Return a pose.
+
+    Args:
+        p: (3,) position [m].
+        q: (4,) quaternion w, x, y, z.
+    """
     return {"position": vector(p), "orientation": _quaternion(q)}
 
 
 def transform(
     when: int, parent: str, child: str, p: np.ndarray, q: np.ndarray | Sequence[float]
 ) -> Json:
-    """Return the transform from a parent to a child frame at a time [ns]: the child at p (3,) [m]
-    in the parent, turned by the quaternion q (4,) w, x, y, z.
+    """Return the transform from one frame to another.
+
+    Args:
+        when: time [ns].
+        parent: frame that is known.
+        child: frame that is placed.
+        p: (3,) of the child in the parent [m].
+        q: (4,) quaternion w, x, y, z.
     """
     return {
         "timestamp": time(when),
@@ -68,7 +164,12 @@ def transform(
 
 
 def entity(when: int, frame: str, name: str, **shapes: list[Json]) -> Json:
-    """Return a scene entity that moves with its frame, from a time [ns] on."""
+    """Return a scene entity that moves with its frame.
+
+    Args:
+        when: time from which it is there [ns].
+        frame: name of its frame.
+    """
     return {
         "timestamp": time(when),
         "frame_id": frame,
@@ -76,21 +177,31 @@ def entity(when: int, frame: str, name: str, **shapes: list[Json]) -> Json:
         "lifetime": time(0),
         "frame_locked": True,
         "metadata": [],
-        **{kind: shapes.get(kind, []) for kind in SHAPES},
+        **{kind: shapes.get(kind, []) for kind in _SHAPES},
     }
 
 
 def solid(
     p: np.ndarray | Sequence[float], size: Sequence[float], color: Sequence[float], **more: Any
 ) -> Json:
-    """Return a cube, sphere or cylinder: its middle (3,) [m], extent (3,) [m], and red, green, blue
-    [1].
+    """Return a cube, sphere or cylinder.
+
+    Args:
+        p: (3,) its middle [m].
+        size: (3,) its extent [m].
+        color: red, green, blue [1].
     """
     return {"pose": pose(p), "size": vector(size), "color": _color(color), **more}
 
 
 def line(points: np.ndarray, color: Sequence[float], *, thickness: float) -> Json:
-    """Return a line strip of points (n, 3) [m] and a thickness [m]."""
+    """Return a line strip.
+
+    Args:
+        points: (n, 3) [m].
+        color: red, green, blue [1].
+        thickness: [m].
+    """
     return {
         "type": 0,
         "pose": pose((0.0, 0.0, 0.0)),

@@ -12,15 +12,13 @@ import numpy as np
 from np_drake import attitude
 from np_drake.files.input_file import note_input
 from np_drake.flight_log import FlightLog
-from np_drake.logs.checks import check_table
-from np_drake.logs.columns import COLUMNS, Table
+from np_drake.logs.columns import COLUMNS, Table, bridge_gaps, check_table, without_long_gaps
+from np_drake.logs.columns import repair as repair_table
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.csv_file import read_csv
 from np_drake.logs.formats.format import first_bytes
 from np_drake.logs.formats.text_table import first_lines
-from np_drake.logs.gaps import bridge_gaps, without_long_gaps
-from np_drake.logs.gaps import repair as repair_table
-from np_drake.logs.units import check_units
+from np_drake.logs.importing.laws import check_units
 from np_drake.vehicle import Vehicle, load_vehicle
 
 GRAVITY = 9.81  # [m/s²]; the CSV's hover reading of specific force

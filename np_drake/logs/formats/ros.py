@@ -27,7 +27,7 @@ from np_drake.files.input_file import cell_budget, note_input, size_of
 from np_drake.logs.errors import LogError, optional_package
 from np_drake.logs.formats.format import Contents, Format, Progress, Recording, Stream, first_source
 from np_drake.logs.formats.text_table import too_many_cells
-from np_drake.logs.importing.clock_parts import overlap, set_back
+from np_drake.logs.importing.breaks import overlap, set_back
 from np_drake.logs.importing.log_map import LogMap, Source
 
 MCAP, ROS1, SQLITE = b"\x89MCAP0\r\n", b"#ROSBAG V", b"SQLite format 3\0"  # first bytes of a file

@@ -29,8 +29,8 @@ from np_drake.logs.formats.format import (
     first_source,
     no_progress,
 )
-from np_drake.logs.importing.interpolation import SLOWEST_ROTORS
 from np_drake.logs.importing.log_map import SIZES, LogMap, Source
+from np_drake.logs.importing.signals import SLOWEST_ROTORS
 from np_drake.vehicle.rotor_layout import FIRMWARE, RotorLayout
 
 ROTOR_COLUMN = re.compile(r"(esc\[\d+\]\.esc_rpm|control\[\d+\]|output\[\d+\])")

@@ -1,5 +1,5 @@
-"""Where a log breaks: its recorder pauses, its position or attitude jumps, or its format states a
-switch.
+"""Where a log breaks: its clock is set, its recorder pauses, its position or attitude jumps, or its
+format states a switch.
 """
 
 import dataclasses as dc
@@ -8,11 +8,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from np_drake import attitude
-from np_drake.logs.checks import LEAST_ROWS
-from np_drake.logs.importing.convert import convert_quantity
-from np_drake.logs.importing.interpolation import Signal, Signals
-from np_drake.logs.importing.log_map import UNITS, LogMap
-from np_drake.logs.importing.signals import OPTIONAL, STATE
+from np_drake.logs.columns import LEAST_ROWS
+from np_drake.logs.formats.format import Recording, Stream
+from np_drake.logs.importing.laws import stretches
+from np_drake.logs.importing.log_map import UNITS, LogMap, convert_quantity
+from np_drake.logs.importing.signals import OPTIONAL, STATE, Signal, Signals
 
 INPUTS = ("thrust", "torque", "throttle", "rotor_speed")
 # gap of a signal from which a log is two [s]; own choice: below the windows of the conventions
@@ -85,8 +85,6 @@ def split(
     Args:
         origin: from which times of the lines count [s].
     """
-    if not breaks:
-        return [dict(signals)], []
     edges = [-np.inf, *(edge for b in breaks for edge in (b.before, b.after)), np.inf]
     parts, kept = [], []
     for start, stop in zip(edges[::2], edges[1::2], strict=True):
@@ -177,3 +175,146 @@ def _joined(found: Sequence[Break]) -> list[Break]:
         else:
             out.append(b)
     return out
+
+
+LEAST_STEP = 5  # samples by which a clock is set back; fewer are late messages; own choice
+MOST_STEPS = 20  # in one recording; more are rows out of order; own choice
+# share of samples earlier than the one before from which these are in no order [1]; own choice
+MOST_LATE = 0.1
+# gap, in usual intervals, after samples of one time from which these are before the clock [1]; own
+# choice
+LONGER = 10.0
+
+
+DENSE = 8  # intervals over which the rate of samples is compared [1]; own choice
+# interval over the usual one from which samples of two times are merged [1]; half is expected
+CLOSER = 0.7
+# percentile of the interval that is the usual one, where others are of merged samples; own choice
+SPARSE = 80.0
+MOST_MERGED = 0.75  # share of a file that may be merged [1]; own choice
+# Change over two samples over that over one, summed, below which samples alternate between two
+# times [1]; own choice: a smooth signal has 2, white noise 1.
+ALTERNATE = 0.75
+MERGED = "the clock is set back, and rows of two times stand side by side"
+
+
+def clock_parts(recording: Recording) -> tuple[list[Recording], list[str]]:
+    """Return the parts between which the clock is set back, in the order of the file, and one line
+    on each step.
+
+    Rows before it runs, which all bear its first time, are left out.
+    """
+    running, said = _after_the_start(recording)
+    steps = {name: set_back(stream.t) for name, stream in running.streams.items()}
+    stepping = {
+        name: [0, *found, len(running.streams[name])] for name, found in steps.items() if found
+    }
+    counts = {len(edges) for edges in stepping.values()}
+    if len(counts) != 1:
+        return [running], said
+    name, edges = next(iter(stepping.items()))
+    t = running.streams[name].t
+    for k in edges[1:-1]:
+        said.append(
+            f"the clock is set back by {t[k - 1] - t[k]:.3g} s at {t[k - 1]:.6g} s: split there"
+        )
+    parts = []
+    for i in range(len(edges) - 1):
+        spans = [running.streams[n].t[e[i] : e[i + 1]] for n, e in stepping.items()]
+        start, stop = min(s.min() for s in spans), max(s.max() for s in spans)
+        streams = {}
+        for n, stream in running.streams.items():
+            rows: slice | np.ndarray = (stream.t >= start) & (stream.t <= stop)
+            if n in stepping:  # else it is too slow to show the step
+                rows = slice(stepping[n][i], stepping[n][i + 1])
+            streams[n] = _rows(stream, rows)
+        parts.append(dc.replace(running, streams=streams))
+    return parts, said
+
+
+def set_back(t: np.ndarray) -> list[int]:
+    """Return the rows at which the clock that stamps t (n,) is set back, for `LEAST_STEP` rows or
+    more.
+    """
+    found: list[int] = []
+    steps = np.flatnonzero(np.diff(t) < 0) + 1
+    if len(steps) > MOST_LATE * len(t):
+        return []  # rows in no order
+    latest, since = np.maximum.accumulate(t), 0
+    for k in steps.tolist():
+        after, ahead = t[k : k + LEAST_STEP], latest[k - 1 - since]
+        ordered = len(after) == LEAST_STEP and np.all(after < ahead) and np.all(np.diff(after) >= 0)
+        if ordered and t[k - 1] == ahead and np.all(t[max(k - 3, 0) : k] > t[k]):
+            found.append(k)
+            if len(found) > MOST_STEPS:
+                return []
+            latest, since = np.maximum.accumulate(t[k:]), k
+    return found
+
+
+def overlap(before: np.ndarray, after: np.ndarray) -> bool:
+    """Return whether times (n,) and (m,) run over the same stretch: a clock was set back; blocks
+    out of order do not.
+    """
+    inside = (after > before.min()) & (after < before.max())
+    return bool(inside.sum() >= LEAST_STEP)
+
+
+def _after_the_start(recording: Recording) -> tuple[Recording, list[str]]:
+    """Return the recording without the rows that bear the first time while the clock does not run
+    yet.
+    """
+    streams = dict(recording.streams)
+    said: dict[str, list[str]] = {}
+    for name, stream in recording.streams.items():
+        distinct = np.flatnonzero(np.diff(stream.t) != 0)
+        first = int(distinct[0]) + 1 if len(distinct) else 0
+        if first < LEAST_STEP or len(stream) - first < LEAST_ROWS:
+            continue
+        interval = np.diff(stream.t[first:])
+        usual = float(np.median(interval[interval > 0])) if (interval > 0).any() else np.inf
+        if stream.t[first] - stream.t[0] > LONGER * usual:
+            streams[name] = _rows(stream, slice(first, None))
+            text = (
+                f"{first} rows at {stream.t[0]:.6g} s, before the clock runs from "
+                f"{stream.t[first]:.6g} s on, left out"
+            )
+            said.setdefault(text, []).append(name)
+    lines = [f"{', '.join(names)}: {text}" for text, names in said.items()]
+    return dc.replace(recording, streams=streams), lines
+
+
+def without_merged_rows(recording: Recording) -> tuple[Recording, list[Break]]:
+    """Return a recording without rows of two times that are merged, and where it breaks for that.
+
+    They are where a clock is set back in a file that is sorted by time: samples are twice as dense
+    as elsewhere, and alternate between two tracks.
+    """
+    found = []
+    for stream in (s for s in recording.streams.values() if len(s) > 4 * DENSE and s.columns):
+        t, interval = stream.t, np.diff(stream.t)
+        mean = np.convolve(interval, np.ones(DENSE) / DENSE, mode="same")
+        usual = float(np.percentile(mean, SPARSE))
+        merged = (mean < CLOSER * usual) & np.all(interval >= 0)
+        for start, stop in stretches(merged):
+            if not DENSE <= stop - start < MOST_MERGED * len(interval):
+                continue
+            close = np.arange(max(start - DENSE, 0), min(stop + DENSE, len(interval)))
+            close = close[interval[close] < CLOSER * usual]
+            inside = [column[close[0] : close[-1] + 2] for column in stream.columns.values()]
+            two_over_one = [
+                np.abs(x[2:] - x[:-2]).sum() / np.abs(np.diff(x)).sum()
+                for x in inside
+                if np.ptp(x) > 0
+            ]
+            if two_over_one and np.median(two_over_one) < ALTERNATE:
+                before, after = max(close[0] - 1, 0), min(close[-1] + 2, len(t) - 1)
+                found.append(Break(float(t[before]), float(t[after]), MERGED))
+    streams = dict(recording.streams)
+    for b in found:
+        streams = {n: _rows(s, (s.t <= b.before) | (s.t >= b.after)) for n, s in streams.items()}
+    return dc.replace(recording, streams=streams), found
+
+
+def _rows(stream: Stream, rows: slice | np.ndarray) -> Stream:
+    return Stream(stream.t[rows], {name: column[rows] for name, column in stream.columns.items()})

@@ -10,24 +10,37 @@ from typing import Any
 import numpy as np
 
 from np_drake.logs.errors import LogError
-from np_drake.logs.importing.consistency import (
+from np_drake.logs.importing.alignment import common_rows
+from np_drake.logs.importing.laws import (
     AGREES,
+    FAILS,
     OPPOSED,
+    SCALE,
     WINDOW,
     Misfits,
+    Windows,
     failing,
     laws_for,
     misfits,
+    never_tilts,
+    stretches,
     told_by_noise,
 )
-from np_drake.logs.importing.convert import Values, convert, convert_quantity
-from np_drake.logs.importing.log_map import BODIES, UNITS, WORLDS, LogMap
-from np_drake.logs.windows import Windows
+from np_drake.logs.importing.log_map import (
+    BODIES,
+    UNITS,
+    WORLDS,
+    LogMap,
+    Values,
+    convert,
+    convert_quantity,
+)
+from np_drake.logs.importing.signals import Signals, clock_of
 
-DOUBTED = 0.15  # misfit above which conventions that agree better are looked for [1]; own choice
-BETTER = 3.0  # factor by which these must agree better [1]; own choice
+DOUBTED = 0.15  # misfit above which a part of a log may be disturbed [1]; own choice
 SHORTEST, LONGEST = 1e-4, 0.2  # interval of a state in a flight log [s]; own choice
 SEARCHED = 2000  # rows on which other conventions are tried; own choice
+LEAST_SECONDS = 1.0  # of a log whose unit of time is found by its rate alone [s]; own choice
 MOST_CHANGES = 3  # conventions that are changed together in search of agreement [1]
 
 Change = tuple[
@@ -73,7 +86,6 @@ def check_conventions(t: np.ndarray, raw: Values, log_map: LogMap) -> Verdict:
     """Check the conventions of a log, and search for those that agree where the declared ones do
     not.
 
-    A law fails where its misfit is large, or where another convention makes it many times smaller.
     The lift is no law of kinematics: where it alone fails and no other convention makes it hold,
     another force acts, as of a payload. Nor does an axis refuse a log whose noise explains what
     disagrees, as of a gyro that drifts (`told_by_noise`).
@@ -85,36 +97,29 @@ def check_conventions(t: np.ndarray, raw: Values, log_map: LogMap) -> Verdict:
     x = convert(raw, log_map)
     own = misfits(t, x)
     failed = tuple(failing(own))
-    doubted = [law for law, misfit in own.items() if misfit > DOUBTED and law not in failed]
-    if not failed and not doubted:
+    if not failed:
         return Verdict(own, ())
     singles = list(_alternatives(raw, log_map))
+    several = [change for change in singles if not change[0][0].endswith(".signs")]
     part = liveliest(raw, len(t))
     trial = Trial(t[part], {name: values[part] for name, values in raw.items()})
-    for count in range(1, MOST_CHANGES + 1 if failed else 2):
+    for count in range(1, MOST_CHANGES + 1):
         found = []
-        tried = (
-            singles
-            if count == 1
-            else [change for change in singles if not change[0][0].endswith(".signs")]
-        )
-        for chosen in itertools.combinations(tried, count):
+        for chosen in itertools.combinations(singles if count == 1 else several, count):
             change = tuple(itertools.chain(*chosen))
             if len({option for option, _ in change}) < len(change):
                 continue
             now = trial.misfits(changed(log_map, change))
-            if not all(misfit < AGREES for misfit in now.values()):
+            if any(misfit >= AGREES for misfit in now.values()):
                 continue
             if len(t[part]) < len(t):
                 now = misfits(t, convert(raw, changed(log_map, change)), everything=True)
-            if _agrees(now, own) if failed else _agrees_better(now, own, doubted):
+            if _agrees(now, own):
                 found.append((sum(m**2 for m in now.values()), change))
         if found:
-            found.sort(key=lambda pair: pair[0])
-            return Verdict(
-                own, failed or tuple(doubted), found[0][1], tuple(change for _, change in found[1:])
-            )
-    aside = told_by_noise(t, x, own)
+            changes = [change for _, change in sorted(found, key=lambda pair: pair[0])]
+            return Verdict(own, failed, changes[0], tuple(changes[1:]))
+    aside = told_by_noise(own)
     disturbed = all(
         law in aside or (law.startswith("lift") and own[law] < OPPOSED) for law in failed
     )
@@ -184,22 +189,29 @@ def liveliest(raw: Values, rows: int) -> slice:
     return slice(first, first + SEARCHED)
 
 
-def fitting_time_unit(step: float, log_map: LogMap) -> Change:
-    """Return the unit of time with which samples come at a rate of flight logs; empty: as declared.
+def require_a_likely_clock(signals: Signals, log_map: LogMap, path: str) -> None:
+    """Check that samples come at a rate of flight logs, 5 Hz to 10 kHz.
 
-    The nearest such unit is taken: logs of 5 Hz to 10 kHz.
-
-    Args:
-        step: between samples, in the declared unit converted to [s].
+    Raises: WrongConventions: with the unit of time that gives such a rate, if the log would then be
+        long enough to be a flight; LogError: else.
     """
-    if SHORTEST <= step <= LONGEST:
-        return ()
-    declared = UNITS["time"][log_map.time.unit or "s"]
+    clock, declared = clock_of(signals), UNITS["time"][log_map.time.unit or "s"]
+    if SHORTEST <= clock.step <= LONGEST:
+        return
     units = sorted(UNITS["time"].items(), key=lambda unit: abs(np.log(unit[1] / declared)))
     for unit, factor in units:
-        if SHORTEST <= step * factor / declared <= LONGEST:
-            return (("time.unit", unit),)
-    return ()
+        scale = factor / declared
+        if SHORTEST <= clock.step * scale <= LONGEST and scale * np.ptp(clock.t) >= LEAST_SECONDS:
+            raise WrongConventions(
+                f"{path}: it does not fit the conventions declared (rows of the attitude not "
+                f"0.1 ms to 0.2 s apart), but fits time.unit: {unit}. Write that in the map.",
+                Verdict({}, ("interval",), (("time.unit", unit),)),
+            )
+    raise LogError(
+        f"{path}: rows of the state must be 0.1 ms to 0.2 s apart; got "
+        f"{clock.step * declared:.4g} s. Log at a higher rate, or export the times with all their "
+        "digits."
+    )
 
 
 def changed(log_map: LogMap, change: Change) -> LogMap:
@@ -232,18 +244,6 @@ def _agrees(now: Misfits, own: Misfits) -> bool:
     )
 
 
-def _agrees_better(now: Misfits, own: Misfits, doubted: list[str]) -> bool:
-    """Return whether the doubted laws hold many times better, and no other gets as bad as these
-    were.
-    """
-    better = all(law in now and BETTER * now[law] < own[law] for law in doubted)
-    return (
-        better
-        and _agrees(now, own)
-        and all(m < max(DOUBTED, own.get(law, 0.0)) for law, m in now.items())
-    )
-
-
 def _alternatives(raw: Values, log_map: LogMap) -> Iterator[Change]:
     """Yield every other convention that a log may need."""
     yield (("world", _other(WORLDS, log_map.world)),)
@@ -255,42 +255,38 @@ def _alternatives(raw: Values, log_map: LogMap) -> Iterator[Change]:
         yield tuple((f"{name}.world", _other(WORLDS, own)) for name, own in worlds.items())
     for name in raw:
         for options in _of_quantity(name, log_map):
-            if "attitude" not in raw and ("kind" in options or "axes" in options):
-                continue  # of the body alone
-            yield tuple((f"{name}.{option}", value) for option, value in options.items())
+            if "attitude" in raw or not {"kind", "axes"} & options.keys():  # else of the body alone
+                yield tuple((f"{name}.{option}", value) for option, value in options.items())
 
 
-def _of_quantity(name: str, log_map: LogMap) -> Iterator[dict[str, Any]]:
+def _of_quantity(name: str, log_map: LogMap) -> list[dict[str, Any]]:
     source = getattr(log_map, name)
     world, body = log_map.frames(source)
     axes = source.axes_of(name)
+    out: list[dict[str, Any]] = []
     if name == "acceleration":
-        for kind, other in itertools.product(("specific_force", "acceleration"), ("body", "world")):
-            if (kind, other) != (source.kind or "specific_force", axes):
-                yield {"kind": kind, "axes": other}
-    if name == "attitude" and len(source.columns) != 3:
-        yield {"order": _other(("wxyz", "xyzw"), source.order)}
-    elif name == "attitude":
-        yield {"unit": "deg" if source.unit in ("", "1", "rad") else "rad"}
+        own = {"kind": source.kind or "specific_force", "axes": axes}
+        kinds = itertools.product(("specific_force", "acceleration"), ("body", "world"))
+        out = [other for k, a in kinds if (other := {"kind": k, "axes": a}) != own]
     if name == "attitude":
-        yield {"direction": _other(("body_to_world", "world_to_body"), source.direction)}
+        euler = len(source.columns) == 3
+        turned = {"unit": "deg" if source.unit != "deg" else "rad"}
+        out.append(turned if euler else {"order": _other(("wxyz", "xyzw"), source.order)})
+        out.append({"direction": _other(("body_to_world", "world_to_body"), source.direction)})
     if name == "attitude" or (axes == "world" and name in VECTORS):
-        yield {"world": _other(WORLDS, world)}
+        out.append({"world": _other(WORLDS, world)})
     if name == "attitude" or (axes == "body" and name in VECTORS):
-        yield {"body": _other(BODIES, body)}
+        out.append({"body": _other(BODIES, body)})
     if name in ("velocity", "rates"):
-        yield {"axes": _other(("world", "body"), axes)}
-    own = source.unit or _UNITS.get(name, ("",))[0]
-    yield from ({"unit": unit} for unit in _UNITS.get(name, ()) if unit != own)
+        out.append({"axes": _other(("world", "body"), axes)})
+    units = _UNITS.get(name, ())
+    out += [{"unit": unit} for unit in units if unit != (source.unit or units[0])]
     if name in ("acceleration", "thrust", "velocity"):
-        yield {"scale": -source.scale}
+        out.append({"scale": -source.scale})
     if name in HANDED and len(source.columns) == 3:
-        for axis in range(3):
-            yield {
-                "signs": [
-                    -sign if i == axis else sign for i, sign in enumerate(source.signs or [1, 1, 1])
-                ]
-            }
+        signs = np.array(source.signs or [1, 1, 1])
+        out += [{"signs": (signs * (1 - 2 * axis)).tolist()} for axis in np.eye(3, dtype=int)]
+    return out
 
 
 HANDED = (
@@ -308,3 +304,98 @@ _UNITS: Mapping[str, tuple[str, ...]] = {
 
 def _other(pair: tuple[str, ...], own: str) -> str:
     return pair[1] if own == pair[0] else pair[0]
+
+
+CHECK_RATE = 50.0  # of the rows on which conventions are checked [Hz]
+SPAN = 2.0  # over which a law is tested by itself [s]; own choice: four windows of a law
+EVERY = 0.1  # between two such tests [s]
+MOST_TESTS = 600  # of one part; own choice
+SHORTEST_STRETCH = 3.0  # that is taken of a part that does not fit as a whole [s]; own choice
+# misfit, that of no agreement, from which the end of a part is left out though the whole holds [1]
+ENDS_BADLY = 1.0
+
+
+def fitting_stretch(
+    signals: Signals, log_map: LogMap, verdict: Verdict
+) -> tuple[float, float] | None:
+    """Return the longest stretch in which the laws hold that fail in the whole [s]; None where
+    there is none.
+
+    A law must be tested there, not only be silent. Where the whole holds, the end alone is looked
+    at: a short crash hides in a long flight.
+    """
+    t, raw = _checked_rows(signals)
+    x = convert(raw, log_map)
+    rows = round(SPAN * CHECK_RATE)
+    step = max(round(EVERY * CHECK_RATE), len(t) // MOST_TESTS)
+    starts = range(0, len(t) - rows + 1, step)
+    laws = {law for law in verdict.failed or verdict.misfits if not law.startswith("lift")}
+    most = FAILS if verdict.failed else ENDS_BADLY
+
+    def holds(k: int) -> bool:
+        own = misfits(t[k : k + rows], {name: values[k : k + rows] for name, values in x.items()})
+        return all(own.get(law, 0.0) <= most for law in laws)
+
+    good = np.array([holds(k) for k in starts])
+    edges = stretches(good)
+    if not len(edges) or good.all():
+        return None
+    first, after = edges[np.argmax(edges[:, 1] - edges[:, 0])]
+    whole = after == len(good)
+    if not verdict.failed and (first > 0 or whole or good[after:].any()):
+        return None
+    start, stop = t[starts[first]], t[-1] if whole else t[starts[after - 1] + rows - 1] - WINDOW
+    return (float(start), float(stop)) if stop - start >= SHORTEST_STRETCH else None
+
+
+def judged(signals: Signals, log_map: LogMap, path: str) -> Verdict:
+    """Return the verdict on the conventions of a log that flies.
+    Raises: LogError: if the attitude never tilts where the vehicle accelerates sideways.
+    """
+    t, raw = _checked_rows(signals)
+    if level := never_tilts(t, convert(raw, log_map)):
+        tilt, needed = level
+        raise LogError(
+            f"{path}: the attitude must tilt where the vehicle accelerates sideways; "
+            f"{log_map.attitude.columns[0]} … "
+            f"tilts by {1e3 * tilt:.2g} mrad where {1e3 * needed:.0f} mrad are needed, as "
+            f"a planar odometry does. Name "
+            "a pose with roll and pitch in a map."
+        )
+    return check_conventions(t, raw, log_map)
+
+
+def _checked_rows(signals: Signals) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    return common_rows({n: s for n, s in signals.items() if n != "voltage"}, CHECK_RATE)
+
+
+def agreed(
+    verdict: Verdict, signals: Signals, log_map: LogMap, path: str, *, adopt: bool
+) -> tuple[LogMap, Verdict]:
+    """Return the map whose conventions agree with the log, and the verdict on them.
+
+    Raises: WrongConventions: if those declared do not agree, unless others do and are to be
+        adopted.
+    """
+    if verdict.holds:
+        return log_map, verdict
+    laws = [f"misfit of {law} {verdict.misfits[law]:.2g}" for law in verdict.failed[:4]]
+    wrong = f"{', '.join(laws)}; {SCALE}"
+    if not verdict.changes:
+        raise WrongConventions(
+            f"{path}: its quantities must agree with each other in the conventions "
+            f"declared ({wrong}), and agree in no "
+            "other that is known. Check columns, units and frames of the map, and leave "
+            "damaged rows out with "
+            "--start and --stop.",
+            verdict,
+        )
+    if not adopt or verdict.rivals:
+        fit = "; or ".join(as_text(change) for change in (verdict.changes, *verdict.rivals[:2]))
+        raise WrongConventions(
+            f"{path}: it does not fit the conventions declared ({wrong}), but fits {fit}. "
+            "Write that in the map" + ("." if verdict.rivals else ", or give --adopt."),
+            verdict,
+        )
+    log_map = changed(log_map, verdict.changes)
+    return log_map, dc.replace(judged(signals, log_map, path), changes=verdict.changes)

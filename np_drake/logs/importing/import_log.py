@@ -4,13 +4,16 @@ sheet beside it.
 
 import dataclasses as dc
 import re
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from np_drake.effects.library import unobservable
 from np_drake.flight_log import FlightLog
-from np_drake.logs.checks import LEAST_ROWS
+from np_drake.logs.columns import COLUMNS, FORCE, LEAST_ROWS
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.format import (
     Contents,
@@ -23,21 +26,253 @@ from np_drake.logs.formats.format import (
 )
 from np_drake.logs.formats.library import format_of
 from np_drake.logs.import_sheet import Sheet, read_sheet
-from np_drake.logs.importing.airborne import require_a_flight
-from np_drake.logs.importing.breaks import find_breaks, split, within
-from np_drake.logs.importing.clock_parts import clock_parts, without_merged_rows
-from np_drake.logs.importing.conventions import Change, fitting_time_unit
-from np_drake.logs.importing.interpolation import Signals, clock_of
-from np_drake.logs.importing.lacking import input_line, lacking
-from np_drake.logs.importing.log_map import UNITS, LogMap, MapFile
-from np_drake.logs.importing.output_unit import in_the_likely_unit
-from np_drake.logs.importing.parts import imported_parts
-from np_drake.logs.importing.sheet_content import sheet_content
-from np_drake.logs.importing.signals import gather, require_stated_units, with_map_time
-from np_drake.logs.importing.telemetry import usable_inputs
+from np_drake.logs.importing.breaks import (
+    clock_parts,
+    find_breaks,
+    split,
+    within,
+    without_merged_rows,
+)
+from np_drake.logs.importing.conventions import Verdict, as_text, require_a_likely_clock
+from np_drake.logs.importing.laws import SCALE, failing
+from np_drake.logs.importing.log_map import UNITS, LogMap, MapFile, Source
+from np_drake.logs.importing.parts import Part, imported_parts, require_a_flight
+from np_drake.logs.importing.signals import (
+    Signal,
+    Signals,
+    clock_of,
+    gather,
+    require_stated_units,
+    usable_inputs,
+    with_map_time,
+)
+from np_drake.logs.inputs import lift_fit
+from np_drake.vehicle.vehicle import STRONGEST
+
+# In names of what turns rotors.
+DRIVES = re.compile(r"(motor|rotor|throttle|pwm|esc|rpm|omega|actuator).*\d", re.IGNORECASE)
+BODY = " ".join((*COLUMNS["w"], *FORCE))
+
+
+def lacking(contents: Contents) -> str:
+    """Return what the names of a table do not tell, as a list; empty where they tell nothing or
+    all.
+    """
+    names = {column for columns in contents.values() for column in columns}
+    here = [field for field in ("t", "p", "q", "v", "w", "a") if names.issuperset(COLUMNS[field])]
+    said = []
+    if "t" not in here:
+        said.append("time (t)")
+    if "q" not in here:
+        missing = " ".join(name for name in COLUMNS["q"] if name not in names)
+        said.append(
+            f"attitude ({missing}, or Euler angles by a map), or gyro and accelerometer ({BODY})"
+        )
+    if not {"p", "v", "a"} & set(here):
+        said.append("position, velocity or acceleration (px py pz, vx vy vz, ax ay az)")
+    return "; ".join(said) if here else ""
+
+
+def input_line(contents: Contents) -> str:
+    """Return which columns of a log may be its motors; empty: none."""
+    names = [name for columns in contents.values() for name in columns if DRIVES.search(name)]
+    return (
+        f" Its columns {names[0]} … {names[-1]} may be such; name them in a map." if names else ""
+    )
+
+
+Parts = tuple[LogMap, list[Part], list[str]]  # map, what was made of every part, lines
+# Shortest pulse of an output that drives a motor [us]. Source: PX4, the least of PWM_MAIN_MINn. 0
+# is no pulse.
+SHORTEST_PULSE = 800.0
+MOST_COUNTS = 2047.0  # of 11 bits, as DShot sends them; of these 48 to 2047 are throttle
+FEW = 0.01  # share of samples outside that are glitches [1]; own choice
+SURE = (
+    10.0  # log likelihood ratio from which the lift tells the unit [nat]; own choice: 1 in 22,000
+)
+READ = {"us": "pulses of 1000 to 2000 us", "dshot": "DShot counts of 0 to 2000"}
+
+
+def in_the_likely_unit(
+    imported: Callable[[list[Signals], LogMap], Parts],
+    parts: list[Signals],
+    log_map: LogMap,
+    path: str,
+) -> Parts:
+    """Return what is made of a log whose outputs are pulses or counts: as that with which range and
+    lift agree.
+
+    Args:
+        log_map: with outputs whose unit the log does not state.
+    Raises: LogError: that of both readings, or one that asks for the unit where neither range nor
+        lift tells.
+    """
+    found: dict[str, Parts] = {}
+    flown: dict[str, list[FlightLog]] = {}
+    failure: LogError | None = None
+    for unit in _in_range(np.concatenate([signals["throttle"].values for signals in parts])):
+        throttle = dc.replace(log_map.throttle, unit=unit)
+        try:
+            found[unit] = imported(parts, dc.replace(log_map, throttle=throttle))
+        except LogError as error:
+            failure = failure or error
+            continue
+        logs = [log for part in found[unit][1] for log in part.flights if part.carried]
+        if logs:
+            flown[unit] = logs
+    if failure is not None and not found:
+        raise failure
+    if not flown:
+        return next(iter(found.values()))
+    unit, why = next(iter(flown)), "read otherwise they carry nothing"
+    if len(flown) > 1:
+        unit, why = _by_the_lift(flown)
+    if not unit:
+        raise LogError(
+            f"{path}, throttle ({log_map.throttle.columns[0]} …): must be "
+            f"{' or '.join(READ.values())}; neither the "
+            f"log nor its lift tells which ({why}). Write throttle: {{unit: us}} or "
+            f"throttle: {{unit: dshot}} in a map."
+        )
+    log_map, made, told = found[unit]
+    if unit != "us":
+        told = [*told, f"outputs are taken as {READ[unit]}: {why}"]
+    return log_map, made, told
+
+
+def _in_range(values: np.ndarray) -> list[str]:
+    """Return the units in which outputs can be by their range; both where neither fits."""
+    short = np.mean((values > 0) & (values < SHORTEST_PULSE)) > FEW
+    long = np.mean(values > MOST_COUNTS) > FEW
+    if short == long:
+        return list(READ)
+    return ["dshot"] if short else ["us"]
+
+
+def _by_the_lift(flown: Mapping[str, Sequence[FlightLog]]) -> tuple[str, str]:
+    """Return the unit with which the lift agrees, and why; empty where it does not tell.
+
+    Full throttle gives no more than `STRONGEST` times the weight, and the lift goes with a power of
+    the throttle.
+    """
+    able, said = {}, []
+    for unit, flights in flown.items():
+        try:
+            exponent, strength, loss = lift_fit(flights)
+        except LogError:
+            continue  # a throttle that carries nothing
+        said.append(f"thrust goes with the power {exponent:.2g} of {READ[unit]}")
+        if strength <= STRONGEST:
+            able[unit] = loss
+    ranked = sorted(able, key=lambda unit: able[unit])
+    told = len(able) == 1 or (len(able) > 1 and able[ranked[1]] - able[ranked[0]] > SURE)
+    return (ranked[0] if told else ""), ", ".join(said)
+
+
+def sheet_content(
+    path: str | Path,
+    title: str,
+    facts: Mapping[str, str],
+    log_map: LogMap,
+    parts: Sequence[Part],
+    flights: Sequence[FlightLog],
+    notes: Sequence[str],
+) -> dict[str, Any]:
+    """Return the content of the sheet of one log.
+
+    Args:
+        notes: what was derived, mended or left out, one line each.
+    """
+    longest = max(parts, key=lambda part: len(part.aligned.t))
+    spans = ", ".join(f"{log.name}: {len(log)} rows, {log.t[-1]:.4g} s" for log in flights)
+    return {
+        "source": Path(path).name,
+        "format": title,
+        **({"facts": dict(facts)} if facts else {}),
+        "frames": (
+            f"world {log_map.world}, body {log_map.body}; written as z up and z along the thrust"
+        ),
+        "columns": {
+            n: _described(n, own, log_map)
+            for n, own in longest.signals.items()
+            if getattr(log_map, n)
+        },
+        "conventions": _conventions_text(longest.verdict),
+        "rows": f"{1 / flights[0].step:.4g} Hz; {spans}",
+        "input": flights[0].input,
+        "command": log_map.command,
+        "gaps": _gaps_text(parts, flights),
+        "notes": [
+            *notes,
+            *(note for part in parts for note in (*part.aligned.notes, *_ground_notes(part))),
+        ],
+        "cannot_be_told": unanswerable(flights[0]),
+    }
+
+
+def unanswerable(log: FlightLog) -> dict[str, list[str]]:
+    """Return the effects that this kind of log cannot tell, by reason."""
+    each_rotor = log.throttle is not None and log.throttle.shape[1] == 4
+    torque = log.input in ("command", "rotor_speed") or (log.input == "normalised" and each_rotor)
+    found: dict[str, list[str]] = {}
+    for identifier, reason in unobservable(
+        log.input, accelerations=log.a is not None, torque=torque, lacks=log.lacks
+    ).items():
+        found.setdefault(reason, []).append(identifier)
+    return found
+
+
+def _described(name: str, signal: Signal, log_map: LogMap) -> dict[str, Any]:
+    source = getattr(log_map, name)
+    keys = ["scale", "signs", "axes", "kind", "late"]
+    if name == "attitude" and len(source.columns) == 4:
+        keys += ["order", "direction"]
+    usual = {**dc.asdict(Source()), "order": "", "direction": "", "late": 0.0}
+    settings = {key: getattr(source, key) for key in keys}
+    return {
+        "from": list(source.columns),
+        "rate": f"{1 / signal.step:.4g} Hz",
+        "unit": source.unit or next(iter(UNITS[name])),
+        **{key: value for key, value in settings.items() if value not in (None, usual[key])},
+    }
+
+
+def _conventions_text(verdict: Verdict) -> str:
+    if not verdict.misfits:
+        return "not checked: no flight, too short, or no two quantities that can be compared"
+    count, wrong = len(verdict.misfits), failing(verdict.misfits)
+    worst = max(verdict.misfits, key=lambda law: verdict.misfits[law])
+    text = (
+        f"agree with the log in {count} checks (worst misfit {verdict.misfits[worst]:.2g}, {worst})"
+    )
+    if wrong:
+        laws = ", ".join(f"{law} {verdict.misfits[law]:.2g}" for law in wrong)
+        text = f"hold in {count - len(wrong)} of {count} checks; misfit of {laws} ({SCALE})"
+    return text + (f"; adopted: {as_text(verdict.changes)}" if verdict.changes else "")
+
+
+def _gaps_text(parts: Sequence[Part], flights: Sequence[FlightLog]) -> str:
+    filled = sum(int((part.aligned.filled & ~part.ground).sum()) for part in parts)
+    text = f"{filled} rows inside gaps left out" if filled else "none"
+    if filled or len(flights) > 1:
+        text += f"; longest gap in a part {max(np.diff(log.t).max() for log in flights):.3g} s"
+    return text + (f"; split into {len(flights)} parts" if len(flights) > 1 else "")
+
+
+def _ground_notes(part: Part) -> list[str]:
+    """Return one line on the time on the ground that is left out of a part, or none."""
+    air = np.flatnonzero(~part.ground)
+    if len(air) in (0, len(part.ground)):
+        return []
+    step = np.median(np.diff(part.aligned.t))
+    before, after = air[0], len(part.ground) - 1 - air[-1]
+    rows = {"before": before, "after": after}
+    rows["between flights"] = part.ground.sum() - before - after
+    told = [f"{count * step:.3g} s {when}" for when, count in rows.items() if count > 0]
+    return [f"on the ground: {', '.join(told)} left out"]
+
 
 GIVE_MAP = "Give a map (--map FILE, docs/reference/log-map.md)"
-SHORTEST = 1.0  # log whose unit of time is found by its rate alone [s]; own choice
 ENDINGS = re.compile(
     r"(\.(csv|tsv|txt|parquet|ulg|bin|log|mcap|db3|bag|bbl|bfl))?(\.gz)?$", re.IGNORECASE
 )
@@ -86,20 +321,19 @@ def import_log(
     be opened.
     """
     known, contents, found, motors = _map_for(Path(path), log_map)
-    beside = (
-        read_sheet(path) if log_map is None else Sheet()
-    )  # of a log that an import wrote, without its position
+    # Of a log that an import wrote, without its position.
+    beside = read_sheet(path) if log_map is None else Sheet()
     try:
         log_map = dc.replace(
             found, rate=rate or found.rate, start=start or found.start, stop=stop or found.stop
         ).check()
     except ValueError as error:
         raise LogError(f"{path}: {error}") from None
-    require_a_flight(log_map, str(path), partial(input_line, known, Path(path), contents))
+    require_a_flight(log_map, f"{path}", input_line(contents))
     recording = known.read(Path(path), by_stream(contents, log_map.names(), str(path)), on_progress)
     require_stated_units(recording, log_map)
-    signals, clock, said, notes, origin = _parts(recording, log_map, str(path))
-    how = partial(imported_parts, path=str(path), origin=origin, clock=clock, adopt=adopt)
+    signals, said, notes, origin = _signals_of_parts(recording, log_map, str(path))
+    how = partial(imported_parts, path=str(path), origin=origin, adopt=adopt)
     log_map, parts, told = (
         how(signals, log_map)
         if motors.unit
@@ -109,10 +343,8 @@ def import_log(
     flights = [flight for part in parts for flight in part.flights]
     if not flights:
         raise LogError(f"{path}: must hold a flight; no part between gaps has {LEAST_ROWS} rows.")
-    timing, layout = (
-        max(beside.timing, *(part.timing for part in parts)),
-        motors.layout or beside.rotors,
-    )
+    timing = max(beside.timing, *(part.timing for part in parts))
+    layout = motors.layout or beside.rotors
     for number, flight in enumerate(flights, start=1):
         flight.name = name if len(flights) == 1 else f"{name}_part{number}"
         flight.timing, flight.layout = timing, layout
@@ -182,11 +414,10 @@ def _motors_of(motors: Motors, log_map: LogMap) -> Motors:
     return motors if own else Motors()
 
 
-def _parts(
+def _signals_of_parts(
     recording: Recording, log_map: LogMap, path: str
-) -> tuple[list[Signals], Change, list[str], list[str], float]:
-    """Return the signals of every part of a recording, the change of their unit of time, lines on
-    both, and the origin.
+) -> tuple[list[Signals], list[str], list[str], float]:
+    """Return the signals of every part of a recording, two kinds of lines on them, and the origin.
 
     Times of messages count from the origin [s], the first row of the state, as start and stop do.
     Behind a step of the clock they go on counting.
@@ -195,7 +426,6 @@ def _parts(
     parts: list[Signals] = []
     notes: list[str] = []
     failure: LogError | None = None
-    clock: Change = ()
     origin, elapsed = 0.0, 0.0
     for number, piece in enumerate(recordings):
         piece, merged = without_merged_rows(piece)
@@ -208,18 +438,15 @@ def _parts(
                 f"the part from {min(times, default=0.0):.6g} s on has too few samples; left out"
             )
             continue
-        signals, clock = _on_a_likely_clock(signals, log_map, path)
+        require_a_likely_clock(signals, log_map, path)
         begun, ended = float(clock_of(signals).t[0]), float(clock_of(signals).t[-1])
         origin = begun if number == 0 else origin
         first, elapsed = begun - elapsed, elapsed + ended - begun
-        start, stop = (
-            first + log_map.start if log_map.start else -np.inf,
-            first + (log_map.stop or np.inf),
-        )
-        signals, lacking = within(signals, start, stop)
-        if lacking:
+        start = first + (log_map.start or -np.inf)
+        signals, short = within(signals, start, first + (log_map.stop or np.inf))
+        if short:
             failure = failure or LogError(
-                f"{path}: start and stop must leave samples; {lacking} in them."
+                f"{path}: start and stop must leave samples; {short} in them."
             )
             continue
         signals, slow = usable_inputs(signals, log_map)
@@ -233,29 +460,4 @@ def _parts(
         raise failure or LogError(
             f"{path}: must hold a flight; no part has {LEAST_ROWS} samples of every signal."
         )
-    return parts, clock, said, notes, origin
-
-
-def _on_a_likely_clock(signals: Signals, log_map: LogMap, path: str) -> tuple[Signals, Change]:
-    """Return the signals with times in a unit that gives a rate of flight logs, and the change that
-    is; empty: none.
-
-    Raises: LogError: if the log would be too short in that unit to be a flight: its rows are slow,
-    not its clock.
-    """
-    clock = clock_of(signals)
-    change = fitting_time_unit(clock.step, log_map)
-    if not change:
-        return signals, ()
-    factor = UNITS["time"][str(change[0][1])] / UNITS["time"][log_map.time.unit or "s"]
-    t, step = clock.t, clock.step * UNITS["time"][log_map.time.unit or "s"]
-    if factor * (t[-1] - t[0]) < SHORTEST:
-        raise LogError(
-            f"{path}: rows of the state must be 0.1 ms to 0.2 s apart; got {step:.4g} s. "
-            f"Log at a higher rate, "
-            "or export the times with all their digits."
-        )
-    return {
-        name: dc.replace(own, t=own.t * factor, tick=own.tick * factor)
-        for name, own in signals.items()
-    }, change
+    return parts, said, notes, origin

@@ -1,9 +1,14 @@
-"""Map of a log: which columns of a recording hold which quantity, in which unit and convention."""
+"""Map of a log: which columns hold which quantity, in which unit and convention, and the conversion
+to SI units and our frames.
+"""
 
 import dataclasses as dc
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
+import numpy as np
+
+from np_drake import attitude
 from np_drake.files.yaml_file import load_checked, read_yaml
 
 WORLDS = ("enu", "ned")  # z up (any horizontal axes), z down
@@ -29,6 +34,14 @@ UNITS: dict[str, dict[str, float]] = {  # by quantity: factor to SI
     "voltage": {"V": 1.0, "mV": 0.001},
     "commanded_rates": {"rad/s": 1.0, "deg/s": 0.017453292519943295},
     "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9},
+}
+WORDS = {  # of the options of a source
+    "axes": ("", "world", "body"),
+    "kind": ("", "specific_force", "acceleration"),
+    "order": ("wxyz", "xyzw"),
+    "world": ("", *WORLDS),
+    "body": ("", *BODIES),
+    "direction": ("body_to_world", "world_to_body"),
 }
 SIZES: dict[str, tuple[int, ...]] = {  # number of columns
     "position": (3,),
@@ -252,52 +265,156 @@ def load_map_file(name: str | Path) -> MapFile:
 
 
 def _check_source(name: str, source: Source, known: tuple[int, ...]) -> None:
-    if len(source.columns) not in known:
+    count, usual = len(source.columns), next(iter(UNITS[name]))
+    if count not in known:
         sizes = " or ".join(map(str, known))
-        raise ValueError(f"LogMap: {name} must name {sizes} columns; got {len(source.columns)}.")
+        raise ValueError(f"LogMap: {name} must name {sizes} columns; got {count}.")
     _one_of(f"{name}.unit", source.unit, ("", *UNITS[name]))
-    _one_of(f"{name}.axes", source.axes, ("", "world", "body"))
-    _one_of(f"{name}.kind", source.kind, ("", "specific_force", "acceleration"))
-    _one_of(f"{name}.order", source.order, ("wxyz", "xyzw"))
-    _one_of(f"{name}.world", source.world, ("", *WORLDS))
-    _one_of(f"{name}.body", source.body, ("", *BODIES))
-    _one_of(f"{name}.direction", source.direction, ("body_to_world", "world_to_body"))
-    if source.signs and (
-        len(source.signs) != len(source.columns) or {abs(sign) for sign in source.signs} != {1.0}
-    ):
-        got = f"got {source.signs} for {len(source.columns)} columns"
-        raise ValueError(
-            f"LogMap: {name}.signs must be 1 or -1 for each column, as [1, -1, 1]; {got}."
-        )
-    if source.scale == 0 or not abs(source.scale) < 1e12:
-        raise ValueError(f"LogMap: {name}.scale must be finite and not zero; got {source.scale}.")
-    if source.ends and (
-        name not in ("throttle", "hover_throttle")
-        or len(source.ends) not in (2, 2 * len(source.columns))
-        or not all(
-            abs(low) < 1e6 and low < high < 1e6
-            for low, high in zip(source.ends[::2], source.ends[1::2], strict=True)
-        )
-    ):
-        raise ValueError(
-            f"LogMap: {name}.ends must be the readings of a throttle at 0 and at 1, once "
-            f"or for every column; got "
-            f"{source.ends}."
-        )
-    electrical = source.unit == "erpm"
-    if electrical != bool(source.pole_pairs) or not 0 <= source.pole_pairs <= MOST_POLE_PAIRS:
-        raise ValueError(
-            f"LogMap: {name}.pole_pairs must be 1 to {MOST_POLE_PAIRS} with unit: erpm, "
-            f"and 0 with any other; got "
-            f"{source.pole_pairs} with unit: {source.unit or next(iter(UNITS[name]))}. It "
-            f"is half the count of the "
-            "magnets of a motor."
-        )
-    if not abs(source.late or 0.0) <= 10:
-        raise ValueError(f"LogMap: {name}.late must be within 10 s; got {source.late}.")
+    for option, words in WORDS.items():
+        _one_of(f"{name}.{option}", getattr(source, option), words)
+    pairs = list(zip(source.ends[::2], source.ends[1::2], strict=False))
+    signs = [abs(sign) for sign in source.signs]
+    checks = [
+        (
+            f"signs must be 1 or -1 for each column, as [1, -1, 1]; got {source.signs} for "
+            f"{count} columns",
+            not signs or signs == [1.0] * count,
+        ),
+        (f"scale must be finite and not zero; got {source.scale}", 0 < abs(source.scale) < 1e12),
+        (
+            "ends must be the readings of a throttle at 0 and at 1, once or for every column; got "
+            f"{source.ends}",
+            not source.ends
+            or (
+                name in ("throttle", "hover_throttle")
+                and len(source.ends) in (2, 2 * count)
+                and all(abs(low) < 1e6 and low < high < 1e6 for low, high in pairs)
+            ),
+        ),
+        (
+            f"pole_pairs must be 1 to {MOST_POLE_PAIRS} with unit: erpm, and 0 with any other; got "
+            f"{source.pole_pairs} with unit: {source.unit or usual}. It is half the count of the "
+            "magnets of a motor",
+            (source.unit == "erpm") == bool(source.pole_pairs)
+            and 0 <= source.pole_pairs <= MOST_POLE_PAIRS,
+        ),
+        (f"late must be within 10 s; got {source.late}", abs(source.late or 0.0) <= 10),
+    ]
+    for what, holds in checks:
+        if not holds:
+            raise ValueError(f"LogMap: {name}.{what}.")
 
 
 def _one_of(field: str, value: str, known: tuple[str, ...]) -> None:
     if value not in known:
         named = ", ".join(repr(k) for k in known if k)
         raise ValueError(f"LogMap: {field} must be one of {named}; got {value!r}.")
+
+
+GRAVITY = 9.81  # [m/s²]
+NED_TO_ENU = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
+FRD_TO_FLU = np.array([1.0, -1.0, -1.0])
+Q_WORLD = np.array([0.0, np.sqrt(0.5), np.sqrt(0.5), 0.0])  # of NED_TO_ENU
+Q_BODY = np.array([0.0, 1.0, 0.0, 0.0])  # of FRD_TO_FLU
+Values = Mapping[str, np.ndarray]
+
+
+def convert(raw: Values, log_map: LogMap) -> dict[str, np.ndarray]:
+    """Return quantities (n, k) in SI units and our frames.
+
+    position, velocity: in W [m, m/s].
+    attitude: (n, 4) w, x, y, z, body to W.
+    rates, angular_acceleration, torque: in B [rad/s, rad/s², N·m].
+    acceleration: dv/dt in W without gravity [m/s²].
+    thrust [N] or, with unit `weight`, over the weight [1].
+    rotor_speed [rad/s].
+    throttle: 0 … 1; unit `us`: of 1000 … 2000 µs.
+
+    Args:
+        raw: (n, k) columns of a log at common times, by quantity.
+    """
+    q = convert_quantity("attitude", raw["attitude"], log_map) if "attitude" in raw else None
+    out = {} if q is None else {"attitude": q}
+    return out | {
+        name: convert_quantity(name, values, log_map, q)
+        for name, values in raw.items()
+        if name != "attitude"
+    }
+
+
+def convert_quantity(
+    name: str, values: np.ndarray, log_map: LogMap, q: np.ndarray | None = None
+) -> np.ndarray:
+    """Return one quantity (n, k) as `convert` does.
+
+    Args:
+        values: (n, k) of the log.
+        q: (n, 4) attitude at its times, where it has to be turned between W and B.
+    """
+    source = getattr(log_map, name)
+    scaled = values * (source.scale * UNITS[name].get(source.unit, 1.0) / (source.pole_pairs or 1))
+    if source.signs:
+        scaled = scaled * source.signs
+    if name in ("throttle", "hover_throttle") and (source.ends or source.unit == "us"):
+        low, high = np.reshape(source.ends or (1000.0, 2000.0), (-1, 2)).T
+        return (values * source.scale - low) / (high - low)
+    if name == "attitude":
+        return _attitude(scaled, source, log_map)
+    return _turned(name, scaled, q, log_map) if name in _TURNED else scaled
+
+
+_TURNED = (
+    "position",
+    "velocity",
+    "rates",
+    "commanded_rates",
+    "acceleration",
+    "angular_acceleration",
+    "torque",
+)
+
+
+def _attitude(values: np.ndarray, source: Source, log_map: LogMap) -> np.ndarray:
+    """Return w, x, y, z from body to W, of unit norm where the log's norm is not zero."""
+    if values.shape[1] == 3:
+        q = from_roll_pitch_yaw(values)
+    else:
+        q = values if source.order == "wxyz" else np.roll(values, 1, axis=1)
+        q = q / np.maximum(np.linalg.norm(q, axis=1, keepdims=True), 1e-9)
+    if source.direction == "world_to_body":
+        q = q * [1.0, -1.0, -1.0, -1.0]
+    world, body = log_map.frames(source)
+    if world == "ned":
+        q = attitude.multiply(np.broadcast_to(Q_WORLD, q.shape), q)
+    if body == "frd":
+        q = attitude.multiply(q, np.broadcast_to(Q_BODY, q.shape))
+    return q
+
+
+def _turned(name: str, values: np.ndarray, q: np.ndarray | None, log_map: LogMap) -> np.ndarray:
+    """Return a vector in the axes of its quantity: W for position, velocity and acceleration, B for
+    the others.
+    """
+    source = getattr(log_map, name)
+    world, body = log_map.frames(source)
+    axes = source.axes_of(name)
+    if axes == "world" and world == "ned":
+        values = values @ NED_TO_ENU.T
+    if axes == "body" and body == "frd":
+        values = values * FRD_TO_FLU
+    if source.is_turned(name) and q is not None:
+        values = attitude.rotate(q, values) if axes == "body" else attitude.rotate_back(q, values)
+    if name == "acceleration" and source.kind != "acceleration":
+        values = values - [0.0, 0.0, GRAVITY]
+    return values
+
+
+def from_roll_pitch_yaw(angles: np.ndarray) -> np.ndarray:
+    """Return quaternions (n, 4) of roll, pitch, yaw (n, 3) [rad]: turns about z, then y, then x, in
+    body axes.
+    """
+    x, y, z = (
+        attitude.from_rotation_vector(a[:, None] * axis)
+        for a, axis in zip(angles.T, np.eye(3), strict=True)
+    )
+    return attitude.multiply(z, attitude.multiply(y, x))

@@ -1,39 +1,394 @@
-"""What is made of the parts of a log: a flight where it agrees with itself, else a line on why it
-is left out.
+"""Parts of a log, between its breaks: the stretch that fits the conventions, its rows, and the
+flights in it.
 """
+
+import dataclasses as dc
+from collections.abc import Mapping
 
 import numpy as np
 
+from np_drake import attitude
+from np_drake.flight_log import FlightLog
+from np_drake.logs.clock import on_one_clock
+from np_drake.logs.columns import LEAST_ROWS, LONGEST_GAP
 from np_drake.logs.errors import LogError
-from np_drake.logs.importing.agreement import agreed, fitting_stretch, judged
-from np_drake.logs.importing.airborne import usual_lift
+from np_drake.logs.importing.alignment import (
+    COMMANDS,
+    Aligned,
+    align,
+    command_meaning,
+    with_whole_motion,
+)
 from np_drake.logs.importing.breaks import within
-from np_drake.logs.importing.consistency import WINDOW
-from np_drake.logs.importing.conventions import DOUBTED, Change, Verdict, WrongConventions
-from np_drake.logs.importing.crash import FITS, fits_until
-from np_drake.logs.importing.interpolation import Signals, clock_of
-from np_drake.logs.importing.log_map import LogMap
-from np_drake.logs.importing.one_clock import on_one_clock
-from np_drake.logs.importing.part import Part, flies, import_part, lift_of
+from np_drake.logs.importing.conventions import (
+    DOUBTED,
+    Verdict,
+    WrongConventions,
+    agreed,
+    fitting_stretch,
+    judged,
+)
+from np_drake.logs.importing.laws import FASTEST_ROTOR, WINDOW, stretches
+from np_drake.logs.importing.log_map import GRAVITY, UNITS, LogMap, convert_quantity
+from np_drake.logs.importing.signals import FASTER, Signals, clock_of, collective, is_slow
+
+MOVED = 0.05  # from where it rests before and after the flight [m]; own choice
+# share of the usual lift below which they carry no vehicle, even one that lost its load [1]; own
+# choice
+STOPPED = 0.2
+STANDS = 1.0  # time at rest between two flights from which they are apart [s]; own choice
+RUNNING = 0.5  # share of the usual lift below which the rotors do not carry [1]; own choice
+
+
+def usual_lift(lift: np.ndarray) -> float:
+    """Return the lift of the rotors in flight, in its own unit, from that of all rows (n,)."""
+    return max(float(np.median(lift[lift >= RUNNING * np.percentile(lift, 95)])), 1e-12)
+
+
+def standing(t: np.ndarray, p: np.ndarray, lift: np.ndarray, usual: float = 0.0) -> np.ndarray:
+    """Return the rows (n,) at which the vehicle stands on the ground: before, between and after
+    flights.
+
+    For `STANDS` or longer, or at an end of the log, the rotors give less than `RUNNING` of their
+    usual lift, and yet it does not fall: something else carries. The estimate of position may drift
+    where they give less than `STOPPED`. Rows within `MOVED` of the ends of these are among them.
+
+    Args:
+        t: (n,) [s].
+        p: (n, 3) position in W [m].
+        lift: (n,) of the rotors in any unit.
+        usual: lift in flight, in that unit; 0: that of these rows.
+    """
+    out = np.zeros(len(t), bool)
+    share = lift / (usual or usual_lift(lift))
+    for start, stop in _idle(t, share):
+        if _falls(t[start:stop], p[start:stop, 2]):
+            continue
+        drifts = np.linalg.norm(p[start:stop] - p[start], axis=1).max() > MOVED
+        if drifts and np.median(share[start:stop]) > STOPPED:
+            continue
+        before = np.flatnonzero(np.linalg.norm(p[:start] - p[start], axis=1) > MOVED)
+        after = np.flatnonzero(np.linalg.norm(p[stop:] - p[stop - 1], axis=1) > MOVED)
+        first = before[-1] + 1 if before.size else 0
+        out[first : stop + after[0] if after.size else len(t)] = True
+    return out
+
+
+def _idle(t: np.ndarray, share: np.ndarray) -> list[tuple[int, int]]:
+    """Return the stretches in which rotors give a small share of their usual lift (n,), for long or
+    at an end of the log.
+    """
+    return [
+        (start, stop)
+        for start, stop in stretches(share < RUNNING).tolist()
+        if (stop - start >= LEAST_ROWS and (start == 0 or stop == len(t)))
+        or t[stop - 1] - t[start] >= STANDS
+    ]
+
+
+def _falls(t: np.ndarray, z: np.ndarray) -> bool:
+    """Return whether heights z (n,) are those of a fall that nothing but the rotors, idle,
+    delays.
+    """
+    return bool(2 * np.polyfit(t - t[0], z, 2)[0] < -(1 - RUNNING) * GRAVITY)
+
+
+RANGES = {  # of nearly all values in flight
+    "throttle": (-0.05, 1.5),  # [1]; own choice: trimmed and overdriven motors stay inside
+    "hover_throttle": (0.02, 1.5),  # [1]; own choice
+    "rotor_speed": (-np.inf, FASTEST_ROTOR),  # [rad/s]
+    "voltage": (0.5, 1000.0),  # [V]; own choice: from one cell to what no vehicle has
+}
+
+
+def require_ranges(values: Mapping[str, np.ndarray], log_map: LogMap, path: str) -> None:
+    """Check the inputs and the voltage of a log in SI units.
+    Raises: LogError: if its values cannot be in the unit that the map declares.
+    """
+    for name, (least, most) in RANGES.items():
+        if name not in values:
+            continue
+        middle, high = np.median(values[name]), np.percentile(values[name], 99.9)
+        if least <= middle and high <= most:
+            continue
+        source = getattr(log_map, name)
+        unit = source.unit or next(iter(UNITS[name]))
+        wrong = f"above {most:g}" if high > most else f"below {least:g}"
+        shown = high if high > most else middle
+        raise LogError(
+            f"{path}, {name} ({', '.join(source.columns)}): must not be {wrong} in flight; "
+            f"got {shown:.4g} with "
+            f"unit: {unit}. Give its unit ({', '.join(UNITS[name])}) or scale in the map."
+        )
+
+
+def require_a_flight(log_map: LogMap, path: str, inputs: str = "") -> None:
+    """Check that the map names what a flight log needs, before anything is read.
+
+    Args:
+        inputs: which of its columns may be an input, for the message.
+    Raises: LogError: if it does not.
+    """
+    if not (log_map.attitude or log_map.in_body):
+        raise LogError(
+            f"{path}: the map must name columns of attitude, or of rates and acceleration "
+            f"in body axes, as a gyro and "
+            "an accelerometer read them; a flight log needs these."
+        )
+    if not (log_map.position or log_map.velocity or log_map.acceleration):
+        raise LogError(
+            f"{path}: the map must name columns of position, velocity or acceleration; got "
+            f"none of them."
+        )
+    if not (log_map.thrust or log_map.rotor_speed or log_map.throttle):
+        raise LogError(
+            (
+                f"{path}: the map must name columns of thrust, rotor_speed or throttle; a "
+                f"flight log needs one of them."
+            )
+            + inputs
+        )
+
+
+STILL = 0.3  # speed of a wreck [m/s]; own choice
+LIES, TUMBLES = (
+    0.5,
+    3.0,
+)  # least time at rest after a crash, and longest between its impacts and rest [s]; own choice
+# share of the thrust axis that is vertical below which nothing hovers: 45 deg [1]; own choice
+LYING = 0.7
+ABOVE = 0.3  # height over the ground of a flight [m]; own choice
+# Acceleration over g of an impact, and time over which it acts [1, s]; own choice: a landing is
+# softer.
+IMPACT, BLOW = 3.0, 0.1
+CRASHES = ", where the vehicle crashes"
+FITS = "fits "  # beginning of a note that not all of a log is taken
+# what is said of a log of nothing else
+WRECK = "must hold a flight; the vehicle lies still and tilted."
+
+
+def fits_until(time: float, why: str = "") -> str:
+    """Return the note of a log that is taken until a time [s]."""
+    return f"{FITS}until {time:.1f} s{why}; what follows is left out"
+
+
+def end_of_flight(t: np.ndarray, p: np.ndarray, v: np.ndarray, q: np.ndarray) -> int:
+    """Return the row at which a flight ends that ends as a wreck; all rows where it does not.
+
+    A wreck is at rest, tilted as none can hover, or after an impact where the flight is lowest. The
+    flight ends shortly before the impact, where there is one.
+
+    Args:
+        t: (n,) [s].
+        p: (n, 3) position in W [m].
+        v: (n, 3) velocity in W [m/s].
+        q: (n, 4) attitude, body to W.
+    """
+    still = np.linalg.norm(v, axis=1) < STILL
+    rests = len(t) - int(np.argmin(still[::-1])) if not still.all() else 0
+    lying = slice(rests, len(t))
+    if rests == len(t) or t[-1] - t[rests] < LIES or np.ptp(p[lying], axis=0).max() > 4 * MOVED:
+        return len(t)
+    first = int(np.searchsorted(t, t[rests] - TUMBLES))
+    rows = max(round(BLOW / float(np.median(np.diff(t)))), 1)
+    after = v[first + rows : rests + rows]
+    change = after - v[first : first + len(after)]
+    hits = np.flatnonzero(np.linalg.norm(change, axis=1) > IMPACT * GRAVITY * BLOW)
+    tilted = float(np.median(attitude.body_z(q[lying])[:, 2])) < LYING
+    level, flown = float(np.median(p[lying, 2])), p[:rests, 2]
+    lowest = rests > 0 and level < flown.min() + 4 * MOVED and np.median(flown) > level + ABOVE
+    if not tilted and not (len(hits) and lowest):
+        return len(t)
+    return first + int(hits[0]) if len(hits) else rests
+
+
+# Below which rotors stand [rad/s, N, 1]; own choice.
+IDLE = {"rotor_speed": 10.0, "thrust": 0.0, "throttle": 0.05}
+# deviation of the time at which a row's command acts, over the interval of the command [1]
+UNCERTAIN = {
+    "held_after": 0.0,
+    "held_before": 0.0,
+    "averaged": 0.5,  # its middle; 0 where accelerations are averaged over it as well
+    "sampled": 12**-0.5,  # somewhere in the interval
+    "unknown": 0.5,  # an interval early or late
+}
+TICK = 12**-0.5  # deviation of a time that is rounded, over the tick [1]
+
+
+@dc.dataclass(frozen=True)
+class Part:
+    """What was made of one part.
+
+    carried: whether the vehicle flies at all.   ground: (n,) bool, on the ground.
+    timing: deviation of the time at which a row's command acts [s].   said: one line each.
+    """
+
+    signals: Signals
+    verdict: Verdict
+    aligned: Aligned
+    carried: bool
+    ground: np.ndarray
+    flights: tuple[FlightLog, ...]
+    timing: float
+    said: tuple[str, ...]
+
+
+def import_part(
+    signals: Signals,
+    log_map: LogMap,
+    verdict: Verdict,
+    path: str,
+    *,
+    origin: float,
+    usual: float = 0.0,
+) -> Part:
+    """Return the flights of one part, in SI units and our frames.
+
+    Args:
+        origin: first time of the log [s].
+        usual: lift in the flights of the longest part, as of `lift_of`; 0: not known.
+    Raises: LogError: if its signals do not overlap, are in another unit, or are those of a wreck.
+    """
+    carried = flies(signals, log_map)
+    signals, log_map, lacks, derived = with_whole_motion(signals, log_map)
+    aligned = align(signals, log_map, path)
+    aligned = dc.replace(aligned, notes=(*derived, *aligned.notes))
+    ground = np.zeros(len(aligned.t), bool)
+    said: list[str] = []
+    if carried:
+        require_ranges(aligned.values, log_map, path)
+        x, lift = aligned.values, lift_of(aligned.values)
+        end = len(aligned.t)
+        if "velocity" not in lacks:  # without, no wreck is seen to rest
+            end = end_of_flight(aligned.t, x["position"], x["velocity"], x["attitude"])
+        if end < LEAST_ROWS:
+            raise LogError(f"{path}: {WRECK}")
+        if end < len(aligned.t):
+            said.append(fits_until(aligned.t[end - 1] - origin, CRASHES))
+        aligned = aligned.until(end)
+        ground = standing(aligned.t, aligned.values["position"], lift[:end], usual)
+    flights = _flights(_with_collective(aligned, signals, log_map), ground, log_map)
+    flights = [
+        dc.replace(flight, lacks=lacks, notes=[*flight.notes, *derived]) for flight in flights
+    ]
+    timing = _timing(signals, log_map)
+    return Part(signals, verdict, aligned, carried, ground, tuple(flights), timing, tuple(said))
+
+
+def flies(signals: Signals, log_map: LogMap) -> bool:
+    """Return whether the vehicle moves sideways at all and the rotors ever turn; True where the log
+    does not tell.
+    """
+    told = next(name for name in ("position", "velocity", "acceleration") if name in signals)
+    across = np.ptp(signals[told].values, axis=0)
+    if not np.any(across[:2] > 0):
+        return False
+    for name, least in IDLE.items():
+        if name in signals:
+            values = convert_quantity(name, signals[name].values, log_map)
+            size = np.abs(values.mean(axis=1))  # the check of conventions asks for the sign
+            return float(np.percentile(size, 90)) > least
+    return True
+
+
+def lift_of(values: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Return what stands for the lift of the rotors (n,), in any unit."""
+    if "rotor_speed" in values:
+        return np.sum(values["rotor_speed"] ** 2, axis=1)
+    return values["thrust" if "thrust" in values else "throttle"].mean(axis=1)
+
+
+def _with_collective(aligned: Aligned, signals: Signals, log_map: LogMap) -> Aligned:
+    """Return the rows with the collective of the rotors as throttle where they are more than four,
+    or logged slowly.
+    """
+    values = dict(aligned.values)
+    for name in (n for n in ("rotor_speed", "throttle") if n in values):
+        count = values[name].shape[1]
+        if count == 1 or (count == 4 and not is_slow(name, signals[name], log_map)):
+            continue
+        one = collective(values.pop(name))
+        if name == "rotor_speed":  # of no scale, as a throttle is
+            one = one / max(float(np.percentile(one, 99)), 1e-9)
+        if "thrust" not in values:
+            values.setdefault("throttle", one)
+    return dc.replace(aligned, values=values)
+
+
+def _flights(aligned: Aligned, ground: np.ndarray, log_map: LogMap) -> list[FlightLog]:
+    """Return the flights, split at long gaps; rows in gaps and on the `ground` are left out."""
+    chosen = np.flatnonzero(~aligned.filled & ~ground)
+    if not len(chosen):
+        return []
+    breaks = np.flatnonzero(np.diff(aligned.t[chosen]) > LONGEST_GAP + 1e-9) + 1
+    parts = [part for part in np.split(chosen, breaks) if len(part) >= LEAST_ROWS]
+    return [_flight(aligned, part, log_map) for part in parts]
+
+
+def _flight(aligned: Aligned, rows: np.ndarray, log_map: LogMap) -> FlightLog:
+    x = {key: value[rows] for key, value in aligned.values.items()}
+    t = aligned.t[rows]
+    u, throttle, kind = np.full((len(t), 4), np.nan), x.get("throttle"), "normalised"
+    if "thrust" in x and log_map.thrust.unit == "weight":
+        throttle = x["thrust"]
+    elif "thrust" in x:
+        u[:, 0], kind = x["thrust"][:, 0], "thrust_only"
+    if throttle is not None and "hover_throttle" in x:
+        throttle = throttle / np.maximum(x["hover_throttle"], 1e-3)
+    if "torque" in x and kind == "thrust_only":
+        u[:, 1:], kind = x["torque"], "command"
+    elif "rotor_speed" in x:
+        kind = "rotor_speed"
+    return FlightLog(
+        t=t - t[0],
+        start=float(t[0]),
+        p=x["position"],
+        q=x["attitude"],
+        v=x["velocity"],
+        w=x["rates"],
+        u=u,
+        a=x.get("acceleration"),
+        al=x.get("angular_acceleration"),
+        rotor=x.get("rotor_speed"),
+        throttle=throttle,
+        voltage=x["voltage"][:, 0] if "voltage" in x else None,
+        commanded_rates=x.get("commanded_rates"),
+        input=kind,
+    )
+
+
+def _timing(signals: Signals, log_map: LogMap) -> float:
+    """Return the deviation of the time at which a row's command acts [s]; 0 without a command."""
+    commands = [signals[name] for name in COMMANDS if name in signals]
+    step = max((own.step for own in commands), default=0.0)
+    ticks = max(own.tick for own in signals.values()) * TICK
+    if "rotor_speed" in signals and not step:
+        own = signals["rotor_speed"]
+        slow = own.renewal > FASTER * signals["attitude"].step
+        return max(ticks, UNCERTAIN["sampled"] * own.renewal * slow)
+    a = signals.get("acceleration")
+    if log_map.command == "averaged" and (a is None or FASTER * a.step <= step):
+        return ticks
+    return max(
+        ticks, *(UNCERTAIN[command_meaning(own, log_map)] * own.step for own in commands), 0.0
+    )
 
 
 def imported_parts(
-    parts: list[Signals], log_map: LogMap, path: str, *, origin: float, clock: Change, adopt: bool
+    parts: list[Signals], log_map: LogMap, path: str, *, origin: float, adopt: bool
 ) -> tuple[LogMap, list[Part], list[str]]:
     """Return the map that agrees with the longest part, what was made of every part, and one line
     on each left out.
 
     Args:
         origin: from which times of the lines count [s].
-        clock: change of the unit of time, made in the signals.
         adopt: take other conventions where the longest part fits those.
     Raises: WrongConventions, LogError: if that of the longest part that fails, where none holds a
         flight.
     """
     moving = [flies(signals, log_map) for signals in parts]
-    by_length = sorted(
-        range(len(parts)), key=lambda k: (not moving[k], -np.ptp(clock_of(parts[k]).t))
-    )
+    length = [np.ptp(clock_of(signals).t) for signals in parts]
+    by_length = sorted(range(len(parts)), key=lambda k: (not moving[k], -length[k]))
     parts, log_map, said = on_one_clock(parts, parts[by_length[0]], log_map)
     done: dict[int, Part] = {}
     failure: LogError | None = None
@@ -45,7 +400,7 @@ def imported_parts(
             continue
         try:
             log_map, found, told = _fitting(
-                parts[k], log_map, path, origin, clock=clock, adopt=adopt and not done
+                parts[k], log_map, path, origin, adopt=adopt and not done
             )
             made = import_part(*found, path, origin=origin, usual=usual)
             if done and not made.flights:
@@ -59,11 +414,11 @@ def imported_parts(
                 raise
             failure = failure or error
             wrong = (
-                "does not agree with itself"
+                "does not agree with"
                 if isinstance(error, WrongConventions)
-                else "is no flight log by itself"
+                else "is no flight log by"
             )
-            said.append(f"{span} {wrong}; left out")
+            said.append(f"{span} {wrong} itself; left out")
     if failure is not None and not done:
         raise failure
     if max(done) < len(parts) - 1 and not any(line.startswith(FITS) for line in said):
@@ -75,7 +430,7 @@ def imported_parts(
 
 
 def _fitting(
-    signals: Signals, log_map: LogMap, path: str, origin: float, *, clock: Change, adopt: bool
+    signals: Signals, log_map: LogMap, path: str, origin: float, *, adopt: bool
 ) -> tuple[LogMap, tuple[Signals, LogMap, Verdict], list[str]]:
     """Return the map, what of a part agrees with it, with the verdict, and a line where that is not
     all of it.
@@ -95,5 +450,5 @@ def _fitting(
                 f"{FITS}{since}until {stop - origin:.1f} s; beyond, {whole} do not agree: left out"
             ]
             signals, verdict = part, own
-    log_map, verdict = agreed(verdict, signals, log_map, path, clock=clock, adopt=adopt)
+    log_map, verdict = agreed(verdict, signals, log_map, path, adopt=adopt)
     return log_map, (signals, log_map, verdict), said

@@ -1,20 +1,199 @@
 """Signals of a recording: the columns of each quantity with their times, cleaned of what is no
-sample.
+sample, and their values at other times.
 """
 
 import dataclasses as dc
+from collections.abc import Mapping
+from functools import cached_property
 
 import numpy as np
 
-from np_drake.logs.checks import LARGEST, LEAST_ROWS
+from np_drake import attitude
+from np_drake.logs.columns import LARGEST, LEAST_ROWS, LONGEST_GAP
 from np_drake.logs.errors import LogError, place
 from np_drake.logs.formats.format import Recording, Stream, find_column
-from np_drake.logs.importing.interpolation import Signal, Signals
+from np_drake.logs.importing.laws import stretches
 from np_drake.logs.importing.log_map import UNITS, LogMap, Source
-from np_drake.logs.importing.telemetry import spread_ticks, without_lines, without_zeros
 
-# share of samples earlier than one before them from which these are another log [1]; own choice
-BACK = 0.1
+# Rate of rotor speed, of the throttle of each motor, and of torque, below which they are no input:
+# what turns the vehicle is faster. Source: own choice.
+SLOWEST_ROTORS = 20.0  # [Hz]
+# share of rows equal to the row before, from which a signal's rate is slower [1]; own choice
+REPEATED = 0.3
+# ratio of sampling rates from which a rate fills in a state, or readings are averaged [1]; own
+# choice
+FASTER = 1.5
+
+
+@dc.dataclass(frozen=True)
+class Signal:
+    """One quantity as logged: t (n,) [s], strictly increasing, and values (n, k) in the units of
+    the file.
+
+    tick: to which its times are rounded, where that is coarse [s].
+    Its methods take times `at` (m,) [s].
+    """
+
+    t: np.ndarray
+    values: np.ndarray
+    tick: float = 0.0
+
+    @property
+    def step(self) -> float:
+        """Median sampling interval [s]."""
+        return float(np.median(np.diff(self.t)))
+
+    @cached_property
+    def _new(self) -> np.ndarray:
+        """Whether a sample differs from the one before, (n,); all, unless many repeat."""
+        new = np.concatenate([[True], np.any(np.diff(self.values, axis=0) != 0, axis=1)])[
+            : len(self.t)
+        ]
+        return (
+            new if LEAST_ROWS <= new.sum() <= (1 - REPEATED) * len(new) else np.ones(len(new), bool)
+        )
+
+    @property
+    def renewal(self) -> float:
+        """Median interval at which the values change [s]: that of the samples, unless many
+        repeat.
+        """
+        return float(np.median(np.diff(self.t[self._new])))
+
+    @property
+    def renewed(self) -> "Signal":
+        """The samples at which the values change, where many repeat.
+
+        A signal that rests keeps one wherever it has not changed for two usual intervals of change:
+        its rest is no gap.
+        """
+        rows, new = np.arange(len(self.t)), self._new
+        usual = max(1, round(float(np.median(np.diff(rows[new])))))
+        since = rows - np.maximum.accumulate(np.where(new, rows, 0))
+        keep = new | ((since > 0) & (since % (2 * usual) == 0))
+        return self if keep.all() else dc.replace(self, t=self.t[keep], values=self.values[keep])
+
+    @property
+    def rate(self) -> "Signal":
+        """Mean rate of change between samples, in their middle (n - 1, 3); of an attitude its body
+        rates.
+        """
+        x = self.values
+        if x.shape[1] == 4:
+            change = attitude.rotation_vector(attitude.multiply(attitude.conjugate(x[:-1]), x[1:]))
+        else:
+            change = np.diff(x, axis=0)
+        return Signal(0.5 * (self.t[1:] + self.t[:-1]), change / np.diff(self.t)[:, None])
+
+    def between(self, start: float, stop: float) -> "Signal":
+        """Return the samples from `start` to `stop` [s]."""
+        inside = (self.t >= start) & (self.t <= stop)
+        return dc.replace(self, t=self.t[inside], values=self.values[inside])
+
+    def linear(self, at: np.ndarray) -> np.ndarray:
+        """Return the values by linear interpolation, (m, k); the ends are held."""
+        return np.stack([np.interp(at, self.t, column) for column in self.values.T], axis=1)
+
+    @cached_property
+    def _sum(self) -> np.ndarray:
+        area = 0.5 * (self.values[1:] + self.values[:-1]) * np.diff(self.t)[:, None]
+        return np.concatenate([np.zeros((1, self.values.shape[1])), np.cumsum(area, axis=0)])
+
+    def integral(self, at: np.ndarray) -> np.ndarray:
+        """Return the integral from the first sample, (m, k): linear between samples and constant
+        beyond them.
+        """
+        t, x = self.t, self.values
+        i, inside = self._before(at), np.clip(at, t[0], t[-1])
+        gone = (inside - t[i])[:, None]
+        slope = (x[i + 1] - x[i]) / (t[i + 1] - t[i])[:, None]
+        out = self._sum[i] + (x[i] + 0.5 * slope * gone) * gone
+        before, after = np.minimum(at - t[0], 0.0), np.maximum(at - t[-1], 0.0)
+        return out + before[:, None] * x[0] + after[:, None] * x[-1]
+
+    def integrated(self, rate: "Signal", at: np.ndarray) -> np.ndarray:
+        """Return a state (m, k) that follows its rate between samples, and meets the next sample.
+
+        What the integral misses of the next sample is spread evenly over the interval.
+
+        Args:
+            at: (m,) [s].
+        """
+        i, own, x = self._before(at), rate.integral(self.t), self.values
+        missed = (x[i + 1] - x[i]) - (own[i + 1] - own[i])
+        return x[i] + (rate.integral(at) - own[i]) + self._share(i, at) * missed
+
+    def turned(self, rate: "Signal | None", at: np.ndarray) -> np.ndarray:
+        """Return attitudes (m, 4) that follow the body rates between samples, and meet the next
+        sample.
+
+        Without body rates that are denser they turn evenly. Turns within one interval of samples
+        are taken as small: their order is neglected.
+
+        Args:
+            rate: body rates; None: not known.
+            at: (m,) [s].
+        """
+        i, q = self._before(at), self.values
+        step = attitude.rotation_vector(attitude.multiply(attitude.conjugate(q[:-1]), q[1:]))
+        if rate is None or rate.step * FASTER >= self.step:
+            turn = self._share(i, at) * step[i]
+        else:
+            own = rate.integral(self.t)
+            turn = (rate.integral(at) - own[i]) + self._share(i, at) * (
+                step[i] - (own[i + 1] - own[i])
+            )
+        out = attitude.multiply(q[i], attitude.from_rotation_vector(turn))
+        return out / np.linalg.norm(out, axis=1, keepdims=True)
+
+    def averaged(self, at: np.ndarray, width: float) -> np.ndarray:
+        """Return the mean about each time, (m, k); linear where the samples are no denser.
+
+        Args:
+            at: (m,) [s].
+            width: of the mean [s].
+        """
+        if len(self.t) < 2 or width < FASTER * self.step:
+            return self.linear(at)
+        return (self.integral(at + 0.5 * width) - self.integral(at - 0.5 * width)) / width
+
+    def held(self, at: np.ndarray) -> np.ndarray:
+        """Return the mean of a held command over each interval between the times, (m, k).
+
+        Each row is held from its time until the next; the first also before, the last also after.
+        The last row of the result is the command held at the last time.
+        """
+        t, x = self.t, self.values
+        edges = np.concatenate([[0.0], np.cumsum(np.diff(t))])
+        total = np.concatenate(
+            [np.zeros((1, x.shape[1])), np.cumsum(x[:-1] * np.diff(t)[:, None], axis=0)]
+        )
+        i = np.clip(np.searchsorted(t, at, side="right") - 1, 0, len(t) - 1)
+        at_edge = total[i] + x[i] * ((at - t[0]) - edges[i])[:, None]
+        mean = np.diff(at_edge, axis=0) / np.diff(at)[:, None]
+        exact = np.isin(at[:-1], t) & (
+            np.searchsorted(t, at[1:]) - np.searchsorted(t, at[:-1]) <= 1
+        )
+        mean[exact] = x[i[:-1]][exact]  # no rounding where one command fills the interval
+        return np.concatenate([mean, x[i[-1:]]])
+
+    def _before(self, at: np.ndarray) -> np.ndarray:
+        """Return the interval of samples that holds each time, (m,)."""
+        return np.clip(np.searchsorted(self.t, at, side="right") - 1, 0, len(self.t) - 2)
+
+    def _share(self, i: np.ndarray, at: np.ndarray) -> np.ndarray:
+        """Return the share of intervals i (m,) that has passed, (m, 1) [1]."""
+        return np.clip((at - self.t[i]) / (self.t[i + 1] - self.t[i]), 0.0, 1.0)[:, None]
+
+
+Signals = Mapping[str, Signal]  # by quantity
+
+
+def clock_of(signals: Signals) -> Signal:
+    """Return the signal whose times are those of a log: its attitude, or else its body rates."""
+    return signals["attitude" if "attitude" in signals else "rates"]
+
+
 LEAST_NORM = 1e-3  # of a quaternion that is one, of whatever length [1]; own choice
 OPTIONAL = (
     "voltage",
@@ -34,7 +213,6 @@ def gather(recording: Recording, log_map: LogMap) -> tuple[Signals, list[str]]:
     notes: list[str] = []
     for name, source in log_map.sources():
         signal = _assembled(recording, source)
-        _require_one_log(signal, f"{recording.path}, {name}")
         signal, reasons = _cleaned(
             signal, quaternion=name == "attitude" and len(source.columns) == 4
         )
@@ -94,22 +272,6 @@ def _assembled(recording: Recording, source: Source) -> Signal:
             )
         columns.append(values)
     return Signal(np.asarray(t, float) - (source.late or 0.0), np.stack(columns, axis=1))
-
-
-def _require_one_log(signal: Signal, place: str) -> None:
-    """Check that time runs forward, but for a few samples; LogError if it does not, as in two logs
-    in one file.
-    """
-    t = signal.t[np.isfinite(signal.t)]
-    latest = np.maximum.accumulate(t)
-    back = np.flatnonzero(t < latest)
-    if len(back) > BACK * len(t):
-        row = back[0]
-        raise LogError(
-            f"{place}: time must increase; {len(back)} of {len(t)} samples run back, the "
-            f"first from {latest[row]:.9g} "
-            f"to {t[row]:.9g} s. Split the file there if it holds two logs, or sort its rows."
-        )
 
 
 def _cleaned(signal: Signal, *, quaternion: bool) -> tuple[Signal, str]:
@@ -183,3 +345,130 @@ def require_stated_units(recording: Recording, log_map: LogMap) -> None:
                     f"{declared} by the map; "
                     f"write {name}: {{unit: {stated}}}, without a scale, in the map."
                 )
+
+
+LONGEST_ZERO = (
+    0.1  # time for which a rotor that turns before and after cannot have stood [s]; own choice
+)
+# speed over the median beyond which a reading is none: sixteen times its thrust [1]; own choice
+GLITCH = 4.0
+FINE = 0.75  # tick over the usual interval above which it is that interval [1]; own choice
+RESOLUTION = 1e-6  # in which ticks are looked for: usual clocks count microseconds [s]
+CLOCK_SET = 1e6  # interval, beyond which the clock was set [s]
+HELD = (
+    "held_after",
+    "held_before",
+    "averaged",
+)  # commands that are known between their rows, however slow
+# change of a slope over the slope, from the digits of a text, in a straight line [1]; own choice
+LINE = 1e-4
+COARSE = 5e-4  # shorter ticks are lost in what is known of commands [s]; own choice
+
+
+def without_zeros(own: Signal) -> tuple[Signal, int]:
+    """Return rotor speeds without readings that no rotor has, which are interpolated, and how many
+    they are.
+
+    A rotor does not stop, or turn `GLITCH` times as fast as it usually does, and turn again within
+    `LONGEST_ZERO`.
+    """
+    values, count = own.values.copy(), 0
+    for column in values.T:
+        bad = np.zeros(len(column), bool)
+        usual = float(np.median(column[column > 0])) if (column > 0).any() else np.inf
+        for start, stop in stretches((column == 0) | (column > GLITCH * usual)):
+            inside = start > 0 and stop < len(column)
+            bad[start:stop] = inside and own.t[min(stop, len(own.t) - 1)] - own.t[start - 1] <= max(
+                LONGEST_ZERO, 2.5 * own.step
+            )
+        if bad.any():
+            column[bad] = np.interp(own.t[bad], own.t[~bad], column[~bad])
+            count += int(bad.sum())
+    return dc.replace(own, values=values), count
+
+
+def without_lines(own: Signal) -> tuple[Signal, float]:
+    """Return a sensor's signal without what lies on straight lines for longer than a bridged gap,
+    and its time [s].
+
+    A sensor has noise: such rows are no readings, but drawn between or beyond them by who wrote the
+    log.
+    """
+    change = np.diff(own.values, axis=0) / np.diff(own.t)[:, None]
+    steep = np.abs(change).max(axis=1, initial=0.0)
+    straight = np.all(np.abs(np.diff(change, axis=0)) <= LINE * steep[1:, None], axis=1) & (
+        steep[1:] > 0
+    )
+    kept, drawn = np.ones(len(own.t), bool), 0.0
+    for start, stop in stretches(straight):  # rows start to stop + 1 lie on a line
+        if own.t[stop + 1] - own.t[start] > LONGEST_GAP:
+            kept[start + 1 : stop + 1 + (stop + 2 == len(own.t))] = False
+            drawn += float(own.t[stop + 1] - own.t[start])
+    return (dc.replace(own, t=own.t[kept], values=own.values[kept]) if drawn else own), drawn
+
+
+def spread_ticks(t: np.ndarray) -> tuple[np.ndarray, float]:
+    """Return times (n,) with samples of one tick spread evenly up to the next, and the tick [s]; 0:
+    no coarse clock.
+
+    Args:
+        t: (n,) not decreasing [s].
+    """
+    interval = np.diff(t)
+    later = interval[interval > 0]
+    if not len(later):
+        return t, 0.0
+    usual = float(np.median(later))
+    tick = (
+        int(np.gcd.reduce(np.round(np.minimum(later, CLOCK_SET) / RESOLUTION).astype(np.int64)))
+        * RESOLUTION
+    )
+    if tick < COARSE:
+        return t, 0.0
+    if np.mean(interval == 0) < REPEATED:
+        return t, tick if tick < FINE * usual else 0.0
+    first = np.concatenate([[0], np.flatnonzero(interval > 0) + 1])
+    count = np.diff(np.concatenate([first, [len(t)]]))
+    place = np.arange(len(t)) - np.repeat(first, count)
+    return t + tick * place / np.repeat(count, count), tick
+
+
+def usable_inputs(signals: Signals, log_map: LogMap) -> tuple[dict[str, Signal], list[str]]:
+    """Return the signals without inputs slower than the motion that they should explain, and a line
+    on each.
+
+    Rotor speed or torque below `SLOWEST_ROTORS` is left out where something else tells thrust. A
+    throttle of each motor, and rotor speed alone, become their collective.
+    """
+    out, said = dict(signals), []
+    lifting = [name for name in ("thrust", "throttle", "rotor_speed") if name in out]
+    for name in ("rotor_speed", "torque", "throttle"):
+        if (
+            name not in out
+            or out[name].values.shape[1] == 1
+            or not is_slow(name, out[name], log_map)
+        ):
+            continue
+        slow = f"{name} at {1 / out[name].renewal:.3g} Hz is slower than what turns the vehicle"
+        if name == "torque" or (name == "rotor_speed" and len(lifting) > 1):
+            del out[name]
+            said.append(f"{slow}; left out")
+        else:
+            said.append(f"{slow}: its collective thrust alone is taken, and torque is not told")
+    return out, said
+
+
+def is_slow(name: str, own: Signal, log_map: LogMap) -> bool:
+    """Return whether an input is slower than what turns the vehicle, and not known between its
+    rows.
+    """
+    return 1 / own.renewal < SLOWEST_ROTORS and (
+        name == "rotor_speed" or log_map.command not in HELD
+    )
+
+
+def collective(values: np.ndarray) -> np.ndarray:
+    """Return the throttle (n, 1) at which all rotors together lift as those of (n, k): thrust goes
+    with its square.
+    """
+    return np.sqrt(np.mean(np.square(values), axis=1, keepdims=True))

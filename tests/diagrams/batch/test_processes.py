@@ -1,17 +1,27 @@
-"""Laws of work in several processes. The work is defined inside the tests, so that it travels by
-value.
+"""Laws of work in other processes, of this machine or of a Dask cluster (extra `cluster`).
+
+The work is defined inside the tests, so that it travels by value.
 """
 
 import os
 import signal
-import sys
+import socket
+import threading
 import time
 import warnings
+from contextlib import contextmanager
+from functools import partial
 
-import numpy as np
 import pytest
 
-from diagrams.batch.processes import DeadProcess, as_they_finish
+from diagrams.batch import processes
+from diagrams.batch import run as batch_run
+from diagrams.batch.campaign import run_campaign
+from diagrams.batch.failed_run import FailedRun
+from diagrams.batch.processes import as_they_finish, connect
+from diagrams.cli.main import run
+
+CASES = [{"number": number} for number in range(4)]
 
 
 @pytest.mark.parametrize("jobs", [1, 2])
@@ -21,8 +31,7 @@ def test_every_case_has_its_value_from_another_process(jobs):
     assert os.getpid() not in {process for _, process in dut.values()}
 
 
-@pytest.mark.parametrize("jobs", [1, 2])
-def test_no_more_cases_are_at_work_than_there_are_jobs(jobs, tmp_path):
+def test_no_more_cases_are_at_work_than_there_are_jobs(tmp_path):
     def work(case):
         (tmp_path / f"{case}").touch()
         at_work = len(list(tmp_path.iterdir()))
@@ -30,53 +39,32 @@ def test_no_more_cases_are_at_work_than_there_are_jobs(jobs, tmp_path):
         (tmp_path / f"{case}").unlink()
         return at_work
 
-    assert max(dict(as_they_finish(work, range(6), jobs)).values()) <= jobs
+    assert max(dict(as_they_finish(work, range(4), 1)).values()) == 1
 
 
-@pytest.mark.parametrize("jobs", [1, 2])
-def test_what_the_work_raises_reaches_the_caller(jobs):
+def test_what_the_work_raises_reaches_the_caller():
     def work(case):
         if case == 1:
             raise ValueError("mass must be positive")
         return case
 
     with pytest.raises(ValueError, match="mass must be positive"):
-        list(as_they_finish(work, [0, 1, 2], jobs))
+        list(as_they_finish(work, [0, 1, 2], 2))
 
 
-def test_processes_that_die_lose_their_own_cases_only(tmp_path):
+def test_processes_that_die_lose_their_own_cases_only():
     def work(case):
-        with (tmp_path / f"{case}").open("a") as file:
-            file.write("tried\n")
         if case == 1:
             os._exit(7)
         if case == 4:
             os.kill(os.getpid(), signal.SIGKILL)
-        return os.getpid()
+        return case
 
     dut = dict(as_they_finish(work, range(6), jobs=2))
     assert sorted(dut) == list(range(6))
-    assert [isinstance(dut[case], DeadProcess) for case in range(6)] == [
-        case in (1, 4) for case in range(6)
-    ]
+    assert [case for case in range(6) if isinstance(dut[case], FailedRun)] == [1, 4]
     assert "EXIT(7)" in str(dut[1])
     assert "SIGKILL" in str(dut[4])
-    tries = {path.name: len(path.read_text().split()) for path in tmp_path.iterdir()}
-    assert len(tries) == 6
-    assert tries["1"] in (2, 3)  # once beside others, perhaps again as another died, once alone
-
-
-def test_a_process_that_grew_is_replaced_without_a_word():
-    def work(case):
-        sys.grown = np.ones(50_000_000 if case else 0)  # 400 MB; loky lets a process grow by less
-        time.sleep(1.1)  # it looks at its size at most once a second
-        return case
-
-    with warnings.catch_warnings(record=True) as told:
-        warnings.simplefilter("always")
-        dut = dict(as_they_finish(work, range(4), jobs=1))
-    assert dut == {n: n for n in range(4)}
-    assert not told
 
 
 def test_a_campaign_that_ends_early_says_nothing():
@@ -86,3 +74,70 @@ def test_a_campaign_that_ends_early_says_nothing():
         next(dut)
         dut.close()
     assert not told
+
+
+@contextmanager
+def cluster_of(workers, threads=1):
+    """Yield the address of a scheduler whose workers come back when they die.
+
+    A case is given up at its second dead worker.
+    """
+    reason = "needs the extra `cluster`: pip install 'np_drake[cluster]'"
+    distributed = pytest.importorskip("distributed", reason=reason)
+    dask = pytest.importorskip("dask", reason=reason)
+    with (
+        dask.config.set({"distributed.scheduler.allowed-failures": 1}),
+        distributed.LocalCluster(
+            n_workers=workers, threads_per_worker=threads, dashboard_address=":0"
+        ) as local,
+    ):
+        yield local.scheduler_address
+
+
+def test_a_cluster_answers_as_one_machine_and_a_dead_worker_loses_one_case(tmp_path):
+    def work(case):
+        if case["number"] == 1:
+            os._exit(3)
+        if case["number"] == 2:
+            raise ValueError("mass must be positive")
+        return {"square": case["number"] ** 2}
+
+    with cluster_of(1) as address:
+        there = run_campaign(work, CASES, config={}, folder=tmp_path, scheduler=address)
+        again = run_campaign(dict, CASES[3:], config={}, folder=tmp_path, scheduler=address)
+    here = run_campaign(work, CASES, config={}, jobs=1)
+    assert [r.get("result") for r in here] == [{"square": 0}, None, None, {"square": 9}]
+    assert "lost" in there[1]["error"]
+    assert there[2]["error"] == here[2]["error"] == "mass must be positive"
+    assert there[3]["result"] == again[0]["result"] == {"square": 9}
+
+
+def test_workers_of_several_threads_are_refused_before_work():
+    with cluster_of(1, threads=2) as found, pytest.raises(ValueError, match="one thread each"):
+        run_campaign(dict, CASES, config={}, scheduler=found)
+
+
+@pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "no address"])
+def test_a_scheduler_that_does_not_answer_is_one_line(address, monkeypatch, capsys):
+    pytest.importorskip("distributed", reason="needs the extra `cluster`")
+    monkeypatch.setattr(batch_run, "connect", partial(connect, patience=0.2))
+    before = set(threading.enumerate())
+    assert run(["reproduce", "robustness", "--scheduler", address]) == 2
+    err = capsys.readouterr().err
+    said = f"--scheduler: no Dask scheduler answers at '{address}'."
+    assert err.splitlines()[-1] == f"np-drake reproduce robustness: {said}"
+    assert set(threading.enumerate()) <= before
+
+
+def test_what_accepts_a_connection_and_says_nothing_is_no_scheduler():
+    pytest.importorskip("distributed", reason="needs the extra `cluster`")
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        dut = connect(f"tcp://127.0.0.1:{silent.getsockname()[1]}", patience=0.3)
+        with pytest.raises(ValueError, match="no Dask scheduler answers"), dut:
+            pass
+
+
+def test_without_the_extra_it_is_one_line(monkeypatch, capsys):
+    monkeypatch.setattr(processes, "find_spec", lambda name: None)
+    assert run(["reproduce", "robustness", "--scheduler", "tcp://127.0.0.1:1"]) == 2
+    assert "pip install 'np_drake[cluster]'" in capsys.readouterr().err.splitlines()[-1]

@@ -31,7 +31,7 @@ from diagrams.challenge.sensors import (
 from np_drake import attitude
 from np_drake.effects.library import LIBRARY, unobservable
 from np_drake.flight_log import FlightLog
-from np_drake.logs.gaps import LONGEST
+from np_drake.logs.columns import LONGEST_GAP
 from np_drake.vehicle.vehicle import INPUTS, MeasurementNoise, Vehicle
 
 N = 40000
@@ -146,7 +146,7 @@ def test_rows_are_lost_in_succession_and_no_reader_refuses_the_gaps():
     assert rows[0] == 0
     assert rows[-1] == 2999
     assert set(np.diff(rows)) == set(range(1, LONGEST_DROP + 2))
-    assert np.diff(t[rows]).max() < LONGEST
+    assert np.diff(t[rows]).max() < LONGEST_GAP
 
 
 def test_every_input_and_every_meaning_of_a_command_occurs():

@@ -1,6 +1,5 @@
 """Laws of `np-drake evaluate`."""
 
-import dataclasses as dc
 import json
 
 import numpy as np
@@ -8,7 +7,9 @@ import pytest
 
 from diagrams.cli.evaluate import parse_horizons
 from diagrams.cli.main import run
-from np_drake.lifting.model.model_file import load_model
+from np_drake.lifting.model.encoders import DelayEncoder
+from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
+from np_drake.lifting.model.lifted_model import MODE_DICTIONARY, LiftedModel
 from np_drake.skill.skill import NAIVE, UNTRAINED
 
 TRAINED = ("DMDc", "delay DMDc", "ridge by horizon")
@@ -111,15 +112,14 @@ def test_horizons_are_sorted_and_counted_once():
     assert parse_horizons("10, 1,10") == [1, 10]
 
 
-def test_an_unstable_model_fails(logs, tmp_path, monkeypatch, capsys):
+def test_an_unstable_model_fails(logs, monkeypatch, capsys):
     """A model file refuses such an A, so it comes from elsewhere: the verb says so and leaves with
     1.
     """
-    path = tmp_path / "dmdc.safetensors"
-    assert run(["train", str(logs[0]), "--configuration", "dmdc", "--out", str(path)]) == 0
-    model = load_model(path)
-    broken = dc.replace(model, system=dc.replace(model.system, A=2.0 * np.eye(model.system.K)))
-    monkeypatch.setattr("diagrams.cli.evaluate.load", lambda path: {"dmdc": broken})
+    system = LiftedLinearSystem(2.0 * np.eye(6), np.zeros((6, 6)), np.eye(6), 0.02)
+    encoder, ones = DelayEncoder(np.eye(6, 12), 1), np.ones(6)
+    broken = LiftedModel(MODE_DICTIONARY, system, encoder, 1, ones, ones, True)
+    monkeypatch.setattr("diagrams.cli.evaluate.load", lambda path: {"lifted": broken})
     assert run(["evaluate", str(logs[1]), "--horizons", "1"]) == 1
     captured = capsys.readouterr()
     assert "a forecast diverged on test." in captured.err

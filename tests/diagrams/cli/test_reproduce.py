@@ -8,8 +8,8 @@ import pytest
 
 from diagrams.batch.run import Run
 from diagrams.cli.main import run
-from diagrams.cli.reproduce import RETIRED, STUDIES
-from diagrams.tracking import tuning
+from diagrams.cli.reproduce import STUDIES
+from diagrams.studies import payload
 
 ROOT = Path(__file__).parents[3]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
@@ -24,17 +24,14 @@ WRITTEN = sorted(
 BAD = {  # arguments: what the line must say
     "unknown": (
         ["nothing"],
-        (
-            "must be one of tracking, configurations, weights, gap, mhe, theorem, tether, "
-            "estimation, sample-eff"
-        ),
+        "must be one of tracking, hover, attach, robustness, estimation, sample-efficiency, timing",
     ),
     "unknown row": (
-        ["configurations", "--only", "np"],
-        "must name rows of the table (nominal; hold; np: lifted",
+        ["tracking", "--only", "nothing"],
+        "must name rows of the table (nominal; nominal + total mass",
     ),
-    "no flights": (["theorem"], "NP_DRAKE_NEUROBEM"),
-    "no folder": (["theorem", "--neurobem", "nowhere"], "nowhere"),
+    "no flights": (["estimation"], "NP_DRAKE_NEUROBEM"),
+    "no folder": (["estimation", "--neurobem", "nowhere"], "nowhere"),
 }
 
 
@@ -55,14 +52,12 @@ COMMANDS = {name: study.command(name) for name, study in STUDIES.items()}
 @pytest.mark.parametrize("line", WRITTEN)
 def test_what_the_pages_say_can_be_typed(line):
     name, *arguments = shlex.split(line)
-    if name in RETIRED:
-        return
     context = COMMANDS[name].make_context(name, arguments)  # parsed, not run
     assert context.params["markdown"] is None or str(context.params["markdown"]) == "FILE"
 
 
 def test_every_study_is_on_a_page():
-    assert {line.split()[0] for line in WRITTEN} - set(RETIRED) == set(STUDIES)
+    assert {line.split()[0] for line in WRITTEN} == set(STUDIES)
 
 
 @pytest.mark.parametrize("arguments", [[], ["--list"]])
@@ -72,27 +67,20 @@ def test_the_studies_are_listed_with_a_line_each(arguments, capsys):
     assert all(name in said and study.summary in said for name, study in STUDIES.items())
 
 
-@pytest.mark.parametrize("name", RETIRED)
-def test_a_study_that_is_gone_says_what_took_its_place(name, capsys):
-    assert run(["reproduce", name, "--seed", "3"]) == 2
-    (line,) = capsys.readouterr().err.splitlines()
-    assert line == f"np-drake reproduce: {name} is gone: {RETIRED[name]}."
-
-
 def test_a_study_runs_in_silence_from_python(tmp_path, capfd, monkeypatch):
-    monkeypatch.setattr(tuning, "weight_table", lambda run: [])
-    report = tuning.run(Run(seed=3, scratch=tmp_path), tuning.Options())
-    assert report.tables[0][0].endswith("seed 3")
+    monkeypatch.setattr(payload, "fly_rows", lambda *_, **__: ([], []))
+    report = payload.attach(Run(seed=3, scratch=tmp_path), payload.AttachOptions())
+    assert "trained on seed 3" in report.tables[0][0]
     assert capfd.readouterr() == ("", "")
 
 
 def test_a_table_takes_its_own_options_only(capsys):
     assert run(["reproduce", "gap", "--spacing", "3"]) == 2
     assert "No such option" in capsys.readouterr().err
-    assert run(["reproduce", "theorem", "--help"]) == 0
-    help_of_theorem = capsys.readouterr().out
-    assert "--spacing" in help_of_theorem
-    assert "--solver" not in help_of_theorem
+    assert run(["reproduce", "timing", "--help"]) == 0
+    said = capsys.readouterr().out
+    assert "--only" in said
+    assert "--solver" not in said
 
 
 def test_every_table_takes_a_seed_and_files_for_machines_and_pages():

@@ -62,19 +62,6 @@ def test_a_family_is_flown_and_trained_without_a_log(tmp_path, capsys):
     assert "2 of 2 flights" not in capsys.readouterr().out  # a bar, not a table
 
 
-@pytest.mark.parametrize("name", ["dmdc", "ridge"])
-def test_a_closed_form_configuration_trains_by_name_without_epochs(name, logs, tmp_path, capsys):
-    outs = [tmp_path / f"{n}.safetensors" for n in (1, 9)]
-    for out, epochs in zip(outs, ("1", "9"), strict=True):
-        code = run(
-            ["train", str(logs[0]), "--out", str(out), "--configuration", name, "--epochs", epochs]
-        )
-        assert code == 0, capsys.readouterr().err
-    one, nine = map(load_model, outs)
-    assert one.configuration == name
-    np.testing.assert_array_equal(one.encoder.E, nine.encoder.E)
-
-
 def test_a_pendulum_is_trained_by_name_and_says_what_it_found(logs, tmp_path, capsys):
     out, metrics = tmp_path / "model.safetensors", tmp_path / "train.json"
     files = ["--out", str(out), "--json", str(metrics)]
@@ -93,7 +80,7 @@ BAD = {  # extra arguments: what the line must say
     "no file": (["missing.csv"], "missing.csv: No such file"),
     "configuration": (
         ["LOG", "--configuration", "papier"],
-        "delay-dmdc, ridge, payload_filter, gp, knode; got papier",
+        "payload_filter, gp, knode; got papier",
     ),
     "step": (["LOG", "--step", "0.001"], "step must be at least"),
 }
@@ -117,7 +104,7 @@ def test_a_log_in_which_nothing_moves_is_refused_unless_forced(logs, tmp_path, c
     rest = dc.replace(rest, **dict(zip(("p", "v", "w", "a"), noise, strict=True)))
     write_log(rest, tmp_path / "rest.csv")
     out = tmp_path / "m.safetensors"
-    command = ["train", str(tmp_path / "rest.csv"), "--configuration", "dmdc", "--out", str(out)]
+    command = ["train", str(tmp_path / "rest.csv"), "--epochs", "1", "--out", str(out)]
     assert run(command) == 2
     line = capsys.readouterr().err
     assert line.startswith(

@@ -8,7 +8,7 @@ import pytest
 from diagrams.cli.main import run
 from diagrams.demo import page, story
 from diagrams.loop.experiments import load_experiment
-from diagrams.tracking import tracking
+from diagrams.studies import sweep, tracking
 
 DIAGNOSED = 20.0  # of a flight that is diagnosed, so that as much is seen as in the demo itself [s]
 OTHERS = 8.0  # of any other flight [s]
@@ -23,7 +23,7 @@ def shortened(name, vehicle=None, reality=None):
 
 
 def configured(track, row, **how):
-    config = tracking.configure(track, row, **how)
+    config = sweep.configure(track, row, **how)
     config.duration = DIAGNOSED if row == story.NOMINAL else OTHERS
     return config
 

@@ -22,7 +22,7 @@ from np_drake.effects import (
 from np_drake.effects.base import Motion
 from np_drake.effects.combine import mass_properties
 from np_drake.vehicle.vehicle import Vehicle, load_vehicle, preset_names
-from systems.free_body import spatial_inertia
+from systems.plant import spatial_inertia
 
 mujoco = pytest.importorskip(
     "mujoco", reason="MuJoCo is not installed: pip install 'np_drake[exports]'"

@@ -36,7 +36,7 @@ from np_drake.effects.base import Motion
 from np_drake.effects.combine import mass_properties, total_wrench
 from np_drake.effects.uneven_lag import UnevenLag
 from np_drake.vehicle.vehicle import Vehicle, load_vehicle, preset_names
-from systems.free_body import spatial_inertia
+from systems.plant import spatial_inertia
 
 
 def plugins(path: Path, name: str) -> list[dict[str, str]]:

@@ -24,8 +24,8 @@ from np_drake.effects.calibration import effects_of
 from np_drake.flight_log import FlightLog, Neighbour
 from np_drake.vehicle import Vehicle
 from np_drake.vehicle.vehicle import Calibration
-from systems.initial_state import set_hover
 from systems.payload_config import PayloadConfig
+from systems.plant import set_hover
 from systems.tethered_quadrotor import make_tethered_quadrotor
 
 VEHICLE = Vehicle()

@@ -8,7 +8,7 @@ import pytest
 from diagrams.gap.side_by_side import LONGEST, RESTART, NoReplay, side_by_side, write_side_by_side
 from diagrams.loop.flight import default_flight
 from diagrams.loop.flight_result import fly
-from diagrams.loop.replay.film import FRAME_RATE
+from diagrams.loop.replay import FRAME_RATE
 from np_drake.diagnosis import result
 from np_drake.diagnosis import result as an
 from np_drake.effects import LinearDrag, MassError, SuspendedPayload

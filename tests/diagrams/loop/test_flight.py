@@ -1,39 +1,35 @@
-import dataclasses as dc
+"""Laws of flights and their scenario files."""
+
+import time
+import typing
 
 import numpy as np
 import pytest
 
 from diagrams.batch.failed_run import FailedRun
-from diagrams.loop import flight_result
 from diagrams.loop.experiments import EXPERIMENTS, load_experiment
-from diagrams.loop.flight import ARENA, load_flight
-from diagrams.loop.flight_result import fly
+from diagrams.loop.flight import ARENA, FlightConfig, load_flight
+from diagrams.loop.flight_result import LostVehicle, fly
 from diagrams.loop.reality import RealityConfig
 from np_drake import rigid_body
+from np_drake.files.yaml_file import fields_of
 from np_drake.labels import labels
 from np_drake.vehicle.vehicle import MeasurementNoise
 from systems.tethered_quadrotor import PayloadConfig
+from tests.diagrams.loop.conftest import short
 
-
-def short(track="circle", kind="nominal", **changes):
-    config = load_experiment(track)
-    config.duration, config.reference.ramp = 2.0, 1.5
-    config.controller.kind, config.controller.solver = kind, "sqp"
-    for name, value in changes.items():
-        setattr(config, name, value)
-    return config
+LONG = {"ramp": 1.5, "duration": 2.0}
 
 
 @pytest.fixture(scope="module")
-def nominal_flight():
-    return fly(short(), seed=3)
+def nominal(flown):
+    return flown("circle", "nominal", **LONG)
 
 
-def test_same_seed_same_flight(nominal_flight):
-    again = fly(short(), seed=3)
-    np.testing.assert_array_equal(again.signals["x_true"], nominal_flight.signals["x_true"])
-    other = fly(short(), seed=4)
-    assert not np.array_equal(other.signals["x_true"], nominal_flight.signals["x_true"])
+def test_same_seed_same_flight(flown):
+    again = fly(short("circle", "hold"), seed=2).signals["x_true"]
+    np.testing.assert_array_equal(again, flown("circle", "hold").signals["x_true"])
+    assert not np.array_equal(fly(short("circle", "hold"), seed=4).signals["x_true"], again)
 
 
 def test_log_rows_pair_each_command_with_the_acceleration_under_it():
@@ -46,170 +42,76 @@ def test_log_rows_pair_each_command_with_the_acceleration_under_it():
         thrust_scale=1.0,
         noise=MeasurementNoise(0, 0, 0, 0, 0, 0),
     )
-    log = fly(short(reality=reality), seed=0).log()
-    chi = rigid_body.residual_wrench(
-        load_experiment("circle").vehicle, q=log.q, w=log.w, a=log.a, al=log.al, u=log.u
-    )
-    np.testing.assert_allclose(
-        chi, 0.0, atol=1e-6
-    )  # [N, N·m]; the instants differ by a microsecond
-    wrong = rigid_body.residual_wrench(
-        load_experiment("circle").vehicle,
-        q=log.q,
-        w=log.w,
-        a=log.a,
-        al=log.al,
-        u=np.roll(log.u, 1, axis=0),
-    )
-    assert np.abs(wrong[5:]).max() > 1e-3
+    config = short(reality=reality, ramp=0.5)
+    log = fly(config, seed=0).log()
+
+    def residual(u):
+        return rigid_body.residual_wrench(config.vehicle, q=log.q, w=log.w, a=log.a, al=log.al, u=u)
+
+    # [N, N·m]; the instants differ by a microsecond
+    np.testing.assert_allclose(residual(log.u), 0.0, atol=1e-5)
+    assert np.abs(residual(np.roll(log.u, 1, axis=0))[5:]).max() > 1e-3
 
 
-def test_measured_rotor_speed_does_not_give_the_lost_thrust_away(nominal_flight):
-    nominal = nominal_flight.config.vehicle.thrust_coefficient * nominal_flight.log().rotor ** 2
-    np.testing.assert_allclose(nominal_flight.signals["rotor_thrust"], 0.96 * nominal, rtol=1e-9)
-
-
-def test_log_starts_at_zero_and_holds_a_row_a_period(nominal_flight):
-    log = nominal_flight.log()
+def test_the_log_starts_at_zero_and_its_rotor_speed_does_not_give_lost_thrust_away(nominal):
+    log, config = nominal.log(), nominal.config
     np.testing.assert_allclose(np.diff(log.t), 0.02, atol=1e-12)
-    assert len(log) == round(nominal_flight.config.end / 0.02)
+    assert len(log) == round(config.end / 0.02)
     np.testing.assert_allclose(np.linalg.norm(log.q, axis=1), 1.0, atol=1e-9)
+    thrust = config.vehicle.thrust_coefficient * log.rotor**2
+    np.testing.assert_allclose(nominal.signals["rotor_thrust"], 0.96 * thrust, rtol=1e-9)
 
 
-def test_labels_follow_the_true_wrench(nominal_flight, record_property):
-    """Reports the label's error against the simulator's truth, per axis, after its low-pass."""
-    chi = labels(
-        nominal_flight.log(), nominal_flight.config.vehicle, nominal_flight.config.controller.label
-    )
-    rows = nominal_flight.scored
-    rmse = np.sqrt(np.mean((chi - nominal_flight.chi_true)[rows] ** 2, axis=0))
-    record_property("label_rmse", rmse.tolist())
-    print("label error [N, N·m] x, y, z:", np.round(rmse, 4).tolist())
+def test_labels_follow_the_true_wrench_and_those_of_the_flight_those_of_the_log(nominal):
+    rows, config = nominal.scored, nominal.config
+    chi = labels(nominal.log(), config.vehicle, config.controller.label)
+    rmse = np.sqrt(np.mean((chi - nominal.chi_true)[rows] ** 2, axis=0))
     # [N]: a 4 Hz low-pass of 0.2 N white noise and its delay; in z the lag's share of every thrust
-    # step too.
-    assert np.all(rmse[:3] < [0.16, 0.16, 0.38])
-    # [N·m]: J times 0.5 rad/s² of noise, low-passed, and the share of the lag that is faster than
-    # the label.
-    assert np.all(rmse[3:] < [0.027, 0.027, 0.008])
+    # step too. [N·m]: J times 0.5 rad/s² of noise, and the lag's share that is faster.
+    assert np.all(rmse < [0.16, 0.16, 0.38, 0.027, 0.027, 0.008])
+    # The estimator pairs a with the command before, the log with the command after.
+    apart = np.sqrt(np.mean((nominal.wrench_label - chi)[rows] ** 2, axis=0))
+    assert np.all(apart < [0.15, 0.15, 0.15, 0.02, 0.02, 0.02])
 
 
-@pytest.mark.parametrize("track, force", [("circle", 0.15), ("training_circle", 0.25)])
-def test_online_labels_differ_from_those_of_the_log_by_the_lags_share(track, force):
-    # The estimator pairs a with the command before, the log with the command after. What is left
-    # after the low-pass is the change of command in a period: more of it under dither.
-    flight = fly(short(track), seed=3)
-    online = flight.signals["label"]
-    offline = labels(flight.log(), flight.config.vehicle, flight.config.controller.label)
-    difference = np.sqrt(np.mean((online - offline)[flight.scored] ** 2, axis=0))
-    print(f"{track}: online minus offline label [N, N·m]:", np.round(difference, 4).tolist())
-    assert np.all(difference[:3] < force)  # [N]
-    assert np.all(difference[3:] < 0.02)  # [N·m]
+def test_a_residual_model_flies_better_than_none_and_the_oracle_best(nominal, flown):
+    hold, oracle, learned = (flown("circle", kind, **LONG) for kind in ("hold", "oracle", "np"))
+    assert hold.metrics()["E_z"] < 0.2 * nominal.metrics()["E_z"]
+    assert hold.metrics()["solve_failures"] == 0
+    assert oracle.metrics()["E_xy"] < 0.01
+    assert oracle.metrics()["E_z"] < 0.005
 
-
-def test_prediction_does_not_make_the_command_chatter(nominal_flight):
     def chatter(flight):
         return np.diff(flight.signals["u"][flight.scored, 0]).std()
 
-    predicted = fly(short(kind="np"), seed=3)
-    assert chatter(predicted) < 1.5 * chatter(nominal_flight)  # [N]; both are measurement noise
-
-
-def test_a_residual_model_flies_better_than_none(nominal_flight):
-    hold = fly(short(kind="hold"), seed=3).metrics()
-    assert hold["E_z"] < 0.2 * nominal_flight.metrics()["E_z"]
-    assert hold["solve_failures"] == 0
-
-
-def test_the_oracle_flies_within_a_centimetre():
-    m = fly(short(kind="oracle"), seed=3).metrics()
-    assert m["E_xy"] < 0.01
-    assert m["E_z"] < 0.005
+    assert chatter(learned) < 1.5 * chatter(nominal)  # [N]; both are measurement noise
 
 
 def test_without_gap_and_payload_the_nominal_mpc_tracks():
-    reality = RealityConfig(
-        payload=PayloadConfig(tether="none"), rotor_drag=0.0, motor_lag=0.0, thrust_scale=1.0
-    )
-    m = fly(short("lemniscate", reality=reality), seed=1).metrics()
-    assert m["position_rmse"] < 0.005  # [m]
-
-
-@pytest.mark.parametrize("tether", ["cable", "rod", "none"])
-def test_every_tether_flies(tether):
-    config = short()
-    config.reality.payload.tether = tether
-    assert fly(config, seed=0).metrics()["E_xy"] < 0.1
-
-
-@pytest.mark.parametrize("name", EXPERIMENTS)
-def test_every_experiment_file_loads(name):
-    assert load_experiment(name).name == name
-
-
-@pytest.mark.parametrize(
-    "text",
-    [
-        "spede: 1.0",
-        "duration: -1.0",
-        "reality: {payload: {mass: -0.2}}",
-        "reference: {track: spiral}",
-        "controller: {kind: pid}",
-        "controller: {mpc: {step: 0.05}}",
-        "controller: {mpc: {weight_input: [1.0]}}",
-        "vehicle: {mass: 0.0}",
-        "duration: .inf",
-        "name: ../../elsewhere",
-        "simulator: {integration_scheme: magic}",
-        "simulator: {max_step_size: -0.1}",
-        "simulator: {max_step_size: 0.1}",
-        "reference: {speed: .inf}",
-        "reality: {payload: {mass: .inf}}",
-        "reality: {motor_lag: 0.001}",
-        "reality: {payload: {stiffness: 1.0e9}}",
-        "reality: {payload: {mass: 50.0}}",
-        "reality: {noise: {position: -1.0}}",
-        "reality: {noise: {velocity: .nan}}",
-        "{reality: {payload: {tether: rod}}, controller: {kind: oracle}}",
-        "{{",
-    ],
-)
-def test_bad_scenario_gives_one_line_with_the_file(tmp_path, text):
-    file = tmp_path / "mine.yaml"
-    file.write_text(text)
-    with pytest.raises(ValueError, match=r"mine\.yaml") as caught:
-        load_flight(str(file))
-    assert "\n" not in str(caught.value)
-
-
-def test_unknown_experiment_names_the_known_ones():
-    with pytest.raises(ValueError, match="circle, lemniscate"):
-        load_experiment("spiral")
+    reality = RealityConfig().nominal()
+    reality.noise = MeasurementNoise(attitude=0.003)
+    metrics = fly(short("lemniscate", reality=reality, **LONG), seed=1).metrics()
+    assert metrics["position_rmse"] < 0.005  # [m]
 
 
 def test_told_mass_reaches_controller_and_truth():
     config = short(kind="hold")
-    config.controller = dc.replace(config.controller, extra_mass=0.26)
+    config.controller.extra_mass = 0.26
     flight = fly(config, seed=3)
     assert abs(flight.chi_true[flight.scored, 2].mean()) < 1.5  # [N]; the 4 % of thrust stay
 
 
-def test_below_ground_a_vehicle_is_lost():
-    config = short()
-    config.reference.height = 0.01  # [m]; the nominal MPC does not know of the payload and sags
-    with pytest.raises(FailedRun, match="nominal flew into the ground before 1"):
-        fly(config, seed=0)
-
-
-def test_a_lost_vehicle_is_a_failed_run_and_no_result():
-    config = short()
-    config.reference.radius = 2 * ARENA
-    with pytest.raises(FailedRun, match="nominal lost the vehicle before 1"):
-        fly(config, seed=0)
-
-
-def test_a_flight_ends_where_it_is_off_its_reference():
-    with pytest.raises(FailedRun, match=r"nominal was off its reference at 1\.0 s") as caught:
-        flight_result.simulate(short(), seed=0, tolerance=1e-6)  # [m]
+def test_a_vehicle_that_is_lost_is_a_failed_run_and_no_result():
+    for name, value, why in (
+        ("height", 0.01, "flew into the ground before 1"),  # nominal MPC sags under the payload
+        ("radius", 2 * ARENA, "lost the vehicle before 1"),
+    ):
+        config = short(duration=1.0)
+        setattr(config.reference, name, value)
+        with pytest.raises(FailedRun, match=f"nominal {why}"):
+            fly(config, seed=0)
+    with pytest.raises(LostVehicle, match=r"nominal was off its reference at 1\.0 s") as caught:
+        fly(short(duration=1.0), seed=0, tolerance=1e-6)  # [m]
     assert caught.value.signals["t"][-1] == pytest.approx(1.0, abs=0.03)  # [s]; a period
 
 
@@ -218,3 +120,83 @@ def test_a_predictor_trained_on_other_labels_does_not_fly():
     config.controller.extra_mass = 0.26
     with pytest.raises(ValueError, match="was trained with mass"):
         fly(config, seed=0)
+
+
+def test_every_experiment_file_loads_and_others_are_refused():
+    assert [load_experiment(name).name for name in EXPERIMENTS] == [*EXPERIMENTS]
+    with pytest.raises(ValueError, match="circle, lemniscate"):
+        load_experiment("spiral")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "spede: 1.0",
+        "duration: -1.0",
+        "reference: {track: spiral}",
+        "controller: {kind: pid}",
+        "controller: {mpc: {step: 0.05}}",
+        "controller: {mpc: {weight_input: [1.0]}}",
+        "controller: {kind: np, parameters: {gain: 1.0}}",
+        "name: ../../elsewhere",
+        "simulator: {integration_scheme: magic}",
+        "simulator: {max_step_size: 0.1}",
+        "reality: {motor_lag: 0.001}",
+        "reality: {payload: {stiffness: 1.0e9}}",
+        "reality: {payload: {mass: 50.0}}",
+        "{reality: {payload: {tether: rod}}, controller: {kind: oracle}}",
+        "{{",
+    ],
+)
+def test_a_bad_scenario_gives_one_line_with_the_file(tmp_path, text):
+    file = tmp_path / "mine.yaml"
+    file.write_text(text)
+    with pytest.raises(ValueError, match=r"mine\.yaml") as caught:
+        load_flight(str(file))
+    assert "\n" not in str(caught.value)
+
+
+def numbers(kind, default, path=()):
+    """Path and default of every number, and list of numbers, of a scenario."""
+    for field, inner in fields_of(kind).items():
+        value, parts = getattr(default, field, None), typing.get_args(inner)
+        if type(None) in parts:
+            inner = parts[0]
+        if fields_of(inner):
+            yield from numbers(inner, value, (*path, field))
+        elif inner in (float, int, list[float], list[int]):
+            yield (*path, field), value
+
+
+def test_no_absurd_number_of_any_field_is_flown(tmp_path):
+    file = tmp_path / "s.yaml"
+    for path, value in numbers(FlightConfig, FlightConfig()):
+        for absurd in (".nan", ".inf", "-.inf", "1e300", "-1e300", "1e16"):
+            if absurd == ".inf" and value == np.inf:
+                continue
+            rest = [str(float(v)) for v in np.ravel(value)[1:]] if isinstance(value, list) else None
+            text = absurd if rest is None else f"[{', '.join([absurd, *rest])}]"
+            lines = ["  " * i + f"{name}:" for i, name in enumerate(path)]
+            file.write_text("\n".join(lines) + f" {text}\n")
+            with pytest.raises(ValueError, match=rf"s\.yaml: not a scenario.*{path[-1]}") as found:
+                load_flight(str(file))
+            assert "\n" not in str(found.value)
+
+
+@pytest.mark.parametrize(
+    "text, field",
+    [
+        ("duration: 1e9", "duration"),
+        ("reference: {ramp: 1e9}", "duration"),
+        ("controller: {mpc: {horizon: 100000}}", "horizon"),
+        ("controller: {mpc: {step: 1e6}}", "step"),
+        ("controller: {period: 1e-9}", "period"),
+        ("simulator: {max_step_size: 1e-12}", "step"),
+    ],
+)
+def test_no_flight_takes_forever_or_the_whole_memory(tmp_path, text, field):
+    (tmp_path / "s.yaml").write_text(text)
+    start = time.process_time()
+    with pytest.raises(ValueError, match=field):
+        load_flight(str(tmp_path / "s.yaml"))
+    assert time.process_time() - start < 5.0  # [s]

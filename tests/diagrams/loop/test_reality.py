@@ -1,30 +1,34 @@
-"""Laws of the real vehicle's delay and battery."""
+"""Laws of the real vehicle: delay, battery, and what happens to its payload in flight."""
+
+import dataclasses as dc
 
 import numpy as np
 import pytest
-from pydrake.systems.analysis import Simulator
+from pydrake.systems.analysis import ApplySimulatorConfig, Simulator
 
 from diagrams.loop.experiments import load_experiment
-from diagrams.loop.flight import FlightConfig, RealityConfig, load_flight
-from diagrams.loop.flight_diagram import make_flight_diagram
-from diagrams.loop.flight_result import fly
-from diagrams.loop.real_vehicle import make_real_vehicle
+from diagrams.loop.flight import FlightConfig, RealityConfig
+from diagrams.loop.reality import make_real_vehicle
 from diagrams.loop.scaled import scaled
-from diagrams.robustness.axes import BASE
-from diagrams.robustness.robustness import flight_config
+from np_drake.effects.effect_entry import EffectEntry
 from np_drake.vehicle import Vehicle
 from np_drake.vehicle.scaling import ratios, similar
+from systems.payload_config import PayloadEvent, push, release
+from systems.plant import set_hover
+from tests.diagrams.loop.conftest import short
+
+CONFIG = load_experiment("hover")
+PAYLOAD = CONFIG.reality.payload
 
 
 def thrusts(reality, times, command=1.1):
     """Return the mean rotor thrust at `times` (n,) [s] after a step of the hover command at t = 0
     [N].
     """
-    vehicle = Vehicle()
-    dut = make_real_vehicle(vehicle, reality, command_period=0.02)
+    dut = make_real_vehicle(Vehicle(), reality, command_period=0.02)
     simulator = Simulator(dut)
     context = simulator.get_mutable_context()
-    dut.GetInputPort("u").FixValue(context, command * vehicle.hover_input)
+    dut.GetInputPort("u").FixValue(context, command * Vehicle().hover_input)
     found = []
     for t in times:
         simulator.AdvanceTo(t)
@@ -46,64 +50,135 @@ def test_a_command_acts_after_its_delay(delay):
 
 
 def test_a_battery_loses_its_share_of_the_starting_thrust_each_second():
-    reality = bare(thrust_loss=0.1)
-    found = thrusts(reality, [0.001, 0.5, 1.0])
-    np.testing.assert_allclose(
-        found / thrusts(bare(), [0.001])[0], 1.0 - 0.1 * np.array([0.001, 0.5, 1.0])
-    )
-    assert RealityConfig(thrust_scale=0.9, thrust_loss=0.1).thrust_at(
-        Vehicle(), 2.0
-    ) == pytest.approx(0.9 * 0.8)
+    times = np.array([0.001, 0.5, 1.0])
+    share = thrusts(bare(thrust_loss=0.1), times) / thrusts(bare(), [0.001])[0]
+    np.testing.assert_allclose(share, 1.0 - 0.1 * times)
+    dut = RealityConfig(thrust_scale=0.9, thrust_loss=0.1)
+    assert dut.thrust_at(Vehicle(), 2.0) == pytest.approx(0.9 * 0.8)
 
 
-def test_a_delay_of_the_axis_reaches_the_plant_at_the_controllers_period():
-    config = flight_config({"row": "nominal", "seed": 1, **BASE, "delay": 0.045}, solver="sqp")
-    diagram = make_flight_diagram(config)
-    buffer = diagram.GetSubsystemByName("tethered_quadrotor").GetSubsystemByName("command_buffer")
-    readings = buffer.CreateDefaultContext().get_discrete_state(0).size()
-    assert readings == 4 * (2 + 1)  # two whole periods of 20 ms in 45 ms, and the offset's reading
-    base = make_flight_diagram(flight_config({"row": "nominal", "seed": 1, **BASE}, solver="sqp"))
-    assert not base.GetSubsystemByName("tethered_quadrotor").HasSubsystemNamed("command_buffer")
-
-
-def test_a_delayed_flight_is_another_flight_and_a_short_delay_is_borne():
-    config = load_experiment("circle")
-    config.duration, config.reference.ramp, config.controller.solver = 1.0, 1.0, "sqp"
-    on_time = fly(config, seed=1)
-    config.reality.command_delay = 0.01  # [s]
-    late = fly(config, seed=1)
-    assert late.metrics()["E_xy"] < 0.1  # [m]
-    assert np.abs(late.signals["x_true"] - on_time.signals["x_true"]).max() > 1e-4
-
-
-@pytest.mark.parametrize("name", ["command_delay", "thrust_loss"])
 @pytest.mark.parametrize("value", [-0.01, np.inf, np.nan])
-def test_impossible_delays_and_losses_are_refused(name, value):
-    with pytest.raises(ValueError, match=f"{name} must not be negative"):
-        RealityConfig(**{name: value}).check()
+def test_impossible_delays_are_refused(value):
+    with pytest.raises(ValueError, match="command_delay must be finite and not negative"):
+        RealityConfig(command_delay=value).check()
 
 
 def test_a_battery_that_does_not_last_the_flight_is_refused():
+    config = FlightConfig(duration=10.0, reality=RealityConfig(thrust_loss=0.015)).check()
     with pytest.raises(ValueError, match="more than the rotors can carry"):
-        FlightConfig(
-            duration=50.0, reality=RealityConfig(thrust_loss=0.015)
-        ).check()  # 17 % left after 55 s
-    assert FlightConfig(duration=10.0, reality=RealityConfig(thrust_loss=0.015)).check()
-
-
-def test_a_scenario_file_names_delay_and_loss(tmp_path):
-    file = tmp_path / "mine.yaml"
-    file.write_text("reality: {command_delay: 0.03, thrust_loss: 0.002}\nduration: 20.0\n")
-    reality = load_flight(str(file)).reality
-    assert (reality.command_delay, reality.thrust_loss) == (0.03, 0.002)
+        dc.replace(config, duration=50.0).check()  # 17 % left after 55 s
 
 
 def test_delay_and_loss_scale_with_the_vehicles_time():
-    small = similar(Vehicle(), length=0.25)
-    config = FlightConfig(
-        vehicle=small, reality=RealityConfig(command_delay=0.03, thrust_loss=0.002)
-    )
-    dut, time = scaled(config).reality, ratios(small).time
+    small, reality = similar(Vehicle(), length=0.25), RealityConfig()
+    reality.command_delay, reality.thrust_loss = 0.03, 0.002
+    dut, time = scaled(FlightConfig(vehicle=small, reality=reality)).reality, ratios(small).time
     assert time != 1.0
     assert dut.command_delay == pytest.approx(0.03 * time)
     assert dut.thrust_loss == pytest.approx(0.002 / time)
+
+
+def hanging(*events, reality=CONFIG.reality):
+    """(simulator, real vehicle, root context): at rest under the thrust that carries both."""
+    vehicle = make_real_vehicle(CONFIG.vehicle, reality, events=events)
+    simulator = Simulator(vehicle)
+    ApplySimulatorConfig(CONFIG.simulator, simulator)
+    root = simulator.get_mutable_context()
+    thrust = CONFIG.carried_mass * CONFIG.vehicle.gravity / CONFIG.reality.thrust_scale
+    vehicle.GetInputPort("u").FixValue(root, [thrust, 0.0, 0.0, 0.0])
+    plant = vehicle.GetSubsystemByName("plant")
+    set_hover(plant, plant.GetMyMutableContextFromRoot(root), PAYLOAD, [0.0, 0.0, 2.0])
+    return simulator, vehicle, root
+
+
+def read(vehicle, root, name):
+    return vehicle.GetOutputPort(name).Eval(vehicle.GetMyContextFromRoot(root)).copy()
+
+
+def around(simulator, vehicle, root, time, name="plant_state"):
+    """The port's values just before and just after the events of `time`."""
+    simulator.AdvanceTo(time)
+    before = read(vehicle, root, name)
+    simulator.AdvancePendingEvents()
+    return before, read(vehicle, root, name)
+
+
+def test_a_push_changes_the_momentum_of_the_payload_as_heavy_as_it_is():
+    before, after = around(*hanging(push(0.1, [0.3, 0.0, -0.1])), 0.1)
+    momentum = PAYLOAD.mass * (after - before)[23:26]
+    np.testing.assert_allclose(momentum, [0.3, 0.0, -0.1], atol=1e-12)  # [N·s]
+    np.testing.assert_array_equal(after[:23], before[:23])
+    before, after = around(
+        *hanging(PayloadEvent("attach", 0.05, 0.1), push(0.1, [0.36, 0.0, 0.0])), 0.1
+    )
+    assert (after - before)[23] == pytest.approx(1.0)  # [m/s]
+
+
+def test_what_is_attached_brings_weight_and_no_momentum():
+    simulator, vehicle, root = hanging(PayloadEvent("attach", 0.1, 0.1))
+    before, after = around(simulator, vehicle, root, 0.1)
+    np.testing.assert_array_equal(before, after)
+    simulator.AdvanceTo(0.4)
+    tension, lift = -read(vehicle, root, "tether_wrench")[2], read(vehicle, root, "acceleration")[2]
+    assert tension == pytest.approx(0.36 * (9.81 + lift), abs=0.05)  # [N]; the stretch still rings
+
+
+def test_a_payload_that_is_released_falls_freely_in_its_context_alone():
+    simulator, vehicle, root = hanging(release(0.1))
+    other = root.Clone()
+    simulator.AdvanceTo(0.1)
+    start = read(vehicle, root, "plant_state")
+    simulator.AdvanceTo(0.5)
+    fallen = read(vehicle, root, "plant_state")[11:14] - start[11:14] - 0.4 * start[23:26]
+    np.testing.assert_allclose(fallen, [0.0, 0.0, -0.5 * 9.81 * 0.16], atol=1e-6)  # [m]
+    np.testing.assert_array_equal(read(vehicle, root, "tether_wrench"), np.zeros(6))
+    assert read(vehicle, other, "tether_wrench")[2] == pytest.approx(-0.26 * 9.81, abs=1e-6)  # [N]
+
+
+def test_a_payload_that_is_hung_on_moves_with_the_hook():
+    late = EffectEntry("suspended_payload", {"mass": 0.2, "length": 0.6}, onset=0.1)
+    none = dc.replace(PAYLOAD, tether="none")
+    reality = dc.replace(CONFIG.reality, payload=none, effects=[late])
+    before, after = around(*hanging(reality=reality), 0.1)
+    hook = after[4:7] + reality.hung.hook  # level
+    np.testing.assert_allclose(after[11:14], hook - [0.0, 0.0, 0.6], atol=1e-12)  # [m]
+    np.testing.assert_allclose(after[23:26], after[17:20], atol=1e-12)  # [m/s]
+    np.testing.assert_array_equal(after[:7], before[:7])
+
+
+def test_an_event_changes_nothing_before_its_time_and_is_seen_at_it(flown):
+    event = push(0.4, [0.3, 0.0, 0.0])
+    calm, pushed = (flown("hover", events=e).signals for e in ((), (event,)))
+    before = calm["t"] < 0.4 - 1e-9
+    np.testing.assert_array_equal(pushed["plant_state"][before], calm["plant_state"][before])
+    row = int(np.argmin(before))
+    gained = (pushed["plant_state"] - calm["plant_state"])[row, 23]
+    assert gained == pytest.approx(0.3 / 0.26, rel=1e-3)  # [m/s]
+
+
+@pytest.mark.parametrize(
+    "events, message",
+    [
+        ([push(1.0, [0.1, 0.0, 0.0])], "events must have times of their own within the flight"),
+        ([push(0.4, [0.1, 0.0, 0.0])] * 2, "events must have times of their own"),
+        ([PayloadEvent("explode", 0.4)], "kind must be one of attach, impulse, release"),
+        ([release(0.0)], "time must be positive"),
+        ([PayloadEvent("attach", 0.4, 0.0)], "mass must be positive for kind attach"),
+        ([PayloadEvent("release", 0.4, mass=0.1)], "0 for another"),
+        ([push(0.4, [0.0, 0.0, 0.0])], "impulse must be given for kind impulse alone"),
+        ([push(0.4, [np.nan, 0.0, 0.0])], "three finite values"),
+    ],
+)
+def test_impossible_events_are_refused_in_one_line(events, message):
+    with pytest.raises(ValueError, match=message) as caught:
+        short("hover", events=events).check()
+    assert "\n" not in str(caught.value)
+
+
+def test_the_oracle_is_told_what_hangs_after_every_event():
+    config = load_experiment("hover")
+    config.events = [release(3.0), push(2.0, [0.0, 0.0, 0.1]), PayloadEvent("attach", 1.0, 0.1)]
+    model = config.true_model()
+    assert [model.payload_at(t) is None for t in (0.0, 2.9, 3.0)] == [False, False, True]
+    masses = [model.payload_at(t).mass for t in (0.0, 1.0, 2.5)]
+    assert masses == pytest.approx([0.26, 0.36, 0.36])  # [kg]

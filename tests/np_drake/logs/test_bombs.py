@@ -6,10 +6,8 @@ import zlib
 import numpy as np
 import pytest
 
-from np_drake.files.input_file import size_of
 from np_drake.logs import columns
 from np_drake.logs.errors import LogError
-from np_drake.logs.formats import csv_file
 from np_drake.logs.formats.log_file import read as read_flights
 from np_drake.logs.formats.neurobem import is_neurobem
 from np_drake.logs.opening import open_flights
@@ -66,13 +64,6 @@ def ragged(folder):
     return path
 
 
-def blank(folder):
-    """Blank lines, and a row at their end."""
-    path = folder / "bomb.csv"
-    path.write_text(HEADER + "\n" * 5 * 10**6 + "1,2\n")
-    return path
-
-
 def constant(folder):
     """Constant columns of Parquet, which need no bytes."""
     pyarrow = pytest.importorskip("pyarrow", reason="Parquet needs pyarrow")
@@ -84,20 +75,7 @@ def constant(folder):
     return path
 
 
-def lists(folder):
-    """A list of millions of numbers in the first cell of a column."""
-    pyarrow = pytest.importorskip("pyarrow", reason="Parquet needs pyarrow")
-    from pyarrow import parquet
-
-    path = folder / "bomb.parquet"
-    table = {name: [0.0] for name in NAMES} | {"many": pyarrow.array([np.zeros(3 * 10**6)])}
-    parquet.write_table(pyarrow.table(table), path)
-    return path
-
-
-@pytest.mark.parametrize(
-    "bomb", [rows, line, ragged, blank, constant, lists], ids=lambda bomb: bomb.__name__
-)
+@pytest.mark.parametrize("bomb", [rows, line, ragged, constant], ids=lambda bomb: bomb.__name__)
 def test_a_log_that_unpacks_to_gigabytes_is_refused_within_one(tmp_path, bomb, read):
     path = bomb(tmp_path)
     assert path.stat().st_size < 10**7
@@ -107,24 +85,10 @@ def test_a_log_that_unpacks_to_gigabytes_is_refused_within_one(tmp_path, bomb, r
     assert peak < 1000  # [MB]
 
 
-def test_a_log_of_plain_text_is_always_within_its_budget(flight, tmp_path):
-    """Whoever is refused wrongly has a way: a cell of text has two bytes."""
-    table = columns.disassemble(flight)
-    table |= {name: np.zeros(len(flight)) for name in table if name.startswith(("a", "rotor"))}
-    csv_file.write_csv(tmp_path / "made.csv", table)
-    assert len(csv_file.read_csv(tmp_path / "made.csv")) == len(flight)
-    assert len(table) * len(flight) <= size_of(tmp_path / "made.csv")
-
-
-def test_a_log_that_is_compressed_well_is_within_its_budget(flight, tmp_path):
-    csv_file.write_csv(tmp_path / "made.csv.gz", columns.disassemble(flight))
-    assert len(read_flights(tmp_path / "made.csv.gz")[0]) == len(flight)
-
-
 def damages():
     """A compressed log with a byte turned, all over its header and here and there behind it."""
     content = gzip.compress(HEADER.encode() + b"1,2\n" * 1000, mtime=0)
-    for at in [*range(40), *range(40, len(content), 7)]:
+    for at in [*range(0, 40, 3), *range(40, len(content), 70)]:
         yield content[:at] + bytes([content[at] ^ 0xFF]) + content[at + 1 :]
     yield content[:2] + b"\x07" + content[3:]
     yield content[:10] + zlib.compress(b"t,x\n")[2:-4]

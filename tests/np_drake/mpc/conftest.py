@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
+from scipy.optimize import minimize
 
 from np_drake import attitude
 from np_drake.mpc.problem import MpcConfig, MpcProblem
 from np_drake.residual_model import WrenchForecast
-from np_drake.residual_models.gaussian_process import GaussianProcess
+from np_drake.residual_models.motion_model import GaussianProcess
 from np_drake.vehicle import Vehicle
 
 
@@ -56,3 +57,40 @@ def make_problem(vehicle):
         return MpcProblem(x0, x_ref, np.tile(vehicle.hover_input, (N, 1)), forecast)
 
     return make
+
+
+def _least_cost(condensed, problem, solution) -> float:
+    """The least cost that a general optimiser finds around a solution, with the problem written
+    out: one rollout after the other, wrench and cost stage by stage.
+    """
+    c, by, f = condensed.config, condensed.actuation, problem.forecast
+    h = condensed.prepare(problem)
+
+    def cost(T: np.ndarray) -> float:
+        x, z, course = h.x0, f.z, [h.x0]
+        total = (x - h.x_ref[0]) ** 2 @ c.Q
+        for i, u in enumerate(T.reshape(-1, 4) @ by.mixer.T):
+            chi = f.C @ z + f.offset[i]
+            chi = chi + f.reaction(x[7:13]) if f.reaction else chi
+            z = f.A @ z + f.B @ x[7:13]
+            x = condensed.dynamics.advance(x, u, chi)
+            course.append(x)
+            total += (u - h.u_ref[i]) ** 2 @ condensed.R + c.weight_swing * chi[:2] @ chi[:2]
+            last, e = i == c.horizon - 1, x - h.x_ref[i + 1]
+            total += e @ h.P @ e if last else e**2 @ c.Q
+        s = condensed.objective.slacks(condensed.objective.excess(h, np.array(course)))
+        return total + c.slack_weight * np.sum(s + 0.1 * s**2)
+
+    start = (solution.u @ by.unmixer.T).ravel()
+    bounds = list(zip(np.tile(by.lower, c.horizon), np.tile(by.upper, c.horizon), strict=True))
+    assert cost(start) == pytest.approx(solution.cost, rel=1e-8, abs=1e-12)
+    shaken = start + 0.02 * np.random.default_rng(0).normal(size=start.size)
+    lower, upper = np.transpose(bounds)
+    found = [minimize(cost, np.clip(p, lower, upper), bounds=bounds).fun for p in (start, shaken)]
+    return min(found)
+
+
+@pytest.fixture(scope="session")
+def least_cost():
+    """See `_least_cost`."""
+    return _least_cost

@@ -5,11 +5,8 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.mpc.actuation import Actuation
 from np_drake.mpc.controller import MpcController
-from np_drake.mpc.dynamics import DiscreteDynamics
-from np_drake.mpc.ipopt import IpoptCondensedSolver
-from np_drake.mpc.ipopt_multiple_shooting import IpoptMultipleShootingSolver
+from np_drake.mpc.dynamics import Actuation, DiscreteDynamics
 from np_drake.mpc.problem import MpcConfig
 from np_drake.mpc.sqp import SqpSolver
 from np_drake.references.base import Hover
@@ -56,26 +53,19 @@ def test_jacobians_match_finite_differences(by, point):
     def slope(at, size):
         return np.transpose([(at(e * axis) - at(-e * axis)) / (2 * e) for axis in np.eye(size)])
 
-    np.testing.assert_allclose(
-        dut.Fx[0, :, :13], slope(lambda d: dynamics.advance(x + d, u, chi), 13), atol=1e-7
-    )
-    np.testing.assert_allclose(
-        dut.Fx[0, :, 13:], slope(lambda d: dynamics.advance(x, u, chi + d), 6), atol=1e-7
-    )
-    np.testing.assert_allclose(
-        dut.Fu[0], slope(lambda d: dynamics.advance(x, u + d, chi), 4), atol=1e-7
-    )
+    of_x = slope(lambda d: dynamics.advance(x + d, u, chi), 13)
+    of_chi = slope(lambda d: dynamics.advance(x, u, chi + d), 6)
+    np.testing.assert_allclose(dut.Fx[0], np.hstack([of_x, of_chi]), atol=1e-7)
+    of_u = slope(lambda d: dynamics.advance(x, u + d, chi), 4)
+    np.testing.assert_allclose(dut.Fu[0], of_u, atol=1e-7)
 
 
 def test_the_driving_input_of_a_torque_gives_its_motion(by, point):
     x, _, chi = point
     u = np.array([19.0, 0.05, -0.03, 0.02])
     torque = DiscreteDynamics(VEHICLE, 1e-5).advance(x, u, chi)
-    np.testing.assert_allclose(
-        DiscreteDynamics(VEHICLE, 1e-5, by).advance(x, by.driving(VEHICLE, x, u), chi),
-        torque,
-        atol=1e-7,
-    )
+    found = DiscreteDynamics(VEHICLE, 1e-5, by).advance(x, by.driving(VEHICLE, x, u), chi)
+    np.testing.assert_allclose(found, torque, atol=1e-7)
 
 
 def test_without_a_rate_loop_rates_cannot_be_commanded():
@@ -83,28 +73,18 @@ def test_without_a_rate_loop_rates_cannot_be_commanded():
         Actuation.of(Vehicle(), "rates")
 
 
-@pytest.fixture(scope="module")
-def solvers():
-    return {
-        "sqp": SqpSolver(VEHICLE, RATES, steps=30, max_steps=30, time_limit=np.inf),
-        "ipopt": IpoptCondensedSolver(VEHICLE, RATES, time_limit=np.inf),
-        "oracle": IpoptMultipleShootingSolver(VEHICLE, RATES),
-    }
-
-
 @pytest.mark.parametrize("offset", [0.1, 1.5])
-def test_all_solvers_agree_within_the_largest_rates(solvers, by, offset):
+def test_the_plan_is_optimal_within_the_largest_rates(by, offset, least_cost):
+    dut = SqpSolver(VEHICLE, RATES, steps=30, max_steps=30, time_limit=np.inf)
     x = np.zeros(13)
     x[:3], x[3] = offset, 1.0
-    flat = np.zeros((5, 11, 3))
     chi = constant_forecast(np.array([0.5, -0.3, -1.0, 0.1, 0.0, 0.0]), 10)
-    problem = MpcController(VEHICLE, RATES, solvers["sqp"]).problem(x, flat, chi)
-    found = {name: solver.solve(problem) for name, solver in solvers.items()}
-    for solution in found.values():
-        T = solution.u @ by.unmixer.T
-        assert (by.lower - 1e-6 <= T).all()
-        assert (by.upper + 1e-6 >= T).all()
-        assert solution.cost == pytest.approx(found["oracle"].cost, rel=1e-5)
+    problem = MpcController(VEHICLE, RATES, dut).problem(x, np.zeros((5, 11, 3)), chi)
+    solution = dut.solve(problem)
+    T = solution.u @ by.unmixer.T
+    assert (by.lower - 1e-6 <= T).all()
+    assert (by.upper + 1e-6 >= T).all()
+    assert solution.cost <= least_cost(dut.condensed, problem, solution) * (1 + 1e-5)
     if offset > 1:
         assert np.abs(T[:, 1]).max() == pytest.approx(2.0)
 

@@ -1,3 +1,5 @@
+"""Laws of the data of a horizon: the eliminated forecast, the reference, the terminal weight."""
+
 import dataclasses as dc
 
 import numpy as np
@@ -5,7 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from np_drake.mpc.horizon import Preparation, eliminate
+from np_drake import attitude
+from np_drake.mpc.dynamics import DiscreteDynamics
+from np_drake.mpc.horizon import Preparation, TerminalWeight, eliminate, hover_solution
 from np_drake.mpc.problem import SolverFailure
 from np_drake.residual_model import WrenchForecast
 
@@ -34,52 +38,77 @@ def test_references_lie_on_the_hemisphere_of_the_measurement(vehicle, config, ma
     problem = make_problem(config)
     x_ref = problem.x_ref.copy()
     x_ref[::2, 3:7] *= -1
-    flipped = dc.replace(problem, x_ref=x_ref, x0=problem.x0 * np.repeat([1, -1, 1], [3, 4, 6]))
+    flipped = dc.replace(problem, x_ref=x_ref, x0=problem.x0 * np.repeat([1, -1.01, 1], [3, 4, 6]))
     dut = Preparation(vehicle, config)(flipped)
     assert np.all(dut.x_ref[:, 3:7] @ dut.x0[3:7] > 0)
-
-
-def test_the_measured_quaternion_is_normalised(vehicle, config, make_problem):
-    problem = make_problem(config)
-    dut = Preparation(vehicle, config)(dc.replace(problem, x0=problem.x0 * 1.01))
     assert np.linalg.norm(dut.x0[3:7]) == pytest.approx(1.0, abs=1e-15)
 
 
-@pytest.mark.parametrize("field", ["x0", "x_ref", "u_ref"])
-def test_nan_raises_and_names_the_field(vehicle, config, make_problem, field):
-    problem = make_problem(config)
-    bad = np.array(getattr(problem, field))
-    bad.flat[0] = np.nan
-    with pytest.raises(SolverFailure, match=field):
-        Preparation(vehicle, config)(dc.replace(problem, **{field: bad}))
+def spoilt(value, at, by=np.nan):
+    bad = np.array(value)
+    bad.flat[at] = by
+    return bad
 
 
-@pytest.mark.parametrize("field", ["A", "B", "C", "z", "offset"])
-def test_nan_in_the_forecast_raises(vehicle, config, make_problem, field):
-    problem = make_problem(config)
-    bad = np.array(getattr(problem.forecast, field))
-    bad.flat[-1] = np.inf
-    with pytest.raises(SolverFailure, match=rf"forecast\.{field}"):
-        Preparation(vehicle, config)(
-            dc.replace(problem, forecast=dc.replace(problem.forecast, **{field: bad}))
-        )
+FAILURES = {
+    "x0": lambda p: dc.replace(p, x0=spoilt(p.x0, 0)),
+    "x_ref": lambda p: dc.replace(p, x_ref=spoilt(p.x_ref, 0)),
+    "u_ref": lambda p: dc.replace(p, u_ref=spoilt(p.u_ref, 0)),
+    "quaternion": lambda p: dc.replace(p, x0=p.x0 * np.repeat([1, 0, 1], [3, 4, 6])),
+    "shape": lambda p: dc.replace(p, u_ref=p.u_ref[1:]),
+    "stable": lambda p: dc.replace(p, forecast=dc.replace(p.forecast, A=1e200 * p.forecast.A)),
+} | {
+    rf"forecast\.{name}": lambda p, name=name: dc.replace(
+        p, forecast=dc.replace(p.forecast, **{name: spoilt(getattr(p.forecast, name), -1, np.inf)})
+    )
+    for name in ("A", "B", "C", "z", "offset")
+}
 
 
-def test_a_wrong_horizon_raises(vehicle, config, make_problem):
-    with pytest.raises(SolverFailure, match="shape"):
-        Preparation(vehicle, config)(make_problem(dc.replace(config, horizon=9)))
+@pytest.mark.parametrize("match", FAILURES)
+def test_what_cannot_be_planned_with_raises_and_is_named(vehicle, config, make_problem, match):
+    problem = FAILURES[match](make_problem(config))
+    with np.errstate(all="ignore"), pytest.raises(SolverFailure, match=match):
+        Preparation(vehicle, config)(problem)
 
 
-def test_a_zero_quaternion_raises(vehicle, config, make_problem):
-    problem = make_problem(config)
-    x0 = problem.x0.copy()
-    x0[3:7] = 0.0
-    with pytest.raises(SolverFailure, match="quaternion"):
-        Preparation(vehicle, config)(dc.replace(problem, x0=x0))
+HOVER = np.array([1.0, 0.0, 0.0, 0.0])
 
 
-def test_a_forecast_that_overflows_raises(vehicle, config, make_problem):
-    problem = make_problem(config)
-    forecast = dc.replace(problem.forecast, A=1e200 * problem.forecast.A)
-    with np.errstate(all="ignore"), pytest.raises(SolverFailure, match="stable"):
-        Preparation(vehicle, config)(dc.replace(problem, forecast=forecast))
+def terminal_weight(vehicle, config, q_ref):
+    F = TerminalWeight(vehicle, config).factor(q_ref)
+    return F.T @ F
+
+
+def test_the_riccati_weight_is_the_cost_to_go_of_its_feedback(vehicle, config):
+    P, gain = hover_solution(vehicle, config)
+    x = np.zeros((1, 13))
+    x[0, 3] = 1.0
+    model = DiscreteDynamics(vehicle, config.step).linearise(
+        x, vehicle.hover_input[None], np.zeros((1, 6))
+    )
+    A, B = model.Fx[0][:, :13], model.Fu[0]
+    e = np.array([0.1, -0.2, 0.1, 0.0, 0.01, 0.02, 0.03, 0.2, 0.1, 0.0, 0.1, 0.2, 0.1])
+    expected, total = e @ P @ e, 0.0
+    for _ in range(2000):
+        u = -gain @ e
+        total += e**2 @ config.Q + u**2 @ config.R
+        e = A @ e + B @ u
+    assert total == pytest.approx(expected, rel=1e-6)
+
+
+def test_the_weight_turns_with_the_heading_of_the_reference(vehicle, config):
+    turn = attitude.quaternion_from_axes(np.array([0.0, 0.0, 1.0]), 2.0)
+    e = np.array([0.3, -0.1, 0.2, 0.0, 0.05, -0.02, 0.01, 0.4, 0.3, -0.2, 0.1, 0.2, 0.3])
+    turned = e.copy()
+    turned[0:3], turned[7:10] = attitude.rotate(turn, e[0:3]), attitude.rotate(turn, e[7:10])
+    turned[3:7] = attitude.multiply(turn, e[3:7])
+    cost = turned @ terminal_weight(vehicle, config, turn) @ turned
+    assert cost == pytest.approx(e @ terminal_weight(vehicle, config, HOVER) @ e, rel=1e-9)
+
+
+def test_the_scaled_weight_is_a_multiple_of_q(vehicle, config):
+    scaled = dc.replace(config, terminal="scaled", terminal_scale=3.0)
+    P = terminal_weight(vehicle, scaled, HOVER)
+    np.testing.assert_allclose(np.diag(P)[:3], 3.0 * config.Q[:3])
+    np.testing.assert_allclose(np.diag(P)[3:7], config.Q[3:7])

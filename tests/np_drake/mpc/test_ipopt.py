@@ -19,16 +19,6 @@ def test_past_its_time_the_sqp_answer_flies(vehicle, config, make_problem):
     assert solution.cost <= SqpSolver(vehicle, config, time_limit=0.0).solve(problem).cost
 
 
-def test_it_is_never_worse_than_the_sqp_step_it_starts_from(vehicle, config, make_problem):
-    dut, sqp = (
-        IpoptCondensedSolver(vehicle, config, time_limit=np.inf),
-        SqpSolver(vehicle, config, time_limit=np.inf),
-    )
-    for seed in range(5):
-        problem = make_problem(config, seed=seed, offset=0.25)
-        assert dut.solve(problem).cost <= sqp.solve(problem).cost * (1 + 1e-6)
-
-
 def test_rows_left_out_are_added_once_violated(vehicle, config, make_problem):
     condensed = Condensed(vehicle, config)
     h = condensed.prepare(make_problem(config))

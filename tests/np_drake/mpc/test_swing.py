@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from np_drake.mpc.condensed import Condensed
-from np_drake.mpc.ipopt_multiple_shooting import IpoptMultipleShootingSolver
 from np_drake.mpc.objective import lateral_response, swing_cost
 from np_drake.mpc.problem import MpcConfig, MpcProblem
 from np_drake.mpc.sqp import SqpSolver
@@ -47,14 +46,6 @@ def hover(config: MpcConfig, vehicle, forecast: WrenchForecast) -> MpcProblem:
     return MpcProblem(x[0], x, np.tile(vehicle.hover_input, (config.horizon, 1)), forecast)
 
 
-def test_only_lateral_force_has_a_price():
-    chi = np.zeros((3, 6))
-    chi[:, 2:] = 7.0
-    assert swing_cost(chi, 2.0) == 0.0
-    chi[1, :2] = 3.0, 4.0
-    assert swing_cost(chi, 2.0) == pytest.approx(50.0)
-
-
 def test_the_response_matches_finite_differences_of_the_rollout(setup):
     dut, h, T = setup
     response, eps = lateral_response(h, dut.sensitivities(h, dut.rollout(h, T))), 1e-5
@@ -67,15 +58,6 @@ def test_the_response_matches_finite_differences_of_the_rollout(setup):
         )  # central differences
 
 
-def test_the_gradient_matches_finite_differences_of_the_damped_cost(setup):
-    dut, h, T = setup
-    t, eps = dut.rollout(h, T), 1e-5
-    gradient = dut.gradient(h, t, dut.sensitivities(h, t))
-    e = np.random.default_rng(2).normal(size=T.shape)
-    slope = (dut.rollout(h, T + eps * e).cost - dut.rollout(h, T - eps * e).cost) / (2 * eps)
-    assert gradient @ e.ravel() == pytest.approx(slope, rel=1e-6)
-
-
 def test_the_hessian_gains_the_square_of_the_response(setup, vehicle, config):
     dut, h, T = setup
     S = dut.sensitivities(h, dut.rollout(h, T))
@@ -84,12 +66,11 @@ def test_the_hessian_gains_the_square_of_the_response(setup, vehicle, config):
     np.testing.assert_allclose(np.tril(gained), np.tril(10.0 * J.T @ J), atol=1e-9)  # 2 weight J'J
 
 
-def test_sqp_and_multiple_shooting_agree_on_the_damped_problem(vehicle, damped, make_problem):
+def test_a_damped_plan_is_optimal(vehicle, damped, make_problem, least_cost):
     problem = make_problem(damped, K=8, offset=0.1)
-    fast = SqpSolver(vehicle, damped, steps=6, time_limit=10.0).solve(problem)
-    oracle = IpoptMultipleShootingSolver(vehicle, damped).solve(problem)
-    assert fast.cost == pytest.approx(oracle.cost, rel=1e-5)
-    np.testing.assert_allclose(fast.u, oracle.u, atol=0.02)  # [N, N·m]: of a flat cost
+    dut = SqpSolver(vehicle, damped, steps=6, time_limit=10.0)
+    solution = dut.solve(problem)
+    assert solution.cost <= least_cost(dut.condensed, problem, solution) * (1 + 1e-5)
 
 
 def test_a_wrench_that_motion_does_not_move_changes_no_plan(vehicle, config, damped):
@@ -114,9 +95,3 @@ def test_the_price_flattens_the_foreseen_pull_of_a_pendulum(vehicle):
     assert (
         pulls[1] < 0.97 * pulls[0]
     )  # [N²]; 0.8 s are less than half a period, and tilting takes time
-
-
-@pytest.mark.parametrize("weight", [-1.0, float("inf"), float("nan")])
-def test_an_impossible_price_is_refused(weight):
-    with pytest.raises(ValueError, match="weight_swing must be finite and not negative"):
-        MpcConfig(weight_swing=weight).check()

@@ -104,7 +104,7 @@ def pulls_of(points, weight, x) -> np.ndarray:
     return pull.reshape(N, STRIDE, 3).mean(axis=1)
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_along_a_plan_it_is_tether_thrust_error_push_drag_and_torques(seed):
     points, weight = members(seed, 3), np.array([0.5, 0.3, 0.2])
     (x, u), acting = plan(seed), np.array([17.0, 0.1, -0.2, 0.05])
@@ -134,7 +134,7 @@ def test_along_a_plan_it_is_tether_thrust_error_push_drag_and_torques(seed):
     np.testing.assert_allclose(dut, np.concatenate([force, torque], axis=1), atol=1e-9)
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_beside_a_plan_the_lifted_system_along_it_gives_the_same_wrench(seed):
     points, weight = members(seed, 2), np.array([0.4, 0.6])
     x, u = plan(seed)
@@ -153,7 +153,7 @@ def test_beside_a_plan_the_lifted_system_along_it_gives_the_same_wrench(seed):
     np.testing.assert_allclose(C[3:, :2].T, pull * np.cross(HOOK, lateral), atol=1e-12)
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_what_drives_a_pendulum_is_thrust_and_the_motion_of_its_hook(seed):
     x, _ = plan(seed)
     before, now = x[0], x[1]

@@ -1,4 +1,4 @@
-"""Laws of the hook's place as it is estimated in flight."""
+"""Laws of the hook's place and of the level of the torque, as they are estimated in flight."""
 
 import inspect
 
@@ -6,97 +6,108 @@ import numpy as np
 import pytest
 
 from np_drake import attitude
-from np_drake.payload_filter import hook as hook_shift
+from np_drake.payload_filter import hook
 from np_drake.payload_filter.hook import initial_shift, next_shift, torque_doubt
 
 STEP, NOISE = 0.02, 0.004  # [s], of the torque [N·m]
 SHIFT, LEVEL = np.array([0.01, -0.02, 0.015]), np.array([0.02, -0.01, 0.03])  # [m], [N·m]
+NONE, T = np.zeros(3), STEP * np.arange(1000)
+# Pull of a payload that swings in both directions, in one, and that hangs still [N]
+SWINGING = np.column_stack(
+    [0.8 * np.sin(3.5 * T), 0.6 * np.cos(3.1 * T), -2.5 + 0.2 * np.sin(7.0 * T)]
+)
+PLANAR, STILL = SWINGING * [1.0, 0.0, 1.0], np.tile([0.3, 0.2, -2.5], (1000, 1))
+WALK = np.cumsum(np.random.default_rng(1).standard_normal((1000, 3)), axis=0)
 
 
-def run(pull, level, *, shift=SHIFT, noise=NOISE, seed=0):
+def run(pull=SWINGING, level=LEVEL, *, shift=SHIFT, noise=NOISE, seed=0, doubt=0.0):
     """The memory after the torque of pull (n, 3) about a shift, with a level and noise."""
     error = noise * np.random.default_rng(seed).standard_normal(pull.shape)
     memory = initial_shift(STEP)
     for force, torque in zip(pull, np.cross(shift, pull) + level + error, strict=True):
-        memory = next_shift(memory, torque, force, np.zeros(3), STEP)
+        memory = next_shift(memory, torque, force, np.full(3, doubt), STEP)
     return memory
 
 
-def swinging(seconds=20.0):
-    """Pull of a payload that swings in both directions (n, 3) [N]."""
-    t = STEP * np.arange(round(seconds / STEP))
-    return np.column_stack(
-        [0.8 * np.sin(3.5 * t), 0.6 * np.cos(3.1 * t), -2.5 + 0.2 * np.sin(7.0 * t)]
-    )
-
-
 def test_a_pull_that_swings_shows_the_shift_and_the_level_beside_it():
-    memory = run(swinging(), LEVEL)
-    np.testing.assert_allclose(
-        memory["shift"], SHIFT, atol=0.002
-    )  # 500 samples of noise over 0.6 N [m]
-    np.testing.assert_allclose(
-        memory["steady"], LEVEL, atol=0.006
-    )  # what the shift's error leaves at 2.5 N
+    memory = run()
+    # 500 samples of noise over 0.6 N [m]; what the shift's error leaves at 2.5 N
+    np.testing.assert_allclose(memory["shift"], SHIFT, atol=0.002)
+    np.testing.assert_allclose(memory["steady"], LEVEL, atol=0.006)
+    for noise in (1e-9, 1e-15):  # while the level settled [m]
+        np.testing.assert_allclose(run(noise=noise)["shift"], SHIFT, atol=1e-4)
 
 
 def test_a_pull_that_does_not_move_shows_no_shift():
-    memory = run(np.tile([0.3, 0.2, -2.5], (1000, 1)), LEVEL)
+    memory = run(STILL)
     assert np.abs(memory["shift"]).max() < 0.001  # [m]
-    np.testing.assert_allclose(
-        memory["steady"], np.cross(SHIFT, [0.3, 0.2, -2.5]) + LEVEL, atol=0.002
-    )
+    expected = np.cross(SHIFT, STILL[0]) + LEVEL
+    np.testing.assert_allclose(memory["steady"], expected, atol=0.002)
 
 
-def test_a_torque_that_wanders_is_not_taken_for_the_hooks():
-    walk = np.cumsum(0.004 * np.random.default_rng(1).standard_normal((1000, 3)), axis=0)
-    assert (
-        np.abs(run(swinging(), walk, shift=np.zeros(3))["shift"]).max() < 0.01
-    )  # half the prior [m]
+NO_SHIFT = {  # [m]
+    "a hook where it was in training": (0.002, {}),
+    "a torque that wanders, of the prior's half": (0.01, {"level": 0.004 * WALK}),
+    "a pull of which nothing is known": (1e-6, {"shift": SHIFT, "noise": 0.0, "doubt": 1e6}),
+}
 
 
-def test_where_the_hook_is_that_of_training_the_shift_stays_small():
-    assert np.abs(run(swinging(), LEVEL, shift=np.zeros(3))["shift"]).max() < 0.002  # [m]
+@pytest.mark.parametrize("what", NO_SHIFT)
+def test_what_is_not_the_hooks_shows_no_shift(what):
+    most, options = NO_SHIFT[what]
+    assert np.abs(run(**{"shift": NONE} | options)["shift"]).max() < most
 
 
-@pytest.mark.parametrize("noise", [1e-6, 1e-9, 1e-12, 1e-15])
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("noise", [1e-6, 1e-12, 1e-15])
+@pytest.mark.parametrize("seed", range(2))
 def test_a_constant_torque_almost_without_noise_shows_no_shift(noise, seed):
-    t = STEP * np.arange(500)
-    pull = np.column_stack(
-        [0.8 * np.sin(3.5 * t), 0.0 * t, -2.5 + 0.2 * np.sin(7.0 * t)]
-    )  # in a plane
-    memory = run(pull, LEVEL, shift=np.zeros(3), noise=noise, seed=seed)
-    np.testing.assert_allclose(
-        memory["shift"], 0.0, atol=1e-6
-    )  # what noise of 1 µN·m leaves at 0.8 N [m]
-
-
-@pytest.mark.parametrize("noise", [1e-9, 1e-15])
-def test_a_torque_almost_without_noise_shows_the_shift(noise):
-    memory = run(swinging(), LEVEL, noise=noise)
-    np.testing.assert_allclose(memory["shift"], SHIFT, atol=1e-4)  # while the level settled [m]
+    memory = run(PLANAR[:500], shift=NONE, noise=noise, seed=seed)
+    # What noise of 1 µN·m leaves at 0.8 N [m]
+    np.testing.assert_allclose(memory["shift"], 0.0, atol=1e-6)
 
 
 def test_the_least_noise_is_below_that_of_any_flight(monkeypatch):
-    expected = run(swinging(), LEVEL, noise=1e-4)
-    regress, named = hook_shift._regress, inspect.signature(hook_shift._regress.py_func).parameters
+    expected = run(noise=1e-4)
+    regress, named = hook._regress, inspect.signature(hook._regress.py_func).parameters
     at = list(named).index("finest")
-    monkeypatch.setattr(hook_shift, "_regress", lambda *a: regress(*a[:at], 0.0, *a[at + 1 :]))
-    np.testing.assert_array_equal(run(swinging(), LEVEL, noise=1e-4)["gram"], expected["gram"])
+    monkeypatch.setattr(hook, "_regress", lambda *a: regress(*a[:at], 0.0, *a[at + 1 :]))
+    np.testing.assert_array_equal(run(noise=1e-4)["gram"], expected["gram"])
 
 
 def test_the_doubt_is_the_variance_of_the_torque_about_an_uncertain_hook():
     generator = np.random.default_rng(3)
-    root, hook = generator.standard_normal((3, 3)), np.array([0.01, -0.03, 0.02])
+    root, place = generator.standard_normal((3, 3)), np.array([0.01, -0.03, 0.02])
     error = generator.standard_normal((200000, 3)) @ root.T
-    off = hook + hook_shift.DEVIATION * generator.standard_normal((200000, 3))
-    found = torque_doubt(root @ root.T, attitude.skew(hook))
+    off = place + hook.DEVIATION * generator.standard_normal((200000, 3))
+    found = torque_doubt(root @ root.T, attitude.skew(place))
     np.testing.assert_allclose(found, np.cross(off, error).var(axis=0), rtol=0.02)
 
 
-def test_a_pull_of_which_nothing_is_known_shows_no_shift():
-    memory, level = initial_shift(STEP), LEVEL + np.zeros(3)
-    for force in swinging():
-        memory = next_shift(memory, np.cross(SHIFT, force) + level, force, np.full(3, 1e6), STEP)
-    assert np.abs(memory["shift"]).max() < 1e-6  # [m]
+def levels(torque):
+    """The level after every row of torque (n, 3), under no pull."""
+    memory, found = initial_shift(STEP), []
+    for row in torque:
+        memory = next_shift(memory, row, NONE, NONE, STEP)
+        found.append(memory["steady"])
+    return np.array(found)
+
+
+def test_each_axis_has_a_level_of_its_own_kind():
+    """A walk without noise is followed at once, noise is averaged, and nothing is nothing."""
+    noise = np.random.default_rng(2).standard_normal(500)
+    torque = np.column_stack([WALK[:500, 0], 5.0 + noise, np.zeros(500)])
+    error = (levels(torque) - torque)[100:]
+    assert np.sqrt(np.mean(error[:, 0] ** 2)) < 0.1  # of the walk's step
+    found = levels(torque)[250:]
+    # The mean of 250 and more has 0.06 of the noise at most
+    assert np.sqrt(np.mean((found[:, 1] - 5.0) ** 2)) < 0.2
+    assert not found[:, 2].any()
+    np.testing.assert_allclose(levels(1e-6 * torque), 1e-6 * levels(torque), rtol=1e-9)
+
+
+@pytest.mark.parametrize("step", [0.0025, 0.02, 20.0])
+def test_the_gains_reach_from_persistence_to_the_longest_mean(step):
+    gains = hook.gains_of(step)[:, 0]
+    assert gains[0] == pytest.approx(1.0)
+    assert gains[-1] == pytest.approx(min(1.0, step / hook.LONGEST_MEAN))
+    assert np.all(gains[1:] >= 0.5 * gains[:-1] - 1e-12)

@@ -35,10 +35,7 @@ def as_log(flight, vehicle) -> FlightLog:
 
 
 def body_z(x):
-    w, a, b, c = x[:, 3:7].T
-    return np.column_stack(
-        [2 * (a * c + w * b), 2 * (b * c - w * a), w * w - a * a - b * b + c * c]
-    )
+    return attitude.body_z(x[:, 3:7])
 
 
 @pytest.fixture(scope="module")
@@ -97,29 +94,6 @@ def test_of_similar_vehicles_it_finds_the_same_in_their_own_units(flown, vehicle
     np.testing.assert_allclose(dut.hook / length, expected.hook, atol=1e-3)  # [m]
 
 
-def test_it_counts_its_passes(flown, vehicle):
-    passes = []
-    train_payload_filter(
-        [(as_log(flown(seconds=4.0), vehicle), vehicle)],
-        step=STEP,
-        on_pass=lambda *done: passes.append(done),
-    )
-    assert passes == [(1, 2), (2, 2)]
-
-
-def test_flights_of_different_vehicles_are_refused(flown, vehicle):
-    log = as_log(flown(seconds=4.0), vehicle)
-    with pytest.raises(ValueError, match="one vehicle"):
-        train_payload_filter([(log, vehicle), (log, dc.replace(vehicle, mass=3.0))], step=STEP)
-
-
-def test_a_log_without_torque_is_refused(flown, vehicle):
-    log = as_log(flown(seconds=4.0), vehicle)
-    log.u = np.column_stack([log.u[:, 0], np.full((len(log), 3), np.nan)])
-    with pytest.raises(ValueError, match="torque"):
-        train_payload_filter([(log, vehicle)], step=STEP)
-
-
 def test_samples_of_a_flight_pair_a_label_with_the_command_before_it(flown, vehicle):
     log = as_log(flown(seconds=4.0), vehicle)
     log.u = log.u + np.arange(len(log))[:, None] * [0.01, 0, 0, 0]
@@ -141,9 +115,16 @@ def test_it_finds_the_delay_of_the_commands(flown, vehicle):
     assert model.rotor_lag == pytest.approx(0.03, abs=0.003)
 
 
-def test_a_flight_without_torque_labels_is_refused_by_its_name(flown, vehicle):
+def test_flights_of_two_vehicles_or_without_torque_are_refused(flown, vehicle):
     log = as_log(flown(seconds=4.0), vehicle)
     without = dc.replace(log, al=np.full((len(log), 3), np.nan), name="blind")
+    other, blind = dc.replace(vehicle, mass=3.0), dc.replace(log, u=log.u * [1, *[np.nan] * 3])
+    for flights, match in (
+        ([(log, vehicle), (log, other)], "one vehicle"),
+        ([(blind, vehicle)], "torque"),
+    ):
+        with pytest.raises(ValueError, match=match):
+            train_payload_filter(flights, step=STEP)
     for flights in ([without], [log, without]):
         with pytest.raises(
             ValueError, match=r"^payload_filter: flight blind must have torque labels .*\.$"

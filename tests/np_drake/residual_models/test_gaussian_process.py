@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from np_drake.residual_models.gaussian_process import (
+from np_drake.residual_models.motion_model import (
     GaussianProcess,
     GaussianProcessConfig,
     closed_form,

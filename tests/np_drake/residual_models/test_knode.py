@@ -4,7 +4,7 @@ import torch
 
 from np_drake.flight_log import FlightLog
 from np_drake.mpc.dynamics import DiscreteDynamics
-from np_drake.residual_models.knode_training import (
+from np_drake.residual_models.motion_training import (
     KnodeConfig,
     Piece,
     _Nominal,

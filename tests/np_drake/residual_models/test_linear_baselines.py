@@ -1,8 +1,17 @@
+"""Laws of the baselines that are fitted in closed form."""
+
 import numpy as np
 import pytest
 
 from np_drake.residual_model import Sample
-from np_drake.residual_models.linear_baselines import fit_all, fit_dmdc, fit_ridge
+from np_drake.residual_models.hold import LinearExtrapolation
+from np_drake.residual_models.linear_baselines import (
+    GROUPS,
+    fit_all,
+    fit_dmdc,
+    fit_force_ridge,
+    fit_ridge,
+)
 from np_drake.skill.skill import model_predictions
 from np_drake.training_data.segments import Segment
 
@@ -25,9 +34,8 @@ def flight(seed: int, *, delayed: bool = False, n: int = 500) -> Segment:
 
 def test_dmdc_finds_the_system_that_made_the_data():
     dut = fit_dmdc([flight(0), flight(1)])
-    np.testing.assert_allclose(
-        dut.system.A, A, atol=0.02
-    )  # the first sample of each flight fits nothing
+    # The first sample of each flight fits nothing
+    np.testing.assert_allclose(dut.system.A, A, atol=0.02)
     np.testing.assert_allclose(dut.system.B, B, atol=0.02)
 
 
@@ -40,46 +48,76 @@ def test_with_delays_a_longer_memory_is_found():
         assert (error < 0.1) == small
 
 
-def test_the_ridge_is_as_good_as_any_linear_map_one_step_ahead():
+def test_the_ridge_is_as_good_as_any_linear_map_linear_between_horizons_and_held_beyond():
     unseen, origins = flight(6), np.arange(20, 400)
-    dut = fit_ridge([flight(0), flight(1)], HORIZONS)
-    chi_hat = model_predictions(dut, unseen.chi, unseen.zeta, origins, [1], zeta_known=False)[:, 0]
-    assert np.abs(chi_hat - unseen.chi[origins + 1]).max() < 0.15
-
-
-def test_the_ridge_is_linear_between_its_horizons_and_held_beyond():
-    unseen, origins = flight(6), np.arange(20, 30)
-    dut = fit_ridge([flight(0)], HORIZONS)
-    two, three, five, ten, far = np.moveaxis(
-        model_predictions(
-            dut, unseen.chi, unseen.zeta, origins, [2, 3, 5, 10, 40], zeta_known=False
-        ),
-        1,
-        0,
-    )
+    dut, ahead = fit_ridge([flight(0), flight(1)], HORIZONS), [1, 2, 3, 5, 10, 40]
+    chi_hat = model_predictions(dut, unseen.chi, unseen.zeta, origins, ahead, zeta_known=False)
+    one, two, three, five, ten, far = np.moveaxis(chi_hat, 1, 0)
+    assert np.abs(one - unseen.chi[origins + 1]).max() < 0.15
     np.testing.assert_allclose(three, two + (five - two) / 3, atol=1e-12)
     np.testing.assert_array_equal(far, ten)
 
 
+@pytest.fixture(scope="module")
+def baselines():
+    return fit_all([flight(0), flight(1)], HORIZONS)
+
+
 @pytest.mark.parametrize("known", [False, True])
 @pytest.mark.parametrize("name", ["DMDc", "delay DMDc", "ridge by horizon"])
-def test_a_whole_flight_at_once_is_the_flight_sample_by_sample(name, known):
-    dut, unseen = fit_all([flight(0), flight(1)], HORIZONS)[name], flight(7, n=80)
-    arguments = (dut, unseen.chi, unseen.zeta, np.arange(12, 60), [0, 1, 4, 15])
-    at_once = model_predictions(*arguments, zeta_known=known)
-    np.testing.assert_allclose(
-        at_once, model_predictions(*arguments, zeta_known=known, at_once=False), atol=1e-9
+def test_a_whole_flight_at_once_is_the_flight_sample_by_sample(name, known, baselines, one_by_one):
+    dut, unseen = baselines[name], flight(7, n=80)
+    arguments = unseen.chi, unseen.zeta, np.arange(12, 60), [0, 1, 4, 15]
+    found, expected = (
+        model_predictions(p, *arguments, zeta_known=known) for p in (dut, one_by_one(dut))
     )
+    np.testing.assert_allclose(found, expected, atol=1e-9)
 
 
-@pytest.mark.parametrize("name", ["DMDc", "delay DMDc", "ridge by horizon"])
-def test_the_label_is_held_until_the_window_is_full_or_while_missing(name):
-    dut = fit_all([flight(0)], HORIZONS)[name]
+def test_the_label_is_held_until_the_window_is_full_or_while_missing(baselines):
+    dut = baselines["delay DMDc"]
     memory, x = dut.initial_memory(), np.zeros(13)
     for chi in (np.ones(6), np.full(6, np.nan)):
         memory = dut.update(memory, Sample(x, np.zeros(4), chi))
     np.testing.assert_array_equal(memory["window"][-1, :6], 1.0)
-    if dut.window > 2:
-        np.testing.assert_array_equal(
-            dut.forecast(memory, horizon=3, stride=1).rollout(np.zeros((3, 6))), 1.0
-        )
+    held = dut.forecast(memory, horizon=3, stride=1).rollout(np.zeros((3, 6)))
+    np.testing.assert_array_equal(held, 1.0)
+
+
+def test_linear_extrapolation_is_exact_on_a_line_even_where_a_label_lacks():
+    dut, rate = LinearExtrapolation(step=0.02), np.array([1.0, -2.0, 3.0, 0.1, 0.2, -0.3])
+    memory = dut.initial_memory()
+    for k in range(1, 7):
+        chi = np.full(6, np.nan) if k == 6 else k * rate
+        memory = dut.update(memory, Sample(np.zeros(13), np.zeros(4), chi))
+        found = dut.forecast(memory, horizon=3, stride=2).rollout(np.zeros((3, 6)))
+        expected = np.outer([1, 1, 1] if k == 1 else [k, k + 2, k + 4], rate)
+        np.testing.assert_allclose(found, expected, atol=1e-12)
+
+
+def swinging(seed, n=300):
+    """Every channel a level and oscillations of two frequencies, with phases and sizes of its
+    own.
+    """
+    draw, t = np.random.default_rng(seed), 0.02 * np.arange(n)
+    phases, sizes = draw.uniform(0, 2 * np.pi, (2, 12, 1)), draw.uniform(0.5, 1.5, (2, 12, 1))
+    samples = sizes[0] * np.sin(4.4 * t + phases[0]) + sizes[1] * np.sin(9.0 * t + phases[1]) + 0.3
+    return Segment(samples[:6].T, samples[6:].T, 0.02)
+
+
+def test_the_force_ridge_forecasts_an_oscillation_by_groups_of_channels():
+    segments, options = [swinging(seed) for seed in range(8)], {"span": 0.6, "horizon": 1.0}
+    dut, unseen = fit_force_ridge(segments, **options), swinging(99)
+    window = np.hstack([unseen.chi, unseen.zeta])[70:100]
+    memory = {"window": window, "count": np.array([30.0])}
+    before = dut.forecast(memory, horizon=51, stride=1).offset
+    # Horizons 53 ms apart: w² h² / 8 = 3 % of the faster oscillation; the ridge shrinks the rest
+    assert np.sqrt(np.mean((before - unseen.chi[99:150]) ** 2)) < 0.2
+    for outputs, inputs in GROUPS:
+        others = [c for c in range(12) if c not in inputs]
+        changed = window.copy()
+        changed[:, others] += 1.0
+        after = dut.forecast({**memory, "window": changed}, horizon=51, stride=1).offset
+        np.testing.assert_array_equal(after[:, outputs], before[:, outputs])
+    with pytest.raises(ValueError, match="at least 81 samples"):
+        fit_force_ridge([swinging(0, n=80)], **options)

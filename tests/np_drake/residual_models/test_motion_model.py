@@ -2,10 +2,8 @@ import numpy as np
 import pytest
 
 from np_drake.residual_model import Sample
-from np_drake.residual_models.gaussian_process import GaussianProcess
-from np_drake.residual_models.motion_model import MotionModel
+from np_drake.residual_models.motion_model import GaussianProcess, MotionModel, WrenchNetwork
 from np_drake.residual_models.motion_training import train_motion_model
-from np_drake.residual_models.wrench_network import WrenchNetwork
 from np_drake.skill.skill import model_predictions
 from np_drake.training_data.segments import WrenchSequence
 from np_drake.vehicle import Vehicle
@@ -52,14 +50,14 @@ def test_a_missing_sample_leaves_the_last_motion(dut):
 
 
 @pytest.mark.parametrize("known", [True, False])
-def test_a_whole_flight_is_what_single_samples_are(dut, known):
-    zeta, chi = RNG.normal(size=(30, 6)), np.zeros((30, 6))
-    arguments = (dut, chi, zeta, np.arange(3, 20), [0, 1, 4])
-    at_once = model_predictions(*arguments, zeta_known=known)
-    np.testing.assert_allclose(
-        at_once, model_predictions(*arguments, zeta_known=known, at_once=False), atol=1e-12
+def test_a_whole_flight_is_what_single_samples_are(dut, known, one_by_one):
+    zeta, arguments = RNG.normal(size=(30, 6)), (np.arange(3, 20), [0, 1, 4])
+    found, expected = (
+        model_predictions(p, np.zeros((30, 6)), zeta, *arguments, zeta_known=known)
+        for p in (dut, one_by_one(dut))
     )
-    np.testing.assert_allclose(at_once[2, 2], dut.reaction(zeta[5 + 4 * known]), atol=1e-12)
+    np.testing.assert_allclose(found, expected, atol=1e-12)
+    np.testing.assert_allclose(found[2, 2], dut.reaction(zeta[5 + 4 * known]), atol=1e-12)
 
 
 def test_the_file_gives_the_model_back(dut, tmp_path):

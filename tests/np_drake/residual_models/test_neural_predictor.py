@@ -1,3 +1,5 @@
+"""Laws of the Neural Predictor in flight: of its window, its gaps, and each way of lifting."""
+
 import dataclasses as dc
 
 import numpy as np
@@ -10,7 +12,9 @@ from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
 from np_drake.lifting.model.lifted_model import DELAY_DMDC, PAPER, LiftedModel
 from np_drake.lifting.model.model_file import save_model
 from np_drake.residual_model import Sample
-from np_drake.residual_models.neural_predictor import NeuralPredictor, PredictorOptions
+from np_drake.residual_models.neural_predictor import NeuralPredictor
+from np_drake.skill.flight_skill import stability_of
+from np_drake.skill.skill import model_predictions
 
 D, STEP = 4, 0.02
 A = np.diag([0.9, 0.8, 0.95, 0.7, 0.6, 0.5])
@@ -27,23 +31,19 @@ def last_sample_model(torque: bool = True) -> LiftedModel:
 
 
 def paper_model() -> LiftedModel:
-    """z = [chi, 0] through Phi with relu(chi) - relu(-chi)."""
+    """z = chi through Phi with relu(chi) - relu(-chi)."""
     weights = (np.vstack([np.eye(6), -np.eye(6)]), np.hstack([np.eye(6), -np.eye(6)]))
-    system = LiftedLinearSystem(A, B, np.eye(6), STEP)
-    return LiftedModel(
-        PAPER, system, Phi(weights, np.ones(6)), 40, np.ones(6), np.ones(6), True, ridge=1.0
-    )
+    system, ones = LiftedLinearSystem(A, B, np.eye(6), STEP), np.ones(6)
+    return LiftedModel(PAPER, system, Phi(weights, ones), 40, ones, ones, True, ridge=1.0)
 
 
-def sequence(n: int, seed: int = 0) -> list[Sample]:
+def sequence(n: int) -> list[Sample]:
     """Samples of chi+ = A chi + B zeta."""
-    generator, chi, samples = np.random.default_rng(seed), np.ones(6), []
+    generator, chi, samples = np.random.default_rng(0), np.ones(6), []
     for _ in range(n):
-        x = np.concatenate(
-            [generator.standard_normal(3), [1, 0, 0, 0], generator.standard_normal(6)]
-        )
-        samples.append(Sample(x, np.zeros(4), chi))
-        chi = A @ chi + B @ x[7:]
+        place, zeta = generator.standard_normal(3), generator.standard_normal(6)
+        samples.append(Sample(np.concatenate([place, [1, 0, 0, 0], zeta]), np.zeros(4), chi))
+        chi = A @ chi + B @ zeta
     return samples
 
 
@@ -54,132 +54,106 @@ def fed(dut: NeuralPredictor, samples: list[Sample]) -> dict[str, np.ndarray]:
     return memory
 
 
-PREDICT = PredictorOptions(torque="predict")
+def without(samples: list[Sample], numbers) -> list[Sample]:
+    return [dc.replace(s, chi=GAP) if k in numbers else s for k, s in enumerate(samples)]
+
+
+def predictor(model: LiftedModel) -> NeuralPredictor:
+    return NeuralPredictor(model, torque="predict")
 
 
 def test_the_forecast_is_the_law_of_the_data():
-    samples = sequence(30)
-    forecast = NeuralPredictor(last_sample_model(), PREDICT).forecast(
-        fed(NeuralPredictor(last_sample_model(), PREDICT), samples[:20]), horizon=10, stride=1
+    samples, dut = sequence(30), predictor(last_sample_model())
+    forecast = dut.forecast(fed(dut, samples[:20]), horizon=10, stride=1)
+    zeta, truth = (
+        np.array([part(s) for s in samples[19:29]]) for part in (lambda s: s.x[7:], lambda s: s.chi)
     )
-    zeta = np.array([sample.x[7:] for sample in samples[19:29]])
-    truth = np.array([sample.chi for sample in samples[19:29]])
     np.testing.assert_allclose(forecast.rollout(zeta), truth, atol=1e-12)
 
 
 @pytest.mark.parametrize("stride", [1, 2, 5])
 def test_a_long_step_is_many_short_ones_under_held_zeta(stride):
-    dut = NeuralPredictor(last_sample_model(), PREDICT)
+    dut = predictor(last_sample_model())
     memory, zeta = fed(dut, sequence(10)), np.random.default_rng(0).standard_normal((4, 6))
-    fine = dut.forecast(memory, horizon=4 * stride, stride=1).rollout(
-        np.repeat(zeta, stride, axis=0)
-    )
+    fine = dut.forecast(memory, horizon=4 * stride, stride=1)
     coarse = dut.forecast(memory, horizon=4, stride=stride).rollout(zeta)
-    np.testing.assert_allclose(coarse, fine[::stride], atol=1e-12)
+    expected = fine.rollout(np.repeat(zeta, stride, axis=0))[::stride]
+    np.testing.assert_allclose(coarse, expected, atol=1e-12)
 
 
 def test_before_any_label_the_forecast_is_zero():
     dut = NeuralPredictor(last_sample_model())
-    for memory in (dut.initial_memory(), fed(dut, [dc.replace(s, chi=GAP) for s in sequence(9)])):
+    for memory in (dut.initial_memory(), fed(dut, without(sequence(9), range(9)))):
         assert not dut.forecast(memory, horizon=5, stride=1).rollout(np.ones((5, 6))).any()
 
 
-def test_before_the_window_is_full_the_mean_of_the_labels_is_held():
-    slow = PredictorOptions(cutoff=0.5)  # [Hz], so the low-pass still averages
-    dut, samples = NeuralPredictor(last_sample_model(), slow), sequence(D - 1)
-    forecast = dut.forecast(fed(dut, samples), horizon=5, stride=2)
-    mean = np.mean([sample.chi for sample in samples], axis=0)
-    np.testing.assert_allclose(forecast.rollout(np.ones((5, 6))), np.tile(mean, (5, 1)), atol=1e-12)
-    full = dut.forecast(fed(dut, sequence(D)), horizon=5, stride=2)
-    assert [np.shape(m) for m in (full.A, full.B, full.z)] == [
-        np.shape(m) for m in (forecast.A, forecast.B, forecast.z)
-    ]
-
-
-def test_torque_is_held_at_its_low_pass_unless_predicted():
+def test_until_the_window_is_full_and_of_the_torque_the_low_pass_is_held():
     dut, samples = NeuralPredictor(last_sample_model()), sequence(30)
-    chi = dut.forecast(fed(dut, samples), horizon=6, stride=1).rollout(np.ones((6, 6)))
-    held, blend = samples[0].chi[3:], 1 - np.exp(-2 * np.pi * 4.0 * STEP)
+    held, blend = samples[0].chi, 1 - np.exp(-2 * np.pi * 4.0 * STEP)
     for n, sample in enumerate(samples, start=1):
-        held = held + max(blend, 1 / n) * (sample.chi[3:] - held)
-    np.testing.assert_allclose(chi[:, 3:], np.tile(held, (6, 1)), atol=1e-12)
-    np.testing.assert_allclose(chi[0, :3], samples[-1].chi[:3], atol=1e-12)
-    np.testing.assert_allclose(dut.chi_hat(fed(dut, samples)), chi[0], atol=1e-12)
+        held = held + max(blend, 1 / n) * (sample.chi - held)
+        forecast = dut.forecast(fed(dut, samples[:n]), horizon=6, stride=2)
+        chi = forecast.rollout(np.ones((6, 6)))
+        own = 6 if n < D else 3
+        np.testing.assert_allclose(chi[:, -own:], np.tile(held[-own:], (6, 1)), atol=1e-12)
+        if n >= D:
+            np.testing.assert_allclose(chi[0, :3], sample.chi[:3], atol=1e-12)
 
 
 def test_a_dropped_label_is_filled_with_the_own_prediction():
     """The model knows the law: a few gaps change nothing."""
-    dut, samples = NeuralPredictor(last_sample_model(), PREDICT), sequence(20)
-    holed = [dc.replace(s, chi=GAP) if k in (9, 13, 18, 19) else s for k, s in enumerate(samples)]
-    memory = fed(dut, holed)
+    dut, samples = predictor(last_sample_model()), sequence(20)
+    memory = fed(dut, without(samples, (9, 13, 18, 19)))
     np.testing.assert_allclose(memory["z"], fed(dut, samples)["z"], atol=1e-12)
-    assert memory["dropped"] == 4
-    assert memory["labels"] == 16
-    assert memory["gap"] == 2
+    assert (memory["dropped"], memory["labels"], memory["gap"]) == (4, 16, 2)
 
 
 def test_a_dropped_state_is_filled_with_the_last_zeta():
     dut, samples = NeuralPredictor(last_sample_model()), sequence(10)
-    memory = fed(dut, samples[:9])
-    lost = dut.update(memory, dc.replace(samples[9], x=np.full(13, np.nan)))
+    lost = dut.update(fed(dut, samples[:9]), dc.replace(samples[9], x=np.full(13, np.nan)))
     np.testing.assert_array_equal(lost["window"][-1, 6:], samples[8].x[7:])
     np.testing.assert_array_equal(lost["window"][-1, :6], samples[9].chi)
     assert lost["dropped"] == 1
 
 
 def test_a_long_gap_starts_the_window_afresh():
-    dut, samples = NeuralPredictor(last_sample_model()), sequence(40)
-    holed = [dc.replace(s, chi=GAP) if 20 <= k < 20 + D else s for k, s in enumerate(samples)]
-    assert fed(dut, holed[: 20 + D - 1])["count"] == D
-    assert fed(dut, holed[: 20 + D])["count"] == 0
-    before = fed(dut, holed[:20])["lowpass"]
-    np.testing.assert_array_equal(dut.chi_hat(fed(dut, holed[: 20 + D])), before)
-    assert fed(dut, holed[: 20 + 2 * D])["count"] == D
+    dut, holed = NeuralPredictor(last_sample_model()), without(sequence(40), range(20, 20 + D))
+    counts = [fed(dut, holed[:n])["count"][0] for n in (20 + D - 1, 20 + D, 20 + 2 * D)]
+    assert counts == [D, 0, D]
+    before, after = fed(dut, holed[:20]), fed(dut, holed[: 20 + D])
+    held = dut.forecast(after, horizon=1, stride=1).first
+    np.testing.assert_array_equal(held, before["lowpass"])
+
+
+BOTH = pytest.mark.parametrize("model", [last_sample_model(), paper_model()], ids=["delay", PAPER])
 
 
 @given(st.lists(st.sampled_from(["good", "label", "state", "both", "huge"]), max_size=60))
-@settings(max_examples=40)
-@pytest.mark.parametrize("model", [last_sample_model(), paper_model()], ids=[DELAY_DMDC, PAPER])
-def test_no_course_of_samples_makes_the_forecast_unusable(model, course):
+@settings(max_examples=20)
+@BOTH
+def test_no_course_of_samples_makes_the_forecast_unusable_or_changes_a_memory(model, course):
     dut = NeuralPredictor(model)
     memory = dut.initial_memory()
-    shapes = {name: value.shape for name, value in memory.items()}
     for kind, sample in zip(course, sequence(len(course)), strict=True):
         chi = GAP if kind in ("label", "both") else sample.chi * (1e3 if kind == "huge" else 1.0)
         x = np.full(13, np.nan) if kind in ("state", "both") else sample.x
-        memory = dut.update(memory, Sample(x, sample.u, chi))
-        assert {name: value.shape for name, value in memory.items()} == shapes
-        forecast = dut.forecast(memory, horizon=400, stride=1)
-        assert np.abs(np.linalg.eigvals(forecast.A)).max() <= 1.0
+        before = {name: value.copy() for name, value in memory.items()}
+        new = dut.update(memory, Sample(x, sample.u, chi))
+        for name, value in before.items():
+            np.testing.assert_array_equal(memory[name], value)
+            assert new[name].shape == value.shape
+        memory = new
+        assert np.abs(np.linalg.eigvals(dut.system(memory).A)).max() <= 1.0
     chi = dut.forecast(memory, horizon=400, stride=1).rollout(np.zeros((400, 6)))
     assert np.all(np.isfinite(chi))
-
-
-@pytest.mark.parametrize("model", [last_sample_model(), paper_model()], ids=[DELAY_DMDC, PAPER])
-def test_updates_are_pure(model):
-    dut, samples = NeuralPredictor(model), sequence(60)
-    memory = fed(dut, samples[:50])
-    copy = {name: value.copy() for name, value in memory.items()}
-    once, again = dut.update(memory, samples[50]), dut.update(memory, samples[50])
-    for name in memory:
-        np.testing.assert_array_equal(memory[name], copy[name])
-        np.testing.assert_array_equal(once[name], again[name])
-
-
-def test_on_its_own_prior_the_refit_changes_nothing():
-    dut = NeuralPredictor(paper_model(), PREDICT)
-    memory = fed(dut, sequence(60))
-    np.testing.assert_allclose(memory["A"], A, atol=1e-9)
-    np.testing.assert_allclose(memory["B"], B, atol=1e-9)
 
 
 def test_what_flies_is_the_batch_solution_of_the_last_window():
     """Ridge regression of the window as it stands, holes filled, though every sample was lifted
     once and long ago.
     """
-    model, samples = paper_model(), sequence(150)
-    holed = [dc.replace(s, chi=GAP) if k in (60, 61, 130) else s for k, s in enumerate(samples)]
-    memory = fed(NeuralPredictor(model, PREDICT), holed)
+    model, dut = paper_model(), predictor(paper_model())
+    memory = fed(dut, without(sequence(150), (60, 61, 130)))
     window, prior = memory["window"], np.hstack([A, B]).T
     z = model.encoder(window[:, :6])
     X = np.vstack([np.hstack([z[:-1], window[:-1, 6:]]), np.eye(12)])  # ridge 1, zeta unscaled
@@ -188,37 +162,84 @@ def test_what_flies_is_the_batch_solution_of_the_last_window():
     np.testing.assert_allclose(memory["z"], z[-1], atol=1e-12)
 
 
-def test_the_refit_follows_a_changed_law():
-    wrong = dc.replace(paper_model(), system=LiftedLinearSystem(0.5 * A, 0 * B, np.eye(6), STEP))
-    samples, dut = sequence(60), NeuralPredictor(dc.replace(wrong, ridge=1e-6), PREDICT)
-    np.testing.assert_allclose(fed(dut, samples)["A"], A, atol=5e-3)  # the ridge still pulls
-    fixed = NeuralPredictor(wrong, PredictorOptions("predict", refit=False))
-    np.testing.assert_array_equal(fixed.system(fed(fixed, samples)).A, 0.5 * A)
+def test_the_refit_keeps_its_prior_where_it_is_true_and_follows_a_changed_law():
+    memory = fed(predictor(paper_model()), sequence(60))
+    np.testing.assert_allclose(memory["A"], A, atol=1e-9)
+    np.testing.assert_allclose(memory["B"], B, atol=1e-9)
+    wrong = LiftedLinearSystem(0.5 * A, 0 * B, np.eye(6), STEP)
+    dut = predictor(dc.replace(paper_model(), system=wrong, ridge=1e-6))
+    np.testing.assert_allclose(fed(dut, sequence(60))["A"], A, atol=5e-3)  # the ridge still pulls
 
 
 @pytest.mark.parametrize("late", [1, 3])
-@pytest.mark.parametrize("refit", [True, False])
-def test_a_label_that_is_late_gives_the_wrench_of_now(late, refit):
+def test_a_label_that_is_late_gives_the_wrench_of_now(late):
     """Labels of an exact lifted linear system come late, one of them not at all."""
-    model = dc.replace(paper_model(), window=40 + late, late=late)
+    dut = predictor(dc.replace(paper_model(), window=40 + late, late=late))
     now = sequence(60)
     late_ones = [dc.replace(s, chi=now[max(k - late, 0)].chi) for k, s in enumerate(now)]
-    late_ones[55] = dc.replace(late_ones[55], chi=GAP)
-    dut = NeuralPredictor(model, PredictorOptions("predict", refit=refit))
-    np.testing.assert_allclose(dut.chi_hat(fed(dut, late_ones)), now[-1].chi, atol=1e-9)
+    memory = fed(dut, without(late_ones, (55,)))
+    first = dut.forecast(memory, horizon=1, stride=1).first
+    np.testing.assert_allclose(first, now[-1].chi, atol=1e-9)
 
 
 def test_a_model_file_flies(tmp_path):
     save_model(last_sample_model(), tmp_path / "m.safetensors")
-    dut, samples = NeuralPredictor.load(tmp_path / "m.safetensors"), sequence(10)
-    expected = NeuralPredictor(last_sample_model()).chi_hat(fed(dut, samples))
-    np.testing.assert_array_equal(dut.chi_hat(fed(dut, samples)), expected)
+    found, expected = (
+        fed(dut, sequence(10))["z"]
+        for dut in (
+            NeuralPredictor.load(tmp_path / "m.safetensors"),
+            predictor(last_sample_model()),
+        )
+    )
+    np.testing.assert_array_equal(found, expected)
 
 
 def test_impossible_options_are_refused():
     with pytest.raises(ValueError, match=r"hold \| predict; got none"):
-        NeuralPredictor(last_sample_model(), PredictorOptions(torque="none"))
+        NeuralPredictor(last_sample_model(), torque="none")
     with pytest.raises(ValueError, match="trained without"):
-        NeuralPredictor(last_sample_model(torque=False), PREDICT)
-    with pytest.raises(ValueError, match="must be Phi"):
-        NeuralPredictor(last_sample_model(), PredictorOptions(refit=True))
+        predictor(last_sample_model(torque=False))
+
+
+W = 12  # samples of the window
+
+
+def rotating(late: int = 0) -> LiftedModel:
+    generator, ones = np.random.default_rng(0), np.ones(6)
+    phi = Phi((generator.standard_normal((12, 6)), 0.3 * generator.standard_normal((8, 12))), ones)
+    own = np.linalg.qr(generator.standard_normal((8, 8)))[0] * 0.98
+    drive, C = generator.standard_normal((8, 6)), generator.standard_normal((6, 8))
+    system = LiftedLinearSystem(own, drive, C, STEP)
+    return LiftedModel(PAPER, system, phi, W, ones, ones, True, ridge=0.1, late=late)
+
+
+T = STEP * np.arange(60)[:, None]
+FLIGHT = np.sin(T * np.arange(1, 7)), np.cos(T * np.arange(7, 13))
+
+
+@pytest.mark.parametrize("torque", ["hold", "predict"])
+@pytest.mark.parametrize("known", [False, True])
+@pytest.mark.parametrize("late", [0, 2])
+def test_a_refit_flight_at_once_is_the_flight_sample_by_sample(torque, known, late, one_by_one):
+    dut = NeuralPredictor(rotating(late), torque=torque)
+    found, expected = (
+        model_predictions(p, *FLIGHT, np.arange(W - 1, 50), [0, 1, 7], zeta_known=known)
+        for p in (dut, one_by_one(dut))
+    )
+    np.testing.assert_allclose(found, expected, atol=1e-8)
+
+
+def test_every_window_of_a_refit_flight_is_counted_and_an_unstable_one_named():
+    course = NeuralPredictor(rotating()).along(*FLIGHT)
+    found = stability_of(course)
+    assert (found.windows, found.unstable) == (60 - W + 1, 0)
+    assert 0 < found.largest <= 1.0
+    assert found.pulled == np.sum(course.before > 0.9999)
+    course.A[3:5] *= 1.2 / found.largest
+    assert stability_of(course).unstable >= 1
+    offline = dc.replace(
+        last_sample_model(), system=LiftedLinearSystem(1.3 * A, B, np.eye(6), STEP)
+    )
+    found = stability_of(NeuralPredictor(offline).along(*FLIGHT))
+    assert (found.windows, found.unstable, found.pulled) == (57, 57, 0)
+    assert found.largest == pytest.approx(1.3 * 0.95)

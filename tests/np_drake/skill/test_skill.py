@@ -1,132 +1,218 @@
+"""Laws of the walk along a flight, of the tables of skill, and of their intervals."""
+
+import dataclasses as dc
+
 import numpy as np
 import pytest
 
-from np_drake.residual_model import Memory, Sample, WrenchForecast, constant_forecast
+from np_drake.residual_model import WrenchForecast, constant_forecast
+from np_drake.residual_models.hold import Hold
+from np_drake.residual_models.linear_baselines import fit_dmdc
+from np_drake.skill.flight_skill import diverged, walked_stability
 from np_drake.skill.skill import (
     NAIVE,
+    flight_forecasts,
+    held_plan,
     mean_interval,
-    model_predictions,
     ratio_interval,
     skill_table,
 )
+from np_drake.training_data.segments import Segment
+from np_drake.training_data.training_segments import SampledFlight, of_wrenches
 
-HORIZONS = [0, 1, 3, 7]
+STEP, HORIZONS = 0.02, [0, 1, 3, 7]
+
+
+def flight(n=60):
+    draw = np.random.default_rng(0)
+    x = draw.normal(size=(n, 13))
+    x[:, 3:7] /= np.linalg.norm(x[:, 3:7], axis=1, keepdims=True)
+    return SampledFlight(STEP, x, draw.normal(size=(n, 4)), draw.normal(size=(n, 6)))
+
+
+class ReadsThePlan:
+    """Forecasts [velocity, command] of the plan, so that a test sees what came in."""
+
+    name, step = "spy", STEP
+
+    def initial_memory(self):
+        return {}
+
+    def update(self, memory, sample):
+        return {"x": sample.x}
+
+    def forecast(self, memory, *, horizon, stride):
+        raise AssertionError("a model that reads a plan is given one")
+
+    def forecast_along(self, memory, plan, *, horizon, stride):
+        assert (plan.x.shape, plan.u.shape) == ((horizon + 1, 13), (horizon, 4))
+        np.testing.assert_array_equal(plan.x[0], memory["x"])
+        return constant_forecast(np.hstack([plan.x[1:, 7:10], plan.u[:, :3]]), horizon)
+
+
+@pytest.mark.parametrize("averaged", [True, False])
+def test_a_model_that_reads_a_plan_gets_the_coming_motion(averaged):
+    """A label of an instant lies between the steps before and after it."""
+    data, horizons = flight(), [1, 5, 20]
+    options = {"first": 10, "motion": "known", "averaged": averaged}
+    chi_hat = flight_forecasts(ReadsThePlan(), data, horizons, **options)
+    of_step = np.hstack([data.x[:, 7:10], data.u[:, :3]])  # of the step that ends at a sample
+    label = of_step.copy() if averaged else 0.5 * (of_step + np.vstack([of_step[1:], of_step[-1:]]))
+    for i, h in enumerate(horizons):
+        count = len(data) - 10 - h
+        np.testing.assert_allclose(chi_hat[:count, i], label[10 + h :], atol=1e-12)
+        assert np.isnan(chi_hat[count:, i]).all()
+
+
+def test_what_cannot_be_forecast_is_refused():
+    for horizons, motion, match in (
+        ([0], "known", "must be 1 or more"),
+        ([1], "x", "must be known"),
+    ):
+        with pytest.raises(ValueError, match=match):
+            flight_forecasts(ReadsThePlan(), flight(), horizons, first=10, motion=motion)
+    with pytest.raises(ValueError, match="more than 12 samples are needed; got 12"):
+        table({}, np.zeros((12, 6)), np.zeros((12, 6)))
+
+
+def test_a_held_plan_keeps_velocity_attitude_and_command_and_turns_no_more():
+    data = flight()
+    chi_hat = flight_forecasts(ReadsThePlan(), data, [1, 20], first=10, motion="held")
+    now = np.hstack([data.x[10:40, 7:10], data.u[10:40, :3]])
+    np.testing.assert_array_equal(chi_hat[:30], np.repeat(now[:, None], 2, axis=1))
+    plan = held_plan(data.x[3], data.u[3], steps=5, step=0.1)
+    np.testing.assert_allclose(plan.x[5, :3], data.x[3, :3] + 0.5 * data.x[3, 7:10], atol=1e-12)
+    np.testing.assert_array_equal(plan.x[5, 3:10], data.x[3, 3:10])
+    np.testing.assert_array_equal(plan.x[1:, 10:], 0.0)
+
+
+def test_persistence_is_the_last_label_there_was():
+    data, expected = flight(), flight().chi
+    data.chi[20:22], expected[20:22] = np.nan, expected[19]
+    chi_hat = flight_forecasts(Hold(step=STEP), data, [1, 7], first=10, motion="known")
+    np.testing.assert_allclose(chi_hat[:40], np.stack([expected[10:50]] * 2, axis=1), atol=1e-12)
+
+
+@pytest.mark.parametrize("motion", ["known", "held"])
+def test_a_flight_at_once_is_a_flight_sample_by_sample(motion, one_by_one):
+    data = flight()
+    both = [Segment(data.chi[::s], data.zeta[::s], STEP) for s in (1, -1)]
+    dut = fit_dmdc(both, delays=2)
+    found, expected = (
+        flight_forecasts(p, data, [1, 5], first=10, motion=motion) for p in (dut, one_by_one(dut))
+    )
+    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-12)
+
+
+class Growing:
+    """A has the number of samples so far, over ten, on its diagonal."""
+
+    name, step = "growing", STEP
+
+    def initial_memory(self):
+        return {"count": np.zeros(1)}
+
+    def update(self, memory, sample):
+        return {"count": memory["count"] + 1}
+
+    def forecast(self, memory, *, horizon, stride):
+        A = memory["count"][0] / 10 * np.eye(2)
+        silent = constant_forecast(np.zeros(6), horizon)
+        return dc.replace(silent, A=A, B=np.zeros((2, 6)), C=np.zeros((6, 2)))
+
+
+def test_every_sample_with_a_radius_above_one_counts():
+    found = walked_stability(Growing(), of_wrenches(np.zeros((13, 6)), np.zeros((13, 6)), STEP))
+    # A radius of one itself is none
+    assert (found.windows, found.unstable, found.pulled) == (13, 3, 0)
+    assert found.largest == pytest.approx(1.3)
+
+
+def test_a_flight_on_which_a_forecast_diverges_is_named():
+    """Ours only: nothing keeps a baseline from it. Without torque in the label its peak is NaN."""
+    row = {"flight": "one", "model": "lifted", "force_rmse": 1.0, "torque_rmse": 1.0}
+    row |= {"force_peak": 1.2, "torque_peak": float("nan")}
+    assert diverged([row, {**row, "flight": "two", "model": "DMDc", "force_peak": 1e9}]) == []
+    assert diverged([row, {**row, "flight": "two", "force_peak": 11.0}]) == ["two"]
+    assert diverged([{**row, "torque_rmse": float("inf")}]) == ["one"]
 
 
 class Linear:
     """chi+ = A chi + B zeta, known exactly."""
 
-    name, step = "linear system", 0.02
+    name, step = "linear system", STEP
     A = np.diag([0.9, 0.8, 0.95, 0.7, 0.6, 0.5])
     B = 0.1 * np.ones((6, 6))
 
-    def initial_memory(self) -> Memory:
+    def initial_memory(self):
         return {"chi": np.zeros(6)}
 
-    def update(self, memory: Memory, sample: Sample) -> Memory:
+    def update(self, memory, sample):
         return {"chi": sample.chi}
 
-    def forecast(self, memory: Memory, *, horizon: int, stride: int) -> WrenchForecast:
+    def forecast(self, memory, *, horizon, stride):
         return WrenchForecast(self.A, self.B, np.eye(6), memory["chi"], np.zeros((horizon, 6)))
 
-    def sequence(self, n: int = 60) -> tuple[np.ndarray, np.ndarray]:
-        zeta = np.random.default_rng(0).standard_normal((n, 6))
-        chi = np.zeros((n, 6))
-        for k in range(n - 1):
-            chi[k + 1] = self.A @ chi[k] + self.B @ zeta[k]
-        return chi, zeta
 
-
-class Hold(Linear):
-    def forecast(self, memory: Memory, *, horizon: int, stride: int) -> WrenchForecast:
-        return constant_forecast(memory["chi"], horizon)
+def sequence(n: int = 60) -> tuple[np.ndarray, np.ndarray]:
+    zeta, chi = np.random.default_rng(0).standard_normal((n, 6)), np.zeros((n, 6))
+    for k in range(n - 1):
+        chi[k + 1] = Linear.A @ chi[k] + Linear.B @ zeta[k]
+    return chi, zeta
 
 
 def table(models, chi, zeta, **settings):
-    rows = skill_table(
-        models, chi, zeta, horizons=HORIZONS, mean=np.full(6, 2.0), warm_up=5, **settings
-    )
-    return {(row.model, row.horizon): row for row in rows}
+    options = {"horizons": HORIZONS, "mean": np.full(6, 2.0), "warm_up": 5} | settings
+    rows = skill_table(models, chi, zeta, **options)
+    return {(row["model"], row["horizon"]): row for row in rows}
 
 
-def test_a_model_that_knows_everything_has_no_error():
-    rows = table({"np": Linear()}, *Linear().sequence())
+def test_a_model_that_knows_everything_has_no_error_but_for_the_target_and_a_held_zeta():
+    chi, zeta = sequence()
+    rows = table({"np": Linear()}, chi, zeta)
     for horizon in HORIZONS:
-        assert rows["np", horizon].force_rmse == pytest.approx(0.0, abs=1e-12)
-        assert rows["np", horizon].torque_rmse == pytest.approx(0.0, abs=1e-12)
-
-
-def test_holding_the_label_is_persistence():
-    rows = table({"hold": Hold()}, *Linear().sequence())
-    for horizon in HORIZONS:
-        assert rows["hold", horizon].force_rmse == rows["persistence", horizon].force_rmse
+        for kind in ("force", "torque"):
+            assert rows["np", horizon][f"{kind}_rmse"] == pytest.approx(0.0, abs=1e-12)
+    other = table({"np": Linear()}, chi, zeta, target=chi + 1.0)
+    assert other["np", 0]["force_rmse"] == pytest.approx(np.sqrt(3))
+    held = table({"np": Linear()}, chi, zeta, zeta_known=False)
+    assert held["np", 1]["force_rmse"] == pytest.approx(0.0, abs=1e-12)
+    assert held["np", 3]["force_rmse"] > 0.01
 
 
 def test_a_ramp_is_extrapolated_exactly_and_persistence_lags_by_its_slope():
     chi = np.arange(50.0)[:, None] * [3.0, 4.0, 0.0, 0.0, 0.0, 1.0]
     rows = table({}, chi, np.zeros((50, 6)))
     for horizon in HORIZONS:
-        assert rows["linear", horizon].force_rmse == pytest.approx(0.0, abs=1e-9)
-        assert rows["persistence", horizon].force_rmse == pytest.approx(5.0 * horizon)
-        assert rows["persistence", horizon].torque_rmse == pytest.approx(1.0 * horizon)
+        assert rows["linear", horizon]["force_rmse"] == pytest.approx(0.0, abs=1e-9)
+        assert rows["persistence", horizon]["force_rmse"] == pytest.approx(5.0 * horizon)
+        assert rows["persistence", horizon]["torque_rmse"] == pytest.approx(1.0 * horizon)
 
 
-def test_the_mean_is_that_of_the_training():
-    rows = table({}, np.zeros((50, 6)), np.zeros((50, 6)))
-    assert rows["mean", 3].force_rmse == pytest.approx(2.0 * np.sqrt(3))
-
-
-def test_the_past_mean_is_that_of_the_flight_up_to_the_origin():
+def test_the_mean_is_that_of_the_training_and_the_past_mean_that_up_to_the_origin():
+    assert table({}, *np.zeros((2, 50, 6)))["mean", 3]["force_rmse"] == pytest.approx(
+        2 * np.sqrt(3)
+    )
     chi = np.zeros((50, 6))
     chi[40:, 0] = 1e6  # no origin but the last three has seen it
     rows = table({}, chi, np.zeros((50, 6)))
-    error = 1e6 * np.array(
-        [1.0 - max(k - 39, 0) / (k + 1) for k in range(33, 43)]
-    )  # origins 33 … 42, 7 ahead
-    assert rows["past mean", 7].force_rmse == pytest.approx(np.sqrt((error**2).sum() / 38))
+    # Origins 33 … 42, 7 ahead
+    error = 1e6 * np.array([1.0 - max(k - 39, 0) / (k + 1) for k in range(33, 43)])
+    expected = np.sqrt((error**2).sum() / 38)
+    assert rows["past mean", 7]["force_rmse"] == pytest.approx(expected)
 
 
-def test_skill_is_relative_to_the_best_naive_row():
-    rows = table({"hold": Hold()}, *Linear().sequence())
+def test_skill_is_relative_to_the_best_naive_row_and_holding_is_persistence():
+    rows = table({"hold": Hold(step=STEP)}, *sequence())
     for horizon in HORIZONS[1:]:
-        best = min(rows[name, horizon].force_rmse for name in NAIVE)
+        best = min(rows[name, horizon]["force_rmse"] for name in NAIVE)
         row = rows["hold", horizon]
-        assert row.force_skill == pytest.approx(row.force_rmse / best)
-        assert row.force_ratio == pytest.approx(1.0)
+        assert row["force_rmse"] == rows["persistence", horizon]["force_rmse"]
+        assert row["force_skill"] == pytest.approx(row["force_rmse"] / best)
+        assert row["force_ratio"] == pytest.approx(1.0)
 
 
-def test_held_zeta_and_known_zeta_differ_only_beyond_one_step():
-    chi, zeta = Linear().sequence()
-    known, held = (table({"np": Linear()}, chi, zeta, zeta_known=known) for known in (True, False))
-    assert held["np", 1].force_rmse == pytest.approx(0.0, abs=1e-12)
-    assert held["np", 3].force_rmse > known["np", 3].force_rmse + 0.01
-
-
-def test_batched_rollouts_are_the_forecasts_one_by_one():
-    dut, (chi, zeta) = Linear(), Linear().sequence()
-    origins = np.arange(10, 40)
-    batch = model_predictions(dut, chi, zeta, origins, HORIZONS, zeta_known=True)
-    for prediction, k in zip(batch, origins, strict=True):
-        forecast = dut.forecast({"chi": chi[k]}, horizon=8, stride=1)
-        np.testing.assert_allclose(
-            prediction, forecast.rollout(zeta[k : k + 8])[HORIZONS], atol=1e-12
-        )
-
-
-def test_the_target_counts_where_it_is_given():
-    chi, zeta = Linear().sequence()
-    rows = table({"np": Linear()}, chi, zeta, target=chi + 1.0)
-    assert rows["np", 0].force_rmse == pytest.approx(np.sqrt(3))
-
-
-def test_a_flight_without_an_origin_is_refused():
-    with pytest.raises(ValueError, match="more than 12 samples are needed; got 12"):
-        table({}, np.zeros((12, 6)), np.zeros((12, 6)))
-
-
-def errors(
-    ratio: float, n: int = 4000, memory: int = 1, seed: int = 0
-) -> tuple[np.ndarray, np.ndarray]:
+def errors(ratio: float, n: int = 4000, memory: int = 1, seed: int = 0):
     """Squared errors (n, 1, 2) of a model and of its reference, alike over `memory` samples."""
     generator = np.random.default_rng(seed)
     base, own = (
@@ -137,34 +223,21 @@ def errors(
 
 
 def test_the_interval_holds_the_ratio_in_about_nineteen_of_twenty_flights():
-    hits = []
-    for seed in range(60):
-        low, high = ratio_interval(*errors(0.6, seed=seed), [1])[0, 0]
-        hits.append(low < 0.6 < high)
-    assert np.mean(hits) > 0.85
+    found = np.array([ratio_interval(*errors(0.6, seed=seed), [1])[0, 0] for seed in range(60)])
+    assert np.mean((found[:, 0] < 0.6) & (found[:, 1] > 0.6)) > 0.85
 
 
-def test_alike_neighbours_are_worth_less():
-    def width(memory):
-        return float(np.ptp(ratio_interval(*errors(0.6, memory=memory), [1])[0, 0]))
-
-    assert width(100) > 3 * width(1)
-
-
-def test_a_model_that_is_the_reference_has_ratio_one_for_certain():
+def test_alike_neighbours_are_worth_less_and_a_short_flight_says_nothing():
+    one, alike = (np.ptp(ratio_interval(*errors(0.6, memory=m), [1])[0, 0]) for m in (1, 100))
+    assert alike > 3 * one
     _, base = errors(1.0)
     np.testing.assert_allclose(ratio_interval(base, base, [1]), 1.0)
-
-
-def test_of_too_short_a_flight_nothing_is_said():
-    square, base = errors(0.6, n=40)
-    assert np.isnan(ratio_interval(square, base, [10])).all()
+    assert np.isnan(ratio_interval(*errors(0.6, n=40), [10])).all()
 
 
 def test_over_flights_each_flight_is_one_observation():
     mean, low, high = mean_interval(np.array([0.4, 0.6, 0.5]))
     assert mean == pytest.approx(0.5)
-    assert (high - low) / 2 == pytest.approx(
-        4.303 * 0.1 / np.sqrt(3), rel=1e-3
-    )  # Student's t, 2 degrees of freedom
+    # Student's t, 2 degrees of freedom
+    assert (high - low) / 2 == pytest.approx(4.303 * 0.1 / np.sqrt(3), rel=1e-3)
     assert np.isnan(mean_interval(np.array([0.4]))[1])

@@ -7,15 +7,24 @@ import numpy as np
 from np_drake import attitude
 from np_drake.files.atomic_file import write_text
 from np_drake.flight_log import FlightLog
-from np_drake.logs.importing.convert import FRD_TO_FLU, GRAVITY, NED_TO_ENU, Q_BODY, Q_WORLD
-from np_drake.logs.importing.log_map import SIZES, UNITS, LogMap, Source
+from np_drake.logs.importing.log_map import (
+    FRD_TO_FLU,
+    GRAVITY,
+    NED_TO_ENU,
+    Q_BODY,
+    Q_WORLD,
+    SIZES,
+    UNITS,
+    LogMap,
+    Source,
+)
 
 TIME = "t"
 Quantities = dict[str, np.ndarray]
 
 
 def quantities_of(log: FlightLog) -> Quantities:
-    """Return the quantities (n, k) of a log, as `np_drake.logs.importing.convert` returns them."""
+    """Return the quantities (n, k) of a log, as `convert` of its map returns them."""
     out = {"position": log.p, "velocity": log.v, "attitude": log.q, "rates": log.w}
     if log.a is not None:
         out["acceleration"] = log.a

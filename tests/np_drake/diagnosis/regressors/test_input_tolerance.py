@@ -13,7 +13,7 @@ from np_drake.diagnosis.regressors.library import THROTTLE_SCALE, command_timing
 from np_drake.diagnosis.residuals import TORQUE, make_flight_residuals
 from np_drake.effects.library import unobservable
 from np_drake.effects.linear_drag import LinearDrag
-from np_drake.logs.throttle_input import with_throttle_input
+from np_drake.logs.inputs import with_throttle_input
 from np_drake.vehicle import Vehicle
 
 VEHICLE = Vehicle()

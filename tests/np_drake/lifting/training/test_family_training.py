@@ -1,4 +1,4 @@
-"""Laws of the training of a family of lifted linear systems."""
+"""Laws of the training of a family of lifted linear systems, and of a network on top of it."""
 
 import dataclasses as dc
 
@@ -6,60 +6,85 @@ import numpy as np
 import pytest
 import torch
 
-from np_drake.lifting.model.adaptive_family import AdaptiveFamily
-from np_drake.lifting.training.family_axis import TrainedAxis
-from np_drake.lifting.training.family_moments import window_moments
-from np_drake.lifting.training.family_training import LiftedConfig, placed, train_lifted
+from np_drake.lifting.model.lifted_model import NEURAL
+from np_drake.lifting.model.neural_family import NeuralFamily, saturated, with_network
+from np_drake.lifting.training.family_training import (
+    TrainedAxis,
+    placed,
+    train_lifted,
+    window_moments,
+)
+from np_drake.lifting.training.network_training import (
+    HORIZONS,
+    NeuralConfig,
+    add_network,
+    family_windows,
+    judged,
+    principal_components,
+)
+from np_drake.lifting.training.train import make_config, train
+from np_drake.residual_models.neural_predictor import NeuralPredictor
 from np_drake.training_data.segments import Segment
 
 STEP = 0.02
-CONFIG = LiftedConfig(
+CONFIG = NeuralConfig(
     delay=10,
-    horizon=12,
     horizons=5,
     size=2,
-    steps=400,
-    batch=8,
+    steps=300,
+    batch=20,
     lags=(4, 8),
-    memory=500.0,
-    zeta_noise=0.01,
-    label_noise=0.01,
+    width=16,
+    components=6,
+    windows=60,
+    updates=400,
+    group=128,
 )
 
 
-def swinging(frequency, mass, seconds=14.0, seed=0):
-    """Segment of a vehicle below which a mass swings as a linear pendulum, along x and y."""
-    rng, n = np.random.default_rng(seed), round(seconds / STEP)
-    t = STEP * np.arange(n)
-    chi, zeta = np.zeros((n, 6)), np.zeros((n, 6))
-    for i in range(2):
-        tones, phases = rng.uniform(0.5, 6.0, 4), rng.uniform(0, 2 * np.pi, 4)
-        zeta[:, i] = np.sin(t[:, None] * tones + phases).sum(axis=1)
-        s, rate = 0.1 * rng.standard_normal(), 0.0
-        for k in range(n):
-            chi[k, i] = mass * frequency**2 * s
-            a = (zeta[min(k + 1, n - 1), i] - zeta[k, i]) / STEP
-            rate += STEP * (-(frequency**2) * s - 0.05 * rate - a)
-            s += STEP * rate
-    chi[:, 2] = -9.81 * mass
-    chi[:, :3] += 0.01 * rng.standard_normal((n, 3))
-    zeta[:, 2] = 0.1 * np.sin(t)
+def swinging(seed, count=400, frequency=None, mass=None):
+    """Segment of a vehicle below which a mass swings along x and y so widely that its frequency
+    falls.
+    """
+    rng, t = np.random.default_rng(seed), STEP * np.arange(count)
+    drawn = rng.uniform(3.0, 5.0), rng.uniform(0.1, 0.4)
+    frequency, mass = frequency or drawn[0], mass or drawn[1]
+    chi, zeta = np.zeros((count, 6)), np.zeros((count, 6))
+    tones, phases = rng.uniform(0.5, 5.0, (2, 4)), rng.uniform(0, 2 * np.pi, (2, 4))
+    chi[:, 2], zeta[:, 2] = -9.81 * mass, 0.1 * np.sin(t)
+    zeta[:, :2] = 0.6 * np.sin(t[:, None, None] * tones + phases).sum(axis=2)
+    s, rate = rng.uniform(-1, 1, 2), np.zeros(2)
+    for k in range(count - 1):
+        chi[k, :2] = mass * frequency**2 * np.sin(s)
+        rate = rate - STEP * (frequency**2 * np.sin(s) + 0.1 * rate)
+        rate = rate - (zeta[k + 1, :2] - zeta[k, :2])
+        s = s + STEP * rate
+    chi[-1, :2] = chi[-2, :2]
+    chi[:, :3] += 0.01 * rng.standard_normal((count, 3))
     return Segment(chi, zeta, STEP)
 
 
-def fitted(segments, **changes):
-    config = dc.replace(CONFIG, **changes)
-    return train_lifted(segments, config, lambda *_: None)
+@pytest.fixture(scope="module")
+def flights():
+    """40 flights."""
+    return [swinging(seed) for seed in range(40)]
 
 
 @pytest.fixture(scope="module")
-def family():
-    """Family of eight flights, four pendulums."""
-    flights = [
-        swinging(w, m, seed=i)
-        for i, (w, m) in enumerate(4 * [(3.0, 0.2), (5.0, 0.2), (3.0, 0.4), (4.0, 0.1)])
-    ]
-    return fitted(flights, steps=1200)[0]
+def unseen():
+    return [swinging(seed) for seed in range(100, 112)]
+
+
+@pytest.fixture(scope="module")
+def family(flights):
+    """Family of the flights, without network."""
+    return train_lifted(flights, CONFIG, lambda *_: None)[0]
+
+
+@pytest.fixture(scope="module")
+def neural(family, flights):
+    """The family with a network."""
+    return add_network(family, flights, CONFIG)
 
 
 def test_the_loss_of_the_moments_is_that_of_every_window():
@@ -84,45 +109,106 @@ def test_the_loss_of_the_moments_is_that_of_every_window():
     assert dut.loss(torch.tensor([0]), theta).item() == pytest.approx(expected, rel=1e-4)
 
 
-def test_a_family_foresees_a_pendulum_that_it_has_not_seen(family):
-    flight = swinging(3.6, 0.3, seed=99)
-    at = placed(family, [flight])
-    samples, h = np.hstack([flight.chi, flight.zeta]), 12
-    errors, naive = [], []
-    for k in range(300, len(samples) - h, 7):
-        z = at.lift(samples[k - at.window + 1 : k + 1])
-        for j in range(h):
-            z = at.system.A @ z + at.system.B @ samples[k + j, 6:]
-        errors.append((at.system.C @ z - samples[k + h, :6])[:2])
-        naive.append((samples[k, :6] - samples[k + h, :6])[:2])
-    assert np.sqrt(np.mean(np.square(errors)) / np.mean(np.square(naive))) < 0.35
+def errors(model, flights, horizon):
+    """Mean square error of the force of each flight (f,), and that of persistence [N²]."""
+    found = []
+    for flight in flights:
+        course = NeuralPredictor(model).along(flight.chi, flight.zeta)
+        origins = np.arange(course.first, len(flight) - horizon)
+        forecast = course.at([horizon], origins, flight.zeta, zeta_known=True)[:, 0, :3]
+        goal = flight.goal[origins + horizon, :3]
+        found.append([np.mean((held - goal) ** 2) for held in (forecast, flight.chi[origins, :3])])
+    return np.array(found).T
+
+
+def test_a_family_foresees_pendulums_that_it_has_not_seen(family, unseen):
+    own, held = errors(family, unseen, 12)
+    assert np.sqrt(own.mean() / held.mean()) < 0.45  # swings too wide for a linear system
 
 
 def test_placing_takes_theta_to_the_swing_and_leaves_the_prior_as_wide(family):
-    assert isinstance(family.encoder, AdaptiveFamily)
-    slow, fast = (placed(family, [swinging(w, 0.2, seed=50)]).encoder for w in (3.0, 5.0))
+    slow, fast = (placed(family, [swinging(50, frequency=w)]).encoder for w in (3.0, 5.0))
     deviation = np.sqrt(np.diag(family.encoder.covariance))
     assert np.abs((fast.mean - slow.mean) / deviation).max() > 1.0
     np.testing.assert_array_equal(fast.covariance, family.encoder.covariance)
+    with pytest.raises(ValueError, match=r"0\.02 s a sample; the flights have 0\.04 s"):
+        placed(family, [dc.replace(swinging(50), step=0.04)])
 
 
-def test_one_flight_makes_a_family_of_one(family):
-    model, losses = fitted([swinging(3.0, 0.2)])
-    assert model.encoder.mean.shape == (0,)
+def test_one_flight_makes_a_family_of_one(flights):
+    model, losses = train_lifted(flights[:1], CONFIG, lambda *_: None)
     assert losses[-1] < 0.2 * losses[0]
-    theta, _ = model.encoder.update(
-        model.encoder.mean, model.encoder.covariance, np.zeros((model.window, 12)), STEP
-    )
+    still, covariance = np.zeros((model.window, 12)), model.encoder.covariance
+    theta, _ = model.encoder.update(model.encoder.mean, covariance, still, STEP)
     assert theta.shape == (0,)
 
 
-def test_training_is_the_same_again():
-    flights = [swinging(3.0, 0.2), swinging(4.0, 0.3, seed=1)]
-    (first, _), (second, _) = (fitted(flights, steps=20) for _ in range(2))
-    np.testing.assert_array_equal(first.system.B, second.system.B)
+def test_the_network_foresees_unseen_wide_swings_better_than_the_family(family, neural, unseen):
+    ratio = np.sqrt(errors(neural, unseen, 20)[0] / errors(family, unseen, 20)[0])
+    assert np.median(ratio) < 0.95
 
 
-def test_flights_at_another_step_are_refused(family):
-    flight = swinging(3.0, 0.2)
-    with pytest.raises(ValueError, match=r"0\.02 s a sample; the flights have 0\.04 s"):
-        placed(family, [dc.replace(flight, step=0.04)])
+def test_the_share_is_never_worse_than_none_where_it_was_judged(family, neural, unseen):
+    rng, network = np.random.default_rng(0), neural.encoder.network
+    wild = dc.replace(network, weights=tuple(rng.standard_normal(W.shape) for W in network.weights))
+    wild = dc.replace(neural, encoder=with_network(family.encoder, wild))
+    assert judged(wild, unseen).encoder.network.share == 0.0
+    assert judged(neural, unseen).encoder.network.share > 0.0
+    assert judged(family, unseen) is family
+
+
+@pytest.mark.parametrize("name", ["family", "neural"])
+def test_the_loss_is_the_error_over_that_of_persistence(name, request):
+    model = request.getfixturevalue(name)
+    some, encoder = [swinging(50, 120), swinging(51, 160)], model.encoder
+    own, options = isinstance(encoder, NeuralFamily), {"step": STEP, "count": 1000, "noise": 0.0}
+    white = encoder.network.white if own else principal_components(encoder, some, 3)
+    data = family_windows(encoder, white, some, **options)
+    dz, change = torch.zeros(len(data), encoder.K), torch.zeros(len(data), len(encoder.mean))
+    if own:
+        theta = (data.theta.numpy() - encoder.network.center) / encoder.network.spread
+        x = saturated(np.concatenate([data.inputs.numpy(), theta], axis=1))
+        dz, change = (torch.from_numpy(part).float() for part in encoder.network.correction(x))
+    expected = []
+    for flight in some:
+        origins = np.arange(encoder.delay - 1, len(flight) - HORIZONS[-1])
+        course = NeuralPredictor(model).along(flight.chi, flight.zeta)
+        goal = flight.goal[origins[:, None] + HORIZONS, :3]
+        error = course.at(list(HORIZONS), origins, flight.zeta, zeta_known=True)[..., :3] - goal
+        still = flight.chi[origins, None, :3] - goal
+        expected.append(np.mean(np.sum(error**2, axis=(0, 2)) / np.sum(still**2, axis=(0, 2))))
+    assert data.loss(dz, change).item() == pytest.approx(np.mean(expected), rel=1e-3)
+
+
+def test_the_network_starts_from_the_familys_own_forecasts(family, flights):
+    untrained = add_network(family, flights, dc.replace(CONFIG, updates=0))
+    found, expected = (errors(model, flights[:2], 10)[0] for model in (untrained, family))
+    np.testing.assert_allclose(found, expected, rtol=1e-9)
+
+
+def test_hidden_layers_are_normalised(neural):
+    network = neural.encoder.network
+    for W in network.weights[:-1]:
+        assert np.linalg.norm(W, 2) == pytest.approx(CONFIG.gain, rel=1e-4)
+    told = neural.summary["network"]["lipschitz_bound"]
+    assert told == pytest.approx(network.lipschitz_bound, abs=1e-3)
+
+
+def test_it_is_trained_by_its_name_and_is_the_same_again(flights):
+    short = {f.name: getattr(CONFIG, f.name) for f in dc.fields(CONFIG)} | {
+        "steps": 3,
+        "updates": 3,
+    }
+    told, config = [], make_config(NEURAL, **short)
+    model = train(flights[:12], config, on_epoch=lambda *at: told.append(at[:2])).model
+    assert model.configuration == NEURAL
+    assert told == [(i, 6) for i in range(1, 7)]
+    again = train(flights[:12], config).model.encoder
+    np.testing.assert_array_equal(again.axes[0].inputs, model.encoder.axes[0].inputs)
+    np.testing.assert_array_equal(again.network.weights[0], model.encoder.network.weights[0])
+
+
+def test_few_flights_train_no_network(flights):
+    match = r"neural: at least 10 flights are needed; got 9\. Use lifted\."
+    with pytest.raises(ValueError, match=match):
+        train(flights[:9], CONFIG)

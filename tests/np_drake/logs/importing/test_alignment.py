@@ -9,10 +9,9 @@ import pytest
 
 from np_drake import attitude
 from np_drake.logs.errors import LogError
-from np_drake.logs.importing.airborne import require_a_flight
-from np_drake.logs.importing.alignment import align, common_rows
-from np_drake.logs.importing.interpolation import Signal
+from np_drake.logs.importing.alignment import align
 from np_drake.logs.importing.log_map import LogMap, Source
+from np_drake.logs.importing.signals import Signal
 
 PLAIN = LogMap(
     command="held_after",
@@ -92,20 +91,6 @@ def test_a_signal_of_another_rate_follows_the_flight_better_if_faster(slow, boun
     assert errors[0] < 1e-9 or errors[2] < 0.3 * errors[0]
 
 
-def test_a_fast_gyro_and_accelerometer_are_averaged_to_the_rows():
-    signals = signals_at({"rates": 1000.0, "acceleration": 1000.0})
-    buzz = np.cos(2 * np.pi * 200.0 * signals["rates"].t)[:, None]
-    noisy = dict(signals)
-    for name in ("rates", "acceleration"):
-        noisy[name] = Signal(signals[name].t, signals[name].values + buzz)
-    dut, plain = (
-        align(noisy, dc.replace(PLAIN, rate=100.0)),
-        align(signals, dc.replace(PLAIN, rate=100.0)),
-    )
-    for name in ("rates", "acceleration"):
-        assert np.abs(dut.values[name] - plain.values[name])[5:-5].max() < 0.02  # of 1
-
-
 def test_accelerations_of_a_row_are_those_under_its_command():
     """A thrust that jumps at every row is in the row's acceleration, not in half in that of the
     next.
@@ -153,15 +138,3 @@ def test_signals_that_do_not_overlap_are_refused():
     late = signals["rates"]
     with pytest.raises(LogError, match="overlap in time"):
         align(signals | {"rates": Signal(late.t + 100.0, late.values)}, PLAIN)
-
-
-@pytest.mark.parametrize("names", [("attitude",), ("position", "velocity", "acceleration")])
-def test_a_log_without_attitude_or_any_motion_is_refused(names):
-    with pytest.raises(LogError, match=f"must name columns of {names[0]}"):
-        require_a_flight(dc.replace(PLAIN, **{name: Source() for name in names}), "made.csv")
-
-
-def test_common_rows_are_the_nearest_samples():
-    t, raw = common_rows({"position": Signal(0.1 * np.arange(11), np.arange(11.0)[:, None])}, 50.0)
-    assert np.allclose(np.diff(t), 0.02)
-    assert np.all(np.abs(raw["position"][:, 0] - 10 * t) <= 0.5 + 1e-9)

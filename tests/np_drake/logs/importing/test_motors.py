@@ -15,8 +15,6 @@ from np_drake.logs.importing.log_map import load_map_file
 from np_drake.logs.opening import open_flights
 from np_drake.vehicle import Vehicle
 
-SIX = [0, 1, 2, 3, 0, 2]  # our rotors that stand for those of a hexarotor
-
 
 def noise(flown, columns: int) -> np.ndarray:
     """Return (n, columns) outputs of servos, which move."""
@@ -58,20 +56,6 @@ def test_an_order_that_the_motion_contradicts_is_not_taken(flown, autopilots, im
     assert "are not in the order that CA_ROTORn_PX, PY, KM states" in told[0]
 
 
-def test_rotors_of_another_frame_or_direction_are_refused(flown, autopilots, import_px4, tmp_path):
-    found = import_px4({"actuator_motors": autopilots.throttle(flown)}, autopilots.PX4_CORNERS)
-    r = 0.18
-    plus = dc.replace(Vehicle(), rotor_positions=[[r, 0, 0], [0, -r, 0], [-r, 0, 0], [0, r, 0]])
-    with pytest.raises(
-        LogError, match=r"CA_ROTORn_PX, PY, KM.* must be where the vehicle file has them"
-    ):
-        opened(found, tmp_path, plus)
-    with pytest.raises(
-        LogError, match=r"turn the other way .*Write rotor_directions: \[1, -1, 1, -1\]"
-    ):
-        opened(found, tmp_path, dc.replace(Vehicle(), rotor_directions=[-1.0, 1.0, -1.0, 1.0]))
-
-
 @pytest.mark.parametrize("stream", ["actuator_outputs", "actuator_outputs.1"])
 def test_px4_outputs_are_motors_by_their_functions_and_limits(
     flown, autopilots, import_px4, stream
@@ -93,38 +77,7 @@ def test_px4_outputs_are_motors_by_their_functions_and_limits(
     ]
 
 
-def test_px4_outputs_that_no_parameter_tells_apart_are_refused(flown, autopilots, import_px4):
-    pulses = 1000.0 + 1000.0 * autopilots.throttle(flown)
-    functions = {f"PWM_MAIN_FUNC{n}": 100 + n for n in range(1, 5)}
-    both = {"actuator_outputs": pulses, "actuator_outputs.1": np.column_stack([noise(flown, 4)])}
-    with pytest.raises(
-        LogError, match=r"actuator_outputs and actuator_outputs.1 must tell which is PWM_MAIN"
-    ):
-        import_px4(both, functions)
-    with pytest.raises(
-        LogError, match=r"6 outputs of actuator_outputs move, and nothing says which are all of the"
-    ):
-        import_px4(
-            {"actuator_outputs": np.column_stack([pulses, noise(flown, 2)])}, {"CA_ROTOR_COUNT": 4}
-        )
-    with pytest.raises(
-        LogError, match=r"4 outputs of actuator_motors move, and nothing says which are all of the"
-    ):
-        import_px4({"actuator_motors": autopilots.throttle(flown)}, {"CA_ROTOR_COUNT": 6})
-
-
-@pytest.mark.parametrize("told", [{"PWM_MAIN_TIM0": -3}, {"DSHOT_CONFIG": 600}, {}])
-def test_dshot_counts_are_throttle_of_two_thousand(flown, autopilots, import_px4, told):
-    ours = autopilots.throttle(flown)
-    functions = (
-        {f"PWM_MAIN_FUNC{n}": 100 + n for n in range(1, 5)} if "PWM_MAIN_TIM0" in told else {}
-    )
-    found = import_px4({"actuator_outputs": 2000.0 * ours}, told | functions)
-    np.testing.assert_allclose(found.flights[0].throttle, ours, atol=1e-9)
-    assert any("DShot" in line for line in found.said) == (not told)
-
-
-@pytest.mark.parametrize("hover", [250.0, 700.0, 950.0, 1000.0, 1045.0, 1100.0, 1500.0])
+@pytest.mark.parametrize("hover", [250.0, 1000.0])
 def test_dshot_counts_are_told_however_low_the_vehicle_hovers(flown, autopilots, import_px4, hover):
     ours = autopilots.throttle(flown)
     counts = hover * ours / np.median(ours)
@@ -134,7 +87,7 @@ def test_dshot_counts_are_told_however_low_the_vehicle_hovers(flown, autopilots,
     assert found.sheet.content["columns"]["throttle"]["unit"] == "dshot"
 
 
-@pytest.mark.parametrize("hover", [0.15, 0.3, 0.7])
+@pytest.mark.parametrize("hover", [0.15, 0.7])
 def test_pulses_are_told_however_low_the_vehicle_hovers(flown, autopilots, import_px4, hover):
     ours = autopilots.throttle(flown)
     share = hover * ours / np.median(ours)
@@ -164,65 +117,6 @@ def test_outputs_of_a_hover_that_may_be_either_are_asked_for_by_name(
         (tmp_path / "map.yaml").write_text(f"throttle: {{unit: {unit}}}\n")
         (dut,) = import_log(tmp_path / "log.ulg", load_map_file(tmp_path / "map.yaml")).flights
         np.testing.assert_allclose(dut.throttle, read, atol=1e-9)
-
-
-@pytest.mark.parametrize("hover", [600.0, 990.0, 1005.0, 1040.0])
-def test_counts_that_would_be_no_pulse_that_carries_need_no_motion(
-    fly, autopilots, writer, tmp_path, hover
-):
-    pytest.importorskip("pyulog", reason="ULog needs pyulog")
-    log, ours = resting(fly, autopilots)
-    counts = hover * ours / np.median(ours)
-    writer("ulog").write(
-        tmp_path / "log.ulg", autopilots.px4(log, {"actuator_outputs": counts}), parameters={}
-    )
-    (dut,) = import_log(tmp_path / "log.ulg").flights
-    np.testing.assert_allclose(dut.throttle, counts / 2000, atol=1e-9)
-
-
-def test_measured_rotor_speed_needs_no_unit_of_the_outputs(fly, autopilots, writer, tmp_path):
-    pytest.importorskip("pyulog", reason="ULog needs pyulog")
-    log, ours = resting(fly, autopilots)
-    streams = autopilots.px4(log, {"actuator_outputs": 2000.0 * ours, "esc_status": 9000.0 * ours})
-    writer("ulog").write(tmp_path / "log.ulg", streams, parameters={})
-    found = import_log(tmp_path / "log.ulg")
-    assert (found.flights[0].input, found.flights[0].throttle) == ("rotor_speed", None)
-    assert any(
-        "outputs whose unit the log does not state are left out" in line for line in found.said
-    )
-
-
-def test_pulses_stay_pulses_where_no_parameter_says_so(flown, autopilots, import_px4):
-    ours = autopilots.throttle(flown)
-    found = import_px4({"actuator_outputs": 1000.0 + 1000.0 * ours})
-    np.testing.assert_allclose(found.flights[0].throttle, ours, atol=1e-9)
-
-
-@pytest.mark.parametrize("told", [{"CA_ROTOR_COUNT": 6}, {"MAV_TYPE": 13}, {}])
-def test_a_px4_hexarotor_is_its_collective_thrust(flown, autopilots, import_px4, told):
-    six = autopilots.throttle(flown)[:, SIX]
-    found = import_px4({"actuator_motors": six, "esc_status": 9000.0 * six[:, :4]}, told)
-    (dut,) = found.flights
-    assert (dut.input, dut.rotor, dut.throttle.shape) == ("normalised", None, (len(dut), 1))
-    np.testing.assert_allclose(dut.throttle[:, 0] ** 2, np.mean(six**2, axis=1), atol=1e-9)
-    assert "6 motors: their collective thrust alone is taken, torque is not told" in found.said
-
-
-def test_a_vehicle_on_a_desk_is_no_flight_and_never_valid_on_the_screen(
-    flown, autopilots, import_px4
-):
-    def resting(streams):
-        place = streams["vehicle_local_position"]
-        still = {name: 0.0 * values for name, values in place.columns.items()} | {
-            "xy_valid": 0.0 * place.t
-        }
-        return {**streams, "vehicle_local_position": dc.replace(place, columns=still)}
-
-    found = import_px4(
-        {"actuator_motors": 0.02 + 0.01 * autopilots.throttle(flown)}, change=resting
-    )
-    assert "vehicle_local_position: xy never valid" in found.said
-    assert any(line.startswith("no flight: position stays") for line in found.said)
 
 
 def test_speed_controllers_are_rotors_by_their_functions(flown, autopilots, import_px4, tmp_path):
@@ -263,9 +157,7 @@ def test_ardupilot_motors_are_on_the_outputs_of_their_functions(
     assert "motors are on the outputs 6, 5, 4, 3 (SERVOn_FUNCTION)" in found.said
 
 
-@pytest.mark.parametrize(
-    "kind, order", [(1, [1, 3, 0, 2]), (12, [2, 1, 3, 0]), (13, [1, 0, 3, 2]), (14, [1, 2, 3, 0])]
-)
+@pytest.mark.parametrize("kind, order", [(1, [1, 3, 0, 2]), (14, [1, 2, 3, 0])])
 def test_an_ardupilot_frame_states_where_its_motors_are(
     flown, autopilots, import_ardupilot, tmp_path, kind, order
 ):
@@ -274,31 +166,3 @@ def test_an_ardupilot_frame_states_where_its_motors_are(
         1000.0 + 1000.0 * ours[:, order], {"FRAME_CLASS": 1.0, "FRAME_TYPE": float(kind)}
     )
     np.testing.assert_allclose(opened(found, tmp_path).throttle, ours, atol=1e-9)
-
-
-@pytest.mark.parametrize("told", [{"FRAME_CLASS": 2.0, "FRAME_TYPE": 1.0}, servos(range(1, 7))])
-def test_an_ardupilot_hexarotor_is_its_collective_thrust(flown, autopilots, import_ardupilot, told):
-    six = autopilots.throttle(flown)[:, SIX]
-    found = import_ardupilot(1000.0 + 1000.0 * six, told)
-    np.testing.assert_allclose(
-        found.flights[0].throttle[:, 0] ** 2, np.mean(six**2, axis=1), atol=1e-9
-    )
-    assert any(line.startswith("6 motors: their collective") for line in found.said)
-
-
-@pytest.mark.parametrize(
-    "told, message",
-    [
-        ({"FRAME_CLASS": 7.0}, "FRAME_CLASS 7 is a tricopter"),
-        (
-            servos((1, 2, 3, 9)),
-            r"output 9 drives a motor \(SERVO9_FUNCTION\), and its column is not in RCOU",
-        ),
-        (servos((1, 2, 3)), "3 outputs drive motors"),
-    ],
-)
-def test_ardupilot_motors_that_cannot_be_read_are_refused_by_name(
-    flown, autopilots, import_ardupilot, told, message
-):
-    with pytest.raises(LogError, match=message):
-        import_ardupilot(1000.0 + 1000.0 * autopilots.throttle(flown), told)

@@ -1,1 +1,0 @@
-"""Stand-alone 3-D pages that play a flight."""

@@ -1,1 +1,0 @@
-"""Experiments with a swinging or changing payload."""

@@ -1,1 +1,0 @@
-"""Run time of solvers, predictor, simulator and training."""

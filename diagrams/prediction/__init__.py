@@ -1,1 +1,0 @@
-"""Experiments on prediction accuracy and estimation."""

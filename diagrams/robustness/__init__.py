@@ -1,3 +1,0 @@
-"""Sweeps over payload, motion, air, sensors and actuators, their joint grid, and margins of delay
-and gain.
-"""

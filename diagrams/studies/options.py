@@ -1,0 +1,120 @@
+"""Options that several studies share: what is parsed, what `--help` says, seeds and rows."""
+
+import dataclasses as dc
+from collections.abc import Collection
+from pathlib import Path
+from typing import Annotated, Any, Self
+
+from typer import Argument, Option
+
+from diagrams.batch.run import Run
+
+DEFAULT_SOLVER = "sqp"  # of every verb that flies
+Solver = Annotated[str, Option("--solver", help="sqp | ipopt (MathematicalProgram, the reference)")]
+Seeds = Annotated[
+    int, Option("--seeds", min=1, max=10_000, help="Evaluation flights a row, of seeds seed + 1, …")
+]
+Only = Annotated[
+    list[str] | None, Option("--only", help="Only rows of these names (nominal is always flown).")
+]
+Group = Annotated[
+    list[str] | None,
+    Option("--only", metavar="GROUP", help="Only cases of this group; repeatable."),
+]
+Reality = Annotated[
+    Path | None,
+    Option(
+        "--reality",
+        metavar="FILE",
+        help=(
+            "Fly in the simulator of this scenario: corrected.yaml of a diagnosis, or "
+            "paper_vehicle."
+        ),
+    ),
+]
+Neurobem = Annotated[
+    Path | None,
+    Option(
+        "--neurobem", metavar="DIR", envvar="NP_DRAKE_NEUROBEM", help="Folder of the real flights."
+    ),
+]
+RealFlights = Annotated[
+    Path | None,
+    Argument(
+        metavar="DIR",
+        envvar="NP_DRAKE_REAL",
+        show_envvar=False,
+        help="Folder of the campaigns (imrc, idsia, neural_fly, …); or NP_DRAKE_REAL.",
+    ),
+]
+Duration = Annotated[float, Option(min=10.0, max=3600.0, help="Of a flight, after the ramp [s].")]
+
+
+def required(option: Path | None, message: str) -> Path:
+    """Return the folder that an option names; ValueError with the message where it is not given."""
+    if option is None:
+        raise ValueError(message)
+    return option
+
+
+@dc.dataclass(frozen=True)
+class RealFlightOptions:
+    """Options of a study of the real flights."""
+
+    folder: RealFlights = None
+    neurobem: Neurobem = None
+    only: Group = None
+
+    def given(self, study: str) -> Path:
+        """Return the folder of the real flights; ValueError if none is given."""
+        return required(
+            self.folder, f"{study}: give the folder of the real flights as DIR or NP_DRAKE_REAL."
+        )
+
+
+@dc.dataclass(frozen=True)
+class FlownOptions:
+    """Options of a study that flies every row with several seeds."""
+
+    seeds: Seeds = 5
+    solver: Solver = DEFAULT_SOLVER
+
+
+@dc.dataclass(frozen=True, kw_only=True)
+class FlownRun(Run):
+    """Run that flies the seeds after `seed`, which the training flight draws."""
+
+    count: int = 5
+    solver: str = DEFAULT_SOLVER
+
+    @classmethod
+    def of(cls, run: Run, options: FlownOptions) -> Self:
+        """Return the run with the seeds and the solver of these options."""
+        shared = {field.name: getattr(run, field.name) for field in dc.fields(Run)}
+        return cls(**shared, count=options.seeds, solver=options.solver)
+
+    @property
+    def seeds(self) -> list[int]:
+        """Seeds of the evaluation flights."""
+        return [self.seed + 1 + k for k in range(self.count)]
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """Solver and seeds, as `--json` holds them."""
+        return {"solver": self.solver, "seeds": self.seeds, "training_seed": self.seed}
+
+    def title(self, flights: str = "flights a row", learner: str = "") -> str:
+        """Return the title of a table: flights, seeds, what is trained, training seed, solver."""
+        return (
+            f"{self.count} {flights}, seeds {self.seeds[0]} … {self.seeds[-1]}, "
+            f"{learner}trained on seed {self.seed}, {self.solver}"
+        )
+
+
+def chosen(option: str, names: Collection[str] | None, known: Collection[str]) -> list[str]:
+    """Return the known names that are asked for, all where none is; ValueError on another one."""
+    if unknown := set(names or ()) - set(known):
+        raise ValueError(
+            f"{option}: must be one of {', '.join(known)}; got {', '.join(sorted(unknown))}."
+        )
+    return [name for name in known if not names or name in names]

@@ -1,0 +1,241 @@
+"""The sweep of all studies: rows x scenarios x seeds, flown with models that are trained once.
+
+A row is a controller, what it is told and what it was trained on. Model files travel by their
+content, trainings and flights are the cases of a campaign.
+"""
+
+import base64
+import dataclasses as dc
+import hashlib
+import tempfile
+from collections.abc import Callable, Collection, Iterator, Sequence
+from contextlib import contextmanager
+from functools import cache, partial
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from diagrams.batch.campaign import Case, Record
+from diagrams.loop.controller_config import LEARNED, NP_MODEL
+from diagrams.loop.experiments import load_experiment
+from diagrams.loop.flight import FlightConfig
+from diagrams.loop.flight_result import fly
+from diagrams.studies.learning import train_payload_filter_model, train_predictor, train_reaction
+from diagrams.studies.options import FlownRun
+from np_drake.files.atomic_file import write_bytes
+from np_drake.lifting.model.lifted_model import FAMILIES
+from np_drake.metrics import half_width
+from np_drake.payload_filter.model_file import PAYLOAD_FILTER
+from np_drake.residual_models.motion_model import REACTIONS
+from np_drake.vehicle import Vehicle
+
+Key = tuple[str, str]  # training experiment and configuration
+Models = dict[Key, bytes]  # content of the model files
+
+
+@dc.dataclass(frozen=True)
+class Row:
+    """One row of a table: a controller, what it is given, and what its predictor was trained on.
+
+    kind: see `ControllerConfig`.
+    known_mass: whether controller and estimator know the payload's mass.
+    """
+
+    name: str  # of the row
+    kind: str
+    known_mass: bool = False
+    hold_bandwidth: float = np.inf  # of kind hold [Hz]
+    training: str = ""  # experiment that the predictor is trained on
+    configuration: str = ""  # of the predictor; gp, knode: their own name
+    weight_swing: float = 0.0  # of the controller on the predicted swing [1/N²]
+    weight_rate: float | None = None  # on body rates; None: the frozen weight [s²/rad²]
+
+    @property
+    def key(self) -> Key:
+        """What the row's model is known by."""
+        return self.training, self.configuration
+
+
+def named(rows: Sequence[Row], name: str) -> Row:
+    """Return the row of that name."""
+    return next(row for row in rows if row.name == name)
+
+
+def choose_rows(
+    rows: Sequence[Row], only: Collection[str] | None, always: Collection[str] = ("nominal",)
+) -> tuple[Row, ...]:
+    """Return the rows of these names and those of `always`; all where no name is given.
+
+    Raises: ValueError: on an unknown name.
+    """
+    known = [row.name for row in rows]
+    if unknown := set(only or ()) - set(known):
+        raise ValueError(
+            f"--only: must name rows of the table ({'; '.join(known)}); got "
+            f"{', '.join(sorted(unknown))}."
+        )
+    return tuple(row for row in rows if not only or row.name in {*only, *always})
+
+
+def configure(
+    track: str,
+    row: Row,
+    *,
+    solver: str,
+    model: str = "",
+    vehicle: Vehicle | None = None,
+    reality: Path | None = None,
+) -> FlightConfig:
+    """Return the experiment `track` with the controller of `row`.
+
+    Args:
+        vehicle: to which it is scaled; None: the paper's.
+        reality: scenario file that it is flown in, see `load_experiment`.
+    """
+    config = load_experiment(track, vehicle, reality)
+    controller = config.controller
+    controller.kind, controller.solver = row.kind, solver
+    controller.predictor = model if row.kind in LEARNED else ""
+    controller.hold_bandwidth = row.hold_bandwidth
+    controller.mpc.weight_swing = row.weight_swing
+    if row.weight_rate is not None:
+        controller.mpc.weight_rate = [row.weight_rate] * 3
+    if row.known_mass:
+        controller.extra_mass = config.reality.hung.mass
+    return config.check()
+
+
+def training_config(
+    experiment: str, *, solver: str, vehicle: Vehicle | None = None, reality: Path | None = None
+) -> FlightConfig:
+    """Return the flight that a predictor learns from, under the nominal MPC: 60 s of any vehicle;
+    arguments as of `configure`.
+    """
+    config = load_experiment(experiment, vehicle, reality)
+    config.duration = load_experiment(experiment).duration
+    config.controller.kind, config.controller.solver = "nominal", solver
+    return config
+
+
+def train_row(row: Row, path: Path, *, seed: int, **how) -> None:
+    """Train the model of a row and write its file; further arguments of `training_config`."""
+    flight = fly(training_config(row.training, **how), seed=seed)
+    if row.configuration in REACTIONS:
+        train_reaction(flight, path, name=row.configuration, seed=seed)
+    elif row.configuration == PAYLOAD_FILTER:
+        train_payload_filter_model(flight, path)
+    else:
+        train_predictor(flight, path, configuration=row.configuration, seed=seed)
+
+
+@cache  # a case of thousands asks for it
+def digest_of(content: bytes | None) -> str:
+    """Return the digest of a model file, by which a case names it; empty without one."""
+    return "" if content is None else hashlib.sha256(content).hexdigest()[:16]
+
+
+@contextmanager
+def model_path(content: bytes | None) -> Iterator[str]:
+    """Yield the path of a file with the content, while the context lasts; empty without one."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "model.safetensors"
+        if content is not None:
+            path.write_bytes(content)
+        yield "" if content is None else str(path)
+
+
+def _trained(case: Case, **how) -> dict:
+    """Return {"file": model file in base 64} of a case {"model": configuration, "training":
+    experiment}; further arguments of `train_row`.
+    """
+    row = Row("", "np", training=case["training"], configuration=case["model"])
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "model.safetensors"
+        train_row(row, path, **how)
+        return {"file": base64.b64encode(path.read_bytes()).decode()}
+
+
+def _flown(
+    case: Case, flight: Callable[[Case, Row, str], dict], rows: Sequence[Row], models: Models
+) -> dict:
+    """Return what `flight(case, row, path of its model)` returns."""
+    row = named(rows, case["row"])
+    with model_path(models.get(row.key)) as model:
+        return flight(case, row, model)
+
+
+def train_rows(
+    run: FlownRun, rows: Sequence[Row], *, config: dict, **world
+) -> tuple[list[Record], Models]:
+    """Train what `rows` need and write the model files into the folder of the run.
+
+    Args:
+        config: all that the results depend on other than the case.
+        world: vehicle and reality, as of `configure`.
+    Returns: the records and the content of the files; a model whose training failed is missing.
+    """
+    keys = list(dict.fromkeys(row.key for row in rows if row.training))
+    prior = {"prior": digest_of(NP_MODEL.read_bytes())}  # which these configurations place
+    cases = [
+        {"model": configuration, "training": training}
+        | (prior if configuration in FAMILIES else {})
+        for training, configuration in keys
+    ]
+    work = partial(_trained, seed=run.seed, solver=run.solver, **world)
+    records = run.cases("training", "models", work, cases, config=config)
+    models = {
+        key: base64.b64decode(record["result"]["file"])
+        for key, record in zip(keys, records, strict=True)
+        if "result" in record
+    }
+    for (training, configuration), content in models.items():
+        write_bytes(run.folder / f"{configuration}_{training}.safetensors", content)
+    return records, models
+
+
+def fly_rows(
+    run: FlownRun,
+    title: str,
+    rows: Sequence[Row],
+    scenarios: Sequence[dict],
+    flight: Callable[[Case, Row, str], dict],
+    *,
+    config: dict,
+    **world,
+) -> tuple[list[Record], list[Record]]:
+    """Train what `rows` need, then fly every row in every scenario, which names its seed.
+
+    A case names its model by the digest of its file, so that no result of another one is taken for
+    it. Rows whose training failed do not fly.
+
+    Args:
+        flight: work of a case, its row and the path of its model.
+        config, world: as of `train_rows`.
+    Returns: the records of the trainings and of the flights.
+    """
+    trainings, models = train_rows(run, rows, config=config, **world)
+    cases = [
+        {"row": row.name, "model": digest_of(models.get(row.key)), **scenario}
+        for row in rows
+        if not row.training or row.key in models
+        for scenario in scenarios
+    ]
+    work = partial(_flown, flight=flight, rows=rows, models=models)
+    return trainings, run.cases(title, "flights", work, cases, config=config)
+
+
+def tidy(records: Sequence[Record]) -> pd.DataFrame:
+    """Return a line for every flight: its case, its result, and `error` where it has none."""
+    return pd.DataFrame(
+        [{**r["case"], **r.get("result", {}), "error": r.get("error", "")} for r in records]
+    )
+
+
+def means(flights: pd.DataFrame, keys: Sequence[str]) -> dict[str, float]:
+    """Return the mean of each column and, as `…_ci95`, half of its 95 % interval (Student)."""
+    found: dict[str, float] = {}
+    for key in keys:
+        values = flights[key].to_numpy(float)
+        found |= {key: float(values.mean()), f"{key}_ci95": half_width(values)}
+    return found

@@ -1,1 +1,0 @@
-"""Circle and lemniscate with every controller."""

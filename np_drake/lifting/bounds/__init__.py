@@ -1,1 +1,0 @@
-"""Bounds on the prediction error (Theorem 1) and their check on flights."""

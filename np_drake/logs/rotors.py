@@ -1,0 +1,371 @@
+"""Order and directions of the rotors behind a log's four columns, by their torque against J dw/dt.
+
+A column's thrust is in proportion to squared rotor speed, or to throttle. For each assignment of
+the columns to the rotors of the vehicle file, and each pattern of directions, the torque that
+follows is correlated with J dw/dt + w x J w, about each axis, in a band below the controller's
+noise. Sizes do not count: thrust coefficient and inertia may be guesses. The score of an assignment
+is the log likelihood ratio of two Gaussian signals over their independent samples. All flights
+whose columns are in one order tell it together.
+"""
+
+import dataclasses as dc
+import itertools
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from scipy import signal
+
+from np_drake.flight_log import FlightLog
+from np_drake.logs.errors import LogError
+from np_drake.training_data.segments import white_noise
+from np_drake.vehicle import Vehicle
+from np_drake.vehicle.rotor_layout import CORNERS, RotorLayout
+
+BAND = (
+    0.7,
+    8.0,
+)  # in which torques are compared [Hz]; own choice: above trim and drift, below most noise
+DELAYS = (
+    0.0,
+    0.02,
+    0.04,
+    0.06,
+)  # of thrust behind a commanded throttle that are tried [s]; own choice
+LEAST_SECONDS = 3.0  # of a flight whose torque is looked at [s]; own choice
+
+Assignment = tuple[tuple[int, ...], tuple[float, ...]]  # rotor of the file, direction; by column
+# Of one flight, of its m possible assignments, for d delays of thrust behind a throttle:
+# correlations (d, m, 3) with the torque that turned the vehicle [1], and scores (d, m), log
+# likelihood ratios to no relation [nat].
+Evidence = tuple[np.ndarray, np.ndarray]
+
+
+def given(vehicle: Vehicle) -> Assignment:
+    """Return the assignment of columns that are in the order of the vehicle file."""
+    return (0, 1, 2, 3), tuple(float(d) for d in vehicle.rotor_directions)
+
+
+def assignments(vehicle: Vehicle) -> list[Assignment]:
+    """Return all assignments with which a vehicle can be steered: two rotors turn each way, or as
+    in its file.
+    """
+    positions = np.array(vehicle.rotor_positions, float)
+    own = given(vehicle)[1]
+    patterns = [d for d in itertools.product((1.0, -1.0), repeat=4) if sum(d) == 0 or d == own]
+    found = []
+    for rotors, d in itertools.product(itertools.permutations(range(4)), patterns):
+        x, y, _ = positions[list(rotors)].T
+        if (
+            abs(np.linalg.det(np.stack([np.ones(4), y, -x, np.array(d) * np.abs(positions).max()])))
+            >= 1e-9
+        ):
+            found.append((rotors, d))
+    return found
+
+
+def evidence(log: FlightLog, vehicle: Vehicle) -> Evidence | None:
+    """Return what a flight tells of the order of its rotor columns; None where it has none, or is
+    too short or slow.
+
+    Args:
+        vehicle: with positions and directions of the rotors, and the inertia.
+    """
+    columns = (
+        log.rotor**2 if log.rotor is not None else log.throttle if is_each(log.throttle) else None
+    )
+    if columns is None or not _long_and_fast(log):
+        return None
+    turn, moved = _in_band(log, vehicle, columns, (0.0,) if log.rotor is not None else DELAYS)
+    positions = np.array(vehicle.rotor_positions, float)
+    rotors, d = (np.array(values) for values in zip(*assignments(vehicle), strict=True))
+    arms = np.stack([positions[rotors, 1], -positions[rotors, 0], d], axis=1)  # (m, 3, 4)
+    size = np.linalg.norm(turn, axis=0)
+    found = []
+    for thrust in moved:
+        along = np.einsum("mak,ak->ma", arms, turn.T @ thrust)
+        own = np.sqrt(np.einsum("mak,kl,mal->ma", arms, thrust.T @ thrust, arms))
+        found.append(along / np.maximum(size * own, 1e-300))
+    correlations = np.stack(found)
+    samples = 2 * (_upper(log) - BAND[0]) * (log.t[-1] - log.t[0])
+    left = np.maximum(1 - np.maximum(correlations, 0.0) ** 2, 1e-12)
+    return correlations, -0.5 * samples * np.log(left).sum(axis=2)
+
+
+def torque_agreement(log: FlightLog, vehicle: Vehicle) -> tuple[np.ndarray, np.ndarray] | None:
+    """Return by axis the correlation (3,) of a log's torque with J dw/dt + w x J w, and the size of
+    that over it (3,).
+
+    A controller that answers the gyro's noise correlates its torque with the noise of dw/dt. The
+    correlation is NaN about an axis that is not excited: the motion's part is less than that noise.
+    None where the torque is not known, or the log is too short or too slow.
+    """
+    if not np.isfinite(log.u).all() or not _long_and_fast(log):
+        return None
+    delays = (0.0,) if log.input == "rotor_speed" else DELAYS
+    turn, moved = _in_band(log, vehicle, log.u[:, 1:], delays)
+    size = np.linalg.norm(turn, axis=0)
+    best = (np.full(3, -np.inf), np.ones(3))
+    for torque in moved:
+        own = np.maximum(np.linalg.norm(torque, axis=0), 1e-300)
+        correlation = np.sum(turn * torque, axis=0) / np.maximum(size * own, 1e-300)
+        if correlation.sum() > best[0].sum():
+            best = correlation, size / own
+    # White noise has in the band the power that an impulse of its size has.
+    impulse = np.outer(signal.unit_impulse(len(log), "mid"), white_noise([log.w]))
+    noise, _ = _in_band(dc.replace(log, w=impulse), vehicle, log.u[:, 1:], ())
+    excited = np.mean(turn**2, axis=0) > 2 * np.sum(noise**2, axis=0)
+    return np.where(excited, best[0], np.nan), best[1]
+
+
+def is_each(values: np.ndarray | None) -> bool:
+    """Return whether there is a column of each of four rotors."""
+    return values is not None and values.shape[1] == 4
+
+
+def _long_and_fast(log: FlightLog) -> bool:
+    return log.t[-1] - log.t[0] >= LEAST_SECONDS and 2.5 * BAND[0] * log.step < 0.4
+
+
+def _upper(log: FlightLog) -> float:
+    """Return the upper end of the band [Hz]."""
+    return min(BAND[1], 0.4 / log.step)
+
+
+def _in_band(
+    log: FlightLog, vehicle: Vehicle, columns: np.ndarray, delays: tuple[float, ...]
+) -> tuple[np.ndarray, list[np.ndarray]]:
+    """Return in the band the torque (m, 3) that turned the vehicle, and the columns (m, k), by
+    delay.
+    """
+    step = log.step
+    t = np.arange(log.t[0], log.t[-1], step)
+
+    def even(values: np.ndarray, at: np.ndarray) -> np.ndarray:
+        return np.stack([np.interp(at, log.t, column) for column in values.T], axis=1)
+
+    w = even(log.w, t)
+    turn = np.gradient(w, step, axis=0) @ vehicle.J.T + np.cross(w, w @ vehicle.J.T)
+    sos = signal.butter(2, (BAND[0], _upper(log)), "bandpass", fs=1 / step, output="sos")
+    inside = slice(round(0.5 / step), -round(0.5 / step))  # off the filter's ends
+    filtered = [
+        signal.sosfiltfilt(sos, x, axis=0)[inside]
+        for x in (turn, *(even(columns, t - d) for d in delays))
+    ]
+    return filtered[0], filtered[1:]
+
+
+# Correlation about roll and pitch from which an order is found [1]; own choice: flights with the
+# right file have 0.4 to 0.9, other orders below 0.3.
+FOUND = 0.3
+# correlation about yaw from which directions are found [1]; own choice: its torque is the smallest
+TURNS = 0.2
+# log likelihood ratio from which an order is preferred to another [nat]; own choice: 1 in 22,000
+SURE = 10.0
+NAMED = CORNERS | {(1, 0): "front", (0, 1): "left", (-1, 0): "rear", (0, -1): "right"}
+NOTE = "rotor columns"
+Seen = Mapping[RotorLayout | None, Sequence[Evidence]]
+
+
+@dc.dataclass(frozen=True)
+class RotorOrder:
+    """Assignment of a log's columns to the rotors of a vehicle file.
+
+    rotors: (4,) of the file, counted from 0, by column.   directions: (4,) by column.
+    correlations: (3,) of its torque with the one that turned the vehicle, about x, y, z, the mean
+        of the flights by what they tell of the likeliest order [1].
+    score: log likelihood ratio to no relation, of all flights [nat].
+    """
+
+    rotors: tuple[int, ...]
+    directions: tuple[float, ...]
+    correlations: tuple[float, float, float]
+    score: float
+
+    def follows(self, vehicle: Vehicle) -> bool:
+        """Return whether the columns turn as the rotors of the file do to which they belong."""
+        return self.directions == tuple(vehicle.rotor_directions[i] for i in self.rotors)
+
+
+def rotor_orders(
+    seen: Sequence[Evidence], vehicle: Vehicle
+) -> tuple[RotorOrder, list[RotorOrder]] | None:
+    """Return the order of the vehicle file as flights have it together, and all orders, the
+    likeliest first.
+
+    Args:
+        seen: of flights whose columns are in one order; None where there is none.
+    """
+    if not seen:
+        return None
+    total = np.sum(np.stack(np.broadcast_arrays(*(scores for _, scores in seen))), axis=0)
+    delay, likeliest = np.unravel_index(np.argmax(total), total.shape)
+
+    def row(values: np.ndarray) -> np.ndarray:
+        return values[min(int(delay), len(values) - 1)]
+
+    weights = [max(float(row(scores)[likeliest]), 1e-12) for _, scores in seen]
+    correlations = np.average([row(own) for own, _ in seen], axis=0, weights=weights)
+    known = assignments(vehicle)
+    orders = [
+        RotorOrder(*each, (float(r[0]), float(r[1]), float(r[2])), float(score))
+        for each, r, score in zip(known, correlations, total[delay], strict=True)
+    ]
+    return orders[known.index(given(vehicle))], sorted(orders, key=lambda order: -order.score)
+
+
+def torques_seen(logs: Sequence[FlightLog], vehicle: Vehicle) -> Seen:
+    """Return what flights tell of the order of their columns, by the layout that they state."""
+    found: dict[RotorLayout | None, list[Evidence]] = {}
+    for log in logs:
+        try:
+            own = evidence(_in_stated_order(log, vehicle), vehicle)
+        except LogError:
+            continue  # said where that log is put in order
+        if own is not None:
+            found.setdefault(log.layout, []).append(own)
+    return found
+
+
+def in_vehicle_order(
+    flights: Sequence[FlightLog], vehicle: Vehicle, seen: Seen | None = None
+) -> list[FlightLog]:
+    """Return the flights of a log with their rotor columns in the order of the vehicle file, and a
+    note where not so.
+
+    What the log states of its rotors counts first, and what turns the vehicle last. The order that
+    all flights together tell is taken.
+
+    Args:
+        flights: of one log, with a layout where its autopilot states one.
+        seen: of all flights of the vehicle, these among them (`torques_seen`); default: of these.
+    Raises: LogError: where the stated rotors are not those of the vehicle, or the torque tells that
+        the rotors of the
+    file turn or lie otherwise, in no order of the columns.
+    """
+    seen = torques_seen(flights, vehicle) if seen is None else seen
+    out = []
+    for log in flights:
+        placed = _in_stated_order(log, vehicle)
+        found = rotor_orders(seen.get(log.layout, ()), vehicle)
+        out.append(placed if found is None else _ordered(log, placed, vehicle, *found))
+    return out
+
+
+def _ordered(
+    given_log: FlightLog,
+    log: FlightLog,
+    vehicle: Vehicle,
+    own: RotorOrder,
+    orders: Sequence[RotorOrder],
+) -> FlightLog:
+    """Return a log, in its stated order, in that of the vehicle file, and a note where these
+    differ.
+    """
+    best = orders[0]
+    if not _better(best, own):
+        return log
+    # Likely orders of the columns in which the rotors turn as in the vehicle file.
+    as_built = [o for o in orders if best.score - o.score < SURE and o.follows(vehicle)]
+    if len(as_built) == 1:
+        best = as_built[0]
+    stated = _stated_order(given_log, vehicle)
+    logged = dc.replace(
+        best,
+        rotors=tuple(best.rotors[stated.index(i)] for i in range(4)),
+        directions=tuple(best.directions[stated.index(i)] for i in range(4)),
+    )
+    seen = (
+        f"{_described(logged, vehicle)} (torque about x, y, z correlates by "
+        f"{_figures(best)}, not {_figures(own)})"
+    )
+    if len(as_built) > 1:
+        note = (
+            f"{NOTE} are hardly in the order of vehicle {vehicle.name!r}; no flight tells in "
+            f"which: {seen}"
+        )
+        return dc.replace(log, notes=[*log.notes, note])
+    if not as_built:
+        raise LogError(
+            f"{log.name}: rotor_positions and rotor_directions of vehicle {vehicle.name!r} "
+            f"must be in the order of the "
+            f"log's columns; by what turns the vehicle these are {seen}. Correct the vehicle file."
+        )
+    turned = np.argsort(best.rotors).tolist()
+    if given_log.layout is not None:
+        note = (
+            f"{NOTE} are not in the order that {given_log.layout.source} states, but turn "
+            f"the vehicle as {seen}"
+        )
+        return _reordered(dc.replace(log, notes=given_log.notes), turned, note)
+    note = f"{NOTE} are not in the order of vehicle {vehicle.name!r} and were put into it: {seen}"
+    return _reordered(log, turned, note)
+
+
+def _stated_order(log: FlightLog, vehicle: Vehicle) -> list[int]:
+    """Return the column of every rotor of the vehicle file, by the layout that a log's autopilot
+    states, if any.
+
+    Raises: LogError: if the stated rotors are not those of the vehicle.
+    """
+    if log.layout is None or not (is_each(log.rotor) or is_each(log.throttle)):
+        return list(range(4))
+    try:
+        return log.layout.order_of(vehicle.rotor_positions, vehicle.rotor_directions)
+    except ValueError as error:
+        raise LogError(f"{log.name}, vehicle {vehicle.name!r}: {error}") from None
+
+
+def _in_stated_order(log: FlightLog, vehicle: Vehicle) -> FlightLog:
+    """Return the log with its rotor columns in the order of the vehicle file, by the layout that
+    its autopilot states.
+
+    Raises: LogError: if the stated rotors are not those of the vehicle.
+    """
+    if log.layout is None:
+        return log
+    order, layout, log = _stated_order(log, vehicle), log.layout, dc.replace(log, layout=None)
+    if order == list(range(4)):
+        return log
+    taken = ", ".join(str(number + 1) for number in order)
+    return _reordered(
+        log,
+        order,
+        f"rotors 1, 2, 3, 4 of the vehicle file are {taken} of the log ({layout.source})",
+    )
+
+
+def _reordered(log: FlightLog, order: list[int], note: str) -> FlightLog:
+    columns = {
+        name: getattr(log, name)[:, order]
+        for name in ("rotor", "throttle")
+        if is_each(getattr(log, name))
+    }
+    return dc.replace(log, **columns, notes=[*log.notes, note])
+
+
+def _better(best: RotorOrder, own: RotorOrder) -> bool:
+    """Return whether an order is found, and far likelier than the file's."""
+    if best.score - own.score < SURE:
+        return False
+    if best.rotors == own.rotors:
+        return best.correlations[2] > TURNS + max(own.correlations[2], 0.0)
+    return min(best.correlations[:2]) > FOUND
+
+
+def _described(order: RotorOrder, vehicle: Vehicle) -> str:
+    """Return the columns in words: where each rotor lies, and which way it turns, seen from
+    above.
+    """
+    positions = np.array(vehicle.rotor_positions, float)[list(order.rotors), :2]
+    sign = np.sign(
+        np.where(np.abs(positions) < 0.1 * np.abs(positions).max(), 0.0, positions)
+    ).astype(int)
+    names = [
+        NAMED.get((x, y), f"rotor {i + 1}") for (x, y), i in zip(sign, order.rotors, strict=True)
+    ]
+    turns = ["cw" if d > 0 else "ccw" for d in order.directions]
+    return ", ".join(f"{name} ({turn})" for name, turn in zip(names, turns, strict=True))
+
+
+def _figures(order: RotorOrder) -> str:
+    return ", ".join(f"{r:.2f}" for r in order.correlations)

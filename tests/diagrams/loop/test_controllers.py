@@ -1,0 +1,176 @@
+"""Laws of controllers by name: their models, delays of commands, and flights with an autopilot."""
+
+import dataclasses as dc
+
+import numpy as np
+import pytest
+
+from diagrams.cli.main import run
+from diagrams.loop.controller_config import NP_MODEL, ControllerConfig
+from diagrams.loop.controllers import make_residual_model
+from diagrams.loop.experiments import load_experiment
+from diagrams.loop.flight import FlightConfig, default_flight, load_flight
+from diagrams.loop.flight_result import LostVehicle, fly
+from diagrams.studies.sweep import Row, configure
+from np_drake.effects.effect_entry import EffectEntry
+from np_drake.labels import labelled, smooth_labels
+from np_drake.lifting.model.model_file import load_model
+from np_drake.payload_filter.predictor import PayloadFilter
+from np_drake.references.config import ReferenceConfig
+from np_drake.residual_models.neural_predictor import NeuralPredictor
+from np_drake.rigid_body import zeta
+from np_drake.skill.skill import skill_table
+from np_drake.vehicle import Vehicle, load_vehicle
+from np_drake.vehicle.scaling import ratios, usual_rate_loop
+from np_drake.vehicle.vehicle import RateLoop
+
+VEHICLE = dc.replace(Vehicle(), rate_loop=RateLoop())
+
+
+def circle(kind="payload_filter", delay=0.0, *, speed=1.5, **controller):
+    config = FlightConfig(duration=2.5)
+    config.reference = ReferenceConfig(track="circle", radius=1.0, speed=speed, ramp=2.5)
+    config.controller = ControllerConfig(kind=kind, solver="sqp", **controller)
+    config.reality.command_delay = delay
+    return config
+
+
+def test_each_kind_flies_the_packaged_model_of_its_name_on_its_own_vehicle():
+    for kind, expected in (("np", NeuralPredictor), ("payload_filter", PayloadFilter)):
+        model = make_residual_model(ControllerConfig(kind), Vehicle())
+        assert isinstance(model, expected)
+        assert model.name == kind
+        with pytest.raises(ValueError, match="mass"):
+            make_residual_model(ControllerConfig(kind), Vehicle(mass=1.0))
+
+
+def test_labels_have_the_lag_learned_unless_the_vehicle_file_names_one():
+    learned = make_residual_model(ControllerConfig(kind="np"), Vehicle())
+    assert learned.rotor_lag == pytest.approx(0.03, abs=0.005)  # [s]; that of the training
+    assert labelled(Vehicle(), learned).rotor_time_constant == learned.rotor_lag
+    assert labelled(Vehicle(rotor_time_constant=0.01), learned).rotor_time_constant == 0.01
+    other = make_residual_model(ControllerConfig(kind="observer"), Vehicle())
+    assert labelled(Vehicle(), other).rotor_time_constant == 0.0
+
+
+def test_the_shipped_model_is_stable_for_every_payload():
+    family, rng = load_model(NP_MODEL).encoder, np.random.default_rng(0)
+    for theta in rng.multivariate_normal(family.mean, 4 * family.covariance, size=50):
+        assert family.system(theta, 0.02).spectral_radius <= 1.0
+
+
+@pytest.mark.nightly
+def test_the_shipped_model_beats_every_naive_row_on_an_unseen_track():
+    config = configure("lemniscate", Row("nominal", "nominal"), solver="sqp")
+    config.duration = 15.0
+    flight = fly(config, seed=77)
+    log, label = flight.log(), flight.signals["label"]
+    table = skill_table(
+        {"shipped": NeuralPredictor.load(NP_MODEL)},
+        label,
+        zeta(log.x),
+        horizons=[0, 5, 20, 40],
+        mean=label.mean(axis=0),
+        target=smooth_labels(log, config.vehicle, config.controller.label),
+        warm_up=250,
+    )
+    for row in table:  # now, there is hardly anything to predict: the label is 40 ms old
+        if row.model == "shipped":
+            assert row.force_skill < (0.85 if row.horizon else 1.0)
+
+
+def test_the_payload_filter_finds_a_delay_in_flight_and_holds_the_circle():
+    without, late = (fly(circle(delay=delay), seed=0).metrics() for delay in (0.0, 0.06))
+    assert late["E_xy"] < 0.02  # [m]; with the first seconds
+    assert late["command_delay"] == pytest.approx(0.06, abs=0.0051)  # a quarter period [s]
+    assert late["wrench_rmse"]["force"] < 1.5 * without["wrench_rmse"]["force"]
+    oracle = fly(circle("oracle", 0.06), seed=0).metrics()["E_xy"]
+    assert oracle < min(late["E_xy"], 0.004)  # [m]; stays the limit
+
+
+def test_a_controller_that_knows_or_finds_the_delay_holds_on():
+    with pytest.raises(LostVehicle):
+        fly(circle("hold", 0.06), seed=0, tolerance=0.5)
+    told = fly(circle("hold", 0.06, command_delay=0.06), seed=0).metrics()
+    found = fly(circle("nominal", 0.06, track_delay=True), seed=0).metrics()
+    assert max(told["E_xy"], found["E_xy"]) < 0.05  # [m]
+    assert told["command_delay"] == 0.06
+    # The lag is not known to this kind, so that its estimate is coarser [s].
+    assert found["command_delay"] == pytest.approx(0.06, abs=0.01)
+
+
+@pytest.mark.parametrize(
+    "delay, said",
+    [(0.0, None), (0.05, "act 50 ms late"), (0.12, "120 ms late or later, the latest")],
+)
+def test_fly_says_with_which_delay_its_controller_reckoned(delay, said, tmp_path, capsys):
+    (tmp_path / "late.yaml").write_text(
+        "name: late\nduration: 0.2\nreference: {track: hover, ramp: 0.2}\n"
+        f"controller: {{kind: hold, solver: sqp, command_delay: {delay}}}\n"
+        f"reality: {{command_delay: {delay}}}\n"
+    )
+    assert run(["fly", str(tmp_path / "late.yaml")]) == 0
+    printed = " ".join(capsys.readouterr().out.split())
+    assert ("ms late" in printed) == (said is not None)
+    assert (said or "") in printed
+
+
+def test_a_delay_that_no_controller_can_know_is_refused():
+    with pytest.raises(ValueError, match="command_delay must be 0 to"):
+        circle(delay=0.06, command_delay=0.5).check()
+    with pytest.raises(ValueError, match="the oracle knows delays up to"):
+        circle("oracle", 0.5).check()
+
+
+def piloted(kind="nominal", autopilot="rate_loop", **changes) -> FlightConfig:
+    config = dc.replace(default_flight(VEHICLE), duration=2.0, **changes).with_autopilot(autopilot)
+    config.controller.kind = kind
+    config.reference.ramp = 2.0
+    return config.check_and_step()
+
+
+def test_predictors_fly_on_body_rates_which_the_log_holds():
+    nominal, learned = (fly(piloted(kind), seed=1) for kind in ("nominal", "np"))
+    assert learned.metrics()["E_xy"] < 0.4 * nominal.metrics()["E_xy"] < 0.03
+    log, command = nominal.log(), nominal.signals["rates_thrust"]
+    assert log.commanded_rates.shape == log.w.shape
+    assert np.abs(log.commanded_rates).max() < RateLoop().max_rate[0]
+    expected = RateLoop().torque(VEHICLE.J, nominal.signals["x"][:, 10:13], command[:, 1:])
+    np.testing.assert_allclose(nominal.signals["u"][:, 1:], expected, atol=1e-9)
+    np.testing.assert_allclose(nominal.signals["u"][:, 0], command[:, 0])
+
+
+def test_a_scenario_file_names_the_autopilot_alone(tmp_path):
+    (tmp_path / "a.yaml").write_text(
+        "autopilot: {kind: rate_loop}\nvehicle: {rate_loop: {lag: [0.1, 0.1, 0.3]}}\n"
+    )
+    config = load_flight(str(tmp_path / "a.yaml"))
+    assert config.controller.mpc.command == "rates"
+    assert config.vehicle.rate_loop.lag == [0.1, 0.1, 0.3]
+
+
+def test_bandwidth_and_usual_loop_keep_the_pace_of_the_vehicle():
+    small, pace = load_vehicle("crazyflie"), ratios(load_vehicle("crazyflie")).time
+    bandwidth = default_flight(small).autopilot.betaflight.bandwidth
+    assert bandwidth == pytest.approx([20 / pace, 20 / pace, 5 / pace])
+    assert usual_rate_loop(small).lag == pytest.approx([0.075 * pace, 0.075 * pace, 0.2 * pace])
+
+
+def test_flights_that_no_autopilot_flies_are_refused():
+    for kind in ("oracle", "cascade"):
+        with pytest.raises(ValueError, match=f"autopilot: {kind} commands torque"):
+            piloted(kind)
+    with pytest.raises(ValueError, match="must have a rate_loop"):
+        piloted(vehicle=Vehicle())
+    for part in ("autopilot", "controller"):
+        with pytest.raises(ValueError, match="command must be rates with an autopilot"):
+            dc.replace(piloted(), **{part: getattr(FlightConfig(), part)}).check()
+
+
+def test_a_shifted_centre_of_mass_leaves_no_standing_command():
+    config = dc.replace(load_experiment("hover", VEHICLE), duration=3.0).with_autopilot("rate_loop")
+    config.controller.kind, config.reference.ramp = "hold", 0.5
+    offset = EffectEntry("center_of_mass_offset", {"x": 0.005, "y": 0.0, "z": 0.0})
+    shifted = dc.replace(config, reality=dc.replace(config.reality, effects=[offset]))
+    rates = fly(shifted.check_and_step(), seed=1).log().commanded_rates
+    assert abs(rates[-50:, 1].mean()) < 0.05  # [rad/s]; without an integral 0.35

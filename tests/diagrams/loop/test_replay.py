@@ -1,0 +1,110 @@
+"""Laws of the replay page of a flight, read from the page as a browser reads it."""
+
+import dataclasses as dc
+import re
+
+import numpy as np
+import pytest
+
+from diagrams.loop.experiments import load_experiment
+from diagrams.loop.flight_result import fly
+from diagrams.loop.replay import FRAME_RATE, POLICY, frames, position_error, write_replay
+from np_drake import attitude
+
+POSITION = 1e-12  # of what is copied, in double precision [m]
+
+
+@pytest.fixture(scope="module")
+def flight(flown):
+    return flown("circle", "hold")
+
+
+@pytest.fixture(scope="module")
+def page(flight, replay_page, tmp_path_factory):
+    path = tmp_path_factory.mktemp("page") / "replay.html"
+    write_replay(flight, path)
+    return replay_page(path)
+
+
+def shown(flight, name):
+    return flight.signals[name][frames(flight.signals["t"])]
+
+
+def ends(film, lower):
+    """Lower or upper end of the tether in every frame, (frames, 3) [m]."""
+    bar, half = film["tether"], 0.5 * film["tether"]["scale"][:, 2]
+    q = bar["quaternion"][:, [3, 0, 1, 2]]  # three.js: x, y, z, w
+    return bar["position"] + (1 if lower else -1) * half[:, None] * attitude.body_z(q)
+
+
+def test_a_frame_shows_the_row_of_its_time():
+    t = 0.02 * np.arange(500)
+    np.testing.assert_allclose(t[frames(t)], np.arange(len(frames(t))) / FRAME_RATE, atol=1e-9)
+    slow = 0.1 * np.arange(50)
+    assert (
+        np.abs(slow[frames(slow)] - np.arange(len(frames(slow))) / FRAME_RATE).max() < 0.1
+    )  # one row
+
+
+def test_the_payload_hangs_on_the_tethers_end_in_every_frame(flight, page):
+    x, hook = shown(flight, "x_true"), np.array(flight.config.reality.hung.hook)
+    np.testing.assert_allclose(ends(page.film, True), page.film["payload"]["position"], atol=1e-9)
+    at_hook = x[:, :3] + attitude.rotate(x[:, 3:7], np.tile(hook, (len(x), 1)))
+    np.testing.assert_allclose(ends(page.film, False), at_hook, atol=1e-5)  # norm of q [m]
+    assert np.all(page.film["payload"]["visible"])
+
+
+def test_the_vehicle_is_where_it_flew_and_so_are_its_arrows(flight, page):
+    x = shown(flight, "x_true")
+    for name in ("quadrotor", "thrust", "force"):
+        np.testing.assert_allclose(page.film[name]["position"], x[:, :3], atol=POSITION)
+    thrust = attitude.body_z(page.film["thrust"]["quaternion"][:, [3, 0, 1, 2]])
+    np.testing.assert_allclose(thrust, attitude.body_z(x[:, 3:7]), atol=1e-5)  # norm of q
+    total = shown(flight, "rotor_thrust").sum(axis=1)
+    length = page.film["thrust"]["scale"][:, 2]
+    np.testing.assert_allclose(length / length[0], total / total[0], rtol=1e-5)
+
+
+def test_the_read_out_is_the_error_of_the_flight(flight, page):
+    (error,) = page.numbers["errors"]
+    expected = 100 * position_error(flight)[frames(flight.signals["t"])]  # [cm]
+    np.testing.assert_allclose(error["cm"], expected, atol=0.00501)  # two digits
+    assert len(error["cm"]) == len(page.film["quadrotor"]["position"])
+
+
+def test_the_trail_grows_to_the_vehicle(page):
+    (trail,) = page.numbers["trails"]
+    assert trail["first"] == [0] * len(trail["last"])
+    assert np.all(np.diff(trail["last"]) > 0)
+    assert "trail" in page.objects
+
+
+def test_a_payload_that_is_hung_in_flight_is_hidden_until_then(
+    flight, replay_page, tmp_path, monkeypatch
+):
+    monkeypatch.setattr(type(flight.config.reality), "hangs_at", 0.4)
+    write_replay(flight, tmp_path / "late.html")
+    visible = replay_page(tmp_path / "late.html").film["payload"]["visible"]
+    np.testing.assert_array_equal(visible, np.arange(len(visible)) / FRAME_RATE >= 0.4 - 1e-9)
+
+
+def test_a_flight_without_a_payload_shows_none(flight, replay_page, tmp_path):
+    bare = {**flight.signals, "plant_state": flight.signals["plant_state"][:, :13]}
+    write_replay(dc.replace(flight, signals=bare), tmp_path / "bare.html")
+    assert not {"payload", "tether"} & replay_page(tmp_path / "bare.html").objects
+
+
+def test_the_page_can_load_nothing_from_a_network(page):
+    assert f'content="{POLICY}"' in page.text  # the browser itself refuses what is not named
+    assert not re.search(r"https?:|\*|'self'", POLICY)
+    assert page.text.index(POLICY) < page.text.index("<script")
+    assert ".dg { display: none !important; }" in page.text  # Meshcat's own controls
+    assert not re.search(r"<(script|link|img|iframe)[^>]*\b(src|href)=", page.text)
+
+
+def test_the_legend_names_waypoints_where_the_track_has_any(tmp_path):
+    for name, there in (("steps", True), ("circle", False)):
+        config = load_experiment(name)
+        config.controller.kind, config.duration, config.reference.ramp = "cascade", 0.1, 0.1
+        write_replay(fly(config, seed=0), tmp_path / f"{name}.html")
+        assert (">waypoints<" in (tmp_path / f"{name}.html").read_text()) == there

@@ -1,0 +1,35 @@
+"""The problems of the solvers' own tests, for their peers, and made flights."""
+
+import importlib.util
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from np_drake.training_data.segments import Segment
+
+_PROBLEMS = Path(__file__).parents[2] / "np_drake" / "mpc" / "conftest.py"
+_spec = importlib.util.spec_from_file_location("mpc_problems", _PROBLEMS)
+_problems = importlib.util.module_from_spec(_spec)
+_spec.loader.exec_module(_problems)
+vehicle, config = _problems.vehicle, _problems.config
+reaction, make_problem = _problems.reaction, _problems.make_problem
+STEP = 0.0025  # of the synthetic flight [s]
+
+
+def make_flight(samples, seed):
+    """Return smooth force and torque driven by a smooth motion, with windows as singular as those
+    of real flights.
+    """
+    draw, t = np.random.default_rng(seed), STEP * np.arange(samples)[:, None, None]
+    rate, phase = draw.uniform(2.0, 25.0, (12, 8)), draw.uniform(0, 2 * np.pi, (12, 8))
+    waves = np.sin(rate * t + phase).sum(axis=2)
+    return Segment(
+        waves[:, :6] * np.repeat([1.0, 0.05], 3), waves[:, 6:] + 0.2 * waves[:, :6], STEP
+    )
+
+
+@pytest.fixture(scope="session")
+def synthetic_flight():
+    """`make_flight`."""
+    return make_flight

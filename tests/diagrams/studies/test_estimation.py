@@ -1,0 +1,172 @@
+"""Laws of the estimation table and of the error against training samples, on arrays made here."""
+
+import json
+
+import numpy as np
+import pytest
+
+from diagrams.batch.run import Run
+from diagrams.cli.main import run
+from diagrams.studies import estimation as dut
+from diagrams.studies.estimation import COLUMNS, FAR, PUBLISHED, column_rmse, window_figure
+from np_drake.lifting.model.lifted_model import BY_AXES
+from np_drake.lifting.training.train import make_config, train
+from np_drake.logs.formats.neurobem_wrenches import TESTS, TRAINING
+
+NP = BY_AXES["body"]  # configuration of the row `np`
+STEMS = {name: stem for stem, name in TESTS.items()}
+FLOWN = ("random points", "race track 1", "ellipse")  # one without a row of the published NP
+OWN = "2021-03-01-10-00-00_seg_1"  # a flight that the table does not have
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory, synthetic_flight):
+    """Less than two seconds each."""
+    folder = tmp_path_factory.mktemp("neurobem")
+    (folder / "npy").mkdir()
+    for k, stem in enumerate([TRAINING, *(STEMS[name] for name in FLOWN), f"merged_{OWN}"]):
+        flight = synthetic_flight(700, k)
+        np.save(folder / "npy" / f"{stem}.npy", np.hstack([flight.zeta, flight.chi]))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def made(synthetic_flight):
+    """A made flight and a model of it."""
+    segment = synthetic_flight(1500, 0)
+    return train([segment], make_config(NP, frame="body")).model, segment
+
+
+def test_lengths_are_those_of_the_error_vector_and_rows_with_gaps_do_not_count():
+    error = np.tile([3.0, -4.0, 12.0, 0.3, 0.4, -1.2], (7, 1))
+    expected = [3.0, 4.0, 12.0, 0.3, 0.4, 1.2, 5.0, 0.5, 13.0, 1.3]
+    assert list(column_rmse(error)) == list(COLUMNS)
+    np.testing.assert_allclose(list(column_rmse(error).values()), expected)
+    error[2, 5], error[2, :5] = np.nan, 100.0
+    assert column_rmse(error)["F_x"] == pytest.approx(3.0)
+    with pytest.raises(ValueError, match="must have a row"):
+        column_rmse(np.full((3, 6), np.nan))
+
+
+PRINTED_SO = {  # lengths that are printed otherwise than their components make them
+    ("melon 2", "NeuroBEM", "tau"),
+    ("ellipse", "NeuroBEM", "tau"),
+    ("figure-8 4", "NeuroMHE", "tau"),
+}
+
+
+def test_published_lengths_follow_from_published_components():
+    """To the rounding of three decimals: no figure is mistyped."""
+    assert set(PUBLISHED) == set(TESTS.values())
+    assert len([rows for rows in PUBLISHED.values() if "NP" in rows]) == 6
+    for flight, rows in PUBLISHED.items():
+        for method, values in rows.items():
+            row = dict(zip(COLUMNS, values, strict=True))
+            for kind in ("F", "tau"):
+                x, y, z = (row[f"{kind}_{axis}"] for axis in "xyz")
+                if (flight, method, kind) not in PRINTED_SO:
+                    assert row[f"{kind}_xy"] == pytest.approx(np.hypot(x, y), abs=0.0015)
+                    assert row[kind] == pytest.approx(np.hypot(np.hypot(x, y), z), abs=0.0015)
+
+
+def test_every_cell_of_the_paper_stands_beside_ours(folder, tmp_path, capsys):
+    out, page = tmp_path / "table.json", tmp_path / "table.md"
+    given = ["--neurobem", str(folder), "--seed", "3", "--json", str(out), "--markdown", str(page)]
+    assert run(["reproduce", "estimation", *given]) == 0, capsys.readouterr().err
+    captured, content = capsys.readouterr().out, json.loads(out.read_text())
+    cells = {(line["row"], line["column"]): line for line in content["table"]}
+    assert len(cells) == len(content["table"]) == 40
+    for flight in FLOWN:
+        rows = PUBLISHED[flight]
+        for place, column in enumerate(COLUMNS):
+            line = cells[flight, column]
+            assert line["paper"] == (rows["NP"][place] if "NP" in rows else None)
+            assert line["NeuroMHE"] == rows["NeuroMHE"][place]
+            assert cells[OWN, column]["NeuroMHE"] is None
+            assert {"ours", "ours_paper", "NeuroBEM", "persistence", "linear"} <= set(line)
+    assert set(content["at_or_below_the_paper"]) == {"np: paper", "np", "persistence", "linear"}
+    assert all(
+        found["unstable"] == 0 for of in content["stability"].values() for found in of.values()
+    )
+    assert content["seed"] == content["config"]["paper"]["seed"] == 3
+    assert "of 20 cells" in captured
+    assert all(f"| {method} |" in page.read_text() for method in ("NeuroBEM", "NeuroMHE", "NP"))
+
+
+def test_the_figure_shows_every_row_at_the_time_it_speaks_of(made):
+    model, flight = made
+    figure = window_figure({NP: model}, flight, (2.0, 3.0))
+    assert len(figure.axes) == 6
+    lines = figure.axes[0].get_lines()
+    label, held = lines[0].get_ydata(), lines[2].get_ydata()
+    rows = np.arange(800, 1200)
+    np.testing.assert_array_equal(label, flight.chi[rows, 0])
+    np.testing.assert_array_equal(held, flight.chi[rows - FAR, 0])
+
+
+SIZES = (600, 1200)
+
+
+def test_every_model_and_size_has_its_point_beside_the_papers(synthetic_flight):
+    training, test = synthetic_flight(1250, 0), synthetic_flight(700, 1)
+    configs = {**dut.configs(seed=0), "paper": make_config("paper", epochs=1)}
+    points = dut.sample_efficiency(Run(), training, test, configs, sizes=SIZES)
+    assert {(p["row"], p["samples"], p["pieces"]) for p in points} == {
+        *(
+            (row, size, count)
+            for row in ("np: paper", "np")
+            for size, count in ((600, 2), (1200, 1))
+        ),
+        ("persistence", 0, 1),
+        ("linear", 0, 1),
+    }
+    for p in points:
+        for mean, low, high in (p["force"], p["torque"]):
+            assert 0 < low <= mean <= high
+    figure = dut.efficiency_figure(points, "made")
+    assert [ax.get_ylabel() for ax in figure.axes] == ["force RMSE [SI]", "torque RMSE [SI]"]
+    with pytest.raises(ValueError, match="must have 1300 samples; got 1250"):
+        dut.sample_efficiency(Run(), training, test, configs, sizes=(1300,))
+
+
+def test_pieces_are_disjoint_and_of_one_size(synthetic_flight):
+    segment = synthetic_flight(4000, 0)
+    for size, count in ((1000, 4), (3000, 1)):
+        cut = dut.pieces(segment, size)
+        assert [len(piece) for piece in cut] == count * [size]
+        joined = np.concatenate([p.chi for p in cut])
+        np.testing.assert_array_equal(joined, segment.chi[: count * size])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["estimation"], "estimation: give the folder"),
+        (["estimation", "--neurobem", "nowhere"], "nowhere"),
+        (["sample-efficiency", "--neurobem", "FOLDER"], "must have 1000 samples; got 700."),
+    ],
+)
+def test_bad_input_is_one_line(folder, monkeypatch, capsys, arguments, message):
+    monkeypatch.delenv("NP_DRAKE_NEUROBEM", raising=False)
+    given = [str(folder) if word == "FOLDER" else word for word in arguments]
+    assert run(["reproduce", *given]) == 2
+    last = capsys.readouterr().err.splitlines()[-1]
+    assert last.startswith(f"np-drake reproduce {arguments[0]}: ")
+    assert message in last
+
+
+@pytest.fixture(scope="module")
+def real(neurobem):
+    return dut.flights(neurobem)
+
+
+def test_one_step_ahead_the_default_is_below_the_paper_in_every_cell(real):
+    training, found = real
+    tests = {name: flight for name, flight in found.items() if "NP" in PUBLISHED.get(name, {})}
+    model = train([training], make_config(NP, frame="body")).model
+    cells, stability = dut.estimation_table(Run(), {NP: model}, tests, {})
+    assert list(cells) == list(tests)
+    assert dut.ratios(cells, "np").shape == (10 * len(tests),)
+    assert dut.ratios(cells, "np").max() < 0.25
+    assert dut.ratios(cells, "persistence").max() <= 1.0  # the floor, not the goal
+    assert all(found["unstable"] == found["pulled"] == 0 for found in stability[NP].values())

@@ -1,0 +1,293 @@
+"""Laws of the robustness sweep; the flights of the verb are made here."""
+
+import json
+from functools import partial
+
+import numpy as np
+import pytest
+
+from diagrams.cli.main import run
+from diagrams.loop.experiments import load_experiment
+from diagrams.loop.reality import RealityConfig
+from diagrams.studies import robustness, sweep
+from diagrams.studies.robustness import (
+    AXES,
+    BASE,
+    NAIVE,
+    ROWS,
+    cells_of,
+    flight_config,
+    grid_points,
+    grid_settings,
+    grid_table,
+    measures,
+    summary,
+)
+from diagrams.studies.sweep import named, tidy
+from np_drake.effects.base import Motion
+from np_drake.effects.combine import total_wrench
+from np_drake.vehicle import Vehicle
+
+CASE = {"seed": 7, **BASE}
+
+
+def test_the_grid_has_every_point_and_without_payload_one_tether():
+    settings = grid_settings(5)
+    assert len(settings) == 4 * 5 * 5 + 5
+    assert {s["length"] for s in settings if s["mass"] == 0.0} == {BASE["length"]}
+    assert {s["speed"] for s in settings} == {0.5, 1.0, 1.5, 2.0, 2.5}
+    for name in BASE.keys() - {"mass", "length", "speed"}:
+        assert {s[name] for s in settings} == {BASE[name]}
+
+
+@pytest.mark.parametrize(
+    ("count", "mass"), [(2, {0.0, 0.5}), (3, {0.0, 0.26, 0.5}), (4, {0.0, 0.13, 0.38, 0.5})]
+)
+def test_a_thinned_grid_is_evenly_spaced_and_keeps_its_ends(count, mass):
+    settings = grid_settings(count)
+    assert {s["mass"] for s in settings} == mass
+    assert {0.4, 1.6} <= {s["length"] for s in settings}
+    assert {0.5, 2.5} <= {s["speed"] for s in settings}
+
+
+def test_rows_fly_the_same_vehicle_weights_and_draws():
+    case = CASE | {"wind": 4.0, "noise": 2.0}
+    configs = [flight_config(case, row, solver="sqp", model="x") for row in ROWS]
+    for config in configs:
+        assert config.reality == configs[0].reality
+        assert config.reference == configs[0].reference
+        assert config.controller.mpc == configs[0].controller.mpc
+    assert configs[0].reality.noise.position == pytest.approx(2 * RealityConfig().noise.position)
+    assert (configs[0].reality.wind, configs[0].reality.gust) == ([4.0, 0.0, 0.0], 1.0)
+    assert configs[0].reality.gust_seed == 7
+
+
+@pytest.mark.parametrize(
+    ("axis", "value", "field"),
+    [("delay", 0.045, "command_delay"), ("loss", 0.006, "thrust_loss"), ("lag", 0.05, "motor_lag")],
+)
+def test_delay_battery_and_slow_motors_are_told_to_nobody(axis, value, field):
+    np_row = named(ROWS, "np")
+    config = flight_config(CASE | {axis: value}, np_row, solver="sqp", model="x")
+    base = flight_config(CASE, np_row, solver="sqp", model="x")
+    assert getattr(config.reality, field) == value
+    assert config.controller == base.controller
+    assert config.vehicle == base.vehicle
+
+
+def test_no_mass_is_no_payload_and_tells_nothing():
+    told = named(ROWS, "hold + total mass")
+    config = flight_config(CASE | {"mass": 0.0}, told, solver="sqp")
+    assert config.reality.payload.tether == "none"
+    assert config.controller.extra_mass == 0.0
+    heavy = flight_config(CASE | {"mass": 0.5}, told, solver="sqp")
+    assert heavy.controller.extra_mass == heavy.reality.payload.mass == 0.5
+
+
+@pytest.mark.parametrize("axis", AXES, ids=lambda axis: axis.name)
+def test_every_value_can_be_flown(axis):
+    assert axis.base in axis.values == tuple(sorted(axis.values))
+    for value in axis.values:
+        assert flight_config(CASE | {axis.name: value}, solver="sqp").check()
+
+
+def test_wind_pushes_a_resting_body_with_its_drag():
+    effects = RealityConfig(wind=[4.0, 0.0, 0.0]).check().wrench_effects()
+    vehicle, x = Vehicle(), np.zeros(13)
+    x[3] = 1.0
+    thrust = np.full(4, vehicle.mass * vehicle.gravity / 4)
+    chi = total_wrench(vehicle, effects, Motion(0.0, x, thrust))
+    np.testing.assert_allclose(chi, [0.25 * 4.0, 0, 0, 0, 0, 0], atol=1e-12)  # [N]; drag 0.25 N·s/m
+
+
+@pytest.mark.parametrize(
+    ("fields", "message"),
+    [
+        ({"wind": [1.0, 0.0]}, "three finite speeds"),
+        ({"gust": -1.0}, "gust must not be negative"),
+        ({"gust": 1.0, "rotor_drag": 0.0}, "wind acts through rotor_drag"),
+    ],
+)
+def test_impossible_wind_is_refused(fields, message):
+    with pytest.raises(ValueError, match=message):
+        RealityConfig(**fields).check()
+
+
+def made_signals(config, n):
+    """Hover on the reference, nothing saturated."""
+    x, plant = np.zeros((n, 13)), np.zeros((n, 26))
+    x[:, 3], plant[:, 6], plant[:, 13] = 1.0, 1.0, 0.2
+    return {
+        "t": config.controller.period * np.arange(n),
+        "x_true": x,
+        "p_ref": np.zeros((n, 3)),
+        "u": np.tile(config.vehicle.hover_input, (n, 1)),
+        "status": np.zeros((n, 1)),
+        "plant_state": plant,
+    }
+
+
+def test_a_swing_that_doubles_grows_by_two():
+    config = flight_config(CASE, solver="sqp")
+    signals = made_signals(config, 1250)
+    third = np.linspace(0.0, 3.0, 750, endpoint=False).astype(int)
+    signals["plant_state"][500:, 11] = 0.1 * np.array([1.0, 1.5, 2.0])[third]  # [m], of the payload
+    assert measures(config, signals)["swing_growth"] == pytest.approx(2.0)
+    signals["plant_state"] = np.zeros((1250, 13))
+    assert measures(config, signals)["swing_growth"] is None
+
+
+@pytest.mark.parametrize("far", [1.01, np.nan])
+def test_a_vehicle_off_its_reference_is_lost_from_then_on(far):
+    config = flight_config(CASE, solver="sqp")
+    signals = made_signals(config, 1250)
+    signals["x_true"][500:, 0] = far
+    signals["u"][480:, 0] = 4 * config.vehicle.max_rotor_thrust
+    signals["status"][490:] = 9
+    dut = measures(config, signals)
+    assert dut["lost_at"] == pytest.approx(10.0)
+    assert (dut["E_xy"], dut["E_z"], dut["growth"]) == (None, None, None)
+    assert dut["solve_failures"] == 10  # what came after the loss does not count
+    assert dut["at_limit"] == pytest.approx(20 / 500)
+
+
+def test_a_flight_that_the_simulator_ended_is_lost_where_its_signals_end():
+    config = flight_config(CASE, solver="sqp")
+    dut = measures(config, made_signals(config, 300), "the simulation ended before 7.0 s")
+    assert dut["lost_at"] == pytest.approx(5.98)
+    assert dut["E_xy"] is None
+    assert measures(config, made_signals(config, 1250))["lost_at"] is None
+
+
+def test_a_short_flight_has_figures_and_repeats(monkeypatch):
+    def load(name, vehicle=None, reality=None):
+        config = load_experiment(name, vehicle, reality)
+        config.reference.ramp = 1.0
+        return config
+
+    monkeypatch.setattr(sweep, "load_experiment", load)
+    monkeypatch.setattr(robustness, "measures", partial(measures, settling=0.2))
+    work = partial(robustness.flown, solver="sqp", duration=0.6)
+    dut = work(CASE | {"wind": 8.0}, named(ROWS, "hold"), "")
+    assert dut["lost_at"] is None
+    assert 0.0 < dut["E_xy"] < 0.2  # [m]
+    assert work(CASE | {"wind": 8.0}, named(ROWS, "hold"), "") == dut
+
+
+# E_xy by row [m]; np has half the error of the best naive row and ten times the oracle's.
+ERROR = {"nominal": 0.05, "hold": 0.04, "np": 0.02, "oracle": 0.002}
+
+
+def made(settings, change=lambda row, setting: {}, rows=ERROR, seeds=(1, 2, 3)):
+    """Return records; `change(row, setting)` returns what differs in the result."""
+    records = []
+    for setting in settings:
+        for row in rows:
+            for seed in seeds:
+                result = {"E_xy": ERROR[row] * (1 + 0.001 * seed), "E_z": 0.01, "growth": 1.0}
+                result |= {"swing_growth": 1.0, "lost_at": None, "lost": "", "solve_failures": 0}
+                result |= {"fallbacks": 0, "at_limit": 0.0} | change(row, setting)
+                case = {"row": row, "model": "", **setting, "seed": seed}
+                records.append({"case": case, "result": result, "seconds": 1.0})
+    return records
+
+
+LOST = {"E_xy": None, "E_z": None, "growth": None, "swing_growth": None, "lost_at": 7.0}
+SETTINGS = grid_settings(2)  # payloads 0, 0.5 kg; tethers 0.4, 1.6 m; speeds 0.5, 2.5 m/s: 6 points
+
+
+def grid(change):
+    points = grid_points(cells_of(tidy(made(SETTINGS, change))), SETTINGS)
+    return {line["row"]: line for line in grid_table(points)}
+
+
+def test_a_lost_or_failed_flight_leaves_neither_mean_nor_interval():
+    records = made([BASE], rows=["np"])
+    whole = summary(cells_of(tidy(records))["np", *BASE.values()])
+    assert whole["E_xy"] == pytest.approx(0.02 * 1.002)
+    assert whole["E_xy_ci95"] == pytest.approx(4.302653 * 2e-5 / np.sqrt(3), rel=1e-6)  # Student
+    assert whole["spread"] == pytest.approx(0.001 / 1.002)
+    for broken in ({"result": records[1]["result"] | LOST}, {"error": "its process died"}):
+        bad = [records[0], {"case": records[1]["case"], **broken}, records[2]]
+        dut = summary(cells_of(tidy(bad))["np", *BASE.values()])
+        assert (dut["flights"], dut["lost"]) == (3, 1)
+        assert (dut["E_xy"], dut["E_xy_ci95"], dut["growth"]) == (None, None, None)
+
+
+def test_naive_rows_are_those_that_learn_nothing():
+    assert {"nominal", "hold", "hold + total mass"} <= set(NAIVE)
+    assert not {"np", "gp", "oracle"} & set(NAIVE)
+
+
+def test_shares_count_points_once_and_ratios_are_of_means():
+    dut = grid(lambda row, s: {"E_xy": 0.004} if row == "np" and s["mass"] == 0 else {})
+    assert dut["np"]["points"] == 6
+    assert dut["np"]["near"] == pytest.approx(2 / 6)  # without payload: 0.4 cm of at most 0.5 cm
+    assert dut["np"]["worst"] == pytest.approx(10.0)
+    assert dut["np"]["worst_at"]["mass"] == 0.5
+    assert dut["oracle"]["near"] == 1.0
+
+
+def test_the_best_naive_row_is_that_of_the_point():
+    points = grid_points(cells_of(tidy(made(SETTINGS))), SETTINGS)
+    assert [p["over_naive"] for p in points if p["row"] == "np"] == pytest.approx([0.5] * 6)
+
+
+@pytest.mark.parametrize(("error", "share"), [(0.005, 1.0), (0.00503, 0.0)])
+def test_the_bound_near_the_oracle_is_twice_its_error_and_a_millimetre(error, share):
+    dut = grid(lambda row, s: {"E_xy": error} if row == "np" else {})  # the oracle's: 0.002004 m
+    assert dut["np"]["near"] == share
+
+
+def test_a_lost_flight_is_not_near():
+    dut = grid(
+        lambda row, s: (LOST if s["speed"] == 2.5 else {"E_xy": 0.003}) if row == "np" else {}
+    )
+    assert dut["np"]["near"] == 0.5
+    assert (dut["np"]["lost"], dut["np"]["flights"]) == (9, 18)
+    assert dut["hold"]["lost"] == 0
+
+
+@pytest.mark.parametrize("key", ["growth", "swing_growth"])
+def test_error_and_swing_both_count_as_growing(key):
+    dut = grid(
+        lambda row, s: (
+            {key: 1.6 if row == "np" and s["speed"] == 2.5 else 1.4}
+            | ({"swing_growth": None} if s["mass"] == 0 and key == "growth" else {})
+        )
+    )
+    assert (dut["np"]["growing"], dut["hold"]["growing"]) == (3, 0)
+
+
+def test_the_verb_prints_errors_and_the_grid(monkeypatch, tmp_path, capsys):
+    def records(run, title, rows, scenarios, work, *, config):
+        settings = [s for s in scenarios if s.pop("seed") == run.seeds[0]]
+        lost = lambda row, s: LOST if row == "hold" and s["speed"] == 3.0 else {}  # noqa: E731
+        return [], made(settings, lost, [row.name for row in rows], run.seeds)
+
+    monkeypatch.setattr(robustness, "fly_rows", records)
+    files = ["--json", str(tmp_path / "m.json"), "--markdown", str(tmp_path / "m.md")]
+    thin = ["--axis", "speed", "--grid", "--grid-values", "2", "--only", "hold", "--only", "np"]
+    assert run(["reproduce", "robustness", "--seed", "40", "--seeds", "2", *thin, *files]) == 0
+    said, page = capsys.readouterr().out, (tmp_path / "m.md").read_text()
+    assert "20 s, 2 flights a row, seeds 41 … 42" in said
+    assert "lost: 2 of" in said
+    assert "lost 2 of 2" in page
+    content = json.loads((tmp_path / "m.json").read_text())
+    assert content["config"]["seeds"] == [41, 42]
+    assert {line["axis"] for line in content["table"]} == {"speed"}
+    assert len(content["grid"]["points"]) == 3 * 6
+    assert [line["row"] for line in content["grid"]["table"]] == ["nominal", "hold", "np"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--axis", "rain"], "--axis: must be one of mass, length, speed, wind, gust, noise, lag"),
+        (["--grid-values", "3"], "--grid-values: must come with --grid."),
+        (["--solver", "magic"], "solver"),
+    ],
+)
+def test_bad_options_are_refused_before_work(arguments, message, capsys):
+    assert run(["reproduce", "robustness", *arguments]) == 2
+    assert message in capsys.readouterr().err

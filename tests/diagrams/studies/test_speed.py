@@ -1,0 +1,112 @@
+"""Laws of the timing table and of the benchmark of the solvers."""
+
+import numpy as np
+import pytest
+
+from diagrams.loop.experiments import load_experiment
+from diagrams.loop.flight_result import fly
+from diagrams.studies import bench, speed
+from diagrams.studies.sweep import configure, named
+from np_drake.mpc.problem import MpcConfig, SolverFailure
+from np_drake.mpc.sqp import SqpSolver
+
+
+def test_load_is_the_share_of_a_period():
+    spent = {"predict": np.full(10, 1.0), "solve": np.full(10, 4.0)}  # [ms]
+    spent |= {"reference": np.full(5, 0.5), "status": np.full(10, 9)}
+    line = speed.timing_line("np", "sqp", spent)
+    assert line["load_50"] == pytest.approx(0.25)  # 5 of 20 ms
+    assert line["load_100"] == pytest.approx(0.5)
+    assert (line["predict_ratio"], line["solve_ratio"]) == pytest.approx((2.0, 8.0))
+    assert line["failures"] == 10
+    _, header, rows = speed.printed([line], "title")
+    cells = dict(zip(header, rows[0], strict=True))
+    assert cells["load at 50 Hz [%]"] == "25 / 25"
+    assert cells["solve [ms]"] == "4.0 / 4.0"
+
+
+@pytest.mark.parametrize("name", ["nominal", "np"])
+def test_the_replay_solves_every_period_once(name):
+    config = configure("lemniscate", named(speed.ROWS, name), solver="sqp")
+    config.reference.ramp, config.duration = 1.0, 30 * config.controller.period
+    flight = fly(config.check(), seed=1)
+    spent = speed.replay(flight, "sqp")
+    assert len(spent["predict"]) == len(spent["solve"]) == np.sum(flight.scored)
+    assert np.all(spent["status"] == 0)
+    assert len(spent["reference"]) > 0
+    assert spent["solve"].min() > 0.1  # [ms]: far below any solve, far above nothing
+    assert (np.median(spent["predict"]) > 0.02) == (name == "np")  # [ms]
+
+
+class AlwaysFails:
+    name = "always_fails"
+
+    def solve(self, problem, warm_start=None):
+        raise SolverFailure("on purpose")
+
+
+@pytest.fixture(scope="module")
+def problems(vehicle, config):
+    return bench.tracking_problems(vehicle, config, count=12)
+
+
+def test_lines_have_times_gaps_failures_and_ratios_of_medians(vehicle, config, problems):
+    patient = SqpSolver(vehicle, config, steps=30, max_steps=30, time_limit=np.inf)
+    peer = SqpSolver(vehicle, config, steps=2)
+    peer.name = "acados"
+    solvers = [SqpSolver(vehicle, config), peer, AlwaysFails()]
+    good, other, bad = bench.run(solvers, problems, step=config.step, optimum=patient)
+    assert (good["failures"], bad["failures"]) == (0, 12)
+    assert 0 < good["median_ms"] <= good["p95_ms"] <= good["p99_ms"] <= good["max_ms"]
+    assert -1e-8 <= good["gap_median"] <= good["gap_max"] < 0.05
+    assert np.isnan(bad["gap_max"])
+    assert good["ratio_to_casadi"] is None  # it did not run
+    assert good["ratio_to_acados"] == pytest.approx(good["median_ms"] / other["median_ms"])
+    assert other["ratio_to_acados"] == 1.0
+
+
+def test_peers_that_cannot_run_have_no_row(vehicle, config, monkeypatch):
+    def missing(*_):
+        raise ImportError("on purpose")
+
+    def without_compiler(*_):
+        raise FileNotFoundError("on purpose")
+
+    monkeypatch.setattr(bench, "CasadiSolver", missing)
+    monkeypatch.setattr(bench, "AcadosSolver", without_compiler)
+    assert [s.name for s in bench.make_solvers(vehicle, config)][1:] == ["sqp", "sqp_2"]
+
+
+def test_every_problem_has_its_own_stable_model_and_stays_on_the_circle(problems):
+    radii = [np.abs(np.linalg.eigvals(p.forecast.A)).max() for p in problems]
+    assert max(radii) < 1.0
+    assert not np.array_equal(problems[0].forecast.C, problems[1].forecast.C)
+    assert problems[0].forecast.A.shape == (24, 24)
+    errors = [np.linalg.norm(p.x0[:3] - p.x_ref[0, :3]) for p in problems]
+    assert max(errors) < 0.03  # [m] in a quarter of a second
+
+
+def test_the_suite_covers_horizons_and_lifted_states(vehicle, monkeypatch):
+    config = MpcConfig(horizon=5).check()
+    monkeypatch.setattr(bench, "make_solvers", lambda v, c: [SqpSolver(v, c)])
+    seen = []
+    reports = bench.suite(
+        vehicle, config, count=4, progress=lambda done, total: seen.append((done, total))
+    )
+    growth = [bench.growth_name(n, K) for n, K in bench.GROWTH]
+    assert list(reports) == ["tracking", *growth]
+    assert seen[-1] == (len(reports), len(reports))
+    assert all(of[0]["failures"] == 0 for of in reports.values())
+
+
+def test_recorded_problems_are_those_of_consecutive_periods(monkeypatch):
+    def load(name, vehicle=None, reality=None):
+        config = load_experiment(name, vehicle, reality)
+        config.reference.ramp = 1.0
+        return config
+
+    monkeypatch.setattr("diagrams.studies.sweep.load_experiment", load)
+    config, problems = bench.record_problems(10, seed=0)
+    assert len(problems) == 10
+    moved = np.linalg.norm(np.diff([p.x0[:3] for p in problems], axis=0), axis=1)
+    assert np.all(moved < 2.5 * config.controller.period)  # [m]: no gap at 1.5 m/s

@@ -1,0 +1,113 @@
+"""Laws of rows, options and the one sweep."""
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from diagrams.batch.run import Run
+from diagrams.loop.experiments import load_experiment
+from diagrams.studies import payload, tracking
+from diagrams.studies.options import FlownOptions, FlownRun, chosen
+from diagrams.studies.sweep import (
+    Row,
+    choose_rows,
+    configure,
+    fly_rows,
+    means,
+    tidy,
+    training_config,
+)
+
+REGIME = "paper_vehicle"
+ROWS = (Row("nominal", "nominal"), Row("hold", "hold"), Row("np", "np"))
+
+
+def test_evaluation_seeds_follow_the_training_seed(tmp_path):
+    dut = FlownRun.of(Run(40, scratch=tmp_path), FlownOptions(seeds=3))
+    assert dut.settings == {"solver": "sqp", "seeds": [41, 42, 43], "training_seed": 40}
+    assert dut.title("hovers", "np ") == "3 hovers, seeds 41 … 43, np trained on seed 40, sqp"
+
+
+def test_nominal_flies_with_every_choice_of_rows():
+    assert choose_rows(ROWS, None) == ROWS
+    assert [row.name for row in choose_rows(ROWS, ["np"])] == ["nominal", "np"]
+    with pytest.raises(ValueError, match=r"\(nominal; hold; np\); got pid"):
+        choose_rows(ROWS, ["np", "pid"])
+
+
+def test_known_names_are_chosen_in_their_own_order():
+    assert chosen("--axis", ["b", "a"], ["a", "b", "c"]) == ["a", "b"]
+    assert chosen("--axis", None, ["a", "b"]) == ["a", "b"]
+    with pytest.raises(ValueError, match="must be one of a, b; got x"):
+        chosen("--axis", ["x"], ["a", "b"])
+
+
+@pytest.mark.parametrize("rows", [tracking.ROWS, payload.ROWS])
+def test_rows_differ_in_their_controller_alone(rows):
+    frozen = load_experiment("circle").controller.mpc
+    for row in rows:
+        config = configure("circle", row, solver="sqp", model="a file")
+        assert config.reality == load_experiment("circle").reality
+        assert config.controller.extra_mass == (0.26 if row.known_mass else 0.0)
+        damped = row.name in (payload.DAMPED, payload.FILTER_DAMPED)
+        assert (config.controller.mpc == frozen) == (not damped)
+
+
+def test_a_row_flies_and_trains_with_the_weights_of_its_reality():
+    weights = load_experiment(REGIME).controller.mpc
+    world = {"solver": "sqp", "reality": REGIME}
+    assert configure("hover_swing", ROWS[1], **world).controller.mpc == weights
+    assert training_config("plain_circle", **world).controller.mpc == weights
+
+
+def test_every_row_flies_every_scenario_with_the_model_that_was_trained_once(
+    monkeypatch, in_this_process, tmp_path
+):
+    def train(row, path, *, seed, solver):
+        if row.configuration == "knode":
+            raise ValueError("does not converge")
+        path.write_bytes(f"{row.configuration} {seed}".encode())
+
+    monkeypatch.setattr("diagrams.studies.sweep.train_row", train)
+    learnt = [Row(name, "gp", training="circle", configuration=name) for name in ("gp", "knode")]
+
+    def flight(case, row, model):
+        with open(model or __file__, "rb") as file:
+            return {"row": row.name, "E_xy": float(case["seed"]), "model": file.read(4).decode()}
+
+    run = FlownRun(3, tmp_path, count=2)
+    scenarios = [{"track": track, "seed": seed} for track in ("a", "b") for seed in run.seeds]
+    trainings, flights = fly_rows(
+        run,
+        "flying",
+        [ROWS[0], *learnt, Row("gp 2", "gp", training="circle", configuration="gp")],
+        scenarios,
+        flight,
+        config={},
+    )
+    assert ["error" in record for record in trainings] == [False, True]
+    assert [path.name for path in tmp_path.glob("*.safetensors")] == ["gp_circle.safetensors"]
+    frame = tidy(flights)
+    assert list(frame.groupby("row", sort=False).size().items()) == [
+        ("nominal", 4),
+        ("gp", 4),
+        ("gp 2", 4),
+    ]
+    assert set(frame.loc[frame["row"] == "gp 2", "model"]) == {"gp 3"}
+    json.dumps(flights)
+
+
+def test_a_failed_flight_has_a_line_of_its_own():
+    frame = tidy(
+        [{"case": {"row": "np"}, "error": "lost"}, {"case": {"row": "np"}, "result": {"E": 1}}]
+    )
+    assert list(frame["error"]) == ["lost", ""]
+
+
+def test_means_have_students_interval():
+    found = means(pd.DataFrame({"E": [1.0, 2.0, 3.0]}), ["E"])
+    assert found["E"] == 2.0
+    assert found["E_ci95"] == pytest.approx(4.302653 / np.sqrt(3), rel=1e-6)  # t(0.975, 2), s = 1
+    assert np.isnan(means(pd.DataFrame({"E": [1.0]}), ["E"])["E_ci95"])

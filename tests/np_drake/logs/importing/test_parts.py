@@ -1,0 +1,205 @@
+"""Laws of the parts of a log: what flies, what fits, and where a flight ends that ends badly."""
+
+import dataclasses as dc
+
+import numpy as np
+import pytest
+
+from np_drake.diagnosis.doctor.examine import examine
+from np_drake.logs.errors import LogError
+from np_drake.logs.formats.format import Stream
+from np_drake.logs.formats.log_file import write_log
+from np_drake.logs.importing.log_map import LogMap, Source
+from np_drake.logs.importing.parts import end_of_flight, require_ranges, standing
+from np_drake.logs.opening import open_flights
+
+T = 0.01 * np.arange(3000)
+
+
+def hop(t: np.ndarray) -> np.ndarray:
+    """A flight from the ground and back within 10 s, (n, 3)."""
+    return np.stack([np.sin(np.pi * t / 10) ** 2, 0 * t, np.sin(np.pi * t / 10) ** 2], axis=1)
+
+
+def flights_with_a_pause(idle: float) -> tuple[np.ndarray, np.ndarray]:
+    """Two flights of 10 s with 10 s on the ground between them."""
+    stands = (T >= 10) & (T < 20)
+    return np.where(stands[:, None], 0.0, hop(T)), np.where(stands, idle, 1.0)
+
+
+@pytest.mark.parametrize("idle", [0.0, 0.2])
+def test_a_vehicle_stands_between_landing_and_the_next_take_off(idle):
+    p, lift = flights_with_a_pause(idle)
+    dut = standing(T, p, lift)
+    assert dut[(T >= 10) & (T < 20)].all()
+    assert not dut[
+        np.linalg.norm(p, axis=1) > 0.06
+    ].any()  # [m], the margin of the law and a little
+
+
+def test_a_vehicle_that_dropped_a_load_of_more_than_its_weight_flies_on():
+    assert not standing(T, hop(T), np.where(T > 12, 0.45, 1.0)).any()
+
+
+def test_a_short_cut_of_thrust_and_a_fall_are_flight():
+    p, _ = flights_with_a_pause(0.0)
+    assert not standing(T, p, np.where((T > 10) & (T < 10.9), 0.0, 1.0)).any()
+    fall = np.where(T > 10, -0.5 * 9.81 * (T - 10) ** 2, 0.0)
+    assert not standing(T, np.stack([0 * T, 0 * T, fall], axis=1), np.where(T > 10, 0.0, 1.0)).any()
+
+
+def test_a_hover_is_flight_however_it_drifts():
+    for seed in range(5):
+        noise = np.cumsum(np.random.default_rng(seed).normal(0, 1e-3, (3000, 3)), axis=0)
+        for p in (noise, 0.03 * np.tanh(noise / 0.03)):
+            assert not standing(T, p, np.ones(3000)).any()
+
+
+def test_a_part_whose_rotors_give_a_fraction_of_another_part_stands():
+    rest = np.zeros((3000, 3))
+    assert not standing(T, rest, np.full(3000, 0.3)).any()
+    assert standing(T, rest, np.full(3000, 0.3), usual=1.0).all()
+
+
+HOVER = np.linspace(0.3, 0.8, 100)[:, None]
+
+
+@pytest.mark.parametrize(
+    ("name", "factor", "message"),
+    [
+        ("throttle", 1000.0, "above 1.5 in flight.*percent, us, pwm16"),
+        ("throttle", 100.0, "above 1.5 in flight"),
+        ("throttle", -1.0, "below -0.05 in flight.*scale"),
+        ("hover_throttle", 0.0, "below 0.02 in flight"),
+        ("hover_throttle", 100.0, "above 1.5 in flight"),
+        ("voltage", 1e4, "above 1000 in flight.*mV"),
+        ("rotor_speed", 2e4, "above 5000 in flight.*rpm"),
+    ],
+)
+def test_an_input_in_another_unit_is_refused(name, factor, message):
+    log_map = LogMap(**{name: Source(["c"])})
+    require_ranges(
+        {name: HOVER * {"rotor_speed": 1e3, "voltage": 16}.get(name, 1)}, log_map, "flight.csv"
+    )
+    with pytest.raises(LogError, match=rf"flight.csv, {name} \(c\): must not be {message}"):
+        require_ranges({name: HOVER * factor}, log_map, "flight.csv")
+
+
+def tumbling(streams, at: float, seed: int = 0):
+    """Return PX4's messages of a vehicle that hits something at `at` [s]: sensors and estimate go
+    wild.
+    """
+    rng = np.random.default_rng(seed)
+    out = dict(streams)
+    for name, size in (("vehicle_angular_velocity", 15.0), ("sensor_combined", 60.0)):
+        stream = out[name]
+        late = stream.t > at
+        out[name] = dc.replace(
+            stream,
+            columns={
+                c: np.where(late, size * rng.standard_normal(len(late)), v)
+                for c, v in stream.columns.items()
+            },
+        )
+    place = out["vehicle_local_position"]
+    late = place.t > at
+    wild = {
+        c: np.where(late, v + 4.0 * np.sin(3 * (place.t - at)), v)
+        for c, v in place.columns.items()
+        if c[0] == "v"
+    }
+    out["vehicle_local_position"] = dc.replace(place, columns={**place.columns, **wild})
+    return out
+
+
+@pytest.mark.parametrize("at", [6.0])
+def test_a_log_that_ends_in_a_crash_is_imported_up_to_it(flown, autopilots, import_px4, at):
+    found = import_px4(
+        {"actuator_motors": autopilots.throttle(flown)}, change=lambda s: tumbling(s, at)
+    )
+    (dut,) = found.flights
+    assert at - 2.0 < dut.t[-1] < at - 1.0 + 0.1  # the log begins at 1 s
+    assert any(line.startswith(f"fits until {dut.t[-1]:.1f} s; beyond, ") for line in found.said)
+    assert np.abs(dut.w).max() < 10.0
+
+
+def test_start_and_stop_of_a_call_count_from_the_log_s_own_start(flown, autopilots, import_px4):
+    outputs = {"actuator_motors": autopilots.throttle(flown)}
+    (dut,) = import_px4(outputs, start=1.5, stop=4.0).flights
+    np.testing.assert_allclose(dut.p, flown.p[150:401], atol=1e-9)
+    battery = Stream(1.0 + np.arange(9.0), {"voltage_v": 16.0 - 0.1 * np.arange(9.0)})
+
+    def with_battery(streams):
+        return tumbling(streams, 6.0) | {"battery_status": battery}
+
+    (dut,) = import_px4(outputs, change=with_battery, stop=4.5).flights
+    assert dut.t[-1] == pytest.approx(4.5)
+    with pytest.raises(LogError, match="start and stop must leave samples; position has 0 in them"):
+        import_px4(outputs, start=50.0)
+
+
+def fallen() -> tuple[np.ndarray, ...]:
+    """Return t, p, v, q of 5 s of flight, a fall of 0.8 s, an impact, and a wreck that lies on its
+    side.
+    """
+    t = 0.01 * np.arange(800)
+    height = np.where(t < 5.0, 3.2, np.maximum(3.2 - 4.905 * (t - 5.0) ** 2, 0.0))
+    p = np.column_stack([np.sin(np.minimum(t, 5.0)), 0 * t, height])
+    v = np.gradient(p, t, axis=0)
+    half = np.where(t < 5.0, 0.05 * np.sin(t), np.minimum(0.9 * (t - 5.0), 0.75))
+    return t, p, v, np.column_stack([np.cos(half), np.sin(half), 0 * t, 0 * t])
+
+
+def test_a_wreck_ends_the_flight_before_its_impact():
+    t, p, v, q = fallen()
+    assert t[end_of_flight(t, p, v, q)] == pytest.approx(5.8, abs=0.11)
+
+
+def test_a_landing_and_a_hover_are_no_crash():
+    t, p, v, q = fallen()
+    level = np.tile([1.0, 0.0, 0.0, 0.0], (len(t), 1))
+    p[:, 2] = np.clip(3.2 - 0.8 * (t - 3.0), 0.0, 3.2)
+    assert end_of_flight(t, p, np.gradient(p, t, axis=0), level) == len(t)
+    assert end_of_flight(t[:500], p[:500], v[:500], q[:500]) == 500
+
+
+G = 9.81
+
+
+def crashing(log, at: float, *, rests: float = 2.0):
+    """Return a flight whose rotors, at full thrust, carry it no longer from a time on [s]: it falls
+    and lies there.
+    """
+    row = int(np.searchsorted(log.t, at))
+    after = log.t - log.t[row]
+    late = after >= 0
+    ends = np.sqrt(2 * (log.p[row, 2] - 0.05) / G)
+    fall = np.minimum(np.maximum(after, 0.0), ends)
+    p, v, q, w, u, a = (x.copy() for x in (log.p, log.v, log.q, log.w, log.u, log.a))
+    p[late] = np.column_stack(
+        [np.tile(log.p[row, :2], (late.sum(), 1)), log.p[row, 2] - 0.5 * G * fall[late] ** 2]
+    )
+    falls = (fall < ends)[late, None]
+    v[late] = np.where(falls, [0, 0, -G] * fall[late, None], 0.0)
+    a[late] = np.where(falls, [0, 0, -G], 0.0)
+    half = 0.6 * fall[late] / ends
+    q[late] = np.column_stack([np.cos(half), np.sin(half), 0 * half, 0 * half])
+    w[late] = np.where(falls, [1.2 / ends, 0, 0], 0.0)
+    u[late] = [1.6 * np.median(log.u[:, 0]), 0, 0, 0]
+    return dc.replace(log, p=p, v=v, q=q, w=w, u=u, a=a, al=None).rows(
+        0, row + int((ends + rests) / log.step)
+    )
+
+
+def test_a_log_of_our_own_that_ends_in_a_crash_is_taken_up_to_it(flown, tmp_path):
+    write_log(crashing(flown, 5.0), tmp_path / "crashed.csv")
+    (dut,), sheet = open_flights(tmp_path / "crashed.csv")
+    assert sheet is None
+    assert dut.t[-1] == pytest.approx(5.5, abs=0.2)
+    (note,) = dut.notes
+    assert note == (
+        f"fits until {dut.t[-1]:.1f} s, where the vehicle crashes; what follows is left out"
+    )
+    report = examine([dut])
+    assert f"crashed: {note}" in report.problems
+    assert report.usable

@@ -1,0 +1,132 @@
+"""Order and directions of the rotors, by what turns the vehicle."""
+
+import dataclasses as dc
+import itertools
+
+import numpy as np
+import pytest
+
+from np_drake.flight_log import FlightLog
+from np_drake.logs.errors import LogError
+from np_drake.logs.rotors import NOTE, in_vehicle_order, torque_agreement
+from np_drake.vehicle.vehicle import Vehicle, load_vehicle, preset_names
+
+STEP, SECONDS = 0.01, 8.0
+
+
+def turning(vehicle: Vehicle, noise: float = 0.5, seed: int = 1) -> FlightLog:
+    """Return a hovering flight that rocks about every axis, with rotor speed; noise: of torque over
+    what turns it.
+    """
+    rng = np.random.default_rng(seed)
+    t = np.arange(0.0, SECONDS, STEP)
+    waves = [(f, *rng.uniform(0, 2 * np.pi, 3)) for f in (0.9, 1.7, 2.6, 4.1)]
+    w = sum(0.3 * np.sin(2 * np.pi * f * t[:, None] + np.array(phase)) for f, *phase in waves)
+    torque = np.gradient(w, STEP, axis=0) @ vehicle.J.T + np.cross(w, w @ vehicle.J.T)
+    torque += noise * torque.std(axis=0) * rng.normal(size=torque.shape)
+    u = np.column_stack([np.full(len(t), vehicle.mass * vehicle.gravity), torque])
+    rotor = np.sqrt(np.maximum(u @ vehicle.unmixer.T, 0.0) / vehicle.thrust_coefficient)
+    q = np.column_stack([np.ones(len(t)), np.zeros((len(t), 3))])
+    still = np.zeros((len(t), 3))
+    return FlightLog(
+        t,
+        still,
+        q,
+        still,
+        w,
+        np.full((len(t), 4), np.nan),
+        rotor=rotor,
+        name="made",
+        input="rotor_speed",
+    )
+
+
+@pytest.mark.parametrize("name", preset_names())
+def test_columns_of_every_order_are_put_into_that_of_the_file(name):
+    vehicle = load_vehicle(name)
+    log = turning(vehicle)
+    assert in_vehicle_order([log], vehicle)[0].notes == []
+    for order in [*itertools.permutations(range(4))][::5]:
+        (dut,) = in_vehicle_order([dc.replace(log, rotor=log.rotor[:, order])], vehicle)
+        np.testing.assert_array_equal(dut.rotor, log.rotor)
+        assert [NOTE in note for note in dut.notes] == [True] * (order != (0, 1, 2, 3))
+
+
+def test_rotors_that_turn_otherwise_than_in_the_file_are_refused():
+    log = turning(load_vehicle("crazyflie"))
+    wrong = dc.replace(load_vehicle("crazyflie"), rotor_directions=[1.0, -1.0, 1.0, -1.0])
+    with pytest.raises(
+        LogError, match=r"^made: rotor_positions and rotor_directions of vehicle 'crazyflie'"
+    ) as error:
+        in_vehicle_order([log], wrong)
+    assert "front right (ccw), rear right (cw), rear left (ccw), front left (cw)" in str(
+        error.value
+    )
+    assert "\n" not in str(error.value)
+
+
+def test_a_throttle_of_each_rotor_tells_its_order_behind_the_motors_lag():
+    own = load_vehicle("crazyflie")
+    log = turning(own, noise=0.2)
+    late = np.roll(log.rotor, -4, axis=0) / 3000.0  # commanded 40 ms before it acts
+    turned = dc.replace(log, rotor=None, throttle=late[:, [1, 2, 3, 0]], input="normalised")
+    (dut,) = in_vehicle_order([turned], own)
+    np.testing.assert_array_equal(dut.throttle, late)
+
+
+def test_a_log_that_says_little_keeps_its_order():
+    own = load_vehicle("crazyflie")
+    noisy = turning(own, noise=30.0)
+    swapped = dc.replace(noisy, rotor=noisy.rotor[:, [1, 0, 3, 2]])
+    short = turning(own).rows(0, 200)
+    for log in (swapped, dc.replace(short, rotor=short.rotor[:, ::-1])):
+        assert in_vehicle_order([log], own) == [log]
+
+
+TURNED = [3, 0, 1, 2]
+
+
+def gentle(vehicle: Vehicle) -> FlightLog:
+    """Return a flight that does not tell the order of its rotors by itself."""
+    return dc.replace(turning(vehicle, noise=10.0, seed=2).rows(0, 400), name="gentle")
+
+
+def turned(log: FlightLog, order: list[int]) -> FlightLog:
+    return dc.replace(log, rotor=log.rotor[:, order])
+
+
+def test_a_gentle_part_of_a_log_takes_the_order_of_its_lively_part():
+    own = load_vehicle("crazyflie")
+    parts = [turning(own), gentle(own)]
+    assert in_vehicle_order([turned(parts[1], TURNED)], own)[0].notes == []
+    dut = in_vehicle_order([turned(log, TURNED) for log in parts], own)
+    for log, part in zip(dut, parts, strict=True):
+        np.testing.assert_array_equal(log.rotor, part.rotor)
+        assert NOTE in log.notes[0]
+
+
+def test_torque_of_another_size_keeps_its_correlation_and_tells_the_factor():
+    own = load_vehicle("crazyflie")
+    log = turning(own, noise=0.0)
+    u = (own.thrust_coefficient * log.rotor**2) @ own.mixer.T
+    correlation, ratio = torque_agreement(dc.replace(log, u=0.25 * u), own)
+    np.testing.assert_allclose(correlation, 1.0, atol=0.01)  # filters and differences
+    np.testing.assert_allclose(ratio, 4.0, rtol=0.02)
+
+
+@pytest.mark.parametrize("moves", [False, True])
+def test_a_controller_that_answers_noise_tells_nothing_where_nothing_moves(moves):
+    own = load_vehicle("crazyflie")
+    log = turning(own)
+    w = log.w * moves
+    torque = np.gradient(w, STEP, axis=0) @ own.J.T + np.cross(w, w @ own.J.T)
+    noise = 0.01 * np.random.default_rng(2).normal(size=w.shape)  # [rad/s]
+    answer = (
+        -4.0 * np.roll(noise, 4, axis=0) @ own.J.T
+    )  # 40 ms late: in phase with the derivative at 6 Hz
+    read = dc.replace(log, w=w + noise, u=np.column_stack([np.ones(len(log)), torque + answer]))
+    correlation, ratio = torque_agreement(read, own)
+    np.testing.assert_allclose(
+        correlation, 1.0 if moves else np.nan, atol=0.02
+    )  # filters, differences
+    assert moves or np.all(ratio > 3.0)

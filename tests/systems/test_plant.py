@@ -1,0 +1,72 @@
+"""Laws of what acts on the bodies of the plant from outside: a push, and the air."""
+
+import numpy as np
+import pytest
+from pydrake.multibody.math import SpatialVelocity
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.systems.analysis import Simulator
+
+from np_drake.vehicle import Vehicle
+from systems.payload_config import PayloadConfig
+from systems.plant import add_free_body, sphere
+from systems.tethered_quadrotor import make_tethered_quadrotor
+from systems.wrench_effects import Push
+
+VEHICLE = Vehicle()
+BARE = PayloadConfig(tether="none")
+
+
+def accelerated(payload, force):
+    """Acceleration (3,) under a force on the hovering vehicle [m/s²]."""
+    dut = make_tethered_quadrotor(VEHICLE, payload, pushed=True)
+    context = dut.CreateDefaultContext()
+    dut.GetInputPort("u").FixValue(context, VEHICLE.hover_input)
+    push = dut.GetSubsystemByName("push")
+    push.set_force(push.GetMyMutableContextFromRoot(context), np.array(force), np.zeros(3))
+    return dut.GetOutputPort("acceleration").Eval(context)[:3]
+
+
+def test_a_force_accelerates_the_vehicle_by_its_mass():
+    force = [1.0, -2.0, 3.0]
+    np.testing.assert_allclose(
+        accelerated(BARE, force) - accelerated(BARE, np.zeros(3)),
+        np.divide(force, VEHICLE.mass),
+        atol=1e-9,
+    )
+
+
+def test_each_force_stands_at_its_own_body():
+    dut = Push(12, payload=True)
+    context = dut.CreateDefaultContext()
+    dut.set_force(context, np.array([1.0, 2.0, 3.0]), np.array([4.0, 5.0, 6.0]))
+    expected = [0, 0, 0, 1, 2, 3, 0, 0, 0, 4, 5, 6]
+    np.testing.assert_array_equal(dut.get_output_port().Eval(context), expected)
+
+
+def test_a_payload_that_there_is_not_cannot_be_pushed():
+    dut = Push(6, payload=False)
+    with pytest.raises(ValueError, match="payload"):
+        dut.set_force(dut.CreateDefaultContext(), np.zeros(3), np.ones(3))
+
+
+@pytest.fixture
+def plant():
+    plant = MultibodyPlant(time_step=0.0)
+    plant.mutable_gravity_field().set_gravity_vector(np.zeros(3))
+    for name, drag in (("z_first", 0.0), ("a_second", 0.6)):
+        add_free_body(plant, name, sphere(PayloadConfig(mass=0.3)), drag=drag)
+    plant.Finalize()
+    return plant
+
+
+def test_only_a_braked_bodys_speed_decays_by_drag_over_mass(plant):
+    simulator = Simulator(plant)
+    context = simulator.get_mutable_context()
+    V = SpatialVelocity([0.0, 0.0, 5.0], [1.0, -2.0, 0.5])
+    for name in ("z_first", "a_second"):
+        plant.SetFreeBodySpatialVelocity(context=context, body=plant.GetBodyByName(name), V_JpJc=V)
+    simulator.AdvanceTo(0.7)
+    free, braked = plant.GetVelocities(context).reshape(2, 6)  # in the order of the calls
+    np.testing.assert_allclose(free, [0.0, 0.0, 5.0, 1.0, -2.0, 0.5], rtol=1e-3)
+    np.testing.assert_allclose(braked[3:], np.exp(-0.6 / 0.3 * 0.7) * free[3:], rtol=1e-3)
+    np.testing.assert_allclose(braked[:3], free[:3], rtol=1e-3)  # its spin goes on
