@@ -1,6 +1,6 @@
 """Writes docs/reference/commands.md from the command line itself (`make docs`).
 
-`python docs/make_commands.py` writes the page; the tests compare it with `page()`.
+The page is built with the site and is not committed.
 """
 
 import re
@@ -10,11 +10,9 @@ from typing import Any
 
 import typer
 
-from diagrams.cli.app import app
-from diagrams.cli.outcome import PROGRAM
+from diagrams.cli.app import PROGRAM, VERBS, app
 
 PAGE = Path(__file__).parent / "reference" / "commands.md"
-MANY = 8  # verbs from which on a group is one row
 HEAD = f"""# Commands
 
 `{PROGRAM} VERB --help` prints the arguments, options and defaults of a verb. This page is generated
@@ -50,15 +48,12 @@ def page() -> str:
 
 
 def _verbs() -> Iterator[tuple[str, Any]]:
-    """Yield (name, command) of every verb; a group of many verbs is one."""
-    for name, command in typer.main.get_command(app).commands.items():
-        below = getattr(command, "commands", None)
-        if below is None:
-            yield name, command
-        elif len(below) >= MANY:
-            yield f"{name} …", command
-        else:
-            yield from ((f"{name} {inner}", verb) for inner, verb in below.items())
+    """Yield (name, command) of every verb, those of groups among them."""
+    group: Any = typer.main.get_command(app)
+    for name in VERBS:
+        command = group.get_command(None, name)
+        for inner, verb in getattr(command, "commands", {"": command}).items():
+            yield f"{name} {inner}".strip(), verb
 
 
 def _row(name: str, command: Any) -> str:

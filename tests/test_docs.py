@@ -36,7 +36,8 @@ def test_example_runs(page, block, tmp_path, monkeypatch, capsys):
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
 def test_every_link_leads_somewhere(page):
     for target in re.findall(r"\]\((?!https?:)([^)#]+)\)", page.read_text()):
-        assert (page.parent / target).exists(), f"{page.name}: {target}"
+        built = Path(target).name == "commands.md"  # by `make docs`
+        assert built or (page.parent / target).exists(), f"{page.name}: {target}"
 
 
 def test_the_readmes_diagnosis_finds_what_it_says(tmp_path, monkeypatch, capsys):

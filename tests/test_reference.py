@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from diagrams.cli.app import VERBS
 from np_drake.effects.library import LIBRARY, effects_for, in_scenarios
 from np_drake.logs.columns import NAMES
 from np_drake.logs.importing.log_map import UNITS, load_map_file
@@ -57,6 +58,12 @@ def test_the_page_of_the_flight_log_names_every_column():
     )
     documented = re.findall(r"`(\w+)`", " ".join(re.findall(r"^\| (.*?) \|", text, re.M)))
     assert [name for name in NAMES if name not in documented] == []
+
+
+def test_the_page_of_the_commands_names_every_verb():
+    page = runpy.run_path(str(DOCS / "make_commands.py"))["page"]()
+    for verb in VERBS:
+        assert re.search(rf"^\| `{verb}[` ]", page, re.M), verb
 
 
 def test_the_built_page_of_the_effects_states_each_with_its_parameters():

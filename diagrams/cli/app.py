@@ -1,53 +1,87 @@
-"""The verbs of `np-drake`."""
+"""The verbs of `np-drake`, and the outcome of a run: an exit code and, for every failure, one line
+on stderr.
+"""
 
-from typing import Annotated
+import errno
+import os
+import traceback
+from importlib import import_module
+from pathlib import Path
+from typing import Annotated, Any
 
 import typer
 from typer import Option
+from typer.core import TyperGroup
 
-from diagrams.cli import (
-    bench,
-    demo,
-    diagnose,
-    doctor,
-    evaluate,
-    export,
-    fly,
-    identify,
-    import_logs,
-    node,
-    options,
-    train,
-    vehicle,
+from diagrams.batch.failed_run import FailedRun, one_line
+from diagrams.cli import options, reproduce
+from diagrams.cli.output import console, discard_output, say
+from diagrams.cli.runner import HELP, Verbs
+from np_drake.files.atomic_file import FULL
+from np_drake.files.input_file import guard_inputs
+from np_drake.files.interruption import Ended, last_signal, line
+
+PROGRAM = "np-drake"
+BAD_INPUT, FAILED, FAULT, INTERRUPTED = 2, 1, 70, 130
+DEBUG = "--debug"  # anywhere on the command line
+CASE_FILES = ("vehicle.yaml", "train_*", "heldout*")  # that a verb reads of a case folder
+OUTPUTS = ("--out", "--json", "--markdown", "--mcap")  # options whose file is written
+REPORT = (
+    "Please report it with this line and the command to the maintainers; --debug shows the "
+    "traceback"
 )
-from diagrams.cli.challenge import challenge
-from diagrams.cli.outcome import PROGRAM
-from diagrams.cli.output import say
-from diagrams.cli.reproduce import VERB, reproduce
-from diagrams.cli.verbs import Verbs
+
+VERBS = {  # verb: module of diagrams.cli and name there, which are loaded on use
+    "demo": ("demo", "demo"),
+    "fly": ("fly", "fly"),
+    "node": ("node", "node"),
+    "train": ("train", "train"),
+    "evaluate": ("evaluate", "evaluate"),
+    "import": ("import_logs", "import_logs"),
+    "doctor": ("doctor", "doctor"),
+    "identify": ("identify", "identify"),
+    "diagnose": ("diagnose", "diagnose"),
+    "reproduce": ("reproduce", "reproduce"),
+    "vehicle": ("vehicle", "vehicle"),
+    "export": ("vehicle", "export"),
+    "bench": ("bench", "bench"),
+    "challenge": ("challenge", "challenge"),
+}
+GROUPS = ("reproduce", "vehicle", "challenge")  # behind whose name another stands
+
+
+class _Lazy(TyperGroup):
+    """Group of the verbs, whose modules take seconds to load."""
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        """Return the names of the verbs."""
+        return list(VERBS)
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        """Return the command of a verb; None where there is none."""
+        if cmd_name not in VERBS:
+            return None
+        module, name = VERBS[cmd_name]
+        verb = getattr(import_module(f"diagrams.cli.{module}"), name)
+        if not isinstance(verb, typer.Typer):
+            body, verb = verb, Verbs(add_completion=False)
+            rest = cmd_name == "reproduce"  # what follows the study's name is the study's
+            verb.command(
+                cmd_name,
+                context_settings=HELP
+                | {"allow_extra_args": rest, "allow_interspersed_args": not rest},
+            )(body)
+        command = typer.main.get_command(verb)
+        command.name = cmd_name
+        return command
+
 
 app = Verbs(
     name=PROGRAM,
+    cls=_Lazy,
     help="Neural Predictor and NP-MPC for a quadrotor with a tethered payload, on Drake.",
     epilog=options.EPILOG,
 )
-app.command("demo")(demo.demo)
-app.command("fly")(fly.fly)
-app.command("node")(node.node)
-app.command("train")(train.train)
-app.command("evaluate")(evaluate.evaluate)
-app.command("import")(import_logs.import_logs)
-app.command("doctor")(doctor.doctor)
-app.command("identify")(identify.identify)
-app.command("diagnose")(diagnose.diagnose)
-app.command(
-    VERB,  # what follows the study's name is the study's
-    context_settings={"allow_extra_args": True, "allow_interspersed_args": False},
-)(reproduce)
-app.add_typer(vehicle.vehicle, name="vehicle")
-app.command("export")(export.export)
-app.command("bench")(bench.bench)
-app.add_typer(challenge, name="challenge")
 
 
 @app.callback(invoke_without_command=True)
@@ -65,3 +99,95 @@ def about(
         say(f"{PROGRAM} {installed('np_drake')}")
     elif context.invoked_subcommand is None:
         say(context.get_help())
+
+
+def run_app(app: typer.Typer, arguments: list[str]) -> int:
+    """Run an application and return its exit code; every failure is one line on stderr."""
+    debug = DEBUG in arguments or bool(os.environ.get("NP_DRAKE_TRACEBACK"))
+    arguments = [argument for argument in arguments if argument != DEBUG]
+    try:
+        _require_words(arguments)
+        with guard_inputs(inputs_of(arguments)):
+            code = app(arguments, prog_name=PROGRAM, standalone_mode=False)
+        if code == INTERRUPTED:
+            raise KeyboardInterrupt
+        return int(code or 0)
+    except BrokenPipeError:  # of who reads the help
+        discard_output()
+        return 0
+    except SystemExit as leaving:
+        return leaving.code if isinstance(leaving.code, int) else FAILED
+    except (
+        BaseException
+    ) as error:  # MemoryError, RecursionError and panics of native code among them
+        if debug:
+            traceback.print_exc()
+        message, code = _line_of(error)
+        _report(arguments, " ".join(message.split()))
+        return code
+
+
+def _require_words(arguments: list[str]) -> None:
+    """Check that no argument is empty; as a path it would be the current folder."""
+    for before, argument in zip([PROGRAM, *arguments], arguments, strict=False):
+        if not argument or (argument.startswith("--") and argument.find("=") == len(argument) - 1):
+            raise ValueError(
+                f"an argument must not be empty; got '{argument}' behind {before}. Name a file, a "
+                f"folder or a value, or leave it out."
+            )
+
+
+def inputs_of(arguments: list[str]) -> list[Path]:
+    """Return the files that are named on the command line, and those of case folders, but for
+    options that write.
+    """
+    found: list[Path] = []
+    for before, argument in zip([PROGRAM, *arguments], arguments, strict=False):
+        name, _, value = argument.rpartition("=") if argument[:2] == "--" else ("", "", argument)
+        if before in OUTPUTS or name in OUTPUTS:
+            continue
+        if os.path.isdir(value):
+            for pattern in CASE_FILES:
+                found += [*Path(value).glob(pattern), *Path(value).glob(f"*/{pattern}")]
+        elif os.path.exists(value):
+            found.append(Path(value))
+    return found
+
+
+def _line_of(error: BaseException) -> tuple[str, int]:
+    """Return what is said of an error, and the exit code."""
+    if (number := last_signal()) is not None or isinstance(error, KeyboardInterrupt | Ended):
+        number = number or INTERRUPTED - 128
+        return line(number), 128 + number
+    usage = getattr(error, "format_message", None)  # of a wrong option or argument
+    if usage is not None:
+        return usage(), BAD_INPUT
+    if isinstance(error, ValueError | OSError):
+        return text_of(error), BAD_INPUT
+    if isinstance(error, FailedRun):
+        return str(error), FAILED
+    if isinstance(error, typer.Abort) and isinstance(error.__cause__, Exception):
+        error = error.__cause__  # an EOFError, which typer takes for the end of the terminal
+    what = one_line(error) if isinstance(error, Exception) else f"{type(error).__name__}: {error}"
+    return f"internal error: {what}. {REPORT}.", FAULT
+
+
+def text_of(error: Exception) -> str:
+    """Return the message; for a bare operating-system error, the file and the reason."""
+    if isinstance(error, OSError) and error.strerror:
+        full = error.errno in (*FULL, errno.EFBIG)
+        remedy = " Free some room, or choose another folder." if full else ""
+        return f"{error.filename or 'writing'}: {error.strerror}.{remedy}"
+    return str(error) or type(error).__name__
+
+
+def _report(arguments: list[str], message: str) -> None:
+    """Print a line that begins with the verb."""
+    words = [argument for argument in arguments if argument and not argument.startswith("-")]
+    verbs = words[: 2 if words[:1] and words[0] in GROUPS else 1]
+    if verbs[:1] == ["reproduce"] and verbs[-1] not in reproduce.STUDIES:
+        verbs = verbs[:1]
+    for verb in verbs:
+        message = message.removeprefix(f"{verb}: ")
+    text = f"{' '.join([PROGRAM, *verbs])}: {message}"
+    console(stderr=True).print(text, soft_wrap=True)

@@ -8,33 +8,20 @@ from typing import Annotated, Any
 
 from typer import Argument, Option
 
+from diagrams.challenge.answered_case import read_answered_cases
+from diagrams.challenge.make import check_request, make
+from diagrams.challenge.score import score
+from diagrams.challenge.score_tables import calibration_figure, missed, set_lines, tables
+from diagrams.challenge.solve import case_folders, solve
 from diagrams.cli import options
 from diagrams.cli.output import say
-from diagrams.cli.runner import Report, Run, counting, reports
-from diagrams.cli.verbs import Group, Verbs
+from diagrams.cli.runner import Report, Run, Verbs, reports
 
-RETIRED = {
-    "golden": "the frozen cases are tests: `make golden`",
-    "logs": "round trips through files are tests: `pytest tests/diagrams/challenge/imported`",
-    "active": "`np-drake fly multisine` flies a random multisine",
-    "compare": "`challenge score` shows what is asked for, of one draw or of several together",
-}
-
-
-class _Challenge(Group):
-    """Verbs of challenge sets; one that is gone says what took its place."""
-
-    def resolve_command(self, context, arguments):
-        if arguments and arguments[0] in RETIRED:
-            raise ValueError(f"{arguments[0]} is gone: {RETIRED[arguments[0]]}.")
-        return super().resolve_command(context, arguments)
-
-
-challenge = Verbs(cls=_Challenge, help="Withheld-effect challenge sets.", add_completion=False)
+challenge = Verbs(help="Withheld-effect challenge sets.", add_completion=False)
 
 
 @challenge.command("make")
-@reports("challenge_make", seed=0, markdown=False, many=True, holds=("truth",))
+@reports("challenge_make", seed=0, markdown=False, many=True, folders=("out", "truth"))
 def _make(
     run: Run,
     out: Annotated[Path, Option(metavar="DIR", help="Folder for the case folders.")],
@@ -55,17 +42,16 @@ def _make(
 
     Cases of the same request that are there already stay, so that an interrupted run goes on.
     """
-    from diagrams.challenge.make import check_request, make
-
     config: dict[str, Any] = {
         "simulator": simulator,
         "quality": quality,
         "cases": cases,
         "clean": clean,
+        "seconds": seconds,
+        "unseen": unseen,
     }
-    config |= {"seconds": seconds, "unseen": unseen}
     check_request(out, truth, simulator, quality, cases + clean, seconds, run.seed)
-    with counting("flying", "cases") as on_progress:
+    with run.counting("flying", "cases") as on_progress:
         result = make(
             out, truth, seed=run.seed, workers=run.workers, on_progress=on_progress, **config
         )
@@ -75,7 +61,7 @@ def _make(
 
 
 @challenge.command("solve")
-@reports("challenge_solve", seed=None, markdown=False, many=True)
+@reports("challenge_solve", seed=None, markdown=False, many=True, folders=("out",))
 def _solve(
     run: Run,
     cases: Annotated[Path, Argument(metavar="CASES", help="Folder of case folders.")],
@@ -91,10 +77,8 @@ def _solve(
     """
     if not cases.is_dir():
         raise ValueError(f"{cases}: CASES must be a folder of case folders.")
-    from diagrams.challenge.solve import case_folders, solve
-
     case_folders(cases)  # asks before the bar appears
-    with counting("diagnosing", "cases") as on_progress:
+    with run.counting("diagnosing", "cases") as on_progress:
         result = solve(
             cases, out, workers=run.workers, replay=replay, again=again, on_progress=on_progress
         )
@@ -142,10 +126,6 @@ def _score(
     for folder in (answers, truth):
         if not folder.is_dir():
             raise ValueError(f"{folder}: must be a folder.")
-    from diagrams.challenge.answered_case import read_answered_cases
-    from diagrams.challenge.score import score
-    from diagrams.challenge.score_tables import calibration_figure, missed, set_lines, tables
-
     result = score(read_answered_cases(answers, truth, visible), seed=run.seed)
     bins = result["reliability"]["bins"]
     return Report(

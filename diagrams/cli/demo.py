@@ -2,7 +2,7 @@
 
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from typer import Option
 
@@ -10,10 +10,11 @@ from diagrams.cli import options
 from diagrams.cli.fly import as_config, flights_table
 from diagrams.cli.output import Table, progress, say
 from diagrams.cli.runner import Report, Run, reports
+from diagrams.demo.page import cause_rows, meeting_rows, write_demo
+from diagrams.demo.story import HELD_OUT, Demo, run_demo
 from diagrams.studies.columns import percent, tabulate
-
-if TYPE_CHECKING:
-    from diagrams.demo.story import Demo
+from diagrams.studies.tracking import PAPER
+from np_drake.mpc.solvers import require_solver
 
 Out = Annotated[
     Path, Option("--out", metavar="DIR", help="Folder for model, log, figures, replay.")
@@ -27,11 +28,7 @@ def demo(
     """Fly, learn, fly again, diagnose these flights, correct the simulator and compare it with
     them: index.html.
     """
-    from np_drake.mpc.solvers import require_solver
-
     require_solver(solver)
-    from diagrams.demo.story import run_demo
-
     start = time.perf_counter()
     with progress("demo", 1.0) as advance:
         result = run_demo(run.folder, seed=run.seed, solver=solver, jobs=jobs, on_progress=advance)
@@ -39,16 +36,18 @@ def demo(
     flights = list(result.flights.values())
 
     def write(folder: Path) -> None:
-        from diagrams.demo.page import write_demo
-
         say(f"{result.seeds}; {wall:.0f} s. Start with {write_demo(result, folder)}")
 
+    effects = ["effect", "probability", "parameter", "found", "95 % interval", "true"]
+    errors = ["controller", "error [cm]", "flight", "nominal simulator", "corrected", "off"]
+    causes = "what the diagnosis finds in the flights of the nominal MPC"
+    meeting = f"{HELD_OUT}, {result.simulated_seconds:g} s, in flight and in simulators"
     return Report(
         [
             flights_table(flights),
             _reduction_table(result),
-            _causes_table(result),
-            _meeting_table(result),
+            (causes, effects, list(cause_rows(result))),
+            (meeting, errors, list(meeting_rows(result))),
         ],
         config=as_config(flights[-1].config),
         metrics={
@@ -64,9 +63,7 @@ def demo(
     )
 
 
-def _reduction_table(result: "Demo") -> Table:
-    from diagrams.studies.tracking import PAPER
-
+def _reduction_table(result: Demo) -> Table:
     lines = []
     for track, cut in result.reduction().items():
         xy, z = (
@@ -83,23 +80,3 @@ def _reduction_table(result: "Demo") -> Table:
     return tabulate(
         "NP-MPC against nominal MPC (the paper: its own vehicle, real flights)", lines, columns
     )
-
-
-def _causes_table(result: "Demo") -> Table:
-    from diagrams.demo.page import cause_rows
-
-    header = ["effect", "probability", "parameter", "found", "95 % interval", "true"]
-    return (
-        "what the diagnosis finds in the flights of the nominal MPC",
-        header,
-        list(cause_rows(result)),
-    )
-
-
-def _meeting_table(result: "Demo") -> Table:
-    from diagrams.demo.page import meeting_rows
-    from diagrams.demo.story import HELD_OUT
-
-    header = ["controller", "error [cm]", "flight", "nominal simulator", "corrected", "off"]
-    title = f"{HELD_OUT}, {result.simulated_seconds:g} s, in flight and in simulators"
-    return title, header, list(meeting_rows(result))

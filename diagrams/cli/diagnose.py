@@ -2,21 +2,29 @@
 shrinks.
 """
 
-from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 from typer import Argument, Option
 
 from diagrams.cli import options
-from diagrams.cli.output import progress, say, tell
+from diagrams.cli.output import Table, progress, say, tell
 from diagrams.cli.runner import Report, Run, reports
-
-if TYPE_CHECKING:
-    from np_drake.diagnosis.result import Diagnosis
-    from np_drake.flight_log import FlightLog
-    from np_drake.logs.case_folder import CaseFiles
-    from np_drake.vehicle import Vehicle
+from diagrams.gap import side_by_side
+from diagrams.gap.corrected import FILE, SECOND, corrected_simulator, with_trial, write_corrected
+from diagrams.gap.drake_replay import DrakeReplay
+from np_drake.diagnosis.diagnose import diagnose as five_steps
+from np_drake.diagnosis.options import IDEAL_SENSORS, Tolerance
+from np_drake.diagnosis.report import answer, words
+from np_drake.diagnosis.report.page import write_report
+from np_drake.diagnosis.residuals import require_flights
+from np_drake.diagnosis.result import Diagnosis
+from np_drake.flight_log import FlightLog
+from np_drake.logs.case_folder import CaseFiles, find_case
+from np_drake.logs.formats.neurobem import is_neurobem
+from np_drake.rotor_input import with_rotor_input
+from np_drake.vehicle import Vehicle
+from np_drake.vehicle.vehicle import left_out, load_vehicle
 
 Out = Annotated[
     Path | None, Option("--out", metavar="DIR", help="Folder for report, figures and JSON.")
@@ -87,25 +95,26 @@ def diagnose(
     """Diagnose the gap between the nominal simulator and flights; with --out: report, replay,
     figures, JSON.
     """
-    files = _choose_files(case, vehicle, list(train or ()), list(held_out or ()))
-    nominal = nominal_vehicle(files)
+    files = _choose_files(case, vehicle, train or [], held_out or [])
+    nominal = _nominal_vehicle(files)
     logs = files.open(nominal, repair=repair)
-    tell(
-        *(f"{log.name}: {note}" for flights in logs for log in flights for note in log.notes),
-        indent="  ",
-    )
+    tell(*(f"{log.name}: {note}" for flights in logs for log in flights for note in log.notes))
     beside = files.open_neighbours(neighbour or (), logs)
-    how: dict[str, Any] = {
-        "replay": not no_replay,
-        "second_look": not no_second_look,
-        "rig": rig,
-        "material": material,
-    }
-    found = diagnose_logs(nominal, *logs, **how, neighbours=beside)
+    require_flights(*logs)  # what is refused is so without a bar
+    with progress("diagnosing", 1.0) as advance:
+        found = five_steps(
+            nominal,
+            *logs,
+            None if no_replay else DrakeReplay(nominal),
+            adaptive_split=not no_second_look,
+            tolerance={None: None, True: Tolerance(), False: IDEAL_SENSORS}[rig],
+            material=material,
+            neighbours=beside,
+            on_progress=advance,
+        )
+        advance(1.0)
     nominal = found.nominal or nominal
     if run.folder is not None:
-        from diagrams.gap.corrected import with_trial
-
         with progress("trying the corrected simulator", 1.0) as advance:
             found = with_trial(found, nominal)
             advance(1.0)
@@ -113,19 +122,18 @@ def diagnose(
         "vehicle": nominal.name,
         "train": files.train,
         "held_out": files.held_out,
+        "replay": not no_replay,
+        "second_look": not no_second_look,
+        "rig": rig,
+        "material": material,
+        "repair": repair,
     }
-    config |= {**how, "repair": repair, **({"neighbour": neighbour} if neighbour else {})}
+    config |= {"neighbour": neighbour} if neighbour else {}
 
     def write(folder: Path) -> None:
-        from np_drake.diagnosis.report.page import write_report
-
-        beside = {}
-        if page := _write_overlay(found, nominal, logs[1] if not no_replay else [], folder):
-            beside[page.name] = "Watch the flight beside its simulators"
-        beside |= _write_simulators(found, nominal, folder)
-        say(f"report: {write_report(found, folder, seed=run.seed, config=config, beside=beside)}")
-
-    from diagrams.cli.diagnosis_tables import judgement, notes, tables
+        links = _write_overlay(found, nominal, [] if no_replay else logs[1], folder)
+        links |= _write_simulators(found, nominal, folder)
+        say(f"report: {write_report(found, folder, seed=run.seed, config=config, beside=links)}")
 
     content = found.as_json()
     del content["schema"]  # the head says it
@@ -139,75 +147,119 @@ def diagnose(
     )
 
 
-def _write_simulators(found: "Diagnosis", vehicle: "Vehicle", folder: Path) -> dict[str, str]:
+def judgement(diagnosis: Diagnosis) -> list[str]:
+    """Return what stands against any answer, the headline, the sentence below it, and the same of a
+    second answer.
+    """
+    said = [f"Before the answer: {doubt}." for doubt in diagnosis.doubts]
+    said += [f"{answer.headline(diagnosis)}.", answer.lead(diagnosis)]
+    if (refit := diagnosis.refit) is not None:
+        flights = words.flights(len(diagnosis.held_out))
+        again = f"Second answer, with the first halves of {flights} in the fit:"
+        said += ["", f"{again} {answer.headline(refit)}.", answer.lead(refit)]
+    return [*said, ""]
+
+
+def tables(diagnosis: Diagnosis) -> list[Table]:
+    """Return the tables that have rows, the answer first."""
+    every: list[Table] = [
+        (
+            "what differs from the vehicle file (calibration, no cause)",
+            answer.DIFFERENCE_HEADER,
+            answer.difference_rows(diagnosis),
+        )
+    ]
+    found = [(diagnosis, "")]
+    found += [(diagnosis.refit, "second answer: ")] if diagnosis.refit is not None else []
+    for one, which in found:
+        header, rows = answer.cause_table(one)
+        shown = [row[: answer.SHOWN] for row in rows]
+        every.append((f"{which}what the model lacks", header[: answer.SHOWN], shown))
+        said = []
+        for cause in answer.named_causes(one):
+            onsets = {words.plain_name(n): t for n, t in cause.onset.items() if t is not None}
+            begins = ", ".join(words.onset(t, name) for name, t in onsets.items())
+            said += [f"{cause.identifier} begins in {begins}"] if begins else []
+            others = words.listed(cause.indistinguishable_from, "or")
+            alike = f"{cause.identifier}, or else {others}: these logs cannot tell"
+            said += [alike] if others else []
+        every.append(("of these causes", ["said"], [(text,) for text in said]))
+    for one, which in found:
+        left = "" if one.cannot_tell else f". {answer.remains(one)}"
+        every.append((f"{which}what remains{left}", answer.GAP_HEADER, answer.gap_rows(one)))
+    traces = [(words.described(one), one.measurement) for one in diagnosis.unexplained]
+    every.append(("what would end it", ["trace", "measurement"], traces))
+    tested = [text for text in (answer.unseen(diagnosis),) if text]
+    minor = [f"{one.name}: {one.text}" for one in diagnosis.below_threshold]
+    for title, texts in (
+        ("what to do next", answer.next_steps(diagnosis)),
+        ("what the flights tested", tested),
+        ("minor findings", minor),
+    ):
+        every.append((title, ["finding"], [(text,) for text in texts]))
+    return [table for table in every if table[-1]]
+
+
+def notes(diagnosis: Diagnosis) -> list[str]:
+    """Return the sensors that were assumed, and every warning once."""
+    named = {"rig": "real", "laboratory": "ideal"}
+    sensors = named.get(diagnosis.judged_as, diagnosis.judged_as)
+    judged = [f"Judged as logs of {sensors} sensors (--rig, --laboratory)."] if sensors else []
+    return [*judged, *(f"warning: {text}" for text in answer.warnings(diagnosis))]
+
+
+def _write_simulators(found: Diagnosis, vehicle: Vehicle, folder: Path) -> dict[str, str]:
     """Write the corrected simulator of each answer to a folder, and return the texts of links by
     file.
 
     Raises: OSError: if one cannot be written.
     """
-    from diagrams.gap.corrected import FILE, SECOND, corrected_simulator, write_corrected
-
     links = {}
-    for answer, name, which in ((found, FILE, ""), (found.refit, SECOND, " of the second answer")):
+    for one, name, which in ((found, FILE, ""), (found.refit, SECOND, " of the second answer")):
         (folder / name).unlink(missing_ok=True)  # of an earlier diagnosis
-        if answer is None or answer.cannot_tell:
+        if one is None or one.cannot_tell:
             continue
         try:
-            config = corrected_simulator(answer, vehicle)
+            config = corrected_simulator(one, vehicle)
         except ValueError as error:
             tell(f"no {name}: {' '.join(str(error).split())}")
             continue
-        write_corrected(config, answer, folder / name)
+        write_corrected(config, one, folder / name)
         say(f"corrected simulator{which}: {folder / name}")
-        how = "which no controller keeps in the air" if answer.not_flyable else "to fly"
+        how = "which no controller keeps in the air" if one.not_flyable else "to fly"
         links[name] = f"Corrected simulator{which}, {how}"
     return links
 
 
 def _write_overlay(
-    found: "Diagnosis", vehicle: "Vehicle", held_out: "list[FlightLog]", folder: Path
-) -> Path | None:
-    """Write `replay.html` to a folder and print where it is, or why there is none; without flights
-    say nothing.
-
-    Raises: OSError: if it cannot be written.
+    found: Diagnosis, vehicle: Vehicle, held_out: list[FlightLog], folder: Path
+) -> dict[str, str]:
+    """Write `replay.html` to a folder and return the text of its link; print where it is, or why
+    there is none.
     """
-    from diagrams.gap.side_by_side import FILE, NoReplay, side_by_side, write_side_by_side
-    from np_drake.rotor_input import with_rotor_input
-
-    path = folder / FILE
+    path = folder / side_by_side.FILE
     path.unlink(missing_ok=True)  # of an earlier diagnosis
     if not held_out:
-        return None
+        return {}
     try:
         driven = [
             with_rotor_input(log, vehicle) if log.input == "rotor_speed" else log
             for log in held_out
         ]
-        beside = side_by_side(found, vehicle, driven)
-    except NoReplay as reason:
-        tell(f"no {FILE}: {reason}")
-        return None
-    write_side_by_side(beside, vehicle, path)
-    if beside.missing:
-        say(
-            f"flight beside the nominal simulator alone: {path}",
-            f"  the corrected one: {beside.missing}",
-        )
-    else:
-        say(f"flight beside its simulators: {path}")
-    return path
+        beside = side_by_side.side_by_side(found, vehicle, driven)
+    except side_by_side.NoReplay as reason:
+        tell(f"no {side_by_side.FILE}: {reason}")
+        return {}
+    side_by_side.write_side_by_side(beside, vehicle, path)
+    say(f"flight beside its simulators: {path}")
+    say(*([f"  the corrected one: {beside.missing}"] if beside.missing else []))
+    return {path.name: "Watch the flight beside its simulators"}
 
 
 def _choose_files(
     case: Path | None, vehicle: Path | None, train: list[Path], held_out: list[Path]
-) -> "CaseFiles":
-    """Return the files of a case folder, or those given one by one.
-
-    Raises: ValueError: if both or neither are given, or the folder is no case.
-    """
-    from np_drake.logs.case_folder import CaseFiles, find_case
-
+) -> CaseFiles:
+    """Return the files of a case folder, or those given one by one."""
     if case is None:
         if not train or not held_out:
             raise ValueError(
@@ -223,15 +275,12 @@ def _choose_files(
     return find_case(case, vehicle)
 
 
-def nominal_vehicle(files: "CaseFiles") -> "Vehicle":
+def _nominal_vehicle(files: CaseFiles) -> Vehicle:
     """Return the nominal vehicle; without a file the published one where all flights are
     NeuroBEM's.
 
     Raises: ValueError: on a bad vehicle file; OSError: if a flight cannot be opened.
     """
-    from np_drake.logs.formats.neurobem import is_neurobem
-    from np_drake.vehicle import load_vehicle
-
     if files.vehicle is None:
         published = all(is_neurobem(path) for path in files.train + files.held_out)
         vehicle = load_vehicle("neurobem" if published else "paper")
@@ -240,56 +289,12 @@ def nominal_vehicle(files: "CaseFiles") -> "Vehicle":
     return vehicle_of(files.vehicle)
 
 
-def vehicle_of(path: Path) -> "Vehicle":
+def vehicle_of(path: Path) -> Vehicle:
     """Return the vehicle of a file or preset, and print which parameters it does not name.
 
     Raises: ValueError: on a bad vehicle file.
     """
-    from np_drake.vehicle.vehicle import left_out, load_vehicle
-
     vehicle = load_vehicle(path)
     if missing := left_out(path):
-        tell(
-            f"{path}: {', '.join(missing)} not named: those of the paper's vehicle are taken.",
-            indent="  ",
-        )
+        tell(f"{path}: {', '.join(missing)} not named: those of the paper's vehicle are taken.")
     return vehicle
-
-
-def diagnose_logs(
-    vehicle: "Vehicle",
-    train: "list[FlightLog]",
-    held_out: "list[FlightLog]",
-    *,
-    replay: bool,
-    second_look: bool = True,
-    rig: bool | None = None,
-    material: float | None = None,
-    neighbours: Mapping[str, "list[FlightLog]"] | None = None,
-) -> "Diagnosis":
-    """Run the five steps behind a progress bar.
-
-    Args:
-        rig: whether sensors are real or ideal; None: as the logs look.
-        material: position error from which what is left is material [m]; None: the usual one.
-        neighbours: by name of a flight, logs of vehicles that flew beside it.
-    """
-    from diagrams.gap.drake_replay import DrakeReplay
-    from np_drake.diagnosis.diagnose import diagnose as five_steps
-    from np_drake.diagnosis.options import IDEAL_SENSORS, Tolerance
-    from np_drake.diagnosis.residuals import require_flights
-
-    require_flights(train, held_out)  # what is refused is so without a bar
-    with progress("diagnosing", 1.0) as advance:
-        simulator = DrakeReplay(vehicle) if replay else None
-        tolerance = {None: None, True: Tolerance(), False: IDEAL_SENSORS}[rig]
-        how: dict[str, Any] = {
-            "adaptive_split": second_look,
-            "tolerance": tolerance,
-            "material": material,
-        }
-        found = five_steps(
-            vehicle, train, held_out, simulator, **how, neighbours=neighbours, on_progress=advance
-        )
-        advance(1.0)
-    return found

@@ -1,19 +1,20 @@
 """`np-drake doctor`: is a flight log usable, and which effects can it tell, to what size."""
 
-from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated
 
 from typer import Argument, Option
 
 from diagrams.cli import options
-from diagrams.cli.output import progress, tell
+from diagrams.cli.diagnose import vehicle_of
+from diagrams.cli.output import Table, progress, tell
 from diagrams.cli.runner import Report, Run, reports
-
-if TYPE_CHECKING:
-    from np_drake.flight_log import FlightLog
-    from np_drake.logs.importing.log_map import MapFile
-    from np_drake.vehicle import Vehicle
+from diagrams.studies.columns import tabulate
+from np_drake.diagnosis.doctor.examine import NEVER, YES, Answer, LogReport, examine
+from np_drake.files.number_text import measure, number, percent, with_unit
+from np_drake.logs.errors import LogError
+from np_drake.logs.importing.log_map import load_map_file
+from np_drake.logs.opening import Opened, read_as_logged, with_vehicle
 
 
 @reports("doctor", seed=None, markdown=False)
@@ -48,79 +49,140 @@ def doctor(
     """Examine flight logs: rates, gaps, noise, clocks, motion, and which effects they can tell, to
     what size.
     """
-    from diagrams.cli.diagnose import vehicle_of
-    from np_drake.diagnosis.doctor.examine import examine
-    from np_drake.logs.importing.log_map import load_map_file
-
     nominal = None if vehicle is None else vehicle_of(vehicle)
     declared = None if log_map is None else load_map_file(log_map)
+    opened, failures, refused = list[Opened](), list[Exception](), list[LogError]()
     with progress("examining", 1.0) as advance:
-        flights, sheets, failures = _opened(
-            logs, nominal, declared, repair, lambda share: advance(0.3 * share)
-        )
+        for read, path in enumerate(logs):
+
+            def reading(share: float, before: int = read) -> None:
+                advance(0.3 * (before + share) / len(logs))
+
+            try:
+                opened.append(read_as_logged(path, declared, repair=repair, on_progress=reading))
+            except (LogError, OSError) as error:
+                failures.append(error)
+        opened = with_vehicle(opened, nominal, refused)
+        failures += refused
+        flights = [log for found in opened for log in found.flights]
         if not flights:
             raise failures[0]
-        report = examine(
-            flights,
-            nominal,
-            sheets=sheets,
-            on_progress=lambda share, text: advance(0.3 + 0.7 * share, text),
-        )
-        advance(1.0)
-    from diagrams.cli.doctor_screen import screen
+        sheets = {
+            log.name: found.sheet.content
+            for found in opened
+            if found.sheet is not None
+            for log in found.flights
+        }
 
-    config = {
-        "logs": logs,
-        "vehicle": None if nominal is None else nominal.name,
-        "map": log_map,
-        "repair": repair,
-    }
-    tell(*(f"not usable: {failure}" for failure in failures[1:]), indent="  ")
+        def examining(share: float, text: str) -> None:
+            advance(0.3 + 0.7 * share, text)
+
+        report = examine(flights, nominal, sheets=sheets, on_progress=examining)
+        advance(1.0)
+    tell(*(f"not usable: {failure}" for failure in failures[1:]))
+    named = None if nominal is None else nominal.name
     return Report(
-        [],
-        config=config,
+        tables(report),
+        config={"logs": logs, "vehicle": named, "map": log_map, "repair": repair},
         metrics={**report.as_json(), "failures": [str(f) for f in failures]},
-        lines=screen(report),
+        lines=judgement(report),
         failure=failures[0] if failures else None,
     )
 
 
-def _opened(
-    paths: list[Path],
-    vehicle: "Vehicle | None",
-    declared: "MapFile | None",
-    repair: bool,
-    tell: Callable[[float], None],
-) -> "tuple[list[FlightLog], dict[str, Any], list[Exception]]":
-    """Return flights, by name the content of the sheets of those that were imported, and what could
-    not be opened.
-    """
-    from np_drake.logs.errors import LogError
-    from np_drake.logs.opening import Opened, read_as_logged, with_vehicle
-
-    opened: list[Opened] = []
-    failures: list[Exception] = []
-    refused: list[LogError] = []
-    for number, path in enumerate(paths):
-        try:
-            opened.append(
-                read_as_logged(
-                    path, declared, repair=repair, on_progress=_part(tell, number, len(paths))
-                )
-            )
-        except (LogError, OSError) as error:
-            failures.append(error)
-    opened = with_vehicle(opened, vehicle, refused)
-    flights = [log for found in opened for log in found.flights]
-    sheets = {
-        log.name: found.sheet.content
-        for found in opened
-        if found.sheet is not None
-        for log in found.flights
-    }
-    return flights, sheets, [*failures, *refused]
+def judgement(report: LogReport) -> list[str]:
+    """Return whether the logs are usable, and what limits their use."""
+    several = len(report.flights) > 1
+    head = f"{len(report.flights)} flights" if several else report.flights[0].name
+    judged = f", {report.vehicle}, {report.sensors} sensors" if report.sensors else ""
+    usable = "yes, with limits" if report.problems else "yes"
+    return [
+        f"{head}{judged}: usable: {usable if report.usable else 'no'}",
+        *(f"! {problem}" for problem in report.problems),
+        f"clocks: {'; '.join(map(str, report.flights[0].lags)) or 'no lag can be told'}",
+    ]
 
 
-def _part(tell: Callable[[float], None], number: int, count: int) -> Callable[[float], None]:
-    """Return the progress of one of several files."""
-    return lambda share: tell((number + share) / count)
+def tables(report: LogReport) -> list[Table]:
+    """Return the tables of a report that have rows: flights, findings, and what they can tell."""
+    groups: dict[str, list[Answer]] = {}
+    for answer in report.answers:
+        groups.setdefault(answer.identifier, []).append(answer)
+    told, missed, never = list[tuple](), list[tuple](), list[tuple]()
+    for name, answers in groups.items():
+        first, clear = answers[0], [a for a in answers if a.verdict == YES]
+        row = (name, _sizes(answers, bool(clear)), number(first.typical, 2))
+        if clear:
+            told.append((*row, clear[0].reason.split(":")[0]))
+        elif first.verdict == NEVER:
+            never.append((name, f"{first.reason}; {first.todo}"))
+        else:
+            alike = first.reason.startswith("it cannot")
+            why = f"like {first.beside[0]}" if alike else "no clear trace"
+            missed.append((*row, why, first.todo))
+    header = ["effect", "from this size", "usual"]
+    every: list[Table] = [
+        *_findings(report),
+        ("can be told (in brackets: not)", [*header, "note"], told),
+        ("cannot be told", [*header, "why", "to fly"], missed),
+        ("never", ["effect", "why"], never),
+    ]
+    return [table for table in every if table[-1]]
+
+
+def _findings(report: LogReport) -> list[Table]:
+    """Return flights, and noise, motion, residual and swings of the first or of all."""
+    first = report.flights[0]
+    flights = tabulate(
+        "flights",
+        report.flights,
+        (
+            ("flight", lambda f: f.name),
+            ("s", lambda f: f.duration),
+            ("rows", lambda f: f.rows),
+            ("Hz", lambda f: 1 / f.step),
+            ("gaps", lambda f: f"{f.gaps} up to {number(f.longest, 2)} s" if f.gaps else "none"),
+            ("bridged", lambda f: f.bridged),
+            ("input", lambda f: f.input),
+            ("timing", lambda f: measure(f.timing, "s") if f.timing else None),
+            ("rotor at limit", lambda f: percent(f.saturated)),
+            ("worst misfit [1]", lambda f: max(f.misfits.values(), default=None)),
+        ),
+    )
+    noise = tabulate(
+        f"white noise of {first.name}, per row",
+        first.signals,
+        (
+            ("signal", lambda s: s.name),
+            ("found", lambda s: measure(s.white, s.unit)),
+            ("usual", lambda s: measure(s.usual, s.unit) if s.usual else None),
+            ("rows that repeat", lambda s: percent(s.repeated)),
+            ("rounded to", lambda s: measure(s.resolution, s.unit)),
+        ),
+    )
+    floor = report.noise_floor
+    residual: list[tuple] = [
+        (f"force {axis}, RMS", percent(x)) for axis, x in report.residual_force.items()
+    ]
+    residual += [(f"{name}, when every effect helps", value) for name, value in floor.items()]
+    swings = [
+        (test.flight, "yes" if test.swings else "no", test.log_bayes_factor, test.evident)
+        for test in report.swings
+    ]
+    return [
+        flights,
+        noise,
+        ("motion", ["quantity", "value"], list((first.motion | report.excitation).items())),
+        ("residual", ["of weight; [N, N·m]", "value"], residual if floor else []),
+        ("pendulum", ["flight", "swings", "log Bayes factor [1]", "evident from"], swings),
+    ]
+
+
+def _sizes(answers: list[Answer], told: bool) -> str:
+    """Return the smallest sizes that can be told, in brackets those that cannot."""
+    shown = []
+    for a in answers:
+        own = f"{a.parameter.split('_')[-1]} " if len(answers) > 1 else ""
+        text = f"{own}{number(a.smallest, 2)}"
+        shown.append(f"({text})" if told and a.verdict != YES else text)
+    return with_unit(", ".join(shown), answers[0].unit)

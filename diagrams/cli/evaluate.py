@@ -3,13 +3,14 @@
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
+import numpy as np
 from typer import Argument, Option
 
 from diagrams.batch.failed_run import FailedRun
 from diagrams.cli import options
-from diagrams.cli.output import say
+from diagrams.cli.output import Table, say
 from diagrams.cli.runner import Report, Run, reports
 from diagrams.cli.train import (
     LOG_HELP,
@@ -18,13 +19,32 @@ from diagrams.cli.train import (
     asked_configuration,
     behind_bar,
     configuration_for,
+    open_flights,
+    require_one_frame,
     train_reaction,
 )
-
-if TYPE_CHECKING:
-    from np_drake.residual_model import ResidualModel
-    from np_drake.skill.flight_skill import Model
-    from np_drake.training_data.training_segments import Flight
+from diagrams.loop.controller_config import NP_MODEL
+from diagrams.studies.columns import tabulate
+from np_drake.files.number_text import number
+from np_drake.lifting.model.model_file import load_model, schema_of
+from np_drake.lifting.training.train import CONFIGURATIONS as KNOWN
+from np_drake.lifting.training.train import make_config, train
+from np_drake.logs.formats.neurobem_wrenches import RACE_TRACK, TRAINING
+from np_drake.payload_filter.model_file import SCHEMAS, PayloadFilterModel
+from np_drake.payload_filter.training import opened_logs, train_payload_filter
+from np_drake.residual_model import ResidualModel
+from np_drake.residual_models.linear_baselines import fit_all
+from np_drake.residual_models.motion_model import REACTIONS
+from np_drake.skill.flight_skill import (
+    Model,
+    diverged,
+    flight_stability,
+    label_distances,
+    score_flights,
+)
+from np_drake.skill.skill import mean_interval
+from np_drake.training_data.training_segments import Flight, require_motion
+from np_drake.vehicle.scaling import sampling_period
 
 AXES_CHOOSE = ""  # the configuration that suits the axes of the flights
 CONFIGURATIONS = ("paper", AXES_CHOOSE)  # that are trained unless some are named
@@ -70,31 +90,26 @@ def evaluate(
     and known.
     """
     steps = parse_horizons(horizons)
-    names = _choose_configurations(only)
-    _require_reactions(also or (), predictor)
+    known = (*KNOWN, PAYLOAD_FILTER)
+    asked = [asked_configuration(name, "--only", known) for name in only or ()]
+    names = list(dict.fromkeys(asked or CONFIGURATIONS))
+    for name in also or ():
+        asked_configuration(name, "--also", tuple(REACTIONS))
+    if also and predictor:
+        raise ValueError(
+            "--also: gp and knode are trained beside the others; leave out --predictor."
+        )
     if leave_one_out and (predictor or train or len(logs or ()) < 2):
         raise ValueError(
             "--leave-one-out: give two LOG or more, and neither --predictor nor --train."
         )
     train, logs = _choose_flights(list(train or ()), list(logs or ()), predictor, neurobem)
     if not train and not leave_one_out:
-        predictor = predictor or _packaged_model()
+        predictor = predictor or NP_MODEL
     loaded = load(predictor) if predictor else {}
-    from diagrams.cli.flights import open_flights, require_one_frame
-
     tests = open_flights(logs, vehicle, repair=repair)
     training = open_flights(train, vehicle, repair=repair)
     require_one_frame([*training, *tests])
-    from diagrams.cli.scoring import distance_text, ending, stability_text, tables
-    from np_drake.skill.flight_skill import (
-        diverged,
-        flight_stability,
-        label_distances,
-        score_flights,
-    )
-    from np_drake.training_data.training_segments import require_motion
-    from np_drake.vehicle.scaling import sampling_period
-
     step = step or sampling_period(tests[0].vehicle)
     folds = [([other for other in tests if other is not test], [test]) for test in tests]
     folds = folds if leave_one_out else [(training, tests)]
@@ -103,12 +118,10 @@ def evaluate(
     rows, windows, distances = list[dict](), list[dict](), list[dict]()
     for learned, held_out in folds:
         models = loaded or _train_all(learned, names, step=step, seed=run.seed, epochs=epochs)
-        known = _train_baselines(learned, steps, step, also or (), run.seed)
+        base = _train_baselines(learned, steps, step, also or (), run.seed)
         for zeta in MOTIONS:
             with run.counting(f"scoring, coming motion {zeta}") as on_model:
-                rows += score_flights(
-                    models, held_out, steps, zeta=zeta, on_model=on_model, **known
-                )
+                rows += score_flights(models, held_out, steps, zeta=zeta, on_model=on_model, **base)
         windows += flight_stability(models, held_out)
         distances += label_distances(models, held_out)
     settings = {"configurations": list(models), "horizons": steps, "step": step}
@@ -116,12 +129,22 @@ def evaluate(
         "leave_one_out": leave_one_out,
         "training": [flight.data.name for flight in training],
     }
+    said = tabulate(
+        "stability of the forecasts; spectral radius above 1: unstable",
+        windows,
+        [(key, key) for key in ("model", "flight", "windows", "unstable", "pulled", "largest")],
+    )
+    unfiltered = [
+        f"{line['model']} forecasts without low-pass; such labels of {line['flight']} are "
+        f"{number(line['force'])} N and {number(line['torque'])} N·m from the target"
+        for line in distances
+    ]
     lost = diverged(rows) or [line["flight"] for line in windows if line["unstable"]]
     return Report(
-        [table for zeta in MOTIONS for table in tables(rows, zeta, mean=leave_one_out)],
+        [*(t for zeta in MOTIONS for t in tables(rows, zeta, mean=leave_one_out)), said],
         config=settings,
         metrics={"rows": rows, "stability": windows, "label_distances": distances},
-        notes=[*stability_text(windows, rows), *distance_text(distances), ending(rows, models)],
+        notes=unfiltered,
         failure=FailedRun(f"a forecast diverged on {', '.join(sorted(set(lost)))}.")
         if lost
         else None,
@@ -129,10 +152,7 @@ def evaluate(
 
 
 def parse_horizons(text: str) -> list[int]:
-    """Return the steps ahead, ascending.
-
-    Raises: ValueError: if one is no positive whole number, or beyond any flight.
-    """
+    """Return the steps ahead, ascending."""
     parts = [part.strip() for part in text.split(",")]
     if not all(part.isdecimal() and 0 < int(part) <= FARTHEST for part in parts):
         raise ValueError(
@@ -145,10 +165,7 @@ def parse_horizons(text: str) -> list[int]:
 def _choose_flights(
     train: list[Path], logs: list[Path], predictor: Path | None, neurobem: Path | None
 ) -> tuple[list[Path], list[Path]]:
-    """Return the flights to train on and to score; the paper's where none are given.
-
-    Raises: ValueError: if what is given does not fit together.
-    """
+    """Return the flights to train on and to score; the paper's where none are given."""
     if predictor and train:
         raise ValueError("--predictor is trained already; leave out --train.")
     if logs:
@@ -165,56 +182,20 @@ def _choose_flights(
             "give flights, or the folder of the NeuroBEM flights as --neurobem DIR or "
             "NP_DRAKE_NEUROBEM."
         )
-    from np_drake.logs.formats.neurobem_wrenches import RACE_TRACK, TRAINING
-
     say("the paper prints 0.057 N and 0.006 N·m for race track 1 (one step ahead).")
     return [neurobem / "npy" / f"{TRAINING}.npy"], [neurobem / "npy" / f"{RACE_TRACK}.npy"]
 
 
-def _choose_configurations(only: list[str] | None) -> list[str]:
-    """Return the configurations to train.
-
-    Raises: ValueError: on an unknown name.
-    """
-    from np_drake.lifting.training.train import CONFIGURATIONS as KNOWN
-
-    asked = [asked_configuration(name, "--only", (*KNOWN, PAYLOAD_FILTER)) for name in only or ()]
-    return list(dict.fromkeys(asked or CONFIGURATIONS))
-
-
-def _require_reactions(names: Sequence[str], predictor: Path | None) -> None:
-    """Check the names of `--also`.
-
-    Raises: ValueError: on an unknown name, or if nothing is trained.
-    """
-    from np_drake.residual_models.motion_model import REACTIONS
-
-    if unknown := set(names) - set(REACTIONS):
-        raise ValueError(
-            f"--also: must be {' | '.join(REACTIONS)}; got {', '.join(sorted(unknown))}."
-        )
-    if names and predictor:
-        raise ValueError(
-            "--also: gp and knode are trained beside the others; leave out --predictor."
-        )
-
-
 def _train_baselines(
-    flights: list["Flight"], horizons: list[int], step: float, also: Sequence[str], seed: int
+    flights: list[Flight], horizons: list[int], step: float, also: Sequence[str], seed: int
 ) -> dict[str, Any]:
-    """Train the baselines.
-
-    Returns: `baselines` and `mean` as `score_flights` takes them; empty without flights.
-    Raises: ValueError: if one of `also` is not gp or knode, or cannot learn from these flights.
+    """Train the baselines and return `baselines` and `mean` as `score_flights` takes them; empty
+    without flights.
     """
     if not flights:
         if also:
             raise ValueError("--also: gp and knode need flights to train on; give --train LOG.")
         return {}
-    import numpy as np
-
-    from np_drake.residual_models.linear_baselines import fit_all
-
     segments = [segment for flight in flights for segment in flight.segments(step)]
     mean = np.concatenate([segment.goal for segment in segments]).mean(axis=0)
     models: dict[str, ResidualModel] = dict(fit_all(segments, np.unique([0, *horizons])))
@@ -224,29 +205,10 @@ def _train_baselines(
     return {"baselines": models, "mean": mean}
 
 
-def _packaged_model() -> Path:
-    """Return the model file of the package.
-
-    Raises: ValueError: if there is none.
-    """
-    from diagrams.loop.controller_config import NP_MODEL
-
-    if not NP_MODEL.is_file():
-        raise ValueError(
-            "the package holds no model; give --predictor FILE, or --train LOG to train on."
-        )
-    return NP_MODEL
-
-
-def load(path: Path) -> dict[str, "Model"]:
+def load(path: Path) -> dict[str, Model]:
     """Load the model of a file, lifted linear system or payload filter; return it by its
     configuration.
-
-    Raises: ValueError: on a bad file.
     """
-    from np_drake.lifting.model.model_file import load_model, schema_of
-    from np_drake.payload_filter.model_file import SCHEMAS, PayloadFilterModel
-
     if schema_of(path) in SCHEMAS:
         return {PAYLOAD_FILTER: PayloadFilterModel.load(path)}
     model = load_model(path)
@@ -254,15 +216,12 @@ def load(path: Path) -> dict[str, "Model"]:
 
 
 def _train_all(
-    flights: list["Flight"], names: Sequence[str], *, step: float, seed: int, epochs: int | None
-) -> dict[str, "Model"]:
+    flights: list[Flight], names: Sequence[str], *, step: float, seed: int, epochs: int | None
+) -> dict[str, Model]:
     """Train the configurations of these names on the same flights.
 
     Raises: ValueError: if `payload_filter` is among them and a flight is an array.
     """
-    from np_drake.lifting.training.train import make_config, train
-    from np_drake.payload_filter.training import opened_logs, train_payload_filter
-
     segments = [segment for flight in flights for segment in flight.segments(step)]
     models: dict[str, Model] = {}
     for asked in names:
@@ -275,3 +234,42 @@ def _train_all(
         say(f"{name}: {wall:.1f} s, {result.model.summary.get('excitation', '')}")
         models[name] = result.model
     return models
+
+
+def tables(rows: list[dict[str, Any]], zeta: str, *, mean: bool) -> list[Table]:
+    """Return two tables, a column for every horizon, for every flight or, with `mean`, for all
+    together.
+
+    A flight's hold RMSE and, in brackets, skill; the mean over flights is that of the ratio to
+    persistence with its 95 % interval and the worst skill.
+    """
+    rows = [row for row in rows if row["zeta"] == zeta]
+    horizons = sorted({row["horizon"] for row in rows})
+    found = []
+    for flight in [None] if mean else dict.fromkeys(row["flight"] for row in rows):
+        group = [row for row in rows if flight in (None, row["flight"])]
+        for kind, unit in (("force", "N"), ("torque", "N·m")):
+            lines = []
+            for model in dict.fromkeys(row["model"] for row in group):
+                own = [row for row in group if row["model"] == model]
+                ahead = [[row for row in own if row["horizon"] == h] for h in horizons]
+                lines.append((model, *(_cell(kind, cell, mean) for cell in ahead)))
+            what = f" RMSE [{unit}] (skill: below 1 beats all naive)"
+            what = ", ratio to persistence (worst skill)" if mean else what
+            title = f"{flight or 'mean over flights'}: {kind}{what}, coming motion {zeta}"
+            found.append((title, ["ahead", *(f"{h:.4g} s" for h in horizons)], lines))
+    return found
+
+
+def _cell(kind: str, rows: list[dict[str, Any]], mean: bool) -> str:
+    """Return error and skill of a flight, or of several their mean ratio and worst skill."""
+    if not mean:
+        return f"{number(rows[-1][f'{kind}_rmse'])} ({rows[-1][f'{kind}_skill']:.2f})"
+    middle, low, high = mean_interval(np.array([row[f"{kind}_ratio"] for row in rows]))
+    worst = max(row[f"{kind}_skill"] for row in rows)
+    return f"{_short(float(middle))} ±{_short(float(high - low) / 2)} ({_short(worst)})"
+
+
+def _short(value: float) -> str:
+    """Format with two digits behind the point, or two significant ones."""
+    return f"{value:.2f}" if 0.1 <= value < 1000 or value != value else number(value, 2)

@@ -1,30 +1,69 @@
-"""`np-drake fly`: simulate one experiment with one controller."""
+"""`np-drake fly`: simulate one experiment with one controller, or with several to compare them."""
 
+import copy
+import dataclasses as dc
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
+import yaml
 from typer import Argument, Option
 
+from diagrams.autopilot.node import LinkedFlight
 from diagrams.batch.failed_run import FailedRun
 from diagrams.cli import options
-from diagrams.cli.flying import all_lost, fly_all, fly_linked, fly_live
-from diagrams.cli.output import Table, say
+from diagrams.cli.output import Table, progress, say, tell
 from diagrams.cli.runner import Report, Run, reports
-from diagrams.cli.scenario import Numbers, scenarios
-from diagrams.studies.columns import Column, tabulate
+from diagrams.gap.corrected import drawn
+from diagrams.loop import comparison
+from diagrams.loop.controller_config import LEARNED
+from diagrams.loop.controllers import kind_of_model, make_residual_model
+from diagrams.loop.experiments import (
+    EXPERIMENTS,
+    load_experiment,
+    scenario_file,
+    settings_of,
+    with_payload,
+)
+from diagrams.loop.flight import FlightConfig
+from diagrams.loop.flight_diagram import make_flight_diagram
+from diagrams.loop.flight_result import FlightResult, LostVehicle
+from diagrams.loop.flight_result import fly as simulate
+from diagrams.loop.live import LiveView
+from diagrams.loop.mcap_flight import write_flight_mcap
+from diagrams.loop.own_controller import is_own
+from diagrams.loop.replay import write_replay
+from diagrams.studies.columns import tabulate
+from np_drake.autopilot.betaflight import find_firmware
+from np_drake.autopilot.mavlink import MavlinkLink
+from np_drake.files.figure_file import save
+from np_drake.files.yaml_file import filled, read_yaml
+from np_drake.logs.formats.log_file import write_log
+from np_drake.logs.formats.mcap_file import require_mcap
+from np_drake.vehicle import load_vehicle
+from np_drake.vehicle.scaling import usual_rate_loop
 
-if TYPE_CHECKING:
-    from diagrams.loop.flight import FlightConfig
-    from diagrams.loop.flight_result import FlightResult
+Experiment = Annotated[
+    str, Argument(help="circle, lemniscate, hover, … or a scenario file (YAML).")
+]
+Predictor = Annotated[
+    Path | None, Option(help="Model file of controller np, payload_filter, gp or knode.")
+]
+Fields = Annotated[
+    list[str] | None,
+    Option(
+        "--set",
+        metavar="FIELD=VALUE",
+        help="Change a field of the scenario file, as reference.speed=2, "
+        "reality.wind=[2,0,0] or controller.solver=ipopt; repeatable.",
+    ),
+]
 
 
-@reports("fly", seed=0, out=options.Out, markdown=False, holds=("mcap",))
+@reports("fly", seed=0, out=options.Out, markdown=False, files=("mcap",))
 def fly(
     run: Run,
-    experiment: Annotated[
-        str, Argument(help="circle, lemniscate, hover, … or a scenario file (YAML).")
-    ],
+    experiment: Experiment,
     controller: Annotated[
         list[str] | None,
         Option(
@@ -34,39 +73,18 @@ def fly(
             "your own; several times: fly each and compare them. Default: the scenario's, or np.",
         ),
     ] = None,
-    solver: Annotated[
-        str | None,
-        Option(
-            help="sqp | ipopt (MathematicalProgram, the reference); default: the scenario "
-            f"file's, or {options.DEFAULT_SOLVER}."
-        ),
-    ] = None,
-    predictor: Annotated[
-        Path | None, Option(help="Model file of controller np, payload_filter, gp or knode.")
-    ] = None,
-    told_mass: Annotated[
-        bool, Option("--told-mass", help="Known mass: controller and estimator have the payload's.")
-    ] = False,
+    predictor: Predictor = None,
     duration: Annotated[float | None, Option(help="Scored time after the ramp [s].")] = None,
     payload: Annotated[
         float | None, Option(metavar="KG", help="Mass of the payload; 0: none [kg].")
     ] = None,
-    length: Annotated[float | None, Option(metavar="M", help="Length of the cable [m].")] = None,
-    speed: Annotated[
-        float | None, Option(metavar="M/S", help="Mean speed along the track [m/s].")
-    ] = None,
-    wind: Annotated[
-        str | None,
-        Option(metavar="X[,Y,Z]", help="Mean wind, along x or as a vector in world axes [m/s]."),
-    ] = None,
+    fields: Fields = None,
     autopilot: Annotated[
         str | None,
         Option(
             metavar="KIND",
-            help=(
-                "none | rate_loop (the vehicle file's) | betaflight (its firmware; extra "
-                "autopilot)."
-            ),
+            help="none | rate_loop (the vehicle file's) | betaflight (its firmware; extra "
+            "autopilot).",
         ),
     ] = None,
     link: Annotated[
@@ -99,185 +117,311 @@ def fly(
     ] = False,
 ) -> Report:
     """Simulate an experiment; with --out: flight log, figures and a 3-D replay page."""
-    from diagrams.loop import comparison
-
-    if link is not None and (
-        controller or solver or predictor or told_mass or live or sample is not None
-    ):
-        others = "--controller, --solver, --predictor, --told-mass, --live and --sample"
+    if link is not None and (controller or predictor or live or sample is not None):
+        others = "--controller, --predictor, --live and --sample"
         raise ValueError(f"give either --link, whose node has the controller, or {others}.")
     configs = scenarios(
         experiment,
         (controller or []) if link is None else ["hold"],
         vehicle=vehicle,
         reality=reality,
-        solver=solver,
         predictor=predictor,
-        told_mass=told_mass,
         autopilot=autopilot or (None if link is None else "rate_loop"),
-        numbers=Numbers(payload, length, speed, wind, duration),
+        payload=payload,
+        duration=duration,
+        fields=fields or (),
     )
-    _require_one_flight(len(configs), sample=sample, mcap=mcap, live=live)
-    if sample is not None:
-        from diagrams.gap.corrected import drawn
-
-        flown = drawn(configs[0], sample, run.seed)
-    else:
-        flown = configs
-    compared, lost = len(configs) > 1, list[FailedRun]()
-    if link is not None:
-        return _linked(run, configs[0], link, mcap)
-    flights = (
-        [fly_live(configs[0], run.seed)]
-        if live
-        else fly_all(flown, run.seed, lost if compared else None)
-    )
+    single = live or mcap is not None
+    if single + (sample is not None) + (len(configs) > 1) > 1:
+        raise ValueError(
+            "give either --live or --mcap, which take one flight, or --sample, or several "
+            "--controller."
+        )
     if mcap is not None:
-        from diagrams.loop.mcap_flight import write_flight_mcap
-
+        require_mcap(mcap)
+        if mcap.suffix != ".mcap":
+            raise ValueError(f"--mcap: must be a file whose name ends in .mcap; got {mcap}.")
+    flown, compared, lost = configs, len(configs) > 1, list[FailedRun]()
+    tables, metrics, figures = list[Table](), None, ["track", "errors", "wrench"]
+    if sample is not None:
+        flown = drawn(configs[0], sample, run.seed)
+    if link is not None:
+        flight, linked = _fly_linked(configs[0], run.seed, link)
+        flights, tables, figures = [flight], [linked], []
+        metrics = {"experiment": configs[0].name, "autopilot": dict(linked[2])}
+    elif live:
+        flights = [_fly_live(configs[0], run.seed)]
+    else:
+        flights = fly_all(flown, run.seed, lost if compared else None)
+    if mcap is not None:
         write_flight_mcap(flights[0], mcap)
         say(f"MCAP: {mcap}")
-    summaries = [flight.summary() for flight in flights]
+    if metrics is None:
+        summaries = [flight.summary() for flight in flights]
+        metrics = summaries[0] if len(flown) == 1 and sample is None else {"flights": summaries}
 
     def write(folder: Path) -> None:
         for flight in flights:
-            _write_flight(
-                flight, folder, figures=("wrench",) if compared else ("track", "errors", "wrench")
-            )
+            _write_flight(flight, folder, ["wrench"] if compared else figures)
         if compared:
-            say(
-                f"comparison: "
-                f"{comparison.write_comparison(flights, folder, lost=[str(one) for one in lost])}"
-            )
+            named = [str(one) for one in lost]
+            say(f"comparison: {comparison.write_comparison(flights, folder, lost=named)}")
 
     said = [comparison.sentence(flights), *filter(None, [comparison.models(flights)])]
+    own = {config.controller.name: as_config(config) for config in configs}
     return Report(
-        [flights_table(flights)],
-        config={config.controller.name: as_config(config) for config in configs}
-        if compared
-        else as_config(configs[0]),
-        metrics=summaries[0] if len(flown) == 1 and sample is None else {"flights": summaries},
+        tables or [flights_table(flights)],
+        config=own if compared else as_config(configs[0]),
+        metrics=metrics,
         summary=said if compared else [],
-        notes=[note for flight in flights for note in _notes(flight)],
+        notes=[] if link is not None else [note for flight in flights for note in _notes(flight)],
         write=write,
-        failure=all_lost(lost) if lost else None,
+        failure=FailedRun(" ".join(map(str, lost))) if lost else None,
     )
 
 
-def _linked(run: Run, config: "FlightConfig", link: str, mcap: Path | None) -> Report:
-    """Fly a vehicle behind a link, and return what its autopilot has seen; errors are the node's to
-    tell.
+def scenarios(
+    experiment: str,
+    controllers: Sequence[str],
+    *,
+    vehicle: Path | None = None,
+    reality: Path | None = None,
+    predictor: Path | None = None,
+    autopilot: str | None = None,
+    payload: float | None = None,
+    duration: float | None = None,
+    fields: Sequence[str] = (),
+) -> list[FlightConfig]:
+    """Return a checked scenario for every controller; what cannot be flown is refused before any
+    work.
+
+    Raises: ValueError: on bad input.
     """
-    flight, table = fly_linked(config, run.seed, link)
-    if mcap is not None:
-        from diagrams.loop.mcap_flight import write_flight_mcap
+    if reality is not None and vehicle is not None:
+        raise ValueError("give either --reality, which has a vehicle of its own, or --vehicle.")
+    first = load_experiment(experiment, None if vehicle is None else load_vehicle(vehicle), reality)
+    if "solver" not in (read_yaml(scenario_file(experiment)).get("controller") or {}):
+        first.controller.solver = options.DEFAULT_SOLVER
+    if payload is not None:
+        first = with_payload(first, mass=payload)
+    first = _with_fields(first, [*fields, *([f"duration={duration}"] if duration else [])])
+    first = first.check_and_step() if payload is not None or fields else first.check()
+    if autopilot is not None:
+        first = _with_autopilot(first, autopilot)
+    kinds = list(controllers) or [first.controller.kind]
+    if not controllers and experiment in EXPERIMENTS:
+        kinds = [_default_controller(first, predictor)]
+    configs = [copy.deepcopy(first) for _ in kinds]
+    for config, kind in zip(configs, kinds, strict=True):
+        if kind != config.controller.kind:  # whose parameters are of its kind
+            config.controller.parameters, config.controller.predictor = {}, ""
+        config.controller.kind = kind
+    if predictor is not None:
+        _give(predictor, configs)
+    for config in configs:
+        _require_flyable(config)
+    names = [config.controller.name for config in configs]
+    if twice := [name for name in names if names.count(name) > 1]:
+        raise ValueError(
+            f"--controller: two are called {twice[0]}, and so would their files be. Rename one."
+        )
+    return configs
 
-        write_flight_mcap(flight, mcap)
-    return Report(
-        [table],
-        config=as_config(config),
-        metrics={"experiment": config.name, "autopilot": dict(table[2])},
-        write=lambda folder: _write_flight(flight, folder, figures=()),
-    )
+
+def _with_fields(config: FlightConfig, fields: Sequence[str]) -> FlightConfig:
+    """Return the scenario with the fields of `--set`.
+
+    Raises: ValueError: on an unknown field, or a value of another kind.
+    """
+    for text in fields:
+        name, sign, value = text.partition("=")
+        if not sign:
+            raise ValueError(f"--set: must be FIELD=VALUE, as reference.speed=2; got {text!r}.")
+        try:
+            content = yaml.safe_load(value)
+            for part in reversed(name.split(".")):
+                content = {part: content}
+            config = filled(config, content)
+        except (ValueError, yaml.YAMLError) as error:
+            raise ValueError(f"--set {text}: {error}") from error
+    return config
 
 
-def _require_one_flight(
-    controllers: int, *, sample: int | None, mcap: Path | None, live: bool
-) -> None:
-    """Check that nothing that takes one flight is asked of several.
+def _with_autopilot(config: FlightConfig, kind: str) -> FlightConfig:
+    """Return the scenario with an autopilot, by the loop of a usual tune where the vehicle's file
+    names none.
+    """
+    config = config.with_autopilot(kind)
+    config.autopilot.check()
+    if config.autopilot.flies and config.vehicle.rate_loop is None:
+        loop = usual_rate_loop(config.vehicle)
+        lags = ", ".join(f"{1e3 * lag:.0f}" for lag in loop.lag)
+        tell(
+            f"vehicle {config.vehicle.name!r} names no rate_loop; lags of {lags} ms are "
+            f"taken. identify LOG tells them."
+        )
+        config = dc.replace(config, vehicle=dc.replace(config.vehicle, rate_loop=loop))
+    return config
+
+
+def _give(predictor: Path, configs: Sequence[FlightConfig]) -> None:
+    """Give a model file to the controller that it is for; others fly the packaged model.
+
+    Raises: ValueError: where none of them flies a model, or this one.
+    """
+    controllers = [config.controller for config in configs if config.controller.kind in LEARNED]
+    if not controllers:
+        raise ValueError(f"--predictor: is for {', '.join(LEARNED)}; none of them flies.")
+    kind = kind_of_model(str(predictor))
+    fits = [one for one in controllers if one.kind == kind]
+    kinds = " and ".join(one.kind for one in controllers)
+    if not fits:
+        raise ValueError(
+            f"--predictor: {predictor} is for {kind}; {kinds} cannot fly it. Name "
+            f"--controller {kind}."
+        )
+    fits[0].predictor = str(predictor)
+
+
+def _require_flyable(config: FlightConfig) -> None:
+    """Check the scenario, its model file and a controller of one's own.
+
+    Raises: ValueError: where one does not fit.
+    """
+    config.check()
+    if config.autopilot.kind == "betaflight":
+        find_firmware()
+    make_residual_model(config.controller, config.controller.believed(config.vehicle))
+    if is_own(config.controller.kind):
+        make_flight_diagram(config)
+
+
+def _default_controller(config: FlightConfig, predictor: Path | None) -> str:
+    """Return the kind of the model file; without one `np`, or `hold`, which needs no model, and say
+    so.
+
+    The packaged model knows the paper's vehicle.
+    """
+    if predictor is not None:
+        return kind_of_model(str(predictor))
+    try:
+        make_residual_model(dc.replace(config.controller, kind="np"), config.vehicle)
+    except ValueError:
+        tell(
+            f"controller: hold, as the packaged predictor is for the paper's vehicle and not for "
+            f"{config.vehicle.name}; np-drake train LOG makes one of its own."
+        )
+        return "hold"
+    return "np"
+
+
+def fly_all(
+    configs: list[FlightConfig], seed: int, lost: list[FailedRun] | None = None
+) -> list[FlightResult]:
+    """Simulate scenarios that begin and end alike, one after the other, behind one progress bar.
 
     Args:
-        sample: of simulators, of `--sample`.
-        mcap: file of `--mcap`.
-    Raises: ValueError: where it is.
+        lost: takes what ended a flight early; None: nothing may.
+    Raises: FailedRun: where nothing may end one early, or no flight is left; it names all.
     """
-    one = "--live, which shows" if live else "--mcap, which holds"
-    if sample is not None and (live or mcap is not None):
-        raise ValueError(f"give either {one} one flight, or --sample.")
-    if controllers > 1 and (live or mcap is not None):
-        raise ValueError(f"give either {one} one flight, or several --controller.")
-    if controllers > 1 and sample is not None:
-        raise ValueError("give either --sample, or several --controller.")
-    if mcap is not None:
-        _require_mcap_output(mcap)
+    flights, first = [], configs[0]
+    names = ", ".join(dict.fromkeys(config.controller.name for config in configs))
+    with progress(f"flying {first.name} with {names}", len(configs) * first.end) as advance:
+        for k, own in enumerate(configs):
+
+            def shown(t: float, before: float = k * first.end) -> None:
+                advance(before + t)
+
+            try:
+                flights.append(simulate(own, seed=seed, monitor=shown))
+            except FailedRun as failed:
+                if lost is None:
+                    raise
+                lost.append(failed)
+    if lost and not flights:
+        raise FailedRun(" ".join(map(str, lost)))
+    return flights
 
 
-def _notes(flight: "FlightResult") -> list[str]:
-    """Return lines about waypoints that a flight did not pass, and about the delay of commands."""
-    return [*(f"warning: {text}" for text in flight.warnings()), *_delay_found(flight)]
+def _fly_linked(config: FlightConfig, seed: int, address: str) -> tuple[FlightResult, Table]:
+    """Simulate in real time a vehicle that a process outside commands by MAVLink, until its end.
 
-
-def _delay_found(flight: "FlightResult") -> list[str]:
-    """Return a line about the delay of commands with which the controller reckoned at the end,
-    where there was one.
+    Raises: ValueError: where the link cannot be opened.
     """
-    from np_drake.command_delay import LONGEST_DELAY
+    link = MavlinkLink(address)
+    linked = LinkedFlight(link)
+    try:
+        say(f"{config.name} behind {address}: np-drake node flies it.")
+        with progress(f"flying {config.name}", config.end) as advance:
 
-    if flight.delay == 0.0:
-        return []
-    longest = LONGEST_DELAY * flight.config.controller.period
-    more = " or later, the latest that is looked for" if flight.delay > longest - 1e-9 else ""
-    return [f"the controller takes commands to act {1e3 * flight.delay:.3g} ms late{more}"]
+            def shown(t: float) -> None:
+                advance(t, f"at {linked.factor(t):.2f} of real time")
+
+            flight = simulate(config, seed=seed, monitor=shown, watch=linked, controller=linked)
+    finally:
+        link.close()
+    return flight, linked.table()
 
 
-def _require_mcap_output(file: Path) -> None:
-    """Check before the flight that its MCAP file can be made.
+def _fly_live(config: FlightConfig, seed: int) -> FlightResult:
+    """Simulate in real time before a browser's eyes, until the end, `stop`, Ctrl-C or the loss of
+    the vehicle.
 
-    Raises: ValueError: if it cannot.
+    Raises: LostVehicle: where it was lost before anything was recorded.
     """
-    from np_drake.logs.formats.mcap_file import require_mcap
+    with LiveView(config) as view:
+        payload = ", P the payload" if view.has_payload else ""
+        say(f"watch it at {view.meshcat.web_url()}: V pushes{payload}; Esc or Ctrl-C ends it.")
+        with progress(f"flying {config.name} with {config.controller.name}", config.end) as advance:
 
-    require_mcap(file)
-    if file.suffix != ".mcap":
-        raise ValueError(f"--mcap: must be a file whose name ends in .mcap; got {file}.")
+            def shown(t: float) -> None:
+                advance(t, f"{100 * view.error:.1f} cm off")
+
+            try:
+                flight = simulate(config, seed=seed, monitor=shown, watch=view)
+            except LostVehicle as lost:
+                if not len(lost.signals["t"]):
+                    raise
+                say(str(lost))
+                return FlightResult(config, seed, lost.signals)
+    return flight
 
 
-def as_config(config: "FlightConfig") -> dict:
+def _notes(flight: FlightResult) -> list[str]:
+    """Return lines about waypoints that a flight did not pass, and about the delay of commands with
+    which the controller reckoned at the end.
+    """
+    said = [f"warning: {text}" for text in flight.warnings()]
+    late = f"the controller takes commands to act {1e3 * flight.delay:.3g} ms late"
+    return [*said, *([late] if flight.delay else [])]
+
+
+def as_config(config: FlightConfig) -> dict:
     """Return the scenario as plain data, for `--json`."""
-    from diagrams.loop.experiments import settings_of
-
     kept = ("integration_scheme", "max_step_size", "accuracy")
     return settings_of(config) | {
         "simulator": {name: getattr(config.simulator, name) for name in kept}
     }
 
 
-def flights_table(flights: "Sequence[FlightResult]") -> Table:
+def flights_table(flights: Sequence[FlightResult]) -> Table:
     """Return a table with a line for every flight: errors in cm, solve times in ms."""
-    lines = [{"name": f.config.name, "controller": f.label, **f.metrics()} for f in flights]
-    columns: tuple[Column, ...] = (
-        ("experiment", "name"),
-        ("controller", "controller"),
-        ("E_xy [cm]", lambda line: round(100 * line["E_xy"], 2)),
-        ("E_z [cm]", lambda line: round(100 * line["E_z"], 2)),
-        ("solve [ms]", lambda line: line["solve_ms"]["median"]),
-        ("p95 [ms]", lambda line: line["solve_ms"]["p95"]),
-        ("failed", "solve_failures"),
-    )
-    if any("payload" in line for line in lines):
-        error = {
-            kind: lambda line, kind=kind: round(100 * line["payload"][kind], 2)
-            for kind in ("E_xy", "E_z")
-        }
-        columns = (
-            *columns[:4],
-            ("payload E_xy [cm]", error["E_xy"]),
-            ("payload E_z [cm]", error["E_z"]),
-            *columns[4:5],
-            *columns[6:],
-        )
-    return tabulate(
-        f"seed {flights[0].seed}, {flights[0].config.controller.solver}", lines, columns
-    )
+    lines = []
+    for flight in flights:
+        found = flight.metrics()
+        solve = {"solve [ms]": found["solve_ms"]["median"], "p95 [ms]": found["solve_ms"]["p95"]}
+        line = {"experiment": flight.config.name, "controller": flight.label}
+        line |= {f"{kind} [cm]": round(100 * found[kind], 2) for kind in ("E_xy", "E_z")}
+        if "payload" in found:
+            own = found["payload"]
+            line |= {f"payload {kind} [cm]": round(100 * own[kind], 2) for kind in ("E_xy", "E_z")}
+        lines.append(line | solve | {"failed": found["solve_failures"]})
+    title = f"seed {flights[0].seed}, {flights[0].config.controller.solver}"
+    return tabulate(title, lines, [(name, name) for name in lines[0]])
 
 
-def _write_flight(flight: "FlightResult", folder: Path, *, figures: "Sequence[str]") -> None:
+def _write_flight(flight: FlightResult, folder: Path, figures: Sequence[str]) -> None:
     """Write flight log, figures and replay page of a flight, named by its controller."""
-    from diagrams.loop import comparison
-    from diagrams.loop.replay import write_replay
-    from np_drake.files.figure_file import save
-    from np_drake.logs.formats.log_file import write_log
-
     stem = comparison.stem(flight)
     write_log(flight.log(), folder / f"{stem}.csv")
     if flight.blackbox:

@@ -1,36 +1,51 @@
 """`np-drake identify`: what flight logs tell of a vehicle, as a vehicle file."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager
+import dataclasses as dc
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
+import numpy as np
 from typer import Argument, Option
 
 from diagrams.batch.failed_run import FailedRun
 from diagrams.cli import output
-from diagrams.cli.identify_inputs import (
-    READ,
-    fit_to_judge,
-    open_logs,
-    prior_of,
-    require_different,
-    split,
-)
-from diagrams.cli.identify_tables import as_json, judged, rate_loop, table
-from diagrams.cli.output import progress, say, tell
+from diagrams.cli.output import Table, progress, say, tell
 from diagrams.cli.runner import Report, Run, reports
-
-if TYPE_CHECKING:
-    from np_drake.identification.identify import Identification
-    from np_drake.vehicle import Vehicle
+from diagrams.identification.page import write_page
+from diagrams.identification.text import (
+    agreement,
+    change,
+    half_width,
+    interval,
+    not_told,
+    summary,
+    unit_of,
+)
+from np_drake.flight_log import FlightLog
+from np_drake.identification.flight_agreement import flight_values, own_values
+from np_drake.identification.identified_vehicle import identified_vehicle
+from np_drake.identification.identify import REMEDY, SHORTEST, Identification, lasts, unfit
+from np_drake.identification.identify import identify as identified
+from np_drake.identification.signals import common_drive, signals
+from np_drake.identification.validation import HeldOut
+from np_drake.identification.validation import held_out as errors_on
+from np_drake.logs.importing.log_map import load_map_file
+from np_drake.logs.opening import read_as_logged, with_vehicle
+from np_drake.vehicle import Vehicle, load_vehicle
+from np_drake.vehicle.estimate import HEAVIEST, LIGHTEST, Measured, estimate
+from np_drake.vehicle.rotor_layout import FIRMWARE
+from np_drake.vehicle.text import save_vehicle
 
 Out = Annotated[
     Path | None,
     Option("--out", metavar="DIR", help="Folder for vehicle.yaml, page, figures and JSON."),
 ]
 FILE, JSON, SCHEMA = "vehicle.yaml", "identification.json", "identification"
-FITTED = 0.8  # share of the bar
+READ, FITTED = 0.3, 0.8  # shares of the bar
+LAST = 2 / 3  # share of a single flight that is fitted; own choice
+# mass over the cube of the arm [kg/m³], where the mass is not known; nothing but ratios is told
+# then
+DENSITY = 370.0
 
 
 @reports(SCHEMA, seed=None, out=Out)
@@ -94,50 +109,46 @@ def identify(
     """Identify mass or thrust, inertia, motors, delays and sensors of a vehicle from its
     flights.
     """
-    with _earlier_named(run.out), progress("identifying", 1.0) as advance:
-        from np_drake.identification.identify import identify as identified
-        from np_drake.identification.signals import common_drive
-        from np_drake.identification.validation import held_out as errors_on
-
-        require_different(logs, held_out or [])
+    with progress("identifying", 1.0) as advance:
+        judges = held_out or []
+        named = [path.resolve() for path in (*logs, *judges)]
+        if twice := [path for path in (*logs, *judges) if named.count(path.resolve()) > 1]:
+            raise ValueError(
+                f"{twice[0]}: must be given once, as LOG or as --held-out; got it twice."
+            )
         common_drive([], input)  # refuses what is no input before logs are read
-        prior, mass = prior_of(vehicle, mass, wheelbase, propeller, order, trust)
-        opened, notes = open_logs([*logs, *(held_out or [])], prior, log_map, advance)
+        prior, mass = _prior_of(vehicle, mass, wheelbase, propeller, order, trust)
+        opened, notes = _open_logs([*logs, *judges], prior, log_map, advance)
         judging = [log for found in opened[len(logs) :] for log in found]
         drive = common_drive([log for found in opened for log in found], input)
-        if trust == "thrust" and (
-            drive == "throttle" or (drive == "rotor_speed" and vehicle is None)
-        ):
+        unscaled = drive == "throttle" or (drive == "rotor_speed" and vehicle is None)
+        if trust == "thrust" and unscaled:
             raise ValueError(
                 f"--trust thrust: {drive} tells no newtons without a measured coefficient; "
                 f"give --mass."
             )
-        fitted, judging, parts, left_out = split(opened[: len(logs)], judging)
-        judging, unfit = fit_to_judge(judging, parts, prior, drive)
+        fitted, judging, last, said = _split(opened[: len(logs)], judging, prior, drive)
         advance(READ, f"{len(fitted)} flight{'s' * (len(fitted) > 1)}")
-        stop = parts[0][0] if parts else 1.0
-        found = identified(
-            fitted, prior, mass=mass, trusted=trust == "thrust", drive=drive, stop=stop
-        )
+        trusted = trust == "thrust"
+        stop, parts = (LAST, [(LAST, 1.0)]) if last else (1.0, [])
+        found = identified(fitted, prior, mass=mass, trusted=trusted, drive=drive, stop=stop)
         advance(FITTED, "judging")
         rows = errors_on(found, judging, parts, plain=True)
         advance(1.0)
-    tell(*notes, *left_out, *unfit, *found.notes, indent="  ")
+    tell(*notes, *said, *found.notes)
     config: dict[str, Any] = {
         "logs": logs,
         "vehicle": prior.name,
         "mass": mass,
         "trust": trust,
         "input": drive,
+        "held_out": [log.name for log in judging],
+        "map": log_map,
     }
-    config |= {"held_out": [log.name for log in judging], "map": log_map}
     own, failure = _vehicle(found, name)
     metrics = as_json(found, rows)
 
     def write(folder: Path) -> None:
-        from diagrams.identification.page import write_page
-        from np_drake.vehicle.text import save_vehicle
-
         (folder / FILE).unlink(missing_ok=True)  # of an earlier identification
         if own is not None:
             save_vehicle(own, folder / FILE)
@@ -145,34 +156,244 @@ def identify(
         output.write_metrics(folder / JSON, SCHEMA, seed=run.seed, config=config, **metrics)
         say(f"page: {write_page(found, rows, folder, thirds=bool(parts))}")
 
-    from diagrams.identification.text import change, summary
-
     lines = [*summary(found), *filter(None, [change(rows)])]
-    loops = [rate_loop(found)] if found.rate_loop else []
-    tables = [table(found), *loops, *([judged(found, rows)] if rows else [])]
-    return Report(tables, config=config, metrics=metrics, lines=lines, write=write, failure=failure)
+    shown = [table for table in _tables(found, rows) if table[-1]]
+    return Report(shown, config=config, metrics=metrics, lines=lines, write=write, failure=failure)
 
 
-@contextmanager
-def _earlier_named(folder: Path | None) -> Iterator[None]:
-    """Say with the reason of a failure that the folder's vehicle file is of an earlier run."""
-    try:
-        yield
-    except (ValueError, OSError) as error:
-        if folder is None or not (folder / FILE).is_file():
-            raise
-        from diagrams.cli.outcome import text_of
-
-        raise ValueError(f"{text_of(error)} {folder / FILE} is of an earlier run.") from error
-
-
-def _vehicle(found: "Identification", name: str) -> "tuple[Vehicle | None, FailedRun | None]":
+def _vehicle(found: Identification, name: str) -> tuple[Vehicle | None, FailedRun | None]:
     """Return the identified vehicle, or None with the reason where its values are none's."""
-    from np_drake.identification.identified_vehicle import identified_vehicle
-
     if found.basis.ratios:
         return None, None
     try:
         return identified_vehicle(found, name), None
     except ValueError as error:
         return None, FailedRun(f"no {FILE}: {' '.join(str(error).split())}")
+
+
+def _prior_of(
+    vehicle: Path | None,
+    mass: float | None,
+    wheelbase: float | None,
+    propeller: float | None,
+    order: str | None,
+    trust: str,
+) -> tuple[Vehicle, float | None]:
+    """Return the vehicle whose geometry is given, and its mass [kg]; None where it is to be told or
+    is not known.
+
+    Without a file, a frame of this wheelbase and propeller [m] and order of rotors.
+    Raises: ValueError: where they do not go together.
+    """
+    if trust not in ("mass", "thrust"):
+        raise ValueError(f"--trust must be mass or thrust; got {trust!r}.")
+    if mass is not None and not LIGHTEST <= mass <= HEAVIEST:
+        raise ValueError(f"--mass must be {LIGHTEST:g} to {HEAVIEST:g} kg; got {mass:g}.")
+    if mass is not None and trust == "thrust":
+        raise ValueError("--trust thrust: tells the mass; leave --mass out.")
+    measures = {"--wheelbase": wheelbase, "--propeller": propeller, "--order": order}
+    if vehicle is not None:
+        if given := [option for option, value in measures.items() if value is not None]:
+            raise ValueError(f"--vehicle: holds the rotors' places; leave {', '.join(given)} out.")
+        prior = load_vehicle(vehicle)
+        return prior, None if trust == "thrust" else mass or prior.mass
+    if wheelbase is None:
+        raise ValueError(
+            "needs the rotors' places: give --vehicle FILE, or --wheelbase M (motor to "
+            "motor) and --order."
+        )
+    if order is None:
+        raise ValueError(f"give --order {'|'.join(FIRMWARE)} (whose logs you have) as well.")
+    guess = LIGHTEST
+    if wheelbase > 0:
+        guess = min(max(DENSITY * (0.5 * wheelbase) ** 3, LIGHTEST), HEAVIEST)
+    diameter = 0.5 * wheelbase if propeller is None else propeller
+    measured = Measured(guess if mass is None else mass, wheelbase, diameter, 0.5, order=order)
+    frame = estimate(measured, f"frame of {wheelbase:g} m")
+    if mass is not None:
+        return frame, mass
+    ratios = {
+        name: getattr(frame, name) / frame.mass
+        for name in ("thrust_coefficient", "torque_coefficient", "max_rotor_thrust")
+    }  # all forces and moments over the mass
+    inertia = (frame.J / frame.mass).tolist()
+    return dc.replace(frame, mass=1.0, inertia=inertia, **ratios).check(), None
+
+
+def _open_logs(
+    paths: list[Path], vehicle: Vehicle, log_map: Path | None, advance: Any
+) -> tuple[list[list[FlightLog]], list[str]]:
+    """Return the flights of each log, with rotors in the order of the vehicle, and what readers
+    derived.
+
+    Raises: ValueError: where the rotors of a log do not turn, with what would tell the vehicle.
+    """
+    declared = None if log_map is None else load_map_file(log_map)
+    read = []
+    for number, path in enumerate(paths):
+        advance(READ * number / len(paths), f"reading {path.name}")
+        read.append(read_as_logged(path, declared))
+        logs = read[-1].flights
+        inputs = [log.rotor if log.rotor is not None else log.throttle for log in logs]
+        if all(values is not None and not (values > 0).any() for values in inputs):
+            raise ValueError(
+                f"{path}: its rotors do not turn, as on a desk, so that it tells nothing. {REMEDY}"
+            )
+    opened = [found.flights for found in with_vehicle(read, vehicle)]
+    said: dict[str, list[str]] = {}
+    for log in (log for flights in opened for log in flights):
+        for note in log.notes:
+            said.setdefault(note, []).append(log.name)
+    return opened, [f"{', '.join(names)}: {note}" for note, names in said.items()]
+
+
+def _split(
+    logs: list[list[FlightLog]], held_out: list[FlightLog], vehicle: Vehicle, drive: str
+) -> tuple[list[FlightLog], list[FlightLog], bool, list[str]]:
+    """Return flights to fit and those to judge by, whether these are the last third of a single
+    one, and what is left out.
+
+    Args:
+        logs: flights of each log to fit; a log with gaps has several.
+        held_out: flights to judge by; none: the last log, or the last third of a single flight.
+    """
+    flights = [log for found in logs for log in found]
+    short = [log for log in (*flights, *held_out) if lasts(log) < SHORTEST]
+    said = [f"{log.name}: shorter than {SHORTEST:g} s; left out" for log in short]
+    judges = [log for log in held_out if lasts(log) >= SHORTEST]
+    if held_out and not judges:
+        raise ValueError(
+            f"--held-out: must last {SHORTEST:g} s at least; got {lasts(held_out[0]):.2g} s."
+        )
+    long = [kept for found in logs if (kept := [log for log in found if lasts(log) >= SHORTEST])]
+    if not long:
+        most = max(map(lasts, flights))
+        raise ValueError(
+            f"needs a flight of {SHORTEST:g} s at least; the longest lasts {most:.2g} s."
+        )
+    fitted, single = [log for kept in long for log in kept], False
+    if not judges and len(fitted) > 1:
+        last = len(long[-1]) if len(long) > 1 else 1
+        fitted, judges = fitted[:-last], fitted[-last:]
+    elif not judges and LAST * lasts(fitted[0]) >= SHORTEST:
+        judges, single = fitted, True
+    elif not judges:
+        said.append(f"{fitted[0].name}: too short to hold a third of it out")
+    start, kept = LAST if single else 0.0, []
+    for log in judges:
+        reason = unfit(signals(log, vehicle.unmixer, drive).part(start, 1.0), 1.0 - start)
+        said += [f"{log.name}: {reason}; does not judge"] if reason else []
+        kept += [] if reason else [log]
+    return fitted, kept, single, said
+
+
+def _tables(found: Identification, rows: list[HeldOut]) -> list[Table]:
+    """Return what is told, the rate loop of an autopilot, and the errors on what was not fitted."""
+    told = []
+    for q in found.quantities:
+        widths = (half_width(found, q, q.low, q.high), half_width(found, q, *q.prior))
+        by = "flights" if q.told else "prior"
+        told.append((q.name, interval(found, q)[0], *widths, by, agreement(q)))
+    loops = []
+    for axis, one in zip(("roll", "pitch", "yaw"), found.rate_loop, strict=False):
+        low, high = one.lag_interval
+        lag, gain = f"{1e3 * low:.3g} to {1e3 * high:.3g}", "{:.3g} to {:.3g}"
+        explained = f"{100 * one.share:.0f} %"
+        gains = (one.gain, gain.format(*one.gain_interval))
+        loops.append((axis, 1e3 * one.lag, lag, *gains, explained))
+    judged = []
+    for row in rows:
+        sizes = [float(np.sqrt(np.sum(np.square(v)))) for v in (row.force, row.torque)]
+        angles = np.rad2deg(row.open_loop[:, 2])
+        judged.append((row.flight, row.model, *sizes, *row.open_loop[:, 0], *angles))
+    over = "/kg" if found.basis.ratios else ""
+    return [
+        ("vehicle", ["quantity", "value", "95 %", "prior", "told by", "flights"], told),
+        (
+            "rate loop: when 63 % of a step of the command is followed, and rate over command",
+            ["axis", "lag [ms]", "95 %", "gain [1]", "95 %", "explains"],
+            loops,
+        ),
+        (
+            "held out: RMS of the residual, median errors of open-loop prediction",
+            [
+                *("flight", "model", f"force [N{over}]", f"torque [N·m{over}]"),
+                *("0.1 s [m]", "0.5 s [m]", "0.1 s [deg]", "0.5 s [deg]"),
+            ],
+            judged,
+        ),
+    ]
+
+
+def as_json(found: Identification, rows: list[HeldOut]) -> dict[str, Any]:
+    """Return the values of `--json`."""
+    each = {told.quantity.name: told for told in flight_values(found)}
+    quantities = []
+    for q in found.quantities:
+        told = each.get(q.name)
+        quantities.append(
+            {
+                "name": q.name,
+                "field": q.quantity.field,
+                "index": list(q.quantity.index),
+                "unit": unit_of(found, q),
+                "value": q.value,
+                "ci95": [q.low, q.high],
+                "prior95": list(q.prior),
+                "told": q.told,
+                "agreement": _finite(q.p),
+                "flights": []
+                if told is None
+                else [
+                    [_finite(v) for v in row]
+                    for row in zip(told.value, told.low, told.high, strict=True)
+                ],
+                "apart": [] if told is None else list(told.apart),
+            }
+        )
+    return {
+        "ratios": found.basis.ratios,
+        "fitted": [model.flight.name for model in found.models],
+        "quantities": quantities,
+        "by_flight": [
+            {
+                "name": own.quantity.name,
+                "unit": own.quantity.quantity.unit,
+                "agreement": own.quantity.p,
+                "flights": [
+                    list(map(float, row)) for row in zip(own.value, own.low, own.high, strict=True)
+                ],
+                "apart": list(own.apart),
+            }
+            for own in own_values(found)
+        ],
+        "rate_loop": [
+            {
+                "axis": axis,
+                "lag": one.lag,
+                "lag95": list(one.lag_interval),
+                "gain": one.gain,
+                "gain95": list(one.gain_interval),
+                "share": one.share,
+            }
+            for axis, one in zip("xyz", found.rate_loop, strict=False)
+        ],
+        "not_told": [
+            {"names": names, "because": why, "manoeuvre": way}
+            for way, names, why in not_told(found)
+        ],
+        "held_out": [
+            {
+                "flight": r.flight,
+                "model": r.model,
+                "force": list(map(float, r.force)),
+                "torque": list(map(float, r.torque)),
+                "open_loop": [[_finite(x) for x in row] for row in r.open_loop],
+            }
+            for r in rows
+        ],
+    }
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if value == value and abs(value) != float("inf") else None

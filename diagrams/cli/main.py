@@ -22,25 +22,24 @@ def main(arguments: Sequence[str] | None = None) -> None:
     end_at_once()
     if arguments is None:
         _require_utf8()
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:  # closed by the shell
+            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115
+        getattr(sys, name).reconfigure(errors="replace")
     arguments = list(sys.argv[1:] if arguments is None else arguments)
     import logging
 
-    from diagrams.cli.app import app
-    from diagrams.cli.outcome import BAD_INPUT, run_app
-    from diagrams.cli.streams import Waits, failure_of, open_streams
+    from diagrams.cli.app import app, run_app
 
-    outlets = open_streams()
     logging.basicConfig(level=logging.WARNING, format="%(levelname)s: %(message)s")
     logging.getLogger("drake").setLevel(logging.WARNING)
-    Waits.explain()
+    waits = logging.getLogger("np_drake.compiled")  # says on stdout why the user waits
+    waits.setLevel(logging.INFO)
+    waits.propagate = False
+    waits.addHandler(logging.StreamHandler(sys.stdout))
     end_in_order()
     code = run_app(app, arguments)
     end_at_once()
-    if (failure := failure_of(outlets)) is not None:
-        print(
-            f"np-drake: standard output: {failure.strerror}. Print somewhere else.", file=sys.stderr
-        )
-        code = code or BAD_INPUT
     sys.exit(code)
 
 
@@ -55,7 +54,6 @@ def _require_utf8() -> None:
 
 def run(arguments: list[str]) -> int:
     """Run the command line and return its exit code."""
-    from diagrams.cli.app import app
-    from diagrams.cli.outcome import run_app
+    from diagrams.cli.app import app, run_app
 
     return run_app(app, arguments)

@@ -3,7 +3,9 @@
 Only the command line prints. Files appear whole or not at all (`np_drake.files.atomic_file`).
 """
 
+import os
 import sys
+import textwrap
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from importlib.metadata import version
@@ -11,22 +13,19 @@ from os.path import lexists
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rich.console import Console, RenderableType
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
-from rich.text import Text
+from rich import box
+from rich.console import Console
+from rich.progress import Progress, TextColumn
+from rich.table import Table as RichTable
 
 from diagrams.batch.run import Advance, Table
-from diagrams.cli.table_text import cell_text, table_lines, wrapped
 from np_drake.files.atomic_file import is_regular, require_writable, write_json, write_text
+from np_drake.files.number_text import NBSP, NOTHING, number
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-WIDTH, NARROW, LEAST = (
-    100,
-    80,
-    40,
-)  # columns that a table may take: at most, where no terminal tells, at least
+WIDTH = 100  # columns of a line: at most, and where no terminal tells
 
 
 def console(*, stderr: bool = False) -> Console:
@@ -35,49 +34,32 @@ def console(*, stderr: bool = False) -> Console:
     """
     stream = sys.stderr if stderr else sys.stdout
     width = min(WIDTH, Console(file=stream).width) if stream.isatty() else WIDTH
-    return Console(file=stream, width=width, highlight=False)
+    return Console(file=stream, width=width, highlight=False, markup=False, emoji=False)
 
 
 def say(*lines: str) -> None:
-    """Print plain lines on stdout."""
-    for line in lines:
-        if sys.stdout.isatty():
-            sys.stdout.write(
-                f"{line}\n"
-            )  # above a progress bar: a console of its own would write into it
-        else:
-            console().print(line, markup=False, soft_wrap=True)
+    """Print plain lines on stdout; a reader that goes away, as `head` does, ends no run."""
+    try:
+        for line in lines:
+            print(line, flush=True)
+    except BrokenPipeError:
+        discard_output()
 
 
-class _Bar(Progress):
-    """Progress bars with their texts below, which break where a line ends."""
-
-    def get_renderables(self) -> list[RenderableType]:
-        return [
-            self.make_tasks_table(self.tasks),
-            *(Text(t.fields["text"]) for t in self.tasks if t.fields["text"]),
-        ]
+def discard_output() -> None:
+    """Print into nothing from now on; the files of the run are still wanted."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 @contextmanager
 def progress(description: str, total: float) -> Iterator[Advance]:
     """Show a progress bar on stderr and yield `advance(done, text)`.
 
-    `text` stands below the bar. Where stderr is no terminal nothing is shown: the one line of an
-    error stands alone.
-
-    Args:
-        total: value of `done` at the end.
+    Where stderr is no terminal nothing is shown: the one line of an error stands alone.
     """
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        TextColumn("{task.percentage:>3.0f} %"),
-        TimeElapsedColumn(),
-        TimeRemainingColumn(),
-    )
     err = console(stderr=True)
-    with _Bar(*columns, console=err, disable=not err.is_interactive) as bar:
+    columns = (*Progress.get_default_columns(), TextColumn("{task.fields[text]}", markup=False))
+    with Progress(*columns, console=err, disable=not err.is_interactive) as bar:
         task = bar.add_task(description, total=total, text="")
 
         def advance(done: float, text: str = "") -> None:
@@ -86,43 +68,50 @@ def progress(description: str, total: float) -> Iterator[Advance]:
         yield advance
 
 
-def screen_width() -> int:
-    """Return the columns that tables and sentences may take: those of the terminal, `WIDTH` at
-    most; else `NARROW`.
-    """
-    if not sys.stdout.isatty():
-        return NARROW
-    return max(min(WIDTH, Console(file=sys.stdout).width), LEAST)
-
-
-def tell(*lines: str, indent: str = "") -> None:
-    """Print sentences on stdout in the columns of tables, broken between words."""
+def tell(*lines: str) -> None:
+    """Print sentences on stdout, broken between words."""
     for line in lines:
-        say(*wrapped(line, screen_width(), indent=indent))
+        width = console().width
+        broken = textwrap.wrap(line, width, break_long_words=False, break_on_hyphens=False)
+        say(*(broken or [""]))
 
 
 def print_table(title: str, header: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
-    """Print a table in the columns of the terminal: text to the left, numbers to the right with
-    three digits.
-    """
-    say(*table_lines(title, header, rows, screen_width()), "")
+    """Print a table: text to the left, numbers to the right; one column of text is a list."""
+    tell(title)
+    if len(header) == 1:
+        tell(*(f"- {cell_text(text)}" for (text,) in rows))
+    else:
+        table = RichTable(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False)
+        for k, name in enumerate(header):
+            right = all(isinstance(row[k], float | int | None) for row in rows)
+            table.add_column(name, justify="right" if right else "left", overflow="fold")
+        for row in rows:
+            table.add_row(*map(cell_text, row))
+        screen = console()
+        with screen.capture() as drawn:
+            screen.print(table)
+        say(*(line.rstrip() for line in drawn.get().splitlines()))
+    say("")
+
+
+def cell_text(value: object) -> str:
+    """Return a value as text: numbers with three digits, a dash for none."""
+    if value is None:
+        return NOTHING
+    return (number(value) if isinstance(value, float) else str(value)).replace(NBSP, " ")
 
 
 def write_markdown(path: Path | None, *tables: Table, lines: Sequence[str] = ()) -> None:
-    """Write tables, and lines as a list below them, as a Markdown file.
-
-    Args:
-        path: of the file; None where none was asked for: nothing is written.
-    """
+    """Write tables, and lines as a list below them, as a Markdown file; no path, no file."""
     if path is None:
         return
     blocks = []
     for title, header, rows in tables:
         body = ["| " + " | ".join(header) + " |", "|---" * len(header) + "|"]
-        body += [
-            "| " + " | ".join(cell_text(v).strip().replace("|", "\\|") for v in row) + " |"
-            for row in rows
-        ]
+        for row in rows:
+            cells = [cell_text(value).strip().replace("|", "\\|") for value in row]
+            body.append("| " + " | ".join(cells) + " |")
         blocks.append("\n".join([f"{title}:", "", *body]))
     blocks += ["\n".join(f"- {line}" for line in lines)] if lines else []
     write_text(path, "\n\n".join(blocks) + "\n")
@@ -130,20 +119,11 @@ def write_markdown(path: Path | None, *tables: Table, lines: Sequence[str] = ())
 
 
 def write_metrics(path: Path | None, verb: str, *, seed: int, config: dict, **content: Any) -> None:
-    """Write the file of `--json` (docs/reference/files.md: metrics).
-
-    Args:
-        path: of the file; None where none was asked for: nothing is written.
-    """
+    """Write the file of `--json` (docs/reference/files.md: metrics); no path, no file."""
     if path is None:
         return
-    head = {
-        "schema": f"np_drake.{verb}/1",
-        "version": version("np_drake"),
-        "seed": seed,
-        "config": config,
-    }
-    write_json(path, {**head, **content})
+    head = {"schema": f"np_drake.{verb}/1", "version": version("np_drake")}
+    write_json(path, {**head, "seed": seed, "config": config, **content})
     say(f"metrics: {path}")
 
 
@@ -155,12 +135,10 @@ def save_figure(figure: "Figure", path: Path) -> None:
     say(f"figure: {path}")
 
 
-def require_outputs(*files: Path | None, folder: Path | None = None) -> None:
-    """Check before long work that files and folder can be written, and create nothing.
+def require_outputs(*files: Path | None, folders: Sequence[Path] = ()) -> None:
+    """Check before long work that files and folders can be written, and create nothing.
 
-    Args:
-        files: that are written; None for one that is not asked for.
-    Raises: OSError: if one cannot be written; ValueError: if two are one.
+    Raises: OSError: if one cannot be written; ValueError: if two files are one.
     """
     named = [path for path in files if path is not None]
     for path in named:
@@ -170,18 +148,11 @@ def require_outputs(*files: Path | None, folder: Path | None = None) -> None:
         raise ValueError(
             f"{twice[0]}: must be named by one option alone; two files are to be written there."
         )
-    if folder is not None:
-        require_folder(folder)
-
-
-def require_folder(path: Path) -> None:
-    """Check before long work that `make_folder` will succeed, and create nothing.
-
-    Raises: OSError: if it will not.
-    """
-    there = next(
-        folder for folder in (path.absolute(), *path.absolute().parents) if lexists(folder)
-    )
-    if not there.is_dir():
-        raise NotADirectoryError(f"{there}: must be a folder; it is a file, or a link to nothing.")
-    require_writable(there / "any")
+    for folder in folders:
+        above = (folder.absolute(), *folder.absolute().parents)
+        there = next(path for path in above if lexists(path))
+        if not there.is_dir():
+            raise NotADirectoryError(
+                f"{there}: must be a folder; it is a file, or a link to nothing."
+            )
+        require_writable(there / "any")

@@ -16,8 +16,7 @@ from typer import Argument, Option
 from diagrams.batch.run import Report, Run
 from diagrams.cli import options
 from diagrams.cli.output import print_table, say
-from diagrams.cli.runner import reports
-from diagrams.cli.verbs import Verbs
+from diagrams.cli.runner import Verbs, reports
 
 VERB = "reproduce"
 

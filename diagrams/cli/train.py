@@ -5,22 +5,36 @@ import time
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, TypeVar
+from typing import Annotated, Any, TypeVar
 
 from typer import Argument, Option
 
 from diagrams.cli import options
-from diagrams.cli.output import Table, progress, require_outputs, say, tell
+from diagrams.cli.fly import fly_all
+from diagrams.cli.output import progress, require_outputs, say, tell
 from diagrams.cli.runner import Report, Run, reports
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-    from np_drake.lifting.model.lifted_model import LiftedModel
-    from np_drake.residual_models.motion_model import MotionModel
-    from np_drake.training_data.training_segments import Flight
+from diagrams.loop.experiments import training_flight
+from diagrams.studies.learning import flown_share, placed_family, train_on_envelope
+from np_drake.files.figure_file import new_figure, save
+from np_drake.lifting.model.lifted_model import FAMILIES, LIFTED, NEURAL, LiftedModel
+from np_drake.lifting.model.model_file import load_model, rotor_lag_of, save_model
+from np_drake.lifting.training.network_training import PART
+from np_drake.lifting.training.train import CONFIGURATIONS, TrainingResult, make_config, suited
+from np_drake.logs import opening
+from np_drake.logs.formats.neurobem import is_array, published_vehicle
+from np_drake.logs.formats.neurobem_wrenches import read_wrenches
+from np_drake.payload_filter.training import opened_logs, train_payload_filter
+from np_drake.residual_models.motion_model import KNODE, REACTIONS, MotionModel
+from np_drake.residual_models.motion_training import train_motion_model
+from np_drake.residual_models.predictor_training import place_on_flights, train_on_flights
+from np_drake.training_data.accelerations import with_accelerations
+from np_drake.training_data.segments import WrenchSequence
+from np_drake.training_data.training_segments import Flight, require_motion, require_torque
+from np_drake.vehicle import Vehicle, load_vehicle
+from np_drake.vehicle.scaling import sampling_period
 
 PAYLOAD_FILTER = "payload_filter"
+SCENARIOS = (".yaml", ".yml")  # files that are flown
 T = TypeVar("T")
 LOG_HELP = "Flight logs (CSV, .csv.gz, Parquet), NeuroBEM CSV, or NeuroBEM arrays (.npy)."
 Envelope = Annotated[
@@ -44,7 +58,7 @@ Force = Annotated[
 ]
 
 
-@reports("train", seed=0, markdown=False, many=True)
+@reports("train", seed=0, markdown=False, many=True, files=("out",))
 def train(
     run: Run,
     out: Annotated[Path, Option(metavar="FILE", help="Model file (safetensors).")],
@@ -63,19 +77,6 @@ def train(
         raise ValueError(f"--out: must end in .safetensors; got {out.name}.")
     curve = out.with_suffix(".png")
     require_outputs(out, curve, run.json)
-    from diagrams.cli.flights import open_flights
-    from diagrams.studies.learning import flown_share, train_on_envelope
-    from np_drake.files.figure_file import save
-    from np_drake.lifting.model.lifted_model import FAMILIES, LIFTED, NEURAL
-    from np_drake.lifting.model.model_file import rotor_lag_of, save_model
-    from np_drake.lifting.training.network_training import PART
-    from np_drake.lifting.training.train import CONFIGURATIONS, TrainingResult, make_config
-    from np_drake.residual_models.motion_model import KNODE, REACTIONS
-    from np_drake.residual_models.predictor_training import train_on_flights
-    from np_drake.training_data.training_segments import require_motion
-    from np_drake.vehicle import Vehicle, load_vehicle
-    from np_drake.vehicle.scaling import sampling_period
-
     name = asked_configuration(
         configuration, "--configuration", (*CONFIGURATIONS, PAYLOAD_FILTER, *REACTIONS)
     )
@@ -137,10 +138,19 @@ def train(
                 f"rotors: {1e3 * lag:.0f} ms behind the command; in flight the labels of "
                 f"this model allow for it."
             )
-        lines, tables = [], [_loss_table(summary, wall)]
+        by_block = summary["loss"]
+        by_block = by_block if isinstance(by_block, dict) else {"total": by_block}
+        rows = [(block, float(value)) for block, value in by_block.items()]
+        title = f"{summary['samples']} samples, {wall:.1f} s"
+        lines, tables = [], [(title, ["block", "loss [1]"], rows)]
         notes = [f"model: {out}", *([f"loss curve: {curve}"] if loss else [])]
     if loss:
-        save(_loss_figure(loss), curve)
+        figure, grid = new_figure(1, 1, width=6.0, height=3.5)
+        axes = grid[0, 0]
+        axes.set(xlabel="epoch [1]", ylabel="loss [1]", yscale="log")
+        axes.plot(range(1, len(loss) + 1), loss)
+        axes.grid(True, alpha=0.3)
+        save(figure, curve)
     return Report(
         tables,
         config=head,
@@ -151,99 +161,61 @@ def train(
 
 
 def _placed(
-    flights: "Sequence[Flight]", prior: Path | None, step: float, envelope: int | None
-) -> "LiftedModel | None":
-    """Return a family as the logs place it, and say which; None where they are to be learnt from
-    alone.
-
-    Args:
-        prior: its file; None for the packaged one, where that is of this vehicle and foresees the
-            logs.
-        step: time between samples [s].
-        envelope: 0 where the logs alone count.
+    flights: Sequence[Flight], prior: Path | None, step: float, envelope: int | None
+) -> LiftedModel | None:
+    """Return a family as the logs place it, that of a file or the packaged one, and say which; None
+    where they are to be learnt from alone.
     """
-    from diagrams.studies.learning import placed_family
-    from np_drake.lifting.model.model_file import load_model
-    from np_drake.residual_models.predictor_training import place_on_flights
-
     if prior is not None:
         return place_on_flights(flights, load_model(prior), step=step)
     if envelope is not None:
         return None
     family, text = placed_family(flights, step=step)
     say(text)
-    say(
-        "--envelope 0 trains on the logs alone."
-        if family
-        else "The logs alone count; --envelope N learns from simulated flights of the vehicle too."
-    )
+    alone = "The logs alone count; --envelope N learns from simulated flights of the vehicle too."
+    say("--envelope 0 trains on the logs alone." if family else alone)
     return family
 
 
 def asked_configuration(name: str | None, option: str, known: Sequence[str]) -> str:
     """Return the configuration of a name; empty where the axes of the flights choose it.
 
-    Args:
-        name: of the configuration, or None.
     Raises: ValueError: on an unknown name.
     """
-    from np_drake.payload_filter.model_file import OLD_NAME
-
-    if name == OLD_NAME:
-        say(f"{option}: {OLD_NAME} is now called {PAYLOAD_FILTER}.")
-        return PAYLOAD_FILTER
     if name is not None and name not in known:
         raise ValueError(f"{option}: must be one of {', '.join(known)}; got {name}.")
     return name or ""
 
 
 def configuration_for(name: str, frame: str) -> str:
-    """Return the configuration to train, and say which where none was named.
-
-    Args:
-        name: of the configuration; empty for the one that suits the axes.
-        frame: axes of the wrenches, world | body.
+    """Return the configuration to train, and say which where none was named; wrenches are in world
+    or body axes.
     """
-    from np_drake.lifting.training.train import suited
-
     configuration = suited(name, frame)
     if not name:
         say(f"configuration: {configuration}, as the wrenches are in {frame} axes.")
     return configuration
 
 
-def _payload_filter_report(flights: "Sequence[Flight]", out: Path, *, step: float) -> Report:
-    """Train a payload filter, write its file, and return what it found of the vehicle.
-
-    Raises: ValueError: if `flights` do not serve.
-    """
-    from np_drake.payload_filter.training import opened_logs, train_payload_filter
-
-    logs = opened_logs(flights)
+def _payload_filter_report(flights: Sequence[Flight], out: Path, *, step: float) -> Report:
+    """Train a payload filter, write its file, and return what it found of the vehicle."""
     start = time.perf_counter()
     with progress("training payload_filter", 1.0) as advance:
-        model = train_payload_filter(
-            logs,
-            step=step,
-            on_pass=lambda done, total: advance(done / total, f"pass {done} of {total}"),
-        )
+
+        def on_pass(done: int, total: int) -> None:
+            advance(done / total, f"pass {done} of {total}")
+
+        model = train_payload_filter(opened_logs(flights), step=step, on_pass=on_pass)
     wall = time.perf_counter() - start
     model.save(out)
-    hook = ", ".join(f"{1e3 * value:.1f}" for value in model.hook)
+    error, spread = 100 * model.thrust_error, 100 * model.thrust_error_deviation
+    drag, drag_spread = model.mass * model.drag, model.mass * model.drag_deviation
+    torque = ", ".join(f"{1e3 * c:.3g}" for c in model.speed_torque)
     rows: list[tuple] = [
-        (
-            "thrust error [%]",
-            f"{100 * model.thrust_error:.2f} ± {100 * model.thrust_error_deviation:.2f}",
-        ),
-        (
-            "drag [N·s/m]",
-            f"{model.mass * model.drag:.3f} ± {model.mass * model.drag_deviation:.3f}",
-        ),
-        ("hook x, y, z [mm]", hook),
-        (
-            "torque over velocity, roll, pitch [mN·s]",
-            ", ".join(f"{1e3 * c:.3g}" for c in model.speed_torque),
-        ),
+        ("thrust error [%]", f"{error:.2f} ± {spread:.2f}"),
+        ("drag [N·s/m]", f"{drag:.3f} ± {drag_spread:.3f}"),
+        ("hook x, y, z [mm]", ", ".join(f"{1e3 * value:.1f}" for value in model.hook)),
+        ("torque over velocity, roll, pitch [mN·s]", torque),
         ("rotor lag [ms]", f"{1e3 * model.rotor_lag:.1f}"),
         ("delay of commands [ms]", f"{1e3 * model.delay:.1f}"),
     ]
@@ -256,17 +228,9 @@ def _payload_filter_report(flights: "Sequence[Flight]", out: Path, *, step: floa
 
 
 def train_reaction(
-    name: str, flights: "Sequence[Flight]", *, step: float, settings: dict
-) -> "tuple[MotionModel, list[float], float]":
-    """Train gp or knode.
-
-    Args:
-        step: of the model [s].
-    Returns: the model, its loss, and how long the training took [s].
-    Raises: ValueError: if `flights` do not serve.
-    """
-    from np_drake.residual_models.motion_training import train_motion_model
-
+    name: str, flights: Sequence[Flight], *, step: float, settings: dict
+) -> tuple[MotionModel, list[float], float]:
+    """Return gp or knode trained, its loss, and how long the training took [s]."""
     vehicle = flights[0].vehicle
     if any(flight.vehicle != vehicle for flight in flights):
         raise ValueError(
@@ -291,20 +255,53 @@ def behind_bar(description: str, learn: Callable[..., T]) -> tuple[T, float]:
     return result, time.perf_counter() - start
 
 
-def _loss_table(summary: dict[str, Any], wall: float) -> Table:
-    """Return the table of a training run: the loss by block."""
-    loss = summary["loss"] if isinstance(summary["loss"], dict) else {"total": summary["loss"]}
-    rows: list[tuple] = [(name, float(value)) for name, value in loss.items()]
-    return f"{summary['samples']} samples, {wall:.1f} s", ["block", "loss [1]"], rows
+def open_flights(
+    paths: list[Path], vehicle_file: Path | None, *, repair: bool = False
+) -> list[Flight]:
+    """Open and check every file, and print what a reader derived or repaired; a scenario file is
+    flown, once every other file is open.
+
+    Without a vehicle file, NeuroBEM files have the published one, flight logs the paper's.
+    Raises: LogError, OSError: one line, at the first file that is not usable; ValueError: on a bad
+        vehicle file, or if NeuroBEM arrays are mixed with logs.
+    """
+    vehicle = None if vehicle_file is None else load_vehicle(vehicle_file)
+    inputs: list[Any] = []
+    for path in paths:
+        if path.suffix in SCENARIOS:
+            inputs.append(training_flight(path))
+        elif is_array(path):
+            inputs.append(read_wrenches(path))
+        else:
+            inputs.append(opening.read_as_logged(path, repair=repair))
+    opened = [found for found in inputs if isinstance(found, opening.Opened)]
+    logs = iter(opening.with_vehicle(opened, vehicle))
+    flights = list[Flight]()
+    for path, found in zip(paths, inputs, strict=True):
+        if isinstance(found, opening.Opened):
+            log = next(logs)
+            own = vehicle or log.vehicle or Vehicle()
+            for data in map(require_torque, log.flights):
+                flights.append(Flight(with_accelerations(data), own))
+                notes = flights[-1].data.notes
+                tell(*(f"{data.name}: {note}" for note in notes))
+        elif isinstance(found, WrenchSequence):
+            flights.append(Flight(found, vehicle or published_vehicle()))
+        else:
+            (flown,) = fly_all([found], 0)
+            say(f"{path}: flown for {found.end:g} s with {found.controller.name}, seed 0.")
+            flights.append(Flight(flown.log(), found.vehicle))
+    if vehicle is None and flights:
+        used = sorted({f"{flight.vehicle.name}, {flight.vehicle.mass:g} kg" for flight in flights})
+        say(f"vehicle: {'; '.join(used)}, as no --vehicle was given.")
+    require_one_frame(flights)
+    return flights
 
 
-def _loss_figure(loss: list[float]) -> "Figure":
-    """Plot loss against epoch."""
-    from np_drake.files.figure_file import new_figure
-
-    figure, grid = new_figure(1, 1, width=6.0, height=3.5)
-    axes = grid[0, 0]
-    axes.set(xlabel="epoch [1]", ylabel="loss [1]", yscale="log")
-    axes.plot(range(1, len(loss) + 1), loss)
-    axes.grid(True, alpha=0.3)
-    return figure
+def require_one_frame(flights: list[Flight]) -> None:
+    """Check that total wrenches in body axes are not mixed with residual ones in W."""
+    if len({flight.frame for flight in flights}) > 1:
+        raise ValueError(
+            "flights: arrays (.npy) hold the total wrench in body axes, logs the residual "
+            "one; give one kind."
+        )

@@ -1,21 +1,34 @@
 """`np-drake vehicle`: vehicle files from four measures, and the vehicles that come with the
-package.
+package. `np-drake export`: a vehicle with its effects as a model file of another simulator.
 """
 
+import dataclasses as dc
+import itertools
+import re
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated, Any
 
 from typer import Argument, Option
 
-from diagrams.cli.output import Table, print_table, say
-from diagrams.cli.runner import held_output
-from diagrams.cli.verbs import Verbs
+from diagrams.cli.output import print_table, require_outputs, say
+from diagrams.cli.runner import Report, Run, Verbs, reports
+from diagrams.exports.formats import FORMATS, SHAPE, not_carried
+from diagrams.loop.experiments import load_experiment
+from diagrams.loop.flight import FlightConfig, load_flight
+from np_drake.effects.calibration import in_flight
+from np_drake.files.atomic_file import is_regular, lock_outputs, write_text
+from np_drake.files.yaml_file import read_yaml
+from np_drake.vehicle import Vehicle
+from np_drake.vehicle.estimate import Measured, commented_file
+from np_drake.vehicle.rotor_layout import FIRMWARE
+from np_drake.vehicle.scaling import numbers, scales
+from np_drake.vehicle.sources import without
+from np_drake.vehicle.text import vehicle_rows, vehicle_text
+from np_drake.vehicle.vehicle import load_vehicle, preset_names, vehicle_file
 
-if TYPE_CHECKING:
-    from np_drake.vehicle import Vehicle
-    from np_drake.vehicle.text import Row
-
+NAMES = ("sdf", "mujoco")  # of diagrams.exports.formats.FORMATS, which is imported late
 vehicle = Verbs(help="Vehicle files: new, list, show.", add_completion=False)
 Preset = Annotated[
     str | None,
@@ -70,58 +83,53 @@ def new(
 
     The file states how well mass and thrust are known, which a diagnosis takes into account.
     """
-    from np_drake.vehicle.estimate import Measured, commented_file
-    from np_drake.vehicle.rotor_layout import FIRMWARE
-
-    given_or_none = {"mass_uncertainty": mass_uncertainty, "thrust_uncertainty": thrust_uncertainty}
-    stated = {key: value for key, value in given_or_none.items() if value is not None}
+    stated: dict[str, Any] = {
+        "mass_uncertainty": mass_uncertainty,
+        "thrust_uncertainty": thrust_uncertainty,
+    }
+    stated = {key: value for key, value in stated.items() if value is not None}
     measures = {
-        "wheelbase": wheelbase,
-        "propeller": propeller,
-        "hover_throttle": hover_throttle,
-        "order": order,
+        "--wheelbase": wheelbase,
+        "--propeller": propeller,
+        "--hover-throttle": hover_throttle,
+        "--order": order,
     }
     if preset is not None:
-        if given := [_option(key) for key, value in measures.items() if value is not None]:
+        if given := [option for option, value in measures.items() if value is not None]:
             raise ValueError(
                 f"--preset: goes with --mass, --name and uncertainties alone; got "
                 f"{', '.join(given)}."
             )
-        text = _copy_of(preset, mass, name, stated)
+        text = _copy_of(preset, {"name": name, "mass": mass, **stated})
     else:
-        measures["mass"] = mass
-        if missing := [_option(key) for key, value in measures.items() if value is None]:
-            options = ", ".join(
-                sorted(missing, key=lambda option: (option == "--order", option))
-            )  # its choices follow
+        measures = {"--mass": mass, **measures}
+        if missing := [option for option, value in measures.items() if value is None]:
             which = f" {'|'.join(FIRMWARE)} (whose logs you have)" if order is None else ""
-            raise ValueError(f"give {options}{which} as well, or --preset NAME.")
-        measured = Measured(**measures, **stated, curve=throttle_curve)  # type: ignore[arg-type]
+            raise ValueError(f"give {', '.join(missing)}{which} as well, or --preset NAME.")
+        values: Any = (mass, wheelbase, propeller, hover_throttle, throttle_curve, order)
+        measured = Measured(*values, **stated)
         text = commented_file(measured, name or "mine")
-    _write_or_print(text, out)
-
-
-def _write_or_print(text: str, out: Path | None) -> None:
-    """Write a vehicle file, while no other run writes it; print it where no file is named."""
-    from np_drake.files.atomic_file import write_text
-
     if out is None:
         say(text.rstrip("\n"))
         return
-    with held_output(out):
+    require_outputs(out)
+    with lock_outputs([], [out] if is_regular(out) else []):
         write_text(out, text)
     say(f"vehicle file: {out}")
 
 
 @vehicle.command("list")
-def presets(
-    published: Annotated[
-        bool, Option("--published", help="Published vehicles, and their spread, instead.")
-    ] = False,
-) -> None:
+def presets() -> None:
     """List the vehicles that come with the package, which --vehicle takes by name."""
-    for table in _published_tables() if published else (_preset_table(),):
-        print_table(*table)
+    rows = []
+    for name in preset_names():
+        known, lines = load_vehicle(name), vehicle_file(name).read_text("utf-8").splitlines()
+        source = next(line for line in lines if line.startswith("# Source")).split(": ", 1)[1]
+        source = re.split(r",| for |;", source)[0].rstrip(".")
+        arm, ratio = 100 * scales(known).length, numbers(known).thrust_to_weight
+        rows.append((name, known.mass, arm, ratio, source))
+    header = ["name", "mass [kg]", "arm [cm]", "thrust/weight [1]", "source"]
+    print_table("vehicles", header, rows)
 
 
 @vehicle.command("show")
@@ -133,141 +141,40 @@ def show(
     """Print a vehicle file, where each value comes from, its scales and the default flight that
     follows from them.
     """
-    from np_drake.vehicle.text import vehicle_rows
-    from np_drake.vehicle.vehicle import load_vehicle, vehicle_file
-
     known = load_vehicle(name)
     say(vehicle_file(name).read_text(encoding="utf-8").rstrip("\n"), "")
-    print_table(*_value_table(known.name, vehicle_rows(name)))
-    print_table(*_scale_table(known))
+    rows = [(row.field, row.value, row.interval, row.source) for row in vehicle_rows(name)]
+    header = ["field", "value", "95 % interval", "source"]
+    print_table(f"{known.name}: values", header, rows)
+    print_table(known.name, ["quantity", "value"], _scale_rows(known))
 
 
-def _option(key: str) -> str:
-    """Return the option of a parameter."""
-    return f"--{key.replace('_', '-')}"
+def _copy_of(preset: str, changed: Mapping[str, Any]) -> str:
+    """Return the file of a preset with other values by field, None for its own; the inertia stays.
 
-
-def _copy_of(preset: str, mass: float | None, name: str | None, stated: Mapping[str, float]) -> str:
-    """Return the file of a preset, with another mass and name where they are given; the inertia
-    stays.
-
-    Args:
-        preset: name of `vehicle list`, or a vehicle file.
-        mass: of the copy; None: the preset's [kg].
-        name: of the copy; None: the preset's.
-        stated: uncertainties of mass and thrust by field [1], in the place of the preset's or at
-            the end.
     Raises: ValueError: if there is no such preset, it cannot carry that mass, or an uncertainty is
         impossible.
     """
-    import dataclasses as dc
-    import itertools
-
-    from np_drake.vehicle.sources import without
-    from np_drake.vehicle.text import vehicle_text
-    from np_drake.vehicle.vehicle import load_vehicle, vehicle_file
-
     known = load_vehicle(preset)
-    given = {
-        field: value
-        for field, value in {"name": name, "mass": mass, **stated}.items()
-        if value is not None
-    }
+    given = {field: value for field, value in changed.items() if value is not None}
     sources = known.sources | dict.fromkeys(given, "given")
-    if mass is not None:
+    if "mass" in given:
         sources["mass"] = f"given; that of {known.name} is {known.mass:g} kg"
-    copy = dc.replace(known, **given, sources=sources, intervals=without(known.intervals, *given))  # type: ignore[arg-type]
+    copy = dc.replace(known, **given, sources=sources, intervals=without(known.intervals, *given))
     lines = vehicle_file(preset).read_text(encoding="utf-8").splitlines()
-    return vehicle_text(
-        copy.check(), "\n".join(itertools.takewhile(lambda line: line.startswith("#"), lines))
-    )
+    head = itertools.takewhile(lambda line: line.startswith("#"), lines)
+    return vehicle_text(copy.check(), "\n".join(head))
 
 
-def _preset_table() -> Table:
-    """Return a table with a line for every preset."""
-    from np_drake.vehicle.scaling import numbers, scales
-    from np_drake.vehicle.vehicle import load_vehicle, preset_names
-
-    rows = []
-    for name in preset_names():
-        known = load_vehicle(name)
-        rows.append(
-            (
-                name,
-                known.mass,
-                100 * scales(known).length,
-                numbers(known).thrust_to_weight,
-                _source(name),
-            )
-        )
-    return "vehicles", ["name", "mass [kg]", "arm [cm]", "thrust/weight [1]", "source"], rows
-
-
-def _published_tables() -> tuple[Table, Table]:
-    """Return a table of the published vehicles, and one of the spread of their dimensionless
-    numbers.
-    """
-    import dataclasses as dc
-
-    from np_drake.vehicle.published import dimensionless, published_priors, published_vehicles
-
-    shown = ("thrust_to_weight", "inertia", "time_constant")
-    header = [
-        "name",
-        "mass [kg]",
-        "arm [m]",
-        "thrust/weight [1]",
-        "J_xx/(m l²) [1]",
-        "rotor lag [s]",
-        "source",
-    ]
-    vehicles = published_vehicles()
-    told = dimensionless(vehicles)
-    columns = [vehicles["name"], vehicles["mass"], vehicles["arm"], *(told[name] for name in shown)]
-    rows = list(zip(*columns, vehicles["source"], strict=True))
-    priors = published_priors()
-    spreads = [(field.name, getattr(priors, field.name)) for field in dc.fields(priors)]
-    spread = [
-        (name, told.count, told.median, told.deviation, *told.within()) for name, told in spreads
-    ]
-    names = ["number", "vehicles", "median", "deviation of the logarithm", "95 % from", "to"]
-    return ("published vehicles", header, rows), ("spread", names, spread)
-
-
-def _source(name: str) -> str:
-    """Return the first words of a preset's source."""
-    from np_drake.vehicle.vehicle import vehicle_file
-
-    lines = vehicle_file(name).read_text(encoding="utf-8").splitlines()
-    line = next(line for line in lines if line.startswith("# Source"))
-    return line.split(": ", 1)[1].split(",")[0].split(" for ")[0].split(";")[0].rstrip(".")
-
-
-def _stated_uncertainty(value: float | None) -> str:
-    """Return what a vehicle file states of how well a figure is known."""
-    return (
-        "not stated: the diagnosis' own" if value is None else f"{100 * value:.3g} % of the value"
-    )
-
-
-def _value_table(name: str, rows: "list[Row]") -> Table:
-    """Return a line for every value of a vehicle file; intervals are a column where there are
-    any.
-    """
-    with_interval = any(row.interval for row in rows)
-    header = ["field", "value", *["95 % interval"] * with_interval, "source"]
-    cells = [(row.field, row.value, *[row.interval] * with_interval, row.source) for row in rows]
-    return f"{name}: values", header, cells
-
-
-def _scale_table(known: "Vehicle") -> Table:
+def _scale_rows(known: Vehicle) -> list[tuple]:
     """Return the scales and dimensionless numbers of a vehicle, and its default flight."""
-    from diagrams.loop.experiments import load_experiment
-    from np_drake.vehicle.scaling import numbers, scales
-
     unit, number, circle = scales(known), numbers(known), load_experiment("circle", known)
     payload, reference = circle.reality.payload, circle.reference
-    rows = [
+    stated = [
+        "not stated: the diagnosis' own" if value is None else f"{100 * value:.3g} % of the value"
+        for value in (known.mass_uncertainty, known.thrust_uncertainty)
+    ]
+    return [
         ("length L, mean arm [m]", unit.length),
         ("time T = sqrt(L/g) [s]", unit.time),
         ("force m g [N]", unit.force),
@@ -276,8 +183,8 @@ def _scale_table(known: "Vehicle") -> Table:
         ("inertia over m L² [1]", ", ".join(f"{value:.3g}" for value in number.inertia)),
         ("yaw torque over thrust and arm [1]", number.yaw_arm),
         ("time to turn by 1 rad over T [1]", number.turn_time),
-        ("mass, standard deviation", _stated_uncertainty(known.mass_uncertainty)),
-        ("thrust, standard deviation", _stated_uncertainty(known.thrust_uncertainty)),
+        ("mass, standard deviation", stated[0]),
+        ("thrust, standard deviation", stated[1]),
         ("circle: radius [m]", reference.radius),
         ("circle: speed [m/s]", reference.speed),
         ("payload [kg]", payload.mass),
@@ -287,4 +194,66 @@ def _scale_table(known: "Vehicle") -> Table:
         ("control period [s]", circle.controller.period),
         ("integrator step [s]", circle.simulator.max_step_size),
     ]
-    return known.name, ["quantity", "value"], rows
+
+
+@reports("export", seed=None, files=("out",))
+def export(
+    run: Run,
+    file: Annotated[
+        str,
+        Argument(
+            metavar="FILE",
+            help=(
+                "Scenario as corrected.yaml of a diagnosis, vehicle file, or a name of "
+                "`np-drake vehicle list`."
+            ),
+        ),
+    ],
+    to: Annotated[str, Option("--format", metavar="FORMAT", help=f"{' | '.join(NAMES)}.")],
+    out: Annotated[
+        Path, Option("--out", metavar="FILE", help="File to write; never the one that is read.")
+    ],
+) -> Report:
+    """Write a vehicle as SDF (Gazebo, Drake) or MJCF (MuJoCo), and say what it leaves out."""
+    if to not in NAMES:
+        raise ValueError(f"--format must be one of {', '.join(NAMES)}; got {to!r}.")
+    vehicle, effects = read_corrected(file)
+    form = FORMATS[to]
+    account = [*form.write(vehicle, effects, out), *not_carried(vehicle)]
+    rows = [(line.identifier, line.how, line.note) for line in account]
+    title = f"{vehicle.name} as {form.title}"
+    return Report(
+        [(title, ["effect", "carried", "how, or why not"], rows)] if rows else [],
+        config={"vehicle": vehicle.name, "format": to},
+        metrics={
+            "carried": [dc.asdict(line) for line in account],
+            "shape": SHAPE,
+            "files": [str(out)],
+        },
+        summary=[] if rows else [f"{title}: no effect is left out."],
+        notes=[f"shape: {SHAPE}.", f"{to}: {out}"],
+    )
+
+
+def read_corrected(file: str) -> tuple[Vehicle, list[Any]]:
+    """Return vehicle and effects of a scenario file, vehicle file or preset, those of the vehicle's
+    calibration first.
+
+    No format knows an onset: an effect that begins in flight acts from the start, which is said.
+    """
+    source = vehicle_file(file)
+    content: Any = None
+    with suppress(OSError, ValueError):  # what is wrong in it is left to its reader
+        content = read_yaml(source)
+    fields = [{field.name for field in dc.fields(kind)} for kind in (FlightConfig, Vehicle)]
+    if not isinstance(content, dict) or not content.keys() & (fields[0] - fields[1]):
+        known = load_vehicle(file)
+        return known, list(in_flight(known))
+    config = load_flight(str(source))
+    for effect, onset in config.reality.onsets.items():
+        say(
+            f"{effect.identifier}: begins at {onset:g} s in the scenario, and acts from "
+            f"the start here."
+        )
+    every = config.reality.everything()
+    return config.vehicle, [*in_flight(config.vehicle, beside=every), *every]

@@ -13,7 +13,6 @@ from diagrams.batch.failed_run import require
 from diagrams.loop.flight import LOOKS, FlightConfig, load_flight
 from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.files.yaml_file import read_yaml
-from np_drake.references.track_file import Trajectory
 from np_drake.vehicle import Vehicle
 from systems.payload_config import PayloadConfig
 
@@ -149,63 +148,3 @@ def with_payload(
     new.stiffness = hung.stiffness * weight / longer
     new.damping = hung.damping * weight / math.sqrt(longer)
     return dc.replace(config, reality=dc.replace(reality, payload=new))
-
-
-def with_speed(config: FlightConfig, speed: float) -> FlightConfig:
-    """Return the scenario at another speed along its track.
-
-    Args:
-        speed: mean after the ramp; of the steps: of a move [m/s].
-    Raises: ValueError: where the track has no speed, or vehicle and controller cannot fly it.
-    """
-    require(0 < speed < np.inf, f"--speed: must be positive and finite [m/s]; got {speed:g}.")
-    reference = config.reference
-    require(
-        reference.track not in ("hover", "multisine"),
-        f"--speed: the track {reference.track} has no speed. Leave it out, or name another.",
-    )
-    plain = dc.replace(config, reference=dc.replace(reference, dither=[0.0] * 3))
-    require(
-        not isinstance(plain.motion, Trajectory),
-        f"--speed: {reference.track} states its own times, and with them the speed. Leave it out.",
-    )
-    flown = dc.replace(config, reference=dc.replace(reference, speed=speed))
-    now = flown.reference.own_duration
-    if now is not None and config.duration == reference.own_duration:
-        flown = dc.replace(flown, duration=now)
-    flat = flown.motion.sample(np.arange(0.0, flown.end, LOOKS))
-    fastest, most = float(np.abs(flat[1]).max()), flown.controller.mpc.max_speed
-    force = np.linalg.norm(flat[2] + [0.0, 0.0, flown.vehicle.gravity], axis=1)
-    pull = float(force.max()) * flown.carried_mass
-    for value, bound, unit, of in (
-        (fastest, most, "m/s", "controller.mpc.max_speed"),
-        (pull, flown.lift, "N", "the rotors' thrust"),
-    ):
-        require(
-            value <= bound,
-            f"--speed: must be lower; at {speed:g} m/s {flown.name} demands {value:.3g} {unit}, "
-            f"and {of} is {bound:.3g} {unit}.",
-        )
-    return flown
-
-
-def with_wind(config: FlightConfig, wind: tuple[float, float, float]) -> FlightConfig:
-    """Return the scenario in another mean wind.
-
-    Args:
-        wind: in W [m/s].
-    Raises: ValueError: where there is no drag to feel it, or rotors cannot hold against it.
-    """
-    require(bool(np.isfinite(wind).all()), f"--wind: must be finite [m/s]; got {wind}.")
-    require(
-        not any(wind) or config.reality.rotor_drag > 0,
-        f"--wind: acts through reality.rotor_drag, which is 0 in {config.name}. Name a positive "
-        "one.",
-    )
-    weight, size = config.carried_mass * config.vehicle.gravity, float(np.linalg.norm(wind))
-    most = math.sqrt(max(config.lift**2 - weight**2, 0.0)) / max(config.reality.rotor_drag, 1e-12)
-    require(
-        size <= most,
-        f"--wind: must be at most {most:.3g} m/s, which the rotors hold; got {size:.4g}.",
-    )
-    return dc.replace(config, reality=dc.replace(config.reality, wind=list(wind)))

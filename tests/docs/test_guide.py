@@ -16,8 +16,8 @@ from unittest import mock
 import numpy as np
 import pytest
 
+from diagrams.cli.app import PROGRAM
 from diagrams.cli.main import run
-from diagrams.cli.outcome import PROGRAM
 from np_drake import attitude
 from np_drake.effects.library import LIBRARY
 from np_drake.effects.linear_drag import LinearDrag

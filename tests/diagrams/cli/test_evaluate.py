@@ -1,22 +1,15 @@
 """Laws of `np-drake evaluate`."""
 
-import dataclasses as dc
 import json
-import shutil
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from diagrams.cli.evaluate import parse_horizons
 from diagrams.cli.main import run
-from diagrams.loop.controller_config import NP_MODEL
 from np_drake.lifting.model.encoders import DelayEncoder
 from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
 from np_drake.lifting.model.lifted_model import MODE_DICTIONARY, LiftedModel
-from np_drake.logs.formats.log_file import write_log
-from np_drake.logs.formats.neurobem_wrenches import RACE_TRACK, TRAINING
-from np_drake.logs.opening import open_flights
 from np_drake.skill.skill import NAIVE, UNTRAINED
 
 TRAINED = ("DMDc", "delay DMDc", "ridge by horizon")
@@ -27,88 +20,18 @@ def model(logs, tmp_path_factory):
     """A predictor trained on the first log."""
     out = tmp_path_factory.mktemp("model") / "np.safetensors"
     assert (
-        run(["train", str(logs[0]), "--out", str(out), "--envelope", "0", "--epochs", "1500"]) == 0
+        run(["train", str(logs[0]), "--out", str(out), "--envelope", "0", "--epochs", "300"]) == 0
     )
     return out
-
-
-def command(logs, model, horizons, out):
-    """Score the model on the second log."""
-    return [
-        "evaluate",
-        str(logs[1]),
-        "--predictor",
-        str(model),
-        "--horizons",
-        horizons,
-        "--json",
-        str(out),
-    ]
 
 
 def rows_of(path):
     return json.loads(path.read_text())["rows"]
 
 
-@pytest.fixture
-def rest(logs, tmp_path):
-    """A log of noise in which nothing moves."""
-    draw, log = np.random.default_rng(0), open_flights(logs[0])[0][0]
-    noise = [deviation * draw.normal(size=(len(log), 3)) for deviation in (0.002, 0.02, 0.02, 0.1)]
-    log = dc.replace(log, **dict(zip(("p", "v", "w", "a"), noise, strict=True)))
-    write_log(log, tmp_path / "rest.csv")
-    return str(tmp_path / "rest.csv")
-
-
-def test_nothing_is_trained_on_a_log_in_which_nothing_moves_unless_forced(logs, rest, capsys):
-    command = ["evaluate", str(logs[1]), "--train", rest, "--only", "lifted", "--epochs", "2"]
-    assert run([*command, "--horizons", "1"]) == 2
-    assert "the vehicle must move in the logs" in capsys.readouterr().err
-    run([*command, "--horizons", "1", "--force"])
-    assert "must move" not in capsys.readouterr().err
-
-
-def test_a_bad_model_is_refused_before_a_scenario_is_flown(tmp_path, monkeypatch, capsys):
-    (tmp_path / "mine.yaml").write_text("duration: 0.5\n")
-    (tmp_path / "bad.safetensors").write_bytes(bytes(16))
-    monkeypatch.setattr("diagrams.cli.flights.simulated", lambda *_: pytest.fail("flown"))
-    command = [
-        "evaluate",
-        str(tmp_path / "mine.yaml"),
-        "--predictor",
-        str(tmp_path / "bad.safetensors"),
-    ]
-    assert run(command) == 2
-    assert "bad.safetensors" in capsys.readouterr().err
-
-
-def test_a_log_at_rest_is_scored(logs, rest, capsys):
-    assert run(
-        ["evaluate", rest, "--train", str(logs[0]), "--only", "lifted", "--epochs", "2"]
-    ) in (0, 1)
-    assert "must move" not in capsys.readouterr().err
-
-
-def test_every_fold_needs_motion(logs, rest, capsys):
-    """The log that is left out is the only one that moves."""
-    assert run(["evaluate", str(logs[0]), rest, "--leave-one-out", "--epochs", "2"]) == 2
-    assert "the vehicle must move" in capsys.readouterr().err
-
-
 def test_a_predictor_is_scored_beside_the_naive_rows(logs, model, tmp_path, capsys):
     out = tmp_path / "rows.json"
-    code = run(
-        [
-            "evaluate",
-            str(logs[1]),
-            "--predictor",
-            str(model),
-            "--horizons",
-            "1,10",
-            "--json",
-            str(out),
-        ]
-    )
+    code = run(f"evaluate {logs[1]} --predictor {model} --horizons 1,10 --json {out}".split())
     captured = capsys.readouterr()
     assert code == 0, captured.err
     rows = rows_of(out)
@@ -125,184 +48,22 @@ def test_a_predictor_is_scored_beside_the_naive_rows(logs, model, tmp_path, caps
         naive = [r["force_skill"] for r in rows if r["horizon"] == horizon and r["model"] in NAIVE]
         assert min(naive) == pytest.approx(1.0)
     assert "force RMSE [N]" in captured.out
-    assert "lifted: spectral radius above 1 in 0 of " in captured.out
-    assert "lifted: 0 of 1 flights diverge up to 0.2 s" in captured.out
+    assert "stability of the forecasts" in captured.out
     (line,) = json.loads(out.read_text())["stability"]
     assert line["windows"] > 1000
     assert line["unstable"] == 0
     assert line["largest"] <= 1.0
     assert max(map(len, captured.out.splitlines())) <= 100
-    skill = min(
-        (r["force_skill"], r["horizon"])
-        for r in rows
-        if r["model"] == "lifted" and r["zeta"] == "held"
-    )
-    said = " ".join(captured.out.split("With the coming motion held, ")[-1].split())
-    assert said.startswith("lifted forecasts force better than every naive one at ")
-    assert f" of its error at {skill[1]:g} s)" in said
-
-
-@pytest.fixture(scope="module")
-def pendulum(logs, tmp_path_factory):
-    """A pendulum predictor trained on the first log."""
-    out = tmp_path_factory.mktemp("model") / "payload_filter.safetensors"
-    assert run(["train", str(logs[0]), "--out", str(out), "--configuration", "payload_filter"]) == 0
-    return out
-
-
-def test_a_payload_filter_file_is_scored_beside_the_naive_rows(logs, pendulum, tmp_path, capsys):
-    out = tmp_path / "rows.json"
-    assert run(command(logs, pendulum, "1,10", out)) == 0, capsys.readouterr().err
-    rows = rows_of(out)
-    assert {row["model"] for row in rows} == {*UNTRAINED, "payload_filter"}
-    assert {(row["horizon"], row["zeta"]) for row in rows} == {
-        (h, zeta) for h in (0.02, 0.2) for zeta in ("held", "known")
-    }
-    assert all(np.isfinite(row["force_rmse"]) for row in rows)
-    printed = capsys.readouterr().out
-    assert "payload_filter: spectral radius above 1 in 0 of " in printed
-    assert "payload_filter: 0 of 1 flights diverge up to 0.2 s" in printed
-    assert "payload_filter forecasts without low-pass" in printed
-
-
-def test_a_pendulum_is_trained_where_it_is_named(logs, tmp_path, capsys):
-    out = tmp_path / "rows.json"
-    arguments = [
-        "evaluate",
-        str(logs[1]),
-        "--train",
-        str(logs[0]),
-        "--only",
-        "payload_filter",
-        "--json",
-        str(out),
-    ]
-    assert run([*arguments, "--horizons", "5"]) == 0, capsys.readouterr().err
-    assert {row["model"] for row in rows_of(out)} == {"payload_filter", *UNTRAINED, *TRAINED}
-
-
-def test_a_pendulum_of_another_vehicle_or_for_arrays_is_bad_input(logs, pendulum, tmp_path, capsys):
-    array, light = tmp_path / "array.npy", tmp_path / "light.yaml"
-    np.save(array, np.zeros((500, 12)))
-    light.write_text("name: light\nmass: 1.0\n")
-    arguments = ["--predictor", str(pendulum)]
-    for flown, message in (
-        ([str(array)], "trained with frame world; here it is body"),
-        ([str(logs[1]), "--vehicle", str(light)], "trained with mass 2.0; here it is 1.0"),
-    ):
-        assert run(["evaluate", *flown, *arguments]) == 2
-        assert message in capsys.readouterr().err.splitlines()[-1]
-
-
-def test_a_force_of_motion_is_predicted_better_than_by_any_naive_row(logs, model, tmp_path):
-    """The force is mass times dv/dt of a multisine: its past tells its future, persistence does
-    not.
-    """
-    out = tmp_path / "rows.json"
-    assert (
-        run(
-            [
-                "evaluate",
-                str(logs[1]),
-                "--predictor",
-                str(model),
-                "--json",
-                str(out),
-                "--horizons",
-                "10",
-            ]
-        )
-        == 0
-    )
-    assert next(row for row in rows_of(out) if row["model"] == "lifted")["force_skill"] < 1.0
-
-
-def test_both_configurations_are_trained_and_scored(logs, tmp_path, capsys):
-    out = tmp_path / "rows.json"
-    arguments = [
-        "evaluate",
-        str(logs[1]),
-        "--train",
-        str(logs[0]),
-        "--epochs",
-        "1",
-        "--json",
-        str(out),
-    ]
-    assert run(arguments) == 0, capsys.readouterr().err
-    rows = [(row["model"], (row["horizon"], row["zeta"])) for row in rows_of(out)]
-    assert {model for model, _ in rows} == {"paper", "lifted", *UNTRAINED, *TRAINED}
-    assert len(rows) == len(set(rows))
-
-
-def test_gp_and_knode_are_rows_where_they_are_asked_for(logs, tmp_path, capsys):
-    out = tmp_path / "rows.json"
-    arguments = [
-        "evaluate",
-        str(logs[1]),
-        "--train",
-        str(logs[0]),
-        "--only",
-        "lifted",
-        "--epochs",
-        "1",
-    ]
-    arguments += ["--horizons", "1,20", "--json", str(out)]
-    assert run([*arguments, "--also", "gp", "--also", "knode"]) == 0, capsys.readouterr().err
-    rows = {(row["model"], row["horizon"], row["zeta"]): row["force_rmse"] for row in rows_of(out)}
-    for name in ("gp", "knode"):
-        # No label enters: what the coming motion is decides, not how far ahead it is.
-        assert rows[name, 0.02, "known"] == pytest.approx(rows[name, 0.4, "known"], rel=0.05)
-
-
-def test_rows_that_cannot_be_trained_are_bad_input(logs, model, capsys):
-    for arguments, message in (
-        (["--also", "gq"], "must be gp | knode"),
-        (["--also", "gp", "--predictor", str(model)], "leave out --predictor"),
-        (["--also", "gp"], "need flights to train on"),
-    ):
-        assert run(["evaluate", str(logs[1]), *arguments]) == 2
-        assert message in capsys.readouterr().err
-
-
-def test_without_arguments_it_is_race_track_1(neurobem, tmp_path, monkeypatch, capsys):
-    """On the first 3 s of the flight, so that it takes seconds."""
-    (tmp_path / "npy").mkdir()
-    shutil.copy(neurobem / "npy" / f"{TRAINING}.npy", tmp_path / "npy")
-    np.save(
-        tmp_path / "npy" / f"{RACE_TRACK}.npy",
-        np.load(neurobem / "npy" / f"{RACE_TRACK}.npy")[:1200],
-    )
-    monkeypatch.setenv("NP_DRAKE_NEUROBEM", str(tmp_path))
-    assert run(["evaluate", "--epochs", "1", "--json", str(tmp_path / "rows.json")]) == 0
-    captured = capsys.readouterr()
-    assert "race track 1: force" in captured.out
-    assert "0.057 N" in captured.out
-    assert {row["model"] for row in rows_of(tmp_path / "rows.json")} >= {
-        "paper",
-        "mode-dictionary",
-        "linear",
-        "mean",
-    }
 
 
 BAD = {  # arguments: what the line must say
     "nothing": ([], "NP_DRAKE_NEUROBEM"),
     "two sources": (["LOG", "--predictor", "MODEL", "--train", "LOG"], "leave out --train"),
-    "no flight": (["--predictor", "MODEL"], "flights to score"),
     "no model": (["LOG", "--predictor", "LOG"], "not a model file"),
-    "no folder": (["--neurobem", "nowhere"], "nowhere"),
-    "configuration": (["LOG", "--train", "LOG", "--only", "best"], "lifted, paper"),
-    "alone": (["LOG", "--leave-one-out"], "two LOG or more"),
     "trained on": (["LOG", "--train", "LOG"], "must be held out of training"),
     "twice": (["LOG", "LOG", "--leave-one-out"], "must be given once"),
-    "horizon": (["LOG", "--predictor", "MODEL", "--horizons", "1,-2"], "--horizons"),
     "too far": (["LOG", "--predictor", "MODEL", "--horizons", "5000"], "samples are needed"),
     "two kinds": (["LOG", "--train", "ARRAY"], "give one kind"),
-    "another frame": (
-        ["ARRAY", "--predictor", "MODEL"],
-        "trained with frame world; here it is body",
-    ),
 }
 
 
@@ -324,15 +85,6 @@ def test_bad_input_is_one_line_and_leaves_nothing(logs, model, tmp_path, monkeyp
     assert last.startswith("np-drake evaluate: ")
     assert message in last
     assert list(tmp_path.iterdir()) == [array]
-
-
-def test_without_a_predictor_it_is_the_packaged_one(logs, monkeypatch, capsys):
-    assert run(["evaluate", str(logs[1]), "--horizons", "2"]) == 0
-    assert "neural" in capsys.readouterr().out
-    is_file = Path.is_file
-    monkeypatch.setattr(Path, "is_file", lambda path: path != NP_MODEL and is_file(path))
-    assert run(["evaluate", str(logs[1])]) == 2
-    assert "--predictor FILE" in capsys.readouterr().err
 
 
 def test_every_flight_left_out_in_turn_is_scored_by_models_blind_to_it(logs, tmp_path, capsys):
@@ -371,64 +123,3 @@ def test_an_unstable_model_fails(logs, monkeypatch, capsys):
     assert run(["evaluate", str(logs[1]), "--horizons", "1"]) == 1
     captured = capsys.readouterr()
     assert "a forecast diverged on test." in captured.err
-    assert "spectral radius above 1 in 0 of" not in captured.out
-
-
-def altered(path, out, change):
-    """The log with its table changed, as another file."""
-    lines = [line.split(",") for line in path.read_text().splitlines()]
-    out.write_text("\n".join(",".join(line) for line in change(lines)) + "\n")
-    return out
-
-
-def without(lines, *names):
-    keep = [k for k, name in enumerate(lines[0]) if name not in names]
-    return [[line[k] for k in keep] for line in lines]
-
-
-def with_nan(lines):
-    lines[300][lines[0].index("vx")] = "nan"
-    return lines
-
-
-BAD_LOGS = {  # change of the table: what the line must say
-    "too short": (lambda lines: lines[:40], "bad: more than 60 samples are needed; got 39."),
-    "no velocity": (lambda lines: without(lines, "vx"), "bad.csv, column vx: is missing"),
-    "a NaN": (with_nan, "bad.csv, column vx, row 300 (line 301): must be finite"),
-}
-
-
-@pytest.mark.parametrize("case", BAD_LOGS)
-def test_a_bad_log_is_one_line_and_leaves_nothing(logs, model, tmp_path, capsys, case):
-    change, message = BAD_LOGS[case]
-    bad = altered(logs[1], tmp_path / "bad.csv", change)
-    command = ["evaluate", str(bad), "--predictor", str(model), "--horizons", "1,10"]
-    assert run([*command, "--json", str(tmp_path / "rows.json")]) == 2
-    last = capsys.readouterr().err.splitlines()[-1]
-    assert last.startswith("np-drake evaluate: ")
-    assert message in last
-    assert list(tmp_path.iterdir()) == [bad]
-
-
-def test_a_log_without_accelerations_is_scored_and_says_how(logs, model, tmp_path, capsys):
-    bare = altered(
-        logs[1],
-        tmp_path / "bare.csv",
-        lambda lines: without(lines, "ax", "ay", "az", "alx", "aly", "alz"),
-    )
-    assert run(["evaluate", str(bare), "--predictor", str(model), "--horizons", "1"]) == 0
-    assert "lifted: spectral radius above 1 in 0 of " in capsys.readouterr().out
-
-
-def test_the_first_seconds_of_a_real_flights_csv_are_scored(neurobem, tmp_path, capsys):
-    path = tmp_path / "race.csv"
-    with open(neurobem / "csv" / f"{RACE_TRACK}.csv") as stream:
-        path.write_text("".join(line for _, line in zip(range(1500), stream, strict=False)))
-    assert run(["evaluate", str(path), "--horizons", "1"]) == 0, capsys.readouterr().err
-    assert "race: force RMSE [N]" in capsys.readouterr().out
-
-
-@pytest.mark.parametrize("text", ["1000001", "9" * 30])
-def test_a_horizon_longer_than_any_flight_is_refused_by_name(text):
-    with pytest.raises(ValueError, match=r"--horizons: must be .*; got '"):
-        parse_horizons(text)

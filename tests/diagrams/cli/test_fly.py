@@ -1,14 +1,17 @@
 """Laws of `np-drake fly`, `demo`, `reproduce` and `bench`."""
 
+import contextlib
+import io
 import json
+import re
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from diagrams.cli.fly import scenarios
 from diagrams.cli.main import run
-from diagrams.cli.options import DEFAULT_SOLVER
-from diagrams.cli.scenario import named_solver
-from diagrams.loop.experiments import EXPERIMENTS
+from diagrams.loop.controller_config import FILTER_MODEL, NP_MODEL
 from np_drake.logs.opening import open_flights
 
 
@@ -20,8 +23,8 @@ def test_a_flight_leaves_log_figures_replay_and_metrics(kind, tmp_path, capsys):
         "circle",
         "--controller",
         kind,
-        "--solver",
-        "sqp",
+        "--set",
+        "controller.solver=sqp",
         "--duration",
         "1",
         "--seed",
@@ -53,16 +56,6 @@ def test_a_live_flight_says_where_it_is_seen_and_leaves_its_files(tmp_path, caps
     assert {"mine_nominal.csv", "mine_nominal_replay.html"} <= {path.name for path in out.iterdir()}
 
 
-def test_a_live_flight_that_is_stopped_at_once_leaves_its_files(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(
-        "diagrams.loop.live.LiveView.look", lambda self, context: context.get_time() < 0.6
-    )
-    out = tmp_path / "out"
-    assert run(["fly", "circle", "--controller", "hold", "--live", "--out", str(out)]) == 0
-    assert open_flights(out / "circle_hold.csv")[0][0].t[-1] < 0.65
-    assert (out / "circle_hold_replay.html").exists()
-
-
 def test_a_vehicle_that_is_lost_live_leaves_its_files(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(
         "diagrams.loop.live.LiveView.forces",
@@ -74,71 +67,65 @@ def test_a_vehicle_that_is_lost_live_leaves_its_files(tmp_path, monkeypatch, cap
     assert (out / "circle_hold_replay.html").exists()
 
 
-def test_a_scenario_file_flies(tmp_path, capsys):
-    scenario = tmp_path / "mine.yaml"
-    scenario.write_text("name: mine\nduration: 0.5\nreference: {track: hover, ramp: 0.5}\n")
-    assert run(["fly", str(scenario), "--controller", "nominal"]) == 0, capsys.readouterr().err
-    assert "mine" in capsys.readouterr().out
-
-
-def test_the_scenarios_controller_flies_unless_another_is_asked_for(tmp_path, capsys):
-    scenario = tmp_path / "mine.yaml"
-    scenario.write_text(
-        "name: mine\nduration: 0.2\nreference: {track: hover, ramp: 0.2}\ncontroller: "
-        "{kind: hold, solver: sqp}\n"
+def test_a_scenario_is_changed_field_by_field(tmp_path, capsys):
+    (tmp_path / "mine.yaml").write_text(
+        "name: mine\nduration: 0.2\nreference: {track: hover, ramp: 0.2}\n"
+        "controller: {kind: hold, solver: ipopt}\n"
     )
-    for arguments, kind in (([], "hold"), (["--controller", "nominal"], "nominal")):
-        file = tmp_path / "m.json"
-        assert run(["fly", str(scenario), *arguments, "--json", str(file)]) == 0, (
-            capsys.readouterr().err
-        )
-        assert json.loads(file.read_text())["controller"] == kind
+    words = "--controller nominal --set controller.solver=sqp --set reality.wind=[1,0,0]"
+    command = f"fly {tmp_path}/mine.yaml {words} --payload 0.1 --json {tmp_path}/m.json"
+    assert run(command.split()) == 0, capsys.readouterr().err
+    found = json.loads((tmp_path / "m.json").read_text())
+    assert found["controller"] == "nominal"
+    assert found["config"]["controller"]["solver"] == "sqp"
+    assert found["config"]["reality"]["wind"] == [1.0, 0.0, 0.0]
+    assert found["config"]["reality"]["payload"]["mass"] == 0.1
 
 
-@pytest.mark.parametrize(
-    "named, asked, flown", [("", None, "sqp"), ("ipopt", None, "ipopt"), ("ipopt", "sqp", "sqp")]
-)
-def test_the_solver_is_that_asked_for_else_the_scenarios_else_default(
-    named, asked, flown, tmp_path, capsys
-):
-    scenario, file = tmp_path / "mine.yaml", tmp_path / "m.json"
-    controller = f"controller: {{kind: nominal{', solver: ' + named if named else ''}}}\n"
-    scenario.write_text(
-        "name: mine\nduration: 0.2\nreference: {track: hover, ramp: 0.2}\n" + controller
+def test_the_controller_and_the_solver_are_the_scenarios_or_the_defaults(tmp_path):
+    (tmp_path / "mine.yaml").write_text("controller: {kind: hold, solver: ipopt}\n")
+    (mine,), (circle,) = scenarios(str(tmp_path / "mine.yaml"), []), scenarios("circle", [])
+    assert (mine.controller.kind, mine.controller.solver) == ("hold", "ipopt")
+    assert (circle.controller.kind, circle.controller.solver) == ("np", "sqp")
+
+
+def test_the_stretch_of_another_payloads_cable_is_the_same():
+    (config,), (other,) = scenarios("circle", []), scenarios("circle", [], payload=0.05)
+    masses = [c.reality.payload.mass / c.reality.payload.stiffness for c in (config, other)]
+    assert masses[0] == pytest.approx(masses[1])
+
+
+def test_the_payload_of_a_corrected_simulator_changes_too(tmp_path):
+    (tmp_path / "c.yaml").write_text(
+        "reality:\n  payload: {tether: none}\n  effects:\n"
+        "  - {effect: suspended_payload, parameters: {mass: 0.2, length: 0.9}}\n"
     )
-    arguments = ["fly", str(scenario), "--json", str(file), *(["--solver", asked] if asked else [])]
-    assert run(arguments) == 0, capsys.readouterr().err
-    assert json.loads(file.read_text())["config"]["controller"]["solver"] == flown
-
-
-def test_a_packaged_experiment_flies_with_the_default_solver():
-    assert {named_solver(name) or DEFAULT_SOLVER for name in EXPERIMENTS} == {DEFAULT_SOLVER}
+    (config,) = scenarios("circle", [], reality=tmp_path / "c.yaml", payload=0.1)
+    assert (config.reality.hung.mass, config.reality.hung.length) == (0.1, 0.9)
+    (bare,) = scenarios("circle", [], reality=tmp_path / "c.yaml", payload=0.0)
+    assert bare.reality.hung.tether == "none"
 
 
 BAD = {  # arguments: what the line must say
     "experiment": (["fly", "spiral"], "circle, lemniscate"),
     "controller": (["fly", "circle", "--controller", "pid"], "nominal, hold"),
-    "solver": (["fly", "circle", "--solver", "snopt"], "ipopt"),
-    "live draws": (["fly", "circle", "--live", "--sample", "2"], "either --live"),
+    "field": (["fly", "circle", "--set", "reference.sped=1"], "did you mean speed?"),
+    "no value": (["fly", "circle", "--set", "reference.speed"], "FIELD=VALUE"),
+    "kind": (["fly", "circle", "--set", "reference.speed=fast"], "speed must be a number"),
+    "range": (["fly", "circle", "--set", "reference.speed=-1"], "speed"),
+    "heavy": (["fly", "circle", "--payload", "5"], "more than the rotors can carry"),
+    "negative payload": (["fly", "circle", "--payload", "-1"], "--payload: must not be negative"),
+    "twice": (["fly", "hover", "--controller", "np", "--controller", "np"], "two are called np"),
+    "solver": (["fly", "circle", "--set", "controller.solver=snopt"], "ipopt"),
     "duration": (["fly", "circle", "--duration", "-1"], "duration must be positive"),
-    "missing scenario": (["fly", "missing.yaml"], "missing.yaml"),
     "missing model": (
         ["fly", "circle", "--predictor", "missing.safetensors"],
         "missing.safetensors",
     ),
-    "folder of metrics": (["fly", "circle", "--json", "nowhere/x.json"], "nowhere must exist"),
-    "seed": (["fly", "circle", "--seed", "99999999999999999999"], "--seed"),
-    "solver of demo": (["demo", "--out", "dd", "--solver", "nope"], "ipopt"),
     "predictor for another": (
         ["fly", "circle", "--controller", "hold", "--predictor", "x"],
         "is for np",
     ),
-    "bad model and a folder": (["fly", "circle", "--predictor", "taken", "--out", "dd"], "taken"),
-    "vehicle": (["fly", "circle", "--vehicle", "missing.yaml"], "missing.yaml"),
-    "table": (["reproduce", "tea"], "tracking"),
-    "row": (["reproduce", "tracking", "--only", "pid"], "--only"),
-    "demo folder": (["demo", "--out", "taken"], "taken"),
-    "bench metrics": (["bench", "--json", "nowhere/x.json"], "nowhere must exist"),
 }
 
 
@@ -161,3 +148,117 @@ def test_a_file_that_is_no_model_is_refused_in_one_line(tmp_path, capsys, conten
     file.write_bytes(content)
     assert run(["fly", "circle", "--predictor", str(file), "--duration", "1"]) == 2
     assert "model.safetensors" in capsys.readouterr().err.splitlines()[-1]
+
+
+PACKAGED = {"np": NP_MODEL, "payload_filter": FILTER_MODEL}
+FAILS = """\
+from pydrake.systems.framework import LeafSystem
+
+
+class Fails(LeafSystem):
+    def __init__(self, vehicle):
+        super().__init__()
+        self.DeclareVectorOutputPort("u", 4, lambda context, output: output.SetFromVector(vehicle.gains))
+"""  # noqa: E501
+
+
+@pytest.fixture(scope="module")
+def compared(tmp_path_factory):
+    """Folder that two controllers leave, and what they say."""
+    folder, said = tmp_path_factory.mktemp("compared"), io.StringIO()
+    words = [
+        "--duration",
+        "0.5",
+        "--set",
+        "reality.wind=[1,0,0]",
+        "--payload",
+        "0.3",
+        "--seed",
+        "3",
+    ]
+    files = ["--out", str(folder / "o"), "--json", str(folder / "j.json")]
+    with contextlib.redirect_stdout(said):
+        assert (
+            run(
+                [
+                    "fly",
+                    "circle",
+                    "--controller",
+                    "cascade",
+                    "--controller",
+                    "nominal",
+                    *words,
+                    *files,
+                ]
+            )
+            == 0
+        )
+    return folder, said.getvalue()
+
+
+def test_several_controllers_give_one_table_one_figure_and_one_page(compared):
+    folder, said = compared
+    assert re.findall(r"circle\W+(cascade|nominal)\b", said) == ["cascade", "nominal"]
+    names = {path.name for path in (folder / "o").iterdir()}
+    each = {
+        f"circle_{kind}{end}"
+        for kind in ("cascade", "nominal")
+        for end in (".csv", "_replay.html", "_wrench.png")
+    }
+    assert names == {*each, "circle_comparison.png", "circle_comparison.html"}
+    page = (folder / "o" / "circle_comparison.html").read_text()
+    assert set(re.findall(r'href="([^"]+)"', page)) == each
+    assert "300\u00a0g on 0.8\u00a0m of cable, wind 1, 0, 0\u00a0m/s" in page
+    config = json.loads((folder / "j.json").read_text())["config"]
+    assert {name: one["controller"]["kind"] for name, one in config.items()} == {
+        n: n for n in ("cascade", "nominal")
+    }
+
+
+def test_the_answer_of_a_comparison_is_one_sentence_from_the_values(compared):
+    flights = json.loads((compared[0] / "j.json").read_text())["flights"]
+    best, other = sorted((f["metrics"]["position_rmse"], f["controller"]) for f in flights)
+    said = f"{best[1]} has the least position error, {100 * best[0]:.2f} cm RMS; {other[1]}"
+    assert said in " ".join(compared[1].split())
+
+
+def test_a_controller_that_fails_leaves_the_others_to_compare(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    Path("bad.py").write_text(FAILS)
+    words = [
+        "--controller",
+        "cascade",
+        "--controller",
+        "bad:Fails",
+        "--duration",
+        "0.2",
+        "--out",
+        "o",
+    ]
+    assert run(["fly", "hover", *words]) == 1
+    said = capsys.readouterr()
+    assert "Fails failed at 0.00 s: AttributeError" in said.err.splitlines()[-1]
+    assert "cascade" in said.out
+    assert "Fails failed" in Path("o/hover_comparison.html").read_text()
+
+
+@pytest.mark.parametrize("model", [FILTER_MODEL])
+def test_a_model_file_is_flown_by_the_controller_that_it_is_for(model, capsys):
+    words = [
+        word for kind in ("nominal", "np", "payload_filter") for word in ("--controller", kind)
+    ]
+    assert run(["fly", "hover", "--duration", "0.1", *words, "--predictor", str(model)]) == 0
+    told = [
+        f"{kind} flew {model if model == own else 'the packaged one'}"
+        for kind, own in PACKAGED.items()
+    ]
+    assert " ".join(f"Model files: {', '.join(told)}.".split()) in " ".join(
+        capsys.readouterr().out.split()
+    )
+
+
+def test_a_model_file_that_no_controller_can_fly_is_refused_by_name():
+    with pytest.raises(ValueError, match="is for np; payload_filter cannot fly it"):
+        scenarios("circle", ["payload_filter"], predictor=NP_MODEL)
+    (config,) = scenarios("circle", [], predictor=FILTER_MODEL)
+    assert config.controller.kind == "payload_filter"

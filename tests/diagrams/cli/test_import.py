@@ -7,7 +7,6 @@ import pytest
 import yaml
 
 from diagrams.cli.main import run
-from np_drake.logs.importing.log_map import presets
 from np_drake.logs.opening import open_flights
 from np_drake.vehicle import Vehicle
 
@@ -70,29 +69,6 @@ def test_an_imported_log_keeps_the_clock_of_its_source(table, tmp_path, capsys):
     assert log.start == pytest.approx(123.0)  # [s]
 
 
-def test_a_pose_that_is_late_is_named_and_brought_in_time(table, tmp_path, capsys):
-    rows = {
-        n: v[6:] if n in ("stamp", "p", "q", "r", "lift") else v[:-6] for n, v in swaying(T).items()
-    }
-    write_table(tmp_path / "mocap.csv", rows)
-    (tmp_path / "as_it_is.yaml").write_text(MAP.replace("qz]}", "qz], late: 0}"))
-    for log_map, late in (("map.yaml", 0.0), ("as_it_is.yaml", 0.06)):
-        assert run(["import", "mocap.csv", "--map", log_map, "--out", str(late)]) == 0
-        said = " ".join(capsys.readouterr().out.split())
-        assert (
-            "position: {late: 0.06}, velocity: {late: 0.06} in a map; late: 0 keeps it" in said
-        ) == (not late)
-        (log,), _ = open_flights(tmp_path / str(late) / "mocap.csv")
-        roll = 0.3 * np.sin(2 * (log.t + log.start - late))
-        np.testing.assert_allclose(
-            2 * np.arcsin(log.q[:, 1]), roll, atol=1e-4
-        )  # late to 0.1 ms [rad]
-    assert run(["doctor", str(tmp_path / "0.06" / "mocap.csv")]) == 0
-    assert "attitude +60 ms after body rates: stamps of two clocks" in " ".join(
-        capsys.readouterr().out.split()
-    )
-
-
 def test_nothing_that_is_there_is_overwritten(table, tmp_path, capsys):
     assert run(["import", "flight.csv", "--map", "map.yaml", "--out", "."]) == 2
     assert "must not be there" in capsys.readouterr().err
@@ -119,85 +95,6 @@ def test_a_wrong_convention_is_named_and_can_be_adopted(table, tmp_path, capsys)
     assert "adopted: rates.unit: deg/s" in sheet["conventions"]
 
 
-def test_start_and_stop_are_seconds_of_the_log(table, tmp_path, capsys):
-    cut = ["--start", "1", "--stop", "3.5"]
-    assert (
-        run(
-            ["import", "flight.csv", "--map", "map.yaml", "--out", "mine", *cut, "--json", "m.json"]
-        )
-        == 0
-    )
-    log = open_flights(tmp_path / "mine" / "flight.csv", vehicle=Vehicle())[0][0]
-    assert log.t[-1] == pytest.approx(2.5)
-    config = json.loads((tmp_path / "m.json").read_text())["config"]
-    assert (config["start"], config["stop"]) == (1.0, 3.5)
-
-
-def test_a_log_that_is_no_flight_says_so_on_the_screen(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "map.yaml").write_text(MAP)
-    desk = {name: np.full(len(T), column[0]) for name, column in swaying(T).items()} | {
-        "stamp": 1e3 * T
-    }
-    write_table(tmp_path / "desk.csv", desk | {"z": 1 + 1e-3 * np.sin(T)})
-    assert run(["import", "desk.csv", "--map", "map.yaml", "--out", "mine"]) == 0
-    said = " ".join(capsys.readouterr().out.split())
-    assert (
-        "desk.csv: no flight: position stays, or the rotors stand; nothing can be identified"
-        in said
-    )
-
-
-def test_a_break_is_said_on_the_screen_with_its_time(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "map.yaml").write_text(MAP)
-    flight = swaying(T)
-    flight["z"] = flight["z"] + 2.0 * (T > 3.0)
-    write_table(tmp_path / "flight.csv", flight)
-    assert run(["import", "flight.csv", "--map", "map.yaml", "--out", "mine"]) == 0
-    assert "flight.csv: the position jumps by 2 m at 3.00 s: split there" in capsys.readouterr().out
-    assert sorted(p.name for p in (tmp_path / "mine").glob("*.csv")) == [
-        "flight_part1.csv",
-        "flight_part2.csv",
-    ]
-
-
-def test_a_long_gap_splits_a_log_into_flights(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "map.yaml").write_text(MAP)
-    flight = {name: np.delete(column, slice(400, 440)) for name, column in swaying(T).items()}
-    write_table(tmp_path / "flight.csv", flight)
-    assert run(["import", "flight.csv", "--map", "map.yaml", "--out", "mine"]) == 0
-    assert sorted(p.name for p in (tmp_path / "mine").glob("*.csv")) == [
-        "flight_part1.csv",
-        "flight_part2.csv",
-    ]
-
-
-def test_a_landing_and_another_take_off_make_two_flights(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "map.yaml").write_text(MAP)
-    flight = swaying(T)
-    ground = {name: np.full(300, column[-1]) for name, column in flight.items()}
-    ground |= {name: np.zeros(300) for name in ("vx", "vy", "vz", "qx", "p", "lift")} | {
-        "qw": np.ones(300)
-    }
-    table = {name: np.concatenate([flight[name], ground[name], flight[name]]) for name in flight}
-    table["y"][1100:] += flight["y"][-1] - flight["y"][0]
-    write_table(tmp_path / "flight.csv", table | {"stamp": 10.0 * np.arange(1900)})
-    assert run(["import", "flight.csv", "--map", "map.yaml", "--out", "mine"]) == 0
-    assert "flight.csv: on the ground: 3." in capsys.readouterr().out
-    logs = [
-        open_flights(path, vehicle=Vehicle())[0][0]
-        for path in sorted((tmp_path / "mine").glob("*.csv"))
-    ]
-    assert [len(log) for log in logs] == pytest.approx(
-        [800, 800], abs=40
-    )  # rows near the ground are left out
-    assert all(log.u[:, 0].min() > 19 for log in logs)  # [N], of a weight of 19.62 N
-    assert "on the ground: " in (tmp_path / "mine" / "flight_part1.import.yaml").read_text()
-
-
 def test_two_logs_of_one_name_are_told_apart_from_a_file_that_was_there(table, tmp_path, capsys):
     (tmp_path / "other").mkdir()
     write_table(tmp_path / "other" / "flight.csv", swaying(T))
@@ -205,32 +102,6 @@ def test_two_logs_of_one_name_are_told_apart_from_a_file_that_was_there(table, t
         run(["import", "flight.csv", "other/flight.csv", "--map", "map.yaml", "--out", "mine"]) == 2
     )
     assert "another log of this command has the same name" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize(
-    ("name", "content", "message"),
-    [
-        ("flight.csv", b"", "flight.csv: must hold a flight log; it is empty"),
-        ("flight.dat", b"t,x\n0,1\n", "A table must be named .csv, .tsv or .txt"),
-        ("flight.csv", b"t x\n0 1\n", "its columns apart by comma, semicolon or tab"),
-        ("flight.csv", "t,x\n0,1\n".encode("utf-32"), "Save the text as UTF-8"),
-    ],
-)
-def test_a_file_that_is_no_table_says_how_it_becomes_one(
-    tmp_path, monkeypatch, capsys, name, content, message
-):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "map.yaml").write_text(MAP)
-    (tmp_path / name).write_bytes(content)
-    assert run(["import", name, "--map", "map.yaml", "--out", "mine"]) == 2
-    assert message in capsys.readouterr().err
-
-
-def test_what_a_command_leaves_open_is_read_with_the_log(table, tmp_path, capsys):
-    (tmp_path / "map.yaml").write_text(MAP + "command: sampled\n")
-    assert run(["import", "flight.csv", "--map", "map.yaml", "--out", "mine"]) == 0
-    log = open_flights(tmp_path / "mine" / "flight.csv", vehicle=Vehicle())[0][0]
-    assert log.timing == pytest.approx(0.01 / np.sqrt(12), rel=1e-3)
 
 
 def test_every_real_log_is_imported_without_a_map(real_flights, tmp_path, capsys):
@@ -249,34 +120,3 @@ def test_every_real_log_is_imported_without_a_map(real_flights, tmp_path, capsys
         if not p.name.startswith(("eckart", "sample_log", "figure8_", "hover_"))
     ):
         assert open_flights(path, vehicle=vehicle)[0][0].input == "normalised"
-
-
-def test_a_map_without_a_position_amends_what_the_names_tell(table, tmp_path, capsys):
-    assert run(["import", "flight.csv", "--map", "map.yaml", "--out", "ours"]) == 0
-    (tmp_path / "sampled.yaml").write_text("command: sampled\n")
-    assert run(["import", "ours/flight.csv", "--map", "sampled.yaml", "--out", "again"]) == 0
-    first, second = (
-        open_flights(tmp_path / name / "flight.csv", vehicle=Vehicle())[0][0]
-        for name in ("ours", "again")
-    )
-    np.testing.assert_allclose(second.x, first.x, atol=1e-12)
-    assert first.timing != second.timing == pytest.approx(0.01 / np.sqrt(12), rel=1e-3)
-
-
-def test_options_of_a_quantity_amend_the_columns_that_the_names_tell(table, tmp_path, capsys):
-    assert run(["import", "flight.csv", "--map", "map.yaml", "--out", "ours"]) == 0
-    content = (tmp_path / "ours" / "flight.csv").read_text().splitlines()
-    header = content[0].split(",")
-    rows = np.array([[float(c) for c in line.split(",")] for line in content[1:]])
-    rows[:, [header.index(f"w{axis}") for axis in "xyz"]] *= 180 / np.pi
-    write_table(tmp_path / "degrees.csv", dict(zip(header, rows.T, strict=True)))
-    assert run(["import", "degrees.csv", "--out", "again"]) == 2
-    assert "rates.unit: deg/s" in capsys.readouterr().err
-    (tmp_path / "units.yaml").write_text("rates: {unit: deg/s}\n")
-    assert run(["import", "degrees.csv", "--map", "units.yaml", "--out", "again"]) == 0
-
-
-def test_the_help_names_the_maps_of_public_data_sets(capsys):
-    assert run(["import", "--help"]) == 0
-    said = " ".join(capsys.readouterr().out.split())
-    assert f"public data set: {', '.join(presets())}" in said

@@ -1,18 +1,18 @@
 """Laws of the runner of the verbs."""
 
-import inspect
 import json
 from typing import Annotated
 
+import numpy as np
 import pytest
 import typer
 
 from diagrams.batch.failed_run import FailedRun
-from diagrams.cli import options
-from diagrams.cli.outcome import run_app
-from diagrams.cli.runner import Report, Run, counting, reports
-from np_drake.files.atomic_file import write_text
-from np_drake.files.figure_file import new_figure
+from diagrams.cli import options, output
+from diagrams.cli.app import run_app
+from diagrams.cli.main import run
+from diagrams.cli.runner import Report, Run, reports
+from np_drake.files.atomic_file import lock_outputs, write_text
 
 TABLE = ("a title", ["what", "value"], [("one | two", 1.23456)])
 
@@ -70,32 +70,6 @@ def test_a_file_that_cannot_be_written_is_refused_before_the_body_runs(option, t
     assert [path.name for path in tmp_path.iterdir()] == ["file"]
 
 
-def test_a_body_that_fails_leaves_nothing(tmp_path):
-    def fail(run):
-        raise ValueError("bad")
-
-    app, _ = made(fail)
-    files = [f"--{name}={tmp_path / name}" for name in ("json", "markdown", "out")]
-    assert call(app, *files) == 2
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_figures_and_files_are_written_only_where_a_folder_is_asked_for(tmp_path, capsys):
-    def change(run):
-        figures = {"f.png": lambda: new_figure(1, 1, width=1.0, height=1.0)[0]}
-        return {
-            "figures": figures,
-            "write": lambda folder: (folder / "extra.txt").write_text("more"),
-        }
-
-    app, _ = made(change)
-    assert call(app) == 0
-    assert "figure: " not in capsys.readouterr().out
-    assert call(app, "--out", tmp_path / "a" / "b") == 0
-    assert {path.name for path in (tmp_path / "a" / "b").iterdir()} == {"f.png", "extra.txt"}
-    assert "figure: " in capsys.readouterr().out
-
-
 @pytest.mark.parametrize("option", ["--json", "--markdown"])
 @pytest.mark.parametrize("written_by", ["body", "report"])
 def test_an_option_may_not_name_a_file_that_the_verb_writes(option, written_by, tmp_path, capsys):
@@ -120,16 +94,6 @@ def test_an_option_may_not_name_a_file_that_the_verb_writes(option, written_by, 
     assert (tmp_path / "out" / "log.csv").read_text() == "the log"
 
 
-def test_without_a_folder_a_run_has_a_scratch_folder_that_ends_with_it(tmp_path):
-    there = []
-    app, seen = made(lambda run: there.append(run.folder.is_dir()) or {})
-    assert call(app) == 0
-    assert there == [True]
-    assert not seen[0].folder.exists()
-    assert call(app, "--out", tmp_path / "out") == 0
-    assert seen[1].folder == tmp_path / "out"
-
-
 def test_a_failure_comes_last(tmp_path, capsys):
     app, _ = made(lambda run: {"failure": FailedRun("it diverged.")})
     assert call(app, "--json", tmp_path / "m.json") == 1
@@ -139,16 +103,6 @@ def test_a_failure_comes_last(tmp_path, capsys):
     assert (tmp_path / "m.json").exists()
 
 
-def test_shared_options_stand_behind_the_verbs_own(capsys):
-    app, _ = made(markdown=False)
-    verb = app.registered_commands[0].callback
-    assert list(inspect.signature(verb).parameters) == ["size", "seed", "out", "json"]
-    assert call(app, "--help") == 0
-    said = capsys.readouterr().out
-    assert "Size [m]." in said
-    assert "--markdown" not in said
-
-
 def test_the_seed_of_a_verb_without_a_draw_is_accepted_and_hidden(capsys):
     app, seen = made(seed=None)
     assert call(app, "--seed", 3) == 0
@@ -156,15 +110,6 @@ def test_the_seed_of_a_verb_without_a_draw_is_accepted_and_hidden(capsys):
     assert [run.seed for run in seen] == [3, 0]
     assert call(app, "--help") == 0
     assert "--seed" not in capsys.readouterr().out.split("Usage")[1]
-
-
-def test_counting_counts_up_to_a_hundred_percent(capsys, monkeypatch):
-    monkeypatch.setenv("FORCE_COLOR", "1")
-    monkeypatch.setenv("TERM", "xterm")
-    with counting("flying", "flights") as on_progress:
-        on_progress(4, 4)
-    assert "100 %" in (err := capsys.readouterr().err)
-    assert "4 of 4 flights" in err
 
 
 @pytest.mark.parametrize("there", [False, True], ids=["a new folder", "a folder with results"])
@@ -200,13 +145,84 @@ def test_what_others_write_meanwhile_stays(tmp_path):
     assert [path.name for path in (tmp_path / "out").iterdir()] == ["notes.txt"]
 
 
-def test_a_report_whose_cases_failed_is_written_whole(tmp_path):
-    app, _ = made(
-        lambda run: {
-            "failure": FailedRun("1 of 2 failed."),
-            "write": lambda at: (at / "a").write_text("1"),
-        }
+@pytest.mark.parametrize(
+    ("words", "folder"),
+    [
+        ("vehicle new --preset crazyflie --out", False),
+        ("challenge make --clean 1 --cases 0 --out own --truth", True),
+        ("fly hover --duration 0.2 --mcap", False),
+        ("fly hover --duration 0.2 --out", True),
+    ],
+)
+def test_an_output_that_another_run_holds_is_refused_before_any_work(
+    tmp_path, monkeypatch, capsys, words, folder
+):
+    monkeypatch.chdir(tmp_path)
+    path = tmp_path / "own.mcap"
+    with lock_outputs([path] if folder else [], [] if folder else [path]):
+        before = set(tmp_path.rglob("*"))
+        assert run([*words.split(), path.name]) == 2
+        assert "another run" in capsys.readouterr().err
+        assert set(tmp_path.rglob("*")) == before
+    assert not set(tmp_path.rglob(".*lock"))
+
+
+def test_a_table_fits_a_hundred_columns(capsys):
+    rows = [("a flight with a rather long name indeed " * 3, "np", 0.02, 1.23456, None, 3)] * 2
+    output.print_table(
+        "skill", ["flight", "model", "horizon [s]", "force [N]", "torque [N·m]", "n"], rows
     )
-    assert call(app, "--out", tmp_path / "out", "--json", tmp_path / "m.json") == 1
-    assert (tmp_path / "out" / "a").is_file()
-    assert (tmp_path / "m.json").is_file()
+    lines = capsys.readouterr().out.splitlines()
+    assert max(map(len, lines)) <= 100
+    assert any("1.23 " in line for line in lines)
+    assert any("–" in line for line in lines)
+
+
+def test_a_metrics_file_names_its_schema_version_and_seed(tmp_path):
+    output.write_metrics(
+        tmp_path / "m.json", "fly", seed=3, config={"a": 1}, metrics={"E_z": np.float64(0.5)}
+    )
+    content = json.loads((tmp_path / "m.json").read_text())
+    assert content["schema"] == "np_drake.fly/1"
+    assert (content["seed"], content["config"], content["metrics"]) == (3, {"a": 1}, {"E_z": 0.5})
+    assert content["version"].count(".") == 2
+
+
+def test_two_outputs_are_never_one_file(tmp_path):
+    (tmp_path / "link").symlink_to(tmp_path / "a")
+    for other in (tmp_path / "a", tmp_path / "." / "a", tmp_path / "link"):
+        with pytest.raises(ValueError, match="two files are to be written there"):
+            output.require_outputs(tmp_path / "a", other)
+    output.require_outputs(tmp_path / "a", tmp_path / "b", None)
+    assert [path.name for path in tmp_path.iterdir()] == ["link"]
+
+
+def test_progress_ends_at_a_hundred_percent_where_a_person_looks(capsys, monkeypatch):
+    monkeypatch.setenv("FORCE_COLOR", "1")  # what a terminal is for rich
+    monkeypatch.setenv("TERM", "xterm")
+    with output.progress("working", 10) as advance:
+        advance(5, "half")
+        advance(10)
+    err = capsys.readouterr().err
+    assert "working" in err
+    assert "100%" in err
+
+
+@pytest.mark.parametrize("target", ["link", "nowhere"])
+def test_a_link_to_nothing_is_no_folder(target, tmp_path):
+    (tmp_path / "link").symlink_to(target)
+    with pytest.raises(NotADirectoryError, match="must be a folder"):
+        output.require_outputs(folders=[tmp_path / "link" / "sub"])
+
+
+def test_off_a_terminal_progress_leaves_no_line_beside_that_of_an_error(capsys):
+    def work():
+        with output.progress("before", 1.0) as advance:
+            advance(1.0)
+        with output.progress("work", 2.0) as advance:
+            advance(1.0)
+            raise ValueError("bad")
+
+    with pytest.raises(ValueError, match="bad"):
+        work()
+    assert capsys.readouterr().err == ""

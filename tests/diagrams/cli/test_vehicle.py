@@ -6,7 +6,7 @@ import pytest
 
 from diagrams.cli.main import run
 from np_drake.vehicle.text import save_vehicle
-from np_drake.vehicle.vehicle import load_vehicle, preset_names
+from np_drake.vehicle.vehicle import load_vehicle
 
 MEASURES = (
     "--mass",
@@ -28,13 +28,6 @@ def test_new_writes_a_file_that_every_verb_takes(tmp_path, capsys):
     assert load_vehicle(out).name == "lifter"
     assert run(["fly", "circle", "--vehicle", str(out), "--duration", "0.2"]) == 0
     assert "controller: hold" in capsys.readouterr().out
-
-
-def test_new_without_out_prints_the_file(capsys, tmp_path):
-    assert run(["vehicle", "new", "--preset", "crazyflie", "--mass", "0.035"]) == 0
-    (tmp_path / "mine.yaml").write_text(capsys.readouterr().out)
-    dut, preset = load_vehicle(tmp_path / "mine.yaml"), load_vehicle("crazyflie")
-    assert dut == preset.with_mass(0.035)
 
 
 @pytest.mark.parametrize(
@@ -73,21 +66,6 @@ def test_bad_measures_are_one_line(arguments, text, capsys):
     assert "\n" not in error
 
 
-def test_a_preset_takes_an_uncertainty_and_show_prints_it(capsys, tmp_path):
-    out = tmp_path / "mine.yaml"
-    stated = ["--mass-uncertainty", "0.02", "--thrust-uncertainty", "0.03"]
-    assert run(["vehicle", "new", "--preset", "crazyflie", *stated, "--out", str(out)]) == 0
-    dut = load_vehicle(out)
-    assert (dut.mass_uncertainty, dut.thrust_uncertainty) == (0.02, 0.03)
-    assert dc.replace(dut, mass_uncertainty=None, thrust_uncertainty=0.2) == load_vehicle(
-        "crazyflie"
-    )
-    assert run(["vehicle", "show", str(out)]) == 0
-    assert "2 % of the value" in capsys.readouterr().out
-    assert run(["vehicle", "show", "crazyflie"]) == 0
-    assert "not stated" in capsys.readouterr().out
-
-
 def test_a_file_is_copied_with_another_mass_and_what_is_said_of_others(tmp_path, capsys):
     file, out = tmp_path / "found.yaml", tmp_path / "heavy.yaml"
     said = {
@@ -103,26 +81,6 @@ def test_a_file_is_copied_with_another_mass_and_what_is_said_of_others(tmp_path,
     assert "0.028 kg" in dut.sources["mass"]
     assert run(["vehicle", "new", "--preset", "nowhere", "--out", str(out)]) == 2
     assert "no preset; the presets are crazyflie" in capsys.readouterr().err
-
-
-def test_list_names_every_preset(capsys):
-    assert run(["vehicle", "list"]) == 0
-    printed = capsys.readouterr().out
-    assert all(name in printed for name in preset_names())
-
-
-def test_list_prints_published_vehicles_with_source_and_spread(capsys):
-    assert run(["vehicle", "list", "--published"]) == 0
-    printed = capsys.readouterr().out
-    assert "Bouabdallah 2007" in printed
-    assert "thrust_to_weight" in printed
-
-
-def test_show_prints_source_and_default_flight(capsys):
-    assert run(["vehicle", "show", "crazyflie"]) == 0
-    printed = capsys.readouterr().out
-    assert "Förster" in printed
-    assert "control period" in printed
 
 
 def lines_of(capsys, *arguments):
@@ -150,44 +108,9 @@ def test_show_says_where_each_value_comes_from(tmp_path, capsys):
     assert not any(field.startswith("measurement_noise") for field in dut)
 
 
-def test_a_copy_says_what_was_given_and_keeps_other_sources(tmp_path, capsys):
-    out = tmp_path / "mine.yaml"
-    assert (
-        run(["vehicle", "new", "--preset", "crazyflie", "--mass", "0.035", "--out", str(out)]) == 0
-    )
-    capsys.readouterr()
-    dut = lines_of(capsys, "vehicle", "show", str(out))
-    assert "given" in dut["mass"]
-    assert dut["rotor_radius"].endswith("Förster 2015")
-    assert out.read_text().startswith("# Crazyflie 2.0 and 2.1")
-
-
 @pytest.mark.parametrize("start", [MEASURES, ("--preset", "crazyflie")], ids=["measures", "preset"])
-@pytest.mark.parametrize(
-    "name",
-    [
-        r"\1 \g<0>",
-        "null",
-        "1.5",
-        "a: b # c",
-        "a\ngravity: 1",
-        "\abell",
-        "飞机",
-        "a\x85b",
-        "long " * 60,
-    ],
-)
+@pytest.mark.parametrize("name", [r"\1 \g<0>", "null", "a: b # c", "a\ngravity: 1", "飞机"])
 def test_new_writes_any_name_as_its_reader_reads_it(start, name, tmp_path):
     out = tmp_path / "mine.yaml"
     assert run(["vehicle", "new", *start, "--name", name, "--out", str(out)]) == 0
     assert load_vehicle(out).name == name
-
-
-@pytest.mark.parametrize("start", [MEASURES[2:], ("--preset", "paper")], ids=["measures", "preset"])
-def test_new_writes_given_numbers_as_they_were_given(start, tmp_path):
-    out = tmp_path / "mine.yaml"
-    given = {"mass": 1.7712345678, "mass_uncertainty": 1e-5, "thrust_uncertainty": 0.4999999}
-    options = [f"--{key.replace('_', '-')}={value}" for key, value in given.items()]
-    assert run(["vehicle", "new", *start, *options, "--out", str(out)]) == 0
-    read = load_vehicle(out)
-    assert {key: getattr(read, key) for key in given} == given

@@ -1,10 +1,10 @@
 """Link in memory, and messages that only tests send."""
 
 import numpy as np
-from np_drake.logs.importing.log_map import FRD_TO_FLU, NED_TO_ENU
 
 from np_drake import attitude
 from np_drake.autopilot.mavlink import Codec, turned_attitude
+from np_drake.logs.importing.log_map import FRD_TO_FLU, NED_TO_ENU
 from np_drake.rigid_body import P, Q, V, W
 
 

@@ -12,7 +12,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from np_drake.logs.importing.log_map import FRD_TO_FLU, NED_TO_ENU
 
 from np_drake import attitude
 from np_drake.autopilot.mavlink import (
@@ -30,6 +29,7 @@ from np_drake.autopilot.mavlink import (
     Pose,
     turned_attitude,
 )
+from np_drake.logs.importing.log_map import FRD_TO_FLU, NED_TO_ENU
 from np_drake.rigid_body import P, Q, V, W
 from tests.np_drake.autopilot.channel import local_position, states
 

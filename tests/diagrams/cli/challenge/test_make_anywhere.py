@@ -42,6 +42,7 @@ def alone(tmp_path_factory):
     return content(folder)
 
 
+@pytest.mark.nightly
 def test_on_a_cluster_of_two(alone, tmp_path):
     distributed = pytest.importorskip("distributed", reason="needs the extra `cluster`")
     with distributed.LocalCluster(
@@ -51,6 +52,7 @@ def test_on_a_cluster_of_two(alone, tmp_path):
     assert content(tmp_path) == alone
 
 
+@pytest.mark.nightly
 def test_on_two_processes_that_are_killed_in_the_middle_and_begun_anew(alone, tmp_path):
     program = [sys.executable, "-m", "np_drake", *command(tmp_path, "--jobs", "2")]
     with subprocess.Popen(program, start_new_session=True) as flying:
