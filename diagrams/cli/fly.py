@@ -36,6 +36,7 @@ from diagrams.loop.replay import write_replay
 from diagrams.studies.columns import tabulate
 from np_drake.autopilot.betaflight import find_firmware
 from np_drake.autopilot.mavlink import MavlinkLink
+from np_drake.command_delay import LONGEST_DELAY
 from np_drake.files.figure_file import save
 from np_drake.files.yaml_file import filled, read_yaml
 from np_drake.logs.formats.log_file import write_log
@@ -392,7 +393,9 @@ def _notes(flight: FlightResult) -> list[str]:
     which the controller reckoned at the end.
     """
     said = [f"warning: {text}" for text in flight.warnings()]
-    late = f"the controller takes commands to act {1e3 * flight.delay:.3g} ms late"
+    longest = LONGEST_DELAY * flight.config.controller.period
+    more = " or later, the latest that is looked for" if flight.delay > longest - 1e-9 else ""
+    late = f"the controller takes commands to act {1e3 * flight.delay:.3g} ms late{more}"
     return [*said, *([late] if flight.delay else [])]
 
 

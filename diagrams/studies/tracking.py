@@ -59,10 +59,7 @@ ROWS = (
         "payload_filter: plain circle", PAYLOAD_FILTER, training=PLAIN, configuration=PAYLOAD_FILTER
     ),
     Row("np: paper, dithered circle", "np", training=DITHERED, configuration="paper"),
-    *(
-        Row(f"np: {name}", "np", training=DITHERED, configuration=name)
-        for name in ("dmdc", "delay-dmdc", "ridge", LIFTED)
-    ),
+    Row("np: lifted", "np", training=DITHERED, configuration=LIFTED),
     Row("np", "np", training=DITHERED, configuration=NEURAL),
     Row("payload_filter", PAYLOAD_FILTER, training=DITHERED, configuration=PAYLOAD_FILTER),
     Row("oracle", "oracle"),

@@ -365,7 +365,8 @@ def _signals(log: FlightLog, usual: MeasurementNoise):
             unit,
             float(white_noise([values]).max()),
             known.get(sensor, 0.0),
-            *(max(steps, default=0.0), repeated),
+            max(steps, default=0.0),
+            repeated,
         )
 
 

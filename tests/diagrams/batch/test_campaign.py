@@ -119,7 +119,7 @@ def test_the_time_of_a_case_holds_that_of_the_programs_it_starts():
         return {}
 
     (record,) = run_campaign(work, CASES[:1], config={})
-    assert record["seconds"] > 0.4  # [s]
+    assert record["seconds"] > 0.35  # [s]; times of children are told in steps of 10 ms
 
 
 def test_a_worker_of_another_version_says_so():

@@ -224,7 +224,8 @@ def test_bad_input_is_one_line(bare, capfd, tmp_path, monkeypatch):
     assert not list(tmp_path.glob("out/**/*.json"))
 
 
-def test_what_the_diagnosis_says_is_scored_again_from_its_files(bare, tmp_path):
+def test_what_the_diagnosis_says_is_scored_again_from_its_files(bare, tmp_path, monkeypatch):
+    monkeypatch.delenv("NP_DRAKE_NEUROBEM", raising=False)
     out, first, again = tmp_path / "out", tmp_path / "first.json", tmp_path / "again.json"
     study = ["reproduce", "real", str(bare), "--jobs", "1"]
     assert run([*study, "--out", str(out), "--json", str(first)]) == 0

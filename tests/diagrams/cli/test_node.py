@@ -34,7 +34,7 @@ def refused(arguments, capsys, code=2):
     [
         ([*HOLD, "--link", "udp:here"], "udp:127.0.0.1:14540"),
         ([*HOLD, "--link", "pyproject.toml"], "pyproject.toml"),
-        (["node", "hover", "--controller", "mine:Mine"], "--controller"),
+        (["node", "hover", "--controller", "mine:Mine"], "controller: mine"),
         ([*HOLD, "--set", "offboard.rate=20"], "offboard: rate"),
         (["fly", "hover", "--link", "udpout:127.0.0.1:9", "--controller", "hold"], "--link"),
     ],

@@ -53,7 +53,7 @@ def test_log_rows_pair_each_command_with_the_acceleration_under_it():
     assert np.abs(residual(np.roll(log.u, 1, axis=0))[5:]).max() > 1e-3
 
 
-def test_the_log_starts_at_zero_and_its_rotor_speed_does_not_give_lost_thrust_away(nominal):
+def test_the_log_starts_at_zero_and_hides_lost_thrust(nominal):
     log, config = nominal.log(), nominal.config
     np.testing.assert_allclose(np.diff(log.t), 0.02, atol=1e-12)
     assert len(log) == round(config.end / 0.02)
@@ -62,7 +62,7 @@ def test_the_log_starts_at_zero_and_its_rotor_speed_does_not_give_lost_thrust_aw
     np.testing.assert_allclose(nominal.signals["rotor_thrust"], 0.96 * thrust, rtol=1e-9)
 
 
-def test_labels_follow_the_true_wrench_and_those_of_the_flight_those_of_the_log(nominal):
+def test_labels_follow_the_true_wrench(nominal):
     rows, config = nominal.scored, nominal.config
     chi = labels(nominal.log(), config.vehicle, config.controller.label)
     rmse = np.sqrt(np.mean((chi - nominal.chi_true)[rows] ** 2, axis=0))

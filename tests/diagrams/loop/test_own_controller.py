@@ -62,7 +62,7 @@ def mine(tmp_path, monkeypatch):
     return str(tmp_path / "mine.yaml")
 
 
-def test_a_factory_flies_as_the_scenario_that_names_it_and_its_command_is_held(mine):
+def test_a_factory_flies_as_the_scenario_that_names_it(mine):
     named, given = load_flight(mine), load_flight(mine)
     given.controller.kind, given.controller.parameters = "nominal", {}
     factory = functools.partial(load_factory("mine:Hover"), height=1.7)
@@ -75,7 +75,7 @@ def test_a_factory_flies_as_the_scenario_that_names_it_and_its_command_is_held(m
     np.testing.assert_allclose(flights[0].signals["u"][:, 0], lift, atol=1e-4)
 
 
-def test_a_file_may_import_its_neighbours_and_be_called_like_an_installed_module(tmp_path):
+def test_a_file_may_import_its_neighbours(tmp_path):
     (tmp_path / "base_of_mine.py").write_text(HOVER)
     (tmp_path / "numpy.py").write_text("from base_of_mine import Hover\nassert __file__\n")
     assert load_factory(f"{tmp_path / 'numpy.py'}:Hover").__name__ == "Hover"

@@ -37,7 +37,7 @@ def made(synthetic_flight):
     return train([segment], make_config(NP, frame="body")).model, segment
 
 
-def test_lengths_are_those_of_the_error_vector_and_rows_with_gaps_do_not_count():
+def test_lengths_are_of_the_error_vector_without_gaps():
     error = np.tile([3.0, -4.0, 12.0, 0.3, 0.4, -1.2], (7, 1))
     expected = [3.0, 4.0, 12.0, 0.3, 0.4, 1.2, 5.0, 0.5, 13.0, 1.3]
     assert list(column_rmse(error)) == list(COLUMNS)

@@ -103,8 +103,8 @@ def test_wind_pushes_a_resting_body_with_its_drag():
 @pytest.mark.parametrize(
     ("fields", "message"),
     [
-        ({"wind": [1.0, 0.0]}, "three finite speeds"),
-        ({"gust": -1.0}, "gust must not be negative"),
+        ({"wind": [1.0, 0.0]}, "wind must be 3 numbers"),
+        ({"gust": -1.0}, "gust must be finite and not negative"),
         ({"gust": 1.0, "rotor_drag": 0.0}, "wind acts through rotor_drag"),
     ],
 )

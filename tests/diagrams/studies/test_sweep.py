@@ -62,9 +62,7 @@ def test_a_row_flies_and_trains_with_the_weights_of_its_reality():
     assert training_config("plain_circle", **world).controller.mpc == weights
 
 
-def test_every_row_flies_every_scenario_with_the_model_that_was_trained_once(
-    monkeypatch, in_this_process, tmp_path
-):
+def test_every_row_flies_every_scenario_with_one_model(monkeypatch, in_this_process, tmp_path):
     def train(row, path, *, seed, solver):
         if row.configuration == "knode":
             raise ValueError("does not converge")

@@ -17,7 +17,7 @@ def weighed(weight, likelihood, *, at=None, stay=1.0):
     return out
 
 
-def test_without_changes_the_weights_are_those_of_bayes_though_likelihoods_underflow():
+def test_without_changes_the_weights_are_those_of_bayes():
     weight, likelihood = np.array([0.2, 0.5, 0.3]), np.array([-1.0, 0.5, 2.0])
     wanted = weight * np.exp(likelihood)
     for shift in (0.0, -2000.0):
@@ -25,7 +25,7 @@ def test_without_changes_the_weights_are_those_of_bayes_though_likelihoods_under
         np.testing.assert_allclose(found, wanted / wanted.sum(), rtol=1e-9)
 
 
-def test_a_member_without_weight_returns_with_the_share_that_could_have_been_drawn_anew():
+def test_a_member_without_weight_returns_with_the_share_drawn_anew():
     found = weighed([1.0, 0.0, 0.0], np.zeros(3), stay=0.9)
     np.testing.assert_allclose(found, [0.9 + 0.05, 0.03, 0.02], rtol=1e-12)
     far = np.zeros((3, POINT))

@@ -48,7 +48,7 @@ def test_with_delays_a_longer_memory_is_found():
         assert (error < 0.1) == small
 
 
-def test_the_ridge_is_as_good_as_any_linear_map_linear_between_horizons_and_held_beyond():
+def test_the_ridge_is_the_best_linear_map_and_held_beyond():
     unseen, origins = flight(6), np.arange(20, 400)
     dut, ahead = fit_ridge([flight(0), flight(1)], HORIZONS), [1, 2, 3, 5, 10, 40]
     chi_hat = model_predictions(dut, unseen.chi, unseen.zeta, origins, ahead, zeta_known=False)

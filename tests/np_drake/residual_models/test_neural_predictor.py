@@ -116,7 +116,7 @@ BOTH = pytest.mark.parametrize("model", [last_sample_model(), paper_model()], id
 @given(st.lists(st.sampled_from(["good", "label", "state", "both", "huge"]), max_size=60))
 @settings(max_examples=20)
 @BOTH
-def test_no_course_of_samples_makes_the_forecast_unusable_or_changes_a_memory(model, course):
+def test_no_samples_make_the_forecast_unusable_or_change_a_memory(model, course):
     dut = NeuralPredictor(model)
     memory = dut.initial_memory()
     for kind, sample in zip(course, sequence(len(course)), strict=True):
@@ -147,7 +147,7 @@ def test_what_flies_is_the_batch_solution_of_the_last_window():
     np.testing.assert_allclose(memory["z"], z[-1], atol=1e-12)
 
 
-def test_the_refit_keeps_its_prior_where_it_is_true_and_follows_a_changed_law():
+def test_the_refit_keeps_a_true_prior_and_follows_a_changed_law():
     memory = fed(predictor(paper_model()), sequence(60))
     np.testing.assert_allclose(memory["A"], A, atol=1e-9)
     np.testing.assert_allclose(memory["B"], B, atol=1e-9)
@@ -202,7 +202,7 @@ def test_a_refit_flight_at_once_is_the_flight_sample_by_sample(torque, known, la
     np.testing.assert_allclose(found, expected, atol=1e-8)
 
 
-def test_every_window_of_a_refit_flight_is_counted_and_an_unstable_one_named():
+def test_every_window_of_a_refit_is_counted_and_an_unstable_named():
     course = NeuralPredictor(rotating()).along(*FLIGHT)
     found = stability_of(course)
     assert (found.windows, found.unstable) == (60 - W + 1, 0)

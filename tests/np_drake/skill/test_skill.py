@@ -167,7 +167,7 @@ def table(models, chi, zeta, **settings):
     return {(row["model"], row["horizon"]): row for row in rows}
 
 
-def test_a_model_that_knows_everything_has_no_error_but_for_the_target_and_a_held_zeta():
+def test_a_model_that_knows_everything_has_the_error_of_a_held_zeta():
     chi, zeta = sequence()
     rows = table({"np": Linear()}, chi, zeta)
     for horizon in HORIZONS:
@@ -189,7 +189,7 @@ def test_a_ramp_is_extrapolated_exactly_and_persistence_lags_by_its_slope():
         assert rows["persistence", horizon]["torque_rmse"] == pytest.approx(1.0 * horizon)
 
 
-def test_the_mean_is_that_of_the_training_and_the_past_mean_that_up_to_the_origin():
+def test_the_means_are_of_the_training_and_of_the_past():
     assert table({}, *np.zeros((2, 50, 6)))["mean", 3]["force_rmse"] == pytest.approx(
         2 * np.sqrt(3)
     )
@@ -202,7 +202,7 @@ def test_the_mean_is_that_of_the_training_and_the_past_mean_that_up_to_the_origi
     assert rows["past mean", 7]["force_rmse"] == pytest.approx(expected)
 
 
-def test_skill_is_relative_to_the_best_naive_row_and_holding_is_persistence():
+def test_skill_is_over_the_best_naive_row_and_holding_is_persistence():
     rows = table({"hold": Hold(step=STEP)}, *sequence())
     for horizon in HORIZONS[1:]:
         best = min(rows[name, horizon]["force_rmse"] for name in NAIVE)

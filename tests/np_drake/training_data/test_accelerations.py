@@ -52,7 +52,7 @@ def test_rotor_speed_and_command_are_inverse():
     np.testing.assert_allclose(rotor_wrench(vehicle, rotor_speed(vehicle, u)), u, atol=1e-12)
 
 
-def test_a_step_picks_the_nearest_rows_of_labels_filtered_at_the_logs_own_rate(flight):
+def test_a_step_picks_the_nearest_rows_of_filtered_labels(flight):
     np.testing.assert_array_equal(rows_at(flight, 0.02), np.arange(0, len(flight), 2))
     rows = rows_at(flight, 0.025)
     assert len(rows) == 240

@@ -9,7 +9,7 @@ from np_drake.lifting.training.mode_dictionary import time_constants
 TAPS = DelayTaps(delay=30, dense=5, averages=4)
 
 
-def test_taps_are_the_newest_samples_and_averages_that_cover_every_older_one_once():
+def test_taps_are_the_newest_samples_and_averages_of_all_older_ones():
     matrix = TAPS.matrix
     np.testing.assert_array_equal(matrix[:5], np.eye(30)[::-1][:5])
     np.testing.assert_allclose(matrix.sum(axis=1), 1.0)

@@ -26,7 +26,7 @@ def moments(samples: np.ndarray, symmetry: float = 0.0, most: int = 10**6):
     return flight_moments(samples, samples[:, :6], **options)
 
 
-def test_now_is_read_off_the_newest_sample_and_a_recursion_found_one_step_ahead():
+def test_now_is_the_newest_sample_and_a_recursion_is_found():
     W = horizon_ridge([moments(oscillation(0)), moments(oscillation(1))], noise=1e-6)
     np.testing.assert_allclose(W[:6, 0], np.eye(6), atol=1e-6)
     np.testing.assert_allclose(W[6:, 0], 0.0, atol=1e-6)

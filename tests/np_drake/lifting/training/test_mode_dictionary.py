@@ -45,7 +45,7 @@ def fitted(**settings):
     return B, fit_response([(zeta, origins, rest, np.ones((5, 2)))], modes, horizons, **settings)
 
 
-def test_the_response_that_made_the_data_is_found_unless_nothing_is_believed():
+def test_the_response_that_made_the_data_is_found():
     expected, found = fitted()
     np.testing.assert_allclose(found, expected, atol=1e-3)
     for doubt in ({"strength": 1e-6}, {"noise": 1e6}):

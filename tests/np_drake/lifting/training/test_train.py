@@ -124,7 +124,7 @@ def vertical_gain(model) -> float:
     return float(np.abs(np.sum(response, axis=0)[FZ, VZ]))
 
 
-def test_on_a_plain_circle_the_vertical_speed_is_noise_and_with_dither_it_is_not(plain, dithered):
+def test_vertical_speed_is_noise_on_a_plain_circle_alone(plain, dithered):
     dut = measure_excitation([plain.zeta], step=0.02)
     assert dut.shrink[VZ, VZ] < 0.1
     assert "vz" in dut.text.split("shrunk along")[1]
@@ -148,7 +148,7 @@ def test_b_is_shrunk_where_the_flight_said_nothing(plain, trained, monkeypatch):
     assert vertical_gain(train([plain.segment], config).model) > 0.5
 
 
-def test_what_is_shrunk_does_not_depend_on_units_and_keeps_what_was_excited(plain):
+def test_shrinking_has_no_units_and_keeps_what_was_excited(plain):
     units = np.repeat([100.0, 180.0 / np.pi], 3)  # cm/s and degrees/s
     si, other = (
         measure_excitation([scale * plain.zeta], step=0.02).shrink for scale in (1.0, units)
