@@ -78,7 +78,7 @@ def test_the_verb_trains_each_once_and_prints_and_writes_the_same_table(
     assert f"{100 * content['table'][0]['E_xy']:.2f}" in rows[1][2]
     assert rows[1][2] in capsys.readouterr().out
     assert {path.name for path in (tmp_path / "out").iterdir()} >= {
-        "dmdc_training_circle.safetensors",
+        "lifted_training_circle.safetensors",
         "neural_training_circle.safetensors",
         "plane_tracks.png",
     }
