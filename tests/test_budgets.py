@@ -6,6 +6,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 BUDGETS = tomllib.loads((ROOT / "tests" / "budgets.toml").read_text(encoding="utf-8"))
+BUILT = "commands.md"  # with the site, by docs/make_commands.py
 FLOORS = ("np_drake", "systems", "diagrams", "docs")
 FILES = sorted(path for floor in FLOORS for path in (ROOT / floor).rglob("*.py"))
 
@@ -68,7 +69,8 @@ def test_the_rooms_add_up_to_the_sum():
 
 def test_the_house_has_no_more_files_test_lines_and_words_than_budgeted():
     tests = sorted((ROOT / "tests").rglob("*.py"))
-    pages = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+    written = [p for p in sorted((ROOT / "docs").rglob("*.md")) if p.name != BUILT]
+    pages = [ROOT / "README.md", *written]
     found = {
         "files": len(FILES),
         "test_lines": lines_of(tests),
