@@ -20,6 +20,8 @@ from diagrams.loop.own_controller import is_own
 from np_drake.autopilot.mavlink import MavlinkLink
 from np_drake.logs.formats.log_file import write_log
 
+# Share of the rate of a vehicle's clock that was told last, below which it is told again [1].
+TOLD = 0.8
 DEADLINE = 1.0  # of a solve, over the controller's period, where the scenario names none [1]
 
 
@@ -142,7 +144,7 @@ class _Told:
 
     def __enter__(self) -> "_Told":
         self._lines: SimpleQueue[str | None] = SimpleQueue()
-        self._shown, self._lacks = 0, list[str]()
+        self._shown, self._lacks, self._rate = 0, list[str](), 1.0
         self._thread = Thread(target=self._work, daemon=True)
         self._thread.start()
         return self
@@ -159,6 +161,10 @@ class _Told:
         if lacks and lacks != self._lacks:
             self._lines.put(f"{node.phase.value}: {node.lacks}")
         self._lacks = lacks
+        if (node.lacks or node.clock.waits) and 0 < node.clock.rate < TOLD * self._rate:
+            self._rate = node.clock.rate
+            by = ", and the flight by it" if node.clock.waits else ""
+            self._lines.put(f"the vehicle's clock runs at {self._rate:.2f} of real time{by}")
 
     def _work(self) -> None:
         while (line := self._lines.get()) is not None:

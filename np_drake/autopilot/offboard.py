@@ -34,6 +34,7 @@ WINDOW = 5.0
 RESTART = 1.0
 # by which a node may be ahead of a simulated vehicle [s]; source: its messages come at 100 Hz
 SLACK = 0.01
+MEASURED = 1.0  # over which the rate of a vehicle's clock is measured [s]; own choice
 PATIENCE = 1.0  # silence of a simulated vehicle after which it is not waited for [s]; own choice
 
 
@@ -111,10 +112,13 @@ class NodeClock:
     """
 
     waits: bool = False  # for the vehicle, which is simulated
+    rate: float = np.nan  # of the vehicle's clock over ours, as measured last [1]
     _lag: float = 0.0  # our clock less this one [s]
     _offset: float = 0.0  # this clock less a stamp [s]
     _newest: float = -np.inf  # stamp [s]
     _moved: float = -np.inf  # when that came, by our clock [s]
+    # Beginning of the measurement of the rate: our clock, stamp [s].
+    _since: tuple[float, float] = (np.inf, 0.0)
 
     def read(self, ours: float, said: list[Said]) -> float:
         """Return the time, at one by our clock that is not before that of the last call [s]."""
@@ -126,7 +130,7 @@ class NodeClock:
                 isinstance(one, Pose | Inertial) and not 0.0 <= self._newest - one.stamp <= RESTART
             ):
                 if abs(one.stamp - self._newest) > RESTART:
-                    self._offset = now - one.stamp
+                    self._offset, self._since = now - one.stamp, (ours, one.stamp)
                 self._newest, self._moved = one.stamp, ours
         if self.waits and ours - self._moved < PATIENCE:
             theirs = self._newest + self._offset
@@ -134,6 +138,9 @@ class NodeClock:
         else:
             self._offset = now - self._newest
         self._lag = ours - now
+        if ours - self._since[0] >= MEASURED:
+            self.rate = (self._newest - self._since[1]) / (ours - self._since[0])
+            self._since = (ours, self._newest)
         return now
 
 

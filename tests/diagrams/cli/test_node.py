@@ -93,7 +93,9 @@ def test_what_a_node_waits_for_is_said_at_once_in_lines_of_80_columns(capsys):
         dut.show(rail.node)
         rail.autopilot.codec.odometry = lambda *_: b""
         rail.advance(0.02)
-        dut.show(rail.node)
+        for rate in (1.0, 0.31, 0.3):
+            rail.node.clock.rate, rail.node.clock.waits = rate, True
+            dut.show(rail.node)
         del rail.autopilot.codec.odometry
         rail.advance(2.0)
         dut.show(rail.node)
@@ -102,6 +104,7 @@ def test_what_a_node_waits_for_is_said_at_once_in_lines_of_80_columns(capsys):
     assert [" ".join(line.split()) for line in shown.splitlines()] == [
         "waiting: no heartbeat of an autopilot",
         "waiting: no ODOMETRY, nor LOCAL_POSITION_NED with ATTITUDE_QUATERNION",
+        "the vehicle's clock runs at 0.31 of real time, and the flight by it",
         "0.34 s ready: all is in order",
         "ready: the pilot has not handed over",
     ]

@@ -153,11 +153,11 @@ SIMULATED, REAL = Heartbeat(False, PX4, simulated=True), Heartbeat(False, PX4)
 STEP, EVERY = 0.004, 0.01
 
 
-def node_times(rates, beat=SIMULATED) -> np.ndarray:
+def node_times(rates, beat=SIMULATED, dut=None) -> np.ndarray:
     """Our time, the vehicle's and the node's (n, 3) of a vehicle whose clock runs at these rates, a
     step each.
     """
-    dut, found, sent, theirs = NodeClock(), [], 0, 0.0
+    dut, found, sent, theirs = dut or NodeClock(), [], 0, 0.0
     for k, rate in enumerate(rates):
         theirs += rate * STEP
         due = int(theirs / EVERY + 1e-9)
@@ -175,6 +175,13 @@ def test_the_time_of_a_node_is_ours_or_that_of_a_simulated_vehicle(rate):
     np.testing.assert_allclose(np.ptp(dut - theirs), 0.0, atol=EVERY + SLACK + STEP)
     ours, _, dut = node_times(np.full(300, rate), beat=REAL).T
     np.testing.assert_array_equal(dut, ours)
+
+
+@pytest.mark.parametrize("beat", [SIMULATED, REAL])
+def test_the_rate_of_a_slow_clock_is_known_within_two_seconds(beat):
+    dut = NodeClock()
+    node_times(np.full(round(2.0 / STEP), 0.3), beat=beat, dut=dut)
+    assert dut.rate == pytest.approx(0.3, abs=2 * EVERY)
 
 
 # Readings
