@@ -131,7 +131,7 @@ def tables(report: LogReport) -> list[Table]:
 
 
 def _findings(report: LogReport) -> list[Table]:
-    """Return flights, and noise, motion, residual and swings of the first or of all."""
+    """Return flights, and noise, motion and residual of the first or of all."""
     first = report.flights[0]
     flights = tabulate(
         "flights",
@@ -165,16 +165,11 @@ def _findings(report: LogReport) -> list[Table]:
         (f"force {axis}, RMS", percent(x)) for axis, x in report.residual_force.items()
     ]
     residual += [(f"{name}, when every effect helps", value) for name, value in floor.items()]
-    swings = [
-        (test.flight, "yes" if test.swings else "no", test.log_bayes_factor, test.evident)
-        for test in report.swings
-    ]
     return [
         flights,
         noise,
         ("motion", ["quantity", "value"], list((first.motion | report.excitation).items())),
         ("residual", ["of weight; [N, N·m]", "value"], residual if floor else []),
-        ("pendulum", ["flight", "swings", "log Bayes factor [1]", "evident from"], swings),
     ]
 
 

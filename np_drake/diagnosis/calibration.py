@@ -31,12 +31,17 @@ from np_drake.diagnosis.regressors import (
 from np_drake.diagnosis.regressors.library import THROTTLE_CURVE
 from np_drake.diagnosis.residuals import FORCE, TORQUE, WRENCH, FlightResiduals
 from np_drake.diagnosis.result import Difference
+from np_drake.effects.accelerometer_bias import AccelerometerBias
+from np_drake.effects.attitude_bias import AttitudeBias
 from np_drake.effects.base import ActuatorEffect, Effect, MassEffect, Parameter
 from np_drake.effects.calibration import in_flight
+from np_drake.effects.gyro_bias import GyroBias
 from np_drake.effects.inertia_error import InertiaError
 from np_drake.effects.library import effect_of
+from np_drake.effects.mass_error import MassError
 from np_drake.effects.parameter import arm
 from np_drake.effects.throttle_curve import ThrottleCurve
+from np_drake.effects.velocity_bias import VelocityBias
 from np_drake.files.number_text import departure_unit, measure, number, with_sign
 from np_drake.logs.inputs import VOLTAGE_SCATTER, hover_exponent, voltage_of
 from np_drake.rigid_body import V
@@ -46,6 +51,7 @@ from np_drake.vehicle.sources import part
 ROTORS = (1.0, 2.0, 3.0, 4.0)
 
 AXES, BATTERY = ("roll", "pitch", "yaw"), ("thrust_scale", "battery_sag")
+SENSORS = (AccelerometerBias, AttitudeBias, GyroBias, VelocityBias)
 LEANING = 2  # last columns of the airframe: thrust that leans to x and y
 
 
@@ -116,7 +122,7 @@ def of_vehicle(
         found.append(Deviation("attitude_latency", {"latency": spread.latency}))
     if e.log.a is not None:
         offset = dict.fromkeys("xyz", spread.accelerometer_offset)
-        found.append(Deviation("accelerometer_bias", offset))
+        found.append(Deviation(AccelerometerBias.identifier, offset))
     if not measured:
         (delay,) = stated("command_delay", spread.command_time)
         found.append(Deviation("command_delay", {"delay": delay}))
@@ -132,10 +138,10 @@ def calibrated_alone(e: FlightResiduals, tolerance: Tolerance) -> set[str]:
     A mass, where the scale of a throttle's map takes its place; of an unmeasured vehicle sensors,
     torque gains, inertia and times of commands.
     """
-    found = {"mass_error"} if e.log.input == "normalised" else set[str]()
+    found = {MassError.identifier} if e.log.input == "normalised" else set[str]()
     if tolerance.unmeasured:
         # Of inertia and the share of torque that acts a flight shows the ratio alone.
-        found.add("inertia_error")
+        found.add(InertiaError.identifier)
         for d in (*of_vehicle(e, tolerance), *of_flight(e, tolerance)):
             effect = d.effect
             sensor = effect.place == "measurement" or effect.role == "mixer"
@@ -148,17 +154,13 @@ def of_flight(e: FlightResiduals, tolerance: Tolerance, spread: Spread = SPREAD)
     """Return by what a flight differs from the others of its vehicle: sensors, and for an
     unmeasured vehicle trim.
     """
-    least = spread if tolerance.unmeasured else Spread(tilt=0, gyro=0, velocity=0, accelerometer=0)
+    usual = (spread.accelerometer, spread.tilt, spread.gyro, spread.velocity)
     found = []
-    if e.log.a is not None:
-        error = max(tolerance.acceleration, least.accelerometer)
-        found.append(Deviation("accelerometer_bias", dict.fromkeys("xyz", error)))
-    tilt = max(tolerance.attitude, least.tilt)
-    found += [
-        Deviation("attitude_bias", dict.fromkeys(AXES, tilt)),
-        Deviation("gyro_bias", dict.fromkeys("xyz", max(tolerance.rate, least.gyro))),
-        Deviation("velocity_bias", dict.fromkeys("xyz", max(tolerance.velocity, least.velocity))),
-    ]
+    for effect, least in zip(SENSORS, usual, strict=True):
+        error = max(tolerance.of(effect), least * tolerance.unmeasured)
+        if effect is not AccelerometerBias or e.log.a is not None:
+            names = [p.name for p in effect.parameters]
+            found.append(Deviation(effect.identifier, dict.fromkeys(names, error)))
     if not tolerance.unmeasured:
         return [*found, *of_battery(e, spread)]
     trim = {"efficiency": spread.rotor_trim}
@@ -479,7 +481,7 @@ def _of_parameters(
             if not d.at_value:
                 value = part.coefficients[k] * deviation
                 sigma = np.sqrt(part.covariance[k, k]) * deviation
-                if d.identifier == "mixer_gain":  # of the share of torque that the motion shows
+                if d.effect.role == "mixer":  # of the share of torque that the motion shows
                     value, sigma = share[name] * (1.0 + value) - 1.0, share[name] * sigma
                 how = (d.effect, parameters[name], d.fixed, value, sigma, deviation)
                 found.append(_difference(names[k], *how))

@@ -22,18 +22,14 @@ from np_drake.diagnosis.doctor.smallest_sizes import (
     GUSTS,
     Information,
     Smallest,
-    SwingTest,
     explain,
     nearest_usual,
-    payload_traces,
     smallest_gust,
     smallest_sizes,
-    swing_test,
     traces,
 )
 from np_drake.diagnosis.localisation import excitation, excited, manoeuvre, tells_apart
 from np_drake.diagnosis.regressors import DRAG, PAYLOAD, WIND, options_of
-from np_drake.diagnosis.regressors.library import hidden_from
 from np_drake.diagnosis.residuals import FORCE, LEAST_DURATION, make_flight_residuals, natural_step
 from np_drake.effects.library import LIBRARY, effects_for, unobservable
 from np_drake.effects.parameter import usual_size
@@ -91,14 +87,8 @@ class LogReport:
     sensors: str = ""
     excitation: dict[str, float] = dc.field(default_factory=dict)
     noise_floor: dict[str, float] = dc.field(default_factory=dict)
-    swings: tuple[SwingTest, ...] = ()
     answers: tuple[Answer, ...] = ()
     residual_force: dict[str, float] = dc.field(default_factory=dict)
-
-    @property
-    def something_swings(self) -> bool:
-        """Whether something swings in any flight."""
-        return any(test.swings for test in self.swings)
 
     def of(self, identifier: str) -> tuple[Answer, ...]:
         """Return the answers for the parameters of one effect."""
@@ -106,7 +96,7 @@ class LogReport:
 
     def as_json(self) -> dict[str, Any]:
         """Return the report in plain types; values that are not finite become None."""
-        return plain({**dc.asdict(self), "something_swings": self.something_swings})
+        return plain(dc.asdict(self))
 
 
 MOST_SECONDS = 120.0  # of a flight from which effects are answered for [s]; own choice: memory
@@ -200,17 +190,11 @@ def _with_answers(
     nuisance = nuisance_of(flights, options.tolerance, options.priors)
     tell(0.4, "effects")
     every = traces(flights, options.priors)
+    # All that the flights may hold, payloads on every tether, is no noise.
     near = [t for t in nearest_usual(every) if t.identifier != PAYLOAD]
-    tests = []
-    for e in [] if PAYLOAD in hidden_from(flights) else flights:
-        tell(0.5, "swing")
-        others = [c.columns for c in nuisance_of([e], options.tolerance, options.priors)]
-        own = [{e.name: t.columns[e.name]} for t in near]
-        tests.append(swing_test(e, [*others, *own], options))
-    tell(0.7, "noise")
-    lengths = np.array([test.length for test in tests if test.swings][:1])
-    beside = payload_traces(flights, lengths, options.priors) if len(lengths) else []
-    explained = explain(flights, nuisance, [*near, *beside], options)
+    hung = [t for t in every if t.identifier == PAYLOAD]
+    tell(0.6, "noise")
+    explained = explain(flights, nuisance, [*near, *hung], options)
     tell(0.8, "smallest sizes")
     information = Information(explained.flights, explained.noise, nuisance, every)
     known: dict[str, Any] = {
@@ -231,7 +215,6 @@ def _with_answers(
         excitation=moving,
         residual_force=dict(zip("xyz", force.tolist(), strict=True)),
         noise_floor=explained.floor,
-        swings=tuple(tests),
         answers=answers(smallest, gust, drag, vehicle, log_input=logs[0].input, **known),
     )
 

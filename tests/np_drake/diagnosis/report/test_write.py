@@ -19,7 +19,7 @@ def folder(diagnosis, tmp_path_factory):
 
 
 def test_the_folder_holds_page_data_and_pictures(folder):
-    pictures = {f"{name}.png" for name in ("timeline", "regimes", "replay")}
+    pictures = {f"{name}.png" for name in ("regimes", "replay")}
     assert {path.name for path in folder.iterdir()} == {"report.html", "diagnosis.json", *pictures}
 
 
@@ -33,10 +33,10 @@ def test_the_data_begin_as_every_file_of_the_project(folder):
 
 def test_the_page_stands_alone(folder):
     page = (folder / "report.html").read_text()
-    assert re.findall(r"(?:src|href)\s*=\s*(.{6})", page) == ['"data:'] * 3
+    assert re.findall(r"(?:src|href)\s*=\s*(.{6})", page) == ['"data:'] * 2
     assert "url(" not in page
     assert "<script" not in page
-    assert page.count("data:image/png;base64,") == 3
+    assert page.count("data:image/png;base64,") == 2
 
 
 def test_hostile_names_are_text(diagnosis, tmp_path):

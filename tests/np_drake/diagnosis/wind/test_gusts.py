@@ -84,3 +84,13 @@ def test_of_gusts_the_mean_is_foreseen_in_the_place_of_a_steady_wind(seen):
     assert held.residual["c"] is flight.y
     late = [dc.replace(c, onset={"c": 4.0}) for c in causes]
     assert [t.begins("c") for t in in_gusts(held, late).terms["c"]] == [4.0, 4.0]
+
+
+def test_a_drag_that_is_hardly_known_widens_the_figures_of_the_wind(blown):
+    sharp = cause(DRAG)
+    known = {n: dc.replace(e, ci95=(0.299, 0.301)) for n, e in sharp.parameters.items()}
+    widths = []
+    for drag in (dc.replace(sharp, parameters=known), sharp):
+        gusts = as_gusts(*blown, [drag], 0.9, IDEAL)[-1]
+        widths.append([gusts.parameters[name].half for name in ("mean_x", "deviation")])
+    assert np.all(np.array(widths[1]) > 1.1 * np.array(widths[0]))
