@@ -189,11 +189,9 @@ def tables(diagnosis: Diagnosis) -> list[Table]:
         every.append((f"{which}what remains{left}", answer.GAP_HEADER, answer.gap_rows(one)))
     traces = [(words.described(one), one.measurement) for one in diagnosis.unexplained]
     every.append(("what would end it", ["trace", "measurement"], traces))
-    tested = [text for text in (answer.unseen(diagnosis),) if text]
     minor = [f"{one.name}: {one.text}" for one in diagnosis.below_threshold]
     for title, texts in (
         ("what to do next", answer.next_steps(diagnosis)),
-        ("what the flights tested", tested),
         ("minor findings", minor),
     ):
         every.append((title, ["finding"], [(text,) for text in texts]))

@@ -156,8 +156,6 @@ def _findings(report: LogReport) -> list[Table]:
             ("signal", lambda s: s.name),
             ("found", lambda s: measure(s.white, s.unit)),
             ("usual", lambda s: measure(s.usual, s.unit) if s.usual else None),
-            ("rows that repeat", lambda s: percent(s.repeated)),
-            ("rounded to", lambda s: measure(s.resolution, s.unit)),
         ),
     )
     floor = report.noise_floor

@@ -12,7 +12,6 @@ of a payload does not count: effects explain it.
 import dataclasses as dc
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from types import MappingProxyType
 
 import numpy as np
 
@@ -184,13 +183,6 @@ def of_battery(e: FlightResiduals, spread: Spread = SPREAD) -> list[Deviation]:
         fall = VOLTAGE_SCATTER * float(np.ptp(np.log(volts))) / float(np.ptp(e.log.t))
         charge, sag = spread.charge, float(np.hypot(spread.known_sag, fall))
     return [Deviation(BATTERY[0], {"scale": charge}), Deviation(BATTERY[1], {"rate": sag})]
-
-
-def parameter_names(deviations: Sequence[Deviation]) -> list[str]:
-    """Return the names of all parameters of deviations, as `weak_rotor[2].efficiency`."""
-    fixed = ["".join(f"[{value:g}]" for value in d.fixed.values()) for d in deviations]
-    pairs = zip(deviations, fixed, strict=True)
-    return [f"{d.identifier}{of}.{name}" for d, of in pairs for name in d.deviation]
 
 
 # Smooth functions of velocity, attitude rate and thrust: what an airframe has and no effect of the
@@ -433,24 +425,17 @@ def differences(
                 found.append(_difference(name, type(effect), p, {}, value, sigma, deviation))
     if not tolerance.unmeasured:
         return tuple(found)
-    *errors, body, air = fit.linear
-    found += _of_parameters(body, of_vehicle(flights[0], tolerance), flights[0].torque_share)
-    found += _of_airframe(air, flights)
+    *errors, body, _ = fit.linear
+    found += _of_parameters(body, of_vehicle(flights[0], tolerance), flights[0].torque_gain)
     # What flights differ by, each parameter with its value in every flight and the words of the
     # largest.
     parts = dict(zip((e.name for e in flights), errors, strict=True))
     each: dict[str, dict[str, Difference]] = {}
-    drift = {}
     for own_e in flights:
         deviations = of_flight(own_e, tolerance)
         for own_d in _of_parameters(parts[own_e.name], deviations):
             each.setdefault(own_d.name, {})[own_e.name] = own_d
-        columns = drift_columns(own_e)
-        drift[own_e.name] = columns, parts[own_e.name].coefficients[-columns.shape[-1] :]
-    found += [
-        *map(_largest, each.values()),
-        *_root_mean_square("drift", "{kind} that drifts by {size} RMS", drift),
-    ]
+    found += map(_largest, each.values())
     return tuple(sorted(found, key=lambda d: -d.in_deviations))
 
 
@@ -466,25 +451,25 @@ def _throttle_map(name: str, nominal: float, curve: float, sigma: float) -> Diff
 
 
 def _of_parameters(
-    part: LinearPart,
-    deviations: Sequence[Deviation],
-    share: Mapping[str, float] = MappingProxyType({}),
+    part: LinearPart, deviations: Sequence[Deviation], share: Sequence[float] = ()
 ) -> list[Difference]:
     """Return the parameters of deviations; the lags of rotors, which each act by a share, as
     one.
     """
     lags = [d for d in deviations if d.at_value]
-    names, found, k = parameter_names(deviations), [], 0
+    found, k = list[Difference](), 0
     for d in deviations:
         parameters = {p.name: p for p in d.effect.parameters}
+        which = d.identifier + "".join(f"[{value:g}]" for value in d.fixed.values())
         for name, deviation in d.deviation.items():
             if not d.at_value:
                 value = part.coefficients[k] * deviation
                 sigma = np.sqrt(part.covariance[k, k]) * deviation
                 if d.effect.role == "mixer":  # of the share of torque that the motion shows
-                    value, sigma = share[name] * (1.0 + value) - 1.0, share[name] * sigma
+                    shown = share[AXES.index(name)]
+                    value, sigma = shown * (1.0 + value) - 1.0, shown * sigma
                 how = (d.effect, parameters[name], d.fixed, value, sigma, deviation)
-                found.append(_difference(names[k], *how))
+                found.append(_difference(f"{which}.{name}", *how))
             k += 1
     if lags:
         own = slice(k - len(lags), k)
@@ -492,52 +477,16 @@ def _of_parameters(
         value = part.coefficients[own] @ time
         sigma = np.sqrt(time @ part.covariance[own, own] @ time)
         effect, norm = lags[0].effect, float(np.linalg.norm(time))
-        found.append(_difference(names[-1], effect, effect.parameters[0], {}, value, sigma, norm))
+        found.append(
+            _difference(f"{which}.{name}", effect, effect.parameters[0], {}, value, sigma, norm)
+        )
     return found
-
-
-def _of_airframe(part: LinearPart, flights: Sequence[FlightResiduals]) -> list[Difference]:
-    """Return how thrust leans, and the RMS of what goes smoothly with velocity, body rate and
-    thrust.
-    """
-    assert part.columns is not None
-    found, sides = [], (("ahead", "back"), ("to the left", "to the right"))
-    for k, (more, less) in enumerate(sides, start=-LEANING):
-        value, sigma = part.coefficients[k], np.sqrt(part.covariance[k, k])
-        departure = f"thrust leans {{size}} {more}|thrust leans {{size}} {less}"
-        p = Parameter("xy"[k], "rad", 0.0, -1.0, 1.0, 1.0, departure=departure)
-        unit = SPREAD.mounting
-        sizes = unit * value, unit * sigma, unit
-        found.append(_difference(f"thrust_axis.{p.name}", Effect, p, {}, *sizes))
-    columns = np.concatenate([part.columns(e)[..., :-LEANING] for e in flights])
-    text = "airframe: {kind} of {size} RMS that goes with velocity, body rate and thrust"
-    of = {"": (columns, part.coefficients[:-LEANING])}
-    return [*found, *_root_mean_square("airframe", text, of)]
 
 
 def _largest(of: Mapping[str, Difference]) -> Difference:
     name = max(of, key=lambda flight: of[flight].in_deviations)
     values = {flight: d.value for flight, d in of.items()}
     return dc.replace(of[name], text=f"{of[name].text} in {name}", by_flight=values)
-
-
-def _root_mean_square(
-    name: str, text: str, parts: Mapping[str, tuple[np.ndarray, np.ndarray]]
-) -> list[Difference]:
-    """Return the RMS force and torque of columns with their coefficients, and what it is under
-    their prior.
-    """
-    found = []
-    for kind, channels, unit in (("force", FORCE, "N"), ("torque", TORQUE, "N·m")):
-        of = {}
-        for flight, (columns, coefficients) in parts.items():
-            X = columns[:, channels]
-            value = float(np.sqrt(np.mean(np.sum((X @ coefficients) ** 2, axis=1))))
-            deviation = float(np.sqrt(np.mean(np.sum(X**2, axis=(1, 2)))))
-            said = text.format(kind=kind, size=measure(value, unit))
-            of[flight] = Difference(f"{name}.{kind}", said, value, unit, deviation)
-        found.append(_largest(of) if "" not in of else of[""])
-    return found
 
 
 def _difference(

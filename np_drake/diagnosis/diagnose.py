@@ -29,7 +29,6 @@ from np_drake.diagnosis.decision.infer import Inference, as_named, conclude
 from np_drake.diagnosis.doctor.flight_facts import as_lines, doubts
 from np_drake.diagnosis.forward_model import predicted_residual
 from np_drake.diagnosis.gap import measure_gap_reduction, with_held_out_gains
-from np_drake.diagnosis.held_out import misfit
 from np_drake.diagnosis.localisation import (
     assess_identifiability,
     excitation,
@@ -41,6 +40,7 @@ from np_drake.diagnosis.options import Options, Tolerance
 from np_drake.diagnosis.regressors import tolerance_of, with_input
 from np_drake.diagnosis.report.answer import headline
 from np_drake.diagnosis.residuals import (
+    WRENCH,
     FlightResiduals,
     long_enough,
     make_flight_residuals,
@@ -170,10 +170,12 @@ def novelty(found: Inference) -> tuple[Finding, ...]:
     """
     ranking = found.ranking
     if any(c.identifier == GustyWind.identifier for c in found.causes) or any(
-        t.has_hidden_state for t in ranking.best.terms
+        t.effect.has_hidden_state for t in ranking.best.terms
     ):
         return ()
-    ratios = misfit(found.held, ranking.noise)
+    rows = found.held.rows.items()
+    rest = np.concatenate([found.held.residual[name][own, WRENCH] for name, own in rows])
+    ratios = np.sqrt(np.mean(rest**2, axis=0)) / np.maximum(ranking.noise.rms[WRENCH], 1e-12)
     channel = int(np.argmax(ratios))
     ratio = float(ratios[channel])
     if ratio <= ranking.options.thresholds.misfit_ratio:
@@ -241,7 +243,7 @@ def _answer(
         held_out=tuple(e.name for e in judging),
         joined=tuple(e.name for e in judging if e.joined.any()),
         doubts=doubted,
-        judged_as=options.tolerance.name,
+        judged_as="rig" if options.tolerance.real else "laboratory",
         verdict=tuple(c.identifier for c in causes) + ((UNKNOWN,) if left.matters else ()),
         causes=tuple(
             dc.replace(c, onset={name: t for name, t in c.onset.items() if name not in own})

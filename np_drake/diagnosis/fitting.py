@@ -5,7 +5,6 @@ Several starts are tried where there is a hidden swing.
 
 import dataclasses as dc
 from collections.abc import Callable, Collection, Sequence
-from functools import partial
 from itertools import pairwise, product
 
 import numpy as np
@@ -73,7 +72,7 @@ def free_parameters(
             if not p.choices:
                 scale = scales.get(i, width * usual_size(p, vehicle))
                 found.append(Free(i, p.name, scale, p.neutral, p.lower, p.upper))
-        if not term.has_hidden_state:
+        if not term.effect.has_hidden_state:
             continue
         for e in flights:
             if term.begins(e.name) != NEVER:
@@ -232,7 +231,6 @@ def refine(
     *,
     temperature: float,
     linear: Sequence[Candidate] = (),
-    white: Callable[[FlightResiduals, Candidate], np.ndarray] | None = None,
     evaluations: int = 8,
     priors: Priors,
 ) -> Fit:
@@ -241,8 +239,6 @@ def refine(
 
     Args:
         temperature: factor on the noise variance [1].
-        white: gives the whitened columns (m - p, 15, k) of one of these in a flight; default: by
-            `noise`.
     """
     everything = [*terms, *(t for t, _ in calibration)]
     scales = {len(terms) + i: s for i, (_, s) in enumerate(calibration)}
@@ -268,7 +264,7 @@ def refine(
             if not c.columns[e.name].any():
                 J[own, slice(*at)] = 0.0
                 continue
-            columns = e.white(noise, c.columns[e.name]) if white is None else white(e, c)
+            columns = e.white(noise, c.columns[e.name])
             np.multiply(columns.reshape(-1, c.size), -root, out=J[own, slice(*at)])
 
     def residual(z: np.ndarray) -> np.ndarray:
@@ -297,7 +293,6 @@ def refine(
         np.concatenate([lower, -wide]),
         np.concatenate([upper, wide]),
         evaluations,
-        J[:, n:].T @ J[:, n:] if k else None,
     )
     fitted = write(everything, free, best.z[:n] * scale)
     # Laplace approximation: at the minimum the posterior is Gaussian with covariance (J'J)^-1.
@@ -349,7 +344,7 @@ def scaled_jacobian(
             step = -step
         moved = write(now, [f], np.array([values[k] + step]))
         group = _group(now, f.term)
-        if now[f.term].has_hidden_state and len(group) == 1:
+        if now[f.term].effect.has_hidden_state and len(group) == 1:
             swinging.setdefault(f.term, []).append((k, step, moved[f.term]))
             continue
         if group not in base:
@@ -373,7 +368,7 @@ def _group(terms: Sequence[Term], i: int) -> tuple[int, ...]:
 
     def alone(t: Term) -> bool:
         sensor = isinstance(t.effect, SensorEffect) and not t.effect.shifts_commands
-        return sensor or t.has_hidden_state
+        return sensor or t.effect.has_hidden_state
 
     if alone(terms[i]):
         return (i,)
@@ -450,15 +445,6 @@ def impossible(fit: Fit, i: int, vehicle: Vehicle, height: float) -> str:
     return "" if any(possible) else "no vehicle can have such figures"
 
 
-def is_possible(fit: Fit, vehicle: Vehicle, height: float) -> bool:
-    """Return whether no effect of a fit need stand in for another.
-
-    Args:
-        height: largest above the ground that it flies at; infinite: not known [m].
-    """
-    return not any(impossible(fit, i, vehicle, height) for i in range(len(fit.terms)))
-
-
 ITERATIONS = 6
 AGAIN = 3  # largest number of restarts of a descent with a hidden swing; own choice
 
@@ -482,7 +468,7 @@ def refit(
     if known is not None and [(type(t.effect), t.onset) for t in known.terms] == kind:
         starts = (
             [list(known.terms), terms]
-            if any(t.has_hidden_state for t in terms)
+            if any(t.effect.has_hidden_state for t in terms)
             else [list(known.terms)]
         )
     fits = [_descend(problem, model, start, noise, iterations) for start in starts]
@@ -496,7 +482,7 @@ def first_fit(problem: RegressionProblem, model: Model, iterations: int) -> Fit:
     noise.
     """
     flights, terms = problem.flights, _terms_at_posterior(problem, model)
-    if not any(t.has_hidden_state for t in terms):
+    if not any(t.effect.has_hidden_state for t in terms):
         return refit(problem, model, None, iterations=iterations)
     left = [e.known(e.bridged(e.y - predicted_residual(e, terms))) for e in flights]
     same_scale = scale_only(left, flights[0].grid.step)
@@ -519,7 +505,7 @@ def restart(problem: RegressionProblem, model: Model, fit: Fit, noise: NoiseMode
     Args:
         fit: a `refit` with this noise.
     """
-    for _ in range(AGAIN if any(t.has_hidden_state for t in fit.terms) else 0):
+    for _ in range(AGAIN if any(t.effect.has_hidden_state for t in fit.terms) else 0):
         before, fit = fit, _descend(problem, model, list(fit.terms), noise, ITERATIONS)
         if fit.log_evidence < before.log_evidence + 1.0:
             return max(before, fit, key=lambda f: f.log_evidence)
@@ -545,7 +531,6 @@ def _descend(
         noise,
         temperature=problem.temperature,
         linear=[c for c in problem.nuisance if c.variant == LINEAR],
-        white=partial(problem.white, noise),
         evaluations=iterations,
         priors=problem.options.priors,
     )

@@ -23,7 +23,6 @@ from np_drake.diagnosis.residuals.flight_residuals import (
     TORQUE,
     VELOCITY,
     WRENCH,
-    after_rows,
 )
 from np_drake.effects.base import (
     ActuatorEffect,
@@ -67,11 +66,6 @@ class Term:
     effect: Effect
     onset: dict[str, float | None] = dc.field(default_factory=dict)
     hidden: dict[str, np.ndarray] = dc.field(default_factory=dict)
-
-    @property
-    def has_hidden_state(self) -> bool:
-        """Whether the effect has a hidden swing."""
-        return self.effect.has_hidden_state
 
     def begins(self, flight: str) -> float | None:
         """Return the onset in this flight [s]."""
@@ -285,7 +279,7 @@ class ModifiedInertia:
             ahead: (m, 4) thrust and torques at rows less their mean around the rows [N, N·m].
         """
         e = self._e
-        rotors = e.unscaled - e.given
+        rotors = e.nominal / e.shown - e.given
         wrench = rotors + added
         F, tau = wrench[:, :3], wrench[:, 3:]
         at_mids = F - ahead[:, :1] * [0.0, 0.0, 1.0] if self._offset else F
@@ -392,20 +386,15 @@ def without_errors(flight: FlightResiduals, effects: Sequence[SensorEffect]) -> 
     ]
     if not acting:
         return flight
-    rows = _instants_before(flight, flight.rows, acting)
-    mids = _instants_before(flight, flight.mids, acting)
+
+    def before(read: Instants) -> Instants:
+        none = np.zeros((len(read.t), 4))
+        logged = Measurement(read.x, read.a, none[:, :3], none)
+        return dc.replace(read, x=true_measurement(flight.vehicle, logged, acting).x)
+
+    rows, mids = before(flight.rows), before(flight.mids)
     dw = flight.from_mids(flight.mids.x[:, W] - mids.x[:, W])
     return dc.replace(flight, rows=rows, mids=mids, w=flight.w - dw)
-
-
-def _instants_before(
-    flight: FlightResiduals, read: Instants, effects: Sequence[SensorEffect]
-) -> Instants:
-    none = np.zeros((len(read.t), 4))
-    truth = true_measurement(
-        flight.vehicle, Measurement(read.x, read.a, none[:, :3], none), effects
-    )
-    return dc.replace(read, x=truth.x)
 
 
 def true_measurement(
@@ -470,7 +459,7 @@ def _left_by(flight: FlightResiduals, terms: Sequence[Term], stages: StageCache)
     pushing = [
         (t.effect, t.begins(log))
         for t in terms
-        if isinstance(t.effect, WrenchEffect) and not t.has_hidden_state
+        if isinstance(t.effect, WrenchEffect) and not t.effect.has_hidden_state
     ]
     winds = tuple(
         pair for pair in pushing if type(pair[0]).air_velocity is not WrenchEffect.air_velocity
@@ -504,7 +493,7 @@ def _left_by(flight: FlightResiduals, terms: Sequence[Term], stages: StageCache)
                 "wrench", (moving, one), partial(_wrench, flight, *one, *motions)
             )
     for term in terms:
-        if term.has_hidden_state:
+        if term.effect.has_hidden_state:
             # The wrench (n, 6) of one suspended payload in B on the grid, the mean over samples
             # of its state [N, N·m].
             ways = np.atleast_2d(term.hidden.get(flight.name, np.zeros(0)))
@@ -602,7 +591,7 @@ def _turned(flight: FlightResiduals, thrust: Thrust) -> Turned:
     if flight.log.a is None:
         wrench[:, 2:] = flight.from_mids(du_mids)
         return Turned(wrench, wrench[:, 0], flight.ahead)
-    after = after_rows(du_rows[:, 0], du_mids[:, 0]) / flight.vehicle.mass
+    after = (du_mids[:, 0] - du_rows[:-1, 0]) / flight.vehicle.mass
     at_rows = flight.from_rows(du_rows)
     at_mids = flight.from_mids(np.column_stack([du_mids, after]))
     wrench[:, 2], wrench[:, 3:] = at_rows[:, 0], at_mids[:, 1:4]

@@ -46,11 +46,6 @@ class WindForce:
     correlation_time: tuple[float, float, float]
     white: float
 
-    @property
-    def figures(self) -> tuple[float, float, float]:
-        """Deviation [N], correlation time [s] and noise [N] alone."""
-        return self.deviation[0], self.correlation_time[0], self.white
-
 
 def wind_force(
     flights: Sequence[FlightResiduals], residual: Mapping[str, np.ndarray], begins: Begins
@@ -226,14 +221,8 @@ WHITES = (
 )  # of a bin's noise, in what bins differ by from their neighbours' line [1]; own choice
 
 
-@dc.dataclass(frozen=True)
-class Begin:
-    """When the wind begins [s] (None: from the start; infinite: not at all), and its -2 log
-    likelihood.
-    """
-
-    at: float | None
-    loss: float
+# When a wind begins [s] (None: from the start; infinite: not at all), and its -2 log likelihood.
+Begin = tuple[float | None, float]
 
 
 def wind_onset(
@@ -260,39 +249,16 @@ def wind_onset(
     bins, t = forces(e, residual)[:, :2], instants(e)
     k = np.arange(len(t))
     here = 0 if begin is None else int(np.argmin(np.abs(t - min(begin, t[-1]))))
-    root = factor(len(t), width(e), *wind.figures, wind.deviation[0])
+    deviation, time = wind.deviation[0], wind.correlation_time[0]
+    root = factor(len(t), width(e), deviation, time, wind.white, deviation)
     # A stationary process is the same backwards: one solution has those from every bin to the last.
     loss = before + np.cumsum(_loss_of_bins((bins - wind.mean[:2, 0])[::-1], root))[::-1]
     near = (t > t[0] + (LEAST_STILL if begin is None else EDGE)) & (t < t[-1] - LAST)
     tried = np.union1d(k[near], [0, here])
     best = int(tried[np.argmin(loss[tried])])
     if loss[here] - loss[best] <= 2 * gain:
-        return Begin(begin, float(loss[here]))
-    return Begin(float(t[best]) if best else None, float(loss[best]))
-
-
-def wind_begins(
-    flights: Sequence[FlightResiduals],
-    residual: Mapping[str, np.ndarray],
-    known: Begins,
-    options: Options,
-) -> Begins:
-    """Return by flight when the wind begins by its own power [s], given known onsets and residuals
-    (m, 15).
-
-    Args:
-        residual: by flight, (m, 15) what a model leaves of it.
-        known: by flight, known onsets [s]; None: from the start.
-    """
-    for _ in range(ROUNDS):
-        wind = wind_force(flights, residual, known)
-        known = {
-            name: begin.at
-            for name, begin in onsets_of(
-                flights, [], (residual, residual), known, wind, options
-            ).items()
-        }
-    return known
+        return begin, float(loss[here])
+    return (float(t[best]) if best else None), float(loss[best])
 
 
 def onsets_of(
@@ -319,7 +285,7 @@ def onsets_of(
         return wind_onset(e, windy[e.name], begin, wind, before[e.name], gain)
 
     found = {e.name: sought(e, known.get(e.name), options.priors.onset_gain) for e in flights}
-    late = any(begin.at is not None for begin in found.values())
+    late = any(at is not None for at, _ in found.values())
     gain = options.priors.onset_gain if late else options.priors.new_onset_gain
     return found | {e.name: sought(e, known.get(e.name) if late else None, gain) for e in held_out}
 
@@ -410,11 +376,15 @@ def as_gusts(
         return causes
     onset, begun = _onsets(flights, held_out, through_drag, drag, known, options)
     drag = dc.replace(drag, onset=dict(begun))
-    if not isinstance(drag.effect, LinearDrag) or not _acts_through(drag.effect):
+    # A wind acts through a drag that is physical, and not negligible.
+    own = drag.effect
+    if not isinstance(own, LinearDrag) or 0.5 * (own.d_x + own.d_y) <= WEAKEST:
+        return causes
+    if not all(p.lower <= own.values[p.name] <= p.upper for p in own.parameters):
         return causes
     force = wind_force(
         flights,
-        {e.name: _without_drag(through_drag[e.name], e, drag.effect, begun) for e in flights},
+        {e.name: _without_drag(through_drag[e.name], e, own, begun) for e in flights},
         onset,
     )
     # Stronger than winds are, even through the largest drag of the interval, they are none.
@@ -428,12 +398,6 @@ def as_gusts(
     gusts = Cause(GustyWind.identifier, probability, parameters, dict(onset), (), effect=effect)
     others = [c for c in causes if c.identifier not in GUSTY[1:]]
     return [*(drag if c.identifier == DRAG else c for c in others), gusts]
-
-
-def _acts_through(drag: LinearDrag) -> bool:
-    """Return whether a wind acts through this drag: physical, and not negligible."""
-    inside = all(p.lower <= drag.values[p.name] <= p.upper for p in LinearDrag.parameters)
-    return inside and 0.5 * (drag.d_x + drag.d_y) > WEAKEST
 
 
 def _without_drag(
@@ -508,10 +472,10 @@ def _onsets(
             onsets_of(flights, held_out, (windy, still), known, wind, options)
             for still in (windy, through_drag)
         )
-        late = [e for e in flights if any(b[e.name].at is not None for b in (apart, together))]
-        gain = sum(apart[e.name].loss - together[e.name].loss for e in late or held_out)
+        late = [e for e in flights if any(b[e.name][0] is not None for b in (apart, together))]
+        gain = sum(apart[e.name][1] - together[e.name][1] for e in late or held_out)
         both = gain + at_once > 0
-        known = {name: begin.at for name, begin in (together if both else apart).items()}
+        known = {name: at for name, (at, _) in (together if both else apart).items()}
         acts = known if both else drag.onset
     return known, acts
 
@@ -532,7 +496,11 @@ def with_drag(ranking: Ranking) -> Ranking:
     ]
     # The slow force that is left may begin in flight: its own power pays for instants.
     left = {e.name: ranking.best.residual(e) for e in problem.flights}
-    begins = wind_begins(problem.flights, left, {}, ranking.options)
+    begins: Begins = {}
+    for _ in range(ROUNDS):
+        wind = wind_force(problem.flights, left, begins)
+        found = onsets_of(problem.flights, [], (left, left), begins, wind, ranking.options)
+        begins = {name: at for name, (at, _) in found.items()}
     onset: Onset = {name: begin for name, begin in begins.items() if begin is not None}
     if onset:
         late = [switched(problem.candidates[i], problem.flights, onset) for i in drags]

@@ -90,7 +90,7 @@ def mark_outliers(
     """
     given = predicted_residual(flight, calibration) if calibration else 0.0
     marked, flight = flight, dc.replace(flight, y=flight.y - given)
-    for _ in range(MOST_JUMPS if any(t.has_hidden_state for t in terms) else 0):
+    for _ in range(MOST_JUMPS if any(t.effect.has_hidden_state for t in terms) else 0):
         # Where a swing is lost it misses ever more.
         found = _outliers(terms, flight, noise, priors, most=1.0)
         if flight.outliers.any():
@@ -111,7 +111,7 @@ def _outliers(
     most: float = MOST_OUTLIERS,
 ) -> np.ndarray:
     residual = flight.y - predicted_residual(flight, adapt(terms, flight, noise, priors))
-    longest = LONGEST_BOUNCE if any(t.has_hidden_state for t in terms) else LONGEST_OUTLIER
+    longest = LONGEST_BOUNCE if any(t.effect.has_hidden_state for t in terms) else LONGEST_OUTLIER
     return find_outliers(residual, flight.grid.step, longest, most)
 
 
@@ -120,7 +120,7 @@ def hidden_state_rows(term: Term, flight: FlightResiduals) -> list[np.ndarray]:
     outlier.
     """
     start = term.begins(flight.name)
-    if not term.has_hidden_state or start == NEVER:
+    if not term.effect.has_hidden_state or start == NEVER:
         return []
     begin = flight.t[0] if start is None else start
     # A swing is told by a period: on a tether of a metre by `HIDDEN_SPAN`.
@@ -203,7 +203,7 @@ def _with_onset(
     rest = predicted_residual(flight, [t for j, t in enumerate(terms) if j != i])
     trace = (
         _span_by_span(terms, i, flight, noise, priors)
-        if term.has_hidden_state
+        if term.effect.has_hidden_state
         else predicted_residual(flight, terms)
     )
     t, profile = onset_log_likelihood(flight, noise, flight.y - rest, trace - rest)
@@ -335,14 +335,6 @@ def with_calibration(
     mean, _ = gram.posterior(np.arange(own.shape[-1]))
     given = shared + own @ mean
     return dc.replace(e, y=e.known(e.y - given), calibrated=e.known(given))
-
-
-def misfit(held: HeldOut, noise: NoiseModel) -> np.ndarray:
-    """Return (6,) the RMS residual of held-out flights over noise, by channel of the wrench [1]."""
-    residual = np.concatenate(
-        [held.residual[name][rows, WRENCH] for name, rows in held.rows.items()]
-    )
-    return np.sqrt(np.mean(residual**2, axis=0)) / np.maximum(noise.rms[WRENCH], 1e-12)
 
 
 def pooled(parts: Sequence[np.ndarray], noise: NoiseModel) -> float:

@@ -5,8 +5,6 @@ documented fields.
 import dataclasses as dc
 import math
 
-import numpy as np
-
 from np_drake.effects.base import Effect
 from np_drake.vehicle import Vehicle
 
@@ -38,16 +36,6 @@ class Tolerance:
     unmeasured: bool = False
 
     @property
-    def name(self) -> str:
-        """Return `rig` for real sensors, `laboratory` for ideal ones."""
-        return "rig" if self.real else "laboratory"
-
-    @property
-    def attitude_error(self) -> float:
-        """Attitude error against the rotors' axes, all together [rad]."""
-        return float(np.hypot(self.attitude, self.mounting))
-
-    @property
     def real(self) -> bool:
         """Whether the sensors are real ones."""
         return self.attitude > REAL_ATTITUDE
@@ -56,16 +44,6 @@ class Tolerance:
         """Return the tolerance of the sensor that an effect is about; 0 for others."""
         sensor = effect.tolerance and effect.place == "measurement"
         return float(getattr(self, effect.tolerance)) if sensor else 0.0
-
-    def with_vehicle(self, vehicle: Vehicle) -> "Tolerance":
-        """Return the tolerance whose mass and thrust are at least what the vehicle file states for
-        its own.
-        """
-        return dc.replace(
-            self,
-            mass=max(self.mass, vehicle.mass_uncertainty or 0.0),
-            thrust=max(self.thrust, vehicle.thrust_uncertainty or 0.0),
-        )
 
 
 IDEAL_SENSORS = Tolerance(0.0005, 0.0005, 0.003, 0.0004, 0.0001, 0.0001)
@@ -107,18 +85,6 @@ class Size:
     torque: float
     gap: float
     sensor: float
-
-    def material(self, materiality: Materiality, *, calibration: bool, sensor: bool) -> bool:
-        """Return whether the size is material.
-
-        Args:
-            calibration: whether the term is what a vehicle file may be off by.
-        """
-        if calibration:
-            return self.force >= materiality.calibration_force
-        if sensor:
-            return self.sensor >= materiality.sensor
-        return self.force >= materiality.force or self.torque >= materiality.torque
 
 
 @dc.dataclass(frozen=True)
@@ -288,6 +254,11 @@ class Options:
         return dc.replace(
             self, materiality=dc.replace(self.materiality, position=position, remaining_force=force)
         )
+
+    def within_timing(self, effect: Effect, vehicle: Vehicle) -> bool:
+        """Return whether an effect shifts commands by no more than the logs leave open."""
+        shift = abs(effect.time_shift(vehicle))
+        return 0 < shift < self.materiality.sensor * self.tolerance.timing
 
     @classmethod
     def for_sensors(cls, real: bool, tolerance: Tolerance | None = None) -> "Options":

@@ -11,7 +11,7 @@ import numpy as np
 from np_drake.effects.base import Effect
 from np_drake.effects.effect_entry import Posterior
 from np_drake.files.atomic_file import plain
-from np_drake.files.notebook import data_frame, html_table
+from np_drake.files.notebook import html_table
 from np_drake.files.number_text import probability
 from np_drake.flight_log import FlightLog
 from np_drake.vehicle import Vehicle
@@ -23,8 +23,6 @@ KINDS = {
     "torque": ("torque x", "torque y", "torque z"),
 }
 SHOWN_GAP = 1.05  # residual over noise from which a share of the gap has a meaning [1]; own choice
-# residual with the causes over that without, and over noise, from which it grows [1]; own choice
-GROWN = 1.1
 
 
 @dc.dataclass(frozen=True)
@@ -55,11 +53,6 @@ class GapKind:
     noise: float
     left: float
     above_noise: float
-
-    @property
-    def grows(self) -> bool:
-        """Whether the causes make it larger."""
-        return self.after > GROWN * max(self.before, self.noise)
 
 
 @dc.dataclass(frozen=True)
@@ -355,28 +348,6 @@ class Diagnosis:
         header = ("cause", "probability", "parameters, ± half of the 95 % interval")
         return html_table(f"{self.vehicle}: {self.headline}", header, rows, self.warnings[:3])
 
-    def table(self) -> list[dict[str, Any]]:
-        """Return a row for every parameter of a cause: its value, 95 % interval and unit."""
-        return [
-            {
-                "cause": cause.identifier,
-                "probability": cause.probability,
-                "parameter": name,
-                "value": found.value,
-            }
-            | {"lower": found.ci95[0], "upper": found.ci95[1], "unit": found.unit}
-            for cause in self.causes
-            for name, found in cause.parameters.items()
-        ]
-
-    def to_dataframe(self) -> Any:
-        """Return `table` as a pandas DataFrame.
-
-        Raises: ImportError: where pandas is not installed.
-        """
-        names = ("cause", "probability", "parameter", "value", "lower", "upper", "unit")
-        return data_frame({name: [line[name] for line in self.table()] for name in names})
-
     def as_json(self) -> dict[str, Any]:
         """Return the content of `diagnosis.json` in plain types, without residual series and fitted
         objects.
@@ -418,7 +389,7 @@ class Diagnosis:
                     }
                     for c in self.causes
                 ],
-                "gap": (gap),
+                "gap": gap,
                 "shrink": {
                     "residual": _fields(reduction, "before", "after", "floor", "fraction", "ci95"),
                     "left": dc.asdict(reduction.left),

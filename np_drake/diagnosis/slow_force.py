@@ -5,11 +5,10 @@ accelerometer that drifts in the other. Gusts do not depend on position.
 Source: Whittle's likelihood, with cosine transforms, as the spectra are steep; own priors.
 """
 
-import dataclasses as dc
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from scipy import fft, linalg, optimize, stats
+from scipy import fft, linalg, optimize, special, stats
 
 from np_drake import attitude
 from np_drake.diagnosis.gusts import (
@@ -33,43 +32,23 @@ WHITE = 3.0  # deviation of the white noise of attitude and accelerometer [e-fol
 STARTS = (0.2, 1.0)  # of the force's size, over the attitude's
 
 
-@dc.dataclass(frozen=True)
-class SlowForce:
-    """Log evidence of a Gauss-Markov force over sensors alone, and its deviation by level axis
-    [N].
-    """
-
-    log_evidence: float
-    deviation: float
-
-    def probability(self, even: float) -> float:
-        """Return the probability that a force is there; `even`: log evidence of even odds."""
-        return float(1 / (1 + np.exp(np.clip(even - self.log_evidence, -50, 50))))
-
-
-@dc.dataclass(frozen=True)
-class _Spectra:
-    """Of one flight: f (k,) [Hz], values (c, k, 2) of position, or position and accelerometer, by
-    level axes.
-
-    Their squares are in the mean one-sided power spectral densities [m²/s³].
-    """
-
-    f: np.ndarray
-    values: np.ndarray
+# Of one flight: f (k,) [Hz], and values (c, k, 2) of position, or of position and accelerometer, by
+# level axes, whose squares are in the mean one-sided power spectral densities [m²/s³].
+Spectra = tuple[np.ndarray, np.ndarray]
 
 
 def slow_force(
     flights: Sequence[FlightResiduals], residual: Mapping[str, np.ndarray], options: Options
-) -> SlowForce:
-    """Return the evidence of a slow force in a residual (m, 15) by flight.
+) -> tuple[float, float]:
+    """Return the log evidence of a Gauss-Markov force over sensors alone in a residual (m, 15) by
+    flight, and its deviation by level axis [N].
 
     Args:
         residual: by flight, (m, 15) what a model leaves of it.
     """
     spectra = [_spectra(e, residual[e.name]) for e in flights]
     mass, gravity = flights[0].vehicle.mass, flights[0].vehicle.gravity
-    centre, spread = _prior(options, gravity, max(len(s.values) for s in spectra))
+    centre, spread = _prior(options, gravity, max(len(values) for _, values in spectra))
     bounds = list(zip(centre - REACH * spread, centre + REACH * spread, strict=True))
     n, (time, times) = len(centre), options.priors.gust_time
 
@@ -94,7 +73,7 @@ def slow_force(
         for z in starts
     ]
     best = min(ends, key=lambda end: end.fun)
-    return SlowForce(max(float(sensors.fun - best.fun), 0.0), mass * float(np.exp(best.x[n])))
+    return max(float(sensors.fun - best.fun), 0.0), mass * float(np.exp(best.x[n]))
 
 
 def _slow_power(flights: Sequence[FlightResiduals], residual: Mapping[str, np.ndarray]) -> float:
@@ -104,14 +83,11 @@ def _slow_power(flights: Sequence[FlightResiduals], residual: Mapping[str, np.nd
     In the body as in W: an attitude that is read askew turns with a vehicle that yaws.
     """
     spectra = [_spectra(e, residual[e.name], upright=True) for e in flights]
-    width = [s.f[0] for s in spectra]
-    power = [
-        np.sum(np.mean(s.values[0] ** 2, axis=1)) * w for s, w in zip(spectra, width, strict=True)
-    ]
+    power = [np.sum(np.mean(values[0] ** 2, axis=1)) * f[0] for f, values in spectra]
     return float(flights[0].vehicle.mass ** 2 * np.mean(power))
 
 
-def _spectra(e: FlightResiduals, residual: np.ndarray, *, upright: bool = False) -> _Spectra:
+def _spectra(e: FlightResiduals, residual: np.ndarray, *, upright: bool = False) -> Spectra:
     """Return the spectra of what is left of a flight (m, 15); `upright`: without its mean in body
     axes, (3,).
     """
@@ -127,10 +103,8 @@ def _spectra(e: FlightResiduals, residual: np.ndarray, *, upright: bool = False)
     n = len(slow[0])
     f = np.arange(n) / (2 * n * step)
     some = (f > 0) & (f <= TOP)
-    return _Spectra(
-        f[some],
-        np.stack([fft.dct(a, axis=0, norm="ortho")[some] * np.sqrt(2 * step) for a in slow]),
-    )
+    values = [fft.dct(a, axis=0, norm="ortho")[some] * np.sqrt(2 * step) for a in slow]
+    return f[some], np.stack(values)
 
 
 def _prior(options: Options, gravity: float, channels: int) -> tuple[np.ndarray, np.ndarray]:
@@ -154,26 +128,24 @@ def _markov(f: np.ndarray, rms: float, time: float) -> np.ndarray:
     return 4 * np.exp(2 * rms + time) / (1 + (2 * np.pi * f * np.exp(time)) ** 2)
 
 
-def _loss(spectra: Sequence[_Spectra], z: np.ndarray, force: np.ndarray | None) -> float:
+def _loss(spectra: Sequence[Spectra], z: np.ndarray, force: np.ndarray | None) -> float:
     """Return minus the log likelihood, up to a constant; sensors' z and the force's (size, time)
     are logarithms.
     """
     total = 0.0
-    for s in spectra:
-        common = np.zeros(len(s.f)) if force is None else _markov(s.f, *force)
-        position = _markov(s.f, z[0], z[1]) + np.exp(2 * z[2]) + common
-        if len(s.values) == 1:
+    for f, values in spectra:
+        common = np.zeros(len(f)) if force is None else _markov(f, *force)
+        position = _markov(f, z[0], z[1]) + np.exp(2 * z[2]) + common
+        if len(values) == 1:
             total += float(
-                np.sum(0.5 * np.sum(s.values[0] ** 2, axis=1) / position + np.log(position))
+                np.sum(0.5 * np.sum(values[0] ** 2, axis=1) / position + np.log(position))
             )
             continue
-        read = np.exp(2 * z[3]) / s.f + np.exp(2 * z[4]) + common
+        read = np.exp(2 * z[3]) / f + np.exp(2 * z[4]) + common
         # Whittle: at every frequency both channels are Gaussian, with the force as common part of
         # their spectra.
         det = position * read - common**2
-        (pp, pr, rr) = (
-            np.sum(s.values[i] * s.values[j], axis=1) for i, j in ((0, 0), (0, 1), (1, 1))
-        )
+        (pp, pr, rr) = (np.sum(values[i] * values[j], axis=1) for i, j in ((0, 0), (0, 1), (1, 1)))
         total += float(
             np.sum(0.5 * (read * pp - 2 * common * pr + position * rr) / det + np.log(det))
         )
@@ -195,17 +167,19 @@ def gust_probability(
         residual: by flight, (m, 15) what a model leaves of them.
         hidden: whether the model has a payload, whose swing may have been lost.
     """
-    seen = slow_force(flights, residual, options)
-    both = slow_force([*flights, *held_out], {**residual, **held_out_residual}, options)
+    seen, _ = slow_force(flights, residual, options)
+    evidence, deviation = slow_force(
+        [*flights, *held_out], {**residual, **held_out_residual}, options
+    )
     thresholds = options.thresholds
-    matters = both.deviation > options.materiality.force * flights[0].weight
-    shown = seen.log_evidence > thresholds.held_out_share * thresholds.slow_force_evidence
+    matters = deviation > options.materiality.force * flights[0].weight
+    shown = seen > thresholds.held_out_share * thresholds.slow_force_evidence
     lost = hidden and _slow_power(flights, residual) < thresholds.held_out_share * _slow_power(
         flights, {e.name: e.y for e in flights}
     )
-    return (
-        both.probability(thresholds.slow_force_evidence) if matters and shown and not lost else 0.0
-    )
+    if not matters or not shown or lost:
+        return 0.0
+    return float(special.expit(evidence - thresholds.slow_force_evidence))
 
 
 def position_p_value(
@@ -255,7 +229,7 @@ def position_p_value(
 
 def _about_its_mean(span: np.ndarray, width: float, wind: WindForce) -> np.ndarray:
     """Return (k, a) columns whitened, without what is constant before it was."""
-    root = factor(len(span), width, *wind.figures)
+    root = factor(len(span), width, wind.deviation[0], wind.correlation_time[0], wind.white)
     white = linalg.solve_triangular(root, np.column_stack([span, np.ones(len(span))]), lower=True)
     one = white[:, -1:]
     return white[:, :-1] - one @ (one.T @ white[:, :-1]) / np.sum(one**2)

@@ -161,7 +161,7 @@ def fitted_to_whole_flight(
     terms = list(terms)
     for i, term in enumerate(terms):
         begin = term.begins(flight.name)
-        if not term.has_hidden_state or begin == NEVER:
+        if not term.effect.has_hidden_state or begin == NEVER:
             continue
         start = flight.t[0] if begin is None else begin
         whole = SwingFit(terms, i, flight, noise, begin, flight.t >= start, priors)

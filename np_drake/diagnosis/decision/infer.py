@@ -24,18 +24,13 @@ from functools import cached_property
 
 from np_drake.diagnosis.decision.causes import causes_of, estimates
 from np_drake.diagnosis.decision.remainder import measure_remainder
-from np_drake.diagnosis.decision.term_assessment import within_timing
-from np_drake.diagnosis.decision.unexplained import (
-    PLACE,
-    LinearModel,
-    Unexplained,
-    find_unexplained,
-)
+from np_drake.diagnosis.decision.unexplained import PLACE, Indication, LinearModel, find_unexplained
+from np_drake.diagnosis.fitting import fit_of_some
 from np_drake.diagnosis.gusts import in_gusts, residuals_of, with_drag, with_gusts
 from np_drake.diagnosis.held_out import HeldOut, mark_outliers, on_held_out, with_calibration
 from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.diagnosis.result import Cause, Finding, Remainder
-from np_drake.diagnosis.selection import Ranking, SearchResult, rank_models, with_named_fit
+from np_drake.diagnosis.selection import Ranking, SearchResult, rank_models
 from np_drake.diagnosis.slow_force import position_p_value
 from np_drake.effects.gusty_wind import GustyWind
 
@@ -50,21 +45,21 @@ class Inference:
     flights: Sequence[FlightResiduals]
     ranking: Ranking
     held: HeldOut
-    unexplained: Unexplained
+    structures: list[Indication]
+    slow: Indication
     causes: list[Cause]
     below_threshold: list[Finding]
 
     @cached_property
     def left(self) -> Remainder:
         """What the causes leave of the held-out gap."""
-        said = [*self.unexplained.structures, self.unexplained.slow]
-        ranking = self.ranking
+        said, ranking = [*self.structures, self.slow], self.ranking
         return measure_remainder(self.causes, ranking.noise, self.held, said, ranking.options)
 
     @property
     def findings(self) -> tuple[Finding, ...]:
         """Where the remainder lives: what is more probable than not."""
-        said = (self.unexplained.slow, *self.unexplained.structures)
+        said = (self.slow, *self.structures)
         return tuple(s.finding for s in said if s.probability > 0.5)
 
 
@@ -76,8 +71,8 @@ def conclude(found: SearchResult, held_out: Sequence[FlightResiduals]) -> Infere
     flights, held = ranking.problem.flights, _held_out(ranking, held_out)
     linear = LinearModel(ranking)
     _, structure = linear.select_structure()
-    unexplained, blown = find_unexplained(ranking, linear, structure, held), None
-    slow = unexplained.slow
+    structures, slow = find_unexplained(ranking, linear, structure, held)
+    blown = None
     # The drift of an estimator that nobody measured is neither told from gusts nor from a force
     # tied to a place.
     if slow.probability > 0.5 and not ranking.options.tolerance.unmeasured:
@@ -95,8 +90,7 @@ def conclude(found: SearchResult, held_out: Sequence[FlightResiduals]) -> Infere
     else:
         ranking, held, causes, minor = blown
         slow = slow._replace(probability=0.0)
-    unexplained = dc.replace(unexplained, slow=slow)
-    return Inference(flights, ranking, held, unexplained, causes, minor)
+    return Inference(flights, ranking, held, structures, slow, causes, minor)
 
 
 def as_named(found: Inference) -> Inference:
@@ -109,11 +103,11 @@ def as_named(found: Inference) -> Inference:
     named, ranking = {c.identifier for c in found.causes}, found.ranking
     vehicle, options = ranking.problem.flights[0].vehicle, ranking.options
     effects = [t.effect for t in ranking.best.terms]
-    open_ = frozenset(e.identifier for e in effects if within_timing(e, vehicle, options))
+    open_ = frozenset(e.identifier for e in effects if options.within_timing(e, vehicle))
     if not open_ and not named < {e.identifier for e in effects}:
         return found
-    ranking = with_named_fit(ranking, named | open_)
-    fit = ranking.best
+    fit = fit_of_some(ranking.problem, ranking.best, named | open_, ranking.noise)
+    ranking = dc.replace(ranking, fits=(fit, *ranking.fits))
     terms = {t.effect.identifier: i for i, t in enumerate(fit.terms)}
     causes = []
     for c in found.causes:

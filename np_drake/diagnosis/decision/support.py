@@ -117,7 +117,8 @@ class Support:
         """Standard error of the gain, as it varies from block to block, or between flights that
         disagree [nat].
         """
-        flights = np.array([*self.by_flight().values()])
+        names = np.array(self.flights)
+        flights = np.array([self.gains[names == n].sum() for n in dict.fromkeys(self.flights)])
         return max(
             _error(self.gains), _error(flights) if len(flights) > 1 and flights.min() < 0 else 0.0
         )
@@ -129,13 +130,6 @@ class Support:
         """
         gain, others = self.total - LEAST, float(self.gains.sum()) + LEAST
         return float(special.ndtr(min(gain, others) / np.hypot(self.error, LEAST)))
-
-    def by_flight(self) -> dict[str, float]:
-        """Return the gain of every training flight [nat]."""
-        names = np.array(self.flights)
-        return {
-            name: float(self.gains[names == name].sum()) for name in dict.fromkeys(self.flights)
-        }
 
     @property
     def contradicted(self) -> bool:
@@ -217,14 +211,14 @@ def support_of(
 def _swings(fit: Fit, e: FlightResiduals, now: Sequence[Term]) -> list[Free]:
     """Return the free hidden states of a flight, also of one that is not of the fit."""
     known = [f for f in fit.free if f.flight == e.name]
-    if known or not any(t.has_hidden_state for t in now):
+    if known or not any(t.effect.has_hidden_state for t in now):
         return known
     first = next((f.flight for f in fit.free if f.flight), "")
     alike = {(f.term, f.entry % STATE): f for f in fit.free if f.flight == first}
     return [
         dc.replace(alike[i, k % STATE], flight=e.name, entry=k)
         for i, t in enumerate(now)
-        if t.has_hidden_state and alike
+        if t.effect.has_hidden_state and alike
         for k in range(len(t.hidden.get(e.name, ())))
     ]
 

@@ -20,11 +20,9 @@ from np_drake.diagnosis.options import SPREAD, Materiality, Options, Size, Toler
 from np_drake.diagnosis.regressors import DRAG
 from np_drake.diagnosis.residuals import FORCE, TORQUE, WRENCH, FlightResiduals
 from np_drake.diagnosis.selection import Ranking
-from np_drake.effects.base import Effect
 from np_drake.effects.mass_error import MassError
 from np_drake.effects.thrust_scale import ThrustScale
 from np_drake.files.number_text import number, probability
-from np_drake.vehicle import Vehicle
 
 # deviations of healthy vehicles beyond which a size is a cause: one vehicle in a hundred [1]
 UNHEALTHY = 2.5
@@ -104,7 +102,7 @@ def assess_term(
     if through_drag:
         return TermAssessment(in_model, 1.0, size, "")
     material = 0.0
-    if not within_timing(effect, vehicle, options):
+    if not options.within_timing(effect, vehicle):
         material = material_share(
             size,
             relative_sizes(fit, i, flights),
@@ -112,18 +110,14 @@ def assess_term(
             calibration=within_calibration(term, options),
             sensor=tolerance.of(effect) > 0,
         )
-        tilt = float(np.hypot(SPREAD.tilt, SPREAD.mounting))
-        error = materiality.sensor * (tilt if tolerance.unmeasured else tolerance.attitude_error)
+        # Of the attitude against the rotors' axes, all together [rad].
+        tilt = SPREAD.tilt if tolerance.unmeasured else tolerance.attitude
+        mounting = SPREAD.mounting if tolerance.unmeasured else tolerance.mounting
+        error = materiality.sensor * float(np.hypot(tilt, mounting))
         material *= wind_share(fit, i, flights, materiality.still_air, error)
         material *= beyond_spread(fit, i, flights[0], tolerance)
     stands_for = impossible(fit, i, vehicle, greatest_height(flights))
     return TermAssessment(in_model, material, size, stands_for, support)
-
-
-def within_timing(effect: Effect, vehicle: Vehicle, options: Options) -> bool:
-    """Return whether an effect shifts commands by no more than the logs leave open."""
-    shift = abs(effect.time_shift(vehicle))
-    return 0 < shift < options.materiality.sensor * options.tolerance.timing
 
 
 def beyond_spread(fit: Fit, i: int, e: FlightResiduals, tolerance: Tolerance) -> float:
@@ -270,8 +264,11 @@ def material_share(
     relative: draws (n,) of the size over that at the fit [1]. calibration: whether the effect is
     what a vehicle file may be off by.
     """
-    found = []
-    for r in relative:
-        drawn = Size(size.force * r, size.torque * r, size.gap * r**2, size.sensor * r)
-        found.append(drawn.material(materiality, calibration=calibration, sensor=sensor))
-    return float(np.mean(found))
+    if calibration:
+        large = size.force * relative >= materiality.calibration_force
+    elif sensor:
+        large = size.sensor * relative >= materiality.sensor
+    else:
+        force, torque = size.force * relative, size.torque * relative
+        large = (force >= materiality.force) | (torque >= materiality.torque)
+    return float(np.mean(large))

@@ -141,44 +141,6 @@ class Line:
     rms: float
 
 
-@dc.dataclass(frozen=True)
-class Burst:
-    """The largest deviation of a force from its median: axis, flight, time [s], size [N], and over
-    noise's own [1].
-    """
-
-    axis: int
-    flight: str
-    time: float
-    size: float
-    prominence: float
-
-
-def strongest_burst(flights: Sequence[FlightResiduals], residual: dict[str, np.ndarray]) -> Burst:
-    """Return the largest slow force, axis by axis, over its usual deviation by the median of all
-    flights.
-
-    Args:
-        residual: by flight, (m, 15) what a model leaves of it.
-    """
-    parts = []
-    for e in flights:
-        edge = min(round(EDGE / e.grid.step), (len(e.t) - 1) // 2)
-        force = low_pass(residual[e.name][:, FORCE], e.grid.step, BRIEF)[edge : len(e.t) - edge]
-        parts.append(force - np.median(force, axis=0))
-    every = np.abs(np.concatenate(parts))
-    usual = NORMAL * np.median(every, axis=0)
-    ratio = np.divide(every, usual, out=np.zeros_like(every), where=usual > 0)
-    row, axis = np.unravel_index(np.argmax(ratio), ratio.shape)
-    ends = np.cumsum([len(f) for f in parts])
-    k = int(np.searchsorted(ends, row, side="right"))
-    e, i = flights[k], int(row) - (int(ends[k - 1]) if k else 0)
-    first = (len(e.t) - len(parts[k])) // 2
-    return Burst(
-        int(axis), e.name, float(e.t[first + i]), float(every[row, axis]), float(ratio[row, axis])
-    )
-
-
 def strongest_line(
     flights: Sequence[FlightResiduals],
     residual: dict[str, np.ndarray],
@@ -329,26 +291,16 @@ class Indication(NamedTuple):
         return cls(probability, finding, power, float(np.mean(np.concatenate(moved))))
 
 
-@dc.dataclass(frozen=True)
-class Unexplained:
-    """What the effects of the best model leave: every structure, and a slow level force, which may
-    be that of gusts.
-    """
-
-    structures: tuple[Indication, ...]
-    slow: Indication
-
-
 def find_unexplained(
     ranking: Ranking, linear: LinearModel, structure: Sequence[int], held: HeldOut
-) -> Unexplained:
-    """Return the generic structure (positions) beside the best model, and what the tests find in
-    the residual of all flights.
+) -> tuple[list[Indication], Indication]:
+    """Return the generic structure (positions) beside the best model and what the tests find in the
+    residual of all flights, and a slow level force, which may be that of gusts.
     """
     options, best, flights = ranking.options, ranking.best, ranking.problem.flights
     residual = {e.name: best.residual(e) for e in flights}
     swung = {e.name: held.swing_free_residual(e) for e in held.flights}
-    hidden = any(t.has_hidden_state for t in best.terms)
+    hidden = any(t.effect.has_hidden_state for t in best.terms)
     slowly = gust_probability(flights, residual, held.flights, swung, options, hidden=hidden)
     both = residual | swung
     tau = np.concatenate([e.nominal[:, 3:] - e.nominal[:, 3:].mean(axis=0) for e in flights])
@@ -358,7 +310,7 @@ def find_unexplained(
     said = [_indication(linear, structure, g, options, least) for g in structure]
     # A payload, whose swing may be lost, and gusts burst as well.
     if not (hidden or slowly > 0.5):
-        said.append(_burst_test([*flights, *held.flights], both, options, least[0]))
+        said.append(burst_test([*flights, *held.flights], both, options, least[0]))
     said.append(_line_test(flights, held.flights, both, options, least))
     # A material slow torque that held-out flights show as well; hidden: whether a swing may
     # have been lost.
@@ -372,7 +324,7 @@ def find_unexplained(
     parts = [_slow_part(e, both, [3 + axis]) for e in flights]
     said.append(Indication.of(probability, finding, flights, parts))
     slow = [_slow_part(e, residual, [0, 1]) for e in flights]
-    return Unexplained(tuple(said), Indication.of(slowly, SLOW_FORCE, flights, slow))
+    return said, Indication.of(slowly, SLOW_FORCE, flights, slow)
 
 
 def _indication(
@@ -402,24 +354,37 @@ def _indication(
     return Indication.of(there if material else 0.0, finding, flights, parts)
 
 
-def _burst_test(
+def burst_test(
     flights: Sequence[FlightResiduals],
     residual: dict[str, np.ndarray],
     options: Options,
     least: float,
 ) -> Indication:
-    """Return a material burst, which neither noise nor sensors make."""
-    burst = strongest_burst(flights, residual)
-    axis, figures = CHANNELS[burst.axis], {"time": burst.time, "force": burst.size}
+    """Return a material burst, which neither noise nor sensors make.
+
+    It is the largest slow force over the usual deviation of its axis, by the median of all flights.
+    """
+    parts, times = [], []
+    for e in flights:
+        edge = min(round(EDGE / e.grid.step), (len(e.t) - 1) // 2)
+        inside = slice(edge, len(e.t) - edge)
+        force = low_pass(residual[e.name][:, FORCE], e.grid.step, BRIEF)[inside]
+        parts.append(force - np.median(force, axis=0))
+        times += [(e.name, t) for t in e.t[inside].tolist()]
+    every = np.abs(np.concatenate(parts))
+    usual = NORMAL * np.median(every, axis=0)
+    ratio = np.divide(every, usual, out=np.zeros_like(every), where=usual > 0)
+    row, axis = map(int, np.unravel_index(np.argmax(ratio), ratio.shape))
+    (flight, time), size, prominence = times[row], float(every[row, axis]), float(ratio[row, axis])
     text = (
-        f"a {axis} that comes now and then, as in {burst.flight} at {burst.time:.1f} s, "
-        f"{measure(burst.size, 'N')}"
+        f"a {CHANNELS[axis]} that comes now and then, as in {flight} at {time:.1f} s, "
+        f"{measure(size, 'N')}"
     )
-    ratio = options.thresholds.burst_ratio
-    probability = _above(burst.prominence, ratio) if burst.size > least else 0.0
-    finding = Finding("burst", text, burst.prominence, figures, "the same trajectory twice more")
-    parts = [_slow_part(e, residual, [burst.axis]) for e in flights]
-    return Indication.of(probability, finding, flights, parts)
+    probability = _above(prominence, options.thresholds.burst_ratio) if size > least else 0.0
+    figures, measurement = {"time": time, "force": size}, "the same trajectory twice more"
+    finding = Finding("burst", text, prominence, figures, measurement)
+    slow = [_slow_part(e, residual, [axis]) for e in flights]
+    return Indication.of(probability, finding, flights, slow)
 
 
 def _line_test(

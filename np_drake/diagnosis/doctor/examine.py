@@ -19,7 +19,6 @@ from np_drake.diagnosis.doctor.flight_facts import (
     law_doubts,
 )
 from np_drake.diagnosis.doctor.smallest_sizes import (
-    GUSTS,
     Information,
     Smallest,
     explain,
@@ -30,7 +29,15 @@ from np_drake.diagnosis.doctor.smallest_sizes import (
 )
 from np_drake.diagnosis.localisation import excitation, excited, manoeuvre, tells_apart
 from np_drake.diagnosis.regressors import DRAG, PAYLOAD, WIND, options_of
-from np_drake.diagnosis.residuals import FORCE, LEAST_DURATION, make_flight_residuals, natural_step
+from np_drake.diagnosis.residuals import (
+    FORCE,
+    LEAST_DURATION,
+    make_flight_residuals,
+    natural_step,
+    require_alike,
+)
+from np_drake.diagnosis.result import CHANNELS
+from np_drake.effects.gusty_wind import GustyWind
 from np_drake.effects.library import LIBRARY, effects_for, unobservable
 from np_drake.effects.parameter import usual_size
 from np_drake.files.atomic_file import plain
@@ -89,10 +96,6 @@ class LogReport:
     noise_floor: dict[str, float] = dc.field(default_factory=dict)
     answers: tuple[Answer, ...] = ()
     residual_force: dict[str, float] = dc.field(default_factory=dict)
-
-    def of(self, identifier: str) -> tuple[Answer, ...]:
-        """Return the answers for the parameters of one effect."""
-        return tuple(a for a in self.answers if a.identifier == identifier)
 
     def as_json(self) -> dict[str, Any]:
         """Return the report in plain types; values that are not finite become None."""
@@ -188,22 +191,21 @@ def _with_answers(
     moving = excitation(flights)
     options = options_of(flights, real=True if any(f.imported for f in report.flights) else None)
     nuisance = nuisance_of(flights, options.tolerance, options.priors)
-    tell(0.4, "effects")
     every = traces(flights, options.priors)
     # All that the flights may hold, payloads on every tether, is no noise.
     near = [t for t in nearest_usual(every) if t.identifier != PAYLOAD]
     hung = [t for t in every if t.identifier == PAYLOAD]
     tell(0.6, "noise")
-    explained = explain(flights, nuisance, [*near, *hung], options)
+    cleared, noise, drag = explain(flights, nuisance, [*near, *hung], options)
     tell(0.8, "smallest sizes")
-    information = Information(explained.flights, explained.noise, nuisance, every)
+    information = Information(cleared, noise, nuisance, every)
     known: dict[str, Any] = {
         "accelerations": logs[0].a is not None,
         "torque": flights[0].knows_torque,
         "lacks": sorted({quantity for log in logs for quantity in log.lacks}),
     }
-    gust = smallest_gust(explained.noise, moving["duration [s]"])
-    smallest, drag = smallest_sizes(information), explained.drag
+    gust = smallest_gust(noise, moving["duration [s]"])
+    smallest = smallest_sizes(information)
     still = nothing_moves(moving, logs)
     y = np.concatenate([e.y[~e.outliers, FORCE] for e in flights])
     force = np.sqrt(np.mean(y**2, axis=0)) / flights[0].weight
@@ -214,7 +216,7 @@ def _with_answers(
         sensors="real" if options.tolerance.real else "ideal",
         excitation=moving,
         residual_force=dict(zip("xyz", force.tolist(), strict=True)),
-        noise_floor=explained.floor,
+        noise_floor=dict(zip(CHANNELS, noise.rms.tolist(), strict=False)),
         answers=answers(smallest, gust, drag, vehicle, log_input=logs[0].input, **known),
     )
 
@@ -234,17 +236,7 @@ def nothing_moves(moving: Mapping[str, float], logs: Sequence[FlightLog]) -> tup
 def _require(logs: Sequence[FlightLog]) -> None:
     if not logs:
         raise ValueError("doctor: logs must hold at least one flight; got none.")
-    inputs = sorted({log.input for log in logs})
-    if len(inputs) > 1:
-        raise ValueError(
-            f"doctor: all flights must have the same input; got {' and '.join(inputs)}. "
-            f"Examine each kind alone."
-        )
-    names = [log.name for log in logs]
-    if len(set(names)) < len(names):
-        raise ValueError(
-            "doctor: flights must have different names. Rename one, or give each flight once."
-        )
+    require_alike("doctor", logs)
     if len({log.a is None for log in logs}) > 1:
         raise ValueError(
             "doctor: either all flights have accelerations or none. Examine them one kind "
@@ -281,7 +273,7 @@ def answers(
             todo = next((what for words, what in INSTEAD.items() if words in reason), fly)
             never = (math.inf, math.inf, usual_size(p, vehicle), NEVER, reason, todo)
             out.append(Answer(name, p.name, p.unit, *never))
-        elif name == GUSTS:
+        elif name == GustyWind.identifier:
             p, size = parameters["deviation"], gust / (drag or usual_drag)
             told = (YES, through, "") if size <= p.typical else (NO, through, fly)
             out.append(Answer(name, p.name, p.unit, size, size, p.typical, *told))

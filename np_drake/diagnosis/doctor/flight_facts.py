@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from np_drake import attitude
-from np_drake.diagnosis.residuals import FORCE, FlightResiduals, smooth_attitude
+from np_drake.diagnosis.residuals import FORCE, FlightResiduals
 from np_drake.flight_log import FlightLog
 from np_drake.logs import inputs, rotors
 from np_drake.logs.clock import FINEST, Lag, lag_of, state_lags
@@ -34,33 +34,27 @@ from np_drake.vehicle.vehicle import MeasurementNoise, Vehicle
 
 @dc.dataclass(frozen=True)
 class SignalFacts:
-    """Facts of one signal of a log: white noise and what is usual, resolution and share of repeated
-    rows.
+    """White noise of one signal of a log, and what is usual.
 
     white: standard deviation of its white noise, from second differences; the largest of its
     columns, in `unit`.
     usual: that of the vehicle file or of usual sensors; 0: none is known.
-    resolution: step to which the values are rounded, where that is above the noise; else 0.
-    repeated: share of rows equal to the row before [1].
     """
 
     name: str
     unit: str
     white: float
     usual: float
-    resolution: float
-    repeated: float
 
 
 @dc.dataclass(frozen=True)
 class FlightFacts:
     """Facts of one flight that need no vehicle.
 
-    step: median interval [s]; jitter: standard deviation of intervals over it [1].
+    step: median interval [s].
     gaps: intervals longer than 2.5 of it; longest: the longest interval [s]; bridged: rows that a
-        reader put into gaps. attitude_noise: white noise of the attitude against the integrated
-        gyro [rad]. misfits: by law, disagreement of quantities with each other: 0 agree, 1 do not
-        [1]. motion: by quantity, RMS or span, with the unit in the key.
+        reader put into gaps. misfits: by law, disagreement of quantities with each other: 0
+        agree, 1 do not [1]. motion: by quantity, RMS or span, with the unit in the key.
     saturated: share of rows with a rotor at a limit [1]; None where no limit is known.
     imported: what its import did; empty for a log of our format.
     """
@@ -69,14 +63,12 @@ class FlightFacts:
     duration: float
     rows: int
     step: float
-    jitter: float
     gaps: int
     longest: float
     bridged: int
     input: str
     timing: float
     signals: tuple[SignalFacts, ...]
-    attitude_noise: float
     misfits: dict[str, float]
     lags: tuple[Lag, ...]
     motion: dict[str, float]
@@ -174,13 +166,6 @@ def law_doubts(log: FlightLog) -> list[Doubt]:
             Doubt(log.name, f"{what}: stamps of two clocks; np-drake import takes that out")
         )
     return found
-
-
-def agreement(log: FlightLog) -> dict[str, float]:
-    """Return the misfit of every law of consistency that the log can test
-    (`consistency.misfits`).
-    """
-    return misfits(*_evenly(log))
 
 
 def lags_of_state(log: FlightLog) -> dict[str, Lag]:
@@ -317,22 +302,19 @@ def flight_facts(log: FlightLog, vehicle: Vehicle | None = None) -> FlightFacts:
     """
     interval = np.diff(log.t)
     head = log.rows(0, MOST_ROWS)
-    _, attitude_noise = smooth_attitude(head.t, head.q, head.w)
     usual = MeasurementNoise() if vehicle is None else vehicle.measurement_noise
     return FlightFacts(
         name=log.name,
         duration=float(log.t[-1] - log.t[0]),
         rows=len(log),
         step=log.step,
-        jitter=float(np.std(interval[interval < GAP * log.step]) / log.step),
         gaps=int(np.sum(interval > GAP * log.step)),
         longest=float(interval.max()),
         bridged=0 if log.bridged is None else int(log.bridged.sum()),
         input=log.input,
         timing=log.timing,
         signals=tuple(_signals(log, usual)),
-        attitude_noise=attitude_noise,
-        misfits=agreement(head),
+        misfits=misfits(*_evenly(head)),
         lags=lags(log, vehicle),
         motion=_motion(log),
         saturated=_saturated(log, vehicle),
@@ -347,27 +329,8 @@ def _signals(log: FlightLog, usual: MeasurementNoise):
         values = getattr(log, field)
         if integrated.get(field) in log.lacks or values is None or not np.isfinite(values).all():
             continue
-        # The step to which values are rounded, 0 where noise hides it, and the share of
-        # repeated rows.
-        change = np.abs(np.diff(values, axis=0))
-        repeated = float(np.mean(~change.any(axis=1)))
-        steps = []
-        for column in change.T:
-            moved = column[column > 1e-12]
-            if len(moved) < 20:
-                continue
-            least = float(np.percentile(moved, 1))
-            whole = np.abs(moved / least - np.round(moved / least)) < 0.02
-            if whole.mean() > 0.95 and np.median(moved) < 20 * least:
-                steps.append(least)
-        yield SignalFacts(
-            name,
-            unit,
-            float(white_noise([values]).max()),
-            known.get(sensor, 0.0),
-            max(steps, default=0.0),
-            repeated,
-        )
+        white = float(white_noise([values]).max())
+        yield SignalFacts(name, unit, white, known.get(sensor, 0.0))
 
 
 def _motion(log: FlightLog) -> dict[str, float]:

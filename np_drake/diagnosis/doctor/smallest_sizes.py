@@ -21,18 +21,15 @@ from np_drake.diagnosis.regressors import (
     payloads_of,
     wind_candidates,
 )
-from np_drake.diagnosis.residuals import WRENCH, FlightResiduals, find_outliers
-from np_drake.diagnosis.result import CHANNELS
+from np_drake.diagnosis.residuals import FlightResiduals, find_outliers
 from np_drake.diagnosis.selection.map_model import noise_of
 from np_drake.effects.base import Parameter, correlation_root
-from np_drake.effects.gusty_wind import GustyWind
 from np_drake.effects.library import LIBRARY, effect_of
 from np_drake.effects.parameter import usual_size
 
 TRACE_LENGTHS = np.geomspace(
     0.3, 1.5, 5
 )  # of tethers at which an examination asks for a payload [m]; own choice
-GUSTS = GustyWind.identifier
 LEAST_DRAG = 2.0  # posterior deviations from which a drag is taken as that of the vehicle [1]
 
 
@@ -98,28 +95,14 @@ def nearest_usual(found: Sequence[Trace]) -> list[Trace]:
     return [trace for _, trace in best.values()]
 
 
-@dc.dataclass(frozen=True)
-class Explained:
-    """Flights with their outliers known, the noise model of what no effect explains, and the drag
-    of the vehicle.
-
-    floor: by channel of the wrench, RMS of what no effect explains [N, N·m].
-    drag: mean lateral drag that explains them best [N·s/m]; None where it is not told from zero.
-    """
-
-    flights: list[FlightResiduals]
-    noise: NoiseModel
-    floor: dict[str, float]
-    drag: float | None
-
-
 def explain(
     flights: Sequence[FlightResiduals],
     nuisance: Sequence[Candidate],
     traces: Sequence[Trace],
     options: Options,
-) -> Explained:
-    """Fit all traces and the nuisance together, and return what is left as noise.
+) -> tuple[list[FlightResiduals], NoiseModel, float | None]:
+    """Fit all traces and the nuisance together, and return the flights with their outliers known,
+    what is left as noise, and the mean lateral drag [N·s/m]; None where that is not told from zero.
 
     An effect that is in the logs does not count as noise; what no effect explains does.
 
@@ -139,8 +122,7 @@ def explain(
     noise = noise_of(flights, residual, channels, options, options.priors.linear_error)
     mean, deviation, residual = _fitted(flights, blocks, noise)
     noise = noise_of(flights, residual, channels, options, options.priors.linear_error)
-    floor = {name: float(noise.rms[WRENCH][c]) for c, name in enumerate(CHANNELS)}
-    return Explained(list(flights), noise, floor, _drag(mean, deviation, nuisance, traces))
+    return list(flights), noise, _drag(mean, deviation, nuisance, traces)
 
 
 def _fitted(

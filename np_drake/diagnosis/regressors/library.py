@@ -370,7 +370,12 @@ def with_input(options: Options, flights: Sequence[FlightResiduals]) -> Options:
     open.
     """
     vehicle, log_input = flights[0].vehicle, flights[0].log.input
-    tolerance = options.tolerance.with_vehicle(vehicle)
+    # Mass and thrust are at least as uncertain as the vehicle file states for its own.
+    tolerance = dc.replace(
+        options.tolerance,
+        mass=max(options.tolerance.mass, vehicle.mass_uncertainty or 0.0),
+        thrust=max(options.tolerance.thrust, vehicle.thrust_uncertainty or 0.0),
+    )
     unmeasured = tolerance.real and not vehicle.described
     open_ = {"timing": max(tolerance.timing, command_timing(flights))}
     if flights[0].measured_rotors:

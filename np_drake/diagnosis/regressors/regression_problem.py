@@ -59,7 +59,6 @@ class RegressionProblem:
         ends = np.cumsum([0] + [c.size for c in (*nuisance, *candidates)])
         self._index = [np.arange(a, b) for a, b in pairwise(ends)]
         self._nuisance = sum(c.size for c in nuisance)
-        self._white: tuple[NoiseModel, dict[tuple[str, int], np.ndarray]] = (noise, {})
 
     @cached_property
     def total(self) -> Gram:
@@ -72,17 +71,6 @@ class RegressionProblem:
     def _rest(self) -> Gram:
         """Gram matrix of the candidates with all nuisance in every model."""
         return self.total.given(self._nuisance)
-
-    def white(self, noise: NoiseModel, e: FlightResiduals, candidate: Candidate) -> np.ndarray:
-        """Return the whitened columns (m - p, 15, k) of a candidate in a flight, cached until the
-        noise changes.
-        """
-        if self._white[0] is not noise:
-            self._white = (noise, {})
-        kept, key = self._white[1], (e.name, id(candidate))
-        if key not in kept:
-            kept[key] = e.white(noise, candidate.columns[e.name])
-        return kept[key]
 
     def extended(self, more: list[Candidate]) -> "RegressionProblem":
         """Return the problem with more candidates, after the present ones."""
@@ -116,13 +104,10 @@ class RegressionProblem:
         some = np.flatnonzero(np.isfinite(priors)).tolist()
         evidence = np.zeros(len(sets))
         evidence[some] = self._rest.evidence_of_sets(
-            [self._groups(sets[i]) for i in some], [wide[i] for i in some]
+            [[self.columns_of(k) - self._nuisance for k in sets[i]] for i in some],
+            [wide[i] for i in some],
         )
         return (evidence + priors).tolist()
-
-    def _groups(self, members: Sequence[int]) -> list[np.ndarray]:
-        """Return the columns of each member in `_rest`."""
-        return [self.columns_of(i) - self._nuisance for i in members]
 
     def _log_prior(self, members: Sequence[int]) -> float:
         chosen = [self.candidates[i] for i in members]
@@ -139,7 +124,9 @@ class RegressionProblem:
         some = [
             k for k, members in enumerate(sets) if any(self.candidates[i].bounded for i in members)
         ]
-        posteriors = self._rest.posteriors([np.concatenate(self._groups(sets[k])) for k in some])
+        posteriors = self._rest.posteriors(
+            [self.columns(sets[k])[self._nuisance :] - self._nuisance for k in some]
+        )
         for k, (mean, covariance) in zip(some, posteriors, strict=True):
             at = 0
             for c in (self.candidates[i] for i in sets[k]):
@@ -188,6 +175,9 @@ class SwitchedRegressors:
         self._order = noise.phi.shape[1]
         self.t = flight.t[self._order :]
         self._rise = flight.rise()
+        # Whitened rows about an onset in which switched and whole columns differ: they begin half
+        # a rise before it.
+        self._near = len(self._rise) + self._order
         both = np.concatenate([others, target[..., None]], axis=-1)
         active, half, m = np.flatnonzero(noise.active), len(self._rise) // 2, len(self.t)
         driven = self._driven(active, flight.bridged(both[:, active]))
@@ -198,14 +188,6 @@ class SwitchedRegressors:
         self._facing[active] = np.tensordot(self._weight(active), driven, 1)
         self._windows = sliding_window_view(padded, self._near, axis=1)
         self.products = np.sum(np.swapaxes(driven, 1, 2) @ self._facing[active], axis=0)
-
-    @property
-    def _near(self) -> int:
-        """Number of whitened rows about an onset in which switched and whole columns differ.
-
-        They begin half a rise before the onset.
-        """
-        return len(self._rise) + self._order
 
     def whole(self, X: np.ndarray) -> Sums:
         """Return the sums for columns (m', 15, k) over all rows from each row (m + 1) on, without a

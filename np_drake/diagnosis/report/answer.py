@@ -13,10 +13,8 @@ from np_drake.diagnosis.report.words import (
     listed,
     name_of,
     onset,
-    percent_interval,
     phrase,
     plain_name,
-    spread,
     unit_of,
 )
 from np_drake.diagnosis.result import UNKNOWN, Cause, Diagnosis, GapReduction, Remainder, gap_kinds
@@ -24,6 +22,7 @@ from np_drake.effects.library import effect_of
 from np_drake.files.number_text import (
     NBSP,
     NOTHING,
+    departure_unit,
     measure,
     number,
     of_at_least,
@@ -48,13 +47,9 @@ def gap_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
     sizes = [number(value, 2) for value in (total.before, total.after, total.floor)]
     if total.material:
         low, high = total.ci95
-        share = f"{percent(share_left(total))} ({percent_interval((1 - high, 1 - low))})"
+        least, most = (percent(min(1 - end, 1.0)) for end in (high, low))
+        share = f"{percent(total.left.share)} ({least.removesuffix(NBSP + '%')} to {most})"
     return [*rows, ("all, over noise [1]", *sizes, share)]
-
-
-def share_left(reduction: GapReduction) -> float:
-    """Return the share of the held-out gap that causes and calibration leave [1]."""
-    return max(reduction.left.share, 0.0)
 
 
 def sizes_left(left: Remainder) -> str:
@@ -75,10 +70,7 @@ def remains(diagnosis: Diagnosis) -> str:
             f"The held-out gap is immaterial: {measure(left.position_before, 'm')} after "
             f"1{NBSP}s, beyond the noise."
         )
-    said = (
-        f"{percent(share_left(diagnosis.gap_reduction))} of the held-out gap is left beyond "
-        f"the noise"
-    )
+    said = f"{percent(left.share)} of the held-out gap is left beyond the noise"
     return (
         f"{said}: {sizes_left(left)}. Probability that this is material: "
         f"{probability(left.probability)}."
@@ -86,6 +78,8 @@ def remains(diagnosis: Diagnosis) -> str:
 
 
 CONTRADICTED = -0.02  # held-out gain below which flights contradict a cause [1]; own choice
+# residual with the causes over that without, and over noise, from which it grows [1]; own choice
+GROWN = 1.1
 MOST_NAMED = 3  # causes in the headline; the table has all
 PLAIN_GAIN = 1.1  # ratio of errors of the replay from which it is better or worse [1]; own choice
 
@@ -108,7 +102,7 @@ def headline(diagnosis: Diagnosis) -> str:
     if causes:
         text = capital(_explained(diagnosis, causes))
         told = f"probability that it is material {probability(left.probability)}"
-        rest = f"; {percent(share_left(reduction))} remains unexplained: {sizes} ({told})"
+        rest = f"; {percent(left.share)} remains unexplained: {sizes} ({told})"
         return text + rest * unknown
     if unknown:
         sure = probability(diagnosis.unknown_probability)
@@ -134,7 +128,8 @@ def _explained(diagnosis: Diagnosis, causes: Sequence[Cause]) -> str:
             f", which {'is' if len(diagnosis.held_out) == 1 else 'are'} predicted better "
             f"without {listed(against)}"
         )
-    if grown := [part.kind for part in gap_kinds(diagnosis.localisation.channels) if part.grows]:
+    kinds = gap_kinds(diagnosis.localisation.channels)
+    if grown := [p.kind for p in kinds if p.after > GROWN * max(p.before, p.noise)]:
         text += f" and make{'s' * one} {listed(grown)} worse"
     return text + _replayed(diagnosis.gap_reduction)
 
@@ -206,15 +201,20 @@ LEAST_DIFFERENCE = (
     0.5  # of the standard deviation of healthy vehicles, below which none is shown [1]; own choice
 )
 SHOWN = 6  # columns of the table of causes that are always there
-LOOSE = 0.5  # half-width of an interval over the value, above which it is loose [1]; own choice
 
 
 def difference_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
     """Return (what differs, its 95 % interval, the standard deviation of healthy vehicles), the
     largest first.
     """
+    rows = []
     large = [d for d in diagnosis.calibration if d.in_deviations > LEAST_DIFFERENCE]
-    return [(capital(d.text), *spread(d)) for d in large[:MOST_DIFFERENCES]]
+    for d in large[:MOST_DIFFERENCES]:
+        factor, unit = departure_unit(d.unit)
+        sizes = (0.5 * (d.ci95[1] - d.ci95[0]), d.deviation)
+        shown = (f"±{NBSP}{measure(factor * s, unit)}" if s == s else NOTHING for s in sizes)
+        rows.append((capital(d.text), *shown))
+    return rows
 
 
 def cause_table(diagnosis: Diagnosis, longest: int = 20) -> tuple[list[str], list[tuple[str, ...]]]:
@@ -248,19 +248,6 @@ def cause_table(diagnosis: Diagnosis, longest: int = 20) -> tuple[list[str], lis
             )
     keep = [k for k in range(len(header)) if k < SHOWN or any(row[k] for row in rows)]
     return [header[k] for k in keep], [tuple(row[k] for k in keep) for row in rows]
-
-
-def unseen(diagnosis: Diagnosis) -> str:
-    """Return which effects would leave no trace in the training flights at their usual size; empty:
-    none.
-    """
-    alone = [
-        item.effects[0]
-        for item in diagnosis.identifiability.not_identifiable
-        if len(item.effects) == 1
-    ]
-    names = listed([bare_name(name) for name in alone])
-    return f"At its usual size the training flights would not show: {names}." if alone else ""
 
 
 def warnings(diagnosis: Diagnosis) -> list[str]:
@@ -299,12 +286,6 @@ def next_steps(diagnosis: Diagnosis) -> list[str]:
             )
             how = manoeuvre((cause.identifier, *others)).rstrip(".")
             out.append(f"To tell {between}, fly: {how}; or np-drake fly multisine.")
-        elif loose := _loose(cause):
-            more = effect_of(cause.identifier).excited_by or "a longer one with more motion"
-            out.append(
-                f"Intervals of {cause.identifier} are wide ({listed(loose)}); a better "
-                f"flight: {more}."
-            )
     if diagnosis.not_flyable:
         out.insert(0, f"Do not fly the corrected simulator: {diagnosis.not_flyable}.")
     elif causes:
@@ -314,16 +295,3 @@ def next_steps(diagnosis: Diagnosis) -> list[str]:
             f"flights with that."
         )
     return [capital(step) for step in out]
-
-
-def _loose(cause: Cause) -> list[str]:
-    """Return the parameters whose interval is wide, if the widest of the effect's values is one of
-    them.
-    """
-    wide = {
-        name: 0.5 * (p.ci95[1] - p.ci95[0]) > LOOSE * abs(p.value) > 0
-        for name, p in cause.parameters.items()
-    }
-    alike = max((abs(p.value) for p in cause.parameters.values()), default=0.0)
-    main = [name for name, p in cause.parameters.items() if abs(p.value) == alike]
-    return [name for name in wide if wide[name]] if any(wide[name] for name in main) else []

@@ -57,7 +57,9 @@ def replay_figure(before: ReplayGap | None, after: ReplayGap | None) -> Figure:
             ax.set_xticks(gap.horizon, [f"{h:g}" for h in gap.horizon])
             ax.set_xticks([], minor=True)
         ax.yaxis.set_major_formatter(plain_ticks())
-        _tidy(ax, "both")
+        ax.grid(alpha=0.3, linewidth=0.6)
+        ax.set_axisbelow(True)
+        ax.spines[["top", "right"]].set_visible(False)
     legend(figure)
     return figure
 
@@ -65,12 +67,6 @@ def replay_figure(before: ReplayGap | None, after: ReplayGap | None) -> Figure:
 def plain_ticks() -> FuncFormatter:
     """Return a tick formatter that writes 0.01, 0.1, 1 instead of powers of ten."""
     return FuncFormatter(lambda value, _: f"{value:g}")
-
-
-def _tidy(ax, axis: str) -> None:
-    ax.grid(axis=axis, alpha=0.3, linewidth=0.6)
-    ax.set_axisbelow(True)
-    ax.spines[["top", "right"]].set_visible(False)
 
 
 def regime_figure(regimes: Sequence[Regime]) -> Figure:

@@ -12,7 +12,7 @@ from np_drake.diagnosis.report import answer as summary
 from np_drake.diagnosis.report import words
 from np_drake.diagnosis.report.answer import GAP_HEADER, gap_rows, headline, lead, remains
 from np_drake.diagnosis.report.figures import regime_figure, replay_figure
-from np_drake.diagnosis.result import Diagnosis, Finding, ReplayGap
+from np_drake.diagnosis.result import Diagnosis
 from np_drake.files.atomic_file import require_writable, write_json
 from np_drake.files.page import Section, write_page
 
@@ -33,7 +33,6 @@ def content(diagnosis: Diagnosis, seed: int) -> dict[str, Any]:
         "difference_header": summary.DIFFERENCE_HEADER,
         "differences": summary.difference_rows(diagnosis),
         "next_steps": summary.next_steps(diagnosis),
-        "unseen": summary.unseen(diagnosis),
         "alike": [
             (
                 words.listed([words.bare_name(e) for e in item.effects], "or"),
@@ -42,12 +41,20 @@ def content(diagnosis: Diagnosis, seed: int) -> dict[str, Any]:
             )
             for item in identifiability.not_identifiable
         ],
-        "replay": _replay_rows(*replays),
+        "replay": any(replays),
         "starts": next((gap.starts for gap in replays if gap), 0),
-        "below_threshold": [_finding(finding) for finding in diagnosis.below_threshold],
+        "below_threshold": [
+            (
+                words.capital(words.bare_name(f.name)),
+                f.text,
+                words.percent(f.size) if abs(f.size) <= 1 else words.number(f.size, 2),
+            )
+            for f in diagnosis.below_threshold
+        ],
         "usable": identifiability.usable,
         "excitation": [
-            _with_unit(name, value) for name, value in identifiability.excitation.items()
+            (name.partition(" [")[0], words.measure(value, name.partition(" [")[2][:-1] or "1"))
+            for name, value in identifiability.excitation.items()
         ],
         "noise_floor": [
             (name, words.measure(value, "N" if name.startswith("force") else "N·m"))
@@ -87,38 +94,6 @@ def answer(diagnosis: Diagnosis) -> dict[str, Any]:
         "cannot_tell": diagnosis.cannot_tell,
         "joined": diagnosis.joined,
     }
-
-
-def _with_unit(name: str, value: float) -> tuple[str, str]:
-    """Return (name, size) of a quantity whose key ends with its unit, as 'speed [m/s]'."""
-    bare, _, unit = name.removesuffix("]").partition(" [")
-    return bare, words.measure(value, unit or "1")
-
-
-def _replay_rows(
-    before: ReplayGap | None, after: ReplayGap | None
-) -> list[tuple[str, list[tuple[str, str]]]]:
-    """Return (horizon, cells): median and interval of position, velocity and attitude, each before
-    and after.
-    """
-    gap = before or after
-    rows = []
-    for k, horizon in enumerate(gap.horizon if gap else ()):
-        cells = []
-        for name in ("position", "velocity", "attitude"):
-            for figures in (before, after):
-                cell = words.NOTHING, ""
-                if figures is not None:
-                    value, *ends = (words.number(v, 2) for v in getattr(figures, name)[k].tolist())
-                    cell = value, " to ".join(ends)
-                cells.append(cell)
-        rows.append((f"{horizon:g}", cells))
-    return rows
-
-
-def _finding(finding: Finding) -> tuple[str, str, str]:
-    size = words.percent(finding.size) if abs(finding.size) <= 1 else words.number(finding.size, 2)
-    return words.capital(words.bare_name(finding.name)), finding.text, size
 
 
 def write_report(

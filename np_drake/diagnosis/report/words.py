@@ -5,13 +5,12 @@ import re
 import string
 from collections.abc import Sequence
 
-from np_drake.diagnosis.result import UNKNOWN, Cause, Difference, Estimate, Finding
+from np_drake.diagnosis.result import UNKNOWN, Cause, Estimate, Finding
 from np_drake.effects.base import Effect
 from np_drake.effects.library import effect_of
 from np_drake.files.number_text import (
     NBSP,
     NOTHING,
-    departure_unit,
     fixed,
     measure,
     number,
@@ -53,12 +52,6 @@ def flights(count: int) -> str:
     return f"the held-out flight{'s' * (count != 1)}"
 
 
-def percent_interval(bounds: tuple[float, float]) -> str:
-    """Return an interval of a share such as '91 to 97 %', limited to 100 %."""
-    lower, upper = (percent(min(bound, 1.0)) for bound in bounds)
-    return f"{lower.removesuffix(NBSP + '%')} to {upper}"
-
-
 def unit_of(cause: Cause, parameter: Estimate) -> str:
     """Return the unit of a parameter: shares for factors, '1' where it has none."""
     return (
@@ -92,18 +85,6 @@ def estimate(parameter: Estimate, unit: str, *, brief: bool = False) -> tuple[st
     decimals = max(min(told, three) if brief or 10.0**-three <= factor * half else told, 0)
     value, low, high = (fixed(factor * v, decimals) for v in (parameter.value, lower, upper))
     return with_unit(value, shown), f"{low} to {high}"
-
-
-def spread(difference: Difference) -> list[str]:
-    """Return half of the 95 % interval of a difference, and the standard deviation of healthy
-    vehicles.
-    """
-    factor, unit = departure_unit(difference.unit)
-    half = 0.5 * (difference.ci95[1] - difference.ci95[0])
-    return [
-        f"±{NBSP}{measure(factor * size, unit)}" if size == size else NOTHING
-        for size in (half, difference.deviation)
-    ]
 
 
 def phrase(cause: Cause) -> str:

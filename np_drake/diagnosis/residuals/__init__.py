@@ -11,6 +11,7 @@ from np_drake.diagnosis.residuals.flight_residuals import (
     FlightResiduals,
     long_enough,
     make_flight_residuals,
+    require_alike,
     require_flights,
     with_same_readings,
 )

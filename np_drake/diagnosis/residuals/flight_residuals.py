@@ -73,19 +73,9 @@ class FlightResiduals:
         return self.log.name
 
     @property
-    def torque_share(self) -> dict[str, float]:
-        """Share of the rotors' torque that the motion shows, by axis [1]."""
-        return dict(zip(("roll", "pitch", "yaw"), self.torque_gain, strict=True))
-
-    @property
     def shown(self) -> np.ndarray:
         """(6,) share of force and torque that the motion shows [1]."""
         return np.array([1.0, 1.0, 1.0, *self.torque_gain])
-
-    @property
-    def unscaled(self) -> np.ndarray:
-        """(m, 6) nominal wrench with all of its torque, in B [N, N·m]."""
-        return self.nominal / self.shown
 
     @property
     def uncalibrated(self) -> np.ndarray:
@@ -96,7 +86,7 @@ class FlightResiduals:
     def against_file(self) -> np.ndarray:
         """(m, 15) residuals against the vehicle file, without any calibration."""
         y = self.uncalibrated.copy()
-        y[:, WRENCH] += self.nominal - self.unscaled
+        y[:, WRENCH] += self.nominal - self.nominal / self.shown
         return self.known(y)
 
     @property
@@ -211,7 +201,7 @@ class FlightResiduals:
             self.thrust_rows @ self.vehicle.mixer.T,
             self.thrust_mids @ self.vehicle.mixer.T,
         )
-        return self.from_mids(after_rows(u_rows[:, 0], u_mids[:, 0])) / self.vehicle.mass
+        return self.from_mids(u_mids[:, 0] - u_rows[:-1, 0]) / self.vehicle.mass
 
     @cached_property
     def gyroscopic(self) -> np.ndarray:
@@ -274,7 +264,7 @@ class FlightResiduals:
         """Return the step response (2 k + 1, 15) of the grid about its middle row, for evenly
         spaced log rows.
         """
-        fine, middle = self.grid.fine, len(self.grid) // 2
+        fine, middle = self.grid.fine, len(self.t) // 2
         half = min(TAPS if self.grid.factor > 1 else 1, middle - 1)
         mids = fine + 0.5 * (fine[1] - fine[0])
         force, others = (
@@ -326,17 +316,6 @@ def _by_channel(force: np.ndarray, others: np.ndarray) -> np.ndarray:
     return np.repeat(np.stack([force, others], axis=1), [3, SIZE - 3], axis=1)
 
 
-def after_rows(f_rows: np.ndarray, f_mids: np.ndarray) -> np.ndarray:
-    """Return the mean thrust until the next row, f_mids (n-1,), less that at the row, f_rows (n,)
-    [N].
-
-    Args:
-        f_rows: (n,) thrust at the rows [N].
-        f_mids: (n-1,) mean thrust between them [N].
-    """
-    return f_mids - f_rows[:-1]
-
-
 LEAST_DURATION = 3.0  # least duration of a flight [s]; own choice
 SETTLING = (
     7.0  # rotor time constants after which commands before the log no longer matter [1]; own choice
@@ -378,7 +357,7 @@ def make_flight_residuals(
     since = _settled(log, vehicle, force[:, 2:], others[:, :3]) if since is None else since
     first, last = (log.t[0], log.t[-1]) if vehicle.described else _clear_of_ground(log)
     grid = make_grid(log.t[(log.t >= max(since, first)) & (log.t <= last)], step)
-    none, still = np.zeros(len(grid), bool), np.zeros((len(grid), 6))
+    none, still = np.zeros(len(grid.t), bool), np.zeros((len(grid.t), 6))
     rest = none if vehicle.described else _at_rest(log, grid, thrust_rows @ vehicle.mixer[0])
     e = FlightResiduals(
         log,
@@ -425,7 +404,7 @@ def _at_rest(log: FlightLog, grid: Grid, f: np.ndarray) -> np.ndarray:
     """
     t = log.t[(f < CARRIED * np.median(f)) & (np.linalg.norm(log.v, axis=1) < SLOW)]
     if "velocity" in log.lacks or not len(t):
-        return np.zeros(len(grid), bool)
+        return np.zeros(len(grid.t), bool)
     after = np.clip(np.searchsorted(t, grid.t), 0, len(t) - 1)
     near = np.minimum(np.abs(t[after] - grid.t), np.abs(t[np.maximum(after - 1, 0)] - grid.t))
     return near < TOUCH
@@ -489,7 +468,7 @@ def _channels(
         s = attitude.rotate_back(q, log.a + g)
         f = (thrust_rows @ vehicle.mixer.T)[:, 0]
         e_a = from_v - s[:-1]
-        e_a[:, 2] -= after_rows(f, u_mids[:, 0]) / vehicle.mass
+        e_a[:, 2] -= (u_mids[:, 0] - f[:-1]) / vehicle.mass
     force = vehicle.mass * s
     force[:, 2] -= f
     w = mids.x[:, W]
@@ -530,6 +509,25 @@ def with_same_readings(logs: Sequence[FlightLog]) -> tuple[list[FlightLog], tupl
     return [dc.replace(log, a=None) for log in logs], (said,)
 
 
+def require_alike(who: str, logs: Sequence[FlightLog]) -> None:
+    """Raise ValueError where flights share a name, or have different inputs; one line with the
+    remedy.
+    """
+    names = [log.name for log in logs]
+    if twice := {n for n in names if names.count(n) > 1}:
+        raise ValueError(
+            f"{who}: flights must have different names; got {sorted(twice)[0]!r} twice. "
+            "Rename one, or give each flight once."
+        )
+    inputs = {log.input: log.name for log in reversed(logs)}
+    if len(inputs) > 1:
+        got = " and ".join(f"{kind} ({name})" for kind, name in sorted(inputs.items()))
+        raise ValueError(
+            f"{who}: all flights must have the same input; got {got}. Give each kind by itself, or "
+            "name an input that all have in the vehicle file (input: …)."
+        )
+
+
 def require_flights(train: Sequence[FlightLog], held_out: Sequence[FlightLog]) -> None:
     """Check names and inputs of the flights, and that no held-out flight is a training flight.
     Raises: ValueError: if the flights cannot be diagnosed together; one line with the remedy.
@@ -537,21 +535,7 @@ def require_flights(train: Sequence[FlightLog], held_out: Sequence[FlightLog]) -
     for name, logs in (("train", train), ("held_out", held_out)):
         if not logs:
             raise ValueError(f"diagnose: {name} must hold at least one flight; got none.")
-    names = [log.name for log in [*train, *held_out]]
-    twice = {n for n in names if names.count(n) > 1}
-    if twice:
-        raise ValueError(
-            f"diagnose: flights must have different names; got {sorted(twice)[0]!r} twice. "
-            "Rename one, or give each flight once."
-        )
-    inputs = {log.input: log.name for log in reversed([*train, *held_out])}
-    if len(inputs) > 1:
-        got = " and ".join(f"{kind} ({name})" for kind, name in sorted(inputs.items()))
-        raise ValueError(
-            f"diagnose: all flights must have the same input; got {got}. Diagnose each "
-            f"kind by itself, or name an "
-            "input that all have in the vehicle file (input: …)."
-        )
+    require_alike("diagnose", [*train, *held_out])
     seen = {log.name: _motion(log) for log in train}
     for log in held_out:
         own = _motion(log)

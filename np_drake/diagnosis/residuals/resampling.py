@@ -34,9 +34,6 @@ class Grid:
     factor: int
     fine: np.ndarray
 
-    def __len__(self) -> int:
-        return len(self.t)
-
 
 def natural_step(t: np.ndarray) -> float:
     """Return the grid step for a log with row times t (n,): `STEP`, or the log's own step if that

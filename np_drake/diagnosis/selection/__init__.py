@@ -7,5 +7,4 @@ from np_drake.diagnosis.selection.ranking import (
     names_of_fit,
     rank_models,
     score_of,
-    with_named_fit,
 )

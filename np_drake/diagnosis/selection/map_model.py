@@ -33,23 +33,10 @@ from np_drake.diagnosis.selection.change_point import (
 from np_drake.diagnosis.selection.payload_search import PayloadSearch
 
 
-@dc.dataclass(frozen=True)
-class ConditionedFlights:
-    """Flights with their outliers known, channels (m, 15) without them, nuisance columns,
-    candidates and noise.
-    """
-
-    flights: list[FlightResiduals]
-    channels: list[np.ndarray]
-    nuisance: list[Candidate]
-    candidates: list[Candidate]
-    noise: NoiseModel
-
-
 def condition(
     flights: Sequence[FlightResiduals], options: Options, *, still_air: bool = False
-) -> ConditionedFlights:
-    """Return outliers, payloads and noise as they show when every effect helps.
+) -> RegressionProblem:
+    """Return the problem with outliers, payloads and noise as they show when every effect helps.
 
     Args:
         still_air: whether no wind acts in all flights; one that begins, or that some lack, is tried
@@ -95,14 +82,15 @@ def condition(
     )  # a light payload shows in the second alone
     search = PayloadSearch(flights, options)
     tried = () if PAYLOAD in hidden_from(flights) else weights
-    payloads = next(filter(None, (search.best(n, nuisance, others) for n in tried)), [])
+    followed = next(filter(None, (search.followed(n, nuisance, others) for n in tried)), [])
+    payloads = [candidate for _, candidate in followed]
 
     # 3. Noise. A swing that is not fitted yet is a resonance of the noise, which would hide it:
     # white weights do not.
     first = weights[1] if payloads else noise
     residual = _residuals_of_all_effects(problem(first, [*everything, *payloads]))
     noise = noise_of(flights, residual, channels, options, error)
-    return ConditionedFlights(list(flights), channels, nuisance, [*candidates, *payloads], noise)
+    return problem(noise, [*candidates, *payloads], options.priors.temperature)
 
 
 def noise_of(
@@ -177,7 +165,6 @@ class SearchResult:
     models: list[Model]
     best: Fit
     noise: NoiseModel
-    options: Options
 
 
 def find_map_model(
@@ -192,6 +179,7 @@ def find_map_model(
     options = with_input(options, flights) if options else options_of(flights)
     of = condition(flights, options, still_air=still_air)
     priors, best, noise = options.priors, None, of.noise
+    channels = [e.bridged(e.y) for e in of.flights]
     candidates, acting = list(of.candidates), list[Candidate]()
     for first in (True, False):
         candidates += [c for c in acting if c.onset and not any(c is known for known in candidates)]
@@ -214,10 +202,10 @@ def find_map_model(
         fit = first_fit if best is None else partial(refit, known=best)
         best = fit(problem, models[0], iterations=3)
         left = [best.residual(e) for e in of.flights]
-        noise = noise_of(of.flights, left, of.channels, options, priors.linear_error)
+        noise = noise_of(of.flights, left, channels, options, priors.linear_error)
     assert best is not None
-    exact = noise_of(of.flights, left, of.channels, options)
-    return SearchResult(problem, models, best, exact, options)
+    exact = noise_of(of.flights, left, channels, options)
+    return SearchResult(problem, models, best, exact)
 
 
 def search(problem: RegressionProblem) -> list[Model]:

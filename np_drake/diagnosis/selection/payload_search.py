@@ -246,22 +246,17 @@ class PayloadSearch:
         self._priors = options.priors
         self.lengths = search_lengths(flights) if lengths is None else lengths
 
-    def best(
+    def followed(
         self, noise: NoiseModel, nuisance: Sequence[Candidate], others: Sequence[Candidate]
-    ) -> list[Candidate]:
-        """Return the `KEPT` best payloads of different lengths; none where `others` explain as
-        much.
+    ) -> list[tuple[Guess, Candidate]]:
+        """Return the `KEPT` best payloads of different lengths with their guesses.
+
+        There are none where `others` explain as much.
 
         They are followed beside the others, as there may be more than a payload; and beside
         `nuisance` alone, as effects that are not there take from a payload what a guess does not
         yet explain, and it loses its way.
         """
-        return [candidate for _, candidate in self.followed(noise, nuisance, others)]
-
-    def followed(
-        self, noise: NoiseModel, nuisance: Sequence[Candidate], others: Sequence[Candidate]
-    ) -> list[tuple[Guess, Candidate]]:
-        """Return the best payloads with their guesses."""
         if PAYLOAD not in LIBRARY:
             return []
         everything = OtherRegressors(self._flights, noise, [*nuisance, *others], self._onset)
@@ -307,11 +302,6 @@ class PayloadSearch:
                 kept.append((guess, dc.replace(candidate, log_prior=candidate.log_prior + prior)))
         return kept
 
-    def profile(self, noise: NoiseModel, others: Sequence[Candidate]) -> np.ndarray:
-        """Return (lengths,) the log evidence that a payload adds to the others."""
-        beside = OtherRegressors(self._flights, noise, others, self._onset)
-        return self._profiles(beside, beside)[len(ENDS) - 1]
-
     def _profiles(
         self, everything: OtherRegressors, nuisance_only: OtherRegressors
     ) -> list[np.ndarray]:
@@ -329,7 +319,7 @@ class PayloadSearch:
                     everything.gain_of(both, white, h) for both, h in zip(joints, ENDS, strict=True)
                 ]
                 some += [
-                    nuisance_only.gain_of(both.only(own), white, h)
+                    nuisance_only.gain_of(Gram(both.XX[np.ix_(own, own)], both.Xy[own]), white, h)
                     for both, h in zip(joints, ENDS, strict=True)
                 ]
                 gains.append(some)

@@ -1,18 +1,11 @@
 """Ranking of the best model among its rivals, all parameters of each refined."""
 
 import dataclasses as dc
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.fitting import (
-    Fit,
-    fit_of_some,
-    greatest_height,
-    is_possible,
-    refit,
-    restart,
-)
+from np_drake.diagnosis.fitting import Fit, greatest_height, impossible, refit, restart
 from np_drake.diagnosis.forward_model import predicted_residual
 from np_drake.diagnosis.numerics import NoiseModel
 from np_drake.diagnosis.options import Options, Priors
@@ -50,7 +43,7 @@ def rank_models(found: SearchResult) -> Ranking:
     """Return the best model ranked among its rivals, each refined: those that come close to it, and
     the best without its faint effects.
     """
-    problem, noise, priors = found.problem, found.noise, found.options.priors
+    problem, noise, priors = found.problem, found.noise, found.problem.options.priors
     least = found.models[0].score - RANKING_MARGIN
     close = [m for m in _distinct(problem, found.models) if m.score > least]
     refined = {m: refit(problem, m, found.best, noise) for m in close[:REFINED]}
@@ -63,10 +56,14 @@ def rank_models(found: SearchResult) -> Ranking:
             refined[m] = refit(problem, m, dc.replace(best, terms=kept), noise)
     models = [*found.models, *(m for m in refined if m not in found.models)]
     vehicle, height = problem.flights[0].vehicle, greatest_height(problem.flights)
-    possible = [f for f in refined.values() if is_possible(f, vehicle, height)]
+    possible = [
+        fit
+        for fit in refined.values()
+        if not any(impossible(fit, i, vehicle, height) for i in range(len(fit.terms)))
+    ]
     fits = sorted(possible or refined.values(), key=lambda f: -score_of(f, priors))
     probability = probabilities(problem, models, fits)
-    return Ranking(tuple(fits), probability, noise, problem, tuple(models), found.options)
+    return Ranking(tuple(fits), probability, noise, problem, tuple(models), problem.options)
 
 
 def probabilities(
@@ -114,12 +111,6 @@ def drop_negligible(problem: RegressionProblem, model: Model, fit: Fit) -> list[
     dropped = dict.fromkeys([*together, *((i,) for i in faint)])
     kept = [tuple(i for i in model.members if i not in some) for some in dropped if some]
     return [Model(members, problem.score(members)) for members in kept if members]
-
-
-def with_named_fit(ranking: Ranking, names: Collection[str]) -> Ranking:
-    """Return the ranking with a fit of some effects of the best model alone before the others."""
-    fit = fit_of_some(ranking.problem, ranking.best, names, ranking.noise)
-    return dc.replace(ranking, fits=(fit, *ranking.fits))
 
 
 def score_of(fit: Fit, priors: Priors) -> float:

@@ -59,7 +59,7 @@ def answer(
             ),
             *([] if material is None else [f"material from {material} m on"]),
         ),
-        judged_as="" if tolerance is None else tolerance.name,
+        judged_as="" if tolerance is None else "rig" if tolerance.real else "laboratory",
     )
     return dc.replace(found, headline=headline(found))
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.decision.unexplained import slow_torque, strongest_burst, strongest_line
+from np_drake.diagnosis.decision.unexplained import burst_test, slow_torque, strongest_line
 from np_drake.diagnosis.options import Options
 
 REAL, IDEAL = Options.for_sensors(True), Options.for_sensors(False)
@@ -50,8 +50,12 @@ def test_a_burst_is_found_in_its_flight_at_its_time_and_size(flights, axis):
     residual = left_of(flights)
     struck = flights[1]
     residual["1"][:, axis] -= 3.0 * np.exp(-(((struck.t - 2.5) / 0.3) ** 2))
-    dut = strongest_burst(flights, residual)
-    assert (dut.axis, dut.flight) == (axis, "1")
-    assert dut.time == pytest.approx(2.5, abs=0.1)
-    assert dut.size == pytest.approx(3.0, rel=0.2)
-    assert dut.prominence > REAL.thresholds.burst_ratio
+    dut = burst_test(flights, residual, REAL, 0.0)
+    assert f"force {'xyz'[axis]}" in dut.finding.text
+    assert "in 1 at" in dut.finding.text
+    assert dut.finding.figures == {
+        "time": pytest.approx(2.5, abs=0.1),
+        "force": pytest.approx(3.0, rel=0.2),
+    }
+    assert dut.finding.size > REAL.thresholds.burst_ratio
+    assert dut.probability > 0.5

@@ -62,6 +62,24 @@ def test_between_the_limits_it_is_the_gaussian_above_the_bound(times):
     assert material_share(size, drawn, MATERIALITY, **PLAIN) == pytest.approx(expected, abs=2e-3)
 
 
+@pytest.mark.parametrize(
+    "size, kind, matters",
+    [
+        (UNIT, {}, True),
+        (dc.replace(UNIT, force=0.0, torque=1.01 * MATERIALITY.torque), {}, True),
+        (Size(0.99 * MATERIALITY.force, 0.99 * MATERIALITY.torque, 0.9, 9.0), {}, False),
+        (Size(0.0, 1.0, 1.0, 1.0), {"calibration": True}, False),
+        (Size(0.03, 1.0, 1.0, 1.0), {"calibration": True}, True),
+        (Size(0.0, 1.0, 1.0, 1.0), {"sensor": True}, False),
+        (Size(0.0, 1.0, 1.0, 2.0), {"sensor": True}, True),
+    ],
+)
+def test_force_or_torque_matters_of_calibration_force_of_a_sensor_its_tolerance(
+    size, kind, matters
+):
+    assert material_share(size, np.ones(1), MATERIALITY, **(PLAIN | kind)) == matters
+
+
 def wind_at(
     fit_at, flights, wind, still_air=MATERIALITY.still_air, lean=0.0, covariance=1e-3
 ) -> float:

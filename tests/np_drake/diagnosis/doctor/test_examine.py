@@ -61,7 +61,7 @@ def test_a_hovering_flight_is_not_usable_and_says_so(fly):
     dut = examine([fly(vigour=0.0, noise=1.0)], Vehicle())
     assert not dut.usable
     assert "nothing moves (speed 0.0" in dut.problems[0]
-    assert {a.verdict for a in dut.of("linear_drag")} == {"no"}
+    assert {a.verdict for a in dut.answers if a.identifier == "linear_drag"} == {"no"}
 
 
 @pytest.mark.parametrize("kind", ["rotor_speed", "thrust_only"])

@@ -1,8 +1,7 @@
-"""Laws of the facts of a flight: noise, rounding, repeats, gaps and motion are those put in."""
+"""Laws of the facts of a flight: noise and limits are those put in."""
 
 import dataclasses as dc
 
-import numpy as np
 import pytest
 
 from np_drake.diagnosis.doctor.flight_facts import flight_facts
@@ -21,16 +20,6 @@ def test_white_noise_is_that_of_the_sensors(fly):
     assert signal(dut, "velocity").white == pytest.approx(usual.velocity, rel=0.3)
     assert signal(dut, "body rates").white == pytest.approx(usual.rate, rel=0.3)
     assert signal(dut, "acceleration").white == pytest.approx(usual.acceleration, rel=0.3)
-    assert flight_facts(fly(attitude_noise=0.004)).attitude_noise == pytest.approx(0.004, rel=0.2)
-
-
-def test_rounded_values_and_repeated_rows_are_noticed(fly):
-    log = fly()
-    rounded = dc.replace(log, v=np.round(log.v / 0.05) * 0.05)
-    assert signal(flight_facts(rounded), "velocity").resolution == pytest.approx(0.05)
-    assert signal(flight_facts(log), "velocity").resolution == 0.0
-    held = dc.replace(log, p=log.p[np.arange(len(log)) // 4 * 4])
-    assert signal(flight_facts(held), "position").repeated == pytest.approx(0.75, abs=0.01)
 
 
 def test_rotors_at_their_limit_are_counted_with_a_vehicle_alone(fly):

@@ -31,9 +31,9 @@ def left_of(flights, *effects):
 @pytest.mark.parametrize("time", [0.5, 1.5])
 def test_gusts_are_a_force_in_the_air(seen, time):
     flights = flown(seen, DRAG, GustyWind(0.0, 0.0, 0.0, 1.5, time, seed=4))
-    dut = slow_force(flights, left_of(flights, DRAG), IDEAL)
-    assert dut.probability(THRESHOLDS.slow_force_evidence) > 0.99
-    assert dut.deviation == pytest.approx(0.45, rel=0.4)
+    evidence, deviation = slow_force(flights, left_of(flights, DRAG), IDEAL)
+    assert evidence > THRESHOLDS.slow_force_evidence + 5.0
+    assert deviation == pytest.approx(0.45, rel=0.4)
 
 
 @settings(max_examples=20, deadline=None)

@@ -17,7 +17,7 @@ def flights(seen):
 
 def begin_of(e, residual, taken_for, wind, options=IDEAL):
     calm = still_air_loss(e, residual, wind, options)
-    return wind_onset(e, residual, taken_for, wind, calm, options.priors.onset_gain).at
+    return wind_onset(e, residual, taken_for, wind, calm, options.priors.onset_gain)[0]
 
 
 def wandering(e, rng, size=1.0):
