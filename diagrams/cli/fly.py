@@ -30,7 +30,7 @@ from diagrams.loop.flight_diagram import make_flight_diagram
 from diagrams.loop.flight_result import FlightResult, LostVehicle
 from diagrams.loop.flight_result import fly as simulate
 from diagrams.loop.live import LiveView
-from diagrams.loop.mcap_flight import write_flight_mcap
+from diagrams.loop.mcap_flight import require_mcap, write_flight_mcap
 from diagrams.loop.own_controller import is_own
 from diagrams.loop.replay import write_replay
 from diagrams.studies.columns import tabulate
@@ -40,7 +40,6 @@ from np_drake.command_delay import LONGEST_DELAY
 from np_drake.files.figure_file import save
 from np_drake.files.yaml_file import filled, read_yaml
 from np_drake.logs.formats.log_file import write_log
-from np_drake.logs.formats.mcap_file import require_mcap
 from np_drake.vehicle import load_vehicle
 from np_drake.vehicle.scaling import usual_rate_loop
 

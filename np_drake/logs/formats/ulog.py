@@ -46,22 +46,6 @@ ENDS = {
 Parameters = Mapping[str, float]
 
 
-def require_motors(contents: Contents) -> None:
-    """Check that the outputs of a log, where nothing else tells its thrust, do not move for unknown
-    reasons.
-
-    Raises: ValueError: if they do.
-    """
-    for name, columns in contents.items():
-        moving = sum(bool(ROTOR_COLUMN.fullmatch(column)) for column in columns)
-        if name.partition(".")[0] in ("actuator_motors", "actuator_outputs") and moving:
-            raise ValueError(
-                f"{moving} outputs of {name} move, and nothing says which are all of the "
-                f"motors (PWM_MAIN_FUNCn, "
-                "CA_ROTOR_COUNT). Name them as throttle in a map."
-            )
-
-
 def motors(contents: Contents, slowest: float = 0.0) -> Motors:
     """Return the motors of a log, and their layout where it has four.
 
@@ -588,8 +572,14 @@ def _default_map(contents: Contents) -> LogMap | None:
     )
     if not found.tells_motion:
         return None
-    if not (found.throttle or found.rotor_speed):
-        require_motors(contents)
+    for name, columns in contents.items() if not (found.throttle or found.rotor_speed) else ():
+        moving = sum(bool(ROTOR_COLUMN.fullmatch(column)) for column in columns)
+        if name.partition(".")[0] in ("actuator_motors", "actuator_outputs") and moving:
+            raise ValueError(
+                f"{moving} outputs of {name} move, and nothing says which are all of the "
+                f"motors (PWM_MAIN_FUNCn, "
+                "CA_ROTOR_COUNT). Name them as throttle in a map."
+            )
     return found
 
 
