@@ -330,10 +330,6 @@ class _Session:
         """Settings that give the columns their meaning."""
         return [self.settings.get(name, "") for name in SCALES]
 
-    def numbers(self, name: str) -> list[float]:
-        """Return the numbers of a setting; none where it holds another text, or is not there."""
-        return _numbers(self.settings.get(name, ""))
-
 
 def _numbers(text: str) -> list[float]:
     """Return the numbers of a setting; a float whose bits are written in hexadecimal is one,
@@ -546,7 +542,7 @@ def _parameters(session: _Session) -> dict[str, float]:
     """
     found: dict[str, float] = {}
     for name in session.settings:
-        values = session.numbers(name)
+        values = _numbers(session.settings.get(name, ""))
         found |= (
             {name: values[0]}
             if len(values) == 1
@@ -635,10 +631,13 @@ def _facts(session: _Session) -> dict[str, str]:
     found |= {
         title: session.settings[name] for name, title in FACTS.items() if session.settings.get(name)
     }
-    protocol = session.numbers("motor_pwm_protocol")
+    protocol = _numbers(session.settings.get("motor_pwm_protocol", ""))
     if protocol and 0 <= protocol[0] < len(PROTOCOLS):
         found["motor protocol"] = PROTOCOLS[int(protocol[0])]
-    looptime, divisor = session.numbers("looptime"), session.numbers("pid_process_denom") or [1.0]
+    looptime, divisor = (
+        _numbers(session.settings.get("looptime", "")),
+        _numbers(session.settings.get("pid_process_denom", "")) or [1.0],
+    )
     if looptime and looptime[0] > 0 and divisor[0] > 0 and session.intervals[2] > 0:
         loop = looptime[0] * divisor[0]
         rate = 1e6 / loop * session.intervals[1] / session.intervals[2]

@@ -372,7 +372,10 @@ def _contents(path: Path) -> Contents:
             for c in [c for c in columns if c.endswith(".actuator_function")]:
                 values[f"{name}/{c}"] = float(data.data[c][-1])
             columns = [
-                c for c in columns if not ROTOR_COLUMN.fullmatch(c) or _changes(data.data[c])
+                c
+                for c in columns
+                if not ROTOR_COLUMN.fullmatch(c)
+                or len(np.unique(data.data[c][np.isfinite(data.data[c])])) > 1
             ]
         found.setdefault(name, tuple(columns))
     numbers = log.initial_parameters.items()
@@ -515,12 +518,6 @@ def _is_used(name: str, parameters: Mapping[str, Any]) -> bool:
     rotor = re.match(r"CA_ROTOR(\d+)_", name)
     count = parameters.get("CA_ROTOR_COUNT")
     return rotor is None or not isinstance(count, int) or int(rotor[1]) < count
-
-
-def _changes(values: np.ndarray) -> bool:
-    """Return whether there are two different numbers in a column."""
-    finite = values[np.isfinite(values)]
-    return bool(len(finite)) and bool(finite.min() != finite.max())
 
 
 def _indexed(name: str, count: int) -> list[str]:

@@ -195,6 +195,8 @@ def test_a_column_that_is_not_wanted_may_hold_anything(tmp_path):
     np.testing.assert_array_equal(
         read(tmp_path / "made.csv", "x").streams["table"].columns["x"], [1, 2]
     )
+    with pytest.raises(LogError, match="column mode, row 1"):
+        read(tmp_path / "made.csv", "mode")
 
 
 def test_a_last_row_that_is_cut_off_is_left_out_with_a_note(tmp_path):
