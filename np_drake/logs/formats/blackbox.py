@@ -590,12 +590,9 @@ def _decoded(
 
 
 def _joined(parts: Sequence[Stream]) -> Stream:
-    if len(parts) == 1:
-        return parts[0]
-    columns = parts[0].columns
     return Stream(
         np.concatenate([part.t for part in parts]),
-        {name: np.concatenate([part.columns[name] for part in parts]) for name in columns},
+        {n: np.concatenate([part.columns[n] for part in parts]) for n in parts[0].columns},
     )
 
 

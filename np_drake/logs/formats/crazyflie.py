@@ -127,7 +127,10 @@ def _read_events(path: Path, content: bytes, wanted: Mapping[str, list[str]]) ->
     streams = {}
     for key, event in events.items():
         if event.name in wanted:
-            rows = _records(content, starts[key], event.record)
+            windows = np.lib.stride_tricks.sliding_window_view(
+                np.frombuffer(content, np.uint8), event.record.itemsize
+            )
+            rows = windows[np.array(starts[key], int)].view(event.record)[:, 0]
             columns = {n: event.variables.index(n) for n in wanted[event.name]}
             streams[event.name] = Stream(
                 rows["time"] * TIMES[version][1],
@@ -154,16 +157,6 @@ def _end(content: bytes, end: int, sizes: Mapping[int, int]) -> tuple[str, ...]:
         return ("the checksum does not fit: some values may be damaged, or the log is cut.",)
     cut = f"{len(rest)} bytes after its last whole record are left out"
     return (f"the log is cut (no checksum); {cut}.",)
-
-
-def _records(content: bytes, starts: Sequence[int], record: np.dtype) -> np.ndarray:
-    """Return the records (n,) that begin at these places."""
-    if not starts:
-        return np.empty(0, record)
-    windows = np.lib.stride_tricks.sliding_window_view(
-        np.frombuffer(content, np.uint8), record.itemsize
-    )
-    return windows[np.array(starts)].view(record)[:, 0]
 
 
 def _floats(values: np.ndarray) -> np.ndarray:
