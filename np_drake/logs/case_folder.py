@@ -135,18 +135,15 @@ class CaseFiles:
     train: tuple[Path, ...]
     held_out: tuple[Path, ...]
 
-    def open(
-        self, vehicle: Vehicle, *, repair: bool = False
-    ) -> tuple[list[FlightLog], list[FlightLog]]:
+    def open(self, vehicle: Vehicle) -> tuple[list[FlightLog], list[FlightLog]]:
         """Return the flights to fit and the held-out flights, in their parts between long gaps.
 
         Args:
             vehicle: gives thrust and torque from rotor speed or throttle.
-            repair: mend a few bad rows instead of refusing them.
         Raises: LogError, OSError: one line, at the first file that is not usable.
         """
         opened = with_vehicle(
-            [read_as_logged(path, repair=repair) for path in (*self.train, *self.held_out)], vehicle
+            [read_as_logged(path) for path in (*self.train, *self.held_out)], vehicle
         )
         parts = [_parts(found) for found in opened]
         train, held_out = parts[: len(self.train)], parts[len(self.train) :]

@@ -61,13 +61,13 @@ class Table:
         if self.ragged:
             raise self.error(
                 f"must have {len(self.columns)} cells as the header does; the file may be cut off. "
-                "Use --repair to leave the row out.",
+                "Leave the row out.",
                 row=self.ragged[0],
             )
         if self.unreadable:
             row, column, text = self.unreadable[0]
             raise self.error(
-                f"must be a number; got {text[:40]!r}. Use --repair to interpolate.",
+                f"must be a number; got {text[:40]!r}. Correct it, or leave the row out.",
                 column=column,
                 row=row,
             )
@@ -187,10 +187,8 @@ def check_table(table: Table, fields: list[str]) -> None:
     if off.size:
         norm = quaternion_norm(table)[off[0]]
         raise table.error(
-            (
-                f"the quaternion's norm must be 1; got {norm:.4g}{_more(off)}. Use --repair to "
-                f"normalise a few rows."
-            ),
+            f"the quaternion's norm must be 1; got {norm:.4g}{_more(off)}. `np-drake import` "
+            "normalises it.",
             column="qw",
             row=int(off[0]),
         )
@@ -206,7 +204,7 @@ def _check_finite(table: Table, fields: list[str]) -> None:
         given = table.columns[name][row]
         must = f"below {LARGEST:g} in size" if np.isfinite(given) else "finite"
         raise table.error(
-            f"must be {must}; got {given}{_more(rows)}. Use --repair to interpolate a few rows.",
+            f"must be {must}; got {given}{_more(rows)}. `np-drake import` leaves such rows out.",
             column=name,
             row=row,
         )
@@ -221,7 +219,7 @@ def _check_time(table: Table) -> None:
         row = int(back[0]) + 1
         raise table.error(
             f"time must increase; got {t[row]:.9g} s after {t[row - 1]:.9g} s{_more(back)}. "
-            "Sort the rows, or use --repair to leave a few out.",
+            "Sort the rows; `np-drake import` leaves a few out.",
             column="t",
             row=row,
         )
@@ -317,8 +315,8 @@ def bridge_gaps(table: Table, fields: list[str]) -> tuple[Table, np.ndarray]:
     return out, bridged
 
 
-def _fill_cells(table: Table, fields: list[str]) -> np.ndarray:
-    """Interpolate what is not finite, in place, and return in which rows (n,)."""
+def _fill_cells(table: Table, fields: list[str]) -> None:
+    """Interpolate what is not finite, in place."""
     t = table.columns["t"]
     touched = np.zeros(len(t), bool)
     _one_hemisphere(table)
@@ -337,7 +335,6 @@ def _fill_cells(table: Table, fields: list[str]) -> np.ndarray:
     norm = np.where(touched, quaternion_norm(table), 1.0)
     for name in COLUMNS["q"]:
         table.columns[name] = table.columns[name] / norm
-    return touched
 
 
 def _usual(t: np.ndarray) -> float:
@@ -353,68 +350,6 @@ def _one_hemisphere(table: Table) -> None:
     q[rows] = attitude.one_hemisphere(q[rows], q[rows[0]])
     for name, column in zip(COLUMNS["q"], q.T, strict=True):
         table.columns[name] = column
-
-
-LARGEST_SHARE = 0.02  # of the rows that may be dropped or changed
-NORM_RANGE = (0.5, 2.0)  # a quaternion outside it is not normalised but interpolated [1]
-
-
-def repair(table: Table, fields: list[str]) -> tuple[Table, list[str]]:
-    """Drop rows out of time, interpolate bad cells and normalise quaternions.
-
-    Every column is interpolated linearly, but a command is held.  Source: own choice.
-    Returns: the repaired table (its rows are renumbered) and what was done, one line each.
-    Raises:  LogError: if more than `LARGEST_SHARE` of the rows, or too long a run, is bad.
-    """
-    if len(table) < LEAST_ROWS:
-        return table, []  # the check says so
-    figures = {
-        n: np.where(is_figure(table, n), column, np.nan) for n, column in table.columns.items()
-    }
-    t = np.where(np.isfinite(figures["t"]), figures["t"], -np.inf)
-    later = t > np.concatenate([[-np.inf], np.maximum.accumulate(t)[:-1]])
-    kept = table.with_columns(figures).rows(later)
-    norm = quaternion_norm(kept)
-    off = np.abs(norm - 1) > NORM_TOLERANCE
-    usable = (norm > NORM_RANGE[0]) & (norm < NORM_RANGE[1])
-    for name in COLUMNS["q"]:
-        column = kept.columns[name] / np.where(off & usable, norm, 1.0)
-        kept.columns[name] = np.where(off & ~usable, np.nan, column)
-    for field in fields:
-        for name in FIELDS[field]:
-            _refuse_long_run(kept, name, np.isfinite(kept.columns[name]))
-    counts = {
-        "left out (time missing or not increasing)": int(np.sum(~later)),
-        "given a unit quaternion": int(np.sum(off & usable)),
-        "interpolated (no number in a cell)": int(_fill_cells(kept, fields).sum()),
-    }
-    bad = sum(counts.values())
-    if bad > LARGEST_SHARE * len(table):
-        raise table.error(
-            f"can repair at most {LARGEST_SHARE:.0%} of the rows; {bad} of {len(table)} are bad. "
-            "Record it again, or cut out a good part."
-        )
-    notes = [
-        f"repaired: {count} of {len(table)} rows {what}" for what, count in counts.items() if count
-    ]
-    return kept, notes
-
-
-def _refuse_long_run(table: Table, name: str, good: np.ndarray) -> None:
-    """Check that the column is not bad for longer than `LONGEST_GAP`; LogError if it is."""
-    t = table.columns["t"]
-    edge = np.flatnonzero(good)
-    start = np.concatenate([[0], edge])
-    stop = np.concatenate([edge, [len(t) - 1]])
-    duration = np.where(stop - start > 1, t[stop] - t[start], 0.0)
-    worst = int(np.argmax(duration))
-    if good.any() and duration[worst] > LONGEST_GAP:
-        raise table.error(
-            f"can bridge at most {LONGEST_GAP} s; from here this column has no number for "
-            f"{duration[worst]:.3g} s. Cut the log there.",
-            column=name,
-            row=int(start[worst]),
-        )
 
 
 def said_of_bridged(logs: Sequence[FlightLog]) -> list[str]:

@@ -40,7 +40,6 @@ def open_flights(
     vehicle: Vehicle | None = None,
     map: LogMap | MapFile | None = None,
     *,
-    repair: bool = False,
     on_progress: Progress = no_progress,
 ) -> tuple[list[FlightLog], Sheet | None]:
     """Return the flights of a log, and the record of its import; None where it is of our columns or
@@ -57,29 +56,21 @@ def open_flights(
         vehicle: gives thrust and torque from rotor speed or throttle.
         map: columns and conventions; with it the log is imported, whatever its format; default: by
             its own names.
-        repair: mend a few bad rows of a log of our columns or of NeuroBEM.
         on_progress: called with the share that is read [1].
     Raises: LogError: one line with file, place and remedy; OSError: if it cannot be opened.
     """
-    (found,) = with_vehicle(
-        [read_as_logged(path, map, repair=repair, on_progress=on_progress)], vehicle
-    )
+    (found,) = with_vehicle([read_as_logged(path, map, on_progress=on_progress)], vehicle)
     return found.flights, found.sheet
 
 
 def read_as_logged(
-    path: str | Path,
-    map: LogMap | MapFile | None = None,
-    *,
-    repair: bool = False,
-    on_progress: Progress = no_progress,
+    path: str | Path, map: LogMap | MapFile | None = None, *, on_progress: Progress = no_progress
 ) -> Opened:
     """Return the flights of a log as they are logged, without a vehicle.
 
     Args:
         path: as of `open_flights`, and so are all others.
         map: columns and conventions.
-        repair: mend a few bad rows.
         on_progress: called with the share that is read [1].
     Raises: LogError, OSError: as `open_flights`.
     """
@@ -88,10 +79,10 @@ def read_as_logged(
     if map is None and neurobem.is_array(path):
         raise LogError(f"{path}: an array has no commands to diagnose; give the flight's CSV.")
     if map is None and neurobem.is_neurobem(path):
-        flights = _flown(neurobem.read(path, repair=repair), path)
+        flights = _flown(neurobem.read(path), path)
         return Opened(path, flights, vehicle=neurobem.published_vehicle())
     if map is None and log_file.is_flight_log(path):
-        return Opened(path, _flown(log_file.read(path, repair=repair), path))
+        return Opened(path, _flown(log_file.read(path), path))
     found = import_log(path, map, on_progress=on_progress)
     found.flights[-1].notes.extend(line for line in found.said if line.startswith(FITS))
     return Opened(path, list(found.flights), found.sheet)
