@@ -183,12 +183,12 @@ def check_table(table: Table, fields: list[str]) -> None:
         raise table.error(f"must have at least {LEAST_ROWS} rows; got {len(table)}.")
     _check_finite(table, fields)
     _check_time(table)
-    off = np.flatnonzero(np.abs(quaternion_norm(table) - 1) > NORM_TOLERANCE)
+    norms = np.linalg.norm(table.array(COLUMNS["q"]), axis=1)
+    off = np.flatnonzero(np.abs(norms - 1) > NORM_TOLERANCE)
     if off.size:
-        norm = quaternion_norm(table)[off[0]]
         raise table.error(
-            f"the quaternion's norm must be 1; got {norm:.4g}{_more(off)}. `np-drake import` "
-            "normalises it.",
+            f"the quaternion's norm must be 1; got {norms[off[0]]:.4g}{_more(off)}. "
+            "`np-drake import` normalises it.",
             column="qw",
             row=int(off[0]),
         )
@@ -196,7 +196,9 @@ def check_table(table: Table, fields: list[str]) -> None:
 
 def _check_finite(table: Table, fields: list[str]) -> None:
     names = [name for field in fields for name in FIELDS[field]]
-    bad = ~np.stack([is_figure(table, name) for name in names], axis=1)
+    # Time may count nanoseconds, which its own check reports.
+    most = [np.finfo(float).max if name == "t" else LARGEST for name in names]
+    bad = ~(np.abs(table.array(tuple(names))) <= most)
     rows = np.flatnonzero(bad.any(axis=1))
     if rows.size:
         row = int(rows[0])
@@ -230,21 +232,6 @@ def _check_time(table: Table) -> None:
             "Is time in seconds (not ms, µs or ns)?",
             column="t",
         )
-
-
-def is_figure(table: Table, name: str) -> np.ndarray:
-    """Return whether each cell of a column is a usable number, (n,).
-
-    It must be finite and, but for time, small enough to be squared; time may count nanoseconds,
-    which the check of time reports.
-    """
-    column = table.columns[name]
-    return np.isfinite(column) if name == "t" else np.abs(column) <= LARGEST
-
-
-def quaternion_norm(table: Table) -> np.ndarray:
-    """Return the norm of q, (n,) [1]."""
-    return np.linalg.norm(table.array(COLUMNS["q"]), axis=1)
 
 
 def _more(rows: np.ndarray) -> str:
@@ -298,7 +285,7 @@ def bridge_gaps(table: Table, fields: list[str]) -> tuple[Table, np.ndarray]:
     """Return the table with rows at the median interval inside every gap, and which rows (n,) these
     are.
 
-    Every column is interpolated linearly, but a command is held.
+    Every column of the fields is interpolated linearly, but a command is held.
     """
     t = table.columns["t"]
     interval, step = np.diff(t), _usual(t)
@@ -307,49 +294,23 @@ def bridge_gaps(table: Table, fields: list[str]) -> tuple[Table, np.ndarray]:
         return table, np.zeros(len(t), bool)
     fills = [np.linspace(t[k], t[k + 1], round(interval[k] / step) + 1)[1:-1] for k in gaps]
     where = np.repeat(gaps + 1, [len(fill) for fill in fills])
-    new = {name: np.insert(column, where, np.nan) for name, column in table.columns.items()}
-    new["t"] = np.insert(t, where, np.concatenate(fills))
     bridged = np.insert(np.zeros(len(t), bool), where, True)
-    out = table.with_columns(new)
-    _fill_cells(out, fields)
-    return out, bridged
-
-
-def _fill_cells(table: Table, fields: list[str]) -> None:
-    """Interpolate what is not finite, in place."""
-    t = table.columns["t"]
-    touched = np.zeros(len(t), bool)
-    _one_hemisphere(table)
+    q = table.array(COLUMNS["q"])
+    near = dict(zip(COLUMNS["q"], attitude.one_hemisphere(q, q[0]).T, strict=True))
+    known = table.columns | near
+    new = {name: np.insert(column, where, np.nan) for name, column in known.items()}
+    new["t"][bridged] = np.concatenate(fills)
     for field in fields:
         for name in FIELDS[field]:
-            column = table.columns[name]
-            good = np.isfinite(column)
-            if good.all() or not good.any():
-                continue
-            touched |= ~good
-            if field in HELD:
-                last = np.maximum.accumulate(np.where(good, np.arange(len(t)), 0))
-                column = np.where(good, column, column[last])
-                good = np.isfinite(column)
-            table.columns[name] = np.interp(t, t[good], column[good])
-    norm = np.where(touched, quaternion_norm(table), 1.0)
-    for name in COLUMNS["q"]:
-        table.columns[name] = table.columns[name] / norm
+            held, drawn = known[name][where - 1], np.interp(new["t"][bridged], t, known[name])
+            new[name][bridged] = held if field in HELD else drawn
+    norm = np.where(bridged, np.linalg.norm([new[name] for name in COLUMNS["q"]], axis=0), 1.0)
+    new |= {name: new[name] / norm for name in COLUMNS["q"]}
+    return table.with_columns(new), bridged
 
 
 def _usual(t: np.ndarray) -> float:
     return float(np.median(np.diff(t))) if len(t) > 1 else 1.0
-
-
-def _one_hemisphere(table: Table) -> None:
-    """Flip signs of quaternions so that neighbours are near, as interpolation needs."""
-    q = table.array(COLUMNS["q"])
-    rows = np.flatnonzero(np.all(np.isfinite(q), axis=1))
-    if len(rows) == 0:
-        return
-    q[rows] = attitude.one_hemisphere(q[rows], q[rows[0]])
-    for name, column in zip(COLUMNS["q"], q.T, strict=True):
-        table.columns[name] = column
 
 
 def said_of_bridged(logs: Sequence[FlightLog]) -> list[str]:

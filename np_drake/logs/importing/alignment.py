@@ -39,11 +39,6 @@ class Aligned:
     filled: np.ndarray
     notes: tuple[str, ...]
 
-    def until(self, row: int) -> "Aligned":
-        """Return the rows before one."""
-        values = {name: own[:row] for name, own in self.values.items()}
-        return Aligned(self.t[:row], values, self.filled[:row], self.notes)
-
 
 def align(signals: Signals, log_map: LogMap, path: str = "log") -> Aligned:
     """Return the signals at common times, in SI units and our frames.

@@ -27,7 +27,7 @@ from np_drake.logs.formats.format import (
 from np_drake.logs.formats.library import format_of
 from np_drake.logs.import_sheet import Sheet, read_sheet
 from np_drake.logs.importing.breaks import (
-    clock_parts,
+    after_the_start,
     find_breaks,
     split,
     within,
@@ -261,15 +261,10 @@ def _gaps_text(parts: Sequence[Part], flights: Sequence[FlightLog]) -> str:
 
 def _ground_notes(part: Part) -> list[str]:
     """Return one line on the time on the ground that is left out of a part, or none."""
-    air = np.flatnonzero(~part.ground)
-    if len(air) in (0, len(part.ground)):
+    if part.ground.all() or not part.ground.any():
         return []
-    step = np.median(np.diff(part.aligned.t))
-    before, after = air[0], len(part.ground) - 1 - air[-1]
-    rows = {"before": before, "after": after}
-    rows["between flights"] = part.ground.sum() - before - after
-    told = [f"{count * step:.3g} s {when}" for when, count in rows.items() if count > 0]
-    return [f"on the ground: {', '.join(told)} left out"]
+    seconds = part.ground.sum() * np.median(np.diff(part.aligned.t))
+    return [f"on the ground: {seconds:.3g} s left out"]
 
 
 GIVE_MAP = "Give a map (--map FILE, docs/reference/log-map.md)"
@@ -420,44 +415,22 @@ def _signals_of_parts(
     """Return the signals of every part of a recording, two kinds of lines on them, and the origin.
 
     Times of messages count from the origin [s], the first row of the state, as start and stop do.
-    Behind a step of the clock they go on counting.
     """
-    recordings, said = clock_parts(with_map_time(recording, log_map))
-    parts: list[Signals] = []
-    notes: list[str] = []
-    failure: LogError | None = None
-    origin, elapsed = 0.0, 0.0
-    for number, piece in enumerate(recordings):
-        piece, merged = without_merged_rows(piece)
-        try:
-            signals, own = gather(piece, log_map)
-        except LogError as error:
-            failure = failure or error
-            times = [stream.t[0] for stream in piece.streams.values() if len(stream)]
-            said.append(
-                f"the part from {min(times, default=0.0):.6g} s on has too few samples; left out"
-            )
-            continue
-        require_a_likely_clock(signals, log_map, path)
-        begun, ended = float(clock_of(signals).t[0]), float(clock_of(signals).t[-1])
-        origin = begun if number == 0 else origin
-        first, elapsed = begun - elapsed, elapsed + ended - begun
-        start = first + (log_map.start or -np.inf)
-        signals, short = within(signals, start, first + (log_map.stop or np.inf))
-        if short:
-            failure = failure or LogError(
-                f"{path}: start and stop must leave samples; {short} in them."
-            )
-            continue
-        signals, slow = usable_inputs(signals, log_map)
-        pieces, broken = split(
-            signals, find_breaks(signals, log_map, recording.breaks, merged), origin
-        )
-        parts += pieces
-        notes += [note for note in own if note not in notes]
-        said += [line for line in (*slow, *broken) if line not in said]
+    recording, said = after_the_start(with_map_time(recording, log_map))
+    recording, merged = without_merged_rows(recording)
+    signals, notes = gather(recording, log_map)
+    require_a_likely_clock(signals, log_map, path)
+    origin = float(clock_of(signals).t[0])
+    signals, short = within(
+        signals, origin + (log_map.start or -np.inf), origin + (log_map.stop or np.inf)
+    )
+    if short:
+        raise LogError(f"{path}: start and stop must leave samples; {short} in them.")
+    signals, slow = usable_inputs(signals, log_map)
+    breaks = find_breaks(signals, log_map, recording.breaks, merged)
+    parts, broken = split(signals, breaks, origin)
     if not parts:
-        raise failure or LogError(
+        raise LogError(
             f"{path}: must hold a flight; no part has {LEAST_ROWS} samples of every signal."
         )
-    return parts, said, notes, origin
+    return parts, [*said, *slow, *broken], notes, origin
