@@ -148,7 +148,6 @@ def disassemble(log: FlightLog) -> dict[str, np.ndarray]:
     is not known, states that were integrated. Without attitude the specific force stands for the
     acceleration.
     """
-    out = log.columns()
     left_out = {
         name for field, what in UNLOGGED.items() if what in log.lacks for name in COLUMNS[field]
     }
@@ -156,7 +155,7 @@ def disassemble(log: FlightLog) -> dict[str, np.ndarray]:
         left_out |= {*COLUMNS["u"]}
     if log.input == "thrust_only":
         left_out |= {*COLUMNS["u"]} - {*THRUST}
-    kept = {name: values for name, values in out.items() if name not in left_out}
+    kept = {name: values for name, values in log.columns().items() if name not in left_out}
     if "attitude" in log.lacks and log.a is not None:
         force = attitude.rotate_back(log.q, log.a + [0.0, 0.0, GRAVITY])
         kept |= dict(zip(FORCE, force.T, strict=True))

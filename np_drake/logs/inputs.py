@@ -7,6 +7,7 @@ import numpy as np
 from scipy import optimize
 
 from np_drake.flight_log import FlightLog
+from np_drake.logs.columns import GRAVITY
 from np_drake.logs.errors import LogError
 from np_drake.rotor_input import with_rotor_input
 from np_drake.training_data.accelerations import LIFT_BAND, lift_over_weight, smoothed
@@ -23,7 +24,6 @@ VOLTAGE, VOLTAGE_SCATTER = 1.5, 0.5
 # share by which a voltage may differ from its median within a flight [1]; source: own choice
 BELIEVED = 0.3
 NOTE = "thrust from throttle"
-GRAVITY = 9.81  # where no vehicle states its own [m/s²]
 LEAST = 0.02  # throttle below which a rotor stands [1]
 
 

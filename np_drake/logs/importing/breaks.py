@@ -12,7 +12,7 @@ from np_drake.logs.columns import LEAST_ROWS
 from np_drake.logs.formats.format import Recording, Stream
 from np_drake.logs.importing.laws import stretches
 from np_drake.logs.importing.log_map import UNITS, LogMap, convert_quantity
-from np_drake.logs.importing.signals import OPTIONAL, STATE, Signal, Signals
+from np_drake.logs.importing.signals import OPTIONAL, STATE, Signals
 
 INPUTS = ("thrust", "torque", "throttle", "rotor_speed")
 # gap of a signal from which a log is two [s]; own choice: below the windows of the conventions
@@ -64,7 +64,11 @@ def find_breaks(
         k = int(np.searchsorted(place.t, t))
         if not reason.endswith("?") and 0 < k < len(place.t):
             found.append(Break(float(place.t[k - 1]), float(place.t[k]), reason))
-    found += [b for name in (*STATE, *INPUTS) if name in signals for b in _pauses(signals[name])]
+    for own in (signals[name] for name in (*STATE, *INPUTS) if name in signals):
+        interval = np.diff(own.t)
+        for row in np.flatnonzero(interval > max(PAUSE, SLOW * own.step)):
+            said = f"a pause of {interval[row]:.3g} s"
+            found.append(Break(float(own.t[row]), float(own.t[row + 1]), said))
     for name in (n for n in ("position", "velocity") if n in signals):
         source = getattr(log_map, name)
         unit = UNITS[name].get(source.unit, 1.0) * abs(source.scale)
@@ -119,14 +123,6 @@ def within(signals: Signals, start: float, stop: float) -> tuple[Signals, str]:
         (f"{name} has {len(part[name].t)}" for name in short if name not in OPTIONAL), ""
     )
     return {name: own for name, own in part.items() if name not in short}, lacking
-
-
-def _pauses(own: Signal) -> list[Break]:
-    interval = np.diff(own.t)
-    gaps = np.flatnonzero(interval > max(PAUSE, SLOW * own.step))
-    return [
-        Break(float(own.t[k]), float(own.t[k + 1]), f"a pause of {interval[k]:.3g} s") for k in gaps
-    ]
 
 
 def _jumps(

@@ -68,11 +68,6 @@ class Verdict:
     changes: Change = ()
     rivals: tuple[Change, ...] = ()
 
-    @property
-    def holds(self) -> bool:
-        """Whether the declared conventions agree with the log as far as it can tell."""
-        return not self.failed
-
 
 def check_conventions(t: np.ndarray, raw: Values, log_map: LogMap) -> Verdict:
     """Check the conventions of a log, and search for those that agree where the declared ones do
@@ -203,11 +198,8 @@ def changed(log_map: LogMap, change: Change) -> LogMap:
     for option, value in change:
         name, _, field = option.partition(".")
         if field:
-            log_map = dc.replace(
-                log_map, **{name: dc.replace(getattr(log_map, name), **{field: value})}
-            )
-        else:
-            log_map = dc.replace(log_map, **{name: value})
+            value = dc.replace(getattr(log_map, name), **{field: value})
+        log_map = dc.replace(log_map, **{name: value})
     return log_map
 
 
@@ -349,7 +341,7 @@ def agreed(
     Raises: WrongConventions: if those declared do not agree, unless others do and are to be
         adopted.
     """
-    if verdict.holds:
+    if not verdict.failed:
         return log_map, verdict
     laws = [f"misfit of {law} {verdict.misfits[law]:.2g}" for law in verdict.failed[:4]]
     wrong = f"{', '.join(laws)}; {SCALE}"

@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from np_drake.effects.library import unobservable
 from np_drake.flight_log import FlightLog
 from np_drake.logs.columns import COLUMNS, FORCE, LEAST_ROWS
 from np_drake.logs.errors import LogError
@@ -117,8 +116,7 @@ def in_the_likely_unit(
         except LogError as error:
             failure = failure or error
             continue
-        logs = [log for part in found[unit][1] for log in part.flights if part.carried]
-        if logs:
+        if logs := [log for part in found[unit][1] for log in part.flights if part.carried]:
             flown[unit] = logs
     if failure is not None and not found:
         raise failure
@@ -206,34 +204,23 @@ def sheet_content(
             *notes,
             *(note for part in parts for note in (*part.aligned.notes, *_ground_notes(part))),
         ],
-        "cannot_be_told": unanswerable(flights[0]),
     }
-
-
-def unanswerable(log: FlightLog) -> dict[str, list[str]]:
-    """Return the effects that this kind of log cannot tell, by reason."""
-    each_rotor = log.throttle is not None and log.throttle.shape[1] == 4
-    torque = log.input in ("command", "rotor_speed") or (log.input == "normalised" and each_rotor)
-    found: dict[str, list[str]] = {}
-    for identifier, reason in unobservable(
-        log.input, accelerations=log.a is not None, torque=torque, lacks=log.lacks
-    ).items():
-        found.setdefault(reason, []).append(identifier)
-    return found
 
 
 def _described(name: str, signal: Signal, log_map: LogMap) -> dict[str, Any]:
     source = getattr(log_map, name)
     keys = ["scale", "signs", "axes", "kind", "late"]
-    if name == "attitude" and len(source.columns) == 4:
-        keys += ["order", "direction"]
+    keys += ["order", "direction"] * (name == "attitude" and len(source.columns) == 4)
     usual = {**dc.asdict(Source()), "order": "", "direction": "", "late": 0.0}
-    settings = {key: getattr(source, key) for key in keys}
     return {
         "from": list(source.columns),
         "rate": f"{1 / signal.step:.4g} Hz",
         "unit": source.unit or next(iter(UNITS[name])),
-        **{key: value for key, value in settings.items() if value not in (None, usual[key])},
+        **{
+            key: getattr(source, key)
+            for key in keys
+            if getattr(source, key) not in (None, usual[key])
+        },
     }
 
 
@@ -254,8 +241,6 @@ def _conventions_text(verdict: Verdict) -> str:
 def _gaps_text(parts: Sequence[Part], flights: Sequence[FlightLog]) -> str:
     filled = sum(int((part.aligned.filled & ~part.ground).sum()) for part in parts)
     text = f"{filled} rows inside gaps left out" if filled else "none"
-    if filled or len(flights) > 1:
-        text += f"; longest gap in a part {max(np.diff(log.t).max() for log in flights):.3g} s"
     return text + (f"; split into {len(flights)} parts" if len(flights) > 1 else "")
 
 

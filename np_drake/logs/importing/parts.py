@@ -97,8 +97,7 @@ def require_ranges(values: Mapping[str, np.ndarray], log_map: LogMap, path: str)
             continue
         source = getattr(log_map, name)
         unit = source.unit or next(iter(UNITS[name]))
-        wrong = f"above {most:g}" if high > most else f"below {least:g}"
-        shown = high if high > most else middle
+        wrong, shown = (f"above {most:g}", high) if high > most else (f"below {least:g}", middle)
         raise LogError(
             f"{path}, {name} ({', '.join(source.columns)}): must not be {wrong} in flight; "
             f"got {shown:.4g} with "
@@ -235,8 +234,6 @@ def _with_collective(aligned: Aligned, signals: Signals, log_map: LogMap) -> Ali
 def _flights(aligned: Aligned, ground: np.ndarray, log_map: LogMap) -> list[FlightLog]:
     """Return the flights, split at long gaps; rows in gaps and on the `ground` are left out."""
     chosen = np.flatnonzero(~aligned.filled & ~ground)
-    if not len(chosen):
-        return []
     breaks = np.flatnonzero(np.diff(aligned.t[chosen]) > LONGEST_GAP + 1e-9) + 1
     parts = [part for part in np.split(chosen, breaks) if len(part) >= LEAST_ROWS]
     return [_flight(aligned, part, log_map) for part in parts]
@@ -304,8 +301,9 @@ def imported_parts(
         flight.
     """
     moving = [flies(signals, log_map) for signals in parts]
-    length = [np.ptp(clock_of(signals).t) for signals in parts]
-    by_length = sorted(range(len(parts)), key=lambda k: (not moving[k], -length[k]))
+    by_length = sorted(
+        range(len(parts)), key=lambda k: (not moving[k], -np.ptp(clock_of(parts[k]).t))
+    )
     parts, log_map, said = on_one_clock(parts, parts[by_length[0]], log_map)
     done: dict[int, Part] = {}
     failure: LogError | None = None
@@ -360,7 +358,7 @@ def _fitting(
         part, _ = within(signals, start, stop)
         own = judged(part, log_map, path)
         kinds, tested = ({law.split()[0] for law in laws} for laws in (verdict.failed, own.misfits))
-        if own.holds and kinds <= tested:
+        if not own.failed and kinds <= tested:
             since = f"from {start - origin:.1f} " if start > clock_of(signals).t[0] + WINDOW else ""
             whole = ", ".join(verdict.failed[:3]) or "its quantities"
             said = [
