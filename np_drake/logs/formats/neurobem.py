@@ -13,7 +13,6 @@ from np_drake import attitude
 from np_drake.files.input_file import note_input
 from np_drake.flight_log import FlightLog
 from np_drake.logs.columns import COLUMNS, Table, bridge_gaps, check_table, without_long_gaps
-from np_drake.logs.columns import repair as repair_table
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.csv_file import read_csv
 from np_drake.logs.formats.format import first_bytes
@@ -68,18 +67,16 @@ def is_array(path: Path) -> bool:
     return path.name.endswith(".npy")
 
 
-def read(path: str | Path, *, repair: bool = False) -> list[FlightLog]:
+def read(path: str | Path) -> list[FlightLog]:
     """Read a 29-column CSV into our frames: a = R acc - g z, v = R vel; rotor speed is its input.
 
     Args:
         path: of the CSV, gzip-compressed where its name ends in .gz.
-        repair: mend a few bad rows instead of refusing them.
     Raises: LogError: one line with file, column (by our name) and row; OSError: if it cannot be
         opened.
     """
     table = _renamed(read_csv(path))
     fields = list(SOURCE_COLUMNS)
-    table, notes = repair_table(table, fields) if repair else (table, [])
     check_table(table, fields)
     table, bridged = bridge_gaps(without_long_gaps(table), fields)
     raw = {field: table.array(COLUMNS[field]) for field in fields}
@@ -97,7 +94,6 @@ def read(path: str | Path, *, repair: bool = False) -> list[FlightLog]:
         bridged=bridged if bridged.any() else None,
         input="rotor_speed",
         name=Path(path).name.removesuffix(".gz").removesuffix(".csv").removeprefix("merged_"),
-        notes=notes,
     )
     check_units(log, path)
     return [log]

@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 import yaml
 
-from np_drake.effects.library import LIBRARY
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.log_file import write_log
 from np_drake.logs.importing.conventions import WrongConventions, changed
-from np_drake.logs.importing.import_log import import_log, input_line, lacking, unanswerable
+from np_drake.logs.importing.import_log import import_log, input_line, lacking
 from np_drake.logs.importing.log_map import Source, load_map_file
 
 
@@ -190,28 +189,3 @@ def test_what_the_names_of_a_table_do_not_tell_is_listed(names, said):
 def test_columns_that_may_be_motors_are_named():
     said = input_line({"table": ("t", *(f"motor_m{k}" for k in (1, 2, 3, 4)), "px")})
     assert said.startswith(" Its columns motor_m1 … motor_m4 may be such")
-
-
-TIMING, TORQUE, SCALE = (
-    tuple(i for i, effect in LIBRARY.items() if quantity in effect.requires)
-    for quantity in ("commands", "torque", "thrust")
-)
-
-
-@pytest.mark.parametrize(
-    "kind, throttles, hidden",
-    [
-        ("command", 0, ()),
-        ("rotor_speed", 1, TIMING),  # a collective throttle beside rotor speed takes no torque away
-        ("thrust_only", 4, TORQUE),
-        ("normalised", 1, (*SCALE, *TORQUE)),
-        ("normalised", 4, SCALE),
-    ],
-)
-def test_the_sheet_names_what_the_input_cannot_tell(fly, kind, throttles, hidden):
-    log = fly(seed=1)
-    throttle = np.full((len(log), throttles), 0.5) if throttles else None
-    told = unanswerable(dc.replace(log, input=kind, throttle=throttle))
-    named = {identifier for identifiers in told.values() for identifier in identifiers}
-    assert named >= set(hidden)
-    assert named.isdisjoint({*SCALE, *TIMING, *TORQUE} - set(hidden))

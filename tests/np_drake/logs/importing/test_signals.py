@@ -36,23 +36,6 @@ def test_rows_without_number_or_running_back_are_left_out_and_counted():
     assert notes == ["position: rows left out: 1 with no number, 2 with time not increasing"]
 
 
-@pytest.mark.parametrize("first, after", [(150, 200), (250, 300)])
-def test_rows_drawn_as_a_line_are_no_readings_of_a_sensor(first, after):
-    t = 0.01 * np.arange(300)
-    values = np.sin(t)[:, None] + 0.01 * np.random.default_rng(3).normal(size=(300, 3))
-    slope = (values[first - 1] - values[first - 2])[None]
-    values[first:after] = values[first - 1] + slope * np.arange(1, after - first + 1)[:, None]
-    log_map = LogMap(position=MAP.position, rates=Source(["x", "y", "z"]))
-    signals, notes = gather(
-        recording(t, **dict(zip("xyz", np.round(values, 9).T, strict=True))), log_map
-    )
-    left = len(t) - len(signals["rates"].t)
-    assert left >= after - first - 1
-    assert np.abs(signals["rates"].values).max() < 1.2 or after < 300
-    assert any("straight lines" in note for note in notes)
-    assert len(signals["position"].t) == len(t)  # a position may move evenly
-
-
 def test_a_quaternion_of_zeros_is_no_attitude():
     t = 0.01 * np.arange(100)
     q = {"w": np.cos(t), "i": np.sin(t), "j": 0 * t, "k": 0 * t}
