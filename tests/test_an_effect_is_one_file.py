@@ -1,6 +1,4 @@
-"""An effect is one file and one registration: the whole package works with it, and no other file
-names it.
-"""
+"""An effect is one file and one registration, and no other file names it."""
 
 import ast
 import importlib

@@ -1,6 +1,4 @@
-"""The examples in README and docs run as they stand (those of docs/guide in the order of their
-page: tests/docs).
-"""
+"""The examples in README and docs run as they stand (docs/guide: tests/docs)."""
 
 import re
 from pathlib import Path

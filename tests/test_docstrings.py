@@ -21,9 +21,7 @@ def files() -> list[Path]:
 
 
 def public(node: Definition, name: str = "") -> Iterator[tuple[str, Definition]]:
-    """Yield a module or class and all that is public in it, with dotted names; the module's own is
-    empty.
-    """
+    """Yield a module or class and all that is public in it, with dotted names."""
     yield name, node
     for child in [] if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef) else node.body:
         if (
@@ -39,9 +37,7 @@ def paragraph(node: Definition) -> str:
 
 
 def faults(source: str) -> list[str]:
-    """Return one line for every public docstring whose first line is missing or no statement of its
-    own.
-    """
+    """Return one line for every public docstring whose first line is missing or no statement."""
     found = []
     for dotted, node in public(ast.parse(source)):
         name = dotted or "module"

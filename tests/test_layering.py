@@ -1,6 +1,4 @@
-"""The three floors: diagrams -> systems -> np_drake, never back; inside a floor, rooms in the order
-given here.
-"""
+"""The three floors: diagrams -> systems -> np_drake; inside a floor, rooms in order."""
 
 import ast
 import subprocess

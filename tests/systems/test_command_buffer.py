@@ -64,9 +64,8 @@ def test_lag_after_delay_responds_in_drake_as_in_the_pure_functions():
     expected = np.repeat(command, 2, axis=0)
     for effect in effects:
         expected = effect.respond(VEHICLE, t, expected)
-    np.testing.assert_allclose(
-        found.reshape(50, 10, 4).mean(axis=1), expected, atol=2e-3
-    )  # [N]: midpoints
+    # [N]: midpoints
+    np.testing.assert_allclose(found.reshape(50, 10, 4).mean(axis=1), expected, atol=2e-3)
 
 
 def buffer_behind_a_staircase(period):
@@ -86,9 +85,7 @@ def buffer_behind_a_staircase(period):
 @pytest.mark.parametrize("period", [0.1, 0.02])
 def test_the_resting_value_holds_until_the_start_then_each_command(period):
     log = buffer_behind_a_staircase(period)
-    t, found = (
-        log.sample_times() - 0.005,
-        log.data()[0],
-    )  # a sample at an instant sees what was before it
+    # a sample at an instant sees what was before it
+    t, found = (log.sample_times() - 0.005, log.data()[0])
     expected = np.where(t < 0.25, -1.0, np.floor((t - 0.25) / 0.1 + 1e-6) + 1)
     np.testing.assert_array_equal(found, expected)

@@ -1,6 +1,4 @@
-"""Every configuration of the Neural Predictor is one LeafSystem, and NP-MPC eliminates any of them
-exactly.
-"""
+"""Every configuration of the Neural Predictor is one LeafSystem."""
 
 import numpy as np
 import pytest

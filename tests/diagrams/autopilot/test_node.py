@@ -1,6 +1,4 @@
-"""Laws of a node: what its controller says, when it commands, when it stops, what it records, and
-its real time.
-"""
+"""Laws of a node: what it commands and when, when it stops, what it records, its real time."""
 
 import os
 import signal

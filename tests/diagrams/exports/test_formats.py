@@ -1,6 +1,4 @@
-"""The account of an export: no effect is left out in silence, and what it says is what the file
-shows; and the shape of the vehicle.
-"""
+"""The account of an export leaves no effect out in silence and says what the file shows."""
 
 import math
 from pathlib import Path

@@ -118,9 +118,7 @@ def test_the_tether_pulls_and_never_pushes(tmp_path):
 
 
 class GentleFlight:
-    """5 s open loop near hover, with commands held for 10 ms; it sways by 0.1 to 0.2 rad and flies
-    some 10 m. Drake's steps of 10 ms, of third order, leave 1e-6 m.
-    """
+    """5 s open loop near hover, swaying by 0.1 to 0.2 rad; Drake's own error is 1e-6 m."""
 
     def __init__(self, effects):
         self.vehicle, self.effects = Vehicle(), effects

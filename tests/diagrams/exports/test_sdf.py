@@ -48,9 +48,7 @@ def plugins(path: Path, name: str) -> list[dict[str, str]]:
 
 
 def hydrodynamic_wrench(plugin: dict[str, str], velocity: np.ndarray) -> np.ndarray:
-    """[force, torque] (6,) in the link's axes; velocity (6,) [u, v, w, p, q, r] relative to the
-    current.
-    """
+    """[force, torque] (6,) in the link's axes; velocity (6,) relative to the current."""
     out = np.zeros(6)
     for i, x in enumerate("xyzkmn"):
         for j, u in enumerate("UVWPQR"):

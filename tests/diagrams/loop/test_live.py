@@ -1,6 +1,4 @@
-"""Laws of the live view. Nobody clicks here: messages of a browser are injected, and nothing
-waits.
-"""
+"""Laws of the live view, into which messages of a browser are injected."""
 
 import os
 import signal

@@ -22,9 +22,7 @@ PAYLOAD = CONFIG.reality.payload
 
 
 def thrusts(reality, times, command=1.1):
-    """Return the mean rotor thrust at `times` (n,) [s] after a step of the hover command at t = 0
-    [N].
-    """
+    """Return the mean rotor thrust at `times` (n,) [s] after a step of the hover command [N]."""
     dut = make_real_vehicle(Vehicle(), reality, command_period=0.02)
     simulator = Simulator(dut)
     context = simulator.get_mutable_context()

@@ -41,9 +41,8 @@ def test_a_frame_shows_the_row_of_its_time():
     t = 0.02 * np.arange(500)
     np.testing.assert_allclose(t[frames(t)], np.arange(len(frames(t))) / FRAME_RATE, atol=1e-9)
     slow = 0.1 * np.arange(50)
-    assert (
-        np.abs(slow[frames(slow)] - np.arange(len(frames(slow))) / FRAME_RATE).max() < 0.1
-    )  # one row
+    # one row
+    assert np.abs(slow[frames(slow)] - np.arange(len(frames(slow))) / FRAME_RATE).max() < 0.1
 
 
 def test_the_payload_hangs_on_the_tethers_end_in_every_frame(flight, page):

@@ -63,9 +63,8 @@ def test_a_track_has_the_same_form_in_the_units_of_any_vehicle(name, vehicle):
     expected = make_reference(paper).sample(t)
     found = make_reference(own).sample(unit.time * t)
     np.testing.assert_allclose(found[0] / unit.length, expected[0], atol=1e-9)
-    np.testing.assert_allclose(
-        found[2], expected[2], atol=1e-7
-    )  # accelerations: gravity is common [m/s²]
+    # accelerations: gravity is common [m/s²]
+    np.testing.assert_allclose(found[2], expected[2], atol=1e-7)
 
 
 @pytest.mark.parametrize("delay, known", [(0.004, 0.004), (0.5, None)], ids=str)
@@ -100,6 +99,5 @@ def test_similar_vehicles_fly_the_same_dimensionless_circle():
         config.controller.kind, config.controller.solver = "hold", "sqp"
         flight, unit = fly(config, seed=0), scales(vehicle)
         errors.append((flight.signals["x_true"][:, :3] - flight.signals["p_ref"]) / unit.length)
-    np.testing.assert_allclose(
-        errors[1], errors[0], rtol=0, atol=1e-6
-    )  # [1]: the feed-forward's step in time is fixed
+    # [1]: the feed-forward's step in time is fixed
+    np.testing.assert_allclose(errors[1], errors[0], rtol=0, atol=1e-6)

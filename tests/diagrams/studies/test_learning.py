@@ -67,9 +67,7 @@ def test_what_is_learnt_is_what_a_vehicle_measures():
 
 
 def flying(error):
-    """Stand-in of a run whose flight with a share errs by error(share); None: the vehicle is
-    lost.
-    """
+    """Stand-in of a run whose flight with a share errs by error(share), or is lost: None."""
 
     def cases(title, what, work, cases, **more):
         errors = [error(case["share"]) for case in cases]

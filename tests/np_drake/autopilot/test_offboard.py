@@ -1,6 +1,4 @@
-"""Laws of offboard control: limits, ages of messages, states that can be true, the anchor of a
-track, and phases for any course of problems and of the autopilot's mode.
-"""
+"""Laws of offboard control: limits, clocks, states that can be true, anchor and phases."""
 
 import dataclasses as dc
 from itertools import pairwise
@@ -95,9 +93,8 @@ def test_what_is_out_of_order_names_value_and_limit():
 
 # Clocks
 
-WAYS = st.lists(
-    st.tuples(st.floats(0.001, 0.2), st.floats(0.0, 0.3)), min_size=1, max_size=30
-)  # gap, delay [s]
+# gap, delay [s]
+WAYS = st.lists(st.tuples(st.floats(0.001, 0.2), st.floats(0.0, 0.3)), min_size=1, max_size=30)
 OFFSETS = st.floats(-1e6, 1e6)
 
 
@@ -154,9 +151,7 @@ STEP, EVERY = 0.004, 0.01
 
 
 def node_times(rates, beat=SIMULATED, dut=None) -> np.ndarray:
-    """Our time, the vehicle's and the node's (n, 3) of a vehicle whose clock runs at these rates, a
-    step each.
-    """
+    """Our time, the vehicle's and the node's (n, 3); its clock runs at these rates."""
     dut, found, sent, theirs = dut or NodeClock(), [], 0, 0.0
     for k, rate in enumerate(rates):
         theirs += rate * STEP

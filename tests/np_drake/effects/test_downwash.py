@@ -1,6 +1,4 @@
-"""Laws of the downwash: a jet with the momentum of the neighbour's thrust, which pushes down what
-is in it.
-"""
+"""Laws of the downwash: a jet with the momentum of the neighbour's thrust."""
 
 import numpy as np
 import pytest
@@ -44,26 +42,23 @@ def test_at_the_rotors_the_jet_has_their_second_moment_of_momentum():
     w = jet_velocity(VEHICLE, np.full_like(r, 1e-12), r)
     second = np.trapezoid(w**2 * r**3, r) / np.trapezoid(w**2 * r, r)
     arms = np.linalg.norm(np.array(VEHICLE.rotor_positions)[:, :2], axis=1)
-    assert second == pytest.approx(
-        np.mean(arms**2) + VEHICLE.rotor_radius**2 / 2, rel=1e-4
-    )  # [m²]; the quadrature
+    # [m²]; the quadrature
+    assert second == pytest.approx(np.mean(arms**2) + VEHICLE.rotor_radius**2 / 2, rel=1e-4)
 
 
 def test_without_a_neighbour_or_above_it_nothing_pushes():
     np.testing.assert_array_equal(pushed((0, 0, 1)), np.zeros(6))
     np.testing.assert_array_equal(pushed((0, 0, 3), hovering((0, 0, 2))), np.zeros(6))
-    np.testing.assert_array_equal(
-        pushed((0, 0, 1), hovering((0, 0, 2)), t=11.0), np.zeros(6)
-    )  # its log has ended
+    # its log has ended
+    np.testing.assert_array_equal(pushed((0, 0, 1), hovering((0, 0, 2)), t=11.0), np.zeros(6))
 
 
 def test_opposite_sides_feel_the_same_push_and_opposite_torques():
     here, there = (pushed((x, 0.1 * x, 1), hovering((0, 0, 2))) for x in (0.3, -0.3))
     np.testing.assert_allclose(here[:3], there[:3], rtol=1e-12)
     np.testing.assert_allclose(here[3:], -there[3:], atol=1e-12)
-    assert (
-        here[4] < 0
-    )  # the rotors behind, nearer to the axis, lose more: the tail falls, - about y
+    # the rotors behind, nearer to the axis, lose more: the tail falls, - about y
+    assert here[4] < 0
     assert here[3] > 0  # and those to the right: the right side falls, + about x
 
 

@@ -22,9 +22,7 @@ WEIGHT = np.array([0, 0, GRAVITY])
 
 
 def spherical(length, r, r_rate, hook, t, damping=0.0):
-    """Reference: (len(t), 3) specific pull of a taut pendulum under the hook acceleration hook(t),
-    at hook_speed(t).
-    """
+    """Return the specific pull (len(t), 3) of a taut pendulum by a general integrator."""
 
     def pushed(t):
         return WEIGHT + hook(t) + damping * hook_speed(t)

@@ -54,9 +54,8 @@ def test_a_solution_that_leaves_the_input_set_is_solved_again(
     monkeypatch.setattr(
         Preconditioned, "add_violated", lambda *a: answers.append(add(*a)) or answers[-1]
     )
-    monkeypatch.setattr(
-        ipopt, "Preconditioned", partial(Preconditioned, near=-1e-3)
-    )  # no row is passed at first
+    # no row is passed at first
+    monkeypatch.setattr(ipopt, "Preconditioned", partial(Preconditioned, near=-1e-3))
     solution = dut.solve(problem)
     assert answers[0]
     assert not answers[-1]

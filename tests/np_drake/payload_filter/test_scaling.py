@@ -1,6 +1,4 @@
-"""Similar vehicles: the payload filter finds the same of each, in the units of that vehicle; and
-the file that carries what it knows.
-"""
+"""Similar vehicles find the same in their own units; the file that carries what is known."""
 
 import dataclasses as dc
 import math

@@ -46,13 +46,11 @@ def vehicle():
 def test_it_finds_thrust_error_drag_and_hook_of_the_vehicle(flown, vehicle):
     flight = flown(seconds=30.0, radius=1.0, dither=0.08, thrust_error=-0.04, drag=0.15, noise=0.05)
     model = train_payload_filter([(as_log(flight, vehicle), vehicle)], step=STEP)
-    assert model.thrust_error == pytest.approx(
-        -0.04, abs=0.01
-    )  # three tenths of the payload's weight [1]
+    # three tenths of the payload's weight [1]
+    assert model.thrust_error == pytest.approx(-0.04, abs=0.01)
     assert model.drag == pytest.approx(0.15, abs=0.02)  # [1/s]
-    np.testing.assert_allclose(
-        model.hook, [0.0, 0.0, -0.025], atol=0.004
-    )  # noise of the torque label [m]
+    # noise of the torque label [m]
+    np.testing.assert_allclose(model.hook, [0.0, 0.0, -0.025], atol=0.004)
     assert model.mass == vehicle.mass
     assert model.summary["origin"]["mass"] == vehicle.mass
     assert model.delay == 0.0  # the commands act at once
@@ -65,9 +63,8 @@ def test_torque_of_the_speed_is_not_taken_for_the_hooks(flown, vehicle):
         v = attitude.rotate_back(sample.x[3:7], sample.x[7:10])
         sample.chi[3:5] += speed_torque * v[[1, 0]]
     model = train_payload_filter([(as_log(flight, vehicle), vehicle)], step=STEP)
-    np.testing.assert_allclose(
-        model.speed_torque, speed_torque, atol=0.001
-    )  # noise of the torque label [N·s]
+    # noise of the torque label [N·s]
+    np.testing.assert_allclose(model.speed_torque, speed_torque, atol=0.001)
     np.testing.assert_allclose(model.hook, [0.0, 0.0, -0.025], atol=0.004)  # the same [m]
 
 

@@ -9,13 +9,8 @@ SQUARE = "x,y,z\n1,1,1\n-1,1,1\n-1,-1,1.5\n1,-1,1.5\n1,1,1\n"
 LINE = "x,y,z\n0,0,1\n3,0,1\n3,1,2\n0,1,2\n"
 # p [m], v [m/s], a [m/s²], jerk, snap, as in the docs.
 ROUND_TRIP = (1e-8, 1e-6, 1e-4, 1e-2, 1.0)
-ROUND_TRIP_JUMP = (
-    1e-7,
-    2e-5,
-    5e-3,
-    2.0,
-    np.inf,
-)  # near a jump of the snap, of up to 7e2 m/s⁴, as of `steps`
+# near a jump of the snap, of up to 7e2 m/s⁴, as of `steps`
+ROUND_TRIP_JUMP = (1e-7, 2e-5, 5e-3, 2.0, np.inf)
 
 
 def track(tmp_path, text, name="track.csv", **changes):
