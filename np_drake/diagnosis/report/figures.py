@@ -1,21 +1,16 @@
-"""Figures of the report: replay error, and the gap by regime and time."""
+"""Figures of the report: replay error, and the gap by regime."""
 
 from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, MaxNLocator
+from matplotlib.ticker import FuncFormatter
 
-from np_drake.diagnosis.report.words import plain_name
-from np_drake.diagnosis.result import Localisation, Regime, ReplayGap
+from np_drake.diagnosis.result import Regime, ReplayGap
 from np_drake.files.figure_file import PALETTE, new_figure
-from np_drake.files.number_text import suited
 
 BEFORE, AFTER, NOISE = PALETTE[1], PALETTE[0], "0.25"
 NOMINAL, WITH = "nominal simulator", "with the causes"  # in every legend
-FLIGHTS = 4  # largest number of flights in the timeline
-_WINDOW = 0.25  # window of the running RMS in the timeline [s]
-_KINDS = (("force", "N", slice(0, 3)), ("torque", "N·m", slice(3, 6)))
 
 
 def legend(figure: Figure) -> None:
@@ -94,81 +89,3 @@ def regime_figure(regimes: Sequence[Regime]) -> Figure:
     grid[0, 0].set_ylabel("RMS residual over noise [1]")
     legend(figure)
     return figure
-
-
-Onsets = dict[str, list[tuple[str, float]]]  # flight: (effect, time)
-
-
-def timeline_figure(localisation: Localisation, onsets: Onsets) -> Figure:
-    """Return the running RMS of force and torque residual of each flight, with noise and onsets.
-
-    Args:
-        onsets: by flight, effects and when they begin [s].
-    """
-    flights = list(localisation.times)[:FLIGHTS]
-    kinds = [
-        kind for kind in _KINDS if any(np.any(localisation.before[f][:, kind[2]]) for f in flights)
-    ]
-    figure, grid = new_figure(
-        len(flights),
-        max(len(kinds), 1),
-        width=9.0,
-        height=0.9 + 1.75 * len(flights),
-        sharex="row",
-        sharey="col",
-    )
-    for axes, flight in zip(grid, flights, strict=True):
-        for ax, (kind, unit, channels) in zip(axes, kinds, strict=False):
-            factor, shown = _trace(ax, localisation, flight, channels, unit)
-            for _, time in onsets.get(flight, []):
-                ax.axvline(time, color=PALETTE[2], linewidth=1.6, label="a cause begins")
-            if floor := factor * np.linalg.norm(
-                [c.noise_floor for c in localisation.channels[channels]]
-            ):
-                ax.axhline(floor, color=NOISE, linestyle="--", linewidth=1.0, label="noise")
-            ax.set_ylabel(f"{kind} [{shown}]")
-            ax.set_title(plain_name(flight), fontsize=8, loc="left", parse_math=False)
-    for ax in grid[-1]:
-        ax.set_xlabel("time [s]")
-        ax.autoscale(axis="y")  # of all flights, which share the axis
-        ax.set_ylim(bottom=0)
-    legend(figure)
-    return figure
-
-
-def _trace(
-    ax, localisation: Localisation, flight: str, channels: slice, unit: str
-) -> tuple[float, str]:
-    """Draw the running RMS before and after, and return the factor and the unit in which it is
-    drawn.
-    """
-    curves = ((localisation.before, NOMINAL, BEFORE, "--"), (localisation.after, WITH, AFTER, "-"))
-    every = np.concatenate([values[:, channels].ravel() for values in localisation.before.values()])
-    factor, shown = suited(float(np.nanmax(np.abs(every))), unit)
-    t = localisation.times[flight]
-    for traces, label, colour, dash in curves:
-        if flight in traces:
-            size = factor * np.linalg.norm(traces[flight][:, channels], axis=1)
-            # The root mean square (n,) over `_WINDOW` [s]; rows that are not finite are left
-            # out.
-            rows = (
-                max(1, round(_WINDOW / max(float(np.median(np.diff(t))), 1e-6)))
-                if len(t) > 1
-                else 1
-            )
-            good = np.isfinite(size)
-            kernel = np.ones(min(rows, len(t)))
-            square = np.convolve(np.where(good, size, 0.0) ** 2, kernel, "same")
-            count = np.convolve(good.astype(float), kernel, "same")
-            ax.plot(
-                t,
-                (np.sqrt(square / np.where(count > 0.5, count, np.nan))),
-                color=colour,
-                linestyle=dash,
-                linewidth=1.1,
-                label=label,
-            )
-    ax.margins(x=0)
-    ax.xaxis.set_major_locator(MaxNLocator(8, steps=[1, 2, 5, 10]))
-    ax.grid(alpha=0.3, linewidth=0.6)
-    return factor, shown

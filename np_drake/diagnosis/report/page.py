@@ -1,6 +1,5 @@
 """The report's folder: HTML page, JSON and figures, all made before anything is written."""
 
-import math
 from collections.abc import Mapping
 from importlib.metadata import version
 from pathlib import Path
@@ -12,14 +11,14 @@ from matplotlib.figure import Figure
 from np_drake.diagnosis.report import answer as summary
 from np_drake.diagnosis.report import words
 from np_drake.diagnosis.report.answer import GAP_HEADER, gap_rows, headline, lead, remains
-from np_drake.diagnosis.report.figures import regime_figure, replay_figure, timeline_figure
+from np_drake.diagnosis.report.figures import regime_figure, replay_figure
 from np_drake.diagnosis.result import Diagnosis, Finding, ReplayGap
 from np_drake.files.atomic_file import require_writable, write_json
 from np_drake.files.page import Section, write_page
 
 TEMPLATE = Path(__file__).with_name("report.html.j2")
 PAGE, DATA = "report.html", "diagnosis.json"
-PICTURES = ("timeline", "regimes", "replay")
+PICTURES = ("regimes", "replay")
 
 
 def content(diagnosis: Diagnosis, seed: int) -> dict[str, Any]:
@@ -155,13 +154,6 @@ def figures(diagnosis: Diagnosis) -> dict[str, Figure]:
     """Return by name the figures for which the diagnosis has data."""
     localisation, reduction = diagnosis.localisation, diagnosis.gap_reduction
     out: dict[str, Figure] = {}
-    if localisation.times:
-        onsets: dict[str, list[tuple[str, float]]] = {}
-        for cause in diagnosis.causes:
-            for flight, time in cause.onset.items():
-                if time is not None and math.isfinite(time):
-                    onsets.setdefault(flight, []).append((cause.identifier, time))
-        out["timeline"] = timeline_figure(localisation, onsets)
     if localisation.regimes:
         out["regimes"] = regime_figure(localisation.regimes)
     if reduction.replay_before is not None or reduction.replay_after is not None:

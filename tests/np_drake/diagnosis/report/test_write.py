@@ -19,7 +19,7 @@ def folder(diagnosis, tmp_path_factory):
 
 
 def test_the_folder_holds_page_data_and_pictures(folder):
-    pictures = {f"{name}.png" for name in ("timeline", "regimes", "replay")}
+    pictures = {f"{name}.png" for name in ("regimes", "replay")}
     assert {path.name for path in folder.iterdir()} == {"report.html", "diagnosis.json", *pictures}
 
 
@@ -33,15 +33,13 @@ def test_the_data_begin_as_every_file_of_the_project(folder):
 
 def test_the_page_stands_alone(folder):
     page = (folder / "report.html").read_text()
-    assert re.findall(r"(?:src|href)\s*=\s*(.{6})", page) == ['"data:'] * 3
+    assert re.findall(r"(?:src|href)\s*=\s*(.{6})", page) == ['"data:'] * 2
     assert "url(" not in page
     assert "<script" not in page
-    assert page.count("data:image/png;base64,") == 3
+    assert page.count("data:image/png;base64,") == 2
 
 
 def test_hostile_names_are_text(diagnosis, tmp_path):
-    where = diagnosis.localisation
-    renamed = {name: {HOSTILE: traces["heldout_1"]} for name, traces in _traces(where).items()}
     causes = (dc.replace(diagnosis.causes[0], onset={HOSTILE: 3.0}),)
     dut = dc.replace(
         diagnosis,
@@ -50,7 +48,6 @@ def test_hostile_names_are_text(diagnosis, tmp_path):
         held_out=(HOSTILE,),
         causes=causes,
         warnings=(HOSTILE,),
-        localisation=dc.replace(where, **renamed),
     )
     write_report(dut, tmp_path)
     page = (tmp_path / "report.html").read_text()
@@ -63,7 +60,3 @@ def test_nothing_is_written_where_the_folder_is_missing(diagnosis, tmp_path):
     with pytest.raises(FileNotFoundError, match="nowhere"):
         write_report(diagnosis, tmp_path / "nowhere")
     assert list(tmp_path.iterdir()) == []
-
-
-def _traces(where):
-    return {"times": where.times, "before": where.before, "after": where.after}
