@@ -1,7 +1,5 @@
 """The account of an export leaves no effect out in silence and says what the file shows."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -19,7 +17,6 @@ from np_drake.vehicle.vehicle import Vehicle, load_vehicle, preset_names
 
 EFFECTS = effects_for("rotor_speed", neighbours=True)
 UNUSUAL = {"thrust_drift": {"start": 0.9}}  # whose usual start is that of the nominal model
-PAGE = Path(__file__).parents[3] / "docs" / "guide" / "export.md"
 
 
 class Hose(LinearDrag):
