@@ -3,7 +3,7 @@
 The cases are fixed by name and remade from their seed: every effect of the library in both
 simulators, pairs, triples, onsets, out-of-library effects and clean controls, in both sensor
 qualities. Where NP_DRAKE_NEUROBEM names the published real flights, two diagnoses of them are
-compared as well. The suite answers ten cases, this script all of them:
+compared as well. The suite answers six cases, this script all of them:
 
     python tests/golden/frozen_cases.py [--jobs N] [--only CASE …] [--out FILE]
 

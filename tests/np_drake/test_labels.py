@@ -122,10 +122,3 @@ def test_an_impossible_filter_is_refused(bad):
 def test_a_bandwidth_above_nyquist_is_refused():
     with pytest.raises(ValueError, match="half the sampling rate"):
         lb.LabelFilter(Vehicle(), lb.LabelConfig(force_bandwidth=60.0), step=STEP)
-
-
-def test_a_log_without_accelerations_gives_no_labels():
-    vehicle, log, _ = flight()
-    log.a = None
-    with pytest.raises(ValueError, match="differentiate"):
-        lb.labels(log, vehicle)

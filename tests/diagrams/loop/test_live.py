@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from diagrams.loop.flight_result import fly
-from diagrams.loop.live import PAYLOAD, PUSH, SLIDERS, STOP, VEHICLE, LiveView
+from diagrams.loop.live import PAYLOAD, SLIDERS, STOP, VEHICLE, LiveView
 from tests.diagrams.loop.conftest import short
 
 
@@ -62,17 +62,6 @@ def test_the_payload_is_pushed_by_its_own_button(calm):
     bare = config()
     bare.reality.payload.tether = "none"
     assert PAYLOAD not in LiveView(bare, rate=0.0).meshcat.GetButtonNames()
-
-
-def test_a_push_ends_by_itself_and_has_its_share_of_the_weight():
-    view = Scripted(config())
-    assert not np.any(view.forces(0.0))
-    click(view, VEHICLE)
-    share = view.meshcat.GetSliderValue(SLIDERS[0])
-    weight = config().vehicle.mass * config().vehicle.gravity
-    assert view.forces(1.0)[0][0] == pytest.approx(share * weight)
-    assert np.any(view.forces(1.0 + 0.9 * PUSH)[0])
-    assert not np.any(view.forces(1.0 + 1.1 * PUSH))
 
 
 def test_stop_ends_the_flight_and_leaves_its_log():

@@ -10,7 +10,7 @@ from diagrams.loop.flight import FlightConfig, default_flight, load_flight
 from diagrams.loop.flight_result import fly
 from np_drake.command_delay import LONGEST_DELAY
 from np_drake.references.config import make_reference
-from np_drake.vehicle.scaling import SPARE_LIFT, ratios, scales, similar
+from np_drake.vehicle.scaling import ratios, scales, similar
 from np_drake.vehicle.vehicle import Calibration, MeasurementNoise, Vehicle, load_vehicle
 
 SMALL, LARGE = similar(Vehicle(), 0.26), similar(Vehicle(), 2.3)
@@ -36,23 +36,6 @@ def test_packaged_scenarios_stand_in_si_for_the_papers_vehicle(name, tmp_path):
     text = (FOLDER / f"{name}.yaml").read_text().replace("scaled: true\n", "")
     (tmp_path / "own.yaml").write_text(text)
     assert plain(load_experiment(name)) == plain(load_flight(str(tmp_path / "own.yaml")))
-
-
-@pytest.mark.parametrize("vehicle", [SMALL, LARGE])
-def test_the_cable_stretches_by_one_share_of_its_length_under_any_payload(vehicle):
-    shares = []
-    for payload, g in (
-        (FlightConfig().reality.payload, 9.81),
-        (default_flight(vehicle).reality.payload, 9.81),
-    ):
-        shares.append(payload.mass * g / (payload.stiffness * payload.length))
-    assert shares[1] == pytest.approx(shares[0], rel=1e-12)  # [1]
-
-
-def test_the_payload_leaves_a_weak_vehicle_spare_lift():
-    weak = dc.replace(Vehicle(), max_rotor_thrust=1.3 * 19.62 / 4)
-    payload = default_flight(weak).check().reality.payload
-    assert payload.mass == pytest.approx(SPARE_LIFT * 0.3 * weak.mass)
 
 
 @pytest.mark.parametrize("vehicle", [SMALL, LARGE])
@@ -82,13 +65,6 @@ def test_a_value_named_in_si_wins_over_the_scaled_default(tmp_path):
     assert (dut.reference.radius, dut.reality.payload.length) == (0.5, 0.3)
     assert dut.reference.height == pytest.approx(1.6 * ratios(SMALL).length)
     assert dut.vehicle == SMALL
-
-
-def test_the_vehicle_of_the_file_sets_its_own_scale(tmp_path):
-    (tmp_path / "own.yaml").write_text("vehicle: {mass: 1.0, max_rotor_thrust: 6.0}\n")
-    dut = load_flight(str(tmp_path / "own.yaml"))
-    assert dut.reality.payload.mass == pytest.approx(0.13)
-    assert dut.reference.radius == 1.0
 
 
 def test_similar_vehicles_fly_the_same_dimensionless_circle():

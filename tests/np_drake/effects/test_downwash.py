@@ -5,7 +5,6 @@ import pytest
 
 from np_drake.effects.base import Motion
 from np_drake.effects.downwash import Downwash, jet_velocity, thrust_loss
-from np_drake.effects.library import BESIDE_NEIGHBOURS, LIBRARY, effects_for, in_scenarios
 from np_drake.effects.rotor_inflow import AIR_DENSITY, RotorInflow
 from np_drake.flight_log import Neighbour
 from np_drake.vehicle import Vehicle
@@ -92,11 +91,3 @@ def test_a_log_is_evaluated_row_by_row():
     thrust = rng.uniform(1, 8, (9, 4))
     rows = [dut.wrench(VEHICLE, Motion(t[i], x[i], thrust[i])) for i in range(9)]
     np.testing.assert_allclose(dut.wrench(VEHICLE, Motion(t, x, thrust)), rows, atol=1e-12)
-
-
-def test_it_is_tried_and_drawn_only_where_there_are_neighbours():
-    assert "downwash" not in LIBRARY  # from which simulated cases draw
-    assert set(effects_for("command", neighbours=True)) - set(effects_for("command")) == {
-        *BESIDE_NEIGHBOURS
-    }
-    assert "downwash" in in_scenarios()  # as a stored diagnosis names it

@@ -150,6 +150,11 @@ def test_a_slack_tether_is_silent_until_it_snaps_and_then_stops_the_fall():
     np.testing.assert_allclose(found[pulled[0] + 3 :, 2], -GRAVITY, rtol=1e-9)  # then it hangs
 
 
+def test_a_tether_never_pushes():
+    f = tether_force(Payload(), np.array([0, 0, 0.8]), np.zeros(3), np.zeros(3), GRAVITY)
+    np.testing.assert_array_equal(f, 0.0)
+
+
 def test_a_turning_hook_accelerates_to_the_axis_and_along_the_turn():
     x = np.array([0, 0, 1.0, 1.0, 0, 0, 0, 0, 0, 0, 0, 0, 2.0])
     a = hook_acceleration((0.1, 0, 0), x, np.array([0, 0, 1.0]), np.array([0, 0, 5.0]))

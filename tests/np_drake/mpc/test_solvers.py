@@ -1,7 +1,6 @@
 """Laws that every solver obeys, and optimality of what they find."""
 
 import dataclasses as dc
-import logging
 
 import numpy as np
 import pytest
@@ -10,7 +9,7 @@ from hypothesis import strategies as st
 
 from np_drake.mpc.ipopt import IpoptCondensedSolver
 from np_drake.mpc.problem import MpcConfig, MpcStatus, SolverFailure
-from np_drake.mpc.sqp import SqpSolver, expected_early_ends
+from np_drake.mpc.sqp import SqpSolver
 from np_drake.residual_model import no_forecast
 from np_drake.vehicle import Vehicle
 
@@ -107,19 +106,3 @@ def test_any_state_has_a_finite_plan_or_a_typed_failure(make_problem, seed, magn
             continue
         assert np.isfinite(solution.cost)
         assert np.isfinite(solution.u).all()
-
-
-def test_drakes_warnings_are_muted_inside_and_heard_after(caplog):
-    log = logging.getLogger("drake")
-
-    def fail():
-        with expected_early_ends():
-            log.warning("inside")
-            log.error("an error inside")
-            raise KeyError
-
-    with caplog.at_level(logging.WARNING, logger="drake"):
-        with pytest.raises(KeyError):
-            fail()
-        log.warning("after")
-    assert [record.message for record in caplog.records] == ["an error inside", "after"]
