@@ -140,9 +140,10 @@ class CaseFiles:
         opened = with_vehicle(
             [read_as_logged(path) for path in (*self.train, *self.held_out)], vehicle
         )
-        parts = [_parts(found) for found in opened]
-        train, held_out = parts[: len(self.train)], parts[len(self.train) :]
-        return [log for own in train for log in own], [log for own in held_out for log in own]
+        train, held_out = opened[: len(self.train)], opened[len(self.train) :]
+        return [p for own in train for p in _parts(own)], [
+            p for own in held_out for p in _parts(own)
+        ]
 
     def open_neighbours(
         self, given: Sequence[str], logs: Sequence[Sequence[FlightLog]]

@@ -262,24 +262,6 @@ def split_at_gaps(table: Table) -> tuple[list[Table], list[str]]:
     return [table.rows(rows) for rows in kept], [note]
 
 
-def without_long_gaps(table: Table) -> Table:
-    """Return the table, where no gap is longer than `LONGEST_GAP`.
-
-    Raises: LogError: where one is.
-    """
-    interval = np.diff(table.columns["t"])
-    if len(split_at_gaps(table)[0]) > 1:
-        row = int(np.argmax(interval)) + 1
-        raise table.error(
-            f"must have no gap longer than {LONGEST_GAP:g} s; the one before this row lasts "
-            f"{interval[row - 1]:.3g} s. "
-            "Cut the log there.",
-            column="t",
-            row=row,
-        )
-    return table
-
-
 def bridge_gaps(table: Table, fields: list[str]) -> tuple[Table, np.ndarray]:
     """Return the table with rows at the median interval inside every gap, and which rows (n,) these
     are.

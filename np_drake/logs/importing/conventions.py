@@ -173,8 +173,7 @@ def require_a_likely_clock(signals: Signals, log_map: LogMap, path: str) -> None
     clock, declared = clock_of(signals), UNITS["time"][log_map.time.unit or "s"]
     if SHORTEST <= clock.step <= LONGEST:
         return
-    units = sorted(UNITS["time"].items(), key=lambda unit: abs(np.log(unit[1] / declared)))
-    for unit, factor in units:
+    for unit, factor in sorted(UNITS["time"].items(), key=lambda u: abs(np.log(u[1] / declared))):
         scale = factor / declared
         if SHORTEST <= clock.step * scale <= LONGEST and scale * np.ptp(clock.t) >= LEAST_SECONDS:
             raise WrongConventions(

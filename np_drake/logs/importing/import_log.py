@@ -50,7 +50,6 @@ from np_drake.vehicle.vehicle import STRONGEST
 
 # In names of what turns rotors.
 DRIVES = re.compile(r"(motor|rotor|throttle|pwm|esc|rpm|omega|actuator).*\d", re.IGNORECASE)
-BODY = " ".join((*COLUMNS["w"], *FORCE))
 
 
 def lacking(contents: Contents) -> str:
@@ -65,7 +64,8 @@ def lacking(contents: Contents) -> str:
     if "q" not in here:
         missing = " ".join(name for name in COLUMNS["q"] if name not in names)
         said.append(
-            f"attitude ({missing}, or Euler angles by a map), or gyro and accelerometer ({BODY})"
+            f"attitude ({missing}, or Euler angles by a map), or gyro and accelerometer "
+            f"({' '.join((*COLUMNS['w'], *FORCE))})"
         )
     if not {"p", "v", "a"} & set(here):
         said.append("position, velocity or acceleration (px py pz, vx vy vz, ax ay az)")

@@ -173,8 +173,8 @@ class LogMap:
 
     def names(self) -> list[str]:
         """Return the names of all columns that are used, the time among them."""
-        sources = [source for _, source in self.sources()]
-        return [column for source in (self.time, *sources) for column in source.columns]
+        names = [column for _, source in self.sources() for column in source.columns]
+        return [*self.time.columns, *names]
 
     def check(self) -> "LogMap":
         """Return self after checking all fields.

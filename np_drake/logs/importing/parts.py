@@ -29,7 +29,7 @@ from np_drake.logs.importing.conventions import (
 )
 from np_drake.logs.importing.laws import FASTEST_ROTOR, WINDOW, stretches
 from np_drake.logs.importing.log_map import GRAVITY, UNITS, LogMap, convert_quantity
-from np_drake.logs.importing.signals import FASTER, Signals, clock_of, collective, is_slow
+from np_drake.logs.importing.signals import FASTER, Signals, clock_of, is_slow
 
 MOVED = 0.05  # from where it rests before and after the flight [m]; own choice
 # share of the usual lift below which they carry no vehicle, even one that lost its load [1]; own
@@ -187,8 +187,9 @@ def import_part(
     flights = [
         dc.replace(flight, lacks=lacks, notes=[*flight.notes, *derived]) for flight in flights
     ]
-    timing = _timing(signals, log_map)
-    return Part(signals, verdict, aligned, carried, ground, tuple(flights), timing)
+    return Part(
+        signals, verdict, aligned, carried, ground, tuple(flights), _timing(signals, log_map)
+    )
 
 
 def flies(signals: Signals, log_map: LogMap) -> bool:
@@ -223,7 +224,8 @@ def _with_collective(aligned: Aligned, signals: Signals, log_map: LogMap) -> Ali
         count = values[name].shape[1]
         if count == 1 or (count == 4 and not is_slow(name, signals[name], log_map)):
             continue
-        one = collective(values.pop(name))
+        # At which all together lift as much: thrust goes with the square.
+        one = np.sqrt(np.mean(np.square(values.pop(name)), axis=1, keepdims=True))
         if name == "rotor_speed":  # of no scale, as a throttle is
             one = one / max(float(np.percentile(one, 99)), 1e-9)
         if "thrust" not in values:

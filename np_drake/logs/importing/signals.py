@@ -381,10 +381,3 @@ def is_slow(name: str, own: Signal, log_map: LogMap) -> bool:
     return 1 / own.renewal < SLOWEST_ROTORS and (
         name == "rotor_speed" or log_map.command not in HELD
     )
-
-
-def collective(values: np.ndarray) -> np.ndarray:
-    """Return the throttle (n, 1) at which all rotors together lift as those of (n, k): thrust goes
-    with its square.
-    """
-    return np.sqrt(np.mean(np.square(values), axis=1, keepdims=True))

@@ -15,7 +15,6 @@ from np_drake.logs.columns import (
     present_fields,
     said_of_bridged,
     split_at_gaps,
-    without_long_gaps,
 )
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.csv_file import write_csv
@@ -228,14 +227,6 @@ def test_every_row_is_in_one_part_and_no_part_has_a_long_gap(cuts):
         whole, bridged = bridge_gaps(part, present_fields(part))
         assert np.diff(whole.columns["t"]).max() <= 2.5 * 0.01  # one lost row is no gap
         np.testing.assert_array_equal(whole.columns["t"][~bridged], part.columns["t"])
-
-
-def test_a_long_gap_is_named_where_a_log_must_be_whole():
-    table = Table("made", circling(without(T, 200, 60)))
-    with pytest.raises(
-        LogError, match=r"column t, row 201 .*no gap longer than 0\.1 s.*lasts 0\.61 s"
-    ):
-        without_long_gaps(table)
 
 
 @pytest.fixture
