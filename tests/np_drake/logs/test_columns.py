@@ -19,11 +19,9 @@ from np_drake.logs.columns import (
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.csv_file import write_csv
 from np_drake.logs.formats.log_file import read as read_flights
-from np_drake.logs.formats.log_file import write_log
 from np_drake.logs.importing.import_log import import_log
 from np_drake.logs.importing.laws import check_units
 from np_drake.logs.opening import open_flights
-from np_drake.rotor_input import with_rotor_input
 from np_drake.vehicle import Vehicle
 
 
@@ -112,14 +110,6 @@ def test_a_fault_is_named_with_its_place_in_one_line(columns, tmp_path, fault):
     with pytest.raises(LogError, match=message) as error:
         open_flights(tmp_path / "made.csv", Vehicle())[0][0]
     assert "\n" not in str(error.value)
-
-
-def test_a_file_cut_off_is_named(flight, tmp_path):
-    write_log(flight, tmp_path / "made.csv")
-    text = (tmp_path / "made.csv").read_text()
-    (tmp_path / "made.csv").write_text(text[:-60])
-    with pytest.raises(LogError, match=r"row 600 \(line 601\).*cut off"):
-        read_flights(tmp_path / "made.csv")[0]
 
 
 MENDED = {  # by an import
@@ -268,18 +258,6 @@ def test_torque_in_another_unit_or_sign_is_refused_with_its_column(turning, faul
     with pytest.raises(LogError, match=rf"made\.csv, {message}") as error:
         check_units(dc.replace(turning, u=turning.u * [1, *factors]), "made.csv", Vehicle())
     assert "\n" not in str(error.value)
-
-
-def test_rotors_in_another_order_are_refused_with_the_vehicle_file(turning):
-    thrust = turning.u @ Vehicle().unmixer.T
-    rotor = np.sqrt(thrust / Vehicle().thrust_coefficient)
-    vehicle = dc.replace(Vehicle(), input="rotor_speed")
-    check_units(with_rotor_input(dc.replace(turning, rotor=rotor), vehicle), "made.csv", vehicle)
-    swapped = with_rotor_input(dc.replace(turning, rotor=rotor[:, [1, 0, 3, 2]]), vehicle)
-    with pytest.raises(
-        LogError, match=r"column rotor1: torque .*rotor_directions of vehicle 'paper' in the log's"
-    ):
-        check_units(swapped, "made.csv", vehicle)
 
 
 def test_torque_against_a_disturbance_is_no_wrong_sign(turning):

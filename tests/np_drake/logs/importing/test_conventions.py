@@ -43,12 +43,6 @@ ERRORS = {
     "millimetres": (("position.unit", "mm"),),
     "position_ned": (("position.world", "ned"), ("velocity.world", "ned")),
 }
-FRAMES = {"ned": "w", "frd": "b", "ned_frd": "wb", "rates_frd": "b", "position_ned": "w"}
-PAIRS = [
-    pair
-    for pair in itertools.combinations(ERRORS, 2)
-    if not set(FRAMES.get(pair[0], "")) & set(FRAMES.get(pair[1], ""))
-]
 
 
 @pytest.fixture(scope="module")
@@ -94,13 +88,6 @@ def test_every_error_by_itself_is_named(sampled, conventions, error):
     verdict, named = checked(sampled, conventions, ERRORS[error])
     assert verdict.failed
     assert named[0], f"{as_text(verdict.changes)} for {error}"
-
-
-@pytest.mark.parametrize("pair", PAIRS[:: len(PAIRS) // 4], ids="+".join)
-def test_pairs_of_errors_are_refused_and_the_right_ones_are_among_named(sampled, conventions, pair):
-    verdict, named = checked(sampled, conventions, ERRORS[pair[0]] + ERRORS[pair[1]])
-    assert verdict.failed
-    assert any(named) or not verdict.changes, as_text(verdict.changes)
 
 
 ANGLES = Source([f"attitude{i}" for i in range(3)])

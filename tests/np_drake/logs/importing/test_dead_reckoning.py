@@ -97,19 +97,6 @@ def test_an_attitude_that_was_integrated_is_level_on_the_whole(body, fly):
     assert np.sqrt(np.mean((tilt[1] - tilt[0]) ** 2)) < 0.1
 
 
-def test_without_attitude_residuals_are_those_of_the_whole_log(body, excited):
-    (dut,), sheet = open_flights(body(excited), Vehicle())
-    whole, part = (make_flight_residuals(log, Vehicle()) for log in (excited, dut))
-    np.testing.assert_allclose(part.y[:, TORQUE], whole.y[:, TORQUE], atol=1e-3)
-    assert np.sqrt(np.mean((part.y[:, FORCE] - whole.y[:, FORCE]) ** 2)) < 0.05  # [N]
-    assert not part.y[:, 6:].any()  # nothing is compared with itself
-    report = examine([dut], Vehicle(), sheets={dut.name: sheet.content})
-    assert report.usable
-    never = {a.identifier for a in report.answers if a.verdict == "never"}
-    assert never == NO_HEIGHT | NO_VELOCITY | NO_ATTITUDE
-    assert {"center_of_mass_offset", "inertia_error", "weak_rotor", "motor_lag"} & never == set()
-
-
 TURNS = {
     "g": lambda w, s: (w, s / 9.80665),
     "frd": lambda w, s: (w * [1, -1, -1], s * [1, -1, -1]),
