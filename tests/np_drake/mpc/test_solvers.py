@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from np_drake.mpc.ipopt import IpoptCondensedSolver
 from np_drake.mpc.problem import MpcConfig, MpcStatus, SolverFailure
 from np_drake.mpc.sqp import SqpSolver
-from np_drake.residual_model import no_forecast
+from np_drake.residual_model import constant_forecast
 from np_drake.vehicle import Vehicle
 
 
@@ -30,7 +30,9 @@ SOLVERS = pytest.mark.parametrize("name", ["sqp", "ipopt"])
 def test_at_the_reference_without_wrench_the_input_is_the_reference_input(
     solvers, make_problem, config, name
 ):
-    problem = dc.replace(make_problem(config, offset=0.0), forecast=no_forecast(config.horizon))
+    problem = dc.replace(
+        make_problem(config, offset=0.0), forecast=constant_forecast(np.zeros(6), config.horizon)
+    )
     solution = solvers[name].solve(problem)
     np.testing.assert_allclose(solution.u, problem.u_ref, atol=1e-6)  # [N, N·m]
     np.testing.assert_allclose(solution.x, problem.x_ref, atol=1e-6)
