@@ -6,8 +6,9 @@ import pytest
 from np_drake.diagnosis.forward_model import NEVER
 from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.regressors import RegressionProblem
-from np_drake.diagnosis.regressors.library import _effect_candidates
+from np_drake.diagnosis.regressors.library import _effect_candidates, switched
 from np_drake.diagnosis.selection.change_point import OnsetScan, late_payloads, switched_candidates
+from np_drake.effects.center_of_mass_offset import CenterOfMassOffset
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError
 from np_drake.effects.suspended_payload import SuspendedPayload
@@ -77,3 +78,29 @@ def test_a_payload_that_is_hung_on_in_flight_is_found_to_the_row(seen, noise):
     assert {c.identifiers for c in found} == {("suspended_payload",)}
     assert found[0].onset["1"] == pytest.approx(4.0, abs=0.03)
     assert float(found[0].variant.removeprefix("length=")) == pytest.approx(0.5, rel=0.05)
+
+
+def test_a_scan_beside_fewer_is_one_of_its_own_from_the_same_sums(seen, noise):
+    drag, late = LinearDrag(0.6, 0.6, 0.6), MassError(0.2)
+    flights = [
+        seen(drag, late, name=n, seed=int(n), noise=1.0, onset={"mass_error": when})
+        for n, when in {"1": 5.3, "2": 7.0}.items()
+    ]
+    effects = [CenterOfMassOffset(), drag, WeakRotor(), late]
+    turn, *candidates = problem_of(flights, noise, effects).candidates
+    problem = RegressionProblem(flights, noise, [turn], candidates, temperature=1.0, options=REAL)
+    mass = next(c for c in problem.candidates if c.identifiers == ("mass_error",))
+    whole = OnsetScan(problem, [0, 1])
+    sums = whole.sums(mass)
+    for members in ([], [0], [0, 1]):
+        own, dut = OnsetScan(problem, members), whole.given(members)
+        expected, found = own.best(mass), dut.best(mass, sums)
+        assert found.onset == expected.onset
+        assert (found.prior, found.gain, found.evidence) == pytest.approx(
+            (expected.prior, expected.gain, expected.evidence), rel=1e-9
+        )
+        begun = problem.extended([switched(mass, flights, found.onset)])
+        rest = begun.columns(members)
+        with_onset = np.r_[rest, begun.columns_of(len(problem.candidates))]
+        evidence = begun.total.log_evidence(with_onset) - begun.total.log_evidence(rest)
+        assert found.evidence == pytest.approx(evidence, rel=1e-6)

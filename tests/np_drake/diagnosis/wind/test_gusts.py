@@ -84,3 +84,14 @@ def test_of_gusts_the_mean_is_foreseen_in_the_place_of_a_steady_wind(seen):
     assert held.residual["c"] is flight.y
     late = [dc.replace(c, onset={"c": 4.0}) for c in causes]
     assert [t.begins("c") for t in in_gusts(held, late).terms["c"]] == [4.0, 4.0]
+
+
+def test_a_drag_that_is_hardly_known_widens_the_figures_of_the_wind(blown):
+    sharp, vague = cause(DRAG), cause(DRAG)
+    for name, estimate in sharp.parameters.items():
+        sharp.parameters[name] = dc.replace(estimate, ci95=(0.299, 0.301))
+    widths = []
+    for drag in (sharp, vague):
+        gusts = as_gusts(*blown, [drag], 0.9, IDEAL)[-1]
+        widths.append([np.diff(gusts.parameters[n].ci95)[0] for n in ("mean_x", "deviation")])
+    assert np.all(np.array(widths[1]) > 1.1 * np.array(widths[0]))
