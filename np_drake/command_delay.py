@@ -125,19 +125,13 @@ class DelayFilter:
         squares = memory["squares"] + blend * (change**2 - memory["squares"])
         new = {"error": error, "squares": squares, "seen": seen}
         if self.track:
-            new["delay"] = self._likeliest(
-                squares, min(seen[0], self._window), int(memory["delay"][0])
-            )
+            # Log likelihood of normal steps with these mean squares, each channel's variance
+            # unknown; of every delay the likeliest lag, and of all the likeliest delay.
+            own = -0.5 * (min(seen[0], self._window) / SHARED)
+            logarithm = (own * np.log(squares + 1e-300).sum(axis=-1)).max(axis=0)
+            logarithm[int(memory["delay"][0])] += believed_before(len(logarithm))
+            new["delay"] = np.array([float(np.argmax(logarithm))])
         return new
-
-    @staticmethod
-    def _likeliest(squares: np.ndarray, samples: float, believed: int) -> np.ndarray:
-        """Return the delay of the highest posterior probability (1,) [periods / FINE]."""
-        # Log likelihood of normal steps with these mean squares, each channel's variance unknown;
-        # the likeliest lag.
-        logarithm = (-0.5 * (samples / SHARED) * np.log(squares + 1e-300).sum(axis=-1)).max(axis=0)
-        logarithm[believed] += believed_before(len(logarithm))
-        return np.array([float(np.argmax(logarithm))])
 
     def delay(self, memory: Memory) -> float:
         """Return the delay that is believed [s]."""

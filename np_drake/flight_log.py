@@ -183,8 +183,8 @@ class FlightLog:
         panels = {
             "height": ("z [m]", self.p[:, 2]),
             "speed": ("speed [m/s]", np.linalg.norm(self.v, axis=1)),
+            "thrust": ("thrust [N]", self.u[:, 0]),
         }
-        panels["thrust"] = ("thrust [N]", self.u[:, 0])
         figure, axes = new_mosaic([["track", name] for name in panels], width=10.0, height=4.8)
         axes["track"].plot(self.p[:, 0], self.p[:, 1], color=PALETTE[0], linewidth=1.2)
         axes["track"].set(

@@ -16,7 +16,7 @@ from scipy import signal
 from np_drake import rigid_body
 from np_drake.compiled import compiled, finite
 from np_drake.flight_log import FlightLog
-from np_drake.residual_model import KnowsRotorLag, Memory
+from np_drake.residual_model import Memory
 from np_drake.rotor_input import acting_command, rotor_decay, rotor_speed, rotor_wrench
 from np_drake.vehicle import Vehicle
 from np_drake.vehicle.scaling import ratios
@@ -92,12 +92,12 @@ def default_labels(vehicle: Vehicle) -> LabelConfig:
 
 
 def labelled(vehicle: Vehicle, model: object) -> Vehicle:
-    """Return the vehicle that the labels for `model` assume, with the rotor lag that the model has
-    learned.
+    """Return the vehicle that the labels for `model` assume, with the `rotor_lag` of the model's
+    training where it has one [s].
 
     A lag named in the vehicle's file takes precedence.
     """
-    lag = model.rotor_lag if isinstance(model, KnowsRotorLag) else 0.0
+    lag = getattr(model, "rotor_lag", 0.0)
     return dc.replace(vehicle, rotor_time_constant=vehicle.rotor_time_constant or lag)
 
 

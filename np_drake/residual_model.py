@@ -198,13 +198,6 @@ class ForecastsWholeFlights(Protocol):
 
 
 @runtime_checkable
-class KnowsRotorLag(Protocol):
-    """A residual model whose labels need the command filtered by the rotor lag of its training."""
-
-    rotor_lag: float  # [s]
-
-
-@runtime_checkable
 class KnowsDelay(Protocol):
     """A residual model whose training has shown how long commands are on their way; it is followed
     in flight.
@@ -273,8 +266,3 @@ def constant_forecast(chi: np.ndarray, horizon: int) -> WrenchForecast:
     """
     offset = np.broadcast_to(np.asarray(chi, float), (horizon, 6))
     return WrenchForecast(np.zeros((0, 0)), np.zeros((0, 6)), np.zeros((6, 0)), np.zeros(0), offset)
-
-
-def no_forecast(horizon: int) -> WrenchForecast:
-    """Return the forecast of the nominal model: no residual wrench."""
-    return constant_forecast(np.zeros(6), horizon)

@@ -29,7 +29,7 @@ from systems.plant import (
 from systems.plant_readings import BodyAcceleration, RodWrench, VehicleState
 from systems.rotors import add_rotors
 from systems.vehicle_forces import SteadyEffects, add_vehicle_forces
-from systems.wrench_effects import Push, WrenchEffects
+from systems.wrench_effects import WrenchEffects
 
 
 def make_tethered_quadrotor(
@@ -43,7 +43,6 @@ def make_tethered_quadrotor(
     onsets: Onsets = NO_ONSETS,
     hangs_at: float = 0.0,
     events: Sequence[PayloadEvent] = (),
-    pushed: bool = False,
 ) -> Diagram:
     """Return the real vehicle as one Diagram, hovering at rest at the world origin by default.
 
@@ -58,7 +57,6 @@ def make_tethered_quadrotor(
         onsets: when effects begin that do not act from the start [s].
         hangs_at: when the payload is hung on the cable; it has fallen freely until then [s].
         events: of a payload on a cable.
-        pushed: whether there is a subsystem `push`, by which forces from outside act.
 
     | port | size | meaning | unit |
     |---|---|---|---|
@@ -114,11 +112,6 @@ def make_tethered_quadrotor(
             builder, vehicle, wrench_effects, onsets, plant=plant, state=state, rotors=rotors
         )
         forces += [] if cable is None else [cable.GetOutputPort("generalized_force")]
-    if pushed:
-        push = builder.AddNamedSystem(
-            "push", Push(plant.num_velocities(), payload=cable is not None)
-        )
-        forces.append(push.get_output_port())
     force = _sum_forces(builder, plant, forces) if forces or changes else None
     if changes:
         change = builder.AddNamedSystem("mass_change", MassChange(plant, vehicle, changes))

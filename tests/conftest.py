@@ -4,11 +4,8 @@ A test that takes the `neurobem` or `real_flights` fixture is skipped without it
 `--require-real-flights` a skipped one is a failure, and so is a run in which none was executed.
 """
 
-import multiprocessing
 import os
 import signal
-from collections.abc import Callable
-from multiprocessing.process import BaseProcess
 from pathlib import Path
 
 import pytest
@@ -93,22 +90,6 @@ def real_flights() -> Path:
             f"neural_fly/ and ulog/"
         )
     return folder
-
-
-@pytest.fixture(scope="session")
-def forked() -> Callable[..., BaseProcess]:
-    """Return a function that runs another in a child of this process, which has imported all that
-    it needs.
-
-    A run that is killed and begun anew then costs its work alone, and no imports.
-    """
-
-    def start(function: Callable[..., object], *arguments: object) -> BaseProcess:
-        child = multiprocessing.get_context("fork").Process(target=function, args=arguments)
-        child.start()
-        return child
-
-    return start
 
 
 class RealFlightsRan:

@@ -28,9 +28,7 @@ def hit(*places: int) -> None:
 
 
 def pytest_runtest_logreport(report: Any) -> None:
-    """Note how a test ended and how long it took; the controller of parallel workers gets every
-    report once.
-    """
+    """Note how a test ended and how long it took."""
     if "PYTEST_XDIST_WORKER" not in os.environ:
         with open(Path(os.environ[FOLDER]) / "tests.reports", "a", encoding="utf-8") as stream:
             stream.write(
@@ -39,14 +37,9 @@ def pytest_runtest_logreport(report: Any) -> None:
 
 
 def reached(folder: Path) -> dict[int, dict[str, float]]:
-    """Return for each place the tests that passed and reached it with their durations [s], fastest
-    first.
+    """Return for each place the tests that passed and reached it with their durations [s].
 
-    What a fixture reaches is reached by every test of its file: the fixture may be shared. So its
-    time counts for each.
-
-    Args:
-        folder: With the notes of one run of the suite.
+    What a fixture reaches is reached by every test of its file, and its time counts for each.
     """
     reports = [json.loads(line) for line in (folder / "tests.reports").read_text().splitlines()]
     seconds: dict[str, float] = {}

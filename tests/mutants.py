@@ -62,9 +62,7 @@ HANGS = 10.0  # times as long, and a minute to begin: a mutant that hangs is not
 
 @dc.dataclass(frozen=True)
 class Mutant:
-    """A change of one file: the text `old` at (line, column), counted from 1 and 0, becomes
-    `new`.
-    """
+    """A change of one file: `old` at (line, column), counted from 1 and 0, becomes `new`."""
 
     path: Path
     line: int
@@ -86,9 +84,7 @@ class Mutant:
 
 
 def mutants_of(path: Path) -> Iterator[Mutant]:
-    """Yield every mutant of a file; texts of messages, type annotations and docstrings have
-    none.
-    """
+    """Yield every mutant of a file outside messages, type annotations and docstrings."""
     text = (ROOT / path).read_text()
     lines = text.splitlines()
     tree = ast.parse(text)
@@ -142,10 +138,6 @@ def probes_of(path: Path, mutants: dict[int, Mutant]) -> str:
 
     A statement outside functions, or in a compiled function, is reached by whatever runs a plain
     function of its file.
-
-    Args:
-        path: Of the file.
-        mutants: Those of this file, by number.
     """
     text = (ROOT / path).read_text()
     lines, tree = text.splitlines(keepends=True), ast.parse(text)
@@ -200,14 +192,7 @@ def _is_text(node: ast.AST, statement: ast.stmt, function: ast.FunctionDef) -> b
 
 
 def run_probed(drawn: list[Mutant], root: Path, workers: int, notes: Path) -> None:
-    """Run the suite once with a probe before the statement of every mutant.
-
-    Args:
-        drawn: The mutants.
-        root: A copy of the repository, left as it was.
-        workers: Processes of the suite.
-        notes: New folder of what the probes note, see `reached`.
-    """
+    """Run the suite once with probes in the copy at `root`, left as it was, and fill `notes`."""
     by_file: dict[Path, dict[int, Mutant]] = {}
     for number, mutant in enumerate(drawn):
         by_file.setdefault(mutant.path, {})[number] = mutant
@@ -242,10 +227,6 @@ def files_naming(path: Path, *, importing: bool) -> dict[str, float]:
     """Return the test files of a module's name, with `importing` those too that import it.
 
     A probe does not see calls of compiled functions, and those that a cache answers.
-
-    Args:
-        path: Of the module.
-        importing: Whether files that import it count.
     """
     module, every = (
         ".".join(path.with_suffix("").parts),
@@ -257,23 +238,14 @@ def files_naming(path: Path, *, importing: bool) -> dict[str, float]:
 
 
 def _distance(path: Path, test: str) -> int:
-    """Return how near a test lies to a source file: 0 in the test of its name, 1 in its room, 2
-    elsewhere.
-    """
+    """Return how near a test lies to a source file: 0 its own, 1 in its room, 2 elsewhere."""
     file = Path(test.partition("::")[0])
     room = file.parent == Path("tests") / path.parent or file.name == f"test_{path.parent.name}.py"
     return 0 if file.name == f"test_{path.name}" else 1 if room else 2
 
 
 def killer_of(mutant: Mutant, tests: dict[str, float], root: Path) -> str:
-    """Return the test that notices a mutant in the copy at `root`; "" where none does.
-
-    Args:
-        mutant: The change.
-        tests: What reaches it, with the usual durations [s]; the first MOST_TESTS run, as far as
-            MOST_SECONDS go.
-        root: A copy of the repository, left as it was.
-    """
+    """Return the test that notices a mutant in the copy at `root`; "" where none does."""
     if not tests:
         return ""
     nearest = sorted(tests, key=lambda name: (_distance(mutant.path, name), tests[name]))

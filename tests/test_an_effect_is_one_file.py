@@ -1,6 +1,4 @@
-"""An effect is one file and one registration: the whole package works with it, and no other file
-names it.
-"""
+"""An effect is one file and one registration, and no other file names it."""
 
 import ast
 import importlib
@@ -54,9 +52,8 @@ class ElasticCord(WrenchEffect):
         force = -self.stiffness * motion.x[..., 0:3]
         return np.concatenate([force, np.zeros_like(force)], axis=-1)
 '''  # noqa: E501
-MOST_STRINGS = (
-    20  # of the library's identifiers in the diagnosis, which asks the effects themselves
-)
+# Of the library's identifiers in the diagnosis, which asks the effects themselves.
+MOST_STRINGS = 20
 
 
 def flown(entry, track, speed, seed):

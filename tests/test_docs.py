@@ -1,6 +1,4 @@
-"""The examples in README and docs run as they stand (those of docs/guide in the order of their
-page: tests/docs).
-"""
+"""The examples in README and docs run as they stand (docs/guide: tests/docs)."""
 
 import re
 from pathlib import Path
@@ -96,10 +94,3 @@ def test_every_function_that_a_page_names_is_in_its_file(page, fewest):
     assert len(named) > fewest
     for name, file in named:
         assert re.search(rf"(def|class) {name}\b", (ROOT / file).read_text()), f"{name} in {file}"
-
-
-def test_every_figure_is_on_a_page():
-    shown = {
-        name for page in PAGES for name in re.findall(r"figures/([\w.-]+)\)", page.read_text())
-    }
-    assert {file.name for file in (ROOT / "docs" / "figures").iterdir()} == shown

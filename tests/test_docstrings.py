@@ -1,7 +1,7 @@
 """Laws of docstrings: every public name has one, and its first sentence can be read alone."""
 
 import ast
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -9,27 +9,20 @@ import pytest
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("np_drake", "systems", "diagrams")
 BEGINNINGS = ("Of ", "The same", "And ", "As ")  # of a line that leans on the one before
-Definition = ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef
+Definition = ast.Module | ast.ClassDef | ast.FunctionDef
 
 
 def files() -> list[Path]:
     """Return the modules of the packages relative to the root."""
-    found = sorted(
-        path.relative_to(ROOT) for package in PACKAGES for path in (ROOT / package).rglob("*.py")
-    )
-    return found
+    every = (path for package in PACKAGES for path in (ROOT / package).rglob("*.py"))
+    return sorted(path.relative_to(ROOT) for path in every)
 
 
 def public(node: Definition, name: str = "") -> Iterator[tuple[str, Definition]]:
-    """Yield a module or class and all that is public in it, with dotted names; the module's own is
-    empty.
-    """
+    """Yield a module or class and all that is public in it, with dotted names."""
     yield name, node
-    for child in [] if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef) else node.body:
-        if (
-            isinstance(child, ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef)
-            and child.name[0] != "_"
-        ):
+    for child in [] if isinstance(node, ast.FunctionDef) else node.body:
+        if isinstance(child, ast.ClassDef | ast.FunctionDef) and child.name[0] != "_":
             yield from public(child, f"{name}.{child.name}" if name else child.name)
 
 
@@ -39,9 +32,7 @@ def paragraph(node: Definition) -> str:
 
 
 def faults(source: str) -> list[str]:
-    """Return one line for every public docstring whose first line is missing or no statement of its
-    own.
-    """
+    """Return one line for every public docstring whose first line is missing or no statement."""
     found = []
     for dotted, node in public(ast.parse(source)):
         name = dotted or "module"
@@ -57,41 +48,11 @@ def faults(source: str) -> list[str]:
     return found
 
 
-def test_the_laws_hold_in_many_files():
-    assert len(files()) > 100
-
-
-def breaches(law: Callable[[str], list[str]], paths: Iterable[Path]) -> dict[str, list[str]]:
-    """Return by file what breaks a law of its source."""
-    found = {str(path): law((ROOT / path).read_text(encoding="utf-8")) for path in paths}
-    return {path: names for path, names in found.items() if names}
-
-
 def test_every_public_docstring_begins_with_a_statement_of_its_own():
-    assert breaches(faults, files()) == {}
+    found = {str(path): faults((ROOT / path).read_text(encoding="utf-8")) for path in files()}
+    assert {path: names for path, names in found.items() if names} == {}
 
 
-@pytest.mark.parametrize(
-    "first",
-    [
-        "Is it a number?",
-        "Of the rows.",
-        "The same for gp.",
-        "And back.",
-        "As `check`.",
-        "(n, 3) force [N]",
-    ],
-)
+@pytest.mark.parametrize("first", ["Is it a number?", "Of the rows.", "As `check`.", "force [N]"])
 def test_the_law_sees_a_breach(first):
-    assert faults(
-        f'"""A module."""\n\n\nclass A:\n    """A class."""\n\n    def f(self):\n        '
-        f'"""{first}"""\n'
-    )
-
-
-def test_the_law_sees_a_missing_docstring():
-    assert faults('"""A module."""\n\n\ndef f():\n    pass\n') == ["f: has no docstring"]
-
-
-def test_the_law_leaves_private_and_inner_functions_alone():
-    assert faults('"""A module."""\n\n\ndef _f():\n    def g():\n        """Of it."""\n') == []
+    assert faults(f'"""A module."""\n\n\ndef f():\n    """{first}"""\n')

@@ -1,7 +1,5 @@
 """Laws of the names that `import np_drake`, `systems` and `diagrams` offer."""
 
-import ast
-import re
 import subprocess
 import sys
 import time
@@ -38,11 +36,3 @@ def test_importing_a_package_loads_neither_drake_nor_torch(package):
     )
     assert done.stdout == "True\n"
     assert time.perf_counter() - start < 3.0  # [s]; a tenth of it on a quiet machine
-
-
-def test_the_first_diagram_of_the_readme_needs_five_imports():
-    code = next(re.finditer(r"```python\n(.*?)```", (ROOT / "README.md").read_text(), re.S))[1]
-    imports = [
-        node for node in ast.walk(ast.parse(code)) if isinstance(node, ast.Import | ast.ImportFrom)
-    ]
-    assert len(imports) <= 5

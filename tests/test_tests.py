@@ -46,10 +46,6 @@ def test_all_tests_keep_the_law(law):
     assert {path: breaches for path, breaches in found.items() if breaches} == {}
 
 
-def test_the_law_sees_a_long_name():
-    assert long_names(f"def test_{'a' * LONGEST_NAME}():\n    pass\n")
-
-
 @pytest.mark.parametrize(
     "source",
     [
@@ -61,15 +57,3 @@ def test_the_law_sees_a_long_name():
 )
 def test_the_law_sees_a_replaced_constant(source):
     assert replaced_constants(source)
-
-
-@pytest.mark.parametrize(
-    "source",
-    [
-        "monkeypatch.setattr(time, 'sleep', f)",
-        "setattr(config, name, 1)",
-        "patch.setattr('a.B', f)",
-    ],
-)
-def test_the_law_allows_what_is_no_constant(source):
-    assert replaced_constants(source) == []

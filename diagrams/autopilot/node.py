@@ -568,10 +568,6 @@ class LinkedFlight(Watch):
         """Begin to measure."""
         self._begin = self._measured = np.array([context.get_time(), time.monotonic()])
 
-    def look(self, context: Context) -> bool:
-        """Let the flight go on."""
-        return True
-
     def factor(self, t: float) -> float:
         """Return simulated time over real time since the last call, at a time of the flight [s]."""
         now = np.array([t, time.monotonic()])

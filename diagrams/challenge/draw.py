@@ -11,13 +11,7 @@ import numpy as np
 
 from diagrams.challenge.out_of_library import DEVELOPMENT, DRAWS, HOLDOUT
 from diagrams.challenge.plans import Plan, draw_plans
-from diagrams.challenge.sensors import (
-    WILD,
-    LoggedInput,
-    SensorQuality,
-    draw_logged_input,
-    draw_sensor_quality,
-)
+from diagrams.challenge.sensors import SensorQuality, draw_sensor_quality
 from np_drake.effects.base import Effect
 from np_drake.effects.library import LIBRARY
 from np_drake.effects.linear_drag import LinearDrag
@@ -27,14 +21,13 @@ from np_drake.vehicle.vehicle import Vehicle
 CLEAN, OUT_OF_LIBRARY = "clean", "foreign"  # kinds of cases
 FILES = ("train_1.csv", "train_2.csv", "heldout_1.csv")
 # Streams of random numbers that do not touch each other: the effect decides about nothing else.
-_VEHICLE, _PLANS, _SENSORS, _EFFECT, _ONSET, NOISE, _INPUT = range(7)
+_VEHICLE, _PLANS, _SENSORS, _EFFECT, _ONSET, NOISE = range(6)
 SHARES = {
     "pair": 0.15,
     "triple": 0.08,
     "onset": 0.12,
     OUT_OF_LIBRARY: 0.15,
 }  # the rest: single effects
-TWO_AT_ONCE = 1 / 3  # of the out-of-library cases of `wild`: two out-of-library effects act [1]
 # Physically the same, or nearly so: never in one case together.
 EQUIVALENT = (
     {
@@ -169,7 +162,6 @@ class Case:
     plans: dict[str, Plan]
     effects: tuple[Effect, ...]
     onset: dict[str, float | None]
-    input: LoggedInput
 
     @property
     def out_of_library(self) -> bool:
@@ -193,22 +185,13 @@ def draw_case(draw: CaseDraw, *, quality: str, seed: int, seconds: float) -> Cas
     """Return the case that `draw` names, of flights of that length [s]; equal arguments give equal
     cases.
     """
-    known = SensorQuality(quality)
     vehicle = VEHICLES[draw.stream(seed, _VEHICLE).integers(len(VEHICLES))]
-    logged = LoggedInput()
-    if quality == WILD:
-        logged = draw_logged_input(draw.stream(seed, _INPUT), draw.names)
     vehicle = dc.replace(
-        vehicle,
-        measurement_noise=known.stated_noise(),
-        command_timing="held" if logged.held else "unknown",
-        **known.stated_uncertainty(),  # type: ignore[arg-type]
+        vehicle, measurement_noise=SensorQuality(quality).stated_noise(), command_timing="held"
     ).check()
     spin = math.sqrt(vehicle.mass * vehicle.gravity / 4 / vehicle.thrust_coefficient)
     plans = draw_plans(draw.stream(seed, _PLANS), vehicle, seconds, len(FILES))
     drawn = draw_sensor_quality(quality, draw.stream(seed, _SENSORS), spin)
-    if logged.kind == "rotor_speed":
-        drawn = dc.replace(drawn, rotor=abs(drawn.rotor))
     rng = draw.stream(seed, _EFFECT)
     effects: dict[str, Effect] = {}
     for name in draw.names:  # each once: a wind's drag may be there already
@@ -230,7 +213,6 @@ def draw_case(draw: CaseDraw, *, quality: str, seed: int, seconds: float) -> Cas
         plans=dict(zip(FILES, plans, strict=True)),
         effects=tuple(effects.values()),
         onset=onset,
-        input=logged,
     )
 
 
@@ -246,15 +228,11 @@ def compatible(names: tuple[str, ...]) -> bool:
     return len({LIBRARY[name].place for name in names}) == len(names)
 
 
-def compose(
-    cases: int, clean: int, seed: int, *, unseen: bool = False, two: float = 0.0
-) -> list[CaseDraw]:
+def compose(cases: int, clean: int, seed: int, *, unseen: bool = False) -> list[CaseDraw]:
     """Draw `cases` with an effect and `clean` without, in shuffled order; single effects cycle
     through the library.
 
-    Args:
-        unseen: whether all have an out-of-library effect that is held out from the other sets.
-        two: share of the out-of-library cases that have two such effects at once [1].
+    unseen: whether all have an out-of-library effect that is held out from the other sets.
     """
     rng = np.random.default_rng([seed, 7])
     counts = {k: round(s * cases) for k, s in ({OUT_OF_LIBRARY: 1.0} if unseen else SHARES).items()}
@@ -265,15 +243,11 @@ def compose(
         "single": _cycle(rng, [(name,) for name in LIBRARY]),
         "onset": _cycle(rng, [(name,) for name, effect in LIBRARY.items() if effect.begins]),
         OUT_OF_LIBRARY: _cycle(rng, [(name,) for name in strange]),
-        "two at once": _cycle(rng, [tuple(dict.fromkeys(c)) for c in combinations(strange, 2)]),
         "pair": _cycle(rng, [c for c in combinations(LIBRARY, 2) if compatible(c)]),
         "triple": _cycle(rng, [c for c in combinations(LIBRARY, 3) if compatible(c)]),
         CLEAN: _cycle(rng, [()]),
     }
     drawn = [(kind, next(names[kind])) for kind in kinds]
-    foreign = [i for i, kind in enumerate(kinds) if kind == OUT_OF_LIBRARY]
-    for i in foreign[: round(two * counts[OUT_OF_LIBRARY])]:
-        drawn[i] = OUT_OF_LIBRARY, next(names["two at once"])
     return [CaseDraw(index, *drawn[i]) for index, i in enumerate(rng.permutation(len(drawn)))]
 
 

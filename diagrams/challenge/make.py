@@ -12,33 +12,15 @@ from pathlib import Path
 
 from diagrams.batch.failed_run import FailedRun
 from diagrams.batch.run import Workers
-from diagrams.challenge.draw import (
-    FILES,
-    NOISE,
-    TWO_AT_ONCE,
-    Case,
-    CaseDraw,
-    case_name,
-    compose,
-    draw_case,
-)
+from diagrams.challenge.draw import FILES, NOISE, Case, CaseDraw, case_name, compose, draw_case
 from diagrams.challenge.flight import SIMULATORS, fly, require_rotorpy
-from diagrams.challenge.sensors import (
-    QUALITIES,
-    WILD,
-    as_logged,
-    kept_rows,
-    rows_of,
-    with_input,
-    with_sensor_noise,
-)
+from diagrams.challenge.sensors import QUALITIES, kept_rows, rows_of, with_sensor_noise
 from diagrams.challenge.truth import TRUTH_FILE, GroundTruth
 from np_drake.files.atomic_file import write_json, write_text
 from np_drake.files.input_file import kept_json
 from np_drake.flight_log import FlightLog
 from np_drake.logs.case_folder import VEHICLE
 from np_drake.logs.formats.log_file import write_log
-from np_drake.logs.import_sheet import write_sheet
 from np_drake.vehicle.text import vehicle_text
 
 ATTEMPTS = 12  # draws of one case before the set fails
@@ -62,7 +44,7 @@ def make(
     that are there stay.
 
     Args:
-        quality: of the sensors: clean (ideal) | real | wild (ill-calibrated).
+        quality: of the sensors: clean (ideal) | real.
         seconds: length of every flight [s].
         unseen: whether all `cases` have an out-of-library effect that is held out from other sets.
         on_progress: called with the number of cases done and that of all.
@@ -74,7 +56,7 @@ def make(
     check_request(out, truth, simulator, quality, cases + clean, seconds, seed)
     for folder in (out, truth):
         folder.mkdir(parents=True, exist_ok=True)
-    draws = compose(cases, clean, seed, unseen=unseen, two=TWO_AT_ONCE if quality == WILD else 0.0)
+    draws = compose(cases, clean, seed, unseen=unseen)
     making = Making(simulator, quality, seconds, seed)
     left = [draw for draw in draws if not making.is_there(draw, out, truth)]
 
@@ -147,28 +129,23 @@ class Making:
 
 
 def fly_case(case: Case, simulator: str) -> tuple[dict[str, FlightLog], dict[str, FlightLog]]:
-    """Return the exact and the noisy logs of a case by file, with the same rows; the noisy hold the
-    case's input.
-    """
-    exact, noisy, logged = {}, {}, case.input
+    """Return the exact and the noisy logs of a case by file, with the same rows."""
+    exact, noisy = {}, {}
     for flight, (file, plan) in enumerate(case.plans.items()):
-        every = fly(
+        log = fly(
             case.vehicle,
             plan,
             case.effects_of(file),
-            t=logged.instants(case.instants(file)),  # a row a command
+            t=case.instants(file),
             onset=case.onset[file],
             background=case.quality.background(case.vehicle),
             simulator=simulator,
         )
-        every.name = file.removesuffix(".csv")
+        log.name = file.removesuffix(".csv")
         rng = case.draw.stream(case.seed, NOISE, flight)
-        log = as_logged(every, "averaged", logged.finer)  # as who knows all commands sees it
         rows = kept_rows(rng, case.quality, len(log))
         sensed = with_sensor_noise(log, case.vehicle, case.quality, rng)
-        u = as_logged(every, logged.semantics, logged.finer, logged.late).u
-        told = with_input(dc.replace(sensed, u=u), case.vehicle, logged.kind)
-        exact[file], noisy[file] = rows_of(log, rows), rows_of(told, rows)
+        exact[file], noisy[file] = rows_of(log, rows), rows_of(sensed, rows)
     return exact, noisy
 
 
@@ -179,8 +156,6 @@ def _case_files(case: Case, noisy: dict[str, FlightLog]) -> dict[str, str]:
         write_text(folder / VEHICLE, vehicle_text(case.vehicle))
         for file in FILES:
             write_log(noisy[file], folder / file)
-            if (sheet := case.input.sheet(noisy[file].step)) is not None:
-                write_sheet(sheet, folder / file)
         return {path.name: path.read_bytes().decode() for path in sorted(folder.iterdir())}
 
 

@@ -8,11 +8,10 @@ from typing import Any
 import numpy as np
 
 from diagrams.challenge.draw import FILES, Case
-from diagrams.challenge.sensors import WILD, best_known
 from np_drake.diagnosis.calibration import flight_errors
 from np_drake.diagnosis.forward_model import NEVER, StageCache, Term, gate, predicted_residual
 from np_drake.diagnosis.numerics import NoiseModel, fit_noise
-from np_drake.diagnosis.options import Options, Priors, Tolerance
+from np_drake.diagnosis.options import Priors, Tolerance
 from np_drake.diagnosis.regressors import (
     Candidate,
     Onset,
@@ -22,7 +21,6 @@ from np_drake.diagnosis.regressors import (
     payloads_of,
     tolerance_of,
     wind_candidates,
-    with_input,
 )
 from np_drake.diagnosis.residuals import FlightResiduals, make_flight_residuals
 from np_drake.effects.base import Effect
@@ -58,9 +56,9 @@ class Collinearity:
     ) -> None:
         """Whiten the tolerated errors."""
         self._flights, self._noise = flights, noise
-        files, drifting = calibration(flights, tolerance), flight_errors(flights, tolerance)
-        self._files = self._columns(files)
-        self._tolerated = self._columns([*files, *drifting])
+        self._tolerated = self._columns(
+            [*calibration(flights, tolerance), *flight_errors(flights, tolerance)]
+        )
 
     def contribution(self, terms: Sequence[Term], i: int) -> Trace:
         """Return what the predicted residual with terms[i] has over that without it."""
@@ -87,13 +85,6 @@ class Collinearity:
         if self._distance(trace, self._tolerated) < within:
             return []
         return self._same(trace, self._library({}), within)
-
-    def is_calibration(self, trace: Trace, within: float = DISTANCE) -> bool:
-        """Return whether what vehicle file and input may be off by is the same as a residual that
-        noise alone does not hide.
-        """
-        target = self._whitened(trace)
-        return self._distance(trace, self._files) < within <= float(target @ target)
 
     def _same(self, trace: Trace, options: Sequence[Candidate], within: float) -> list[str]:
         found: dict[str, float] = {}
@@ -190,13 +181,8 @@ class FlightPair:
 
     @classmethod
     def of(cls, case: Case, file: str, exact: FlightLog, noisy: FlightLog) -> "FlightPair":
-        """Return the pair of one flight; both begin where the measured one counts, and know when
-        commands act.
-        """
-        measured, true = (
-            best_known(dc.replace(log, name=file), exact.u, case.vehicle, case.input.kind)
-            for log in (noisy, exact)
-        )
+        """Return the pair of one flight; both begin where the measured one counts."""
+        measured, true = (dc.replace(log, name=file) for log in (noisy, exact))
         first = make_flight_residuals(measured, case.vehicle)
         return cls(first, make_flight_residuals(true, case.vehicle, since=float(first.t[0])))
 
@@ -230,7 +216,7 @@ class GroundTruth:
         """Return the content of truth.json."""
         case, held_out, quality = self.case, FILES[-1], self.case.quality
         onsets = {file: self.best_onset(file) for file in FILES}
-        content = {
+        return {
             "effects": [
                 {"effect": e.identifier, "parameters": e.values, "onset": case.onset}
                 for e in case.effects
@@ -250,11 +236,6 @@ class GroundTruth:
             "vehicle_off": {"mass": quality.mass_off, "thrust": quality.thrust_off},
             "plans": {file: plan.kind for file, plan in case.plans.items()},
         }
-        if quality.name == WILD:
-            logged = {"input": case.input.kind, "semantics": case.input.semantics}
-            content["within_tolerance"] = self.within_tolerance()
-            content["sensors"] = {**logged, **dc.asdict(quality)}
-        return content
 
     def equivalent_library_effects(self) -> list[str]:
         """Return library effects that explain, in all flights, what the out-of-library effect of a
@@ -265,8 +246,11 @@ class GroundTruth:
         """
         if not self.case.out_of_library:
             return []
-        same, trace, within = self._left_by_all()
-        return same.effects_of(trace, within)
+        trace = {
+            pair.true.name: pair.true.y - self._background(pair) for pair in self.flights.values()
+        }
+        within = (NO_GAP**2 - 1.0) * sum(len(y) for y in trace.values())
+        return self._collinearity(FILES).effects_of(trace, within)
 
     def collinear_class(self) -> list[list[str]]:
         """Return per effect the names that are physically the same in the training flights, its own
@@ -280,16 +264,6 @@ class GroundTruth:
         same, terms = self._collinearity(FILES[:-1]), self._terms(effects)
         return [[effect.identifier, *same.doubles(terms, i)] for i, effect in enumerate(effects)]
 
-    def within_tolerance(self) -> list[bool]:
-        """Return per effect whether it is the same, in all flights, as what vehicle file and input
-        may be off by; out-of-library effects are taken together.
-        """
-        if self.case.out_of_library:
-            same, trace, within = self._left_by_all()
-            return [same.is_calibration(trace, within)] * len(self.case.effects)
-        same, terms = self._collinearity(FILES), self._terms(self.case.effects)
-        return [same.is_calibration(same.contribution(terms, i)) for i in range(len(terms))]
-
     def _collinearity(self, files: Sequence[str]) -> Collinearity:
         """Return what is the same in these flights as measured, under the noise that the true model
         leaves.
@@ -297,36 +271,7 @@ class GroundTruth:
         pairs = [self.flights[file] for file in files]
         measured = [pair.measured for pair in pairs]
         noise = fit_noise([pair.errors for pair in pairs], measured[0].grid.step)
-        return Collinearity(measured, noise, self.stated_tolerance(files))
-
-    def _left_by_all(self) -> tuple[Collinearity, Trace, float]:
-        """Return all flights, what all effects leave there, and the squared distance of no gap."""
-        trace = {
-            pair.true.name: pair.true.y - self._background(pair) for pair in self.flights.values()
-        }
-        within = (NO_GAP**2 - 1.0) * sum(len(y) for y in trace.values())
-        return self._collinearity(list(self.flights)), trace, within
-
-    def stated_tolerance(self, files: Sequence[str] = FILES) -> Tolerance:
-        """Return what vehicle file, input and sensors may be off by, as the files of a case state
-        it.
-
-        Of `wild` alone it holds what the vehicle file states, a throttle's scale and curve, and
-        when commands act: the flights know all of these, but nobody else does.
-        """
-        flights = [self.flights[file].measured for file in files]
-        tolerance, logged = tolerance_of(flights), self.case.input
-        if self.case.quality.name != WILD:
-            return tolerance
-        told = [
-            dc.replace(
-                e,
-                log=dc.replace(e.log, input=logged.kind, timing=logged.timing(e.log.step)),
-                vehicle=dc.replace(e.vehicle, command_timing="held"),
-            )
-            for e in flights
-        ]
-        return with_input(Options.for_sensors(tolerance.real, tolerance), told).tolerance
+        return Collinearity(measured, noise, tolerance_of(measured))
 
     def visibility(self, file: str) -> float:
         """Return the largest ratio, over channels, of a flight's RMS to that which noise leaves to

@@ -28,7 +28,7 @@ def _make(
     truth: Annotated[Path, Option(metavar="DIR", help="Folder for their truth; not inside --out.")],
     simulator: Annotated[str, Option(metavar="NAME", help="Who flies: drake | rotorpy.")] = "drake",
     quality: Annotated[
-        str, Option(metavar="NAME", help="Sensors: clean (ideal) | real | wild.")
+        str, Option(metavar="NAME", help="Sensors: clean (ideal) | real.")
     ] = "clean",
     cases: Annotated[int, Option(min=0, max=100_000, help="Cases with effects.")] = 44,
     clean: Annotated[int, Option(min=0, max=100_000, help="Clean controls: cases without.")] = 20,

@@ -7,7 +7,6 @@ from typing import Annotated, Any
 
 from typer import Argument, Option
 
-from diagrams.cli import options
 from diagrams.cli.output import Table, progress, say, tell
 from diagrams.cli.runner import Report, Run, reports
 from diagrams.gap import side_by_side
@@ -90,14 +89,13 @@ def diagnose(
             "then tried. Repeatable.",
         ),
     ] = None,
-    repair: options.Repair = False,
 ) -> Report:
     """Diagnose the gap between the nominal simulator and flights; with --out: report, replay,
     figures, JSON.
     """
     files = _choose_files(case, vehicle, train or [], held_out or [])
     nominal = _nominal_vehicle(files)
-    logs = files.open(nominal, repair=repair)
+    logs = files.open(nominal)
     tell(*(f"{log.name}: {note}" for flights in logs for log in flights for note in log.notes))
     beside = files.open_neighbours(neighbour or (), logs)
     require_flights(*logs)  # what is refused is so without a bar
@@ -126,7 +124,6 @@ def diagnose(
         "second_look": not no_second_look,
         "rig": rig,
         "material": material,
-        "repair": repair,
     }
     config |= {"neighbour": neighbour} if neighbour else {}
 

@@ -5,7 +5,6 @@ from typing import Annotated
 
 from typer import Argument, Option
 
-from diagrams.cli import options
 from diagrams.cli.diagnose import vehicle_of
 from diagrams.cli.output import Table, progress, tell
 from diagrams.cli.runner import Report, Run, reports
@@ -44,7 +43,6 @@ def doctor(
             "--map", metavar="FILE", help="Map of columns and conventions (YAML), as for `import`."
         ),
     ] = None,
-    repair: options.Repair = False,
 ) -> Report:
     """Examine flight logs: rates, gaps, noise, clocks, motion, and which effects they can tell, to
     what size.
@@ -59,7 +57,7 @@ def doctor(
                 advance(0.3 * (before + share) / len(logs))
 
             try:
-                opened.append(read_as_logged(path, declared, repair=repair, on_progress=reading))
+                opened.append(read_as_logged(path, declared, on_progress=reading))
             except (LogError, OSError) as error:
                 failures.append(error)
         opened = with_vehicle(opened, nominal, refused)
@@ -83,7 +81,7 @@ def doctor(
     named = None if nominal is None else nominal.name
     return Report(
         tables(report),
-        config={"logs": logs, "vehicle": named, "map": log_map, "repair": repair},
+        config={"logs": logs, "vehicle": named, "map": log_map},
         metrics={**report.as_json(), "failures": [str(f) for f in failures]},
         lines=judgement(report),
         failure=failures[0] if failures else None,

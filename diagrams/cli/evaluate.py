@@ -80,7 +80,6 @@ def evaluate(
     epochs: options.Epochs = None,
     step: options.Step = None,
     vehicle: options.VehicleFile = None,
-    repair: options.Repair = False,
     force: Force = False,
 ) -> Report:
     """Score predictors on flights; without any: train on the paper's segment, score on race track
@@ -107,8 +106,8 @@ def evaluate(
     if not train and not leave_one_out:
         predictor = predictor or NP_MODEL
     loaded = load(predictor) if predictor else {}
-    tests = open_flights(logs, vehicle, repair=repair)
-    training = open_flights(train, vehicle, repair=repair)
+    tests = open_flights(logs, vehicle)
+    training = open_flights(train, vehicle)
     require_one_frame([*training, *tests])
     step = step or sampling_period(tests[0].vehicle)
     folds = [([other for other in tests if other is not test], [test]) for test in tests]

@@ -27,10 +27,9 @@ from diagrams.loop.experiments import (
 )
 from diagrams.loop.flight import FlightConfig
 from diagrams.loop.flight_diagram import make_flight_diagram
-from diagrams.loop.flight_result import FlightResult, LostVehicle
+from diagrams.loop.flight_result import FlightResult
 from diagrams.loop.flight_result import fly as simulate
-from diagrams.loop.live import LiveView
-from diagrams.loop.mcap_flight import write_flight_mcap
+from diagrams.loop.mcap_flight import require_mcap, write_flight_mcap
 from diagrams.loop.own_controller import is_own
 from diagrams.loop.replay import write_replay
 from diagrams.studies.columns import tabulate
@@ -40,7 +39,6 @@ from np_drake.command_delay import LONGEST_DELAY
 from np_drake.files.figure_file import save
 from np_drake.files.yaml_file import filled, read_yaml
 from np_drake.logs.formats.log_file import write_log
-from np_drake.logs.formats.mcap_file import require_mcap
 from np_drake.vehicle import load_vehicle
 from np_drake.vehicle.scaling import usual_rate_loop
 
@@ -113,13 +111,10 @@ def fly(
             help="Write the flight as MCAP for Foxglove and PlotJuggler (extra mcap).",
         ),
     ] = None,
-    live: Annotated[
-        bool, Option("--live", help="Fly in real time in a browser (Meshcat), and be pushed there.")
-    ] = False,
 ) -> Report:
     """Simulate an experiment; with --out: flight log, figures and a 3-D replay page."""
-    if link is not None and (controller or predictor or live or sample is not None):
-        others = "--controller, --predictor, --live and --sample"
+    if link is not None and (controller or predictor or sample is not None):
+        others = "--controller, --predictor and --sample"
         raise ValueError(f"give either --link, whose node has the controller, or {others}.")
     configs = scenarios(
         experiment,
@@ -132,11 +127,9 @@ def fly(
         duration=duration,
         fields=fields or (),
     )
-    single = live or mcap is not None
-    if single + (sample is not None) + (len(configs) > 1) > 1:
+    if (mcap is not None) + (sample is not None) + (len(configs) > 1) > 1:
         raise ValueError(
-            "give either --live or --mcap, which take one flight, or --sample, or several "
-            "--controller."
+            "give either --mcap, which takes one flight, or --sample, or several --controller."
         )
     if mcap is not None:
         require_mcap(mcap)
@@ -150,8 +143,6 @@ def fly(
         flight, linked = _fly_linked(configs[0], run.seed, link)
         flights, tables, figures = [flight], [linked], []
         metrics = {"experiment": configs[0].name, "autopilot": dict(linked[2])}
-    elif live:
-        flights = [_fly_live(configs[0], run.seed)]
     else:
         flights = fly_all(flown, run.seed, lost if compared else None)
     if mcap is not None:
@@ -204,7 +195,7 @@ def scenarios(
     if "solver" not in (read_yaml(scenario_file(experiment)).get("controller") or {}):
         first.controller.solver = options.DEFAULT_SOLVER
     if payload is not None:
-        first = with_payload(first, mass=payload)
+        first = with_payload(first, payload)
     first = _with_fields(first, [*fields, *([f"duration={duration}"] if duration else [])])
     first = first.check_and_step() if payload is not None or fields else first.check()
     if autopilot is not None:
@@ -362,30 +353,6 @@ def _fly_linked(config: FlightConfig, seed: int, address: str) -> tuple[FlightRe
     finally:
         link.close()
     return flight, linked.table()
-
-
-def _fly_live(config: FlightConfig, seed: int) -> FlightResult:
-    """Simulate in real time before a browser's eyes, until the end, `stop`, Ctrl-C or the loss of
-    the vehicle.
-
-    Raises: LostVehicle: where it was lost before anything was recorded.
-    """
-    with LiveView(config) as view:
-        payload = ", P the payload" if view.has_payload else ""
-        say(f"watch it at {view.meshcat.web_url()}: V pushes{payload}; Esc or Ctrl-C ends it.")
-        with progress(f"flying {config.name} with {config.controller.name}", config.end) as advance:
-
-            def shown(t: float) -> None:
-                advance(t, f"{100 * view.error:.1f} cm off")
-
-            try:
-                flight = simulate(config, seed=seed, monitor=shown, watch=view)
-            except LostVehicle as lost:
-                if not len(lost.signals["t"]):
-                    raise
-                say(str(lost))
-                return FlightResult(config, seed, lost.signals)
-    return flight
 
 
 def _notes(flight: FlightResult) -> list[str]:

@@ -62,7 +62,6 @@ VehicleFile = Annotated[
         help="Vehicle file (YAML) or a name of `np-drake vehicle list`; default: the paper's.",
     ),
 ]
-Repair = Annotated[bool, Option("--repair", help="Mend a few bad rows of a log and say so.")]
 Epochs = Annotated[
     int | None,
     Option("--epochs", min=1, max=1_000_000, help="Passes; default: the configuration's."),

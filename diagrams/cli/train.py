@@ -69,7 +69,6 @@ def train(
     prior: Prior = None,
     step: options.Step = None,
     vehicle: options.VehicleFile = None,
-    repair: options.Repair = False,
     force: Force = False,
 ) -> Report:
     """Train a predictor; writes the model, and the loss curve as a PNG beside it."""
@@ -83,7 +82,7 @@ def train(
     logs = logs or []
     if not (logs or envelope):
         raise ValueError("train: must have something to learn from; give LOG, or --envelope N.")
-    flights = open_flights(logs, vehicle, repair=repair)
+    flights = open_flights(logs, vehicle)
     if not force:
         require_motion(flights)
     flown = flights[0].vehicle if flights else load_vehicle(vehicle) if vehicle else Vehicle()
@@ -255,11 +254,9 @@ def behind_bar(description: str, learn: Callable[..., T]) -> tuple[T, float]:
     return result, time.perf_counter() - start
 
 
-def open_flights(
-    paths: list[Path], vehicle_file: Path | None, *, repair: bool = False
-) -> list[Flight]:
-    """Open and check every file, and print what a reader derived or repaired; a scenario file is
-    flown, once every other file is open.
+def open_flights(paths: list[Path], vehicle_file: Path | None) -> list[Flight]:
+    """Open and check every file, and print what a reader derived; a scenario file is flown,
+    once every other file is open.
 
     Without a vehicle file, NeuroBEM files have the published one, flight logs the paper's.
     Raises: LogError, OSError: one line, at the first file that is not usable; ValueError: on a bad
@@ -273,7 +270,7 @@ def open_flights(
         elif is_array(path):
             inputs.append(read_wrenches(path))
         else:
-            inputs.append(opening.read_as_logged(path, repair=repair))
+            inputs.append(opening.read_as_logged(path))
     opened = [found for found in inputs if isinstance(found, opening.Opened)]
     logs = iter(opening.with_vehicle(opened, vehicle))
     flights = list[Flight]()

@@ -21,7 +21,7 @@ from np_drake.effects.calibration import in_flight
 from np_drake.files.atomic_file import is_regular, lock_outputs, write_text
 from np_drake.files.yaml_file import read_yaml
 from np_drake.vehicle import Vehicle
-from np_drake.vehicle.estimate import Measured, commented_file
+from np_drake.vehicle.estimate import HEAD, Measured, estimate
 from np_drake.vehicle.rotor_layout import FIRMWARE
 from np_drake.vehicle.scaling import numbers, scales
 from np_drake.vehicle.sources import without
@@ -108,7 +108,7 @@ def new(
             raise ValueError(f"give {', '.join(missing)}{which} as well, or --preset NAME.")
         values: Any = (mass, wheelbase, propeller, hover_throttle, throttle_curve, order)
         measured = Measured(*values, **stated)
-        text = commented_file(measured, name or "mine")
+        text = vehicle_text(estimate(measured, name or "mine"), HEAD)
     if out is None:
         say(text.rstrip("\n"))
         return

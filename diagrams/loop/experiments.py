@@ -89,62 +89,37 @@ def training_flight(scenario: Path) -> FlightConfig:
     return config.check()
 
 
-def with_payload(
-    config: FlightConfig, *, mass: float | None = None, length: float | None = None
-) -> FlightConfig:
-    """Return the scenario with another payload; its cable stretches by the same share of its
-    length.
+def with_payload(config: FlightConfig, mass: float) -> FlightConfig:
+    """Return the scenario with a payload of another mass, 0: none [kg]; its cable stretches by the
+    same share of its length.
 
-    Args:
-        mass: of the payload; 0: none; None: the scenario's [kg].
-        length: of the cable; None: the scenario's [m].
-    Raises: ValueError: on an impossible value, or a length without a payload.
+    Raises: ValueError: on an impossible mass, or where the vehicle flies too low for a cable.
     """
     require(
-        mass is None or 0 <= mass < np.inf,
-        f"--payload: must not be negative [kg] and finite; got {mass or 0:g}.",
-    )
-    require(
-        length is None or 0 < length < np.inf,
-        f"--length: must be positive [m] and finite; got {length or 0:g}.",
+        0 <= mass < np.inf, f"--payload: must not be negative [kg] and finite; got {mass or 0:g}."
     )
     reality, hung = config.reality, config.reality.hung
-    hangs = hung.tether != "none"
     if mass == 0.0:
-        require(
-            length is None,
-            f"--length: there is no cable without a payload; got {length or 0:g} m. Leave it out.",
-        )
         effects = [e for e in reality.effects if not isinstance(e.made, SuspendedPayload)]
         none = dc.replace(reality, payload=PayloadConfig(tether="none"), effects=effects)
         return dc.replace(config, reality=none)
-    require(
-        hangs or mass is not None,
-        f"--length: {config.name} has no payload. Name its mass by --payload.",
-    )
-    changed: dict[str, Any] = {"mass": mass or hung.mass, "length": length or hung.length}
-    new = dc.replace(hung, tether=hung.tether if hangs else "cable", **changed)
-    require(
-        new.length > new.radius,
-        f"--length: must be above the payload's radius, {new.radius:g} m; got {new.length:g}.",
-    )
+    new = dc.replace(hung, tether="cable" if hung.tether == "none" else hung.tether, mass=mass)
     lowest = float(config.motion.sample(np.arange(0.0, config.end, LOOKS))[0, :, 2].min())
     room = math.floor(100 * (lowest + new.hook[2] - new.radius)) / 100
     require(
         new.length <= room,
-        f"--length: must be at most {room:.2f} m, or the payload touches the ground where the "
+        f"--payload: its cable must be at most {room:.2f} m, or it touches the ground where the "
         f"vehicle flies at {lowest:.2f} m; got {new.length:g}. "
         "Raise reference.height in a scenario file.",
     )
-    effects = [
-        dc.replace(e, parameters={**e.parameters, **changed})
-        if isinstance(e.made, SuspendedPayload)
-        else e
-        for e in reality.effects
-    ]
-    if any(isinstance(e.made, SuspendedPayload) for e in effects):
+    if any(isinstance(e.made, SuspendedPayload) for e in reality.effects):
+        effects = [
+            dc.replace(e, parameters={**e.parameters, "mass": mass})
+            if isinstance(e.made, SuspendedPayload)
+            else e
+            for e in reality.effects
+        ]
         return dc.replace(config, reality=dc.replace(reality, effects=effects))
-    weight, longer = new.mass / hung.mass, new.length / hung.length
-    new.stiffness = hung.stiffness * weight / longer
-    new.damping = hung.damping * weight / math.sqrt(longer)
+    weight = new.mass / hung.mass
+    new.stiffness, new.damping = hung.stiffness * weight, hung.damping * weight
     return dc.replace(config, reality=dc.replace(reality, payload=new))

@@ -30,17 +30,12 @@ RECORDER, AUTOPILOT = "recorder", "autopilot"  # names as subsystems of a flight
 
 
 def make_flight_diagram(
-    config: FlightConfig,
-    *,
-    pushed: bool = False,
-    real: RealVehicle = DRAKE,
-    controller: Factory | None = None,
+    config: FlightConfig, *, real: RealVehicle = DRAKE, controller: Factory | None = None
 ) -> Diagram:
     """Return reference, vehicle with its events, sensors, controller and recorder as one Diagram.
 
     Args:
         config: of the experiment.
-        pushed: whether forces from outside may act (`make_tethered_quadrotor`).
         real: makes the vehicle that flies.
         controller: makes a controller of one's own, in the place of the one that `config` names.
     """
@@ -49,8 +44,7 @@ def make_flight_diagram(
     builder = DiagramBuilder()
     behind, reality = _as_flown(config.autopilot, config.vehicle, config.reality)
     vehicle = builder.AddNamedSystem(
-        REAL_VEHICLE,
-        real.make(behind, reality, command_period=period, pushed=pushed, events=config.events),
+        REAL_VEHICLE, real.make(behind, reality, command_period=period, events=config.events)
     )
     tilt: list[Any] = [e for e in in_flight(config.vehicle) if isinstance(e, effects.ImuMounting)]
     sensors = [*tilt, *config.reality.sensor_effects()]

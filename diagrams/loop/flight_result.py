@@ -39,8 +39,7 @@ class LostVehicle(FailedRun):
 
 
 class Watch(Protocol):
-    """Viewer that looks at a flight while it is simulated, may push the vehicle, and may end the
-    flight.
+    """Viewer that sets the pace of a flight and how often it is looked at.
 
     period: time between two looks [s].
     rate: real-time rate at which the flight runs; 0 for as fast as possible [1].
@@ -56,9 +55,6 @@ class Watch(Protocol):
             diagram: of `make_flight_diagram`.
             context: its root context.
         """
-
-    def look(self, context: Context) -> bool:
-        """See the flight, and return whether it goes on."""
 
 
 @dc.dataclass(repr=False)
@@ -302,7 +298,7 @@ def fly(
         monitor: called with the flight's time [s] about every second, for progress.
         tolerance: distance from the reference beyond which the flight ends, looked at about every
             second [m].
-        watch: looks at the flight, sets its pace and may end it early.
+        watch: sets the pace of the flight.
         real: makes the vehicle that flies.
         controller: makes a controller of one's own, in the place of the one that `config` names.
     Raises: LostVehicle: if the integrator gives up, or the vehicle leaves arena or tolerance, or is
@@ -310,9 +306,7 @@ def fly(
         cannot do, or if such a controller does not fit.
     """
     config = flown_by(config, controller)
-    diagram = make_flight_diagram(
-        config, pushed=watch is not None, real=real, controller=controller
-    )
+    diagram = make_flight_diagram(config, real=real, controller=controller)
     firmware = firmware_of(diagram)
     try:
         simulator = make_simulator(diagram, config, seed=seed, real=real)
@@ -370,8 +364,6 @@ def _advance(
                 raise lost(f"{who} {why} {t:.1f} s.")
         if monitor is not None:
             monitor(min(t, config.end))
-        if watch is not None and not watch.look(context):
-            break
     return recorded(diagram, context)
 
 

@@ -209,7 +209,6 @@ class RealVehicle:
         reality: RealityConfig,
         *,
         command_period: float = 0.001,
-        pushed: bool = False,
         events: Sequence[PayloadEvent] = (),
     ) -> Diagram:
         """Return the vehicle with the ports of `make_tethered_quadrotor`; `tether_wrench` may be
@@ -219,7 +218,6 @@ class RealVehicle:
 
         Args:
             command_period: at whose multiples alone the command changes [s].
-            pushed: whether forces from outside may act.
         Raises: ValueError: on what the simulator does not know.
         """
         own = split_effects(in_flight(vehicle, beside=reality.actuator_effects()))
@@ -233,7 +231,6 @@ class RealVehicle:
             onsets=reality.onsets,
             hangs_at=reality.hangs_at,
             events=events,
-            pushed=pushed,
         )
 
     def hover(

@@ -30,17 +30,31 @@ from np_drake.diagnosis.regressors import (
 from np_drake.diagnosis.regressors.library import THROTTLE_CURVE
 from np_drake.diagnosis.residuals import FORCE, TORQUE, WRENCH, FlightResiduals
 from np_drake.diagnosis.result import Difference
-from np_drake.effects.accelerometer_bias import AccelerometerBias
-from np_drake.effects.attitude_bias import AttitudeBias
+from np_drake.effects import (
+    AccelerometerBias,
+    AttitudeBias,
+    AttitudeLatency,
+    BatterySag,
+    BladeFlapping,
+    CenterOfMassOffset,
+    ClockOffset,
+    CommandDelay,
+    GyroBias,
+    ImuMounting,
+    InertiaError,
+    MassError,
+    MixerGain,
+    MotorLag,
+    RotorGyroscopic,
+    ThrottleCurve,
+    ThrustScale,
+    TranslationalLift,
+    VelocityBias,
+    WeakRotor,
+)
 from np_drake.effects.base import ActuatorEffect, Effect, MassEffect, Parameter
 from np_drake.effects.calibration import in_flight
-from np_drake.effects.gyro_bias import GyroBias
-from np_drake.effects.inertia_error import InertiaError
-from np_drake.effects.library import effect_of
-from np_drake.effects.mass_error import MassError
 from np_drake.effects.parameter import arm
-from np_drake.effects.throttle_curve import ThrottleCurve
-from np_drake.effects.velocity_bias import VelocityBias
 from np_drake.files.number_text import departure_unit, measure, number, with_sign
 from np_drake.logs.inputs import VOLTAGE_SCATTER, hover_exponent, voltage_of
 from np_drake.rigid_body import V
@@ -49,7 +63,7 @@ from np_drake.vehicle.sources import part
 
 ROTORS = (1.0, 2.0, 3.0, 4.0)
 
-AXES, BATTERY = ("roll", "pitch", "yaw"), ("thrust_scale", "battery_sag")
+AXES, BATTERY = ("roll", "pitch", "yaw"), (ThrustScale, BatterySag)
 SENSORS = (AccelerometerBias, AttitudeBias, GyroBias, VelocityBias)
 LEANING = 2  # last columns of the airframe: thrust that leans to x and y
 
@@ -62,15 +76,10 @@ class Deviation:
     linear.
     """
 
-    identifier: str
+    effect: type[Effect]
     deviation: dict[str, float]
     fixed: dict[str, float] = dc.field(default_factory=dict)
     at_value: bool = False
-
-    @property
-    def effect(self) -> type[Effect]:
-        """Class of the effect."""
-        return effect_of(self.identifier)
 
     def at(self, **values: float) -> Effect:
         """Return the effect with these values, all other parameters neutral or fixed."""
@@ -107,26 +116,26 @@ def of_vehicle(
     (inertia,) = stated("rotor_inertia", usual_inertia)
     (clock,) = stated("clock_offset", spread.rotor_speed_time if measured else spread.command_time)
     found = [
-        *(Deviation("weak_rotor", {"efficiency": gain}, {"rotor": i}) for i, gain in gains),
-        Deviation("center_of_mass_offset", dict(zip("xyz", center, strict=True))),
-        Deviation("mixer_gain", dict.fromkeys(AXES, spread.torque_gain)),
-        Deviation("blade_flapping", {"moment": spread.flapping * mass * span}),
-        Deviation("translational_lift", {"lift": spread.lift * mass}),
-        Deviation("rotor_gyroscopic", {"rotor_inertia": inertia}),
-        Deviation("clock_offset", {"offset": clock}),
+        *(Deviation(WeakRotor, {"efficiency": gain}, {"rotor": i}) for i, gain in gains),
+        Deviation(CenterOfMassOffset, dict(zip("xyz", center, strict=True))),
+        Deviation(MixerGain, dict.fromkeys(AXES, spread.torque_gain)),
+        Deviation(BladeFlapping, {"moment": spread.flapping * mass * span}),
+        Deviation(TranslationalLift, {"lift": spread.lift * mass}),
+        Deviation(RotorGyroscopic, {"rotor_inertia": inertia}),
+        Deviation(ClockOffset, {"offset": clock}),
     ]
     if "attitude" not in e.log.lacks:
         tilt = stated("imu_tilt", *[spread.mounting] * 3)
-        found.append(Deviation("imu_mounting", dict(zip(AXES, tilt, strict=True))))
-        found.append(Deviation("attitude_latency", {"latency": spread.latency}))
+        found.append(Deviation(ImuMounting, dict(zip(AXES, tilt, strict=True))))
+        found.append(Deviation(AttitudeLatency, {"latency": spread.latency}))
     if e.log.a is not None:
         offset = dict.fromkeys("xyz", spread.accelerometer_offset)
-        found.append(Deviation(AccelerometerBias.identifier, offset))
+        found.append(Deviation(AccelerometerBias, offset))
     if not measured:
         (delay,) = stated("command_delay", spread.command_time)
-        found.append(Deviation("command_delay", {"delay": delay}))
+        found.append(Deviation(CommandDelay, {"delay": delay}))
         lags = spread.lags if "rotor_time_constant" not in vehicle.intervals else ()
-        found += [Deviation("motor_lag", {"time_constant": lag}, at_value=True) for lag in lags]
+        found += [Deviation(MotorLag, {"time_constant": lag}, at_value=True) for lag in lags]
     return found
 
 
@@ -145,7 +154,7 @@ def calibrated_alone(e: FlightResiduals, tolerance: Tolerance) -> set[str]:
             effect = d.effect
             sensor = effect.place == "measurement" or effect.role == "mixer"
             if sensor or effect.shifts_commands:
-                found.add(d.identifier)
+                found.add(effect.identifier)
     return found
 
 
@@ -159,11 +168,11 @@ def of_flight(e: FlightResiduals, tolerance: Tolerance, spread: Spread = SPREAD)
         error = max(tolerance.of(effect), least * tolerance.unmeasured)
         if effect is not AccelerometerBias or e.log.a is not None:
             names = [p.name for p in effect.parameters]
-            found.append(Deviation(effect.identifier, dict.fromkeys(names, error)))
+            found.append(Deviation(effect, dict.fromkeys(names, error)))
     if not tolerance.unmeasured:
         return [*found, *of_battery(e, spread)]
     trim = {"efficiency": spread.rotor_trim}
-    found += [Deviation("weak_rotor", trim, {"rotor": i}) for i in ROTORS]
+    found += [Deviation(WeakRotor, trim, {"rotor": i}) for i in ROTORS]
     known = {"scale": spread.known_charge}, {"rate": spread.known_sag}
     return found + (
         of_battery(e, spread) or [Deviation(*pair) for pair in zip(BATTERY, known, strict=True)]
@@ -460,12 +469,12 @@ def _of_parameters(
     found, k = list[Difference](), 0
     for d in deviations:
         parameters = {p.name: p for p in d.effect.parameters}
-        which = d.identifier + "".join(f"[{value:g}]" for value in d.fixed.values())
+        which = d.effect.identifier + "".join(f"[{value:g}]" for value in d.fixed.values())
         for name, deviation in d.deviation.items():
             if not d.at_value:
                 value = part.coefficients[k] * deviation
                 sigma = np.sqrt(part.covariance[k, k]) * deviation
-                if d.effect.role == "mixer":  # of the share of torque that the motion shows
+                if d.effect is MixerGain:  # of the share of torque that the motion shows
                     shown = share[AXES.index(name)]
                     value, sigma = shown * (1.0 + value) - 1.0, shown * sigma
                 how = (d.effect, parameters[name], d.fixed, value, sigma, deviation)

@@ -72,7 +72,7 @@ class Regime:
 class Localisation:
     """Localisation of the gap by channel, time and regime.
 
-    times, before, after: residuals by flight, for figures.
+    times, before, after: residuals by flight, for studies and the corrected simulator.
     """
 
     channels: tuple[ChannelGap, ...]

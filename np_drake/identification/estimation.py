@@ -421,28 +421,21 @@ def estimate(models: Sequence[FlightModel], layout: Layout) -> Estimate:
     for together in TOGETHER:
         scores = np.concatenate(
             [
-                (np.add.reduceat(part.scores, np.arange(0, len(part.scores), together)))
+                np.add.reduceat(part.scores, np.arange(0, len(part.scores), together))
                 for part in single
             ]
         )
         if together == 1 or len(scores) >= LEAST_BLOCKS:
             covariances.append(_sandwich(inverse, scores))
-    # What the variance between flights adds to the variances of z (k,).
-    out = np.zeros(layout.size)
+    # What disagreement adds to the variances of z (k,): between flights, and of what is their own.
+    between = np.zeros(layout.size)
     for i, name in enumerate(layout.names):
         if name in agreement:
-            out[i] = _between(agreement[name])
-    # What to add to the variances (k,) of flights' own parameters, by how much flights differ
-    # beyond them.
-    own_out = np.zeros(layout.size)
-    if layout.flights > 1:
-        first, count = len(layout.shared), len(layout.own)
-        for own_i in range(count):
-            own_own = slice(first + own_i, None, count)
-            own_out[own_own] = max(
-                float(np.var(z[own_own], ddof=1) - np.mean(np.diag(covariances[1])[own_own])), 0.0
-            )
-    between = (out) + (own_out)
+            between[i] = _between(agreement[name])
+    for i in range(len(layout.own) if layout.flights > 1 else 0):
+        each = slice(len(layout.shared) + i, None, len(layout.own))
+        beyond = np.var(z[each], ddof=1) - np.mean(np.diag(covariances[1])[each])
+        between[each] = max(float(beyond), 0.0)
     covariances = [c + np.diag(between) for c in covariances]
     # The gradients of flights at the common estimate hold the differences between them.
     if len(parts) >= LEAST_FLIGHTS:

@@ -67,12 +67,19 @@ def _beside(log: FlightLog, others: Sequence[FlightLog], least: float) -> Flight
             raise LogError(
                 f"{other.name}: must tell the position beside a neighbour; it does not. {HOW}."
             )
-    near = [other for other in others if _common(log, other) >= SHORTEST_COMMON]
+    # On the clocks of the recordings, first and last times [s].
+    spans = [(float(x.t[0] + x.start), float(x.t[-1] + x.start)) for x in (log, *others)]
+    (first, last), *theirs = spans
+    near = [
+        other
+        for other, (begins, ends) in zip(others, theirs, strict=True)
+        if min(last, ends) - max(first, begins) >= SHORTEST_COMMON
+    ]
     if others and not near:
-        own, *spans = ("{:.2f} to {:.2f} s".format(*_ends(other)) for other in (log, *others))
+        own, *told = (f"{begins:.2f} to {ends:.2f} s" for begins, ends in spans)
         raise LogError(
             f"{others[0].name}: must have {SHORTEST_COMMON:g} s in common with {log.name}, which "
-            f"is of {own}; it is of {', '.join(spans)}. {HOW}."
+            f"is of {own}; it is of {', '.join(told)}. {HOW}."
         )
     paths = [Neighbour(other.t + (other.start - log.start), other.p, other.name) for other in near]
     notes = [_checked(log, path, least) for path in paths]
@@ -102,18 +109,6 @@ def _checked(log: FlightLog, path: Neighbour, least: float) -> str:
     )
 
 
-def _common(log: FlightLog, other: FlightLog) -> float:
-    """Return the time that two logs have in common on the clocks of their recordings [s]; negative:
-    apart.
-    """
-    first, last = np.transpose([_ends(log), _ends(other)])
-    return float(last.min() - first.max())
-
-
-def _ends(log: FlightLog) -> tuple[float, float]:
-    return float(log.t[0] + log.start), float(log.t[-1] + log.start)
-
-
 SHORTEST = 3.0  # part of a flight that can be diagnosed [s]
 VEHICLE, TRAIN, HELD_OUT = (
     "vehicle.yaml",
@@ -135,22 +130,20 @@ class CaseFiles:
     train: tuple[Path, ...]
     held_out: tuple[Path, ...]
 
-    def open(
-        self, vehicle: Vehicle, *, repair: bool = False
-    ) -> tuple[list[FlightLog], list[FlightLog]]:
+    def open(self, vehicle: Vehicle) -> tuple[list[FlightLog], list[FlightLog]]:
         """Return the flights to fit and the held-out flights, in their parts between long gaps.
 
         Args:
             vehicle: gives thrust and torque from rotor speed or throttle.
-            repair: mend a few bad rows instead of refusing them.
         Raises: LogError, OSError: one line, at the first file that is not usable.
         """
         opened = with_vehicle(
-            [read_as_logged(path, repair=repair) for path in (*self.train, *self.held_out)], vehicle
+            [read_as_logged(path) for path in (*self.train, *self.held_out)], vehicle
         )
-        parts = [_parts(found) for found in opened]
-        train, held_out = parts[: len(self.train)], parts[len(self.train) :]
-        return [log for own in train for log in own], [log for own in held_out for log in own]
+        train, held_out = opened[: len(self.train)], opened[len(self.train) :]
+        return [p for own in train for p in _parts(own)], [
+            p for own in held_out for p in _parts(own)
+        ]
 
     def open_neighbours(
         self, given: Sequence[str], logs: Sequence[Sequence[FlightLog]]

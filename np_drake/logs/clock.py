@@ -7,8 +7,8 @@ import numpy as np
 from np_drake import attitude
 from np_drake.files.number_text import fixed
 from np_drake.flight_log import FlightLog
-from np_drake.logs.importing.alignment import in_frames
-from np_drake.logs.importing.log_map import GRAVITY, LogMap
+from np_drake.logs.importing.alignment import G, in_frames
+from np_drake.logs.importing.log_map import LogMap
 from np_drake.logs.importing.signals import Signal, Signals
 
 _STATE = ("p", "q", "v", "w", "a", "al")  # fields that are shifted
@@ -37,16 +37,12 @@ def shift_state(log: FlightLog, offset: float) -> FlightLog:
     for name in _STATE:
         value = getattr(log, name)
         if value is not None:
-            setattr(out, name, _at(log.t, value, wanted[kept], turn=name == "q"))
+            value = attitude.one_hemisphere(value, value[0]) if name == "q" else value
+            moved = Signal(log.t, value).linear(wanted[kept])
+            norm = np.linalg.norm(moved, axis=1, keepdims=True) if name == "q" else 1.0
+            setattr(out, name, moved / norm)
     out.notes.append(f"state columns shifted by {offset:g} s against the commands")
     return out
-
-
-def _at(t: np.ndarray, value: np.ndarray, wanted: np.ndarray, *, turn: bool) -> np.ndarray:
-    if turn:
-        value = attitude.one_hemisphere(value, value[0])
-    out = np.stack([np.interp(wanted, t, column) for column in value.T], axis=1)
-    return out / np.linalg.norm(out, axis=1, keepdims=True) if turn else out
 
 
 LONGEST_LAG = 0.2  # lag that is looked for [s]; own choice
@@ -71,13 +67,11 @@ STATES = (  # state, its rate of change, and the name of that
     ("velocity", "acceleration", "acceleration"),
     ("position", "velocity", "velocity"),
 )
-_G = np.array([0.0, 0.0, GRAVITY])
 
 
 @dc.dataclass(frozen=True)
 class Lag:
-    """Time by which `late` runs behind `early` [s], its standard deviation, and the correlation at
-    it [1].
+    """Time by which `late` runs behind `early` [s], and its standard deviation [s].
 
     mends: factor by which the two disagree less without the lag, of variances [1].
     """
@@ -86,7 +80,6 @@ class Lag:
     early: str
     seconds: float
     deviation: float
-    correlation: float
     mends: float = 1.0
 
     @property
@@ -121,9 +114,9 @@ def state_lags(x: Signals) -> dict[str, Lag]:
             and "attitude" in found
             and (late := found["attitude"].beyond_doubt)
         ):
-            force = attitude.rotate_back(x["attitude"].turned(None, other.t), other.values + _G)
+            force = attitude.rotate_back(x["attitude"].turned(None, other.t), other.values + G)
             other = Signal(
-                other.t, attitude.rotate(x["attitude"].turned(None, other.t + late), force) - _G
+                other.t, attitude.rotate(x["attitude"].turned(None, other.t + late), force) - G
             )
         if lag := lag_of(state, early, x[state].rate, other):
             found[state] = lag
@@ -169,7 +162,7 @@ def lag_of(late: str, early: str, y: Signal, x: Signal) -> Lag | None:
     ):
         return None
     mends = (1 - score[len(SHIFTS) // 2]) / max(1 - score.max(), 1e-9)
-    return Lag(late, early, best, deviation, float(np.sqrt(score.max())), float(mends))
+    return Lag(late, early, best, deviation, float(mends))
 
 
 def _best(moments: np.ndarray) -> tuple[float, np.ndarray]:

@@ -61,13 +61,13 @@ class Table:
         if self.ragged:
             raise self.error(
                 f"must have {len(self.columns)} cells as the header does; the file may be cut off. "
-                "Use --repair to leave the row out.",
+                "Leave the row out.",
                 row=self.ragged[0],
             )
         if self.unreadable:
             row, column, text = self.unreadable[0]
             raise self.error(
-                f"must be a number; got {text[:40]!r}. Use --repair to interpolate.",
+                f"must be a number; got {text[:40]!r}. Correct it, or leave the row out.",
                 column=column,
                 row=row,
             )
@@ -148,7 +148,6 @@ def disassemble(log: FlightLog) -> dict[str, np.ndarray]:
     is not known, states that were integrated. Without attitude the specific force stands for the
     acceleration.
     """
-    out = log.columns()
     left_out = {
         name for field, what in UNLOGGED.items() if what in log.lacks for name in COLUMNS[field]
     }
@@ -156,7 +155,7 @@ def disassemble(log: FlightLog) -> dict[str, np.ndarray]:
         left_out |= {*COLUMNS["u"]}
     if log.input == "thrust_only":
         left_out |= {*COLUMNS["u"]} - {*THRUST}
-    kept = {name: values for name, values in out.items() if name not in left_out}
+    kept = {name: values for name, values in log.columns().items() if name not in left_out}
     if "attitude" in log.lacks and log.a is not None:
         force = attitude.rotate_back(log.q, log.a + [0.0, 0.0, GRAVITY])
         kept |= dict(zip(FORCE, force.T, strict=True))
@@ -183,14 +182,12 @@ def check_table(table: Table, fields: list[str]) -> None:
         raise table.error(f"must have at least {LEAST_ROWS} rows; got {len(table)}.")
     _check_finite(table, fields)
     _check_time(table)
-    off = np.flatnonzero(np.abs(quaternion_norm(table) - 1) > NORM_TOLERANCE)
+    norms = np.linalg.norm(table.array(COLUMNS["q"]), axis=1)
+    off = np.flatnonzero(np.abs(norms - 1) > NORM_TOLERANCE)
     if off.size:
-        norm = quaternion_norm(table)[off[0]]
         raise table.error(
-            (
-                f"the quaternion's norm must be 1; got {norm:.4g}{_more(off)}. Use --repair to "
-                f"normalise a few rows."
-            ),
+            f"the quaternion's norm must be 1; got {norms[off[0]]:.4g}{_more(off)}. "
+            "`np-drake import` normalises it.",
             column="qw",
             row=int(off[0]),
         )
@@ -198,7 +195,9 @@ def check_table(table: Table, fields: list[str]) -> None:
 
 def _check_finite(table: Table, fields: list[str]) -> None:
     names = [name for field in fields for name in FIELDS[field]]
-    bad = ~np.stack([is_figure(table, name) for name in names], axis=1)
+    # Time may count nanoseconds, which its own check reports.
+    most = [np.finfo(float).max if name == "t" else LARGEST for name in names]
+    bad = ~(np.abs(table.array(tuple(names))) <= most)
     rows = np.flatnonzero(bad.any(axis=1))
     if rows.size:
         row = int(rows[0])
@@ -206,7 +205,7 @@ def _check_finite(table: Table, fields: list[str]) -> None:
         given = table.columns[name][row]
         must = f"below {LARGEST:g} in size" if np.isfinite(given) else "finite"
         raise table.error(
-            f"must be {must}; got {given}{_more(rows)}. Use --repair to interpolate a few rows.",
+            f"must be {must}; got {given}{_more(rows)}. `np-drake import` leaves such rows out.",
             column=name,
             row=row,
         )
@@ -221,7 +220,7 @@ def _check_time(table: Table) -> None:
         row = int(back[0]) + 1
         raise table.error(
             f"time must increase; got {t[row]:.9g} s after {t[row - 1]:.9g} s{_more(back)}. "
-            "Sort the rows, or use --repair to leave a few out.",
+            "Sort the rows; `np-drake import` leaves a few out.",
             column="t",
             row=row,
         )
@@ -232,21 +231,6 @@ def _check_time(table: Table) -> None:
             "Is time in seconds (not ms, µs or ns)?",
             column="t",
         )
-
-
-def is_figure(table: Table, name: str) -> np.ndarray:
-    """Return whether each cell of a column is a usable number, (n,).
-
-    It must be finite and, but for time, small enough to be squared; time may count nanoseconds,
-    which the check of time reports.
-    """
-    column = table.columns[name]
-    return np.isfinite(column) if name == "t" else np.abs(column) <= LARGEST
-
-
-def quaternion_norm(table: Table) -> np.ndarray:
-    """Return the norm of q, (n,) [1]."""
-    return np.linalg.norm(table.array(COLUMNS["q"]), axis=1)
 
 
 def _more(rows: np.ndarray) -> str:
@@ -278,29 +262,11 @@ def split_at_gaps(table: Table) -> tuple[list[Table], list[str]]:
     return [table.rows(rows) for rows in kept], [note]
 
 
-def without_long_gaps(table: Table) -> Table:
-    """Return the table, where no gap is longer than `LONGEST_GAP`.
-
-    Raises: LogError: where one is.
-    """
-    interval = np.diff(table.columns["t"])
-    if len(split_at_gaps(table)[0]) > 1:
-        row = int(np.argmax(interval)) + 1
-        raise table.error(
-            f"must have no gap longer than {LONGEST_GAP:g} s; the one before this row lasts "
-            f"{interval[row - 1]:.3g} s. "
-            "Cut the log there.",
-            column="t",
-            row=row,
-        )
-    return table
-
-
 def bridge_gaps(table: Table, fields: list[str]) -> tuple[Table, np.ndarray]:
     """Return the table with rows at the median interval inside every gap, and which rows (n,) these
     are.
 
-    Every column is interpolated linearly, but a command is held.
+    Every column of the fields is interpolated linearly, but a command is held.
     """
     t = table.columns["t"]
     interval, step = np.diff(t), _usual(t)
@@ -309,112 +275,23 @@ def bridge_gaps(table: Table, fields: list[str]) -> tuple[Table, np.ndarray]:
         return table, np.zeros(len(t), bool)
     fills = [np.linspace(t[k], t[k + 1], round(interval[k] / step) + 1)[1:-1] for k in gaps]
     where = np.repeat(gaps + 1, [len(fill) for fill in fills])
-    new = {name: np.insert(column, where, np.nan) for name, column in table.columns.items()}
-    new["t"] = np.insert(t, where, np.concatenate(fills))
     bridged = np.insert(np.zeros(len(t), bool), where, True)
-    out = table.with_columns(new)
-    _fill_cells(out, fields)
-    return out, bridged
-
-
-def _fill_cells(table: Table, fields: list[str]) -> np.ndarray:
-    """Interpolate what is not finite, in place, and return in which rows (n,)."""
-    t = table.columns["t"]
-    touched = np.zeros(len(t), bool)
-    _one_hemisphere(table)
+    q = table.array(COLUMNS["q"])
+    near = dict(zip(COLUMNS["q"], attitude.one_hemisphere(q, q[0]).T, strict=True))
+    known = table.columns | near
+    new = {name: np.insert(column, where, np.nan) for name, column in known.items()}
+    new["t"][bridged] = np.concatenate(fills)
     for field in fields:
         for name in FIELDS[field]:
-            column = table.columns[name]
-            good = np.isfinite(column)
-            if good.all() or not good.any():
-                continue
-            touched |= ~good
-            if field in HELD:
-                last = np.maximum.accumulate(np.where(good, np.arange(len(t)), 0))
-                column = np.where(good, column, column[last])
-                good = np.isfinite(column)
-            table.columns[name] = np.interp(t, t[good], column[good])
-    norm = np.where(touched, quaternion_norm(table), 1.0)
-    for name in COLUMNS["q"]:
-        table.columns[name] = table.columns[name] / norm
-    return touched
+            held, drawn = known[name][where - 1], np.interp(new["t"][bridged], t, known[name])
+            new[name][bridged] = held if field in HELD else drawn
+    norm = np.where(bridged, np.linalg.norm([new[name] for name in COLUMNS["q"]], axis=0), 1.0)
+    new |= {name: new[name] / norm for name in COLUMNS["q"]}
+    return table.with_columns(new), bridged
 
 
 def _usual(t: np.ndarray) -> float:
     return float(np.median(np.diff(t))) if len(t) > 1 else 1.0
-
-
-def _one_hemisphere(table: Table) -> None:
-    """Flip signs of quaternions so that neighbours are near, as interpolation needs."""
-    q = table.array(COLUMNS["q"])
-    rows = np.flatnonzero(np.all(np.isfinite(q), axis=1))
-    if len(rows) == 0:
-        return
-    q[rows] = attitude.one_hemisphere(q[rows], q[rows[0]])
-    for name, column in zip(COLUMNS["q"], q.T, strict=True):
-        table.columns[name] = column
-
-
-LARGEST_SHARE = 0.02  # of the rows that may be dropped or changed
-NORM_RANGE = (0.5, 2.0)  # a quaternion outside it is not normalised but interpolated [1]
-
-
-def repair(table: Table, fields: list[str]) -> tuple[Table, list[str]]:
-    """Drop rows out of time, interpolate bad cells and normalise quaternions.
-
-    Every column is interpolated linearly, but a command is held.  Source: own choice.
-    Returns: the repaired table (its rows are renumbered) and what was done, one line each.
-    Raises:  LogError: if more than `LARGEST_SHARE` of the rows, or too long a run, is bad.
-    """
-    if len(table) < LEAST_ROWS:
-        return table, []  # the check says so
-    figures = {
-        n: np.where(is_figure(table, n), column, np.nan) for n, column in table.columns.items()
-    }
-    t = np.where(np.isfinite(figures["t"]), figures["t"], -np.inf)
-    later = t > np.concatenate([[-np.inf], np.maximum.accumulate(t)[:-1]])
-    kept = table.with_columns(figures).rows(later)
-    norm = quaternion_norm(kept)
-    off = np.abs(norm - 1) > NORM_TOLERANCE
-    usable = (norm > NORM_RANGE[0]) & (norm < NORM_RANGE[1])
-    for name in COLUMNS["q"]:
-        column = kept.columns[name] / np.where(off & usable, norm, 1.0)
-        kept.columns[name] = np.where(off & ~usable, np.nan, column)
-    for field in fields:
-        for name in FIELDS[field]:
-            _refuse_long_run(kept, name, np.isfinite(kept.columns[name]))
-    counts = {
-        "left out (time missing or not increasing)": int(np.sum(~later)),
-        "given a unit quaternion": int(np.sum(off & usable)),
-        "interpolated (no number in a cell)": int(_fill_cells(kept, fields).sum()),
-    }
-    bad = sum(counts.values())
-    if bad > LARGEST_SHARE * len(table):
-        raise table.error(
-            f"can repair at most {LARGEST_SHARE:.0%} of the rows; {bad} of {len(table)} are bad. "
-            "Record it again, or cut out a good part."
-        )
-    notes = [
-        f"repaired: {count} of {len(table)} rows {what}" for what, count in counts.items() if count
-    ]
-    return kept, notes
-
-
-def _refuse_long_run(table: Table, name: str, good: np.ndarray) -> None:
-    """Check that the column is not bad for longer than `LONGEST_GAP`; LogError if it is."""
-    t = table.columns["t"]
-    edge = np.flatnonzero(good)
-    start = np.concatenate([[0], edge])
-    stop = np.concatenate([edge, [len(t) - 1]])
-    duration = np.where(stop - start > 1, t[stop] - t[start], 0.0)
-    worst = int(np.argmax(duration))
-    if good.any() and duration[worst] > LONGEST_GAP:
-        raise table.error(
-            f"can bridge at most {LONGEST_GAP} s; from here this column has no number for "
-            f"{duration[worst]:.3g} s. Cut the log there.",
-            column=name,
-            row=int(start[worst]),
-        )
 
 
 def said_of_bridged(logs: Sequence[FlightLog]) -> list[str]:

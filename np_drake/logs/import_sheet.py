@@ -1,6 +1,7 @@
 """The sheet beside an imported flight log: what was done, and what a row's command means."""
 
 import dataclasses as dc
+import json
 import re
 from pathlib import Path
 from typing import Any
@@ -77,11 +78,7 @@ def write_sheet(sheet: Sheet, log: str | Path) -> Path:
         **({"start": sheet.start} if sheet.start else {}),
     }
     if sheet.rotors is not None:
-        values = {
-            name: list(value) for name, value in dc.asdict(sheet.rotors).items() if name != "source"
-        }
-        values["positions"] = [list(position) for position in values["positions"]]
-        read["rotors"] = {**values, "source": sheet.rotors.source}
+        read["rotors"] = json.loads(json.dumps(dc.asdict(sheet.rotors)))  # lists, no tuples
     text = yaml.safe_dump({**read, **sheet.content}, sort_keys=False, allow_unicode=True, width=110)
     write_text(path, HEAD + text)
     return path

@@ -7,6 +7,7 @@ import numpy as np
 from scipy import optimize
 
 from np_drake.flight_log import FlightLog
+from np_drake.logs.columns import GRAVITY
 from np_drake.logs.errors import LogError
 from np_drake.rotor_input import with_rotor_input
 from np_drake.training_data.accelerations import LIFT_BAND, lift_over_weight, smoothed
@@ -23,7 +24,6 @@ VOLTAGE, VOLTAGE_SCATTER = 1.5, 0.5
 # share by which a voltage may differ from its median within a flight [1]; source: own choice
 BELIEVED = 0.3
 NOTE = "thrust from throttle"
-GRAVITY = 9.81  # where no vehicle states its own [m/s²]
 LEAST = 0.02  # throttle below which a rotor stands [1]
 
 
@@ -170,11 +170,6 @@ class _Lifted:
     flying: np.ndarray
     lift: np.ndarray
 
-    @property
-    def samples(self) -> float:
-        """Number of independent samples of the lift, which is band-limited."""
-        return min(float(len(self.lift)), 2 * LIFT_BAND * float(self.t[-1] - self.t[0]))
-
     def shape(self, exponent: float) -> np.ndarray:
         """Return the mean of the rotors' throttle to the exponent (n,), in the band of the lift
         [1].
@@ -186,10 +181,6 @@ class _Lifted:
         model = self.shape(exponent)
         # Projection of the lift on the model: least squares of one factor.
         return max(float(model @ self.lift / (model @ model)), 1e-6)
-
-    def rest(self, exponent: float) -> np.ndarray:
-        """Return what is left of the lift (n,) [1]."""
-        return self.lift - self.scale(exponent) * self.shape(exponent)
 
 
 def _lifted(log: FlightLog, gravity: float, volts: float | None = None) -> _Lifted:
@@ -218,9 +209,13 @@ def _loss(flights: Sequence[_Lifted], exponent: float) -> float:
 
     Gaussian rest of the lift, of unknown variance in each flight, and the prior of the exponent.
     """
-    variance = [(seen.samples, float(np.mean(seen.rest(exponent) ** 2))) for seen in flights]
-    prior = 0.5 * ((exponent - USUAL) / SCATTER) ** 2
-    return prior + sum(0.5 * n * np.log(max(v, 1e-12)) for n, v in variance)
+    loss = 0.5 * ((exponent - USUAL) / SCATTER) ** 2
+    for seen in flights:
+        rest = seen.lift - seen.scale(exponent) * seen.shape(exponent)
+        # Independent samples of the lift, which is band-limited.
+        count = min(float(len(rest)), 2 * LIFT_BAND * float(seen.t[-1] - seen.t[0]))
+        loss += 0.5 * count * np.log(max(float(np.mean(rest**2)), 1e-12))
+    return loss
 
 
 GUESS = 0.1  # `thrust_uncertainty` from which a thrust coefficient is a guess [1]; own choice

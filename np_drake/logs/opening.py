@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 
 from np_drake.flight_log import FlightLog
-from np_drake.logs.columns import LEAST_ROWS
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats import log_file, neurobem
 from np_drake.logs.formats.format import Progress, first_bytes, no_progress
@@ -15,7 +14,7 @@ from np_drake.logs.import_sheet import Sheet
 from np_drake.logs.importing.import_log import import_log
 from np_drake.logs.importing.laws import check_units
 from np_drake.logs.importing.log_map import LogMap, MapFile
-from np_drake.logs.importing.parts import CRASHES, FITS, WRECK, end_of_flight, fits_until
+from np_drake.logs.importing.parts import FITS
 from np_drake.logs.inputs import chosen_input, with_vehicle_input
 from np_drake.logs.rotors import Seen, in_vehicle_order, torques_seen
 from np_drake.vehicle import Vehicle
@@ -40,7 +39,6 @@ def open_flights(
     vehicle: Vehicle | None = None,
     map: LogMap | MapFile | None = None,
     *,
-    repair: bool = False,
     on_progress: Progress = no_progress,
 ) -> tuple[list[FlightLog], Sheet | None]:
     """Return the flights of a log, and the record of its import; None where it is of our columns or
@@ -57,29 +55,21 @@ def open_flights(
         vehicle: gives thrust and torque from rotor speed or throttle.
         map: columns and conventions; with it the log is imported, whatever its format; default: by
             its own names.
-        repair: mend a few bad rows of a log of our columns or of NeuroBEM.
         on_progress: called with the share that is read [1].
     Raises: LogError: one line with file, place and remedy; OSError: if it cannot be opened.
     """
-    (found,) = with_vehicle(
-        [read_as_logged(path, map, repair=repair, on_progress=on_progress)], vehicle
-    )
+    (found,) = with_vehicle([read_as_logged(path, map, on_progress=on_progress)], vehicle)
     return found.flights, found.sheet
 
 
 def read_as_logged(
-    path: str | Path,
-    map: LogMap | MapFile | None = None,
-    *,
-    repair: bool = False,
-    on_progress: Progress = no_progress,
+    path: str | Path, map: LogMap | MapFile | None = None, *, on_progress: Progress = no_progress
 ) -> Opened:
     """Return the flights of a log as they are logged, without a vehicle.
 
     Args:
         path: as of `open_flights`, and so are all others.
         map: columns and conventions.
-        repair: mend a few bad rows.
         on_progress: called with the share that is read [1].
     Raises: LogError, OSError: as `open_flights`.
     """
@@ -88,32 +78,12 @@ def read_as_logged(
     if map is None and neurobem.is_array(path):
         raise LogError(f"{path}: an array has no commands to diagnose; give the flight's CSV.")
     if map is None and neurobem.is_neurobem(path):
-        flights = _flown(neurobem.read(path, repair=repair), path)
-        return Opened(path, flights, vehicle=neurobem.published_vehicle())
+        return Opened(path, neurobem.read(path), vehicle=neurobem.published_vehicle())
     if map is None and log_file.is_flight_log(path):
-        return Opened(path, _flown(log_file.read(path, repair=repair), path))
+        return Opened(path, log_file.read(path))
     found = import_log(path, map, on_progress=on_progress)
     found.flights[-1].notes.extend(line for line in found.said if line.startswith(FITS))
     return Opened(path, list(found.flights), found.sheet)
-
-
-def _flown(flights: Sequence[FlightLog], path: Path) -> list[FlightLog]:
-    """Return flights up to where one ends badly, with a note; what is nothing but a wreck is left
-    out.
-
-    Raises: LogError: where nothing else is left.
-    """
-    kept: list[FlightLog] = []
-    for log in flights:
-        end = end_of_flight(log.t, log.p, log.v, log.q)
-        if end < LEAST_ROWS:
-            continue
-        kept.append(log.rows(0, end))
-        if end < len(log):
-            kept[-1].notes.append(fits_until(log.t[end - 1] - log.t[0], CRASHES))
-    if not kept:
-        raise LogError(f"{path}: {WRECK}")
-    return kept
 
 
 def rotor_lift(log: FlightLog) -> np.ndarray:

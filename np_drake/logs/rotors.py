@@ -181,10 +181,6 @@ class RotorOrder:
     correlations: tuple[float, float, float]
     score: float
 
-    def follows(self, vehicle: Vehicle) -> bool:
-        """Return whether the columns turn as the rotors of the file do to which they belong."""
-        return self.directions == tuple(vehicle.rotor_directions[i] for i in self.rotors)
-
 
 def rotor_orders(
     seen: Sequence[Evidence], vehicle: Vehicle
@@ -265,7 +261,12 @@ def _ordered(
     if not _better(best, own):
         return log
     # Likely orders of the columns in which the rotors turn as in the vehicle file.
-    as_built = [o for o in orders if best.score - o.score < SURE and o.follows(vehicle)]
+    as_built = [
+        o
+        for o in orders
+        if best.score - o.score < SURE
+        and o.directions == tuple(vehicle.rotor_directions[i] for i in o.rotors)
+    ]
     if len(as_built) == 1:
         best = as_built[0]
     stated = _stated_order(given_log, vehicle)

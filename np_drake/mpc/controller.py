@@ -19,7 +19,7 @@ from np_drake.mpc.problem import (
     SolverFailure,
 )
 from np_drake.references.flatness import body_rates, targets
-from np_drake.residual_model import WrenchForecast, no_forecast
+from np_drake.residual_model import WrenchForecast, constant_forecast
 from np_drake.rigid_body import W
 from np_drake.vehicle import Vehicle
 
@@ -84,7 +84,7 @@ class MpcController:
             t: of the measurement [s].
         """
         N, by = self.config.horizon, self.actuation
-        forecast = forecast or no_forecast(N)
+        forecast = forecast or constant_forecast(np.zeros(6), N)
         forecast = forecast if by.loop is None else forecast.force_alone()
         x = x if forecast.start is None else forecast.start
         chi = np.zeros((N + 1, 6))

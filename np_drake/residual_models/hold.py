@@ -1,5 +1,5 @@
-"""Baselines without training: a constant wrench, the last low-passed label held, the line through
-the last two, and a disturbance observer.
+"""Baselines without training: a constant wrench, the last low-passed label held, and a disturbance
+observer.
 """
 
 import numpy as np
@@ -65,38 +65,6 @@ class Hold:
     def forecast(self, memory: Memory, *, horizon: int, stride: int) -> WrenchForecast:
         """Return the held wrench."""
         return constant_forecast(memory["chi"], horizon)
-
-
-class LinearExtrapolation:
-    """Residual model chi_i = chi + i (chi - chi before) of the last two labels."""
-
-    name = "linear"
-
-    def __init__(self, *, step: float):
-        self.step = step
-
-    def initial_memory(self) -> Memory:
-        """Return the memory before any sample: the last label and the one before, chi (2, 6), and
-        their count.
-        """
-        return {"chi": np.zeros((2, 6)), "count": np.zeros(1)}
-
-    def update(self, memory: Memory, sample: Sample) -> Memory:
-        """Return the memory after one more sample; a label with NaN is taken as on the line so
-        far.
-        """
-        now, before = memory["chi"]
-        good = bool(np.isfinite(sample.chi).all())
-        label = sample.chi if good else 2 * now - before
-        before = now if memory["count"][0] else label
-        return {"chi": np.stack([label, before]), "count": memory["count"] + float(good)}
-
-    def forecast(self, memory: Memory, *, horizon: int, stride: int) -> WrenchForecast:
-        """Return the line through the last two labels."""
-        now, before = memory["chi"]
-        return constant_forecast(
-            now + stride * np.arange(horizon)[:, None] * (now - before), horizon
-        )
 
 
 class DisturbanceObserver:

@@ -9,7 +9,6 @@ import math
 
 from np_drake.files.yaml_file import POSITIVE, check_fields, number, word
 from np_drake.vehicle.rotor_layout import CORNERS, FIRMWARE
-from np_drake.vehicle.text import vehicle_text
 from np_drake.vehicle.vehicle import AIR, Vehicle, least_torque_over_thrust
 
 GRAVITY = 9.81  # [m/s²]
@@ -91,11 +90,6 @@ def estimate(measured: Measured, name: str = "mine") -> Vehicle:
         "sources": _sources(m, lever),
     }
     return Vehicle(name=name, gravity=GRAVITY, **values).check()  # type: ignore[arg-type]
-
-
-def commented_file(measured: Measured, name: str = "mine") -> str:
-    """Return the vehicle file (YAML) of `estimate`, with unit and origin of every value."""
-    return vehicle_text(estimate(measured, name), HEAD)
 
 
 def _sources(m: Measured, lever: float) -> dict[str, str]:

@@ -4,6 +4,11 @@ spread.
 `presets/published.csv` holds what its sources measured, identified or drew. A value that a source
 copies from another vehicle, computes from a simple body or tunes for a simulation is left out. A
 source with one time constant has it for both directions.
+
+Columns: name, source, and in SI the mass, the arm (mean distance of the rotors from the middle),
+inertia about the centre of mass, thrust_coefficient, torque_over_thrust, rotor_radius,
+max_rotor_thrust of one rotor, time constants of a rotor that speeds up and down, and rotor_inertia
+about its axis; a figure that is not published is empty.
 """
 
 import dataclasses as dc
@@ -57,22 +62,10 @@ class DimensionlessPriors:
 
 
 @cache
-def published_vehicles() -> pd.DataFrame:
-    """Return the published vehicles, in the order of the file; NaN where a figure is not.
-
-    Columns: name, source, and in SI the mass, the arm (mean distance of the rotors from the
-    middle), inertia about the centre of mass, thrust_coefficient, torque_over_thrust, rotor_radius,
-    max_rotor_thrust of one rotor, time constants of a rotor that speeds up and down, and
-    rotor_inertia about its axis.
-    """
-    return pd.read_csv(FILE)
-
-
-@cache
 def published_priors() -> DimensionlessPriors:
     """Return mean and standard deviation of the logarithms over all vehicles that tell a number."""
     spreads = {}
-    for name, column in dimensionless(published_vehicles()).items():
+    for name, column in dimensionless(pd.read_csv(FILE)).items():
         logs = np.log(column.dropna().to_numpy())
         spreads[str(name)] = LogNormal(float(logs.mean()), float(logs.std(ddof=1)), len(logs))
     return DimensionlessPriors(**spreads)

@@ -25,14 +25,8 @@ def in_this_process(monkeypatch):
     monkeypatch.setattr(campaign, "as_they_finish", here)
 
 
-SIZED = {
-    0xC4: ">B",
-    0xC5: ">H",
-    0xC6: ">I",
-    0xC7: ">B",
-    0xC8: ">H",
-    0xC9: ">I",
-}  # bytes and extensions
+# bytes and extensions
+SIZED = {0xC4: ">B", 0xC5: ">H", 0xC6: ">I", 0xC7: ">B", 0xC8: ">H", 0xC9: ">I"}
 SIZED |= {0xD9: ">B", 0xDA: ">H", 0xDB: ">I", 0xDC: ">H", 0xDD: ">I", 0xDE: ">H", 0xDF: ">I"}
 NUMBER = {0xCA: ">f", 0xCB: ">d", 0xCC: ">B", 0xCD: ">H", 0xCE: ">I", 0xCF: ">Q"}
 NUMBER |= {0xD0: ">b", 0xD1: ">h", 0xD2: ">i", 0xD3: ">q"}
@@ -75,12 +69,7 @@ class MessagePack:
 
 
 class ReplayPage:
-    """Page of a replay.
-
-    film: object -> property -> value by frame.
-    numbers: those of the read-outs.
-    objects: paths of all objects.
-    """
+    """Page of a replay: `film` by object and property, `numbers` of the read-outs, `objects`."""
 
     def __init__(self, path: Path):
         self.text, self.film = path.read_text(), {}
@@ -110,11 +99,7 @@ def replay_page() -> Callable[[Path], ReplayPage]:
 
 
 def excited(vehicle, seed: int = 0, seconds: float = 12.0, size: float = 1.0) -> FlightLog:
-    """A flight of a rigid body on a multisine: rotor speed follows from exact derivatives of its
-    motion.
-
-    size: over ordinary motion; 0 hovers.
-    """
+    """A rigid body on a multisine: rotor speed follows from its motion; size 0 hovers."""
     rng, step = np.random.default_rng(seed), 0.001
     t = step * np.arange(round(seconds / step) + 1)
     frequency = (
@@ -161,7 +146,5 @@ def excited(vehicle, seed: int = 0, seconds: float = 12.0, size: float = 1.0) ->
 
 @pytest.fixture(scope="session")
 def excited_flight():
-    """Maker of small flights that excite what they tell: `(vehicle, seed, seconds, size) ->
-    FlightLog`.
-    """
+    """Maker of small flights: `(vehicle, seed, seconds, size) -> FlightLog`."""
     return excited

@@ -1,6 +1,4 @@
-"""Every script and notebook of docs/examples runs in an empty folder, and shows what the guide says
-that it does; formulas of the built site.
-"""
+"""Every script and notebook of docs/examples runs in an empty folder; formulas of the site."""
 
 import ast
 import json

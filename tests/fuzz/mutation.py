@@ -2,44 +2,11 @@
 
 import random
 
-WORDS = (
-    *(
-        b"nan",
-        b"inf",
-        b"-inf",
-        b"1e999",
-        b"-0",
-        b"99999999999999999999",
-        b"0x10",
-        b"",
-        b" ",
-        b"\t",
-        b"\xff\xfe",
-    ),
-    *(
-        b"null",
-        b"true",
-        b"[]",
-        b"{}",
-        b"[[",
-        b"&a",
-        b"*a",
-        b"!!python/object:os.system",
-        b"!x",
-        b"<<",
-        b"---",
-    ),
-    *(
-        b"\x00",
-        b"\x00\x00\x00\x00",
-        b"\xff\xff\xff\xff",
-        b"\xff\xff\xff\x7f",
-        b"\r\n",
-        b"\n\n",
-        b",,,",
-        b'"',
-    ),
-)
+NUMBERS = b"nan inf -inf 1e999 -0 99999999999999999999 0x10 null true".split()
+MARKS = b'[] {} [[ &a *a !!python/object:os.system !x << --- ,,, "'.split()
+BLANKS = [b"", b" ", b"\t", b"\r\n", b"\n\n"]
+BITS = [b"\xff\xfe", b"\x00", b"\x00" * 4, b"\xff" * 4, b"\xff\xff\xff\x7f"]
+WORDS = [*NUMBERS, *MARKS, *BLANKS, *BITS]
 
 
 def mutate(data: bytes, rng: random.Random, most: int = 8) -> bytes:

@@ -3,7 +3,7 @@
 The cases are fixed by name and remade from their seed: every effect of the library in both
 simulators, pairs, triples, onsets, out-of-library effects and clean controls, in both sensor
 qualities. Where NP_DRAKE_NEUROBEM names the published real flights, two diagnoses of them are
-compared as well. The suite answers ten cases, this script all of them:
+compared as well. The suite answers six cases, this script all of them:
 
     python tests/golden/frozen_cases.py [--jobs N] [--only CASE …] [--out FILE]
 
@@ -119,9 +119,7 @@ def golden_cases() -> dict[str, Settings]:
 
 
 def answer(name: str, neurobem: Path | None = None) -> dict[str, Any]:
-    """Fly and diagnose one case: verdict, probabilities, parameters, onsets and residuals,
-    rounded.
-    """
+    """Fly and diagnose one case, and return the answer, rounded."""
     if name.startswith(f"{REAL}/"):
         if neurobem is None:
             raise ValueError(f"golden: {name} needs the folder of the NeuroBEM flights.")
@@ -168,9 +166,7 @@ def _rounded(value: float | None) -> float | None:
 
 
 def write_answers(path: Path, answers: dict[str, dict[str, Any]]) -> None:
-    """Write answers as JSON, a case a line, so that a difference between two versions of the file
-    can be read.
-    """
+    """Write answers as JSON, a case a line."""
     head = {"schema": SCHEMA, "seed": SEED, "seconds": SECONDS}
     lines = (
         f"{json.dumps(name)}: {json.dumps(value, separators=(',', ':'))}"

@@ -1,7 +1,6 @@
-"""Frozen cases have the answers that were stored: ten here, all of them by `make golden`."""
+"""Frozen cases have the answers that were stored: six here, all of them by `make golden`."""
 
 import copy
-from collections import Counter
 
 import frozen_cases
 import pytest
@@ -10,20 +9,14 @@ from frozen_cases import answer, differences, golden_cases, read_answers
 from np_drake.effects.library import LIBRARY
 
 STORED = read_answers(frozen_cases.STORED)
-SUITE_TOLERANCE = (
-    1e-4  # relative: another processor rounds otherwise in a search of some thousand products
-)
-SUITE = (  # ten of all kinds; `make golden` compares all of them
-    "single/constant_wind/drake/clean",
-    "single/weak_rotor/rotorpy/clean",
+SUITE_TOLERANCE = 1e-4  # relative: another processor rounds otherwise in a long search
+SUITE = (  # of all kinds; `make golden` compares all of them
     "single/suspended_payload/drake/clean",
     "single/inertia_error/rotorpy/real",
     "pair/mass_error+linear_drag/drake/clean",
-    "triple/center_of_mass_offset+constant_wind+command_delay/rotorpy/clean",
     "onset/linear_drag/rotorpy/real",
     "foreign/twisted_cable/rotorpy/clean",
     "clean/90/drake/real",
-    "clean/95/rotorpy/clean",
 )
 
 
@@ -41,18 +34,6 @@ def test_every_effect_is_flown_alone_in_both_simulators_and_qualities():
     for position, values in ((0, {"drake", "rotorpy"}), (1, {"clean", "real"})):
         flown = {(case[position], case[2].names[0]) for case in singles}
         assert flown == {(value, name) for value in values for name in LIBRARY}
-
-
-def test_every_kind_of_case_is_flown_in_every_setting():
-    kinds = Counter(
-        (simulator, quality, draw.kind) for simulator, quality, draw in golden_cases().values()
-    )
-    assert len(kinds) == 4 * 6
-
-
-@pytest.mark.parametrize("name", SUITE)
-def test_an_answer_does_not_differ_from_itself(name):
-    assert differences(STORED[name], copy.deepcopy(STORED[name]), 0.0) == []
 
 
 @pytest.mark.parametrize("off, lines", [(0.5e-6, 0), (2e-6, 1)])

@@ -7,9 +7,7 @@ from np_drake.flight_log import FlightLog
 
 
 def made_flight(n: int = 600, step: float = 0.01) -> FlightLog:
-    """A circle of 1 m at 1.5 m/s with a rocking attitude: p, v, a and q, w, al are exact
-    derivatives.
-    """
+    """A circle of 1 m at 1.5 m/s with a rocking attitude, and its exact derivatives."""
     t = step * np.arange(n)
     phase = 1.5 * t
     turn = [np.cos(phase), np.sin(phase), 0 * t]

@@ -19,15 +19,12 @@ from np_drake.vehicle import Vehicle
 
 STEP, LAGGED = 0.02, Vehicle(rotor_time_constant=0.03)
 LEVEL = np.array([0, 0, 1.0, 1.0, 0, 0, 0, 0, 0, 0, 0, 0, 0])
-SENT = np.arange(KEPT, 0, -1.0)[:, None] * np.ones(
-    4
-)  # command j has the value of its turn, the newest first
+# command j has the value of its turn, the newest first
+SENT = np.arange(KEPT, 0, -1.0)[:, None] * np.ones(4)
 
 
 def flown(delays, *, noise=0.05, gust=0.0, known=0.0, track=True, seed=0, believed=LAGGED):
-    """Return the delay that the filter believes after each sample of a restless command under
-    `delays` [periods].
-    """
+    """Return the delay believed after each sample of a restless command under `delays`."""
     draw, dut = (
         np.random.default_rng(seed),
         DelayFilter(believed, step=STEP, known=known, track=track),

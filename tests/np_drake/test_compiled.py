@@ -22,9 +22,7 @@ SOURCE = "def doubled(x):\n    return 2 * x\n"
 
 @pytest.fixture
 def doubled(tmp_path):
-    """Return a function that compiles `doubled` of a file as a new process would: (value, answers
-    from the cache).
-    """
+    """Return a function that compiles `doubled` as a new process would: (value, answers cached)."""
     path = tmp_path / "doubling.py"
     path.write_text(SOURCE)
 

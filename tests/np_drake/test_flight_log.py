@@ -1,42 +1,9 @@
-"""Laws of what a notebook shows of a log, and of the path of a neighbour."""
+"""Laws of the path of a neighbour."""
 
 import numpy as np
 import pytest
 
-from np_drake.flight_log import FlightLog, Neighbour
-
-ROWS = 50
-LOG = FlightLog(
-    t=0.02 * np.arange(ROWS),
-    p=np.tile([0.0, 1.0, 2.0], (ROWS, 1)),
-    q=np.tile([1.0, 0, 0, 0], (ROWS, 1)),
-    v=np.zeros((ROWS, 3)),
-    w=np.zeros((ROWS, 3)),
-    u=np.tile([9.81, 0, 0, 0], (ROWS, 1)),
-    rotor=np.full((ROWS, 4), 500.0),
-    name="<circle>",
-    notes=[f"note {k}" for k in range(9)],
-)
-
-
-def test_a_log_says_name_rows_length_rate_and_input():
-    assert repr(LOG) == "FlightLog('<circle>': 50 rows, 1.0 s at 50 Hz, input command)"
-    page = LOG._repr_html_()
-    assert "&lt;circle&gt;" in page
-    assert "9.81 to 9.81" in page
-    assert page.count("<p>note") == 5
-
-
-def test_data_frames_hold_the_values_with_the_times_as_index():
-    frame = LOG.to_dataframe()
-    np.testing.assert_array_equal(frame.index, LOG.t)
-    np.testing.assert_array_equal(frame[["px", "py", "pz"]], LOG.p)
-
-
-def test_a_log_draws_track_height_speed_and_thrust_with_units():
-    figure = LOG.plot()
-    assert all("[" in ax.get_ylabel() for ax in figure.get_axes())
-    assert figure._repr_png_().startswith(b"\x89PNG")
+from np_drake.flight_log import Neighbour
 
 
 def test_a_path_is_linear_between_its_rows_and_unknown_beyond():

@@ -12,9 +12,7 @@ STEP = 0.01  # [s]
 
 
 def flight(chi=(0.5, -0.3, -2.5, 0.01, -0.02, 0.005), *, n=400, lag=0.0, seed=0):
-    """A log whose accelerations are exactly eq. (1) under a constant wrench and a wandering
-    command.
-    """
+    """A log whose accelerations are exactly eq. (1) under a constant wrench."""
     vehicle = Vehicle(rotor_time_constant=lag).check()
     draw = np.random.default_rng(seed)
     q = draw.normal(size=(n, 4)) * 0.1 + [1, 0, 0, 0]
@@ -46,9 +44,8 @@ def stream(dut, log, u):
 
 def test_a_constant_wrench_is_labelled_at_once_and_exactly():
     vehicle, log, chi = flight()
-    np.testing.assert_allclose(
-        lb.labels(log, vehicle), np.tile(chi, (400, 1)), atol=1e-9
-    )  # round-off [N, N·m]
+    # round-off [N, N·m]
+    np.testing.assert_allclose(lb.labels(log, vehicle), np.tile(chi, (400, 1)), atol=1e-9)
 
 
 @pytest.mark.parametrize("lag", [0.0, 0.03])
@@ -76,9 +73,8 @@ def test_a_first_order_label_answers_a_step_with_its_time_constant():
     for channel, bandwidth in ((0, 1.0), (5, 0.5)):
         time = log.t[200:] - log.t[200] + STEP / 2
         expected = 1 - np.exp(-2 * np.pi * bandwidth * time)
-        np.testing.assert_allclose(
-            after[:, channel], expected, atol=2e-3
-        )  # bilinear against exact [N, N·m]
+        # bilinear against exact [N, N·m]
+        np.testing.assert_allclose(after[:, channel], expected, atol=2e-3)
 
 
 def test_smooth_labels_have_no_delay():
@@ -97,9 +93,10 @@ def test_a_slow_force_comes_late_by_the_delay_of_the_low_pass(order):
     vehicle, log, _ = flight(chi=np.zeros(6), n=1000)
     log.a[:, 0] += log.t / vehicle.mass  # a ramp of 1 N/s
     config = lb.LabelConfig(order=order)
+    # [s]
     assert log.t[-1] - lb.labels(log, vehicle, config)[-1, 0] == pytest.approx(
         config.force_delay, rel=0.02
-    )  # [s]
+    )
 
 
 def test_a_command_through_the_vehicle_files_lag_leaves_no_torque():
@@ -125,10 +122,3 @@ def test_an_impossible_filter_is_refused(bad):
 def test_a_bandwidth_above_nyquist_is_refused():
     with pytest.raises(ValueError, match="half the sampling rate"):
         lb.LabelFilter(Vehicle(), lb.LabelConfig(force_bandwidth=60.0), step=STEP)
-
-
-def test_a_log_without_accelerations_gives_no_labels():
-    vehicle, log, _ = flight()
-    log.a = None
-    with pytest.raises(ValueError, match="differentiate"):
-        lb.labels(log, vehicle)

@@ -21,9 +21,8 @@ def test_a_swing_turns_twice_a_period():
 
 @pytest.mark.parametrize("rate", [-0.4, -0.1, 0.0, 0.05])
 def test_the_rate_of_an_exponential_swing_is_its_exponent(rate):
-    assert decay_rate(T, swing(rate)) == pytest.approx(
-        rate, abs=2e-3
-    )  # [1/s]; peaks fall between samples
+    # [1/s]; peaks fall between samples
+    assert decay_rate(T, swing(rate)) == pytest.approx(rate, abs=2e-3)
 
 
 def test_what_never_rises_above_the_floor_has_no_rate():
@@ -42,8 +41,7 @@ def test_what_still_swings_at_the_end_has_not_settled():
 
 
 def test_the_interval_is_students():
-    assert half_width(np.array([1.0, 2.0, 3.0])) == pytest.approx(
-        4.303 / np.sqrt(3), rel=1e-3
-    )  # 2 degrees
+    # 2 degrees
+    assert half_width(np.array([1.0, 2.0, 3.0])) == pytest.approx(4.303 / np.sqrt(3), rel=1e-3)
     assert np.isnan(half_width(np.array([1.0])))
     assert np.isnan(half_width(np.array([1.0, np.inf])))

@@ -1,6 +1,4 @@
-"""The real vehicle at a random state under a random command, and what eq. (1) misses of its
-motion.
-"""
+"""The real vehicle at a random state under a random command."""
 
 from types import SimpleNamespace
 
@@ -25,9 +23,7 @@ def random_state(seed: int) -> np.ndarray:
 
 
 def in_flight(seed: int, **effects) -> SimpleNamespace:
-    """The vehicle without payload, at a random time, state and command: everything true of that
-    instant.
-    """
+    """The vehicle without payload at a random instant: everything true of it."""
     rng = np.random.default_rng(seed)
     dut = make_tethered_quadrotor(VEHICLE, PayloadConfig(tether="none"), **effects)
     context = dut.CreateDefaultContext()

@@ -37,7 +37,6 @@ def test_the_vehicle_flies_on_the_firmware_and_np_flies_best(flown):
 def test_its_rate_loop_is_that_of_the_gains_it_was_given(flown):
     roll, pitch, _ = identify_rate_loop([flown["nominal"].log()])
     for loop in (roll, pitch):
-        assert (
-            1 / 20.0 < loop.lag < 0.1
-        )  # behind the bandwidth of 20 rad/s: rotors, filters and link
+        # behind the bandwidth of 20 rad/s: rotors, filters and link
+        assert 1 / 20.0 < loop.lag < 0.1
         assert loop.gain == pytest.approx(1.05, abs=0.1)

@@ -24,9 +24,7 @@ def a_state(seed: int, stretch: float) -> np.ndarray:
 
 
 def span(state: np.ndarray, after: float) -> float:
-    """Return the distance of the ends [m] `after` a time in which both bodies keep their
-    velocities.
-    """
+    """Return the distance of the ends [m] `after` a time of constant velocities."""
     w, v = state[14:17], state[17:20]
     turn = attitude.from_rotation_vector(after * w[None])[0]
     hook = state[4:7] + after * v + attitude.rotate(attitude.multiply(turn, state[0:4]), HOOK)

@@ -66,9 +66,8 @@ def test_a_command_arrives_late_and_lags_by_its_direction(lift, lag):
     simulator.AdvanceTo(0.021 + lag)  # one lag after it has arrived
     speed = np.sqrt(read(dut, context, "rotor_thrust") / hover)
     share = (speed - 1) / (np.sqrt(lift) - 1)
-    np.testing.assert_allclose(
-        share, 1 - np.exp(-1), atol=0.02
-    )  # the command steps at a multiple of 1 ms
+    # the command steps at a multiple of 1 ms
+    np.testing.assert_allclose(share, 1 - np.exp(-1), atol=0.02)
 
 
 def test_it_passes_thrust_and_turns_by_the_loops_torque():

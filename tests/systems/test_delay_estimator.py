@@ -1,6 +1,4 @@
-"""Laws of the LeafSystems around a delay of commands: estimator, reference, predictor, MPC and
-oracle.
-"""
+"""Laws of the LeafSystems around a delay of commands."""
 
 import numpy as np
 import pytest
@@ -88,9 +86,7 @@ def test_without_delay_or_without_a_state_a_forecast_begins_now():
 
 
 def oracle(delay, plan_from):
-    """The oracle of a vehicle at 0.5 m/s against drag, with commands of 10 % more thrust under
-    way.
-    """
+    """The oracle at 0.5 m/s against drag, with 10 % more thrust under way."""
     model = TrueModel(VEHICLE, None, [LinearDrag(0.25, 0.25, 0.25)], [], delay)
     dut = WrenchOracle(model, CONFIG, period=STEP)
     context = dut.CreateDefaultContext()

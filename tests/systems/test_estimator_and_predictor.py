@@ -8,7 +8,7 @@ import pytest
 
 from np_drake import rigid_body
 from np_drake.labels import LabelConfig, LabelFilter
-from np_drake.residual_model import constant_forecast
+from np_drake.residual_model import Sample, constant_forecast
 from np_drake.residual_models.hold import Hold
 from np_drake.residual_models.neural_predictor import NeuralPredictor as NeuralPredictorModel
 from np_drake.vehicle import Vehicle
@@ -88,6 +88,23 @@ def neural_predictor_on_labels():
     dut.GetInputPort("u").FixValue(context, VEHICLE.hover_input)
     dut.GetInputPort("label").FixValue(context, CHI)
     return dut, context
+
+
+def test_a_neural_predictor_is_its_model_in_a_context():
+    dut, context = neural_predictor_on_labels()
+    model = NeuralPredictorModel.load(NP_MODEL)
+    memory, rng = model.initial_memory(), np.random.default_rng(1)
+    flown = CHI + 0.1 * rng.normal(size=(model.model.window + 4, 6))
+    for chi in flown:
+        memory = model.update(memory, Sample(LEVEL, VEHICLE.hover_input, chi))
+        dut.GetInputPort("label").FixValue(context, chi)
+        event(dut, context)
+    expected = model.forecast(memory, horizon=4, stride=2).first
+    np.testing.assert_allclose(dut.GetOutputPort("chi_hat").Eval(context), expected, atol=1e-12)
+    state = dut.memory(context)
+    assert {n: v.shape for n, v in state.items()} == {n: np.shape(v) for n, v in memory.items()}
+    np.testing.assert_allclose(state["z"], memory["z"], atol=1e-12)
+    np.testing.assert_array_equal(state["window"][:, :6], flown[-model.model.window :])
 
 
 @pytest.mark.parametrize(

@@ -54,9 +54,8 @@ def test_a_failed_solve_flies_the_last_plan_one_period_on_and_says_so():
     event(dut, context)
     after = evaluate(dut, context, "plan_u").reshape(10, 4)
     assert evaluate(dut, context, "status")[0] == MpcStatus.SHIFTED_PLAN
-    np.testing.assert_allclose(
-        after[0], 0.5 * (before[0] + before[1]), atol=1e-12
-    )  # period is half a step
+    # period is half a step
+    np.testing.assert_allclose(after[0], 0.5 * (before[0] + before[1]), atol=1e-12)
 
 
 class Slow:

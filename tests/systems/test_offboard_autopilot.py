@@ -5,15 +5,7 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.autopilot.mavlink import (
-    AUTOPILOT,
-    COMPANION,
-    Codec,
-    Command,
-    Heartbeat,
-    Inertial,
-    Pose,
-)
+from np_drake.autopilot.mavlink import COMPANION, Codec, Command, Heartbeat, Inertial, Pose
 from np_drake.rigid_body import P
 from np_drake.vehicle import Vehicle
 from np_drake.vehicle.vehicle import RateLoop
@@ -92,26 +84,3 @@ def test_a_companion_that_is_heard_takes_command(flight):
     target = next(one for one in said if isinstance(one, Command))
     np.testing.assert_allclose([target.thrust, *target.rates], [0.5, 0.1, 0.2, 0.3], rtol=1e-6)
     assert len(flight.dut.autopilot.handovers) == 1
-
-
-def test_a_companion_that_falls_silent_loses_command(flight):
-    flight.talk(0.0, 3.0)
-    for k in range(round(3.0 / PERIOD), round(4.0 / PERIOD)):
-        flight.event(PERIOD * k)
-    np.testing.assert_allclose(flight.output, HOVER, atol=1e-9)
-    assert len(flight.dut.autopilot.failsafes) == 1
-
-
-def test_commands_that_are_under_way_are_not_yet_in_force():
-    flight = Flight(takes=100.0)
-    flight.talk(0.0, 3.0)
-    assert not flight.dut.autopilot.engaged
-    np.testing.assert_allclose(flight.output, HOVER, atol=1e-9)
-
-
-def test_messages_come_from_the_component_of_an_autopilot(flight):
-    common = pytest.importorskip("pymavlink.dialects.v20.common")
-    flight.dut.link.send = (sent := []).append
-    flight.event(0.0)
-    found = common.MAVLink(None).parse_buffer(b"".join(sent))
-    assert {(one.get_srcSystem(), one.get_srcComponent()) for one in found} == {(1, AUTOPILOT)}

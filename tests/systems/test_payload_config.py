@@ -50,9 +50,8 @@ def test_a_log_of_the_hook_brings_back_the_wrench_of_drakes_cable(damping, apply
     r, r_rate = s[11:14] - s[4:7] - hook, s[23:26] - s[17:20] - np.cross(s[14:17], hook)
     x, acceleration, wrench = [], [], []
     for k in range(250):
-        simulator.AdvanceTo(
-            STEP * (k + 0.5)
-        )  # the middle of the steps: held motion to second order
+        # the middle of the steps: held motion to second order
+        simulator.AdvanceTo(STEP * (k + 0.5))
         x.append(dut.GetOutputPort("x").Eval(context))
         acceleration.append(dut.GetOutputPort("acceleration").Eval(context))
         wrench.append(dut.GetOutputPort("tether_wrench").Eval(context))

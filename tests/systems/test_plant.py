@@ -9,38 +9,9 @@ from pydrake.systems.analysis import Simulator
 from np_drake.vehicle import Vehicle
 from systems.payload_config import PayloadConfig
 from systems.plant import add_free_body, sphere
-from systems.tethered_quadrotor import make_tethered_quadrotor
-from systems.wrench_effects import Push
 
 VEHICLE = Vehicle()
 BARE = PayloadConfig(tether="none")
-
-
-def accelerated(payload, force):
-    """Acceleration (3,) under a force on the hovering vehicle [m/s²]."""
-    dut = make_tethered_quadrotor(VEHICLE, payload, pushed=True)
-    context = dut.CreateDefaultContext()
-    dut.GetInputPort("u").FixValue(context, VEHICLE.hover_input)
-    push = dut.GetSubsystemByName("push")
-    push.set_force(push.GetMyMutableContextFromRoot(context), np.array(force), np.zeros(3))
-    return dut.GetOutputPort("acceleration").Eval(context)[:3]
-
-
-def test_a_force_accelerates_the_vehicle_by_its_mass():
-    force = [1.0, -2.0, 3.0]
-    np.testing.assert_allclose(
-        accelerated(BARE, force) - accelerated(BARE, np.zeros(3)),
-        np.divide(force, VEHICLE.mass),
-        atol=1e-9,
-    )
-
-
-def test_each_force_stands_at_its_own_body():
-    dut = Push(12, payload=True)
-    context = dut.CreateDefaultContext()
-    dut.set_force(context, np.array([1.0, 2.0, 3.0]), np.array([4.0, 5.0, 6.0]))
-    expected = [0, 0, 0, 1, 2, 3, 0, 0, 0, 4, 5, 6]
-    np.testing.assert_array_equal(dut.get_output_port().Eval(context), expected)
 
 
 @pytest.fixture

@@ -1,6 +1,4 @@
-"""Laws of the rotors between command and thrust: the lag of the vehicle file, and of effects in its
-place.
-"""
+"""Laws of the rotors between command and thrust: the lag of the vehicle file or of an effect."""
 
 import dataclasses as dc
 
@@ -20,9 +18,7 @@ HOVER = VEHICLE.mass * VEHICLE.gravity
 
 
 def speeds(times, *effects, onsets=None, start=0.0):
-    """Return relative rotor speed at `times` after a command of four times the hover thrust at
-    `start`, 1 to 2.
-    """
+    """Return rotor speed at `times` after `start`, 1 at hover and 2 at the new command."""
     dut = make_tethered_quadrotor(
         VEHICLE, PayloadConfig(tether="none"), actuator_effects=effects, onsets=onsets or {}
     )

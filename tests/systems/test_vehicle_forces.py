@@ -1,6 +1,4 @@
-"""Laws of the compiled forces: they are the sum of the single effects, and other effects keep their
-own systems.
-"""
+"""Laws of the compiled forces: they are the sum of the single effects."""
 
 import numpy as np
 import pytest
@@ -23,9 +21,7 @@ PORTS = ("x", "acceleration", "rotor_thrust", "nominal_rotor_thrust")
 
 
 class LagOfItsOwn(MotorLag):
-    """The same lag in a class that the compiled forces do not know, so that every effect is a
-    system of its own.
-    """
+    """The same lag in a class that the compiled forces do not know."""
 
 
 def pair(payload, actuators=(), wrenches=(), **options):
@@ -42,9 +38,7 @@ def pair(payload, actuators=(), wrenches=(), **options):
 
 
 def place(dut, context, seed, *, drift=0.0):
-    """Set a random state near that in which the payload hangs, and a random command; quaternions
-    drift off unit.
-    """
+    """Set a random state and command; quaternions drift off unit."""
     rng = np.random.default_rng(seed)
     plant = dut.GetSubsystemByName("plant")
     own = plant.GetMyMutableContextFromRoot(context)
@@ -82,9 +76,8 @@ def test_the_compiled_forces_are_the_sum_of_the_single_effects(payload, actuator
             place(dut, context, seed, drift=1e-4 * seed)
             rates = dut.EvalTimeDerivatives(context).CopyToVector()
             found.append(np.concatenate([read(dut, context, names), rates]))
-        np.testing.assert_allclose(
-            found[0], found[1], rtol=1e-11, atol=1e-10
-        )  # round-off of the sums
+        # round-off of the sums
+        np.testing.assert_allclose(found[0], found[1], rtol=1e-11, atol=1e-10)
 
 
 def test_level_rotors_lift_along_z_and_turn_about_the_body_axes():

@@ -16,18 +16,20 @@ from np_drake.diagnosis.forward_model import StageCache, Term, predicted_residua
 from np_drake.diagnosis.numerics import fit_noise
 from np_drake.diagnosis.options import IDEAL_SENSORS, SPREAD, Options, Tolerance
 from np_drake.diagnosis.residuals import QUIET, FlightResiduals
-from np_drake.effects.attitude_latency import AttitudeLatency
+from np_drake.effects import (
+    AttitudeLatency,
+    ClockOffset,
+    ConstantWind,
+    ImuMounting,
+    LinearDrag,
+    MassError,
+    SuspendedPayload,
+    ThrottleCurve,
+    ThrustScale,
+)
 from np_drake.effects.base import Effect, prior_root
-from np_drake.effects.clock_offset import ClockOffset
-from np_drake.effects.constant_wind import ConstantWind
-from np_drake.effects.imu_mounting import ImuMounting
 from np_drake.effects.library import LIBRARY, REQUIREMENTS, effect_of, effects_for, unobservable
-from np_drake.effects.linear_drag import LinearDrag
-from np_drake.effects.mass_error import MassError
 from np_drake.effects.parameter import usual_size
-from np_drake.effects.suspended_payload import SuspendedPayload
-from np_drake.effects.throttle_curve import ThrottleCurve
-from np_drake.effects.thrust_scale import ThrustScale
 from np_drake.vehicle import Vehicle
 
 DRAG = LinearDrag.identifier  # the effect through which winds act

@@ -85,7 +85,7 @@ def default_map(contents: Contents) -> LogMap | None:
     is 15 ms late. Throttle is what is sent to the motors, 0 where they idle; Indiflight's `u` is
     the thrust that it asks for, over the largest one.
     """
-    told = _settings_of(contents)
+    told = getattr(contents, "parameters", {})
     indiflight = "indiflight" in told
     if not indiflight and "betaflight" not in told:
         return None
@@ -132,7 +132,12 @@ def default_map(contents: Contents) -> LogMap | None:
         rotor_speed=driven.rotor_speed,
         throttle=driven.throttle,
         voltage=_voltage(contents, told),
-        commanded_rates=_setpoint(contents, indiflight),
+        # the rates that the controller is asked for, as logged beside the gyro
+        commanded_rates=Source()
+        if indiflight
+        else first_source(
+            contents, [_indexed("setpoint", 3)], unit="deg/s", axes="body", body="flu"
+        ),
     )
 
 
@@ -140,7 +145,7 @@ def motors(contents: Contents) -> Motors:
     """Return the motors of a log, and their layout, that of Betaflight's Quad X, where they are
     four.
     """
-    told = _settings_of(contents)
+    told = getattr(contents, "parameters", {})
     columns = [name for name in contents.get("main", ()) if MOTOR.fullmatch(name)]
     ends = [
         told.get(f"motorOutput[{i}]", told.get(old, 0.0))
@@ -164,10 +169,6 @@ def motors(contents: Contents) -> Motors:
     return Motors(throttle, speed, FIRMWARE["betaflight"])
 
 
-def _settings_of(contents: Contents) -> dict[str, float]:
-    return getattr(contents, "parameters", {})
-
-
 def _indexed(name: str, count: int) -> list[str]:
     return [f"main/{name}[{i}]" for i in range(count)]
 
@@ -181,15 +182,6 @@ def _voltage(contents: Contents, told: dict[str, float]) -> Source:
         contents, [["main/vbatLatest"]], unit="V", scale=0.01 if version >= 4 else 0.1
     )
     return found if version >= 3.01 else Source()  # 3.1
-
-
-def _setpoint(contents: Contents, indiflight: bool) -> Source:
-    """Return the rates that the controller is asked for, as logged beside the gyro; none of
-    Indiflight's.
-    """
-    if indiflight:
-        return Source()
-    return first_source(contents, [_indexed("setpoint", 3)], unit="deg/s", axes="body", body="flu")
 
 
 def _gyro_delay(told: dict[str, float]) -> float:
@@ -337,10 +329,6 @@ class _Session:
     def scales(self) -> list[str]:
         """Settings that give the columns their meaning."""
         return [self.settings.get(name, "") for name in SCALES]
-
-    def numbers(self, name: str) -> list[float]:
-        """Return the numbers of a setting; none where it holds another text, or is not there."""
-        return _numbers(self.settings.get(name, ""))
 
 
 def _numbers(text: str) -> list[float]:
@@ -505,16 +493,12 @@ def _contents(path: Path) -> Contents:
 def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Recording:
     """Decode the wanted fields of all logs of a file that share their fields and scales.
 
-    Raises: LogError: if no header is whole, a field is not there, or no log has a frame.
+    Raises: LogError: if no header is whole, or no log has a frame.
     """
     content = path.read_bytes()
     known, bad = _sessions(path, content)
     session = _largest(known)
     columns = session.columns
-    for stream, names in wanted.items():
-        for name in names:
-            if name not in columns.get(stream, ()):
-                raise LogError(f"{path}: must hold the field {name} of {stream}; it does not.")
     alike = [s for s in known if s.columns == columns and s.scales == session.scales]
     others = [str(s.number) for s in known if s not in alike]
     said = [f"{line}; left out" for line in bad]
@@ -558,7 +542,7 @@ def _parameters(session: _Session) -> dict[str, float]:
     """
     found: dict[str, float] = {}
     for name in session.settings:
-        values = session.numbers(name)
+        values = _numbers(session.settings.get(name, ""))
         found |= (
             {name: values[0]}
             if len(values) == 1
@@ -606,12 +590,9 @@ def _decoded(
 
 
 def _joined(parts: Sequence[Stream]) -> Stream:
-    if len(parts) == 1:
-        return parts[0]
-    columns = parts[0].columns
     return Stream(
         np.concatenate([part.t for part in parts]),
-        {name: np.concatenate([part.columns[name] for part in parts]) for name in columns},
+        {n: np.concatenate([part.columns[n] for part in parts]) for n in parts[0].columns},
     )
 
 
@@ -647,10 +628,13 @@ def _facts(session: _Session) -> dict[str, str]:
     found |= {
         title: session.settings[name] for name, title in FACTS.items() if session.settings.get(name)
     }
-    protocol = session.numbers("motor_pwm_protocol")
+    protocol = _numbers(session.settings.get("motor_pwm_protocol", ""))
     if protocol and 0 <= protocol[0] < len(PROTOCOLS):
         found["motor protocol"] = PROTOCOLS[int(protocol[0])]
-    looptime, divisor = session.numbers("looptime"), session.numbers("pid_process_denom") or [1.0]
+    looptime, divisor = (
+        _numbers(session.settings.get("looptime", "")),
+        _numbers(session.settings.get("pid_process_denom", "")) or [1.0],
+    )
     if looptime and looptime[0] > 0 and divisor[0] > 0 and session.intervals[2] > 0:
         loop = looptime[0] * divisor[0]
         rate = 1e6 / loop * session.intervals[1] / session.intervals[2]

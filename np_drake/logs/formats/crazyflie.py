@@ -24,8 +24,9 @@ import re
 import struct
 import zlib
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -91,15 +92,8 @@ def contents(path: Path) -> Contents:
 def read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Recording:
     """Decode the wanted variables of the wanted events.
 
-    Raises: LogError: if the header is damaged, a variable is not there, or no record is whole.
+    Raises: LogError: if the header is damaged, or no record is whole.
     """
-    known = contents(path)
-    for stream, names in wanted.items():
-        for name in names:
-            if name not in known.get(stream, ()):
-                raise LogError(
-                    f"{path}: must hold the variable {name} of the event {stream}; it does not."
-                )
     content = _content(path)
     blocks = content[1:].startswith(BLOCKS)
     recording = (_read_blocks if blocks else _read_events)(path, content, wanted)
@@ -133,7 +127,10 @@ def _read_events(path: Path, content: bytes, wanted: Mapping[str, list[str]]) ->
     streams = {}
     for key, event in events.items():
         if event.name in wanted:
-            rows = _records(content, starts[key], event.record)
+            windows = np.lib.stride_tricks.sliding_window_view(
+                np.frombuffer(content, np.uint8), event.record.itemsize
+            )
+            rows = windows[np.array(starts[key], int)].view(event.record)[:, 0]
             columns = {n: event.variables.index(n) for n in wanted[event.name]}
             streams[event.name] = Stream(
                 rows["time"] * TIMES[version][1],
@@ -160,16 +157,6 @@ def _end(content: bytes, end: int, sizes: Mapping[int, int]) -> tuple[str, ...]:
         return ("the checksum does not fit: some values may be damaged, or the log is cut.",)
     cut = f"{len(rest)} bytes after its last whole record are left out"
     return (f"the log is cut (no checksum); {cut}.",)
-
-
-def _records(content: bytes, starts: Sequence[int], record: np.dtype) -> np.ndarray:
-    """Return the records (n,) that begin at these places."""
-    if not starts:
-        return np.empty(0, record)
-    windows = np.lib.stride_tricks.sliding_window_view(
-        np.frombuffer(content, np.uint8), record.itemsize
-    )
-    return windows[np.array(starts)].view(record)[:, 0]
 
 
 def _floats(values: np.ndarray) -> np.ndarray:
@@ -332,7 +319,7 @@ def default_map(contents: Contents) -> LogMap | None:
         left.
     """
 
-    def source(*names: str, **how: str) -> Source:
+    def source(*names: str, **how: Any) -> Source:
         return first_source(
             contents, ([f"{stream}/{name}" for name in names] for stream in contents), **how
         )
@@ -347,7 +334,11 @@ def default_map(contents: Contents) -> LogMap | None:
             *(f"{estimate}q{a}" for a in "xyzw"), order="xyzw", direction="body_to_world"
         )
         or source(*(f"{compressed}q{a}" for a in "xyzw"), order="xyzw", direction="body_to_world")
-        or _left_handed(source(*(f"{estimate}{a}" for a in ("roll", "pitch", "yaw")), unit="deg"))
+        or source(
+            *(f"{estimate}{a}" for a in ("roll", "pitch", "yaw")),
+            unit="deg",
+            signs=[1.0, -1.0, 1.0],
+        )
         or source(*_xyz("ctrlLee.rpy")),
         rates=source(*_xyz("gyro."), unit="deg/s", axes="body")
         or source(*_xyz("ctrlLee.omega"), axes="body")
@@ -356,30 +347,16 @@ def default_map(contents: Contents) -> LogMap | None:
         ),
         acceleration=source(*_xyz("acc."), unit="g", axes="body", kind="specific_force")
         or source(*_xyz(f"{compressed}a"), unit="mm/s2", axes="world", kind="specific_force"),
+        throttle=source(*_rotors("pwm.m{}_pwm"), unit="pwm16")
+        or source(*_rotors("motor.m{}"), unit="pwm16"),
+        rotor_speed=source(*_rotors("rpm.m{}"), unit="rpm"),
         voltage=source("pm.vbatMV", unit="mV") or source("pm.vbat", unit="V"),
     )
-    _add_inputs(found, source)
+    if not found.rotor_speed:
+        found.thrust = source("ctrlLee.thrustSi", unit="N") or source("ctrlLee.thrustSI", unit="N")
+        if found.thrust:
+            found.torque = source(*_xyz("ctrlLee.torque"), unit="N.m")
     return found if found.tells_motion else None
-
-
-def _add_inputs(found: LogMap, source: Callable[..., Source]) -> None:
-    """Set rotor speed and throttle of the four, and without rotor speed the command of the Lee
-    controller.
-    """
-    found.throttle = source(*_rotors("pwm.m{}_pwm"), unit="pwm16") or source(
-        *_rotors("motor.m{}"), unit="pwm16"
-    )
-    found.rotor_speed = source(*_rotors("rpm.m{}"), unit="rpm")
-    if found.rotor_speed:
-        return
-    found.thrust = source("ctrlLee.thrustSi", unit="N") or source("ctrlLee.thrustSI", unit="N")
-    if found.thrust:
-        found.torque = source(*_xyz("ctrlLee.torque"), unit="N.m")
-
-
-def _left_handed(angles: Source) -> Source:
-    """Return roll, pitch and yaw of which pitch is positive nose up."""
-    return dc.replace(angles, signs=[1.0, -1.0, 1.0]) if angles else angles
 
 
 def _xyz(prefix: str) -> list[str]:

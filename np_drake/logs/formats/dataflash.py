@@ -84,7 +84,8 @@ def motors(contents: Contents) -> Motors:
         )
     outputs = _outputs(parameters) or list(range(1, CLASSES.get(frame, 4) + 1))
     columns = [_output(contents, number) for number in outputs]
-    if _stated(parameters) and not all(columns) and any(c.startswith("RCOU") for c in contents):
+    stated = any(FUNCTION.fullmatch(name) for name in parameters)
+    if stated and not all(columns) and any(c.startswith("RCOU") for c in contents):
         missing = outputs[columns.index("")]
         raise ValueError(
             f"output {missing} drives a motor (SERVO{missing}_FUNCTION), and its column is "
@@ -112,10 +113,6 @@ def motors(contents: Contents) -> Motors:
         notes.append(f"motors are on the outputs {', '.join(map(str, outputs))} (SERVOn_FUNCTION)")
     speed = Source(_escs(contents, outputs), "rpm") if count == 4 else Source()
     return Motors(throttle, speed, _layout(parameters) if count == 4 else None, tuple(notes))
-
-
-def _stated(parameters: Mapping[str, float]) -> bool:
-    return any(FUNCTION.fullmatch(name) for name in parameters)
 
 
 def _outputs(parameters: Mapping[str, float]) -> list[int]:

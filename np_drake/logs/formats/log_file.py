@@ -5,7 +5,6 @@ from pathlib import Path
 from np_drake.flight_log import FlightLog
 from np_drake.logs import columns
 from np_drake.logs.columns import bridge_gaps, check_table, split_at_gaps
-from np_drake.logs.columns import repair as repair_table
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats import csv_file, parquet_file
 from np_drake.logs.formats.format import first_bytes
@@ -38,14 +37,13 @@ def is_flight_log(path: Path) -> bool:
     return not lacking and 2 * len(names.intersection(needed)) > len(needed)
 
 
-def read(path: str | Path, *, repair: bool = False) -> list[FlightLog]:
+def read(path: str | Path) -> list[FlightLog]:
     """Read and check a flight log (docs/reference/flight-log.md), split at gaps longer than 0.1 s.
 
     Shorter gaps are bridged. Rotor speed and throttle stay what they are.
 
     Args:
         path: of the log; its suffix determines how it is read.
-        repair: mend a few bad rows instead of refusing them; the log's notes say what was mended.
     Raises: LogError: one line with file, column, row and remedy; OSError: if the file cannot be
         opened.
     """
@@ -53,9 +51,6 @@ def read(path: str | Path, *, repair: bool = False) -> list[FlightLog]:
     table = parquet_file.read_parquet(path) if kind == ".parquet" else csv_file.read_csv(path)
     file = Path(path).name.removesuffix(kind)
     fields = columns.present_fields(table)
-    notes: list[str] = []
-    if repair:
-        table, notes = repair_table(table, fields)
     check_table(table, fields)
     parts, split = split_at_gaps(table)
     sheet = read_sheet(path)
@@ -66,7 +61,7 @@ def read(path: str | Path, *, repair: bool = False) -> list[FlightLog]:
         log = columns.assemble(part, fields, name)
         if bridged.any():
             log.bridged = bridged
-        log.notes[:0] = notes + split
+        log.notes[:0] = split
         log.timing, log.layout, log.start = sheet.timing, sheet.rotors, sheet.start
         known = inputs_of(log)
         if not known:

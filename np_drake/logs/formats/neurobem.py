@@ -12,8 +12,7 @@ import numpy as np
 from np_drake import attitude
 from np_drake.files.input_file import note_input
 from np_drake.flight_log import FlightLog
-from np_drake.logs.columns import COLUMNS, Table, bridge_gaps, check_table, without_long_gaps
-from np_drake.logs.columns import repair as repair_table
+from np_drake.logs.columns import COLUMNS, Table, bridge_gaps, check_table, split_at_gaps
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.csv_file import read_csv
 from np_drake.logs.formats.format import first_bytes
@@ -68,39 +67,44 @@ def is_array(path: Path) -> bool:
     return path.name.endswith(".npy")
 
 
-def read(path: str | Path, *, repair: bool = False) -> list[FlightLog]:
+def read(path: str | Path) -> list[FlightLog]:
     """Read a 29-column CSV into our frames: a = R acc - g z, v = R vel; rotor speed is its input.
+
+    It is split at gaps longer than 0.1 s.
 
     Args:
         path: of the CSV, gzip-compressed where its name ends in .gz.
-        repair: mend a few bad rows instead of refusing them.
     Raises: LogError: one line with file, column (by our name) and row; OSError: if it cannot be
         opened.
     """
     table = _renamed(read_csv(path))
     fields = list(SOURCE_COLUMNS)
-    table, notes = repair_table(table, fields) if repair else (table, [])
     check_table(table, fields)
-    table, bridged = bridge_gaps(without_long_gaps(table), fields)
-    raw = {field: table.array(COLUMNS[field]) for field in fields}
-    q = raw["q"] / np.linalg.norm(raw["q"], axis=1, keepdims=True)
-    log = FlightLog(
-        t=raw["t"][:, 0],
-        p=raw["p"],
-        q=q,
-        v=attitude.rotate(q, raw["v"]),
-        w=raw["w"],
-        u=np.full((len(table), 4), np.nan),
-        a=attitude.rotate(q, raw["a"]) - [0.0, 0.0, GRAVITY],
-        al=raw["al"],
-        rotor=raw["rotor"],
-        bridged=bridged if bridged.any() else None,
-        input="rotor_speed",
-        name=Path(path).name.removesuffix(".gz").removesuffix(".csv").removeprefix("merged_"),
-        notes=notes,
-    )
-    check_units(log, path)
-    return [log]
+    file = Path(path).name.removesuffix(".gz").removesuffix(".csv").removeprefix("merged_")
+    parts, split = split_at_gaps(table)
+    logs = []
+    for number, part in enumerate(parts, start=1):
+        part, bridged = bridge_gaps(part, fields)
+        raw = {field: part.array(COLUMNS[field]) for field in fields}
+        q = raw["q"] / np.linalg.norm(raw["q"], axis=1, keepdims=True)
+        log = FlightLog(
+            t=raw["t"][:, 0],
+            p=raw["p"],
+            q=q,
+            v=attitude.rotate(q, raw["v"]),
+            w=raw["w"],
+            u=np.full((len(part), 4), np.nan),
+            a=attitude.rotate(q, raw["a"]) - [0.0, 0.0, GRAVITY],
+            al=raw["al"],
+            rotor=raw["rotor"],
+            bridged=bridged if bridged.any() else None,
+            input="rotor_speed",
+            name=file if len(parts) == 1 else f"{file} part {number}",
+            notes=list(split),
+        )
+        check_units(log, path)
+        logs.append(log)
+    return logs
 
 
 def _renamed(table: Table) -> Table:

@@ -86,13 +86,6 @@ def read_wrenches(path: str | Path) -> WrenchSequence:
     return WrenchSequence(STEP, chi, zeta, "body", name, total=True, notes=[note]).check()
 
 
-def csv_of(path: Path) -> Path | None:
-    """Return the CSV of the same flight as the file in DIR/npy or DIR/csv; None where there is
-    none.
-    """
-    return _csv(path.parent.parent, path.name.split(".")[0])
-
-
 def _csv(folder: Path, stem: str) -> Path | None:
     paths = (folder / "csv" / f"{stem}.csv", folder / "csv" / f"{stem}.csv.gz")
     return next((path for path in paths if path.is_file()), None)

@@ -27,7 +27,6 @@ from np_drake.files.input_file import cell_budget, note_input, size_of
 from np_drake.logs.errors import LogError, optional_package
 from np_drake.logs.formats.format import Contents, Format, Progress, Recording, Stream, first_source
 from np_drake.logs.formats.text_table import too_many_cells
-from np_drake.logs.importing.breaks import overlap, set_back
 from np_drake.logs.importing.log_map import LogMap, Source
 
 MCAP, ROS1, SQLITE = b"\x89MCAP0\r\n", b"#ROSBAG V", b"SQLite format 3\0"  # first bytes of a file
@@ -351,17 +350,11 @@ class _Rows:
         self.numbers.extend(numbers)
 
     def sort(self) -> None:
-        """Put the messages into the order of their receipt; those of one time keep theirs.
-
-        Where the clock of receipt was set back, those before and after it stay apart.
-        """
+        """Put the messages into the order of their receipt; those of one time keep theirs."""
         received = np.array(self.received)
         if not (np.diff(received) < 0).any():
             return
-        steps = [k for k in set_back(received) if overlap(received[:k], received[k:])]
-        order = np.lexsort(
-            (received, np.searchsorted(steps, np.arange(len(received)), side="right"))
-        )
+        order = np.argsort(received, kind="stable")
         numbers = np.frombuffer(self.numbers).reshape(len(order), len(self.columns))
         self.received = array("q", received[order].tobytes())
         self.stamps = array("q", np.array(self.stamps)[order].tobytes())

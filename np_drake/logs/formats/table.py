@@ -17,7 +17,6 @@ from typing import Any
 import numpy as np
 
 from np_drake.logs.columns import COLUMNS, FORCE, THRUST
-from np_drake.logs.errors import LogError
 from np_drake.logs.formats import parquet_file, text_table
 from np_drake.logs.formats.format import Contents, Format, Progress, Recording, Stream
 from np_drake.logs.formats.text_table import first_lines, split_header, stated_units
@@ -111,11 +110,6 @@ def read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Rec
     """
     known = contents(path)[STREAM]
     names = list(wanted.get(STREAM, ()))
-    lacking = [name for name in names if name not in known]
-    if lacking:
-        raise LogError(
-            f"{path}, column {lacking[0]}: is missing; the header has {', '.join(known[:8])}, …."
-        )
     time = next((name for name in TIMES if name in known), None)
     needed = list(dict.fromkeys([*names, *([time] if time else [])])) or list(known[:1])
     if is_parquet(path):

@@ -46,22 +46,6 @@ ENDS = {
 Parameters = Mapping[str, float]
 
 
-def require_motors(contents: Contents) -> None:
-    """Check that the outputs of a log, where nothing else tells its thrust, do not move for unknown
-    reasons.
-
-    Raises: ValueError: if they do.
-    """
-    for name, columns in contents.items():
-        moving = sum(bool(ROTOR_COLUMN.fullmatch(column)) for column in columns)
-        if name.partition(".")[0] in ("actuator_motors", "actuator_outputs") and moving:
-            raise ValueError(
-                f"{moving} outputs of {name} move, and nothing says which are all of the "
-                f"motors (PWM_MAIN_FUNCn, "
-                "CA_ROTOR_COUNT). Name them as throttle in a map."
-            )
-
-
 def motors(contents: Contents, slowest: float = 0.0) -> Motors:
     """Return the motors of a log, and their layout where it has four.
 
@@ -388,7 +372,10 @@ def _contents(path: Path) -> Contents:
             for c in [c for c in columns if c.endswith(".actuator_function")]:
                 values[f"{name}/{c}"] = float(data.data[c][-1])
             columns = [
-                c for c in columns if not ROTOR_COLUMN.fullmatch(c) or _changes(data.data[c])
+                c
+                for c in columns
+                if not ROTOR_COLUMN.fullmatch(c)
+                or len(np.unique(data.data[c][np.isfinite(data.data[c])])) > 1
             ]
         found.setdefault(name, tuple(columns))
     numbers = log.initial_parameters.items()
@@ -533,12 +520,6 @@ def _is_used(name: str, parameters: Mapping[str, Any]) -> bool:
     return rotor is None or not isinstance(count, int) or int(rotor[1]) < count
 
 
-def _changes(values: np.ndarray) -> bool:
-    """Return whether there are two different numbers in a column."""
-    finite = values[np.isfinite(values)]
-    return bool(len(finite)) and bool(finite.min() != finite.max())
-
-
 def _indexed(name: str, count: int) -> list[str]:
     return [f"{name}[{i}]" for i in range(count)]
 
@@ -588,8 +569,14 @@ def _default_map(contents: Contents) -> LogMap | None:
     )
     if not found.tells_motion:
         return None
-    if not (found.throttle or found.rotor_speed):
-        require_motors(contents)
+    for name, columns in contents.items() if not (found.throttle or found.rotor_speed) else ():
+        moving = sum(bool(ROTOR_COLUMN.fullmatch(column)) for column in columns)
+        if name.partition(".")[0] in ("actuator_motors", "actuator_outputs") and moving:
+            raise ValueError(
+                f"{moving} outputs of {name} move, and nothing says which are all of the "
+                f"motors (PWM_MAIN_FUNCn, "
+                "CA_ROTOR_COUNT). Name them as throttle in a map."
+            )
     return found
 
 

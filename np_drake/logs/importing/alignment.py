@@ -23,7 +23,7 @@ SMOOTH = (
     0.1  # window in which a position is differentiated where there is no velocity [s]; own choice
 )
 
-_G = np.array([0.0, 0.0, GRAVITY])
+G = np.array([0.0, 0.0, GRAVITY])
 
 
 @dc.dataclass(frozen=True)
@@ -38,11 +38,6 @@ class Aligned:
     values: dict[str, np.ndarray]
     filled: np.ndarray
     notes: tuple[str, ...]
-
-    def until(self, row: int) -> "Aligned":
-        """Return the rows before one."""
-        values = {name: own[:row] for name, own in self.values.items()}
-        return Aligned(self.t[:row], values, self.filled[:row], self.notes)
 
 
 def align(signals: Signals, log_map: LogMap, path: str = "log") -> Aligned:
@@ -64,13 +59,15 @@ def align(signals: Signals, log_map: LogMap, path: str = "log") -> Aligned:
     out = {"attitude": q.turned(rates, t), "rates": rates.averaged(t, width)}
     faster = a is not None and a.step * FASTER < v.step
     out["velocity"] = v.integrated(a, t) if a is not None and faster else v.linear(t)
-    out["position"] = _position(p, v, t)
+    # Between samples a cubic that has their velocities.
+    between = CubicHermiteSpline(p.t, p.values, v.linear(p.t))
+    out["position"] = p.values if np.array_equal(p.t, t) else between(np.clip(t, p.t[0], p.t[-1]))
     if a is not None and np.array_equal(a.t, t):
         out["acceleration"] = a.values
     elif a is not None:
-        specific = Signal(a.t, attitude.rotate_back(q.turned(rates, a.t), a.values + _G))
+        specific = Signal(a.t, attitude.rotate_back(q.turned(rates, a.t), a.values + G))
         out["acceleration"] = (
-            attitude.rotate(out["attitude"], _averaged_after(specific, t, width)) - _G
+            attitude.rotate(out["attitude"], _averaged_after(specific, t, width)) - G
         )
     if "angular_acceleration" in signals:
         out["angular_acceleration"] = _averaged_after(x["angular_acceleration"], t, width)
@@ -87,7 +84,12 @@ def align(signals: Signals, log_map: LogMap, path: str = "log") -> Aligned:
             out[name] = own.held(t) if steps else own.averaged(t, width)
     for name in (n for n in COMMANDS if n in signals):
         out[name] = _command(x[name], command_meaning(signals[name], log_map), t)
-    return Aligned(t, out, _in_gaps(signals, t), tuple(notes))
+    filled = np.zeros(len(t), bool)
+    for own in (s for name, s in signals.items() if name in (*STATE, *COMMANDS, "rotor_speed")):
+        for k in np.flatnonzero(np.diff(own.t) > GAP * own.step):
+            after = np.searchsorted(t, own.t[k], side="right")
+            filled[after : np.searchsorted(t, own.t[k + 1])] = True
+    return Aligned(t, out, filled, tuple(notes))
 
 
 def in_frames(signals: Signals, log_map: LogMap, notes: list[str]) -> dict[str, Signal]:
@@ -182,14 +184,6 @@ def _differentiated(p: Signal, notes: list[str]) -> Signal:
     return Signal(t, filters.savgol_filter(even, length, 2, deriv=1, delta=p.step, axis=0))
 
 
-def _position(p: Signal, v: Signal, t: np.ndarray) -> np.ndarray:
-    """Return the position at t (n,): between samples a cubic that has their velocities."""
-    if np.array_equal(p.t, t):
-        return p.values
-    inside = np.clip(t, p.t[0], p.t[-1])
-    return CubicHermiteSpline(p.t, p.values, v.linear(p.t))(inside)
-
-
 def command_meaning(own: Signal, log_map: LogMap) -> str:
     """Return what the rows of a command mean: one that is logged slowly, without a word on it,
     changes in between.
@@ -206,18 +200,6 @@ def _command(own: Signal, timing: str, t: np.ndarray) -> np.ndarray:
         mean = np.diff(own.integral(t), axis=0) / np.diff(t)[:, None]
         return np.concatenate([mean, own.linear(t[-1:])])
     return own.held(t)
-
-
-def _in_gaps(signals: Signals, t: np.ndarray) -> np.ndarray:
-    """Return the rows (n,) that lie inside a gap of the state or of the input."""
-    out = np.zeros(len(t), bool)
-    for own in (s for name, s in signals.items() if name in (*STATE, *COMMANDS, "rotor_speed")):
-        interval = np.diff(own.t)
-        for k in np.flatnonzero(interval > GAP * own.step):
-            out[np.searchsorted(t, own.t[k], side="right") : np.searchsorted(t, own.t[k + 1])] = (
-                True
-            )
-    return out
 
 
 LACKS = {"position": "height", "velocity": "velocity"}  # quantity: what `FlightLog.lacks` says
@@ -285,7 +267,7 @@ def _levelled(signals: Signals, log_map: LogMap) -> Signal:
     carried = Signal(
         at, attitude.integrated(at, np.array([1.0, 0.0, 0.0, 0.0]), rates.averaged(at, FINEST))
     )
-    specific = convert_quantity("acceleration", force.values, log_map) + _G
+    specific = convert_quantity("acceleration", force.values, log_map) + G
     seen = Signal(force.t, attitude.rotate(carried.turned(None, force.t), specific))
     t = np.arange(own.t[0], own.t[-1] + EVERY, EVERY)
     sos = filters.butter(2, 2 * LEVEL * EVERY, output="sos")

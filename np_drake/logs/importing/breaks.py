@@ -12,7 +12,7 @@ from np_drake.logs.columns import LEAST_ROWS
 from np_drake.logs.formats.format import Recording, Stream
 from np_drake.logs.importing.laws import stretches
 from np_drake.logs.importing.log_map import UNITS, LogMap, convert_quantity
-from np_drake.logs.importing.signals import OPTIONAL, STATE, Signal, Signals
+from np_drake.logs.importing.signals import OPTIONAL, STATE, Signals
 
 INPUTS = ("thrust", "torque", "throttle", "rotor_speed")
 # gap of a signal from which a log is two [s]; own choice: below the windows of the conventions
@@ -64,7 +64,11 @@ def find_breaks(
         k = int(np.searchsorted(place.t, t))
         if not reason.endswith("?") and 0 < k < len(place.t):
             found.append(Break(float(place.t[k - 1]), float(place.t[k]), reason))
-    found += [b for name in (*STATE, *INPUTS) if name in signals for b in _pauses(signals[name])]
+    for own in (signals[name] for name in (*STATE, *INPUTS) if name in signals):
+        interval = np.diff(own.t)
+        for row in np.flatnonzero(interval > max(PAUSE, SLOW * own.step)):
+            said = f"a pause of {interval[row]:.3g} s"
+            found.append(Break(float(own.t[row]), float(own.t[row + 1]), said))
     for name in (n for n in ("position", "velocity") if n in signals):
         source = getattr(log_map, name)
         unit = UNITS[name].get(source.unit, 1.0) * abs(source.scale)
@@ -121,14 +125,6 @@ def within(signals: Signals, start: float, stop: float) -> tuple[Signals, str]:
     return {name: own for name, own in part.items() if name not in short}, lacking
 
 
-def _pauses(own: Signal) -> list[Break]:
-    interval = np.diff(own.t)
-    gaps = np.flatnonzero(interval > max(PAUSE, SLOW * own.step))
-    return [
-        Break(float(own.t[k]), float(own.t[k + 1]), f"a pause of {interval[k]:.3g} s") for k in gaps
-    ]
-
-
 def _jumps(
     t: np.ndarray, change: np.ndarray, name: str, asked: Sequence[tuple[float, str]]
 ) -> list[Break]:
@@ -177,10 +173,7 @@ def _joined(found: Sequence[Break]) -> list[Break]:
     return out
 
 
-LEAST_STEP = 5  # samples by which a clock is set back; fewer are late messages; own choice
-MOST_STEPS = 20  # in one recording; more are rows out of order; own choice
-# share of samples earlier than the one before from which these are in no order [1]; own choice
-MOST_LATE = 0.1
+LEAST_IDLE = 5  # samples of one time before a clock runs; own choice
 # gap, in usual intervals, after samples of one time from which these are before the clock [1]; own
 # choice
 LONGER = 10.0
@@ -198,78 +191,16 @@ ALTERNATE = 0.75
 MERGED = "the clock is set back, and rows of two times stand side by side"
 
 
-def clock_parts(recording: Recording) -> tuple[list[Recording], list[str]]:
-    """Return the parts between which the clock is set back, in the order of the file, and one line
-    on each step.
-
-    Rows before it runs, which all bear its first time, are left out.
-    """
-    running, said = _after_the_start(recording)
-    steps = {name: set_back(stream.t) for name, stream in running.streams.items()}
-    stepping = {
-        name: [0, *found, len(running.streams[name])] for name, found in steps.items() if found
-    }
-    counts = {len(edges) for edges in stepping.values()}
-    if len(counts) != 1:
-        return [running], said
-    name, edges = next(iter(stepping.items()))
-    t = running.streams[name].t
-    for k in edges[1:-1]:
-        said.append(
-            f"the clock is set back by {t[k - 1] - t[k]:.3g} s at {t[k - 1]:.6g} s: split there"
-        )
-    parts = []
-    for i in range(len(edges) - 1):
-        spans = [running.streams[n].t[e[i] : e[i + 1]] for n, e in stepping.items()]
-        start, stop = min(s.min() for s in spans), max(s.max() for s in spans)
-        streams = {}
-        for n, stream in running.streams.items():
-            rows: slice | np.ndarray = (stream.t >= start) & (stream.t <= stop)
-            if n in stepping:  # else it is too slow to show the step
-                rows = slice(stepping[n][i], stepping[n][i + 1])
-            streams[n] = _rows(stream, rows)
-        parts.append(dc.replace(running, streams=streams))
-    return parts, said
-
-
-def set_back(t: np.ndarray) -> list[int]:
-    """Return the rows at which the clock that stamps t (n,) is set back, for `LEAST_STEP` rows or
-    more.
-    """
-    found: list[int] = []
-    steps = np.flatnonzero(np.diff(t) < 0) + 1
-    if len(steps) > MOST_LATE * len(t):
-        return []  # rows in no order
-    latest, since = np.maximum.accumulate(t), 0
-    for k in steps.tolist():
-        after, ahead = t[k : k + LEAST_STEP], latest[k - 1 - since]
-        ordered = len(after) == LEAST_STEP and np.all(after < ahead) and np.all(np.diff(after) >= 0)
-        if ordered and t[k - 1] == ahead and np.all(t[max(k - 3, 0) : k] > t[k]):
-            found.append(k)
-            if len(found) > MOST_STEPS:
-                return []
-            latest, since = np.maximum.accumulate(t[k:]), k
-    return found
-
-
-def overlap(before: np.ndarray, after: np.ndarray) -> bool:
-    """Return whether times (n,) and (m,) run over the same stretch: a clock was set back; blocks
-    out of order do not.
-    """
-    inside = (after > before.min()) & (after < before.max())
-    return bool(inside.sum() >= LEAST_STEP)
-
-
-def _after_the_start(recording: Recording) -> tuple[Recording, list[str]]:
+def after_the_start(recording: Recording) -> tuple[Recording, list[str]]:
     """Return the recording without the rows that bear the first time while the clock does not run
-    yet.
+    yet, and one line on these.
     """
     streams = dict(recording.streams)
     said: dict[str, list[str]] = {}
     for name, stream in recording.streams.items():
         distinct = np.flatnonzero(np.diff(stream.t) != 0)
         first = int(distinct[0]) + 1 if len(distinct) else 0
-        if first < LEAST_STEP or len(stream) - first < LEAST_ROWS:
+        if first < LEAST_IDLE or len(stream) - first < LEAST_ROWS:
             continue
         interval = np.diff(stream.t[first:])
         usual = float(np.median(interval[interval > 0])) if (interval > 0).any() else np.inf

@@ -26,15 +26,7 @@ from np_drake.logs.importing.laws import (
     stretches,
     told_by_noise,
 )
-from np_drake.logs.importing.log_map import (
-    BODIES,
-    UNITS,
-    WORLDS,
-    LogMap,
-    Values,
-    convert,
-    convert_quantity,
-)
+from np_drake.logs.importing.log_map import BODIES, UNITS, WORLDS, LogMap, Values, convert
 from np_drake.logs.importing.signals import Signals, clock_of
 
 DOUBTED = 0.15  # misfit above which a part of a log may be disturbed [1]; own choice
@@ -76,11 +68,6 @@ class Verdict:
     changes: Change = ()
     rivals: tuple[Change, ...] = ()
 
-    @property
-    def holds(self) -> bool:
-        """Whether the declared conventions agree with the log as far as it can tell."""
-        return not self.failed
-
 
 def check_conventions(t: np.ndarray, raw: Values, log_map: LogMap) -> Verdict:
     """Check the conventions of a log, and search for those that agree where the declared ones do
@@ -99,6 +86,7 @@ def check_conventions(t: np.ndarray, raw: Values, log_map: LogMap) -> Verdict:
     failed = tuple(failing(own))
     if not failed:
         return Verdict(own, ())
+    laws = {law.split()[0] for law in own}  # none is lost that could be tested before
     singles = list(_alternatives(raw, log_map))
     several = [change for change in singles if not change[0][0].endswith(".signs")]
     part = liveliest(raw, len(t))
@@ -114,7 +102,8 @@ def check_conventions(t: np.ndarray, raw: Values, log_map: LogMap) -> Verdict:
                 continue
             if len(t[part]) < len(t):
                 now = misfits(t, convert(raw, changed(log_map, change)), everything=True)
-            if _agrees(now, own):
+            tested = {law.split()[0] for law in now}
+            if laws <= tested and all(misfit < AGREES for misfit in now.values()):
                 found.append((sum(m**2 for m in now.values()), change))
         if found:
             changes = [change for _, change in sorted(found, key=lambda pair: pair[0])]
@@ -136,42 +125,28 @@ class Trial:
 
     def __init__(self, t: np.ndarray, raw: Values):
         self._over, self._raw = Windows(t, WINDOW), raw
-        self._converted: dict[Any, np.ndarray] = {}
         self._misfits: dict[Any, Misfits] = {}
 
     def misfits(self, log_map: LogMap) -> Misfits:
-        """Return what `consistency.misfits` does of everything in the log, converted by this
-        map.
-        """
+        """Return what `laws.misfits` does of everything in the log, converted by this map."""
         out: Misfits = {}
         for needed, law in laws_for(self._raw) if self._over.fit else ():
-            keys = tuple(self._key(name, log_map) for name in needed)
-            if keys not in self._misfits:
-                x = (self._quantity(name, log_map) for name in needed)
-                self._misfits[keys] = law(self._over, True, *x)
-            out |= self._misfits[keys]
+            key = (law, *self._conventions(needed, log_map))
+            if key not in self._misfits:
+                x = convert(
+                    {n: self._raw[n] for n in self._raw.keys() & {*needed, "attitude"}}, log_map
+                )
+                self._misfits[key] = law(self._over, True, *(x[name] for name in needed))
+            out |= self._misfits[key]
         return out
 
-    def _quantity(self, name: str, log_map: LogMap) -> np.ndarray:
-        key = self._key(name, log_map)
-        if key not in self._converted:
-            turned = name != "attitude" and "attitude" in self._raw
-            q = self._quantity("attitude", log_map) if turned else None
-            self._converted[key] = convert_quantity(name, self._raw[name], log_map, q)
-        return self._converted[key]
-
-    def _key(self, name: str, log_map: LogMap) -> tuple[Any, ...]:
-        """Return what a quantity depends on: its own conventions, and those of the attitude that
-        may turn it.
+    def _conventions(self, names: tuple[str, ...], log_map: LogMap) -> Iterator[Any]:
+        """Yield what these quantities depend on: their own conventions, and those of the attitude
+        where it turns one of them.
         """
-        source = getattr(log_map, name)
-        turned = name in VECTORS and "attitude" in self._raw and source.is_turned(name)
-        return (
-            name,
-            repr(source),
-            *log_map.frames(source),
-            *(self._key("attitude", log_map) if turned else ()),
-        )
+        turned = any(getattr(log_map, name).is_turned(name) for name in names)
+        for source in [getattr(log_map, name) for name in (*names, *["attitude"] * turned)]:
+            yield repr(source), *log_map.frames(source)
 
 
 def liveliest(raw: Values, rows: int) -> slice:
@@ -198,8 +173,7 @@ def require_a_likely_clock(signals: Signals, log_map: LogMap, path: str) -> None
     clock, declared = clock_of(signals), UNITS["time"][log_map.time.unit or "s"]
     if SHORTEST <= clock.step <= LONGEST:
         return
-    units = sorted(UNITS["time"].items(), key=lambda unit: abs(np.log(unit[1] / declared)))
-    for unit, factor in units:
+    for unit, factor in sorted(UNITS["time"].items(), key=lambda u: abs(np.log(u[1] / declared))):
         scale = factor / declared
         if SHORTEST <= clock.step * scale <= LONGEST and scale * np.ptp(clock.t) >= LEAST_SECONDS:
             raise WrongConventions(
@@ -223,25 +197,14 @@ def changed(log_map: LogMap, change: Change) -> LogMap:
     for option, value in change:
         name, _, field = option.partition(".")
         if field:
-            log_map = dc.replace(
-                log_map, **{name: dc.replace(getattr(log_map, name), **{field: value})}
-            )
-        else:
-            log_map = dc.replace(log_map, **{name: value})
+            value = dc.replace(getattr(log_map, name), **{field: value})
+        log_map = dc.replace(log_map, **{name: value})
     return log_map
 
 
 def as_text(change: Change) -> str:
     """Return a change as it stands in a map."""
     return ", ".join(f"{option}: {value}" for option, value in change)
-
-
-def _agrees(now: Misfits, own: Misfits) -> bool:
-    """Return whether all laws hold that failed, and none is lost that could be tested before."""
-    laws = {law.split()[0] for law in own}
-    return laws <= {law.split()[0] for law in now} and all(
-        misfit < AGREES for misfit in now.values()
-    )
 
 
 def _alternatives(raw: Values, log_map: LogMap) -> Iterator[Change]:
@@ -377,7 +340,7 @@ def agreed(
     Raises: WrongConventions: if those declared do not agree, unless others do and are to be
         adopted.
     """
-    if verdict.holds:
+    if not verdict.failed:
         return log_map, verdict
     laws = [f"misfit of {law} {verdict.misfits[law]:.2g}" for law in verdict.failed[:4]]
     wrong = f"{', '.join(laws)}; {SCALE}"

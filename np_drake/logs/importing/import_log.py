@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from np_drake.effects.library import unobservable
 from np_drake.flight_log import FlightLog
 from np_drake.logs.columns import COLUMNS, FORCE, LEAST_ROWS
 from np_drake.logs.errors import LogError
@@ -27,7 +26,7 @@ from np_drake.logs.formats.format import (
 from np_drake.logs.formats.library import format_of
 from np_drake.logs.import_sheet import Sheet, read_sheet
 from np_drake.logs.importing.breaks import (
-    clock_parts,
+    after_the_start,
     find_breaks,
     split,
     within,
@@ -51,7 +50,6 @@ from np_drake.vehicle.vehicle import STRONGEST
 
 # In names of what turns rotors.
 DRIVES = re.compile(r"(motor|rotor|throttle|pwm|esc|rpm|omega|actuator).*\d", re.IGNORECASE)
-BODY = " ".join((*COLUMNS["w"], *FORCE))
 
 
 def lacking(contents: Contents) -> str:
@@ -66,7 +64,8 @@ def lacking(contents: Contents) -> str:
     if "q" not in here:
         missing = " ".join(name for name in COLUMNS["q"] if name not in names)
         said.append(
-            f"attitude ({missing}, or Euler angles by a map), or gyro and accelerometer ({BODY})"
+            f"attitude ({missing}, or Euler angles by a map), or gyro and accelerometer "
+            f"({' '.join((*COLUMNS['w'], *FORCE))})"
         )
     if not {"p", "v", "a"} & set(here):
         said.append("position, velocity or acceleration (px py pz, vx vy vz, ax ay az)")
@@ -117,8 +116,7 @@ def in_the_likely_unit(
         except LogError as error:
             failure = failure or error
             continue
-        logs = [log for part in found[unit][1] for log in part.flights if part.carried]
-        if logs:
+        if logs := [log for part in found[unit][1] for log in part.flights if part.carried]:
             flown[unit] = logs
     if failure is not None and not found:
         raise failure
@@ -206,34 +204,23 @@ def sheet_content(
             *notes,
             *(note for part in parts for note in (*part.aligned.notes, *_ground_notes(part))),
         ],
-        "cannot_be_told": unanswerable(flights[0]),
     }
-
-
-def unanswerable(log: FlightLog) -> dict[str, list[str]]:
-    """Return the effects that this kind of log cannot tell, by reason."""
-    each_rotor = log.throttle is not None and log.throttle.shape[1] == 4
-    torque = log.input in ("command", "rotor_speed") or (log.input == "normalised" and each_rotor)
-    found: dict[str, list[str]] = {}
-    for identifier, reason in unobservable(
-        log.input, accelerations=log.a is not None, torque=torque, lacks=log.lacks
-    ).items():
-        found.setdefault(reason, []).append(identifier)
-    return found
 
 
 def _described(name: str, signal: Signal, log_map: LogMap) -> dict[str, Any]:
     source = getattr(log_map, name)
     keys = ["scale", "signs", "axes", "kind", "late"]
-    if name == "attitude" and len(source.columns) == 4:
-        keys += ["order", "direction"]
+    keys += ["order", "direction"] * (name == "attitude" and len(source.columns) == 4)
     usual = {**dc.asdict(Source()), "order": "", "direction": "", "late": 0.0}
-    settings = {key: getattr(source, key) for key in keys}
     return {
         "from": list(source.columns),
         "rate": f"{1 / signal.step:.4g} Hz",
         "unit": source.unit or next(iter(UNITS[name])),
-        **{key: value for key, value in settings.items() if value not in (None, usual[key])},
+        **{
+            key: getattr(source, key)
+            for key in keys
+            if getattr(source, key) not in (None, usual[key])
+        },
     }
 
 
@@ -254,22 +241,15 @@ def _conventions_text(verdict: Verdict) -> str:
 def _gaps_text(parts: Sequence[Part], flights: Sequence[FlightLog]) -> str:
     filled = sum(int((part.aligned.filled & ~part.ground).sum()) for part in parts)
     text = f"{filled} rows inside gaps left out" if filled else "none"
-    if filled or len(flights) > 1:
-        text += f"; longest gap in a part {max(np.diff(log.t).max() for log in flights):.3g} s"
     return text + (f"; split into {len(flights)} parts" if len(flights) > 1 else "")
 
 
 def _ground_notes(part: Part) -> list[str]:
     """Return one line on the time on the ground that is left out of a part, or none."""
-    air = np.flatnonzero(~part.ground)
-    if len(air) in (0, len(part.ground)):
+    if part.ground.all() or not part.ground.any():
         return []
-    step = np.median(np.diff(part.aligned.t))
-    before, after = air[0], len(part.ground) - 1 - air[-1]
-    rows = {"before": before, "after": after}
-    rows["between flights"] = part.ground.sum() - before - after
-    told = [f"{count * step:.3g} s {when}" for when, count in rows.items() if count > 0]
-    return [f"on the ground: {', '.join(told)} left out"]
+    seconds = part.ground.sum() * np.median(np.diff(part.aligned.t))
+    return [f"on the ground: {seconds:.3g} s left out"]
 
 
 GIVE_MAP = "Give a map (--map FILE, docs/reference/log-map.md)"
@@ -420,44 +400,22 @@ def _signals_of_parts(
     """Return the signals of every part of a recording, two kinds of lines on them, and the origin.
 
     Times of messages count from the origin [s], the first row of the state, as start and stop do.
-    Behind a step of the clock they go on counting.
     """
-    recordings, said = clock_parts(with_map_time(recording, log_map))
-    parts: list[Signals] = []
-    notes: list[str] = []
-    failure: LogError | None = None
-    origin, elapsed = 0.0, 0.0
-    for number, piece in enumerate(recordings):
-        piece, merged = without_merged_rows(piece)
-        try:
-            signals, own = gather(piece, log_map)
-        except LogError as error:
-            failure = failure or error
-            times = [stream.t[0] for stream in piece.streams.values() if len(stream)]
-            said.append(
-                f"the part from {min(times, default=0.0):.6g} s on has too few samples; left out"
-            )
-            continue
-        require_a_likely_clock(signals, log_map, path)
-        begun, ended = float(clock_of(signals).t[0]), float(clock_of(signals).t[-1])
-        origin = begun if number == 0 else origin
-        first, elapsed = begun - elapsed, elapsed + ended - begun
-        start = first + (log_map.start or -np.inf)
-        signals, short = within(signals, start, first + (log_map.stop or np.inf))
-        if short:
-            failure = failure or LogError(
-                f"{path}: start and stop must leave samples; {short} in them."
-            )
-            continue
-        signals, slow = usable_inputs(signals, log_map)
-        pieces, broken = split(
-            signals, find_breaks(signals, log_map, recording.breaks, merged), origin
-        )
-        parts += pieces
-        notes += [note for note in own if note not in notes]
-        said += [line for line in (*slow, *broken) if line not in said]
+    recording, said = after_the_start(with_map_time(recording, log_map))
+    recording, merged = without_merged_rows(recording)
+    signals, notes = gather(recording, log_map)
+    require_a_likely_clock(signals, log_map, path)
+    origin = float(clock_of(signals).t[0])
+    signals, short = within(
+        signals, origin + (log_map.start or -np.inf), origin + (log_map.stop or np.inf)
+    )
+    if short:
+        raise LogError(f"{path}: start and stop must leave samples; {short} in them.")
+    signals, slow = usable_inputs(signals, log_map)
+    breaks = find_breaks(signals, log_map, recording.breaks, merged)
+    parts, broken = split(signals, breaks, origin)
     if not parts:
-        raise failure or LogError(
+        raise LogError(
             f"{path}: must hold a flight; no part has {LEAST_ROWS} samples of every signal."
         )
-    return parts, said, notes, origin
+    return parts, [*said, *slow, *broken], notes, origin

@@ -30,6 +30,8 @@ def stretches(mask: np.ndarray) -> np.ndarray:
 class Windows:
     """Windows that begin at each row and hold as many intervals, `rows`.
 
+    fit: whether the log holds two of them.   spans: duration of each, (n - rows,) [s].
+
     Args:
         t: (n,) times of the rows [s].
         seconds: duration of a window [s].
@@ -38,16 +40,8 @@ class Windows:
     def __init__(self, t: np.ndarray, seconds: float) -> None:
         self._t = t
         self.rows = max(1, round(seconds / float(np.median(np.diff(t)))))
-
-    @property
-    def fit(self) -> bool:
-        """Whether the log holds two of them."""
-        return len(self._t) > 2 * self.rows
-
-    @property
-    def spans(self) -> np.ndarray:
-        """Duration of each window, (n - rows,) [s]."""
-        return self.change(self._t)
+        self.fit = len(t) > 2 * self.rows
+        self.spans = self.change(t)
 
     def change(self, value: np.ndarray) -> np.ndarray:
         """Return the change of a quantity (n, k) over each window, (n - rows, k)."""
@@ -131,10 +125,10 @@ def told_by_noise(own: Misfits) -> list[str]:
     found = []
     for kind in KINEMATIC:
         axes = {law: misfit for law, misfit in own.items() if law.split()[0] == kind}
-        failed = failing(axes)
-        others = [misfit for law, misfit in axes.items() if law not in failed]
-        alone = len(failed) == 1 and max(others, default=0.0) < AGREES
-        found += [law for law in failed if alone and own[law] < OPPOSED]
+        ranked = sorted(axes, key=lambda law: -axes[law])
+        others = [axes[law] for law in ranked[1:]]
+        if ranked and FAILS < axes[ranked[0]] < OPPOSED and max(others, default=0.0) < AGREES:
+            found.append(ranked[0])
     return found
 
 
@@ -250,7 +244,6 @@ RATIO = 6.0  # above noise, wind-up or effects; below g, degrees or millimetres 
 ALIKE = 0.5  # cosine below which two signals are not multiples of each other [1]
 STILL = 1e-4  # ratio below which one of two signals is constant [1]
 TURNS = 0.3  # spread of an axis' rate over a window below which its torque is not checked [rad/s]
-TORQUE = ("tx", "ty", "tz")  # columns
 TORQUE_WINDOWS = 8  # duration that a flight needs for a check of its torque [windows]
 TORQUE_RATIO = (
     30.0  # of two integrals of one signal; at most 5.3 in valid flights, 3.4 where they turn [1]
@@ -284,7 +277,14 @@ def check_units(log: FlightLog, path: object, vehicle: Vehicle | None = None) ->
         _check_convention(log.q, turned, over, path)
         if log.a is not None:
             _compare(path, "vx", "ax", over.change(log.v), over.integral(log.a), "velocity")
-            _check_gravity(log.a, log, path)
+            gained = (log.v[-1, 2] - log.v[0, 2]) / (log.t[-1] - log.t[0])
+            surplus = float(np.mean(log.a[:, 2]) - gained)
+            if abs(abs(surplus) - GRAVITY) < 2.0:
+                raise LogError(
+                    f"{place(path, column='az')}: acceleration must be dv/dt in W, without "
+                    f"gravity; its mean exceeds dv/dt by {surplus:.3g} m/s². "
+                    "Rotate the accelerometer's reading to W and subtract g."
+                )
         if log.al is not None:
             _compare(path, "wx", "alx", over.change(log.w), over.integral(log.al), "rates")
     if log.rotor is not None and np.abs(log.rotor).max() > FASTEST_ROTOR:
@@ -363,19 +363,6 @@ def _check_convention(q: np.ndarray, turned: np.ndarray, over: Windows, path: ob
             )
 
 
-def _check_gravity(a: np.ndarray, log: FlightLog, path: object) -> None:
-    """Check that the mean vertical acceleration agrees with the velocity, and not with that plus
-    g.
-    """
-    surplus = float(np.mean(a[:, 2]) - (log.v[-1, 2] - log.v[0, 2]) / (log.t[-1] - log.t[0]))
-    if abs(abs(surplus) - 9.81) < 2.0:
-        raise LogError(
-            f"{place(path, column='az')}: acceleration must be dv/dt in W, without gravity; "
-            f"its mean exceeds dv/dt by {surplus:.3g} m/s². "
-            "Rotate the accelerometer's reading to W and subtract g."
-        )
-
-
 def _check_lift(log: FlightLog, path: object) -> None:
     """Check that thrust along body z points upwards in W on the whole, by its sign and by the
     attitude.
@@ -427,7 +414,7 @@ def _check_torque(log: FlightLog, path: object, vehicle: Vehicle, over: Windows)
     turn = over.change(momentum) + over.integral(np.cross(log.w, momentum))
     push = over.integral(np.nan_to_num(log.u[:, 1:]))
     turns = np.std(turn, axis=0) > TURNS * np.diag(vehicle.J)
-    columns, remedy = TORQUE, "Write it about the body axes of the rates."
+    columns, remedy = ("tx", "ty", "tz"), "Write it about the body axes of the rates."
     if log.input == "rotor_speed":
         columns = ("rotor1",) * 3
         remedy = (

@@ -10,6 +10,7 @@ import numpy as np
 
 from np_drake import attitude
 from np_drake.files.yaml_file import load_checked, read_yaml
+from np_drake.logs.columns import GRAVITY as GRAVITY
 
 WORLDS = ("enu", "ned")  # z up (any horizontal axes), z down
 BODIES = ("flu", "frd")  # z along the thrust, z against it
@@ -59,7 +60,6 @@ SIZES: dict[str, tuple[int, ...]] = {  # number of columns
     "commanded_rates": (3,),
 }
 RATES = (4.0, 20000.0)  # of the rows of a flight log [Hz]: those that are read again
-TIME_SIZE = (1,)  # columns of the time, which is no quantity
 MOST_POLE_PAIRS = 50  # of a motor; own choice: more than any of a multirotor
 PRESETS = Path(__file__).parents[1] / "maps"  # maps of public data sets, by name
 
@@ -173,17 +173,16 @@ class LogMap:
 
     def names(self) -> list[str]:
         """Return the names of all columns that are used, the time among them."""
-        sources = [source for _, source in self.sources()]
-        return [column for source in (self.time, *sources) for column in source.columns]
+        names = [column for _, source in self.sources() for column in source.columns]
+        return [*self.time.columns, *names]
 
     def check(self) -> "LogMap":
         """Return self after checking all fields.
 
         Raises: ValueError: one line with field, value and what it may be.
         """
-        _one_of("world", self.world, WORLDS)
-        _one_of("body", self.body, BODIES)
-        _one_of("command", self.command, TIMINGS)
+        for name, words in (("world", WORLDS), ("body", BODIES), ("command", TIMINGS)):
+            _one_of(name, getattr(self, name), words)
         for name in ("start", "stop"):
             if not 0 <= getattr(self, name) < 1e9:
                 raise ValueError(
@@ -194,7 +193,7 @@ class LogMap:
                 f"LogMap: rate must be 0, or {RATES[0]:g} … {RATES[1]:g} Hz; got {self.rate:g}."
             )
         if self.time:
-            _check_source("time", self.time, TIME_SIZE)
+            _check_source("time", self.time, (1,))
         for name, source in self.sources():
             _check_source(name, source, SIZES[name])
         return self
@@ -225,24 +224,20 @@ class MapFile:
         return own
 
 
-def presets() -> list[str]:
-    """Return the names of the maps of public data sets."""
-    return sorted(path.stem for path in PRESETS.glob("*.yaml"))
-
-
 def load_map_file(name: str | Path) -> MapFile:
     """Read a map of a log (YAML) or the preset of that name, and which fields it names.
 
     Raises: ValueError: one line with file and field, on bad content.
     """
+    presets = sorted(path.stem for path in PRESETS.glob("*.yaml"))  # of public data sets
     path = (
         PRESETS / f"{name}.yaml"
-        if str(name) in presets() and not Path(name).is_file()
+        if str(name) in presets and not Path(name).is_file()
         else Path(name)
     )
     if not path.exists() and not path.suffix:
         raise ValueError(
-            f"log map {name}: must be a file, or the preset of a data set: {', '.join(presets())}."
+            f"log map {name}: must be a file, or the preset of a data set: {', '.join(presets)}."
         )
     values = load_checked(LogMap, path, "log map")
     content = read_yaml(path) or {}
@@ -296,7 +291,6 @@ def _one_of(field: str, value: str, known: tuple[str, ...]) -> None:
         raise ValueError(f"LogMap: {field} must be one of {named}; got {value!r}.")
 
 
-GRAVITY = 9.81  # [m/s²]
 NED_TO_ENU = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 FRD_TO_FLU = np.array([1.0, -1.0, -1.0])
 Q_WORLD = np.array([0.0, np.sqrt(0.5), np.sqrt(0.5), 0.0])  # of NED_TO_ENU

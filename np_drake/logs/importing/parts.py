@@ -7,7 +7,6 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from np_drake import attitude
 from np_drake.flight_log import FlightLog
 from np_drake.logs.clock import on_one_clock
 from np_drake.logs.columns import LEAST_ROWS, LONGEST_GAP
@@ -30,7 +29,7 @@ from np_drake.logs.importing.conventions import (
 )
 from np_drake.logs.importing.laws import FASTEST_ROTOR, WINDOW, stretches
 from np_drake.logs.importing.log_map import GRAVITY, UNITS, LogMap, convert_quantity
-from np_drake.logs.importing.signals import FASTER, Signals, clock_of, collective, is_slow
+from np_drake.logs.importing.signals import FASTER, Signals, clock_of, is_slow
 
 MOVED = 0.05  # from where it rests before and after the flight [m]; own choice
 # share of the usual lift below which they carry no vehicle, even one that lost its load [1]; own
@@ -61,8 +60,12 @@ def standing(t: np.ndarray, p: np.ndarray, lift: np.ndarray, usual: float = 0.0)
     """
     out = np.zeros(len(t), bool)
     share = lift / (usual or usual_lift(lift))
-    for start, stop in _idle(t, share):
-        if _falls(t[start:stop], p[start:stop, 2]):
+    for start, stop in stretches(share < RUNNING).tolist():
+        at_an_end = stop - start >= LEAST_ROWS and (start == 0 or stop == len(t))
+        if not at_an_end and t[stop - 1] - t[start] < STANDS:
+            continue
+        rises = 2 * np.polyfit(t[start:stop] - t[start], p[start:stop, 2], 2)[0]
+        if rises < -(1 - RUNNING) * GRAVITY:
             continue
         drifts = np.linalg.norm(p[start:stop] - p[start], axis=1).max() > MOVED
         if drifts and np.median(share[start:stop]) > STOPPED:
@@ -72,25 +75,6 @@ def standing(t: np.ndarray, p: np.ndarray, lift: np.ndarray, usual: float = 0.0)
         first = before[-1] + 1 if before.size else 0
         out[first : stop + after[0] if after.size else len(t)] = True
     return out
-
-
-def _idle(t: np.ndarray, share: np.ndarray) -> list[tuple[int, int]]:
-    """Return the stretches in which rotors give a small share of their usual lift (n,), for long or
-    at an end of the log.
-    """
-    return [
-        (start, stop)
-        for start, stop in stretches(share < RUNNING).tolist()
-        if (stop - start >= LEAST_ROWS and (start == 0 or stop == len(t)))
-        or t[stop - 1] - t[start] >= STANDS
-    ]
-
-
-def _falls(t: np.ndarray, z: np.ndarray) -> bool:
-    """Return whether heights z (n,) are those of a fall that nothing but the rotors, idle,
-    delays.
-    """
-    return bool(2 * np.polyfit(t - t[0], z, 2)[0] < -(1 - RUNNING) * GRAVITY)
 
 
 RANGES = {  # of nearly all values in flight
@@ -113,8 +97,7 @@ def require_ranges(values: Mapping[str, np.ndarray], log_map: LogMap, path: str)
             continue
         source = getattr(log_map, name)
         unit = source.unit or next(iter(UNITS[name]))
-        wrong = f"above {most:g}" if high > most else f"below {least:g}"
-        shown = high if high > most else middle
+        wrong, shown = (f"above {most:g}", high) if high > most else (f"below {least:g}", middle)
         raise LogError(
             f"{path}, {name} ({', '.join(source.columns)}): must not be {wrong} in flight; "
             f"got {shown:.4g} with "
@@ -150,56 +133,7 @@ def require_a_flight(log_map: LogMap, path: str, inputs: str = "") -> None:
         )
 
 
-STILL = 0.3  # speed of a wreck [m/s]; own choice
-LIES, TUMBLES = (
-    0.5,
-    3.0,
-)  # least time at rest after a crash, and longest between its impacts and rest [s]; own choice
-# share of the thrust axis that is vertical below which nothing hovers: 45 deg [1]; own choice
-LYING = 0.7
-ABOVE = 0.3  # height over the ground of a flight [m]; own choice
-# Acceleration over g of an impact, and time over which it acts [1, s]; own choice: a landing is
-# softer.
-IMPACT, BLOW = 3.0, 0.1
-CRASHES = ", where the vehicle crashes"
 FITS = "fits "  # beginning of a note that not all of a log is taken
-# what is said of a log of nothing else
-WRECK = "must hold a flight; the vehicle lies still and tilted."
-
-
-def fits_until(time: float, why: str = "") -> str:
-    """Return the note of a log that is taken until a time [s]."""
-    return f"{FITS}until {time:.1f} s{why}; what follows is left out"
-
-
-def end_of_flight(t: np.ndarray, p: np.ndarray, v: np.ndarray, q: np.ndarray) -> int:
-    """Return the row at which a flight ends that ends as a wreck; all rows where it does not.
-
-    A wreck is at rest, tilted as none can hover, or after an impact where the flight is lowest. The
-    flight ends shortly before the impact, where there is one.
-
-    Args:
-        t: (n,) [s].
-        p: (n, 3) position in W [m].
-        v: (n, 3) velocity in W [m/s].
-        q: (n, 4) attitude, body to W.
-    """
-    still = np.linalg.norm(v, axis=1) < STILL
-    rests = len(t) - int(np.argmin(still[::-1])) if not still.all() else 0
-    lying = slice(rests, len(t))
-    if rests == len(t) or t[-1] - t[rests] < LIES or np.ptp(p[lying], axis=0).max() > 4 * MOVED:
-        return len(t)
-    first = int(np.searchsorted(t, t[rests] - TUMBLES))
-    rows = max(round(BLOW / float(np.median(np.diff(t)))), 1)
-    after = v[first + rows : rests + rows]
-    change = after - v[first : first + len(after)]
-    hits = np.flatnonzero(np.linalg.norm(change, axis=1) > IMPACT * GRAVITY * BLOW)
-    tilted = float(np.median(attitude.body_z(q[lying])[:, 2])) < LYING
-    level, flown = float(np.median(p[lying, 2])), p[:rests, 2]
-    lowest = rests > 0 and level < flown.min() + 4 * MOVED and np.median(flown) > level + ABOVE
-    if not tilted and not (len(hits) and lowest):
-        return len(t)
-    return first + int(hits[0]) if len(hits) else rests
 
 
 # Below which rotors stand [rad/s, N, 1]; own choice.
@@ -220,7 +154,7 @@ class Part:
     """What was made of one part.
 
     carried: whether the vehicle flies at all.   ground: (n,) bool, on the ground.
-    timing: deviation of the time at which a row's command acts [s].   said: one line each.
+    timing: deviation of the time at which a row's command acts [s].
     """
 
     signals: Signals
@@ -230,49 +164,32 @@ class Part:
     ground: np.ndarray
     flights: tuple[FlightLog, ...]
     timing: float
-    said: tuple[str, ...]
 
 
 def import_part(
-    signals: Signals,
-    log_map: LogMap,
-    verdict: Verdict,
-    path: str,
-    *,
-    origin: float,
-    usual: float = 0.0,
+    signals: Signals, log_map: LogMap, verdict: Verdict, path: str, usual: float = 0.0
 ) -> Part:
     """Return the flights of one part, in SI units and our frames.
 
     Args:
-        origin: first time of the log [s].
         usual: lift in the flights of the longest part, as of `lift_of`; 0: not known.
-    Raises: LogError: if its signals do not overlap, are in another unit, or are those of a wreck.
+    Raises: LogError: if its signals do not overlap, or are in another unit.
     """
     carried = flies(signals, log_map)
     signals, log_map, lacks, derived = with_whole_motion(signals, log_map)
     aligned = align(signals, log_map, path)
     aligned = dc.replace(aligned, notes=(*derived, *aligned.notes))
     ground = np.zeros(len(aligned.t), bool)
-    said: list[str] = []
     if carried:
         require_ranges(aligned.values, log_map, path)
-        x, lift = aligned.values, lift_of(aligned.values)
-        end = len(aligned.t)
-        if "velocity" not in lacks:  # without, no wreck is seen to rest
-            end = end_of_flight(aligned.t, x["position"], x["velocity"], x["attitude"])
-        if end < LEAST_ROWS:
-            raise LogError(f"{path}: {WRECK}")
-        if end < len(aligned.t):
-            said.append(fits_until(aligned.t[end - 1] - origin, CRASHES))
-        aligned = aligned.until(end)
-        ground = standing(aligned.t, aligned.values["position"], lift[:end], usual)
+        ground = standing(aligned.t, aligned.values["position"], lift_of(aligned.values), usual)
     flights = _flights(_with_collective(aligned, signals, log_map), ground, log_map)
     flights = [
         dc.replace(flight, lacks=lacks, notes=[*flight.notes, *derived]) for flight in flights
     ]
-    timing = _timing(signals, log_map)
-    return Part(signals, verdict, aligned, carried, ground, tuple(flights), timing, tuple(said))
+    return Part(
+        signals, verdict, aligned, carried, ground, tuple(flights), _timing(signals, log_map)
+    )
 
 
 def flies(signals: Signals, log_map: LogMap) -> bool:
@@ -307,7 +224,8 @@ def _with_collective(aligned: Aligned, signals: Signals, log_map: LogMap) -> Ali
         count = values[name].shape[1]
         if count == 1 or (count == 4 and not is_slow(name, signals[name], log_map)):
             continue
-        one = collective(values.pop(name))
+        # At which all together lift as much: thrust goes with the square.
+        one = np.sqrt(np.mean(np.square(values.pop(name)), axis=1, keepdims=True))
         if name == "rotor_speed":  # of no scale, as a throttle is
             one = one / max(float(np.percentile(one, 99)), 1e-9)
         if "thrust" not in values:
@@ -318,8 +236,6 @@ def _with_collective(aligned: Aligned, signals: Signals, log_map: LogMap) -> Ali
 def _flights(aligned: Aligned, ground: np.ndarray, log_map: LogMap) -> list[FlightLog]:
     """Return the flights, split at long gaps; rows in gaps and on the `ground` are left out."""
     chosen = np.flatnonzero(~aligned.filled & ~ground)
-    if not len(chosen):
-        return []
     breaks = np.flatnonzero(np.diff(aligned.t[chosen]) > LONGEST_GAP + 1e-9) + 1
     parts = [part for part in np.split(chosen, breaks) if len(part) >= LEAST_ROWS]
     return [_flight(aligned, part, log_map) for part in parts]
@@ -387,8 +303,9 @@ def imported_parts(
         flight.
     """
     moving = [flies(signals, log_map) for signals in parts]
-    length = [np.ptp(clock_of(signals).t) for signals in parts]
-    by_length = sorted(range(len(parts)), key=lambda k: (not moving[k], -length[k]))
+    by_length = sorted(
+        range(len(parts)), key=lambda k: (not moving[k], -np.ptp(clock_of(parts[k]).t))
+    )
     parts, log_map, said = on_one_clock(parts, parts[by_length[0]], log_map)
     done: dict[int, Part] = {}
     failure: LogError | None = None
@@ -402,12 +319,12 @@ def imported_parts(
             log_map, found, told = _fitting(
                 parts[k], log_map, path, origin, adopt=adopt and not done
             )
-            made = import_part(*found, path, origin=origin, usual=usual)
+            made = import_part(*found, path, usual)
             if done and not made.flights:
                 said.append(f"{span} holds no flight; left out")
                 continue
             usual = usual or (usual_lift(lift_of(made.aligned.values)) if made.carried else 0.0)
-            done[k], said = made, [*said, *told, *made.said]
+            done[k], said = made, [*said, *told]
         except LogError as error:
             fits_other = isinstance(error, WrongConventions) and bool(error.verdict.changes)
             if len(parts) == 1 or (fits_other and not done):
@@ -423,7 +340,7 @@ def imported_parts(
         raise failure
     if max(done) < len(parts) - 1 and not any(line.startswith(FITS) for line in said):
         end = done[max(done)].aligned.t[-1] - origin
-        said.append(fits_until(end))
+        said.append(f"{FITS}until {end:.1f} s; what follows is left out")
     if not moving[by_length[0]]:
         said.insert(0, "no flight: position stays, or the rotors stand; nothing can be identified")
     return log_map, [done[k] for k in sorted(done)], said
@@ -443,7 +360,7 @@ def _fitting(
         part, _ = within(signals, start, stop)
         own = judged(part, log_map, path)
         kinds, tested = ({law.split()[0] for law in laws} for laws in (verdict.failed, own.misfits))
-        if own.holds and kinds <= tested:
+        if not own.failed and kinds <= tested:
             since = f"from {start - origin:.1f} " if start > clock_of(signals).t[0] + WINDOW else ""
             whole = ", ".join(verdict.failed[:3]) or "its quantities"
             said = [

@@ -9,10 +9,9 @@ from functools import cached_property
 import numpy as np
 
 from np_drake import attitude
-from np_drake.logs.columns import LARGEST, LEAST_ROWS, LONGEST_GAP
+from np_drake.logs.columns import LARGEST, LEAST_ROWS
 from np_drake.logs.errors import LogError, place
 from np_drake.logs.formats.format import Recording, Stream, find_column
-from np_drake.logs.importing.laws import stretches
 from np_drake.logs.importing.log_map import UNITS, LogMap, Source
 
 # Rate of rotor speed, of the throttle of each motor, and of torque, below which they are no input:
@@ -200,7 +199,6 @@ OPTIONAL = (
     "hover_throttle",
     "commanded_rates",
 )  # of which a few samples are as good as none
-SENSORS = ("rates", "acceleration")
 STATE = ("position", "velocity", "attitude", "rates", "acceleration", "angular_acceleration")
 
 
@@ -223,17 +221,6 @@ def gather(recording: Recording, log_map: LogMap) -> tuple[Signals, list[str]]:
                 f"{name}: times are rounded to {1e3 * signal.tick:.3g} ms; taken as an "
                 f"uncertainty of time"
             )
-        if name == "rotor_speed" and len(signal.t) > 1:
-            signal, zeros = without_zeros(signal)
-            if zeros:
-                notes.append(f"rotor_speed: {zeros} readings that no rotor has left out")
-        if name in SENSORS and len(signal.t) >= LEAST_ROWS:
-            signal, drawn = without_lines(signal)
-            if drawn:
-                notes.append(
-                    f"{name}: {drawn:.3g} s of straight lines, as between or beyond "
-                    f"readings, left out"
-                )
         if name in STATE and len(signal.t) >= LEAST_ROWS and len(signal.renewed.t) < len(signal.t):
             share, signal = len(signal.renewed.t) / len(signal.t), signal.renewed
             notes.append(
@@ -278,28 +265,22 @@ def _cleaned(signal: Signal, *, quaternion: bool) -> tuple[Signal, str]:
     """Return the samples that are numbers and later than all before, and what is left out; empty:
     nothing.
 
-    A quaternion of zeros is none: estimators write it before they have started. Samples that share
-    the tick of a coarse clock are spread over it.
+    A quaternion of zeros is none: estimators write it before they have started.
     """
     good = np.isfinite(signal.t) & np.all(np.abs(signal.values) <= LARGEST, axis=1)
     zero = good & (np.linalg.norm(np.where(good[:, None], signal.values, 0.0), axis=1) < LEAST_NORM)
     zero &= quaternion
     kept = good & ~zero
     t, values = signal.t[kept], signal.values[kept]
-    twice = np.concatenate(
-        [[False], (np.diff(t) == 0) & np.all(np.diff(values, axis=0) == 0, axis=1)]
-    )[: len(t)]
-    forward = (t >= np.maximum.accumulate(t)) & ~twice
-    t, tick = spread_ticks(t[forward])
-    later = np.diff(t, prepend=-np.inf) > 0
-    back = int(kept.sum() - later.sum())
+    later = np.diff(np.maximum.accumulate(t), prepend=-np.inf) > 0
+    t, values = t[later], values[later]
     counts = {
         "no number": np.sum(~good),
         "a quaternion of zeros": np.sum(zero),
-        "time not increasing": back,
+        "time not increasing": np.sum(~later),
     }
     reasons = ", ".join(f"{count} with {reason}" for reason, count in counts.items() if count)
-    return Signal(t[later], values[forward][later], tick), reasons
+    return Signal(t, values, coarse_tick(t)), reasons
 
 
 def with_map_time(recording: Recording, log_map: LogMap) -> Recording:
@@ -347,11 +328,6 @@ def require_stated_units(recording: Recording, log_map: LogMap) -> None:
                 )
 
 
-LONGEST_ZERO = (
-    0.1  # time for which a rotor that turns before and after cannot have stood [s]; own choice
-)
-# speed over the median beyond which a reading is none: sixteen times its thrust [1]; own choice
-GLITCH = 4.0
 FINE = 0.75  # tick over the usual interval above which it is that interval [1]; own choice
 RESOLUTION = 1e-6  # in which ticks are looked for: usual clocks count microseconds [s]
 CLOCK_SET = 1e6  # interval, beyond which the clock was set [s]
@@ -360,77 +336,17 @@ HELD = (
     "held_before",
     "averaged",
 )  # commands that are known between their rows, however slow
-# change of a slope over the slope, from the digits of a text, in a straight line [1]; own choice
-LINE = 1e-4
 COARSE = 5e-4  # shorter ticks are lost in what is known of commands [s]; own choice
 
 
-def without_zeros(own: Signal) -> tuple[Signal, int]:
-    """Return rotor speeds without readings that no rotor has, which are interpolated, and how many
-    they are.
-
-    A rotor does not stop, or turn `GLITCH` times as fast as it usually does, and turn again within
-    `LONGEST_ZERO`.
-    """
-    values, count = own.values.copy(), 0
-    for column in values.T:
-        bad = np.zeros(len(column), bool)
-        usual = float(np.median(column[column > 0])) if (column > 0).any() else np.inf
-        for start, stop in stretches((column == 0) | (column > GLITCH * usual)):
-            inside = start > 0 and stop < len(column)
-            bad[start:stop] = inside and own.t[min(stop, len(own.t) - 1)] - own.t[start - 1] <= max(
-                LONGEST_ZERO, 2.5 * own.step
-            )
-        if bad.any():
-            column[bad] = np.interp(own.t[bad], own.t[~bad], column[~bad])
-            count += int(bad.sum())
-    return dc.replace(own, values=values), count
-
-
-def without_lines(own: Signal) -> tuple[Signal, float]:
-    """Return a sensor's signal without what lies on straight lines for longer than a bridged gap,
-    and its time [s].
-
-    A sensor has noise: such rows are no readings, but drawn between or beyond them by who wrote the
-    log.
-    """
-    change = np.diff(own.values, axis=0) / np.diff(own.t)[:, None]
-    steep = np.abs(change).max(axis=1, initial=0.0)
-    straight = np.all(np.abs(np.diff(change, axis=0)) <= LINE * steep[1:, None], axis=1) & (
-        steep[1:] > 0
-    )
-    kept, drawn = np.ones(len(own.t), bool), 0.0
-    for start, stop in stretches(straight):  # rows start to stop + 1 lie on a line
-        if own.t[stop + 1] - own.t[start] > LONGEST_GAP:
-            kept[start + 1 : stop + 1 + (stop + 2 == len(own.t))] = False
-            drawn += float(own.t[stop + 1] - own.t[start])
-    return (dc.replace(own, t=own.t[kept], values=own.values[kept]) if drawn else own), drawn
-
-
-def spread_ticks(t: np.ndarray) -> tuple[np.ndarray, float]:
-    """Return times (n,) with samples of one tick spread evenly up to the next, and the tick [s]; 0:
-    no coarse clock.
-
-    Args:
-        t: (n,) not decreasing [s].
-    """
+def coarse_tick(t: np.ndarray) -> float:
+    """Return the tick to which times (n,) are rounded, where it is coarse [s]; 0: it is not."""
     interval = np.diff(t)
-    later = interval[interval > 0]
-    if not len(later):
-        return t, 0.0
-    usual = float(np.median(later))
-    tick = (
-        int(np.gcd.reduce(np.round(np.minimum(later, CLOCK_SET) / RESOLUTION).astype(np.int64)))
-        * RESOLUTION
-    )
-    if tick < COARSE:
-        return t, 0.0
-    if np.mean(interval == 0) < REPEATED:
-        return t, tick if tick < FINE * usual else 0.0
-    first = np.concatenate([[0], np.flatnonzero(interval > 0) + 1])
-    count = np.diff(np.concatenate([first, [len(t)]]))
-    place = np.arange(len(t)) - np.repeat(first, count)
-    return t + tick * place / np.repeat(count, count), tick
+    if not len(interval):
+        return 0.0
+    counts = np.round(np.minimum(interval, CLOCK_SET) / RESOLUTION).astype(np.int64)
+    tick = int(np.gcd.reduce(counts)) * RESOLUTION
+    return tick if COARSE <= tick < FINE * float(np.median(interval)) else 0.0
 
 
 def usable_inputs(signals: Signals, log_map: LogMap) -> tuple[dict[str, Signal], list[str]]:
@@ -465,10 +381,3 @@ def is_slow(name: str, own: Signal, log_map: LogMap) -> bool:
     return 1 / own.renewal < SLOWEST_ROTORS and (
         name == "rotor_speed" or log_map.command not in HELD
     )
-
-
-def collective(values: np.ndarray) -> np.ndarray:
-    """Return the throttle (n, 1) at which all rotors together lift as those of (n, k): thrust goes
-    with its square.
-    """
-    return np.sqrt(np.mean(np.square(values), axis=1, keepdims=True))

@@ -1,9 +1,5 @@
-"""Laws of a node: what its controller says, when it commands, when it stops, what it records, and
-its real time.
-"""
+"""Laws of a node: what it commands and when, when it stops, what it records, its real time."""
 
-import os
-import signal
 import threading
 import time
 
@@ -14,7 +10,6 @@ from diagrams.autopilot import node as nodes
 from diagrams.autopilot.node import Node, SolverThread, answer_of, make_companion_diagram
 from np_drake.autopilot.offboard import OffboardConfig, Phase
 from np_drake.autopilot.simulated import SimulatedAutopilot
-from np_drake.mpc.problem import MpcStatus
 from np_drake.references.config import ReferenceConfig
 from tests.diagrams.autopilot.rail import (
     KINDS,
@@ -59,23 +54,6 @@ def test_a_companion_commands_what_the_diagram_of_a_flight_commands(controller):
         answer = answer_of(dut, memory, context.get_time(), in_force=in_force, **seen)
         in_force = read(mpc, "rates_thrust")
         np.testing.assert_allclose(answer.rates_thrust, in_force, rtol=0, atol=1e-9)
-
-
-def test_two_memories_of_a_companion_do_not_meet():
-    dut, x = make_companion_diagram(flight("hold")), np.array([1, 0, 1.6, 1, *np.zeros(9)])
-    rest = {"acceleration": np.zeros(6), "in_force": np.array([19.62, 0.0, 0.0, 0.0])}
-    one, other = dut.CreateDefaultContext(), dut.CreateDefaultContext()
-    first = answer_of(dut, one, 0.0, x=x, **rest)
-    for k in range(3):
-        heavy = {**rest, "acceleration": np.array([0.0, 0.0, -3.0, 0.0, 0.0, 0.0])}
-        moved = answer_of(dut, one, 0.02 * k, x=x, **heavy)
-    again = answer_of(dut, other, 0.0, x=x, **rest)
-    np.testing.assert_array_equal(again.rates_thrust, first.rates_thrust)
-    assert not np.allclose(moved.rates_thrust, first.rates_thrust)
-    assert again.status == MpcStatus.OPTIMAL
-    unseen = answer_of(dut, other, 0.02, x=np.full(13, np.nan), **rest)
-    assert unseen.status == MpcStatus.SHIFTED_PLAN
-    assert np.isfinite(unseen.rates_thrust).all()
 
 
 @pytest.mark.parametrize("rate", [20.0, 75.0])
@@ -179,30 +157,6 @@ def test_when_it_leaves_the_autopilot_holds_its_place_or_is_left_level(holds):
     assert holds or rail.silent_from(FLYING_AT) == pytest.approx(3.5, abs=0.05)
 
 
-def test_a_tick_that_fails_ends_in_level_thrust_and_silence(monkeypatch):
-    rail = Rail(hover()).advance(FLYING_AT)
-
-    def fails(*_):
-        raise MemoryError("broken")
-
-    monkeypatch.setattr(rail.node.readings, "at", fails)
-    rail.advance(FLYING_AT + 1.0)
-    assert rail.phases == ["ready", "flying", "level", "stopped"]
-    assert "internal error" in rail.node.phases.reason
-
-
-def test_its_report_counts_what_was_late_and_what_was_not_taken():
-    rail = Rail(hover(), Fault("late solves", FLYING_AT, 0.5)).advance(FLYING_AT + 1.0)
-    found = nodes.deadlines(rail.node)
-    assert found["late"] > 0
-    keys = "ticks skipped periods late solve_ms jitter_ms state_age_ms refused restarts errors"
-    assert set(found) == set(keys.split())
-    rail = Rail(hover(), Fault("position jump", FLYING_AT, 0.1)).advance(FLYING_AT + 0.5)
-    assert nodes.deadlines(rail.node)["refused"]["absurd"] > 0
-    names = [title for title, *_ in nodes.tables(rail.node)]
-    assert names == ["flight", "phases", "times [ms]", "counts"]
-
-
 # Real time
 
 
@@ -239,17 +193,6 @@ def test_a_simulated_vehicle_is_flown_by_its_own_clock_however_slow(rate):
     assert dut.flown.t[-1] == pytest.approx(config.end, abs=0.1)
     assert dut.events[-1][0] <= vehicle.time + 0.1  # by the vehicle's clock
     assert max(dut.readings.ages) < config.offboard.stale_after
-
-
-def test_an_interrupt_asks_for_the_end_and_raises_nothing():
-    before = signal.getsignal(signal.SIGINT)
-    with nodes.ended_by_user() as asked:
-        assert not asked()
-        os.kill(os.getpid(), signal.SIGINT)
-        assert asked()
-        with pytest.raises(KeyboardInterrupt):
-            os.kill(os.getpid(), signal.SIGINT)
-    assert signal.getsignal(signal.SIGINT) is before
 
 
 def test_a_solve_that_hangs_or_fails_stops_nothing_else():

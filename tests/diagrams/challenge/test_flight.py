@@ -6,12 +6,10 @@ from importlib.util import find_spec
 import numpy as np
 import pytest
 
-from diagrams.batch.failed_run import FailedRun
 from diagrams.challenge import flight
 from diagrams.challenge.draw import VEHICLES, draw_effect
 from diagrams.challenge.out_of_library import DRAWS
 from diagrams.challenge.plans import draw_plan
-from diagrams.challenge.sensors import SensorQuality
 from np_drake import attitude
 from np_drake.effects.base import ActuatorEffect, MassProperties, Measurement, Motion, WrenchEffect
 from np_drake.effects.combine import total_wrench
@@ -215,18 +213,6 @@ def test_before_its_onset_an_effect_does_nothing(name, fly, clean, vehicle, plan
     assert np.abs(np.diff(log.v, axis=0)).max() < 0.35  # [m/s]: nothing jumps but forces
 
 
-def test_a_file_that_is_a_percent_off_is_so_throughout(fly, exactly, vehicle, plan, t):
-    background = SensorQuality("real", mass_off=0.01, thrust_off=-0.01).background(vehicle)
-    log = fly(vehicle, plan, drawn("linear_drag", vehicle), t=t, onset=1.2, background=background)
-    missing = vehicle.mass * (log.a + [0, 0, 9.81]) + log.u[:, :1] * attitude.body_z(log.q)
-    exactly(raw_labels(log, vehicle)[:110, :3], -0.01 * missing[:110])
-
-
-def test_a_lost_vehicle_is_said(fly, vehicle, plan, t):
-    with pytest.raises(FailedRun, match="lost"):
-        fly(vehicle, plan, [LIBRARY["thrust_scale"](0.4)], t=t)
-
-
 @pytest.mark.parametrize("name", SHARED)
 def test_both_simulators_fly_alike(name, vehicle, plan, t):
     pytest.importorskip("rotorpy")
@@ -241,16 +227,3 @@ def test_both_simulators_fly_alike(name, vehicle, plan, t):
         a, b, c = (getattr(log, signal) for log in (ours, theirs, clean))
         # Of what the effect changes: the cable of Drake's is stiff. Two integrators.
         assert rms(a - b) < 0.05 * rms(b - c) + 1e-4, signal
-
-
-def test_rotors_that_speed_up_twist_back_in_both_simulators(t):
-    pytest.importorskip("rotorpy")
-    racer = VEHICLES[1]  # with lag
-    plan = draw_plan(np.random.default_rng(0), racer, 5.0, "sprints")
-    effect = LIBRARY["rotor_gyroscopic"](0.005 * racer.J[2, 2])
-    ours, theirs, clean = (
-        flight.fly(racer, plan, acting, t=t, warm_up=0.5, simulator=simulator)
-        for acting, simulator in (([effect], "rotorpy"), ([effect], "drake"), ([], "drake"))
-    )
-    assert rms(ours.al - theirs.al) < 0.02 * rms(theirs.al - clean.al)
-    np.testing.assert_allclose(ours.p, theirs.p, atol=1e-4)  # [m]

@@ -22,12 +22,6 @@ def found_on(log):
     return select_by_bic(e.y[:, :WRENCH], library_columns([e]))
 
 
-def test_a_planted_drag_is_found_first_and_for_sure(make_flight):
-    found = found_on(make_flight(1, lambda t, p, v, a: -0.4 * v))
-    assert next(iter(found)) in ("linear_drag", "quadratic_drag")
-    assert found.get("linear_drag", 0.0) > 0.99
-
-
 def test_a_steady_force_is_a_wind(make_flight):
     found = found_on(make_flight(2, lambda t, p, v, a: np.array([-0.5, 0.2, 0.0]) + 0 * v))
     assert found.get("constant_wind", 0.0) > 0.99

@@ -3,17 +3,14 @@ import json
 import shutil
 from contextlib import nullcontext
 
-import numpy as np
 import pytest
 
 from diagrams.batch.failed_run import FailedRun
 from diagrams.challenge import flight
 from diagrams.challenge import make as module
 from diagrams.challenge.draw import FILES, CaseDraw, case_name
-from diagrams.challenge.make import Making, check_request, make, write_case
-from diagrams.challenge.sensors import RATES
+from diagrams.challenge.make import Making, check_request, make
 from diagrams.challenge.truth import GroundTruth
-from np_drake.logs.case_folder import open_case
 from np_drake.logs.opening import open_flights
 from np_drake.vehicle import load_vehicle
 
@@ -87,28 +84,6 @@ def test_a_set_is_not_mixed_with_another_but_may_be_made_again(tmp_path):
                 check_request(folders["cases"], folders["truth"], "drake", "clean", 2, 5.0, seed=5)
 
 
-def test_a_lost_vehicle_is_drawn_again_and_counted(tmp_path, monkeypatch):
-    real, calls = module.fly_case, []
-
-    def lost_once(case, simulator):
-        calls.append(case)
-        if len(calls) == 1:
-            raise FailedRun("lost")
-        return real(case, simulator)
-
-    monkeypatch.setattr(module, "fly_case", lost_once)
-    out, truth = tmp_path / "cases", tmp_path / "truth"
-    out.mkdir()
-    truth.mkdir()
-    made = Making(**OPTIONS)(dc.asdict(CaseDraw(0, "clean")))
-    write_case(made, out, truth)
-    assert made["truth"]["attempt"] == 1
-    assert calls[0].vehicle.name != calls[1].vehicle.name or not np.array_equal(
-        calls[0].instants(FILES[0]), calls[1].instants(FILES[0])
-    )
-    assert len(list(out.iterdir())) == 1
-
-
 def test_a_case_that_cannot_be_flown_leaves_nothing_behind(tmp_path, monkeypatch, in_this_process):
     def lost(case, simulator):
         raise FailedRun("lost")
@@ -150,35 +125,11 @@ def test_cases_of_another_request_give_way(small_set, tmp_path):
         assert json.loads((folder / "truth.json").read_text())["seconds"] == 6.0
 
 
-def test_wild_files_can_be_read_with_the_input_that_the_truth_states(tmp_path):
-    cases, truths = tmp_path / "cases", tmp_path / "truth"
-    make(cases, truths, quality="wild", cases=1, clean=1, seconds=5.0, seed=3)
-    for folder in cases.iterdir():
-        _, train, held_out = open_case(folder)
-        truth = json.loads((truths / folder.name / "truth.json").read_text())
-        sensors, logs = truth["sensors"], [*train, *held_out]
-        assert {log.input for log in logs} == {sensors["input"]}
-        assert len(truth["within_tolerance"]) == len(truth["effects"])
-        held = sensors["semantics"] == "held_after" or sensors["input"] == "rotor_speed"
-        assert ({log.timing for log in logs} == {0.0}) == held
-        assert max(log.timing for log in logs) <= 0.5 / sensors["rate"] + 1e-4
-        assert RATES[0] <= sensors["rate"] <= RATES[1]
-
-
 def test_without_rotorpy_the_remedy_is_said_before_any_work(tmp_path, monkeypatch):
     monkeypatch.setattr(flight, "find_spec", lambda name: None)
     with pytest.raises(ValueError, match=r"pip install 'np_drake\[challenge\]'"):
         make(tmp_path / "cases", tmp_path / "truth", simulator="rotorpy", cases=1, clean=0)
     assert list(tmp_path.iterdir()) == []
-
-
-def test_a_set_of_rotorpy_names_its_simulator(tmp_path):
-    pytest.importorskip("rotorpy")
-    out, truth = tmp_path / "cases", tmp_path / "truth"
-    make(out, truth, simulator="rotorpy", quality="real", cases=1, clean=0, seconds=5.0, seed=2)
-    (file,) = truth.glob("*/truth.json")
-    assert '"simulator": "rotorpy"' in file.read_text(encoding="utf-8")
-    assert len(list(out.glob("*/*.csv"))) == 3
 
 
 def test_an_effect_that_a_library_effect_explains_is_drawn_again(monkeypatch):

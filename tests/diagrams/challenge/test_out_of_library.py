@@ -76,17 +76,6 @@ def test_no_rotor_gives_more_than_where_it_saturates(vehicle):
     np.testing.assert_allclose(chi, [0.0, 0.0, *expected], atol=1e-12)
 
 
-def test_an_odd_propeller_pushes_aside_of_the_way_at_its_place(vehicle, moving):
-    """Ahead through the air: to the left, with the rotor's speed, which doubles at four times the
-    thrust.
-    """
-    (x, _, z), thrust = vehicle.rotor_positions[2], hover(vehicle)
-    thrust[2] *= 4
-    at = moving((3.0, 0.0, 0.5))
-    chi = wrench(laws.odd_propeller, vehicle, at, thrust, (1.0, 0, 0), rotor=2, c=0.1)
-    np.testing.assert_allclose(chi, [0, 0.4, 0, -0.4 * z, 0, 0.4 * x], atol=1e-12)
-
-
 def test_a_line_rubs_against_the_motion_and_no_more_at_speed(vehicle, moving):
     """Over ground: wind is none of it."""
     for speed, friction in ((0.0, 0.0), (0.2, 0.5 * np.tanh(1.0)), (3.0, 0.5), (9.0, 0.5)):
@@ -95,29 +84,8 @@ def test_a_line_rubs_against_the_motion_and_no_more_at_speed(vehicle, moving):
         np.testing.assert_allclose(chi, [-0.6 * friction, 0, 0.8 * friction, 0, 0, 0], atol=1e-9)
 
 
-def test_a_winch_pulls_alike_from_afar_and_harder_while_it_pays_out(vehicle, moving):
-    """Towards its anchor; motion across the tether changes nothing."""
-    sizes = {"tension": 0.5, "friction": 0.2, "creep": 0.1, "anchor": (1.0, 0.0, 0.0)}
-    for span, v, pull in (
-        (1.0, (0.0, 0.0, 0.0), 0.5),
-        (4.0, (0.0, 0.0, 0.0), 0.5),
-        (2.0, (0.0, 0.0, 5.0), 0.6),
-        (2.0, (0.0, 0.0, -5.0), 0.4),
-        (2.0, (3.0, -2.0, 0.0), 0.5),
-    ):
-        chi = wrench(laws.winch_tether, vehicle, moving(v, p=(1.0, 0.0, span)), **sizes)
-        np.testing.assert_allclose(chi, [0, 0, -pull, 0, 0, 0], atol=1e-9)
-
-
 def test_a_lidar_couples_roll_and_pitch_and_does_no_work(vehicle, moving):
     w = np.array([0.5, -0.8, 0.3])
     tau = wrench(laws.spinning_lidar, vehicle, moving((0, 0, 0), w), h=0.02)[3:]
     np.testing.assert_allclose(tau, [0.02 * 0.8, 0.02 * 0.5, 0.0], atol=1e-12)
     assert abs(tau @ w) < 1e-12
-
-
-def test_a_draft_blows_on_one_side_and_half_at_its_edge(vehicle, moving):
-    sizes = {"force": (0.3, -0.2, 0.1), "normal": (0, 1.0, 0), "from_origin": 0.5, "edge": 0.1}
-    for y, share in ((2.0, 1.0), (0.5, 0.5), (-2.0, 0.0)):
-        chi = wrench(laws.doorway_draft, vehicle, moving((0, 0, 0), p=(0.0, y, 1.0)), **sizes)
-        np.testing.assert_allclose(chi, share * np.array([0.3, -0.2, 0.1, 0, 0, 0]), atol=1e-12)

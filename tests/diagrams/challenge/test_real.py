@@ -4,14 +4,11 @@ and what is not known is neither right nor wrong.
 
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from diagrams.challenge import real
 from diagrams.challenge.real import (
-    CAMPAIGNS,
     DRAG,
-    GROUND,
     GROUPS,
     across_blocks,
     block_name,
@@ -20,12 +17,9 @@ from diagrams.challenge.real import (
     campaign_of,
     in_circle,
     make_cases,
-    named,
     numbered_blocks,
 )
 from np_drake.diagnosis.result import UNKNOWN
-from np_drake.effects.base import Motion
-from np_drake.effects.ground_effect import GroundEffect
 from np_drake.effects.library import BESIDE_NEIGHBOURS, LIBRARY
 
 BLOCKS = (range(6, 11), range(17, 22), (43, 45, 46), range(57, 62))
@@ -114,14 +108,6 @@ def test_in_a_circle_every_flight_judges_once(flights, fitted):
     assert not list(in_circle("bare", files[:1]))
 
 
-def test_of_every_manoeuvre_the_first_judges_the_last_of_others():
-    kinds = ("melon", "random", "square")
-    files = [Path(f"dataset_{kind}_run{n}.csv") for kind in kinds for n in (2, 4)]
-    first, *_ = cases = list(in_circle("idsia", files, r"dataset_([^_]+)_"))
-    assert [case.name for case in cases] == ["melon_run2", "random_run2", "square_run2"]
-    assert [path.name[8:] for path in first.train] == ["random_run4.csv", "square_run4.csv"]
-
-
 @pytest.mark.parametrize("windy, count", [(True, 6), (False, 3)])
 def test_in_every_wind_each_controller_is_held_out_once(windy, count):
     cases = list(by_controller("wind", FLOWN, windy))
@@ -134,18 +120,6 @@ def test_in_every_wind_each_controller_is_held_out_once(windy, count):
         assert [path.stem for path in case.still] == calm
     speeds = sorted({case.speed for case in cases})
     assert speeds == pytest.approx([4.2, 12.1] if windy else [0.0], abs=0.05)  # m/s
-
-
-def test_into_wind_the_fit_is_still_air_of_other_controllers():
-    cases = list(by_controller("new-wind", FLOWN, windy=True, fit_still=True))
-    assert len(cases) == 6
-    assert cases[0].name == "still indi + pid -> 35wind baseline"
-    for case in cases:
-        assert all("nowind" in path.name for path in case.train)
-        others = {path.name.split("_")[2] for path in case.train}
-        assert case.held_out.name.split("_")[2] not in others
-        assert case.speed > 0
-        assert case.second
 
 
 # Cases
@@ -173,14 +147,6 @@ def test_what_cannot_be_made_is_said_in_one_line(folder, tmp_path):
         make_cases(folder, only=["storm"])
 
 
-def test_a_real_flight_beside_another_has_its_path(real_flights):
-    beside, alone = (campaign_of(f"swarm-downwash{suffix}") for suffix in ("", "-alone"))
-    path, *_ = beside.files(real_flights)
-    near, far = (campaign.open_flights(path)[0] for campaign in (beside, alone))
-    assert len(near.neighbours) == 1
-    assert not far.neighbours
-
-
 # Truth
 
 
@@ -199,32 +165,3 @@ def test_a_false_name_makes_an_answer_wrong_and_a_silent_one_does_not(group):
         assert truth.wrong({**present, name: 0.6}) == [name]
         assert not truth.right({**present, name: 0.6})
         assert truth.right({**present, name: 0.4})
-
-
-def test_what_is_not_known_is_not_judged():
-    causes = {"suspended_payload": 0.8, DRAG: 0.7, "mixer_gain": 0.9, "constant_wind": 0.3}
-    assert campaign_of("bare").truth.judged(causes) == [(0.8, False), (0.7, True), (0.3, False)]
-    assert named({DRAG: 0.5, "mass_error": 0.51}) == ["mass_error"]
-
-
-@pytest.mark.parametrize("group", [c.group for c in CAMPAIGNS if GROUND in c.truth.present])
-def test_the_asked_radii_halve_and_double_the_ground_effect(group):
-    campaign = campaign_of(group)
-    known = campaign.truth.parameters["effective_radius"]
-    # Four rotors have the area of one twice as wide.
-    assert known.value == pytest.approx(2 * campaign.nominal.rotor_radius)
-
-    def thrust(radius: float) -> float:
-        x = np.zeros(13)
-        x[2], x[3] = 2 * known.value, 1.0
-        motion = Motion(np.zeros(1), x[None], np.full((1, 4), 0.1))
-        return float(GroundEffect(radius).wrench(campaign.nominal, motion)[0, 2])
-
-    for radius, part in ((known.low, 0.5), (known.high, 2.0)):  # 1 / (1 - s), s up to 3 %
-        assert thrust(radius) / thrust(known.value) == pytest.approx(part, rel=0.02)
-
-
-def test_a_vehicle_weighs_what_its_campaign_states_without_the_payload():
-    assert campaign_of("crazyswarm2-payload").nominal.mass == pytest.approx(0.0419 - 0.005)
-    assert campaign_of("payload").nominal.mass == pytest.approx(0.0397)
-    assert (campaign_of("swarm-ground-large").nominal.thrust_uncertainty or 0) > 0.3  # a guess

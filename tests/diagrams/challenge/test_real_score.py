@@ -13,12 +13,10 @@ from diagrams.challenge.real_score import (
     asked_figures,
     outcomes,
     scored,
-    tables,
     verdict,
     wind_figures,
 )
 from diagrams.cli.main import run
-from diagrams.cli.output import WIDTH, print_table
 from diagrams.identification.simulated import Truth, fly_truth
 from np_drake.effects.blade_flapping import BladeFlapping
 from np_drake.effects.constant_wind import ConstantWind
@@ -55,15 +53,6 @@ def test_a_wind_of_the_held_out_flight_alone_is_said_and_not_wrong():
         assert (dut["new_condition"], dut["right"]) == ("constant_wind", True)
     assert scored({"causes": [new]}, truth, {"a", "c"})["wrong"] == ["constant_wind"]
     assert scored({"causes": [drag], "refit": None}, truth, {"a", "b"})["new_condition"] == ""
-
-
-def test_a_cause_that_begins_in_a_healthy_flight_is_wrong():
-    early = cause("thrust_scale", 0.9, onset={"a": None, "b": None})
-    late = {**early, "onset": {"a": None, "b": 3.2}}
-    healthy, other = (campaign_of(g).truth for g in ("bare", "swarm-downwash-alone"))
-    assert scored({"causes": [early]}, healthy)["right"]
-    assert scored({"causes": [late]}, healthy)["wrong"] == ["thrust_scale"]
-    assert scored({"causes": [late]}, other)["wrong"] == []
 
 
 def test_the_unknown_counts_where_it_is_the_truth_and_where_a_place_pulls():
@@ -127,30 +116,6 @@ def test_what_is_asked_counts_what_is_within_and_what_is_not():
     assert dut["seconds a case, median"][THIS] == "3.0"
 
 
-def test_of_healthy_flights_false_names_and_all_beyond_drag_count():
-    names = {"linear_drag": 1.0, "quadratic_drag": 0.9, "place": 0.4}
-    two = {**names, "weak_rotor": 0.9, "constant_wind": 0.8, "mixer_gain": 0.3}
-    dut = asked(
-        record("bare", names),
-        record("idsia", two),
-        record("still", {**names, "weak_rotor": 0.9}),
-        record("swarm-downwash", {"constant_wind": 1.0}),
-    )
-    assert dut["healthy: cases with a false name"][THIS] == "1 of 3"
-    assert dut["healthy: names beyond drag, median"][THIS] == "1"
-    assert dut["healthy: names beyond drag, mean"][THIS] == "1.00"
-
-
-@pytest.mark.parametrize(
-    "over, p, right", [(1.0, 0.9, 1), (1.3, 0.9, 1), (1.5, 0.9, 0), (0.6, 0.9, 0), (1.0, 0.4, 0)]
-)
-def test_a_ground_effect_is_told_where_its_size_is_right(over, p, right):
-    radius = campaign_of("swarm-ground-small").truth.parameters["effective_radius"].value
-    own = {"ground_effect": {"effective_radius": estimate(over * radius, 0.001)}}
-    dut = asked(record("swarm-ground-small", {"ground_effect": p}, parameters=own))
-    assert dut["ground effect: named, of the right size"][THIS] == f"{right} of 1"
-
-
 @pytest.mark.parametrize(
     "more, blown", [({}, 1), ({"mass_error": 0.9}, 0), ({"linear_drag": 0.4}, 0)]
 )
@@ -165,19 +130,6 @@ def test_a_wind_is_asked_for_its_drag_direction_force_and_gentle_speed(more, blo
     assert dut["wind: direction within 10°"][THIS] == "0 of 2"
     assert dut["wind: mean force within 15 %"][THIS] == "2 of 2"
     assert dut["wind below 6 m/s: speed within 30 %"][THIS] == "1 of 1"
-
-
-def test_tables_keep_within_their_width_and_the_replay_has_one(capsys):
-    replay = {"horizon": [0.25, 1.0], **{w: {"position": [0.1, 0.4]} for w in ("before", "after")}}
-    flown = record("bare", {"linear_drag": 0.9, "constant_wind": 0.8}, replay=replay)
-    made = tables(outcomes([payload(), flown, record("bare", {}, by=BIC)]))
-    for table in made:
-        print_table(*table)
-    printed = capsys.readouterr().out
-    assert max(map(len, printed.splitlines())) <= WIDTH
-    assert "CONSTANT_WIND 0.80" in printed
-    (rows,) = [rows for title, _, rows in made if "replay" in title]
-    assert rows == [("bare", THIS, "10", "10", "40", "40")]
 
 
 # The study

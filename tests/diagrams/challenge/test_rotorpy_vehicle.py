@@ -10,16 +10,7 @@ pytest.importorskip("rotorpy", reason="rotorpy is not installed: pip install 'np
 
 from diagrams.challenge import flight
 from diagrams.challenge.plans import draw_plan
-from diagrams.challenge.rotorpy_vehicle import (
-    SPEED,
-    Gusts,
-    Q,
-    Tether,
-    V,
-    X,
-    from_rotorpy,
-    to_rotorpy,
-)
+from diagrams.challenge.rotorpy_vehicle import SPEED, Gusts, Tether, from_rotorpy, to_rotorpy
 from np_drake.effects.base import Motion
 from np_drake.effects.library import LIBRARY
 from np_drake.effects.pendulum import hook_acceleration, hook_velocity
@@ -112,15 +103,6 @@ def test_a_state_comes_back_as_it_was():
     np.testing.assert_array_equal(s[SPEED], speed)
 
 
-def test_the_centre_of_mass_of_a_yawing_vehicle_moves_across_its_lever():
-    x = np.zeros(13)
-    x[3], x[12] = 1.0, 2.0  # level, yaw rate [rad/s]
-    s = to_rotorpy(x, CENTER, np.zeros(4))
-    np.testing.assert_array_equal(s[X], CENTER)
-    np.testing.assert_allclose(s[V], [-2.0 * CENTER[1], 2.0 * CENTER[0], 0.0])
-    np.testing.assert_array_equal(s[Q], [0.0, 0.0, 0.0, 1.0])
-
-
 def gusty(seed):
     return LIBRARY["gusty_wind"](2.0, -1.0, 0.5, deviation=0.8, correlation_time=0.6, seed=seed)
 
@@ -134,12 +116,3 @@ def test_gusts_have_their_mean_deviation_and_correlation_time():
     gust = air - air.mean(axis=0)
     later = np.mean(gust[30:] * gust[:-30]) / np.mean(gust**2)
     assert later == pytest.approx(np.exp(-1), abs=0.1)
-
-
-def test_gusts_push_through_the_drag(vehicle, plan, t):
-    drag, profile = LIBRARY["linear_drag"](0.4, 0.4, 0.4), Gusts(gusty(1))
-    log = fly(vehicle, plan, [gusty(1), drag], t=t)
-    air = np.array([profile(now) for now in t])
-    chi = drag.wrench(vehicle, Motion(t, log.x, log.u @ vehicle.unmixer.T, air))
-    np.testing.assert_allclose(raw_labels(log, vehicle), chi, atol=1e-9)  # [N]
-    assert np.abs(air - np.array(list(map(Gusts(gusty(2)), t)))).max() > 0.5

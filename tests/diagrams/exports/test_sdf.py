@@ -9,7 +9,6 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from pydrake.geometry import SceneGraph
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import BallRpyJoint
@@ -48,9 +47,7 @@ def plugins(path: Path, name: str) -> list[dict[str, str]]:
 
 
 def hydrodynamic_wrench(plugin: dict[str, str], velocity: np.ndarray) -> np.ndarray:
-    """[force, torque] (6,) in the link's axes; velocity (6,) [u, v, w, p, q, r] relative to the
-    current.
-    """
+    """[force, torque] (6,) in the link's axes; velocity (6,) relative to the current."""
     out = np.zeros(6)
     for i, x in enumerate("xyzkmn"):
         for j, u in enumerate("UVWPQR"):
@@ -184,21 +181,3 @@ def test_turning_rotor_links_have_the_angular_momentum_of_the_effect(tmp_path):
     x = np.concatenate([[0.0, 0, 0, 1, 0, 0, 0, 0, 0, 0], w])
     chi = effect.wrench(vehicle, Motion(0.0, x, thrust))
     np.testing.assert_allclose(-np.cross(w, h), chi[3:], rtol=1e-9, atol=1e-15)  # [N·m]
-
-
-def test_a_rotor_inertia_that_no_link_can_have_is_left_out_or_refused(tmp_path):
-    assert write_sdf(Vehicle(), [RotorGyroscopic(-1e-5)], tmp_path / "a.sdf")[0].how == "left out"
-    with pytest.raises(ValueError, match="rotor links must leave a rigid body"):
-        write_sdf(load_vehicle("crazyflie"), [RotorGyroscopic(1e-4)], tmp_path / "b.sdf")
-    assert not (tmp_path / "b.sdf").exists()
-
-
-def test_drake_sees_every_part_of_the_file(tmp_path):
-    write_sdf(Vehicle(), [SuspendedPayload(0.2, 0.7)], tmp_path / "dut.sdf")
-    plant, scene = MultibodyPlant(time_step=0.001), SceneGraph()
-    plant.RegisterAsSourceForSceneGraph(scene)
-    Parser(plant).AddModels(str(tmp_path / "dut.sdf"))
-    for link, shown, felt in [("quadrotor", 5, 1), ("payload", 1, 1), *((r, 1, 0) for r in ROTORS)]:
-        body = plant.GetBodyByName(link)
-        assert len(plant.GetVisualGeometriesForBody(body)) == shown
-        assert len(plant.GetCollisionGeometriesForBody(body)) == felt

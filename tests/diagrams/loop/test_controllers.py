@@ -5,21 +5,17 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from diagrams.cli.main import run
 from diagrams.loop.controller_config import NP_MODEL, ControllerConfig
 from diagrams.loop.controllers import make_residual_model
 from diagrams.loop.experiments import load_experiment
 from diagrams.loop.flight import FlightConfig, default_flight, load_flight
 from diagrams.loop.flight_result import LostVehicle, fly
-from diagrams.studies.sweep import Row, configure
 from np_drake.effects.effect_entry import EffectEntry
-from np_drake.labels import labelled, smooth_labels
+from np_drake.labels import labelled
 from np_drake.lifting.model.model_file import load_model
 from np_drake.payload_filter.predictor import PayloadFilter
 from np_drake.references.config import ReferenceConfig
 from np_drake.residual_models.neural_predictor import NeuralPredictor
-from np_drake.rigid_body import zeta
-from np_drake.skill.skill import skill_table
 from np_drake.vehicle import Vehicle, load_vehicle
 from np_drake.vehicle.scaling import ratios, usual_rate_loop
 from np_drake.vehicle.vehicle import RateLoop
@@ -59,26 +55,6 @@ def test_the_shipped_model_is_stable_for_every_payload():
         assert family.system(theta, 0.02).spectral_radius <= 1.0
 
 
-@pytest.mark.nightly
-def test_the_shipped_model_beats_every_naive_row_on_an_unseen_track():
-    config = configure("lemniscate", Row("nominal", "nominal"), solver="sqp")
-    config.duration = 15.0
-    flight = fly(config, seed=77)
-    log, label = flight.log(), flight.signals["label"]
-    table = skill_table(
-        {"shipped": NeuralPredictor.load(NP_MODEL)},
-        label,
-        zeta(log.x),
-        horizons=[0, 5, 20, 40],
-        mean=label.mean(axis=0),
-        target=smooth_labels(log, config.vehicle, config.controller.label),
-        warm_up=250,
-    )
-    for row in table:  # now, there is hardly anything to predict: the label is 40 ms old
-        if row.model == "shipped":
-            assert row.force_skill < (0.85 if row.horizon else 1.0)
-
-
 def test_the_payload_filter_finds_a_delay_in_flight_and_holds_the_circle():
     without, late = (fly(circle(delay=delay), seed=0).metrics() for delay in (0.0, 0.06))
     assert late["E_xy"] < 0.02  # [m]; with the first seconds
@@ -97,22 +73,6 @@ def test_a_controller_that_knows_or_finds_the_delay_holds_on():
     assert told["command_delay"] == 0.06
     # The lag is not known to this kind, so that its estimate is coarser [s].
     assert found["command_delay"] == pytest.approx(0.06, abs=0.01)
-
-
-@pytest.mark.parametrize(
-    "delay, said",
-    [(0.0, None), (0.05, "act 50 ms late"), (0.12, "120 ms late or later, the latest")],
-)
-def test_fly_says_with_which_delay_its_controller_reckoned(delay, said, tmp_path, capsys):
-    (tmp_path / "late.yaml").write_text(
-        "name: late\nduration: 0.2\nreference: {track: hover, ramp: 0.2}\n"
-        f"controller: {{kind: hold, solver: sqp, command_delay: {delay}}}\n"
-        f"reality: {{command_delay: {delay}}}\n"
-    )
-    assert run(["fly", str(tmp_path / "late.yaml")]) == 0
-    printed = " ".join(capsys.readouterr().out.split())
-    assert ("ms late" in printed) == (said is not None)
-    assert (said or "") in printed
 
 
 def test_a_delay_that_no_controller_can_know_is_refused():

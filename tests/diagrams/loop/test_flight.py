@@ -94,13 +94,6 @@ def test_without_gap_and_payload_the_nominal_mpc_tracks():
     assert metrics["position_rmse"] < 0.005  # [m]
 
 
-def test_told_mass_reaches_controller_and_truth():
-    config = short(kind="hold")
-    config.controller.extra_mass = 0.26
-    flight = fly(config, seed=3)
-    assert abs(flight.chi_true[flight.scored, 2].mean()) < 1.5  # [N]; the 4 % of thrust stay
-
-
 def test_a_vehicle_that_is_lost_is_a_failed_run_and_no_result():
     for name, value, why in (
         ("height", 0.01, "flew into the ground before 1"),  # nominal MPC sags under the payload

@@ -1,6 +1,4 @@
-"""Laws of the closed loop as a Diagram: built and run by a plain Simulator, it is the
-experiment.
-"""
+"""Laws of the closed loop as a Diagram: a plain Simulator flies the experiment."""
 
 import dataclasses as dc
 

@@ -35,23 +35,9 @@ def test_waypoints_stand_in_the_track_and_in_its_height(tmp_path):
         np.testing.assert_allclose(marks.get_ydata(), expected)
 
 
-def test_a_flight_prints_one_line_and_shows_its_metrics(flight):
-    m = flight.metrics()
-    assert repr(flight) == (
-        f"FlightResult(circle with hold, seed 2: E_xy {100 * m['E_xy']:.2f} cm, E_z "
-        f"{100 * m['E_z']:.2f} cm)"
-    )
-    assert f"{100 * m['E_z']:.2f} cm" in flight._repr_html_()
-
-
 def test_the_data_frame_of_a_flight_holds_log_reference_and_truth(flight):
     frame = flight.to_dataframe()
     np.testing.assert_array_equal(frame[["px_ref", "py_ref", "pz_ref"]], flight.signals["p_ref"])
     np.testing.assert_array_equal(frame["fz_true"], flight.chi_true[:, 2])
     np.testing.assert_array_equal(frame["fz_predicted"], flight.signals["chi_hat"][:, 2])
     np.testing.assert_array_equal(frame["px"], flight.log().p[:, 0])
-
-
-def test_an_unknown_figure_is_refused_with_those_there_are(flight):
-    with pytest.raises(ValueError, match="must be one of track, errors, wrench; got 'swing'"):
-        flight.plot("swing")

@@ -3,7 +3,6 @@
 import dataclasses as dc
 import functools
 import json
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -73,14 +72,6 @@ def test_a_factory_flies_as_the_scenario_that_names_it(mine):
     lift = mass * (9.81 + 4.0 * (1.7 - x[:, 2]) - 4.0 * x[:, 9])
     # [N]; a microsecond of motion
     np.testing.assert_allclose(flights[0].signals["u"][:, 0], lift, atol=1e-4)
-
-
-def test_a_file_may_import_its_neighbours(tmp_path):
-    (tmp_path / "base_of_mine.py").write_text(HOVER)
-    (tmp_path / "numpy.py").write_text("from base_of_mine import Hover\nassert __file__\n")
-    assert load_factory(f"{tmp_path / 'numpy.py'}:Hover").__name__ == "Hover"
-    assert sys.modules["numpy"] is np
-    assert str(tmp_path) not in sys.path
 
 
 class Discrete(LeafSystem):

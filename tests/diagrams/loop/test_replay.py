@@ -6,8 +6,6 @@ import re
 import numpy as np
 import pytest
 
-from diagrams.loop.experiments import load_experiment
-from diagrams.loop.flight_result import fly
 from diagrams.loop.replay import FRAME_RATE, POLICY, frames, position_error, write_replay
 from np_drake import attitude
 
@@ -37,15 +35,6 @@ def ends(film, lower):
     return bar["position"] + (1 if lower else -1) * half[:, None] * attitude.body_z(q)
 
 
-def test_a_frame_shows_the_row_of_its_time():
-    t = 0.02 * np.arange(500)
-    np.testing.assert_allclose(t[frames(t)], np.arange(len(frames(t))) / FRAME_RATE, atol=1e-9)
-    slow = 0.1 * np.arange(50)
-    assert (
-        np.abs(slow[frames(slow)] - np.arange(len(frames(slow))) / FRAME_RATE).max() < 0.1
-    )  # one row
-
-
 def test_the_payload_hangs_on_the_tethers_end_in_every_frame(flight, page):
     x, hook = shown(flight, "x_true"), np.array(flight.config.reality.hung.hook)
     np.testing.assert_allclose(ends(page.film, True), page.film["payload"]["position"], atol=1e-9)
@@ -72,13 +61,6 @@ def test_the_read_out_is_the_error_of_the_flight(flight, page):
     assert len(error["cm"]) == len(page.film["quadrotor"]["position"])
 
 
-def test_the_trail_grows_to_the_vehicle(page):
-    (trail,) = page.numbers["trails"]
-    assert trail["first"] == [0] * len(trail["last"])
-    assert np.all(np.diff(trail["last"]) > 0)
-    assert "trail" in page.objects
-
-
 def test_a_payload_that_is_hung_in_flight_is_hidden_until_then(
     flight, replay_page, tmp_path, monkeypatch
 ):
@@ -100,11 +82,3 @@ def test_the_page_can_load_nothing_from_a_network(page):
     assert page.text.index(POLICY) < page.text.index("<script")
     assert ".dg { display: none !important; }" in page.text  # Meshcat's own controls
     assert not re.search(r"<(script|link|img|iframe)[^>]*\b(src|href)=", page.text)
-
-
-def test_the_legend_names_waypoints_where_the_track_has_any(tmp_path):
-    for name, there in (("steps", True), ("circle", False)):
-        config = load_experiment(name)
-        config.controller.kind, config.duration, config.reference.ramp = "cascade", 0.1, 0.1
-        write_replay(fly(config, seed=0), tmp_path / f"{name}.html")
-        assert (">waypoints<" in (tmp_path / f"{name}.html").read_text()) == there

@@ -10,7 +10,7 @@ from diagrams.loop.flight import FlightConfig, default_flight, load_flight
 from diagrams.loop.flight_result import fly
 from np_drake.command_delay import LONGEST_DELAY
 from np_drake.references.config import make_reference
-from np_drake.vehicle.scaling import SPARE_LIFT, ratios, scales, similar
+from np_drake.vehicle.scaling import ratios, scales, similar
 from np_drake.vehicle.vehicle import Calibration, MeasurementNoise, Vehicle, load_vehicle
 
 SMALL, LARGE = similar(Vehicle(), 0.26), similar(Vehicle(), 2.3)
@@ -39,23 +39,6 @@ def test_packaged_scenarios_stand_in_si_for_the_papers_vehicle(name, tmp_path):
 
 
 @pytest.mark.parametrize("vehicle", [SMALL, LARGE])
-def test_the_cable_stretches_by_one_share_of_its_length_under_any_payload(vehicle):
-    shares = []
-    for payload, g in (
-        (FlightConfig().reality.payload, 9.81),
-        (default_flight(vehicle).reality.payload, 9.81),
-    ):
-        shares.append(payload.mass * g / (payload.stiffness * payload.length))
-    assert shares[1] == pytest.approx(shares[0], rel=1e-12)  # [1]
-
-
-def test_the_payload_leaves_a_weak_vehicle_spare_lift():
-    weak = dc.replace(Vehicle(), max_rotor_thrust=1.3 * 19.62 / 4)
-    payload = default_flight(weak).check().reality.payload
-    assert payload.mass == pytest.approx(SPARE_LIFT * 0.3 * weak.mass)
-
-
-@pytest.mark.parametrize("vehicle", [SMALL, LARGE])
 @pytest.mark.parametrize("name", ["fast_lemniscate", "steps"])
 def test_a_track_has_the_same_form_in_the_units_of_any_vehicle(name, vehicle):
     paper, own = load_experiment(name).reference, load_experiment(name, vehicle).reference
@@ -63,9 +46,8 @@ def test_a_track_has_the_same_form_in_the_units_of_any_vehicle(name, vehicle):
     expected = make_reference(paper).sample(t)
     found = make_reference(own).sample(unit.time * t)
     np.testing.assert_allclose(found[0] / unit.length, expected[0], atol=1e-9)
-    np.testing.assert_allclose(
-        found[2], expected[2], atol=1e-7
-    )  # accelerations: gravity is common [m/s²]
+    # accelerations: gravity is common [m/s²]
+    np.testing.assert_allclose(found[2], expected[2], atol=1e-7)
 
 
 @pytest.mark.parametrize("delay, known", [(0.004, 0.004), (0.5, None)], ids=str)
@@ -85,13 +67,6 @@ def test_a_value_named_in_si_wins_over_the_scaled_default(tmp_path):
     assert dut.vehicle == SMALL
 
 
-def test_the_vehicle_of_the_file_sets_its_own_scale(tmp_path):
-    (tmp_path / "own.yaml").write_text("vehicle: {mass: 1.0, max_rotor_thrust: 6.0}\n")
-    dut = load_flight(str(tmp_path / "own.yaml"))
-    assert dut.reality.payload.mass == pytest.approx(0.13)
-    assert dut.reference.radius == 1.0
-
-
 def test_similar_vehicles_fly_the_same_dimensionless_circle():
     errors = []
     for vehicle in (Vehicle(), similar(Vehicle(), 0.25)):
@@ -100,6 +75,5 @@ def test_similar_vehicles_fly_the_same_dimensionless_circle():
         config.controller.kind, config.controller.solver = "hold", "sqp"
         flight, unit = fly(config, seed=0), scales(vehicle)
         errors.append((flight.signals["x_true"][:, :3] - flight.signals["p_ref"]) / unit.length)
-    np.testing.assert_allclose(
-        errors[1], errors[0], rtol=0, atol=1e-6
-    )  # [1]: the feed-forward's step in time is fixed
+    # [1]: the feed-forward's step in time is fixed
+    np.testing.assert_allclose(errors[1], errors[0], rtol=0, atol=1e-6)

@@ -8,7 +8,6 @@ from diagrams.loop.flight import FlightConfig, load_flight
 from diagrams.loop.flight_result import fly
 from np_drake.references.config import ReferenceConfig, make_reference
 from np_drake.references.track_file import write_trajectory
-from np_drake.vehicle import load_vehicle
 
 LINE = "x,y,z\n0,0,1.5\n1,0,1.5\n1,1,2\n0,1,2\n"
 SQUARE = "x,y,z\n1,1,1.5\n-1,1,1.5\n-1,-1,2\n1,-1,2\n1,1,1.5\n"
@@ -54,13 +53,6 @@ def test_a_trajectory_that_begins_at_rest_is_scored_from_the_first_row(tmp_path)
     assert flight.metrics()["solve_failures"] == 0
 
 
-def test_the_track_of_a_file_stays_in_si_for_any_vehicle(tmp_path):
-    text = "x,y,z\n0,0,1.5\n.2,0,1.5\n.2,.2,1.5\n"
-    path, t = scenario(tmp_path, text, reference="speed: 0.3, ramp: 1.0"), np.linspace(0, 2, 9)
-    vehicles = (None, load_vehicle("crazyflie"))
-    np.testing.assert_array_equal(*(load_flight(path, v).motion.sample(t) for v in vehicles))
-
-
 BAD = {  # track, further lines, fields of the reference: what the line says
     "scaled": (LINE, "scaled: true\n", "", "scaled must be false for the track of a CSV file"),
     "missing": ("", "", "", "track.csv: must be a CSV file of a track (No such file or directory)"),
@@ -86,13 +78,6 @@ def test_a_track_that_cannot_be_flown_is_refused_in_one_line(tmp_path, monkeypat
     assert message in err
     assert len(err.splitlines()) == 1
     assert not (tmp_path / "out").exists()
-
-
-def test_rotors_are_held_against_the_thrust_that_is_left(tmp_path):
-    config = load_flight(scenario(tmp_path, UP, reference="speed: 3.6, ramp: 1.0"))
-    config.reality.thrust_scale = 0.8
-    with pytest.raises(ValueError, match="max_rotor_thrust"):
-        config.check()
 
 
 def test_waypoints_are_flown_and_those_that_are_not_passed_are_named(tmp_path):

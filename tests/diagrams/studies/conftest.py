@@ -18,9 +18,7 @@ STEP = 0.0025  # of the synthetic flight [s]
 
 
 def make_flight(samples, seed):
-    """Return smooth force and torque driven by a smooth motion, with windows as singular as those
-    of real flights.
-    """
+    """Return smooth force and torque driven by a smooth motion, with singular windows."""
     draw, t = np.random.default_rng(seed), STEP * np.arange(samples)[:, None, None]
     rate, phase = draw.uniform(2.0, 25.0, (12, 8)), draw.uniform(0, 2 * np.pi, (12, 8))
     waves = np.sin(rate * t + phase).sum(axis=2)

@@ -9,7 +9,6 @@ import pytest
 from diagrams.studies.acados_peer import FOLDER, AcadosSolver
 from diagrams.studies.bench import tracking_problems
 from np_drake.mpc.controller import shift
-from np_drake.mpc.problem import SolverFailure
 from np_drake.mpc.sqp import SqpSolver
 
 
@@ -39,32 +38,6 @@ def test_one_iteration_is_our_sqp_step(vehicle, config):
     np.testing.assert_allclose(theirs.u, ours.u, atol=1e-3)  # [N, N·m]
     assert theirs.cost == pytest.approx(ours.cost, rel=1e-6)
     assert theirs.solve_time > 0.0
-
-
-def test_soft_sets_and_the_price_on_the_swing_are_the_same(vehicle, config, make_problem):
-    config = dc.replace(config, max_speed=0.25, weight_swing=5.0)
-    problem = make_problem(config, K=4, offset=0.3)  # without the set it would reach 0.96 m/s
-    sqp = SqpSolver(vehicle, config, steps=30, max_steps=30, time_limit=np.inf)
-    answer = peer(vehicle, config, steps=30).solve(problem)
-    assert np.abs(answer.x[:, 7:10]).max() == pytest.approx(0.25, abs=1e-4)  # [m/s]
-    assert answer.cost == pytest.approx(sqp.solve(problem).cost, rel=1e-5)
-
-
-def test_neither_a_solve_nor_a_failure_leaves_a_trace(vehicle, config, make_problem):
-    config = dc.replace(config, max_speed=0.15)
-    dut = peer(vehicle, config, steps=30)
-    easy, hard, impossible = (make_problem(config, offset=size) for size in (0.01, 0.1, 0.2))
-    before = dut.solve(easy)
-    dut.solve(hard)
-    np.testing.assert_array_equal(dut.solve(easy).u, before.u)
-    with pytest.raises(SolverFailure, match="status 4"):
-        dut.solve(impossible)
-    np.testing.assert_array_equal(dut.solve(easy).u, before.u)
-
-
-def test_a_wrench_that_reacts_is_refused(vehicle, config, make_problem, reaction):
-    with pytest.raises(SolverFailure, match="linear forecasts only"):
-        peer(vehicle, config).solve(make_problem(config, reaction=reaction))
 
 
 def test_without_acados_the_error_says_what_to_install(vehicle, config, monkeypatch):

@@ -4,12 +4,7 @@ import math
 
 import pytest
 
-from diagrams.studies.columns import fixed, grouped, percent, spread, tabulate
-
-
-def test_a_row_has_the_keys_and_functions_of_its_columns():
-    columns = (("n", "count"), ("twice", lambda line: 2 * line["count"]), ("n", "count"))
-    assert tabulate("title", [{"count": 2}], columns) == ("title", ["n", "twice", "n"], [(2, 4, 2)])
+from diagrams.studies.columns import fixed, percent, spread
 
 
 def test_a_missing_value_is_a_dash():
@@ -29,15 +24,3 @@ def test_a_missing_value_is_a_dash():
 )
 def test_a_spread_stands_behind_its_value_in_cm(value, width, text):
     assert spread("x")({"x": value, "x_ci95": width}) == text
-
-
-def test_a_spread_has_its_own_unit_suffix_and_word():
-    cell = spread("x", 1, factor=1, by="sd", lost="never")
-    assert cell({"x": 2.0, "x_sd": 0.5}) == "2.0 ± 0.5"
-    assert cell({"x": math.inf, "x_sd": 0.5}) == "never"
-
-
-def test_a_group_begins_with_a_row_of_its_name():
-    _, header, rows = grouped("title", ["", "a", "b"], {"one": [("x", 1, 2)], "two": [("y", 3, 4)]})
-    assert rows == [("one", "", ""), ("x", 1, 2), ("two", "", ""), ("y", 3, 4)]
-    assert all(len(row) == len(header) for row in rows)

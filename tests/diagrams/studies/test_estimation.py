@@ -8,7 +8,7 @@ import pytest
 from diagrams.batch.run import Run
 from diagrams.cli.main import run
 from diagrams.studies import estimation as dut
-from diagrams.studies.estimation import COLUMNS, FAR, PUBLISHED, column_rmse, window_figure
+from diagrams.studies.estimation import COLUMNS, PUBLISHED, column_rmse
 from np_drake.lifting.model.lifted_model import BY_AXES
 from np_drake.lifting.training.train import make_config, train
 from np_drake.logs.formats.neurobem_wrenches import TESTS, TRAINING
@@ -28,13 +28,6 @@ def folder(tmp_path_factory, synthetic_flight):
         flight = synthetic_flight(700, k)
         np.save(folder / "npy" / f"{stem}.npy", np.hstack([flight.zeta, flight.chi]))
     return folder
-
-
-@pytest.fixture(scope="module")
-def made(synthetic_flight):
-    """A made flight and a model of it."""
-    segment = synthetic_flight(1500, 0)
-    return train([segment], make_config(NP, frame="body")).model, segment
 
 
 def test_lengths_are_of_the_error_vector_without_gaps():
@@ -93,17 +86,6 @@ def test_every_cell_of_the_paper_stands_beside_ours(folder, tmp_path, capsys):
     assert all(f"| {method} |" in page.read_text() for method in ("NeuroBEM", "NeuroMHE", "NP"))
 
 
-def test_the_figure_shows_every_row_at_the_time_it_speaks_of(made):
-    model, flight = made
-    figure = window_figure({NP: model}, flight, (2.0, 3.0))
-    assert len(figure.axes) == 6
-    lines = figure.axes[0].get_lines()
-    label, held = lines[0].get_ydata(), lines[2].get_ydata()
-    rows = np.arange(800, 1200)
-    np.testing.assert_array_equal(label, flight.chi[rows, 0])
-    np.testing.assert_array_equal(held, flight.chi[rows - FAR, 0])
-
-
 SIZES = (600, 1200)
 
 
@@ -127,15 +109,6 @@ def test_every_model_and_size_has_its_point_beside_the_papers(synthetic_flight):
     assert [ax.get_ylabel() for ax in figure.axes] == ["force RMSE [SI]", "torque RMSE [SI]"]
     with pytest.raises(ValueError, match="must have 1300 samples; got 1250"):
         dut.sample_efficiency(Run(), training, test, configs, sizes=(1300,))
-
-
-def test_pieces_are_disjoint_and_of_one_size(synthetic_flight):
-    segment = synthetic_flight(4000, 0)
-    for size, count in ((1000, 4), (3000, 1)):
-        cut = dut.pieces(segment, size)
-        assert [len(piece) for piece in cut] == count * [size]
-        joined = np.concatenate([p.chi for p in cut])
-        np.testing.assert_array_equal(joined, segment.chi[: count * size])
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from diagrams.batch.campaign import packed, unpacked
+from diagrams.batch.campaign import unpacked
 from diagrams.loop.controller_config import NP_MODEL
 from diagrams.studies.learning import (
     LENGTH,
@@ -15,12 +15,10 @@ from diagrams.studies.learning import (
     Envelope,
     best_share,
     envelope_flight,
-    envelope_segments,
     flown_share,
 )
 from np_drake.lifting.model.model_file import load_model
 from np_drake.vehicle import Vehicle
-from np_drake.vehicle.scaling import similar
 
 
 def test_flights_lie_within_the_envelope():
@@ -41,22 +39,6 @@ def test_a_flight_is_drawn_from_seed_and_number_alone():
     assert first == again != other
 
 
-def test_a_larger_vehicle_flies_a_larger_envelope():
-    small, large = (
-        envelope_flight(2, seed=3, vehicle=v) for v in (Vehicle(), similar(Vehicle(), 4.0))
-    )
-    assert large.reality.payload.length == pytest.approx(4 * small.reality.payload.length)
-    assert large.duration == pytest.approx(2 * small.duration)
-
-
-def test_a_lost_vehicle_teaches_nothing():
-    arrays = {name: np.ones((4, 6)) for name in ("chi", "zeta", "goal")}
-    records = [{"result": {"segment": packed(arrays)}}, {"error": "lost at 3 s"}]
-    run = SimpleNamespace(seed=3, cases=lambda *_, **__: records)
-    segments = envelope_segments(2, run=run, vehicle=Vehicle())
-    assert [len(segment) for segment in segments] == [4]
-
-
 def test_what_is_learnt_is_what_a_vehicle_measures():
     arrays = unpacked(Envelope(3, Vehicle())({"flight": 2})["segment"])
     config = envelope_flight(2, seed=3, vehicle=Vehicle())
@@ -67,9 +49,7 @@ def test_what_is_learnt_is_what_a_vehicle_measures():
 
 
 def flying(error):
-    """Stand-in of a run whose flight with a share errs by error(share); None: the vehicle is
-    lost.
-    """
+    """Stand-in of a run whose flight with a share errs by error(share), or is lost: None."""
 
     def cases(title, what, work, cases, **more):
         errors = [error(case["share"]) for case in cases]
@@ -88,29 +68,6 @@ def test_the_share_that_flies_best_is_used(error, best):
     assert chosen.summary["network"]["flights_flown"] == 4
     alone = model.without_network
     assert flown_share(alone, 40, run=flying(error), vehicle=Vehicle()) is alone
-
-
-def test_a_flight_is_flown_with_the_model_of_its_share(monkeypatch):
-    def fly(config, seed):
-        assert (config.controller.kind, seed) == ("np", 5)
-        share = load_model(config.controller.predictor).encoder.network.share
-        return SimpleNamespace(metrics=lambda: {"position_rmse": 1 + share})
-
-    work = {}
-
-    def keep(title, what, flying, cases, **more):
-        work.update(
-            {case["share"]: flying({"flight": 5, "share": case["share"]}) for case in cases}
-        )
-        return [{"result": work[case["share"]]} for case in cases]
-
-    monkeypatch.setattr("diagrams.studies.learning.fly", fly)
-    model = load_model(NP_MODEL)
-    flown_share(model, 10, run=SimpleNamespace(seed=0, cases=keep), vehicle=Vehicle())
-    own = model.encoder.network.share
-    assert {share: found["error"] for share, found in work.items()} == {
-        share: 1 + share * own for share in SHARES
-    }
 
 
 def test_where_every_share_flies_worse_there_is_none():

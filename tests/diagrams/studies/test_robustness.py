@@ -11,9 +11,7 @@ from diagrams.loop.experiments import load_experiment
 from diagrams.loop.reality import RealityConfig
 from diagrams.studies import robustness, sweep
 from diagrams.studies.robustness import (
-    AXES,
     BASE,
-    NAIVE,
     ROWS,
     cells_of,
     flight_config,
@@ -24,9 +22,6 @@ from diagrams.studies.robustness import (
     summary,
 )
 from diagrams.studies.sweep import named, tidy
-from np_drake.effects.base import Motion
-from np_drake.effects.combine import total_wrench
-from np_drake.vehicle import Vehicle
 
 CASE = {"seed": 7, **BASE}
 
@@ -38,16 +33,6 @@ def test_the_grid_has_every_point_and_without_payload_one_tether():
     assert {s["speed"] for s in settings} == {0.5, 1.0, 1.5, 2.0, 2.5}
     for name in BASE.keys() - {"mass", "length", "speed"}:
         assert {s[name] for s in settings} == {BASE[name]}
-
-
-@pytest.mark.parametrize(
-    ("count", "mass"), [(2, {0.0, 0.5}), (3, {0.0, 0.26, 0.5}), (4, {0.0, 0.13, 0.38, 0.5})]
-)
-def test_a_thinned_grid_is_evenly_spaced_and_keeps_its_ends(count, mass):
-    settings = grid_settings(count)
-    assert {s["mass"] for s in settings} == mass
-    assert {0.4, 1.6} <= {s["length"] for s in settings}
-    assert {0.5, 2.5} <= {s["speed"] for s in settings}
 
 
 def test_rows_fly_the_same_vehicle_weights_and_draws():
@@ -82,22 +67,6 @@ def test_no_mass_is_no_payload_and_tells_nothing():
     assert config.controller.extra_mass == 0.0
     heavy = flight_config(CASE | {"mass": 0.5}, told, solver="sqp")
     assert heavy.controller.extra_mass == heavy.reality.payload.mass == 0.5
-
-
-@pytest.mark.parametrize("axis", AXES, ids=lambda axis: axis.name)
-def test_every_value_can_be_flown(axis):
-    assert axis.base in axis.values == tuple(sorted(axis.values))
-    for value in axis.values:
-        assert flight_config(CASE | {axis.name: value}, solver="sqp").check()
-
-
-def test_wind_pushes_a_resting_body_with_its_drag():
-    effects = RealityConfig(wind=[4.0, 0.0, 0.0]).check().wrench_effects()
-    vehicle, x = Vehicle(), np.zeros(13)
-    x[3] = 1.0
-    thrust = np.full(4, vehicle.mass * vehicle.gravity / 4)
-    chi = total_wrench(vehicle, effects, Motion(0.0, x, thrust))
-    np.testing.assert_allclose(chi, [0.25 * 4.0, 0, 0, 0, 0, 0], atol=1e-12)  # [N]; drag 0.25 N·s/m
 
 
 @pytest.mark.parametrize(
@@ -214,11 +183,6 @@ def test_a_lost_or_failed_flight_leaves_neither_mean_nor_interval():
         assert (dut["E_xy"], dut["E_xy_ci95"], dut["growth"]) == (None, None, None)
 
 
-def test_naive_rows_are_those_that_learn_nothing():
-    assert {"nominal", "hold", "hold + total mass"} <= set(NAIVE)
-    assert not {"np", "gp", "oracle"} & set(NAIVE)
-
-
 def test_shares_count_points_once_and_ratios_are_of_means():
     dut = grid(lambda row, s: {"E_xy": 0.004} if row == "np" and s["mass"] == 0 else {})
     assert dut["np"]["points"] == 6
@@ -226,17 +190,6 @@ def test_shares_count_points_once_and_ratios_are_of_means():
     assert dut["np"]["worst"] == pytest.approx(10.0)
     assert dut["np"]["worst_at"]["mass"] == 0.5
     assert dut["oracle"]["near"] == 1.0
-
-
-def test_the_best_naive_row_is_that_of_the_point():
-    points = grid_points(cells_of(tidy(made(SETTINGS))), SETTINGS)
-    assert [p["over_naive"] for p in points if p["row"] == "np"] == pytest.approx([0.5] * 6)
-
-
-@pytest.mark.parametrize(("error", "share"), [(0.005, 1.0), (0.00503, 0.0)])
-def test_the_bound_near_the_oracle_is_twice_its_error_and_a_millimetre(error, share):
-    dut = grid(lambda row, s: {"E_xy": error} if row == "np" else {})  # the oracle's: 0.002004 m
-    assert dut["np"]["near"] == share
 
 
 def test_a_lost_flight_is_not_near():

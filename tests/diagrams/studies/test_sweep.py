@@ -6,10 +6,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from diagrams.batch.run import Run
 from diagrams.loop.experiments import load_experiment
 from diagrams.studies import payload, tracking
-from diagrams.studies.options import FlownOptions, FlownRun, chosen
+from diagrams.studies.options import FlownRun
 from diagrams.studies.sweep import (
     Row,
     choose_rows,
@@ -24,24 +23,11 @@ REGIME = "paper_vehicle"
 ROWS = (Row("nominal", "nominal"), Row("hold", "hold"), Row("np", "np"))
 
 
-def test_evaluation_seeds_follow_the_training_seed(tmp_path):
-    dut = FlownRun.of(Run(40, scratch=tmp_path), FlownOptions(seeds=3))
-    assert dut.settings == {"solver": "sqp", "seeds": [41, 42, 43], "training_seed": 40}
-    assert dut.title("hovers", "np ") == "3 hovers, seeds 41 … 43, np trained on seed 40, sqp"
-
-
 def test_nominal_flies_with_every_choice_of_rows():
     assert choose_rows(ROWS, None) == ROWS
     assert [row.name for row in choose_rows(ROWS, ["np"])] == ["nominal", "np"]
     with pytest.raises(ValueError, match=r"\(nominal; hold; np\); got pid"):
         choose_rows(ROWS, ["np", "pid"])
-
-
-def test_known_names_are_chosen_in_their_own_order():
-    assert chosen("--axis", ["b", "a"], ["a", "b", "c"]) == ["a", "b"]
-    assert chosen("--axis", None, ["a", "b"]) == ["a", "b"]
-    with pytest.raises(ValueError, match="must be one of a, b; got x"):
-        chosen("--axis", ["x"], ["a", "b"])
 
 
 @pytest.mark.parametrize("rows", [tracking.ROWS, payload.ROWS])
@@ -95,13 +81,6 @@ def test_every_row_flies_every_scenario_with_one_model(monkeypatch, in_this_proc
     ]
     assert set(frame.loc[frame["row"] == "gp 2", "model"]) == {"gp 3"}
     json.dumps(flights)
-
-
-def test_a_failed_flight_has_a_line_of_its_own():
-    frame = tidy(
-        [{"case": {"row": "np"}, "error": "lost"}, {"case": {"row": "np"}, "result": {"E": 1}}]
-    )
-    assert list(frame["error"]) == ["lost", ""]
 
 
 def test_means_have_students_interval():

@@ -11,7 +11,7 @@ from diagrams.loop.experiments import load_experiment
 from diagrams.loop.flight_result import fly
 from diagrams.studies import sweep, tracking
 from diagrams.studies.sweep import configure, named
-from diagrams.studies.tracking import PAPER, ROWS, TRACKS, plane_tracks, printed, table
+from diagrams.studies.tracking import PAPER, ROWS, TRACKS, table
 
 REGIME = Path("paper_vehicle")
 
@@ -48,19 +48,6 @@ def test_table_states_mean_interval_deviation_and_cut():
     assert np_row["E_z"] == pytest.approx(0.04)
     assert nominal["solve_failures"] == 3
     assert np.isnan(lines["gp", "circle"]["E_xy_sd"])
-
-
-def test_the_papers_cuts_stand_beside_those_of_its_controllers():
-    made = [
-        summary(row, track, 1, e)
-        for row, e in (("nominal", 0.2), ("np", 0.1), ("oracle", 0.05))
-        for track in TRACKS
-    ]
-    _, header, rows = printed(table(made), "title")
-    cells = {(row[0], row[1]): dict(zip(header, row, strict=True))["paper's cuts"] for row in rows}
-    assert cells["circle", "np"] == "53 % / 67 %"
-    assert cells["lemniscate", "np"] == "58 % / 77 %"
-    assert cells["circle", "oracle"] == "–"
 
 
 def test_the_verb_trains_each_once_and_prints_and_writes_the_same_table(
@@ -112,13 +99,6 @@ def test_a_lost_vehicle_is_a_result(monkeypatch):
     assert "lost the vehicle" in found["lost"]
 
 
-def test_the_figure_draws_the_papers_controllers_on_both_tracks():
-    lap = {"x_true": np.zeros((3, 2)), "p_ref": np.ones((3, 2))}
-    figure = plane_tracks({(t, row): lap for t in TRACKS for row in ("np", "oracle")}, "title")
-    assert [ax.get_title() for ax in figure.axes] == list(TRACKS)
-    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["reference", "np"]
-
-
 @pytest.mark.parametrize("track", TRACKS)
 def test_the_nominal_mpc_on_the_papers_vehicle_has_the_papers_errors(track):
     config = configure(track, named(ROWS, "nominal"), solver="sqp", reality=REGIME)
@@ -126,27 +106,6 @@ def test_the_nominal_mpc_on_the_papers_vehicle_has_the_papers_errors(track):
     metrics = fly(config, seed=3).metrics()
     found = [metrics["E_xy"], metrics["E_z"]]
     np.testing.assert_allclose(found, PAPER["nominal"][track], rtol=0.15)  # asked for
-
-
-def test_what_the_paper_tells_of_its_vehicle_is_what_flies():
-    config = load_experiment("circle", reality=REGIME)
-    payload, home = config.reality.payload, load_experiment("circle")
-    delays = config.controller.period, config.reality.command_delay
-    told = (config.vehicle.mass, payload.mass, payload.length, *delays)
-    assert told == (2.0, 0.26, 0.8, 0.02, 0.015)  # [kg, kg, m, s, s]
-    for name in ("rotor_drag", "motor_lag", "thrust_scale", "noise"):
-        assert getattr(config.reality, name) == getattr(home.reality, name)
-
-
-def test_horizontally_the_papers_vehicle_has_the_autopilots_own_gains():
-    config = load_experiment("paper_vehicle")
-    mpc = config.controller.mpc
-    lever = 4 * config.vehicle.gravity**2 / mpc.weight_attitude[1]
-    stiffness = np.sqrt(lever * mpc.weight_position[0])
-    damping = np.sqrt(lever * mpc.weight_velocity[0] + 2 * stiffness)
-    # PX4: MPC_XY_P times MPC_XY_VEL_P_ACC [1/s²], and the latter [1/s]; the weights have two
-    # digits.
-    np.testing.assert_allclose([stiffness, damping], [0.95 * 1.8, 1.8], rtol=0.06)
 
 
 def test_a_scenario_with_a_controller_keeps_it_in_another_reality(tmp_path):

@@ -1,6 +1,4 @@
-"""Laws of messages and links: what is packed is read, in axes of known closed forms; what is no
-message does no harm; an address that cannot be used is said in one line.
-"""
+"""Laws of messages and links: what is packed is read, and what is no message does no harm."""
 
 import socket
 import sys

@@ -1,6 +1,4 @@
-"""Laws of commands, and of the autopilot that is simulated: it holds its place, and follows a
-companion while that is heard.
-"""
+"""Laws of the simulated autopilot: it holds its place, and follows a companion it hears."""
 
 import dataclasses as dc
 

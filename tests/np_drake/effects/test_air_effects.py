@@ -34,6 +34,16 @@ def any_motion(seed):
     return Motion(0.0, x, rng.uniform(0, 12, 4), wind=rng.normal(scale=3.0, size=3))
 
 
+def test_linear_drag_opposes_each_body_axis_with_its_coefficient():
+    dut = LinearDrag(0.2, 0.3, 0.4)
+    chi = dut.wrench(VEHICLE, level((1.0, -2.0, 3.0)))
+    np.testing.assert_allclose(chi, [-0.2, 0.6, -1.2, 0, 0, 0], atol=1e-12)
+    turned = level((1.0, 0.0, 0.0))
+    turned.x[3:7] = [np.sqrt(0.5), 0, 0, np.sqrt(0.5)]  # yaw by 90 degrees: world x is body -y
+    chi = dut.wrench(VEHICLE, turned)
+    np.testing.assert_allclose(chi, [-0.3, 0, 0, 0, 0, 0], atol=1e-12)
+
+
 def test_quadratic_drag_grows_with_the_square_and_opposes_each_axis():
     chi = QuadraticDrag(0.1, 0.2, 0.3).wrench(VEHICLE, level((2.0, -3.0, 1.0)))
     np.testing.assert_allclose(chi, [-0.4, 1.8, -0.3, 0, 0, 0], atol=1e-12)

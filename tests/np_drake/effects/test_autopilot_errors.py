@@ -1,6 +1,4 @@
-"""Laws of the nuisance effects of an autopilot's logs: turned axes, and an attitude that is
-late.
-"""
+"""Laws of the nuisance effects of an autopilot's logs: turned axes, a late attitude."""
 
 import numpy as np
 import pytest
@@ -60,9 +58,8 @@ def test_turned_axes_read_rates_that_are_those_of_the_turned_attitude():
 
 def test_a_late_attitude_is_that_of_before_and_all_else_is_of_now():
     late = measured(LATE, TRUTH)
-    np.testing.assert_allclose(
-        late.x[2:, Q], TRUTH.x[:-2, Q], atol=1e-12
-    )  # exact at constant rates
+    # exact at constant rates
+    np.testing.assert_allclose(late.x[2:, Q], TRUTH.x[:-2, Q], atol=1e-12)
     same = np.delete(np.arange(13), np.arange(13)[Q])
     np.testing.assert_array_equal(late.x[:, same], TRUTH.x[:, same])
     np.testing.assert_array_equal(late.a, TRUTH.a)

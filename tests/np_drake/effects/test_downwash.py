@@ -1,13 +1,10 @@
-"""Laws of the downwash: a jet with the momentum of the neighbour's thrust, which pushes down what
-is in it.
-"""
+"""Laws of the downwash: a jet with the momentum of the neighbour's thrust."""
 
 import numpy as np
 import pytest
 
 from np_drake.effects.base import Motion
 from np_drake.effects.downwash import Downwash, jet_velocity, thrust_loss
-from np_drake.effects.library import BESIDE_NEIGHBOURS, LIBRARY, effects_for, in_scenarios
 from np_drake.effects.rotor_inflow import AIR_DENSITY, RotorInflow
 from np_drake.flight_log import Neighbour
 from np_drake.vehicle import Vehicle
@@ -44,26 +41,23 @@ def test_at_the_rotors_the_jet_has_their_second_moment_of_momentum():
     w = jet_velocity(VEHICLE, np.full_like(r, 1e-12), r)
     second = np.trapezoid(w**2 * r**3, r) / np.trapezoid(w**2 * r, r)
     arms = np.linalg.norm(np.array(VEHICLE.rotor_positions)[:, :2], axis=1)
-    assert second == pytest.approx(
-        np.mean(arms**2) + VEHICLE.rotor_radius**2 / 2, rel=1e-4
-    )  # [m²]; the quadrature
+    # [m²]; the quadrature
+    assert second == pytest.approx(np.mean(arms**2) + VEHICLE.rotor_radius**2 / 2, rel=1e-4)
 
 
 def test_without_a_neighbour_or_above_it_nothing_pushes():
     np.testing.assert_array_equal(pushed((0, 0, 1)), np.zeros(6))
     np.testing.assert_array_equal(pushed((0, 0, 3), hovering((0, 0, 2))), np.zeros(6))
-    np.testing.assert_array_equal(
-        pushed((0, 0, 1), hovering((0, 0, 2)), t=11.0), np.zeros(6)
-    )  # its log has ended
+    # its log has ended
+    np.testing.assert_array_equal(pushed((0, 0, 1), hovering((0, 0, 2)), t=11.0), np.zeros(6))
 
 
 def test_opposite_sides_feel_the_same_push_and_opposite_torques():
     here, there = (pushed((x, 0.1 * x, 1), hovering((0, 0, 2))) for x in (0.3, -0.3))
     np.testing.assert_allclose(here[:3], there[:3], rtol=1e-12)
     np.testing.assert_allclose(here[3:], -there[3:], atol=1e-12)
-    assert (
-        here[4] < 0
-    )  # the rotors behind, nearer to the axis, lose more: the tail falls, - about y
+    # the rotors behind, nearer to the axis, lose more: the tail falls, - about y
+    assert here[4] < 0
     assert here[3] > 0  # and those to the right: the right side falls, + about x
 
 
@@ -97,11 +91,3 @@ def test_a_log_is_evaluated_row_by_row():
     thrust = rng.uniform(1, 8, (9, 4))
     rows = [dut.wrench(VEHICLE, Motion(t[i], x[i], thrust[i])) for i in range(9)]
     np.testing.assert_allclose(dut.wrench(VEHICLE, Motion(t, x, thrust)), rows, atol=1e-12)
-
-
-def test_it_is_tried_and_drawn_only_where_there_are_neighbours():
-    assert "downwash" not in LIBRARY  # from which simulated cases draw
-    assert set(effects_for("command", neighbours=True)) - set(effects_for("command")) == {
-        *BESIDE_NEIGHBOURS
-    }
-    assert "downwash" in in_scenarios()  # as a stored diagnosis names it

@@ -58,12 +58,6 @@ def test_an_own_effect_can_be_registered_twice_but_not_under_a_taken_name():
 
 
 @dc.dataclass(frozen=True)
-class Breeze(Push):
-    identifier: ClassVar[str] = "breeze"
-    needs: ClassVar[tuple[str, ...]] = ("linear_drag",)
-
-
-@dc.dataclass(frozen=True)
 class Draught(WrenchEffect):
     speed: float = 1.0
     identifier: ClassVar[str] = "draught"
@@ -73,10 +67,7 @@ class Draught(WrenchEffect):
         return np.broadcast_to([self.speed, 0.0, 0.0], (*np.shape(t), 3))
 
 
-@pytest.mark.parametrize("effect", [Breeze, Draught])
-def test_what_is_felt_through_another_effect_alone_is_refused(effect):
-    with pytest.raises(
-        ValueError, match=f"register: {effect.__name__} must act by itself; .* never tried"
-    ):
-        register(effect)
-    assert effect.identifier not in LIBRARY
+def test_what_is_felt_through_another_effect_alone_is_refused():
+    with pytest.raises(ValueError, match=r"register: Draught must act by itself; .* never tried"):
+        register(Draught)
+    assert "draught" not in LIBRARY

@@ -22,9 +22,7 @@ WEIGHT = np.array([0, 0, GRAVITY])
 
 
 def spherical(length, r, r_rate, hook, t, damping=0.0):
-    """Reference: (len(t), 3) specific pull of a taut pendulum under the hook acceleration hook(t),
-    at hook_speed(t).
-    """
+    """Return the specific pull (len(t), 3) of a taut pendulum by a general integrator."""
 
     def pushed(t):
         return WEIGHT + hook(t) + damping * hook_speed(t)
@@ -150,6 +148,11 @@ def test_a_slack_tether_is_silent_until_it_snaps_and_then_stops_the_fall():
     impulse = -found[pulled[0] : pulled[0] + 3, 2].sum() * step
     assert impulse == pytest.approx(GRAVITY * snap, abs=3 * GRAVITY * step)  # [m/s]: inelastic
     np.testing.assert_allclose(found[pulled[0] + 3 :, 2], -GRAVITY, rtol=1e-9)  # then it hangs
+
+
+def test_a_tether_never_pushes():
+    f = tether_force(Payload(), np.array([0, 0, 0.8]), np.zeros(3), np.zeros(3), GRAVITY)
+    np.testing.assert_array_equal(f, 0.0)
 
 
 def test_a_turning_hook_accelerates_to_the_axis_and_along_the_turn():

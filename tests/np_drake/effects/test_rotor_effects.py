@@ -59,9 +59,8 @@ def test_a_delayed_command_is_the_mean_held_that_much_earlier(delay, seed):
     row = np.clip(np.floor(fine / 0.01).astype(int), 0, 29)
     expected = command[row].reshape(30, 400, 4).mean(axis=1)
     found = CommandDelay(delay).respond(VEHICLE, t, command)
-    np.testing.assert_allclose(
-        found, expected, atol=9.0 / 400
-    )  # a row of the fine grid at the largest step
+    # a row of the fine grid at the largest step
+    np.testing.assert_allclose(found, expected, atol=9.0 / 400)
     assert found.min() >= command.min() - 1e-12
     assert found.max() <= command.max() + 1e-12
 

@@ -66,14 +66,6 @@ def test_one_vehicle_has_one_map_which_carries_its_weight_in_training():
     assert hovers[0] == pytest.approx(0.525, rel=0.01)  # the middle of the training flights
 
 
-def test_a_held_out_flight_does_not_change_the_map():
-    train = [bobbing(0.2, 0.5, 0)]
-    (alone,), _ = with_throttle_map(VEHICLE, train, [])
-    (beside,), (held_out,) = with_throttle_map(VEHICLE, train, [bobbing(0.4, 0.5, 1, exponent=1.2)])
-    np.testing.assert_array_equal(alone.u, beside.u)
-    assert exponent_of(held_out) == pytest.approx(exponent_of(alone), rel=1e-9)
-
-
 def test_a_battery_that_falls_is_the_voltage_and_no_other_map():
     full, empty = (
         dc.replace(bobbing(0.2, 0.5, 0), voltage=np.full(2000, volts)) for volts in (16.0, 14.4)
@@ -148,10 +140,3 @@ def test_a_coefficient_beyond_its_uncertainty_is_of_another_vehicle():
     assert dut.notes[-1].startswith(
         f"{FAR}: rotor speed carries 2 kg with 2.2 times that of 'paper'"
     )
-
-
-@pytest.mark.parametrize("spread", [0.03])
-def test_a_coefficient_that_is_no_guess_stays(spread):
-    file = guessed(0.7, spread)
-    log = hovering(file)
-    assert with_hover_thrust(file, [log], [log]) == (file, [log], [log])

@@ -31,9 +31,7 @@ def reaction() -> GaussianProcess:
 
 @pytest.fixture(scope="session")
 def make_problem(vehicle):
-    """Hover at the origin; `offset` moves the start, by that in metres and half in m/s along x, y,
-    z.
-    """
+    """Hover at the origin; the start is off by `offset` in metres and half in m/s."""
 
     def make(config, *, K=24, offset=0.1, seed=0, tilt=0.0, reaction=None):
         rng, N = np.random.default_rng(seed), config.horizon
@@ -60,9 +58,7 @@ def make_problem(vehicle):
 
 
 def _least_cost(condensed, problem, solution) -> float:
-    """The least cost that a general optimiser finds around a solution, with the problem written
-    out: one rollout after the other, wrench and cost stage by stage.
-    """
+    """The least cost that a general optimiser finds around a solution, by single shooting."""
     c, by, f = condensed.config, condensed.actuation, problem.forecast
     h = condensed.prepare(problem)
 

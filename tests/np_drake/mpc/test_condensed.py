@@ -22,9 +22,8 @@ def test_the_rollout_obeys_dynamics_and_forecast(setup, vehicle, config):
     t = dut.rollout(h, T)
     steps = DiscreteDynamics(vehicle, config.step).linearise(t.x[:-1], t.u, t.chi)
     np.testing.assert_allclose(steps.x_next, t.x[1:], atol=1e-12)  # round-off
-    np.testing.assert_allclose(
-        problem.forecast.rollout(t.x[:-1, 7:13]), t.chi, atol=1e-12
-    )  # zeta is the predicted one
+    # zeta is the predicted one
+    np.testing.assert_allclose(problem.forecast.rollout(t.x[:-1, 7:13]), t.chi, atol=1e-12)
     np.testing.assert_allclose(t.u @ vehicle.unmixer.T, T, atol=1e-12)  # [N]
 
 
@@ -35,9 +34,8 @@ def test_sensitivities_match_finite_differences_of_the_rollout(setup):
         e = np.zeros(T.size)
         e[k] = eps
         up, down = (dut.rollout(h, T + sign * e.reshape(-1, 4)).x[1:] for sign in (1, -1))
-        np.testing.assert_allclose(
-            S[:, :, k], (up - down) / (2 * eps), atol=1e-7
-        )  # central differences
+        # central differences
+        np.testing.assert_allclose(S[:, :, k], (up - down) / (2 * eps), atol=1e-7)
 
 
 def test_the_gradient_matches_finite_differences_of_the_cost(setup):

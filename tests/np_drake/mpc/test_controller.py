@@ -14,9 +14,7 @@ PERIOD = 0.02
 
 
 class Scripted:
-    """A solver that answers with a plan of its own, fails where told, and keeps what it was
-    given.
-    """
+    """A solver with a plan of its own that fails where told and keeps what it was given."""
 
     name = "scripted"
 

@@ -11,14 +11,6 @@ from np_drake.mpc.problem import MpcStatus
 from np_drake.mpc.sqp import SqpSolver
 
 
-def test_past_its_time_the_sqp_answer_flies(vehicle, config, make_problem):
-    problem = make_problem(config, offset=0.3)
-    solution = IpoptCondensedSolver(vehicle, config, time_limit=0.0).solve(problem)
-    assert solution.status == MpcStatus.SQP_FALLBACK
-    # Not worse than a single SQP step; the clock may allow more.
-    assert solution.cost <= SqpSolver(vehicle, config, time_limit=0.0).solve(problem).cost
-
-
 def test_rows_left_out_are_added_once_violated(vehicle, config, make_problem):
     condensed = Condensed(vehicle, config)
     h = condensed.prepare(make_problem(config))
@@ -30,21 +22,6 @@ def test_rows_left_out_are_added_once_violated(vehicle, config, make_problem):
     assert not dut.add_violated(beyond)  # now they are in
 
 
-def test_an_end_that_is_worse_than_the_sqp_answer_is_not_believed(
-    vehicle, config, make_problem, monkeypatch
-):
-    def bad_end(self, *_):
-        return True, self._c.rollout(self._h, np.full((config.horizon, 4), 6.0))
-
-    problem, dut = make_problem(config), IpoptCondensedSolver(vehicle, config, time_limit=np.inf)
-    monkeypatch.setattr(Preconditioned, "solve", bad_end)
-    solution = dut.solve(problem)
-    assert solution.status == MpcStatus.SQP_FALLBACK
-    assert (
-        solution.cost == SqpSolver(vehicle, config, steps=8, time_limit=np.inf).solve(problem).cost
-    )
-
-
 def test_a_solution_that_leaves_the_input_set_is_solved_again(
     vehicle, config, make_problem, monkeypatch
 ):
@@ -54,9 +31,8 @@ def test_a_solution_that_leaves_the_input_set_is_solved_again(
     monkeypatch.setattr(
         Preconditioned, "add_violated", lambda *a: answers.append(add(*a)) or answers[-1]
     )
-    monkeypatch.setattr(
-        ipopt, "Preconditioned", partial(Preconditioned, near=-1e-3)
-    )  # no row is passed at first
+    # no row is passed at first
+    monkeypatch.setattr(ipopt, "Preconditioned", partial(Preconditioned, near=-1e-3))
     solution = dut.solve(problem)
     assert answers[0]
     assert not answers[-1]

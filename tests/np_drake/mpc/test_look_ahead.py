@@ -30,9 +30,8 @@ def test_the_next_command_acts_on_the_state_of_commands_under_way(parts):
     chi = np.array([0.5, -0.2, -2.0, 0.01, 0.0, 0.0])
     memory = model.update(model.initial_memory(), Sample(LEVEL, SENT[0], chi))
     _, x = LookAhead(model, VEHICLE)(memory, LEVEL, SENT, parts * STEP / FINE)
-    np.testing.assert_allclose(
-        x, simulated(LEVEL, parts, chi), atol=1e-9
-    )  # drift of the quaternion [1]
+    # drift of the quaternion [1]
+    np.testing.assert_allclose(x, simulated(LEVEL, parts, chi), atol=1e-9)
     assert np.linalg.norm(x[3:7]) == pytest.approx(1.0)
 
 

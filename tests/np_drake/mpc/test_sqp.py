@@ -16,7 +16,7 @@ from np_drake.mpc.dynamics import DiscreteDynamics
 from np_drake.mpc.objective import KINDS, SoftRows
 from np_drake.mpc.problem import MpcConfig, MpcProblem, MpcStatus
 from np_drake.mpc.sqp import SqpSolver, Step
-from np_drake.residual_model import no_forecast
+from np_drake.residual_model import constant_forecast
 from np_drake.vehicle import Vehicle
 
 VEHICLE = Vehicle().check()
@@ -64,7 +64,9 @@ def test_from_an_infeasible_start_the_loop_comes_back():
     plant, plan = DiscreteDynamics(VEHICLE, 0.02), None
     for _ in range(250):
         warm = None if plan is None else shift(plan, elapsed=0.02, step=CONFIG.step)
-        plan = PATIENT.solve(MpcProblem(x, x_ref, u_ref, no_forecast(CONFIG.horizon)), warm)
+        plan = PATIENT.solve(
+            MpcProblem(x, x_ref, u_ref, constant_forecast(np.zeros(6), CONFIG.horizon)), warm
+        )
         x = plant.advance(x, plan.u[0], [0.0] * 6)
     assert np.linalg.norm(x[:3]) < 0.05  # [m] after 5 s
     assert plan.status == MpcStatus.OPTIMAL

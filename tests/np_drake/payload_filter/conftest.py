@@ -1,6 +1,4 @@
-"""Fixtures: made-up flights of a vehicle with a payload; its motion is prescribed, its tether
-integrated finely.
-"""
+"""Made-up flights with a payload: prescribed motion, a finely integrated tether."""
 
 import dataclasses as dc
 
@@ -28,9 +26,7 @@ def _model(*, thrust_error=0.0, drag=0.125, hook=HOOK, deviation=0.01) -> Payloa
 
 @dc.dataclass
 class Flown:
-    """Samples, and what is true: pull of the tether (n, 3) [N], payload from the hook (n, 3)
-    [m].
-    """
+    """Samples, and the true pull of the tether [N] and payload from the hook [m], (n, 3)."""
 
     samples: list[Sample]
     pull: np.ndarray

@@ -36,9 +36,7 @@ def test_a_member_without_weight_returns_with_the_share_drawn_anew():
 
 
 def believed(weight, mass, deviation, *, bare=0.0, log_length=0.0):
-    """A memory of members that differ in the payload's mass share, and one that carries nothing;
-    all of them calm.
-    """
+    """A calm memory of members of other mass shares, and one that carries nothing."""
     count = len(weight) + 1
     members = count * len(CONDITIONS)
     mean, shares = np.zeros((members, kernel.POINT)), np.zeros(members)

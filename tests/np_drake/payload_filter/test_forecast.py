@@ -1,6 +1,4 @@
-"""Laws of the payload filter's forecast along a plan, against the pendulum of the effects and plain
-vector algebra.
-"""
+"""Laws of the payload filter's forecast along a plan, against the pendulum of the effects."""
 
 import numpy as np
 import pytest

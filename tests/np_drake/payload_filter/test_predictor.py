@@ -69,9 +69,8 @@ def test_a_payload_attached_or_lost_is_followed_within_300_ms(before, after, mod
     predictor = PayloadFilter(model())
     memory = run(predictor, flight.samples[: change + round(0.3 / STEP)])
     force = predictor.forecast(memory, **SPAN).rollout(np.zeros((20, 6)))[:, 2]
-    np.testing.assert_allclose(
-        force, -after * G, atol=0.1 * abs(after - before) * G + 0.05
-    )  # a tenth of the step
+    # a tenth of the step
+    np.testing.assert_allclose(force, -after * G, atol=0.1 * abs(after - before) * G + 0.05)
 
 
 @pytest.mark.parametrize("length", [0.4, 1.6])
@@ -91,16 +90,14 @@ def test_a_hook_elsewhere_than_in_training_is_found_in_flight(model, flown):
     flight = flown(length=0.8, seconds=12.0, radius=1.0, swing=0.2)
     predictor, k = PayloadFilter(model(hook=HOOK + [0.01, 0.0, 0.02])), 500
     memory = run(predictor, flight.samples[: k + 1])
-    np.testing.assert_allclose(
-        memory["shift"], [-0.01, 0.0, -0.02], atol=0.006
-    )  # three tenths of the prior [m]
+    # three tenths of the prior [m]
+    np.testing.assert_allclose(memory["shift"], [-0.01, 0.0, -0.02], atol=0.006)
     plan = plan_from(flight, k)
     tau = predictor.forecast_along(memory, plan, **SPAN).rollout(plan.x[:-1, 7:13])[:, 3:]
     pull_B = attitude.rotate_back(plan.x[:-1, 3:7], mean_force(flight, k))
     clean = np.cross(HOOK, pull_B)
-    assert (
-        np.abs(tau - clean).max() < 0.35 * np.abs(clean).max() + 0.006
-    )  # noise of the label [N·m]
+    # noise of the label [N·m]
+    assert np.abs(tau - clean).max() < 0.35 * np.abs(clean).max() + 0.006
 
 
 def test_torque_of_rates_and_velocity_follows_the_plan(model, flown):
@@ -119,9 +116,8 @@ def test_torque_of_rates_and_velocity_follows_the_plan(model, flown):
         memory = predictor.initial_memory()
         tau.append(predictor.forecast_along(memory, plan, **SPAN).rollout(x[:-1, 7:13])[:, 3:])
     v = 0.5 * (x[1:, 7:9] + x[:-1, 7:9])
-    by_speed = np.column_stack(
-        [-0.04 * v[:, 0], 0.05 * v[:, 1], np.zeros(20)]
-    )  # v of B is [v_y, -v_x] of W
+    # v of B is [v_y, -v_x] of W
+    by_speed = np.column_stack([-0.04 * v[:, 0], 0.05 * v[:, 1], np.zeros(20)])
     np.testing.assert_allclose(tau[1] - tau[0], by_speed + [0.001, 0.004, 0.009], atol=1e-12)
 
 
@@ -162,14 +158,12 @@ def test_beside_the_plan_the_forecast_moves_as_a_linear_pendulum(model, flown):
         for _ in range(40):  # fine Euler-Cromer steps of r' = s - v, s' = -w2 r
             s -= 0.001 * w2 * r
             r += 0.001 * (s - zeta[i, 0])
-    np.testing.assert_allclose(
-        moved, expected, atol=0.05 * np.abs(expected).max()
-    )  # estimated length and mass
+    # estimated length and mass
+    np.testing.assert_allclose(moved, expected, atol=0.05 * np.abs(expected).max())
 
 
-@given(
-    st.floats(1.0, 40.0), st.floats(0.0, 1.9), st.floats(0.005, 0.1), st.integers(0, 2**31 - 1)
-)  # stiffness [1/s²], damping [1/s], step [s]
+# stiffness [1/s²], damping [1/s], step [s]
+@given(st.floats(1.0, 40.0), st.floats(0.0, 1.9), st.floats(0.005, 0.1), st.integers(0, 2**31 - 1))
 @settings(max_examples=60, deadline=None)
 def test_the_linear_pendulum_is_a_matrix_exponential_and_only_loses_energy(
     stiffness, damping, step, seed
@@ -204,9 +198,8 @@ def test_a_sample_with_nan_leaves_a_usable_memory(part, model, flown):
     memory = run(predictor, samples)
     assert all(np.all(np.isfinite(value)) for value in memory.values())
     whole = run(predictor, flight.samples[:300])
-    np.testing.assert_allclose(
-        predictor.pull(memory), predictor.pull(whole), atol=0.3
-    )  # a tenth of the pull [N]
+    # a tenth of the pull [N]
+    np.testing.assert_allclose(predictor.pull(memory), predictor.pull(whole), atol=0.3)
 
 
 def test_rotors_behind_the_command_show_in_the_forecast(model, flown):
@@ -222,9 +215,8 @@ def test_rotors_behind_the_command_show_in_the_forecast(model, flown):
         for u in (hover, hover + [1.0, 0, 0, 0])
     )
     h, lag = 0.04, 0.05
-    mean = (
-        -lag / h * (1 - np.exp(-h / lag)) * np.exp(-h / lag * np.arange(20))
-    )  # of a rise by 1 N [N]
+    # of a rise by 1 N [N]
+    mean = -lag / h * (1 - np.exp(-h / lag)) * np.exp(-h / lag * np.arange(20))
     np.testing.assert_allclose(step - steady, mean, atol=0.02)  # thrust error's share of 1 N [N]
 
 
@@ -256,9 +248,8 @@ def test_a_small_swing_of_one_member_has_the_period_of_a_pendulum():
     drive = np.array([0.0, 0.0, (1 + 0.13) * G, *np.zeros(6)])
     keep, nothing = np.ones((1, 8)), np.zeros((1, kernel.SIZE))
     covariance = np.zeros((1, kernel.SIZE, kernel.SIZE))
-    period = (
-        2 * np.pi * np.sqrt(0.8 / (1 + 0.13) / G)
-    )  # lift of the whole weight holds the hook's mean at rest
+    # lift of the whole weight holds the hook's mean at rest
+    period = 2 * np.pi * np.sqrt(0.8 / (1 + 0.13) / G)
     tilt = []
     for _ in range(round(period / STEP)):
         moments = [np.empty_like(part) for part in (point, covariance, point, covariance)]

@@ -1,6 +1,4 @@
-"""Similar vehicles: the payload filter finds the same of each, in the units of that vehicle; and
-the file that carries what it knows.
-"""
+"""Similar vehicles find the same in their own units; the file that carries what is known."""
 
 import dataclasses as dc
 import math
@@ -86,15 +84,6 @@ def test_a_model_file_gives_back_the_model_and_lacks_nothing(tmp_path, model):
         write_model(kept, SCHEMA, {"summary": {}}, path)
         with pytest.raises(ValueError, match=rf"^{path}: .* lacks '{missing}'; train it again$"):
             PayloadFilterModel.load(path)
-
-
-@pytest.mark.parametrize("content", [b"", b"PK\x03\x04", b"\x10\x00\x00\x00\x00\x00\x00\x00{}"])
-def test_another_file_is_refused_in_one_line(tmp_path, content):
-    path = tmp_path / "m.safetensors"
-    path.write_bytes(content)
-    with pytest.raises(ValueError, match=r"m\.safetensors: .*") as error:
-        PayloadFilterModel.load(path)
-    assert "\n" not in str(error.value)
 
 
 IMPOSSIBLE = {"step": 0.0, "thrust_error": -1.5, "hook": np.zeros(2), "drag": np.nan, "arm": 0.0}

@@ -12,7 +12,6 @@ from np_drake.residual_model import Sample
 from np_drake.rotor_input import acting_command
 from np_drake.training_data.actuator_timing import delayed
 from np_drake.vehicle import Vehicle
-from np_drake.vehicle.scaling import similar
 
 STEP = 0.02  # [s]
 
@@ -46,13 +45,11 @@ def vehicle():
 def test_it_finds_thrust_error_drag_and_hook_of_the_vehicle(flown, vehicle):
     flight = flown(seconds=30.0, radius=1.0, dither=0.08, thrust_error=-0.04, drag=0.15, noise=0.05)
     model = train_payload_filter([(as_log(flight, vehicle), vehicle)], step=STEP)
-    assert model.thrust_error == pytest.approx(
-        -0.04, abs=0.01
-    )  # three tenths of the payload's weight [1]
+    # three tenths of the payload's weight [1]
+    assert model.thrust_error == pytest.approx(-0.04, abs=0.01)
     assert model.drag == pytest.approx(0.15, abs=0.02)  # [1/s]
-    np.testing.assert_allclose(
-        model.hook, [0.0, 0.0, -0.025], atol=0.004
-    )  # noise of the torque label [m]
+    # noise of the torque label [m]
+    np.testing.assert_allclose(model.hook, [0.0, 0.0, -0.025], atol=0.004)
     assert model.mass == vehicle.mass
     assert model.summary["origin"]["mass"] == vehicle.mass
     assert model.delay == 0.0  # the commands act at once
@@ -65,34 +62,9 @@ def test_torque_of_the_speed_is_not_taken_for_the_hooks(flown, vehicle):
         v = attitude.rotate_back(sample.x[3:7], sample.x[7:10])
         sample.chi[3:5] += speed_torque * v[[1, 0]]
     model = train_payload_filter([(as_log(flight, vehicle), vehicle)], step=STEP)
-    np.testing.assert_allclose(
-        model.speed_torque, speed_torque, atol=0.001
-    )  # noise of the torque label [N·s]
+    # noise of the torque label [N·s]
+    np.testing.assert_allclose(model.speed_torque, speed_torque, atol=0.001)
     np.testing.assert_allclose(model.hook, [0.0, 0.0, -0.025], atol=0.004)  # the same [m]
-
-
-@pytest.mark.nightly
-def test_of_similar_vehicles_it_finds_the_same_in_their_own_units(flown, vehicle):
-    length, time, mass = 4.0, 2.0, 64.0  # over the paper's
-    flight = flown(seconds=12.0, radius=1.0, dither=0.08, thrust_error=-0.04, drag=0.15)
-    log, force = as_log(flight, vehicle), mass * np.array([1.0, *[length] * 3])
-    own = dc.replace(
-        log,
-        t=log.t * time,
-        p=log.p * length,
-        v=log.v * length / time,
-        w=log.w / time,
-        u=log.u * force,
-        al=log.al / time**2,
-    )
-    expected = train_payload_filter([(log, vehicle)], step=STEP)
-    dut = train_payload_filter([(own, similar(vehicle, length))], step=STEP * time)
-    assert dut.arm == pytest.approx(length * expected.arm)
-    # The lag is found within 1e-4 s, which is another share of another vehicle's time.
-    assert dut.thrust_error == pytest.approx(expected.thrust_error, abs=1e-3)
-    assert dut.drag * time == pytest.approx(expected.drag, abs=2e-3)  # [1/s]
-    assert dut.drag_deviation * time == pytest.approx(expected.drag_deviation, rel=0.02)
-    np.testing.assert_allclose(dut.hook / length, expected.hook, atol=1e-3)  # [m]
 
 
 def test_samples_of_a_flight_pair_a_label_with_the_command_before_it(flown, vehicle):

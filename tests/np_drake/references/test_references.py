@@ -91,9 +91,8 @@ def test_feed_forward_flies_the_reference_open_loop(config):
     x0 = targets(vehicle, dut.sample(np.array([0.0])), chi[None])[0][0]
     end = solve_ivp(rate, (0.0, 6.0), x0, rtol=1e-8, atol=1e-9).y[:, -1]
     x_ref = targets(vehicle, dut.sample(np.array([6.0])), chi[None])[0][0]
-    np.testing.assert_allclose(
-        end[:3], x_ref[:3], atol=1e-3
-    )  # [m]; open loop, unstable: errors grow
+    # [m]; open loop, unstable: errors grow
+    np.testing.assert_allclose(end[:3], x_ref[:3], atol=1e-3)
     np.testing.assert_allclose(end[10:], x_ref[10:], atol=1e-3)  # [rad/s]
 
 

@@ -1,6 +1,4 @@
-"""Laws of motions through waypoints: stops, and how near a motion comes to its
-points.
-"""
+"""Laws of motions through waypoints: stops, and how near they come to their points."""
 
 import numpy as np
 import pytest

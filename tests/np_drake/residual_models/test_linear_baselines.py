@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from np_drake.residual_model import Sample
-from np_drake.residual_models.hold import LinearExtrapolation
 from np_drake.residual_models.linear_baselines import (
     GROUPS,
     fit_all,
@@ -82,17 +81,6 @@ def test_the_label_is_held_until_the_window_is_full_or_while_missing(baselines):
     np.testing.assert_array_equal(memory["window"][-1, :6], 1.0)
     held = dut.forecast(memory, horizon=3, stride=1).rollout(np.zeros((3, 6)))
     np.testing.assert_array_equal(held, 1.0)
-
-
-def test_linear_extrapolation_is_exact_on_a_line_even_where_a_label_lacks():
-    dut, rate = LinearExtrapolation(step=0.02), np.array([1.0, -2.0, 3.0, 0.1, 0.2, -0.3])
-    memory = dut.initial_memory()
-    for k in range(1, 7):
-        chi = np.full(6, np.nan) if k == 6 else k * rate
-        memory = dut.update(memory, Sample(np.zeros(13), np.zeros(4), chi))
-        found = dut.forecast(memory, horizon=3, stride=2).rollout(np.zeros((3, 6)))
-        expected = np.outer([1, 1, 1] if k == 1 else [k, k + 2, k + 4], rate)
-        np.testing.assert_allclose(found, expected, atol=1e-12)
 
 
 def swinging(seed, n=300):

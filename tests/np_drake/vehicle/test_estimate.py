@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from np_drake.logs.formats.neurobem import published_vehicle
-from np_drake.vehicle.estimate import AIR, FIGURE_OF_MERIT, Measured, commented_file, estimate
+from np_drake.vehicle.estimate import AIR, FIGURE_OF_MERIT, HEAD, Measured, estimate
 from np_drake.vehicle.rotor_layout import FIRMWARE
 from np_drake.vehicle.scaling import numbers
+from np_drake.vehicle.text import vehicle_text
 from np_drake.vehicle.vehicle import (
     RIGID,
     Vehicle,
@@ -71,7 +72,7 @@ def test_estimates_lie_in_the_stated_range_of_the_presets(name):
 
 def test_the_file_holds_the_estimate_and_names_every_parameter(tmp_path):
     file = tmp_path / "mine.yaml"
-    file.write_text(commented_file(MINE))
+    file.write_text(vehicle_text(estimate(MINE), HEAD))
     assert load_vehicle(file) == estimate(MINE)
     assert left_out(file) == []
 

@@ -1,6 +1,4 @@
-"""Which rotor of an autopilot is which of a vehicle file: by position and direction, in any unit
-and order.
-"""
+"""Which rotor of an autopilot is which of a vehicle file, in any unit and order."""
 
 import itertools
 

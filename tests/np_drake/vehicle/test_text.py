@@ -67,13 +67,6 @@ def test_every_number_has_unit_source_and_interval_beside_it():
     assert all(len(line) <= 120 for line in lines if "]]" not in line)
 
 
-def test_a_section_at_its_default_is_left_out_unless_it_is_spoken_of():
-    assert "calibration" not in vehicle_text(Vehicle())
-    assert "throttle" not in vehicle_text(Vehicle())
-    told = dc.replace(Vehicle(), sources={"calibration.imu_position": "prior: no rotation"}).check()
-    assert "  imu_position: null # [m] prior: no rotation" in vehicle_text(told)
-
-
 def test_one_number_of_a_field_has_its_own_source_and_interval(again):
     dut = dc.replace(
         Vehicle(),

@@ -136,43 +136,25 @@ def test_a_vehicle_that_just_hovers_and_the_largest_there_are_stay():
     [
         ("mass: -1.0", "mass must be positive and finite [kg]; got -1.0."),
         ("mas: 1.0", "'mas' is an unknown field; did you mean mass?"),
-        ("inertia: [[1, 0], [0, 1]]", "inertia must be 3 x 3 numbers, each finite [kg·m²]"),
         ("inertia: [[0.1, 0, 0], [0, 0.1, 0], [0, 0, 1.0]]", "must meet the triangle inequality"),
         ("inertia: [[0.02, 0, 0], [0, -0.02, 0], [0, 0, 0.03]]", "must be symmetric and positive"),
         ("rotor_directions: [1, 0.5, 1, -1]", "rotor_directions must be four signs, 1 or -1"),
-        ("input: stick", "input must be one of command, rotor_speed, thrust_only, normalised"),
-        (
-            "rotor_positions: [[0,0,0],[0,0,0],[0,0,0],[0,0,0]]",
-            "must span thrust and three torques",
-        ),
-        (
-            "rotor_time_constant: 35",
-            "rotor_time_constant must be 0 to 1 [s]; got 35.0. Is it in s?",
-        ),
-        (
-            "max_rotor_thrust: 0.1",
-            "must let four rotors carry the weight, 19.62 N; got 0.1 N each.",
-        ),
-        ("torque_coefficient: -1.6e-7", "torque_coefficient must be finite and not negative"),
-        ("thrust_uncertainty: 0.5", "thrust_uncertainty must be 0 to 0.5 [1]; got 0.5."),
-        ("throttle: {linear: 0.2}", "throttle: full_thrust must be positive and finite [N]"),
+        ("rotor_positions: [[0,0,0],[0,0,0],[0,0,0],[0,0,0]]", "must span thrust and three"),
+        ("rotor_time_constant: 35", "must be 0 to 1 [s]; got 35.0. Is it in s?"),
+        ("max_rotor_thrust: 0.1", "must let four rotors carry the weight, 19.62 N; got 0.1 N each"),
         ("throttle: {full_thrust: 1, linear: 2}", "linear must be -0.5 to 1.5 [1]; got 2.0."),
         (
             "throttle: {full_thrust: 1, voltage_exponent: 1}",
-            "throttle: voltage must be named where voltage_exponent",
+            "throttle: voltage must be named where",
         ),
         ("rate_loop: {lag: [50, 50, 90]}", "rate_loop: lag must be 3 numbers, each 0.001 to 1 [s]"),
-        ("calibration: {command_delay: 20}", "command_delay must be 0 to 1 [s]; got 20.0."),
         ("calibration: {rotor_gains: [1, 1, 1, 1.1]}", "rotor_gains must have the mean 1, "),
         (
             "calibration: {center_of_mass: [1, 0, 0]}",
-            "no farther from Bo than the rotors, 0.179605 m; got 1. Is it in",
+            "no farther from Bo than the rotors, 0.179605 m",
         ),
-        ("calibration: {imu_position: [1, 0]}", "imu_position must be 3 numbers, each -5 to 5 [m]"),
         ("calibration: {rotor_inertia: 6}", "below that of the vehicle, 0.035 kg·m²; got 6."),
         ("intervals: {mass: [[2, 1]]}", "must have a low end that is not above the high one"),
-        ("intervals: {inertia: [[1, 2]]}", "inertia must have 9 pairs [low, high], row by row"),
-        ('intervals: {"inertia[0]": [[1, 2]]}', "inertia[0] must have 3 pairs [low, high]"),
         ("intervals: {throttle.linear: [[0, 1]]}", "must be a field that the vehicle has"),
         ('sources: {mass: "a\\nb"}', "mass must be one line of at most 300 characters"),
         ("sources: {mas: given}", "must be a field that the vehicle has; did you mean mass?"),
@@ -190,31 +172,16 @@ def test_missing_vehicle_file_is_named(tmp_path):
         load_vehicle(tmp_path / "nowhere.yaml")
 
 
+LIGHT, TINY = 1.6e-7 / 91.2, [[2e-5, 0, 0], [0, 2e-5, 0], [0, 0, 3.5e-5]]
 UNITS = [
     ({"inertia": [[2e7, 0, 0], [0, 2e7, 0], [0, 0, 3.5e7]]}, "1 g·mm² is 1e-9"),
-    (
-        {"inertia": [[200.0, 0, 0], [0, 200.0, 0], [0, 0, 350.0]]},
-        "comparable with mass times squared arm, 0.065",
-    ),
-    (
-        {"inertia": [[2e-5, 0, 0], [0, 2e-5, 0], [0, 0, 3.5e-5]]},
-        "comparable with mass times squared arm, 0.065",
-    ),
-    (
-        {"thrust_coefficient": 1e-5 / 91.2, "torque_coefficient": 1.6e-7 / 91.2},
-        "below the speed of sound; got tips at",
-    ),
-    (
-        {"thrust_coefficient": 10.0, "torque_coefficient": 0.16},
-        "tips faster than its air, 12.5 m/s; got 0.11 m/s",
-    ),
+    ({"inertia": TINY}, "comparable with mass times squared arm, 0.065"),
+    ({"thrust_coefficient": 1e-5 / 91.2, "torque_coefficient": LIGHT}, "got tips at"),
+    ({"thrust_coefficient": 10.0, "torque_coefficient": 0.16}, "faster than its air, 12.5 m/s"),
     ({"rotor_radius": 100.0}, "below the speed of sound"),
     ({"max_rotor_thrust": 1220.0}, "at most 50 times the weight of 19.6 N; got 1220 N each"),
-    (
-        {"torque_coefficient": 1.6e-7 * 91.2},
-        "torque_coefficient over thrust_coefficient must be 0.0028 to 0.2 m",
-    ),
-    ({"torque_coefficient": 1.6e-7 / 91.2}, "got 0.000175 m"),
+    ({"torque_coefficient": 1.6e-7 * 91.2}, "over thrust_coefficient must be 0.0028 to 0.2 m"),
+    ({"torque_coefficient": LIGHT}, "got 0.000175 m"),
 ]
 
 

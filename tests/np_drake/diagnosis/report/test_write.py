@@ -40,8 +40,6 @@ def test_the_page_stands_alone(folder):
 
 
 def test_hostile_names_are_text(diagnosis, tmp_path):
-    where = diagnosis.localisation
-    renamed = {name: {HOSTILE: traces["heldout_1"]} for name, traces in _traces(where).items()}
     causes = (dc.replace(diagnosis.causes[0], onset={HOSTILE: 3.0}),)
     dut = dc.replace(
         diagnosis,
@@ -50,7 +48,6 @@ def test_hostile_names_are_text(diagnosis, tmp_path):
         held_out=(HOSTILE,),
         causes=causes,
         warnings=(HOSTILE,),
-        localisation=dc.replace(where, **renamed),
     )
     write_report(dut, tmp_path)
     page = (tmp_path / "report.html").read_text()
@@ -63,7 +60,3 @@ def test_nothing_is_written_where_the_folder_is_missing(diagnosis, tmp_path):
     with pytest.raises(FileNotFoundError, match="nowhere"):
         write_report(diagnosis, tmp_path / "nowhere")
     assert list(tmp_path.iterdir()) == []
-
-
-def _traces(where):
-    return {"times": where.times, "before": where.before, "after": where.after}

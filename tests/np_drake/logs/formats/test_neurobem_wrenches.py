@@ -13,7 +13,6 @@ from np_drake.logs.formats.neurobem_wrenches import (
     TESTS,
     TRAINING,
     TRAINING_START,
-    csv_of,
     read_training,
     read_wrenches,
     table_files,
@@ -66,8 +65,6 @@ def test_the_tables_flights_come_first_and_arrays_before_csvs(tmp_path):
     found = table_files(tmp_path)
     assert list(found) == ["race track 1", "melon 1", "ellipse", "2021-01-01-00-00-00_seg_1"]
     assert [path.suffix for path in found.values()] == [".npy", ".csv", ".npy", ".npy"]
-    assert csv_of(found["race track 1"]) == tmp_path / "csv" / f"{STEMS['race track 1']}.csv"
-    assert csv_of(found["ellipse"]) is None
 
 
 def test_a_folder_without_flights_is_refused(tmp_path):

@@ -197,8 +197,6 @@ def test_a_column_that_is_not_wanted_may_hold_anything(tmp_path):
     )
     with pytest.raises(LogError, match="column mode, row 1"):
         read(tmp_path / "made.csv", "mode")
-    with pytest.raises(LogError, match="column z: is missing"):
-        TABLE.read(tmp_path / "made.csv", {"table": ["z"]}, lambda _: None)
 
 
 def test_a_last_row_that_is_cut_off_is_left_out_with_a_note(tmp_path):

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from np_drake.logs.formats.format import Recording, Stream
-from np_drake.logs.importing.breaks import clock_parts, find_breaks, split
+from np_drake.logs.formats.format import Stream
+from np_drake.logs.importing.breaks import find_breaks, split
 from np_drake.logs.importing.log_map import LogMap, Source
 from np_drake.logs.importing.signals import Signal
 
@@ -38,15 +38,6 @@ def test_a_clock_that_is_set_back_in_a_sorted_file_makes_two_flights(
     assert spans(found) == pytest.approx([4.0 - back, 4.0 - back], abs=0.05)
     (line,) = (line for line in found.said if "rows of two times stand side by side" in line)
     assert float(line.split(" at ")[1].split()[0]) == pytest.approx(4.0 - back, abs=0.05)
-
-
-@pytest.mark.parametrize("back", [0.5, 4.5])
-def test_rows_in_the_order_in_which_they_came_lose_nothing(flown, back):
-    t = flown.t - back * (flown.t > 4.0)
-    stream = Stream(t, {"x": flown.p[:, 0]})
-    parts, said = clock_parts(Recording("made.log", {"a": stream, "b": stream}))
-    assert [len(part.streams["b"]) for part in parts] == [401, 400]
-    assert said == [f"the clock is set back by {back - 0.01:.3g} s at 4 s: split there"]
 
 
 def shifted(stream: Stream, column: str, after: float, by: float) -> Stream:

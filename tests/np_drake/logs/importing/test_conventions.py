@@ -43,12 +43,6 @@ ERRORS = {
     "millimetres": (("position.unit", "mm"),),
     "position_ned": (("position.world", "ned"), ("velocity.world", "ned")),
 }
-FRAMES = {"ned": "w", "frd": "b", "ned_frd": "wb", "rates_frd": "b", "position_ned": "w"}
-PAIRS = [
-    pair
-    for pair in itertools.combinations(ERRORS, 2)
-    if not set(FRAMES.get(pair[0], "")) & set(FRAMES.get(pair[1], ""))
-]
 
 
 @pytest.fixture(scope="module")
@@ -84,7 +78,7 @@ def same(found, x):
 
 def test_the_right_conventions_hold(sampled, conventions):
     verdict, _ = checked(sampled, conventions, ())
-    assert verdict.holds
+    assert not verdict.failed
     laws = {law.split()[0] for law in verdict.misfits}
     assert laws == {"position", "velocity", "attitude", "lift", "gravity", "upright", "thrust"}
 
@@ -92,15 +86,8 @@ def test_the_right_conventions_hold(sampled, conventions):
 @pytest.mark.parametrize("error", ERRORS)
 def test_every_error_by_itself_is_named(sampled, conventions, error):
     verdict, named = checked(sampled, conventions, ERRORS[error])
-    assert not verdict.holds
+    assert verdict.failed
     assert named[0], f"{as_text(verdict.changes)} for {error}"
-
-
-@pytest.mark.parametrize("pair", PAIRS[:: len(PAIRS) // 4], ids="+".join)
-def test_pairs_of_errors_are_refused_and_the_right_ones_are_among_named(sampled, conventions, pair):
-    verdict, named = checked(sampled, conventions, ERRORS[pair[0]] + ERRORS[pair[1]])
-    assert not verdict.holds
-    assert any(named) or not verdict.changes, as_text(verdict.changes)
 
 
 ANGLES = Source([f"attitude{i}" for i in range(3)])
@@ -116,10 +103,10 @@ def test_a_single_column_of_the_other_hand_is_named_and_its_sign_turns_it(
     signs = [-1.0 if i == axis else 1.0 for i in range(3)]
     columns[name] = columns[name] * signs
     verdict = check_conventions(t, columns, declared)
-    assert not verdict.holds
+    assert verdict.failed
     assert as_text(verdict.changes) == f"{name}.signs: {[int(sign) for sign in signs]}"
     turned = changed(declared, ((f"{name}.signs", signs),))
-    assert check_conventions(t, columns, turned).holds
+    assert not check_conventions(t, columns, turned).failed
     assert same(convert(columns, turned), x)
 
 
@@ -137,7 +124,7 @@ def test_one_axis_that_drifts_is_left_aside_and_not_refused(sampled, conventions
     )
     assert verdict.misfits[law] > FAILS
     assert told_by_noise(verdict.misfits) == [law]
-    assert verdict.holds
+    assert not verdict.failed
     assert told_by_noise({**verdict.misfits, law: 1.9}) == []  # the opposite sign
     other = f"{law[:-1]}{'xyz'[axis - 1]}"
     assert told_by_noise({**verdict.misfits, other: 0.8}) == []
@@ -164,7 +151,7 @@ def test_a_gap_to_the_model_is_no_wrong_convention(fly, conventions, name):
         conventions.plain_map(), {n: value[::2] for n, value in x.items()}
     )
     verdict = check_conventions(log.t[::2], columns, conventions.plain_map())
-    assert verdict.holds, (verdict.failed, verdict.misfits)
+    assert not verdict.failed, verdict.misfits
 
 
 def test_a_lift_turned_round_is_refused_also_where_nothing_else_fits(sampled, conventions):
@@ -188,7 +175,7 @@ def test_a_long_log_is_searched_where_it_moves(sampled, conventions):
     verdict, named = checked(
         (0.02 * np.arange(len(t) + 6000), long), conventions, ERRORS["degrees"]
     )
-    assert not verdict.holds
+    assert verdict.failed
     assert named == [True]
     assert liveliest(long, len(t) + 6000).stop > 6000
 

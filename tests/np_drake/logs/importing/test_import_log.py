@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 import yaml
 
-from np_drake.effects.library import LIBRARY
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.log_file import write_log
 from np_drake.logs.importing.conventions import WrongConventions, changed
-from np_drake.logs.importing.import_log import import_log, input_line, lacking, unanswerable
+from np_drake.logs.importing.import_log import import_log, lacking
 from np_drake.logs.importing.log_map import Source, load_map_file
 
 
@@ -74,15 +73,6 @@ def test_a_planar_pose_is_refused_and_never_taken_for_millimetres(written, excit
         assert "mm" not in str(caught.value).replace("mrad", "")
 
 
-def test_a_drifting_gyro_is_imported_and_its_sheet_says_what_does_not_hold(written, excited):
-    drift = np.outer(2.5 * np.sin(1.3 * excited.t), [0.0, 0.0, 1.0])
-    dut = written(log=dc.replace(excited, w=excited.w + drift))
-    text = dut.sheet.content["conventions"]
-    assert "misfit of attitude z" in text
-    assert "above 0.75 a law fails" in text
-    assert "agree" not in text
-
-
 NED_FRD = (("world", "ned"), ("body", "frd"))
 
 
@@ -127,11 +117,6 @@ def test_what_a_row_means_is_carried_as_uncertainty_of_time(written, command, ti
     assert dut.flights[0].timing == dut.sheet.timing == pytest.approx(timing * 0.01, abs=1e-12)
 
 
-def test_start_and_stop_cut_the_log_in_its_own_seconds(written):
-    (flight,) = written((), (("start", 2.0), ("stop", 7.0))).flights
-    assert flight.t[-1] == pytest.approx(5.0, abs=0.011)
-
-
 def test_a_map_is_read_from_yaml_and_its_faults_are_named(tmp_path):
     path = tmp_path / "map.yaml"
     path.write_text(
@@ -157,12 +142,6 @@ def test_times_of_whole_seconds_are_not_taken_for_milliseconds(written, excited)
         written((), t=100.0 + np.arange(40), adopt=True, log=excited.rows(0, 40))
 
 
-@pytest.mark.parametrize("rate", [0.5])
-def test_a_rate_that_no_log_is_read_with_is_refused(written, rate):
-    with pytest.raises(LogError, match=r"flight.csv: LogMap: rate must be 0, or 4 … 20000 Hz"):
-        written(rate=rate)
-
-
 OURS = ["t", "px", "py", "pz", "qw", "qx", "qy", "qz", "vx", "vy", "vz", "wx", "wy", "wz", "thrust"]
 
 
@@ -185,33 +164,3 @@ OR = ", or gyro and accelerometer (wx wy wz sx sy sz)"
 )
 def test_what_the_names_of_a_table_do_not_tell_is_listed(names, said):
     assert lacking({"table": tuple(names)}) == said
-
-
-def test_columns_that_may_be_motors_are_named():
-    said = input_line({"table": ("t", *(f"motor_m{k}" for k in (1, 2, 3, 4)), "px")})
-    assert said.startswith(" Its columns motor_m1 … motor_m4 may be such")
-
-
-TIMING, TORQUE, SCALE = (
-    tuple(i for i, effect in LIBRARY.items() if quantity in effect.requires)
-    for quantity in ("commands", "torque", "thrust")
-)
-
-
-@pytest.mark.parametrize(
-    "kind, throttles, hidden",
-    [
-        ("command", 0, ()),
-        ("rotor_speed", 1, TIMING),  # a collective throttle beside rotor speed takes no torque away
-        ("thrust_only", 4, TORQUE),
-        ("normalised", 1, (*SCALE, *TORQUE)),
-        ("normalised", 4, SCALE),
-    ],
-)
-def test_the_sheet_names_what_the_input_cannot_tell(fly, kind, throttles, hidden):
-    log = fly(seed=1)
-    throttle = np.full((len(log), throttles), 0.5) if throttles else None
-    told = unanswerable(dc.replace(log, input=kind, throttle=throttle))
-    named = {identifier for identifiers in told.values() for identifier in identifiers}
-    assert named >= set(hidden)
-    assert named.isdisjoint({*SCALE, *TIMING, *TORQUE} - set(hidden))

@@ -2,8 +2,6 @@
 itself states it.
 """
 
-import dataclasses as dc
-
 import numpy as np
 import pytest
 
@@ -117,27 +115,6 @@ def test_outputs_of_a_hover_that_may_be_either_are_asked_for_by_name(
         (tmp_path / "map.yaml").write_text(f"throttle: {{unit: {unit}}}\n")
         (dut,) = import_log(tmp_path / "log.ulg", load_map_file(tmp_path / "map.yaml")).flights
         np.testing.assert_allclose(dut.throttle, read, atol=1e-9)
-
-
-def test_speed_controllers_are_rotors_by_their_functions(flown, autopilots, import_px4, tmp_path):
-    ours = autopilots.throttle(flown)
-    speed = 9000.0 * ours[:, autopilots.PX4_FROM_OURS]
-
-    def shuffled(streams):
-        columns = dict(streams["esc_status"].columns)
-        for i, motor in enumerate((2, 0, 3, 1)):
-            columns[f"esc[{i}].esc_rpm"] = speed[:, motor]
-            columns[f"esc[{i}].actuator_function"] = np.full(len(flown), 101.0 + motor)
-        columns = {
-            f"esc[{i}].{c}": columns[f"esc[{i}].{c}"]
-            for i in range(4)
-            for c in ("esc_rpm", "actuator_function")
-        }
-        streams["esc_status"] = dc.replace(streams["esc_status"], columns=columns)
-        return streams
-
-    found = import_px4({"esc_status": speed}, autopilots.PX4_CORNERS, shuffled)
-    np.testing.assert_allclose(opened(found, tmp_path).rotor, 9000.0 * ours * np.pi / 30, rtol=1e-9)
 
 
 def servos(outputs, first: int = 33) -> dict[str, float]:

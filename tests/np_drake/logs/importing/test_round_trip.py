@@ -10,7 +10,6 @@ import pytest
 from np_drake import attitude
 from np_drake.logs.formats.format import Stream
 from np_drake.logs.formats.log_file import write_log
-from np_drake.logs.import_sheet import write_sheet
 from np_drake.logs.importing.import_log import import_log
 from np_drake.logs.importing.log_map import load_map_file
 from np_drake.vehicle import Vehicle
@@ -200,22 +199,6 @@ def test_blackbox_of_indiflight(flight, specific, throttle, writer, tmp_path, tu
     assert found.sheet.rotors.source == "Betaflight, Quad X"
 
 
-def test_a_sheet_of_a_blackbox_tells_its_filters(flight, specific, throttle, writer, tmp_path):
-    columns = vectors(
-        quat=8127 * q_ned_frd(flight.q),
-        gyroADC=np.rad2deg(10 * flight.w),
-        accSmooth=specific / 9.80665 * 2048,
-        motor=158 + 1889 * throttle,
-    )
-    filters = {"gyro_lpf1_static_hz": "100", "gyro_lpf1_type": "2", "acc_lpf_hz": "2500"}
-    options = {"step": round(1e6 * (flight.t[1] - flight.t[0])), "settings": INDIFLIGHT | filters}
-    writer("blackbox").write(tmp_path / "log.BFL", writer("blackbox").main_log(columns, **options))
-    write_sheet(imported(tmp_path / "log.BFL").sheet, tmp_path / "log.csv")
-    text = (tmp_path / "log.import.yaml").read_text()
-    assert text.count("late: 0.0020486") == 2  # attitude and rates: 2 stages of 155 Hz [s]
-    assert text.count("late: 0.0081944") == 1
-
-
 INDIFLIGHT = {
     "Firmware revision": "Indiflight 5.0.0 (norevision) STM32H743",
     "blackbox_high_resolution": "1",
@@ -242,24 +225,6 @@ def test_ros(flight, specific, writer, tmp_path, storage):
     path = tmp_path / f"bag.{storage}"
     writer("ros").write(path, streams)
     assert_same(imported(path, ROS, tmp_path), flight, 1e-8, clock=1e-6)
-
-
-def test_neural_fly(flight, writer, tmp_path):
-    collective = flight.u[:, :1] / 40.0
-    columns = named(
-        [f"{n}[{i}]" for n, k in (("p", 3), ("v", 3), ("q", 4), ("w", 3)) for i in range(k)],
-        np.column_stack(
-            [flight.p, flight.v, np.roll(flight.q, -1, axis=1), attitude.rotate(flight.q, flight.w)]
-        ),
-    )
-    columns |= {"T_sp[0]": collective[:, 0], "hover_throttle[0]": 0 * flight.t + 0.5}
-    writer("neural_fly").write(tmp_path / "flight.csv", {"table": Stream(flight.t, columns)})
-    dut = assert_same(
-        imported(tmp_path / "flight.csv"), flight, DOUBLE, command=False, accelerations=False
-    )
-    mean = 0.5 * (collective[1:] + collective[:-1])  # of samples, over the interval after a row
-    assert np.allclose(dut.throttle[:-1], mean / 0.5, atol=1e-9)
-    assert dut.timing == pytest.approx(0.01 / np.sqrt(12))
 
 
 @pytest.mark.parametrize("suffix", ["tsv", "parquet"])

@@ -8,7 +8,6 @@ from hypothesis import strategies as st
 from np_drake import attitude
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.format import Recording, Stream
-from np_drake.logs.importing.alignment import GAP
 from np_drake.logs.importing.log_map import LogMap, Source
 from np_drake.logs.importing.signals import Signal, gather, with_map_time
 
@@ -34,23 +33,6 @@ def test_rows_without_number_or_running_back_are_left_out_and_counted():
     assert len(signals["position"].t) == 97
     assert np.all(np.diff(signals["position"].t) > 0)
     assert notes == ["position: rows left out: 1 with no number, 2 with time not increasing"]
-
-
-@pytest.mark.parametrize("first, after", [(150, 200), (250, 300)])
-def test_rows_drawn_as_a_line_are_no_readings_of_a_sensor(first, after):
-    t = 0.01 * np.arange(300)
-    values = np.sin(t)[:, None] + 0.01 * np.random.default_rng(3).normal(size=(300, 3))
-    slope = (values[first - 1] - values[first - 2])[None]
-    values[first:after] = values[first - 1] + slope * np.arange(1, after - first + 1)[:, None]
-    log_map = LogMap(position=MAP.position, rates=Source(["x", "y", "z"]))
-    signals, notes = gather(
-        recording(t, **dict(zip("xyz", np.round(values, 9).T, strict=True))), log_map
-    )
-    left = len(t) - len(signals["rates"].t)
-    assert left >= after - first - 1
-    assert np.abs(signals["rates"].values).max() < 1.2 or after < 300
-    assert any("straight lines" in note for note in notes)
-    assert len(signals["position"].t) == len(t)  # a position may move evenly
 
 
 def test_a_quaternion_of_zeros_is_no_attitude():
@@ -84,24 +66,6 @@ def test_times_that_do_not_increase_are_named_where_no_samples_are_left():
         gather(recording(t, **moving(0.01 * np.arange(100))), MAP)
 
 
-@pytest.mark.parametrize("digits", [2])
-def test_a_rest_of_rounded_readings_is_no_gap(digits):
-    t = 0.01 * np.arange(2000)
-    noise = np.random.default_rng(0).normal(0, 0.003, (3, 2000))
-    signals, _ = gather(recording(t, **dict(zip("xyz", noise.round(digits), strict=True))), MAP)
-    position = signals["position"]
-    assert np.diff(position.t).max() < GAP * position.step
-
-
-def test_a_voltage_of_a_few_samples_is_left_out_and_said():
-    t = 0.01 * np.arange(100)
-    volts = np.where(np.arange(100) % 10 == 0, 16.0, np.nan)
-    log_map = LogMap(position=Source(["x", "y", "z"]), voltage=Source(["u"]))
-    signals, notes = gather(recording(t, **moving(t), u=volts), log_map)
-    assert list(signals) == ["position"]
-    assert notes[-1] == "voltage: only 10 samples; left out"
-
-
 RECORDING = Recording(
     "made.log",
     {
@@ -116,11 +80,6 @@ def test_one_stream_takes_its_times_from_the_map(unit, factor):
     dut = with_map_time(RECORDING, LogMap(time=Source(["a/clock"], unit=unit)))
     np.testing.assert_array_equal(dut.streams["a"].t, np.array([0, 2, 4]) * factor)
     assert dut.streams["b"] is RECORDING.streams["b"]
-
-
-def test_a_time_that_is_not_there_is_named():
-    with pytest.raises(LogError, match=r"made\.log, column clok: .*did you mean .*clock"):
-        with_map_time(RECORDING, LogMap(time=Source(["clok"])))
 
 
 EXACT = 1e-12
@@ -184,11 +143,6 @@ def test_held_commands_average_by_the_time_that_each_is_held():
     t, x = np.array([0.0, 0.3, 0.4, 1.0]), np.array([[1.0], [5.0], [-2.0], [7.0]])
     dut = Signal(t, x).held(np.array([0.0, 0.5, 1.0, 2.0]))
     assert np.allclose(dut[:, 0], [(0.3 * 1 + 0.1 * 5 - 0.1 * 2) / 0.5, -2.0, 7.0, 7.0], atol=EXACT)
-
-
-def test_the_first_command_is_held_before_it_too():
-    dut = Signal(np.array([1.0, 2.0]), np.array([[4.0], [6.0]])).held(np.array([0.0, 0.5, 2.5]))
-    assert np.allclose(dut[:, 0], [4.0, (1.5 * 4 + 0.5 * 6) / 2, 6.0], atol=EXACT)
 
 
 @given(st.lists(st.floats(1e-3, 0.5), min_size=2, max_size=20), st.integers(0, 2**31))
