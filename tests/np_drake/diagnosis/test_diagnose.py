@@ -39,18 +39,6 @@ def test_a_flight_as_nominal_has_nothing_missing(diagnosed):
     assert dut.gap_reduction.before == pytest.approx(1.0, abs=0.1)
 
 
-def test_one_effect_is_found_with_its_size(diagnosed):
-    dut = diagnosed(LinearDrag(0.6, 0.6, 0.6))
-    assert dut.verdict == ("linear_drag",)
-    for estimate in dut.causes[0].parameters.values():
-        assert estimate.ci95[0] < 0.6 < estimate.ci95[1]
-        assert estimate.ci95[1] - estimate.ci95[0] < 0.2
-    assert dut.gap_reduction.fraction > 0.95
-    assert dut.vehicle == "paper"
-    assert dut.train == ("a", "b")
-    assert dut.held_out == ("c",)
-
-
 def test_two_effects_are_found_each_with_its_onset(diagnosed):
     dut = diagnosed(MassError(0.3), LinearDrag(0.6, 0.6, 0.6), onset=(("mass_error", 5.0),))
     assert sorted(dut.verdict) == ["linear_drag", "mass_error"]

@@ -2,21 +2,13 @@
 given.
 """
 
-import dataclasses as dc
-
 import pytest
 
 from np_drake.diagnosis.diagnose import diagnose
-from np_drake.diagnosis.options import IDEAL_SENSORS, Options, Tolerance
+from np_drake.diagnosis.options import Options, Tolerance
 from np_drake.vehicle import Vehicle
 
-REAL, IDEAL = Options.for_sensors(True), Options.for_sensors(False)
-
-
-def test_options_hold_the_tolerance_of_their_sensors_or_ones_own():
-    assert (REAL.tolerance, IDEAL.tolerance) == (Tolerance(), IDEAL_SENSORS)
-    own = Tolerance(mass=0.02)
-    assert Options.for_sensors(True, own) == dc.replace(REAL, tolerance=own)
+REAL = Options.for_sensors(True)
 
 
 def test_tolerance_and_options_together_are_refused():

@@ -14,10 +14,8 @@ from np_drake.diagnosis.calibration import (
 )
 from np_drake.diagnosis.forward_model import Term, predicted_residual
 from np_drake.diagnosis.options import SPREAD, Options, Tolerance
-from np_drake.diagnosis.regressors import with_input
 from np_drake.effects.mass_error import MassError
 from np_drake.effects.weak_rotor import WeakRotor
-from np_drake.vehicle import Vehicle
 
 UNMEASURED = dc.replace(Tolerance(), unmeasured=True)
 PRIORS = Options.for_sensors(True).priors
@@ -26,15 +24,6 @@ PRIORS = Options.for_sensors(True).priors
 @pytest.fixture(scope="module")
 def flight(seen):
     return seen(name="a", seed=1, seconds=6.0)
-
-
-def test_a_file_that_states_how_commands_act_describes_the_vehicle(fly, seen):
-    real = Options.for_sensors(True)
-    for timing, unmeasured in (("held", False), ("unknown", True)):
-        vehicle = dc.replace(Vehicle(), command_timing=timing)
-        e = seen(vehicle=vehicle, seed=1, seconds=4.0)
-        assert with_input(real, [e]).tolerance.unmeasured is unmeasured
-        assert bool(of_vehicle(e, with_input(real, [e]).tolerance)) is unmeasured
 
 
 def test_a_column_is_what_one_deviation_does(flight):

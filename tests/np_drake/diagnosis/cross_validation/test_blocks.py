@@ -51,9 +51,8 @@ def test_what_is_of_another_flight_alone_tells_nothing_of_this_one(data):
     dut = made(X, y, 20, 2)  # the third column is its own
     told = dut.of_others()
     A = X.T @ X + np.diag([0.0, 0.0, 1.0])
-    expected = np.linalg.inv(
-        np.linalg.inv(A)[:2, :2]
-    )  # information of the first two, the third integrated out
+    # information of the first two, the third integrated out
+    expected = np.linalg.inv(np.linalg.inv(A)[:2, :2])
     np.testing.assert_allclose(told[:2, :2], expected, atol=1e-9)
 
 

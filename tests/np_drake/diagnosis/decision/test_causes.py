@@ -9,7 +9,7 @@ import pytest
 from scipy import special
 
 from np_drake.diagnosis.decision import causes as module
-from np_drake.diagnosis.decision.causes import causes_of, without_missing_drag
+from np_drake.diagnosis.decision.causes import without_missing_drag
 from np_drake.diagnosis.decision.term_assessment import TermAssessment, assess_term
 from np_drake.diagnosis.decision.unexplained import LinearModel
 from np_drake.diagnosis.forward_model import pendulum_error
@@ -22,7 +22,7 @@ from np_drake.effects.mass_error import MassError
 from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.vehicle import Vehicle
 
-REAL, IDEAL = Options.for_sensors(True), Options.for_sensors(False)
+IDEAL = Options.for_sensors(False)
 DRAG = LinearDrag(0.6, 0.6, 0.6)
 PAPER = Vehicle()
 
@@ -57,21 +57,6 @@ def judged_with(drag, linear):
     return arguments
 
 
-def test_the_true_cause_is_named_with_its_parameters(judged_with):
-    causes, minor = causes_of(*judged_with())
-    (cause,) = causes
-    assert minor == []
-    assert cause.identifier == "linear_drag"
-    assert cause.probability > 0.99
-    assert cause.onset == {"a": None, "b": None, "c": None}
-    for name in ("d_x", "d_y", "d_z"):
-        estimate = cause.parameters[name]
-        assert estimate.unit == "N·s/m"
-        assert estimate.ci95[0] < 0.6 < estimate.ci95[1]
-        assert estimate.value == pytest.approx(np.mean(estimate.ci95))
-    assert cause.share == pytest.approx(1.0, abs=0.05)
-
-
 def assessed(ranking, linear, structure, held, same=()) -> TermAssessment:
     return assess_term(ranking, linear, structure, 0, same, held)
 
@@ -84,24 +69,6 @@ def test_a_probability_is_that_of_the_model_its_margin_and_its_size(judged_with)
     assert found.probability == pytest.approx(found.in_model)
     assert dc.replace(found, material=0.5).probability == pytest.approx(0.5 * found.in_model)
     assert dc.replace(found, stands_for="no drag pushes").probability == 0.0
-
-
-def test_an_effect_too_small_to_matter_is_minor_unless_gusts_need_it(drag, judged_with):
-    tiny = LinearDrag(1e-3, 1e-3, 1e-3)
-    fit = drag.fit
-    small = dc.replace(
-        fit,
-        terms=(dc.replace(fit.terms[0], effect=tiny),),
-        values=np.r_[1e-3, 1e-3, 1e-3, fit.values[3:]],
-        covariance=1e-4 * fit.covariance,
-    )
-    given = judged_with(fit=small)
-    causes, minor = causes_of(*given)
-    assert causes == []
-    assert [f.name for f in minor] == ["linear_drag"]
-    assert "immaterial" in minor[0].text
-    assert "\n" not in minor[0].text
-    assert [c.identifier for c in causes_of(*given, gusts=True)[0]] == ["linear_drag"]
 
 
 def cause(effect) -> Cause:

@@ -2,8 +2,6 @@
 
 import dataclasses as dc
 
-import pytest
-
 from np_drake.diagnosis.decision.causes import MOST_ALTERNATIVES, equivalents
 from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.regressors import Model
@@ -54,12 +52,3 @@ def test_structure_the_effect_itself_and_what_does_not_fit_are_none():
     scores = {(0,): 0.0, (1,): 0.0, (2,): 0.0, (3,): 0.0}
     assert equivalents(Problem(candidates, scores, apart=[(3,)]), Model((0,), 0.0)) == {"drag": ()}
     assert equivalents(Problem(candidates, scores), Model((1,), 0.0)) == {}
-
-
-@pytest.mark.parametrize("count", [MOST_ALTERNATIVES - 1, MOST_ALTERNATIVES, MOST_ALTERNATIVES + 2])
-def test_the_best_few_are_named(count):
-    candidates = [Candidate(("drag",)), *(Candidate((f"e{k}",)) for k in range(count))]
-    scores = {(k,): -0.01 * ((7 * k) % (count + 1)) for k in range(count + 1)}
-    found = list(equivalents(Problem(candidates, scores), Model((0,), 0.0))["drag"])
-    best = sorted(range(1, count + 1), key=lambda k: -scores[(k,)])[:MOST_ALTERNATIVES]
-    assert found == [f"e{k - 1}" for k in best]

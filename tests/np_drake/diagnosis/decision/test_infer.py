@@ -8,7 +8,6 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.decision.infer import conclude
 from np_drake.effects.base import Motion, WrenchEffect
 from np_drake.effects.gusty_wind import GustyWind
 from np_drake.effects.linear_drag import LinearDrag
@@ -71,14 +70,6 @@ def of(flown, inferred):
     return lambda *slow, **how: inferred(*flown(*slow, **how))
 
 
-def test_a_clean_flight_has_no_cause_and_nothing_unknown(of):
-    dut = of(None, None, None, drag=None)
-    assert dut.causes == []
-    assert not dut.left.matters
-    assert dut.left.probability < 0.2
-    assert dut.findings == ()
-
-
 def test_a_force_that_follows_the_place_is_unknown_and_not_gusts(of):
     dut = of(*WALLED)
     assert dut.left.matters
@@ -90,9 +81,3 @@ def test_a_slow_force_that_follows_no_place_is_gusts(of):
     dut = of(*BLOWN)
     assert {c.identifier for c in dut.causes} == {"linear_drag", "gusty_wind"}
     assert not dut.left.matters
-
-
-def test_without_the_test_of_the_place_the_force_would_be_gusts(flown, searched, monkeypatch):
-    monkeypatch.setattr(module, "position_p_value", lambda *_: 1.0)
-    fitted, held_out = flown(*WALLED)
-    assert "gusty_wind" in {c.identifier for c in conclude(searched(fitted), held_out).causes}

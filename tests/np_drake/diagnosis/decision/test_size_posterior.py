@@ -46,9 +46,8 @@ def test_the_size_of_several_parameters_is_the_power_of_what_they_predict(fit_at
     drawn = relative_sizes(fit, 0, flights)
     J = scaled_jacobian(fit.everything, fit.free, flights[0])[:, :6].reshape(-1, 3)
     power = J.T @ J
-    expected = 1 + np.trace(power @ spread**2) / (
-        fit.values @ power @ fit.values
-    )  # scales are alike
+    # scales are alike
+    expected = 1 + np.trace(power @ spread**2) / (fit.values @ power @ fit.values)
     error = np.std(drawn**2) / np.sqrt(DRAWS)
     assert np.mean(drawn**2) == pytest.approx(expected, abs=CHANCE * error)
 
@@ -99,9 +98,8 @@ def test_a_wind_pushes_harder_than_thrust_under_a_sensor_attitude_error(
 ):
     (e,) = flights
     lean = 0.03
-    speed = (
-        times * lean * e.vehicle.mass * e.vehicle.gravity / DRAG.d_x
-    )  # a drag at hover, nearly level
+    # a drag at hover, nearly level
+    speed = times * lean * e.vehicle.mass * e.vehicle.gravity / DRAG.d_x
     assert wind_at(fit_at, flights, ConstantWind(speed, 0.0, 0.0), 0.0, lean) == share
 
 

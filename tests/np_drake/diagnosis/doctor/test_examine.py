@@ -12,27 +12,8 @@ import pytest
 from np_drake.diagnosis.doctor.examine import examine
 from np_drake.diagnosis.doctor.smallest_sizes import _drag
 from np_drake.effects.library import LIBRARY, effects_for, unobservable
-from np_drake.logs.opening import open_flights
 from np_drake.rotor_input import rotor_speed, with_rotor_input
 from np_drake.vehicle import Vehicle
-
-ARM = 0.0325  # of a Crazyflie 2.1 brushless along x and y [m]
-
-
-def crazyflie(mass: float) -> Vehicle:
-    """Return the vehicle of the real flights; mass [kg]."""
-    return Vehicle(
-        name="crazyflie",
-        mass=mass,
-        inertia=np.diag([1.9e-5, 1.9e-5, 3.2e-5]).tolist(),
-        rotor_positions=[[ARM, -ARM, 0], [-ARM, -ARM, 0], [-ARM, ARM, 0], [ARM, ARM, 0]],
-        rotor_directions=[-1.0, 1.0, -1.0, 1.0],
-        thrust_coefficient=3.704e-8,
-        torque_coefficient=0.006 * 3.704e-8,
-        rotor_radius=0.025,
-        max_rotor_thrust=0.25,
-        input="rotor_speed",
-    ).check()
 
 
 @pytest.fixture(scope="module")
@@ -87,12 +68,6 @@ def test_without_a_vehicle_only_facts_are_given_and_it_is_said(log):
     assert dut.usable
     assert "no vehicle file" in dut.problems[-1]
     assert dut.flights[0].signals
-
-
-def real(path, mass):
-    vehicle = crazyflie(mass)
-    flights, sheet = open_flights(path, vehicle)
-    return examine(flights, vehicle, sheets={log.name: sheet.content for log in flights})
 
 
 def test_a_drag_is_the_mean_of_its_axes_by_their_precision():

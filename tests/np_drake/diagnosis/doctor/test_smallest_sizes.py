@@ -46,9 +46,8 @@ def test_an_effect_is_not_told_from_its_twin_and_the_twin_is_named(flight, noise
     twin = dc.replace(drag, identifier="twin")
     dut = sizes([flight], noise, [drag, twin])["linear_drag"]
     assert dut.resembles == ("twin",)
-    assert np.all(
-        dut.beside > 3 * np.array(drag.typical)
-    )  # no better than the prior of the twin allows
+    # no better than the prior of the twin allows
+    assert np.all(dut.beside > 3 * np.array(drag.typical))
     assert np.all(dut.alone < 0.5 * np.array(drag.typical))
 
 
@@ -66,7 +65,6 @@ def test_gusts_are_told_from_less_in_less_noise_and_in_longer_flights():
     dut = smallest_gust(of(0.1), 100.0)
     assert smallest_gust(of(0.05), 100.0) == pytest.approx(0.5 * dut)
     longer = smallest_gust(of(0.1), 1600.0)
-    assert longer == pytest.approx(
-        0.5 * dut, rel=0.02
-    )  # the power as one over root T; the lowest frequencies
+    # the power as one over root T; the lowest frequencies
+    assert longer == pytest.approx(0.5 * dut, rel=0.02)
     assert 0.0 < dut < 0.1

@@ -11,7 +11,7 @@ from np_drake.diagnosis.swing_fit import SwingFit
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.suspended_payload import SuspendedPayload
 
-REAL, IDEAL = Options.for_sensors(True), Options.for_sensors(False)
+REAL = Options.for_sensors(True)
 
 PAYLOAD = SuspendedPayload(0.2, 0.5, 0.0, 0.0, -0.05)
 WIDE = np.array([1.0, -0.8, -3.0, 4.0])  # [rad, rad/s]

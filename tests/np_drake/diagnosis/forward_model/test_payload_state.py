@@ -11,17 +11,13 @@ from np_drake.diagnosis.forward_model import (
     MOST_JUMPS,
     NEVER,
     STATE,
-    Term,
     _at_hooks,
     _start_of_swing,
     hidden_size,
     jumps,
     specific_pull,
-    swing_wrenches,
 )
-from np_drake.diagnosis.residuals.resampling import TAPS
 from np_drake.effects import pendulum
-from np_drake.effects.suspended_payload import SuspendedPayload
 
 SMALL = st.floats(-0.8, 0.8)
 
@@ -78,17 +74,6 @@ def test_the_air_brakes_a_swing_under_a_hovering_vehicle(seen):
     vacuum, air = np.abs(pull[late, :, 0]).T
     decay = np.exp(-0.25 * dut.t[late[np.argmax(air)]])
     assert air.max() / vacuum.max() == pytest.approx(decay, rel=0.02)
-
-
-def test_before_its_onset_nothing_pulls_and_what_never_begins_never_does(seen):
-    dut = seen(seconds=5.0)
-    late = swing_wrenches(dut, [Term(SuspendedPayload(), {"a": 2.0})])[:, 0]
-    smear = TAPS * dut.grid.step
-    np.testing.assert_allclose(late[dut.t < 2.0 - smear], 0.0, atol=1e-12)
-    assert np.linalg.norm(late[dut.t > 2.0 + smear][:, :3], axis=1).min() > 0.1  # [N]
-    np.testing.assert_array_equal(
-        swing_wrenches(dut, [Term(SuspendedPayload(), {"a": NEVER})]), 0.0
-    )
 
 
 def knocked(e, *at):

@@ -10,7 +10,6 @@ from np_drake.diagnosis.residuals import flight_residuals as ev
 from np_drake.effects.base import SensorEffect
 from np_drake.effects.center_of_mass_offset import CenterOfMassOffset
 from np_drake.effects.command_delay import CommandDelay
-from np_drake.effects.gyro_bias import GyroBias
 from np_drake.effects.library import LIBRARY
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError
@@ -53,9 +52,8 @@ def test_the_trace_of_the_true_effect_is_the_residual_of_an_exact_log(seen, effe
 def test_lagging_thrust_shows_between_velocity_and_acceleration(seen):
     dut = seen(MotorLag(0.05), seconds=8.0)
     residual = dut.y - predicted_residual(dut, [Term(MotorLag(0.05))])
-    assert size(residual[:, ev.VELOCITY]) < 0.1 * size(
-        dut.y[:, ev.VELOCITY]
-    )  # a row is long for its kinks
+    # a row is long for its kinks
+    assert size(residual[:, ev.VELOCITY]) < 0.1 * size(dut.y[:, ev.VELOCITY])
 
 
 @pytest.mark.parametrize("accelerations", [True, False])
@@ -94,13 +92,6 @@ def flown(seen):
     return seen(noise=1.0)
 
 
-def test_a_gyroscope_that_errs_leaves_a_torque(seen):
-    bias = GyroBias(0.1, -0.2, 0.3)
-    dut = seen(bias)
-    residual = dut.y - predicted_residual(dut, [Term(bias)])
-    assert size(residual[:, ev.TORQUE]) < 0.05 * size(dut.y[:, ev.TORQUE])
-
-
 BEGINS = [e for e in LIBRARY.values() if e.begins]
 
 
@@ -111,9 +102,8 @@ def test_before_its_onset_an_effect_leaves_no_trace_and_after_it_its_own(flown, 
     late = [dc.replace(t, onset={flown.name: 6.0}) for t in terms]
     found, whole = predicted_residual(flown, late), predicted_residual(flown, always)
     np.testing.assert_array_equal(predicted_residual(flown, terms), whole)
-    np.testing.assert_allclose(
-        found[flown.t < 5.75], 0.0, atol=1e-9
-    )  # the low-pass sees 0.2 s ahead
+    # the low-pass sees 0.2 s ahead
+    np.testing.assert_allclose(found[flown.t < 5.75], 0.0, atol=1e-9)
     if effect is not SuspendedPayload:  # which begins to swing anew
         after = flown.t > 6.25
         np.testing.assert_allclose(found[after], whole[after], atol=1e-9)
@@ -128,9 +118,8 @@ def test_an_onset_in_a_flight_leaves_the_trace_of_that_onset(seen, effect):
     dut = seen(effect, onset={effect.identifier: 5.0})
     residual = dut.y - predicted_residual(dut, [Term(effect, {dut.name: 5.0})])
     outside = np.abs(dut.t - 5.0) > 0.25
-    share = (
-        0.1 if effect is LIGHT else 0.02
-    )  # smoothing of the hook's motion blurs the start of the swing
+    # smoothing of the hook's motion blurs the start of the swing
+    share = 0.1 if effect is LIGHT else 0.02
     assert size(residual[outside][:, ev.WRENCH]) < share * size(dut.y[:, ev.WRENCH])
 
 

@@ -13,7 +13,7 @@ from np_drake.diagnosis.result import ReplayGap
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError
 
-REAL, IDEAL = Options.for_sensors(True), Options.for_sensors(False)
+REAL = Options.for_sensors(True)
 
 
 @pytest.fixture(scope="module")
@@ -48,21 +48,6 @@ def test_the_held_out_gain_of_a_cause_is_what_comes_back_without_it(solved):
     (alone,) = dut.with_held_out_gains(causes[:1], case.ranking.noise, held)
     found = reduction(case, held, causes[:1], None)
     assert alone.held_out_gain == pytest.approx(found.fraction, abs=0.02)  # of the calibration
-
-
-def test_without_causes_nothing_changes_and_the_replay_is_nominal(solved):
-    case, held, _ = solved
-    calls = []
-
-    def replay(logs, effects):
-        calls.append(([log.name for log in logs], [e.identifier for e, _ in effects]))
-        return ReplayGap((0.5,), *(np.zeros((1, 3)) for _ in range(3)), 1)
-
-    found = reduction(case, held, [], replay)
-    assert found.after == pytest.approx(found.before, rel=0.01)  # of the calibration
-    assert found.fraction == pytest.approx(0.0, abs=0.02)
-    assert calls == [(["c"], [])]
-    assert found.replay_after is None
 
 
 def test_the_replay_gets_the_fitted_effects_and_their_onsets(solved):

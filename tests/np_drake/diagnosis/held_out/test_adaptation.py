@@ -14,7 +14,7 @@ from np_drake.effects.mass_error import MassError
 from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.vehicle import Vehicle
 
-REAL, IDEAL = Options.for_sensors(True), Options.for_sensors(False)
+REAL = Options.for_sensors(True)
 
 HEAVY = MassError(0.2)
 PAYLOAD = SuspendedPayload(0.2, 0.5, 0.0, 0.0, -0.05)
@@ -39,18 +39,6 @@ def test_a_wind_begins_with_the_drag_that_feels_it(seen, noise):
     steady, late_wind = adapt([Term(drag), Term(wind, late)], flight, noise, priors=REAL.priors)
     assert steady.begins("c") is None
     assert late_wind.begins("c") == pytest.approx(6.0, abs=0.1)
-
-
-def test_what_is_absent_from_a_flight_never_begins_there(seen, noise):
-    flight = seen(name="c", seed=3, noise=1.0)
-    late = {"a": 4.0}
-    dut = adapt(
-        [Term(HEAVY, late), Term(LinearDrag(0.5, 0.5, 0.5), late)],
-        flight,
-        noise,
-        priors=REAL.priors,
-    )
-    assert [t.begins("c") for t in dut] == [NEVER, NEVER]
 
 
 def test_the_swing_at_the_start_of_an_unseen_flight_is_found(fly, noise):

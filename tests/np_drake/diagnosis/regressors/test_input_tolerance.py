@@ -62,9 +62,8 @@ def test_the_larger_of_tolerance_and_vehicle_files_statement_counts(fly, options
 
 
 def test_a_throttle_opens_scale_and_curve(fly):
-    held = dc.replace(
-        VEHICLE, command_timing="held"
-    )  # other vehicles have a drift in their calibration
+    # other vehicles have a drift in their calibration
+    held = dc.replace(VEHICLE, command_timing="held")
     flight = make_flight_residuals(with_throttle(fly(seed=1, noise=1.0), 1.5), held)
     open_ = with_input(Options.for_sensors(True), [flight]).tolerance
     assert open_.thrust == THROTTLE_SCALE

@@ -15,7 +15,7 @@ from np_drake.effects.library import LIBRARY
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError
 
-REAL, IDEAL = Options.for_sensors(True), Options.for_sensors(False)
+REAL = Options.for_sensors(True)
 
 
 @pytest.fixture(scope="module")

@@ -20,9 +20,8 @@ def flights(seen):
 
 
 def test_a_throttle_opens_the_mounting_and_the_latency_of_its_autopilot(flights):
-    held = dc.replace(
-        Vehicle(), command_timing="held"
-    )  # other vehicles have both in their calibration
+    # other vehicles have both in their calibration
+    held = dc.replace(Vehicle(), command_timing="held")
     flying = [
         dc.replace(e, vehicle=held, log=dc.replace(e.log, input="normalised")) for e in flights
     ]
@@ -39,9 +38,8 @@ def test_calibration_is_mass_and_thrust_at_their_deviations(flights):
     assert [c.size for c in columns] == [1, 1]
     e = flights[0]
     expected = predicted_residual(e, [Term(MassError(0.010))])
-    np.testing.assert_allclose(
-        columns[1].columns["a"][..., 0], expected, rtol=0.15, atol=1e-6
-    )  # linear to 10 %
+    # linear to 10 %
+    np.testing.assert_allclose(columns[1].columns["a"][..., 0], expected, rtol=0.15, atol=1e-6)
     assert all(c.identifiers == () for c in columns)
 
 

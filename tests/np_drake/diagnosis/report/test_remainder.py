@@ -16,14 +16,6 @@ def with_left(diagnosis, **changes):
     return dc.replace(diagnosis, gap_reduction=dc.replace(diagnosis.gap_reduction, left=left))
 
 
-def test_the_size_of_what_is_left_comes_before_its_probability(diagnosis):
-    said = remains(diagnosis).replace("\u00a0", " ")
-    size = (
-        "0.2 % of the held-out gap is left beyond the noise: 44 mN, 2.4 mN·m and 1.3 cm after 1 s."
-    )
-    assert said == f"{size} Probability that this is material: 3 %."
-
-
 def test_of_an_immaterial_gap_no_share_is_said(diagnosis):
     said = remains(with_left(diagnosis, share=float("nan"), position_before=0.011))
     assert (

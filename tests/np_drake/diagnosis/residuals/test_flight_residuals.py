@@ -21,9 +21,8 @@ def test_a_nominal_flight_has_no_residual(seen, accelerations):
     dut = seen(accelerations=accelerations)
     np.testing.assert_allclose(dut.y[:, ev.WRENCH], 0.0, atol=1e-9)  # [N, N·m]
     np.testing.assert_allclose(dut.y[:, 6:12], 0.0, atol=1e-9)  # [m/s, m/s²]
-    np.testing.assert_allclose(
-        dut.y[:, ev.ATTITUDE], 0.0, atol=3e-3
-    )  # rates between rows: second order [rad/s]
+    # rates between rows: second order [rad/s]
+    np.testing.assert_allclose(dut.y[:, ev.ATTITUDE], 0.0, atol=3e-3)
 
 
 def shaken(rows: int = 800, *, late: int = 0) -> FlightLog:
@@ -70,9 +69,8 @@ def test_thrust_between_rows_sets_no_accelerometer_against_velocity(between):
 
 def test_a_wrench_on_the_body_is_the_residual():
     log = shaken()
-    pushed = dc.replace(
-        log, u=log.u - [3.0, 0.1, -0.2, 0.05]
-    )  # the rotors give less; the rest is from elsewhere
+    # the rotors give less; the rest is from elsewhere
+    pushed = dc.replace(log, u=log.u - [3.0, 0.1, -0.2, 0.05])
     found = make_flight_residuals(pushed, VEHICLE).y[:, ev.WRENCH]
     np.testing.assert_allclose(
         found, np.tile([0, 0, 3.0, 0.1, -0.2, 0.05], (len(found), 1)), atol=1e-9

@@ -56,9 +56,8 @@ def test_a_bias_of_the_accelerometer_goes(bias, seed):
     apart = _corrected_acceleration(t, p, a + noise + bias) - _corrected_acceleration(
         t, p, a + noise
     )
-    assert np.abs(apart).max() < 1e-2 * max(
-        np.abs(bias).max(), 1e-6
-    )  # below it the solve rounds more
+    # below it the solve rounds more
+    assert np.abs(apart).max() < 1e-2 * max(np.abs(bias).max(), 1e-6)
 
 
 @pytest.mark.parametrize("jitter", [0.0, 0.05])

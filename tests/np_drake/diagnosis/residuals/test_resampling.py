@@ -33,9 +33,8 @@ def test_the_grid_is_uniform_and_covers_the_flight(rate):
     np.testing.assert_allclose(np.diff(grid.t), grid.step, rtol=1e-9)
     assert grid.t[0] == t[0]
     assert t[-1] - grid.t[-1] < 2 * grid.step
-    assert (
-        grid.step <= max(STEP, 1 / rate) * 1.3
-    )  # a whole number of rows; the median of jittered ones
+    # a whole number of rows; the median of jittered ones
+    assert grid.step <= max(STEP, 1 / rate) * 1.3
 
 
 def test_what_the_grid_cannot_show_is_removed_and_not_folded():
@@ -43,9 +42,8 @@ def test_what_the_grid_cannot_show_is_removed_and_not_folded():
     grid = make_grid(t)
     slow, fast = np.sin(2 * np.pi * 3 * t), np.sin(2 * np.pi * 48 * t)  # 48 Hz would fold to 2 Hz
     found = Resampler.of_instants(grid, t)(np.stack([slow, fast], axis=1))[INSIDE]
-    np.testing.assert_allclose(
-        found[:, 0], np.sin(2 * np.pi * 3 * grid.t)[INSIDE], atol=0.005
-    )  # of the pass band
+    # of the pass band
+    np.testing.assert_allclose(found[:, 0], np.sin(2 * np.pi * 3 * grid.t)[INSIDE], atol=0.005)
     assert np.abs(found[:, 1]).max() < 0.005
 
 

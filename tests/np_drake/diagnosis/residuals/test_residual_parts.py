@@ -26,12 +26,6 @@ def test_the_gap_has_three_kinds_with_shares_of_their_own():
     assert lateral.before == pytest.approx(np.hypot(0.05 * 8, 0.05 * 7))  # [N]
     assert vertical.left == pytest.approx((1.08**2 - 1) / (22**2 - 1))
     assert vertical.above_noise == pytest.approx(0.08 * np.sqrt(1.08**2 - 1))  # [N]
-    assert not vertical.grows
-
-
-def test_a_kind_grows_where_causes_make_it_larger():
-    grown = {part.kind for part in gap_kinds(channels(after=12.0)) if part.grows}
-    assert grown == {"lateral force", "torque"}
 
 
 def test_without_a_gap_no_share_is_left_of_it():

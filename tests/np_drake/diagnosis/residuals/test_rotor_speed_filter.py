@@ -4,14 +4,10 @@ import dataclasses as dc
 
 import numpy as np
 
-from np_drake.diagnosis.options import Options
-from np_drake.diagnosis.residuals import low_pass
 from np_drake.diagnosis.residuals.rotor_thrust import _read_thrust
 from np_drake.flight_log import FlightLog
 from np_drake.rotor_input import rotor_speed, rotor_wrench
 from np_drake.vehicle import Vehicle
-
-REAL, IDEAL = Options.for_sensors(True), Options.for_sensors(False)
 
 VEHICLE = Vehicle()
 NOISE = 4.0  # of readings of rotor speed [rad/s]
@@ -40,29 +36,6 @@ def wrench_noise(log: FlightLog) -> np.ndarray:
         2 * VEHICLE.thrust_coefficient * NOISE * np.mean(rotor_speed(VEHICLE, log.u), axis=0)
     )
     return np.sqrt(VEHICLE.mixer**2 @ of_rotors**2)
-
-
-def as_log(u: np.ndarray) -> FlightLog:
-    """Return a log at rest at 100 Hz whose rotors gave u (n, 4) [N, N·m]."""
-    zeros, q = np.zeros((len(u), 3)), np.tile([1.0, 0.0, 0.0, 0.0], (len(u), 1))
-    return FlightLog(0.01 * np.arange(len(u)), zeros, q, zeros, zeros, u, input="rotor_speed")
-
-
-def test_a_collective_motion_lets_no_noise_into_torque():
-    """All rotors share the spectrum of thrust; filtered one by one, their noise in its bands would
-    pass as torque.
-    """
-    rng, n = np.random.default_rng(0), 4000
-    thrust = 4.0 * low_pass(rng.normal(size=(n, 1)), 0.01, 15.0)
-    rotors = 4.0 + thrust + 0.3 * rng.normal(size=(n, 4))
-    log = as_log(rotors @ VEHICLE.mixer.T)
-    found, noise = _read_thrust(log, VEHICLE)
-    left = (found @ VEHICLE.mixer.T)[:, 1:].var(axis=0) / noise[1:] ** 2
-    assert (
-        left.max() < 0.05
-    )  # of the noise that was read; the share of the bands with thrust is about a third
-    known = (found @ VEHICLE.mixer.T)[:, 0]
-    assert np.std(known - 4 * (4.0 + thrust[:, 0])) < 0.7 * noise[0]
 
 
 def test_likeliest_thrust_is_nearer_than_the_reading_and_its_noise_known(fly):

@@ -73,14 +73,12 @@ def test_a_lag_answers_a_step_as_an_exponential_of_rotor_speed():
         return T / (power * STEP) * (1 - np.exp(-power * STEP / T)) * e**power
 
     expected = s1**2 + 2 * s1 * (s0 - s1) * mean(1) + (s0 - s1) ** 2 * mean(2)
-    np.testing.assert_allclose(
-        mids[20:, 0], expected, atol=1e-5
-    )  # Simpson's rule on a quarter of a row [N]
+    # Simpson's rule on a quarter of a row [N]
+    np.testing.assert_allclose(mids[20:, 0], expected, atol=1e-5)
     np.testing.assert_allclose(mids[:20], low, atol=1e-9)
     at_rows = (s1 + (s0 - s1) * e) ** 2
-    np.testing.assert_allclose(
-        rows[20:59, 0], at_rows, atol=1e-3
-    )  # continued over a quarter of a row [N]
+    # continued over a quarter of a row [N]
+    np.testing.assert_allclose(rows[20:59, 0], at_rows, atol=1e-3)
 
 
 def test_measured_rotor_speed_is_between_rows_and_passes_propellers_only():

@@ -22,25 +22,20 @@ class PointMass:
     over every interval.
     """
 
-    def __init__(self, disturbance: np.ndarray, drag: float = 0.0, vigour: float = 1.0):
+    def __init__(self, disturbance: np.ndarray):
         n = len(disturbance)
         self.t = STEP * (np.arange(n) + 0.5)
         self.dt = np.full(n, STEP)
-        tilt = vigour * np.stack(
-            [0.3 * np.sin(2 * self.t), 0.2 * np.cos(3 * self.t), 0.0 * self.t], axis=1
-        )
+        tilt = np.stack([0.3 * np.sin(2 * self.t), 0.2 * np.cos(3 * self.t), 0 * self.t], axis=1)
         self.q = attitude.from_rotation_vector(tilt)
-        self.thrust = VEHICLE.mass * VEHICLE.gravity * (1 + 0.1 * vigour * np.sin(5 * self.t))
+        self.thrust = VEHICLE.mass * VEHICLE.gravity * (1 + 0.1 * np.sin(5 * self.t))
         up = np.zeros((n, 3))
         up[:, 2] = self.thrust / VEHICLE.mass
         push = attitude.rotate(self.q, up) - [0.0, 0.0, VEHICLE.gravity]
         v = np.zeros((n + 1, 3))
         for k in range(n):
-            v[k + 1] = v[k] + STEP * (push[k] + (disturbance[k] - drag * v[k]) / VEHICLE.mass)
+            v[k + 1] = v[k] + STEP * (push[k] + disturbance[k] / VEHICLE.mass)
         self.v = 0.5 * (v[1:] + v[:-1])
-        self.force = VEHICLE.mass * (
-            np.diff(v, axis=0) / STEP - push
-        )  # that a diagnosis sees as residual [N]
 
     def known(self) -> np.ndarray:
         return velocity_before(self.t, self.dt, self.v, self.q, self.thrust, VEHICLE, STEP)

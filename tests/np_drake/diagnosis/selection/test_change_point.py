@@ -13,7 +13,7 @@ from np_drake.effects.mass_error import MassError
 from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.effects.weak_rotor import WeakRotor
 
-REAL, IDEAL = Options.for_sensors(True), Options.for_sensors(False)
+REAL = Options.for_sensors(True)
 PRIORS = REAL.priors
 
 
@@ -36,23 +36,6 @@ def test_the_instant_is_found(seen, noise, effect, when):
     slack = 0.6 if isinstance(effect, LinearDrag) else 0.03  # a drag shows once there is speed [s]
     assert dut.onset["late"] == pytest.approx(when, abs=slack)
     assert dut.gain > 10.0
-
-
-def test_each_flight_has_its_own_onset(seen, noise):
-    effect = MassError(0.2)
-    early = seen(effect, name="early", seed=1, noise=1.0, onset={"mass_error": 3.0})
-    late = seen(effect, name="late", seed=2, noise=1.0, onset={"mass_error": 8.0})
-    always = seen(effect, name="always", seed=3, noise=1.0)
-    problem = problem_of([early, late, always], noise, [effect])
-    dut = OnsetScan(problem).best(problem.candidates[0])
-    assert dut.onset.keys() == {"early", "late"}
-    assert dut.onset["early"] == pytest.approx(3.0, abs=0.03)
-    assert dut.onset["late"] == pytest.approx(8.0, abs=0.03)
-    late = next(c for c in switched_candidates(problem) if c.identifiers == ("mass_error",))
-    assert late.onset == dut.onset
-    assert late.log_prior == problem.candidates[0].log_prior
-    rows = round((12.0 - 2 * 0.7) / 0.02)
-    assert 2 * PRIORS.onset - 2 * np.log(rows) <= late.onset_prior < 2 * PRIORS.onset - np.log(rows)
 
 
 def test_what_has_not_begun_at_the_end_of_a_half_is_absent_from_it(seen, noise):

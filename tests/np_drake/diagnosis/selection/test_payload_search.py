@@ -8,7 +8,7 @@ from np_drake.diagnosis.residuals import FORCE
 from np_drake.diagnosis.selection.payload_search import PayloadSearch
 from np_drake.effects.suspended_payload import SuspendedPayload
 
-REAL, IDEAL = Options.for_sensors(True), Options.for_sensors(False)
+REAL = Options.for_sensors(True)
 PRIORS = REAL.priors
 
 
@@ -39,9 +39,8 @@ def test_an_onset_that_is_known_roughly_is_sharpened_to_the_row(seen, noise, off
     )
     dut = PayloadSearch([flight], onset={"1": 4.0 + off}, options=REAL)
     assert dut.when(noise, [], Guess(0.5))["1"] == pytest.approx(4.0, abs=0.03)
-    assert (
-        PayloadSearch([flight], options=REAL).when(noise, [], Guess(0.5)) == {}
-    )  # what has no onset gets none
+    # what has no onset gets none
+    assert PayloadSearch([flight], options=REAL).when(noise, [], Guess(0.5)) == {}
 
 
 def test_columns_of_a_payload_mean_what_its_guess_moves_to(seen):

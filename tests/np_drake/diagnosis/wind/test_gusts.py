@@ -12,7 +12,7 @@ from np_drake.effects.constant_wind import ConstantWind
 from np_drake.effects.gusty_wind import GustyWind
 from np_drake.effects.linear_drag import LinearDrag
 
-REAL, IDEAL = Options.for_sensors(True), Options.for_sensors(False)
+IDEAL = Options.for_sensors(False)
 
 DRAG = LinearDrag(0.3, 0.3, 0.3)
 
