@@ -3,15 +3,21 @@
 import dataclasses as dc
 from functools import cache
 
+import numpy as np
 import pytest
 
 from np_drake.diagnosis.diagnose import diagnose
+from np_drake.diagnosis.options import Options, Tolerance
 from np_drake.diagnosis.result import Diagnosis
+from np_drake.effects.downwash import Downwash
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError
+from np_drake.flight_log import FlightLog, Neighbour
 from np_drake.vehicle import Vehicle
 
 VEHICLE = Vehicle()
+
+
 SHORT = {"noise": 1.0, "seconds": 8.0}
 
 
@@ -77,3 +83,72 @@ def test_bad_inputs_are_refused_in_one_line_that_says_what_is_wrong(fly):
             diagnose(VEHICLE, train, held_out)
         assert "\n" not in str(error.value)
         assert str(error.value).startswith("diagnose: ")
+
+
+REAL = Options.for_sensors(True)
+
+
+def test_tolerance_and_options_together_are_refused():
+    with pytest.raises(ValueError, match="either tolerance or options"):
+        diagnose(Vehicle(), [], [], tolerance=Tolerance(), options=REAL)
+
+
+def test_a_material_force_is_in_proportion_to_a_material_position_error():
+    dut = REAL.with_material(0.1).materiality
+    assert (dut.position, dut.remaining_force) == (
+        0.1,
+        pytest.approx(2 * REAL.materiality.remaining_force),
+    )
+    with pytest.raises(ValueError, match="material position error must be positive"):
+        REAL.with_material(0.0)
+
+
+STRENGTH = 0.6
+
+
+FLIGHTS = (("a", 1), ("b", 2), ("c", 3))
+
+
+VIGOUR = (0.5, 0.5, 0.5, 1.0)  # stays below the neighbour
+
+
+def hovering(t, height):
+    """The log of a neighbour that hovers, on a recording that began 50 s earlier."""
+    p, q = np.tile([0.1, 0.0, height], (len(t), 1)), np.tile([1.0, 0, 0, 0], (len(t), 1))
+    still = np.zeros_like(p)
+    return FlightLog(
+        t=t + 50.0,
+        p=p,
+        q=q,
+        v=still,
+        w=still,
+        u=np.zeros((len(t), 4)),
+        name="neighbour",
+        start=-50.0,
+    )
+
+
+@pytest.fixture(scope="module")
+def answers(fly, quick_searches):
+    """Diagnoses of the same flights with and without the log of the neighbour that hovered
+    above.
+    """
+    t = np.linspace(-1.0, 20.0, 211)
+    above = hovering(t, 2.6)
+    effect = Downwash(STRENGTH, (Neighbour(t, above.p),))
+    logs = [
+        fly(effect, name=name, seed=seed, noise=1.0, seconds=10.0, vigour=VIGOUR)
+        for name, seed in FLIGHTS
+    ]
+    neighbours = {name: [above] for name, _ in FLIGHTS}
+    return [diagnose(VEHICLE, logs[:2], logs[2:], neighbours=given) for given in (neighbours, None)]
+
+
+def test_the_strength_of_a_downwash_lies_in_its_interval(answers):
+    dut, _ = answers
+    assert dut.verdict == ("downwash",)
+    (strength,) = dut.causes[0].parameters.values()
+    assert strength.ci95[0] < STRENGTH < strength.ci95[1]
+    assert strength.ci95[1] - strength.ci95[0] < 0.2
+    assert dut.gap_reduction.fraction > 0.9
+    assert any("beside neighbour" in line for line in dut.warnings)

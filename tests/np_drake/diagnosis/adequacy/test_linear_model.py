@@ -11,8 +11,7 @@ from np_drake.diagnosis.fitting import prior_whitening, refine, scaled_jacobian
 from np_drake.diagnosis.forward_model import NEVER, Term, predicted_residual
 from np_drake.diagnosis.numerics import NoiseModel
 from np_drake.diagnosis.options import Options, Tolerance
-from np_drake.diagnosis.regressors import PREFIX, RegressionProblem
-from np_drake.diagnosis.residuals import TORQUE
+from np_drake.diagnosis.regressors import RegressionProblem
 from np_drake.diagnosis.selection import Ranking
 from np_drake.effects.base import Effect
 from np_drake.effects.linear_drag import LinearDrag
@@ -104,26 +103,7 @@ def test_the_evidence_of_a_structure_is_that_of_a_direct_linear_regression(model
         )
 
 
-def test_evidence_without_a_term_is_that_of_the_model_without_it(model):
-    both, _ = model((DRAG,), [Term(DRAG), Term(RotorGyroscopic())])
-    alone, _ = model((DRAG,), [Term(DRAG)])
-    # about a slightly different drag, in which the columns are linear
-    assert both.evidence({1}) == pytest.approx(alone.evidence(), abs=1e-2)
-
-
 def test_the_margin_of_a_planted_effect_is_large_of_an_absent_negative(absent):
     dut, _ = absent
     assert dut.margin(0, ()) > 100.0
     assert dut.margin(1, ()) < PRIOR + 2.0  # what noise may bring
-
-
-def test_a_torque_of_no_effect_is_described_by_structure_and_its_part(model, damper):
-    dut, ranking = model((DRAG, damper), [Term(DRAG)])
-    evidence, structure = dut.select_structure()
-    assert evidence > dut.evidence() + 100.0
-    first = structure[0]
-    assert dut.structure[first].identifiers == (PREFIX + "rates",)
-    for e in ranking.problem.flights:
-        expected = 0.02 * e.w  # what the command does against it
-        left = dut.part(structure, first, e)[:, TORQUE] + expected
-        assert np.sum(left[25:-25] ** 2) < 0.1 * np.sum(expected[25:-25] ** 2)

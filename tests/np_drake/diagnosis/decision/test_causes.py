@@ -9,12 +9,18 @@ import pytest
 from scipy import special
 
 from np_drake.diagnosis.decision import causes as module
-from np_drake.diagnosis.decision.causes import without_missing_drag
+from np_drake.diagnosis.decision.causes import (
+    MOST_ALTERNATIVES,
+    equivalents,
+    without_late_onsets,
+    without_missing_drag,
+)
 from np_drake.diagnosis.decision.term_assessment import TermAssessment, assess_term
 from np_drake.diagnosis.decision.unexplained import LinearModel
 from np_drake.diagnosis.forward_model import pendulum_error
 from np_drake.diagnosis.held_out import on_held_out
 from np_drake.diagnosis.options import Options
+from np_drake.diagnosis.regressors import Model
 from np_drake.diagnosis.result import Cause
 from np_drake.effects.constant_wind import ConstantWind
 from np_drake.effects.linear_drag import LinearDrag
@@ -23,7 +29,11 @@ from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.vehicle import Vehicle
 
 IDEAL = Options.for_sensors(False)
+
+
 DRAG = LinearDrag(0.6, 0.6, 0.6)
+
+
 PAPER = Vehicle()
 
 
@@ -94,3 +104,76 @@ def test_payload_parameters_are_known_no_better_than_the_pendulum_model(fit_at):
         error = 1.96 * pendulum_error(name, payload, PAPER, IDEAL.priors)
         assert half == pytest.approx(error)
         assert 0.5 * np.diff(rough[name].ci95)[0] == pytest.approx(np.hypot(error, 1.96 * 0.01))
+
+
+ENDS = {"a": 20.0, "b": 20.0}
+
+
+def settled(**onset):
+    return without_late_onsets([Cause("mass_error", 0.97, {}, onset)], ENDS)
+
+
+def test_an_onset_in_the_last_second_of_a_flight_is_none():
+    (cause,), late = settled(a=8.0, b=19.2)
+    assert cause.onset == {"a": 8.0, "b": np.inf}
+    assert late == []
+    (cause,), _ = settled(a=None, b=18.9)
+    assert cause.onset == {"a": None, "b": 18.9}
+
+
+def test_what_begins_nowhere_else_is_no_cause():
+    causes, (late,) = settled(a=19.5, b=np.inf)
+    assert causes == []
+    assert late.name == "mass_error"
+
+
+OPTIONS = Options.for_sensors(True)
+
+
+NEAR = OPTIONS.thresholds.indistinguishable_evidence
+
+
+@dc.dataclass
+class Candidate:
+    identifiers: tuple[str, ...]
+    generic: bool = False
+
+
+class Problem:
+    """A regression whose models have given scores; others are far worse."""
+
+    options = OPTIONS
+
+    def __init__(self, candidates, scores, apart=()):
+        self.candidates, self._scores, self._apart = candidates, scores, set(apart)
+
+    def score(self, members):
+        return self._scores.get(tuple(sorted(members)), -1e6)
+
+    def fits_together(self, members):
+        return tuple(sorted(members)) not in self._apart
+
+
+NAMES = ["drag", "a", "b", "c", "d", "e"]
+
+
+EVERY = [Candidate((name,)) for name in NAMES]
+
+
+def test_alternatives_stand_best_first_within_the_threshold():
+    scores = {(0,): 0.0, (1,): -0.6 * NEAR, (2,): -0.1 * NEAR, (3,): -1.01 * NEAR, (4,): 0.2 * NEAR}
+    dut = equivalents(Problem(EVERY, scores), Model((0,), 0.0))
+    assert list(dut) == ["drag"]
+    assert dut["drag"] == ("d", "b", "a")[:MOST_ALTERNATIVES]
+
+
+def test_structure_the_effect_itself_and_what_does_not_fit_are_none():
+    candidates = [
+        Candidate(("drag",)),
+        Candidate(("a",), generic=True),
+        Candidate(("drag",)),
+        Candidate(("b",)),
+    ]
+    scores = {(0,): 0.0, (1,): 0.0, (2,): 0.0, (3,): 0.0}
+    assert equivalents(Problem(candidates, scores, apart=[(3,)]), Model((0,), 0.0)) == {"drag": ()}
+    assert equivalents(Problem(candidates, scores), Model((1,), 0.0)) == {}

@@ -39,14 +39,6 @@ def test_an_angle_of_swing_is_an_angle():
     assert moved[0] == pytest.approx(np.sin(0.3))  # towards +x in W
 
 
-def test_the_hook_of_a_hovering_vehicle_rests(seen):
-    dut = seen(vigour=0.0)
-    hooks = np.array([[0.0, 0.0, 0.0], [0.1, 0.0, -0.05]])
-    np.testing.assert_allclose(_at_hooks(dut.driving, hooks), 0.0, atol=1e-9)
-    pull = specific_pull(dut, np.array([0.5]), np.zeros((1, 4)), hooks[:1], None)
-    np.testing.assert_allclose(pull[:, 0], np.tile([0, 0, -9.81], (len(dut.t), 1)), atol=1e-6)
-
-
 def test_a_hook_moves_as_a_point_of_the_body_many_as_each_alone(seen):
     dut = seen()
     hooks = np.array([[0.1, 0.0, 0.0], [0.03, -0.2, 0.05]])

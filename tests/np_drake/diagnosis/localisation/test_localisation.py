@@ -5,7 +5,9 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.localisation import localise
+from np_drake.diagnosis.localisation import _confusables, excitation, excited, localise
+from np_drake.diagnosis.regressors import library_candidates
+from np_drake.diagnosis.result import CHANNELS, ChannelGap, gap_kinds
 
 
 def test_the_gap_of_a_channel_is_the_rms_of_the_rows_that_count(seen, noise):
@@ -17,3 +19,77 @@ def test_the_gap_of_a_channel_is_the_rms_of_the_rows_that_count(seen, noise):
     assert [c.rms for c in dut.channels] == pytest.approx([0.3, 0, 0, 0, 0.02, 0])
     assert [c.after for c in dut.channels] == pytest.approx([0.15, 0, 0, 0, 0.01, 0])
     assert [c.noise_floor for c in dut.channels] == pytest.approx(noise.rms[:6].tolist())
+
+
+def test_excitation_is_that_of_the_flight(seen):
+    dut = excitation([seen()])
+    log = seen().log
+    assert dut["speed [m/s]"] == pytest.approx(np.sqrt(np.mean(np.sum(log.v**2, axis=1))), rel=0.02)
+    assert dut["rate [rad/s]"] == pytest.approx(
+        np.sqrt(np.mean(np.sum(log.w**2, axis=1))), rel=0.02
+    )
+    assert dut["height span [m]"] == pytest.approx(np.ptp(log.p[:, 2]), rel=0.02)
+    assert dut["duration [s]"] == pytest.approx(12.0, abs=0.03)
+    assert dut["thrust variation [1]"] == pytest.approx(
+        log.u[:, 0].std() / log.u[:, 0].mean(), rel=0.02
+    )
+
+
+@pytest.mark.parametrize("noise_of_the_log", [0.0, 1.0])
+def test_a_hovering_flight_excites_nothing_and_a_moving_one_something(seen, noise_of_the_log):
+    assert not excited(excitation([seen(vigour=0.0, noise=noise_of_the_log)]))
+    assert excited(excitation([seen(noise=noise_of_the_log)]))
+
+
+@pytest.fixture(scope="module")
+def flights(seen):
+    return [seen(name=n, seed=i, noise=1.0) for i, n in enumerate("ab")]
+
+
+def test_lively_flight_makes_delay_and_lag_collinear_but_not_a_clock(flights, noise):
+    found = [c.effects for c in _confusables(flights, library_candidates(flights), noise)]
+    assert ("command_delay", "motor_lag") in found
+    assert not {("clock_offset", "command_delay"), ("clock_offset", "motor_lag")} & {*found}
+    assert ("gyro_bias", "linear_drag") not in found
+    assert ("mass_error", "thrust_scale") not in found
+
+
+def test_in_hover_what_needs_motion_leaves_no_trace(seen, noise):
+    flights = [seen(vigour=0.0, noise=1.0, seconds=4.0)]
+    held_out = {
+        c.effects
+        for c in _confusables(flights, library_candidates(flights), noise)
+        if len(c.effects) == 1
+    }
+    assert {("quadratic_drag",), ("translational_lift",), ("command_delay",)} <= held_out
+    assert ("mass_error",) not in held_out
+
+
+NOISE = (0.05, 0.05, 0.08, 0.004, 0.004, 0.002)  # [N, N·m]
+
+
+SIZE = (8.0, 7.0, 22.0, 3.0, 2.6, 1.3)  # of the gap in noise units
+
+
+def channels(after=1.08):
+    return [
+        ChannelGap(name, "N" if k < 3 else "N·m", noise * size, noise, after * noise)
+        for k, (name, noise, size) in enumerate(zip(CHANNELS, NOISE, SIZE, strict=True))
+    ]
+
+
+def test_the_gap_has_three_kinds_with_shares_of_their_own():
+    lateral, vertical, torque = gap_kinds(channels())
+    assert [part.kind for part in (lateral, vertical, torque)] == [
+        "lateral force",
+        "vertical force",
+        "torque",
+    ]
+    assert lateral.before == pytest.approx(np.hypot(0.05 * 8, 0.05 * 7))  # [N]
+    assert vertical.left == pytest.approx((1.08**2 - 1) / (22**2 - 1))
+    assert vertical.above_noise == pytest.approx(0.08 * np.sqrt(1.08**2 - 1))  # [N]
+
+
+def test_without_a_gap_no_share_is_left_of_it():
+    assert np.isnan(gap_kinds([ChannelGap("force z", "N", 0.08, 0.08, 0.08)])[0].left)
+    assert gap_kinds([]) == []

@@ -5,15 +5,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from np_drake.diagnosis.forward_model import Term, predicted_residual
+from np_drake.diagnosis.forward_model import predicted_residual
 from np_drake.diagnosis.options import Options
-from np_drake.diagnosis.regressors import library_candidates, payloads_of, switched, wind_candidates
-from np_drake.diagnosis.regressors.library import _effect_candidates, _not_negative
-from np_drake.diagnosis.residuals import flight_residuals as ev
+from np_drake.diagnosis.regressors import library_candidates, wind_candidates
+from np_drake.diagnosis.regressors.library import _not_negative
 from np_drake.effects.base import correlation_root
 from np_drake.effects.library import LIBRARY
 from np_drake.effects.linear_drag import LinearDrag
-from np_drake.effects.mass_error import MassError
 
 REAL = Options.for_sensors(True)
 
@@ -66,32 +64,6 @@ def test_wind_is_felt_through_the_drag_that_comes_with_it(flights, candidates, d
     c = np.r_[np.linalg.solve(correlation_root(LinearDrag), np.full(3, drag)), wind]
     for e in flights:
         assert gap(dut.columns[e.name] @ c, trace(dut, c, e)) < 1e-6
-
-
-def test_a_payload_that_swings_has_the_trace_of_its_terms(flights):
-    (dut,) = (p.candidate(flights) for p in payloads_of(flights, np.array([0.6]), REAL.priors))
-    c = np.zeros(dut.size)
-    c[0] = 1.0
-    c[4:] = 0.3 * np.array([1, -1, 0.5, 0.5, -1, 1, 0.5, -0.5])  # every flight has its own start
-    for e in flights:
-        rest = np.where(np.arange(dut.size) < 4, c, 0.0)
-        moved = (dut.columns[e.name] @ (c - rest))[:, ev.FORCE]
-        expected = (trace(dut, c, e) - trace(dut, rest, e))[:, ev.FORCE]
-        assert gap(moved, expected) < 0.2  # pendulums are linear to first order
-
-
-@pytest.mark.parametrize("effect", [LinearDrag, MassError], ids=lambda e: e.identifier)
-def test_a_gated_candidate_is_that_of_its_onset(flights, effect):
-    (plain,) = _effect_candidates(effect, flights, {})
-    onset = {"a": 3.0}
-    late = switched(plain, flights, onset)
-    c = np.full(plain.size, 0.05)
-    (term,) = late.terms(c)
-    assert term.onset == onset
-    expected = predicted_residual(flights[0], [Term(term.effect, onset)])
-    outside = np.abs(flights[0].t - 3.0) > 0.25  # the low-pass
-    assert gap((late.columns["a"] @ c)[outside], expected[outside]) < 0.01
-    np.testing.assert_array_equal(late.columns["b"], plain.columns["b"])
 
 
 @given(st.integers(0, 2**31))

@@ -10,21 +10,6 @@ NOISE = (0.05, 0.05, 0.08, 0.004, 0.004, 0.002)  # [N, N·m]
 SIZE = (8.0, 7.0, 22.0, 3.0, 2.6, 1.3)  # of the gap in noise units
 
 
-def traces(flight: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return t and the residuals before and after, over 20 s; the payload begins at 8 s of the
-    second flight.
-    """
-    draw = np.random.default_rng(flight)
-    t = np.arange(0.0, 20.0, 0.01)
-    hung = (t > 8.0) if flight else np.ones(len(t))
-    swing = np.stack(
-        [np.sin(w * t + k) for k, w in enumerate((3.5, 3.5, 7.0, 3.5, 3.5, 1.0))], axis=1
-    )
-    swing[:, 2] -= 2.0
-    noise = draw.normal(size=(len(t), 6)) * NOISE
-    return t, noise + hung[:, None] * swing * np.array(NOISE) * SIZE, 1.08 * noise
-
-
 def replay(scale: float) -> an.ReplayGap:
     grown = np.array([0.01, 0.06, 0.22, 0.85])[:, None]
     spread = np.array([1.0, 0.85, 1.2])
@@ -38,21 +23,13 @@ def replay(scale: float) -> an.ReplayGap:
 
 
 def where() -> an.Localisation:
-    made = {name: traces(k) for k, name in enumerate(HELD_OUT)}
     channels = tuple(
         an.ChannelGap(channel, "N" if k < 3 else "N·m", noise * size, noise, 1.08 * noise)
         for k, (channel, noise, size) in enumerate(zip(an.CHANNELS, NOISE, SIZE, strict=True))
     )
-    return an.Localisation(
-        channels,
-        tuple(
-            an.Regime("speed", "m/s", k, k + 1.0, 100, (9.0 - k,) * 6, (1.0 + k,) * 6)
-            for k in range(4)
-        ),
-        {name: t for name, (t, _, _) in made.items()},
-        {name: before for name, (_, before, _) in made.items()},
-        {name: after for name, (_, _, after) in made.items()},
-    )
+    sizes = (9.0,) * 6, (1.0,) * 6
+    speeds = tuple(an.Regime("speed", "m/s", k, k + 1.0, 100, *sizes) for k in range(4))
+    return an.Localisation(channels, speeds)
 
 
 def payload() -> an.Cause:

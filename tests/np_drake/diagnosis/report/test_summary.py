@@ -5,12 +5,14 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.report.answer import headline, lead
+from np_drake.diagnosis.report.answer import gap_rows, headline, lead, remains
 from np_drake.diagnosis.result import UNKNOWN, Finding
 
 TRACE = Finding(
     "periodic force", "a force at 2.3 Hz along body x, 0.4 N.", 0.6, {}, "hover at two thrusts"
 )
+
+
 SLOW = Finding(
     "slow", "something slow below 0.5 Hz", 0.04, {"share": 0.04, "force": 0.9}, "hover for a minute"
 )
@@ -59,16 +61,14 @@ def cannot_tell(diagnosis):
 
 
 REMAINS = "to find what remains: hover for a minute."
+
+
 PAYLOAD = (
     "A 260 g payload on 0.81 m and calibration explain 41 % of the gap on the held-out flights"
 )
+
+
 CASES = {  # how the diagnosis is changed: headline, and the sentence below it
-    clean: (
-        "Nothing material is missing: with calibration, the remainder on the held-out "
-        "flights is 44 mN, 2.4 mN·m and "
-        "1.3 cm after 1 s",
-        "The simulator agrees with the logs, and nothing is named.",
-    ),
     no_gap: (
         "There is no material gap on the held-out flights",
         "Training names suspended payload and linear drag, which these flights do not need.",
@@ -114,3 +114,27 @@ def test_the_headline_says_whether_the_replay_improved(diagnosis, factor, said):
     before = diagnosis.gap_reduction.replay_before
     after = dc.replace(before, position=factor * before.position)
     assert headline(reduced(diagnosis, replay_before=before, replay_after=after)).endswith(said)
+
+
+def with_channels(diagnosis, *channels):
+    return dc.replace(diagnosis, localisation=dc.replace(diagnosis.localisation, channels=channels))
+
+
+def with_left(diagnosis, **changes):
+    left = dc.replace(diagnosis.gap_reduction.left, **changes)
+    return dc.replace(diagnosis, gap_reduction=dc.replace(diagnosis.gap_reduction, left=left))
+
+
+def test_of_an_immaterial_gap_no_share_is_said(diagnosis):
+    said = remains(with_left(diagnosis, share=float("nan"), position_before=0.011))
+    assert (
+        said.replace("\u00a0", " ")
+        == "The held-out gap is immaterial: 1.1 cm after 1 s, beyond the noise."
+    )
+
+
+def test_a_torque_that_the_log_does_not_tell_is_no_part_of_the_gap(diagnosis):
+    channels = diagnosis.localisation.channels
+    silent = (dc.replace(c, rms=0.0, after=1e-14) if c.unit == "N·m" else c for c in channels)
+    names = [row[0] for row in gap_rows(with_channels(diagnosis, *silent))]
+    assert names == ["lateral force [N]", "vertical force [N]", "all, over noise [1]"]

@@ -1,12 +1,15 @@
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.gusts import BIN, WindForce, still_air_loss, wind_onset
+from np_drake.diagnosis.gusts import BIN, WindForce, still_air_loss, wind_force, wind_onset
 from np_drake.diagnosis.options import Options
 
 REAL, IDEAL = Options.for_sensors(True), Options.for_sensors(False)
 
+
 DEVIATION, MEAN = 0.5, np.array([0.3, -0.2, 0.1])  # of `pushed`
+
+
 RIG = REAL
 
 
@@ -54,3 +57,15 @@ def test_a_wind_makes_a_calm_less_likely_from_its_begin_on(flights, options, pus
     assert dut[-1] > alone[-1] + 100.0
     before = slice(0, int(7.9 / BIN))
     assert np.abs(dut - alone)[before].max() < 0.1 * (dut - alone)[-1]
+
+
+@pytest.mark.parametrize("time", [0.3, 2.0])
+def test_nine_of_ten_intervals_hold_the_truth(flights, time, pushed):
+    inside = []
+    for seed in range(20):
+        dut = wind_force(flights, pushed(flights, np.random.default_rng(seed), time), {})
+        for (value, low, high), true in ((dut.deviation, DEVIATION), (dut.correlation_time, time)):
+            assert low < value < high
+            inside.append(low < true < high)
+        inside += list(np.abs(dut.mean[:, 0] - MEAN) < dut.mean[:, 1])
+    assert 0.88 < np.mean(inside) <= 1.0

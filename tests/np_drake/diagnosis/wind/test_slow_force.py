@@ -1,3 +1,5 @@
+"""Laws of what follows a place."""
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -8,12 +10,15 @@ from np_drake import attitude
 from np_drake.diagnosis.forward_model import Term, predicted_residual
 from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.residuals import FORCE
-from np_drake.diagnosis.slow_force import _markov, _slow_power, slow_force
+from np_drake.diagnosis.slow_force import _markov, _slow_power, position_p_value, slow_force
 from np_drake.effects.gusty_wind import GustyWind
 from np_drake.effects.linear_drag import LinearDrag
 
 REAL, IDEAL = Options.for_sensors(True), Options.for_sensors(False)
+
+
 THRESHOLDS = REAL.thresholds
+
 
 DRAG = LinearDrag(0.3, 0.3, 0.3)
 
@@ -53,3 +58,33 @@ def test_a_slow_force_has_its_mean_square_as_power_and_a_fast_one_none(seen):
             residual[e.name] = np.zeros_like(e.y)
             residual[e.name][:, FORCE] = force
         assert _slow_power(flights, residual) == pytest.approx(expected, rel=0.1, abs=0.01)
+
+
+@pytest.fixture(scope="module")
+def flights(seen):
+    return [seen(name=str(i), seed=i, seconds=20.0) for i in (1, 2)]
+
+
+def field(e, slope, normal):
+    """(n, 3) force in W that grows along `normal`."""
+    p = np.stack([np.interp(e.t, e.rows.t, axis) for axis in e.rows.x[:, :3].T], axis=1)
+    return slope * (p @ normal)[:, None] * normal
+
+
+def test_gusts_follow_the_place_as_often_as_chance_has_it(seen, pushed):
+    flights, found = [seen(name=str(i), seed=i, seconds=12.0) for i in (1, 2)], []
+    for seed in range(60):
+        residual = pushed(flights, np.random.default_rng(seed), 0.6)
+        found.append(position_p_value(flights, residual, {}))
+    assert 0.35 < np.mean(found) < 0.65
+    assert np.mean(np.array(found) < 0.1) < 0.25
+
+
+def test_a_force_tied_to_a_place_is_no_gust_whatever_its_mean_in_a_flight(flights, pushed):
+    normal = np.array([0.8, 0.6, 0.0])
+    residual = pushed(flights, np.random.default_rng(3), 0.6)
+    for i, e in enumerate(flights):
+        tied = field(e, 1.0, normal) + 0.3 * i
+        residual[e.name] = 0.3 * residual[e.name]
+        residual[e.name][:, :3] += attitude.rotate_back(e.q, tied)
+    assert position_p_value(flights, residual, {}) < 1e-6
