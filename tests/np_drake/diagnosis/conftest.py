@@ -74,20 +74,10 @@ def search_with_few_lengths(
 
 def _content(e: FlightResiduals) -> tuple[object, ...]:
     """Return what a search reads of a flight, hashable."""
-    arrays = (
-        e.t,
-        e.y,
-        e.rows.x,
-        e.nominal,
-        e.outliers,
-        e.joined,
-        e.log.t,
-        e.log.x,
-        e.log.u,
-        e.log.a,
-    )
+    log = e.log
+    arrays = (e.t, e.y, e.rows.x, e.nominal, e.outliers, e.joined, log.t, log.x, log.u, log.a)
     content = (None if a is None else a.tobytes() for a in arrays)
-    return (e.name, repr(e.vehicle), e.log.input, e.goes_on, e.turned, e.attitude_noise, *content)
+    return (e.name, repr(e.vehicle), log.input, e.goes_on, e.turned, e.attitude_noise, *content)
 
 
 @pytest.fixture(scope="session")
@@ -198,15 +188,6 @@ def fit_at(seen) -> Callable[..., Fit]:
         return Fit(terms, (), free, read(terms, free), np.asarray(covariance), 0.0)
 
     return fit
-
-
-@pytest.fixture
-def library() -> Iterator[dict[str, type[Effect]]]:
-    """Yield the library, and restore it after the test."""
-    before = dict(LIBRARY)
-    yield LIBRARY
-    LIBRARY.clear()
-    LIBRARY.update(before)
 
 
 def _process(rng: np.random.Generator, t: np.ndarray, time: float) -> np.ndarray:

@@ -58,25 +58,18 @@ def course(seed: int, seconds: float, vigour: float | tuple[float, ...]) -> Cour
     parts = np.zeros((3, len(t), 4))
     for frequency, amplitude in WAVES:
         rate = 2 * np.pi * frequency * rng.uniform(0.9, 1.1, 4)
-        angle, size = (
-            t[:, None] * rate + rng.uniform(0, 2 * np.pi, 4),
-            np.multiply(vigour, amplitude),
-        )
+        angle = t[:, None] * rate + rng.uniform(0, 2 * np.pi, 4)
+        size = np.multiply(vigour, amplitude)
         parts += np.stack(
             [size * np.sin(angle), size * rate * np.cos(angle), -size * rate**2 * np.sin(angle)]
         )
     s = np.minimum(t / SLOW_START, 1.0)[:, None]
     grown = s**3 * (10 - 15 * s + 6 * s**2)
-    rate, bend = (
-        30 * s**2 * (1 - s) ** 2 / SLOW_START,
-        60 * s * (1 - s) * (1 - 2 * s) / SLOW_START**2,
-    )
+    rate = 30 * s**2 * (1 - s) ** 2 / SLOW_START
+    bend = 60 * s * (1 - s) * (1 - 2 * s) / SLOW_START**2
     wave, slope, curve = parts
-    p, v, a = (
-        grown * wave,
-        grown * slope + rate * wave,
-        grown * curve + 2 * rate * slope + bend * wave,
-    )
+    p, v = grown * wave, grown * slope + rate * wave
+    a = grown * curve + 2 * rate * slope + bend * wave
     return Course(t, p[:, :3] + [0, 0, 1.2], v[:, :3], a[:, :3], p[:, 3])
 
 

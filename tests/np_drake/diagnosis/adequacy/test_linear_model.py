@@ -58,11 +58,6 @@ def linear_model(
 
 
 @pytest.fixture(scope="module")
-def drag(model):
-    return model((DRAG,), [Term(DRAG)])
-
-
-@pytest.fixture(scope="module")
 def absent(model):
     """Drag, and two effects that are not there: one leaves no trace at all."""
     terms = [Term(DRAG), Term(RotorGyroscopic()), Term(MassError(0.1), {"a": NEVER, "b": NEVER})]

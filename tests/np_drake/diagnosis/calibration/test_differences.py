@@ -9,11 +9,7 @@ from np_drake.effects.blade_flapping import BladeFlapping
 from np_drake.effects.weak_rotor import WeakRotor
 
 REAL = Options.for_sensors(True)
-
-
 TILT = 0.03  # of the attitude in one of the flights [rad]
-
-
 SENSORS = {"noise": 1.0, "attitude_noise": 0.005, "seconds": 8.0}
 
 

@@ -24,8 +24,6 @@ from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.effects.weak_rotor import WeakRotor
 
 UNMEASURED = dc.replace(Tolerance(), unmeasured=True)
-
-
 PRIORS = Options.for_sensors(True).priors
 
 

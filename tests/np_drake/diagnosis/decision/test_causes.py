@@ -29,11 +29,7 @@ from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.vehicle import Vehicle
 
 IDEAL = Options.for_sensors(False)
-
-
 DRAG = LinearDrag(0.6, 0.6, 0.6)
-
-
 PAPER = Vehicle()
 
 
@@ -128,8 +124,6 @@ def test_what_begins_nowhere_else_is_no_cause():
 
 
 OPTIONS = Options.for_sensors(True)
-
-
 NEAR = OPTIONS.thresholds.indistinguishable_evidence
 
 
@@ -155,8 +149,6 @@ class Problem:
 
 
 NAMES = ["drag", "a", "b", "c", "d", "e"]
-
-
 EVERY = [Candidate((name,)) for name in NAMES]
 
 

@@ -2,7 +2,6 @@
 
 import dataclasses as dc
 import importlib
-from functools import cache
 from typing import ClassVar
 
 import numpy as np
@@ -38,46 +37,26 @@ class Wall(WrenchEffect):
 DRAG, WALL = LinearDrag(0.3, 0.3, 0.3), Wall()
 
 
-def gusts(seed: int) -> GustyWind:
-    return GustyWind(0.0, 0.0, 0.0, 1.0, 0.8, seed)
-
-
-BLOWN = (gusts(61), gusts(62), gusts(63))
-WALLED = (WALL, WALL, WALL)
-
-
 @pytest.fixture(scope="module")
-def flown(seen):
-    """Return a function that flies two training flights and a third under drag and a slow force
-    each; cached.
-    """
+def of(seen, inferred):
+    """Return the inference of two flights and a third under drag and a slow force each."""
 
-    @cache
-    def flights(*slow: WrenchEffect | None, drag: LinearDrag | None = DRAG):
+    def inference(*slow: WrenchEffect):
         how = {"noise": 1.0, "seconds": 10.0}
-        acting = [[e for e in (drag, s) if e is not None] for s in slow]
-        *fitted, held_out = [
-            seen(*a, name=str(i), seed=i, **how) for i, a in enumerate(acting, start=1)
-        ]
-        return fitted, [held_out]
+        flights = [seen(DRAG, s, name=str(i), seed=i, **how) for i, s in enumerate(slow, start=1)]
+        return inferred(flights[:2], flights[2:])
 
-    return flights
-
-
-@pytest.fixture(scope="module")
-def of(flown, inferred):
-    """Return the inference of these flights, each searched and concluded once."""
-    return lambda *slow, **how: inferred(*flown(*slow, **how))
+    return inference
 
 
 def test_a_force_that_follows_the_place_is_unknown_and_not_gusts(of):
-    dut = of(*WALLED)
+    dut = of(WALL, WALL, WALL)
     assert dut.left.matters
     assert "gusty_wind" not in {c.identifier for c in dut.causes}
     assert "place" in {f.name for f in dut.findings}
 
 
 def test_a_slow_force_that_follows_no_place_is_gusts(of):
-    dut = of(*BLOWN)
+    dut = of(*(GustyWind(0.0, 0.0, 0.0, 1.0, 0.8, seed) for seed in (61, 62, 63)))
     assert {c.identifier for c in dut.causes} == {"linear_drag", "gusty_wind"}
     assert not dut.left.matters

@@ -73,9 +73,7 @@ def test_between_the_limits_it_is_the_gaussian_above_the_bound(times):
         (Size(0.0, 1.0, 1.0, 2.0), {"sensor": True}, True),
     ],
 )
-def test_force_or_torque_matters_of_calibration_force_of_a_sensor_its_tolerance(
-    size, kind, matters
-):
+def test_what_matters_is_force_or_torque_and_of_a_sensor_its_tolerance(size, kind, matters):
     assert material_share(size, np.ones(1), MATERIALITY, **(PLAIN | kind)) == matters
 
 

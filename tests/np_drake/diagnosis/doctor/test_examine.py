@@ -85,8 +85,6 @@ def test_a_drag_is_the_mean_of_its_axes_by_their_precision():
 
 
 OPTIONS = Options.for_sensors(False)
-
-
 LINEAR = ("linear_drag", "inertia_error", "weak_rotor", "center_of_mass_offset")
 
 

@@ -8,31 +8,30 @@ from np_drake.diagnosis.fitting import (
     free_parameters,
     impossible,
     interval,
+    prior_whitening,
     read,
     refine,
     write,
 )
 from np_drake.diagnosis.forward_model import NEVER, Term
 from np_drake.diagnosis.options import Options
-from np_drake.effects.base import Effect
+from np_drake.effects.base import Effect, prior_root
 from np_drake.effects.blade_flapping import BladeFlapping
 from np_drake.effects.command_delay import CommandDelay
 from np_drake.effects.constant_wind import ConstantWind
+from np_drake.effects.gyro_bias import GyroBias
 from np_drake.effects.inertia_error import InertiaError
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError
 from np_drake.effects.motor_lag import MotorLag
+from np_drake.effects.quadratic_drag import QuadraticDrag
 from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.effects.thrust_scale import ThrustScale
 from np_drake.effects.weak_rotor import WeakRotor
 from np_drake.vehicle import Vehicle
 
 REAL = Options.for_sensors(True)
-
-
 PRIORS = REAL.priors
-
-
 SEEDS = 40
 
 
@@ -139,3 +138,32 @@ def test_an_interval_is_that_of_the_figure_of_its_own_term(fit_at):
     fit = fit_at(LinearDrag(0.1, 0.2, 0.3), InertiaError(1.0, 1.1, 1.2), covariance=0.1)
     assert interval(fit, 1, "scale_yy") == pytest.approx((1.1 - 0.196, 1.1 + 0.196))
     assert interval(fit_at(WeakRotor(4, 0.9), covariance=0.1), 0, "rotor") == (4.0, 4.0)
+
+
+DRAG = LinearDrag(0.4, 0.4, 0.2)
+ALONG_X = (1.0, 0.0, 0.0, 0.0)
+
+
+@pytest.fixture
+def fixed_widths():
+    """Keep priors as wide as they are typical."""
+    with pytest.MonkeyPatch.context() as patch:
+        for effect in (LinearDrag, QuadraticDrag):
+            patch.setattr(effect, "widens", False)
+        yield
+
+
+@pytest.fixture(scope="module")
+def flight(seen):
+    return seen(DRAG, name="a", seed=1, noise=1.0, seconds=8.0, vigour=ALONG_X)
+
+
+@pytest.mark.usefixtures("fixed_widths")
+@pytest.mark.parametrize("effect", [LinearDrag, QuadraticDrag, GyroBias])
+def test_whitened_deviations_of_the_prior_are_independent(flight, effect):
+    terms = [Term(GyroBias()), Term(effect())]
+    free = free_parameters(terms, [flight], {}, PRIORS)
+    W, root = prior_whitening(terms, free), prior_root(effect, flight.vehicle)
+    scaled = root / np.array([f.scale for f in free if f.term == 1])[:, None]
+    np.testing.assert_allclose(W[3:, 3:] @ scaled, np.eye(3), atol=1e-12)
+    np.testing.assert_array_equal(W[:3], np.eye(6)[:3])

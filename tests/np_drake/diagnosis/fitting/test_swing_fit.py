@@ -12,7 +12,6 @@ from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.suspended_payload import SuspendedPayload
 
 REAL = Options.for_sensors(True)
-
 PAYLOAD = SuspendedPayload(0.2, 0.5, 0.0, 0.0, -0.05)
 WIDE = np.array([1.0, -0.8, -3.0, 4.0])  # [rad, rad/s]
 

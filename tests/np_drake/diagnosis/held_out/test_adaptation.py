@@ -15,7 +15,6 @@ from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.vehicle import Vehicle
 
 REAL = Options.for_sensors(True)
-
 HEAVY = MassError(0.2)
 PAYLOAD = SuspendedPayload(0.2, 0.5, 0.0, 0.0, -0.05)
 

@@ -54,20 +54,7 @@ def test_lively_flight_makes_delay_and_lag_collinear_but_not_a_clock(flights, no
     assert ("mass_error", "thrust_scale") not in found
 
 
-def test_in_hover_what_needs_motion_leaves_no_trace(seen, noise):
-    flights = [seen(vigour=0.0, noise=1.0, seconds=4.0)]
-    held_out = {
-        c.effects
-        for c in _confusables(flights, library_candidates(flights), noise)
-        if len(c.effects) == 1
-    }
-    assert {("quadratic_drag",), ("translational_lift",), ("command_delay",)} <= held_out
-    assert ("mass_error",) not in held_out
-
-
 NOISE = (0.05, 0.05, 0.08, 0.004, 0.004, 0.002)  # [N, N·m]
-
-
 SIZE = (8.0, 7.0, 22.0, 3.0, 2.6, 1.3)  # of the gap in noise units
 
 

@@ -7,8 +7,6 @@ from scipy import signal
 from np_drake.diagnosis.numerics import NoiseModel, fit_noise, no_worse, with_loudness
 
 M, C, P = 40, 5, 3
-
-
 ABSENT = 2  # channel that the logs lack
 
 
@@ -66,8 +64,6 @@ def test_the_spectrum_integrates_to_the_variance_of_the_process():
 
 
 STEP = 0.02
-
-
 PHI = {0: [1.2, -0.6], 1: [0.5], 2: []}  # of three processes
 
 

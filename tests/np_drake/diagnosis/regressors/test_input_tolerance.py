@@ -26,11 +26,7 @@ from np_drake.logs.inputs import with_throttle_input
 from np_drake.vehicle import Vehicle
 
 VEHICLE = Vehicle()
-
-
 DRAG = LinearDrag(0.3, 0.3, 0.3)
-
-
 COLUMNS = ("t", "p", "q", "v", "w", "u", "a")
 
 

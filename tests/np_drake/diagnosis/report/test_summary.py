@@ -61,8 +61,6 @@ def cannot_tell(diagnosis):
 
 
 REMAINS = "to find what remains: hover for a minute."
-
-
 PAYLOAD = (
     "A 260 g payload on 0.81 m and calibration explain 41 % of the gap on the held-out flights"
 )

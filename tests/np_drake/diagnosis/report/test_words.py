@@ -7,7 +7,7 @@ import pytest
 
 from np_drake.diagnosis import result as an
 from np_drake.diagnosis.report import words as dut
-from np_drake.diagnosis.result import Cause, Estimate
+from np_drake.diagnosis.result import Estimate
 
 
 @pytest.mark.parametrize(
@@ -26,28 +26,6 @@ from np_drake.diagnosis.result import Cause, Estimate
 def test_an_estimate_has_the_digits_that_its_interval_tells(value, unit, ci95, text):
     found = dut.estimate(Estimate(value, unit, ci95), unit)
     assert tuple(part.replace(dut.NBSP, " ") for part in found) == text
-
-
-def said(identifier, **parameters):
-    estimates = {n: Estimate(v, u, (0.9 * v, 1.1 * v)) for n, (v, u) in parameters.items()}
-    return dut.phrase(Cause(identifier, 0.9, estimates, {})).replace(dut.NBSP, " ")
-
-
-def test_a_phrase_has_the_size_of_the_cause():
-    assert (
-        said("suspended_payload", mass=(0.0048, "kg"), length=(0.52, "m"))
-        == "a 4.8 g payload on 0.52 m"
-    )
-    assert said("thrust_scale", scale=(0.92, "1")) == "thrust at 92 % of nominal"
-    assert said("mass_error", delta_mass=(-0.031, "kg")) == "a mass error of −31 g"
-    assert (
-        said("constant_wind", x=(3.0, "m/s"), y=(4.0, "m/s"), z=(0.0, "m/s"))
-        == "a constant wind of 5.0 m/s"
-    )
-    drag = {"d_x": (0.24, "N·s/m"), "d_y": (0.31, "N·s/m"), "d_z": (0.1, "N·s/m")}
-    assert said("linear_drag", **drag) == "linear drag of up to 0.31 N·s/m"
-    assert said("inertia_error", scale_xx=(1.1, "1"), scale_yy=(0.9, "1")) == "an inertia error"
-    assert said("sticky_rotor") == "sticky rotor"
 
 
 GAP = an.ReplayGap(

@@ -8,7 +8,6 @@ import pytest
 from np_drake.diagnosis.residuals import flight_residuals as ev
 from np_drake.diagnosis.residuals import low_pass, make_flight_residuals
 from np_drake.diagnosis.residuals.rotor_thrust import Rotors
-from np_drake.effects.velocity_bias import VelocityBias
 from np_drake.flight_log import FlightLog
 from np_drake.vehicle import Vehicle
 
@@ -75,12 +74,6 @@ def test_a_wrench_on_the_body_is_the_residual():
     np.testing.assert_allclose(
         found, np.tile([0, 0, 3.0, 0.1, -0.2, 0.05], (len(found), 1)), atol=1e-9
     )
-
-
-def test_kinematic_channels_show_velocity_that_is_not_positions_slope(seen):
-    dut = seen(VelocityBias(0.1, -0.2, 0.3))
-    expected = np.tile([-0.1, 0.2, -0.3], (len(dut.t), 1))
-    np.testing.assert_allclose(dut.y[:, ev.POSITION], expected, atol=1e-3)
 
 
 def test_noisy_attitude_is_seen_and_a_turned_acceleration_too(seen):

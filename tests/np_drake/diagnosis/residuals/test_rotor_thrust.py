@@ -15,8 +15,6 @@ from np_drake.rotor_input import rotor_speed, rotor_wrench
 from np_drake.vehicle import Vehicle
 
 VEHICLE = Vehicle()
-
-
 STEP = 0.01
 
 

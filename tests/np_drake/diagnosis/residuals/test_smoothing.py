@@ -68,8 +68,6 @@ def test_on_a_tight_circle_the_gyros_drift_is_not_left_to_the_attitude(off, tilt
 
 
 STEP, SECONDS = 0.01, 20.0
-
-
 SIZES = st.floats(-1.0, 1.0)
 
 

@@ -15,8 +15,6 @@ from np_drake.effects.mass_error import MassError
 from np_drake.effects.thrust_scale import ThrustScale
 
 REAL = Options.for_sensors(True)
-
-
 SEEDS = (1, 2)
 
 

@@ -15,11 +15,7 @@ from np_drake.effects.gusty_wind import GustyWind
 from np_drake.effects.linear_drag import LinearDrag
 
 REAL, IDEAL = Options.for_sensors(True), Options.for_sensors(False)
-
-
 THRESHOLDS = REAL.thresholds
-
-
 DRAG = LinearDrag(0.3, 0.3, 0.3)
 
 
