@@ -293,6 +293,7 @@ def refine(
         np.concatenate([lower, -wide]),
         np.concatenate([upper, wide]),
         evaluations,
+        J[:, n:].T @ J[:, n:] if k else None,
     )
     fitted = write(everything, free, best.z[:n] * scale)
     # Laplace approximation: at the minimum the posterior is Gaussian with covariance (J'J)^-1.

@@ -374,6 +374,7 @@ def minimise(
     lower: np.ndarray,
     upper: np.ndarray,
     iterations: int = 8,
+    settled: np.ndarray | None = None,
 ) -> Minimum:
     """Minimise 1/2 |r(z)|² within bounds, from `start`.
 
@@ -383,12 +384,13 @@ def minimise(
         start: (n,) initial parameters.
         lower: (n,) lower bounds.
         upper: (n,) upper bounds.
+        settled: (k, k) constant J'J of the last k parameters, where the residual is linear in them.
     """
     z, r = start, residual(start)
     cost, damping = 0.5 * float(r @ r), 1e-3
     for _ in range(iterations):
         J = jacobian(z)
-        H, g = J.T @ J, J.T @ r
+        H, g = _information(J, settled), J.T @ r
         free = ~(((z <= lower) & (g > 0)) | ((z >= upper) & (g < 0)))
         before = cost
         for _ in range(TRIES):
@@ -406,4 +408,13 @@ def minimise(
         if before - cost < DONE:  # the Jacobian of the last step still holds
             return Minimum(z, cost, H, r, J)
     J = jacobian(z)
-    return Minimum(z, cost, J.T @ J, r, J)
+    return Minimum(z, cost, _information(J, settled), r, J)
+
+
+def _information(J: np.ndarray, settled: np.ndarray | None) -> np.ndarray:
+    """Return J'J (n, n) with its last block given by `settled`."""
+    if settled is None:
+        return J.T @ J
+    n = J.shape[1] - len(settled)
+    top = J[:, :n].T @ J
+    return np.block([[top], [top[:, n:].T, settled]])
