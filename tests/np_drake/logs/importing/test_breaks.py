@@ -78,19 +78,3 @@ def test_a_reset_of_the_attitude_breaks_and_one_bad_sample_does_not():
     place[100] += 5.0
     yaw[:, 2] = 0.2 * t
     assert find_breaks({**signals, "attitude": Signal(t, yaw)}, log_map, []) == []
-
-
-def test_a_part_that_contradicts_itself_is_left_out_and_named(flown, autopilots, import_px4):
-    def wild(streams):
-        streams = delayed(streams, 6.0, 3.0)
-        turn = streams["vehicle_angular_velocity"]
-        columns = {
-            name: np.where(turn.t > 6.0, 5 * np.sin(9 * turn.t), v)
-            for name, v in turn.columns.items()
-        }
-        return {**streams, "vehicle_angular_velocity": Stream(turn.t, columns)}
-
-    found = import_px4({"actuator_motors": autopilots.throttle(flown)}, change=wild)
-    assert spans(found) == pytest.approx([5.0], abs=0.02)
-    assert "the part from 8.01 s on does not agree with itself; left out" in found.said
-    assert found.flights[0].name == "log"

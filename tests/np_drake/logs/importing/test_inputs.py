@@ -4,10 +4,6 @@ import numpy as np
 import pytest
 
 from np_drake.logs.formats.format import Stream
-from np_drake.logs.importing.import_log import import_log
-from np_drake.logs.importing.log_map import LogMap, Source
-
-NAMES = {"position": 3, "velocity": 3, "attitude": 4, "rates": 3, "rotor_speed": 4}
 
 
 def thinned(stream: Stream, rate: float) -> Stream:
@@ -43,45 +39,3 @@ def test_motors_seen_ten_times_a_second_tell_thrust_and_no_torque(
     lift = np.sum(ours**2, axis=1)
     theirs = np.interp(dut.t, flown.t, lift)
     assert np.corrcoef(dut.throttle[20:-20, 0] ** 2, theirs[20:-20])[0, 1] > 0.9
-
-
-def table(path, columns: dict[str, np.ndarray], t: np.ndarray, **fields):
-    """Write columns as a table, and return the map of it."""
-    rows, names, sources = [t], ["t"], {}
-    for name, values in columns.items():
-        own = [f"{name}{i}" for i in range(values.shape[1])]
-        rows += list(values.T)
-        names += own
-        sources[name] = Source(own)
-    np.savetxt(
-        path,
-        np.stack(rows, axis=1),
-        delimiter=",",
-        header=",".join(names),
-        comments="",
-        fmt="%.12g",
-    )
-    return LogMap(time=Source(["t"]), **sources, **fields)
-
-
-def quantities(flown, speed: np.ndarray) -> dict[str, np.ndarray]:
-    return {
-        "position": flown.p,
-        "velocity": flown.v,
-        "attitude": flown.q,
-        "rates": flown.w,
-        "rotor_speed": speed,
-    }
-
-
-@pytest.mark.parametrize("tick", [0.004])
-def test_ticks_of_a_coarse_clock_are_an_uncertainty_of_time(flown, autopilots, tmp_path, tick):
-    speed = 900.0 * autopilots.throttle(flown)
-    t = tick * np.floor(flown.t / tick + 1e-9)
-    found = import_log(tmp_path / "a.csv", table(tmp_path / "a.csv", quantities(flown, speed), t))
-    (dut,) = found.flights
-    assert dut.t[-1] == pytest.approx(flown.t[-1], abs=2 * tick)
-    assert dut.timing == pytest.approx(tick / np.sqrt(12), rel=1e-3)
-    assert any(
-        f"times are rounded to {1e3 * tick:.3g} ms" in note for note in found.sheet.content["notes"]
-    )
