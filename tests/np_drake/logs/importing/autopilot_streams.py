@@ -9,12 +9,8 @@ from np_drake.flight_log import FlightLog
 from np_drake.logs.formats.format import Stream
 from np_drake.vehicle import Vehicle
 
-PX4_FROM_OURS = [
-    1,
-    3,
-    0,
-    2,
-]  # our rotors, front left first and clockwise, in the order of PX4's and ArduPilot's X
+# Our rotors, front left first and clockwise, in the order of PX4's and ArduPilot's X.
+PX4_FROM_OURS = [1, 3, 0, 2]
 PX4_CORNERS = {
     "CA_ROTOR_COUNT": 4,
     **{f"CA_ROTOR{n}_PX": x for n, x in enumerate((0.13, -0.13, 0.13, -0.13))},

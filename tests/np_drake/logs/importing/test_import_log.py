@@ -60,12 +60,11 @@ def test_a_planar_pose_is_refused_and_never_taken_for_millimetres(written, excit
     o = np.zeros(len(excited))
     level = np.stack([np.cos(half), o, o, np.sin(half)], axis=1)
     planar = dc.replace(excited, q=level, w=excited.w * [0, 0, 1])
-    for log in (planar, dc.replace(planar, p=planar.p * [1, 1, 0], v=planar.v * [1, 1, 0])):
-        with pytest.raises(
-            LogError, match="the attitude must tilt where the vehicle accelerates sideways"
-        ) as caught:
-            written(log=log)
-        assert "mm" not in str(caught.value).replace("mrad", "")
+    with pytest.raises(
+        LogError, match="must tilt where the vehicle accelerates sideways"
+    ) as caught:
+        written(log=planar)
+    assert "mm" not in str(caught.value).replace("mrad", "")
 
 
 NED_FRD = (("world", "ned"), ("body", "frd"))
@@ -140,15 +139,10 @@ OR = ", or gyro and accelerometer (wx wy wz sx sy sz)"
 @pytest.mark.parametrize(
     "names, said",
     [
-        ([n for n in OURS if n[0] != "q"], f"attitude (qw qx qy qz, or Euler angles by a map){OR}"),
         ([n for n in OURS if n != "qz"], f"attitude (qz, or Euler angles by a map){OR}"),
         (OURS[1:], "time (t)"),
-        (
-            ["t", "qw", "qx", "qy", "qz", "wx"],
-            "position, velocity or acceleration (px py pz, vx vy vz, ax ay az)",
-        ),
+        (OURS[:1] + OURS[4:8], "position, velocity or acceleration (px py pz, vx vy vz, ax ay az)"),
         (OURS, ""),
-        (["a", "b", "c"], ""),
     ],
 )
 def test_what_the_names_of_a_table_do_not_tell_is_listed(names, said):
