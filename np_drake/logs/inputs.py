@@ -209,13 +209,13 @@ def _loss(flights: Sequence[_Lifted], exponent: float) -> float:
 
     Gaussian rest of the lift, of unknown variance in each flight, and the prior of the exponent.
     """
-    loss = 0.5 * ((exponent - USUAL) / SCATTER) ** 2
+    loss = 0.0
     for seen in flights:
         rest = seen.lift - seen.scale(exponent) * seen.shape(exponent)
         # Independent samples of the lift, which is band-limited.
         count = min(float(len(rest)), 2 * LIFT_BAND * float(seen.t[-1] - seen.t[0]))
         loss += 0.5 * count * np.log(max(float(np.mean(rest**2)), 1e-12))
-    return loss
+    return 0.5 * ((exponent - USUAL) / SCATTER) ** 2 + loss
 
 
 GUESS = 0.1  # `thrust_uncertainty` from which a thrust coefficient is a guess [1]; own choice

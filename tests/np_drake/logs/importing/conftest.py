@@ -4,6 +4,7 @@ of SciPy.
 
 import dataclasses as dc
 import importlib.util
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -101,14 +102,8 @@ def _in_axes(
 
 @pytest.fixture(scope="session")
 def conventions():
-    """Return the functions of this file: `quantities_of`, `plain_map`, `columns_in`."""
-
-    class Functions:
-        quantities_of = staticmethod(quantities_of)
-        plain_map = staticmethod(plain_map)
-        columns_in = staticmethod(columns_in)
-
-    return Functions
+    """Return the module of this file, with `quantities_of`, `plain_map`, `columns_in`."""
+    return sys.modules[__name__]
 
 
 @pytest.fixture(scope="session")

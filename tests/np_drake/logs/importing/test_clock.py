@@ -49,11 +49,8 @@ def test_an_offset_as_long_as_the_log_is_refused():
         shift_state(turning_flight(), 2.5)
 
 
-POSE, ATTITUDE, MOVED = (
-    ("position", "velocity", "attitude"),
-    ("attitude",),
-    ("position", "velocity"),
-)
+POSE = ("position", "velocity", "attitude")
+ATTITUDE, MOVED = ("attitude",), ("position", "velocity")
 
 
 @pytest.fixture(scope="module")

@@ -81,12 +81,11 @@ def specific_force(log):
     return attitude.rotate_back(log.q, log.a + G)
 
 
-@pytest.mark.parametrize("drift", [0.1])
-def test_without_attitude_the_specific_force_survives_exactly(body, excited, drift):
-    (dut,), sheet = open_flights(body(excited, lambda w, s: (w + drift, s)))
+def test_without_attitude_the_specific_force_survives_exactly(body, excited):
+    (dut,), sheet = open_flights(body(excited, lambda w, s: (w + 0.1, s)))
     assert dut.lacks == ("attitude", "velocity", "height")
     np.testing.assert_allclose(specific_force(dut), specific_force(excited), atol=1e-6)
-    np.testing.assert_allclose(dut.w, excited.w + drift, atol=1e-6)
+    np.testing.assert_allclose(dut.w, excited.w + 0.1, atol=1e-6)
     assert any("levelled by the accelerometer" in note for note in sheet.content["notes"])
 
 
@@ -101,7 +100,6 @@ TURNS = {
     "g": lambda w, s: (w, s / 9.80665),
     "frd": lambda w, s: (w * [1, -1, -1], s * [1, -1, -1]),
     "sign": lambda w, s: (w, -s),
-    "sideways": lambda w, s: (w[:, [2, 0, 1]], s[:, [2, 0, 1]]),
 }
 
 

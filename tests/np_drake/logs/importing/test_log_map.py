@@ -28,11 +28,6 @@ def one(name, values, **fields):
     return convert_quantity(name, np.array([values], float), log_map)[0]
 
 
-def test_north_is_y_east_is_x_and_down_is_minus_z():
-    assert np.allclose(one("position", [1, 2, 3], world="ned"), [2, 1, -3])
-    assert np.allclose(one("velocity", [1, 2, 3], world="ned"), [2, 1, -3])
-
-
 @given(st.integers(1, 14), st.floats(10.0, 4000.0))
 def test_an_electrical_speed_is_that_of_the_rotor_times_its_pole_pairs(pairs, speed):
     electrical = speed * 60 / (2 * np.pi) * pairs

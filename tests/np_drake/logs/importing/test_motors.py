@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from np_drake.logs.errors import LogError
+from np_drake.logs.formats.format import Stream
 from np_drake.logs.formats.log_file import write_log
 from np_drake.logs.import_sheet import read_sheet, write_sheet
 from np_drake.logs.importing.import_log import import_log
@@ -85,25 +86,12 @@ def test_dshot_counts_are_told_however_low_the_vehicle_hovers(flown, autopilots,
     assert found.sheet.content["columns"]["throttle"]["unit"] == "dshot"
 
 
-@pytest.mark.parametrize("hover", [0.15, 0.7])
-def test_pulses_are_told_however_low_the_vehicle_hovers(flown, autopilots, import_px4, hover):
-    ours = autopilots.throttle(flown)
-    share = hover * ours / np.median(ours)
-    found = import_px4({"actuator_outputs": 1000.0 + 1000.0 * share})
-    np.testing.assert_allclose(found.flights[0].throttle, share, atol=1e-9)
-
-
-def resting(fly, autopilots) -> tuple:
-    """Return a hover that tells nothing of its outputs, and their throttle."""
-    log = fly(seed=5, seconds=8.0, noise=1.0, vigour=0.02, attitude_noise=0.003)
-    return log, autopilots.throttle(log)
-
-
 def test_outputs_of_a_hover_that_may_be_either_are_asked_for_by_name(
     fly, autopilots, writer, tmp_path
 ):
     pytest.importorskip("pyulog", reason="ULog needs pyulog")
-    log, ours = resting(fly, autopilots)
+    log = fly(seed=5, seconds=8.0, noise=1.0, vigour=0.02, attitude_noise=0.003)
+    ours = autopilots.throttle(log)
     streams = autopilots.px4(log, {"actuator_outputs": 2000.0 * ours})
     writer("ulog").write(tmp_path / "log.ulg", streams, parameters={})
     with pytest.raises(
@@ -143,3 +131,38 @@ def test_an_ardupilot_frame_states_where_its_motors_are(
         1000.0 + 1000.0 * ours[:, order], {"FRAME_CLASS": 1.0, "FRAME_TYPE": float(kind)}
     )
     np.testing.assert_allclose(opened(found, tmp_path).throttle, ours, atol=1e-9)
+
+
+def thinned(stream: Stream, rate: float) -> Stream:
+    keep = np.arange(0, len(stream), round(100.0 / rate))
+    return Stream(stream.t[keep], {name: values[keep] for name, values in stream.columns.items()})
+
+
+def escs(speed: np.ndarray, t: np.ndarray) -> dict[str, Stream]:
+    return {f"ESC.{i}": Stream(t, {"RPM": column}) for i, column in enumerate(speed.T)}
+
+
+@pytest.mark.parametrize("kind", ["throttle", "rotor_speed"])
+def test_motors_seen_ten_times_a_second_tell_thrust_and_no_torque(
+    flown, autopilots, import_ardupilot, kind
+):
+    ours = autopilots.throttle(flown)
+
+    def slow(streams):
+        outputs = streams.pop("RCOU")
+        if kind == "throttle":
+            return streams | {"RCOU": thinned(outputs, 10.0)}
+        return streams | {
+            n: thinned(s, 10.0) for n, s in escs(9000.0 * ours, flown.t + 1.0).items()
+        }
+
+    found = import_ardupilot(1000.0 + 1000.0 * ours, change=slow)
+    (dut,) = found.flights
+    assert (dut.input, dut.throttle.shape[1], dut.rotor) == ("normalised", 1, None)
+    assert (
+        f"{kind} at 10 Hz is slower than what turns the vehicle: its collective thrust "
+        f"alone is taken"
+    ) in " ".join(found.said)
+    lift = np.sum(ours**2, axis=1)
+    theirs = np.interp(dut.t, flown.t, lift)
+    assert np.corrcoef(dut.throttle[20:-20, 0] ** 2, theirs[20:-20])[0, 1] > 0.9

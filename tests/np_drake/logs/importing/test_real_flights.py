@@ -4,34 +4,13 @@ on it.
 
 import dataclasses as dc
 
-import numpy as np
 import pytest
 
 from np_drake.diagnosis.doctor.examine import examine
-from np_drake.diagnosis.residuals import make_flight_residuals
-from np_drake.logs.importing.import_log import import_log
 from np_drake.logs.importing.log_map import load_map_file
 from np_drake.logs.opening import open_flights
 from np_drake.logs.rotors import NOTE, rotor_orders, torques_seen
-from np_drake.rotor_input import with_rotor_input
-from np_drake.vehicle import Vehicle, load_vehicle
-
-BARE = load_vehicle("crazyflie_brushless")
-
-
-def residual_force(path, vehicle: Vehicle) -> np.ndarray:
-    """RMS of the residual force in B over weight, (3,) [1]."""
-    (flight,) = import_log(path).flights
-    residuals = make_flight_residuals(with_rotor_input(flight, vehicle), vehicle)
-    kept = residuals.y[~residuals.outliers, :3]
-    return np.sqrt(np.mean(kept**2, axis=0)) / (vehicle.mass * vehicle.gravity)
-
-
-def test_a_payload_of_five_grams_pulls_down_by_its_weight(real_flights):
-    vehicle = BARE.with_mass(0.0397)
-    flight = residual_force(real_flights / "imrc" / "payload" / "eckart06", vehicle)
-    assert flight[2] == pytest.approx(0.0047 / 0.0397, abs=0.03)
-
+from np_drake.vehicle import load_vehicle
 
 CRAZYFLIES = [  # flight, preset, mass [kg], map
     ("imrc/bare/eckart13", "crazyflie_brushless", 0.037, None),
@@ -55,11 +34,11 @@ def test_a_crazyflies_log_fits_its_preset_in_order_and_weight(
     report = examine(flights, vehicle)
     assert report.usable
     assert max(report.residual_force.values()) < 0.25
-    turned = dc.replace(vehicle, rotor_positions=[vehicle.rotor_positions[i] for i in (3, 0, 1, 2)])
+    order = (3, 0, 1, 2)
     turned = dc.replace(
-        turned, rotor_directions=[vehicle.rotor_directions[i] for i in (3, 0, 1, 2)]
+        vehicle,
+        rotor_positions=[vehicle.rotor_positions[i] for i in order],
+        rotor_directions=[vehicle.rotor_directions[i] for i in order],
     )
     (again, *_), _ = open_flights(real_flights / name, turned, log_map)
-    assert any(note.startswith(NOTE) for note in again.notes) == (
-        log_map is not None or name.startswith("imrc")
-    )
+    assert any(note.startswith(NOTE) for note in again.notes)
