@@ -20,7 +20,7 @@ from diagrams.studies.learning import (
 )
 from np_drake.lifting.model.model_file import load_model
 from np_drake.vehicle import Vehicle
-from np_drake.vehicle.scaling import similar
+from tests.similar import similar
 
 
 def test_flights_lie_within_the_envelope():

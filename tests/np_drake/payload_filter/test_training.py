@@ -12,7 +12,7 @@ from np_drake.residual_model import Sample
 from np_drake.rotor_input import acting_command
 from np_drake.training_data.actuator_timing import delayed
 from np_drake.vehicle import Vehicle
-from np_drake.vehicle.scaling import similar
+from tests.similar import similar
 
 STEP = 0.02  # [s]
 
