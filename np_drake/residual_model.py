@@ -198,15 +198,6 @@ class ForecastsWholeFlights(Protocol):
 
 
 @runtime_checkable
-class KnowsDelay(Protocol):
-    """A residual model whose training has shown how long commands are on their way; it is followed
-    in flight.
-    """
-
-    delay: float  # [s]
-
-
-@runtime_checkable
 class ReadsPlan(Protocol):
     """A residual model that forecasts the wrench along an intended motion."""
 

@@ -11,12 +11,13 @@ import numpy as np
 
 from diagrams.challenge.out_of_library import DEVELOPMENT, DRAWS, HOLDOUT
 from diagrams.challenge.plans import Plan, draw_plans
+from diagrams.challenge.sensors import CLEAN as IDEAL
 from diagrams.challenge.sensors import SensorQuality, draw_sensor_quality
 from np_drake.effects.base import Effect
 from np_drake.effects.library import LIBRARY
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.parameter import drag_coefficients
-from np_drake.vehicle.vehicle import Vehicle
+from np_drake.vehicle.vehicle import MeasurementNoise, Vehicle
 
 CLEAN, OUT_OF_LIBRARY = "clean", "foreign"  # kinds of cases
 FILES = ("train_1.csv", "train_2.csv", "heldout_1.csv")
@@ -186,12 +187,9 @@ def draw_case(draw: CaseDraw, *, quality: str, seed: int, seconds: float) -> Cas
     cases.
     """
     vehicle = VEHICLES[draw.stream(seed, _VEHICLE).integers(len(VEHICLES))]
-    vehicle = dc.replace(
-        vehicle, measurement_noise=SensorQuality(quality).stated_noise(), command_timing="held"
-    ).check()
+    noise = MeasurementNoise() if quality == IDEAL else MeasurementNoise(attitude=0.005)
+    vehicle = dc.replace(vehicle, measurement_noise=noise, command_timing="held").check()
     spin = math.sqrt(vehicle.mass * vehicle.gravity / 4 / vehicle.thrust_coefficient)
-    plans = draw_plans(draw.stream(seed, _PLANS), vehicle, seconds, len(FILES))
-    drawn = draw_sensor_quality(quality, draw.stream(seed, _SENSORS), spin)
     rng = draw.stream(seed, _EFFECT)
     effects: dict[str, Effect] = {}
     for name in draw.names:  # each once: a wind's drag may be there already
@@ -209,8 +207,14 @@ def draw_case(draw: CaseDraw, *, quality: str, seed: int, seconds: float) -> Cas
         seed=seed,
         seconds=seconds,
         vehicle=vehicle,
-        quality=drawn,
-        plans=dict(zip(FILES, plans, strict=True)),
+        quality=draw_sensor_quality(quality, draw.stream(seed, _SENSORS), spin),
+        plans=dict(
+            zip(
+                FILES,
+                draw_plans(draw.stream(seed, _PLANS), vehicle, seconds, len(FILES)),
+                strict=True,
+            )
+        ),
         effects=tuple(effects.values()),
         onset=onset,
     )

@@ -196,7 +196,6 @@ def fly(
     split = 0 if onset is None else int(np.searchsorted(rows, onset - 1e-9))
     make: type = DrakeWorld
     if simulator == "rotorpy":
-        require_rotorpy()
         from diagrams.challenge.rotorpy_vehicle import RotorPyWorld
 
         make = RotorPyWorld

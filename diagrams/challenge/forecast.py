@@ -53,7 +53,6 @@ def _trained(name: str, flights: Sequence[Opened], **more: Any) -> NeuralPredict
     return NeuralPredictor(model, torque="predict")
 
 
-SEEN = {"delay": HISTORY, "horizon": HORIZONS[-1]}  # by `lifted` [steps]
 ROWS: Mapping[str, Callable[[Sequence[Opened]], ResidualModel]] = {
     PERSISTENCE: lambda flights: Hold(step=STEP),
     "delay DMDc": lambda flights: fit_dmdc(_segments(flights), delays=DELAYS),
@@ -62,7 +61,9 @@ ROWS: Mapping[str, Callable[[Sequence[Opened]], ResidualModel]] = {
     ),
     GP: lambda flights: MotionModel(GP, fit_gaussian_process(_segments(flights)), STEP),
     PAPER: lambda flights: _trained(PAPER, flights, window=HISTORY),
-    LIFTED: lambda flights: _trained(LIFTED, flights, torque=True, **SEEN),
+    LIFTED: lambda flights: _trained(
+        LIFTED, flights, torque=True, delay=HISTORY, horizon=HORIZONS[-1]
+    ),
     PAYLOAD_FILTER: lambda flights: PayloadFilter(train_payload_filter(flights, step=STEP)),
 }
 

@@ -107,12 +107,14 @@ class Making:
             except FailedRun as error:
                 last = error
                 continue
-            asked = {"seconds": self.seconds, "version": version("np_drake")}
-            content = {**truth.content(self.simulator), **asked}
             return {
                 "name": case_name(self.seed, draw.index),
                 "files": _case_files(drawn, noisy),
-                "truth": content,
+                "truth": {
+                    **truth.content(self.simulator),
+                    "seconds": self.seconds,
+                    "version": version("np_drake"),
+                },
             }
         raise FailedRun(f"make: no draw of {tuple(case['names'])} could be flown; the last: {last}")
 

@@ -84,11 +84,6 @@ def _lift(motion: Motion, force: np.ndarray) -> np.ndarray:
     return chi_from_body(motion, force[..., None] * UP)
 
 
-def _rotors(motion: Motion, added: np.ndarray) -> np.ndarray:
-    """Return chi (..., 6) of what rotors give besides (..., 4): thrust and torque in B [N, N·m]."""
-    return _lift(motion, added[..., 0]) + _torque(added[..., 1:])
-
-
 # Moving air, ground and walls.
 
 
@@ -153,7 +148,7 @@ def odd_propeller(vehicle, motion, rotor, c):
 def rotor_saturation(vehicle, motion, limit):
     """No rotor gives more than `limit` [N]."""
     lost = -np.maximum(motion.rotor_thrust - limit, 0.0) @ vehicle.mixer.T
-    return _rotors(motion, lost)
+    return _lift(motion, lost[..., 0]) + _torque(lost[..., 1:])
 
 
 # Tethers, cables, friction and turning masses.

@@ -168,14 +168,18 @@ def _low_pass(rng: np.random.Generator, seconds: float) -> Reference:
     return _stops(rng, points, seconds, (1.6, 3.0))
 
 
-CIRCLE = {"radius": (0.8, 3.0), "height": (1.0, 3.0), "speed": (1.0, 5.0)}
-LEMNISCATE = {"length": (1.2, 3.5), "width": (0.6, 1.8), "height": (1.0, 3.0), "speed": (1.0, 4.5)}
 KINDS: dict[str, Callable[[np.random.Generator, float], Reference]] = {
     "hover": _hover,
     "slow_multisine": partial(_multisine, (0.25, 0.8), 0.5, (0.4, 0.7)),
     "aggressive_multisine": partial(_multisine, (0.5, 1.2), 0.4, (1.0, 1.5)),
-    "circle": partial(_closed, circle, CIRCLE),
-    "lemniscate": partial(_closed, lemniscate, LEMNISCATE),
+    "circle": partial(
+        _closed, circle, {"radius": (0.8, 3.0), "height": (1.0, 3.0), "speed": (1.0, 5.0)}
+    ),
+    "lemniscate": partial(
+        _closed,
+        lemniscate,
+        {"length": (1.2, 3.5), "width": (0.6, 1.8), "height": (1.0, 3.0), "speed": (1.0, 4.5)},
+    ),
     "vertical_steps": _vertical_steps,
     "waypoints": _waypoints,
     "sprints": _sprints,

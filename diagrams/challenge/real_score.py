@@ -138,8 +138,12 @@ def score_case(
     case = next(case for case in cases if case.name == record["name"])
     campaign, (vehicle, train, held_out) = campaign_of(case.group), real.open_case(case)
     truth, fitted = campaign.truth, {log.name for log in train}
-    found: dict[str, Any] = {"group": case.group, "vehicle": campaign.vehicle}
-    found |= {"case": case.name, **({"wind": case.speed} if case.speed else {})}
+    found: dict[str, Any] = {
+        "group": case.group,
+        "vehicle": campaign.vehicle,
+        "case": case.name,
+        **({"wind": case.speed} if case.speed else {}),
+    }
     if answers is None:
         flown = DrakeReplay(vehicle) if replay else None
         diagnosis = diagnose(vehicle, train, held_out, flown, adaptive_split=case.second)
@@ -198,8 +202,13 @@ def scored(answer: Mapping[str, Any], truth: Truth, fitted: Iterable[str] = ()) 
 def verdict(causes: Mapping[str, float], truth: Truth, late: Sequence[str] = ()) -> dict[str, Any]:
     """Return the probabilities, whether all that is named is right, and names that are wrong."""
     right, wrong = truth.right(causes, late), truth.wrong(causes, late)
-    own = {"causes": dict(causes), "late": list(late), "parameters": {}}
-    return {**own, "right": right, "wrong": wrong}
+    return {
+        "causes": dict(causes),
+        "late": list(late),
+        "parameters": {},
+        "right": right,
+        "wrong": wrong,
+    }
 
 
 def held_out_cut(gap: Mapping[str, Any]) -> dict[str, float | None]:

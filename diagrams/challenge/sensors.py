@@ -10,12 +10,11 @@ from np_drake.effects.base import Effect
 from np_drake.effects.mass_error import MassError
 from np_drake.effects.thrust_scale import ThrustScale
 from np_drake.flight_log import FlightLog
-from np_drake.vehicle.vehicle import MeasurementNoise, Vehicle
+from np_drake.vehicle.vehicle import Vehicle
 
 CLEAN, REAL = QUALITIES = ("clean", "real")
 RATE = 100.0  # rows a second [Hz]
 JITTER = 0.05  # of the instants of real sensors, of the interval [1]
-WANDER = (0.35, 0.65)  # of `real` [deg]
 ROTOR = 0.01  # of the speed in hover [1]
 OFF = 0.01  # of mass and thrust, to either side [1]
 
@@ -54,10 +53,6 @@ class SensorQuality:
             return []
         return [MassError(self.mass_off * vehicle.mass), ThrustScale(1 + self.thrust_off)]
 
-    def stated_noise(self) -> MeasurementNoise:
-        """Return the white noise that the vehicle file states."""
-        return MeasurementNoise(attitude=0.005) if self.real else MeasurementNoise()
-
     def instants(self, rng: np.random.Generator, seconds: float) -> np.ndarray:
         """Return the times (n,) of the rows of a flight of that length [s]."""
         t = np.arange(round(seconds * RATE)) / RATE
@@ -74,7 +69,7 @@ def draw_sensor_quality(name: str, rng: np.random.Generator, spin: float) -> Sen
     return SensorQuality(
         name=REAL,
         attitude=rng.uniform(0.005, 0.010),
-        wander=np.deg2rad(rng.uniform(*WANDER)),
+        wander=np.deg2rad(rng.uniform(0.35, 0.65)),
         wander_time=rng.uniform(5.0, 20.0),
         velocity_wander=rng.uniform(0.02, 0.04),
         velocity_time=rng.uniform(0.5, 2.0),

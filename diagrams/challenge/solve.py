@@ -1,7 +1,6 @@
 """Diagnoses every case of a challenge set, from its case folder alone."""
 
 import dataclasses as dc
-import resource
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -14,8 +13,6 @@ from np_drake.diagnosis.diagnose import diagnose
 from np_drake.files.atomic_file import write_json
 from np_drake.files.input_file import kept_json
 from np_drake.logs.case_folder import TRAIN, VEHICLE, open_case
-
-COST = "cost.json"
 
 
 def solve(
@@ -33,8 +30,8 @@ def solve(
     Args:
         cases: folder of case folders, under the same path on every worker.
         on_progress: called with the number of cases done and that of all.
-    Returns: {"cases": all, "skipped": solved before, "solved": [{"case", "wall" [s], "peak_memory"
-        [byte]}], "failed": [{"case", "error": one line}]}, sorted by case.
+    Returns: {"cases": all, "skipped": solved before, "solved": [{"case", "wall" [s]}], "failed":
+        [{"case", "error": one line}]}, sorted by case.
     Raises: ValueError: if `cases` holds no case folder, or a file is in an answer's place; OSError:
         if an answer cannot be written.
     """
@@ -47,7 +44,10 @@ def solve(
     left = [f for f in folders if again or kept_json(answers / f.name / ANSWER_FILE) is None]
 
     def keep(case: Case, result: dict) -> dict:
-        return write_answer(answers / case["case"], result)
+        out = answers / case["case"]
+        out.mkdir(parents=True, exist_ok=True)
+        write_json(out / ANSWER_FILE, result["answer"])
+        return {"wall": result["wall"]}
 
     records = (workers or Workers()).run(
         Solving(cases.resolve(), replay),
@@ -80,10 +80,8 @@ def case_folders(cases: Path) -> list[Path]:
 
 @dc.dataclass(frozen=True)
 class Solving:
-    """Work of a case {"case": folder's name} -> {"answer": content of diagnosis.json, "cost"};
+    """Work of a case {"case": folder's name} -> {"answer": content of diagnosis.json, "wall" [s]};
     writes nothing.
-
-    The peak of memory is of the process, which may have solved other cases before.
     """
 
     cases: Path
@@ -93,19 +91,7 @@ class Solving:
         """Diagnose the case."""
         start = time.perf_counter()
         answer = diagnose_folder(self.cases / case["case"], self.replay)
-        wall, peak = time.perf_counter() - start, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-        cost = {"wall": wall, "peak_memory": peak * 1024, "replay": self.replay}
-        return {"answer": answer, "cost": cost}
-
-
-def write_answer(out: Path, result: dict) -> dict:
-    """Write answer and cost of a case, as `Solving` returns them, the answer last, and return the
-    cost.
-    """
-    out.mkdir(parents=True, exist_ok=True)
-    write_json(out / COST, result["cost"])
-    write_json(out / ANSWER_FILE, result["answer"])
-    return result["cost"]
+        return {"answer": answer, "wall": time.perf_counter() - start}
 
 
 def diagnose_folder(folder: Path, replay: bool) -> dict[str, Any]:

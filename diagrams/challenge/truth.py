@@ -60,23 +60,20 @@ class Collinearity:
             [*calibration(flights, tolerance), *flight_errors(flights, tolerance)]
         )
 
-    def contribution(self, terms: Sequence[Term], i: int) -> Trace:
-        """Return what the predicted residual with terms[i] has over that without it."""
-        rest = [t for j, t in enumerate(terms) if j != i]
-        return {
-            e.name: predicted_residual(e, terms) - predicted_residual(e, rest)
-            for e in self._flights
-        }
-
     def doubles(self, terms: Sequence[Term], i: int) -> list[str]:
         """Return the effects that are indistinguishable from terms[i], nearest first; what the
         other terms hold is no double.
         """
         onset: Onset = {n: t for n, t in terms[i].onset.items() if t is not None and t != NEVER}
+        rest = [t for j, t in enumerate(terms) if j != i]
+        own = {
+            e.name: predicted_residual(e, terms) - predicted_residual(e, rest)
+            for e in self._flights
+        }
         known = {t.effect.identifier for t in terms}
         options = [*self._library(onset), *self._mirror_images(terms[i], onset)]
         options = [option for option in options if option.identifiers[-1] not in known]
-        return self._same(self.contribution(terms, i), options, DISTANCE)
+        return self._same(own, options, DISTANCE)
 
     def effects_of(self, trace: Trace, within: float = DISTANCE) -> list[str]:
         """Return the library effects that come near a residual, nearest first; none where mass,

@@ -25,7 +25,7 @@ from np_drake.mpc.solvers import make_solver
 from np_drake.payload_filter.model_file import PAYLOAD_FILTER, SCHEMAS
 from np_drake.payload_filter.predictor import PayloadFilter
 from np_drake.references.base import Reference
-from np_drake.residual_model import KnowsDelay, ReadsPlan, ResidualModel
+from np_drake.residual_model import ReadsPlan, ResidualModel
 from np_drake.residual_models import motion_model
 from np_drake.residual_models.hold import Constant, DisturbanceObserver, Hold
 from np_drake.residual_models.neural_predictor import NeuralPredictor as NeuralPredictorModel
@@ -156,15 +156,15 @@ def _delay_filter(
 ) -> DelayFilter | None:
     """Return what tells which command acts; None where all act at once.
 
-    The oracle knows the delay by its `truth`. Others are given it, or have learned it; whoever has
-    learned one follows it.
+    The oracle knows the delay by its `truth`. Others are given it, or have learned it (`delay` of
+    the model); whoever has learned one follows it.
     """
-    own = isinstance(model, KnowsDelay)
-    known, track = config.command_delay, config.track_delay or own
+    own = getattr(model, "delay", None)
+    known, track = config.command_delay, config.track_delay or own is not None
     if config.kind == "oracle" and model is None:
         known, track = truth.delay if truth is not None else 0.0, False
-    elif isinstance(model, KnowsDelay):
-        known = known or model.delay
+    elif own is not None:
+        known = known or own
     if known == 0.0 and not track:
         return None
     return DelayFilter(labelled(vehicle, model), step=config.period, known=known, track=track)

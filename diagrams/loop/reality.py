@@ -63,7 +63,7 @@ class RealityConfig:
         Raises: ValueError: on an impossible effect.
         """
         self.payload.check()
-        self.noise.check()
+        check_fields(self.noise, "MeasurementNoise")
         check_fields(self, "RealityConfig")
         require(
             self.rotor_drag > 0 or not self.blows,

@@ -8,7 +8,7 @@ import math
 from typing import Any
 
 from np_drake.command_delay import LONGEST_DELAY
-from np_drake.vehicle.scaling import Scales, payload_ratio, ratios, times
+from np_drake.vehicle.scaling import Scales, payload_ratio, ratios
 
 # Powers of length, mass, time and sampling period in the unit of each field. Angles, shares, seeds,
 # names and the noise of sensors have none: a sensor does not shrink with the vehicle that carries
@@ -107,5 +107,7 @@ def _times(part: Any, powers: dict[str, Any], unit: Scales) -> Any:
         if isinstance(power, dict):
             changed[name] = _times(value, power, unit)
         else:
-            changed[name] = times(value, math.prod(u**n for u, n in zip(units, power, strict=True)))
+            factor = math.prod(u**n for u, n in zip(units, power, strict=True))
+            several = isinstance(value, list | tuple)
+            changed[name] = [v * factor for v in value] if several else value * factor
     return dc.replace(part, **changed)

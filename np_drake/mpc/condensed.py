@@ -241,7 +241,7 @@ def _feedback_thrusts(condensed: Condensed, h: Horizon) -> np.ndarray:
     vehicle, by = condensed.vehicle, condensed.actuation
     gain = hover_solution(vehicle, condensed.config)[1]
     bound, unit = np.full(13, np.inf), ratios(vehicle)
-    bound[0:3], bound[7:10] = _REACH * unit.length, _PACE * unit.speed
+    bound[0:3], bound[7:10] = _REACH * unit.length, _PACE * (unit.length / unit.time)
     T = np.empty_like(h.u_ref)
     x = h.x0
     for i in range(len(T)):

@@ -10,7 +10,7 @@ import numpy as np
 
 from np_drake.flight_log import FlightLog
 from np_drake.labels import LabelConfig, ReadsLabels, default_labels, labelled, labels, raw_labels
-from np_drake.residual_model import KnowsDelay, Sample
+from np_drake.residual_model import Sample
 from np_drake.rotor_input import acting_command
 from np_drake.training_data.accelerations import rows_at, with_accelerations, wrench_sequence
 from np_drake.training_data.actuator_timing import delayed
@@ -273,7 +273,7 @@ def flown_segments(
     """
     log = _usable(log)
     label = model.label if isinstance(model, ReadsLabels) else None
-    late = model.delay if isinstance(model, KnowsDelay) else 0.0
+    late = getattr(model, "delay", 0.0)  # of commands, as its training has shown [s]
     seen = picked_flight(delayed(log, late), labelled(vehicle, model), step=step, label=label)
     causal = wrench_sequence(log, vehicle, step=step)
     smooth = wrench_sequence(log, vehicle, step=step, zero_phase=True)

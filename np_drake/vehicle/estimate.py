@@ -9,9 +9,8 @@ import math
 
 from np_drake.files.yaml_file import POSITIVE, check_fields, number, word
 from np_drake.vehicle.rotor_layout import CORNERS, FIRMWARE
-from np_drake.vehicle.vehicle import AIR, Vehicle, least_torque_over_thrust
+from np_drake.vehicle.vehicle import AIR, GRAVITY, Vehicle, least_torque_over_thrust
 
-GRAVITY = 9.81  # [m/s²]
 AT_ROTORS = 0.5  # share of the mass at the rotors: motors, propellers, outer arms [1]
 # Thrust coefficient T / (rho n² D⁴), n in revolutions a second. Source: own choice; the presets span 0.045 to 0.201.  # noqa: E501
 THRUST_NUMBER = 0.12

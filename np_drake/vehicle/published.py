@@ -18,10 +18,9 @@ from functools import cache
 import numpy as np
 import pandas as pd
 
-from np_drake.vehicle.vehicle import AIR, PRESETS
+from np_drake.vehicle.vehicle import AIR, GRAVITY, PRESETS
 
 FILE = PRESETS / "published.csv"
-GRAVITY = 9.81  # [m/s²]
 
 
 @dc.dataclass(frozen=True)

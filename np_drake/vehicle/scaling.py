@@ -15,7 +15,7 @@ import math
 
 import numpy as np
 
-from np_drake.vehicle.vehicle import Calibration, RateLoop, Vehicle
+from np_drake.vehicle.vehicle import RateLoop, Vehicle
 
 PERIOD = 0.02  # between solves, of the paper's vehicle [s]
 SPARE_LIFT = (
@@ -30,11 +30,6 @@ class Scales:
     length: float  # L, mean distance of the rotors from Bo [m]
     mass: float  # m [kg]
     time: float  # T = sqrt(L / g) [s]
-
-    @property
-    def speed(self) -> float:
-        """L / T [m/s]."""
-        return self.length / self.time
 
     @property
     def force(self) -> float:
@@ -85,7 +80,7 @@ def usual_rate_loop(vehicle: Vehicle) -> RateLoop:
     pace, paper = ratios(vehicle).time, RateLoop()
     return RateLoop(
         [pace * lag for lag in paper.lag], paper.gain, [rate / pace for rate in paper.max_rate]
-    ).check()
+    )
 
 
 def payload_ratio(vehicle: Vehicle, paper_mass: float) -> float:
@@ -128,41 +123,3 @@ def numbers(vehicle: Vehicle) -> Numbers:
         yaw_arm=vehicle.torque_coefficient / vehicle.thrust_coefficient / unit.length,
         turn_time=float(np.sqrt(2 * J[:2] / torque).max() / unit.time),
     )
-
-
-def similar(vehicle: Vehicle, length: float) -> Vehicle:
-    """Return a larger or smaller vehicle that flies alike: mass by the cube, time by the root,
-    gravity kept.
-
-    Thrust then scales as mass. Rotor speed scales as the inverse of time, and tip speed as its
-    root.
-
-    Args:
-        length: ratio of lengths [1].
-    """
-    mass, time = length**3, math.sqrt(length)
-    return dc.replace(
-        vehicle,
-        name=f"{vehicle.name} times {length:g}",
-        mass=vehicle.mass * mass,
-        inertia=(vehicle.J * (mass * length**2)).tolist(),
-        rotor_positions=[times(row, length) for row in vehicle.rotor_positions],
-        thrust_coefficient=vehicle.thrust_coefficient * mass * time**2,
-        torque_coefficient=vehicle.torque_coefficient * mass * time**2 * length,
-        rotor_radius=vehicle.rotor_radius * length,
-        max_rotor_thrust=vehicle.max_rotor_thrust * mass,
-        rotor_time_constant=vehicle.rotor_time_constant * time,
-        throttle=None,  # these are of the vehicle itself
-        calibration=Calibration(),
-        sources={},
-        intervals={},
-    ).check()
-
-
-def times(value, ratio: float):
-    """Return a number, or every number of a list, multiplied by `ratio`.
-
-    Args:
-        ratio: [1].
-    """
-    return [v * ratio for v in value] if isinstance(value, list | tuple) else value * ratio

@@ -27,6 +27,7 @@ HEALTHY = (0.5, 1.5)  # gain of a rotor [1]; own choice: one outside is broken, 
 UNEQUAL = 1e-3  # of the mean of the rotors' gains and 1 [1]
 LOOP_GAINS = (0.2, 5.0)  # rate over commanded rate of any loop that flies [1]; source: own choice
 FASTEST = 44.0  # rate beyond which it is in another unit than rad/s [rad/s]; source: own choice
+GRAVITY = 9.81  # [m/s²]
 AIR = 1.225  # density at sea level, 15 °C [kg/m³]
 SOUND = 340.0  # its speed of sound [m/s]
 # Largest moment of inertia over mass times squared arm [1]; own choice. All mass at the rotors
@@ -166,11 +167,6 @@ class RateLoop:
     # largest that may be commanded
     max_rate: list[float] = number([6.0, 6.0, 3.0], "rad/s", 1e-2, FASTEST)
 
-    def check(self) -> "RateLoop":
-        """Return self after checking all values; ValueError where one is impossible."""
-        check_fields(self, "rate_loop")
-        return self
-
     def torque(self, J: np.ndarray, w: np.ndarray, command: np.ndarray) -> np.ndarray:
         """Return the torque (..., 3) by which the loop turns the vehicle, with what its own
         rotation needs [N·m].
@@ -203,11 +199,6 @@ class MeasurementNoise:
     rate: float = number(0.01, "rad/s", 0.0)  # of wx, wy, wz
     acceleration: float = number(0.1, "m/s²", 0.0)  # of specific force, in body axes
     angular_acceleration: float = number(0.5, "rad/s²", 0.0)  # of alx, aly, alz
-
-    def check(self) -> "MeasurementNoise":
-        """Return self after checking the deviations; ValueError where one is negative."""
-        check_fields(self, "MeasurementNoise")
-        return self
 
 
 @dc.dataclass
@@ -268,9 +259,12 @@ class Vehicle:
         """Return self after checking all parameters; ValueError where one is impossible."""
         self.input = ALIASES.get(self.input, self.input)
         check_fields(self, "Vehicle")
-        for part in (self.measurement_noise, self.calibration, self.throttle, self.rate_loop):
-            if part is not None:
-                part.check()
+        check_fields(self.measurement_noise, "MeasurementNoise")
+        self.calibration.check()
+        if self.throttle is not None:
+            self.throttle.check()
+        if self.rate_loop is not None:
+            check_fields(self.rate_loop, "rate_loop")
         J = np.array(self.inertia, float)
         moments = np.linalg.eigvalsh(J) if np.allclose(J, J.T) else np.zeros(3)
         _require(moments[0] > 0, "inertia must be symmetric and positive definite [kg·m²]")

@@ -1,7 +1,6 @@
 """Laws of truths and answers: every truth is a case, and what cannot be read is one line."""
 
 import json
-import shutil
 
 import pytest
 
@@ -25,16 +24,6 @@ def test_every_truth_is_a_case_with_or_without_an_answer(folders):
     first, second = read_answered_cases(*folders)
     assert (first.name, first.group, first.verdict) == ("a1", "drake, clean", ("thrust_scale",))
     assert (second.name, second.kind, second.answer, second.verdict) == ("b2", "clean", None, ())
-
-
-def test_a_folder_of_sets_is_read_as_all_their_cases(folders, tmp_path):
-    sets = [tmp_path / kind for kind in ("answers", "truths")]
-    for whole, part in zip(sets, folders, strict=True):
-        for name in ("one", "two"):
-            shutil.copytree(part, whole / name)
-    alone, together = read_answered_cases(*folders), read_answered_cases(*sets)
-    assert [c.name for c in together] == [f"{s}/{c.name}" for s in ("one", "two") for c in alone]
-    assert [c.verdict for c in together] == 2 * [c.verdict for c in alone]
 
 
 def test_a_folder_without_truth_is_refused(folders):

@@ -167,16 +167,6 @@ def test_a_payload_that_attaches_hangs_still_under_the_moving_hook(simulator, fl
     assert np.linalg.norm(chi[120:, :3], axis=1).min() > 0.5  # [N]: taut
 
 
-@pytest.mark.parametrize("nominal", VEHICLES[:2], ids=lambda vehicle: vehicle.name)
-def test_rotors_turn_on_where_a_lag_begins(nominal, fly, t):
-    plan = draw_plan(np.random.default_rng(0), nominal, 5.0, "sprints")
-    before = fly(nominal, plan, t=t)
-    log = fly(nominal, plan, [LIBRARY["motor_lag"](0.05)], t=t, onset=1.2)
-    held = np.sqrt(before.u[119] @ nominal.unmixer.T / nominal.thrust_coefficient)
-    expected = before.rotor[120] if nominal.rotor_time_constant else held
-    np.testing.assert_allclose(log.rotor[120], expected, atol=1e-6)  # [rad/s]
-
-
 @pytest.mark.parametrize("name", SENSORS)
 def test_a_sensor_reads_the_effects_own_error_of_an_untouched_flight(
     name, fly, clean, vehicle, plan, t
@@ -188,17 +178,6 @@ def test_a_sensor_reads_the_effects_own_error_of_an_untouched_flight(
     np.testing.assert_allclose(log.x, read.x, atol=1e-12)
     np.testing.assert_allclose(log.a, read.a, atol=1e-12)
     np.testing.assert_array_equal(log.u, clean.u)
-
-
-@pytest.mark.parametrize("offset", [0.03, -0.05])
-def test_another_clock_shifts_state_against_commands(offset, fly, clean, vehicle, plan, t):
-    log = fly(vehicle, plan, [LIBRARY["clock_offset"](offset)], t=t)
-    rows = np.arange(10, len(t) - 10)
-    np.testing.assert_array_equal(log.u, clean.u)
-    np.testing.assert_array_equal(log.rotor, clean.rotor)
-    for signal in ("p", "v", "q", "w"):
-        shifted = getattr(clean, signal)[rows + round(100 * offset)]
-        np.testing.assert_allclose(getattr(log, signal)[rows], shifted, atol=1e-9, err_msg=signal)
 
 
 @pytest.mark.parametrize("name", [n for n, e in LIBRARY.items() if e.begins])

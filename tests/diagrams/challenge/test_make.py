@@ -116,15 +116,6 @@ def test_an_interrupted_set_goes_on_and_ends_as_an_uninterrupted_one(small_set, 
     assert kept == {n: (tmp_path / "cases" / n / FILES[0]).stat().st_mtime_ns for n in others}
 
 
-def test_cases_of_another_request_give_way(small_set, tmp_path):
-    base, _ = small_set
-    for kind in ("cases", "truth"):
-        shutil.copytree(base / kind, tmp_path / kind)
-    make(tmp_path / "cases", tmp_path / "truth", **SIZE, **OPTIONS | {"seconds": 6.0})
-    for folder in (tmp_path / "truth").iterdir():
-        assert json.loads((folder / "truth.json").read_text())["seconds"] == 6.0
-
-
 def test_without_rotorpy_the_remedy_is_said_before_any_work(tmp_path, monkeypatch):
     monkeypatch.setattr(flight, "find_spec", lambda name: None)
     with pytest.raises(ValueError, match=r"pip install 'np_drake\[challenge\]'"):

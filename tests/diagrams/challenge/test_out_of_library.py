@@ -76,14 +76,6 @@ def test_no_rotor_gives_more_than_where_it_saturates(vehicle):
     np.testing.assert_allclose(chi, [0.0, 0.0, *expected], atol=1e-12)
 
 
-def test_a_line_rubs_against_the_motion_and_no_more_at_speed(vehicle, moving):
-    """Over ground: wind is none of it."""
-    for speed, friction in ((0.0, 0.0), (0.2, 0.5 * np.tanh(1.0)), (3.0, 0.5), (9.0, 0.5)):
-        x = moving(speed * np.array([0.6, 0.0, -0.8]))
-        chi = wrench(laws.rubbing_line, vehicle, x, wind=(2.0, 1.0, 0), force=0.5, creep=0.2)
-        np.testing.assert_allclose(chi, [-0.6 * friction, 0, 0.8 * friction, 0, 0, 0], atol=1e-9)
-
-
 def test_a_lidar_couples_roll_and_pitch_and_does_no_work(vehicle, moving):
     w = np.array([0.5, -0.8, 0.3])
     tau = wrench(laws.spinning_lidar, vehicle, moving((0, 0, 0), w), h=0.02)[3:]

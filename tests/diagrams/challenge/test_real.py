@@ -10,10 +10,8 @@ from diagrams.challenge import real
 from diagrams.challenge.real import (
     DRAG,
     GROUPS,
-    across_blocks,
     block_name,
     by_blocks,
-    by_controller,
     campaign_of,
     in_circle,
     make_cases,
@@ -88,17 +86,6 @@ def test_a_block_is_fitted_and_the_next_one_judges():
     assert (single.train, single.held_out) == (tuple(paths([5, 6])), Path("flight01"))
 
 
-def test_every_block_judges_once_and_is_not_fitted_then():
-    cases = list(across_blocks("payload", ALL))
-    assert [case.held_out for case in cases] == paths([10, 21, 46, 61])
-    assert cases[0].name == "17-21 + 43-46 -> 06-10"
-    assert str(cases[0].folder) == "payload/17-21+43-46_to_06-10"
-    for case, block in zip(cases, BLOCKS, strict=True):
-        assert len(case.train) == 2
-        assert not set(case.train) & set(paths(block))
-    assert not list(across_blocks("payload", ALL[:10]))
-
-
 @pytest.mark.parametrize("flights, fitted", [(5, 2), (2, 1)])
 def test_in_a_circle_every_flight_judges_once(flights, fitted):
     files = paths(range(flights))
@@ -106,20 +93,6 @@ def test_in_a_circle_every_flight_judges_once(flights, fitted):
     assert [case.held_out for case in cases] == files
     assert all(len(case.train) == fitted and case.held_out not in case.train for case in cases)
     assert not list(in_circle("bare", files[:1]))
-
-
-@pytest.mark.parametrize("windy, count", [(True, 6), (False, 3)])
-def test_in_every_wind_each_controller_is_held_out_once(windy, count):
-    cases = list(by_controller("wind", FLOWN, windy))
-    assert len(cases) == count
-    for case in cases:
-        wind, fitted = (case.held_out.stem.split("_")[-1], [p.stem for p in case.train])
-        assert all(name.endswith(f"_{wind}") for name in fitted)
-        assert len({n.split("_")[2] for n in (*fitted, case.held_out.stem)}) == 3
-        calm = [name.replace(wind, "nowind") for name in fitted] if windy else []
-        assert [path.stem for path in case.still] == calm
-    speeds = sorted({case.speed for case in cases})
-    assert speeds == pytest.approx([4.2, 12.1] if windy else [0.0], abs=0.05)  # m/s
 
 
 # Cases

@@ -112,18 +112,6 @@ def test_an_error_is_relative_to_the_distance_from_neutral(by_hand, effect, give
     assert (found, kind, held) == (pytest.approx(size), "relative", inside)
 
 
-def test_a_hook_has_its_error_in_metres_and_a_rotor_is_right_or_not(by_hand):
-    own = {**by_hand.PAYLOAD["parameters"], "hook_x": 0.03, "length": 0.88}
-    case = answered(by_hand, by_hand.make_truth(by_hand.PAYLOAD), "suspended_payload", **own)
-    weak = by_hand.make_truth(by_hand.WEAK)
-    found = summary(case, answered(by_hand, weak, "weak_rotor", rotor=3.0, efficiency=0.8))
-    assert found["place_error"] == pytest.approx(0.03)
-    assert counted(found["choice"]) == (0, 1)
-    assert found["coverage_rate"]["n"] == 6  # mass, length, hook, efficiency; not the rotor
-    sizes = {row["parameter"]: row["median_error"] for row in found["rows"]}
-    assert sizes["length"] == pytest.approx(0.1)  # 0.8 m, against itself
-
-
 # Onsets
 
 
@@ -146,20 +134,6 @@ def test_flights_with_an_onset_are_counted(by_hand):
     assert counted(onsets(case)["within"]) == (1, 2)
     assert onsets(case)["median_error"] == pytest.approx(0.225)
     assert counted(onsets(begun(by_hand, {"train_1": None}))["within"]) == (0, 2)
-
-
-@pytest.mark.parametrize(
-    "key, other, counts",
-    [
-        ("within_all", {"visibility": 1.1}, (1, 2)),
-        ("within", {"visibility": 1.1}, (0, 0)),
-        ("within_if_told", {"best_onset": {"train_1.csv": 8.1, "heldout_1.csv": 6.0}}, (1, 1)),
-        ("within_if_seen", {"visibility_in_training": {"heldout_1.csv": 1.0}}, (1, 1)),
-    ],
-)
-def test_onsets_that_are_faint_or_not_told_stand_apart(by_hand, key, other, counts):
-    case = begun(by_hand, {"train_1": 8.15, "heldout_1": None}, **other)
-    assert counted(onsets(case)[key]) == counts
 
 
 # Gap and replay

@@ -48,7 +48,7 @@ def test_clean_noise_is_white_and_as_the_file_states():
 def test_real_noise_has_the_figures_drawn():
     sensors = draw_sensor_quality("real", np.random.default_rng(1), 700.0)
     assert 0.005 <= sensors.attitude <= 0.010
-    vehicle = Vehicle(measurement_noise=sensors.stated_noise())
+    vehicle = Vehicle(measurement_noise=MeasurementNoise(attitude=0.005))
     log = with_sensor_noise(still(), vehicle, sensors, np.random.default_rng(2))
     assert log.al is None
     error = turn(log.q, still().q)

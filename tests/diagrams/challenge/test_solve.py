@@ -7,7 +7,7 @@ import pytest
 
 from diagrams.batch.failed_run import one_line
 from diagrams.challenge import solve as module
-from diagrams.challenge.solve import Solving, solve, write_answer
+from diagrams.challenge.solve import Solving, solve
 from np_drake.flight_log import FlightLog
 from np_drake.logs.formats.log_file import write_log
 from np_drake.vehicle import Vehicle
@@ -21,11 +21,7 @@ def level_flight(seed: int, n: int = 500, step: float = 0.01) -> FlightLog:
     t = step * np.arange(n)
     draw = np.random.default_rng(seed)
     frequency = draw.uniform(0.5, 4.0, 3)
-    p, v, a = (
-        -0.4 / frequency * np.cos(t[:, None] * frequency),
-        0.4 * np.sin(t[:, None] * frequency),
-        None,
-    )
+    p, v = -0.4 / frequency * np.cos(t[:, None] * frequency), 0.4 * np.sin(t[:, None] * frequency)
     a = 0.4 * frequency * np.cos(t[:, None] * frequency) + 0.1 * draw.normal(size=(n, 3))
     q, u = np.tile([1.0, 0.0, 0.0, 0.0], (n, 1)), np.tile([19.62, 0.0, 0.0, 0.0], (n, 1))
     w, al = 0.01 * draw.normal(size=(n, 3)), 0.5 * draw.normal(size=(n, 3))
@@ -86,9 +82,8 @@ def test_the_second_answer_is_written_where_there_is_one(cases, tmp_path, monkey
         return first
 
     monkeypatch.setattr(module, "diagnose", twice)
-    write_answer(tmp_path / "a1", Solving(cases)({"case": "a1"}))
-    dut = json.loads((tmp_path / "a1" / "diagnosis.json").read_text())
-    assert dut == {"train": ["train_1.csv"], "replay": False, "joined": ["heldout_1.csv"]}
+    dut = Solving(cases)({"case": "a1"})
+    assert dut["answer"] == {"train": ["train_1.csv"], "replay": False, "joined": ["heldout_1.csv"]}
 
 
 @pytest.mark.usefixtures("quick")
@@ -118,33 +113,29 @@ import sys
 opened = []
 sys.addaudithook(lambda event, args: opened.append(str(args[0])) if event == "open" else None)
 from pathlib import Path
-from diagrams.challenge.solve import Solving, case_folders, solve, write_answer
+from diagrams.challenge.solve import Solving, case_folders
 cases = Path(sys.argv[1])
-solve_one = Solving(cases)
-result = [write_answer(Path(sys.argv[2]) / f.name, solve_one({"case": f.name})) for f in case_folders(cases)]
+result = [Solving(cases)({"case": f.name}) for f in case_folders(cases)]
 assert len(result) == 1, result
 assert any(name.endswith("train_1.csv") for name in opened), "the hook sees nothing"
 print([name for name in opened if "truth.json" in name])
-"""  # noqa: E501
+"""
 
 
 def test_no_truth_is_opened_wherever_one_lies(cases, tmp_path):
     for name in ("b2", "c3"):
         for file in (cases / name).iterdir():
             file.unlink()
-    answers = tmp_path / "answers"
-    beside = (
+    for folder in (
         cases / "a1",
         cases,
         cases / "truth" / "a1",
         tmp_path / "truth" / "a1",
-        answers / "a1",
         tmp_path,
-    )
-    for folder in beside:
+    ):
         folder.mkdir(parents=True, exist_ok=True)
         (folder / "truth.json").write_text("this is no JSON")
-    command = [sys.executable, "-c", WATCHED, str(cases), str(answers)]
+    command = [sys.executable, "-c", WATCHED, str(cases)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert done.stdout.splitlines()[-1] == "[]"

@@ -12,10 +12,11 @@ from diagrams.loop.reality import make_real_vehicle
 from diagrams.loop.scaled import scaled
 from np_drake.effects.effect_entry import EffectEntry
 from np_drake.vehicle import Vehicle
-from np_drake.vehicle.scaling import ratios, similar
+from np_drake.vehicle.scaling import ratios
 from systems.payload_config import PayloadEvent, push, release
 from systems.plant import set_hover
 from tests.diagrams.loop.conftest import short
+from tests.similar import similar
 
 CONFIG = load_experiment("hover")
 PAYLOAD = CONFIG.reality.payload

@@ -10,8 +10,9 @@ from diagrams.loop.flight import FlightConfig, default_flight, load_flight
 from diagrams.loop.flight_result import fly
 from np_drake.command_delay import LONGEST_DELAY
 from np_drake.references.config import make_reference
-from np_drake.vehicle.scaling import ratios, scales, similar
+from np_drake.vehicle.scaling import ratios, scales
 from np_drake.vehicle.vehicle import Calibration, MeasurementNoise, Vehicle, load_vehicle
+from tests.similar import similar
 
 SMALL, LARGE = similar(Vehicle(), 0.26), similar(Vehicle(), 2.3)
 SMALL = dc.replace(SMALL, name="small", max_rotor_thrust=1.2 * SMALL.max_rotor_thrust)

@@ -7,6 +7,7 @@ import socket
 import subprocess
 import sys
 import time
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -48,7 +49,7 @@ def is_alive(pid: int) -> bool:
 
 @needs_firmware
 def test_its_time_is_granted_and_nothing_is_left_after_close():
-    with Firmware() as dut, Firmware() as other:
+    with closing(Firmware()) as dut, closing(Firmware()) as other:
         assert dut.offset != other.offset
         time.sleep(1.0)
         dut.advance(5.0)
@@ -84,7 +85,7 @@ def test_it_ends_with_a_user_that_is_killed():
 
 @needs_firmware
 def test_what_ends_or_is_refused_is_said_in_one_line():
-    with Firmware() as dut:
+    with closing(Firmware()) as dut:
         os.kill(dut._process.pid, signal.SIGKILL)
         dut._process.wait()
         with pytest.raises(AutopilotError, match="the firmware has ended"):
@@ -92,7 +93,7 @@ def test_what_ends_or_is_refused_is_said_in_one_line():
     with pytest.raises(AutopilotError, match="refuses `set no_such_thing = 1`"):
         Betaflight(Vehicle(), BetaflightConfig(lines=["set no_such_thing = 1"]))
     tilted = dc.replace(AT_REST, q=np.array([np.cos(0.5), np.sin(0.5), 0.0, 0.0]))
-    with Betaflight(Vehicle()) as dut, pytest.raises(AutopilotError, match="does not arm"):
+    with closing(Betaflight(Vehicle())) as dut, pytest.raises(AutopilotError, match="does not arm"):
         dut.arm(tilted, HOVER)
 
 
@@ -130,7 +131,7 @@ def test_gains_are_in_proportion_to_the_bandwidth_and_within_the_firmwares():
 def test_at_hover_every_motor_gives_a_quarter_each_time(lines):
     runs = []
     for _ in range(2):
-        with Betaflight(Vehicle(), BetaflightConfig(lines=lines)) as dut:
+        with closing(Betaflight(Vehicle(), BetaflightConfig(lines=lines))) as dut:
             thrust = dut.rotor_thrust(dut.arm(AT_REST, HOVER))
             np.testing.assert_allclose(thrust, HOVER / 4, rtol=0.01)
             runs.append([dut.step(AT_REST, np.array([HOVER, 0.2, 0.0, 0.0])) for _ in range(100)])
@@ -143,7 +144,7 @@ def test_any_order_and_sense_of_an_x_turns_as_it_is_told(name):
     vehicle = load_vehicle(name)
     hover, command = vehicle.mass * 9.81, np.zeros(4)
     command[0] = hover
-    with Betaflight(vehicle, BetaflightConfig(bandwidth=[])) as dut:
+    with closing(Betaflight(vehicle, BetaflightConfig(bandwidth=[]))) as dut:
         before = vehicle.mixer @ dut.rotor_thrust(dut.arm(AT_REST, hover))
         for axis in range(3):
             command[1:] = 0.5 * np.eye(3)[axis]

@@ -2,15 +2,8 @@ import numpy as np
 import pytest
 import torch
 
-from np_drake.flight_log import FlightLog
 from np_drake.mpc.dynamics import DiscreteDynamics
-from np_drake.residual_models.motion_training import (
-    KnodeConfig,
-    Piece,
-    _Nominal,
-    fit_knode,
-    flown_pieces,
-)
+from np_drake.residual_models.motion_training import KnodeConfig, Piece, _Nominal, fit_knode
 from np_drake.vehicle import Vehicle
 
 VEHICLE, STEP = Vehicle(), 0.02
@@ -86,15 +79,3 @@ def test_the_jacobian_is_that_of_finite_differences(trained):
     np.testing.assert_allclose(
         dut.jacobian(zeta), numeric, atol=1e-6
     )  # no edge of a ReLU within eps of these
-
-
-def test_a_row_with_nan_parts_a_log(pieces):
-    p = pieces[0]
-    x = np.vstack([p.x] * 4)
-    x[7, 8] = np.nan
-    log = FlightLog(
-        STEP * np.arange(16), x[:, :3], x[:, 3:7], x[:, 7:10], x[:, 10:], np.vstack([p.u] * 4)
-    )
-    assert [len(piece.x) for piece in flown_pieces(log, VEHICLE)] == [7, 8]
-    with pytest.raises(ValueError, match="at least 11 rows in one piece"):
-        fit_knode(flown_pieces(log, VEHICLE), VEHICLE)

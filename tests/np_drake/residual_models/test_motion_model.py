@@ -57,14 +57,3 @@ def test_the_file_gives_the_model_back(dut, tmp_path):
     found, zeta = MotionModel.load(path, dut.name), RNG.normal(size=(4, 6))
     assert (found.name, found.step, found.summary) == (dut.name, dut.step, dut.summary)
     np.testing.assert_array_equal(found.reaction(zeta), dut.reaction(zeta))
-
-
-def test_another_model_or_another_file_is_refused_in_one_line(dut, tmp_path):
-    path = tmp_path / "model.safetensors"
-    dut.save(path)
-    other = "knode" if dut.name == "gp" else "gp"
-    with pytest.raises(ValueError, match=f"must be {other}; got {dut.name}"):
-        MotionModel.load(path, other)
-    path.write_bytes(b"PK nothing")
-    with pytest.raises(ValueError, match="pickle"):
-        MotionModel.load(path)

@@ -147,15 +147,6 @@ def test_what_flies_is_the_batch_solution_of_the_last_window():
     np.testing.assert_allclose(memory["z"], z[-1], atol=1e-12)
 
 
-def test_the_refit_keeps_a_true_prior_and_follows_a_changed_law():
-    memory = fed(predictor(paper_model()), sequence(60))
-    np.testing.assert_allclose(memory["A"], A, atol=1e-9)
-    np.testing.assert_allclose(memory["B"], B, atol=1e-9)
-    wrong = LiftedLinearSystem(0.5 * A, 0 * B, np.eye(6), STEP)
-    dut = predictor(dc.replace(paper_model(), system=wrong, ridge=1e-6))
-    np.testing.assert_allclose(fed(dut, sequence(60))["A"], A, atol=5e-3)  # the ridge still pulls
-
-
 @pytest.mark.parametrize("late", [1, 3])
 def test_a_label_that_is_late_gives_the_wrench_of_now(late):
     """Labels of an exact lifted linear system come late, one of them not at all."""
@@ -165,13 +156,6 @@ def test_a_label_that_is_late_gives_the_wrench_of_now(late):
     memory = fed(dut, without(late_ones, (55,)))
     first = dut.forecast(memory, horizon=1, stride=1).first
     np.testing.assert_allclose(first, now[-1].chi, atol=1e-9)
-
-
-def test_impossible_options_are_refused():
-    with pytest.raises(ValueError, match=r"hold \| predict; got none"):
-        NeuralPredictor(last_sample_model(), torque="none")
-    with pytest.raises(ValueError, match="trained without"):
-        predictor(last_sample_model(torque=False))
 
 
 W = 12  # samples of the window

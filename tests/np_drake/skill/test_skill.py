@@ -64,17 +64,6 @@ def test_a_model_that_reads_a_plan_gets_the_coming_motion(averaged):
         assert np.isnan(chi_hat[count:, i]).all()
 
 
-def test_what_cannot_be_forecast_is_refused():
-    for horizons, motion, match in (
-        ([0], "known", "must be 1 or more"),
-        ([1], "x", "must be known"),
-    ):
-        with pytest.raises(ValueError, match=match):
-            flight_forecasts(ReadsThePlan(), flight(), horizons, first=10, motion=motion)
-    with pytest.raises(ValueError, match="more than 12 samples are needed; got 12"):
-        table({}, np.zeros((12, 6)), np.zeros((12, 6)))
-
-
 def test_a_held_plan_keeps_velocity_attitude_and_command_and_turns_no_more():
     data = flight()
     chi_hat = flight_forecasts(ReadsThePlan(), data, [1, 20], first=10, motion="held")

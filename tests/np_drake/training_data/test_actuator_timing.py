@@ -34,14 +34,6 @@ def flight(lag: float, *, noise: float = 0.0, n: int = 1500) -> FlightLog:
     return log
 
 
-@pytest.mark.parametrize("lag", [0.0, 0.01, 0.06])
-@pytest.mark.parametrize("noise", [0.0, 0.1])
-def test_the_lag_of_the_rotors_is_found(lag, noise):
-    assert learned_rotor_lag([(flight(lag, noise=noise), Vehicle())]) == pytest.approx(
-        lag, abs=0.003
-    )  # [s]
-
-
 def test_a_predictor_carries_the_lag_of_the_rotors_it_was_trained_on():
     config = make_config("lifted", epochs=1)
     model = train_on_flights([Flight(flight(0.03, noise=0.1), Vehicle())], config, step=STEP).model

@@ -3,7 +3,6 @@
 import dataclasses as dc
 
 import numpy as np
-import pytest
 
 from np_drake import labels
 from np_drake.flight_log import FlightLog
@@ -63,13 +62,6 @@ def test_a_gap_has_no_label_keeps_the_command_and_is_bridged_for_training():
     np.testing.assert_allclose(flight.x[[21, 22], 7], 0.4, atol=1e-9)
     whole = sampled_flight(log, VEHICLE, step=0.02)
     np.testing.assert_allclose(flight.segment.chi, whole.segment.chi, atol=1e-9)
-
-
-def test_a_step_below_that_of_the_log_is_refused():
-    with pytest.raises(ValueError, match="step must be at least"):
-        sampled_flight(ramp(), VEHICLE, step=0.001)
-    with pytest.raises(ValueError, match="must last two steps"):
-        sampled_flight(ramp(seconds=0.03), VEHICLE, step=0.02)
 
 
 def test_a_log_gives_causal_labels_and_zero_phase_targets(flight):

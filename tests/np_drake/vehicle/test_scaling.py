@@ -6,21 +6,15 @@ import math
 import numpy as np
 import pytest
 
-from np_drake.vehicle.scaling import (
-    numbers,
-    payload_ratio,
-    ratios,
-    sampling_period,
-    scales,
-    similar,
-)
+from np_drake.vehicle.scaling import numbers, payload_ratio, ratios, sampling_period, scales
 from np_drake.vehicle.vehicle import Vehicle, load_vehicle, preset_names
+from tests.similar import similar
 
 
 def test_the_papers_vehicle_is_its_own_unit():
     unit = ratios(Vehicle())
     assert (unit.length, unit.mass, unit.time, unit.clock) == (1.0, 1.0, 1.0, 1.0)
-    assert (unit.speed, unit.force, unit.torque) == (1.0, 1.0, 1.0)
+    assert (unit.force, unit.torque) == (1.0, 1.0)
     assert payload_ratio(Vehicle(), 0.26) == 1.0
 
 
@@ -29,7 +23,6 @@ def test_length_is_the_arm_and_force_the_weight():
     assert unit.length == pytest.approx(0.127 * math.sqrt(2))
     assert unit.force == pytest.approx(2.0 * 9.81)
     assert unit.torque == pytest.approx(2.0 * 9.81 * unit.length)
-    assert unit.speed == pytest.approx(math.sqrt(9.81 * unit.length))
 
 
 @pytest.mark.parametrize("length", [0.2, 0.7, 5.0])

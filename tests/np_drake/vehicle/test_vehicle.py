@@ -10,9 +10,9 @@ from pydrake.common.yaml import yaml_dump_typed
 
 from np_drake import rigid_body
 from np_drake.vehicle import Vehicle, load_vehicle
-from np_drake.vehicle.scaling import similar
 from np_drake.vehicle.sources import values
 from np_drake.vehicle.vehicle import Calibration, RateLoop, ThrottleMap
+from tests.similar import similar
 
 MAP = ThrottleMap(full_thrust=6.0, linear=0.3, idle=0.05, voltage=16.0, voltage_exponent=1.5)
 LOOP = RateLoop([0.05, 0.07, 0.2], [1.0, 0.9, 1.1])

@@ -33,13 +33,6 @@ def test_a_long_step_is_many_short_ones_under_held_zeta(seed, stride):
     np.testing.assert_allclose(advance(z, coarse.A, coarse.B, zeta), fine, rtol=1e-9, atol=1e-9)
 
 
-def test_matrices_that_do_not_fit_are_refused():
-    with pytest.raises(ValueError, match=r"must be \(K, K\), \(K, 6\), \(6, K\)"):
-        LiftedLinearSystem(np.eye(3), np.zeros((3, 5)), np.zeros((6, 3)), 0.02)
-    with pytest.raises(ValueError, match="step must be positive"):
-        LiftedLinearSystem(np.eye(3), np.zeros((3, 6)), np.zeros((6, 3)), 0.0)
-
-
 @given(seeds, st.floats(0.8, 1.5))
 def test_modes_outside_are_pulled_onto_the_circle_and_keep_their_shape(seed, was):
     """Against the complex eigenvectors, which the code under test does not form."""

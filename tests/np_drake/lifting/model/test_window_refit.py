@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from np_drake.lifting.model.encoders import DelayEncoder, Phi
+from np_drake.lifting.model.encoders import Phi
 from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem, stabilized
-from np_drake.lifting.model.lifted_model import DELAY_DMDC, PAPER, LiftedModel
+from np_drake.lifting.model.lifted_model import PAPER, LiftedModel
 from np_drake.lifting.model.window_refit import RADIUS, WindowRefit
 
 SCALE = np.array([1.5, 1.5, 1.5, 0.5, 0.5, 0.5])
@@ -77,15 +77,6 @@ def test_no_window_whatever_gives_an_unstable_system(seed, size, growth):
     A, B = refit(dc.replace(paper_model(seed), ridge=1e-3), window)
     assert np.abs(np.linalg.eigvals(A)).max() <= RADIUS + 1e-9
     assert np.all(np.isfinite(B))
-
-
-def test_there_is_no_refit_without_a_prior_or_without_phi():
-    with pytest.raises(ValueError, match="ridge must be positive"):
-        WindowRefit(dc.replace(paper_model(), ridge=0.0))
-    delay = DelayEncoder(np.zeros((8, 60)), 5)
-    model = LiftedModel(DELAY_DMDC, paper_model().system, delay, 5, SCALE, SCALE, False, ridge=1.0)
-    with pytest.raises(ValueError, match="must be Phi"):
-        WindowRefit(model)
 
 
 @pytest.mark.parametrize("late", [0, 2])

@@ -192,9 +192,3 @@ def test_it_is_trained_by_its_name_and_is_the_same_again(flights):
     again = train(flights[:12], config).model.encoder
     np.testing.assert_array_equal(again.axes[0].inputs, model.encoder.axes[0].inputs)
     np.testing.assert_array_equal(again.network.weights[0], model.encoder.network.weights[0])
-
-
-def test_few_flights_train_no_network(flights):
-    match = r"neural: at least 10 flights are needed; got 9\. Use lifted\."
-    with pytest.raises(ValueError, match=match):
-        train(flights[:9], CONFIG)

@@ -129,8 +129,3 @@ def test_missing_samples_leave_a_forecast_and_a_long_gap_ends_evidence(dut):
             assert (memory["trust/lifted"][0] > 0) == (k == 115)
     chi_hat = dut.forecast(memory, horizon=5, stride=1).rollout(np.tile(unseen.zeta[-1], (5, 1)))
     assert np.abs(chi_hat[0] - unseen.chi[-1]).max() < 0.1  # [N]
-
-
-def test_a_flight_too_short_for_the_horizon_is_refused():
-    with pytest.raises(ValueError, match="at least 91 samples"):
-        train([flight(0, 80)], CONFIG)

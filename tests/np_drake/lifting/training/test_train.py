@@ -67,17 +67,6 @@ def test_the_seed_decides_and_progress_ascends_to_its_total(dithered):
     assert all(np.isfinite(loss) for _, _, loss in calls)
 
 
-def test_too_little_or_mixed_data_is_refused():
-    short = Segment(np.zeros((50, 6)), np.zeros((50, 6)), 0.02)
-    for segments, match in (
-        ([short], "at least 91 samples"),
-        ([short, dc.replace(short, step=0.04)], "share one step"),
-        ([], "at least one"),
-    ):
-        with pytest.raises(ValueError, match=match):
-            train(segments)
-
-
 @pytest.mark.parametrize(
     "config", [LiftedConfig(steps=400), PaperConfig(epochs=1)], ids=["lifted", "paper"]
 )
