@@ -8,6 +8,7 @@ import pytest
 
 from diagrams.autopilot import node as nodes
 from diagrams.autopilot.node import Node, SolverThread, answer_of, make_companion_diagram
+from diagrams.loop.flight_diagram import make_flight_diagram, make_simulator
 from np_drake.autopilot.offboard import OffboardConfig, Phase
 from np_drake.autopilot.simulated import SimulatedAutopilot
 from np_drake.references.config import ReferenceConfig
@@ -29,16 +30,10 @@ FLYING_AT = 3.2  # when any flight here has long been handed over [s]
 
 @pytest.mark.parametrize("controller", ["np", "observer"])
 def test_a_companion_commands_what_the_diagram_of_a_flight_commands(controller):
-    from pydrake.systems.analysis import ApplySimulatorConfig, Simulator
-
-    from diagrams.loop.flight_diagram import make_flight_diagram, set_initial_state
-
     config = flight(controller)
     diagram = make_flight_diagram(config)
-    simulator = Simulator(diagram)
-    ApplySimulatorConfig(config.simulator, simulator)
-    context = simulator.get_mutable_context()
-    set_initial_state(diagram, context, config, seed=3)
+    simulator = make_simulator(diagram, config, seed=3)
+    context = simulator.get_context()
     sensors, mpc = diagram.GetSubsystemByName("sensor_model"), diagram.GetSubsystemByName("np_mpc")
 
     def read(system, name):
@@ -56,12 +51,11 @@ def test_a_companion_commands_what_the_diagram_of_a_flight_commands(controller):
         np.testing.assert_allclose(answer.rates_thrust, in_force, rtol=0, atol=1e-9)
 
 
-@pytest.mark.parametrize("rate", [20.0, 75.0])
-def test_a_controller_or_a_rate_that_does_not_fit_is_refused(rate):
+def test_a_controller_or_a_rate_that_does_not_fit_is_refused():
     with pytest.raises(ValueError, match=r"command must be rates"):
         make_companion_diagram(flight("hold").with_autopilot("none"))
     config = hover()
-    config.offboard.rate = rate
+    config.offboard.rate = 75.0
     with pytest.raises(ValueError, match="whole multiple"):
         Rail(config)
 
@@ -179,12 +173,11 @@ class SlowVehicle:
         return found
 
 
-@pytest.mark.parametrize("rate", [0.3, 1.0])
-def test_a_simulated_vehicle_is_flown_by_its_own_clock_however_slow(rate):
+def test_a_simulated_vehicle_is_flown_by_its_own_clock_however_slow():
     config = hover(duration=0.2, reference=ReferenceConfig(track="hover", ramp=0.2))
     # the machine may be busy
     config.offboard = OffboardConfig(late_solves=100, settle=0.3, stale_after=0.5)
-    vehicle, worker = SlowVehicle(config, rate), SolverThread()
+    vehicle, worker = SlowVehicle(config, rate=0.5), SolverThread()
     dut = Node(config, vehicle, worker)
     vehicle.begin = time.monotonic()
     nodes.fly(dut, wait=20.0)
@@ -215,6 +208,6 @@ def test_a_solve_that_hangs_or_fails_stops_nothing_else():
 
 
 def test_it_flies_a_simulated_vehicle_along_its_reference():
-    rail = VirtualFlight(flight("np")).advance(6.0)
+    rail = VirtualFlight(flight("np")).advance(5.0)
     assert rail.node.phase is Phase.FLYING
     assert nodes.flight_metrics(rail.node, rail.node.flown)["E_xy"] < 0.005

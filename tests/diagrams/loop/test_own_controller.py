@@ -42,9 +42,6 @@ def lean(vehicle):
 
 def wrong():
     return 3
-
-
-text = "no controller"
 """
 
 
@@ -130,10 +127,8 @@ def ports(inputs, outputs):
     "factory, said",
     [
         (ports({}, {}), "must have an output port u of 4"),
-        (ports({}, {"u": 3}), "output port u must have size 4; got 3"),
         (ports({"state": 13}, {"u": 4}), "has an input port state; known are x, acceleration"),
         (ports({"x": 12}, {"u": 4}), "input port x must have size 13; got 12"),
-        (ports({"flat": 16}, {"u": 4}), "size 15 times the points of a horizon; got 16"),
         (ports({}, {"u": 4})(), "must be a class or function that makes a new system each flight"),
         (lambda: 3, "must make a Drake system; it made a int"),
         (lambda: {}["gain"], "cannot be made: KeyError: 'gain'"),
@@ -150,9 +145,7 @@ def test_a_controller_that_does_not_fit_is_refused_in_one_line(factory, said):
     [
         ("mine:Hoover", "mine.py has no Hoover"),
         ("mine.py:wrong", "controller wrong: must make a Drake system"),
-        ("mine.py:text", "mine.py:text must be a class or a function; got str"),
         ("nowhere:Hover", "there is no nowhere.py beside the scenario or in the current folder"),
-        ("nowhere.py:Hover", "there is no file nowhere.py"),
         ("broken.py:Hover", "broken.py cannot be imported: SyntaxError"),
         (":Hover", "must be MODULE:NAME or FILE.py:NAME"),
     ],

@@ -72,13 +72,8 @@ def made(monkeypatch):
                 result = {"row": row.name, **scenario}
                 if title == "attach":
                     f = lag(0.05, -1.0).tolist()
-                    result |= {
-                        "t": T.tolist(),
-                        "chi_hat": f,
-                        "label": f,
-                        "height": (0 * T).tolist(),
-                    }
-                    result |= {"solve_failures": 0, "fallbacks": 0}
+                    result |= {"t": T.tolist(), "chi_hat": f, "label": f}
+                    result |= {"height": (0 * T).tolist(), "solve_failures": 0, "fallbacks": 0}
                 elif row.name == "hold":
                     result["lost"] = "hover: hold lost the vehicle"
                 else:

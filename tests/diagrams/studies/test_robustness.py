@@ -72,7 +72,6 @@ def test_no_mass_is_no_payload_and_tells_nothing():
 @pytest.mark.parametrize(
     ("fields", "message"),
     [
-        ({"wind": [1.0, 0.0]}, "wind must be 3 numbers"),
         ({"gust": -1.0}, "gust must be finite and not negative"),
         ({"gust": 1.0, "rotor_drag": 0.0}, "wind acts through rotor_drag"),
     ],
@@ -233,14 +232,6 @@ def test_the_verb_prints_errors_and_the_grid(monkeypatch, tmp_path, capsys):
     assert [line["row"] for line in content["grid"]["table"]] == ["nominal", "hold", "np"]
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["--axis", "rain"], "--axis: must be one of mass, length, speed, wind, gust, noise, lag"),
-        (["--grid-values", "3"], "--grid-values: must come with --grid."),
-        (["--solver", "magic"], "solver"),
-    ],
-)
-def test_bad_options_are_refused_before_work(arguments, message, capsys):
-    assert run(["reproduce", "robustness", *arguments]) == 2
-    assert message in capsys.readouterr().err
+def test_an_unknown_axis_is_refused_before_work(capsys):
+    assert run(["reproduce", "robustness", "--axis", "rain"]) == 2
+    assert "--axis: must be one of mass, length, speed, wind" in capsys.readouterr().err
