@@ -1,9 +1,8 @@
 """The account of an export leaves no effect out in silence and says what the file shows."""
 
-import numpy as np
 import pytest
 
-from diagrams.exports.formats import EXACT, FORMATS, LEFT_OUT, carried, hull
+from diagrams.exports.formats import EXACT, FORMATS, LEFT_OUT, carried
 from np_drake.effects import (
     BatterySag,
     LinearDrag,
@@ -13,7 +12,7 @@ from np_drake.effects import (
     ThrustScale,
 )
 from np_drake.effects.library import LIBRARY, effects_for
-from np_drake.vehicle.vehicle import Vehicle, load_vehicle, preset_names
+from np_drake.vehicle.vehicle import Vehicle
 
 EFFECTS = effects_for("rotor_speed", neighbours=True)
 UNUSUAL = {"thrust_drift": {"start": 0.9}}  # whose usual start is that of the nominal model
@@ -66,13 +65,3 @@ def test_an_impossible_vehicle_is_refused_and_nothing_is_written(form, effects, 
         FORMATS[form].write(Vehicle(), effects, tmp_path / "dut")
     assert "\n" not in str(error.value)
     assert not (tmp_path / "dut").exists()
-
-
-@pytest.mark.parametrize("name", preset_names())
-def test_the_box_that_collides_reaches_as_far_as_the_rotors(name):
-    vehicle = load_vehicle(name)
-    box, p = hull(vehicle), np.array(vehicle.rotor_positions, float)
-    reach = np.abs(p - box.center)[:, :2] + vehicle.rotor_radius
-    assert np.all(reach <= 0.5 * box.size[:2] + 1e-12)
-    assert np.all(np.abs(box.center) <= 0.5 * box.size)  # Bo lies within
-    assert box.size.min() > 0

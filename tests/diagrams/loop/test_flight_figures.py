@@ -4,8 +4,6 @@ import numpy as np
 import pytest
 
 from diagrams.loop import flight_figures
-from diagrams.loop.flight import load_flight
-from diagrams.loop.flight_result import fly
 from np_drake.files.figure_file import png
 
 
@@ -22,17 +20,6 @@ def test_every_axis_has_a_label_with_its_unit_and_the_figure_a_legend(flight, wh
     assert any("[" in ax.get_xlabel() for ax in axes)
     assert figure.legends
     assert png(figure).startswith(b"\x89PNG")
-
-
-def test_waypoints_stand_in_the_track_and_in_its_height(tmp_path):
-    (tmp_path / "line.csv").write_text("x,y,z\n0,0,1.5\n.3,0,1.5\n.3,.3,2\n")
-    (tmp_path / "line.yaml").write_text(
-        "reference: {track: line.csv, corners: stop, rest: 0.1, speed: 1.0}\n"
-    )
-    figure = fly(load_flight(str(tmp_path / "line.yaml")), seed=0).plot("track")
-    for ax, expected in zip(figure.get_axes(), ([0, 0, 0.3], [1.5, 1.5, 2.0]), strict=True):
-        (marks,) = [line for line in ax.get_lines() if line.get_marker() == "x"]
-        np.testing.assert_allclose(marks.get_ydata(), expected)
 
 
 def test_the_data_frame_of_a_flight_holds_log_reference_and_truth(flight):

@@ -1,7 +1,5 @@
 """Laws of the live view, into which messages of a browser are injected."""
 
-import os
-import signal
 import struct
 
 import numpy as np
@@ -68,14 +66,6 @@ def test_stop_ends_the_flight_and_leaves_its_log():
     stopped = fly(config(), seed=0, watch=Scripted(config(), STOP, at=0.15))
     assert 0.1 < stopped.signals["t"][-1] < 0.25
     assert np.isfinite(stopped.metrics()["E_xy"])  # in the ramp all rows count
-
-
-def test_ctrl_c_stops_as_the_button_does():
-    with Scripted(config()) as view:
-        os.kill(os.getpid(), signal.SIGINT)
-        assert fly(config(), seed=0, watch=view).signals["t"][-1] < 0.1
-    assert view.stopped
-    assert signal.getsignal(signal.SIGINT) == signal.default_int_handler
 
 
 def test_a_flight_that_is_watched_is_the_same_and_shown_where_it_is(calm):

@@ -5,7 +5,7 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from diagrams.loop.experiments import EXPERIMENTS, FOLDER, load_experiment, settings_of
+from diagrams.loop.experiments import load_experiment, settings_of
 from diagrams.loop.flight import FlightConfig, default_flight, load_flight
 from diagrams.loop.flight_result import fly
 from np_drake.command_delay import LONGEST_DELAY
@@ -29,13 +29,6 @@ def without_noise(config: FlightConfig) -> FlightConfig:
 
 def test_the_default_scenario_of_the_papers_vehicle_is_bit_identical():
     assert plain(default_flight(Vehicle())) == plain(FlightConfig())
-
-
-@pytest.mark.parametrize("name", EXPERIMENTS[::2])
-def test_packaged_scenarios_stand_in_si_for_the_papers_vehicle(name, tmp_path):
-    text = (FOLDER / f"{name}.yaml").read_text().replace("scaled: true\n", "")
-    (tmp_path / "own.yaml").write_text(text)
-    assert plain(load_experiment(name)) == plain(load_flight(str(tmp_path / "own.yaml")))
 
 
 @pytest.mark.parametrize("vehicle", [SMALL, LARGE])

@@ -84,9 +84,3 @@ def test_waypoints_are_flown_and_those_that_are_not_passed_are_named(tmp_path):
     flight.config.reference.within = 1e-4
     (said,) = flight.warnings()
     assert "the flight with hold does not come within 0.0001 m of waypoints" in said
-
-
-def test_corners_are_for_waypoints(tmp_path):
-    (tmp_path / "c.yaml").write_text("reference: {track: circle, corners: stop}\n")
-    with pytest.raises(ValueError, match="corners is for the waypoints of a CSV file; got stop"):
-        load_flight(str(tmp_path / "c.yaml"))

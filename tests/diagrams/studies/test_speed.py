@@ -64,18 +64,6 @@ def test_lines_have_times_gaps_failures_and_ratios_of_medians(vehicle, config, p
     assert other["ratio_to_acados"] == 1.0
 
 
-def test_peers_that_cannot_run_have_no_row(vehicle, config, monkeypatch):
-    def missing(*_):
-        raise ImportError("on purpose")
-
-    def without_compiler(*_):
-        raise FileNotFoundError("on purpose")
-
-    monkeypatch.setattr(bench, "CasadiSolver", missing)
-    monkeypatch.setattr(bench, "AcadosSolver", without_compiler)
-    assert [s.name for s in bench.make_solvers(vehicle, config)][1:] == ["sqp", "sqp_2"]
-
-
 def test_the_suite_covers_horizons_and_lifted_states(vehicle, monkeypatch):
     config = MpcConfig(horizon=5).check()
     monkeypatch.setattr(bench, "make_solvers", lambda v, c: [SqpSolver(v, c)])

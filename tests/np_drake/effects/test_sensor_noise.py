@@ -31,18 +31,3 @@ def test_attitude_turns_about_body_axes_and_acceleration_turns_with_it(seed):
     np.testing.assert_allclose(turn[1:] / turn[0], 0.5 * 0.4 * white[3:6], atol=1e-12)
     felt, true = (attitude.rotate_back(m.x[3:7], m.a + G) for m in (read, truth))
     np.testing.assert_allclose(felt - true, 0.7 * white[12:15], atol=1e-12)
-
-
-@pytest.mark.parametrize("seed", range(6))
-def test_one_instant_reads_as_a_row_of_many(seed):
-    truth, white = truth_of(seed), np.random.default_rng(100 + seed).standard_normal(22)
-    many = DUT.measure(
-        VEHICLE,
-        Measurement(*(v[None] for v in (truth.x, truth.a, truth.al, truth.rotor))),
-        white[None],
-    )
-    once = DUT.measure(VEHICLE, truth, white)
-    for one, row in zip(
-        (once.x, once.a, once.al, once.rotor), (many.x, many.a, many.al, many.rotor), strict=True
-    ):
-        np.testing.assert_allclose(one, row[0], atol=1e-12)

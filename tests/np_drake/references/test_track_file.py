@@ -1,7 +1,6 @@
 import numpy as np
 import pytest
 
-from np_drake.logs.formats.csv_file import read_csv
 from np_drake.references.config import TRACKS, ReferenceConfig, make_reference
 from np_drake.references.track_file import write_trajectory
 
@@ -119,16 +118,6 @@ def test_after_an_end_in_motion_it_brakes_to_rest(tmp_path):
     np.testing.assert_array_equal(after[0, 0], after[0, 1])
 
 
-def test_a_written_file_names_its_columns_and_holds_a_row_a_period(tmp_path):
-    motion = make_reference(ReferenceConfig())
-    write_trajectory(motion, tmp_path / "w.csv.gz", rate=50.0, duration=2.0)
-    table = read_csv(tmp_path / "w.csv.gz")
-    assert list(table.columns) == ["t", "x", "y", "z", "vx", "vy", "vz", "ax", "ay", "az"]
-    np.testing.assert_allclose(np.diff(table.columns["t"]), 0.02, atol=1e-12)
-    with pytest.raises(ValueError, match="Name the duration"):
-        write_trajectory(motion, tmp_path / "without_an_end.csv")
-
-
 def test_a_changed_file_is_read_anew(tmp_path):
     first = track(tmp_path, LINE).sample(np.zeros(1))[0, 0]
     second = track(tmp_path, LINE.replace("0,0,1\n", "0.5,0,1.25\n", 1)).sample(np.zeros(1))[0, 0]
@@ -164,14 +153,3 @@ def test_a_bad_file_is_refused_in_one_line_with_place_and_remedy(tmp_path, case)
     assert message in str(caught.value)
     assert "track.csv" in str(caught.value)
     assert "\n" not in str(caught.value)
-
-
-@pytest.mark.parametrize("text", [RAMPED, LINE], ids=["trajectory", "waypoints"])
-def test_a_track_that_moves_at_once_needs_a_ramp(tmp_path, text):
-    with pytest.raises(ValueError, match="needs a ramp"):
-        track(tmp_path, text, ramp=0.0)
-
-
-def test_a_missing_file_is_named():
-    with pytest.raises(ValueError, match=r"nowhere\.csv: must be a CSV file"):
-        make_reference(ReferenceConfig(track="nowhere.csv"))

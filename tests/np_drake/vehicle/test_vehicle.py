@@ -11,7 +11,6 @@ from pydrake.common.yaml import yaml_dump_typed
 from np_drake import rigid_body
 from np_drake.vehicle import Vehicle, load_vehicle
 from np_drake.vehicle.scaling import similar
-from np_drake.vehicle.sources import values
 from np_drake.vehicle.vehicle import Calibration, RateLoop, ThrottleMap
 
 MAP = ThrottleMap(full_thrust=6.0, linear=0.3, idle=0.05, voltage=16.0, voltage_exponent=1.5)
@@ -104,14 +103,6 @@ def test_another_mass_or_size_takes_what_was_said_of_the_old_one(load):
     assert list(dut.intervals) == ["calibration.center_of_mass"]
     grown = similar(load(SAID), 2.0)
     assert (grown.throttle, grown.calibration, grown.sources) == (None, Calibration(), {})
-
-
-def test_values_name_every_field_once_parts_by_their_section():
-    known = values(dc.replace(Vehicle(), throttle=MAP))
-    assert known["throttle.linear"] == 0.3
-    assert known["calibration.command_delay"] == 0.0
-    assert values(Vehicle())["throttle"] is None
-    assert not {"sources", "intervals", "calibration", "throttle"} & set(known)
 
 
 def test_a_file_that_states_no_uncertainty_has_none_and_writes_none(load):
