@@ -23,12 +23,6 @@ def test_the_effect_becomes_a_body_with_its_figures():
     )
 
 
-@pytest.mark.parametrize("bad", [{"air_damping": -0.1}, {"tether": "rod", "air_damping": 0.1}])
-def test_air_that_drives_and_a_rod_in_the_air_are_refused(bad):
-    with pytest.raises(ValueError, match="air_damping must"):
-        PayloadConfig(**bad).check()
-
-
 @pytest.mark.parametrize("damping", [0.0, 0.8])
 def test_a_log_of_the_hook_brings_back_the_wrench_of_drakes_cable(damping, apply_impulse):
     effect = SuspendedPayload(0.3, 0.7, 0.02, -0.01, -0.04, damping)

@@ -70,7 +70,7 @@ def read(dut, context, names):
 def test_the_compiled_forces_are_the_sum_of_the_single_effects(payload, actuators, wrenches):
     vehicles = pair(payload, actuators, wrenches)
     names = (*PORTS, "tether_wrench") if payload.tether == "cable" else PORTS
-    for seed in range(8):
+    for seed in range(4):
         found = []
         for dut, context in vehicles:
             place(dut, context, seed, drift=1e-4 * seed)
@@ -104,12 +104,10 @@ def test_level_rotors_lift_along_z_and_turn_about_the_body_axes():
         ([LAG, SCALE], [DRAG, ConstantWind(1.0, 0.0, 0.0)], {}),
         ([LAG, WeakRotor(1, 0.8)], [DRAG], {}),
         ([SCALE, LAG], [DRAG], {}),
-        ([LAG, MotorLag(0.02)], [DRAG], {}),
         ([UnevenLag(0.03, 0.05), SCALE], [DRAG], {}),
-        ([SCALE], [DRAG], {}),
         ([LAG, SCALE], [DRAG], {DRAG: 2.0}),
     ],
-    ids=["wind", "weak rotor", "scale first", "two lags", "uneven lag", "no lag", "onset"],
+    ids=["wind", "weak rotor", "scale first", "uneven lag", "onset"],
 )
 def test_what_is_not_steady_has_no_compiled_form(actuators, wrenches, onsets):
     assert SteadyEffects.of(VEHICLE, actuators, wrenches, onsets) is None

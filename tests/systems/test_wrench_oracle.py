@@ -20,18 +20,6 @@ def oracle_over(payload):
     return dut, context
 
 
-def test_over_a_still_plan_a_hanging_payload_pulls_with_its_weight():
-    dut, context = oracle_over(Payload())
-    state = np.zeros(26)
-    state[[0, 7]] = 1.0
-    state[4:7], state[11:14] = [0, 0, 1.0], [0, 0, 1.0 - 0.025 - 0.8]
-    dut.GetInputPort("plant_state").FixValue(context, state)
-    forecast = dut.GetOutputPort("forecast").Eval(context)
-    np.testing.assert_allclose(
-        forecast.offset, np.tile([0, 0, -0.26 * 9.81, 0, 0, 0], (5, 1)), atol=1e-9
-    )
-
-
 def test_a_payload_to_the_side_pulls_to_the_side_and_turns_the_body():
     dut, context = oracle_over(Payload())
     state = np.zeros(26)

@@ -11,7 +11,6 @@ from diagrams.loop.experiments import load_experiment
 from diagrams.loop.flight import FlightConfig, default_flight
 from diagrams.loop.flight_result import LostVehicle, fly
 from np_drake.effects.effect_entry import EffectEntry
-from np_drake.labels import labelled
 from np_drake.lifting.model.model_file import load_model
 from np_drake.payload_filter.predictor import PayloadFilter
 from np_drake.references.config import ReferenceConfig
@@ -37,15 +36,6 @@ def test_each_kind_flies_the_packaged_model_of_its_name_on_its_own_vehicle():
         assert model.name == kind
         with pytest.raises(ValueError, match="mass"):
             make_residual_model(ControllerConfig(kind), Vehicle(mass=1.0))
-
-
-def test_labels_have_the_lag_learned_unless_the_vehicle_file_names_one():
-    learned = make_residual_model(ControllerConfig(kind="np"), Vehicle())
-    assert learned.rotor_lag == pytest.approx(0.03, abs=0.005)  # [s]; that of the training
-    assert labelled(Vehicle(), learned).rotor_time_constant == learned.rotor_lag
-    assert labelled(Vehicle(rotor_time_constant=0.01), learned).rotor_time_constant == 0.01
-    other = make_residual_model(ControllerConfig(kind="observer"), Vehicle())
-    assert labelled(Vehicle(), other).rotor_time_constant == 0.0
 
 
 def test_the_shipped_model_is_stable_for_every_payload():

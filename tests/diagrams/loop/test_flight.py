@@ -108,13 +108,6 @@ def test_a_vehicle_that_is_lost_is_a_failed_run_and_no_result():
     assert caught.value.signals["t"][-1] == pytest.approx(1.0, abs=0.03)  # [s]; a period
 
 
-def test_a_predictor_trained_on_other_labels_does_not_fly():
-    config = short(kind="np")
-    config.controller.extra_mass = 0.26
-    with pytest.raises(ValueError, match="was trained with mass"):
-        fly(config, seed=0)
-
-
 def test_every_experiment_file_loads_and_others_are_refused():
     assert [load_experiment(name).name for name in EXPERIMENTS] == [*EXPERIMENTS]
     with pytest.raises(ValueError, match="circle, lemniscate"):

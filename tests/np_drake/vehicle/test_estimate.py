@@ -8,7 +8,6 @@ import pytest
 
 from np_drake.logs.formats.neurobem import published_vehicle
 from np_drake.vehicle.estimate import AIR, FIGURE_OF_MERIT, Measured, commented_file, estimate
-from np_drake.vehicle.rotor_layout import FIRMWARE
 from np_drake.vehicle.scaling import numbers
 from np_drake.vehicle.vehicle import (
     RIGID,
@@ -106,24 +105,3 @@ def test_every_preset_states_its_source_and_all_parameters(name):
     assert left_out(name) == []
     assert set(RIGID) <= set(load_vehicle(name).sources)
     assert load_vehicle(name).name == name
-
-
-@pytest.mark.parametrize(
-    "name, order, said",
-    [
-        ("crazyflie", "crazyflie", "order of the firmware"),
-        ("crazyflie_brushless", "crazyflie", "order of the firmware"),
-        ("x500", "px4", "order of PX4"),
-    ],
-)
-def test_a_presets_rotors_are_in_the_order_of_its_autopilot(name, order, said):
-    dut, layout = load_vehicle(name), FIRMWARE[order]
-    corners = [tuple(np.sign(position[:2])) for position in dut.rotor_positions]
-    assert corners == list(layout.positions)
-    assert dut.rotor_directions == list(layout.directions)
-    assert said in vehicle_file(name).read_text()
-
-
-def test_an_unknown_name_lists_the_presets():
-    with pytest.raises(ValueError, match="crazyflie, crazyflie_brushless, hummingbird"):
-        load_vehicle("crazyfly")
