@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from diagrams.loop.experiments import load_experiment, settings_of
-from diagrams.loop.flight import FlightConfig, default_flight, load_flight
+from diagrams.loop.flight import FlightConfig, default_flight
 from diagrams.loop.flight_result import fly
 from np_drake.command_delay import LONGEST_DELAY
 from np_drake.references.config import make_reference
@@ -49,16 +49,6 @@ def test_the_controller_knows_the_delay_of_the_file_within_its_limit():
         vehicle = dc.replace(load_vehicle("crazyflie"), calibration=known)
         dut = default_flight(vehicle).check().controller
         assert dut.command_delay == pytest.approx(min(delay, LONGEST_DELAY * dut.period))
-
-
-def test_a_value_named_in_si_wins_over_the_scaled_default(tmp_path):
-    (tmp_path / "own.yaml").write_text(
-        "reference: {radius: 0.5}\nreality: {payload: {length: 0.3}}\n"
-    )
-    dut = load_flight(str(tmp_path / "own.yaml"), SMALL)
-    assert (dut.reference.radius, dut.reality.payload.length) == (0.5, 0.3)
-    assert dut.reference.height == pytest.approx(1.6 * ratios(SMALL).length)
-    assert dut.vehicle == SMALL
 
 
 def test_similar_vehicles_fly_the_same_dimensionless_circle():

@@ -154,15 +154,6 @@ def test_shares_count_points_once_and_ratios_are_of_means():
     assert dut["oracle"]["near"] == 1.0
 
 
-def test_a_lost_flight_is_not_near():
-    dut = grid(
-        lambda row, s: (LOST if s["speed"] == 2.5 else {"E_xy": 0.003}) if row == "np" else {}
-    )
-    assert dut["np"]["near"] == 0.5
-    assert (dut["np"]["lost"], dut["np"]["flights"]) == (9, 18)
-    assert dut["hold"]["lost"] == 0
-
-
 @pytest.mark.parametrize("key", ["growth", "swing_growth"])
 def test_error_and_swing_both_count_as_growing(key):
     dut = grid(
