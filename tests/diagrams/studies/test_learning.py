@@ -21,14 +21,6 @@ def test_flights_lie_within_the_envelope():
         assert SPEED[0] <= config.reference.speed <= SPEED[1]
 
 
-def test_a_flight_is_drawn_from_seed_and_number_alone():
-    first, again, other = (
-        envelope_flight(number, seed=3, vehicle=Vehicle()).reality.payload.mass
-        for number in (5, 5, 6)
-    )
-    assert first == again != other
-
-
 def test_what_is_learnt_is_what_a_vehicle_measures():
     arrays = unpacked(Envelope(3, Vehicle())({"flight": 2})["segment"])
     config = envelope_flight(2, seed=3, vehicle=Vehicle())

@@ -58,15 +58,6 @@ def test_delay_battery_and_slow_motors_are_told_to_nobody(axis, value, field):
     assert config.vehicle == base.vehicle
 
 
-def test_no_mass_is_no_payload_and_tells_nothing():
-    told = named(ROWS, "hold + total mass")
-    config = flight_config(CASE | {"mass": 0.0}, told, solver="sqp")
-    assert config.reality.payload.tether == "none"
-    assert config.controller.extra_mass == 0.0
-    heavy = flight_config(CASE | {"mass": 0.5}, told, solver="sqp")
-    assert heavy.controller.extra_mass == heavy.reality.payload.mass == 0.5
-
-
 def made_signals(config, n):
     """Hover on the reference, nothing saturated."""
     x, plant = np.zeros((n, 13)), np.zeros((n, 26))
