@@ -3,14 +3,7 @@
 import pytest
 
 from diagrams.exports.formats import EXACT, FORMATS, LEFT_OUT, carried
-from np_drake.effects import (
-    BatterySag,
-    LinearDrag,
-    MotorLag,
-    SensorNoise,
-    SuspendedPayload,
-    ThrustScale,
-)
+from np_drake import effects as fx
 from np_drake.effects.library import LIBRARY, effects_for
 from np_drake.vehicle.vehicle import Vehicle
 
@@ -18,7 +11,7 @@ EFFECTS = effects_for("rotor_speed", neighbours=True)
 UNUSUAL = {"thrust_drift": {"start": 0.9}}  # whose usual start is that of the nominal model
 
 
-class Hose(LinearDrag):
+class Hose(fx.LinearDrag):
     """A user's own effect."""
 
     identifier = "hose"
@@ -28,7 +21,7 @@ class Hose(LinearDrag):
 @pytest.mark.parametrize("identifier", EFFECTS)
 def test_the_file_shows_an_effect_exactly_where_the_account_does(form, identifier, tmp_path):
     effect = EFFECTS[identifier](**UNUSUAL.get(identifier, {}))
-    beside = [] if identifier == "linear_drag" else [LinearDrag()]  # through which a wind acts
+    beside = [] if identifier == "linear_drag" else [fx.LinearDrag()]  # through which a wind acts
 
     def written(effects):
         account = FORMATS[form].write(Vehicle(), effects, tmp_path / "dut")
@@ -40,12 +33,13 @@ def test_the_file_shows_an_effect_exactly_where_the_account_does(form, identifie
 
 @pytest.mark.parametrize("form", FORMATS)
 def test_the_account_has_a_line_with_a_reason_for_every_effect(form, tmp_path):
-    effects = [effect() for effect in EFFECTS.values()] + [SensorNoise(), BatterySag(), Hose()]
+    effects = [effect() for effect in EFFECTS.values()]
+    effects += [fx.SensorNoise(), fx.BatterySag(), Hose()]
     account = FORMATS[form].write(Vehicle(), effects, tmp_path / "dut")
     assert [line.identifier for line in account][: len(effects)] == [e.identifier for e in effects]
     assert all(line.note for line in account)
     assert account[len(effects) - 1].how == LEFT_OUT  # the user's own
-    (line,) = carried([SensorNoise()], {"mass_error": (EXACT, "mass")})
+    (line,) = carried([fx.SensorNoise()], {"mass_error": (EXACT, "mass")})
     assert (line.how, line.note) == (LEFT_OUT, "an error of the sensors, not of the motion")
 
 
@@ -53,9 +47,9 @@ def test_the_account_has_a_line_with_a_reason_for_every_effect(form, tmp_path):
 @pytest.mark.parametrize(
     "effects, reason",
     [
-        ([MotorLag(), MotorLag()], "one motor_lag at most"),
-        ([SuspendedPayload(), SuspendedPayload()], "one suspended_payload at most"),
-        ([ThrustScale(0.0)], "scale of thrust must be positive"),
+        ([fx.MotorLag(), fx.MotorLag()], "one motor_lag at most"),
+        ([fx.SuspendedPayload(), fx.SuspendedPayload()], "one suspended_payload at most"),
+        ([fx.ThrustScale(0.0)], "scale of thrust must be positive"),
         ([LIBRARY["mass_error"](-3.0)], "leave a rigid body"),
         ([LIBRARY["inertia_error"](scale_zz=3.0)], "leave a rigid body"),
     ],

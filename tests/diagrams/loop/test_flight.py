@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from diagrams.batch.failed_run import FailedRun
-from diagrams.loop import flight_figures
 from diagrams.loop.experiments import EXPERIMENTS, load_experiment
 from diagrams.loop.flight import ARENA, FlightConfig, load_flight
 from diagrams.loop.flight_diagram import make_flight_diagram, make_simulator, recorded
@@ -17,7 +16,6 @@ from diagrams.loop.reality import RealityConfig
 from np_drake import rigid_body
 from np_drake.effects.calibration import effects_of
 from np_drake.effects.effect_entry import EffectEntry
-from np_drake.files.figure_file import png
 from np_drake.files.yaml_file import fields_of
 from np_drake.labels import labels
 from np_drake.vehicle.vehicle import Calibration, MeasurementNoise
@@ -189,16 +187,6 @@ def test_no_flight_takes_forever_or_the_whole_memory(tmp_path, text, field):
 @pytest.fixture
 def flight(flown):
     return flown("circle", "hold")
-
-
-@pytest.mark.parametrize("what", ["track", "errors", "wrench", "overlay"])
-def test_every_axis_has_a_label_with_its_unit_and_the_figure_a_legend(flight, what):
-    figure = flight_figures.overlay([flight, flight]) if what == "overlay" else flight.plot(what)
-    axes = figure.get_axes()
-    assert all("[" in ax.get_ylabel() for ax in axes)
-    assert any("[" in ax.get_xlabel() for ax in axes)
-    assert figure.legends
-    assert png(figure).startswith(b"\x89PNG")
 
 
 def test_the_data_frame_of_a_flight_holds_log_reference_and_truth(flight):

@@ -84,34 +84,6 @@ def test_numbers_are_those_of_the_flight_bit_for_bit(flight, messages):
         np.testing.assert_array_equal(found, expected, err_msg=topic)
 
 
-def test_frames_and_tether_are_where_vehicle_and_payload_are(flight, messages):
-    for k, (*_, content) in enumerate(messages["/tf"]):
-        quadrotor, payload = content["transforms"]
-        x = flight.signals["x_true"][k]
-        assert [quadrotor["translation"][c] for c in "xyz"] == x[:3].tolist()
-        assert [quadrotor["rotation"][c] for c in "wxyz"] == x[3:7].tolist()
-        assert [payload["translation"][c] for c in "xyz"] == flight.payload_position[k].tolist()
-    length = flight.config.reality.payload.length
-    for *_, content in messages["/tether"]:
-        a, b = ([p[c] for c in "xyz"] for p in content["entities"][0]["lines"][0]["points"])
-        stretched = np.linalg.norm(np.subtract(a, b))
-        assert stretched == pytest.approx(length, rel=0.01)
-
-
-def test_a_flight_without_payload_is_written_too(tmp_path, capsys):
-    (tmp_path / "bare.yaml").write_text(
-        "name: bare\nduration: 0.1\nreference: {track: hover, ramp: 0.1}\n"
-        "reality: {payload: {tether: none}}\ncontroller: {kind: nominal, solver: sqp}\n"
-    )
-    target = tmp_path / "bare.mcap"
-    assert run(["fly", str(tmp_path / "bare.yaml"), "--mcap", str(target)]) == 0
-    assert f"MCAP: {target}" in capsys.readouterr().out
-    with target.open("rb") as stream:
-        topics = {one.topic for _, one, _ in mcap_reader.make_reader(stream).iter_messages()}
-    assert "/tf" in topics
-    assert "/tether" not in topics
-
-
 @pytest.mark.parametrize("name, message", [("a.csv", "ends in .mcap"), ("a.mcap", "[mcap]")])
 def test_what_cannot_be_written_is_refused_before_the_flight(
     tmp_path, monkeypatch, capsys, name, message

@@ -21,6 +21,7 @@ def test_flights_lie_within_the_envelope():
         assert SPEED[0] <= config.reference.speed <= SPEED[1]
 
 
+@pytest.mark.nightly
 def test_what_is_learnt_is_what_a_vehicle_measures():
     arrays = unpacked(Envelope(3, Vehicle())({"flight": 2})["segment"])
     config = envelope_flight(2, seed=3, vehicle=Vehicle())

@@ -19,7 +19,7 @@ from diagrams.studies.robustness import (
     measures,
     summary,
 )
-from diagrams.studies.sweep import named, tidy
+from diagrams.studies.sweep import tidy
 
 CASE = {"seed": 7, **BASE}
 
@@ -43,19 +43,6 @@ def test_rows_fly_the_same_vehicle_weights_and_draws():
     assert configs[0].reality.noise.position == pytest.approx(2 * RealityConfig().noise.position)
     assert (configs[0].reality.wind, configs[0].reality.gust) == ([4.0, 0.0, 0.0], 1.0)
     assert configs[0].reality.gust_seed == 7
-
-
-@pytest.mark.parametrize(
-    ("axis", "value", "field"),
-    [("delay", 0.045, "command_delay"), ("loss", 0.006, "thrust_loss"), ("lag", 0.05, "motor_lag")],
-)
-def test_delay_battery_and_slow_motors_are_told_to_nobody(axis, value, field):
-    np_row = named(ROWS, "np")
-    config = flight_config(CASE | {axis: value}, np_row, solver="sqp", model="x")
-    base = flight_config(CASE, np_row, solver="sqp", model="x")
-    assert getattr(config.reality, field) == value
-    assert config.controller == base.controller
-    assert config.vehicle == base.vehicle
 
 
 def made_signals(config, n):
