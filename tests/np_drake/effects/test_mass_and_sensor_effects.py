@@ -138,6 +138,16 @@ def truth_of(seed: int) -> Measurement:
     return Measurement(x, rng.standard_normal(3), rng.standard_normal(3), 100 * rng.random(4))
 
 
+@pytest.mark.parametrize("seed", range(2))
+def test_one_instant_reads_as_a_row_of_many(seed):
+    truth, white = truth_of(seed), np.random.default_rng(100 + seed).standard_normal(22)
+    once, names = DUT.measure(VEHICLE, truth, white), ("x", "a", "al", "rotor")
+    rows = Measurement(*(getattr(truth, name)[None] for name in names))
+    many = DUT.measure(VEHICLE, rows, white[None])
+    for name in names:
+        np.testing.assert_allclose(getattr(many, name)[0], getattr(once, name), atol=1e-12)
+
+
 @pytest.mark.parametrize("seed", range(6))
 def test_attitude_turns_about_body_axes_and_acceleration_turns_with_it(seed):
     truth, white = truth_of(seed), np.random.default_rng(100 + seed).standard_normal(22)
