@@ -142,7 +142,6 @@ def test_a_controller_that_does_not_fit_is_refused_in_one_line(factory, said):
     [
         ("mine:Hoover", "mine.py has no Hoover"),
         ("mine.py:wrong", "controller wrong: must make a Drake system"),
-        ("nowhere:Hover", "there is no nowhere.py beside the scenario or in the current folder"),
         ("broken.py:Hover", "broken.py cannot be imported: SyntaxError"),
         (":Hover", "must be MODULE:NAME or FILE.py:NAME"),
     ],

@@ -55,7 +55,6 @@ def test_a_trajectory_that_begins_at_rest_is_scored_from_the_first_row(tmp_path)
 
 BAD = {  # track, further lines, fields of the reference: what the line says
     "scaled": (LINE, "scaled: true\n", "", "scaled must be false for the track of a CSV file"),
-    "cell": (LINE.replace("1,1,2", "1,nan,2"), "", "", "track.csv, column y, row 3 (line 4)"),
     "speed": (LINE, "", "speed: 9.0, ramp: 0.1", "must be within controller.mpc.max_speed"),
     "tilt": (LINE, "", "speed: 2.5, ramp: 1.0", "must be within controller.mpc.max_tilt, 0.9 rad"),
     "rotors": (UP, "", "speed: 5.5, ramp: 0.6", "track.csv: must be within max_rotor_thrust, 12 N"),

@@ -82,9 +82,7 @@ def test_the_file_holds_the_estimate_and_names_every_parameter(tmp_path):
     [
         (1200.0, 0.4, 0.2, 0.5),
         (1.2, 40.0, 0.2, 0.5),
-        (1.2, 0.4, 9.0, 0.5),
         (1.2, 0.4, 0.2, 50.0),
-        (1.2, 0.4, 0.2, 0.5, "square"),
         (1.2, 0.4, 0.2, 0.5, "linear", "paper"),
     ],
 )
