@@ -27,23 +27,11 @@ from queue import Queue
 from mutant_probe import FOLDER, reached
 
 ROOT = Path(__file__).resolve().parent.parent
-COPIED = (
-    "np_drake",
-    "systems",
-    "diagrams",
-    "tests",
-    "docs",
-    "pyproject.toml",
-    "README.md",
-    "Makefile",
-)
+COPIED = ("np_drake", "systems", "diagrams", "tests", "docs")
+COPIED += ("pyproject.toml", "README.md", "Makefile")
 # Rooms without formulas: readers, texts and tables have tests of their own kind.
-LEFT_OUT = (
-    "np_drake/files",
-    "np_drake/logs/formats",
-    "np_drake/diagnosis/report",
-    "np_drake/__main__.py",
-)
+LEFT_OUT = ("np_drake/files", "np_drake/logs/formats", "np_drake/diagnosis/report")
+LEFT_OUT += ("np_drake/__main__.py",)
 SWAPS: dict[type, str] = {
     **{ast.Add: "-", ast.Sub: "+", ast.Mult: "/", ast.Div: "*", ast.Pow: "*"},
     **{ast.Lt: ">=", ast.LtE: ">", ast.Gt: "<=", ast.GtE: "<", ast.Eq: "!=", ast.NotEq: "=="},
@@ -125,10 +113,8 @@ def _without_effect(node: ast.AST) -> list[ast.AST]:
     if isinstance(node, ast.Raise | ast.JoinedStr):
         return [node]
     if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
-        found: list[ast.AST | None] = [
-            node.returns,
-            *(a.annotation for a in [*node.args.args, *node.args.kwonlyargs]),
-        ]
+        arguments = [*node.args.args, *node.args.kwonlyargs]
+        found = [node.returns, *(a.annotation for a in arguments)]
         return [f for f in found if f is not None]
     return [node.annotation] if isinstance(node, ast.AnnAssign) else []
 
@@ -202,19 +188,9 @@ def run_probed(drawn: list[Mutant], root: Path, workers: int, notes: Path) -> No
         (root / path).write_text(text)
     notes.mkdir(parents=True)
     environment = _environment(root) | {FOLDER: str(notes)}
-    command = [
-        sys.executable,
-        "-m",
-        "pytest",
-        "-q",
-        "-p",
-        "mutant_probe",
-        "-n",
-        str(workers),
-        "--dist",
-        "worksteal",
-    ]
-    subprocess.run([*command, "tests"], cwd=root, env=environment, capture_output=True, check=False)
+    how = f"-m pytest -q -p mutant_probe -n {workers} --dist worksteal tests".split()
+    command = [sys.executable, *how]
+    subprocess.run(command, cwd=root, env=environment, capture_output=True, check=False)
     for path in by_file:
         shutil.copyfile(ROOT / path, root / path)
 
@@ -228,10 +204,8 @@ def files_naming(path: Path, *, importing: bool) -> dict[str, float]:
 
     A probe does not see calls of compiled functions, and those that a cache answers.
     """
-    module, every = (
-        ".".join(path.with_suffix("").parts),
-        sorted((ROOT / "tests").rglob("test_*.py")),
-    )
+    module = ".".join(path.with_suffix("").parts)
+    every = sorted((ROOT / "tests").rglob("test_*.py"))
     named = [p for p in every if p.name in (f"test_{path.name}", f"test_{path.parent.name}.py")]
     found = [*named, *(p for p in every if importing and module in p.read_text())]
     return {str(p.relative_to(ROOT)): UNKNOWN for p in dict.fromkeys(found)}
@@ -255,33 +229,20 @@ def killer_of(mutant: Mutant, tests: dict[str, float], root: Path) -> str:
     ] or nearest[:1]
     limit = 60 + HANGS * sum(tests[name] for name in chosen)
     mutant.write(root)
-    # A cache by file would let a caller in another file keep the function with which it was
-    # compiled.
-    fresh = (
-        {"NUMBA_CACHE_DIR": str(root / "cache")}
-        if "@compiled" in (ROOT / mutant.path).read_text()
-        else {}
-    )
+    # With a cache by file, a caller in another file keeps the function with which it was compiled.
+    compiled = "@compiled" in (ROOT / mutant.path).read_text()
+    fresh = {"NUMBA_CACHE_DIR": str(root / "cache")} if compiled else {}
     shutil.rmtree(root / "cache", ignore_errors=True)
     command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", *chosen]
     try:
-        done = subprocess.run(
-            command,
-            cwd=root,
-            env=_environment(root) | fresh,
-            capture_output=True,
-            timeout=limit,
-            text=True,
-        )
+        how = {"env": _environment(root) | fresh, "capture_output": True, "text": True}
+        done = subprocess.run(command, cwd=root, timeout=limit, **how)
     except subprocess.TimeoutExpired:
         return "time"
     finally:
         shutil.copyfile(ROOT / mutant.path, root / mutant.path)
-    failed = [
-        line.split()[1]
-        for line in done.stdout.splitlines()
-        if line.startswith(("FAILED ", "ERROR "))
-    ]
+    lines = done.stdout.splitlines()
+    failed = [line.split()[1] for line in lines if line.startswith(("FAILED ", "ERROR "))]
     return (failed or [f"code {done.returncode}"])[0] if done.returncode else ""
 
 
@@ -299,24 +260,15 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--count", type=int, default=50, help="mutants drawn")
     parser.add_argument("--seed", type=int, default=0, help="of the draw")
-    parser.add_argument(
-        "--only", action="append", default=[], help="files or folders to draw from; repeatable"
-    )
+    parser.add_argument("--only", action="append", default=[], help="files or folders to draw from")
     parser.add_argument("--line", help="only mutants of this line: PATH:LINE")
     parser.add_argument("--jobs", type=int, default=1, help="mutants at once")
-    parser.add_argument(
-        "--numbers", help="of the draw, from 1 on, with commas: only these are tried"
-    )
-    parser.add_argument(
-        "--notes", type=Path, help="folder of the suite's run, kept for another run of this draw"
-    )
+    parser.add_argument("--numbers", help="of the draw, from 1 on, with commas: only these")
+    parser.add_argument("--notes", type=Path, help="folder of the suite's run, kept for another")
     parser.add_argument("--asked", type=float, default=0.9, help="least share killed")
     options = parser.parse_args()
-    paths = [
-        p.relative_to(ROOT)
-        for top in ("np_drake", "systems")
-        for p in sorted((ROOT / top).rglob("*.py"))
-    ]
+    tops = (ROOT / "np_drake", ROOT / "systems")
+    paths = [p.relative_to(ROOT) for top in tops for p in sorted(top.rglob("*.py"))]
     paths = [p for p in paths if not str(p).startswith(LEFT_OUT) and p.name != "__init__.py"]
     only = [options.line.rpartition(":")[0]] if options.line else options.only
     paths = [p for p in paths if not only or str(p).startswith(tuple(only))]
@@ -324,10 +276,8 @@ def main() -> int:
     if options.line:
         every = [m for m in every if m.line == int(options.line.rpartition(":")[2])]
     drawn = random.Random(options.seed).sample(every, min(options.count, len(every)))
-    print(
-        f"seed {options.seed}: {len(drawn)} of {len(every)} mutants in {len(paths)} files.",
-        flush=True,
-    )
+    of = f"{len(drawn)} of {len(every)} mutants in {len(paths)} files"
+    print(f"seed {options.seed}: {of}.", flush=True)
     alive = []
     with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(options.jobs) as pool:
         roots: Queue[Path] = Queue()
@@ -344,29 +294,21 @@ def main() -> int:
             try:
                 reaching = tests.get(number, {})
                 whole = files_naming(drawn[number].path, importing=not reaching)
-                apart = {
-                    name: t for name, t in reaching.items() if name.partition("::")[0] not in whole
-                }
+                apart = {n: t for n, t in reaching.items() if n.partition("::")[0] not in whole}
                 return killer_of(drawn[number], whole | apart, root), time.monotonic() - start
             finally:
                 roots.put(root)
 
-        some = (
-            [int(k) - 1 for k in options.numbers.split(",")]
-            if options.numbers
-            else [*range(len(drawn))]
-        )
+        asked = options.numbers.split(",") if options.numbers else range(1, len(drawn) + 1)
+        some = [int(k) - 1 for k in asked]
         for i, (killer, spent) in zip(some, pool.map(tried, some), strict=True):
             mutant = drawn[i]
             alive += [] if killer else [mutant]
             said = f"killed by {killer}" if killer else "SURVIVES"
             print(f"{i + 1:3d}/{len(drawn)}  {spent:4.0f} s  {said}  {mutant}", flush=True)
     killed = 1 - len(alive) / max(1, len(some))
-    print(
-        f"{len(some) - len(alive)} of {len(some)} killed; survivors:",
-        *(alive or ["none"]),
-        sep="\n  ",
-    )
+    head = f"{len(some) - len(alive)} of {len(some)} killed; survivors:"
+    print(head, *(alive or ["none"]), sep="\n  ")
     return int(killed < options.asked)
 
 

@@ -4,6 +4,7 @@ import subprocess
 import sys
 import time
 from importlib import import_module
+from importlib.metadata import version
 from pathlib import Path
 
 import pytest
@@ -36,3 +37,9 @@ def test_importing_a_package_loads_neither_drake_nor_torch(package):
     )
     assert done.stdout == "True\n"
     assert time.perf_counter() - start < 3.0  # [s]; a tenth of it on a quiet machine
+
+
+def test_the_module_is_the_command_line():
+    command = [sys.executable, "-m", "np_drake", "--version"]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert done.stdout == f"np-drake {version('np_drake')}\n"

@@ -1,21 +1,24 @@
-"""What the reference pages say of the code, by hand or by a mark that the built site fills."""
+"""What the pages say of the code, and their examples (those of docs/guide: tests/docs)."""
 
 import re
 import runpy
 from pathlib import Path
+from unittest import mock
 
 import numpy as np
 import pytest
 
-from diagrams.cli.app import VERBS
-from np_drake.effects.library import LIBRARY, effects_for, in_scenarios
+from np_drake.effects.library import LIBRARY
 from np_drake.logs.columns import NAMES
-from np_drake.logs.importing.log_map import UNITS, load_map_file
+from np_drake.logs.importing.log_map import load_map_file
 
 DOCS = Path(__file__).parents[1] / "docs"
 TABLES = runpy.run_path(str(DOCS / "generated_tables.py"))
-PAGES = [page for folder in ("guide", "reference") for page in DOCS.glob(f"{folder}/*.md")]
-TEXTS = {page.name: page.read_text(encoding="utf-8") for page in PAGES}
+TEXTS = {
+    page.name: page.read_text(encoding="utf-8")
+    for folder in ("guide", "reference")
+    for page in DOCS.glob(f"{folder}/*.md")
+}
 FIELDS = sorted(
     {mark for text in TEXTS.values() for mark in re.findall(r"<!-- fields ([\w. ]+) -->", text)}
 )
@@ -29,16 +32,6 @@ def test_every_field_has_a_meaning_and_a_number_its_unit(mark):
         assert meaning, name
         if np.ravel(value).dtype.kind == "f" and np.size(value):
             assert unit != "–", name
-
-
-def test_the_scenario_and_the_vehicle_file_have_every_section_of_theirs():
-    for root in ("diagrams.loop.flight.FlightConfig", "np_drake.vehicle.vehicle.Vehicle"):
-        paths = {mark.partition(" ")[2] for mark in FIELDS if mark.startswith(root)}
-        for path in paths:
-            for name, (_, default, _) in TABLES["described"](TABLES["part"](root, path)).items():
-                inner = f"{path}.{name}".lstrip(".")
-                known = ("vehicle", "simulator", "reality.noise")  # elsewhere
-                assert default != "below" or inner in paths or inner in known, inner
 
 
 def test_what_the_code_says_is_on_one_page_of_the_site():
@@ -60,38 +53,56 @@ def test_the_page_of_the_flight_log_names_every_column():
     assert [name for name in NAMES if name not in documented] == []
 
 
-def test_the_page_of_the_commands_names_every_verb():
-    page = runpy.run_path(str(DOCS / "make_commands.py"))["page"]()
-    for verb in VERBS:
-        assert re.search(rf"^\| `{verb}[` ]", page, re.M), verb
-
-
-def test_the_built_page_of_the_effects_states_each_with_its_parameters():
-    text = TABLES["page"](TEXTS["effects.md"]).replace("−", "-")
-    assert f"The library holds {len(LIBRARY)} effects." in text
-    places = "".join(re.findall(r"^\| [a-z, ]+ \| (`[^|]*) \|", text.split("## Each")[0], re.M))
-    assert set(re.findall(r"`(\w+)`", places)) == {*LIBRARY}
-    assert re.findall(r"^### `(\w+)`$", text, re.M) == list(in_scenarios())
-    for effect, kind in effects_for("rotor_speed", neighbours=True).items():
-        for p in kind.parameters:
-            figures = f"{p.neutral:g} | {p.lower:g} to {p.upper:g} | {p.typical:g}"
-            row = rf"^\| `{effect}` \| .*`{p.name}`.* \| {p.unit or 1} \| {figures} \|$"
-            assert re.search(row, text, re.M), (effect, p.name)
-
-
-def test_the_page_of_the_log_map_names_every_unit():
-    table = re.findall(r"^\| (`\w+`(?:, `\w+`)*) \| (`[^|]*) \|$", TEXTS["log-map.md"], re.M)
-    stated = {
-        name: re.findall(r"`([^`]+)`", units)
-        for names, units in table
-        for name in re.findall(r"`(\w+)`", names)
-        if name in UNITS
-    }
-    assert stated == {name: list(units) for name, units in UNITS.items()}
-
-
 @pytest.mark.parametrize("page", ["log-map.md", "import.md"])
 def test_the_examples_of_a_log_map_are_read(page, tmp_path):
     (example,) = re.findall(r"```yaml\n(.*?)```", TEXTS[page], re.S)
     (tmp_path / "map.yaml").write_text(example)
     load_map_file(tmp_path / "map.yaml")
+
+
+ROOT = Path(__file__).parents[1]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+GUIDE = ROOT / "docs" / "guide"
+EXAMPLES = [
+    pytest.param(page, block, id=f"{page.relative_to(ROOT)}-{i}")
+    for page in PAGES
+    if page.parent != GUIDE
+    for i, block in enumerate(re.findall(r"^```python\n(.*?)^```", page.read_text(), re.S | re.M))
+    if page.name != "README.md" or "diagnose(" not in block  # that one has a test of its own
+]
+
+
+@pytest.mark.parametrize("page, block", EXAMPLES)
+def test_example_runs(page, block, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    with mock.patch.dict(LIBRARY):  # an example may register an effect of its own
+        exec(compile(block, str(page), "exec"), {"__name__": "example"})
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_every_link_leads_somewhere(page):
+    for target in re.findall(r"\]\((?!https?:)([^)#]+)\)", page.read_text()):
+        built = Path(target).name == "commands.md"  # by `make docs`
+        assert built or (page.parent / target).exists(), f"{page.name}: {target}"
+
+
+def test_the_readmes_diagnosis_finds_what_it_says(tmp_path, monkeypatch, capsys):
+    page = (ROOT / "README.md").read_text()
+    blocks = re.findall(r"^```python\n(.*?)^```", page, re.S | re.M)
+    (block,) = (b for b in blocks if "diagnose(" in b)
+    monkeypatch.chdir(tmp_path)
+    example: dict = {"__name__": "example"}
+    exec(compile(block, "README.md", "exec"), example)
+    assert example["found"].verdict == ("suspended_payload",)
+    assert round(1000 * example["found"].causes[0].parameters["mass"].value) == 118  # [g]
+
+
+@pytest.mark.parametrize("page, fewest", [("docs/theory.md", 25), ("README.md", 8)])
+def test_every_function_that_a_page_names_is_in_its_file(page, fewest):
+    text = " ".join((ROOT / page).read_text().split())
+    named = re.findall(
+        r"`(\w+)`(?: of `\w+`)? in `((?:np_drake|systems|diagrams)/[\w/]+\.py)`", text
+    )
+    assert len(named) > fewest
+    for name, file in named:
+        assert re.search(rf"(def|class) {name}\b", (ROOT / file).read_text()), f"{name} in {file}"

@@ -13,6 +13,7 @@ from np_drake.effects.library import LIBRARY
 ROOT = Path(__file__).parents[2]
 EXAMPLES = ROOT / "docs" / "examples"
 SCRIPTS = sorted(EXAMPLES.glob("*.py"))
+SLOW = ("diagnose_a_log", "train_and_evaluate")  # by night; the guide does the same by commands
 PRINTS = {  # script: what stands in its last lines
     "add_an_effect": "('ground_spring',)",
     "custom_diagram": "E_xy",
@@ -26,7 +27,13 @@ NEEDS = {"learn_a_correction": "gymnasium"}  # script: package that no command n
 SHORTER = {"learn_a_correction": {"policies": 8}}  # script: what `main` takes, for time
 
 
-@pytest.mark.parametrize("script", SCRIPTS, ids=lambda script: script.stem)
+@pytest.mark.parametrize(
+    "script",
+    [
+        pytest.param(path, id=path.stem, marks=[pytest.mark.nightly] if path.stem in SLOW else [])
+        for path in SCRIPTS
+    ],
+)
 def test_the_script_runs_in_an_empty_folder(script, tmp_path, monkeypatch, capsys):
     pytest.importorskip(NEEDS.get(script.stem, "numpy"), reason="pip install gymnasium")
     monkeypatch.chdir(tmp_path)

@@ -26,7 +26,11 @@ from np_drake.logs.formats.format import Stream
 from np_drake.vehicle import Vehicle, load_vehicle
 
 GUIDE = Path(__file__).parents[2] / "docs" / "guide"
-PAGES = sorted(GUIDE.glob("*.md"))
+SLOW = ("autopilot.md", "clusters.md", "corrected-simulator.md", "import.md")  # by night
+PAGES = [
+    pytest.param(page, id=page.name, marks=[pytest.mark.nightly] if page.name in SLOW else [])
+    for page in sorted(GUIDE.glob("*.md"))
+]
 BLOCK = re.compile(r"^```(\w*)\n(.*?)^```$", re.S | re.M)
 TOLD = {  # page: folder of a report, parameter of a cause, its true value and what it may be off by
     "diagnose.md": [("report", "scale", 0.92, 0.02), ("report", "d_x", 0.3, 0.05)],
@@ -74,7 +78,7 @@ def diagnosed(folder: str) -> dict:
     return found | {"values": {name: p["value"] for of in parameters for name, p in of.items()}}
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+@pytest.mark.parametrize("page", PAGES)
 def test_the_page_runs_from_top_to_bottom(page, tmp_path, monkeypatch, capsys):
     assert FEWEST <= len(page.read_text().split()) <= MOST
     assert f"(guide/{page.name})" in (GUIDE.parent / "index.md").read_text()

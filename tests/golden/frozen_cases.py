@@ -110,11 +110,8 @@ def golden_cases() -> dict[str, Settings]:
     for index, (setting, kind, names) in enumerate(drawn):
         simulator, quality = SETTINGS[setting]
         label = "+".join(names) or str(index)
-        cases[f"{kind}/{label}/{simulator}/{quality}"] = (
-            simulator,
-            quality,
-            CaseDraw(index, kind, names),
-        )
+        draw = CaseDraw(index, kind, names)
+        cases[f"{kind}/{label}/{simulator}/{quality}"] = (simulator, quality, draw)
     return cases
 
 
@@ -125,9 +122,8 @@ def answer(name: str, neurobem: Path | None = None) -> dict[str, Any]:
             raise ValueError(f"golden: {name} needs the folder of the NeuroBEM flights.")
         flights, held = agile_flights(neurobem), int(name.split("/")[1])
         train = [flights[(held + 1) % len(flights)]]
-        return summary(
-            diagnose(published_vehicle(), train, [flights[held]], adaptive_split=False).as_json()
-        )
+        test = [flights[held]]
+        return summary(diagnose(published_vehicle(), train, test, adaptive_split=False).as_json())
     simulator, quality, draw = golden_cases()[name]
     with tempfile.TemporaryDirectory() as scratch:
         cases, truth = Path(scratch) / "cases", Path(scratch) / "truth"
@@ -168,11 +164,8 @@ def _rounded(value: float | None) -> float | None:
 def write_answers(path: Path, answers: dict[str, dict[str, Any]]) -> None:
     """Write answers as JSON, a case a line."""
     head = {"schema": SCHEMA, "seed": SEED, "seconds": SECONDS}
-    lines = (
-        f"{json.dumps(name)}: {json.dumps(value, separators=(',', ':'))}"
-        for name, value in answers.items()
-    )
-    body = ",\n".join(lines)
+    dense = {name: json.dumps(value, separators=(",", ":")) for name, value in answers.items()}
+    body = ",\n".join(f"{json.dumps(name)}: {value}" for name, value in dense.items())
     write_text(path, f'{json.dumps(head)[:-1]}, "answers": {{\n{body}\n}}}}\n')
 
 
@@ -225,14 +218,12 @@ def _differ(key: str, was: dict[str, Any], now: dict[str, Any], tolerance: float
 
 def main() -> int:
     """Answer the cases, compare with the stored answers and return the exit code."""
-    neurobem = (
-        Path(os.environ["NP_DRAKE_NEUROBEM"]) if os.environ.get("NP_DRAKE_NEUROBEM") else None
-    )
+    folder = os.environ.get("NP_DRAKE_NEUROBEM")
+    neurobem = Path(folder) if folder else None
     every = [*golden_cases(), *([f"{REAL}/0", f"{REAL}/1"] if neurobem else [])]
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])  # type: ignore[union-attr]
-    parser.add_argument(
-        "--only", nargs="*", choices=every, metavar="CASE", help="these cases alone"
-    )
+    how = {"nargs": "*", "choices": every, "metavar": "CASE"}
+    parser.add_argument("--only", help="these cases alone", **how)
     parser.add_argument("--jobs", type=int, default=2, help="processes")
     parser.add_argument("--out", type=Path, help="write the answers")
     asked = parser.parse_args()
@@ -246,10 +237,8 @@ def main() -> int:
         lines = differences(stored[name], given, TOLERANCE)
         print(*(f"{name}: {line}\n" for line in lines), sep="", end="")
         differing += bool(lines)
-    print(
-        f"{len(answers)} answers compared with {STORED.name}, {differing} differ by more "
-        f"than {TOLERANCE:g}"
-    )
+    said = f"{len(answers)} answers compared with {STORED.name}"
+    print(f"{said}, {differing} differ by more than {TOLERANCE:g}")
     return int(differing > 0)
 
 

@@ -117,8 +117,3 @@ def test_measured_rotor_speed_is_not_lagged_again():
 def test_an_impossible_filter_is_refused(bad):
     with pytest.raises(ValueError, match="LabelConfig"):
         lb.LabelConfig(**bad).check()
-
-
-def test_a_bandwidth_above_nyquist_is_refused():
-    with pytest.raises(ValueError, match="half the sampling rate"):
-        lb.LabelFilter(Vehicle(), lb.LabelConfig(force_bandwidth=60.0), step=STEP)

@@ -25,10 +25,6 @@ def test_the_rate_of_an_exponential_swing_is_its_exponent(rate):
     assert decay_rate(T, swing(rate)) == pytest.approx(rate, abs=2e-3)
 
 
-def test_what_never_rises_above_the_floor_has_no_rate():
-    assert np.isnan(decay_rate(T, swing(0.0, amplitude=0.01)))
-
-
 def test_a_swing_settles_when_its_envelope_passes_the_threshold():
     rate, half_period = -0.3, 0.9
     crossing = np.log(SETTLED / 0.3) / rate

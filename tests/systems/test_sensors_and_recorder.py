@@ -92,9 +92,3 @@ def test_the_rig_reads_what_the_pure_functions_say(effects):
     np.testing.assert_allclose(found[1], [*expected.a, *expected.al], atol=1e-12)
     np.testing.assert_allclose(found[2], truth.rotor, rtol=1e-12)
     assert np.abs(np.concatenate([found[0] - x, found[1] - [*truth.a, *truth.al]])).max() > 1e-3
-
-
-def test_a_rig_cannot_shift_the_clock_and_says_who_can():
-    with pytest.raises(ValueError, match=r"clock_offset.*shift_state"):
-        make_sensor_model(VEHICLE, [ClockOffset(0.02)], period=0.02)
-    make_sensor_model(VEHICLE, [ClockOffset(0.0)], period=0.02)

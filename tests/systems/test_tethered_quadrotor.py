@@ -1,11 +1,24 @@
+import dataclasses as dc
+from functools import partial
+
 import numpy as np
 import pytest
+from pydrake.multibody.math import SpatialVelocity
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import MultibodyForces
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
 
+from np_drake import attitude
+from np_drake.effects.center_of_mass_offset import CenterOfMassOffset
+from np_drake.effects.combine import mass_properties
+from np_drake.effects.mass_error import MassError
+from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.rigid_body import residual_wrench
 from np_drake.vehicle import Vehicle
-from systems.plant import set_hover
-from systems.tethered_quadrotor import PayloadConfig, make_tethered_quadrotor
+from systems.mass_change import MassChange
+from systems.payload_config import PayloadConfig, payload_config
+from systems.plant import add_free_body, set_hover, set_payload_mass, set_vehicle_mass, sphere
+from systems.tethered_quadrotor import make_plant, make_tethered_quadrotor
 
 VEHICLE = Vehicle()
 WEIGHT = 2.26 * 9.81  # [N]
@@ -165,3 +178,129 @@ def test_a_payload_that_is_hung_on_in_flight_moves_with_the_turning_hook():
     below = payload_position(plant, plant_context) - at_once
     np.testing.assert_allclose(below, [0.0, 0.0, -payload.length], atol=1e-3)
     assert np.linalg.norm(moved - at_once) > 0
+
+
+BARE = PayloadConfig(tether="none")
+
+
+@pytest.fixture
+def plant():
+    plant = MultibodyPlant(time_step=0.0)
+    plant.mutable_gravity_field().set_gravity_vector(np.zeros(3))
+    for name, drag in (("z_first", 0.0), ("a_second", 0.6)):
+        add_free_body(plant, name, sphere(PayloadConfig(mass=0.3)), drag=drag)
+    plant.Finalize()
+    return plant
+
+
+def test_only_a_braked_bodys_speed_decays_by_drag_over_mass(plant):
+    simulator = Simulator(plant)
+    context = simulator.get_mutable_context()
+    V = SpatialVelocity([0.0, 0.0, 5.0], [1.0, -2.0, 0.5])
+    for name in ("z_first", "a_second"):
+        plant.SetFreeBodySpatialVelocity(context=context, body=plant.GetBodyByName(name), V_JpJc=V)
+    simulator.AdvanceTo(0.7)
+    free, braked = plant.GetVelocities(context).reshape(2, 6)  # in the order of the calls
+    np.testing.assert_allclose(free, [0.0, 0.0, 5.0, 1.0, -2.0, 0.5], rtol=1e-3)
+    np.testing.assert_allclose(braked[3:], np.exp(-0.6 / 0.3 * 0.7) * free[3:], rtol=1e-3)
+    np.testing.assert_allclose(braked[:3], free[:3], rtol=1e-3)  # its spin goes on
+
+
+STEP = 0.004
+
+
+def test_the_effect_becomes_a_body_with_its_figures():
+    found = payload_config(SuspendedPayload(0.3, 1.1, 0.01, 0.02, -0.03, 0.2))
+    same = {"mass": 0.3, "length": 1.1, "hook": [0.01, 0.02, -0.03], "air_damping": 0.2}
+    assert found == PayloadConfig(tether="cable", **same)
+    assert (
+        payload_config(None).tether == payload_config(SuspendedPayload(mass=0.0)).tether == "none"
+    )
+
+
+@pytest.mark.parametrize("damping", [0.0, 0.8])
+def test_a_log_of_the_hook_brings_back_the_wrench_of_drakes_cable(damping, apply_impulse):
+    effect = SuspendedPayload(0.3, 0.7, 0.02, -0.01, -0.04, damping)
+    payload = payload_config(effect)
+    dut = make_tethered_quadrotor(VEHICLE, payload)
+    simulator = Simulator(dut)
+    scheme = SimulatorConfig(
+        integration_scheme="runge_kutta3", max_step_size=1e-3, use_error_control=False
+    )
+    ApplySimulatorConfig(scheme, simulator)
+    context = simulator.get_mutable_context()
+    plant = dut.GetSubsystemByName("plant")
+    plant_context = plant.GetMyMutableContextFromRoot(context)
+    set_hover(plant, plant_context, payload, [0, 0, 3.0])
+    apply_impulse(plant, plant_context, [0.3, 0.2, 0.0])
+    dut.GetInputPort("u").FixValue(context, [2.3 * VEHICLE.gravity, 0.004, -0.003, 0.001])
+    s = dut.GetOutputPort("plant_state").Eval(context)
+    hook = attitude.rotate(s[0:4], np.array(payload.hook))
+    r, r_rate = s[11:14] - s[4:7] - hook, s[23:26] - s[17:20] - np.cross(s[14:17], hook)
+    x, acceleration, wrench = [], [], []
+    for k in range(250):
+        # the middle of the steps: held motion to second order
+        simulator.AdvanceTo(STEP * (k + 0.5))
+        x.append(dut.GetOutputPort("x").Eval(context))
+        acceleration.append(dut.GetOutputPort("acceleration").Eval(context))
+        wrench.append(dut.GetOutputPort("tether_wrench").Eval(context))
+    a, al = np.split(np.array(acceleration), 2, axis=1)
+    found = effect.wrench_along(VEHICLE, x=np.array(x), a=a, al=al, step=STEP, r=r, r_rate=r_rate)
+    # The cable's own vibration at 45 Hz and its stretch are not in the model.
+    np.testing.assert_allclose(found[25:, :3], np.array(wrench)[25:, :3], atol=0.03)  # [N]
+    np.testing.assert_allclose(found[25:, 3:], np.array(wrench)[25:, 3:], atol=2e-3)  # [N·m]
+    assert np.linalg.norm(x[-1][7:9]) > 0.1  # [m/s]: the hook moves through the air
+    if damping:
+        vacuum = dc.replace(effect, damping=0.0)
+        other = vacuum.wrench_along(
+            VEHICLE, x=np.array(x), a=a, al=al, step=STEP, r=r, r_rate=r_rate
+        )
+        assert np.abs(other[25:, :2] - found[25:, :2]).max() > 0.15  # [N]
+
+
+EFFECTS = [MassError(0.4), CenterOfMassOffset(0.02, -0.01, 0.03)]
+CHANGES = {
+    "payload": ("cable", partial(set_payload_mass, payload=PayloadConfig(), mass=0.36)),
+    "vehicle": ("none", partial(set_vehicle_mass, properties=mass_properties(VEHICLE, EFFECTS))),
+    "vehicle on a rod": (
+        "rod",
+        partial(set_vehicle_mass, properties=mass_properties(VEHICLE, EFFECTS)),
+    ),
+}
+
+
+def accelerations(plant, context, force):
+    """vdot (nv,) of a plant under an applied force [rad/s², m/s²]."""
+    forces = MultibodyForces(plant)
+    plant.CalcForceElementsContribution(context, forces)
+    bias = plant.CalcInverseDynamics(context, np.zeros(plant.num_velocities()), forces)
+    return np.linalg.solve(plant.CalcMassMatrix(context), force - bias)
+
+
+@pytest.mark.parametrize("name", CHANGES)
+def test_the_plant_accelerates_as_one_of_the_new_mass(name):
+    tether, change = CHANGES[name]
+    payload = PayloadConfig(tether=tether, air_damping=0.5 if tether == "cable" else 0.0)
+    plant, rng = make_plant(VEHICLE, payload), np.random.default_rng(0)
+    dut = MassChange(plant, VEHICLE, [(1.0, change)])
+    context, then = dut.CreateDefaultContext(), plant.CreateDefaultContext()
+    state = rng.normal(size=plant.num_multibody_states())
+    state[:4] /= np.linalg.norm(state[:4])
+    if tether == "cable":
+        state[7:11] /= np.linalg.norm(state[7:11])
+    force = rng.normal(size=plant.num_velocities())
+    for port, value in (
+        ("plant_state", state),
+        ("generalized_force", force),
+        ("rotor_thrust", np.zeros(4)),
+    ):
+        dut.GetInputPort(port).FixValue(context, value)
+    np.testing.assert_array_equal(dut.get_output_port().Eval(context), force)  # before the change
+    context.SetDiscreteState([1.0])
+    corrected = dut.get_output_port().Eval(context)
+    own = plant.CreateDefaultContext()
+    change(plant, then)
+    for each in (own, then):
+        plant.SetPositionsAndVelocities(each, state)
+    wanted = accelerations(plant, then, force)
+    np.testing.assert_allclose(accelerations(plant, own, corrected), wanted, rtol=1e-9, atol=1e-9)

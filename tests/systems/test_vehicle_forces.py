@@ -13,7 +13,7 @@ from np_drake.effects.weak_rotor import WeakRotor
 from np_drake.vehicle import Vehicle
 from systems.payload_config import PayloadConfig
 from systems.tethered_quadrotor import make_tethered_quadrotor
-from systems.vehicle_forces import SteadyEffects, VehicleForces
+from systems.vehicle_forces import SteadyEffects
 
 VEHICLE = Vehicle()
 LAG, SCALE, DRAG = MotorLag(0.04), ThrustScale(0.9), LinearDrag(0.3, 0.2, 0.1)
@@ -70,7 +70,7 @@ def read(dut, context, names):
 def test_the_compiled_forces_are_the_sum_of_the_single_effects(payload, actuators, wrenches):
     vehicles = pair(payload, actuators, wrenches)
     names = (*PORTS, "tether_wrench") if payload.tether == "cable" else PORTS
-    for seed in range(8):
+    for seed in range(4):
         found = []
         for dut, context in vehicles:
             place(dut, context, seed, drift=1e-4 * seed)
@@ -80,36 +80,16 @@ def test_the_compiled_forces_are_the_sum_of_the_single_effects(payload, actuator
         np.testing.assert_allclose(found[0], found[1], rtol=1e-11, atol=1e-10)
 
 
-def test_level_rotors_lift_along_z_and_turn_about_the_body_axes():
-    effects = SteadyEffects.of(VEHICLE, [LAG, SCALE], [])
-    dut = VehicleForces(VEHICLE, effects, None)
-    context = dut.CreateDefaultContext()
-    speed = np.array([500.0, 600.0, 500.0, 600.0])
-    dut.GetInputPort("plant_state").FixValue(context, [1.0, *np.zeros(12)])
-    dut.GetInputPort("rotor_speed").FixValue(context, speed)
-    dut.GetInputPort("command").FixValue(context, [4.0, 4.0, 4.0, 4.0])
-    nominal = VEHICLE.thrust_coefficient * speed**2
-    total, *moments = VEHICLE.mixer @ (0.9 * nominal)
-    force = dut.GetOutputPort("generalized_force").Eval(context)
-    np.testing.assert_allclose(force, [*moments, 0.0, 0.0, total], atol=1e-12)
-    np.testing.assert_allclose(dut.GetOutputPort("nominal_thrust").Eval(context), nominal)
-    np.testing.assert_allclose(dut.GetOutputPort("thrust").Eval(context), 0.9 * nominal)
-    wanted = np.sqrt(4.0 / VEHICLE.thrust_coefficient) / LAG.time_constant
-    np.testing.assert_allclose(dut.GetOutputPort("target").Eval(context), wanted)
-
-
 @pytest.mark.parametrize(
     "actuators, wrenches, onsets",
     [
         ([LAG, SCALE], [DRAG, ConstantWind(1.0, 0.0, 0.0)], {}),
         ([LAG, WeakRotor(1, 0.8)], [DRAG], {}),
         ([SCALE, LAG], [DRAG], {}),
-        ([LAG, MotorLag(0.02)], [DRAG], {}),
         ([UnevenLag(0.03, 0.05), SCALE], [DRAG], {}),
-        ([SCALE], [DRAG], {}),
         ([LAG, SCALE], [DRAG], {DRAG: 2.0}),
     ],
-    ids=["wind", "weak rotor", "scale first", "two lags", "uneven lag", "no lag", "onset"],
+    ids=["wind", "weak rotor", "scale first", "uneven lag", "onset"],
 )
 def test_what_is_not_steady_has_no_compiled_form(actuators, wrenches, onsets):
     assert SteadyEffects.of(VEHICLE, actuators, wrenches, onsets) is None

@@ -3,18 +3,14 @@
 import dataclasses as dc
 
 import numpy as np
-from pydrake.systems.analysis import ApplySimulatorConfig, Simulator
 
 from diagrams.autopilot.node import Node
 from diagrams.loop.experiments import load_experiment
-from diagrams.loop.flight import FlightConfig, flown_by
-from diagrams.loop.flight_diagram import make_flight_diagram, set_initial_state
+from diagrams.loop.flight import FlightConfig
 from np_drake.autopilot.mavlink import AUTOPILOT, Codec, Command
 from np_drake.autopilot.simulated import BOOT, SimulatedAutopilot
-from np_drake.references.config import ReferenceConfig
 from np_drake.rigid_body import P, Q, V
 from np_drake.vehicle.scaling import usual_rate_loop
-from systems.offboard_autopilot import OffboardAutopilot
 from tests.np_drake.autopilot.channel import Channel, local_position
 
 TICK, WAY = 0.01, 0.001  # of a node, and of a message [s]
@@ -174,27 +170,3 @@ class Rail:
         said = [one for one in self._codec.parse(data) if isinstance(one, Command)]
         self.sent += [(self.time, one) for one in said]
         self._send(data)
-
-
-class VirtualFlight(Rail):
-    """A simulated vehicle that hovers with its payload behind its autopilot, in place of a rail."""
-
-    def _autopilot(self, config: FlightConfig) -> SimulatedAutopilot:
-        def make(vehicle) -> OffboardAutopilot:
-            self.system = OffboardAutopilot(vehicle, self.there)
-            self.system.autopilot = FaultyAutopilot(vehicle, self.fault)
-            return self.system
-
-        height = float(config.motion.sample(np.zeros(1))[0, 0, 2])
-        rest = dc.replace(
-            config, reference=ReferenceConfig(track="hover", height=height), events=[]
-        )
-        diagram = make_flight_diagram(rest, controller=make)
-        self._simulator = Simulator(diagram)
-        ApplySimulatorConfig(config.simulator, self._simulator)
-        context = self._simulator.get_mutable_context()
-        set_initial_state(diagram, context, flown_by(rest, make), seed=1)
-        return self.system.autopilot
-
-    def _move(self) -> None:
-        self._simulator.AdvanceTo(self.time)

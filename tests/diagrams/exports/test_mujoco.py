@@ -6,19 +6,7 @@ import pytest
 from diagrams.exports.corrected import corrected
 from diagrams.exports.formats import write_mujoco
 from diagrams.gap.drake_replay import Commands, Rollout, Swing
-from np_drake import attitude
-from np_drake.effects import (
-    CenterOfMassOffset,
-    CommandDelay,
-    InertiaError,
-    LinearDrag,
-    MassError,
-    MixerGain,
-    MotorLag,
-    SuspendedPayload,
-    ThrustScale,
-    WeakRotor,
-)
+from np_drake import effects as fx
 from np_drake.effects.base import Motion
 from np_drake.effects.combine import mass_properties
 from np_drake.vehicle.vehicle import Vehicle, load_vehicle, preset_names
@@ -45,8 +33,8 @@ def model(vehicle, effects, folder):
 @pytest.mark.parametrize("preset", preset_names())
 def test_the_body_has_the_corrected_mass_properties(preset, tmp_path):
     vehicle = load_vehicle(preset)
-    offset = CenterOfMassOffset(0.1 * np.abs(vehicle.rotor_positions).max(), 0, 0)
-    effects = [MassError(0.07 * vehicle.mass), InertiaError(1.2, 0.9, 1.1), offset]
+    offset = fx.CenterOfMassOffset(0.1 * np.abs(vehicle.rotor_positions).max(), 0, 0)
+    effects = [fx.MassError(0.07 * vehicle.mass), fx.InertiaError(1.2, 0.9, 1.1), offset]
     dut, data = model(vehicle, effects, tmp_path)
     full = np.zeros((6, 6))
     for unit, column in zip(np.eye(6), full, strict=True):
@@ -58,7 +46,7 @@ def test_the_body_has_the_corrected_mass_properties(preset, tmp_path):
 
 
 def test_motors_have_the_wrench_of_mixer_and_weak_rotor(tmp_path):
-    vehicle, gain, weak = Vehicle(), MixerGain(0.7, 0.8, 0.9), WeakRotor(2, 0.6)
+    vehicle, gain, weak = Vehicle(), fx.MixerGain(0.7, 0.8, 0.9), fx.WeakRotor(2, 0.6)
     dut, data = model(vehicle, [gain, weak], tmp_path)
     command = np.array([5.0, 4.0, 6.0, 13.0])  # the last beyond the largest thrust [N]
     data.ctrl[:4] = command
@@ -70,21 +58,8 @@ def test_motors_have_the_wrench_of_mixer_and_weak_rotor(tmp_path):
     np.testing.assert_allclose(data.qfrc_actuator[:6], expected, atol=1e-12)  # [N, N·m]
 
 
-def test_drag_actuators_have_the_force_of_the_effect_in_hover(tmp_path):
-    vehicle, drag = Vehicle(), LinearDrag(0.3, 0.2, 0.25)
-    dut, data = model(vehicle, [drag, MassError(0.2)], tmp_path)
-    q = attitude.from_rotation_vector(np.array([[0.3, -0.5, 0.8]]))[0]
-    v = np.array([1.0, -2.0, 0.5])
-    data.qpos[3:7], data.qvel[:6] = q, [*v, 0.3, 0.4, -0.2]
-    data.ctrl[:] = 0.0
-    mujoco.mj_forward(dut, data)
-    x = np.concatenate([np.zeros(3), q, v, [0.3, 0.4, -0.2]])
-    chi = drag.wrench(vehicle, Motion(0.0, x, np.full(4, 2.2 * vehicle.gravity / 4)))
-    np.testing.assert_allclose(data.qfrc_actuator[:6], chi, atol=1e-12)  # [N, N·m]
-
-
 def test_delayed_motors_answer_after_their_delay(tmp_path):
-    dut, data = model(Vehicle(), [CommandDelay(0.05)], tmp_path)
+    dut, data = model(Vehicle(), [fx.CommandDelay(0.05)], tmp_path)
     data.ctrl[:4] = 5.0
     answers = []
     for _ in range(40):
@@ -93,18 +68,6 @@ def test_delayed_motors_answer_after_their_delay(tmp_path):
     answered = next(time for time, force in answers if force > 0)
     assert abs(answered - 0.05) <= 2 * dut.opt.timestep  # [s]
     assert answers[-1][1] == 5.0
-
-
-def test_the_tether_pulls_and_never_pushes(tmp_path):
-    payload = SuspendedPayload(mass=0.3, length=0.7, hook_x=0.02, hook_z=-0.05)
-    dut, data = model(Vehicle(), [payload], tmp_path)
-    data.qpos[9] -= 1e-4  # the payload is lowered
-    mujoco.mj_forward(dut, data)
-    assert data.qacc[8] > 0.0
-    data.qpos[9] += 0.3  # and lifted
-    data.ctrl[:4] = 0.0
-    mujoco.mj_forward(dut, data)
-    np.testing.assert_allclose(data.qacc[6:9], [0, 0, -9.81], atol=1e-9)  # it falls freely [m/s²]
 
 
 class GentleFlight:
@@ -130,10 +93,10 @@ class GentleFlight:
 
 
 EFFECTS = {
-    "exact": [ThrustScale(0.93), MassError(0.15), InertiaError(1.2, 0.9, 1.1)],
-    "lag": [MotorLag(0.04)],
-    "drag": [LinearDrag(0.3, 0.3, 0.25)],
-    "payload": [SuspendedPayload(mass=0.26, length=0.8, hook_x=0.02, hook_z=-0.05, damping=0.05)],
+    "exact": [fx.ThrustScale(0.93), fx.MassError(0.15), fx.InertiaError(1.2, 0.9, 1.1)],
+    "lag": [fx.MotorLag(0.04)],
+    "drag": [fx.LinearDrag(0.3, 0.3, 0.25)],
+    "payload": [fx.SuspendedPayload(0.26, 0.8, 0.02, 0.0, -0.05, damping=0.05)],
 }
 # Position [m], attitude [rad]. exact: Drake's steps. lag: a lag of thrust differs from one of speed
 # by the square of the change of speed. drag: constant rotor speed is wrong by the 2 % of its sway.

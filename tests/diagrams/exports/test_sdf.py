@@ -15,22 +15,7 @@ from pydrake.multibody.tree import BallRpyJoint
 
 from diagrams.exports.formats import write_sdf
 from np_drake import attitude
-from np_drake.effects import (
-    BladeFlapping,
-    CenterOfMassOffset,
-    ConstantWind,
-    InertiaError,
-    LinearDrag,
-    MassError,
-    MixerGain,
-    QuadraticDrag,
-    RotorGyroscopic,
-    RotorInflow,
-    SuspendedPayload,
-    ThrustScale,
-    TranslationalLift,
-    WeakRotor,
-)
+from np_drake import effects as fx
 from np_drake.effects.base import Motion
 from np_drake.effects.combine import mass_properties, total_wrench
 from np_drake.effects.uneven_lag import UnevenLag
@@ -73,8 +58,8 @@ ROTORS = [f"rotor_{i}" for i in (1, 2, 3, 4)]
 @pytest.mark.parametrize("preset", preset_names())
 def test_body_and_rotors_together_have_the_corrected_mass_properties(preset, tmp_path):
     vehicle = load_vehicle(preset)
-    offset = CenterOfMassOffset(0.1 * np.abs(vehicle.rotor_positions).max(), 0, 0)
-    effects = [MassError(0.07 * vehicle.mass), InertiaError(1.2, 0.9, 1.1), offset]
+    offset = fx.CenterOfMassOffset(0.1 * np.abs(vehicle.rotor_positions).max(), 0, 0)
+    effects = [fx.MassError(0.07 * vehicle.mass), fx.InertiaError(1.2, 0.9, 1.1), offset]
     write_sdf(vehicle, effects, tmp_path / "dut.sdf")
     expected = spatial_inertia(mass_properties(vehicle, effects)).CopyToFullMatrix6()
     plant = parsed(tmp_path / "dut.sdf")
@@ -86,8 +71,8 @@ def test_body_and_rotors_together_have_the_corrected_mass_properties(preset, tmp
 
 
 def test_rotors_with_mixer_gain_have_its_torque_and_a_weak_one_its_share(tmp_path):
-    vehicle, gain = Vehicle(), MixerGain(0.7, 0.8, 0.9)
-    write_sdf(vehicle, [gain, WeakRotor(2, 0.8)], tmp_path / "dut.sdf")
+    vehicle, gain = Vehicle(), fx.MixerGain(0.7, 0.8, 0.9)
+    write_sdf(vehicle, [gain, fx.WeakRotor(2, 0.8)], tmp_path / "dut.sdf")
     plant = parsed(tmp_path / "dut.sdf")
     context, torque = plant.CreateDefaultContext(), np.zeros(3)
     thrust = np.array([5.0, 4.0, 6.0, 3.0])
@@ -108,17 +93,17 @@ def test_rotors_with_mixer_gain_have_its_torque_and_a_weak_one_its_share(tmp_pat
 def test_a_rotor_lags_both_ways_and_has_the_speed_of_the_largest_thrust(tmp_path):
     vehicle = Vehicle()
     for effects, up, down in (([UnevenLag(0.04, 0.06)], 0.04, 0.06), ([], 1e-6, 1e-6)):
-        write_sdf(vehicle, [*effects, ThrustScale(0.9)], tmp_path / "dut.sdf")
+        write_sdf(vehicle, [*effects, fx.ThrustScale(0.9)], tmp_path / "dut.sdf")
         for motor in plugins(tmp_path / "dut.sdf", "MulticopterMotorModel"):
             assert (float(motor["timeConstantUp"]), float(motor["timeConstantDown"])) == (up, down)
             most = float(motor["motorConstant"]) * float(motor["maxRotVelocity"]) ** 2
             assert most == pytest.approx(0.9 * vehicle.max_rotor_thrust)
 
 
-WIND = ConstantWind(1, -2, 0.5)
+WIND = fx.ConstantWind(1, -2, 0.5)
 AIR = [
-    [QuadraticDrag(0.05, 0.06, 0.07), BladeFlapping(0.03), TranslationalLift(0.04), WIND],
-    [LinearDrag(0.3, 0.2, 0.25), MassError(0.2), WIND],
+    [fx.QuadraticDrag(0.05, 0.06, 0.07), fx.BladeFlapping(0.03), fx.TranslationalLift(0.04), WIND],
+    [fx.LinearDrag(0.3, 0.2, 0.25), fx.MassError(0.2), WIND],
 ]
 
 
@@ -127,12 +112,12 @@ def test_the_air_plugin_has_the_wrench_of_the_effects(effects, tmp_path):
     vehicle, rng = Vehicle(), np.random.default_rng(0)
     write_sdf(vehicle, effects, tmp_path / "dut.sdf")
     (air,) = plugins(tmp_path / "dut.sdf", "Hydrodynamics")
-    mass = vehicle.mass + sum(e.delta_mass for e in effects if isinstance(e, MassError))
+    mass = vehicle.mass + sum(e.delta_mass for e in effects if isinstance(e, fx.MassError))
     for _ in range(20):
         q = rng.normal(size=4)
         x = np.concatenate([np.zeros(3), q / np.linalg.norm(q), rng.normal(size=6)])
         motion = Motion(0.0, x, np.full(4, mass * vehicle.gravity / 4))
-        chi = total_wrench(vehicle, [e for e in effects if not isinstance(e, MassError)], motion)
+        chi = total_wrench(vehicle, [e for e in effects if not isinstance(e, fx.MassError)], motion)
         R = attitude.rotation_matrix(x[3:7])
         wind = np.array(air["default_current"].split(), float)
         wrench = hydrodynamic_wrench(air, np.concatenate([R.T @ (x[7:10] - wind), x[10:]]))
@@ -140,18 +125,8 @@ def test_the_air_plugin_has_the_wrench_of_the_effects(effects, tmp_path):
         np.testing.assert_allclose(found, chi, atol=1e-12)  # [N, N·m]
 
 
-def test_inflow_has_its_slope_in_climb_about_hover(tmp_path):
-    vehicle, inflow, climb = Vehicle(), RotorInflow(0.6), 1e-4  # [m/s]
-    write_sdf(vehicle, [inflow], tmp_path / "dut.sdf")
-    (air,) = plugins(tmp_path / "dut.sdf", "Hydrodynamics")
-    x = np.array([0.0, 0, 0, 1, 0, 0, 0, 0, 0, climb, 0, 0, 0])
-    chi = inflow.wrench(vehicle, Motion(0.0, x, np.full(4, vehicle.mass * vehicle.gravity / 4)))
-    slope = chi[2] / climb  # the next term is climb / 8 v_h
-    assert float(air["zW"]) == pytest.approx(slope, rel=1e-4)
-
-
 def test_the_payload_hangs_from_the_hook_at_the_length_of_the_tether(tmp_path):
-    payload = SuspendedPayload(mass=0.3, length=0.7, hook_x=0.02, hook_y=-0.01, hook_z=-0.05)
+    payload = fx.SuspendedPayload(mass=0.3, length=0.7, hook_x=0.02, hook_y=-0.01, hook_z=-0.05)
     write_sdf(Vehicle(), [payload], tmp_path / "dut.sdf")
     plant = parsed(tmp_path / "dut.sdf")
     joint, body = plant.GetJointByName("tether"), plant.GetBodyByName("payload")
@@ -165,7 +140,7 @@ def test_the_payload_hangs_from_the_hook_at_the_length_of_the_tether(tmp_path):
 
 
 def test_turning_rotor_links_have_the_angular_momentum_of_the_effect(tmp_path):
-    vehicle, effect = Vehicle(), RotorGyroscopic(6e-5)
+    vehicle, effect = Vehicle(), fx.RotorGyroscopic(6e-5)
     account = write_sdf(vehicle, [effect], tmp_path / "dut.sdf")
     assert account[0].how == "exact"
     plant = parsed(tmp_path / "dut.sdf")

@@ -8,16 +8,14 @@ import pytest
 from diagrams.loop.controller_config import NP_MODEL, ControllerConfig
 from diagrams.loop.controllers import make_residual_model
 from diagrams.loop.experiments import load_experiment
-from diagrams.loop.flight import FlightConfig, default_flight, load_flight
+from diagrams.loop.flight import FlightConfig, default_flight
 from diagrams.loop.flight_result import LostVehicle, fly
 from np_drake.effects.effect_entry import EffectEntry
-from np_drake.labels import labelled
 from np_drake.lifting.model.model_file import load_model
 from np_drake.payload_filter.predictor import PayloadFilter
 from np_drake.references.config import ReferenceConfig
 from np_drake.residual_models.neural_predictor import NeuralPredictor
-from np_drake.vehicle import Vehicle, load_vehicle
-from np_drake.vehicle.scaling import ratios, usual_rate_loop
+from np_drake.vehicle import Vehicle
 from np_drake.vehicle.vehicle import RateLoop
 
 VEHICLE = dc.replace(Vehicle(), rate_loop=RateLoop())
@@ -38,15 +36,6 @@ def test_each_kind_flies_the_packaged_model_of_its_name_on_its_own_vehicle():
         assert model.name == kind
         with pytest.raises(ValueError, match="mass"):
             make_residual_model(ControllerConfig(kind), Vehicle(mass=1.0))
-
-
-def test_labels_have_the_lag_learned_unless_the_vehicle_file_names_one():
-    learned = make_residual_model(ControllerConfig(kind="np"), Vehicle())
-    assert learned.rotor_lag == pytest.approx(0.03, abs=0.005)  # [s]; that of the training
-    assert labelled(Vehicle(), learned).rotor_time_constant == learned.rotor_lag
-    assert labelled(Vehicle(rotor_time_constant=0.01), learned).rotor_time_constant == 0.01
-    other = make_residual_model(ControllerConfig(kind="observer"), Vehicle())
-    assert labelled(Vehicle(), other).rotor_time_constant == 0.0
 
 
 def test_the_shipped_model_is_stable_for_every_payload():
@@ -98,22 +87,6 @@ def test_predictors_fly_on_body_rates_which_the_log_holds():
     expected = RateLoop().torque(VEHICLE.J, nominal.signals["x"][:, 10:13], command[:, 1:])
     np.testing.assert_allclose(nominal.signals["u"][:, 1:], expected, atol=1e-9)
     np.testing.assert_allclose(nominal.signals["u"][:, 0], command[:, 0])
-
-
-def test_a_scenario_file_names_the_autopilot_alone(tmp_path):
-    (tmp_path / "a.yaml").write_text(
-        "autopilot: {kind: rate_loop}\nvehicle: {rate_loop: {lag: [0.1, 0.1, 0.3]}}\n"
-    )
-    config = load_flight(str(tmp_path / "a.yaml"))
-    assert config.controller.mpc.command == "rates"
-    assert config.vehicle.rate_loop.lag == [0.1, 0.1, 0.3]
-
-
-def test_bandwidth_and_usual_loop_keep_the_pace_of_the_vehicle():
-    small, pace = load_vehicle("crazyflie"), ratios(load_vehicle("crazyflie")).time
-    bandwidth = default_flight(small).autopilot.betaflight.bandwidth
-    assert bandwidth == pytest.approx([20 / pace, 20 / pace, 5 / pace])
-    assert usual_rate_loop(small).lag == pytest.approx([0.075 * pace, 0.075 * pace, 0.2 * pace])
 
 
 def test_flights_that_no_autopilot_flies_are_refused():

@@ -9,14 +9,10 @@ from pydrake.systems.analysis import ApplySimulatorConfig, Simulator
 from diagrams.loop.experiments import load_experiment
 from diagrams.loop.flight import FlightConfig, RealityConfig
 from diagrams.loop.reality import make_real_vehicle
-from diagrams.loop.scaled import scaled
-from np_drake.effects.effect_entry import EffectEntry
 from np_drake.vehicle import Vehicle
-from np_drake.vehicle.scaling import ratios
 from systems.payload_config import PayloadEvent, push, release
 from systems.plant import set_hover
 from tests.diagrams.loop.conftest import short
-from tests.similar import similar
 
 CONFIG = load_experiment("hover")
 PAYLOAD = CONFIG.reality.payload
@@ -41,7 +37,7 @@ def bare(**fields):
     return reality.check()
 
 
-@pytest.mark.parametrize("delay", [0.02, 0.045, 0.08])
+@pytest.mark.parametrize("delay", [0.02, 0.045])
 def test_a_command_acts_after_its_delay(delay):
     hover = Vehicle().mass * Vehicle().gravity / 4  # [N]
     found = thrusts(bare(command_delay=delay), [delay - 1e-4, delay + 1e-4])
@@ -60,15 +56,6 @@ def test_a_battery_that_does_not_last_the_flight_is_refused():
     config = FlightConfig(duration=10.0, reality=RealityConfig(thrust_loss=0.015)).check()
     with pytest.raises(ValueError, match="more than the rotors can carry"):
         dc.replace(config, duration=50.0).check()  # 17 % left after 55 s
-
-
-def test_delay_and_loss_scale_with_the_vehicles_time():
-    small, reality = similar(Vehicle(), length=0.25), RealityConfig()
-    reality.command_delay, reality.thrust_loss = 0.03, 0.002
-    dut, time = scaled(FlightConfig(vehicle=small, reality=reality)).reality, ratios(small).time
-    assert time != 1.0
-    assert dut.command_delay == pytest.approx(0.03 * time)
-    assert dut.thrust_loss == pytest.approx(0.002 / time)
 
 
 def hanging(*events, reality=CONFIG.reality):
@@ -128,28 +115,13 @@ def test_a_payload_that_is_released_falls_freely_in_its_context_alone():
     assert read(vehicle, other, "tether_wrench")[2] == pytest.approx(-0.26 * 9.81, abs=1e-6)  # [N]
 
 
-def test_a_payload_that_is_hung_on_moves_with_the_hook():
-    late = EffectEntry("suspended_payload", {"mass": 0.2, "length": 0.6}, onset=0.1)
-    none = dc.replace(PAYLOAD, tether="none")
-    reality = dc.replace(CONFIG.reality, payload=none, effects=[late])
-    before, after = around(*hanging(reality=reality), 0.1)
-    hook = after[4:7] + reality.hung.hook  # level
-    np.testing.assert_allclose(after[11:14], hook - [0.0, 0.0, 0.6], atol=1e-12)  # [m]
-    np.testing.assert_allclose(after[23:26], after[17:20], atol=1e-12)  # [m/s]
-    np.testing.assert_array_equal(after[:7], before[:7])
-
-
 @pytest.mark.parametrize(
     "events, message",
     [
         ([push(1.0, [0.1, 0.0, 0.0])], "events must have times of their own within the flight"),
-        ([push(0.4, [0.1, 0.0, 0.0])] * 2, "events must have times of their own"),
         ([PayloadEvent("explode", 0.4)], "kind must be one of attach, impulse, release"),
-        ([release(0.0)], "time must be positive"),
         ([PayloadEvent("attach", 0.4, 0.0)], "mass must be positive for kind attach"),
-        ([PayloadEvent("release", 0.4, mass=0.1)], "0 for another"),
         ([push(0.4, [0.0, 0.0, 0.0])], "impulse must be given for kind impulse alone"),
-        ([push(0.4, [np.nan, 0.0, 0.0])], "three finite values"),
     ],
 )
 def test_impossible_events_are_refused_in_one_line(events, message):

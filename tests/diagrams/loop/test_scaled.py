@@ -5,8 +5,8 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from diagrams.loop.experiments import EXPERIMENTS, FOLDER, load_experiment, settings_of
-from diagrams.loop.flight import FlightConfig, default_flight, load_flight
+from diagrams.loop.experiments import load_experiment, settings_of
+from diagrams.loop.flight import FlightConfig, default_flight
 from diagrams.loop.flight_result import fly
 from np_drake.command_delay import LONGEST_DELAY
 from np_drake.references.config import make_reference
@@ -32,13 +32,6 @@ def test_the_default_scenario_of_the_papers_vehicle_is_bit_identical():
     assert plain(default_flight(Vehicle())) == plain(FlightConfig())
 
 
-@pytest.mark.parametrize("name", EXPERIMENTS[::2])
-def test_packaged_scenarios_stand_in_si_for_the_papers_vehicle(name, tmp_path):
-    text = (FOLDER / f"{name}.yaml").read_text().replace("scaled: true\n", "")
-    (tmp_path / "own.yaml").write_text(text)
-    assert plain(load_experiment(name)) == plain(load_flight(str(tmp_path / "own.yaml")))
-
-
 @pytest.mark.parametrize("vehicle", [SMALL, LARGE])
 @pytest.mark.parametrize("name", ["fast_lemniscate", "steps"])
 def test_a_track_has_the_same_form_in_the_units_of_any_vehicle(name, vehicle):
@@ -51,21 +44,12 @@ def test_a_track_has_the_same_form_in_the_units_of_any_vehicle(name, vehicle):
     np.testing.assert_allclose(found[2], expected[2], atol=1e-7)
 
 
-@pytest.mark.parametrize("delay, known", [(0.004, 0.004), (0.5, None)], ids=str)
-def test_the_controller_knows_the_delay_of_the_file_within_its_limit(delay, known):
-    vehicle = dc.replace(load_vehicle("crazyflie"), calibration=Calibration(command_delay=delay))
-    dut = default_flight(vehicle).check().controller
-    assert dut.command_delay == pytest.approx(known or LONGEST_DELAY * dut.period)
-
-
-def test_a_value_named_in_si_wins_over_the_scaled_default(tmp_path):
-    (tmp_path / "own.yaml").write_text(
-        "reference: {radius: 0.5}\nreality: {payload: {length: 0.3}}\n"
-    )
-    dut = load_flight(str(tmp_path / "own.yaml"), SMALL)
-    assert (dut.reference.radius, dut.reality.payload.length) == (0.5, 0.3)
-    assert dut.reference.height == pytest.approx(1.6 * ratios(SMALL).length)
-    assert dut.vehicle == SMALL
+def test_the_controller_knows_the_delay_of_the_file_within_its_limit():
+    for delay in (0.004, 0.5):
+        known = Calibration(command_delay=delay)
+        vehicle = dc.replace(load_vehicle("crazyflie"), calibration=known)
+        dut = default_flight(vehicle).check().controller
+        assert dut.command_delay == pytest.approx(min(delay, LONGEST_DELAY * dut.period))
 
 
 def test_similar_vehicles_fly_the_same_dimensionless_circle():

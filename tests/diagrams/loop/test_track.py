@@ -55,16 +55,10 @@ def test_a_trajectory_that_begins_at_rest_is_scored_from_the_first_row(tmp_path)
 
 BAD = {  # track, further lines, fields of the reference: what the line says
     "scaled": (LINE, "scaled: true\n", "", "scaled must be false for the track of a CSV file"),
-    "missing": ("", "", "", "track.csv: must be a CSV file of a track (No such file or directory)"),
-    "cell": (LINE.replace("1,1,2", "1,nan,2"), "", "", "track.csv, column y, row 3 (line 4)"),
     "speed": (LINE, "", "speed: 9.0, ramp: 0.1", "must be within controller.mpc.max_speed"),
     "tilt": (LINE, "", "speed: 2.5, ramp: 1.0", "must be within controller.mpc.max_tilt, 0.9 rad"),
     "rotors": (UP, "", "speed: 5.5, ramp: 0.6", "track.csv: must be within max_rotor_thrust, 12 N"),
-    "arena": (LINE.replace("1,1,2", "99,1,2"), "", "", "must stay within 50 m of the origin"),
     "below": ("x,y,z\n0,0,3\n1,0,.05\n2,0,.05\n3,0,3\n", "", "", "must stay above the ground"),
-    "no ramp": (LINE, "", "ramp: 0.0", "needs a ramp"),
-    "word": (LINE, "", "speed: 1.0, corners: sharp", "corners must be one of round, stop"),
-    "within": (LINE, "", "speed: 1.0, within: 0.0", "within must be positive"),
 }
 
 
@@ -89,12 +83,3 @@ def test_waypoints_are_flown_and_those_that_are_not_passed_are_named(tmp_path):
     flight.config.reference.within = 1e-4
     (said,) = flight.warnings()
     assert "the flight with hold does not come within 0.0001 m of waypoints" in said
-
-
-def test_corners_are_for_waypoints(tmp_path):
-    (tmp_path / "c.yaml").write_text("reference: {track: circle, corners: stop}\n")
-    with pytest.raises(ValueError, match="corners is for the waypoints of a CSV file; got stop"):
-        load_flight(str(tmp_path / "c.yaml"))
-    times = "t,x,y,z\n" + "\n".join(f"{k},{0.01 * k},0,1.5" for k in range(9))
-    with pytest.raises(ValueError, match="corners stop is for waypoints"):
-        load_flight(scenario(tmp_path, times, reference="ramp: 1.0, corners: stop"))

@@ -2,21 +2,11 @@
 
 from types import SimpleNamespace
 
-import numpy as np
 import pytest
 
 from diagrams.batch.campaign import unpacked
 from diagrams.loop.controller_config import NP_MODEL
-from diagrams.studies.learning import (
-    LENGTH,
-    MASS,
-    SHARES,
-    SPEED,
-    Envelope,
-    best_share,
-    envelope_flight,
-    flown_share,
-)
+from diagrams.studies.learning import LENGTH, MASS, SPEED, Envelope, envelope_flight, flown_share
 from np_drake.lifting.model.model_file import load_model
 from np_drake.vehicle import Vehicle
 
@@ -31,14 +21,7 @@ def test_flights_lie_within_the_envelope():
         assert SPEED[0] <= config.reference.speed <= SPEED[1]
 
 
-def test_a_flight_is_drawn_from_seed_and_number_alone():
-    first, again, other = (
-        envelope_flight(number, seed=3, vehicle=Vehicle()).reality.payload.mass
-        for number in (5, 5, 6)
-    )
-    assert first == again != other
-
-
+@pytest.mark.nightly
 def test_what_is_learnt_is_what_a_vehicle_measures():
     arrays = unpacked(Envelope(3, Vehicle())({"flight": 2})["segment"])
     config = envelope_flight(2, seed=3, vehicle=Vehicle())
@@ -68,9 +51,3 @@ def test_the_share_that_flies_best_is_used(error, best):
     assert chosen.summary["network"]["flights_flown"] == 4
     alone = model.without_network
     assert flown_share(alone, 40, run=flying(error), vehicle=Vehicle()) is alone
-
-
-def test_where_every_share_flies_worse_there_is_none():
-    assert best_share(np.tile(1.0 + np.array(SHARES), (3, 1))) == 0.0
-    assert best_share(np.ones((3, len(SHARES)))) == 0.0
-    assert best_share(np.full((3, len(SHARES)), np.inf)) == 0.0

@@ -32,11 +32,6 @@ def test_a_first_order_lag_reaches_90_percent_in_ln_10_time_constants():
     assert step["scatter"] == pytest.approx(0.2 / np.sqrt(2))
 
 
-def test_a_signal_that_never_arrives_has_no_rise_time():
-    late = np.where(T >= payload.AFTER, 1.0, 0.0)
-    assert payload.step_response(T, np.array([late, late]))["rise"] == np.inf
-
-
 @pytest.fixture(scope="module")
 def swung():
     config = configure("hover_swing", payload.ROWS[0], solver="sqp")
@@ -70,16 +65,7 @@ def made(monkeypatch):
         for row in rows:
             for scenario in scenarios:
                 result = {"row": row.name, **scenario}
-                if title == "attach":
-                    f = lag(0.05, -1.0).tolist()
-                    result |= {
-                        "t": T.tolist(),
-                        "chi_hat": f,
-                        "label": f,
-                        "height": (0 * T).tolist(),
-                    }
-                    result |= {"solve_failures": 0, "fallbacks": 0}
-                elif row.name == "hold":
+                if row.name == "hold":
                     result["lost"] = "hover: hold lost the vehicle"
                 else:
                     error = 0.04 if row.kind == "nominal" else 0.01
@@ -110,15 +96,3 @@ def test_hover_prints_seeds_and_cuts_and_writes_its_files(made, tmp_path, capsys
     assert rows["hold"][1] == "lost"
     assert rows["np"][8] == "never"
     assert (tmp_path / "hover_payload_distance.png").stat().st_size > 1000
-
-
-def test_attach_flies_twenty_seeds_and_measures_the_step(made, tmp_path, capsys):
-    table = tmp_path / "attach.json"
-    files = ["--json", str(table), "--out", str(tmp_path)]
-    assert run(["reproduce", "attach", "--seed", "7", *files]) == 0
-    written = json.loads(table.read_text())
-    assert written["config"]["seeds"] == list(range(8, 28))
-    assert len(written["table"]) == len(payload.ATTACH_ROWS) * len(payload.SIGNALS)
-    assert written["table"][0]["error"] == pytest.approx(-1.0 / (-0.981 / 0.96) - 1, abs=5e-3)
-    assert "thrust scale 0.96" in capsys.readouterr().out
-    assert (tmp_path / "attach_responses.png").stat().st_size > 1000

@@ -6,7 +6,7 @@ import pytest
 from diagrams.loop.flight_result import fly
 from diagrams.studies import bench, speed
 from diagrams.studies.sweep import configure, named
-from np_drake.mpc.problem import MpcConfig, SolverFailure
+from np_drake.mpc.problem import SolverFailure
 from np_drake.mpc.sqp import SqpSolver
 
 
@@ -62,28 +62,3 @@ def test_lines_have_times_gaps_failures_and_ratios_of_medians(vehicle, config, p
     assert good["ratio_to_casadi"] is None  # it did not run
     assert good["ratio_to_acados"] == pytest.approx(good["median_ms"] / other["median_ms"])
     assert other["ratio_to_acados"] == 1.0
-
-
-def test_peers_that_cannot_run_have_no_row(vehicle, config, monkeypatch):
-    def missing(*_):
-        raise ImportError("on purpose")
-
-    def without_compiler(*_):
-        raise FileNotFoundError("on purpose")
-
-    monkeypatch.setattr(bench, "CasadiSolver", missing)
-    monkeypatch.setattr(bench, "AcadosSolver", without_compiler)
-    assert [s.name for s in bench.make_solvers(vehicle, config)][1:] == ["sqp", "sqp_2"]
-
-
-def test_the_suite_covers_horizons_and_lifted_states(vehicle, monkeypatch):
-    config = MpcConfig(horizon=5).check()
-    monkeypatch.setattr(bench, "make_solvers", lambda v, c: [SqpSolver(v, c)])
-    seen = []
-    reports = bench.suite(
-        vehicle, config, count=4, progress=lambda done, total: seen.append((done, total))
-    )
-    growth = [bench.growth_name(n, K) for n, K in bench.GROWTH]
-    assert list(reports) == ["tracking", *growth]
-    assert seen[-1] == (len(reports), len(reports))
-    assert all(of[0]["failures"] == 0 for of in reports.values())

@@ -1,6 +1,7 @@
 """Laws of rows, options and the one sweep."""
 
 import json
+import math
 
 import numpy as np
 import pandas as pd
@@ -8,16 +9,9 @@ import pytest
 
 from diagrams.loop.experiments import load_experiment
 from diagrams.studies import payload, tracking
+from diagrams.studies.columns import fixed, percent, spread
 from diagrams.studies.options import FlownRun
-from diagrams.studies.sweep import (
-    Row,
-    choose_rows,
-    configure,
-    fly_rows,
-    means,
-    tidy,
-    training_config,
-)
+from diagrams.studies.sweep import Row, choose_rows, configure, fly_rows, means, tidy
 
 REGIME = "paper_vehicle"
 ROWS = (Row("nominal", "nominal"), Row("hold", "hold"), Row("np", "np"))
@@ -39,13 +33,6 @@ def test_rows_differ_in_their_controller_alone(rows):
         assert config.controller.extra_mass == (0.26 if row.known_mass else 0.0)
         damped = row.name in (payload.DAMPED, payload.FILTER_DAMPED)
         assert (config.controller.mpc == frozen) == (not damped)
-
-
-def test_a_row_flies_and_trains_with_the_weights_of_its_reality():
-    weights = load_experiment(REGIME).controller.mpc
-    world = {"solver": "sqp", "reality": REGIME}
-    assert configure("hover_swing", ROWS[1], **world).controller.mpc == weights
-    assert training_config("plain_circle", **world).controller.mpc == weights
 
 
 def test_every_row_flies_every_scenario_with_one_model(monkeypatch, in_this_process, tmp_path):
@@ -88,3 +75,22 @@ def test_means_have_students_interval():
     assert found["E"] == 2.0
     assert found["E_ci95"] == pytest.approx(4.302653 / np.sqrt(3), rel=1e-6)  # t(0.975, 2), s = 1
     assert np.isnan(means(pd.DataFrame({"E": [1.0]}), ["E"])["E_ci95"])
+
+
+def test_a_missing_value_is_a_dash():
+    assert fixed("x", 2)({"x": 0.126}) == "0.13"
+    assert percent("x", 1)({"x": 0.126}) == "12.6 %"
+    assert (fixed("x", 2)({}), percent("x")({})) == ("–", "–")
+
+
+@pytest.mark.parametrize(
+    "value, width, text",
+    [
+        (0.0123, 0.001, "1.23 ± 0.10"),
+        (0.0123, math.nan, "1.23"),  # a single flight has no interval
+        (math.inf, math.nan, "lost"),
+        (-math.inf, 0.1, "lost"),
+    ],
+)
+def test_a_spread_stands_behind_its_value_in_cm(value, width, text):
+    assert spread("x")({"x": value, "x_ci95": width}) == text

@@ -9,7 +9,7 @@ import pytest
 from diagrams.cli.main import run
 from diagrams.loop.experiments import load_experiment
 from diagrams.loop.flight_result import fly
-from diagrams.studies import sweep, tracking
+from diagrams.studies import sweep
 from diagrams.studies.sweep import configure, named
 from diagrams.studies.tracking import PAPER, ROWS, TRACKS, table
 
@@ -69,34 +69,6 @@ def test_the_verb_trains_each_once_and_prints_and_writes_the_same_table(
         "neural_training_circle.safetensors",
         "plane_tracks.png",
     }
-
-
-def test_every_row_flies_in_the_simulator_that_is_given(tmp_path, short_experiments, capsys):
-    heavy = tmp_path / "corrected.yaml"
-    heavy.write_text(
-        "name: heavy\nreality: {payload: {tether: none}, rotor_drag: 0.0, motor_lag: 0.0, "
-        "thrust_scale: 1.0, "
-        "effects: [{effect: mass_error, parameters: {delta_mass: 0.4}}]}\n"
-    )
-    errors = {}
-    for name, more in (("own", []), ("heavy", ["--reality", str(heavy)])):
-        metrics = tmp_path / f"{name}.json"
-        nominal = ["--seeds", "1", "--only", "nominal", "--jobs", "1", "--json", str(metrics)]
-        assert run(["reproduce", "tracking", *nominal, *more]) == 0, capsys.readouterr().err
-        content = json.loads(metrics.read_text())
-        errors[name] = content["table"][0]["E_z"]
-        told = content["config"]["reality"]["effects"]
-        assert [entry["effect"] for entry in told] == (["mass_error"] if more else [])
-    assert errors["heavy"] != errors["own"]
-
-
-def test_a_lost_vehicle_is_a_result(monkeypatch):
-    def lose(*_, **__):
-        raise tracking.FailedRun("circle: nominal lost the vehicle")
-
-    monkeypatch.setattr(tracking, "fly", lose)
-    found = tracking.flown({"track": "circle", "seed": 1}, ROWS[0], "", solver="sqp")
-    assert "lost the vehicle" in found["lost"]
 
 
 @pytest.mark.parametrize("track", TRACKS)

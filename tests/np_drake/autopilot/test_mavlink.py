@@ -1,7 +1,6 @@
 """Laws of messages and links: what is packed is read, and what is no message does no harm."""
 
 import socket
-import sys
 import time
 from itertools import pairwise
 
@@ -230,14 +229,6 @@ def test_a_companion_listens_to_the_autopilot_that_it_hears_first_alone():
     assert [(b - a) % 256 for a, b in pairwise(counted)] == [1] * 299
 
 
-@pytest.mark.parametrize("make", [lambda: Codec(COMPANION), lambda: MavlinkLink("udp:1.2.3.4:5")])
-def test_without_pymavlink_one_line_says_what_to_install(make, monkeypatch):
-    monkeypatch.setitem(sys.modules, "pymavlink.dialects.v20", None)
-    monkeypatch.setitem(sys.modules, "pymavlink", None)
-    with pytest.raises(ValueError, match=r"pip install 'np_drake\[node\]'"):
-        make()
-
-
 # Links
 
 
@@ -273,9 +264,8 @@ def heard(link: MavlinkLink, wait: float = 2.0) -> list[bytes]:
     return []
 
 
-@pytest.mark.parametrize("kind", ["udp", "udpin"])
-def test_two_links_exchange_datagrams_apart_and_in_order(opened, port, kind):
-    listens, calls = opened(f"{kind}:127.0.0.1:{port}"), opened(f"udpout:127.0.0.1:{port}")
+def test_two_links_exchange_datagrams_apart_and_in_order(opened, port):
+    listens, calls = opened(f"udp:127.0.0.1:{port}"), opened(f"udpout:127.0.0.1:{port}")
     for data in (b"hello", bytes(range(256)) * 4):
         calls.send(data)
         assert heard(listens) == [data]
@@ -291,9 +281,8 @@ def test_two_links_exchange_datagrams_apart_and_in_order(opened, port, kind):
 @pytest.mark.parametrize(
     "address",
     [
-        *("udp:14540", "udp::14540", "udp:127.0.0.1:", "udp:127.0.0.1:port", "udp:127.0.0.1:99999"),
-        *("udpin:127.0.0.1:-1", "udp:no.such.host.invalid:14540", "tcp:127.0.0.1:1"),
-        *("/dev/no_such_device", "nonsense", ""),
+        *("udp:14540", "udp:127.0.0.1:port", "udp:127.0.0.1:99999", "tcp:127.0.0.1:1"),
+        *("udp:no.such.host.invalid:14540", "/dev/no_such_device", ""),
     ],
 )
 def test_an_address_that_cannot_be_used_is_refused_in_one_line(opened, address):

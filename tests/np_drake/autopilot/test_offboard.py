@@ -119,23 +119,6 @@ def test_the_age_is_the_delay_beyond_the_least_whatever_the_clocks_show(ways, of
         assert age >= delays[k] - delays[: k + 1][times[: k + 1] > times[k] - WINDOW].min() - 1e-8
 
 
-def test_a_clock_that_steps_back_is_followed_after_two_windows():
-    found = ages([(t - (0.2 if t >= 5.0 else 0.0), t) for t in 0.01 * np.arange(2000)])
-    assert found.max() == pytest.approx(0.2, abs=1e-9)
-    assert found[round((5.0 + 2 * WINDOW) / 0.01) + 2 :].max() < 1e-9
-
-
-@given(offset=OFFSETS, back=st.floats(2.0, 1e6), wait=st.floats(0.0, 100.0))
-def test_stamps_that_go_far_back_are_a_new_start(offset, back, wait):
-    dut = MessageClock()
-    assert not dut.hear(offset, 10.0)
-    assert dut.age(offset, 10.0 + wait) == pytest.approx(wait, abs=1e-8)
-    assert dut.hear(offset - back, 10.1)
-    assert dut.age(offset - back, 10.1) == pytest.approx(0.0, abs=1e-8)
-    assert dut.newest == offset - back
-    assert not dut.hear(offset - back + 0.01, 10.11)
-
-
 SIMULATED, REAL = Heartbeat(False, PX4, simulated=True), Heartbeat(False, PX4)
 # between two readings of the clock, and between two messages by the vehicle's clock [s]
 STEP, EVERY = 0.004, 0.01

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from np_drake import attitude, rigid_body
-from np_drake.autopilot.mavlink import COMPANION, PX4, Codec, Command, Heartbeat, Inertial, Pose
+from np_drake.autopilot.mavlink import COMPANION, PX4, Codec
 from np_drake.autopilot.simulated import (
     TURN,
     SimulatedAutopilot,
@@ -163,24 +163,3 @@ def test_it_comes_to_rest_where_the_hold_began_against_a_constant_force(dut, v, 
         assert np.linalg.norm(x[P] - AT_REST[P]) < 1.0
     np.testing.assert_allclose(x[P], AT_REST[P], atol=0.02)
     np.testing.assert_allclose(x[7:], 0.0, atol=0.02)
-
-
-def told(dut: SimulatedAutopilot, t: float, x=AT_REST, a=(0.0, 0.0, 0.0)) -> list:
-    return Codec(COMPANION, 1).parse(dut.messages(t, x, np.array([*a, 0.0, 0.0, 0.0])))
-
-
-def test_it_tells_the_state_what_it_feels_and_what_is_in_force(dut):
-    turn = attitude.from_rotation_vector(np.array([0.3, -0.4, 1.0]))
-    x = np.concatenate([[1.0, 2.0, 3.0], turn, [0.4, 0.5, 0.6], [0.1, 0.2, 0.3]])
-    a = np.array([1.0, 2.0, 3.0])
-    thrust, *rates = dut.step(2.0, x)
-    beat, felt, pose, target = told(dut, 2.0, x, a)
-    assert [type(one) for one in (felt, pose, target)] == [Inertial, Pose, Command]
-    assert beat == Heartbeat(False, PX4, simulated=True)
-    for part in (P, V, W):
-        np.testing.assert_allclose(pose.x[part], x[part], atol=1e-5)
-    f = attitude.rotate(turn, felt.f)
-    np.testing.assert_allclose(f, a + [0.0, 0.0, VEHICLE.gravity], atol=1e-5)
-    assert pose.stamp == pytest.approx(felt.stamp, abs=1e-3)
-    np.testing.assert_allclose(target.rates, rates, atol=1e-6)
-    assert target.thrust == pytest.approx(throttle_of(VEHICLE, thrust), abs=1e-6)

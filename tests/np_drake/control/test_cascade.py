@@ -45,6 +45,13 @@ def test_it_tilts_towards_the_target(where, torque, sign):
     assert sign * u[torque] > 0.01  # [N·m]
 
 
+@pytest.mark.parametrize("axis", range(3))
+def test_a_turn_is_taken_back_about_its_axis(axis):
+    x = REST.copy()
+    x[3:7] = [np.cos(0.1), *np.sin(0.1) * np.eye(3)[axis]]
+    assert step(x=x)[0][1 + axis] < -0.01  # [N·m]
+
+
 def test_both_signs_of_a_quaternion_are_one_attitude():
     other = REST.copy()
     other[3:7] *= -1

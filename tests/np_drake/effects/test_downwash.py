@@ -79,15 +79,3 @@ def test_the_push_is_linear_in_its_strength_and_jets_add_up():
         Downwash(1.0, others).velocity(VEHICLE, 1.0, p) for others in ((above,), (above, above))
     )
     np.testing.assert_allclose(two, 2 * one, rtol=1e-12)
-
-
-def test_a_log_is_evaluated_row_by_row():
-    rng = np.random.default_rng(0)
-    t, dut = np.linspace(0, 4, 9), Downwash(0.7, (hovering((0, 0, 2)),))
-    x = np.concatenate(
-        [rng.normal(scale=0.3, size=(9, 3)), rng.normal(size=(9, 4)), np.zeros((9, 6))], axis=1
-    )
-    x[:, 3:7] /= np.linalg.norm(x[:, 3:7], axis=1, keepdims=True)
-    thrust = rng.uniform(1, 8, (9, 4))
-    rows = [dut.wrench(VEHICLE, Motion(t[i], x[i], thrust[i])) for i in range(9)]
-    np.testing.assert_allclose(dut.wrench(VEHICLE, Motion(t, x, thrust)), rows, atol=1e-12)

@@ -7,12 +7,14 @@ from hypothesis import strategies as st
 
 from np_drake import attitude
 from np_drake.effects.attitude_bias import AttitudeBias
+from np_drake.effects.attitude_latency import AttitudeLatency
 from np_drake.effects.base import MassProperties, Measurement
 from np_drake.effects.center_of_mass_offset import CenterOfMassOffset
 from np_drake.effects.clock_offset import ClockOffset
 from np_drake.effects.combine import mass_properties, split_effects
 from np_drake.effects.command_delay import CommandDelay
 from np_drake.effects.gyro_bias import GyroBias
+from np_drake.effects.imu_mounting import ImuMounting
 from np_drake.effects.inertia_error import InertiaError
 from np_drake.effects.library import LIBRARY
 from np_drake.effects.linear_drag import LinearDrag
@@ -22,7 +24,8 @@ from np_drake.effects.sensor_noise import SensorNoise
 from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.effects.thrust_ceiling import ThrustCeiling
 from np_drake.effects.velocity_bias import VelocityBias
-from np_drake.vehicle import Vehicle
+from np_drake.rigid_body import P, Q, V, W
+from np_drake.vehicle.vehicle import MeasurementNoise, Vehicle
 
 VEHICLE = Vehicle()
 QUARTER = np.array([np.sqrt(0.5), 0, 0, np.sqrt(0.5)])  # yaw by 90 degrees: body x is world y
@@ -119,3 +122,91 @@ def test_lag_delay_and_clock_move_commands(effect, shift):
 
 def test_a_drag_moves_no_command():
     assert LinearDrag(1.0, 1.0, 1.0).time_shift(LAGGED) == 0.0
+
+
+G = np.array([0.0, 0.0, VEHICLE.gravity])
+NOISE = MeasurementNoise(
+    position=0.1, attitude=0.4, velocity=0.2, rate=0.3, acceleration=0.7, angular_acceleration=1.1
+)
+DUT = SensorNoise(NOISE, rotor=5.0)
+
+
+def truth_of(seed: int) -> Measurement:
+    rng = np.random.default_rng(seed)
+    x = rng.standard_normal(13)
+    x[3:7] /= np.linalg.norm(x[3:7])
+    return Measurement(x, rng.standard_normal(3), rng.standard_normal(3), 100 * rng.random(4))
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_one_instant_reads_as_a_row_of_many(seed):
+    truth, white = truth_of(seed), np.random.default_rng(100 + seed).standard_normal(22)
+    once, names = DUT.measure(VEHICLE, truth, white), ("x", "a", "al", "rotor")
+    rows = Measurement(*(getattr(truth, name)[None] for name in names))
+    many = DUT.measure(VEHICLE, rows, white[None])
+    for name in names:
+        np.testing.assert_allclose(getattr(many, name)[0], getattr(once, name), atol=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_attitude_turns_about_body_axes_and_acceleration_turns_with_it(seed):
+    truth, white = truth_of(seed), np.random.default_rng(100 + seed).standard_normal(22)
+    read = DUT.measure(VEHICLE, truth, white)
+    turn = attitude.multiply(attitude.conjugate(truth.x[3:7]), read.x[3:7])
+    np.testing.assert_allclose(turn[1:] / turn[0], 0.5 * 0.4 * white[3:6], atol=1e-12)
+    felt, true = (attitude.rotate_back(m.x[3:7], m.a + G) for m in (read, truth))
+    np.testing.assert_allclose(felt - true, 0.7 * white[12:15], atol=1e-12)
+
+
+MOUNTED, LATE = ImuMounting(0.05, -0.03, 0.02), AttitudeLatency(0.02)
+
+
+def spinning(w: np.ndarray, t: np.ndarray) -> Measurement:
+    """Return a motion with constant body rates w (3,) [rad/s]."""
+    x = np.zeros((len(t), 13))
+    x[:, Q] = attitude.from_rotation_vector(t[:, None] * w)
+    x[:, W] = w
+    x[:, P], x[:, V] = [1.0, 2.0, 3.0], [0.4, 0.5, 0.6]
+    return Measurement(x, np.ones((len(t), 3)), np.zeros((len(t), 3)), np.zeros((len(t), 4)))
+
+
+def measured(effect, truth: Measurement) -> Measurement:
+    return effect.measure(VEHICLE, truth, np.zeros((len(truth.x), 0)))
+
+
+T = 0.01 * np.arange(200)
+TRUTH = spinning(np.array([0.5, -0.8, 0.3]), T)
+
+
+@pytest.mark.parametrize("effect", [ImuMounting, AttitudeLatency])
+def test_a_neutral_one_reads_the_truth(effect):
+    np.testing.assert_allclose(measured(effect.neutral(), TRUTH).x, TRUTH.x, atol=1e-15)
+
+
+def test_turned_axes_read_a_vector_of_the_world_turned_by_the_mounting():
+    x = measured(MOUNTED, TRUTH).x
+    down = np.tile([0.0, 0.0, -9.81], (len(T), 1))
+    turned = attitude.from_rotation_vector(np.array([[0.05, -0.03, 0.02]]))
+    expected = attitude.rotate_back(
+        np.repeat(turned, len(T), axis=0), attitude.rotate_back(TRUTH.x[:, Q], down)
+    )
+    np.testing.assert_allclose(attitude.rotate_back(x[:, Q], down), expected, atol=1e-12)
+
+
+def test_turned_axes_read_rates_that_are_those_of_the_turned_attitude():
+    x = measured(MOUNTED, TRUTH).x
+    rate = (
+        attitude.rotation_vector(attitude.multiply(attitude.conjugate(x[:-1, Q]), x[1:, Q]))
+        / np.diff(T)[:, None]
+    )
+    np.testing.assert_allclose(rate, x[:-1, W], atol=1e-9)
+    assert np.abs(x[:, W] - TRUTH.x[:, W]).max() > 0.01  # the true rates are not
+
+
+def test_a_late_attitude_is_that_of_before_and_all_else_is_of_now():
+    late = measured(LATE, TRUTH)
+    # exact at constant rates
+    np.testing.assert_allclose(late.x[2:, Q], TRUTH.x[:-2, Q], atol=1e-12)
+    same = np.delete(np.arange(13), np.arange(13)[Q])
+    np.testing.assert_array_equal(late.x[:, same], TRUTH.x[:, same])
+    np.testing.assert_array_equal(late.a, TRUTH.a)

@@ -94,20 +94,3 @@ def test_a_forecast_torque_is_left_to_the_rate_loop(by):
     ]
     np.testing.assert_array_equal(told[0].u_ref, told[1].u_ref)
     assert not told[1].forecast.offset[:, 3:].any()
-
-
-def test_it_settles_at_its_reference_under_a_known_force(by):
-    controller = MpcController(VEHICLE, RATES, SqpSolver(VEHICLE, RATES))
-    flat, chi = Hover(np.zeros(3)).sample(np.arange(11)), np.array([1.0, 0.5, -2.0, 0.0, 0.0, 0.0])
-    plant, memory = DiscreteDynamics(VEHICLE, 0.02, by), controller.initial_memory()
-    x = np.eye(13)[3] + np.concatenate([[0.3, -0.2, 0.2], np.zeros(10)])
-    for _ in range(250):
-        memory = controller.step(memory, x=x, flat=flat, forecast=constant_forecast(chi, 10))
-        x = plant.advance(x, memory.u[0], chi)
-        x[3:7] /= np.linalg.norm(x[3:7])
-    np.testing.assert_allclose(x[:3], 0.0, atol=1e-3)
-    thrust, *rates = controller.rates_thrust(memory)
-    assert thrust == pytest.approx(
-        np.hypot(np.hypot(1.0, 0.5), VEHICLE.mass * 9.81 + 2.0), rel=1e-3
-    )
-    np.testing.assert_allclose(rates, 0.0, atol=1e-2)

@@ -1,8 +1,12 @@
+import dataclasses as dc
+
 import numpy as np
 import pytest
 
 from np_drake.mpc.condensed import Condensed, Curvature
 from np_drake.mpc.dynamics import DiscreteDynamics
+from np_drake.mpc.objective import lateral_response
+from np_drake.mpc.sqp import SqpSolver
 
 
 @pytest.fixture(
@@ -83,3 +87,25 @@ def test_slacks_are_the_largest_excess_of_each_kind(setup, config, make_problem)
     assert t.merit == pytest.approx(
         t.cost + config.slack_weight * np.sum(t.slacks + 0.1 * t.slacks**2)
     )
+
+
+@pytest.fixture
+def damped(config):
+    return dc.replace(config, weight_swing=5.0).check()
+
+
+def test_the_hessian_gains_the_square_of_the_response(vehicle, config, damped, make_problem):
+    dut = Condensed(vehicle, damped)
+    h = dut.prepare(make_problem(damped, offset=0.4, tilt=0.3))
+    T = 4.9 + np.random.default_rng(1).normal(size=(damped.horizon, 4))
+    S = dut.sensitivities(h, dut.rollout(h, T))
+    J = lateral_response(h, S).reshape(-1, T.size)
+    gained = dut.hessian(h, S) - Condensed(vehicle, config).hessian(h, S)
+    np.testing.assert_allclose(np.tril(gained), np.tril(10.0 * J.T @ J), atol=1e-9)  # 2 weight J'J
+
+
+def test_a_damped_plan_is_optimal(vehicle, damped, make_problem, least_cost):
+    problem = make_problem(damped, K=8, offset=0.1)
+    dut = SqpSolver(vehicle, damped, steps=6, time_limit=10.0)
+    solution = dut.solve(problem)
+    assert solution.cost <= least_cost(dut.condensed, problem, solution) * (1 + 1e-5)

@@ -1,14 +1,9 @@
-from functools import partial
-
 import numpy as np
 import pytest
 from pydrake.autodiffutils import ExtractGradient, InitializeAutoDiff
 
-from np_drake.mpc import ipopt
 from np_drake.mpc.condensed import Condensed
-from np_drake.mpc.ipopt import IpoptCondensedSolver, Preconditioned
-from np_drake.mpc.problem import MpcStatus
-from np_drake.mpc.sqp import SqpSolver
+from np_drake.mpc.ipopt import Preconditioned
 
 
 def test_rows_left_out_are_added_once_violated(vehicle, config, make_problem):
@@ -20,25 +15,6 @@ def test_rows_left_out_are_added_once_violated(vehicle, config, make_problem):
     beyond = condensed.rollout(h, np.full((config.horizon, 4), 12.5))
     assert dut.add_violated(beyond)
     assert not dut.add_violated(beyond)  # now they are in
-
-
-def test_a_solution_that_leaves_the_input_set_is_solved_again(
-    vehicle, config, make_problem, monkeypatch
-):
-    problem, answers = make_problem(config, offset=0.1, tilt=0.6), []
-    dut = IpoptCondensedSolver(vehicle, config, time_limit=np.inf)
-    add = Preconditioned.add_violated
-    monkeypatch.setattr(
-        Preconditioned, "add_violated", lambda *a: answers.append(add(*a)) or answers[-1]
-    )
-    # no row is passed at first
-    monkeypatch.setattr(ipopt, "Preconditioned", partial(Preconditioned, near=-1e-3))
-    solution = dut.solve(problem)
-    assert answers[0]
-    assert not answers[-1]
-    assert solution.status == MpcStatus.OPTIMAL
-    patient = SqpSolver(vehicle, config, steps=30, max_steps=30, time_limit=np.inf)
-    assert solution.cost == pytest.approx(patient.solve(problem).cost, rel=1e-6)
 
 
 @pytest.mark.parametrize("name", ["_cost", "_rows"])

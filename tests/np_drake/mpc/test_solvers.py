@@ -73,14 +73,6 @@ def test_a_plan_is_an_optimal_rollout_from_the_measurement(
 
 
 @SOLVERS
-def test_nan_raises_solver_failure(solvers, make_problem, config, name):
-    problem = make_problem(config)
-    problem.x0[8] = np.nan
-    with pytest.raises(SolverFailure, match=r"x0 must be finite"):
-        solvers[name].solve(problem)
-
-
-@SOLVERS
 def test_a_solver_keeps_no_memory_and_no_sign_of_a_quaternion(solvers, make_problem, config, name):
     first = solvers[name].solve(make_problem(config, tilt=0.2))
     solvers[name].solve(make_problem(config, K=0, offset=0.3))

@@ -124,12 +124,9 @@ def test_osqp_takes_over_where_the_active_set_cycles(monkeypatch):
 @pytest.mark.parametrize("where", ["hessian", "rows"])
 def test_a_model_that_overflows_gives_no_step(where):
     model = random_model(4)
-    bad_rows = dc.replace(model.rows, jacobian=np.full((9, 12), np.inf))
-    bad = (
-        {"curvature": Curvature(np.full((12, 12), np.nan))}
-        if where == "hessian"
-        else {"rows": bad_rows}
-    )
+    bad = {"curvature": Curvature(np.full((12, 12), np.nan))}
+    if where == "rows":
+        bad = {"rows": dc.replace(model.rows, jacobian=np.full((9, 12), np.inf))}
     dut, bounds = qp.QpSolver(12, 9, WEIGHT), (np.full(12, -1.0), np.full(12, 1.0))
     with np.errstate(invalid="ignore"):
         step = dut.solve(dc.replace(model, **bad), *bounds, time_limit=1.0)

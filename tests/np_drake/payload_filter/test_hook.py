@@ -67,10 +67,10 @@ def test_a_constant_torque_almost_without_noise_shows_no_shift(noise, seed):
 def test_the_doubt_is_the_variance_of_the_torque_about_an_uncertain_hook():
     generator = np.random.default_rng(3)
     root, place = generator.standard_normal((3, 3)), np.array([0.01, -0.03, 0.02])
-    error = generator.standard_normal((200000, 3)) @ root.T
-    off = place + hook.DEVIATION * generator.standard_normal((200000, 3))
+    error = generator.standard_normal((40000, 3)) @ root.T
+    off = place + hook.DEVIATION * generator.standard_normal((40000, 3))
     found = torque_doubt(root @ root.T, attitude.skew(place))
-    np.testing.assert_allclose(found, np.cross(off, error).var(axis=0), rtol=0.02)
+    np.testing.assert_allclose(found, np.cross(off, error).var(axis=0), rtol=0.05)
 
 
 def levels(torque):

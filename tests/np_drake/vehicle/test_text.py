@@ -4,9 +4,7 @@ import dataclasses as dc
 
 import pytest
 
-from np_drake.files.number_text import NBSP
-from np_drake.vehicle.sources import part
-from np_drake.vehicle.text import save_vehicle, vehicle_rows, vehicle_text
+from np_drake.vehicle.text import save_vehicle, vehicle_text
 from np_drake.vehicle.vehicle import (
     Calibration,
     RateLoop,
@@ -65,38 +63,6 @@ def test_every_number_has_unit_source_and_interval_beside_it():
     ) in lines
     assert "  command_delay: 0.012 # [s] prior: hover alone does not tell it" in lines
     assert all(len(line) <= 120 for line in lines if "]]" not in line)
-
-
-def test_one_number_of_a_field_has_its_own_source_and_interval(again):
-    dut = dc.replace(
-        Vehicle(),
-        sources={
-            "calibration.center_of_mass[0]": "identified",
-            "calibration.center_of_mass[2]": "prior: level",
-        },
-        intervals={
-            part("inertia", 0, 1): [-1e-3, 1e-3],
-            "calibration.center_of_mass[0]": [0.0, 0.002],
-        },
-    ).check()
-    lines = vehicle_text(dut).splitlines()
-    at = lines.index("  center_of_mass: [0.0, 0.0, 0.0] # [m]")
-    assert lines[at - 2 : at] == ["  # [0]: identified, 95 %: 0 … 0.002", "  # [2]: prior: level"]
-    assert "# [0][1]: 95 %: -0.001 … 0.001" in lines
-    assert same(again(dut), dut)
-
-
-def test_the_table_has_every_value_with_unit_interval_and_source(again, tmp_path):
-    save_vehicle(KNOWN, tmp_path / "v.yaml")
-    rows = {row.field: row for row in vehicle_rows(tmp_path / "v.yaml")}
-    assert rows["mass"][1:] == (f"1.5{NBSP}kg", "", "given")
-    assert rows["inertia[1]"][1:] == (f"[0, 0.02, 0]{NBSP}kg·m²", "", "")
-    assert rows["thrust_coefficient"].interval == "9.9e-06 … 1.01e-05"
-    assert rows["gravity"].source == "file"
-    (tmp_path / "v.yaml").write_text("mass: 1.5")
-    rows = {row.field: row for row in vehicle_rows(tmp_path / "v.yaml")}
-    assert (rows["mass"].source, rows["gravity"].source) == ("file", "default")
-    assert not any(name.startswith(("calibration", "throttle")) for name in rows)
 
 
 def test_an_impossible_vehicle_is_not_written(tmp_path):

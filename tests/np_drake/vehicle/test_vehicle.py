@@ -6,11 +6,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from pydrake.common.yaml import yaml_dump_typed
 
 from np_drake import rigid_body
 from np_drake.vehicle import Vehicle, load_vehicle
-from np_drake.vehicle.sources import values
 from np_drake.vehicle.vehicle import Calibration, RateLoop, ThrottleMap
 from tests.similar import similar
 
@@ -106,21 +104,6 @@ def test_another_mass_or_size_takes_what_was_said_of_the_old_one(load):
     assert (grown.throttle, grown.calibration, grown.sources) == (None, Calibration(), {})
 
 
-def test_values_name_every_field_once_parts_by_their_section():
-    known = values(dc.replace(Vehicle(), throttle=MAP))
-    assert known["throttle.linear"] == 0.3
-    assert known["calibration.command_delay"] == 0.0
-    assert values(Vehicle())["throttle"] is None
-    assert not {"sources", "intervals", "calibration", "throttle"} & set(known)
-
-
-def test_a_file_that_states_no_uncertainty_has_none_and_writes_none(load):
-    assert "uncertainty" not in yaml_dump_typed(Vehicle(), schema=Vehicle)
-    dut = load("mass_uncertainty: null\nthrust_uncertainty: 0.02\n")
-    assert (dut.mass_uncertainty, dut.thrust_uncertainty) == (None, 0.02)
-    assert load(yaml_dump_typed(dut, schema=Vehicle)) == dut
-
-
 def test_a_vehicle_that_just_hovers_and_the_largest_there_are_stay():
     Vehicle(max_rotor_thrust=2.0 * 9.81 / 4).check()
     large = [[3.0, 3.0, 0.0], [3.0, -3.0, 0.0], [-3.0, -3.0, 0.0], [-3.0, 3.0, 0.0]]
@@ -165,11 +148,6 @@ def test_what_no_vehicle_has_is_refused_in_one_line(load, text, reason):
         load(text)
     assert reason in str(caught.value)
     assert "\n" not in str(caught.value)
-
-
-def test_missing_vehicle_file_is_named(tmp_path):
-    with pytest.raises(ValueError, match=r"nowhere\.yaml"):
-        load_vehicle(tmp_path / "nowhere.yaml")
 
 
 LIGHT, TINY = 1.6e-7 / 91.2, [[2e-5, 0, 0], [0, 2e-5, 0], [0, 0, 3.5e-5]]

@@ -1,6 +1,7 @@
-"""Laws of the peer on acados; skipped without it."""
+"""Laws of the peers on acados and CasADi; skipped without them."""
 
 import dataclasses as dc
+import importlib
 import importlib.util
 
 import numpy as np
@@ -8,8 +9,10 @@ import pytest
 
 from diagrams.studies.acados_peer import FOLDER, AcadosSolver
 from diagrams.studies.bench import tracking_problems
+from diagrams.studies.casadi_peer import CasadiSolver, ProblemInCasadi
 from np_drake.mpc.controller import shift
 from np_drake.mpc.sqp import SqpSolver
+from np_drake.rigid_body import state_derivative
 
 
 def peer(vehicle, config, **how):
@@ -45,3 +48,37 @@ def test_without_acados_the_error_says_what_to_install(vehicle, config, monkeypa
     monkeypatch.setattr(importlib.util, "find_spec", lambda _: None)
     with pytest.raises(ImportError, match="comma-deps-acados"):
         AcadosSolver(vehicle, config)
+
+
+@pytest.fixture(scope="module")
+def casadi_peer(vehicle, config):
+    pytest.importorskip("casadi", reason="optional extra `bench`", exc_type=ImportError)
+    return CasadiSolver(vehicle, config)
+
+
+def test_the_casadi_peer_flies_eq_1(casadi_peer, vehicle, config):
+    import casadi
+
+    x, u, chi = (casadi.SX.sym("v", n) for n in (13, 4, 6))
+    f = casadi.Function("f", [x, u, chi], [ProblemInCasadi(vehicle, config).derivative(x, u, chi)])
+    rng = np.random.default_rng(0)
+    values = [rng.normal(size=n) for n in (13, 4, 6)]
+    np.testing.assert_allclose(
+        np.array(f(*values)).ravel(), state_derivative(vehicle, *values), atol=1e-12
+    )
+
+
+@pytest.mark.parametrize("K", [0, 24])
+def test_the_casadi_peer_solves_the_same_problem(casadi_peer, vehicle, config, make_problem, K):
+    problem = make_problem(config, K=K, offset=0.3)
+    sqp = SqpSolver(vehicle, config, steps=30, max_steps=30, time_limit=np.inf)
+    assert casadi_peer.solve(problem).cost == pytest.approx(sqp.solve(problem).cost, rel=1e-5)
+
+
+def test_without_casadi_the_error_says_what_to_install(vehicle, config, monkeypatch):
+    def missing(name, *_):
+        raise ImportError(name)
+
+    monkeypatch.setattr(importlib, "import_module", missing)
+    with pytest.raises(ImportError, match=r"np_drake\[bench\]"):
+        CasadiSolver(vehicle, config)
