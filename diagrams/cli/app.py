@@ -14,9 +14,8 @@ from typer import Option
 from typer.core import TyperGroup
 
 from diagrams.batch.failed_run import FailedRun, one_line
-from diagrams.cli import options, reproduce
-from diagrams.cli.output import console, discard_output, say
-from diagrams.cli.runner import HELP, Verbs
+from diagrams.cli import reproduce
+from diagrams.cli.verb import EPILOG, HELP, Verbs, console, discard_output, say
 from np_drake.files.atomic_file import FULL
 from np_drake.files.input_file import guard_inputs
 from np_drake.files.interruption import Ended, last_signal, line
@@ -34,17 +33,17 @@ REPORT = (
 VERBS = {  # verb: module of diagrams.cli and name there, which are loaded on use
     "demo": ("demo", "demo"),
     "fly": ("fly", "fly"),
-    "node": ("node", "node"),
+    "node": ("fly", "node"),
     "train": ("train", "train"),
-    "evaluate": ("evaluate", "evaluate"),
+    "evaluate": ("train", "evaluate"),
     "import": ("import_logs", "import_logs"),
-    "doctor": ("doctor", "doctor"),
+    "doctor": ("diagnose", "doctor"),
     "identify": ("identify", "identify"),
     "diagnose": ("diagnose", "diagnose"),
     "reproduce": ("reproduce", "reproduce"),
     "vehicle": ("vehicle", "vehicle"),
     "export": ("vehicle", "export"),
-    "bench": ("bench", "bench"),
+    "bench": ("reproduce", "bench"),
     "challenge": ("challenge", "challenge"),
 }
 GROUPS = ("reproduce", "vehicle", "challenge")  # behind whose name another stands
@@ -80,7 +79,7 @@ app = Verbs(
     name=PROGRAM,
     cls=_Lazy,
     help="Neural Predictor and NP-MPC for a quadrotor with a tethered payload, on Drake.",
-    epilog=options.EPILOG,
+    epilog=EPILOG,
 )
 
 

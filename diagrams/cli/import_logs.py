@@ -9,8 +9,7 @@ from typing import Annotated
 from typer import Argument, Option
 
 from diagrams.batch.run import make_folder
-from diagrams.cli.output import progress, say
-from diagrams.cli.runner import Report, Run, reports
+from diagrams.cli.verb import LogMap, Report, Run, progress, reports, say
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.log_file import write_log
 from np_drake.logs.import_sheet import sheet_path, write_sheet
@@ -35,16 +34,7 @@ def import_logs(
             "Neural-Fly, CSV, Parquet.",
         ),
     ],
-    log_map: Annotated[
-        Path | None,
-        Option(
-            "--map",
-            metavar="FILE",
-            help="Map of columns and conventions (YAML), or a public data set: idsia, "
-            "nanobench; default: by the log's "
-            "own names.",
-        ),
-    ] = None,
+    log_map: LogMap = None,
     rate: Annotated[
         float,
         Option(

@@ -12,8 +12,7 @@ from typing import Annotated, Any
 
 from typer import Argument, Option
 
-from diagrams.cli.output import print_table, require_outputs, say
-from diagrams.cli.runner import Report, Run, Verbs, reports
+from diagrams.cli.verb import Report, Run, Verbs, print_table, reports, require_outputs, say
 from diagrams.exports.formats import FORMATS, SHAPE, not_carried
 from diagrams.loop.experiments import load_experiment
 from diagrams.loop.flight import FlightConfig, load_flight

@@ -52,7 +52,7 @@ def interval_figure(found: Identification) -> Figure:
             label="told by the flights" if q.told else "not told: the prior's",
             zorder=3,
         )
-        told, both = interval(found, q)
+        told, both = interval(q)
         ax.text(REACH + 0.12, place, f"{told}   ({both})", va="center", fontsize=8)
     ax.set_yticks(range(len(shown)), [q.name for q in shown], fontsize=8.5)
     ax.set(xlim=(-REACH, REACH), ylim=(len(shown) - 0.4, -0.6), xticks=[-2, -1, 0, 1, 2])
@@ -82,7 +82,7 @@ def agreement_figure(found: Identification, each: Sequence[FlightValues]) -> Fig
         if place >= len(each):
             ax.set_visible(False)
             continue
-        _flights(ax, found, each[place])
+        _flights(ax, each[place])
         ax.set_xticks(
             range(count), [str(i + 1) if count <= 15 else "" for i in range(count)], fontsize=8
         )
@@ -93,9 +93,9 @@ def agreement_figure(found: Identification, each: Sequence[FlightValues]) -> Fig
     return figure
 
 
-def _flights(ax, found: Identification, told: FlightValues) -> None:
+def _flights(ax, told: FlightValues) -> None:
     q = told.quantity
-    factor, shown = shown_in(found, q)
+    factor, shown = shown_in(q)
     ax.axhspan(factor * q.low, factor * q.high, color=PRIOR, zorder=0, label="all together, 95 %")
     ax.axhline(factor * q.value, color="0.5", linewidth=0.9, zorder=1)
     apart = np.isin(told.names, told.apart)
@@ -117,7 +117,7 @@ def _flights(ax, found: Identification, told: FlightValues) -> None:
     _tidy(ax, "y")
 
 
-def residual_figure(rows: Sequence[HeldOut], *, per_mass: bool = False) -> Figure:
+def residual_figure(rows: Sequence[HeldOut]) -> Figure:
     """Return the RMS of held-out force and torque by axis, a mark a model and flight."""
     figure, grid = new_figure(1, 2, width=9.0, height=3.0)
     flights = list(dict.fromkeys(row.flight for row in rows))
@@ -132,7 +132,7 @@ def residual_figure(rows: Sequence[HeldOut], *, per_mass: bool = False) -> Figur
             at = np.arange(3) + shift
             ax.plot(at, values, mark, color=colour, markersize=7, label=row.model)
         ax.set_xticks(range(3), [f"{name} {axis}" for axis in "xyz"])
-        ax.set(yscale="log", ylabel=f"RMS [{shown}{'/kg' if per_mass else ''}]", xlim=(-0.5, 2.5))
+        ax.set(yscale="log", ylabel=f"RMS [{shown}]", xlim=(-0.5, 2.5))
         low, high = ax.get_ylim()
         ax.set_ylim(low / 1.5, 1.5 * high)
         ax.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))

@@ -12,7 +12,6 @@ import numpy as np
 from diagrams.identification import figures
 from diagrams.identification.text import (
     KINDS,
-    RATIOS,
     agreement,
     differences,
     headline,
@@ -48,7 +47,7 @@ def write_page(
     pictures = {
         "intervals": figures.interval_figure(found),
         "agreement": figures.agreement_figure(found, each) if each else None,
-        "residuals": figures.residual_figure(rows, per_mass=found.basis.ratios) if rows else None,
+        "residuals": figures.residual_figure(rows) if rows else None,
     }
     sections = [Section(TEMPLATE, content(found, rows, each) | {"thirds": thirds})]
     return page.write_page(
@@ -60,13 +59,11 @@ def content(
     found: Identification, rows: Sequence[HeldOut], each: Sequence[FlightValues]
 ) -> dict[str, Any]:
     """Return the values that the template uses, with numbers formatted as text."""
-    units = ("N/kg", "N·m/kg") if found.basis.ratios else ("N", "N·m")
     return {
         "vehicle": found.prior.name,
         "headline": headline(found),
         "lead": lead(found, rows),
-        "ratios": capital(RATIOS) + "." if found.basis.ratios else "",
-        "file": "" if found.basis.ratios else VEHICLE,
+        "file": VEHICLE,
         "not_told": [(capital(listed(names)), why, way) for way, names, why in not_told(found)],
         "header": [
             "quantity",
@@ -79,8 +76,8 @@ def content(
         "quantities": [
             [
                 q.name,
-                *interval(found, q),
-                prior_interval(found, q),
+                *interval(q),
+                prior_interval(q),
                 "flights" if q.told else "prior",
                 *([agreement(q)] if each else []),
             ]
@@ -96,7 +93,7 @@ def content(
             "model",
             *(f"{kind} {axis}" for kind in ("force", "torque") for axis in "xyz"),
         ],
-        "residuals": [_residual(row, units) for row in rows],
+        "residuals": [_residual(row) for row in rows],
         "open_header": [
             "flight",
             "model",
@@ -117,8 +114,8 @@ def content(
     }
 
 
-def _residual(row: HeldOut, units: tuple[str, str]) -> list[str]:
-    both = zip((row.force, row.torque), units, strict=True)
+def _residual(row: HeldOut) -> list[str]:
+    both = zip((row.force, row.torque), ("N", "N·m"), strict=True)
     sizes = [measure(float(v), unit) for values, unit in both for v in values]
     return [row.flight, row.model, *sizes]
 
@@ -140,5 +137,4 @@ def _mass(found: Identification) -> str:
         return f"{measure(basis.mass, 'kg', 3)}, given"
     if basis.newtons:
         return "from commanded thrust, which counts as right"
-    right = "from the thrust coefficient of the file, which counts as right"
-    return "not known" if basis.ratios else right
+    return "from the thrust coefficient of the file, which counts as right"

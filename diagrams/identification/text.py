@@ -23,10 +23,6 @@ from np_drake.identification.identify import Identification
 from np_drake.identification.quantities import Identified
 from np_drake.identification.validation import HeldOut
 
-RATIOS = (
-    "the mass is not known, so that all values are over it (kg counts as 1); give --mass "
-    "for a vehicle file"
-)
 # (factor, unit) in which a vehicle's lengths and small angles are read best; a drag is no share.
 SHOWN = {
     "m": (1e3, "mm"),
@@ -46,29 +42,24 @@ KINDS = {
 }
 
 
-def unit_of(found: Identification, q: Identified) -> str:
-    """Return the unit of a quantity, over the mass where only ratios are told."""
-    return q.quantity.unit + "/kg" * (found.basis.ratios and q.quantity.per_mass)
-
-
-def interval(found: Identification, q: Identified) -> tuple[str, str]:
+def interval(q: Identified) -> tuple[str, str]:
     """Return value and 95 % interval of a quantity as text, with the digits that the interval
     tells.
     """
-    factor, unit = shown_in(found, q)
+    factor, unit = shown_in(q)
     return estimate(Estimate(factor * q.value, unit, (factor * q.low, factor * q.high)), unit)
 
 
-def prior_interval(found: Identification, q: Identified) -> str:
+def prior_interval(q: Identified) -> str:
     """Return the 95 % interval of the prior as text, in the unit of the value."""
-    factor, unit = shown_in(found, q)
+    factor, unit = shown_in(q)
     low, high = factor * q.prior[0], factor * q.prior[1]
     return estimate(Estimate(0.5 * (low + high), unit, (low, high)), unit, brief=True)[1]
 
 
-def shown_in(found: Identification, q: Identified) -> tuple[float, str]:
+def shown_in(q: Identified) -> tuple[float, str]:
     """Return the factor and the name of the unit in which a quantity is shown."""
-    unit, largest = unit_of(found, q), max(abs(q.value), abs(q.low), abs(q.high))
+    unit, largest = q.quantity.unit, max(abs(q.value), abs(q.low), abs(q.high))
     if unit in SHOWN:
         return SHOWN[unit]
     power = math.floor(math.log10(largest)) if largest > 0 else 0
@@ -77,12 +68,12 @@ def shown_in(found: Identification, q: Identified) -> tuple[float, str]:
     return suited(largest, unit)
 
 
-def half_width(found: Identification, q: Identified, low: float, high: float) -> str:
+def half_width(q: Identified, low: float, high: float) -> str:
     """Return half of an interval: relative where a quantity is positive, else in the unit of its
     value.
     """
     if not q.quantity.positive:
-        return f"± {number(0.5 * shown_in(found, q)[0] * (high - low), 2)}"
+        return f"± {number(0.5 * shown_in(q)[0] * (high - low), 2)}"
     ratio = float((high / low) ** 0.5)
     return f"± {100 * (ratio - 1):.2g} %" if ratio < 1.5 else f"× ÷ {ratio:.2g}"
 
@@ -115,7 +106,7 @@ def summary(found: Identification) -> list[str]:
     lines += [f"not told: {name}" for name in silent]
     if differing := differences([*own_values(found), *flight_values(found)]):
         lines += [*differing, "where flights differ, intervals hold the spread between them"]
-    return [*lines, RATIOS] if found.basis.ratios else lines
+    return lines
 
 
 def differences(each: Sequence[FlightValues]) -> list[str]:
@@ -140,7 +131,7 @@ def headline(found: Identification) -> str:
     told, every = sum(q.told for q in found.quantities), len(found.quantities)
     count = len(found.models)
     by = f"{count} flight{'s' * (count > 1)}"
-    of = "a vehicle over its mass" if found.basis.ratios else found.prior.name
+    of = found.prior.name
     if not told:
         return f"{by} of {of}: the prior tells as much"
     return f"{by} tell{'s' * (count == 1)} {told} of {every} quantities of {of}"
@@ -150,7 +141,7 @@ def lead(found: Identification, rows: Sequence[HeldOut]) -> str:
     """Return the leading values, and how the held-out residual changes."""
     known = {q.name: q for q in found.quantities if q.told and q.quantity.positive}
     values = [
-        f"{q.name} {interval(found, q)[0]} ({half_width(found, q, q.low, q.high)})"
+        f"{q.name} {interval(q)[0]} ({half_width(q, q.low, q.high)})"
         for q in (known[name] for name in LEADING if name in known)
     ]
     said = [f"{capital(listed(values))}."] if values else []

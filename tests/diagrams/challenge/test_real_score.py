@@ -18,7 +18,7 @@ from diagrams.challenge.real_score import (
     wind_figures,
 )
 from diagrams.cli.main import run
-from diagrams.cli.output import WIDTH, print_table
+from diagrams.cli.verb import WIDTH, print_table
 from diagrams.identification.simulated import Truth, fly_truth
 from np_drake.effects.blade_flapping import BladeFlapping
 from np_drake.effects.constant_wind import ConstantWind

@@ -256,7 +256,5 @@ def test_a_signal_ends_a_run_and_leaves_no_half_file(tmp_path):
     process.send_signal(signal.SIGTERM)
     said = process.communicate(timeout=60)[1].decode()
     assert process.returncode == 143
-    # What a library that is half imported says besides is not ours.
-    assert sum(line.endswith("ended by SIGTERM.") for line in said.splitlines()) == 1
-    assert "Traceback" not in said
+    assert said in ("np-drake: ended by SIGTERM.\n", "np-drake fly: ended by SIGTERM.\n")
     assert not [path for path in tmp_path.rglob("*") if path.is_file()]

@@ -1,7 +1,7 @@
 """Law of the table that `np-drake bench` prints."""
 
-from diagrams.cli import output
-from diagrams.cli.bench import ANSWERS, TIMES
+from diagrams.cli import verb as output
+from diagrams.cli.reproduce import ANSWERS, TIMES
 from diagrams.studies.columns import tabulate
 
 LINE = {"suite": "N = 20, K = 24", "name": "acados", "problems": 200, "median_ms": 0.4712}

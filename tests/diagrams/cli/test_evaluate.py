@@ -5,8 +5,8 @@ import json
 import numpy as np
 import pytest
 
-from diagrams.cli.evaluate import parse_horizons
 from diagrams.cli.main import run
+from diagrams.cli.train import parse_horizons
 from np_drake.lifting.model.encoders import DelayEncoder
 from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
 from np_drake.lifting.model.lifted_model import MODE_DICTIONARY, LiftedModel
@@ -89,19 +89,11 @@ def test_bad_input_is_one_line_and_leaves_nothing(logs, model, tmp_path, monkeyp
 
 def test_every_flight_left_out_in_turn_is_scored_by_models_blind_to_it(logs, tmp_path, capsys):
     out = tmp_path / "rows.json"
-    arguments = [
-        "evaluate",
-        *map(str, logs[:2]),
-        "--leave-one-out",
-        "--only",
-        "lifted",
-        "--epochs",
-        "1",
-    ]
+    arguments = ["evaluate", *map(str, logs[:2]), "--leave-one-out", "--epochs", "1"]
     assert run([*arguments, "--horizons", "1,5", "--json", str(out)]) == 0, capsys.readouterr().err
     rows = rows_of(out)
     assert len({row["flight"] for row in rows}) == 2
-    assert {row["model"] for row in rows} == {"lifted", *UNTRAINED, *TRAINED}
+    assert {row["model"] for row in rows} == {"paper", "lifted", *UNTRAINED, *TRAINED}
     assert all(
         low <= row["force_ratio"] <= high for row in rows for low, high in [row["force_interval"]]
     )
@@ -119,7 +111,7 @@ def test_an_unstable_model_fails(logs, monkeypatch, capsys):
     system = LiftedLinearSystem(2.0 * np.eye(6), np.zeros((6, 6)), np.eye(6), 0.02)
     encoder, ones = DelayEncoder(np.eye(6, 12), 1), np.ones(6)
     broken = LiftedModel(MODE_DICTIONARY, system, encoder, 1, ones, ones, True)
-    monkeypatch.setattr("diagrams.cli.evaluate.load", lambda path: {"lifted": broken})
+    monkeypatch.setattr("diagrams.cli.train.load", lambda path: {"lifted": broken})
     assert run(["evaluate", str(logs[1]), "--horizons", "1"]) == 1
     captured = capsys.readouterr()
     assert "a forecast diverged on test." in captured.err

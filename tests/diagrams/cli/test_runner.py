@@ -8,10 +8,10 @@ import pytest
 import typer
 
 from diagrams.batch.failed_run import FailedRun
-from diagrams.cli import options, output
+from diagrams.cli import verb as output
 from diagrams.cli.app import run_app
 from diagrams.cli.main import run
-from diagrams.cli.runner import Report, Run, reports
+from diagrams.cli.verb import Report, Run, reports
 from np_drake.files.atomic_file import lock_outputs, write_text
 
 TABLE = ("a title", ["what", "value"], [("one | two", 1.23456)])
@@ -21,7 +21,7 @@ def made(change=lambda run: {}, **settings):
     """An application whose verb `make` reports `TABLE`, and the runs that reached its body."""
     seen: list[Run] = []
 
-    @reports("made", **{"seed": 7, "out": options.Out, **settings})
+    @reports("made", **{"seed": 7, "out": output.Out, **settings})
     def make(run: Run, size: Annotated[int, typer.Option(help="Size [m].")] = 3) -> Report:
         """Make a table."""
         seen.append(run)
@@ -74,7 +74,7 @@ def test_a_file_that_cannot_be_written_is_refused_before_the_body_runs(option, t
 @pytest.mark.parametrize("written_by", ["body", "report"])
 def test_an_option_may_not_name_a_file_that_the_verb_writes(option, written_by, tmp_path, capsys):
     def write(folder):
-        (folder / "log.csv").write_text("the log")
+        write_text(folder / "log.csv", "the log")
 
     def content(run):
         if written_by == "report":
@@ -193,7 +193,7 @@ def test_two_outputs_are_never_one_file(tmp_path):
     for other in (tmp_path / "a", tmp_path / "." / "a", tmp_path / "link"):
         with pytest.raises(ValueError, match="two files are to be written there"):
             output.require_outputs(tmp_path / "a", other)
-    output.require_outputs(tmp_path / "a", tmp_path / "b", None)
+    output.require_outputs(tmp_path / "a", tmp_path / "b")
     assert [path.name for path in tmp_path.iterdir()] == ["link"]
 
 
