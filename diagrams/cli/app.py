@@ -23,7 +23,6 @@ from np_drake.files.interruption import Ended, last_signal, line
 PROGRAM = "np-drake"
 BAD_INPUT, FAILED, FAULT, INTERRUPTED = 2, 1, 70, 130
 DEBUG = "--debug"  # anywhere on the command line
-CASE_FILES = ("vehicle.yaml", "train_*", "heldout*")  # that a verb reads of a case folder
 OUTPUTS = ("--out", "--json", "--markdown", "--mcap")  # options whose file is written
 REPORT = (
     "Please report it with this line and the command to the maintainers; --debug shows the "
@@ -137,18 +136,13 @@ def _require_words(arguments: list[str]) -> None:
 
 
 def inputs_of(arguments: list[str]) -> list[Path]:
-    """Return the files that are named on the command line, and those of case folders, but for
-    options that write.
-    """
+    """Return the files that are named on the command line, but for options that write."""
     found: list[Path] = []
     for before, argument in zip([PROGRAM, *arguments], arguments, strict=False):
         name, _, value = argument.rpartition("=") if argument[:2] == "--" else ("", "", argument)
         if before in OUTPUTS or name in OUTPUTS:
             continue
-        if os.path.isdir(value):
-            for pattern in CASE_FILES:
-                found += [*Path(value).glob(pattern), *Path(value).glob(f"*/{pattern}")]
-        elif os.path.exists(value):
+        if os.path.isfile(value) or os.path.islink(value):
             found.append(Path(value))
     return found
 

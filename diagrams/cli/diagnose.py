@@ -30,13 +30,10 @@ from np_drake.rotor_input import with_rotor_input
 from np_drake.vehicle import Vehicle
 from np_drake.vehicle.vehicle import left_out, load_vehicle
 
-Out = Annotated[
-    Path | None, Option("--out", metavar="DIR", help="Folder for report, figures and JSON.")
-]
 LOG_HELP = "Flight log (CSV, .csv.gz, Parquet) or NeuroBEM CSV; repeatable."
 
 
-@reports("diagnosis", seed=None, out=Out, markdown=False)
+@reports("diagnosis", seed=None, out="Folder for report, figures and JSON.", markdown=False)
 def diagnose(
     run: Run,
     case: Annotated[

@@ -19,7 +19,7 @@ from typer import Argument, Option
 from diagrams.autopilot import node as nodes
 from diagrams.autopilot.node import LinkedFlight
 from diagrams.batch.failed_run import FailedRun
-from diagrams.cli.verb import Out, Report, Run, Table, VehicleFile, progress, reports, say, tell
+from diagrams.cli.verb import OUT, Report, Run, Table, VehicleFile, progress, reports, say, tell
 from diagrams.gap.corrected import drawn
 from diagrams.loop import comparison
 from diagrams.loop.controller_config import LEARNED
@@ -33,9 +33,8 @@ from diagrams.loop.experiments import (
 )
 from diagrams.loop.flight import FlightConfig
 from diagrams.loop.flight_diagram import make_flight_diagram
-from diagrams.loop.flight_result import FlightResult, LostVehicle
+from diagrams.loop.flight_result import FlightResult
 from diagrams.loop.flight_result import fly as simulate
-from diagrams.loop.live import LiveView
 from diagrams.loop.mcap_flight import write_flight_mcap
 from diagrams.loop.own_controller import is_own
 from diagrams.loop.replay import write_replay
@@ -68,7 +67,7 @@ Fields = Annotated[
 ]
 
 
-@reports("fly", seed=0, out=Out, markdown=False, files=("mcap",))
+@reports("fly", seed=0, out=OUT, markdown=False, files=("mcap",))
 def fly(
     run: Run,
     experiment: Experiment,
@@ -120,13 +119,10 @@ def fly(
             help="Write the flight as MCAP for Foxglove and PlotJuggler (extra mcap).",
         ),
     ] = None,
-    live: Annotated[
-        bool, Option("--live", help="Fly in real time in a browser (Meshcat), and be pushed there.")
-    ] = False,
 ) -> Report:
     """Simulate an experiment; with --out: flight log, figures and a 3-D replay page."""
-    if link is not None and (controller or predictor or live or sample is not None):
-        others = "--controller, --predictor, --live and --sample"
+    if link is not None and (controller or predictor or sample is not None):
+        others = "--controller, --predictor and --sample"
         raise ValueError(f"give either --link, whose node has the controller, or {others}.")
     configs = scenarios(
         experiment,
@@ -139,11 +135,9 @@ def fly(
         duration=duration,
         fields=fields or (),
     )
-    single = live or mcap is not None
-    if single + (sample is not None) + (len(configs) > 1) > 1:
+    if (mcap is not None) + (sample is not None) + (len(configs) > 1) > 1:
         raise ValueError(
-            "give either --live or --mcap, which take one flight, or --sample, or several "
-            "--controller."
+            "give either --mcap, which takes one flight, or --sample, or several --controller."
         )
     if mcap is not None:
         require_mcap(mcap)
@@ -157,8 +151,6 @@ def fly(
         flight, linked = _fly_linked(configs[0], run.seed, link)
         flights, tables, figures = [flight], [linked], []
         metrics = {"experiment": configs[0].name, "autopilot": dict(linked[2])}
-    elif live:
-        flights = [_fly_live(configs[0], run.seed)]
     else:
         flights = fly_all(flown, run.seed, lost if compared else None)
     if mcap is not None:
@@ -371,30 +363,6 @@ def _fly_linked(config: FlightConfig, seed: int, address: str) -> tuple[FlightRe
     return flight, linked.table()
 
 
-def _fly_live(config: FlightConfig, seed: int) -> FlightResult:
-    """Simulate in real time before a browser's eyes, until the end, `stop`, Ctrl-C or the loss of
-    the vehicle.
-
-    Raises: LostVehicle: where it was lost before anything was recorded.
-    """
-    with LiveView(config) as view:
-        payload = ", P the payload" if view.has_payload else ""
-        say(f"watch it at {view.meshcat.web_url()}: V pushes{payload}; Esc or Ctrl-C ends it.")
-        with progress(f"flying {config.name} with {config.controller.name}", config.end) as advance:
-
-            def shown(t: float) -> None:
-                advance(t, f"{100 * view.error:.1f} cm off")
-
-            try:
-                flight = simulate(config, seed=seed, monitor=shown, watch=view)
-            except LostVehicle as lost:
-                if not len(lost.signals["t"]):
-                    raise
-                say(str(lost))
-                return FlightResult(config, seed, lost.signals)
-    return flight
-
-
 def _notes(flight: FlightResult) -> list[str]:
     """Return lines about waypoints that a flight did not pass, and about the delay of commands with
     which the controller reckoned at the end.
@@ -447,7 +415,7 @@ TOLD = 0.8
 DEADLINE = 1.0  # of a solve, over the controller's period, where the scenario names none [1]
 
 
-@reports("node", seed=None, out=Out, markdown=False)
+@reports("node", seed=None, out=OUT, markdown=False)
 def node(
     run: Run,
     experiment: Experiment,

@@ -35,16 +35,12 @@ from np_drake.vehicle import Vehicle, load_vehicle
 from np_drake.vehicle.estimate import HEAVIEST, LIGHTEST
 from np_drake.vehicle.text import save_vehicle
 
-Out = Annotated[
-    Path | None,
-    Option("--out", metavar="DIR", help="Folder for vehicle.yaml, page, figures and JSON."),
-]
 FILE, JSON, SCHEMA = "vehicle.yaml", "identification.json", "identification"
 READ, FITTED = 0.3, 0.8  # shares of the bar
 LAST = 2 / 3  # share of a single flight that is fitted; own choice
 
 
-@reports(SCHEMA, seed=None, out=Out)
+@reports(SCHEMA, seed=None, out="Folder for vehicle.yaml, page, figures and JSON.")
 def identify(
     run: Run,
     logs: Annotated[

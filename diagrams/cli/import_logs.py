@@ -17,12 +17,15 @@ from np_drake.logs.importing.import_log import Imported, import_log
 from np_drake.logs.importing.log_map import load_map_file
 
 SUFFIXES = (".csv", ".csv.gz", ".parquet")
-Out = Annotated[
-    Path | None, Option("--out", metavar="DIR", help="Folder for the logs and their sheets.")
-]
 
 
-@reports("import", seed=None, out=Out, folder=Path("out/import"), markdown=False)
+@reports(
+    "import",
+    seed=None,
+    out="Folder for the logs and their sheets.",
+    folder=Path("out/import"),
+    markdown=False,
+)
 def import_logs(
     run: Run,
     logs: Annotated[

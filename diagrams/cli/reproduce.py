@@ -16,8 +16,8 @@ import typer
 from typer import Argument, Option
 
 from diagrams.cli.verb import (
-    Out,
-    OutOfCases,
+    OUT,
+    OUT_OF_CASES,
     Report,
     Run,
     Verbs,
@@ -67,7 +67,7 @@ class Study:
         run = inspect.Parameter("run", inspect.Parameter.POSITIONAL_OR_KEYWORD, annotation=Run)
         body.__signature__ = inspect.Signature([run, *own])  # type: ignore[attr-defined]
         body.__doc__ = study.__doc__.split("Args:")[0].rstrip()  # what `--help` says
-        out = OutOfCases if self.many else Out
+        out = OUT_OF_CASES if self.many else OUT
         return reports(VERB, seed=self.seed, out=out, many=self.many)(body)
 
     def command(self, name: str) -> Any:

@@ -54,7 +54,6 @@ from np_drake.skill.flight_skill import (
     label_distances,
     score_flights,
 )
-from np_drake.skill.skill import mean_interval
 from np_drake.training_data.accelerations import with_accelerations
 from np_drake.training_data.segments import WrenchSequence
 from np_drake.training_data.training_segments import Flight, require_motion, require_torque
@@ -79,15 +78,6 @@ Step = Annotated[
     ),
 ]
 LOG_HELP = "Flight logs (CSV, .csv.gz, Parquet), NeuroBEM CSV, or NeuroBEM arrays (.npy)."
-Envelope = Annotated[
-    int | None,
-    Option(
-        metavar="N",
-        min=0,
-        max=10_000,
-        help="Fly N simulated payloads and learn from them too; 0: the logs alone.",
-    ),
-]
 Force = Annotated[
     bool, Option("--force", help="Train though the vehicle moves in none of the logs.")
 ]
@@ -107,7 +97,15 @@ def train(
         ),
     ] = None,
     epochs: Epochs = None,
-    envelope: Envelope = None,
+    envelope: Annotated[
+        int | None,
+        Option(
+            metavar="N",
+            min=0,
+            max=10_000,
+            help="Fly N simulated payloads and learn from them too; 0: the logs alone.",
+        ),
+    ] = None,
     step: Step = None,
     vehicle: VehicleFile = None,
     repair: Repair = False,
@@ -358,9 +356,6 @@ def evaluate(
         Option(metavar="LOG", help="Train both configurations on it; repeatable."),
     ] = None,
     neurobem: Neurobem = None,
-    leave_one_out: Annotated[
-        bool, Option("--leave-one-out", help="Score every LOG by models trained on all the others.")
-    ] = False,
     horizons: Annotated[str, Option(help="Steps ahead, comma-separated.")] = HORIZONS,
     epochs: Epochs = None,
     step: Step = None,
@@ -375,36 +370,22 @@ def evaluate(
     and known.
     """
     steps = parse_horizons(horizons)
-    if leave_one_out and (predictor or train or len(logs or ()) < 2):
-        raise ValueError(
-            "--leave-one-out: give two LOG or more, and neither --predictor nor --train."
-        )
     train, logs = _choose_flights(list(train or ()), list(logs or ()), predictor, neurobem)
-    if not train and not leave_one_out:
-        predictor = predictor or NP_MODEL
-    loaded = load(predictor) if predictor else {}
+    loaded = {} if train else load(predictor or NP_MODEL)
     tests = open_flights(logs, vehicle, repair=repair)
     training = open_flights(train, vehicle, repair=repair)
     require_one_frame([*training, *tests])
     step = step or sampling_period(tests[0].vehicle)
-    folds = [([other for other in tests if other is not test], [test]) for test in tests]
-    folds = folds if leave_one_out else [(training, tests)]
-    for learned, _ in folds if not force else ():
-        require_motion(learned)
-    rows, windows, distances = list[dict](), list[dict](), list[dict]()
-    for learned, held_out in folds:
-        models = loaded or _train_all(learned, step=step, seed=run.seed, epochs=epochs)
-        base = _train_baselines(learned, steps, step)
-        for zeta in MOTIONS:
-            with run.counting(f"scoring, coming motion {zeta}") as on_model:
-                rows += score_flights(models, held_out, steps, zeta=zeta, on_model=on_model, **base)
-        windows += flight_stability(models, held_out)
-        distances += label_distances(models, held_out)
+    if not force:
+        require_motion(training)
+    models = loaded or _train_all(training, step=step, seed=run.seed, epochs=epochs)
+    base, rows = _train_baselines(training, steps, step), list[dict]()
+    for zeta in MOTIONS:
+        with run.counting(f"scoring, coming motion {zeta}") as on_model:
+            rows += score_flights(models, tests, steps, zeta=zeta, on_model=on_model, **base)
+    windows, distances = flight_stability(models, tests), label_distances(models, tests)
     settings = {"configurations": list(models), "horizons": steps, "step": step}
-    settings |= {
-        "leave_one_out": leave_one_out,
-        "training": [flight.data.name for flight in training],
-    }
+    settings |= {"training": [flight.data.name for flight in training]}
     said = tabulate(
         "stability of the forecasts; spectral radius above 1: unstable",
         windows,
@@ -417,7 +398,7 @@ def evaluate(
     ]
     lost = diverged(rows) or [line["flight"] for line in windows if line["unstable"]]
     return Report(
-        [*(t for zeta in MOTIONS for t in tables(rows, zeta, mean=leave_one_out)), said],
+        [*(t for zeta in MOTIONS for t in tables(rows, zeta)), said],
         config=settings,
         metrics={"rows": rows, "stability": windows, "label_distances": distances},
         notes=unfiltered,
@@ -499,40 +480,22 @@ def _train_all(
     return models
 
 
-def tables(rows: list[dict[str, Any]], zeta: str, *, mean: bool) -> list[Table]:
-    """Return two tables, a column for every horizon, for every flight or, with `mean`, for all
-    together.
-
-    A flight's hold RMSE and, in brackets, skill; the mean over flights is that of the ratio to
-    persistence with its 95 % interval and the worst skill.
+def tables(rows: list[dict[str, Any]], zeta: str) -> list[Table]:
+    """Return two tables for every flight, a column for every horizon: hold RMSE and, in brackets,
+    skill.
     """
     rows = [row for row in rows if row["zeta"] == zeta]
-    horizons = sorted({row["horizon"] for row in rows})
+    ahead = [f"{h:.4g} s" for h in sorted({row["horizon"] for row in rows})]
     found = []
-    for flight in [None] if mean else dict.fromkeys(row["flight"] for row in rows):
-        group = [row for row in rows if flight in (None, row["flight"])]
+    for flight in dict.fromkeys(row["flight"] for row in rows):
         for kind, unit in (("force", "N"), ("torque", "N·m")):
-            lines = []
-            for model in dict.fromkeys(row["model"] for row in group):
-                own = [row for row in group if row["model"] == model]
-                ahead = [[row for row in own if row["horizon"] == h] for h in horizons]
-                lines.append((model, *(_cell(kind, cell, mean) for cell in ahead)))
-            what = f" RMSE [{unit}] (skill: below 1 beats all naive)"
-            what = ", ratio to persistence (worst skill)" if mean else what
-            title = f"{flight or 'mean over flights'}: {kind}{what}, coming motion {zeta}"
-            found.append((title, ["ahead", *(f"{h:.4g} s" for h in horizons)], lines))
+            lines: dict[str, list[str]] = {}
+            for row in sorted(rows, key=lambda row: row["horizon"]):
+                if row["flight"] == flight:
+                    cell = f"{number(row[f'{kind}_rmse'])} ({row[f'{kind}_skill']:.2f})"
+                    lines.setdefault(row["model"], []).append(cell)
+            what = f"{kind} RMSE [{unit}] (skill: below 1 beats all naive)"
+            title = f"{flight}: {what}, coming motion {zeta}"
+            body = [(model, *cells) for model, cells in lines.items()]
+            found.append((title, ["ahead", *ahead], body))
     return found
-
-
-def _cell(kind: str, rows: list[dict[str, Any]], mean: bool) -> str:
-    """Return error and skill of a flight, or of several their mean ratio and worst skill."""
-    if not mean:
-        return f"{number(rows[-1][f'{kind}_rmse'])} ({rows[-1][f'{kind}_skill']:.2f})"
-    middle, low, high = mean_interval(np.array([row[f"{kind}_ratio"] for row in rows]))
-    worst = max(row[f"{kind}_skill"] for row in rows)
-    return f"{_short(float(middle))} ±{_short(float(high - low) / 2)} ({_short(worst)})"
-
-
-def _short(value: float) -> str:
-    """Format with two digits behind the point, or two significant ones."""
-    return f"{value:.2f}" if 0.1 <= value < 1000 or value != value else number(value, 2)

@@ -1,7 +1,7 @@
 """What every verb is made of: shared options, console, tables and files, and one runner that checks
 files, runs the body, writes and prints its report.
 
-    @reports("reproduce", seed=1000, out=Out)
+    @reports("reproduce", seed=1000, out=OUT)
     def verb(run: Run, spacing: ... = 1) -> Report: ...
 
 adds `--seed`, `--out`, `--json` and `--markdown` behind the verb's own options. `many=True` adds
@@ -62,7 +62,8 @@ EPILOG = (
 CASES = "cases"  # folder in --out with a file for every case
 OptionalPath = Path | None
 Json = Annotated[OptionalPath, Option("--json", metavar="FILE", help="Write the values as JSON.")]
-Out = Annotated[OptionalPath, Option("--out", metavar="DIR", help="Folder for logs and figures.")]
+OUT = "Folder for logs and figures."
+OUT_OF_CASES = "Folder for figures, models and a file for every case, to resume from."
 Markdown = Annotated[
     OptionalPath, Option("--markdown", metavar="FILE", help="Write the table as Markdown.")
 ]
@@ -73,14 +74,6 @@ Scheduler = Annotated[
         "--scheduler",
         metavar="ADDRESS",
         help="Work on the Dask cluster of this scheduler: tcp://HOST:PORT.",
-    ),
-]
-OutOfCases = Annotated[
-    OptionalPath,
-    Option(
-        "--out",
-        metavar="DIR",
-        help="Folder for figures, models and a file for every case, to resume from.",
     ),
 ]
 VehicleFile = Annotated[
@@ -121,7 +114,7 @@ def reports(
     schema: str,
     *,
     seed: int | None,
-    out: Any = None,
+    out: str = "",
     folder: Path | None = None,
     markdown: bool = True,
     many: bool = False,
@@ -133,7 +126,7 @@ def reports(
     Args:
         schema: name in the head of the `--json` file.
         seed: default of `--seed`; None: nothing is drawn, and the option is accepted but hidden.
-        out: annotated type of `--out`, a folder; None: the runner adds no such option.
+        out: help of `--out`, a folder; empty: the runner adds no such option.
         folder: default of `--out`.
         many: whether the verb works on many cases: adds the options of its workers.
         files: options of the body whose file it writes.
@@ -145,8 +138,9 @@ def reports(
     shared: dict[str, tuple[Any, Any]] = {"seed": (Annotated[int, seeds], seed or 0)}
     if many:
         shared |= {"jobs": (Jobs, 2), "scheduler": (Scheduler, "")}
-    if out is not None:
-        shared["out"] = (out, folder)
+    if out:
+        of = Option("--out", metavar="DIR", help=out)
+        shared["out"] = (Annotated[OptionalPath, of], folder)
     shared["json"] = (Json, None)
     if markdown:
         shared["markdown"] = (Markdown, None)
@@ -183,8 +177,10 @@ def reports(
 
         _, *own = inspect.signature(body, eval_str=True).parameters.values()
         added = [
-            inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=of)
-            for name, (of, default) in shared.items()
+            inspect.Parameter(
+                name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=kind
+            )
+            for name, (kind, default) in shared.items()
         ]
         parameters = [p.replace(kind=inspect.Parameter.KEYWORD_ONLY) for p in own] + added
         verb.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]

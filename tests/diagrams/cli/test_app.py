@@ -17,7 +17,6 @@ from diagrams.batch.failed_run import FailedRun
 from diagrams.cli import app as dut
 from diagrams.cli.main import run
 from np_drake.files.interruption import Ended
-from np_drake.logs import case_folder
 
 NP_DRAKE = f"{sys.executable} -m np_drake"
 SIGNALS = {"SIGINT": (130, "interrupted."), "SIGTERM": (143, "ended by SIGTERM.")}
@@ -179,17 +178,12 @@ def test_an_output_is_no_input_by_any_name(logs, tmp_path, capsys, option, link)
     assert mine.read_bytes() == logs[0].read_bytes()
 
 
-def test_inputs_are_what_is_named_or_in_a_case_folder_and_not_written(tmp_path, monkeypatch):
+def test_inputs_are_what_is_named_and_not_written(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    for name in ("a.csv", "b.json", "case/vehicle.yaml", "case/train_1.csv", "case/notes.txt"):
-        (tmp_path / name).parent.mkdir(exist_ok=True)
+    for name in ("a.csv", "b.json"):
         (tmp_path / name).touch()
-    words = ["diagnose", "case", "--train=a.csv", "--json", "b.json", "--out=b.json", "none"]
-    found = {str(path) for path in dut.inputs_of(words)}
-    assert found == {"a.csv", "case/vehicle.yaml", "case/train_1.csv"}
-    (tmp_path / "case" / "heldout.csv").touch()
-    files = case_folder.find_case(tmp_path / "case")
-    assert {*files.train, *files.held_out, files.vehicle} == set(dut.inputs_of([str(tmp_path)]))
+    words = ["diagnose", ".", "--train=a.csv", "--json", "b.json", "--out=b.json", "none"]
+    assert {str(path) for path in dut.inputs_of(words)} == {"a.csv"}
 
 
 def test_the_shell_completes_a_verb():

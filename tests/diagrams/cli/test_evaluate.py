@@ -10,9 +10,7 @@ from diagrams.cli.train import parse_horizons
 from np_drake.lifting.model.encoders import DelayEncoder
 from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
 from np_drake.lifting.model.lifted_model import MODE_DICTIONARY, LiftedModel
-from np_drake.skill.skill import NAIVE, UNTRAINED
-
-TRAINED = ("DMDc", "delay DMDc", "ridge by horizon")
+from np_drake.skill.skill import NAIVE
 
 
 @pytest.fixture(scope="module")
@@ -61,7 +59,7 @@ BAD = {  # arguments: what the line must say
     "two sources": (["LOG", "--predictor", "MODEL", "--train", "LOG"], "leave out --train"),
     "no model": (["LOG", "--predictor", "LOG"], "not a model file"),
     "trained on": (["LOG", "--train", "LOG"], "must be held out of training"),
-    "twice": (["LOG", "LOG", "--leave-one-out"], "must be given once"),
+    "twice": (["LOG", "LOG", "--predictor", "MODEL"], "must be given once"),
     "too far": (["LOG", "--predictor", "MODEL", "--horizons", "5000"], "samples are needed"),
     "two kinds": (["LOG", "--train", "ARRAY"], "give one kind"),
 }
@@ -85,19 +83,6 @@ def test_bad_input_is_one_line_and_leaves_nothing(logs, model, tmp_path, monkeyp
     assert last.startswith("np-drake evaluate: ")
     assert message in last
     assert list(tmp_path.iterdir()) == [array]
-
-
-def test_every_flight_left_out_in_turn_is_scored_by_models_blind_to_it(logs, tmp_path, capsys):
-    out = tmp_path / "rows.json"
-    arguments = ["evaluate", *map(str, logs[:2]), "--leave-one-out", "--epochs", "1"]
-    assert run([*arguments, "--horizons", "1,5", "--json", str(out)]) == 0, capsys.readouterr().err
-    rows = rows_of(out)
-    assert len({row["flight"] for row in rows}) == 2
-    assert {row["model"] for row in rows} == {"paper", "lifted", *UNTRAINED, *TRAINED}
-    assert all(
-        low <= row["force_ratio"] <= high for row in rows for low, high in [row["force_interval"]]
-    )
-    assert "mean over flights: torque" in capsys.readouterr().out
 
 
 def test_horizons_are_sorted_and_counted_once():

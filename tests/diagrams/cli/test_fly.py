@@ -45,28 +45,6 @@ def test_a_flight_leaves_log_figures_replay_and_metrics(kind, tmp_path, capsys):
     assert "<html" in (out / f"circle_{kind}_replay.html").read_text()[:2000].lower()
 
 
-def test_a_live_flight_says_where_it_is_seen_and_leaves_its_files(tmp_path, capsys):
-    scenario, out = tmp_path / "mine.yaml", tmp_path / "out"
-    scenario.write_text(
-        "name: mine\nduration: 0.3\nreference: {track: hover, ramp: 0.2}\ncontroller: "
-        "{kind: nominal}\n"
-    )
-    assert run(["fly", str(scenario), "--live", "--out", str(out)]) == 0, capsys.readouterr().err
-    assert capsys.readouterr().out.count("http://localhost:") == 1
-    assert {"mine_nominal.csv", "mine_nominal_replay.html"} <= {path.name for path in out.iterdir()}
-
-
-def test_a_vehicle_that_is_lost_live_leaves_its_files(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(
-        "diagrams.loop.live.LiveView.forces",
-        lambda self, t: (np.array([0.0, 0.0, -200.0]), np.zeros(3)),
-    )
-    out = tmp_path / "out"
-    assert run(["fly", "circle", "--controller", "hold", "--live", "--out", str(out)]) == 0
-    assert "flew into the ground" in capsys.readouterr().out
-    assert (out / "circle_hold_replay.html").exists()
-
-
 def test_a_scenario_is_changed_field_by_field(tmp_path, capsys):
     (tmp_path / "mine.yaml").write_text(
         "name: mine\nduration: 0.2\nreference: {track: hover, ramp: 0.2}\n"

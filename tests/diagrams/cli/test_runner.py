@@ -21,7 +21,7 @@ def made(change=lambda run: {}, **settings):
     """An application whose verb `make` reports `TABLE`, and the runs that reached its body."""
     seen: list[Run] = []
 
-    @reports("made", **{"seed": 7, "out": output.Out, **settings})
+    @reports("made", **{"seed": 7, "out": output.OUT, **settings})
     def make(run: Run, size: Annotated[int, typer.Option(help="Size [m].")] = 3) -> Report:
         """Make a table."""
         seen.append(run)
