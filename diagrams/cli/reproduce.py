@@ -50,22 +50,17 @@ class Study:
         """Return the study as a verb with all its options."""
         study = getattr(import_module(f"diagrams.{self.module}"), self.function)
         options_of = get_type_hints(study)["options"]
-        keyword, hints = (
-            inspect.Parameter.KEYWORD_ONLY,
-            get_type_hints(options_of, include_extras=True),
-        )
+        hints = get_type_hints(options_of, include_extras=True)
 
         def body(run: Run, **given: Any) -> Report:
             return study(run, options_of(**given))
 
+        keyword = inspect.Parameter.KEYWORD_ONLY
         own = [
-            inspect.Parameter(
-                field.name, keyword, default=field.default, annotation=hints[field.name]
-            )
-            for field in dc.fields(options_of)
+            inspect.Parameter(f.name, keyword, default=f.default, annotation=hints[f.name])
+            for f in dc.fields(options_of)
         ]
-        run = inspect.Parameter("run", inspect.Parameter.POSITIONAL_OR_KEYWORD, annotation=Run)
-        body.__signature__ = inspect.Signature([run, *own])  # type: ignore[attr-defined]
+        body.__signature__ = inspect.Signature([inspect.Parameter("run", keyword), *own])  # type: ignore[attr-defined]
         body.__doc__ = study.__doc__.split("Args:")[0].rstrip()  # what `--help` says
         out = OUT_OF_CASES if self.many else OUT
         return reports(VERB, seed=self.seed, out=out, many=self.many)(body)

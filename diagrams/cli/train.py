@@ -116,9 +116,12 @@ def train(
         raise ValueError(f"--out: must end in .safetensors; got {out.name}.")
     curve = out.with_suffix(".png")
     require_outputs(out, curve, *([run.json] if run.json else []))
-    name = asked_configuration(
-        configuration, "--configuration", (*CONFIGURATIONS, PAYLOAD_FILTER, *REACTIONS)
-    )
+    known = (*CONFIGURATIONS, PAYLOAD_FILTER, *REACTIONS)
+    if configuration not in (None, *known):
+        raise ValueError(
+            f"--configuration: must be one of {', '.join(known)}; got {configuration}."
+        )
+    name = configuration or ""
     logs = logs or []
     if not (logs or envelope):
         raise ValueError("train: must have something to learn from; give LOG, or --envelope N.")
@@ -206,16 +209,6 @@ def _placed(flights: Sequence[Flight], step: float) -> LiftedModel | None:
     alone = "The logs alone count; --envelope N learns from simulated flights of the vehicle too."
     say("--envelope 0 trains on the logs alone." if family else alone)
     return family
-
-
-def asked_configuration(name: str | None, option: str, known: Sequence[str]) -> str:
-    """Return the configuration of a name; empty where the axes of the flights choose it.
-
-    Raises: ValueError: on an unknown name.
-    """
-    if name is not None and name not in known:
-        raise ValueError(f"{option}: must be one of {', '.join(known)}; got {name}.")
-    return name or ""
 
 
 def configuration_for(name: str, frame: str) -> str:

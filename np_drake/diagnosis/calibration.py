@@ -37,7 +37,7 @@ from np_drake.effects.inertia_error import InertiaError
 from np_drake.effects.library import effect_of
 from np_drake.effects.parameter import arm
 from np_drake.effects.throttle_curve import ThrottleCurve
-from np_drake.files.number_text import departure_unit, measure, number, with_sign
+from np_drake.files.number_text import departure_unit, measure, number
 from np_drake.logs.inputs import VOLTAGE_SCATTER, hover_exponent, voltage_of
 from np_drake.rigid_body import V
 from np_drake.vehicle.published import published_priors
@@ -554,7 +554,9 @@ def _difference(
     size = measure(factor * abs(value), shown)
     words = less if less and value < 0 else more
     text = words.format(
-        size=size, signed=with_sign(size, value), **{n: f"{v:g}" for n, v in fixed.items()}
+        size=size,
+        signed=f"{'−' if value < 0 else '+'}{size}",
+        **{n: f"{v:g}" for n, v in fixed.items()},
     )
     ci95 = (float(value - SURE * sigma), float(value + SURE * sigma))
     return Difference(name, text, float(value), unit or "1", float(deviation), ci95)

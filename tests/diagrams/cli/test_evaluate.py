@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from diagrams.cli.main import run
-from diagrams.cli.train import parse_horizons
 from np_drake.lifting.model.encoders import DelayEncoder
 from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
 from np_drake.lifting.model.lifted_model import MODE_DICTIONARY, LiftedModel
@@ -83,10 +82,6 @@ def test_bad_input_is_one_line_and_leaves_nothing(logs, model, tmp_path, monkeyp
     assert last.startswith("np-drake evaluate: ")
     assert message in last
     assert list(tmp_path.iterdir()) == [array]
-
-
-def test_horizons_are_sorted_and_counted_once():
-    assert parse_horizons("10, 1,10") == [1, 10]
 
 
 def test_an_unstable_model_fails(logs, monkeypatch, capsys):

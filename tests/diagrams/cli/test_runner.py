@@ -3,7 +3,6 @@
 import json
 from typing import Annotated
 
-import numpy as np
 import pytest
 import typer
 
@@ -178,16 +177,6 @@ def test_a_table_fits_a_hundred_columns(capsys):
     assert any("–" in line for line in lines)
 
 
-def test_a_metrics_file_names_its_schema_version_and_seed(tmp_path):
-    output.write_metrics(
-        tmp_path / "m.json", "fly", seed=3, config={"a": 1}, metrics={"E_z": np.float64(0.5)}
-    )
-    content = json.loads((tmp_path / "m.json").read_text())
-    assert content["schema"] == "np_drake.fly/1"
-    assert (content["seed"], content["config"], content["metrics"]) == (3, {"a": 1}, {"E_z": 0.5})
-    assert content["version"].count(".") == 2
-
-
 def test_two_outputs_are_never_one_file(tmp_path):
     (tmp_path / "link").symlink_to(tmp_path / "a")
     for other in (tmp_path / "a", tmp_path / "." / "a", tmp_path / "link"):
@@ -195,17 +184,6 @@ def test_two_outputs_are_never_one_file(tmp_path):
             output.require_outputs(tmp_path / "a", other)
     output.require_outputs(tmp_path / "a", tmp_path / "b")
     assert [path.name for path in tmp_path.iterdir()] == ["link"]
-
-
-def test_progress_ends_at_a_hundred_percent_where_a_person_looks(capsys, monkeypatch):
-    monkeypatch.setenv("FORCE_COLOR", "1")  # what a terminal is for rich
-    monkeypatch.setenv("TERM", "xterm")
-    with output.progress("working", 10) as advance:
-        advance(5, "half")
-        advance(10)
-    err = capsys.readouterr().err
-    assert "working" in err
-    assert "100%" in err
 
 
 @pytest.mark.parametrize("target", ["link", "nowhere"])
