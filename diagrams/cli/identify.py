@@ -18,8 +18,15 @@ from diagrams.cli.verb import (
     tell,
     write_metrics,
 )
-from diagrams.identification.page import write_page
-from diagrams.identification.text import agreement, change, half_width, interval, not_told, summary
+from diagrams.identification.page import (
+    agreement,
+    change,
+    half_width,
+    interval,
+    not_told,
+    summary,
+    write_page,
+)
 from np_drake.flight_log import FlightLog
 from np_drake.identification.flight_agreement import FlightValues, flight_values, own_values
 from np_drake.identification.identified_vehicle import identified_vehicle

@@ -12,11 +12,10 @@ from functools import partial
 
 import pytest
 
-from diagrams.batch import processes
+from diagrams.batch import campaign as processes
 from diagrams.batch import run as batch_run
-from diagrams.batch.campaign import run_campaign
+from diagrams.batch.campaign import as_they_finish, connect, run_campaign
 from diagrams.batch.failed_run import FailedRun
-from diagrams.batch.processes import as_they_finish, connect
 from diagrams.cli.main import run
 
 CASES = [{"number": number} for number in range(4)]

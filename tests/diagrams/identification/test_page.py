@@ -6,9 +6,14 @@ import re
 import numpy as np
 import pytest
 
-from diagrams.identification.figures import place_in_prior
-from diagrams.identification.page import write_page
-from diagrams.identification.text import half_width, headline, interval, summary
+from diagrams.identification.page import (
+    half_width,
+    headline,
+    interval,
+    place_in_prior,
+    summary,
+    write_page,
+)
 from np_drake.identification.estimation import Agreement
 from np_drake.identification.flight_agreement import flight_values, own_values
 from np_drake.identification.identified_vehicle import identified_vehicle
