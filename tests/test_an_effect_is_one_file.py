@@ -1,10 +1,13 @@
 """An effect is one file and one registration, and no other file names it."""
 
+import ast
 import importlib
+from pathlib import Path
 from unittest import mock
 
 import numpy as np
 
+import np_drake.diagnosis
 from diagrams.challenge.draw import draw_effect
 from diagrams.exports.formats import FORMATS
 from diagrams.gap.corrected import FILE, corrected_simulator, write_corrected
@@ -14,7 +17,7 @@ from diagrams.loop.reality import RealityConfig
 from np_drake.diagnosis.diagnose import diagnose
 from np_drake.diagnosis.report.page import PAGE, write_report
 from np_drake.effects.effect_entry import EffectEntry
-from np_drake.effects.library import LIBRARY
+from np_drake.effects.library import LIBRARY, MEASURED_ROTORS, NUISANCES, SIMULATED
 from np_drake.references.config import ReferenceConfig
 from systems.payload_config import PayloadConfig
 
@@ -104,3 +107,14 @@ def test_a_new_effect_is_simulated_found_reported_corrected_and_exported(tmp_pat
         for form in FORMATS.values():
             account = form.write(vehicle, corrected.reality.added, tmp_path / "exported")
             assert "elastic_cord" in [line.identifier for line in account]
+
+
+def test_the_diagnosis_asks_the_effects_and_seldom_names_one():
+    known = {*LIBRARY, *MEASURED_ROTORS, *SIMULATED, *NUISANCES}
+    strings = [
+        f"{path.name}:{node.lineno}"
+        for path in Path(np_drake.diagnosis.__file__).parent.rglob("*.py")
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Constant) and node.value in known
+    ]
+    assert len(strings) <= MOST_STRINGS, strings

@@ -16,9 +16,8 @@ from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import Any
 
-from diagrams.batch.campaign import Case, Record, run_campaign
+from diagrams.batch.campaign import Case, Record, connect, run_campaign
 from diagrams.batch.failed_run import FailedRun
-from diagrams.batch.processes import connect
 from np_drake.files.atomic_file import require_writable
 
 Advance = Callable[..., None]  # (done, text="")

@@ -14,9 +14,8 @@ from typer import Option
 from typer.core import TyperGroup
 
 from diagrams.batch.failed_run import FailedRun, one_line
-from diagrams.cli import options, reproduce
-from diagrams.cli.output import console, discard_output, say
-from diagrams.cli.runner import HELP, Verbs
+from diagrams.cli import reproduce
+from diagrams.cli.verb import EPILOG, HELP, Verbs, console, discard_output, say
 from np_drake.files.atomic_file import FULL
 from np_drake.files.input_file import guard_inputs
 from np_drake.files.interruption import Ended, last_signal, line
@@ -24,7 +23,6 @@ from np_drake.files.interruption import Ended, last_signal, line
 PROGRAM = "np-drake"
 BAD_INPUT, FAILED, FAULT, INTERRUPTED = 2, 1, 70, 130
 DEBUG = "--debug"  # anywhere on the command line
-CASE_FILES = ("vehicle.yaml", "train_*", "heldout*")  # that a verb reads of a case folder
 OUTPUTS = ("--out", "--json", "--markdown", "--mcap")  # options whose file is written
 REPORT = (
     "Please report it with this line and the command to the maintainers; --debug shows the "
@@ -34,17 +32,17 @@ REPORT = (
 VERBS = {  # verb: module of diagrams.cli and name there, which are loaded on use
     "demo": ("demo", "demo"),
     "fly": ("fly", "fly"),
-    "node": ("node", "node"),
+    "node": ("fly", "node"),
     "train": ("train", "train"),
-    "evaluate": ("evaluate", "evaluate"),
+    "evaluate": ("train", "evaluate"),
     "import": ("import_logs", "import_logs"),
-    "doctor": ("doctor", "doctor"),
+    "doctor": ("diagnose", "doctor"),
     "identify": ("identify", "identify"),
     "diagnose": ("diagnose", "diagnose"),
     "reproduce": ("reproduce", "reproduce"),
     "vehicle": ("vehicle", "vehicle"),
     "export": ("vehicle", "export"),
-    "bench": ("bench", "bench"),
+    "bench": ("reproduce", "bench"),
     "challenge": ("challenge", "challenge"),
 }
 GROUPS = ("reproduce", "vehicle", "challenge")  # behind whose name another stands
@@ -80,7 +78,7 @@ app = Verbs(
     name=PROGRAM,
     cls=_Lazy,
     help="Neural Predictor and NP-MPC for a quadrotor with a tethered payload, on Drake.",
-    epilog=options.EPILOG,
+    epilog=EPILOG,
 )
 
 
@@ -138,18 +136,13 @@ def _require_words(arguments: list[str]) -> None:
 
 
 def inputs_of(arguments: list[str]) -> list[Path]:
-    """Return the files that are named on the command line, and those of case folders, but for
-    options that write.
-    """
+    """Return the files that are named on the command line, but for options that write."""
     found: list[Path] = []
     for before, argument in zip([PROGRAM, *arguments], arguments, strict=False):
         name, _, value = argument.rpartition("=") if argument[:2] == "--" else ("", "", argument)
         if before in OUTPUTS or name in OUTPUTS:
             continue
-        if os.path.isdir(value):
-            for pattern in CASE_FILES:
-                found += [*Path(value).glob(pattern), *Path(value).glob(f"*/{pattern}")]
-        elif os.path.exists(value):
+        if os.path.isfile(value) or os.path.islink(value):
             found.append(Path(value))
     return found
 

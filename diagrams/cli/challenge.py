@@ -13,9 +13,7 @@ from diagrams.challenge.make import check_request, make
 from diagrams.challenge.score import score
 from diagrams.challenge.score_tables import calibration_figure, missed, set_lines, tables
 from diagrams.challenge.solve import case_folders, solve
-from diagrams.cli import options
-from diagrams.cli.output import say
-from diagrams.cli.runner import Report, Run, Verbs, reports
+from diagrams.cli.verb import OUT, Report, Run, Verbs, reports, say
 
 challenge = Verbs(help="Withheld-effect challenge sets.", add_completion=False)
 
@@ -34,7 +32,7 @@ def _make(
     clean: Annotated[int, Option(min=0, max=100_000, help="Clean controls: cases without.")] = 20,
     seconds: Annotated[float, Option(help="Length of every flight [s].")] = 20.0,
     unseen: Annotated[
-        bool, Option("--unseen", help="Out-of-library effects alone, of kinds in no other set.")
+        bool, Option("--unseen", help="OUT-of-library effects alone, of kinds in no other set.")
     ] = False,
 ) -> Report:
     """Fly and write a set: about half single effects, then pairs, triples, onsets in flight,
@@ -66,7 +64,9 @@ def _solve(
     run: Run,
     cases: Annotated[Path, Argument(metavar="CASES", help="Folder of case folders.")],
     out: Annotated[Path, Option(metavar="ANSWERS", help="Folder for <case>/diagnosis.json.")],
-    replay: options.Replay = False,
+    replay: Annotated[
+        bool, Option("--replay", help="Replay held-out flights in Drake too.")
+    ] = False,
     again: Annotated[
         bool, Option("--again", help="Also where there is an answer already.")
     ] = False,
@@ -98,7 +98,7 @@ def _solve(
 
 
 @challenge.command("score")
-@reports("challenge_score", seed=0, out=options.Out)
+@reports("challenge_score", seed=0, out=OUT)
 def _score(
     run: Run,
     answers: Annotated[

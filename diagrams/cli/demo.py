@@ -2,29 +2,25 @@
 
 import time
 from pathlib import Path
-from typing import Annotated
 
-from typer import Option
-
-from diagrams.cli import options
 from diagrams.cli.fly import as_config, flights_table
-from diagrams.cli.output import Table, progress, say
-from diagrams.cli.runner import Report, Run, reports
+from diagrams.cli.verb import Jobs, Report, Run, Table, progress, reports, say
 from diagrams.demo.page import cause_rows, meeting_rows, write_demo
 from diagrams.demo.story import HELD_OUT, Demo, run_demo
 from diagrams.studies.columns import percent, tabulate
+from diagrams.studies.options import DEFAULT_SOLVER, Solver
 from diagrams.studies.tracking import PAPER
 from np_drake.mpc.solvers import require_solver
 
-Out = Annotated[
-    Path, Option("--out", metavar="DIR", help="Folder for model, log, figures, replay.")
-]
 
-
-@reports("demo", seed=0, out=Out, folder=Path("out/demo"), markdown=False)
-def demo(
-    run: Run, solver: options.Solver = options.DEFAULT_SOLVER, jobs: options.Jobs = 2
-) -> Report:
+@reports(
+    "demo",
+    seed=0,
+    out="Folder for model, log, figures, replay.",
+    folder=Path("out/demo"),
+    markdown=False,
+)
+def demo(run: Run, solver: Solver = DEFAULT_SOLVER, jobs: Jobs = 2) -> Report:
     """Fly, learn, fly again, diagnose these flights, correct the simulator and compare it with
     them: index.html.
     """

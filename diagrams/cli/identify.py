@@ -1,6 +1,5 @@
 """`np-drake identify`: what flight logs tell of a vehicle, as a vehicle file."""
 
-import dataclasses as dc
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -8,47 +7,47 @@ import numpy as np
 from typer import Argument, Option
 
 from diagrams.batch.failed_run import FailedRun
-from diagrams.cli import output
-from diagrams.cli.output import Table, progress, say, tell
-from diagrams.cli.runner import Report, Run, reports
-from diagrams.identification.page import write_page
-from diagrams.identification.text import (
+from diagrams.cli.verb import (
+    LogMap,
+    Report,
+    Run,
+    Table,
+    progress,
+    reports,
+    say,
+    tell,
+    write_metrics,
+)
+from diagrams.identification.page import (
     agreement,
     change,
     half_width,
     interval,
     not_told,
     summary,
-    unit_of,
+    write_page,
 )
 from np_drake.flight_log import FlightLog
-from np_drake.identification.flight_agreement import flight_values, own_values
+from np_drake.identification.flight_agreement import FlightValues, flight_values, own_values
 from np_drake.identification.identified_vehicle import identified_vehicle
 from np_drake.identification.identify import REMEDY, SHORTEST, Identification, lasts, unfit
 from np_drake.identification.identify import identify as identified
+from np_drake.identification.quantities import Identified
 from np_drake.identification.signals import common_drive, signals
 from np_drake.identification.validation import HeldOut
 from np_drake.identification.validation import held_out as errors_on
 from np_drake.logs.importing.log_map import load_map_file
 from np_drake.logs.opening import read_as_logged, with_vehicle
 from np_drake.vehicle import Vehicle, load_vehicle
-from np_drake.vehicle.estimate import HEAVIEST, LIGHTEST, Measured, estimate
-from np_drake.vehicle.rotor_layout import FIRMWARE
+from np_drake.vehicle.estimate import HEAVIEST, LIGHTEST
 from np_drake.vehicle.text import save_vehicle
 
-Out = Annotated[
-    Path | None,
-    Option("--out", metavar="DIR", help="Folder for vehicle.yaml, page, figures and JSON."),
-]
 FILE, JSON, SCHEMA = "vehicle.yaml", "identification.json", "identification"
 READ, FITTED = 0.3, 0.8  # shares of the bar
 LAST = 2 / 3  # share of a single flight that is fitted; own choice
-# mass over the cube of the arm [kg/m³], where the mass is not known; nothing but ratios is told
-# then
-DENSITY = 370.0
 
 
-@reports(SCHEMA, seed=None, out=Out)
+@reports(SCHEMA, seed=None, out="Folder for vehicle.yaml, page, figures and JSON.")
 def identify(
     run: Run,
     logs: Annotated[
@@ -56,13 +55,13 @@ def identify(
         Argument(metavar="LOG...", help="Flights of one vehicle, of any format of `import`."),
     ],
     vehicle: Annotated[
-        Path | None,
+        Path,
         Option(
             "--vehicle",
             metavar="VEHICLE",
             help="File or preset with rotors' places, directions, radius and mass.",
         ),
-    ] = None,
+    ],
     mass: Annotated[
         float | None, Option(help="Mass with battery [kg]; default: the vehicle file's.")
     ] = None,
@@ -73,19 +72,6 @@ def identify(
             help="mass | thrust (logged newtons, or the file's coefficient, tell the mass).",
         ),
     ] = "mass",
-    wheelbase: Annotated[
-        float | None, Option(help="Without a file: from motor to motor, across [m].")
-    ] = None,
-    propeller: Annotated[
-        float | None, Option(help="Without a file: propeller diameter [m].")
-    ] = None,
-    order: Annotated[
-        str | None,
-        Option(
-            metavar="AUTOPILOT",
-            help="Without a file: order of the rotors: px4 | ardupilot | betaflight | crazyflie.",
-        ),
-    ] = None,
     held_out: Annotated[
         list[Path] | None,
         Option(
@@ -100,10 +86,7 @@ def identify(
             help="rotor_speed | throttle | command; default: the first that all logs hold.",
         ),
     ] = "",
-    log_map: Annotated[
-        Path | None,
-        Option("--map", metavar="FILE", help="Map of columns and conventions, as for `import`."),
-    ] = None,
+    log_map: LogMap = None,
     name: Annotated[str, Option(help="Name of the vehicle.")] = "identified",
 ) -> Report:
     """Identify mass or thrust, inertia, motors, delays and sensors of a vehicle from its
@@ -117,12 +100,11 @@ def identify(
                 f"{twice[0]}: must be given once, as LOG or as --held-out; got it twice."
             )
         common_drive([], input)  # refuses what is no input before logs are read
-        prior, mass = _prior_of(vehicle, mass, wheelbase, propeller, order, trust)
+        prior, mass = _prior_of(vehicle, mass, trust)
         opened, notes = _open_logs([*logs, *judges], prior, log_map, advance)
         judging = [log for found in opened[len(logs) :] for log in found]
         drive = common_drive([log for found in opened for log in found], input)
-        unscaled = drive == "throttle" or (drive == "rotor_speed" and vehicle is None)
-        if trust == "thrust" and unscaled:
+        if trust == "thrust" and drive == "throttle":
             raise ValueError(
                 f"--trust thrust: {drive} tells no newtons without a measured coefficient; "
                 f"give --mass."
@@ -153,7 +135,7 @@ def identify(
         if own is not None:
             save_vehicle(own, folder / FILE)
             say(f"vehicle file: {folder / FILE}")
-        output.write_metrics(folder / JSON, SCHEMA, seed=run.seed, config=config, **metrics)
+        write_metrics(folder / JSON, SCHEMA, seed=run.seed, config=config, **metrics)
         say(f"page: {write_page(found, rows, folder, thirds=bool(parts))}")
 
     lines = [*summary(found), *filter(None, [change(rows)])]
@@ -163,26 +145,15 @@ def identify(
 
 def _vehicle(found: Identification, name: str) -> tuple[Vehicle | None, FailedRun | None]:
     """Return the identified vehicle, or None with the reason where its values are none's."""
-    if found.basis.ratios:
-        return None, None
     try:
         return identified_vehicle(found, name), None
     except ValueError as error:
         return None, FailedRun(f"no {FILE}: {' '.join(str(error).split())}")
 
 
-def _prior_of(
-    vehicle: Path | None,
-    mass: float | None,
-    wheelbase: float | None,
-    propeller: float | None,
-    order: str | None,
-    trust: str,
-) -> tuple[Vehicle, float | None]:
-    """Return the vehicle whose geometry is given, and its mass [kg]; None where it is to be told or
-    is not known.
+def _prior_of(vehicle: Path, mass: float | None, trust: str) -> tuple[Vehicle, float | None]:
+    """Return the vehicle whose geometry is given, and its mass [kg]; None where it is to be told.
 
-    Without a file, a frame of this wheelbase and propeller [m] and order of rotors.
     Raises: ValueError: where they do not go together.
     """
     if trust not in ("mass", "thrust"):
@@ -191,33 +162,8 @@ def _prior_of(
         raise ValueError(f"--mass must be {LIGHTEST:g} to {HEAVIEST:g} kg; got {mass:g}.")
     if mass is not None and trust == "thrust":
         raise ValueError("--trust thrust: tells the mass; leave --mass out.")
-    measures = {"--wheelbase": wheelbase, "--propeller": propeller, "--order": order}
-    if vehicle is not None:
-        if given := [option for option, value in measures.items() if value is not None]:
-            raise ValueError(f"--vehicle: holds the rotors' places; leave {', '.join(given)} out.")
-        prior = load_vehicle(vehicle)
-        return prior, None if trust == "thrust" else mass or prior.mass
-    if wheelbase is None:
-        raise ValueError(
-            "needs the rotors' places: give --vehicle FILE, or --wheelbase M (motor to "
-            "motor) and --order."
-        )
-    if order is None:
-        raise ValueError(f"give --order {'|'.join(FIRMWARE)} (whose logs you have) as well.")
-    guess = LIGHTEST
-    if wheelbase > 0:
-        guess = min(max(DENSITY * (0.5 * wheelbase) ** 3, LIGHTEST), HEAVIEST)
-    diameter = 0.5 * wheelbase if propeller is None else propeller
-    measured = Measured(guess if mass is None else mass, wheelbase, diameter, 0.5, order=order)
-    frame = estimate(measured, f"frame of {wheelbase:g} m")
-    if mass is not None:
-        return frame, mass
-    ratios = {
-        name: getattr(frame, name) / frame.mass
-        for name in ("thrust_coefficient", "torque_coefficient", "max_rotor_thrust")
-    }  # all forces and moments over the mass
-    inertia = (frame.J / frame.mass).tolist()
-    return dc.replace(frame, mass=1.0, inertia=inertia, **ratios).check(), None
+    prior = load_vehicle(vehicle)
+    return prior, None if trust == "thrust" else mass or prior.mass
 
 
 def _open_logs(
@@ -291,9 +237,9 @@ def _tables(found: Identification, rows: list[HeldOut]) -> list[Table]:
     """Return what is told, the rate loop of an autopilot, and the errors on what was not fitted."""
     told = []
     for q in found.quantities:
-        widths = (half_width(found, q, q.low, q.high), half_width(found, q, *q.prior))
+        widths = (half_width(q, q.low, q.high), half_width(q, *q.prior))
         by = "flights" if q.told else "prior"
-        told.append((q.name, interval(found, q)[0], *widths, by, agreement(q)))
+        told.append((q.name, interval(q)[0], *widths, by, agreement(q)))
     loops = []
     for axis, one in zip(("roll", "pitch", "yaw"), found.rate_loop, strict=False):
         low, high = one.lag_interval
@@ -306,7 +252,6 @@ def _tables(found: Identification, rows: list[HeldOut]) -> list[Table]:
         sizes = [float(np.sqrt(np.sum(np.square(v)))) for v in (row.force, row.torque)]
         angles = np.rad2deg(row.open_loop[:, 2])
         judged.append((row.flight, row.model, *sizes, *row.open_loop[:, 0], *angles))
-    over = "/kg" if found.basis.ratios else ""
     return [
         ("vehicle", ["quantity", "value", "95 %", "prior", "told by", "flights"], told),
         (
@@ -317,7 +262,7 @@ def _tables(found: Identification, rows: list[HeldOut]) -> list[Table]:
         (
             "held out: RMS of the residual, median errors of open-loop prediction",
             [
-                *("flight", "model", f"force [N{over}]", f"torque [N·m{over}]"),
+                *("flight", "model", "force [N]", "torque [N·m]"),
                 *("0.1 s [m]", "0.5 s [m]", "0.1 s [deg]", "0.5 s [deg]"),
             ],
             judged,
@@ -328,31 +273,8 @@ def _tables(found: Identification, rows: list[HeldOut]) -> list[Table]:
 def as_json(found: Identification, rows: list[HeldOut]) -> dict[str, Any]:
     """Return the values of `--json`."""
     each = {told.quantity.name: told for told in flight_values(found)}
-    quantities = []
-    for q in found.quantities:
-        told = each.get(q.name)
-        quantities.append(
-            {
-                "name": q.name,
-                "field": q.quantity.field,
-                "index": list(q.quantity.index),
-                "unit": unit_of(found, q),
-                "value": q.value,
-                "ci95": [q.low, q.high],
-                "prior95": list(q.prior),
-                "told": q.told,
-                "agreement": _finite(q.p),
-                "flights": []
-                if told is None
-                else [
-                    [_finite(v) for v in row]
-                    for row in zip(told.value, told.low, told.high, strict=True)
-                ],
-                "apart": [] if told is None else list(told.apart),
-            }
-        )
+    quantities = [_quantity(q, each.get(q.name)) for q in found.quantities]
     return {
-        "ratios": found.basis.ratios,
         "fitted": [model.flight.name for model in found.models],
         "quantities": quantities,
         "by_flight": [
@@ -392,6 +314,24 @@ def as_json(found: Identification, rows: list[HeldOut]) -> dict[str, Any]:
             }
             for r in rows
         ],
+    }
+
+
+def _quantity(q: Identified, told: FlightValues | None) -> dict[str, Any]:
+    """Return the values of a quantity, and what each flight tells of it alone."""
+    rows = [] if told is None else zip(told.value, told.low, told.high, strict=True)
+    return {
+        "name": q.name,
+        "field": q.quantity.field,
+        "index": list(q.quantity.index),
+        "unit": q.quantity.unit,
+        "value": q.value,
+        "ci95": [q.low, q.high],
+        "prior95": list(q.prior),
+        "told": q.told,
+        "agreement": _finite(q.p),
+        "flights": [[_finite(v) for v in row] for row in rows],
+        "apart": [] if told is None else list(told.apart),
     }
 
 

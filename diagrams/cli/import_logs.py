@@ -9,8 +9,7 @@ from typing import Annotated
 from typer import Argument, Option
 
 from diagrams.batch.run import make_folder
-from diagrams.cli.output import progress, say
-from diagrams.cli.runner import Report, Run, reports
+from diagrams.cli.verb import LogMap, Report, Run, progress, reports, say
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.log_file import write_log
 from np_drake.logs.import_sheet import sheet_path, write_sheet
@@ -18,12 +17,15 @@ from np_drake.logs.importing.import_log import Imported, import_log
 from np_drake.logs.importing.log_map import load_map_file
 
 SUFFIXES = (".csv", ".csv.gz", ".parquet")
-Out = Annotated[
-    Path | None, Option("--out", metavar="DIR", help="Folder for the logs and their sheets.")
-]
 
 
-@reports("import", seed=None, out=Out, folder=Path("out/import"), markdown=False)
+@reports(
+    "import",
+    seed=None,
+    out="Folder for the logs and their sheets.",
+    folder=Path("out/import"),
+    markdown=False,
+)
 def import_logs(
     run: Run,
     logs: Annotated[
@@ -35,16 +37,7 @@ def import_logs(
             "Neural-Fly, CSV, Parquet.",
         ),
     ],
-    log_map: Annotated[
-        Path | None,
-        Option(
-            "--map",
-            metavar="FILE",
-            help="Map of columns and conventions (YAML), or a public data set: idsia, "
-            "nanobench; default: by the log's "
-            "own names.",
-        ),
-    ] = None,
+    log_map: LogMap = None,
     rate: Annotated[
         float,
         Option(

@@ -11,7 +11,7 @@ import os
 import sys
 from collections.abc import Sequence
 
-from np_drake.files.interruption import end_at_once, end_in_order
+from np_drake.files.interruption import end_at_once
 
 # Before NumPy is loaded: its threads cost more than they bring on matrices of this size.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
@@ -37,7 +37,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
     waits.setLevel(logging.INFO)
     waits.propagate = False
     waits.addHandler(logging.StreamHandler(sys.stdout))
-    end_in_order()
     code = run_app(app, arguments)
     end_at_once()
     sys.exit(code)

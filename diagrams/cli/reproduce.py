@@ -1,4 +1,5 @@
 """`np-drake reproduce STUDY`: a table of the paper or of the docs, made anew.
+`np-drake bench`: speed, as ratios measured in one run.
 
 A study is a function `run(run, options: Options) -> Report`; `Options` is a dataclass.
 What all of them share (seed, processes, cluster, files) is added by `reports`.
@@ -6,6 +7,7 @@ What all of them share (seed, processes, cluster, files) is added by `reports`.
 
 import dataclasses as dc
 import inspect
+import os
 from collections.abc import Callable
 from importlib import import_module
 from typing import Annotated, Any, get_type_hints
@@ -13,10 +15,19 @@ from typing import Annotated, Any, get_type_hints
 import typer
 from typer import Argument, Option
 
-from diagrams.batch.run import Report, Run
-from diagrams.cli import options
-from diagrams.cli.output import print_table, say
-from diagrams.cli.runner import Verbs, reports
+from diagrams.cli.verb import (
+    OUT,
+    OUT_OF_CASES,
+    Report,
+    Run,
+    Verbs,
+    print_table,
+    progress,
+    reports,
+    say,
+    tell,
+)
+from diagrams.studies.columns import tabulate
 
 VERB = "reproduce"
 
@@ -39,24 +50,19 @@ class Study:
         """Return the study as a verb with all its options."""
         study = getattr(import_module(f"diagrams.{self.module}"), self.function)
         options_of = get_type_hints(study)["options"]
-        keyword, hints = (
-            inspect.Parameter.KEYWORD_ONLY,
-            get_type_hints(options_of, include_extras=True),
-        )
+        hints = get_type_hints(options_of, include_extras=True)
 
         def body(run: Run, **given: Any) -> Report:
             return study(run, options_of(**given))
 
+        keyword = inspect.Parameter.KEYWORD_ONLY
         own = [
-            inspect.Parameter(
-                field.name, keyword, default=field.default, annotation=hints[field.name]
-            )
-            for field in dc.fields(options_of)
+            inspect.Parameter(f.name, keyword, default=f.default, annotation=hints[f.name])
+            for f in dc.fields(options_of)
         ]
-        run = inspect.Parameter("run", inspect.Parameter.POSITIONAL_OR_KEYWORD, annotation=Run)
-        body.__signature__ = inspect.Signature([run, *own])  # type: ignore[attr-defined]
+        body.__signature__ = inspect.Signature([inspect.Parameter("run", keyword), *own])  # type: ignore[attr-defined]
         body.__doc__ = study.__doc__.split("Args:")[0].rstrip()  # what `--help` says
-        out = options.OutOfCases if self.many else options.Out
+        out = OUT_OF_CASES if self.many else OUT
         return reports(VERB, seed=self.seed, out=out, many=self.many)(body)
 
     def command(self, name: str) -> Any:
@@ -117,3 +123,90 @@ def find(name: str) -> Study:
     if name not in STUDIES:
         raise ValueError(f"STUDY must be one of {', '.join(STUDIES)}; got {name!r}.")
     return STUDIES[name]
+
+
+RECORDED = {"mpc": "np, K = 22", "mpc_refit": "paper, K = 24"}  # key of --json: recorded problems
+TIMES = (
+    ("problems", "suite"),
+    ("solver", "name"),
+    ("median [ms]", "median_ms"),
+    ("p95", "p95_ms"),
+    ("p99", "p99_ms"),
+    ("max", "max_ms"),
+    ("to casadi", "ratio_to_casadi"),
+    ("to acados", "ratio_to_acados"),
+    ("gap", lambda line: f"{line['gap_median']:.1e}"),
+)
+ANSWERS = (
+    ("problems", "suite"),
+    ("solver", "name"),
+    ("n", "problems"),
+    ("failed", "failures"),
+    ("fell back", "fallbacks"),
+    ("largest gap", lambda line: f"{line['gap_max']:.1e}"),
+    ("largest violation", lambda line: f"{line['violation_max']:.1e}"),
+)
+
+
+@reports("bench", seed=0)
+def bench(
+    run: Run,
+    problems: Annotated[int, Option(min=10, max=100_000, help="Recorded NP-MPC problems.")] = 200,
+    seconds: Annotated[
+        float, Option(min=1.0, max=3600.0, help="Simulated time of the simulator [s].")
+    ] = 40.0,
+) -> Report:
+    """Time solvers and simulator; peers: CasADi + IPOPT (extra `bench`), acados."""
+    if os.environ.get("OMP_NUM_THREADS") != "1":
+        tell(
+            "OMP_NUM_THREADS is not 1: small matrices run two to three times slower on "
+            "several threads."
+        )
+    from diagrams.studies import bench as measure
+    from diagrams.studies.sweep import Row, train_row
+    from diagrams.studies.tracking import DITHERED
+
+    with progress("training, recording problems", 1.0) as advance:
+        paper, row = (
+            run.folder / "paper.safetensors",
+            Row("", "np", training=DITHERED, configuration="paper"),
+        )
+        train_row(row, paper, seed=run.seed, solver="sqp")
+        advance(0.5, "recording")
+        config, recorded = measure.record_problems(problems, seed=run.seed)
+        _, refit = measure.record_problems(problems, seed=run.seed, predictor=str(paper))
+        advance(1.0, "")
+    mpc = config.controller.mpc
+    with run.counting("solvers") as on_progress:
+        found = measure.suite(
+            config.vehicle,
+            mpc,
+            recorded=dict(zip(RECORDED.values(), (recorded, refit), strict=True)),
+            period=config.controller.period,
+            progress=on_progress,
+        )
+    with progress("simulator", 1.0):
+        factor = measure.real_time_factor(seconds=seconds, seed=run.seed)
+    lines = [{"suite": suite, **line} for suite, of in found.items() for line in of]
+    return Report(
+        [
+            tabulate(
+                "NP-MPC solvers; to …: ratio of medians in this run; gap: median", lines, TIMES
+            ),
+            tabulate("NP-MPC solvers, answers", lines, ANSWERS),
+        ],
+        config=dc.asdict(mpc),
+        metrics={
+            **{
+                key: {line["name"]: {"N": mpc.horizon, **line} for line in found[name]}
+                for key, name in RECORDED.items()
+            },
+            "mpc_growth": [
+                {"N": n, "K": K, "solver": line["name"], **line}
+                for n, K in measure.GROWTH
+                for line in found[measure.growth_name(n, K)]
+            ],
+            "simulator": {"real_time_factor": {"closed_loop": factor}},
+        },
+        notes=[f"simulator with sensors, predictor and NP-MPC: {factor:.3g} times real time"],
+    )

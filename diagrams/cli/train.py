@@ -1,4 +1,6 @@
-"""`np-drake train`: Algorithm 1 on flight logs."""
+"""`np-drake train`: Algorithm 1 on flight logs. `np-drake evaluate`: prediction skill against the
+horizon, naive rows included.
+"""
 
 import dataclasses as dc
 import time
@@ -7,26 +9,50 @@ from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
+import numpy as np
 from typer import Argument, Option
 
-from diagrams.cli import options
+from diagrams.batch.failed_run import FailedRun
 from diagrams.cli.fly import fly_all
-from diagrams.cli.output import progress, require_outputs, say, tell
-from diagrams.cli.runner import Report, Run, reports
+from diagrams.cli.verb import (
+    Report,
+    Run,
+    Table,
+    VehicleFile,
+    progress,
+    reports,
+    require_outputs,
+    say,
+    tell,
+)
+from diagrams.loop.controller_config import NP_MODEL
 from diagrams.loop.experiments import training_flight
+from diagrams.studies.columns import tabulate
 from diagrams.studies.learning import flown_share, placed_family, train_on_envelope
+from diagrams.studies.options import Neurobem
 from np_drake.files.figure_file import new_figure, save
+from np_drake.files.number_text import number
 from np_drake.lifting.model.lifted_model import FAMILIES, LIFTED, NEURAL, LiftedModel
-from np_drake.lifting.model.model_file import load_model, rotor_lag_of, save_model
+from np_drake.lifting.model.model_file import load_model, rotor_lag_of, save_model, schema_of
 from np_drake.lifting.training.network_training import PART
 from np_drake.lifting.training.train import CONFIGURATIONS, TrainingResult, make_config, suited
+from np_drake.lifting.training.train import train as train_lifted
 from np_drake.logs import opening
 from np_drake.logs.formats.neurobem import is_array, published_vehicle
-from np_drake.logs.formats.neurobem_wrenches import read_wrenches
+from np_drake.logs.formats.neurobem_wrenches import RACE_TRACK, TRAINING, read_wrenches
+from np_drake.payload_filter.model_file import SCHEMAS, PayloadFilterModel
 from np_drake.payload_filter.training import opened_logs, train_payload_filter
+from np_drake.residual_models.linear_baselines import fit_all
 from np_drake.residual_models.motion_model import KNODE, REACTIONS, MotionModel
 from np_drake.residual_models.motion_training import train_motion_model
-from np_drake.residual_models.predictor_training import place_on_flights, train_on_flights
+from np_drake.residual_models.predictor_training import train_on_flights
+from np_drake.skill.flight_skill import (
+    Model,
+    diverged,
+    flight_stability,
+    label_distances,
+    score_flights,
+)
 from np_drake.training_data.accelerations import with_accelerations
 from np_drake.training_data.segments import WrenchSequence
 from np_drake.training_data.training_segments import Flight, require_motion, require_torque
@@ -36,23 +62,21 @@ from np_drake.vehicle.scaling import sampling_period
 PAYLOAD_FILTER = "payload_filter"
 SCENARIOS = (".yaml", ".yml")  # files that are flown
 T = TypeVar("T")
-LOG_HELP = "Flight logs (CSV, .csv.gz, Parquet), NeuroBEM CSV, or NeuroBEM arrays (.npy)."
-Envelope = Annotated[
+Epochs = Annotated[
     int | None,
+    Option("--epochs", min=1, max=1_000_000, help="Passes; default: the configuration's."),
+]
+Step = Annotated[
+    float | None,
     Option(
-        metavar="N",
-        min=0,
-        max=10_000,
-        help="Fly N simulated payloads and learn from them too; 0: the logs alone.",
+        "--step",
+        min=1e-4,
+        max=1.0,
+        help="Predictor step for flight logs [s]; default: the vehicle's, 0.02 for arms of 9 to "
+        "36 cm.",
     ),
 ]
-Prior = Annotated[
-    Path | None,
-    Option(
-        metavar="FILE",
-        help="Family that the logs place; by default the packaged one where it fits.",
-    ),
-]
+LOG_HELP = "Flight logs (CSV, .csv.gz, Parquet), NeuroBEM CSV, or NeuroBEM arrays (.npy)."
 Force = Annotated[
     bool, Option("--force", help="Train though the vehicle moves in none of the logs.")
 ]
@@ -63,22 +87,39 @@ def train(
     run: Run,
     out: Annotated[Path, Option(metavar="FILE", help="Model file (safetensors).")],
     logs: Annotated[list[Path] | None, Argument(metavar="LOG…", help=LOG_HELP)] = None,
-    configuration: options.Configuration = None,
-    epochs: options.Epochs = None,
-    envelope: Envelope = None,
-    prior: Prior = None,
-    step: options.Step = None,
-    vehicle: options.VehicleFile = None,
+    configuration: Annotated[
+        str | None,
+        Option(
+            metavar="NAME",
+            help="neural | lifted (world axes) | mode-dictionary (body axes) | paper, of np; "
+            "payload_filter; gp | knode. Default: the first that suits the axes.",
+        ),
+    ] = None,
+    epochs: Epochs = None,
+    envelope: Annotated[
+        int | None,
+        Option(
+            metavar="N",
+            min=0,
+            max=10_000,
+            help="Fly N simulated payloads and learn from them too; 0: the logs alone.",
+        ),
+    ] = None,
+    step: Step = None,
+    vehicle: VehicleFile = None,
     force: Force = False,
 ) -> Report:
     """Train a predictor; writes the model, and the loss curve as a PNG beside it."""
     if out.suffix != ".safetensors":
         raise ValueError(f"--out: must end in .safetensors; got {out.name}.")
     curve = out.with_suffix(".png")
-    require_outputs(out, curve, run.json)
-    name = asked_configuration(
-        configuration, "--configuration", (*CONFIGURATIONS, PAYLOAD_FILTER, *REACTIONS)
-    )
+    require_outputs(out, curve, *([run.json] if run.json else []))
+    known = (*CONFIGURATIONS, PAYLOAD_FILTER, *REACTIONS)
+    if configuration not in (None, *known):
+        raise ValueError(
+            f"--configuration: must be one of {', '.join(known)}; got {configuration}."
+        )
+    name = configuration or ""
     logs = logs or []
     if not (logs or envelope):
         raise ValueError("train: must have something to learn from; give LOG, or --envelope N.")
@@ -91,16 +132,14 @@ def train(
     family = None
     if not name and envelope:
         name = NEURAL if envelope >= PART else LIFTED
-    if name in ("", *FAMILIES) and frame == "world" and not envelope:
-        family = _placed(flights, prior, step, envelope)
+    if name in ("", *FAMILIES) and frame == "world" and envelope is None:
+        family = _placed(flights, step)
     if family is not None:
         family = family.without_network if name == LIFTED else family
         name = family.configuration
     configuration = configuration_for(name, frame)
-    if configuration not in FAMILIES and (envelope or prior):
-        raise ValueError(
-            f"--envelope and --prior: must be of {' | '.join(FAMILIES)}; got {configuration}."
-        )
+    if configuration not in FAMILIES and envelope:
+        raise ValueError(f"--envelope: must be of {' | '.join(FAMILIES)}; got {configuration}.")
     if configuration == PAYLOAD_FILTER:
         return _payload_filter_report(flights, out, step=step)
     if configuration in REACTIONS:
@@ -159,31 +198,15 @@ def train(
     )
 
 
-def _placed(
-    flights: Sequence[Flight], prior: Path | None, step: float, envelope: int | None
-) -> LiftedModel | None:
-    """Return a family as the logs place it, that of a file or the packaged one, and say which; None
-    where they are to be learnt from alone.
+def _placed(flights: Sequence[Flight], step: float) -> LiftedModel | None:
+    """Return the packaged family as the logs place it, and say so; None where they are to be learnt
+    from alone.
     """
-    if prior is not None:
-        return place_on_flights(flights, load_model(prior), step=step)
-    if envelope is not None:
-        return None
     family, text = placed_family(flights, step=step)
     say(text)
     alone = "The logs alone count; --envelope N learns from simulated flights of the vehicle too."
     say("--envelope 0 trains on the logs alone." if family else alone)
     return family
-
-
-def asked_configuration(name: str | None, option: str, known: Sequence[str]) -> str:
-    """Return the configuration of a name; empty where the axes of the flights choose it.
-
-    Raises: ValueError: on an unknown name.
-    """
-    if name is not None and name not in known:
-        raise ValueError(f"{option}: must be one of {', '.join(known)}; got {name}.")
-    return name or ""
 
 
 def configuration_for(name: str, frame: str) -> str:
@@ -302,3 +325,165 @@ def require_one_frame(flights: list[Flight]) -> None:
             "flights: arrays (.npy) hold the total wrench in body axes, logs the residual "
             "one; give one kind."
         )
+
+
+TRAINED = ("paper", "")  # "": the one that suits the axes of the flights
+HORIZONS = "1,5,10,20,40"
+FARTHEST = 10**6  # steps ahead, own choice; flights are shorter
+MOTIONS = ("held", "known")  # what a forecast knows of the coming zeta
+
+
+@reports("evaluate", seed=0, markdown=False)
+def evaluate(
+    run: Run,
+    logs: Annotated[list[Path] | None, Argument(metavar="LOG…", help=LOG_HELP)] = None,
+    predictor: Annotated[
+        Path | None, Option(metavar="FILE", help="Model file; default: the one in the package.")
+    ] = None,
+    train: Annotated[
+        list[Path] | None,
+        Option(metavar="LOG", help="Train both configurations on it; repeatable."),
+    ] = None,
+    neurobem: Neurobem = None,
+    horizons: Annotated[str, Option(help="Steps ahead, comma-separated.")] = HORIZONS,
+    epochs: Epochs = None,
+    step: Step = None,
+    vehicle: VehicleFile = None,
+    force: Force = False,
+) -> Report:
+    """Score predictors on flights; without any: train on the paper's segment, score on race track
+    1.
+
+    Twice: with the coming motion (zeta) held at its last value, as a predictor alone would have to,
+    and known.
+    """
+    steps = parse_horizons(horizons)
+    train, logs = _choose_flights(list(train or ()), list(logs or ()), predictor, neurobem)
+    loaded = {} if train else load(predictor or NP_MODEL)
+    tests = open_flights(logs, vehicle)
+    training = open_flights(train, vehicle)
+    require_one_frame([*training, *tests])
+    step = step or sampling_period(tests[0].vehicle)
+    if not force:
+        require_motion(training)
+    models = loaded or _train_all(training, step=step, seed=run.seed, epochs=epochs)
+    base, rows = _train_baselines(training, steps, step), list[dict]()
+    for zeta in MOTIONS:
+        with run.counting(f"scoring, coming motion {zeta}") as on_model:
+            rows += score_flights(models, tests, steps, zeta=zeta, on_model=on_model, **base)
+    windows, distances = flight_stability(models, tests), label_distances(models, tests)
+    settings = {"configurations": list(models), "horizons": steps, "step": step}
+    settings |= {"training": [flight.data.name for flight in training]}
+    said = tabulate(
+        "stability of the forecasts; spectral radius above 1: unstable",
+        windows,
+        [(key, key) for key in ("model", "flight", "windows", "unstable", "pulled", "largest")],
+    )
+    unfiltered = [
+        f"{line['model']} forecasts without low-pass; such labels of {line['flight']} are "
+        f"{number(line['force'])} N and {number(line['torque'])} N·m from the target"
+        for line in distances
+    ]
+    lost = diverged(rows) or [line["flight"] for line in windows if line["unstable"]]
+    return Report(
+        [*(t for zeta in MOTIONS for t in tables(rows, zeta)), said],
+        config=settings,
+        metrics={"rows": rows, "stability": windows, "label_distances": distances},
+        notes=unfiltered,
+        failure=FailedRun(f"a forecast diverged on {', '.join(sorted(set(lost)))}.")
+        if lost
+        else None,
+    )
+
+
+def parse_horizons(text: str) -> list[int]:
+    """Return the steps ahead, ascending."""
+    parts = [part.strip() for part in text.split(",")]
+    if not all(part.isdecimal() and 0 < int(part) <= FARTHEST for part in parts):
+        raise ValueError(
+            f"--horizons: must be positive whole numbers of steps, at most {FARTHEST}, as "
+            f"{HORIZONS}; got {text!r}."
+        )
+    return sorted({int(part) for part in parts})
+
+
+def _choose_flights(
+    train: list[Path], logs: list[Path], predictor: Path | None, neurobem: Path | None
+) -> tuple[list[Path], list[Path]]:
+    """Return the flights to train on and to score; the paper's where none are given."""
+    if predictor and train:
+        raise ValueError("--predictor is trained already; leave out --train.")
+    if logs:
+        named = [path.resolve() for path in (*train, *logs)]
+        if twice := [path for path in (*train, *logs) if named.count(path.resolve()) > 1]:
+            raise ValueError(
+                f"{twice[0]}: must be given once; a flight to score must be held out of training."
+            )
+        return train, logs
+    if predictor or train:
+        raise ValueError("give the flights to score: np-drake evaluate LOG….")
+    if neurobem is None:
+        raise ValueError(
+            "give flights, or the folder of the NeuroBEM flights as --neurobem DIR or "
+            "NP_DRAKE_NEUROBEM."
+        )
+    say("the paper prints 0.057 N and 0.006 N·m for race track 1 (one step ahead).")
+    return [neurobem / "npy" / f"{TRAINING}.npy"], [neurobem / "npy" / f"{RACE_TRACK}.npy"]
+
+
+def _train_baselines(flights: list[Flight], horizons: list[int], step: float) -> dict[str, Any]:
+    """Train the baselines and return `baselines` and `mean` as `score_flights` takes them; empty
+    without flights.
+    """
+    if not flights:
+        return {}
+    segments = [segment for flight in flights for segment in flight.segments(step)]
+    mean = np.concatenate([segment.goal for segment in segments]).mean(axis=0)
+    models = dict(fit_all(segments, np.unique([0, *horizons])))
+    return {"baselines": models, "mean": mean}
+
+
+def load(path: Path) -> dict[str, Model]:
+    """Load the model of a file, lifted linear system or payload filter; return it by its
+    configuration.
+    """
+    if schema_of(path) in SCHEMAS:
+        return {PAYLOAD_FILTER: PayloadFilterModel.load(path)}
+    model = load_model(path)
+    return {model.configuration: model}
+
+
+def _train_all(
+    flights: list[Flight], *, step: float, seed: int, epochs: int | None
+) -> dict[str, Model]:
+    """Train both configurations on the same flights."""
+    segments = [segment for flight in flights for segment in flight.segments(step)]
+    models: dict[str, Model] = {}
+    for asked in TRAINED:
+        name = configuration_for(asked, flights[0].frame)
+        config = make_config(name, frame=flights[0].frame, seed=seed, epochs=epochs)
+        result, wall = behind_bar(f"training {name}", partial(train_lifted, segments, config))
+        say(f"{name}: {wall:.1f} s, {result.model.summary.get('excitation', '')}")
+        models[name] = result.model
+    return models
+
+
+def tables(rows: list[dict[str, Any]], zeta: str) -> list[Table]:
+    """Return two tables for every flight, a column for every horizon: hold RMSE and, in brackets,
+    skill.
+    """
+    rows = [row for row in rows if row["zeta"] == zeta]
+    ahead = [f"{h:.4g} s" for h in sorted({row["horizon"] for row in rows})]
+    found = []
+    for flight in dict.fromkeys(row["flight"] for row in rows):
+        for kind, unit in (("force", "N"), ("torque", "N·m")):
+            lines: dict[str, list[str]] = {}
+            for row in sorted(rows, key=lambda row: row["horizon"]):
+                if row["flight"] == flight:
+                    cell = f"{number(row[f'{kind}_rmse'])} ({row[f'{kind}_skill']:.2f})"
+                    lines.setdefault(row["model"], []).append(cell)
+            what = f"{kind} RMSE [{unit}] (skill: below 1 beats all naive)"
+            title = f"{flight}: {what}, coming motion {zeta}"
+            body = [(model, *cells) for model, cells in lines.items()]
+            found.append((title, ["ahead", *ahead], body))
+    return found

@@ -12,8 +12,7 @@ from typing import Annotated, Any
 
 from typer import Argument, Option
 
-from diagrams.cli.output import print_table, require_outputs, say
-from diagrams.cli.runner import Report, Run, Verbs, reports
+from diagrams.cli.verb import Report, Run, Verbs, print_table, reports, require_outputs, say
 from diagrams.exports.formats import FORMATS, SHAPE, not_carried
 from diagrams.loop.experiments import load_experiment
 from diagrams.loop.flight import FlightConfig, load_flight
@@ -30,20 +29,6 @@ from np_drake.vehicle.vehicle import load_vehicle, preset_names, vehicle_file
 
 NAMES = ("sdf", "mujoco")  # of diagrams.exports.formats.FORMATS, which is imported late
 vehicle = Verbs(help="Vehicle files: new, list, show.", add_completion=False)
-Preset = Annotated[
-    str | None,
-    Option(metavar="VEHICLE", help="Begin with this vehicle of `vehicle list`, or this file."),
-]
-MassUncertainty = Annotated[
-    float | None,
-    Option(
-        help="Standard deviation of the mass over the mass; default: 0.01, or the preset's [1]."
-    ),
-]
-ThrustUncertainty = Annotated[
-    float | None,
-    Option(help="Standard deviation of thrust over thrust; default: 0.4, or the preset's [1]."),
-]
 
 
 @vehicle.command("new")
@@ -68,9 +53,20 @@ def new(
             help="Order of the rotors in logs: px4 | ardupilot | betaflight | crazyflie.",
         ),
     ] = None,
-    mass_uncertainty: MassUncertainty = None,
-    thrust_uncertainty: ThrustUncertainty = None,
-    preset: Preset = None,
+    mass_uncertainty: Annotated[
+        float | None,
+        Option(
+            help="Standard deviation of the mass over the mass; default: 0.01, or the preset's [1]."
+        ),
+    ] = None,
+    thrust_uncertainty: Annotated[
+        float | None,
+        Option(help="Standard deviation of thrust over thrust; default: 0.4, or the preset's [1]."),
+    ] = None,
+    preset: Annotated[
+        str | None,
+        Option(metavar="VEHICLE", help="Begin with this vehicle of `vehicle list`, or this file."),
+    ] = None,
     name: Annotated[
         str | None, Option(help="Name of the vehicle; default: mine, or the preset's.")
     ] = None,

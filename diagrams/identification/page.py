@@ -1,33 +1,38 @@
-"""Page of an identification: what the flights tell of a vehicle, how sure, and how well it predicts
-another flight.
+"""What is shown of an identification: sentences, figures, and the page of what the flights tell of
+a vehicle, how sure, and how well it predicts another flight.
 """
 
+import math
 from collections.abc import Sequence
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullLocator
 
-from diagrams.identification import figures
-from diagrams.identification.text import (
-    KINDS,
-    RATIOS,
-    agreement,
-    differences,
-    headline,
-    interval,
-    lead,
-    not_told,
-    prior_interval,
+from np_drake.diagnosis.report.figures import legend, plain_ticks
+from np_drake.diagnosis.report.words import (
+    UNITS,
+    capital,
+    estimate,
+    flights,
+    listed,
+    measure,
+    number,
+    plain_name,
+    suited,
 )
-from np_drake.diagnosis.report.words import capital, listed, measure, plain_name
+from np_drake.diagnosis.result import Estimate
 from np_drake.files import page
 from np_drake.files.atomic_file import require_writable
-from np_drake.files.number_text import NOTHING, fixed
+from np_drake.files.figure_file import PALETTE, new_figure
+from np_drake.files.number_text import NOTHING, fixed, percent
 from np_drake.files.page import Section
-from np_drake.identification.flight_agreement import FlightValues, flight_values, own_values
+from np_drake.identification.flight_agreement import DIFFER, FlightValues, flight_values, own_values
 from np_drake.identification.identify import Identification
+from np_drake.identification.quantities import Identified
 from np_drake.identification.validation import ERRORS, HORIZONS, HeldOut
 
 PAGE, TEMPLATE = "identification.html", Path(__file__).with_name("page.html.j2")
@@ -46,9 +51,9 @@ def write_page(
     require_writable(folder / PAGE)
     each = sorted([*own_values(found), *flight_values(found)], key=lambda told: not told.differ)
     pictures = {
-        "intervals": figures.interval_figure(found),
-        "agreement": figures.agreement_figure(found, each) if each else None,
-        "residuals": figures.residual_figure(rows, per_mass=found.basis.ratios) if rows else None,
+        "intervals": interval_figure(found),
+        "agreement": agreement_figure(found, each) if each else None,
+        "residuals": residual_figure(rows) if rows else None,
     }
     sections = [Section(TEMPLATE, content(found, rows, each) | {"thirds": thirds})]
     return page.write_page(
@@ -60,13 +65,11 @@ def content(
     found: Identification, rows: Sequence[HeldOut], each: Sequence[FlightValues]
 ) -> dict[str, Any]:
     """Return the values that the template uses, with numbers formatted as text."""
-    units = ("N/kg", "N·m/kg") if found.basis.ratios else ("N", "N·m")
     return {
         "vehicle": found.prior.name,
         "headline": headline(found),
         "lead": lead(found, rows),
-        "ratios": capital(RATIOS) + "." if found.basis.ratios else "",
-        "file": "" if found.basis.ratios else VEHICLE,
+        "file": VEHICLE,
         "not_told": [(capital(listed(names)), why, way) for way, names, why in not_told(found)],
         "header": [
             "quantity",
@@ -79,8 +82,8 @@ def content(
         "quantities": [
             [
                 q.name,
-                *interval(found, q),
-                prior_interval(found, q),
+                *interval(q),
+                prior_interval(q),
                 "flights" if q.told else "prior",
                 *([agreement(q)] if each else []),
             ]
@@ -96,7 +99,7 @@ def content(
             "model",
             *(f"{kind} {axis}" for kind in ("force", "torque") for axis in "xyz"),
         ],
-        "residuals": [_residual(row, units) for row in rows],
+        "residuals": [_residual(row) for row in rows],
         "open_header": [
             "flight",
             "model",
@@ -117,8 +120,8 @@ def content(
     }
 
 
-def _residual(row: HeldOut, units: tuple[str, str]) -> list[str]:
-    both = zip((row.force, row.torque), units, strict=True)
+def _residual(row: HeldOut) -> list[str]:
+    both = zip((row.force, row.torque), ("N", "N·m"), strict=True)
     sizes = [measure(float(v), unit) for values, unit in both for v in values]
     return [row.flight, row.model, *sizes]
 
@@ -140,5 +143,277 @@ def _mass(found: Identification) -> str:
         return f"{measure(basis.mass, 'kg', 3)}, given"
     if basis.newtons:
         return "from commanded thrust, which counts as right"
-    right = "from the thrust coefficient of the file, which counts as right"
-    return "not known" if basis.ratios else right
+    return "from the thrust coefficient of the file, which counts as right"
+
+
+# (factor, unit) in which a vehicle's lengths and small angles are read best; a drag is no share.
+SHOWN = {
+    "m": (1e3, "mm"),
+    "m/s": (1e3, "mm/s"),
+    "rad": (float(np.degrees(1.0)), "°"),
+    "1/s": (1.0, "s⁻¹"),
+}
+LEADING = (
+    *("mass", "thrust coefficient", "thrust at full throttle"),
+    *("inertia xx", "inertia yy", "inertia zz", "time constant up", "transport delay"),
+)
+RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+KINDS = {
+    "rotor_speed": "measured rotor speed",
+    "throttle": "throttle of each motor",
+    "command": "thrust and torque",
+}
+
+
+def interval(q: Identified) -> tuple[str, str]:
+    """Return value and 95 % interval of a quantity as text, with the digits that the interval
+    tells.
+    """
+    factor, unit = shown_in(q)
+    return estimate(Estimate(factor * q.value, unit, (factor * q.low, factor * q.high)), unit)
+
+
+def prior_interval(q: Identified) -> str:
+    """Return the 95 % interval of the prior as text, in the unit of the value."""
+    factor, unit = shown_in(q)
+    low, high = factor * q.prior[0], factor * q.prior[1]
+    return estimate(Estimate(0.5 * (low + high), unit, (low, high)), unit, brief=True)[1]
+
+
+def shown_in(q: Identified) -> tuple[float, str]:
+    """Return the factor and the name of the unit in which a quantity is shown."""
+    unit, largest = q.quantity.unit, max(abs(q.value), abs(q.low), abs(q.high))
+    if unit in SHOWN:
+        return SHOWN[unit]
+    power = math.floor(math.log10(largest)) if largest > 0 else 0
+    if (unit == "kg·m²" and -3 <= power <= -2) or (unit not in UNITS and power < -2):
+        return 10.0**-power, f"× 10{str(power).translate(RAISED)} {unit}"
+    return suited(largest, unit)
+
+
+def half_width(q: Identified, low: float, high: float) -> str:
+    """Return half of an interval: relative where a quantity is positive, else in the unit of its
+    value.
+    """
+    if not q.quantity.positive:
+        return f"± {number(0.5 * shown_in(q)[0] * (high - low), 2)}"
+    ratio = float((high / low) ** 0.5)
+    return f"± {100 * (ratio - 1):.2g} %" if ratio < 1.5 else f"× ÷ {ratio:.2g}"
+
+
+def not_told(found: Identification) -> list[tuple[str, list[str], str]]:
+    """Return (manoeuvre, names, why) of what the flights do not tell, a manoeuvre each that would
+    tell it.
+    """
+    ways: dict[str, list[Identified]] = {}
+    for q in found.quantities:
+        if not q.told and q.quantity.manoeuvre:
+            ways.setdefault(q.quantity.manoeuvre, []).append(q)
+    return [
+        (
+            way,
+            [q.name for q in names],
+            "; ".join(dict.fromkeys(q.quantity.why for q in names if q.quantity.why)),
+        )
+        for way, names in ways.items()
+    ]
+
+
+def summary(found: Identification) -> list[str]:
+    """Return what a reader must know, a sentence each."""
+    lines = [headline(found)]
+    lines += [
+        f"not told: {', '.join(names)}; {way} would tell" for way, names, _ in not_told(found)
+    ]
+    silent = (q.name for q in found.quantities if not q.told and not q.quantity.manoeuvre)
+    lines += [f"not told: {name}" for name in silent]
+    if differing := differences([*own_values(found), *flight_values(found)]):
+        lines += [*differing, "where flights differ, intervals hold the spread between them"]
+    return lines
+
+
+def differences(each: Sequence[FlightValues]) -> list[str]:
+    """Return what flights differ in: a sentence for what stands out or moves with something, one
+    for all else.
+    """
+    differing = [told for told in each if told.differ]
+    plain = [told.quantity.name for told in differing if not told.apart]
+    alone = [told.text for told in differing if told.quantity.name not in plain]
+    return [f"flights differ in: {'; '.join(plain)}", *alone] if plain else alone
+
+
+def agreement(q: Identified) -> str:
+    """Return whether flights agree on a quantity; empty where that was not tested."""
+    if q.p != q.p:
+        return ""
+    return "agree" if q.p >= DIFFER else f"differ, p {q.p:.1g}"
+
+
+def headline(found: Identification) -> str:
+    """Return the answer in one line."""
+    told, every = sum(q.told for q in found.quantities), len(found.quantities)
+    count = len(found.models)
+    by = f"{count} flight{'s' * (count > 1)}"
+    of = found.prior.name
+    if not told:
+        return f"{by} of {of}: the prior tells as much"
+    return f"{by} tell{'s' * (count == 1)} {told} of {every} quantities of {of}"
+
+
+def lead(found: Identification, rows: Sequence[HeldOut]) -> str:
+    """Return the leading values, and how the held-out residual changes."""
+    known = {q.name: q for q in found.quantities if q.told and q.quantity.positive}
+    values = [
+        f"{q.name} {interval(q)[0]} ({half_width(q, q.low, q.high)})"
+        for q in (known[name] for name in LEADING if name in known)
+    ]
+    said = [f"{capital(listed(values))}."] if values else []
+    return " ".join([*said, *filter(None, [change(rows)])])
+
+
+def change(rows: Sequence[HeldOut]) -> str:
+    """Return how far the residual of held-out flights changes from the vehicle file to the
+    identified one.
+    """
+    names = list(dict.fromkeys(row.flight for row in rows))
+    both = []
+    for kind in ("force", "torque"):
+        before, after = (
+            float(np.sqrt(np.sum([np.square(getattr(r, kind)) for r in rows if r.model == model])))
+            for model in ("vehicle file", "identified")
+        )
+        if before > 0:
+            fall = 1.0 - after / before
+            both.append(f"{kind} {'falls' if fall >= 0 else 'rises'} by {percent(abs(fall))}")
+    return f"On {flights(len(names))} the residual {listed(both)}." if both else ""
+
+
+TOLD, OTHER, PRIOR = PALETTE[0], PALETTE[1], "0.85"
+REACH = 2.2  # of the axis, in half widths of the prior [1]
+ACROSS = 3  # panels beside each other
+MARKS = {
+    "vehicle file": ("o", PALETTE[1]),
+    "identified": ("s", PALETTE[0]),
+    "least squares": ("^", PALETTE[2]),
+}
+
+
+def interval_figure(found: Identification) -> Figure:
+    """Return value and 95 % interval of each quantity on the scale of its prior's, with its numbers
+    beside.
+    """
+    shown = found.quantities
+    figure, grid = new_figure(1, 1, width=9.6, height=1.3 + 0.27 * len(shown))
+    ax = grid[0, 0]
+    for place, q in enumerate(shown):
+        value, *ends = (place_in_prior(q, v) for v in (q.value, q.low, q.high))
+        colour = TOLD if q.told else OTHER
+        ax.hlines(place, -1, 1, color=PRIOR, linewidth=9, label="prior, 95 %", zorder=1)
+        reach = np.clip(ends, -REACH, REACH)
+        ax.plot(reach, [place, place], color=colour, linewidth=2.4, zorder=2)
+        ax.plot(
+            np.clip(value, -REACH, REACH),
+            place,
+            marker="o" if abs(value) <= REACH else "<" if value < 0 else ">",
+            markersize=5.5,
+            color=colour,
+            markerfacecolor=colour if q.told else "white",
+            linestyle="none",
+            label="told by the flights" if q.told else "not told: the prior's",
+            zorder=3,
+        )
+        told, both = interval(q)
+        ax.text(REACH + 0.12, place, f"{told}   ({both})", va="center", fontsize=8)
+    ax.set_yticks(range(len(shown)), [q.name for q in shown], fontsize=8.5)
+    ax.set(xlim=(-REACH, REACH), ylim=(len(shown) - 0.4, -0.6), xticks=[-2, -1, 0, 1, 2])
+    ax.set_xlabel(
+        "place in the prior: 0 its middle, ±1 its 95 % (of logarithms where a quantity is positive)"
+    )
+    ax.axvline(0.0, color="0.6", linewidth=0.7, zorder=0)
+    ax.tick_params(axis="y", length=0)
+    ax.spines[["top", "right", "left"]].set_visible(False)
+    legend(figure)
+    return figure
+
+
+def place_in_prior(q: Identified, value: float) -> float:
+    """Return where a value lies in the prior: 0 in its middle, -1 and 1 at the ends of its 95 %."""
+    low, high = q.prior
+    if q.quantity.positive:
+        value, low, high = math.log(value), math.log(low), math.log(high)
+    return (value - 0.5 * (low + high)) / max(0.5 * (high - low), 1e-300)
+
+
+def agreement_figure(found: Identification, each: Sequence[FlightValues]) -> Figure:
+    """Return what each flight tells alone of each quantity, beside what all tell together."""
+    rows, count = math.ceil(len(each) / ACROSS), len(found.models)
+    figure, grid = new_figure(rows, ACROSS, width=10.5, height=0.9 + 1.75 * rows)
+    for place, ax in enumerate(grid.ravel()):
+        if place >= len(each):
+            ax.set_visible(False)
+            continue
+        _flights(ax, each[place])
+        ax.set_xticks(
+            range(count), [str(i + 1) if count <= 15 else "" for i in range(count)], fontsize=8
+        )
+        ax.set_xlim(-0.6, count - 0.4)
+        if place >= len(each) - ACROSS:
+            ax.set_xlabel("flight, in the order given")
+    legend(figure)
+    return figure
+
+
+def _flights(ax, told: FlightValues) -> None:
+    q = told.quantity
+    factor, shown = shown_in(q)
+    ax.axhspan(factor * q.low, factor * q.high, color=PRIOR, zorder=0, label="all together, 95 %")
+    ax.axhline(factor * q.value, color="0.5", linewidth=0.9, zorder=1)
+    apart = np.isin(told.names, told.apart)
+    for out, colour, mark, label in (
+        (False, TOLD, "o", "one flight alone, 95 %"),
+        (True, OTHER, "D", "a flight that stands out"),
+    ):
+        i = np.flatnonzero(np.isfinite(told.value) & (apart == out))
+        if len(i):
+            ax.vlines(i, factor * told.low[i], factor * told.high[i], color=colour, linewidth=1.6)
+            ax.plot(i, factor * told.value[i], mark, markersize=5, color=colour, label=label)
+    p = "" if math.isnan(q.p) else f"p {q.p:.2g}" if q.p >= 0.001 else "p < 0.001"
+    weight = "bold" if told.differ else "normal"
+    ax.set_title(q.name, loc="left", fontsize=9, fontweight=weight)
+    ax.set_title(p, loc="right", fontsize=8.5, fontweight=weight)
+    ax.set_ylabel(f"[{shown or '1'}]", fontsize=8)
+    ax.tick_params(labelsize=8)
+    ax.ticklabel_format(axis="y", useOffset=False)
+    _tidy(ax, "y")
+
+
+def residual_figure(rows: Sequence[HeldOut]) -> Figure:
+    """Return the RMS of held-out force and torque by axis, a mark a model and flight."""
+    figure, grid = new_figure(1, 2, width=9.0, height=3.0)
+    flights = list(dict.fromkeys(row.flight for row in rows))
+    models = list(dict.fromkeys(row.model for row in rows))
+    for ax, (name, unit) in zip(grid[0], (("force", "N"), ("torque", "N·m")), strict=True):
+        factor, shown = suited(max(float(np.max(getattr(row, name))) for row in rows), unit)
+        for row in rows:
+            shift = 0.18 * (models.index(row.model) - 0.5 * (len(models) - 1))
+            if len(flights) > 1:
+                shift += 0.1 * (flights.index(row.flight) / (len(flights) - 1) - 0.5)
+            values, (mark, colour) = factor * getattr(row, name), MARKS[row.model]
+            at = np.arange(3) + shift
+            ax.plot(at, values, mark, color=colour, markersize=7, label=row.model)
+        ax.set_xticks(range(3), [f"{name} {axis}" for axis in "xyz"])
+        ax.set(yscale="log", ylabel=f"RMS [{shown}]", xlim=(-0.5, 2.5))
+        low, high = ax.get_ylim()
+        ax.set_ylim(low / 1.5, 1.5 * high)
+        ax.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        ax.yaxis.set_major_formatter(plain_ticks())
+        ax.yaxis.set_minor_locator(NullLocator())
+        _tidy(ax, "y")
+    legend(figure)
+    return figure
+
+
+def _tidy(ax, axis: str = "both") -> None:
+    ax.grid(axis=axis, alpha=0.3, linewidth=0.6)
+    ax.set_axisbelow(True)
+    ax.spines[["top", "right"]].set_visible(False)

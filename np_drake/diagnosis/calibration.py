@@ -55,7 +55,7 @@ from np_drake.effects import (
 from np_drake.effects.base import ActuatorEffect, Effect, MassEffect, Parameter
 from np_drake.effects.calibration import in_flight
 from np_drake.effects.parameter import arm
-from np_drake.files.number_text import departure_unit, measure, number, with_sign
+from np_drake.files.number_text import departure_unit, measure, number
 from np_drake.logs.inputs import VOLTAGE_SCATTER, hover_exponent, voltage_of
 from np_drake.rigid_body import V
 from np_drake.vehicle.published import published_priors
@@ -514,7 +514,9 @@ def _difference(
     size = measure(factor * abs(value), shown)
     words = less if less and value < 0 else more
     text = words.format(
-        size=size, signed=with_sign(size, value), **{n: f"{v:g}" for n, v in fixed.items()}
+        size=size,
+        signed=f"{'−' if value < 0 else '+'}{size}",
+        **{n: f"{v:g}" for n, v in fixed.items()},
     )
     ci95 = (float(value - SURE * sigma), float(value + SURE * sigma))
     return Difference(name, text, float(value), unit or "1", float(deviation), ci95)

@@ -6,7 +6,6 @@ import errno
 import json
 import os
 import secrets
-import tempfile
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
@@ -20,10 +19,6 @@ FULL = (errno.ENOSPC, errno.EDQUOT)  # what a system says where no room is left
 LOCK = ".np-drake.lock"  # in a folder; beside a file behind its name
 
 
-class Occupied(OSError):
-    """Output into which another run writes."""
-
-
 def require_writable(path: str | Path) -> Path:
     """Return the path if a file can be written there, so that a caller can check before long work.
 
@@ -31,8 +26,6 @@ def require_writable(path: str | Path) -> Path:
     be written.
     """
     path = Path(path)
-    if _is_sink(path):
-        return path
     target = Path(os.path.realpath(path))  # of the file itself, where the path is a link
     if path.is_dir():
         raise IsADirectoryError(f"{path}: must be a file to write; it is a folder.")
@@ -57,15 +50,10 @@ def atomic_path(path: str | Path) -> Iterator[Path]:
     """Yield a temporary path beside `path` with the same suffixes, renamed on success and removed
     on failure.
 
-    Where `path` is a link to a file, that file is replaced. What is written to /dev/null is
-    discarded.
+    Where `path` is a link to a file, that file is replaced.
     Raises: OSError: as `require_writable`, and with the file where there is no room.
     """
     path = require_writable(path)
-    if _is_sink(path):
-        with tempfile.TemporaryDirectory() as folder:
-            yield Path(folder) / path.name
-        return
     target = Path(os.path.realpath(path))
     temporary = target.with_name(f".{secrets.token_hex(4)}_{target.name}")
     try:
@@ -126,8 +114,7 @@ def lock_outputs(folders: Iterable[Path], files: Iterable[Path] = ()) -> Iterato
 
     A folder is made where it is missing, and removed where it is still empty at the end. The system
     drops the lock of a process that dies: the lock file that it leaves behind holds nobody up.
-    Raises: Occupied: if another run holds one of them; OSError: if there is no place for the lock
-        file.
+    Raises: OSError: if another run holds one of them, or there is no place for the lock file.
     """
     with ExitStack() as held:
         for folder in {folder.resolve(): folder for folder in folders}.values():
@@ -150,7 +137,7 @@ def _locked(path: Path, output: Path) -> Iterator[None]:
             finally:
                 path.unlink(missing_ok=True)
     except Timeout as error:
-        raise Occupied(
+        raise OSError(
             f"{output}: another run writes here. Wait for its end, or choose another --out."
         ) from error
 
@@ -158,8 +145,3 @@ def _locked(path: Path, output: Path) -> Iterator[None]:
 def _remove_empty(folder: Path) -> None:
     with suppress(OSError):  # it holds results
         folder.rmdir()
-
-
-def _is_sink(path: Path) -> bool:
-    """Return whether a path is /dev/null, which a rename would replace by a file."""
-    return os.path.realpath(path) == os.devnull

@@ -3,8 +3,6 @@
 A file of 10 MB, whatever it holds, is read or refused within 1 GB of memory.
 """
 
-import gzip
-import io
 import json
 import logging
 import os
@@ -14,7 +12,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 logger = logging.getLogger(__name__)
 
@@ -99,11 +97,6 @@ def text_budget(path: str | Path) -> int:
     return LEAST_TEXT + TEXT_A_BYTE * size_of(path)
 
 
-def block_budget(path: str | Path) -> int:
-    """Return how many decompressed bytes of a file may be in memory at once, from its size."""
-    return LEAST_TEXT + size_of(path)
-
-
 def decompressed_start(start: bytes) -> bytes:
     """Return the first bytes of a file, decompressed where they are those of gzip; empty if they
     are damaged.
@@ -114,26 +107,6 @@ def decompressed_start(start: bytes) -> bytes:
         return zlib.decompressobj(wbits=zlib.MAX_WBITS | 16).decompress(start, len(start))
     except zlib.error:
         return b""
-
-
-def open_compressed(path: str | Path) -> BinaryIO:
-    """Open a binary file, which is decompressed into memory where it is of gzip.
-
-    Raises: ValueError: if it is damaged, or holds more than `block_budget`; OSError: if it cannot
-    be opened.
-    """
-    file = Path(path).open("rb")  # noqa: SIM115 - the caller closes it
-    if file.peek(len(GZIP))[: len(GZIP)] != GZIP:
-        return file
-    most = block_budget(path)
-    try:
-        with file, gzip.open(file) as unpacked:
-            content = unpacked.read(most + 1)
-    except (EOFError, zlib.error, gzip.BadGzipFile) as error:
-        raise ValueError(f"{path}: must be a whole gzip file; copy it again.") from error
-    if len(content) > most:
-        raise ValueError(f"{path}: must hold at most {most / 1e6:.0f} MB. Is it the right file?")
-    return io.BytesIO(content)
 
 
 def size_of(path: str | Path) -> int:

@@ -26,15 +26,19 @@ def end_at_once() -> None:
     """Let signals end the process at once: nothing is open yet, and an exception would end in half
     an import.
     """
-    _handle(_leave)
+    for number in ENDING:
+        if signal.getsignal(number) is not signal.SIG_IGN:  # nohup
+            signal.signal(number, _leave)
 
 
 def end_in_order() -> None:
     """Let the first signal raise in the main thread, so that temporary files and processes are
-    cleared away; a second one ends at once.
+    cleared away; a second one ends at once. It holds for signals that ended the process at once.
     """
     _seen.clear()
-    _handle(_raise)
+    for number in ENDING:
+        if signal.getsignal(number) is _leave:
+            signal.signal(number, _raise)
 
 
 def last_signal() -> int | None:
@@ -43,12 +47,6 @@ def last_signal() -> int | None:
     An exception that is raised inside an import or a callback may come out as another one.
     """
     return _seen[-1] if _seen else None
-
-
-def _handle(handler) -> None:
-    for number in ENDING:
-        if signal.getsignal(number) is not signal.SIG_IGN:  # nohup
-            signal.signal(number, handler)
 
 
 def _leave(number: int, frame: FrameType | None) -> NoReturn:

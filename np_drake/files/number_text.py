@@ -76,11 +76,6 @@ def with_unit(text: str, unit: str) -> str:
     return f"{text}{'' if unit in ('', '1', '°') else NBSP}{'' if unit == '1' else unit}"
 
 
-def with_sign(size: str, value: float) -> str:
-    """Return a size as text with the sign of a value before it."""
-    return f"{'−' if value < 0 else '+'}{size}"
-
-
 def percent(share: float | None) -> str:
     """Return a share in per cent.
 

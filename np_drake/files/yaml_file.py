@@ -205,7 +205,8 @@ def _read(kind: Any, value: Any, default: Any, name: str) -> Any:
 
     Raises: ValueError: one sentence with field, what it must be, and what it is, where it is none.
     """
-    options, item = typing.get_args(kind), _item(kind)
+    options = typing.get_args(kind)
+    item: Any = options[0] if typing.get_origin(kind) is list else None
     if type(None) in options and value is None:
         return None
     if type(None) in options:
@@ -228,18 +229,13 @@ def _read(kind: Any, value: Any, default: Any, name: str) -> Any:
     return {field: _read(options[1], one, least, f"{name}.{field}") for field, one in value.items()}
 
 
-def _item(kind: Any) -> Any:
-    """Return the kind of a list's items; None for other kinds."""
-    return typing.get_args(kind)[0] if typing.get_origin(kind) is list else None
-
-
 def _plain(kind: Any, value: Any, *, infinite: bool) -> Any:
     """Return a number, a text, or a list of them; ValueError where it is none.
 
     A number may stand as text, for YAML 1.1 takes 1e-5, without a point, for text.
     """
-    if _item(kind) is not None and isinstance(value, list):
-        rows = [_plain(_item(kind), inner, infinite=False) for inner in value]
+    if typing.get_origin(kind) is list and isinstance(value, list):
+        rows = [_plain(typing.get_args(kind)[0], inner, infinite=False) for inner in value]
         np.asarray(rows)  # a ValueError where they are not of one length
         return rows
     if kind is bool and str(value).lower() in ("true", "false"):

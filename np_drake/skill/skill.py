@@ -5,7 +5,6 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-from scipy import stats
 
 from np_drake.residual_model import ForecastsWholeFlights, Memory, Plan, ReadsPlan, ResidualModel
 from np_drake.rigid_body import P, V, W
@@ -321,15 +320,3 @@ def ratio_interval(square: np.ndarray, reference: np.ndarray, horizons: list[int
         if np.all(under > 0):
             out[i] = np.percentile(np.sqrt(over / under), tails, axis=0).T
     return out
-
-
-def mean_interval(ratios: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return mean, low and high of `ratios` over flights (axis 0), by Student's t.
-
-    The bounds are NaN for a single flight.
-    """
-    mean, n = ratios.mean(axis=0), len(ratios)
-    if n < 2:
-        return mean, np.full_like(mean, np.nan), np.full_like(mean, np.nan)
-    half = stats.t.ppf(0.5 + LEVEL / 2, n - 1) * ratios.std(axis=0, ddof=1) / np.sqrt(n)
-    return mean, mean - half, mean + half

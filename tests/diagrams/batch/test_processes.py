@@ -7,18 +7,15 @@ import os
 import signal
 import socket
 import threading
-import time
-import warnings
 from contextlib import contextmanager
 from functools import partial
 
 import pytest
 
-from diagrams.batch import processes
+from diagrams.batch import campaign as processes
 from diagrams.batch import run as batch_run
-from diagrams.batch.campaign import run_campaign
+from diagrams.batch.campaign import as_they_finish, connect, run_campaign
 from diagrams.batch.failed_run import FailedRun
-from diagrams.batch.processes import as_they_finish, connect
 from diagrams.cli.main import run
 
 CASES = [{"number": number} for number in range(4)]
@@ -29,17 +26,6 @@ def test_every_case_has_its_value_from_another_process(jobs):
     dut = dict(as_they_finish(lambda case: (case**2, os.getpid()), [3, 1, 2], jobs))
     assert {number: square for number, (square, _) in dut.items()} == {0: 9, 1: 1, 2: 4}
     assert os.getpid() not in {process for _, process in dut.values()}
-
-
-def test_no_more_cases_are_at_work_than_there_are_jobs(tmp_path):
-    def work(case):
-        (tmp_path / f"{case}").touch()
-        at_work = len(list(tmp_path.iterdir()))
-        time.sleep(0.05)
-        (tmp_path / f"{case}").unlink()
-        return at_work
-
-    assert max(dict(as_they_finish(work, range(4), 1)).values()) == 1
 
 
 def test_what_the_work_raises_reaches_the_caller():
@@ -65,15 +51,6 @@ def test_processes_that_die_lose_their_own_cases_only():
     assert [case for case in range(6) if isinstance(dut[case], FailedRun)] == [1, 4]
     assert "EXIT(7)" in str(dut[1])
     assert "SIGKILL" in str(dut[4])
-
-
-def test_a_campaign_that_ends_early_says_nothing():
-    with warnings.catch_warnings(record=True) as told:
-        warnings.simplefilter("always")
-        dut = as_they_finish(lambda case: time.sleep(0.2 * case), range(6), 2)
-        next(dut)
-        dut.close()
-    assert not told
 
 
 @contextmanager

@@ -17,7 +17,6 @@ from diagrams.batch.failed_run import FailedRun
 from diagrams.cli import app as dut
 from diagrams.cli.main import run
 from np_drake.files.interruption import Ended
-from np_drake.logs import case_folder
 
 NP_DRAKE = f"{sys.executable} -m np_drake"
 SIGNALS = {"SIGINT": (130, "interrupted."), "SIGTERM": (143, "ended by SIGTERM.")}
@@ -57,11 +56,6 @@ def test_a_wrong_command_line_is_one_line_and_exit_code_2(capsys, words, message
     assert said.count("\n") == 1
 
 
-def test_an_empty_argument_is_not_the_current_folder(capsys):
-    assert run(["train", "a.csv", "--out", ""]) == 2
-    assert "must not be empty; got '' behind --out" in capsys.readouterr().err
-
-
 def test_the_program_says_its_version_its_verbs_and_units(capsys):
     assert run(["--version"]) == 0
     assert capsys.readouterr().out.startswith("np-drake 0.")
@@ -83,23 +77,6 @@ def test_every_number_has_bounds_or_is_checked_by_what_it_is_passed_to():
             if option.name not in checked and {int, float} & {kind, *typing.get_args(kind)}:
                 assert option.min is not None, (name, option.name)
                 assert option.max is not None, (name, option.name)
-
-
-@pytest.mark.parametrize(
-    "words",
-    [
-        "fly hover --duration=nan",
-        "fly hover --payload=inf",
-        "vehicle new --mass=1e300 --wheelbase 0.3 --propeller 0.2 --order px4 --hover-throttle 0.4",
-        "vehicle new --preset paper --thrust-uncertainty=-1",
-        "challenge score . . --visible=inf",
-    ],
-)
-def test_no_absurd_number_is_taken(words, tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    assert run(words.split()) == 2
-    assert capsys.readouterr().err.count("\n") == 1
-    assert list(tmp_path.iterdir()) == []
 
 
 def test_startup_waits_for_no_large_library():
@@ -179,23 +156,12 @@ def test_an_output_is_no_input_by_any_name(logs, tmp_path, capsys, option, link)
     assert mine.read_bytes() == logs[0].read_bytes()
 
 
-def test_inputs_are_what_is_named_or_in_a_case_folder_and_not_written(tmp_path, monkeypatch):
+def test_inputs_are_what_is_named_and_not_written(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    for name in ("a.csv", "b.json", "case/vehicle.yaml", "case/train_1.csv", "case/notes.txt"):
-        (tmp_path / name).parent.mkdir(exist_ok=True)
+    for name in ("a.csv", "b.json"):
         (tmp_path / name).touch()
-    words = ["diagnose", "case", "--train=a.csv", "--json", "b.json", "--out=b.json", "none"]
-    found = {str(path) for path in dut.inputs_of(words)}
-    assert found == {"a.csv", "case/vehicle.yaml", "case/train_1.csv"}
-    (tmp_path / "case" / "heldout.csv").touch()
-    files = case_folder.find_case(tmp_path / "case")
-    assert {*files.train, *files.held_out, files.vehicle} == set(dut.inputs_of([str(tmp_path)]))
-
-
-def test_the_shell_completes_a_verb():
-    variables = {"_NP_DRAKE_COMPLETE": "complete_bash", "COMP_WORDS": "np-drake re"}
-    said = shell(NP_DRAKE, **variables, COMP_CWORD="1").stdout
-    assert said.split() == ["reproduce"]
+    words = ["diagnose", ".", "--train=a.csv", "--json", "b.json", "--out=b.json", "none"]
+    assert {str(path) for path in dut.inputs_of(words)} == {"a.csv"}
 
 
 def test_a_reader_that_goes_away_ends_no_run(tmp_path):
@@ -256,7 +222,5 @@ def test_a_signal_ends_a_run_and_leaves_no_half_file(tmp_path):
     process.send_signal(signal.SIGTERM)
     said = process.communicate(timeout=60)[1].decode()
     assert process.returncode == 143
-    # What a library that is half imported says besides is not ours.
-    assert sum(line.endswith("ended by SIGTERM.") for line in said.splitlines()) == 1
-    assert "Traceback" not in said
+    assert said in ("np-drake: ended by SIGTERM.\n", "np-drake fly: ended by SIGTERM.\n")
     assert not [path for path in tmp_path.rglob("*") if path.is_file()]

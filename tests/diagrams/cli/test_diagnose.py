@@ -5,7 +5,6 @@ import importlib
 import json
 from html import unescape
 
-import numpy as np
 import pytest
 import yaml
 
@@ -206,38 +205,3 @@ def test_the_log_of_a_neighbour_is_beside_the_flight_that_is_named(case, tmp_pat
     arguments = f"--neighbour {case / 'notes.csv'}=heldout.csv --no-replay --json {metrics}".split()
     assert run(["diagnose", str(case), *arguments]) == 0, capsys.readouterr().err
     assert json.loads(metrics.read_text())["warnings"] == ["heldout.csv beside ['notes.csv']"]
-
-
-BAD = {  # arguments: what the line must say
-    "nothing": ([], "give a case folder"),
-    "both": (["CASE", "--train", "TRAIN"], "not both"),
-    "a log as case": (["TRAIN"], "must be a folder"),
-    "no case": (["nowhere"], "not there"),
-    "array": (["--train", "TRAIN", "--held-out", "array.npy"], "give the flight's CSV"),
-    "folder is a file": (["CASE", "--out", "TRAIN"], "must be a folder"),
-    "neighbour of none": (
-        ["CASE", "--neighbour", "TRAIN=other.csv"],
-        "must be one of train_1.csv, heldout.csv",
-    ),
-    "neighbour of any": (["CASE", "--neighbour", "TRAIN"], "say beside which: --neighbour"),
-}
-
-
-@pytest.mark.parametrize("name", BAD)
-def test_bad_input_is_one_line_and_leaves_nothing(case, tmp_path, monkeypatch, capsys, name):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "empty").mkdir()
-    np.save(tmp_path / "array.npy", np.zeros((500, 12)))
-    before = sorted(tmp_path.rglob("*"))
-    arguments, message = BAD[name]
-    words = {"CASE": str(case), "TRAIN": str(case / "train_1.csv")}
-    arguments = [
-        argument.replace("TRAIN", words["TRAIN"]).replace("CASE", words["CASE"])
-        for argument in arguments
-    ]
-    arguments = arguments if "--out" in arguments else [*arguments, "--out", "fresh"]
-    assert run(["diagnose", *arguments]) == 2
-    last = capsys.readouterr().err.splitlines()[-1]
-    assert last.startswith("np-drake diagnose: ")
-    assert message in last
-    assert sorted(tmp_path.rglob("*")) == before

@@ -5,14 +5,11 @@ import json
 import numpy as np
 import pytest
 
-from diagrams.cli.evaluate import parse_horizons
 from diagrams.cli.main import run
 from np_drake.lifting.model.encoders import DelayEncoder
 from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
 from np_drake.lifting.model.lifted_model import MODE_DICTIONARY, LiftedModel
-from np_drake.skill.skill import NAIVE, UNTRAINED
-
-TRAINED = ("DMDc", "delay DMDc", "ridge by horizon")
+from np_drake.skill.skill import NAIVE
 
 
 @pytest.fixture(scope="module")
@@ -61,7 +58,7 @@ BAD = {  # arguments: what the line must say
     "two sources": (["LOG", "--predictor", "MODEL", "--train", "LOG"], "leave out --train"),
     "no model": (["LOG", "--predictor", "LOG"], "not a model file"),
     "trained on": (["LOG", "--train", "LOG"], "must be held out of training"),
-    "twice": (["LOG", "LOG", "--leave-one-out"], "must be given once"),
+    "twice": (["LOG", "LOG", "--predictor", "MODEL"], "must be given once"),
     "too far": (["LOG", "--predictor", "MODEL", "--horizons", "5000"], "samples are needed"),
     "two kinds": (["LOG", "--train", "ARRAY"], "give one kind"),
 }
@@ -87,31 +84,6 @@ def test_bad_input_is_one_line_and_leaves_nothing(logs, model, tmp_path, monkeyp
     assert list(tmp_path.iterdir()) == [array]
 
 
-def test_every_flight_left_out_in_turn_is_scored_by_models_blind_to_it(logs, tmp_path, capsys):
-    out = tmp_path / "rows.json"
-    arguments = [
-        "evaluate",
-        *map(str, logs[:2]),
-        "--leave-one-out",
-        "--only",
-        "lifted",
-        "--epochs",
-        "1",
-    ]
-    assert run([*arguments, "--horizons", "1,5", "--json", str(out)]) == 0, capsys.readouterr().err
-    rows = rows_of(out)
-    assert len({row["flight"] for row in rows}) == 2
-    assert {row["model"] for row in rows} == {"lifted", *UNTRAINED, *TRAINED}
-    assert all(
-        low <= row["force_ratio"] <= high for row in rows for low, high in [row["force_interval"]]
-    )
-    assert "mean over flights: torque" in capsys.readouterr().out
-
-
-def test_horizons_are_sorted_and_counted_once():
-    assert parse_horizons("10, 1,10") == [1, 10]
-
-
 def test_an_unstable_model_fails(logs, monkeypatch, capsys):
     """A model file refuses such an A, so it comes from elsewhere: the verb says so and leaves with
     1.
@@ -119,7 +91,7 @@ def test_an_unstable_model_fails(logs, monkeypatch, capsys):
     system = LiftedLinearSystem(2.0 * np.eye(6), np.zeros((6, 6)), np.eye(6), 0.02)
     encoder, ones = DelayEncoder(np.eye(6, 12), 1), np.ones(6)
     broken = LiftedModel(MODE_DICTIONARY, system, encoder, 1, ones, ones, True)
-    monkeypatch.setattr("diagrams.cli.evaluate.load", lambda path: {"lifted": broken})
+    monkeypatch.setattr("diagrams.cli.train.load", lambda path: {"lifted": broken})
     assert run(["evaluate", str(logs[1]), "--horizons", "1"]) == 1
     captured = capsys.readouterr()
     assert "a forecast diverged on test." in captured.err

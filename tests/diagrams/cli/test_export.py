@@ -6,7 +6,6 @@ import pytest
 
 from diagrams.cli.main import run
 from diagrams.cli.vehicle import NAMES
-from np_drake.vehicle.vehicle import PRESETS
 
 
 @pytest.mark.parametrize("form", NAMES)
@@ -31,30 +30,6 @@ def test_a_vehicle_file_is_written_and_never_overwritten(tmp_path, capsys):
     (tmp_path / "link.yaml").symlink_to(mine)
     assert run(["export", str(mine), "--format", "sdf", "--out", str(tmp_path / "link.yaml")]) == 2
     assert mine.read_text() == "name: mine\nmass: 1.5\n"
-
-
-@pytest.mark.parametrize(
-    "arguments, text",
-    [
-        (["nobody", "--format", "sdf", "--out", "a.sdf"], "no such vehicle file"),
-        (["paper", "--format", "urdf", "--out", "a.urdf"], "must be one of sdf, mujoco;"),
-        (["paper", "--out", "a.sdf"], "--format"),
-        (["bad.yaml", "--format", "sdf", "--out", "a.sdf"], "not a vehicle file"),
-        (["paper", "--format", "sdf", "--out", str(PRESETS / "paper.yaml")], "a file that is read"),
-    ],
-)
-def test_bad_input_is_one_line_and_nothing_is_written(
-    arguments, text, tmp_path, monkeypatch, capsys
-):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "bad.yaml").write_text("mass: heavy\n")
-    preset = (PRESETS / "paper.yaml").read_text()
-    assert run(["export", *arguments]) == 2
-    error = capsys.readouterr().err.strip()
-    assert text in error
-    assert "\n" not in error
-    assert [path.name for path in tmp_path.iterdir()] == ["bad.yaml"]
-    assert (PRESETS / "paper.yaml").read_text() == preset
 
 
 def test_a_scenario_is_exported_with_its_effects(tmp_path, capsys):

@@ -120,14 +120,6 @@ def test_bad_input_is_one_line_and_leaves_nothing(tmp_path, monkeypatch, capsys,
     assert [path.name for path in tmp_path.iterdir()] == ["taken"]
 
 
-@pytest.mark.parametrize("content", [b"", b"\x80\x04\x95pickle", b"\x00" * 64])
-def test_a_file_that_is_no_model_is_refused_in_one_line(tmp_path, capsys, content):
-    file = tmp_path / "model.safetensors"
-    file.write_bytes(content)
-    assert run(["fly", "circle", "--predictor", str(file), "--duration", "1"]) == 2
-    assert "model.safetensors" in capsys.readouterr().err.splitlines()[-1]
-
-
 PACKAGED = {"np": NP_MODEL, "payload_filter": FILTER_MODEL}
 FAILS = """\
 from pydrake.systems.framework import LeafSystem

@@ -16,7 +16,6 @@ from np_drake.vehicle import Vehicle, load_vehicle
 NAME = "crazyflie_brushless"
 TRUE = load_vehicle(NAME)
 GUESS = ["--vehicle", NAME]
-FRAME = ["--wheelbase", "0.0919", "--propeller", "0.055", "--order", "crazyflie"]
 
 
 def with_throttle(log) -> dict[str, np.ndarray]:
@@ -98,9 +97,10 @@ def test_the_json_holds_every_quantity_and_the_held_out_errors(result):
         (["a.csv", *GUESS, "--mass", "0"], "--mass must be 0.005 to 1000 kg; got 0"),
         (["a.csv", *GUESS, "--input", "steam"], "rotor_speed, throttle or command; got 'steam'"),
         (["a.csv", *GUESS, "--trust", "luck"], "--trust must be mass or thrust; got 'luck'"),
-        (["a.csv", "--wheelbase", "0.1"], "give --order px4|ardupilot|betaflight|crazyflie"),
-        (["a.csv", "--wheelbase", "nan", "--order", "px4"], "wheelbase must be"),
-        (["a.csv", *FRAME, "--trust", "thrust"], "without a measured coefficient; give --mass"),
+        (
+            ["throttle.csv", *GUESS, "--trust", "thrust"],
+            "without a measured coefficient; give --mass",
+        ),
         (["a.csv", *GUESS, "--held-out", "a.csv"], "as LOG or as --held-out"),
         (
             ["a.csv", *GUESS, "--held-out", "short.csv"],
@@ -117,33 +117,6 @@ def test_the_json_holds_every_quantity_and_the_held_out_errors(result):
 def test_bad_input_is_one_clear_line(folder, monkeypatch, capsys, arguments, said):
     monkeypatch.chdir(folder)
     assert said in refusal(capsys, *arguments)
-
-
-def test_without_a_mass_there_are_ratios_and_no_vehicle_file(folder, tmp_path, capsys):
-    (tmp_path / "vehicle.yaml").write_text("earlier")
-    values = tmp_path / "values.json"
-    assert (
-        run(
-            [
-                "identify",
-                str(folder / "a.csv"),
-                *FRAME,
-                "--out",
-                str(tmp_path),
-                "--json",
-                str(values),
-            ]
-        )
-        == 0
-    )
-    assert "give --mass for a vehicle file" in " ".join(capsys.readouterr().out.split())
-    assert not (tmp_path / "vehicle.yaml").exists()
-    assert "vehicle.yaml" not in (tmp_path / "identification.html").read_text()
-    told = json.loads(values.read_text())
-    assert told["ratios"]
-    (inertia,) = (q for q in told["quantities"] if q["name"] == "inertia xx")
-    assert inertia["unit"] == "kg·m²/kg"
-    assert inertia["value"] == pytest.approx(TRUE.J[0, 0] / TRUE.mass, rel=0.05)
 
 
 def test_a_hover_says_what_it_does_not_tell_and_which_manoeuvre_would(folder, capsys):

@@ -94,15 +94,6 @@ def test_a_wrong_convention_is_named_and_can_be_adopted(table, tmp_path, capsys)
     assert "adopted: rates.unit: deg/s" in sheet["conventions"]
 
 
-def test_two_logs_of_one_name_are_told_apart_from_a_file_that_was_there(table, tmp_path, capsys):
-    (tmp_path / "other").mkdir()
-    write_table(tmp_path / "other" / "flight.csv", swaying(T))
-    assert (
-        run(["import", "flight.csv", "other/flight.csv", "--map", "map.yaml", "--out", "mine"]) == 2
-    )
-    assert "another log of this command has the same name" in capsys.readouterr().err
-
-
 def test_every_real_log_is_imported_without_a_map(real_flights, tmp_path, capsys):
     logs = [
         *sorted((real_flights / "imrc").glob("*/*")),

@@ -85,7 +85,7 @@ def test_a_vehicle_that_nobody_commands_holds_its_place(tmp_path, capsys):
 
 
 def test_what_a_node_waits_for_is_said_at_once_in_lines_of_80_columns(capsys):
-    from diagrams.cli.node import _Told
+    from diagrams.cli.fly import _Told
 
     rail = Rail(hover())
     with _Told() as dut:
@@ -111,7 +111,7 @@ def test_what_a_node_waits_for_is_said_at_once_in_lines_of_80_columns(capsys):
 
 
 def test_the_attitude_that_is_shown_is_that_of_a_pilot():
-    from diagrams.cli.node import _pose
+    from diagrams.cli.fly import _pose
 
     turned = RollPitchYaw(0.1, -0.2, np.pi / 2).ToRotationMatrix().matrix()
     x = np.array([0.0, 0.0, 1.5, *Quaternion(turned).wxyz(), *np.zeros(6)])

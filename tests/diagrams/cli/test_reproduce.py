@@ -21,31 +21,6 @@ WRITTEN = sorted(
     }
 )
 
-BAD = {  # arguments: what the line must say
-    "unknown": (
-        ["nothing"],
-        "must be one of tracking, hover, attach, robustness, estimation, sample-efficiency, timing",
-    ),
-    "unknown row": (
-        ["tracking", "--only", "nothing"],
-        "must name rows of the table (nominal; nominal + total mass",
-    ),
-    "no flights": (["estimation"], "NP_DRAKE_NEUROBEM"),
-    "no folder": (["estimation", "--neurobem", "nowhere"], "nowhere"),
-}
-
-
-@pytest.mark.parametrize("case", BAD)
-def test_bad_input_is_one_line(case, monkeypatch, capsys):
-    monkeypatch.delenv("NP_DRAKE_NEUROBEM", raising=False)
-    arguments, message = BAD[case]
-    assert run(["reproduce", *arguments]) == 2
-    last = capsys.readouterr().err.splitlines()[-1]
-    verb = "" if case == "unknown" else f" {arguments[0]}"
-    assert last.startswith(f"np-drake reproduce{verb}: ")
-    assert message in last
-
-
 COMMANDS = {name: study.command(name) for name, study in STUDIES.items()}
 
 
@@ -81,8 +56,3 @@ def test_a_table_takes_its_own_options_only(capsys):
     said = capsys.readouterr().out
     assert "--only" in said
     assert "--solver" not in said
-
-
-def test_every_table_takes_a_seed_and_files_for_machines_and_pages():
-    for table in COMMANDS.values():
-        assert {"seed", "json", "markdown"} <= {parameter.name for parameter in table.params}

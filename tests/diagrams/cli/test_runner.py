@@ -3,15 +3,14 @@
 import json
 from typing import Annotated
 
-import numpy as np
 import pytest
 import typer
 
 from diagrams.batch.failed_run import FailedRun
-from diagrams.cli import options, output
+from diagrams.cli import verb as output
 from diagrams.cli.app import run_app
 from diagrams.cli.main import run
-from diagrams.cli.runner import Report, Run, reports
+from diagrams.cli.verb import Report, Run, reports
 from np_drake.files.atomic_file import lock_outputs, write_text
 
 TABLE = ("a title", ["what", "value"], [("one | two", 1.23456)])
@@ -21,7 +20,7 @@ def made(change=lambda run: {}, **settings):
     """An application whose verb `make` reports `TABLE`, and the runs that reached its body."""
     seen: list[Run] = []
 
-    @reports("made", **{"seed": 7, "out": options.Out, **settings})
+    @reports("made", **{"seed": 7, "out": output.OUT, **settings})
     def make(run: Run, size: Annotated[int, typer.Option(help="Size [m].")] = 3) -> Report:
         """Make a table."""
         seen.append(run)
@@ -74,7 +73,7 @@ def test_a_file_that_cannot_be_written_is_refused_before_the_body_runs(option, t
 @pytest.mark.parametrize("written_by", ["body", "report"])
 def test_an_option_may_not_name_a_file_that_the_verb_writes(option, written_by, tmp_path, capsys):
     def write(folder):
-        (folder / "log.csv").write_text("the log")
+        write_text(folder / "log.csv", "the log")
 
     def content(run):
         if written_by == "report":
@@ -178,34 +177,13 @@ def test_a_table_fits_a_hundred_columns(capsys):
     assert any("–" in line for line in lines)
 
 
-def test_a_metrics_file_names_its_schema_version_and_seed(tmp_path):
-    output.write_metrics(
-        tmp_path / "m.json", "fly", seed=3, config={"a": 1}, metrics={"E_z": np.float64(0.5)}
-    )
-    content = json.loads((tmp_path / "m.json").read_text())
-    assert content["schema"] == "np_drake.fly/1"
-    assert (content["seed"], content["config"], content["metrics"]) == (3, {"a": 1}, {"E_z": 0.5})
-    assert content["version"].count(".") == 2
-
-
 def test_two_outputs_are_never_one_file(tmp_path):
     (tmp_path / "link").symlink_to(tmp_path / "a")
     for other in (tmp_path / "a", tmp_path / "." / "a", tmp_path / "link"):
         with pytest.raises(ValueError, match="two files are to be written there"):
             output.require_outputs(tmp_path / "a", other)
-    output.require_outputs(tmp_path / "a", tmp_path / "b", None)
+    output.require_outputs(tmp_path / "a", tmp_path / "b")
     assert [path.name for path in tmp_path.iterdir()] == ["link"]
-
-
-def test_progress_ends_at_a_hundred_percent_where_a_person_looks(capsys, monkeypatch):
-    monkeypatch.setenv("FORCE_COLOR", "1")  # what a terminal is for rich
-    monkeypatch.setenv("TERM", "xterm")
-    with output.progress("working", 10) as advance:
-        advance(5, "half")
-        advance(10)
-    err = capsys.readouterr().err
-    assert "working" in err
-    assert "100%" in err
 
 
 @pytest.mark.parametrize("target", ["link", "nowhere"])

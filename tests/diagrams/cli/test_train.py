@@ -76,28 +76,6 @@ def test_a_pendulum_is_trained_by_name_and_says_what_it_found(logs, tmp_path, ca
     assert not (tmp_path / "model.png").exists()
 
 
-BAD = {  # extra arguments: what the line must say
-    "no file": (["missing.csv"], "missing.csv: No such file"),
-    "configuration": (
-        ["LOG", "--configuration", "papier"],
-        "payload_filter, gp, knode; got papier",
-    ),
-    "step": (["LOG", "--step", "0.001"], "step must be at least"),
-}
-
-
-@pytest.mark.parametrize("case", BAD)
-def test_bad_input_is_one_line_and_leaves_nothing(logs, tmp_path, monkeypatch, capsys, case):
-    monkeypatch.chdir(tmp_path)
-    arguments, message = BAD[case]
-    arguments = [str(logs[0]) if argument == "LOG" else argument for argument in arguments]
-    assert run(["train", *arguments, "--out", "np.safetensors"]) == 2
-    err = capsys.readouterr().err
-    assert message in err
-    assert err.splitlines()[-1].startswith("np-drake train: ")
-    assert list(tmp_path.iterdir()) == []
-
-
 def test_a_log_in_which_nothing_moves_is_refused_unless_forced(logs, tmp_path, capsys):
     draw, rest = np.random.default_rng(0), open_flights(logs[0])[0][0]
     noise = [deviation * draw.normal(size=(len(rest), 3)) for deviation in (0.002, 0.02, 0.02, 0.1)]

@@ -103,9 +103,3 @@ def test_a_wrong_or_missed_cause_stands_in_headline_and_table(told):
     assert "0 of 4" in page.headline(blind)
     assert "1 that is not there" in page.headline(blind)
     assert [row[1] for row in page.cause_rows(blind)] == ["not named"] * 4
-
-
-def test_progress_never_runs_backwards(told):
-    shares = told[3]
-    assert shares == sorted(shares)
-    assert shares[-1] == pytest.approx(1.0)

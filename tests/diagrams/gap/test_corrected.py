@@ -17,7 +17,7 @@ from diagrams.loop.flight_result import fly
 from diagrams.loop.reality import RealityConfig
 from np_drake.diagnosis import result
 from np_drake.diagnosis import result as an
-from np_drake.effects import CommandDelay, Downwash, LinearDrag, MassError, MotorLag, ThrustScale
+from np_drake.effects import Downwash, LinearDrag, MassError, ThrustScale
 from np_drake.effects.base import Measurement, SensorEffect
 from np_drake.effects.effect_entry import EffectEntry, Posterior
 from np_drake.effects.library import LIBRARY, MEASURED_ROTORS
@@ -100,21 +100,6 @@ def test_every_sensor_error_of_the_file_is_in_the_log_of_a_flight(kind, tmp_path
     )
 
 
-@pytest.mark.parametrize(
-    "effect",
-    [LinearDrag(0.9, 0.9, 0.9), MotorLag(0.08), CommandDelay(0.03), MassError(0.3)],
-    ids=lambda effect: effect.identifier,
-)
-def test_an_effect_with_an_onset_begins_at_it(effect, tmp_path):
-    begins, plain = (
-        flown(written(found, tmp_path), 0.8, track="circle").signals
-        for found in (diagnosis(cause(effect, {"a": 0.3})), diagnosis())
-    )
-    before = begins["t"] < 0.3 - 1e-9
-    np.testing.assert_allclose(begins["x_true"][before], plain["x_true"][before], atol=1e-6)
-    assert np.abs(begins["x_true"][~before] - plain["x_true"][~before]).max() > 1e-4
-
-
 def test_an_effect_begins_in_flight_only_if_it_did_wherever_it_shows():
     def onset(by_flight):
         found = diagnosis(cause(ThrustScale(0.9), by_flight))
@@ -174,28 +159,6 @@ def test_what_remains_has_size_and_time_of_the_noiseless_residual():
     found = remaining_disturbance(result.Localisation(channels, times=times, after={"a": after}))
     np.testing.assert_allclose([*found.force, *found.torque], size, rtol=1e-6)
     np.testing.assert_allclose([*found.force_time, *found.torque_time], time, rtol=0.25)
-
-
-@pytest.mark.parametrize(
-    "line, says",
-    [
-        ("{effect: linear_drug}", "did you mean linear_drag"),
-        ("{effect: linear_drag, parameters: {d: 1.0}}", "no parameter d; it has d_x, d_y, d_z"),
-        ("{effect: thrust_scale, parameters: {scale: .nan}}", "scale must be a number; got nan"),
-        ("{effect: gyro_bias, onset: 2.0}", "acts from the start"),
-        ("{effect: thrust_scale, onset: -2.0}", "must be finite and not negative"),
-        ("{effect: thrust_scale, probability: 2.0}", "0 to 1"),
-        ("{effect: thrust_scale, parameters: 3}", "names with their values"),
-        ("{effect: suspended_payload}", "there must be one payload"),
-    ],
-)
-def test_a_bad_entry_is_refused_in_one_line_with_the_remedy(line, says, tmp_path):
-    scenario = tmp_path / "mine.yaml"
-    scenario.write_text(f"name: mine\nreality: {{effects: [{line}]}}\n")
-    with pytest.raises(ValueError, match="not a scenario file") as error:
-        load_flight(str(scenario))
-    assert says in str(error.value)
-    assert "\n" not in str(error.value)
 
 
 def test_a_downwash_is_left_out_for_a_flight_to_come_has_no_neighbour(tmp_path):

@@ -11,7 +11,7 @@ from diagrams.loop.flight_result import fly
 from diagrams.loop.replay import FRAME_RATE
 from np_drake.diagnosis import result
 from np_drake.diagnosis import result as an
-from np_drake.effects import LinearDrag, MassError, SuspendedPayload
+from np_drake.effects import LinearDrag, SuspendedPayload
 from np_drake.flight_log import FlightLog
 from np_drake.vehicle.vehicle import MeasurementNoise, Vehicle
 from systems.payload_config import PayloadConfig
@@ -117,12 +117,6 @@ def test_a_lost_ghost_is_hidden_and_read_as_lost(seen, replay_page, tmp_path):
     assert page.numbers["errors"][0]["cm"][20:25] == [None] * 5
     np.testing.assert_array_equal(page.film["nominal"]["visible"], np.isfinite(errors[:, 0]))
     assert "corrected/body" not in page.objects
-
-
-def test_causes_of_no_rigid_body_leave_the_nominal_ghost_and_a_reason(log):
-    alone = side_by_side(found(cause(MassError(-3.0))), VEHICLE, [log])
-    assert alone.corrected is None
-    assert "mass must be positive" in alone.missing
 
 
 def test_a_flight_that_cannot_be_replayed_is_a_reason_in_one_line(log):

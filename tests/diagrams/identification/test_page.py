@@ -6,9 +6,14 @@ import re
 import numpy as np
 import pytest
 
-from diagrams.identification.figures import place_in_prior
-from diagrams.identification.page import write_page
-from diagrams.identification.text import half_width, headline, interval, lead, not_told, summary
+from diagrams.identification.page import (
+    half_width,
+    headline,
+    interval,
+    place_in_prior,
+    summary,
+    write_page,
+)
 from np_drake.identification.estimation import Agreement
 from np_drake.identification.flight_agreement import flight_values, own_values
 from np_drake.identification.identified_vehicle import identified_vehicle
@@ -63,7 +68,7 @@ def test_the_page_begins_with_the_answer_and_needs_no_network(folder, found):
     assert page.count("<img") == 3
     for quantity in found.quantities:
         assert f"<b>{quantity.name}</b>" in page
-        assert interval(found, quantity)[1] in page
+        assert interval(quantity)[1] in page
 
 
 def test_the_flight_that_differs_is_named(found, tmp_path):
@@ -85,21 +90,6 @@ def test_a_flight_with_less_lift_than_the_others_is_named(folder, found):
     assert thrust.text.capitalize() in (folder / "identification.html").read_text()
 
 
-def test_the_residual_that_falls_is_said_with_the_answer(found, rows):
-    assert "On the held-out flight the residual force" in lead(found, rows)
-
-
-def test_what_flights_do_not_tell_has_a_manoeuvre_and_a_reason(found):
-    told = {name: (why, way) for way, names, why in not_told(found) for name in names}
-    assert told.keys() == {q.name for q in found.quantities if not q.told and q.quantity.manoeuvre}
-    assert all(why and way for why, way in told.values())
-
-
-def test_nothing_held_out_leaves_a_page_without_residuals(found, tmp_path):
-    page = write_page(found, [], tmp_path).read_text()
-    assert "<h2>Held out</h2>" not in page
-
-
 def test_the_ends_of_the_prior_lie_at_one_and_minus_one(found):
     for quantity in found.quantities:
         ends = [place_in_prior(quantity, end) for end in quantity.prior]
@@ -107,11 +97,11 @@ def test_the_ends_of_the_prior_lie_at_one_and_minus_one(found):
 
 
 def test_numbers_are_in_units_that_suit_the_vehicle(found):
-    assert interval(found, found["inertia xx"])[0].endswith("g·cm²")
-    assert interval(found, found["centre of mass x"])[0].endswith("mm")
+    assert interval(found["inertia xx"])[0].endswith("g·cm²")
+    assert interval(found["centre of mass x"])[0].endswith("mm")
     k = found["thrust coefficient"]
-    assert interval(found, k)[0].endswith("× 10⁻⁸ N/(rad/s)²")
-    assert half_width(found, k, k.value / 3, 3 * k.value) == "× ÷ 3"
+    assert interval(k)[0].endswith("× 10⁻⁸ N/(rad/s)²")
+    assert half_width(k, k.value / 3, 3 * k.value) == "× ÷ 3"
 
 
 def test_a_moment_about_z_that_no_body_has_is_lowered(found):

@@ -10,14 +10,7 @@ import sys
 import numpy as np
 import pytest
 
-from np_drake.files.atomic_file import (
-    LOCK,
-    Occupied,
-    atomic_path,
-    lock_outputs,
-    write_json,
-    write_text,
-)
+from np_drake.files.atomic_file import LOCK, atomic_path, lock_outputs, write_json, write_text
 
 
 @pytest.mark.parametrize(
@@ -44,23 +37,11 @@ def test_json_holds_numbers_lists_and_null(tmp_path):
     assert json.loads((tmp_path / "a.json").read_text()) == expected
 
 
-@pytest.mark.parametrize("place", ["missing/a.txt", "."])
-def test_a_place_that_cannot_be_written_is_named(tmp_path, place):
-    with pytest.raises(OSError, match="folder"):
-        write_text(tmp_path / place, "text")
-
-
 def test_a_pipe_is_never_replaced(tmp_path):
     os.mkfifo(tmp_path / "pipe")
     with pytest.raises(OSError, match="must be an ordinary file"):
         write_text(tmp_path / "pipe", "text")
     assert stat.S_ISFIFO((tmp_path / "pipe").stat().st_mode)
-
-
-def test_the_null_device_takes_everything_and_stays_one(tmp_path):
-    (tmp_path / "null").symlink_to(os.devnull)
-    write_text(tmp_path / "null", "text")
-    assert stat.S_ISCHR((tmp_path / "null").stat().st_mode)
 
 
 def test_a_link_goes_on_pointing_at_its_file(tmp_path):
@@ -101,7 +82,7 @@ def test_a_second_run_is_refused_until_the_first_is_dead(tmp_path):
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout.readline() == "held\n"
         for name, held in (("out", {"folders": [folder]}), ("m.safetensors", {"files": [file]})):
-            with pytest.raises(Occupied, match=rf"{name}: another run writes here\. Wait for its"):
+            with pytest.raises(OSError, match=rf"{name}: another run writes here\. Wait for its"):
                 hold(**held)
         hold(files=[file.with_name("n.safetensors")])
         process.kill()
@@ -116,25 +97,3 @@ def test_a_run_leaves_no_lock_file_and_no_empty_folder_but_its_results(tmp_path)
     with lock_outputs([tmp_path / "a" / "b"]):
         (tmp_path / "a" / "b" / "log.csv").touch()
     assert [path.name for path in (tmp_path / "a" / "b").iterdir()] == ["log.csv"]
-
-
-def test_of_many_runs_at_once_one_writes(tmp_path):
-    """Each adds a line at its start and at its end: they never interleave."""
-    program = """
-import sys, time
-from pathlib import Path
-from np_drake.files.atomic_file import Occupied, lock_outputs
-for _ in range(30):
-    try:
-        with lock_outputs([Path(sys.argv[1])]), open(sys.argv[2], "a") as file:
-            file.write("begin\\n"); file.flush(); time.sleep(0.002); file.write("end\\n")
-    except Occupied:
-        time.sleep(0.001)
-"""
-    (tmp_path / "out").mkdir()
-    arguments = [str(tmp_path / "out"), str(tmp_path / "lines")]
-    runs = [subprocess.Popen([sys.executable, "-c", program, *arguments]) for _ in range(3)]
-    assert [run.wait() for run in runs] == [0, 0, 0]
-    lines = (tmp_path / "lines").read_text().split()
-    assert lines == ["begin", "end"] * (len(lines) // 2)
-    assert len(lines) > 2

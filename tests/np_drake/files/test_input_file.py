@@ -7,15 +7,7 @@ from pathlib import Path
 import pytest
 
 from np_drake.files.atomic_file import require_writable, write_text
-from np_drake.files.input_file import (
-    cell_budget,
-    guard_inputs,
-    kept_json,
-    note_input,
-    read_bytes,
-    read_json,
-    text_budget,
-)
+from np_drake.files.input_file import guard_inputs, kept_json, note_input, read_bytes, read_json
 from np_drake.logs.opening import open_flights
 
 
@@ -32,13 +24,6 @@ def test_json_that_is_nested_too_deeply_is_no_fault_of_the_program(tmp_path):
     (tmp_path / "a.json").write_text("[" * 10**5)
     with pytest.raises(ValueError, match="nested"):
         read_json(tmp_path / "a.json")
-
-
-def test_a_file_of_ten_megabytes_stays_within_a_gigabyte(tmp_path):
-    with (tmp_path / "a.csv.gz").open("wb") as file:
-        file.truncate(10**7)
-    assert 8 * cell_budget(tmp_path / "a.csv.gz") < 0.2e9  # readers hold up to three copies [byte]
-    assert text_budget(tmp_path / "a.csv.gz") < 1e9  # read in blocks [byte]
 
 
 @pytest.mark.parametrize("text", ["", '{"a": 1', "\x00" * 40, "[" * 10**5])

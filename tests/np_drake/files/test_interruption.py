@@ -16,6 +16,7 @@ def in_order():
     before = {number: signal.getsignal(number) for number in dut.ENDING}
     for number in dut.ENDING:
         signal.signal(number, signal.SIG_DFL)
+    dut.end_at_once()
     dut.end_in_order()
     yield
     dut._seen.clear()
@@ -35,7 +36,8 @@ def test_the_first_signal_raises_and_is_remembered(in_order, number, kind):
 def test_the_second_signal_ends_the_process_with_a_line():
     program = """
 import os, signal
-from np_drake.files.interruption import end_in_order
+from np_drake.files.interruption import end_at_once, end_in_order
+end_at_once()
 end_in_order()
 for _ in range(2):
     try:

@@ -96,26 +96,12 @@ def test_a_value_of_another_kind_is_told_with_field_asked_and_given(tmp_path, te
     assert said(tmp_path, text).endswith(f": not a thing: {reason}")
 
 
-def test_a_file_without_fields_is_answered_with_all_there_are(tmp_path):
-    for text in ("- 1", "hello"):
-        assert "it must be fields with their values (speed, first, many, " in said(tmp_path, text)
-
-
 def test_a_number_may_be_written_as_yaml_takes_for_text(tmp_path):
     (tmp_path / "x.yaml").write_text(
         "speed: 1e-5\ncount: '4'\nmany: [{weight: 3}]\n_hidden: {1: 2}"
     )
     dut = load_checked(Outer, tmp_path / "x.yaml", "thing")
     assert (dut.speed, dut.count, dut.many) == (1e-5, 4, [Inner(3.0)])
-
-
-@pytest.mark.parametrize("error", [AssertionError(), OverflowError("too\nlarge")])
-def test_an_error_that_nobody_foresaw_is_one_line_too(tmp_path, monkeypatch, error):
-    def check(_):
-        raise error
-
-    monkeypatch.setattr(Outer, "check", check)
-    said(tmp_path, "speed: 2.0")
 
 
 LAUGHS = "_a0: &a0 [x, x, x, x, x, x, x, x, x]\n" + "".join(
@@ -172,8 +158,3 @@ def test_a_value_outside_its_bounds_is_told_with_them(change, reason):
     with pytest.raises(ValueError) as found:
         check_fields(dc.replace(Bounded(), **change), "thing")
     assert str(found.value).startswith(f"thing: {reason}")
-
-
-def test_a_default_is_no_one_elses():
-    Bounded().place.append(3.0)
-    assert Bounded().place == [0.0, 0.0]

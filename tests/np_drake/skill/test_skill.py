@@ -9,14 +9,7 @@ from np_drake.residual_model import WrenchForecast, constant_forecast
 from np_drake.residual_models.hold import Hold
 from np_drake.residual_models.linear_baselines import fit_dmdc
 from np_drake.skill.flight_skill import diverged, walked_stability
-from np_drake.skill.skill import (
-    NAIVE,
-    flight_forecasts,
-    held_plan,
-    mean_interval,
-    ratio_interval,
-    skill_table,
-)
+from np_drake.skill.skill import NAIVE, flight_forecasts, held_plan, ratio_interval, skill_table
 from np_drake.training_data.segments import Segment
 from np_drake.training_data.training_segments import SampledFlight, of_wrenches
 
@@ -222,11 +215,3 @@ def test_alike_neighbours_are_worth_less_and_a_short_flight_says_nothing():
     _, base = errors(1.0)
     np.testing.assert_allclose(ratio_interval(base, base, [1]), 1.0)
     assert np.isnan(ratio_interval(*errors(0.6, n=40), [10])).all()
-
-
-def test_over_flights_each_flight_is_one_observation():
-    mean, low, high = mean_interval(np.array([0.4, 0.6, 0.5]))
-    assert mean == pytest.approx(0.5)
-    # Student's t, 2 degrees of freedom
-    assert (high - low) / 2 == pytest.approx(4.303 * 0.1 / np.sqrt(3), rel=1e-3)
-    assert np.isnan(mean_interval(np.array([0.4]))[1])

@@ -9,7 +9,7 @@ import pytest
 
 from np_drake.logs.formats.neurobem import published_vehicle
 from np_drake.vehicle.estimate import AIR, FIGURE_OF_MERIT, HEAD, Measured, estimate
-from np_drake.vehicle.rotor_layout import FIRMWARE
+from np_drake.vehicle.rotor_layout import FIRMWARE, RotorLayout
 from np_drake.vehicle.scaling import numbers
 from np_drake.vehicle.text import vehicle_text
 from np_drake.vehicle.vehicle import (

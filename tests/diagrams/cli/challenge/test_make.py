@@ -45,23 +45,6 @@ def test_the_truth_may_not_lie_in_the_cases(tmp_path, capsys):
     assert "truth" in capsys.readouterr().err
 
 
-def test_a_file_where_a_folder_should_be_is_refused_before_any_work(tmp_path, capsys):
-    (tmp_path / "cases").write_text("")
-    arguments = [
-        "challenge",
-        "make",
-        "--out",
-        str(tmp_path / "cases"),
-        "--truth",
-        str(tmp_path / "truth"),
-    ]
-    assert run(arguments) == 2
-    message = capsys.readouterr().err
-    assert "must be a folder" in message
-    assert message.count("\n") == 1
-    assert not (tmp_path / "truth").exists()
-
-
 def test_unseen_kinds_are_flown_alone_where_they_are_asked_for(tmp_path, in_this_process):
     arguments = [
         "challenge",

@@ -74,17 +74,6 @@ def test_answers_are_scored_into_tables_figures_and_metrics(folders, tmp_path, c
     assert (tmp_path / "out" / "reliability.png").is_file()
 
 
-def test_misses_are_listed_only_if_asked(folders, capsys):
-    assert run(["challenge", "score", *folders]) == 0
-    assert "misses" not in capsys.readouterr().out.splitlines()
-
-
 def test_a_folder_without_truth_is_one_line(folders, capsys):
     assert run(["challenge", "score", folders[0], folders[0]]) == 2
     assert "truth.json" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize("ratio", ["inf", "nan", "0.5"])
-def test_a_visibility_that_no_case_can_have_is_refused(folders, capsys, ratio):
-    assert run(["challenge", "score", *folders, "--visible", ratio]) == 2
-    assert "--visible" in capsys.readouterr().err
