@@ -60,6 +60,10 @@ def flight() -> Flight:
     return Flight()
 
 
+def test_before_the_first_event_it_gives_the_weight(flight):
+    np.testing.assert_allclose(flight.output, HOVER)
+
+
 def test_state_and_what_it_feels_and_what_is_in_force_are_sent(flight):
     flight.fix(acceleration=np.array([0.0, 0.0, 2.0, 0.0, 0.0, 0.0]))
     said = flight.event(0.0)

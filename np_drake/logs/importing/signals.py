@@ -12,6 +12,7 @@ from np_drake import attitude
 from np_drake.logs.columns import LARGEST, LEAST_ROWS
 from np_drake.logs.errors import LogError, place
 from np_drake.logs.formats.format import Recording, Stream, find_column
+from np_drake.logs.importing.laws import stretches
 from np_drake.logs.importing.log_map import UNITS, LogMap, Source
 
 # Rate of rotor speed, of the throttle of each motor, and of torque, below which they are no input:
@@ -221,6 +222,10 @@ def gather(recording: Recording, log_map: LogMap) -> tuple[Signals, list[str]]:
                 f"{name}: times are rounded to {1e3 * signal.tick:.3g} ms; taken as an "
                 f"uncertainty of time"
             )
+        if name == "rotor_speed" and len(signal.t) > 1:
+            signal, zeros = without_zeros(signal)
+            if zeros:
+                notes.append(f"rotor_speed: {zeros} readings that no rotor has left out")
         if name in STATE and len(signal.t) >= LEAST_ROWS and len(signal.renewed.t) < len(signal.t):
             share, signal = len(signal.renewed.t) / len(signal.t), signal.renewed
             notes.append(
@@ -328,6 +333,9 @@ def require_stated_units(recording: Recording, log_map: LogMap) -> None:
                 )
 
 
+LONGEST_ZERO = 0.1  # in which no rotor stops and turns again [s]; own choice
+# speed over the median beyond which a reading is none: sixteen times its thrust [1]; own choice
+GLITCH = 4.0
 FINE = 0.75  # tick over the usual interval above which it is that interval [1]; own choice
 RESOLUTION = 1e-6  # in which ticks are looked for: usual clocks count microseconds [s]
 CLOCK_SET = 1e6  # interval, beyond which the clock was set [s]
@@ -337,6 +345,28 @@ HELD = (
     "averaged",
 )  # commands that are known between their rows, however slow
 COARSE = 5e-4  # shorter ticks are lost in what is known of commands [s]; own choice
+
+
+def without_zeros(own: Signal) -> tuple[Signal, int]:
+    """Return rotor speeds without readings that no rotor has, which are interpolated, and how many
+    they are.
+
+    A rotor does not stop, or turn `GLITCH` times as fast as it usually does, and turn again within
+    `LONGEST_ZERO`.
+    """
+    values, count = own.values.copy(), 0
+    for column in values.T:
+        bad = np.zeros(len(column), bool)
+        usual = float(np.median(column[column > 0])) if (column > 0).any() else np.inf
+        for start, stop in stretches((column == 0) | (column > GLITCH * usual)):
+            inside = start > 0 and stop < len(column)
+            bad[start:stop] = inside and own.t[min(stop, len(own.t) - 1)] - own.t[start - 1] <= max(
+                LONGEST_ZERO, 2.5 * own.step
+            )
+        if bad.any():
+            column[bad] = np.interp(own.t[bad], own.t[~bad], column[~bad])
+            count += int(bad.sum())
+    return dc.replace(own, values=values), count
 
 
 def coarse_tick(t: np.ndarray) -> float:

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from np_drake import attitude, rigid_body
-from np_drake.autopilot.mavlink import COMPANION, PX4, Codec
+from np_drake.autopilot.mavlink import COMPANION, PX4, Codec, Command
 from np_drake.autopilot.simulated import (
     TURN,
     SimulatedAutopilot,
@@ -163,3 +163,9 @@ def test_it_comes_to_rest_where_the_hold_began_against_a_constant_force(dut, v, 
         assert np.linalg.norm(x[P] - AT_REST[P]) < 1.0
     np.testing.assert_allclose(x[P], AT_REST[P], atol=0.02)
     np.testing.assert_allclose(x[7:], 0.0, atol=0.02)
+
+
+def test_before_it_is_stepped_it_tells_of_no_thrust_and_no_rates(dut):
+    said = Codec(COMPANION, 1).parse(dut.messages(0.0, AT_REST, np.zeros(6)))
+    (target,) = [one for one in said if isinstance(one, Command)]
+    np.testing.assert_array_equal([target.thrust, *target.rates], 0.0)

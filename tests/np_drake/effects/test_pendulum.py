@@ -87,6 +87,22 @@ def test_many_pendulums_swing_as_each_does_alone(seed):
         np.testing.assert_allclose(alone, 2.0 * found[:, i], rtol=1e-9, atol=1e-9)
 
 
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 10**6))
+def test_a_tether_only_pulls_and_is_never_longer_than_it_is(seed):
+    lengths, r, r_rate, a = some_pendulums(seed)
+    step = 0.004
+    pull = swing_many(lengths, r, r_rate, a, step, GRAVITY)
+    r, v = r + 0.5 * step * r_rate, r_rate  # what the payloads do under these pulls
+    r = r / np.maximum(np.linalg.norm(r, axis=1) / lengths, 1.0)[:, None]
+    for p, a_hook in zip(pull, a, strict=True):
+        assert (np.sum(p * r, axis=1) >= -1e-9).all()
+        np.testing.assert_allclose(np.cross(p, r), 0.0, atol=1e-6)
+        v = v - step * (p + a_hook + WEIGHT)
+        r = r + step * v
+        assert (np.linalg.norm(r, axis=1) <= lengths * (1 + 1e-9)).all()
+
+
 def test_in_steady_flight_the_payload_hangs_back_by_drag_over_weight():
     payload, v = Payload(0.1, 0.6, damping=0.5), np.array([3.0, 0.0, 0.0])
     lag = np.arctan(payload.damping * v[0] / GRAVITY)

@@ -88,16 +88,8 @@ def flight(
 ) -> FlightLog:
     """Return a flight whose rotors do exactly what its motion needs.
 
-    Args:
-        vehicle: that flies.
-        seed: of motion and noise.
-        seconds: its length [s].
-        rate: of the rows [Hz].
-        size: RMS of roll and pitch rates [rad/s]; 0: hover.
-        drag: isotropic, over mass [1/s].
-        clock: by which telemetry of the rotors is ahead [s].
-        drive: what is logged: rotor_speed, throttle, command or both (rotor_speed and throttle).
-        noisy: with noise of sensors.
+    size: RMS of roll and pitch rates [rad/s]; drag: over mass [1/s]; clock: by which the rotors'
+    telemetry is ahead [s]; drive: rotor_speed, throttle, command or both (speed and throttle).
     """
     rng, c = np.random.default_rng(seed), vehicle.calibration
     rows, h = round(seconds * rate), 1 / rate / FINE

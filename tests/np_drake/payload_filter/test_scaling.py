@@ -22,7 +22,7 @@ def unit_of(length: float) -> Scales:
 
 def flown_as(model: PayloadFilterModel, flight, unit: Scales):
     """Memory and wrench forecast (20, 6) of a similar vehicle on the same flight."""
-    state = np.repeat([unit.length, 1.0, unit.speed, 1 / unit.time], [3, 4, 3, 3])
+    state = np.repeat([unit.length, 1.0, unit.length / unit.time, 1 / unit.time], [3, 4, 3, 3])
     command, wrench = (
         np.array([unit.force, *[unit.torque] * 3]),
         np.repeat([unit.force, unit.torque], 3),

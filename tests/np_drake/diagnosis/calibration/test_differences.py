@@ -1,11 +1,14 @@
 """Laws of what the calibration says of a vehicle and its flights."""
 
+import dataclasses as dc
+
 import pytest
 
 from np_drake.diagnosis.calibration import calibration_effects, differences
 from np_drake.diagnosis.options import SPREAD, Options
 from np_drake.effects.attitude_bias import AttitudeBias
 from np_drake.effects.blade_flapping import BladeFlapping
+from np_drake.effects.combine import mass_properties, split_effects
 from np_drake.effects.weak_rotor import WeakRotor
 
 REAL = Options.for_sensors(True)
@@ -68,3 +71,13 @@ def test_calibration_is_in_the_corrected_simulator(healthy):
     assert len(gains) == 4
     assert gains[1.0] < min(gains[i] for i in (2.0, 3.0, 4.0))  # the only one that is weak
     assert not any(e.place == "measurement" or e.shifts_commands for e in effects)
+
+
+@pytest.mark.parametrize("share", [(0.5, 0.6, 1.0), (1.0, 1.0, 0.05)], ids=str)
+def test_the_simulator_shows_the_share_of_torque_that_the_flights_show(healthy, share):
+    e = dc.replace(healthy.flights[0], torque_gain=share)
+    effects = calibration_effects(healthy.ranking.best, e, healthy.ranking.options.tolerance)
+    body = mass_properties(e.vehicle, split_effects(effects).mass)
+    shown = e.vehicle.J.diagonal() / body.J.diagonal()
+    assert shown[:2] == pytest.approx(share[:2])
+    assert shown[2] == pytest.approx(share[2]) or shown[2] > share[2]  # as a rigid body has it

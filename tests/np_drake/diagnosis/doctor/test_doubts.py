@@ -2,6 +2,7 @@
 
 import dataclasses as dc
 
+import numpy as np
 import pytest
 
 from np_drake.diagnosis.doctor.examine import examine
@@ -52,3 +53,11 @@ def test_rotors_at_their_limit_are_counted_with_a_vehicle_alone(fly):
     assert flight_facts(log).saturated is None
     assert flight_facts(log, Vehicle()).saturated == 0.0
     assert flight_facts(log, weak).saturated > 0.2
+
+
+def test_a_gap_is_counted(log):
+    keep = np.r_[0:300, 308 : len(log)]
+    names = ("t", "p", "q", "v", "w", "u", "a")
+    cut = dc.replace(log, **{name: getattr(log, name)[keep] for name in names})
+    assert flight_facts(cut).gaps == 1
+    assert flight_facts(log).gaps == 0

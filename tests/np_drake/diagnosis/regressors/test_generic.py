@@ -64,10 +64,10 @@ def test_a_force_at_a_place_is_along_the_axes_of_the_world(groups):
 @pytest.mark.parametrize("frequency", [1.0, 3.0])
 def test_a_resonance_is_at_its_peak_as_large_as_its_drive(frequency):
     t = 0.005 * np.arange(8000)
-    u = np.column_stack([0 * t, np.sin(2 * np.pi * frequency * t), 0 * t, 0 * t])
+    u = np.column_stack([0 * t, *[np.sin(2 * np.pi * frequency * t)] * 3])
     state = SimpleNamespace(step=0.005, u=u, weight=20.0, torque_unit=0.5)
-    columns = _twist(frequency, priors=REAL.priors)(state)[4000:, 3]
+    columns = _twist(frequency, priors=REAL.priors)(state)[4000:]
     drive = REAL.priors.twist_torque / (REAL.priors.generic_size * 20.0 * 0.5)
-    sizes = np.abs(columns).max(axis=0)
-    # of G, D G / w, and the same of G², sampled
-    np.testing.assert_allclose(sizes[:4], drive, rtol=0.03)
+    for axis in range(3):  # of G, D G / w, and the same of G², sampled
+        sizes = np.abs(columns[:, 3 + axis]).max(axis=0)
+        np.testing.assert_allclose(sizes[4 * axis : 4 * axis + 4], drive, rtol=0.03)

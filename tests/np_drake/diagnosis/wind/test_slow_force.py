@@ -84,3 +84,8 @@ def test_a_force_tied_to_a_place_is_no_gust_whatever_its_mean_in_a_flight(flight
         residual[e.name] = 0.3 * residual[e.name]
         residual[e.name][:, :3] += attitude.rotate_back(e.q, tied)
     assert position_p_value(flights, residual, {}) < 1e-6
+
+
+def test_noise_alone_is_no_slow_force(seen):
+    flights = flown(seen, DRAG, seconds=12.0)
+    assert slow_force(flights, left_of(flights, DRAG), IDEAL)[0] < THRESHOLDS.slow_force_evidence

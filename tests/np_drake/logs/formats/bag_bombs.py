@@ -255,22 +255,6 @@ def bag_definitions(path: Path) -> Path:
     )
 
 
-def bag_qos(path: Path) -> Path:
-    """Write a quality of service of many nodes of YAML."""
-    return mcap_content(
-        path, row2(message2(b"abc")), known=schema2() + channel2("- a\n" * 2 * 10**6)
-    )
-
-
-def bag_channels(path: Path) -> Path:
-    """Write thousands of topics, every one with thousands of columns."""
-    fields = "".join(f"bool a_rather_long_name_of_a_field_{k}\n" for k in range(5000))
-    count = 3000
-    known = schema2(fields) + b"".join(channel2(number=k + 1, topic=f"/{k}") for k in range(count))
-    rows = b"".join(row2(b"\0\1\0\0" + bytes(5000), k + 1) for k in range(count))
-    return mcap_content(path, rows, known=known, channels=count)
-
-
 def database(
     path: Path,
     data: str = "data BLOB NOT NULL",
@@ -357,8 +341,6 @@ BOMBS: dict[str, Callable[[Path], Path]] = {
     "mcap_rows": lambda at: bag_rows(at / "a.mcap"),
     "mcap_lengths": lambda at: bag_lengths(at / "a.mcap"),
     "mcap_definitions": lambda at: bag_definitions(at / "a.mcap"),
-    "mcap_qos": lambda at: bag_qos(at / "a.mcap"),
-    "mcap_channels": lambda at: bag_channels(at / "a.mcap"),
     "sqlite_message": lambda at: message_mode(at / "a"),
     "sqlite_file": lambda at: file_mode(at / "a"),
     "sqlite_generated": lambda at: database(

@@ -93,7 +93,7 @@ def late_of(conventions, signals, **stated):
     return late, said
 
 
-@pytest.mark.parametrize("shift", [-0.03, 0.0123])
+@pytest.mark.parametrize("shift", [-0.03, 0.0, 0.0123, 0.06])
 def test_a_sinusoid_that_is_late_is_late_by_as_much(shift):
     t = np.arange(0, 10, 0.01)
     early, late = (np.sin(2 * np.pi * 0.7 * (t - by))[:, None] for by in (0.0, shift))

@@ -9,7 +9,7 @@ from np_drake import attitude
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.format import Recording, Stream
 from np_drake.logs.importing.log_map import LogMap, Source
-from np_drake.logs.importing.signals import Signal, gather, with_map_time
+from np_drake.logs.importing.signals import Signal, gather, with_map_time, without_zeros
 
 MAP = LogMap(position=Source(["x", "y", "z"]))
 
@@ -159,3 +159,13 @@ def test_holding_loses_no_impulse(steps, seed):
     mean = Signal(t, x).held(rows)
     given_ = np.sum(x[:-1] * np.diff(t)[:, None], axis=0)
     assert np.allclose(np.sum(mean[:-1] * np.diff(rows)[:, None], axis=0), given_, atol=1e-9)
+
+
+def test_readings_of_zero_of_a_rotor_that_turns_are_interpolated():
+    speed = np.full((100, 4), 900.0)
+    speed[40, 0] = speed[60:62, 2] = 0.0
+    speed[80:, 3] = 0.0  # it stands
+    dut, count = without_zeros(Signal(0.01 * np.arange(100), speed))
+    assert count == 3
+    np.testing.assert_array_equal(dut.values[:, :3], 900.0)
+    np.testing.assert_array_equal(dut.values[80:, 3], 0.0)
