@@ -10,7 +10,6 @@ from np_drake.logs.formats.format import Stream
 from np_drake.logs.formats.ros import ODOMETRY, ROS
 
 pytest.importorskip("rosbags")
-from tests.np_drake.logs.formats import bag_bombs
 
 MOST = 500  # [MB] of a reader without Drake; the command line has 1 GB for both
 SECONDS = 30  # of processor time
@@ -45,9 +44,9 @@ def read(fresh_reader):
 @pytest.mark.skipif(
     not Path("/proc/self/status").exists(), reason="needs the peak memory of a process"
 )
-@pytest.mark.parametrize("name", bag_bombs.BOMBS)
+@pytest.mark.parametrize("name", bombs.BOMBS)
 def test_a_bag_that_asks_for_gigabytes_is_refused_in_little_memory(tmp_path, name, read):
-    path = bag_bombs.BOMBS[name](tmp_path)
+    path = bombs.BOMBS[name](tmp_path)
     assert all(file.stat().st_size < 10**7 for file in tmp_path.rglob("*.*"))
     (said,), peak = read(path)
     assert WORDS.get(name, UNPACKS) in said
@@ -69,12 +68,10 @@ def test_a_bag_within_its_budget_is_read_though_it_packs_well(tmp_path, ros_writ
 def test_messages_come_in_the_order_of_their_receipt(tmp_path):
     rows = [(3, b"c"), (1, b"a"), (2, b"b"), (1, b"d")]
     content = b"".join(
-        bag_bombs.record2(
-            5, struct.pack("<HIQQ", 1, 0, bag_bombs.TIME + time, 0) + bag_bombs.message2(data)
-        )
+        bombs.record2(5, struct.pack("<HIQQ", 1, 0, bombs.TIME + time, 0) + bombs.message2(data))
         for time, data in rows
     )
-    path = bag_bombs.mcap_content(tmp_path / "a.mcap", content)
+    path = bombs.mcap_content(tmp_path / "a.mcap", content)
     dut = ROS.read(path, {"/a": ["data[0]"]}, lambda share: None).streams["/a"]
     np.testing.assert_array_equal(dut.columns["data[0]"], list(b"adbc"))
     assert (np.diff(dut.t) >= 0).all()
