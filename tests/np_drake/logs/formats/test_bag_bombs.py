@@ -8,8 +8,7 @@ import pytest
 
 from np_drake.logs.formats.format import Stream
 from np_drake.logs.formats.ros import ODOMETRY, ROS
-
-pytest.importorskip("rosbags")
+from tests.np_drake.logs.formats import bag_bombs as bombs
 
 MOST = 500  # [MB] of a reader without Drake; the command line has 1 GB for both
 SECONDS = 30  # of processor time
