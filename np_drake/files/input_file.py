@@ -3,6 +3,7 @@
 A file of 10 MB, whatever it holds, is read or refused within 1 GB of memory.
 """
 
+import gzip
 import json
 import logging
 import os
@@ -107,6 +108,25 @@ def decompressed_start(start: bytes) -> bytes:
         return zlib.decompressobj(wbits=zlib.MAX_WBITS | 16).decompress(start, len(start))
     except zlib.error:
         return b""
+
+
+def decompressed(path: str | Path) -> bytes:
+    """Return the content of a file, decompressed where it is of gzip.
+
+    Raises: ValueError: if it is damaged, or unpacks to more than `LEAST_TEXT` beyond its size;
+    OSError: if it cannot be opened.
+    """
+    with Path(path).open("rb") as file:
+        if file.peek(len(GZIP))[: len(GZIP)] != GZIP:
+            return file.read()
+        most = LEAST_TEXT + size_of(path)
+        try:
+            content = gzip.GzipFile(fileobj=file).read(most + 1)
+        except (EOFError, zlib.error, gzip.BadGzipFile) as error:
+            raise ValueError(f"{path}: must be a whole gzip file; copy it again.") from error
+    if len(content) > most:
+        raise ValueError(f"{path}: must hold at most {most / 1e6:.0f} MB. Is it the right file?")
+    return content
 
 
 def size_of(path: str | Path) -> int:

@@ -108,3 +108,13 @@ def test_a_lag_that_is_not_known_is_not_taken_for_a_delay(delay):
     believed = flown([delay] * 300, believed=Vehicle())
     assert believed[-1] == pytest.approx(delay * STEP, abs=1.01 * STEP / FINE)
     assert believed.max() <= delay * STEP + 1.01 * STEP / FINE
+
+
+def test_until_the_window_is_full_every_step_counts_alike():
+    draw, dut = np.random.default_rng(3), DelayFilter(LAGGED, step=STEP)
+    memories = [dut.initial_memory()]
+    for _ in range(9):
+        a, u = draw.normal(size=6), LAGGED.hover_input + draw.normal(size=4)
+        memories.append(dut.update(memories[-1], x=LEVEL, acceleration=a, u=u))
+    steps = np.diff([memory["error"] for memory in memories[1:]], axis=0)
+    np.testing.assert_allclose(memories[-1]["squares"], np.mean(steps**2, axis=0))

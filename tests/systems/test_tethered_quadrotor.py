@@ -180,9 +180,6 @@ def test_a_payload_that_is_hung_on_in_flight_moves_with_the_turning_hook():
     assert np.linalg.norm(moved - at_once) > 0
 
 
-BARE = PayloadConfig(tether="none")
-
-
 @pytest.fixture
 def plant():
     plant = MultibodyPlant(time_step=0.0)

@@ -30,6 +30,7 @@ from typing import Any
 
 import numpy as np
 
+from np_drake.files.input_file import decompressed, decompressed_start
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.format import Contents, Format, Progress, Recording, Stream, first_source
 from np_drake.logs.importing.log_map import LogMap, Source
@@ -64,7 +65,10 @@ class _Event:
 
 
 def _recognises(path: Path, start: bytes) -> bool:
-    """Return whether the first bytes are the header of a usd-log of any version."""
+    """Return whether the first bytes, which may be compressed, are the header of a usd-log of any
+    version.
+    """
+    start = decompressed_start(start)
     if start[1:].startswith(BLOCKS):
         return True
     name, zero, _ = start[7:].partition(b"\0")
@@ -77,7 +81,7 @@ def contents(path: Path) -> Contents:
 
     Raises: LogError: if the header is damaged.
     """
-    content = Path(path).read_bytes()
+    content = _content(path)
     if not content[1:].startswith(BLOCKS):
         events = _header(path, content)[1]
         return {event.name: event.variables for event in events.values()}
@@ -90,11 +94,19 @@ def read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Rec
 
     Raises: LogError: if the header is damaged, or no record is whole.
     """
-    content = path.read_bytes()
+    content = _content(path)
     blocks = content[1:].startswith(BLOCKS)
     recording = (_read_blocks if blocks else _read_events)(path, content, wanted)
     progress(1.0)
     return recording
+
+
+def _content(path: Path) -> bytes:
+    """Return the bytes of a log, decompressed; LogError if they are damaged, or too many."""
+    try:
+        return decompressed(path)
+    except ValueError as error:
+        raise LogError(str(error)) from error
 
 
 def _read_events(path: Path, content: bytes, wanted: Mapping[str, list[str]]) -> Recording:

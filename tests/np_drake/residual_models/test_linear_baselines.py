@@ -83,6 +83,9 @@ def test_the_label_is_held_until_the_window_is_full_or_while_missing(baselines):
     np.testing.assert_array_equal(held, 1.0)
 
 
+UNITS = 10.0 ** np.linspace(-3, 3, 12)
+
+
 def swinging(seed, n=300):
     """Every channel a level and oscillations of two frequencies, with phases and sizes of its
     own.
@@ -90,7 +93,7 @@ def swinging(seed, n=300):
     draw, t = np.random.default_rng(seed), 0.02 * np.arange(n)
     phases, sizes = draw.uniform(0, 2 * np.pi, (2, 12, 1)), draw.uniform(0.5, 1.5, (2, 12, 1))
     samples = sizes[0] * np.sin(4.4 * t + phases[0]) + sizes[1] * np.sin(9.0 * t + phases[1]) + 0.3
-    return Segment(samples[:6].T, samples[6:].T, 0.02)
+    return Segment(*np.split(UNITS * samples.T, 2, axis=1), 0.02)
 
 
 def test_the_force_ridge_forecasts_an_oscillation_by_groups_of_channels():
@@ -100,7 +103,7 @@ def test_the_force_ridge_forecasts_an_oscillation_by_groups_of_channels():
     memory = {"window": window, "count": np.array([30.0])}
     before = dut.forecast(memory, horizon=51, stride=1).offset
     # Horizons 53 ms apart: w² h² / 8 = 3 % of the faster oscillation; the ridge shrinks the rest
-    assert np.sqrt(np.mean((before - unseen.chi[99:150]) ** 2)) < 0.2
+    assert np.sqrt(np.mean(((before - unseen.chi[99:150]) / UNITS[:6]) ** 2)) < 0.2
     for outputs, inputs in GROUPS:
         others = [c for c in range(12) if c not in inputs]
         changed = window.copy()

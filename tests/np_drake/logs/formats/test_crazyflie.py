@@ -3,7 +3,6 @@
 import struct
 import zlib
 from pathlib import Path
-from types import ModuleType
 
 import numpy as np
 import pytest
@@ -17,12 +16,6 @@ from np_drake.logs.formats.library import format_of
 STATE = [f"stateEstimate.{c}" for c in ("x", "y", "z", "qx", "qy", "qz", "qw", "vx", "vy", "vz")]
 SENSORS = [f"{group}.{axis}" for group in ("gyro", "acc") for axis in "xyz"]
 RPM = [f"rpm.m{i}" for i in (1, 2, 3, 4)]
-
-
-@pytest.fixture(scope="module")
-def writer(crazyflie_writer) -> ModuleType:
-    """Return the module that writes such logs."""
-    return crazyflie_writer
 
 
 @pytest.fixture(scope="module")
@@ -52,8 +45,8 @@ def everything(path: Path) -> Recording:
 
 
 @pytest.mark.parametrize(("version", "resolution"), [(1, 1e-3), (2, 1e-6)])
-def test_what_is_written_is_read(log, writer, made, version, resolution):
-    writer.write(
+def test_what_is_written_is_read(log, crazyflie_writer, made, version, resolution):
+    crazyflie_writer.write(
         log, made, version=version, kinds={"stateEstimate.x": "d", "gyro.z": "f", "locSrv.x": "d"}
     )
     dut = everything(log)
@@ -76,9 +69,9 @@ for letter, bits in zip("bhilq", (8, 16, 32, 32, 64), strict=True):
 
 
 @pytest.mark.parametrize("letter", EXTREMES)
-def test_every_struct_type_keeps_its_value(log, writer, letter):
+def test_every_struct_type_keeps_its_value(log, crazyflie_writer, letter):
     values = np.array([0.0, 1.0, *EXTREMES[letter]])
-    writer.write(
+    crazyflie_writer.write(
         log,
         {"a": Stream(np.arange(4.0), {"v": values, "w": values})},
         kinds={"v": letter, "w": letter},
@@ -87,8 +80,8 @@ def test_every_struct_type_keeps_its_value(log, writer, letter):
     assert np.array_equal(everything(log).streams["a"].columns["w"], values)
 
 
-def test_a_wrong_checksum_is_noted_and_the_values_are_kept(log, writer, made):
-    content = bytearray(writer.encode(made))
+def test_a_wrong_checksum_is_noted_and_the_values_are_kept(log, crazyflie_writer, made):
+    content = bytearray(crazyflie_writer.encode(made))
     content[-1] ^= 0xFF
     log.write_bytes(content)
     dut = everything(log)
@@ -96,9 +89,9 @@ def test_a_wrong_checksum_is_noted_and_the_values_are_kept(log, writer, made):
     assert len(dut.streams["fixedFrequency"]) == 400
 
 
-def test_of_a_log_that_was_cut_the_whole_records_are_kept(log, writer, made):
-    content = writer.encode(made)
-    begin, record = len(writer.header(made)), struct.calcsize("<HQff")
+def test_of_a_log_that_was_cut_the_whole_records_are_kept(log, crazyflie_writer, made):
+    content = crazyflie_writer.encode(made)
+    begin, record = len(crazyflie_writer.header(made)), struct.calcsize("<HQff")
     log.write_bytes(
         content[: begin + record + 10 + record + record // 2]
     )  # 'startup' has no variables
@@ -112,8 +105,8 @@ def test_of_a_log_that_was_cut_the_whole_records_are_kept(log, writer, made):
     assert "cut" in everything(log).notes[0]
 
 
-def test_what_follows_a_record_of_no_known_type_is_left_out(log, writer, made):
-    content = writer.encode({"fixedFrequency": made["fixedFrequency"]})
+def test_what_follows_a_record_of_no_known_type_is_left_out(log, crazyflie_writer, made):
+    content = crazyflie_writer.encode({"fixedFrequency": made["fixedFrequency"]})
     record = struct.calcsize("<HQff")
     begin = len(content) - 4 - 400 * record
     place = begin + 100 * record
@@ -123,12 +116,12 @@ def test_what_follows_a_record_of_no_known_type_is_left_out(log, writer, made):
     assert f"byte {place}" in dut.notes[0]
 
 
-def test_names_that_stand_twice_get_a_number(log, writer):
+def test_names_that_stand_twice_get_a_number(log, crazyflie_writer):
     stream = Stream(np.zeros(1), {"a": np.ones(1)})
-    content = writer.header({"e": stream}).replace(
+    content = crazyflie_writer.header({"e": stream}).replace(
         b"\x01\x00a(f)\0", b"\x03\x00a(f)\0a.1(f)\0a(f)\0"
     )
-    content += struct.pack("<HQfff", writer.FIRST_ID, 0, 1, 2, 3)
+    content += struct.pack("<HQfff", crazyflie_writer.FIRST_ID, 0, 1, 2, 3)
     log.write_bytes(content + struct.pack("<I", zlib.crc32(content)))
     dut = everything(log).streams["e"].columns
     assert {name: float(v[0]) for name, v in dut.items()} == {"a": 1, "a.1": 2, "a.2": 3}
@@ -223,10 +216,7 @@ def mapped(path: Path) -> tuple[np.ndarray, dict[str, np.ndarray]]:
     """Return times and the columns of every quantity by the default map, in SI."""
     dut = CRAZYFLIE.default_map(CRAZYFLIE.contents(path))
     assert dut is not None
-    names = [name.removeprefix("fixedFrequency/") for name in dut.check().names()]
-    stream = CRAZYFLIE.read(path, {"fixedFrequency": names}, lambda share: None).streams[
-        "fixedFrequency"
-    ]
+    stream = everything(path).streams["fixedFrequency"]
     factor = {"deg/s": np.pi / 180, "g": 9.80665, "rpm": 2 * np.pi / 60, "mV": 1e-3}
     return stream.t, {
         name: np.stack([stream.columns[c.partition("/")[2]] for c in source.columns], axis=1)

@@ -2,6 +2,7 @@
 it is cut.
 """
 
+import gzip
 import struct
 
 import numpy as np
@@ -65,9 +66,10 @@ def read(path):
     return CRAZYFLIE.read(path, {"log": WANTED}, no_progress)
 
 
-def test_what_was_written_in_blocks_is_read(made, tmp_path):
-    path = tmp_path / "log00"
-    path.write_bytes(encode(*made))
+@pytest.mark.parametrize("suffix", ["", ".gz"])
+def test_what_was_written_in_blocks_is_read(made, tmp_path, suffix):
+    path = tmp_path / f"log00{suffix}"
+    path.write_bytes(gzip.compress(encode(*made)) if suffix else encode(*made))
     assert format_of(path) is CRAZYFLIE
     assert set(WANTED) < set(CRAZYFLIE.contents(path)["log"])
     dut = read(path)

@@ -8,7 +8,6 @@ import pytest
 from np_drake import attitude
 from np_drake.diagnosis.doctor.examine import examine
 from np_drake.diagnosis.residuals import FORCE, TORQUE, make_flight_residuals
-from np_drake.effects.base import SensorEffect
 from np_drake.effects.library import LIBRARY
 from np_drake.logs.columns import COLUMNS
 from np_drake.logs.columns import FORCE as SPECIFIC
@@ -18,8 +17,6 @@ from np_drake.logs.opening import open_flights
 from np_drake.vehicle import Vehicle
 
 NO_VELOCITY = {i for i, effect in LIBRARY.items() if "velocity" in effect.requires}
-POSED = {i for i, e in LIBRARY.items() if issubclass(e, SensorEffect) and "qw" in e.corrupts}
-NO_ATTITUDE = POSED | {i for i, effect in LIBRARY.items() if "attitude" in effect.requires}
 G = np.array([0.0, 0.0, 9.81])
 NO_HEIGHT = {i for i, effect in LIBRARY.items() if "height" in effect.requires}
 
