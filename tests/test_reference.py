@@ -8,6 +8,7 @@ from unittest import mock
 import numpy as np
 import pytest
 
+from np_drake.diagnosis.options import Options
 from np_drake.effects.library import LIBRARY
 from np_drake.logs.columns import NAMES
 from np_drake.logs.importing.log_map import load_map_file
@@ -58,6 +59,29 @@ def test_the_examples_of_a_log_map_are_read(page, tmp_path):
     (example,) = re.findall(r"```yaml\n(.*?)```", TEXTS[page], re.S)
     (tmp_path / "map.yaml").write_text(example)
     load_map_file(tmp_path / "map.yaml")
+
+
+def test_the_constants_of_the_decision_on_the_page_are_those_of_the_code():
+    page = " ".join(TEXTS["diagnosis.md"].split())
+    real, ideal = Options.for_sensors(True), Options.for_sensors(False)
+    m, p, t = real.materiality, real.priors, real.thresholds
+    small, fine = ideal.materiality, ideal.thresholds
+    for text in (
+        f"force below {100 * m.force:g} % of weight ({100 * small.force:g} %)",
+        f"torque below {100 * m.torque:g} % of RMS commanded torque ({100 * small.torque:g} %)",
+        f"force below {100 * m.calibration_force:g} % of weight",
+        f"below {m.sensor:g} tolerances",
+        f"below {m.still_air:g} m/s (draught, ISO 7730)",
+        f"P = {t.cause_probability:g} ({fine.cause_probability:g}) on",
+        f"inseparable from it (within {t.indistinguishable_evidence:g})",
+        f"even odds at {t.slow_force_evidence:g}",
+        f"leave {t.misfit_ratio:g} ({fine.misfit_ratio:g}) times the noise",
+        f"gain {p.onset_gain:g} in log likelihood, or {p.new_onset_gain:g}",
+        f"an effect, log | −{-p.effect:g};",
+        f"generic structure, log | −{-p.of_effect('unknown:rates'):g}; {100 * p.generic_size:g} %",
+        f"{t.slow_torque_ratio:g} ({fine.slow_torque_ratio:g}) times what gyro noise implies",
+    ):
+        assert text in page, text
 
 
 ROOT = Path(__file__).parents[1]

@@ -48,6 +48,16 @@ def groups(seen):
     return flights, generic_candidates(flights, priors=REAL.priors)
 
 
+def test_groups_are_of_the_size_of_their_prior_and_leave_sensors_alone(groups):
+    weight = 2.0 * 9.81
+    for c in groups[1]:
+        X = c.columns["1"]
+        np.testing.assert_array_equal(X[:, 6:], 0.0)
+        rms = np.sqrt(np.mean(X**2, axis=0))
+        assert 1e-4 * weight < rms[:3].max() or 1e-6 * weight < rms[3:].max()
+        assert rms[:3].max() < 0.2 * weight
+
+
 def test_a_force_at_a_place_is_along_the_axes_of_the_world(groups):
     flights, candidates = groups
     place = next(c for c in candidates if c.identifiers == (PREFIX + "place",)).columns["1"]

@@ -6,11 +6,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from np_drake.diagnosis.forward_model import predicted_residual
+from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.regressors import library_candidates, wind_candidates
-from np_drake.diagnosis.regressors.library import _not_negative
+from np_drake.diagnosis.regressors.library import _not_negative, with_input
 from np_drake.effects.base import correlation_root
 from np_drake.effects.library import LIBRARY
 from np_drake.effects.linear_drag import LinearDrag
+from np_drake.vehicle import Vehicle
 
 
 @pytest.fixture(scope="module")
@@ -61,6 +63,12 @@ def test_wind_is_felt_through_the_drag_that_comes_with_it(flights, candidates, d
     c = np.r_[np.linalg.solve(correlation_root(LinearDrag), np.full(3, drag)), wind]
     for e in flights:
         assert gap(dut.columns[e.name] @ c, trace(dut, c, e)) < 1e-6
+
+
+@pytest.mark.parametrize("timing, unmeasured", [("held", False), ("unknown", True)])
+def test_a_file_that_states_how_commands_act_describes_the_vehicle(seen, timing, unmeasured):
+    e = seen(vehicle=Vehicle(command_timing=timing), seed=1, seconds=4.0)
+    assert with_input(Options.for_sensors(True), [e]).tolerance.unmeasured is unmeasured
 
 
 @given(st.integers(0, 2**31))

@@ -66,14 +66,12 @@ def bag1(
     *,
     pieces: int = MANY,
     size: int | None = None,
-    cut: bool = False,
     chunk_infos: int = 1,
     entries: int = 1,
 ) -> Path:
     """Write a ROS 1 bag of one chunk: a message of 3 bytes and one of zeros.
 
     size: that the chunk claims.
-    cut: without the index.
     chunk_infos, entries: how often the index names them.
     """
     about = {
@@ -93,42 +91,21 @@ def bag1(
     claimed = len(start) + zeros if size is None else size
     chunk = record1({"op": b"\x05", "compression": kind.encode(), "size": number(claimed)}, content)
     before = b"#ROSBAG V2.0\n"
-    length = 4096 - len(
-        record1(
-            {"op": b"\x03", "index_pos": bytes(8), "conn_count": b"1234", "chunk_count": b"1234"},
-            b"",
-        )
-    )
     position = len(before) + 4096
     index = record1(
         {"op": b"\x04", "ver": number(1), "conn": number(0), "count": number(entries)},
         (stamp + number(0)) * entries,
     )
     info = record1(
-        {
-            **{"op": b"\x06", "ver": number(1), "chunk_pos": struct.pack("<Q", position)},
-            **{"start_time": stamp, "end_time": stamp, "count": number(1)},
-        },
+        {"op": b"\x06", "ver": number(1), "chunk_pos": struct.pack("<Q", position)}
+        | {"start_time": stamp, "end_time": stamp, "count": number(1)},
         number(0) + number(entries),
     )
     end = position + len(chunk) + len(index)
-    header = {
-        "op": b"\x03",
-        "index_pos": struct.pack("<Q", 0 if cut else end),
-        "conn_count": number(1),
-    }
-    opening = record1({**header, "chunk_count": number(chunk_infos)}, b" " * length)
-    chunk = (
-        record1(
-            {"op": b"\x05", "compression": b"none", "size": number(len(connection))}, connection
-        )
-        + chunk
-        if cut
-        else chunk
-    )
-    path.write_bytes(
-        before + opening + chunk + index + (b"" if cut else connection + info * chunk_infos)
-    )
+    header = {"op": b"\x03", "index_pos": struct.pack("<Q", end), "conn_count": number(1)}
+    header["chunk_count"] = number(chunk_infos)
+    opening = record1(header, b" " * (4096 - len(record1(header, b""))))
+    path.write_bytes(before + opening + chunk + index + connection + info * chunk_infos)
     return path
 
 
@@ -143,20 +120,20 @@ def record2(code: int, content: bytes) -> bytes:
     return struct.pack("<BQ", code, len(content)) + content
 
 
-def schema2(definition: str = DEFINITION, number: int = 1, name: str = TYPE) -> bytes:
+def schema2(definition: str = DEFINITION) -> bytes:
     """Return a schema record."""
-    return record2(3, struct.pack("<H", number) + text(name) + text("ros2msg") + text(definition))
+    return record2(3, struct.pack("<H", 1) + text(TYPE) + text("ros2msg") + text(definition))
 
 
-def channel2(qos: str = "", number: int = 1, schema: int = 1, topic: str = "/a") -> bytes:
+def channel2() -> bytes:
     """Return a channel record."""
-    metadata = text(text("offered_qos_profiles") + text(qos))
-    return record2(4, struct.pack("<HH", number, schema) + text(topic) + text("cdr") + metadata)
+    metadata = text(text("offered_qos_profiles") + text(""))
+    return record2(4, struct.pack("<HH", 1, 1) + text("/a") + text("cdr") + metadata)
 
 
-def row2(data: bytes, number: int = 1) -> bytes:
+def row2(data: bytes) -> bytes:
     """Return a message record."""
-    return record2(5, struct.pack("<HIQQ", number, 0, TIME, TIME) + data)
+    return record2(5, struct.pack("<HIQQ", 1, 0, TIME, TIME) + data)
 
 
 def chunk2(kind: str, packed: bytes, size: int) -> bytes:
@@ -173,31 +150,23 @@ def mcap(
     *,
     end: str = "index",
     known: bytes = schema2() + channel2(),
-    channels: int = 1,
 ) -> Path:
-    """Write an MCAP file of one chunk. end: `index`, `footer` without one, or `cut`.   known:
-    schemas and channels.
+    """Write an MCAP file of one chunk. end: `index`, or `footer` without one.   known: schemas and
+    channels.
     """
     opening = MCAP + record2(1, text("ros2") + text("made"))
-    body = record2(15, bytes(4)) if end != "cut" else b""
+    body = record2(15, bytes(4))
     at = len(opening) + len(chunk) + len(body)
     summary = b""
     if end == "index":
-        places = b"".join(
-            struct.pack("<HQ", k + 1, len(opening) + len(chunk)) for k in range(channels)
-        )
+        places = struct.pack("<HQ", 1, len(opening) + len(chunk))
         place = struct.pack("<QQQQ", TIME, TIME, len(opening), len(chunk)) + text(places)
-        place += (
-            struct.pack("<Q", 31 * channels)
-            + text(kind)
-            + struct.pack("<QQ", len(chunk) - 49 - len(kind), size)
-        )
-        counts = b"".join(struct.pack("<HQ", k + 1, 1) for k in range(channels))
-        facts = struct.pack("<QHIIIIQQ", channels, 1, channels, 0, 0, 1, TIME, TIME) + text(counts)
+        unpacked = struct.pack("<QQ", len(chunk) - 49 - len(kind), size)
+        place += struct.pack("<Q", 31) + text(kind) + unpacked
+        counts = text(struct.pack("<HQ", 1, 1))
+        facts = struct.pack("<QHIIIIQQ", 1, 1, 1, 0, 0, 1, TIME, TIME) + counts
         summary = known + record2(8, place) + record2(11, facts)
-    footer = (
-        record2(2, struct.pack("<QQI", at if summary else 0, 0, 0)) + MCAP if end != "cut" else b""
-    )
+    footer = record2(2, struct.pack("<QQI", at if summary else 0, 0, 0)) + MCAP
     path.write_bytes(opening + chunk + body + summary + footer)
     return path
 
@@ -258,35 +227,23 @@ def bag_definitions(path: Path) -> Path:
 
 
 def database(
-    path: Path,
-    data: str = "data BLOB NOT NULL",
-    rows: int = 1,
-    raw: bytes = message2(b"abc"),
-    qos: str = "",
+    path: Path, data: str = "data BLOB NOT NULL", rows: int = 1, raw: bytes = message2(b"abc")
 ) -> Path:
     """Write a sqlite3 bag. data: the column of the messages.   raw: what stands in it, if it is no
     made one.
     """
     with sqlite3.connect(path) as file:
-        file.execute("CREATE TABLE schema(schema_version INTEGER PRIMARY KEY, ros_distro TEXT)")
-        file.execute("INSERT INTO schema VALUES (4, 'jazzy')")
-        file.execute(
-            "CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT, type TEXT, "
-            "serialization_format TEXT,"
-            " offered_qos_profiles TEXT, type_description_hash TEXT)"
-        )
-        file.execute("INSERT INTO topics VALUES (1, '/a', ?, 'cdr', ?, '')", (TYPE, qos))
-        file.execute(
-            "CREATE TABLE message_definitions(id INTEGER PRIMARY KEY, topic_type TEXT, "
-            "encoding TEXT,"
-            " encoded_message_definition TEXT, type_description_hash TEXT)"
-        )
-        file.execute(
-            "INSERT INTO message_definitions VALUES (1, ?, 'ros2msg', ?, '')", (TYPE, DEFINITION)
-        )
-        file.execute(
-            f"CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER, timestamp "
-            f"INTEGER, {data})"
+        file.executescript(
+            "CREATE TABLE schema(schema_version INTEGER PRIMARY KEY, ros_distro TEXT);"
+            "INSERT INTO schema VALUES (4, 'jazzy');"
+            "CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT, type TEXT, serialization_format"
+            " TEXT, offered_qos_profiles TEXT, type_description_hash TEXT);"
+            f"INSERT INTO topics VALUES (1, '/a', '{TYPE}', 'cdr', '', '');"
+            "CREATE TABLE message_definitions(id INTEGER PRIMARY KEY, topic_type TEXT, encoding"
+            " TEXT, encoded_message_definition TEXT, type_description_hash TEXT);"
+            f"INSERT INTO message_definitions VALUES (1, '{TYPE}', 'ros2msg', '{DEFINITION}', '');"
+            "CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER, timestamp INTEGER,"
+            f" {data})"
         )
         for _ in range(rows):
             if "GENERATED" in data:
@@ -299,19 +256,20 @@ def database(
     return path
 
 
-def folder(path: Path, name: str, mode: str, storage: str = "sqlite3", qos: str = "") -> Path:
+def folder(path: Path, name: str, mode: str) -> Path:
     """Write the description of a folder of one file."""
-    topic = {"name": "/a", "type": TYPE, "serialization_format": "cdr", "offered_qos_profiles": qos}
+    topic = {"name": "/a", "type": TYPE, "serialization_format": "cdr", "offered_qos_profiles": ""}
     about = {
-        **{
-            "version": 6,
-            "storage_identifier": storage,
-            "relative_file_paths": [name],
-            "message_count": 1,
-        },
-        **{"duration": {"nanoseconds": 0}, "starting_time": {"nanoseconds_since_epoch": TIME}},
-        **{"topics_with_message_count": [{"topic_metadata": topic, "message_count": 1}]},
-        **{"compression_format": "zstd" if mode else "", "compression_mode": mode, "files": []},
+        "version": 6,
+        "storage_identifier": "sqlite3",
+        "relative_file_paths": [name],
+        "message_count": 1,
+        "duration": {"nanoseconds": 0},
+        "starting_time": {"nanoseconds_since_epoch": TIME},
+        "topics_with_message_count": [{"topic_metadata": topic, "message_count": 1}],
+        "compression_format": "zstd",
+        "compression_mode": mode,
+        "files": [],
     }
     (path / "metadata.yaml").write_text(json.dumps({"rosbag2_bagfile_information": about}))
     return path
