@@ -200,9 +200,8 @@ def test_without_attitude_or_motion_only_its_user_knows_the_map():
         CRAZYFLIE.default_map({"a": tuple(name for name in STATE if name not in attitude)}) is None
     )
     assert CRAZYFLIE.default_map({"a": attitude}) is None
-    assert CRAZYFLIE.default_map(
-        {"a": (*attitude, *SENSORS)}
-    ).acceleration  # as without a positioning system
+    # as without a positioning system
+    assert CRAZYFLIE.default_map({"a": (*attitude, *SENSORS)}).acceleration
 
 
 FLIGHTS = {"bare": 15, "payload": 25}
