@@ -203,18 +203,17 @@ def scenarios(
         first.controller.solver = DEFAULT_SOLVER
     if payload is not None:
         first = with_payload(first, payload)
-    first = _with_fields(first, [*fields, *([f"duration={duration}"] if duration else [])])
-    first = first.check_and_step() if payload is not None or fields else first.check()
-    if autopilot is not None:
-        first = _with_autopilot(first, autopilot)
-    kinds = list(controllers) or [first.controller.kind]
-    if not controllers and experiment in EXPERIMENTS:
-        kinds = [_default_controller(first, predictor)]
-    configs = [copy.deepcopy(first) for _ in kinds]
-    for config, kind in zip(configs, kinds, strict=True):
-        if kind != config.controller.kind:  # whose parameters are of its kind
-            config.controller.parameters, config.controller.predictor = {}, ""
-        config.controller.kind = kind
+    wanted = [*fields, *([f"duration={duration}"] if duration else [])]
+
+    def flown_by(kind: str) -> FlightConfig:
+        config = _with_fields(_with_controller(first, kind), wanted)
+        config = config.check_and_step() if payload is not None or fields else config.check()
+        return config if autopilot is None else _with_autopilot(config, autopilot)
+
+    configs = [flown_by(kind) for kind in controllers or [first.controller.kind]]
+    chosen = controllers or any(field.startswith("controller.kind=") for field in fields)
+    if experiment in EXPERIMENTS and not chosen:
+        configs = [_with_controller(configs[0], _default_controller(configs[0], predictor))]
     if predictor is not None:
         _give(predictor, configs)
     for config in configs:
@@ -225,6 +224,15 @@ def scenarios(
             f"--controller: two are called {twice[0]}, and so would their files be. Rename one."
         )
     return configs
+
+
+def _with_controller(config: FlightConfig, kind: str) -> FlightConfig:
+    """Return a copy with a controller of a kind, without what is of another one."""
+    config = copy.deepcopy(config)
+    if kind != config.controller.kind:
+        config.controller.parameters, config.controller.predictor = {}, ""
+    config.controller.kind = kind
+    return config
 
 
 def _with_fields(config: FlightConfig, fields: Sequence[str]) -> FlightConfig:

@@ -18,21 +18,9 @@ from np_drake.logs.opening import open_flights
 @pytest.mark.parametrize("kind", ["hold", "cascade"])  # with labels of the wrench, and without
 def test_a_flight_leaves_log_figures_replay_and_metrics(kind, tmp_path, capsys):
     out, metrics = tmp_path / "out", tmp_path / "fly.json"
-    arguments = [
-        "fly",
-        "circle",
-        "--controller",
-        kind,
-        "--set",
-        "controller.solver=sqp",
-        "--duration",
-        "1",
-        "--seed",
-        "7",
-    ]
-    assert run([*arguments, "--out", str(out), "--json", str(metrics)]) == 0, (
-        capsys.readouterr().err
-    )
+    command = f"fly circle --controller {kind} --set controller.solver=sqp --duration 1 --seed 7"
+    done = run([*command.split(), "--out", str(out), "--json", str(metrics)])
+    assert done == 0, capsys.readouterr().err
     names = {path.name for path in out.iterdir()}
     kinds = ("track.png", "errors.png", "wrench.png", "replay.html")
     assert names == {f"circle_{kind}.csv", *(f"circle_{kind}_{file}" for file in kinds)}
@@ -43,6 +31,15 @@ def test_a_flight_leaves_log_figures_replay_and_metrics(kind, tmp_path, capsys):
     log = open_flights(out / f"circle_{kind}.csv")[0][0]
     np.testing.assert_allclose(np.diff(log.t), 0.02, atol=1e-6)
     assert "<html" in (out / f"circle_{kind}_replay.html").read_text()[:2000].lower()
+
+
+def test_a_field_of_the_scenario_counts_for_the_controller_that_flies(tmp_path):
+    (config,) = scenarios("circle", [], fields=["controller.kind=cascade"])
+    assert config.controller.kind == "cascade"
+    (tmp_path / "own.py").write_text("def Own(vehicle, stiffness): return None\n")
+    own = f"{tmp_path}/own.py:Own"
+    with pytest.raises(ValueError, match=r"Own: must make a Drake system"):
+        scenarios("circle", [own], fields=["controller.parameters.stiffness=4"])
 
 
 def test_a_scenario_is_changed_field_by_field(tmp_path, capsys):
@@ -136,33 +133,13 @@ class Fails(LeafSystem):
 def compared(tmp_path_factory):
     """Folder that two controllers leave, and what they say."""
     folder, said = tmp_path_factory.mktemp("compared"), io.StringIO()
-    words = [
-        "--duration",
-        "0.5",
-        "--set",
-        "reality.wind=[1,0,0]",
-        "--payload",
-        "0.3",
-        "--seed",
-        "3",
-    ]
+    words = (
+        "fly circle --controller cascade --controller nominal --duration 0.5 --seed 3 "
+        "--set reality.wind=[1,0,0] --payload 0.3"
+    )
     files = ["--out", str(folder / "o"), "--json", str(folder / "j.json")]
     with contextlib.redirect_stdout(said):
-        assert (
-            run(
-                [
-                    "fly",
-                    "circle",
-                    "--controller",
-                    "cascade",
-                    "--controller",
-                    "nominal",
-                    *words,
-                    *files,
-                ]
-            )
-            == 0
-        )
+        assert run([*words.split(), *files]) == 0
     return folder, said.getvalue()
 
 

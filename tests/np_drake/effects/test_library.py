@@ -65,6 +65,21 @@ def test_an_own_effect_can_be_registered_twice_but_not_under_a_taken_name():
         register(thief)
 
 
+@pytest.mark.parametrize(
+    "attributes, frozen, says",
+    [
+        ({"parameters": Push.parameters}, False, "must be a frozen dataclass"),
+        ({"identifier": "lacks"}, True, "must have the attribute parameters"),
+        ({"identifier": "l", "parameters": Push.parameters}, True, "must have a field 'force'"),
+    ],
+)
+def test_an_own_effect_that_lacks_a_part_is_refused_by_its_name(attributes, frozen, says):
+    own = dc.make_dataclass("Own", [], bases=(WrenchEffect,), namespace=attributes, frozen=True)
+    own = own if frozen else type("Own", (WrenchEffect,), attributes)
+    with pytest.raises(ValueError, match=f"register: Own {says}"):
+        register(own)
+
+
 @dc.dataclass(frozen=True)
 class Draught(WrenchEffect):
     speed: float = 1.0
