@@ -2,6 +2,7 @@
 shrinks. `np-drake doctor`: is a flight log usable, and which effects can it tell, to what size.
 """
 
+import dataclasses as dc
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -56,6 +57,14 @@ def diagnose(
     held_out: Annotated[
         list[Path] | None, Option(metavar="LOG", help=f"To judge them. {LOG_HELP}")
     ] = None,
+    before: Annotated[
+        list[Path] | None,
+        Option(
+            metavar="LOG",
+            help="Flight of the same vehicle from before what is asked: the answer is then what "
+            "changed since. Repeatable.",
+        ),
+    ] = None,
     no_replay: Annotated[
         bool, Option("--no-replay", help="Leave out the open-loop replay in the simulator.")
     ] = False,
@@ -95,21 +104,23 @@ def diagnose(
     """Diagnose the gap between the nominal simulator and flights; with --out: report, replay,
     figures, JSON.
     """
-    files = _choose_files(case, vehicle, train or [], held_out or [])
+    files = _choose_files(case, vehicle, train or [], held_out or [], before or [])
     nominal = _nominal_vehicle(files)
-    logs = files.open(nominal)
+    logs = fitted, judging, earlier = files.open(nominal)
     tell(*(f"{log.name}: {note}" for flights in logs for log in flights for note in log.notes))
     beside = files.open_neighbours(neighbour or (), logs)
     require_flights(*logs)  # what is refused is so without a bar
     with progress("diagnosing", 1.0) as advance:
         found = five_steps(
             nominal,
-            *logs,
+            fitted,
+            judging,
             None if no_replay else DrakeReplay(nominal),
             adaptive_split=not no_second_look,
             tolerance={None: None, True: Tolerance(), False: IDEAL_SENSORS}[rig],
             material=material,
             neighbours=beside,
+            before=earlier,
             on_progress=advance,
         )
         advance(1.0)
@@ -122,6 +133,7 @@ def diagnose(
         "vehicle": nominal.name,
         "train": files.train,
         "held_out": files.held_out,
+        "before": files.before,
         "replay": not no_replay,
         "second_look": not no_second_look,
         "rig": rig,
@@ -130,7 +142,7 @@ def diagnose(
     config |= {"neighbour": neighbour} if neighbour else {}
 
     def write(folder: Path) -> None:
-        links = _write_overlay(found, nominal, [] if no_replay else logs[1], folder)
+        links = _write_overlay(found, nominal, [] if no_replay else judging, folder)
         links |= _write_simulators(found, nominal, folder)
         say(f"report: {write_report(found, folder, seed=run.seed, config=config, beside=links)}")
 
@@ -254,7 +266,11 @@ def _write_overlay(
 
 
 def _choose_files(
-    case: Path | None, vehicle: Path | None, train: list[Path], held_out: list[Path]
+    case: Path | None,
+    vehicle: Path | None,
+    train: list[Path],
+    held_out: list[Path],
+    before: list[Path],
 ) -> CaseFiles:
     """Return the files of a case folder, or those given one by one."""
     if case is None:
@@ -262,14 +278,15 @@ def _choose_files(
             raise ValueError(
                 "give a case folder, or at least one --train LOG and one --held-out LOG."
             )
-        return CaseFiles(vehicle, tuple(train), tuple(held_out))
+        return CaseFiles(vehicle, tuple(train), tuple(held_out), tuple(before))
     if case.is_file():
         raise ValueError(
             f"{case}: CASE must be a folder; name every log behind its own --train or --held-out."
         )
     if train or held_out:
         raise ValueError("give either a case folder or --train and --held-out, not both.")
-    return find_case(case, vehicle)
+    files = find_case(case, vehicle)
+    return dc.replace(files, before=(*files.before, *before))
 
 
 def _nominal_vehicle(files: CaseFiles) -> Vehicle:

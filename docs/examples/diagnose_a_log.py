@@ -44,8 +44,6 @@ def main() -> None:
         f"held-out residual: {gap_reduction.before:.2f} -> {gap_reduction.after:.2f} "
         f"(noise: {gap_reduction.floor:.2f})"
     )
-    for item in found.identifiability.not_identifiable[:3]:
-        print("not told apart:", " | ".join(item.effects), "; fly", item.manoeuvre)
 
 
 if __name__ == "__main__":

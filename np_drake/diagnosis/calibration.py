@@ -54,8 +54,8 @@ from np_drake.effects import (
 )
 from np_drake.effects.base import ActuatorEffect, Effect, MassEffect, Parameter
 from np_drake.effects.calibration import in_flight
-from np_drake.effects.parameter import arm
-from np_drake.files.number_text import departure_unit, measure, number
+from np_drake.effects.parameter import arm, departure
+from np_drake.files.number_text import number
 from np_drake.logs.inputs import VOLTAGE_SCATTER, hover_exponent, voltage_of
 from np_drake.rigid_body import V
 from np_drake.vehicle.published import published_priors
@@ -508,15 +508,6 @@ def _difference(
     deviation: float,
 ) -> Difference:
     """Return a departure from the neutral value in words."""
-    unit = "share" if p.unit == "1" and effect.shares else p.unit
-    more, _, less = p.departure.partition("|")
-    factor, shown = departure_unit(unit)
-    size = measure(factor * abs(value), shown)
-    words = less if less and value < 0 else more
-    text = words.format(
-        size=size,
-        signed=f"{'−' if value < 0 else '+'}{size}",
-        **{n: f"{v:g}" for n, v in fixed.items()},
-    )
+    unit, text = departure(p, value, fixed, shares=effect.shares)
     ci95 = (float(value - SURE * sigma), float(value + SURE * sigma))
     return Difference(name, text, float(value), unit or "1", float(deviation), ci95)

@@ -26,6 +26,7 @@ from np_drake.diagnosis.calibration import (
 )
 from np_drake.diagnosis.decision.causes import joint_posterior, without_late_onsets
 from np_drake.diagnosis.decision.infer import Inference, as_named, conclude
+from np_drake.diagnosis.decision.support import visible_changes
 from np_drake.diagnosis.doctor.flight_facts import as_lines, doubts
 from np_drake.diagnosis.forward_model import predicted_residual
 from np_drake.diagnosis.gap import measure_gap_reduction, with_held_out_gains
@@ -75,6 +76,7 @@ def diagnose(
     options: Options | None = None,
     material: float | None = None,
     neighbours: Mapping[str, Sequence[FlightLog]] | None = None,
+    before: Sequence[FlightLog] = (),
     on_progress: Callable[[float, str], None] | None = None,
 ) -> Diagnosis:
     """Diagnose the gap between the nominal model and the flights: its causes, and how far adding
@@ -99,6 +101,8 @@ def diagnose(
             default: that of the options. A force is in proportion to it.
         neighbours: by name of a flight, logs of vehicles that flew beside it, on clocks that agree
             and in one frame: their downwash is then tried as a cause.
+        before: flights of the same vehicle from before what is asked. They tell the vehicle, and
+            what acts in none of them has changed since.
         on_progress: called with the share done [1] and the name of the step.
     Raises: ValueError: if the logs cannot be used, or both tolerance and options are given; one
         line with the remedy.
@@ -113,7 +117,8 @@ def diagnose(
     tell = on_progress or (lambda share, step: None)
 
     # 1. Residuals of all flights on one grid, the coarsest of theirs.
-    require_flights(train, held_out)
+    require_flights(train, held_out, before)
+    train = [*before, *train]
     alike, unread = with_same_readings([*train, *held_out])
     if neighbours:
         alike = with_neighbours(alike, neighbours, vehicle.rotor_radius)
@@ -128,6 +133,7 @@ def diagnose(
         [with_fixed_effects(make_flight_residuals(log, vehicle, step)) for log in logs]
         for logs in (train, held_out)
     )
+    fitted = [dc.replace(e, earlier=e.name in [log.name for log in before]) for e in fitted]
     doubted = as_lines(doubt for e in (*fitted, *judging) for doubt in doubts(e))
     sensors = options or Options.for_sensors(tolerance_of(fitted).real)
     if material is not None:
@@ -223,7 +229,7 @@ def _answer(
     )
     causes = with_held_out_gains(causes, noise, held)
     left = dc.replace(found, causes=causes).left
-    checked = assess_identifiability(flights, judging, found.ranking.problem.candidates, noise)
+    checked = assess_identifiability(flights, judging, noise)
     named = {c.identifier for c in causes}
     rest = {e.name: e.y - predicted_residual(e, held.kept(e.name, named)) for e in judging}
     flyable = all(e.knows_torque and not e.log.lacks for e in judging)
@@ -235,7 +241,8 @@ def _answer(
         replay if flyable else None,
         calibration_effects(best, flights[0], options.tolerance),
     )
-    own = {e.name for e in halves}
+    before = tuple(e.name for e in flights if e.earlier)
+    own = {e.name for e in halves} | {*before}
     answer = Diagnosis(
         vehicle=flights[0].vehicle.name,
         nominal=flights[0].vehicle,
@@ -244,7 +251,10 @@ def _answer(
         joined=tuple(e.name for e in judging if e.joined.any()),
         doubts=doubted,
         judged_as="rig" if options.tolerance.real else "laboratory",
-        verdict=tuple(c.identifier for c in causes) + ((UNKNOWN,) if left.matters else ()),
+        before=before,
+        visible=visible_changes(found.ranking) if before else {},
+        verdict=tuple(c.identifier for c in causes if c.changed or not before)
+        + ((UNKNOWN,) if left.matters else ()),
         causes=tuple(
             dc.replace(c, onset={name: t for name, t in c.onset.items() if name not in own})
             for c in causes

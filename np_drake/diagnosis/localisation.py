@@ -7,12 +7,11 @@ import numpy as np
 from np_drake import attitude
 from np_drake.diagnosis.held_out import pooled
 from np_drake.diagnosis.numerics import NoiseModel, fit_noise
-from np_drake.diagnosis.regressors import Candidate, hidden_from, library_candidates
+from np_drake.diagnosis.regressors import hidden_from
 from np_drake.diagnosis.residuals import QUIET, WRENCH, FlightResiduals
 from np_drake.diagnosis.result import (
     CHANNELS,
     ChannelGap,
-    Confusable,
     Diagnosis,
     GapReduction,
     Identifiability,
@@ -110,10 +109,6 @@ def _round_bounds(value: np.ndarray) -> np.ndarray:
 
 # Of any quantity, to tell effects apart [m/s, rad/s, deg, 1]; own choice.
 LEAST_EXCITATION = {"speed": 0.08, "rate": 0.05, "tilt": 1.0, "thrust variation": 0.01}
-BARELY_VISIBLE = 10.0  # whitened size of an effect that is just visible [1]
-SAME_DISTANCE = (
-    9.0  # squared whitened distance below which two just visible effects are the same [1]
-)
 
 
 def excitation(flights: Sequence[FlightResiduals]) -> dict[str, float]:
@@ -150,53 +145,10 @@ def excited(excitations: dict[str, float]) -> bool:
     return any(named[key] >= least for key, least in LEAST_EXCITATION.items())
 
 
-def _confusables(
-    flights: Sequence[FlightResiduals], candidates: Sequence[Candidate], noise: NoiseModel
-) -> list[Confusable]:
-    """Return the effects that cannot be seen at their usual size, and pairs that are the same when
-    just visible.
-
-    An effect scaled to whitened size `BARELY_VISIBLE` is the same as another if its squared
-    distance to the other's columns is below `SAME_DISTANCE`; effects of one sign alone, as a delay
-    and an early clock, where signs agree.
-    """
-    out, visible, bases, one_sided = [], {}, {}, set()
-    for c in candidates:
-        name = c.identifiers[-1]
-        if name in visible or len(c.identifiers) > 1 or c.generic:
-            continue
-        X = np.concatenate([noise.whiten(c.columns[e.name]).reshape(-1, c.size) for e in flights])
-        visible[name] = X
-        if c.size == 1 and c.possible is not None:
-            one_sided.add(name)
-    sizes = {n: float(np.sqrt(np.max(np.sum(X**2, axis=0)))) for n, X in visible.items()}
-    for name in [n for n, size in sizes.items() if size < 3.0]:
-        no_trace = "at its usual size it leaves no trace in these flights"
-        out.append(Confusable((name,), no_trace, manoeuvre((name,))))
-        del visible[name]
-    for name, X in visible.items():
-        bases[name] = np.linalg.qr(X[:, np.linalg.norm(X, axis=0) > 1e-9])[0]
-    found: set[tuple[str, str]] = set()
-    for a, X in visible.items():
-        direction = X[:, np.argmax(np.sum(X**2, axis=0))]
-        direction = BARELY_VISIBLE * direction / np.linalg.norm(direction)
-        for b, Q in bases.items():
-            # No positive size of one is what a positive size of the other is.
-            if {a, b} <= one_sided and float(direction @ visible[b][:, 0]) < 0:
-                continue
-            if a != b and float(np.sum((direction - Q @ (Q.T @ direction)) ** 2)) < SAME_DISTANCE:
-                found.add((a, b) if a < b else (b, a))
-    collinear = "their traces in these flights are collinear"
-    return out + [Confusable(pair, collinear, manoeuvre(pair)) for pair in sorted(found)]
-
-
 def assess_identifiability(
-    train: Sequence[FlightResiduals],
-    held_out: Sequence[FlightResiduals],
-    candidates: Sequence[Candidate],
-    noise: NoiseModel,
+    train: Sequence[FlightResiduals], held_out: Sequence[FlightResiduals], noise: NoiseModel
 ) -> Identifiability:
-    """Return excitation, noise floor, unidentifiable effects and warnings of the logs."""
+    """Return excitation, noise floor and warnings of the logs."""
     warnings = [f"{e.name}: {note}" for e in [*train, *held_out] for note in e.log.notes]
     if train[0].log.input == "rotor_speed":
         warnings.append(
@@ -222,7 +174,6 @@ def assess_identifiability(
         usable=True,
         excitation=excitation(train),
         noise_floor={name: float(noise.rms[WRENCH][c]) for c, name in enumerate(CHANNELS)},
-        not_identifiable=tuple(_confusables(train, candidates, noise)),
         warnings=tuple(warnings),
     )
 
@@ -247,11 +198,8 @@ def tells_apart(a: str, b: str) -> str:
 def unexcited_diagnosis(
     flights: Sequence[FlightResiduals], held_out: Sequence[FlightResiduals]
 ) -> Diagnosis:
-    """Return the diagnosis of flights in which nothing moves: an empty verdict, nothing
-    identifiable.
-    """
+    """Return the diagnosis of flights in which nothing moves: an empty verdict."""
     noise = fit_noise([e.y for e in flights], flights[0].grid.step)
-    pairs = _confusables(flights, library_candidates(flights), noise)
     rows = {e.name: np.ones(len(e.t), bool) for e in held_out}
     warnings = ("nothing is excited: these logs cannot tell.",)
     size = pooled([e.y for e in held_out], noise)
@@ -262,7 +210,7 @@ def unexcited_diagnosis(
         held_out=tuple(e.name for e in held_out),
         verdict=(),
         causes=(),
-        identifiability=Identifiability(False, excitation(flights), {}, tuple(pairs), warnings),
+        identifiability=Identifiability(False, excitation(flights), {}, warnings),
         localisation=localise(held_out, {e.name: e.y for e in held_out}, noise, rows),
         gap_reduction=GapReduction(size, size),
         warnings=warnings,

@@ -127,6 +127,7 @@ class Cause:
         of the fit [1]; NaN for gusts, which have none there. Predicted residuals overlap, so that
         shares need not add up to one.
     effect: the fitted object.
+    changed: it acts in none of the flights from before what is asked.
     held_out_gain: share of the held-out gap above the noise that comes back without it [1];
         negative: flights contradict it.
     """
@@ -139,6 +140,7 @@ class Cause:
     share: float = float("nan")
     effect: Effect | None = None
     held_out_gain: float = float("nan")
+    changed: bool = False
 
 
 @dc.dataclass(frozen=True)
@@ -180,17 +182,8 @@ class Finding:
 
 
 @dc.dataclass(frozen=True)
-class Confusable:
-    """Effects that these logs cannot show or cannot tell apart, and the manoeuvre that would."""
-
-    effects: tuple[str, ...]
-    because: str
-    manoeuvre: str
-
-
-@dc.dataclass(frozen=True)
 class Identifiability:
-    """Whether the logs are usable, and which effects they cannot tell apart.
+    """Whether the logs are usable, and what they excite.
 
     excitation: by quantity, an RMS or span, with the unit in the key.
     """
@@ -198,7 +191,6 @@ class Identifiability:
     usable: bool
     excitation: dict[str, float]
     noise_floor: dict[str, float]  # by channel [N, N·m]
-    not_identifiable: tuple[Confusable, ...]
     warnings: tuple[str, ...] = ()
 
 
@@ -300,6 +292,9 @@ class Diagnosis:
     calibration: by what an unmeasured vehicle and its flights differ, largest first; empty: the
         file describes it.
     headline: the answer in one sentence (`report.answer.headline`).
+    before: flights from before what is asked; the verdict is then what changed since.
+    visible: by effect and parameter, the smallest change since then that would be named as often as
+        not [SI].
     nominal: vehicle that was judged, that of the file unless a guess in it gave way; None: read
         from a report.
     """
@@ -328,6 +323,8 @@ class Diagnosis:
     nominal: Vehicle | None = None
     calibration: tuple[Difference, ...] = ()
     headline: str = ""
+    before: tuple[str, ...] = ()
+    visible: dict[str, float] = dc.field(default_factory=dict)
 
     def __repr__(self) -> str:
         """Return vehicle and headline in a line."""
@@ -356,7 +353,8 @@ class Diagnosis:
         """
         identifiability, reduction = self.identifiability, self.gap_reduction
         replays = reduction.replay_before, reduction.replay_after
-        head = ("vehicle", "train", "held_out", "joined", "judged_as", "doubts", "verdict")
+        head = ["vehicle", "train", "held_out", "joined", "judged_as", "doubts", "verdict"]
+        head += ["before", "visible"] if self.before else []
         # The gap by kind and axis, the replay's medians, and its parts by regime.
         gap: dict[str, Any] = {"force": {}, "torque": {}}
         for channel in self.localisation.channels:
@@ -382,6 +380,7 @@ class Diagnosis:
                     {
                         "effect": c.identifier,
                         **_fields(c, "probability", "share", "held_out_gain"),
+                        **({"changed": c.changed} if self.before else {}),
                         "parameters": {name: dc.asdict(e) for name, e in c.parameters.items()},
                         "onset": c.onset,
                         "absent_from": [e for e, time in c.onset.items() if time == np.inf],
@@ -395,7 +394,6 @@ class Diagnosis:
                     "left": dc.asdict(reduction.left),
                     "replay": _both_replays(*replays),
                 },
-                "not_identifiable": [_fields(item) for item in identifiability.not_identifiable],
                 "minor": [_fields(finding) for finding in self.below_threshold],
                 "remains": [_fields(finding) for finding in self.unexplained],
                 "novel": [_fields(finding) for finding in self.new_on_held_out],

@@ -1,9 +1,11 @@
 """Parameter of an effect: its range, its usual size for a vehicle, and random sizes."""
 
 import dataclasses as dc
+from collections.abc import Mapping
 
 import numpy as np
 
+from np_drake.files.number_text import departure_unit, measure
 from np_drake.vehicle import Vehicle
 
 PAPER = Vehicle()  # of whose size the library's typical values are
@@ -31,6 +33,24 @@ class Parameter:
     choices: tuple[float, ...] = ()
     vanishes: bool = True
     departure: str = ""
+
+
+def departure(
+    p: Parameter, value: float, others: Mapping[str, float], *, shares: bool
+) -> tuple[str, str]:
+    """Return the unit of a parameter, and in words how far it departs from neutral by `value`.
+
+    others: values of the other parameters of its effect; shares: whether its factors are shares.
+    """
+    unit = "share" if p.unit == "1" and shares else p.unit
+    more, _, less = p.departure.partition("|")
+    factor, shown = departure_unit(unit)
+    size = measure(factor * abs(value), shown)
+    words = less if less and value < 0 else more
+    sign = "−" if value < 0 else "+"
+    return unit, words.format(
+        size=size, signed=f"{sign}{size}", **{n: f"{v:g}" for n, v in others.items()}
+    )
 
 
 def usual_size(parameter: Parameter, vehicle: Vehicle) -> float:

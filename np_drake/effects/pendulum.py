@@ -2,15 +2,12 @@
 
 import dataclasses as dc
 from collections.abc import Mapping
-from typing import NamedTuple
 
 import numpy as np
 
 from np_drake import attitude
 from np_drake.compiled import compiled
 from np_drake.rigid_body import Q, V, W
-
-_NOWHERE = np.empty((0, 3, 0))  # for positions that are not asked for
 
 
 @dc.dataclass(frozen=True)
@@ -97,54 +94,6 @@ def swing_many(
     return swings.pulls.transpose(0, 2, 1) / step**2
 
 
-class Path(NamedTuple):
-    """Motion of m pendulums over n steps, from the hook in W.
-
-    r: (n + 1, m, 3) at the ends of the steps [m].
-    r_rate: (m, 3) at the end of the last [m/s].
-    pull: (n, m, 3) on the hook per mass of the payload, in the middle of the steps [m/s²].
-    """
-
-    r: np.ndarray
-    r_rate: np.ndarray
-    pull: np.ndarray
-
-
-def path_many(
-    lengths: np.ndarray,
-    r: np.ndarray,
-    r_rate: np.ndarray,
-    a_hook: np.ndarray,
-    step: float,
-    gravity: float,
-    *,
-    damping: float | np.ndarray = 0.0,
-    v_hook: np.ndarray | None = None,
-) -> Path:
-    """Return positions and pulls of m pendulums, integrated as by `swing_many`.
-
-    The position at the end of a step is the mean of those in the middle of the steps around it:
-    second order too.
-
-    Args:
-        lengths: (m,) of the tethers [m].
-        r: (m, 3) p_ToPo_W at first [m].
-        r_rate: (m, 3) its rate [m/s].
-        a_hook: as of `swing_many` [m/s²].
-        step: [s].
-        gravity: [m/s²].
-        damping: one, or (m,) [1/s].
-        v_hook: like `a_hook`, in the middle of each step [m/s]; default: at rest.
-    """
-    now, move = _start(lengths, np.transpose(r), np.transpose(r_rate), step)
-    swings = _Swings(lengths, a_hook, step, gravity, damping, v_hook)
-    middle = np.empty_like(swings.pulls)
-    swings.run(now, move, slice(None), middle)
-    middle = np.concatenate([middle, now[None]]).transpose(0, 2, 1)
-    ends = np.concatenate([np.broadcast_to(r, middle[:1].shape), 0.5 * (middle[1:] + middle[:-1])])
-    return Path(ends, move.T / step, swings.pulls.transpose(0, 2, 1) / step**2)
-
-
 class _Swings:
     """What drives m pendulums over n steps, in the form that `leapfrog` takes, and `pulls` (n, 3,
     m) [m].
@@ -157,12 +106,8 @@ class _Swings:
         self._drift = _by_axis(step * (np.zeros((len(a_hook), 3)) if v_hook is None else v_hook))
         self.pulls = np.empty((len(a_hook), 3, len(self._limit)))
 
-    def run(
-        self, now: np.ndarray, move: np.ndarray, some: slice, at: np.ndarray = _NOWHERE
-    ) -> None:
-        """Take some of the steps; changes now and move (3, m) [m], fills their pulls and `at` (n,
-        3, m), if any.
-        """
+    def run(self, now: np.ndarray, move: np.ndarray, some: slice) -> None:
+        """Take some of the steps; changes now and move (3, m) [m], and fills their pulls."""
         leapfrog(
             self._limit,
             self._half,
@@ -171,7 +116,6 @@ class _Swings:
             self._kicks[some],
             self._drift[some],
             self.pulls[some],
-            at,
         )
 
 
@@ -217,7 +161,7 @@ def _jump(now, move, jump, step) -> None:
 
 
 @compiled
-def leapfrog(limit, half, now, move, kicks, drift, pulls, at):
+def leapfrog(limit, half, now, move, kicks, drift, pulls):
     """Write pull = (1 + d) mu now, the least mu >= 0 with |b - mu now|² <= limit = L², step by
     step.
 
@@ -233,7 +177,6 @@ def leapfrog(limit, half, now, move, kicks, drift, pulls, at):
         kicks: (n, 3, m or 1) by acceleration of the hook [m].
         drift: (n, 3, m or 1) by its velocity [m].
         pulls: (n, 3, m) to be written [m].
-        at: (n, 3, m) for the positions, or (0, 3, 0) [m].
     """
     for i in range(now.shape[1]):
         x, y, z = now[0, i], now[1, i], now[2, i]
@@ -242,8 +185,6 @@ def leapfrog(limit, half, now, move, kicks, drift, pulls, at):
         both, kept, more, share = 2 * half[i], 1 - half[i], 1 + half[i], 1 / (1 + half[i])
         square = x * x + y * y + z * z
         for k in range(len(kicks)):
-            if len(at):
-                at[k, 0, i], at[k, 1, i], at[k, 2, i] = x, y, z
             u = share * (kept * u + kicks[k, 0, own] - both * drift[k, 0, blown])
             v = share * (kept * v + kicks[k, 1, own] - both * drift[k, 1, blown])
             w = share * (kept * w + kicks[k, 2, own] - both * drift[k, 2, blown])

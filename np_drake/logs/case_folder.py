@@ -110,11 +110,8 @@ def _checked(log: FlightLog, path: Neighbour, least: float) -> str:
 
 
 SHORTEST = 3.0  # part of a flight that can be diagnosed [s]
-VEHICLE, TRAIN, HELD_OUT = (
-    "vehicle.yaml",
-    "train_",
-    "heldout",
-)  # file name, and starts of file names
+VEHICLE = "vehicle.yaml"
+TRAIN, HELD_OUT, BEFORE = "train_", "heldout", "before"  # starts of file names
 
 
 @dc.dataclass(frozen=True)
@@ -124,26 +121,28 @@ class CaseFiles:
     vehicle: None without a vehicle file.
     train: flights to fit.
     held_out: flights for evaluation.
+    before: flights from before what is asked.
     """
 
     vehicle: Path | None
     train: tuple[Path, ...]
     held_out: tuple[Path, ...]
+    before: tuple[Path, ...] = ()
 
-    def open(self, vehicle: Vehicle) -> tuple[list[FlightLog], list[FlightLog]]:
-        """Return the flights to fit and the held-out flights, in their parts between long gaps.
+    def open(self, vehicle: Vehicle) -> tuple[list[FlightLog], list[FlightLog], list[FlightLog]]:
+        """Return the flights to fit, the held-out flights and those before, in their parts between
+        long gaps.
 
         Args:
             vehicle: gives thrust and torque from rotor speed or throttle.
         Raises: LogError, OSError: one line, at the first file that is not usable.
         """
-        opened = with_vehicle(
-            [read_as_logged(path) for path in (*self.train, *self.held_out)], vehicle
+        groups = (self.train, self.held_out, self.before)
+        opened = iter(with_vehicle([read_as_logged(p) for own in groups for p in own], vehicle))
+        train, held_out, before = (
+            [part for _ in own for part in _parts(next(opened))] for own in groups
         )
-        train, held_out = opened[: len(self.train)], opened[len(self.train) :]
-        return [p for own in train for p in _parts(own)], [
-            p for own in held_out for p in _parts(own)
-        ]
+        return train, held_out, before
 
     def open_neighbours(
         self, given: Sequence[str], logs: Sequence[Sequence[FlightLog]]
@@ -186,16 +185,16 @@ def find_case(folder: str | Path, vehicle: Path | None = None) -> CaseFiles:
     flights = sorted(
         path for path in folder.iterdir() if path.name.endswith(SUFFIXES) and path.is_file()
     )
-    train, held_out = (
+    train, held_out, before = (
         tuple(path for path in flights if path.name.startswith(start))
-        for start in (TRAIN, HELD_OUT)
+        for start in (TRAIN, HELD_OUT, BEFORE)
     )
     for start, found in ((TRAIN, train), (HELD_OUT, held_out)):
         if not found:
             raise ValueError(
                 f"{folder}: a case folder must hold {start}*{{{', '.join(SUFFIXES)}}}; got none."
             )
-    return CaseFiles(vehicle or folder / VEHICLE, train, held_out)
+    return CaseFiles(vehicle or folder / VEHICLE, train, held_out, before)
 
 
 def open_case(folder: str | Path) -> tuple[Vehicle, list[FlightLog], list[FlightLog]]:
@@ -206,7 +205,8 @@ def open_case(folder: str | Path) -> tuple[Vehicle, list[FlightLog], list[Flight
     """
     files = find_case(folder)
     vehicle = load_vehicle(str(files.vehicle))
-    return vehicle, *files.open(vehicle)
+    train, held_out, _ = files.open(vehicle)
+    return vehicle, train, held_out
 
 
 def _parts(found: Opened) -> list[FlightLog]:

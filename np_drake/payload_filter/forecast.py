@@ -149,7 +149,7 @@ def _pulls(points, weight, x, hook, gravity, step, stride):
         move[0, i], move[1, i], move[2, i] = a, b, c
     pulls = np.empty((n * stride, 3, members))
     # Leapfrog of all members, the tether's length kept by projection at every step
-    leapfrog(limit, half, now, move, kicks, drift, pulls, np.empty((0, 3, 0)))
+    leapfrog(limit, half, now, move, kicks, drift, pulls)
     found = np.zeros((n, 3))
     for i in range(members):
         share = weight[i] * points[i, MASS] / (fine**2 * stride)

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from np_drake.diagnosis.decision.support import support_of
-from np_drake.diagnosis.decision.term_assessment import assess_term
+from np_drake.diagnosis.decision.term_assessment import assess_term, has_changed
 from np_drake.diagnosis.decision.unexplained import LinearModel
 from np_drake.diagnosis.fitting import Fit, interval
 from np_drake.diagnosis.forward_model import pendulum_error
@@ -63,6 +63,7 @@ def causes_of(
             others,
             found.size.gap,
             term.effect,
+            changed=has_changed(ranking, i),
         )
         if cause.probability >= options.thresholds.cause_probability:
             causes.append(cause)

@@ -18,7 +18,8 @@ from np_drake.diagnosis.fitting import Fit, Free, prior_whitening, read, scaled_
 from np_drake.diagnosis.forward_model import NEVER, STATE, Term, predicted_residual, with_dependants
 from np_drake.diagnosis.numerics import NoiseModel
 from np_drake.diagnosis.options import Options
-from np_drake.diagnosis.residuals import FlightResiduals
+from np_drake.diagnosis.residuals import FORCE, TORQUE, FlightResiduals
+from np_drake.diagnosis.selection import Ranking
 
 LENGTH = 1.5  # of a block [s]
 DEGREES = 8.0  # of freedom of the noise level of a block [1]
@@ -185,13 +186,17 @@ def support_of(
         training = [blocks[e.name] for e in flights]
         known = [b.of_others() for b in training]
         turns = sum(float(b.scores(known[:i]).sum()) for i, b in enumerate(training))
-        others = [b.scores([*known[:i], *known[i + 1 :]]) for i, b in enumerate(training)]
+        others = [
+            b.scores([*known[:i], *known[i + 1 :]])
+            for i, b in enumerate(training)
+            if not flights[i].earlier
+        ]
         judged = [blocks[e.name].scores(known) for e in held_out]
         return turns, np.concatenate(others), np.concatenate(judged or [np.zeros(0)])
 
     whole = linear_without(set())
     best, found = scores(whole), []
-    names = tuple(e.name for e in flights for _ in whole[e.name].values)
+    names = tuple(e.name for e in flights if not e.earlier for _ in whole[e.name].values)
     calibrated = {t.effect.identifier for t in fit.calibration}
     own = (*of_vehicle(flights[0], tolerance), *of_flight(flights[0], tolerance))
     calibrated |= {d.effect.identifier for d in own}
@@ -271,3 +276,37 @@ def _through_neutral(
             given = whole - predicted_residual(e, [t for k, t in enumerate(now) if k != i])
             J += (given - J @ distance)[..., None] * (distance / (distance @ distance))
     return J
+
+
+def visible_changes(ranking: Ranking) -> dict[str, float]:
+    """Return by effect and parameter the smallest change since earlier flights that would be named
+    as often as not [SI]: that of the rotor, say, which shows it least.
+
+    Its evidence then pays for its prior, the width of that, and what it must predict; and it is
+    material. Effects of one parameter alone; beside the best model.
+    Source: Laplace approximation of the evidence.
+    """
+    problem, options, found = ranking.problem, ranking.options, dict[str, float]()
+    earlier = {e.name for e in problem.flights if e.earlier}
+    later, least = [e for e in problem.flights if not e.earlier], options.materiality
+    command = np.concatenate(
+        [e.nominal[:, TORQUE] - e.nominal[:, TORQUE].mean(axis=0) for e in later]
+    )
+    own = next((m.members for m in ranking.models if m.members), ())
+    for k, c in enumerate(problem.candidates):
+        if set(c.onset) != earlier or c.size != 1 or c.generic:
+            continue
+        effect = c.terms(np.ones(1))[0].effect
+        (p,) = (p for p in effect.parameters if not p.choices)
+        others = [i for i in own if not {*problem.candidates[i].identifiers} & {*c.identifiers}]
+        (deviation,) = problem.deviations(k, others)
+        paid = LEAST - options.priors.of_effect(effect.identifier) + 0.5 * np.log1p(deviation**-2)
+        part = np.concatenate([c.columns[e.name][..., 0] for e in later])
+        force = np.linalg.norm(part[:, FORCE]) / (
+            np.sqrt(len(part)) * later[0].weight * least.force
+        )
+        torque = np.linalg.norm(part[:, TORQUE]) / (np.linalg.norm(command) * least.torque)
+        size = max(deviation * np.sqrt(2 * paid), 1.0 / max(force, torque, 1e-12))
+        name, unit = f"{effect.identifier}.{p.name}", abs(getattr(effect, p.name) - p.neutral)
+        found[name] = max(found.get(name, 0.0), float(unit * size))
+    return found

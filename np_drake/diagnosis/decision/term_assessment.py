@@ -98,7 +98,8 @@ def assess_term(
     brought = priors.generic - priors.of_effect(DRAG) if through_drag else 0.0
     in_model = named * float(special.expit(linear.margin(i, structure) + brought))
     unseen = [(e, held.terms[e.name]) for e in held.flights]
-    size = size_of(fit, i, flights, ranking.noise.rms, tolerance, unseen)
+    later = [e for e in flights if not e.earlier]
+    size = size_of(fit, i, later, ranking.noise.rms, tolerance, unseen)
     if through_drag:
         return TermAssessment(in_model, 1.0, size, "")
     material = 0.0
@@ -115,21 +116,35 @@ def assess_term(
         mounting = SPREAD.mounting if tolerance.unmeasured else tolerance.mounting
         error = materiality.sensor * float(np.hypot(tilt, mounting))
         material *= wind_share(fit, i, flights, materiality.still_air, error)
-        material *= beyond_spread(fit, i, flights[0], tolerance)
+        changed = has_changed(ranking, i)
+        material *= beyond_spread(fit, i, flights[0], tolerance, changed=changed)
     stands_for = impossible(fit, i, vehicle, greatest_height(flights))
     return TermAssessment(in_model, material, size, stands_for, support)
 
 
-def beyond_spread(fit: Fit, i: int, e: FlightResiduals, tolerance: Tolerance) -> float:
+def has_changed(ranking: Ranking, i: int) -> bool:
+    """Return whether term i of the best model is practically nothing in the flights from before
+    what is asked.
+    """
+    earlier = [e for e in ranking.problem.flights if e.earlier]
+    if not earlier:
+        return False
+    options, rms = ranking.options, ranking.noise.rms
+    size, least = size_of(ranking.best, i, earlier, rms, options.tolerance), options.materiality
+    return size.force < least.force and size.torque < least.torque
+
+
+def beyond_spread(
+    fit: Fit, i: int, e: FlightResiduals, tolerance: Tolerance, *, changed: bool = False
+) -> float:
     """Return the posterior probability that term i is larger than healthy vehicles differ by; 1
     where these do not.
     """
     effect = fit.terms[i].effect
     spread = dict[str, float]()
-    for d in (
-        *of_vehicle(e, tolerance),
-        *(of_flight(e, tolerance) if tolerance.unmeasured else []),
-    ):
+    # What changed since earlier flights is not what a vehicle differs by from its file.
+    vehicle = of_vehicle(e, tolerance) if not changed else ()
+    for d in (*vehicle, *(of_flight(e, tolerance) if tolerance.unmeasured else [])):
         # Those of one rotor are those of every rotor.
         if d.effect is type(effect) and not d.at_value and set(d.fixed.values()) <= {ROTORS[0]}:
             for name, deviation in d.deviation.items():

@@ -285,8 +285,10 @@ def switched(candidate: Candidate, flights: Sequence[FlightResiduals], onset: On
     Args:
         onset: onsets by flight [s].
     """
+    none = np.zeros(candidate.size)
     columns = {
-        e.name: candidate.columns[e.name] * e.begun(onset.get(e.name))[..., None] for e in flights
+        e.name: candidate.columns.get(e.name, none) * e.begun(onset.get(e.name))[..., None]
+        for e in flights
     }
 
     def terms(c: np.ndarray) -> list[Term]:

@@ -109,6 +109,15 @@ class RegressionProblem:
         )
         return (evidence + priors).tolist()
 
+    def deviations(self, member: int, beside: Sequence[int]) -> np.ndarray:
+        """Return the deviation (k,) of a candidate's coefficients as the flights alone tell them,
+        beside nuisance and some members.
+        """
+        index = np.concatenate([self.columns_of(i) for i in (*beside, member)]) - self._nuisance
+        XX = self._rest.XX[np.ix_(index, index)]
+        left = Gram(XX, np.zeros(len(XX))).given(len(XX) - self.candidates[member].size).XX
+        return np.sqrt(np.diag(np.linalg.pinv(left)))
+
     def _log_prior(self, members: Sequence[int]) -> float:
         chosen = [self.candidates[i] for i in members]
         effects = {name for c in chosen for name in c.identifiers}

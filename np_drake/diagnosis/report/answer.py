@@ -8,6 +8,7 @@ from np_drake.diagnosis.localisation import CANNOT_TELL, manoeuvre
 from np_drake.diagnosis.report.words import (
     bare_name,
     capital,
+    changed,
     estimate,
     flights,
     listed,
@@ -96,9 +97,17 @@ def headline(diagnosis: Diagnosis) -> str:
     reduction, judges = diagnosis.gap_reduction, _judges(diagnosis)
     left, sizes = reduction.left, sizes_left(reduction.left)
     unknown = UNKNOWN in diagnosis.verdict
+    causes = named_causes(diagnosis)
+    if diagnosis.before:
+        since = f"since the flight{'s' * (len(diagnosis.before) > 1)} before"
+        if not causes:
+            return f"Nothing changed {since} that these flights would show: {seen(diagnosis)} would"
+        named = listed([changed(c) for c in causes[:MOST_NAMED]])
+        return (
+            f"Changed {since}: {named}" + f"; {_explained(diagnosis, causes)}" * reduction.material
+        )
     if not reduction.material:
         return f"There is no material gap on {judges}"
-    causes = named_causes(diagnosis)
     if causes:
         text = capital(_explained(diagnosis, causes))
         told = f"probability that it is material {probability(left.probability)}"
@@ -117,6 +126,8 @@ def _explained(diagnosis: Diagnosis, causes: Sequence[Cause]) -> str:
     """
     names = [phrase(cause) for cause in causes[:MOST_NAMED]]
     rest = len(causes) - len(names)
+    if diagnosis.before:
+        names, rest = ["this"], 0
     names += [f"{rest} more"] * (rest > 0) + ["calibration"] * bool(diagnosis.calibration)
     one, share, judges = len(names) == 1, diagnosis.gap_reduction.fraction, _judges(diagnosis)
     if share < 0:
@@ -169,6 +180,8 @@ def lead(diagnosis: Diagnosis) -> str:
         least = min(cause.probability for cause in causes)
         one = f"probability {probability(least)}"
         said.append(one if len(causes) == 1 else f"each has a probability {of_at_least(least)}")
+        if diagnosis.before:
+            said.append(f"{seen(diagnosis)} would have been seen")
     elif causes:
         them = listed([bare_name(c.identifier) for c in causes])
         said.append(f"training names {them}, which these flights do not need")
@@ -187,6 +200,16 @@ def lead(diagnosis: Diagnosis) -> str:
             "a second answer, which knows halves of the held-out flights, differs: see below"
         )
     return capital("; ".join(said)) + "."
+
+
+def seen(diagnosis: Diagnosis) -> str:
+    """Return the smallest changes of a mass and a rotor that these flights would show."""
+    masses, rotors = (
+        [size for name, size in diagnosis.visible.items() if name.startswith(effect)]
+        for effect in ("mass_error", "weak_rotor")
+    )
+    sizes = [*(measure(v, "kg", 2) for v in masses), *(f"{percent(v)} of a rotor" for v in rotors)]
+    return f"at least {listed(sizes, 'or')}" if sizes else "larger ones"
 
 
 def named_causes(diagnosis: Diagnosis) -> list[Cause]:
@@ -263,15 +286,7 @@ def warnings(diagnosis: Diagnosis) -> list[str]:
 def next_steps(diagnosis: Diagnosis) -> list[str]:
     """Return what to do next, the most useful first."""
     if diagnosis.cannot_tell:
-        tried = [
-            item.manoeuvre for item in diagnosis.identifiability.not_identifiable if item.manoeuvre
-        ]
-        return [
-            (
-                f"Fly with more motion in every "
-                f"axis{f', such as: {tried[0]}' if tried else ''}. Diagnose again."
-            )
-        ]
+        return ["Fly with more motion in every axis, as np-drake fly multisine does."]
     causes = named_causes(diagnosis)
     out = [
         f"To check {name_of(c.identifier)}: {check}."

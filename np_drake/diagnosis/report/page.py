@@ -33,14 +33,6 @@ def content(diagnosis: Diagnosis, seed: int) -> dict[str, Any]:
         "difference_header": summary.DIFFERENCE_HEADER,
         "differences": summary.difference_rows(diagnosis),
         "next_steps": summary.next_steps(diagnosis),
-        "alike": [
-            (
-                words.listed([words.bare_name(e) for e in item.effects], "or"),
-                item.because,
-                item.manoeuvre,
-            )
-            for item in identifiability.not_identifiable
-        ],
         "replay": any(replays),
         "starts": next((gap.starts for gap in replays if gap), 0),
         "below_threshold": [

@@ -8,9 +8,11 @@ from collections.abc import Sequence
 from np_drake.diagnosis.result import UNKNOWN, Cause, Estimate, Finding
 from np_drake.effects.base import Effect
 from np_drake.effects.library import effect_of
+from np_drake.effects.parameter import departure
 from np_drake.files.number_text import (
     NBSP,
     NOTHING,
+    departure_unit,
     fixed,
     measure,
     number,
@@ -103,6 +105,20 @@ def phrase(cause: Cause) -> str:
     if set(parameters) == set("xyz") or "roll" in parameters:
         return f"{name} of {measure(math.hypot(*sizes), unit)}"
     return f"{name} of up to {measure(max(sizes, key=abs), unit)}"
+
+
+def changed(cause: Cause) -> str:
+    """Return what changed, with its 95 % interval where it is one number."""
+    effect = effect_of(cause.identifier)
+    free = [p for p in effect.parameters if not p.choices]
+    if cause.effect is None or len(free) != 1 or not free[0].departure:
+        return phrase(cause)
+    p, one = free[0], cause.parameters[free[0].name]
+    others = {n: v for n, v in cause.effect.values.items() if n != p.name}
+    unit, text = departure(p, one.value - p.neutral, others, shares=effect.shares)
+    factor, shown = departure_unit(unit)
+    low, high = (measure(factor * (end - p.neutral), shown) for end in one.ci95)
+    return f"{text} ({low} to {high})"
 
 
 def described(finding: Finding) -> str:

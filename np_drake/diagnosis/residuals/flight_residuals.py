@@ -38,7 +38,8 @@ class FlightResiduals:
     readings, not with the smoothed attitude. outliers (m,): outlier rows of the grid, which are
     interpolated; none until `find_outliers` has been applied. joined (m,): rows of a held-out
     flight that joined the fit (adaptive split). goes_on: the flight continues after these rows, so
-    that an effect absent here may begin later. calibrated (m, 15): what a calibration of the
+    that an effect absent here may begin later. earlier: the flight was before what is asked: an
+    effect that changed since then is absent from it. calibrated (m, 15): what a calibration of the
     vehicle gives, already taken from y; 0: nothing. fixed: effects of the file's calibration that
     act in every model, beyond those of the rotors. given (m, 6): their part of `nominal`, with all
     of its torque; 0: nothing [N, N·m]. torque_gain: share of torque, about each axis, that the
@@ -61,6 +62,7 @@ class FlightResiduals:
     outliers: np.ndarray
     joined: np.ndarray
     goes_on: bool = False
+    earlier: bool = False
     knows_torque: bool = True
     calibrated: np.ndarray | float = 0.0
     torque_gain: tuple[float, float, float] = (1.0, 1.0, 1.0)
@@ -528,28 +530,31 @@ def require_alike(who: str, logs: Sequence[FlightLog]) -> None:
         )
 
 
-def require_flights(train: Sequence[FlightLog], held_out: Sequence[FlightLog]) -> None:
-    """Check names and inputs of the flights, and that no held-out flight is a training flight.
+def require_flights(
+    train: Sequence[FlightLog], held_out: Sequence[FlightLog], before: Sequence[FlightLog] = ()
+) -> None:
+    """Check names and inputs of the flights, and that no held-out flight is a training flight, nor
+    one from before what is asked.
     Raises: ValueError: if the flights cannot be diagnosed together; one line with the remedy.
     """
     for name, logs in (("train", train), ("held_out", held_out)):
         if not logs:
             raise ValueError(f"diagnose: {name} must hold at least one flight; got none.")
-    require_alike("diagnose", [*train, *held_out])
-    seen = {log.name: _motion(log) for log in train}
-    for log in held_out:
-        own = _motion(log)
-        # More than half of the distinct rows are also in the training flight; a single row is no
-        # motion.
-        same = next(
-            (name for name, rows in seen.items() if 2 * len(own & rows) > len(own) > 1), None
-        )
-        if same is not None:
-            raise ValueError(
-                f"diagnose: {log.name} is the same flight as {same}, to which effects are "
-                f"fitted, and can judge none. "
-                "Give one that was flown apart."
+    require_alike("diagnose", [*train, *held_out, *before])
+    for known, others in ((train, held_out), (before, [*train, *held_out])):
+        seen = {log.name: _motion(log) for log in known}
+        for log in others:
+            own = _motion(log)
+            # More than half of the distinct rows are also in the known flight; a single row is no
+            # motion.
+            same = next(
+                (name for name, rows in seen.items() if 2 * len(own & rows) > len(own) > 1), None
             )
+            if same is not None:
+                raise ValueError(
+                    f"diagnose: {log.name} is the same flight as {same}, to which effects are "
+                    "fitted, and can judge none. Give one that was flown apart."
+                )
 
 
 def _motion(log: FlightLog) -> set[bytes]:

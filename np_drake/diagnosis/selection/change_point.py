@@ -143,7 +143,7 @@ class OnsetScan:
         self._options = problem.options
         # Either side of what begins is then as long as a flight that can be diagnosed.
         self._edge = LEAST_DURATION if problem.options.tolerance.unmeasured else EDGE
-        self._go_on = {e.name for e in problem.flights if e.goes_on}
+        self._go_on = {e.name for e in problem.flights if e.goes_on or e.earlier}
         self._flights: dict[str, SwitchedRegressors] = {}
         for e in problem.flights:
             columns = [c.columns[e.name] for c in chosen] or [np.zeros((*e.y.shape, 0))]
@@ -341,21 +341,25 @@ def late_payloads(problem: RegressionProblem, late: list[Candidate]) -> list[Can
 
 
 def new_conditions(problem: RegressionProblem) -> list[Candidate]:
-    """Return the effects that may begin, each absent from all training flights; none where no half
-    has joined.
+    """Return the effects that may begin, each absent from some flights: from all training flights,
+    where halves have joined them, and from those before what is asked.
 
-    The air is always there: a new wind comes with a drag that acts in all flights.
+    The air is always there: a new wind comes with a drag that acts in all flights. A change since
+    earlier flights is what is asked, and costs no prior.
     """
-    flights = problem.flights
-    lacking: dict[str, float | None] = {e.name: NEVER for e in flights if not e.goes_on}
-    if not lacking or len(lacking) == len(flights):
-        return []
+    found, flights = list[Candidate](), problem.flights
     plain = [
         c for c in problem.candidates if not (c.onset or c.generic) and len(c.identifiers) == 1
     ]
     effects = [LIBRARY.get(c.identifiers[0]) for c in plain]
     begin = [bool(f and f.begins and not f.has_hidden_state) for f in effects]
-    found = [switched(c, flights, lacking) for c, yes in zip(plain, begin, strict=True) if yes]
-    found += wind_candidates(flights, [c for c in plain if c.identifiers == (DRAG,)], lacking)
-    prior = problem.options.priors.onset * len(lacking)
-    return [dc.replace(c, onset_prior=prior) for c in found]
+    earlier = [e.name for e in flights if e.earlier]
+    for names in ([e.name for e in flights if not e.goes_on], earlier):
+        if not names or len(names) == len(flights):
+            continue
+        lacking: dict[str, float | None] = dict.fromkeys(names, NEVER)
+        late = [switched(c, flights, lacking) for c, yes in zip(plain, begin, strict=True) if yes]
+        late += wind_candidates(flights, [c for c in plain if c.identifiers == (DRAG,)], lacking)
+        prior = problem.options.priors.onset * len(lacking) if names != earlier else 0.0
+        found += [dc.replace(c, onset_prior=prior) for c in late]
+    return found

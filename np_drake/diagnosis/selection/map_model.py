@@ -11,6 +11,7 @@ import numpy as np
 
 from np_drake.diagnosis.calibration import calibrated_alone, nuisance_of
 from np_drake.diagnosis.fitting import Fit, first_fit, refit
+from np_drake.diagnosis.forward_model import NEVER
 from np_drake.diagnosis.numerics import NoiseModel, fit_noise, no_worse, scale_only, with_loudness
 from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.regressors import (
@@ -21,6 +22,7 @@ from np_drake.diagnosis.regressors import (
     hidden_from,
     library_candidates,
     options_of,
+    switched,
     wind_candidates,
     with_input,
 )
@@ -80,10 +82,12 @@ def condition(
         white,
         scale_only(no_worse(residual, channels), step),
     )  # a light payload shows in the second alone
-    search = PayloadSearch(flights, options)
+    search = PayloadSearch([e for e in flights if not e.earlier], options)
     tried = () if PAYLOAD in hidden_from(flights) else weights
     followed = next(filter(None, (search.followed(n, nuisance, others) for n in tried)), [])
     payloads = [candidate for _, candidate in followed]
+    if earlier := dict[str, float | None]((e.name, NEVER) for e in flights if e.earlier):
+        payloads = [switched(c, flights, earlier) for c in payloads]
 
     # 3. Noise. A swing that is not fitted yet is a resonance of the noise, which would hide it:
     # white weights do not.

@@ -74,7 +74,7 @@ def probabilities(
     scored = sorted((score_of(f, priors), k) for k, f in enumerate(fits))
     refined = {names_of_fit(fits[k]): score for score, k in scored}
     linear = {names_of(problem, m): m.score for m in _distinct(problem, models)[:200]}
-    shift = scored[-1][0] - max(linear[n] for n in refined if n in linear)
+    shift = scored[-1][0] - max((linear[n] for n in refined if n in linear), default=scored[-1][0])
     scores = {n: s + min(shift, 0.0) for n, s in linear.items()} | refined
     top = max(scores.values())
     weight = {n: np.exp(s - top) for n, s in scores.items()}

@@ -9,7 +9,6 @@ from np_drake.effects.pendulum import (
     hanging,
     hook_acceleration,
     hook_velocity,
-    path_many,
     swing,
     swing_many,
     tether_force,
@@ -120,23 +119,6 @@ def test_in_steady_flight_the_payload_hangs_back_by_drag_over_weight():
     np.testing.assert_allclose(
         tether_force(payload, *start, np.zeros(3), GRAVITY, v), expected, atol=1e-12
     )
-
-
-@settings(max_examples=20, deadline=None)
-@given(st.integers(0, 10**6))
-def test_a_path_is_that_of_the_pulls_in_parts_as_at_once(seed):
-    lengths, r, r_rate, a = some_pendulums(seed)
-    r, r_rate = hanging(r[:, :2], r_rate[:, :2], lengths)
-    a = 0.5 * a  # taut: a snap within a step is felt in one of the two
-    how = {"damping": 0.3, "v_hook": np.cumsum(0.004 * a, axis=0)}
-    ends, rate, pull = path_many(lengths, r, r_rate, a, 0.004, GRAVITY, **how)
-    np.testing.assert_array_equal(pull, swing_many(lengths, r, r_rate, a, 0.004, GRAVITY, **how))
-    np.testing.assert_array_equal(ends[0], r)
-    assert (np.linalg.norm(ends, axis=2) <= lengths * (1 + 1e-9)).all()
-    v = how["v_hook"]
-    half = path_many(lengths, r, r_rate, a[:100], 0.004, GRAVITY, damping=0.3, v_hook=v[:100])
-    np.testing.assert_array_equal(half.r[:-1], ends[:100])
-    assert rate.shape == (5, 3)
 
 
 def test_the_hook_of_a_turning_body_moves_across_its_arm():

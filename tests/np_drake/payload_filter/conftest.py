@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from np_drake import attitude
-from np_drake.effects.pendulum import path_many
+from np_drake.effects.pendulum import swing_many
 from np_drake.payload_filter.model_file import PayloadFilterModel
 from np_drake.residual_model import Sample
 from np_drake.vehicle import Vehicle
@@ -67,13 +67,15 @@ def _flown(
     a = np.gradient(v, fine, axis=0, edge_order=2)
     start = length * np.array([[np.sin(swing), 0.0, -np.cos(swing)]])
     middle = 0.5 * (a[1:] + a[:-1])
-    path = path_many(np.array([length]), start, np.zeros((1, 3)), middle, STEP / FINE, G)
-    specific = np.concatenate(
-        [path.pull[:1, 0], 0.5 * (path.pull[1:, 0] + path.pull[:-1, 0]), path.pull[-1:, 0]]
-    )
+    step = STEP / FINE
+    held = swing_many(np.array([length]), start, np.zeros((1, 3)), middle, step, G)[:, 0]
+    specific = np.concatenate([held[:1], 0.5 * (held[1:] + held[:-1]), held[-1:]])
+    turned = np.cumsum(-step * (held + middle + [0.0, 0.0, G]), axis=0)  # of hook to payload
+    swung = step * (np.vstack([np.zeros(3), turned[:-1]]) + turned) / 2
+    path = start + np.vstack([np.zeros(3), np.cumsum(swung, axis=0)])
     at = slice(None, None, FINE)
     masses = np.broadcast_to(np.asarray(mass, float), n)
-    pull, r = masses[:, None] * specific[at], path.r[at, 0]
+    pull, r = masses[:, None] * specific[at], path[at]
     v, a, p = v[at], a[at], p[at]
     lift = (MASS * (a + [0.0, 0.0, G]) - pull + drag * MASS * v) / (1.0 + thrust_error)
     f = np.linalg.norm(lift, axis=1)

@@ -5,8 +5,7 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.localisation import _confusables, excitation, excited, localise
-from np_drake.diagnosis.regressors import library_candidates
+from np_drake.diagnosis.localisation import excitation, excited, localise
 from np_drake.diagnosis.result import CHANNELS, ChannelGap, gap_kinds
 
 
@@ -39,19 +38,6 @@ def test_excitation_is_that_of_the_flight(seen):
 def test_a_hovering_flight_excites_nothing_and_a_moving_one_something(seen, noise_of_the_log):
     assert not excited(excitation([seen(vigour=0.0, noise=noise_of_the_log)]))
     assert excited(excitation([seen(noise=noise_of_the_log)]))
-
-
-@pytest.fixture(scope="module")
-def flights(seen):
-    return [seen(name=n, seed=i, noise=1.0) for i, n in enumerate("ab")]
-
-
-def test_lively_flight_makes_delay_and_lag_collinear_but_not_a_clock(flights, noise):
-    found = [c.effects for c in _confusables(flights, library_candidates(flights), noise)]
-    assert ("command_delay", "motor_lag") in found
-    assert not {("clock_offset", "command_delay"), ("clock_offset", "motor_lag")} & {*found}
-    assert ("gyro_bias", "linear_drag") not in found
-    assert ("mass_error", "thrust_scale") not in found
 
 
 NOISE = (0.05, 0.05, 0.08, 0.004, 0.004, 0.002)  # [N, N·m]

@@ -47,9 +47,7 @@ def small() -> an.Diagnosis:
         ),
         times={"heldout": np.arange(5.0)},
     )
-    check = an.Identifiability(
-        True, {"speed [m/s]": 1.0}, {"force x": 0.1}, (an.Confusable(("a", "b"), "alike", "roll"),)
-    )
+    check = an.Identifiability(True, {"speed [m/s]": 1.0}, {"force x": 0.1})
     gap_reduction = an.GapReduction(5.0, 1.1, replay_before=GAP)
     return an.Diagnosis(
         "mine", ("train_1",), ("heldout",), ("mass_error",), (cause,), check, where, gap_reduction

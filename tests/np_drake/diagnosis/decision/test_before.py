@@ -1,0 +1,77 @@
+"""Laws of what changed since flights before."""
+
+import dataclasses as dc
+from functools import cache
+
+import pytest
+
+from np_drake.diagnosis.diagnose import diagnose
+from np_drake.diagnosis.options import Tolerance
+from np_drake.effects.linear_drag import LinearDrag
+from np_drake.effects.mass_error import MassError
+from np_drake.effects.suspended_payload import SuspendedPayload
+from np_drake.effects.weak_rotor import WeakRotor
+from np_drake.vehicle import Vehicle
+
+UNMEASURED = Vehicle(command_timing="unknown")
+OWN = (LinearDrag(0.3, 0.3, 0.2), WeakRotor(2.0, 0.96))  # there before, and not in the file
+
+pytestmark = pytest.mark.usefixtures("quick_searches")
+
+
+@pytest.fixture(scope="module")
+def since(fly):
+    """Return a function that gives what changed by some effects since two flights; cached."""
+
+    @cache
+    def answer(*changes):
+        def flown(*effects, name, seed):
+            own = {"noise": 1.0, "seconds": 10.0, "vehicle": UNMEASURED}
+            return fly(*OWN, *effects, name=name, seed=seed, **own)
+
+        before = [flown(name=f"before {i}", seed=i) for i in (1, 2)]
+        after = [flown(*changes, name=f"after {i}", seed=i) for i in (3, 4, 5)]
+        how = {"before": before, "tolerance": Tolerance(), "adaptive_split": False}
+        return diagnose(UNMEASURED, after[:2], after[2:], **how)
+
+    return answer
+
+
+def test_what_was_there_before_has_not_changed(since):
+    found = since()
+    assert found.verdict == ()
+    assert not any(cause.changed for cause in found.causes)
+    assert found.before == ("before 1", "before 2")
+    assert found.headline.startswith("Nothing changed since the flights before that these flights")
+    assert "of a rotor would" in found.headline
+
+
+@pytest.mark.parametrize(
+    "change, parameter, says",
+    [
+        (MassError(0.12), "delta_mass", "mass +120 g"),
+        (WeakRotor(4.0, 0.85), "efficiency", "rotor 4: thrust −15 %"),
+        (SuspendedPayload(0.1, length=0.8), "mass", "a 100 g payload on 0.798 m"),
+    ],
+)
+def test_what_changed_is_named_with_its_size(since, change, parameter, says):
+    found = since(change)
+    assert found.verdict == (change.identifier,)
+    (cause,) = (c for c in found.causes if c.changed)
+    low, high = cause.parameters[parameter].ci95
+    assert low < getattr(change, parameter) < high
+    headline = found.headline.replace("\xa0", " ")
+    assert headline.startswith(f"Changed since the flights before: {says}")
+    assert all(name.startswith("after") for name in cause.onset)
+
+
+def test_a_change_beyond_the_smallest_visible_is_named(since):
+    least = since().visible["mass_error.delta_mass"]
+    assert since(MassError(2.0 * least)).verdict == ("mass_error",)
+    assert since(MassError(0.3 * least)).verdict == ()
+
+
+def test_a_flight_before_that_is_one_of_those_after_is_refused(fly):
+    a, b = fly(name="a", seconds=5.0), fly(name="b", seed=1, seconds=5.0)
+    with pytest.raises(ValueError, match="c is the same flight as d"):
+        diagnose(Vehicle(), [a], [dc.replace(b, name="c")], before=[dc.replace(b, name="d")])
