@@ -106,6 +106,7 @@ class Case:
         wind counts.
     speed: of the wind in the flight that judges [m/s].
     second: the second answer is asked for, what the held-out flight shows and the others do not.
+    before: flights of the vehicle before, since which the change is asked for.
     """
 
     group: str
@@ -115,6 +116,7 @@ class Case:
     still: tuple[Path, ...] = ()
     speed: float = 0.0
     second: bool = False
+    before: tuple[Path, ...] = ()
 
     @property
     def folder(self) -> Path:
@@ -265,14 +267,21 @@ class Campaign:
     height: tuple[float, float] | None = None
     of_neurobem: bool = False
     beside: Mapping[str, str] = dc.field(default_factory=dict)
+    before: Sequence[str] = ()
 
-    def files(self, real: Path, neurobem: Path | None = None) -> list[Path]:
-        """Return the logs that lie there, of any height, by name; hidden ones apart.
+    def files(
+        self, real: Path, neurobem: Path | None = None, *, before: bool = False
+    ) -> list[Path]:
+        """Return the logs that lie there, or those of before, of any height, by name; hidden ones
+        apart.
 
         neurobem: folder of NeuroBEM; None: there is none.
         """
-        root = neurobem if self.of_neurobem else real
-        found = {path for pattern in self.patterns for path in root.glob(pattern)} if root else ()
+        root, patterns = (
+            neurobem if self.of_neurobem else real,
+            self.before if before else self.patterns,
+        )
+        found = {path for pattern in patterns for path in root.glob(pattern)} if root else ()
         seen = (path for path in found if path.is_file() and not path.name.startswith("."))
         return sorted(seen, key=lambda path: (path.name, path))
 
@@ -356,7 +365,12 @@ def make_cases(
             files = [path for path in files if low <= exceeded_height(path) <= high]
         found = list(campaign.rule(campaign.group, files))
         picked = np.linspace(0, len(found) - 1, min(campaign.most, len(found))).round()
-        cases += [found[int(i)] for i in picked]  # evenly from the first to the last
+        earlier = campaign.files(folder, before=True)
+        for k, i in enumerate(picked.astype(int).tolist()):  # evenly from the first to the last
+            case = found[i]
+            unused = [path for path in earlier if path not in (*case.train, case.held_out)]
+            two = dict.fromkeys((unused * 3)[k % max(len(unused), 1) :][:2])  # in a circle
+            cases.append(dc.replace(case, before=tuple(two)))
     if not cases:
         places = dict.fromkeys(pattern for campaign in wanted for pattern in campaign.patterns)
         raise ValueError(

@@ -34,7 +34,6 @@ from np_drake.logs.importing.signals import Signal
 from np_drake.vehicle import Vehicle
 
 THIS, BIC = "this", "BIC"  # the diagnosis; forward selection by least squares
-AXES = {"lateral": "xy", "vertical": "z", "torque": "xyz"}  # of the held-out residual
 STEP = 0.02  # between the instants at which a force is averaged [s]
 PROBABILITIES = (0.0, 0.3, 0.5, 0.7, 0.9, 0.97, 1.0001)  # edges of bins [1]
 TOP = 5  # names that are shown of a method
@@ -146,7 +145,14 @@ def score_case(
     }
     if answers is None:
         flown = DrakeReplay(vehicle) if replay else None
-        diagnosis = diagnose(vehicle, train, held_out, flown, adaptive_split=case.second)
+        diagnosis = diagnose(
+            vehicle,
+            train,
+            held_out,
+            flown,
+            adaptive_split=case.second,
+            before=[log for path in case.before for log in campaign.open_flights(path)],
+        )
         found["answer"] = diagnosis.as_json()
     answer = read_answer(answers, case) if answers else found["answer"]
     methods = {} if answer is None else {THIS: scored(answer, truth, fitted)}
@@ -176,7 +182,7 @@ def scored(answer: Mapping[str, Any], truth: Truth, fitted: Iterable[str] = ()) 
     def absent(cause: Mapping[str, Any]) -> bool:
         return bool(fit) and fit <= set(cause.get("absent_from") or ())
 
-    own = [cause for cause in answer["causes"] if not absent(cause)]
+    own = [c for c in answer["causes"] if not absent(c) and c.get("changed", True)]
     new = (cause["effect"] for cause in (*answer["causes"], *second) if absent(cause))
     unknown = float(answer.get("unknown_probability") or 0.0)
     causes = {cause["effect"]: float(cause["probability"]) for cause in own}
@@ -190,7 +196,6 @@ def scored(answer: Mapping[str, Any], truth: Truth, fitted: Iterable[str] = ()) 
         **verdict(causes, truth, [cause["effect"] for cause in begun]),
         "parameters": {cause["effect"]: cause.get("parameters", {}) for cause in own},
         "unknown": unknown,
-        "cut": held_out_cut(answer.get("gap") or {}),
         "fraction": (shrink.get("residual") or {}).get("fraction"),
         "replay": shrink.get("replay"),
         # A wind that it, or its second answer, finds in held-out flights alone.
@@ -211,24 +216,14 @@ def verdict(causes: Mapping[str, float], truth: Truth, late: Sequence[str] = ())
     }
 
 
-def held_out_cut(gap: Mapping[str, Any]) -> dict[str, float | None]:
-    """Return by how much the causes reduce the RMS of the held-out residual, by group of channels
-    [1].
-    """
-    cut: dict[str, float | None] = {}
-    for group, axes in AXES.items():
-        kind = gap.get("torque" if group == "torque" else "force") or {}
-        before, after = (
-            math.sqrt(sum((kind.get(axis, {}).get(key) or 0.0) ** 2 for axis in axes))
-            for key in ("rms", "after")
-        )
-        cut[group] = 1 - after / before if before > 0 else None
-    return cut
-
-
 # All cases, by method
 
-HEALTHY = [c.group for c in real.CAMPAIGNS if c.truth.healthy]
+HEALTHY, CALM = (
+    [c.group for c in real.CAMPAIGNS if c.truth.healthy and bool(c.before) is since]
+    for since in (False, True)
+)
+SINCE = [c.group for c in real.CAMPAIGNS if c.before and not c.truth.healthy]
+OWN = [c.group for c in real.CAMPAIGNS if not c.before]
 PAYLOADS = ["payload", "crazyswarm2-payload"]
 COMMANDED = ["payload-command"]  # the payload flights of another group once more
 GROUNDS = ["swarm-ground-small", "swarm-ground-large"]
@@ -253,12 +248,15 @@ ASKED = (
     ("new wind: said so", "all", ["new-wind"], "new", "count"),
     ("new wind: cases with a false name", "0", ["new-wind"], "false", "count"),
     ("ground effect: named, of the right size", "≥ 80 %", GROUNDS, "ground", "count"),
-    ("all: named, and held out worse", "0", real.GROUPS, "worse", "count"),
-    ("known cause: right", f"more than {BIC}", real.GROUPS[:-1], "right", "count"),
-    (f"all: wrong names, p > {SURE:g}", "0", real.GROUPS, "sure", "sum"),
-    ("all: calibration error of names", "", real.GROUPS, "judged", "calibration"),
-    ("seconds a case, median", "", real.GROUPS, "seconds", "seconds"),
-    ("seconds a case, most", "", real.GROUPS, "seconds", "most"),
+    ("since before: what changed named, nothing else", "≥ 90 %", SINCE, "right", "count"),
+    ("since before: sizes in their interval", "88 to 98 %", SINCE, "covered", "count"),
+    ("since before, healthy: cases with a name", "≤ 5 %", CALM, "false", "count"),
+    ("all: named, and held out worse", "0", OWN, "worse", "count"),
+    ("known cause: right", f"more than {BIC}", OWN[:-1], "right", "count"),
+    (f"all: wrong names, p > {SURE:g}", "0", OWN, "sure", "sum"),
+    ("all: calibration error of names", "", OWN, "judged", "calibration"),
+    ("seconds a case, median", "", OWN, "seconds", "seconds"),
+    ("seconds a case, most", "", OWN, "seconds", "most"),
 )
 
 
@@ -453,10 +451,14 @@ def run(run: Run, options: Options) -> Report:
             f"--answers: {given} must hold <group>/<case>/{ANSWER_FILE}, as {lost[0]}; got none."
         )
     for case in cases:  # before the long work
-        for path in (*case.train, case.held_out, *case.still):
+        for path in (*case.train, case.held_out, *case.still, *case.before):
             campaign_of(case.group).open_flights(path)
-    config: dict[str, Any] = {"folder": folder, "neurobem": options.neurobem, "only": options.only}
-    config |= {"replay": True} if options.replay else {}
+    config: dict[str, Any] = {
+        "folder": folder,
+        "neurobem": options.neurobem,
+        "only": options.only,
+        "replay": options.replay,
+    }
     if given is not None:  # their content, so that others are not taken for them
         files = sorted(given.rglob(ANSWER_FILE))
         config["answers"] = joblib.hash(
@@ -470,8 +472,9 @@ def run(run: Run, options: Options) -> Report:
         replay=options.replay,
     )
     listed = [{"group": case.group, "name": case.name} for case in cases]
-    title = "diagnosing" if given is None else "scoring"
-    finished = run.cases(title, "cases", work, listed, config=config)
+    finished = run.cases(
+        "diagnosing" if given is None else "scoring", "cases", work, listed, config=config
+    )
     failed, records = failures(finished), [dict(r["result"]) for r in finished if "result" in r]
     folders = {(case.group, case.name): case.folder for case in cases}
     made = {folders[r["group"], r["case"]]: r.pop("answer") for r in records if "answer" in r}

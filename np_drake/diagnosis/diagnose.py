@@ -101,8 +101,8 @@ def diagnose(
             default: that of the options. A force is in proportion to it.
         neighbours: by name of a flight, logs of vehicles that flew beside it, on clocks that agree
             and in one frame: their downwash is then tried as a cause.
-        before: flights of the same vehicle from before what is asked. They tell the vehicle, and
-            what acts in none of them has changed since.
+        before: flights of the same vehicle from before what is asked, when it was as the file says.
+            They tell the vehicle, and what acts in none of them has changed since.
         on_progress: called with the share done [1] and the name of the step.
     Raises: ValueError: if the logs cannot be used, or both tolerance and options are given; one
         line with the remedy.
@@ -123,8 +123,14 @@ def diagnose(
     if neighbours:
         alike = with_neighbours(alike, neighbours, vehicle.rotor_radius)
     (train, short), (held_out, brief) = map(long_enough, (alike[: len(train)], alike[len(train) :]))
-    train, held_out = with_throttle_map(vehicle, train, held_out)
-    file, (vehicle, train, held_out) = vehicle, with_hover_thrust(vehicle, train, held_out)
+    # The file describes the vehicle as it was before, where that is given: it carries its weight
+    # there.
+    was = [log for log in before if log.name in [own.name for own in train]] or train
+    file, every = vehicle, [*train, *held_out][len(was) :]
+    vehicle, was, every = with_hover_thrust(
+        vehicle, *with_throttle_map(vehicle, train[: len(was)], every)
+    )
+    train, held_out = [*was, *every][: len(train)], [*was, *every][len(train) :]
     if vehicle is not file:
         replay = getattr(replay, "of_vehicle", lambda _: replay)(vehicle)
     tell(0.0, "residuals")

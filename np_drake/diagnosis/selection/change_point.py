@@ -358,7 +358,12 @@ def new_conditions(problem: RegressionProblem) -> list[Candidate]:
         if not names or len(names) == len(flights):
             continue
         lacking: dict[str, float | None] = dict.fromkeys(names, NEVER)
-        late = [switched(c, flights, lacking) for c, yes in zip(plain, begin, strict=True) if yes]
+        late = [
+            switched(c, flights, lacking)
+            for c, yes in zip(plain, begin, strict=True)
+            # Clocks, sensors and the share of torque that acts are of each flight anew.
+            if yes and not (names == earlier and c.calibrated and c.identifiers not in WEIGHTS)
+        ]
         late += wind_candidates(flights, [c for c in plain if c.identifiers == (DRAG,)], lacking)
         prior = problem.options.priors.onset * len(lacking) if names != earlier else 0.0
         found += [dc.replace(c, onset_prior=prior) for c in late]

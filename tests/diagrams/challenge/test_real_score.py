@@ -42,7 +42,13 @@ def test_names_are_judged_and_only_what_is_scored_must_be_there():
     dut = scored(said, campaign_of("payload").truth)
     assert (dut["wrong"], dut["right"]) == (["constant_wind"], False)
     assert (dut["fraction"], dut["seconds"], dut["unknown"]) == (None, None, 0.0)
-    assert dut["cut"] == {"lateral": None, "vertical": None, "torque": None}
+
+
+def test_since_flights_before_only_what_changed_counts():
+    said = [{**cause("weak_rotor", 0.9), "changed": False}]
+    said.append({**cause("suspended_payload", 0.95), "changed": True})
+    dut = scored({"causes": said}, campaign_of("payload-since").truth)
+    assert (dut["right"], list(dut["causes"])) == (True, ["suspended_payload"])
 
 
 def test_a_wind_of_the_held_out_flight_alone_is_said_and_not_wrong():
@@ -179,7 +185,7 @@ def test_bad_input_is_one_line(bare, capfd, tmp_path, monkeypatch):
 def test_what_the_diagnosis_says_is_scored_again_from_its_files(bare, tmp_path, monkeypatch):
     monkeypatch.delenv("NP_DRAKE_NEUROBEM", raising=False)
     out, first, again = tmp_path / "out", tmp_path / "first.json", tmp_path / "again.json"
-    study = ["reproduce", "real", str(bare), "--jobs", "1"]
+    study = ["reproduce", "real", str(bare), "--only", "bare", "--jobs", "1"]
     assert run([*study, "--out", str(out), "--json", str(first)]) == 0
     assert run([*study, "--answers", str(out / "answers"), "--json", str(again)]) == 0
     before, after = (json.loads(file.read_text())["table"] for file in (first, again))

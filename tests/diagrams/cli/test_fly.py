@@ -172,17 +172,8 @@ def test_the_answer_of_a_comparison_is_one_sentence_from_the_values(compared):
 def test_a_controller_that_fails_leaves_the_others_to_compare(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     Path("bad.py").write_text(FAILS)
-    words = [
-        "--controller",
-        "cascade",
-        "--controller",
-        "bad:Fails",
-        "--duration",
-        "0.2",
-        "--out",
-        "o",
-    ]
-    assert run(["fly", "hover", *words]) == 1
+    words = "fly hover --controller cascade --controller bad:Fails --duration 0.2 --out o"
+    assert run(words.split()) == 1
     said = capsys.readouterr()
     assert "Fails failed at 0.00 s: AttributeError" in said.err.splitlines()[-1]
     assert "cascade" in said.out
