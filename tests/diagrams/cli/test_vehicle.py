@@ -8,7 +8,18 @@ from diagrams.cli.main import run
 from np_drake.vehicle.text import save_vehicle
 from np_drake.vehicle.vehicle import load_vehicle
 
-MEASURES = "--mass 20 --wheelbase 1.4 --propeller 0.72 --hover-throttle 0.5 --order px4".split()
+MEASURES = [
+    "--mass",
+    "20",
+    "--wheelbase",
+    "1.4",
+    "--propeller",
+    "0.72",
+    "--hover-throttle",
+    "0.5",
+    "--order",
+    "px4",
+]
 
 
 def test_new_writes_a_file_that_every_verb_takes(tmp_path, capsys):

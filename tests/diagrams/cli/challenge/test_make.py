@@ -55,7 +55,7 @@ def test_unseen_kinds_are_flown_alone_where_they_are_asked_for(tmp_path, in_this
         str(tmp_path / "truth"),
     ]
     metrics = tmp_path / "make.json"
-    small = "--unseen --cases 2 --clean 0 --seconds 5 --seed 3 --json".split()
+    small = ["--unseen", "--cases", "2", "--clean", "0", "--seconds", "5", "--seed", "3", "--json"]
     assert run([*arguments, *small, str(metrics)]) == 0
     truths = [json.loads(path.read_text()) for path in (tmp_path / "truth").glob("*/truth.json")]
     assert [truth["kind"] for truth in truths] == ["foreign", "foreign"]
