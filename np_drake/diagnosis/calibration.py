@@ -435,7 +435,7 @@ def differences(
     if not tolerance.unmeasured:
         return tuple(found)
     *errors, body, _ = fit.linear
-    found += _of_parameters(body, of_vehicle(flights[0], tolerance), flights[0].torque_gain)
+    found += _of_parameters(body, of_vehicle(flights[0], tolerance))
     # What flights differ by, each parameter with its value in every flight and the words of the
     # largest.
     parts = dict(zip((e.name for e in flights), errors, strict=True))
@@ -459,9 +459,7 @@ def _throttle_map(name: str, nominal: float, curve: float, sigma: float) -> Diff
     return Difference(name, text, away, "1", spread, (away - half, away + half))
 
 
-def _of_parameters(
-    part: LinearPart, deviations: Sequence[Deviation], share: Sequence[float] = ()
-) -> list[Difference]:
+def _of_parameters(part: LinearPart, deviations: Sequence[Deviation]) -> list[Difference]:
     """Return the parameters of deviations; the lags of rotors, which each act by a share, as
     one.
     """
@@ -474,9 +472,6 @@ def _of_parameters(
             if not d.at_value:
                 value = part.coefficients[k] * deviation
                 sigma = np.sqrt(part.covariance[k, k]) * deviation
-                if d.effect is MixerGain:  # of the share of torque that the motion shows
-                    shown = share[AXES.index(name)]
-                    value, sigma = shown * (1.0 + value) - 1.0, shown * sigma
                 how = (d.effect, parameters[name], d.fixed, value, sigma, deviation)
                 found.append(_difference(f"{which}.{name}", *how))
             k += 1

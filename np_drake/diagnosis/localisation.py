@@ -107,6 +107,7 @@ def _round_bounds(value: np.ndarray) -> np.ndarray:
     return step * np.unique([first, *inner, max(np.ceil(value.max() / step), first + 1)])
 
 
+LITTLE = 0.5  # share of torque that the motion shows, below which it is said [1]; own choice
 # Of any quantity, to tell effects apart [m/s, rad/s, deg, 1]; own choice.
 LEAST_EXCITATION = {"speed": 0.08, "rate": 0.05, "tilt": 1.0, "thrust variation": 0.01}
 
@@ -153,6 +154,13 @@ def assess_identifiability(
     if train[0].log.input == "rotor_speed":
         warnings.append(
             "rotor speed is the input: motor_lag, command_delay and clock_offset cannot be told."
+        )
+    if min(train[0].torque_gain) < LITTLE:
+        warnings.append(
+            "of the logged torque about x, y, z the motion shows "
+            + ", ".join(f"{100 * share:.0f} %" for share in train[0].torque_gain)
+            + ": commands change faster than the rows of the log, or moments of inertia are larger "
+            "than in the file."
         )
     hidden = hidden_from(train)
     for quantity in sorted({quantity for e in train for quantity in e.log.lacks}):

@@ -121,8 +121,7 @@ def test_what_cannot_be_made_is_said_in_one_line(folder, tmp_path):
 
 
 def test_flights_before_are_none_that_are_fitted_or_judge(folder):
-    cases = make_cases(folder, only=["bare-since", "payload-since"])
-    for case in cases:
+    for case in make_cases(folder, only=["bare-since", "payload-since"]):
         assert len({*case.before, *case.train, case.held_out}) == 2 + len(case.train) + 1
         assert all(path.parent.name == "bare" for path in case.before)
     assert not any(case.before for case in make_cases(folder, only=["bare"]))

@@ -5,7 +5,7 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.localisation import excitation, excited, localise
+from np_drake.diagnosis.localisation import assess_identifiability, excitation, excited, localise
 from np_drake.diagnosis.result import CHANNELS, ChannelGap, gap_kinds
 
 
@@ -38,6 +38,13 @@ def test_excitation_is_that_of_the_flight(seen):
 def test_a_hovering_flight_excites_nothing_and_a_moving_one_something(seen, noise_of_the_log):
     assert not excited(excitation([seen(vigour=0.0, noise=noise_of_the_log)]))
     assert excited(excitation([seen(noise=noise_of_the_log)]))
+
+
+def test_torque_that_the_motion_hardly_shows_is_said(seen, noise):
+    e = seen(noise=1.0)
+    weak = dc.replace(e, torque_gain=(0.12, 0.3, 1.0))
+    usual, said = (assess_identifiability([own], [own], noise).warnings for own in (e, weak))
+    assert ["12 %, 30 %, 100 %" in text for text in set(said) - set(usual)] == [True]
 
 
 NOISE = (0.05, 0.05, 0.08, 0.004, 0.004, 0.002)  # [N, N·m]
