@@ -102,7 +102,8 @@ def diagnose(
         neighbours: by name of a flight, logs of vehicles that flew beside it, on clocks that agree
             and in one frame: their downwash is then tried as a cause.
         before: flights of the same vehicle from before what is asked, when it was as the file says.
-            They tell the vehicle, and what acts in none of them has changed since.
+            They tell the vehicle, and what acts in none of them has changed since. They may lack
+            the accelerations of the others.
         on_progress: called with the share done [1] and the name of the step.
     Raises: ValueError: if the logs cannot be used, or both tolerance and options are given; one
         line with the remedy.
@@ -118,10 +119,9 @@ def diagnose(
 
     # 1. Residuals of all flights on one grid, the coarsest of theirs.
     require_flights(train, held_out, before)
-    train = [*before, *train]
     alike, unread = with_same_readings([*train, *held_out])
-    if neighbours:
-        alike = with_neighbours(alike, neighbours, vehicle.rotor_radius)
+    train = [*before, *train]
+    alike = with_neighbours([*before, *alike], neighbours or {}, vehicle.rotor_radius)
     (train, short), (held_out, brief) = map(long_enough, (alike[: len(train)], alike[len(train) :]))
     # The file describes the vehicle as it was before, where that is given: it carries its weight
     # there.
