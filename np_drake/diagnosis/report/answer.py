@@ -181,7 +181,11 @@ def lead(diagnosis: Diagnosis) -> str:
         one = f"probability {probability(least)}"
         said.append(one if len(causes) == 1 else f"each has a probability {of_at_least(least)}")
         if diagnosis.before:
-            said.append(f"{seen(diagnosis)} would have been seen")
+            there = listed([bare_name(c.identifier) for c in diagnosis.causes if not c.changed])
+            said.append(
+                f"{seen(diagnosis)} would have been seen"
+                + f"; there already before: {there}" * bool(there)
+            )
     elif causes:
         them = listed([bare_name(c.identifier) for c in causes])
         said.append(f"training names {them}, which these flights do not need")
