@@ -369,7 +369,7 @@ def make_cases(
         for k, i in enumerate(picked.astype(int).tolist()):  # evenly from the first to the last
             case = found[i]
             unused = [path for path in earlier if path not in (*case.train, case.held_out)]
-            two = dict.fromkeys((unused * 3)[k % max(len(unused), 1) :][:2])  # in a circle
+            two = dict.fromkeys((unused * 2)[k % max(len(unused), 1) :][:2])  # in a circle
             cases.append(dc.replace(case, before=tuple(two)))
     if not cases:
         places = dict.fromkeys(pattern for campaign in wanted for pattern in campaign.patterns)

@@ -120,17 +120,18 @@ def diagnose(
     # 1. Residuals of all flights on one grid, the coarsest of theirs.
     require_flights(train, held_out, before)
     alike, unread = with_same_readings([*train, *held_out])
-    train = [*before, *train]
     alike = with_neighbours([*before, *alike], neighbours or {}, vehicle.rotor_radius)
-    (train, short), (held_out, brief) = map(long_enough, (alike[: len(train)], alike[len(train) :]))
+    first, second = len(before), len(before) + len(train)
+    parts = [long_enough(logs) for logs in (alike[:first], alike[first:second], alike[second:])]
+    before, train, held_out = (logs for logs, _ in parts)
+    short = [line for _, lines in parts for line in lines]
     # The file describes the vehicle as it was before, where that is given: it carries its weight
     # there.
-    was = [log for log in before if log.name in [own.name for own in train]] or train
-    file, every = vehicle, [*train, *held_out][len(was) :]
-    vehicle, was, every = with_hover_thrust(
-        vehicle, *with_throttle_map(vehicle, train[: len(was)], every)
-    )
-    train, held_out = [*was, *every][: len(train)], [*was, *every][len(train) :]
+    train, file = [*before, *train], vehicle
+    known = len(before) or len(train)
+    mapped = with_throttle_map(vehicle, train[:known], [*train[known:], *held_out])
+    vehicle, was, since = with_hover_thrust(vehicle, *mapped)
+    train, held_out = [*was, *since][: len(train)], [*was, *since][len(train) :]
     if vehicle is not file:
         replay = getattr(replay, "of_vehicle", lambda _: replay)(vehicle)
     tell(0.0, "residuals")
@@ -139,7 +140,7 @@ def diagnose(
         [with_fixed_effects(make_flight_residuals(log, vehicle, step)) for log in logs]
         for logs in (train, held_out)
     )
-    fitted = [dc.replace(e, earlier=e.name in [log.name for log in before]) for e in fitted]
+    fitted = [dc.replace(e, earlier=k < len(before)) for k, e in enumerate(fitted)]
     doubted = as_lines(doubt for e in (*fitted, *judging) for doubt in doubts(e))
     sensors = options or Options.for_sensors(tolerance_of(fitted).real)
     if material is not None:
@@ -159,7 +160,7 @@ def diagnose(
     novel = novelty(inference)
     tell(0.6, "how far")
     answer = _answer(inference, replay, doubted)
-    said = (*said_of_bridged([*train, *held_out]), *short, *brief, *unread)
+    said = (*said_of_bridged([*train, *held_out]), *short, *unread)
     answer = dc.replace(answer, new_on_held_out=novel, warnings=(*answer.warnings, *said))
 
     # 5. Where held-out flights show more, the same again with their first halves: a second answer.

@@ -100,12 +100,14 @@ def headline(diagnosis: Diagnosis) -> str:
     causes = named_causes(diagnosis)
     if diagnosis.before:
         since = f"since the flight{'s' * (len(diagnosis.before) > 1)} before"
+        left_over = f"; {percent(left.share)} of the gap on {judges} remains unexplained" * unknown
         if not causes:
-            return f"Nothing changed {since} that these flights would show: {seen(diagnosis)} would"
-        named = listed([changed(c) for c in causes[:MOST_NAMED]])
-        return (
-            f"Changed {since}: {named}" + f"; {_explained(diagnosis, causes)}" * reduction.material
-        )
+            would = f"{seen(diagnosis)} would"
+            return f"Nothing changed {since} that these flights would show: {would}{left_over}"
+        named = [changed(c) for c in causes[:MOST_NAMED]]
+        named += [f"{len(causes) - len(named)} more"] * (len(causes) > len(named))
+        explained = f"; {_explained(diagnosis, causes)}" * reduction.material
+        return f"Changed {since}: {listed(named)}{explained}{left_over}"
     if not reduction.material:
         return f"There is no material gap on {judges}"
     if causes:

@@ -15,6 +15,8 @@ from np_drake.diagnosis.report.answer import headline
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError
 from np_drake.files.number_text import NBSP
+from np_drake.logs.formats.log_file import write_log
+from tests.diagrams.cli.conftest import swinging_flight
 
 VEHICLE = "name: mine\nmass: 2.5\n"
 LEFT = an.Remainder(0.02, (0.01, 0.05), 0.05, 0.0, 0.01, 0.4, 0.1)
@@ -54,6 +56,7 @@ def answer(
                 f"{name} beside {[log.name for log in own]}"
                 for name, own in (neighbours or {}).items()
             ),
+            *(f"before: {log.name}" for log in before),
             *([] if material is None else [f"material from {material} m on"]),
         ),
         judged_as="" if tolerance is None else "rig" if tolerance.real else "laboratory",
@@ -117,6 +120,19 @@ def test_a_case_folder_is_diagnosed_into_a_report(case, tmp_path, capsys):
     assert content["train"] == ["train_1.csv"]
     assert content["gap"]["replay"]["horizon"] == [0.1, 0.25, 0.5, 1.0]
     assert {"report.html", "replay.html", "replay.png"} <= {path.name for path in out.iterdir()}
+
+
+def test_flights_before_are_those_of_the_folder_and_those_named(case, tmp_path, capsys):
+    older = tmp_path / "older.csv"
+    for seed, path in ((2, case / "before_1.csv"), (3, older)):
+        write_log(swinging_flight(seed), path)
+    arguments = ["diagnose", str(case), "--no-replay", "--before", str(older)]
+    assert run(arguments) == 0
+    printed = plain(capsys.readouterr().out)
+    assert "before: before_1.csv" in printed
+    assert "before: older.csv" in printed
+    assert run([*arguments, "--before", str(case / "train_1.csv")]) == 2
+    assert "train_1.csv" in capsys.readouterr().err
 
 
 def test_logs_can_be_named_one_by_one_and_the_replay_left_out(case, tmp_path, capsys):

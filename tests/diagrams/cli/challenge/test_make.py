@@ -46,14 +46,7 @@ def test_the_truth_may_not_lie_in_the_cases(tmp_path, capsys):
 
 
 def test_unseen_kinds_are_flown_alone_where_they_are_asked_for(tmp_path, in_this_process):
-    arguments = [
-        "challenge",
-        "make",
-        "--out",
-        str(tmp_path / "cases"),
-        "--truth",
-        str(tmp_path / "truth"),
-    ]
+    arguments = f"challenge make --out {tmp_path}/cases --truth {tmp_path}/truth".split()
     metrics = tmp_path / "make.json"
     small = ["--unseen", "--cases", "2", "--clean", "0", "--seconds", "5", "--seed", "3", "--json"]
     assert run([*arguments, *small, str(metrics)]) == 0

@@ -7,7 +7,7 @@ import pytest
 
 from np_drake.diagnosis.diagnose import diagnose
 from np_drake.diagnosis.options import Tolerance
-from np_drake.diagnosis.report.answer import lead
+from np_drake.diagnosis.report.answer import headline, lead
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError
 from np_drake.effects.suspended_payload import SuspendedPayload
@@ -30,9 +30,9 @@ def since(fly):
             own = {"noise": 1.0, "seconds": 10.0, "vehicle": UNMEASURED}
             return fly(*OWN, *effects, name=name, seed=seed, **own)
 
-        before = [flown(name=f"before {i}", seed=i) for i in (1, 2)]
+        how = {"tolerance": Tolerance(), "adaptive_split": False}
+        how["before"] = [flown(name=f"before {i}", seed=i) for i in (1, 2)]
         after = [flown(*changes, name=f"after {i}", seed=i) for i in (3, 4, 5)]
-        how = {"before": before, "tolerance": Tolerance(), "adaptive_split": False}
         return diagnose(UNMEASURED, after[:2], after[2:], **how)
 
     return answer
@@ -43,6 +43,7 @@ def test_what_was_there_before_has_not_changed(since):
     assert (found.verdict, found.before) == ((), ("before 1", "before 2"))
     assert found.headline.startswith("Nothing changed since the flights before that these flights")
     assert "of a rotor would" in found.headline
+    assert "remains unexplained" in headline(dc.replace(found, verdict=("unknown",)))
 
 
 @pytest.mark.parametrize(
@@ -59,8 +60,8 @@ def test_what_changed_is_named_with_its_size(since, change, parameter, says):
     (cause,) = (c for c in found.causes if c.changed)
     low, high = cause.parameters[parameter].ci95
     assert low < getattr(change, parameter) < high
-    headline = found.headline.replace("\xa0", " ")
-    assert headline.startswith(f"Changed since the flights before: {says}")
+    said = found.headline.replace("\xa0", " ")
+    assert said.startswith(f"Changed since the flights before: {says}")
     assert all(name.startswith("after") for name in cause.onset)
     assert "there already before: linear drag" in lead(found)
 
@@ -71,7 +72,9 @@ def test_a_change_beyond_the_smallest_visible_is_named(since):
     assert since(MassError(0.3 * least)).verdict == ()
 
 
-def test_a_flight_before_that_is_one_of_those_after_is_refused(fly):
+def test_a_flight_before_that_is_short_or_one_of_those_after_is_refused(fly):
     a, b = fly(name="a", seconds=5.0), fly(name="b", seed=1, seconds=5.0)
+    with pytest.raises(ValueError, match=r"d.* at least 3 s"):
+        diagnose(Vehicle(), [a], [b], before=[fly(name="d", seed=2, seconds=2.0)])
     with pytest.raises(ValueError, match="c is the same flight as d"):
         diagnose(Vehicle(), [a], [dc.replace(b, name="c")], before=[dc.replace(b, name="d")])
