@@ -23,6 +23,7 @@ COLUMNS: dict[str, tuple[str, ...]] = {  # field of FlightLog: columns of the fi
     "throttle": ("throttle",),
     "voltage": ("voltage",),
     "commanded_rates": ("wx_cmd", "wy_cmd", "wz_cmd"),
+    "balance": ("balance1", "balance2", "balance3", "balance4"),
 }
 
 
@@ -78,6 +79,8 @@ class FlightLog:
         normalised, of unknown scale [1].
     voltage: (n,) of the battery [V].
     commanded_rates: (n, 3) body rates that an autopilot was asked for [rad/s].
+    balance: (n, 4) input of each rotor over that of all, their root mean square, of inputs that
+        were logged too slowly to tell torque [1]; columns as those of `throttle`.
     bridged: (n,) bool, rows that a reader put into gaps; None: none. input: what thrust and torque
         come from: `command` (thrust and torque), `rotor_speed`,
         `thrust_only` (torque is
@@ -105,6 +108,7 @@ class FlightLog:
     throttle: np.ndarray | None = None
     voltage: np.ndarray | None = None
     commanded_rates: np.ndarray | None = None
+    balance: np.ndarray | None = None
     bridged: np.ndarray | None = None
     name: str = "flight"  # for messages and tables
     input: str = "command"  # command | rotor_speed | thrust_only | normalised

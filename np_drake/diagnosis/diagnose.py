@@ -50,6 +50,7 @@ from np_drake.diagnosis.residuals import (
     with_same_readings,
 )
 from np_drake.diagnosis.result import CHANNELS, UNKNOWN, Diagnosis, Finding, Replay
+from np_drake.diagnosis.rotor_balance import compare_balance
 from np_drake.diagnosis.selection import find_map_model
 from np_drake.effects.gusty_wind import GustyWind
 from np_drake.files.number_text import number
@@ -250,6 +251,14 @@ def _answer(
     )
     before = tuple(e.name for e in flights if e.earlier)
     own = {e.name for e in halves} | {*before}
+    posterior = joint_posterior(best, causes)
+    visible = visible_changes(found.ranking) if before else {}
+    if before and not flights[0].knows_torque:
+        was = [e.log for e in flights if e.earlier]
+        now = [e.log for e in (*flights, *judging) if not e.earlier]
+        told = compare_balance(was, now, flights[0].vehicle, options)
+        causes, late = [*causes, *told.causes], [*late, *told.findings]
+        visible |= told.visible
     answer = Diagnosis(
         vehicle=flights[0].vehicle.name,
         nominal=flights[0].vehicle,
@@ -259,7 +268,7 @@ def _answer(
         doubts=doubted,
         judged_as="rig" if options.tolerance.real else "laboratory",
         before=before,
-        visible=visible_changes(found.ranking) if before else {},
+        visible=visible,
         verdict=tuple(c.identifier for c in causes if c.changed or not before)
         + ((UNKNOWN,) if left.matters else ()),
         causes=tuple(
@@ -270,7 +279,7 @@ def _answer(
         identifiability=checked,
         localisation=localise(judging, rest, noise, held.rows),
         gap_reduction=reduction,
-        posterior=joint_posterior(best, causes),
+        posterior=posterior,
         below_threshold=(*found.below_threshold, *late),
         unexplained=found.findings,
         unknown_probability=left.probability,

@@ -8,6 +8,7 @@ import json
 import logging
 import os
 import stat
+import tempfile
 import zlib
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -127,6 +128,22 @@ def decompressed(path: str | Path) -> bytes:
     if len(content) > most:
         raise ValueError(f"{path}: must hold at most {most / 1e6:.0f} MB. Is it the right file?")
     return content
+
+
+@contextmanager
+def uncompressed(path: Path) -> Iterator[Path]:
+    """Yield a path to the content of a file: its own, or that of a copy while it is needed.
+
+    Raises: as `decompressed`.
+    """
+    with path.open("rb") as file:
+        if file.read(len(GZIP)) != GZIP:
+            yield path
+            return
+    with tempfile.NamedTemporaryFile(suffix=path.suffix) as copy:
+        copy.write(decompressed(path))
+        copy.flush()
+        yield Path(copy.name)
 
 
 def size_of(path: str | Path) -> int:

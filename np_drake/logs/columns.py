@@ -79,7 +79,7 @@ DERIVED = ("p", "v", "w")  # of these, those that an import derives from the oth
 UNLOGGED = {"p": "height", "v": "velocity", "q": "attitude", "a": "attitude"}
 FORCE = ("sx", "sy", "sz")  # columns of the specific force in B, of a log without attitude [m/s²]
 GRAVITY = 9.81  # [m/s²]
-OPTIONAL = ("a", "al", "rotor", "throttle", "voltage", "commanded_rates")
+OPTIONAL = ("a", "al", "rotor", "throttle", "voltage", "commanded_rates", "balance")
 THRUST = ("thrust",)  # of u, where torque is not logged
 FIELDS = COLUMNS | {"thrust": THRUST}
 # All columns, in the order of the format.

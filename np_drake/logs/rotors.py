@@ -33,6 +33,8 @@ DELAYS = (
 )  # of thrust behind a commanded throttle that are tried [s]; own choice
 LEAST_SECONDS = 3.0  # of a flight whose torque is looked at [s]; own choice
 
+EACH = ("rotor", "throttle", "balance")  # fields of a log with a column for each rotor
+
 Assignment = tuple[tuple[int, ...], tuple[float, ...]]  # rotor of the file, direction; by column
 # Of one flight, of its m possible assignments, for d delays of thrust behind a throttle:
 # correlations (d, m, 3) with the torque that turned the vehicle [1], and scores (d, m), log
@@ -308,7 +310,7 @@ def _stated_order(log: FlightLog, vehicle: Vehicle) -> list[int]:
 
     Raises: LogError: if the stated rotors are not those of the vehicle.
     """
-    if log.layout is None or not (is_each(log.rotor) or is_each(log.throttle)):
+    if log.layout is None or not any(is_each(getattr(log, name)) for name in EACH):
         return list(range(4))
     try:
         return log.layout.order_of(vehicle.rotor_positions, vehicle.rotor_directions)
@@ -324,7 +326,15 @@ def _in_stated_order(log: FlightLog, vehicle: Vehicle) -> FlightLog:
     """
     if log.layout is None:
         return log
-    order, layout, log = _stated_order(log, vehicle), log.layout, dc.replace(log, layout=None)
+    try:
+        order = _stated_order(log, vehicle)
+    except LogError as error:
+        if not is_each(log.balance):
+            raise
+        # Their collective thrust is told all the same.
+        said = f"the balance of the rotors is not used: {error}"
+        return dc.replace(log, balance=None, layout=None, notes=[*log.notes, said])
+    layout, log = log.layout, dc.replace(log, layout=None)
     if order == list(range(4)):
         return log
     taken = ", ".join(str(number + 1) for number in order)
@@ -338,7 +348,7 @@ def _in_stated_order(log: FlightLog, vehicle: Vehicle) -> FlightLog:
 def _reordered(log: FlightLog, order: list[int], note: str) -> FlightLog:
     columns = {
         name: getattr(log, name)[:, order]
-        for name in ("rotor", "throttle")
+        for name in EACH
         if is_each(getattr(log, name))
     }
     return dc.replace(log, **columns, notes=[*log.notes, note])

@@ -20,6 +20,7 @@ from typing import Any
 
 import numpy as np
 
+from np_drake.files.input_file import decompressed_start, uncompressed
 from np_drake.logs.errors import LogError, optional_package
 from np_drake.logs.formats.format import (
     Contents,
@@ -236,11 +237,12 @@ class _Log:
         self.messages: dict[str, _Message] = {}
         self.notes: list[str] = []
         try:
-            with path.open("rb") as file:
-                data = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
-            if data[:2] != FMT[:2]:
-                raise ValueError("it is no binary log, of which the text was made")
-            reader = _index(library, path, progress)
+            with uncompressed(path) as whole:
+                with whole.open("rb") as file:
+                    data = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
+                if data[:2] != FMT[:2]:
+                    raise ValueError("it is no binary log, of which the text was made")
+                reader = _index(library, whole, progress)
             for number, form in reader.formats.items():
                 message = _Message(form, reader.offsets[number], data, library.FORMAT_TO_STRUCT)
                 self.messages.setdefault(message.name, message)
@@ -459,6 +461,7 @@ def _first(contents: Contents, names: tuple[str, ...], columns: tuple[str, ...])
 
 
 def _recognises(path: Path, start: bytes) -> bool:
+    start = decompressed_start(start)
     return start.startswith(FMT) or bool(re.match(rb"\s*FMT,\s*\d+,\s*\d+,", start))
 
 

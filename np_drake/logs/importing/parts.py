@@ -225,7 +225,10 @@ def _with_collective(aligned: Aligned, signals: Signals, log_map: LogMap) -> Ali
         if count == 1 or (count == 4 and not is_slow(name, signals[name], log_map)):
             continue
         # At which all together lift as much: thrust goes with the square.
-        one = np.sqrt(np.mean(np.square(values.pop(name)), axis=1, keepdims=True))
+        each = values.pop(name)
+        one = np.sqrt(np.mean(np.square(each), axis=1, keepdims=True))
+        if count == 4:
+            values["balance"] = each / np.maximum(one, 1e-9)
         if name == "rotor_speed":  # of no scale, as a throttle is
             one = one / max(float(np.percentile(one, 99)), 1e-9)
         if "thrust" not in values:
@@ -269,6 +272,7 @@ def _flight(aligned: Aligned, rows: np.ndarray, log_map: LogMap) -> FlightLog:
         throttle=throttle,
         voltage=x["voltage"][:, 0] if "voltage" in x else None,
         commanded_rates=x.get("commanded_rates"),
+        balance=x.get("balance"),
         input=kind,
     )
 

@@ -1,0 +1,217 @@
+"""Balance of the rotors in flights whose inputs were logged too slowly to tell torque.
+
+Their means over a flight still tell what each rotor is asked for, and with the torque balance where
+a rotor gives less and where the centre of mass lies. All is linear in the relative input g (4,) of
+the rotors: what they are asked for turns the vehicle by m = B g, with B the torque of the rotors in
+thrust times arm, or in reaction torque. Hypotheses explain the m of all flights:
+
+    m_f = vehicle + [after what is asked] change + flight,
+
+with Gaussian priors for each part. The variance between flights is not known, and the evidence is
+that of Student's t.
+Source: Bayesian linear model with plug-in variances; deviations are those of healthy vehicles
+    (`Spread`) and of the identification.
+"""
+
+import dataclasses as dc
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from scipy import linalg, special
+
+from np_drake.diagnosis.options import SPREAD, SURE, Options
+from np_drake.diagnosis.result import Cause, Estimate, Finding
+from np_drake.effects.parameter import arm
+from np_drake.effects.weak_rotor import WeakRotor
+from np_drake.files.number_text import number
+from np_drake.flight_log import FlightLog
+from np_drake.logs.inputs import hover_exponent
+from np_drake.vehicle import Vehicle
+
+BLOCK = 1.0  # over which inputs are averaged [s]
+LEAST_BLOCKS = 5  # of a flight that tells a balance; own choice
+FREEDOM = 2.0  # degrees of freedom of the prior of the variance between flights; own choice
+LOSS = 0.2  # deviation of the thrust that a rotor lost [1]; own choice: a cut or chipped blade
+# Deviation of torque over thrust of a damaged rotor [1]; source: it goes with the radius.
+TORQUE_RATIO = 0.15
+# Centre of mass of a flight against others [arm]; source: prior of the identification.
+SHIFT = 0.02
+NAME, ROTORS = WeakRotor.identifier, ("1", "2", "3", "4")
+EXPONENT = 0.2  # deviation of the power of input with which thrust goes, over it [1]; own choice
+
+
+def flight_balance(log: FlightLog, vehicle: Vehicle) -> np.ndarray | None:
+    """Return the torque (3,) for which the rotors of a flight are asked, in hover thrust of a rotor
+    times arm or torque over thrust [1]; None where it has no `balance`, or is too short.
+    """
+    if log.balance is None:
+        return None
+    relative = hover_exponent(vehicle) * np.log(np.maximum(log.balance, 1e-3))
+    rows = max(1, round(BLOCK / log.step))
+    blocks = len(relative) // rows
+    if blocks < LEAST_BLOCKS:
+        return None
+    means = relative[: blocks * rows].reshape(blocks, rows, 4).mean(axis=1)
+    return np.median(means @ torque_map(vehicle).T, axis=0)
+
+
+def torque_map(vehicle: Vehicle) -> np.ndarray:
+    """Return the map (3, 4) from relative thrusts to torque, in arms and torque over thrust [1]."""
+    unit = np.array([arm(vehicle)] * 2 + [vehicle.torque_coefficient / vehicle.thrust_coefficient])
+    return vehicle.mixer[1:] / unit[:, None]
+
+
+@dc.dataclass(frozen=True)
+class Hypothesis:
+    """Change of the balance: columns (3, k) of independent unknowns, and their deviations (k,)."""
+
+    columns: np.ndarray
+    deviation: np.ndarray
+    log_prior: float
+
+
+@dc.dataclass(frozen=True)
+class Weighed:
+    """Probability of a hypothesis, and its first unknown with its standard deviation."""
+
+    probability: float
+    value: float
+    error: float
+
+
+def hypotheses(vehicle: Vehicle, prior: float) -> dict[str, Hypothesis]:
+    """Return what may have changed, by name: nothing, a rotor (by number), centre of mass, yaw.
+
+    Args:
+        prior: log prior of any change.
+    """
+    B, axes = torque_map(vehicle), np.eye(3)
+    level, turn = 4 * axes[:, :2], 4 * axes[:, 2:]
+    found = {
+        "nothing": Hypothesis(np.zeros((3, 0)), np.zeros(0), 0.0),
+        "centre of mass": Hypothesis(level, np.full(2, SPREAD.center_of_mass), prior),
+        "yaw": Hypothesis(turn, np.full(1, SPREAD.rotor_gain), prior),
+    }
+    for name, torque in zip(ROTORS, B.T, strict=True):
+        both, spread = np.stack([torque, axes[2]], axis=1), np.array([LOSS, TORQUE_RATIO])
+        found[name] = Hypothesis(both, spread, prior - np.log(len(ROTORS)))
+    return found
+
+
+def weigh(
+    before: np.ndarray, after: np.ndarray, vehicle: Vehicle, prior: float
+) -> dict[str, Weighed]:
+    """Return every hypothesis with its probability.
+
+    Args:
+        before: (n, 3) balance of flights before what is asked.
+        after: (m, 3) of those after.
+        prior: log prior of any change.
+    """
+    B, y = torque_map(vehicle), np.concatenate([before, after])
+    n, late = len(y), np.arange(len(y)) >= len(before)
+    squares, level = np.sum(B**2, axis=1), np.array([1.0, 1.0, 0.0])
+    usual = SPREAD.rotor_trim**2 * squares + (4 * SHIFT) ** 2 * level
+    groups = [g for g in (before, after) if len(g)]
+    within = sum((np.sum((g - g.mean(axis=0)) ** 2, axis=0) for g in groups), np.zeros(3))
+    freedom = FREEDOM + n - len(groups)
+    between = (FREEDOM * usual + within) / freedom
+    healthy = SPREAD.rotor_gain**2 * squares + (4 * SPREAD.center_of_mass) ** 2 * level
+    base = np.kron(np.ones((n, n)), np.diag(healthy)) + np.kron(np.eye(n), np.diag(between))
+    found = {}
+    for name, h in hypotheses(vehicle, prior).items():
+        X = np.kron(late[:, None], h.columns * h.deviation)
+        factor = linalg.cholesky(base + X @ X.T, lower=True)
+        white, own = (linalg.solve_triangular(factor, v, lower=True) for v in (y.ravel(), X))
+        square, size = float(white @ white), freedom + y.size
+        # Density of Student's t of all balances.
+        logdet = np.log(np.diag(factor)).sum()
+        evidence = h.log_prior - logdet - 0.5 * size * np.log1p(square / freedom)
+        value, error = 0.0, 0.0
+        if len(h.deviation):
+            value = float(h.deviation[0] * (own[:, 0] @ white))
+            left = (1.0 - own[:, 0] @ own[:, 0]) * (freedom + square) / size
+            error = float(h.deviation[0] * np.sqrt(left))
+        if name in ROTORS:  # thrust is lost, and not won
+            evidence += float(np.log(2.0) + special.log_ndtr(value / error))
+        found[name] = (evidence, value, error)
+    most = max(evidence for evidence, _, _ in found.values())
+    total = sum(np.exp(evidence - most) for evidence, _, _ in found.values())
+    return {
+        name: Weighed(float(np.exp(evidence - most) / total), value, error)
+        for name, (evidence, value, error) in found.items()
+    }
+
+
+SIZES = np.arange(0.02, 0.62, 0.02)  # losses that are tried for the smallest visible one [1]
+
+
+@dc.dataclass(frozen=True)
+class RotorBalance:
+    """What the balance of the rotors tells of a change since flights before.
+
+    causes: a rotor that gives less; findings: the same where it is not probable enough. visible: as
+        `Diagnosis.visible`.
+    """
+
+    causes: tuple[Cause, ...] = ()
+    findings: tuple[Finding, ...] = ()
+    visible: Mapping[str, float] = dc.field(default_factory=dict)
+
+
+def compare_balance(
+    before: Sequence[FlightLog], after: Sequence[FlightLog], vehicle: Vehicle, options: Options
+) -> RotorBalance:
+    """Return what the balance of the rotors tells of a change; nothing where flights do not have it.
+
+    Args:
+        before: flights before what is asked.
+        after: the others.
+    """
+    told = [
+        [b for log in logs if (b := flight_balance(log, vehicle)) is not None]
+        for logs in (before, after)
+    ]
+    if not all(told):
+        return RotorBalance()
+    old, new = (np.array(group) for group in told)
+    prior, least = options.priors.of_effect(NAME), options.thresholds.cause_probability
+    smallest = _visible(old, new, vehicle, prior, least)
+    visible = {f"{NAME}.efficiency": smallest} if smallest == smallest else {}
+    weighed = weigh(old, new, vehicle, prior)
+    rotor = max(ROTORS, key=lambda name: weighed[name].probability)
+    own = weighed[rotor]
+    half = SURE * float(np.hypot(own.error, EXPONENT * own.value))
+    value, low, high = np.exp([-own.value, -own.value - half, -own.value + half]).tolist()
+    if own.probability < least or own.value <= 0:
+        text = f"the balance of the rotors fits rotor {rotor} at {number(value, 2)} of its thrust"
+        figures = {"probability": own.probability}
+        return RotorBalance((), (Finding(NAME, text, 0.0, figures),), visible)
+    effect = WeakRotor(float(rotor), value)
+    parameters = {
+        "rotor": Estimate(effect.rotor, "", (effect.rotor, effect.rotor)),
+        "efficiency": Estimate(value, "1", (low, high)),
+    }
+    onset = {log.name: None for log in after}
+    found = Cause(NAME, own.probability, parameters, onset, effect=effect, changed=True)
+    return RotorBalance((found,), (), visible)
+
+
+def _visible(
+    before: np.ndarray, after: np.ndarray, vehicle: Vehicle, prior: float, least: float
+) -> float:
+    """Return the smallest loss of the rotor that shows it least that would be named [1]; NaN: none.
+
+    It is put on flights that are otherwise as those before.
+    """
+    sound = after - after.mean(axis=0) + before.mean(axis=0)
+    seen = []
+    for rotor in ROTORS:
+        pattern = torque_map(vehicle)[:, int(rotor) - 1]
+        named = (
+            size
+            for size in SIZES
+            if weigh(before, sound + size * pattern, vehicle, prior)[rotor].probability >= least
+        )
+        seen.append(1.0 - np.exp(-next(named, np.nan)))
+    return float(np.max(seen))
