@@ -58,8 +58,8 @@ from np_drake.effects.parameter import arm, departure
 from np_drake.files.number_text import number
 from np_drake.logs.inputs import VOLTAGE_SCATTER, hover_exponent, voltage_of
 from np_drake.rigid_body import V
+from np_drake.vehicle import Vehicle
 from np_drake.vehicle.published import published_priors
-from np_drake.vehicle.sources import part
 
 ROTORS = (1.0, 2.0, 3.0, 4.0)
 
@@ -73,13 +73,18 @@ class Deviation:
     """Standard deviations of parameters of an effect, by name [SI]; `fixed` ones have a value.
 
     at_value: the deviation is that of a coefficient of the effect at these values, which is not
-    linear.
+    linear. about: values of a healthy vehicle, where they are not neutral.
     """
 
     effect: type[Effect]
     deviation: dict[str, float]
     fixed: dict[str, float] = dc.field(default_factory=dict)
     at_value: bool = False
+    about: dict[str, float] = dc.field(default_factory=dict)
+
+    def usual(self, p: Parameter) -> float:
+        """Return the value of a parameter of a healthy vehicle."""
+        return self.about.get(p.name, p.neutral)
 
     def at(self, **values: float) -> Effect:
         """Return the effect with these values, all other parameters neutral or fixed."""
@@ -90,23 +95,22 @@ class Deviation:
 def of_vehicle(
     e: FlightResiduals, tolerance: Tolerance, spread: Spread = SPREAD
 ) -> list[Deviation]:
-    """Return by what a healthy vehicle differs from its file; nothing where the file describes the
-    vehicle that flew.
+    """Return by what a healthy vehicle differs from its file; where the vehicle that flew was
+    measured, by what its file states.
 
-    Of a number of its calibration for which the file states an interval, the deviation is that of
-    the interval, but not less than 1e-3 of that of healthy vehicles.
+    Of a number for which the file states an interval, the deviation is that of the interval, but
+    not less than 1e-3 of that of healthy vehicles.
     """
-    if not tolerance.unmeasured:
-        return []
     vehicle, measured = e.vehicle, e.measured_rotors
+    if not tolerance.unmeasured:
+        return of_measured(vehicle)
     span, mass = arm(vehicle), vehicle.mass
 
     def stated(field: str, *healthy: float) -> list[float]:
-        name, said, found = f"calibration.{field}", vehicle.intervals, []
+        found, name = [], f"calibration.{field}"
         for i, usual in enumerate(healthy):
-            ends = said.get(part(name, i)) or said.get(name, [])[i : i + 1]
-            half = [0.5 * (high - low) for low, high in ends]
-            found.append(max(*half, 1e-3 * usual) / SURE if half else usual)
+            known = vehicle.known_within(name, *[i] * (len(healthy) > 1))
+            found.append(usual if known is None else max(known, 1e-3 * usual / SURE))
         return found
 
     gains = zip(ROTORS, stated("rotor_gains", *[spread.rotor_gain] * 4), strict=True)
@@ -137,6 +141,35 @@ def of_vehicle(
         lags = spread.lags if "rotor_time_constant" not in vehicle.intervals else ()
         found += [Deviation(MotorLag, {"time_constant": lag}, at_value=True) for lag in lags]
     return found
+
+
+def of_measured(vehicle: Vehicle) -> list[Deviation]:
+    """Return by what a measured vehicle may differ from its file: as its intervals state."""
+
+    def within(field: str, count: int, over: Sequence[float]) -> list[float]:
+        places = [(i, i) if field == "inertia" else (i,) * (count > 1) for i in range(count)]
+        known = [vehicle.known_within(field, *place) or 0.0 for place in places]
+        return [one / of for one, of in zip(known, over, strict=True)]
+
+    scales = [p.name for p in InertiaError.parameters]
+    inertia = within("inertia", 3, vehicle.J.diagonal())
+    center = within("calibration.center_of_mass", 3, [1.0] * 3)
+    gains = zip(ROTORS, within("calibration.rotor_gains", 4, [1.0] * 4), strict=True)
+    (yaw,) = within("torque_coefficient", 1, [vehicle.torque_coefficient])
+    (lag,) = within("rotor_time_constant", 1, [1.0])
+    own = {"time_constant": vehicle.rotor_time_constant}
+    every = [
+        Deviation(InertiaError, dict(zip(scales, inertia, strict=True))),
+        Deviation(CenterOfMassOffset, dict(zip("xyz", center, strict=True))),
+        *(Deviation(WeakRotor, {"efficiency": gain}, {"rotor": i}) for i, gain in gains),
+        Deviation(MixerGain, {"yaw": yaw}),
+        Deviation(MotorLag, {"time_constant": lag}, about=own),
+    ]
+    known = [
+        dc.replace(d, deviation={name: sd for name, sd in d.deviation.items() if sd > 0})
+        for d in every
+    ]
+    return [d for d in known if d.deviation]
 
 
 def calibrated_alone(e: FlightResiduals, tolerance: Tolerance) -> set[str]:
@@ -208,9 +241,9 @@ def columns_of(e: FlightResiduals, deviations: Sequence[Deviation]) -> np.ndarra
         parameters = {p.name: p for p in d.effect.parameters}
         for name, deviation in d.deviation.items():
             p = parameters[name]
-            step = deviation * (PART if d.effect.place == "mass" else 1.0)
-            step = step if p.neutral + step <= p.upper else -step
-            moved = Term(d.at(**{name: p.neutral + step}))
+            step, usual = deviation * (PART if d.effect.place == "mass" else 1.0), d.usual(p)
+            step = step if usual + step <= p.upper else -step
+            moved = Term(d.at(**{name: usual + step}))
             out.append(predicted_residual(e, [moved], stages) * (deviation / step))
     return np.stack(out, axis=-1) if out else np.zeros((*e.y.shape, 0))
 
@@ -236,8 +269,9 @@ def vehicle_columns(
     accelerometer.
     """
     shared = of_vehicle(flights[0], tolerance)
-    if not shared:
-        return []
+    body = [partial(columns_of, deviations=shared)] if shared else []
+    if not tolerance.unmeasured:
+        return body
     names = {f"{PREFIX}{name}" for name in SMOOTH}
     groups = [c for c in generic_candidates(flights, priors) if c.identifiers[0] in names]
 
@@ -267,7 +301,7 @@ def vehicle_columns(
         leaning[:, 0, 0] = leaning[:, 1, 1] = SPREAD.mounting * e.nominal[:, 2]
         return np.concatenate([columns, leaning], axis=-1)
 
-    return [partial(columns_of, deviations=shared), of_air]
+    return [*body, of_air]
 
 
 def with_fixed_effects(flight: FlightResiduals) -> FlightResiduals:
@@ -288,11 +322,12 @@ def calibration_effects(fit: Fit, e: FlightResiduals, tolerance: Tolerance) -> l
     found: list[Effect] = [f for f in every if isinstance(f, ActuatorEffect | MassEffect)]
     if not fit.calibrated:
         return found
-    # A share of all torque is shown as if the inertia were larger, by as much as a rigid body can
-    # have it.
-    moments = e.vehicle.J.diagonal() / e.torque_gain
-    moments = np.minimum(moments, FLATTEST * (moments.sum() - moments))
-    found.append(InertiaError(*(moments / e.vehicle.J.diagonal())))
+    if tolerance.unmeasured:
+        # A share of all torque is shown as if the inertia were larger, by as much as a rigid body
+        # can have it.
+        moments = e.vehicle.J.diagonal() / e.torque_gain
+        moments = np.minimum(moments, FLATTEST * (moments.sum() - moments))
+        found.append(InertiaError(*(moments / e.vehicle.J.diagonal())))
     coefficients = iter(fit.calibrated[0][1])
     for d in of_vehicle(e, tolerance):
         own = [
@@ -302,7 +337,7 @@ def calibration_effects(fit: Fit, e: FlightResiduals, tolerance: Tolerance) -> l
             continue
         parameters = {p.name: p for p in d.effect.parameters}
         moved = {name: (parameters[name], c) for name, c in zip(d.deviation, own, strict=True)}
-        values = {n: float(np.clip(p.neutral + c, p.lower, p.upper)) for n, (p, c) in moved.items()}
+        values = {n: float(np.clip(d.usual(p) + c, p.lower, p.upper)) for n, (p, c) in moved.items()}
         found.append(d.at(**values))
     return found
 
@@ -432,10 +467,13 @@ def differences(
                 found.append(_throttle_map(name, hover_exponent(vehicle), effect.curve, sigma))
             elif tolerance.unmeasured:
                 found.append(_difference(name, type(effect), p, {}, value, sigma, deviation))
+    shared = of_vehicle(flights[0], tolerance)
+    if shared:
+        body = fit.linear[-2 if tolerance.unmeasured else -1]
+        found += _of_parameters(body, shared)
     if not tolerance.unmeasured:
         return tuple(found)
-    *errors, body, _ = fit.linear
-    found += _of_parameters(body, of_vehicle(flights[0], tolerance))
+    errors = fit.linear[: len(flights)]
     # What flights differ by, each parameter with its value in every flight and the words of the
     # largest.
     parts = dict(zip((e.name for e in flights), errors, strict=True))

@@ -22,10 +22,10 @@ from np_drake.diagnosis.forward_model import (
 from np_drake.diagnosis.numerics import NoiseModel, minimise, scale_only
 from np_drake.diagnosis.options import SURE, Priors
 from np_drake.diagnosis.regressors import (
-    LINEAR,
     Candidate,
     Model,
     RegressionProblem,
+    WhiteNuisance,
     calibration_terms,
 )
 from np_drake.diagnosis.residuals import WRENCH, FlightResiduals
@@ -233,12 +233,14 @@ def refine(
     linear: Sequence[Candidate] = (),
     evaluations: int = 8,
     priors: Priors,
+    white: WhiteNuisance | None = None,
 ) -> Fit:
     """Fit terms and calibration to the flights by bounded Gauss-Newton, starting from the terms'
     values.
 
     Args:
         temperature: factor on the noise variance [1].
+        white: the linear nuisance, where it is whitened already.
     """
     everything = [*terms, *(t for t, _ in calibration)]
     scales = {len(terms) + i: s for i, (_, s) in enumerate(calibration)}
@@ -246,62 +248,65 @@ def refine(
     scale, neutral, lower, upper = (
         np.array([(f.scale, f.neutral, f.lower, f.upper) for f in free]).reshape(-1, 4).T
     )
-    root, n, sizes_of = 1.0 / np.sqrt(temperature), len(free), [c.size for c in linear]
-    k = sum(sizes_of)
-    sizes = [(len(e.t) - noise.phi.shape[1]) * noise.phi.shape[0] for e in flights]
-    spans = [slice(*ends) for ends in pairwise(np.cumsum([0, *sizes]).tolist())]
-    rows = sum(sizes)
-    # One buffer serves all steps: only the first n columns of its rows change, and each step uses
-    # only its own.
-    J = np.zeros((rows + n + k, n + k))
-    J[rows:] = np.eye(n + k)
+    root, n = 1.0 / np.sqrt(temperature), len(free)
+    white = white or WhiteNuisance(flights, linear, noise, root)
+    k, rows = len(white.gram), max((own.stop for own in white.rows.values()), default=0)
     # The prior is a block of rows W z ~ N(0, 1), so that least squares on all rows gives the
     # maximum a posteriori.
     W = prior_whitening(everything, free)
-    J[rows : rows + n, :n] = W
-    for c, at in zip(linear, pairwise(np.cumsum([n, *sizes_of]).tolist()), strict=True):
-        for e, own in zip(flights, spans, strict=True):
-            if not c.columns[e.name].any():
-                J[own, slice(*at)] = 0.0
-                continue
-            columns = e.white(noise, c.columns[e.name])
-            np.multiply(columns.reshape(-1, c.size), -root, out=J[own, slice(*at)])
+    derivatives: dict[str, np.ndarray] = {}
 
     def residual(z: np.ndarray) -> np.ndarray:
         now = write(everything, free, z[:n] * scale)
         r = np.concatenate([np.empty(rows), W @ (z[:n] - neutral / scale), z[n:]])
-        for e, own in zip(flights, spans, strict=True):
-            np.multiply(e.white(noise, e.y - predicted_residual(e, now)).ravel(), root, out=r[own])
-        if k:
-            r[:rows] += J[:rows, n:] @ z[n:]
+        for e in flights:
+            X, at = white.of(e.name)
+            left = root * e.white(noise, e.y - predicted_residual(e, now)).ravel()
+            r[white.rows[e.name]] = left - X @ z[n + at]
         return r
 
-    def jacobian(z: np.ndarray) -> np.ndarray:
+    def normal(z: np.ndarray, r: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         now = write(everything, free, z[:n] * scale)
-        for e, own in zip(flights, spans, strict=True):
-            columns = e.white(noise, scaled_jacobian(now, free, e))
-            np.multiply(columns.reshape(-1, n), -root, out=J[own, :n])
-        return J
+        H, g = np.zeros((n + k, n + k)), np.concatenate([W.T @ r[rows : rows + n], r[rows + n :]])
+        H[:n, :n], H[n:, n:] = W.T @ W, white.gram
+        for e in flights:
+            (X, at), own = white.of(e.name), r[white.rows[e.name]]
+            J = root * e.white(noise, scaled_jacobian(now, free, e)).reshape(-1, n)
+            derivatives[e.name] = J
+            H[:n, :n] += J.T @ J
+            H[:n, n + at] += J.T @ X
+            g[:n] -= J.T @ own
+            g[n + at] -= X.T @ own
+        H[n:, :n] = H[:n, n:].T
+        return H, g
 
     lower, upper = lower / scale, upper / scale
     start = np.clip(read(everything, free) / scale, lower + 1e-6, upper - 1e-6)
     wide = np.full(k, 20.0)  # bounds of linear coefficients, in deviations of their prior
     best = minimise(
         residual,
-        jacobian,
+        normal,
         np.concatenate([start, np.zeros(k)]),
         np.concatenate([lower, -wide]),
         np.concatenate([upper, wide]),
         evaluations,
-        J[:, n:].T @ J[:, n:] if k else None,
     )
     fitted = write(everything, free, best.z[:n] * scale)
     # Laplace approximation: at the minimum the posterior is Gaussian with covariance (J'J)^-1.
     covariance = np.linalg.inv(best.information)
-    robust = _robust(covariance, best.jacobian, best.residual, flights, noise)
+    block = max(1, round(BLOCK / flights[0].grid.step)) * noise.phi.shape[0]
+    scores = []
+    for e in flights:
+        (X, at), own = white.of(e.name), best.residual[white.rows[e.name]]
+        for a in range(0, len(own), block):
+            score, some = np.zeros(n + k), slice(a, a + block)
+            score[:n] = derivatives[e.name][some].T @ own[some]
+            score[n + at] = X[some].T @ own[some]
+            scores.append(score)
+    robust = _robust(covariance, np.array(scores))
     covariance = covariance * np.sqrt(np.outer(robust, robust))
     logdet = np.linalg.slogdet(best.information)[1]
-    places = [slice(*at) for at in pairwise(np.cumsum([n, *sizes_of]).tolist())]
+    places = [slice(*at) for at in pairwise(np.cumsum([n, *white.sizes]).tolist())]
     parts = tuple(
         LinearPart(c.generic, best.z[at], covariance[at, at])
         for c, at in zip(linear, places, strict=True)
@@ -376,25 +381,14 @@ def _group(terms: Sequence[Term], i: int) -> tuple[int, ...]:
     return tuple(j for j, t in enumerate(terms) if not alone(t))
 
 
-def _robust(covariance, J, fun, flights, noise) -> np.ndarray:
+def _robust(covariance: np.ndarray, scores: np.ndarray) -> np.ndarray:
     """Return the factor (k,) by which variances grow for residuals that correlate within blocks, at
     least 1.
+
+    scores: (b, k) of the blocks.
+    Source: sandwich estimator (Huber-White), clustered by blocks.
     """
-    step = flights[0].grid.step
-    p, channels = noise.phi.shape[1], noise.phi.shape[0]
-    rows = max(1, round(BLOCK / step)) * channels
-    meat = np.zeros_like(covariance)
-    start = 0
-    for e in flights:
-        stop = start + (len(e.t) - p) * channels
-        for a in range(start, stop, rows):
-            b = min(a + rows, stop)
-            g = J[a:b].T @ fun[a:b]
-            meat += np.outer(g, g)
-        start = stop
-    # Sandwich estimator (Huber-White), clustered by blocks: C (sum g g') C with the score g of each
-    # block.
-    sandwich = np.diag(covariance @ meat @ covariance)
+    sandwich = np.sum((scores @ covariance) ** 2, axis=0)
     return np.maximum(1.0, sandwich / np.maximum(np.diag(covariance), 1e-300))
 
 
@@ -531,9 +525,10 @@ def _descend(
         problem.flights,
         noise,
         temperature=problem.temperature,
-        linear=[c for c in problem.nuisance if c.variant == LINEAR],
+        linear=problem.linear,
         evaluations=iterations,
         priors=problem.options.priors,
+        white=problem.white_nuisance(noise),
     )
     return dc.replace(
         fit, onset_prior=sum(problem.candidates[i].onset_prior for i in model.members)

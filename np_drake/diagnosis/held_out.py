@@ -286,7 +286,7 @@ class HeldOut:
 
 
 def on_held_out(
-    fit: Fit, flights: Sequence[FlightResiduals], noise: NoiseModel, priors: Priors
+    fit: Fit, flights: Sequence[FlightResiduals], noise: NoiseModel, options: Options
 ) -> HeldOut:
     """Return the fit on held-out flights, its onsets and swings adapted to each, its parameters
     kept.
@@ -297,8 +297,9 @@ def on_held_out(
     Source: mean of a posterior; own choice: by Laplace's approximation, parameters kept.
     """
     terms, residual, rows, whole = {}, {}, {}, {}
+    priors, unmeasured = options.priors, options.tolerance.unmeasured
     for e in flights:
-        known = adapt(fit.terms, e, noise, priors, fit.calibration, unmeasured=bool(fit.calibrated))
+        known = adapt(fit.terms, e, noise, priors, fit.calibration, unmeasured=unmeasured)
         terms[e.name] = list(known)
         for i, term in enumerate(known):
             begin, doubts = term.begins(e.name), []
@@ -323,7 +324,7 @@ def with_calibration(
     An earlier calibration of the flight is undone.
     """
     unmeasured = options.tolerance.unmeasured
-    if not options.tolerance.real:
+    if not (options.tolerance.real or fit.calibrated):
         return e
     own = errors_of(e, options.tolerance)
     e = dc.replace(e, y=e.uncalibrated, calibrated=0.0)

@@ -356,41 +356,38 @@ DONE = 0.1  # change of the cost that ends the descent; costs are negative log l
 
 @dc.dataclass(frozen=True)
 class Minimum:
-    """Result of `minimise`: z (n,), cost 1/2 |r|², information J'J (n, n), residual (m,) and
-    Jacobian (m, n) at z.
+    """Result of `minimise`: z (n,), cost 1/2 |r|², information J'J (n, n) and residual (m,) at
+    z.
     """
 
     z: np.ndarray
     cost: float
     information: np.ndarray
     residual: np.ndarray
-    jacobian: np.ndarray
 
 
 def minimise(
     residual: Callable[[np.ndarray], np.ndarray],
-    jacobian: Callable[[np.ndarray], np.ndarray],
+    normal: Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]],
     start: np.ndarray,
     lower: np.ndarray,
     upper: np.ndarray,
     iterations: int = 8,
-    settled: np.ndarray | None = None,
 ) -> Minimum:
     """Minimise 1/2 |r(z)|² within bounds, from `start`.
 
     Args:
         residual: maps z (n,) to r (m,).
-        jacobian: maps z (n,) to dr/dz (m, n).
+        normal: maps z and r(z) to J'J (n, n) and J'r (n,), with J = dr/dz; it is last called at the
+            minimum.
         start: (n,) initial parameters.
         lower: (n,) lower bounds.
         upper: (n,) upper bounds.
-        settled: (k, k) constant J'J of the last k parameters, where the residual is linear in them.
     """
     z, r = start, residual(start)
     cost, damping = 0.5 * float(r @ r), 1e-3
     for _ in range(iterations):
-        J = jacobian(z)
-        H, g = _information(J, settled), J.T @ r
+        H, g = normal(z, r)
         free = ~(((z <= lower) & (g > 0)) | ((z >= upper) & (g < 0)))
         before = cost
         for _ in range(TRIES):
@@ -405,16 +402,6 @@ def minimise(
                 z, r, cost, damping = new, r_new, cost_new, damping / 10
                 break
             damping *= 10
-        if before - cost < DONE:  # the Jacobian of the last step still holds
-            return Minimum(z, cost, H, r, J)
-    J = jacobian(z)
-    return Minimum(z, cost, _information(J, settled), r, J)
-
-
-def _information(J: np.ndarray, settled: np.ndarray | None) -> np.ndarray:
-    """Return J'J (n, n) with its last block given by `settled`."""
-    if settled is None:
-        return J.T @ J
-    n = J.shape[1] - len(settled)
-    top = J[:, :n].T @ J
-    return np.block([[top], [top[:, n:].T, settled]])
+        if before - cost < DONE:  # the information of the last step still holds
+            return Minimum(z, cost, H, r)
+    return Minimum(z, cost, normal(z, r)[0], r)

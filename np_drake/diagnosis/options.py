@@ -7,10 +7,8 @@ import math
 
 from np_drake.effects.base import Effect
 from np_drake.vehicle import Vehicle
+from np_drake.vehicle.sources import SURE as SURE
 
-REAL_ATTITUDE = 0.002  # tolerance of the attitude above which sensors are real ones [rad]
-
-SURE = 1.96  # half of a 95 % interval over its standard deviation [1]
 
 
 @dc.dataclass(frozen=True)
@@ -34,11 +32,7 @@ class Tolerance:
     # Whether the vehicle that flew was never measured: it is as healthy vehicles differ from their
     # files.
     unmeasured: bool = False
-
-    @property
-    def real(self) -> bool:
-        """Whether the sensors are real ones."""
-        return self.attitude > REAL_ATTITUDE
+    real: bool = True  # whether the sensors are real ones, and not those of a simulator
 
     def of(self, effect: Effect | type[Effect]) -> float:
         """Return the tolerance of the sensor that an effect is about; 0 for others."""
@@ -46,7 +40,7 @@ class Tolerance:
         return float(getattr(self, effect.tolerance)) if sensor else 0.0
 
 
-IDEAL_SENSORS = Tolerance(0.0005, 0.0005, 0.003, 0.0004, 0.0001, 0.0001)
+IDEAL_SENSORS = Tolerance(0.0005, 0.0005, 0.003, 0.0004, 0.0001, 0.0001, real=False)
 
 
 @dc.dataclass(frozen=True)

@@ -15,6 +15,7 @@ Intervals = dict[str, list[list[float]]]  # field -> [low, high] of each number,
 PART = re.compile(
     r"^(.*?)((?:\[\d+\])*)$"
 )  # field, and place in its list or matrix: `inertia[0][1]`
+SURE = 1.96  # half of a 95 % interval over its standard deviation [1]
 STATEMENTS = ("sources", "intervals")  # fields of a vehicle that speak of the others
 LONGEST = 300  # characters of a source
 

@@ -10,7 +10,15 @@ from pathlib import Path
 import numpy as np
 
 from np_drake.files.yaml_file import POSITIVE, check_fields, load_checked, number, read_yaml, word
-from np_drake.vehicle.sources import Intervals, checked_intervals, without
+from np_drake.vehicle.sources import (
+    SURE,
+    Intervals,
+    checked_intervals,
+    part,
+    value_of,
+    values,
+    without,
+)
 
 PRESETS = Path(__file__).parent / "presets"  # vehicle files by name
 SLOWEST = 1.0  # time beyond which a lag, a delay or a clock is in another unit than seconds [s]
@@ -363,6 +371,26 @@ class Vehicle:
         vehicles differ from their file as healthy vehicles do.
         """
         return self.command_timing == "held"
+
+    def known_within(self, field: str, *index: int) -> float | None:
+        """Return the standard deviation that the file states of a number, by its interval [its
+        unit]; None: it states none.
+
+        Args:
+            index: place in a list or matrix, from 0.
+        """
+        ends = self.intervals.get(part(field, *index))
+        if ends is None and field in self.intervals:
+            shape = np.shape(value_of(field, values(self)))
+            place = int(np.ravel_multi_index(index, shape)) if index else 0
+            ends = self.intervals[field][place : place + 1]
+        return 0.5 * (ends[0][1] - ends[0][0]) / SURE if ends else None
+
+    @property
+    def measured(self) -> bool:
+        """Whether the file states how well thrust and each moment of inertia are known."""
+        moments = [self.known_within("inertia", i, i) for i in range(3)]
+        return self.thrust_uncertainty is not None and None not in moments
 
     @cached_property
     def J(self) -> np.ndarray:

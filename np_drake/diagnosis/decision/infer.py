@@ -120,10 +120,10 @@ def as_named(found: Inference) -> Inference:
 
 def _held_out(ranking: Ranking, held_out: Sequence[FlightResiduals]) -> HeldOut:
     """Return the best fit on held-out flights, calibrated and with their outliers marked."""
-    best, noise, priors = ranking.best, ranking.noise, ranking.options.priors
-    own = [with_calibration(best, e, noise, ranking.options) for e in held_out]
-    marked = [mark_outliers(best.terms, e, noise, priors, best.calibration) for e in own]
-    return on_held_out(best, marked, noise, priors)
+    best, noise, options = ranking.best, ranking.noise, ranking.options
+    own = [with_calibration(best, e, noise, options) for e in held_out]
+    marked = [mark_outliers(best.terms, e, noise, options.priors, best.calibration) for e in own]
+    return on_held_out(best, marked, noise, options)
 
 
 def _in_gusts(
@@ -138,7 +138,7 @@ def _in_gusts(
     """
     if (with_one := with_drag(ranking)) is not ranking:
         ranking, linear = with_one, LinearModel(with_one)
-    held = on_held_out(ranking.best, held.flights, ranking.noise, ranking.options.priors)
+    held = on_held_out(ranking.best, held.flights, ranking.noise, ranking.options)
     causes, minor = causes_of(ranking, linear, structure, held, gusts=True)
     causes = with_gusts(ranking, held, causes, probability)
     if not any(c.identifier == GustyWind.identifier for c in causes):

@@ -141,12 +141,13 @@ def beyond_spread(
     where these do not.
     """
     effect = fit.terms[i].effect
-    spread = dict[str, float]()
+    spread, usual = dict[str, float](), dict[str, float]()
     # What changed since earlier flights is not what a vehicle differs by from its file.
     vehicle = of_vehicle(e, tolerance) if not changed else ()
     for d in (*vehicle, *(of_flight(e, tolerance) if tolerance.unmeasured else [])):
         # Those of one rotor are those of every rotor.
         if d.effect is type(effect) and not d.at_value and set(d.fixed.values()) <= {ROTORS[0]}:
+            usual |= d.about
             for name, deviation in d.deviation.items():
                 spread[name] = math.hypot(spread.get(name, 0.0), deviation)
     if tolerance.unmeasured and isinstance(
@@ -157,7 +158,8 @@ def beyond_spread(
     own = [k for k, f in enumerate(fit.free) if f.term == i and not f.flight and f.name in spread]
     if not own:
         return 1.0
-    away = np.array([fit.values[k] - fit.free[k].neutral for k in own])
+    healthy = [usual.get(fit.free[k].name, fit.free[k].neutral) for k in own]
+    away = fit.values[own] - np.array(healthy)
     draws = np.random.default_rng(SEED).multivariate_normal(
         away, fit.covariance[np.ix_(own, own)], DRAWS
     )

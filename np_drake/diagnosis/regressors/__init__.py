@@ -37,6 +37,7 @@ from np_drake.diagnosis.regressors.regression_problem import (
     Sums,
     SwitchedRegressors,
     SwitchedSums,
+    WhiteNuisance,
     onset_log_likelihood,
     prior_of,
 )

@@ -380,8 +380,11 @@ def with_input(options: Options, flights: Sequence[FlightResiduals]) -> Options:
         mass=max(options.tolerance.mass, vehicle.mass_uncertainty or 0.0),
         thrust=max(options.tolerance.thrust, vehicle.thrust_uncertainty or 0.0),
     )
-    unmeasured = tolerance.real and not vehicle.described
-    open_ = {"timing": max(tolerance.timing, command_timing(flights))}
+    timing = command_timing(flights)
+    # Where thrust and torque are logged as they act, a stated vehicle is all that is open.
+    told = vehicle.measured and log_input == "command" and timing == 0
+    unmeasured = tolerance.real and not (vehicle.described or told)
+    open_ = {"timing": max(tolerance.timing, timing)}
     if flights[0].measured_rotors:
         open_["thrust"] = max(tolerance.thrust, ROTOR_SPEED_SCALE)
     if log_input == "normalised":

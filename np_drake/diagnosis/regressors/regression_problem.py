@@ -5,13 +5,14 @@ from collections.abc import Iterable, Sequence
 from functools import cached_property, reduce
 from itertools import pairwise
 from operator import add
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from np_drake.diagnosis.numerics import Gram, NoiseModel
 from np_drake.diagnosis.options import Options, Priors
-from np_drake.diagnosis.regressors.library import Candidate
+from np_drake.diagnosis.regressors.library import LINEAR, Candidate
 from np_drake.diagnosis.residuals import SIZE, FlightResiduals
 from np_drake.effects.library import LIBRARY, effect_of
 
@@ -26,6 +27,43 @@ def prior_of(identifiers: Iterable[str], priors: Priors) -> float:
     needs = [LIBRARY[name].needs for name in every if name in LIBRARY]
     brought = {next((name for name in some if name in every), "") for some in needs}
     return sum(priors.of_effect(name) for name in every - brought)
+
+
+class WhiteNuisance:
+    """Linear nuisance of some flights, whitened: by flight the columns that act there.
+
+    gram: (k, k) over all flights, with the prior. rows: by flight, of the whitened residual.
+
+    Args:
+        root: factor on whitened values [1].
+    """
+
+    def __init__(
+        self,
+        flights: Sequence[FlightResiduals],
+        linear: Sequence[Candidate],
+        noise: NoiseModel,
+        root: float,
+    ):
+        self.sizes = [c.size for c in linear]
+        self.gram = np.eye(sum(self.sizes))
+        self._columns: dict[str, tuple[np.ndarray, np.ndarray]] = {}
+        self.rows: dict[str, slice] = {}
+        first, order = 0, noise.phi.shape[1]
+        for e in flights:
+            parts = [e.y[..., None][..., :0], *(c.columns[e.name] for c in linear)]
+            there = np.concatenate([part.any(axis=(0, 1)) for part in parts])
+            acting = [p[..., p.any(axis=(0, 1))] for p in parts]
+            white = root * e.white(noise, np.concatenate(acting, axis=-1))
+            last = first + (len(e.t) - order) * noise.phi.shape[0]
+            X, at = white.reshape(last - first, white.shape[-1]), np.flatnonzero(there)
+            self.rows[e.name], first = slice(first, last), last
+            self._columns[e.name] = X, at
+            self.gram[np.ix_(at, at)] += X.T @ X
+
+    def of(self, flight: str) -> tuple[np.ndarray, np.ndarray]:
+        """Return the columns (rows, k') of a flight, and their positions (k',) among all."""
+        return self._columns[flight]
 
 
 @dc.dataclass(frozen=True)
@@ -59,6 +97,15 @@ class RegressionProblem:
         ends = np.cumsum([0] + [c.size for c in (*nuisance, *candidates)])
         self._index = [np.arange(a, b) for a, b in pairwise(ends)]
         self._nuisance = sum(c.size for c in nuisance)
+        self.linear = [c for c in nuisance if c.variant == LINEAR]
+        self._white: tuple[NoiseModel, WhiteNuisance] | None = None
+
+    def white_nuisance(self, noise: NoiseModel) -> WhiteNuisance:
+        """Return the linear nuisance whitened by a noise model; that of the last one is kept."""
+        if self._white is None or self._white[0] is not noise:
+            root = self.temperature**-0.5
+            self._white = noise, WhiteNuisance(self.flights, self.linear, noise, root)
+        return self._white[1]
 
     @cached_property
     def total(self) -> Gram:
@@ -156,7 +203,26 @@ class RegressionProblem:
         )
 
 
-Sums = tuple[np.ndarray, np.ndarray, np.ndarray]  # X'X (n, k, k), X'B (n, k, b), X'y (n, k)
+class Sums(NamedTuple):
+    """Sums over whitened rows of one flight for columns X.
+
+    XX: (n, k, k) X'X. XB: (n, k, b') X'B, of the columns of B that act in the flight. Xy: (n, k)
+        X'y. at: (b',) positions of these columns among all of B.
+    """
+
+    XX: np.ndarray
+    XB: np.ndarray
+    Xy: np.ndarray
+    at: np.ndarray
+
+    def rows(self, some: Any) -> "Sums":
+        """Return the sums of some rows alone."""
+        return Sums(self.XX[some], self.XB[some], self.Xy[some], self.at)
+
+    def joined(self, others: "Sums", order: Any = slice(None)) -> "Sums":
+        """Return these rows and others, in an order."""
+        pairs = zip(self[:3], others[:3], strict=True)
+        return Sums(*(np.concatenate(pair)[order] for pair in pairs), self.at)
 
 
 class SwitchedRegressors:
@@ -187,7 +253,8 @@ class SwitchedRegressors:
         # Whitened rows about an onset in which switched and whole columns differ: they begin half
         # a rise before it.
         self._near = len(self._rise) + self._order
-        both = np.concatenate([others, target[..., None]], axis=-1)
+        self.at = np.flatnonzero(others.any(axis=(0, 1)))
+        both = np.concatenate([others[..., self.at], target[..., None]], axis=-1)
         active, half, m = np.flatnonzero(noise.active), len(self._rise) // 2, len(self.t)
         driven = self._driven(active, flight.bridged(both[:, active]))
         # Innovations times this equal whitened values times whitened `both`; rows beyond either end
@@ -208,7 +275,7 @@ class SwitchedRegressors:
         by_row = own.transpose(1, 2, 0)
         XX, XBy = (by_row @ np.swapaxes(a, 0, 1) for a in (weighted, self._facing[channels]))
         XX, XBy = (np.concatenate([np.cumsum(a[::-1], axis=0)[::-1], 0 * a[:1]]) for a in (XX, XBy))
-        return XX, XBy[..., :-1], XBy[..., -1]
+        return Sums(XX, XBy[..., :-1], XBy[..., -1], self.at)
 
     def begun(self, X: np.ndarray, whole: Sums, rows: np.ndarray) -> Sums:
         """Return the sums for columns (m', 15, k) switched on at each of `rows`, smeared by the
@@ -222,20 +289,20 @@ class SwitchedRegressors:
         half, order, m = len(self._rise) // 2, self._order, len(self.t)
         offsets = np.arange(-half - order, half + order + 1)
         gate = np.concatenate([np.zeros((order, SIZE)), self._rise, np.ones((order, SIZE))])
-        at = np.clip(rows + order + offsets[:, None], 0, len(X) - 1)
+        near = np.clip(rows + order + offsets[:, None], 0, len(X) - 1)
         channels = self._channels(X)
-        late = self._e.bridged(X[:, channels])[at] * gate[:, None, channels, None]
+        late = self._e.bridged(X[:, channels])[near] * gate[:, None, channels, None]
         own = self._driven(channels, np.moveaxis(late, 2, 1))
         row = rows - half + np.arange(self._near)[:, None]
         own = np.where(((row >= 0) & (row < m))[..., None], own, 0.0).transpose(0, 2, 3, 1)
         weighted = np.tensordot(self._weight(channels), own, 1)
-        XX, XB, Xy = (part[np.clip(rows - half + self._near, 0, m)] for part in whole)
+        XX, XB, Xy, at = whole.rows(np.clip(rows - half + self._near, 0, m))
         XX += np.sum(own @ np.swapaxes(weighted, 2, 3), axis=0)
         for part, c in zip(own, channels, strict=True):
             XBy = part @ np.swapaxes(_taken(self._windows[c], rows), 1, 2)
             XB += XBy[..., :-1]
             Xy += XBy[..., -1]
-        return XX, XB, Xy
+        return Sums(XX, XB, Xy, at)
 
     def _channels(self, X: np.ndarray) -> np.ndarray:
         """Return the active channels in which a column is not zero."""
@@ -288,9 +355,10 @@ def onset_log_likelihood(
     t, X = columns.t, own[..., None]
     rows = np.arange(1, len(t))
     whole = columns.whole(X)
-    XX, _, Xy = (
+    begun = columns.begun(X, whole, rows)
+    XX, Xy = (
         np.concatenate([a[:1], b, 0 * a[:1]])
-        for a, b in zip(whole, columns.begun(X, whole, rows), strict=True)
+        for a, b in ((whole.XX, begun.XX), (whole.Xy, begun.Xy))
     )
     after = (Xy - 0.5 * XX[..., 0])[:, 0]
     times = np.append(t, t[-1] + flight.grid.step)

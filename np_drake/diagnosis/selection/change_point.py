@@ -45,8 +45,8 @@ class TriedOnsets:
 
     def __init__(self, late: SwitchedSums, edge: float, *, goes_on: bool):
         self._late = late
-        self.ends = at_rows(late.whole, [0, -1])  # from the start, and never
-        self.start, self.never = at_rows(self.ends, [0]), at_rows(self.ends, [1])
+        self.ends = late.whole.rows([0, -1])  # from the start, and never
+        self.start, self.never = self.ends.rows([0]), self.ends.rows([1])
         self.now = self.start
         self.onset: float | None = None
         self.inside, self.goes_on = possible_onsets(late.t, edge), goes_on
@@ -63,10 +63,8 @@ class TriedOnsets:
     def add(self, rows: np.ndarray) -> None:
         """Add the sums at these rows."""
         order = np.argsort(np.concatenate([self.rows, rows]))
-        new = self._late.begun(rows)
         self.rows = np.concatenate([self.rows, rows])[order]
-        XX, XB, Xy = (np.concatenate(pair)[order] for pair in zip(self.sums, new, strict=True))
-        self.sums = (XX, XB, Xy)
+        self.sums = self.sums.joined(self._late.begun(rows), order)
 
     def most_likely(self, profile: np.ndarray) -> int:
         """Return the row in the middle of the span of `SPAN` that most likely holds the onset.
@@ -97,15 +95,8 @@ class TriedOnsets:
             self.now, self.onset = self.start, None
         else:
             tried = np.flatnonzero(self.rows == row)
-            found = at_rows(self.sums, tried) if len(tried) else None
-            self.now = found or self._late.begun(np.array([row]))
+            self.now = self.sums.rows(tried) if len(tried) else self._late.begun(np.array([row]))
             self.onset = float(self._late.t[row])
-
-
-def at_rows(sums: Sums, rows) -> Sums:
-    """Return the sums of these rows alone."""
-    XX, XB, Xy = sums
-    return XX[rows], XB[rows], Xy[rows]
 
 
 def possible_onsets(t: np.ndarray, edge: float = EDGE) -> np.ndarray:
@@ -149,7 +140,10 @@ class OnsetScan:
             columns = [c.columns[e.name] for c in chosen] or [np.zeros((*e.y.shape, 0))]
             B = np.concatenate(columns, axis=-1)
             self._flights[e.name] = SwitchedRegressors(e, problem.noise, e.y, B, scale)
-        self._products = sum(f.products for f in self._flights.values())
+        size = B.shape[-1]
+        self._products = np.zeros((size + 1, size + 1))
+        for f in self._flights.values():
+            self._products[np.ix_(*[[*f.at, size]] * 2)] += f.products
         self._owner = np.repeat([-1] * len(problem.nuisance) + [*members], [c.size for c in chosen])
         self._regress(np.arange(len(self._owner)))
 
@@ -178,14 +172,14 @@ class OnsetScan:
         columns apart.
         """
         whole = {name: sums.whole for name, sums in late.items()}
-        start = {name: at_rows(sums, [0]) for name, sums in whole.items()}
+        start = {name: sums.rows([0]) for name, sums in whole.items()}
         at = dict(start)
         for name, f in self._flights.items():
             rows = possible_onsets(f.t, self._edge)
-            profile = self._evidence(at_rows(whole[name], rows), [at[n] for n in at if n != name])
+            profile = self._evidence(whole[name].rows(rows), [at[n] for n in at if n != name])
             now = self._evidence(start[name], [at[n] for n in at if n != name])[0]
             if len(rows) and profile.max() > now:
-                at[name] = at_rows(whole[name], [rows[np.argmax(profile)]])
+                at[name] = whole[name].rows([rows[np.argmax(profile)]])
         first, *rest = at.values()
         return float(self._evidence(first, rest)[0])
 
@@ -259,18 +253,24 @@ class OnsetScan:
         """Return (n,) the log evidence with these sums of one flight, each with those of the
         rest.
         """
-        XX, XB, Xy = (part + sum(r[i] for r in rest) for i, part in enumerate(own))
+        X, at, covariance = own.XB, own.at, self._covariance
+        XX, Xy = own.XX + sum(r.XX for r in rest), own.Xy + sum(r.Xy for r in rest)
+        beside = np.zeros((X.shape[1], len(self._owner)))
+        for r in rest:
+            beside[:, r.at] += r.XB[0]
         # B is integrated out by its Schur complement: X'X + 1 - X'B (1 + B'B)^-1 B'X, and X'y less
-        # X'B times its mean.
-        known = (
-            (XB.reshape(-1, XB.shape[2]) @ self._covariance).reshape(XB.shape) if XB.size else XB
-        )
-        A = XX + np.eye(XX.shape[1]) - known @ np.swapaxes(XB, 1, 2)
-        b = Xy - XB @ self._mean
+        # X'B times its mean. X'B is that of this flight, which differs from row to row, and that of
+        # the rest.
+        known = beside @ covariance
+        cross = X @ known[:, at].T
+        within = (X.reshape(-1, len(at)) @ covariance[np.ix_(at, at)]).reshape(X.shape)
+        explained = within @ np.swapaxes(X, 1, 2) + cross + np.swapaxes(cross, 1, 2)
+        A = XX + np.eye(XX.shape[1]) - explained - known @ beside.T
+        b = Xy - X @ self._mean[at] - beside @ self._mean
         if b.shape[1] == 1:  # most effects
             return 0.5 * (b**2 / A[..., 0] - np.log(A[..., 0]))[:, 0]
-        explained = np.sum(b * np.linalg.solve(A, b[..., None])[..., 0], axis=1)
-        return 0.5 * (explained - np.linalg.slogdet(A)[1])
+        gain = np.sum(b * np.linalg.solve(A, b[..., None])[..., 0], axis=1)
+        return 0.5 * (gain - np.linalg.slogdet(A)[1])
 
 
 WEIGHTS = ((MassError.identifier,), (ThrustScale.identifier,))

@@ -11,8 +11,6 @@ Source: progressive horizons, as in multiple shooting; own choice of both.
 import dataclasses as dc
 import math
 from collections.abc import Sequence
-from functools import reduce
-from operator import add
 
 import numpy as np
 
@@ -71,6 +69,7 @@ class OtherRegressors:
         horizons: Sequence[float] = (),
     ):
         self._flights, self._noise, self._onset = list(flights), noise.head(CHANNELS), onset or {}
+        self.size = 0  # number of columns of the others
         self._heads: dict[float, list[FlightResiduals]] = {}
         self._white = []
         for e in flights:
@@ -78,14 +77,11 @@ class OtherRegressors:
             X = np.concatenate(
                 [y[..., :0], *(c.columns[e.name][: len(y), :CHANNELS] for c in others)], axis=-1
             )
-            self._white.append((self._flat(e, X), self._flat(e, y)[:, 0]))
+            acting = np.flatnonzero(X.any(axis=(0, 1)))
+            self.size = X.shape[-1]
+            self._white.append((self._flat(e, X[..., acting]), self._flat(e, y)[:, 0], acting))
         self.horizons = sorted({*(horizons or (*HORIZONS, *self._after_outliers()))})
         self._base = {horizon: self._gram(horizon) for horizon in self.horizons}
-
-    @property
-    def size(self) -> int:
-        """Number of columns of the others."""
-        return self._white[0][0].shape[1]
 
     def heads(self, horizon: float) -> list[FlightResiduals]:
         """Return the flights up to the horizon [s]."""
@@ -113,11 +109,11 @@ class OtherRegressors:
 
     def _gram(self, horizon: float) -> tuple[Gram, float]:
         """Gram matrix of the others and their log evidence."""
-        parts = []
-        for e, (X, y) in zip(self._flights, self._white, strict=True):
+        total = Gram(np.zeros((self.size, self.size)), np.zeros(self.size))
+        for e, (X, y, acting) in zip(self._flights, self._white, strict=True):
             n = self._rows(e, horizon)
-            parts.append(Gram(X[:n].T @ X[:n], X[:n].T @ y[:n]))
-        total = reduce(add, parts)
+            total.XX[np.ix_(acting, acting)] += X[:n].T @ X[:n]
+            total.Xy[acting] += X[:n].T @ y[:n]
         return total, total.log_evidence(np.arange(len(total.Xy)))
 
     def white(self, payload: PayloadColumns) -> WhitenedPayload:
@@ -173,12 +169,12 @@ class OtherRegressors:
         done = dict.fromkeys((e.name for e in self._flights), 0)
         found = {}
         for horizon in sorted(horizons):
-            for e, (X, y), columns, some in zip(
+            for e, (X, y, acting), columns, some in zip(
                 self._flights, self._white, candidate.columns, candidate.at, strict=True
             ):
                 rows = slice(done[e.name], self._rows(e, horizon))
                 P = columns[rows]
-                PX[some] += P.T @ X[rows]
+                PX[np.ix_(some, acting)] += P.T @ X[rows]
                 PP[np.ix_(some, some)] += P.T @ P
                 Py[some] += P.T @ y[rows]
                 done[e.name] = rows.stop

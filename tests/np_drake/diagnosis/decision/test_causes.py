@@ -57,7 +57,7 @@ def judged_with(drag, linear):
             options=options or ranking.options,
             probability=probability or ranking.probability,
         )
-        held = on_held_out(ranking.best, drag.held_out, ranking.noise, ranking.options.priors)
+        held = on_held_out(ranking.best, drag.held_out, ranking.noise, ranking.options)
         return ranking, linear, (), held
 
     return arguments
