@@ -16,17 +16,11 @@ from functools import partial
 import numpy as np
 
 from np_drake import attitude
+from np_drake.diagnosis.deviation import ROTORS, Deviation, columns_of, file_deviations
 from np_drake.diagnosis.fitting import Fit, LinearPart
-from np_drake.diagnosis.forward_model import StageCache, Term, predicted_residual
+from np_drake.diagnosis.forward_model import Term, predicted_residual
 from np_drake.diagnosis.options import SPREAD, SURE, Priors, Spread, Tolerance
-from np_drake.diagnosis.regressors import (
-    LINEAR,
-    PREFIX,
-    Candidate,
-    calibration,
-    calibration_terms,
-    generic_candidates,
-)
+from np_drake.diagnosis.regressors import LINEAR, PREFIX, Candidate, generic_candidates
 from np_drake.diagnosis.regressors.library import THROTTLE_CURVE
 from np_drake.diagnosis.residuals import FORCE, TORQUE, WRENCH, FlightResiduals
 from np_drake.diagnosis.result import Difference
@@ -58,52 +52,25 @@ from np_drake.effects.parameter import arm, departure
 from np_drake.files.number_text import number
 from np_drake.logs.inputs import VOLTAGE_SCATTER, hover_exponent, voltage_of
 from np_drake.rigid_body import V
-from np_drake.vehicle import Vehicle
 from np_drake.vehicle.published import published_priors
-
-ROTORS = (1.0, 2.0, 3.0, 4.0)
 
 AXES, BATTERY = ("roll", "pitch", "yaw"), (ThrustScale, BatterySag)
 SENSORS = (AccelerometerBias, AttitudeBias, GyroBias, VelocityBias)
 LEANING = 2  # last columns of the airframe: thrust that leans to x and y
 
 
-@dc.dataclass(frozen=True)
-class Deviation:
-    """Standard deviations of parameters of an effect, by name [SI]; `fixed` ones have a value.
-
-    at_value: the deviation is that of a coefficient of the effect at these values, which is not
-    linear. about: values of a healthy vehicle, where they are not neutral.
-    """
-
-    effect: type[Effect]
-    deviation: dict[str, float]
-    fixed: dict[str, float] = dc.field(default_factory=dict)
-    at_value: bool = False
-    about: dict[str, float] = dc.field(default_factory=dict)
-
-    def usual(self, p: Parameter) -> float:
-        """Return the value of a parameter of a healthy vehicle."""
-        return self.about.get(p.name, p.neutral)
-
-    def at(self, **values: float) -> Effect:
-        """Return the effect with these values, all other parameters neutral or fixed."""
-        free = {p.name: p.neutral for p in self.effect.parameters if not p.choices}
-        return self.effect.of({**free, **self.fixed, **values})
-
-
 def of_vehicle(
     e: FlightResiduals, tolerance: Tolerance, spread: Spread = SPREAD
 ) -> list[Deviation]:
-    """Return by what a healthy vehicle differs from its file; where the vehicle that flew was
-    measured, by what its file states.
+    """Return by what a healthy vehicle differs from its file; nothing where that which flew was
+    measured.
 
     Of a number for which the file states an interval, the deviation is that of the interval, but
     not less than 1e-3 of that of healthy vehicles.
     """
     vehicle, measured = e.vehicle, e.measured_rotors
     if not tolerance.unmeasured:
-        return of_measured(vehicle)
+        return []
     span, mass = arm(vehicle), vehicle.mass
 
     def stated(field: str, *healthy: float) -> list[float]:
@@ -141,35 +108,6 @@ def of_vehicle(
         lags = spread.lags if "rotor_time_constant" not in vehicle.intervals else ()
         found += [Deviation(MotorLag, {"time_constant": lag}, at_value=True) for lag in lags]
     return found
-
-
-def of_measured(vehicle: Vehicle) -> list[Deviation]:
-    """Return by what a measured vehicle may differ from its file: as its intervals state."""
-
-    def within(field: str, count: int, over: Sequence[float]) -> list[float]:
-        places = [(i, i) if field == "inertia" else (i,) * (count > 1) for i in range(count)]
-        known = [vehicle.known_within(field, *place) or 0.0 for place in places]
-        return [one / of for one, of in zip(known, over, strict=True)]
-
-    scales = [p.name for p in InertiaError.parameters]
-    inertia = within("inertia", 3, vehicle.J.diagonal())
-    center = within("calibration.center_of_mass", 3, [1.0] * 3)
-    gains = zip(ROTORS, within("calibration.rotor_gains", 4, [1.0] * 4), strict=True)
-    (yaw,) = within("torque_coefficient", 1, [vehicle.torque_coefficient])
-    (lag,) = within("rotor_time_constant", 1, [1.0])
-    own = {"time_constant": vehicle.rotor_time_constant}
-    every = [
-        Deviation(InertiaError, dict(zip(scales, inertia, strict=True))),
-        Deviation(CenterOfMassOffset, dict(zip("xyz", center, strict=True))),
-        *(Deviation(WeakRotor, {"efficiency": gain}, {"rotor": i}) for i, gain in gains),
-        Deviation(MixerGain, {"yaw": yaw}),
-        Deviation(MotorLag, {"time_constant": lag}, about=own),
-    ]
-    known = [
-        dc.replace(d, deviation={name: sd for name, sd in d.deviation.items() if sd > 0})
-        for d in every
-    ]
-    return [d for d in known if d.deviation]
 
 
 def calibrated_alone(e: FlightResiduals, tolerance: Tolerance) -> set[str]:
@@ -231,21 +169,6 @@ def of_battery(e: FlightResiduals, spread: Spread = SPREAD) -> list[Deviation]:
 # library describes.
 SMOOTH = ("rates", "side force", "velocity", "cross flow", "thrust curve", "command")
 FLATTEST = 0.98  # of the sum of two moments of inertia that the third may reach [1]
-PART = 0.2  # of a deviation at which a mass effect is differenced, as it is not quite linear [1]
-
-
-def columns_of(e: FlightResiduals, deviations: Sequence[Deviation]) -> np.ndarray:
-    """Return columns (m, 15, k) of all parameters of deviations, of one standard deviation each."""
-    stages, out = StageCache(), []
-    for d in deviations:
-        parameters = {p.name: p for p in d.effect.parameters}
-        for name, deviation in d.deviation.items():
-            p = parameters[name]
-            step, usual = deviation * (PART if d.effect.place == "mass" else 1.0), d.usual(p)
-            step = step if usual + step <= p.upper else -step
-            moved = Term(d.at(**{name: usual + step}))
-            out.append(predicted_residual(e, [moved], stages) * (deviation / step))
-    return np.stack(out, axis=-1) if out else np.zeros((*e.y.shape, 0))
 
 
 def nuisance_of(
@@ -254,7 +177,11 @@ def nuisance_of(
     """Return all that every model holds, as columns with prior N(0, 1): errors of the file, what
     flights differ by, and what an unmeasured vehicle and its airframe differ by from the file.
     """
-    found = [*calibration(flights, tolerance), *flight_errors(flights, tolerance)]
+    found = list[Candidate]()
+    for d in file_deviations(flights[0].vehicle, tolerance):
+        columns = {e.name: columns_of(e, [d], part=1.0) for e in flights}
+        found.append(Candidate((), "calibration", columns, lambda c: []))
+    found += flight_errors(flights, tolerance)
     for of in vehicle_columns(flights, tolerance, priors):
         columns = {e.name: of(e) for e in flights}
         found.append(Candidate((), LINEAR, columns, lambda c: [], generic=of))
@@ -269,9 +196,8 @@ def vehicle_columns(
     accelerometer.
     """
     shared = of_vehicle(flights[0], tolerance)
-    body = [partial(columns_of, deviations=shared)] if shared else []
-    if not tolerance.unmeasured:
-        return body
+    if not shared:
+        return []
     names = {f"{PREFIX}{name}" for name in SMOOTH}
     groups = [c for c in generic_candidates(flights, priors) if c.identifiers[0] in names]
 
@@ -301,7 +227,7 @@ def vehicle_columns(
         leaning[:, 0, 0] = leaning[:, 1, 1] = SPREAD.mounting * e.nominal[:, 2]
         return np.concatenate([columns, leaning], axis=-1)
 
-    return [*body, of_air]
+    return [partial(columns_of, deviations=shared), of_air]
 
 
 def with_fixed_effects(flight: FlightResiduals) -> FlightResiduals:
@@ -322,12 +248,11 @@ def calibration_effects(fit: Fit, e: FlightResiduals, tolerance: Tolerance) -> l
     found: list[Effect] = [f for f in every if isinstance(f, ActuatorEffect | MassEffect)]
     if not fit.calibrated:
         return found
-    if tolerance.unmeasured:
-        # A share of all torque is shown as if the inertia were larger, by as much as a rigid body
-        # can have it.
-        moments = e.vehicle.J.diagonal() / e.torque_gain
-        moments = np.minimum(moments, FLATTEST * (moments.sum() - moments))
-        found.append(InertiaError(*(moments / e.vehicle.J.diagonal())))
+    # A share of all torque is shown as if the inertia were larger, by as much as a rigid body can
+    # have it.
+    moments = e.vehicle.J.diagonal() / e.torque_gain
+    moments = np.minimum(moments, FLATTEST * (moments.sum() - moments))
+    found.append(InertiaError(*(moments / e.vehicle.J.diagonal())))
     coefficients = iter(fit.calibrated[0][1])
     for d in of_vehicle(e, tolerance):
         own = [
@@ -337,7 +262,7 @@ def calibration_effects(fit: Fit, e: FlightResiduals, tolerance: Tolerance) -> l
             continue
         parameters = {p.name: p for p in d.effect.parameters}
         moved = {name: (parameters[name], c) for name, c in zip(d.deviation, own, strict=True)}
-        values = {n: float(np.clip(d.usual(p) + c, p.lower, p.upper)) for n, (p, c) in moved.items()}
+        values = {n: float(np.clip(p.neutral + c, p.lower, p.upper)) for n, (p, c) in moved.items()}
         found.append(d.at(**values))
     return found
 
@@ -455,25 +380,24 @@ def differences(
     input.
     """
     found, vehicle, first = [], flights[0].vehicle, len(fit.terms)
-    priors = calibration_terms(vehicle, tolerance)
-    for i, (term, (_, deviation)) in enumerate(zip(fit.calibration, priors, strict=True)):
-        effect = term.effect
-        for p in effect.parameters:
-            own = [k for k, f in enumerate(fit.free) if (f.term, f.name) == (first + i, p.name)]
-            sigma = float(np.sqrt(fit.covariance[own[0], own[0]])) if own else np.nan
-            value = getattr(effect, p.name) - p.neutral
-            name = f"{effect.identifier}.{p.name}"
-            if isinstance(effect, ThrottleCurve):
-                found.append(_throttle_map(name, hover_exponent(vehicle), effect.curve, sigma))
-            elif tolerance.unmeasured:
-                found.append(_difference(name, type(effect), p, {}, value, sigma, deviation))
-    shared = of_vehicle(flights[0], tolerance)
-    if shared:
-        body = fit.linear[-2 if tolerance.unmeasured else -1]
-        found += _of_parameters(body, shared)
+    shown = tolerance.unmeasured or vehicle.measured
+    for k, f in enumerate(fit.free):
+        if f.term < first or f.flight:
+            continue
+        effect, d = fit.calibration[f.term - first].effect, fit.allowed[f.term - first]
+        sigma = float(np.sqrt(fit.covariance[k, k]))
+        name = f"{d.name}.{f.name}"
+        if isinstance(effect, ThrottleCurve):
+            found.append(_throttle_map(name, hover_exponent(vehicle), effect.curve, sigma))
+        elif shown:
+            value = getattr(effect, f.name) - f.neutral
+            p = next(p for p in effect.parameters if p.name == f.name)
+            how = (d.effect, p, d.fixed, value, sigma, d.deviation[f.name])
+            found.append(_difference(name, *how))
     if not tolerance.unmeasured:
         return tuple(found)
-    errors = fit.linear[: len(flights)]
+    *errors, body, _ = fit.linear
+    found += _of_parameters(body, of_vehicle(flights[0], tolerance))
     # What flights differ by, each parameter with its value in every flight and the words of the
     # largest.
     parts = dict(zip((e.name for e in flights), errors, strict=True))
@@ -505,13 +429,12 @@ def _of_parameters(part: LinearPart, deviations: Sequence[Deviation]) -> list[Di
     found, k = list[Difference](), 0
     for d in deviations:
         parameters = {p.name: p for p in d.effect.parameters}
-        which = d.effect.identifier + "".join(f"[{value:g}]" for value in d.fixed.values())
         for name, deviation in d.deviation.items():
             if not d.at_value:
                 value = part.coefficients[k] * deviation
                 sigma = np.sqrt(part.covariance[k, k]) * deviation
                 how = (d.effect, parameters[name], d.fixed, value, sigma, deviation)
-                found.append(_difference(f"{which}.{name}", *how))
+                found.append(_difference(f"{d.name}.{name}", *how))
             k += 1
     if lags:
         own = slice(k - len(lags), k)
@@ -520,7 +443,7 @@ def _of_parameters(part: LinearPart, deviations: Sequence[Deviation]) -> list[Di
         sigma = np.sqrt(time @ part.covariance[own, own] @ time)
         effect, norm = lags[0].effect, float(np.linalg.norm(time))
         found.append(
-            _difference(f"{which}.{name}", effect, effect.parameters[0], {}, value, sigma, norm)
+            _difference(f"{d.name}.{name}", effect, effect.parameters[0], {}, value, sigma, norm)
         )
     return found
 

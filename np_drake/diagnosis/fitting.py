@@ -4,11 +4,12 @@ Several starts are tried where there is a hidden swing.
 """
 
 import dataclasses as dc
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from itertools import pairwise, product
 
 import numpy as np
 
+from np_drake.diagnosis.deviation import Deviation, file_deviations
 from np_drake.diagnosis.forward_model import (
     NEVER,
     STATE,
@@ -21,13 +22,7 @@ from np_drake.diagnosis.forward_model import (
 )
 from np_drake.diagnosis.numerics import NoiseModel, minimise, scale_only
 from np_drake.diagnosis.options import SURE, Priors
-from np_drake.diagnosis.regressors import (
-    Candidate,
-    Model,
-    RegressionProblem,
-    WhiteNuisance,
-    calibration_terms,
-)
+from np_drake.diagnosis.regressors import Candidate, Model, RegressionProblem, WhiteNuisance
 from np_drake.diagnosis.residuals import WRENCH, FlightResiduals
 from np_drake.diagnosis.swing_fit import fitted_to_whole_flight
 from np_drake.effects.base import Effect, SensorEffect, correlation_root
@@ -55,22 +50,26 @@ class Free:
 def free_parameters(
     terms: Sequence[Term],
     flights: Sequence[FlightResiduals],
-    scales: dict[int, float],
+    known: Mapping[int, Deviation],
     priors: Priors,
 ) -> list[Free]:
     """Return the free parameters of the terms.
 
     Args:
-        scales: by position, the prior standard deviation of calibration terms, in place of the
-            typical one.
+        known: by position, what the file allows for of calibration terms, in place of typical
+            sizes.
     """
     found = []
     for i, term in enumerate(terms):
         vehicle = flights[0].vehicle
         width = _width(term, vehicle) if term.effect.widens else 1.0
+        own = known.get(i)
         for p in term.effect.parameters:
-            if not p.choices:
-                scale = scales.get(i, width * usual_size(p, vehicle))
+            if own is not None and p.name in own.deviation:
+                scale, middle = own.deviation[p.name], own.usual(p)
+                found.append(Free(i, p.name, scale, middle, p.lower, p.upper))
+            elif own is None and not p.choices:
+                scale = width * usual_size(p, vehicle)
                 found.append(Free(i, p.name, scale, p.neutral, p.lower, p.upper))
         if not term.effect.has_hidden_state:
             continue
@@ -174,7 +173,8 @@ class Fit:
     free, values: free parameters and their values (k,) in physical units; covariance (k, k): of
     these. log_evidence: log evidence of the model on the flights of the fit [nat]. sensor_drift: by
     flight, (m, 15) contribution of linear nuisance: sensor errors and calibration. linear: the same
-    part by part, in the order of the candidates. onset_prior: log prior of the onsets.
+    part by part, in the order of the candidates. onset_prior: log prior of the onsets. allowed:
+    priors of the calibration.
     """
 
     terms: tuple[Term, ...]
@@ -186,6 +186,7 @@ class Fit:
     sensor_drift: dict[str, np.ndarray] = dc.field(default_factory=dict)
     onset_prior: float = 0.0
     linear: tuple[LinearPart, ...] = ()
+    allowed: tuple[Deviation, ...] = ()
 
     @property
     def calibrated(self) -> tuple[tuple[Callable[[FlightResiduals], np.ndarray], np.ndarray], ...]:
@@ -225,7 +226,7 @@ class Fit:
 
 def refine(
     terms: Sequence[Term],
-    calibration: Sequence[tuple[Term, float]],
+    calibration: Sequence[Deviation],
     flights: Sequence[FlightResiduals],
     noise: NoiseModel,
     *,
@@ -242,9 +243,9 @@ def refine(
         temperature: factor on the noise variance [1].
         white: the linear nuisance, where it is whitened already.
     """
-    everything = [*terms, *(t for t, _ in calibration)]
-    scales = {len(terms) + i: s for i, (_, s) in enumerate(calibration)}
-    free = free_parameters(everything, flights, scales, priors)
+    everything = [*terms, *(d.term for d in calibration)]
+    known = {len(terms) + i: d for i, d in enumerate(calibration)}
+    free = free_parameters(everything, flights, known, priors)
     scale, neutral, lower, upper = (
         np.array([(f.scale, f.neutral, f.lower, f.upper) for f in free]).reshape(-1, 4).T
     )
@@ -326,6 +327,7 @@ def refine(
         float(-best.cost - 0.5 * logdet + np.linalg.slogdet(W)[1]),
         drifted,
         linear=parts,
+        allowed=tuple(calibration),
     )
 
 
@@ -519,9 +521,12 @@ def fit_of_some(
 def _descend(
     problem: RegressionProblem, model: Model, start: list[Term], noise: NoiseModel, iterations: int
 ) -> Fit:
+    # An effect takes the place of what the file states of it.
+    allowed = file_deviations(problem.flights[0].vehicle, problem.options.tolerance)
+    acting = [t.effect for t in start if not t.onset]
     fit = refine(
         start,
-        calibration_terms(problem.flights[0].vehicle, problem.options.tolerance),
+        [d for d in allowed if not (d.stated and any(map(d.is_of, acting)))],
         problem.flights,
         noise,
         temperature=problem.temperature,

@@ -162,7 +162,7 @@ class RotorBalance:
 def compare_balance(
     before: Sequence[FlightLog], after: Sequence[FlightLog], vehicle: Vehicle, options: Options
 ) -> RotorBalance:
-    """Return what the balance of the rotors tells of a change; nothing where flights do not have it.
+    """Return what the balance of the rotors tells of a change; nothing where flights lack it.
 
     Args:
         before: flights before what is asked.

@@ -346,11 +346,7 @@ def _in_stated_order(log: FlightLog, vehicle: Vehicle) -> FlightLog:
 
 
 def _reordered(log: FlightLog, order: list[int], note: str) -> FlightLog:
-    columns = {
-        name: getattr(log, name)[:, order]
-        for name in EACH
-        if is_each(getattr(log, name))
-    }
+    columns = {name: getattr(log, name)[:, order] for name in EACH if is_each(getattr(log, name))}
     return dc.replace(log, **columns, notes=[*log.notes, note])
 
 

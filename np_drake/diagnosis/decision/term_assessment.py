@@ -10,13 +10,14 @@ import numpy as np
 from scipy import special
 
 from np_drake import attitude
-from np_drake.diagnosis.calibration import ROTORS, of_battery, of_flight, of_vehicle
+from np_drake.diagnosis.calibration import of_battery, of_flight, of_vehicle
 from np_drake.diagnosis.decision.support import Support
 from np_drake.diagnosis.decision.unexplained import LinearModel
+from np_drake.diagnosis.deviation import ROTORS, file_deviations
 from np_drake.diagnosis.fitting import Fit, greatest_height, impossible, scaled_jacobian
 from np_drake.diagnosis.forward_model import Term, predicted_residual
 from np_drake.diagnosis.held_out import HeldOut
-from np_drake.diagnosis.options import SPREAD, Materiality, Options, Size, Tolerance
+from np_drake.diagnosis.options import SPREAD, Materiality, Options, Size, Tolerance, unhealthy
 from np_drake.diagnosis.regressors import DRAG
 from np_drake.diagnosis.residuals import FORCE, TORQUE, WRENCH, FlightResiduals
 from np_drake.diagnosis.selection import Ranking
@@ -24,8 +25,6 @@ from np_drake.effects.mass_error import MassError
 from np_drake.effects.thrust_scale import ThrustScale
 from np_drake.files.number_text import number, probability
 
-# deviations of healthy vehicles beyond which a size is a cause: one vehicle in a hundred [1]
-UNHEALTHY = 2.5
 DRAWS = 400  # of the posterior
 SEED = 1
 
@@ -143,7 +142,8 @@ def beyond_spread(
     effect = fit.terms[i].effect
     spread, usual = dict[str, float](), dict[str, float]()
     # What changed since earlier flights is not what a vehicle differs by from its file.
-    vehicle = of_vehicle(e, tolerance) if not changed else ()
+    stated = [d for d in file_deviations(e.vehicle, tolerance) if d.stated]
+    vehicle = [*of_vehicle(e, tolerance), *stated] if not changed else []
     for d in (*vehicle, *(of_flight(e, tolerance) if tolerance.unmeasured else [])):
         # Those of one rotor are those of every rotor.
         if d.effect is type(effect) and not d.at_value and set(d.fixed.values()) <= {ROTORS[0]}:
@@ -163,8 +163,8 @@ def beyond_spread(
     draws = np.random.default_rng(SEED).multivariate_normal(
         away, fit.covariance[np.ix_(own, own)], DRAWS
     )
-    least = np.array([UNHEALTHY * spread[fit.free[k].name] for k in own])
-    return float(np.mean(np.any(np.abs(draws) > least, axis=1)))
+    size = np.linalg.norm(draws / np.array([spread[fit.free[k].name] for k in own]), axis=1)
+    return float(np.mean(size > unhealthy(len(own))))
 
 
 def size_of(

@@ -12,8 +12,6 @@ from np_drake.diagnosis.regressors.library import (
     Candidate,
     Onset,
     at_value,
-    calibration,
-    calibration_terms,
     hidden_from,
     library_candidates,
     options_of,

@@ -16,21 +16,10 @@ from np_drake.diagnosis.forward_model import StageCache, Term, predicted_residua
 from np_drake.diagnosis.numerics import fit_noise
 from np_drake.diagnosis.options import IDEAL_SENSORS, SPREAD, Options, Tolerance
 from np_drake.diagnosis.residuals import QUIET, FlightResiduals
-from np_drake.effects import (
-    AttitudeLatency,
-    ClockOffset,
-    ConstantWind,
-    ImuMounting,
-    LinearDrag,
-    MassError,
-    SuspendedPayload,
-    ThrottleCurve,
-    ThrustScale,
-)
+from np_drake.effects import ClockOffset, ConstantWind, LinearDrag, SuspendedPayload
 from np_drake.effects.base import Effect, prior_root
 from np_drake.effects.library import LIBRARY, REQUIREMENTS, effect_of, effects_for, unobservable
 from np_drake.effects.parameter import usual_size
-from np_drake.vehicle import Vehicle
 
 DRAG = LinearDrag.identifier  # the effect through which winds act
 WIND = ConstantWind.identifier
@@ -310,36 +299,6 @@ THROTTLE_CURVE = 0.3  # of its exponent [1]; source: that of `throttle_input.SCA
 IDENTIFIED_SCALE, IDENTIFIED_CURVE = 0.05, 0.05
 # Deviations by which motion is ahead of commands, from which these are not held from their row [1].
 EARLY = 3.0
-
-
-def calibration_terms(vehicle: Vehicle, tolerance: Tolerance) -> list[tuple[Term, float]]:
-    """Return the terms that all flights share, each with the standard deviation of its prior."""
-    open_ = [
-        (Term(ThrottleCurve(0.0)), tolerance.throttle_curve),
-        (Term(ClockOffset(0.0)), tolerance.timing),
-        (Term(ImuMounting(0.0)), tolerance.mounting),
-        (Term(AttitudeLatency(0.0)), tolerance.latency),
-    ]
-    return [
-        (Term(ThrustScale(1.0)), tolerance.thrust),
-        (Term(MassError(0.0)), tolerance.mass * vehicle.mass),
-        *(pair for pair in open_ if pair[1] > 0),
-    ]
-
-
-def calibration(flights: Sequence[FlightResiduals], tolerance: Tolerance) -> list[Candidate]:
-    """Return the mass and thrust terms as candidates, whose columns carry the prior's scale."""
-    out = []
-    for term, deviation in calibration_terms(flights[0].vehicle, tolerance):
-        moved = [
-            Term(dc.replace(term.effect, **{p.name: p.neutral + deviation}))  # type: ignore[type-var]
-            for p in term.effect.parameters
-        ]
-        columns = {
-            e.name: np.stack([predicted_residual(e, [m]) for m in moved], axis=-1) for e in flights
-        }
-        out.append(Candidate((), "calibration", columns, lambda c: []))
-    return out
 
 
 def tolerance_of(flights: Sequence[FlightResiduals]) -> Tolerance:

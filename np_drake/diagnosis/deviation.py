@@ -1,0 +1,134 @@
+"""By what a vehicle may differ from its file and still be the one that the file describes."""
+
+import dataclasses as dc
+from collections.abc import Sequence
+
+import numpy as np
+
+from np_drake.diagnosis.forward_model import StageCache, Term, predicted_residual
+from np_drake.diagnosis.options import Tolerance
+from np_drake.diagnosis.residuals import FlightResiduals
+from np_drake.effects import (
+    AttitudeLatency,
+    CenterOfMassOffset,
+    ClockOffset,
+    ImuMounting,
+    InertiaError,
+    MassError,
+    MixerGain,
+    MotorLag,
+    ThrottleCurve,
+    ThrustScale,
+    WeakRotor,
+)
+from np_drake.effects.base import Effect, Parameter
+from np_drake.vehicle import Vehicle
+
+ROTORS = (1.0, 2.0, 3.0, 4.0)
+PART = 0.2  # of a deviation at which a mass effect is differenced, as it is not quite linear [1]
+
+
+@dc.dataclass(frozen=True)
+class Deviation:
+    """Standard deviations of parameters of an effect, by name [SI]; `fixed` ones have a value.
+
+    at_value: the deviation is that of a coefficient of the effect at these values, which is not
+    linear. about: values of the vehicle of the file, where they are not neutral. stated: whether
+    the file states it, so that the effect takes its place and is a cause beyond it.
+    """
+
+    effect: type[Effect]
+    deviation: dict[str, float]
+    fixed: dict[str, float] = dc.field(default_factory=dict)
+    at_value: bool = False
+    about: dict[str, float] = dc.field(default_factory=dict)
+    stated: bool = False
+
+    @property
+    def name(self) -> str:
+        """Identifier of the effect, with what is fixed."""
+        return self.effect.identifier + "".join(f"[{v:g}]" for v in self.fixed.values())
+
+    @property
+    def term(self) -> Term:
+        """The effect of the vehicle of the file."""
+        return Term(self.at(**self.about))
+
+    def is_of(self, effect: Effect) -> bool:
+        """Return whether it is of this effect, and of the same of what is fixed."""
+        return type(effect) is self.effect and self.fixed.items() <= effect.values.items()
+
+    def usual(self, p: Parameter) -> float:
+        """Return the value of a parameter of the vehicle of the file."""
+        return self.about.get(p.name, p.neutral)
+
+    def at(self, **values: float) -> Effect:
+        """Return the effect with these values, all other parameters neutral or fixed."""
+        free = {p.name: p.neutral for p in self.effect.parameters if not p.choices}
+        return self.effect.of({**free, **self.fixed, **values})
+
+
+def file_deviations(vehicle: Vehicle, tolerance: Tolerance) -> list[Deviation]:
+    """Return by what every vehicle may differ from its file, with the standard deviations: mass,
+    thrust, what its input leaves open, and of a measured vehicle what its intervals state.
+    """
+    mass = tolerance.mass * vehicle.mass
+    found = [
+        Deviation(ThrustScale, {"scale": tolerance.thrust}),
+        Deviation(MassError, {"delta_mass": mass}),
+        Deviation(ThrottleCurve, {"curve": tolerance.throttle_curve}),
+        Deviation(ClockOffset, {"offset": tolerance.timing}),
+        Deviation(ImuMounting, dict.fromkeys(("roll", "pitch", "yaw"), tolerance.mounting)),
+        Deviation(AttitudeLatency, {"latency": tolerance.latency}),
+        *([] if tolerance.unmeasured else _stated(vehicle)),
+    ]
+    # What is certain differs by nothing.
+    known = [
+        dc.replace(d, deviation={name: sd for name, sd in d.deviation.items() if sd > 0})
+        for d in found
+    ]
+    return [d for d in known if d.deviation]
+
+
+def _stated(vehicle: Vehicle) -> list[Deviation]:
+    """Return what the intervals of a file state; 0 where they state nothing."""
+
+    def of(field: str, *place: int, over: float = 1.0) -> float:
+        return (vehicle.known_within(field, *place) or 0.0) / over
+
+    scales = [p.name for p in InertiaError.parameters]
+    moments = [of("inertia", i, i, over=J) for i, J in enumerate(vehicle.J.diagonal().tolist())]
+    center = {axis: of("calibration.center_of_mass", i) for i, axis in enumerate("xyz")}
+    gains = [of("calibration.rotor_gains", i) for i in range(4)]
+    lag = {"time_constant": vehicle.rotor_time_constant}
+    found = [
+        Deviation(InertiaError, dict(zip(scales, moments, strict=True))),
+        Deviation(CenterOfMassOffset, center),
+        *(
+            Deviation(WeakRotor, {"efficiency": gain}, {"rotor": rotor})
+            for rotor, gain in zip(ROTORS, gains, strict=True)
+        ),
+        Deviation(MixerGain, {"yaw": of("torque_coefficient", over=vehicle.torque_coefficient)}),
+        Deviation(MotorLag, {"time_constant": of("rotor_time_constant")}, about=lag),
+    ]
+    return [dc.replace(d, stated=True) for d in found]
+
+
+def columns_of(
+    e: FlightResiduals, deviations: Sequence[Deviation], part: float = PART
+) -> np.ndarray:
+    """Return columns (m, 15, k) of all parameters of deviations, of one standard deviation each.
+
+    Args:
+        part: of a deviation, at which a mass effect is differenced [1].
+    """
+    stages, out = StageCache(), []
+    for d in deviations:
+        parameters = {p.name: p for p in d.effect.parameters}
+        for name, deviation in d.deviation.items():
+            p = parameters[name]
+            step, usual = deviation * (part if d.effect.place == "mass" else 1.0), d.usual(p)
+            step = step if usual + step <= p.upper else -step
+            moved = Term(d.at(**{name: usual + step}))
+            out.append(predicted_residual(e, [moved], stages) * (deviation / step))
+    return np.stack(out, axis=-1) if out else np.zeros((*e.y.shape, 0))
