@@ -27,6 +27,7 @@ from np_drake.logs.formats.format import (
     Scanned,
     Stream,
     first_source,
+    indexed,
     no_progress,
 )
 from np_drake.logs.importing.log_map import SIZES, LogMap, Source
@@ -254,6 +255,7 @@ HEADER_FACTS = {
 }
 VALID = ("xy_valid", "z_valid", "v_xy_valid", "v_z_valid")  # of a local position
 RESETS = "_reset_counter"  # end of the names of its counters
+NO_COLUMN = re.compile(r"timestamp|(.*\.)?_padding[^.]*", re.DOTALL)  # field that is none
 
 
 class _Bounded(io.BufferedReader):
@@ -347,11 +349,6 @@ def _stream_name(data: Any) -> str:
     return f"{data.name}.{data.multi_id}" if data.multi_id else str(data.name)
 
 
-def _is_column(name: str, kind: str) -> bool:
-    field = name.rpartition(".")[2]
-    return name != "timestamp" and kind != "char" and not field.startswith("_padding")
-
-
 def _contents(path: Path) -> Contents:
     """Return the fields of every message that has a row.
 
@@ -364,7 +361,11 @@ def _contents(path: Path) -> Contents:
     values: dict[str, float] = {}
     for data in sorted(log.data_list, key=lambda data: data.msg_id):  # as the log names them
         name = _stream_name(data)
-        columns = [f.field_name for f in data.field_data if _is_column(f.field_name, f.type_str)]
+        columns = [
+            f.field_name
+            for f in data.field_data
+            if f.type_str != "char" and not NO_COLUMN.fullmatch(f.field_name)
+        ]
         if data.name in PROBED:
             t = data.data["timestamp"]
             span = float(t.max() - t.min())
@@ -432,13 +433,13 @@ def _times(
     samples are timed.
     """
     since = (published - np.uint64(start)).astype(np.int64)
-    if sampled is None or sampled.dtype != np.uint64:
-        return since / 1e6, None
-    delay = (published - sampled).astype(np.int64)
-    usable = (sampled != 0) & (np.abs(delay) <= LONGEST_DELAY)
-    if not usable.any():
-        return since / 1e6, None
-    return np.where(usable, since - delay, since) / 1e6, float(np.median(delay[usable])) / 1e6
+    if sampled is not None and sampled.dtype == np.uint64:
+        delay = (published - sampled).astype(np.int64)
+        usable = (sampled != 0) & (np.abs(delay) <= LONGEST_DELAY)
+        if usable.any():
+            median = float(np.median(delay[usable])) / 1e6
+            return np.where(usable, since - delay, since) / 1e6, median
+    return since / 1e6, None
 
 
 def _validity(name: str, t: np.ndarray, flags: Mapping[str, np.ndarray]) -> Iterator[str]:
@@ -520,20 +521,13 @@ def _is_used(name: str, parameters: Mapping[str, Any]) -> bool:
     return rotor is None or not isinstance(count, int) or int(rotor[1]) < count
 
 
-def _indexed(name: str, count: int) -> list[str]:
-    return [f"{name}[{i}]" for i in range(count)]
-
-
 _RATES = (
-    _indexed("vehicle_angular_velocity/xyz", 3),
-    _indexed("sensor_combined/gyro_rad", 3),
+    indexed("vehicle_angular_velocity/xyz", 3),
+    indexed("sensor_combined/gyro_rad", 3),
     [f"vehicle_attitude/{axis}speed" for axis in ("roll", "pitch", "yaw")],
-    _indexed("vehicle_odometry/angular_velocity", 3),
+    indexed("vehicle_odometry/angular_velocity", 3),
 )
-_FORCES = (
-    _indexed("sensor_combined/accelerometer_m_s2", 3),
-    _indexed("vehicle_acceleration/xyz", 3),
-)
+_FORCES = (indexed("sensor_combined/accelerometer_m_s2", 3), indexed("vehicle_acceleration/xyz", 3))
 
 
 def _default_map(contents: Contents) -> LogMap | None:
@@ -554,7 +548,7 @@ def _default_map(contents: Contents) -> LogMap | None:
         velocity=velocity,
         attitude=first_source(
             contents,
-            (_indexed(f"{stream}/q", 4) for stream in ("vehicle_attitude", odometry)),
+            (indexed(f"{stream}/q", 4) for stream in ("vehicle_attitude", odometry)),
             order="wxyz",
             direction="body_to_world",
         ),
@@ -587,8 +581,8 @@ def _position(contents: Contents) -> tuple[Source, Source, str]:
     )
     for stream in ("vehicle_local_position", odometry):
         axes = "body" if stream == "vehicle_visual_odometry" else "world"
-        places = [[f"{stream}/{axis}" for axis in "xyz"], _indexed(f"{stream}/position", 3)]
-        speeds = [[f"{stream}/v{axis}" for axis in "xyz"], _indexed(f"{stream}/velocity", 3)]
+        places = [[f"{stream}/{axis}" for axis in "xyz"], indexed(f"{stream}/position", 3)]
+        speeds = [[f"{stream}/v{axis}" for axis in "xyz"], indexed(f"{stream}/velocity", 3)]
         position = first_source(contents, places, unit="m")
         if position:
             return position, first_source(contents, speeds, unit="m/s", axes=axes), odometry
