@@ -257,10 +257,9 @@ def _types_of(kind: str, definition: Any) -> dict[str, Any]:
     with contextlib.suppress(Exception):  # the types are missing then
         if definition.format.name == "MSG":
             found.update(get_types_from_msg(definition.data, kind))
-        for part in (
-            definition.data.split("=" * 80 + "\n") if definition.format.name == "IDL" else ()
-        ):
-            found.update(get_types_from_idl(re.sub(r"\AIDL: .*\n", "", part)))
+        elif definition.format.name == "IDL":
+            for part in definition.data.split("=" * 80 + "\n"):
+                found.update(get_types_from_idl(re.sub(r"\AIDL: .*\n", "", part)))
     return found
 
 
@@ -307,14 +306,11 @@ def _getter(path: str) -> Callable[[Any], float]:
     steps = re.findall(r"[^.\[\]]+", path)
 
     def get(message: Any) -> float:
-        for step in steps:
-            if not step.isdigit():
-                message = getattr(message, step)
-            elif int(step) < len(message):
-                message = message[int(step)]
-            else:
-                return np.nan
-        return float(message)
+        with contextlib.suppress(IndexError):
+            for step in steps:
+                message = message[int(step)] if step.isdigit() else getattr(message, step)
+            return float(message)
+        return np.nan
 
     return get
 
@@ -349,24 +345,14 @@ class _Rows:
         self.received.append(time)
         self.numbers.extend(numbers)
 
-    def sort(self) -> None:
-        """Put the messages into the order of their receipt; those of one time keep theirs."""
-        received = np.array(self.received)
-        if not (np.diff(received) < 0).any():
-            return
+    def in_order(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return times of receipt (n,), stamps (n,) [ns] and numbers (n, k) in the order of
+        receipt; messages of one time keep theirs.
+        """
+        received = np.array(self.received, np.int64)
         order = np.argsort(received, kind="stable")
-        numbers = np.frombuffer(self.numbers).reshape(len(order), len(self.columns))
-        self.received = array("q", received[order].tobytes())
-        self.stamps = array("q", np.array(self.stamps)[order].tobytes())
-        self.numbers = array("d", numbers[order].tobytes())
-
-    @property
-    def delay(self) -> int | None:
-        """Median of stamp minus time of receipt [ns]; None where messages have no stamp."""
-        stamps = np.array(self.stamps)
-        if not len(stamps) or not stamps.all():
-            return None
-        return int(np.median(stamps - np.array(self.received)))
+        numbers = np.array(self.numbers).reshape(len(order), len(self.columns))
+        return received[order], np.array(self.stamps, np.int64)[order], numbers[order]
 
 
 def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Recording:
@@ -392,26 +378,36 @@ def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Re
     notes = bag.notes + [
         f"{n}: {r.damaged} messages are damaged" for n, r in rows.items() if r.damaged
     ]
-    for r in rows.values():
-        r.sort()
-    times, clocks = _times(rows)
-    streams = {}
-    for name, r in rows.items():
-        values = np.array(r.numbers).reshape(len(times[name]), len(r.columns))
-        streams[name] = Stream(times[name], {c: values[:, i] for i, c in enumerate(r.columns)})
+    read = {name: r.in_order() for name, r in rows.items()}
+    times, clocks = _times(
+        {name: (received, stamps) for name, (received, stamps, _) in read.items()}
+    )
+    streams = {
+        name: Stream(times[name], dict(zip(wanted[name], numbers.T, strict=True)))
+        for name, (_, _, numbers) in read.items()
+    }
     lines = tuple(f"{path}: {note}" for note in [*dict.fromkeys(notes), *clocks])
     return Recording(str(path), streams, facts, lines)
 
 
-def _times(rows: Mapping[str, _Rows]) -> tuple[dict[str, np.ndarray], list[str]]:
-    """Return the times of all topics on one clock [s], and a note on every topic's clock."""
-    delays = {name: r.delay for name, r in rows.items() if r.received}
-    known = [delay or 0 for delay in delays.values()]
-    apart = bool(known) and max(known) - min(known) > SAME_CLOCK
+def _times(
+    clocks: Mapping[str, tuple[np.ndarray, np.ndarray]],
+) -> tuple[dict[str, np.ndarray], list[str]]:
+    """Return the times of all topics on one clock [s], and a note on every topic's clock.
+
+    Args:
+        clocks: times of receipt (n,) and stamps (n,) [ns]; 0: a message has none.
+    """
+    delays = {
+        name: int(np.median(stamps - received)) if stamps.all() else 0
+        for name, (received, stamps) in clocks.items()
+        if len(stamps)
+    }
+    apart = bool(delays) and max(delays.values()) - min(delays.values()) > SAME_CLOCK
     chosen, notes = {}, []
-    for name, r in rows.items():
-        stamped = delays.get(name) is not None and not apart
-        chosen[name] = np.array(r.stamps if stamped else r.received, dtype=np.int64)
+    for name, (received, stamps) in clocks.items():
+        stamped = len(stamps) > 0 and stamps.all() and not apart
+        chosen[name] = stamps if stamped else received
         why = "the clocks of the stamps differ" if apart else "not all messages have a stamp"
         notes.append(
             f"{name}: times are {'the stamps' if stamped else f'those of receipt, for {why}'}"

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from functools import cached_property
 
 import numpy as np
+from scipy.integrate import cumulative_trapezoid
 
 from np_drake import attitude
 from np_drake.logs.columns import LARGEST, LEAST_ROWS
@@ -96,8 +97,7 @@ class Signal:
 
     @cached_property
     def _sum(self) -> np.ndarray:
-        area = 0.5 * (self.values[1:] + self.values[:-1]) * np.diff(self.t)[:, None]
-        return np.concatenate([np.zeros((1, self.values.shape[1])), np.cumsum(area, axis=0)])
+        return cumulative_trapezoid(self.values, self.t, axis=0, initial=0.0)
 
     def integral(self, at: np.ndarray) -> np.ndarray:
         """Return the integral from the first sample, (m, k): linear between samples and constant
