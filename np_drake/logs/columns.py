@@ -79,7 +79,6 @@ DERIVED = ("p", "v", "w")  # of these, those that an import derives from the oth
 UNLOGGED = {"p": "height", "v": "velocity", "q": "attitude", "a": "attitude"}
 FORCE = ("sx", "sy", "sz")  # columns of the specific force in B, of a log without attitude [m/s²]
 GRAVITY = 9.81  # [m/s²]
-OPTIONAL = ("a", "al", "rotor", "throttle", "voltage", "commanded_rates")
 THRUST = ("thrust",)  # of u, where torque is not logged
 FIELDS = COLUMNS | {"thrust": THRUST}
 # All columns, in the order of the format.
@@ -122,15 +121,14 @@ def assemble(table: Table, fields: list[str], name: str) -> FlightLog:
     """Return the log in memory; fields that the file lacks are None, what is missing of u is
     NaN.
     """
-    arrays: dict[str, np.ndarray | None] = dict.fromkeys(OPTIONAL)
-    arrays |= {f: table.array(COLUMNS[f]) for f in fields if f not in ("throttles", "thrust")}
+    arrays = {f: table.array(COLUMNS[f]) for f in fields if f not in ("throttles", "thrust")}
     t = table.columns["t"]
     arrays.setdefault("u", np.full((len(t), 4), np.nan))
     if "thrust" in fields:
         arrays["u"] = np.column_stack([table.columns["thrust"], np.full((len(t), 3), np.nan)])
     if "throttles" in fields:
         arrays["throttle"] = table.array(COLUMNS["throttles"])
-    if arrays["voltage"] is not None:
+    if "voltage" in fields:
         arrays["voltage"] = arrays["voltage"][:, 0]
     q = table.array(COLUMNS["q"])
     arrays |= {"t": t, "q": q / np.linalg.norm(q, axis=1, keepdims=True)}

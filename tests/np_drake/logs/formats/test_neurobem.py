@@ -8,8 +8,7 @@ import pytest
 
 from np_drake import attitude, labels
 from np_drake.logs.errors import LogError
-from np_drake.logs.formats.neurobem import published_vehicle, read_array
-from np_drake.logs.formats.neurobem_wrenches import RACE_TRACK, read_wrenches
+from np_drake.logs.formats.neurobem import RACE_TRACK, published_vehicle, read_array, read_wrenches
 from np_drake.logs.opening import open_flights
 
 MELON = "merged_2021-02-23-11-41-38_seg_3"

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from np_drake.logs.errors import LogError
-from np_drake.logs.formats.neurobem import SOURCE_COLUMNS
-from np_drake.logs.formats.neurobem_wrenches import (
+from np_drake.logs.formats.neurobem import (
+    SOURCE_COLUMNS,
     TESTS,
     TRAINING,
     TRAINING_START,
