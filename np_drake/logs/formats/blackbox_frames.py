@@ -137,25 +137,19 @@ def read_fields(data, at, stop, encodings, count, out):
     """
     i = 0
     while i < count:
-        encoding = encodings[i]
+        encoding, last = encodings[i], i + 1  # the place behind the numbers that are read together
         if encoding == NULL:
             out[i] = 0
-            i += 1
-            continue
-        if at >= stop:
+        elif at >= stop:
             return stop + 1
-        if encoding == SIGNED_VB:
+        elif encoding == SIGNED_VB:
             out[i], at = signed_number(data, at, stop)
-            i += 1
         elif encoding == UNSIGNED_VB:
             out[i], at = unsigned_number(data, at, stop)
-            i += 1
         elif encoding == NEG_14BIT:
             value, at = unsigned_number(data, at, stop)
             out[i] = -_extended(value, 14)
-            i += 1
         elif encoding == TAG8_8SVB:
-            last = i + 1
             while last < min(i + 8, count) and encodings[last] == TAG8_8SVB:
                 last += 1
             tags = 1
@@ -167,13 +161,11 @@ def read_fields(data, at, stop, encodings, count, out):
                 if tags & 1:
                     out[k], at = signed_number(data, at, stop)
                 tags >>= 1
-            i = last
         elif encoding == TAG8_4S16:
-            at = _four(data, at, stop, out, i, count)
-            i += 4
+            at, last = _four(data, at, stop, out, i, count), i + 4
         else:
-            at = _three(data, at, stop, encoding, out, i, count)
-            i += 3
+            at, last = _three(data, at, stop, encoding, out, i, count), i + 3
+        i = last
     return at
 
 
@@ -186,12 +178,9 @@ def _event(data, at, stop):
     at += 1
     first, second = 0, 0
     if kind == END:
-        if at + len(END_TEXT) > stop:
-            return stop + 1, kind, 0, 0
-        for k in range(len(END_TEXT)):
-            if data[at + k] != END_TEXT[k]:
-                return stop + 1, kind, 0, 0
-        return at + len(END_TEXT), kind, 0, 0
+        behind = at + len(END_TEXT)
+        whole = behind <= stop and np.array_equal(data[at:behind], END_TEXT)
+        return behind if whole else stop + 1, kind, 0, 0
     if NUMBERS[kind]:
         first, at = unsigned_number(data, at, stop)
         if NUMBERS[kind] == 2:
@@ -204,12 +193,6 @@ def _event(data, at, stop):
     else:
         return stop + 1, kind, 0, 0
     return min(at, stop + 1), kind, first, second
-
-
-@compiled
-def _halved(value):
-    """Return the half of an integer, towards zero."""
-    return value // 2 if value >= 0 else -(-value // 2)
 
 
 @compiled
@@ -235,7 +218,7 @@ def _add_predictions(
         elif predictor == STRAIGHT_LINE:
             fields[i] += 2 * before[i] - earlier[i]
         elif predictor == AVERAGE_2:
-            fields[i] += _halved(before[i] + earlier[i])
+            fields[i] += int((before[i] + earlier[i]) / 2)  # towards zero
         elif predictor == MOTOR_0:
             fields[i] += fields[motor0]
         elif predictor == INCREMENT:

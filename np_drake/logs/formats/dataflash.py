@@ -308,10 +308,13 @@ def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Re
         f"{path}: times are those since boot",
         *(f"{path}: {note}" for note in dict.fromkeys(log.notes)),
     )
-    estimate = next(
-        (message for message in (name.partition(".")[0] for name in wanted) if message in LANES), ""
+    messages = (name.partition(".")[0] for name in wanted)
+    since, lane = _lanes(log, next((message for message in messages if message in LANES), ""))
+    breaks = tuple(
+        (float(t), f"the autopilot switches from core {own:g} of its estimator to core {other:g}")
+        for t, own, other in zip(since[1:], lane[:-1], lane[1:], strict=True)
     )
-    return Recording(str(path), streams, _facts(log), notes, breaks=tuple(_switches(log, estimate)))
+    return Recording(str(path), streams, _facts(log), notes, breaks=breaks)
 
 
 def _stream(log: _Log, name: str, columns: list[str]) -> Stream:
@@ -350,18 +353,6 @@ def _lanes(log: _Log, name: str) -> tuple[np.ndarray, np.ndarray]:
     values = values[np.argsort(values[:, 0], kind="stable")]
     new = np.diff(values[:, 1], prepend=np.nan) != 0
     return values[new, 0] * TIMES[message.time], values[new, 1]
-
-
-def _switches(log: _Log, name: str) -> Iterator[tuple[float, str]]:
-    """Yield the times at which the autopilot flies on with another core of its estimator, and
-    which.
-    """
-    since, lane = _lanes(log, name)
-    for t, before, after in zip(since[1:], lane[:-1], lane[1:], strict=True):
-        yield (
-            float(t),
-            f"the autopilot switches from core {before:g} of its estimator to core {after:g}",
-        )
 
 
 def _facts(log: _Log) -> dict[str, str]:

@@ -222,34 +222,33 @@ def _alternatives(raw: Values, log_map: LogMap) -> Iterator[Change]:
                 yield tuple((f"{name}.{option}", value) for option, value in options.items())
 
 
-def _of_quantity(name: str, log_map: LogMap) -> list[dict[str, Any]]:
+def _of_quantity(name: str, log_map: LogMap) -> Iterator[dict[str, Any]]:
+    """Yield every other convention of one quantity, options by name."""
     source = getattr(log_map, name)
     world, body = log_map.frames(source)
     axes = source.axes_of(name)
-    out: list[dict[str, Any]] = []
     if name == "acceleration":
-        own = {"kind": source.kind or "specific_force", "axes": axes}
+        own = (source.kind or "specific_force", axes)
         kinds = itertools.product(("specific_force", "acceleration"), ("body", "world"))
-        out = [other for k, a in kinds if (other := {"kind": k, "axes": a}) != own]
+        yield from ({"kind": kind, "axes": a} for kind, a in kinds if (kind, a) != own)
     if name == "attitude":
         euler = len(source.columns) == 3
         turned = {"unit": "deg" if source.unit != "deg" else "rad"}
-        out.append(turned if euler else {"order": _other(("wxyz", "xyzw"), source.order)})
-        out.append({"direction": _other(("body_to_world", "world_to_body"), source.direction)})
+        yield turned if euler else {"order": _other(("wxyz", "xyzw"), source.order)}
+        yield {"direction": _other(("body_to_world", "world_to_body"), source.direction)}
     if name == "attitude" or (axes == "world" and name in VECTORS):
-        out.append({"world": _other(WORLDS, world)})
+        yield {"world": _other(WORLDS, world)}
     if name == "attitude" or (axes == "body" and name in VECTORS):
-        out.append({"body": _other(BODIES, body)})
+        yield {"body": _other(BODIES, body)}
     if name in ("velocity", "rates"):
-        out.append({"axes": _other(("world", "body"), axes)})
+        yield {"axes": _other(("world", "body"), axes)}
     units = _UNITS.get(name, ())
-    out += [{"unit": unit} for unit in units if unit != (source.unit or units[0])]
+    yield from ({"unit": unit} for unit in units if unit != (source.unit or units[0]))
     if name in ("acceleration", "thrust", "velocity"):
-        out.append({"scale": -source.scale})
+        yield {"scale": -source.scale}
     if name in HANDED and len(source.columns) == 3:
         signs = np.array(source.signs or [1, 1, 1])
-        out += [{"signs": (signs * (1 - 2 * axis)).tolist()} for axis in np.eye(3, dtype=int)]
-    return out
+        yield from ({"signs": (signs * (1 - 2 * axis)).tolist()} for axis in np.eye(3, dtype=int))
 
 
 HANDED = (
