@@ -91,6 +91,7 @@ def default_map(contents: Contents) -> LogMap | None:
     indiflight = "indiflight" in told
     if not indiflight and "betaflight" not in told:
         return None
+    version = told.get("betaflight", 4.0)
     turned = GYRO[0] in contents.get(BODY, ())
     body = "frd" if turned else "flu"
     scale = told.get("gyro_scale", 1.0) * (
@@ -133,7 +134,12 @@ def default_map(contents: Contents) -> LogMap | None:
         ),
         rotor_speed=driven.rotor_speed,
         throttle=driven.throttle,
-        voltage=_voltage(contents, told),
+        # Betaflight before 3.1 writes the reading of its converter.
+        voltage=first_source(
+            contents, [["main/vbatLatest"]], unit="V", scale=0.01 if version >= 4 else 0.1
+        )
+        if version >= 3.01
+        else Source(),
         # the rates that the controller is asked for, as logged beside the gyro
         commanded_rates=Source()
         if indiflight
@@ -171,17 +177,6 @@ def motors(contents: Contents) -> Motors:
         names = (indexed(f"main/{name}", 4) for name in ("eRPM", "eRPM(/100)"))
         speed = first_source(contents, names, unit="rpm", scale=200 / told["motor_poles"])
     return Motors(throttle, speed, FIRMWARE["betaflight"])
-
-
-def _voltage(contents: Contents, told: dict[str, float]) -> Source:
-    """Return the voltage of the battery; none of a firmware that writes the reading of its
-    converter.
-    """
-    version = told.get("betaflight", 4.0)
-    found = first_source(
-        contents, [["main/vbatLatest"]], unit="V", scale=0.01 if version >= 4 else 0.1
-    )
-    return found if version >= 3.01 else Source()  # 3.1
 
 
 def _gyro_delay(told: dict[str, float]) -> float:

@@ -83,7 +83,11 @@ def motors(contents: Contents) -> Motors:
             "alike. Name one column as throttle in a map to take its collective."
         )
     outputs = _outputs(parameters) or list(range(1, CLASSES.get(frame, 4) + 1))
-    columns = [_output(contents, number) for number in outputs]
+    streams = ("RCOU", "RCO2", "RCO3")
+    columns = [  # empty: the output is not logged
+        next((f"{s}/C{number}" for s in streams if f"C{number}" in contents.get(s, ())), "")
+        for number in outputs
+    ]
     stated = any(FUNCTION.fullmatch(name) for name in parameters)
     if stated and not all(columns) and any(c.startswith("RCOU") for c in contents):
         missing = outputs[columns.index("")]
@@ -123,14 +127,6 @@ def _outputs(parameters: Mapping[str, float]) -> list[int]:
         if match and value in MOTOR_FUNCTIONS:
             found.setdefault(MOTOR_FUNCTIONS.index(int(value)), int(match[1]))
     return [found[motor] for motor in sorted(found)]
-
-
-def _output(contents: Contents, number: int) -> str:
-    """Return the column of an output; empty: it is not logged."""
-    return next(
-        (f"{s}/C{number}" for s in ("RCOU", "RCO2", "RCO3") if f"C{number}" in contents.get(s, ())),
-        "",
-    )
 
 
 def _escs(contents: Contents, outputs: Sequence[int]) -> list[str]:

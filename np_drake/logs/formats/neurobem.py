@@ -17,9 +17,8 @@ from np_drake.files.input_file import note_input
 from np_drake.flight_log import FlightLog
 from np_drake.logs.columns import COLUMNS, Table, bridge_gaps, check_table, split_at_gaps
 from np_drake.logs.errors import LogError, place
-from np_drake.logs.formats.csv_file import read_csv
 from np_drake.logs.formats.format import first_bytes
-from np_drake.logs.formats.text_table import first_lines
+from np_drake.logs.formats.text_table import first_lines, read_csv
 from np_drake.logs.importing.laws import check_units
 from np_drake.training_data.segments import WrenchSequence
 from np_drake.vehicle import Vehicle, load_vehicle

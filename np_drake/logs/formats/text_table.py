@@ -1,5 +1,5 @@
 """Tables as text of any size, plain or gzip: layout and units from the first lines, and wanted
-columns in blocks.
+columns in blocks; and CSV of numbers alone, as our own logs are.
 
 A cell may hold a list of numbers, or a list of lists: its numbers are columns `name[0]`, `name[1]`,
 … row by row.
@@ -23,7 +23,9 @@ from typing import Any
 
 import numpy as np
 
+from np_drake.files.atomic_file import atomic_path
 from np_drake.files.input_file import cell_budget, decompressed_start, note_input, text_budget
+from np_drake.logs.columns import Table
 from np_drake.logs.errors import LogError, place
 from np_drake.logs.formats.format import Progress, indexed, no_progress
 from np_drake.logs.importing.log_map import UNITS
@@ -453,6 +455,46 @@ def _refused(path: Path, fault: Fault, width: int) -> LogError:
             f"map."
         )
     return LogError(f"{where}: {said}")
+
+
+SHOWN = 80  # characters that are kept of a cell that is no number
+BLOCK = 10_000  # rows that are written at a time
+
+
+def read_csv(path: str | Path) -> Table:
+    """Read a comma-separated file with one header line, gzip-compressed where the name ends in .gz.
+
+    Memory is that of the numbers: the text is read in blocks.
+    Raises: LogError: if the file is no such table; OSError: if it cannot be opened.
+    """
+    with contextlib.closing(read_lines(path)) as lines:
+        header = next(lines, "")
+        if not header.strip() and not any(line.strip() for line in lines):
+            raise LogError(f"{path}: must hold a header line and rows; the file is empty.")
+    names = [name.strip() for name in header.split(",")]
+    check_header(path, names)
+    cells = tuple(Cell(name, i) for i, name in enumerate(names))
+    layout = Layout(",", len(cells), cells, errors="strict")
+    columns, faults = read_cells(path, layout, cells, blank=True)
+    bad = [(f.row, f.cell.name, f.text.strip()[:SHOWN]) for f in faults if f.cell]
+    return Table(str(path), columns, bad, [f.row for f in faults if f.cell is None])
+
+
+def write_csv(path: str | Path, columns: dict[str, np.ndarray]) -> None:
+    """Write columns (n,) by name atomically, gzip-compressed where the name ends in .gz; numbers
+    are read back bit for bit, NaN is an empty cell.
+    """
+    with atomic_path(path) as temporary, temporary.open("wb") as raw:
+        # No name and no time in a gzip header, so that equal logs are equal files.
+        packed = gzip.GzipFile("", "wb", fileobj=raw, mtime=0) if str(path).endswith(".gz") else raw
+        with packed as stream:
+            stream.write((",".join(columns) + "\n").encode())
+            for start in range(0, len(next(iter(columns.values()))), BLOCK):
+                rows = np.stack(
+                    [c[start : start + BLOCK] for c in columns.values()], axis=1
+                ).tolist()
+                text = "\n".join(",".join(map(repr, row)) for row in rows).replace("nan", "")
+                stream.write((text + "\n").encode())
 
 
 def list_items(text: str) -> list[str] | None:

@@ -58,18 +58,16 @@ def lacking(contents: Contents) -> str:
     """
     names = {column for columns in contents.values() for column in columns}
     here = [field for field in ("t", "p", "q", "v", "w", "a") if names.issuperset(COLUMNS[field])]
-    said = []
-    if "t" not in here:
-        said.append("time (t)")
-    if "q" not in here:
-        missing = " ".join(name for name in COLUMNS["q"] if name not in names)
-        said.append(
-            f"attitude ({missing}, or Euler angles by a map), or gyro and accelerometer "
-            f"({' '.join((*COLUMNS['w'], *FORCE))})"
-        )
-    if not {"p", "v", "a"} & set(here):
-        said.append("position, velocity or acceleration (px py pz, vx vy vz, ax ay az)")
-    return "; ".join(said) if here else ""
+    missing = " ".join(name for name in COLUMNS["q"] if name not in names)
+    told = {
+        "time (t)": "t" in here,
+        f"attitude ({missing}, or Euler angles by a map), or gyro and accelerometer "
+        f"({' '.join((*COLUMNS['w'], *FORCE))})": "q" in here,
+        "position, velocity or acceleration (px py pz, vx vy vz, ax ay az)": bool(
+            {"p", "v", "a"} & {*here}
+        ),
+    }
+    return "; ".join(what for what, is_told in told.items() if not is_told) if here else ""
 
 
 def input_line(contents: Contents) -> str:

@@ -372,8 +372,6 @@ def without_zeros(own: Signal) -> tuple[Signal, int]:
 def coarse_tick(t: np.ndarray) -> float:
     """Return the tick to which times (n,) are rounded, where it is coarse [s]; 0: it is not."""
     interval = np.diff(t)
-    if not len(interval):
-        return 0.0
     counts = np.round(np.minimum(interval, CLOCK_SET) / RESOLUTION).astype(np.int64)
     tick = int(np.gcd.reduce(counts)) * RESOLUTION
     return tick if COARSE <= tick < FINE * float(np.median(interval)) else 0.0
