@@ -121,12 +121,13 @@ def motors(contents: Contents) -> Motors:
 
 def _outputs(parameters: Mapping[str, float]) -> list[int]:
     """Return the outputs of motor 1, 2, …; none where no parameter says it."""
-    found: dict[int, int] = {}
-    for name, value in parameters.items():
-        match = FUNCTION.fullmatch(name)
-        if match and value in MOTOR_FUNCTIONS:
-            found.setdefault(MOTOR_FUNCTIONS.index(int(value)), int(match[1]))
-    return [found[motor] for motor in sorted(found)]
+    matches = ((FUNCTION.fullmatch(name), value) for name, value in parameters.items())
+    found = [
+        (MOTOR_FUNCTIONS.index(int(value)), int(match[1]))
+        for match, value in matches
+        if match and value in MOTOR_FUNCTIONS
+    ]
+    return [number for _, number in sorted(dict(reversed(found)).items())]  # the first of a motor
 
 
 def _escs(contents: Contents, outputs: Sequence[int]) -> list[str]:
@@ -449,5 +450,6 @@ def _recognises(path: Path, start: bytes) -> bool:
     return start.startswith(FMT) or bool(re.match(rb"\s*FMT,\s*\d+,\s*\d+,", start))
 
 
-TITLE = "ArduPilot DataFlash .bin"
-DATAFLASH = Format("dataflash", TITLE, _recognises, _contents, default_map, _read, motors)
+DATAFLASH = Format(
+    "dataflash", "ArduPilot DataFlash .bin", _recognises, _contents, default_map, _read, motors
+)

@@ -317,12 +317,11 @@ def _getter(path: str) -> Callable[[Any], float]:
 
 @dc.dataclass
 class _Rows:
-    """What is read of a topic: times of receipt and stamps [ns], numbers row by row."""
+    """What is read of a topic: time of receipt and stamp [ns], and numbers, row by row."""
 
     columns: list[str]
     topic: _Topic
-    received: "array[int]" = dc.field(default_factory=lambda: array("q"))
-    stamps: "array[int]" = dc.field(default_factory=lambda: array("q"))
+    times: "array[int]" = dc.field(default_factory=lambda: array("q"))
     numbers: "array[float]" = dc.field(default_factory=lambda: array("d"))
     damaged: int = 0
 
@@ -333,26 +332,25 @@ class _Rows:
         """Read a message; one that is damaged is counted."""
         try:
             message = self.topic.decode(raw, self.topic.type)
-            numbers = [get(message) for get in self._getters]
+            numbers = array("d", [get(message) for get in self._getters])
             stamp = getattr(getattr(message, "header", None), "stamp", None)
-            self.stamps.append(stamp.sec * 1_000_000_000 + stamp.nanosec if stamp else 0)
+            times = array("q", (time, stamp.sec * 1_000_000_000 + stamp.nanosec if stamp else 0))
             if not 0 <= time < 1 << 62:
                 raise ValueError("no time")
         except Exception:  # whatever may be met in damaged bytes
             self.damaged += 1
-            del self.stamps[len(self.received) :]
             return
-        self.received.append(time)
+        self.times.extend(times)
         self.numbers.extend(numbers)
 
     def in_order(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return times of receipt (n,), stamps (n,) [ns] and numbers (n, k) in the order of
         receipt; messages of one time keep theirs.
         """
-        received = np.array(self.received, np.int64)
+        received, stamps = np.array(self.times, np.int64).reshape(-1, 2).T
         order = np.argsort(received, kind="stable")
         numbers = np.array(self.numbers).reshape(len(order), len(self.columns))
-        return received[order], np.array(self.stamps, np.int64)[order], numbers[order]
+        return received[order], stamps[order], numbers[order]
 
 
 def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Recording:
@@ -483,5 +481,11 @@ def _one_line(error: BaseException) -> str:
     return " ".join((str(error) or type(error).__name__).split())[:200].rstrip(".")
 
 
-TITLE = "ROS 2 bag (folder, .mcap, .db3) and ROS 1 .bag"
-ROS = Format("ros", TITLE, _recognises, _contents, _default_map, _read)
+ROS = Format(
+    "ros",
+    "ROS 2 bag (folder, .mcap, .db3) and ROS 1 .bag",
+    _recognises,
+    _contents,
+    _default_map,
+    _read,
+)

@@ -164,5 +164,6 @@ def _neural_fly_map(contents: Contents) -> LogMap | None:
 
 
 TABLE = Format(STREAM, "CSV or Parquet table with a map", recognises, contents, default_map, read)
-TITLE = "Neural-Fly data set, CSV"
-NEURAL_FLY = Format("neural_fly", TITLE, _is_neural_fly, contents, _neural_fly_map, read)
+NEURAL_FLY = Format(
+    "neural_fly", "Neural-Fly data set, CSV", _is_neural_fly, contents, _neural_fly_map, read
+)

@@ -457,10 +457,6 @@ def _refused(path: Path, fault: Fault, width: int) -> LogError:
     return LogError(f"{where}: {said}")
 
 
-SHOWN = 80  # characters that are kept of a cell that is no number
-BLOCK = 10_000  # rows that are written at a time
-
-
 def read_csv(path: str | Path) -> Table:
     """Read a comma-separated file with one header line, gzip-compressed where the name ends in .gz.
 
@@ -476,7 +472,7 @@ def read_csv(path: str | Path) -> Table:
     cells = tuple(Cell(name, i) for i, name in enumerate(names))
     layout = Layout(",", len(cells), cells, errors="strict")
     columns, faults = read_cells(path, layout, cells, blank=True)
-    bad = [(f.row, f.cell.name, f.text.strip()[:SHOWN]) for f in faults if f.cell]
+    bad = [(f.row, f.cell.name, f.text.strip()) for f in faults if f.cell]
     return Table(str(path), columns, bad, [f.row for f in faults if f.cell is None])
 
 
@@ -489,9 +485,9 @@ def write_csv(path: str | Path, columns: dict[str, np.ndarray]) -> None:
         packed = gzip.GzipFile("", "wb", fileobj=raw, mtime=0) if str(path).endswith(".gz") else raw
         with packed as stream:
             stream.write((",".join(columns) + "\n").encode())
-            for start in range(0, len(next(iter(columns.values()))), BLOCK):
+            for start in range(0, len(next(iter(columns.values()))), BLOCK_ROWS):
                 rows = np.stack(
-                    [c[start : start + BLOCK] for c in columns.values()], axis=1
+                    [c[start : start + BLOCK_ROWS] for c in columns.values()], axis=1
                 ).tolist()
                 text = "\n".join(",".join(map(repr, row)) for row in rows).replace("nan", "")
                 stream.write((text + "\n").encode())

@@ -131,12 +131,13 @@ def _functions(parameters: Parameters) -> dict[int, tuple[str, int]]:
     """Return by motor, from 0, the group of outputs that drives it and the number of the output,
     from 1.
     """
-    found: dict[int, tuple[str, int]] = {}
-    for name, value in parameters.items():
-        match = FUNCTION.fullmatch(name)
-        if match and FIRST_MOTOR <= value < FIRST_MOTOR + MOST_MOTORS:
-            found.setdefault(int(value) - FIRST_MOTOR, (match[1], int(match[2])))
-    return found
+    matches = ((FUNCTION.fullmatch(name), value) for name, value in parameters.items())
+    found = [
+        (int(value) - FIRST_MOTOR, (match[1], int(match[2])))
+        for match, value in matches
+        if match and FIRST_MOTOR <= value < FIRST_MOTOR + MOST_MOTORS
+    ]
+    return dict(reversed(found))  # the first of a motor
 
 
 def _by_function(

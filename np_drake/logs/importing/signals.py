@@ -80,10 +80,11 @@ class Signal:
         rates.
         """
         x = self.values
-        if x.shape[1] == 4:
-            change = attitude.rotation_vector(attitude.multiply(attitude.conjugate(x[:-1]), x[1:]))
-        else:
-            change = np.diff(x, axis=0)
+        change = (
+            attitude.rotation_vector(attitude.multiply(attitude.conjugate(x[:-1]), x[1:]))
+            if x.shape[1] == 4
+            else np.diff(x, axis=0)
+        )
         return Signal(0.5 * (self.t[1:] + self.t[:-1]), change / np.diff(self.t)[:, None])
 
     def between(self, start: float, stop: float) -> "Signal":
