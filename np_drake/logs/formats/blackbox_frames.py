@@ -52,15 +52,12 @@ def byte_at(data, at):
 @compiled
 def unsigned_number(data, at, stop):
     """Return a number whose bytes have 7 bits each, the lowest first, and the place behind it."""
-    value, shift = 0, 0
-    for k in range(LONGEST):
-        if at + k >= stop:
-            break
+    value = 0
+    for k in range(min(LONGEST, stop - at)):
         byte = byte_at(data, at + k)
-        value |= (byte & 0x7F) << shift
+        value |= (byte & 0x7F) << (7 * k)
         if byte < 0x80:
             return value & 0xFFFFFFFF, at + k + 1
-        shift += 7
     return 0, stop + 1
 
 
@@ -277,11 +274,10 @@ def read_frames(
             if good and kind == P and not known:
                 told[LEFT_OUT] += 1
             elif good and kind <= P:
-                skipped = 0
-                if kind == P:
-                    skipped = _skipped(
-                        before[iteration_at], intervals[0], intervals[1], intervals[2]
-                    )
+                last = before[iteration_at]
+                skipped = (
+                    _skipped(last, intervals[0], intervals[1], intervals[2]) if kind == P else 0
+                )
                 _add_predictions(
                     fields,
                     kind,

@@ -26,7 +26,7 @@ from np_drake.logs.importing.laws import (
     stretches,
     told_by_noise,
 )
-from np_drake.logs.importing.log_map import BODIES, UNITS, WORLDS, LogMap, Values, convert
+from np_drake.logs.importing.log_map import BODIES, UNITS, WORDS, WORLDS, LogMap, Values, convert
 from np_drake.logs.importing.signals import Signals, clock_of
 
 DOUBTED = 0.15  # misfit above which a part of a log may be disturbed [1]; own choice
@@ -231,17 +231,16 @@ def _of_quantity(name: str, log_map: LogMap) -> Iterator[dict[str, Any]]:
         own = (source.kind or "specific_force", axes)
         kinds = itertools.product(("specific_force", "acceleration"), ("body", "world"))
         yield from ({"kind": kind, "axes": a} for kind, a in kinds if (kind, a) != own)
-    if name == "attitude":
-        euler = len(source.columns) == 3
-        turned = {"unit": "deg" if source.unit != "deg" else "rad"}
-        yield turned if euler else {"order": _other(("wxyz", "xyzw"), source.order)}
-        yield {"direction": _other(("body_to_world", "world_to_body"), source.direction)}
-    if name == "attitude" or (axes == "world" and name in VECTORS):
-        yield {"world": _other(WORLDS, world)}
-    if name == "attitude" or (axes == "body" and name in VECTORS):
-        yield {"body": _other(BODIES, body)}
-    if name in ("velocity", "rates"):
-        yield {"axes": _other(("world", "body"), axes)}
+    turns, euler, vector = name == "attitude", len(source.columns) == 3, name in VECTORS
+    pairs = (  # option, its two words, that of the map, and whether this quantity has it
+        ("unit", ("deg", "rad"), source.unit, turns and euler),
+        ("order", WORDS["order"], source.order, turns and not euler),
+        ("direction", WORDS["direction"], source.direction, turns),
+        ("world", WORLDS, world, turns or (axes == "world" and vector)),
+        ("body", BODIES, body, turns or (axes == "body" and vector)),
+        ("axes", ("world", "body"), axes, name in ("velocity", "rates")),
+    )
+    yield from ({option: _other(words, own)} for option, words, own, has in pairs if has)
     units = _UNITS.get(name, ())
     yield from ({"unit": unit} for unit in units if unit != (source.unit or units[0]))
     if name in ("acceleration", "thrust", "velocity"):

@@ -94,11 +94,8 @@ class Source:
         """Return the axes of a vector of this name, `world` or `body`, also where they are left
         open.
         """
-        if self.axes:
-            return self.axes
-        if name == "acceleration":
-            return "world" if self.kind == "acceleration" else "body"
-        return "world" if name in ("position", "velocity") else "body"
+        derived = name == "acceleration" and self.kind == "acceleration"
+        return self.axes or ("world" if derived or name in ("position", "velocity") else "body")
 
     def is_turned(self, name: str) -> bool:
         """Return whether a vector of this name is turned by the attitude: its axes are not those of
