@@ -80,6 +80,12 @@ UNLOGGED = {"p": "height", "v": "velocity", "q": "attitude", "a": "attitude"}
 FORCE = ("sx", "sy", "sz")  # columns of the specific force in B, of a log without attitude [m/s²]
 GRAVITY = 9.81  # [m/s²]
 THRUST = ("thrust",)  # of u, where torque is not logged
+# Columns of u that a reader derives from the input, or that are not known.
+UNSTATED = {
+    "rotor_speed": COLUMNS["u"],
+    "normalised": COLUMNS["u"],
+    "thrust_only": COLUMNS["u"][1:],
+}
 FIELDS = COLUMNS | {"thrust": THRUST}
 # All columns, in the order of the format.
 NAMES = tuple(name for group in COLUMNS.values() for name in group)
@@ -149,10 +155,7 @@ def disassemble(log: FlightLog) -> dict[str, np.ndarray]:
     left_out = {
         name for field, what in UNLOGGED.items() if what in log.lacks for name in COLUMNS[field]
     }
-    if log.input in ("rotor_speed", "normalised"):
-        left_out |= {*COLUMNS["u"]}
-    if log.input == "thrust_only":
-        left_out |= {*COLUMNS["u"]} - {*THRUST}
+    left_out |= {*UNSTATED.get(log.input, ())}
     kept = {name: values for name, values in log.columns().items() if name not in left_out}
     if "attitude" in log.lacks and log.a is not None:
         force = attitude.rotate_back(log.q, log.a + [0.0, 0.0, GRAVITY])
@@ -251,12 +254,12 @@ def split_at_gaps(table: Table) -> tuple[list[Table], list[str]]:
     kept = [rows for rows in parts if rows.stop - rows.start >= LEAST_ROWS]
     if len(parts) == 1 or not kept or _usual(t) > LONGEST_GAP / GAP:
         return [table], []
+    short = len(parts) - len(kept)
     note = (
         f"{len(parts) - 1} gaps longer than {LONGEST_GAP:g} s (the longest "
         f"{np.diff(t).max():.3g} s): {len(kept)} parts"
+        + (f", {short} with fewer than {LEAST_ROWS} rows left out" if short else "")
     )
-    if len(kept) < len(parts):
-        note += f", {len(parts) - len(kept)} with fewer than {LEAST_ROWS} rows left out"
     return [table.rows(rows) for rows in kept], [note]
 
 

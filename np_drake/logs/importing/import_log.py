@@ -120,9 +120,8 @@ def in_the_likely_unit(
         raise failure
     if not flown:
         return next(iter(found.values()))
-    unit, why = next(iter(flown)), "read otherwise they carry nothing"
-    if len(flown) > 1:
-        unit, why = _by_the_lift(flown)
+    alone = next(iter(flown)), "read otherwise they carry nothing"
+    unit, why = _by_the_lift(flown) if len(flown) > 1 else alone
     if not unit:
         raise LogError(
             f"{path}, throttle ({log_map.throttle.columns[0]} …): must be "
