@@ -401,8 +401,8 @@ def _session(number: int, settings: Mapping[str, str], first: int, stop: int) ->
     for kind, own in names.items():
         row = KINDS.index(kind)
         for key in ("encoding", "predictor", "signed"):
-            values = _column(kind, key, told[kind].get(key, []), len(own))
-            tables[key][row, : len(own)] = values
+            texts = told[kind].get(key, [])
+            tables[key][row, : len(own)] = _column(kind, key, texts, len(own))
         for i, name in enumerate(own):
             tables["constant"][row, i] = _constant(tables["predictor"][row, i], name, settings)
     main = names["I"]

@@ -288,8 +288,8 @@ def _contents(path: Path) -> Contents:
     for message in log.messages.values():
         if len(message.starts) and message.time and message.numbers:
             instances = message.instances()
-            for name in [f"{message.name}.{i}" for i in instances] or [message.name]:
-                found[name] = message.numbers
+            names = [f"{message.name}.{i}" for i in instances] or [message.name]
+            found |= dict.fromkeys(names, message.numbers)
             if len(instances) > 1 and len(_lanes(log, message.name)[0]):
                 found[f"{message.name}.{PRIMARY}"] = message.numbers
     return Scanned(found, _parameters(log))

@@ -142,10 +142,9 @@ def _readers(path: Path) -> dict[bytes, Any]:
     from rosbags.rosbag1 import reader
     from rosbags.rosbag2 import storage_mcap, storage_sqlite3
 
-    for kind in ("lz4", "zstd"):
-        storage_mcap.DECOMPRESSORS[kind] = functools.partial(_unpacked, kind)
-    for kind in ("lz4", "bz2"):
-        reader.decompressors[kind] = functools.partial(_unpacked, kind)
+    bounded = {kind: functools.partial(_unpacked, kind) for kind in ("bz2", "lz4", "zstd")}
+    storage_mcap.DECOMPRESSORS |= {kind: bounded[kind] for kind in ("lz4", "zstd")}
+    reader.decompressors |= {kind: bounded[kind] for kind in ("lz4", "bz2")}
     for module in (storage_mcap, storage_sqlite3):
         module.parse_qos = lambda text: []  # type: ignore[attr-defined]
 

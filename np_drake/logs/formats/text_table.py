@@ -345,9 +345,8 @@ def read_cells(
     done = 0
     source = read_lines(path, progress, layout.errors, layout.encoding)
     with contextlib.closing(source) as lines:
-        for _ in range(layout.head):
-            next(lines, "")
-        rows = _rows(path, lines, layout.delimiter, layout.head, blank=blank)
+        below = itertools.islice(lines, layout.head, None)
+        rows = _rows(path, below, layout.delimiter, layout.head, blank=blank)
         if layout.units is not None:
             next(rows, None)
         size = max(1, min(BLOCK_ROWS, BLOCK_CELLS // max(layout.width, 1)))

@@ -371,8 +371,8 @@ def _contents(path: Path) -> Contents:
             t = data.data["timestamp"]
             span = float(t.max() - t.min())
             rates[name] = (len(t) - 1) * 1e6 / span if span else 0.0
-            for c in [c for c in columns if c.endswith(".actuator_function")]:
-                values[f"{name}/{c}"] = float(data.data[c][-1])
+            functions = [c for c in columns if c.endswith(".actuator_function")]
+            values |= {f"{name}/{c}": float(data.data[c][-1]) for c in functions}
             columns = [
                 c
                 for c in columns
@@ -502,17 +502,17 @@ def _facts(log: Any) -> dict[str, str]:
     thrust.
     """
     facts = {"clock": "time since the start of the log [s]"}
-    for key, title in HEADER_FACTS.items():
-        if key in log.msg_info_dict:
-            facts[title] = str(log.msg_info_dict[key])
+    said = log.msg_info_dict
+    facts |= {title: str(said[key]) for key, title in HEADER_FACTS.items() if key in said}
     with contextlib.suppress(TypeError):  # damaged: no number
         release = log.get_version_info("ver_sw_release")
         if release is not None:
             facts["software version"] = ".".join(str(part) for part in release[:3])
-    for name, value in sorted(log.initial_parameters.items()):
-        if PARAMETERS.fullmatch(name) and value != -1 and _is_used(name, log.initial_parameters):
-            facts[name] = f"{value:.7g}" if isinstance(value, float) else str(value)
-    return facts
+    return facts | {
+        name: f"{value:.7g}" if isinstance(value, float) else str(value)
+        for name, value in sorted(log.initial_parameters.items())
+        if PARAMETERS.fullmatch(name) and value != -1 and _is_used(name, log.initial_parameters)
+    }
 
 
 def _is_used(name: str, parameters: Mapping[str, Any]) -> bool:
