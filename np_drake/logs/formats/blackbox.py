@@ -62,7 +62,6 @@ DELAYS = (1.0, 2**0.5, 2 * (2**0.5 - 1) ** 0.5, 3 * (2 ** (1 / 3) - 1) ** 0.5)
 # the type of the accelerometer's; measured on Indiflight's logs: 7 to 7.5 ms below 30 Hz, where its
 # is 7.6
 PT2 = 2
-GYRO_FILTERS = ("gyro_lpf1", "gyro_lpf2")
 FINE = 0.1  # of a gyro in high resolution [1]
 BODY = "body"
 FULL = 32767.0  # of a component of Betaflight's quaternion that is 1
@@ -183,7 +182,8 @@ def _gyro_delay(told: dict[str, float]) -> float:
     """Return the delay of the filters of the gyro whose cutoff the header states [s]; the moving
     ones are left out.
     """
-    fixed = [name for name in GYRO_FILTERS if not told.get(f"{name}_dyn_hz[0]", 0.0) > 0]
+    filters = ("gyro_lpf1", "gyro_lpf2")
+    fixed = [name for name in filters if not told.get(f"{name}_dyn_hz[0]", 0.0) > 0]
     settings = [[told.get(f"{name}_{end}", 0.0) for end in ("static_hz", "type")] for name in fixed]
     return sum((_delay(cutoff, int(kind)) for cutoff, kind in settings), 0.0)
 

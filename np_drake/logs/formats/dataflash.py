@@ -262,7 +262,12 @@ class _Log:
         message = self.messages.get(name)
         if message and len(message.starts) and set(columns) <= message.kinds.keys():
             for row in zip(*(message.column(c).tolist() for c in columns), strict=True):
-                yield tuple(_text(v) if isinstance(v, bytes) else str(v) for v in row)
+                yield tuple(
+                    v.split(b"\0", 1)[0].decode("utf-8", "replace").strip()
+                    if isinstance(v, bytes)
+                    else str(v)
+                    for v in row
+                )
 
 
 def _index(library: Any, path: Path, progress: Progress) -> Any:
@@ -373,10 +378,6 @@ def _parameters(log: _Log) -> dict[str, float]:
     rows = log.texts("PARM", "Name", "Value")
     values = {name: _number(value) for name, value in rows if PARAMETERS.fullmatch(name)}
     return {name: value for name, value in values.items() if np.isfinite(value)}
-
-
-def _text(raw: bytes) -> str:
-    return raw.split(b"\0", 1)[0].decode("utf-8", "replace").strip()
 
 
 def _number(cell: str) -> float:

@@ -65,8 +65,7 @@ def read(path: str | Path) -> list[FlightLog]:
         part, bridged = bridge_gaps(part, fields)
         name = file if len(parts) == 1 else f"{file} part {number}"
         log = columns.assemble(part, fields, name)
-        if bridged.any():
-            log.bridged = bridged
+        log.bridged = bridged if bridged.any() else None
         log.notes[:0] = split
         log.timing, log.layout, log.start = sheet.timing, sheet.rotors, sheet.start
         known = inputs_of(log)

@@ -563,15 +563,17 @@ def is_units_row(cells: Sequence[str], following: Sequence[str]) -> bool:
     """Return whether a row holds units: short words where the next has numbers, and no number but
     1.
     """
-    words = [cell for cell in cells if cell.strip() and not _is_figure(cell)]
-    if len(words) < 2 or any(len(word.strip()) > LONGEST_UNIT for word in words):
-        return False
-    if any(cell.strip() != "1" for cell in cells if _is_figure(cell)):
-        return False
+    words = Counter(cell for cell in cells if cell.strip() and not _is_figure(cell))
     under = [
         _is_figure(after) for cell, after in zip(cells, following, strict=False) if cell in words
     ]
-    return any(as_unit(word) for word in words) and sum(under) >= 0.5 * len(words)
+    return (
+        words.total() > 1
+        and all(len(word.strip()) <= LONGEST_UNIT for word in words)
+        and all(cell.strip() == "1" for cell in cells if _is_figure(cell))
+        and any(as_unit(word) for word in words)
+        and sum(under) >= 0.5 * words.total()
+    )
 
 
 def _is_figure(text: str) -> bool:

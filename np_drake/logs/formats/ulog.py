@@ -534,12 +534,21 @@ _FORCES = (indexed("sensor_combined/accelerometer_m_s2", 3), indexed("vehicle_ac
 def _default_map(contents: Contents) -> LogMap | None:
     """Return the map of PX4's own messages (NED, FRD); None without position and attitude.
 
-    Rotor speed is measured, by the ESCs. Throttle is that of the motors where it is logged at 20 Hz
-    or more, else collective. Torque setpoints are normalised and have no unit: they are left out.
-    The velocity of an external vision is taken to be in body axes, as MAVLink's ODOMETRY has it.
+    Rotor speed is measured, by the ESCs. Throttle is that of four motors where it is logged at 20
+    Hz or more, else collective, else that of motors of another number or however slow. Torque
+    setpoints are normalised and have no unit: they are left out. The velocity of an external vision
+    is taken to be in body axes, as MAVLink's ODOMETRY has it.
     Raises: ValueError: if outputs move and nothing says which are motors.
     """
     position, velocity, odometry = _position(contents)
+    fast = motors(contents, SLOWEST_ROTORS)
+    collective = (
+        first_source(contents, [["vehicle_thrust_setpoint/xyz[2]"]], unit="1", scale=-1.0)
+        or first_source(contents, [["actuator_controls_0/control[3]"]], unit="1")
+        or first_source(
+            contents, [["vehicle_attitude_setpoint/thrust_body[2]"]], unit="1", scale=-1.0
+        )
+    )
     found = LogMap(
         format="ulog",
         world="ned",
@@ -557,8 +566,10 @@ def _default_map(contents: Contents) -> LogMap | None:
         acceleration=first_source(
             contents, _FORCES, unit="m/s2", axes="body", kind="specific_force"
         ),
-        rotor_speed=motors(contents, SLOWEST_ROTORS).rotor_speed,
-        throttle=_throttle(contents),
+        rotor_speed=fast.rotor_speed,
+        throttle=fast.throttle
+        if len(fast.throttle.columns) == 4
+        else collective or fast.throttle or motors(contents).throttle,
         hover_throttle=first_source(contents, [["hover_thrust_estimate/hover_thrust"]], unit="1"),
         voltage=first_source(contents, [["battery_status/voltage_v"]], unit="V"),
     )
@@ -588,23 +599,6 @@ def _position(contents: Contents) -> tuple[Source, Source, str]:
         if position:
             return position, first_source(contents, speeds, unit="m/s", axes=axes), odometry
     return Source(), Source(), odometry
-
-
-def _throttle(contents: Contents) -> Source:
-    """Return throttle of four motors, else collective, else that of motors of another number or
-    however slow.
-    """
-    own = motors(contents, SLOWEST_ROTORS).throttle
-    if len(own.columns) == 4:
-        return own
-    collective = (
-        first_source(contents, [["vehicle_thrust_setpoint/xyz[2]"]], unit="1", scale=-1.0)
-        or first_source(contents, [["actuator_controls_0/control[3]"]], unit="1")
-        or first_source(
-            contents, [["vehicle_attitude_setpoint/thrust_body[2]"]], unit="1", scale=-1.0
-        )
-    )
-    return collective or own or motors(contents).throttle
 
 
 ULOG = Format(

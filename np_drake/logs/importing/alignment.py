@@ -18,7 +18,6 @@ from np_drake.logs.importing.signals import FASTER, OPTIONAL, SLOWEST_ROTORS, ST
 
 FASTEST = 500.0  # rate of the rows unless another is asked for [Hz]; own choice
 COMMANDS = ("thrust", "torque", "throttle")
-READINGS = ("rotor_speed", *OPTIONAL)
 SMOOTH = (
     0.1  # window in which a position is differentiated where there is no velocity [s]; own choice
 )
@@ -71,7 +70,7 @@ def align(signals: Signals, log_map: LogMap, path: str = "log") -> Aligned:
         )
     if "angular_acceleration" in signals:
         out["angular_acceleration"] = _averaged_after(x["angular_acceleration"], t, width)
-    for name in (n for n in READINGS if n in signals):
+    for name in (n for n in ("rotor_speed", *OPTIONAL) if n in signals):
         own = x[name]
         steps = name == "commanded_rates" or (
             name == "rotor_speed" and width > 0 and own.renewal > FASTER * width
