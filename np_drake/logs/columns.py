@@ -198,16 +198,15 @@ def _check_finite(table: Table, fields: list[str]) -> None:
     names = [name for field in fields for name in FIELDS[field]]
     # Time may count nanoseconds, which its own check reports.
     most = [np.finfo(float).max if name == "t" else LARGEST for name in names]
-    bad = ~(np.abs(table.array(tuple(names))) <= most)
-    rows = np.flatnonzero(bad.any(axis=1))
-    if rows.size:
-        row = int(rows[0])
-        name = names[int(np.flatnonzero(bad[row])[0])]
-        given = table.columns[name][row]
+    bad = np.argwhere(~(np.abs(table.array(tuple(names))) <= most))
+    if bad.size:
+        row, at = bad[0].tolist()
+        given = table.columns[names[at]][row]
         must = f"below {LARGEST:g} in size" if np.isfinite(given) else "finite"
         raise table.error(
-            f"must be {must}; got {given}{_more(rows)}. `np-drake import` leaves such rows out.",
-            column=name,
+            f"must be {must}; got {given}{_more(np.unique(bad[:, 0]))}. `np-drake import` leaves "
+            "such rows out.",
+            column=names[at],
             row=row,
         )
 

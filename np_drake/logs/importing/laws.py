@@ -104,9 +104,8 @@ def misfits(t: np.ndarray, x: Mapping[str, np.ndarray], *, everything: bool = Fa
     """
     over = Windows(t, WINDOW)
     out: Misfits = {}
-    for needed, law in laws_for(x):
-        if over.fit:
-            out |= law(over, everything, *(x[name] for name in needed))
+    for needed, law in laws_for(x) if over.fit else ():
+        out |= law(over, everything, *(x[name] for name in needed))
     return out
 
 

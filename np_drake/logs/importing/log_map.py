@@ -336,18 +336,7 @@ def convert_quantity(
         return (values * source.scale - low) / (high - low)
     if name == "attitude":
         return _attitude(scaled, source, log_map)
-    return _turned(name, scaled, q, log_map) if name in _TURNED else scaled
-
-
-_TURNED = (
-    "position",
-    "velocity",
-    "rates",
-    "commanded_rates",
-    "acceleration",
-    "angular_acceleration",
-    "torque",
-)
+    return _turned(name, scaled, q, log_map) if SIZES[name] == (3,) else scaled
 
 
 def _attitude(values: np.ndarray, source: Source, log_map: LogMap) -> np.ndarray:
