@@ -40,19 +40,15 @@ MOTOR_FUNCTIONS = (*range(33, 41), *range(82, 86))  # of an output: motor 1 to 8
 USED = re.compile(r"SERVO\d+_FUNCTION|FRAME_(CLASS|TYPE)|MOT_PWM_(MIN|MAX)")
 CLASSES = {1: 4, 2: 6, 3: 8, 4: 8, 5: 6}  # motors by FRAME_CLASS: quad, hexa, octa, octaquad, Y6
 OTHERS = {
-    **{
-        6: "a helicopter",
-        7: "a tricopter",
-        8: "a single copter",
-        9: "a coaxial copter",
-        10: "a tailsitter",
-    },
-    **{
-        11: "a dual helicopter",
-        12: "a dodecahexacopter",
-        13: "a quad helicopter",
-        14: "a decacopter",
-    },
+    6: "a helicopter",
+    7: "a tricopter",
+    8: "a single copter",
+    9: "a coaxial copter",
+    10: "a tailsitter",
+    11: "a dual helicopter",
+    12: "a dodecahexacopter",
+    13: "a quad helicopter",
+    14: "a decacopter",
 }
 # by FRAME_TYPE: angle of motors 1 to 4 from the front, to the right [deg]; sign, 1 turns clockwise
 QUADS = {
@@ -195,8 +191,8 @@ class _Message:
         self.starts = places[places <= last]
         figures = [c for c, (kind, _) in self.kinds.items() if not kind.startswith("S")]
         clocks = ("TimeUS",) if self.name.startswith("GPS") else tuple(TIMES)
-        clock = next((c for c in clocks if c in figures), "")
-        self.time = clock if self.name not in HEADERS else ""
+        known = figures if self.name not in HEADERS else []
+        self.time = next((c for c in clocks if c in known), "")
         self.instance = form.instance_field if form.instance_field in figures else ""
         self.numbers = tuple(c for c in figures if c not in (*TIMES, self.instance))
 
@@ -365,12 +361,11 @@ def _facts(log: _Log) -> dict[str, str]:
             facts.setdefault("firmware", text)
         if text.startswith("Frame:"):
             facts.setdefault("frame", text.removeprefix("Frame:").strip())
-    used = {
-        name: value
+    return facts | {
+        name: f"{value:.7g}"
         for name, value in _parameters(log).items()
         if not (value == 0 and FUNCTION.fullmatch(name))
     }
-    return facts | {name: f"{value:.7g}" for name, value in used.items()}
 
 
 def _parameters(log: _Log) -> dict[str, float]:
