@@ -399,10 +399,8 @@ def default_map(contents: Contents) -> LogMap | None:
         return None
     driven = motors(contents)
     battery = _first(contents, ("BAT", "CURR"), ("Volt",))
-    throttle, hover = driven.throttle, Source()
-    if not throttle:
-        throttle = Source(_first(contents, ("CTUN",), ("ThO",)))
-        hover = Source(_first(contents, ("CTUN",), ("ThH",)))
+    collective = Source([] if driven.throttle else _first(contents, ("CTUN",), ("ThO",)))
+    hovering = Source(_first(contents, ("CTUN",), ("ThH",)) if collective else [])
     return LogMap(
         format="dataflash",
         world="ned",
@@ -414,8 +412,8 @@ def default_map(contents: Contents) -> LogMap | None:
         rates=Source(imu[:3]),
         acceleration=Source(imu[3:], kind="specific_force", axes="body"),
         rotor_speed=driven.rotor_speed,
-        throttle=throttle,
-        hover_throttle=hover if throttle else Source(),
+        throttle=driven.throttle or collective,
+        hover_throttle=hovering,
         voltage=Source(battery),
     )
 

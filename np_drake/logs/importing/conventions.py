@@ -140,13 +140,13 @@ class Trial:
             out |= self._misfits[key]
         return out
 
-    def _conventions(self, names: tuple[str, ...], log_map: LogMap) -> Iterator[Any]:
-        """Yield what these quantities depend on: their own conventions, and those of the attitude
+    def _conventions(self, names: tuple[str, ...], log_map: LogMap) -> tuple[Any, ...]:
+        """Return what these quantities depend on: their own conventions, and those of the attitude
         where it turns one of them.
         """
         turned = any(getattr(log_map, name).is_turned(name) for name in names)
-        for source in [getattr(log_map, name) for name in (*names, *["attitude"] * turned)]:
-            yield repr(source), *log_map.frames(source)
+        sources = (getattr(log_map, name) for name in (*names, *["attitude"] * turned))
+        return tuple((repr(source), *log_map.frames(source)) for source in sources)
 
 
 def liveliest(raw: Values, rows: int) -> slice:

@@ -105,7 +105,6 @@ def in_the_likely_unit(
         lift tells.
     """
     found: dict[str, Parts] = {}
-    flown: dict[str, list[FlightLog]] = {}
     failure: LogError | None = None
     for unit in _in_range(np.concatenate([signals["throttle"].values for signals in parts])):
         throttle = dc.replace(log_map.throttle, unit=unit)
@@ -113,9 +112,11 @@ def in_the_likely_unit(
             found[unit] = imported(parts, dc.replace(log_map, throttle=throttle))
         except LogError as error:
             failure = failure or error
-            continue
-        if logs := [log for part in found[unit][1] for log in part.flights if part.carried]:
-            flown[unit] = logs
+    flown = {
+        unit: logs
+        for unit, (_, made, _) in found.items()
+        if (logs := [log for part in made if part.carried for log in part.flights])
+    }
     if failure is not None and not found:
         raise failure
     if not flown:
