@@ -219,7 +219,7 @@ class _Message:
 
 
 class _Log:
-    """Messages of a file by name, and what was odd in it."""
+    """Messages of a file by name, and how many bytes are of none."""
 
     def __init__(self, path: Path, progress: Progress) -> None:
         """Find all messages; LogError if there is none, or without the library."""
@@ -227,7 +227,6 @@ class _Log:
         library = optional_package("pymavlink.DFReader", path, needs).DFReader
         self.path = path
         self.messages: dict[str, _Message] = {}
-        self.notes: list[str] = []
         try:
             with path.open("rb") as file:
                 data = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
@@ -249,9 +248,7 @@ class _Log:
             raise LogError(
                 f"{path}: must hold ArduPilot messages with times; there are none. Copy it again."
             )
-        known = sum(len(m.starts) * m.length for m in self.messages.values())
-        if known < len(data):
-            self.notes.append(f"{len(data) - known} bytes are no whole record")
+        self.lost = len(data) - sum(len(m.starts) * m.length for m in self.messages.values())
 
     def texts(self, name: str, *columns: str) -> Iterator[tuple[str, ...]]:
         """Yield the records of a message as text."""
@@ -304,7 +301,7 @@ def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Re
         progress(0.7 + 0.3 * i / len(wanted))
     notes = (
         f"{path}: times are those since boot",
-        *(f"{path}: {note}" for note in dict.fromkeys(log.notes)),
+        *([f"{path}: {log.lost} bytes are no whole record"] if log.lost > 0 else ()),
     )
     messages = (name.partition(".")[0] for name in wanted)
     since, lane = _lanes(log, next((message for message in messages if message in LANES), ""))

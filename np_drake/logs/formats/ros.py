@@ -318,20 +318,17 @@ def _getter(path: str) -> Callable[[Any], float]:
 class _Rows:
     """What is read of a topic: time of receipt and stamp [ns], and numbers, row by row."""
 
-    columns: list[str]
     topic: _Topic
+    getters: list[Callable[[Any], float]]  # one for each column
     times: "array[int]" = dc.field(default_factory=lambda: array("q"))
     numbers: "array[float]" = dc.field(default_factory=lambda: array("d"))
     damaged: int = 0
-
-    def __post_init__(self) -> None:
-        self._getters = [_getter(column) for column in self.columns]
 
     def take(self, time: Any, raw: Any) -> None:
         """Read a message; one that is damaged is counted."""
         try:
             message = self.topic.decode(raw, self.topic.type)
-            numbers = array("d", [get(message) for get in self._getters])
+            numbers = array("d", [get(message) for get in self.getters])
             stamp = getattr(getattr(message, "header", None), "stamp", None)
             times = array("q", (time, stamp.sec * 1_000_000_000 + stamp.nanosec if stamp else 0))
             if not 0 <= time < 1 << 62:
@@ -348,7 +345,7 @@ class _Rows:
         """
         received, stamps = np.array(self.times, np.int64).reshape(-1, 2).T
         order = np.argsort(received, kind="stable")
-        numbers = np.array(self.numbers).reshape(len(order), len(self.columns))
+        numbers = np.array(self.numbers).reshape(len(order), len(self.getters))
         return received[order], stamps[order], numbers[order]
 
 
@@ -359,12 +356,15 @@ def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Re
             raise LogError(
                 f"{path}, {lacking}: must be a topic of a known type in the bag; mend the map."
             )
-        rows = {name: _Rows(columns, bag.topics[name]) for name, columns in wanted.items()}
+        rows = {
+            name: _Rows(bag.topics[name], [_getter(column) for column in columns])
+            for name, columns in wanted.items()
+        }
         total = sum(c.msgcount for name in wanted for _, c in bag.topics[name].sources)
         cells = cell_budget(path)
         for i, (name, time, raw) in enumerate(bag.messages(wanted)):
             rows[name].take(time, raw)
-            cells -= 2 + len(rows[name].columns)
+            cells -= 2 + len(rows[name].getters)
             if cells < 0:
                 raise too_many_cells(path)
             if i % EVERY == 0:
