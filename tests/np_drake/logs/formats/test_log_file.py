@@ -71,9 +71,8 @@ def test_without_a_command_thrust_comes_from_rotor_speed(flight, tmp_path):
 def test_no_command_and_no_way_to_one_is_refused(flight, tmp_path):
     write_log(dc.replace(flight, input="rotor_speed"), tmp_path / "made.csv")
     table = text_table.read_csv(tmp_path / "made.csv").columns
-    text_table.write_csv(
-        tmp_path / "made.csv", {k: v for k, v in table.items() if "rotor" not in k}
-    )
+    kept = {name: column for name, column in table.items() if "rotor" not in name}
+    text_table.write_csv(tmp_path / "made.csv", kept)
     with pytest.raises(LogError, match=r"thrust.*rotor1"):
         read_flights(tmp_path / "made.csv")
 
