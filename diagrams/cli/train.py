@@ -38,8 +38,13 @@ from np_drake.lifting.training.network_training import PART
 from np_drake.lifting.training.train import CONFIGURATIONS, TrainingResult, make_config, suited
 from np_drake.lifting.training.train import train as train_lifted
 from np_drake.logs import opening
-from np_drake.logs.formats.neurobem import is_array, published_vehicle
-from np_drake.logs.formats.neurobem_wrenches import RACE_TRACK, TRAINING, read_wrenches
+from np_drake.logs.formats.neurobem import (
+    RACE_TRACK,
+    TRAINING,
+    is_array,
+    published_vehicle,
+    read_wrenches,
+)
 from np_drake.payload_filter.model_file import SCHEMAS, PayloadFilterModel
 from np_drake.payload_filter.training import opened_logs, train_payload_filter
 from np_drake.residual_models.linear_baselines import fit_all

@@ -24,7 +24,7 @@ from diagrams.studies.options import Neurobem, required
 from np_drake.files.number_text import NOTHING
 from np_drake.lifting.model.lifted_model import BY_AXES, PAPER, LiftedModel
 from np_drake.lifting.training.train import Config, make_config, train
-from np_drake.logs.formats.neurobem_wrenches import read_training, read_wrenches, table_files
+from np_drake.logs.formats.neurobem import read_training, read_wrenches, table_files
 from np_drake.residual_model import FlightForecasts
 from np_drake.residual_models.neural_predictor import NeuralPredictor
 from np_drake.skill.flight_skill import stability_of

@@ -11,8 +11,6 @@ from np_drake.logs.importing.alignment import G, in_frames
 from np_drake.logs.importing.log_map import LogMap
 from np_drake.logs.importing.signals import Signal, Signals
 
-_STATE = ("p", "q", "v", "w", "a", "al")  # fields that are shifted
-
 
 def shift_state(log: FlightLog, offset: float) -> FlightLog:
     """Return the log with its state columns of row t taken from t + offset; u and rotor stay.
@@ -34,7 +32,7 @@ def shift_state(log: FlightLog, offset: float) -> FlightLog:
             f"{log.t[-1] - log.t[0]:.4g} s; got {offset:g} s."
         )
     out = log.rows(int(kept[0]), int(kept[-1]) + 1)
-    for name in _STATE:
+    for name in ("p", "q", "v", "w", "a", "al"):
         value = getattr(log, name)
         if value is not None:
             value = attitude.one_hemisphere(value, value[0]) if name == "q" else value

@@ -79,8 +79,13 @@ DERIVED = ("p", "v", "w")  # of these, those that an import derives from the oth
 UNLOGGED = {"p": "height", "v": "velocity", "q": "attitude", "a": "attitude"}
 FORCE = ("sx", "sy", "sz")  # columns of the specific force in B, of a log without attitude [m/s²]
 GRAVITY = 9.81  # [m/s²]
-OPTIONAL = ("a", "al", "rotor", "throttle", "voltage", "commanded_rates", "balance")
 THRUST = ("thrust",)  # of u, where torque is not logged
+# Columns of u that a reader derives from the input, or that are not known.
+UNSTATED = {
+    "rotor_speed": COLUMNS["u"],
+    "normalised": COLUMNS["u"],
+    "thrust_only": COLUMNS["u"][1:],
+}
 FIELDS = COLUMNS | {"thrust": THRUST}
 # All columns, in the order of the format.
 NAMES = tuple(name for group in COLUMNS.values() for name in group)
@@ -122,15 +127,14 @@ def assemble(table: Table, fields: list[str], name: str) -> FlightLog:
     """Return the log in memory; fields that the file lacks are None, what is missing of u is
     NaN.
     """
-    arrays: dict[str, np.ndarray | None] = dict.fromkeys(OPTIONAL)
-    arrays |= {f: table.array(COLUMNS[f]) for f in fields if f not in ("throttles", "thrust")}
+    arrays = {f: table.array(COLUMNS[f]) for f in fields if f not in ("throttles", "thrust")}
     t = table.columns["t"]
     arrays.setdefault("u", np.full((len(t), 4), np.nan))
     if "thrust" in fields:
         arrays["u"] = np.column_stack([table.columns["thrust"], np.full((len(t), 3), np.nan)])
     if "throttles" in fields:
         arrays["throttle"] = table.array(COLUMNS["throttles"])
-    if arrays["voltage"] is not None:
+    if "voltage" in fields:
         arrays["voltage"] = arrays["voltage"][:, 0]
     q = table.array(COLUMNS["q"])
     arrays |= {"t": t, "q": q / np.linalg.norm(q, axis=1, keepdims=True)}
@@ -151,10 +155,7 @@ def disassemble(log: FlightLog) -> dict[str, np.ndarray]:
     left_out = {
         name for field, what in UNLOGGED.items() if what in log.lacks for name in COLUMNS[field]
     }
-    if log.input in ("rotor_speed", "normalised"):
-        left_out |= {*COLUMNS["u"]}
-    if log.input == "thrust_only":
-        left_out |= {*COLUMNS["u"]} - {*THRUST}
+    left_out |= {*UNSTATED.get(log.input, ())}
     kept = {name: values for name, values in log.columns().items() if name not in left_out}
     if "attitude" in log.lacks and log.a is not None:
         force = attitude.rotate_back(log.q, log.a + [0.0, 0.0, GRAVITY])
@@ -197,16 +198,15 @@ def _check_finite(table: Table, fields: list[str]) -> None:
     names = [name for field in fields for name in FIELDS[field]]
     # Time may count nanoseconds, which its own check reports.
     most = [np.finfo(float).max if name == "t" else LARGEST for name in names]
-    bad = ~(np.abs(table.array(tuple(names))) <= most)
-    rows = np.flatnonzero(bad.any(axis=1))
-    if rows.size:
-        row = int(rows[0])
-        name = names[int(np.flatnonzero(bad[row])[0])]
-        given = table.columns[name][row]
+    bad = np.argwhere(~(np.abs(table.array(tuple(names))) <= most))
+    if bad.size:
+        row, at = bad[0].tolist()
+        given = table.columns[names[at]][row]
         must = f"below {LARGEST:g} in size" if np.isfinite(given) else "finite"
         raise table.error(
-            f"must be {must}; got {given}{_more(rows)}. `np-drake import` leaves such rows out.",
-            column=name,
+            f"must be {must}; got {given}{_more(np.unique(bad[:, 0]))}. `np-drake import` leaves "
+            "such rows out.",
+            column=names[at],
             row=row,
         )
 
@@ -253,12 +253,12 @@ def split_at_gaps(table: Table) -> tuple[list[Table], list[str]]:
     kept = [rows for rows in parts if rows.stop - rows.start >= LEAST_ROWS]
     if len(parts) == 1 or not kept or _usual(t) > LONGEST_GAP / GAP:
         return [table], []
+    short = len(parts) - len(kept)
     note = (
         f"{len(parts) - 1} gaps longer than {LONGEST_GAP:g} s (the longest "
         f"{np.diff(t).max():.3g} s): {len(kept)} parts"
+        + (f", {short} with fewer than {LEAST_ROWS} rows left out" if short else "")
     )
-    if len(kept) < len(parts):
-        note += f", {len(parts) - len(kept)} with fewer than {LEAST_ROWS} rows left out"
     return [table.rows(rows) for rows in kept], [note]
 
 

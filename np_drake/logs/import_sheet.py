@@ -75,11 +75,11 @@ def write_sheet(sheet: Sheet, log: str | Path) -> Path:
     path = sheet_path(log)
     read: dict[str, Any] = {
         "timing": sheet.timing,
-        **({"start": sheet.start} if sheet.start else {}),
+        "start": sheet.start or None,
+        "rotors": sheet.rotors and json.loads(json.dumps(dc.asdict(sheet.rotors))),  # no tuples
     }
-    if sheet.rotors is not None:
-        read["rotors"] = json.loads(json.dumps(dc.asdict(sheet.rotors)))  # lists, no tuples
-    text = yaml.safe_dump({**read, **sheet.content}, sort_keys=False, allow_unicode=True, width=110)
+    content = {name: value for name, value in read.items() if value is not None} | sheet.content
+    text = yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=110)
     write_text(path, HEAD + text)
     return path
 

@@ -106,9 +106,8 @@ def _map_of(
     """
     if vehicle.throttle is not None:
         return vehicle.throttle
-    volts = None
-    if all(voltage_of(log) is not None for log in (*flights, *others)):
-        volts = float(np.median(np.concatenate([log.voltage for log in flights])))
+    known = all(voltage_of(log) is not None for log in (*flights, *others))
+    volts = float(np.median(np.concatenate([log.voltage for log in flights]))) if known else None
     seen = [_lifted(log, vehicle.gravity, volts) for log in flights]
     exponent = _fitted_exponent(seen) if exponent is None else exponent
     hover = float(np.median([own.scale(exponent) for own in seen])) ** (-1 / exponent)
@@ -239,9 +238,8 @@ def with_hover_thrust(
     """
     guess = (vehicle.thrust_uncertainty or 0.0) >= GUESS
     squares, lift = _speed_and_lift([log for log in train if guess and _by_speed(log)], vehicle)
-    factor = 1.0
-    if len(squares):
-        factor = float(squares @ lift / (squares @ squares)) / vehicle.thrust_coefficient
+    coefficient = float(squares @ lift / (squares @ squares)) if len(squares) else 0.0
+    factor = coefficient / vehicle.thrust_coefficient
     # Not above zero: upside down, as the laws of the log say.
     if factor <= 0 or abs(factor - 1) < 1e-9:
         return vehicle, list(train), list(held_out)

@@ -17,6 +17,7 @@ from scipy import signal
 
 from np_drake.flight_log import FlightLog
 from np_drake.logs.errors import LogError
+from np_drake.logs.importing.signals import Signal
 from np_drake.training_data.segments import white_noise
 from np_drake.vehicle import Vehicle
 from np_drake.vehicle.rotor_layout import CORNERS, RotorLayout
@@ -141,17 +142,13 @@ def _in_band(
     """
     step = log.step
     t = np.arange(log.t[0], log.t[-1], step)
-
-    def even(values: np.ndarray, at: np.ndarray) -> np.ndarray:
-        return np.stack([np.interp(at, log.t, column) for column in values.T], axis=1)
-
-    w = even(log.w, t)
+    w, even = Signal(log.t, log.w).linear(t), Signal(log.t, columns)
     turn = np.gradient(w, step, axis=0) @ vehicle.J.T + np.cross(w, w @ vehicle.J.T)
     sos = signal.butter(2, (BAND[0], _upper(log)), "bandpass", fs=1 / step, output="sos")
     inside = slice(round(0.5 / step), -round(0.5 / step))  # off the filter's ends
     filtered = [
         signal.sosfiltfilt(sos, x, axis=0)[inside]
-        for x in (turn, *(even(columns, t - d) for d in delays))
+        for x in (turn, *(even.linear(t - d) for d in delays))
     ]
     return filtered[0], filtered[1:]
 

@@ -10,7 +10,7 @@ from scipy.interpolate import BSpline, make_interp_spline, make_lsq_spline
 
 from np_drake.logs.columns import Table
 from np_drake.logs.errors import LogError
-from np_drake.logs.formats.csv_file import read_csv, write_csv
+from np_drake.logs.formats.text_table import read_csv, write_csv
 from np_drake.references.base import Reference
 from np_drake.references.ramp import compose, ramped_phase
 from np_drake.references.waypoints import PointToPoint, Waypoints

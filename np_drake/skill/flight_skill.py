@@ -10,7 +10,7 @@ import numpy as np
 from np_drake.flight_log import FlightLog
 from np_drake.lifting.model.lifted_model import FAMILIES, MODE_DICTIONARY, PAPER, LiftedModel
 from np_drake.lifting.model.model_file import origin_of, require_origin
-from np_drake.logs.formats.neurobem_wrenches import TESTS
+from np_drake.logs.formats.neurobem import TESTS
 from np_drake.payload_filter.model_file import PAYLOAD_FILTER, PayloadFilterModel
 from np_drake.payload_filter.predictor import PayloadFilter
 from np_drake.residual_model import FlightForecasts, ResidualModel

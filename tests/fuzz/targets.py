@@ -17,8 +17,7 @@ from diagrams.loop.experiments import load_experiment
 from np_drake.files.input_file import kept_json, read_json
 from np_drake.lifting.model.model_file import load_model
 from np_drake.logs.formats.format import Stream
-from np_drake.logs.formats.neurobem import FIRST_COLUMNS
-from np_drake.logs.formats.neurobem_wrenches import read_wrenches
+from np_drake.logs.formats.neurobem import FIRST_COLUMNS, read_wrenches
 from np_drake.logs.importing.log_map import load_map_file
 from np_drake.logs.opening import open_flights
 from np_drake.payload_filter.model_file import PayloadFilterModel

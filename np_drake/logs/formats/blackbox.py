@@ -49,6 +49,7 @@ from np_drake.logs.formats.format import (
     Scanned,
     Stream,
     first_source,
+    indexed,
 )
 from np_drake.logs.importing.log_map import LogMap, Source
 from np_drake.vehicle.rotor_layout import FIRMWARE
@@ -61,19 +62,19 @@ DELAYS = (1.0, 2**0.5, 2 * (2**0.5 - 1) ** 0.5, 3 * (2 ** (1 / 3) - 1) ** 0.5)
 # the type of the accelerometer's; measured on Indiflight's logs: 7 to 7.5 ms below 30 Hz, where its
 # is 7.6
 PT2 = 2
-GYRO_FILTERS = ("gyro_lpf1", "gyro_lpf2")
 FINE = 0.1  # of a gyro in high resolution [1]
 BODY = "body"
 FULL = 32767.0  # of a component of Betaflight's quaternion that is 1
 FORGETS = np.radians(20.0)  # turn between two rows that no vehicle makes; own choice
-AXES = range(3)
-QUATERNION = [f"quat[{i}]" for i in range(4)]
-GYRO, ACCELEROMETER = [f"gyro[{i}]" for i in AXES], [f"acc[{i}]" for i in AXES]
-VECTOR_PART = [f"imuQuaternion[{i}]" for i in AXES]
-TURNED = [
-    f"{name}[{i}]" for name, count in (("hoverAttitude", 4), ("quat", 4)) for i in range(count)
-]
-IMU = [f"{name}[{i}]" for name in ("gyroADC", "accSmooth") for i in AXES]
+QUATERNION, GYRO, ACCELEROMETER = indexed("quat", 4), indexed("gyro", 3), indexed("acc", 3)
+VECTOR_PART = indexed("imuQuaternion", 3)
+TURNED = indexed("hoverAttitude", 4) + indexed("quat", 4)
+IMU = indexed("gyroADC", 3) + indexed("accSmooth", 3)
+# Columns of the body, by those of the main frames from which they follow.
+BODIES = {
+    tuple(VECTOR_PART): tuple(QUATERNION),
+    (*TURNED, *IMU): (*QUATERNION, *GYRO, *ACCELEROMETER),
+}
 
 
 def default_map(contents: Contents) -> LogMap | None:
@@ -89,6 +90,7 @@ def default_map(contents: Contents) -> LogMap | None:
     indiflight = "indiflight" in told
     if not indiflight and "betaflight" not in told:
         return None
+    version = told.get("betaflight", 4.0)
     turned = GYRO[0] in contents.get(BODY, ())
     body = "frd" if turned else "flu"
     scale = told.get("gyro_scale", 1.0) * (
@@ -96,9 +98,9 @@ def default_map(contents: Contents) -> LogMap | None:
     )
     driven, delay = motors(contents), _gyro_delay(told)
     quaternion = ([f"body/{n}" for n in QUATERNION], [f"main/{n}" for n in QUATERNION])
-    rates = ([f"body/{n}" for n in GYRO], _indexed("gyroADC", 3))
+    rates = ([f"body/{n}" for n in GYRO], indexed("main/gyroADC", 3))
     forces = (
-        ([f"body/{n}" for n in ACCELEROMETER], _indexed("accSmooth", 3))
+        ([f"body/{n}" for n in ACCELEROMETER], indexed("main/accSmooth", 3))
         if told.get("acc_1G", 0) >= 1
         else ()
     )
@@ -107,10 +109,10 @@ def default_map(contents: Contents) -> LogMap | None:
         world="ned" if indiflight else "enu",
         body="frd" if indiflight else "flu",
         command="held_after" if told.get("P interval", 1.0) == 1 else "sampled",
-        position=first_source(contents, [_indexed("pos", 3)], unit="mm")
+        position=first_source(contents, [indexed("main/pos", 3)], unit="mm")
         if indiflight
         else Source(),
-        velocity=first_source(contents, [_indexed("vel", 3)], unit="cm/s", axes="world")
+        velocity=first_source(contents, [indexed("main/vel", 3)], unit="cm/s", axes="world")
         if indiflight
         else Source(),
         attitude=first_source(
@@ -131,12 +133,17 @@ def default_map(contents: Contents) -> LogMap | None:
         ),
         rotor_speed=driven.rotor_speed,
         throttle=driven.throttle,
-        voltage=_voltage(contents, told),
+        # Betaflight before 3.1 writes the reading of its converter.
+        voltage=first_source(
+            contents, [["main/vbatLatest"]], unit="V", scale=0.01 if version >= 4 else 0.1
+        )
+        if version >= 3.01
+        else Source(),
         # the rates that the controller is asked for, as logged beside the gyro
         commanded_rates=Source()
         if indiflight
         else first_source(
-            contents, [_indexed("setpoint", 3)], unit="deg/s", axes="body", body="flu"
+            contents, [indexed("main/setpoint", 3)], unit="deg/s", axes="body", body="flu"
         ),
     )
 
@@ -159,40 +166,26 @@ def motors(contents: Contents) -> Motors:
         )
         return Motors(throttle, notes=(told_of,) if columns else ())
     speed = first_source(
-        contents, (_indexed(name, 4) for name in ("omegaUnfiltered", "omega")), unit="rad/s"
+        contents,
+        (indexed(f"main/{name}", 4) for name in ("omegaUnfiltered", "omega")),
+        unit="rad/s",
     )
     if (
         not speed and told.get("motor_poles", 0) > 0
     ):  # written in hundreds of electrical revolutions a minute
-        names = (_indexed(name, 4) for name in ("eRPM", "eRPM(/100)"))
+        names = (indexed(f"main/{name}", 4) for name in ("eRPM", "eRPM(/100)"))
         speed = first_source(contents, names, unit="rpm", scale=200 / told["motor_poles"])
     return Motors(throttle, speed, FIRMWARE["betaflight"])
-
-
-def _indexed(name: str, count: int) -> list[str]:
-    return [f"main/{name}[{i}]" for i in range(count)]
-
-
-def _voltage(contents: Contents, told: dict[str, float]) -> Source:
-    """Return the voltage of the battery; none of a firmware that writes the reading of its
-    converter.
-    """
-    version = told.get("betaflight", 4.0)
-    found = first_source(
-        contents, [["main/vbatLatest"]], unit="V", scale=0.01 if version >= 4 else 0.1
-    )
-    return found if version >= 3.01 else Source()  # 3.1
 
 
 def _gyro_delay(told: dict[str, float]) -> float:
     """Return the delay of the filters of the gyro whose cutoff the header states [s]; the moving
     ones are left out.
     """
-    found = 0.0
-    for name in GYRO_FILTERS:
-        if not told.get(f"{name}_dyn_hz[0]", 0.0) > 0:
-            found += _delay(told.get(f"{name}_static_hz", 0.0), int(told.get(f"{name}_type", 0.0)))
-    return found
+    filters = ("gyro_lpf1", "gyro_lpf2")
+    fixed = [name for name in filters if not told.get(f"{name}_dyn_hz[0]", 0.0) > 0]
+    settings = [[told.get(f"{name}_{end}", 0.0) for end in ("static_hz", "type")] for name in fixed]
+    return sum((_delay(cutoff, int(kind)) for cutoff, kind in settings), 0.0)
 
 
 def _delay(cutoff: float, kind: int) -> float:
@@ -202,18 +195,11 @@ def _delay(cutoff: float, kind: int) -> float:
     return DELAYS[kind] / (2 * math.pi * cutoff) if cutoff > 0 and 0 <= kind < len(DELAYS) else 0.0
 
 
-def body_columns(names: Collection[str]) -> tuple[str, ...]:
-    """Return the columns of the body that follow from those of the main frames; none: all are
+def of_the_body(names: Collection[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return columns of the main frames and those of the body that follow from them; none: all are
     written as they are.
     """
-    if set(VECTOR_PART) <= set(names):
-        return tuple(QUATERNION)
-    return (*QUATERNION, *GYRO, *ACCELEROMETER) if {*TURNED, *IMU} <= set(names) else ()
-
-
-def needed(names: Collection[str]) -> list[str]:
-    """Return the columns of the main frames from which those of the body follow."""
-    return VECTOR_PART if set(VECTOR_PART) <= set(names) else [*TURNED, *IMU]
+    return next((pair for pair in BODIES.items() if set(pair[0]) <= set(names)), ((), ()))
 
 
 def body_values(main: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
@@ -227,7 +213,7 @@ def body_values(main: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
         w = np.sqrt(np.maximum(FULL**2 - np.sum(xyz**2, axis=0), 0.0))
         return dict(zip(QUATERNION, (w, *xyz), strict=True))
     turn, logged = (
-        np.stack([main[f"{name}[{i}]"] for i in range(4)], axis=1)
+        np.stack([main[column] for column in indexed(name, 4)], axis=1)
         for name in ("hoverAttitude", "quat")
     )
     turn = turn / np.maximum(np.linalg.norm(turn, axis=1, keepdims=True), 1.0)
@@ -236,7 +222,7 @@ def body_values(main: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
     of_imu = attitude.multiply(logged, attitude.conjugate(turn))
     found = dict(zip(QUATERNION, attitude.multiply(of_imu, final).T, strict=True))
     for name, columns in (("gyroADC", GYRO), ("accSmooth", ACCELEROMETER)):
-        vector = np.stack([main[f"{name}[{i}]"] for i in AXES], axis=1)
+        vector = np.stack([main[column] for column in indexed(name, 3)], axis=1)
         found |= zip(columns, attitude.rotate_back(final, vector).T, strict=True)
     told = _told(of_imu, turn)
     return {name: np.where(told, values, np.nan) for name, values in found.items()}
@@ -322,7 +308,7 @@ class _Session:
     def columns(self) -> dict[str, tuple[str, ...]]:
         """Names of the columns of every stream."""
         main = tuple(name for name in self.names if name != "time")
-        body = body_columns(main)
+        body = of_the_body(main)[1]
         return {MAIN: main, BODY: body} if body else {MAIN: main}
 
     @property
@@ -415,8 +401,8 @@ def _session(number: int, settings: Mapping[str, str], first: int, stop: int) ->
     for kind, own in names.items():
         row = KINDS.index(kind)
         for key in ("encoding", "predictor", "signed"):
-            values = _column(kind, key, told[kind].get(key, []), len(own))
-            tables[key][row, : len(own)] = values
+            texts = told[kind].get(key, [])
+            tables[key][row, : len(own)] = _column(kind, key, texts, len(own))
         for i, name in enumerate(own):
             tables["constant"][row, i] = _constant(tables["predictor"][row, i], name, settings)
     main = names["I"]
@@ -523,7 +509,7 @@ def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Re
                 breaks.append((float(times.min()), "another log begins"))
             latest = max(latest, times.max(initial=-np.inf))
         which = f"log {own.number}: " if len(known) > 1 else ""
-        notes += [*_damage(which, told), *_untold(which, streams)]
+        notes += _odd(which, told, streams.get(BODY))
     if not parts:
         raise LogError(
             f"{path}: must hold a whole I frame after its header; it has none. {REMEDY}."
@@ -561,7 +547,8 @@ def _decoded(
     """Return the wanted streams of one log, and what is counted of it."""
     names = list(wanted.get(MAIN, ()))
     if BODY in wanted:
-        names += [name for name in needed(session.columns[MAIN]) if name not in names]
+        needed, _ = of_the_body(session.columns[MAIN])
+        names += [name for name in needed if name not in names]
     # Rows that the bytes can hold: at most eight fields share one byte.
     span, written = session.stop - session.first, session.tables["encoding"] != NULL
     fewest = min(1 + int(written[row, : session.counts[row]].sum()) // 8 for row in (0, 1))
@@ -596,8 +583,8 @@ def _joined(parts: Sequence[Stream]) -> Stream:
     )
 
 
-def _damage(which: str, told: np.ndarray) -> Iterator[str]:
-    """Yield notes on what is damaged."""
+def _odd(which: str, told: np.ndarray, body: Stream | None) -> Iterator[str]:
+    """Yield notes on what is damaged, and on the rows whose axes are not told."""
     if told[DAMAGED]:
         yield (
             f"{which}damaged at {told[DAMAGED]} place{'s' if told[DAMAGED] > 1 else ''}; "
@@ -608,11 +595,6 @@ def _damage(which: str, told: np.ndarray) -> Iterator[str]:
         yield (
             f"{which}no end of the log (cut off, or the power was lost); its whole frames are kept."
         )
-
-
-def _untold(which: str, streams: Mapping[str, Stream]) -> Iterator[str]:
-    """Yield a note on the rows whose axes are not told."""
-    body = streams.get(BODY)
     if body is not None and len(body):
         count = int(np.sum(np.isnan(next(iter(body.columns.values())))))
         if count:

@@ -52,15 +52,12 @@ def byte_at(data, at):
 @compiled
 def unsigned_number(data, at, stop):
     """Return a number whose bytes have 7 bits each, the lowest first, and the place behind it."""
-    value, shift = 0, 0
-    for k in range(LONGEST):
-        if at + k >= stop:
-            break
+    value = 0
+    for k in range(min(LONGEST, stop - at)):
         byte = byte_at(data, at + k)
-        value |= (byte & 0x7F) << shift
+        value |= (byte & 0x7F) << (7 * k)
         if byte < 0x80:
             return value & 0xFFFFFFFF, at + k + 1
-        shift += 7
     return 0, stop + 1
 
 
@@ -137,25 +134,19 @@ def read_fields(data, at, stop, encodings, count, out):
     """
     i = 0
     while i < count:
-        encoding = encodings[i]
+        encoding, last = encodings[i], i + 1  # the place behind the numbers that are read together
         if encoding == NULL:
             out[i] = 0
-            i += 1
-            continue
-        if at >= stop:
+        elif at >= stop:
             return stop + 1
-        if encoding == SIGNED_VB:
+        elif encoding == SIGNED_VB:
             out[i], at = signed_number(data, at, stop)
-            i += 1
         elif encoding == UNSIGNED_VB:
             out[i], at = unsigned_number(data, at, stop)
-            i += 1
         elif encoding == NEG_14BIT:
             value, at = unsigned_number(data, at, stop)
             out[i] = -_extended(value, 14)
-            i += 1
         elif encoding == TAG8_8SVB:
-            last = i + 1
             while last < min(i + 8, count) and encodings[last] == TAG8_8SVB:
                 last += 1
             tags = 1
@@ -167,13 +158,11 @@ def read_fields(data, at, stop, encodings, count, out):
                 if tags & 1:
                     out[k], at = signed_number(data, at, stop)
                 tags >>= 1
-            i = last
         elif encoding == TAG8_4S16:
-            at = _four(data, at, stop, out, i, count)
-            i += 4
+            at, last = _four(data, at, stop, out, i, count), i + 4
         else:
-            at = _three(data, at, stop, encoding, out, i, count)
-            i += 3
+            at, last = _three(data, at, stop, encoding, out, i, count), i + 3
+        i = last
     return at
 
 
@@ -186,12 +175,9 @@ def _event(data, at, stop):
     at += 1
     first, second = 0, 0
     if kind == END:
-        if at + len(END_TEXT) > stop:
-            return stop + 1, kind, 0, 0
-        for k in range(len(END_TEXT)):
-            if data[at + k] != END_TEXT[k]:
-                return stop + 1, kind, 0, 0
-        return at + len(END_TEXT), kind, 0, 0
+        behind = at + len(END_TEXT)
+        whole = behind <= stop and np.array_equal(data[at:behind], END_TEXT)
+        return behind if whole else stop + 1, kind, 0, 0
     if NUMBERS[kind]:
         first, at = unsigned_number(data, at, stop)
         if NUMBERS[kind] == 2:
@@ -204,12 +190,6 @@ def _event(data, at, stop):
     else:
         return stop + 1, kind, 0, 0
     return min(at, stop + 1), kind, first, second
-
-
-@compiled
-def _halved(value):
-    """Return the half of an integer, towards zero."""
-    return value // 2 if value >= 0 else -(-value // 2)
 
 
 @compiled
@@ -235,7 +215,7 @@ def _add_predictions(
         elif predictor == STRAIGHT_LINE:
             fields[i] += 2 * before[i] - earlier[i]
         elif predictor == AVERAGE_2:
-            fields[i] += _halved(before[i] + earlier[i])
+            fields[i] += int((before[i] + earlier[i]) / 2)  # towards zero
         elif predictor == MOTOR_0:
             fields[i] += fields[motor0]
         elif predictor == INCREMENT:
@@ -294,11 +274,10 @@ def read_frames(
             if good and kind == P and not known:
                 told[LEFT_OUT] += 1
             elif good and kind <= P:
-                skipped = 0
-                if kind == P:
-                    skipped = _skipped(
-                        before[iteration_at], intervals[0], intervals[1], intervals[2]
-                    )
+                last = before[iteration_at]
+                skipped = (
+                    _skipped(last, intervals[0], intervals[1], intervals[2]) if kind == P else 0
+                )
                 _add_predictions(
                     fields,
                     kind,

@@ -19,7 +19,6 @@ Its checksums are of a kind that is not documented; a damaged block shows by its
 variable is the time since the start [us]. `stateEstimateZ.quat` holds a quaternion in 32 bits.
 """
 
-import dataclasses as dc
 import re
 import struct
 import zlib
@@ -51,17 +50,9 @@ QUATERNION = "stateEstimateZ.quat"
 PARTS = tuple(f"stateEstimateZ.q{axis}" for axis in "xyzw")
 LONGEST_PAUSE = 60.0  # between two records of a log that is whole [s]; own choice
 REMEDY = "copy it again from the card"
-
-
-@dc.dataclass(frozen=True)
-class _Event:
-    """One type of event; record: layout of id, time and variables, these by their place: `0`, `1`,
-    ...
-    """
-
-    name: str
-    variables: tuple[str, ...]
-    record: np.dtype
+# One type of event: its name, its variables, and the layout of a record: id, time and the variables
+# by their place, `0`, `1`, …
+Event = tuple[str, tuple[str, ...], np.dtype]
 
 
 def _recognises(path: Path, start: bytes) -> bool:
@@ -84,7 +75,7 @@ def contents(path: Path) -> Contents:
     content = _content(path)
     if not content[1:].startswith(BLOCKS):
         events = _header(path, content)[1]
-        return {event.name: event.variables for event in events.values()}
+        return {name: variables for name, variables, _ in events.values()}
     names = [name for name, _ in _variables(path, content)[0][1:]]
     return {TABLE: (*names, *(PARTS if QUATERNION in names else ()))}
 
@@ -112,7 +103,7 @@ def _content(path: Path) -> bytes:
 def _read_events(path: Path, content: bytes, wanted: Mapping[str, list[str]]) -> Recording:
     version, events, start = _header(path, content)
     starts: dict[int, list[int]] = {key: [] for key in events}
-    sizes = {key: event.record.itemsize for key, event in events.items()}
+    sizes = {key: record.itemsize for key, (_, _, record) in events.items()}
     end, at, key = start, start, 0
     while at + 2 <= len(content):
         key = content[at] | content[at + 1] << 8
@@ -124,21 +115,20 @@ def _read_events(path: Path, content: bytes, wanted: Mapping[str, list[str]]) ->
     if end == start:
         raise LogError(f"{path}: must hold at least one whole record after its header; {REMEDY}.")
     streams = {}
-    for key, event in events.items():
-        if event.name in wanted:
+    for key, (name, variables, record) in events.items():
+        if name in wanted:
             windows = np.lib.stride_tricks.sliding_window_view(
-                np.frombuffer(content, np.uint8), event.record.itemsize
+                np.frombuffer(content, np.uint8), record.itemsize
             )
-            rows = windows[np.array(starts[key], int)].view(event.record)[:, 0]
-            columns = {n: event.variables.index(n) for n in wanted[event.name]}
-            streams[event.name] = Stream(
+            rows = windows[np.array(starts[key], int)].view(record)[:, 0]
+            streams[name] = Stream(
                 rows["time"] * TIMES[version][1],
-                {name: _floats(rows[str(i)]) for name, i in columns.items()},
+                {n: _floats(rows[str(variables.index(n))]) for n in wanted[name]},
             )
     facts = {
         "log version": str(version),
         "clock": "time since the start of the firmware [s], when the row was written",
-        "events": ", ".join(event.name for event in events.values()),
+        "events": ", ".join(name for name, _, _ in events.values()),
     }
     return Recording(str(path), streams, facts, _end(content, end, sizes))
 
@@ -163,7 +153,7 @@ def _floats(values: np.ndarray) -> np.ndarray:
         return values.astype(float)
 
 
-def _header(path: Path, content: bytes) -> tuple[int, dict[int, _Event], int]:
+def _header(path: Path, content: bytes) -> tuple[int, dict[int, Event], int]:
     """Return version, event types by id, and where they end."""
     if len(content) < 5 or content[0] != MAGIC:
         raise LogError(
@@ -184,9 +174,9 @@ def _header(path: Path, content: bytes) -> tuple[int, dict[int, _Event], int]:
         raise LogError(f"{path}, header: {error}; {REMEDY}.") from error
 
 
-def _events(start: bytes, count: int, time: str) -> tuple[dict[int, _Event], int]:
+def _events(start: bytes, count: int, time: str) -> tuple[dict[int, Event], int]:
     """Return the event types by id, and where they end."""
-    events: dict[int, _Event] = {}
+    events: dict[int, Event] = {}
     offset = 5
     for _ in range(count):
         (key,) = struct.unpack_from("<H", start, offset)
@@ -204,13 +194,12 @@ def _events(start: bytes, count: int, time: str) -> tuple[dict[int, _Event], int
             ("time", time),
             *((str(i), kind) for i, (_, kind) in enumerate(fields)),
         ]
-        events[key] = _Event(name, tuple(_different([n for n, _ in fields])), np.dtype(layout))
+        events[key] = name, tuple(_different([n for n, _ in fields])), np.dtype(layout)
     if not events:
         raise ValueError("must name an event type; got none")
-    names = _different([event.name for event in events.values()])
-    return {
-        k: dc.replace(e, name=n) for (k, e), n in zip(events.items(), names, strict=True)
-    }, offset
+    names = _different([name for name, _, _ in events.values()])
+    named = zip(events, names, events.values(), strict=True)
+    return {key: (name, own, record) for key, name, (_, own, record) in named}, offset
 
 
 def _text(start: bytes, offset: int) -> tuple[str, int]:

@@ -41,19 +41,15 @@ MOTOR_FUNCTIONS = (*range(33, 41), *range(82, 86))  # of an output: motor 1 to 8
 USED = re.compile(r"SERVO\d+_FUNCTION|FRAME_(CLASS|TYPE)|MOT_PWM_(MIN|MAX)")
 CLASSES = {1: 4, 2: 6, 3: 8, 4: 8, 5: 6}  # motors by FRAME_CLASS: quad, hexa, octa, octaquad, Y6
 OTHERS = {
-    **{
-        6: "a helicopter",
-        7: "a tricopter",
-        8: "a single copter",
-        9: "a coaxial copter",
-        10: "a tailsitter",
-    },
-    **{
-        11: "a dual helicopter",
-        12: "a dodecahexacopter",
-        13: "a quad helicopter",
-        14: "a decacopter",
-    },
+    6: "a helicopter",
+    7: "a tricopter",
+    8: "a single copter",
+    9: "a coaxial copter",
+    10: "a tailsitter",
+    11: "a dual helicopter",
+    12: "a dodecahexacopter",
+    13: "a quad helicopter",
+    14: "a decacopter",
 }
 # by FRAME_TYPE: angle of motors 1 to 4 from the front, to the right [deg]; sign, 1 turns clockwise
 QUADS = {
@@ -84,7 +80,11 @@ def motors(contents: Contents) -> Motors:
             "alike. Name one column as throttle in a map to take its collective."
         )
     outputs = _outputs(parameters) or list(range(1, CLASSES.get(frame, 4) + 1))
-    columns = [_output(contents, number) for number in outputs]
+    streams = ("RCOU", "RCO2", "RCO3")
+    columns = [  # empty: the output is not logged
+        next((f"{s}/C{number}" for s in streams if f"C{number}" in contents.get(s, ())), "")
+        for number in outputs
+    ]
     stated = any(FUNCTION.fullmatch(name) for name in parameters)
     if stated and not all(columns) and any(c.startswith("RCOU") for c in contents):
         missing = outputs[columns.index("")]
@@ -118,20 +118,13 @@ def motors(contents: Contents) -> Motors:
 
 def _outputs(parameters: Mapping[str, float]) -> list[int]:
     """Return the outputs of motor 1, 2, …; none where no parameter says it."""
-    found: dict[int, int] = {}
-    for name, value in parameters.items():
-        match = FUNCTION.fullmatch(name)
-        if match and value in MOTOR_FUNCTIONS:
-            found.setdefault(MOTOR_FUNCTIONS.index(int(value)), int(match[1]))
-    return [found[motor] for motor in sorted(found)]
-
-
-def _output(contents: Contents, number: int) -> str:
-    """Return the column of an output; empty: it is not logged."""
-    return next(
-        (f"{s}/C{number}" for s in ("RCOU", "RCO2", "RCO3") if f"C{number}" in contents.get(s, ())),
-        "",
-    )
+    matches = ((FUNCTION.fullmatch(name), value) for name, value in parameters.items())
+    found = [
+        (MOTOR_FUNCTIONS.index(int(value)), int(match[1]))
+        for match, value in matches
+        if match and value in MOTOR_FUNCTIONS
+    ]
+    return [number for _, number in sorted(dict(reversed(found)).items())]  # the first of a motor
 
 
 def _escs(contents: Contents, outputs: Sequence[int]) -> list[str]:
@@ -199,8 +192,8 @@ class _Message:
         self.starts = places[places <= last]
         figures = [c for c, (kind, _) in self.kinds.items() if not kind.startswith("S")]
         clocks = ("TimeUS",) if self.name.startswith("GPS") else tuple(TIMES)
-        clock = next((c for c in clocks if c in figures), "")
-        self.time = clock if self.name not in HEADERS else ""
+        known = figures if self.name not in HEADERS else []
+        self.time = next((c for c in clocks if c in known), "")
         self.instance = form.instance_field if form.instance_field in figures else ""
         self.numbers = tuple(c for c in figures if c not in (*TIMES, self.instance))
 
@@ -227,7 +220,7 @@ class _Message:
 
 
 class _Log:
-    """Messages of a file by name, and what was odd in it."""
+    """Messages of a file by name, and how many bytes are of none."""
 
     def __init__(self, path: Path, progress: Progress) -> None:
         """Find all messages; LogError if there is none, or without the library."""
@@ -235,7 +228,6 @@ class _Log:
         library = optional_package("pymavlink.DFReader", path, needs).DFReader
         self.path = path
         self.messages: dict[str, _Message] = {}
-        self.notes: list[str] = []
         try:
             with uncompressed(path) as whole:
                 with whole.open("rb") as file:
@@ -258,16 +250,19 @@ class _Log:
             raise LogError(
                 f"{path}: must hold ArduPilot messages with times; there are none. Copy it again."
             )
-        known = sum(len(m.starts) * m.length for m in self.messages.values())
-        if known < len(data):
-            self.notes.append(f"{len(data) - known} bytes are no whole record")
+        self.lost = len(data) - sum(len(m.starts) * m.length for m in self.messages.values())
 
     def texts(self, name: str, *columns: str) -> Iterator[tuple[str, ...]]:
         """Yield the records of a message as text."""
         message = self.messages.get(name)
         if message and len(message.starts) and set(columns) <= message.kinds.keys():
             for row in zip(*(message.column(c).tolist() for c in columns), strict=True):
-                yield tuple(_text(v) if isinstance(v, bytes) else str(v) for v in row)
+                yield tuple(
+                    v.split(b"\0", 1)[0].decode("utf-8", "replace").strip()
+                    if isinstance(v, bytes)
+                    else str(v)
+                    for v in row
+                )
 
 
 def _index(library: Any, path: Path, progress: Progress) -> Any:
@@ -293,8 +288,8 @@ def _contents(path: Path) -> Contents:
     for message in log.messages.values():
         if len(message.starts) and message.time and message.numbers:
             instances = message.instances()
-            for name in [f"{message.name}.{i}" for i in instances] or [message.name]:
-                found[name] = message.numbers
+            names = [f"{message.name}.{i}" for i in instances] or [message.name]
+            found |= dict.fromkeys(names, message.numbers)
             if len(instances) > 1 and len(_lanes(log, message.name)[0]):
                 found[f"{message.name}.{PRIMARY}"] = message.numbers
     return Scanned(found, _parameters(log))
@@ -308,12 +303,15 @@ def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Re
         progress(0.7 + 0.3 * i / len(wanted))
     notes = (
         f"{path}: times are those since boot",
-        *(f"{path}: {note}" for note in dict.fromkeys(log.notes)),
+        *([f"{path}: {log.lost} bytes are no whole record"] if log.lost > 0 else ()),
     )
-    estimate = next(
-        (message for message in (name.partition(".")[0] for name in wanted) if message in LANES), ""
+    messages = (name.partition(".")[0] for name in wanted)
+    since, lane = _lanes(log, next((message for message in messages if message in LANES), ""))
+    breaks = tuple(
+        (float(t), f"the autopilot switches from core {own:g} of its estimator to core {other:g}")
+        for t, own, other in zip(since[1:], lane[:-1], lane[1:], strict=True)
     )
-    return Recording(str(path), streams, _facts(log), notes, breaks=tuple(_switches(log, estimate)))
+    return Recording(str(path), streams, _facts(log), notes, breaks=breaks)
 
 
 def _stream(log: _Log, name: str, columns: list[str]) -> Stream:
@@ -354,18 +352,6 @@ def _lanes(log: _Log, name: str) -> tuple[np.ndarray, np.ndarray]:
     return values[new, 0] * TIMES[message.time], values[new, 1]
 
 
-def _switches(log: _Log, name: str) -> Iterator[tuple[float, str]]:
-    """Yield the times at which the autopilot flies on with another core of its estimator, and
-    which.
-    """
-    since, lane = _lanes(log, name)
-    for t, before, after in zip(since[1:], lane[:-1], lane[1:], strict=True):
-        yield (
-            float(t),
-            f"the autopilot switches from core {before:g} of its estimator to core {after:g}",
-        )
-
-
 def _facts(log: _Log) -> dict[str, str]:
     """Return firmware, frame and the parameters of the motors."""
     facts: dict[str, str] = {}
@@ -374,12 +360,11 @@ def _facts(log: _Log) -> dict[str, str]:
             facts.setdefault("firmware", text)
         if text.startswith("Frame:"):
             facts.setdefault("frame", text.removeprefix("Frame:").strip())
-    used = {
-        name: value
+    return facts | {
+        name: f"{value:.7g}"
         for name, value in _parameters(log).items()
         if not (value == 0 and FUNCTION.fullmatch(name))
     }
-    return facts | {name: f"{value:.7g}" for name, value in used.items()}
 
 
 def _parameters(log: _Log) -> dict[str, float]:
@@ -387,10 +372,6 @@ def _parameters(log: _Log) -> dict[str, float]:
     rows = log.texts("PARM", "Name", "Value")
     values = {name: _number(value) for name, value in rows if PARAMETERS.fullmatch(name)}
     return {name: value for name, value in values.items() if np.isfinite(value)}
-
-
-def _text(raw: bytes) -> str:
-    return raw.split(b"\0", 1)[0].decode("utf-8", "replace").strip()
 
 
 def _number(cell: str) -> float:
@@ -417,10 +398,8 @@ def default_map(contents: Contents) -> LogMap | None:
         return None
     driven = motors(contents)
     battery = _first(contents, ("BAT", "CURR"), ("Volt",))
-    throttle, hover = driven.throttle, Source()
-    if not throttle:
-        throttle = Source(_first(contents, ("CTUN",), ("ThO",)))
-        hover = Source(_first(contents, ("CTUN",), ("ThH",)))
+    collective = Source([] if driven.throttle else _first(contents, ("CTUN",), ("ThO",)))
+    hovering = Source(_first(contents, ("CTUN",), ("ThH",)) if collective else [])
     return LogMap(
         format="dataflash",
         world="ned",
@@ -432,8 +411,8 @@ def default_map(contents: Contents) -> LogMap | None:
         rates=Source(imu[:3]),
         acceleration=Source(imu[3:], kind="specific_force", axes="body"),
         rotor_speed=driven.rotor_speed,
-        throttle=throttle,
-        hover_throttle=hover if throttle else Source(),
+        throttle=driven.throttle or collective,
+        hover_throttle=hovering,
         voltage=Source(battery),
     )
 
@@ -465,5 +444,6 @@ def _recognises(path: Path, start: bytes) -> bool:
     return start.startswith(FMT) or bool(re.match(rb"\s*FMT,\s*\d+,\s*\d+,", start))
 
 
-TITLE = "ArduPilot DataFlash .bin"
-DATAFLASH = Format("dataflash", TITLE, _recognises, _contents, default_map, _read, motors)
+DATAFLASH = Format(
+    "dataflash", "ArduPilot DataFlash .bin", _recognises, _contents, default_map, _read, motors
+)

@@ -151,6 +151,11 @@ def first_source(contents: Contents, choices: Iterable[Sequence[str]], **how: An
     return Source()
 
 
+def indexed(name: str, count: int) -> list[str]:
+    """Return the names of the columns of an array."""
+    return [f"{name}[{i}]" for i in range(count)]
+
+
 def by_stream(
     contents: Contents, names: Collection[str], path: str = "log"
 ) -> dict[str, list[str]]:

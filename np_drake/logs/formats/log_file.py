@@ -6,9 +6,15 @@ from np_drake.flight_log import FlightLog
 from np_drake.logs import columns
 from np_drake.logs.columns import bridge_gaps, check_table, split_at_gaps
 from np_drake.logs.errors import LogError
-from np_drake.logs.formats import csv_file, parquet_file
+from np_drake.logs.formats import parquet_file
 from np_drake.logs.formats.format import first_bytes
-from np_drake.logs.formats.text_table import first_lines, is_comma_separated, split_header
+from np_drake.logs.formats.text_table import (
+    first_lines,
+    is_comma_separated,
+    read_csv,
+    split_header,
+    write_csv,
+)
 from np_drake.logs.import_sheet import read_sheet
 from np_drake.logs.importing.laws import check_units
 from np_drake.logs.inputs import WORDS, inputs_of
@@ -48,7 +54,7 @@ def read(path: str | Path) -> list[FlightLog]:
         opened.
     """
     kind = suffix(path)
-    table = parquet_file.read_parquet(path) if kind == ".parquet" else csv_file.read_csv(path)
+    table = parquet_file.read_parquet(path) if kind == ".parquet" else read_csv(path)
     file = Path(path).name.removesuffix(kind)
     fields = columns.present_fields(table)
     check_table(table, fields)
@@ -59,8 +65,7 @@ def read(path: str | Path) -> list[FlightLog]:
         part, bridged = bridge_gaps(part, fields)
         name = file if len(parts) == 1 else f"{file} part {number}"
         log = columns.assemble(part, fields, name)
-        if bridged.any():
-            log.bridged = bridged
+        log.bridged = bridged if bridged.any() else None
         log.notes[:0] = split
         log.timing, log.layout, log.start = sheet.timing, sheet.rotors, sheet.start
         known = inputs_of(log)
@@ -94,7 +99,7 @@ def write_log(log: FlightLog, path: str | Path) -> None:
             raise LogError(
                 f"{path}: a log with input {kind} must have {WORDS[kind]} to be written."
             )
-    write = parquet_file.write_parquet if suffix(path) == ".parquet" else csv_file.write_csv
+    write = parquet_file.write_parquet if suffix(path) == ".parquet" else write_csv
     write(path, columns.disassemble(log))
 
 

@@ -142,10 +142,9 @@ def _readers(path: Path) -> dict[bytes, Any]:
     from rosbags.rosbag1 import reader
     from rosbags.rosbag2 import storage_mcap, storage_sqlite3
 
-    for kind in ("lz4", "zstd"):
-        storage_mcap.DECOMPRESSORS[kind] = functools.partial(_unpacked, kind)
-    for kind in ("lz4", "bz2"):
-        reader.decompressors[kind] = functools.partial(_unpacked, kind)
+    bounded = {kind: functools.partial(_unpacked, kind) for kind in ("bz2", "lz4", "zstd")}
+    storage_mcap.DECOMPRESSORS |= {kind: bounded[kind] for kind in ("lz4", "zstd")}
+    reader.decompressors |= {kind: bounded[kind] for kind in ("lz4", "bz2")}
     for module in (storage_mcap, storage_sqlite3):
         module.parse_qos = lambda text: []  # type: ignore[attr-defined]
 
@@ -257,10 +256,9 @@ def _types_of(kind: str, definition: Any) -> dict[str, Any]:
     with contextlib.suppress(Exception):  # the types are missing then
         if definition.format.name == "MSG":
             found.update(get_types_from_msg(definition.data, kind))
-        for part in (
-            definition.data.split("=" * 80 + "\n") if definition.format.name == "IDL" else ()
-        ):
-            found.update(get_types_from_idl(re.sub(r"\AIDL: .*\n", "", part)))
+        elif definition.format.name == "IDL":
+            for part in definition.data.split("=" * 80 + "\n"):
+                found.update(get_types_from_idl(re.sub(r"\AIDL: .*\n", "", part)))
     return found
 
 
@@ -307,66 +305,48 @@ def _getter(path: str) -> Callable[[Any], float]:
     steps = re.findall(r"[^.\[\]]+", path)
 
     def get(message: Any) -> float:
-        for step in steps:
-            if not step.isdigit():
-                message = getattr(message, step)
-            elif int(step) < len(message):
-                message = message[int(step)]
-            else:
-                return np.nan
-        return float(message)
+        with contextlib.suppress(IndexError):
+            for step in steps:
+                message = message[int(step)] if step.isdigit() else getattr(message, step)
+            return float(message)
+        return np.nan
 
     return get
 
 
 @dc.dataclass
 class _Rows:
-    """What is read of a topic: times of receipt and stamps [ns], numbers row by row."""
+    """What is read of a topic: time of receipt and stamp [ns], and numbers, row by row."""
 
-    columns: list[str]
     topic: _Topic
-    received: "array[int]" = dc.field(default_factory=lambda: array("q"))
-    stamps: "array[int]" = dc.field(default_factory=lambda: array("q"))
+    getters: list[Callable[[Any], float]]  # one for each column
+    times: "array[int]" = dc.field(default_factory=lambda: array("q"))
     numbers: "array[float]" = dc.field(default_factory=lambda: array("d"))
     damaged: int = 0
-
-    def __post_init__(self) -> None:
-        self._getters = [_getter(column) for column in self.columns]
 
     def take(self, time: Any, raw: Any) -> None:
         """Read a message; one that is damaged is counted."""
         try:
             message = self.topic.decode(raw, self.topic.type)
-            numbers = [get(message) for get in self._getters]
+            numbers = array("d", [get(message) for get in self.getters])
             stamp = getattr(getattr(message, "header", None), "stamp", None)
-            self.stamps.append(stamp.sec * 1_000_000_000 + stamp.nanosec if stamp else 0)
+            times = array("q", (time, stamp.sec * 1_000_000_000 + stamp.nanosec if stamp else 0))
             if not 0 <= time < 1 << 62:
                 raise ValueError("no time")
         except Exception:  # whatever may be met in damaged bytes
             self.damaged += 1
-            del self.stamps[len(self.received) :]
             return
-        self.received.append(time)
+        self.times.extend(times)
         self.numbers.extend(numbers)
 
-    def sort(self) -> None:
-        """Put the messages into the order of their receipt; those of one time keep theirs."""
-        received = np.array(self.received)
-        if not (np.diff(received) < 0).any():
-            return
+    def in_order(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return times of receipt (n,), stamps (n,) [ns] and numbers (n, k) in the order of
+        receipt; messages of one time keep theirs.
+        """
+        received, stamps = np.array(self.times, np.int64).reshape(-1, 2).T
         order = np.argsort(received, kind="stable")
-        numbers = np.frombuffer(self.numbers).reshape(len(order), len(self.columns))
-        self.received = array("q", received[order].tobytes())
-        self.stamps = array("q", np.array(self.stamps)[order].tobytes())
-        self.numbers = array("d", numbers[order].tobytes())
-
-    @property
-    def delay(self) -> int | None:
-        """Median of stamp minus time of receipt [ns]; None where messages have no stamp."""
-        stamps = np.array(self.stamps)
-        if not len(stamps) or not stamps.all():
-            return None
-        return int(np.median(stamps - np.array(self.received)))
+        numbers = np.array(self.numbers).reshape(len(order), len(self.getters))
+        return received[order], stamps[order], numbers[order]
 
 
 def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Recording:
@@ -376,12 +356,15 @@ def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Re
             raise LogError(
                 f"{path}, {lacking}: must be a topic of a known type in the bag; mend the map."
             )
-        rows = {name: _Rows(columns, bag.topics[name]) for name, columns in wanted.items()}
+        rows = {
+            name: _Rows(bag.topics[name], [_getter(column) for column in columns])
+            for name, columns in wanted.items()
+        }
         total = sum(c.msgcount for name in wanted for _, c in bag.topics[name].sources)
         cells = cell_budget(path)
         for i, (name, time, raw) in enumerate(bag.messages(wanted)):
             rows[name].take(time, raw)
-            cells -= 2 + len(rows[name].columns)
+            cells -= 2 + len(rows[name].getters)
             if cells < 0:
                 raise too_many_cells(path)
             if i % EVERY == 0:
@@ -392,26 +375,36 @@ def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Re
     notes = bag.notes + [
         f"{n}: {r.damaged} messages are damaged" for n, r in rows.items() if r.damaged
     ]
-    for r in rows.values():
-        r.sort()
-    times, clocks = _times(rows)
-    streams = {}
-    for name, r in rows.items():
-        values = np.array(r.numbers).reshape(len(times[name]), len(r.columns))
-        streams[name] = Stream(times[name], {c: values[:, i] for i, c in enumerate(r.columns)})
+    read = {name: r.in_order() for name, r in rows.items()}
+    times, clocks = _times(
+        {name: (received, stamps) for name, (received, stamps, _) in read.items()}
+    )
+    streams = {
+        name: Stream(times[name], dict(zip(wanted[name], numbers.T, strict=True)))
+        for name, (_, _, numbers) in read.items()
+    }
     lines = tuple(f"{path}: {note}" for note in [*dict.fromkeys(notes), *clocks])
     return Recording(str(path), streams, facts, lines)
 
 
-def _times(rows: Mapping[str, _Rows]) -> tuple[dict[str, np.ndarray], list[str]]:
-    """Return the times of all topics on one clock [s], and a note on every topic's clock."""
-    delays = {name: r.delay for name, r in rows.items() if r.received}
-    known = [delay or 0 for delay in delays.values()]
-    apart = bool(known) and max(known) - min(known) > SAME_CLOCK
+def _times(
+    clocks: Mapping[str, tuple[np.ndarray, np.ndarray]],
+) -> tuple[dict[str, np.ndarray], list[str]]:
+    """Return the times of all topics on one clock [s], and a note on every topic's clock.
+
+    Args:
+        clocks: times of receipt (n,) and stamps (n,) [ns]; 0: a message has none.
+    """
+    delays = {
+        name: int(np.median(stamps - received)) if stamps.all() else 0
+        for name, (received, stamps) in clocks.items()
+        if len(stamps)
+    }
+    apart = bool(delays) and max(delays.values()) - min(delays.values()) > SAME_CLOCK
     chosen, notes = {}, []
-    for name, r in rows.items():
-        stamped = delays.get(name) is not None and not apart
-        chosen[name] = np.array(r.stamps if stamped else r.received, dtype=np.int64)
+    for name, (received, stamps) in clocks.items():
+        stamped = len(stamps) > 0 and stamps.all() and not apart
+        chosen[name] = stamps if stamped else received
         why = "the clocks of the stamps differ" if apart else "not all messages have a stamp"
         notes.append(
             f"{name}: times are {'the stamps' if stamped else f'those of receipt, for {why}'}"
@@ -487,5 +480,11 @@ def _one_line(error: BaseException) -> str:
     return " ".join((str(error) or type(error).__name__).split())[:200].rstrip(".")
 
 
-TITLE = "ROS 2 bag (folder, .mcap, .db3) and ROS 1 .bag"
-ROS = Format("ros", TITLE, _recognises, _contents, _default_map, _read)
+ROS = Format(
+    "ros",
+    "ROS 2 bag (folder, .mcap, .db3) and ROS 1 .bag",
+    _recognises,
+    _contents,
+    _default_map,
+    _read,
+)

@@ -18,7 +18,7 @@ import numpy as np
 
 from np_drake.logs.columns import COLUMNS, FORCE, THRUST
 from np_drake.logs.formats import parquet_file, text_table
-from np_drake.logs.formats.format import Contents, Format, Progress, Recording, Stream
+from np_drake.logs.formats.format import Contents, Format, Progress, Recording, Stream, indexed
 from np_drake.logs.formats.text_table import first_lines, split_header, stated_units
 from np_drake.logs.importing.log_map import UNITS, LogMap, Source
 
@@ -153,20 +153,17 @@ def _neural_fly_map(contents: Contents) -> LogMap | None:
         body="flu",
         command="sampled",
         time=Source(["t"]),
-        position=Source(_items("p", 3)),
-        velocity=Source(_items("v", 3), axes="world"),
-        attitude=Source(_items("q", 4), order="xyzw", direction="body_to_world"),
-        rates=Source(_items("w", 3), axes="world"),
-        throttle=Source(_items("T_sp", 1)),
-        hover_throttle=Source(_items("hover_throttle", 1)),
+        position=Source(indexed("p", 3)),
+        velocity=Source(indexed("v", 3), axes="world"),
+        attitude=Source(indexed("q", 4), order="xyzw", direction="body_to_world"),
+        rates=Source(indexed("w", 3), axes="world"),
+        throttle=Source(indexed("T_sp", 1)),
+        hover_throttle=Source(indexed("hover_throttle", 1)),
     ).check()
     return log_map if set(log_map.names()) <= set(contents.get(STREAM, ())) else None
 
 
-def _items(name: str, count: int) -> list[str]:
-    return [f"{name}[{i}]" for i in range(count)]
-
-
 TABLE = Format(STREAM, "CSV or Parquet table with a map", recognises, contents, default_map, read)
-TITLE = "Neural-Fly data set, CSV"
-NEURAL_FLY = Format("neural_fly", TITLE, _is_neural_fly, contents, _neural_fly_map, read)
+NEURAL_FLY = Format(
+    "neural_fly", "Neural-Fly data set, CSV", _is_neural_fly, contents, _neural_fly_map, read
+)

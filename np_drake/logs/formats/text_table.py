@@ -1,5 +1,5 @@
 """Tables as text of any size, plain or gzip: layout and units from the first lines, and wanted
-columns in blocks.
+columns in blocks; and CSV of numbers alone, as our own logs are.
 
 A cell may hold a list of numbers, or a list of lists: its numbers are columns `name[0]`, `name[1]`,
 … row by row.
@@ -9,10 +9,10 @@ import codecs
 import contextlib
 import csv
 import dataclasses as dc
+import functools
 import gzip
 import io
 import itertools
-import operator
 import re
 import zlib
 from array import array
@@ -23,9 +23,11 @@ from typing import Any
 
 import numpy as np
 
+from np_drake.files.atomic_file import atomic_path
 from np_drake.files.input_file import cell_budget, decompressed_start, note_input, text_budget
+from np_drake.logs.columns import Table
 from np_drake.logs.errors import LogError, place
-from np_drake.logs.formats.format import Progress, no_progress
+from np_drake.logs.formats.format import Progress, indexed, no_progress
 from np_drake.logs.importing.log_map import UNITS
 
 # Limits, own choice: beyond them a file is damaged, or made to fill the memory of its reader.
@@ -40,8 +42,8 @@ ROWS_LOOKED_AT = 50  # by which a decimal comma is recognised
 
 DELIMITERS = (",", ";", "\t")
 SEPARATOR = re.compile(r"sep=(.)\s*", re.IGNORECASE)  # the first line of Excel's exports
-NAN = frozenset(("", "nan", "null", "none", "n/a", "na"))  # in lower case
-TRUTH = {"true": 1.0, "false": 0.0}
+NAN = ("", "nan", "null", "none", "n/a", "na")  # in lower case
+WORDS = {**dict.fromkeys(NAN, np.nan), "true": 1.0, "false": 0.0}
 COMMA = re.compile(r"\s*[-+]?\d*,\d+([eE][-+]?\d+)?\s*", re.ASCII)  # a number with a decimal comma
 LIST_MARKS = str.maketrans("[]();,", "      ")
 
@@ -78,9 +80,7 @@ class Cell:
     @property
     def names(self) -> list[str]:
         """Names of the columns of numbers."""
-        if self.size is None:
-            return [self.name]
-        return [f"{self.name}[{i}]" for i in range(self.size)]
+        return [self.name] if self.size is None else indexed(self.name, self.size)
 
 
 @dc.dataclass(frozen=True)
@@ -152,9 +152,8 @@ def read_lines(
         try:
             binary: Any = gzip.GzipFile(fileobj=raw) if str(path).lower().endswith(".gz") else raw
             with io.TextIOWrapper(binary, encoding=encoding, errors=errors) as text:
-                number = 0
-                while line := text.readline(MAX_LINE + 1):
-                    number += 1
+                whole = iter(functools.partial(text.readline, MAX_LINE + 1), "")
+                for number, line in enumerate(whole, start=1):
                     left -= len(line)
                     if len(line) > MAX_LINE:
                         raise LogError(
@@ -288,8 +287,11 @@ def read_layout(path: Path) -> Layout:
         stated = zip(names, rows.pop(0), strict=False)
         units = {name: as_unit(text) for name, text in stated if as_unit(text)}
     first = [*(rows[0] if rows else ()), *[""] * len(names)]
-    sizes = [len(split_list(text)) if is_list(text) else None for text in first]
-    cells = [Cell(name, i, sizes[i]) for i, name in enumerate(names) if name]
+    cells = [
+        Cell(name, i, None if (items := list_items(text)) is None else len(items))
+        for i, (name, text) in enumerate(zip(names, first, strict=False))
+        if name
+    ]
     texts = [cell for row in rows for cell in row]
     commas = any(COMMA.fullmatch(text) for text in texts) and not any("." in t for t in texts)
     comma = delimiter != "," and commas
@@ -343,9 +345,8 @@ def read_cells(
     done = 0
     source = read_lines(path, progress, layout.errors, layout.encoding)
     with contextlib.closing(source) as lines:
-        for _ in range(layout.head):
-            next(lines, "")
-        rows = _rows(path, lines, layout.delimiter, layout.head, blank=blank)
+        below = itertools.islice(lines, layout.head, None)
+        rows = _rows(path, below, layout.delimiter, layout.head, blank=blank)
         if layout.units is not None:
             next(rows, None)
         size = max(1, min(BLOCK_ROWS, BLOCK_CELLS // max(layout.width, 1)))
@@ -353,10 +354,8 @@ def read_cells(
             if done + len(block) > most:
                 raise too_many_cells(path)
             new = _shape(block, layout.width, done)
-            try:
-                numbers = _plain_numbers(block, wanted)
-            except ValueError:
-                numbers = _any_numbers(block, wanted, done, new, comma=layout.comma)
+            comma = layout.comma
+            numbers = np.hstack([_numbers(block, cell, done, new, comma=comma) for cell in wanted])
             for column, values in zip(out, numbers.T, strict=True):
                 column.frombytes(values.tobytes())
             new.sort(key=lambda fault: (fault.row, fault.cell.position if fault.cell else -1))
@@ -379,36 +378,25 @@ def _shape(block: list[Row], width: int, done: int) -> list[Fault]:
     return found
 
 
-def _plain_numbers(block: list[Row], wanted: Sequence[Cell]) -> np.ndarray:
-    """Return the numbers of a block (n, columns); ValueError where one is none, or in a list."""
-    places = [cell.position for cell in wanted]
-    pick = operator.itemgetter(*places, places[0])  # one more: of a single place it is no tuple
-    texts = list(itertools.chain.from_iterable(pick(cells) for _, cells in block))
-    if not is_plain("".join(texts)):
-        raise ValueError("digits of other scripts")
-    numbers = np.fromiter(map(float, texts), float, len(texts))
-    return numbers.reshape(len(block), -1)[:, :-1]
-
-
-def _any_numbers(
-    block: list[Row], wanted: Sequence[Cell], done: int, faults: list[Fault], *, comma: bool
+def _numbers(
+    block: list[Row], cell: Cell, done: int, faults: list[Fault], *, comma: bool
 ) -> np.ndarray:
-    """Return the numbers of a block (n, columns), cell by cell: NaN where there is none, which
+    """Return the numbers of one cell of the rows of a block (n, k): NaN where there is none, which
     becomes a fault.
     """
-    found = []
-    for cell in wanted:
-        numbers = np.full((len(block), len(cell.names)), np.nan)
-        for i, (line, cells) in enumerate(block):
-            text = cells[cell.position]
-            if comma and COMMA.fullmatch(text):
-                text = text.replace(",", ".")
-            try:
-                numbers[i] = parse_cell(text, cell.size)
-            except ValueError:
-                faults.append(Fault(done + i, line, cell, text))
-        found.append(numbers)
-    return np.hstack(found)
+    texts = [cells[cell.position] for _, cells in block]
+    if cell.size is None and is_plain("".join(texts)):
+        with contextlib.suppress(ValueError):  # not all are numbers
+            return np.fromiter(map(float, texts), float, len(texts))[:, None]
+    numbers = np.full((len(block), len(cell.names)), np.nan)
+    for i, text in enumerate(texts):
+        if comma and COMMA.fullmatch(text):
+            text = text.replace(",", ".")
+        try:
+            numbers[i] = parse_cell(text, cell.size)
+        except ValueError:
+            faults.append(Fault(done + i, block[i][0], cell, text))
+    return numbers
 
 
 def read_columns(
@@ -434,12 +422,12 @@ def read_columns(
             f"line {fault.line}, the last, is cut off: it has {fault.count} of {layout.width} "
             f"cells; left out"
         )
-    if layout.units is not None:
-        notes.append("the line of units below the header is no row")
-    if layout.comma:
-        notes.append("numbers have a decimal comma")
-    if layout.encoding == "cp1252":
-        notes.append("the text is no UTF-8; read as Windows-1252")
+    style = {
+        "the line of units below the header is no row": layout.units is not None,
+        "numbers have a decimal comma": layout.comma,
+        "the text is no UTF-8; read as Windows-1252": layout.encoding == "cp1252",
+    }
+    notes += [note for note, holds in style.items() if holds]
     return {name: columns[name] for name in names}, notes
 
 
@@ -468,14 +456,47 @@ def _refused(path: Path, fault: Fault, width: int) -> LogError:
     return LogError(f"{where}: {said}")
 
 
-def is_list(text: str) -> bool:
-    """Return whether a cell holds a list."""
-    return text.lstrip().startswith(("[", "("))
+def read_csv(path: str | Path) -> Table:
+    """Read a comma-separated file with one header line, gzip-compressed where the name ends in .gz.
+
+    Memory is that of the numbers: the text is read in blocks.
+    Raises: LogError: if the file is no such table; OSError: if it cannot be opened.
+    """
+    with contextlib.closing(read_lines(path)) as lines:
+        header = next(lines, "")
+        if not header.strip() and not any(line.strip() for line in lines):
+            raise LogError(f"{path}: must hold a header line and rows; the file is empty.")
+    names = [name.strip() for name in header.split(",")]
+    check_header(path, names)
+    cells = tuple(Cell(name, i) for i, name in enumerate(names))
+    layout = Layout(",", len(cells), cells, errors="strict")
+    columns, faults = read_cells(path, layout, cells, blank=True)
+    bad = [(f.row, f.cell.name, f.text.strip()) for f in faults if f.cell]
+    return Table(str(path), columns, bad, [f.row for f in faults if f.cell is None])
 
 
-def split_list(text: str) -> list[str]:
-    """Return the items of a list, row by row where it holds lists."""
-    return text.translate(LIST_MARKS).split()
+def write_csv(path: str | Path, columns: dict[str, np.ndarray]) -> None:
+    """Write columns (n,) by name atomically, gzip-compressed where the name ends in .gz; numbers
+    are read back bit for bit, NaN is an empty cell.
+    """
+    with atomic_path(path) as temporary, temporary.open("wb") as raw:
+        # No name and no time in a gzip header, so that equal logs are equal files.
+        packed = gzip.GzipFile("", "wb", fileobj=raw, mtime=0) if str(path).endswith(".gz") else raw
+        with packed as stream:
+            stream.write((",".join(columns) + "\n").encode())
+            for start in range(0, len(next(iter(columns.values()))), BLOCK_ROWS):
+                rows = np.stack(
+                    [c[start : start + BLOCK_ROWS] for c in columns.values()], axis=1
+                ).tolist()
+                text = "\n".join(",".join(map(repr, row)) for row in rows).replace("nan", "")
+                stream.write((text + "\n").encode())
+
+
+def list_items(text: str) -> list[str] | None:
+    """Return the items of a cell that holds a list, row by row where it holds lists; None: it is
+    no list.
+    """
+    return text.translate(LIST_MARKS).split() if text.lstrip().startswith(("[", "(")) else None
 
 
 def is_plain(text: str) -> bool:
@@ -500,10 +521,8 @@ def parse_number(text: str) -> float:
     Raises: ValueError: if it is none.
     """
     word = text.strip().lower()
-    if word in NAN:
-        return float("nan")
-    if word in TRUTH:
-        return TRUTH[word]
+    if word in WORDS:
+        return WORDS[word]
     if not is_plain(text):
         raise ValueError(text)
     return float(text)
@@ -517,13 +536,10 @@ def parse_cell(text: str, size: int | None) -> float | list[float]:
     """
     if size is None or text.strip().lower() in NAN:
         return parse_number(text)
-    parts = split_list(text)
-    if not is_list(text) or len(parts) != size:
+    items = list_items(text)
+    if items is None or len(items) != size:
         raise ValueError(text)
-    if is_plain(text):
-        with contextlib.suppress(ValueError):  # an empty item or a word
-            return list(map(float, parts))
-    return [parse_number(part) for part in parts]
+    return [parse_number(item) for item in items]
 
 
 def as_unit(text: str) -> str:
@@ -547,15 +563,17 @@ def is_units_row(cells: Sequence[str], following: Sequence[str]) -> bool:
     """Return whether a row holds units: short words where the next has numbers, and no number but
     1.
     """
-    words = [cell for cell in cells if cell.strip() and not _is_figure(cell)]
-    if len(words) < 2 or any(len(word.strip()) > LONGEST_UNIT for word in words):
-        return False
-    if any(cell.strip() != "1" for cell in cells if _is_figure(cell)):
-        return False
+    words = Counter(cell for cell in cells if cell.strip() and not _is_figure(cell))
     under = [
         _is_figure(after) for cell, after in zip(cells, following, strict=False) if cell in words
     ]
-    return any(as_unit(word) for word in words) and sum(under) >= 0.5 * len(words)
+    return (
+        words.total() > 1
+        and all(len(word.strip()) <= LONGEST_UNIT for word in words)
+        and all(cell.strip() == "1" for cell in cells if _is_figure(cell))
+        and any(as_unit(word) for word in words)
+        and sum(under) >= 0.5 * words.total()
+    )
 
 
 def _is_figure(text: str) -> bool:

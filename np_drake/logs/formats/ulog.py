@@ -27,6 +27,7 @@ from np_drake.logs.formats.format import (
     Scanned,
     Stream,
     first_source,
+    indexed,
     no_progress,
 )
 from np_drake.logs.importing.log_map import SIZES, LogMap, Source
@@ -130,12 +131,13 @@ def _functions(parameters: Parameters) -> dict[int, tuple[str, int]]:
     """Return by motor, from 0, the group of outputs that drives it and the number of the output,
     from 1.
     """
-    found: dict[int, tuple[str, int]] = {}
-    for name, value in parameters.items():
-        match = FUNCTION.fullmatch(name)
-        if match and FIRST_MOTOR <= value < FIRST_MOTOR + MOST_MOTORS:
-            found.setdefault(int(value) - FIRST_MOTOR, (match[1], int(match[2])))
-    return found
+    matches = ((FUNCTION.fullmatch(name), value) for name, value in parameters.items())
+    found = [
+        (int(value) - FIRST_MOTOR, (match[1], int(match[2])))
+        for match, value in matches
+        if match and FIRST_MOTOR <= value < FIRST_MOTOR + MOST_MOTORS
+    ]
+    return dict(reversed(found))  # the first of a motor
 
 
 def _by_function(
@@ -254,6 +256,7 @@ HEADER_FACTS = {
 }
 VALID = ("xy_valid", "z_valid", "v_xy_valid", "v_z_valid")  # of a local position
 RESETS = "_reset_counter"  # end of the names of its counters
+NO_COLUMN = re.compile(r"timestamp|(.*\.)?_padding[^.]*", re.DOTALL)  # field that is none
 
 
 class _Bounded(io.BufferedReader):
@@ -347,11 +350,6 @@ def _stream_name(data: Any) -> str:
     return f"{data.name}.{data.multi_id}" if data.multi_id else str(data.name)
 
 
-def _is_column(name: str, kind: str) -> bool:
-    field = name.rpartition(".")[2]
-    return name != "timestamp" and kind != "char" and not field.startswith("_padding")
-
-
 def _contents(path: Path) -> Contents:
     """Return the fields of every message that has a row.
 
@@ -364,13 +362,17 @@ def _contents(path: Path) -> Contents:
     values: dict[str, float] = {}
     for data in sorted(log.data_list, key=lambda data: data.msg_id):  # as the log names them
         name = _stream_name(data)
-        columns = [f.field_name for f in data.field_data if _is_column(f.field_name, f.type_str)]
+        columns = [
+            f.field_name
+            for f in data.field_data
+            if f.type_str != "char" and not NO_COLUMN.fullmatch(f.field_name)
+        ]
         if data.name in PROBED:
             t = data.data["timestamp"]
             span = float(t.max() - t.min())
             rates[name] = (len(t) - 1) * 1e6 / span if span else 0.0
-            for c in [c for c in columns if c.endswith(".actuator_function")]:
-                values[f"{name}/{c}"] = float(data.data[c][-1])
+            functions = [c for c in columns if c.endswith(".actuator_function")]
+            values |= {f"{name}/{c}": float(data.data[c][-1]) for c in functions}
             columns = [
                 c
                 for c in columns
@@ -432,13 +434,13 @@ def _times(
     samples are timed.
     """
     since = (published - np.uint64(start)).astype(np.int64)
-    if sampled is None or sampled.dtype != np.uint64:
-        return since / 1e6, None
-    delay = (published - sampled).astype(np.int64)
-    usable = (sampled != 0) & (np.abs(delay) <= LONGEST_DELAY)
-    if not usable.any():
-        return since / 1e6, None
-    return np.where(usable, since - delay, since) / 1e6, float(np.median(delay[usable])) / 1e6
+    if sampled is not None and sampled.dtype == np.uint64:
+        delay = (published - sampled).astype(np.int64)
+        usable = (sampled != 0) & (np.abs(delay) <= LONGEST_DELAY)
+        if usable.any():
+            median = float(np.median(delay[usable])) / 1e6
+            return np.where(usable, since - delay, since) / 1e6, median
+    return since / 1e6, None
 
 
 def _validity(name: str, t: np.ndarray, flags: Mapping[str, np.ndarray]) -> Iterator[str]:
@@ -500,17 +502,17 @@ def _facts(log: Any) -> dict[str, str]:
     thrust.
     """
     facts = {"clock": "time since the start of the log [s]"}
-    for key, title in HEADER_FACTS.items():
-        if key in log.msg_info_dict:
-            facts[title] = str(log.msg_info_dict[key])
+    said = log.msg_info_dict
+    facts |= {title: str(said[key]) for key, title in HEADER_FACTS.items() if key in said}
     with contextlib.suppress(TypeError):  # damaged: no number
         release = log.get_version_info("ver_sw_release")
         if release is not None:
             facts["software version"] = ".".join(str(part) for part in release[:3])
-    for name, value in sorted(log.initial_parameters.items()):
-        if PARAMETERS.fullmatch(name) and value != -1 and _is_used(name, log.initial_parameters):
-            facts[name] = f"{value:.7g}" if isinstance(value, float) else str(value)
-    return facts
+    return facts | {
+        name: f"{value:.7g}" if isinstance(value, float) else str(value)
+        for name, value in sorted(log.initial_parameters.items())
+        if PARAMETERS.fullmatch(name) and value != -1 and _is_used(name, log.initial_parameters)
+    }
 
 
 def _is_used(name: str, parameters: Mapping[str, Any]) -> bool:
@@ -520,31 +522,33 @@ def _is_used(name: str, parameters: Mapping[str, Any]) -> bool:
     return rotor is None or not isinstance(count, int) or int(rotor[1]) < count
 
 
-def _indexed(name: str, count: int) -> list[str]:
-    return [f"{name}[{i}]" for i in range(count)]
-
-
 _RATES = (
-    _indexed("vehicle_angular_velocity/xyz", 3),
-    _indexed("sensor_combined/gyro_rad", 3),
+    indexed("vehicle_angular_velocity/xyz", 3),
+    indexed("sensor_combined/gyro_rad", 3),
     [f"vehicle_attitude/{axis}speed" for axis in ("roll", "pitch", "yaw")],
-    _indexed("vehicle_odometry/angular_velocity", 3),
+    indexed("vehicle_odometry/angular_velocity", 3),
 )
-_FORCES = (
-    _indexed("sensor_combined/accelerometer_m_s2", 3),
-    _indexed("vehicle_acceleration/xyz", 3),
-)
+_FORCES = (indexed("sensor_combined/accelerometer_m_s2", 3), indexed("vehicle_acceleration/xyz", 3))
 
 
 def _default_map(contents: Contents) -> LogMap | None:
     """Return the map of PX4's own messages (NED, FRD); None without position and attitude.
 
-    Rotor speed is measured, by the ESCs. Throttle is that of the motors where it is logged at 20 Hz
-    or more, else collective. Torque setpoints are normalised and have no unit: they are left out.
-    The velocity of an external vision is taken to be in body axes, as MAVLink's ODOMETRY has it.
+    Rotor speed is measured, by the ESCs. Throttle is that of four motors where it is logged at 20
+    Hz or more, else collective, else that of motors of another number or however slow. Torque
+    setpoints are normalised and have no unit: they are left out. The velocity of an external vision
+    is taken to be in body axes, as MAVLink's ODOMETRY has it.
     Raises: ValueError: if outputs move and nothing says which are motors.
     """
     position, velocity, odometry = _position(contents)
+    fast = motors(contents, SLOWEST_ROTORS)
+    collective = (
+        first_source(contents, [["vehicle_thrust_setpoint/xyz[2]"]], unit="1", scale=-1.0)
+        or first_source(contents, [["actuator_controls_0/control[3]"]], unit="1")
+        or first_source(
+            contents, [["vehicle_attitude_setpoint/thrust_body[2]"]], unit="1", scale=-1.0
+        )
+    )
     found = LogMap(
         format="ulog",
         world="ned",
@@ -554,7 +558,7 @@ def _default_map(contents: Contents) -> LogMap | None:
         velocity=velocity,
         attitude=first_source(
             contents,
-            (_indexed(f"{stream}/q", 4) for stream in ("vehicle_attitude", odometry)),
+            (indexed(f"{stream}/q", 4) for stream in ("vehicle_attitude", odometry)),
             order="wxyz",
             direction="body_to_world",
         ),
@@ -562,8 +566,10 @@ def _default_map(contents: Contents) -> LogMap | None:
         acceleration=first_source(
             contents, _FORCES, unit="m/s2", axes="body", kind="specific_force"
         ),
-        rotor_speed=motors(contents, SLOWEST_ROTORS).rotor_speed,
-        throttle=_throttle(contents),
+        rotor_speed=fast.rotor_speed,
+        throttle=fast.throttle
+        if len(fast.throttle.columns) == 4
+        else collective or fast.throttle or motors(contents).throttle,
         hover_throttle=first_source(contents, [["hover_thrust_estimate/hover_thrust"]], unit="1"),
         voltage=first_source(contents, [["battery_status/voltage_v"]], unit="V"),
     )
@@ -587,29 +593,12 @@ def _position(contents: Contents) -> tuple[Source, Source, str]:
     )
     for stream in ("vehicle_local_position", odometry):
         axes = "body" if stream == "vehicle_visual_odometry" else "world"
-        places = [[f"{stream}/{axis}" for axis in "xyz"], _indexed(f"{stream}/position", 3)]
-        speeds = [[f"{stream}/v{axis}" for axis in "xyz"], _indexed(f"{stream}/velocity", 3)]
+        places = [[f"{stream}/{axis}" for axis in "xyz"], indexed(f"{stream}/position", 3)]
+        speeds = [[f"{stream}/v{axis}" for axis in "xyz"], indexed(f"{stream}/velocity", 3)]
         position = first_source(contents, places, unit="m")
         if position:
             return position, first_source(contents, speeds, unit="m/s", axes=axes), odometry
     return Source(), Source(), odometry
-
-
-def _throttle(contents: Contents) -> Source:
-    """Return throttle of four motors, else collective, else that of motors of another number or
-    however slow.
-    """
-    own = motors(contents, SLOWEST_ROTORS).throttle
-    if len(own.columns) == 4:
-        return own
-    collective = (
-        first_source(contents, [["vehicle_thrust_setpoint/xyz[2]"]], unit="1", scale=-1.0)
-        or first_source(contents, [["actuator_controls_0/control[3]"]], unit="1")
-        or first_source(
-            contents, [["vehicle_attitude_setpoint/thrust_body[2]"]], unit="1", scale=-1.0
-        )
-    )
-    return collective or own or motors(contents).throttle
 
 
 ULOG = Format(

@@ -18,7 +18,6 @@ from np_drake.logs.importing.signals import FASTER, OPTIONAL, SLOWEST_ROTORS, ST
 
 FASTEST = 500.0  # rate of the rows unless another is asked for [Hz]; own choice
 COMMANDS = ("thrust", "torque", "throttle")
-READINGS = ("rotor_speed", *OPTIONAL)
 SMOOTH = (
     0.1  # window in which a position is differentiated where there is no velocity [s]; own choice
 )
@@ -71,7 +70,7 @@ def align(signals: Signals, log_map: LogMap, path: str = "log") -> Aligned:
         )
     if "angular_acceleration" in signals:
         out["angular_acceleration"] = _averaged_after(x["angular_acceleration"], t, width)
-    for name in (n for n in READINGS if n in signals):
+    for name in (n for n in ("rotor_speed", *OPTIONAL) if n in signals):
         own = x[name]
         steps = name == "commanded_rates" or (
             name == "rotor_speed" and width > 0 and own.renewal > FASTER * width
@@ -82,8 +81,11 @@ def align(signals: Signals, log_map: LogMap, path: str = "log") -> Aligned:
             out[name] = own.renewed.linear(t)
         else:
             out[name] = own.held(t) if steps else own.averaged(t, width)
-    for name in (n for n in COMMANDS if n in signals):
-        out[name] = _command(x[name], command_meaning(signals[name], log_map), t)
+    out |= {
+        name: _command(x[name], command_meaning(signals[name], log_map), t)
+        for name in COMMANDS
+        if name in signals
+    }
     filled = np.zeros(len(t), bool)
     for own in (s for name, s in signals.items() if name in (*STATE, *COMMANDS, "rotor_speed")):
         for k in np.flatnonzero(np.diff(own.t) > GAP * own.step):
@@ -99,11 +101,13 @@ def in_frames(signals: Signals, log_map: LogMap, notes: list[str]) -> dict[str, 
     q_own = convert_quantity("attitude", signals["attitude"].values, log_map)
     q = Signal(signals["attitude"].t, attitude.one_hemisphere(q_own, q_own[0]))
     x = {"attitude": q, "rates": _rates(signals, log_map, q, notes)}
-    for name, own in signals.items():
-        if name not in x:
-            x[name] = Signal(
-                own.t, convert_quantity(name, own.values, log_map, q.turned(x["rates"], own.t))
-            )
+    x |= {
+        name: Signal(
+            own.t, convert_quantity(name, own.values, log_map, q.turned(x["rates"], own.t))
+        )
+        for name, own in signals.items()
+        if name not in x
+    }
     if "velocity" not in x and "position" in x:
         x["velocity"] = _differentiated(x["position"], notes)
     return x

@@ -90,11 +90,9 @@ def split(
         origin: from which times of the lines count [s].
     """
     edges = [-np.inf, *(edge for b in breaks for edge in (b.before, b.after)), np.inf]
-    parts, kept = [], []
-    for start, stop in zip(edges[::2], edges[1::2], strict=True):
-        part, lacking = within(signals, start, stop)
-        kept.append(not lacking)
-        parts += [] if lacking else [part]
+    spans = zip(edges[::2], edges[1::2], strict=True)
+    found = [within(signals, start, stop) for start, stop in spans]
+    parts, kept = [p for p, lacking in found if not lacking], [not lacking for _, lacking in found]
     said = []
     for b, before, after in zip(breaks, kept[:-1], kept[1:], strict=True):
         what = (
@@ -188,7 +186,6 @@ MOST_MERGED = 0.75  # share of a file that may be merged [1]; own choice
 # Change over two samples over that over one, summed, below which samples alternate between two
 # times [1]; own choice: a smooth signal has 2, white noise 1.
 ALTERNATE = 0.75
-MERGED = "the clock is set back, and rows of two times stand side by side"
 
 
 def after_the_start(recording: Recording) -> tuple[Recording, list[str]]:
@@ -240,7 +237,8 @@ def without_merged_rows(recording: Recording) -> tuple[Recording, list[Break]]:
             ]
             if two_over_one and np.median(two_over_one) < ALTERNATE:
                 before, after = max(close[0] - 1, 0), min(close[-1] + 2, len(t) - 1)
-                found.append(Break(float(t[before]), float(t[after]), MERGED))
+                said = "the clock is set back, and rows of two times stand side by side"
+                found.append(Break(float(t[before]), float(t[after]), said))
     streams = dict(recording.streams)
     for b in found:
         streams = {n: _rows(s, (s.t <= b.before) | (s.t >= b.after)) for n, s in streams.items()}

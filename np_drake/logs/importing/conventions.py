@@ -26,7 +26,7 @@ from np_drake.logs.importing.laws import (
     stretches,
     told_by_noise,
 )
-from np_drake.logs.importing.log_map import BODIES, UNITS, WORLDS, LogMap, Values, convert
+from np_drake.logs.importing.log_map import BODIES, UNITS, WORDS, WORLDS, LogMap, Values, convert
 from np_drake.logs.importing.signals import Signals, clock_of
 
 DOUBTED = 0.15  # misfit above which a part of a log may be disturbed [1]; own choice
@@ -140,13 +140,13 @@ class Trial:
             out |= self._misfits[key]
         return out
 
-    def _conventions(self, names: tuple[str, ...], log_map: LogMap) -> Iterator[Any]:
-        """Yield what these quantities depend on: their own conventions, and those of the attitude
+    def _conventions(self, names: tuple[str, ...], log_map: LogMap) -> tuple[Any, ...]:
+        """Return what these quantities depend on: their own conventions, and those of the attitude
         where it turns one of them.
         """
         turned = any(getattr(log_map, name).is_turned(name) for name in names)
-        for source in [getattr(log_map, name) for name in (*names, *["attitude"] * turned)]:
-            yield repr(source), *log_map.frames(source)
+        sources = (getattr(log_map, name) for name in (*names, *["attitude"] * turned))
+        return tuple((repr(source), *log_map.frames(source)) for source in sources)
 
 
 def liveliest(raw: Values, rows: int) -> slice:
@@ -222,34 +222,32 @@ def _alternatives(raw: Values, log_map: LogMap) -> Iterator[Change]:
                 yield tuple((f"{name}.{option}", value) for option, value in options.items())
 
 
-def _of_quantity(name: str, log_map: LogMap) -> list[dict[str, Any]]:
+def _of_quantity(name: str, log_map: LogMap) -> Iterator[dict[str, Any]]:
+    """Yield every other convention of one quantity, options by name."""
     source = getattr(log_map, name)
     world, body = log_map.frames(source)
     axes = source.axes_of(name)
-    out: list[dict[str, Any]] = []
     if name == "acceleration":
-        own = {"kind": source.kind or "specific_force", "axes": axes}
+        own = (source.kind or "specific_force", axes)
         kinds = itertools.product(("specific_force", "acceleration"), ("body", "world"))
-        out = [other for k, a in kinds if (other := {"kind": k, "axes": a}) != own]
-    if name == "attitude":
-        euler = len(source.columns) == 3
-        turned = {"unit": "deg" if source.unit != "deg" else "rad"}
-        out.append(turned if euler else {"order": _other(("wxyz", "xyzw"), source.order)})
-        out.append({"direction": _other(("body_to_world", "world_to_body"), source.direction)})
-    if name == "attitude" or (axes == "world" and name in VECTORS):
-        out.append({"world": _other(WORLDS, world)})
-    if name == "attitude" or (axes == "body" and name in VECTORS):
-        out.append({"body": _other(BODIES, body)})
-    if name in ("velocity", "rates"):
-        out.append({"axes": _other(("world", "body"), axes)})
+        yield from ({"kind": kind, "axes": a} for kind, a in kinds if (kind, a) != own)
+    turns, euler, vector = name == "attitude", len(source.columns) == 3, name in VECTORS
+    pairs = (  # option, its two words, that of the map, and whether this quantity has it
+        ("unit", ("deg", "rad"), source.unit, turns and euler),
+        ("order", WORDS["order"], source.order, turns and not euler),
+        ("direction", WORDS["direction"], source.direction, turns),
+        ("world", WORLDS, world, turns or (axes == "world" and vector)),
+        ("body", BODIES, body, turns or (axes == "body" and vector)),
+        ("axes", ("world", "body"), axes, name in ("velocity", "rates")),
+    )
+    yield from ({option: _other(words, own)} for option, words, own, has in pairs if has)
     units = _UNITS.get(name, ())
-    out += [{"unit": unit} for unit in units if unit != (source.unit or units[0])]
+    yield from ({"unit": unit} for unit in units if unit != (source.unit or units[0]))
     if name in ("acceleration", "thrust", "velocity"):
-        out.append({"scale": -source.scale})
+        yield {"scale": -source.scale}
     if name in HANDED and len(source.columns) == 3:
         signs = np.array(source.signs or [1, 1, 1])
-        out += [{"signs": (signs * (1 - 2 * axis)).tolist()} for axis in np.eye(3, dtype=int)]
-    return out
+        yield from ({"signs": (signs * (1 - 2 * axis)).tolist()} for axis in np.eye(3, dtype=int))
 
 
 HANDED = (

@@ -58,18 +58,16 @@ def lacking(contents: Contents) -> str:
     """
     names = {column for columns in contents.values() for column in columns}
     here = [field for field in ("t", "p", "q", "v", "w", "a") if names.issuperset(COLUMNS[field])]
-    said = []
-    if "t" not in here:
-        said.append("time (t)")
-    if "q" not in here:
-        missing = " ".join(name for name in COLUMNS["q"] if name not in names)
-        said.append(
-            f"attitude ({missing}, or Euler angles by a map), or gyro and accelerometer "
-            f"({' '.join((*COLUMNS['w'], *FORCE))})"
-        )
-    if not {"p", "v", "a"} & set(here):
-        said.append("position, velocity or acceleration (px py pz, vx vy vz, ax ay az)")
-    return "; ".join(said) if here else ""
+    missing = " ".join(name for name in COLUMNS["q"] if name not in names)
+    told = {
+        "time (t)": "t" in here,
+        f"attitude ({missing}, or Euler angles by a map), or gyro and accelerometer "
+        f"({' '.join((*COLUMNS['w'], *FORCE))})": "q" in here,
+        "position, velocity or acceleration (px py pz, vx vy vz, ax ay az)": bool(
+            {"p", "v", "a"} & {*here}
+        ),
+    }
+    return "; ".join(what for what, is_told in told.items() if not is_told) if here else ""
 
 
 def input_line(contents: Contents) -> str:
@@ -107,7 +105,6 @@ def in_the_likely_unit(
         lift tells.
     """
     found: dict[str, Parts] = {}
-    flown: dict[str, list[FlightLog]] = {}
     failure: LogError | None = None
     for unit in _in_range(np.concatenate([signals["throttle"].values for signals in parts])):
         throttle = dc.replace(log_map.throttle, unit=unit)
@@ -115,16 +112,17 @@ def in_the_likely_unit(
             found[unit] = imported(parts, dc.replace(log_map, throttle=throttle))
         except LogError as error:
             failure = failure or error
-            continue
-        if logs := [log for part in found[unit][1] for log in part.flights if part.carried]:
-            flown[unit] = logs
+    flown = {
+        unit: logs
+        for unit, (_, made, _) in found.items()
+        if (logs := [log for part in made if part.carried for log in part.flights])
+    }
     if failure is not None and not found:
         raise failure
     if not flown:
         return next(iter(found.values()))
-    unit, why = next(iter(flown)), "read otherwise they carry nothing"
-    if len(flown) > 1:
-        unit, why = _by_the_lift(flown)
+    alone = next(iter(flown)), "read otherwise they carry nothing"
+    unit, why = _by_the_lift(flown) if len(flown) > 1 else alone
     if not unit:
         raise LogError(
             f"{path}, throttle ({log_map.throttle.columns[0]} …): must be "

@@ -9,6 +9,7 @@ and 2900 simulated ones.
 from collections.abc import Callable, Collection, Mapping
 
 import numpy as np
+from scipy.integrate import cumulative_trapezoid
 
 from np_drake import attitude
 from np_drake.flight_log import FlightLog
@@ -51,8 +52,7 @@ class Windows:
         """Return the integral of a rate (n, k) over each window, (n - rows, k), by the trapezoidal
         rule.
         """
-        area = 0.5 * (rate[1:] + rate[:-1]) * np.diff(self._t)[:, None]
-        return self.change(np.concatenate([np.zeros((1, rate.shape[1])), np.cumsum(area, axis=0)]))
+        return self.change(cumulative_trapezoid(rate, self._t, axis=0, initial=0.0))
 
     def turn(self, q: np.ndarray) -> np.ndarray:
         """Return the sum of the small rotations of q (n, 4) in body axes over each window, (n -
@@ -81,7 +81,6 @@ LEAST = {
     "attitude": 0.08,  # [rad]
     "lift": 0.5,  # [m/s²]
 }
-AXES = "xyz"
 KINEMATIC = (
     "position",
     "attitude",
@@ -105,9 +104,8 @@ def misfits(t: np.ndarray, x: Mapping[str, np.ndarray], *, everything: bool = Fa
     """
     over = Windows(t, WINDOW)
     out: Misfits = {}
-    for needed, law in laws_for(x):
-        if over.fit:
-            out |= law(over, everything, *(x[name] for name in needed))
+    for needed, law in laws_for(x) if over.fit else ():
+        out |= law(over, everything, *(x[name] for name in needed))
     return out
 
 
@@ -214,7 +212,7 @@ def _compared(law: str, left: np.ndarray, right: np.ndarray, everything: bool) -
         a, b = left[:, i] - left[:, i].mean(), right[:, i] - right[:, i].mean()
         size = max(_rms(a), _rms(b))
         if size > LEAST[law] or everything:
-            out[f"{law} {AXES[i]}"] = _rms(a - b) / max(size, LEAST[law])
+            out[f"{law} {'xyz'[i]}"] = _rms(a - b) / max(size, LEAST[law])
     return out
 
 
@@ -302,9 +300,21 @@ def check_units(log: FlightLog, path: object, vehicle: Vehicle | None = None) ->
 def _compare(
     path: object, left: str, right: str, change: np.ndarray, sum_: np.ndarray, kind: str
 ) -> None:
+    """Check that a quantity changes as the integral of its rate: axis by axis, where it moves
+    enough, not as the opposite, in size too, and on the whole in unit and frame.
+    """
+    for i in range(3 if kind != "attitude" else 0):  # its sign is that of its convention
+        c, s = change[:, i] - change[:, i].mean(), sum_[:, i] - sum_[:, i].mean()
+        size = float(np.std(c))
+        if size > SIGN * LEAST_SPREAD[kind] and np.std(c + s) < AGAINST * size:
+            rated = {"rates": "body rates"}.get(kind, kind)
+            column = f"{right[:-1]}{'xyz'[i]}"
+            raise LogError(
+                f"{place(path, column=column)}: must be the rate of {rated}; over {WINDOW} "
+                f"s it goes the opposite way. "
+                f"Turn its sign, or that of {left[:-1]}{'xyz'[i]}; W has z up."
+            )
     a, b = _spread(change), _spread(sum_)
-    if kind != "attitude":  # its sign is that of its convention
-        _check_sign(path, left, right, change, sum_, kind)
     if max(a, b) < LEAST_SPREAD[kind] or RATIO * min(a, b) > max(a, b):
         return
     if min(a, b) > STILL * max(a, b) and _likeness(change, sum_) < ALIKE:
@@ -315,25 +325,6 @@ def _compare(
         f"changes {a:.2g}, the integral of {right} … {b:.2g}. One of them is not in SI units "
         "(m, m/s, rad/s, m/s²), or not in its frame."
     )
-
-
-def _check_sign(
-    path: object, left: str, right: str, change: np.ndarray, sum_: np.ndarray, kind: str
-) -> None:
-    """Check axis by axis that a quantity that moves enough is not the opposite of its rate's
-    integral, in size too.
-    """
-    for i in range(change.shape[1]):
-        a, b = change[:, i] - change[:, i].mean(), sum_[:, i] - sum_[:, i].mean()
-        size = float(np.std(a))
-        if size > SIGN * LEAST_SPREAD[kind] and np.std(a + b) < AGAINST * size:
-            rated = {"rates": "body rates"}.get(kind, kind)
-            column = f"{right[:-1]}{'xyz'[i]}"
-            raise LogError(
-                f"{place(path, column=column)}: must be the rate of {rated}; over {WINDOW} "
-                f"s it goes the opposite way. "
-                f"Turn its sign, or that of {left[:-1]}{'xyz'[i]}; W has z up."
-            )
 
 
 def _likeness(a: np.ndarray, b: np.ndarray) -> float:

@@ -94,11 +94,8 @@ class Source:
         """Return the axes of a vector of this name, `world` or `body`, also where they are left
         open.
         """
-        if self.axes:
-            return self.axes
-        if name == "acceleration":
-            return "world" if self.kind == "acceleration" else "body"
-        return "world" if name in ("position", "velocity") else "body"
+        derived = name == "acceleration" and self.kind == "acceleration"
+        return self.axes or ("world" if derived or name in ("position", "velocity") else "body")
 
     def is_turned(self, name: str) -> bool:
         """Return whether a vector of this name is turned by the attitude: its axes are not those of
@@ -339,18 +336,7 @@ def convert_quantity(
         return (values * source.scale - low) / (high - low)
     if name == "attitude":
         return _attitude(scaled, source, log_map)
-    return _turned(name, scaled, q, log_map) if name in _TURNED else scaled
-
-
-_TURNED = (
-    "position",
-    "velocity",
-    "rates",
-    "commanded_rates",
-    "acceleration",
-    "angular_acceleration",
-    "torque",
-)
+    return _turned(name, scaled, q, log_map) if SIZES[name] == (3,) else scaled
 
 
 def _attitude(values: np.ndarray, source: Source, log_map: LogMap) -> np.ndarray:

@@ -112,25 +112,24 @@ def require_a_flight(log_map: LogMap, path: str, inputs: str = "") -> None:
         inputs: which of its columns may be an input, for the message.
     Raises: LogError: if it does not.
     """
-    if not (log_map.attitude or log_map.in_body):
-        raise LogError(
-            f"{path}: the map must name columns of attitude, or of rates and acceleration "
-            f"in body axes, as a gyro and "
-            "an accelerometer read them; a flight log needs these."
-        )
-    if not (log_map.position or log_map.velocity or log_map.acceleration):
-        raise LogError(
-            f"{path}: the map must name columns of position, velocity or acceleration; got "
-            f"none of them."
-        )
-    if not (log_map.thrust or log_map.rotor_speed or log_map.throttle):
-        raise LogError(
-            (
-                f"{path}: the map must name columns of thrust, rotor_speed or throttle; a "
-                f"flight log needs one of them."
-            )
-            + inputs
-        )
+    needs = (
+        (
+            log_map.attitude or log_map.in_body,
+            "attitude, or of rates and acceleration in body axes, as a gyro and an accelerometer "
+            "read them; a flight log needs these.",
+        ),
+        (
+            log_map.position or log_map.velocity or log_map.acceleration,
+            "position, velocity or acceleration; got none of them.",
+        ),
+        (
+            log_map.thrust or log_map.rotor_speed or log_map.throttle,
+            f"thrust, rotor_speed or throttle; a flight log needs one of them.{inputs}",
+        ),
+    )
+    for named, what in needs:
+        if not named:
+            raise LogError(f"{path}: the map must name columns of {what}")
 
 
 FITS = "fits "  # beginning of a note that not all of a log is taken

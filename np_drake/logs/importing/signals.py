@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from functools import cached_property
 
 import numpy as np
+from scipy.integrate import cumulative_trapezoid
 
 from np_drake import attitude
 from np_drake.logs.columns import LARGEST, LEAST_ROWS
@@ -79,10 +80,11 @@ class Signal:
         rates.
         """
         x = self.values
-        if x.shape[1] == 4:
-            change = attitude.rotation_vector(attitude.multiply(attitude.conjugate(x[:-1]), x[1:]))
-        else:
-            change = np.diff(x, axis=0)
+        change = (
+            attitude.rotation_vector(attitude.multiply(attitude.conjugate(x[:-1]), x[1:]))
+            if x.shape[1] == 4
+            else np.diff(x, axis=0)
+        )
         return Signal(0.5 * (self.t[1:] + self.t[:-1]), change / np.diff(self.t)[:, None])
 
     def between(self, start: float, stop: float) -> "Signal":
@@ -96,8 +98,7 @@ class Signal:
 
     @cached_property
     def _sum(self) -> np.ndarray:
-        area = 0.5 * (self.values[1:] + self.values[:-1]) * np.diff(self.t)[:, None]
-        return np.concatenate([np.zeros((1, self.values.shape[1])), np.cumsum(area, axis=0)])
+        return cumulative_trapezoid(self.values, self.t, axis=0, initial=0.0)
 
     def integral(self, at: np.ndarray) -> np.ndarray:
         """Return the integral from the first sample, (m, k): linear between samples and constant
@@ -372,8 +373,6 @@ def without_zeros(own: Signal) -> tuple[Signal, int]:
 def coarse_tick(t: np.ndarray) -> float:
     """Return the tick to which times (n,) are rounded, where it is coarse [s]; 0: it is not."""
     interval = np.diff(t)
-    if not len(interval):
-        return 0.0
     counts = np.round(np.minimum(interval, CLOCK_SET) / RESOLUTION).astype(np.int64)
     tick = int(np.gcd.reduce(counts)) * RESOLUTION
     return tick if COARSE <= tick < FINE * float(np.median(interval)) else 0.0

@@ -9,8 +9,8 @@ import pytest
 
 from diagrams.cli.main import run
 from np_drake.files.yaml_file import load_checked
-from np_drake.logs.formats.csv_file import write_csv
 from np_drake.logs.formats.log_file import write_log
+from np_drake.logs.formats.text_table import write_csv
 from np_drake.vehicle import Vehicle, load_vehicle
 
 NAME = "crazyflie_brushless"

@@ -11,7 +11,7 @@ from diagrams.studies import estimation as dut
 from diagrams.studies.estimation import COLUMNS, PUBLISHED, column_rmse
 from np_drake.lifting.model.lifted_model import BY_AXES
 from np_drake.lifting.training.train import make_config, train
-from np_drake.logs.formats.neurobem_wrenches import TESTS, TRAINING
+from np_drake.logs.formats.neurobem import TESTS, TRAINING
 
 NP = BY_AXES["body"]  # configuration of the row `np`
 STEMS = {name: stem for stem, name in TESTS.items()}

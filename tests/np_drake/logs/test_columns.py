@@ -17,8 +17,8 @@ from np_drake.logs.columns import (
     split_at_gaps,
 )
 from np_drake.logs.errors import LogError
-from np_drake.logs.formats.csv_file import write_csv
 from np_drake.logs.formats.log_file import read as read_flights
+from np_drake.logs.formats.text_table import write_csv
 from np_drake.logs.importing.import_log import import_log
 from np_drake.logs.importing.laws import check_units
 from np_drake.logs.opening import open_flights

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from np_drake.logs.errors import LogError
-from np_drake.logs.formats.csv_file import read_csv
-from np_drake.logs.formats.text_table import MAX_LINE
+from np_drake.logs.formats.text_table import MAX_LINE, read_csv
 
 
 def test_rows_of_a_wrong_length_and_blank_lines_within_are_ragged(tmp_path):

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as stn
 
 from np_drake.logs.errors import LogError
-from np_drake.logs.formats import csv_file, parquet_file
+from np_drake.logs.formats import parquet_file, text_table
 from np_drake.logs.formats.log_file import SUFFIXES, write_log
 from np_drake.logs.formats.log_file import read as read_flights
 from np_drake.logs.opening import open_flights
@@ -34,8 +34,8 @@ def test_what_was_written_is_read_back(flight, tmp_path, suffix):
 @given(stn.arrays(float, st.tuples(st.integers(1, 6), st.just(2)), elements=st.floats()))
 def test_every_number_survives_a_csv_bit_for_bit(tmp_path_factory, values):
     path = tmp_path_factory.mktemp("csv") / "any.csv"
-    csv_file.write_csv(path, {"a": values[:, 0], "b": values[:, 1]})
-    dut = csv_file.read_csv(path)
+    text_table.write_csv(path, {"a": values[:, 0], "b": values[:, 1]})
+    dut = text_table.read_csv(path)
     assert not dut.unreadable
     np.testing.assert_array_equal(dut.array(("a", "b")), values)
 
@@ -70,8 +70,9 @@ def test_without_a_command_thrust_comes_from_rotor_speed(flight, tmp_path):
 
 def test_no_command_and_no_way_to_one_is_refused(flight, tmp_path):
     write_log(dc.replace(flight, input="rotor_speed"), tmp_path / "made.csv")
-    table = csv_file.read_csv(tmp_path / "made.csv").columns
-    csv_file.write_csv(tmp_path / "made.csv", {k: v for k, v in table.items() if "rotor" not in k})
+    table = text_table.read_csv(tmp_path / "made.csv").columns
+    kept = {name: column for name, column in table.items() if "rotor" not in name}
+    text_table.write_csv(tmp_path / "made.csv", kept)
     with pytest.raises(LogError, match=r"thrust.*rotor1"):
         read_flights(tmp_path / "made.csv")
 

@@ -9,6 +9,7 @@ import pytest
 
 from np_drake.logs.columns import NAMES
 from np_drake.logs.errors import LogError
+from np_drake.logs.formats import text_table
 from np_drake.logs.formats.format import Stream
 from np_drake.logs.formats.library import format_of
 from np_drake.logs.formats.log_file import write_log
@@ -59,6 +60,13 @@ def test_lists_in_cells_become_columns_row_by_row(tmp_path, write_table, suffix)
     dut = read(path, "p[2]", "R[5]").streams["table"]
     np.testing.assert_array_equal(dut.columns["p[2]"], vectors[:, 2])
     np.testing.assert_array_equal(dut.columns["R[5]"], matrices[:, 1, 2])
+
+
+def test_a_list_that_is_absent_for_a_whole_block_is_nan(tmp_path):
+    rows = ['0,"[1, 2]"'] * text_table.BLOCK_ROWS + ["0,nan"] * 10
+    (tmp_path / "made.csv").write_text("\n".join(["t,a", *rows]))
+    dut = read(tmp_path / "made.csv", "a[1]").streams["table"].columns["a[1]"]
+    np.testing.assert_array_equal(dut[-11:], [2.0, *[np.nan] * 10])
 
 
 @pytest.mark.parametrize(
