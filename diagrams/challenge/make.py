@@ -100,7 +100,7 @@ class Making:
             drawn = draw_case(draw, quality=self.quality, seed=self.seed, seconds=self.seconds)
             try:
                 exact, noisy = fly_case(drawn, self.simulator)
-                truth = GroundTruth.of(drawn, exact, noisy)
+                truth = GroundTruth(drawn, exact, noisy)
                 if same := truth.equivalent_library_effects():
                     names = " with ".join(draw.names)
                     raise FailedRun(f"make: {names} must be no {same[0]} where it is flown.")
