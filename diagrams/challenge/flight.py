@@ -134,9 +134,9 @@ def _largest_step(vehicle: Vehicle, places: EffectsByPlace) -> float:
     """Return a step at which runge_kutta3 is stable and follows the lags to a few parts in a
     thousand [s].
     """
-    lags = [vehicle.rotor_time_constant] if vehicle.rotor_time_constant > 0 else []
-    for effect in places.actuator:
-        lags += [v for name, v in effect.values.items() if name in ("time_constant", "time")]
+    sizes = [item for effect in places.actuator for item in effect.values.items()]
+    lags = [lag for name, lag in sizes if name in ("time_constant", "time")]
+    lags += [vehicle.rotor_time_constant] if vehicle.rotor_time_constant > 0 else []
     return min([STEP if places.payload is None else CABLE_STEP, *(LAG_SHARE * lag for lag in lags)])
 
 

@@ -4,6 +4,7 @@ manoeuvre left out.
 
 import dataclasses as dc
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -108,20 +109,16 @@ def square_errors(model: ResidualModel, opened: Opened, motion: str) -> dict[str
     return {"square": square, "count": there.sum(axis=0).tolist()}
 
 
-@dc.dataclass(frozen=True)
-class HoldingOut:
-    """Work of a case {"manoeuvre", "row"} -> errors on its flights, by coming motion and flight, of
-    the row trained on the other manoeuvres.
+def held_out_errors(
+    case: Mapping[str, str], *, flights: Mapping[str, Sequence[Opened]]
+) -> dict[str, Any]:
+    """Return of a case {"manoeuvre", "row"} the errors on its flights, by coming motion and flight,
+    of the row trained on the other manoeuvres.
     """
-
-    flights: Mapping[str, Sequence[Opened]]
-
-    def __call__(self, case: dict[str, Any]) -> dict[str, Any]:
-        """Train and score the row."""
-        held_out = case["manoeuvre"]
-        learned = [own for name, some in self.flights.items() if name != held_out for own in some]
-        model, shown = ROWS[case["row"]](learned), self.flights[held_out]
-        return {m: {own[0].name: square_errors(model, own, m) for own in shown} for m in MOTIONS}
+    held_out = case["manoeuvre"]
+    learned = [own for name, some in flights.items() if name != held_out for own in some]
+    model, shown = ROWS[case["row"]](learned), flights[held_out]
+    return {m: {own[0].name: square_errors(model, own, m) for own in shown} for m in MOTIONS}
 
 
 def pooled(found: Mapping[tuple[str, str], Mapping[str, Mapping]]) -> list[dict[str, Any]]:
@@ -182,7 +179,9 @@ def run(run: Run, options: Options) -> Report:
     names, flights = [name for name in ROWS if name in {PERSISTENCE, *only}], open_campaign(folder)
     cases = [{"manoeuvre": manoeuvre, "row": name} for manoeuvre in flights for name in names]
     title, config = "training and scoring", {"folder": folder.name, "step": STEP}
-    records = run.cases(title, "folds of a row", HoldingOut(flights), cases, config=config)
+    records = run.cases(
+        title, "folds of a row", partial(held_out_errors, flights=flights), cases, config=config
+    )
     found: dict[tuple[str, str], dict[str, Any]] = {}
     for case, result in zip(cases, every_result(records), strict=True):
         for motion, own in result.items():

@@ -285,6 +285,10 @@ class Campaign:
         seen = (path for path in found if path.is_file() and not path.name.startswith("."))
         return sorted(seen, key=lambda path: (path.name, path))
 
+    def logs(self, paths: Iterable[Path]) -> list[FlightLog]:
+        """Return the flights of logs, as `open_flights`."""
+        return [log for path in paths for log in self.open_flights(path)]
+
     def open_flights(self, path: Path) -> list[FlightLog]:
         """Return the flights of a log, a Crazyflie's by its commands where the vehicle asks for
         them, with the path of the vehicle that flew beside them, where the campaign gives its log.
@@ -389,20 +393,6 @@ def exceeded_height(path: Path) -> float:
     """
     flights = opening.read_as_logged(path, None).flights
     return float(np.quantile(np.concatenate([log.p[:, 2] for log in flights]), 0.05))
-
-
-# Flights
-
-
-def open_case(case: Case) -> tuple[Vehicle, list[FlightLog], list[FlightLog]]:
-    """Return the vehicle, the flights that are fitted and those that judge.
-
-    Raises: LogError: one line with file and reason, if a log cannot be used; OSError: if it cannot
-    be opened.
-    """
-    campaign = campaign_of(case.group)
-    train = [log for path in case.train for log in campaign.open_flights(path)]
-    return campaign.nominal, train, campaign.open_flights(case.held_out)
 
 
 @lru_cache(maxsize=64)

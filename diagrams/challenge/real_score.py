@@ -135,8 +135,8 @@ def score_case(
     """
     cases = real.make_cases(folder, neurobem, [record["group"]])
     case = next(case for case in cases if case.name == record["name"])
-    campaign, (vehicle, train, held_out) = campaign_of(case.group), real.open_case(case)
-    truth, fitted = campaign.truth, {log.name for log in train}
+    campaign = campaign_of(case.group)
+    vehicle, truth, train = campaign.nominal, campaign.truth, campaign.logs(case.train)
     found: dict[str, Any] = {
         "group": case.group,
         "vehicle": campaign.vehicle,
@@ -144,21 +144,20 @@ def score_case(
         **({"wind": case.speed} if case.speed else {}),
     }
     if answers is None:
-        flown = DrakeReplay(vehicle) if replay else None
         diagnosis = diagnose(
             vehicle,
             train,
-            held_out,
-            flown,
+            campaign.open_flights(case.held_out),
+            DrakeReplay(vehicle) if replay else None,
             adaptive_split=case.second,
-            before=[log for path in case.before for log in campaign.open_flights(path)],
+            before=campaign.logs(case.before),
         )
         found["answer"] = diagnosis.as_json()
     answer = read_answer(answers, case) if answers else found["answer"]
-    methods = {} if answer is None else {THIS: scored(answer, truth, fitted)}
+    methods = {} if answer is None else {THIS: scored(answer, truth, [log.name for log in train])}
     if case.still:
-        calm = [log for path in case.still for log in campaign.open_flights(path)]
-        force = mean_force(train, vehicle) - mean_force(calm, vehicle)
+        calm = mean_force(campaign.logs(case.still), vehicle)
+        force = mean_force(train, vehicle) - calm
         found["force"] = force.tolist()
         for own in methods.values():
             effects = effects_of(answer or {}, own["causes"])
