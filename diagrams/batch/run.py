@@ -1,10 +1,10 @@
-"""Run and report of a study: a module with `Options`, its options, and `run(run, options) ->
-Report`.
+"""Run and report of a study: a function `run(run, ...) -> Report`, whose further parameters are its
+options.
 
 A study knows neither console nor files of its report. Called from Python it is silent:
 
     from diagrams.studies import tracking
-    report = tracking.run(Run(seed=1000), tracking.Options())
+    report = tracking.run(Run(seed=1000), seeds=3)
 
 `np-drake reproduce` gives it a progress bar, prints the tables and writes what was asked for.
 """

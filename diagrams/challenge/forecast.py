@@ -2,7 +2,6 @@
 manoeuvre left out.
 """
 
-import dataclasses as dc
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
@@ -15,7 +14,7 @@ from typer import Option
 from diagrams.batch.run import Report, Run, every_result
 from diagrams.challenge.real import block_name, campaign_of, numbered_blocks
 from diagrams.challenge.score_tables import table
-from diagrams.studies.options import RealFlights, required
+from diagrams.studies.options import RealFlights, given_folder
 from np_drake.flight_log import FlightLog
 from np_drake.labels import ReadsLabels
 from np_drake.lifting.model.lifted_model import LIFTED, PAPER
@@ -157,21 +156,16 @@ def pooled(found: Mapping[tuple[str, str], Mapping[str, Mapping]]) -> list[dict[
     return lines
 
 
-@dc.dataclass(frozen=True)
-class Options:
-    """Options of the study."""
-
-    folder: RealFlights = None
+def run(
+    run: Run,
+    folder: RealFlights = None,
     only: Annotated[
         list[str] | None,
         Option("--only", metavar="ROW", help="Only this row and persistence; repeatable."),
-    ] = None
-
-
-def run(run: Run, options: Options) -> Report:
+    ] = None,
+) -> Report:
     """Forecast of force and torque on real flights with a payload, one manoeuvre left out."""
-    missing = "payload-flights: give the folder of the real flights as DIR or NP_DRAKE_REAL."
-    folder, only = required(options.folder, missing), options.only or ROWS
+    folder, only = given_folder("payload-flights", folder), only or list(ROWS)
     if unknown := sorted(set(only) - set(ROWS)):
         raise ValueError(f"--only: must be of {', '.join(ROWS)}; got {', '.join(unknown)}.")
     if not folder.is_dir():

@@ -1,6 +1,5 @@
 """Study `real`: the diagnosis, or answers of any tool, on real flights whose cause is known."""
 
-import dataclasses as dc
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
@@ -21,7 +20,7 @@ from diagrams.challenge.real import DRAG, GROUND, PAYLOAD, PLACE, WINDS, Case, T
 from diagrams.challenge.score import SURE, calibration
 from diagrams.challenge.score_tables import calibration_figure, table
 from diagrams.gap.drake_replay import DrakeReplay
-from diagrams.studies.options import RealFlightOptions
+from diagrams.studies.options import Group, Neurobem, RealFlights, given_folder
 from np_drake.diagnosis.diagnose import diagnose
 from np_drake.diagnosis.residuals import make_flight_residuals
 from np_drake.diagnosis.result import UNKNOWN
@@ -420,10 +419,11 @@ def tables(rows: pd.DataFrame) -> list[Table]:
 # The study
 
 
-@dc.dataclass(frozen=True)
-class Options(RealFlightOptions):
-    """Options of the study."""
-
+def run(
+    run: Run,
+    folder: RealFlights = None,
+    neurobem: Neurobem = None,
+    only: Group = None,
     answers: Annotated[
         Path | None,
         Option(
@@ -431,48 +431,46 @@ class Options(RealFlightOptions):
             metavar="DIR",
             help=f"Score DIR/<group>/<case>/{ANSWER_FILE} of any tool; nothing is diagnosed.",
         ),
-    ] = None
+    ] = None,
     replay: Annotated[
         bool,
         Option("--replay", help="Replay held-out flights in the nominal and corrected simulator."),
-    ] = False
-
-
-def run(run: Run, options: Options) -> Report:
+    ] = False,
+) -> Report:
     """The diagnosis, or answers of any tool, on real flights with known causes, beside least
     squares.
     """
-    folder, given = options.given("real"), options.answers
-    cases = real.make_cases(folder, options.neurobem, options.only or ())
-    lost = [c.folder / ANSWER_FILE for c in cases if given and read_answer(given, c) is None]
+    folder = given_folder("real", folder)
+    cases = real.make_cases(folder, neurobem, only or ())
+    lost = [c.folder / ANSWER_FILE for c in cases if answers and read_answer(answers, c) is None]
     if len(lost) == len(cases):
         raise ValueError(
-            f"--answers: {given} must hold <group>/<case>/{ANSWER_FILE}, as {lost[0]}; got none."
+            f"--answers: {answers} must hold <group>/<case>/{ANSWER_FILE}, as {lost[0]}; got none."
         )
     for case in cases:  # before the long work
         for path in (*case.train, case.held_out, *case.still, *case.before):
             campaign_of(case.group).open_flights(path)
     config: dict[str, Any] = {
         "folder": folder,
-        "neurobem": options.neurobem,
-        "only": options.only,
-        "replay": options.replay,
+        "neurobem": neurobem,
+        "only": only,
+        "replay": replay,
     }
-    if given is not None:  # their content, so that others are not taken for them
-        files = sorted(given.rglob(ANSWER_FILE))
+    if answers is not None:  # their content, so that others are not taken for them
+        files = sorted(answers.rglob(ANSWER_FILE))
         config["answers"] = joblib.hash(
-            [(str(f.relative_to(given)), f.read_bytes()) for f in files]
+            [(str(f.relative_to(answers)), f.read_bytes()) for f in files]
         )
     work = partial(
         score_case,
         folder=folder.resolve(),
-        neurobem=options.neurobem and options.neurobem.resolve(),
-        answers=given and given.resolve(),
-        replay=options.replay,
+        neurobem=neurobem and neurobem.resolve(),
+        answers=answers and answers.resolve(),
+        replay=replay,
     )
     listed = [{"group": case.group, "name": case.name} for case in cases]
     finished = run.cases(
-        "diagnosing" if given is None else "scoring", "cases", work, listed, config=config
+        "diagnosing" if answers is None else "scoring", "cases", work, listed, config=config
     )
     failed, records = failures(finished), [dict(r["result"]) for r in finished if "result" in r]
     folders = {(case.group, case.name): case.folder for case in cases}

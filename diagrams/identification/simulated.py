@@ -5,6 +5,7 @@ identified, beside the truth and two naive answers.
 import dataclasses as dc
 import time
 from collections.abc import Sequence
+from functools import partial
 from typing import Annotated, Any
 
 import numpy as np
@@ -272,51 +273,29 @@ def _as_logged(
     return dc.replace(log, rotor=None, throttle=throttle, voltage=sagging, input="normalised")
 
 
-@dc.dataclass(frozen=True)
-class Options:
-    """Options of the study."""
+def identified(case: Case, *, flights: int, seconds: float) -> Line:
+    """Draw the vehicle of a case {"seed", "kind"}, fly it so often and long [s], identify it, and
+    return what was told, and processor time of the identification alone [s].
 
-    vehicles: Annotated[
-        int,
-        Option(
-            min=1, max=10_000, help="Vehicles; their input in turn: rotor speed, throttle, thrust."
-        ),
-    ] = 200
-    flights: Annotated[int, Option(min=1, max=100, help="Flights of each vehicle.")] = 3
-    seconds: Annotated[float, Option(min=5.0, max=600.0, help="Length of a flight [s].")] = 30.0
-
-
-@dc.dataclass(frozen=True)
-class VehicleCase:
-    """Work of a case {"seed", "kind"}: draw a vehicle, fly it so often and so long [s], identify
-    it.
+    Raises: FailedRun: if no vehicle of this seed can be flown.
     """
-
-    flights: int
-    seconds: float
-
-    def __call__(self, case: Case) -> Line:
-        """Return what was told, and processor time of the identification alone [s].
-
-        Raises: FailedRun: if no vehicle of this seed can be flown.
-        """
-        truth, logs, refused = draw_and_fly(case["seed"], case["kind"], self.flights, self.seconds)
-        start = time.process_time()
-        found = identify(logs, truth.known, mass=truth.vehicle.mass)
-        quantities = found.quantities
-        spent = time.process_time() - start
-        known = truth.quantities(found.basis.frame.volts)
-        plain = plain_least_squares(found)
-        return {
-            "mass": truth.vehicle.mass,
-            "refused": refused,
-            "processor_time": spent,
-            "quantities": [
-                _beside_truth(q, known[q.name], truth, found.basis, plain)
-                for q in quantities
-                if q.name in known
-            ],
-        }
+    truth, logs, refused = draw_and_fly(case["seed"], case["kind"], flights, seconds)
+    start = time.process_time()
+    found = identify(logs, truth.known, mass=truth.vehicle.mass)
+    quantities = found.quantities
+    spent = time.process_time() - start
+    known = truth.quantities(found.basis.frame.volts)
+    plain = plain_least_squares(found)
+    return {
+        "mass": truth.vehicle.mass,
+        "refused": refused,
+        "processor_time": spent,
+        "quantities": [
+            _beside_truth(q, known[q.name], truth, found.basis, plain)
+            for q in quantities
+            if q.name in known
+        ],
+    }
 
 
 def _beside_truth(q: Identified, true: float, truth: Truth, basis: Basis, plain: Values) -> Line:
@@ -415,23 +394,33 @@ def _median(values: Sequence[float | None]) -> float | None:
     return float(np.median(known)) if known else None
 
 
-def run(run: Run, options: Options) -> Report:
+def run(
+    run: Run,
+    vehicles: Annotated[
+        int,
+        Option(
+            min=1, max=10_000, help="Vehicles; their input in turn: rotor speed, throttle, thrust."
+        ),
+    ] = 200,
+    flights: Annotated[int, Option(min=1, max=100, help="Flights of each vehicle.")] = 3,
+    seconds: Annotated[float, Option(min=5.0, max=600.0, help="Length of a flight [s].")] = 30.0,
+) -> Report:
     """Simulated vehicles of 30 g to 20 kg, identified from their logs. --out DIR: cases to resume
     from.
     """
-    vehicles, flown = options.vehicles, {"flights": options.flights, "seconds": options.seconds}
+    flown: dict[str, Any] = {"flights": flights, "seconds": seconds}
     cases = [
         {"seed": run.seed + number, "kind": INPUTS[number % len(INPUTS)]}
         for number in range(vehicles)
     ]
-    work = VehicleCase(options.flights, options.seconds)
+    work = partial(identified, **flown)
     records = run.cases("identifying", "vehicles", work, cases, config=flown)
     require_result(records)
     results = [{**r["case"], **r["result"]} for r in records if "result" in r]
     pooled, each = pooled_lines(results), quantity_lines(results)
     title = (
-        f"truth inside its 95 % interval; {len(results)} vehicles, {options.flights} x "
-        f"{options.seconds:g} s, seeds {run.seed} … {run.seed + vehicles - 1}"
+        f"truth inside its 95 % interval; {len(results)} vehicles, {flights} x "
+        f"{seconds:g} s, seeds {run.seed} … {run.seed + vehicles - 1}"
     )
     header = ["input", "vehicles", "vehicle file", "drag and lift"]
     shares = [

@@ -8,7 +8,8 @@ vehicle measures, as those of a real flight.
 
 import dataclasses as dc
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -205,22 +206,18 @@ def envelope_flight(number: int, *, seed: int, vehicle: Vehicle) -> FlightConfig
     return config.check()
 
 
-@dc.dataclass(frozen=True)
-class Envelope:
-    """Work of a flight of the envelope: {"flight": number} -> {"segments": arrays in base 64}."""
-
-    seed: int
-    vehicle: Vehicle
-
-    def __call__(self, case: Case) -> dict:
-        """Fly it and return its training segments."""
-        config = envelope_flight(case["flight"], seed=self.seed, vehicle=self.vehicle)
-        log = fly(config, seed=case["flight"]).log()
-        lag = self.vehicle.rotor_time_constant or motor_lag(self.vehicle)
-        lagged = dc.replace(self.vehicle, rotor_time_constant=lag)
-        pieces = Flight(log, lagged).segments(config.controller.period, config.controller.label)
-        piece = max(pieces, key=len)
-        return {"segment": packed({"chi": piece.chi, "zeta": piece.zeta, "goal": piece.goal})}
+def flown_segment(case: Case, *, seed: int, vehicle: Vehicle) -> dict:
+    """Fly a flight of the envelope {"flight": number}, and return {"segment": its training segment
+    as arrays in base 64}.
+    """
+    config = envelope_flight(case["flight"], seed=seed, vehicle=vehicle)
+    log = fly(config, seed=case["flight"]).log()
+    lagged = dc.replace(
+        vehicle, rotor_time_constant=vehicle.rotor_time_constant or motor_lag(vehicle)
+    )
+    pieces = Flight(log, lagged).segments(config.controller.period, config.controller.label)
+    piece = max(pieces, key=len)
+    return {"segment": packed({"chi": piece.chi, "zeta": piece.zeta, "goal": piece.goal})}
 
 
 def motor_lag(vehicle: Vehicle) -> float:
@@ -234,7 +231,7 @@ def envelope_segments(count: int, *, run: Run, vehicle: Vehicle) -> list[Segment
     """
     step = sampling_period(vehicle)
     config = {"study": "envelope", "vehicle": dc.asdict(vehicle), "seed": run.seed}
-    work = Envelope(run.seed, vehicle)
+    work = partial(flown_segment, seed=run.seed, vehicle=vehicle)
     cases = [{"flight": number} for number in range(count)]
     records = run.cases("envelope", "flights", work, cases, config=config)
     found = []
@@ -276,22 +273,18 @@ def train_on_envelope(
     return dc.replace(result, model=place_on_flights(flights, result.model, **how))
 
 
-@dc.dataclass(frozen=True)
-class FlyingShare:
-    """Work of a case {"flight", "share"} -> {"error": position RMSE [m]}."""
-
-    models: dict[float, LiftedModel]
-    seed: int
-    vehicle: Vehicle
-
-    def __call__(self, case: Case) -> dict:
-        """Fly a flight of the envelope with the model."""
-        config = envelope_flight(case["flight"], seed=self.seed, vehicle=self.vehicle)
-        with tempfile.TemporaryDirectory() as folder:
-            path = Path(folder) / "model.safetensors"
-            save_model(self.models[case["share"]], path)
-            config.controller.kind, config.controller.predictor = "np", str(path)
-            return {"error": fly(config.check(), seed=case["flight"]).metrics()["position_rmse"]}
+def flown_error(
+    case: Case, *, models: Mapping[float, LiftedModel], seed: int, vehicle: Vehicle
+) -> dict:
+    """Fly a flight of the envelope with the model of a share of the network, a case {"flight",
+    "share"}, and return {"error": position RMSE [m]}.
+    """
+    config = envelope_flight(case["flight"], seed=seed, vehicle=vehicle)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "model.safetensors"
+        save_model(models[case["share"]], path)
+        config.controller.kind, config.controller.predictor = "np", str(path)
+        return {"error": fly(config.check(), seed=case["flight"]).metrics()["position_rmse"]}
 
 
 def flown_share(model: LiftedModel, first: int, *, run: Run, vehicle: Vehicle) -> LiftedModel:
@@ -312,7 +305,7 @@ def flown_share(model: LiftedModel, first: int, *, run: Run, vehicle: Vehicle) -
         "vehicle": dc.asdict(vehicle),
         "trained": model.summary,
     }
-    work = FlyingShare(choices, run.seed, vehicle)
+    work = partial(flown_error, models=choices, seed=run.seed, vehicle=vehicle)
     records = run.cases("network", "flights", work, cases, config=config)
     errors = [record["result"]["error"] if "result" in record else np.inf for record in records]
     if not np.any(np.isfinite(errors)):

@@ -57,27 +57,11 @@ def required(option: Path | None, message: str) -> Path:
     return option
 
 
-@dc.dataclass(frozen=True)
-class RealFlightOptions:
-    """Options of a study of the real flights."""
-
-    folder: RealFlights = None
-    neurobem: Neurobem = None
-    only: Group = None
-
-    def given(self, study: str) -> Path:
-        """Return the folder of the real flights; ValueError if none is given."""
-        return required(
-            self.folder, f"{study}: give the folder of the real flights as DIR or NP_DRAKE_REAL."
-        )
-
-
-@dc.dataclass(frozen=True)
-class FlownOptions:
-    """Options of a study that flies every row with several seeds."""
-
-    seeds: Seeds = 5
-    solver: Solver = DEFAULT_SOLVER
+def given_folder(study: str, folder: Path | None) -> Path:
+    """Return the folder of the real flights; ValueError if none is given."""
+    return required(
+        folder, f"{study}: give the folder of the real flights as DIR or NP_DRAKE_REAL."
+    )
 
 
 @dc.dataclass(frozen=True, kw_only=True)
@@ -88,10 +72,9 @@ class FlownRun(Run):
     solver: str = DEFAULT_SOLVER
 
     @classmethod
-    def of(cls, run: Run, options: FlownOptions) -> Self:
-        """Return the run with the seeds and the solver of these options."""
-        shared = {field.name: getattr(run, field.name) for field in dc.fields(Run)}
-        return cls(**shared, count=options.seeds, solver=options.solver)
+    def of(cls, run: Run, **more: Any) -> Self:
+        """Return the run with further fields."""
+        return cls(**{field.name: getattr(run, field.name) for field in dc.fields(Run)}, **more)
 
     @property
     def seeds(self) -> list[int]:
