@@ -142,6 +142,13 @@ def counted(advance: Advance, what: str = "") -> Callable[[int, int], None]:
     return lambda done, total: advance(done / total, f"{done} of {total} {what}".rstrip())
 
 
+def part_of(advance: Advance, before: float, share: float = 1.0) -> Advance:
+    """Return an `advance(done, text)` of a part of the work: it begins at `before`, and its bar of
+    total 1 takes a `share` of the whole.
+    """
+    return lambda done, text="": advance(before + share * done, text)
+
+
 def make_folder(path: Path) -> Path:
     """Return the folder of `--out`, created where it is missing; OSError if it is not writable."""
     path.mkdir(parents=True, exist_ok=True)

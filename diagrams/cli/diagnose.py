@@ -8,6 +8,7 @@ from typing import Annotated, Any
 
 from typer import Argument, Option
 
+from diagrams.batch.run import part_of
 from diagrams.cli.verb import LogMap, Report, Run, Table, progress, reports, say, tell
 from diagrams.gap import side_by_side
 from diagrams.gap.corrected import FILE, SECOND, corrected_simulator, with_trial, write_corrected
@@ -345,11 +346,8 @@ def doctor(
     opened, failures, refused = list[Opened](), list[Exception](), list[LogError]()
     with progress("examining", 1.0) as advance:
         for read, path in enumerate(logs):
-
-            def reading(share: float, before: int = read) -> None:
-                advance(0.3 * (before + share) / len(logs))
-
             try:
+                reading = part_of(advance, 0.3 * read / len(logs), 0.3 / len(logs))
                 opened.append(read_as_logged(path, declared, on_progress=reading))
             except (LogError, OSError) as error:
                 failures.append(error)
@@ -364,10 +362,7 @@ def doctor(
             if found.sheet is not None
             for log in found.flights
         }
-
-        def examining(share: float, text: str) -> None:
-            advance(0.3 + 0.7 * share, text)
-
+        examining = part_of(advance, 0.3, 0.7)
         report = examine(flights, nominal, sheets=sheets, on_progress=examining)
         advance(1.0)
     tell(*(f"not usable: {failure}" for failure in failures[1:]))

@@ -19,6 +19,7 @@ from typer import Argument, Option
 from diagrams.autopilot import node as nodes
 from diagrams.autopilot.node import LinkedFlight
 from diagrams.batch.failed_run import FailedRun
+from diagrams.batch.run import part_of
 from diagrams.cli.verb import OUT, Report, Run, Table, VehicleFile, progress, reports, say, tell
 from diagrams.gap.corrected import drawn
 from diagrams.loop import comparison
@@ -142,22 +143,21 @@ def fly(
         require_mcap(mcap)
         if mcap.suffix != ".mcap":
             raise ValueError(f"--mcap: must be a file whose name ends in .mcap; got {mcap}.")
-    flown, compared, lost = configs, len(configs) > 1, list[FailedRun]()
-    tables, metrics, figures = list[Table](), None, ["track", "errors", "wrench"]
-    if sample is not None:
-        flown = drawn(configs[0], sample, run.seed)
+    compared, lost = len(configs) > 1, list[FailedRun]()
     if link is not None:
         flight, linked = _fly_linked(configs[0], run.seed, link)
-        flights, tables, figures = [flight], [linked], []
+        flights, tables, figures = [flight], [linked], list[str]()
         metrics = {"experiment": configs[0].name, "autopilot": dict(linked[2])}
     else:
+        flown = configs if sample is None else drawn(configs[0], sample, run.seed)
         flights = fly_all(flown, run.seed, lost if compared else None)
+        tables, figures = [flights_table(flights)], ["track", "errors", "wrench"]
+        summaries = [flight.summary() for flight in flights]
+        one = len(flown) == 1 and sample is None
+        metrics = summaries[0] if one else {"flights": summaries}
     if mcap is not None:
         write_flight_mcap(flights[0], mcap)
         say(f"MCAP: {mcap}")
-    if metrics is None:
-        summaries = [flight.summary() for flight in flights]
-        metrics = summaries[0] if len(flown) == 1 and sample is None else {"flights": summaries}
 
     def write(folder: Path) -> None:
         for flight in flights:
@@ -169,7 +169,7 @@ def fly(
     said = [comparison.sentence(flights), *filter(None, [comparison.models(flights)])]
     own = {config.controller.name: as_config(config) for config in configs}
     return Report(
-        tables or [flights_table(flights)],
+        tables,
         config=own if compared else as_config(configs[0]),
         metrics=metrics,
         summary=said if compared else [],
@@ -335,12 +335,9 @@ def fly_all(
     names = ", ".join(dict.fromkeys(config.controller.name for config in configs))
     with progress(f"flying {first.name} with {names}", len(configs) * first.end) as advance:
         for k, own in enumerate(configs):
-
-            def shown(t: float, before: float = k * first.end) -> None:
-                advance(before + t)
-
             try:
-                flights.append(simulate(own, seed=seed, monitor=shown))
+                monitor = part_of(advance, k * first.end)
+                flights.append(simulate(own, seed=seed, monitor=monitor))
             except FailedRun as failed:
                 if lost is None:
                     raise
@@ -360,11 +357,13 @@ def _fly_linked(config: FlightConfig, seed: int, address: str) -> tuple[FlightRe
     try:
         say(f"{config.name} behind {address}: np-drake node flies it.")
         with progress(f"flying {config.name}", config.end) as advance:
-
-            def shown(t: float) -> None:
-                advance(t, f"at {linked.factor(t):.2f} of real time")
-
-            flight = simulate(config, seed=seed, monitor=shown, watch=linked, controller=linked)
+            flight = simulate(
+                config,
+                seed=seed,
+                monitor=lambda t: advance(t, f"at {linked.factor(t):.2f} of real time"),
+                watch=linked,
+                controller=linked,
+            )
     finally:
         link.close()
     return flight, linked.table()
@@ -394,13 +393,18 @@ def flights_table(flights: Sequence[FlightResult]) -> Table:
     lines = []
     for flight in flights:
         found = flight.metrics()
-        solve = {"solve [ms]": found["solve_ms"]["median"], "p95 [ms]": found["solve_ms"]["p95"]}
-        line = {"experiment": flight.config.name, "controller": flight.label}
-        line |= {f"{kind} [cm]": round(100 * found[kind], 2) for kind in ("E_xy", "E_z")}
-        if "payload" in found:
-            own = found["payload"]
-            line |= {f"payload {kind} [cm]": round(100 * own[kind], 2) for kind in ("E_xy", "E_z")}
-        lines.append(line | solve | {"failed": found["solve_failures"]})
+        errors = {kind: found[kind] for kind in ("E_xy", "E_z")}
+        errors |= {f"payload {k}": found["payload"][k] for k in errors if "payload" in found}
+        lines.append(
+            {
+                "experiment": flight.config.name,
+                "controller": flight.label,
+                **{f"{what} [cm]": round(100 * error, 2) for what, error in errors.items()},
+                "solve [ms]": found["solve_ms"]["median"],
+                "p95 [ms]": found["solve_ms"]["p95"],
+                "failed": found["solve_failures"],
+            }
+        )
     title = f"seed {flights[0].seed}, {flights[0].config.controller.solver}"
     return tabulate(title, lines, [(name, name) for name in lines[0]])
 

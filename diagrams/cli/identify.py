@@ -1,5 +1,6 @@
 """`np-drake identify`: what flight logs tell of a vehicle, as a vehicle file."""
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -27,6 +28,7 @@ from diagrams.identification.page import (
     summary,
     write_page,
 )
+from diagrams.studies.columns import tabulate
 from np_drake.flight_log import FlightLog
 from np_drake.identification.flight_agreement import FlightValues, flight_values, own_values
 from np_drake.identification.identified_vehicle import identified_vehicle
@@ -235,39 +237,52 @@ def _split(
 
 def _tables(found: Identification, rows: list[HeldOut]) -> list[Table]:
     """Return what is told, the rate loop of an autopilot, and the errors on what was not fitted."""
-    told = []
-    for q in found.quantities:
-        widths = (half_width(q, q.low, q.high), half_width(q, *q.prior))
-        by = "flights" if q.told else "prior"
-        told.append((q.name, interval(q)[0], *widths, by, agreement(q)))
-    loops = []
-    for axis, one in zip(("roll", "pitch", "yaw"), found.rate_loop, strict=False):
-        low, high = one.lag_interval
-        lag, gain = f"{1e3 * low:.3g} to {1e3 * high:.3g}", "{:.3g} to {:.3g}"
-        explained = f"{100 * one.share:.0f} %"
-        gains = (one.gain, gain.format(*one.gain_interval))
-        loops.append((axis, 1e3 * one.lag, lag, *gains, explained))
-    judged = []
-    for row in rows:
-        sizes = [float(np.sqrt(np.sum(np.square(v)))) for v in (row.force, row.torque)]
-        angles = np.rad2deg(row.open_loop[:, 2])
-        judged.append((row.flight, row.model, *sizes, *row.open_loop[:, 0], *angles))
+    loops = zip(("roll", "pitch", "yaw"), found.rate_loop, strict=False)
     return [
-        ("vehicle", ["quantity", "value", "95 %", "prior", "told by", "flights"], told),
-        (
-            "rate loop: when 63 % of a step of the command is followed, and rate over command",
-            ["axis", "lag [ms]", "95 %", "gain [1]", "95 %", "explains"],
-            loops,
+        tabulate(
+            "vehicle",
+            found.quantities,
+            (
+                ("quantity", lambda q: q.name),
+                ("value", lambda q: interval(q)[0]),
+                ("95 %", lambda q: half_width(q, q.low, q.high)),
+                ("prior", lambda q: half_width(q, *q.prior)),
+                ("told by", lambda q: "flights" if q.told else "prior"),
+                ("flights", agreement),
+            ),
         ),
-        (
+        tabulate(
+            "rate loop: when 63 % of a step of the command is followed, and rate over command",
+            ({"axis": axis, **vars(one)} for axis, one in loops),
+            (
+                ("axis", "axis"),
+                ("lag [ms]", lambda one: 1e3 * one["lag"]),
+                ("95 %", lambda one: _span(1e3 * lag for lag in one["lag_interval"])),
+                ("gain [1]", "gain"),
+                ("95 %", lambda one: _span(one["gain_interval"])),
+                ("explains", lambda one: f"{100 * one['share']:.0f} %"),
+            ),
+        ),
+        tabulate(
             "held out: RMS of the residual, median errors of open-loop prediction",
-            [
-                *("flight", "model", "force [N]", "torque [N·m]"),
-                *("0.1 s [m]", "0.5 s [m]", "0.1 s [deg]", "0.5 s [deg]"),
-            ],
-            judged,
+            rows,
+            (
+                ("flight", lambda row: row.flight),
+                ("model", lambda row: row.model),
+                ("force [N]", lambda row: float(np.linalg.norm(row.force))),
+                ("torque [N·m]", lambda row: float(np.linalg.norm(row.torque))),
+                ("0.1 s [m]", lambda row: row.open_loop[0, 0]),
+                ("0.5 s [m]", lambda row: row.open_loop[1, 0]),
+                ("0.1 s [deg]", lambda row: np.rad2deg(row.open_loop[0, 2])),
+                ("0.5 s [deg]", lambda row: np.rad2deg(row.open_loop[1, 2])),
+            ),
         ),
     ]
+
+
+def _span(bounds: Iterable[float]) -> str:
+    low, high = bounds
+    return f"{low:.3g} to {high:.3g}"
 
 
 def as_json(found: Identification, rows: list[HeldOut]) -> dict[str, Any]:

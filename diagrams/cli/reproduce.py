@@ -7,7 +7,6 @@ What all of them share (seed, processes, cluster, files) is added by `reports`.
 
 import dataclasses as dc
 import os
-from collections.abc import Callable
 from importlib import import_module
 from typing import Annotated, Any
 
@@ -45,16 +44,11 @@ class Study:
     many: bool = True
     function: str = "run"
 
-    def verb(self) -> Callable[..., None]:
-        """Return the study as a verb with all its options."""
-        study = getattr(import_module(f"diagrams.{self.module}"), self.function)
-        out = OUT_OF_CASES if self.many else OUT
-        return reports(VERB, seed=self.seed, out=out, many=self.many)(study)
-
     def command(self, name: str) -> Any:
-        """Return the study as a command, named as it is called."""
-        app = Verbs(add_completion=False)
-        app.command(name)(self.verb())
+        """Return the study as a command, named as it is called, with all its options."""
+        study = getattr(import_module(f"diagrams.{self.module}"), self.function)
+        app, out = Verbs(add_completion=False), OUT_OF_CASES if self.many else OUT
+        app.command(name)(reports(VERB, seed=self.seed, out=out, many=self.many)(study))
         return typer.main.get_command(app)
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
 import numpy as np
+import pandas as pd
 from typer import Argument, Option
 
 from diagrams.batch.failed_run import FailedRun
@@ -223,11 +224,11 @@ def _payload_filter_report(flights: Sequence[Flight], out: Path, *, step: float)
     """Train a payload filter, write its file, and return what it found of the vehicle."""
     start = time.perf_counter()
     with progress("training payload_filter", 1.0) as advance:
-
-        def on_pass(done: int, total: int) -> None:
-            advance(done / total, f"pass {done} of {total}")
-
-        model = train_payload_filter(opened_logs(flights), step=step, on_pass=on_pass)
+        model = train_payload_filter(
+            opened_logs(flights),
+            step=step,
+            on_pass=lambda done, total: advance(done / total, f"pass {done} of {total}"),
+        )
     wall = time.perf_counter() - start
     model.save(out)
     error, spread = 100 * model.thrust_error, 100 * model.thrust_error_deviation
@@ -472,18 +473,15 @@ def tables(rows: list[dict[str, Any]], zeta: str) -> list[Table]:
     """Return two tables for every flight, a column for every horizon: hold RMSE and, in brackets,
     skill.
     """
-    rows = [row for row in rows if row["zeta"] == zeta]
-    ahead = [f"{h:.4g} s" for h in sorted({row["horizon"] for row in rows})]
-    found = []
-    for flight in dict.fromkeys(row["flight"] for row in rows):
+    frame = pd.DataFrame([row for row in rows if row["zeta"] == zeta])
+    header, found = ["ahead", *(f"{h:.4g} s" for h in sorted(set(frame["horizon"])))], []
+    for flight, own in frame.groupby("flight", sort=False):
+        own = own.sort_values("horizon", kind="stable")
         for kind, unit in (("force", "N"), ("torque", "N·m")):
-            lines: dict[str, list[str]] = {}
-            for row in sorted(rows, key=lambda row: row["horizon"]):
-                if row["flight"] == flight:
-                    cell = f"{number(row[f'{kind}_rmse'])} ({row[f'{kind}_skill']:.2f})"
-                    lines.setdefault(row["model"], []).append(cell)
+            figures = zip(own[f"{kind}_rmse"], own[f"{kind}_skill"], strict=True)
+            cells = pd.Series([f"{number(rmse)} ({skill:.2f})" for rmse, skill in figures])
+            lines = cells.groupby(own["model"].to_numpy(), sort=False)
             what = f"{kind} RMSE [{unit}] (skill: below 1 beats all naive)"
             title = f"{flight}: {what}, coming motion {zeta}"
-            body = [(model, *cells) for model, cells in lines.items()]
-            found.append((title, ["ahead", *ahead], body))
+            found.append((title, header, [(model, *of) for model, of in lines]))
     return found
