@@ -14,7 +14,7 @@ from typer import Option
 from diagrams.batch.run import Report, Run, every_result
 from diagrams.challenge.real import block_name, campaign_of, numbered_blocks
 from diagrams.challenge.score_tables import table
-from diagrams.studies.options import RealFlights, given_folder
+from diagrams.studies.options import REAL_FLIGHTS, RealFlights, required
 from np_drake.flight_log import FlightLog
 from np_drake.labels import ReadsLabels
 from np_drake.lifting.model.lifted_model import LIFTED, PAPER
@@ -165,7 +165,7 @@ def run(
     ] = None,
 ) -> Report:
     """Forecast of force and torque on real flights with a payload, one manoeuvre left out."""
-    folder, only = given_folder("payload-flights", folder), only or list(ROWS)
+    folder, only = required("payload-flights", folder, REAL_FLIGHTS), only or list(ROWS)
     if unknown := sorted(set(only) - set(ROWS)):
         raise ValueError(f"--only: must be of {', '.join(ROWS)}; got {', '.join(unknown)}.")
     if not folder.is_dir():

@@ -20,7 +20,7 @@ from diagrams.challenge.real import DRAG, GROUND, PAYLOAD, PLACE, WINDS, Case, T
 from diagrams.challenge.score import SURE, calibration
 from diagrams.challenge.score_tables import calibration_figure, table
 from diagrams.gap.drake_replay import DrakeReplay
-from diagrams.studies.options import Group, Neurobem, RealFlights, given_folder
+from diagrams.studies.options import REAL_FLIGHTS, Group, Neurobem, RealFlights, required
 from np_drake.diagnosis.diagnose import diagnose
 from np_drake.diagnosis.residuals import make_flight_residuals
 from np_drake.diagnosis.result import UNKNOWN
@@ -440,7 +440,7 @@ def run(
     """The diagnosis, or answers of any tool, on real flights with known causes, beside least
     squares.
     """
-    folder = given_folder("real", folder)
+    folder = required("real", folder, REAL_FLIGHTS)
     cases = real.make_cases(folder, neurobem, only or ())
     lost = [c.folder / ANSWER_FILE for c in cases if answers and read_answer(answers, c) is None]
     if len(lost) == len(cases):

@@ -20,7 +20,7 @@ from diagrams.batch.campaign import Case
 from diagrams.batch.run import Report, Run, every_result
 from diagrams.studies.columns import grouped, tabulate
 from diagrams.studies.figures import Panel, panel_figure
-from diagrams.studies.options import Neurobem, required
+from diagrams.studies.options import NEUROBEM_FLIGHTS, Neurobem, required
 from np_drake.files.number_text import NOTHING
 from np_drake.lifting.model.lifted_model import BY_AXES, PAPER, LiftedModel
 from np_drake.lifting.training.train import Config, make_config, train
@@ -137,12 +137,6 @@ def flights(folder: Path) -> tuple[Segment, dict[str, Segment]]:
     return Segment(training.chi, training.zeta, training.step), segments
 
 
-def neurobem_folder(study: str, neurobem: Path | None) -> Path:
-    """Return the folder of the NeuroBEM flights; ValueError if it is not given."""
-    where = "give the folder of the NeuroBEM flights as --neurobem DIR or NP_DRAKE_NEUROBEM."
-    return required(neurobem, f"{study}: {where}")
-
-
 def configs(seed: int) -> dict[str, Config]:
     """Return the configurations of our rows with their usual settings for these arrays."""
     return {name: make_config(name, frame="body", seed=seed) for name in OURS}
@@ -232,7 +226,7 @@ def run(run: Run, neurobem: Neurobem = None) -> Report:
     """The paper's table, one step ahead. On all real flights in DIR; --out DIR: ten seconds as a
     figure.
     """
-    training, tests = flights(neurobem_folder("estimation", neurobem))
+    training, tests = flights(required("estimation", neurobem, NEUROBEM_FLIGHTS))
     models, settings = trained(run, training)
     cells, stability = estimation_table(run, models, tests, settings)
     below = {row: int((ratios(cells, row) <= 1.0).sum()) for row in OWN}
@@ -375,7 +369,7 @@ def sample_efficiency(
 
 def sample_study(run: Run, neurobem: Neurobem = None) -> Report:
     """Error against training samples. On race track 1; --out DIR: figure."""
-    training, tests = flights(neurobem_folder("sample-efficiency", neurobem))
+    training, tests = flights(required("sample-efficiency", neurobem, NEUROBEM_FLIGHTS))
     if FLIGHT not in tests:
         raise ValueError(f"sample-efficiency: the folder must hold {FLIGHT}.")
     settings = configs(run.seed)

@@ -50,18 +50,15 @@ RealFlights = Annotated[
 Duration = Annotated[float, Option(min=10.0, max=3600.0, help="Of a flight, after the ramp [s].")]
 
 
-def required(option: Path | None, message: str) -> Path:
-    """Return the folder that an option names; ValueError with the message where it is not given."""
-    if option is None:
-        raise ValueError(message)
-    return option
+REAL_FLIGHTS = "real flights as DIR or NP_DRAKE_REAL"
+NEUROBEM_FLIGHTS = "NeuroBEM flights as --neurobem DIR or NP_DRAKE_NEUROBEM"
 
 
-def given_folder(study: str, folder: Path | None) -> Path:
-    """Return the folder of the real flights; ValueError if none is given."""
-    return required(
-        folder, f"{study}: give the folder of the real flights as DIR or NP_DRAKE_REAL."
-    )
+def required(study: str, folder: Path | None, flights: str) -> Path:
+    """Return the folder of these flights; ValueError where the study is given none."""
+    if folder is None:
+        raise ValueError(f"{study}: give the folder of the {flights}.")
+    return folder
 
 
 @dc.dataclass(frozen=True, kw_only=True)

@@ -195,14 +195,17 @@ def summary(cell: pd.DataFrame) -> dict:
 
 def robustness_table(cells: Cells, axes: Sequence[Axis]) -> list[dict]:
     """Return one line an axis and row that flew: `points`, a summary a value."""
-    lines = []
-    for axis, row in itertools.product(axes, dict.fromkeys(row for row, *_ in cells)):
-        points = []
-        for value in axis.values:
-            setting = BASE | {axis.name: value}
-            points.append({"value": value, **summary(cells[row, *setting.values()])})
-        lines.append({"axis": axis.name, "row": row, "points": points})
-    return lines
+    return [
+        {
+            "axis": axis.name,
+            "row": row,
+            "points": [
+                {"value": value, **summary(cells[row, *(BASE | {axis.name: value}).values()])}
+                for value in axis.values
+            ],
+        }
+        for axis, row in itertools.product(axes, dict.fromkeys(row for row, *_ in cells))
+    ]
 
 
 def grid_points(cells: Cells, settings: Sequence[Setting]) -> list[dict]:
