@@ -281,16 +281,17 @@ def estimates(answer: Mapping[str, Any], truth: Truth) -> list[dict[str, Any]]:
     given = {n: e for name in truth.present for n, e in answer["parameters"].get(name, {}).items()}
     lines = []
     for name, known in truth.parameters.items():
+        true, (least, most) = known["value"], (known["value"] * bound for bound in known["asked"])
         own = given.get(name, {})
         value, (low, high) = own.get("value"), own.get("ci95") or (None, None)
         lines.append(
             {
                 "parameter": name,
-                "asked": f"{known.low:.2g} to {known.high:.2g}",
+                "asked": f"{least:.2g} to {most:.2g}",
                 "told": name in given,
-                "within": value is not None and known.low <= value <= known.high,
-                "covered": low is not None and high is not None and low <= known.value <= high,
-                "error": math.nan if value is None else 100 * (value / known.value - 1),
+                "within": value is not None and least <= value <= most,
+                "covered": low is not None and high is not None and low <= true <= high,
+                "error": math.nan if value is None else 100 * (value / true - 1),
             }
         )
     return lines

@@ -4,11 +4,12 @@ identified, beside the truth and two naive answers.
 
 import dataclasses as dc
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from functools import partial
 from typing import Annotated, Any
 
 import numpy as np
+import pandas as pd
 from typer import Option
 
 from diagrams.batch.campaign import Case
@@ -344,16 +345,21 @@ def quantity_lines(results: Sequence[Line]) -> list[Line]:
     """Return a line for every kind of quantity: how often told, share of intervals with the truth,
     median errors over the vehicles of which it is told.
     """
-    kinds: dict[str, list[Line]] = {}
-    for q in (q for result in results for q in result["quantities"]):
-        kinds.setdefault(LINE_OF.get(q["name"], q["name"]), []).append(q)
+    frame = pd.DataFrame([q for result in results for q in result["quantities"]])
     lines = []
-    for name, own in kinds.items():
-        told = [q for q in own if q["told"]]
-        line = {"name": name, "unit": own[0]["unit"], "air": own[0]["air"], "count": len(own)}
-        within = float(np.mean([q["within"] for q in told])) if told else None
-        line |= {"told": len(told), "within": within}
-        lines.append(line | {key: _median([q[key] for q in told]) for key in ERRORS.values()})
+    for name, own in frame.groupby(frame["name"].replace(LINE_OF), sort=False):
+        told = own[own["told"]]
+        lines.append(
+            {
+                "name": name,
+                "unit": own["unit"].iloc[0],
+                "air": bool(own["air"].iloc[0]),
+                "count": len(own),
+                "told": len(told),
+                "within": float(told["within"].mean()) if len(told) else None,
+                **{key: _median(told[key]) for key in ERRORS.values()},
+            }
+        )
     return lines
 
 
@@ -389,8 +395,8 @@ def _covered(results: Sequence[Line], air: bool) -> tuple[float | None, float | 
     return share, 1.96 * float(np.sqrt(variance) / every) if n > 1 else None, every
 
 
-def _median(values: Sequence[float | None]) -> float | None:
-    known = [v for v in values if v is not None]
+def _median(values: Iterable[float | None]) -> float | None:
+    known = [v for v in values if v is not None and v == v]
     return float(np.median(known)) if known else None
 
 

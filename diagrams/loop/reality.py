@@ -103,13 +103,6 @@ class RealityConfig:
         return [entry.made for entry in self.effects]
 
     @property
-    def by_flight(self) -> list[tuple[Effect, dict[str, float | None]]]:
-        """The effects of `effects` with their onsets by flight of the diagnosis, as `DrakeReplay`
-        takes them.
-        """
-        return [(entry.made, {**entry.onsets}) for entry in self.effects]
-
-    @property
     def onsets(self) -> dict[Effect, float]:
         """When those of `effects` begin that do not act from the start [s]."""
         return {entry.made: entry.onset for entry in self.effects if entry.onset}
