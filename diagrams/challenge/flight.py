@@ -11,7 +11,7 @@ from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.math import SpatialVelocity
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
 
-from diagrams.batch.failed_run import FailedRun
+from diagrams.batch.failed_run import FailedRun, require
 from diagrams.challenge.plans import Plan
 from np_drake import attitude
 from np_drake.control.cascade import CascadeGains, cascade
@@ -152,11 +152,10 @@ def stiff_cable(effect: SuspendedPayload | None, vehicle: Vehicle) -> PayloadCon
 
 def require_rotorpy() -> None:
     """Raises ValueError: where rotorpy is not installed."""
-    if find_spec("rotorpy") is None:
-        raise ValueError(
-            "simulator: for rotorpy its package must be installed; pip install "
-            "'np_drake[challenge]'."
-        )
+    require(
+        find_spec("rotorpy") is not None,
+        "simulator: for rotorpy its package must be installed; pip install 'np_drake[challenge]'.",
+    )
 
 
 def fly(

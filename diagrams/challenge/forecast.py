@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 from typer import Option
 
+from diagrams.batch.failed_run import require
 from diagrams.batch.run import Report, Run, every_result
 from diagrams.challenge.real import block_name, campaign_of, numbered_blocks
 from diagrams.challenge.score_tables import table
@@ -75,11 +76,11 @@ def open_campaign(folder: Path) -> dict[str, list[Opened]]:
     """
     campaign = campaign_of("payload")
     blocks = numbered_blocks(campaign.files(folder))
-    if len(blocks) < 2:
-        raise ValueError(
-            f"{folder / campaign.patterns[0]}: must be flights of two manoeuvres (runs of "
-            f"numbers); got {len(blocks)}."
-        )
+    require(
+        len(blocks) >= 2,
+        f"{folder / campaign.patterns[0]}: must be flights of two manoeuvres (runs of "
+        f"numbers); got {len(blocks)}.",
+    )
     flights = {
         block_name(block): [log for path in block for log in campaign.open_flights(path)]
         for block in blocks
@@ -168,8 +169,7 @@ def run(
     folder, only = required("payload-flights", folder, REAL_FLIGHTS), only or list(ROWS)
     if unknown := sorted(set(only) - set(ROWS)):
         raise ValueError(f"--only: must be of {', '.join(ROWS)}; got {', '.join(unknown)}.")
-    if not folder.is_dir():
-        raise ValueError(f"{folder}: must be a folder of real flights; it is not there.")
+    require(folder.is_dir(), f"{folder}: must be a folder of real flights; it is not there.")
     names, flights = [name for name in ROWS if name in {PERSISTENCE, *only}], open_campaign(folder)
     cases = [{"manoeuvre": manoeuvre, "row": name} for manoeuvre in flights for name in names]
     title, config = "training and scoring", {"folder": folder.name, "step": STEP}

@@ -8,6 +8,7 @@ from typing import Annotated, Any
 
 from typer import Argument, Option
 
+from diagrams.batch.failed_run import require
 from diagrams.batch.run import part_of
 from diagrams.cli.verb import LogMap, Report, Run, Table, progress, reports, say, tell
 from diagrams.gap import side_by_side
@@ -275,17 +276,18 @@ def _choose_files(
 ) -> CaseFiles:
     """Return the files of a case folder, or those given one by one."""
     if case is None:
-        if not train or not held_out:
-            raise ValueError(
-                "give a case folder, or at least one --train LOG and one --held-out LOG."
-            )
-        return CaseFiles(vehicle, tuple(train), tuple(held_out), tuple(before))
-    if case.is_file():
-        raise ValueError(
-            f"{case}: CASE must be a folder; name every log behind its own --train or --held-out."
+        require(
+            bool(train and held_out),
+            "give a case folder, or at least one --train LOG and one --held-out LOG.",
         )
-    if train or held_out:
-        raise ValueError("give either a case folder or --train and --held-out, not both.")
+        return CaseFiles(vehicle, tuple(train), tuple(held_out), tuple(before))
+    require(
+        not case.is_file(),
+        f"{case}: CASE must be a folder; name every log behind its own --train or --held-out.",
+    )
+    require(
+        not (train or held_out), "give either a case folder or --train and --held-out, not both."
+    )
     files = find_case(case, vehicle)
     return dc.replace(files, before=(*files.before, *before))
 

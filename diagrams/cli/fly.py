@@ -18,7 +18,7 @@ from typer import Argument, Option
 
 from diagrams.autopilot import node as nodes
 from diagrams.autopilot.node import LinkedFlight
-from diagrams.batch.failed_run import FailedRun
+from diagrams.batch.failed_run import FailedRun, require
 from diagrams.batch.run import part_of
 from diagrams.cli.verb import OUT, Report, Run, Table, VehicleFile, progress, reports, say, tell
 from diagrams.gap.corrected import drawn
@@ -121,9 +121,11 @@ def fly(
     ] = None,
 ) -> Report:
     """Simulate an experiment; with --out: flight log, figures and a 3-D replay page."""
-    if link is not None and (controller or predictor or sample is not None):
-        others = "--controller, --predictor and --sample"
-        raise ValueError(f"give either --link, whose node has the controller, or {others}.")
+    require(
+        link is None or not (controller or predictor or sample is not None),
+        "give either --link, whose node has the controller, or --controller, --predictor and "
+        "--sample.",
+    )
     configs = scenarios(
         experiment,
         (controller or []) if link is None else ["hold"],
@@ -135,14 +137,15 @@ def fly(
         duration=duration,
         fields=fields or (),
     )
-    if (mcap is not None) + (sample is not None) + (len(configs) > 1) > 1:
-        raise ValueError(
-            "give either --mcap, which takes one flight, or --sample, or several --controller."
-        )
+    require(
+        (mcap is not None) + (sample is not None) + (len(configs) > 1) <= 1,
+        "give either --mcap, which takes one flight, or --sample, or several --controller.",
+    )
     if mcap is not None:
         require_mcap(mcap)
-        if mcap.suffix != ".mcap":
-            raise ValueError(f"--mcap: must be a file whose name ends in .mcap; got {mcap}.")
+        require(
+            mcap.suffix == ".mcap", f"--mcap: must be a file whose name ends in .mcap; got {mcap}."
+        )
     compared, lost = len(configs) > 1, list[FailedRun]()
     if link is not None:
         flight, linked = _fly_linked(configs[0], run.seed, link)
@@ -196,8 +199,10 @@ def scenarios(
 
     Raises: ValueError: on bad input.
     """
-    if reality is not None and vehicle is not None:
-        raise ValueError("give either --reality, which has a vehicle of its own, or --vehicle.")
+    require(
+        reality is None or vehicle is None,
+        "give either --reality, which has a vehicle of its own, or --vehicle.",
+    )
     first = load_experiment(experiment, None if vehicle is None else load_vehicle(vehicle), reality)
     if "solver" not in (read_yaml(scenario_file(experiment)).get("controller") or {}):
         first.controller.solver = DEFAULT_SOLVER
@@ -277,16 +282,14 @@ def _give(predictor: Path, configs: Sequence[FlightConfig]) -> None:
     Raises: ValueError: where none of them flies a model, or this one.
     """
     controllers = [config.controller for config in configs if config.controller.kind in LEARNED]
-    if not controllers:
-        raise ValueError(f"--predictor: is for {', '.join(LEARNED)}; none of them flies.")
+    require(bool(controllers), f"--predictor: is for {', '.join(LEARNED)}; none of them flies.")
     kind = kind_of_model(str(predictor))
     fits = [one for one in controllers if one.kind == kind]
     kinds = " and ".join(one.kind for one in controllers)
-    if not fits:
-        raise ValueError(
-            f"--predictor: {predictor} is for {kind}; {kinds} cannot fly it. Name "
-            f"--controller {kind}."
-        )
+    require(
+        bool(fits),
+        f"--predictor: {predictor} is for {kind}; {kinds} cannot fly it. Name --controller {kind}.",
+    )
     fits[0].predictor = str(predictor)
 
 
@@ -470,11 +473,11 @@ def node(
         duration=duration,
         fields=fields or (),
     )[0]
-    if is_own(config.controller.kind):
-        raise ValueError(
-            f"controller: must be one of this project's; got {config.controller.kind}. Name "
-            f"another --controller, or simulate your own."
-        )
+    require(
+        not is_own(config.controller.kind),
+        f"controller: must be one of this project's; got {config.controller.kind}. Name "
+        f"another --controller, or simulate your own.",
+    )
     if config.controller.deadline == float("inf"):
         config.controller.deadline = DEADLINE * config.controller.period
     port, worker = MavlinkLink(link, baud), nodes.SolverThread()

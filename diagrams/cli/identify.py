@@ -7,7 +7,7 @@ from typing import Annotated, Any
 import numpy as np
 from typer import Argument, Option
 
-from diagrams.batch.failed_run import FailedRun
+from diagrams.batch.failed_run import FailedRun, require
 from diagrams.cli.verb import (
     LogMap,
     Report,
@@ -106,11 +106,11 @@ def identify(
         opened, notes = _open_logs([*logs, *judges], prior, log_map, advance)
         judging = [log for found in opened[len(logs) :] for log in found]
         drive = common_drive([log for found in opened for log in found], input)
-        if trust == "thrust" and drive == "throttle":
-            raise ValueError(
-                f"--trust thrust: {drive} tells no newtons without a measured coefficient; "
-                f"give --mass."
-            )
+        require(
+            (trust, drive) != ("thrust", "throttle"),
+            f"--trust thrust: {drive} tells no newtons without a measured coefficient; "
+            f"give --mass.",
+        )
         fitted, judging, last, said = _split(opened[: len(logs)], judging, prior, drive)
         advance(READ, f"{len(fitted)} flight{'s' * (len(fitted) > 1)}")
         trusted = trust == "thrust"
@@ -158,12 +158,11 @@ def _prior_of(vehicle: Path, mass: float | None, trust: str) -> tuple[Vehicle, f
 
     Raises: ValueError: where they do not go together.
     """
-    if trust not in ("mass", "thrust"):
-        raise ValueError(f"--trust must be mass or thrust; got {trust!r}.")
-    if mass is not None and not LIGHTEST <= mass <= HEAVIEST:
-        raise ValueError(f"--mass must be {LIGHTEST:g} to {HEAVIEST:g} kg; got {mass:g}.")
-    if mass is not None and trust == "thrust":
-        raise ValueError("--trust thrust: tells the mass; leave --mass out.")
+    require(trust in ("mass", "thrust"), f"--trust must be mass or thrust; got {trust!r}.")
+    if mass is not None:
+        within = LIGHTEST <= mass <= HEAVIEST
+        require(within, f"--mass must be {LIGHTEST:g} to {HEAVIEST:g} kg; got {mass:g}.")
+        require(trust == "mass", "--trust thrust: tells the mass; leave --mass out.")
     prior = load_vehicle(vehicle)
     return prior, None if trust == "thrust" else mass or prior.mass
 
@@ -183,10 +182,10 @@ def _open_logs(
         read.append(read_as_logged(path, declared))
         logs = read[-1].flights
         inputs = [log.rotor if log.rotor is not None else log.throttle for log in logs]
-        if all(values is not None and not (values > 0).any() for values in inputs):
-            raise ValueError(
-                f"{path}: its rotors do not turn, as on a desk, so that it tells nothing. {REMEDY}"
-            )
+        require(
+            any(values is None or (values > 0).any() for values in inputs),
+            f"{path}: its rotors do not turn, as on a desk, so that it tells nothing. {REMEDY}",
+        )
     opened = [found.flights for found in with_vehicle(read, vehicle)]
     said: dict[str, list[str]] = {}
     for log in (log for flights in opened for log in flights):

@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 from typer import Argument, Option
 
-from diagrams.batch.failed_run import FailedRun
+from diagrams.batch.failed_run import FailedRun, require
 from diagrams.cli.fly import fly_all
 from diagrams.cli.verb import (
     Report,
@@ -111,19 +111,20 @@ def train(
     force: Force = False,
 ) -> Report:
     """Train a predictor; writes the model, and the loss curve as a PNG beside it."""
-    if out.suffix != ".safetensors":
-        raise ValueError(f"--out: must end in .safetensors; got {out.name}.")
+    require(out.suffix == ".safetensors", f"--out: must end in .safetensors; got {out.name}.")
     curve = out.with_suffix(".png")
     require_outputs(out, curve, *([run.json] if run.json else []))
     known = (*CONFIGURATIONS, PAYLOAD_FILTER, *REACTIONS)
-    if configuration not in (None, *known):
-        raise ValueError(
-            f"--configuration: must be one of {', '.join(known)}; got {configuration}."
-        )
+    require(
+        configuration in (None, *known),
+        f"--configuration: must be one of {', '.join(known)}; got {configuration}.",
+    )
     name = configuration or ""
     logs = logs or []
-    if not (logs or envelope):
-        raise ValueError("train: must have something to learn from; give LOG, or --envelope N.")
+    require(
+        bool(logs or envelope),
+        "train: must have something to learn from; give LOG, or --envelope N.",
+    )
     flights = open_flights(logs, vehicle)
     if not force:
         require_motion(flights)
@@ -139,8 +140,10 @@ def train(
         family = family.without_network if name == LIFTED else family
         name = family.configuration
     configuration = configuration_for(name, frame)
-    if configuration not in FAMILIES and envelope:
-        raise ValueError(f"--envelope: must be of {' | '.join(FAMILIES)}; got {configuration}.")
+    require(
+        configuration in FAMILIES or not envelope,
+        f"--envelope: must be of {' | '.join(FAMILIES)}; got {configuration}.",
+    )
     if configuration == PAYLOAD_FILTER:
         return _payload_filter_report(flights, out, step=step)
     if configuration in REACTIONS:
@@ -255,10 +258,10 @@ def train_reaction(
 ) -> tuple[MotionModel, list[float], float]:
     """Return gp or knode trained, its loss, and how long the training took [s]."""
     vehicle = flights[0].vehicle
-    if any(flight.vehicle != vehicle for flight in flights):
-        raise ValueError(
-            f"{name}: all flights must be of one vehicle; give them one --vehicle FILE."
-        )
+    require(
+        all(flight.vehicle == vehicle for flight in flights),
+        f"{name}: all flights must be of one vehicle; give them one --vehicle FILE.",
+    )
     data = [flight.data for flight in flights]
     learn = partial(train_motion_model, name, data, vehicle, step=step, **settings)
     (model, loss), wall = behind_bar(f"training {name}", learn)
@@ -321,11 +324,11 @@ def open_flights(paths: list[Path], vehicle_file: Path | None) -> list[Flight]:
 
 def require_one_frame(flights: list[Flight]) -> None:
     """Check that total wrenches in body axes are not mixed with residual ones in W."""
-    if len({flight.frame for flight in flights}) > 1:
-        raise ValueError(
-            "flights: arrays (.npy) hold the total wrench in body axes, logs the residual "
-            "one; give one kind."
-        )
+    require(
+        len({flight.frame for flight in flights}) <= 1,
+        "flights: arrays (.npy) hold the total wrench in body axes, logs the residual "
+        "one; give one kind.",
+    )
 
 
 TRAINED = ("paper", "")  # "": the one that suits the axes of the flights
@@ -400,11 +403,11 @@ def evaluate(
 def parse_horizons(text: str) -> list[int]:
     """Return the steps ahead, ascending."""
     parts = [part.strip() for part in text.split(",")]
-    if not all(part.isdecimal() and 0 < int(part) <= FARTHEST for part in parts):
-        raise ValueError(
-            f"--horizons: must be positive whole numbers of steps, at most {FARTHEST}, as "
-            f"{HORIZONS}; got {text!r}."
-        )
+    require(
+        all(part.isdecimal() and 0 < int(part) <= FARTHEST for part in parts),
+        f"--horizons: must be positive whole numbers of steps, at most {FARTHEST}, as "
+        f"{HORIZONS}; got {text!r}.",
+    )
     return sorted({int(part) for part in parts})
 
 
@@ -412,8 +415,7 @@ def _choose_flights(
     train: list[Path], logs: list[Path], predictor: Path | None, neurobem: Path | None
 ) -> tuple[list[Path], list[Path]]:
     """Return the flights to train on and to score; the paper's where none are given."""
-    if predictor and train:
-        raise ValueError("--predictor is trained already; leave out --train.")
+    require(not (predictor and train), "--predictor is trained already; leave out --train.")
     if logs:
         named = [path.resolve() for path in (*train, *logs)]
         if twice := [path for path in (*train, *logs) if named.count(path.resolve()) > 1]:
@@ -421,8 +423,7 @@ def _choose_flights(
                 f"{twice[0]}: must be given once; a flight to score must be held out of training."
             )
         return train, logs
-    if predictor or train:
-        raise ValueError("give the flights to score: np-drake evaluate LOG….")
+    require(not (predictor or train), "give the flights to score: np-drake evaluate LOG….")
     if neurobem is None:
         raise ValueError(
             "give flights, or the folder of the NeuroBEM flights as --neurobem DIR or "

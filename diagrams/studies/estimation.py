@@ -17,6 +17,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from diagrams.batch.campaign import Case
+from diagrams.batch.failed_run import require
 from diagrams.batch.run import Report, Run, every_result
 from diagrams.studies.columns import grouped, tabulate
 from diagrams.studies.figures import Panel, panel_figure
@@ -119,8 +120,7 @@ def column_rmse(error: np.ndarray) -> dict[str, float]:
     Raises: ValueError: if no row without NaN is left.
     """
     error = error[np.isfinite(error).all(axis=1)]
-    if not len(error):
-        raise ValueError("column_rmse: the flight must have a row with a label and an estimate.")
+    require(len(error) > 0, "column_rmse: the flight must have a row with a label and an estimate.")
     square = np.mean(error**2, axis=0)
     return {name: float(np.sqrt(square[channels].sum())) for name, channels in CHANNELS.items()}
 
@@ -339,8 +339,10 @@ def sample_efficiency(
     Raises: ValueError: if the training segment is shorter than all sizes; FailedRun: where a model
         has no result.
     """
-    if len(training) < min(sizes):
-        raise ValueError(f"training segment: must have {min(sizes)} samples; got {len(training)}.")
+    require(
+        len(training) >= min(sizes),
+        f"training segment: must have {min(sizes)} samples; got {len(training)}.",
+    )
     cases: list[Case] = [
         {"row": name, "samples": size, "piece": piece}
         for name in configs
@@ -370,8 +372,7 @@ def sample_efficiency(
 def sample_study(run: Run, neurobem: Neurobem = None) -> Report:
     """Error against training samples. On race track 1; --out DIR: figure."""
     training, tests = flights(required("sample-efficiency", neurobem, NEUROBEM_FLIGHTS))
-    if FLIGHT not in tests:
-        raise ValueError(f"sample-efficiency: the folder must hold {FLIGHT}.")
+    require(FLIGHT in tests, f"sample-efficiency: the folder must hold {FLIGHT}.")
     settings = configs(run.seed)
     points = sample_efficiency(run, training, tests[FLIGHT], settings)
     shown = [{**p, "row": f"{p['row']} (published)"} for p in CURVE]
