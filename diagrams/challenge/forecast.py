@@ -185,11 +185,10 @@ def run(
     half = frame["interval"].map(lambda bounds: 0.5 * (bounds[1] - bounds[0]))
     frame["cell"] = [f"{r:.3g}±{h:.2g}" for r, h in zip(frame["ratio"], half, strict=True)]
     frame["ahead"] = frame["horizon"].map("{:.3g} s".format)
-    by_motion = frame.groupby(["motion", "kind"], sort=False)
     return Report(
         [
             made
-            for (motion, kind), own in by_motion
+            for (motion, kind), own in frame.groupby(["motion", "kind"], sort=False)
             for made in table(
                 f"{kind}: RMSE over that of persistence (± half of the 95 % interval), coming "
                 f"motion {motion}",

@@ -203,11 +203,8 @@ def tables(diagnosis: Diagnosis) -> list[Table]:
     traces = [(words.described(one), one.measurement) for one in diagnosis.unexplained]
     every.append(("what would end it", ["trace", "measurement"], traces))
     minor = [f"{one.name}: {one.text}" for one in diagnosis.below_threshold]
-    for title, texts in (
-        ("what to do next", answer.next_steps(diagnosis)),
-        ("minor findings", minor),
-    ):
-        every.append((title, ["finding"], [(text,) for text in texts]))
+    findings = {"what to do next": answer.next_steps(diagnosis), "minor findings": minor}
+    every += [(title, ["finding"], [(text,) for text in own]) for title, own in findings.items()]
     return [table for table in every if table[-1]]
 
 

@@ -287,10 +287,9 @@ def _span(bounds: Iterable[float]) -> str:
 def as_json(found: Identification, rows: list[HeldOut]) -> dict[str, Any]:
     """Return the values of `--json`."""
     each = {told.quantity.name: told for told in flight_values(found)}
-    quantities = [_quantity(q, each.get(q.name)) for q in found.quantities]
     return {
         "fitted": [model.flight.name for model in found.models],
-        "quantities": quantities,
+        "quantities": [_quantity(q, each.get(q.name)) for q in found.quantities],
         "by_flight": [
             {
                 "name": own.quantity.name,

@@ -307,8 +307,7 @@ def open_flights(paths: list[Path], vehicle_file: Path | None) -> list[Flight]:
             own = vehicle or log.vehicle or Vehicle()
             for data in map(require_torque, log.flights):
                 flights.append(Flight(with_accelerations(data), own))
-                notes = flights[-1].data.notes
-                tell(*(f"{data.name}: {note}" for note in notes))
+                tell(*(f"{data.name}: {note}" for note in flights[-1].data.notes))
         elif isinstance(found, WrenchSequence):
             flights.append(Flight(found, vehicle or published_vehicle()))
         else:
@@ -441,8 +440,7 @@ def _train_baselines(flights: list[Flight], horizons: list[int], step: float) ->
         return {}
     segments = [segment for flight in flights for segment in flight.segments(step)]
     mean = np.concatenate([segment.goal for segment in segments]).mean(axis=0)
-    models = dict(fit_all(segments, np.unique([0, *horizons])))
-    return {"baselines": models, "mean": mean}
+    return {"baselines": dict(fit_all(segments, np.unique([0, *horizons]))), "mean": mean}
 
 
 def load(path: Path) -> dict[str, Model]:
