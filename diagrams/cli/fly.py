@@ -504,9 +504,7 @@ def node(
     finally:
         worker.close()
         port.close()
-    flown, failure = flying.flown, None
-    if flown is None:
-        failure = FailedRun(f"node: nothing was flown: {flying.lacks or flying.events[-1][2]}.")
+    flown, why = flying.flown, flying.lacks or flying.events[-1][2]
     if flown is not None and run.out is not None:
         file = run.folder / f"{config.name}_{config.controller.name}.csv"
         write_log(flown, file)
@@ -523,7 +521,7 @@ def node(
             "deadlines": nodes.deadlines(flying),
             "phases": [(t, phase.value, reason) for t, phase, reason in flying.events],
         },
-        failure=failure,
+        failure=FailedRun(f"node: nothing was flown: {why}.") if flown is None else None,
     )
 
 

@@ -92,12 +92,11 @@ def timing_line(row: str, solver: str, spent: dict[str, np.ndarray]) -> dict:
     """Return one line of the table: medians and 95 % quantiles [ms], CPU load by rate [1], ratios
     to the reference [1].
     """
-    failures = int(np.sum(spent["status"] >= MpcStatus.SQP_FALLBACK))
     line: dict[str, Any] = {
         "row": row,
         "solver": solver,
         "periods": len(spent["status"]),
-        "failures": failures,
+        "failures": int(np.sum(spent["status"] >= MpcStatus.SQP_FALLBACK)),
     }
     values = {name: spent[name] for name in ("predict", "solve")}
     whole = spent["predict"] + spent["solve"]
