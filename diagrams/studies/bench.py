@@ -147,23 +147,19 @@ def suite(
     vehicle: Vehicle,
     config: MpcConfig,
     *,
-    recorded: Mapping[str, Sequence[MpcProblem]] | None = None,
+    recorded: Mapping[str, Sequence[MpcProblem]],
     period: float = 0.02,
-    count: int = 200,
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> dict[str, list[dict]]:
     """Run the whole benchmark and return the reports by name of the problem set.
 
-    The sets are recorded (or generated) tracking by name and generated tracking of growing size;
-    `period` parts the problems [s].
+    The sets are recorded tracking by name and generated tracking of growing size; `period` parts
+    the problems [s].
     """
-    tracking = recorded or {
-        "tracking": tracking_problems(vehicle, config, count=count, period=period)
-    }
-    sets = {name: (config, problems) for name, problems in tracking.items()}
+    sets = {name: (config, problems) for name, problems in recorded.items()}
     for n, K in GROWTH:
         other = dc.replace(config, horizon=n)
-        generated = tracking_problems(vehicle, other, count=count, period=period, lifted=K)
+        generated = tracking_problems(vehicle, other, period=period, lifted=K)
         sets[growth_name(n, K)] = other, generated
     reports = {}
     for done, (name, (c, problems)) in enumerate(sets.items(), start=1):
