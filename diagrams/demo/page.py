@@ -101,7 +101,10 @@ def content(demo: Demo) -> dict[str, Any]:
         "vehicle": demo.training.config.vehicle.name,
         "headline": headline(demo),
         "held_out": HELD_OUT,
-        "errors": error_rows(demo),
+        "errors": [
+            (track, LABELS[kind], *(_cm(flight.metrics()[name]) for name in ("E_xy", "E_z")))
+            for (track, kind), flight in demo.flights.items()
+        ],
         "cut": [
             (track, words.percent(cut["E_xy"]), words.percent(cut["E_z"]))
             for track, cut in demo.reduction().items()
@@ -127,14 +130,6 @@ def headline(demo: Demo) -> str:
         f"The error falls by {words.percent(cut)}; {right} of {len(demo.withheld)} missing "
         f"effects are named and {others}; simulator and flight meet within {words.percent(off)}"
     )
-
-
-def error_rows(demo: Demo) -> list[tuple[str, ...]]:
-    """Return (track, controller, E_xy, E_z) of every flight."""
-    return [
-        (track, LABELS[kind], *(_cm(flight.metrics()[name]) for name in ("E_xy", "E_z")))
-        for (track, kind), flight in demo.flights.items()
-    ]
 
 
 def cause_rows(demo: Demo) -> list[tuple[str, ...]]:
