@@ -24,7 +24,7 @@ from typing import Any
 
 import numpy as np
 
-from diagrams.batch.failed_run import FailedRun, one_line
+from diagrams.batch.failed_run import FailedRun, one_line, require
 from np_drake.files.atomic_file import plain, write_text
 from np_drake.files.input_file import kept_json
 
@@ -60,8 +60,7 @@ def run_campaign(
     """
     head = _pure({"version": version("np_drake"), "config": config})
     names = [case_file(case, head) for case in cases]
-    if len(set(names)) < len(names):
-        raise ValueError("campaign: cases must differ from each other.")
+    require(len(set(names)) == len(names), "campaign: cases must differ from each other.")
     records: dict[int, Record] = {}
     if folder is not None:
         folder.mkdir(parents=True, exist_ok=True)
@@ -216,10 +215,10 @@ def connect(address: str, patience: float = PATIENCE) -> Iterator[Any]:
     Raises: ValueError: without the extra, or where no scheduler answers within `patience` [s], or
         where a worker has several threads, of which all cases die with one.
     """
-    if find_spec("distributed") is None:
-        raise ValueError(
-            "--scheduler: its packages must be installed; pip install 'np_drake[cluster]'."
-        )
+    require(
+        find_spec("distributed") is not None,
+        "--scheduler: its packages must be installed; pip install 'np_drake[cluster]'.",
+    )
     from distributed import Client
     from distributed.comm import connect as reach
 
@@ -232,8 +231,8 @@ def connect(address: str, patience: float = PATIENCE) -> Iterator[Any]:
     except (OSError, ValueError, TypeError) as error:  # unreachable, or no address at all
         raise ValueError(f"--scheduler: no Dask scheduler answers at {address!r}.") from error
     with connected:
-        if max(connected.nthreads().values(), default=1) > 1:
-            raise ValueError(
-                "--scheduler: workers must have one thread each; start them with --nthreads 1."
-            )
+        require(
+            max(connected.nthreads().values(), default=1) <= 1,
+            "--scheduler: workers must have one thread each; start them with --nthreads 1.",
+        )
         yield connected

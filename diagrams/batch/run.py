@@ -1,10 +1,10 @@
-"""Run and report of a study: a module with `Options`, its options, and `run(run, options) ->
-Report`.
+"""Run and report of a study: a function `run(run, ...) -> Report`, whose further parameters are its
+options.
 
 A study knows neither console nor files of its report. Called from Python it is silent:
 
     from diagrams.studies import tracking
-    report = tracking.run(Run(seed=1000), tracking.Options())
+    report = tracking.run(Run(seed=1000), seeds=3)
 
 `np-drake reproduce` gives it a progress bar, prints the tables and writes what was asked for.
 """
@@ -140,6 +140,13 @@ class Report:
 def counted(advance: Advance, what: str = "") -> Callable[[int, int], None]:
     """Return an `on_progress(done, total)` that moves a bar of total 1."""
     return lambda done, total: advance(done / total, f"{done} of {total} {what}".rstrip())
+
+
+def part_of(advance: Advance, before: float, share: float = 1.0) -> Advance:
+    """Return an `advance(done, text)` of a part of the work: it begins at `before`, and its bar of
+    total 1 takes a `share` of the whole.
+    """
+    return lambda done, text="": advance(before + share * done, text)
 
 
 def make_folder(path: Path) -> Path:

@@ -44,10 +44,11 @@ def violation(form: Validator, value: Any) -> str | None:
     error = next(form.iter_errors(value), None)
     if error is None:
         return None
-    place = ""
-    for step in error.absolute_path:
-        dot = "." if place else ""
-        place += f"[{step}]" if isinstance(step, int) else f"{dot}{' '.join(step.split())}"
+    steps = (
+        f"[{step}]" if isinstance(step, int) else f".{' '.join(step.split())}"
+        for step in error.absolute_path
+    )
+    place = "".join(steps).removeprefix(".")
     if error.validator != "required":
         must = error.schema["description"]
         return f"{place or 'it'} must be {must}; got {shown(error.instance)}."

@@ -11,7 +11,7 @@ from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.math import SpatialVelocity
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
 
-from diagrams.batch.failed_run import FailedRun
+from diagrams.batch.failed_run import FailedRun, require
 from diagrams.challenge.plans import Plan
 from np_drake import attitude
 from np_drake.control.cascade import CascadeGains, cascade
@@ -134,9 +134,9 @@ def _largest_step(vehicle: Vehicle, places: EffectsByPlace) -> float:
     """Return a step at which runge_kutta3 is stable and follows the lags to a few parts in a
     thousand [s].
     """
-    lags = [vehicle.rotor_time_constant] if vehicle.rotor_time_constant > 0 else []
-    for effect in places.actuator:
-        lags += [v for name, v in effect.values.items() if name in ("time_constant", "time")]
+    sizes = [item for effect in places.actuator for item in effect.values.items()]
+    lags = [lag for name, lag in sizes if name in ("time_constant", "time")]
+    lags += [vehicle.rotor_time_constant] if vehicle.rotor_time_constant > 0 else []
     return min([STEP if places.payload is None else CABLE_STEP, *(LAG_SHARE * lag for lag in lags)])
 
 
@@ -152,11 +152,10 @@ def stiff_cable(effect: SuspendedPayload | None, vehicle: Vehicle) -> PayloadCon
 
 def require_rotorpy() -> None:
     """Raises ValueError: where rotorpy is not installed."""
-    if find_spec("rotorpy") is None:
-        raise ValueError(
-            "simulator: for rotorpy its package must be installed; pip install "
-            "'np_drake[challenge]'."
-        )
+    require(
+        find_spec("rotorpy") is not None,
+        "simulator: for rotorpy its package must be installed; pip install 'np_drake[challenge]'.",
+    )
 
 
 def fly(

@@ -2,8 +2,8 @@
 manoeuvre left out.
 """
 
-import dataclasses as dc
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -11,10 +11,11 @@ import numpy as np
 import pandas as pd
 from typer import Option
 
+from diagrams.batch.failed_run import require
 from diagrams.batch.run import Report, Run, every_result
 from diagrams.challenge.real import block_name, campaign_of, numbered_blocks
 from diagrams.challenge.score_tables import table
-from diagrams.studies.options import RealFlights, required
+from diagrams.studies.options import REAL_FLIGHTS, RealFlights, required
 from np_drake.flight_log import FlightLog
 from np_drake.labels import ReadsLabels
 from np_drake.lifting.model.lifted_model import LIFTED, PAPER
@@ -75,11 +76,11 @@ def open_campaign(folder: Path) -> dict[str, list[Opened]]:
     """
     campaign = campaign_of("payload")
     blocks = numbered_blocks(campaign.files(folder))
-    if len(blocks) < 2:
-        raise ValueError(
-            f"{folder / campaign.patterns[0]}: must be flights of two manoeuvres (runs of "
-            f"numbers); got {len(blocks)}."
-        )
+    require(
+        len(blocks) >= 2,
+        f"{folder / campaign.patterns[0]}: must be flights of two manoeuvres (runs of "
+        f"numbers); got {len(blocks)}.",
+    )
     flights = {
         block_name(block): [log for path in block for log in campaign.open_flights(path)]
         for block in blocks
@@ -108,20 +109,16 @@ def square_errors(model: ResidualModel, opened: Opened, motion: str) -> dict[str
     return {"square": square, "count": there.sum(axis=0).tolist()}
 
 
-@dc.dataclass(frozen=True)
-class HoldingOut:
-    """Work of a case {"manoeuvre", "row"} -> errors on its flights, by coming motion and flight, of
-    the row trained on the other manoeuvres.
+def held_out_errors(
+    case: Mapping[str, str], *, flights: Mapping[str, Sequence[Opened]]
+) -> dict[str, Any]:
+    """Return of a case {"manoeuvre", "row"} the errors on its flights, by coming motion and flight,
+    of the row trained on the other manoeuvres.
     """
-
-    flights: Mapping[str, Sequence[Opened]]
-
-    def __call__(self, case: dict[str, Any]) -> dict[str, Any]:
-        """Train and score the row."""
-        held_out = case["manoeuvre"]
-        learned = [own for name, some in self.flights.items() if name != held_out for own in some]
-        model, shown = ROWS[case["row"]](learned), self.flights[held_out]
-        return {m: {own[0].name: square_errors(model, own, m) for own in shown} for m in MOTIONS}
+    held_out = case["manoeuvre"]
+    learned = [own for name, some in flights.items() if name != held_out for own in some]
+    model, shown = ROWS[case["row"]](learned), flights[held_out]
+    return {m: {own[0].name: square_errors(model, own, m) for own in shown} for m in MOTIONS}
 
 
 def pooled(found: Mapping[tuple[str, str], Mapping[str, Mapping]]) -> list[dict[str, Any]]:
@@ -160,29 +157,25 @@ def pooled(found: Mapping[tuple[str, str], Mapping[str, Mapping]]) -> list[dict[
     return lines
 
 
-@dc.dataclass(frozen=True)
-class Options:
-    """Options of the study."""
-
-    folder: RealFlights = None
+def run(
+    run: Run,
+    folder: RealFlights = None,
     only: Annotated[
         list[str] | None,
         Option("--only", metavar="ROW", help="Only this row and persistence; repeatable."),
-    ] = None
-
-
-def run(run: Run, options: Options) -> Report:
+    ] = None,
+) -> Report:
     """Forecast of force and torque on real flights with a payload, one manoeuvre left out."""
-    missing = "payload-flights: give the folder of the real flights as DIR or NP_DRAKE_REAL."
-    folder, only = required(options.folder, missing), options.only or ROWS
+    folder, only = required("payload-flights", folder, REAL_FLIGHTS), only or list(ROWS)
     if unknown := sorted(set(only) - set(ROWS)):
         raise ValueError(f"--only: must be of {', '.join(ROWS)}; got {', '.join(unknown)}.")
-    if not folder.is_dir():
-        raise ValueError(f"{folder}: must be a folder of real flights; it is not there.")
+    require(folder.is_dir(), f"{folder}: must be a folder of real flights; it is not there.")
     names, flights = [name for name in ROWS if name in {PERSISTENCE, *only}], open_campaign(folder)
     cases = [{"manoeuvre": manoeuvre, "row": name} for manoeuvre in flights for name in names]
     title, config = "training and scoring", {"folder": folder.name, "step": STEP}
-    records = run.cases(title, "folds of a row", HoldingOut(flights), cases, config=config)
+    records = run.cases(
+        title, "folds of a row", partial(held_out_errors, flights=flights), cases, config=config
+    )
     found: dict[tuple[str, str], dict[str, Any]] = {}
     for case, result in zip(cases, every_result(records), strict=True):
         for motion, own in result.items():
@@ -192,11 +185,10 @@ def run(run: Run, options: Options) -> Report:
     half = frame["interval"].map(lambda bounds: 0.5 * (bounds[1] - bounds[0]))
     frame["cell"] = [f"{r:.3g}±{h:.2g}" for r, h in zip(frame["ratio"], half, strict=True)]
     frame["ahead"] = frame["horizon"].map("{:.3g} s".format)
-    by_motion = frame.groupby(["motion", "kind"], sort=False)
     return Report(
         [
             made
-            for (motion, kind), own in by_motion
+            for (motion, kind), own in frame.groupby(["motion", "kind"], sort=False)
             for made in table(
                 f"{kind}: RMSE over that of persistence (± half of the 95 % interval), coming "
                 f"motion {motion}",

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from importlib.metadata import version
 from pathlib import Path
 
-from diagrams.batch.failed_run import FailedRun
+from diagrams.batch.failed_run import FailedRun, require
 from diagrams.batch.run import Workers
 from diagrams.challenge.draw import FILES, NOISE, Case, CaseDraw, case_name, compose, draw_case
 from diagrams.challenge.flight import SIMULATORS, fly, require_rotorpy
@@ -100,7 +100,7 @@ class Making:
             drawn = draw_case(draw, quality=self.quality, seed=self.seed, seconds=self.seconds)
             try:
                 exact, noisy = fly_case(drawn, self.simulator)
-                truth = GroundTruth.of(drawn, exact, noisy)
+                truth = GroundTruth(drawn, exact, noisy)
                 if same := truth.equivalent_library_effects():
                     names = " with ".join(draw.names)
                     raise FailedRun(f"make: {names} must be no {same[0]} where it is flown.")
@@ -184,22 +184,19 @@ def check_request(
 ) -> None:
     """Raise ValueError where `make` would, before any work."""
     here, there = out.resolve(), truth.resolve()
-    if here == there or here in there.parents or there in here.parents:
-        raise ValueError(
-            f"make: neither of cases and truth may lie in the other; got {out} and {truth}."
-        )
+    require(
+        here != there and here not in there.parents and there not in here.parents,
+        f"make: neither of cases and truth may lie in the other; got {out} and {truth}.",
+    )
     for name, value, known in (
         ("simulator", simulator, SIMULATORS),
         ("quality", quality, QUALITIES),
     ):
-        if value not in known:
-            raise ValueError(f"make: {name} must be one of {', '.join(known)}; got {value!r}.")
+        require(value in known, f"make: {name} must be one of {', '.join(known)}; got {value!r}.")
     if simulator == "rotorpy":
         require_rotorpy()
-    if not 5 <= seconds <= 300:
-        raise ValueError(f"make: seconds must be 5 … 300 [s]; got {seconds}.")
-    if cases < 1:
-        raise ValueError("make: there must be at least one case; got none.")
+    require(5 <= seconds <= 300, f"make: seconds must be 5 … 300 [s]; got {seconds}.")
+    require(cases >= 1, "make: there must be at least one case; got none.")
     # Two sets in one folder could not be told apart; what begins with a dot is of a killed run.
     own = {case_name(seed, index) for index in range(cases)}
     for folder in (out, truth):

@@ -43,25 +43,25 @@ class OutOfLibraryWrench(OutOfLibrary, WrenchEffect):
 
 
 class OutOfLibraryActuator(OutOfLibrary, ActuatorEffect):
-    """An effect between command and thrust: law(vehicle, ...) -> three functions, of the state at
-    rest under a command, of its rate, and of the thrust that rotors give.
+    """An effect between command and thrust: law(vehicle, command, state, ...) -> the state at rest
+    under the command, the rate of the state, and the thrust that rotors give; state None: at rest.
     """
 
     def __init__(self, law: Callable, **sizes: Any):
         super().__init__(law, **sizes)
-        self.state_size = law(Vehicle(), **sizes)[0](np.ones(4)).shape[-1]  # type: ignore[misc]
+        self.state_size = self.state_at(Vehicle(), np.ones(4)).shape[-1]  # type: ignore[misc]
 
     def state_at(self, vehicle, thrust):
         """Return the state at rest (..., state_size)."""
-        return self._law(vehicle, **self._sizes)[0](np.asarray(thrust, float))
+        return self._law(vehicle, np.asarray(thrust, float), None, **self._sizes)[0]
 
     def state_rate(self, vehicle, state, command):
         """Return the rate of the state (..., state_size) [state/s]."""
-        return self._law(vehicle, **self._sizes)[1](state, command)
+        return self._law(vehicle, command, state, **self._sizes)[1]
 
     def thrust(self, vehicle, state, command, t=0.0):
         """Return what the rotors give (..., 4) [N]."""
-        return self._law(vehicle, **self._sizes)[2](state, command)
+        return self._law(vehicle, command, state, **self._sizes)[2]
 
 
 def _hover_thrust(vehicle: Vehicle) -> float:
@@ -217,100 +217,59 @@ def spinning_lidar(vehicle, motion, h):
 # Between command and thrust of the rotors; commands are (..., 4) [N].
 
 
-def bent_thrust_curve(vehicle, bend):
+def bent_thrust_curve(vehicle, command, state, bend):
     """A bent thrust curve: f = c - bend (c - h)³ / h² with h the thrust of a hovering rotor."""
-    hover = _hover_thrust(vehicle)
-
-    def given(state, command):
-        return np.maximum(command - bend * (command - hover) ** 3 / hover**2, 0.0)
-
-    return _no_state, _no_state, given
+    hover, none = _hover_thrust(vehicle), command[..., :0]
+    return none, none, np.maximum(command - bend * (command - hover) ** 3 / hover**2, 0.0)
 
 
-def _no_state(*given: np.ndarray) -> np.ndarray:
-    return np.zeros((*np.shape(given[-1])[:-1], 0))
-
-
-def creeping_blades(vehicle, creep, time):
+def creeping_blades(vehicle, command, state, creep, time):
     """Soft blades give way slowly: f = c (1 - creep (s - 1)), time s' = c / h - s, h that in
     hover; state (..., 4) [1].
     """
-
-    def at_rest(command):
-        return command / _hover_thrust(vehicle)
-
-    def rate(state, command):
-        return (at_rest(command) - state) / time
-
-    def given(state, command):
-        return command * (1.0 - creep * (state - 1.0))
-
-    return at_rest, rate, given
+    at_rest = command / _hover_thrust(vehicle)
+    s = at_rest if state is None else state
+    return at_rest, (at_rest - s) / time, command * (1.0 - creep * (s - 1.0))
 
 
-def losing_sync(vehicle, rotor, loss, jump, time):
+def losing_sync(vehicle, command, state, rotor, loss, jump, time):
     """A motor (0 to 3) whose thrust is to rise too fast loses step with its controller: f = c (1 -
     loss d).
 
     time d' = g - d, time l' = c - l; g rises from 0 to 1 as (c - l) / h does from `jump` to twice
     that, h the thrust in hover; state (..., 2) [l in N, d].
     """
-
-    def at_rest(command):
-        own = command[..., rotor]
-        return np.stack([own, np.zeros_like(own)], axis=-1)
-
-    def rate(state, command):
-        ahead = command[..., rotor] - state[..., 0]
-        out_of_step = np.clip(ahead / _hover_thrust(vehicle) / jump - 1.0, 0.0, 1.0)
-        return np.stack([ahead, out_of_step - state[..., 1]], axis=-1) / time
-
-    def given(state, command):
-        return command * (1.0 - loss * state[..., 1:] * (np.arange(4) == rotor))
-
-    return at_rest, rate, given
+    own = command[..., rotor]
+    at_rest = np.stack([own, np.zeros_like(own)], axis=-1)
+    s = at_rest if state is None else state
+    ahead = own - s[..., 0]
+    out_of_step = np.clip(ahead / _hover_thrust(vehicle) / jump - 1.0, 0.0, 1.0)
+    rate = np.stack([ahead, out_of_step - s[..., 1]], axis=-1) / time
+    return at_rest, rate, command * (1.0 - loss * s[..., 1:] * (np.arange(4) == rotor))
 
 
-def yaw_backlash(vehicle, play, time):
+def yaw_backlash(vehicle, command, state, play, time):
     """Yaw torque with play [N·m]: it follows its command only when pushed at the edge of a band,
     with a `time` [s]; state (..., 1) [N·m].
     """
-
-    def at_rest(command):
-        return np.array([vehicle.mixer[3] @ command])
-
-    def rate(state, command):
-        ahead = (command @ vehicle.mixer[3])[..., None] - state
-        return np.sign(ahead) * np.maximum(np.abs(ahead) - play, 0.0) / time
-
-    def given(state, command):
-        lost = state - (command @ vehicle.mixer[3])[..., None]
-        return command + lost * vehicle.unmixer[:, 3]
-
-    return at_rest, rate, given
+    at_rest = (command @ vehicle.mixer[3])[..., None]
+    ahead = at_rest - (at_rest if state is None else state)
+    rate = np.sign(ahead) * np.maximum(np.abs(ahead) - play, 0.0) / time
+    return at_rest, rate, command - ahead * vehicle.unmixer[:, 3]
 
 
-def liquid_slosh(vehicle, frequency, damping, gain):
+def liquid_slosh(vehicle, command, state, frequency, damping, gain):
     """Liquid in a tank as two oscillators (roll, pitch) that the commanded torques drive; it twists
     back.
 
     s'' = -2 damping w s' - w² s + w² tau, w = 2 pi frequency; extra torque = -gain s; state (...,
     4) [N·m, N·m/s].
     """
-    w = 2 * np.pi * frequency
-
-    def at_rest(command):
-        return np.concatenate([vehicle.mixer[1:3] @ command, np.zeros(2)])
-
-    def rate(state, command):
-        s, moving = state[..., :2], state[..., 2:]
-        drive = w**2 * (command @ vehicle.mixer[1:3].T - s) - 2 * damping * w * moving
-        return np.concatenate([moving, drive], axis=-1)
-
-    def given(state, command):
-        return command - gain * (state[..., :2] @ vehicle.unmixer[:, 1:3].T)
-
-    return at_rest, rate, given
+    w, tau = 2 * np.pi * frequency, command @ vehicle.mixer[1:3].T
+    at_rest = np.concatenate([tau, np.zeros_like(tau)], axis=-1)
+    s, moving = np.split(at_rest if state is None else state, 2, axis=-1)
+    rate = np.concatenate([moving, w**2 * (tau - s) - 2 * damping * w * moving], axis=-1)
+    return at_rest, rate, command - gain * (s @ vehicle.unmixer[:, 1:3].T)
 
 
 def _weight(vehicle: Vehicle) -> float:

@@ -10,7 +10,7 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, S
 from functools import lru_cache, partial
 from itertools import groupby
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import yaml
@@ -38,14 +38,6 @@ IN_WIND = re.compile(
 )
 
 
-class Known(NamedTuple):
-    """Value of a parameter, and the range that is asked for [SI]."""
-
-    value: float
-    low: float
-    high: float
-
-
 @dc.dataclass(frozen=True)
 class Truth:
     """What is known of a group of flights, with its source; drag is real in all of them.
@@ -53,7 +45,8 @@ class Truth:
     false: effects that are not there.
     present: one of these names is the known cause; empty: nothing is attached and no wind blows.
     All others are not known, and are neither right nor wrong: trim, calibration and aerodynamics of
-        these vehicles were not measured. parameters: of the known cause.
+        these vehicles were not measured.
+    parameters: of the known cause, each with its `value` [SI] and the range `asked` for, over it.
     healthy: nothing acts but the air and the vehicle's own errors, all flight long, so that what
         begins in flight, and a force that is tied to a place, are not there either.
     """
@@ -61,7 +54,7 @@ class Truth:
     source: str
     false: Sequence[str]
     present: Sequence[str] = ()
-    parameters: Mapping[str, Known] = dc.field(default_factory=dict)
+    parameters: Mapping[str, Mapping[str, Any]] = dc.field(default_factory=dict)
     healthy: bool = False
 
     def holds(self, name: str, late: Collection[str] = ()) -> bool | None:
@@ -285,6 +278,10 @@ class Campaign:
         seen = (path for path in found if path.is_file() and not path.name.startswith("."))
         return sorted(seen, key=lambda path: (path.name, path))
 
+    def logs(self, paths: Iterable[Path]) -> list[FlightLog]:
+        """Return the flights of logs, as `open_flights`."""
+        return [log for path in paths for log in self.open_flights(path)]
+
     def open_flights(self, path: Path) -> list[FlightLog]:
         """Return the flights of a log, a Crazyflie's by its commands where the vehicle asks for
         them, with the path of the vehicle that flew beside them, where the campaign gives its log.
@@ -317,14 +314,10 @@ def _vehicle(
 
 def _campaign(nominal: dict, truth: dict, rule: dict, **more: Any) -> Campaign:
     """Return a campaign of the fields of real.yaml."""
-    known = {
-        name: Known(given["value"], *(given["value"] * bound for bound in given["asked"]))
-        for name, given in truth.get("parameters", {}).items()
-    }
     options = {key: value for key, value in rule.items() if key != "name"}
     return Campaign(
         nominal=_vehicle(**nominal),
-        truth=Truth(**truth | {"parameters": known}),
+        truth=Truth(**truth),
         rule=partial(RULES[rule["name"]], **options),
         **more,
     )
@@ -389,20 +382,6 @@ def exceeded_height(path: Path) -> float:
     """
     flights = opening.read_as_logged(path, None).flights
     return float(np.quantile(np.concatenate([log.p[:, 2] for log in flights]), 0.05))
-
-
-# Flights
-
-
-def open_case(case: Case) -> tuple[Vehicle, list[FlightLog], list[FlightLog]]:
-    """Return the vehicle, the flights that are fitted and those that judge.
-
-    Raises: LogError: one line with file and reason, if a log cannot be used; OSError: if it cannot
-    be opened.
-    """
-    campaign = campaign_of(case.group)
-    train = [log for path in case.train for log in campaign.open_flights(path)]
-    return campaign.nominal, train, campaign.open_flights(case.held_out)
 
 
 @lru_cache(maxsize=64)

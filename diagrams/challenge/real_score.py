@@ -1,6 +1,5 @@
 """Study `real`: the diagnosis, or answers of any tool, on real flights whose cause is known."""
 
-import dataclasses as dc
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
@@ -21,7 +20,7 @@ from diagrams.challenge.real import DRAG, GROUND, PAYLOAD, PLACE, WINDS, Case, T
 from diagrams.challenge.score import SURE, calibration
 from diagrams.challenge.score_tables import calibration_figure, table
 from diagrams.gap.drake_replay import DrakeReplay
-from diagrams.studies.options import RealFlightOptions
+from diagrams.studies.options import REAL_FLIGHTS, Group, Neurobem, RealFlights, required
 from np_drake.diagnosis.diagnose import diagnose
 from np_drake.diagnosis.residuals import make_flight_residuals
 from np_drake.diagnosis.result import UNKNOWN
@@ -135,8 +134,8 @@ def score_case(
     """
     cases = real.make_cases(folder, neurobem, [record["group"]])
     case = next(case for case in cases if case.name == record["name"])
-    campaign, (vehicle, train, held_out) = campaign_of(case.group), real.open_case(case)
-    truth, fitted = campaign.truth, {log.name for log in train}
+    campaign = campaign_of(case.group)
+    vehicle, truth, train = campaign.nominal, campaign.truth, campaign.logs(case.train)
     found: dict[str, Any] = {
         "group": case.group,
         "vehicle": campaign.vehicle,
@@ -144,21 +143,20 @@ def score_case(
         **({"wind": case.speed} if case.speed else {}),
     }
     if answers is None:
-        flown = DrakeReplay(vehicle) if replay else None
         diagnosis = diagnose(
             vehicle,
             train,
-            held_out,
-            flown,
+            campaign.open_flights(case.held_out),
+            DrakeReplay(vehicle) if replay else None,
             adaptive_split=case.second,
-            before=[log for path in case.before for log in campaign.open_flights(path)],
+            before=campaign.logs(case.before),
         )
         found["answer"] = diagnosis.as_json()
     answer = read_answer(answers, case) if answers else found["answer"]
-    methods = {} if answer is None else {THIS: scored(answer, truth, fitted)}
+    methods = {} if answer is None else {THIS: scored(answer, truth, [log.name for log in train])}
     if case.still:
-        calm = [log for path in case.still for log in campaign.open_flights(path)]
-        force = mean_force(train, vehicle) - mean_force(calm, vehicle)
+        calm = mean_force(campaign.logs(case.still), vehicle)
+        force = mean_force(train, vehicle) - calm
         found["force"] = force.tolist()
         for own in methods.values():
             effects = effects_of(answer or {}, own["causes"])
@@ -283,16 +281,17 @@ def estimates(answer: Mapping[str, Any], truth: Truth) -> list[dict[str, Any]]:
     given = {n: e for name in truth.present for n, e in answer["parameters"].get(name, {}).items()}
     lines = []
     for name, known in truth.parameters.items():
+        true, (least, most) = known["value"], (known["value"] * bound for bound in known["asked"])
         own = given.get(name, {})
         value, (low, high) = own.get("value"), own.get("ci95") or (None, None)
         lines.append(
             {
                 "parameter": name,
-                "asked": f"{known.low:.2g} to {known.high:.2g}",
+                "asked": f"{least:.2g} to {most:.2g}",
                 "told": name in given,
-                "within": value is not None and known.low <= value <= known.high,
-                "covered": low is not None and high is not None and low <= known.value <= high,
-                "error": math.nan if value is None else 100 * (value / known.value - 1),
+                "within": value is not None and least <= value <= most,
+                "covered": low is not None and high is not None and low <= true <= high,
+                "error": math.nan if value is None else 100 * (value / true - 1),
             }
         )
     return lines
@@ -421,10 +420,11 @@ def tables(rows: pd.DataFrame) -> list[Table]:
 # The study
 
 
-@dc.dataclass(frozen=True)
-class Options(RealFlightOptions):
-    """Options of the study."""
-
+def run(
+    run: Run,
+    folder: RealFlights = None,
+    neurobem: Neurobem = None,
+    only: Group = None,
     answers: Annotated[
         Path | None,
         Option(
@@ -432,48 +432,46 @@ class Options(RealFlightOptions):
             metavar="DIR",
             help=f"Score DIR/<group>/<case>/{ANSWER_FILE} of any tool; nothing is diagnosed.",
         ),
-    ] = None
+    ] = None,
     replay: Annotated[
         bool,
         Option("--replay", help="Replay held-out flights in the nominal and corrected simulator."),
-    ] = False
-
-
-def run(run: Run, options: Options) -> Report:
+    ] = False,
+) -> Report:
     """The diagnosis, or answers of any tool, on real flights with known causes, beside least
     squares.
     """
-    folder, given = options.given("real"), options.answers
-    cases = real.make_cases(folder, options.neurobem, options.only or ())
-    lost = [c.folder / ANSWER_FILE for c in cases if given and read_answer(given, c) is None]
+    folder = required("real", folder, REAL_FLIGHTS)
+    cases = real.make_cases(folder, neurobem, only or ())
+    lost = [c.folder / ANSWER_FILE for c in cases if answers and read_answer(answers, c) is None]
     if len(lost) == len(cases):
         raise ValueError(
-            f"--answers: {given} must hold <group>/<case>/{ANSWER_FILE}, as {lost[0]}; got none."
+            f"--answers: {answers} must hold <group>/<case>/{ANSWER_FILE}, as {lost[0]}; got none."
         )
     for case in cases:  # before the long work
         for path in (*case.train, case.held_out, *case.still, *case.before):
             campaign_of(case.group).open_flights(path)
     config: dict[str, Any] = {
         "folder": folder,
-        "neurobem": options.neurobem,
-        "only": options.only,
-        "replay": options.replay,
+        "neurobem": neurobem,
+        "only": only,
+        "replay": replay,
     }
-    if given is not None:  # their content, so that others are not taken for them
-        files = sorted(given.rglob(ANSWER_FILE))
+    if answers is not None:  # their content, so that others are not taken for them
+        files = sorted(answers.rglob(ANSWER_FILE))
         config["answers"] = joblib.hash(
-            [(str(f.relative_to(given)), f.read_bytes()) for f in files]
+            [(str(f.relative_to(answers)), f.read_bytes()) for f in files]
         )
     work = partial(
         score_case,
         folder=folder.resolve(),
-        neurobem=options.neurobem and options.neurobem.resolve(),
-        answers=given and given.resolve(),
-        replay=options.replay,
+        neurobem=neurobem and neurobem.resolve(),
+        answers=answers and answers.resolve(),
+        replay=replay,
     )
     listed = [{"group": case.group, "name": case.name} for case in cases]
     finished = run.cases(
-        "diagnosing" if given is None else "scoring", "cases", work, listed, config=config
+        "diagnosing" if answers is None else "scoring", "cases", work, listed, config=config
     )
     failed, records = failures(finished), [dict(r["result"]) for r in finished if "result" in r]
     folders = {(case.group, case.name): case.folder for case in cases}

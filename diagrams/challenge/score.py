@@ -220,7 +220,6 @@ def outcome(case: AnsweredCase) -> dict[str, Any]:
         "counts": (len(found), len(verdict) - len(found), len(missing)),
         "judged": names,
         "errors": errors_of(case),
-        "shrink_parameters": relative_gap_reduction(case, PARAMETERS),
         "joined": bool(said.get("joined")),
         "wall": said.get("wall"),
     }
@@ -352,12 +351,10 @@ def onset_errors(case: AnsweredCase) -> list[dict[str, Any]]:
             if true is None:
                 continue
             given = estimates.get(same_flight(flight))
-            best = case.truth.get("best_onset", {}).get(flight, true)
             row = {
                 "flight": flight,
                 "named": cause is not None,
                 "error": None if given is None else given - true,
-                "told": abs(best - true) <= TOLERANCE,
                 "visibility": float(seen.get(flight, case.visibility)),
             }
             rows[flight, true] = max(rows.get((flight, true), row), row, key=_badness)
@@ -372,8 +369,7 @@ def onset_summary(known: pd.DataFrame) -> dict[str, Any]:
     """Return the share of flights with the right onset, and the median error [s].
 
     within: of visible cases; within_all: of all; within_if_named: whose effect is named;
-    within_if_seen: in which it is visible; within_if_told: in which the onset bound
-    (`ground_truth.best_onset`) is as near.
+    within_if_seen: in which it is visible.
     """
     every = [(case.visible, case.least, row) for case in known.itertuples() for row in case.onset]
     rows = [row for visible, _, row in every if visible]
@@ -387,7 +383,6 @@ def onset_summary(known: pd.DataFrame) -> dict[str, Any]:
         "within_all": within(row for _, _, row in every),
         "within_if_named": within(row for row in rows if row["named"]),
         "within_if_seen": within(seen),
-        "within_if_told": within(row for row in rows if row["told"]),
         "median_error": median(None if row["error"] is None else abs(row["error"]) for row in rows),
     }
 
@@ -395,18 +390,16 @@ def onset_summary(known: pd.DataFrame) -> dict[str, Any]:
 # Reduction of the gap, and of the error of the replay
 
 HORIZON = 1.0  # of the replay [s]
-# What a true model leaves that knows every gust, and one that knows the parameters of the wind.
-ALL, PARAMETERS = "true_model_residual", "parameters_residual"
 
 
-def relative_gap_reduction(case: AnsweredCase, true: str = ALL) -> float | None:
+def relative_gap_reduction(case: AnsweredCase) -> float | None:
     """Return 1 - (after² - 1) / (before² - 1), clipped to [-1, 1]: the true model has 1; None where
     there is no gap.
 
     before, after: held-out residual in units of what the true model leaves, pooled over wrench
     channels [1].
     """
-    gap, left = (case.answer or {}).get("gap", {}), case.truth.get(true) or case.truth[ALL]
+    gap, left = (case.answer or {}).get("gap", {}), case.truth["true_model_residual"]
     channels = [(kind, axis) for kind in ("force", "torque") for axis in "xyz"]
     rms = [[gap.get(k, {}).get(a, {}).get(key) for k, a in channels] for key in ("rms", "after")]
     errors, floors = np.array(rms, float), np.array([left[f"{k}_{a}"] for k, a in channels])
@@ -420,8 +413,11 @@ def relative_gap_reduction(case: AnsweredCase, true: str = ALL) -> float | None:
 def gap_reduction_summary(values: Iterable[float | None]) -> dict[str, Any]:
     """Return count, mean and median of the reduction over cases with a visible gap."""
     known = finite(values)
-    mean = float(np.mean(known)) if known else None
-    return {"n": len(known), "mean": mean, "median": median(known)}
+    return {
+        "n": len(known),
+        "mean": float(np.mean(known)) if known else None,
+        "median": median(known),
+    }
 
 
 def replay_reduction(case: AnsweredCase) -> float | None:
@@ -447,25 +443,20 @@ PRIOR = 0.05  # weight of the penalty that keeps the curve finite where the clas
 ENOUGH = 8  # cases for a curve
 
 
-def abscissa(visibility: np.ndarray | float) -> np.ndarray:
-    """Return log10(visibility - 1), in which the curve is logistic. Source: own choice: effects
-    come by decades.
+def logistic(visibility: np.ndarray, found: np.ndarray, steps: int = 60) -> tuple[float, float]:
+    """Fit intercept a and slope b of P(found) = expit(a + b x), lightly penalised, where x =
+    log10(visibility - 1).
+
+    visibility, found: (n,), found 0 or 1. Source of x: own choice: effects come by decades.
     """
-    return np.log10(np.maximum(np.asarray(visibility, float) - 1.0, FAINTEST))
-
-
-def logistic(x: np.ndarray, y: np.ndarray, steps: int = 60) -> tuple[float, float]:
-    """Fit intercept and slope of P(y = 1) = expit(a + b x), lightly penalised.
-
-    x, y: (n,) abscissa, and 0 or 1.
-    """
+    x = np.log10(np.maximum(visibility - 1.0, FAINTEST))
     # Newton's method on the ridge-penalised log-likelihood (iteratively reweighted least squares),
     # steps held to 2.
     design = np.stack([np.ones_like(x), x], axis=1)
     penalty, theta = PRIOR * np.eye(2), np.zeros(2)
     for _ in range(steps):
         p = expit(design @ theta)
-        gradient = design.T @ (y - p) - penalty @ theta
+        gradient = design.T @ (found - p) - penalty @ theta
         curvature = (design * (p * (1 - p))[:, None]).T @ design + penalty
         step = np.linalg.solve(curvature, gradient)
         theta = theta + step / max(1.0, float(np.abs(step).max()) / 2.0)
@@ -494,10 +485,10 @@ def detection(
     }
     if len(x) < ENOUGH:
         return dut
-    curve, rng, drawn = logistic(abscissa(x), found), np.random.default_rng(seed), []
+    curve, rng, drawn = logistic(x, found), np.random.default_rng(seed), []
     for _ in range(DRAWS):
         pick = rng.integers(0, len(x), len(x))
-        drawn.append(half_found(logistic(abscissa(x[pick]), found[pick], 25)))
+        drawn.append(half_found(logistic(x[pick], found[pick], 25)))
     known = finite(drawn)
     interval = np.quantile(known, [0.025, 0.975]).tolist() if known else None
     return dut | {"curve": list(curve), "half": half_found(curve), "half_ci95": interval}
@@ -571,7 +562,6 @@ def metrics(rows: pd.DataFrame, seed: int = 0) -> dict[str, Any]:
         "parameters": parameter_summary(errors),
         "onset": onset_summary(known),
         "shrink_relative": gap_reduction_summary(known["shrink_relative"]),
-        "shrink_relative_parameters": gap_reduction_summary(known["shrink_parameters"]),
         "shrink_relative_calm": gap_reduction_summary(known["shrink_relative"][calm]),
         "shrink_relative_foreign": gap_reduction_summary(strange["shrink_relative"]),
         "replay": {

@@ -1,14 +1,15 @@
 """Diagnoses every case of a challenge set, from its case folder alone."""
 
-import dataclasses as dc
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from diagrams.batch.campaign import Case
 from diagrams.batch.run import Workers
 from diagrams.challenge.answered_case import ANSWER_FILE
+from diagrams.gap.drake_replay import DrakeReplay
 from np_drake.diagnosis.diagnose import diagnose
 from np_drake.files.atomic_file import write_json
 from np_drake.files.input_file import kept_json
@@ -50,7 +51,7 @@ def solve(
         return {"wall": result["wall"]}
 
     records = (workers or Workers()).run(
-        Solving(cases.resolve(), replay),
+        partial(solve_case, cases=cases.resolve(), replay=replay),
         [{"case": folder.name} for folder in left],
         config={"replay": replay},
         keep=keep,
@@ -78,20 +79,13 @@ def case_folders(cases: Path) -> list[Path]:
     return found
 
 
-@dc.dataclass(frozen=True)
-class Solving:
-    """Work of a case {"case": folder's name} -> {"answer": content of diagnosis.json, "wall" [s]};
+def solve_case(case: Case, *, cases: Path, replay: bool = False) -> dict:
+    """Return of a case {"case": folder's name} {"answer": content of diagnosis.json, "wall" [s]};
     writes nothing.
     """
-
-    cases: Path
-    replay: bool = False
-
-    def __call__(self, case: Case) -> dict:
-        """Diagnose the case."""
-        start = time.perf_counter()
-        answer = diagnose_folder(self.cases / case["case"], self.replay)
-        return {"answer": answer, "wall": time.perf_counter() - start}
+    start = time.perf_counter()
+    answer = diagnose_folder(cases / case["case"], replay)
+    return {"answer": answer, "wall": time.perf_counter() - start}
 
 
 def diagnose_folder(folder: Path, replay: bool) -> dict[str, Any]:
@@ -102,10 +96,5 @@ def diagnose_folder(folder: Path, replay: bool) -> dict[str, Any]:
     (`Diagnosis.refit`).
     """
     vehicle, train, held_out = open_case(folder)
-    simulator = None
-    if replay:
-        from diagrams.gap.drake_replay import DrakeReplay
-
-        simulator = DrakeReplay(vehicle)
-    found = diagnose(vehicle, train, held_out, simulator)
+    found = diagnose(vehicle, train, held_out, DrakeReplay(vehicle) if replay else None)
     return (found.refit or found).as_json()

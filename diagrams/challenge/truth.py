@@ -2,14 +2,13 @@
 
 import dataclasses as dc
 from collections.abc import Mapping, Sequence
-from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from diagrams.challenge.draw import FILES, Case
 from np_drake.diagnosis.calibration import flight_errors
-from np_drake.diagnosis.forward_model import NEVER, StageCache, Term, gate, predicted_residual
+from np_drake.diagnosis.forward_model import NEVER, StageCache, Term, predicted_residual
 from np_drake.diagnosis.numerics import NoiseModel, fit_noise
 from np_drake.diagnosis.options import Priors, Tolerance
 from np_drake.diagnosis.regressors import (
@@ -35,8 +34,6 @@ CHANNELS = tuple(
     for kind in ("force", "torque", "velocity", "acceleration", "rate")
     for axis in "xyz"
 )
-AROUND = 4.0  # of the true onset, in which others are weighed [s]
-SPAN = 0.4  # that is to hold the onset as likely as may be: twice the tolerance of the score [s]
 # Squared whitened distance below which noise hides the difference; own choice: about four sigma.
 DISTANCE = 14.0
 TETHERS = np.geomspace(0.2, 2.0, 12)  # lengths of payloads that are compared [m]
@@ -117,111 +114,57 @@ class Collinearity:
         """Return the squared whitened distance of a residual from the span of X."""
         # Ridge regression: min |target - X c|² + |c|² over c, whose penalty is the prior of
         # whitened columns.
-        target = self._whitened(trace)
+        white = [self._noise.whiten(trace[e.name]) for e in self._flights]
+        target = np.concatenate([y.ravel() for y in white])
         b = X.T @ target
         return float(target @ target - b @ np.linalg.solve(X.T @ X + np.eye(X.shape[1]), b))
 
-    def _whitened(self, trace: Trace) -> np.ndarray:
-        return np.concatenate([self._noise.whiten(trace[e.name]).ravel() for e in self._flights])
-
     def _columns(self, candidates: Sequence[Candidate]) -> np.ndarray:
-        parts = []
-        for e in self._flights:
-            X = self._noise.whiten(np.concatenate([c.columns[e.name] for c in candidates], axis=-1))
-            parts.append(X.reshape(-1, X.shape[-1]))
-        return np.concatenate(parts)
+        joined = (
+            np.concatenate([c.columns[e.name] for c in candidates], axis=-1) for e in self._flights
+        )
+        white = [self._noise.whiten(X) for X in joined]
+        return np.concatenate([X.reshape(-1, X.shape[-1]) for X in white])
 
 
-def best_onset(
-    exact: FlightResiduals,
-    errors: np.ndarray,
-    terms: Sequence[Term],
-    onset: float,
-    noise: NoiseModel,
-) -> float:
-    """Return the middle of the span of `SPAN` that most likely holds the onset [s], under a uniform
-    prior about the true one.
-
-    Args:
-        errors: (m, 15) what noise adds to its channels.
-        noise: model of `errors`.
-    """
-    t, name = exact.t, exact.name
-    begun = left_by(exact, terms)
-    always = left_by(exact, [dc.replace(term, onset={**term.onset, name: None}) for term in terms])
-    tried = np.flatnonzero(np.abs(t - onset) <= AROUND)
-    # Left if it began at k: as it is where it has begun, as from the start before that.
-    acting = np.where(gate(t, onset) > 0, begun, always)
-    cost = [
-        float(np.sum(noise.whiten(errors + begun - gate(t, k) * acting) ** 2)) for k in t[tried]
-    ]
-    # Posterior of the onset on a grid: Gaussian likelihood of the whitened residual, normalised by
-    # its largest value.
-    likely = np.exp(-0.5 * (np.array(cost) - min(cost)))
-    width = min(len(likely), max(1, round(SPAN / exact.grid.step)))
-    first = int(np.argmax(np.convolve(likely, np.ones(width), "valid")))
-    within = np.cumsum(likely[first : first + width])
-    return float(t[tried[first + np.searchsorted(within, 0.5 * within[-1])]])
-
-
-def left_by(flight: FlightResiduals, terms: Sequence[Term]) -> np.ndarray:
-    """Return what terms leave (m, 15), in the channels that the log tells."""
-    return flight.known(predicted_residual(flight, terms))
-
-
-@dc.dataclass(frozen=True)
 class FlightPair:
-    """The residuals of one flight as measured, and without noise on the same grid."""
+    """The residuals of one flight as measured, and without noise on the same grid.
 
-    measured: FlightResiduals
-    true: FlightResiduals
+    errors: (m, 15) what noise leaves to the true model; noise: its RMS (15,). background: (m, 15)
+    what the errors of the vehicle file leave, in the channels that the log tells.
+    """
 
-    @classmethod
-    def of(cls, case: Case, file: str, exact: FlightLog, noisy: FlightLog) -> "FlightPair":
-        """Return the pair of one flight; both begin where the measured one counts."""
+    def __init__(self, case: Case, file: str, exact: FlightLog, noisy: FlightLog):
+        """Take both logs of a flight, with the same rows, from where the measured one counts."""
         measured, true = (dc.replace(log, name=file) for log in (noisy, exact))
-        first = make_flight_residuals(measured, case.vehicle)
-        return cls(first, make_flight_residuals(true, case.vehicle, since=float(first.t[0])))
-
-    @property
-    def errors(self) -> np.ndarray:
-        """Return what noise leaves to the true model (m, 15)."""
-        return self.measured.y - self.true.y
-
-    @cached_property
-    def noise(self) -> np.ndarray:
-        """Return the RMS (15,) that noise leaves to the true model."""
-        return np.sqrt(np.mean(self.errors**2, axis=0))
+        self.measured = make_flight_residuals(measured, case.vehicle)
+        since = float(self.measured.t[0])
+        self.true = make_flight_residuals(true, case.vehicle, since=since)
+        self.errors = self.measured.y - self.true.y
+        self.noise = np.sqrt(np.mean(self.errors**2, axis=0))
+        off = [Term(effect) for effect in case.quality.background(case.vehicle)]
+        self.background = self.true.known(predicted_residual(self.true, off))
 
 
-@dc.dataclass(frozen=True)
 class GroundTruth:
-    """A case, and its flights by file."""
+    """A case that was flown, and its flights by file."""
 
-    case: Case
-    flights: dict[str, FlightPair]
-
-    @classmethod
-    def of(
-        cls, case: Case, exact: dict[str, FlightLog], noisy: dict[str, FlightLog]
-    ) -> "GroundTruth":
-        """Return the truth of a case that was flown; both logs of a flight have the same rows."""
-        pairs = {file: FlightPair.of(case, file, exact[file], noisy[file]) for file in FILES}
-        return cls(case, pairs)
+    def __init__(self, case: Case, exact: dict[str, FlightLog], noisy: dict[str, FlightLog]):
+        """Take both logs of every flight."""
+        self.case = case
+        self.flights = {file: FlightPair(case, file, exact[file], noisy[file]) for file in FILES}
 
     def content(self, simulator: str) -> dict[str, Any]:
         """Return the content of truth.json."""
         case, held_out, quality = self.case, FILES[-1], self.case.quality
-        onsets = {file: self.best_onset(file) for file in FILES}
+        noise = self.flights[held_out].noise
         return {
             "effects": [
                 {"effect": e.identifier, "parameters": e.values, "onset": case.onset}
                 for e in case.effects
             ],
             "class": self.collinear_class(),
-            "true_model_residual": _by_channel(self.flights[held_out].noise),
-            "parameters_residual": _by_channel(self.residual_of_true_parameters(held_out)),
-            "best_onset": {file: onset for file, onset in onsets.items() if onset is not None},
+            "true_model_residual": dict(zip(CHANNELS, noise.tolist(), strict=True)),
             "visibility": self.visibility(held_out),
             "visibility_in_training": {file: self.visibility(file) for file in FILES[:-1]},
             "simulator": simulator,
@@ -243,9 +186,7 @@ class GroundTruth:
         """
         if not self.case.out_of_library:
             return []
-        trace = {
-            pair.true.name: pair.true.y - self._background(pair) for pair in self.flights.values()
-        }
+        trace = {file: pair.true.y - pair.background for file, pair in self.flights.items()}
         within = (NO_GAP**2 - 1.0) * sum(len(y) for y in trace.values())
         return self._collinearity(FILES).effects_of(trace, within)
 
@@ -258,7 +199,8 @@ class GroundTruth:
         effects = self.case.effects
         if not effects or self.case.out_of_library:
             return [[effect.identifier] for effect in effects]
-        same, terms = self._collinearity(FILES[:-1]), self._terms(effects)
+        same = self._collinearity(FILES[:-1])
+        terms = [Term(effect, dict(self.case.onset)) for effect in effects]
         return [[effect.identifier, *same.doubles(terms, i)] for i, effect in enumerate(effects)]
 
     def _collinearity(self, files: Sequence[str]) -> Collinearity:
@@ -277,36 +219,5 @@ class GroundTruth:
         What the vehicle file is off by is no effect: it is taken out of the nominal residual.
         """
         pair = self.flights[file]
-        total = np.sqrt(np.mean((pair.measured.y - self._background(pair)) ** 2, axis=0))
+        total = np.sqrt(np.mean((pair.measured.y - pair.background) ** 2, axis=0))
         return float(np.max(total / np.maximum(pair.noise, 1e-12)))
-
-    def residual_of_true_parameters(self, file: str) -> np.ndarray:
-        """Return the RMS (15,) that the true parameters leave: noise, and gusts, of which they give
-        the strength.
-        """
-        case, pair = self.case, self.flights[file]
-        if case.out_of_library or all(effect.predicted is effect for effect in case.effects):
-            return pair.noise
-        known = [*case.quality.background(case.vehicle), *(e.predicted for e in case.effects)]
-        left = pair.true.y - left_by(pair.true, self._terms(known))
-        return np.sqrt(pair.noise**2 + np.mean(left**2, axis=0))
-
-    def best_onset(self, file: str) -> float | None:
-        """Return `best_onset` of a flight [s]; None where nothing begins in it."""
-        onset, pair = self.case.onset[file], self.flights[file]
-        if onset is None or self.case.out_of_library:
-            return None
-        noise, terms = fit_noise([pair.errors], pair.true.grid.step), self.case.effects_of(file)
-        return best_onset(pair.true, pair.errors, self._terms(terms), onset, noise)
-
-    def _terms(self, effects: Sequence[Effect]) -> list[Term]:
-        return [Term(effect, dict(self.case.onset)) for effect in effects]
-
-    def _background(self, pair: FlightPair) -> np.ndarray:
-        """Return what the errors of the vehicle file leave (m, 15)."""
-        effects = self.case.quality.background(self.case.vehicle)
-        return left_by(pair.true, [Term(effect) for effect in effects])
-
-
-def _by_channel(values: np.ndarray) -> dict[str, float]:
-    return dict(zip(CHANNELS, values.tolist(), strict=True))

@@ -8,6 +8,7 @@ from typing import Annotated, Any
 
 from typer import Argument, Option
 
+from diagrams.batch.failed_run import require
 from diagrams.challenge.answered_case import read_answered_cases
 from diagrams.challenge.make import check_request, make
 from diagrams.challenge.score import score
@@ -75,8 +76,7 @@ def _solve(
 
     Exit code 0 where at least one case has an answer: what fails is a line, `failed` in --json.
     """
-    if not cases.is_dir():
-        raise ValueError(f"{cases}: CASES must be a folder of case folders.")
+    require(cases.is_dir(), f"{cases}: CASES must be a folder of case folders.")
     case_folders(cases)  # asks before the bar appears
     with run.counting("diagnosing", "cases") as on_progress:
         result = solve(
@@ -121,11 +121,9 @@ def _score(
     """Score the answers to a challenge set; with --out: figures. A case without an answer is a
     miss.
     """
-    if not math.isfinite(visible):
-        raise ValueError(f"--visible must be finite; got {visible}.")
+    require(math.isfinite(visible), f"--visible must be finite; got {visible}.")
     for folder in (answers, truth):
-        if not folder.is_dir():
-            raise ValueError(f"{folder}: must be a folder.")
+        require(folder.is_dir(), f"{folder}: must be a folder.")
     result = score(read_answered_cases(answers, truth, visible), seed=run.seed)
     bins = result["reliability"]["bins"]
     return Report(

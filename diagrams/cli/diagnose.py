@@ -8,6 +8,8 @@ from typing import Annotated, Any
 
 from typer import Argument, Option
 
+from diagrams.batch.failed_run import require
+from diagrams.batch.run import part_of
 from diagrams.cli.verb import LogMap, Report, Run, Table, progress, reports, say, tell
 from diagrams.gap import side_by_side
 from diagrams.gap.corrected import FILE, SECOND, corrected_simulator, with_trial, write_corrected
@@ -201,11 +203,8 @@ def tables(diagnosis: Diagnosis) -> list[Table]:
     traces = [(words.described(one), one.measurement) for one in diagnosis.unexplained]
     every.append(("what would end it", ["trace", "measurement"], traces))
     minor = [f"{one.name}: {one.text}" for one in diagnosis.below_threshold]
-    for title, texts in (
-        ("what to do next", answer.next_steps(diagnosis)),
-        ("minor findings", minor),
-    ):
-        every.append((title, ["finding"], [(text,) for text in texts]))
+    findings = {"what to do next": answer.next_steps(diagnosis), "minor findings": minor}
+    every += [(title, ["finding"], [(text,) for text in own]) for title, own in findings.items()]
     return [table for table in every if table[-1]]
 
 
@@ -274,17 +273,18 @@ def _choose_files(
 ) -> CaseFiles:
     """Return the files of a case folder, or those given one by one."""
     if case is None:
-        if not train or not held_out:
-            raise ValueError(
-                "give a case folder, or at least one --train LOG and one --held-out LOG."
-            )
-        return CaseFiles(vehicle, tuple(train), tuple(held_out), tuple(before))
-    if case.is_file():
-        raise ValueError(
-            f"{case}: CASE must be a folder; name every log behind its own --train or --held-out."
+        require(
+            bool(train and held_out),
+            "give a case folder, or at least one --train LOG and one --held-out LOG.",
         )
-    if train or held_out:
-        raise ValueError("give either a case folder or --train and --held-out, not both.")
+        return CaseFiles(vehicle, tuple(train), tuple(held_out), tuple(before))
+    require(
+        not case.is_file(),
+        f"{case}: CASE must be a folder; name every log behind its own --train or --held-out.",
+    )
+    require(
+        not (train or held_out), "give either a case folder or --train and --held-out, not both."
+    )
     files = find_case(case, vehicle)
     return dc.replace(files, before=(*files.before, *before))
 
@@ -345,11 +345,8 @@ def doctor(
     opened, failures, refused = list[Opened](), list[Exception](), list[LogError]()
     with progress("examining", 1.0) as advance:
         for read, path in enumerate(logs):
-
-            def reading(share: float, before: int = read) -> None:
-                advance(0.3 * (before + share) / len(logs))
-
             try:
+                reading = part_of(advance, 0.3 * read / len(logs), 0.3 / len(logs))
                 opened.append(read_as_logged(path, declared, on_progress=reading))
             except (LogError, OSError) as error:
                 failures.append(error)
@@ -364,10 +361,7 @@ def doctor(
             if found.sheet is not None
             for log in found.flights
         }
-
-        def examining(share: float, text: str) -> None:
-            advance(0.3 + 0.7 * share, text)
-
+        examining = part_of(advance, 0.3, 0.7)
         report = examine(flights, nominal, sheets=sheets, on_progress=examining)
         advance(1.0)
     tell(*(f"not usable: {failure}" for failure in failures[1:]))

@@ -18,7 +18,8 @@ from typer import Argument, Option
 
 from diagrams.autopilot import node as nodes
 from diagrams.autopilot.node import LinkedFlight
-from diagrams.batch.failed_run import FailedRun
+from diagrams.batch.failed_run import FailedRun, require
+from diagrams.batch.run import part_of
 from diagrams.cli.verb import OUT, Report, Run, Table, VehicleFile, progress, reports, say, tell
 from diagrams.gap.corrected import drawn
 from diagrams.loop import comparison
@@ -120,9 +121,11 @@ def fly(
     ] = None,
 ) -> Report:
     """Simulate an experiment; with --out: flight log, figures and a 3-D replay page."""
-    if link is not None and (controller or predictor or sample is not None):
-        others = "--controller, --predictor and --sample"
-        raise ValueError(f"give either --link, whose node has the controller, or {others}.")
+    require(
+        link is None or not (controller or predictor or sample is not None),
+        "give either --link, whose node has the controller, or --controller, --predictor and "
+        "--sample.",
+    )
     configs = scenarios(
         experiment,
         (controller or []) if link is None else ["hold"],
@@ -134,30 +137,30 @@ def fly(
         duration=duration,
         fields=fields or (),
     )
-    if (mcap is not None) + (sample is not None) + (len(configs) > 1) > 1:
-        raise ValueError(
-            "give either --mcap, which takes one flight, or --sample, or several --controller."
-        )
+    require(
+        (mcap is not None) + (sample is not None) + (len(configs) > 1) <= 1,
+        "give either --mcap, which takes one flight, or --sample, or several --controller.",
+    )
     if mcap is not None:
         require_mcap(mcap)
-        if mcap.suffix != ".mcap":
-            raise ValueError(f"--mcap: must be a file whose name ends in .mcap; got {mcap}.")
-    flown, compared, lost = configs, len(configs) > 1, list[FailedRun]()
-    tables, metrics, figures = list[Table](), None, ["track", "errors", "wrench"]
-    if sample is not None:
-        flown = drawn(configs[0], sample, run.seed)
+        require(
+            mcap.suffix == ".mcap", f"--mcap: must be a file whose name ends in .mcap; got {mcap}."
+        )
+    compared, lost = len(configs) > 1, list[FailedRun]()
     if link is not None:
         flight, linked = _fly_linked(configs[0], run.seed, link)
-        flights, tables, figures = [flight], [linked], []
+        flights, tables, figures = [flight], [linked], list[str]()
         metrics = {"experiment": configs[0].name, "autopilot": dict(linked[2])}
     else:
+        flown = configs if sample is None else drawn(configs[0], sample, run.seed)
         flights = fly_all(flown, run.seed, lost if compared else None)
+        tables, figures = [flights_table(flights)], ["track", "errors", "wrench"]
+        summaries = [flight.summary() for flight in flights]
+        one = len(flown) == 1 and sample is None
+        metrics = summaries[0] if one else {"flights": summaries}
     if mcap is not None:
         write_flight_mcap(flights[0], mcap)
         say(f"MCAP: {mcap}")
-    if metrics is None:
-        summaries = [flight.summary() for flight in flights]
-        metrics = summaries[0] if len(flown) == 1 and sample is None else {"flights": summaries}
 
     def write(folder: Path) -> None:
         for flight in flights:
@@ -169,7 +172,7 @@ def fly(
     said = [comparison.sentence(flights), *filter(None, [comparison.models(flights)])]
     own = {config.controller.name: as_config(config) for config in configs}
     return Report(
-        tables or [flights_table(flights)],
+        tables,
         config=own if compared else as_config(configs[0]),
         metrics=metrics,
         summary=said if compared else [],
@@ -196,8 +199,10 @@ def scenarios(
 
     Raises: ValueError: on bad input.
     """
-    if reality is not None and vehicle is not None:
-        raise ValueError("give either --reality, which has a vehicle of its own, or --vehicle.")
+    require(
+        reality is None or vehicle is None,
+        "give either --reality, which has a vehicle of its own, or --vehicle.",
+    )
     first = load_experiment(experiment, None if vehicle is None else load_vehicle(vehicle), reality)
     if "solver" not in (read_yaml(scenario_file(experiment)).get("controller") or {}):
         first.controller.solver = DEFAULT_SOLVER
@@ -277,16 +282,14 @@ def _give(predictor: Path, configs: Sequence[FlightConfig]) -> None:
     Raises: ValueError: where none of them flies a model, or this one.
     """
     controllers = [config.controller for config in configs if config.controller.kind in LEARNED]
-    if not controllers:
-        raise ValueError(f"--predictor: is for {', '.join(LEARNED)}; none of them flies.")
+    require(bool(controllers), f"--predictor: is for {', '.join(LEARNED)}; none of them flies.")
     kind = kind_of_model(str(predictor))
     fits = [one for one in controllers if one.kind == kind]
     kinds = " and ".join(one.kind for one in controllers)
-    if not fits:
-        raise ValueError(
-            f"--predictor: {predictor} is for {kind}; {kinds} cannot fly it. Name "
-            f"--controller {kind}."
-        )
+    require(
+        bool(fits),
+        f"--predictor: {predictor} is for {kind}; {kinds} cannot fly it. Name --controller {kind}.",
+    )
     fits[0].predictor = str(predictor)
 
 
@@ -335,12 +338,9 @@ def fly_all(
     names = ", ".join(dict.fromkeys(config.controller.name for config in configs))
     with progress(f"flying {first.name} with {names}", len(configs) * first.end) as advance:
         for k, own in enumerate(configs):
-
-            def shown(t: float, before: float = k * first.end) -> None:
-                advance(before + t)
-
             try:
-                flights.append(simulate(own, seed=seed, monitor=shown))
+                monitor = part_of(advance, k * first.end)
+                flights.append(simulate(own, seed=seed, monitor=monitor))
             except FailedRun as failed:
                 if lost is None:
                     raise
@@ -360,11 +360,13 @@ def _fly_linked(config: FlightConfig, seed: int, address: str) -> tuple[FlightRe
     try:
         say(f"{config.name} behind {address}: np-drake node flies it.")
         with progress(f"flying {config.name}", config.end) as advance:
-
-            def shown(t: float) -> None:
-                advance(t, f"at {linked.factor(t):.2f} of real time")
-
-            flight = simulate(config, seed=seed, monitor=shown, watch=linked, controller=linked)
+            flight = simulate(
+                config,
+                seed=seed,
+                monitor=lambda t: advance(t, f"at {linked.factor(t):.2f} of real time"),
+                watch=linked,
+                controller=linked,
+            )
     finally:
         link.close()
     return flight, linked.table()
@@ -394,13 +396,18 @@ def flights_table(flights: Sequence[FlightResult]) -> Table:
     lines = []
     for flight in flights:
         found = flight.metrics()
-        solve = {"solve [ms]": found["solve_ms"]["median"], "p95 [ms]": found["solve_ms"]["p95"]}
-        line = {"experiment": flight.config.name, "controller": flight.label}
-        line |= {f"{kind} [cm]": round(100 * found[kind], 2) for kind in ("E_xy", "E_z")}
-        if "payload" in found:
-            own = found["payload"]
-            line |= {f"payload {kind} [cm]": round(100 * own[kind], 2) for kind in ("E_xy", "E_z")}
-        lines.append(line | solve | {"failed": found["solve_failures"]})
+        errors = {kind: found[kind] for kind in ("E_xy", "E_z")}
+        errors |= {f"payload {k}": found["payload"][k] for k in errors if "payload" in found}
+        lines.append(
+            {
+                "experiment": flight.config.name,
+                "controller": flight.label,
+                **{f"{what} [cm]": round(100 * error, 2) for what, error in errors.items()},
+                "solve [ms]": found["solve_ms"]["median"],
+                "p95 [ms]": found["solve_ms"]["p95"],
+                "failed": found["solve_failures"],
+            }
+        )
     title = f"seed {flights[0].seed}, {flights[0].config.controller.solver}"
     return tabulate(title, lines, [(name, name) for name in lines[0]])
 
@@ -466,11 +473,11 @@ def node(
         duration=duration,
         fields=fields or (),
     )[0]
-    if is_own(config.controller.kind):
-        raise ValueError(
-            f"controller: must be one of this project's; got {config.controller.kind}. Name "
-            f"another --controller, or simulate your own."
-        )
+    require(
+        not is_own(config.controller.kind),
+        f"controller: must be one of this project's; got {config.controller.kind}. Name "
+        f"another --controller, or simulate your own.",
+    )
     if config.controller.deadline == float("inf"):
         config.controller.deadline = DEADLINE * config.controller.period
     port, worker = MavlinkLink(link, baud), nodes.SolverThread()
@@ -497,9 +504,7 @@ def node(
     finally:
         worker.close()
         port.close()
-    flown, failure = flying.flown, None
-    if flown is None:
-        failure = FailedRun(f"node: nothing was flown: {flying.lacks or flying.events[-1][2]}.")
+    flown, why = flying.flown, flying.lacks or flying.events[-1][2]
     if flown is not None and run.out is not None:
         file = run.folder / f"{config.name}_{config.controller.name}.csv"
         write_log(flown, file)
@@ -516,7 +521,7 @@ def node(
             "deadlines": nodes.deadlines(flying),
             "phases": [(t, phase.value, reason) for t, phase, reason in flying.events],
         },
-        failure=failure,
+        failure=FailedRun(f"node: nothing was flown: {why}.") if flown is None else None,
     )
 
 

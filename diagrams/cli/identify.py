@@ -1,12 +1,13 @@
 """`np-drake identify`: what flight logs tell of a vehicle, as a vehicle file."""
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
 from typer import Argument, Option
 
-from diagrams.batch.failed_run import FailedRun
+from diagrams.batch.failed_run import FailedRun, require
 from diagrams.cli.verb import (
     LogMap,
     Report,
@@ -27,6 +28,7 @@ from diagrams.identification.page import (
     summary,
     write_page,
 )
+from diagrams.studies.columns import tabulate
 from np_drake.flight_log import FlightLog
 from np_drake.identification.flight_agreement import FlightValues, flight_values, own_values
 from np_drake.identification.identified_vehicle import identified_vehicle
@@ -104,11 +106,11 @@ def identify(
         opened, notes = _open_logs([*logs, *judges], prior, log_map, advance)
         judging = [log for found in opened[len(logs) :] for log in found]
         drive = common_drive([log for found in opened for log in found], input)
-        if trust == "thrust" and drive == "throttle":
-            raise ValueError(
-                f"--trust thrust: {drive} tells no newtons without a measured coefficient; "
-                f"give --mass."
-            )
+        require(
+            (trust, drive) != ("thrust", "throttle"),
+            f"--trust thrust: {drive} tells no newtons without a measured coefficient; "
+            f"give --mass.",
+        )
         fitted, judging, last, said = _split(opened[: len(logs)], judging, prior, drive)
         advance(READ, f"{len(fitted)} flight{'s' * (len(fitted) > 1)}")
         trusted = trust == "thrust"
@@ -156,12 +158,11 @@ def _prior_of(vehicle: Path, mass: float | None, trust: str) -> tuple[Vehicle, f
 
     Raises: ValueError: where they do not go together.
     """
-    if trust not in ("mass", "thrust"):
-        raise ValueError(f"--trust must be mass or thrust; got {trust!r}.")
-    if mass is not None and not LIGHTEST <= mass <= HEAVIEST:
-        raise ValueError(f"--mass must be {LIGHTEST:g} to {HEAVIEST:g} kg; got {mass:g}.")
-    if mass is not None and trust == "thrust":
-        raise ValueError("--trust thrust: tells the mass; leave --mass out.")
+    require(trust in ("mass", "thrust"), f"--trust must be mass or thrust; got {trust!r}.")
+    if mass is not None:
+        within = LIGHTEST <= mass <= HEAVIEST
+        require(within, f"--mass must be {LIGHTEST:g} to {HEAVIEST:g} kg; got {mass:g}.")
+        require(trust == "mass", "--trust thrust: tells the mass; leave --mass out.")
     prior = load_vehicle(vehicle)
     return prior, None if trust == "thrust" else mass or prior.mass
 
@@ -181,10 +182,10 @@ def _open_logs(
         read.append(read_as_logged(path, declared))
         logs = read[-1].flights
         inputs = [log.rotor if log.rotor is not None else log.throttle for log in logs]
-        if all(values is not None and not (values > 0).any() for values in inputs):
-            raise ValueError(
-                f"{path}: its rotors do not turn, as on a desk, so that it tells nothing. {REMEDY}"
-            )
+        require(
+            any(values is None or (values > 0).any() for values in inputs),
+            f"{path}: its rotors do not turn, as on a desk, so that it tells nothing. {REMEDY}",
+        )
     opened = [found.flights for found in with_vehicle(read, vehicle)]
     said: dict[str, list[str]] = {}
     for log in (log for flights in opened for log in flights):
@@ -235,48 +236,60 @@ def _split(
 
 def _tables(found: Identification, rows: list[HeldOut]) -> list[Table]:
     """Return what is told, the rate loop of an autopilot, and the errors on what was not fitted."""
-    told = []
-    for q in found.quantities:
-        widths = (half_width(q, q.low, q.high), half_width(q, *q.prior))
-        by = "flights" if q.told else "prior"
-        told.append((q.name, interval(q)[0], *widths, by, agreement(q)))
-    loops = []
-    for axis, one in zip(("roll", "pitch", "yaw"), found.rate_loop, strict=False):
-        low, high = one.lag_interval
-        lag, gain = f"{1e3 * low:.3g} to {1e3 * high:.3g}", "{:.3g} to {:.3g}"
-        explained = f"{100 * one.share:.0f} %"
-        gains = (one.gain, gain.format(*one.gain_interval))
-        loops.append((axis, 1e3 * one.lag, lag, *gains, explained))
-    judged = []
-    for row in rows:
-        sizes = [float(np.sqrt(np.sum(np.square(v)))) for v in (row.force, row.torque)]
-        angles = np.rad2deg(row.open_loop[:, 2])
-        judged.append((row.flight, row.model, *sizes, *row.open_loop[:, 0], *angles))
+    loops = zip(("roll", "pitch", "yaw"), found.rate_loop, strict=False)
     return [
-        ("vehicle", ["quantity", "value", "95 %", "prior", "told by", "flights"], told),
-        (
-            "rate loop: when 63 % of a step of the command is followed, and rate over command",
-            ["axis", "lag [ms]", "95 %", "gain [1]", "95 %", "explains"],
-            loops,
+        tabulate(
+            "vehicle",
+            found.quantities,
+            (
+                ("quantity", lambda q: q.name),
+                ("value", lambda q: interval(q)[0]),
+                ("95 %", lambda q: half_width(q, q.low, q.high)),
+                ("prior", lambda q: half_width(q, *q.prior)),
+                ("told by", lambda q: "flights" if q.told else "prior"),
+                ("flights", agreement),
+            ),
         ),
-        (
+        tabulate(
+            "rate loop: when 63 % of a step of the command is followed, and rate over command",
+            ({"axis": axis, **vars(one)} for axis, one in loops),
+            (
+                ("axis", "axis"),
+                ("lag [ms]", lambda one: 1e3 * one["lag"]),
+                ("95 %", lambda one: _span(1e3 * lag for lag in one["lag_interval"])),
+                ("gain [1]", "gain"),
+                ("95 %", lambda one: _span(one["gain_interval"])),
+                ("explains", lambda one: f"{100 * one['share']:.0f} %"),
+            ),
+        ),
+        tabulate(
             "held out: RMS of the residual, median errors of open-loop prediction",
-            [
-                *("flight", "model", "force [N]", "torque [N·m]"),
-                *("0.1 s [m]", "0.5 s [m]", "0.1 s [deg]", "0.5 s [deg]"),
-            ],
-            judged,
+            rows,
+            (
+                ("flight", lambda row: row.flight),
+                ("model", lambda row: row.model),
+                ("force [N]", lambda row: float(np.linalg.norm(row.force))),
+                ("torque [N·m]", lambda row: float(np.linalg.norm(row.torque))),
+                ("0.1 s [m]", lambda row: row.open_loop[0, 0]),
+                ("0.5 s [m]", lambda row: row.open_loop[1, 0]),
+                ("0.1 s [deg]", lambda row: np.rad2deg(row.open_loop[0, 2])),
+                ("0.5 s [deg]", lambda row: np.rad2deg(row.open_loop[1, 2])),
+            ),
         ),
     ]
+
+
+def _span(bounds: Iterable[float]) -> str:
+    low, high = bounds
+    return f"{low:.3g} to {high:.3g}"
 
 
 def as_json(found: Identification, rows: list[HeldOut]) -> dict[str, Any]:
     """Return the values of `--json`."""
     each = {told.quantity.name: told for told in flight_values(found)}
-    quantities = [_quantity(q, each.get(q.name)) for q in found.quantities]
     return {
         "fitted": [model.flight.name for model in found.models],
-        "quantities": quantities,
+        "quantities": [_quantity(q, each.get(q.name)) for q in found.quantities],
         "by_flight": [
             {
                 "name": own.quantity.name,

@@ -8,7 +8,7 @@ from typing import Annotated
 
 from typer import Argument, Option
 
-from diagrams.batch.run import make_folder
+from diagrams.batch.run import make_folder, part_of
 from diagrams.cli.verb import LogMap, Report, Run, progress, reports, say
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.log_file import write_log
@@ -77,12 +77,13 @@ def import_logs(
     rows, written, failures, left = list[tuple](), list[str](), list[str](), list[str]()
     with progress("importing", len(logs)) as advance:
         for number, path in enumerate(logs):
-
-            def reading(share: float, before: int = number) -> None:
-                advance(before + share)
-
             try:
-                found = import_log(path, declared, **how, on_progress=reading)  # type: ignore[arg-type]
+                found = import_log(
+                    path,
+                    declared,
+                    **how,  # type: ignore[arg-type]
+                    on_progress=part_of(advance, number),
+                )
                 written += _write(found, run.folder, suffix, written)
             except (LogError, OSError) as error:
                 reason = getattr(error, "strerror", None)

@@ -29,15 +29,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
     arguments = list(sys.argv[1:] if arguments is None else arguments)
     import logging
 
-    from diagrams.cli.app import app, run_app
-
     logging.basicConfig(level=logging.WARNING, format="%(levelname)s: %(message)s")
     logging.getLogger("drake").setLevel(logging.WARNING)
     waits = logging.getLogger("np_drake.compiled")  # says on stdout why the user waits
     waits.setLevel(logging.INFO)
     waits.propagate = False
     waits.addHandler(logging.StreamHandler(sys.stdout))
-    code = run_app(app, arguments)
+    code = run(arguments)
     end_at_once()
     sys.exit(code)
 

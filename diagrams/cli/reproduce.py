@@ -1,16 +1,14 @@
 """`np-drake reproduce STUDY`: a table of the paper or of the docs, made anew.
 `np-drake bench`: speed, as ratios measured in one run.
 
-A study is a function `run(run, options: Options) -> Report`; `Options` is a dataclass.
+A study is a function `run(run, ...) -> Report`, whose further parameters are its options.
 What all of them share (seed, processes, cluster, files) is added by `reports`.
 """
 
 import dataclasses as dc
-import inspect
 import os
-from collections.abc import Callable
 from importlib import import_module
-from typing import Annotated, Any, get_type_hints
+from typing import Annotated, Any
 
 import typer
 from typer import Argument, Option
@@ -46,29 +44,11 @@ class Study:
     many: bool = True
     function: str = "run"
 
-    def verb(self) -> Callable[..., None]:
-        """Return the study as a verb with all its options."""
-        study = getattr(import_module(f"diagrams.{self.module}"), self.function)
-        options_of = get_type_hints(study)["options"]
-        hints = get_type_hints(options_of, include_extras=True)
-
-        def body(run: Run, **given: Any) -> Report:
-            return study(run, options_of(**given))
-
-        keyword = inspect.Parameter.KEYWORD_ONLY
-        own = [
-            inspect.Parameter(f.name, keyword, default=f.default, annotation=hints[f.name])
-            for f in dc.fields(options_of)
-        ]
-        body.__signature__ = inspect.Signature([inspect.Parameter("run", keyword), *own])  # type: ignore[attr-defined]
-        body.__doc__ = study.__doc__.split("Args:")[0].rstrip()  # what `--help` says
-        out = OUT_OF_CASES if self.many else OUT
-        return reports(VERB, seed=self.seed, out=out, many=self.many)(body)
-
     def command(self, name: str) -> Any:
-        """Return the study as a command, named as it is called."""
-        app = Verbs(add_completion=False)
-        app.command(name)(self.verb())
+        """Return the study as a command, named as it is called, with all its options."""
+        study = getattr(import_module(f"diagrams.{self.module}"), self.function)
+        app, out = Verbs(add_completion=False), OUT_OF_CASES if self.many else OUT
+        app.command(name)(reports(VERB, seed=self.seed, out=out, many=self.many)(study))
         return typer.main.get_command(app)
 
 

@@ -10,9 +10,10 @@ from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
 import numpy as np
+import pandas as pd
 from typer import Argument, Option
 
-from diagrams.batch.failed_run import FailedRun
+from diagrams.batch.failed_run import FailedRun, require
 from diagrams.cli.fly import fly_all
 from diagrams.cli.verb import (
     Report,
@@ -115,19 +116,20 @@ def train(
     force: Force = False,
 ) -> Report:
     """Train a predictor; writes the model, and the loss curve as a PNG beside it."""
-    if out.suffix != ".safetensors":
-        raise ValueError(f"--out: must end in .safetensors; got {out.name}.")
+    require(out.suffix == ".safetensors", f"--out: must end in .safetensors; got {out.name}.")
     curve = out.with_suffix(".png")
     require_outputs(out, curve, *([run.json] if run.json else []))
     known = (*CONFIGURATIONS, PAYLOAD_FILTER, *REACTIONS)
-    if configuration not in (None, *known):
-        raise ValueError(
-            f"--configuration: must be one of {', '.join(known)}; got {configuration}."
-        )
+    require(
+        configuration in (None, *known),
+        f"--configuration: must be one of {', '.join(known)}; got {configuration}.",
+    )
     name = configuration or ""
     logs = logs or []
-    if not (logs or envelope):
-        raise ValueError("train: must have something to learn from; give LOG, or --envelope N.")
+    require(
+        bool(logs or envelope),
+        "train: must have something to learn from; give LOG, or --envelope N.",
+    )
     flights = open_flights(logs, vehicle)
     if not force:
         require_motion(flights)
@@ -143,8 +145,10 @@ def train(
         family = family.without_network if name == LIFTED else family
         name = family.configuration
     configuration = configuration_for(name, frame)
-    if configuration not in FAMILIES and envelope:
-        raise ValueError(f"--envelope: must be of {' | '.join(FAMILIES)}; got {configuration}.")
+    require(
+        configuration in FAMILIES or not envelope,
+        f"--envelope: must be of {' | '.join(FAMILIES)}; got {configuration}.",
+    )
     if configuration == PAYLOAD_FILTER:
         return _payload_filter_report(flights, out, step=step)
     if configuration in REACTIONS:
@@ -228,11 +232,11 @@ def _payload_filter_report(flights: Sequence[Flight], out: Path, *, step: float)
     """Train a payload filter, write its file, and return what it found of the vehicle."""
     start = time.perf_counter()
     with progress("training payload_filter", 1.0) as advance:
-
-        def on_pass(done: int, total: int) -> None:
-            advance(done / total, f"pass {done} of {total}")
-
-        model = train_payload_filter(opened_logs(flights), step=step, on_pass=on_pass)
+        model = train_payload_filter(
+            opened_logs(flights),
+            step=step,
+            on_pass=lambda done, total: advance(done / total, f"pass {done} of {total}"),
+        )
     wall = time.perf_counter() - start
     model.save(out)
     error, spread = 100 * model.thrust_error, 100 * model.thrust_error_deviation
@@ -259,10 +263,10 @@ def train_reaction(
 ) -> tuple[MotionModel, list[float], float]:
     """Return gp or knode trained, its loss, and how long the training took [s]."""
     vehicle = flights[0].vehicle
-    if any(flight.vehicle != vehicle for flight in flights):
-        raise ValueError(
-            f"{name}: all flights must be of one vehicle; give them one --vehicle FILE."
-        )
+    require(
+        all(flight.vehicle == vehicle for flight in flights),
+        f"{name}: all flights must be of one vehicle; give them one --vehicle FILE.",
+    )
     data = [flight.data for flight in flights]
     learn = partial(train_motion_model, name, data, vehicle, step=step, **settings)
     (model, loss), wall = behind_bar(f"training {name}", learn)
@@ -308,8 +312,7 @@ def open_flights(paths: list[Path], vehicle_file: Path | None) -> list[Flight]:
             own = vehicle or log.vehicle or Vehicle()
             for data in map(require_torque, log.flights):
                 flights.append(Flight(with_accelerations(data), own))
-                notes = flights[-1].data.notes
-                tell(*(f"{data.name}: {note}" for note in notes))
+                tell(*(f"{data.name}: {note}" for note in flights[-1].data.notes))
         elif isinstance(found, WrenchSequence):
             flights.append(Flight(found, vehicle or published_vehicle()))
         else:
@@ -325,11 +328,11 @@ def open_flights(paths: list[Path], vehicle_file: Path | None) -> list[Flight]:
 
 def require_one_frame(flights: list[Flight]) -> None:
     """Check that total wrenches in body axes are not mixed with residual ones in W."""
-    if len({flight.frame for flight in flights}) > 1:
-        raise ValueError(
-            "flights: arrays (.npy) hold the total wrench in body axes, logs the residual "
-            "one; give one kind."
-        )
+    require(
+        len({flight.frame for flight in flights}) <= 1,
+        "flights: arrays (.npy) hold the total wrench in body axes, logs the residual "
+        "one; give one kind.",
+    )
 
 
 TRAINED = ("paper", "")  # "": the one that suits the axes of the flights
@@ -404,11 +407,11 @@ def evaluate(
 def parse_horizons(text: str) -> list[int]:
     """Return the steps ahead, ascending."""
     parts = [part.strip() for part in text.split(",")]
-    if not all(part.isdecimal() and 0 < int(part) <= FARTHEST for part in parts):
-        raise ValueError(
-            f"--horizons: must be positive whole numbers of steps, at most {FARTHEST}, as "
-            f"{HORIZONS}; got {text!r}."
-        )
+    require(
+        all(part.isdecimal() and 0 < int(part) <= FARTHEST for part in parts),
+        f"--horizons: must be positive whole numbers of steps, at most {FARTHEST}, as "
+        f"{HORIZONS}; got {text!r}.",
+    )
     return sorted({int(part) for part in parts})
 
 
@@ -416,8 +419,7 @@ def _choose_flights(
     train: list[Path], logs: list[Path], predictor: Path | None, neurobem: Path | None
 ) -> tuple[list[Path], list[Path]]:
     """Return the flights to train on and to score; the paper's where none are given."""
-    if predictor and train:
-        raise ValueError("--predictor is trained already; leave out --train.")
+    require(not (predictor and train), "--predictor is trained already; leave out --train.")
     if logs:
         named = [path.resolve() for path in (*train, *logs)]
         if twice := [path for path in (*train, *logs) if named.count(path.resolve()) > 1]:
@@ -425,8 +427,7 @@ def _choose_flights(
                 f"{twice[0]}: must be given once; a flight to score must be held out of training."
             )
         return train, logs
-    if predictor or train:
-        raise ValueError("give the flights to score: np-drake evaluate LOG….")
+    require(not (predictor or train), "give the flights to score: np-drake evaluate LOG….")
     if neurobem is None:
         raise ValueError(
             "give flights, or the folder of the NeuroBEM flights as --neurobem DIR or "
@@ -444,8 +445,7 @@ def _train_baselines(flights: list[Flight], horizons: list[int], step: float) ->
         return {}
     segments = [segment for flight in flights for segment in flight.segments(step)]
     mean = np.concatenate([segment.goal for segment in segments]).mean(axis=0)
-    models = dict(fit_all(segments, np.unique([0, *horizons])))
-    return {"baselines": models, "mean": mean}
+    return {"baselines": dict(fit_all(segments, np.unique([0, *horizons]))), "mean": mean}
 
 
 def load(path: Path) -> dict[str, Model]:
@@ -477,18 +477,15 @@ def tables(rows: list[dict[str, Any]], zeta: str) -> list[Table]:
     """Return two tables for every flight, a column for every horizon: hold RMSE and, in brackets,
     skill.
     """
-    rows = [row for row in rows if row["zeta"] == zeta]
-    ahead = [f"{h:.4g} s" for h in sorted({row["horizon"] for row in rows})]
-    found = []
-    for flight in dict.fromkeys(row["flight"] for row in rows):
+    frame = pd.DataFrame([row for row in rows if row["zeta"] == zeta])
+    header, found = ["ahead", *(f"{h:.4g} s" for h in sorted(set(frame["horizon"])))], []
+    for flight, own in frame.groupby("flight", sort=False):
+        own = own.sort_values("horizon", kind="stable")
         for kind, unit in (("force", "N"), ("torque", "N·m")):
-            lines: dict[str, list[str]] = {}
-            for row in sorted(rows, key=lambda row: row["horizon"]):
-                if row["flight"] == flight:
-                    cell = f"{number(row[f'{kind}_rmse'])} ({row[f'{kind}_skill']:.2f})"
-                    lines.setdefault(row["model"], []).append(cell)
+            figures = zip(own[f"{kind}_rmse"], own[f"{kind}_skill"], strict=True)
+            cells = pd.Series([f"{number(rmse)} ({skill:.2f})" for rmse, skill in figures])
+            lines = cells.groupby(own["model"].to_numpy(), sort=False)
             what = f"{kind} RMSE [{unit}] (skill: below 1 beats all naive)"
             title = f"{flight}: {what}, coming motion {zeta}"
-            body = [(model, *cells) for model, cells in lines.items()]
-            found.append((title, ["ahead", *ahead], body))
+            found.append((title, header, [(model, *of) for model, of in lines]))
     return found

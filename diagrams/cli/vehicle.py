@@ -79,26 +79,23 @@ def new(
 
     The file states how well mass and thrust are known, which a diagnosis takes into account.
     """
-    stated: dict[str, Any] = {
-        "mass_uncertainty": mass_uncertainty,
-        "thrust_uncertainty": thrust_uncertainty,
-    }
-    stated = {key: value for key, value in stated.items() if value is not None}
+    uncertain = {"mass_uncertainty": mass_uncertainty, "thrust_uncertainty": thrust_uncertainty}
+    stated: dict[str, Any] = {key: sd for key, sd in uncertain.items() if sd is not None}
     measures = {
+        "--mass": mass,
         "--wheelbase": wheelbase,
         "--propeller": propeller,
         "--hover-throttle": hover_throttle,
         "--order": order,
     }
     if preset is not None:
-        if given := [option for option, value in measures.items() if value is not None]:
+        if given := [o for o, value in measures.items() if value is not None and o != "--mass"]:
             raise ValueError(
                 f"--preset: goes with --mass, --name and uncertainties alone; got "
                 f"{', '.join(given)}."
             )
         text = _copy_of(preset, {"name": name, "mass": mass, **stated})
     else:
-        measures = {"--mass": mass, **measures}
         if missing := [option for option, value in measures.items() if value is None]:
             which = f" {'|'.join(FIRMWARE)} (whose logs you have)" if order is None else ""
             raise ValueError(f"give {', '.join(missing)}{which} as well, or --preset NAME.")

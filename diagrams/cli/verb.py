@@ -134,15 +134,16 @@ def reports(
     seeds = Option(
         "--seed", hidden=seed is None, min=0, max=2**31 - 1, help="Seed of every random draw."
     )
-    shared: dict[str, tuple[Any, Any]] = {"seed": (Annotated[int, seeds], seed or 0)}
-    if many:
-        shared |= {"jobs": (Jobs, 2), "scheduler": (Scheduler, "")}
-    if out:
-        of = Option("--out", metavar="DIR", help=out)
-        shared["out"] = (Annotated[OptionalPath, of], folder)
-    shared["json"] = (Json, None)
-    if markdown:
-        shared["markdown"] = (Markdown, None)
+    kinds: dict[str, tuple[Any, Any]] = {
+        "seed": (Annotated[int, seeds], seed or 0),
+        "jobs": (Jobs, 2),
+        "scheduler": (Scheduler, ""),
+        "out": (Annotated[OptionalPath, Option("--out", metavar="DIR", help=out)], folder),
+        "json": (Json, None),
+        "markdown": (Markdown, None),
+    }
+    wanted = {"jobs": many, "scheduler": many, "out": bool(out), "markdown": markdown}
+    shared = {name: kind for name, kind in kinds.items() if wanted.get(name, True)}
 
     def decorate(body: Callable[..., Report]) -> Callable[..., None]:
         @functools.wraps(body)

@@ -13,7 +13,7 @@ from diagrams.demo.story import FORETOLD, HELD_OUT, LEARNED, SIMULATORS, Demo, u
 from diagrams.gap import corrected, side_by_side
 from diagrams.loop import flight_figures
 from diagrams.loop.flight_result import FlightResult
-from diagrams.loop.replay import write_replay
+from diagrams.loop.replay import position_error, write_replay
 from diagrams.studies.tracking import TRACKS
 from np_drake.diagnosis.report import words
 from np_drake.diagnosis.report.answer import named_causes
@@ -89,9 +89,8 @@ def foretold(demo: Demo) -> Figure:
 
 def _error(flight: FlightResult) -> tuple[np.ndarray, np.ndarray]:
     """Return the scored times [s] and the distance from the reference there [cm]."""
-    s, rows = flight.signals, flight.scored
-    off = s["x_true"][rows, :3] - s["p_ref"][rows]
-    return s["t"][rows], 100 * np.linalg.norm(off, axis=1)
+    rows = flight.scored
+    return flight.signals["t"][rows], 100 * position_error(flight)[rows]
 
 
 def content(demo: Demo) -> dict[str, Any]:
@@ -102,7 +101,10 @@ def content(demo: Demo) -> dict[str, Any]:
         "vehicle": demo.training.config.vehicle.name,
         "headline": headline(demo),
         "held_out": HELD_OUT,
-        "errors": error_rows(demo),
+        "errors": [
+            (track, LABELS[kind], *(_cm(flight.metrics()[name]) for name in ("E_xy", "E_z")))
+            for (track, kind), flight in demo.flights.items()
+        ],
         "cut": [
             (track, words.percent(cut["E_xy"]), words.percent(cut["E_z"]))
             for track, cut in demo.reduction().items()
@@ -128,14 +130,6 @@ def headline(demo: Demo) -> str:
         f"The error falls by {words.percent(cut)}; {right} of {len(demo.withheld)} missing "
         f"effects are named and {others}; simulator and flight meet within {words.percent(off)}"
     )
-
-
-def error_rows(demo: Demo) -> list[tuple[str, ...]]:
-    """Return (track, controller, E_xy, E_z) of every flight."""
-    return [
-        (track, LABELS[kind], *(_cm(flight.metrics()[name]) for name in ("E_xy", "E_z")))
-        for (track, kind), flight in demo.flights.items()
-    ]
 
 
 def cause_rows(demo: Demo) -> list[tuple[str, ...]]:

@@ -19,7 +19,7 @@ from diagrams.gap.side_by_side import SideBySide, side_by_side
 from diagrams.loop.flight import FlightConfig
 from diagrams.loop.flight_result import FlightResult, fly
 from diagrams.loop.reality import RealityConfig
-from diagrams.studies.learning import train_payload_filter_model, train_predictor
+from diagrams.studies.learning import train_model
 from diagrams.studies.sweep import Row, configure, training_config
 from diagrams.studies.tracking import TRACKS
 from np_drake.diagnosis.diagnose import diagnose
@@ -199,8 +199,8 @@ def _learn(
 ) -> tuple[FlightResult, dict[str, Any]]:
     """Return the training flight and what the models, which are written, were trained on."""
     flight = fly(config, seed=seed)
-    train_payload_filter_model(flight, models[FILTER.kind])
-    return flight, train_predictor(flight, models[LEARNED.kind], seed=seed).model.summary
+    train_model(flight, models[FILTER.kind], configuration=PAYLOAD_FILTER)
+    return flight, train_model(flight, models[LEARNED.kind], seed=seed)
 
 
 def _diagnose(

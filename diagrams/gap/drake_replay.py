@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
 
+from diagrams.batch.failed_run import require
 from np_drake import attitude
 from np_drake.diagnosis.gap import (
     LEAD,
@@ -112,8 +113,7 @@ class DrakeReplay:
 
         Raises: ValueError: where a flight is too short for the longest horizon.
         """
-        if not logs:
-            raise ValueError("DrakeReplay: logs must hold at least one flight; got none.")
+        require(bool(logs), "DrakeReplay: logs must hold at least one flight; got none.")
         errors = []
         for log in logs:
             flight = self._prepared(log, effects)
@@ -128,11 +128,11 @@ class DrakeReplay:
             t: (n,) times of the states [s].
         """
         first, last = log.t[0] + LEAD, log.t[-1] - HORIZONS[-1] - _MARGIN
-        if last < first:
-            raise ValueError(
-                f"DrakeReplay: {log.name} must last at least "
-                f"{LEAD + HORIZONS[-1] + _MARGIN:.2g} s; got {np.ptp(log.t):.3g} s."
-            )
+        require(
+            last >= first,
+            f"DrakeReplay: {log.name} must last at least "
+            f"{LEAD + HORIZONS[-1] + _MARGIN:.2g} s; got {np.ptp(log.t):.3g} s.",
+        )
         starts = np.unique(np.searchsorted(log.t, np.linspace(first, last, self._starts)))
         times = t[starts, None] + np.array(HORIZONS) - 0.5 * np.median(np.diff(t))
         rows = np.minimum(np.searchsorted(t, times), len(t) - 1)

@@ -1,6 +1,5 @@
 """Study `gap`: diagnosis of the published real flights, each agile one held out in turn."""
 
-import dataclasses as dc
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -9,7 +8,7 @@ import numpy as np
 
 from diagrams.batch.run import Report, Run
 from diagrams.studies.columns import percent, tabulate
-from diagrams.studies.options import Neurobem, required
+from diagrams.studies.options import NEUROBEM_FLIGHTS, Neurobem, required
 from np_drake.diagnosis.diagnose import diagnose
 from np_drake.diagnosis.residuals import make_flight_residuals
 from np_drake.flight_log import FlightLog
@@ -27,13 +26,6 @@ COLUMNS = (
     ("zero", lambda line: line.get("zero")),
     ("mean", lambda line: line.get("mean")),
 )
-
-
-@dc.dataclass(frozen=True)
-class Options:
-    """Options of the study."""
-
-    neurobem: Neurobem = None
 
 
 def agile_flights(folder: Path) -> list[FlightLog]:
@@ -87,10 +79,9 @@ def rows(folds: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
     return out
 
 
-def run(run: Run, options: Options) -> Report:
+def run(run: Run, neurobem: Neurobem = None) -> Report:
     """The diagnosis on agile real flights. Each is held out in turn."""
-    where = "give the folder of the NeuroBEM flights as --neurobem DIR or NP_DRAKE_NEUROBEM."
-    flights, folds = agile_flights(required(options.neurobem, f"gap: {where}")), []
+    flights, folds = agile_flights(required("gap", neurobem, NEUROBEM_FLIGHTS)), []
     with run.progress("real flights", len(flights)) as advance:
         for held_out in flights:
             train = [log for log in flights if log is not held_out]

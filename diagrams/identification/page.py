@@ -399,8 +399,7 @@ def residual_figure(rows: Sequence[HeldOut]) -> Figure:
             if len(flights) > 1:
                 shift += 0.1 * (flights.index(row.flight) / (len(flights) - 1) - 0.5)
             values, (mark, colour) = factor * getattr(row, name), MARKS[row.model]
-            at = np.arange(3) + shift
-            ax.plot(at, values, mark, color=colour, markersize=7, label=row.model)
+            ax.plot(np.arange(3) + shift, values, mark, color=colour, markersize=7, label=row.model)
         ax.set_xticks(range(3), [f"{name} {axis}" for axis in "xyz"])
         ax.set(yscale="log", ylabel=f"RMS [{shown}]", xlim=(-0.5, 2.5))
         low, high = ax.get_ylim()

@@ -4,10 +4,12 @@ identified, beside the truth and two naive answers.
 
 import dataclasses as dc
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from functools import partial
 from typing import Annotated, Any
 
 import numpy as np
+import pandas as pd
 from typer import Option
 
 from diagrams.batch.campaign import Case
@@ -272,51 +274,29 @@ def _as_logged(
     return dc.replace(log, rotor=None, throttle=throttle, voltage=sagging, input="normalised")
 
 
-@dc.dataclass(frozen=True)
-class Options:
-    """Options of the study."""
+def identified(case: Case, *, flights: int, seconds: float) -> Line:
+    """Draw the vehicle of a case {"seed", "kind"}, fly it so often and long [s], identify it, and
+    return what was told, and processor time of the identification alone [s].
 
-    vehicles: Annotated[
-        int,
-        Option(
-            min=1, max=10_000, help="Vehicles; their input in turn: rotor speed, throttle, thrust."
-        ),
-    ] = 200
-    flights: Annotated[int, Option(min=1, max=100, help="Flights of each vehicle.")] = 3
-    seconds: Annotated[float, Option(min=5.0, max=600.0, help="Length of a flight [s].")] = 30.0
-
-
-@dc.dataclass(frozen=True)
-class VehicleCase:
-    """Work of a case {"seed", "kind"}: draw a vehicle, fly it so often and so long [s], identify
-    it.
+    Raises: FailedRun: if no vehicle of this seed can be flown.
     """
-
-    flights: int
-    seconds: float
-
-    def __call__(self, case: Case) -> Line:
-        """Return what was told, and processor time of the identification alone [s].
-
-        Raises: FailedRun: if no vehicle of this seed can be flown.
-        """
-        truth, logs, refused = draw_and_fly(case["seed"], case["kind"], self.flights, self.seconds)
-        start = time.process_time()
-        found = identify(logs, truth.known, mass=truth.vehicle.mass)
-        quantities = found.quantities
-        spent = time.process_time() - start
-        known = truth.quantities(found.basis.frame.volts)
-        plain = plain_least_squares(found)
-        return {
-            "mass": truth.vehicle.mass,
-            "refused": refused,
-            "processor_time": spent,
-            "quantities": [
-                _beside_truth(q, known[q.name], truth, found.basis, plain)
-                for q in quantities
-                if q.name in known
-            ],
-        }
+    truth, logs, refused = draw_and_fly(case["seed"], case["kind"], flights, seconds)
+    start = time.process_time()
+    found = identify(logs, truth.known, mass=truth.vehicle.mass)
+    quantities = found.quantities
+    spent = time.process_time() - start
+    known = truth.quantities(found.basis.frame.volts)
+    plain = plain_least_squares(found)
+    return {
+        "mass": truth.vehicle.mass,
+        "refused": refused,
+        "processor_time": spent,
+        "quantities": [
+            _beside_truth(q, known[q.name], truth, found.basis, plain)
+            for q in quantities
+            if q.name in known
+        ],
+    }
 
 
 def _beside_truth(q: Identified, true: float, truth: Truth, basis: Basis, plain: Values) -> Line:
@@ -365,16 +345,21 @@ def quantity_lines(results: Sequence[Line]) -> list[Line]:
     """Return a line for every kind of quantity: how often told, share of intervals with the truth,
     median errors over the vehicles of which it is told.
     """
-    kinds: dict[str, list[Line]] = {}
-    for q in (q for result in results for q in result["quantities"]):
-        kinds.setdefault(LINE_OF.get(q["name"], q["name"]), []).append(q)
+    frame = pd.DataFrame([q for result in results for q in result["quantities"]])
     lines = []
-    for name, own in kinds.items():
-        told = [q for q in own if q["told"]]
-        line = {"name": name, "unit": own[0]["unit"], "air": own[0]["air"], "count": len(own)}
-        within = float(np.mean([q["within"] for q in told])) if told else None
-        line |= {"told": len(told), "within": within}
-        lines.append(line | {key: _median([q[key] for q in told]) for key in ERRORS.values()})
+    for name, own in frame.groupby(frame["name"].replace(LINE_OF), sort=False):
+        told = own[own["told"]]
+        lines.append(
+            {
+                "name": name,
+                "unit": own["unit"].iloc[0],
+                "air": bool(own["air"].iloc[0]),
+                "count": len(own),
+                "told": len(told),
+                "within": float(told["within"].mean()) if len(told) else None,
+                **{key: _median(told[key]) for key in ERRORS.values()},
+            }
+        )
     return lines
 
 
@@ -410,28 +395,38 @@ def _covered(results: Sequence[Line], air: bool) -> tuple[float | None, float | 
     return share, 1.96 * float(np.sqrt(variance) / every) if n > 1 else None, every
 
 
-def _median(values: Sequence[float | None]) -> float | None:
-    known = [v for v in values if v is not None]
+def _median(values: Iterable[float | None]) -> float | None:
+    known = [v for v in values if v is not None and v == v]
     return float(np.median(known)) if known else None
 
 
-def run(run: Run, options: Options) -> Report:
+def run(
+    run: Run,
+    vehicles: Annotated[
+        int,
+        Option(
+            min=1, max=10_000, help="Vehicles; their input in turn: rotor speed, throttle, thrust."
+        ),
+    ] = 200,
+    flights: Annotated[int, Option(min=1, max=100, help="Flights of each vehicle.")] = 3,
+    seconds: Annotated[float, Option(min=5.0, max=600.0, help="Length of a flight [s].")] = 30.0,
+) -> Report:
     """Simulated vehicles of 30 g to 20 kg, identified from their logs. --out DIR: cases to resume
     from.
     """
-    vehicles, flown = options.vehicles, {"flights": options.flights, "seconds": options.seconds}
+    flown: dict[str, Any] = {"flights": flights, "seconds": seconds}
     cases = [
         {"seed": run.seed + number, "kind": INPUTS[number % len(INPUTS)]}
         for number in range(vehicles)
     ]
-    work = VehicleCase(options.flights, options.seconds)
+    work = partial(identified, **flown)
     records = run.cases("identifying", "vehicles", work, cases, config=flown)
     require_result(records)
     results = [{**r["case"], **r["result"]} for r in records if "result" in r]
     pooled, each = pooled_lines(results), quantity_lines(results)
     title = (
-        f"truth inside its 95 % interval; {len(results)} vehicles, {options.flights} x "
-        f"{options.seconds:g} s, seeds {run.seed} … {run.seed + vehicles - 1}"
+        f"truth inside its 95 % interval; {len(results)} vehicles, {flights} x "
+        f"{seconds:g} s, seeds {run.seed} … {run.seed + vehicles - 1}"
     )
     header = ["input", "vehicles", "vehicle file", "drag and lift"]
     shares = [

@@ -17,26 +17,24 @@ from diagrams.loop.controller_config import AutopilotConfig
 from diagrams.loop.controllers import add_controller, connect
 from diagrams.loop.flight import FlightConfig, flown_by
 from diagrams.loop.own_controller import Factory
-from diagrams.loop.reality import DRAKE, REAL_VEHICLE, RealityConfig, RealVehicle
+from diagrams.loop.reality import REAL_VEHICLE, RealityConfig, make_real_vehicle
 from np_drake import effects
 from np_drake.autopilot.betaflight import Betaflight
 from np_drake.effects.calibration import in_flight
 from np_drake.vehicle import Vehicle
 from systems import add_recorder, add_sensor_model
 from systems.betaflight import BetaflightAutopilot
+from systems.plant import set_hover
 from systems.rate_loop import RateLoopAutopilot
 
 RECORDER, AUTOPILOT = "recorder", "autopilot"  # names as subsystems of a flight
 
 
-def make_flight_diagram(
-    config: FlightConfig, *, real: RealVehicle = DRAKE, controller: Factory | None = None
-) -> Diagram:
+def make_flight_diagram(config: FlightConfig, *, controller: Factory | None = None) -> Diagram:
     """Return reference, vehicle with its events, sensors, controller and recorder as one Diagram.
 
     Args:
         config: of the experiment.
-        real: makes the vehicle that flies.
         controller: makes a controller of one's own, in the place of the one that `config` names.
     """
     config = flown_by(config, controller).check()
@@ -44,7 +42,8 @@ def make_flight_diagram(
     builder = DiagramBuilder()
     behind, reality = _as_flown(config.autopilot, config.vehicle, config.reality)
     vehicle = builder.AddNamedSystem(
-        REAL_VEHICLE, real.make(behind, reality, command_period=period, events=config.events)
+        REAL_VEHICLE,
+        make_real_vehicle(behind, reality, command_period=period, events=config.events),
     )
     tilt: list[Any] = [e for e in in_flight(config.vehicle) if isinstance(e, effects.ImuMounting)]
     sensors = [*tilt, *config.reality.sensor_effects()]
@@ -120,39 +119,33 @@ def firmware_of(diagram: Diagram) -> Betaflight | None:
     return getattr(diagram.GetSubsystemByName(AUTOPILOT), "firmware", None) if known else None
 
 
-def make_simulator(
-    diagram: Diagram, config: FlightConfig, *, seed: int = 0, real: RealVehicle = DRAKE
-) -> Simulator:
+def make_simulator(diagram: Diagram, config: FlightConfig, *, seed: int = 0) -> Simulator:
     """Return Drake's Simulator of a flight by the integrator of `config`, at the flight's start.
 
     Args: as of `set_initial_state`.
     """
     simulator = Simulator(diagram)
     ApplySimulatorConfig(config.simulator, simulator)
-    set_initial_state(diagram, simulator.get_mutable_context(), config, seed=seed, real=real)
+    set_initial_state(diagram, simulator.get_mutable_context(), config, seed=seed)
     return simulator
 
 
 def set_initial_state(
-    diagram: Diagram,
-    context: Context,
-    config: FlightConfig,
-    *,
-    seed: int = 0,
-    real: RealVehicle = DRAKE,
+    diagram: Diagram, context: Context, config: FlightConfig, *, seed: int = 0
 ) -> None:
-    """Set the seed of the noise, and hover at the start of the reference motion.
+    """Set the seed of the noise, and hover at the start of the reference, with the payload at
+    its static stretch.
 
     Args:
         diagram: of `make_flight_diagram`, or one with a subsystem `tethered_quadrotor`.
         context: its root context.
         config: of the experiment.
         seed: of the sensors' noise.
-        real: made the vehicle.
     """
     diagram.SetRandomContext(context, RandomGenerator(seed))
     start = config.motion.sample(np.zeros(1))[0, 0]
-    real.hover(diagram.GetSubsystemByName(REAL_VEHICLE), context, config.reality, start)
+    plant = diagram.GetSubsystemByName(REAL_VEHICLE).GetSubsystemByName("plant")
+    set_hover(plant, plant.GetMyMutableContextFromRoot(context), config.reality.hung, start)
 
 
 def recorded(diagram: Diagram, context: Context) -> dict[str, np.ndarray]:

@@ -13,7 +13,7 @@ from diagrams.batch.failed_run import FailedRun, one_line, require
 from diagrams.loop.flight import ARENA, FlightConfig, flown_by
 from diagrams.loop.flight_diagram import firmware_of, make_flight_diagram, make_simulator, recorded
 from diagrams.loop.own_controller import Factory, is_own
-from diagrams.loop.reality import DRAKE, REAL_VEHICLE, RealVehicle
+from diagrams.loop.reality import REAL_VEHICLE
 from np_drake import metrics, rigid_body
 from np_drake.files.notebook import data_frame, html_table
 from np_drake.flight_log import COLUMNS, FlightLog
@@ -287,7 +287,6 @@ def fly(
     monitor: Callable[[float], None] | None = None,
     tolerance: float = np.inf,
     watch: Watch | None = None,
-    real: RealVehicle = DRAKE,
     controller: Factory | None = None,
 ) -> FlightResult:
     """Simulate the experiment and return its result.
@@ -299,17 +298,16 @@ def fly(
         tolerance: distance from the reference beyond which the flight ends, looked at about every
             second [m].
         watch: sets the pace of the flight.
-        real: makes the vehicle that flies.
         controller: makes a controller of one's own, in the place of the one that `config` names.
     Raises: LostVehicle: if the integrator gives up, or the vehicle leaves arena or tolerance, or is
-        below ground; FailedRun: if a controller of one's own fails; ValueError: on what `real`
-        cannot do, or if such a controller does not fit.
+        below ground; FailedRun: if a controller of one's own fails; ValueError: if such a
+        controller does not fit.
     """
     config = flown_by(config, controller)
-    diagram = make_flight_diagram(config, real=real, controller=controller)
+    diagram = make_flight_diagram(config, controller=controller)
     firmware = firmware_of(diagram)
     try:
-        simulator = make_simulator(diagram, config, seed=seed, real=real)
+        simulator = make_simulator(diagram, config, seed=seed)
         signals = _advance(simulator, diagram, config, monitor, tolerance, watch)
         return FlightResult(config, seed, signals, firmware.blackbox() if firmware else b"")
     finally:

@@ -145,12 +145,10 @@ def _tether(flight: FlightResult, times: list[int], p_WP: np.ndarray) -> list[Me
     """Return the line from hook to payload at every time."""
     x, hook = flight.signals["x_true"], np.array(flight.config.reality.payload.hook)
     ends = np.stack([x[:, :3] + attitude.rotation_matrix(x[:, 3:7]) @ hook, p_WP], axis=1)
-    found = []
-    for when, line in zip(times, ends, strict=True):
-        strip = _line(line, GREY)
-        cable = _entity(when, WORLD, "tether", lines=[strip])
-        found.append((when, {"deletions": [], "entities": [cable]}))
-    return found
+    return [
+        (when, {"deletions": [], "entities": [_entity(when, WORLD, "tether", lines=[strip])]})
+        for when, strip in zip(times, (_line(line, GREY) for line in ends), strict=True)
+    ]
 
 
 def _scene(flight: FlightResult, when: int, track: np.ndarray) -> Json:
@@ -163,10 +161,9 @@ def _scene(flight: FlightResult, when: int, track: np.ndarray) -> Json:
     ]
     arm = float(np.mean(np.linalg.norm(vehicle.rotor_positions, axis=1)))
     body = _solid(middle, [0.6 * arm, 0.6 * arm, 0.3 * arm], DARK)
-    line = _line(track, BLUE)
     entities = [
         _entity(when, VEHICLE, VEHICLE, cubes=[body], cylinders=rotors),
-        _entity(when, WORLD, "reference", lines=[line]),
+        _entity(when, WORLD, "reference", lines=[_line(track, BLUE)]),
     ]
     if flight.payload_position is not None:
         ball = _solid(middle, [2 * flight.config.reality.payload.radius] * 3, RED)

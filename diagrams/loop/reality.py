@@ -1,12 +1,12 @@
 """The vehicle that flies: what acts on it and its sensors beyond the model that the controller
-assumes, and who simulates it.
+assumes.
 """
 
 import dataclasses as dc
 from collections.abc import Sequence
 
 import numpy as np
-from pydrake.systems.framework import Context, Diagram
+from pydrake.systems.framework import Diagram
 
 from diagrams.batch.failed_run import require
 from np_drake import effects as library
@@ -25,7 +25,6 @@ from np_drake.effects.motor_lag import MotorLag, at_once
 from np_drake.files.yaml_file import POSITIVE, check_fields, number
 from np_drake.vehicle.vehicle import MeasurementNoise, Vehicle
 from systems.payload_config import PayloadConfig, PayloadEvent, as_light, payload_config
-from systems.plant import set_hover
 from systems.tethered_quadrotor import make_tethered_quadrotor
 
 REAL_VEHICLE = "tethered_quadrotor"  # its name as a subsystem of a flight
@@ -101,13 +100,6 @@ class RealityConfig:
     def added(self) -> list[Effect]:
         """The effects of `effects`."""
         return [entry.made for entry in self.effects]
-
-    @property
-    def by_flight(self) -> list[tuple[Effect, dict[str, float | None]]]:
-        """The effects of `effects` with their onsets by flight of the diagnosis, as `DrakeReplay`
-        takes them.
-        """
-        return [(entry.made, {**entry.onsets}) for entry in self.effects]
 
     @property
     def onsets(self) -> dict[Effect, float]:
@@ -198,54 +190,29 @@ class RealityConfig:
         return float(thrust.mean())
 
 
-class RealVehicle:
-    """Maker of the vehicle that flies, with the effects of a reality: the project's own simulator,
-    Drake's, or in its place that of another.
+def make_real_vehicle(
+    vehicle: Vehicle,
+    reality: RealityConfig,
+    *,
+    command_period: float = 0.001,
+    events: Sequence[PayloadEvent] = (),
+) -> Diagram:
+    """Return the vehicle that flies, with the ports of `make_tethered_quadrotor`.
+
+    It has the calibration of its file and the effects that `reality` switches on.
+
+    Args:
+        command_period: at whose multiples alone the command changes [s].
     """
-
-    def make(
-        self,
-        vehicle: Vehicle,
-        reality: RealityConfig,
-        *,
-        command_period: float = 0.001,
-        events: Sequence[PayloadEvent] = (),
-    ) -> Diagram:
-        """Return the vehicle with the ports of `make_tethered_quadrotor`; `tether_wrench` may be
-        missing.
-
-        It has the calibration of its file and the effects that `reality` switches on.
-
-        Args:
-            command_period: at whose multiples alone the command changes [s].
-        Raises: ValueError: on what the simulator does not know.
-        """
-        own = split_effects(in_flight(vehicle, beside=reality.actuator_effects()))
-        return make_tethered_quadrotor(
-            vehicle,
-            reality.hung,
-            wrench_effects=[*own.wrench, *reality.wrench_effects()],
-            actuator_effects=[*reality.actuator_effects(), *own.actuator],
-            mass_effects=[*own.mass, *reality.mass_effects()],
-            command_period=command_period,
-            onsets=reality.onsets,
-            hangs_at=reality.hangs_at,
-            events=events,
-        )
-
-    def hover(
-        self, system: Diagram, root: Context, reality: RealityConfig, p_WB: np.ndarray
-    ) -> None:
-        """Set the made vehicle level and at rest, with the payload at its static stretch.
-
-        Args:
-            system: that `make` returned.
-            reality: of `make`.
-            p_WB: (3,) in W [m].
-        """
-        plant = system.GetSubsystemByName("plant")
-        set_hover(plant, plant.GetMyMutableContextFromRoot(root), reality.hung, p_WB)
-
-
-DRAKE = RealVehicle()
-make_real_vehicle = DRAKE.make
+    own = split_effects(in_flight(vehicle, beside=reality.actuator_effects()))
+    return make_tethered_quadrotor(
+        vehicle,
+        reality.hung,
+        wrench_effects=[*own.wrench, *reality.wrench_effects()],
+        actuator_effects=[*reality.actuator_effects(), *own.actuator],
+        mass_effects=[*own.mass, *reality.mass_effects()],
+        command_period=command_period,
+        onsets=reality.onsets,
+        hangs_at=reality.hangs_at,
+        events=events,
+    )

@@ -10,10 +10,9 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
-from pydrake.systems.analysis import ApplySimulatorConfig, Simulator
 
 from diagrams.loop.flight import FlightConfig
-from diagrams.loop.flight_diagram import make_flight_diagram, set_initial_state
+from diagrams.loop.flight_diagram import make_flight_diagram, make_simulator
 from diagrams.studies.acados_peer import AcadosSolver
 from diagrams.studies.casadi_peer import CasadiSolver
 from diagrams.studies.sweep import Row, configure
@@ -148,23 +147,19 @@ def suite(
     vehicle: Vehicle,
     config: MpcConfig,
     *,
-    recorded: Mapping[str, Sequence[MpcProblem]] | None = None,
+    recorded: Mapping[str, Sequence[MpcProblem]],
     period: float = 0.02,
-    count: int = 200,
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> dict[str, list[dict]]:
     """Run the whole benchmark and return the reports by name of the problem set.
 
-    The sets are recorded (or generated) tracking by name and generated tracking of growing size;
-    `period` parts the problems [s].
+    The sets are recorded tracking by name and generated tracking of growing size; `period` parts
+    the problems [s].
     """
-    tracking = recorded or {
-        "tracking": tracking_problems(vehicle, config, count=count, period=period)
-    }
-    sets = {name: (config, problems) for name, problems in tracking.items()}
+    sets = {name: (config, problems) for name, problems in recorded.items()}
     for n, K in GROWTH:
         other = dc.replace(config, horizon=n)
-        generated = tracking_problems(vehicle, other, count=count, period=period, lifted=K)
+        generated = tracking_problems(vehicle, other, period=period, lifted=K)
         sets[growth_name(n, K)] = other, generated
     reports = {}
     for done, (name, (c, problems)) in enumerate(sets.items(), start=1):
@@ -272,20 +267,11 @@ def record_problems(
     """
     config = configure("lemniscate", Row("np", "np"), solver="sqp", model=predictor)
     config.duration = count * config.controller.period
-    simulator = _ready(config, seed)
+    simulator = make_simulator(make_flight_diagram(config), config, seed=seed)
     controller = simulator.get_system().GetSubsystemByName("np_mpc").controller
     controller.solver = recorder = RecordingSolver(controller.solver)
     simulator.AdvanceTo(config.end - 0.5 * config.controller.period)
     return config, recorder.problems[-count:]
-
-
-def _ready(config: FlightConfig, seed: int) -> Simulator:
-    """Return the simulator of a flight at its start."""
-    diagram = make_flight_diagram(config)
-    simulator = Simulator(diagram)
-    ApplySimulatorConfig(config.simulator, simulator)
-    set_initial_state(diagram, simulator.get_mutable_context(), config, seed=seed)
-    return simulator
 
 
 def real_time_factor(*, seconds: float, seed: int) -> float:
@@ -294,7 +280,7 @@ def real_time_factor(*, seconds: float, seed: int) -> float:
     """
     config = configure("circle", Row("np", "np"), solver="sqp")
     config.duration = seconds
-    simulator = _ready(config, seed)
+    simulator = make_simulator(make_flight_diagram(config), config, seed=seed)
     simulator.AdvanceTo(config.reference.lead)
     start = time.perf_counter()
     simulator.AdvanceTo(config.end)

@@ -17,10 +17,11 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from diagrams.batch.campaign import Case
+from diagrams.batch.failed_run import require
 from diagrams.batch.run import Report, Run, every_result
 from diagrams.studies.columns import grouped, tabulate
 from diagrams.studies.figures import Panel, panel_figure
-from diagrams.studies.options import Neurobem, required
+from diagrams.studies.options import NEUROBEM_FLIGHTS, Neurobem, required
 from np_drake.files.number_text import NOTHING
 from np_drake.lifting.model.lifted_model import BY_AXES, PAPER, LiftedModel
 from np_drake.lifting.training.train import Config, make_config, train
@@ -119,8 +120,7 @@ def column_rmse(error: np.ndarray) -> dict[str, float]:
     Raises: ValueError: if no row without NaN is left.
     """
     error = error[np.isfinite(error).all(axis=1)]
-    if not len(error):
-        raise ValueError("column_rmse: the flight must have a row with a label and an estimate.")
+    require(len(error) > 0, "column_rmse: the flight must have a row with a label and an estimate.")
     square = np.mean(error**2, axis=0)
     return {name: float(np.sqrt(square[channels].sum())) for name, channels in CHANNELS.items()}
 
@@ -135,12 +135,6 @@ def flights(folder: Path) -> tuple[Segment, dict[str, Segment]]:
     segments = {name: Segment(s.chi, s.zeta, s.step) for name, s in tests.items()}
     training = read_training(folder)
     return Segment(training.chi, training.zeta, training.step), segments
-
-
-def neurobem_folder(study: str, neurobem: Path | None) -> Path:
-    """Return the folder of the NeuroBEM flights; ValueError if it is not given."""
-    where = "give the folder of the NeuroBEM flights as --neurobem DIR or NP_DRAKE_NEUROBEM."
-    return required(neurobem, f"{study}: {where}")
 
 
 def configs(seed: int) -> dict[str, Config]:
@@ -172,24 +166,18 @@ def forecasts(model: LiftedModel, flight: Segment) -> FlightForecasts:
     return course
 
 
-@dc.dataclass(frozen=True)
-class Forecasting:
-    """Work of a case {"flight", "model": configuration} -> errors by column from the first origin
-    on, and the stability of its windows.
+def flight_errors(
+    case: Case, *, models: Mapping[str, LiftedModel], flown: Mapping[str, Segment], first: int
+) -> dict:
+    """Return of a case {"flight", "model": configuration} the errors by column of forecasts one
+    step ahead, from every origin of the flight from the first on, and the stability of its windows.
     """
-
-    models: Mapping[str, LiftedModel]
-    flown: Mapping[str, Segment]
-    first: int
-
-    def __call__(self, case: Case) -> dict:
-        """Forecast one step ahead from every origin of the flight."""
-        flight = self.flown[case["flight"]]
-        origins = np.arange(self.first, len(flight.chi) - 1)
-        course = forecasts(self.models[case["model"]], flight)
-        chi_hat = course.at([1], origins, flight.zeta, zeta_known=False)
-        errors = column_rmse(chi_hat[:, 0] - flight.chi[origins + 1])
-        return {"errors": errors, "stability": dc.asdict(stability_of(course))}
+    flight = flown[case["flight"]]
+    origins = np.arange(first, len(flight.chi) - 1)
+    course = forecasts(models[case["model"]], flight)
+    chi_hat = course.at([1], origins, flight.zeta, zeta_known=False)
+    errors = column_rmse(chi_hat[:, 0] - flight.chi[origins + 1])
+    return {"errors": errors, "stability": dc.asdict(stability_of(course))}
 
 
 Cells = dict[str, dict[str, dict[str, float]]]  # flight -> row -> column -> RMSE [N, N·m]
@@ -207,7 +195,7 @@ def estimation_table(
     """
     first = max(model.warm_up for model in models.values())
     cases = [{"flight": flight, "model": name} for flight in flown for name in models]
-    work = Forecasting(models, flown, first)
+    work = partial(flight_errors, models=models, flown=flown, first=first)
     results = every_result(run.cases("every origin", "", work, cases, config=config))
     cells: Cells = {}
     stability: dict[str, dict[str, dict]] = {name: {} for name in models}
@@ -234,18 +222,11 @@ def ratios(cells: Cells, row: str) -> np.ndarray:
     return np.array([rows[row][c] / rows["NP"][c] for rows in judged for c in COLUMNS])
 
 
-@dc.dataclass(frozen=True)
-class Options:
-    """Options of the studies of these flights."""
-
-    neurobem: Neurobem = None
-
-
-def run(run: Run, options: Options) -> Report:
+def run(run: Run, neurobem: Neurobem = None) -> Report:
     """The paper's table, one step ahead. On all real flights in DIR; --out DIR: ten seconds as a
     figure.
     """
-    training, tests = flights(neurobem_folder("estimation", options.neurobem))
+    training, tests = flights(required("estimation", neurobem, NEUROBEM_FLIGHTS))
     models, settings = trained(run, training)
     cells, stability = estimation_table(run, models, tests, settings)
     below = {row: int((ratios(cells, row) <= 1.0).sum()) for row in OWN}
@@ -324,23 +305,17 @@ def pieces(segment: Segment, samples: int) -> list[Segment]:
     return [part(segment, k, k + samples) for k in starts]
 
 
-@dc.dataclass(frozen=True)
-class Learning:
-    """Work of a case {"row": configuration, "samples", "piece"} -> errors of the model of that
+def piece_errors(
+    case: Case, *, training: Segment, test: Segment, configs: Mapping[str, Config]
+) -> dict:
+    """Return of a case {"row": configuration, "samples", "piece"} the errors of the model of that
     piece, one step ahead.
     """
-
-    training: Segment
-    test: Segment
-    configs: dict[str, Config]
-
-    def __call__(self, case: Case) -> dict:
-        """Train and test the model."""
-        segment = pieces(self.training, case["samples"])[case["piece"]]
-        origins = np.arange(FIRST, len(self.test.chi) + LAST)
-        course = forecasts(train([segment], self.configs[case["row"]]).model, self.test)
-        chi_hat = course.at([1], origins, self.test.zeta, zeta_known=False)
-        return _lengths(chi_hat[:, 0] - self.test.chi[origins + 1])
+    segment = pieces(training, case["samples"])[case["piece"]]
+    origins = np.arange(FIRST, len(test.chi) + LAST)
+    course = forecasts(train([segment], configs[case["row"]]).model, test)
+    chi_hat = course.at([1], origins, test.zeta, zeta_known=False)
+    return _lengths(chi_hat[:, 0] - test.chi[origins + 1])
 
 
 def _lengths(error: np.ndarray) -> dict[str, float]:
@@ -364,8 +339,10 @@ def sample_efficiency(
     Raises: ValueError: if the training segment is shorter than all sizes; FailedRun: where a model
         has no result.
     """
-    if len(training) < min(sizes):
-        raise ValueError(f"training segment: must have {min(sizes)} samples; got {len(training)}.")
+    require(
+        len(training) >= min(sizes),
+        f"training segment: must have {min(sizes)} samples; got {len(training)}.",
+    )
     cases: list[Case] = [
         {"row": name, "samples": size, "piece": piece}
         for name in configs
@@ -373,7 +350,8 @@ def sample_efficiency(
         for piece in range(len(pieces(training, size)))
     ]
     settings = {name: dc.asdict(config) for name, config in configs.items()}
-    records = run.cases("models", "", Learning(training, test, configs), cases, config=settings)
+    work = partial(piece_errors, training=training, test=test, configs=configs)
+    records = run.cases("models", "", work, cases, config=settings)
     chi = test.chi
     origins = np.arange(FIRST, len(chi) + LAST)
     naive = naive_predictions(chi, origins, [1], np.zeros(6))
@@ -391,11 +369,10 @@ def sample_efficiency(
     return points
 
 
-def sample_study(run: Run, options: Options) -> Report:
+def sample_study(run: Run, neurobem: Neurobem = None) -> Report:
     """Error against training samples. On race track 1; --out DIR: figure."""
-    training, tests = flights(neurobem_folder("sample-efficiency", options.neurobem))
-    if FLIGHT not in tests:
-        raise ValueError(f"sample-efficiency: the folder must hold {FLIGHT}.")
+    training, tests = flights(required("sample-efficiency", neurobem, NEUROBEM_FLIGHTS))
+    require(FLIGHT in tests, f"sample-efficiency: the folder must hold {FLIGHT}.")
     settings = configs(run.seed)
     points = sample_efficiency(run, training, tests[FLIGHT], settings)
     shown = [{**p, "row": f"{p['row']} (published)"} for p in CURVE]

@@ -8,8 +8,10 @@ vehicle measures, as those of a real flight.
 
 import dataclasses as dc
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -20,17 +22,16 @@ from diagrams.loop.flight import FlightConfig
 from diagrams.loop.flight_result import FlightResult, fly
 from diagrams.loop.reality import RealityConfig
 from diagrams.loop.scaled import scaled
-from np_drake.flight_log import FlightLog
 from np_drake.labels import LabelConfig, default_labels
 from np_drake.lifting.model.lifted_model import FAMILIES, LIFTED, NEURAL, LiftedModel
 from np_drake.lifting.model.model_file import load_model, origin_of, require_origin, save_model
 from np_drake.lifting.model.neural_family import NeuralFamily, with_network
 from np_drake.lifting.training.network_training import PART
 from np_drake.lifting.training.train import Config, TrainingResult, make_config
-from np_drake.payload_filter.model_file import PayloadFilterModel
+from np_drake.payload_filter.model_file import PAYLOAD_FILTER
 from np_drake.payload_filter.training import train_payload_filter
 from np_drake.references.config import ReferenceConfig
-from np_drake.residual_models.motion_model import MotionModel
+from np_drake.residual_models.motion_model import REACTIONS
 from np_drake.residual_models.motion_training import train_motion_model
 from np_drake.residual_models.predictor_training import (
     place_on_flights,
@@ -65,29 +66,38 @@ FLOWN = 24  # flights at most that judge a network, one for ten of the training 
 SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)  # of the network's own share, that are flown [1]
 
 
-def train_predictor(
+def train_model(
     flight: FlightResult, path: Path, *, configuration: str = NEURAL, seed: int = 0
-) -> TrainingResult:
-    """Train on the flight's log after the ramp and write the model file.
+) -> dict[str, Any]:
+    """Train on the flight's log after the ramp, write the model file, and return its summary.
 
     `neural` places the packaged family, see `placed_family`, and `lifted` does so without its
     network; where there is none, `lifted` learns from the flight alone.
     Raises: ValueError: on an unknown configuration.
     """
-    controller, vehicle = flight.config.controller, flight.config.vehicle
-    flights, step, label = [Flight(_scored(flight), vehicle)], controller.period, controller.label
-    family = (
-        placed_family(flights, step=step, label=label)[0] if configuration in FAMILIES else None
-    )
-    if family is not None and configuration == LIFTED:
-        family = family.without_network
-    if family is None:
+    controller, vehicle, log = flight.config.controller, flight.config.vehicle, flight.log()
+    log = log.rows(int(np.argmax(flight.scored)), len(log))
+    step, label = controller.period, controller.label
+    if configuration in REACTIONS:
+        how: dict[str, Any] = {"step": step, "label": label, "seed": seed}
+        reaction, _ = train_motion_model(configuration, [log], vehicle, **how)
+        reaction.save(path)
+        return reaction.summary
+    if configuration == PAYLOAD_FILTER:
+        payload_filter = train_payload_filter([(log, vehicle)], step=step)
+        payload_filter.save(path)
+        return payload_filter.summary
+    flights, model = [Flight(log, vehicle)], None
+    if configuration in FAMILIES:
+        model, _ = placed_family(flights, step=step, label=label)
+    if model is None:
         alone = LIFTED if configuration in FAMILIES else configuration
-        result = train_on_flights(flights, make_config(alone, seed=seed), step=step, label=label)
-    else:
-        result = TrainingResult(family, [])
-    save_model(result.model, path)
-    return result
+        config = make_config(alone, seed=seed)
+        model = train_on_flights(flights, config, step=step, label=label).model
+    elif configuration == LIFTED:
+        model = model.without_network
+    save_model(model, path)
+    return model.summary
 
 
 def placed_family(
@@ -142,37 +152,6 @@ def packaged_family(
     return prior if abs(step / prior.step - 1) < 0.02 else None
 
 
-def train_reaction(flight: FlightResult, path: Path, *, name: str, seed: int = 0) -> MotionModel:
-    """Train a model without memory on the flight's log after the ramp and write the model file.
-    Raises: ValueError: on another name.
-    """
-    controller = flight.config.controller
-    model, _ = train_motion_model(
-        name,
-        [_scored(flight)],
-        flight.config.vehicle,
-        step=controller.period,
-        label=controller.label,
-        seed=seed,
-    )
-    model.save(path)
-    return model
-
-
-def train_payload_filter_model(flight: FlightResult, path: Path) -> PayloadFilterModel:
-    """Train a payload filter on the flight's log after the ramp and write the model file."""
-    config = flight.config
-    model = train_payload_filter([(_scored(flight), config.vehicle)], step=config.controller.period)
-    model.save(path)
-    return model
-
-
-def _scored(flight: FlightResult) -> FlightLog:
-    """Return the log after the ramp."""
-    log = flight.log()
-    return log.rows(int(np.argmax(flight.scored)), len(log))
-
-
 def envelope_flight(number: int, *, seed: int, vehicle: Vehicle) -> FlightConfig:
     """Return one flight of the envelope.
 
@@ -205,22 +184,18 @@ def envelope_flight(number: int, *, seed: int, vehicle: Vehicle) -> FlightConfig
     return config.check()
 
 
-@dc.dataclass(frozen=True)
-class Envelope:
-    """Work of a flight of the envelope: {"flight": number} -> {"segments": arrays in base 64}."""
-
-    seed: int
-    vehicle: Vehicle
-
-    def __call__(self, case: Case) -> dict:
-        """Fly it and return its training segments."""
-        config = envelope_flight(case["flight"], seed=self.seed, vehicle=self.vehicle)
-        log = fly(config, seed=case["flight"]).log()
-        lag = self.vehicle.rotor_time_constant or motor_lag(self.vehicle)
-        lagged = dc.replace(self.vehicle, rotor_time_constant=lag)
-        pieces = Flight(log, lagged).segments(config.controller.period, config.controller.label)
-        piece = max(pieces, key=len)
-        return {"segment": packed({"chi": piece.chi, "zeta": piece.zeta, "goal": piece.goal})}
+def flown_segment(case: Case, *, seed: int, vehicle: Vehicle) -> dict:
+    """Fly a flight of the envelope {"flight": number}, and return {"segment": its training segment
+    as arrays in base 64}.
+    """
+    config = envelope_flight(case["flight"], seed=seed, vehicle=vehicle)
+    log = fly(config, seed=case["flight"]).log()
+    lagged = dc.replace(
+        vehicle, rotor_time_constant=vehicle.rotor_time_constant or motor_lag(vehicle)
+    )
+    pieces = Flight(log, lagged).segments(config.controller.period, config.controller.label)
+    piece = max(pieces, key=len)
+    return {"segment": packed({"chi": piece.chi, "zeta": piece.zeta, "goal": piece.goal})}
 
 
 def motor_lag(vehicle: Vehicle) -> float:
@@ -234,7 +209,7 @@ def envelope_segments(count: int, *, run: Run, vehicle: Vehicle) -> list[Segment
     """
     step = sampling_period(vehicle)
     config = {"study": "envelope", "vehicle": dc.asdict(vehicle), "seed": run.seed}
-    work = Envelope(run.seed, vehicle)
+    work = partial(flown_segment, seed=run.seed, vehicle=vehicle)
     cases = [{"flight": number} for number in range(count)]
     records = run.cases("envelope", "flights", work, cases, config=config)
     found = []
@@ -276,22 +251,18 @@ def train_on_envelope(
     return dc.replace(result, model=place_on_flights(flights, result.model, **how))
 
 
-@dc.dataclass(frozen=True)
-class FlyingShare:
-    """Work of a case {"flight", "share"} -> {"error": position RMSE [m]}."""
-
-    models: dict[float, LiftedModel]
-    seed: int
-    vehicle: Vehicle
-
-    def __call__(self, case: Case) -> dict:
-        """Fly a flight of the envelope with the model."""
-        config = envelope_flight(case["flight"], seed=self.seed, vehicle=self.vehicle)
-        with tempfile.TemporaryDirectory() as folder:
-            path = Path(folder) / "model.safetensors"
-            save_model(self.models[case["share"]], path)
-            config.controller.kind, config.controller.predictor = "np", str(path)
-            return {"error": fly(config.check(), seed=case["flight"]).metrics()["position_rmse"]}
+def flown_error(
+    case: Case, *, models: Mapping[float, LiftedModel], seed: int, vehicle: Vehicle
+) -> dict:
+    """Fly a flight of the envelope with the model of a share of the network, a case {"flight",
+    "share"}, and return {"error": position RMSE [m]}.
+    """
+    config = envelope_flight(case["flight"], seed=seed, vehicle=vehicle)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "model.safetensors"
+        save_model(models[case["share"]], path)
+        config.controller.kind, config.controller.predictor = "np", str(path)
+        return {"error": fly(config.check(), seed=case["flight"]).metrics()["position_rmse"]}
 
 
 def flown_share(model: LiftedModel, first: int, *, run: Run, vehicle: Vehicle) -> LiftedModel:
@@ -312,7 +283,7 @@ def flown_share(model: LiftedModel, first: int, *, run: Run, vehicle: Vehicle) -
         "vehicle": dc.asdict(vehicle),
         "trained": model.summary,
     }
-    work = FlyingShare(choices, run.seed, vehicle)
+    work = partial(flown_error, models=choices, seed=run.seed, vehicle=vehicle)
     records = run.cases("network", "flights", work, cases, config=config)
     errors = [record["result"]["error"] if "result" in record else np.inf for record in records]
     if not np.any(np.isfinite(errors)):

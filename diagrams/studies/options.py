@@ -50,34 +50,15 @@ RealFlights = Annotated[
 Duration = Annotated[float, Option(min=10.0, max=3600.0, help="Of a flight, after the ramp [s].")]
 
 
-def required(option: Path | None, message: str) -> Path:
-    """Return the folder that an option names; ValueError with the message where it is not given."""
-    if option is None:
-        raise ValueError(message)
-    return option
+REAL_FLIGHTS = "real flights as DIR or NP_DRAKE_REAL"
+NEUROBEM_FLIGHTS = "NeuroBEM flights as --neurobem DIR or NP_DRAKE_NEUROBEM"
 
 
-@dc.dataclass(frozen=True)
-class RealFlightOptions:
-    """Options of a study of the real flights."""
-
-    folder: RealFlights = None
-    neurobem: Neurobem = None
-    only: Group = None
-
-    def given(self, study: str) -> Path:
-        """Return the folder of the real flights; ValueError if none is given."""
-        return required(
-            self.folder, f"{study}: give the folder of the real flights as DIR or NP_DRAKE_REAL."
-        )
-
-
-@dc.dataclass(frozen=True)
-class FlownOptions:
-    """Options of a study that flies every row with several seeds."""
-
-    seeds: Seeds = 5
-    solver: Solver = DEFAULT_SOLVER
+def required(study: str, folder: Path | None, flights: str) -> Path:
+    """Return the folder of these flights; ValueError where the study is given none."""
+    if folder is None:
+        raise ValueError(f"{study}: give the folder of the {flights}.")
+    return folder
 
 
 @dc.dataclass(frozen=True, kw_only=True)
@@ -88,10 +69,9 @@ class FlownRun(Run):
     solver: str = DEFAULT_SOLVER
 
     @classmethod
-    def of(cls, run: Run, options: FlownOptions) -> Self:
-        """Return the run with the seeds and the solver of these options."""
-        shared = {field.name: getattr(run, field.name) for field in dc.fields(Run)}
-        return cls(**shared, count=options.seeds, solver=options.solver)
+    def of(cls, run: Run, **more: Any) -> Self:
+        """Return the run with further fields."""
+        return cls(**{field.name: getattr(run, field.name) for field in dc.fields(Run)}, **more)
 
     @property
     def seeds(self) -> list[int]:

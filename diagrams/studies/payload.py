@@ -16,7 +16,7 @@ from diagrams.loop.flight import FlightConfig
 from diagrams.loop.flight_result import FlightResult, fly
 from diagrams.studies.columns import fixed, percent, spread, tabulate
 from diagrams.studies.figures import Panel, panel_figure
-from diagrams.studies.options import FlownOptions, FlownRun, Only, Reality, Seeds
+from diagrams.studies.options import DEFAULT_SOLVER, FlownRun, Only, Reality, Seeds, Solver
 from diagrams.studies.sweep import Row, choose_rows, configure, fly_rows, means, training_config
 from diagrams.studies.tracking import DITHERED, PLAIN, world_of
 from np_drake import metrics
@@ -141,18 +141,16 @@ COLUMNS = (
 )
 
 
-@dc.dataclass(frozen=True)
-class HoverOptions(FlownOptions):
-    """Options of the study `hover`."""
-
-    only: Only = None
-    reality: Reality = None
-
-
-def hover(run: Run, options: HoverOptions) -> Report:
+def hover(
+    run: Run,
+    seeds: Seeds = 5,
+    solver: Solver = DEFAULT_SOLVER,
+    only: Only = None,
+    reality: Reality = None,
+) -> Report:
     """Hover while the payload swings. --out DIR: models, and the payload's distance as a figure."""
-    run, world = FlownRun.of(run, options), world_of(options.reality)
-    rows, how = choose_rows(ROWS, options.only), {"solver": run.solver, **world}
+    run, world = FlownRun.of(run, count=seeds, solver=solver), world_of(reality)
+    rows, how = choose_rows(ROWS, only), {"solver": run.solver, **world}
     config = {
         "solver": run.solver,
         "training_seed": run.seed,
@@ -286,17 +284,11 @@ ATTACH_COLUMNS = (  # N, s, cm
 )
 
 
-@dc.dataclass(frozen=True)
-class AttachOptions(FlownOptions):
-    """Options of the study `attach`."""
-
-    seeds: Seeds = 20
-    reality: Reality = None
-
-
-def attach(run: Run, options: AttachOptions) -> Report:
+def attach(
+    run: Run, seeds: Seeds = 20, solver: Solver = DEFAULT_SOLVER, reality: Reality = None
+) -> Report:
     """100 g more are hung on in flight. --out DIR: models, and the responses as a figure."""
-    run, world = FlownRun.of(run, options), world_of(options.reality)
+    run, world = FlownRun.of(run, count=seeds, solver=solver), world_of(reality)
     how = {"solver": run.solver, **world}
     config = configure("attach", Row("", "nominal"), **how)
     settings = {

@@ -21,7 +21,7 @@ from diagrams.loop.experiments import load_experiment
 from diagrams.loop.flight import FlightConfig
 from diagrams.loop.flight_result import LostVehicle, fly
 from diagrams.studies.columns import Column, fixed, percent, spread, tabulate
-from diagrams.studies.options import Duration, FlownOptions, FlownRun, Only, Seeds, chosen
+from diagrams.studies.options import DEFAULT_SOLVER, Duration, FlownRun, Only, Seeds, Solver, chosen
 from diagrams.studies.sweep import Row, choose_rows, configure, fly_rows, means, named, tidy
 from diagrams.studies.tracking import DITHERED, ERRORS
 from diagrams.studies.tracking import ROWS as TRACKING_ROWS
@@ -195,14 +195,17 @@ def summary(cell: pd.DataFrame) -> dict:
 
 def robustness_table(cells: Cells, axes: Sequence[Axis]) -> list[dict]:
     """Return one line an axis and row that flew: `points`, a summary a value."""
-    lines = []
-    for axis, row in itertools.product(axes, dict.fromkeys(row for row, *_ in cells)):
-        points = []
-        for value in axis.values:
-            setting = BASE | {axis.name: value}
-            points.append({"value": value, **summary(cells[row, *setting.values()])})
-        lines.append({"axis": axis.name, "row": row, "points": points})
-    return lines
+    return [
+        {
+            "axis": axis.name,
+            "row": row,
+            "points": [
+                {"value": value, **summary(cells[row, *(BASE | {axis.name: value}).values()])}
+                for value in axis.values
+            ],
+        }
+        for axis, row in itertools.product(axes, dict.fromkeys(row for row, *_ in cells))
+    ]
 
 
 def grid_points(cells: Cells, settings: Sequence[Setting]) -> list[dict]:
@@ -263,12 +266,11 @@ def grid_table(points: Sequence[dict]) -> list[dict]:
     return lines
 
 
-@dc.dataclass(frozen=True)
-class Options(FlownOptions):
-    """Options of the study."""
-
-    seeds: Seeds = 3
-    only: Only = None
+def run(
+    run: Run,
+    seeds: Seeds = 3,
+    solver: Solver = DEFAULT_SOLVER,
+    only: Only = None,
     axis: Annotated[
         list[str] | None,
         Option(
@@ -276,35 +278,33 @@ class Options(FlownOptions):
                 "Only these axes: mass | length | speed | wind | gust | noise | lag | delay | loss."
             )
         ),
-    ] = None
+    ] = None,
     grid: Annotated[
         bool,
         Option(
             "--grid", help="Also fly every payload mass with every tether length at every speed."
         ),
-    ] = False
+    ] = False,
     grid_values: Annotated[
         int | None,
         Option(
             min=2, max=5, help="Evenly spaced values of each quantity of the grid; default: all."
         ),
-    ] = None
-    duration: Duration = 20.0
-
-
-def run(run: Run, options: Options) -> Report:
+    ] = None,
+    duration: Duration = 20.0,
+) -> Report:
     """Payload, tether, speed, wind, noise, motors, delay and battery. --out DIR: cases to
     resume from.
     """
-    require_solver(options.solver)
-    run = FlownRun.of(run, options)
-    rows = choose_rows(ROWS, options.only)
-    names = chosen("--axis", options.axis, [axis.name for axis in AXES])
+    require_solver(solver)
+    run = FlownRun.of(run, count=seeds, solver=solver)
+    rows = choose_rows(ROWS, only)
+    names = chosen("--axis", axis, [axis.name for axis in AXES])
     axes = [axis for axis in AXES if axis.name in names]
-    if options.grid_values is not None and not options.grid:
+    if grid_values is not None and not grid:
         raise ValueError("--grid-values: must come with --grid.")
-    grid = grid_settings(options.grid_values or 5) if options.grid else []
-    how: dict[str, Any] = {"solver": run.solver, "duration": options.duration}
+    crossed = grid_settings(grid_values or 5) if grid else []
+    how: dict[str, Any] = {"solver": run.solver, "duration": duration}
     base = flight_config({"seed": 0, **BASE}, **how)
     config = {
         "solver": run.solver,
@@ -313,21 +313,21 @@ def run(run: Run, options: Options) -> Report:
         "mpc": dc.asdict(load_experiment("circle").controller.mpc),
         "reality": dc.asdict(base.reality),
         "reference": dc.asdict(base.reference),
-        "scored": options.duration,
+        "scored": duration,
         "settling": SETTLING,
         "lost": LOST,
         "gusts": GUSTS,
     }
     along = [BASE | {axis.name: value} for axis in axes for value in axis.values]
-    settings = distinct([*along, *grid])
+    settings = distinct([*along, *crossed])
     scenarios = [{**setting, "seed": seed} for seed in run.seeds for setting in settings]
     trainings, flights = fly_rows(
         run, "robustness", rows, scenarios, partial(flown, **how), config=config
     )
     require_result(flights)
     cells = cells_of(tidy(flights))
-    lines, points = robustness_table(cells, axes), grid_points(cells, grid)
-    title = f"{options.duration:g} s, {run.title()}"
+    lines, points = robustness_table(cells, axes), grid_points(cells, crossed)
+    title = f"{duration:g} s, {run.title()}"
     return Report(
         [
             *(errors_printed(lines, key, title) for key in ERRORS),

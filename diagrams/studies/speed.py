@@ -92,12 +92,11 @@ def timing_line(row: str, solver: str, spent: dict[str, np.ndarray]) -> dict:
     """Return one line of the table: medians and 95 % quantiles [ms], CPU load by rate [1], ratios
     to the reference [1].
     """
-    failures = int(np.sum(spent["status"] >= MpcStatus.SQP_FALLBACK))
     line: dict[str, Any] = {
         "row": row,
         "solver": solver,
         "periods": len(spent["status"]),
-        "failures": failures,
+        "failures": int(np.sum(spent["status"] >= MpcStatus.SQP_FALLBACK)),
     }
     values = {name: spent[name] for name in ("predict", "solve")}
     whole = spent["predict"] + spent["solve"]
@@ -130,18 +129,10 @@ def printed(lines: list[dict], title: str) -> Table:
     return tabulate(title, lines, columns)
 
 
-@dc.dataclass(frozen=True)
-class Options:
-    """Options of the study."""
-
-    only: Only = None
-
-
-def run(run: Run, options: Options) -> Report:
+def run(run: Run, only: Only = None) -> Report:
     """What a period costs. As ratios to a reference calculation in the same run."""
-    rows, flight_seed, lines = choose_rows(ROWS, options.only), run.seed + 1, []
-    shared = {field.name: getattr(run, field.name) for field in dc.fields(Run)}
-    _, models = train_rows(FlownRun(**shared), rows, config={})
+    rows, flight_seed, lines = choose_rows(ROWS, only), run.seed + 1, []
+    _, models = train_rows(FlownRun.of(run), rows, config={})
     with run.counting("timing", "controllers") as on_progress:
         for number, row in enumerate(rows, start=1):
             with model_path(models.get(row.key)) as model:

@@ -21,13 +21,11 @@ from diagrams.loop.controller_config import LEARNED, NP_MODEL
 from diagrams.loop.experiments import load_experiment
 from diagrams.loop.flight import FlightConfig
 from diagrams.loop.flight_result import fly
-from diagrams.studies.learning import train_payload_filter_model, train_predictor, train_reaction
+from diagrams.studies.learning import train_model
 from diagrams.studies.options import FlownRun
 from np_drake.files.atomic_file import write_bytes
 from np_drake.lifting.model.lifted_model import FAMILIES
 from np_drake.metrics import half_width
-from np_drake.payload_filter.model_file import PAYLOAD_FILTER
-from np_drake.residual_models.motion_model import REACTIONS
 from np_drake.vehicle import Vehicle
 
 Key = tuple[str, str]  # training experiment and configuration
@@ -121,12 +119,7 @@ def training_config(
 def train_row(row: Row, path: Path, *, seed: int, **how) -> None:
     """Train the model of a row and write its file; further arguments of `training_config`."""
     flight = fly(training_config(row.training, **how), seed=seed)
-    if row.configuration in REACTIONS:
-        train_reaction(flight, path, name=row.configuration, seed=seed)
-    elif row.configuration == PAYLOAD_FILTER:
-        train_payload_filter_model(flight, path)
-    else:
-        train_predictor(flight, path, configuration=row.configuration, seed=seed)
+    train_model(flight, path, configuration=row.configuration, seed=seed)
 
 
 @cache  # a case of thousands asks for it

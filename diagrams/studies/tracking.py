@@ -20,7 +20,7 @@ from diagrams.loop.experiments import load_experiment, scenario_file, settings_o
 from diagrams.loop.flight_result import fly
 from diagrams.studies.columns import Column, fixed, percent, spread, tabulate
 from diagrams.studies.figures import Panel, panel_figure
-from diagrams.studies.options import FlownOptions, FlownRun, Only, Reality
+from diagrams.studies.options import DEFAULT_SOLVER, FlownRun, Only, Reality, Seeds, Solver
 from diagrams.studies.sweep import Row, choose_rows, configure, fly_rows, means, training_config
 from np_drake.files.number_text import NOTHING
 from np_drake.lifting.model.lifted_model import LIFTED, NEURAL
@@ -119,20 +119,18 @@ def settings_of_training(rows: Sequence[Row], seed: int) -> dict[str, dict]:
     return {name: dc.asdict(own or make_config(name, seed=seed)) for name, own in found.items()}
 
 
-@dc.dataclass(frozen=True)
-class Options(FlownOptions):
-    """Options of the study."""
-
-    only: Only = None
-    reality: Reality = None
-    vehicle: Annotated[str, Option(help="Vehicle that flies in place of the paper's.")] = ""
-
-
-def run(run: Run, options: Options) -> Report:
+def run(
+    run: Run,
+    seeds: Seeds = 5,
+    solver: Solver = DEFAULT_SOLVER,
+    only: Only = None,
+    reality: Reality = None,
+    vehicle: Annotated[str, Option(help="Vehicle that flies in place of the paper's.")] = "",
+) -> Report:
     """Every controller on circle and lemniscate. --out DIR: models and figure."""
-    run = FlownRun.of(run, options)
-    rows = choose_rows(ROWS, options.only)
-    world = world_of(options.reality, options.vehicle)
+    run = FlownRun.of(run, count=seeds, solver=solver)
+    rows = choose_rows(ROWS, only)
+    world = world_of(reality, vehicle)
     how = {"solver": run.solver, **world}
     config = {
         "solver": run.solver,

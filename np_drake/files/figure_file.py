@@ -4,7 +4,6 @@ import io
 from pathlib import Path
 from typing import Any
 
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from np_drake.files.atomic_file import write_bytes
@@ -42,7 +41,6 @@ def new_figure(rows: int, columns: int, *, width: float, height: float, **layout
         layout: passed to `Figure.subplots`.
     """
     figure = Picture(figsize=(width, height), layout="constrained")
-    FigureCanvasAgg(figure)
     return figure, figure.subplots(rows, columns, squeeze=False, **layout)
 
 
@@ -56,7 +54,6 @@ def new_mosaic(layout: list[Any], *, width: float, height: float, **ratios):
         ratios: passed to `Figure.subplot_mosaic`.
     """
     figure = Picture(figsize=(width, height), layout="constrained")
-    FigureCanvasAgg(figure)
     return figure, figure.subplot_mosaic(layout, **ratios)
 
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from jinja2 import Environment, StrictUndefined
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
@@ -15,6 +15,7 @@ from np_drake.files.atomic_file import write_bytes, write_text
 from np_drake.files.figure_file import png
 from np_drake.files.number_text import kept_together
 
+FOLDER = Path(__file__).parent  # of the templates and the style sheet
 Pictures = Mapping[str, Figure | bytes | None]  # figure or PNG by name; None: there is none
 
 
@@ -59,6 +60,7 @@ def render(
 ) -> str:
     """Return the HTML of a page."""
     environment = Environment(
+        loader=FileSystemLoader(FOLDER),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
@@ -67,21 +69,18 @@ def render(
     )
     environment.filters["longest_word"] = _longest_word
     shown = {name: base64.b64encode(picture).decode() for name, picture in pictures.items()}
-    parts = environment.from_string(_beside("page_parts.html.j2")).make_module({"pictures": shown})
+    parts = environment.get_template("page_parts.html.j2").make_module({"pictures": shown})
     macros = {name: getattr(parts, name) for name in ("picture", "table", "items")}
     html = [
         Markup(environment.from_string(template.read_text("utf-8")).render(macros | {**values}))
         for template, values in sections
     ]
-    return environment.from_string(_beside("page.html.j2")).render(
-        title=title, sections=html, style=Markup(_beside("page.css")), closed=closed
+    style = Markup((FOLDER / "page.css").read_text("utf-8"))
+    return environment.get_template("page.html.j2").render(
+        title=title, sections=html, style=style, closed=closed
     )
 
 
 def _longest_word(text: str) -> int:
     """Return the length of the longest part that no line is broken in, as a name of a file."""
     return max(map(len, text.split()), default=0)
-
-
-def _beside(name: str) -> str:
-    return Path(__file__).with_name(name).read_text("utf-8")

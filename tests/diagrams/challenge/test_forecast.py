@@ -9,7 +9,7 @@ from diagrams.challenge.forecast import (
     HORIZONS,
     PERSISTENCE,
     STEP,
-    HoldingOut,
+    held_out_errors,
     pooled,
     square_errors,
 )
@@ -63,7 +63,7 @@ def test_no_row_is_trained_on_the_manoeuvre_that_it_is_scored_on(manoeuvres, mon
         return Hold(step=STEP)
 
     monkeypatch.setitem(forecast.ROWS, "mine", trained)
-    found = HoldingOut(manoeuvres)({"manoeuvre": "1", "row": "mine"})
+    found = held_out_errors({"manoeuvre": "1", "row": "mine"}, flights=manoeuvres)
     assert seen == ["made_0", "made_1", "made_4", "made_5"]
     assert list(found["known"]) == list(found["held"]) == ["made_2", "made_3"]
 

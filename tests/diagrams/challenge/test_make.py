@@ -39,10 +39,6 @@ def test_cases_can_be_read_and_have_a_truth_each(small_set):
         assert set(truth["visibility_in_training"]) == {"train_1.csv", "train_2.csv"}
         assert min(truth["visibility_in_training"].values()) >= 0.9
         assert set(truth["true_model_residual"]) >= {"force_x", "torque_z"}
-        assert truth["parameters_residual"].keys() == truth["true_model_residual"].keys()
-        onset = next((effect["onset"] for effect in truth["effects"]), {})
-        known = {file for file, t in onset.items() if t is not None}
-        assert set(truth["best_onset"]) == (known if truth["kind"] != "foreign" else set())
         assert all(log.al is None for log in logs)
         if truth["kind"] == "clean":
             assert truth["effects"] == []

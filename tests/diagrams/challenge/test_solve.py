@@ -7,7 +7,7 @@ import pytest
 
 from diagrams.batch.failed_run import one_line
 from diagrams.challenge import solve as module
-from diagrams.challenge.solve import Solving, solve
+from diagrams.challenge.solve import solve, solve_case
 from np_drake.flight_log import FlightLog
 from np_drake.logs.formats.log_file import write_log
 from np_drake.vehicle import Vehicle
@@ -82,7 +82,7 @@ def test_the_second_answer_is_written_where_there_is_one(cases, tmp_path, monkey
         return first
 
     monkeypatch.setattr(module, "diagnose", twice)
-    dut = Solving(cases)({"case": "a1"})
+    dut = solve_case({"case": "a1"}, cases=cases)
     assert dut["answer"] == {"train": ["train_1.csv"], "replay": False, "joined": ["heldout_1.csv"]}
 
 
@@ -113,9 +113,9 @@ import sys
 opened = []
 sys.addaudithook(lambda event, args: opened.append(str(args[0])) if event == "open" else None)
 from pathlib import Path
-from diagrams.challenge.solve import Solving, case_folders
+from diagrams.challenge.solve import case_folders, solve_case
 cases = Path(sys.argv[1])
-result = [Solving(cases)({"case": f.name}) for f in case_folders(cases)]
+result = [solve_case({"case": f.name}, cases=cases) for f in case_folders(cases)]
 assert len(result) == 1, result
 assert any(name.endswith("train_1.csv") for name in opened), "the hook sees nothing"
 print([name for name in opened if "truth.json" in name])

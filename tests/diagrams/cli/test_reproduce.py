@@ -44,7 +44,7 @@ def test_the_studies_are_listed_with_a_line_each(arguments, capsys):
 
 def test_a_study_runs_in_silence_from_python(tmp_path, capfd, monkeypatch):
     monkeypatch.setattr(payload, "fly_rows", lambda *_, **__: ([], []))
-    report = payload.attach(Run(seed=3, scratch=tmp_path), payload.AttachOptions())
+    report = payload.attach(Run(seed=3, scratch=tmp_path))
     assert "trained on seed 3" in report.tables[0][0]
     assert capfd.readouterr() == ("", "")
 

@@ -122,7 +122,8 @@ def test_the_file_says_intervals_and_the_onsets_of_every_flight(tmp_path):
     posterior = Posterior(["thrust_scale.scale"], [[0.01**2]])
     begins = {"a": None, "b": 3.5, "c": np.inf}
     config = written(diagnosis(cause(ThrustScale(0.9), begins), posterior=posterior), tmp_path)
-    assert config.reality.by_flight == [(ThrustScale(0.9), {"a": 0.0, "b": 3.5, "c": np.inf})]
+    (entry,) = config.reality.effects
+    assert (entry.made, entry.onsets) == (ThrustScale(0.9), {"a": 0.0, "b": 3.5, "c": np.inf})
     assert "scale: 0.9  # [1], 95 %: 0.8804 to 0.9196" in (tmp_path / FILE).read_text()
 
 

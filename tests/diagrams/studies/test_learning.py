@@ -6,7 +6,14 @@ import pytest
 
 from diagrams.batch.campaign import unpacked
 from diagrams.loop.controller_config import NP_MODEL
-from diagrams.studies.learning import LENGTH, MASS, SPEED, Envelope, envelope_flight, flown_share
+from diagrams.studies.learning import (
+    LENGTH,
+    MASS,
+    SPEED,
+    envelope_flight,
+    flown_segment,
+    flown_share,
+)
 from np_drake.lifting.model.model_file import load_model
 from np_drake.vehicle import Vehicle
 
@@ -23,7 +30,7 @@ def test_flights_lie_within_the_envelope():
 
 @pytest.mark.nightly
 def test_what_is_learnt_is_what_a_vehicle_measures():
-    arrays = unpacked(Envelope(3, Vehicle())({"flight": 2})["segment"])
+    arrays = unpacked(flown_segment({"flight": 2}, seed=3, vehicle=Vehicle())["segment"])
     config = envelope_flight(2, seed=3, vehicle=Vehicle())
     weight = config.reality.payload.mass * 9.81
     drift = (config.reality.thrust_scale - 1.0) * (Vehicle().mass * 9.81 + weight)
