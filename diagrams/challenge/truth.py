@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from diagrams.challenge.draw import FILES, Case
-from np_drake.diagnosis.calibration import flight_errors
+from np_drake.diagnosis.calibration import file_errors, flight_errors
 from np_drake.diagnosis.forward_model import NEVER, StageCache, Term, predicted_residual
 from np_drake.diagnosis.numerics import NoiseModel, fit_noise
 from np_drake.diagnosis.options import Priors, Tolerance
@@ -15,7 +15,6 @@ from np_drake.diagnosis.regressors import (
     Candidate,
     Onset,
     at_value,
-    calibration,
     library_candidates,
     payloads_of,
     tolerance_of,
@@ -54,7 +53,7 @@ class Collinearity:
         """Whiten the tolerated errors."""
         self._flights, self._noise = flights, noise
         self._tolerated = self._columns(
-            [*calibration(flights, tolerance), *flight_errors(flights, tolerance)]
+            [*file_errors(flights, tolerance), *flight_errors(flights, tolerance)]
         )
 
     def doubles(self, terms: Sequence[Term], i: int) -> list[str]:

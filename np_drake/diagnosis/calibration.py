@@ -10,6 +10,7 @@ of a payload does not count: effects explain it.
 """
 
 import dataclasses as dc
+import math
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 
@@ -19,7 +20,7 @@ from np_drake import attitude
 from np_drake.diagnosis.deviation import ROTORS, Deviation, columns_of, file_deviations
 from np_drake.diagnosis.fitting import Fit, LinearPart
 from np_drake.diagnosis.forward_model import Term, predicted_residual
-from np_drake.diagnosis.options import SPREAD, SURE, Priors, Spread, Tolerance
+from np_drake.diagnosis.options import SPREAD, SURE, Priors, Spread, Tolerance, unhealthy
 from np_drake.diagnosis.regressors import LINEAR, PREFIX, Candidate, generic_candidates
 from np_drake.diagnosis.regressors.library import THROTTLE_CURVE
 from np_drake.diagnosis.residuals import FORCE, TORQUE, WRENCH, FlightResiduals
@@ -177,11 +178,7 @@ def nuisance_of(
     """Return all that every model holds, as columns with prior N(0, 1): errors of the file, what
     flights differ by, and what an unmeasured vehicle and its airframe differ by from the file.
     """
-    found = list[Candidate]()
-    for d in file_deviations(flights[0].vehicle, tolerance):
-        columns = {e.name: columns_of(e, [d], part=1.0) for e in flights}
-        found.append(Candidate((), "calibration", columns, lambda c: []))
-    found += flight_errors(flights, tolerance)
+    found = [*file_errors(flights, tolerance), *flight_errors(flights, tolerance)]
     for of in vehicle_columns(flights, tolerance, priors):
         columns = {e.name: of(e) for e in flights}
         found.append(Candidate((), LINEAR, columns, lambda c: [], generic=of))
@@ -264,6 +261,15 @@ def calibration_effects(fit: Fit, e: FlightResiduals, tolerance: Tolerance) -> l
         moved = {name: (parameters[name], c) for name, c in zip(d.deviation, own, strict=True)}
         values = {n: float(np.clip(p.neutral + c, p.lower, p.upper)) for n, (p, c) in moved.items()}
         found.append(d.at(**values))
+    return found
+
+
+def file_errors(flights: Sequence[FlightResiduals], tolerance: Tolerance) -> list[Candidate]:
+    """Return what every vehicle may differ by from its file, a candidate an effect."""
+    found = []
+    for d in file_deviations(flights[0].vehicle, tolerance):
+        columns = {e.name: columns_of(e, [d], part=1.0) for e in flights}
+        found.append(Candidate((), "calibration", columns, lambda c: []))
     return found
 
 
@@ -364,6 +370,44 @@ def with_torque_gain(flights: Sequence[FlightResiduals], gain: np.ndarray) -> li
         y[:, WRENCH] += e.nominal - nominal
         found.append(dc.replace(scaled, y=e.known(y), nominal=nominal))
     return found
+
+
+DRAWS = 400  # of the posterior
+SEED = 1
+
+
+def beyond_spread(
+    fit: Fit, i: int, e: FlightResiduals, tolerance: Tolerance, *, changed: bool = False
+) -> float:
+    """Return the posterior probability that term i is larger than healthy vehicles differ by; 1
+    where these do not.
+    """
+    effect = fit.terms[i].effect
+    spread, usual = dict[str, float](), dict[str, float]()
+    # What changed since earlier flights is not what a vehicle differs by from its file.
+    stated = [d for d in file_deviations(e.vehicle, tolerance) if d.stated]
+    vehicle = [*of_vehicle(e, tolerance), *stated] if not changed else []
+    for d in (*vehicle, *(of_flight(e, tolerance) if tolerance.unmeasured else [])):
+        # Those of one rotor are those of every rotor.
+        if d.effect is type(effect) and not d.at_value and set(d.fixed.values()) <= {ROTORS[0]}:
+            usual |= d.about
+            for name, deviation in d.deviation.items():
+                spread[name] = math.hypot(spread.get(name, 0.0), deviation)
+    if tolerance.unmeasured and isinstance(
+        effect, MassError
+    ):  # which thrust over throttle takes the place of
+        for d in (d for d in of_battery(e) if d.effect is ThrustScale):
+            spread["delta_mass"] = d.deviation["scale"] * e.vehicle.mass
+    own = [k for k, f in enumerate(fit.free) if f.term == i and not f.flight and f.name in spread]
+    if not own:
+        return 1.0
+    healthy = [usual.get(fit.free[k].name, fit.free[k].neutral) for k in own]
+    away = fit.values[own] - np.array(healthy)
+    draws = np.random.default_rng(SEED).multivariate_normal(
+        away, fit.covariance[np.ix_(own, own)], DRAWS
+    )
+    size = np.linalg.norm(draws / np.array([spread[fit.free[k].name] for k in own]), axis=1)
+    return float(np.mean(size > unhealthy(len(own))))
 
 
 # half of an interval over the value, above which an exponent is hardly told [1]; own choice

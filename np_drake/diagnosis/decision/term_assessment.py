@@ -3,30 +3,23 @@ material.
 """
 
 import dataclasses as dc
-import math
 from collections.abc import Sequence
 
 import numpy as np
 from scipy import special
 
 from np_drake import attitude
-from np_drake.diagnosis.calibration import of_battery, of_flight, of_vehicle
+from np_drake.diagnosis.calibration import DRAWS, SEED, beyond_spread
 from np_drake.diagnosis.decision.support import Support
 from np_drake.diagnosis.decision.unexplained import LinearModel
-from np_drake.diagnosis.deviation import ROTORS, file_deviations
 from np_drake.diagnosis.fitting import Fit, greatest_height, impossible, scaled_jacobian
 from np_drake.diagnosis.forward_model import Term, predicted_residual
 from np_drake.diagnosis.held_out import HeldOut
-from np_drake.diagnosis.options import SPREAD, Materiality, Options, Size, Tolerance, unhealthy
+from np_drake.diagnosis.options import SPREAD, Materiality, Options, Size, Tolerance
 from np_drake.diagnosis.regressors import DRAG
 from np_drake.diagnosis.residuals import FORCE, TORQUE, WRENCH, FlightResiduals
 from np_drake.diagnosis.selection import Ranking
-from np_drake.effects.mass_error import MassError
-from np_drake.effects.thrust_scale import ThrustScale
 from np_drake.files.number_text import number, probability
-
-DRAWS = 400  # of the posterior
-SEED = 1
 
 
 @dc.dataclass(frozen=True)
@@ -131,40 +124,6 @@ def has_changed(ranking: Ranking, i: int) -> bool:
     options, rms = ranking.options, ranking.noise.rms
     size, least = size_of(ranking.best, i, earlier, rms, options.tolerance), options.materiality
     return size.force < least.force and size.torque < least.torque
-
-
-def beyond_spread(
-    fit: Fit, i: int, e: FlightResiduals, tolerance: Tolerance, *, changed: bool = False
-) -> float:
-    """Return the posterior probability that term i is larger than healthy vehicles differ by; 1
-    where these do not.
-    """
-    effect = fit.terms[i].effect
-    spread, usual = dict[str, float](), dict[str, float]()
-    # What changed since earlier flights is not what a vehicle differs by from its file.
-    stated = [d for d in file_deviations(e.vehicle, tolerance) if d.stated]
-    vehicle = [*of_vehicle(e, tolerance), *stated] if not changed else []
-    for d in (*vehicle, *(of_flight(e, tolerance) if tolerance.unmeasured else [])):
-        # Those of one rotor are those of every rotor.
-        if d.effect is type(effect) and not d.at_value and set(d.fixed.values()) <= {ROTORS[0]}:
-            usual |= d.about
-            for name, deviation in d.deviation.items():
-                spread[name] = math.hypot(spread.get(name, 0.0), deviation)
-    if tolerance.unmeasured and isinstance(
-        effect, MassError
-    ):  # which thrust over throttle takes the place of
-        for d in (d for d in of_battery(e) if d.effect is ThrustScale):
-            spread["delta_mass"] = d.deviation["scale"] * e.vehicle.mass
-    own = [k for k, f in enumerate(fit.free) if f.term == i and not f.flight and f.name in spread]
-    if not own:
-        return 1.0
-    healthy = [usual.get(fit.free[k].name, fit.free[k].neutral) for k in own]
-    away = fit.values[own] - np.array(healthy)
-    draws = np.random.default_rng(SEED).multivariate_normal(
-        away, fit.covariance[np.ix_(own, own)], DRAWS
-    )
-    size = np.linalg.norm(draws / np.array([spread[fit.free[k].name] for k in own]), axis=1)
-    return float(np.mean(size > unhealthy(len(own))))
 
 
 def size_of(

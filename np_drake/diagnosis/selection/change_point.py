@@ -263,7 +263,8 @@ class OnsetScan:
         # the rest.
         known = beside @ covariance
         cross = X @ known[:, at].T
-        within = (X.reshape(-1, len(at)) @ covariance[np.ix_(at, at)]).reshape(X.shape)
+        flat = X.reshape(X.shape[0] * X.shape[1], X.shape[2])
+        within = (flat @ covariance[np.ix_(at, at)]).reshape(X.shape)
         explained = within @ np.swapaxes(X, 1, 2) + cross + np.swapaxes(cross, 1, 2)
         A = XX + np.eye(XX.shape[1]) - explained - known @ beside.T
         b = Xy - X @ self._mean[at] - beside @ self._mean

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from np_drake.diagnosis.deviation import Deviation
 from np_drake.diagnosis.fitting import (
     at_its_bound,
     free_parameters,
@@ -89,8 +90,8 @@ def test_95_percent_intervals_hold_the_truth_about_95_times_in_100(seen, noise):
 def test_calibration_moves_no_further_than_its_prior_lets_it(seen, noise):
     flight = seen(MassError(0.2), noise=1.0, seconds=6.0)
     tight, loose = (
-        refine([], [(Term(MassError(0.0)), d)], [flight], noise, temperature=1.0, priors=PRIORS)
-        for d in (1e-4, 1.0)
+        refine([], [d], [flight], noise, temperature=1.0, priors=PRIORS)
+        for d in (Deviation(MassError, {"delta_mass": width}) for width in (1e-4, 1.0))
     )
     assert abs(tight.calibration[0].effect.delta_mass) < 0.02
     assert loose.calibration[0].effect.delta_mass == pytest.approx(0.2, rel=0.03)
@@ -101,11 +102,12 @@ TERMS = [
     Term(SuspendedPayload(0.2, 0.7), {"b": NEVER}),
     Term(ThrustScale(0.95)),
 ]
+KNOWN = {2: Deviation(ThrustScale, {"scale": 0.01})}
 
 
 def test_what_is_written_is_read(seen):
     flights = [seen(name=n, seed=i, seconds=4.0) for i, n in enumerate("ab")]
-    free = free_parameters(TERMS, flights, {2: 0.01}, priors=PRIORS)
+    free = free_parameters(TERMS, flights, KNOWN, priors=PRIORS)
     values = np.linspace(0.1, 0.9, len(free))
     np.testing.assert_array_equal(read(write(TERMS, free, values), free), values)
     assert TERMS[0].effect.efficiency == 0.9  # the terms themselves stay

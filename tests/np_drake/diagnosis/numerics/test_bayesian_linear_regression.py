@@ -93,6 +93,7 @@ def linear(seed: int, rows: int = 30, n: int = 3) -> tuple[np.ndarray, np.ndarra
 
 def solved(J, y, lower, upper, *, start=None, iterations=20):
     start = np.clip(np.zeros(J.shape[1]), lower, upper) if start is None else start
+
     def normal(z, r):
         return J.T @ J, J.T @ r
 

@@ -7,15 +7,11 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.calibration import flight_errors
+from np_drake.diagnosis.calibration import flight_errors, nuisance_of
+from np_drake.diagnosis.deviation import columns_of, file_deviations
 from np_drake.diagnosis.forward_model import Term, predicted_residual
-from np_drake.diagnosis.options import SPREAD, Options, Tolerance
-from np_drake.diagnosis.regressors import (
-    calibration,
-    calibration_terms,
-    library_candidates,
-    with_input,
-)
+from np_drake.diagnosis.options import SPREAD, Options, Priors, Tolerance
+from np_drake.diagnosis.regressors import library_candidates, with_input
 from np_drake.diagnosis.regressors.library import THROTTLE_SCALE, command_timing
 from np_drake.diagnosis.residuals import TORQUE, make_flight_residuals
 from np_drake.effects.gyro_bias import GyroBias
@@ -102,21 +98,52 @@ def test_a_throttle_opens_the_mounting_and_the_latency_of_its_autopilot(flights)
         dc.replace(e, vehicle=held, log=dc.replace(e.log, input="normalised")) for e in flights
     ]
     open_ = with_input(Options.for_sensors(True), flying).tolerance
-    found = {t.effect.identifier: d for t, d in calibration_terms(Vehicle(), open_)}
-    assert (found["imu_mounting"], found["attitude_latency"]) == (SPREAD.mounting, SPREAD.latency)
-    assert [c.size for c in calibration(flights, open_)].count(3) == 1  # three axes of the mounting
+    found = {d.name: set(d.deviation.values()) for d in file_deviations(Vehicle(), open_)}
+    assert found["imu_mounting"] == {SPREAD.mounting}
+    assert found["attitude_latency"] == {SPREAD.latency}
 
 
 def test_calibration_is_mass_and_thrust_at_their_deviations(flights):
-    found = {type(t.effect).identifier: d for t, d in calibration_terms(Vehicle(), Tolerance())}
-    assert found == {"thrust_scale": 0.005, "mass_error": pytest.approx(0.010)}
-    columns = calibration(flights, Tolerance())
-    assert [c.size for c in columns] == [1, 1]
-    e = flights[0]
-    expected = predicted_residual(e, [Term(MassError(0.010))])
+    every = file_deviations(Vehicle(), Tolerance())
+    found = {d.name: d.deviation for d in every}
+    assert found == {
+        "thrust_scale": {"scale": 0.005},
+        "mass_error": {"delta_mass": pytest.approx(0.010)},
+    }
+    expected = predicted_residual(flights[0], [Term(MassError(0.010))])
     # linear to 10 %
-    np.testing.assert_allclose(columns[1].columns["a"][..., 0], expected, rtol=0.15, atol=1e-6)
-    assert all(c.identifiers == () for c in columns)
+    columns = columns_of(flights[0], every)
+    np.testing.assert_allclose(columns[..., 1], expected, rtol=0.15, atol=1e-6)
+    assert all(c.identifiers == () for c in nuisance_of(flights, Tolerance(), Priors()))
+
+
+STATED = Vehicle(
+    thrust_uncertainty=0.02,
+    rotor_time_constant=0.03,
+    intervals={
+        **{f"inertia[{i}][{i}]": [0.9 * J, 1.1 * J] for i, J in enumerate(VEHICLE.J.diagonal())},
+        "rotor_time_constant": [0.024, 0.036],
+        "calibration.center_of_mass": [[-0.002, 0.002]] * 3,
+    },
+).check()
+
+
+def test_what_a_file_states_of_a_field_is_its_prior(flights):
+    found = {d.name: d for d in file_deviations(STATED, Tolerance(thrust=0.02))}
+    assert list(found["inertia_error"].deviation.values()) == pytest.approx([0.1 / 1.96] * 3)
+    assert found["motor_lag"].deviation == {"time_constant": pytest.approx(0.006 / 1.96)}
+    assert found["motor_lag"].term.effect.time_constant == 0.03
+    assert list(found["center_of_mass_offset"].deviation.values()) == pytest.approx(
+        [0.002 / 1.96] * 3
+    )
+    assert "weak_rotor[1]" not in found  # nothing is stated of its gain
+
+
+def test_a_stated_vehicle_whose_logs_hold_its_commands_is_measured(fly):
+    flight = make_flight_residuals(fly(seed=1, noise=1.0), STATED)
+    assert not with_input(Options.for_sensors(True), [flight]).tolerance.unmeasured
+    slow = dc.replace(flight, log=dc.replace(flight.log, timing=0.01))
+    assert with_input(Options.for_sensors(True), [slow]).tolerance.unmeasured
 
 
 def test_every_flight_drifts_on_its_own(flights):
