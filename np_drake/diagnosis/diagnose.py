@@ -43,9 +43,9 @@ from np_drake.diagnosis.report.answer import headline
 from np_drake.diagnosis.residuals import (
     WRENCH,
     FlightResiduals,
+    common_step,
     long_enough,
     make_flight_residuals,
-    natural_step,
     require_flights,
     with_same_readings,
 )
@@ -136,7 +136,7 @@ def diagnose(
     if vehicle is not file:
         replay = getattr(replay, "of_vehicle", lambda _: replay)(vehicle)
     tell(0.0, "residuals")
-    step = max(natural_step(log.t) for log in [*train, *held_out])
+    step = common_step([log.t for log in [*train, *held_out]], len(train))
     fitted, judging = (
         [with_fixed_effects(make_flight_residuals(log, vehicle, step)) for log in logs]
         for logs in (train, held_out)

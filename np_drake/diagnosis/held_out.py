@@ -18,7 +18,7 @@ from np_drake.diagnosis.forward_model import (
     jumps,
     predicted_residual,
 )
-from np_drake.diagnosis.numerics import NoiseModel
+from np_drake.diagnosis.numerics import NoiseModel, with_loudness
 from np_drake.diagnosis.options import Options, Priors
 from np_drake.diagnosis.regressors import onset_log_likelihood
 from np_drake.diagnosis.residuals import (
@@ -332,7 +332,9 @@ def with_calibration(
     there = dc.replace(e, y=e.y - shared)
     terms = adapt(fit.terms, there, noise, options.priors, fit.calibration, unmeasured=unmeasured)
     left = there.y - predicted_residual(there, terms)
-    gram = dc.replace(there, y=left).gram(noise, [own])
+    # Sensors that are worse in this flight do not decide about it.
+    louder = with_loudness(noise, [e.bridged(left)], [e.name], quietest=1.0)
+    gram = dc.replace(there, y=left).gram(louder, [own])
     mean, _ = gram.posterior(np.arange(own.shape[-1]))
     given = shared + own @ mean
     return dc.replace(e, y=e.known(e.y - given), calibrated=e.known(given))

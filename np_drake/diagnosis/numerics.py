@@ -158,7 +158,10 @@ def scale_only(residuals: list[np.ndarray], step: float) -> NoiseModel:
 
 
 def with_loudness(
-    noise: NoiseModel, residuals: list[np.ndarray], flights: Sequence[str]
+    noise: NoiseModel,
+    residuals: list[np.ndarray],
+    flights: Sequence[str],
+    quietest: float = QUIETEST,
 ) -> NoiseModel:
     """Return the noise with an error level of each flight's own, so that the loudest does not
     decide for all.
@@ -170,7 +173,7 @@ def with_loudness(
     for name, r in zip(flights, residuals, strict=True):
         driven = [noise.driven_in(c, r[:, c]) for c in range(len(usual))]
         own = np.array([np.sqrt(np.mean(d**2)) for d in driven]) / usual
-        loudness[name] = np.where(noise.active, np.maximum(own, QUIETEST), 1.0)
+        loudness[name] = np.where(noise.active, np.maximum(own, quietest), 1.0)
     return dc.replace(noise, loudness=loudness)
 
 

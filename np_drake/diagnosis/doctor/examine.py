@@ -32,8 +32,8 @@ from np_drake.diagnosis.regressors import DRAG, PAYLOAD, WIND, options_of
 from np_drake.diagnosis.residuals import (
     FORCE,
     LEAST_DURATION,
+    common_step,
     make_flight_residuals,
-    natural_step,
     require_alike,
 )
 from np_drake.diagnosis.result import CHANNELS
@@ -185,7 +185,7 @@ def _with_answers(
     """Return the report with excitation and answers, from the first `MOST_SECONDS` of flights."""
     tell(0.2, "residuals")
     logs = [log.rows(0, int((log.t <= log.t[0] + MOST_SECONDS).sum())) for log in logs]
-    step = max(natural_step(log.t) for log in logs)
+    step = common_step([log.t for log in logs], len(logs))
     flights = [with_fixed_effects(make_flight_residuals(log, vehicle, step)) for log in logs]
     first_of_all = [doubt for e in flights for doubt in doubts(e)]
     moving = excitation(flights)

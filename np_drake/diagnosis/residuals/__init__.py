@@ -22,7 +22,7 @@ from np_drake.diagnosis.residuals.resampling import (
     OUTLIERS_APART,
     Resampler,
     bridge,
+    common_step,
     find_outliers,
-    natural_step,
 )
 from np_drake.diagnosis.residuals.smoothing import QUIET, Instants, low_pass, smooth_attitude

@@ -8,6 +8,7 @@ Source: own choice, in the place of a heavy-tailed noise model.
 """
 
 import dataclasses as dc
+from collections.abc import Sequence
 from functools import cache
 
 import numpy as np
@@ -15,6 +16,9 @@ from numpy.lib.stride_tricks import sliding_window_view
 from scipy import ndimage, signal, sparse
 
 STEP = 0.02  # step of the grid [s]; own choice: rigid-body effects act below 15 Hz
+# Rows of the flights of a fit above which its grid is coarser, for time, up to a step that still
+# shows the lag of rotors [s]; own choice.
+MOST_ROWS, COARSEST = 3000, 0.042
 NEARLY = 0.1  # share of a row added before rounding down, for logs with jitter [1]; own choice
 SAME_STEP = (
     0.01  # relative difference of steps below which rows are not interpolated [1]; own choice
@@ -41,6 +45,15 @@ def natural_step(t: np.ndarray) -> float:
     """
     own = float(np.median(np.diff(t)))
     return own * max(1, int(STEP / own + NEARLY))
+
+
+def common_step(times: Sequence[np.ndarray], fitted: int) -> float:
+    """Return the grid step for flights with these row times: the coarsest of their natural steps,
+    doubled where those to be fitted, which come first, hold more than `MOST_ROWS` of it [s].
+    """
+    step = max(natural_step(t) for t in times)
+    rows = sum(np.ptp(t) for t in times[:fitted]) / step
+    return 2 * step if rows > MOST_ROWS and 2 * step <= COARSEST + 1e-6 else step
 
 
 def make_grid(t: np.ndarray, step: float | None = None) -> Grid:

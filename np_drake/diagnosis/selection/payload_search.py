@@ -13,6 +13,7 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
+from scipy import linalg
 
 from np_drake.diagnosis.fitting import greatest_height
 from np_drake.diagnosis.forward_model import NEVER, jumps
@@ -81,7 +82,7 @@ class OtherRegressors:
             self.size = X.shape[-1]
             self._white.append((self._flat(e, X[..., acting]), self._flat(e, y)[:, 0], acting))
         self.horizons = sorted({*(horizons or (*HORIZONS, *self._after_outliers()))})
-        self._base = {horizon: self._gram(horizon) for horizon in self.horizons}
+        self._base = {horizon: self._factored(horizon) for horizon in self.horizons}
 
     def heads(self, horizon: float) -> list[FlightResiduals]:
         """Return the flights up to the horizon [s]."""
@@ -107,14 +108,17 @@ class OtherRegressors:
         later = [*ends[1:], math.inf]
         return [end for end, following in zip(ends, later, strict=False) if following - end > 1.0]
 
-    def _gram(self, horizon: float) -> tuple[Gram, float]:
-        """Gram matrix of the others and their log evidence."""
-        total = Gram(np.zeros((self.size, self.size)), np.zeros(self.size))
+    def _factored(self, horizon: float) -> tuple[np.ndarray, np.ndarray]:
+        """Return the Cholesky factor L (n, n) of the Gram matrix of the others with its prior, and
+        L^-1 of their products with y (n,).
+        """
+        XX, Xy = np.eye(self.size), np.zeros(self.size)
         for e, (X, y, acting) in zip(self._flights, self._white, strict=True):
             n = self._rows(e, horizon)
-            total.XX[np.ix_(acting, acting)] += X[:n].T @ X[:n]
-            total.Xy[acting] += X[:n].T @ y[:n]
-        return total, total.log_evidence(np.arange(len(total.Xy)))
+            XX[np.ix_(acting, acting)] += X[:n].T @ X[:n]
+            Xy[acting] += X[:n].T @ y[:n]
+        factor = np.linalg.cholesky(XX)
+        return factor, linalg.solve_triangular(factor, Xy, lower=True)
 
     def white(self, payload: PayloadColumns) -> WhitenedPayload:
         """Return the payload's columns whitened, of the flights or of `heads`."""
@@ -129,19 +133,11 @@ class OtherRegressors:
         Args:
             horizon: up to which rows count, from the payload's begin on [s].
         """
-        (both,), n = self.joints(candidate, [horizon]), self.size
-        mean, covariance = both.posterior(np.arange(len(both.Xy)))
-        mean, log_probability = heavy_enough(mean[n:], covariance[n:, n:])
-        return self.gain_of(both, candidate, horizon) + log_probability, mean
-
-    def gain_of(self, both: Gram, candidate: WhitenedPayload, horizon: float) -> float:
-        """Return the log evidence alone, of one of the candidate's `joints`.
-
-        Args:
-            horizon: up to which rows count, from the payload's begin on [s].
-        """
-        evidence = both.log_evidence(np.arange(len(both.Xy))) - self._base[horizon][1]
-        return evidence + candidate.log_prior
+        (products,) = self.products(candidate, [horizon])
+        gram = self.given(products, horizon)
+        mean, covariance = gram.posterior(np.arange(candidate.size))
+        mean, log_probability = heavy_enough(mean, covariance)
+        return gain_of(gram, candidate) + log_probability, mean
 
     def swing_alone(self, candidate: WhitenedPayload, horizon: float, mass: float) -> np.ndarray:
         """Return (k,) coefficients of a `shaped` payload with the mass given; hook, length and
@@ -150,19 +146,17 @@ class OtherRegressors:
         Args:
             horizon: up to which rows count, from the payload's begin on [s].
         """
-        (both,), n = self.joints(candidate, [horizon]), self.size
-        first = AT_REST + SHAPE
-        free = np.r_[:n, n + first : len(both.Xy)]
-        residual = Gram(both.XX, both.Xy - both.XX[:, n] * mass)
+        (products,) = self.products(candidate, [horizon])
+        gram, first = self.given(products, horizon), AT_REST + SHAPE
+        residual = Gram(gram.XX, gram.Xy - gram.XX[:, 0] * mass)
         fixed = np.concatenate([[mass], np.zeros(first - 1)])
-        return np.concatenate([fixed, residual.posterior(free)[0][n:]])
+        return np.concatenate([fixed, residual.posterior(np.arange(first, candidate.size))[0]])
 
-    def joints(self, candidate: WhitenedPayload, horizons: Sequence[float]) -> list[Gram]:
-        """Return Gram matrices of others and candidate up to these horizons [s], from one pass over
-        the rows.
-
-        Args:
-            horizons: [s].
+    def products(
+        self, candidate: WhitenedPayload, horizons: Sequence[float]
+    ) -> list[tuple[np.ndarray, Gram]]:
+        """Return the products (k, n) of a candidate with the others, and its own Gram matrix, up to
+        these horizons [s], from one pass over the rows.
         """
         n, k = self.size, candidate.size
         PX, PP, Py = np.zeros((k, n)), np.zeros((k, k)), np.zeros(k)
@@ -178,15 +172,30 @@ class OtherRegressors:
                 PP[np.ix_(some, some)] += P.T @ P
                 Py[some] += P.T @ y[rows]
                 done[e.name] = rows.stop
-            base, _ = self._base[horizon]
-            XX = np.block([[base.XX, PX.T], [PX, PP]])
-            found[horizon] = Gram(XX, np.concatenate([base.Xy, Py]))
+            found[horizon] = PX.copy(), Gram(PP.copy(), Py.copy())
         return [found[horizon] for horizon in horizons]
+
+    def given(self, products: tuple[np.ndarray, Gram], horizon: float) -> Gram:
+        """Return the Gram matrix of a candidate, these others in every model.
+
+        Args:
+            products: of the candidate, with these others first.
+            horizon: up to which rows count [s].
+        """
+        PX, own = products
+        factor, b = self._base[horizon]
+        B = linalg.solve_triangular(factor, PX[:, : self.size].T, lower=True)
+        return Gram(own.XX - B.T @ B, own.Xy - B.T @ b)
 
     def _flat(self, e: FlightResiduals, values: np.ndarray) -> np.ndarray:
         """Return (rows x channels, k) force and torque (m, 6, k), of the first m rows, whitened."""
         white = self._noise.whiten(bridge(values, e.outliers[: len(values)]))
         return white.reshape(len(white) * CHANNELS, values.shape[-1])
+
+
+def gain_of(gram: Gram, candidate: WhitenedPayload) -> float:
+    """Return the log evidence that a candidate adds, its Gram matrix given others."""
+    return gram.log_evidence(np.arange(candidate.size)) + candidate.log_prior
 
 
 KEPT = 3  # candidates of the search
@@ -309,14 +318,11 @@ class PayloadSearch:
             some_lengths = self.lengths[start : start + CHUNK]
             for c in payloads_of(self._flights, some_lengths, self._priors, self._onset):
                 white = everything.white(c)
-                joints = everything.joints(white, ENDS)
-                own = np.r_[: nuisance_only.size, everything.size : len(joints[0].Xy)]
+                both = list(zip(everything.products(white, ENDS), ENDS, strict=True))
                 some = [
-                    everything.gain_of(both, white, h) for both, h in zip(joints, ENDS, strict=True)
-                ]
-                some += [
-                    nuisance_only.gain_of(Gram(both.XX[np.ix_(own, own)], both.Xy[own]), white, h)
-                    for both, h in zip(joints, ENDS, strict=True)
+                    gain_of(beside.given(products, horizon), white)
+                    for beside in (everything, nuisance_only)
+                    for products, horizon in both
                 ]
                 gains.append(some)
         return list(np.transpose(gains))
