@@ -39,6 +39,15 @@ class WeakRotor(ActuatorEffect):
         """Return random parameters of a simulated case."""
         return {"rotor": float(rng.integers(1, 5)), "efficiency": 1 - log_uniform(rng, 0.01, 0.25)}
 
+    def possible(self, vehicle: Vehicle, height: float) -> bool:
+        """Return whether the rotor is weaker than the others, and not stronger.
+
+        Args:
+            vehicle: not used.
+            height: not used.
+        """
+        return self.efficiency <= 1.0
+
     def thrust_gain(self, t: np.ndarray | float) -> np.ndarray | float:
         """Return the actual over the commanded thrust."""
         gain = np.ones(4)
