@@ -192,7 +192,7 @@ def compare_balance(
         "rotor": Estimate(effect.rotor, "", (effect.rotor, effect.rotor)),
         "efficiency": Estimate(value, "1", (low, high)),
     }
-    onset = {log.name: None for log in after}
+    onset = dict[str, float | None]((log.name, None) for log in after)
     found = Cause(NAME, own.probability, parameters, onset, effect=effect, changed=True)
     return RotorBalance((found,), (), visible)
 

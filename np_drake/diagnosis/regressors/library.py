@@ -8,6 +8,7 @@ import dataclasses as dc
 import math
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
+from typing import Any
 
 import numpy as np
 from scipy import special
@@ -343,7 +344,7 @@ def with_input(options: Options, flights: Sequence[FlightResiduals]) -> Options:
     # Where thrust and torque are logged as they act, a stated vehicle is all that is open.
     told = vehicle.measured and log_input == "command" and timing == 0
     unmeasured = tolerance.real and not (vehicle.described or told)
-    open_ = {"timing": max(tolerance.timing, timing)}
+    open_: dict[str, Any] = {"timing": max(tolerance.timing, timing)}
     if flights[0].measured_rotors:
         open_["thrust"] = max(tolerance.thrust, ROTOR_SPEED_SCALE)
     if log_input == "normalised":

@@ -221,8 +221,10 @@ class Sums(NamedTuple):
 
     def joined(self, others: "Sums", order: Any = slice(None)) -> "Sums":
         """Return these rows and others, in an order."""
-        pairs = zip(self[:3], others[:3], strict=True)
-        return Sums(*(np.concatenate(pair)[order] for pair in pairs), self.at)
+        XX, XB, Xy = (
+            np.concatenate(pair)[order] for pair in list(zip(self, others, strict=True))[:3]
+        )
+        return Sums(XX, XB, Xy, self.at)
 
 
 class SwitchedRegressors:
