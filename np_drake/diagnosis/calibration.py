@@ -20,7 +20,7 @@ from np_drake import attitude
 from np_drake.diagnosis.deviation import ROTORS, Deviation, columns_of, file_deviations
 from np_drake.diagnosis.fitting import Fit, LinearPart
 from np_drake.diagnosis.forward_model import Term, predicted_residual
-from np_drake.diagnosis.options import SPREAD, SURE, Priors, Spread, Tolerance, unhealthy
+from np_drake.diagnosis.options import SPREAD, SURE, Priors, Spread, Tolerance
 from np_drake.diagnosis.regressors import LINEAR, PREFIX, Candidate, generic_candidates
 from np_drake.diagnosis.regressors.library import THROTTLE_CURVE
 from np_drake.diagnosis.residuals import FORCE, TORQUE, WRENCH, FlightResiduals
@@ -372,42 +372,29 @@ def with_torque_gain(flights: Sequence[FlightResiduals], gain: np.ndarray) -> li
     return found
 
 
-DRAWS = 400  # of the posterior
-SEED = 1
+def healthy_spread(
+    effect: Effect, e: FlightResiduals, tolerance: Tolerance, *, changed: bool = False
+) -> dict[str, tuple[float, float]]:
+    """Return the usual value of parameters of an effect, and by how much healthy vehicles differ in
+    it; empty where they do not.
 
-
-def beyond_spread(
-    fit: Fit, i: int, e: FlightResiduals, tolerance: Tolerance, *, changed: bool = False
-) -> float:
-    """Return the posterior probability that term i is larger than healthy vehicles differ by; 1
-    where these do not.
+    Args:
+        changed: since flights before, which is not what a vehicle differs by from its file.
     """
-    effect = fit.terms[i].effect
-    spread, usual = dict[str, float](), dict[str, float]()
-    # What changed since earlier flights is not what a vehicle differs by from its file.
+    found = dict[str, tuple[float, float]]()
     stated = [d for d in file_deviations(e.vehicle, tolerance) if d.stated]
     vehicle = [*of_vehicle(e, tolerance), *stated] if not changed else []
     for d in (*vehicle, *(of_flight(e, tolerance) if tolerance.unmeasured else [])):
         # Those of one rotor are those of every rotor.
         if d.effect is type(effect) and not d.at_value and set(d.fixed.values()) <= {ROTORS[0]}:
-            usual |= d.about
-            for name, deviation in d.deviation.items():
-                spread[name] = math.hypot(spread.get(name, 0.0), deviation)
-    if tolerance.unmeasured and isinstance(
-        effect, MassError
-    ):  # which thrust over throttle takes the place of
+            for p in (p for p in effect.parameters if p.name in d.deviation):
+                _, known = found.get(p.name, (0.0, 0.0))
+                found[p.name] = d.usual(p), math.hypot(known, d.deviation[p.name])
+    if tolerance.unmeasured and isinstance(effect, MassError):
+        # Thrust over throttle takes its place.
         for d in (d for d in of_battery(e) if d.effect is ThrustScale):
-            spread["delta_mass"] = d.deviation["scale"] * e.vehicle.mass
-    own = [k for k, f in enumerate(fit.free) if f.term == i and not f.flight and f.name in spread]
-    if not own:
-        return 1.0
-    healthy = [usual.get(fit.free[k].name, fit.free[k].neutral) for k in own]
-    away = fit.values[own] - np.array(healthy)
-    draws = np.random.default_rng(SEED).multivariate_normal(
-        away, fit.covariance[np.ix_(own, own)], DRAWS
-    )
-    size = np.linalg.norm(draws / np.array([spread[fit.free[k].name] for k in own]), axis=1)
-    return float(np.mean(size > unhealthy(len(own))))
+            found["delta_mass"] = 0.0, d.deviation["scale"] * e.vehicle.mass
+    return found
 
 
 # half of an interval over the value, above which an exponent is hardly told [1]; own choice

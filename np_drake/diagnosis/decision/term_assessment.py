@@ -3,23 +3,26 @@ material.
 """
 
 import dataclasses as dc
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 from scipy import special
 
 from np_drake import attitude
-from np_drake.diagnosis.calibration import DRAWS, SEED, beyond_spread
+from np_drake.diagnosis.calibration import healthy_spread
 from np_drake.diagnosis.decision.support import Support
 from np_drake.diagnosis.decision.unexplained import LinearModel
 from np_drake.diagnosis.fitting import Fit, greatest_height, impossible, scaled_jacobian
 from np_drake.diagnosis.forward_model import Term, predicted_residual
 from np_drake.diagnosis.held_out import HeldOut
-from np_drake.diagnosis.options import SPREAD, Materiality, Options, Size, Tolerance
+from np_drake.diagnosis.options import SPREAD, Options, Size, Tolerance, unhealthy
 from np_drake.diagnosis.regressors import DRAG
 from np_drake.diagnosis.residuals import FORCE, TORQUE, WRENCH, FlightResiduals
 from np_drake.diagnosis.selection import Ranking
 from np_drake.files.number_text import number, probability
+
+DRAWS = 400  # of the posterior
+SEED = 1
 
 
 @dc.dataclass(frozen=True)
@@ -84,7 +87,7 @@ def assess_term(
     """
     fit, flights, options = ranking.best, ranking.problem.flights, ranking.options
     term, vehicle, priors = fit.terms[i], flights[0].vehicle, options.priors
-    effect, tolerance, materiality = term.effect, options.tolerance, options.materiality
+    effect, tolerance = term.effect, options.tolerance
     named = min(1.0, sum(ranking.probability.get(name, 0.0) for name in (effect.identifier, *same)))
     through_drag = gusts and effect.identifier == DRAG
     brought = priors.generic - priors.of_effect(DRAG) if through_drag else 0.0
@@ -96,20 +99,10 @@ def assess_term(
         return TermAssessment(in_model, 1.0, size, "")
     material = 0.0
     if not options.within_timing(effect, vehicle):
-        material = material_share(
-            size,
-            relative_sizes(fit, i, flights),
-            materiality,
-            calibration=within_calibration(term, options),
-            sensor=tolerance.of(effect) > 0,
-        )
-        # Of the attitude against the rotors' axes, all together [rad].
-        tilt = SPREAD.tilt if tolerance.unmeasured else tolerance.attitude
-        mounting = SPREAD.mounting if tolerance.unmeasured else tolerance.mounting
-        error = materiality.sensor * float(np.hypot(tilt, mounting))
-        material *= wind_share(fit, i, flights, materiality.still_air, error)
-        changed = has_changed(ranking, i)
-        material *= beyond_spread(fit, i, flights[0], tolerance, changed=changed)
+        posterior = SizePosterior(fit, i, flights)
+        spread = healthy_spread(effect, flights[0], tolerance, changed=has_changed(ranking, i))
+        outside = posterior.material(size, options) & posterior.beyond(spread)
+        material = float(np.mean(outside & posterior.blows(options)))
     stands_for = impossible(fit, i, vehicle, greatest_height(flights))
     return TermAssessment(in_model, material, size, stands_for, support)
 
@@ -178,73 +171,94 @@ def within_calibration(term: Term, options: Options) -> bool:
     return bool(stated) and options.tolerance.real and not late
 
 
-def relative_sizes(fit: Fit, i: int, flights: Sequence[FlightResiduals]) -> np.ndarray:
-    """Return draws (`DRAWS`,) of the size of term i from its posterior, over its size at the fit
-    [1].
+class SizePosterior:
+    """Draws of the parameters of a term from its posterior, and which of them are more than what is
+    practically none.
 
-    The size is the RMS of what the term's parameters predict, linear in their distance from none.
     Source: Laplace approximation.
     """
-    names = {p.name for p in fit.terms[i].effect.parameters if p.vanishes}
-    own = [k for k, f in enumerate(fit.free) if f.term == i and not f.flight and f.name in names]
-    away = np.array([fit.values[k] - fit.free[k].neutral for k in own])
-    free = [fit.free[k] for k in own]
-    scale = np.array([f.scale for f in free])
-    columns = [
-        scaled_jacobian(fit.everything, free, e)[:, WRENCH].reshape(-1, len(own)) for e in flights
-    ]
-    # The squared size is the quadratic form d' P d of the distance d from none, P = sum J'J over
-    # the flights.
-    power = sum(J.T @ J for J in columns) / np.outer(scale, scale)
-    if not power.any():  # a sensor error that no wrench shows
-        power = np.diag(scale**-2.0)
-    draws = np.random.default_rng(SEED).multivariate_normal(
-        away, fit.covariance[np.ix_(own, own)], DRAWS
-    )
-    at_fit = float(away @ power @ away)
-    squares = np.einsum("ni,ij,nj->n", draws, power, draws)
-    return np.sqrt(np.maximum(squares, 0.0) / max(at_fit, 1e-300))
 
+    def __init__(self, fit: Fit, i: int, flights: Sequence[FlightResiduals]):
+        self._fit, self._i, self._flights = fit, i, flights
+        own = [k for k, f in enumerate(fit.free) if f.term == i and not f.flight]
+        self._free, self._values = [fit.free[k] for k in own], fit.values[own]
+        covariance = fit.covariance[np.ix_(own, own)]
+        self.draws = np.random.default_rng(SEED).multivariate_normal(
+            self._values, covariance, DRAWS
+        )
 
-def wind_share(
-    fit: Fit, i: int, flights: Sequence[FlightResiduals], still_air: float, attitude_error: float
-) -> float:
-    """Return the posterior probability that the mean level wind of term i is none of still air; 1
-    where it is no wind.
+    def _places(self, names: Collection[str]) -> list[int]:
+        return [k for k, f in enumerate(self._free) if f.name in names]
 
-    It is faster than a draught [m/s], and pushes harder than an attitude error that the sensors may
-    have [rad], under which thrust pushes as a wind does.
-    """
-    own = {f.name: k for k, f in enumerate(fit.free) if f.term == i and not f.flight}
-    if not fit.terms[i].effect.needs or not {"x", "y"} <= set(own):
-        return 1.0
-    level = [own["x"], own["y"]]
-    covariance = fit.covariance[np.ix_(level, level)]
-    draws = np.random.default_rng(SEED).multivariate_normal(fit.values[level], covariance, DRAWS)
-    speed, at_fit = np.linalg.norm(draws, axis=1), float(np.linalg.norm(fit.values[level]))
-    forces = []  # in W while it acts
-    for e in flights:
-        part, begin = _part_of(fit.everything, i, e), fit.terms[i].begins(e.name)
-        acts = e.t >= (-np.inf if begin is None else begin)
-        forces.append(attitude.rotate(e.q, part[:, FORCE])[acts])
-    force = float(np.linalg.norm(np.concatenate(forces).mean(axis=0)[:2]))
-    least = attitude_error * flights[0].weight * at_fit / max(force, 1e-12)
-    return float(np.mean(speed > max(still_air, least)))
+    def relative(self) -> np.ndarray:
+        """Return the size over that at the fit (n,) [1].
 
+        It is the RMS of what the term's parameters predict, linear in their distance from none.
+        """
+        effect = self._fit.terms[self._i].effect
+        own = self._places([p.name for p in effect.parameters if p.vanishes])
+        free = [self._free[k] for k in own]
+        scale, neutral = (np.array([getattr(f, of) for f in free]) for of in ("scale", "neutral"))
+        columns = [
+            scaled_jacobian(self._fit.everything, free, e)[:, WRENCH].reshape(-1, len(own))
+            for e in self._flights
+        ]
+        # The squared size is the quadratic form d' P d of the distance d from none, P = sum J'J
+        # over the flights.
+        power = sum(J.T @ J for J in columns) / np.outer(scale, scale)
+        if not power.any():  # a sensor error that no wrench shows
+            power = np.diag(scale**-2.0)
+        away, at_fit = self.draws[:, own] - neutral, self._values[own] - neutral
+        squares = np.einsum("ni,ij,nj->n", away, power, away)
+        return np.sqrt(np.maximum(squares, 0.0) / max(float(at_fit @ power @ at_fit), 1e-300))
 
-def material_share(
-    size: Size, relative: np.ndarray, materiality: Materiality, *, calibration: bool, sensor: bool
-) -> float:
-    """Return the posterior probability that an effect is larger than what is practically none [1].
+    def material(self, size: Size, options: Options) -> np.ndarray:
+        """Return which draws (n,) matter to the motion, or are beyond the tolerance of a sensor.
 
-    relative: draws (n,) of the size over that at the fit [1]. calibration: whether the effect is
-    what a vehicle file may be off by.
-    """
-    if calibration:
-        large = size.force * relative >= materiality.calibration_force
-    elif sensor:
-        large = size.sensor * relative >= materiality.sensor
-    else:
-        force, torque = size.force * relative, size.torque * relative
-        large = (force >= materiality.force) | (torque >= materiality.torque)
-    return float(np.mean(large))
+        Args:
+            size: of the term at the fit.
+        """
+        term, least, relative = self._fit.terms[self._i], options.materiality, self.relative()
+        if within_calibration(term, options):
+            return size.force * relative >= least.calibration_force
+        if options.tolerance.of(term.effect) > 0:
+            return size.sensor * relative >= least.sensor
+        return (size.force * relative >= least.force) | (size.torque * relative >= least.torque)
+
+    def beyond(self, spread: Mapping[str, tuple[float, float]]) -> np.ndarray:
+        """Return which draws (n,) are larger than healthy vehicles differ by.
+
+        Args:
+            spread: usual value and deviation of parameters by name; empty: there is no such thing.
+        """
+        own = self._places(spread)
+        if not own:
+            return np.ones(len(self.draws), bool)
+        usual, deviation = np.array([spread[self._free[k].name] for k in own]).T
+        away = (self.draws[:, own] - usual) / deviation
+        return np.linalg.norm(away, axis=1) > unhealthy(len(own))
+
+    def blows(self, options: Options) -> np.ndarray:
+        """Return which draws (n,) are more than still air, where the term is a wind.
+
+        The mean level wind is faster than a draught, and pushes harder than an attitude error that
+        the sensors may have, under which thrust pushes as a wind does.
+        """
+        level, effect = self._places("xy"), self._fit.terms[self._i].effect
+        if not effect.needs or len(level) < 2:
+            return np.ones(len(self.draws), bool)
+        tolerance, least = options.tolerance, options.materiality
+        # Of the attitude against the rotors' axes, all together [rad].
+        tilt = SPREAD.tilt if tolerance.unmeasured else tolerance.attitude
+        mounting = SPREAD.mounting if tolerance.unmeasured else tolerance.mounting
+        error = least.sensor * float(np.hypot(tilt, mounting)) * self._flights[0].weight
+        forces = []  # in W while it acts
+        for e in self._flights:
+            begin = self._fit.terms[self._i].begins(e.name)
+            acts = e.t >= (-np.inf if begin is None else begin)
+            part = _part_of(self._fit.everything, self._i, e)
+            forces.append(attitude.rotate(e.q, part[:, FORCE])[acts])
+        force = float(np.linalg.norm(np.concatenate(forces).mean(axis=0)[:2]))
+        speed = np.linalg.norm(self.draws[:, level], axis=1)
+        slowest = error * float(np.linalg.norm(self._values[level])) / max(force, 1e-12)
+        return speed > max(least.still_air, slowest)

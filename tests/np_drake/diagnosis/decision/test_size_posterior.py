@@ -6,22 +6,17 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from np_drake.diagnosis.decision.term_assessment import (
-    DRAWS,
-    material_share,
-    relative_sizes,
-    wind_share,
-)
+from np_drake.diagnosis.decision.term_assessment import DRAWS, SizePosterior
 from np_drake.diagnosis.fitting import scaled_jacobian
 from np_drake.diagnosis.forward_model import NEVER
 from np_drake.diagnosis.options import Options, Size
 from np_drake.effects.constant_wind import ConstantWind
+from np_drake.effects.gyro_bias import GyroBias
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError
 
 REAL = Options.for_sensors(True)
 MATERIALITY = REAL.materiality
-PLAIN = {"calibration": False, "sensor": False}
 DRAG = LinearDrag(0.3, 0.2, 0.4)
 CHANCE = 4.0  # standard errors that draws may be off
 UNIT = Size(MATERIALITY.force, 0.0, 0.0, 0.0)  # a force that is just material
@@ -34,7 +29,7 @@ def flights(seen):
 
 @pytest.mark.parametrize("share", [0.02, 0.5])
 def test_the_size_of_one_parameter_is_drawn_from_its_gaussian(fit_at, flights, share):
-    drawn = relative_sizes(fit_at(MassError(0.2), covariance=0.2 * share), 0, flights)
+    drawn = SizePosterior(fit_at(MassError(0.2), covariance=0.2 * share), 0, flights).relative()
     assert drawn.shape == (DRAWS,)
     test = stats.kstest(drawn, stats.foldnorm(1 / share, scale=share).cdf)  # of |1 + share n|
     assert test.pvalue > 1e-3
@@ -43,7 +38,7 @@ def test_the_size_of_one_parameter_is_drawn_from_its_gaussian(fit_at, flights, s
 def test_the_size_of_several_parameters_is_the_power_of_what_they_predict(fit_at, flights):
     spread = 0.1 * np.array([[1.0, 0.5, 0.0], [0.5, 1.0, 0.0], [0.0, 0.0, 2.0]])
     fit = fit_at(DRAG, covariance=spread**2)
-    drawn = relative_sizes(fit, 0, flights)
+    drawn = SizePosterior(fit, 0, flights).relative()
     J = scaled_jacobian(fit.everything, fit.free, flights[0])[:, :6].reshape(-1, 3)
     power = J.T @ J
     # scales are alike
@@ -53,41 +48,60 @@ def test_the_size_of_several_parameters_is_the_power_of_what_they_predict(fit_at
 
 
 @pytest.mark.parametrize("times", [0.8, 1.0, 1.1])
-def test_between_the_limits_it_is_the_gaussian_above_the_bound(times):
-    deviation = 0.2
-    drawn = 1 + deviation * stats.norm.ppf((np.arange(1000) + 0.5) / 1000)
+def test_between_the_limits_it_is_the_gaussian_above_the_bound(fit_at, flights, times):
+    share = 0.2
+    posterior = SizePosterior(fit_at(DRAG, covariance=(0.2 * share) ** 2), 0, flights)
     size = dc.replace(UNIT, force=times * UNIT.force)
-    expected = stats.norm.sf((1 / times - 1) / deviation)
-    assert material_share(size, drawn, MATERIALITY, **PLAIN) == pytest.approx(expected, abs=2e-3)
+    expected = np.mean(times * posterior.relative() >= 1.0)
+    assert np.mean(posterior.material(size, REAL)) == expected
+
+
+SURE = 1e-12  # variance
 
 
 @pytest.mark.parametrize(
-    "size, kind, matters",
+    "size, effect, matters",
     [
-        (UNIT, {}, True),
-        (dc.replace(UNIT, force=0.0, torque=1.01 * MATERIALITY.torque), {}, True),
-        (Size(0.99 * MATERIALITY.force, 0.99 * MATERIALITY.torque, 0.9, 9.0), {}, False),
-        (Size(0.0, 1.0, 1.0, 1.0), {"calibration": True}, False),
-        (Size(0.03, 1.0, 1.0, 1.0), {"calibration": True}, True),
-        (Size(0.0, 1.0, 1.0, 1.0), {"sensor": True}, False),
-        (Size(0.0, 1.0, 1.0, 2.0), {"sensor": True}, True),
+        (Size(1.01 * MATERIALITY.force, 0.0, 0.0, 0.0), DRAG, True),
+        (Size(0.0, 1.01 * MATERIALITY.torque, 0.0, 0.0), DRAG, True),
+        (Size(0.99 * MATERIALITY.force, 0.99 * MATERIALITY.torque, 0.9, 9.0), DRAG, False),
+        (Size(0.0, 1.0, 1.0, 1.0), MassError(0.2), False),
+        (Size(0.03, 1.0, 1.0, 1.0), MassError(0.2), True),
+        (Size(0.0, 1.0, 1.0, 1.0), GyroBias(0.01, 0.0, 0.0), False),
+        (Size(0.0, 1.0, 1.0, 2.0), GyroBias(0.01, 0.0, 0.0), True),
     ],
 )
-def test_what_matters_is_force_or_torque_and_of_a_sensor_its_tolerance(size, kind, matters):
-    assert material_share(size, np.ones(1), MATERIALITY, **(PLAIN | kind)) == matters
+def test_what_matters_is_force_or_torque_and_of_a_sensor_its_tolerance(
+    fit_at, flights, size, effect, matters
+):
+    posterior = SizePosterior(fit_at(effect, covariance=SURE), 0, flights)
+    assert set(posterior.material(size, REAL)) == {matters}
 
 
-def wind_at(
-    fit_at, flights, wind, still_air=MATERIALITY.still_air, lean=0.0, covariance=1e-3
-) -> float:
-    return wind_share(fit_at(DRAG, wind, covariance=covariance), 1, flights, still_air, lean)
+@pytest.mark.parametrize("deviations, share", [(2.4, 0.0), (2.6, 1.0)])
+def test_one_healthy_vehicle_in_a_hundred_is_larger(fit_at, flights, deviations, share):
+    posterior = SizePosterior(fit_at(MassError(0.1 * deviations), covariance=SURE), 0, flights)
+    assert np.mean(posterior.beyond({"delta_mass": (0.0, 0.1)})) == share
+    assert np.mean(posterior.beyond({})) == 1.0
+
+
+def options_of(lean: float, still_air: float = MATERIALITY.still_air) -> Options:
+    """Options by which thrust may lean by this much, and air is still below this speed."""
+    tolerance = dc.replace(REAL.tolerance, attitude=lean / MATERIALITY.sensor)
+    materiality = dc.replace(MATERIALITY, still_air=still_air)
+    return dc.replace(REAL, tolerance=tolerance, materiality=materiality)
+
+
+def wind_at(fit_at, flights, wind, options) -> float:
+    fit = fit_at(DRAG, wind, covariance=1e-3)
+    return float(np.mean(SizePosterior(fit, 1, flights).blows(options)))
 
 
 @pytest.mark.parametrize("speed, share", [(0.2, 0.0), (0.3, 1.0), (-3.0, 1.0)])
 def test_a_mean_wind_below_a_quarter_of_a_metre_per_second_is_a_draught(
     fit_at, flights, speed, share
 ):
-    assert wind_at(fit_at, flights, ConstantWind(0.0, speed, 0.0)) == share
+    assert wind_at(fit_at, flights, ConstantWind(0.0, speed, 0.0), options_of(0.0)) == share
 
 
 @pytest.mark.parametrize("times, share", [(0.9, 0.0), (1.1, 1.0)])
@@ -98,7 +112,8 @@ def test_a_wind_pushes_harder_than_thrust_under_a_sensor_attitude_error(
     lean = 0.03
     # a drag at hover, nearly level
     speed = times * lean * e.vehicle.mass * e.vehicle.gravity / DRAG.d_x
-    assert wind_at(fit_at, flights, ConstantWind(speed, 0.0, 0.0), 0.0, lean) == share
+    wind = ConstantWind(speed, 0.0, 0.0)
+    assert wind_at(fit_at, flights, wind, options_of(lean, 0.0)) == share
 
 
 def test_a_wind_counts_by_what_it_pushes_while_it_acts(fit_at, flights):
@@ -108,4 +123,5 @@ def test_a_wind_counts_by_what_it_pushes_while_it_acts(fit_at, flights):
     fit = fit_at(DRAG, ConstantWind(speed, 0.0, 0.0), covariance=1e-3)
     absent = dc.replace(e, log=dc.replace(e.log, name="b"))
     new = dc.replace(fit, terms=(fit.terms[0], dc.replace(fit.terms[1], onset={"b": NEVER})))
-    assert wind_share(new, 1, [e, absent, absent], 0.0, lean) == 1.0
+    posterior = SizePosterior(new, 1, [e, absent, absent])
+    assert posterior.blows(options_of(lean, 0.0)).all()
