@@ -42,6 +42,9 @@ class Effect:
     # Its mathematics.
     linear: ClassVar[bool] = True  # in all parameters
     begins: ClassVar[bool] = True  # may begin in mid-flight
+    constant: ClassVar[bool] = (
+        False  # of how airframe and propellers are made: the same in all flights of a vehicle
+    )
     sudden: ClassVar[bool] = (
         False  # what happens to a healthy vehicle in flight: a load, a broken rotor, a wind
     )

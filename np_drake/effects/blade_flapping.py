@@ -21,6 +21,7 @@ class BladeFlapping(WrenchEffect):
 
     identifier = "blade_flapping"
     requires = ("velocity",)
+    constant = True
     named = "blade flapping"
     excited_by = "level sprints with sudden reversals"
     grows_with = "speed"

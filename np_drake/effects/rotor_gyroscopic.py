@@ -22,6 +22,7 @@ class RotorGyroscopic(WrenchEffect):
     rotor_inertia: float = 6.0e-5  # of one rotor about its axis [kg·m²]
 
     identifier = "rotor_gyroscopic"
+    constant = True
     named = "the rotors' gyroscopic moment"
     excited_by = "roll and pitch doublets while yawing hard"
     grows_with = "rate"

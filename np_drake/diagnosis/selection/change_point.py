@@ -341,6 +341,14 @@ def late_payloads(problem: RegressionProblem, late: list[Candidate]) -> list[Can
     return [dc.replace(c, onset_prior=found.prior) for _, c in sharp]
 
 
+def _unchanged(c: Candidate) -> bool:
+    """Return whether an effect is no change since earlier flights: clocks, sensors and the share of
+    torque that acts are of each flight anew, and how a vehicle is made is of all.
+    """
+    made = all(effect_of(name).constant for name in c.identifiers)
+    return made or (c.calibrated and c.identifiers not in WEIGHTS)
+
+
 def new_conditions(problem: RegressionProblem) -> list[Candidate]:
     """Return the effects that may begin, each absent from some flights: from all training flights,
     where halves have joined them, and from those before what is asked.
@@ -362,8 +370,7 @@ def new_conditions(problem: RegressionProblem) -> list[Candidate]:
         late = [
             switched(c, flights, lacking)
             for c, yes in zip(plain, begin, strict=True)
-            # Clocks, sensors and the share of torque that acts are of each flight anew.
-            if yes and not (names == earlier and c.calibrated and c.identifiers not in WEIGHTS)
+            if yes and not (names == earlier and _unchanged(c))
         ]
         late += wind_candidates(flights, [c for c in plain if c.identifiers == (DRAG,)], lacking)
         prior = problem.options.priors.onset * len(lacking) if names != earlier else 0.0

@@ -43,6 +43,12 @@ FILES = (  # of all campaigns, as they are named there
         for n in (1, 2)
     ),
     *(f"neural_swarm/downwash/cf5{v}_0{n}.gz" for v in (0, 1) for n in (0, 2)),
+    *(
+        f"cut_blade/cut{c}mm_{m}_{n}.gz"
+        for c in ("00", 10, 25)
+        for m in ("hover", "line")
+        for n in "12"
+    ),
 )
 
 

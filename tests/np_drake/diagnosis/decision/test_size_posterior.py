@@ -47,15 +47,6 @@ def test_the_size_of_several_parameters_is_the_power_of_what_they_predict(fit_at
     assert np.mean(drawn**2) == pytest.approx(expected, abs=CHANCE * error)
 
 
-@pytest.mark.parametrize("times", [0.8, 1.0, 1.1])
-def test_between_the_limits_it_is_the_gaussian_above_the_bound(fit_at, flights, times):
-    share = 0.2
-    posterior = SizePosterior(fit_at(DRAG, covariance=(0.2 * share) ** 2), 0, flights)
-    size = dc.replace(UNIT, force=times * UNIT.force)
-    expected = np.mean(times * posterior.relative() >= 1.0)
-    assert np.mean(posterior.material(size, REAL)) == expected
-
-
 SURE = 1e-12  # variance
 
 
