@@ -22,7 +22,6 @@ class TranslationalLift(WrenchEffect):
 
     identifier = "translational_lift"
     requires = ("velocity",)
-    constant = True
     named = "translational lift"
     excited_by = "sprints at constant height, then hover"
     grows_with = "speed"
