@@ -7,24 +7,19 @@ from systems.cascaded_controller import CascadedController, FlatTarget
 
 VEHICLE = Vehicle()
 X = np.array([0.1, 0, 1.0, 1, 0, 0, 0, 0, 0.2, 0, 0, 0, 0.1])
-
-
-def target() -> np.ndarray:
-    out = np.zeros(TARGET_SIZE)
-    out[2] = 1.0
-    return out
+TARGET = np.eye(TARGET_SIZE)[2]
 
 
 def fixed(dut):
     context = dut.CreateDefaultContext()
     dut.GetInputPort("x").FixValue(context, X)
-    dut.GetInputPort("target").FixValue(context, target())
+    dut.GetInputPort("target").FixValue(context, TARGET)
     return context
 
 
 def test_forced_and_periodic_updates_are_the_pure_law():
     expected, integral = cascade(
-        VEHICLE, CascadeGains(), x=X, target=target(), integral=np.zeros(6), step=0.0
+        VEHICLE, CascadeGains(), x=X, target=TARGET, integral=np.zeros(6), step=0.0
     )
     dut = CascadedController(VEHICLE)
     forced, periodic = fixed(dut), fixed(dut)

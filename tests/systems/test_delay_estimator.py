@@ -118,8 +118,8 @@ def test_the_oracle_knows_the_commands_that_are_under_way():
 STILL = np.array([0, 0, 1.0, 1.0, 0, 0, 0, 0, 0, 0, 0, 0, 0])
 
 
-def oracle_over(payload):
-    dut = WrenchOracle(TrueModel(VEHICLE, payload, [], []), CONFIG, period=0.02)
+def oracle_over(payload, effects=()):
+    dut = WrenchOracle(TrueModel(VEHICLE, payload, [], [*effects]), CONFIG, period=0.02)
     context = dut.CreateDefaultContext()
     dut.GetInputPort("rotor_thrust").FixValue(context, np.full(4, VEHICLE.hover_input[0] / 4))
     dut.GetInputPort("plan_u").FixValue(context, np.tile(VEHICLE.hover_input, 5))
@@ -144,12 +144,9 @@ def test_a_payload_to_the_side_pulls_to_the_side_and_turns_the_body():
 
 
 def test_a_drift_is_foreseen_from_the_flights_own_time():
-    dut = WrenchOracle(TrueModel(VEHICLE, None, [], [ThrustDrift(1.0, -0.01)]), CONFIG, period=0.02)
-    context = dut.CreateDefaultContext()
+    dut, context = oracle_over(None, [ThrustDrift(1.0, -0.01)])
     context.SetTime(10.0)
     dut.GetInputPort("rotor_thrust").FixValue(context, np.full(4, 0.9 * VEHICLE.hover_input[0] / 4))
-    dut.GetInputPort("plan_u").FixValue(context, np.tile(VEHICLE.hover_input, 5))
-    dut.GetInputPort("plan_x").FixValue(context, np.tile(STILL, 6))
     dut.GetInputPort("plant_state").FixValue(context, np.array([1.0, *np.zeros(12)]))
     chi = dut.GetOutputPort("forecast").Eval(context).offset
     np.testing.assert_allclose(chi[0, 2], -0.1 * VEHICLE.hover_input[0], rtol=0.01)

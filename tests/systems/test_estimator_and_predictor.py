@@ -64,17 +64,20 @@ def test_nan_reading_gives_a_nan_label_and_the_filter_carries_on():
     np.testing.assert_allclose(dut.GetOutputPort("last_label").Eval(context), CHI, atol=1e-12)
 
 
-def predictor_on(label):
-    dut = ResidualPredictor(Hold(step=0.02), horizon=4, stride=2)
+def on_labels(dut):
     context = dut.CreateDefaultContext()
     dut.GetInputPort("x").FixValue(context, LEVEL)
     dut.GetInputPort("u").FixValue(context, VEHICLE.hover_input)
-    dut.GetInputPort("label").FixValue(context, label)
+    dut.GetInputPort("label").FixValue(context, CHI)
     return dut, context
 
 
+def hold_on_labels():
+    return on_labels(ResidualPredictor(Hold(step=0.02), horizon=4, stride=2))
+
+
 def test_forecast_feeds_through_and_chi_hat_waits_for_the_event():
-    dut, context = predictor_on(CHI)
+    dut, context = hold_on_labels()
     np.testing.assert_allclose(dut.GetOutputPort("forecast").Eval(context).first, CHI)
     np.testing.assert_allclose(dut.GetOutputPort("chi_hat").Eval(context), 0.0)
     event(dut, context)
@@ -82,12 +85,7 @@ def test_forecast_feeds_through_and_chi_hat_waits_for_the_event():
 
 
 def neural_predictor_on_labels():
-    dut = NeuralPredictor(NeuralPredictorModel.load(NP_MODEL), horizon=4, stride=2)
-    context = dut.CreateDefaultContext()
-    dut.GetInputPort("x").FixValue(context, LEVEL)
-    dut.GetInputPort("u").FixValue(context, VEHICLE.hover_input)
-    dut.GetInputPort("label").FixValue(context, CHI)
-    return dut, context
+    return on_labels(NeuralPredictor(NeuralPredictorModel.load(NP_MODEL), horizon=4, stride=2))
 
 
 def test_a_neural_predictor_is_its_model_in_a_context():
@@ -111,7 +109,7 @@ def test_a_neural_predictor_is_its_model_in_a_context():
     "make, port, output",
     [
         (lambda: estimator_under(CHI), "u", "last_label"),
-        (lambda: predictor_on(CHI), "label", "chi_hat"),
+        (hold_on_labels, "label", "chi_hat"),
         (neural_predictor_on_labels, "label", "chi_hat"),
     ],
 )

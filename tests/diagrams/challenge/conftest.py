@@ -1,6 +1,4 @@
-import importlib.util
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,6 +6,7 @@ import pytest
 from diagrams.challenge import flight, make
 from diagrams.challenge.draw import VEHICLES
 from diagrams.challenge.plans import draw_plan
+from tests.diagrams.challenge import hand_made, made_flight
 
 SECONDS = 2.5
 
@@ -38,24 +37,16 @@ def plan(vehicle):
     return draw_plan(np.random.default_rng(3), vehicle, SECONDS, "aggressive_multisine")
 
 
-def _beside(name):
-    """The module of that name in this folder."""
-    spec = importlib.util.spec_from_file_location(name, Path(__file__).with_name(f"{name}.py"))
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
 @pytest.fixture(scope="session")
 def by_hand():
     """Answers and truths whose score can be counted."""
-    return _beside("hand_made")
+    return hand_made
 
 
 @pytest.fixture(scope="session")
 def make_flight():
     """Return a flight with a force that the nominal model lacks."""
-    return _beside("made_flight").flight
+    return made_flight.flight
 
 
 @pytest.fixture(scope="session")

@@ -2,13 +2,11 @@ import json
 import subprocess
 import sys
 
-import numpy as np
 import pytest
 
 from diagrams.batch.failed_run import one_line
 from diagrams.challenge import solve as module
 from diagrams.challenge.solve import solve, solve_case
-from np_drake.flight_log import FlightLog
 from np_drake.logs.formats.log_file import write_log
 from np_drake.vehicle import Vehicle
 from np_drake.vehicle.text import vehicle_text
@@ -16,27 +14,15 @@ from np_drake.vehicle.text import vehicle_text
 FILES = ("train_1.csv", "heldout_1.csv")
 
 
-def level_flight(seed: int, n: int = 500, step: float = 0.01) -> FlightLog:
-    """Pushed about on the level by nobody knows what, at hover thrust."""
-    t = step * np.arange(n)
-    draw = np.random.default_rng(seed)
-    frequency = draw.uniform(0.5, 4.0, 3)
-    p, v = -0.4 / frequency * np.cos(t[:, None] * frequency), 0.4 * np.sin(t[:, None] * frequency)
-    a = 0.4 * frequency * np.cos(t[:, None] * frequency) + 0.1 * draw.normal(size=(n, 3))
-    q, u = np.tile([1.0, 0.0, 0.0, 0.0], (n, 1)), np.tile([19.62, 0.0, 0.0, 0.0], (n, 1))
-    w, al = 0.01 * draw.normal(size=(n, 3)), 0.5 * draw.normal(size=(n, 3))
-    return FlightLog(t=t, p=p, q=q, v=v, w=w, u=u, a=a, al=al, name=f"flight_{seed}")
-
-
 @pytest.fixture
-def cases(tmp_path):
+def cases(tmp_path, make_flight):
     """Three case folders, of which the second lacks its flight to judge with."""
     for name in ("a1", "b2", "c3"):
         folder = tmp_path / "cases" / name
         folder.mkdir(parents=True)
         (folder / "vehicle.yaml").write_text(vehicle_text(Vehicle()))
         for seed, file in enumerate(FILES):
-            write_log(level_flight(seed), folder / file)
+            write_log(make_flight(seed, lambda t, p, v, a: -0.3 * v, 5.0), folder / file)
     (tmp_path / "cases" / "b2" / FILES[1]).unlink()
     return tmp_path / "cases"
 

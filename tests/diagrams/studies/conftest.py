@@ -1,19 +1,13 @@
 """The problems of the solvers' own tests, for their peers, and made flights."""
 
-import importlib.util
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 from np_drake.training_data.segments import Segment
+from tests.np_drake.mpc import conftest as problems
 
-_PROBLEMS = Path(__file__).parents[2] / "np_drake" / "mpc" / "conftest.py"
-_spec = importlib.util.spec_from_file_location("mpc_problems", _PROBLEMS)
-_problems = importlib.util.module_from_spec(_spec)
-_spec.loader.exec_module(_problems)
-vehicle, config = _problems.vehicle, _problems.config
-reaction, make_problem = _problems.reaction, _problems.make_problem
+vehicle, config = problems.vehicle, problems.config
+reaction, make_problem = problems.reaction, problems.make_problem
 STEP = 0.0025  # of the synthetic flight [s]
 
 

@@ -77,20 +77,18 @@ def test_means_have_students_interval():
     assert np.isnan(means(pd.DataFrame({"E": [1.0]}), ["E"])["E_ci95"])
 
 
-def test_a_missing_value_is_a_dash():
-    assert fixed("x", 2)({"x": 0.126}) == "0.13"
-    assert percent("x", 1)({"x": 0.126}) == "12.6 %"
-    assert (fixed("x", 2)({}), percent("x")({})) == ("–", "–")
-
-
 @pytest.mark.parametrize(
-    "value, width, text",
+    "column, line, text",
     [
-        (0.0123, 0.001, "1.23 ± 0.10"),
-        (0.0123, math.nan, "1.23"),  # a single flight has no interval
-        (math.inf, math.nan, "lost"),
-        (-math.inf, 0.1, "lost"),
+        (spread("x"), {"x": 0.0123, "x_ci95": 0.001}, "1.23 ± 0.10"),  # in cm
+        (spread("x"), {"x": 0.0123, "x_ci95": math.nan}, "1.23"),  # a single flight
+        (spread("x"), {"x": math.inf, "x_ci95": math.nan}, "lost"),
+        (spread("x"), {"x": -math.inf, "x_ci95": 0.1}, "lost"),
+        (fixed("x", 2), {"x": 0.126}, "0.13"),
+        (fixed("x", 2), {}, "–"),
+        (percent("x", 1), {"x": 0.126}, "12.6 %"),
+        (percent("x"), {}, "–"),
     ],
 )
-def test_a_spread_stands_behind_its_value_in_cm(value, width, text):
-    assert spread("x")({"x": value, "x_ci95": width}) == text
+def test_a_column_writes_its_value(column, line, text):
+    assert column(line) == text

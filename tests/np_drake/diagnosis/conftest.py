@@ -4,10 +4,8 @@ explain them.
 
 import dataclasses as dc
 import importlib
-import importlib.util
 from collections.abc import Callable, Iterator, Sequence
 from functools import cache, partialmethod
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -29,6 +27,7 @@ from np_drake.effects.library import LIBRARY
 from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.flight_log import FlightLog
 from np_drake.vehicle import Vehicle
+from tests.np_drake.diagnosis import simulated_flights
 
 VEHICLE = Vehicle()
 Fly = Callable[..., FlightLog]
@@ -37,14 +36,7 @@ Fly = Callable[..., FlightLog]
 @pytest.fixture(scope="session")
 def fly() -> Fly:
     """Return the function that simulates a flight."""
-    spec = importlib.util.spec_from_file_location(
-        "simulated_flights", Path(__file__).with_name("simulated_flights.py")
-    )
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module.fly
+    return simulated_flights.fly
 
 
 @pytest.fixture(scope="session")

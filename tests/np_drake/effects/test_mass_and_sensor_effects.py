@@ -114,14 +114,11 @@ LAGGED = Vehicle(rotor_time_constant=0.02)
         (MotorLag(0.013), -0.007),
         (CommandDelay(0.02), 0.02),
         (ClockOffset(0.02), -0.02),
+        (LinearDrag(1.0, 1.0, 1.0), 0.0),
     ],
 )
-def test_lag_delay_and_clock_move_commands(effect, shift):
+def test_lag_delay_and_clock_alone_move_commands(effect, shift):
     assert effect.time_shift(LAGGED) == pytest.approx(shift)
-
-
-def test_a_drag_moves_no_command():
-    assert LinearDrag(1.0, 1.0, 1.0).time_shift(LAGGED) == 0.0
 
 
 G = np.array([0.0, 0.0, VEHICLE.gravity])

@@ -1,22 +1,15 @@
 """Fixtures: flights in closed form (`analytic.py`), and what is identified from them."""
 
-import importlib.util
-from pathlib import Path
-
 import pytest
 
 from np_drake.identification.identify import identify
+from tests.np_drake.identification import analytic as closed_form
 
 
 @pytest.fixture(scope="session")
 def analytic():
     """The module of flights in closed form."""
-    spec = importlib.util.spec_from_file_location(
-        "analytic", Path(__file__).with_name("analytic.py")
-    )
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return closed_form
 
 
 @pytest.fixture(scope="session")

@@ -9,7 +9,6 @@ from functools import partial
 import numpy as np
 import pytest
 import yaml
-from written import columns_in, default_map, quantities_of, write_table
 
 from diagrams.challenge import flight
 from diagrams.challenge.draw import VEHICLES
@@ -24,6 +23,7 @@ from np_drake.logs.importing.conventions import WrongConventions, changed
 from np_drake.logs.importing.import_log import import_log
 from np_drake.logs.importing.log_map import convert, load_map_file
 from np_drake.vehicle.text import vehicle_text
+from tests.diagrams.challenge.imported import written as table
 
 # The laws hold from any start; a settled one only takes longer.
 fly = partial(flight.fly, warm_up=0.5)  # [s]
@@ -74,10 +74,10 @@ def written(log, errors, path):
     """Write the log in conventions of its own; return its quantities, the default map, and the one
     that fits.
     """
-    x = {name: values for name, values in quantities_of(log).items() if name != "rotor_speed"}
-    declared = default_map(list(x), command="held_after")
+    x = {name: values for name, values in table.quantities_of(log).items() if name != "rotor_speed"}
+    declared = table.default_map(list(x), command="held_after")
     own = changed(declared, tuple(itertools.chain(*(ERRORS[name] for name in errors))))
-    write_table(path, log.t, columns_in(x, own), own)
+    table.write_table(path, log.t, table.columns_in(x, own), own)
     return x, declared, own
 
 
@@ -88,7 +88,7 @@ def test_a_log_in_other_conventions_is_refused_under_the_right_name(errors, flow
         import_log(tmp_path / "flight.csv", declared)
     named = changed(declared, refused.value.verdict.changes)
     assert (named.time.unit or "s") == (own.time.unit or "s")
-    found = convert(columns_in(x, own), named)
+    found = convert(table.columns_in(x, own), named)
     found["attitude"] *= np.sign(np.sum(found["attitude"] * x["attitude"], axis=1, keepdims=True))
     for name, values in x.items():
         assert np.allclose(
@@ -121,9 +121,9 @@ def test_an_imported_log_is_diagnosed_as_its_original(effect, finer, tmp_path):
         write_log(log, folders[0] / f"{name}.csv")
         u = log.u.reshape(-1, finer, 4).mean(axis=1)
         log = dc.replace(rows_of(log, np.arange(0, len(log), finer)), u=u)
-        x = quantities_of(log)
-        own = default_map(list(x), world="ned", body="frd", command=semantics)
-        write_table(tmp_path / f"{name}.csv", log.t, columns_in(x, own), own)
+        x = table.quantities_of(log)
+        own = table.default_map(list(x), world="ned", body="frd", command=semantics)
+        table.write_table(tmp_path / f"{name}.csv", log.t, table.columns_in(x, own), own)
         text = {key: getattr(own, key) for key in ("world", "body", "command")}
         text |= {"time": {"columns": own.time.columns}}
         text |= {key: {"columns": source.columns} for key, source in own.sources()}

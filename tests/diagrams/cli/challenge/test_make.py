@@ -39,12 +39,6 @@ def test_a_wrong_request_is_one_line_before_any_work(tmp_path, capsys, wrong, sa
     assert not out.exists()
 
 
-def test_the_truth_may_not_lie_in_the_cases(tmp_path, capsys):
-    out = tmp_path / "cases"
-    assert run(["challenge", "make", "--out", str(out), "--truth", str(out / "truth")]) == 2
-    assert "truth" in capsys.readouterr().err
-
-
 def test_unseen_kinds_are_flown_alone_where_they_are_asked_for(tmp_path, in_this_process):
     arguments = f"challenge make --out {tmp_path}/cases --truth {tmp_path}/truth".split()
     metrics = tmp_path / "make.json"

@@ -72,8 +72,3 @@ def test_answers_are_scored_into_tables_figures_and_metrics(folders, tmp_path, c
     assert written["shrink_relative"]["mean"] == 1.0
     assert "| mass_error | 2 | 50 % [1, 99] 1/2 |" in files["markdown"].read_text()
     assert (tmp_path / "out" / "reliability.png").is_file()
-
-
-def test_a_folder_without_truth_is_one_line(folders, capsys):
-    assert run(["challenge", "score", folders[0], folders[0]]) == 2
-    assert "truth.json" in capsys.readouterr().err

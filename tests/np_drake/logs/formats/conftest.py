@@ -1,6 +1,6 @@
 """Writers of made files, one a format, and what tests of several formats share."""
 
-import importlib.util
+import importlib
 from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
@@ -14,14 +14,7 @@ Write = Callable[[Path, dict[str, Stream]], None]
 
 def load_writer(name: str) -> ModuleType:
     """Return the module `<name>_writer.py` beside this file."""
-    spec = importlib.util.spec_from_file_location(
-        f"{name}_writer", Path(__file__).with_name(f"{name}_writer.py")
-    )
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return importlib.import_module(f"tests.np_drake.logs.formats.{name}_writer")
 
 
 @pytest.fixture(scope="session")

@@ -1,7 +1,7 @@
 """Laws of PX4 ULog files: what was written is read."""
 
-import builtins
 import struct
+import sys
 from pathlib import Path
 from types import ModuleType
 
@@ -213,13 +213,6 @@ def test_a_message_without_a_time_is_left_out(log):
 
 
 def test_without_pyulog_the_error_says_how_to_install_it(log, monkeypatch):
-    real_import = builtins.__import__
-
-    def without(name, *args, **kwargs):
-        if name == "pyulog":
-            raise ImportError(name)
-        return real_import(name, *args, **kwargs)
-
-    monkeypatch.setattr(builtins, "__import__", without)
+    monkeypatch.setitem(sys.modules, "pyulog", None)
     with pytest.raises(LogError, match=r"pip install 'np_drake\[ulog\]'"):
         ULOG.contents(log)

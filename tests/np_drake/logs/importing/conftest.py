@@ -3,10 +3,8 @@ of SciPy.
 """
 
 import dataclasses as dc
-import importlib.util
 import sys
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,6 +13,9 @@ from scipy.spatial.transform import Rotation
 from np_drake.flight_log import FlightLog
 from np_drake.logs.importing.import_log import import_log
 from np_drake.logs.importing.log_map import SIZES, UNITS, LogMap, Source
+from tests.np_drake.diagnosis import simulated_flights
+from tests.np_drake.logs.formats.conftest import load_writer
+from tests.np_drake.logs.importing import autopilot_streams
 
 ENU_OF_NED = np.array(
     [[0, 1, 0], [1, 0, 0], [0, 0, -1]], float
@@ -24,20 +25,10 @@ GRAVITY = np.array([0.0, 0.0, 9.81])
 Quantities = dict[str, np.ndarray]
 
 
-def load(name: str, path: Path):
-    spec = importlib.util.spec_from_file_location(name, path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
 @pytest.fixture(scope="session")
 def fly() -> Callable[..., FlightLog]:
     """Return `fly(*effects, seed, seconds, noise, vigour)`: the log of a simulated flight."""
-    folder = Path(__file__).parents[2] / "diagnosis"
-    return load("simulated_flights", folder / "simulated_flights.py").fly
+    return simulated_flights.fly
 
 
 @pytest.fixture(scope="session")
@@ -109,14 +100,13 @@ def conventions():
 @pytest.fixture(scope="session")
 def writer():
     """Return `writer(name)`: the module that writes made files of a format."""
-    folder = Path(__file__).parents[1] / "formats"
-    return lambda name: load(f"{name}_writer", folder / f"{name}_writer.py")
+    return load_writer
 
 
 @pytest.fixture(scope="session")
 def autopilots():
     """Return the module that puts a flight into the messages of PX4 and ArduPilot."""
-    return load("autopilot_streams", Path(__file__).with_name("autopilot_streams.py"))
+    return autopilot_streams
 
 
 @pytest.fixture(scope="session")
