@@ -386,11 +386,19 @@ class Vehicle:
             ends = self.intervals[field][place : place + 1]
         return 0.5 * (ends[0][1] - ends[0][0]) / SURE if ends else None
 
+    def uncertainty(self, of: str) -> float | None:
+        """Return the standard deviation over the value that the file states of `mass` or `thrust`
+        [1]; None: it states none.
+        """
+        field = {"mass": "mass", "thrust": "thrust_coefficient"}[of]
+        stated, known = getattr(self, f"{of}_uncertainty"), self.known_within(field)
+        return stated if stated is not None or known is None else known / getattr(self, field)
+
     @property
     def measured(self) -> bool:
         """Whether the file states how well thrust and each moment of inertia are known."""
         moments = [self.known_within("inertia", i, i) for i in range(3)]
-        return self.thrust_uncertainty is not None and None not in moments
+        return None not in (self.uncertainty("thrust"), *moments)
 
     @cached_property
     def J(self) -> np.ndarray:

@@ -337,8 +337,8 @@ def with_input(options: Options, flights: Sequence[FlightResiduals]) -> Options:
     # Mass and thrust are at least as uncertain as the vehicle file states for its own.
     tolerance = dc.replace(
         options.tolerance,
-        mass=max(options.tolerance.mass, vehicle.mass_uncertainty or 0.0),
-        thrust=max(options.tolerance.thrust, vehicle.thrust_uncertainty or 0.0),
+        mass=max(options.tolerance.mass, vehicle.uncertainty("mass") or 0.0),
+        thrust=max(options.tolerance.thrust, vehicle.uncertainty("thrust") or 0.0),
     )
     timing = command_timing(flights)
     # Where thrust and torque are logged as they act, a stated vehicle is all that is open.

@@ -106,7 +106,9 @@ def headline(diagnosis: Diagnosis) -> str:
             return f"Nothing changed {since} that these flights would show: {would}{left_over}"
         named = [changed(c) for c in causes[:MOST_NAMED]]
         named += [f"{len(causes) - len(named)} more"] * (len(causes) > len(named))
-        explained = f"; {_explained(diagnosis, causes)}" * reduction.material
+        # What the balance of rotors alone tells explains nothing of the gap.
+        acts = reduction.material and any(np.isfinite(c.held_out_gain) for c in causes)
+        explained = f"; {_explained(diagnosis, causes)}" * acts
         return f"Changed {since}: {listed(named)}{explained}{left_over}"
     if not reduction.material:
         return f"There is no material gap on {judges}"

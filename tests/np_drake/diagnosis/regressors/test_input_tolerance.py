@@ -118,9 +118,9 @@ def test_calibration_is_mass_and_thrust_at_their_deviations(flights):
 
 
 STATED = Vehicle(
-    thrust_uncertainty=0.02,
     rotor_time_constant=0.03,
     intervals={
+        "thrust_coefficient": (VEHICLE.thrust_coefficient * np.array([0.96, 1.04])).tolist(),
         **{f"inertia[{i}][{i}]": [0.9 * J, 1.1 * J] for i, J in enumerate(VEHICLE.J.diagonal())},
         "rotor_time_constant": [0.024, 0.036],
         "calibration.center_of_mass": [[-0.002, 0.002]] * 3,
@@ -141,7 +141,9 @@ def test_what_a_file_states_of_a_field_is_its_prior(flights):
 
 def test_a_stated_vehicle_whose_logs_hold_its_commands_is_measured(fly):
     flight = make_flight_residuals(fly(seed=1, noise=1.0), STATED)
-    assert not with_input(Options.for_sensors(True), [flight]).tolerance.unmeasured
+    found = with_input(Options.for_sensors(True), [flight]).tolerance
+    assert not found.unmeasured
+    assert found.thrust == pytest.approx(0.04 / 1.96)
     slow = dc.replace(flight, log=dc.replace(flight.log, timing=0.01))
     assert with_input(Options.for_sensors(True), [slow]).tolerance.unmeasured
 
