@@ -78,25 +78,37 @@ def with_dependants(terms: Sequence[Term], i: int) -> set[int]:
     return {i, *(k for k, t in enumerate(terms) if t.effect.needs and not left & {*t.effect.needs})}
 
 
-def pendulum_error(name: str, payload: SuspendedPayload, vehicle: Vehicle, priors: Priors) -> float:
-    """Return the standard deviation of a payload parameter that its fit does not account for, in
-    the parameter's unit.
+def pendulum_error(
+    name: str,
+    payload: SuspendedPayload,
+    vehicle: Vehicle,
+    priors: Priors,
+    unsure: float | None = None,
+) -> tuple[float, float]:
+    """Return the factor on a payload parameter that its fit does not account for, and its standard
+    deviation in the parameter's unit.
 
     The downwash w that damps a payload pushes it down as well: c w / g more weight makes the mass
-    too large and the tether too short by that share. It is between none and twice the induced
-    velocity of hover.
+    too large and the tether too short by that share. In real flights w is between none and twice
+    the induced velocity of hover, that velocity on average. A simulated payload may hang in still
+    air: nothing is taken off, and the share is the error.
 
     Args:
         name: name of the parameter, beginning with mass, length, hook or damping.
+        unsure: standard deviation of the damping in real flights [1/s]; None: others.
     Source: own choice, from errors in simulated flights; w from momentum theory.
     """
     kind, value = name.split("_")[0], float(getattr(payload, name))
     own = priors.pendulum * PENDULUM[kind]
     if kind in ("hook", "damping"):
-        return own
-    return abs(value) * float(
-        np.hypot(own, payload.damping * hover_induced_velocity(vehicle) / vehicle.gravity)
-    )
+        return 1.0, own
+    pushed = hover_induced_velocity(vehicle) / vehicle.gravity
+    share = payload.damping * pushed
+    if unsure is None:
+        return 1.0, abs(value) * float(np.hypot(own, share))
+    factor = 1.0 / (1.0 + share) if kind == "mass" else 1.0 + share
+    spread = np.hypot(share / np.sqrt(3.0), pushed * unsure)
+    return factor, abs(value) * float(np.hypot(own, spread))
 
 
 def jumps(flight: FlightResiduals, onset: float | None) -> np.ndarray:

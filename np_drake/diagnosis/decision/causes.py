@@ -13,7 +13,7 @@ from np_drake.diagnosis.decision.unexplained import LinearModel
 from np_drake.diagnosis.fitting import Fit, interval
 from np_drake.diagnosis.forward_model import pendulum_error
 from np_drake.diagnosis.held_out import HeldOut
-from np_drake.diagnosis.options import SURE, Priors
+from np_drake.diagnosis.options import SURE, Options
 from np_drake.diagnosis.regressors import Model, RegressionProblem
 from np_drake.diagnosis.result import Cause, Estimate, Finding
 from np_drake.diagnosis.selection import Ranking, names_of, names_of_fit
@@ -58,7 +58,7 @@ def causes_of(
         cause = Cause(
             identifier,
             found.probability,
-            estimates(fit, i, problem.flights[0].vehicle, options.priors),
+            estimates(fit, i, problem.flights[0].vehicle, options),
             {e.name: held.terms.get(e.name, fit.everything)[i].begins(e.name) for e in every},
             others,
             found.size.gap,
@@ -107,16 +107,21 @@ def equivalents(problem: RegressionProblem, model: Model) -> dict[str, tuple[str
     return out
 
 
-def estimates(fit: Fit, i: int, vehicle: Vehicle, priors: Priors) -> dict[str, Estimate]:
+def estimates(fit: Fit, i: int, vehicle: Vehicle, options: Options) -> dict[str, Estimate]:
     """Return the parameters of term i with 95 % intervals; payloads, which are no ideal pendulums,
     with their error.
+
+    In real flights mass and tether are those of a payload without the downwash of the rotors.
     """
     effect, out = fit.terms[i].effect, {}
     for p in effect.parameters:
         value, (lower, upper) = float(getattr(effect, p.name)), interval(fit, i, p.name)
         half = 0.5 * (upper - lower)
         if isinstance(effect, SuspendedPayload):
-            half = float(np.hypot(half, SURE * pendulum_error(p.name, effect, vehicle, priors)))
+            low, high = interval(fit, i, "damping")
+            unsure = 0.5 * (high - low) / SURE if options.tolerance.unmeasured else None
+            factor, error = pendulum_error(p.name, effect, vehicle, options.priors, unsure)
+            value, half = factor * value, float(np.hypot(factor * half, SURE * error))
         out[p.name] = Estimate(value, p.unit, (value - half, value + half))
     return out
 

@@ -112,7 +112,7 @@ def as_named(found: Inference) -> Inference:
     causes = []
     for c in found.causes:
         i = terms[c.identifier]
-        own = estimates(fit, i, vehicle, options.priors)
+        own = estimates(fit, i, vehicle, options)
         causes.append(dc.replace(c, parameters=own, effect=fit.terms[i].effect))
     held = dc.replace(_held_out(ranking, found.held.flights), calibrations=open_)
     return dc.replace(found, ranking=ranking, held=held, causes=causes)

@@ -25,6 +25,7 @@ from np_drake.diagnosis.result import Cause
 from np_drake.effects.constant_wind import ConstantWind
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError
+from np_drake.effects.rotor_inflow import hover_induced_velocity
 from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.vehicle import Vehicle
 
@@ -92,14 +93,23 @@ def test_a_wind_without_a_drag_through_which_it_is_felt_is_minor():
 def test_payload_parameters_are_known_no_better_than_the_pendulum_model(fit_at):
     payload = SuspendedPayload(0.2, 0.6, 0.0, 0.0, -0.05)
     exact, rough = (
-        module.estimates(fit_at(payload, covariance=s), 0, PAPER, IDEAL.priors)
-        for s in (1e-9, 0.01)
+        module.estimates(fit_at(payload, covariance=s), 0, PAPER, IDEAL) for s in (1e-9, 0.01)
     )
     for name, estimate in exact.items():
         half = 0.5 * np.diff(estimate.ci95)[0]
-        error = 1.96 * pendulum_error(name, payload, PAPER, IDEAL.priors)
+        error = 1.96 * pendulum_error(name, payload, PAPER, IDEAL.priors)[1]
         assert half == pytest.approx(error)
         assert 0.5 * np.diff(rough[name].ci95)[0] == pytest.approx(np.hypot(error, 1.96 * 0.01))
+
+
+def test_the_downwash_of_real_rotors_makes_a_payload_heavy_and_its_tether_short(fit_at):
+    payload = SuspendedPayload(0.2, 0.6, 0.0, 0.0, -0.05, damping=0.1)
+    open_ = dc.replace(IDEAL, tolerance=dc.replace(IDEAL.tolerance, unmeasured=True))
+    found = module.estimates(fit_at(payload, covariance=1e-9), 0, PAPER, open_)
+    share = 0.1 * hover_induced_velocity(PAPER) / PAPER.gravity
+    assert found["mass"].value == pytest.approx(0.2 / (1 + share))
+    assert found["length"].value == pytest.approx(0.6 * (1 + share))
+    assert found["length"].half > 1.96 * 0.6 * share / np.sqrt(3)
 
 
 ENDS = {"a": 20.0, "b": 20.0}
