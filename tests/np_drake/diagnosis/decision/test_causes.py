@@ -102,7 +102,7 @@ def test_payload_parameters_are_known_no_better_than_the_pendulum_model(fit_at):
         assert 0.5 * np.diff(rough[name].ci95)[0] == pytest.approx(np.hypot(error, 1.96 * 0.01))
 
 
-def test_the_downwash_of_real_rotors_makes_a_payload_heavy_and_its_tether_short(fit_at):
+def test_downwash_makes_a_payload_heavy_and_its_tether_short(fit_at):
     payload = SuspendedPayload(0.2, 0.6, 0.0, 0.0, -0.05, damping=0.1)
     open_ = dc.replace(IDEAL, tolerance=dc.replace(IDEAL.tolerance, unmeasured=True))
     found = module.estimates(fit_at(payload, covariance=1e-9), 0, PAPER, open_)
