@@ -89,7 +89,8 @@ class FlightLog:
         from its row.
     start: time of its recording's clock at t = 0; logs of clocks that agree are aligned by it [s].
     neighbours: vehicles that flew nearby, on the clock of t.
-    layout: where the rotors of `rotor` and `throttle` are; None: in the order of the vehicle file.
+    layout: where the rotors of `rotor`, `throttle` and `balance` are; None: in the order of the
+        vehicle file.
     lacks: what was not logged and is integrated: `attitude`, `velocity`, `height` (position); keys
         of
     `library.REQUIREMENTS`. The specific force in B, R^T (a + g), is that of the accelerometer all

@@ -47,7 +47,7 @@ from np_drake.effects import (
     VelocityBias,
     WeakRotor,
 )
-from np_drake.effects.base import ActuatorEffect, Effect, MassEffect, Parameter
+from np_drake.effects.base import ActuatorEffect, Effect, Parameter, SensorEffect
 from np_drake.effects.calibration import in_flight
 from np_drake.effects.parameter import arm, departure
 from np_drake.files.number_text import number
@@ -78,7 +78,7 @@ def of_vehicle(
         found, name = [], f"calibration.{field}"
         for i, usual in enumerate(healthy):
             known = vehicle.known_within(name, *[i] * (len(healthy) > 1))
-            found.append(usual if known is None else max(known, 1e-3 * usual / SURE))
+            found.append(usual if known is None else max(known, 1e-3 * usual))
         return found
 
     gains = zip(ROTORS, stated("rotor_gains", *[spread.rotor_gain] * 4), strict=True)
@@ -242,7 +242,7 @@ def calibration_effects(fit: Fit, e: FlightResiduals, tolerance: Tolerance) -> l
     simulator.
     """
     every = [t.effect for t in fit.calibration]
-    found: list[Effect] = [f for f in every if isinstance(f, ActuatorEffect | MassEffect)]
+    found: list[Effect] = [f for f in every if not isinstance(f, SensorEffect)]
     if not fit.calibrated:
         return found
     # A share of all torque is shown as if the inertia were larger, by as much as a rigid body can
@@ -385,8 +385,7 @@ def healthy_spread(
     stated = [d for d in file_deviations(e.vehicle, tolerance) if d.stated]
     vehicle = [*of_vehicle(e, tolerance), *stated] if not changed else []
     for d in (*vehicle, *(of_flight(e, tolerance) if tolerance.unmeasured else [])):
-        # Those of one rotor are those of every rotor.
-        if d.effect is type(effect) and not d.at_value and set(d.fixed.values()) <= {ROTORS[0]}:
+        if d.is_of(effect) and not d.at_value:
             for p in (p for p in effect.parameters if p.name in d.deviation):
                 _, known = found.get(p.name, (0.0, 0.0))
                 found[p.name] = d.usual(p), math.hypot(known, d.deviation[p.name])
@@ -394,7 +393,8 @@ def healthy_spread(
         # Thrust over throttle takes its place.
         for d in (d for d in of_battery(e) if d.effect is ThrustScale):
             found["delta_mass"] = 0.0, d.deviation["scale"] * e.vehicle.mass
-    return found
+    # What is said of some parameters alone does not excuse the others.
+    return found if found.keys() >= {p.name for p in effect.parameters if not p.choices} else {}
 
 
 # half of an interval over the value, above which an exponent is hardly told [1]; own choice
@@ -411,7 +411,7 @@ def differences(
     input.
     """
     found, vehicle, first = [], flights[0].vehicle, len(fit.terms)
-    shown = tolerance.unmeasured or vehicle.measured
+    every = tolerance.unmeasured or vehicle.measured
     for k, f in enumerate(fit.free):
         if f.term < first or f.flight:
             continue
@@ -420,13 +420,13 @@ def differences(
         name = f"{d.name}.{f.name}"
         if isinstance(effect, ThrottleCurve):
             found.append(_throttle_map(name, hover_exponent(vehicle), effect.curve, sigma))
-        elif shown:
+        elif every or d.stated:
             value = getattr(effect, f.name) - f.neutral
             p = next(p for p in effect.parameters if p.name == f.name)
             how = (d.effect, p, d.fixed, value, sigma, d.deviation[f.name])
             found.append(_difference(name, *how))
     if not tolerance.unmeasured:
-        return tuple(found)
+        return tuple(sorted(found, key=lambda d: -d.in_deviations))
     *errors, body, _ = fit.linear
     found += _of_parameters(body, of_vehicle(flights[0], tolerance))
     # What flights differ by, each parameter with its value in every flight and the words of the

@@ -128,7 +128,7 @@ def columns_of(
         for name, deviation in d.deviation.items():
             p = parameters[name]
             step, usual = deviation * (part if d.effect.place == "mass" else 1.0), d.usual(p)
-            step = step if usual + step <= p.upper else -step
+            step = min(step, p.upper - usual) or max(-step, p.lower - usual)
             moved = Term(d.at(**{name: usual + step}))
             out.append(predicted_residual(e, [moved], stages) * (deviation / step))
     return np.stack(out, axis=-1) if out else np.zeros((*e.y.shape, 0))

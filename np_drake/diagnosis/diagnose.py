@@ -255,7 +255,7 @@ def _answer(
     visible = visible_changes(found.ranking) if before else {}
     if before and not flights[0].knows_torque:
         was = [e.log for e in flights if e.earlier]
-        now = [e.log for e in (*flights, *judging) if not e.earlier]
+        now = [e.log for e in (*flights, *judging) if e.name not in own]
         told = compare_balance(was, now, flights[0].vehicle, options)
         causes, late = [*causes, *told.causes], [*late, *told.findings]
         visible |= told.visible

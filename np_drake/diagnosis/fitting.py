@@ -47,6 +47,9 @@ class Free:
     entry: int = 0
 
 
+WIDE = 4.0  # deviations of what a file states that are within bounds [1]
+
+
 def free_parameters(
     terms: Sequence[Term],
     flights: Sequence[FlightResiduals],
@@ -67,7 +70,8 @@ def free_parameters(
         for p in term.effect.parameters:
             if own is not None and p.name in own.deviation:
                 scale, middle = own.deviation[p.name], own.usual(p)
-                found.append(Free(i, p.name, scale, middle, p.lower, p.upper))
+                upper = max(p.upper, middle + WIDE * scale)
+                found.append(Free(i, p.name, scale, middle, p.lower, upper))
             elif own is None and not p.choices:
                 scale = width * usual_size(p, vehicle)
                 found.append(Free(i, p.name, scale, p.neutral, p.lower, p.upper))
@@ -272,7 +276,7 @@ def refine(
         H[:n, :n], H[n:, n:] = W.T @ W, white.gram
         for e in flights:
             (X, at), own = white.of(e.name), r[white.rows[e.name]]
-            J = root * e.white(noise, scaled_jacobian(now, free, e)).reshape(-1, n)
+            J = root * e.white(noise, scaled_jacobian(now, free, e)).reshape(len(own), n)
             derivatives[e.name] = J
             H[:n, :n] += J.T @ J
             H[:n, n + at] += J.T @ X

@@ -89,13 +89,13 @@ def pendulum_error(
     deviation in the parameter's unit.
 
     The downwash w that damps a payload pushes it down as well: c w / g more weight makes the mass
-    too large and the tether too short by that share. In real flights w is between none and twice
-    the induced velocity of hover, that velocity on average. A simulated payload may hang in still
-    air: nothing is taken off, and the share is the error.
+    too large and the tether too short by that share. w is between none and twice the induced
+    velocity of hover, that velocity on average. The payload of a measured vehicle may be a
+    simulated one, in still air: nothing is taken off, and the share is the error.
 
     Args:
         name: name of the parameter, beginning with mass, length, hook or damping.
-        unsure: standard deviation of the damping in real flights [1/s]; None: others.
+        unsure: standard deviation of the damping [1/s]; None: the vehicle is measured.
     Source: own choice, from errors in simulated flights; w from momentum theory.
     """
     kind, value = name.split("_")[0], float(getattr(payload, name))

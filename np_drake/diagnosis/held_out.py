@@ -324,7 +324,7 @@ def with_calibration(
     An earlier calibration of the flight is undone.
     """
     unmeasured = options.tolerance.unmeasured
-    if not (options.tolerance.real or fit.calibrated):
+    if not options.tolerance.real:
         return e
     own = errors_of(e, options.tolerance)
     e = dc.replace(e, y=e.uncalibrated, calibrated=0.0)

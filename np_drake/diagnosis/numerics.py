@@ -381,8 +381,8 @@ def minimise(
 
     Args:
         residual: maps z (n,) to r (m,).
-        normal: maps z and r(z) to J'J (n, n) and J'r (n,), with J = dr/dz; it is last called at the
-            minimum.
+        normal: maps z and r(z) to J'J (n, n) and J'r (n,), with J = dr/dz; the last one is taken to
+            hold at the minimum, which is no more than `DONE` away.
         start: (n,) initial parameters.
         lower: (n,) lower bounds.
         upper: (n,) upper bounds.

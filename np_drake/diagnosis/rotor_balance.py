@@ -1,16 +1,13 @@
 """Balance of the rotors in flights whose inputs were logged too slowly to tell torque.
 
-Their means over a flight still tell what each rotor is asked for, and with the torque balance where
-a rotor gives less and where the centre of mass lies. All is linear in the relative input g (4,) of
-the rotors: what they are asked for turns the vehicle by m = B g, with B the torque of the rotors in
-thrust times arm, or in reaction torque. Hypotheses explain the m of all flights:
-
-    m_f = vehicle + [after what is asked] change + flight,
-
-with Gaussian priors for each part. The variance between flights is not known, and the evidence is
-that of Student's t.
-Source: Bayesian linear model with plug-in variances; deviations are those of healthy vehicles
-    (`Spread`) and of the identification.
+The mean input of each rotor over a flight still tells what the rotors are asked for. Where one
+gives less thrust than before, or the centre of mass has moved, they are asked for a torque that
+would turn the sound vehicle: m (3,), in hover thrust of a rotor times arm about roll and pitch, and
+in its reaction torque about yaw. Each hypothesis is a linear model of the m of all flights: what
+the vehicle has, what has changed in the later flights, and what each flight has of its own, with
+Gaussian priors. The variance between flights is not known, so that the evidence is that of
+Student's t.
+Source: Bayesian linear model with plug-in variances; deviations are those of `Spread`.
 """
 
 import dataclasses as dc
@@ -29,6 +26,7 @@ from np_drake.logs.inputs import hover_exponent
 from np_drake.vehicle import Vehicle
 
 BLOCK = 1.0  # over which inputs are averaged [s]
+LEAST_SHARE = 0.1  # of all rotors, below which one does not fly [1]; own choice
 LEAST_BLOCKS = 5  # of a flight that tells a balance; own choice
 FREEDOM = 2.0  # degrees of freedom of the prior of the variance between flights; own choice
 LOSS = 0.2  # deviation of the thrust that a rotor lost [1]; own choice: a cut or chipped blade
@@ -46,12 +44,13 @@ def flight_balance(log: FlightLog, vehicle: Vehicle) -> np.ndarray | None:
     """
     if log.balance is None:
         return None
-    relative = hover_exponent(vehicle) * np.log(np.maximum(log.balance, 1e-3))
     rows = max(1, round(BLOCK / log.step))
-    blocks = len(relative) // rows
-    if blocks < LEAST_BLOCKS:
+    blocks = len(log) // rows
+    every = np.reshape(log.balance[: blocks * rows], (blocks, rows, 4))
+    turning = every[np.all(every > LEAST_SHARE, axis=(1, 2)) & np.isfinite(every).all(axis=(1, 2))]
+    if len(turning) < LEAST_BLOCKS:
         return None
-    means = relative[: blocks * rows].reshape(blocks, rows, 4).mean(axis=1)
+    means = hover_exponent(vehicle) * np.log(turning).mean(axis=1)
     return np.median(means @ torque_map(vehicle).T, axis=0)
 
 
@@ -63,11 +62,15 @@ def torque_map(vehicle: Vehicle) -> np.ndarray:
 
 @dc.dataclass(frozen=True)
 class Hypothesis:
-    """Change of the balance: columns (3, k) of independent unknowns, and their deviations (k,)."""
+    """Change of the balance: columns (3, k) of independent unknowns, and their deviations (k,).
+
+    sign: of the first unknown, where it can have one alone.
+    """
 
     columns: np.ndarray
     deviation: np.ndarray
     log_prior: float
+    sign: int = 0
 
 
 @dc.dataclass(frozen=True)
@@ -80,7 +83,8 @@ class Weighed:
 
 
 def hypotheses(vehicle: Vehicle, prior: float) -> dict[str, Hypothesis]:
-    """Return what may have changed, by name: nothing, a rotor (by number), centre of mass, yaw.
+    """Return what may have changed, by name: nothing, centre of mass, yaw, and a rotor that gives
+    less (by its number) or more.
 
     Args:
         prior: log prior of any change.
@@ -94,7 +98,9 @@ def hypotheses(vehicle: Vehicle, prior: float) -> dict[str, Hypothesis]:
     }
     for name, torque in zip(ROTORS, B.T, strict=True):
         both, spread = np.stack([torque, axes[2]], axis=1), np.array([LOSS, TORQUE_RATIO])
-        found[name] = Hypothesis(both, spread, prior - np.log(len(ROTORS)))
+        own = prior - np.log(len(ROTORS))
+        found[name] = Hypothesis(both, spread, own, sign=1)
+        found[f"{name} gives more"] = Hypothesis(both, spread, own, sign=-1)
     return found
 
 
@@ -132,8 +138,8 @@ def weigh(
             value = float(h.deviation[0] * (own[:, 0] @ white))
             left = (1.0 - own[:, 0] @ own[:, 0]) * (freedom + square) / size
             error = float(h.deviation[0] * np.sqrt(left))
-        if name in ROTORS:  # thrust is lost, and not won
-            evidence += float(np.log(2.0) + special.log_ndtr(value / error))
+        if h.sign:
+            evidence += float(np.log(2.0) + special.log_ndtr(h.sign * value / error))
         found[name] = (evidence, value, error)
     most = max(evidence for evidence, _, _ in found.values())
     total = sum(np.exp(evidence - most) for evidence, _, _ in found.values())
@@ -143,6 +149,7 @@ def weigh(
     }
 
 
+FAINT = 0.05  # probability below which a rotor is not mentioned [1]; own choice
 SIZES = np.arange(0.02, 0.62, 0.02)  # losses that are tried for the smallest visible one [1]
 
 
@@ -177,13 +184,15 @@ def compare_balance(
     old, new = (np.array(group) for group in told)
     prior, least = options.priors.of_effect(NAME), options.thresholds.cause_probability
     smallest = _visible(old, new, vehicle, prior, least)
-    visible = {f"{NAME}.efficiency": smallest} if smallest == smallest else {}
+    visible = {f"{NAME}.efficiency": smallest} if np.isfinite(smallest) else {}
     weighed = weigh(old, new, vehicle, prior)
     rotor = max(ROTORS, key=lambda name: weighed[name].probability)
     own = weighed[rotor]
     half = SURE * float(np.hypot(own.error, EXPONENT * own.value))
     value, low, high = np.exp([-own.value, -own.value - half, -own.value + half]).tolist()
-    if own.probability < least or own.value <= 0:
+    if own.value <= 0 or own.probability < FAINT:
+        return RotorBalance(visible=visible)
+    if own.probability < least:
         text = f"the balance of the rotors fits rotor {rotor} at {number(value, 2)} of its thrust"
         figures = {"probability": own.probability}
         return RotorBalance((), (Finding(NAME, text, 0.0, figures),), visible)

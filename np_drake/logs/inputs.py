@@ -236,7 +236,7 @@ def with_hover_thrust(
     place: neither can be told. All stays where the file's coefficient is no guess, or no flight has
     rotor speed as its input.
     """
-    guess = (vehicle.thrust_uncertainty or 0.0) >= GUESS
+    guess = (vehicle.uncertainty("thrust") or 0.0) >= GUESS
     squares, lift = _speed_and_lift([log for log in train if guess and _by_speed(log)], vehicle)
     coefficient = float(squares @ lift / (squares @ squares)) if len(squares) else 0.0
     factor = coefficient / vehicle.thrust_coefficient

@@ -122,8 +122,13 @@ def with_vehicle(
 
 
 def _turns(log: FlightLog, vehicle: Vehicle | None) -> bool:
-    """Return whether thrust and torque of a flight come from its rotor columns."""
-    return vehicle is not None and chosen_input(log, vehicle) in ("rotor_speed", "normalised")
+    """Return whether rotor columns of a flight count: thrust and torque come from them, or their
+    balance is known.
+    """
+    if vehicle is None:
+        return False
+    driven = chosen_input(log, vehicle) in ("rotor_speed", "normalised")
+    return driven or log.balance is not None
 
 
 def _driven(found: Opened, given: Vehicle | None, seen: Seen | None) -> Opened:

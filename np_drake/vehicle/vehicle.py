@@ -6,6 +6,7 @@ import dataclasses as dc
 import math
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -379,12 +380,15 @@ class Vehicle:
         Args:
             index: place in a list or matrix, from 0.
         """
-        ends = self.intervals.get(part(field, *index))
-        if ends is None and field in self.intervals:
-            shape = np.shape(value_of(field, values(self)))
-            place = int(np.ravel_multi_index(index, shape)) if index else 0
-            ends = self.intervals[field][place : place + 1]
-        return 0.5 * (ends[0][1] - ends[0][0]) / SURE if ends else None
+        value: Any = np.asarray(value_of(field, values(self)), float)
+        # Of the number, of its row, or of the whole field.
+        for depth in range(len(index), -1, -1):
+            name = part(field, *index[:depth])
+            if name in self.intervals:
+                ends: Any = np.array(self.intervals[name], float)
+                ends = ends.reshape(*value[index[:depth]].shape, 2)[index[depth:]]
+                return float(np.max(np.abs(ends - value[index]))) / SURE
+        return None
 
     def uncertainty(self, of: str) -> float | None:
         """Return the standard deviation over the value that the file states of `mass` or `thrust`

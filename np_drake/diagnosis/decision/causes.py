@@ -111,7 +111,8 @@ def estimates(fit: Fit, i: int, vehicle: Vehicle, options: Options) -> dict[str,
     """Return the parameters of term i with 95 % intervals; payloads, which are no ideal pendulums,
     with their error.
 
-    In real flights mass and tether are those of a payload without the downwash of the rotors.
+    Mass and tether of an unmeasured vehicle are those of a payload without the downwash of its
+    rotors. The effect itself keeps those with it: in a simulator payloads hang in still air.
     """
     effect, out = fit.terms[i].effect, {}
     for p in effect.parameters:
@@ -121,7 +122,7 @@ def estimates(fit: Fit, i: int, vehicle: Vehicle, options: Options) -> dict[str,
             low, high = interval(fit, i, "damping")
             unsure = 0.5 * (high - low) / SURE if options.tolerance.unmeasured else None
             factor, error = pendulum_error(p.name, effect, vehicle, options.priors, unsure)
-            value, half = factor * value, float(np.hypot(factor * half, SURE * error))
+            value, half = factor * value, factor * float(np.hypot(half, SURE * error))
         out[p.name] = Estimate(value, p.unit, (value - half, value + half))
     return out
 

@@ -197,6 +197,8 @@ class SizePosterior:
         """
         effect = self._fit.terms[self._i].effect
         own = self._places([p.name for p in effect.parameters if p.vanishes])
+        if not own:
+            return np.ones(len(self.draws))
         free = [self._free[k] for k in own]
         scale, neutral = (np.array([getattr(f, of) for f in free]) for of in ("scale", "neutral"))
         columns = [
@@ -244,7 +246,7 @@ class SizePosterior:
         The mean level wind is faster than a draught, and pushes harder than an attitude error that
         the sensors may have, under which thrust pushes as a wind does.
         """
-        level, effect = self._places("xy"), self._fit.terms[self._i].effect
+        level, effect = self._places(("x", "y")), self._fit.terms[self._i].effect
         if not effect.needs or len(level) < 2:
             return np.ones(len(self.draws), bool)
         tolerance, least = options.tolerance, options.materiality

@@ -349,7 +349,7 @@ def with_input(options: Options, flights: Sequence[FlightResiduals]) -> Options:
         open_["thrust"] = max(tolerance.thrust, ROTOR_SPEED_SCALE)
     if log_input == "normalised":
         known = vehicle.throttle is not None
-        scale = vehicle.thrust_uncertainty or IDENTIFIED_SCALE if known else THROTTLE_SCALE
+        scale = vehicle.uncertainty("thrust") or IDENTIFIED_SCALE if known else THROTTLE_SCALE
         open_["thrust"] = max(tolerance.thrust, scale)
         open_["throttle_curve"] = max(
             tolerance.throttle_curve, IDENTIFIED_CURVE if known else THROTTLE_CURVE

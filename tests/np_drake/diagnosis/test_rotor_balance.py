@@ -75,6 +75,20 @@ def test_a_centre_of_mass_that_moved_is_no_rotor():
     assert not compare_balance(SOUND, after, VEHICLE, REAL).causes
 
 
+@pytest.mark.parametrize("rotor", [1, 2, 3, 4])
+def test_a_rotor_that_gives_more_than_before_makes_no_other_weak(rotor):
+    assert not compare_balance(lost(rotor, 0.2), SOUND, VEHICLE, REAL).causes
+
+
+def test_rows_in_which_a_rotor_stands_or_is_not_read_do_not_count():
+    (log, *_) = SOUND
+    worse = log.balance.copy()
+    worse[100:200, 0], worse[300, 2] = -1.0, np.nan
+    found = flight_balance(dc.replace(log, balance=worse), VEHICLE)
+    np.testing.assert_allclose(found, flight_balance(log, VEHICLE), atol=0.02)
+    assert flight_balance(dc.replace(log, balance=0.0 * worse), VEHICLE) is None
+
+
 def test_flights_without_a_balance_tell_nothing():
     bare = [dc.replace(log, balance=None) for log in SOUND]
     assert flight_balance(bare[0], VEHICLE) is None

@@ -51,7 +51,7 @@ def test_what_was_there_before_has_not_changed(since):
     [
         (MassError(0.12), "delta_mass", "mass +120 g"),
         (WeakRotor(4.0, 0.85), "efficiency", "rotor 4: thrust −15 %"),
-        (SuspendedPayload(0.1, length=0.8), "mass", "a 100 g payload on 0.798 m"),
+        (SuspendedPayload(0.1, length=0.8), "mass", "a 100 g payload on 0.79"),
     ],
 )
 def test_what_changed_is_named_with_its_size(since, change, parameter, says):

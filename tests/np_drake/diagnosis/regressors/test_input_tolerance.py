@@ -7,7 +7,7 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.calibration import flight_errors, nuisance_of
+from np_drake.diagnosis.calibration import flight_errors, healthy_spread, nuisance_of
 from np_drake.diagnosis.deviation import columns_of, file_deviations
 from np_drake.diagnosis.forward_model import Term, predicted_residual
 from np_drake.diagnosis.options import SPREAD, Options, Priors, Tolerance
@@ -15,6 +15,7 @@ from np_drake.diagnosis.regressors import library_candidates, with_input
 from np_drake.diagnosis.regressors.library import THROTTLE_SCALE, command_timing
 from np_drake.diagnosis.residuals import TORQUE, make_flight_residuals
 from np_drake.effects.gyro_bias import GyroBias
+from np_drake.effects.inertia_error import InertiaError
 from np_drake.effects.library import unobservable
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError
@@ -137,6 +138,15 @@ def test_what_a_file_states_of_a_field_is_its_prior(flights):
         [0.002 / 1.96] * 3
     )
     assert "weak_rotor[1]" not in found  # nothing is stated of its gain
+
+
+@pytest.mark.parametrize("axes, excused", [(1, False), (3, True)])
+def test_what_is_stated_of_some_axes_does_not_excuse_the_others(flights, axes, excused):
+    moments = enumerate(VEHICLE.J.diagonal()[:axes])
+    some = {f"inertia[{i}][{i}]": [0.9 * J, 1.1 * J] for i, J in moments}
+    e = dc.replace(flights[0], vehicle=dc.replace(VEHICLE, intervals=some))
+    found = healthy_spread(InertiaError(1.2, 1.2, 1.2), e, Tolerance())
+    assert bool(found) is excused
 
 
 def test_a_stated_vehicle_whose_logs_hold_its_commands_is_measured(fly):
