@@ -18,7 +18,7 @@ from scipy import ndimage, signal, sparse
 STEP = 0.02  # step of the grid [s]; own choice: rigid-body effects act below 15 Hz
 # Rows of the flights of a fit above which its grid is coarser, for time, up to a step that still
 # shows the lag of rotors [s]; own choice.
-MOST_ROWS, COARSEST = 3000, 0.042
+MOST_ROWS, COARSEST = 4500, 0.042
 NEARLY = 0.1  # share of a row added before rounding down, for logs with jitter [1]; own choice
 SAME_STEP = (
     0.01  # relative difference of steps below which rows are not interpolated [1]; own choice
