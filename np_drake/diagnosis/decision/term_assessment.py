@@ -101,8 +101,13 @@ def assess_term(
     if not options.within_timing(effect, vehicle):
         posterior = SizePosterior(fit, i, flights)
         spread = healthy_spread(effect, flights[0], tolerance, changed=has_changed(ranking, i))
-        outside = posterior.material(size, options) & posterior.beyond(spread)
-        material = float(np.mean(outside & posterior.blows(options)))
+        outside = (
+            posterior.material(size, options),
+            posterior.beyond(spread),
+            posterior.blows(options),
+        )
+        # Their product: what two bounds leave in doubt is not sure of either.
+        material = float(np.prod([np.mean(own) for own in outside]))
     stands_for = impossible(fit, i, vehicle, greatest_height(flights))
     return TermAssessment(in_model, material, size, stands_for, support)
 
