@@ -7,6 +7,7 @@ import os
 import signal
 import socket
 import threading
+import time
 from contextlib import contextmanager
 from functools import partial
 
@@ -69,6 +70,19 @@ def cluster_of(workers, threads=1):
         ) as local,
     ):
         yield local.scheduler_address
+        # Dask cannot close a worker that is being started after a death.
+        deadline = time.monotonic() + 60.0
+        while not all_run(local, workers):
+            assert time.monotonic() < deadline, "a dead worker did not come back"
+            time.sleep(0.05)
+
+
+def all_run(cluster, workers):
+    """Return whether every worker is known to the scheduler and its process has started."""
+    processes = [nanny.process for nanny in cluster.workers.values()]
+    return len(cluster.scheduler.workers) == workers and all(
+        process is not None and process.status.name == "running" for process in processes
+    )
 
 
 def test_a_cluster_answers_as_one_machine_and_a_dead_worker_loses_one_case(tmp_path):
