@@ -84,16 +84,20 @@ def of_vehicle(
     gains = zip(ROTORS, stated("rotor_gains", *[spread.rotor_gain] * 4), strict=True)
     level, height = spread.center_of_mass * span, spread.center_of_mass_height * span
     center = stated("center_of_mass", level, level, height)
-    usual_inertia = published_priors().rotor_inertia.median * mass * span**2
-    (inertia,) = stated("rotor_inertia", usual_inertia)
+    published = published_priors()
+    usual_inertia = published.rotor_inertia.median * mass * span**2
+    (rotor_inertia,) = stated("rotor_inertia", usual_inertia)
+    # Of moments of inertia a gain of the torque has all but the gyroscopic torque.
+    moments = {p.name: published.inertia.deviation for p in InertiaError.parameters}
     (clock,) = stated("clock_offset", spread.rotor_speed_time if measured else spread.command_time)
     found = [
         *(Deviation(WeakRotor, {"efficiency": gain}, {"rotor": i}) for i, gain in gains),
         Deviation(CenterOfMassOffset, dict(zip("xyz", center, strict=True))),
         Deviation(MixerGain, dict.fromkeys(AXES, spread.torque_gain)),
+        Deviation(InertiaError, moments),
         Deviation(BladeFlapping, {"moment": spread.flapping * mass * span}),
         Deviation(TranslationalLift, {"lift": spread.lift * mass}),
-        Deviation(RotorGyroscopic, {"rotor_inertia": inertia}),
+        Deviation(RotorGyroscopic, {"rotor_inertia": rotor_inertia}),
         Deviation(ClockOffset, {"offset": clock}),
     ]
     if "attitude" not in e.log.lacks:

@@ -1,0 +1,78 @@
+"""Laws of a vehicle file that states how well it is known, from the file to the verdict."""
+
+import dataclasses as dc
+
+import numpy as np
+import pytest
+
+from np_drake.diagnosis.diagnose import diagnose
+from np_drake.diagnosis.options import Tolerance
+from np_drake.effects import InertiaError
+from np_drake.vehicle import Vehicle
+from tests.np_drake.diagnosis.simulated_flights import fly
+
+YAW = 0.63  # of the inertia about z that the file states [1]
+COPIED = Vehicle(rotor_time_constant=0.0, command_timing="unknown")
+
+
+def stated(vehicle):
+    """Return the vehicle with stated uncertainties: inertia 5 %, thrust 2 %, centre 1 mm."""
+    intervals = [
+        [moment - 0.1 * abs(moment), moment + 0.1 * abs(moment)] for moment in vehicle.J.ravel()
+    ]
+    return dc.replace(
+        vehicle,
+        mass_uncertainty=0.005,
+        thrust_uncertainty=0.02,
+        intervals={"inertia": intervals, "calibration.center_of_mass": [[-0.002, 0.002]] * 3},
+    ).check()
+
+
+@pytest.fixture(scope="module")
+def flights():
+    return [
+        fly(
+            InertiaError(1.0, 1.0, YAW),
+            name=f"f{i}",
+            seed=40 + i,
+            seconds=14.0,
+            noise=1.0,
+            vehicle=COPIED,
+        )
+        for i in range(3)
+    ]
+
+
+def found(vehicle, flights):
+    return diagnose(vehicle, flights[:2], flights[2:], tolerance=Tolerance(), adaptive_split=False)
+
+
+def test_what_a_stated_interval_excludes_is_named_with_its_size(flights):
+    dut = found(stated(COPIED), flights)
+    assert dut.verdict == ("inertia_error",)
+    (cause,) = dut.causes
+    low, high = cause.parameters["scale_zz"].ci95
+    assert low <= YAW <= high
+    assert high - low < 0.1
+
+
+def test_where_nothing_is_stated_the_same_error_is_calibration(flights):
+    dut = found(COPIED, flights)
+    assert dut.verdict == ()
+    assert "inertia_error" in [finding.name for finding in dut.below_threshold]
+
+
+def test_what_lies_within_a_stated_interval_is_not_named():
+    inertia = np.array([1.05, 0.96, 1.04])
+    flights = [
+        fly(
+            InertiaError(*inertia),
+            name=f"f{i}",
+            seed=50 + i,
+            seconds=14.0,
+            noise=1.0,
+            vehicle=COPIED,
+        )
+        for i in range(3)
+    ]
+    assert "inertia_error" not in found(stated(COPIED), flights).verdict
