@@ -59,7 +59,9 @@ def test_what_a_stated_interval_excludes_is_named_with_its_size(flights):
 def test_where_nothing_is_stated_the_same_error_is_calibration(flights):
     dut = found(COPIED, flights)
     assert dut.verdict == ()
-    assert "inertia_error" in [finding.name for finding in dut.below_threshold]
+    told = {difference.name: difference for difference in dut.calibration}
+    low, high = told["inertia_error.scale_zz"].ci95
+    assert low <= YAW - 1.0 <= high < 0.0
 
 
 def test_what_lies_within_a_stated_interval_is_not_named():
