@@ -36,6 +36,7 @@ STEP = 0.01  # of the logs that peers read [s]; own choice: that of the sensors
 WINDOW, EVERY = 0.2, 0.5  # simulations of mujoco.sysid, and between their starts [s]; own choice
 READ = 10.0  # beginning of the flight that aeroid reads, which it filters in Python [s]
 ITERATIONS = 20
+FLIGHTS = 3  # that are fitted
 HORIZON = 0.5  # of the prediction of the held-out flight [s]
 # White noise that the logs have, and what a model of no gusts may lack: of velocity [m/s], angles
 # [rad], rates [rad/s], accelerations [m/s², rad/s²].
@@ -46,6 +47,7 @@ NAMES = ("thrust", "jxx", "jyy", "jzz", "torque", "com_x", "com_y", "drag")
 START = dict(zip(NAMES, (1.0, 1.0, 1.0, 1.0, 1.0, 0.01, 0.01, 0.15), strict=True))
 LOW = dict(zip(NAMES, (0.3, 0.3, 0.3, 0.3, 0.1, -0.1, -0.1, 0.0), strict=True))
 HIGH = dict(zip(NAMES, (3.0, 5.0, 5.0, 5.0, 5.0, 0.1, 0.1, 2.0), strict=True))
+SHARES = NAMES[:5]  # whose error is a share of the truth
 Told = tuple[dict[str, float], dict[str, float]]  # values and standard deviations, of `NAMES`
 
 
@@ -235,21 +237,23 @@ PEERS: dict[str, tuple[str, Callable[[Sequence[FlightLog], Vehicle], Told]]] = {
 
 
 def compared(case: Case, *, seconds: float) -> dict[str, Any]:
-    """Return what each model tells of the vehicle of a case {"seed"}, from two flights of `seconds`
-    [s]: error and interval of every parameter, open-loop errors of a third flight, processor time.
+    """Return what each model tells of the vehicle of a case {"seed"}, flown for `seconds` [s] a
+    flight: error and interval of every parameter, open-loop errors of a flight that is not fitted,
+    processor time.
 
     Raises: FailedRun: if no vehicle of this seed can be flown.
     """
-    truth, logs, _ = draw_and_fly(case["seed"], "rotor_speed", 3, seconds)
+    truth, logs, _ = draw_and_fly(case["seed"], "rotor_speed", FLIGHTS + 1, seconds)
+    *fitted, held = logs
     known, mass = truth.known, truth.vehicle.mass
     true = truth_of(truth.vehicle, truth.drag.d_x / mass, known)
     begin = time.process_time()
-    own, found = by_np_drake(logs[:2], known)
+    own, found = by_np_drake(fitted, known)
     told: dict[str, Told] = {"np_drake": own}
     spent = {"np_drake": time.process_time() - begin}
     for name, (_, ask) in PEERS.items():
         begin = time.process_time()
-        told[name] = ask(logs[:2], known)
+        told[name] = ask(fitted, known)
         spent[name] = time.process_time() - begin
     told["vehicle file"] = (
         dict.fromkeys(NAMES, 1.0) | {"com_x": 0.0, "com_y": 0.0, "drag": 0.0},
@@ -262,15 +266,18 @@ def compared(case: Case, *, seconds: float) -> dict[str, Any]:
         vehicle = vehicle_of(known, values)
         rows[name] = vehicle_values(vehicle, frame, found.basis.drive, mass, fixed)
         rows[name] |= {"drag": values["drag"], "climb": values["drag"]}
-    model, adjusted = adapted(found, logs[2], (0.0, 1.0), rows)
+    model, adjusted = adapted(found, held, (0.0, 1.0), rows)
     lines = []
     for name, v in adjusted.items():
         values, deviations = told[name]
-        ahead = predict(model, logs[2], v, seconds=HORIZON).errors(logs[2])[-1]
+        ahead = predict(model, held, v, seconds=HORIZON).errors(held)[-1]
         lines.append(
             {
                 "model": name,
-                "error": {n: abs(values[n] - true[n]) for n in NAMES},
+                "error": {
+                    n: abs(values[n] - true[n]) / (abs(true[n]) if n in SHARES else 1.0)
+                    for n in NAMES
+                },
                 "inside": [abs(values[n] - true[n]) <= SURE * d for n, d in deviations.items()],
                 "open_loop": np.median(ahead, axis=0).tolist(),
                 "processor_time": spent.get(name),
@@ -279,20 +286,20 @@ def compared(case: Case, *, seconds: float) -> dict[str, Any]:
     return {"lines": lines}
 
 
-SHOWN = {  # column of the table: parameters, and unit over that of `NAMES`
-    "thrust [%]": (("thrust",), 100.0),
-    "inertia x, y": (("jxx", "jyy"), 100.0),
-    "z": (("jzz",), 100.0),
-    "torque": (("torque",), 100.0),
-    "centre [% arm]": (("com_x", "com_y"), 100.0),
-    "drag [1/s]": (("drag",), 1.0),
+SHOWN = {  # column of the table: parameters, and its unit over that of the errors
+    "thrust %": (("thrust",), 100.0),
+    "Jxx, Jyy %": (("jxx", "jyy"), 100.0),
+    "Jzz %": (("jzz",), 100.0),
+    "torque %": (("torque",), 100.0),
+    "centre % arm": (("com_x", "com_y"), 100.0),
+    "drag 1/s": (("drag",), 1.0),
 }
 
 
 def run(
     run: Run,
-    vehicles: Annotated[int, Option(min=1, max=1000, help="Simulated vehicles.")] = 8,
-    seconds: Annotated[float, Option(min=10.0, max=600.0, help="Length of a flight [s].")] = 20.0,
+    vehicles: Annotated[int, Option(min=1, max=1000, help="Simulated vehicles.")] = 6,
+    seconds: Annotated[float, Option(min=10.0, max=600.0, help="Length of a flight [s].")] = 30.0,
 ) -> Report:
     """Identification beside mujoco.sysid and aeroid (extra `peers`); minutes a vehicle.
 
@@ -317,10 +324,11 @@ def run(
         cost = own["processor_time"].median()
         table.append((name, *row, NOTHING if np.isnan(cost) else f"{cost:.0f}"))
     title = (
-        f"median errors; inside: truth in the 95 % interval; held out: after {HORIZON:g} s, open "
-        f"loop; {vehicles} vehicles, seeds {run.seed} … {run.seed + vehicles - 1}"
+        f"median errors; inside: truth in the 95 % interval; cm/s, rad/s: of a held-out flight, "
+        f"{HORIZON:g} s open loop; s: processor; {vehicles} vehicles, {FLIGHTS} x {seconds:g} s, "
+        f"seeds {run.seed} … {run.seed + vehicles - 1}"
     )
-    header = ["model", *SHOWN, "inside", "held out [cm/s]", "[rad/s]", "processor [s]"]
+    header = ["model", *SHOWN, "inside", "cm/s", "rad/s", "s"]
     return Report(
         [(title, header, table)],
         config={"vehicles": vehicles, "seconds": seconds},
