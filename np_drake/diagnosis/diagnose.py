@@ -24,7 +24,7 @@ from np_drake.diagnosis.calibration import (
     with_fixed_effects,
     with_torque_gain,
 )
-from np_drake.diagnosis.decision.causes import joint_posterior, without_late_onsets
+from np_drake.diagnosis.decision.decide import joint_posterior, without_late_onsets
 from np_drake.diagnosis.decision.infer import Inference, as_named, conclude
 from np_drake.diagnosis.decision.support import visible_changes
 from np_drake.diagnosis.doctor.flight_facts import as_lines, doubts
@@ -170,7 +170,7 @@ def diagnose(
         tell(0.7, "what held-out flights show")
         # A wind is a condition of a flight: where none is named, one can act in the halves alone.
         still_air = not any(c.effect and c.effect.needs for c in inference.causes)
-        flights = [*inference.flights, *halves]
+        flights = [*inference.ranking.problem.flights, *halves]
         found = find_map_model(flights, inference.ranking.options, still_air=still_air)
         refit = _answer(conclude(found, judges), replay, doubted, halves)
         answer = dc.replace(answer, refit=dc.replace(refit, wall=time.perf_counter() - start))
@@ -230,7 +230,7 @@ def _answer(
     lies, how far; halves: of held-out flights, which joined the fit.
     """
     found = as_named(found)
-    flights, held, options = found.flights, found.held, found.ranking.options
+    flights, held, options = found.ranking.problem.flights, found.held, found.ranking.options
     best, noise, judging = found.ranking.best, found.ranking.noise, held.flights
     causes, late = without_late_onsets(
         found.causes, {e.name: float(e.log.t[-1]) for e in (*flights, *judging)}

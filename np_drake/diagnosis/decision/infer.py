@@ -12,7 +12,7 @@ selection:
 4. structure: what no effect of the library explains, as generic structure
    (`LinearModel.select_structure`) and as signs in the residual (`find_unexplained`);
 5. decide: an effect is a cause where its probability of acting and of being material is large
-   enough (`causes_of`).
+   enough (`decide`).
 
 A slow level force that sensors alone do not make is either that of gusts, which act through a drag,
 or unknown.
@@ -22,33 +22,36 @@ import dataclasses as dc
 from collections.abc import Sequence
 from functools import cached_property
 
-from np_drake.diagnosis.decision.causes import causes_of, estimates
-from np_drake.diagnosis.decision.remainder import measure_remainder
-from np_drake.diagnosis.decision.unexplained import PLACE, Indication, LinearModel, find_unexplained
+from np_drake.diagnosis.decision.decide import decide, estimates
+from np_drake.diagnosis.decision.unexplained import (
+    Indication,
+    LinearModel,
+    find_unexplained,
+    measure_remainder,
+)
 from np_drake.diagnosis.fitting import fit_of_some
 from np_drake.diagnosis.gusts import in_gusts, residuals_of, with_drag, with_gusts
 from np_drake.diagnosis.held_out import HeldOut, mark_outliers, on_held_out, with_calibration
+from np_drake.diagnosis.regressors.generic import ELSEWHERE
 from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.diagnosis.result import Cause, Finding, Remainder
 from np_drake.diagnosis.selection import Ranking, SearchResult, rank_models
 from np_drake.diagnosis.slow_force import position_p_value
 from np_drake.effects.gusty_wind import GustyWind
 
+PLACE = Finding("place", "a slow force tied to a place", 1.0, {}, ELSEWHERE)
+
 
 @dc.dataclass(frozen=True)
 class Inference:
-    """Causes and what they leave.
+    """Causes and what they leave; held: the causes on held-out flights."""
 
-    flights: of the fit, with their outliers marked.   held: the causes on held-out flights.
-    """
-
-    flights: Sequence[FlightResiduals]
     ranking: Ranking
     held: HeldOut
-    structures: list[Indication]
-    slow: Indication
     causes: list[Cause]
     below_threshold: list[Finding]
+    structures: list[Indication]
+    slow: Indication
 
     @cached_property
     def left(self) -> Remainder:
@@ -68,29 +71,24 @@ def conclude(found: SearchResult, held_out: Sequence[FlightResiduals]) -> Infere
     effects are causes.
     """
     ranking = rank_models(found)
-    flights, held = ranking.problem.flights, _held_out(ranking, held_out)
-    linear = LinearModel(ranking)
+    held, linear = _held_out(ranking, held_out), LinearModel(ranking)
     _, structure = linear.select_structure()
     structures, slow = find_unexplained(ranking, linear, structure, held)
-    blown = None
     # The drift of an estimator that nobody measured is neither told from gusts nor from a force
     # tied to a place.
     if slow.probability > 0.5 and not ranking.options.tolerance.unmeasured:
         # Gusts do not depend on position alike in all flights.
-        every = [*flights, *(e for e in held.flights if not e.joined.any())]
-        p_value = position_p_value(
-            every, residuals_of(ranking, held), {e.name: None for e in every}
-        )
+        every = [*ranking.problem.flights, *(e for e in held.flights if not e.joined.any())]
+        rest, begins = residuals_of(ranking, held), dict.fromkeys([e.name for e in every])
+        p_value = position_p_value(every, rest, begins)
         if p_value < ranking.options.thresholds.position_p_value:
             slow = slow._replace(finding=PLACE)
         else:
             blown = _in_gusts(ranking, linear, structure, held, slow.probability)
-    if blown is None:
-        causes, minor = causes_of(ranking, linear, structure, held)
-    else:
-        ranking, held, causes, minor = blown
-        slow = slow._replace(probability=0.0)
-    return Inference(flights, ranking, held, structures, slow, causes, minor)
+            if blown is not None:
+                return Inference(*blown, structures, slow._replace(probability=0.0))
+    causes, minor = decide(ranking, linear, structure, held)
+    return Inference(ranking, held, causes, minor, structures, slow)
 
 
 def as_named(found: Inference) -> Inference:
@@ -109,11 +107,14 @@ def as_named(found: Inference) -> Inference:
     fit = fit_of_some(ranking.problem, ranking.best, named | open_, ranking.noise)
     ranking = dc.replace(ranking, fits=(fit, *ranking.fits))
     terms = {t.effect.identifier: i for i, t in enumerate(fit.terms)}
-    causes = []
-    for c in found.causes:
-        i = terms[c.identifier]
-        own = estimates(fit, i, vehicle, options)
-        causes.append(dc.replace(c, parameters=own, effect=fit.terms[i].effect))
+    causes = [
+        dc.replace(
+            c,
+            parameters=estimates(fit, terms[c.identifier], vehicle, options),
+            effect=fit.terms[terms[c.identifier]].effect,
+        )
+        for c in found.causes
+    ]
     held = dc.replace(_held_out(ranking, found.held.flights), calibrations=open_)
     return dc.replace(found, ranking=ranking, held=held, causes=causes)
 
@@ -139,7 +140,7 @@ def _in_gusts(
     if (with_one := with_drag(ranking)) is not ranking:
         ranking, linear = with_one, LinearModel(with_one)
     held = on_held_out(ranking.best, held.flights, ranking.noise, ranking.options)
-    causes, minor = causes_of(ranking, linear, structure, held, gusts=True)
+    causes, minor = decide(ranking, linear, structure, held, gusts=True)
     causes = with_gusts(ranking, held, causes, probability)
     if not any(c.identifier == GustyWind.identifier for c in causes):
         return None
