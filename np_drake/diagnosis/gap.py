@@ -210,24 +210,21 @@ def measure_gap_reduction(
 
     calibration: effects of the vehicle's calibration, which the corrected simulator has as well.
     """
-    flights, warnings = held.flights, []
-    for e in flights:
-        if scored_on_fitted_rows(held.terms[e.name], e):
-            said = "too short to judge a payload by rows to which its swing was not fitted."
-            warnings.append(f"{e.name}: {said}")
+    flights, said = held.flights, "too short to judge a payload by rows to which its swing was not"
+    fitted = [e.name for e in flights if scored_on_fitted_rows(held.terms[e.name], e)]
+    warnings = [f"{name}: {said} fitted." for name in fitted]
     before = pooled([e.against_file[held.rows[e.name]] for e in flights], noise)
     after = remaining_residual(causes, noise, held)
     replays: tuple[ReplayGap | None, ReplayGap | None] = (None, None)
     if replay is not None:
         effects, named = [], {c.identifier for c in causes}
-        for c in causes:
+        for c in (c for c in causes if c.effect is not None):
             onset = dict[str, float | None]()  # from the first row of the log on [s]
             for e in flights:
                 kept = (t for t in held.kept(e.name, named) if t.effect.identifier == c.identifier)
                 begin = next((t.begins(e.name) for t in kept), None)
                 onset[e.name] = None if begin is None else begin - float(e.log.t[0])
-            if c.effect is not None:
-                effects.append((c.effect.predicted, onset))
+            effects.append((c.effect.predicted, onset))
         logs = [_judging(e, [onset[e.name] for _, onset in effects]) for e in flights]
         effects += [(effect, {e.name: None for e in flights}) for effect in calibration]
         replays = replay(logs, []), None

@@ -87,12 +87,13 @@ def _regimes(
             continue
         edges = _round_bounds(value)
         bins = np.clip(np.digitize(value, edges) - 1, 0, len(edges) - 2)
+        name, _, unit = key.removesuffix("]").partition(" [")
         for i in np.unique(bins):
-            rms = [np.sqrt(np.mean(part[bins == i] ** 2, axis=0)) for part in (before, residual)]
-            bounds = float(edges[i]), float(edges[i + 1])
-            name, _, unit = key.removesuffix("]").partition(" [")
-            sizes = (tuple(one.tolist()) for one in rms)
-            out.append(Regime(name, unit, *bounds, int((bins == i).sum()), *sizes))
+            some, bounds = bins == i, (float(edges[i]), float(edges[i + 1]))
+            rms = [
+                np.sqrt(np.mean(part[some] ** 2, axis=0)).tolist() for part in (before, residual)
+            ]
+            out.append(Regime(name, unit, *bounds, int(some.sum()), *map(tuple, rms)))
     return tuple(out)
 
 
@@ -108,8 +109,13 @@ def _round_bounds(value: np.ndarray) -> np.ndarray:
 
 
 LITTLE = 0.5  # share of torque that the motion shows, below which it is said [1]; own choice
-# Of any quantity, to tell effects apart [m/s, rad/s, deg, 1]; own choice.
-LEAST_EXCITATION = {"speed": 0.08, "rate": 0.05, "tilt": 1.0, "thrust variation": 0.01}
+# Of any quantity, to tell effects apart; own choice.
+LEAST_EXCITATION = {
+    "speed [m/s]": 0.08,
+    "rate [rad/s]": 0.05,
+    "tilt [deg]": 1.0,
+    "thrust variation [1]": 0.01,
+}
 
 
 def excitation(flights: Sequence[FlightResiduals]) -> dict[str, float]:
@@ -142,8 +148,7 @@ def excitation(flights: Sequence[FlightResiduals]) -> dict[str, float]:
 
 def excited(excitations: dict[str, float]) -> bool:
     """Return whether any quantity of `excitation` is large enough to tell effects apart."""
-    named = {key.split(" [")[0]: value for key, value in excitations.items()}
-    return any(named[key] >= least for key, least in LEAST_EXCITATION.items())
+    return any(excitations[key] >= least for key, least in LEAST_EXCITATION.items())
 
 
 def assess_identifiability(
@@ -190,10 +195,9 @@ def manoeuvre(effects: Sequence[str]) -> str:
     """Return one line that names a manoeuvre for one effect or for a pair, by their identifiers."""
     if len(effects) == 2 and (apart := tells_apart(*effects)):
         return apart
-    known = [effect_of(name).excited_by for name in effects if effect_of(name).excited_by]
-    return (
-        "; or ".join(dict.fromkeys(known)) or "a flight that excites every axis at several speeds"
-    )
+    known = dict.fromkeys(effect_of(name).excited_by for name in effects)
+    every = "a flight that excites every axis at several speeds"
+    return "; or ".join(filter(None, known)) or every
 
 
 def tells_apart(a: str, b: str) -> str:

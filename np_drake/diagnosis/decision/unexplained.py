@@ -455,7 +455,7 @@ def measure_remainder(
     """
     flights, named = held.flights, {c.identifier for c in causes}
     before = {e.name: e.against_file for e in flights}
-    after = {e.name: e.y - predicted_residual(e, held.kept(e.name, named)) for e in flights}
+    after = held.left(named)
     # Of gusts the slow force is explained, though no simulator foresees it.
     for e in flights if GustyWind.identifier in named else ():
         after[e.name][:, FORCE] -= low_pass(after[e.name][:, FORCE], e.grid.step, BRIEF)
