@@ -12,7 +12,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullLocator
 
-from np_drake.diagnosis.report.figures import legend, plain_ticks
+from np_drake.diagnosis.report.page import legend, plain_ticks
 from np_drake.diagnosis.report.words import (
     UNITS,
     capital,
