@@ -20,7 +20,7 @@ from np_drake import attitude
 from np_drake.diagnosis.deviation import ROTORS, Deviation, columns_of, file_deviations
 from np_drake.diagnosis.fitting import Fit, LinearPart
 from np_drake.diagnosis.forward_model import Term, predicted_residual
-from np_drake.diagnosis.options import SPREAD, SURE, Priors, Spread, Tolerance
+from np_drake.diagnosis.options import SPREAD, SURE, Priors, Tolerance
 from np_drake.diagnosis.regressors import LINEAR, PREFIX, Candidate, generic_candidates
 from np_drake.diagnosis.regressors.library import THROTTLE_CURVE
 from np_drake.diagnosis.residuals import FORCE, TORQUE, WRENCH, FlightResiduals
@@ -60,9 +60,7 @@ SENSORS = (AccelerometerBias, AttitudeBias, GyroBias, VelocityBias)
 LEANING = 2  # last columns of the airframe: thrust that leans to x and y
 
 
-def of_vehicle(
-    e: FlightResiduals, tolerance: Tolerance, spread: Spread = SPREAD
-) -> list[Deviation]:
+def of_vehicle(e: FlightResiduals, tolerance: Tolerance) -> list[Deviation]:
     """Return by what a healthy vehicle differs from its file; nothing where that which flew was
     measured.
 
@@ -77,36 +75,36 @@ def of_vehicle(
         known = vehicle.known_within(f"calibration.{field}", *place)
         return usual if known is None else max(known, 1e-3 * usual)
 
-    clock = spread.rotor_speed_time if e.measured_rotors else spread.command_time
+    clock = SPREAD.rotor_speed_time if e.measured_rotors else SPREAD.command_time
     inertia = published_priors().rotor_inertia.median * mass * span**2
-    center = [span * spread.center_of_mass] * 2 + [span * spread.center_of_mass_height]
+    center = [span * SPREAD.center_of_mass] * 2 + [span * SPREAD.center_of_mass_height]
     found = [
         *(
-            Deviation(WeakRotor, {"efficiency": stated("rotor_gains", spread.rotor_gain, i)}, rotor)
+            Deviation(WeakRotor, {"efficiency": stated("rotor_gains", SPREAD.rotor_gain, i)}, rotor)
             for i, rotor in enumerate({"rotor": number} for number in ROTORS)
         ),
         Deviation(
             CenterOfMassOffset,
             {axis: stated("center_of_mass", center[i], i) for i, axis in enumerate("xyz")},
         ),
-        Deviation(MixerGain, dict.fromkeys(AXES, spread.torque_gain)),
-        Deviation(BladeFlapping, {"moment": spread.flapping * mass * span}),
-        Deviation(TranslationalLift, {"lift": spread.lift * mass}),
+        Deviation(MixerGain, dict.fromkeys(AXES, SPREAD.torque_gain)),
+        Deviation(BladeFlapping, {"moment": SPREAD.flapping * mass * span}),
+        Deviation(TranslationalLift, {"lift": SPREAD.lift * mass}),
         Deviation(RotorGyroscopic, {"rotor_inertia": stated("rotor_inertia", inertia)}),
         Deviation(ClockOffset, {"offset": stated("clock_offset", clock)}),
     ]
     if "attitude" not in e.log.lacks:
-        tilt = {axis: stated("imu_tilt", spread.mounting, i) for i, axis in enumerate(AXES)}
+        tilt = {axis: stated("imu_tilt", SPREAD.mounting, i) for i, axis in enumerate(AXES)}
         found.append(Deviation(ImuMounting, tilt))
-        found.append(Deviation(AttitudeLatency, {"latency": spread.latency}))
+        found.append(Deviation(AttitudeLatency, {"latency": SPREAD.latency}))
     if e.log.a is not None:
-        offset = dict.fromkeys("xyz", spread.accelerometer_offset)
+        offset = dict.fromkeys("xyz", SPREAD.accelerometer_offset)
         found.append(Deviation(AccelerometerBias, offset))
     if not e.measured_rotors:
         found.append(
-            Deviation(CommandDelay, {"delay": stated("command_delay", spread.command_time)})
+            Deviation(CommandDelay, {"delay": stated("command_delay", SPREAD.command_time)})
         )
-        lags = spread.lags if "rotor_time_constant" not in vehicle.intervals else ()
+        lags = SPREAD.lags if "rotor_time_constant" not in vehicle.intervals else ()
         found += [Deviation(MotorLag, {"time_constant": lag}, at_value=True) for lag in lags]
     return found
 
@@ -127,11 +125,11 @@ def calibrated_alone(e: FlightResiduals, tolerance: Tolerance) -> set[str]:
     return {effect.identifier for effect in alone}
 
 
-def of_flight(e: FlightResiduals, tolerance: Tolerance, spread: Spread = SPREAD) -> list[Deviation]:
+def of_flight(e: FlightResiduals, tolerance: Tolerance) -> list[Deviation]:
     """Return by what a flight differs from the others of its vehicle: sensors, and for an
     unmeasured vehicle trim.
     """
-    usual = (spread.accelerometer, spread.tilt, spread.gyro, spread.velocity)
+    usual = (SPREAD.accelerometer, SPREAD.tilt, SPREAD.gyro, SPREAD.velocity)
     found = []
     for effect, least in zip(SENSORS, usual, strict=True):
         error = max(tolerance.of(effect), least * tolerance.unmeasured)
@@ -139,27 +137,27 @@ def of_flight(e: FlightResiduals, tolerance: Tolerance, spread: Spread = SPREAD)
             names = [p.name for p in effect.parameters]
             found.append(Deviation(effect, dict.fromkeys(names, error)))
     if not tolerance.unmeasured:
-        return [*found, *of_battery(e, spread)]
-    trim = {"efficiency": spread.rotor_trim}
+        return [*found, *of_battery(e)]
+    trim = {"efficiency": SPREAD.rotor_trim}
     found += [Deviation(WeakRotor, trim, {"rotor": i}) for i in ROTORS]
-    known = {"scale": spread.known_charge}, {"rate": spread.known_sag}
+    known = {"scale": SPREAD.known_charge}, {"rate": SPREAD.known_sag}
     return found + (
-        of_battery(e, spread) or [Deviation(*pair) for pair in zip(BATTERY, known, strict=True)]
+        of_battery(e) or [Deviation(*pair) for pair in zip(BATTERY, known, strict=True)]
     )
 
 
-def of_battery(e: FlightResiduals, spread: Spread = SPREAD) -> list[Deviation]:
+def of_battery(e: FlightResiduals) -> list[Deviation]:
     """Return by what thrust over throttle differs from that of other flights, as the battery does;
     else nothing.
     """
     if e.log.input != "normalised":
         return []
-    volts, charge, sag = voltage_of(e.log), spread.unknown_charge, spread.sag
+    volts, charge, sag = voltage_of(e.log), SPREAD.unknown_charge, SPREAD.sag
     if volts is not None:
         # The power of a voltage that falls is known to a third: thrust falls by so much more or
         # less.
         fall = VOLTAGE_SCATTER * float(np.ptp(np.log(volts))) / float(np.ptp(e.log.t))
-        charge, sag = spread.charge, float(np.hypot(spread.known_sag, fall))
+        charge, sag = SPREAD.charge, float(np.hypot(SPREAD.known_sag, fall))
     return [Deviation(BATTERY[0], {"scale": charge}), Deviation(BATTERY[1], {"rate": sag})]
 
 
@@ -287,23 +285,23 @@ def errors_of(e: FlightResiduals, tolerance: Tolerance) -> np.ndarray:
     return np.concatenate([constant, drift_columns(e)], axis=-1)
 
 
-def drift_columns(e: FlightResiduals, spread: Spread = SPREAD) -> np.ndarray:
+def drift_columns(e: FlightResiduals) -> np.ndarray:
     """Return columns (m, 15, 6 k) of slow changes of each channel of the wrench: hats between k
     knots.
 
     Attitude and gyro drift, a battery sags and warms, trim changes: slower than the noise model
     remembers.
     """
-    count = max(2, round((e.t[-1] - e.t[0]) / spread.drift_time) + 1)
+    count = max(2, round((e.t[-1] - e.t[0]) / SPREAD.drift_time) + 1)
     knots = np.linspace(e.t[0], e.t[-1], count)
     hats = np.stack([np.interp(e.t, knots, unit) for unit in np.eye(count)], axis=1)
-    moment = spread.torque_drift * e.weight * arm(e.vehicle)
-    level = spread.tilt_drift * e.weight
+    moment = SPREAD.torque_drift * e.weight * arm(e.vehicle)
+    level = SPREAD.tilt_drift * e.weight
     # As much as a battery sags from knot to knot.
-    thrust = spread.known_sag * spread.drift_time * e.weight
+    thrust = SPREAD.known_sag * SPREAD.drift_time * e.weight
     out = np.zeros((*e.y.shape, 6 * count))
     for channel, size in enumerate(
-        (level, level, thrust, moment, moment, spread.yaw_drift * moment)
+        (level, level, thrust, moment, moment, SPREAD.yaw_drift * moment)
     ):
         out[:, channel, channel * count : (channel + 1) * count] = size * hats
     return e.known(out)

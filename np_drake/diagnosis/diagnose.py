@@ -137,7 +137,7 @@ def conclude(found: SearchResult, held_out: Sequence[FlightResiduals]) -> Infere
             blown = _in_gusts(ranking, linear, structure, held, slow.probability)
             if blown is not None:
                 return Inference(*blown, structures, slow._replace(probability=0.0))
-    causes, minor = decide(ranking, linear, structure, held)
+    causes, minor = decide(ranking, linear.margins(structure), held)
     return Inference(ranking, held, causes, minor, structures, slow)
 
 
@@ -190,7 +190,7 @@ def _in_gusts(
     if (with_one := with_drag(ranking)) is not ranking:
         ranking, linear = with_one, LinearModel(with_one)
     held = on_held_out(ranking.best, held.flights, ranking.noise, ranking.options)
-    causes, minor = decide(ranking, linear, structure, held, gusts=True)
+    causes, minor = decide(ranking, linear.margins(structure), held, gusts=True)
     causes = with_gusts(ranking, held, causes, probability)
     if not any(c.identifier == GustyWind.identifier for c in causes):
         return None

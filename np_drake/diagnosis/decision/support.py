@@ -2,8 +2,7 @@
 
 Blocks of time of whitened flights are scored by y = X c + n with c ~ N(0, 1), n white. A block of N
 values whose own noise level is uncertain is predicted by a Student t density of `DEGREES` degrees
-of
-freedom, so that no block counts for more than it tells.
+of freedom, so that no block counts for more than it tells.
 Source: prequential analysis (Dawid 1984); multivariate t density.
 """
 
@@ -17,7 +16,7 @@ from np_drake.diagnosis.calibration import errors_of, of_flight, of_vehicle, veh
 from np_drake.diagnosis.fitting import Fit, Free, prior_whitening, read, scaled_jacobian
 from np_drake.diagnosis.forward_model import NEVER, STATE, Term, predicted_residual, with_dependants
 from np_drake.diagnosis.held_out import HeldOut
-from np_drake.diagnosis.numerics import NoiseModel
+from np_drake.diagnosis.numerics import Gram, NoiseModel
 from np_drake.diagnosis.residuals import FORCE, TORQUE, FlightResiduals
 from np_drake.diagnosis.selection import Ranking
 
@@ -50,16 +49,10 @@ class Blocks:
         """Return the Gram matrix (k + 1, k + 1) of shared columns and target, those of the flight
         integrated out.
         """
-        total = np.sum(self.grams, axis=0)
-        size = len(self.owners)
-        kept, gone = np.append(np.arange(self.shared), -1), np.arange(self.shared, size)
-        factor = linalg.cholesky(
-            total[np.ix_(gone, gone)] + np.eye(len(gone)), lower=True, check_finite=False
-        )
-        B = linalg.solve_triangular(
-            factor, total[np.ix_(gone, kept)], lower=True, check_finite=False
-        )
-        return total[np.ix_(kept, kept)] - B.T @ B
+        own = np.arange(self.shared, len(self.owners))
+        order = np.concatenate([own, np.arange(self.shared), [-1]])
+        total = np.sum(self.grams, axis=0)[np.ix_(order, order)]
+        return Gram(total, total[-1]).given(len(own)).XX
 
     def scores(self, known: Sequence[np.ndarray]) -> np.ndarray:
         """Return the log score (n,) of each block, predicted from other flights and the blocks
@@ -101,9 +94,8 @@ class Support:
     and held-out flight.
 
     total: of all training flights [nat]: each predicted from the others; of an effect that the
-    calibration can take,
-        whose size is improbable for a healthy vehicle, from those before it, the first from priors
-        alone.
+        calibration can take, whose size is improbable for a healthy vehicle, from those before it,
+        the first from priors alone.
     gains: (n,) of the training flights; flights: (n,) their names.
     held_out: (m,) of held-out flights.
     """
@@ -250,8 +242,7 @@ def _through_neutral(
     """Return the derivatives (m, 15, k), changed so that they lead from each term to its absence.
 
     A term that is far from neutral is not linear in its parameters: its derivative there would
-    predict something of
-    its absence.   Source: secant update of rank one (Broyden).
+    predict something of its absence. Source: secant update of rank one (Broyden).
     """
     J, whole = J.copy(), predicted_residual(e, now)
     for i in {f.term for f in free}:

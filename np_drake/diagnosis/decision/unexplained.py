@@ -91,16 +91,19 @@ class LinearModel:
                 return best, found
             found, best = (*found, g), gain
 
-    def margin(self, i: int, structure: Sequence[int]) -> float:
-        """Return the log odds of term i, priors included, against structure of any kind in its
+    def margins(self, structure: Sequence[int]) -> list[float]:
+        """Return the log odds of every term, priors included, against structure of any kind in its
         place [nat].
         """
-        gone = with_dependants(self.fit.terms, i)
-        names = [t.effect.identifier for t in self.fit.terms]
-        left = [name for k, name in enumerate(names) if k not in gone]
-        prior = prior_of(names, self._priors) - prior_of(left, self._priors)
-        others = max(self.select_structure(gone)[0], self.select_structure(gone, structure)[0])
-        return self.evidence((), structure) - others + (prior + self.fit.onset_prior_of(i))
+        names, found = [t.effect.identifier for t in self.fit.terms], []
+        evidence, prior = self.evidence((), structure), prior_of(names, self._priors)
+        for i in range(len(names)):
+            gone = with_dependants(self.fit.terms, i)
+            left = [name for k, name in enumerate(names) if k not in gone]
+            others = max(self.select_structure(gone)[0], self.select_structure(gone, structure)[0])
+            brought = prior - prior_of(left, self._priors) + self.fit.onset_prior_of(i)
+            found.append(evidence - others + brought)
+        return found
 
     def part(self, structure: Sequence[int], g: int, e: FlightResiduals) -> np.ndarray:
         """Return the part (m, 15) of structure g in the channels of a flight, beside the rest of

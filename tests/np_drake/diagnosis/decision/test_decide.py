@@ -40,12 +40,12 @@ def drag(ranked):
 
 
 @pytest.fixture(scope="module")
-def linear(drag):
-    return LinearModel(drag.ranking)
+def margins(drag):
+    return LinearModel(drag.ranking).margins(())
 
 
 @pytest.fixture(scope="module")
-def judged_with(drag, linear):
+def judged_with(drag, margins):
     """Return the arguments of `judge` for the flights with drag, under another fit or
     options.
     """
@@ -59,15 +59,15 @@ def judged_with(drag, linear):
             probability=probability or ranking.probability,
         )
         held = on_held_out(ranking.best, drag.held_out, ranking.noise, ranking.options)
-        return ranking, linear, (), held
+        return ranking, margins, held
 
     return arguments
 
 
 def test_a_probability_is_that_of_the_model_its_margin_and_its_size(judged_with):
-    ranking, linear, *rest = judged_with(probability={"linear_drag": 0.8})
-    found = judge(ranking, linear, *rest, 0)
-    assert found.in_model == pytest.approx(0.8 * special.expit(linear.margin(0, ())))
+    ranking, margins, held = judged_with(probability={"linear_drag": 0.8})
+    found = judge(ranking, margins, held, 0)
+    assert found.in_model == pytest.approx(0.8 * special.expit(margins[0]))
     assert found.material == 1.0
     assert found.probability == pytest.approx(found.in_model)
     assert dc.replace(found, material=0.5).probability == pytest.approx(0.5 * found.in_model)
