@@ -21,7 +21,7 @@ from np_drake.diagnosis.held_out import (
 )
 from np_drake.diagnosis.numerics import NoiseModel, fit_noise
 from np_drake.diagnosis.regressors import hidden_from
-from np_drake.diagnosis.residuals import QUIET, WRENCH, FlightResiduals, smooth_attitude
+from np_drake.diagnosis.residuals import QUIET, TORQUE, WRENCH, FlightResiduals, smooth_attitude
 from np_drake.diagnosis.result import (
     CHANNELS,
     Cause,
@@ -144,26 +144,21 @@ def excitation(flights: Sequence[FlightResiduals]) -> dict[str, float]:
     """Return RMS values and spans over all flights by quantity, with the unit in the key; 0 of what
     was not logged.
     """
-    x = np.concatenate([e.mids.x for e in flights])
-    told = {
-        name: np.concatenate([np.full(len(e.mids.t), name not in e.log.lacks) for e in flights])
-        for name in ("velocity", "height")
-    }
-    w = np.concatenate([e.w for e in flights])
+    v = np.concatenate([e.mids.x[:, V] * ("velocity" not in e.log.lacks) for e in flights])
+    height = np.concatenate([e.mids.x[:, 2] * ("height" not in e.log.lacks) for e in flights])
     up = np.clip(attitude.body_z(np.concatenate([e.mids.q for e in flights]))[:, 2], -1, 1)
-    u = np.concatenate([e.nominal[:, 2:] for e in flights])
-    f = u[:, 0]
+    f = np.concatenate([e.nominal[:, 2] for e in flights])
 
     def rms(a: np.ndarray) -> float:
         return float(np.sqrt(np.mean(np.sum(a**2, axis=1))))
 
     return {
-        "speed [m/s]": rms(x[:, 7:10] * told["velocity"][:, None]),
-        "rate [rad/s]": rms(w),
+        "speed [m/s]": rms(v),
+        "rate [rad/s]": rms(np.concatenate([e.w for e in flights])),
         "tilt [deg]": rms(np.degrees(np.arccos(up))[:, None]),
         "thrust variation [1]": float(f.std() / max(abs(f.mean()), 1e-9)),
-        "torque [N·m]": rms(u[:, 1:]),
-        "height span [m]": float(np.ptp(x[:, 2] * told["height"])),
+        "torque [N·m]": rms(np.concatenate([e.nominal[:, TORQUE] for e in flights])),
+        "height span [m]": float(np.ptp(height)),
         "duration [s]": float(sum(e.t[-1] - e.t[0] for e in flights)),
     }
 

@@ -311,24 +311,19 @@ def size_of(
     Source: own choice.
     """
     fit, rms = ranking.best, ranking.noise.rms
-    force = torque = command = rows = own = gap = 0.0
-    inverse = np.where(rms > 0, 1.0 / np.maximum(rms, 1e-12), 0.0)
-    fitted = [(e, fit.everything) for e in flights]
-    for k, (e, terms) in enumerate([*fitted, *unseen]):
-        part = _part_of(terms, i, e)
-        force += np.sum(part[:, FORCE] ** 2)
-        torque += np.sum(part[:, TORQUE] ** 2)
-        command += np.sum((e.nominal[:, 3:] - e.nominal[:, 3:].mean(axis=0)) ** 2)
-        rows += len(part)
-        if k < len(fitted):
-            own += np.sum((part * inverse) ** 2)
-            gap += np.sum((e.y * inverse) ** 2) - e.y.shape[0] * np.sum(rms > 0)
+    known = rms > 0
+    here = np.concatenate([_part_of(fit.everything, i, e) for e in flights])
+    part = np.concatenate([here, *(_part_of(terms, i, e) for e, terms in unseen)])
+    torques = [e.nominal[:, 3:] for e in (*flights, *(e for e, _ in unseen))]
+    command = np.concatenate([tau - tau.mean(axis=0) for tau in torques])
+    y = np.concatenate([e.y for e in flights])
+    own, gap = (float(np.sum((x[:, known] / rms[known]) ** 2)) for x in (here, y))
     effect = fit.terms[i].effect
     tolerance = max(ranking.options.tolerance.of(effect), 1e-9)
     return Size(
-        float(np.sqrt(force / rows)) / flights[0].weight,
-        float(np.sqrt(torque / max(command, 1e-12))),
-        float(own / max(gap, own, 1e-9)),
+        float(np.linalg.norm(part[:, FORCE]) / np.sqrt(len(part))) / flights[0].weight,
+        float(np.linalg.norm(part[:, TORQUE])) / max(float(np.linalg.norm(command)), 1e-6),
+        own / max(gap - len(y) * int(known.sum()), own, 1e-9),
         float(np.linalg.norm(list(effect.values.values()))) / tolerance,
     )
 

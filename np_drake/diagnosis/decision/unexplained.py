@@ -193,20 +193,14 @@ def slow_torque(
     Args:
         residual: by flight, (m, 15) what a model leaves of it.
     """
-    slow, middle, before = np.zeros(3), np.zeros(3), np.zeros(3)
+    powers = np.zeros((3, 3))  # of slow torque, the middle band, and slow torque before
     for e in flights:
-        tau = residual[e.name][:, TORQUE] - residual[e.name][:, TORQUE].mean(axis=0)
-        inside = slice(
-            round(1 / (SLOW * e.grid.step)), -round(1 / (SLOW * e.grid.step))
-        )  # without filter edges
-        low = low_pass(tau, e.grid.step, SLOW)[inside]
-        band = (low_pass(tau, e.grid.step, MIDDLE[1]) - low_pass(tau, e.grid.step, MIDDLE[0]))[
-            inside
-        ]
-        first = e.y[:, TORQUE] - e.y[:, TORQUE].mean(axis=0)
-        before += np.mean(low_pass(first, e.grid.step, SLOW)[inside] ** 2, axis=0)
-        slow += np.mean(low**2, axis=0)
-        middle += np.mean(band**2, axis=0)
+        step, edge = e.grid.step, round(1 / (SLOW * e.grid.step))
+        tau, first = (y[:, TORQUE] - y[:, TORQUE].mean(axis=0) for y in (residual[e.name], e.y))
+        band = low_pass(tau, step, MIDDLE[1]) - low_pass(tau, step, MIDDLE[0])
+        parts = np.stack([low_pass(tau, step, SLOW), band, low_pass(first, step, SLOW)])
+        powers += np.mean(parts[:, edge:-edge] ** 2, axis=1)  # without filter edges
+    slow, middle, before = powers
     rotors = sum(2 * SLOW * e.grid.step * e.rotor_noise[TORQUE] ** 2 for e in flights)
     expected = SLOW**3 / (MIDDLE[1] ** 3 - MIDDLE[0] ** 3)
     ratio = slow / np.maximum(middle * expected + rotors, 1e-30)
@@ -560,14 +554,9 @@ def _sizes(
 def _noise_of(noise: NoiseModel, rows: int, rng: np.random.Generator) -> np.ndarray:
     """Return a draw (rows, 6) of the noise of the wrench."""
     active = np.flatnonzero(noise.active[WRENCH])
-    mixing = noise.mixing[np.ix_(active, active)]
-    memory = 2 * noise.phi.shape[1]
-    driven = (
-        np.linalg.solve(mixing, rng.normal(size=(len(active), rows + memory)))
-        if len(active)
-        else np.zeros((0, 0))
-    )
-    out = np.zeros((rows, 6))
+    out, memory = np.zeros((rows, 6)), 2 * noise.phi.shape[1]
+    white = rng.normal(size=(len(active), rows + memory))
+    driven = np.linalg.solve(noise.mixing[np.ix_(active, active)], white)
     for k, c in enumerate(active):
         out[:, c] = signal.lfilter([1.0], [1.0, *-noise.phi[c]], driven[k])[memory:]
     return out

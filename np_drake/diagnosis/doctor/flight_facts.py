@@ -1,8 +1,7 @@
 """What a flight log shows by itself: its facts, and what stands against any answer from it.
 
 Laws that fail and a large share of the weight are said first by `np-drake doctor`, and by a
-diagnosis
-before its answer.
+diagnosis before its answer.
 """
 
 import dataclasses as dc
@@ -269,7 +268,6 @@ def flight_facts(log: FlightLog, vehicle: Vehicle | None = None) -> FlightFacts:
             known, and usual sensors are taken.
     """
     interval = np.diff(log.t)
-    head = log.rows(0, MOST_ROWS)
     usual = MeasurementNoise() if vehicle is None else vehicle.measurement_noise
     return FlightFacts(
         name=log.name,
@@ -282,7 +280,7 @@ def flight_facts(log: FlightLog, vehicle: Vehicle | None = None) -> FlightFacts:
         input=log.input,
         timing=log.timing,
         signals=tuple(_signals(log, usual)),
-        misfits=misfits(*_evenly(head)),
+        misfits=misfits(*_evenly(log)),
         lags=lags(log, vehicle),
         motion=_motion(log),
         saturated=_saturated(log, vehicle),
@@ -319,9 +317,7 @@ def _motion(log: FlightLog) -> dict[str, float]:
 
 def _saturated(log: FlightLog, vehicle: Vehicle | None) -> float | None:
     """Return the share of rows in which a rotor is at a limit [1]; None where no limit is known."""
-    if vehicle is not None and np.isfinite(log.u).all():
-        thrust = log.u @ vehicle.unmixer.T
-        most = NEAR_LIMIT * vehicle.max_rotor_thrust
-        least = (1 - NEAR_LIMIT) * vehicle.max_rotor_thrust
-        return float(np.mean(np.any((thrust > most) | (thrust < least), axis=1)))
-    return None
+    if vehicle is None or not np.isfinite(log.u).all():
+        return None
+    share = log.u @ vehicle.unmixer.T / vehicle.max_rotor_thrust
+    return float(np.mean(np.any((share > NEAR_LIMIT) | (share < 1 - NEAR_LIMIT), axis=1)))

@@ -96,7 +96,6 @@ def regime_figure(regimes: Sequence[Regime]) -> Figure:
 
 TEMPLATE = Path(__file__).with_name("report.html.j2")
 PAGE, DATA = "report.html", "diagnosis.json"
-PICTURES = ("regimes", "replay")
 
 
 def content(diagnosis: Diagnosis, seed: int) -> dict[str, Any]:
@@ -187,7 +186,7 @@ def write_report(
     require_writable(folder / PAGE)
     title = f"Sim-to-real diagnosis · {diagnosis.vehicle}"
     section = Section(TEMPLATE, content(diagnosis, seed) | {"beside": beside})
-    write_page(folder / PAGE, title, [section], dict.fromkeys(PICTURES) | figures(diagnosis))
+    write_page(folder / PAGE, title, [section], figures(diagnosis))
     found = diagnosis.as_json()
     # The head that every file of the project begins with (docs/reference/files.md).
     head = {"schema": found["schema"], "version": version("np_drake"), "seed": seed}
@@ -195,12 +194,11 @@ def write_report(
     return folder / PAGE
 
 
-def figures(diagnosis: Diagnosis) -> dict[str, Figure]:
-    """Return by name the figures for which the diagnosis has data."""
+def figures(diagnosis: Diagnosis) -> dict[str, Figure | None]:
+    """Return the figures by name; None where the diagnosis has no data for one."""
     regimes, reduction = diagnosis.localisation.regimes, diagnosis.gap_reduction
-    out: dict[str, Figure] = {}
-    if regimes:
-        out["regimes"] = regime_figure(regimes)
-    if reduction.replay_before is not None or reduction.replay_after is not None:
-        out["replay"] = replay_figure(reduction.replay_before, reduction.replay_after)
-    return out
+    replays = (reduction.replay_before, reduction.replay_after)
+    return {
+        "regimes": regime_figure(regimes) if regimes else None,
+        "replay": replay_figure(*replays) if any(replays) else None,
+    }
