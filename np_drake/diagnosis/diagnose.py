@@ -40,7 +40,6 @@ from np_drake.diagnosis.decision.unexplained import (
 )
 from np_drake.diagnosis.doctor.flight_facts import as_lines, doubts
 from np_drake.diagnosis.fitting import fit_of_some
-from np_drake.diagnosis.forward_model import predicted_residual
 from np_drake.diagnosis.gap import (
     assess_identifiability,
     excitation,
@@ -369,8 +368,7 @@ def _answer(
     causes = with_held_out_gains(causes, noise, held)
     left = dc.replace(found, causes=causes).left
     checked = assess_identifiability(flights, judging, noise)
-    named = {c.identifier for c in causes}
-    rest = {e.name: e.y - predicted_residual(e, held.kept(e.name, named)) for e in judging}
+    rest = held.left({c.identifier for c in causes})
     flyable = all(e.knows_torque and not e.log.lacks for e in judging)
     reduction = measure_gap_reduction(
         causes,

@@ -263,17 +263,19 @@ class HeldOut:
 
     def kept(self, name: str, identifiers: Collection[str]) -> list[Term]:
         """Return the terms of some effects in a flight, and the calibration."""
-        every = self.terms[name]
         kept = {*identifiers, *self.calibrations}
         return [
-            *(t for t in every[: self.effects] if t.effect.identifier in kept),
-            *every[self.effects :],
+            term
+            for i, term in enumerate(self.terms[name])
+            if i >= self.effects or term.effect.identifier in kept
         ]
 
     def left(self, identifiers: Collection[str]) -> dict[str, np.ndarray]:
         """Return by flight what some effects and the calibration leave (m, 15)."""
-        kept = {e.name: self.kept(e.name, identifiers) for e in self.flights}
-        return {e.name: e.y - predicted_residual(e, kept[e.name]) for e in self.flights}
+        return {
+            e.name: e.y - predicted_residual(e, self.kept(e.name, identifiers))
+            for e in self.flights
+        }
 
     def swing_free_residual(self, e: FlightResiduals) -> np.ndarray:
         """Return the residual (m, 15) of a flight with a payload's swing fitted to all of it,

@@ -384,11 +384,10 @@ class SizePosterior:
         scale, neutral = np.array([(f.scale, f.neutral) for f in free]).T
         # The squared size is the quadratic form d' P d of the distance d from none, P = sum J'J
         # over the flights.
-        power = np.zeros((len(own), len(own)))
-        for e in self._flights:
-            columns = scaled_jacobian(self._fit.everything, free, e)[:, WRENCH]
-            J = columns.reshape(-1, len(own)) / scale
-            power += J.T @ J
+        terms = self._fit.everything
+        J = [scaled_jacobian(terms, free, e)[:, WRENCH] / scale for e in self._flights]
+        flat = np.concatenate(J).reshape(-1, len(own))
+        power = flat.T @ flat
         if not power.any():  # a sensor error that no wrench shows
             power = np.diag(scale**-2.0)
         away, at_fit = self.draws[:, own] - neutral, self._values[own] - neutral
