@@ -49,7 +49,7 @@ from np_drake.diagnosis.result import CHANNELS
 from np_drake.diagnosis.selection.map_model import noise_of
 from np_drake.effects.base import Parameter, correlation_root
 from np_drake.effects.gusty_wind import GustyWind
-from np_drake.effects.library import LIBRARY, effect_of, effects_for, unobservable
+from np_drake.effects.library import LIBRARY, effect_of, effects_for
 from np_drake.effects.parameter import usual_size
 from np_drake.files.atomic_file import plain
 from np_drake.files.number_text import number
@@ -130,12 +130,12 @@ def nearest_usual(found: Sequence[Trace]) -> list[Trace]:
     """Return one trace of each effect: of those that are not linear, the one nearest its usual
     size.
     """
-    best: dict[str, tuple[float, Trace]] = {}
-    for trace in found:
-        away = 0.0 if trace.size is None else abs(math.log(abs(trace.size) / trace.typical[0]))
-        if trace.identifier not in best or away < best[trace.identifier][0]:
-            best[trace.identifier] = (away, trace)
-    return [trace for _, trace in best.values()]
+
+    def away(trace: Trace) -> float:
+        return 0.0 if trace.size is None else abs(math.log(abs(trace.size) / trace.typical[0]))
+
+    names = dict.fromkeys(trace.identifier for trace in found)
+    return [min((t for t in found if t.identifier == name), key=away) for name in names]
 
 
 def explain(
@@ -496,11 +496,6 @@ def _with_answers(
     cleared, noise, drag = explain(flights, nuisance, [*near, *hung], options)
     tell(0.8, "smallest sizes")
     information = Information(cleared, noise, nuisance, every)
-    known: dict[str, Any] = {
-        "accelerations": logs[0].a is not None,
-        "torque": flights[0].knows_torque,
-        "lacks": sorted({quantity for log in logs for quantity in log.lacks}),
-    }
     gust = smallest_gust(noise, moving["duration [s]"])
     smallest = smallest_sizes(information)
     still = nothing_moves(moving, logs)
@@ -514,7 +509,7 @@ def _with_answers(
         excitation=moving,
         residual_force=dict(zip("xyz", force.tolist(), strict=True)),
         noise_floor=dict(zip(CHANNELS, noise.rms.tolist(), strict=False)),
-        answers=answers(smallest, gust, drag, vehicle, log_input=logs[0].input, **known),
+        answers=answers(smallest, gust, drag, flights),
     )
 
 
@@ -542,13 +537,7 @@ def _require(logs: Sequence[FlightLog]) -> None:
 
 
 def answers(
-    found: Sequence[Smallest],
-    gust: float,
-    drag: float | None,
-    vehicle: Vehicle,
-    *,
-    log_input: str,
-    **known: Any,
+    found: Sequence[Smallest], gust: float, drag: float | None, flights: Sequence[FlightResiduals]
 ) -> tuple[Answer, ...]:
     """Return an answer for each parameter of each effect: told, not told, never told, in the order
     of the library.
@@ -556,13 +545,13 @@ def answers(
     found: smallest sizes; those of the wind are for the usual drag of such a vehicle.
     gust: least deviation of the force of gusts [N]. drag: that of the vehicle, where it is known
     [N·s/m]: winds act through it.
-    known: whether the log has `accelerations` and `torque`, and what it `lacks`.
     """
-    hidden, sizes = unobservable(log_input, **known), {s.identifier: s for s in found}
+    hidden, sizes = hidden_from(flights), {s.identifier: s for s in found}
+    vehicle = flights[0].vehicle
     usual_drag = usual_size(LIBRARY[DRAG].parameters[0], vehicle)
     through = "with their drag" if drag else "with usual drag: these flights tell none"
     out: list[Answer] = []
-    for name, effect in effects_for(log_input).items():
+    for name, effect in effects_for(flights[0].log.input).items():
         parameters, fly = {p.name: p for p in effect.parameters}, manoeuvre((name,))
         p = next(p for p in effect.parameters if not p.choices)
         if name in hidden:

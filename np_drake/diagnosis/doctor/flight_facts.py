@@ -146,8 +146,9 @@ def law_doubts(log: FlightLog) -> list[Doubt]:
         why = "check attitude and frames" if opposed else why
         found.append(Doubt(log.name, f"{what}; {why}", fails=opposed))
     if aside:
-        what = f"{_misfit(aside, own)}: no more than noise or drift of a sensor"
-        found.append(Doubt(log.name, what))
+        found.append(
+            Doubt(log.name, f"{_misfit(aside, own)}: no more than noise or drift of a sensor")
+        )
     late = ", ".join(
         f"{lag.late} {1e3 * lag.seconds:+.0f} ms after {lag.early}"
         for lag in lags_of_state(log).values()
