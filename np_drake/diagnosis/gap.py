@@ -4,7 +4,6 @@ the causes close it, in residual and open-loop replay.
 
 import dataclasses as dc
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 from scipy import signal
@@ -272,9 +271,9 @@ class States:
         """
         if not np.any(p_BoLo_B):
             return self
-        x, R = self.x.copy(), attitude.rotation_matrix(self.x[:, Q])
-        x[:, P] -= R @ p_BoLo_B
-        x[:, V] -= (R @ np.cross(x[:, W], p_BoLo_B)[..., None])[..., 0]
+        x, q = self.x.copy(), self.x[:, Q]
+        x[:, P] -= attitude.rotate(q, p_BoLo_B)
+        x[:, V] -= attitude.rotate(q, np.cross(x[:, W], p_BoLo_B))
         return States(self.t, x)
 
     def acceleration_at(self, time: float) -> np.ndarray:
@@ -283,19 +282,15 @@ class States:
         return (self.x[k + 1, V] - self.x[k - 1, V]) / (self.t[k + 1] - self.t[k - 1])
 
 
-def true_states(
-    log: FlightLog, vehicle: Vehicle, effects: Sequence[SensorEffect], *, smooth: bool
-) -> States:
-    """Return the log's states corrected for sensor effects.
-
-    Args:
-        smooth: whether to smooth the states lightly (`smooth_states`).
+def true_states(log: FlightLog, vehicle: Vehicle, effects: Sequence[SensorEffect]) -> States:
+    """Return the log's states corrected for sensor effects, and smoothed lightly
+    (`smooth_states`).
     """
     none = np.zeros((len(log), 4))
     read = Measurement(log.x, none[:, :3], none[:, :3], none)
     x = true_measurement(vehicle, read, effects).x if effects else log.x
     shift = sum(effect.clock_shift for effect in effects)
-    return States(log.t + shift, smooth_states(log.t, x) if smooth else x)
+    return States(log.t + shift, smooth_states(log.t, x))
 
 
 def smooth_states(t: np.ndarray, x: np.ndarray) -> np.ndarray:
@@ -332,30 +327,15 @@ def _local_polynomial(
     return signal.savgol_filter(value, window, order, deriv=derivative, delta=step, axis=0)
 
 
-class Track(NamedTuple):
-    """Payload relative to its hook in W: t (n,) [s], r (n, 3) [m], r_rate (n, 3) [m/s]."""
-
-    t: np.ndarray
-    r: np.ndarray
-    r_rate: np.ndarray
-
-    def at(self, time: float) -> tuple[np.ndarray, np.ndarray]:
-        """Return r (3,) [m] and r_rate (3,) [m/s] at `time` [s], by linear interpolation."""
-        r, rate = (
-            np.array([np.interp(time, self.t, column) for column in value.T]) for value in self[1:]
-        )
-        return r, rate
-
-
 def payload_track(
     log: FlightLog,
     states: States,
     vehicle: Vehicle,
     effects: EffectsByPlace,
     payload: SuspendedPayload,
-) -> Track:
-    """Return the payload's track along the force that the flight shows beyond thrust, weight and
-    the other effects.
+) -> np.ndarray:
+    """Return the payload relative to its hook in W and its rate (n, 6) [m, m/s], along the force
+    that the flight shows beyond thrust, weight and the other effects.
 
     m (a + g z) = R z f + f_effects + T r / L, smoothed over ± `PAYLOAD_SPAN`. Where the tether
     hardly pulls, r lies along the apparent gravity.
@@ -382,15 +362,16 @@ def payload_track(
     strong = np.linalg.norm(pull, axis=1, keepdims=True) > SLACK * payload.mass * vehicle.gravity
     down = np.where(strong, pull, -specific)
     r = payload.length * down / np.maximum(np.linalg.norm(down, axis=1, keepdims=True), 1e-9)
-    return Track(states.t, r, _local_polynomial(r, step, PAYLOAD_SPAN, order=2, derivative=1))
+    rate = _local_polynomial(r, step, PAYLOAD_SPAN, order=2, derivative=1)
+    return np.concatenate([r, rate], axis=1)
 
 
 def state_error(x: np.ndarray, x_true: np.ndarray) -> np.ndarray:
     """Return distance [m], velocity difference [m/s] and attitude difference [deg] (..., 3) of
     states (..., 13).
     """
-    turn = attitude.multiply(x_true[..., Q] * [1.0, -1.0, -1.0, -1.0], x[..., Q])
-    angle = 2 * np.degrees(np.arctan2(np.linalg.norm(turn[..., 1:], axis=-1), np.abs(turn[..., 0])))
+    turn = attitude.multiply(attitude.conjugate(x_true[..., Q]), x[..., Q])
+    angle = np.degrees(np.linalg.norm(attitude.rotation_vector(turn), axis=-1))
     distance = np.linalg.norm(x[..., P] - x_true[..., P], axis=-1)
     difference = np.linalg.norm(x[..., V] - x_true[..., V], axis=-1)
     return np.stack([distance, difference, angle], axis=-1)

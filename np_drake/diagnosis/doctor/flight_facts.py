@@ -185,9 +185,7 @@ def _evenly(log: FlightLog, finest: float = LEAST_STEP) -> tuple[np.ndarray, dic
     even = np.arange(log.t[0], log.t[-1], max(log.step, finest))
     at = {name: Signal(log.t, values).linear(even) for name, values in x.items()}
     if "attitude" not in log.lacks:
-        turns = np.where(np.sum(log.q[1:] * log.q[:-1], axis=1) < 0, -1.0, 1.0)
-        near = np.cumprod(np.concatenate([[1.0], turns]))
-        q = Signal(log.t, log.q * near[:, None]).linear(even)
+        q = Signal(log.t, attitude.one_hemisphere(log.q, log.q[0])).linear(even)
         at["attitude"] = q / np.linalg.norm(q, axis=1, keepdims=True)
     return even, at
 
