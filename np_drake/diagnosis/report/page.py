@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter
 
 from np_drake.diagnosis.report import words
 from np_drake.diagnosis.result import Diagnosis, Regime, ReplayGap
@@ -17,6 +16,7 @@ from np_drake.files.figure_file import PALETTE, new_figure
 from np_drake.files.page import Section, write_page
 
 BEFORE, AFTER, NOISE = PALETTE[1], PALETTE[0], "0.25"
+PLAIN_TICKS = "{x:g}"  # 0.01, 0.1, 1 instead of powers of ten
 NOMINAL, WITH = "nominal simulator", "with the causes"  # in every legend
 
 
@@ -63,17 +63,12 @@ def replay_figure(before: ReplayGap | None, after: ReplayGap | None) -> Figure:
             )
             ax.set_xticks(gap.horizon, [f"{h:g}" for h in gap.horizon])
             ax.set_xticks([], minor=True)
-        ax.yaxis.set_major_formatter(plain_ticks())
+        ax.yaxis.set_major_formatter(PLAIN_TICKS)
         ax.grid(alpha=0.3, linewidth=0.6)
         ax.set_axisbelow(True)
         ax.spines[["top", "right"]].set_visible(False)
     legend(figure)
     return figure
-
-
-def plain_ticks() -> FuncFormatter:
-    """Return a tick formatter that writes 0.01, 0.1, 1 instead of powers of ten."""
-    return FuncFormatter(lambda value, _: f"{value:g}")
 
 
 def regime_figure(regimes: Sequence[Regime]) -> Figure:
