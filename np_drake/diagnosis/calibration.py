@@ -5,8 +5,7 @@ deviations. Lengths count in mean arms, moments in weight times arm.
 The share of the rotors' torque to which the motion responds comes before everything else:
 controllers run faster than logs, and of logged torque the motion may show a small part.
 J dw/dt = gain (torque of rotors and effects) holds for both. Torque that trims a moment of the air
-or
-of a payload does not count: effects explain it.
+or of a payload does not count: effects explain it.
 """
 
 import dataclasses as dc

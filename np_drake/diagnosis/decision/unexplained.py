@@ -218,8 +218,7 @@ def squared_position_errors(e: FlightResiduals, wrench: np.ndarray, rows: np.nda
     [m²].
 
     A simulator without it, started from the flight's state every `STARTS`, is off by as much: force
-    moves the vehicle,
-    and torque turns its thrust.
+    moves the vehicle, and torque turns its thrust.
     Source: double integration along the flown attitude; gyroscopic coupling neglected.
 
     Args:

@@ -70,9 +70,8 @@ class Trace:
 
     parameters: of the first columns; further columns are free beside them and not asked for.
     typical: usual size of each.
-    sizes: for an effect that is not linear, the size at which its trace is predicted, in the
-        parameter's unit; None:
-    it is linear.
+    size: for an effect that is not linear, the size at which its trace is predicted, in the
+        parameter's unit; None: it is linear.
     """
 
     identifier: str
@@ -120,9 +119,8 @@ def _of_candidate(c: Candidate, flights: Sequence[FlightResiduals]) -> Trace:
         return Trace(identifier, free, usual, {n: X @ alone for n, X in c.columns.items()})
     values = next(iter(c.terms(np.array([0.5])))).effect.values
     size = values[free[0].name] - free[0].neutral
-    half = {
-        n: 0.5 * X for n, X in c.columns.items()
-    }  # at that size; a coefficient of one half stands for it
+    # At that size; a coefficient of one half stands for it.
+    half = {n: 0.5 * X for n, X in c.columns.items()}
     return Trace(identifier, free[:1], (usual[0],), half, size)
 
 
@@ -352,8 +350,8 @@ class Answer:
     """Whether a log can tell one parameter of an effect.
 
     smallest: size that is told from zero at 99.7 % (three posterior deviations), beside nuisance
-    parameters and the
-    effects named in `beside`; infinite: none.   alone: the same beside nuisance parameters only.
+    parameters and the effects named in `beside`; infinite: none. alone: the same beside nuisance
+    parameters only.
     typical: usual size for a vehicle of this mass and arm.
     verdict: `yes` (smallest is at most typical), `no`, or `never` (a log of this kind has no trace
         of it).
