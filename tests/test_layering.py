@@ -16,7 +16,7 @@ DIAGNOSIS = (
     *("options", "numerics", "residuals", "result", "forward_model", "deviation"),
     *("regressors", "swing_fit", "rotor_balance"),
     *("fitting", "calibration", "held_out", "selection", "gusts", "slow_force", "decision"),
-    *("localisation", "gap", "doctor", "report", "diagnose"),
+    *("gap", "doctor", "report", "diagnose"),
 )
 GROUND = (
     *("lazy_names", "attitude", "compiled", "files", "metrics", "vehicle"),

@@ -18,7 +18,7 @@ from diagrams.studies.columns import tabulate
 from np_drake.diagnosis.diagnose import diagnose as five_steps
 from np_drake.diagnosis.doctor.examine import NEVER, YES, Answer, LogReport, examine
 from np_drake.diagnosis.options import IDEAL_SENSORS, Tolerance
-from np_drake.diagnosis.report import answer, words
+from np_drake.diagnosis.report import words
 from np_drake.diagnosis.report.page import write_report
 from np_drake.diagnosis.residuals import require_flights
 from np_drake.diagnosis.result import Diagnosis
@@ -165,11 +165,11 @@ def judgement(diagnosis: Diagnosis) -> list[str]:
     second answer.
     """
     said = [f"Before the answer: {doubt}." for doubt in diagnosis.doubts]
-    said += [f"{answer.headline(diagnosis)}.", answer.lead(diagnosis)]
+    said += [f"{words.headline(diagnosis)}.", words.lead(diagnosis)]
     if (refit := diagnosis.refit) is not None:
         flights = words.flights(len(diagnosis.held_out))
         again = f"Second answer, with the first halves of {flights} in the fit:"
-        said += ["", f"{again} {answer.headline(refit)}.", answer.lead(refit)]
+        said += ["", f"{again} {words.headline(refit)}.", words.lead(refit)]
     return [*said, ""]
 
 
@@ -178,18 +178,18 @@ def tables(diagnosis: Diagnosis) -> list[Table]:
     every: list[Table] = [
         (
             "what differs from the vehicle file (calibration, no cause)",
-            answer.DIFFERENCE_HEADER,
-            answer.difference_rows(diagnosis),
+            words.DIFFERENCE_HEADER,
+            words.difference_rows(diagnosis),
         )
     ]
     found = [(diagnosis, "")]
     found += [(diagnosis.refit, "second answer: ")] if diagnosis.refit is not None else []
     for one, which in found:
-        header, rows = answer.cause_table(one)
-        shown = [row[: answer.SHOWN] for row in rows]
-        every.append((f"{which}what the model lacks", header[: answer.SHOWN], shown))
+        header, rows = words.cause_table(one)
+        shown = [row[: words.SHOWN] for row in rows]
+        every.append((f"{which}what the model lacks", header[: words.SHOWN], shown))
         said = []
-        for cause in answer.named_causes(one):
+        for cause in words.named_causes(one):
             onsets = {words.plain_name(n): t for n, t in cause.onset.items() if t is not None}
             begins = ", ".join(words.onset(t, name) for name, t in onsets.items())
             said += [f"{cause.identifier} begins in {begins}"] if begins else []
@@ -198,12 +198,12 @@ def tables(diagnosis: Diagnosis) -> list[Table]:
             said += [alike] if others else []
         every.append(("of these causes", ["said"], [(text,) for text in said]))
     for one, which in found:
-        left = "" if one.cannot_tell else f". {answer.remains(one)}"
-        every.append((f"{which}what remains{left}", answer.GAP_HEADER, answer.gap_rows(one)))
+        left = "" if one.cannot_tell else f". {words.remains(one)}"
+        every.append((f"{which}what remains{left}", words.GAP_HEADER, words.gap_rows(one)))
     traces = [(words.described(one), one.measurement) for one in diagnosis.unexplained]
     every.append(("what would end it", ["trace", "measurement"], traces))
     minor = [f"{one.name}: {one.text}" for one in diagnosis.below_threshold]
-    findings = {"what to do next": answer.next_steps(diagnosis), "minor findings": minor}
+    findings = {"what to do next": words.next_steps(diagnosis), "minor findings": minor}
     every += [(title, ["finding"], [(text,) for text in own]) for title, own in findings.items()]
     return [table for table in every if table[-1]]
 
@@ -213,7 +213,7 @@ def notes(diagnosis: Diagnosis) -> list[str]:
     named = {"rig": "real", "laboratory": "ideal"}
     sensors = named.get(diagnosis.judged_as, diagnosis.judged_as)
     judged = [f"Judged as logs of {sensors} sensors (--rig, --laboratory)."] if sensors else []
-    return [*judged, *(f"warning: {text}" for text in answer.warnings(diagnosis))]
+    return [*judged, *(f"warning: {text}" for text in words.warnings(diagnosis))]
 
 
 def _write_simulators(found: Diagnosis, vehicle: Vehicle, folder: Path) -> dict[str, str]:

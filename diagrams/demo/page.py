@@ -16,7 +16,6 @@ from diagrams.loop.flight_result import FlightResult
 from diagrams.loop.replay import position_error, write_replay
 from diagrams.studies.tracking import TRACKS
 from np_drake.diagnosis.report import words
-from np_drake.diagnosis.report.answer import named_causes
 from np_drake.diagnosis.report.page import write_report
 from np_drake.diagnosis.result import UNKNOWN, Estimate
 from np_drake.files.figure_file import DASHES, PALETTE, new_figure
@@ -136,7 +135,7 @@ def cause_rows(demo: Demo) -> list[tuple[str, ...]]:
     """Return (effect, probability, parameter, found, 95 % interval, withheld), a row for every
     parameter.
     """
-    causes = {cause.identifier: cause for cause in named_causes(demo.diagnosis)}
+    causes = {cause.identifier: cause for cause in words.named_causes(demo.diagnosis)}
     rows: list[tuple[str, ...]] = []
     for name, cause in causes.items():
         first = (words.capital(words.bare_name(name)), words.probability(cause.probability))

@@ -14,8 +14,7 @@ from jinja2 import Environment
 
 from diagrams.loop.flight import FlightConfig, default_flight
 from diagrams.loop.flight_result import LostVehicle, fly
-from np_drake.diagnosis.report.answer import headline
-from np_drake.diagnosis.report.words import listed
+from np_drake.diagnosis.report.words import headline, listed
 from np_drake.diagnosis.result import Cause, Diagnosis, Localisation
 from np_drake.effects.disturbance import DisturbanceConfig
 from np_drake.effects.effect_entry import EffectEntry, Posterior

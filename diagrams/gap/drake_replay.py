@@ -14,15 +14,7 @@ from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorC
 
 from diagrams.batch.failed_run import require
 from np_drake import attitude
-from np_drake.diagnosis.gap import (
-    LEAD,
-    States,
-    Track,
-    payload_track,
-    replay_gap,
-    state_error,
-    true_states,
-)
+from np_drake.diagnosis.gap import LEAD, States, payload_track, replay_gap, state_error, true_states
 from np_drake.diagnosis.result import HORIZONS, ReplayGap
 from np_drake.effects import CommandDelay, GustyWind
 from np_drake.effects.base import Effect, SensorEffect, WrenchEffect
@@ -61,13 +53,14 @@ class Ghost:
 class _Flight:
     """Parts of a log that the replay needs.
 
-    track: swing of the payload, if any. effects: bodily ones and when they begin [s].
+    track: (n, 6) payload relative to its hook and its rate (`payload_track`), if any.
+    effects: bodily ones and when they begin [s].
     """
 
     vehicle: Vehicle
     states: States
     commands: "Commands"
-    track: Track | None
+    track: np.ndarray | None
     effects: Sequence[tuple[Effect, float]]
 
     def acting(self, time: float) -> tuple[Effect, ...]:
@@ -78,7 +71,8 @@ class _Flight:
         """Return the swing of the payload at `time` [s]."""
         if self.track is None:
             return None
-        return Swing(*self.track.at(time), self.states.acceleration_at(time))
+        now = np.array([np.interp(time, self.states.t, column) for column in self.track.T])
+        return Swing(now[:3], now[3:], self.states.acceleration_at(time))
 
     def at_start(self, row: int) -> np.ndarray:
         """Return state and payload (16,) of a row from which a replay starts."""
@@ -177,7 +171,7 @@ class DrakeReplay:
                 sensors.append(effect)
             elif not effect.lacking():  # as in a flight without neighbours
                 bodily.append((effect, -np.inf if onset is None else onset))
-        states = true_states(log, vehicle, sensors, smooth=True)
+        states = true_states(log, vehicle, sensors)
         parts = split_effects([effect for effect, _ in bodily])
         if vehicle.logged_point == "center_of_mass":
             states = states.about(mass_properties(vehicle, parts.mass).p_BoBcm_B)

@@ -12,7 +12,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullLocator
 
-from np_drake.diagnosis.report.figures import legend, plain_ticks
+from np_drake.diagnosis.report.page import PLAIN_TICKS, legend
 from np_drake.diagnosis.report.words import (
     UNITS,
     capital,
@@ -405,7 +405,7 @@ def residual_figure(rows: Sequence[HeldOut]) -> Figure:
         low, high = ax.get_ylim()
         ax.set_ylim(low / 1.5, 1.5 * high)
         ax.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-        ax.yaxis.set_major_formatter(plain_ticks())
+        ax.yaxis.set_major_formatter(PLAIN_TICKS)
         ax.yaxis.set_minor_locator(NullLocator())
         _tidy(ax, "y")
     legend(figure)

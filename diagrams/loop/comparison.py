@@ -8,7 +8,7 @@ from pathlib import Path
 from diagrams.loop import flight_figures
 from diagrams.loop.controller_config import LEARNED
 from diagrams.loop.flight_result import FlightResult
-from np_drake.diagnosis.report import words
+from np_drake.files.number_text import fixed
 from np_drake.files.page import Section, write_page
 
 TEMPLATE = Path(__file__).with_name("comparison.html.j2")
@@ -91,5 +91,5 @@ def _row(flight: FlightResult) -> tuple[str, ...]:
     """Return label, E_xy, E_z [cm], median solve time [ms] and failures of a flight."""
     m = flight.metrics()
     m |= m.get("payload", {})  # which the scenario follows
-    errors = (words.fixed(100 * m[name], 2) for name in ("E_xy", "E_z"))
-    return flight.label, *errors, words.fixed(m["solve_ms"]["median"], 2), str(m["solve_failures"])
+    errors = (fixed(100 * m[name], 2) for name in ("E_xy", "E_z"))
+    return flight.label, *errors, fixed(m["solve_ms"]["median"], 2), str(m["solve_failures"])

@@ -5,8 +5,7 @@ deviations. Lengths count in mean arms, moments in weight times arm.
 The share of the rotors' torque to which the motion responds comes before everything else:
 controllers run faster than logs, and of logged torque the motion may show a small part.
 J dw/dt = gain (torque of rotors and effects) holds for both. Torque that trims a moment of the air
-or
-of a payload does not count: effects explain it.
+or of a payload does not count: effects explain it.
 """
 
 import dataclasses as dc
@@ -20,7 +19,7 @@ from np_drake import attitude
 from np_drake.diagnosis.deviation import ROTORS, Deviation, columns_of, file_deviations
 from np_drake.diagnosis.fitting import Fit, LinearPart
 from np_drake.diagnosis.forward_model import Term, predicted_residual
-from np_drake.diagnosis.options import SPREAD, SURE, Priors, Spread, Tolerance
+from np_drake.diagnosis.options import SPREAD, SURE, Priors, Tolerance
 from np_drake.diagnosis.regressors import LINEAR, PREFIX, Candidate, generic_candidates
 from np_drake.diagnosis.regressors.library import THROTTLE_CURVE
 from np_drake.diagnosis.residuals import FORCE, TORQUE, WRENCH, FlightResiduals
@@ -60,57 +59,55 @@ SENSORS = (AccelerometerBias, AttitudeBias, GyroBias, VelocityBias)
 LEANING = 2  # last columns of the airframe: thrust that leans to x and y
 
 
-def of_vehicle(
-    e: FlightResiduals, tolerance: Tolerance, spread: Spread = SPREAD
-) -> list[Deviation]:
+def of_vehicle(e: FlightResiduals, tolerance: Tolerance) -> list[Deviation]:
     """Return by what a healthy vehicle differs from its file; nothing where that which flew was
     measured.
 
     Of a number for which the file states an interval, the deviation is that of the interval, but
     not less than 1e-3 of that of healthy vehicles.
     """
-    vehicle, measured = e.vehicle, e.measured_rotors
+    vehicle, span, mass = e.vehicle, arm(e.vehicle), e.vehicle.mass
     if not tolerance.unmeasured:
         return []
-    span, mass = arm(vehicle), vehicle.mass
 
-    def stated(field: str, *healthy: float) -> list[float]:
-        found, name = [], f"calibration.{field}"
-        for i, usual in enumerate(healthy):
-            known = vehicle.known_within(name, *[i] * (len(healthy) > 1))
-            found.append(usual if known is None else max(known, 1e-3 * usual))
-        return found
+    def stated(field: str, usual: float, *place: int) -> float:
+        known = vehicle.known_within(f"calibration.{field}", *place)
+        return usual if known is None else max(known, 1e-3 * usual)
 
-    gains = zip(ROTORS, stated("rotor_gains", *[spread.rotor_gain] * 4), strict=True)
-    level, height = spread.center_of_mass * span, spread.center_of_mass_height * span
-    center = stated("center_of_mass", level, level, height)
+    clock = SPREAD.rotor_speed_time if e.measured_rotors else SPREAD.command_time
     published = published_priors()
-    usual_inertia = published.rotor_inertia.median * mass * span**2
-    (rotor_inertia,) = stated("rotor_inertia", usual_inertia)
+    inertia = published.rotor_inertia.median * mass * span**2
     # Of moments of inertia a gain of the torque has all but the gyroscopic torque.
     moments = {p.name: published.inertia.deviation for p in InertiaError.parameters}
-    (clock,) = stated("clock_offset", spread.rotor_speed_time if measured else spread.command_time)
+    center = [span * SPREAD.center_of_mass] * 2 + [span * SPREAD.center_of_mass_height]
     found = [
-        *(Deviation(WeakRotor, {"efficiency": gain}, {"rotor": i}) for i, gain in gains),
-        Deviation(CenterOfMassOffset, dict(zip("xyz", center, strict=True))),
-        Deviation(MixerGain, dict.fromkeys(AXES, spread.torque_gain)),
+        *(
+            Deviation(WeakRotor, {"efficiency": stated("rotor_gains", SPREAD.rotor_gain, i)}, rotor)
+            for i, rotor in enumerate({"rotor": number} for number in ROTORS)
+        ),
+        Deviation(
+            CenterOfMassOffset,
+            {axis: stated("center_of_mass", center[i], i) for i, axis in enumerate("xyz")},
+        ),
+        Deviation(MixerGain, dict.fromkeys(AXES, SPREAD.torque_gain)),
         Deviation(InertiaError, moments),
-        Deviation(BladeFlapping, {"moment": spread.flapping * mass * span}),
-        Deviation(TranslationalLift, {"lift": spread.lift * mass}),
-        Deviation(RotorGyroscopic, {"rotor_inertia": rotor_inertia}),
-        Deviation(ClockOffset, {"offset": clock}),
+        Deviation(BladeFlapping, {"moment": SPREAD.flapping * mass * span}),
+        Deviation(TranslationalLift, {"lift": SPREAD.lift * mass}),
+        Deviation(RotorGyroscopic, {"rotor_inertia": stated("rotor_inertia", inertia)}),
+        Deviation(ClockOffset, {"offset": stated("clock_offset", clock)}),
     ]
     if "attitude" not in e.log.lacks:
-        tilt = stated("imu_tilt", *[spread.mounting] * 3)
-        found.append(Deviation(ImuMounting, dict(zip(AXES, tilt, strict=True))))
-        found.append(Deviation(AttitudeLatency, {"latency": spread.latency}))
+        tilt = {axis: stated("imu_tilt", SPREAD.mounting, i) for i, axis in enumerate(AXES)}
+        found.append(Deviation(ImuMounting, tilt))
+        found.append(Deviation(AttitudeLatency, {"latency": SPREAD.latency}))
     if e.log.a is not None:
-        offset = dict.fromkeys("xyz", spread.accelerometer_offset)
+        offset = dict.fromkeys("xyz", SPREAD.accelerometer_offset)
         found.append(Deviation(AccelerometerBias, offset))
-    if not measured:
-        (delay,) = stated("command_delay", spread.command_time)
-        found.append(Deviation(CommandDelay, {"delay": delay}))
-        lags = spread.lags if "rotor_time_constant" not in vehicle.intervals else ()
+    if not e.measured_rotors:
+        found.append(
+            Deviation(CommandDelay, {"delay": stated("command_delay", SPREAD.command_time)})
+        )
+        lags = SPREAD.lags if "rotor_time_constant" not in vehicle.intervals else ()
         found += [Deviation(MotorLag, {"time_constant": lag}, at_value=True) for lag in lags]
     return found
 
@@ -122,23 +119,20 @@ def calibrated_alone(e: FlightResiduals, tolerance: Tolerance) -> set[str]:
     A mass, where the scale of a throttle's map takes its place; of an unmeasured vehicle sensors,
     torque gains, inertia and times of commands.
     """
-    found = {MassError.identifier} if e.log.input == "normalised" else set[str]()
+    alone = {MassError} if e.log.input == "normalised" else set[type[Effect]]()
     if tolerance.unmeasured:
+        every = [d.effect for d in (*of_vehicle(e, tolerance), *of_flight(e, tolerance))]
+        sensors = [f for f in every if f.place == "measurement" or f.role == "mixer"]
         # Of inertia and the share of torque that acts a flight shows the ratio alone.
-        found.add(InertiaError.identifier)
-        for d in (*of_vehicle(e, tolerance), *of_flight(e, tolerance)):
-            effect = d.effect
-            sensor = effect.place == "measurement" or effect.role == "mixer"
-            if sensor or effect.shifts_commands:
-                found.add(effect.identifier)
-    return found
+        alone |= {*sensors, *(f for f in every if f.shifts_commands), InertiaError}
+    return {effect.identifier for effect in alone}
 
 
-def of_flight(e: FlightResiduals, tolerance: Tolerance, spread: Spread = SPREAD) -> list[Deviation]:
+def of_flight(e: FlightResiduals, tolerance: Tolerance) -> list[Deviation]:
     """Return by what a flight differs from the others of its vehicle: sensors, and for an
     unmeasured vehicle trim.
     """
-    usual = (spread.accelerometer, spread.tilt, spread.gyro, spread.velocity)
+    usual = (SPREAD.accelerometer, SPREAD.tilt, SPREAD.gyro, SPREAD.velocity)
     found = []
     for effect, least in zip(SENSORS, usual, strict=True):
         error = max(tolerance.of(effect), least * tolerance.unmeasured)
@@ -146,27 +140,27 @@ def of_flight(e: FlightResiduals, tolerance: Tolerance, spread: Spread = SPREAD)
             names = [p.name for p in effect.parameters]
             found.append(Deviation(effect, dict.fromkeys(names, error)))
     if not tolerance.unmeasured:
-        return [*found, *of_battery(e, spread)]
-    trim = {"efficiency": spread.rotor_trim}
+        return [*found, *of_battery(e)]
+    trim = {"efficiency": SPREAD.rotor_trim}
     found += [Deviation(WeakRotor, trim, {"rotor": i}) for i in ROTORS]
-    known = {"scale": spread.known_charge}, {"rate": spread.known_sag}
+    known = {"scale": SPREAD.known_charge}, {"rate": SPREAD.known_sag}
     return found + (
-        of_battery(e, spread) or [Deviation(*pair) for pair in zip(BATTERY, known, strict=True)]
+        of_battery(e) or [Deviation(*pair) for pair in zip(BATTERY, known, strict=True)]
     )
 
 
-def of_battery(e: FlightResiduals, spread: Spread = SPREAD) -> list[Deviation]:
+def of_battery(e: FlightResiduals) -> list[Deviation]:
     """Return by what thrust over throttle differs from that of other flights, as the battery does;
     else nothing.
     """
     if e.log.input != "normalised":
         return []
-    volts, charge, sag = voltage_of(e.log), spread.unknown_charge, spread.sag
+    volts, charge, sag = voltage_of(e.log), SPREAD.unknown_charge, SPREAD.sag
     if volts is not None:
         # The power of a voltage that falls is known to a third: thrust falls by so much more or
         # less.
         fall = VOLTAGE_SCATTER * float(np.ptp(np.log(volts))) / float(np.ptp(e.log.t))
-        charge, sag = spread.charge, float(np.hypot(spread.known_sag, fall))
+        charge, sag = SPREAD.charge, float(np.hypot(SPREAD.known_sag, fall))
     return [Deviation(BATTERY[0], {"scale": charge}), Deviation(BATTERY[1], {"rate": sag})]
 
 
@@ -204,11 +198,13 @@ def vehicle_columns(
 
     # A force in proportion to the velocity along the same axis is linear drag, an effect; unless it
     # does not grow with rotor speed as that does.
-    drags = [np.zeros(c.size, bool) for c in groups]
-    for c, own in zip(groups, drags, strict=True):
-        if c.identifiers == (f"{PREFIX}velocity",):
-            own[[7 * axis for axis in range(3)]] = True
-    own_axis = np.concatenate(drags)
+    velocity, first = (f"{PREFIX}velocity",), np.cumsum([0] + [c.size for c in groups])
+    own_axis = [
+        first[k] + 7 * axis
+        for k, c in enumerate(groups)
+        if c.identifiers == velocity
+        for axis in range(3)
+    ]
 
     def smooth(e: FlightResiduals) -> np.ndarray:
         return np.concatenate([c.generic(e) for c in groups if c.generic], axis=-1)
@@ -256,25 +252,22 @@ def calibration_effects(fit: Fit, e: FlightResiduals, tolerance: Tolerance) -> l
     found.append(InertiaError(*(moments / e.vehicle.J.diagonal())))
     coefficients = iter(fit.calibrated[0][1])
     for d in of_vehicle(e, tolerance):
-        own = [
-            c * deviation for deviation, c in zip(d.deviation.values(), coefficients, strict=False)
-        ]
+        moved = {
+            name: c * sd for (name, sd), c in zip(d.deviation.items(), coefficients, strict=False)
+        }
         if d.at_value or d.effect.place == "measurement" or d.effect.shifts_commands:
             continue
-        parameters = {p.name: p for p in d.effect.parameters}
-        moved = {name: (parameters[name], c) for name, c in zip(d.deviation, own, strict=True)}
-        values = {n: float(np.clip(p.neutral + c, p.lower, p.upper)) for n, (p, c) in moved.items()}
-        found.append(d.at(**values))
+        own = [p for p in d.effect.parameters if p.name in moved]
+        values = [np.clip(p.neutral + moved[p.name], p.lower, p.upper) for p in own]
+        found.append(d.at(**{p.name: float(v) for p, v in zip(own, values, strict=True)}))
     return found
 
 
 def file_errors(flights: Sequence[FlightResiduals], tolerance: Tolerance) -> list[Candidate]:
     """Return what every vehicle may differ by from its file, a candidate an effect."""
-    found = []
-    for d in file_deviations(flights[0].vehicle, tolerance):
-        columns = {e.name: columns_of(e, [d], part=1.0) for e in flights}
-        found.append(Candidate((), "calibration", columns, lambda c: []))
-    return found
+    every = [[d] for d in file_deviations(flights[0].vehicle, tolerance)]
+    columns = [{e.name: columns_of(e, one, part=1.0) for e in flights} for one in every]
+    return [Candidate((), "calibration", own, lambda c: []) for own in columns]
 
 
 def flight_errors(flights: Sequence[FlightResiduals], tolerance: Tolerance) -> list[Candidate]:
@@ -295,23 +288,23 @@ def errors_of(e: FlightResiduals, tolerance: Tolerance) -> np.ndarray:
     return np.concatenate([constant, drift_columns(e)], axis=-1)
 
 
-def drift_columns(e: FlightResiduals, spread: Spread = SPREAD) -> np.ndarray:
+def drift_columns(e: FlightResiduals) -> np.ndarray:
     """Return columns (m, 15, 6 k) of slow changes of each channel of the wrench: hats between k
     knots.
 
     Attitude and gyro drift, a battery sags and warms, trim changes: slower than the noise model
     remembers.
     """
-    count = max(2, round((e.t[-1] - e.t[0]) / spread.drift_time) + 1)
+    count = max(2, round((e.t[-1] - e.t[0]) / SPREAD.drift_time) + 1)
     knots = np.linspace(e.t[0], e.t[-1], count)
     hats = np.stack([np.interp(e.t, knots, unit) for unit in np.eye(count)], axis=1)
-    moment = spread.torque_drift * e.weight * arm(e.vehicle)
-    level = spread.tilt_drift * e.weight
+    moment = SPREAD.torque_drift * e.weight * arm(e.vehicle)
+    level = SPREAD.tilt_drift * e.weight
     # As much as a battery sags from knot to knot.
-    thrust = spread.known_sag * spread.drift_time * e.weight
+    thrust = SPREAD.known_sag * SPREAD.drift_time * e.weight
     out = np.zeros((*e.y.shape, 6 * count))
     for channel, size in enumerate(
-        (level, level, thrust, moment, moment, spread.yaw_drift * moment)
+        (level, level, thrust, moment, moment, SPREAD.yaw_drift * moment)
     ):
         out[:, channel, channel * count : (channel + 1) * count] = size * hats
     return e.known(out)
@@ -414,91 +407,87 @@ def differences(
     Where the file describes the vehicle that flew: the map of its throttle alone, if that is the
     input.
     """
-    found, vehicle, first = [], flights[0].vehicle, len(fit.terms)
-    every = tolerance.unmeasured or vehicle.measured
+    found, vehicle = list[Difference](), flights[0].vehicle
     for k, f in enumerate(fit.free):
-        if f.term < first or f.flight:
+        i = f.term - len(fit.terms)
+        if i < 0 or f.flight:
             continue
-        effect, d = fit.calibration[f.term - first].effect, fit.allowed[f.term - first]
+        effect, d = fit.calibration[i].effect, fit.allowed[i]
         sigma = float(np.sqrt(fit.covariance[k, k]))
-        name = f"{d.name}.{f.name}"
+        p = next(p for p in effect.parameters if p.name == f.name)
         if isinstance(effect, ThrottleCurve):
-            found.append(_throttle_map(name, hover_exponent(vehicle), effect.curve, sigma))
-        elif every or d.stated:
-            value = getattr(effect, f.name) - f.neutral
-            p = next(p for p in effect.parameters if p.name == f.name)
-            how = (d.effect, p, d.fixed, value, sigma, d.deviation[f.name])
-            found.append(_difference(name, *how))
-    if not tolerance.unmeasured:
-        return tuple(sorted(found, key=lambda d: -d.in_deviations))
-    *errors, body, _ = fit.linear
-    found += _of_parameters(body, of_vehicle(flights[0], tolerance))
-    # What flights differ by, each parameter with its value in every flight and the words of the
-    # largest.
-    parts = dict(zip((e.name for e in flights), errors, strict=True))
-    each: dict[str, dict[str, Difference]] = {}
-    for own_e in flights:
-        deviations = of_flight(own_e, tolerance)
-        for own_d in _of_parameters(parts[own_e.name], deviations):
-            each.setdefault(own_d.name, {})[own_e.name] = own_d
-    found += map(_largest, each.values())
+            found.append(_throttle_map(d, p, hover_exponent(vehicle), effect.curve, sigma))
+        elif tolerance.unmeasured or vehicle.measured or d.stated:
+            found.append(_difference(d, p, getattr(effect, f.name) - f.neutral, sigma))
+    if tolerance.unmeasured:
+        *errors, body, _ = fit.linear
+        found += _of_parameters(body, of_vehicle(flights[0], tolerance))
+        parts = dict(zip((e.name for e in flights), errors, strict=True))
+        found += _of_flights(
+            {e.name: _of_parameters(parts[e.name], of_flight(e, tolerance)) for e in flights}
+        )
     return tuple(sorted(found, key=lambda d: -d.in_deviations))
 
 
-def _throttle_map(name: str, nominal: float, curve: float, sigma: float) -> Difference:
+def _throttle_map(
+    d: Deviation, p: Parameter, nominal: float, curve: float, sigma: float
+) -> Difference:
     """Return the power of throttle with which thrust goes, over that of the nominal map."""
     value, half = nominal * (1 + curve), SURE * nominal * sigma
-    text = f"thrust goes with the power {number(value, 3)} of throttle"
-    if not half < HARDLY * value:
-        text = "the power of throttle in thrust is hardly told"
-    away = value - nominal
-    spread = THROTTLE_CURVE * nominal
-    return Difference(name, text, away, "1", spread, (away - half, away + half))
+    text = "the power of throttle in thrust is hardly told"
+    if half < HARDLY * value:
+        text = f"thrust goes with the power {number(value, 3)} of throttle"
+    away, spread = value - nominal, THROTTLE_CURVE * nominal
+    return Difference(f"{d.name}.{p.name}", text, away, "1", spread, (away - half, away + half))
 
 
 def _of_parameters(part: LinearPart, deviations: Sequence[Deviation]) -> list[Difference]:
     """Return the parameters of deviations; the lags of rotors, which each act by a share, as
     one.
     """
-    lags = [d for d in deviations if d.at_value]
-    found, k = list[Difference](), 0
-    for d in deviations:
-        parameters = {p.name: p for p in d.effect.parameters}
-        for name, deviation in d.deviation.items():
-            if not d.at_value:
-                value = part.coefficients[k] * deviation
-                sigma = np.sqrt(part.covariance[k, k]) * deviation
-                how = (d.effect, parameters[name], d.fixed, value, sigma, deviation)
-                found.append(_difference(f"{d.name}.{name}", *how))
-            k += 1
+    every = [
+        (d, next(p for p in d.effect.parameters if p.name == name))
+        for d in deviations
+        for name in d.deviation
+    ]
+    size = np.array([d.deviation[p.name] for d, p in every])
+    first = slice(len(size))  # before the drift of a flight
+    value = part.coefficients[first] * size
+    covariance = part.covariance[first, first] * np.outer(size, size)
+    found, lags = list[Difference](), [k for k, (d, _) in enumerate(every) if d.at_value]
+    for k, (d, p) in enumerate(every):
+        if not d.at_value:
+            found.append(_difference(d, p, value[k], np.sqrt(covariance[k, k])))
     if lags:
-        own = slice(k - len(lags), k)
-        time = np.array([next(iter(d.deviation.values())) for d in lags])
-        value = part.coefficients[own] @ time
-        sigma = np.sqrt(time @ part.covariance[own, own] @ time)
-        effect, norm = lags[0].effect, float(np.linalg.norm(time))
-        found.append(
-            _difference(f"{d.name}.{name}", effect, effect.parameters[0], {}, value, sigma, norm)
-        )
+        d, p = every[lags[-1]]
+        lag = dc.replace(d, deviation={p.name: float(np.linalg.norm(size[lags]))})
+        sigma = np.sqrt(covariance[np.ix_(lags, lags)].sum())
+        found.append(_difference(lag, p, value[lags].sum(), sigma))
     return found
 
 
-def _largest(of: Mapping[str, Difference]) -> Difference:
-    name = max(of, key=lambda flight: of[flight].in_deviations)
-    values = {flight: d.value for flight, d in of.items()}
-    return dc.replace(of[name], text=f"{of[name].text} in {name}", by_flight=values)
+def _of_flights(found: Mapping[str, Sequence[Difference]]) -> list[Difference]:
+    """Return what flights differ by, each parameter with its value in every flight and the words of
+    the largest.
+    """
+    each: dict[str, dict[str, Difference]] = {}
+    for flight, own in found.items():
+        for d in own:
+            each.setdefault(d.name, {})[flight] = d
+    largest = [max(of, key=lambda flight: of[flight].in_deviations) for of in each.values()]
+    return [
+        dc.replace(
+            of[name],
+            text=f"{of[name].text} in {name}",
+            by_flight={flight: d.value for flight, d in of.items()},
+        )
+        for name, of in zip(largest, each.values(), strict=True)
+    ]
 
 
-def _difference(
-    name: str,
-    effect: type[Effect],
-    p: Parameter,
-    fixed: Mapping[str, float],
-    value: float,
-    sigma: float,
-    deviation: float,
-) -> Difference:
+def _difference(d: Deviation, p: Parameter, value: float, sigma: float) -> Difference:
     """Return a departure from the neutral value in words."""
-    unit, text = departure(p, value, fixed, shares=effect.shares)
-    ci95 = (float(value - SURE * sigma), float(value + SURE * sigma))
-    return Difference(name, text, float(value), unit or "1", float(deviation), ci95)
+    unit, text = departure(p, value, d.fixed, shares=d.effect.shares)
+    half, spread = SURE * sigma, float(d.deviation[p.name])
+    ci95 = (float(value - half), float(value + half))
+    return Difference(f"{d.name}.{p.name}", text, float(value), unit or "1", spread, ci95)

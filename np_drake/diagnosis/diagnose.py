@@ -4,7 +4,7 @@
    (`make_flight_residuals`);
 2. fit and search: sets of effects by their Bayesian evidence on training flights, parameters by
    maximum a posteriori (`selection`, `fitting`);
-3. decide: which effects of the best set are causes, judged by held-out flights (`decision.infer`);
+3. decide: which effects of the best set are causes, judged by held-out flights (`conclude`);
 4. report: what the logs cannot tell (identifiability), where the gap lies (localisation), and how
    far the causes close it on held-out flights (gap reduction);
 5. second answer: where held-out flights show what training flights do not, the same with their
@@ -14,6 +14,7 @@
 import dataclasses as dc
 import time
 from collections.abc import Callable, Mapping, Sequence
+from functools import cached_property
 
 import numpy as np
 
@@ -24,22 +25,36 @@ from np_drake.diagnosis.calibration import (
     with_fixed_effects,
     with_torque_gain,
 )
-from np_drake.diagnosis.decision.causes import joint_posterior, without_late_onsets
-from np_drake.diagnosis.decision.infer import Inference, as_named, conclude
+from np_drake.diagnosis.decision.decide import (
+    decide,
+    estimates,
+    joint_posterior,
+    without_late_onsets,
+)
 from np_drake.diagnosis.decision.support import visible_changes
+from np_drake.diagnosis.decision.unexplained import (
+    Indication,
+    LinearModel,
+    find_unexplained,
+    measure_remainder,
+)
 from np_drake.diagnosis.doctor.flight_facts import as_lines, doubts
-from np_drake.diagnosis.forward_model import predicted_residual
-from np_drake.diagnosis.gap import measure_gap_reduction, with_held_out_gains
-from np_drake.diagnosis.localisation import (
+from np_drake.diagnosis.fitting import fit_of_some
+from np_drake.diagnosis.gap import (
     assess_identifiability,
     excitation,
     excited,
     localise,
+    measure_gap_reduction,
     unexcited_diagnosis,
+    with_held_out_gains,
 )
+from np_drake.diagnosis.gusts import in_gusts, residuals_of, with_drag, with_gusts
+from np_drake.diagnosis.held_out import HeldOut, mark_outliers, on_held_out, with_calibration
 from np_drake.diagnosis.options import Options, Tolerance
 from np_drake.diagnosis.regressors import tolerance_of, with_input
-from np_drake.diagnosis.report.answer import headline
+from np_drake.diagnosis.regressors.generic import ELSEWHERE
+from np_drake.diagnosis.report.words import headline
 from np_drake.diagnosis.residuals import (
     WRENCH,
     FlightResiduals,
@@ -49,9 +64,18 @@ from np_drake.diagnosis.residuals import (
     require_flights,
     with_same_readings,
 )
-from np_drake.diagnosis.result import CHANNELS, UNKNOWN, Diagnosis, Finding, Replay
+from np_drake.diagnosis.result import (
+    CHANNELS,
+    UNKNOWN,
+    Cause,
+    Diagnosis,
+    Finding,
+    Remainder,
+    Replay,
+)
 from np_drake.diagnosis.rotor_balance import compare_balance
-from np_drake.diagnosis.selection import find_map_model
+from np_drake.diagnosis.selection import Ranking, SearchResult, find_map_model, rank_models
+from np_drake.diagnosis.slow_force import position_p_value
 from np_drake.effects.gusty_wind import GustyWind
 from np_drake.files.number_text import number
 from np_drake.flight_log import FlightLog
@@ -60,10 +84,116 @@ from np_drake.logs.columns import said_of_bridged
 from np_drake.logs.inputs import with_hover_thrust, with_throttle_map
 from np_drake.vehicle import Vehicle
 
+PLACE = Finding("place", "a slow force tied to a place", 1.0, {}, ELSEWHERE)
 NO_REPLAY = (
     "no replay: the held-out logs do not tell the rotors' torque, or the motion to compare with."
 )
 LEAST_HALF = 4.0  # duration of either half of a flight, below which it stays whole [s]; own choice
+
+
+@dc.dataclass(frozen=True)
+class Inference:
+    """Causes and what they leave; held: the causes on held-out flights."""
+
+    ranking: Ranking
+    held: HeldOut
+    causes: list[Cause]
+    below_threshold: list[Finding]
+    structures: list[Indication]
+    slow: Indication
+
+    @cached_property
+    def left(self) -> Remainder:
+        """What the causes leave of the held-out gap."""
+        said, ranking = [*self.structures, self.slow], self.ranking
+        return measure_remainder(self.causes, ranking.noise, self.held, said, ranking.options)
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """Where the remainder lives: what is more probable than not."""
+        said = (self.slow, *self.structures)
+        return tuple(s.finding for s in said if s.probability > 0.5)
+
+
+def conclude(found: SearchResult, held_out: Sequence[FlightResiduals]) -> Inference:
+    """Rank the models of a search, judge the best by held-out flights, and decide which of its
+    effects are causes.
+    """
+    ranking = rank_models(found)
+    held, linear = _held_out(ranking, held_out), LinearModel(ranking)
+    _, structure = linear.select_structure()
+    structures, slow = find_unexplained(ranking, linear, structure, held)
+    # The drift of an estimator that nobody measured is neither told from gusts nor from a force
+    # tied to a place.
+    if slow.probability > 0.5 and not ranking.options.tolerance.unmeasured:
+        # Gusts do not depend on position alike in all flights.
+        every = [*ranking.problem.flights, *(e for e in held.flights if not e.joined.any())]
+        rest, begins = residuals_of(ranking, held), dict.fromkeys([e.name for e in every])
+        p_value = position_p_value(every, rest, begins)
+        if p_value < ranking.options.thresholds.position_p_value:
+            slow = slow._replace(finding=PLACE)
+        else:
+            blown = _in_gusts(ranking, linear, structure, held, slow.probability)
+            if blown is not None:
+                return Inference(*blown, structures, slow._replace(probability=0.0))
+    causes, minor = decide(ranking, linear.margins(structure), held)
+    return Inference(ranking, held, causes, minor, structures, slow)
+
+
+def as_named(found: Inference) -> Inference:
+    """Return the inference with its causes fitted as they are named: without the effects that are
+    not.
+
+    What is not named gives way to calibration and the causes, which were fitted beside it. A lag or
+    delay that the logs leave open is calibration too.
+    """
+    named, ranking = {c.identifier for c in found.causes}, found.ranking
+    vehicle, options = ranking.problem.flights[0].vehicle, ranking.options
+    effects = [t.effect for t in ranking.best.terms]
+    open_ = frozenset(e.identifier for e in effects if options.within_timing(e, vehicle))
+    if not open_ and not named < {e.identifier for e in effects}:
+        return found
+    fit = fit_of_some(ranking.problem, ranking.best, named | open_, ranking.noise)
+    ranking = dc.replace(ranking, fits=(fit, *ranking.fits))
+    terms = {t.effect.identifier: i for i, t in enumerate(fit.terms)}
+    causes = [
+        dc.replace(
+            c,
+            parameters=estimates(fit, terms[c.identifier], vehicle, options),
+            effect=fit.terms[terms[c.identifier]].effect,
+        )
+        for c in found.causes
+    ]
+    held = dc.replace(_held_out(ranking, found.held.flights), calibrations=open_)
+    return dc.replace(found, ranking=ranking, held=held, causes=causes)
+
+
+def _held_out(ranking: Ranking, held_out: Sequence[FlightResiduals]) -> HeldOut:
+    """Return the best fit on held-out flights, calibrated and with their outliers marked."""
+    best, noise, options = ranking.best, ranking.noise, ranking.options
+    own = [with_calibration(best, e, noise, options) for e in held_out]
+    marked = [mark_outliers(best.terms, e, noise, options.priors, best.calibration) for e in own]
+    return on_held_out(best, marked, noise, options)
+
+
+def _in_gusts(
+    ranking: Ranking,
+    linear: LinearModel,
+    structure: Sequence[int],
+    held: HeldOut,
+    probability: float,
+) -> tuple[Ranking, HeldOut, list[Cause], list[Finding]] | None:
+    """Return ranking, held-out flights and causes with gusts of this probability as the slow force;
+    None where it can be no wind.
+    """
+    if (with_one := with_drag(ranking)) is not ranking:
+        ranking, linear = with_one, LinearModel(with_one)
+    held = on_held_out(ranking.best, held.flights, ranking.noise, ranking.options)
+    causes, minor = decide(ranking, linear.margins(structure), held, gusts=True)
+    causes = with_gusts(ranking, held, causes, probability)
+    if not any(c.identifier == GustyWind.identifier for c in causes):
+        return None
+    return ranking, in_gusts(held, causes), causes, minor
 
 
 def diagnose(
@@ -170,7 +300,7 @@ def diagnose(
         tell(0.7, "what held-out flights show")
         # A wind is a condition of a flight: where none is named, one can act in the halves alone.
         still_air = not any(c.effect and c.effect.needs for c in inference.causes)
-        flights = [*inference.flights, *halves]
+        flights = [*inference.ranking.problem.flights, *halves]
         found = find_map_model(flights, inference.ranking.options, still_air=still_air)
         refit = _answer(conclude(found, judges), replay, doubted, halves)
         answer = dc.replace(answer, refit=dc.replace(refit, wall=time.perf_counter() - start))
@@ -230,7 +360,7 @@ def _answer(
     lies, how far; halves: of held-out flights, which joined the fit.
     """
     found = as_named(found)
-    flights, held, options = found.flights, found.held, found.ranking.options
+    flights, held, options = found.ranking.problem.flights, found.held, found.ranking.options
     best, noise, judging = found.ranking.best, found.ranking.noise, held.flights
     causes, late = without_late_onsets(
         found.causes, {e.name: float(e.log.t[-1]) for e in (*flights, *judging)}
@@ -238,8 +368,7 @@ def _answer(
     causes = with_held_out_gains(causes, noise, held)
     left = dc.replace(found, causes=causes).left
     checked = assess_identifiability(flights, judging, noise)
-    named = {c.identifier for c in causes}
-    rest = {e.name: e.y - predicted_residual(e, held.kept(e.name, named)) for e in judging}
+    rest = held.left({c.identifier for c in causes})
     flyable = all(e.knows_torque and not e.log.lacks for e in judging)
     reduction = measure_gap_reduction(
         causes,

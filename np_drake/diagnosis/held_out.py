@@ -56,21 +56,19 @@ def adapt(
     if calibration:
         flight = dc.replace(flight, y=flight.y - predicted_residual(flight, calibration))
     known = [any(begin is not None for begin in t.onset.values()) for t in terms]
-    drag_of = {}  # of a wind, the drag through which it acts, if they began together in the fit
-    for i, t in enumerate(terms):
-        through = type(t.effect).needs
-        together = (
-            j
-            for j, other in enumerate(terms)
-            if other.effect.identifier in through and other.onset == t.onset
-        )
-        drag_of[i] = next(together, None)
+    # Of a wind, the drag through which it acts, if they began together in the fit.
+    drag_of = {
+        i: j
+        for j, drag in reversed([*enumerate(terms)])
+        for i, t in enumerate(terms)
+        if drag.effect.identifier in type(t.effect).needs and drag.onset == t.onset
+    }
     terms = [dc.replace(t, onset={}, hidden={}) for t in terms]
     terms = [_anchored(terms, i, flight, noise, priors) for i in range(len(terms))]
-    for i in sorted(range(len(terms)), key=lambda i: (not known[i], drag_of[i] is not None)):
-        effect, j = terms[i].effect, drag_of[i]
-        if j is not None:
-            terms[i] = dc.replace(terms[i], onset=terms[j].onset)
+    for i in sorted(range(len(terms)), key=lambda i: (not known[i], i in drag_of)):
+        effect = terms[i].effect
+        if i in drag_of:
+            terms[i] = dc.replace(terms[i], onset=terms[drag_of[i]].onset)
         elif known[i] or (type(effect).begins and (effect.sudden or not unmeasured)):
             terms[i] = _with_onset(terms, i, flight, noise, priors, known=known[i])
     return [*terms, *calibration]
@@ -144,10 +142,9 @@ def scored_rows(terms: Sequence[Term], flight: FlightResiduals) -> np.ndarray:
         terms: terms of a model, with their onsets and hidden states.
     """
     rows = ~flight.joined
-    for term in terms:
-        fitted = hidden_state_rows(term, flight)
-        for some in [*fitted, flight.outliers] if fitted else []:
-            rows = rows & ~some
+    for fitted in (hidden_state_rows(term, flight) for term in terms):
+        if fitted:
+            rows = rows & ~np.any([*fitted, flight.outliers], axis=0)
     return rows if rows.any() else ~flight.joined
 
 
@@ -157,10 +154,8 @@ def scored_on_fitted_rows(terms: Sequence[Term], flight: FlightResiduals) -> boo
     Args:
         terms: terms of a model, with their onsets and hidden states.
     """
-    rows = scored_rows(terms, flight)
-    return any(
-        bool(np.any(rows & fitted)) for term in terms for fitted in hidden_state_rows(term, flight)
-    )
+    fitted = [rows for term in terms for rows in hidden_state_rows(term, flight)]
+    return bool(np.any(scored_rows(terms, flight) & np.any(fitted, axis=0)))
 
 
 def _anchored(
@@ -234,18 +229,15 @@ def _span_by_span(
         if np.sum(inside) <= MOST_JUMPS * STATE:
             continue
         onset = None if start == flight.t[0] else float(start)
-        now = [
-            *terms[:i],
-            dc.replace(terms[i], onset={flight.name: onset}, hidden={}),
-            *terms[i + 1 :],
-        ]
+        now = list(terms)
+        now[i] = dc.replace(terms[i], onset={flight.name: onset}, hidden={})
         fit = SwingFit(now, i, flight, noise, onset, rows, priors)
         now[i] = fit.term(fit.descend(fit.known))
         alone = predicted_residual(flight, now)
-        losses = [
+        loss, before = (
             np.sum(flight.white(noise, flight.y - way)[inside] ** 2) for way in (alone, followed)
-        ]
-        if losses[0] < losses[1]:
+        )
+        if loss < before:
             trace[rows] = alone[rows]
     return trace
 
@@ -271,12 +263,19 @@ class HeldOut:
 
     def kept(self, name: str, identifiers: Collection[str]) -> list[Term]:
         """Return the terms of some effects in a flight, and the calibration."""
-        every = self.terms[name]
         kept = {*identifiers, *self.calibrations}
         return [
-            *(t for t in every[: self.effects] if t.effect.identifier in kept),
-            *every[self.effects :],
+            term
+            for i, term in enumerate(self.terms[name])
+            if i >= self.effects or term.effect.identifier in kept
         ]
+
+    def left(self, identifiers: Collection[str]) -> dict[str, np.ndarray]:
+        """Return by flight what some effects and the calibration leave (m, 15)."""
+        return {
+            e.name: e.y - predicted_residual(e, self.kept(e.name, identifiers))
+            for e in self.flights
+        }
 
     def swing_free_residual(self, e: FlightResiduals) -> np.ndarray:
         """Return the residual (m, 15) of a flight with a payload's swing fitted to all of it,
@@ -352,9 +351,5 @@ def pooled(parts: Sequence[np.ndarray], noise: NoiseModel) -> float:
 
 def remaining_residual(causes: Sequence[Cause], noise: NoiseModel, held: HeldOut) -> float:
     """Return the RMS residual of some causes on held-out flights, in units of the noise [1]."""
-    names = {c.identifier for c in causes}
-    parts = []
-    for e in held.flights:
-        terms = held.kept(e.name, names)
-        parts.append((e.y - predicted_residual(e, terms))[held.rows[e.name]])
-    return pooled(parts, noise)
+    left = held.left({c.identifier for c in causes})
+    return pooled([left[name][rows] for name, rows in held.rows.items()], noise)

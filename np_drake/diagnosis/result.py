@@ -207,6 +207,17 @@ class ReplayGap:
     attitude: np.ndarray
     starts: int
 
+    def medians(self) -> dict[str, list[float]]:
+        """Return the medians (h,) of position [m], velocity [m/s] and attitude [deg]."""
+        return {name: of[:, 0].tolist() for name, of in self._quantities().items()}
+
+    def intervals(self) -> dict[str, list[list[float]]]:
+        """Return the 95 % intervals (h, 2) of the same."""
+        return {f"{name}_ci95": of[:, 1:].tolist() for name, of in self._quantities().items()}
+
+    def _quantities(self) -> dict[str, np.ndarray]:
+        return {"position": self.position, "velocity": self.velocity, "attitude_deg": self.attitude}
+
 
 @dc.dataclass(frozen=True)
 class Remainder:
@@ -291,7 +302,7 @@ class Diagnosis:
         does, or none tried.
     calibration: by what an unmeasured vehicle and its flights differ, largest first; empty: the
         file describes it.
-    headline: the answer in one sentence (`report.answer.headline`).
+    headline: the answer in one sentence (`report.words.headline`).
     before: flights from before what is asked; the verdict is then what changed since.
     visible: by effect and parameter, the smallest change since then that would be named as often as
         not [SI].
@@ -352,7 +363,7 @@ class Diagnosis:
         Values that are not finite become None.
         """
         identifiability, reduction = self.identifiability, self.gap_reduction
-        replays = reduction.replay_before, reduction.replay_after
+        before, after = reduction.replay_before, reduction.replay_after
         head = ["vehicle", "train", "held_out", "joined", "judged_as", "doubts", "verdict"]
         head += ["before", "visible"] if self.before else []
         # The gap by kind and axis, the replay's medians, and its parts by regime.
@@ -362,12 +373,12 @@ class Diagnosis:
             gap[kind][axis] = _fields(channel, "unit", "rms", "noise_floor", "after")
         gap["kinds"] = [_fields(kind) for kind in gap_kinds(self.localisation.channels)]
         gap["regimes"] = [_fields(regime) for regime in self.localisation.regimes]
-        gap["replay"] = None
-        if reduction.replay_before is not None:
-            medians = {
-                name: of[:, 0].tolist() for name, of in _quantities(reduction.replay_before).items()
-            }
-            gap["replay"] = {"horizon": reduction.replay_before.horizon, **medians}
+        gap["replay"] = before and {"horizon": before.horizon, **before.medians()}
+        replay = (before or after) and {
+            **_fields(before or after, "horizon", "starts"),
+            "before": before and before.medians() | before.intervals(),
+            "after": after and after.medians() | after.intervals(),
+        }
         return plain(
             {
                 "schema": SCHEMA,
@@ -392,7 +403,7 @@ class Diagnosis:
                 "shrink": {
                     "residual": _fields(reduction, "before", "after", "floor", "fraction", "ci95"),
                     "left": dc.asdict(reduction.left),
-                    "replay": _both_replays(*replays),
+                    "replay": replay,
                 },
                 "minor": [_fields(finding) for finding in self.below_threshold],
                 "remains": [_fields(finding) for finding in self.unexplained],
@@ -428,23 +439,3 @@ def _fields(item: Any, *names: str) -> dict[str, Any]:
     """Return some fields of a dataclass by name; default: all."""
     every = names or [field.name for field in dc.fields(item)]
     return {name: getattr(item, name) for name in every}
-
-
-def _both_replays(before: ReplayGap | None, after: ReplayGap | None) -> dict[str, Any] | None:
-    """Return medians (h,) and 95 % intervals (h, 2) of the replay [m], [m/s], [deg], nominal and
-    with the causes.
-    """
-    known = before or after
-    if known is None:
-        return None
-    found: dict[str, Any] = {**_fields(known, "horizon", "starts"), "before": None, "after": None}
-    for name, gap in (("before", before), ("after", after)):
-        if gap is not None:
-            every = _quantities(gap).items()
-            found[name] = {key: of[:, 0].tolist() for key, of in every}
-            found[name] |= {f"{key}_ci95": of[:, 1:].tolist() for key, of in every}
-    return found
-
-
-def _quantities(gap: ReplayGap) -> dict[str, np.ndarray]:
-    return {"position": gap.position, "velocity": gap.velocity, "attitude_deg": gap.attitude}

@@ -2,13 +2,12 @@
 
 Blocks of time of whitened flights are scored by y = X c + n with c ~ N(0, 1), n white. A block of N
 values whose own noise level is uncertain is predicted by a Student t density of `DEGREES` degrees
-of
-freedom, so that no block counts for more than it tells.
+of freedom, so that no block counts for more than it tells.
 Source: prequential analysis (Dawid 1984); multivariate t density.
 """
 
 import dataclasses as dc
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from scipy import linalg, special
@@ -16,8 +15,8 @@ from scipy import linalg, special
 from np_drake.diagnosis.calibration import errors_of, of_flight, of_vehicle, vehicle_columns
 from np_drake.diagnosis.fitting import Fit, Free, prior_whitening, read, scaled_jacobian
 from np_drake.diagnosis.forward_model import NEVER, STATE, Term, predicted_residual, with_dependants
-from np_drake.diagnosis.numerics import NoiseModel
-from np_drake.diagnosis.options import Options
+from np_drake.diagnosis.held_out import HeldOut
+from np_drake.diagnosis.numerics import Gram, NoiseModel
 from np_drake.diagnosis.residuals import FORCE, TORQUE, FlightResiduals
 from np_drake.diagnosis.selection import Ranking
 
@@ -50,16 +49,10 @@ class Blocks:
         """Return the Gram matrix (k + 1, k + 1) of shared columns and target, those of the flight
         integrated out.
         """
-        total = np.sum(self.grams, axis=0)
-        size = len(self.owners)
-        kept, gone = np.append(np.arange(self.shared), -1), np.arange(self.shared, size)
-        factor = linalg.cholesky(
-            total[np.ix_(gone, gone)] + np.eye(len(gone)), lower=True, check_finite=False
-        )
-        B = linalg.solve_triangular(
-            factor, total[np.ix_(gone, kept)], lower=True, check_finite=False
-        )
-        return total[np.ix_(kept, kept)] - B.T @ B
+        own = np.arange(self.shared, len(self.owners))
+        order = np.concatenate([own, np.arange(self.shared), [-1]])
+        total = np.sum(self.grams, axis=0)[np.ix_(order, order)]
+        return Gram(total, total[-1]).given(len(own)).XX
 
     def scores(self, known: Sequence[np.ndarray]) -> np.ndarray:
         """Return the log score (n,) of each block, predicted from other flights and the blocks
@@ -101,9 +94,8 @@ class Support:
     and held-out flight.
 
     total: of all training flights [nat]: each predicted from the others; of an effect that the
-    calibration can take,
-        whose size is improbable for a healthy vehicle, from those before it, the first from priors
-        alone.
+        calibration can take, whose size is improbable for a healthy vehicle, from those before it,
+        the first from priors alone.
     gains: (n,) of the training flights; flights: (n,) their names.
     held_out: (m,) of held-out flights.
     """
@@ -148,23 +140,15 @@ def _error(gains: np.ndarray) -> float:
     )
 
 
-def support_of(
-    fit: Fit,
-    flights: Sequence[FlightResiduals],
-    held_out: Sequence[FlightResiduals],
-    adapted: Mapping[str, Sequence[Term]],
-    noise: NoiseModel,
-    options: Options,
-) -> list[Support]:
-    """Return the support of every term of a fit.
+def support_of(ranking: Ranking, held: HeldOut) -> list[Support]:
+    """Return the support of every term of the best fit.
 
     The model is linear about the fit. Hidden states and what differs from flight to flight are free
-    in every flight. adapted: by held-out flight, the terms with onsets and hidden states as they
-    are there.
+    in every flight. On held-out flights onsets and hidden states are as they are there.
     """
-    tolerance = options.tolerance
-    vehicle = vehicle_columns(flights, tolerance, options.priors)
-    every = [*flights, *held_out]
+    fit, flights, tolerance = ranking.best, ranking.problem.flights, ranking.options.tolerance
+    vehicle = vehicle_columns(flights, tolerance, ranking.options.priors)
+    every = [*flights, *held.flights]
     columns = {e.name: ([of(e) for of in vehicle], errors_of(e, tolerance)) for e in every}
 
     def linear_without(gone: set[int]) -> dict[str, Blocks]:
@@ -172,40 +156,36 @@ def support_of(
         blocks = {}
         shared = [f for f in fit.free if not f.flight and f.term not in gone]
         for e in every:
-            now = list(adapted.get(e.name, fit.everything))
+            now = list(held.whole_flight_terms.get(e.name, fit.everything))
             swings = [f for f in _swings(fit, e, now) if f.term not in gone]
             for k in gone:
                 now[k] = dc.replace(now[k], onset={e.name: NEVER})
-            blocks[e.name] = _blocks(e, now, (shared, swings), noise, *columns[e.name])
+            blocks[e.name] = _blocks(e, now, shared, swings, ranking.noise, *columns[e.name])
         return blocks
 
     def scores(blocks: dict[str, Blocks]) -> tuple[float, np.ndarray, np.ndarray]:
         """Return log scores [nat]: of all training flights in turn, of each block from the other
         flights, of held-out.
         """
-        training = [blocks[e.name] for e in flights]
-        known = [b.of_others() for b in training]
-        turns = sum(float(b.scores(known[:i]).sum()) for i, b in enumerate(training))
-        others = [
-            b.scores([*known[:i], *known[i + 1 :]])
-            for i, b in enumerate(training)
-            if not flights[i].earlier
-        ]
-        judged = [blocks[e.name].scores(known) for e in held_out]
-        return turns, np.concatenate(others), np.concatenate(judged or [np.zeros(0)])
+        known = [blocks[e.name].of_others() for e in flights]
+        turns, others = 0.0, []
+        for i, e in enumerate(flights):
+            turns += float(blocks[e.name].scores(known[:i]).sum())
+            if not e.earlier:
+                others.append(blocks[e.name].scores([*known[:i], *known[i + 1 :]]))
+        judged = [np.zeros(0), *(blocks[e.name].scores(known) for e in held.flights)]
+        return turns, np.concatenate(others), np.concatenate(judged)
 
     whole = linear_without(set())
     best, found = scores(whole), []
     names = tuple(e.name for e in flights if not e.earlier for _ in whole[e.name].values)
-    calibrated = {t.effect.identifier for t in fit.calibration}
     own = (*of_vehicle(flights[0], tolerance), *of_flight(flights[0], tolerance))
-    calibrated |= {d.effect.identifier for d in own}
+    calibrated = {d.effect.identifier for d in own} | {t.effect.identifier for t in fit.calibration}
     for i, term in enumerate(fit.terms):
         gone = with_dependants(fit.terms, i)
         # A wind is in the derivatives of the drag through which it acts.
-        through = term.effect.needs
         left = {name: b.without(gone) for name, b in whole.items()}
-        rest = scores(linear_without(gone) if through else left)
+        rest = scores(linear_without(gone) if term.effect.needs else left)
         gains = best[1] - rest[1]
         total = best[0] - rest[0] if term.effect.identifier in calibrated else float(gains.sum())
         total += fit.onset_prior_of(i)  # an onset is of the flight itself that it predicts
@@ -231,15 +211,15 @@ def _swings(fit: Fit, e: FlightResiduals, now: Sequence[Term]) -> list[Free]:
 def _blocks(
     e: FlightResiduals,
     now: Sequence[Term],
-    free: tuple[Sequence[Free], Sequence[Free]],
+    shared: Sequence[Free],
+    own: Sequence[Free],
     noise: NoiseModel,
     vehicle: Sequence[np.ndarray],
     errors: np.ndarray,
 ) -> Blocks:
-    """Return the blocks of a flight, linear about the terms; `free` are parameters of all flights,
-    and of this one.
+    """Return the blocks of a flight, linear about the terms; parameters `shared` by all flights,
+    and its own.
     """
-    shared, own = free
     every, n = [*shared, *own], len(shared)
     scale, neutral = (np.array([getattr(f, name) for f in every]) for name in ("scale", "neutral"))
     away = (read(now, every) - neutral) / scale
@@ -250,13 +230,10 @@ def _blocks(
     white = e.white(noise, np.concatenate(parts, axis=-1))[:, noise.active]
     count = max(1, round(len(white) * e.grid.step / LENGTH))
     rows = [part.reshape(-1, part.shape[-1]) for part in np.array_split(white, count) if len(part)]
-    sizes = [n, sum(X.shape[-1] for X in vehicle), len(own), errors.shape[-1]]
-    owners = np.full(sum(sizes), -1)
-    owners[:n], owners[sum(sizes[:2]) : sum(sizes[:3])] = (
-        [f.term for f in shared],
-        [f.term for f in own],
-    )
-    return Blocks([part.T @ part for part in rows], [len(r) for r in rows], owners, sum(sizes[:2]))
+    none = [-1] * sum(X.shape[-1] for X in vehicle)
+    owners = [f.term for f in shared] + none + [f.term for f in own] + [-1] * errors.shape[-1]
+    grams, values = [part.T @ part for part in rows], [len(part) for part in rows]
+    return Blocks(grams, values, np.array(owners, int), n + len(none))
 
 
 def _through_neutral(
@@ -265,8 +242,7 @@ def _through_neutral(
     """Return the derivatives (m, 15, k), changed so that they lead from each term to its absence.
 
     A term that is far from neutral is not linear in its parameters: its derivative there would
-    predict something of
-    its absence.   Source: secant update of rank one (Broyden).
+    predict something of its absence. Source: secant update of rank one (Broyden).
     """
     J, whole = J.copy(), predicted_residual(e, now)
     for i in {f.term for f in free}:
@@ -286,9 +262,9 @@ def visible_changes(ranking: Ranking) -> dict[str, float]:
     material. Effects of one parameter alone; beside the best model.
     Source: Laplace approximation of the evidence.
     """
-    problem, options, found = ranking.problem, ranking.options, dict[str, float]()
+    problem, priors, found = ranking.problem, ranking.options.priors, dict[str, float]()
     earlier = {e.name for e in problem.flights if e.earlier}
-    later, least = [e for e in problem.flights if not e.earlier], options.materiality
+    later, least = [e for e in problem.flights if not e.earlier], ranking.options.materiality
     command = np.concatenate(
         [e.nominal[:, TORQUE] - e.nominal[:, TORQUE].mean(axis=0) for e in later]
     )
@@ -300,11 +276,10 @@ def visible_changes(ranking: Ranking) -> dict[str, float]:
         (p,) = (p for p in effect.parameters if not p.choices)
         others = [i for i in own if not {*problem.candidates[i].identifiers} & {*c.identifiers}]
         (deviation,) = problem.deviations(k, others)
-        paid = LEAST - options.priors.of_effect(effect.identifier) + 0.5 * np.log1p(deviation**-2)
+        paid = LEAST - priors.of_effect(effect.identifier) + 0.5 * np.log1p(deviation**-2)
         part = np.concatenate([c.columns[e.name][..., 0] for e in later])
-        force = np.linalg.norm(part[:, FORCE]) / (
-            np.sqrt(len(part)) * later[0].weight * least.force
-        )
+        weight = np.sqrt(len(part)) * later[0].weight
+        force = np.linalg.norm(part[:, FORCE]) / (weight * least.force)
         torque = np.linalg.norm(part[:, TORQUE]) / (np.linalg.norm(command) * least.torque)
         size = max(deviation * np.sqrt(2 * paid), 1.0 / max(force, torque, 1e-12))
         name, unit = f"{effect.identifier}.{p.name}", abs(getattr(effect, p.name) - p.neutral)

@@ -1,11 +1,15 @@
 """Examination of flight logs before a diagnosis: usable or not, and which effects they can tell.
 
-`LogReport.as_json` gives the content of `np-drake doctor --json`.
+An effect is told from some size on, beside nuisance and what it resembles. `LogReport.as_json` is
+the content of `np-drake doctor --json`.
 """
 
 import dataclasses as dc
 import math
 from collections.abc import Callable, Mapping, Sequence
+from functools import reduce
+from itertools import pairwise
+from operator import add
 from typing import Any
 
 import numpy as np
@@ -18,27 +22,34 @@ from np_drake.diagnosis.doctor.flight_facts import (
     flight_facts,
     law_doubts,
 )
-from np_drake.diagnosis.doctor.smallest_sizes import (
-    Information,
-    Smallest,
-    explain,
-    nearest_usual,
-    smallest_gust,
-    smallest_sizes,
-    traces,
+from np_drake.diagnosis.gap import excitation, excited, manoeuvre, tells_apart
+from np_drake.diagnosis.numerics import Gram, NoiseModel, scale_only
+from np_drake.diagnosis.options import Options, Priors
+from np_drake.diagnosis.regressors import (
+    DRAG,
+    PAYLOAD,
+    WIND,
+    Candidate,
+    hidden_from,
+    library_candidates,
+    options_of,
+    payloads_of,
+    wind_candidates,
 )
-from np_drake.diagnosis.localisation import excitation, excited, manoeuvre, tells_apart
-from np_drake.diagnosis.regressors import DRAG, PAYLOAD, WIND, options_of
 from np_drake.diagnosis.residuals import (
     FORCE,
     LEAST_DURATION,
+    FlightResiduals,
     common_step,
+    find_outliers,
     make_flight_residuals,
     require_alike,
 )
 from np_drake.diagnosis.result import CHANNELS
+from np_drake.diagnosis.selection.map_model import noise_of
+from np_drake.effects.base import Parameter, correlation_root
 from np_drake.effects.gusty_wind import GustyWind
-from np_drake.effects.library import LIBRARY, effects_for, unobservable
+from np_drake.effects.library import LIBRARY, effect_of, effects_for
 from np_drake.effects.parameter import usual_size
 from np_drake.files.atomic_file import plain
 from np_drake.files.number_text import number
@@ -46,6 +57,290 @@ from np_drake.flight_log import FlightLog
 from np_drake.logs.importing.parts import FITS
 from np_drake.logs.inputs import with_hover_thrust
 from np_drake.vehicle import Vehicle
+
+TRACE_LENGTHS = np.geomspace(
+    0.3, 1.5, 5
+)  # of tethers at which an examination asks for a payload [m]; own choice
+LEAST_DRAG = 2.0  # posterior deviations from which a drag is taken as that of the vehicle [1]
+
+
+@dc.dataclass(frozen=True)
+class Trace:
+    """Columns (m, 15, k) by flight of one variant of an effect, for parameters at their usual size.
+
+    parameters: of the first columns; further columns are free beside them and not asked for.
+    typical: usual size of each.
+    size: for an effect that is not linear, the size at which its trace is predicted, in the
+        parameter's unit; None: it is linear.
+    """
+
+    identifier: str
+    parameters: tuple[Parameter, ...]
+    typical: tuple[float, ...]
+    columns: dict[str, np.ndarray]
+    size: float | None = None
+
+    @property
+    def width(self) -> int:
+        """Number of columns."""
+        return next(iter(self.columns.values())).shape[-1]
+
+
+def traces(flights: Sequence[FlightResiduals], priors: Priors) -> list[Trace]:
+    """Return the traces of all variants of all effects that such logs can show; payloads at
+    `TRACE_LENGTHS`, a steady wind through the usual drag of such a vehicle.
+
+    Gusts have none: they are a noise.
+    """
+    plain = library_candidates(flights)
+    found = [_of_candidate(c, flights) for c in plain]
+    wind = LIBRARY[WIND].parameters
+    for c in wind_candidates(flights, plain)[:1]:
+        columns = {n: X[..., 3:] for n, X in c.columns.items()}
+        found.append(Trace(WIND, wind, tuple(p.typical for p in wind), columns))
+    told = PAYLOAD in LIBRARY and PAYLOAD not in hidden_from(flights)
+    for payload in payloads_of(flights, TRACE_LENGTHS, priors) if told else ():
+        mass, columns = LIBRARY[PAYLOAD].parameters[:1], payload.candidate(flights).columns
+        usual = usual_size(mass[0], flights[0].vehicle)
+        for X in columns.values():
+            X[..., 0] *= usual / payload.unit
+        found.append(Trace(PAYLOAD, mass, (usual,), columns))
+    return found
+
+
+def _of_candidate(c: Candidate, flights: Sequence[FlightResiduals]) -> Trace:
+    (identifier,) = c.identifiers
+    effect = effect_of(identifier)
+    free = tuple(p for p in effect.parameters if not p.choices)
+    vehicle = flights[0].vehicle
+    usual = tuple(usual_size(p, vehicle) for p in free)
+    if effect.linear or len(free) < len(effect.parameters) or not effect.grid(vehicle):
+        alone = np.linalg.inv(correlation_root(effect))  # each parameter by itself
+        return Trace(identifier, free, usual, {n: X @ alone for n, X in c.columns.items()})
+    values = next(iter(c.terms(np.array([0.5])))).effect.values
+    size = values[free[0].name] - free[0].neutral
+    # At that size; a coefficient of one half stands for it.
+    half = {n: 0.5 * X for n, X in c.columns.items()}
+    return Trace(identifier, free[:1], (usual[0],), half, size)
+
+
+def nearest_usual(found: Sequence[Trace]) -> list[Trace]:
+    """Return one trace of each effect: of those that are not linear, the one nearest its usual
+    size.
+    """
+
+    def away(trace: Trace) -> float:
+        return 0.0 if trace.size is None else abs(math.log(abs(trace.size) / trace.typical[0]))
+
+    names = dict.fromkeys(trace.identifier for trace in found)
+    return [min((t for t in found if t.identifier == name), key=away) for name in names]
+
+
+def explain(
+    flights: Sequence[FlightResiduals],
+    nuisance: Sequence[Candidate],
+    traces: Sequence[Trace],
+    options: Options,
+) -> tuple[list[FlightResiduals], NoiseModel, float | None]:
+    """Fit all traces and the nuisance together, and return the flights with their outliers known,
+    what is left as noise, and the mean lateral drag [N·s/m]; None where that is not told from zero.
+
+    An effect that is in the logs does not count as noise; what no effect explains does.
+
+    Args:
+        nuisance: nuisance columns, with prior N(0, 1).
+        options: tolerances of sensors, and the share of a linear prediction that is wrong.
+    """
+    step = flights[0].grid.step
+    _, residual = _fitted(flights, nuisance, traces, scale_only([e.y for e in flights], step))
+    flights = [
+        dc.replace(e, outliers=find_outliers(r, step))
+        for e, r in zip(flights, residual, strict=True)
+    ]
+    channels = [e.bridged(e.y) for e in flights]
+    noise, drag = scale_only(channels, step), None
+    for _ in range(2):
+        drag, residual = _fitted(flights, nuisance, traces, noise)
+        noise = noise_of(flights, residual, channels, options, options.priors.linear_error)
+    return flights, noise, drag
+
+
+def _fitted(
+    flights: Sequence[FlightResiduals],
+    nuisance: Sequence[Candidate],
+    traces: Sequence[Trace],
+    noise: NoiseModel,
+) -> tuple[float | None, list[np.ndarray]]:
+    """Return the mean lateral drag [N·s/m], None where it is not told from zero, and by flight the
+    residual (m, 15) without outliers.
+    """
+    blocks = [c.columns for c in nuisance] + [t.columns for t in traces]
+    total = reduce(add, (e.gram(noise, [b[e.name] for b in blocks]) for e in flights))
+    mean, covariance = total.posterior(np.arange(len(total.Xy)))
+    residual = []
+    for e in flights:
+        columns = np.concatenate([b[e.name] for b in blocks], axis=-1)
+        residual.append(e.bridged(e.y - columns @ mean))
+    at, drag = sum(c.size for c in nuisance), None
+    for trace in traces:
+        if trace.identifier == DRAG:
+            drag = _drag(trace, mean[at : at + 2], np.diag(covariance)[at : at + 2])
+        at += trace.width
+    return drag, residual
+
+
+def _drag(trace: Trace, mean: np.ndarray, variance: np.ndarray) -> float | None:
+    """Return the mean of lateral drags (2,) by their precision; None where it is not told."""
+    weight = 1.0 / variance
+    size = float(weight @ mean / weight.sum())
+    return size * trace.typical[0] if size > LEAST_DRAG * weight.sum() ** -0.5 else None
+
+
+DEVIATIONS = 3.0  # 99.7 %
+RESEMBLES = (
+    2.0  # factor by which another effect must widen the smallest size to be named [1]; own choice
+)
+MOST_BESIDE = 3  # effects that are named and modelled beside one [1]; own choice
+NESTED = (
+    1e-3  # share of a trace outside another's, below which it is a case of that [1]; own choice
+)
+SINGULAR = 1e-9  # share of the largest information below which there is none [1]
+
+
+@dc.dataclass(frozen=True)
+class Smallest:
+    """Smallest sizes (k,) of the parameters of an effect, in their units: alone, and beside those
+    it resembles.
+    """
+
+    identifier: str
+    parameters: tuple[str, ...]
+    alone: np.ndarray
+    beside: np.ndarray
+    resembles: tuple[str, ...]
+
+
+class Information:
+    """Whitened inner products of traces, less what nuisance parameters explain.
+
+    Args:
+        nuisance: nuisance columns, with prior N(0, 1).
+    """
+
+    def __init__(
+        self,
+        flights: Sequence[FlightResiduals],
+        noise: NoiseModel,
+        nuisance: Sequence[Candidate],
+        traces: Sequence[Trace],
+    ):
+        self.traces = list(traces)
+        blocks = [c.columns for c in nuisance] + [t.columns for t in traces]
+        total = reduce(add, (e.gram(noise, [b[e.name] for b in blocks]) for e in flights))
+        self._gram = total.given(sum(c.size for c in nuisance))
+        spans = pairwise(np.cumsum([0] + [t.width for t in traces]).tolist())
+        self._at = {id(t): np.arange(*span) for t, span in zip(self.traces, spans, strict=True)}
+
+    def deviations(self, trace: Trace, beside: Sequence[Trace] = ()) -> np.ndarray:
+        """Return the deviation (k,) of a trace's coefficients over their usual size, beside others
+        with their prior.
+
+        Further columns of the trace itself have that prior too.
+        """
+        asked, further = np.split(self._at[id(trace)], [len(trace.parameters)])
+        index = np.concatenate([further, *(self._at[id(t)] for t in beside), asked])
+        own = Gram(self._gram.XX[np.ix_(index, index)], self._gram.Xy[index])
+        scale = np.sqrt(np.maximum(self._gram.XX[asked, asked], 1e-12))
+        unit = own.given(len(index) - len(asked)).XX / np.outer(scale, scale)
+        values, vectors = np.linalg.eigh(0.5 * (unit + unit.T))
+        variance = (vectors**2) @ (1 / np.maximum(values, SINGULAR))
+        return np.sqrt(variance) / scale
+
+    def inside(self, trace: Trace, other: Trace) -> bool:
+        """Return whether a trace is that of an effect with more parameters, of which it is the
+        simpler case.
+        """
+        a, b = self._at[id(trace)], self._at[id(other)]
+        own, cross, theirs = (self._gram.XX[np.ix_(i, j)] for i, j in ((a, a), (a, b), (b, b)))
+        # Of a flight in which the other leaves nothing, it is no case of that.
+        if len(other.parameters) <= len(trace.parameters) or not np.trace(theirs) > 0:
+            return False
+        ridge = SINGULAR * np.trace(theirs) * np.eye(len(b))
+        left = np.diag(own - cross @ np.linalg.solve(theirs + ridge, cross.T))
+        return bool(np.all(left < NESTED * np.diag(own)))
+
+
+def smallest_sizes(information: Information) -> list[Smallest]:
+    """Return the smallest sizes of all effects; of several variants, those of the variant that
+    shows least.
+    """
+    known, found = nearest_usual(information.traces), []
+    for main in known:
+        variants = [t for t in information.traces if t.identifier == main.identifier]
+        alone, near = _sizes(information, variants, ()), _sizes(information, [main], ())
+        wider = []
+        for other in known:
+            if other is not main and not information.inside(main, other):
+                ratio = float(np.max(_sizes(information, [main], [other]) / near))
+                wider += [(ratio, other)] * (ratio > RESEMBLES)
+        most = [t for _, t in sorted(wider, key=lambda pair: -pair[0])[:MOST_BESIDE]]
+        beside = np.maximum(alone, _sizes(information, variants, most))
+        names = tuple(p.name for p in main.parameters)
+        like = tuple(t.identifier for t in most)
+        found.append(Smallest(main.identifier, names, alone, beside, like))
+    return found
+
+
+def _sizes(
+    information: Information, variants: Sequence[Trace], beside: Sequence[Trace]
+) -> np.ndarray:
+    """Return the smallest size (k,) of each parameter."""
+    linear = [t for t in variants if t.size is None]
+    if linear:
+        sizes = [information.deviations(t, beside) * np.array(t.typical) for t in linear]
+        return np.max(DEVIATIONS * np.array(sizes), axis=0)
+    largest = 0.0
+    for sign in (1, -1):
+        at = {sign * t.size: t for t in variants if t.size is not None and sign * t.size > 0}
+        if at:
+            deviations = [information.deviations(at[size], beside)[0] for size in sorted(at)]
+            told = 1 / np.maximum(deviations, 1e-12)
+            largest = max(largest, _crossing(np.array(sorted(at)), told))
+    return np.array([largest])
+
+
+def _crossing(size: np.ndarray, told: np.ndarray) -> float:
+    """Return the size at which a trace is `DEVIATIONS` long, given its length at some sizes: a
+    power of the size.
+    """
+    x, y = np.log(size), np.log(np.maximum(told, 1e-9) / DEVIATIONS)
+    if len(x) == 1:
+        return float(size[0] * math.exp(-y[0]))
+    above = np.flatnonzero(y >= 0)
+    k = max(1, int(above[0])) if len(above) else len(x) - 1
+    slope = (y[k] - y[k - 1]) / (x[k] - x[k - 1])
+    return float(math.exp(x[k] - y[k] / max(slope, 0.3)))
+
+
+def smallest_gust(noise: NoiseModel, seconds: float, time: float = 1.0) -> float:
+    """Return the least deviation of a lateral force of gusts that is told from the noise [N].
+
+    The log likelihood of a spectrum is a sum over independent frequencies (Whittle), and so is the
+    information on the power of a first-order process.
+
+    Args:
+        seconds: length of all flights [s].
+        time: correlation time of the force [s].
+    """
+    frequency = np.arange(1, max(2, int(0.4 / noise.step * seconds))) / seconds
+    gust = (
+        4 * time / (1 + (2 * np.pi * frequency * time) ** 2)
+    )  # one-sided, of unit variance [1/Hz]
+    information = sum(
+        np.sum((gust / own) ** 2) for own in noise.spectrum(frequency)[:2] if own[0] > 0
+    )
+    return math.sqrt(DEVIATIONS / math.sqrt(information)) if information > 0 else math.inf
+
 
 YES, NO, NEVER = "yes", "no", "never"
 
@@ -55,8 +350,8 @@ class Answer:
     """Whether a log can tell one parameter of an effect.
 
     smallest: size that is told from zero at 99.7 % (three posterior deviations), beside nuisance
-    parameters and the
-    effects named in `beside`; infinite: none.   alone: the same beside nuisance parameters only.
+    parameters and the effects named in `beside`; infinite: none. alone: the same beside nuisance
+    parameters only.
     typical: usual size for a vehicle of this mass and arm.
     verdict: `yes` (smallest is at most typical), `no`, or `never` (a log of this kind has no trace
         of it).
@@ -199,11 +494,6 @@ def _with_answers(
     cleared, noise, drag = explain(flights, nuisance, [*near, *hung], options)
     tell(0.8, "smallest sizes")
     information = Information(cleared, noise, nuisance, every)
-    known: dict[str, Any] = {
-        "accelerations": logs[0].a is not None,
-        "torque": flights[0].knows_torque,
-        "lacks": sorted({quantity for log in logs for quantity in log.lacks}),
-    }
     gust = smallest_gust(noise, moving["duration [s]"])
     smallest = smallest_sizes(information)
     still = nothing_moves(moving, logs)
@@ -217,7 +507,7 @@ def _with_answers(
         excitation=moving,
         residual_force=dict(zip("xyz", force.tolist(), strict=True)),
         noise_floor=dict(zip(CHANNELS, noise.rms.tolist(), strict=False)),
-        answers=answers(smallest, gust, drag, vehicle, log_input=logs[0].input, **known),
+        answers=answers(smallest, gust, drag, flights),
     )
 
 
@@ -245,13 +535,7 @@ def _require(logs: Sequence[FlightLog]) -> None:
 
 
 def answers(
-    found: Sequence[Smallest],
-    gust: float,
-    drag: float | None,
-    vehicle: Vehicle,
-    *,
-    log_input: str,
-    **known: Any,
+    found: Sequence[Smallest], gust: float, drag: float | None, flights: Sequence[FlightResiduals]
 ) -> tuple[Answer, ...]:
     """Return an answer for each parameter of each effect: told, not told, never told, in the order
     of the library.
@@ -259,13 +543,13 @@ def answers(
     found: smallest sizes; those of the wind are for the usual drag of such a vehicle.
     gust: least deviation of the force of gusts [N]. drag: that of the vehicle, where it is known
     [N·s/m]: winds act through it.
-    known: whether the log has `accelerations` and `torque`, and what it `lacks`.
     """
-    hidden, sizes = unobservable(log_input, **known), {s.identifier: s for s in found}
+    hidden, sizes = hidden_from(flights), {s.identifier: s for s in found}
+    vehicle = flights[0].vehicle
     usual_drag = usual_size(LIBRARY[DRAG].parameters[0], vehicle)
     through = "with their drag" if drag else "with usual drag: these flights tell none"
     out: list[Answer] = []
-    for name, effect in effects_for(log_input).items():
+    for name, effect in effects_for(flights[0].log.input).items():
         parameters, fly = {p.name: p for p in effect.parameters}, manoeuvre((name,))
         p = next(p for p in effect.parameters if not p.choices)
         if name in hidden:

@@ -1,8 +1,7 @@
 """What a flight log shows by itself: its facts, and what stands against any answer from it.
 
 Laws that fail and a large share of the weight are said first by `np-drake doctor`, and by a
-diagnosis
-before its answer.
+diagnosis before its answer.
 """
 
 import dataclasses as dc
@@ -135,37 +134,34 @@ def law_doubts(log: FlightLog) -> list[Doubt]:
         return [
             Doubt(log.name, f"{flat} ({1e3 * needed:.0f} mrad): its pose is planar", fails=True)
         ]
-    aside = told_by_noise(own)
-    lift = [law for law in failing(own) if law.startswith("lift")]
-    other = [law for law in failing(own) if law not in (*aside, *lift)]
-    found = []
-    if other:
+    aside, failed, found = told_by_noise(own), failing(own), []
+    lift = [law for law in failed if law.startswith("lift")]
+    if other := [law for law in failed if law not in (*aside, *lift)]:
         laws = f"{', '.join(other)} contradict each other"
         found.append(Doubt(log.name, f"{laws}; check columns, frames and units", fails=True))
     if lift:
         opposed = any(own[law] >= OPPOSED for law in lift)
-        what = (
-            f"misfit of {_shown(lift, own)} ({SCALE}): horizontal acceleration is not along "
-            f"the thrust axis"
-        )
-        why = (
-            "check attitude and frames"
-            if opposed
-            else "another force acts, or the attitude is wrong"
-        )
+        what = f"{_misfit(lift, own)}: horizontal acceleration is not along the thrust axis"
+        why = "another force acts, or the attitude is wrong"
+        why = "check attitude and frames" if opposed else why
         found.append(Doubt(log.name, f"{what}; {why}", fails=opposed))
     if aside:
-        what = f"misfit of {_shown(aside, own)} ({SCALE}): no more than noise or drift of a sensor"
-        found.append(Doubt(log.name, what))
-    late = [lag for lag in lags_of_state(log).values() if lag.beyond_doubt]
-    if late:
-        what = ", ".join(
-            f"{lag.late} {1e3 * lag.seconds:+.0f} ms after {lag.early}" for lag in late
-        )
         found.append(
-            Doubt(log.name, f"{what}: stamps of two clocks; np-drake import takes that out")
+            Doubt(log.name, f"{_misfit(aside, own)}: no more than noise or drift of a sensor")
         )
+    late = ", ".join(
+        f"{lag.late} {1e3 * lag.seconds:+.0f} ms after {lag.early}"
+        for lag in lags_of_state(log).values()
+        if lag.beyond_doubt
+    )
+    if late:
+        what = f"{late}: stamps of two clocks; np-drake import takes that out"
+        found.append(Doubt(log.name, what))
     return found
+
+
+def _misfit(laws: Sequence[str], own: dict[str, float]) -> str:
+    return f"misfit of {', '.join(f'{law} {own[law]:.2g}' for law in laws)} ({SCALE})"
 
 
 def lags_of_state(log: FlightLog) -> dict[str, Lag]:
@@ -177,18 +173,9 @@ def lags_of_state(log: FlightLog) -> dict[str, Lag]:
 def _evenly(log: FlightLog, finest: float = LEAST_STEP) -> tuple[np.ndarray, dict[str, np.ndarray]]:
     """Return evenly spaced times and the quantities at them, of the first `MOST_ROWS` rows."""
     log = log.rows(0, MOST_ROWS)
-    x = {"rates": log.w}
-    x |= {
-        name: values
-        for name, (lack, values) in (
-            {
-                "position": ("height", log.p),
-                "velocity": ("velocity", log.v),
-                "attitude": ("attitude", log.q),
-            }
-        ).items()
-        if lack not in log.lacks
-    }
+    known = {"position": ("height", log.p), "velocity": ("velocity", log.v)}
+    x = {name: values for name, (lack, values) in known.items() if lack not in log.lacks}
+    x["rates"] = log.w
     if log.a is not None:
         g = np.array([0.0, 0.0, GRAVITY])
         # Without attitude as `convert` leaves it: the specific force in body axes, less g.
@@ -196,17 +183,10 @@ def _evenly(log: FlightLog, finest: float = LEAST_STEP) -> tuple[np.ndarray, dic
             attitude.rotate_back(log.q, log.a + g) - g if "attitude" in log.lacks else log.a
         )
     even = np.arange(log.t[0], log.t[-1], max(log.step, finest))
-    near = np.cumprod(
-        np.concatenate([[1.0], np.where(np.sum(log.q[1:] * log.q[:-1], axis=1) < 0, -1.0, 1.0)])
-    )
-    if "attitude" in x:
-        x["attitude"] = log.q * near[:, None]
-    at = {
-        name: np.stack([np.interp(even, log.t, c) for c in values.T], axis=1)
-        for name, values in x.items()
-    }
-    if "attitude" in at:
-        at["attitude"] /= np.linalg.norm(at["attitude"], axis=1, keepdims=True)
+    at = {name: Signal(log.t, values).linear(even) for name, values in x.items()}
+    if "attitude" not in log.lacks:
+        q = Signal(log.t, attitude.one_hemisphere(log.q, log.q[0])).linear(even)
+        at["attitude"] = q / np.linalg.norm(q, axis=1, keepdims=True)
     return even, at
 
 
@@ -215,11 +195,9 @@ def _residual(e: FlightResiduals) -> list[Doubt]:
     worst = int(np.argmax(share))
     if share[worst] <= MOST_RESIDUAL:
         return []
-    where = f"{share[worst]:.0%} of the weight along body {'xyz'[worst]}"
-    remedy = "check mass, thrust coefficient, units and columns before any answer"
-    return [
-        Doubt(e.name, f"the vehicle file misses {where}: {remedy}", fails=bool(share[2] > NO_LIFT))
-    ]
+    missed = f"the vehicle file misses {share[worst]:.0%} of the weight along body {'xyz'[worst]}"
+    what = f"{missed}: check mass, thrust coefficient, units and columns before any answer"
+    return [Doubt(e.name, what, fails=bool(share[2] > NO_LIFT))]
 
 
 def _torque(e: FlightResiduals) -> list[Doubt]:
@@ -231,31 +209,19 @@ def _torque(e: FlightResiduals) -> list[Doubt]:
         return []
     out = []
     for axis, correlation, ratio in zip("xyz", *found, strict=True):
-        about = f"torque about body {axis}"
+        what = ""
         if correlation < -TOLD:
-            what = f"goes against J dw/dt (correlation {correlation:.2f})"
-            out.append(
-                Doubt(
-                    e.name, f"{about} {what}; check signs and the order of the rotors", fails=True
-                )
-            )
+            against = f"goes against J dw/dt (correlation {correlation:.2f})"
+            what = f"{against}; check signs and the order of the rotors"
         # Noise lies on both: the factor is between the regressions of one on the other.
         elif correlation > TOLD and (
             correlation * ratio > FACTOR or ratio / correlation < 1 / FACTOR
         ):
-            what = f"is not what turns the vehicle, {ratio:.2g} times as much"
-            out.append(
-                Doubt(
-                    e.name,
-                    f"{about} {what}; check inertia, arms and torque coefficient",
-                    fails=True,
-                )
-            )
+            turns = f"is not what turns the vehicle, {ratio:.2g} times as much"
+            what = f"{turns}; check inertia, arms and torque coefficient"
+        if what:
+            out.append(Doubt(e.name, f"torque about body {axis} {what}", fails=True))
     return out
-
-
-def _shown(laws: Sequence[str], own: dict[str, float]) -> str:
-    return ", ".join(f"{law} {own[law]:.2g}" for law in laws)
 
 
 def lags(log: FlightLog, vehicle: Vehicle | None = None) -> tuple[Lag, ...]:
@@ -301,7 +267,6 @@ def flight_facts(log: FlightLog, vehicle: Vehicle | None = None) -> FlightFacts:
             known, and usual sensors are taken.
     """
     interval = np.diff(log.t)
-    head = log.rows(0, MOST_ROWS)
     usual = MeasurementNoise() if vehicle is None else vehicle.measurement_noise
     return FlightFacts(
         name=log.name,
@@ -314,7 +279,7 @@ def flight_facts(log: FlightLog, vehicle: Vehicle | None = None) -> FlightFacts:
         input=log.input,
         timing=log.timing,
         signals=tuple(_signals(log, usual)),
-        misfits=misfits(*_evenly(head)),
+        misfits=misfits(*_evenly(log)),
         lags=lags(log, vehicle),
         motion=_motion(log),
         saturated=_saturated(log, vehicle),
@@ -351,9 +316,7 @@ def _motion(log: FlightLog) -> dict[str, float]:
 
 def _saturated(log: FlightLog, vehicle: Vehicle | None) -> float | None:
     """Return the share of rows in which a rotor is at a limit [1]; None where no limit is known."""
-    if vehicle is not None and np.isfinite(log.u).all():
-        thrust = log.u @ vehicle.unmixer.T
-        most = NEAR_LIMIT * vehicle.max_rotor_thrust
-        least = (1 - NEAR_LIMIT) * vehicle.max_rotor_thrust
-        return float(np.mean(np.any((thrust > most) | (thrust < least), axis=1)))
-    return None
+    if vehicle is None or not np.isfinite(log.u).all():
+        return None
+    share = log.u @ vehicle.unmixer.T / vehicle.max_rotor_thrust
+    return float(np.mean(np.any((share > NEAR_LIMIT) | (share < 1 - NEAR_LIMIT), axis=1)))

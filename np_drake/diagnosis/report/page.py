@@ -1,24 +1,96 @@
 """The report's folder: HTML page, JSON and figures, all made before anything is written."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
+import numpy as np
 from matplotlib.figure import Figure
 
-from np_drake.diagnosis.report import answer as summary
 from np_drake.diagnosis.report import words
-from np_drake.diagnosis.report.answer import GAP_HEADER, gap_rows, headline, lead, remains
-from np_drake.diagnosis.report.figures import regime_figure, replay_figure
-from np_drake.diagnosis.result import Diagnosis
+from np_drake.diagnosis.result import Diagnosis, Regime, ReplayGap
 from np_drake.files.atomic_file import require_writable, write_json
+from np_drake.files.figure_file import PALETTE, new_figure
 from np_drake.files.page import Section, write_page
+
+BEFORE, AFTER, NOISE = PALETTE[1], PALETTE[0], "0.25"
+PLAIN_TICKS = "{x:g}"  # 0.01, 0.1, 1 instead of powers of ten
+NOMINAL, WITH = "nominal simulator", "with the causes"  # in every legend
+
+
+def legend(figure: Figure) -> None:
+    """Add one legend above all panels, with every label once."""
+    shown = {
+        label: handle
+        for ax in figure.get_axes()
+        for handle, label in zip(*ax.get_legend_handles_labels(), strict=True)
+    }
+    figure.legend(
+        list(shown.values()),
+        list(shown),
+        loc="outside upper center",
+        ncols=max(len(shown), 1),
+        frameon=False,
+    )
+
+
+def replay_figure(before: ReplayGap | None, after: ReplayGap | None) -> Figure:
+    """Return the median replay error against horizon on logarithmic axes, with 95 % intervals.
+
+    One panel each shows position, velocity and attitude.
+    """
+    figure, grid = new_figure(1, 3, width=9.0, height=3.1)
+    panels = (
+        ("position", "position [m]"),
+        ("velocity", "velocity [m/s]"),
+        ("attitude", "attitude [deg]"),
+    )
+    curves = ((before, NOMINAL, BEFORE, "o", "--"), (after, WITH, AFTER, "s", "-"))
+    for ax, (name, axis) in zip(grid[0], panels, strict=True):
+        ax.set(xscale="log", yscale="log", xlabel="horizon [s]", ylabel=f"error of {axis}")
+        for gap, label, colour, marker, dash in curves:
+            if gap is None:
+                continue
+            values = np.asarray(getattr(gap, name), float)
+            values = np.where(np.isfinite(values) & (values > 0), values, np.nan)
+            ax.fill_between(
+                gap.horizon, values[:, 1], values[:, 2], color=colour, alpha=0.22, linewidth=0
+            )
+            ax.plot(
+                gap.horizon, values[:, 0], color=colour, marker=marker, linestyle=dash, label=label
+            )
+            ax.set_xticks(gap.horizon, [f"{h:g}" for h in gap.horizon])
+            ax.set_xticks([], minor=True)
+        ax.yaxis.set_major_formatter(PLAIN_TICKS)
+        ax.grid(alpha=0.3, linewidth=0.6)
+        ax.set_axisbelow(True)
+        ax.spines[["top", "right"]].set_visible(False)
+    legend(figure)
+    return figure
+
+
+def regime_figure(regimes: Sequence[Regime]) -> Figure:
+    """Return the residual over noise against each quantity, before and after: largest channel."""
+    names = list(dict.fromkeys(regime.quantity for regime in regimes))
+    figure, grid = new_figure(1, len(names), width=9.0, height=2.6, sharey=True)
+    curves = (("rms", NOMINAL, BEFORE, "--"), ("rms_after", WITH, AFTER, "-"))
+    for ax, name in zip(grid[0], names, strict=True):
+        group = [regime for regime in regimes if regime.quantity == name]
+        edges = [group[0].lower, *(regime.upper for regime in group)]
+        for field, label, colour, dash in curves:
+            values = [max(getattr(regime, field)) for regime in group]
+            ax.stairs(values, edges, color=colour, linestyle=dash, linewidth=1.6, label=label)
+        ax.axhline(1.0, color=NOISE, linestyle=":", linewidth=1.0, label="noise")
+        ax.set(xlabel=f"{name} [{group[0].unit}]", yscale="log")
+    grid[0, 0].set_ylabel("RMS residual over noise [1]")
+    legend(figure)
+    return figure
+
 
 TEMPLATE = Path(__file__).with_name("report.html.j2")
 PAGE, DATA = "report.html", "diagnosis.json"
-PICTURES = ("regimes", "replay")
 
 
 def content(diagnosis: Diagnosis, seed: int) -> dict[str, Any]:
@@ -30,9 +102,9 @@ def content(diagnosis: Diagnosis, seed: int) -> dict[str, Any]:
         "refit": None if diagnosis.refit is None else answer(diagnosis.refit),
         "new_on_held_out": [finding.text.rstrip(".") for finding in diagnosis.new_on_held_out],
         "calibrated": bool(diagnosis.calibration),
-        "difference_header": summary.DIFFERENCE_HEADER,
-        "differences": summary.difference_rows(diagnosis),
-        "next_steps": summary.next_steps(diagnosis),
+        "difference_header": words.DIFFERENCE_HEADER,
+        "differences": words.difference_rows(diagnosis),
+        "next_steps": words.next_steps(diagnosis),
         "replay": any(replays),
         "starts": next((gap.starts for gap in replays if gap), 0),
         "below_threshold": [
@@ -53,7 +125,7 @@ def content(diagnosis: Diagnosis, seed: int) -> dict[str, Any]:
             for name, value in identifiability.noise_floor.items()
         ],
         "doubts": diagnosis.doubts,
-        "warnings": summary.warnings(diagnosis),
+        "warnings": words.warnings(diagnosis),
         "flights": [
             *((name, "fit") for name in diagnosis.train),
             *((n, "judge") for n in diagnosis.held_out),
@@ -71,15 +143,15 @@ def content(diagnosis: Diagnosis, seed: int) -> dict[str, Any]:
 
 def answer(diagnosis: Diagnosis) -> dict[str, Any]:
     """Return headline, lead, tables and remainder of one answer; a report may hold two."""
-    header, rows = summary.cause_table(diagnosis)
+    header, rows = words.cause_table(diagnosis)
     return {
-        "headline": headline(diagnosis),
-        "lead": lead(diagnosis),
+        "headline": words.headline(diagnosis),
+        "lead": words.lead(diagnosis),
         "cause_header": header,
         "causes": rows,
-        "gap_header": GAP_HEADER,
-        "gap": gap_rows(diagnosis),
-        "remains": remains(diagnosis),
+        "gap_header": words.GAP_HEADER,
+        "gap": words.gap_rows(diagnosis),
+        "remains": words.remains(diagnosis),
         "unexplained": [
             (words.capital(words.described(f)), f.measurement) for f in diagnosis.unexplained
         ],
@@ -109,7 +181,7 @@ def write_report(
     require_writable(folder / PAGE)
     title = f"Sim-to-real diagnosis · {diagnosis.vehicle}"
     section = Section(TEMPLATE, content(diagnosis, seed) | {"beside": beside})
-    write_page(folder / PAGE, title, [section], dict.fromkeys(PICTURES) | figures(diagnosis))
+    write_page(folder / PAGE, title, [section], figures(diagnosis))
     found = diagnosis.as_json()
     # The head that every file of the project begins with (docs/reference/files.md).
     head = {"schema": found["schema"], "version": version("np_drake"), "seed": seed}
@@ -117,12 +189,11 @@ def write_report(
     return folder / PAGE
 
 
-def figures(diagnosis: Diagnosis) -> dict[str, Figure]:
-    """Return by name the figures for which the diagnosis has data."""
+def figures(diagnosis: Diagnosis) -> dict[str, Figure | None]:
+    """Return the figures by name; None where the diagnosis has no data for one."""
     regimes, reduction = diagnosis.localisation.regimes, diagnosis.gap_reduction
-    out: dict[str, Figure] = {}
-    if regimes:
-        out["regimes"] = regime_figure(regimes)
-    if reduction.replay_before is not None or reduction.replay_after is not None:
-        out["replay"] = replay_figure(reduction.replay_before, reduction.replay_after)
-    return out
+    replays = (reduction.replay_before, reduction.replay_after)
+    return {
+        "regimes": regime_figure(regimes) if regimes else None,
+        "replay": replay_figure(*replays) if any(replays) else None,
+    }

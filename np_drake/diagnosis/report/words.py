@@ -1,11 +1,23 @@
-"""Names, numbers and units as text for people."""
+"""Answer of a diagnosis in words: names and numbers, headline, causes, calibration, remainder."""
 
 import math
 import re
 import string
 from collections.abc import Sequence
 
-from np_drake.diagnosis.result import UNKNOWN, Cause, Estimate, Finding
+import numpy as np
+
+from np_drake.diagnosis.gap import CANNOT_TELL, manoeuvre
+from np_drake.diagnosis.result import (
+    UNKNOWN,
+    Cause,
+    Diagnosis,
+    Estimate,
+    Finding,
+    GapReduction,
+    Remainder,
+    gap_kinds,
+)
 from np_drake.effects.base import Effect
 from np_drake.effects.library import effect_of
 from np_drake.effects.parameter import departure
@@ -16,12 +28,13 @@ from np_drake.files.number_text import (
     fixed,
     measure,
     number,
+    of_at_least,
     percent,
+    probability,
     suited,
     with_unit,
 )
 from np_drake.files.number_text import UNITS as UNITS
-from np_drake.files.number_text import probability as probability
 
 
 def name_of(identifier: str) -> str:
@@ -152,3 +165,291 @@ def plain_name(name: str, longest: int = 36) -> str:
     """
     shown = "".join(sign if sign.isprintable() and ord(sign) < 0x250 else "?" for sign in name)
     return shown if len(shown) <= longest else f"{shown[: longest - 10]}…{shown[-9:]}"
+
+
+GAP_HEADER = ["held-out residual, RMS", "nominal", "with causes", "noise", "left"]
+
+
+def gap_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
+    """Return (kind, before, after, noise, left) of each kind of gap, and of all channels in noise
+    units.
+    """
+    rows = []
+    for part in gap_kinds(diagnosis.localisation.channels):
+        factor, unit = suited(part.before, part.unit)
+        sizes = [number(factor * value, 2) for value in (part.before, part.after, part.noise)]
+        rows.append((f"{part.kind} [{unit}]", *sizes, percent(part.left)))
+    total, share = diagnosis.gap_reduction, NOTHING
+    sizes = [number(value, 2) for value in (total.before, total.after, total.floor)]
+    if total.material:
+        low, high = total.ci95
+        least, most = (percent(min(1 - end, 1.0)) for end in (high, low))
+        share = f"{percent(total.left.share)} ({least.removesuffix(NBSP + '%')} to {most})"
+    return [*rows, ("all, over noise [1]", *sizes, share)]
+
+
+def sizes_left(left: Remainder) -> str:
+    """Return the remainder's force, torque and position error, as in '1.5 mN, 20 µN·m and 3 cm
+    after 1 s'.
+    """
+    sizes = [
+        measure(size, unit) for size, unit in ((left.force, "N"), (left.torque, "N·m")) if size > 0
+    ]
+    return listed([*sizes, f"{measure(left.position, 'm')} after 1{NBSP}s"])
+
+
+def remains(diagnosis: Diagnosis) -> str:
+    """Return how much of the held-out gap is left, and the probability that it is material."""
+    left = diagnosis.gap_reduction.left
+    if not diagnosis.gap_reduction.material:
+        return (
+            f"The held-out gap is immaterial: {measure(left.position_before, 'm')} after "
+            f"1{NBSP}s, beyond the noise."
+        )
+    said = f"{percent(left.share)} of the held-out gap is left beyond the noise"
+    return (
+        f"{said}: {sizes_left(left)}. Probability that this is material: "
+        f"{probability(left.probability)}."
+    )
+
+
+CONTRADICTED = -0.02  # held-out gain below which flights contradict a cause [1]; own choice
+# residual with the causes over that without, and over noise, from which it grows [1]; own choice
+GROWN = 1.1
+MOST_NAMED = 3  # causes in the headline; the table has all
+PLAIN_GAIN = 1.1  # ratio of errors of the replay from which it is better or worse [1]; own choice
+
+
+def headline(diagnosis: Diagnosis) -> str:
+    """Return the answer in one sentence: the causes, their share of the whole gap, and what the
+    replay makes of it.
+
+    At most `MOST_NAMED` causes are named, those with the largest share of the gap. Where the
+    held-out flights show no material gap, that is the answer, and nothing is named.
+    """
+    if diagnosis.cannot_tell:
+        return CANNOT_TELL
+    reduction, judges = diagnosis.gap_reduction, _judges(diagnosis)
+    left, sizes = reduction.left, sizes_left(reduction.left)
+    unknown = UNKNOWN in diagnosis.verdict
+    causes = named_causes(diagnosis)
+    if diagnosis.before:
+        since = f"since the flight{'s' * (len(diagnosis.before) > 1)} before"
+        left_over = f"; {percent(left.share)} of the gap on {judges} remains unexplained" * unknown
+        if not causes:
+            would = f"{seen(diagnosis)} would"
+            return f"Nothing changed {since} that these flights would show: {would}{left_over}"
+        named = [changed(c) for c in causes[:MOST_NAMED]]
+        named += [f"{len(causes) - len(named)} more"] * (len(causes) > len(named))
+        # What the balance of rotors alone tells explains nothing of the gap.
+        acts = reduction.material and any(np.isfinite(c.held_out_gain) for c in causes)
+        explained = f"; {_explained(diagnosis, causes)}" * acts
+        return f"Changed {since}: {listed(named)}{explained}{left_over}"
+    if not reduction.material:
+        return f"There is no material gap on {judges}"
+    if causes:
+        text = capital(_explained(diagnosis, causes))
+        told = f"probability that it is material {probability(left.probability)}"
+        rest = f"; {percent(left.share)} remains unexplained: {sizes} ({told})"
+        return text + rest * unknown
+    if unknown:
+        sure = probability(diagnosis.unknown_probability)
+        return f"No effect explains what is left on {judges} ({sure}): {sizes}"
+    calibrated = "with calibration, " if diagnosis.calibration else ""
+    return f"Nothing material is missing: {calibrated}the remainder on {judges} is {sizes}"
+
+
+def _explained(diagnosis: Diagnosis, causes: Sequence[Cause]) -> str:
+    """Return the causes as subject, what flights contradict, the share of the gap, and whether the
+    replay improves.
+    """
+    names = [phrase(cause) for cause in causes[:MOST_NAMED]]
+    rest = len(causes) - len(names)
+    if diagnosis.before:
+        names, rest = ["this"], 0
+    names += [f"{rest} more"] * (rest > 0) + ["calibration"] * bool(diagnosis.calibration)
+    one, share, judges = len(names) == 1, diagnosis.gap_reduction.fraction, _judges(diagnosis)
+    if share < 0:
+        return f"{listed(names)} {'does' if one else 'do'} not help: the gap on {judges} grows"
+    text = f"{listed(names)} explain{'s' if one else ''} {percent(share)} of the gap on {judges}"
+    against = [bare_name(c.identifier) for c in causes if c.held_out_gain < CONTRADICTED]
+    if against:
+        text += (
+            f", which {'is' if len(diagnosis.held_out) == 1 else 'are'} predicted better "
+            f"without {listed(against)}"
+        )
+    kinds = gap_kinds(diagnosis.localisation.channels)
+    if grown := [p.kind for p in kinds if p.after > GROWN * max(p.before, p.noise)]:
+        text += f" and make{'s' * one} {listed(grown)} worse"
+    return text + _replayed(diagnosis.gap_reduction)
+
+
+def _replayed(reduction: GapReduction) -> str:
+    """Return how the position error of the replay changes at its last horizon; empty where it was
+    not made.
+    """
+    before, after = reduction.replay_before, reduction.replay_after
+    if before is None or after is None:
+        return ""
+    was, now = float(before.position[-1, 0]), float(after.position[-1, 0])
+    horizon = f"after {before.horizon[-1]:g}{NBSP}s"
+    if not np.isfinite(now):
+        return f"; the corrected simulator loses the vehicle {horizon}"
+    if not np.isfinite(was):
+        return f"; the replay, lost until now, is off by {measure(now, 'm')} {horizon}"
+    if now < was / PLAIN_GAIN:
+        return f"; the replay improves from {measure(was, 'm')} to {measure(now, 'm')} {horizon}"
+    worse = "gets worse" if now > PLAIN_GAIN * was else "does not improve"
+    return f"; the replay {worse} ({measure(was, 'm')} to {measure(now, 'm')} {horizon})"
+
+
+def _judges(diagnosis: Diagnosis) -> str:
+    return f"{'the second half of ' if diagnosis.joined else ''}{flights(len(diagnosis.held_out))}"
+
+
+def lead(diagnosis: Diagnosis) -> str:
+    """Return what stands below the headline: probabilities, what remains, and what the second
+    answer adds.
+    """
+    if diagnosis.cannot_tell:
+        return "The training flights excite too little to tell one effect from another."
+    causes, said = named_causes(diagnosis), []
+    unknown, traces = UNKNOWN in diagnosis.verdict, diagnosis.unexplained
+    if causes and diagnosis.gap_reduction.material:
+        least = min(cause.probability for cause in causes)
+        one = f"probability {probability(least)}"
+        said.append(one if len(causes) == 1 else f"each has a probability {of_at_least(least)}")
+        if diagnosis.before:
+            there = listed([bare_name(c.identifier) for c in diagnosis.causes if not c.changed])
+            said.append(
+                f"{seen(diagnosis)} would have been seen"
+                + f"; there already before: {there}" * bool(there)
+            )
+    elif causes:
+        them = listed([bare_name(c.identifier) for c in causes])
+        said.append(f"training names {them}, which these flights do not need")
+    elif not unknown:
+        said.append("the simulator agrees with the logs, and nothing is named")
+    if unknown and traces:
+        # That with the largest share of weight, else with the largest force, else the first.
+        main = max(traces, key=lambda f: (f.figures.get("share", 0.0), f.figures.get("force", 0.0)))
+        said.append(f"to find what remains: {main.measurement}")
+    elif unknown:
+        said.append("it has no trace of its own")
+    if diagnosis.new_on_held_out:
+        said.append(f"new on {_judges(diagnosis)}: {diagnosis.new_on_held_out[0].text.rstrip('.')}")
+    if diagnosis.refit is not None and diagnosis.refit.verdict != diagnosis.verdict:
+        said.append(
+            "a second answer, which knows halves of the held-out flights, differs: see below"
+        )
+    return capital("; ".join(said)) + "."
+
+
+def seen(diagnosis: Diagnosis) -> str:
+    """Return the smallest changes of a mass and a rotor that these flights would show."""
+    masses, rotors = (
+        [size for name, size in diagnosis.visible.items() if name.startswith(effect)]
+        for effect in ("mass_error", "weak_rotor")
+    )
+    sizes = [*(measure(v, "kg", 2) for v in masses), *(f"{percent(v)} of a rotor" for v in rotors)]
+    return f"at least {listed(sizes, 'or')}" if sizes else "larger ones"
+
+
+def named_causes(diagnosis: Diagnosis) -> list[Cause]:
+    """Return the causes of the verdict, the one with the largest share of the gap first."""
+    named = [cause for cause in diagnosis.causes if cause.identifier in diagnosis.verdict]
+    return sorted(named, key=lambda cause: -np.nan_to_num(cause.share))
+
+
+DIFFERENCE_HEADER = ["difference", "95 % interval", "healthy vehicles"]
+MOST_DIFFERENCES = 8  # that are shown
+LEAST_DIFFERENCE = (
+    0.5  # of the standard deviation of healthy vehicles, below which none is shown [1]; own choice
+)
+SHOWN = 6  # columns of the table of causes that are always there
+
+
+def difference_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
+    """Return (what differs, its 95 % interval, the standard deviation of healthy vehicles), the
+    largest first.
+    """
+    rows = []
+    large = [d for d in diagnosis.calibration if d.in_deviations > LEAST_DIFFERENCE]
+    for d in large[:MOST_DIFFERENCES]:
+        factor, unit = departure_unit(d.unit)
+        sizes = (0.5 * (d.ci95[1] - d.ci95[0]), d.deviation)
+        shown = (f"±{NBSP}{measure(factor * s, unit)}" if s == s else NOTHING for s in sizes)
+        rows.append((capital(d.text), *shown))
+    return rows
+
+
+def cause_table(diagnosis: Diagnosis, longest: int = 20) -> tuple[list[str], list[tuple[str, ...]]]:
+    """Return header and rows of the causes, a row for every parameter; the first has what is of the
+    whole cause.
+
+    When an effect begins, and what it cannot be told from, are columns only where there is such a
+    thing to say.
+    """
+    header = [
+        "cause",
+        "parameter",
+        "value",
+        "95 % interval",
+        "probability",
+        "held-out gain",
+        "begins",
+        "or else",
+    ]
+    rows: list[tuple[str, ...]] = []
+    for cause in named_causes(diagnosis):
+        begins = [onset(t, plain_name(n, longest)) for n, t in cause.onset.items() if t is not None]
+        last = [probability(cause.probability), percent(cause.held_out_gain)]
+        last += ["\n".join(begins), "\n".join(cause.indistinguishable_from)]
+        for k, (name, parameter) in enumerate(cause.parameters.items() or [("", None)]):
+            shown = estimate(parameter, unit_of(cause, parameter)) if parameter else ("", "")
+            rows.append(
+                (cause.identifier, name, *shown, *last)
+                if k == 0
+                else ("", name, *shown, "", "", "", "")
+            )
+    keep = [k for k in range(len(header)) if k < SHOWN or any(row[k] for row in rows)]
+    return [header[k] for k in keep], [tuple(row[k] for k in keep) for row in rows]
+
+
+def warnings(diagnosis: Diagnosis) -> list[str]:
+    """Return every warning once; what holds of several flights names them in one line."""
+    flights_of: dict[str, list[str]] = {}
+    for warning in dict.fromkeys((*diagnosis.identifiability.warnings, *diagnosis.warnings)):
+        name, _, text = warning.partition(": ")
+        known = name in diagnosis.train + diagnosis.held_out
+        flights_of.setdefault(text if known else warning, []).extend([name] if known else [])
+    return [f"{', '.join(names)}: {text}" if names else text for text, names in flights_of.items()]
+
+
+def next_steps(diagnosis: Diagnosis) -> list[str]:
+    """Return what to do next, the most useful first."""
+    if diagnosis.cannot_tell:
+        return ["Fly with more motion in every axis, as np-drake fly multisine does."]
+    causes = named_causes(diagnosis)
+    out = [
+        f"To check {name_of(c.identifier)}: {check}."
+        for c in causes
+        if (check := effect_of(c.identifier).bench_check)
+    ]
+    for cause in causes:
+        others = cause.indistinguishable_from
+        if others:
+            between = (
+                f"{name_of(cause.identifier)} from {listed([name_of(o) for o in others], 'or')}"
+            )
+            how = manoeuvre((cause.identifier, *others)).rstrip(".")
+            out.append(f"To tell {between}, fly: {how}; or np-drake fly multisine.")
+    if diagnosis.not_flyable:
+        out.insert(0, f"Do not fly the corrected simulator: {diagnosis.not_flyable}.")
+    elif causes:
+        them = "it" if len(causes) == 1 else "them"
+        out.append(
+            f"Add {them} to the simulator with the values of the table, and diagnose new "
+            f"flights with that."
+        )
+    return [capital(step) for step in out]

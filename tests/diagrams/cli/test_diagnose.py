@@ -11,7 +11,7 @@ import yaml
 from diagrams.cli.main import run
 from np_drake.diagnosis import result as an
 from np_drake.diagnosis import result as residual_parts
-from np_drake.diagnosis.report.answer import headline
+from np_drake.diagnosis.report.words import headline
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError
 from np_drake.files.number_text import NBSP

@@ -13,7 +13,7 @@ import pytest
 from scipy import signal
 
 from np_drake import attitude
-from np_drake.diagnosis.decision.infer import Inference, conclude
+from np_drake.diagnosis.diagnose import Inference, conclude
 from np_drake.diagnosis.fitting import Fit, free_parameters, read
 from np_drake.diagnosis.forward_model import Term
 from np_drake.diagnosis.numerics import NoiseModel, fit_noise

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from np_drake.diagnosis.decision import remainder as dut
+from np_drake.diagnosis.decision import unexplained as dut
 from np_drake.diagnosis.decision.unexplained import Indication
 from np_drake.diagnosis.held_out import HeldOut
 from np_drake.diagnosis.numerics import scale_only

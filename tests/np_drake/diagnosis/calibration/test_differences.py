@@ -28,7 +28,9 @@ def found(seen, inferred):
 
 @pytest.fixture(scope="module")
 def dut(found):
-    return differences(found.ranking.best, found.flights, found.ranking.options.tolerance)
+    return differences(
+        found.ranking.best, found.ranking.problem.flights, found.ranking.options.tolerance
+    )
 
 
 def test_the_largest_in_deviations_of_healthy_vehicles_comes_first(dut):
@@ -65,7 +67,7 @@ def test_a_healthy_vehicle_has_no_cause(healthy):
 
 def test_calibration_is_in_the_corrected_simulator(healthy):
     effects = calibration_effects(
-        healthy.ranking.best, healthy.flights[0], healthy.ranking.options.tolerance
+        healthy.ranking.best, healthy.ranking.problem.flights[0], healthy.ranking.options.tolerance
     )
     gains = {e.rotor: e.efficiency for e in effects if isinstance(e, WeakRotor)}
     assert len(gains) == 4
@@ -75,7 +77,7 @@ def test_calibration_is_in_the_corrected_simulator(healthy):
 
 @pytest.mark.parametrize("share", [(0.5, 0.6, 1.0), (1.0, 1.0, 0.05)], ids=str)
 def test_the_simulator_shows_the_share_of_torque_that_the_flights_show(healthy, share):
-    e = dc.replace(healthy.flights[0], torque_gain=share)
+    e = dc.replace(healthy.ranking.problem.flights[0], torque_gain=share)
     effects = calibration_effects(healthy.ranking.best, e, healthy.ranking.options.tolerance)
     body = mass_properties(e.vehicle, split_effects(effects).mass)
     moments = body.J.diagonal()

@@ -7,7 +7,7 @@ import pytest
 
 from np_drake.diagnosis.diagnose import diagnose
 from np_drake.diagnosis.options import Tolerance
-from np_drake.diagnosis.report.answer import headline, lead
+from np_drake.diagnosis.report.words import headline, lead
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError
 from np_drake.effects.suspended_payload import SuspendedPayload

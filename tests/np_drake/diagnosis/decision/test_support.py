@@ -99,17 +99,8 @@ def test_a_drag_that_acts_predicts_every_flight_and_the_held_out_one(seen, infer
         seen(DRAG, name=n, seed=i, noise=1.0, seconds=8.0) for i, n in enumerate("abc", start=1)
     ]
     found = inferred(flights[:2], flights[2:])
-    fit, held = found.ranking.best, found.held
-    names = [t.effect.identifier for t in fit.terms]
-    supports = support_of(
-        fit,
-        found.flights,
-        held.flights,
-        held.whole_flight_terms,
-        found.ranking.noise,
-        found.ranking.options,
-    )
-    dut = supports[names.index("linear_drag")]
+    names = [t.effect.identifier for t in found.ranking.best.terms]
+    dut = support_of(found.ranking, found.held)[names.index("linear_drag")]
     assert dut.probability > 0.99
     assert min(dut.gains[np.array(dut.flights) == name].sum() for name in "ab") > 0
     assert dut.held_out.sum() > 0

@@ -9,10 +9,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.doctor.examine import examine
-from np_drake.diagnosis.doctor.smallest_sizes import (
+from np_drake.diagnosis.doctor.examine import (
     Information,
     _drag,
+    examine,
     smallest_gust,
     smallest_sizes,
     traces,
@@ -79,8 +79,7 @@ def test_without_a_vehicle_only_facts_are_given_and_it_is_said(log):
 
 
 def test_a_drag_is_the_mean_of_its_axes_by_their_precision():
-    trace = SimpleNamespace(identifier="linear_drag", typical=[0.5], columns={})
-    found = _drag(np.array([1.0, 3.0, 9.0]), np.array([0.1, 0.2, 1.0]), [], [trace])
+    found = _drag(SimpleNamespace(typical=[0.5]), np.array([1.0, 3.0]), np.array([0.1, 0.2]) ** 2)
     assert found == pytest.approx(0.5 * (100 * 1.0 + 25 * 3.0) / 125)
 
 

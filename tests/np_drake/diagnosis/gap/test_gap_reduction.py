@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from np_drake.diagnosis import gap as dut
-from np_drake.diagnosis.decision.causes import causes_of
-from np_drake.diagnosis.decision.remainder import measure_remainder
-from np_drake.diagnosis.decision.unexplained import LinearModel
+from np_drake.diagnosis.decision.decide import decide
+from np_drake.diagnosis.decision.unexplained import LinearModel, measure_remainder
 from np_drake.diagnosis.gap import smooth_states
 from np_drake.diagnosis.held_out import on_held_out
 from np_drake.diagnosis.options import Options
@@ -22,7 +21,7 @@ REAL = Options.for_sensors(True)
 def solved(ranked):
     case = ranked(MassError(0.2), LinearDrag(0.6, 0.6, 0.6))
     held = on_held_out(case.fit, case.held_out, case.ranking.noise, REAL)
-    causes, _ = causes_of(case.ranking, LinearModel(case.ranking), (), held)
+    causes, _ = decide(case.ranking, LinearModel(case.ranking).margins(()), held)
     return case, held, causes
 
 

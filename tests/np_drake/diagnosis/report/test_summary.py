@@ -5,7 +5,7 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.report.answer import gap_rows, headline, lead, remains
+from np_drake.diagnosis.report.words import gap_rows, headline, lead, remains
 from np_drake.diagnosis.result import UNKNOWN, Finding
 
 TRACE = Finding(

@@ -13,7 +13,7 @@ from np_drake.effects.linear_drag import LinearDrag
 from np_drake.rigid_body import P
 from np_drake.vehicle import Vehicle
 
-module = importlib.import_module("np_drake.diagnosis.decision.infer")
+module = importlib.import_module("np_drake.diagnosis.diagnose")
 
 
 @dc.dataclass(frozen=True)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from np_drake.diagnosis.decision.term_assessment import DRAWS, SizePosterior
+from np_drake.diagnosis.decision.decide import DRAWS, SizePosterior
 from np_drake.diagnosis.fitting import scaled_jacobian
 from np_drake.diagnosis.forward_model import NEVER
 from np_drake.diagnosis.options import Options, Size

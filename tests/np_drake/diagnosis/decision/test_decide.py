@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 from scipy import special
 
-from np_drake.diagnosis.decision import causes as module
-from np_drake.diagnosis.decision.causes import (
+from np_drake.diagnosis.decision import decide as module
+from np_drake.diagnosis.decision.decide import (
     MOST_ALTERNATIVES,
     equivalents,
+    judge,
     without_late_onsets,
     without_missing_drag,
 )
-from np_drake.diagnosis.decision.term_assessment import TermAssessment, assess_term
 from np_drake.diagnosis.decision.unexplained import LinearModel
 from np_drake.diagnosis.forward_model import pendulum_error
 from np_drake.diagnosis.held_out import on_held_out
@@ -40,13 +40,13 @@ def drag(ranked):
 
 
 @pytest.fixture(scope="module")
-def linear(drag):
-    return LinearModel(drag.ranking)
+def margins(drag):
+    return LinearModel(drag.ranking).margins(())
 
 
 @pytest.fixture(scope="module")
-def judged_with(drag, linear):
-    """Return the arguments of `causes_of` for the flights with drag, under another fit or
+def judged_with(drag, margins):
+    """Return the arguments of `judge` for the flights with drag, under another fit or
     options.
     """
 
@@ -59,19 +59,15 @@ def judged_with(drag, linear):
             probability=probability or ranking.probability,
         )
         held = on_held_out(ranking.best, drag.held_out, ranking.noise, ranking.options)
-        return ranking, linear, (), held
+        return ranking, margins, held
 
     return arguments
 
 
-def assessed(ranking, linear, structure, held, same=()) -> TermAssessment:
-    return assess_term(ranking, linear, structure, 0, same, held)
-
-
 def test_a_probability_is_that_of_the_model_its_margin_and_its_size(judged_with):
-    ranking, linear, *rest = judged_with(probability={"linear_drag": 0.8})
-    found = assessed(ranking, linear, *rest)
-    assert found.in_model == pytest.approx(0.8 * special.expit(linear.margin(0, ())))
+    ranking, margins, held = judged_with(probability={"linear_drag": 0.8})
+    found = judge(ranking, margins, held, 0)
+    assert found.in_model == pytest.approx(0.8 * special.expit(margins[0]))
     assert found.material == 1.0
     assert found.probability == pytest.approx(found.in_model)
     assert dc.replace(found, material=0.5).probability == pytest.approx(0.5 * found.in_model)

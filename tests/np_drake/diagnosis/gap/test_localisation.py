@@ -5,7 +5,7 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.localisation import assess_identifiability, excitation, excited, localise
+from np_drake.diagnosis.gap import assess_identifiability, excitation, excited, localise
 from np_drake.diagnosis.result import CHANNELS, ChannelGap, gap_kinds
 
 

@@ -1,0 +1,454 @@
+"""The decision: which effects of the best model are causes.
+
+An effect is a cause if it acts, its size is material to the motion, and it predicts flights and
+blocks of time that did not fit it. `judge` has these factors in the order of docs/theory.md; a
+`Judgement` says which of them a candidate fell by.
+"""
+
+import dataclasses as dc
+from collections.abc import Collection, Mapping, Sequence
+
+import numpy as np
+from scipy import special
+
+from np_drake import attitude
+from np_drake.diagnosis.calibration import healthy_spread
+from np_drake.diagnosis.decision.support import Support, support_of
+from np_drake.diagnosis.fitting import Fit, greatest_height, impossible, interval, scaled_jacobian
+from np_drake.diagnosis.forward_model import Term, pendulum_error, predicted_residual
+from np_drake.diagnosis.held_out import HeldOut
+from np_drake.diagnosis.options import SPREAD, SURE, Options, Size, unhealthy
+from np_drake.diagnosis.regressors import DRAG, Model, RegressionProblem
+from np_drake.diagnosis.residuals import FORCE, TORQUE, WRENCH, FlightResiduals
+from np_drake.diagnosis.result import Cause, Estimate, Finding
+from np_drake.diagnosis.selection import Ranking, names_of, names_of_fit
+from np_drake.effects.base import Effect
+from np_drake.effects.effect_entry import Posterior
+from np_drake.effects.suspended_payload import SuspendedPayload
+from np_drake.files.number_text import measure, number, percent, probability
+from np_drake.vehicle import Vehicle
+
+LAST = 1.0  # of a flight, in which an onset is none [s]; own choice
+MOST_ALTERNATIVES = 2  # effects named as indistinguishable from a cause
+
+
+@dc.dataclass(frozen=True)
+class Judgement:
+    """Factors by which a term of the best model is a cause, in the order of docs/theory.md.
+
+    in_model: probability that it acts, against other effects and generic structure in its place
+        [1].
+    material: probability that its size is more than practically none, given that it acts [1].
+    support: its gain in prediction; None: not asked.
+    stands_for: why its parameters are not physical; empty where they are.
+    size: at the fit.
+    """
+
+    in_model: float
+    material: float
+    support: Support | None
+    stands_for: str
+    size: Size
+
+    @property
+    def probability(self) -> float:
+        """Probability of a cause [1]; what held-out flights contradict is never more probable than
+        not.
+        """
+        found = self.in_model * self.material
+        if self.support is not None:
+            found *= self.support.probability * (0.5 if self.support.contradicted else 1.0)
+        return 0.0 if self.stands_for else found
+
+    @property
+    def reason(self) -> str:
+        """Why it is below the threshold of a cause."""
+        factors = {
+            f"not sure, {probability(self.in_model)}": self.in_model,
+            "immaterial": self.material,
+        }
+        if (support := self.support) is not None:
+            if support.contradicted and not self.stands_for:
+                return "held-out flights are predicted better without it"
+            gained = f"{number(support.total, 2)} ± {number(support.error, 2)} nat"
+            predicts = f"it does not predict: {gained} in time that did not fit it"
+            factors[predicts] = support.probability
+        return self.stands_for or min(factors, key=lambda why: factors[why])
+
+
+def judge(
+    ranking: Ranking,
+    margins: Sequence[float],
+    held: HeldOut,
+    i: int,
+    *,
+    same: Sequence[str] = (),
+    support: Support | None = None,
+    gusts: bool = False,
+) -> Judgement:
+    """Judge term i of the best model.
+
+    Args:
+        margins: of every term, its log odds against generic structure in its place
+            (`LinearModel.margins`) [nat].
+        same: effects that cannot be told from term i, whose probability is added.
+        support: its gain in prediction; None: not asked.
+        gusts: whether the slow force is that of gusts. The drag through which they act is material
+            and stands for nothing else; its prior is that of gusts against structure that is no
+            effect.
+    """
+    fit, flights = ranking.best, ranking.problem.flights
+    effect, priors = fit.terms[i].effect, ranking.options.priors
+    through_drag = gusts and effect.identifier == DRAG
+
+    # 1. In the model: the share of evidence, times the odds against generic structure.
+    named = sum(ranking.probability.get(name, 0.0) for name in (effect.identifier, *same))
+    brought = priors.generic - priors.of_effect(DRAG) if through_drag else 0.0
+    in_model = min(1.0, named) * float(special.expit(margins[i] + brought))
+
+    # 2. Material: the size is outside the region of practical equivalence.
+    unseen = [(e, held.terms[e.name]) for e in held.flights]
+    size = size_of(ranking, i, [e for e in flights if not e.earlier], unseen)
+    if through_drag:
+        return Judgement(in_model, 1.0, None, "", size)
+    material = probably_material(ranking, i, size)
+
+    # 3. Predicts: `support`, halved where held-out flights contradict it. 4. Zero, where no vehicle
+    # can have such parameters.
+    stands_for = impossible(fit, i, flights[0].vehicle, greatest_height(flights))
+    return Judgement(in_model, material, support, stands_for, size)
+
+
+def decide(
+    ranking: Ranking, margins: Sequence[float], held: HeldOut, *, gusts: bool = False
+) -> tuple[list[Cause], list[Finding]]:
+    """Return the causes among the effects of the best model, and the others as findings below their
+    threshold.
+
+    margins: log odds of every term against generic structure in its place [nat]. held: the best fit
+    on held-out flights, which gives onsets and sizes there. gusts: whether the slow force is that
+    of gusts; the drag through which they act matters however small it is.
+    """
+    fit, problem, options = ranking.best, ranking.problem, ranking.options
+    members = {names_of(problem, m): m for m in reversed(ranking.models)}
+    key = names_of_fit(fit)
+    same = equivalents(problem, members[key]) if key in members else {}
+    every = [*problem.flights, *held.flights]
+    causes, minor = [], []
+    for i, (term, support) in enumerate(zip(fit.terms, support_of(ranking, held), strict=True)):
+        name, effect = term.effect.identifier, term.effect
+        others = same.get(name, ())
+        found = judge(ranking, margins, held, i, same=others, support=support, gusts=gusts)
+        parameters = estimates(fit, i, problem.flights[0].vehicle, options)
+        if found.probability >= options.thresholds.cause_probability:
+            onset = {
+                e.name: held.terms.get(e.name, fit.everything)[i].begins(e.name) for e in every
+            }
+            causes.append(
+                Cause(
+                    name,
+                    found.probability,
+                    parameters,
+                    onset,
+                    others,
+                    found.size.gap,
+                    effect,
+                    changed=has_changed(ranking, i),
+                )
+            )
+        else:
+            minor.append(_finding(effect, parameters, found))
+    return without_missing_drag(causes, minor)
+
+
+def _finding(effect: Effect, parameters: Mapping[str, Estimate], found: Judgement) -> Finding:
+    """Return what is said of an effect that is no cause."""
+    units = {
+        n: "share" if effect.shares and e.unit == "1" else e.unit for n, e in parameters.items()
+    }
+    values = ", ".join(f"{n} {measure(e.value, units[n], 3)}" for n, e in parameters.items())
+    size = found.size
+    shares = f"{percent(size.force)} of weight, {percent(size.torque)} of torque"
+    figures = {"force": size.force, "torque": size.torque, "probability": found.probability}
+    text = f"{values}: {found.reason} ({shares})"
+    return Finding(effect.identifier, text, size.gap, figures)
+
+
+def equivalents(problem: RegressionProblem, model: Model) -> dict[str, tuple[str, ...]]:
+    """Return by effect of the model those that explain the logs as well in its place.
+
+    The best `MOST_ALTERNATIVES`, the best first.
+    """
+    least = model.score - problem.options.thresholds.indistinguishable_evidence
+    out: dict[str, tuple[str, ...]] = {}
+    for i in model.members:
+        own = problem.candidates[i]
+        if own.generic:
+            continue
+        rest = tuple(j for j in model.members if j != i)
+        found: dict[str, float] = {}
+        for k, other in enumerate(problem.candidates):
+            shared = set(other.identifiers) & set(own.identifiers)
+            if other.generic or shared or not problem.fits_together((*rest, k)):
+                continue
+            score, name = problem.score((*rest, k)), other.identifiers[-1]
+            if score > max(least, found.get(name, -np.inf)):
+                found[name] = score
+        names = sorted(found, key=lambda n: -found[n])[:MOST_ALTERNATIVES]
+        out |= dict.fromkeys(own.identifiers, tuple(names))
+    return out
+
+
+def estimates(fit: Fit, i: int, vehicle: Vehicle, options: Options) -> dict[str, Estimate]:
+    """Return the parameters of term i with 95 % intervals; payloads, which are no ideal pendulums,
+    with their error.
+
+    Mass and tether of an unmeasured vehicle are those of a payload without the downwash of its
+    rotors. The effect itself keeps those with it: in a simulator payloads hang in still air.
+    """
+    effect, out = fit.terms[i].effect, {}
+    for p in effect.parameters:
+        value, (lower, upper) = float(getattr(effect, p.name)), interval(fit, i, p.name)
+        half = 0.5 * (upper - lower)
+        if isinstance(effect, SuspendedPayload):
+            low, high = interval(fit, i, "damping")
+            unsure = 0.5 * (high - low) / SURE if options.tolerance.unmeasured else None
+            factor, error = pendulum_error(p.name, effect, vehicle, options.priors, unsure)
+            value, half = factor * value, factor * float(np.hypot(half, SURE * error))
+        out[p.name] = Estimate(value, p.unit, (value - half, value + half))
+    return out
+
+
+def without_late_onsets(
+    causes: Sequence[Cause], ends: Mapping[str, float]
+) -> tuple[list[Cause], list[Finding]]:
+    """Return the causes, absent from flights of which they would begin in the last second, which is
+    too little to tell.
+
+    What then acts in no flight is a finding, and no cause. ends: by flight, its end [s].
+    """
+    kept, late = [], []
+    for c in causes:
+        onset = {
+            name: np.inf if t is not None and t > ends.get(name, np.inf) - LAST else t
+            for name, t in c.onset.items()
+        }
+        if onset != c.onset and all(t == np.inf for t in onset.values()):
+            text = "it would begin in the last second of a flight alone"
+            late.append(Finding(c.identifier, text, c.share))
+        else:
+            kept.append(dc.replace(c, onset=onset))
+    return kept, late
+
+
+def without_missing_drag(
+    causes: Sequence[Cause], minor: Sequence[Finding]
+) -> tuple[list[Cause], list[Finding]]:
+    """Return both with winds moved from the causes to the findings where no drag is a cause."""
+    named = {c.identifier for c in causes}
+    still = [c for c in causes if c.effect and c.effect.needs and not named & {*c.effect.needs}]
+    why = "no cause through which it would be felt"
+    unfelt = [Finding(c.identifier, why, c.share) for c in still]
+    return [c for c in causes if c not in still], [*minor, *unfelt]
+
+
+def joint_posterior(fit: Fit, causes: Sequence[Cause]) -> Posterior:
+    """Return the covariance of the causes' parameters: correlations of the fit, deviations of the
+    reported intervals.
+
+    A parameter that the fit does not move, such as the number of a rotor, is not among them.
+    """
+    reported = {
+        (c.identifier, name): estimate.half / SURE
+        for c in causes
+        for name, estimate in c.parameters.items()
+    }
+    names = [
+        (
+            fit.terms[f.term].effect.identifier if not f.flight and f.term < len(fit.terms) else "",
+            f.name,
+        )
+        for f in fit.free
+    ]
+    own = [k for k, name in enumerate(names) if reported.get(name, 0.0) > 0]
+    scale = np.sqrt(np.maximum(np.diag(fit.covariance)[own], 1e-300))
+    deviation = np.array([reported[names[k]] for k in own])
+    covariance = fit.covariance[np.ix_(own, own)] * np.outer(deviation / scale, deviation / scale)
+    return Posterior(
+        [".".join(names[k]) for k in own], (0.5 * (covariance + covariance.T)).tolist()
+    ).check()
+
+
+DRAWS = 400  # of the posterior
+SEED = 1
+
+
+def has_changed(ranking: Ranking, i: int) -> bool:
+    """Return whether term i of the best model is practically nothing in the flights from before
+    what is asked.
+    """
+    earlier = [e for e in ranking.problem.flights if e.earlier]
+    if not earlier:
+        return False
+    size, least = size_of(ranking, i, earlier), ranking.options.materiality
+    return size.force < least.force and size.torque < least.torque
+
+
+def size_of(
+    ranking: Ranking,
+    i: int,
+    flights: Sequence[FlightResiduals],
+    unseen: Sequence[tuple[FlightResiduals, Sequence[Term]]] = (),
+) -> Size:
+    """Return the size of term i over training and held-out flights; its gap counts training flights
+    alone.
+
+    What does little where it was fitted may do much elsewhere, as a drag in a flight that is
+    faster. A half of a flight that joined the fit counts in both.
+
+    Args:
+        unseen: held-out flights with the terms as they are there.
+    Source: own choice.
+    """
+    fit, rms = ranking.best, ranking.noise.rms
+    known = rms > 0
+    here = np.concatenate([_part_of(fit.everything, i, e) for e in flights])
+    part = np.concatenate([here, *(_part_of(terms, i, e) for e, terms in unseen)])
+    torques = [e.nominal[:, 3:] for e in (*flights, *(e for e, _ in unseen))]
+    command = np.concatenate([tau - tau.mean(axis=0) for tau in torques])
+    y = np.concatenate([e.y for e in flights])
+    own, gap = (float(np.sum((x[:, known] / rms[known]) ** 2)) for x in (here, y))
+    effect = fit.terms[i].effect
+    tolerance = max(ranking.options.tolerance.of(effect), 1e-9)
+    return Size(
+        float(np.linalg.norm(part[:, FORCE]) / np.sqrt(len(part))) / flights[0].weight,
+        float(np.linalg.norm(part[:, TORQUE])) / max(float(np.linalg.norm(command)), 1e-6),
+        own / max(gap - len(y) * int(known.sum()), own, 1e-9),
+        float(np.linalg.norm(list(effect.values.values()))) / tolerance,
+    )
+
+
+def _part_of(terms: Sequence[Term], i: int, flight: FlightResiduals) -> np.ndarray:
+    """Return the part (m, 15) of the terms' predicted residual that is due to term i."""
+    rest = [t for j, t in enumerate(terms) if j != i]
+    return predicted_residual(flight, terms) - predicted_residual(flight, rest)
+
+
+def probably_material(ranking: Ranking, i: int, size: Size) -> float:
+    """Return the probability that term i of the best model, of this size at the fit, is more than
+    what is practically none, given that it acts [1].
+    """
+    fit, flights, options = ranking.best, ranking.problem.flights, ranking.options
+    effect = fit.terms[i].effect
+    if options.within_timing(effect, flights[0].vehicle):
+        return 0.0
+    posterior, changed = SizePosterior(fit, i, flights), has_changed(ranking, i)
+    spread = healthy_spread(effect, flights[0], options.tolerance, changed=changed)
+    outside = (
+        posterior.material(size, options),
+        posterior.beyond(spread),
+        posterior.blows(options),
+    )
+    # Their product: what two bounds leave in doubt is not sure of either.
+    return float(np.prod(np.mean(outside, axis=1)))
+
+
+class SizePosterior:
+    """Draws of the parameters of a term from its posterior, and which of them are more than what is
+    practically none.
+
+    Source: Laplace approximation.
+    """
+
+    def __init__(self, fit: Fit, i: int, flights: Sequence[FlightResiduals]):
+        self._fit, self._i, self._flights, self._term = fit, i, flights, fit.terms[i]
+        own = [k for k, f in enumerate(fit.free) if f.term == i and not f.flight]
+        self._free, self._values = [fit.free[k] for k in own], fit.values[own]
+        covariance = fit.covariance[np.ix_(own, own)]
+        self.draws = np.random.default_rng(SEED).multivariate_normal(
+            self._values, covariance, DRAWS
+        )
+
+    def _places(self, names: Collection[str]) -> list[int]:
+        return [k for k, f in enumerate(self._free) if f.name in names]
+
+    def relative(self) -> np.ndarray:
+        """Return the size over that at the fit (n,) [1].
+
+        It is the RMS of what the term's parameters predict, linear in their distance from none.
+        """
+        own = self._places([p.name for p in self._term.effect.parameters if p.vanishes])
+        if not own:
+            return np.ones(len(self.draws))
+        free = [self._free[k] for k in own]
+        scale, neutral = np.array([(f.scale, f.neutral) for f in free]).T
+        # The squared size is the quadratic form d' P d of the distance d from none, P = sum J'J
+        # over the flights.
+        terms = self._fit.everything
+        J = [scaled_jacobian(terms, free, e)[:, WRENCH] / scale for e in self._flights]
+        flat = np.concatenate(J).reshape(-1, len(own))
+        power = flat.T @ flat
+        if not power.any():  # a sensor error that no wrench shows
+            power = np.diag(scale**-2.0)
+        away, at_fit = self.draws[:, own] - neutral, self._values[own] - neutral
+        squares = np.einsum("ni,ij,nj->n", away, power, away)
+        return np.sqrt(np.maximum(squares, 0.0) / max(float(at_fit @ power @ at_fit), 1e-300))
+
+    def material(self, size: Size, options: Options) -> np.ndarray:
+        """Return which draws (n,) matter to the motion, or are beyond the tolerance of a sensor.
+
+        Args:
+            size: of the term at the fit.
+        """
+        effect, least, relative = self._term.effect, options.materiality, self.relative()
+        if options.tolerance.of(effect) > 0:
+            return size.sensor * relative >= least.sensor
+        late = any(begin is not None for begin in self._term.onset.values())
+        if (
+            effect.tolerance
+            and effect.place != "measurement"
+            and options.tolerance.real
+            and not late
+        ):
+            # A vehicle file may be off by as much.
+            return size.force * relative >= least.calibration_force
+        return (size.force * relative >= least.force) | (size.torque * relative >= least.torque)
+
+    def beyond(self, spread: Mapping[str, tuple[float, float]]) -> np.ndarray:
+        """Return which draws (n,) are larger than healthy vehicles differ by.
+
+        Args:
+            spread: usual value and deviation of parameters by name; empty: there is no such thing.
+        """
+        own = self._places(spread)
+        if not own:
+            return np.ones(len(self.draws), bool)
+        usual, deviation = np.array([spread[self._free[k].name] for k in own]).T
+        away = (self.draws[:, own] - usual) / deviation
+        return np.linalg.norm(away, axis=1) > unhealthy(len(own))
+
+    def blows(self, options: Options) -> np.ndarray:
+        """Return which draws (n,) are more than still air, where the term is a wind.
+
+        The mean level wind is faster than a draught, and pushes harder than an attitude error that
+        the sensors may have, under which thrust pushes as a wind does.
+        """
+        level = self._places(("x", "y"))
+        if not self._term.effect.needs or len(level) < 2:
+            return np.ones(len(self.draws), bool)
+        tolerance, least = options.tolerance, options.materiality
+        # Of the attitude against the rotors' axes, all together [rad].
+        lean = (tolerance.attitude, tolerance.mounting)
+        if tolerance.unmeasured:
+            lean = (SPREAD.tilt, SPREAD.mounting)
+        error = least.sensor * float(np.hypot(*lean)) * self._flights[0].weight
+        forces = []  # in W while it acts
+        for e in self._flights:
+            begin = self._term.begins(e.name)
+            acts = e.t >= (-np.inf if begin is None else begin)
+            part = _part_of(self._fit.everything, self._i, e)
+            forces.append(attitude.rotate(e.q, part[:, FORCE])[acts])
+        force = float(np.linalg.norm(np.concatenate(forces).mean(axis=0)[:2]))
+        speed = np.linalg.norm(self.draws[:, level], axis=1)
+        slowest = error * float(np.linalg.norm(self._values[level])) / max(force, 1e-12)
+        return speed > max(least.still_air, slowest)
