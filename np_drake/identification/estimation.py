@@ -133,9 +133,10 @@ def parameters(spin: float, step: float) -> tuple[Parameter, ...]:
         Parameter("shift_y", 0.0, 0.02, flight=True),
         Parameter("shift_yaw", 0.0, 0.02, flight=True),  # gain about z against that of all flights
         Parameter("clock", 0.0, 0.01, flight=True, needs=ROTOR_SPEED),  # rotor speed to body [s]
-        Parameter(
-            "heading", 0.0, 0.02, flight=True, needs=AIR
-        ),  # of the attitude against the sensors [rad]
+        # Axes of the logged attitude against the body's [rad]; an estimator's may be its sensors'.
+        Parameter("level_x", 0.0, 0.03, flight=True, needs=AIR),
+        Parameter("level_y", 0.0, 0.03, flight=True, needs=AIR),
+        Parameter("heading", 0.0, 0.03, flight=True, needs=AIR),
         Parameter("bias_x", 0.0, 0.3, flight=True),
         Parameter("bias_y", 0.0, 0.3, flight=True),
         Parameter("bias_z", 0.0, 0.1, flight=True),

@@ -167,17 +167,19 @@ class FlightModel:
         """Return the channels (m, 6 or 10), measured less predicted."""
         s, frame = self.flight, self.frame
         rotors, gains, center = self._rotors(v), self.gains(v), self.center(v)
-        # Small angles: vectors in the sensor's axes are those in the body's less tilt x vector.
         tilt = np.array([v["tilt_x"], v["tilt_y"], v["tilt_z"]])
         twist = np.array([v["twist_x"], v["twist_y"], v["twist_z"]])
-        turn, gyro = np.eye(3) + attitude.skew(tilt), np.eye(3) + attitude.skew(tilt + twist)
+        # From the axes of accelerometer, gyro and logged attitude to the body's. Those of the
+        # attitude may be the sensors' or markers'.
+        turns = np.array([tilt, tilt + twist, [v["level_x"], v["level_y"], v["heading"]]])
+        turn, gyro, level = attitude.rotation_matrix(attitude.from_rotation_vector(turns))
         w, alpha = s.rate @ gyro.T, s.alpha @ gyro.T
-        # The attitude is taken as that of the sensors' axes.
-        heading = np.eye(3) + attitude.skew(np.array([0.0, 0.0, v["heading"]]))
-        flow = None if s.velocity is None else s.velocity @ (turn @ heading).T
+        flow = None if s.velocity is None else s.velocity @ level.T
         air, torque = self.air_wrench(v, flow, rotors.mean)
         j = inertia(v) * frame.arm**2
-        torque += rotors.thrust @ self.arms(v).T - self._euler @ j[MOMENTS]
+        # w x J w of rates in the gyro's axes is that of the inertia in these axes.
+        euler = self._euler @ (gyro.T @ j @ gyro)[MOMENTS]
+        torque += rotors.thrust @ self.arms(v).T - euler @ gyro.T
         # Angular momentum of the rotors, which turn against their reaction torques.
         momentum = v["rotor_momentum"] * j[2, 2]
         h = momentum * (rotors.speed @ frame.directions)
@@ -187,7 +189,7 @@ class FlightModel:
         e = np.empty((len(s), self.channels))
         e[:, TORQUE] = alpha - torque @ np.linalg.inv(j).T
         place = frame.arm * np.array([v["imu_x"], v["imu_y"], v["imu_z"]]) - center
-        push = air + self._lever(v) @ place
+        push = air + self._lever(v) @ (gyro.T @ place) @ gyro.T
         push[:, 2] += rotors.late @ gains
         e[:, FORCE] = s.force - push @ turn - np.array([v["bias_x"], v["bias_y"], v["bias_z"]])
         if self.channels == 10:
