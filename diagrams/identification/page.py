@@ -291,11 +291,7 @@ def change(rows: Sequence[HeldOut]) -> str:
 TOLD, OTHER, PRIOR = PALETTE[0], PALETTE[1], "0.85"
 REACH = 2.2  # of the axis, in half widths of the prior [1]
 ACROSS = 3  # panels beside each other
-MARKS = {
-    "vehicle file": ("o", PALETTE[1]),
-    "identified": ("s", PALETTE[0]),
-    "least squares": ("^", PALETTE[2]),
-}
+MARKS = {"vehicle file": ("o", PALETTE[1]), "identified": ("s", PALETTE[0])}
 
 
 def interval_figure(found: Identification) -> Figure:
