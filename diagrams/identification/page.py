@@ -251,10 +251,12 @@ def agreement(q: Identified) -> str:
 
 def headline(found: Identification) -> str:
     """Return the answer in one line."""
-    told, every = sum(q.told for q in found.quantities), len(found.quantities)
-    count = len(found.models)
-    by = f"{count} flight{'s' * (count > 1)}"
-    of = found.prior.name
+    told, every, count = (
+        sum(q.told for q in found.quantities),
+        len(found.quantities),
+        len(found.models),
+    )
+    by, of = f"{count} flight{'s' * (count > 1)}", found.prior.name
     if not told:
         return f"{by} of {of}: the prior tells as much"
     return f"{by} tell{'s' * (count == 1)} {told} of {every} quantities of {of}"

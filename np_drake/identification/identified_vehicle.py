@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from scipy.optimize import brentq
 
 from np_drake.identification.identify import Identification
 from np_drake.identification.quantities import SURE, Identified
@@ -151,18 +152,15 @@ def _possible(J: np.ndarray) -> np.ndarray | None:
     """
     out = J.copy()
 
-    def flat(zz: float) -> bool:
+    def spare(zz: float) -> float:
         out[2, 2] = zz
         moments = np.linalg.eigvalsh(0.5 * np.trace(out) * np.eye(3) - out)
-        return bool(moments[0] < FLATTEST * moments[-1])
+        return float(moments[0] - FLATTEST * moments[-1])
 
     low, high = float(max(J[0, 0], J[1, 1])), float(J[2, 2])
-    if not flat(high) or flat(low):
+    if spare(high) >= 0.0 or spare(low) < 0.0:
         return None
-    while high - low > 10.0**-DIGITS * high:
-        middle = 0.5 * (low + high)
-        low, high = (low, middle) if flat(middle) else (middle, high)
-    out[2, 2] = _rounded(low)
+    out[2, 2] = _rounded(brentq(spare, low, high))
     return out
 
 

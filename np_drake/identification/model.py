@@ -55,6 +55,12 @@ def inertia(v: Values) -> np.ndarray:
     return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, min(v["jzz"], FLATTEST) * (xx + yy)]])
 
 
+def rotor_gains(v: Values, frame: Frame) -> np.ndarray:
+    """Return the thrust (4,) of the rotors over their mean, at one input [1]."""
+    sizes = np.array([v["gain_roll"], v["gain_pitch"], v["gain_yaw"] + v["shift_yaw"]])
+    return 1.0 + sizes @ frame.patterns
+
+
 def euler_of_moments(spread: np.ndarray) -> np.ndarray:
     """Return the map (m, 3, 6) from the moments of an inertia to the mean of w x J w.
 
@@ -211,11 +217,7 @@ class FlightModel:
 
     def gains(self, v: Values) -> np.ndarray:
         """Return thrust over mass (4,) of the rotors at the unit of input [m/s²]."""
-        patterns = (
-            np.array([v["gain_roll"], v["gain_pitch"], v["gain_yaw"] + v["shift_yaw"]])
-            @ self.frame.patterns
-        )
-        return 0.25 * G * v["scale"] * v["charge"] * (1.0 + patterns)
+        return 0.25 * G * v["scale"] * v["charge"] * rotor_gains(v, self.frame)
 
     def center(self, v: Values) -> np.ndarray:
         """Return the centre of mass (3,) from Bo [m]."""
