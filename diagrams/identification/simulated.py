@@ -31,7 +31,7 @@ from np_drake.files.number_text import NOTHING
 from np_drake.flight_log import FlightLog
 from np_drake.identification.identify import identify
 from np_drake.identification.quantities import Identified, Quantity
-from np_drake.identification.signals import G
+from np_drake.identification.signals import G, force_between
 from np_drake.vehicle.published import LogNormal, published_priors
 from np_drake.vehicle.vehicle import (
     AIR,
@@ -248,10 +248,7 @@ def _as_logged(
     v, g = truth.vehicle, np.array([0.0, 0.0, G])
     # The accelerometer averages over the interval after a row: the change of its velocity.
     velocity = exact.v + attitude.rotate(exact.q, np.cross(exact.w, truth.imu))
-    rate = np.diff(velocity, axis=0) / np.diff(exact.t)[:, None]
-    turned = attitude.multiply(attitude.conjugate(exact.q[:-1]), exact.q[1:])
-    half = attitude.from_rotation_vector(0.5 * attitude.rotation_vector(turned))
-    force = attitude.rotate_back(attitude.multiply(exact.q[:-1], half), rate + g)
+    force = force_between(exact.t, exact.q, velocity)
     force = np.concatenate([force, force[-1:]])
     moved = dc.replace(exact, a=attitude.rotate(exact.q, force) - g)
     log = with_sensor_noise(moved, v, quality, rng)

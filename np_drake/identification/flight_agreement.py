@@ -11,7 +11,8 @@ from scipy import stats
 
 from np_drake.identification.estimation import Agreement, random_effect
 from np_drake.identification.identify import Identification
-from np_drake.identification.quantities import SURE, TOLD, Identified, Quantity
+from np_drake.identification.model import Values
+from np_drake.identification.quantities import SURE, TOLD, Basis, Identified, Quantity
 
 DIFFER = 0.01  # probability below which flights differ by more than chance [1]; own choice
 
@@ -128,7 +129,7 @@ def own_values(found: Identification) -> list[FlightValues]:
 
         mean, *ends = (value(c) for c in (float(z.mean()), -SURE, SURE))
         p = float(stats.chi2.sf(Q, count - 1))
-        constant = Quantity(name, "", unit, lambda v, b, mean=mean: mean)
+        constant = Quantity(name, "", unit, _constant(mean))
         prior = (min(ends), max(ends))
         quantity = Identified(constant, mean, mean, mean, prior, True, p)
         shown.append(_shown(found, quantity, Agreement(z, sd, 0.0, p), value))
@@ -158,3 +159,8 @@ def outlying(agreement: Agreement) -> list[int]:
         if p < DIFFER / len(here):
             found.append(int(i))
     return found
+
+
+def _constant(value: float) -> Callable[[Values, Basis], float]:
+    """Return a quantity that has this value whatever the parameters are."""
+    return lambda v, b: value

@@ -66,14 +66,9 @@ def identified_vehicle(found: Identification, name: str) -> Vehicle:
         values["torque_coefficient"] = _rounded(scale * values["torque_coefficient"])
     throttle, full = None, values.get("throttle.full_thrust")
     if full is not None:
-        volts, power = basis.frame.volts or None, 0.0
-        if volts is None:
-            intervals.pop("throttle.voltage_exponent", None)
-            sources.pop("throttle.voltage_exponent", None)
-        else:
-            power = float(np.clip(values.get("throttle.voltage_exponent", 0.0), 0.0, 4.0))
+        power = float(np.clip(values.get("throttle.voltage_exponent", 0.0), 0.0, 4.0))
         linear = float(np.clip(values.get("throttle.linear", 0.0), -0.5, 1.5))
-        throttle = ThrottleMap(full, linear, 0.0, volts, power)
+        throttle = ThrottleMap(full, linear, 0.0, basis.frame.volts or None, power)
         intervals["max_rotor_thrust"] = intervals["throttle.full_thrust"]
         sources["max_rotor_thrust"] = sources["throttle.full_thrust"]
     # Thrust is told over the mass: an error of a given mass is one of thrust by the same share, and

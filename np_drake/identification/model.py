@@ -8,7 +8,7 @@ from scipy.interpolate import CubicSpline
 
 from np_drake import attitude
 from np_drake.compiled import compiled
-from np_drake.identification.signals import G, Signals
+from np_drake.identification.signals import G, Signals, Substeps, interpolated
 from np_drake.training_data.accelerations import most_likely
 from np_drake.training_data.segments import white_noise
 
@@ -136,19 +136,6 @@ def means(t: np.ndarray, values: np.ndarray, starts: np.ndarray, stops: np.ndarr
     return (integral(stops) - integral(starts)) / (stops - starts)[:, None]
 
 
-def at(t: np.ndarray, values: np.ndarray, instants: np.ndarray) -> np.ndarray:
-    """Return piecewise linear values (k, c) at instants (k,) [s].
-
-    Args:
-        t: (m,) times of the values, uniform [s].
-        values: (m, c) values.
-        instants: (k,) times [s].
-    """
-    place = np.clip((instants - t[0]) / (t[1] - t[0]), 0.0, len(t) - 1)
-    k = np.minimum(place.astype(int), len(t) - 2)
-    return values[k] + (place - k)[:, None] * (values[k + 1] - values[k])
-
-
 FORCE, TORQUE, SPEED = slice(0, 3), slice(3, 6), slice(6, 10)
 RESPONSE = ("lag", "lag_ratio", "curve", "idle", "sag", "full_speed")  # of a rotor to its command
 
@@ -161,6 +148,8 @@ class FlightModel:
         self.channels = 10 if flight.command is not None else 6
         self._relative = flight.input / frame.unit
         self._time = flight.instants - flight.t[0]
+        grid = self._grid = Substeps.of(flight.t)
+        self._fine = np.append(grid.t, grid.t[-1] + grid.step) - flight.t[0]  # (k,) [s]
         self._euler = euler_of_moments(flight.spread)
         # Body rates at a time [rad/s].
         self._rates = CubicSpline(self._time, flight.smooth[flight.edges])
@@ -304,7 +293,7 @@ class FlightModel:
             means(t, speed, edges[:-1], edges[1:]),
             means(t, square, edges[:-1], edges[1:]),
             means(t, square, starts - late, stops - late),
-            np.diff(at(t, speed, edges), axis=0) / np.diff(edges)[:, None],
+            np.diff(interpolated(edges, t, speed), axis=0) / np.diff(edges)[:, None],
         )
 
     def _make_driven(self, response: tuple[float, ...]) -> tuple[np.ndarray, np.ndarray]:
@@ -320,7 +309,7 @@ class FlightModel:
             wanted = full * target_speed(throttle, curve, idle) / hover
         if s.voltage is not None and frame.volts > 0:
             wanted = wanted * ((s.voltage / frame.volts) ** (0.5 * sag))[:, None]
-        grid, wanted = s.substeps, np.ascontiguousarray(wanted)
+        wanted, grid = np.ascontiguousarray(wanted), self._grid
         return self._fine, lagged(wanted, grid.row, grid.step, lag, lag * ratio)
 
     def _make_telemetry(self, late: float, response: tuple[float, ...]) -> np.ndarray:
@@ -329,16 +318,10 @@ class FlightModel:
         return means(*self._driven(response), edges[:-1], edges[1:])
 
     @cached_property
-    def _fine(self) -> np.ndarray:
-        grid = self.flight.substeps
-        return np.append(grid.t, grid.t[-1] + grid.step) - self.flight.t[0]
-
-    @cached_property
     def _measured(self) -> tuple[np.ndarray, np.ndarray]:
         """Measured relative speeds (k, 4) on the fine grid (k,) [s]."""
-        own = self.flight.t - self.flight.t[0]
-        return self._fine, np.stack(
-            [np.interp(self._fine, own, column) for column in self._relative.T], axis=1
+        return self._fine, interpolated(
+            self._fine, self.flight.t - self.flight.t[0], self._relative
         )
 
     @cached_property

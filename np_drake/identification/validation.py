@@ -21,39 +21,11 @@ SUBSTEPS = 2
 ERRORS = ("position", "velocity", "attitude", "rates")  # [m, m/s, rad, rad/s]
 
 
-@dc.dataclass(frozen=True)
-class Prediction:
-    """Predictions from several starts of one flight.
-
-    t: (k + 1,) time from the start [s].
-    first: (s,) rows of the log at which they start.
-    x: (k + 1, s, 13) states. rows: (k + 1, s) rows of the log at these times.
-    """
-
-    t: np.ndarray
-    first: np.ndarray
-    x: np.ndarray
-    rows: np.ndarray
-
-    def errors(self, log: FlightLog) -> np.ndarray:
-        """Return the errors (k + 1, s, 4), of `ERRORS`."""
-        true = log.x[self.rows]
-        between = attitude.multiply(attitude.conjugate(true[..., 3:7]), self.x[..., 3:7])
-        return np.stack(
-            [
-                np.linalg.norm(self.x[..., 0:3] - true[..., 0:3], axis=-1),
-                np.linalg.norm(self.x[..., 7:10] - true[..., 7:10], axis=-1),
-                np.linalg.norm(attitude.rotation_vector(between), axis=-1),
-                np.linalg.norm(self.x[..., 10:13] - true[..., 10:13], axis=-1),
-            ],
-            axis=-1,
-        )
-
-
 def predict(
     model: FlightModel, log: FlightLog, v: Values, *, seconds: float, every: float = 0.1
-) -> Prediction:
-    """Return open-loop predictions.
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the first bins (s,) of open-loop predictions, and their errors (k + 1, s, 4), of
+    `ERRORS`, at the start and after each bin.
 
     Args:
         seconds: length of a prediction [s].
@@ -77,13 +49,16 @@ def predict(
         for _ in range(SUBSTEPS):
             x = _step(model, v, x, held, h)
         out.append(x)
-    states_out = np.array(out)
-    R = attitude.rotation_matrix(states_out[..., 3:7])
-    turned = np.cross(states_out[..., 10:13], center)
-    states_out[..., 0:3] -= R @ center
-    states_out[..., 7:10] -= np.einsum("ksij,ksj->ksi", R, turned)
-    rows = s.edges[first[None, :] + np.arange(steps + 1)[:, None]]
-    return Prediction(np.arange(steps + 1) * s.step, first, states_out, rows)
+    found = np.array(out)
+    R = attitude.rotation_matrix(found[..., 3:7])
+    turned = np.cross(found[..., 10:13], center)
+    found[..., 0:3] -= R @ center
+    found[..., 7:10] -= np.einsum("ksij,ksj->ksi", R, turned)
+    off = found - log.x[s.edges[first[None, :] + np.arange(steps + 1)[:, None]]]
+    true = found[..., 3:7] - off[..., 3:7]
+    between = attitude.multiply(attitude.conjugate(true), found[..., 3:7])
+    parts = (off[..., 0:3], off[..., 7:10], attitude.rotation_vector(between), off[..., 10:13])
+    return first, np.stack([np.linalg.norm(part, axis=-1) for part in parts], axis=-1)
 
 
 def _step(model: FlightModel, v: Values, x: np.ndarray, held: Rotors, h: float) -> np.ndarray:
@@ -221,7 +196,7 @@ def held_out(
             open_loop = np.full((len(HORIZONS), len(ERRORS)), np.nan)
             for i, horizon in enumerate(() if log.lacks else HORIZONS):
                 try:
-                    errors = predict(model, log, v, seconds=horizon).errors(log)
+                    _, errors = predict(model, log, v, seconds=horizon)
                     open_loop[i] = np.median(errors[-1], axis=0)
                 except ValueError:  # no stretch without gaps is as long
                     continue

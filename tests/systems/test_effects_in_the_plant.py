@@ -69,7 +69,7 @@ def test_rotors_that_lag_turn_the_body_by_their_own_angular_momentum(fly, seed):
 
 
 @SEEDS
-def test_weak_blades_leave_the_rotors_their_angular_momentum(fly, seed):
+def test_weak_blades_leave_the_rotors_their_momentum(fly, seed):
     spin = RotorGyroscopic(2e-4)
     now = fly(seed, actuator_effects=[ThrustScale(0.5)], wrench_effects=[spin])
     np.testing.assert_allclose(now.motion.rotor_thrust, 0.5 * now.command, atol=1e-12)

@@ -27,8 +27,8 @@ TRUTH = {  # name: (value, tolerance of it), beside which the interval must hold
     "IMU x": (0.01, 5e-4),
     "IMU y": (-0.012, 5e-4),
     "IMU z": (0.008, 5e-4),
-    "IMU tilt x": (0.004, 4e-3),
-    "IMU tilt y": (-0.003, 4e-3),
+    "IMU tilt x": (0.03, 4e-3),
+    "IMU tilt y": (-0.02, 4e-3),
     "drag, lateral": (0.1, 0.01),
 }
 
