@@ -128,17 +128,14 @@ def draw_truth(rng: np.random.Generator, kind: str) -> Truth:
     def drawn(of: LogNormal) -> float:  # uniform in the logarithm
         return float(np.exp(spread(of.mean, of.deviation)))
 
-    def uniform(low: float, high: float) -> float:
-        return float(rng.uniform(low, high))
-
     mass = float(np.exp(rng.uniform(np.log(LIGHTEST), np.log(HEAVIEST))))
-    arm = uniform(0.13, 0.2) * mass ** (1 / 3)
-    angle = uniform(0.65, 0.92)
+    arm = rng.uniform(0.13, 0.2) * mass ** (1 / 3)
+    angle = rng.uniform(0.65, 0.92)
     x, y = arm * np.sin(angle), arm * np.cos(angle)
-    radius = uniform(0.4, 0.65) * arm
-    number = uniform(0.06, 0.18)
+    radius = rng.uniform(0.4, 0.65) * arm
+    number = rng.uniform(0.06, 0.18)
     k = float(number * AIR * (2 * radius) ** 4 / (2 * np.pi) ** 2)
-    lever = least_torque_over_thrust(number, 2 * radius) / uniform(0.4, 0.7)
+    lever = least_torque_over_thrust(number, 2 * radius) / rng.uniform(0.4, 0.7)
     told = published_priors()
     xx = mass * arm**2 * drawn(told.inertia)
     yy = xx * drawn(told.inertia_pitch)
@@ -150,13 +147,13 @@ def draw_truth(rng: np.random.Generator, kind: str) -> Truth:
     calibration = Calibration(
         center_of_mass=[spread(0.0, 0.03) * arm, spread(0.0, 0.03) * arm, 0.0],
         rotor_gains=[float(g) for g in gains / gains.mean()],
-        command_delay=uniform(0.0, 0.015),
+        command_delay=rng.uniform(0.0, 0.015),
         rotor_inertia=float(mass * arm**2 * min(drawn(told.rotor_inertia), 2e-3)),
         imu_position=[spread(0.0, 0.1) * arm for _ in range(3)],
         imu_tilt=[spread(0.0, 0.015) for _ in range(3)],
     )
-    strongest = uniform(1.9, 3.5) * 0.25 * mass * G
-    throttle = ThrottleMap(strongest, uniform(0.0, 0.4), 0.0, 3.7, uniform(1.0, 2.0))
+    strongest = rng.uniform(1.9, 3.5) * 0.25 * mass * G
+    throttle = ThrottleMap(strongest, rng.uniform(0.0, 0.4), 0.0, 3.7, rng.uniform(1.0, 2.0))
     lag = float(np.clip(drawn(told.time_constant), 0.012, 0.07))
     turns = 1.0 if rng.integers(2) else -1.0
     vehicle = Vehicle(
@@ -184,14 +181,14 @@ def draw_truth(rng: np.random.Generator, kind: str) -> Truth:
         thrust_coefficient=1.4 * k,
         torque_coefficient=1.4 * float(lever * k),
     ).check()
-    drag = mass * uniform(0.05, 0.3)
+    drag = mass * rng.uniform(0.05, 0.3)
     return Truth(
         vehicle=vehicle,
         throttle=throttle,
         imu=np.array(calibration.imu_position),
-        drag=LinearDrag(drag, drag, mass * uniform(0.05, 0.3)),
-        flapping=BladeFlapping(mass * arm * uniform(0.0, 0.15)),
-        lift=TranslationalLift(mass * uniform(0.0, 0.03)),
+        drag=LinearDrag(drag, drag, mass * rng.uniform(0.05, 0.3)),
+        flapping=BladeFlapping(mass * arm * rng.uniform(0.0, 0.15)),
+        lift=TranslationalLift(mass * rng.uniform(0.0, 0.03)),
         input=kind,
         known=known,
     )

@@ -41,17 +41,11 @@ class FlightValues:
 
     @property
     def text(self) -> str:
-        """What differs, in a sentence without its full stop; empty where the flights agree."""
-        if not self.differ:
-            return ""
-        said = f"{self.quantity.name}: flights differ"
-        others = len(self.names) - len(self.apart)
-        if self.apart and others > 1:
-            return (
-                f"{said}; {', '.join(self.apart)} "
-                f"{'stands' if len(self.apart) == 1 else 'stand'} out"
-            )
-        return said
+        """That flights differ, in a sentence without its full stop, and which stand out."""
+        said, one = f"{self.quantity.name}: flights differ", len(self.apart) == 1
+        if not self.apart or len(self.names) - len(self.apart) < 2:
+            return said
+        return f"{said}; {', '.join(self.apart)} {'stands' if one else 'stand'} out"
 
 
 def flight_values(found: Identification) -> list[FlightValues]:
