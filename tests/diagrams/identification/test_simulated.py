@@ -39,8 +39,7 @@ def result(kind, *within, told=True, names=("transport delay",) * 9):
     """Result of a vehicle whose delays are 1 ms off."""
     q = {"unit": "ms", "air": False, "told": told, "error": 1.0, "prior_error": 4.0}
     quantities = [
-        {**q, "name": name, "within": inside}
-        for name, inside in zip(names, within, strict=False)
+        {**q, "name": name, "within": inside} for name, inside in zip(names, within, strict=False)
     ]
     return {"kind": kind, "refused": 1, "processor_time": 6.0, "quantities": quantities}
 
