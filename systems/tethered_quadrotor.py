@@ -13,6 +13,7 @@ from pydrake.systems.primitives import Adder, ConstantVectorSource
 
 from np_drake.effects.base import ActuatorEffect, MassEffect, WrenchEffect
 from np_drake.effects.combine import NO_ONSETS, Onsets, acting, mass_properties
+from np_drake.effects.rotor_gyroscopic import RotorGyroscopic
 from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.vehicle import Vehicle
 from systems.cable import Cable
@@ -162,17 +163,25 @@ def _add_effects(
     builder: DiagramBuilder, vehicle: Vehicle, wrench_effects, onsets, *, plant, state, rotors
 ):
     """Add the wrench effects, if any, and return the ports of their generalized force."""
-    if not wrench_effects:
-        return []
-    effects = builder.AddNamedSystem(
-        "wrench_effects",
-        WrenchEffects(vehicle, wrench_effects, plant.num_velocities(), onsets=onsets),
-    )
-    builder.Connect(state.get_output_port(), effects.GetInputPort("x"))
-    builder.Connect(rotors.thrust, effects.GetInputPort("rotor_thrust"))
-    if rotors.rate is not None and any(effect.feels_rotor_rate for effect in wrench_effects):
-        builder.Connect(rotors.rate, effects.GetInputPort("rotor_rate"))
-    return [effects.GetOutputPort("generalized_force")]
+    # Momentum is that of the turning rotors, whatever their blades give.
+    turning = [effect for effect in wrench_effects if isinstance(effect, RotorGyroscopic)]
+    pushing = [effect for effect in wrench_effects if effect not in turning]
+    forces = []
+    for name, some, thrust in (
+        ("wrench_effects", pushing, rotors.thrust),
+        ("angular_momentum", turning, rotors.nominal_thrust),
+    ):
+        if some:
+            size = plant.num_velocities()
+            effects = builder.AddNamedSystem(
+                name, WrenchEffects(vehicle, some, size, onsets=onsets)
+            )
+            builder.Connect(state.get_output_port(), effects.GetInputPort("x"))
+            builder.Connect(thrust, effects.GetInputPort("rotor_thrust"))
+            if rotors.rate is not None and any(effect.feels_rotor_rate for effect in some):
+                builder.Connect(rotors.rate, effects.GetInputPort("rotor_rate"))
+            forces.append(effects.GetOutputPort("generalized_force"))
+    return forces
 
 
 def _declare_events(

@@ -117,7 +117,7 @@ def identify(
         stop, parts = (LAST, [(LAST, 1.0)]) if last else (1.0, [])
         found = identified(fitted, prior, mass=mass, trusted=trusted, drive=drive, stop=stop)
         advance(FITTED, "judging")
-        rows = errors_on(found, judging, parts, plain=True)
+        rows = errors_on(found, judging, parts)
         advance(1.0)
     tell(*notes, *said, *found.notes)
     config: dict[str, Any] = {

@@ -251,10 +251,12 @@ def agreement(q: Identified) -> str:
 
 def headline(found: Identification) -> str:
     """Return the answer in one line."""
-    told, every = sum(q.told for q in found.quantities), len(found.quantities)
-    count = len(found.models)
-    by = f"{count} flight{'s' * (count > 1)}"
-    of = found.prior.name
+    told, every, count = (
+        sum(q.told for q in found.quantities),
+        len(found.quantities),
+        len(found.models),
+    )
+    by, of = f"{count} flight{'s' * (count > 1)}", found.prior.name
     if not told:
         return f"{by} of {of}: the prior tells as much"
     return f"{by} tell{'s' * (count == 1)} {told} of {every} quantities of {of}"
@@ -291,11 +293,7 @@ def change(rows: Sequence[HeldOut]) -> str:
 TOLD, OTHER, PRIOR = PALETTE[0], PALETTE[1], "0.85"
 REACH = 2.2  # of the axis, in half widths of the prior [1]
 ACROSS = 3  # panels beside each other
-MARKS = {
-    "vehicle file": ("o", PALETTE[1]),
-    "identified": ("s", PALETTE[0]),
-    "least squares": ("^", PALETTE[2]),
-}
+MARKS = {"vehicle file": ("o", PALETTE[1]), "identified": ("s", PALETTE[0])}
 
 
 def interval_figure(found: Identification) -> Figure:

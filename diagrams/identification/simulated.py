@@ -1,10 +1,10 @@
 """Study `identification`: random vehicles flown in Drake, with logs as real sensors write them,
-identified, beside the truth and two naive answers.
+identified, beside the truth and the prior.
 """
 
 import dataclasses as dc
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from functools import partial
 from typing import Annotated, Any
 
@@ -30,10 +30,8 @@ from np_drake.effects.calibration import effects_of
 from np_drake.files.number_text import NOTHING
 from np_drake.flight_log import FlightLog
 from np_drake.identification.identify import identify
-from np_drake.identification.model import Values
-from np_drake.identification.quantities import Basis, Identified, Quantity
-from np_drake.identification.signals import G
-from np_drake.identification.validation import USUAL, plain_least_squares
+from np_drake.identification.quantities import Identified, Quantity
+from np_drake.identification.signals import G, force_between
 from np_drake.vehicle.published import LogNormal, published_priors
 from np_drake.vehicle.vehicle import (
     AIR,
@@ -51,7 +49,6 @@ TACHOMETER = 0.002
 # share of rotor commands at a limit, from which a loop oscillates [1]; own choice
 SATURATED = 0.005
 ATTEMPTS = 40  # draws of a vehicle until its controller flies it
-SMALL = 1e-6  # move of a parameter that shows whether a quantity depends on it [1]
 ALIKE = {  # quantities of one kind, by the line that holds them
     "inertia xx, yy": ("inertia xx", "inertia yy"),
     "inertia xz, yz": ("inertia xz", "inertia yz"),
@@ -62,7 +59,7 @@ ALIKE = {  # quantities of one kind, by the line that holds them
     "time constants up, down": ("time constant up", "time constant down"),
 }
 LINE_OF = {name: line for line, names in ALIKE.items() for name in names}
-ERRORS = {"error": "error", "prior alone": "prior_error", "least squares": "plain_error"}
+ERRORS = {"error": "error", "prior_error": "prior alone"}  # with their headings
 Line = dict[str, Any]
 
 
@@ -131,17 +128,14 @@ def draw_truth(rng: np.random.Generator, kind: str) -> Truth:
     def drawn(of: LogNormal) -> float:  # uniform in the logarithm
         return float(np.exp(spread(of.mean, of.deviation)))
 
-    def uniform(low: float, high: float) -> float:
-        return float(rng.uniform(low, high))
-
     mass = float(np.exp(rng.uniform(np.log(LIGHTEST), np.log(HEAVIEST))))
-    arm = uniform(0.13, 0.2) * mass ** (1 / 3)
-    angle = uniform(0.65, 0.92)
+    arm = rng.uniform(0.13, 0.2) * mass ** (1 / 3)
+    angle = rng.uniform(0.65, 0.92)
     x, y = arm * np.sin(angle), arm * np.cos(angle)
-    radius = uniform(0.4, 0.65) * arm
-    number = uniform(0.06, 0.18)
+    radius = rng.uniform(0.4, 0.65) * arm
+    number = rng.uniform(0.06, 0.18)
     k = float(number * AIR * (2 * radius) ** 4 / (2 * np.pi) ** 2)
-    lever = least_torque_over_thrust(number, 2 * radius) / uniform(0.4, 0.7)
+    lever = least_torque_over_thrust(number, 2 * radius) / rng.uniform(0.4, 0.7)
     told = published_priors()
     xx = mass * arm**2 * drawn(told.inertia)
     yy = xx * drawn(told.inertia_pitch)
@@ -153,13 +147,13 @@ def draw_truth(rng: np.random.Generator, kind: str) -> Truth:
     calibration = Calibration(
         center_of_mass=[spread(0.0, 0.03) * arm, spread(0.0, 0.03) * arm, 0.0],
         rotor_gains=[float(g) for g in gains / gains.mean()],
-        command_delay=uniform(0.0, 0.015),
+        command_delay=rng.uniform(0.0, 0.015),
         rotor_inertia=float(mass * arm**2 * min(drawn(told.rotor_inertia), 2e-3)),
         imu_position=[spread(0.0, 0.1) * arm for _ in range(3)],
         imu_tilt=[spread(0.0, 0.015) for _ in range(3)],
     )
-    strongest = uniform(1.9, 3.5) * 0.25 * mass * G
-    throttle = ThrottleMap(strongest, uniform(0.0, 0.4), 0.0, 3.7, uniform(1.0, 2.0))
+    strongest = rng.uniform(1.9, 3.5) * 0.25 * mass * G
+    throttle = ThrottleMap(strongest, rng.uniform(0.0, 0.4), 0.0, 3.7, rng.uniform(1.0, 2.0))
     lag = float(np.clip(drawn(told.time_constant), 0.012, 0.07))
     turns = 1.0 if rng.integers(2) else -1.0
     vehicle = Vehicle(
@@ -187,14 +181,14 @@ def draw_truth(rng: np.random.Generator, kind: str) -> Truth:
         thrust_coefficient=1.4 * k,
         torque_coefficient=1.4 * float(lever * k),
     ).check()
-    drag = mass * uniform(0.05, 0.3)
+    drag = mass * rng.uniform(0.05, 0.3)
     return Truth(
         vehicle=vehicle,
         throttle=throttle,
         imu=np.array(calibration.imu_position),
-        drag=LinearDrag(drag, drag, mass * uniform(0.05, 0.3)),
-        flapping=BladeFlapping(mass * arm * uniform(0.0, 0.15)),
-        lift=TranslationalLift(mass * uniform(0.0, 0.03)),
+        drag=LinearDrag(drag, drag, mass * rng.uniform(0.05, 0.3)),
+        flapping=BladeFlapping(mass * arm * rng.uniform(0.0, 0.15)),
+        lift=TranslationalLift(mass * rng.uniform(0.0, 0.03)),
         input=kind,
         known=known,
     )
@@ -251,10 +245,7 @@ def _as_logged(
     v, g = truth.vehicle, np.array([0.0, 0.0, G])
     # The accelerometer averages over the interval after a row: the change of its velocity.
     velocity = exact.v + attitude.rotate(exact.q, np.cross(exact.w, truth.imu))
-    rate = np.diff(velocity, axis=0) / np.diff(exact.t)[:, None]
-    turned = attitude.multiply(attitude.conjugate(exact.q[:-1]), exact.q[1:])
-    half = attitude.from_rotation_vector(0.5 * attitude.rotation_vector(turned))
-    force = attitude.rotate_back(attitude.multiply(exact.q[:-1], half), rate + g)
+    force = force_between(exact.t, exact.q, velocity)
     force = np.concatenate([force, force[-1:]])
     moved = dc.replace(exact, a=attitude.rotate(exact.q, force) - g)
     log = with_sensor_noise(moved, v, quality, rng)
@@ -286,26 +277,19 @@ def identified(case: Case, *, flights: int, seconds: float) -> Line:
     quantities = found.quantities
     spent = time.process_time() - start
     known = truth.quantities(found.basis.frame.volts)
-    plain = plain_least_squares(found)
     return {
         "mass": truth.vehicle.mass,
         "refused": refused,
         "processor_time": spent,
         "quantities": [
-            _beside_truth(q, known[q.name], truth, found.basis, plain)
-            for q in quantities
-            if q.name in known
+            _beside_truth(q, known[q.name], truth) for q in quantities if q.name in known
         ],
     }
 
 
-def _beside_truth(q: Identified, true: float, truth: Truth, basis: Basis, plain: Values) -> Line:
+def _beside_truth(q: Identified, true: float, truth: Truth) -> Line:
     (low, high), quantity = q.prior, q.quantity
     guess = float(np.sqrt(low * high)) if quantity.positive else 0.5 * (low + high)
-    # Plain least squares has an answer where what it fits moves the quantity.
-    moved = {name: plain[name] * (1 + SMALL) + SMALL for name in USUAL if name in plain}
-    naive = quantity.of(plain, basis)
-    answers = quantity.of(plain | moved, basis) != naive
     unit, error = error_of(quantity, q.value, true, truth)
     return {
         "name": q.name,
@@ -318,7 +302,6 @@ def _beside_truth(q: Identified, true: float, truth: Truth, basis: Basis, plain:
         "true": true,
         "error": error,
         "prior_error": error_of(quantity, guess, true, truth)[1],
-        "plain_error": error_of(quantity, naive, true, truth)[1] if answers else None,
     }
 
 
@@ -357,7 +340,7 @@ def quantity_lines(results: Sequence[Line]) -> list[Line]:
                 "count": len(own),
                 "told": len(told),
                 "within": float(told["within"].mean()) if len(told) else None,
-                **{key: _median(told[key]) for key in ERRORS.values()},
+                **{key: float(told[key].median()) if len(told) else None for key in ERRORS},
             }
         )
     return lines
@@ -374,7 +357,8 @@ def pooled_lines(results: Sequence[Line]) -> list[Line]:
             line = {"input": kind, "vehicles": len(own), "refused": sum(r["refused"] for r in own)}
             for air, key in ((False, "vehicle"), (True, "air")):
                 line[key], line[f"{key}_ci95"], line[f"{key}_told"] = _covered(own, air)
-            lines.append(line | {"processor_time": _median([r["processor_time"] for r in own])})
+            spent = float(np.median([r["processor_time"] for r in own]))
+            lines.append(line | {"processor_time": spent})
     return lines
 
 
@@ -393,11 +377,6 @@ def _covered(results: Sequence[Line], air: bool) -> tuple[float | None, float | 
     # Intervals of one vehicle err together: variance of a ratio of sums over vehicles.
     variance = n / max(n - 1, 1) * np.sum((inside - share * told) ** 2)
     return share, 1.96 * float(np.sqrt(variance) / every) if n > 1 else None, every
-
-
-def _median(values: Iterable[float | None]) -> float | None:
-    known = [v for v in values if v is not None and v == v]
-    return float(np.median(known)) if known else None
 
 
 def run(
@@ -445,7 +424,7 @@ def run(
             line["name"],
             f"{line['told']} of {line['count']}",
             _number(line["within"], "{:.1%}"),
-            *(_number(line[key]) for key in ERRORS.values()),
+            *(_number(line[key]) for key in ERRORS),
             line["unit"],
         )
         for line in each
@@ -454,7 +433,7 @@ def run(
     return Report(
         [
             (title, [*header, "draws not flyable", "processor time [s]"], shares),
-            (told, ["quantity", "told", "inside", *ERRORS, "unit"], rows),
+            (told, ["quantity", "told", "inside", *ERRORS.values(), "unit"], rows),
         ],
         config={"vehicles": vehicles, **flown},
         metrics={"pooled": pooled, "table": each, "runs": records},

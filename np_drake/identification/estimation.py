@@ -133,9 +133,10 @@ def parameters(spin: float, step: float) -> tuple[Parameter, ...]:
         Parameter("shift_y", 0.0, 0.02, flight=True),
         Parameter("shift_yaw", 0.0, 0.02, flight=True),  # gain about z against that of all flights
         Parameter("clock", 0.0, 0.01, flight=True, needs=ROTOR_SPEED),  # rotor speed to body [s]
-        Parameter(
-            "heading", 0.0, 0.02, flight=True, needs=AIR
-        ),  # of the attitude against the sensors [rad]
+        # Axes of the logged attitude against the body's [rad]; an estimator's may be its sensors'.
+        Parameter("level_x", 0.0, 0.03, flight=True, needs=AIR),
+        Parameter("level_y", 0.0, 0.03, flight=True, needs=AIR),
+        Parameter("heading", 0.0, 0.03, flight=True, needs=AIR),
         Parameter("bias_x", 0.0, 0.3, flight=True),
         Parameter("bias_y", 0.0, 0.3, flight=True),
         Parameter("bias_z", 0.0, 0.1, flight=True),
@@ -329,8 +330,12 @@ def _between(agreement: Agreement) -> float:
     here = np.isfinite(agreement.sd)
     weight = 1.0 / agreement.sd[here] ** 2  # as flights count in the common estimate
     share = float((weight**2).sum() / weight.sum() ** 2)
-    few = float(stats.t.ppf(0.975, here.sum() - 1 + PRIOR_FLIGHTS) / stats.norm.ppf(0.975))
-    return agreement.variance * share * few**2
+    return agreement.variance * share * _student(int(here.sum()) - 1 + PRIOR_FLIGHTS) ** 2
+
+
+def _student(freedom: int) -> float:
+    """Return by how much a 95 % interval is wider with few degrees of freedom than with many."""
+    return float(stats.t.ppf(0.975, freedom) / stats.norm.ppf(0.975))
 
 
 PASSES = 4  # of noise models
@@ -370,20 +375,6 @@ class Estimate:
     covariances: tuple[np.ndarray, ...]
     information: np.ndarray
     agreement: dict[str, Agreement] = dc.field(default_factory=dict)
-
-    @property
-    def sd(self) -> np.ndarray:
-        """(k,) standard deviations of z."""
-        return np.sqrt(np.max([np.diag(c) for c in self.covariances], axis=0))
-
-    @property
-    def covariance(self) -> np.ndarray:
-        """(k, k) joint covariance of z: these deviations, with the correlations of the shortest
-        blocks.
-        """
-        shortest = self.covariances[min(1, len(self.covariances) - 1)]
-        own = self.sd / np.sqrt(np.diag(shortest))
-        return shortest * np.outer(own, own)
 
     def variance(self, gradient: np.ndarray) -> float:
         """Return the variance of a quantity with the derivatives `gradient` (k,) by z."""
@@ -452,16 +443,17 @@ def _not_above_the_prior(covariance: np.ndarray) -> np.ndarray:
     return covariance * np.outer(known, known)
 
 
-def _sandwich(inverse: np.ndarray, scores: np.ndarray) -> np.ndarray:
-    """Return the covariance (k, k) with independent scores (c, k), widened by Student's t for their
-    number.
+def _sandwich(inverse: np.ndarray, scores: np.ndarray, few: float | None = None) -> np.ndarray:
+    """Return the covariance (k, k) with independent scores (c, k).
 
-    inverse: (k, k) of the information with that of the prior.
+    Args:
+        inverse: (k, k) of the information with that of the prior.
+        few: by which deviations are wider [1]; default: by Student's t for the number of scores.
     Source: White 1982; the prior counts as data.
     """
     count = max(len(scores), 2)
     apart = scores - scores.mean(axis=0)
-    few = float(stats.t.ppf(0.975, count - 1) / stats.norm.ppf(0.975))
+    few = _student(count - 1) if few is None else few
     middle = few**2 * apart.T @ apart * count / (count - 1) + np.eye(len(inverse))
     return inverse @ middle @ inverse
 
@@ -475,7 +467,6 @@ class _Part:
     gradient: np.ndarray
     information: np.ndarray
     scores: np.ndarray
-    cost: float
 
 
 def _descend(
@@ -483,42 +474,39 @@ def _descend(
 ) -> tuple[np.ndarray, list[_Part]]:
     """Return the minimum of the cost with these filters, and the flights' shares in the equations
     there.
+
+    Without damping at first, unlike `minimise` of the diagnosis: coordinates that look the same are
+    told apart by the prior alone, to which any damping by the size of their information is large.
     """
-    damping = 0.0
+    flights = list(zip(models, whitenings, strict=True))
+
+    def cost(at: np.ndarray) -> float:
+        apart = (
+            w.apply(m.residual(layout.values(at, number))) for number, (m, w) in enumerate(flights)
+        )
+        return 0.5 * float(at @ at) + sum(0.5 * float(np.sum(e**2)) for e in apart)
+
+    def shares(at: np.ndarray) -> list[_Part]:
+        return [_part(m, layout, at, number, w) for number, (m, w) in enumerate(flights)]
+
+    damping, parts, before = 0.0, shares(z), cost(z)
     for _ in range(ITERATIONS):
-        parts = [
-            _part(m, layout, z, n, w)
-            for n, (m, w) in enumerate(zip(models, whitenings, strict=True))
-        ]
         H = sum(p.information for p in parts) + np.eye(layout.size)
         g = sum(p.gradient for p in parts) + z
-        cost = sum(p.cost for p in parts) + 0.5 * z @ z
         for _ in range(5):
             step = -np.linalg.solve(H + damping * np.diag(np.diag(H)), g)
             step *= min(1.0, LARGEST / max(np.abs(step).max(), 1e-12))
             new = np.clip(z + step, -BOUND, BOUND)
-            after = 0.5 * new @ new + sum(
-                _cost(m, layout, new, n, w)
-                for n, (m, w) in enumerate(zip(models, whitenings, strict=True))
-            )
-            if after < cost:
-                damping *= 0.1
+            after = cost(new)
+            if after < before:
                 break
             damping = max(10 * damping, 1e-3)
         else:
-            return z, parts
-        z = new
+            break
+        z, before, damping, parts = new, after, 0.1 * damping, shares(new)
         if np.abs(step).max() < SETTLED:
             break
-    return z, [
-        _part(m, layout, z, n, w) for n, (m, w) in enumerate(zip(models, whitenings, strict=True))
-    ]
-
-
-def _cost(
-    model: FlightModel, layout: Layout, z: np.ndarray, number: int, whitening: Whitening
-) -> float:
-    return 0.5 * float(np.sum(whitening.apply(model.residual(layout.values(z, number))) ** 2))
+    return z, parts
 
 
 def _part(
@@ -532,8 +520,7 @@ def _part(
         moved = z.copy()
         moved[i] += STEP
         J[column] = whitening.apply((model.residual(layout.values(moved, number)) - e) / STEP)
-    e = whitening.apply(e)
-    each = np.einsum("kmc,mc->mk", J, e)
+    each = np.einsum("kmc,mc->mk", J, whitening.apply(e))
     rows = max(1, round(BLOCK / model.flight.step))
     blocks = np.add.reduceat(each, np.arange(0, len(each), rows))
     k = layout.size
@@ -542,7 +529,7 @@ def _part(
     information[np.ix_(own, own)] = flat @ flat.T
     gradient[own] = each.sum(axis=0)
     scores[:, own] = blocks
-    return _Part(gradient, information, scores, 0.5 * float(np.sum(e**2)))
+    return _Part(gradient, information, scores)
 
 
 def _alone(
@@ -573,14 +560,11 @@ def _agreement(
     for number, part in enumerate(parts):
         own = layout.indices(number)
         moved, inverse = _alone(part, layout, alone[number], number)
-        mean = moved[own]
-        scores = part.scores[:, own]
-        scores = scores - scores.mean(axis=0)
-        M = scores.T @ scores * len(scores) / max(len(scores) - 1, 1) + np.eye(len(own))
-        variance = np.maximum(np.diag(inverse @ M @ inverse), np.diag(inverse))[:n]
+        sandwich = _sandwich(inverse, part.scores[:, own], 1.0)
+        variance = np.maximum(np.diag(sandwich), np.diag(inverse))[:n]
         told = variance < 0.25
         free = variance / np.maximum(1.0 - variance, 1e-9)  # of the prior
-        values[number] = np.where(told, mean[:n] * free / variance, np.nan)
+        values[number] = np.where(told, moved[:n] * free / variance, np.nan)
         sds[number] = np.where(told, np.sqrt(np.maximum(free, 1e-18)), np.nan)
     return {
         p.name: found

@@ -41,17 +41,11 @@ class FlightValues:
 
     @property
     def text(self) -> str:
-        """What differs, in a sentence without its full stop; empty where the flights agree."""
-        if not self.differ:
-            return ""
-        said = f"{self.quantity.name}: flights differ"
-        others = len(self.names) - len(self.apart)
-        if self.apart and others > 1:
-            return (
-                f"{said}; {', '.join(self.apart)} "
-                f"{'stands' if len(self.apart) == 1 else 'stand'} out"
-            )
-        return said
+        """That flights differ, in a sentence without its full stop, and which stand out."""
+        said, one = f"{self.quantity.name}: flights differ", len(self.apart) == 1
+        if not self.apart or len(self.names) - len(self.apart) < 2:
+            return said
+        return f"{said}; {', '.join(self.apart)} {'stands' if one else 'stand'} out"
 
 
 def flight_values(found: Identification) -> list[FlightValues]:
@@ -65,7 +59,6 @@ def flight_values(found: Identification) -> list[FlightValues]:
         if not quantity.told or name in seen or name not in estimate.agreement:
             continue
         seen.add(name)
-        agreement = estimate.agreement[name]
         place = estimate.layout.names.index(name)
 
         def of(coordinate: float, quantity=quantity, place=place) -> float:
@@ -73,15 +66,21 @@ def flight_values(found: Identification) -> list[FlightValues]:
             z[place] = coordinate
             return quantity.quantity.of(estimate.layout.values(z), found.basis)
 
-        ends = np.array([agreement.values + k * SURE * agreement.sd for k in (0, -1, 1)])
-        value, *both = (
-            np.array([of(c) if np.isfinite(c) else np.nan for c in row]) for row in ends
-        )
-        names = tuple(model.flight.name for model in found.models)
-        apart = tuple(names[i] for i in outlying(agreement)) if quantity.p < DIFFER else ()
-        low, high = np.minimum(*both), np.maximum(*both)
-        shown.append(FlightValues(quantity, names, value, low, high, apart))
+        shown.append(_shown(found, quantity, estimate.agreement[name], of))
     return shown
+
+
+def _shown(
+    found: Identification, quantity: Identified, told: Agreement, of: Callable[[float], float]
+) -> FlightValues:
+    """Return what the flights tell of a quantity, which is `of` a coordinate of z."""
+    value, *both = (
+        np.array([of(c) if np.isfinite(c) else np.nan for c in told.values + k * SURE * told.sd])
+        for k in (0, -1, 1)
+    )
+    names = tuple(model.flight.name for model in found.models)
+    apart = tuple(names[i] for i in outlying(told)) if quantity.p < DIFFER else ()
+    return FlightValues(quantity, names, value, np.minimum(*both), np.maximum(*both), apart)
 
 
 # What each flight has of its own, by parameter: name, unit, and value from that of the parameter
@@ -122,19 +121,12 @@ def own_values(found: Identification) -> list[FlightValues]:
         def value(z: float, parameter=parameter, of=of) -> float:
             return of(parameter.value(z), arm)
 
-        mean, low, high = (value(c) for c in (float(z.mean()), -SURE, SURE))
-        each, *both = (np.array([value(c) for c in z + k * SURE * sd]) for k in (0, -1, 1))
-        prior = (min(low, high), max(low, high))
+        mean, *ends = (value(c) for c in (float(z.mean()), -SURE, SURE))
         p = float(stats.chi2.sf(Q, count - 1))
-        quantity = Identified(
-            Quantity(name, "", unit, _constant(mean)), mean, mean, mean, prior, True, p
-        )
-        told = Agreement(z, sd, 0.0, p)
-        names = tuple(model.flight.name for model in found.models)
-        apart = tuple(names[i] for i in outlying(told)) if p < DIFFER else ()
-        shown.append(
-            FlightValues(quantity, names, each, np.minimum(*both), np.maximum(*both), apart)
-        )
+        constant = Quantity(name, "", unit, _constant(mean))
+        prior = (min(ends), max(ends))
+        quantity = Identified(constant, mean, mean, mean, prior, True, p)
+        shown.append(_shown(found, quantity, Agreement(z, sd, 0.0, p), value))
     return shown
 
 
@@ -150,23 +142,17 @@ def outlying(agreement: Agreement) -> list[int]:
         others = here[here != i]
         if len(others) < 2:
             continue
-        mean, variance, between = _mean(agreement.values[others], agreement.sd[others])
-        spread = np.sqrt(agreement.sd[i] ** 2 + variance + between)
+        values, sd = agreement.values[others], agreement.sd[others]
+        between, _ = random_effect(values, sd)
+        weight = 1.0 / (sd**2 + between)
+        mean = weight @ values / weight.sum()
+        spread = np.sqrt(agreement.sd[i] ** 2 + 1.0 / weight.sum() + between)
         p = 2.0 * stats.t.sf(
             abs(agreement.values[i] - mean) / spread, len(others) - 1 if between > 0 else np.inf
         )
         if p < DIFFER / len(here):
             found.append(int(i))
     return found
-
-
-def _mean(values: np.ndarray, sd: np.ndarray) -> tuple[float, float, float]:
-    """Return weighted mean, its variance, and the variance between flights beside that within
-    them.
-    """
-    between, _ = random_effect(values, sd)
-    weight = 1.0 / (sd**2 + between)
-    return float(weight @ values / weight.sum()), float(1.0 / weight.sum()), between
 
 
 def _constant(value: float) -> Callable[[Values, Basis], float]:

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from scipy.optimize import brentq
 
 from np_drake.identification.identify import Identification
 from np_drake.identification.quantities import SURE, Identified
@@ -65,14 +66,9 @@ def identified_vehicle(found: Identification, name: str) -> Vehicle:
         values["torque_coefficient"] = _rounded(scale * values["torque_coefficient"])
     throttle, full = None, values.get("throttle.full_thrust")
     if full is not None:
-        volts, power = basis.frame.volts or None, 0.0
-        if volts is None:
-            intervals.pop("throttle.voltage_exponent", None)
-            sources.pop("throttle.voltage_exponent", None)
-        else:
-            power = float(np.clip(values.get("throttle.voltage_exponent", 0.0), 0.0, 4.0))
+        power = float(np.clip(values.get("throttle.voltage_exponent", 0.0), 0.0, 4.0))
         linear = float(np.clip(values.get("throttle.linear", 0.0), -0.5, 1.5))
-        throttle = ThrottleMap(full, linear, 0.0, volts, power)
+        throttle = ThrottleMap(full, linear, 0.0, basis.frame.volts or None, power)
         intervals["max_rotor_thrust"] = intervals["throttle.full_thrust"]
         sources["max_rotor_thrust"] = sources["throttle.full_thrust"]
     # Thrust is told over the mass: an error of a given mass is one of thrust by the same share, and
@@ -151,18 +147,15 @@ def _possible(J: np.ndarray) -> np.ndarray | None:
     """
     out = J.copy()
 
-    def flat(zz: float) -> bool:
+    def spare(zz: float) -> float:
         out[2, 2] = zz
         moments = np.linalg.eigvalsh(0.5 * np.trace(out) * np.eye(3) - out)
-        return bool(moments[0] < FLATTEST * moments[-1])
+        return float(moments[0] - FLATTEST * moments[-1])
 
     low, high = float(max(J[0, 0], J[1, 1])), float(J[2, 2])
-    if not flat(high) or flat(low):
+    if spare(high) >= 0.0 or spare(low) < 0.0:
         return None
-    while high - low > 10.0**-DIGITS * high:
-        middle = 0.5 * (low + high)
-        low, high = (low, middle) if flat(middle) else (middle, high)
-    out[2, 2] = _rounded(low)
+    out[2, 2] = _rounded(brentq(spare, low, high))
     return out
 
 

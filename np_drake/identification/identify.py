@@ -1,10 +1,11 @@
 """Identification of a vehicle from its flight logs."""
 
 import dataclasses as dc
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
+from scipy.optimize import approx_fprime
 
 from np_drake.flight_log import FlightLog
 from np_drake.identification.estimation import Estimate, Layout, estimate, parameters
@@ -52,9 +53,9 @@ class Identification:
                 return float(np.log(value)) if q.positive else value
 
             zero = np.zeros_like(e.z)
-            here, gradient, before = of(e.z), _gradient(of, e.z), of(zero)
+            here, gradient, before = of(e.z), approx_fprime(e.z, of, STEP), of(zero)
             sd = float(np.sqrt(e.variance(gradient)))
-            prior = float(np.linalg.norm(_of_one_flight(_gradient(of, zero), layout)))
+            prior = float(np.linalg.norm(_of_one_flight(approx_fprime(zero, of, STEP), layout)))
             wide, known = SURE * sd, SURE * prior
             ends = (here - wide, here + wide, before - known, before + known)
             bounds = np.array([here, *ends])
@@ -157,16 +158,6 @@ def unfit(flight: Signals, share: float = 1.0) -> str:
         return f"flies {seconds:.1f} s without gaps and faults"
     turns = flight.input[flight.edges[:-1]][flight.good].mean(axis=0) > 0
     return "" if turns.all() else "a rotor does not turn, as on a desk"
-
-
-def _gradient(of: Callable[[np.ndarray], float], z: np.ndarray) -> np.ndarray:
-    """Return the derivatives of a function of z."""
-    here, out = of(z), np.zeros_like(z)
-    for i in range(len(z)):
-        moved = z.copy()
-        moved[i] += STEP
-        out[i] = (of(moved) - here) / STEP
-    return out
 
 
 def _of_one_flight(gradient: np.ndarray, layout: Layout) -> np.ndarray:

@@ -1,16 +1,14 @@
 """Priors of the grey-box model in dimensionless form."""
 
 import dataclasses as dc
-from collections.abc import Callable
-from functools import cached_property
-from typing import Any
+from functools import cached_property, lru_cache
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 
 from np_drake import attitude
 from np_drake.compiled import compiled
-from np_drake.identification.signals import G, Signals
+from np_drake.identification.signals import G, Signals, Substeps, interpolated
 from np_drake.training_data.accelerations import most_likely
 from np_drake.training_data.segments import white_noise
 
@@ -55,6 +53,12 @@ def inertia(v: Values) -> np.ndarray:
     xx, yy = v["jxx"], v["jxx"] * v["jyy"]
     xy, xz, yz = (-0.5 * (xx + yy) * v[name] for name in ("jxy", "jxz", "jyz"))
     return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, min(v["jzz"], FLATTEST) * (xx + yy)]])
+
+
+def rotor_gains(v: Values, frame: Frame) -> np.ndarray:
+    """Return the thrust (4,) of the rotors over their mean, at one input [1]."""
+    sizes = np.array([v["gain_roll"], v["gain_pitch"], v["gain_yaw"] + v["shift_yaw"]])
+    return 1.0 + sizes @ frame.patterns
 
 
 def euler_of_moments(spread: np.ndarray) -> np.ndarray:
@@ -132,21 +136,8 @@ def means(t: np.ndarray, values: np.ndarray, starts: np.ndarray, stops: np.ndarr
     return (integral(stops) - integral(starts)) / (stops - starts)[:, None]
 
 
-def at(t: np.ndarray, values: np.ndarray, instants: np.ndarray) -> np.ndarray:
-    """Return piecewise linear values (k, c) at instants (k,) [s].
-
-    Args:
-        t: (m,) times of the values, uniform [s].
-        values: (m, c) values.
-        instants: (k,) times [s].
-    """
-    place = np.clip((instants - t[0]) / (t[1] - t[0]), 0.0, len(t) - 1)
-    k = np.minimum(place.astype(int), len(t) - 2)
-    return values[k] + (place - k)[:, None] * (values[k + 1] - values[k])
-
-
 FORCE, TORQUE, SPEED = slice(0, 3), slice(3, 6), slice(6, 10)
-RESPONSE = ("lag", "lag_ratio", "curve", "idle", "sag")  # of a rotor to its command
+RESPONSE = ("lag", "lag_ratio", "curve", "idle", "sag", "full_speed")  # of a rotor to its command
 
 
 class FlightModel:
@@ -155,43 +146,44 @@ class FlightModel:
     def __init__(self, flight: Signals, frame: Frame):
         self.flight, self.frame = flight, frame
         self.channels = 10 if flight.command is not None else 6
-        self._kept: dict[str, dict[tuple, Any]] = {}
         self._relative = flight.input / frame.unit
         self._time = flight.instants - flight.t[0]
+        grid = self._grid = Substeps.of(flight.t)
+        self._fine = np.append(grid.t, grid.t[-1] + grid.step) - flight.t[0]  # (k,) [s]
         self._euler = euler_of_moments(flight.spread)
-        self._rates = CubicSpline(
-            self._time, flight.smooth[flight.edges]
-        )  # body rates at a time [rad/s]
+        # Body rates at a time [rad/s].
+        self._rates = CubicSpline(self._time, flight.smooth[flight.edges])
+        # The two last are kept, for finite differences move one parameter at a time.
+        keep = lru_cache(maxsize=2)
+        self._lever, self._rotors = keep(self._make_lever), keep(self._make_rotors)
+        self._driven, self._telemetry = keep(self._make_driven), keep(self._make_telemetry)
 
     def residual(self, v: Values) -> np.ndarray:
         """Return the channels (m, 6 or 10), measured less predicted."""
         s, frame = self.flight, self.frame
-        rotors, gains, center = self._rotors(v), self.gains(v), self.center(v)
-        # Small angles: vectors in the sensor's axes are those in the body's less tilt x vector.
+        rotors = self.rotors(v)
         tilt = np.array([v["tilt_x"], v["tilt_y"], v["tilt_z"]])
         twist = np.array([v["twist_x"], v["twist_y"], v["twist_z"]])
-        turn, gyro = np.eye(3) + attitude.skew(tilt), np.eye(3) + attitude.skew(tilt + twist)
+        # From the axes of accelerometer, gyro and logged attitude to the body's. Those of the
+        # attitude may be the sensors' or markers'.
+        turns = np.array([tilt, tilt + twist, [v["level_x"], v["level_y"], v["heading"]]])
+        turn, gyro, level = attitude.rotation_matrix(attitude.from_rotation_vector(turns))
         w, alpha = s.rate @ gyro.T, s.alpha @ gyro.T
-        # The attitude is taken as that of the sensors' axes.
-        heading = np.eye(3) + attitude.skew(np.array([0.0, 0.0, v["heading"]]))
-        flow = None if s.velocity is None else s.velocity @ (turn @ heading).T
-        air, torque = self.air_wrench(v, flow, rotors.mean)
+        flow = None if s.velocity is None else s.velocity @ level.T
+        push, torque = self.wrench(v, w, flow, rotors)
         j = inertia(v) * frame.arm**2
-        torque += rotors.thrust @ self.arms(v).T - self._euler @ j[MOMENTS]
-        # Angular momentum of the rotors, which turn against their reaction torques.
-        momentum = v["rotor_momentum"] * j[2, 2]
-        h = momentum * (rotors.speed @ frame.directions)
-        torque[:, 0] += w[:, 1] * h
-        torque[:, 1] -= w[:, 0] * h
-        torque[:, 2] += momentum * (rotors.rate @ frame.directions)
+        # w x J w of rates in the gyro's axes is that of the inertia in these axes.
+        torque -= self._euler @ (gyro.T @ j @ gyro)[MOMENTS] @ gyro.T
         e = np.empty((len(s), self.channels))
         e[:, TORQUE] = alpha - torque @ np.linalg.inv(j).T
-        place = frame.arm * np.array([v["imu_x"], v["imu_y"], v["imu_z"]]) - center
-        push = air + self._lever(v) @ place
-        push[:, 2] += rotors.late @ gains
+        place = frame.arm * np.array([v["imu_x"], v["imu_y"], v["imu_z"]]) - self.center(v)
+        push += self._lever(v["force_late"], v["window"]) @ (gyro.T @ place) @ gyro.T
+        push[:, 2] += rotors.late @ self.gains(v)
         e[:, FORCE] = s.force - push @ turn - np.array([v["bias_x"], v["bias_y"], v["bias_z"]])
         if self.channels == 10:
-            e[:, SPEED] = self._measured_speed - self._predicted_speed(v)
+            # Telemetry runs ahead of the body's sensors by the clock.
+            told = self._telemetry(v["delay"] - v["clock"], _response(v))
+            e[:, SPEED] = self._measured_speed - told
         return e
 
     def smooth(self, v: Values) -> None:
@@ -210,15 +202,11 @@ class FlightModel:
         likely = most_likely(difference, white_noise([difference]), s.step)
         rates = np.concatenate([np.zeros((1, 3)), np.cumsum(s.alpha * length, axis=0)])
         self._rates = CubicSpline(self._time, rates - difference + likely)
-        self._kept.pop("lever", None)
+        self._lever.cache_clear()
 
     def gains(self, v: Values) -> np.ndarray:
         """Return thrust over mass (4,) of the rotors at the unit of input [m/s²]."""
-        patterns = (
-            np.array([v["gain_roll"], v["gain_pitch"], v["gain_yaw"] + v["shift_yaw"]])
-            @ self.frame.patterns
-        )
-        return 0.25 * G * v["scale"] * v["charge"] * (1.0 + patterns)
+        return 0.25 * G * v["scale"] * v["charge"] * rotor_gains(v, self.frame)
 
     def center(self, v: Values) -> np.ndarray:
         """Return the centre of mass (3,) from Bo [m]."""
@@ -237,77 +225,51 @@ class FlightModel:
             [arms[:, 1], -arms[:, 0], v["torque"] * frame.radius * lean]
         )
 
-    def air_wrench(
-        self, v: Values, u: np.ndarray | None, spin: np.ndarray
+    def wrench(
+        self, v: Values, w: np.ndarray, u: np.ndarray | None, rotors: "Rotors"
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return force (m, 3) at Bo and torque (m, 3) about the centre of mass of the air [m/s²,
-        m²/s²].
+        """Return force (m, 3) of the air at Bo and torque (m, 3) of air and rotors about the centre
+        of mass [m/s², m²/s²].
 
         Drag grows with rotor speed, as the effect `linear_drag`.
 
         Args:
-            u: (m, 3) velocity in body axes [m/s]; None: not known, and no wrench.
-            spin: (m,) mean relative rotor speed [1].
+            w: (m, 3) body rates [rad/s].
+            u: (m, 3) velocity in body axes [m/s]; None: not known, and no wrench of the air.
         """
+        frame, torque = self.frame, rotors.thrust @ self.arms(v).T
+        # Angular momentum of the rotors, which turn against their reaction torques.
+        momentum = v["rotor_momentum"] * inertia(v)[2, 2] * frame.arm**2
+        h = momentum * (rotors.speed @ frame.directions)
+        torque[:, 0] += w[:, 1] * h
+        torque[:, 1] -= w[:, 0] * h
+        torque[:, 2] += momentum * (rotors.rate @ frame.directions)
         if u is None:
-            return np.zeros((len(self.flight), 3)), np.zeros((len(self.flight), 3))
-        force = u * np.array([-v["drag"], -v["drag"], -v["climb"]]) * spin[:, None]
+            return np.zeros_like(torque), torque
+        force = u * np.array([-v["drag"], -v["drag"], -v["climb"]]) * rotors.mean[:, None]
         force[:, 2] += v["lift"] * (u[:, 0] ** 2 + u[:, 1] ** 2)
-        torque = force @ attitude.skew(-self.center(v)).T
-        torque[:, 0] -= self.frame.arm * v["flap_y"] * u[:, 1]
-        torque[:, 1] += self.frame.arm * v["flap_x"] * u[:, 0]
+        torque += force @ attitude.skew(-self.center(v)).T
+        torque[:, 0] -= frame.arm * v["flap_y"] * u[:, 1]
+        torque[:, 1] += frame.arm * v["flap_x"] * u[:, 0]
         return force, torque
 
-    def wrench(self, v: Values) -> tuple[np.ndarray, tuple[np.ndarray, ...]]:
-        """Return what the rotors do in the bins.
-        Returns: collective thrust (m,) and, in a tuple, torque (m, 3) over mass, and their summed
-            relative speed (m,)
-        by direction with its rate of change (m,), and their mean (m,).
-        """
-        rotors, d = self._rotors(v), self.frame.directions
-        return rotors.thrust @ self.gains(v), (
-            rotors.thrust @ self.arms(v).T,
-            rotors.speed @ d,
-            rotors.rate @ d,
-            rotors.mean,
-        )
-
-    def _keep(self, stage: str, key: tuple, make: Callable[[], Any]) -> Any:
-        """Return a stage for this key. The two last are kept, for finite differences move one
-        parameter at a time.
-        """
-        kept = self._kept.setdefault(stage, {})
-        value = kept.pop(key, None)
-        if value is None:
-            value = make()
-        kept[key] = value
-        while len(kept) > 2:
-            kept.pop(next(iter(kept)))
-        return value
-
-    def _window(self, v: Values) -> tuple[np.ndarray, np.ndarray]:
+    def _window(self, late: float, share: float) -> tuple[np.ndarray, np.ndarray]:
         """Return begin and end (m,) of the times over which the accelerometer's readings are means
         [s].
         """
         # Whether an accelerometer of one reading a bin averages over it is not known.
-        share = float(np.clip(v["window"], 0.1, 1.0)) if self.flight.single else 1.0
-        middle, half = (
-            0.5 * (self._time[1:] + self._time[:-1]) - v["force_late"],
-            0.5 * share * np.diff(self._time),
-        )
+        share = float(np.clip(share, 0.1, 1.0)) if self.flight.single else 1.0
+        middle = 0.5 * (self._time[1:] + self._time[:-1]) - late
+        half = 0.5 * share * np.diff(self._time)
         return middle - half, middle + half
 
-    def _lever(self, v: Values) -> np.ndarray:
+    def _make_lever(self, late: float, share: float) -> np.ndarray:
         """Return the map (m, 3, 3) from a place to its acceleration at the accelerometer's time
         [1/s²].
         """
-
-        def make() -> np.ndarray:
-            starts, stops = self._window(v)
-            alpha = (self._rates(stops) - self._rates(starts)) / (stops - starts)[:, None]
-            return attitude.skew(alpha) + self._centripetal
-
-        return self._keep("lever", (v["force_late"], v["window"]), make)
+        starts, stops = self._window(late, share)
+        alpha = (self._rates(stops) - self._rates(starts)) / (stops - starts)[:, None]
+        return attitude.skew(alpha) + self._centripetal
 
     @cached_property
     def _centripetal(self) -> np.ndarray:
@@ -315,81 +277,60 @@ class FlightModel:
         spread = self.flight.spread
         return spread - np.trace(spread, axis1=1, axis2=2)[:, None, None] * np.eye(3)
 
-    def _rotors(self, v: Values) -> "Rotors":
+    def rotors(self, v: Values) -> "Rotors":
         """Return what the rotors do in the bins."""
         measured = self.flight.drive == "rotor_speed"
-        late = v["clock"] if measured else v["delay"]
-        key = (
-            late,
-            v["force_late"],
-            v["window"],
-            *(() if measured else (v[name] for name in RESPONSE)),
+        late, response = (v["clock"], ()) if measured else (v["delay"], _response(v))
+        return self._rotors(late, v["force_late"], v["window"], response)
+
+    def _make_rotors(
+        self, late: float, force_late: float, window: float, response: tuple[float, ...]
+    ) -> "Rotors":
+        t, speed = self._driven(response) if response else self._measured
+        edges, square = self._time - late, speed * speed
+        starts, stops = self._window(force_late, window)
+        return Rotors(
+            means(t, speed, edges[:-1], edges[1:]),
+            means(t, square, edges[:-1], edges[1:]),
+            means(t, square, starts - late, stops - late),
+            np.diff(interpolated(edges, t, speed), axis=0) / np.diff(edges)[:, None],
         )
 
-        def make() -> Rotors:
-            t, speed = self._measured if measured else self._driven(v)
-            edges, square = self._time - late, speed * speed
-            starts, stops = self._window(v)
-            return Rotors(
-                means(t, speed, edges[:-1], edges[1:]),
-                means(t, square, edges[:-1], edges[1:]),
-                means(t, square, starts - late, stops - late),
-                np.diff(at(t, speed, edges), axis=0) / np.diff(edges)[:, None],
-            )
-
-        return self._keep("rotors", key, make)
-
-    def _driven(self, v: Values) -> tuple[np.ndarray, np.ndarray]:
+    def _make_driven(self, response: tuple[float, ...]) -> tuple[np.ndarray, np.ndarray]:
         """Return the fine grid (k,) [s] and the relative speeds (k, 4) there by the command,
-        without dead time.
+        without dead time, for the values of `RESPONSE`.
         """
-        s, grid = self.flight, self.flight.substeps
+        s, frame, (lag, ratio, curve, idle, sag, full) = self.flight, self.frame, response
+        if s.drive == "command":
+            wanted = np.sqrt(self._relative)
+        else:
+            throttle = s.input if s.command is None else s.command
+            hover = target_speed(np.array(frame.throttle), curve, idle)
+            wanted = full * target_speed(throttle, curve, idle) / hover
+        if s.voltage is not None and frame.volts > 0:
+            wanted = wanted * ((s.voltage / frame.volts) ** (0.5 * sag))[:, None]
+        wanted, grid = np.ascontiguousarray(wanted), self._grid
+        return self._fine, lagged(wanted, grid.row, grid.step, lag, lag * ratio)
 
-        def make() -> tuple[np.ndarray, np.ndarray]:
-            if s.drive == "command":
-                wanted = np.sqrt(self._relative)
-            else:
-                throttle = s.input if s.command is None else s.command
-                hover = target_speed(np.array(self.frame.throttle), v["curve"], v["idle"])
-                wanted = v["full_speed"] * target_speed(throttle, v["curve"], v["idle"]) / hover
-            if s.voltage is not None and self.frame.volts > 0:
-                wanted = wanted * ((s.voltage / self.frame.volts) ** (0.5 * v["sag"]))[:, None]
-            speed = lagged(
-                np.ascontiguousarray(wanted),
-                grid.row,
-                grid.step,
-                v["lag"],
-                v["lag"] * v["lag_ratio"],
-            )
-            return self._fine, speed
-
-        return self._keep("driven", tuple(v[name] for name in (*RESPONSE, "full_speed")), make)
-
-    @cached_property
-    def _fine(self) -> np.ndarray:
-        grid = self.flight.substeps
-        return np.append(grid.t, grid.t[-1] + grid.step) - self.flight.t[0]
+    def _make_telemetry(self, late: float, response: tuple[float, ...]) -> np.ndarray:
+        """Return the relative rotor speeds (m, 4) that the throttle gives."""
+        edges = self._time - late
+        return means(*self._driven(response), edges[:-1], edges[1:])
 
     @cached_property
     def _measured(self) -> tuple[np.ndarray, np.ndarray]:
         """Measured relative speeds (k, 4) on the fine grid (k,) [s]."""
-        own = self.flight.t - self.flight.t[0]
-        return self._fine, np.stack(
-            [np.interp(self._fine, own, column) for column in self._relative.T], axis=1
+        return self._fine, interpolated(
+            self._fine, self.flight.t - self.flight.t[0], self._relative
         )
 
     @cached_property
     def _measured_speed(self) -> np.ndarray:
         return means(*self._measured, self._time[:-1], self._time[1:])
 
-    def _predicted_speed(self, v: Values) -> np.ndarray:
-        """Return the relative rotor speeds (m, 4) that the throttle gives, as telemetry tells them.
 
-        Telemetry runs ahead of the body's sensors by the clock.
-        """
-        key = (*(v[name] for name in (*RESPONSE, "full_speed")), v["delay"], v["clock"])
-        edges = self._time - v["delay"] + v["clock"]
-        return self._keep("speed", key, lambda: means(*self._driven(v), edges[:-1], edges[1:]))
+def _response(v: Values) -> tuple[float, ...]:
+    return tuple(v[name] for name in RESPONSE)
 
 
 @dc.dataclass(frozen=True)
@@ -406,6 +347,10 @@ class Rotors:
     thrust: np.ndarray
     late: np.ndarray
     rate: np.ndarray
+
+    def at(self, rows: np.ndarray) -> "Rotors":
+        """Return what they do in these bins."""
+        return Rotors(self.speed[rows], self.thrust[rows], self.late[rows], self.rate[rows])
 
     @cached_property
     def mean(self) -> np.ndarray:

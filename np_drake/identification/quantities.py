@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from np_drake.identification.model import Frame, Values, inertia, target_speed
+from np_drake.identification.model import Frame, Values, inertia, rotor_gains, target_speed
 from np_drake.identification.signals import G
 
 # deviation over that of the prior below which flights tell a quantity [1]; own choice: two bits
@@ -101,11 +101,7 @@ def _moment(i: int, k: int) -> Callable[[Values, Basis], float]:
 
 
 def _gain(i: int) -> Callable[[Values, Basis], float]:
-    def of(v: Values, b: Basis) -> float:
-        own = np.array([v["gain_roll"], v["gain_pitch"], v["gain_yaw"] + v["shift_yaw"]])
-        return 1.0 + float(own @ b.frame.patterns[:, i])
-
-    return of
+    return lambda v, b: float(rotor_gains(v, b.frame)[i])
 
 
 def _full_over_hover(v: Values, b: Basis) -> float:
@@ -402,10 +398,3 @@ class Identified:
     def name(self) -> str:
         """Name of the quantity."""
         return self.quantity.name
-
-    @property
-    def within(self) -> float:
-        """Half width of the interval, relative to the value where it is positive."""
-        if self.quantity.positive:
-            return float(np.sqrt(self.high / self.low)) - 1.0
-        return 0.5 * (self.high - self.low)

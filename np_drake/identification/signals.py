@@ -5,7 +5,6 @@ What turns the rotors is measured rotor speed, throttle, or thrust and torque.
 
 import dataclasses as dc
 from collections.abc import Sequence
-from functools import cached_property
 
 import numpy as np
 from scipy import ndimage
@@ -156,11 +155,6 @@ class Signals:
         """Whether a bin holds one row, with an accelerometer's reading."""
         return self.accelerometer and int(self.edges[1] - self.edges[0]) == 1
 
-    @cached_property
-    def substeps(self) -> Substeps:
-        """Fine grid of the rows."""
-        return Substeps.of(self.t)
-
     def __len__(self) -> int:
         return len(self.force)
 
@@ -201,13 +195,7 @@ def signals(log: FlightLog, unmixer: np.ndarray, drive: str = "") -> Signals:
     if log.a is not None:
         force = _mean_after(attitude.rotate_back(log.q, log.a + g), dt, edges)
     else:
-        middle = attitude.rotation_vector(
-            attitude.multiply(attitude.conjugate(log.q[:-1]), log.q[1:])
-        )
-        half = attitude.multiply(log.q[:-1], attitude.from_rotation_vector(0.5 * middle))
-        force = _mean_after(
-            attitude.rotate_back(half, np.diff(log.v, axis=0) / dt[:, None] + g), dt, edges
-        )
+        force = _mean_after(force_between(log.t, log.q, log.v), dt, edges)
     good = np.isfinite(force).all(axis=1)
     good &= np.linalg.norm(force, axis=1) > FLYING * G
     source = {
@@ -267,12 +255,27 @@ def signals(log: FlightLog, unmixer: np.ndarray, drive: str = "") -> Signals:
     )
 
 
+def force_between(t: np.ndarray, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """Return the mean specific forces (n - 1, 3) between rows that change the velocities v (n, 3)
+    in W, in the body axes of the middle [m/s²].
+    """
+    turned = attitude.multiply(attitude.conjugate(q[:-1]), q[1:])
+    half = attitude.from_rotation_vector(0.5 * attitude.rotation_vector(turned))
+    rate = np.diff(v, axis=0) / np.diff(t)[:, None]
+    return attitude.rotate_back(attitude.multiply(q[:-1], half), rate + [0.0, 0.0, G])
+
+
 def _across(values: np.ndarray, bad: np.ndarray) -> np.ndarray:
     """Return readings (n, c) with lines across bad rows (n,)."""
     if not bad.any() or bad.all():
         return values
     rows = np.arange(len(bad))
-    return np.stack([np.interp(rows, rows[~bad], column[~bad]) for column in values.T], axis=1)
+    return interpolated(rows, rows[~bad], values[~bad])
+
+
+def interpolated(instants: np.ndarray, t: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Return piecewise linear values (k, c) at instants (k,); constant beyond the ends."""
+    return np.stack([np.interp(instants, t, column) for column in values.T], axis=1)
 
 
 def _likely(values: np.ndarray, unmixer: np.ndarray, step: float) -> np.ndarray:

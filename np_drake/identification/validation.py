@@ -1,4 +1,4 @@
-"""Identified model on flights that it has not seen, beside the vehicle file and least squares.
+"""Identified model on flights that it has not seen, beside the vehicle file.
 
 Open-loop predictions run the model from logged states on, driven by what turned the rotors.
 """
@@ -7,13 +7,12 @@ import dataclasses as dc
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from np_drake import attitude
 from np_drake.flight_log import FlightLog
 from np_drake.identification.estimation import Layout, estimate
 from np_drake.identification.identify import Identification
-from np_drake.identification.model import FlightModel, Frame, Values, inertia
+from np_drake.identification.model import FlightModel, Frame, Rotors, Values, inertia
 from np_drake.identification.signals import G, signals
 from np_drake.vehicle import Vehicle
 
@@ -22,39 +21,11 @@ SUBSTEPS = 2
 ERRORS = ("position", "velocity", "attitude", "rates")  # [m, m/s, rad, rad/s]
 
 
-@dc.dataclass(frozen=True)
-class Prediction:
-    """Predictions from several starts of one flight.
-
-    t: (k + 1,) time from the start [s].
-    first: (s,) rows of the log at which they start.
-    x: (k + 1, s, 13) states. rows: (k + 1, s) rows of the log at these times.
-    """
-
-    t: np.ndarray
-    first: np.ndarray
-    x: np.ndarray
-    rows: np.ndarray
-
-    def errors(self, log: FlightLog) -> np.ndarray:
-        """Return the errors (k + 1, s, 4), of `ERRORS`."""
-        true = log.x[self.rows]
-        between = attitude.multiply(attitude.conjugate(true[..., 3:7]), self.x[..., 3:7])
-        return np.stack(
-            [
-                np.linalg.norm(self.x[..., 0:3] - true[..., 0:3], axis=-1),
-                np.linalg.norm(self.x[..., 7:10] - true[..., 7:10], axis=-1),
-                np.linalg.norm(attitude.rotation_vector(between), axis=-1),
-                np.linalg.norm(self.x[..., 10:13] - true[..., 10:13], axis=-1),
-            ],
-            axis=-1,
-        )
-
-
 def predict(
     model: FlightModel, log: FlightLog, v: Values, *, seconds: float, every: float = 0.1
-) -> Prediction:
-    """Return open-loop predictions.
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the first bins (s,) of open-loop predictions, and their errors (k + 1, s, 4), of
+    `ERRORS`, at the start and after each bin.
 
     Args:
         seconds: length of a prediction [s].
@@ -71,23 +42,26 @@ def predict(
     R = attitude.rotation_matrix(x[:, 3:7])
     x[:, 0:3] += R @ center
     x[:, 7:10] += np.einsum("sij,sj->si", R, np.cross(x[:, 10:13], center))
-    thrust, forces = model.wrench(v)
+    rotors = model.rotors(v)
     out, h = [x], s.step / SUBSTEPS
     for k in range(steps):
-        held = tuple(part[first + k] for part in (thrust, *forces))
+        held = rotors.at(first + k)
         for _ in range(SUBSTEPS):
             x = _step(model, v, x, held, h)
         out.append(x)
-    states_out = np.array(out)
-    R = attitude.rotation_matrix(states_out[..., 3:7])
-    turned = np.cross(states_out[..., 10:13], center)
-    states_out[..., 0:3] -= R @ center
-    states_out[..., 7:10] -= np.einsum("ksij,ksj->ksi", R, turned)
-    rows = s.edges[first[None, :] + np.arange(steps + 1)[:, None]]
-    return Prediction(np.arange(steps + 1) * s.step, first, states_out, rows)
+    found = np.array(out)
+    R = attitude.rotation_matrix(found[..., 3:7])
+    turned = np.cross(found[..., 10:13], center)
+    found[..., 0:3] -= R @ center
+    found[..., 7:10] -= np.einsum("ksij,ksj->ksi", R, turned)
+    off = found - log.x[s.edges[first[None, :] + np.arange(steps + 1)[:, None]]]
+    true = found[..., 3:7] - off[..., 3:7]
+    between = attitude.multiply(attitude.conjugate(true), found[..., 3:7])
+    parts = (off[..., 0:3], off[..., 7:10], attitude.rotation_vector(between), off[..., 10:13])
+    return first, np.stack([np.linalg.norm(part, axis=-1) for part in parts], axis=-1)
 
 
-def _step(model: FlightModel, v: Values, x: np.ndarray, held: tuple, h: float) -> np.ndarray:
+def _step(model: FlightModel, v: Values, x: np.ndarray, held: Rotors, h: float) -> np.ndarray:
     """Return states (s, 13) one Runge-Kutta step later."""
     one = _rate(model, v, x, held)
     two = _rate(model, v, x + 0.5 * h * one, held)
@@ -98,44 +72,23 @@ def _step(model: FlightModel, v: Values, x: np.ndarray, held: tuple, h: float) -
     return out
 
 
-def _rate(model: FlightModel, v: Values, x: np.ndarray, held: tuple) -> np.ndarray:
+def _rate(model: FlightModel, v: Values, x: np.ndarray, held: Rotors) -> np.ndarray:
     """Return the rates of change (s, 13) of states x (s, 13), of the centre of mass."""
-    thrust, moment, spin, change, mean = held
     q, w = x[:, 3:7], x[:, 10:13]
     u = attitude.rotate_back(q, x[:, 7:10])
-    air, torque = model.air_wrench(v, u, mean)
-    push = air.copy()
-    push[:, 2] += thrust
+    push, torque = model.wrench(v, w, u, held)
+    push[:, 2] += held.thrust @ model.gains(v)
     a = attitude.rotate(q, push) - [0.0, 0.0, G]
     j = inertia(v) * model.frame.arm**2
-    total = moment + torque - np.cross(w, w @ j.T)
-    h = v["rotor_momentum"] * j[2, 2] * spin
-    total[:, 0] += w[:, 1] * h
-    total[:, 1] -= w[:, 0] * h
-    total[:, 2] += v["rotor_momentum"] * j[2, 2] * change
+    torque -= np.cross(w, w @ j.T)
     return np.concatenate(
-        [x[:, 7:10], attitude.quaternion_rate(q, w), a, total @ np.linalg.inv(j).T], axis=1
+        [x[:, 7:10], attitude.quaternion_rate(q, w), a, torque @ np.linalg.inv(j).T], axis=1
     )
 
 
 HORIZONS = (0.1, 0.5)  # of open-loop prediction [s]
 ADAPTED = 5.0  # beginning of a held-out flight that tells its own parameters [s]; own choice
 LARGEST_SHARE = 0.3  # of the flight at most [1]; own choice
-# Parameters that a user of plain least squares names: the usual ones.
-USUAL = (
-    "scale",
-    "jxx",
-    "jyy",
-    "jzz",
-    "com_x",
-    "com_y",
-    "torque",
-    "lag",
-    "delay",
-    "clock",
-    "curve",
-    "bias_z",
-)
 
 
 @dc.dataclass(frozen=True)
@@ -216,20 +169,8 @@ def vehicle_values(
     }
 
 
-def values_of_file(found: Identification) -> Values:
-    """Return the parameters as the vehicle file of an identification had them."""
-    values, basis = found.estimate.layout.values(found.estimate.z), found.basis
-    return vehicle_values(
-        found.prior, basis.frame, basis.drive, basis.mass_of(values), dict.fromkeys(values, 0.0)
-    )
-
-
 def held_out(
-    found: Identification,
-    logs: Sequence[FlightLog],
-    parts: Sequence[tuple[float, float]] = (),
-    *,
-    plain: bool = False,
+    found: Identification, logs: Sequence[FlightLog], parts: Sequence[tuple[float, float]] = ()
 ) -> list[HeldOut]:
     """Return the errors on flights that the identification has not seen.
 
@@ -241,9 +182,10 @@ def held_out(
     identified = found.estimate.layout.values(found.estimate.z)
     mass = basis.mass_of(identified)
     J = mass * basis.frame.arm**2 * inertia(identified)
-    rows = {"vehicle file": values_of_file(found), "identified": identified}
-    if plain:
-        rows["least squares"] = plain_least_squares(found)
+    of_file = vehicle_values(
+        found.prior, basis.frame, basis.drive, mass, dict.fromkeys(identified, 0.0)
+    )
+    rows = {"vehicle file": of_file, "identified": identified}
     out = []
     for number, log in enumerate(logs):
         model, own = adapted(found, log, parts[number] if parts else (0.0, 1.0), rows)
@@ -254,7 +196,7 @@ def held_out(
             open_loop = np.full((len(HORIZONS), len(ERRORS)), np.nan)
             for i, horizon in enumerate(() if log.lacks else HORIZONS):
                 try:
-                    errors = predict(model, log, v, seconds=horizon).errors(log)
+                    _, errors = predict(model, log, v, seconds=horizon)
                     open_loop[i] = np.median(errors[-1], axis=0)
                 except ValueError:  # no stretch without gaps is as long
                     continue
@@ -280,39 +222,3 @@ def adapted(
         layout = Layout((), found.estimate.layout.own, 1, v)
         own[name] = layout.values(estimate([early], layout).z, 0)
     return FlightModel(flight.part(begin, last), frame), own
-
-
-def plain_least_squares(found: Identification) -> Values:
-    """Return the usual parameters by plain least squares, the others as in the vehicle file.
-
-    Channels count by their deviation; a lag that the file does not state starts at that of
-    published vehicles.
-    Source: the way of mujoco.sysid, where the user names the parameters.
-    """
-    models, start, layout = found.models, values_of_file(found), found.estimate.layout
-    if not found.prior.rotor_time_constant:
-        start["lag"] = layout.values(np.zeros(layout.size))["lag"]
-    known = {p.name for p in (*layout.shared, *layout.own)}
-    names = [name for name in USUAL if name in known]
-    logs = {"scale", "jxx", "jyy", "jzz", "torque", "lag"}
-    channels = [np.concatenate([m.flight.force, m.flight.alpha], axis=1) for m in models]
-    size = [np.maximum(np.std(c, axis=0), 1e-6) for c in channels]
-
-    def values(x: np.ndarray) -> Values:
-        moved = {}
-        for n, c in zip(names, x, strict=True):
-            moved[n] = start[n] * np.exp(c) if n in logs else start[n] + c
-        return start | moved
-
-    def residual(x: np.ndarray) -> np.ndarray:
-        v, rows = values(x), []
-        for m, s in zip(models, size, strict=True):
-            rows.append((m.residual(v)[m.flight.good, :6] / s).ravel())
-        return np.concatenate(rows)
-
-    wide = ("com", "curve", "bias")
-    scale = np.array([1.0 if n in logs else 0.01 for n in names])
-    free = np.array([0.5 if n.startswith(wide) else 0.05 for n in names])
-    bound = np.where(scale == 1.0, 3.0, free)
-    how = {"x_scale": scale, "bounds": (-bound, bound), "max_nfev": 30}
-    return values(least_squares(residual, np.zeros(len(names)), **how).x)

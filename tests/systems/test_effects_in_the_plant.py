@@ -69,6 +69,17 @@ def test_rotors_that_lag_turn_the_body_by_their_own_angular_momentum(fly, seed):
 
 
 @SEEDS
+def test_weak_blades_leave_the_rotors_their_momentum(fly, seed):
+    spin = RotorGyroscopic(2e-4)
+    now = fly(seed, actuator_effects=[ThrustScale(0.5)], wrench_effects=[spin])
+    np.testing.assert_allclose(now.motion.rotor_thrust, 0.5 * now.command, atol=1e-12)
+    turning = spin.wrench(VEHICLE, dc.replace(now.motion, rotor_thrust=now.command))[3:]
+    assert np.abs(turning).max() > 1e-4
+    missing = VEHICLE.mixer @ (now.motion.rotor_thrust - now.command)
+    np.testing.assert_allclose(now.chi[3:] - missing[1:], turning, atol=1e-9)
+
+
+@SEEDS
 @every(MassEffect)
 def test_the_plant_obeys_newton_and_euler_about_its_true_centre_of_mass(fly, effect, seed):
     now = fly(seed, mass_effects=[effect()])

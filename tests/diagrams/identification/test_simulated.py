@@ -9,7 +9,7 @@ from diagrams.cli.main import run
 from diagrams.identification.simulated import draw_truth, pooled_lines, quantity_lines
 
 
-def test_every_quantity_stands_beside_the_truth_and_naive_answers(tmp_path):
+def test_every_quantity_stands_beside_the_truth_and_the_prior(tmp_path):
     written = tmp_path / "a.json"
     command = ["reproduce", "identification", "--vehicles", "1", "--flights", "1", "--seconds", "8"]
     assert run([*command, "--jobs", "1", "--seed", "7", "--json", str(written)]) == 0
@@ -20,8 +20,6 @@ def test_every_quantity_stands_beside_the_truth_and_naive_answers(tmp_path):
     assert inertia["told"]
     assert inertia["within"] == (inertia["ci95"][0] <= inertia["true"] <= inertia["ci95"][1])
     assert inertia["error"] < inertia["prior_error"]
-    assert inertia["plain_error"] is not None
-    assert quantities["inertia xy"]["plain_error"] is None  # plain least squares is not told of it
 
 
 @pytest.mark.parametrize("kind", ["rotor_speed", "throttle", "command"])
@@ -41,8 +39,7 @@ def result(kind, *within, told=True, names=("transport delay",) * 9):
     """Result of a vehicle whose delays are 1 ms off."""
     q = {"unit": "ms", "air": False, "told": told, "error": 1.0, "prior_error": 4.0}
     quantities = [
-        {**q, "name": name, "plain_error": None, "within": inside}
-        for name, inside in zip(names, within, strict=False)
+        {**q, "name": name, "within": inside} for name, inside in zip(names, within, strict=False)
     ]
     return {"kind": kind, "refused": 1, "processor_time": 6.0, "quantities": quantities}
 
@@ -51,7 +48,7 @@ def test_what_is_not_told_counts_in_no_interval():
     untold = result("throttle", False, told=False)
     (line,) = quantity_lines([result("throttle", True, True), untold])
     assert (line["count"], line["told"], line["within"]) == (3, 2, 1.0)
-    assert (line["error"], line["prior_error"], line["plain_error"]) == (1.0, 4.0, None)
+    assert (line["error"], line["prior_error"]) == (1.0, 4.0)
 
 
 def test_quantities_of_one_kind_share_a_line():

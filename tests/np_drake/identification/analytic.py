@@ -36,7 +36,7 @@ TRUE = Vehicle(
         command_delay=0.008,
         rotor_inertia=4e-6,
         imu_position=[0.01, -0.012, 0.008],
-        imu_tilt=[0.004, -0.003, 0.002],
+        imu_tilt=[0.03, -0.02, 0.015],
     ),
 ).check()
 KNOWN = dc.replace(

@@ -27,8 +27,8 @@ TRUTH = {  # name: (value, tolerance of it), beside which the interval must hold
     "IMU x": (0.01, 5e-4),
     "IMU y": (-0.012, 5e-4),
     "IMU z": (0.008, 5e-4),
-    "IMU tilt x": (0.004, 4e-3),
-    "IMU tilt y": (-0.003, 4e-3),
+    "IMU tilt x": (0.03, 4e-3),
+    "IMU tilt y": (-0.02, 4e-3),
     "drag, lateral": (0.1, 0.01),
 }
 
@@ -118,7 +118,8 @@ def test_flights_that_differ_in_inertia_disagree_on_it_alone_and_widen_it(
     other = analytic.flight(dc.replace(analytic.TRUE, inertia=heavier.tolist()), 2, seconds=10.0)
     dut = again(*flights[:2], other)
     assert dut["inertia xx"].p < 0.01
-    assert dut["inertia xx"].within > 5 * found["inertia xx"].within
+    ratio, usual = (q.high / q.low - 1.0 for q in (dut["inertia xx"], found["inertia xx"]))
+    assert ratio > 5 * usual
     assert dut["inertia xx"].low < 0.0121
     assert dut["inertia xx"].high > 0.011
     assert dut["IMU x"].p > 0.01
