@@ -16,7 +16,8 @@ from np_drake.diagnosis.regressors import (
     Onset,
     at_value,
     library_candidates,
-    payloads_of,
+    payload_about,
+    payload_of,
     tolerance_of,
     wind_candidates,
 )
@@ -89,7 +90,10 @@ class Collinearity:
 
     def _library(self, onset: Onset) -> list[Candidate]:
         plain = library_candidates(self._flights, onset or None)
-        payloads = payloads_of(self._flights, TETHERS, Priors(), onset)
+        payloads = [
+            payload_about(self._flights, payload_of(length, onset), Priors(), shaped=False)
+            for length in TETHERS.tolist()
+        ]
         winds = wind_candidates(self._flights, plain, onset)
         return [*plain, *winds, *(p.candidate(self._flights) for p in payloads)]
 

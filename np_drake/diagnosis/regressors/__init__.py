@@ -22,12 +22,10 @@ from np_drake.diagnosis.regressors.library import (
 )
 from np_drake.diagnosis.regressors.payload import (
     AT_REST,
-    SHAPE,
-    Guess,
     PayloadColumns,
     heavy_enough,
     payload_about,
-    payloads_of,
+    payload_of,
 )
 from np_drake.diagnosis.regressors.regression_problem import (
     Model,

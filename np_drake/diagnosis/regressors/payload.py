@@ -5,25 +5,23 @@ parameters.
 import dataclasses as dc
 import itertools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from scipy import special
 
-from np_drake import attitude
 from np_drake.diagnosis.forward_model import (
-    NEVER,
     STATE,
     Term,
     hidden_size,
     padded,
-    specific_pull,
     swing_units,
+    swing_wrenches,
 )
 from np_drake.diagnosis.options import Priors
 from np_drake.diagnosis.regressors.library import PAYLOAD, Candidate, Mended, Onset
 from np_drake.diagnosis.residuals import FORCE, TORQUE, WRENCH, FlightResiduals
-from np_drake.effects.library import LIBRARY
+from np_drake.effects import SuspendedPayload
 
 SMALL = (
     0.02  # difference quotients: of a swing [rad], of a length, relative [1], of a damping [1/s]
@@ -43,21 +41,6 @@ SHAPE = 2  # number of columns for length and damping, which come next where the
 
 
 @dc.dataclass(frozen=True)
-class Guess:
-    """Guess of a payload: tether length [m], hook p_BoTo_B (3,) [m], hidden state by flight and
-    damping [1/s].
-
-    The hidden state holds angles [rad] and rates [rad/s] at the start and at jumps (`jumps`);
-    missing entries are zero.
-    """
-
-    length: float
-    hook: np.ndarray = dc.field(default_factory=lambda: np.zeros(3))
-    swing: dict[str, np.ndarray] = dc.field(default_factory=dict)
-    damping: float = 0.0
-
-
-@dc.dataclass(frozen=True)
 class PayloadColumns:
     """Payload columns with prior N(0, 1), by flight, without those that are zero there (the swings
     of other flights).
@@ -66,16 +49,13 @@ class PayloadColumns:
     of one flight after the other.
 
     Args:
+        guess: payload about which columns are linear; its mass is that of a coefficient of one.
         own: by flight, (m, 6, k') force and torque: at rest, length, damping, and the swing there.
-        onset: onsets by flight [s].
-        unit: mass of a coefficient of one [kg].
         rate: natural rate [1/s].
     """
 
-    guess: Guess
+    guess: Term
     own: dict[str, np.ndarray]
-    onset: Onset
-    unit: float
     rate: float
     priors: Priors
     shaped: bool = False
@@ -110,45 +90,37 @@ class PayloadColumns:
         """Log prior of swings and damping of the guess; deviations from the guess have their own
         prior.
         """
-        spans = {name: span.stop - span.start for name, span in self.swings.items()}
-        swings = [
-            padded(self.guess.swing.get(name), n) / swing_units(n, self.rate)
-            for name, n in spans.items()
-        ]
-        relative = np.concatenate(swings) / self.priors.swing
-        return -0.5 * float(np.sum(relative**2) + (self.guess.damping / self.priors.damping) ** 2)
+        away = [self.guess.effect.values["damping"] / self.priors.damping]
+        for name, X in self.own.items():
+            units = swing_units(X.shape[-1] - self.first, self.rate)
+            swing = padded(self.guess.hidden.get(name), len(units))
+            away += (swing / units / self.priors.swing).tolist()
+        return -0.5 * float(np.sum(np.square(away)))
 
-    def moved(self, c: np.ndarray) -> Guess:
-        """Return the guess to which coefficients (k,) point.
+    def moved(self, c: np.ndarray) -> Term:
+        """Return the payload for which coefficients (k,) stand.
 
         The coefficients of length, hook, damping and swing are products with the mass.
         """
-        share = max(c[0], LIGHTEST)
-        hook = np.clip(self.guess.hook + c[1:AT_REST] / share * self.priors.hook, -0.5, 0.5)
+        known, share = self.guess.effect.values, max(c[0], LIGHTEST)
         stretch, brake = c[AT_REST : self.first] / share if self.shaped else np.zeros(SHAPE)
-        stretch = np.clip(stretch * self.priors.length, -0.2, 0.2)
-        length = float(np.clip(self.guess.length * (1 + stretch), SHORTEST_TETHER, LONGEST_TETHER))
-        damping = float(
-            np.clip(self.guess.damping + brake * self.priors.damping, 0.0, MOST_DAMPING)
-        )
+        length = known["length"] * (1 + np.clip(stretch * self.priors.length, -0.2, 0.2))
+        values = {
+            "mass": share * known["mass"],
+            "length": float(np.clip(length, SHORTEST_TETHER, LONGEST_TETHER)),
+            "damping": float(
+                np.clip(known["damping"] + brake * self.priors.damping, 0.0, MOST_DAMPING)
+            ),
+        }
+        for axis, away in zip("xyz", c[1:AT_REST] / share * self.priors.hook, strict=True):
+            values[f"hook_{axis}"] = float(np.clip(known[f"hook_{axis}"] + away, -0.5, 0.5))
         swing = {}
         for name, span in self.swings.items():
             units = swing_units(span.stop - span.start, self.rate)
             move = np.clip(c[span] / share, -4.0, 4.0) * self.priors.swing
-            known = padded(self.guess.swing.get(name), len(units))
-            swing[name] = np.clip(known + move * units, -WIDEST * units, WIDEST * units)
-        return Guess(length, hook, swing, damping)
-
-    def terms(self, c: np.ndarray) -> list[Term]:
-        """Return the payload term that coefficients (k,) stand for."""
-        guess = self.moved(c)
-        values = {
-            "mass": max(c[0], LIGHTEST) * self.unit,
-            "length": guess.length,
-            "damping": guess.damping,
-        }
-        values |= dict(zip(("hook_x", "hook_y", "hook_z"), guess.hook.tolist(), strict=True))
-        return [Term(LIBRARY[PAYLOAD].of(values), self.onset, guess.swing)]
+            before = padded(self.guess.hidden.get(name), len(units))
+            swing[name] = np.clip(before + move * units, -WIDEST * units, WIDEST * units)
+        return Term(SuspendedPayload.of(values), self.guess.onset, swing)
 
     def candidate(self, flights: Sequence[FlightResiduals]) -> Candidate:
         """Return a candidate with columns for all channels, physical where mass is positive and
@@ -164,11 +136,11 @@ class PayloadColumns:
             columns[e.name][:, WRENCH][..., self.at(e.name)] = self.own[e.name]
         return Candidate(
             (PAYLOAD,),
-            f"length={self.guess.length:.3g}",
+            f"length={self.guess.effect.values['length']:.3g}",
             columns,
-            self.terms,
+            lambda c: [self.moved(c)],
             self.log_prior,
-            self.onset,
+            self.guess.onset,
             hangs,
             heavy_enough,
         )
@@ -194,111 +166,40 @@ def heavy_enough(mean: np.ndarray, covariance: np.ndarray) -> Mended:
     return mean + more, log_probability
 
 
-def payloads_of(
-    flights: Sequence[FlightResiduals],
-    lengths: np.ndarray,
-    priors: Priors,
-    onset: Onset | None = None,
-) -> list[PayloadColumns]:
-    """Return payload columns at each tether length, with mass, hook and initial swings free,
-    without damping.
-
-    Args:
-        lengths: of tethers [m].
-        onset: when the payload is hung, by flight [s].
-    """
-    lengths = np.asarray(lengths, float)
-    rates = np.sqrt(flights[0].vehicle.gravity / lengths)
-    swing = np.repeat(
-        np.concatenate([np.zeros((1, STATE)), SMALL * np.eye(STATE)])[None], len(lengths), axis=0
-    )
-    swing[:, :, 2:] *= rates[:, None, None]
-    many = np.repeat(lengths, 1 + STATE), swing.reshape(-1, STATE)
-    pulls = {
-        e.name: _pulls(e, *many, np.zeros(3), onset).reshape(-1, len(lengths), 1 + STATE, 3)
-        for e in flights
-    }
-    return [
-        _columns(
-            flights,
-            Guess(float(length)),
-            {n: p[:, i] for n, p in pulls.items()},
-            priors,
-            onset or {},
-        )
-        for i, length in enumerate(lengths)
-    ]
+def payload_of(length: float, onset: Onset | None = None) -> Term:
+    """Return a payload at rest on a tether of this length [m] from Bo, without damping."""
+    return Term(SuspendedPayload(1.0, length, 0.0, 0.0, 0.0), onset or {})
 
 
 def payload_about(
-    flights: Sequence[FlightResiduals], guess: Guess, priors: Priors, onset: Onset | None = None
+    flights: Sequence[FlightResiduals], guess: Term, priors: Priors, *, shaped: bool = True
 ) -> PayloadColumns:
-    """Return payload columns linearised about a guess, with its length and damping free as well.
+    """Return payload columns linearised about a guess, whatever its mass.
 
     Args:
-        onset: onsets by flight [s].
+        shaped: whether length, damping and jumps at outliers are free as well.
     """
-    rate = math.sqrt(flights[0].vehicle.gravity / guess.length)
-    pulls = {}
+    values = {**guess.effect.values, "mass": priors.payload_mass * flights[0].vehicle.mass}
+    guess = dc.replace(guess, effect=SuspendedPayload.of(values))
+    shapes, widths = list[Term](), list[float]()
+    if shaped:
+        longer, braked = values["length"] * (1 + SMALL), values["damping"] + SMALL
+        for change in ({"length": longer}, {"damping": braked}):
+            shapes.append(dc.replace(guess, effect=SuspendedPayload.of({**values, **change})))
+        widths = [priors.length, priors.damping]
+    rate, own = math.sqrt(flights[0].vehicle.gravity / values["length"]), {}
     for e in flights:
-        size = hidden_size(e, (onset or {}).get(e.name))
+        size = hidden_size(e, guess.begins(e.name)) if shaped else STATE
+        swing = padded(guess.hidden.get(e.name), size)
         moves = SMALL * np.diag(swing_units(size, rate))
-        swing = padded(guess.swing.get(e.name), size) + np.concatenate(
-            [np.zeros((1 + SHAPE, size)), moves]
-        )
-        lengths, damping = np.full(len(swing), guess.length), np.full(len(swing), guess.damping)
-        lengths[1] *= 1 + SMALL
-        damping[2] += SMALL
-        pulls[e.name] = _pulls(e, lengths, swing, guess.hook, onset, damping)
-    return _columns(flights, guess, pulls, priors, onset or {}, shaped=True)
-
-
-def _columns(
-    flights: Sequence[FlightResiduals],
-    guess: Guess,
-    pulls: Mapping[str, np.ndarray],
-    priors: Priors,
-    onset: Onset,
-    *,
-    shaped: bool = False,
-) -> PayloadColumns:
-    """Return the columns from the pulls at the guess, of other shape (if `shaped`), and at each
-    displaced swing.
-
-    shaped: at a longer tether, and with more damping.
-    """
-    mass = priors.payload_mass * flights[0].vehicle.mass
-    rate = math.sqrt(flights[0].vehicle.gravity / guess.length)
-    hooks = [guess.hook, *(priors.hook * np.eye(3))]
-    own = {}
-    for e in flights:
-        pull = pulls[e.name]
-        force = np.swapaxes(mass * pull, 1, 2)  # (m, 3, k)
-        widths = np.array([priors.length, priors.damping, priors.swing]) / SMALL
-        more = np.repeat(widths, [int(shaped), int(shaped), pull.shape[1] - 1 - SHAPE * shaped])
-        moved = (force[..., 1:] - force[..., :1]) * more
-        X = np.zeros((len(force), 6, AT_REST + len(more)))
-        X[:, FORCE, 0], X[:, FORCE, AT_REST:] = force[..., 0], moved
-        X[:, TORQUE, :AT_REST] = np.stack(
-            [force[..., 0] @ attitude.skew(h).T for h in hooks], axis=-1
-        )
-        X[:, TORQUE, AT_REST:] = attitude.skew(guess.hook) @ moved
-        own[e.name] = X * e.shown[:, None]
-    return PayloadColumns(guess, own, onset, mass, rate, priors, shaped)
-
-
-def _pulls(
-    flight: FlightResiduals,
-    lengths: np.ndarray,
-    swing: np.ndarray,
-    hook: np.ndarray,
-    onset: Onset | None,
-    damping: float | np.ndarray = 0.0,
-) -> np.ndarray:
-    """Return the specific pulls (m, k, 3) of k payloads (`specific_pull`); zero where the flight
-    has no payload.
-    """
-    begin = (onset or {}).get(flight.name)
-    if begin == NEVER:
-        return np.zeros((len(flight.t), len(lengths), 3))
-    return specific_pull(flight, lengths, swing, np.asarray(hook)[None], begin, damping)
+        swung = [dc.replace(guess, hidden={e.name: swing + move}) for move in moves]
+        wrench = swing_wrenches(e, [guess, *shapes, *swung])
+        rest, moved = wrench[:, :1], wrench[:, 1:]
+        X = np.zeros((len(wrench), AT_REST + moved.shape[1], 6))
+        X[:, :1] = rest
+        # A hook acts on the torque alone, to first order.
+        X[:, 1:AT_REST, TORQUE] = np.cross(priors.hook * np.eye(3), rest[..., FORCE])
+        scale = np.array([*widths, *[priors.swing] * size]) / SMALL
+        X[:, AT_REST:] = (moved - rest) * scale[:, None]
+        own[e.name] = np.swapaxes(X, 1, 2) * e.shown[:, None]
+    return PayloadColumns(guess, own, rate, priors, shaped)
