@@ -554,6 +554,8 @@ def _terms_at_posterior(problem: RegressionProblem, model: Model) -> list[Term]:
     ends = np.cumsum([first, *(c.size for c in chosen)])
     parts = [(c, slice(a, b)) for c, a, b in zip(chosen, ends[:-1], ends[1:], strict=True)]
     for candidate, own in parts:
+        if candidate.physical is None:
+            continue
         coefficients, _ = candidate.physical(mean[own], covariance[own, own])
         # Conditioning of a Gaussian: fixing some coefficients moves the others by their covariance
         # with them.

@@ -18,7 +18,8 @@ from np_drake.diagnosis.regressors import (
     Candidate,
     hidden_from,
     library_candidates,
-    payloads_of,
+    payload_about,
+    payload_of,
     wind_candidates,
 )
 from np_drake.diagnosis.residuals import FlightResiduals, find_outliers
@@ -324,9 +325,13 @@ def payload_traces(
         return []
     mass, found = LIBRARY[PAYLOAD].parameters[:1], []
     usual = usual_size(mass[0], flights[0].vehicle)
-    for payload in payloads_of(flights, lengths, priors):
-        columns = payload.candidate(flights).columns
+    for length in np.asarray(lengths, float).tolist():
+        payload = payload_about(flights, payload_of(length), priors, shaped=False)
+        columns, mass_of_one = (
+            payload.candidate(flights).columns,
+            payload.guess.effect.values["mass"],
+        )
         for X in columns.values():
-            X[..., 0] *= usual / payload.unit
+            X[..., 0] *= usual / mass_of_one
         found.append(Trace(PAYLOAD, mass, (usual,), columns))
     return found

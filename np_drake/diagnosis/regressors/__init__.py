@@ -32,7 +32,6 @@ from np_drake.diagnosis.regressors.regression_problem import (
     RegressionProblem,
     Sums,
     SwitchedRegressors,
-    SwitchedSums,
     WhiteNuisance,
     onset_log_likelihood,
     prior_of,

@@ -1,7 +1,5 @@
-"""Nuisance parameters: errors of the vehicle file and the sensors within tolerance, part of every
-model.
-
-Mass and thrust errors are the same in all flights; sensor errors differ from flight to flight.
+"""Candidates of the regression: columns of every effect of the library, and what vehicle file and
+input of the flights leave open.
 """
 
 import dataclasses as dc
@@ -50,10 +48,9 @@ class Candidate:
     terms: Callable[[np.ndarray], list[Term]]
     log_prior: float = 0.0
     onset: Onset = dc.field(default_factory=dict)
-    possible: Callable[[np.ndarray], bool] | None = None  # whether coefficients are physical
-    mended: Callable[[np.ndarray, np.ndarray], Mended] | None = (
-        None  # physical coefficients near a bound
-    )
+    # Physical coefficients by posterior mean (k,) and covariance (k, k), and the log probability of
+    # being physical; None where all are.
+    physical: Callable[[np.ndarray, np.ndarray], Mended] | None = None
     generic: Callable[[FlightResiduals], np.ndarray] | None = (
         None  # columns on any flight; None for library effects
     )
@@ -75,24 +72,6 @@ class Candidate:
         return bool(self.identifiers) and all(
             i in LIBRARY and LIBRARY[i].widens for i in self.identifiers
         )
-
-    @property
-    def bounded(self) -> bool:
-        """Whether some coefficients are not physical."""
-        return self.possible is not None or self.mended is not None
-
-    def physical(self, mean: np.ndarray, covariance: np.ndarray) -> Mended:
-        """Return physical coefficients (k,) given the posterior, and the log probability of being
-        physical.
-
-        Args:
-            mean: (k,) posterior mean.
-            covariance: (k, k) posterior covariance.
-        """
-        c, log_probability = (mean, 0.0) if self.mended is None else self.mended(mean, covariance)
-        if self.possible is not None and not self.possible(c):
-            return c, -math.inf
-        return c, log_probability
 
 
 def hidden_from(flights: Sequence[FlightResiduals]) -> dict[str, str]:
@@ -180,9 +159,9 @@ def _linear(effect, flights, onset, fixed: dict[str, float], variants: int, stag
     label = ",".join(f"{k}={v:g}" for k, v in fixed.items())
     columns = {e.name: one(e) for e in flights}
     one_sided = np.array([p.lower == p.neutral for p in free])
-    mended = partial(_not_negative, root, one_sided) if one_sided.any() else None
+    physical = partial(_not_negative, root, one_sided) if one_sided.any() else None
     prior = -math.log(variants)
-    return Candidate((effect.identifier,), label, columns, terms, prior, onset, mended=mended)
+    return Candidate((effect.identifier,), label, columns, terms, prior, onset, physical)
 
 
 def _not_negative(
@@ -225,9 +204,13 @@ def at_value(effect, flights, onset, values: dict[str, float], variants: int, st
 
     label = ",".join(f"{k}={v:.3g}" for k, v in values.items())
     one_sided = all(p.lower >= p.neutral for p in effect.parameters)
-    possible = (lambda c: bool(c[0] > 0)) if one_sided else None
+    physical = _positive if one_sided else None
     prior = -math.log(variants)
-    return Candidate((effect.identifier,), label, columns, terms, prior, onset, possible)
+    return Candidate((effect.identifier,), label, columns, terms, prior, onset, physical)
+
+
+def _positive(mean: np.ndarray, covariance: np.ndarray) -> Mended:
+    return mean, 0.0 if mean[0] > 0 else -math.inf
 
 
 def wind_candidates(

@@ -127,8 +127,10 @@ class PayloadColumns:
         swings are small.
         """
 
-        def hangs(c: np.ndarray) -> bool:
-            return bool(c[0] > 0.01 and np.all(np.abs(c[self.first :]) < 7.0 * c[0]))
+        def physical(mean: np.ndarray, covariance: np.ndarray) -> Mended:
+            c, log_probability = heavy_enough(mean, covariance)
+            hangs = c[0] > 0.01 and np.all(np.abs(c[self.first :]) < 7.0 * c[0])
+            return c, log_probability if hangs else -math.inf
 
         columns = {}
         for e in flights:
@@ -141,8 +143,7 @@ class PayloadColumns:
             lambda c: [self.moved(c)],
             self.log_prior,
             self.guess.onset,
-            hangs,
-            heavy_enough,
+            physical,
         )
 
 

@@ -178,7 +178,7 @@ class RegressionProblem:
         """
         total = np.zeros(len(sets))
         some = [
-            k for k, members in enumerate(sets) if any(self.candidates[i].bounded for i in members)
+            k for k, members in enumerate(sets) if any(self.candidates[i].physical for i in members)
         ]
         posteriors = self._rest.posteriors(
             [self.columns(sets[k])[self._nuisance :] - self._nuisance for k in some]
@@ -188,7 +188,7 @@ class RegressionProblem:
             for c in (self.candidates[i] for i in sets[k]):
                 own = slice(at, at + c.size)
                 at += c.size
-                total[k] += c.physical(mean[own], covariance[own, own])[1] if c.bounded else 0.0
+                total[k] += c.physical(mean[own], covariance[own, own])[1] if c.physical else 0.0
         return total
 
     def fits_together(self, members: Sequence[int]) -> bool:
@@ -301,7 +301,7 @@ class SwitchedRegressors:
         XX, XB, Xy, at = whole.rows(np.clip(rows - half + self._near, 0, m))
         XX += np.sum(own @ np.swapaxes(weighted, 2, 3), axis=0)
         for part, c in zip(own, channels, strict=True):
-            XBy = part @ np.swapaxes(_taken(self._windows[c], rows), 1, 2)
+            XBy = part @ np.swapaxes(self._windows[c][rows], 1, 2)
             XB += XBy[..., :-1]
             Xy += XBy[..., -1]
         return Sums(XX, XB, Xy, at)
@@ -321,26 +321,6 @@ class SwitchedRegressors:
 
     def _weight(self, channels: np.ndarray) -> np.ndarray:
         return self._noise.weight[np.ix_(channels, channels)]
-
-
-class SwitchedSums:
-    """Cache of the sums of one candidate's columns X (m', 15, k) in one flight.
-
-    Args:
-        X: (m', 15, k) columns.
-    """
-
-    def __init__(self, columns: SwitchedRegressors, X: np.ndarray):
-        self.t, self._columns, self._X = columns.t, columns, X
-        self.whole = columns.whole(X)
-        self._begun: dict[bytes, Sums] = {}
-
-    def begun(self, rows: np.ndarray) -> Sums:
-        """Return the read-only sums for columns switched on at each of the whitened rows (n,)."""
-        key = rows.tobytes()
-        if key not in self._begun:
-            self._begun[key] = self._columns.begun(self._X, self.whole, rows)
-        return self._begun[key]
 
 
 def onset_log_likelihood(
@@ -367,11 +347,3 @@ def onset_log_likelihood(
     usable = (times < t[0] + 0.3) & (times > t[0])
     after[usable] = -np.inf
     return times, after
-
-
-def _taken(windows: np.ndarray, rows: np.ndarray) -> np.ndarray:
-    """Return windows[rows], as a view where rows (n,) are equally spaced."""
-    steps = np.unique(np.diff(rows))
-    if len(steps) != 1 or steps[0] <= 0:
-        return windows[rows]
-    return windows[rows[0] : rows[-1] + 1 : steps[0]]

@@ -251,11 +251,11 @@ class FlightResiduals:
         return dc.replace(self, grid=grid, **parts)
 
     def begun(self, onset: float | None) -> np.ndarray:
-        """Return a step (m, 15) that is one from `onset` [s] on (None: always), smeared as each
-        channel is.
+        """Return a step (m, 15) that is one from `onset` [s] on (None and -inf: always), smeared as
+        each channel is.
         """
         if onset is None or not np.isfinite(onset):
-            return np.full((len(self.t), SIZE), float(onset is None))
+            return np.full((len(self.t), SIZE), float(onset is None or onset < 0))
         force, others = (
             to((instants.t >= onset - 1e-9).astype(float))
             for to, instants in ((self.from_rows, self.rows), (self.from_mids, self.mids))

@@ -6,7 +6,7 @@ Onsets are scanned by suffix sums of Gram matrices.
 import copy
 import dataclasses as dc
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -19,7 +19,6 @@ from np_drake.diagnosis.regressors import (
     RegressionProblem,
     Sums,
     SwitchedRegressors,
-    SwitchedSums,
     hidden_from,
     switched,
     wind_candidates,
@@ -40,18 +39,22 @@ class TriedOnsets:
     """Sums of a candidate at the tried instants of one flight, in order.
 
     Args:
+        X: (m', 15, k) columns of the candidate.
         edge: time from either end without onsets [s].
     """
 
-    def __init__(self, late: SwitchedSums, edge: float, *, goes_on: bool):
-        self._late = late
-        self.ends = late.whole.rows([0, -1])  # from the start, and never
+    def __init__(self, flight: SwitchedRegressors, X: np.ndarray, edge: float, *, goes_on: bool):
+        self._flight, self._X, self._whole = flight, X, flight.whole(X)
+        self.ends = self._whole.rows([0, -1])  # from the start, and never
         self.start, self.never = self.ends.rows([0]), self.ends.rows([1])
         self.now = self.start
         self.onset: float | None = None
-        self.inside, self.goes_on = possible_onsets(late.t, edge), goes_on
+        self.inside, self.goes_on = possible_onsets(flight.t, edge), goes_on
         self.rows = self.inside[::COARSE]
-        self.sums = late.begun(self.rows)
+        self.sums = self._begun(self.rows)
+
+    def _begun(self, rows: np.ndarray) -> Sums:
+        return self._flight.begun(self._X, self._whole, rows)
 
     def finer(self, profile: np.ndarray) -> np.ndarray:
         """Return untried rows about the best of the profile (n,)."""
@@ -64,7 +67,7 @@ class TriedOnsets:
         """Add the sums at these rows."""
         order = np.argsort(np.concatenate([self.rows, rows]))
         self.rows = np.concatenate([self.rows, rows])[order]
-        self.sums = self.sums.joined(self._late.begun(rows), order)
+        self.sums = self.sums.joined(self._begun(rows), order)
 
     def most_likely(self, profile: np.ndarray) -> int:
         """Return the row in the middle of the span of `SPAN` that most likely holds the onset.
@@ -73,7 +76,7 @@ class TriedOnsets:
         """
         dense = np.interp(self.inside, self.rows, profile)
         weight = np.exp(dense - dense.max())
-        step = self._late.t[1] - self._late.t[0]
+        step = self._flight.t[1] - self._flight.t[0]
         width = max(1, round(SPAN / step))
         mass = (
             np.convolve(weight, np.ones(width), "valid")
@@ -95,8 +98,8 @@ class TriedOnsets:
             self.now, self.onset = self.start, None
         else:
             tried = np.flatnonzero(self.rows == row)
-            self.now = self.sums.rows(tried) if len(tried) else self._late.begun(np.array([row]))
-            self.onset = float(self._late.t[row])
+            self.now = self.sums.rows(tried) if len(tried) else self._begun(np.array([row]))
+            self.onset = float(self._flight.t[row])
 
 
 def possible_onsets(t: np.ndarray, edge: float = EDGE) -> np.ndarray:
@@ -163,15 +166,9 @@ class OnsetScan:
         fewer._regress(np.flatnonzero(np.isin(self._owner, [-1, *members])))
         return fewer
 
-    def sums(self, candidate: Candidate) -> dict[str, SwitchedSums]:
-        """Return the sums of a candidate's columns by flight, for `best` and `rough_evidence`."""
-        return {name: SwitchedSums(f, candidate.columns[name]) for name, f in self._flights.items()}
-
-    def rough_evidence(self, late: Mapping[str, SwitchedSums]) -> float:
-        """Return the log evidence of a candidate (its `sums`) at its best onsets, jumps of its
-        columns apart.
-        """
-        whole = {name: sums.whole for name, sums in late.items()}
+    def rough_evidence(self, candidate: Candidate) -> float:
+        """Return the log evidence of a candidate at its best onsets, jumps of its columns apart."""
+        whole = {name: f.whole(candidate.columns[name]) for name, f in self._flights.items()}
         start = {name: sums.rows([0]) for name, sums in whole.items()}
         at = dict(start)
         for name, f in self._flights.items():
@@ -183,16 +180,16 @@ class OnsetScan:
         first, *rest = at.values()
         return float(self._evidence(first, rest)[0])
 
-    def best(
-        self, candidate: Candidate, sums: Mapping[str, SwitchedSums] | None = None
-    ) -> "Onsets":
-        """Return the onsets at which the candidate, with its `sums`, explains the flights best.
+    def best(self, candidate: Candidate) -> Onsets:
+        """Return the onsets at which the candidate explains the flights best.
 
         The prior is that of an instant as wide as the evidence leaves it: an onset that is known to
         a row has one in all rows, one that is known to half a flight has one half.
         """
-        late = sums or self.sums(candidate)
-        scans = {n: TriedOnsets(of, self._edge, goes_on=n in self._go_on) for n, of in late.items()}
+        scans = {
+            n: TriedOnsets(f, candidate.columns[n], self._edge, goes_on=n in self._go_on)
+            for n, f in self._flights.items()
+        }
         found = [self._climbed(scans)]
         # A climb begins where the effect would begin with parameters of each flight's own, no prior
         # asked. Flights that start from its beginning in all others may never leave it: a drift
@@ -205,7 +202,7 @@ class OnsetScan:
             found.append(self._climbed(scans))
         return max(found, key=lambda f: f.evidence + f.prior)
 
-    def _climbed(self, scans: dict[str, TriedOnsets]) -> "Onsets":
+    def _climbed(self, scans: dict[str, TriedOnsets]) -> Onsets:
         """Return the onsets from where they are settled, flight by flight, the others as they
         are.
         """
@@ -294,11 +291,9 @@ def switched_candidates(problem: RegressionProblem, members: Sequence[int] = ())
     whole = OnsetScan(problem, members)
     for own, same in variants.items():
         others = tuple(i for i in members if not set(own) & set(problem.candidates[i].identifiers))
-        tried = [(c, whole.sums(c)) for c in same]
         for scan in map(whole.given, dict.fromkeys([(), others])):
-            ranked = sorted(tried, key=lambda pair: scan.rough_evidence(pair[1]))
-            for candidate, sums in ranked[-VARIANTS:]:
-                at = scan.best(candidate, sums)
+            for candidate in sorted(same, key=scan.rough_evidence)[-VARIANTS:]:
+                at = scan.best(candidate)
                 if at.onset:
                     late = switched(candidate, problem.flights, at.onset)
                     key = (late.identifiers, late.variant, tuple(sorted(at.onset.items())))
