@@ -2,7 +2,6 @@
 
 import dataclasses as dc
 from collections.abc import Callable, Iterator, Sequence
-from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -413,39 +412,33 @@ def true_measurement(
     return truth
 
 
-class StageCache:
-    """Cache of the parts of one flight's predicted residuals, keyed by the terms on which each part
-    depends.
+# Cache of the parts of one flight's predicted residuals, by the function that makes each and the
+# terms on which it depends. Finite differences change one parameter at a time, so that most parts
+# are reused.
+Stages = dict[tuple, Any]
 
-    Finite differences change one parameter at a time, so that most parts are reused.
-    """
 
-    def __init__(self) -> None:
-        self._known: dict[tuple, Any] = {}
-
-    def once(self, stage: str, key: tuple, make: Callable[[], Any]) -> Any:
-        """Return the cached value of a stage for this key, computed by `make` on first use."""
-        if (stage, key) not in self._known:
-            self._known[stage, key] = make()
-        return self._known[stage, key]
+def _once(stages: Stages, key: tuple, make: Callable[..., Any], *of: Any) -> Any:
+    """Return the cached value of `make(*of)` for this key, computed on first use."""
+    if (make, key) not in stages:
+        stages[make, key] = make(*of)
+    return stages[make, key]
 
 
 def predicted_residual(
-    flight: FlightResiduals, terms: Sequence[Term], stages: StageCache | None = None
+    flight: FlightResiduals, terms: Sequence[Term], stages: Stages | None = None
 ) -> np.ndarray:
     """Return the sum (m, 15) of what the terms leave in the channels of a flight; wind acts through
     drags among them.
 
     It is beyond what the fixed effects of the flight leave, with which they act.
     """
-    stages, fixed = stages or StageCache(), [Term(effect) for effect in flight.fixed]
+    stages, fixed = {} if stages is None else stages, [Term(effect) for effect in flight.fixed]
     left = _left_by(flight, [*fixed, *terms], stages)
-    return (
-        left - stages.once("fixed", (), partial(_left_by, flight, fixed, stages)) if fixed else left
-    )
+    return left - _once(stages, (), _left_by, flight, fixed, stages) if fixed else left
 
 
-def _left_by(flight: FlightResiduals, terms: Sequence[Term], stages: StageCache) -> np.ndarray:
+def _left_by(flight: FlightResiduals, terms: Sequence[Term], stages: Stages) -> np.ndarray:
     """Return the sum (m, 15) of what terms leave against the rotors alone."""
     log = flight.name
     sensors = tuple(t.effect for t in terms if isinstance(t.effect, SensorEffect))
@@ -462,21 +455,19 @@ def _left_by(flight: FlightResiduals, terms: Sequence[Term], stages: StageCache)
     )
     y = np.zeros_like(flight.y)
     for sensor in sensors:
-        y += stages.once("sensor", (sensor,), partial(sensor_residual, flight, sensor))
+        y += _once(stages, (sensor,), sensor_residual, flight, sensor)
     if len(sensors) == len(terms) and not any(s.clock_shift for s in sensors):
         return flight.known(y)  # sensor effects alone change no wrench
     sensors = tuple(s for s in sensors if not s.small)
-    flight = stages.once("before", sensors, partial(without_errors, flight, sensors))
+    flight = _once(stages, sensors, without_errors, flight, sensors)
     key = (turning, sum(s.clock_shift for s in sensors))
-    turned = stages.once("turned", key, partial(_turned, flight, terms))
+    turned = _once(stages, key, _turned, flight, terms)
     added = turned.wrench
     if pushing:
         moving = (key, sensors, winds)
-        motions = stages.once("motions", moving, partial(_motions, flight, turned, winds))
+        motions = _once(stages, moving, _motions, flight, turned, winds)
         for one in (pair for pair in pushing if pair[0].pushes or pair[0].turns):
-            added = added + stages.once(
-                "wrench", (moving, one), partial(_wrench, flight, *one, *motions)
-            )
+            added = added + _once(stages, (moving, one), _wrench, flight, *one, *motions)
     for term in terms:
         if term.effect.has_hidden_state:
             # The wrench (n, 6) of one suspended payload in B on the grid, the mean over samples
@@ -516,18 +507,16 @@ Begun = tuple[WrenchEffect, float | None]  # an effect and its onset [s]
 
 
 class Turned(NamedTuple):
-    """Response of the rotors: thrust at rows (n, 4) and mids (n-1, 4) [N], and the rotors'
-    accelerations there [rad/s²].
+    """Response of the rotors: thrust [N] and the rotors' accelerations [rad/s²] at the instants of
+    force (n, 4) and of torque (n-1, 4).
 
     wrench (m, 6): on the grid, in excess of the nominal one in B [N, N·m]. after (m,): part of
     dv/dt - a along the thrust in excess of the nominal one (`FlightResiduals.after`) [m/s²]. ahead
     (m, 4): as `FlightResiduals.ahead`, of the actual rotors [N, N·m].
     """
 
-    rows: np.ndarray
-    mids: np.ndarray
-    rate_rows: np.ndarray
-    rate_mids: np.ndarray
+    at_force: tuple[np.ndarray, np.ndarray]
+    at_torque: tuple[np.ndarray, np.ndarray]
     wrench: np.ndarray
     after: np.ndarray
     ahead: np.ndarray
@@ -562,7 +551,9 @@ def _turned(flight: FlightResiduals, terms: Sequence[Term]) -> Turned:
     wrench = np.zeros((len(flight.t), 6))
     wrench[:, 2], wrench[:, 3:] = at_rows[:, 0], at_mids[:, 1:4]
     ahead = flight.ahead + at_rows - at_mids[:, :4]
-    return Turned(rows, mids, np.concatenate([rate, rate[-1:]]), rate, wrench, at_mids[:, 4], ahead)
+    at_torque = mids, rate
+    at_force = at_torque if log.a is None else (rows, np.concatenate([rate, rate[-1:]]))
+    return Turned(at_force, at_torque, wrench, at_mids[:, 4], ahead)
 
 
 def _place_in_chain(effect: Effect) -> int:
@@ -593,8 +584,6 @@ def _motions(
     """Return the motions at the instants of force and of torque, with the air velocity of the
     winds.
     """
-    at_torque = turned.mids, turned.rate_mids
-    at_force = at_torque if flight.log.a is None else (turned.rows, turned.rate_rows)
 
     def at(instants: Instants, x: np.ndarray, f: np.ndarray, rate: np.ndarray) -> Motion:
         t, still = instants.t, np.zeros((len(instants.t), 3))
@@ -604,7 +593,7 @@ def _motions(
         return Motion(t, x, f, wind, rate)
 
     x_rows, x_mids = flight.wrench_states
-    return at(flight.rows, x_rows, *at_force), at(flight.mids, x_mids, *at_torque)
+    return at(flight.rows, x_rows, *turned.at_force), at(flight.mids, x_mids, *turned.at_torque)
 
 
 def _wrench(

@@ -30,7 +30,7 @@ from np_drake.diagnosis.gusts import in_gusts, residuals_of, with_drag, with_gus
 from np_drake.diagnosis.held_out import HeldOut, mark_outliers, on_held_out, with_calibration
 from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.diagnosis.result import Cause, Finding, Remainder
-from np_drake.diagnosis.selection import Ranking, SearchResult, rank_models
+from np_drake.diagnosis.selection import Ranking, rank_models
 from np_drake.diagnosis.slow_force import position_p_value
 from np_drake.effects.gusty_wind import GustyWind
 
@@ -63,7 +63,7 @@ class Inference:
         return tuple(s.finding for s in said if s.probability > 0.5)
 
 
-def conclude(found: SearchResult, held_out: Sequence[FlightResiduals]) -> Inference:
+def conclude(found: Ranking, held_out: Sequence[FlightResiduals]) -> Inference:
     """Rank the models of a search, judge the best by held-out flights, and decide which of its
     effects are causes.
     """

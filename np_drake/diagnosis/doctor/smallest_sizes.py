@@ -18,12 +18,11 @@ from np_drake.diagnosis.regressors import (
     Candidate,
     hidden_from,
     library_candidates,
-    payload_about,
-    payload_of,
     wind_candidates,
 )
 from np_drake.diagnosis.residuals import FlightResiduals, find_outliers
 from np_drake.diagnosis.selection.map_model import noise_of
+from np_drake.diagnosis.selection.payload_search import payload_about, payload_of
 from np_drake.effects.base import Parameter, correlation_root
 from np_drake.effects.library import LIBRARY, effect_of
 from np_drake.effects.parameter import usual_size

@@ -1,6 +1,4 @@
-"""Regressors of the linear model: library effects, generic structure, nuisance parameters,
-payload.
-"""
+"""Regressors of the linear model: library effects, generic structure, nuisance parameters."""
 
 from np_drake.diagnosis.regressors.generic import PREFIX, generic_candidates
 from np_drake.diagnosis.regressors.library import (
@@ -19,13 +17,6 @@ from np_drake.diagnosis.regressors.library import (
     tolerance_of,
     wind_candidates,
     with_input,
-)
-from np_drake.diagnosis.regressors.payload import (
-    AT_REST,
-    PayloadColumns,
-    heavy_enough,
-    payload_about,
-    payload_of,
 )
 from np_drake.diagnosis.regressors.regression_problem import (
     Model,

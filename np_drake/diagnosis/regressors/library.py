@@ -6,12 +6,13 @@ import dataclasses as dc
 import math
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
+from itertools import product
 from typing import Any
 
 import numpy as np
 from scipy import special
 
-from np_drake.diagnosis.forward_model import StageCache, Term, predicted_residual
+from np_drake.diagnosis.forward_model import Stages, Term, predicted_residual
 from np_drake.diagnosis.numerics import fit_noise
 from np_drake.diagnosis.options import IDEAL_SENSORS, SPREAD, Options, Tolerance
 from np_drake.diagnosis.residuals import QUIET, FlightResiduals
@@ -93,7 +94,7 @@ def library_candidates(
         onset: onsets by flight [s]; effects that cannot begin in flight are then left out.
     """
     found: list[Candidate] = []
-    stages = {e.name: StageCache() for e in flights}
+    stages: dict[str, Stages] = {e.name: {} for e in flights}
     # A load that is taken up in flight shows, however heavy the vehicle was before.
     hidden = {
         name
@@ -112,19 +113,14 @@ def _effect_candidates(
     effect: type[Effect],
     flights: Sequence[FlightResiduals],
     onset: Onset,
-    stages: Mapping[str, StageCache] | None = None,
+    stages: Mapping[str, Stages] | None = None,
 ) -> list[Candidate]:
     """Return the variants of one effect as candidates, from caches of earlier predictions by
     flight.
     """
-    stages = stages or {e.name: StageCache() for e in flights}
-    settings: list[dict[str, float]] = [{}]
-    for p in effect.parameters:
-        settings = (
-            [{**s, p.name: choice} for s in settings for choice in p.choices]
-            if p.choices
-            else settings
-        )
+    stages = stages or {e.name: {} for e in flights}
+    choices = {p.name: p.choices for p in effect.parameters if p.choices}
+    settings = [dict(zip(choices, some, strict=True)) for some in product(*choices.values())]
     grid = effect.grid(flights[0].vehicle)
     if effect.linear or settings != [{}] or not grid:
         return [_linear(effect, flights, onset, s, len(settings), stages) for s in settings]
@@ -231,7 +227,7 @@ def wind_candidates(
     for drag in (c for c in plain if c.identifiers == (DRAG,)):
         columns = {}
         for e in flights:
-            unit, stages = Term(LinearDrag(typical, typical, typical), drag.onset), StageCache()
+            unit, stages = Term(LinearDrag(typical, typical, typical), drag.onset), Stages()
             still = predicted_residual(e, [unit], stages)
             winds = [ConstantWind(*axis) for axis in np.eye(3).tolist()]
             windy = [predicted_residual(e, [unit, Term(wind, onset)], stages) for wind in winds]

@@ -30,8 +30,9 @@ def prior_of(identifiers: Iterable[str], priors: Priors) -> float:
 
 
 class WhiteNuisance:
-    """Linear nuisance of some flights, whitened: by flight the columns that act there.
+    """Linear nuisance of some flights, whitened.
 
+    columns: by flight, those that act there (rows, k'), and their positions (k',) among all.
     gram: (k, k) over all flights, with the prior. rows: by flight, of the whitened residual.
 
     Args:
@@ -47,7 +48,7 @@ class WhiteNuisance:
     ):
         self.sizes = [c.size for c in linear]
         self.gram = np.eye(sum(self.sizes))
-        self._columns: dict[str, tuple[np.ndarray, np.ndarray]] = {}
+        self.columns: dict[str, tuple[np.ndarray, np.ndarray]] = {}
         self.rows: dict[str, slice] = {}
         first, order = 0, noise.phi.shape[1]
         for e in flights:
@@ -58,12 +59,8 @@ class WhiteNuisance:
             last = first + (len(e.t) - order) * noise.phi.shape[0]
             X, at = white.reshape(last - first, white.shape[-1]), np.flatnonzero(there)
             self.rows[e.name], first = slice(first, last), last
-            self._columns[e.name] = X, at
+            self.columns[e.name] = X, at
             self.gram[np.ix_(at, at)] += X.T @ X
-
-    def of(self, flight: str) -> tuple[np.ndarray, np.ndarray]:
-        """Return the columns (rows, k') of a flight, and their positions (k',) among all."""
-        return self._columns[flight]
 
 
 @dc.dataclass(frozen=True)
@@ -258,12 +255,12 @@ class SwitchedRegressors:
         self.at = np.flatnonzero(others.any(axis=(0, 1)))
         both = np.concatenate([others[..., self.at], target[..., None]], axis=-1)
         active, half, m = np.flatnonzero(noise.active), len(self._rise) // 2, len(self.t)
-        driven = self._driven(active, flight.bridged(both[:, active]))
+        driven, weighted = self._driven(active, flight.bridged(both[:, active]))
         # Innovations times this equal whitened values times whitened `both`; rows beyond either end
         # are zero.
         padded = np.zeros((both.shape[1], half + m + half + self._order, both.shape[2]))
         self._facing = padded[:, half : half + m]
-        self._facing[active] = np.tensordot(self._weight(active), driven, 1)
+        self._facing[active] = weighted
         self._windows = sliding_window_view(padded, self._near, axis=1)
         self.products = np.sum(np.swapaxes(driven, 1, 2) @ self._facing[active], axis=0)
 
@@ -272,8 +269,7 @@ class SwitchedRegressors:
         jump there.
         """
         channels = self._channels(X)
-        own = self._driven(channels, self._e.bridged(X[:, channels]))
-        weighted = np.tensordot(self._weight(channels), own, 1)
+        own, weighted = self._driven(channels, self._e.bridged(X[:, channels]))
         by_row = own.transpose(1, 2, 0)
         XX, XBy = (by_row @ np.swapaxes(a, 0, 1) for a in (weighted, self._facing[channels]))
         XX, XBy = (np.concatenate([np.cumsum(a[::-1], axis=0)[::-1], 0 * a[:1]]) for a in (XX, XBy))
@@ -294,10 +290,10 @@ class SwitchedRegressors:
         near = np.clip(rows + order + offsets[:, None], 0, len(X) - 1)
         channels = self._channels(X)
         late = self._e.bridged(X[:, channels])[near] * gate[:, None, channels, None]
-        own = self._driven(channels, np.moveaxis(late, 2, 1))
         row = rows - half + np.arange(self._near)[:, None]
-        own = np.where(((row >= 0) & (row < m))[..., None], own, 0.0).transpose(0, 2, 3, 1)
-        weighted = np.tensordot(self._weight(channels), own, 1)
+        there = ((row >= 0) & (row < m))[..., None]
+        both = self._driven(channels, np.moveaxis(late, 2, 1))
+        own, weighted = (np.where(there, part, 0.0).transpose(0, 2, 3, 1) for part in both)
         XX, XB, Xy, at = whole.rows(np.clip(rows - half + self._near, 0, m))
         XX += np.sum(own @ np.swapaxes(weighted, 2, 3), axis=0)
         for part, c in zip(own, channels, strict=True):
@@ -310,17 +306,17 @@ class SwitchedRegressors:
         """Return the active channels in which a column is not zero."""
         return np.flatnonzero(self._noise.active & X.any(axis=(0, 2)))
 
-    def _driven(self, channels: np.ndarray, values: np.ndarray) -> np.ndarray:
-        """Return the innovations (a, m - p, ...) of the channels (a,), for values (m, a, ...)."""
+    def _driven(self, channels: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the innovations (a, m - p, ...) of the channels (a,), for values (m, a, ...), and
+        these times the inverse of their covariance.
+        """
         parts = [
             self._noise.driven_in(c, values[:, i], self._e.name)
             for i, c in enumerate(channels.tolist())
         ]
         shape = (len(values) - self._order, *values.shape[2:])
-        return self._scale * np.reshape(parts, (len(parts), *shape))
-
-    def _weight(self, channels: np.ndarray) -> np.ndarray:
-        return self._noise.weight[np.ix_(channels, channels)]
+        own = self._scale * np.reshape(parts, (len(parts), *shape))
+        return own, np.tensordot(self._noise.weight[np.ix_(channels, channels)], own, 1)
 
 
 def onset_log_likelihood(

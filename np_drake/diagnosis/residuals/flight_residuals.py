@@ -242,13 +242,10 @@ class FlightResiduals:
         grid = dc.replace(
             self.grid, t=self.t[:n], fine=self.grid.fine[: (n - 1) * self.grid.factor + 1]
         )
-        parts = {
-            name: getattr(self, name)[:n] for name in ("y", "nominal", "w", "outliers", "joined")
-        }
-        for name in ("calibrated", "given"):
-            value = getattr(self, name)
-            parts[name] = value[:n] if isinstance(value, np.ndarray) else value
-        return dc.replace(self, grid=grid, **parts)
+        by_row = ("y", "nominal", "w", "outliers", "joined", "calibrated", "given")
+        values = {name: getattr(self, name) for name in by_row}
+        cut = {name: value[:n] if np.ndim(value) else value for name, value in values.items()}
+        return dc.replace(self, grid=grid, **cut)
 
     def begun(self, onset: float | None) -> np.ndarray:
         """Return a step (m, 15) that is one from `onset` [s] on (None and -inf: always), smeared as

@@ -2,7 +2,6 @@
 
 from np_drake.diagnosis.selection.map_model import (
     Ranking,
-    SearchResult,
     find_map_model,
     names_of,
     names_of_fit,

@@ -12,7 +12,6 @@ import numpy as np
 
 from np_drake.diagnosis.forward_model import NEVER
 from np_drake.diagnosis.regressors import (
-    AT_REST,
     DRAG,
     PAYLOAD,
     Candidate,
@@ -24,7 +23,7 @@ from np_drake.diagnosis.regressors import (
     wind_candidates,
 )
 from np_drake.diagnosis.residuals import LEAST_DURATION
-from np_drake.diagnosis.selection.payload_search import PayloadSearch
+from np_drake.diagnosis.selection.payload_search import AT_REST, PayloadSearch
 from np_drake.effects.library import LIBRARY, effect_of
 from np_drake.effects.mass_error import MassError
 from np_drake.effects.thrust_scale import ThrustScale
@@ -40,16 +39,19 @@ class TriedOnsets:
 
     Args:
         X: (m', 15, k) columns of the candidate.
-        edge: time from either end without onsets [s].
+        inside: rows that may be onsets.
+        goes_on: whether the effect may be absent, as the flight goes on or was before.
     """
 
-    def __init__(self, flight: SwitchedRegressors, X: np.ndarray, edge: float, *, goes_on: bool):
+    def __init__(
+        self, flight: SwitchedRegressors, X: np.ndarray, inside: np.ndarray, *, goes_on: bool
+    ):
         self._flight, self._X, self._whole = flight, X, flight.whole(X)
         self.ends = self._whole.rows([0, -1])  # from the start, and never
         self.start, self.never = self.ends.rows([0]), self.ends.rows([1])
         self.now = self.start
         self.onset: float | None = None
-        self.inside, self.goes_on = possible_onsets(flight.t, edge), goes_on
+        self.inside, self.goes_on = inside, goes_on
         self.rows = self.inside[::COARSE]
         self.sums = self._begun(self.rows)
 
@@ -97,19 +99,7 @@ class TriedOnsets:
         if row is None:
             self.now, self.onset = self.start, None
         else:
-            tried = np.flatnonzero(self.rows == row)
-            self.now = self.sums.rows(tried) if len(tried) else self._begun(np.array([row]))
-            self.onset = float(self._flight.t[row])
-
-
-def possible_onsets(t: np.ndarray, edge: float = EDGE) -> np.ndarray:
-    """Return rows that may be onsets.
-
-    Args:
-        t: (m,) times of whitened rows [s].
-        edge: time from either end without onsets [s].
-    """
-    return np.flatnonzero((t > t[0] + edge) & (t < t[-1] - edge))
+            self.now, self.onset = self._begun(np.array([row])), float(self._flight.t[row])
 
 
 @dc.dataclass(frozen=True)
@@ -136,13 +126,16 @@ class OnsetScan:
         scale = problem.temperature**-0.5
         self._options = problem.options
         # Either side of what begins is then as long as a flight that can be diagnosed.
-        self._edge = LEAST_DURATION if problem.options.tolerance.unmeasured else EDGE
+        edge = LEAST_DURATION if problem.options.tolerance.unmeasured else EDGE
         self._go_on = {e.name for e in problem.flights if e.goes_on or e.earlier}
         self._flights: dict[str, SwitchedRegressors] = {}
+        self._inside: dict[str, np.ndarray] = {}  # rows that may be onsets
         for e in problem.flights:
             columns = [c.columns[e.name] for c in chosen] or [np.zeros((*e.y.shape, 0))]
             B = np.concatenate(columns, axis=-1)
-            self._flights[e.name] = SwitchedRegressors(e, problem.noise, e.y, B, scale)
+            flight = SwitchedRegressors(e, problem.noise, e.y, B, scale)
+            late, early = flight.t > flight.t[0] + edge, flight.t < flight.t[-1] - edge
+            self._flights[e.name], self._inside[e.name] = flight, np.flatnonzero(late & early)
         size = B.shape[-1]
         self._products = np.zeros((size + 1, size + 1))
         for f in self._flights.values():
@@ -171,8 +164,7 @@ class OnsetScan:
         whole = {name: f.whole(candidate.columns[name]) for name, f in self._flights.items()}
         start = {name: sums.rows([0]) for name, sums in whole.items()}
         at = dict(start)
-        for name, f in self._flights.items():
-            rows = possible_onsets(f.t, self._edge)
+        for name, rows in self._inside.items():
             profile = self._evidence(whole[name].rows(rows), [at[n] for n in at if n != name])
             now = self._evidence(start[name], [at[n] for n in at if n != name])[0]
             if len(rows) and profile.max() > now:
@@ -187,7 +179,7 @@ class OnsetScan:
         a row has one in all rows, one that is known to half a flight has one half.
         """
         scans = {
-            n: TriedOnsets(f, candidate.columns[n], self._edge, goes_on=n in self._go_on)
+            n: TriedOnsets(f, candidate.columns[n], self._inside[n], goes_on=n in self._go_on)
             for n, f in self._flights.items()
         }
         found = [self._climbed(scans)]

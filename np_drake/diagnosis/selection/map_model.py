@@ -10,6 +10,7 @@ from collections.abc import Iterable, Sequence
 from functools import partial
 
 import numpy as np
+from scipy import special
 
 from np_drake.diagnosis.calibration import calibrated_alone, nuisance_of
 from np_drake.diagnosis.fitting import Fit, first_fit, greatest_height, impossible, refit, restart
@@ -164,20 +165,27 @@ MOST_EFFECTS = 8  # in a model
 
 
 @dc.dataclass(frozen=True)
-class SearchResult:
-    """All models met, best first, the best of them fitted, and its noise; no rival is fitted
-    yet.
+class Ranking:
+    """Fitted models, best first, with the noise, all models met, best first, and the probability of
+    every effect, which is known once the best is ranked among its rivals.
     """
 
-    problem: RegressionProblem
-    models: list[Model]
-    best: Fit
+    fits: tuple[Fit, ...]
     noise: NoiseModel
+    problem: RegressionProblem
+    models: tuple[Model, ...]
+    options: Options
+    probability: dict[str, float] = dc.field(default_factory=dict)
+
+    @property
+    def best(self) -> Fit:
+        """The most probable model."""
+        return self.fits[0]
 
 
 def find_map_model(
     flights: Sequence[FlightResiduals], options: Options | None = None, *, still_air: bool = False
-) -> SearchResult:
+) -> Ranking:
     """Return the best model of these training flights, searched and fitted twice: once more with
     the noise that the fit leaves.
 
@@ -213,7 +221,7 @@ def find_map_model(
         noise = noise_of(of.flights, left, channels, options, priors.linear_error)
     assert best is not None
     exact = noise_of(of.flights, left, channels, options)
-    return SearchResult(problem, models, best, exact)
+    return Ranking((best,), exact, problem, tuple(models), options)
 
 
 def search(problem: RegressionProblem) -> list[Model]:
@@ -268,26 +276,7 @@ NEGLIGIBLE = (
 )
 
 
-@dc.dataclass(frozen=True)
-class Ranking:
-    """Refined models, best first, with the probability of every effect, the noise, and what led to
-    them.
-    """
-
-    fits: tuple[Fit, ...]
-    probability: dict[str, float]
-    noise: NoiseModel
-    problem: RegressionProblem
-    models: tuple[Model, ...]
-    options: Options
-
-    @property
-    def best(self) -> Fit:
-        """The most probable model."""
-        return self.fits[0]
-
-
-def rank_models(found: SearchResult) -> Ranking:
+def rank_models(found: Ranking) -> Ranking:
     """Return the best model ranked among its rivals, each refined: those that come close to it, and
     the best without its faint effects.
     """
@@ -310,8 +299,12 @@ def rank_models(found: SearchResult) -> Ranking:
         if not any(impossible(fit, i, vehicle, height) for i in range(len(fit.terms)))
     ]
     fits = sorted(possible or refined.values(), key=lambda f: -score_of(f, priors))
-    probability = probabilities(problem, models, fits)
-    return Ranking(tuple(fits), probability, noise, problem, tuple(models), problem.options)
+    return dc.replace(
+        found,
+        fits=tuple(fits),
+        models=tuple(models),
+        probability=probabilities(problem, models, fits),
+    )
 
 
 def probabilities(
@@ -324,11 +317,9 @@ def probabilities(
     linear = {names_of(problem, m): m.score for m in _distinct(problem, models)[:200]}
     shift = scored[-1][0] - max((linear[n] for n in refined if n in linear), default=scored[-1][0])
     scores = {n: s + min(shift, 0.0) for n, s in linear.items()} | refined
-    top = max(scores.values())
-    weight = {n: np.exp(s - top) for n, s in scores.items()}
-    total = sum(weight.values())
+    weight = dict(zip(scores, special.softmax(list(scores.values())), strict=True))
     names = {name for n in weight for name in n}
-    return {name: float(sum(w for n, w in weight.items() if name in n) / total) for name in names}
+    return {name: float(sum(w for n, w in weight.items() if name in n)) for name in names}
 
 
 def drop_negligible(problem: RegressionProblem, model: Model, fit: Fit) -> list[Model]:

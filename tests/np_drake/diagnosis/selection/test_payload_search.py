@@ -3,9 +3,9 @@ import pytest
 
 from np_drake.diagnosis.forward_model import Term, predicted_residual
 from np_drake.diagnosis.options import Options
-from np_drake.diagnosis.regressors import library_candidates, payload_about, payload_of
+from np_drake.diagnosis.regressors import library_candidates
 from np_drake.diagnosis.residuals import FORCE
-from np_drake.diagnosis.selection.payload_search import PayloadSearch
+from np_drake.diagnosis.selection.payload_search import PayloadSearch, payload_about, payload_of
 from np_drake.effects.suspended_payload import SuspendedPayload
 
 REAL = Options.for_sensors(True)
