@@ -5,7 +5,7 @@ Several starts are tried where there is a hidden swing.
 
 import dataclasses as dc
 from collections.abc import Callable, Collection, Mapping, Sequence
-from itertools import pairwise, product
+from itertools import product
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from np_drake.diagnosis.forward_model import (
     predicted_residual,
     swing_wrenches,
 )
-from np_drake.diagnosis.numerics import NoiseModel, minimise, scale_only
+from np_drake.diagnosis.numerics import NoiseModel, minimise, places, scale_only
 from np_drake.diagnosis.options import SURE, Priors
 from np_drake.diagnosis.regressors import Candidate, Model, RegressionProblem, WhiteNuisance
 from np_drake.diagnosis.residuals import WRENCH, FlightResiduals
@@ -296,8 +296,7 @@ def refine(
     robust = _robust(covariance, np.array(scores))
     covariance = covariance * np.sqrt(np.outer(robust, robust))
     logdet = np.linalg.slogdet(best.information)[1]
-    places = [slice(*at) for at in pairwise(np.cumsum([n, *white.sizes]).tolist())]
-    pairs = list(zip(linear, places, strict=True))
+    pairs = list(zip(linear, places((c.size for c in linear), n), strict=True))
     parts = tuple(LinearPart(c.generic, best.z[at], covariance[at, at]) for c, at in pairs)
     drifted = {
         e.name: sum(c.columns[e.name] @ best.z[at] for c, at in pairs) for e in flights if pairs
@@ -531,8 +530,7 @@ def _terms_at_posterior(problem: RegressionProblem, model: Model) -> list[Term]:
     mean, covariance = problem.total.posterior(problem.columns(model.members))
     first = sum(c.size for c in problem.nuisance)
     chosen = [problem.candidates[i] for i in model.members]
-    ends = np.cumsum([first, *(c.size for c in chosen)])
-    parts = [(c, slice(a, b)) for c, a, b in zip(chosen, ends[:-1], ends[1:], strict=True)]
+    parts = list(zip(chosen, places((c.size for c in chosen), first), strict=True))
     for candidate, own in parts:
         if candidate.physical is None:
             continue

@@ -11,8 +11,9 @@ Source: Yule-Walker equations (noise; the order is own choice); standard (regres
 """
 
 import dataclasses as dc
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -246,6 +247,11 @@ def _autocovariance(e: np.ndarray) -> np.ndarray:
     # wrap-around.
     power = np.abs(np.fft.rfft(e, size)) ** 2
     return np.fft.irfft(power, size)[: ORDER + 1]
+
+
+def places(sizes: Iterable[int], first: int = 0) -> list[slice]:
+    """Return the places of groups of columns that follow one another, from column `first` on."""
+    return [slice(*ends) for ends in pairwise(np.cumsum([first, *sizes]).tolist())]
 
 
 AT_ONCE = 200_000  # matrix entries of the sets that are solved together

@@ -329,15 +329,18 @@ def with_input(options: Options, flights: Sequence[FlightResiduals]) -> Options:
     if log_input == "normalised":
         known = vehicle.throttle is not None
         scale = vehicle.uncertainty("thrust") or IDENTIFIED_SCALE if known else THROTTLE_SCALE
-        open_["thrust"] = max(tolerance.thrust, scale)
-        open_["throttle_curve"] = max(
-            tolerance.throttle_curve, IDENTIFIED_CURVE if known else THROTTLE_CURVE
-        )
+        curve = IDENTIFIED_CURVE if known else THROTTLE_CURVE
+        open_ |= {
+            "thrust": max(tolerance.thrust, scale),
+            "throttle_curve": max(tolerance.throttle_curve, curve),
+        }
     if (
         log_input == "normalised" and not unmeasured
     ):  # the calibration of an unmeasured vehicle holds these
-        open_["mounting"] = max(tolerance.mounting, SPREAD.mounting)
-        open_["latency"] = max(tolerance.latency, SPREAD.latency)
+        open_ |= {
+            "mounting": max(tolerance.mounting, SPREAD.mounting),
+            "latency": max(tolerance.latency, SPREAD.latency),
+        }
     return dc.replace(options, tolerance=dc.replace(tolerance, **open_, unmeasured=unmeasured))
 
 

@@ -3,14 +3,13 @@
 import dataclasses as dc
 from collections.abc import Iterable, Sequence
 from functools import cached_property, reduce
-from itertools import pairwise
 from operator import add
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from np_drake.diagnosis.numerics import Gram, NoiseModel
+from np_drake.diagnosis.numerics import Gram, NoiseModel, places
 from np_drake.diagnosis.options import Options, Priors
 from np_drake.diagnosis.regressors.library import LINEAR, Candidate
 from np_drake.diagnosis.residuals import SIZE, FlightResiduals
@@ -46,8 +45,7 @@ class WhiteNuisance:
         noise: NoiseModel,
         root: float,
     ):
-        self.sizes = [c.size for c in linear]
-        self.gram = np.eye(sum(self.sizes))
+        self.gram = np.eye(sum(c.size for c in linear))
         self.columns: dict[str, tuple[np.ndarray, np.ndarray]] = {}
         self.rows: dict[str, slice] = {}
         first, order = 0, noise.phi.shape[1]
@@ -91,8 +89,7 @@ class RegressionProblem:
     ):
         self.flights, self.noise, self.temperature = list(flights), noise, temperature
         self.nuisance, self.candidates, self.options = nuisance, candidates, options
-        ends = np.cumsum([0] + [c.size for c in (*nuisance, *candidates)])
-        self._index = [np.arange(a, b) for a, b in pairwise(ends)]
+        self._places = places(c.size for c in (*nuisance, *candidates))
         self._nuisance = sum(c.size for c in nuisance)
         self.linear = [c for c in nuisance if c.variant == LINEAR]
         self._white: tuple[NoiseModel, WhiteNuisance] | None = None
@@ -129,7 +126,7 @@ class RegressionProblem:
 
     def columns_of(self, member: int) -> np.ndarray:
         """Return the column indices of one candidate."""
-        return self._index[len(self.nuisance) + member]
+        return np.r_[self._places[len(self.nuisance) + member]]
 
     def columns(self, members: Sequence[int]) -> np.ndarray:
         """Return the column indices of the nuisance and the members."""
@@ -181,10 +178,8 @@ class RegressionProblem:
             [self.columns(sets[k])[self._nuisance :] - self._nuisance for k in some]
         )
         for k, (mean, covariance) in zip(some, posteriors, strict=True):
-            at = 0
-            for c in (self.candidates[i] for i in sets[k]):
-                own = slice(at, at + c.size)
-                at += c.size
+            chosen = [self.candidates[i] for i in sets[k]]
+            for c, own in zip(chosen, places(c.size for c in chosen), strict=True):
                 total[k] += c.physical(mean[own], covariance[own, own])[1] if c.physical else 0.0
         return total
 

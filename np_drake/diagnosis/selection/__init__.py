@@ -6,5 +6,4 @@ from np_drake.diagnosis.selection.map_model import (
     names_of,
     names_of_fit,
     rank_models,
-    score_of,
 )

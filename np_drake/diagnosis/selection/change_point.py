@@ -12,7 +12,6 @@ import numpy as np
 
 from np_drake.diagnosis.forward_model import NEVER
 from np_drake.diagnosis.regressors import (
-    DRAG,
     PAYLOAD,
     Candidate,
     RegressionProblem,
@@ -122,24 +121,22 @@ class OnsetScan:
     """Log evidence of a candidate from any instant on, beside nuisance and members of a model."""
 
     def __init__(self, problem: RegressionProblem, members: Sequence[int] = ()):
+        self.problem, self.members = problem, members
         chosen = [*problem.nuisance, *(problem.candidates[i] for i in members)]
-        scale = problem.temperature**-0.5
-        self._options = problem.options
+        scale, size = problem.temperature**-0.5, sum(c.size for c in chosen)
+        self._products = np.zeros((size + 1, size + 1))
         # Either side of what begins is then as long as a flight that can be diagnosed.
         edge = LEAST_DURATION if problem.options.tolerance.unmeasured else EDGE
         self._go_on = {e.name for e in problem.flights if e.goes_on or e.earlier}
         self._flights: dict[str, SwitchedRegressors] = {}
         self._inside: dict[str, np.ndarray] = {}  # rows that may be onsets
         for e in problem.flights:
-            columns = [c.columns[e.name] for c in chosen] or [np.zeros((*e.y.shape, 0))]
+            columns = [np.zeros((*e.y.shape, 0)), *(c.columns[e.name] for c in chosen)]
             B = np.concatenate(columns, axis=-1)
             flight = SwitchedRegressors(e, problem.noise, e.y, B, scale)
+            self._products[np.ix_(*[[*flight.at, size]] * 2)] += flight.products
             late, early = flight.t > flight.t[0] + edge, flight.t < flight.t[-1] - edge
             self._flights[e.name], self._inside[e.name] = flight, np.flatnonzero(late & early)
-        size = B.shape[-1]
-        self._products = np.zeros((size + 1, size + 1))
-        for f in self._flights.values():
-            self._products[np.ix_(*[[*f.at, size]] * 2)] += f.products
         self._owner = np.repeat([-1] * len(problem.nuisance) + [*members], [c.size for c in chosen])
         self._regress(np.arange(len(self._owner)))
 
@@ -198,7 +195,7 @@ class OnsetScan:
         """Return the onsets from where they are settled, flight by flight, the others as they
         are.
         """
-        widths, prior = dict[str, float](), self._options.priors.onset
+        widths, prior = dict[str, float](), self.problem.options.priors.onset
         for _ in range(2):
             for name, scan in scans.items():
                 rest = [s.now for n, s in scans.items() if n != name]
@@ -268,11 +265,12 @@ MOST_COLUMNS = 8  # of a candidate that is scanned
 VARIANTS = 2  # of an effect that are scanned
 
 
-def switched_candidates(problem: RegressionProblem, members: Sequence[int] = ()) -> list[Candidate]:
+def switched_candidates(scan: OnsetScan) -> list[Candidate]:
     """Return for every effect that gains by an onset the candidate from its best onsets on.
 
-    Every effect is tried alone, and beside those members that are another effect.
+    Every effect is tried alone, and beside those members of the scan that are another effect.
     """
+    problem, members = scan.problem, scan.members
     variants: dict[tuple[str, ...], list[Candidate]] = {}  # of effects that may begin in flight
     for c in problem.candidates:
         effects = [effect_of(name) for name in c.identifiers]
@@ -280,12 +278,11 @@ def switched_candidates(problem: RegressionProblem, members: Sequence[int] = ())
         if c.size <= MOST_COLUMNS and not c.onset and sudden and all(f.begins for f in effects):
             variants.setdefault(c.identifiers, []).append(c)
     found: dict[tuple, Candidate] = {}
-    whole = OnsetScan(problem, members)
     for own, same in variants.items():
         others = tuple(i for i in members if not set(own) & set(problem.candidates[i].identifiers))
-        for scan in map(whole.given, dict.fromkeys([(), others])):
-            for candidate in sorted(same, key=scan.rough_evidence)[-VARIANTS:]:
-                at = scan.best(candidate)
+        for beside in map(scan.given, dict.fromkeys([(), others])):
+            for candidate in sorted(same, key=beside.rough_evidence)[-VARIANTS:]:
+                at = beside.best(candidate)
                 if at.onset:
                     late = switched(candidate, problem.flights, at.onset)
                     key = (late.identifiers, late.variant, tuple(sorted(at.onset.items())))
@@ -293,16 +290,17 @@ def switched_candidates(problem: RegressionProblem, members: Sequence[int] = ())
     return list(found.values())
 
 
-def late_payloads(problem: RegressionProblem, late: list[Candidate]) -> list[Candidate]:
+def late_payloads(scan: OnsetScan, late: list[Candidate]) -> list[Candidate]:
     """Return payloads that begin where a weight does, as a payload at rest, a mass or a thrust
-    shows it.
+    shows it beside nuisance alone.
 
     A payload from the start that swings as it likes may explain more than such a weight; which is
     there is told later.
     """
+    problem, scan = scan.problem, scan.given(())
     if PAYLOAD in hidden_from(problem.flights):
         return []
-    weights, scan, options = list[Candidate](), OnsetScan(problem), problem.options
+    weights, options = list[Candidate](), problem.options
     noise, nuisance = problem.noise, problem.nuisance
     for c in (c for c in problem.candidates if not c.onset):
         if c.identifiers == (PAYLOAD,) and not any(PAYLOAD in w.identifiers for w in weights):
@@ -344,22 +342,18 @@ def new_conditions(problem: RegressionProblem) -> list[Candidate]:
     earlier flights is what is asked, and costs no prior.
     """
     found, flights = list[Candidate](), problem.flights
-    plain = [
-        c for c in problem.candidates if not (c.onset or c.generic) and len(c.identifiers) == 1
-    ]
-    effects = [LIBRARY.get(c.identifiers[0]) for c in plain]
-    begin = [bool(f and f.begins and not f.has_hidden_state) for f in effects]
+    plain = [c for c in problem.candidates if len(c.identifiers) == 1 and not c.onset]
+    known = [(c, LIBRARY[c.identifiers[0]]) for c in plain if c.identifiers[0] in LIBRARY]
+    begin = [c for c, effect in known if effect.begins and not effect.has_hidden_state]
     earlier = [e.name for e in flights if e.earlier]
     for names in ([e.name for e in flights if not e.goes_on], earlier):
         if not names or len(names) == len(flights):
             continue
         lacking: dict[str, float | None] = dict.fromkeys(names, NEVER)
         late = [
-            switched(c, flights, lacking)
-            for c, yes in zip(plain, begin, strict=True)
-            if yes and not (names == earlier and _unchanged(c))
+            switched(c, flights, lacking) for c in begin if not (names == earlier and _unchanged(c))
         ]
-        late += wind_candidates(flights, [c for c in plain if c.identifiers == (DRAG,)], lacking)
+        late += wind_candidates(flights, begin, lacking)
         prior = problem.options.priors.onset * len(lacking) if names != earlier else 0.0
         found += [dc.replace(c, onset_prior=prior) for c in late]
     return found

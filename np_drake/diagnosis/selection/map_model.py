@@ -15,7 +15,14 @@ from scipy import special
 from np_drake.diagnosis.calibration import calibrated_alone, nuisance_of
 from np_drake.diagnosis.fitting import Fit, first_fit, greatest_height, impossible, refit, restart
 from np_drake.diagnosis.forward_model import NEVER, predicted_residual
-from np_drake.diagnosis.numerics import NoiseModel, fit_noise, no_worse, scale_only, with_loudness
+from np_drake.diagnosis.numerics import (
+    NoiseModel,
+    fit_noise,
+    no_worse,
+    places,
+    scale_only,
+    with_loudness,
+)
 from np_drake.diagnosis.options import Options, Priors
 from np_drake.diagnosis.regressors import (
     PAYLOAD,
@@ -32,6 +39,7 @@ from np_drake.diagnosis.regressors import (
 )
 from np_drake.diagnosis.residuals import FORCE, FlightResiduals, find_outliers
 from np_drake.diagnosis.selection.change_point import (
+    OnsetScan,
     late_payloads,
     new_conditions,
     switched_candidates,
@@ -67,7 +75,7 @@ def condition(
     # 1. Outliers, by what is left of the channels under white weights.
     white = scale_only([e.y for e in flights], step)
     sought = problem(white, candidates, options.priors.temperature)
-    everything = [*candidates, *switched_candidates(sought), *new_conditions(sought)]
+    everything = [*candidates, *switched_candidates(OnsetScan(sought)), *new_conditions(sought)]
     residual = _residuals_of_all_effects(problem(white, everything))
     flights = [
         dc.replace(e, outliers=e.outliers | find_outliers(r, step))
@@ -151,11 +159,10 @@ def _residuals_of_all_effects(problem: RegressionProblem) -> list[np.ndarray]:
     chosen = _best_variants(problem)
     mean, _ = problem.total.posterior(problem.columns(chosen))
     columns = [*problem.nuisance, *(problem.candidates[i] for i in chosen)]
-    parts = np.split(mean, np.cumsum([c.size for c in columns])[:-1])
-    explained = ((e, zip(columns, parts, strict=True)) for e in problem.flights)
+    parts = list(zip(columns, places(c.size for c in columns), strict=True))
     return [
-        e.known(e.bridged(e.y - sum(c.columns[e.name] @ part for c, part in own)))
-        for e, own in explained
+        e.known(e.bridged(e.y - sum(c.columns[e.name] @ mean[own] for c, own in parts)))
+        for e in problem.flights
     ]
 
 
@@ -208,8 +215,9 @@ def find_map_model(
             options=options,
         )
         members = [i for i, c in enumerate(candidates) if any(c is a for a in acting)]
-        late = switched_candidates(problem, members)
-        hung = late_payloads(problem, late) if first else []
+        scan = OnsetScan(problem, members)
+        late = switched_candidates(scan)
+        hung = late_payloads(scan, late) if first else []
         candidates += hung
         if more := [*hung, *late, *new_conditions(problem)]:
             problem = problem.extended(more)
@@ -330,19 +338,18 @@ def drop_negligible(problem: RegressionProblem, model: Model, fit: Fit) -> list[
     another that shifts them more: these are tried a third apart, and all of them, as a lag that is
     shorter than the vehicle file's and a delay may stand for that lag.
     """
+    flights, every = problem.flights, fit.everything
 
-    def trace(names: Sequence[str] | None) -> float:
-        """Return the whitened size of what these effects, or all, leave in the flights."""
-        rest = [t for t in fit.everything if names is not None and t.effect.identifier not in names]
-        total = 0.0
-        for e in problem.flights:
-            part = predicted_residual(e, fit.everything)
-            part = part - predicted_residual(e, rest) if rest else part
-            total += float(np.sum(e.white(problem.noise, part) ** 2))
-        return float(np.sqrt(total))
+    def trace(names: Sequence[str]) -> float:
+        """Return the whitened size of what these effects leave in the flights."""
+        rest = [t for t in every if t.effect.identifier not in names]
+        left = [predicted_residual(e, every) - predicted_residual(e, rest) for e in flights]
+        white = [e.white(problem.noise, part) for e, part in zip(flights, left, strict=True)]
+        return float(np.sqrt(sum(np.sum(w**2) for w in white)))
 
     effects = {i: problem.candidates[i].identifiers for i in model.members}
-    own, whole = {i: trace(names) for i, names in effects.items()}, trace(None)
+    own = {i: trace(names) for i, names in effects.items()}
+    whole = trace([t.effect.identifier for t in every])
     shifting = [i for i, names in effects.items() if effect_of(names[0]).shifts_commands]
     lesser = sorted(shifting, key=lambda i: own[i])[:-1]
     faint = [i for i in model.members if own[i] < NEGLIGIBLE * whole or i in lesser]

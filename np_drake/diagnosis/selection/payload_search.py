@@ -8,7 +8,6 @@ Source: progressive horizons, as in multiple shooting; own choice of both.
 """
 
 import dataclasses as dc
-import itertools
 import math
 from collections.abc import Sequence
 
@@ -26,7 +25,7 @@ from np_drake.diagnosis.forward_model import (
     swing_units,
     swing_wrenches,
 )
-from np_drake.diagnosis.numerics import Gram, NoiseModel
+from np_drake.diagnosis.numerics import Gram, NoiseModel, places
 from np_drake.diagnosis.options import Options, Priors
 from np_drake.diagnosis.regressors import PAYLOAD, Candidate, Onset
 from np_drake.diagnosis.regressors.library import Mended
@@ -76,13 +75,8 @@ class PayloadColumns:
     @property
     def swings(self) -> dict[str, slice]:
         """Columns of each flight's swing."""
-        ends = np.cumsum(
-            [self.first, *(X.shape[-1] - self.first for X in self.own.values())]
-        ).tolist()
-        return {
-            name: slice(*span)
-            for name, span in zip(self.own, itertools.pairwise(ends), strict=True)
-        }
+        sizes = (X.shape[-1] - self.first for X in self.own.values())
+        return dict(zip(self.own, places(sizes, self.first), strict=True))
 
     @property
     def size(self) -> int:
